@@ -1,0 +1,1 @@
+//! Shared memory between the processes of a rig; the only room that opens iceoryx2.

@@ -1,0 +1,1 @@
+//! What a person runs and waits for, one file a command.

@@ -1,0 +1,1 @@
+//! The rig file: TOML in, checked settings out.

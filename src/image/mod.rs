@@ -1,0 +1,9 @@
+//! Pictures: raw camera frames and the grey-level images computed from them.
+
+mod format;
+mod frame;
+mod view;
+
+pub use format::PixelFormat;
+pub use frame::{Frame, FrameMeta};
+pub use view::{Image, ImageView, ShapeError};

@@ -1,0 +1,44 @@
+//! Ricochet films an impact with a high-speed camera and measures it while it
+//! happens: where the ball is, how fast it moves and spins, when contact begins
+//! and ends, how much speed comes back, with an uncertainty on every sample.
+//!
+//! ```text
+//!  camera ──> acquire ══ frames (shared memory) ══> correlate x N ── field ──> track ── track, velocity, impact
+//!                 ║                                                   │
+//!                 ╚══════════════════ queue = pre-trigger ring ═══════╪═══════> record ──> shot.mcap
+//! ```
+//!
+//! The rooms below are listed bottom to top; each names only rooms above it in
+//! this list. Rooms up to [`measure`] are pure: no clock, no file, no thread.
+
+pub mod results;
+
+pub mod image;
+
+pub mod dic;
+
+pub mod ball;
+
+pub mod motion;
+
+pub mod impact;
+
+pub mod measure;
+
+pub mod synth;
+
+pub mod config;
+
+pub mod message;
+
+pub mod bus;
+
+pub mod recording;
+
+pub mod camera;
+
+pub mod process;
+
+pub mod command;
+
+pub mod cli;

@@ -1,0 +1,3 @@
+//! The one program: every role and every command.
+
+fn main() {}

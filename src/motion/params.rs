@@ -1,0 +1,31 @@
+//! What the motion of a body is computed with.
+
+/// How many millimetres a pixel is.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Scale {
+    /// Given by the user.
+    MmPerPx(f64),
+    /// From the ball's true diameter in mm and its measured radius.
+    BallDiameterMm(f64),
+}
+
+/// Everything the motion of a body is computed with.
+#[derive(Debug, Clone, PartialEq)]
+pub struct MotionParams {
+    /// Pixels to millimetres.
+    pub scale: Scale,
+    /// Direction of the struck surface's tangent, counter-clockwise from x, deg.
+    pub surface_angle_deg: f64,
+    /// Strength of gravity, m/s^2; 0 switches it off.
+    pub gravity_m_s2: f64,
+    /// Direction in which things fall, counter-clockwise from x (y up), deg; -90 for a level camera.
+    pub gravity_angle_deg: f64,
+    /// Frames the local velocity fit spans, odd; `None` lets the fit choose.
+    pub window_frames: Option<u32>,
+    /// Order of the local fit to the positions: 1 to 4.
+    pub order: u32,
+    /// The interval each step was measured over, frames.
+    pub interval_frames: u32,
+    /// Nominal time from frame to frame, ns; only for gaps, times come from the stamps.
+    pub frame_period_ns: f64,
+}

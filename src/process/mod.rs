@@ -1,0 +1,1 @@
+//! The main loops, one file a role.

@@ -1,0 +1,5 @@
+//! Recordings: the only room that names MCAP.
+
+mod error;
+
+pub use error::RecordingError;

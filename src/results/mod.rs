@@ -1,0 +1,18 @@
+//! What was measured: the rows every room, topic and table speaks.
+//!
+//! Plain values without behaviour. A number that could not be measured is
+//! `None` and a status says why; there is no NaN and no zero in its place.
+
+mod field;
+mod impact;
+mod status;
+mod step;
+mod track;
+mod velocity;
+
+pub use field::{Displacement, FieldPoint, PairField};
+pub use impact::{Estimate, ForceLaw, Impact};
+pub use status::{Phase, PointStatus};
+pub use step::{BodyStep, Circle, RigidStep};
+pub use track::TrackSample;
+pub use velocity::{BodyVelocity, VelocitySample};

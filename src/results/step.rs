@@ -1,0 +1,60 @@
+//! What one pair of frames says of one body.
+
+use super::PointStatus;
+
+/// A ball's outline in one frame.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Circle {
+    /// Centre, px.
+    pub x_px: f64,
+    /// Centre, px (down).
+    pub y_px: f64,
+    /// Radius, px.
+    pub radius_px: f64,
+    /// Standard uncertainty of each centre coordinate, px.
+    pub sigma_center_px: f64,
+    /// Standard uncertainty of the radius, px.
+    pub sigma_radius_px: f64,
+    /// Share of the disc's area that is not hidden, 0 to 1.
+    pub visible_fraction: f64,
+}
+
+/// A body's motion from one frame to the next.
+///
+/// Measured over `interval_frames` and divided by it, so always per frame.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct RigidStep {
+    /// Motion of the body's centre along x, px/frame.
+    pub dx_px: f64,
+    /// Motion of the body's centre along y (down), px/frame.
+    pub dy_px: f64,
+    /// Rotation, counter-clockwise as seen on the screen, deg/frame.
+    pub dtheta_deg: f64,
+    /// Standard uncertainty of `dx_px`.
+    pub sigma_dx_px: f64,
+    /// Standard uncertainty of `dy_px`.
+    pub sigma_dy_px: f64,
+    /// Standard uncertainty of `dtheta_deg`.
+    pub sigma_dtheta_deg: f64,
+    /// How many subsets it rests on.
+    pub points: u32,
+}
+
+/// One body in one frame, and its motion to the next.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct BodyStep {
+    /// Sequence number of the frame.
+    pub frame: u64,
+    /// Exposure start of the frame, ns since the Unix epoch.
+    pub stamp_ns: u64,
+    /// Index of the body in the configuration.
+    pub body: u32,
+    /// The interval the motion was measured over, frames.
+    pub interval_frames: u32,
+    /// The outline found in this frame.
+    pub circle: Option<Circle>,
+    /// The motion from this frame on; `None` in the last frames of a stream and where it could not be measured.
+    pub step: Option<RigidStep>,
+    /// What became of it.
+    pub status: PointStatus,
+}

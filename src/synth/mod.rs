@@ -1,0 +1,1 @@
+//! Ground truth: simulated impacts, drawn without any interpolation of pictures.
