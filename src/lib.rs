@@ -21,6 +21,8 @@ pub mod ball;
 
 pub mod motion;
 
+pub mod trigger;
+
 pub mod impact;
 
 pub mod measure;

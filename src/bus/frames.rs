@@ -75,6 +75,11 @@ impl FramePublisher {
         }
     }
 
+    /// Takes every slot back that a camera which is gone still held.
+    pub fn take_all_back(&mut self) {
+        self.loans.clear();
+    }
+
     /// Connects readers that joined since the last frame.
     pub fn greet(&self) {
         let _ = self.port.update_connections();

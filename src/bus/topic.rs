@@ -90,7 +90,7 @@ impl<T: Topic> Subscriber<T> {
 
 impl Bus {
     pub(super) fn topic_service<T: Topic>(&self, limits: &Limits) -> Result<Service<T>, BusError> {
-        let writers = limits.workers as usize + 8;
+        let writers = 2 * limits.workers as usize + 16;
         self.node
             .service_builder(&self.service_name(T::NAME)?)
             .publish_subscribe::<T>()
