@@ -94,7 +94,9 @@ impl Loop {
     fn prepare(&mut self, stop: &Stop) -> anyhow::Result<()> {
         self.ring.touch()?;
         let run_id = self.reporter.run_id();
-        self.reporter.event(EventKind::Prepared, 0, 0, "ring ready")?;
+        let camera = self.source.identity();
+        let identity = format!("{}\n{}", camera.model, camera.serial);
+        self.reporter.event(EventKind::Prepared, 0, 0, &identity)?;
         let patience = Patience::new(READY);
         while !stop.requested() && !self.readers.all_attached(run_id)? {
             if patience.is_over() {

@@ -58,6 +58,11 @@ impl Reporter {
         self.message.state = state;
     }
 
+    /// How many processes were started again.
+    pub(super) fn set_restarts(&mut self, restarts: u64) {
+        self.message.restarts = restarts;
+    }
+
     /// How full this process's queue is.
     pub(super) fn set_queue(&mut self, waiting: u64, capacity: u64) {
         self.message.waiting = waiting;
