@@ -67,6 +67,11 @@ impl CircleFit {
         Some(Correction { dx: answer[0], dy: answer[1], dr: answer[2], covariance, scatter_px })
     }
 
+    /// How many trusted edges lie within `limit_px` of the circle fitted last.
+    pub fn close(&self, limit_px: f64) -> usize {
+        self.residual.iter().zip(&self.trust).filter(|(e, trust)| **trust > 0.0 && e.abs() < limit_px).count()
+    }
+
     fn weigh(&mut self, edges: &[Edge], used: &[bool], noise: f32) {
         self.weight.clear();
         self.weight.extend(edges.iter().zip(used).map(|(edge, &used)| {

@@ -3,12 +3,16 @@
 use super::coarse::{Coarse, Marks, Place};
 use super::params::{BallError, BallParams};
 use super::rays::{Guess, Look, Rays};
-use super::refine::Refine;
+use super::refine::{Measured, Refine};
 use crate::image::ImageView;
 use crate::results::Circle;
 
-/// Less of the rim than this is chance, speckle or an occluder's edge, not a ball.
-const LEAST_SUPPORT: f32 = 0.30;
+/// Less of the rim than this is not worth measuring.
+const LEAST_SUPPORT: f32 = 0.22;
+/// With this much rim in agreement no other place can be the ball.
+const CERTAIN_AGREEING: f64 = 0.3;
+/// Circles nearer to one another than this are the same one, px.
+const SAME_PX: f32 = 3.0;
 /// Places of the coarse search that are looked at closely.
 const FINALISTS: usize = 4;
 /// A place is off by less than this, px.
@@ -99,7 +103,7 @@ impl BallFinder {
         let wide = Look { reach_px: FOLLOW_REACH_PX, tolerance_px: 1.0, draws: 60 };
         let guess = self.rays.look(image, near, wide)?;
         let guess = self.rays.look_again(image, &guess, Look { draws: 60, ..CLOSE })?;
-        self.measure(image, &guess)
+        self.measure(image, &guess).map(|m| m.circle)
     }
 
     fn check_shape(&self, image: ImageView<'_>) {
@@ -114,24 +118,52 @@ impl BallFinder {
             let look = Look { reach_px, tolerance_px: 1.0, draws: 40 };
             self.guesses.extend(self.rays.look(image, (place.x, place.y, place.radius), look));
         }
-        self.guesses.sort_by(|a, b| b.support.total_cmp(&a.support));
-        self.guesses.truncate(FINALISTS);
+        self.keep_finalists();
         let wide = Look { reach_px: REACH_PX, tolerance_px: 1.0, draws: 120 };
         for guess in &mut self.guesses {
             let better = self.rays.look_again(image, guess, wide).unwrap_or(*guess);
             let close = self.rays.look_again(image, &better, CLOSE);
             *guess = close.unwrap_or(Guess { support: 0.0, ..*guess });
         }
-        let best = self.guesses.iter().copied().reduce(|a, b| if b.support > a.support { b } else { a })?;
-        self.measure(image, &best)
+        self.keep_finalists();
+        let mut best: Option<Measured> = None;
+        for i in 0..self.guesses.len() {
+            let guess = self.guesses[i];
+            let Some(measured) = self.measure(image, &guess) else { continue };
+            if best.is_none_or(|b| measured.agreeing > b.agreeing) {
+                best = Some(measured);
+            }
+            if measured.agreeing > CERTAIN_AGREEING {
+                break;
+            }
+        }
+        best.map(|b| b.circle)
     }
 
-    fn measure(&mut self, image: ImageView<'_>, guess: &Guess) -> Option<Circle> {
+    /// Keeps the best distinct guesses, best first.
+    fn keep_finalists(&mut self) {
+        self.guesses.sort_by(|a, b| b.support.total_cmp(&a.support));
+        let mut kept: usize = 0;
+        for i in 0..self.guesses.len() {
+            let guess = self.guesses[i];
+            let same = |g: &Guess| {
+                let apart = [g.x - guess.x, g.y - guess.y, g.radius - guess.radius];
+                g.polarity == guess.polarity && apart.iter().all(|d| d.abs() < SAME_PX)
+            };
+            if kept < FINALISTS && !self.guesses[..kept].iter().any(same) {
+                self.guesses[kept] = guess;
+                kept += 1;
+            }
+        }
+        self.guesses.truncate(kept);
+    }
+
+    fn measure(&mut self, image: ImageView<'_>, guess: &Guess) -> Option<Measured> {
         if guess.support < LEAST_SUPPORT {
             return None;
         }
-        let circle = self.refine.circle(image, guess)?;
+        let measured = self.refine.circle(image, guess)?;
         let range = self.params.min_radius_px - 1.0..=self.params.max_radius_px + 1.0;
-        range.contains(&circle.radius_px).then_some(circle)
+        range.contains(&measured.circle.radius_px).then_some(measured)
     }
 }

@@ -96,6 +96,40 @@ fn hard_scenes(bright: bool, hidden: f64, seeds: std::ops::Range<u64>) -> Tally 
 
 #[test]
 #[ignore = "long"]
+fn time_of_a_frame() {
+    for (low, high) in [(50.0, 68.0), (20.0, 200.0)] {
+        let mut finder = BallFinder::new(&BallParams::new(low, high), 512, 512).unwrap();
+        let scene = Scene { width: 512, height: 512, x: 300.2, ..Scene::hard(3, true, 0.2) };
+        let data = scene.render();
+        let image = ImageView::new(&data, 512, 512).unwrap();
+        let circle = finder.find(image).unwrap();
+        for _ in 0..20 {
+            finder.find(image);
+        }
+        let start = clock();
+        for _ in 0..100 {
+            finder.find(image);
+        }
+        println!("find {low}..{high}: {:.3} ms", (clock() - start) * 10.0);
+        let start = clock();
+        for _ in 0..300 {
+            finder.follow(image, &circle);
+        }
+        println!("follow {low}..{high}: {:.3} ms", (clock() - start) / 0.3);
+    }
+}
+
+/// Seconds since the process began.
+#[expect(clippy::disallowed_methods, reason = "times the finder")]
+fn clock() -> f64 {
+    use std::sync::OnceLock;
+    use std::time::Instant;
+    static BEGIN: OnceLock<Instant> = OnceLock::new();
+    BEGIN.get_or_init(Instant::now).elapsed().as_secs_f64()
+}
+
+#[test]
+#[ignore = "long"]
 fn statistics_of_hard_scenes() {
     for bright in [true, false] {
         for hidden in [0.0, 0.2, 0.4] {
