@@ -1,0 +1,146 @@
+//! A circle through the edges of a rim, proof against outliers.
+
+use nalgebra::{Matrix3, Vector3};
+
+use super::edge::Edge;
+use super::rim::Rim;
+
+/// Rounds of reweighting.
+const ROUNDS: usize = 8;
+/// Residuals beyond this many robust standard deviations count nothing (Tukey).
+const TUKEY: f64 = 4.0;
+/// Unevenness of a printed or painted rim that no noise model knows, px.
+const RIM_ROUGHNESS_PX: f64 = 0.03;
+/// Neighbouring bins whose residuals are taken to be alike.
+const ALIKE_BINS: usize = 8;
+
+/// A correction of the outline with its covariance.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Correction {
+    pub dx: f64,
+    pub dy: f64,
+    pub dr: f64,
+    pub covariance: Matrix3<f64>,
+    /// Robust standard deviation of the residuals, px.
+    pub scatter_px: f64,
+}
+
+/// Scratch of the fit.
+#[derive(Debug, Default)]
+pub(super) struct CircleFit {
+    weight: Vec<f64>,
+    /// Tukey's share of every bin, 0 where it is not used.
+    pub trust: Vec<f64>,
+    residual: Vec<f64>,
+    sorted: Vec<f64>,
+}
+
+impl CircleFit {
+    /// Fits the edges marked in `used`; `noise` is the picture's, grey levels.
+    ///
+    /// `None` when there are too few of them to hold a circle.
+    pub fn fit(&mut self, rim: &Rim, edges: &[Edge], used: &[bool], noise: f32) -> Option<Correction> {
+        self.weigh(edges, used, noise);
+        let mut answer = Vector3::new(0.0, 0.0, self.median_shift(edges, used)?);
+        let mut normal = Matrix3::identity();
+        for _ in 0..ROUNDS {
+            self.residuals(rim, edges, answer);
+            let scale = self.scale()?;
+            let mut right = Vector3::zeros();
+            normal = Matrix3::zeros();
+            for (bin, edge) in edges.iter().enumerate() {
+                let z = self.residual[bin] * self.weight[bin].sqrt() / (TUKEY * scale);
+                self.trust[bin] = if self.weight[bin] > 0.0 && z.abs() < 1.0 { (1.0 - z * z).powi(2) } else { 0.0 };
+                let weight = self.trust[bin] * self.weight[bin];
+                if weight > 0.0 {
+                    let row = row(rim, bin);
+                    normal += row * row.transpose() * weight;
+                    right += row * (weight * f64::from(edge.shift));
+                }
+            }
+            answer = normal.cholesky()?.solve(&right);
+        }
+        self.residuals(rim, edges, answer);
+        let bread = normal.try_inverse()?;
+        let covariance = bread * self.correlated(rim) * bread;
+        let scatter_px = self.scatter()?;
+        Some(Correction { dx: answer[0], dy: answer[1], dr: answer[2], covariance, scatter_px })
+    }
+
+    /// How many trusted edges lie within `limit_px` of the circle fitted last.
+    pub fn close(&self, limit_px: f64) -> usize {
+        self.residual.iter().zip(&self.trust).filter(|(e, trust)| **trust > 0.0 && e.abs() < limit_px).count()
+    }
+
+    fn weigh(&mut self, edges: &[Edge], used: &[bool], noise: f32) {
+        self.weight.clear();
+        self.weight.extend(edges.iter().zip(used).map(|(edge, &used)| {
+            if !used {
+                return 0.0;
+            }
+            let sigma = f64::from(edge.sigma_unit * noise);
+            let blotch = f64::from(edge.rms / edge.contrast);
+            1.0 / (sigma * sigma + RIM_ROUGHNESS_PX.powi(2) + blotch * blotch)
+        }));
+        self.trust.clear();
+        self.trust.resize(edges.len(), 0.0);
+    }
+
+    fn median_shift(&mut self, edges: &[Edge], used: &[bool]) -> Option<f64> {
+        self.sorted.clear();
+        self.sorted.extend(edges.iter().zip(used).filter(|(_, used)| **used).map(|(e, _)| f64::from(e.shift)));
+        if self.sorted.len() < 6 {
+            return None;
+        }
+        Some(median(&mut self.sorted))
+    }
+
+    fn residuals(&mut self, rim: &Rim, edges: &[Edge], answer: Vector3<f64>) {
+        self.residual.clear();
+        self.residual.extend(edges.iter().enumerate().map(|(bin, e)| f64::from(e.shift) - row(rim, bin).dot(&answer)));
+    }
+
+    /// Robust standard deviation of the weighted residuals.
+    fn scale(&mut self) -> Option<f64> {
+        self.sorted.clear();
+        let pairs = self.residual.iter().zip(&self.weight).filter(|(_, w)| **w > 0.0);
+        self.sorted.extend(pairs.map(|(e, w)| e.abs() * w.sqrt()));
+        (self.sorted.len() >= 6).then(|| (1.4826 * median(&mut self.sorted)).max(1e-6))
+    }
+
+    /// Robust standard deviation of the residuals, px.
+    fn scatter(&mut self) -> Option<f64> {
+        self.sorted.clear();
+        let pairs = self.residual.iter().zip(&self.weight).filter(|(_, w)| **w > 0.0);
+        self.sorted.extend(pairs.map(|(e, _)| e.abs()));
+        (self.sorted.len() >= 6).then(|| 1.4826 * median(&mut self.sorted))
+    }
+
+    /// Covariance of the weighted sums, from the residuals' own likeness along the rim (Bartlett's window).
+    fn correlated(&self, rim: &Rim) -> Matrix3<f64> {
+        let bins = rim.bins();
+        let score = |bin: usize| row(rim, bin) * (self.trust[bin] * self.weight[bin] * self.residual[bin]);
+        let scores: Vec<Vector3<f64>> = (0..bins).map(score).collect();
+        let mut meat = Matrix3::zeros();
+        for (bin, own) in scores.iter().enumerate() {
+            meat += own * own.transpose();
+            for lag in 1..=ALIKE_BINS.min(bins / 4) {
+                let share = 1.0 - lag as f64 / (ALIKE_BINS + 1) as f64;
+                let cross = own * scores[(bin + lag) % bins].transpose() * share;
+                meat += cross + cross.transpose();
+            }
+        }
+        meat
+    }
+}
+
+fn row(rim: &Rim, bin: usize) -> Vector3<f64> {
+    let (cos, sin) = rim.direction(bin);
+    Vector3::new(cos, sin, 1.0)
+}
+
+/// The median; `values` must not be empty.
+fn median(values: &mut [f64]) -> f64 {
+    let middle = values.len() / 2;
+    *values.select_nth_unstable_by(middle, f64::total_cmp).1
+}
