@@ -59,8 +59,7 @@ impl<'t> Text<'t> {
             line: place.map_or(1, |place| self.line(place)),
             key: path.into(),
             value: place.map_or_else(String::new, |place| self.shown(&place.value)),
-            with: with.into(),
-            belongs_to: belongs_to.into(),
+            settings: format!("{with}; it belongs to {belongs_to}"),
         }
     }
 

@@ -1,4 +1,10 @@
 //! The integration tests, in one binary.
+#![allow(
+    clippy::unwrap_used,
+    clippy::expect_used,
+    clippy::print_stdout,
+    reason = "a test that cannot go on panics, and one that is left out says so"
+)]
 
 mod config;
 mod tidy;

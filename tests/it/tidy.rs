@@ -71,6 +71,15 @@ fn the_table_names_only_crates_of_the_manifest() {
     }
 }
 
+#[test]
+fn the_last_check_of_ci_is_the_test_command_of_the_readme() {
+    let readme = std::fs::read_to_string(root().join("README.md")).unwrap();
+    let commands = readme.split("```sh\n").nth(1).unwrap().split("```").next().unwrap();
+    let tests: Vec<&str> = commands.lines().filter(|line| line.starts_with("cargo test")).collect();
+    let ci = std::fs::read_to_string(root().join(".ci/run")).unwrap();
+    assert_eq!(tests, [ci.lines().last().unwrap()]);
+}
+
 /// The rules that `text`, standing at `path`, breaks, as `line: rule`.
 fn broken(path: &str, text: &str) -> Vec<String> {
     findings(path, text).iter().map(|finding| format!("{}: {}", finding.line, finding.rule)).collect()

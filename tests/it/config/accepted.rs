@@ -25,43 +25,43 @@ fn a_camera_alone_is_a_whole_rig_with_the_documented_defaults() {
     assert_eq!((config.text.as_str(), config.origin.as_str()), (SIMULATED, "rig.toml"));
 }
 
+/// Every key there is, none with its default.
+const FULL: &str = r#"rig = { name = "drop_1" }
+scale = { ball_diameter_mm = 40 }
+surface = { angle_deg = 19.5, edge = [[0, 300], [400, 160]] }
+correlation = { method = "peak-spline", shape = "rigid", window = "circle", subset_size_px = 9, step_px = 255, spline_points = 20, search_px = 1024, interval_frames = 255, min_zncc = 0 }
+rotation = { method = "ring", ring_inner_px = 3, ring_outer_px = 5.5 }
+velocity = { window_frames = 3, order = 1, gravity_m_s2 = 0, gravity_angle_deg = -71 }
+trigger = { mode = "motion", threshold_dn = 7, roi_px = [1, 2, 3, 4], pre_s = 0, post_s = 2, rearm = false }
+record = { directory = "a/b", compression = "zstd", raw_frames = false, ring_bytes_max = 1048576 }
+workers = { count = 64, block_frames = 256 }
+[camera]
+source = "genicam"
+id = "maker-1234"
+width_px = 640
+height_px = 320
+offset_x_px = 8
+offset_y_px = 4
+pixel_format = "Mono12"
+frame_rate_hz = 1e6
+exposure_us = 1
+trigger_source = "Line1"
+packet_size_bytes = 9000
+features = { Flag = true, Count = -3, Gain = 1.5, Mode = "Off" }
+[[body]]
+name = "left"
+kind = "ball"
+diameter_mm = 63.25
+min_radius_px = 10
+max_radius_px = 20
+roi_px = [0, 0, 640, 320]
+[[body]]
+name = "right"
+"#;
+
 #[test]
-fn every_key_arrives_where_it_belongs() {
-    let config = parse(
-        r#"
-        rig = { name = "drop_1" }
-        scale = { ball_diameter_mm = 40 }
-        surface = { angle_deg = 19.5, edge = [[0, 300], [400, 160]] }
-        correlation = { method = "peak-spline", shape = "rigid", window = "circle", subset_size_px = 9, step_px = 255, spline_points = 20, search_px = 1024, interval_frames = 255, min_zncc = 0 }
-        rotation = { method = "ring", ring_inner_px = 3, ring_outer_px = 5.5 }
-        velocity = { window_frames = 3, order = 1, gravity_m_s2 = 0, gravity_angle_deg = -71 }
-        trigger = { mode = "motion", threshold_dn = 7, roi_px = [1, 2, 3, 4], pre_s = 0, post_s = 2, rearm = false }
-        record = { directory = "a/b", compression = "zstd", raw_frames = false, ring_bytes_max = 1048576 }
-        workers = { count = 64, block_frames = 256 }
-        [camera]
-        source = "genicam"
-        id = "maker-1234"
-        width_px = 640
-        height_px = 320
-        offset_x_px = 8
-        offset_y_px = 4
-        pixel_format = "Mono12"
-        frame_rate_hz = 1e6
-        exposure_us = 1
-        trigger_source = "Line1"
-        packet_size_bytes = 9000
-        features = { Flag = true, Count = -3, Gain = 1.5, Mode = "Off" }
-        [[body]]
-        name = "left"
-        kind = "ball"
-        diameter_mm = 63.25
-        min_radius_px = 10
-        max_radius_px = 20
-        roi_px = [0, 0, 640, 320]
-        [[body]]
-        name = "right"
-        "#,
-    );
+fn every_key_of_the_camera_arrives_where_it_belongs() {
+    let config = parse(FULL);
     assert_eq!(config.rig.name, "drop_1");
     let camera = &config.camera;
     assert_eq!(
@@ -80,6 +80,11 @@ fn every_key_arrives_where_it_belongs() {
     assert_eq!(camera.features["Mode"], FeatureValue::Text("Off".into()));
     assert_eq!(config.scale, Some(Scale::BallDiameterMm(40.0)));
     assert_eq!((config.surface.angle_deg, config.surface.edge_px), (19.5, Some([[0.0, 300.0], [400.0, 160.0]])));
+}
+
+#[test]
+fn every_key_of_the_measurement_arrives_where_it_belongs() {
+    let config = parse(FULL);
     let names: Vec<&str> = config.bodies.iter().map(|body| body.name.as_str()).collect();
     assert_eq!((names, config.bodies[0].roi_px), (vec!["left", "right"], Some([0, 0, 640, 320])));
     let correlation = CorrelationParams {
