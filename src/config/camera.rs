@@ -3,6 +3,7 @@
 use super::check::{Bounds, Table, listed};
 use super::error::ConfigError;
 use super::raw::RawCamera;
+use super::text::path_name;
 use crate::image::PixelFormat;
 use std::collections::BTreeMap;
 
@@ -212,7 +213,8 @@ fn features(
         toml::Value::Integer(value) => Ok(FeatureValue::Integer(value)),
         toml::Value::Float(value) if value.is_finite() => Ok(FeatureValue::Float(value)),
         toml::Value::String(value) => Ok(FeatureValue::Text(value)),
-        _ => Err(table.refuse(&format!("features.{name}"), "true or false, a finite number, or a text in quotes")),
+        _ => Err(table
+            .refuse(&format!("features.{}", path_name(name)), "true or false, a finite number, or a text in quotes")),
     };
     raw.into_iter().map(|(name, raw)| Ok((name.clone(), value(&name, raw)?))).collect()
 }

@@ -26,7 +26,7 @@ fn a_camera_alone_is_a_whole_rig_with_the_documented_defaults() {
 }
 
 /// Every key there is, none with its default.
-const FULL: &str = r#"rig = { name = "drop_1" }
+pub const FULL: &str = r#"rig = { name = "drop_1" }
 scale = { ball_diameter_mm = 40 }
 surface = { angle_deg = 19.5, edge = [[0, 300], [400, 160]] }
 correlation = { method = "peak-spline", shape = "rigid", window = "circle", subset_size_px = 9, step_px = 255, spline_points = 20, search_px = 1024, interval_frames = 255, min_zncc = 0 }

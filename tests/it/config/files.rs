@@ -91,3 +91,22 @@ fn long_values_are_cut_in_messages() {
     let said = refusal(&format!("{SIMULATED}[rig]\nname = \"{}\"\n", "long ".repeat(100)));
     assert!(said.len() < 200 && said.contains("...: must be"), "{said}");
 }
+
+#[test]
+fn damaged_files_are_accepted_or_refused_in_one_line_and_never_panic() {
+    let text = super::accepted::FULL;
+    let damage = |at: usize, put: &str| format!("{}{put}{}", &text[..at], text.get(at + 1..).unwrap_or_default());
+    let mut refused = 0;
+    for at in 0..text.len() {
+        let variants =
+            [text[..at].to_string(), damage(at, ""), damage(at, "-"), damage(at, "\u{e9}\""), damage(at, "\n[")];
+        for variant in variants {
+            if let Err(error) = Config::parse(&variant, "rig.toml") {
+                let said = error.to_string();
+                assert!(!said.contains('\n') && said.starts_with("rig.toml"), "{said:?} for:\n{variant}");
+                refused += 1;
+            }
+        }
+    }
+    assert!(refused > text.len(), "only {refused} refusals");
+}

@@ -15,6 +15,8 @@ fn an_unknown_key_is_refused_and_the_nearest_known_one_named() {
         ("[bridge]\nzenho = 1", ", line 4: unknown key bridge.zenho; the nearest known key is bridge.zenoh"),
         ("fps = 3", ", line 3: unknown key camera.fps; the nearest known key is camera.id"),
     ]);
+    let odd = refusal("[rig]\n\"a.b\\nna`me\" = 1");
+    assert_eq!(odd, "rig.toml, line 2: unknown key rig.\"a.b\\nna`me\"; the nearest known key is rig.name");
     assert_eq!(refusal("\n\nx = 1"), "rig.toml, line 3: unknown key x; the nearest known key is rig");
 }
 
@@ -271,6 +273,8 @@ fn values_at_odds_are_refused() {
             ", line 4: record.directory = \" \": must be a text of one line that is not empty",
         ),
     ]);
+    let quoted = refusal(&format!("{GENICAM}features = {{ \"A[B=C]\" = nan }}\n"));
+    assert!(quoted.starts_with("rig.toml, line 7: camera.features.\"A[B=C]\" = nan: must be "), "{quoted}");
     let feature = refusal(&format!("{GENICAM}features = {{ A = [1] }}\n"));
     assert_eq!(
         feature,
