@@ -130,6 +130,7 @@ fn an_outside_crate_in_the_wrong_room_is_found() {
     }
     assert_eq!(broken("src/recording/writer.rs", "use mcap::Writer;\nuse foxglove::schemas;"), [""; 0]);
     assert_eq!(broken("src/bus/join.rs", "use iceoryx2::prelude::*;"), [""; 0]);
+    assert_eq!(broken("src/message/frame.rs", "use iceoryx2::prelude::ZeroCopySend;"), [""; 0]);
     assert_eq!(broken("src/cli.rs", "use clap::Parser;"), [""; 0]);
     assert_eq!(broken("src/dic/x.rs", "use crate::image;\nlet v = image::Image::new();"), [""; 0]);
 }

@@ -2,8 +2,8 @@
 
 use super::blank::{blank, without_tests};
 use super::table::{
-    DIMENSIONLESS, IMPURE, LINES_MAX, MACHINE_FOLDERS, MAIN_CRATES, OUTSIDE, ROOMS, Room, UNIT_ROOMS, UNITS,
-    UNSAFE_ROOMS,
+    DIMENSIONLESS, DIMENSIONLESS_ENDINGS, IMPURE, LINES_MAX, MACHINE_FOLDERS, MAIN_CRATES, OUTSIDE, ROOMS, Room,
+    SINGLE_NAMES, UNIT_ROOMS, UNITS, UNSAFE_ROOMS,
 };
 use std::fmt;
 
@@ -139,7 +139,8 @@ fn crates(room: &str, allowed: &[&str], code: &str) -> Broken {
     let mut broken = Vec::new();
     for (at, path) in uses {
         let name = path.split("::").next().unwrap_or_default();
-        if forbidden(name) {
+        let single = SINGLE_NAMES.contains(&(room, path.as_str()));
+        if forbidden(name) && !single {
             broken.push((line(code, at), format!("{room} may not name the crate {name}")));
         }
     }
@@ -208,7 +209,8 @@ fn units(code: &str) -> Broken {
         let is_field =
             !name.is_empty() && name.chars().all(|c| c.is_alphanumeric() || c == '_') && !kind.starts_with(':');
         let kind = kind.split([',', '}', '\n']).next().unwrap_or_default();
-        let known = DIMENSIONLESS.contains(&name) || UNITS.iter().any(|unit| name.ends_with(unit));
+        let known =
+            DIMENSIONLESS.contains(&name) || UNITS.iter().chain(DIMENSIONLESS_ENDINGS).any(|end| name.ends_with(end));
         if is_field && is_number(kind) && !known {
             broken.push((line(code, at), format!("the number {name} does not end in its unit")));
         }

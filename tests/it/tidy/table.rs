@@ -100,6 +100,11 @@ pub const ROOMS: &[Room] = &[
 /// What src/main.rs may name of the outside; of the rooms it may name all.
 pub const MAIN_CRATES: &[&str] = &["anyhow", "env_logger", "log", "signal_hook"];
 
+/// Single names a room may take from a crate that is otherwise closed to it.
+///
+/// A message is marked as safe to share where it is defined, by a derive; the marker is all it knows of the bus.
+pub const SINGLE_NAMES: &[(&str, &str)] = &[("message", "iceoryx2::prelude::ZeroCopySend")];
+
 /// The dependencies, as they are spelled in the source.
 pub const OUTSIDE: &[&str] = &[
     "anyhow",
@@ -166,34 +171,61 @@ pub const UNITS: &[&str] = &[
     "_bytes_max",
 ];
 
-/// Numbers that count, name or compare something, and the key `surface.edge`, whose name is settled.
+/// Numbers that count, name, switch or compare something, and the key `surface.edge`, whose name is settled.
 pub const DIMENSIONLESS: &[&str] = &[
+    "armed",
     "block",
     "body",
+    "capacity",
+    "code",
+    "command",
     "count",
+    "done",
+    "dropped",
     "edge",
+    "epoch",
+    "force_law",
     "frame",
+    "given",
     "impulse_ratio",
+    "index",
     "interval",
+    "kind",
+    "known",
     "line",
+    "lost",
     "min_zncc",
     "number",
     "order",
     "peak_ratio",
+    "phase",
+    "pid",
+    "pixel_format",
     "points",
+    "recordings",
+    "reserved",
+    "restarts",
     "restitution",
     "restitution_tangential",
     "revision",
+    "role",
     "sequence",
     "sigma",
     "spline_points",
+    "state",
     "status",
+    "taken",
     "target_frame",
+    "text",
     "value",
     "version",
+    "waiting",
     "worker",
     "zncc",
 ];
+
+/// Endings of such numbers.
+pub const DIMENSIONLESS_ENDINGS: &[&str] = &["_id", "_known", "_sequence"];
 
 /// Lines a file may have.
 pub const LINES_MAX: usize = 500;
