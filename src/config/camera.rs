@@ -3,6 +3,7 @@
 use super::check::{Bounds, Table, listed};
 use super::error::ConfigError;
 use super::raw::RawCamera;
+use super::text::path_name;
 use crate::image::PixelFormat;
 use std::collections::BTreeMap;
 
@@ -73,7 +74,7 @@ pub struct Camera {
     /// scenario's when left out; a recording knows its own.
     pub pixel_format: Option<PixelFormat>,
     /// Frames a second, above 0 and at most 1000000 Hz; needed as `width_px` is. With `trigger_source` it is the
-    /// nominal rate of the triggers.
+    /// highest rate of triggers expected.
     pub frame_rate_hz: Option<f64>,
     /// Exposure, above 0 and at most 10000000 us, no longer than a frame lasts at `frame_rate_hz`; left out, the
     /// camera's or the scenario's own.
@@ -81,10 +82,12 @@ pub struct Camera {
     /// Each frame waits for this trigger (`genicam` only), a GenICam name such as `Line1` or `Software`; left out,
     /// the camera runs freely.
     pub trigger_source: Option<String>,
-    /// Largest network packet (`genicam` over Ethernet only), 576 to 65535 bytes; left out, the network
-    /// interface's limit decides.
+    /// Largest network packet (`genicam` over Ethernet only), 576 to 65535 bytes; left out, as large as network card
+    /// and camera allow.
     pub packet_size_bytes: Option<u32>,
-    /// Any other feature of the camera by its GenICam name (`genicam` only), set before the ones above.
+    /// Any other feature of the camera by its GenICam name (`genicam` only), or `Name[Selector=Word]` for one of
+    /// several behind a selector. Their order does not matter: what the camera refuses at first is tried again once
+    /// the others are set.
     pub features: BTreeMap<String, FeatureValue>,
 }
 
@@ -210,7 +213,8 @@ fn features(
         toml::Value::Integer(value) => Ok(FeatureValue::Integer(value)),
         toml::Value::Float(value) if value.is_finite() => Ok(FeatureValue::Float(value)),
         toml::Value::String(value) => Ok(FeatureValue::Text(value)),
-        _ => Err(table.refuse(&format!("features.{name}"), "true or false, a finite number, or a text in quotes")),
+        _ => Err(table
+            .refuse(&format!("features.{}", path_name(name)), "true or false, a finite number, or a text in quotes")),
     };
     raw.into_iter().map(|(name, raw)| Ok((name.clone(), value(&name, raw)?))).collect()
 }

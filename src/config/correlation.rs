@@ -47,7 +47,13 @@ pub(super) fn correlation(
     }
     match image_px.map(|(width, height)| width.min(height)) {
         Some(side_px) if params.subset_size_px > side_px => {
-            Err(table.refuse("subset_size_px", format!("at most {side_px} px, the smaller side of the image")))
+            let left_out = if raw.subset_size_px.is_none() {
+                format!("; left out it is {}", default.subset_size_px)
+            } else {
+                String::new()
+            };
+            Err(table
+                .refuse("subset_size_px", format!("at most {side_px} px, the smaller side of the image{left_out}")))
         }
         _ => Ok(params),
     }

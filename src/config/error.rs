@@ -61,7 +61,7 @@ pub enum ConfigError {
         allowed: String,
     },
     /// A key that belongs to another setting than the one chosen.
-    #[error("{origin}, line {line}: {key} = {value}: does not go with {with}; it belongs to {belongs_to}")]
+    #[error("{origin}, line {line}: {key} = {value}: does not go with {settings}")]
     OutOfPlace {
         /// The file as it was named.
         origin: String,
@@ -71,10 +71,8 @@ pub enum ConfigError {
         key: String,
         /// The value as it stands in the file, shortened to one line.
         value: String,
-        /// The setting it was met with.
-        with: String,
-        /// The settings it is meant for.
-        belongs_to: String,
+        /// The setting it was met with, and the ones it belongs to.
+        settings: String,
     },
     /// A setting of the file format that this version of the program cannot do.
     #[error("{origin}, line {line}: {what} is not offered by this version; {instead}")]

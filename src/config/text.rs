@@ -11,6 +11,8 @@ const SHOWN_CHARACTERS: usize = 60;
 /// One key, or one element of a list, and where it stands.
 struct Place {
     path: String,
+    /// Where in `path` its own name begins.
+    name_at: usize,
     key: Range<usize>,
     value: Range<usize>,
 }
@@ -59,8 +61,7 @@ impl<'t> Text<'t> {
             line: place.map_or(1, |place| self.line(place)),
             key: path.into(),
             value: place.map_or_else(String::new, |place| self.shown(&place.value)),
-            with: with.into(),
-            belongs_to: belongs_to.into(),
+            settings: format!("{with}; it belongs to {belongs_to}"),
         }
     }
 
@@ -82,27 +83,27 @@ impl<'t> Text<'t> {
         let span = error.span().unwrap_or(0..self.text.len());
         let line = line_of(self.text, span.start);
         let origin = self.origin.to_string();
-        let Some(path) = self.path_at(&span) else {
+        let Some(place) = self.place_at(&span) else {
             return ConfigError::Syntax { origin, line, reason: one_line(message) };
         };
+        let key = place.path.clone();
         if message.starts_with("unknown field") {
-            let nearest = nearest(&path, known_words(message));
-            return ConfigError::UnknownKey { origin, line, key: path, nearest };
+            let (table, name) = key.split_at(place.name_at);
+            let nearest = format!("{table}{}", nearest(name, known_words(message)));
+            return ConfigError::UnknownKey { origin, line, key, nearest };
         }
         let allowed = message.rsplit_once("expected ").map_or(message, |(_, expected)| expected);
-        ConfigError::Value { origin, line, key: path, value: self.shown(&span), allowed: plain_type(allowed) }
+        ConfigError::Value { origin, line, key, value: self.shown(&span), allowed: plain_type(allowed) }
     }
 
     /// The key or value an error points at: the same span, else the smallest around it.
-    fn path_at(&self, span: &Range<usize>) -> Option<String> {
-        let spans = |place: &Place| [place.key.clone(), place.value.clone()];
+    fn place_at(&self, span: &Range<usize>) -> Option<&Place> {
         let around = |range: &Range<usize>| range.start <= span.start && span.end <= range.end;
-        self.places
-            .iter()
-            .flat_map(|place| spans(place).into_iter().map(move |range| (place, range)))
-            .filter(|(_, range)| around(range))
-            .min_by_key(|(_, range)| range.len())
-            .map(|(place, _)| place.path.clone())
+        let size = |place: &Place| {
+            let spans = [&place.key, &place.value];
+            spans.into_iter().filter(|range| around(range)).map(|range| range.len()).min()
+        };
+        self.places.iter().filter_map(|place| Some((size(place)?, place))).min_by_key(|(size, _)| *size).map(|(_, p)| p)
     }
 
     fn place(&self, path: &str) -> Option<&Place> {
@@ -122,12 +123,18 @@ impl<'t> Text<'t> {
     }
 }
 
-fn collect_table(table: &DeTable<'_>, path: &str, places: &mut Vec<Place>) {
+/// A key as it stands in a path: in quotes, with escapes, when it is more than a plain word.
+pub(super) fn path_name(key: &str) -> String {
+    let plain = |byte: u8| byte.is_ascii_alphanumeric() || b"_-".contains(&byte);
+    if !key.is_empty() && key.bytes().all(plain) { key.into() } else { format!("{key:?}") }
+}
+
+fn collect_table(table: &DeTable<'_>, parent: &str, places: &mut Vec<Place>) {
     for (key, value) in table {
-        let name = key.get_ref();
-        let path = if path.is_empty() { name.to_string() } else { format!("{path}.{name}") };
+        let start = if parent.is_empty() { String::new() } else { format!("{parent}.") };
+        let path = format!("{start}{}", path_name(key.get_ref()));
         collect_value(value.get_ref(), &path, places);
-        places.push(Place { path, key: key.span(), value: value.span() });
+        places.push(Place { path, name_at: start.len(), key: key.span(), value: value.span() });
     }
 }
 
@@ -136,9 +143,14 @@ fn collect_value(value: &DeValue<'_>, path: &str, places: &mut Vec<Place>) {
         DeValue::Table(table) => collect_table(table, path, places),
         DeValue::Array(array) => {
             for (index, element) in array.iter().enumerate() {
-                let path = format!("{path}[{index}]");
-                collect_value(element.get_ref(), &path, places);
-                places.push(Place { path, key: element.span(), value: element.span() });
+                let element_path = format!("{path}[{index}]");
+                collect_value(element.get_ref(), &element_path, places);
+                places.push(Place {
+                    path: element_path,
+                    name_at: path.len(),
+                    key: element.span(),
+                    value: element.span(),
+                });
             }
         }
         _ => {}
@@ -159,11 +171,9 @@ fn known_words(message: &str) -> impl Iterator<Item = &str> {
     expected.split('`').skip(1).step_by(2)
 }
 
-/// The path beside `path` whose last name is spelled most like the last name of `path`.
-fn nearest<'w>(path: &str, known: impl Iterator<Item = &'w str>) -> String {
-    let (table, name) = path.rsplit_once('.').map_or(("", path), |(table, name)| (table, name));
-    let best = known.min_by_key(|word| edit_distance(name, word)).unwrap_or_default();
-    if table.is_empty() { best.into() } else { format!("{table}.{best}") }
+/// The known word that is spelled most like `name`.
+fn nearest<'w>(name: &str, known: impl Iterator<Item = &'w str>) -> &'w str {
+    known.min_by_key(|word| edit_distance(name, word)).unwrap_or_default()
 }
 
 /// Letters to add, drop or change to get from one word to the other (Levenshtein).

@@ -3,8 +3,9 @@
     clippy::unwrap_used,
     clippy::expect_used,
     clippy::print_stdout,
-    reason = "a failed expectation is a failed test, and what was left out is told"
+    reason = "a test that cannot go on panics, and one that is left out says so"
 )]
 
 mod ball;
 mod config;
+mod tidy;
