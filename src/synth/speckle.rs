@@ -46,7 +46,7 @@ impl Pattern {
         let areas: Vec<f64> =
             (0..sizes).map(|size| setup.area_min_px2 * ratio.powf((size as f64 + 0.5) / sizes as f64)).collect();
         let radii_px: Vec<f64> = areas.iter().map(|area| (area / PI).sqrt()).collect();
-        let mut board = Board::new(radius_px, radii_px.clone());
+        let mut board = Board::new(radius_px, radii_px.clone(), setup.coverage);
         let wanted = setup.coverage * PI * radius_px * radius_px;
         // Sizes from here on no longer find a place.
         let mut usable = sizes;
@@ -92,15 +92,26 @@ struct Board {
     cells: Vec<Vec<usize>>,
     speckles: Vec<Speckle>,
     covered_px2: f64,
+    /// How much of the rim may still be covered: the same share as of the disc.
+    rim_left_px: f64,
 }
 
 impl Board {
-    fn new(radius_px: f64, radii_px: Vec<f64>) -> Self {
+    fn new(radius_px: f64, radii_px: Vec<f64>, coverage: f64) -> Self {
         let largest = radii_px[radii_px.len() - 1];
         let cell_px = 2.0 * largest;
         let cells_wide = (2.0 * (radius_px + 2.0 * largest) / cell_px).ceil() as usize + 2;
         let cells = vec![Vec::new(); cells_wide * cells_wide];
-        Self { radius_px, radii_px, cell_px, cells_wide, cells, speckles: Vec::new(), covered_px2: 0.0 }
+        Self {
+            radius_px,
+            radii_px,
+            cell_px,
+            cells_wide,
+            cells,
+            speckles: Vec::new(),
+            covered_px2: 0.0,
+            rim_left_px: coverage * TAU * radius_px,
+        }
     }
 
     fn place(&mut self, size: usize, stream: &mut Stream) -> bool {
@@ -110,12 +121,16 @@ impl Board {
             let angle = stream.between(0.0, TAU);
             let mut distance = reach * stream.uniform().sqrt();
             let crosses = distance > self.radius_px - small;
+            if crosses && self.rim_left_px < 2.0 * small {
+                continue;
+            }
             if crosses {
                 // Both circles cross at a right angle from here.
                 distance = (self.radius_px * self.radius_px + small * small).sqrt();
             }
             let speckle = Speckle { x_px: distance * angle.cos(), y_px: distance * angle.sin(), size };
             if self.is_free(&speckle) {
+                self.rim_left_px -= if crosses { 2.0 * small } else { 0.0 };
                 self.covered_px2 += overlap_px2(self.radius_px, small, distance);
                 let cell = self.cell(speckle.y_px) * self.cells_wide + self.cell(speckle.x_px);
                 self.cells[cell].push(self.speckles.len());
