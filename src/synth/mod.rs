@@ -1,1 +1,23 @@
 //! Ground truth: simulated impacts, drawn without any interpolation of pictures.
+//!
+//! A [`Scenario`] says what is filmed and with which camera; a [`World`] made
+//! from it draws any frame, in any order, and tells the truth behind it. Both
+//! are pure functions of the scenario: no clock, no file, no hidden state.
+
+mod blur;
+mod built_in;
+mod draw;
+mod motion;
+pub mod physics;
+mod random;
+mod scenario;
+mod sensor;
+mod speckle;
+mod texture;
+mod world;
+
+pub use scenario::{
+    BodySetup, CameraSetup, ImpactSetup, LightSetup, MotionSetup, OccluderSetup, PatternSetup, ScaleSetup, Scenario,
+    ScenarioError, ShadeSetup, SurfaceSetup,
+};
+pub use world::World;

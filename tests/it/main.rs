@@ -9,3 +9,4 @@
 mod ball;
 mod config;
 mod tidy;
+mod synth;

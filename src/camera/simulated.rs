@@ -1,0 +1,214 @@
+//! A camera that films a simulated world.
+
+use super::{Camera, CameraError, CameraIdentity, Next, Pace, Slot, StreamFormat};
+use crate::image::FrameMeta;
+use crate::results::{Impact, VelocitySample};
+use crate::synth::{Scenario, World};
+use std::collections::VecDeque;
+use std::time::{Duration, Instant};
+
+/// A film drawn in advance may take this much memory.
+const FILM_MAX_BYTES: u64 = 1 << 30;
+/// Slots a paced camera asks for, so that a late taker does not lose frames at once.
+const PACED_SLOTS: usize = 32;
+/// Drawing may take this share of the time between two frames, or the film is drawn in advance.
+const DRAWING_SHARE: f64 = 0.5;
+
+/// A simulated camera; its frames are a pure function of the scenario.
+///
+/// On demand it draws as fast as frames are taken and loses none. Paced, frames
+/// come at the scenario's rate by the wall clock, and one that finds no slot when
+/// its exposure starts is lost: its sequence number is skipped. Stamps come from
+/// the scenario in both cases, never from a clock.
+#[derive(Debug)]
+pub struct SimulatedCamera {
+    world: World,
+    pace: Pace,
+    /// All frames, when drawing is too slow for the pace.
+    film: Option<Vec<u8>>,
+    started: Option<Instant>,
+    /// Each slot with the first frame that it can take.
+    slots: VecDeque<(Slot, u64)>,
+    index: u64,
+}
+
+impl SimulatedCamera {
+    /// Prepares the scenario; `paced` by the wall clock or on demand.
+    ///
+    /// # Errors
+    ///
+    /// [`CameraError::Setting`] when the scenario cannot be filmed, or can be drawn
+    /// neither at its rate nor in advance.
+    pub fn open(scenario: Scenario, paced: bool) -> Result<Self, CameraError> {
+        let world = World::new(&scenario).map_err(|error| CameraError::Setting {
+            feature: "scenario".to_owned(),
+            value: scenario.name.clone(),
+            reason: error.to_string(),
+        })?;
+        let film = if paced { film_if_slow(&world)? } else { None };
+        let pace = if paced { Pace::Live } else { Pace::OnDemand };
+        Ok(Self { world, pace, film, started: None, slots: VecDeque::new(), index: 0 })
+    }
+
+    /// The world it films.
+    pub fn world(&self) -> &World {
+        &self.world
+    }
+
+    /// The true numbers of the collision, if there is one.
+    pub fn impact(&self) -> Option<Impact> {
+        self.world.impact()
+    }
+
+    /// Time since the start; frame `n` is exposed at `n` periods.
+    #[expect(clippy::disallowed_methods, reason = "the pace of a simulated camera is the wall clock's")]
+    fn elapsed(&self) -> Duration {
+        self.started.map_or(Duration::ZERO, |started| Instant::now().duration_since(started))
+    }
+
+    /// The first frame whose exposure has not begun.
+    fn first_to_come(&self) -> u64 {
+        match (self.pace, self.started) {
+            (Pace::Live, Some(_)) => (self.elapsed().as_secs_f64() * self.world.frame_rate_hz()).ceil() as u64,
+            _ => 0,
+        }
+    }
+
+    /// When a frame has been read out, after the start.
+    fn due(&self, index: u64) -> Duration {
+        let exposure_s = 1e-6 * self.world.scenario().camera.exposure_us;
+        Duration::from_secs_f64(index as f64 / self.world.frame_rate_hz() + exposure_s)
+    }
+
+    /// Waits for a frame; whether it came within `timeout`.
+    fn wait(&self, index: u64, timeout: Duration) -> bool {
+        if self.pace == Pace::OnDemand {
+            return true;
+        }
+        let missing = self.due(index).saturating_sub(self.elapsed());
+        std::thread::sleep(missing.min(timeout));
+        missing <= timeout
+    }
+
+    fn meta(&self, index: u64) -> FrameMeta {
+        let format = self.world.format();
+        let stamp_ns = self.world.stamp_ns(index);
+        FrameMeta {
+            sequence: index,
+            epoch: 0,
+            stamp_ns,
+            device_ns: stamp_ns - self.world.stamp_ns(0),
+            width_px: self.world.width_px(),
+            height_px: self.world.height_px(),
+            stride_bytes: self.world.width_px() * format.bytes_per_pixel() as u32,
+            format,
+        }
+    }
+
+    fn fill(&self, index: u64, slot: &mut Slot) {
+        let bytes = self.world.frame_bytes();
+        let target = &mut slot.bytes_mut()[..bytes];
+        match &self.film {
+            Some(film) => target.copy_from_slice(&film[index as usize * bytes..(index as usize + 1) * bytes]),
+            None => self.world.render(index, target),
+        }
+    }
+}
+
+impl Camera for SimulatedCamera {
+    fn format(&self) -> StreamFormat {
+        StreamFormat {
+            width_px: self.world.width_px(),
+            height_px: self.world.height_px(),
+            format: self.world.format(),
+            frame_rate_hz: self.world.frame_rate_hz(),
+        }
+    }
+
+    fn identity(&self) -> CameraIdentity {
+        CameraIdentity { model: "ricochet simulated".to_owned(), serial: self.world.scenario().name.clone() }
+    }
+
+    fn pace(&self) -> Pace {
+        self.pace
+    }
+
+    fn slots(&self) -> usize {
+        match self.pace {
+            Pace::OnDemand => 1,
+            Pace::Live => PACED_SLOTS,
+        }
+    }
+
+    fn queue(&mut self, slot: Slot) {
+        let first = self.first_to_come();
+        self.slots.push_back((slot, first));
+    }
+
+    #[expect(clippy::disallowed_methods, reason = "the pace of a simulated camera is the wall clock's")]
+    fn start(&mut self) -> Result<(), CameraError> {
+        self.started = Some(Instant::now());
+        Ok(())
+    }
+
+    /// # Panics
+    ///
+    /// If the slot is smaller than a frame.
+    fn next(&mut self, timeout: Duration) -> Result<Next, CameraError> {
+        if self.index >= self.world.frames() {
+            return Ok(Next::End);
+        }
+        let Some((_, first)) = self.slots.front() else { return Ok(Next::Nothing) };
+        let index = self.index.max(*first);
+        if index >= self.world.frames() {
+            self.index = index;
+            return Ok(Next::End);
+        }
+        if self.started.is_none() || !self.wait(index, timeout) {
+            return Ok(Next::Nothing);
+        }
+        let Some((mut slot, _)) = self.slots.pop_front() else { return Ok(Next::Nothing) };
+        self.fill(index, &mut slot);
+        self.index = index + 1;
+        Ok(Next::Frame(slot, self.meta(index)))
+    }
+
+    fn truth(&self, sequence: u64) -> Vec<VelocitySample> {
+        if sequence < self.world.frames() { vec![self.world.truth(sequence)] } else { Vec::new() }
+    }
+}
+
+/// Draws the whole film if drawing cannot keep up with its rate.
+fn film_if_slow(world: &World) -> Result<Option<Vec<u8>>, CameraError> {
+    let bytes = world.frame_bytes();
+    let mut frame = vec![0; bytes];
+    let drawing_s = (0..3).map(|_| seconds(|| world.render(0, &mut frame))).fold(f64::INFINITY, f64::min);
+    if drawing_s * world.frame_rate_hz() < DRAWING_SHARE {
+        return Ok(None);
+    }
+    let film_bytes = bytes as u64 * world.frames();
+    if film_bytes > FILM_MAX_BYTES {
+        return Err(CameraError::Setting {
+            feature: "camera.frame_rate_hz".to_owned(),
+            value: world.frame_rate_hz().to_string(),
+            reason: format!(
+                "a frame takes {:.2} ms to draw, and {} frames of {bytes} bytes are more than the {FILM_MAX_BYTES} \
+                 bytes that may be drawn in advance: lower the rate or the number of frames, or film on demand",
+                drawing_s * 1e3,
+                world.frames(),
+            ),
+        });
+    }
+    let mut film = vec![0; film_bytes as usize];
+    for (index, frame) in film.chunks_exact_mut(bytes).enumerate() {
+        world.render(index as u64, frame);
+    }
+    Ok(Some(film))
+}
+
+#[expect(clippy::disallowed_methods, reason = "measures how long this machine takes to draw")]
+fn seconds(work: impl FnOnce()) -> f64 {
+    let started = Instant::now();
+    work();
+    started.elapsed().as_secs_f64()
+}

@@ -1,0 +1,224 @@
+//! Draws the ball into a picture that holds what stands still.
+
+use super::blur::{BlurredDisc, bivariate_cdf, gauss_legendre, normal_cdf, seen_sigma_px};
+use super::motion::Pose;
+use super::scenario::{LightSetup, Scenario};
+use super::speckle::Pattern;
+
+/// Farther than this many standard deviations from its edge a half-plane is whole or nothing.
+const EDGE_SIGMA: f64 = 4.5;
+
+/// A half-plane in front of the ball.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct HalfPlane {
+    /// A point of the edge, px.
+    pub(crate) point_px: [f64; 2],
+    /// Unit vector out of it, px axes (y down).
+    pub(crate) normal: [f64; 2],
+}
+
+impl HalfPlane {
+    /// Distance outside the edge, negative inside, px.
+    pub(crate) fn distance_px(&self, x_px: f64, y_px: f64) -> f64 {
+        (x_px - self.point_px[0]) * self.normal[0] + (y_px - self.point_px[1]) * self.normal[1]
+    }
+
+    /// Share of a disc that it leaves visible.
+    pub(crate) fn visible_fraction(&self, center_px: [f64; 2], radius_px: f64) -> f64 {
+        let part = (self.distance_px(center_px[0], center_px[1]) / radius_px).clamp(-1.0, 1.0);
+        1.0 - (part.acos() - part * (1.0 - part * part).sqrt()) / std::f64::consts::PI
+    }
+}
+
+/// Everything about the ball that does not change from frame to frame.
+#[derive(Debug, Clone)]
+pub(crate) struct Ball {
+    radius_px: f64,
+    sigma_px: f64,
+    rim: BlurredDisc,
+    pattern: Pattern,
+    ball_dn: f32,
+    /// Share of the ball's light that a speckle takes; negative when it is brighter.
+    ink: f32,
+    light: BallLight,
+    occluder: Option<HalfPlane>,
+    rule: [(f64, f64); 16],
+}
+
+/// Light on the ball: fixed in the room, carried along, never turned.
+#[derive(Debug, Clone, Copy)]
+struct BallLight {
+    /// Relative change a pixel along x and y.
+    slope: [f32; 2],
+    limb: f32,
+    per_radius2: f32,
+}
+
+impl BallLight {
+    fn new(setup: &LightSetup, radius_px: f64) -> Self {
+        let (sin, cos) = setup.side_angle_deg.to_radians().sin_cos();
+        let slope = setup.side / radius_px;
+        Self {
+            slope: [(slope * cos) as f32, (-slope * sin) as f32],
+            limb: setup.limb as f32,
+            per_radius2: (1.0 / (radius_px * radius_px)) as f32,
+        }
+    }
+
+    #[inline]
+    fn at(&self, dx: f32, dy: f32) -> f32 {
+        let depth = (1.0 - (dx * dx + dy * dy) * self.per_radius2).max(0.0).sqrt();
+        (1.0 + self.slope[0] * dx + self.slope[1] * dy) * (1.0 - self.limb * (1.0 - depth))
+    }
+}
+
+/// What the ball adds to the still picture, on the rectangle around it.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Patch {
+    /// First column and row of the picture.
+    pub(crate) left: usize,
+    pub(crate) top: usize,
+    pub(crate) width: usize,
+    pub(crate) height: usize,
+    /// Share of the pixel that shows the ball, row-major.
+    pub(crate) share: Vec<f32>,
+    /// Light from the ball before the room's, DN, row-major.
+    pub(crate) light_dn: Vec<f32>,
+}
+
+impl Ball {
+    pub(crate) fn new(scenario: &Scenario, pattern: Pattern, full_dn: f32, occluder: Option<HalfPlane>) -> Self {
+        let radius_px = scenario.radius_px();
+        let sigma_px = seen_sigma_px(scenario.camera.blur_px);
+        let shade = &scenario.shade;
+        Self {
+            radius_px,
+            sigma_px,
+            rim: BlurredDisc::new(radius_px, sigma_px),
+            pattern,
+            ball_dn: full_dn * shade.ball as f32,
+            ink: if shade.ball > 0.0 { (1.0 - shade.speckle / shade.ball) as f32 } else { 0.0 },
+            light: BallLight::new(&scenario.light, radius_px),
+            occluder,
+            rule: gauss_legendre::<16>(),
+        }
+    }
+
+    /// Draws the mean over several poses of equal weight; all of them in a picture of this size.
+    pub(crate) fn draw(&self, poses: &[Pose], width: usize, height: usize) -> Patch {
+        let mut patch = self.frame(poses, width, height);
+        let weight = 1.0 / poses.len() as f32;
+        let mut ink = vec![0.0; patch.share.len()];
+        for pose in poses {
+            ink.fill(0.0);
+            self.strew(pose, &patch, &mut ink);
+            self.light(pose, &ink, weight, &mut patch);
+        }
+        patch
+    }
+
+    /// The empty rectangle around all poses.
+    fn frame(&self, poses: &[Pose], width: usize, height: usize) -> Patch {
+        let reach = self.rim.reach_px();
+        let span = |axis: usize, length: usize| {
+            let low = poses.iter().map(|pose| pose.center_px[axis]).fold(f64::INFINITY, f64::min) - reach;
+            let high = poses.iter().map(|pose| pose.center_px[axis]).fold(f64::NEG_INFINITY, f64::max) + reach;
+            let first = (low.floor().max(0.0) as usize).min(length);
+            let end = ((high.ceil() + 1.0).max(0.0) as usize).min(length);
+            (first, end.saturating_sub(first))
+        };
+        let ((left, columns), (top, rows)) = (span(0, width), span(1, height));
+        let size = columns * rows;
+        Patch { left, top, width: columns, height: rows, share: vec![0.0; size], light_dn: vec![0.0; size] }
+    }
+
+    /// Adds up the speckles' ink.
+    fn strew(&self, pose: &Pose, patch: &Patch, ink: &mut [f32]) {
+        let (sin, cos) = pose.angle_rad.sin_cos();
+        let origin = [pose.center_px[0] - patch.left as f64, pose.center_px[1] - patch.top as f64];
+        for speckle in &self.pattern.speckles {
+            let disc = &self.pattern.discs[speckle.size];
+            // Counter-clockwise on the screen, with y down.
+            let x = origin[0] + speckle.x_px * cos + speckle.y_px * sin;
+            let y = origin[1] - speckle.x_px * sin + speckle.y_px * cos;
+            stamp(disc, x, y, patch, ink);
+        }
+    }
+
+    /// Adds the ball's light, as far as it is seen, to the patch.
+    fn light(&self, pose: &Pose, ink: &[f32], weight: f32, patch: &mut Patch) {
+        let [x0, y0] = [patch.left as f64 - pose.center_px[0], patch.top as f64 - pose.center_px[1]];
+        let width = patch.width;
+        for row in 0..patch.height {
+            let dy = (y0 + row as f64) as f32;
+            let cells = row * width..(row + 1) * width;
+            let target = patch.share[cells.clone()].iter_mut().zip(&mut patch.light_dn[cells.clone()]);
+            for (column, ((share, light_dn), ink)) in target.zip(&ink[cells]).enumerate() {
+                let dx = x0 as f32 + column as f32;
+                let seen = self.rim.at(dx * dx + dy * dy) * weight;
+                *share += seen;
+                *light_dn += seen * self.ball_dn * (1.0 - self.ink * ink) * self.light.at(dx, dy);
+            }
+        }
+        if let Some(occluder) = self.occluder {
+            self.hide(pose, &occluder, ink, weight, patch);
+        }
+    }
+
+    /// Takes back what the half-plane hides.
+    fn hide(&self, pose: &Pose, occluder: &HalfPlane, ink: &[f32], weight: f32, patch: &mut Patch) {
+        let edge_px = EDGE_SIGMA * self.sigma_px;
+        for index in 0..patch.share.len() {
+            let (x, y) = ((patch.left + index % patch.width) as f64, (patch.top + index / patch.width) as f64);
+            let outside_px = occluder.distance_px(x, y);
+            if outside_px > edge_px {
+                continue;
+            }
+            let (dx, dy) = (x - pose.center_px[0], y - pose.center_px[1]);
+            let seen = self.rim.at((dx * dx + dy * dy) as f32);
+            if seen <= 0.0 {
+                continue;
+            }
+            let left = if outside_px < -edge_px { 0.0 } else { self.seen_beside(dx, dy, outside_px, occluder) };
+            let hidden = (seen - left as f32) * weight;
+            patch.share[index] -= hidden;
+            let light = self.ball_dn * (1.0 - self.ink * ink[index]) * self.light.at(dx as f32, dy as f32);
+            patch.light_dn[index] -= hidden * light;
+        }
+    }
+
+    /// Share of a pixel that shows the ball near the occluder's edge: the blurred overlap of disc and free half-plane.
+    fn seen_beside(&self, dx: f64, dy: f64, outside_px: f64, occluder: &HalfPlane) -> f64 {
+        let free = outside_px / self.sigma_px;
+        let distance = dx.hypot(dy).max(1e-9);
+        // The rim's curvature takes this much from a straight edge.
+        let inside = (self.radius_px - distance) / self.sigma_px - 0.5 * self.sigma_px / self.radius_px;
+        if inside > EDGE_SIGMA {
+            return normal_cdf(free);
+        }
+        let cosine = -(dx * occluder.normal[0] + dy * occluder.normal[1]) / distance;
+        bivariate_cdf(inside, free, cosine, &self.rule)
+    }
+}
+
+/// Adds one blurred disc to the ink; (`x`, `y`) counts from the patch's corner.
+fn stamp(disc: &BlurredDisc, x: f64, y: f64, patch: &Patch, ink: &mut [f32]) {
+    let reach = disc.reach_px();
+    let first_row = (y - reach).ceil().max(0.0) as usize;
+    let end_row = ((y + reach).floor() + 1.0).clamp(0.0, patch.height as f64) as usize;
+    for row in first_row..end_row {
+        let dy = row as f64 - y;
+        let half = (reach * reach - dy * dy).max(0.0).sqrt();
+        let first = (x - half).ceil().max(0.0) as usize;
+        let end = ((x + half).floor() + 1.0).clamp(0.0, patch.width as f64) as usize;
+        if first >= end {
+            continue;
+        }
+        let dy2 = (dy * dy) as f32;
+        let mut dx = (first as f64 - x) as f32;
+        for cell in &mut ink[row * patch.width + first..row * patch.width + end] {
+            *cell += disc.at(dx * dx + dy2);
+            dx += 1.0;
+        }
+    }
+}

@@ -1,0 +1,128 @@
+//! Where the ball is in the picture, at any time.
+
+use super::physics::{Collision, CollisionSetup};
+use super::scenario::{ImpactSetup, MotionSetup, Scenario, ScenarioError};
+
+/// The ball at one moment.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Pose {
+    /// Centre, px (y down).
+    pub(crate) center_px: [f64; 2],
+    /// Turned, counter-clockwise on the screen, rad.
+    pub(crate) angle_rad: f64,
+    /// Velocity (x right, y up), m/s.
+    pub(crate) velocity_m_s: [f64; 2],
+    /// Spin, counter-clockwise, rad/s.
+    pub(crate) omega_rad_s: f64,
+}
+
+/// The ball's path.
+#[derive(Debug, Clone)]
+pub(crate) enum Path {
+    /// Constant velocity and spin.
+    Even {
+        start_px: [f64; 2],
+        start_s: f64,
+        px_s: [f64; 2],
+        rad_s: f64,
+        m_per_px: f64,
+    },
+    /// One collision.
+    Impact {
+        collision: Box<Collision>,
+        start_s: f64,
+        center_px: [f64; 2],
+        /// Unit vector along the surface, picture axes turned up.
+        tangent: [f64; 2],
+        m_per_px: f64,
+    },
+}
+
+impl Path {
+    pub(crate) fn new(scenario: &Scenario) -> Result<Self, ScenarioError> {
+        let m_per_px = scenario.scale.mm_per_px * 1e-3;
+        let rate_hz = scenario.camera.frame_rate_hz;
+        match &scenario.motion {
+            MotionSetup::Constant { vx_px_frame, vy_px_frame, omega_deg_frame, start_px } => Ok(Self::Even {
+                start_px: *start_px,
+                // The start is where the first picture shows the ball, in the middle of its exposure.
+                start_s: 0.5e-6 * scenario.camera.exposure_us,
+                px_s: [vx_px_frame * rate_hz, vy_px_frame * rate_hz],
+                rad_s: omega_deg_frame.to_radians() * rate_hz,
+                m_per_px,
+            }),
+            MotionSetup::Impact(impact) => {
+                let tangent = tangent(scenario);
+                let collision = Collision::solve(collision_setup(scenario, impact, tangent))?;
+                let film_s = scenario.camera.frames as f64 / rate_hz;
+                let again_s = collision.second_touch_s().map(|after_s| impact.contact_start_s + after_s);
+                if let Some(again_s) = again_s.filter(|again_s| *again_s < film_s) {
+                    return Err(ScenarioError::TouchesAgain { frames: scenario.camera.frames, film_s, again_s });
+                }
+                Ok(Self::Impact {
+                    collision: Box::new(collision),
+                    start_s: impact.contact_start_s,
+                    center_px: impact.contact_center_px,
+                    tangent,
+                    m_per_px,
+                })
+            }
+        }
+    }
+
+    /// The ball at a time after the first frame's stamp.
+    pub(crate) fn at(&self, time_s: f64) -> Pose {
+        match self {
+            Self::Even { start_px, start_s, px_s, rad_s, m_per_px } => {
+                let since_s = time_s - start_s;
+                Pose {
+                    center_px: [start_px[0] + px_s[0] * since_s, start_px[1] + px_s[1] * since_s],
+                    angle_rad: rad_s * since_s,
+                    velocity_m_s: [px_s[0] * m_per_px, -px_s[1] * m_per_px],
+                    omega_rad_s: *rad_s,
+                }
+            }
+            Self::Impact { collision, start_s, center_px, tangent, m_per_px } => {
+                let motion = collision.at(time_s - start_s);
+                let shift_m = out_of(motion.position_m, *tangent);
+                Pose {
+                    center_px: [center_px[0] + shift_m[0] / m_per_px, center_px[1] - shift_m[1] / m_per_px],
+                    angle_rad: motion.angle_rad,
+                    velocity_m_s: out_of(motion.velocity_m_s, *tangent),
+                    omega_rad_s: motion.omega_rad_s,
+                }
+            }
+        }
+    }
+}
+
+/// The surface's tangent, x right and y up.
+pub(crate) fn tangent(scenario: &Scenario) -> [f64; 2] {
+    let (sin, cos) = scenario.surface.angle_deg.to_radians().sin_cos();
+    [cos, sin]
+}
+
+/// Surface axes (tangent, normal) to picture axes turned up.
+fn out_of(value: [f64; 2], tangent: [f64; 2]) -> [f64; 2] {
+    let [t, n] = value;
+    [t * tangent[0] - n * tangent[1], t * tangent[1] + n * tangent[0]]
+}
+
+/// Picture axes turned up to surface axes (tangent, normal).
+pub(crate) fn into_surface(value: [f64; 2], tangent: [f64; 2]) -> [f64; 2] {
+    let [x, y] = value;
+    [x * tangent[0] + y * tangent[1], y * tangent[0] - x * tangent[1]]
+}
+
+fn collision_setup(scenario: &Scenario, impact: &ImpactSetup, tangent: [f64; 2]) -> CollisionSetup {
+    CollisionSetup {
+        mass_kg: impact.mass_kg,
+        radius_m: 0.5e-3 * scenario.body.diameter_mm,
+        inertia_factor: impact.inertia_factor,
+        law: impact.law,
+        friction: impact.friction,
+        velocity_m_s: [impact.vt_m_s, impact.vn_m_s],
+        omega_rad_s: impact.omega_rad_s,
+        gravity_m_s2: into_surface(impact.gravity_m_s2, tangent),
+    }
+}

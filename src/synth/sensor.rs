@@ -1,0 +1,169 @@
+//! The camera's chip: noise, rounding, packing.
+
+use super::blur::normal_cdf;
+use super::random::{COUNT, scramble};
+use super::scenario::CameraSetup;
+use crate::image::PixelFormat;
+
+/// Different values of the noise; 12 random bits choose one.
+const QUANTILES: usize = 4096;
+/// Pixels that share one random number.
+const LANES: usize = 4;
+
+/// Turns light (DN, not rounded) into bytes.
+#[derive(Debug, Clone)]
+pub(crate) struct Sensor {
+    format: PixelFormat,
+    full_dn: f32,
+    read_variance_dn2: f32,
+    /// Variance for each DN of light.
+    shot_variance_dn: f32,
+    /// Equally likely values of a normal distribution with standard deviation 1.
+    quantiles: Vec<f32>,
+}
+
+impl Sensor {
+    pub(crate) fn new(camera: &CameraSetup, format: PixelFormat) -> Self {
+        let full_dn = f64::from((1u32 << format.bits()) - 1);
+        let variance = camera.noise_dn * camera.noise_dn;
+        Self {
+            format,
+            full_dn: full_dn as f32,
+            read_variance_dn2: (variance * (1.0 - camera.shot_share)) as f32,
+            shot_variance_dn: (variance * camera.shot_share / (0.5 * full_dn)) as f32,
+            quantiles: quantiles(),
+        }
+    }
+
+    /// Largest grey level, DN.
+    pub(crate) fn full_dn(&self) -> f32 {
+        self.full_dn
+    }
+
+    /// Exposes one row; the noise is a function of `key`, `row` and the column alone.
+    ///
+    /// # Panics
+    ///
+    /// If `bytes` is not as long as the row.
+    pub(crate) fn expose(&self, key: u64, row: usize, light_dn: &mut [f32], bytes: &mut [u8]) {
+        assert_eq!(bytes.len(), light_dn.len() * self.format.bytes_per_pixel(), "row and bytes differ in length");
+        if self.read_variance_dn2 + self.shot_variance_dn > 0.0 {
+            self.add_noise(key, row, light_dn);
+        }
+        let level = |light: f32| light.clamp(0.0, self.full_dn) + 0.5;
+        match self.format {
+            PixelFormat::Mono8 => {
+                bytes.iter_mut().zip(light_dn).for_each(|(byte, light)| *byte = level(*light) as u8);
+            }
+            PixelFormat::Mono10 | PixelFormat::Mono12 | PixelFormat::Mono16 => {
+                bytes.chunks_exact_mut(2).zip(light_dn).for_each(|(pair, light)| {
+                    pair.copy_from_slice(&(level(*light) as u16).to_le_bytes());
+                });
+            }
+        }
+    }
+
+    fn add_noise(&self, key: u64, row: usize, light_dn: &mut [f32]) {
+        let blocks = light_dn.len().div_ceil(LANES) as u64;
+        let mut count = key.wrapping_add((row as u64 * blocks).wrapping_mul(COUNT));
+        for block in light_dn.chunks_mut(LANES) {
+            count = count.wrapping_add(COUNT);
+            let bits = scramble(count);
+            for (lane, light) in block.iter_mut().enumerate() {
+                let place = (bits >> (16 * lane + 4)) as usize % QUANTILES;
+                let variance = self.read_variance_dn2 + self.shot_variance_dn * light.max(0.0);
+                *light += self.quantiles[place] * variance.sqrt();
+            }
+        }
+    }
+}
+
+/// Midpoints of equally likely slices of the normal distribution, scaled to a standard deviation of exactly 1.
+fn quantiles() -> Vec<f32> {
+    let values: Vec<f64> = (0..QUANTILES)
+        .map(|index| {
+            let wanted = (index as f64 + 0.5) / QUANTILES as f64;
+            let (mut low, mut high) = (-6.0, 6.0);
+            for _ in 0..40 {
+                let middle = 0.5 * (low + high);
+                if normal_cdf(middle) < wanted { low = middle } else { high = middle }
+            }
+            0.5 * (low + high)
+        })
+        .collect();
+    let power = values.iter().map(|value| value * value).sum::<f64>() / QUANTILES as f64;
+    values.into_iter().map(|value| (value / power.sqrt()) as f32).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::synth::Scenario;
+
+    fn sensor(noise_dn: f64, shot_share: f64, format: PixelFormat) -> Sensor {
+        let camera = Scenario::translation(0.0, 0.0, 0.0).camera;
+        Sensor::new(&CameraSetup { noise_dn, shot_share, bits: format.bits(), ..camera }, format)
+    }
+
+    fn noise_of(sensor: &Sensor, light_dn: f32, key: u64) -> Vec<f64> {
+        let mut noise = Vec::new();
+        for row in 0..300 {
+            let mut light = vec![light_dn; 301];
+            sensor.add_noise(key, row, &mut light);
+            noise.extend(light.iter().map(|value| f64::from(value - light_dn)));
+        }
+        noise
+    }
+
+    fn deviation(values: &[f64]) -> f64 {
+        (values.iter().map(|value| value * value).sum::<f64>() / values.len() as f64).sqrt()
+    }
+
+    #[test]
+    fn noise_has_the_deviation_asked_for_and_no_mean() {
+        let noise = noise_of(&sensor(2.0, 0.0, PixelFormat::Mono8), 100.0, 11);
+        let mean = noise.iter().sum::<f64>() / noise.len() as f64;
+        // 90 300 samples: the mean scatters by 0.0067, the deviation by 0.0047.
+        assert!(mean.abs() < 0.025, "{mean}");
+        assert!((deviation(&noise) - 2.0).abs() < 0.02, "{}", deviation(&noise));
+        let beyond = noise.iter().filter(|value| value.abs() > 3.92).count() as f64 / noise.len() as f64;
+        assert!((beyond - 0.05).abs() < 0.004, "normal tails: {beyond}");
+    }
+
+    #[test]
+    fn shot_noise_grows_with_the_root_of_the_light() {
+        let sensor = sensor(2.0, 1.0, PixelFormat::Mono8);
+        let (dark, bright) = (noise_of(&sensor, 50.0, 1), noise_of(&sensor, 200.0, 2));
+        assert!((deviation(&bright) / deviation(&dark) - 2.0).abs() < 0.03);
+        assert!((deviation(&noise_of(&sensor, 127.5, 3)) - 2.0).abs() < 0.02);
+    }
+
+    #[test]
+    fn neighbours_frames_and_rows_are_unrelated() {
+        let sensor = sensor(1.0, 0.0, PixelFormat::Mono8);
+        let (here, there) = (noise_of(&sensor, 100.0, 5), noise_of(&sensor, 100.0, 6));
+        let related = |left: &[f64], right: &[f64]| {
+            left.iter().zip(right).map(|(left, right)| left * right).sum::<f64>() / left.len() as f64
+        };
+        for shift in [1, 2, 4, 301] {
+            assert!(related(&here[shift..], &here).abs() < 0.015, "shift {shift}");
+        }
+        assert!(related(&here, &there).abs() < 0.015);
+    }
+
+    #[test]
+    fn light_is_rounded_half_up_and_clipped() {
+        let sensor = sensor(0.0, 0.0, PixelFormat::Mono8);
+        let mut bytes = [0; 5];
+        sensor.expose(0, 0, &mut [-3.0, 0.49, 0.5, 254.5, 300.0], &mut bytes);
+        assert_eq!(bytes, [0, 0, 1, 255, 255]);
+    }
+
+    #[test]
+    fn deep_formats_are_little_endian_words() {
+        let sensor = sensor(0.0, 0.0, PixelFormat::Mono12);
+        let mut bytes = [0; 4];
+        sensor.expose(0, 0, &mut [258.0, 5000.0], &mut bytes);
+        assert_eq!(bytes, [2, 1, 0xff, 0x0f]);
+    }
+}

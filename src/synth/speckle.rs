@@ -1,0 +1,210 @@
+//! Speckles strewn over the ball's disc.
+
+use super::blur::BlurredDisc;
+use super::random::Stream;
+use super::scenario::{PatternSetup, ScenarioError};
+use std::f64::consts::{PI, TAU};
+
+/// Different sizes that are drawn; a table of blurred light is kept for each.
+const SIZES: usize = 24;
+/// Places tried for one speckle.
+const TRIALS: usize = 3000;
+
+/// One speckle, in the ball's own axes (px, y down, at angle 0).
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Speckle {
+    pub(crate) x_px: f64,
+    pub(crate) y_px: f64,
+    /// Which of the sizes.
+    pub(crate) size: usize,
+}
+
+/// The ball's speckles.
+///
+/// No two overlap, so their blurred light adds up exactly. A speckle is either
+/// wholly inside the disc or crosses its rim at a right angle, where the product
+/// of both blurred edges is the blurred overlap.
+#[derive(Debug, Clone)]
+pub(crate) struct Pattern {
+    pub(crate) speckles: Vec<Speckle>,
+    pub(crate) discs: Vec<BlurredDisc>,
+    /// Radius of each size, px.
+    #[cfg_attr(not(test), expect(dead_code, reason = "the numerical twin draws sharp discs from it"))]
+    pub(crate) radii_px: Vec<f64>,
+}
+
+impl Pattern {
+    /// Strews speckles over a disc until they cover the share asked for.
+    pub(crate) fn strew(
+        setup: &PatternSetup,
+        radius_px: f64,
+        sigma_px: f64,
+        mut stream: Stream,
+    ) -> Result<Self, ScenarioError> {
+        let sizes = if setup.area_max_px2 > setup.area_min_px2 { SIZES } else { 1 };
+        let ratio = setup.area_max_px2 / setup.area_min_px2;
+        let areas: Vec<f64> =
+            (0..sizes).map(|size| setup.area_min_px2 * ratio.powf((size as f64 + 0.5) / sizes as f64)).collect();
+        let radii_px: Vec<f64> = areas.iter().map(|area| (area / PI).sqrt()).collect();
+        let mut board = Board::new(radius_px, radii_px.clone(), setup.coverage);
+        let wanted = setup.coverage * PI * radius_px * radius_px;
+        // Sizes from here on no longer find a place.
+        let mut usable = sizes;
+        while board.covered_px2 < wanted {
+            if usable == 0 {
+                let reached = board.covered_px2 / (PI * radius_px * radius_px);
+                return Err(ScenarioError::TooDense { wanted: setup.coverage, reached });
+            }
+            let mut batch = draw_sizes(&areas[..usable], wanted - board.covered_px2, &mut stream);
+            // Large ones first: small ones still fit between them.
+            batch.sort_unstable_by(|left, right| right.cmp(left));
+            for size in batch {
+                if size < usable && !board.place(size, &mut stream) {
+                    usable = size;
+                }
+            }
+        }
+        let discs = radii_px.iter().map(|radius| BlurredDisc::new(*radius, sigma_px)).collect();
+        Ok(Self { speckles: board.speckles, discs, radii_px })
+    }
+}
+
+/// Sizes, evenly spread over the areas, that together cover `wanted_px2`.
+fn draw_sizes(areas: &[f64], wanted_px2: f64, stream: &mut Stream) -> Vec<usize> {
+    let (low, high) = (areas[0], areas[areas.len() - 1]);
+    let mut sizes = Vec::new();
+    let mut sum = 0.0;
+    while sum < wanted_px2 {
+        let area = stream.between(low, high);
+        let size = areas.partition_point(|limit| *limit < area).min(areas.len() - 1);
+        sum += areas[size];
+        sizes.push(size);
+    }
+    sizes
+}
+
+/// The disc while it is being covered, with cells to find neighbours by.
+struct Board {
+    radius_px: f64,
+    radii_px: Vec<f64>,
+    cell_px: f64,
+    cells_wide: usize,
+    cells: Vec<Vec<usize>>,
+    speckles: Vec<Speckle>,
+    covered_px2: f64,
+    /// How much of the rim may still be covered: the same share as of the disc.
+    rim_left_px: f64,
+}
+
+impl Board {
+    fn new(radius_px: f64, radii_px: Vec<f64>, coverage: f64) -> Self {
+        let largest = radii_px[radii_px.len() - 1];
+        let cell_px = 2.0 * largest;
+        let cells_wide = (2.0 * (radius_px + 2.0 * largest) / cell_px).ceil() as usize + 2;
+        let cells = vec![Vec::new(); cells_wide * cells_wide];
+        Self {
+            radius_px,
+            radii_px,
+            cell_px,
+            cells_wide,
+            cells,
+            speckles: Vec::new(),
+            covered_px2: 0.0,
+            rim_left_px: coverage * TAU * radius_px,
+        }
+    }
+
+    fn place(&mut self, size: usize, stream: &mut Stream) -> bool {
+        let small = self.radii_px[size];
+        for _ in 0..TRIALS {
+            let reach = self.radius_px + small;
+            let angle = stream.between(0.0, TAU);
+            let mut distance = reach * stream.uniform().sqrt();
+            let crosses = distance > self.radius_px - small;
+            if crosses && self.rim_left_px < 2.0 * small {
+                continue;
+            }
+            if crosses {
+                // Both circles cross at a right angle from here.
+                distance = (self.radius_px * self.radius_px + small * small).sqrt();
+            }
+            let speckle = Speckle { x_px: distance * angle.cos(), y_px: distance * angle.sin(), size };
+            if self.is_free(&speckle) {
+                self.rim_left_px -= if crosses { 2.0 * small } else { 0.0 };
+                self.covered_px2 += overlap_px2(self.radius_px, small, distance);
+                let cell = self.cell(speckle.y_px) * self.cells_wide + self.cell(speckle.x_px);
+                self.cells[cell].push(self.speckles.len());
+                self.speckles.push(speckle);
+                return true;
+            }
+        }
+        false
+    }
+
+    fn cell(&self, place_px: f64) -> usize {
+        (place_px / self.cell_px + 0.5 * self.cells_wide as f64) as usize
+    }
+
+    fn is_free(&self, speckle: &Speckle) -> bool {
+        let (column, row) = (self.cell(speckle.x_px), self.cell(speckle.y_px));
+        (row - 1..=row + 1).flat_map(|row| (column - 1..=column + 1).map(move |column| (row, column))).all(
+            |(row, column)| {
+                self.cells[row * self.cells_wide + column].iter().all(|index| {
+                    let other = &self.speckles[*index];
+                    let apart = self.radii_px[speckle.size] + self.radii_px[other.size];
+                    (speckle.x_px - other.x_px).powi(2) + (speckle.y_px - other.y_px).powi(2) >= apart * apart
+                })
+            },
+        )
+    }
+}
+
+/// Area that two discs share, the second no larger than the first.
+fn overlap_px2(large: f64, small: f64, distance: f64) -> f64 {
+    if distance <= large - small {
+        return PI * small * small;
+    }
+    if distance >= large + small {
+        return 0.0;
+    }
+    let slice = |radius: f64, other: f64| {
+        let foot = (distance * distance + radius * radius - other * other) / (2.0 * distance);
+        radius * radius * (foot / radius).clamp(-1.0, 1.0).acos() - foot * (radius * radius - foot * foot).max(0.0).sqrt()
+    };
+    slice(large, small) + slice(small, large)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn strewn(area_min_px2: f64, area_max_px2: f64, coverage: f64) -> Result<Pattern, ScenarioError> {
+        Pattern::strew(&PatternSetup { area_min_px2, area_max_px2, coverage }, 60.0, 0.76, Stream::new(7))
+    }
+
+    #[test]
+    fn speckles_cover_what_was_asked_for_and_never_overlap() {
+        for (low, high, coverage) in [(4.0, 4.0, 0.24), (10.0, 10.0, 0.31), (250.0, 250.0, 0.43), (4.0, 80.0, 0.54)] {
+            let pattern = strewn(low, high, coverage).unwrap();
+            let covered: f64 = pattern
+                .speckles
+                .iter()
+                .map(|speckle| overlap_px2(60.0, pattern.radii_px[speckle.size], speckle.x_px.hypot(speckle.y_px)))
+                .sum();
+            let share = covered / (PI * 3600.0);
+            assert!((coverage..coverage + 0.025).contains(&share), "{low}-{high}: {share}");
+            for (index, left) in pattern.speckles.iter().enumerate() {
+                for right in &pattern.speckles[..index] {
+                    let apart = (left.x_px - right.x_px).hypot(left.y_px - right.y_px);
+                    assert!(apart >= pattern.radii_px[left.size] + pattern.radii_px[right.size] - 1e-9);
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn a_coverage_that_cannot_be_packed_is_refused() {
+        let error = strewn(250.0, 250.0, 0.6).unwrap_err();
+        assert!(matches!(error, ScenarioError::TooDense { reached, .. } if reached > 0.4), "{error}");
+    }
+}

@@ -1,0 +1,53 @@
+//! Smooth random textures, for what stands still in the picture.
+
+use super::random::Stream;
+
+/// Noise of mean 0 and standard deviation 1, smoothed by a Gaussian; row-major.
+pub(crate) fn smooth(width: usize, height: usize, sigma_px: [f64; 2], mut stream: Stream) -> Vec<f32> {
+    let white: Vec<f64> = (0..width * height).map(|_| stream.normal()).collect();
+    let along = weights(sigma_px[0]);
+    let down = weights(sigma_px[1]);
+    let rows: Vec<f64> = (0..width * height)
+        .map(|index| {
+            let (row, column) = (index / width, index % width);
+            folded(&along, column, width, |place| white[row * width + place])
+        })
+        .collect();
+    let both: Vec<f64> = (0..width * height)
+        .map(|index| {
+            let (row, column) = (index / width, index % width);
+            folded(&down, row, height, |place| rows[place * width + column])
+        })
+        .collect();
+    let power = |weights: &[f64]| weights.iter().map(|weight| weight * weight).sum::<f64>();
+    let scale = 1.0 / (power(&along) * power(&down)).sqrt();
+    both.into_iter().map(|value| (value * scale) as f32).collect()
+}
+
+fn weights(sigma_px: f64) -> Vec<f64> {
+    let reach = (3.0 * sigma_px).ceil() as i32;
+    let weights: Vec<f64> = (-reach..=reach).map(|step| (-0.5 * (f64::from(step) / sigma_px).powi(2)).exp()).collect();
+    let sum: f64 = weights.iter().sum();
+    weights.into_iter().map(|weight| weight / sum).collect()
+}
+
+/// Weighted sum around `middle`; the row closes to a ring.
+fn folded(weights: &[f64], middle: usize, length: usize, value: impl Fn(usize) -> f64) -> f64 {
+    let start = middle + length * (1 + weights.len() / length) - weights.len() / 2;
+    weights.iter().enumerate().map(|(step, weight)| weight * value((start + step) % length)).sum()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_texture_has_mean_0_and_standard_deviation_1() {
+        let values = smooth(200, 150, [2.0, 1.5], Stream::new(3));
+        let count = values.len() as f64;
+        let mean = values.iter().copied().map(f64::from).sum::<f64>() / count;
+        let power = values.iter().map(|value| f64::from(*value).powi(2)).sum::<f64>() / count;
+        assert!(mean.abs() < 0.1, "{mean}");
+        assert!((power.sqrt() - 1.0).abs() < 0.1, "{power}");
+    }
+}
