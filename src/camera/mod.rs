@@ -1,6 +1,7 @@
 //! Cameras: whatever fills a slot of the ring with a frame.
 
 pub mod simulated;
+pub mod genicam;
 mod slot;
 
 pub use slot::Slot;

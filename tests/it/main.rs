@@ -10,3 +10,7 @@ mod ball;
 mod config;
 mod tidy;
 mod synth;
+
+mod fake_gige;
+mod genicam;
+mod slots;
