@@ -17,7 +17,7 @@ pub struct Limits {
 
 impl Limits {
     /// Slots a camera may hold at once.
-    pub const CAMERA_SLOTS: usize = 32;
+    pub const CAMERA_SLOTS: usize = 64;
     /// Readers of the frames beside workers and recorder.
     pub const SPARE_READERS: usize = 4;
 

@@ -65,7 +65,7 @@ const LINES: [Line; 12] = [
 /// When the rig cannot be run, or what it measured is off by more than it may be.
 pub fn run(options: &DemoOptions, stop: &Stop) -> anyhow::Result<Outcome> {
     let config = config(options)?;
-    let total = process::truth_world(&config)?.map_or(0, |world| u64::from(world.frames()));
+    let total = process::truth_world(&config)?.map_or(0, |world| world.frames());
     let bar = progress::frames(total, "measure");
     let tracker = Child { role: Role::Track, index: 0 };
     let summary = process::supervise(&config, stop, |told| {

@@ -1,7 +1,7 @@
 //! `ricochet simulate`: the video generator.
 
 use super::{Outcome, UsageError, progress, say};
-use crate::camera::{CameraIdentity, StreamFormat};
+use crate::camera::{CameraIdentity, StreamFormat, simulated};
 use crate::config::Config;
 use crate::image::Frame;
 use crate::process::recording_info;
@@ -26,10 +26,10 @@ pub struct SimulateOptions {
 ///
 /// When the scenario is unknown or wrong, or the recording cannot be written.
 pub fn run(options: &SimulateOptions) -> anyhow::Result<Outcome> {
-    let scenario = Scenario::load(&options.scenario)?;
+    let scenario = simulated::load_scenario(&options.scenario)?;
     let world = World::new(&scenario)?;
     let config = config(&scenario, &options.scenario)?;
-    let format = world.format();
+    let format = simulated::stream_format(&world);
     let camera = CameraIdentity { model: "simulated".into(), serial: options.scenario.clone() };
     let info = recording_info(&config, &format, &camera, "none: simulated");
     if options.output.exists() {
@@ -52,10 +52,10 @@ pub fn run(options: &SimulateOptions) -> anyhow::Result<Outcome> {
 
 fn draw(world: &World, format: &StreamFormat, writer: &mut RecordingWriter) -> anyhow::Result<()> {
     let mut bytes = vec![0; format.slot_bytes()];
-    let bar = progress::frames(u64::from(world.frames()), "simulate");
-    for index in 0..u64::from(world.frames()) {
+    let bar = progress::frames(world.frames(), "simulate");
+    for index in 0..world.frames() {
         world.render(index, &mut bytes);
-        writer.frame(&Frame { meta: world.meta(index), bytes: &bytes })?;
+        writer.frame(&Frame { meta: simulated::meta(&world, index), bytes: &bytes })?;
         writer.truth(&world.truth(index))?;
         bar.inc(1);
     }
@@ -72,7 +72,7 @@ fn config(scenario: &Scenario, name: &str) -> anyhow::Result<Config> {
     let text = format!(
         "[rig]\nname = \"simulated\"\n\n[camera]\nsource = \"simulated\"\nscenario = {}\npaced = false\n\n[scale]\nmm_per_px = {:?}\n",
         toml_edit::Value::from(name),
-        scenario.mm_per_px(),
+        scenario.scale.mm_per_px,
     );
     Ok(Config::parse(&text, &built_in)?)
 }

@@ -45,6 +45,17 @@ pub enum FeatureValue {
     Text(String),
 }
 
+impl std::fmt::Display for FeatureValue {
+    fn fmt(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::Bool(value) => value.fmt(formatter),
+            Self::Integer(value) => value.fmt(formatter),
+            Self::Float(value) => value.fmt(formatter),
+            Self::Text(value) => value.fmt(formatter),
+        }
+    }
+}
+
 /// `[camera]`: where the frames come from and what they look like.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Camera {

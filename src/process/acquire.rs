@@ -134,7 +134,7 @@ impl Loop {
 
     /// Hands the camera as many slots as it wants and the ring has.
     fn lend(&mut self) -> Result<(), BusError> {
-        while self.queued < self.source.camera().slots() {
+        while self.queued < self.source.camera().slots().min(Limits::CAMERA_SLOTS) {
             let Some(slot) = self.ring.lend()? else { break };
             self.source.camera().queue(slot);
             self.queued += 1;

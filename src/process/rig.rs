@@ -3,9 +3,10 @@
 use crate::bus::Limits;
 use crate::camera::genicam::{GenicamCamera, GenicamSettings};
 use crate::camera::recording::RecordingCamera;
-use crate::camera::simulated::SimulatedCamera;
+use crate::camera::simulated::{SimulatedCamera, load_scenario};
 use crate::camera::{Camera, CameraError, CameraIdentity, Next, Pace, Slot, StreamFormat};
 use crate::config::{self, Config, TriggerMode};
+use crate::image::PixelFormat;
 use crate::measure::{MeasureParams, TrackerParams};
 use crate::synth::{Scenario, World};
 use std::time::Duration;
@@ -120,7 +121,7 @@ pub fn open_camera(config: &Config) -> Result<Box<dyn Camera>, CameraError> {
             let path = std::path::PathBuf::from(camera.id.clone().unwrap_or_default());
             Box::new(RecordingCamera::open(&path, camera.paced, camera.looped)?)
         }
-        config::Source::Genicam => Box::new(GenicamCamera::open(&GenicamSettings::from_config(camera))?),
+        config::Source::Genicam => Box::new(GenicamCamera::open(&GenicamSettings::from(camera))?),
     })
 }
 
@@ -137,9 +138,22 @@ pub fn truth_world(config: &Config) -> Result<Option<World>, CameraError> {
     Ok(Some(world))
 }
 
+/// The scenario that the configuration names, filmed the way it says.
 fn scenario(config: &Config) -> Result<Scenario, CameraError> {
-    let name = config.camera.scenario.clone().unwrap_or_else(|| "lacrosse".into());
-    Scenario::load(&name).map_err(|error| refused(config, &error))
+    let camera = &config.camera;
+    let name = camera.scenario.clone().unwrap_or_else(|| "lacrosse".into());
+    let mut scenario = load_scenario(&name).map_err(|error| refused(config, &error))?;
+    if camera.looped {
+        let reason = "a simulated film has one end".to_owned();
+        return Err(CameraError::Setting { feature: "camera.loop".into(), value: "true".into(), reason });
+    }
+    let setup = &mut scenario.camera;
+    setup.width_px = camera.width_px.unwrap_or(setup.width_px);
+    setup.height_px = camera.height_px.unwrap_or(setup.height_px);
+    setup.frame_rate_hz = camera.frame_rate_hz.unwrap_or(setup.frame_rate_hz);
+    setup.exposure_us = camera.exposure_us.unwrap_or(setup.exposure_us);
+    setup.bits = camera.pixel_format.map_or(setup.bits, PixelFormat::bits);
+    Ok(scenario)
 }
 
 fn refused(config: &Config, error: &dyn std::fmt::Display) -> CameraError {

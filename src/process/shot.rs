@@ -98,7 +98,7 @@ impl Shot {
             self.writer.frame(frame)?;
         }
         if let Some(world) = &self.truth
-            && frame.meta.sequence < u64::from(world.frames())
+            && frame.meta.sequence < world.frames()
         {
             self.writer.truth(&world.truth(frame.meta.sequence))?;
         }

@@ -1,7 +1,8 @@
 //! A rig's settings, written to the camera in the order cameras need.
 
 use super::device::Device;
-use super::feature::{FeatureValue, check_real, is_near, setting};
+use super::feature::{check_real, is_near, setting};
+use crate::config::FeatureValue;
 use super::handle::{c_text, checked};
 use super::settings::GenicamSettings;
 use super::sys::ARV_AUTO_OFF;

@@ -25,7 +25,7 @@ mod stream;
 pub mod sys;
 
 pub use device::{Access, Device, Kind};
-pub use feature::FeatureValue;
+pub use crate::config::FeatureValue;
 pub use find::{CameraListing, list};
 pub use library::library;
 pub use settings::GenicamSettings;

@@ -1,6 +1,6 @@
 //! What a rig asks of a GenICam camera.
 
-use super::feature::FeatureValue;
+use crate::config::{self, FeatureValue};
 use crate::image::PixelFormat;
 use std::collections::BTreeMap;
 
@@ -32,4 +32,22 @@ pub struct GenicamSettings {
     pub features: BTreeMap<String, FeatureValue>,
     /// Bytes of one packet, IP header included (GigE Vision); the network card's and camera's largest, at most 16 000, when not given.
     pub packet_size_bytes: Option<u32>,
+}
+
+impl From<&config::Camera> for GenicamSettings {
+    fn from(camera: &config::Camera) -> Self {
+        Self {
+            id: camera.id.clone().unwrap_or_default(),
+            width_px: camera.width_px,
+            height_px: camera.height_px,
+            offset_x_px: camera.offset_x_px,
+            offset_y_px: camera.offset_y_px,
+            pixel_format: camera.pixel_format,
+            frame_rate_hz: camera.frame_rate_hz,
+            exposure_us: camera.exposure_us,
+            trigger_source: camera.trigger_source.clone(),
+            features: camera.features.clone(),
+            packet_size_bytes: camera.packet_size_bytes,
+        }
+    }
 }
