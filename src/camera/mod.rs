@@ -1,5 +1,6 @@
 //! Cameras: whatever fills a slot of the ring with a frame.
 
+pub mod recording;
 mod slot;
 
 pub use slot::Slot;

@@ -1,1 +1,4 @@
 //! What a person runs and waits for, one file a command.
+
+pub mod export;
+pub mod info;
