@@ -11,7 +11,7 @@ use crate::command::recover::{self, RecoverOptions};
 use crate::command::replay::{self, Rate, ReplayOptions};
 use crate::command::rig::{self, RoleOptions};
 use crate::command::simulate::{self, SimulateOptions};
-use crate::command::{Outcome, control, status};
+use crate::command::{Outcome, UsageError, control, status};
 use crate::config::Config;
 use crate::message::{Command as Request, Role};
 use crate::process::Stop;
@@ -356,9 +356,16 @@ fn inspect(command: Command) -> anyhow::Result<Outcome> {
         }
         Command::Field(line) => field::run(&field_options(line)?)?,
         Command::Export(Export { file, topic, format, output }) => {
-            export::run(&ExportOptions { file, topic, format: format.parse()?, output })?;
+            let Some(format) = export::Format::from_word(&format) else {
+                return Err(UsageError(format!("--format {format}: not one of csv")).into());
+            };
+            export::run(&ExportOptions { file, topic, format, output })?;
         }
-        Command::Info(Info { file, json }) => return info::run(&InfoOptions { file, json }),
+        Command::Info(Info { file, json }) => {
+            let info = info::run(&InfoOptions { file, json })?;
+            let gone = info.frames.as_ref().map_or(0, |frames| frames.lost);
+            return Ok(Outcome::of_losses(gone + u64::from(info.truncated.is_some())));
+        }
         Command::Recover(Recover { file, output, json }) => return recover::run(&RecoverOptions { file, output, json }),
         _ => {}
     }

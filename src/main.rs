@@ -25,6 +25,9 @@ fn code(error: &anyhow::Error) -> u8 {
         if cause.is::<bus::BusError>() {
             return 4;
         }
+        if let Some(error) = cause.downcast_ref::<command::export::ExportError>() {
+            return if matches!(error, command::export::ExportError::Usage(_)) { 2 } else { 5 };
+        }
         if cause.is::<recording::RecordingError>() {
             return 5;
         }

@@ -2,6 +2,7 @@
 
 pub mod simulated;
 pub mod genicam;
+pub mod recording;
 mod slot;
 
 pub use slot::Slot;

@@ -59,17 +59,24 @@ pub fn run(options: &ReplayOptions, stop: &Stop) -> anyhow::Result<Outcome> {
     let total = recording.frame_count();
     let bar = progress::frames(total, "replay");
     let tracker = Child { role: Role::Track, index: 0 };
-    let summary = process::supervise(&config, stop, |told| {
-        if let Some(status) = told.get(&tracker) {
-            bar.set_position(status.given.min(total));
+    let mut lost = u64::from(recording.truncated().is_some());
+    loop {
+        // Each pass is a run of its own: stamps and sequence numbers begin again, and nothing spans two passes.
+        let summary = process::supervise(&config, stop, |told| {
+            if let Some(status) = told.get(&tracker) {
+                bar.set_position(status.given.min(total));
+            }
+        })?;
+        lost += summary.losses();
+        for path in &summary.recordings {
+            say(&path.display().to_string());
         }
-    })?;
-    bar.finish_and_clear();
-    for path in &summary.recordings {
-        say(&path.display().to_string());
+        if !options.looped || stop.requested() {
+            break;
+        }
     }
-    let missing = u64::from(recording.truncated().is_some());
-    Ok(Outcome::of_losses(summary.losses() + missing))
+    bar.finish_and_clear();
+    Ok(Outcome::of_losses(lost))
 }
 
 fn changes<'a>(options: &ReplayOptions, base: &Config) -> Vec<(&'a str, toml_edit::Value)> {
@@ -77,7 +84,6 @@ fn changes<'a>(options: &ReplayOptions, base: &Config) -> Vec<(&'a str, toml_edi
     if let Rate::Times(times) = options.rate {
         changes.push(("camera.speed", times.into()));
     }
-    changes.push(("camera.loop", options.looped.into()));
     let name = options.rig.clone().unwrap_or_else(|| replay_name(&base.rig.name));
     changes.push(("rig.name", name.into()));
     if let Some(workers) = options.workers {

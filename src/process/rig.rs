@@ -2,7 +2,7 @@
 
 use crate::bus::Limits;
 use crate::camera::genicam::{GenicamCamera, GenicamSettings};
-use crate::camera::recording::RecordingCamera;
+use crate::camera::recording::{PlaybackRate, RecordingCamera, Repeat};
 use crate::camera::simulated::{SimulatedCamera, load_scenario};
 use crate::camera::{Camera, CameraError, CameraIdentity, Next, Pace, Slot, StreamFormat};
 use crate::config::{self, Config, TriggerMode};
@@ -119,7 +119,8 @@ pub fn open_camera(config: &Config) -> Result<Box<dyn Camera>, CameraError> {
         config::Source::Simulated => Box::new(SimulatedCamera::open(scenario(config)?, camera.paced)?),
         config::Source::Recording => {
             let path = std::path::PathBuf::from(camera.id.clone().unwrap_or_default());
-            Box::new(RecordingCamera::open(&path, camera.paced, camera.looped)?)
+            let rate = if camera.paced { PlaybackRate::Times(camera.speed) } else { PlaybackRate::Max };
+            Box::new(RecordingCamera::open(&path, rate, Repeat::Once)?)
         }
         config::Source::Genicam => Box::new(GenicamCamera::open(&GenicamSettings::from(camera))?),
     })
@@ -143,10 +144,6 @@ fn scenario(config: &Config) -> Result<Scenario, CameraError> {
     let camera = &config.camera;
     let name = camera.scenario.clone().unwrap_or_else(|| "lacrosse".into());
     let mut scenario = load_scenario(&name).map_err(|error| refused(config, &error))?;
-    if camera.looped {
-        let reason = "a simulated film has one end".to_owned();
-        return Err(CameraError::Setting { feature: "camera.loop".into(), value: "true".into(), reason });
-    }
     let setup = &mut scenario.camera;
     setup.width_px = camera.width_px.unwrap_or(setup.width_px);
     setup.height_px = camera.height_px.unwrap_or(setup.height_px);

@@ -7,10 +7,11 @@
 )]
 
 mod ball;
+mod bus;
 mod config;
-mod tidy;
-mod synth;
-
 mod fake_gige;
 mod genicam;
+mod recording;
 mod slots;
+mod synth;
+mod tidy;

@@ -51,14 +51,45 @@ impl Recording {
         Ok(Frames { messages, info_channels, info: None, index: 0 })
     }
 
-    /// Log times of the first and last frame, ns since the Unix epoch.
+    /// What is known of the first frame.
     ///
     /// # Errors
     ///
     /// As [`frames`](Self::frames).
-    pub fn frame_span_ns(&self) -> Result<(u64, u64), RecordingError> {
-        let span = self.frames()?.messages.time_span_ns();
-        span.ok_or_else(|| self.inner.invalid("holds no frames"))
+    pub fn first_frame(&self) -> Result<FrameMeta, RecordingError> {
+        let first = self.frames()?.next_shared();
+        Ok(first.ok_or_else(|| self.inner.invalid("holds no frames"))??.0)
+    }
+
+    /// What is known of the last frame.
+    ///
+    /// # Errors
+    ///
+    /// As [`frames`](Self::frames).
+    pub fn last_frame(&self) -> Result<FrameMeta, RecordingError> {
+        let mut frames = self.frames()?;
+        // A frame of ours is a pair of messages.
+        let messages = if frames.info_channels.is_empty() { 1 } else { 2 };
+        frames.index = (frames.messages.len() as u64 / messages).saturating_sub(1);
+        frames.messages.keep_last(messages as usize);
+        let last = frames.next_shared();
+        Ok(last.ok_or_else(|| self.inner.invalid("holds no frames"))??.0)
+    }
+
+    /// Frames a second between the first and the last frame, lost ones counted where they are known.
+    ///
+    /// `None` when there is one frame only, or the camera was opened anew in between.
+    ///
+    /// # Errors
+    ///
+    /// As [`frames`](Self::frames).
+    pub fn frame_rate_hz(&self) -> Result<Option<f64>, RecordingError> {
+        let (first, last) = (self.first_frame()?, self.last_frame()?);
+        if first.epoch != last.epoch || last.sequence <= first.sequence || last.stamp_ns <= first.stamp_ns {
+            return Ok(None);
+        }
+        let (frames, ns) = (last.sequence - first.sequence, last.stamp_ns - first.stamp_ns);
+        Ok(Some(frames as f64 * 1e9 / ns as f64))
     }
 }
 

@@ -79,10 +79,12 @@ impl Messages {
         self.entries.len()
     }
 
-    /// Log times of the first and the last message left.
-    pub(super) fn time_span_ns(&self) -> Option<(u64, u64)> {
-        let entries = self.entries.as_slice();
-        Some((entries.first()?.log_time_ns, entries.last()?.log_time_ns))
+    /// Skips all but the last `count`.
+    pub(super) fn keep_last(&mut self, count: usize) {
+        let skip = self.entries.len().saturating_sub(count);
+        if skip > 0 {
+            self.entries.nth(skip - 1);
+        }
     }
 
     pub(super) fn inner(&self) -> &Inner {

@@ -31,7 +31,6 @@ pub struct Rows<T> {
     row: PhantomData<T>,
 }
 
-#[expect(private_bounds, reason = "the rows a recording holds are a closed set")]
 impl<T: Row> Iterator for Rows<T> {
     type Item = Result<T, RecordingError>;
 
