@@ -11,7 +11,7 @@ use crate::command::recover::{self, RecoverOptions};
 use crate::command::replay::{self, Rate, ReplayOptions};
 use crate::command::rig::{self, RoleOptions};
 use crate::command::simulate::{self, SimulateOptions};
-use crate::command::{Outcome, UsageError, control, status};
+use crate::command::{Outcome, control, status};
 use crate::config::Config;
 use crate::message::{Command as Request, Role};
 use crate::process::Stop;
@@ -91,6 +91,7 @@ pub enum Command {
     Simulate(Simulate),
 }
 
+/// Arguments of a command.
 #[derive(Debug, Args)]
 pub struct Demo {
     /// The experiment.
@@ -107,6 +108,7 @@ pub struct Demo {
     json: bool,
 }
 
+/// Arguments of a command.
 #[derive(Debug, Args)]
 pub struct RoleLine {
     /// The rig file; `-` reads it from standard input.
@@ -122,6 +124,7 @@ pub struct RoleLine {
     supervised: bool,
 }
 
+/// Arguments of a command.
 #[derive(Debug, Args)]
 pub struct Cameras {
     /// Print the feature tree of this camera.
@@ -132,6 +135,7 @@ pub struct Cameras {
     json: bool,
 }
 
+/// Arguments of a command.
 #[derive(Debug, Args)]
 pub struct Rig {
     /// Name of the rig.
@@ -142,6 +146,7 @@ pub struct Rig {
     json: bool,
 }
 
+/// Arguments of a command.
 #[derive(Debug, Args)]
 pub struct Listen {
     /// field, track, velocity, impact, status or events.
@@ -160,6 +165,7 @@ pub struct Listen {
     wait: f64,
 }
 
+/// Arguments of a command.
 #[derive(Debug, Args)]
 pub struct Replay {
     /// The recording.
@@ -184,6 +190,7 @@ pub struct Replay {
     workers: Option<u32>,
 }
 
+/// Arguments of a command.
 #[derive(Debug, Args)]
 pub struct Analyze {
     /// The recording.
@@ -206,6 +213,7 @@ pub struct Analyze {
     json: bool,
 }
 
+/// Arguments of a command.
 #[derive(Debug, Args)]
 pub struct Field {
     /// The image before.
@@ -235,6 +243,7 @@ pub struct Field {
     json: bool,
 }
 
+/// Arguments of a command.
 #[derive(Debug, Args)]
 pub struct Export {
     /// The recording.
@@ -250,6 +259,7 @@ pub struct Export {
     output: Option<PathBuf>,
 }
 
+/// Arguments of a command.
 #[derive(Debug, Args)]
 pub struct Info {
     /// The recording.
@@ -259,6 +269,7 @@ pub struct Info {
     json: bool,
 }
 
+/// Arguments of a command.
 #[derive(Debug, Args)]
 pub struct Recover {
     /// The recording that was cut off.
@@ -271,6 +282,7 @@ pub struct Recover {
     json: bool,
 }
 
+/// Arguments of a command.
 #[derive(Debug, Args)]
 pub struct Simulate {
     /// lacrosse, or the path of a scenario file.
@@ -356,14 +368,12 @@ fn inspect(command: Command) -> anyhow::Result<Outcome> {
         }
         Command::Field(line) => field::run(&field_options(line)?)?,
         Command::Export(Export { file, topic, format, output }) => {
-            let Some(format) = export::Format::from_word(&format) else {
-                return Err(UsageError(format!("--format {format}: not one of csv")).into());
-            };
+            let format = export::Format::from_word(&format)?;
             export::run(&ExportOptions { file, topic, format, output })?;
         }
         Command::Info(Info { file, json }) => {
             let info = info::run(&InfoOptions { file, json })?;
-            let gone = info.frames.as_ref().map_or(0, |frames| frames.lost);
+            let gone = info.frames.as_ref().and_then(|frames| frames.lost).unwrap_or(0);
             return Ok(Outcome::of_losses(gone + u64::from(info.truncated.is_some())));
         }
         Command::Recover(Recover { file, output, json }) => return recover::run(&RecoverOptions { file, output, json }),

@@ -82,10 +82,7 @@ fn stream_format(recording: &Recording, fps: Option<f64>) -> anyhow::Result<Stre
     };
     let meta = first.0;
     let told = recording.metadata().get("frame_rate_hz").and_then(|text| text.parse().ok());
-    let (start_ns, end_ns) = recording.frame_span_ns()?;
-    let intervals = recording.frame_count().saturating_sub(1) as f64;
-    let by_stamps = (end_ns > start_ns).then(|| intervals / ((end_ns - start_ns) as f64 * 1e-9));
-    let Some(frame_rate_hz) = fps.or(told).or(by_stamps) else {
+    let Some(frame_rate_hz) = fps.or(told).or(recording.frame_rate_hz()?) else {
         return Err(UsageError(format!("{}: no frame rate can be told; give one with --fps", path.display())).into());
     };
     Ok(StreamFormat { width_px: meta.width_px, height_px: meta.height_px, format: meta.format, frame_rate_hz })

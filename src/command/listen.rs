@@ -14,7 +14,7 @@ const PAUSE: Duration = Duration::from_millis(1);
 const TOPICS: &str = "field, track, velocity, impact, status, events";
 
 /// What to listen to.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct ListenOptions {
     /// The topic.
     pub topic: String,

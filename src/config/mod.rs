@@ -29,6 +29,7 @@ mod camera;
 mod capture;
 mod check;
 mod correlation;
+mod edit;
 mod error;
 mod geometry;
 mod plan;

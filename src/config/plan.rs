@@ -50,17 +50,15 @@ impl Config {
 
     /// What the motion of one body is computed with, at this nominal frame rate in Hz.
     ///
-    /// `None` when the file gives no scale: then there are pixels, but no metres.
-    ///
     /// # Panics
     ///
     /// If there is no body of this index.
-    pub fn motion(&self, body: usize, frame_rate_hz: f64) -> Option<MotionParams> {
-        let scale = match (self.scale?, self.bodies[body].diameter_mm) {
+    pub fn motion(&self, body: usize, frame_rate_hz: f64) -> MotionParams {
+        let scale = match (self.scale.unwrap_or(Scale::Unknown), self.bodies[body].diameter_mm) {
             (Scale::BallDiameterMm(_), Some(diameter_mm)) => Scale::BallDiameterMm(diameter_mm),
             (scale, _) => scale,
         };
-        Some(MotionParams {
+        MotionParams {
             scale,
             surface_angle_deg: self.surface.angle_deg,
             gravity_m_s2: self.velocity.gravity_m_s2,
@@ -69,7 +67,7 @@ impl Config {
             order: self.velocity.order,
             interval_frames: self.correlation.interval_frames,
             frame_period_ns: 1.0e9 / frame_rate_hz,
-        })
+        }
     }
 
     /// Frames the ring must hold so that nothing from before a trigger is lost, at this rate in Hz.

@@ -277,7 +277,7 @@ impl Measurer {
 
     /// Motion of the centre and rotation, from every valid subset.
     fn rigid_step(&self, field: &mut PairField, circle: &Circle) -> Option<RigidStep> {
-        let motion = rigid_fit(&mut field.points, circle.x_px, circle.y_px)?;
+        let motion = rigid_fit(&mut field.points, circle.x_px, circle.y_px, self.params.correlation.subset_size_px)?;
         let frames = f64::from(self.params.correlation.interval_frames);
         (motion.points >= FEWEST_POINTS).then_some(RigidStep {
             dx_px: motion.u_px / frames,

@@ -7,5 +7,10 @@
 //! that the same frames give the same rows everywhere.
 
 mod block;
+mod body;
+mod order;
+mod tracker;
 
 pub use block::{MeasureError, MeasureParams, Measured, Measurer, Share};
+pub use order::Order;
+pub use tracker::{Tracker, TrackerParams, TrackerRows};

@@ -6,7 +6,7 @@ use super::rig::{Source, limits};
 use super::stop::Stop;
 use super::summary::Summary;
 use crate::bus::{Bell, Bus, BusError, FramePublisher, Limits, Subscriber};
-use crate::camera::{Camera, CameraError, Next, Pace, Slot};
+use crate::camera::{CameraError, Next, Pace, Slot};
 use crate::config::{Config, TriggerMode};
 use crate::image::FrameMeta;
 use crate::message::{EventKind, FrameHeader, Progress, Role};

@@ -40,7 +40,7 @@ impl OrderedTracker {
 
     /// Whether every frame before `end` went through.
     pub(super) fn has_all_before(&self, end: u64) -> bool {
-        self.order.next_frame() >= end
+        self.order.has_given_all_before(end)
     }
 
     /// Rows that stand for lost frames, and steps that came after they were given up.

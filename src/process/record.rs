@@ -323,7 +323,9 @@ impl Recorder<'_> {
             && let Some(end) = active.end
         {
             self.close(active, end)?;
-            self.arm(self.config.trigger.rearm)?;
+            if self.config.trigger.mode != TriggerMode::Off {
+                self.arm(self.config.trigger.rearm)?;
+            }
         }
         Ok(())
     }

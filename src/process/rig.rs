@@ -5,7 +5,7 @@ use crate::camera::genicam::{GenicamCamera, GenicamSettings};
 use crate::camera::recording::{PlaybackRate, RecordingCamera, Repeat};
 use crate::camera::simulated::{SimulatedCamera, load_scenario};
 use crate::camera::{Camera, CameraError, CameraIdentity, Next, Pace, Slot, StreamFormat};
-use crate::config::{self, Config, TriggerMode};
+use crate::config::{self, Config};
 use crate::image::PixelFormat;
 use crate::measure::{MeasureParams, TrackerParams};
 use crate::synth::{Scenario, World};
@@ -205,6 +205,6 @@ pub fn analysis_params(config: &Config, format: &StreamFormat) -> (MeasureParams
         bodies: bodies.clone().map(|body| config.ball(body, format.width_px, format.height_px)).collect(),
         block_frames: config.workers.block_frames,
     };
-    let tracker = TrackerParams { motion: bodies.map(|body| config.motion(body, format.frame_rate_hz)).collect() };
+    let tracker = TrackerParams { motion: bodies.map(|body| config.motion(body, format.frame_rate_hz)).collect(), contact: true };
     (measure, tracker)
 }

@@ -204,7 +204,7 @@ pub fn recording_info(config: &Config, format: &StreamFormat, camera: &CameraIde
     let scale = match config.scale {
         Some(Scale::MmPerPx(mm)) => format!("{mm} mm/px"),
         Some(Scale::BallDiameterMm(mm)) => format!("ball of {mm} mm"),
-        None => "none".into(),
+        Some(Scale::Unknown) | None => "none".into(),
     };
     let host = std::fs::read_to_string("/proc/sys/kernel/hostname").unwrap_or_default();
     let metadata = [

@@ -5,9 +5,9 @@ use super::report::Reporter;
 use super::rig::{expected_format, limits};
 use super::stop::Stop;
 use super::summary::Summary;
-use crate::bus::{Bus, Limits, Subscriber};
+use crate::bus::{Bus, Subscriber};
 use crate::config::Config;
-use crate::message::{EventKind, Role, StatusMessage};
+use crate::message::{Event, EventKind, Role, StatusMessage};
 use std::any::Any;
 use std::collections::BTreeMap;
 use std::io::Write;
@@ -48,6 +48,7 @@ pub struct Fleet<'a> {
     program: PathBuf,
     children: BTreeMap<Child, Running>,
     status: Subscriber<StatusMessage>,
+    events: Subscriber<Event>,
     told: BTreeMap<Child, StatusMessage>,
     reporter: Reporter,
     bus: Bus,
@@ -72,6 +73,7 @@ pub fn run(
     let mut fleet = Fleet::start(config)?;
     let outcome = fleet.watch(stop, &mut watch);
     fleet.stop_all();
+    fleet.listen()?;
     outcome?;
     Ok(fleet.summary)
 }
@@ -106,8 +108,9 @@ impl<'a> Fleet<'a> {
             program: std::env::current_exe()?,
             children: BTreeMap::new(),
             status: bus.subscriber(&limits)?,
+            events: bus.subscriber(&limits)?,
             told: BTreeMap::new(),
-            reporter: Reporter::new(&bus, &Limits { ..limits }, Role::Supervise, 0)?,
+            reporter: Reporter::new(&bus, &limits, Role::Supervise, 0)?,
             bus,
             clean: Every::new(CLEAN),
             summary: Summary::default(),
@@ -179,6 +182,11 @@ impl<'a> Fleet<'a> {
         while let Some(status) = self.status.take()? {
             if let Some(role) = Role::from_number(status.role) {
                 self.told.insert(Child { role, index: status.index }, status);
+            }
+        }
+        while let Some(event) = self.events.take()? {
+            if event.kind() == Some(EventKind::Recorded) {
+                self.summary.recordings.push(PathBuf::from(event.text()));
             }
         }
         Ok(())
