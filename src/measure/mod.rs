@@ -5,3 +5,10 @@
 //! tracks, velocities and impacts; it is what the tracker runs live, what the
 //! recorder runs over a shot and what offline analysis runs. Both are pure, so
 //! that the same frames give the same rows everywhere.
+
+mod body;
+mod order;
+mod tracker;
+
+pub use order::Order;
+pub use tracker::{Tracker, TrackerParams, TrackerRows};
