@@ -2,8 +2,8 @@
 
 use std::collections::VecDeque;
 
-use super::departure::{Departure, departure, plausible_curves};
-use super::onset::onset;
+use super::departure::{Departure, departure, plausible_curves, residual};
+use super::onset::{mirrored, onset};
 use super::trail::{NORMAL, SurfaceNode, between, samples};
 use crate::motion::{Polynomial, Regime};
 use crate::results::{Estimate, Phase};
@@ -30,6 +30,10 @@ const ACCELERATION_NODES: usize = 7;
 const QUIET_SHARE: f64 = 0.02;
 /// Most nodes the end is judged by.
 const QUIET_NODES: usize = 40;
+/// The quiet stretch begins up to so many frames before the force is gone.
+const QUIET_EARLY_FRAMES: f64 = 4.0;
+/// The end is judged anew when so many frames have passed since the quiet stretch began.
+const END_AGAIN_FRAMES: [u32; 4] = [10, 14, 18, 26];
 /// Nodes kept in flight.
 const KEPT_NODES: usize = 256;
 /// Longest stretch of nodes a contact may span with the flight before it.
@@ -97,13 +101,15 @@ pub struct Detector {
     flight_from: f64,
     off: Option<(f64, f64, u32)>,
     contact: Option<Contact>,
+    /// Frames since the quiet stretch after a contact began at the given time.
+    quiet: Option<(f64, u32)>,
     breaks: VecDeque<Break>,
 }
 
 impl Detector {
     /// Nothing seen yet.
     pub fn new() -> Self {
-        Self { trail: Vec::new(), flight_from: f64::NEG_INFINITY, off: None, contact: None, breaks: VecDeque::new() }
+        Self { trail: Vec::new(), flight_from: f64::NEG_INFINITY, off: None, contact: None, quiet: None, breaks: VecDeque::new() }
     }
 
     /// The nodes remembered, in order.
@@ -135,6 +141,7 @@ impl Detector {
             Some(contact) if contact.end_frames.is_none() => self.watch_contact(contact, gravity.unwrap_or(0.0)),
             _ => {
                 self.prune();
+                self.judge_end(gravity);
                 self.watch_flight(gravity)
             }
         }
@@ -205,7 +212,7 @@ impl Detector {
     }
 
     fn begin(&mut self, start_frames: f64, departed_frames: f64, approach: Estimate) {
-        self.off = None;
+        (self.off, self.quiet) = (None, None);
         let first = self.trail.partition_point(|n| n.time_frames < self.flight_from);
         let flight_from_frames = self.trail[first].time_frames;
         let certain = (departed_frames - CERTAIN_FRAMES).min(start_frames);
@@ -239,14 +246,42 @@ impl Detector {
             }
             contact.end_frames = Some(from);
             self.contact = Some(contact);
-            self.flight_from = from;
-            let to = self.frame_at(from);
-            if let Some(b) = self.breaks.back_mut() {
-                b.to = Some(to.max(b.from + 1));
-            }
+            self.set_end(from);
+            self.quiet = Some((from, since.iter().filter(|s| s.time_frames >= from).count() as u32));
             return Event::Ended;
         }
         if self.trail.len() >= MOST_NODES { self.dismiss(since[since.len() - 1].time_frames) } else { Event::None }
+    }
+
+    fn set_end(&mut self, end_frames: f64) {
+        self.flight_from = end_frames;
+        let to = self.frame_at(end_frames);
+        if let Some(b) = self.breaks.back_mut() {
+            b.to = Some(to.max(b.from + 1));
+        }
+        if let Some(contact) = &mut self.contact {
+            contact.end_frames = Some(end_frames);
+        }
+    }
+
+    /// Looks back from the flight after a contact for the moment the force was gone.
+    fn judge_end(&mut self, gravity: Option<f64>) {
+        let Some((from, count)) = self.quiet else { return };
+        let count = count + 1;
+        self.quiet = (count < END_AGAIN_FRAMES[3] && self.off.is_none()).then_some((from, count));
+        let Some(contact) = self.contact.filter(|_| END_AGAIN_FRAMES.contains(&count)) else { return };
+        let after = samples(between(&self.trail, from + QUIET_EARLY_FRAMES, f64::INFINITY), NORMAL);
+        let all = mirrored(&samples(between(&self.trail, contact.start_frames, f64::INFINITY), NORMAL));
+        let curve = plausible_curves(&mirrored(&after), gravity).into_iter().next();
+        let Some(curve) = curve.filter(|_| after.len() >= FLIGHT_MIN_NODES) else { return };
+        let is_off = |s: &&crate::motion::Sample| {
+            residual(&curve, &[], s).is_some_and(|r| r.value > OFF_SIGMAS * r.sigma)
+        };
+        let Some(departed) = all.iter().find(is_off).map(|s| s.time_frames) else { return };
+        let near = &all[..all.partition_point(|s| s.time_frames <= departed + 2.0)];
+        if let Some(o) = onset(&curve, near, departed) {
+            self.set_end(-o.start_frames);
+        }
     }
 
     fn dismiss(&mut self, from_frames: f64) -> Event {

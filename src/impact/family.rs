@@ -55,10 +55,7 @@ impl FirstGuess {
 /// scatter more than their sigmas. `None` if none passes.
 pub fn judge(guess: &FirstGuess, samples: &[Sample], excess: f64) -> Option<Verdict> {
     let fits = fit_all(guess, samples);
-    let passed: Vec<&LawFit> = fits
-        .iter()
-        .filter(|f| f.chi2 / f.freedom <= excess.powi(2) * (1.0 + 2.0 * (2.0 / f.freedom).sqrt()))
-        .collect();
+    let passed: Vec<&LawFit> = fits.iter().filter(|f| passes(f, excess)).collect();
     let criterion = |f: &LawFit| f.chi2 / excess.powi(2) + 2.0 * f.family.count() as f64;
     let best = passed.iter().min_by(|a, b| criterion(a).total_cmp(&criterion(b)))?;
     let weights: Vec<f64> = passed.iter().map(|f| (0.5 * (criterion(best) - criterion(f))).exp()).collect();
@@ -69,6 +66,10 @@ pub fn judge(guess: &FirstGuess, samples: &[Sample], excess: f64) -> Option<Verd
         mean(&|f| own_variance(f, k) + (f.findings[k] - findings[k]).powi(2)).sqrt()
     });
     Some(Verdict { best: best.family, weight: 1.0 / total, findings, sigmas })
+}
+
+fn passes(f: &LawFit, excess: f64) -> bool {
+    f.chi2 / f.freedom <= excess.powi(2) * (1.0 + 2.0 * (2.0 / f.freedom).sqrt())
 }
 
 /// A law's own variance of one finding, its misfit and its freedom at both ends included.
@@ -93,24 +94,37 @@ fn fit_all(guess: &FirstGuess, samples: &[Sample]) -> Vec<LawFit> {
         Some((fit, units)) => fit_law(Family::Power, &fit.parameters, units, samples).map(|fit| (fit, *units)),
         None => from_guess(Family::Power, 1.3, 1.3, 1.5),
     };
-    let two = [
-        power.as_ref().map(|(fit, units)| (fit.parameters, *units)),
-        spring.as_ref().map(|(fit, units)| {
-            let mut start = fit.parameters;
-            start[5] = 0.1;
-            (start, *units)
-        }),
-    ]
-    .into_iter()
-    .flatten()
-    .filter_map(|(start, units)| fit_law(Family::TwoExponents, &start, &units, samples).map(|fit| (fit, units)))
-    .min_by(|a, b| a.0.chi2.total_cmp(&b.0.chi2));
+    let two = two_exponents(&spring, &power, samples);
     let free = two.as_ref().and_then(|(fit, units)| {
         // The stiffness factor is a polynomial over the stroke, so its unit is the depth reached.
         let (start, units) = rescale(&fit.parameters, units, fit.findings[7]);
         fit_law(Family::Stiffness, &start, &units, samples).map(|fit| (fit, units))
     });
     [spring, hertz, power, two, free].into_iter().flatten().map(|(fit, _)| fit).collect()
+}
+
+/// The law with two free exponents, begun at the better of its two neighbours, and if that does not do, at the other.
+fn two_exponents(
+    spring: &Option<(LawFit, Units)>,
+    power: &Option<(LawFit, Units)>,
+    samples: &[Sample],
+) -> Option<(LawFit, Units)> {
+    let mut starts: Vec<(LawFit, Units)> = spring.iter().chain(power).cloned().collect();
+    starts.sort_by(|a, b| a.0.chi2.total_cmp(&b.0.chi2));
+    let mut best: Option<(LawFit, Units)> = None;
+    for (near, units) in starts {
+        if best.as_ref().is_some_and(|(fit, _)| passes(fit, 1.0)) {
+            break;
+        }
+        let mut start = near.parameters;
+        if near.family == Family::KelvinVoigt {
+            start[5] = 0.1;
+        }
+        let fit = fit_law(Family::TwoExponents, &start, &units, samples);
+        let better = fit.filter(|f| best.as_ref().is_none_or(|(b, _)| f.chi2 < b.chi2));
+        best = better.map(|f| (f, units)).or(best);
+    }
+    best
 }
 
 /// The same law with another unit of depth.

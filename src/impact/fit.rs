@@ -6,9 +6,9 @@ use super::law::{Family, Findings, Parameters, Passage, Units};
 use crate::motion::Sample;
 
 /// Most rounds of one fit.
-const ROUNDS: usize = 60;
-/// Converged: chi2 falls by less.
-const SETTLED: f64 = 1e-4;
+const ROUNDS: usize = 20;
+/// Converged: chi2 falls by less, a law with few parameters and one with many (its parameters replace each other).
+const SETTLED: [f64; 2] = [1e-3, 1e-2];
 /// Expected size of the stiffness factor's coefficients.
 const PRIOR: f64 = 0.3;
 /// Bounds of both exponents.
@@ -178,7 +178,7 @@ impl Problem<'_> {
                     _ => damping *= 10.0,
                 }
             }
-            if fell < SETTLED {
+            if fell < SETTLED[usize::from(self.family.count() > 5)] {
                 break;
             }
             damping = damping.max(1e-9);

@@ -25,7 +25,7 @@ pub const MOST_PARAMETERS: usize = 9;
 pub type Parameters = [f64; MOST_PARAMETERS];
 
 /// Steps of the integration a time unit T is cut into.
-const STEPS: f64 = 160.0;
+const STEPS: f64 = 64.0;
 /// Longest contact, time units.
 const LONGEST: f64 = 6.0;
 
@@ -91,6 +91,7 @@ pub struct Passage {
 /// (px/frame, inwards positive), greatest depth (px), greatest acceleration outwards (px/frame^2).
 pub type Findings = [f64; 9];
 
+/// `p[2]` is A here, not its logarithm.
 fn force(p: &Parameters, units: &Units, depth: f64, speed: f64) -> f64 {
     let y = (depth / units.depth).max(0.0);
     let [_, _, size, damping, n, m, b1, b2, b3] = *p;
@@ -101,17 +102,21 @@ fn force(p: &Parameters, units: &Units, depth: f64, speed: f64) -> f64 {
         (y, 1.0)
     } else {
         let ln = y.max(1e-300).ln();
-        ((n * ln).exp(), (m * ln).exp())
+        let spring = (n * ln).exp();
+        (spring, if (m - n).abs() < 1e-12 { spring } else { (m * ln).exp() })
     };
     let x = 2.0 * y - 1.0;
     let stiffness = 1.0 + b1 * x + b2 * (2.0 * x * x - 1.0) + b3 * (4.0 * x * x - 3.0) * x;
-    size.exp() * (spring * stiffness + damping * dash * speed / units.speed)
+    size * (spring * stiffness + damping * dash * speed / units.speed)
 }
 
 impl Passage {
     /// Integrates y'' = gravity - F/m from the first touch until the force is back to zero (Runge-Kutta of order 4,
-    /// 160 steps a `units.depth / units.speed * pi / 2`). `None` where it does not come back.
+    /// 64 steps a `units.depth / units.speed * pi / 2`). `None` where it does not come back.
     pub fn new(p: &Parameters, units: &Units) -> Option<Self> {
+        let mut p = *p;
+        p[2] = p[2].exp();
+        let p = &p;
         let step = std::f64::consts::FRAC_PI_2 * units.depth / units.speed / STEPS;
         let mut state = State { time: 0.0, depth: 0.0, speed: p[1], force: force(p, units, 0.0, p[1]) };
         let mut states = vec![state];
@@ -210,14 +215,32 @@ fn advance(p: &Parameters, units: &Units, s: State, h: f64) -> State {
     State { time: s.time + h, depth, speed, force: force(p, units, depth, speed) }
 }
 
-/// The moment within one step at which the force, or the depth, reaches zero.
+/// The moment within one step at which the force, or the depth, reaches zero (Illinois false position).
 fn last_moment(p: &Parameters, units: &Units, from: State, step: f64) -> State {
-    let (mut low, mut high) = (0.0, step);
-    for _ in 0..40 {
-        let middle = 0.5 * (low + high);
-        if is_over(&advance(p, units, from, middle)) { high = middle } else { low = middle }
+    let whole = advance(p, units, from, step);
+    let left = |s: &State| if whole.force <= 0.0 { s.force } else { s.depth };
+    let (mut low, mut high) = ((0.0, left(&from)), (step, left(&whole)));
+    let mut best = whole;
+    for _ in 0..30 {
+        let share = low.1 / (low.1 - high.1);
+        if !share.is_finite() || high.0 - low.0 < 1e-12 * step {
+            break;
+        }
+        let at = low.0 + share * (high.0 - low.0);
+        best = advance(p, units, from, at);
+        let value = left(&best);
+        if value.abs() < 1e-13 * left(&from) {
+            break;
+        }
+        if value > 0.0 {
+            low = (at, value);
+            high.1 *= 0.5;
+        } else {
+            high = (at, value);
+            low.1 *= 0.5;
+        }
     }
-    advance(p, units, from, high)
+    best
 }
 
 #[cfg(test)]

@@ -3,8 +3,8 @@
 use super::departure::residual;
 use crate::motion::{Polynomial, Sample};
 
-/// Exponent of the hinge; contact laws leave the parabola like t^2 to t^3.5.
-const EXPONENT: f64 = 2.5;
+/// Exponents of the hinge: contact laws leave the parabola like t^2 (a dashpot) to t^3.5 (Hunt-Crossley).
+const EXPONENTS: [f64; 2] = [2.0, 3.0];
 /// Finest step of the search, frames.
 const STEP_FRAMES: f64 = 0.25;
 /// How far before the first sample off the curve the search goes, frames.
@@ -13,10 +13,15 @@ const BACK_FRAMES: f64 = 15.0;
 /// A gradual beginning against a jump.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Onset {
-    /// Best beginning of a hinge a (t - t0)^2.5, frames.
+    /// Best beginning of a hinge a (t - t0)^p, p = 2 or 3, frames.
     pub start_frames: f64,
     /// Whether the hinge fits better than a jump in position, as one wrong step makes it.
     pub gradual: bool,
+}
+
+/// The same samples with time running backwards, so that an end becomes an onset.
+pub fn mirrored(samples: &[Sample]) -> Vec<Sample> {
+    samples.iter().rev().map(|s| Sample { time_frames: -s.time_frames, ..*s }).collect()
 }
 
 /// Fits a hinge and a jump to the samples' distances from `curve`; `departed_frames` is the first sample off it.
@@ -41,9 +46,11 @@ pub fn onset(curve: &Polynomial, since: &[Sample], departed_frames: f64) -> Opti
     let mut best = (f64::INFINITY, departed_frames);
     let mut t0 = departed_frames - BACK_FRAMES;
     while t0 < last {
-        let cost = chi2(&|t| (t - t0).max(0.0).powf(EXPONENT));
-        if cost < best.0 {
-            best = (cost, t0);
+        for p in EXPONENTS {
+            let cost = chi2(&|t| (t - t0).max(0.0).powf(p));
+            if cost < best.0 {
+                best = (cost, t0);
+            }
         }
         t0 += STEP_FRAMES;
     }

@@ -20,6 +20,8 @@ struct Telling {
     number: u32,
     revision: u32,
     told_to_frames: f64,
+    /// How many of [`REVISIONS_FRAMES`] are reached.
+    stage: usize,
 }
 
 /// Everything known of one body.
@@ -121,6 +123,7 @@ impl BodyTracker {
                     number: self.collisions,
                     revision: 0,
                     told_to_frames: f64::NEG_INFINITY,
+                    stage: 0,
                 });
                 self.collisions += 1;
                 self.tell_again(time_frames, impacts);
@@ -132,12 +135,18 @@ impl BodyTracker {
 
     /// Tells the last collision again when enough more is known of the flight after it.
     fn revise(&mut self, time_frames: f64, impacts: &mut Vec<Impact>) {
-        let Some(telling) = &self.telling else { return };
+        let Some(telling) = &mut self.telling else { return };
+        // The detector judges the end anew while the flight after it grows.
+        if let Some(contact) = self.detector.as_ref().and_then(|d| d.contact()) {
+            telling.contact = *contact;
+        }
         let Some(end) = telling.contact.end_frames else { return };
-        let (known, told) = (time_frames - end, telling.told_to_frames - end);
-        let due = REVISIONS_FRAMES.iter().any(|after| known >= *after && told < *after);
+        let known = time_frames - end;
+        let stage = REVISIONS_FRAMES.iter().filter(|after| known >= **after).count();
         let late = known * self.params.frame_period_ns * 1e-9 >= FINAL_AFTER_S;
-        let last = known >= REVISIONS_FRAMES[1] || (known >= REVISIONS_FRAMES[0] && late);
+        let last = stage == REVISIONS_FRAMES.len() || (stage > 0 && late);
+        let due = stage > telling.stage;
+        telling.stage = stage;
         if due || last {
             self.tell_again(time_frames, impacts);
         }

@@ -80,7 +80,7 @@ fn true_stamps_count_not_frame_numbers() {
     let poses: Vec<_> = times.iter().map(|t| [0.3 * t, 0.1 * t, 0.02 * t]).collect();
     let mut steps = steps(&poses, 1, 1e5, (0.0, 0.0, 50.0), &mut noise);
     for (step, t) in steps.iter_mut().zip(&times) {
-        step.stamp_ns = 1_000_000_000 + (t * 1e5).round() as u64;
+        step.stamp_ns = 1_000_000_000 + ((t + 1.0) * 1e5).round() as u64;
         if let Some(s) = &mut step.step {
             (s.sigma_dx_px, s.sigma_dy_px, s.sigma_dtheta_deg) = (0.0015, 0.0015, 0.002);
         }
