@@ -15,3 +15,7 @@ mod recording;
 mod slots;
 mod synth;
 mod tidy;
+
+mod bounce;
+mod impact;
+mod motion;
