@@ -210,14 +210,16 @@ impl Coarse {
         let scale = (1 << band.level) as f32;
         let (low, high) = ((band.low / scale).floor(), (band.high / scale).ceil());
         let steps = (high - low) as usize + 1;
+        // 16 bits after the point: stepping in whole numbers is cheaper than rounding every vote.
+        const ONE: f32 = 65536.0;
         for edge in &self.edges {
-            for (votes, sign) in [(&mut self.lighter, 1.0), (&mut self.darker, -1.0)] {
-                let (dx, dy) = (sign * edge.ux, sign * edge.uy);
-                // Half a pixel more, so that cutting off the fraction rounds.
-                let (mut x, mut y) = (edge.x + 0.5 + low * dx, edge.y + 0.5 + low * dy);
+            for (votes, sign) in [(&mut self.lighter, ONE), (&mut self.darker, -ONE)] {
+                let (dx, dy) = ((sign * edge.ux) as i32, (sign * edge.uy) as i32);
+                let start = |v: f32| ((v + 0.5) * ONE) as i32;
+                let (mut x, mut y) = (start(edge.x) + low as i32 * dx, start(edge.y) + low as i32 * dy);
                 for _ in 0..steps {
-                    // A coordinate below zero is cut off to 0; the first row and column cost nothing to lose.
-                    let (column, row) = (x as usize, y as usize);
+                    // Negative coordinates become huge ones.
+                    let (column, row) = ((x >> 16) as usize, (y >> 16) as usize);
                     if column < width && row < height {
                         votes[row * width + column] += 1.0;
                     }

@@ -106,26 +106,23 @@ fn time_of_a_frame() {
         for _ in 0..20 {
             finder.find(image);
         }
-        let start = clock();
+        let Some(start) = clock() else { return };
         for _ in 0..100 {
             finder.find(image);
         }
-        println!("find {low}..{high}: {:.3} ms", (clock() - start) * 10.0);
-        let start = clock();
+        println!("find {low}..{high}: {:.3} ms", (clock().unwrap() - start) * 10.0);
+        let Some(start) = clock() else { return };
         for _ in 0..300 {
             finder.follow(image, &circle);
         }
-        println!("follow {low}..{high}: {:.3} ms", (clock() - start) / 0.3);
+        println!("follow {low}..{high}: {:.3} ms", (clock().unwrap() - start) / 0.3);
     }
 }
 
-/// Seconds since the process began.
-#[expect(clippy::disallowed_methods, reason = "times the finder")]
-fn clock() -> f64 {
-    use std::sync::OnceLock;
-    use std::time::Instant;
-    static BEGIN: OnceLock<Instant> = OnceLock::new();
-    BEGIN.get_or_init(Instant::now).elapsed().as_secs_f64()
+/// Seconds this thread has computed, whatever else the machine does; `None` where the system does not tell.
+fn clock() -> Option<f64> {
+    let text = std::fs::read_to_string("/proc/thread-self/schedstat").ok()?;
+    Some(text.split_whitespace().next()?.parse::<f64>().ok()? * 1e-9)
 }
 
 #[test]
