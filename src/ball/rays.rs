@@ -9,8 +9,6 @@ use nalgebra::{Matrix3, Vector3};
 use super::Polarity;
 use crate::image::ImageView;
 
-/// Most rays a circle is looked at along.
-const MOST_RAYS: usize = 120;
 /// Fewest rays, for the smallest balls.
 const LEAST_RAYS: usize = 40;
 /// Rim between two rays, px.
@@ -42,6 +40,8 @@ pub(super) struct Look {
     pub tolerance_px: f32,
     /// Circles tried for either sign.
     pub draws: usize,
+    /// Most rays.
+    pub rays: usize,
 }
 
 /// Scratch of the search.
@@ -71,7 +71,7 @@ impl Rays {
     /// The best circle of either sign around (`x`, `y`, `radius`).
     pub fn look(&mut self, image: ImageView<'_>, near: (f32, f32, f32), look: Look) -> Option<Guess> {
         let best = [Polarity::Brighter, Polarity::Darker];
-        self.unwrap(image, near, look.reach_px);
+        self.unwrap(image, near, look);
         best.into_iter()
             .filter_map(|polarity| self.circle(near, polarity, look))
             .reduce(|a, b| if b.support > a.support { b } else { a })
@@ -80,16 +80,16 @@ impl Rays {
     /// The best circle of the guess's sign around it.
     pub fn look_again(&mut self, image: ImageView<'_>, guess: &Guess, look: Look) -> Option<Guess> {
         let near = (guess.x, guess.y, guess.radius);
-        self.unwrap(image, near, look.reach_px);
+        self.unwrap(image, near, look);
         self.circle(near, guess.polarity, look)
     }
 
     /// Finds the strongest steps along rays through the rim.
-    fn unwrap(&mut self, image: ImageView<'_>, (x, y, radius): (f32, f32, f32), reach: f32) {
-        let rays = ((std::f32::consts::TAU * radius / RAY_STEP_PX) as usize).clamp(LEAST_RAYS, MOST_RAYS);
+    fn unwrap(&mut self, image: ImageView<'_>, (x, y, radius): (f32, f32, f32), look: Look) {
+        let rays = ((std::f32::consts::TAU * radius / RAY_STEP_PX) as usize).clamp(LEAST_RAYS, look.rays);
         self.plan(rays);
         self.inside = 0;
-        let reach = reach.min(radius - 2.0).max(1.0);
+        let reach = look.reach_px.min(radius - 2.0).max(1.0);
         let (low, samples) = (radius - reach - 1.0, (2.0 * reach + 3.0) as usize);
         for ray in 0..rays {
             let (cos, sin) = (self.cos[ray], self.sin[ray]);
