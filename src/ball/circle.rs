@@ -14,15 +14,14 @@ const RIM_ROUGHNESS_PX: f64 = 0.03;
 /// Neighbouring bins whose residuals are taken to be alike.
 const ALIKE_BINS: usize = 8;
 
-/// A correction of the outline with its covariance.
+/// A correction of the outline, px.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Correction {
     pub dx: f64,
     pub dy: f64,
     pub dr: f64,
-    pub covariance: Matrix3<f64>,
-    /// Robust standard deviation of the residuals, px.
-    pub scatter_px: f64,
+    /// Normal matrix of the fit, 1 / px^2.
+    pub normal: Matrix3<f64>,
 }
 
 /// Scratch of the fit.
@@ -61,10 +60,7 @@ impl CircleFit {
             answer = normal.cholesky()?.solve(&right);
         }
         self.residuals(rim, edges, answer);
-        let bread = normal.try_inverse()?;
-        let covariance = bread * self.correlated(rim) * bread;
-        let scatter_px = self.scatter()?;
-        Some(Correction { dx: answer[0], dy: answer[1], dr: answer[2], covariance, scatter_px })
+        Some(Correction { dx: answer[0], dy: answer[1], dr: answer[2], normal })
     }
 
     /// How many trusted edges lie within `limit_px` of the circle fitted last.
@@ -108,8 +104,14 @@ impl CircleFit {
         (self.sorted.len() >= 6).then(|| (1.4826 * median(&mut self.sorted)).max(1e-6))
     }
 
-    /// Robust standard deviation of the residuals, px.
-    fn scatter(&mut self) -> Option<f64> {
+    /// Covariance of the correction fitted last, px^2.
+    pub fn covariance(&self, rim: &Rim, fitted: &Correction) -> Option<Matrix3<f64>> {
+        let bread = fitted.normal.try_inverse()?;
+        Some(bread * self.correlated(rim) * bread)
+    }
+
+    /// Robust standard deviation of the residuals of the circle fitted last, px.
+    pub fn scatter_px(&mut self) -> Option<f64> {
         self.sorted.clear();
         let pairs = self.residual.iter().zip(&self.weight).filter(|(_, w)| **w > 0.0);
         self.sorted.extend(pairs.map(|(e, _)| e.abs()));

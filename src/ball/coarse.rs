@@ -13,6 +13,8 @@ pub(super) struct Place {
     pub radius: f32,
     /// How far the radius may be off, px.
     pub spread: f32,
+    /// How much of one sign the radial gradient is around it; tells the ball from most other places.
+    pub score: f32,
 }
 
 /// Which small marks are painted out before the second look.
@@ -23,9 +25,9 @@ pub(super) enum Marks {
 }
 
 /// Least radius in the reduced picture, px: below it the rim is too short to stand out.
-const LEAST_REDUCED_RADIUS: f32 = 10.0;
+const LEAST_REDUCED_RADIUS: f32 = 7.5;
 /// Largest ratio of the radii that share one accumulator.
-const BAND_RATIO: f32 = 1.7;
+const BAND_RATIO: f32 = 1.8;
 /// A radius range narrower than this on either side is handed on whole, px.
 const NARROW_PX: f32 = 7.0;
 /// Share of the searched pixels whose gradient votes.
@@ -72,6 +74,8 @@ pub(super) struct Coarse {
     box_rows: Vec<f32>,
     peaks: Vec<(f32, f32, f32)>,
     score: Vec<f32>,
+    sums: Vec<f32>,
+    spokes: Vec<(f32, f32)>,
 }
 
 impl Coarse {
@@ -97,7 +101,14 @@ impl Coarse {
             box_rows: Vec::new(),
             peaks: Vec::new(),
             score: Vec::new(),
+            sums: Vec::new(),
+            spokes: (0..SPOKES).map(|i| (i as f32 * std::f32::consts::TAU / SPOKES as f32).sin_cos()).collect(),
         }
+    }
+
+    /// Ranges of radii searched one after the other.
+    pub fn bands(&self) -> usize {
+        self.bands.len()
     }
 
     /// Reduces the picture; the first step of every search.
@@ -210,14 +221,16 @@ impl Coarse {
         let scale = (1 << band.level) as f32;
         let (low, high) = ((band.low / scale).floor(), (band.high / scale).ceil());
         let steps = (high - low) as usize + 1;
+        // 16 bits after the point: stepping in whole numbers is cheaper than rounding every vote.
+        const ONE: f32 = 65536.0;
         for edge in &self.edges {
-            for (votes, sign) in [(&mut self.lighter, 1.0), (&mut self.darker, -1.0)] {
-                let (dx, dy) = (sign * edge.ux, sign * edge.uy);
-                // Half a pixel more, so that cutting off the fraction rounds.
-                let (mut x, mut y) = (edge.x + 0.5 + low * dx, edge.y + 0.5 + low * dy);
+            for (votes, sign) in [(&mut self.lighter, ONE), (&mut self.darker, -ONE)] {
+                let (dx, dy) = ((sign * edge.ux) as i32, (sign * edge.uy) as i32);
+                let start = |v: f32| ((v + 0.5) * ONE) as i32;
+                let (mut x, mut y) = (start(edge.x) + low as i32 * dx, start(edge.y) + low as i32 * dy);
                 for _ in 0..steps {
-                    // A coordinate below zero is cut off to 0; the first row and column cost nothing to lose.
-                    let (column, row) = (x as usize, y as usize);
+                    // Negative coordinates become huge ones.
+                    let (column, row) = ((x >> 16) as usize, (y >> 16) as usize);
                     if column < width && row < height {
                         votes[row * width + column] += 1.0;
                     }
@@ -234,45 +247,48 @@ impl Coarse {
         let full = |v: f32, origin: usize| origin as f32 + (v + 0.5) * scale - 0.5;
         let (full_x, full_y) = (full(x, self.roi[0]), full(y, self.roi[1]));
         let half = 0.5 * (band.high - band.low);
-        if half <= NARROW_PX {
-            let radius = 0.5 * (band.low + band.high);
-            add(places, Place { x: full_x, y: full_y, radius, spread: half });
-            return;
-        }
         let (low, high) = ((band.low / scale).floor() as usize, (band.high / scale).ceil() as usize);
         self.radial_score(x, y, low, high);
         for _ in 0..2 {
-            let Some((best, &value)) = self.score.iter().enumerate().max_by(|a, b| a.1.total_cmp(b.1)) else { return };
-            if value <= 0.0 {
+            let Some((best, &score)) = self.score.iter().enumerate().max_by(|a, b| a.1.total_cmp(b.1)) else { return };
+            if score <= 0.0 {
+                return;
+            }
+            if half <= NARROW_PX {
+                add(places, Place { x: full_x, y: full_y, radius: 0.5 * (band.low + band.high), spread: half, score });
                 return;
             }
             let radius = ((low + best) as f32 * scale).clamp(band.low, band.high);
-            add(places, Place { x: full_x, y: full_y, radius, spread: 2.0 * scale });
+            add(places, Place { x: full_x, y: full_y, radius, spread: 2.0 * scale, score });
             let clear = best.saturating_sub(2)..(best + 3).min(self.score.len());
             self.score[clear].fill(0.0);
         }
     }
 
-    /// How much of one sign the radial gradient is at every distance from (`x`, `y`), directions averaged.
+    /// How much of one sign the radial gradient is at every distance from (`x`, `y`), mean over the directions.
     fn radial_score(&mut self, x: f32, y: f32, low: usize, high: usize) {
-        let (width, height) = (self.smooth.width, self.smooth.height);
-        let mut sums = vec![0.0_f32; high - low + 3];
-        for spoke in 0..SPOKES {
-            let (sin, cos) = (spoke as f32 * std::f32::consts::TAU / SPOKES as f32).sin_cos();
-            for (k, sum) in sums.iter_mut().enumerate() {
-                let r = (low + k) as f32 - 1.0;
-                let (px, py) = (x + 0.5 + r * cos, y + 0.5 + r * sin);
-                if px < 0.0 || py < 0.0 || px as usize >= width || py as usize >= height {
-                    continue;
+        let (width, height) = (self.smooth.width as i32, self.smooth.height as i32);
+        self.sums.clear();
+        self.sums.resize(high - low + 3, 0.0);
+        let first = low as f32 - 1.0;
+        for &(cos, sin) in &self.spokes {
+            let (mut px, mut py) = (x + 0.5 + first * cos, y + 0.5 + first * sin);
+            for sum in &mut self.sums {
+                // Cutting off towards zero lets the row and the column before the first one in; they repeat it.
+                let (column, row) = (px as i32, py as i32);
+                if (0..width).contains(&column) && (0..height).contains(&row) {
+                    let i = (row * width + column) as usize;
+                    let along = self.gx[i] * cos + self.gy[i] * sin;
+                    // The direction counts, not the strength: one bright fleck must not outweigh the rim.
+                    *sum += along / (self.size[i] + 1e-3);
                 }
-                let i = py as usize * width + px as usize;
-                let along = self.gx[i] * cos + self.gy[i] * sin;
-                // The direction counts, not the strength: one bright fleck must not outweigh the rim.
-                *sum += along / (self.size[i] + 1e-3 + 0.25 * along.abs());
+                px += cos;
+                py += sin;
             }
         }
         self.score.clear();
-        self.score.extend(sums.windows(3).map(|w| (w[0] + w[1] + w[2]).abs()));
+        let share = 1.0 / SPOKES as f32;
+        self.score.extend(self.sums.windows(3).map(|w| (w[0] + w[1] + w[2]).abs() * share));
     }
 }
 
@@ -292,10 +308,12 @@ fn bands(low: f32, high: f32) -> Vec<Band> {
 fn add(places: &mut Vec<Place>, place: Place) {
     let near = |other: &Place| {
         let (dx, dy, dr) = (other.x - place.x, other.y - place.y, other.radius - place.radius);
-        dx * dx + dy * dy < 9.0 && dr.abs() < 4.0
+        dx * dx + dy * dy < 12.0 && dr.abs() < 4.0
     };
-    if !places.iter().any(near) {
-        places.push(place);
+    match places.iter_mut().find(|p| near(p)) {
+        Some(known) if known.score < place.score => *known = place,
+        Some(_) => {}
+        None => places.push(place),
     }
 }
 

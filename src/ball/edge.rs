@@ -3,8 +3,6 @@
 use super::normal::normal;
 use super::rim::{BAND_PX, LANES, Lane, Rim};
 
-/// Gauss-Newton steps on the edge's place.
-const STEPS: usize = 4;
 /// Fewest pixels a bin is fitted with.
 const LEAST_PIXELS: u32 = 8;
 
@@ -51,51 +49,63 @@ struct Sums {
     gv: Lane,
 }
 
-/// Fits every bin of `rim`; `light` is how much brighter the inside gets per px towards the centre, grey levels.
-pub(super) fn fit_edges(rim: &Rim, blur: f32, light: &[f32], edges: &mut Vec<Edge>) {
-    edges.clear();
-    let blocks = rim.bins().div_ceil(LANES);
-    for block in 0..blocks {
-        let mut slope = [0.0_f32; LANES];
-        for (lane, value) in slope.iter_mut().zip(light.iter().skip(block * LANES)) {
-            *lane = *value;
+/// How the edges are looked for.
+#[derive(Clone, Copy)]
+pub(super) struct Search<'a> {
+    /// Blur of the picture, px.
+    pub blur: f32,
+    /// How much brighter the inside gets per px towards the centre, grey levels, per bin.
+    pub light: &'a [f32],
+    /// Gauss-Newton steps on the edge's place.
+    pub steps: usize,
+}
+
+/// Fits every bin of `rim`, each from the shift in `edges` when there is one for every bin.
+pub(super) fn fit_edges(rim: &Rim, search: Search<'_>, edges: &mut Vec<Edge>) {
+    if edges.len() != rim.bins() {
+        edges.clear();
+        edges.resize(rim.bins(), Edge::default());
+    }
+    for block in 0..rim.bins().div_ceil(LANES) {
+        let bins = block * LANES..((block + 1) * LANES).min(rim.bins());
+        let (mut slope, mut shift) = ([0.0_f32; LANES], [0.0_f32; LANES]);
+        for (lane, bin) in bins.clone().enumerate() {
+            (slope[lane], shift[lane]) = (search.light[bin], edges[bin].shift);
         }
-        let (fitted, level) = fit_block(rim, block, blur, slope);
-        for (lane, mut edge) in fitted.into_iter().enumerate() {
-            let bin = block * LANES + lane;
-            if bin >= rim.bins() {
-                break;
-            }
+        let (distance, grey, weight) = rim.block(block);
+        let level = mean(grey);
+        let model = Model { shift, blur: search.blur, slope, level };
+        let fitted = fit_block(distance, grey, weight, model, search.steps);
+        for (mut edge, bin) in fitted.into_iter().zip(bins) {
             if rim.count(bin) < LEAST_PIXELS || !edge.shift.is_finite() || !edge.rms.is_finite() {
                 edge = Edge::default();
             }
             edge.inside += level;
-            edges.push(edge);
+            edges[bin] = edge;
         }
     }
 }
 
-/// The steps of one block, and the grey level they are relative to.
-fn fit_block(rim: &Rim, block: usize, blur: f32, slope: Lane) -> ([Edge; LANES], f32) {
-    let (distance, grey, weight) = rim.block(block);
-    let level = mean(grey, weight);
+/// The steps of one block, from the shifts in `model`.
+fn fit_block(distance: &[Lane], grey: &[Lane], weight: &[Lane], mut model: Model, steps: usize) -> [Edge; LANES] {
     let limit = BAND_PX as f32 - 0.5;
-    let mut shift = [0.0_f32; LANES];
-    for _ in 0..STEPS {
-        let s = place_sums(distance, grey, weight, Model { shift, blur, slope, level });
+    for _ in 0..steps {
+        let s = place_sums(distance, grey, weight, model);
         for i in 0..LANES {
             let c = Centred::new(&s, i);
-            let step = (blur * c.pull() / (c.contrast() * c.stiffness())).clamp(-0.7, 0.7);
+            let step = (model.blur * c.pull() / (c.contrast() * c.stiffness())).clamp(-0.7, 0.7);
             // A bin without an edge has no step; NaN fails the comparison.
-            shift[i] = if step.abs() <= 0.7 { (shift[i] + step).clamp(-limit, limit) } else { shift[i] };
+            if step.abs() <= 0.7 {
+                model.shift[i] = (model.shift[i] + step).clamp(-limit, limit);
+            }
         }
     }
-    let s = all_sums(distance, grey, weight, Model { shift, blur, slope, level });
+    let s = all_sums(distance, grey, weight, model);
     let mut edges = [Edge::default(); LANES];
     for (i, edge) in edges.iter_mut().enumerate() {
-        *edge = Centred::new(&s, i).edge(&s, i, shift[i], blur);
+        *edge = Centred::new(&s, i).edge(&s, i, model.shift[i], model.blur);
     }
-    (edges, level)
+    edges
 }
 
 /// What the pixels of a block are compared with.
@@ -107,10 +117,10 @@ struct Model {
     level: f32,
 }
 
-fn mean(grey: &[Lane], weight: &[Lane]) -> f32 {
-    let total: f32 = grey.iter().flatten().sum();
-    let count: f32 = weight.iter().flatten().sum();
-    total / count.max(1.0)
+/// A grey level near those of the block: the sums keep their digits when it is taken out.
+fn mean(grey: &[Lane]) -> f32 {
+    let filled = grey.first().map_or(0.0, |first| first.iter().sum());
+    filled / LANES as f32
 }
 
 /// The sums that place the edge.

@@ -9,8 +9,6 @@ use nalgebra::{Matrix3, Vector3};
 use super::Polarity;
 use crate::image::ImageView;
 
-/// Most rays a circle is looked at along.
-const MOST_RAYS: usize = 120;
 /// Fewest rays, for the smallest balls.
 const LEAST_RAYS: usize = 40;
 /// Rim between two rays, px.
@@ -42,6 +40,8 @@ pub(super) struct Look {
     pub tolerance_px: f32,
     /// Circles tried for either sign.
     pub draws: usize,
+    /// Most rays.
+    pub rays: usize,
 }
 
 /// Scratch of the search.
@@ -71,7 +71,7 @@ impl Rays {
     /// The best circle of either sign around (`x`, `y`, `radius`).
     pub fn look(&mut self, image: ImageView<'_>, near: (f32, f32, f32), look: Look) -> Option<Guess> {
         let best = [Polarity::Brighter, Polarity::Darker];
-        self.unwrap(image, near, look.reach_px);
+        self.unwrap(image, near, look);
         best.into_iter()
             .filter_map(|polarity| self.circle(near, polarity, look))
             .reduce(|a, b| if b.support > a.support { b } else { a })
@@ -80,16 +80,16 @@ impl Rays {
     /// The best circle of the guess's sign around it.
     pub fn look_again(&mut self, image: ImageView<'_>, guess: &Guess, look: Look) -> Option<Guess> {
         let near = (guess.x, guess.y, guess.radius);
-        self.unwrap(image, near, look.reach_px);
+        self.unwrap(image, near, look);
         self.circle(near, guess.polarity, look)
     }
 
     /// Finds the strongest steps along rays through the rim.
-    fn unwrap(&mut self, image: ImageView<'_>, (x, y, radius): (f32, f32, f32), reach: f32) {
-        let rays = ((std::f32::consts::TAU * radius / RAY_STEP_PX) as usize).clamp(LEAST_RAYS, MOST_RAYS);
+    fn unwrap(&mut self, image: ImageView<'_>, (x, y, radius): (f32, f32, f32), look: Look) {
+        let rays = ((std::f32::consts::TAU * radius / RAY_STEP_PX) as usize).clamp(LEAST_RAYS, look.rays);
         self.plan(rays);
         self.inside = 0;
-        let reach = reach.min(radius - 2.0).max(1.0);
+        let reach = look.reach_px.min(radius - 2.0).max(1.0);
         let (low, samples) = (radius - reach - 1.0, (2.0 * reach + 3.0) as usize);
         for ray in 0..rays {
             let (cos, sin) = (self.cos[ray], self.sin[ray]);
@@ -99,10 +99,7 @@ impl Rays {
             }
             self.inside += 1;
             self.profile.clear();
-            self.profile.extend((0..samples).map(|k| {
-                let r = low + k as f32;
-                bilinear(image, x + r * cos, y + r * sin)
-            }));
+            sample_line(image, (x + low * cos, y + low * sin), (cos, sin), samples, &mut self.profile);
             self.pick_steps(ray, low);
         }
     }
@@ -280,12 +277,22 @@ fn within(image: ImageView<'_>, x: f32, y: f32) -> bool {
     x >= 0.0 && y >= 0.0 && x < (image.width() - 1) as f32 && y < (image.height() - 1) as f32
 }
 
-/// Bilinear grey level; the point must be [`within`] the image.
-fn bilinear(image: ImageView<'_>, x: f32, y: f32) -> f32 {
-    let (column, row) = (x as usize, y as usize);
-    let (fx, fy) = (x - column as f32, y - row as f32);
-    let i = row * image.width() + column;
-    let (upper, lower) = (&image.data()[i..i + 2], &image.data()[i + image.width()..i + image.width() + 2]);
-    let (a, b) = (upper[0] + fx * (upper[1] - upper[0]), lower[0] + fx * (lower[1] - lower[0]));
-    a + fy * (b - a)
+/// Bilinear grey levels at `count` points from `from` on, `step` apart, all [`within`] the image.
+fn sample_line(image: ImageView<'_>, from: (f32, f32), step: (f32, f32), count: usize, out: &mut Vec<f32>) {
+    // 16 bits after the point: stepping in whole numbers is cheaper than rounding every coordinate.
+    const ONE: f32 = 65536.0;
+    let (mut x, mut y) = ((from.0 * ONE) as i32, (from.1 * ONE) as i32);
+    let (dx, dy) = ((step.0 * ONE) as i32, (step.1 * ONE) as i32);
+    let (data, width) = (image.data(), image.width());
+    for _ in 0..count {
+        let (fx, fy) = ((x & 0xffff) as f32 * (1.0 / ONE), (y & 0xffff) as f32 * (1.0 / ONE));
+        let i = (y >> 16) as usize * width + (x >> 16) as usize;
+        // The last point may be rounded onto the border, a whole pixel outside of which there is none.
+        let Some(&[a, b]) = data.get(i..i + 2) else { return };
+        let Some(&[c, d]) = data.get(i + width..i + width + 2) else { return };
+        let (upper, lower) = (a + fx * (b - a), c + fx * (d - c));
+        out.push(upper + fy * (lower - upper));
+        x += dx;
+        y += dy;
+    }
 }

@@ -1,11 +1,11 @@
 //! From a circle good to a pixel to one good to a few hundredths.
 
 use super::circle::{CircleFit, Correction};
-use super::edge::{Edge, fit_edges};
+use super::edge::{Edge, Search, fit_edges};
 use super::gates::Gates;
 use super::light::side_light;
 use super::rays::Guess;
-use super::rim::{Outline, Rim};
+use super::rim::{Outline, Rim, SLACK_PX};
 use super::visible::{Sight, share_in_image, unhidden_share};
 use crate::image::ImageView;
 use crate::results::Circle;
@@ -44,6 +44,10 @@ pub(super) struct Measured {
     pub agreeing: f64,
 }
 
+fn distance(a: &Outline, b: &Outline) -> f64 {
+    (a.x - b.x).hypot(a.y - b.y).max((a.radius - b.radius).abs())
+}
+
 /// Scratch of the refinement.
 #[derive(Debug, Default)]
 pub(super) struct Refine {
@@ -61,32 +65,60 @@ impl Refine {
         let start = Outline { x: guess.x.into(), y: guess.y.into(), radius: guess.radius.into() };
         let mut outline = start;
         let mut blur = USUAL_BLUR_PX;
+        let mut gathered = start;
+        self.edges.clear();
         self.slope.clear();
+        self.restart(image, &start);
         let mut last = None;
         for round in 0..ROUNDS {
-            self.rim.gather(image, &outline);
-            if self.slope.len() != self.rim.bins() {
-                self.slope.clear();
-                self.slope.resize(self.rim.bins(), 0.0);
+            // The second gathering makes the bins independent of where the search came from.
+            if round == 2 || distance(&outline, &gathered) > SLACK_PX {
+                self.restart(image, &outline);
+                gathered = outline;
+            } else if round > 0 {
+                self.rim.measure(&outline);
             }
-            fit_edges(&self.rim, blur, &self.slope, &mut self.edges);
+            let steps = if round == 0 { 4 } else { 2 };
+            fit_edges(&self.rim, Search { blur, light: &self.slope, steps }, &mut self.edges);
             let noise = self.gates.choose(&self.edges, guess.polarity);
             let fitted = self.fit.fit(&self.rim, &self.edges, &self.gates.used, noise)?;
             outline =
                 Outline { x: outline.x + fitted.dx, y: outline.y + fitted.dy, radius: outline.radius + fitted.dr };
-            let moved = (outline.x - start.x).hypot(outline.y - start.y).max((outline.radius - start.radius).abs());
-            if !moved.is_finite() || moved > FARTHEST_PX {
+            // NaN fails the comparison.
+            let near = distance(&outline, &start) <= FARTHEST_PX;
+            if !near {
                 return None;
             }
             last = Some(fitted);
-            let step = fitted.dx.hypot(fitted.dy).max(fitted.dr.abs());
-            if round >= 2 && step < STILL_PX {
+            if round >= 3 && fitted.dx.hypot(fitted.dy).max(fitted.dr.abs()) < STILL_PX {
                 break;
             }
+            self.move_edges(&fitted);
             blur = self.better_blur(blur);
             side_light(&self.rim, &self.edges, &self.gates.used, outline.radius, &mut self.slope);
         }
         self.judge(image, outline, last?)
+    }
+
+    /// Gathers the pixels around `outline`; edges and light are kept when the bins stay the same.
+    fn restart(&mut self, image: ImageView<'_>, outline: &Outline) {
+        let bins = self.rim.bins();
+        self.rim.gather(image, outline);
+        if bins != self.rim.bins() || self.slope.len() != self.rim.bins() {
+            self.edges.clear();
+            self.slope.clear();
+            self.slope.resize(self.rim.bins(), 0.0);
+        }
+    }
+
+    /// Edges are told from the outline, so they move against it.
+    fn move_edges(&mut self, fitted: &Correction) {
+        for (bin, edge) in self.edges.iter_mut().enumerate() {
+            let (cos, sin) = self.rim.direction(bin);
+            let moved = edge.shift - (fitted.dx * cos + fitted.dy * sin + fitted.dr) as f32;
+            // An edge this far out is another one; look again from the outline.
+            edge.shift = if moved.abs() < 1.5 { moved } else { 0.0 };
+        }
     }
 
     /// One step towards the blur that explains all used bins best.
@@ -114,10 +146,10 @@ impl Refine {
         let inside = (0..self.rim.bins()).filter(|&bin| self.rim.count(bin) > 0).count().max(1) as f64;
         let share = agreeing as f64 / inside;
         let enough = agreeing >= FEWEST_AGREEING && share > LEAST_AGREEING;
-        if !enough || agreeing as f64 <= LEAST_AGREEING_OF_USED * used || fitted.scatter_px > MOST_SCATTER_PX {
+        if !enough || agreeing as f64 <= LEAST_AGREEING_OF_USED * used || self.fit.scatter_px()? > MOST_SCATTER_PX {
             return None;
         }
-        let c = &fitted.covariance;
+        let c = self.fit.covariance(&self.rim, &fitted)?;
         let sigma = |variance: f64| (SIGMA_FACTOR.powi(2) * variance + SIGMA_FLOOR_PX.powi(2)).sqrt();
         let sigma_center_px = sigma(0.5 * (c[(0, 0)] + c[(1, 1)]));
         let sigma_radius_px = sigma(c[(2, 2)]);

@@ -11,8 +11,11 @@ pub(super) const BIN_PX: f64 = 2.5;
 /// Half width of the band of pixels around the rim, px.
 pub(super) const BAND_PX: f64 = 3.0;
 
+/// The outline may move this far before its pixels have to be gathered again, px.
+pub(super) const SLACK_PX: f64 = 0.5;
+
 /// A circle that is being refined.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub(super) struct Outline {
     pub x: f64,
     pub y: f64,
@@ -22,16 +25,21 @@ pub(super) struct Outline {
 /// One pixel of every bin of a block.
 pub(super) type Lane = [f32; LANES];
 
-/// Pixels near a circle: signed distance from it and grey level, binned by angle.
+/// Pixels near a circle, binned by angle.
 #[derive(Debug, Default)]
 pub(super) struct Rim {
     bins: usize,
-    distance: Vec<Lane>,
+    /// The outline the pixels were gathered around.
+    middle: Outline,
+    x: Vec<Lane>,
+    y: Vec<Lane>,
     grey: Vec<Lane>,
+    distance: Vec<Lane>,
     weight: Vec<Lane>,
     count: Vec<u32>,
     cos: Vec<f64>,
     sin: Vec<f64>,
+    row: Vec<(f32, f32)>,
 }
 
 impl Rim {
@@ -52,19 +60,17 @@ impl Rim {
 
     /// The pixels of bins `8 block ..`: distance, grey level, weight (0 where there is none).
     pub fn block(&self, block: usize) -> (&[Lane], &[Lane], &[Lane]) {
-        let bins = &self.count[block * LANES..(block + 1) * LANES];
-        let most = bins.iter().copied().max().unwrap_or(0) as usize;
-        let range = block * SLOTS..block * SLOTS + most;
+        let range = self.slots(block);
         (&self.distance[range.clone()], &self.grey[range.clone()], &self.weight[range])
     }
 
-    /// Sorts the pixels within [`BAND_PX`] of `outline` into bins.
+    /// Sorts the pixels near `outline` into bins.
     pub fn gather(&mut self, image: ImageView<'_>, outline: &Outline) {
         self.clear(outline.radius);
-        let outer = outline.radius + BAND_PX;
-        let inner = (outline.radius - BAND_PX).max(0.0);
+        self.middle = *outline;
+        let outer = outline.radius + BAND_PX + SLACK_PX;
+        let inner = (outline.radius - BAND_PX - SLACK_PX).max(0.0);
         let rows = clip(outline.y - outer, outline.y + outer, image.height());
-        let per_radian = self.bins as f32 / std::f32::consts::TAU;
         for y in rows {
             let dy = y as f64 - outline.y;
             let reach = (outer * outer - dy * dy).max(0.0).sqrt();
@@ -73,15 +79,39 @@ impl Rim {
             let left = clip(outline.x - reach, outline.x - hole, row.len());
             let right = clip(outline.x + hole, outline.x + reach, row.len());
             let right = right.start.max(left.end)..right.end;
-            for x in left.chain(right) {
-                let dx = x as f64 - outline.x;
-                let distance = ((dx * dx + dy * dy).sqrt() - outline.radius) as f32;
-                if distance.abs() < BAND_PX as f32 {
-                    let bin = (angle(dx as f32, dy as f32) * per_radian) as usize;
-                    self.push(bin.min(self.bins - 1), distance, row[x]);
+            for part in [left, right] {
+                let first = (part.start as f64 - outline.x) as f32;
+                self.push(&row[part], first, dy as f32);
+            }
+        }
+        self.measure(outline);
+    }
+
+    /// Takes the distances from `outline` anew; it must be within half a pixel of where the pixels were gathered.
+    pub fn measure(&mut self, outline: &Outline) {
+        let shift = ((outline.x - self.middle.x) as f32, (outline.y - self.middle.y) as f32);
+        let radius = outline.radius as f32;
+        for block in 0..self.count.len() / LANES {
+            let range = self.slots(block);
+            let positions = self.x[range.clone()].iter().zip(&self.y[range.clone()]);
+            let out = self.distance[range.clone()].iter_mut().zip(&mut self.weight[range]);
+            for ((x, y), (distance, weight)) in positions.zip(out) {
+                for i in 0..LANES {
+                    let (dx, dy) = (x[i] - shift.0, y[i] - shift.1);
+                    let d = (dx * dx + dy * dy).sqrt() - radius;
+                    let near = d.abs() < BAND_PX as f32;
+                    // Slots without a pixel lie at the centre, a radius away.
+                    weight[i] = if near { 1.0 } else { 0.0 };
+                    distance[i] = if near { d } else { 0.0 };
                 }
             }
         }
+    }
+
+    fn slots(&self, block: usize) -> std::ops::Range<usize> {
+        let bins = &self.count[block * LANES..(block + 1) * LANES];
+        let most = bins.iter().copied().max().unwrap_or(0) as usize;
+        block * SLOTS..block * SLOTS + most
     }
 
     fn clear(&mut self, radius: f64) {
@@ -94,7 +124,7 @@ impl Rim {
             self.sin = (0..bins).map(|i| angle(i).sin()).collect();
         }
         let lanes = padded / LANES * SLOTS;
-        for list in [&mut self.distance, &mut self.grey, &mut self.weight] {
+        for list in [&mut self.x, &mut self.y, &mut self.grey, &mut self.distance, &mut self.weight] {
             list.clear();
             list.resize(lanes, [0.0; LANES]);
         }
@@ -102,14 +132,24 @@ impl Rim {
         self.count.resize(padded, 0);
     }
 
-    fn push(&mut self, bin: usize, distance: f32, grey: f32) {
-        let slot = self.count[bin] as usize;
-        if slot < SLOTS {
-            let (at, lane) = (bin / LANES * SLOTS + slot, bin % LANES);
-            self.distance[at][lane] = distance;
-            self.grey[at][lane] = grey;
-            self.weight[at][lane] = 1.0;
-            self.count[bin] += 1;
+    /// Sorts a run of pixels in, the first one at (`first`, `dy`) from the centre.
+    fn push(&mut self, pixels: &[f32], first: f32, dy: f32) {
+        let per_radian = self.bins as f32 / std::f32::consts::TAU;
+        self.row.clear();
+        self.row.extend((0..pixels.len()).map(|k| {
+            let dx = first + k as f32;
+            (dx, angle(dx, dy) * per_radian)
+        }));
+        for (&(dx, place), &grey) in self.row.iter().zip(pixels) {
+            let bin = (place as i32 as usize).min(self.bins - 1);
+            let slot = self.count[bin] as usize;
+            if slot < SLOTS {
+                let (at, lane) = (bin / LANES * SLOTS + slot, bin % LANES);
+                self.x[at][lane] = dx;
+                self.y[at][lane] = dy;
+                self.grey[at][lane] = grey;
+                self.count[bin] += 1;
+            }
         }
     }
 }
