@@ -132,16 +132,26 @@ impl Ball {
         Patch { left, top, width: columns, height: rows, share: vec![0.0; size], light_dn: vec![0.0; size] }
     }
 
-    /// Adds up the speckles' ink.
+    /// Adds up the share of each pixel that speckles cover.
     fn strew(&self, pose: &Pose, patch: &Patch, ink: &mut [f32]) {
         let (sin, cos) = pose.angle_rad.sin_cos();
-        let origin = [pose.center_px[0] - patch.left as f64, pose.center_px[1] - patch.top as f64];
+        let center = [pose.center_px[0] - patch.left as f64, pose.center_px[1] - patch.top as f64];
         for speckle in &self.pattern.speckles {
-            let disc = &self.pattern.discs[speckle.size];
             // Counter-clockwise on the screen, with y down.
-            let x = origin[0] + speckle.x_px * cos + speckle.y_px * sin;
-            let y = origin[1] - speckle.x_px * sin + speckle.y_px * cos;
-            stamp(disc, x, y, patch, ink);
+            let x = center[0] + speckle.x_px * cos + speckle.y_px * sin;
+            let y = center[1] - speckle.x_px * sin + speckle.y_px * cos;
+            match (speckle.crosses_rim, &self.pattern.cut_discs[speckle.size]) {
+                (true, Some(disc)) => {
+                    let outward = [x - center[0], y - center[1]];
+                    let distance = outward[0].hypot(outward[1]);
+                    let [ex, ey] = outward.map(|part| (part / distance) as f32);
+                    stamp([x, y], disc.reach_px(), patch, ink, |dx, dy| disc.at(dx * ex + dy * ey, dy * ex - dx * ey));
+                }
+                _ => {
+                    let disc = &self.pattern.discs[speckle.size];
+                    stamp([x, y], disc.reach_px(), patch, ink, |dx, dy| disc.at(dx * dx + dy * dy));
+                }
+            }
         }
     }
 
@@ -155,9 +165,9 @@ impl Ball {
             let target = patch.share[cells.clone()].iter_mut().zip(&mut patch.light_dn[cells.clone()]);
             for (column, ((share, light_dn), ink)) in target.zip(&ink[cells]).enumerate() {
                 let dx = x0 as f32 + column as f32;
-                let seen = self.rim.at(dx * dx + dy * dy) * weight;
-                *share += seen;
-                *light_dn += seen * self.ball_dn * (1.0 - self.ink * ink) * self.light.at(dx, dy);
+                let seen = self.rim.at(dx * dx + dy * dy);
+                *share += weight * seen;
+                *light_dn += weight * self.ball_dn * (seen - self.ink * ink) * self.light.at(dx, dy);
             }
         }
         if let Some(occluder) = self.occluder {
@@ -179,31 +189,33 @@ impl Ball {
             if seen <= 0.0 {
                 continue;
             }
-            let left = if outside_px < -edge_px { 0.0 } else { self.seen_beside(dx, dy, outside_px, occluder) };
-            let hidden = (seen - left as f32) * weight;
-            patch.share[index] -= hidden;
-            let light = self.ball_dn * (1.0 - self.ink * ink[index]) * self.light.at(dx as f32, dy as f32);
-            patch.light_dn[index] -= hidden * light;
+            let (left, free) = if outside_px < -edge_px { (0.0, 0.0) } else { self.seen_beside(dx, dy, outside_px, occluder) };
+            let (hidden, ink) = (seen - left as f32, ink[index] * (1.0 - free as f32));
+            patch.share[index] -= weight * hidden;
+            patch.light_dn[index] -=
+                weight * self.ball_dn * (hidden - self.ink * ink) * self.light.at(dx as f32, dy as f32);
         }
     }
 
-    /// Share of a pixel that shows the ball near the occluder's edge: the blurred overlap of disc and free half-plane.
-    fn seen_beside(&self, dx: f64, dy: f64, outside_px: f64, occluder: &HalfPlane) -> f64 {
+    /// Shares of a pixel that show the ball and that are free, near the occluder's edge.
+    ///
+    /// The first is the blurred overlap of the disc and the free half-plane.
+    fn seen_beside(&self, dx: f64, dy: f64, outside_px: f64, occluder: &HalfPlane) -> (f64, f64) {
         let free = outside_px / self.sigma_px;
         let distance = dx.hypot(dy).max(1e-9);
         // The rim's curvature takes this much from a straight edge.
         let inside = (self.radius_px - distance) / self.sigma_px - 0.5 * self.sigma_px / self.radius_px;
         if inside > EDGE_SIGMA {
-            return normal_cdf(free);
+            return (normal_cdf(free), normal_cdf(free));
         }
         let cosine = -(dx * occluder.normal[0] + dy * occluder.normal[1]) / distance;
-        bivariate_cdf(inside, free, cosine, &self.rule)
+        (bivariate_cdf(inside, free, cosine, &self.rule), normal_cdf(free))
     }
 }
 
-/// Adds one blurred disc to the ink; (`x`, `y`) counts from the patch's corner.
-fn stamp(disc: &BlurredDisc, x: f64, y: f64, patch: &Patch, ink: &mut [f32]) {
-    let reach = disc.reach_px();
+/// Adds one speckle to the ink; its place counts from the patch's corner, `share` is asked relative to the place, px.
+fn stamp(place_px: [f64; 2], reach: f64, patch: &Patch, ink: &mut [f32], share: impl Fn(f32, f32) -> f32) {
+    let [x, y] = place_px;
     let first_row = (y - reach).ceil().max(0.0) as usize;
     let end_row = ((y + reach).floor() + 1.0).clamp(0.0, patch.height as f64) as usize;
     for row in first_row..end_row {
@@ -214,10 +226,9 @@ fn stamp(disc: &BlurredDisc, x: f64, y: f64, patch: &Patch, ink: &mut [f32]) {
         if first >= end {
             continue;
         }
-        let dy2 = (dy * dy) as f32;
-        let mut dx = (first as f64 - x) as f32;
+        let (mut dx, dy) = ((first as f64 - x) as f32, dy as f32);
         for cell in &mut ink[row * patch.width + first..row * patch.width + end] {
-            *cell += disc.at(dx * dx + dy2);
+            *cell += share(dx, dy);
             dx += 1.0;
         }
     }
