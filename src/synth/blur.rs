@@ -206,6 +206,43 @@ fn cut_share(place_px: [f64; 2], radius_px: f64, rim_px: f64, sigma_px: f64, rul
         .clamp(0.0, 1.0)
 }
 
+/// A small disc that a straight edge cuts, and perhaps the rim of a large one.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct EdgedDisc {
+    /// Radius, px.
+    pub(crate) radius_px: f64,
+    /// The edge, along its outward normal from the disc's centre; what lies outside is kept.
+    pub(crate) edge_px: f64,
+    /// The large disc's centre from the small one's: along the edge's outward normal and across it.
+    pub(crate) rim_center_px: [f64; 2],
+    /// The large disc's radius; only what is inside is kept.
+    pub(crate) rim_px: f64,
+}
+
+impl EdgedDisc {
+    /// Share of light it takes, blurred, at a place along the edge's outward normal and across it.
+    pub(crate) fn share(&self, place_px: [f64; 2], sigma_px: f64, rule: &[(f64, f64)]) -> f64 {
+        let [outward, across] = place_px;
+        let radius = self.radius_px;
+        let angle = |outward: f64| (outward.clamp(self.edge_px.max(-radius), radius) / radius).asin();
+        let (low, high) = (angle(outward - 6.0 * sigma_px), angle(outward + 6.0 * sigma_px));
+        let [rim_outward, rim_across] = self.rim_center_px;
+        rule.iter()
+            .map(|(node, weight)| {
+                let (sin, cos) = (low + 0.5 * (high - low) * (1.0 + node)).sin_cos();
+                let foot = radius * sin;
+                let density = (-0.5 * ((outward - foot) / sigma_px).powi(2)).exp() / (sigma_px * TAU.sqrt());
+                let rim = (self.rim_px * self.rim_px - (foot - rim_outward).powi(2)).max(0.0).sqrt();
+                let left = (-radius * cos).max(rim_across - rim);
+                let right = (radius * cos).min(rim_across + rim);
+                let chord = normal_cdf((right - across) / sigma_px) - normal_cdf((left - across) / sigma_px);
+                0.5 * (high - low) * weight * radius * cos * density * chord.max(0.0)
+            })
+            .sum::<f64>()
+            .clamp(0.0, 1.0)
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

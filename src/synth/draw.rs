@@ -1,9 +1,9 @@
 //! Draws the ball into a picture that holds what stands still.
 
-use super::blur::{BlurredDisc, bivariate_cdf, gauss_legendre, normal_cdf, seen_sigma_px};
+use super::blur::{BlurredDisc, EdgedDisc, REACH_SIGMA, bivariate_cdf, gauss_legendre, normal_cdf, seen_sigma_px};
 use super::motion::Pose;
 use super::scenario::{LightSetup, Scenario};
-use super::speckle::Pattern;
+use super::speckle::{Pattern, Speckle};
 
 /// Farther than this many standard deviations from its edge a half-plane is whole or nothing.
 const EDGE_SIGMA: f64 = 4.5;
@@ -21,6 +21,12 @@ impl HalfPlane {
     /// Distance outside the edge, negative inside, px.
     pub(crate) fn distance_px(&self, x_px: f64, y_px: f64) -> f64 {
         (x_px - self.point_px[0]) * self.normal[0] + (y_px - self.point_px[1]) * self.normal[1]
+    }
+
+    /// The same edge, for places that count from another corner.
+    fn seen_from(&self, corner_px: [f64; 2]) -> Self {
+        let [x, y] = self.point_px;
+        Self { point_px: [x - corner_px[0], y - corner_px[1]], ..*self }
     }
 
     /// Share of a disc that it leaves visible.
@@ -43,6 +49,8 @@ pub(crate) struct Ball {
     light: BallLight,
     occluder: Option<HalfPlane>,
     rule: [(f64, f64); 16],
+    /// For shapes with a corner inside.
+    fine_rule: [(f64, f64); 40],
 }
 
 /// Light on the ball: fixed in the room, carried along, never turned.
@@ -100,7 +108,8 @@ impl Ball {
             ink: if shade.ball > 0.0 { (1.0 - shade.speckle / shade.ball) as f32 } else { 0.0 },
             light: BallLight::new(&scenario.light, radius_px),
             occluder,
-            rule: gauss_legendre::<16>(),
+            rule: gauss_legendre(),
+            fine_rule: gauss_legendre(),
         }
     }
 
@@ -140,18 +149,37 @@ impl Ball {
             // Counter-clockwise on the screen, with y down.
             let x = center[0] + speckle.x_px * cos + speckle.y_px * sin;
             let y = center[1] - speckle.x_px * sin + speckle.y_px * cos;
-            match (speckle.crosses_rim, &self.pattern.cut_discs[speckle.size]) {
-                (true, Some(disc)) => {
-                    let outward = [x - center[0], y - center[1]];
-                    let distance = outward[0].hypot(outward[1]);
-                    let [ex, ey] = outward.map(|part| (part / distance) as f32);
-                    stamp([x, y], disc.reach_px(), patch, ink, |dx, dy| disc.at(dx * ex + dy * ey, dy * ex - dx * ey));
-                }
-                _ => {
-                    let disc = &self.pattern.discs[speckle.size];
-                    stamp([x, y], disc.reach_px(), patch, ink, |dx, dy| disc.at(dx * dx + dy * dy));
-                }
-            }
+            self.stamp(speckle, [x, y], center, patch, ink);
+        }
+    }
+
+    /// Adds the visible part of one speckle to the ink; places count from the patch's corner.
+    fn stamp(&self, speckle: &Speckle, place_px: [f64; 2], center_px: [f64; 2], patch: &Patch, ink: &mut [f32]) {
+        let radius_px = self.pattern.radii_px[speckle.size];
+        let edge = self.occluder.map(|plane| plane.seen_from([patch.left as f64, patch.top as f64]));
+        let outside_px = edge.map_or(f64::INFINITY, |edge| edge.distance_px(place_px[0], place_px[1]));
+        if outside_px <= -radius_px {
+            return;
+        }
+        // A speckle that the edge does not reach is seen whole, however close it is.
+        let cut = edge.filter(|_| outside_px < radius_px);
+        let to_center = [center_px[0] - place_px[0], center_px[1] - place_px[1]];
+        if let Some(edge) = cut {
+            let turned =
+                |[x, y]: [f64; 2]| [x * edge.normal[0] + y * edge.normal[1], x * edge.normal[1] - y * edge.normal[0]];
+            let disc =
+                EdgedDisc { radius_px, edge_px: -outside_px, rim_center_px: turned(to_center), rim_px: self.radius_px };
+            let rule = if speckle.crosses_rim { &self.fine_rule[..] } else { &self.rule };
+            spread(place_px, radius_px + REACH_SIGMA * self.sigma_px, patch, ink, |dx, dy| {
+                disc.share(turned([f64::from(dx), f64::from(dy)]), self.sigma_px, rule) as f32
+            });
+        } else if let (true, Some(disc)) = (speckle.crosses_rim, &self.pattern.cut_discs[speckle.size]) {
+            let distance = to_center[0].hypot(to_center[1]);
+            let [ex, ey] = to_center.map(|part| (-part / distance) as f32);
+            spread(place_px, disc.reach_px(), patch, ink, |dx, dy| disc.at(dx * ex + dy * ey, dy * ex - dx * ey));
+        } else {
+            let disc = &self.pattern.discs[speckle.size];
+            spread(place_px, disc.reach_px(), patch, ink, |dx, dy| disc.at(dx * dx + dy * dy));
         }
     }
 
@@ -171,12 +199,12 @@ impl Ball {
             }
         }
         if let Some(occluder) = self.occluder {
-            self.hide(pose, &occluder, ink, weight, patch);
+            self.hide(pose, &occluder, weight, patch);
         }
     }
 
-    /// Takes back what the half-plane hides.
-    fn hide(&self, pose: &Pose, occluder: &HalfPlane, ink: &[f32], weight: f32, patch: &mut Patch) {
+    /// Takes back what the half-plane hides of the plain ball.
+    fn hide(&self, pose: &Pose, occluder: &HalfPlane, weight: f32, patch: &mut Patch) {
         let edge_px = EDGE_SIGMA * self.sigma_px;
         for index in 0..patch.share.len() {
             let (x, y) = ((patch.left + index % patch.width) as f64, (patch.top + index / patch.width) as f64);
@@ -189,32 +217,29 @@ impl Ball {
             if seen <= 0.0 {
                 continue;
             }
-            let (left, free) = if outside_px < -edge_px { (0.0, 0.0) } else { self.seen_beside(dx, dy, outside_px, occluder) };
-            let (hidden, ink) = (seen - left as f32, ink[index] * (1.0 - free as f32));
-            patch.share[index] -= weight * hidden;
-            patch.light_dn[index] -=
-                weight * self.ball_dn * (hidden - self.ink * ink) * self.light.at(dx as f32, dy as f32);
+            let left = if outside_px < -edge_px { 0.0 } else { self.seen_beside(dx, dy, outside_px, occluder) };
+            let hidden = weight * (seen - left as f32);
+            patch.share[index] -= hidden;
+            patch.light_dn[index] -= hidden * self.ball_dn * self.light.at(dx as f32, dy as f32);
         }
     }
 
-    /// Shares of a pixel that show the ball and that are free, near the occluder's edge.
-    ///
-    /// The first is the blurred overlap of the disc and the free half-plane.
-    fn seen_beside(&self, dx: f64, dy: f64, outside_px: f64, occluder: &HalfPlane) -> (f64, f64) {
+    /// Share of a pixel that shows the ball near the occluder's edge: the blurred overlap of disc and free half-plane.
+    fn seen_beside(&self, dx: f64, dy: f64, outside_px: f64, occluder: &HalfPlane) -> f64 {
         let free = outside_px / self.sigma_px;
         let distance = dx.hypot(dy).max(1e-9);
         // The rim's curvature takes this much from a straight edge.
         let inside = (self.radius_px - distance) / self.sigma_px - 0.5 * self.sigma_px / self.radius_px;
         if inside > EDGE_SIGMA {
-            return (normal_cdf(free), normal_cdf(free));
+            return normal_cdf(free);
         }
         let cosine = -(dx * occluder.normal[0] + dy * occluder.normal[1]) / distance;
-        (bivariate_cdf(inside, free, cosine, &self.rule), normal_cdf(free))
+        bivariate_cdf(inside, free, cosine, &self.rule)
     }
 }
 
-/// Adds one speckle to the ink; its place counts from the patch's corner, `share` is asked relative to the place, px.
-fn stamp(place_px: [f64; 2], reach: f64, patch: &Patch, ink: &mut [f32], share: impl Fn(f32, f32) -> f32) {
+/// Adds a share to every cell within `reach` of a place (from the patch's corner); it is asked relative to the place, px.
+fn spread(place_px: [f64; 2], reach: f64, patch: &Patch, ink: &mut [f32], share: impl Fn(f32, f32) -> f32) {
     let [x, y] = place_px;
     let first_row = (y - reach).ceil().max(0.0) as usize;
     let end_row = ((y + reach).floor() + 1.0).clamp(0.0, patch.height as f64) as usize;

@@ -33,7 +33,6 @@ pub(crate) struct Pattern {
     /// What the rim leaves of each size, where a speckle of it crosses the rim.
     pub(crate) cut_discs: Vec<Option<CutDisc>>,
     /// Radius of each size, px.
-
     pub(crate) radii_px: Vec<f64>,
 }
 
@@ -70,9 +69,8 @@ impl Pattern {
         }
         let discs = radii_px.iter().map(|radius| BlurredDisc::new(*radius, sigma_px)).collect();
         let crossing = |size: usize| board.speckles.iter().any(|speckle| speckle.size == size && speckle.crosses_rim);
-        let cut_discs = (0..sizes)
-            .map(|size| crossing(size).then(|| CutDisc::new(radii_px[size], radius_px, sigma_px)))
-            .collect();
+        let cut_discs =
+            (0..sizes).map(|size| crossing(size).then(|| CutDisc::new(radii_px[size], radius_px, sigma_px))).collect();
         Ok(Self { speckles: board.speckles, discs, cut_discs, radii_px })
     }
 }
@@ -177,7 +175,8 @@ fn overlap_px2(large: f64, small: f64, distance: f64) -> f64 {
     }
     let slice = |radius: f64, other: f64| {
         let foot = (distance * distance + radius * radius - other * other) / (2.0 * distance);
-        radius * radius * (foot / radius).clamp(-1.0, 1.0).acos() - foot * (radius * radius - foot * foot).max(0.0).sqrt()
+        radius * radius * (foot / radius).clamp(-1.0, 1.0).acos()
+            - foot * (radius * radius - foot * foot).max(0.0).sqrt()
     };
     slice(large, small) + slice(small, large)
 }

@@ -22,7 +22,11 @@ fn dump() {
         image::save_buffer(format!("{dir}/t0.png"), &b, 512, 512, image::ColorType::L8).unwrap();
         let mut b = b;
         let t = std::time::Instant::now();
-        for _ in 0..100 { for i in 0..10 { world.render(i, &mut b); } }
+        for _ in 0..100 {
+            for i in 0..10 {
+                world.render(i, &mut b);
+            }
+        }
         eprintln!("512 {} fps", 1000.0 / t.elapsed().as_secs_f64());
         let t = std::time::Instant::now();
         World::new(&Scenario::translation(0.37, 0.13, 0.35)).unwrap();
