@@ -136,6 +136,113 @@ fn disc_share(distance_px: f64, radius_px: f64, sigma_px: f64, rule: &[(f64, f64
     (2.0 * half).clamp(0.0, 1.0)
 }
 
+/// Share of light a blurred disc takes, of which a much larger disc's rim, at a right angle, cuts the outer part off.
+///
+/// Tabulated over the outward distance and the distance along the rim, from the small disc's centre.
+#[derive(Debug, Clone)]
+pub(crate) struct CutDisc {
+    reach_px: f64,
+    columns: usize,
+    values: Vec<f32>,
+}
+
+/// Grid of a [`CutDisc`], px.
+const CUT_STEP_PX: f64 = 0.125;
+
+impl CutDisc {
+    /// A disc of `radius_px` across the rim of a disc of `rim_px`, seen with this blur.
+    pub(crate) fn new(radius_px: f64, rim_px: f64, sigma_px: f64) -> Self {
+        let rule = gauss_legendre::<16>();
+        let reach_px = radius_px + REACH_SIGMA * sigma_px;
+        let columns = (reach_px / CUT_STEP_PX).ceil() as usize + 2;
+        let values = (0..2 * columns * columns)
+            .map(|index| {
+                let outward = (index / columns) as f64 * CUT_STEP_PX - reach_px;
+                let along = (index % columns) as f64 * CUT_STEP_PX;
+                cut_share([outward, along], radius_px, rim_px, sigma_px, &rule) as f32
+            })
+            .collect();
+        Self { reach_px, columns, values }
+    }
+
+    /// Beyond this distance it is no longer seen.
+    pub(crate) fn reach_px(&self) -> f64 {
+        self.reach_px
+    }
+
+    /// Share at a place no farther than the reach along either axis, 0 to 1.
+    #[inline]
+    pub(crate) fn at(&self, outward_px: f32, along_px: f32) -> f32 {
+        const STEPS_PER_PX: f32 = (1.0 / CUT_STEP_PX) as f32;
+        let row = ((outward_px + self.reach_px as f32) * STEPS_PER_PX).clamp(0.0, (2 * self.columns - 2) as f32);
+        let column = (along_px.abs() * STEPS_PER_PX).min((self.columns - 2) as f32);
+        let (down, right) = (row.fract(), column.fract());
+        let cell = row as usize * self.columns + column as usize;
+        let across = |cell: usize| self.values[cell] + right * (self.values[cell + 1] - self.values[cell]);
+        let (here, below) = (across(cell), across(cell + self.columns));
+        here + down * (below - here)
+    }
+}
+
+/// The cut disc's indicator folded with a Gaussian: the outward chords' erf profiles, summed along the rim.
+fn cut_share(place_px: [f64; 2], radius_px: f64, rim_px: f64, sigma_px: f64, rule: &[(f64, f64)]) -> f64 {
+    let [outward, along] = place_px;
+    let center = rim_px.hypot(radius_px);
+    // The circles meet here; the chords vanish.
+    let widest = radius_px * (1.0 - (radius_px / center).powi(2)).sqrt();
+    let angle = |along: f64| (along.clamp(-widest, widest) / radius_px).asin();
+    let (low, high) = (angle(along - 6.0 * sigma_px), angle(along + 6.0 * sigma_px));
+    rule.iter()
+        .map(|(node, weight)| {
+            let (sin, cos) = (low + 0.5 * (high - low) * (1.0 + node)).sin_cos();
+            let foot = radius_px * sin;
+            let inner = -radius_px * cos;
+            let outer = (rim_px * rim_px - foot * foot).sqrt() - center;
+            let density = (-0.5 * ((along - foot) / sigma_px).powi(2)).exp() / (sigma_px * TAU.sqrt());
+            let chord = normal_cdf((outer - outward) / sigma_px) - normal_cdf((inner - outward) / sigma_px);
+            0.5 * (high - low) * weight * radius_px * cos * density * chord.max(0.0)
+        })
+        .sum::<f64>()
+        .clamp(0.0, 1.0)
+}
+
+/// A small disc that a straight edge cuts, and perhaps the rim of a large one.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct EdgedDisc {
+    /// Radius, px.
+    pub(crate) radius_px: f64,
+    /// The edge, along its outward normal from the disc's centre; what lies outside is kept.
+    pub(crate) edge_px: f64,
+    /// The large disc's centre from the small one's: along the edge's outward normal and across it.
+    pub(crate) rim_center_px: [f64; 2],
+    /// The large disc's radius; only what is inside is kept.
+    pub(crate) rim_px: f64,
+}
+
+impl EdgedDisc {
+    /// Share of light it takes, blurred, at a place along the edge's outward normal and across it.
+    pub(crate) fn share(&self, place_px: [f64; 2], sigma_px: f64, rule: &[(f64, f64)]) -> f64 {
+        let [outward, across] = place_px;
+        let radius = self.radius_px;
+        let angle = |outward: f64| (outward.clamp(self.edge_px.max(-radius), radius) / radius).asin();
+        let (low, high) = (angle(outward - 6.0 * sigma_px), angle(outward + 6.0 * sigma_px));
+        let [rim_outward, rim_across] = self.rim_center_px;
+        rule.iter()
+            .map(|(node, weight)| {
+                let (sin, cos) = (low + 0.5 * (high - low) * (1.0 + node)).sin_cos();
+                let foot = radius * sin;
+                let density = (-0.5 * ((outward - foot) / sigma_px).powi(2)).exp() / (sigma_px * TAU.sqrt());
+                let rim = (self.rim_px * self.rim_px - (foot - rim_outward).powi(2)).max(0.0).sqrt();
+                let left = (-radius * cos).max(rim_across - rim);
+                let right = (radius * cos).min(rim_across + rim);
+                let chord = normal_cdf((right - across) / sigma_px) - normal_cdf((left - across) / sigma_px);
+                0.5 * (high - low) * weight * radius * cos * density * chord.max(0.0)
+            })
+            .sum::<f64>()
+            .clamp(0.0, 1.0)
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

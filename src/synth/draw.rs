@@ -1,9 +1,9 @@
 //! Draws the ball into a picture that holds what stands still.
 
-use super::blur::{BlurredDisc, bivariate_cdf, gauss_legendre, normal_cdf, seen_sigma_px};
+use super::blur::{BlurredDisc, EdgedDisc, REACH_SIGMA, bivariate_cdf, gauss_legendre, normal_cdf, seen_sigma_px};
 use super::motion::Pose;
 use super::scenario::{LightSetup, Scenario};
-use super::speckle::Pattern;
+use super::speckle::{Pattern, Speckle};
 
 /// Farther than this many standard deviations from its edge a half-plane is whole or nothing.
 const EDGE_SIGMA: f64 = 4.5;
@@ -21,6 +21,12 @@ impl HalfPlane {
     /// Distance outside the edge, negative inside, px.
     pub(crate) fn distance_px(&self, x_px: f64, y_px: f64) -> f64 {
         (x_px - self.point_px[0]) * self.normal[0] + (y_px - self.point_px[1]) * self.normal[1]
+    }
+
+    /// The same edge, for places that count from another corner.
+    fn seen_from(&self, corner_px: [f64; 2]) -> Self {
+        let [x, y] = self.point_px;
+        Self { point_px: [x - corner_px[0], y - corner_px[1]], ..*self }
     }
 
     /// Share of a disc that it leaves visible.
@@ -43,6 +49,8 @@ pub(crate) struct Ball {
     light: BallLight,
     occluder: Option<HalfPlane>,
     rule: [(f64, f64); 16],
+    /// For shapes with a corner inside.
+    fine_rule: [(f64, f64); 40],
 }
 
 /// Light on the ball: fixed in the room, carried along, never turned.
@@ -100,7 +108,8 @@ impl Ball {
             ink: if shade.ball > 0.0 { (1.0 - shade.speckle / shade.ball) as f32 } else { 0.0 },
             light: BallLight::new(&scenario.light, radius_px),
             occluder,
-            rule: gauss_legendre::<16>(),
+            rule: gauss_legendre(),
+            fine_rule: gauss_legendre(),
         }
     }
 
@@ -132,16 +141,45 @@ impl Ball {
         Patch { left, top, width: columns, height: rows, share: vec![0.0; size], light_dn: vec![0.0; size] }
     }
 
-    /// Adds up the speckles' ink.
+    /// Adds up the share of each pixel that speckles cover.
     fn strew(&self, pose: &Pose, patch: &Patch, ink: &mut [f32]) {
         let (sin, cos) = pose.angle_rad.sin_cos();
-        let origin = [pose.center_px[0] - patch.left as f64, pose.center_px[1] - patch.top as f64];
+        let center = [pose.center_px[0] - patch.left as f64, pose.center_px[1] - patch.top as f64];
         for speckle in &self.pattern.speckles {
-            let disc = &self.pattern.discs[speckle.size];
             // Counter-clockwise on the screen, with y down.
-            let x = origin[0] + speckle.x_px * cos + speckle.y_px * sin;
-            let y = origin[1] - speckle.x_px * sin + speckle.y_px * cos;
-            stamp(disc, x, y, patch, ink);
+            let x = center[0] + speckle.x_px * cos + speckle.y_px * sin;
+            let y = center[1] - speckle.x_px * sin + speckle.y_px * cos;
+            self.stamp(speckle, [x, y], center, patch, ink);
+        }
+    }
+
+    /// Adds the visible part of one speckle to the ink; places count from the patch's corner.
+    fn stamp(&self, speckle: &Speckle, place_px: [f64; 2], center_px: [f64; 2], patch: &Patch, ink: &mut [f32]) {
+        let radius_px = self.pattern.radii_px[speckle.size];
+        let edge = self.occluder.map(|plane| plane.seen_from([patch.left as f64, patch.top as f64]));
+        let outside_px = edge.map_or(f64::INFINITY, |edge| edge.distance_px(place_px[0], place_px[1]));
+        if outside_px <= -radius_px {
+            return;
+        }
+        // A speckle that the edge does not reach is seen whole, however close it is.
+        let cut = edge.filter(|_| outside_px < radius_px);
+        let to_center = [center_px[0] - place_px[0], center_px[1] - place_px[1]];
+        if let Some(edge) = cut {
+            let turned =
+                |[x, y]: [f64; 2]| [x * edge.normal[0] + y * edge.normal[1], x * edge.normal[1] - y * edge.normal[0]];
+            let disc =
+                EdgedDisc { radius_px, edge_px: -outside_px, rim_center_px: turned(to_center), rim_px: self.radius_px };
+            let rule = if speckle.crosses_rim { &self.fine_rule[..] } else { &self.rule };
+            spread(place_px, radius_px + REACH_SIGMA * self.sigma_px, patch, ink, |dx, dy| {
+                disc.share(turned([f64::from(dx), f64::from(dy)]), self.sigma_px, rule) as f32
+            });
+        } else if let (true, Some(disc)) = (speckle.crosses_rim, &self.pattern.cut_discs[speckle.size]) {
+            let distance = to_center[0].hypot(to_center[1]);
+            let [ex, ey] = to_center.map(|part| (-part / distance) as f32);
+            spread(place_px, disc.reach_px(), patch, ink, |dx, dy| disc.at(dx * ex + dy * ey, dy * ex - dx * ey));
+        } else {
+            let disc = &self.pattern.discs[speckle.size];
+            spread(place_px, disc.reach_px(), patch, ink, |dx, dy| disc.at(dx * dx + dy * dy));
         }
     }
 
@@ -155,18 +193,18 @@ impl Ball {
             let target = patch.share[cells.clone()].iter_mut().zip(&mut patch.light_dn[cells.clone()]);
             for (column, ((share, light_dn), ink)) in target.zip(&ink[cells]).enumerate() {
                 let dx = x0 as f32 + column as f32;
-                let seen = self.rim.at(dx * dx + dy * dy) * weight;
-                *share += seen;
-                *light_dn += seen * self.ball_dn * (1.0 - self.ink * ink) * self.light.at(dx, dy);
+                let seen = self.rim.at(dx * dx + dy * dy);
+                *share += weight * seen;
+                *light_dn += weight * self.ball_dn * (seen - self.ink * ink) * self.light.at(dx, dy);
             }
         }
         if let Some(occluder) = self.occluder {
-            self.hide(pose, &occluder, ink, weight, patch);
+            self.hide(pose, &occluder, weight, patch);
         }
     }
 
-    /// Takes back what the half-plane hides.
-    fn hide(&self, pose: &Pose, occluder: &HalfPlane, ink: &[f32], weight: f32, patch: &mut Patch) {
+    /// Takes back what the half-plane hides of the plain ball.
+    fn hide(&self, pose: &Pose, occluder: &HalfPlane, weight: f32, patch: &mut Patch) {
         let edge_px = EDGE_SIGMA * self.sigma_px;
         for index in 0..patch.share.len() {
             let (x, y) = ((patch.left + index % patch.width) as f64, (patch.top + index / patch.width) as f64);
@@ -180,10 +218,9 @@ impl Ball {
                 continue;
             }
             let left = if outside_px < -edge_px { 0.0 } else { self.seen_beside(dx, dy, outside_px, occluder) };
-            let hidden = (seen - left as f32) * weight;
+            let hidden = weight * (seen - left as f32);
             patch.share[index] -= hidden;
-            let light = self.ball_dn * (1.0 - self.ink * ink[index]) * self.light.at(dx as f32, dy as f32);
-            patch.light_dn[index] -= hidden * light;
+            patch.light_dn[index] -= hidden * self.ball_dn * self.light.at(dx as f32, dy as f32);
         }
     }
 
@@ -201,9 +238,9 @@ impl Ball {
     }
 }
 
-/// Adds one blurred disc to the ink; (`x`, `y`) counts from the patch's corner.
-fn stamp(disc: &BlurredDisc, x: f64, y: f64, patch: &Patch, ink: &mut [f32]) {
-    let reach = disc.reach_px();
+/// Adds a share to every cell within `reach` of a place (from the patch's corner); it is asked relative to the place, px.
+fn spread(place_px: [f64; 2], reach: f64, patch: &Patch, ink: &mut [f32], share: impl Fn(f32, f32) -> f32) {
+    let [x, y] = place_px;
     let first_row = (y - reach).ceil().max(0.0) as usize;
     let end_row = ((y + reach).floor() + 1.0).clamp(0.0, patch.height as f64) as usize;
     for row in first_row..end_row {
@@ -214,10 +251,9 @@ fn stamp(disc: &BlurredDisc, x: f64, y: f64, patch: &Patch, ink: &mut [f32]) {
         if first >= end {
             continue;
         }
-        let dy2 = (dy * dy) as f32;
-        let mut dx = (first as f64 - x) as f32;
+        let (mut dx, dy) = ((first as f64 - x) as f32, dy as f32);
         for cell in &mut ink[row * patch.width + first..row * patch.width + end] {
-            *cell += disc.at(dx * dx + dy2);
+            *cell += share(dx, dy);
             dx += 1.0;
         }
     }

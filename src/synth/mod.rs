@@ -16,6 +16,9 @@ mod speckle;
 mod texture;
 mod world;
 
+#[cfg(test)]
+mod twin;
+
 pub use scenario::{
     BodySetup, CameraSetup, ImpactSetup, LightSetup, MotionSetup, OccluderSetup, PatternSetup, ScaleSetup, Scenario,
     ScenarioError, ShadeSetup, SurfaceSetup,

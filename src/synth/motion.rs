@@ -20,13 +20,7 @@ pub(crate) struct Pose {
 #[derive(Debug, Clone)]
 pub(crate) enum Path {
     /// Constant velocity and spin.
-    Even {
-        start_px: [f64; 2],
-        start_s: f64,
-        px_s: [f64; 2],
-        rad_s: f64,
-        m_per_px: f64,
-    },
+    Even { start_px: [f64; 2], start_s: f64, px_s: [f64; 2], rad_s: f64, m_per_px: f64 },
     /// One collision.
     Impact {
         collision: Box<Collision>,

@@ -270,7 +270,9 @@ pub enum ScenarioError {
         reached: f64,
     },
     /// The ball would come back before the film ends.
-    #[error("camera.frames = {frames} lasts {film_s:.4} s, but the ball touches again at {again_s:.4} s: one collision a film")]
+    #[error(
+        "camera.frames = {frames} lasts {film_s:.4} s, but the ball touches again at {again_s:.4} s: one collision a film"
+    )]
     TouchesAgain {
         /// The key's value.
         frames: u64,

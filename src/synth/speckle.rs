@@ -1,6 +1,6 @@
 //! Speckles strewn over the ball's disc.
 
-use super::blur::BlurredDisc;
+use super::blur::{BlurredDisc, CutDisc};
 use super::random::Stream;
 use super::scenario::{PatternSetup, ScenarioError};
 use std::f64::consts::{PI, TAU};
@@ -17,19 +17,22 @@ pub(crate) struct Speckle {
     pub(crate) y_px: f64,
     /// Which of the sizes.
     pub(crate) size: usize,
+    /// Whether it crosses the disc's rim, at a right angle, or lies wholly inside.
+    pub(crate) crosses_rim: bool,
 }
 
 /// The ball's speckles.
 ///
 /// No two overlap, so their blurred light adds up exactly. A speckle is either
-/// wholly inside the disc or crosses its rim at a right angle, where the product
-/// of both blurred edges is the blurred overlap.
+/// wholly inside the disc or crosses its rim at a right angle, so that what is
+/// seen of it is known in closed form.
 #[derive(Debug, Clone)]
 pub(crate) struct Pattern {
     pub(crate) speckles: Vec<Speckle>,
     pub(crate) discs: Vec<BlurredDisc>,
+    /// What the rim leaves of each size, where a speckle of it crosses the rim.
+    pub(crate) cut_discs: Vec<Option<CutDisc>>,
     /// Radius of each size, px.
-    #[cfg_attr(not(test), expect(dead_code, reason = "the numerical twin draws sharp discs from it"))]
     pub(crate) radii_px: Vec<f64>,
 }
 
@@ -65,7 +68,10 @@ impl Pattern {
             }
         }
         let discs = radii_px.iter().map(|radius| BlurredDisc::new(*radius, sigma_px)).collect();
-        Ok(Self { speckles: board.speckles, discs, radii_px })
+        let crossing = |size: usize| board.speckles.iter().any(|speckle| speckle.size == size && speckle.crosses_rim);
+        let cut_discs =
+            (0..sizes).map(|size| crossing(size).then(|| CutDisc::new(radii_px[size], radius_px, sigma_px))).collect();
+        Ok(Self { speckles: board.speckles, discs, cut_discs, radii_px })
     }
 }
 
@@ -120,17 +126,17 @@ impl Board {
             let reach = self.radius_px + small;
             let angle = stream.between(0.0, TAU);
             let mut distance = reach * stream.uniform().sqrt();
-            let crosses = distance > self.radius_px - small;
-            if crosses && self.rim_left_px < 2.0 * small {
+            let crosses_rim = distance > self.radius_px - small;
+            if crosses_rim && self.rim_left_px < 2.0 * small {
                 continue;
             }
-            if crosses {
+            if crosses_rim {
                 // Both circles cross at a right angle from here.
                 distance = (self.radius_px * self.radius_px + small * small).sqrt();
             }
-            let speckle = Speckle { x_px: distance * angle.cos(), y_px: distance * angle.sin(), size };
+            let speckle = Speckle { x_px: distance * angle.cos(), y_px: distance * angle.sin(), size, crosses_rim };
             if self.is_free(&speckle) {
-                self.rim_left_px -= if crosses { 2.0 * small } else { 0.0 };
+                self.rim_left_px -= if crosses_rim { 2.0 * small } else { 0.0 };
                 self.covered_px2 += overlap_px2(self.radius_px, small, distance);
                 let cell = self.cell(speckle.y_px) * self.cells_wide + self.cell(speckle.x_px);
                 self.cells[cell].push(self.speckles.len());
@@ -169,7 +175,8 @@ fn overlap_px2(large: f64, small: f64, distance: f64) -> f64 {
     }
     let slice = |radius: f64, other: f64| {
         let foot = (distance * distance + radius * radius - other * other) / (2.0 * distance);
-        radius * radius * (foot / radius).clamp(-1.0, 1.0).acos() - foot * (radius * radius - foot * foot).max(0.0).sqrt()
+        radius * radius * (foot / radius).clamp(-1.0, 1.0).acos()
+            - foot * (radius * radius - foot * foot).max(0.0).sqrt()
     };
     slice(large, small) + slice(small, large)
 }

@@ -326,9 +326,7 @@ fn room(scenario: &Scenario) -> Vec<f32> {
     let (width, height) = (scenario.camera.width_px, scenario.camera.height_px);
     let slope = [scenario.light.gradient_x / f64::from(width), scenario.light.gradient_y / f64::from(height)];
     let middle = [0.5 * f64::from(width - 1), 0.5 * f64::from(height - 1)];
-    pixels(width, height)
-        .map(|(x, y)| (1.0 + slope[0] * (x - middle[0]) + slope[1] * (y - middle[1])) as f32)
-        .collect()
+    pixels(width, height).map(|(x, y)| (1.0 + slope[0] * (x - middle[0]) + slope[1] * (y - middle[1])) as f32).collect()
 }
 
 fn ground(scenario: &Scenario, full_dn: f32, room: &[f32]) -> Vec<f32> {
@@ -338,13 +336,7 @@ fn ground(scenario: &Scenario, full_dn: f32, room: &[f32]) -> Vec<f32> {
 }
 
 /// Ground and occluder: the picture without the ball.
-fn still(
-    scenario: &Scenario,
-    full_dn: f32,
-    room: &[f32],
-    ground_dn: &[f32],
-    occluder: Option<HalfPlane>,
-) -> Vec<f32> {
+fn still(scenario: &Scenario, full_dn: f32, room: &[f32], ground_dn: &[f32], occluder: Option<HalfPlane>) -> Vec<f32> {
     let (Some(plane), Some(setup)) = (occluder, &scenario.occluder) else { return ground_dn.to_vec() };
     let sigma_px = seen_sigma_px(scenario.camera.blur_px);
     // A long grain, as wood has.

@@ -13,6 +13,7 @@ mod fake_gige;
 mod genicam;
 mod recording;
 mod slots;
+mod simulated_camera;
 mod synth;
 mod tidy;
 

@@ -238,9 +238,8 @@ impl Integration {
         let setup = &self.setup;
         let normal_n = self.force_n(state).max(0.0);
         let slide = self.slide_m_s(state);
-        let (tangential_n, stretching) = setup
-            .friction
-            .map_or((0.0, 0.0), |friction| friction.force(self.hold, state[STRETCH], slide, normal_n));
+        let (tangential_n, stretching) =
+            setup.friction.map_or((0.0, 0.0), |friction| friction.force(self.hold, state[STRETCH], slide, normal_n));
         let inertia = setup.inertia_factor * setup.mass_kg * setup.radius_m * setup.radius_m;
         let mut rate = [0.0; 9];
         [rate[X], rate[Y], rate[ANGLE]] = [state[VX], state[VY], state[OMEGA]];
@@ -450,7 +449,8 @@ mod tests {
         let collision = Collision::solve(CollisionSetup { gravity_m_s2: [3.19, -9.28], ..lacrosse() }).unwrap();
         for step in -100..600 {
             let time_s = f64::from(step) * 1e-5 + 3.3e-6;
-            let (before, here, after) = (collision.at(time_s - 1e-7), collision.at(time_s), collision.at(time_s + 1e-7));
+            let (before, here, after) =
+                (collision.at(time_s - 1e-7), collision.at(time_s), collision.at(time_s + 1e-7));
             for axis in 0..2 {
                 let slope = (after.position_m[axis] - before.position_m[axis]) / 2e-7;
                 assert!((slope - here.velocity_m_s[axis]).abs() < 2e-5, "{time_s}: {slope} {here:?}");
