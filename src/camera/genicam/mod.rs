@@ -5,6 +5,7 @@ mod apply;
 mod clock;
 mod device;
 mod feature;
+mod features;
 mod find;
 mod handle;
 mod library;
@@ -19,6 +20,7 @@ mod stream;
     non_camel_case_types,
     non_upper_case_globals,
     clippy::all,
+    clippy::too_many_lines,
     clippy::undocumented_unsafe_blocks,
     reason = "generated"
 )]
@@ -26,6 +28,7 @@ pub mod sys;
 
 pub use device::{Access, Device, Kind};
 pub use feature::FeatureValue;
+pub use features::{CameraDetails, FeatureLine, describe, features};
 pub use find::{CameraListing, list};
 pub use library::library;
 pub use settings::GenicamSettings;
