@@ -169,6 +169,19 @@ fn frames_that_find_no_slot_are_gaps_in_the_sequence() {
     assert!(camera.statistics().packets_without_slot > 50);
 }
 
+/// Goes on taking frames until the camera says that it is gone.
+fn until_it_fails(camera: &mut GenicamCamera, slots: &Slots) -> CameraError {
+    let deadline = Instant::now() + PATIENCE;
+    loop {
+        match camera.next(Duration::from_millis(200)) {
+            Ok(Next::Frame(slot, _) | Next::Torn(slot, _)) => slots.give_back(slot, camera),
+            Ok(_) => {}
+            Err(error) => return error,
+        }
+        assert!(Instant::now() < deadline, "not noticed");
+    }
+}
+
 #[test]
 fn a_camera_that_is_unplugged_vanishes_and_streams_again_when_it_is_back() {
     let Some(mut gige) = FakeGige::plug_in(Wiring::Software, u64::MAX, draw) else { return };
@@ -178,14 +191,7 @@ fn a_camera_that_is_unplugged_vanishes_and_streams_again_when_it_is_back() {
     camera.start().unwrap();
     assert_eq!(take(&mut camera, &mut slots, 3).whole.len(), 3);
     gige.unplug();
-    let deadline = Instant::now() + PATIENCE;
-    let error = loop {
-        match camera.next(Duration::from_millis(200)) {
-            Ok(Next::Frame(slot, _) | Next::Torn(slot, _)) => slots.give_back(slot, &mut camera),
-            Ok(_) => assert!(Instant::now() < deadline, "not noticed"),
-            Err(error) => break error,
-        }
-    };
+    let error = until_it_fails(&mut camera, &slots);
     assert!(matches!(error, CameraError::Vanished { .. }), "{error}");
     assert!(error.to_string().starts_with("camera \"127.0.0.1\" vanished: "), "{error}");
     drop(camera);
@@ -197,6 +203,21 @@ fn a_camera_that_is_unplugged_vanishes_and_streams_again_when_it_is_back() {
     camera.start().unwrap();
     let shot = take(&mut camera, &mut slots, 3);
     assert!(shot.whole.iter().map(|(meta, _)| meta.sequence).eq(0..3));
+}
+
+#[test]
+fn a_camera_that_is_taken_away_by_another_program_vanishes() {
+    /// Register of the control channel's privilege (GigE Vision bootstrap registers): 0 is nobody's.
+    const PRIVILEGE: u32 = 0xa00;
+    let Some(gige) = FakeGige::plug_in(Wiring::Software, u64::MAX, draw) else { return };
+    let mut slots = Slots::new(16, FRAME_BYTES);
+    let mut camera = GenicamCamera::open(&settings(50.0)).unwrap();
+    slots.queue_all(&mut camera);
+    camera.start().unwrap();
+    assert_eq!(take(&mut camera, &mut slots, 3).whole.len(), 3);
+    gige.write(PRIVILEGE, 0);
+    let error = until_it_fails(&mut camera, &slots);
+    assert!(matches!(error, CameraError::Vanished { .. }), "{error}");
 }
 
 #[test]

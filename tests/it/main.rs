@@ -9,5 +9,6 @@
 mod camera_contract;
 mod fake_gige;
 mod genicam;
+mod genicam_rate;
 mod genicam_settings;
 mod slots;
