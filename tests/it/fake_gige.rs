@@ -1,10 +1,12 @@
 //! A GigE Vision camera in the test's own process: real packets on 127.0.0.1, pixels from the test.
 #![expect(unsafe_code, reason = "the imitated camera is part of a C library")]
+#![expect(clippy::disallowed_methods, reason = "waiting for a port has a deadline")]
 
 use ricochet::camera::genicam::{library, sys};
 use std::ffi::{CString, c_void};
 use std::io::Write;
-use std::sync::atomic::{AtomicU64, Ordering};
+use std::ptr;
+use std::sync::atomic::{AtomicPtr, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 use tempfile::NamedTempFile;
@@ -30,17 +32,17 @@ struct Shared {
     sent: Arc<AtomicU64>,
     /// The camera stops by itself after this many.
     limit: u64,
-    camera: *mut sys::ArvFakeCamera,
+    camera: AtomicPtr<sys::ArvFakeCamera>,
 }
 
 /// A running camera; gone when dropped, as if unplugged.
 pub struct FakeGige {
     aravis: &'static sys::Aravis,
+    /// Null while unplugged.
     gige: *mut sys::ArvGvFakeCamera,
-    camera: *mut sys::ArvFakeCamera,
     shared: *mut Shared,
     sent: Arc<AtomicU64>,
-    _description: NamedTempFile,
+    description: NamedTempFile,
     _port: MutexGuard<'static, ()>,
 }
 
@@ -65,19 +67,39 @@ impl FakeGige {
             .replace("<Value>SOFTWARE</Value>", &format!("<Value>{software}</Value>"));
         let mut description = NamedTempFile::new().unwrap();
         description.write_all(text.as_bytes()).unwrap();
-        let path = CString::new(description.path().to_str().unwrap()).unwrap();
-        let gige = start(aravis, &path);
-        // SAFETY: the camera runs; its inner one lives as long.
-        let camera = unsafe { aravis.arv_gv_fake_camera_get_fake_camera(gige) };
         let sent = Arc::new(AtomicU64::new(0));
+        let camera = AtomicPtr::new(ptr::null_mut());
         let shared =
             Box::into_raw(Box::new(Shared { source: Box::new(source), sent: Arc::clone(&sent), limit, camera }));
+        let mut gige = Self { aravis, gige: ptr::null_mut(), shared, sent, description, _port: port };
+        gige.plug_back();
+        Some(gige)
+    }
+
+    /// Takes the camera off the network, without a word to whoever uses it.
+    pub fn unplug(&mut self) {
+        // SAFETY: the last reference joins the camera's thread.
+        unsafe { self.aravis.g_object_unref(self.gige.cast()) };
+        self.gige = ptr::null_mut();
+    }
+
+    /// Plugs it in again, as new; its frames go on counting.
+    pub fn plug_back(&mut self) {
+        let path = CString::new(self.description.path().to_str().unwrap()).unwrap();
+        self.gige = start(self.aravis, &path);
+        let camera = self.camera();
         // SAFETY: `shared` is freed in drop, after the camera's thread has ended.
         unsafe {
-            aravis.arv_fake_camera_set_fill_pattern(camera, Some(draw), shared.cast());
-            aravis.arv_fake_camera_set_trigger_frequency(camera, 1000.0);
+            (*self.shared).camera.store(camera, Ordering::Release);
+            self.aravis.arv_fake_camera_set_fill_pattern(camera, Some(draw), self.shared.cast());
+            self.aravis.arv_fake_camera_set_trigger_frequency(camera, 1000.0);
         }
-        Some(Self { aravis, gige, camera, shared, sent, _description: description, _port: port })
+    }
+
+    fn camera(&self) -> *mut sys::ArvFakeCamera {
+        assert!(!self.gige.is_null(), "the camera is unplugged");
+        // SAFETY: the camera runs; its inner one lives as long.
+        unsafe { self.aravis.arv_gv_fake_camera_get_fake_camera(self.gige) }
     }
 
     /// Frames drawn so far: sent or being sent.
@@ -107,7 +129,7 @@ impl FakeGige {
     pub fn register(&self, address: u32) -> u32 {
         let mut value = 0;
         // SAFETY: the camera runs; the value is ours to write to.
-        let read = unsafe { self.aravis.arv_fake_camera_read_register(self.camera, address, &raw mut value) };
+        let read = unsafe { self.aravis.arv_fake_camera_read_register(self.camera(), address, &raw mut value) };
         assert!(read != 0, "register {address:#x}");
         value
     }
@@ -115,17 +137,17 @@ impl FakeGige {
     /// Writes a register behind the client's back.
     pub fn write(&self, address: u32, value: u32) {
         // SAFETY: the camera runs.
-        assert!(unsafe { self.aravis.arv_fake_camera_write_register(self.camera, address, value) } != 0);
+        assert!(unsafe { self.aravis.arv_fake_camera_write_register(self.camera(), address, value) } != 0);
     }
 }
 
 impl Drop for FakeGige {
     fn drop(&mut self) {
-        // SAFETY: the last reference joins the camera's thread; only then is what it reaches freed.
-        unsafe {
-            self.aravis.g_object_unref(self.gige.cast());
-            drop(Box::from_raw(self.shared));
+        if !self.gige.is_null() {
+            self.unplug();
         }
+        // SAFETY: made by Box::into_raw, and the camera's thread, which reached it, has ended.
+        drop(unsafe { Box::from_raw(self.shared) });
     }
 }
 
@@ -173,7 +195,8 @@ unsafe extern "C" fn draw(buffer: *mut sys::ArvBuffer, data: *mut c_void, _expos
         let index = shared.sent.load(Ordering::Acquire);
         (shared.source)(index, std::slice::from_raw_parts_mut(pixels, bytes));
         if index + 1 >= shared.limit {
-            aravis.arv_fake_camera_write_register(shared.camera, sys::ARV_FAKE_CAMERA_REGISTER_ACQUISITION, 0);
+            let camera = shared.camera.load(Ordering::Acquire);
+            aravis.arv_fake_camera_write_register(camera, sys::ARV_FAKE_CAMERA_REGISTER_ACQUISITION, 0);
         }
         shared.sent.store(index + 1, Ordering::Release);
     }

@@ -1,4 +1,5 @@
 //! The GenICam back end against a GigE camera on 127.0.0.1: real control and stream packets.
+#![expect(clippy::disallowed_methods, reason = "waiting has a deadline")]
 
 use crate::fake_gige::{ADDRESS, FakeGige, Wiring, aravis_or_leave_out};
 use ricochet::camera::genicam::{GenicamCamera, GenicamSettings, list};
@@ -14,7 +15,8 @@ const FRAME_BYTES: usize = (SIZE_PX * SIZE_PX) as usize;
 /// Longest wait for a frame; only a failing test waits that long.
 const PATIENCE: Duration = Duration::from_secs(20);
 
-fn settings(frame_rate_hz: f64) -> GenicamSettings {
+/// 512x512 Mono8 at this rate.
+pub fn settings(frame_rate_hz: f64) -> GenicamSettings {
     GenicamSettings {
         id: ADDRESS.into(),
         width_px: Some(SIZE_PX),
@@ -27,7 +29,7 @@ fn settings(frame_rate_hz: f64) -> GenicamSettings {
 }
 
 /// Frame `index`: its number, then a noise that depends on it in every byte.
-fn draw(index: u64, pixels: &mut [u8]) {
+pub fn draw(index: u64, pixels: &mut [u8]) {
     let mut state = index.wrapping_add(1).wrapping_mul(0x9e37_79b9_7f4a_7c15);
     for word in pixels.chunks_mut(8) {
         state ^= state << 13;
@@ -167,25 +169,55 @@ fn frames_that_find_no_slot_are_gaps_in_the_sequence() {
     assert!(camera.statistics().packets_without_slot > 50);
 }
 
+/// Goes on taking frames until the camera says that it is gone.
+fn until_it_fails(camera: &mut GenicamCamera, slots: &Slots) -> CameraError {
+    let deadline = Instant::now() + PATIENCE;
+    loop {
+        match camera.next(Duration::from_millis(200)) {
+            Ok(Next::Frame(slot, _) | Next::Torn(slot, _)) => slots.give_back(slot, camera),
+            Ok(_) => {}
+            Err(error) => return error,
+        }
+        assert!(Instant::now() < deadline, "not noticed");
+    }
+}
+
 #[test]
-fn a_camera_that_is_unplugged_vanishes() {
+fn a_camera_that_is_unplugged_vanishes_and_streams_again_when_it_is_back() {
+    let Some(mut gige) = FakeGige::plug_in(Wiring::Software, u64::MAX, draw) else { return };
+    let mut slots = Slots::new(16, FRAME_BYTES);
+    let mut camera = GenicamCamera::open(&settings(50.0)).unwrap();
+    slots.queue_all(&mut camera);
+    camera.start().unwrap();
+    assert_eq!(take(&mut camera, &mut slots, 3).whole.len(), 3);
+    gige.unplug();
+    let error = until_it_fails(&mut camera, &slots);
+    assert!(matches!(error, CameraError::Vanished { .. }), "{error}");
+    assert!(error.to_string().starts_with("camera \"127.0.0.1\" vanished: "), "{error}");
+    drop(camera);
+    let error = GenicamCamera::open(&settings(50.0)).unwrap_err();
+    assert!(matches!(error, CameraError::NotFound { .. }), "{error}");
+    gige.plug_back();
+    let mut camera = GenicamCamera::open(&settings(50.0)).unwrap();
+    slots.queue_all(&mut camera);
+    camera.start().unwrap();
+    let shot = take(&mut camera, &mut slots, 3);
+    assert!(shot.whole.iter().map(|(meta, _)| meta.sequence).eq(0..3));
+}
+
+#[test]
+fn a_camera_that_is_taken_away_by_another_program_vanishes() {
+    /// Register of the control channel's privilege (GigE Vision bootstrap registers): 0 is nobody's.
+    const PRIVILEGE: u32 = 0xa00;
     let Some(gige) = FakeGige::plug_in(Wiring::Software, u64::MAX, draw) else { return };
     let mut slots = Slots::new(16, FRAME_BYTES);
     let mut camera = GenicamCamera::open(&settings(50.0)).unwrap();
     slots.queue_all(&mut camera);
     camera.start().unwrap();
     assert_eq!(take(&mut camera, &mut slots, 3).whole.len(), 3);
-    drop(gige);
-    let deadline = Instant::now() + PATIENCE;
-    let error = loop {
-        match camera.next(Duration::from_millis(200)) {
-            Ok(Next::Frame(slot, _) | Next::Torn(slot, _)) => slots.give_back(slot, &mut camera),
-            Ok(_) => assert!(Instant::now() < deadline, "not noticed"),
-            Err(error) => break error,
-        }
-    };
+    gige.write(PRIVILEGE, 0);
+    let error = until_it_fails(&mut camera, &slots);
     assert!(matches!(error, CameraError::Vanished { .. }), "{error}");
-    assert!(error.to_string().starts_with("camera \"127.0.0.1\" vanished: "), "{error}");
 }
 
 #[test]

@@ -17,8 +17,11 @@ use crate::image::PixelFormat;
 pub fn apply(device: &Device, settings: &GenicamSettings) -> Result<StreamFormat, CameraError> {
     // A camera still streaming for someone who died locks most features; one that is not, refuses this.
     let _ = device.ask(device.aravis.arv_camera_stop_acquisition);
+    let mut features: Vec<_> = settings.features.iter().collect();
+    // What the others mean depends on the selectors; otherwise the order of the names stays.
+    features.sort_by_key(|(key, _)| !key.ends_with("Selector"));
     let (triggers, mut pending): (Vec<_>, Vec<_>) =
-        settings.features.iter().partition(|(key, _)| key.starts_with("Trigger"));
+        features.into_iter().partition(|(key, _)| key.starts_with("Trigger"));
     pending.retain(|(key, value)| device.set_feature(key, value).is_err());
     set_region(device, settings)?;
     let format = set_format(device, settings)?;
@@ -134,7 +137,9 @@ fn set_rate_and_trigger(
     let aravis = device.aravis;
     let has_rate = device.ask(aravis.arv_camera_is_frame_rate_available).is_ok_and(|available| available != 0);
     if let Some(wanted) = settings.frame_rate_hz {
-        set_rate(device, wanted).map_err(|reason| setting("frame_rate_hz", wanted, reason))?;
+        device
+            .with_trigger_selector_kept(|| set_rate(device, wanted))
+            .map_err(|reason| setting("frame_rate_hz", wanted, reason))?;
     }
     match &settings.trigger_source {
         Some(source) => set_trigger(device, source).map_err(|reason| setting("trigger_source", source, reason))?,
@@ -155,16 +160,32 @@ fn set_rate_and_trigger(
 fn set_rate(device: &Device, wanted: f64) -> Result<(), String> {
     let aravis = device.aravis;
     let pointer = device.camera.as_ptr();
-    let (mut least, mut most) = (0.0, 0.0);
-    // SAFETY: an open camera and two numbers of ours to write to.
-    checked(aravis, |error| unsafe {
-        aravis.arv_camera_get_frame_rate_bounds(pointer, &raw mut least, &raw mut most, error);
-    })?;
+    let (least, most) = device.rate_range_hz()?;
     check_real(wanted, least, most)?;
     // SAFETY: an open camera.
     checked(aravis, |error| unsafe { aravis.arv_camera_set_frame_rate(pointer, wanted, error) })?;
     let kept = device.ask(aravis.arv_camera_get_frame_rate)?;
     if is_near(wanted, kept) { Ok(()) } else { Err(format!("the camera keeps {kept}")) }
+}
+
+impl Device {
+    /// Calls what leaves the trigger selector at the last of its words, and turns it back.
+    fn with_trigger_selector_kept(&self, act: impl FnOnce() -> Result<(), String>) -> Result<(), String> {
+        let before = self.text("TriggerSelector").ok();
+        act()?;
+        before.map_or(Ok(()), |before| self.set_text("TriggerSelector", &before))
+    }
+
+    /// Lowest and highest frame rate at the present settings.
+    pub(super) fn rate_range_hz(&self) -> Result<(f64, f64), String> {
+        let (aravis, pointer) = (self.aravis, self.camera.as_ptr());
+        let (mut least, mut most) = (0.0, 0.0);
+        // SAFETY: an open camera and two numbers of ours to write to.
+        checked(aravis, |error| unsafe {
+            aravis.arv_camera_get_frame_rate_bounds(pointer, &raw mut least, &raw mut most, error);
+        })?;
+        Ok((least, most))
+    }
 }
 
 fn set_trigger(device: &Device, source: &str) -> Result<(), String> {

@@ -217,6 +217,14 @@ impl Device {
             .map(|(kind, _)| kind)
     }
 
+    /// Whether another setting keeps this feature from being set now.
+    pub fn is_locked(&self, name: &str) -> bool {
+        let node = self.node(name);
+        // SAFETY: nodes found by name are feature nodes.
+        let locked = |error| unsafe { self.aravis.arv_gc_feature_node_is_locked(node.cast(), error) };
+        !node.is_null() && checked(self.aravis, locked).is_ok_and(|locked| locked != 0)
+    }
+
     /// Whether a feature may be read and written now; nothing when the camera does not have it.
     pub fn access(&self, name: &str) -> Option<Access> {
         let node = self.node(name);

@@ -5,6 +5,33 @@ use crate::config::FeatureValue;
 use crate::camera::CameraError;
 use std::fmt;
 
+<<<<<<< HEAD
+=======
+/// A value for a feature, as a configuration writes it.
+#[derive(Debug, Clone, PartialEq)]
+pub enum FeatureValue {
+    /// `true` or `false`; `true` (or the text `execute`) executes a command.
+    Bool(bool),
+    /// A whole number.
+    Integer(i64),
+    /// A real number.
+    Float(f64),
+    /// A text or the word of an enumeration.
+    Text(String),
+}
+
+impl fmt::Display for FeatureValue {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Bool(value) => value.fmt(formatter),
+            Self::Integer(value) => value.fmt(formatter),
+            Self::Float(value) => value.fmt(formatter),
+            Self::Text(value) => value.fmt(formatter),
+        }
+    }
+}
+
+>>>>>>> genicam
 /// Cameras round what they cannot keep: a read-back this near, relative, is what was set.
 const ROUNDING: f64 = 0.01;
 
@@ -24,14 +51,20 @@ impl<'a> Key<'a> {
         }
     }
 
-    /// Turns the selector, so that the name means the right one.
-    fn select(&self, device: &Device) -> Result<(), String> {
-        let Some((selector, word)) = self.selector else { return Ok(()) };
+    /// Does something with the selector turned to this key's feature, and turns it back.
+    fn selected<R>(&self, device: &Device, act: impl FnOnce() -> Result<R, String>) -> Result<R, String> {
+        let Some((selector, word)) = self.selector else { return act() };
         match device.kind(selector) {
-            Some(Kind::Enumeration) => device.set_enumeration(selector, word),
+            Some(Kind::Enumeration) => {
+                let before = device.text(selector)?;
+                device.set_enumeration(selector, word)?;
+                act().and_then(|result| device.set_text(selector, &before).map(|()| result))
+            }
             Some(Kind::Integer) => {
+                let before = device.integer(selector)?;
                 let value = word.parse().map_err(|_| format!("the selector {selector} is an integer"))?;
-                device.set_whole(selector, value)
+                device.set_whole(selector, value)?;
+                act().and_then(|result| device.set_integer(selector, before).map(|()| result))
             }
             Some(kind) => Err(format!("the selector {selector} is of type {}", kind.word())),
             None => Err(format!("the camera has no selector {selector}")),
@@ -48,7 +81,11 @@ impl Device {
     /// type, not to be written now, the value is outside its range, or the camera
     /// keeps another value.
     pub fn set_feature(&self, key: &str, value: &FeatureValue) -> Result<(), CameraError> {
-        self.set_and_verify(key, value).map_err(|reason| setting(key, value, reason))
+        let set = || {
+            let key = Key::parse(key)?;
+            key.selected(self, || self.set_and_verify(key.name, value))
+        };
+        set().map_err(|reason| setting(key, value, reason))
     }
 
     /// Checks that a feature still has the value it was set to.
@@ -59,16 +96,12 @@ impl Device {
     pub fn verify_feature(&self, key: &str, value: &FeatureValue) -> Result<(), CameraError> {
         let verify = || {
             let key = Key::parse(key)?;
-            key.select(self)?;
-            self.verify(key.name, value)
+            key.selected(self, || self.verify(key.name, value))
         };
         verify().map_err(|reason| setting(key, value, reason))
     }
 
-    fn set_and_verify(&self, key: &str, value: &FeatureValue) -> Result<(), String> {
-        let key = Key::parse(key)?;
-        key.select(self)?;
-        let name = key.name;
+    fn set_and_verify(&self, name: &str, value: &FeatureValue) -> Result<(), String> {
         let kind = self.kind(name).ok_or("the camera has no such feature")?;
         if !self.has(name) {
             return Err("the camera does not offer it with its other settings".into());
@@ -76,41 +109,43 @@ impl Device {
         if self.access(name) == Some(Access::Read) {
             return Err("it can only be read".into());
         }
+        if self.is_locked(name) {
+            return Err("another setting of the camera locks it".into());
+        }
         match (kind, value) {
             (Kind::Boolean, FeatureValue::Bool(value)) => self.set_boolean(name, *value)?,
             (Kind::Command, FeatureValue::Bool(true)) => return self.execute(name),
+            (Kind::Command, FeatureValue::Text(word)) if word == "execute" => return self.execute(name),
             (Kind::Integer, FeatureValue::Integer(value)) => self.set_whole(name, *value)?,
             (Kind::Float, FeatureValue::Float(value)) => self.set_real(name, *value)?,
             (Kind::Float, FeatureValue::Integer(value)) => self.set_real(name, *value as f64)?,
             (Kind::Enumeration, FeatureValue::Text(value)) => self.set_enumeration(name, value)?,
             (Kind::Text, FeatureValue::Text(value)) => self.set_text(name, value)?,
             (Kind::Command, _) => return Err("it is a command: true executes it".into()),
-            (kind, _) => return Err(format!("it is of type {}{}", kind.word(), self.allowed(name, kind))),
+            (kind, _) => {
+                let allowed = self.allowed(name, kind);
+                let allowed = if allowed.is_empty() { allowed } else { format!(", allowed {allowed}") };
+                return Err(format!("it is of type {}{allowed}", kind.word()));
+            }
         }
         self.verify(name, value)
     }
 
-    /// The range of a feature, for a person: `, allowed ...`.
-    fn allowed(&self, name: &str, kind: Kind) -> String {
-        match kind {
-            Kind::Enumeration => {
-                self.words(name).map_or(String::new(), |words| format!(", allowed {}", words.join(", ")))
-            }
-            Kind::Integer => self
-                .integer_range(name)
-                .map_or(String::new(), |(least, most, _)| format!(", allowed {least} to {most}")),
-            Kind::Float => {
-                self.float_range(name).map_or(String::new(), |(least, most)| format!(", allowed {least} to {most}"))
-            }
-            _ => String::new(),
-        }
+    /// What a feature can be set to, for a person; empty where there is no range.
+    pub(super) fn allowed(&self, name: &str, kind: Kind) -> String {
+        let range = match kind {
+            Kind::Enumeration => self.words(name).map(|words| words.join(", ")),
+            Kind::Integer => self.integer_range(name).map(whole_range),
+            Kind::Float => self.float_range(name).map(|(least, most)| format!("{least} to {most}")),
+            _ => Ok(String::new()),
+        };
+        range.unwrap_or_default()
     }
 
     fn set_whole(&self, name: &str, value: i64) -> Result<(), String> {
         let (least, most, step) = self.integer_range(name)?;
         if value < least || value > most || value.abs_diff(least) % step.unsigned_abs() != 0 {
-            let steps = if step == 1 { String::new() } else { format!(" in steps of {step}") };
-            return Err(format!("allowed {least} to {most}{steps}"));
+            return Err(format!("allowed {}", whole_range((least, most, step))));
         }
         self.set_integer(name, value)
     }
@@ -149,6 +184,12 @@ impl Device {
         };
         if same { Ok(()) } else { Err(format!("the camera keeps {kept}")) }
     }
+}
+
+/// A range of whole numbers for a person.
+fn whole_range((least, most, step): (i64, i64, i64)) -> String {
+    let steps = if step == 1 { String::new() } else { format!(" in steps of {step}") };
+    format!("{least} to {most}{steps}")
 }
 
 /// Whether a camera's read-back is what was asked for, rounded to what it can keep.

@@ -98,12 +98,10 @@ impl Device {
         };
         let name = c_text(&name).map_err(not_found)?;
         // SAFETY: a terminated name; a returned camera is ours.
-        let camera = checked(aravis, |error| unsafe { aravis.arv_camera_new(name.as_ptr(), error) })
-            .and_then(|camera| unsafe { Object::owned(aravis, camera) }.ok_or("no camera".into()))
-            .map_err(not_found)?;
-        if camera.as_ptr().is_null() {
-            return Err(not_found("no camera".into()));
-        }
+        let camera =
+            checked(aravis, |error| unsafe { aravis.arv_camera_new(name.as_ptr(), error) }).map_err(not_found)?;
+        // SAFETY: the library made it for us.
+        let camera = unsafe { Object::owned(aravis, camera) }.ok_or_else(|| not_found("no camera".into()))?;
         let device = Self { aravis, camera };
         if device.is_gige() {
             // SAFETY: an open GigE Vision camera and a constant of the library.
@@ -181,12 +179,12 @@ const GVCP_PORT: u16 = 3956;
 
 /// Asks an address whether a camera is there; the library alone takes many seconds to give up.
 fn probe(address: Ipv4Addr) -> Result<(), String> {
-    const TRIES: u32 = 5;
+    const TRIES: u32 = 4;
     // Key, flags (answer wanted), command (discovery), length 0, request 1: GVCP header, big-endian.
     const DISCOVERY: [u8; 8] = [0x42, 0x01, 0x00, 0x02, 0x00, 0x00, 0x00, 0x01];
     let ask = || -> std::io::Result<bool> {
         let socket = UdpSocket::bind((Ipv4Addr::UNSPECIFIED, 0))?;
-        socket.set_read_timeout(Some(Duration::from_millis(400)))?;
+        socket.set_read_timeout(Some(Duration::from_millis(300)))?;
         let mut answer = [0; 1024];
         for _ in 0..TRIES {
             // Not connected: a refusal must not end the wait of a camera that is only starting.

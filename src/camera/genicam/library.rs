@@ -29,13 +29,19 @@ fn open_library(name: &str) -> Result<&'static Aravis, CameraError> {
     let missing =
         |reason: String| CameraError::LibraryMissing { library: name.into(), package: PACKAGE.into(), reason };
     // SAFETY: loading runs the library's constructors, which set up GLib and nothing of ours.
-    let aravis = unsafe { Aravis::new(name) }.map_err(|error| missing(error.to_string()))?;
+    let aravis = unsafe { Aravis::new(name) }.map_err(|error| missing(words(&error)))?;
     // SAFETY: these three take nothing and return constants.
     let (major, minor) = unsafe { (aravis.arv_get_major_version(), aravis.arv_get_minor_version()) };
     if (major, minor) != (0, 8) {
         return Err(missing(format!("it is version {major}.{minor}, not 0.8")));
     }
     Ok(Box::leak(Box::new(aravis)))
+}
+
+/// What the loader said, with its reason.
+fn words(error: &libloading::Error) -> String {
+    use std::error::Error;
+    error.source().map_or_else(|| error.to_string(), |source| source.to_string())
 }
 
 #[cfg(test)]

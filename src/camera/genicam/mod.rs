@@ -5,6 +5,7 @@ mod apply;
 mod clock;
 mod device;
 mod feature;
+mod features;
 mod find;
 mod handle;
 mod library;
@@ -19,13 +20,19 @@ mod stream;
     non_camel_case_types,
     non_upper_case_globals,
     clippy::all,
+    clippy::too_many_lines,
     clippy::undocumented_unsafe_blocks,
     reason = "generated"
 )]
 pub mod sys;
 
 pub use device::{Access, Device, Kind};
+<<<<<<< HEAD
 pub use crate::config::FeatureValue;
+=======
+pub use feature::FeatureValue;
+pub use features::{CameraDetails, FeatureLine, describe, features};
+>>>>>>> genicam
 pub use find::{CameraListing, list};
 pub use library::library;
 pub use settings::GenicamSettings;
