@@ -35,7 +35,7 @@ impl Source {
 /// The value of a GenICam feature.
 #[derive(Debug, Clone, PartialEq)]
 pub enum FeatureValue {
-    /// `true` or `false`, for boolean features.
+    /// `true` or `false`, for boolean features; `true` executes a command.
     Bool(bool),
     /// A whole number, for integer features (and float ones: the camera's description decides).
     Integer(i64),

@@ -163,6 +163,7 @@ impl BodyTracker {
         let [x, y] = gravity_px(&self.params, metres_per_px.value);
         let gravity = self.axes.surface(x, y);
         let radius_px = match self.params.scale {
+            Scale::Unknown => None,
             Scale::BallDiameterMm(mm) => Some(Estimate { value: mm * 5e-4 / metres_per_px.value, sigma: 0.0 }),
             Scale::MmPerPx(_) => self.radius.radius_px(),
         };

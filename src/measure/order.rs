@@ -97,6 +97,11 @@ impl Order {
         }
     }
 
+    /// Whether every row of the frames before `end` was given out.
+    pub fn has_given_all_before(&self, end: u64) -> bool {
+        self.next.is_some_and(|(frame, _)| frame >= end)
+    }
+
     /// Rows whose step never came.
     pub fn lost(&self) -> u64 {
         self.lost

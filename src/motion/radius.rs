@@ -76,6 +76,7 @@ impl RunningRadius {
     pub fn metres_per_px(&self, scale: Scale) -> Option<MetresPerPixel> {
         match scale {
             Scale::MmPerPx(mm) => Some(Estimate { value: mm * 1e-3, sigma: 0.0 }),
+            Scale::Unknown => None,
             Scale::BallDiameterMm(mm) => self.radius_px().map(|radius| {
                 let value = mm * 1e-3 / (2.0 * radius.value);
                 Estimate { value, sigma: value * radius.sigma / radius.value }

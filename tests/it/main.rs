@@ -7,21 +7,18 @@
 )]
 
 mod ball;
+mod bounce;
 mod bus;
-mod config;
-mod fake_gige;
-mod genicam;
-mod recording;
 mod camera_contract;
+mod config;
 mod fake_gige;
 mod genicam;
 mod genicam_rate;
 mod genicam_settings;
-mod slots;
-mod simulated_camera;
-mod synth;
-mod tidy;
-
-mod bounce;
 mod impact;
 mod motion;
+mod recording;
+mod simulated_camera;
+mod slots;
+mod synth;
+mod tidy;

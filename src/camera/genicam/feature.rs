@@ -5,33 +5,6 @@ use crate::config::FeatureValue;
 use crate::camera::CameraError;
 use std::fmt;
 
-<<<<<<< HEAD
-=======
-/// A value for a feature, as a configuration writes it.
-#[derive(Debug, Clone, PartialEq)]
-pub enum FeatureValue {
-    /// `true` or `false`; `true` (or the text `execute`) executes a command.
-    Bool(bool),
-    /// A whole number.
-    Integer(i64),
-    /// A real number.
-    Float(f64),
-    /// A text or the word of an enumeration.
-    Text(String),
-}
-
-impl fmt::Display for FeatureValue {
-    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Bool(value) => value.fmt(formatter),
-            Self::Integer(value) => value.fmt(formatter),
-            Self::Float(value) => value.fmt(formatter),
-            Self::Text(value) => value.fmt(formatter),
-        }
-    }
-}
-
->>>>>>> genicam
 /// Cameras round what they cannot keep: a read-back this near, relative, is what was set.
 const ROUNDING: f64 = 0.01;
 

@@ -27,12 +27,8 @@ mod stream;
 pub mod sys;
 
 pub use device::{Access, Device, Kind};
-<<<<<<< HEAD
 pub use crate::config::FeatureValue;
-=======
-pub use feature::FeatureValue;
 pub use features::{CameraDetails, FeatureLine, describe, features};
->>>>>>> genicam
 pub use find::{CameraListing, list};
 pub use library::library;
 pub use settings::GenicamSettings;
