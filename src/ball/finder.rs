@@ -15,8 +15,8 @@ const CERTAIN_AGREEING: f64 = 0.3;
 const SAME_PX: f32 = 3.0;
 /// Places that are looked at closely.
 const FINALISTS: usize = 8;
-/// Finalists around which a larger circle is looked for as well: speckle near the rim can make a smaller one win.
-const GROWN: usize = 3;
+/// How much larger a circle is looked for around the best finalists as well: speckle near the rim can make a
+/// smaller one win.
 const GROWN_BY_PX: f32 = 5.0;
 /// A place is off by less than this, px.
 const REACH_PX: f32 = 7.0;
@@ -33,12 +33,14 @@ struct Effort {
     tolerance_px: f32,
     draws: usize,
     rays: usize,
+    /// Finalists around which a larger circle is looked for.
+    grown: usize,
 }
 
 /// The ball is among the first 5 places in 96 of 100 hard scenes, among the first 20 when the radius is unknown.
-const QUICK: Effort = Effort { places: (10, 24), tolerance_px: 1.0, draws: 30, rays: 60 };
+const QUICK: Effort = Effort { places: (10, 24), tolerance_px: 1.0, draws: 30, rays: 60, grown: 3 };
 /// When the quick look found nothing.
-const THOROUGH: Effort = Effort { places: (24, 48), tolerance_px: 0.7, draws: 60, rays: 120 };
+const THOROUGH: Effort = Effort { places: (24, 48), tolerance_px: 0.7, draws: 60, rays: 120, grown: 8 };
 
 /// Finds one ball per image: its outline to a few hundredths of a pixel.
 ///
@@ -148,7 +150,7 @@ impl BallFinder {
             }
         }
         self.keep_finalists();
-        for i in 0..self.guesses.len().min(GROWN) {
+        for i in 0..self.guesses.len().min(effort.grown) {
             let guess = self.guesses[i];
             let grown = Guess { radius: guess.radius + GROWN_BY_PX, ..guess };
             let look = Look { reach_px: GROWN_BY_PX, tolerance_px: 0.7, draws: 60, rays: 120 };

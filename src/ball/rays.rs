@@ -157,7 +157,7 @@ impl Rays {
             Polarity::Brighter => 0,
             Polarity::Darker => 1,
         };
-        if self.pool[sign].len() < 8 || 2 * self.inside < self.rays {
+        if self.pool[sign].len() < 8 || 3 * self.inside < self.rays {
             return None;
         }
         let mut best = (0.0_f32, Offset::default());

@@ -21,13 +21,12 @@ const BLUR_RANGE_PX: std::ops::RangeInclusive<f32> = 0.35..=2.0;
 const FARTHEST_PX: f64 = 4.0;
 /// An edge this near to the circle agrees with it, px.
 const AGREEING_PX: f64 = 0.25;
-/// Least share of the rim inside the image that must agree with the circle.
+/// Least number of bins that must agree with the circle, and the share of the rim inside the image on top.
 ///
-/// These five limits were set on 850 circles around balls in hard scenes and 100 around texture, speckle and
+/// These limits were set on 850 circles around balls in hard scenes and 100 around texture, speckle and
 /// occluders: they let 99 % of the former pass and none of the latter.
-const LEAST_AGREEING: f64 = 0.12;
-/// Fewest bins that must agree, whatever their share.
-const FEWEST_AGREEING: usize = 14;
+const FEWEST_AGREEING: f64 = 13.0;
+const LEAST_AGREEING: f64 = 0.06;
 /// Least share of the usable edges that must agree.
 const LEAST_AGREEING_OF_USED: f64 = 0.45;
 /// Largest robust scatter of the usable edges about the circle, px.
@@ -36,7 +35,7 @@ const MOST_SCATTER_PX: f64 = 0.3;
 const SIGMA_FACTOR: f64 = 2.0;
 const SIGMA_FLOOR_PX: f64 = 0.01;
 /// An answer less certain than this is none, px.
-const MOST_SIGMA_PX: f64 = 0.16;
+const MOST_SIGMA_PX: f64 = 0.12;
 
 /// An accepted outline.
 #[derive(Debug, Clone, Copy)]
@@ -147,7 +146,7 @@ impl Refine {
         let used = self.gates.used.iter().filter(|used| **used).count() as f64;
         let inside = (0..self.rim.bins()).filter(|&bin| self.rim.count(bin) > 0).count().max(1) as f64;
         let share = agreeing as f64 / inside;
-        let enough = agreeing >= FEWEST_AGREEING && share > LEAST_AGREEING;
+        let enough = agreeing as f64 >= FEWEST_AGREEING + LEAST_AGREEING * inside;
         if !enough || agreeing as f64 <= LEAST_AGREEING_OF_USED * used || self.fit.scatter_px()? > MOST_SCATTER_PX {
             return None;
         }
