@@ -9,6 +9,12 @@ use super::rim::Rim;
 const ROUNDS: usize = 8;
 /// Residuals beyond this many robust standard deviations count nothing (Tukey).
 const TUKEY: f64 = 4.0;
+/// Residuals beyond this count nothing either: speckle at the rim can make half of the bins outliers, px.
+const FARTHEST_PX: f64 = 0.7;
+/// The scale of the residuals is read at this rank, below the usual half, for the same reason.
+const SCALE_RANK: f64 = 0.3;
+/// Normal quantile of that rank: |z| is below it in 30 of 100 draws.
+const SCALE_QUANTILE: f64 = 0.385_32;
 /// Unevenness of a printed or painted rim that no noise model knows, px.
 const RIM_ROUGHNESS_PX: f64 = 0.03;
 /// Neighbouring bins whose residuals are taken to be alike.
@@ -40,7 +46,8 @@ impl CircleFit {
     /// `None` when there are too few of them to hold a circle.
     pub fn fit(&mut self, rim: &Rim, edges: &[Edge], used: &[bool], noise: f32) -> Option<Correction> {
         self.weigh(edges, used, noise);
-        let mut answer = Vector3::new(0.0, 0.0, self.median_shift(edges, used)?);
+        // The outline itself is the start: it already stands where most rim of one sign is.
+        let mut answer = Vector3::zeros();
         let mut normal = Matrix3::identity();
         for _ in 0..ROUNDS {
             self.residuals(rim, edges, answer);
@@ -49,7 +56,9 @@ impl CircleFit {
             normal = Matrix3::zeros();
             for (bin, edge) in edges.iter().enumerate() {
                 let z = self.residual[bin] * self.weight[bin].sqrt() / (TUKEY * scale);
-                self.trust[bin] = if self.weight[bin] > 0.0 && z.abs() < 1.0 { (1.0 - z * z).powi(2) } else { 0.0 };
+                let far = self.residual[bin] / FARTHEST_PX;
+                let near = self.weight[bin] > 0.0 && z.abs() < 1.0 && far.abs() < 1.0;
+                self.trust[bin] = if near { ((1.0 - z * z) * (1.0 - far * far)).powi(2) } else { 0.0 };
                 let weight = self.trust[bin] * self.weight[bin];
                 if weight > 0.0 {
                     let row = row(rim, bin);
@@ -82,15 +91,6 @@ impl CircleFit {
         self.trust.resize(edges.len(), 0.0);
     }
 
-    fn median_shift(&mut self, edges: &[Edge], used: &[bool]) -> Option<f64> {
-        self.sorted.clear();
-        self.sorted.extend(edges.iter().zip(used).filter(|(_, used)| **used).map(|(e, _)| f64::from(e.shift)));
-        if self.sorted.len() < 6 {
-            return None;
-        }
-        Some(median(&mut self.sorted))
-    }
-
     fn residuals(&mut self, rim: &Rim, edges: &[Edge], answer: Vector3<f64>) {
         self.residual.clear();
         self.residual.extend(edges.iter().enumerate().map(|(bin, e)| f64::from(e.shift) - row(rim, bin).dot(&answer)));
@@ -101,7 +101,7 @@ impl CircleFit {
         self.sorted.clear();
         let pairs = self.residual.iter().zip(&self.weight).filter(|(_, w)| **w > 0.0);
         self.sorted.extend(pairs.map(|(e, w)| e.abs() * w.sqrt()));
-        (self.sorted.len() >= 6).then(|| (1.4826 * median(&mut self.sorted)).max(1e-6))
+        spread(&mut self.sorted).map(|scale| scale.max(1e-6))
     }
 
     /// Covariance of the correction fitted last, px^2.
@@ -115,7 +115,7 @@ impl CircleFit {
         self.sorted.clear();
         let pairs = self.residual.iter().zip(&self.weight).filter(|(_, w)| **w > 0.0);
         self.sorted.extend(pairs.map(|(e, _)| e.abs()));
-        (self.sorted.len() >= 6).then(|| 1.4826 * median(&mut self.sorted))
+        spread(&mut self.sorted)
     }
 
     /// Covariance of the weighted sums, from the residuals' own likeness along the rim (Bartlett's window).
@@ -141,8 +141,8 @@ fn row(rim: &Rim, bin: usize) -> Vector3<f64> {
     Vector3::new(cos, sin, 1.0)
 }
 
-/// The median; `values` must not be empty.
-fn median(values: &mut [f64]) -> f64 {
-    let middle = values.len() / 2;
-    *values.select_nth_unstable_by(middle, f64::total_cmp).1
+/// Robust standard deviation of residuals, from their sizes; `None` when there are too few.
+fn spread(sizes: &mut [f64]) -> Option<f64> {
+    let rank = (sizes.len() as f64 * SCALE_RANK) as usize;
+    (sizes.len() >= 6).then(|| *sizes.select_nth_unstable_by(rank, f64::total_cmp).1 / SCALE_QUANTILE)
 }

@@ -13,18 +13,34 @@ const LEAST_SUPPORT: f32 = 0.22;
 const CERTAIN_AGREEING: f64 = 0.3;
 /// Circles nearer to one another than this are the same one, px.
 const SAME_PX: f32 = 3.0;
-/// Places of the coarse search whose rim is looked at, for one range of radii and for several. The ball is
-/// among the first 5 in 96 of 100 hard scenes, among the first 20 when the radius is unknown.
-const FEW_PLACES: usize = 10;
-const MANY_PLACES: usize = 24;
 /// Places that are looked at closely.
-const FINALISTS: usize = 4;
+const FINALISTS: usize = 8;
+/// How much larger a circle is looked for around the best finalists as well: speckle near the rim can make a
+/// smaller one win.
+const GROWN_BY_PX: f32 = 5.0;
 /// A place is off by less than this, px.
 const REACH_PX: f32 = 7.0;
 /// A prediction is off by less than this, px.
 const FOLLOW_REACH_PX: f32 = 5.0;
 
 const CLOSE: Look = Look { reach_px: 4.0, tolerance_px: 0.6, draws: 120, rays: 120 };
+
+/// How many places of the coarse search are looked at, and how well.
+#[derive(Debug, Clone, Copy)]
+struct Effort {
+    /// Places for one range of radii, and for several.
+    places: (usize, usize),
+    tolerance_px: f32,
+    draws: usize,
+    rays: usize,
+    /// Finalists around which a larger circle is looked for.
+    grown: usize,
+}
+
+/// The ball is among the first 5 places in 96 of 100 hard scenes, among the first 20 when the radius is unknown.
+const QUICK: Effort = Effort { places: (10, 24), tolerance_px: 1.0, draws: 30, rays: 60, grown: 3 };
+/// When the quick look found nothing.
+const THOROUGH: Effort = Effort { places: (24, 48), tolerance_px: 0.7, draws: 60, rays: 120, grown: 8 };
 
 /// Finds one ball per image: its outline to a few hundredths of a pixel.
 ///
@@ -82,12 +98,11 @@ impl BallFinder {
         self.places.clear();
         self.coarse.plain(&mut self.places);
         self.coarse.without_marks(Marks::Dark, &mut self.places);
-        if let Some(circle) = self.best_of_places(image) {
+        if let Some(circle) = self.best_of_places(image, QUICK) {
             return Some(circle);
         }
-        self.places.clear();
         self.coarse.without_marks(Marks::Bright, &mut self.places);
-        self.best_of_places(image)
+        self.best_of_places(image, THOROUGH)
     }
 
     /// Finds the ball near `near`: a prediction within a few pixels, its radius known.
@@ -115,21 +130,32 @@ impl BallFinder {
     }
 
     /// Ranks the places by their rim and measures the best.
-    fn best_of_places(&mut self, image: ImageView<'_>) -> Option<Circle> {
+    fn best_of_places(&mut self, image: ImageView<'_>, effort: Effort) -> Option<Circle> {
         self.guesses.clear();
         self.places.sort_by(|a, b| b.score.total_cmp(&a.score));
-        self.places.truncate(if self.coarse.bands() > 1 { MANY_PLACES } else { FEW_PLACES });
-        for place in &self.places {
+        let places = if self.coarse.bands() > 1 { effort.places.1 } else { effort.places.0 };
+        for place in self.places.iter().take(places) {
             let reach_px = (place.spread + 3.0).max(REACH_PX);
-            let look = Look { reach_px, tolerance_px: 1.0, draws: 30, rays: 60 };
+            let look = Look { reach_px, tolerance_px: effort.tolerance_px, draws: effort.draws, rays: effort.rays };
             self.guesses.extend(self.rays.look(image, (place.x, place.y, place.radius), look));
         }
         self.keep_finalists();
-        let wide = Look { reach_px: REACH_PX, tolerance_px: 1.0, draws: 120, rays: 120 };
-        for guess in &mut self.guesses {
-            let better = self.rays.look_again(image, guess, wide).unwrap_or(*guess);
-            let close = self.rays.look_again(image, &better, CLOSE);
-            *guess = close.unwrap_or(Guess { support: 0.0, ..*guess });
+        let wide = Look { reach_px: REACH_PX, tolerance_px: 0.7, ..CLOSE };
+        for i in 0..self.guesses.len() {
+            let guess = self.guesses[i];
+            self.guesses[i].support = 0.0;
+            let better = self.rays.look_again(image, &guess, wide).unwrap_or(guess);
+            if let Some(close) = self.rays.look_again(image, &better, CLOSE) {
+                self.guesses[i] = close;
+            }
+        }
+        self.keep_finalists();
+        for i in 0..self.guesses.len().min(effort.grown) {
+            let guess = self.guesses[i];
+            let grown = Guess { radius: guess.radius + GROWN_BY_PX, ..guess };
+            let look = Look { reach_px: GROWN_BY_PX, tolerance_px: 0.7, draws: 60, rays: 120 };
+            let Some(grown) = self.rays.look_again(image, &grown, look) else { continue };
+            self.guesses.extend(self.rays.look_again(image, &grown, CLOSE));
         }
         self.keep_finalists();
         let mut best: Option<Measured> = None;

@@ -157,7 +157,7 @@ impl Rays {
             Polarity::Brighter => 0,
             Polarity::Darker => 1,
         };
-        if self.pool[sign].len() < 8 || 2 * self.inside < self.rays {
+        if self.pool[sign].len() < 8 || 3 * self.inside < self.rays {
             return None;
         }
         let mut best = (0.0_f32, Offset::default());
@@ -238,7 +238,8 @@ impl Rays {
                 sums[lane] += if vote > 0.0 { vote } else { 0.0 };
             }
         }
-        sums.iter().sum::<f32>() / self.inside as f32
+        // Rays that leave the image count half: a ball may do so, but few rays agree by chance more easily.
+        sums.iter().sum::<f32>() / (0.5 * (self.inside + self.rays) as f32)
     }
 
     /// Least squares through the steps that agree with a circle.

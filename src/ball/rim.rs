@@ -5,11 +5,13 @@ use crate::image::ImageView;
 /// Bins worked on at a time, for vector instructions.
 pub(super) const LANES: usize = 8;
 /// Most pixels remembered of a bin.
-pub(super) const SLOTS: usize = 32;
-/// Rim covered by one bin, px.
-pub(super) const BIN_PX: f64 = 2.5;
-/// Half width of the band of pixels around the rim, px.
+pub(super) const SLOTS: usize = 24;
+/// Rim covered by one bin, px: short, so that some bins fit between speckles.
+pub(super) const BIN_PX: f64 = 1.7;
+/// The band of pixels reaches this far out from the rim, px.
 pub(super) const BAND_PX: f64 = 3.0;
+/// The band reaches this far in, px: less, because speckle and shade begin there.
+pub(super) const INNER_BAND_PX: f64 = 2.5;
 
 /// The outline may move this far before its pixels have to be gathered again, px.
 pub(super) const SLACK_PX: f64 = 0.5;
@@ -64,12 +66,12 @@ impl Rim {
         (&self.distance[range.clone()], &self.grey[range.clone()], &self.weight[range])
     }
 
-    /// Sorts the pixels near `outline` into bins.
+    /// Sorts the pixels of the band around `outline` into bins.
     pub fn gather(&mut self, image: ImageView<'_>, outline: &Outline) {
         self.clear(outline.radius);
         self.middle = *outline;
         let outer = outline.radius + BAND_PX + SLACK_PX;
-        let inner = (outline.radius - BAND_PX - SLACK_PX).max(0.0);
+        let inner = (outline.radius - INNER_BAND_PX - SLACK_PX).max(0.0);
         let rows = clip(outline.y - outer, outline.y + outer, image.height());
         for y in rows {
             let dy = y as f64 - outline.y;
@@ -99,7 +101,7 @@ impl Rim {
                 for i in 0..LANES {
                     let (dx, dy) = (x[i] - shift.0, y[i] - shift.1);
                     let d = (dx * dx + dy * dy).sqrt() - radius;
-                    let near = d.abs() < BAND_PX as f32;
+                    let near = d < BAND_PX as f32 && d > -(INNER_BAND_PX as f32);
                     // Slots without a pixel lie at the centre, a radius away.
                     weight[i] = if near { 1.0 } else { 0.0 };
                     distance[i] = if near { d } else { 0.0 };

@@ -11,35 +11,60 @@ pub(super) enum Sight {
     Outside,
 }
 
-/// Rim seen within a hidden arc weighs this much more than rim missing outside it.
-const PENALTY: f64 = 2.0;
+/// Share of the bins behind an occluder that look like rim by chance.
+const CHANCE_RIM: f64 = 0.05;
+/// A run less likely than this is an occluder, not a row of speckles; natural logarithm.
+const LEAST_EVIDENCE: f64 = 6.0;
 
 /// Share of the disc's area in front of a straight occluder, 0 to 1.
 ///
-/// The hidden arc is the circular run of bins with the most missing rim, each
-/// bin of rim in it counted against it; a chord cuts off the area behind it.
+/// The hidden arc is the circular run of bins that is most likely to be one,
+/// given how often the rim is seen outside it and how rarely behind something;
+/// a chord cuts off the area behind it.
 pub(super) fn unhidden_share(sights: &[Sight]) -> f64 {
+    let mut hidden = (0, 0);
+    for _ in 0..4 {
+        let seen = seen_outside(sights, hidden);
+        // A rim seen as rarely as chance allows tells nothing.
+        let run = likeliest_run(sights, seen.clamp(2.0 * CHANCE_RIM, 0.99));
+        if run == hidden {
+            break;
+        }
+        hidden = run;
+    }
+    let half_angle = std::f64::consts::PI * hidden.1 as f64 / sights.len().max(1) as f64;
+    1.0 - (half_angle - half_angle.sin() * half_angle.cos()) / std::f64::consts::PI
+}
+
+/// How often the rim is seen outside a run of (first, length) bins.
+fn seen_outside(sights: &[Sight], (first, length): (usize, usize)) -> f64 {
+    let bins = sights.len();
+    let outside = || (length..bins).map(|i| sights[(first + i) % bins]).filter(|s| *s != Sight::Outside);
+    let seen = outside().filter(|s| *s == Sight::Rim).count();
+    seen as f64 / outside().count().max(1) as f64
+}
+
+/// The run, as (first, length), with the most evidence of an occluder; length 0 when there is too little.
+fn likeliest_run(sights: &[Sight], seen: f64) -> (usize, usize) {
     let bins = sights.len();
     let gain = |sight: Sight| match sight {
-        Sight::Rim => -PENALTY,
-        Sight::Missing => 1.0,
+        Sight::Rim => (CHANCE_RIM / seen).ln(),
+        Sight::Missing => ((1.0 - CHANCE_RIM) / (1.0 - seen)).ln(),
         Sight::Outside => 0.0,
     };
-    let (mut best, mut longest) = (0.0, 0);
-    let (mut sum, mut length) = (0.0, 0);
+    let (mut best, mut run) = (LEAST_EVIDENCE, (0, 0));
+    let (mut sum, mut first) = (0.0, 0);
     // Twice around, so that a run across the first bin is seen whole.
     for i in 0..2 * bins {
         if sum <= 0.0 {
-            (sum, length) = (0.0, 0);
+            (sum, first) = (0.0, i);
         }
         sum += gain(sights[i % bins]);
-        length += 1;
-        if sum > best && length <= bins {
-            (best, longest) = (sum, length);
+        if sum > best && i + 1 - first <= bins {
+            (best, run) = (sum, (first % bins, i + 1 - first));
         }
     }
-    let half_angle = std::f64::consts::PI * longest as f64 / bins.max(1) as f64;
-    1.0 - (half_angle - half_angle.sin() * half_angle.cos()) / std::f64::consts::PI
+    run
 }
 
 /// Share of the disc (`x`, `y`, `radius`) inside an image of `width` x `height` pixels, 0 to 1.
@@ -76,7 +101,17 @@ mod tests {
     #[test]
     fn scattered_speckle_hides_next_to_nothing() {
         let sights: Vec<_> = (0..140).map(|i| if i % 5 < 2 { Sight::Missing } else { Sight::Rim }).collect();
-        assert!(unhidden_share(&sights) > 0.998);
+        assert!(unhidden_share(&sights) > 0.9999);
+    }
+
+    #[test]
+    fn a_hidden_arc_is_found_among_speckle() {
+        let mut sights: Vec<_> = (0..200).map(|i| if i * 7 % 5 < 3 { Sight::Missing } else { Sight::Rim }).collect();
+        sights[20..80].fill(Sight::Missing);
+        sights[50] = Sight::Rim;
+        let half_angle = 60.0 / 200.0 * std::f64::consts::PI;
+        let share = 1.0 - (half_angle - half_angle.sin() * half_angle.cos()) / std::f64::consts::PI;
+        assert!((unhidden_share(&sights) - share).abs() < 0.02);
     }
 
     #[test]
