@@ -38,9 +38,7 @@ impl Outcome {
 #[error("{0}")]
 pub struct UsageError(pub String);
 
-pub mod cameras;
 
-use std::io::Write;
 
 /// Writes a line to standard output; a reader that went away is no error.
 pub fn say(line: &str) {

@@ -100,6 +100,8 @@ pub struct Measurer {
     spare: Vec<Prepared>,
     /// Per body, the last motion measured within the block it names.
     last: Vec<Option<(u64, RigidStep)>>,
+    /// Per body, the newest outline: its block and frame.
+    before: Vec<Option<(u64, u64, Circle)>>,
 }
 
 /// A frame that waits for its target.
@@ -128,6 +130,7 @@ impl Measurer {
             open: VecDeque::new(),
             spare: Vec::new(),
             last: vec![None; params.bodies.len()],
+            before: vec![None; params.bodies.len()],
             params: params.clone(),
         })
     }
@@ -136,6 +139,7 @@ impl Measurer {
     pub fn reset(&mut self) {
         self.spare.extend(self.open.drain(..).map(|reference| reference.prepared));
         self.last.fill(None);
+        self.before.fill(None);
     }
 
     /// Whether a frame is needed here at all: it belongs to a block of this share, or is a target of one.
@@ -203,19 +207,21 @@ impl Measurer {
 
     /// The outline of one body in the frame at hand: near where it must be, or from scratch.
     fn find(&mut self, body: usize, meta: &FrameMeta, block: u64) -> Option<Circle> {
-        let before = self.open.iter().rev().find(|reference| reference.block == block);
-        let expected = before.and_then(|reference| {
-            let circle = reference.circles[body]?;
-            let frames = (meta.sequence - reference.meta.sequence) as f64;
-            let (dx_px, dy_px) = match self.last[body] {
-                Some((known, step)) if known == block => (step.dx_px, step.dy_px),
-                _ => (0.0, 0.0),
-            };
-            Some(Circle { x_px: circle.x_px + frames * dx_px, y_px: circle.y_px + frames * dy_px, ..circle })
+        let expected = self.before[body].filter(|(known, _, _)| *known == block).map(|(_, sequence, circle)| {
+            let frames = (meta.sequence - sequence) as f64;
+            let step = self.last[body].filter(|(known, _)| *known == block).map(|(_, step)| step);
+            carried(&circle, step.as_ref(), frames)
         });
         let finder = &mut self.finders[body];
         let view = self.image.view();
-        expected.and_then(|near| finder.follow(view, &near)).or_else(|| finder.find(view))
+        let found = match expected {
+            // The motion is known far better than an outline is: where the outline cannot be told, it carries the centre.
+            Some((near, is_measured)) => finder.follow(view, &near).or(is_measured.then_some(near)),
+            None => None,
+        };
+        let found = found.or_else(|| finder.find(view));
+        self.before[body] = found.map(|circle| (block, meta.sequence, circle));
+        found
     }
 
     fn measure(&mut self, reference: &Reference, target: Option<(&Prepared, u64)>, measured: &mut Vec<Measured>) {
@@ -255,7 +261,10 @@ impl Measurer {
         step.step = self.rigid_step(&mut field, &circle);
         match step.step {
             Some(motion) => self.last[body] = Some((reference.block, motion)),
-            None => step.status = why_not(&field),
+            None => {
+                self.last[body] = None;
+                step.status = why_not(&field);
+            }
         }
         Measured { step, field: Some(field) }
     }
@@ -289,6 +298,19 @@ impl Measurer {
             points: motion.points,
         })
     }
+}
+
+/// An outline moved on by `frames` frames, and whether a motion measured from it says so.
+fn carried(circle: &Circle, step: Option<&RigidStep>, frames: f64) -> (Circle, bool) {
+    let Some(step) = step else { return (*circle, false) };
+    let sigma_px = circle.sigma_center_px.hypot(frames * step.sigma_dx_px.max(step.sigma_dy_px));
+    let moved = Circle {
+        x_px: circle.x_px + frames * step.dx_px,
+        y_px: circle.y_px + frames * step.dy_px,
+        sigma_center_px: sigma_px,
+        ..*circle
+    };
+    (moved, true)
 }
 
 /// The most frequent reason why the subsets of a field give no motion.
