@@ -1,1 +1,3 @@
 //! What a person runs and waits for, one file a command.
+
+pub mod field;
