@@ -93,7 +93,7 @@ fn the_standard_pattern_has_the_contrast_that_the_figures_refer_to() {
         sum += (1..319).map(|x| f64::from(row[x + 1] - row[x - 1]).powi(2) / 4.0).sum::<f64>();
     }
     let gradient = (sum / (320.0 * 318.0)).sqrt();
-    println!("rms gradient {gradient:.1} DN/px");
+    eprintln!("rms gradient {gradient:.1} DN/px");
     assert!((25.0..40.0).contains(&gradient), "{gradient}");
 }
 
@@ -104,7 +104,7 @@ fn translations_are_found_at_the_noise_bound_with_honest_uncertainties() {
     for (sigma, limit) in [(0.0, 0.0005), (1.0, 0.0015), (2.0, 0.0029)] {
         let (errors, bias) = translation_errors(&speckle, &params(), sigma);
         let (rms, max, honesty) = (errors.rms(), errors.max(), errors.honesty());
-        println!("sigma {sigma}: bias {bias:.5} rms {rms:.5} max {max:.5} reported/actual {honesty:.3}");
+        eprintln!("sigma {sigma}: bias {bias:.5} rms {rms:.5} max {max:.5} reported/actual {honesty:.3}");
         assert!(rms <= limit, "sigma {sigma}: rms {rms}");
         assert!(max <= 6.0 * limit, "sigma {sigma}: max {max}");
         if sigma < 0.5 {

@@ -84,7 +84,7 @@ impl Search {
         at: (u32, u32),
         around: (i32, i32),
     ) -> Option<Found> {
-        let (half, range) = (window.half as i64, self.range as i64);
+        let (half, range) = (i64::from(window.half), self.range as i64);
         let shifts = |center: i64, extent: usize| {
             let low = (center - range).max(half);
             let high = (center + range).min(extent as i64 - 1 - half);

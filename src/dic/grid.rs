@@ -43,7 +43,7 @@ pub fn disc(
     let (anchor_x, anchor_y) = (x_px.round(), y_px.round());
     let (right, bottom) = (width_px as f64 - 1.0, height_px as f64 - 1.0);
     // Written so that NaN gives no points.
-    if !(radius_px >= 0.0 && radius_px < 1e6 && anchor_x.abs() < 1e6 && anchor_y.abs() < 1e6) {
+    if !((0.0..1e6).contains(&radius_px) && anchor_x.abs() < 1e6 && anchor_y.abs() < 1e6) {
         return Vec::new();
     }
     let steps = (radius_px / step).ceil() as i32;

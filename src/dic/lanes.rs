@@ -33,21 +33,13 @@ impl Lanes {
     /// One where `self` is at least one, else zero.
     #[inline(always)]
     pub(super) fn at_least_one(self) -> Self {
-        let mut out = [0.0; LANES];
-        for (out, value) in out.iter_mut().zip(self.0) {
-            *out = if value >= 1.0 { 1.0 } else { 0.0 };
-        }
-        Self(out)
+        Self(self.0.map(|value| if value >= 1.0 { 1.0 } else { 0.0 }))
     }
 
     /// `high` where `self` is one, `low` where it is zero.
     #[inline(always)]
     pub(super) fn select(self, high: Self, low: Self) -> Self {
-        let mut out = [0.0; LANES];
-        for lane in 0..LANES {
-            out[lane] = if self.0[lane] > 0.5 { high.0[lane] } else { low.0[lane] };
-        }
-        Self(out)
+        Self(std::array::from_fn(|lane| if self.0[lane] > 0.5 { high.0[lane] } else { low.0[lane] }))
     }
 
     /// The sum, in double precision.

@@ -70,7 +70,7 @@ impl Surface<'_> {
             for x in 1..self.columns.saturating_sub(1) {
                 let value = self.data[y * self.columns + x];
                 let low = best.is_some_and(|peak| f64::from(value) < 0.8 * peak.height);
-                if low || !(value > 0.0) || (x.abs_diff(column) <= 1 && y.abs_diff(row) <= 1) {
+                if low || value <= 0.0 || (x.abs_diff(column) <= 1 && y.abs_diff(row) <= 1) {
                     continue;
                 }
                 let Some(patch) = self.patch(x, y) else { continue };
@@ -97,11 +97,11 @@ pub(super) fn paraboloid(patch: &[f64; 9]) -> Option<(f64, f64, f64)> {
     let xy = sum(|x, y| x * y) / 4.0;
     let mean = sum(|_, _| 1.0) / 9.0 - (xx + yy) * 2.0 / 3.0;
     let determinant = 4.0 * xx * yy - xy * xy;
-    if !(xx < 0.0 && determinant > 0.0) {
+    if xx >= 0.0 || determinant <= 0.0 {
         return None;
     }
     let (dx, dy) = ((xy * y - 2.0 * yy * x) / determinant, (xy * x - 2.0 * xx * y) / determinant);
-    (dx.abs() <= 1.0 && dy.abs() <= 1.0).then(|| (dx, dy, mean + 0.5 * (x * dx + y * dy)))
+    (dx.abs() <= 1.0 && dy.abs() <= 1.0).then_some((dx, dy, mean + 0.5 * (x * dx + y * dy)))
 }
 
 #[cfg(test)]

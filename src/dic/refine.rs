@@ -71,8 +71,7 @@ impl Refiner<'_> {
         for iterations in 1..=MOST_ITERATIONS {
             let (step, zncc) = self.step(&warp)?;
             let length = step.length(half);
-            // Written so that NaN ends the search.
-            if !(length < half) {
+            if length.is_nan() || length >= half {
                 return Err(Lost::NotConverged);
             }
             warp = warp.after_inverse(&step).ok_or(Lost::NotConverged)?;
@@ -90,8 +89,7 @@ impl Refiner<'_> {
         let pixels = self.window.pixels as f64;
         let mean = sums.levels / pixels;
         let energy = sums.energy - sums.levels * mean;
-        // Written so that NaN ends the search.
-        if !(energy > 1e-3 * pixels) {
+        if energy.is_nan() || energy <= 1e-3 * pixels {
             return Err(Lost::NotConverged);
         }
         let zncc = (sums.product / (subset.energy * energy).sqrt()).clamp(-1.0, 1.0);
@@ -101,8 +99,8 @@ impl Refiner<'_> {
         });
         let (right, count) = project(self.shape, &affine);
         let mut step = [0.0; 6];
-        for row in 0..count {
-            step[row] = (0..count).map(|column| subset.inverse[row][column] * right[column]).sum();
+        for (step, line) in step.iter_mut().zip(&subset.inverse).take(count) {
+            *step = line.iter().zip(&right).take(count).map(|(a, b)| a * b).sum();
         }
         Ok((Warp::from_step(self.shape, &step), zncc))
     }

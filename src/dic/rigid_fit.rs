@@ -188,8 +188,7 @@ fn robust_scatter(turn: &Turn, vectors: &[Vector]) -> f64 {
 /// Weighted least squares of the exact rigid motion (closed form in two dimensions).
 fn weighted_fit(vectors: &[Vector]) -> Option<Turn> {
     let total: f64 = vectors.iter().map(|v| v.weight).sum();
-    // Written so that NaN gives no fit.
-    if !(total > 0.0) {
+    if total.is_nan() || total <= 0.0 {
         return None;
     }
     let mean = |value: fn(&Vector) -> f64| vectors.iter().map(|v| v.weight * value(v)).sum::<f64>() / total;
@@ -359,7 +358,7 @@ mod tests {
             }
         }
         let ratio: [f64; 3] = std::array::from_fn(|k| (reported[k] / errors[k]).sqrt());
-        println!("{} subsets, rms {:?} px, px, deg; reported/actual {ratio:?}", points.len(), errors.map(f64::sqrt));
+        eprintln!("{} subsets, rms {:?} px, px, deg; reported/actual {ratio:?}", points.len(), errors.map(f64::sqrt));
         // 24 rounds: the scatter itself is known to 15 % each.
         assert!(ratio.iter().all(|ratio| (0.75..1.45).contains(ratio)), "{ratio:?}");
         assert!(errors[2].sqrt() < 0.003, "angle {} deg", errors[2].sqrt());

@@ -19,6 +19,7 @@ const POLES: [f64; 2] = [-0.430_575_347_099_973_8, -0.043_096_288_203_264_65];
 const REACH: usize = 14;
 
 /// Even part of the weights of taps 1, 2, 3 (mirrored: 0, -1, -2), by powers of (t - 1/2)^2.
+#[expect(clippy::excessive_precision, reason = "the digits of the fit; rounding them would hide where they come from")]
 const EVEN: [[f32; 3]; 3] = [
     [4.398_384_2e-1, -2.389_174e-1, 5.168_988_8e-2],
     [5.800_446_4e-2, 2.384_522e-1, -8.206_977e-2],
@@ -26,6 +27,7 @@ const EVEN: [[f32; 3]; 3] = [
 ];
 
 /// Odd part, by powers of (t - 1/2)^2, to be multiplied by t - 1/2.
+#[expect(clippy::excessive_precision, reason = "the digits of the fit; rounding them would hide where they come from")]
 const ODD: [[f32; 3]; 3] = [
     [3.957_628_9e-1, -2.678_602_2e-1, 7.267_808_5e-2],
     [1.982_516_8e-1, 4.939_555_5e-2, -3.634_419_5e-2],
@@ -205,7 +207,7 @@ mod tests {
     #[test]
     fn waves_longer_than_six_pixels_are_shifted_to_within_0_0003_px() {
         for step in 0..=20 {
-            let t = step as f64 / 20.0;
+            let t = f64::from(step) / 20.0;
             let weights = weights(t as f32);
             for frequency in [0.2_f64, 0.5, 0.8, 1.0] {
                 let (re, im) = weights.iter().enumerate().fold((0.0, 0.0), |(re, im), (tap, weight)| {

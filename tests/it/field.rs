@@ -108,7 +108,7 @@ fn quantile(values: &mut [f64], share: f64) -> f64 {
 #[test]
 fn a_real_specimen_agrees_with_another_code_and_correlates_better() {
     let Some(data) = std::env::var_os("RICOCHET_REAL_DATA") else {
-        println!("left out: RICOCHET_REAL_DATA names no directory of real recordings");
+        eprintln!("left out: RICOCHET_REAL_DATA names no directory of real recordings");
         return;
     };
     let folder = Path::new(&data).join("opencorr-oht-cfrp");
@@ -142,7 +142,7 @@ fn a_real_specimen_agrees_with_another_code_and_correlates_better() {
     }
     let (median_u, median_v) = (quantile(&mut du, 0.5), quantile(&mut dv, 0.5));
     let (q99_u, q99_v) = (quantile(&mut du, 0.99), quantile(&mut dv, 0.99));
-    println!(
+    eprintln!(
         "{} compared, {missing} missing, {better} with higher ZNCC; median |du| {median_u:.5} |dv| {median_v:.5}, \
          99 % {q99_u:.5} {q99_v:.5}",
         du.len()
