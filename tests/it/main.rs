@@ -22,3 +22,7 @@ mod simulated_camera;
 mod slots;
 mod synth;
 mod tidy;
+
+#![expect(clippy::unwrap_used, reason = "a test that cannot go on fails")]
+
+mod field;
