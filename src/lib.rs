@@ -35,6 +35,8 @@ pub mod bus;
 
 pub mod recording;
 
+pub mod import;
+
 pub mod camera;
 
 pub mod process;

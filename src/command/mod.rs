@@ -2,3 +2,5 @@
 
 pub mod export;
 pub mod info;
+
+pub mod recover;

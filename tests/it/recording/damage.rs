@@ -99,8 +99,7 @@ fn a_flipped_bit_in_a_frame_is_an_error_and_never_a_wrong_pixel() {
 fn a_flipped_bit_behind_an_unfinished_chunk_header_is_an_error_too() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("shot.mcap");
-    let mut writer =
-        RecordingWriter::create(&path, &RecordingInfo::default(), &WriterOptions::default()).unwrap();
+    let mut writer = RecordingWriter::create(&path, &RecordingInfo::default(), &WriterOptions::default()).unwrap();
     let (meta, pixels) = samples::frame(0, PixelFormat::Mono8, [300, 300], 0);
     writer.frame(&Frame { meta, bytes: &pixels }).unwrap();
     std::mem::forget(writer);
