@@ -81,8 +81,10 @@ fn numbers_in_names(inputs: &[PathBuf]) -> Option<Vec<u64>> {
         .collect()
 }
 
-/// Size, layout and packed little-endian pixels of a grey image.
-fn read(path: &Path) -> Result<((u32, u32), PixelFormat, Vec<u8>), ImportError> {
+/// A grey image: width and height, layout, packed little-endian pixels.
+type Still = ((u32, u32), PixelFormat, Vec<u8>);
+
+fn read(path: &Path) -> Result<Still, ImportError> {
     let mut file = BufReader::new(File::open(path).map_err(|error| ImportError::io("open", path, error))?);
     if matches!(extension(path).as_str(), "tif" | "tiff") && has_more_pages(&mut file).unwrap_or(false) {
         return Err(ImportError::invalid(path, "more than one page; give one image a file"));

@@ -18,6 +18,8 @@ use std::path::{Path, PathBuf};
 
 /// Bytes written before they are forced to the disk.
 const SYNC_BYTES: u64 = 64 << 20;
+/// Recorded time after which what was written is forced to the disk, however little it is.
+const SYNC_NS: u64 = 1_000_000_000;
 /// Small messages are written at least this often, so that a crash loses little.
 const BATCH_NS: u64 = 100_000_000;
 const ROWS_BYTES: usize = 1 << 20;
@@ -90,6 +92,8 @@ pub struct RecordingWriter {
     scratch: Vec<u8>,
     frames: u64,
     unsynced_bytes: u64,
+    /// Stamp of the frame after which the file was last forced to the disk.
+    synced_ns: Option<u64>,
 }
 
 /// A message of another file.
@@ -134,6 +138,7 @@ impl RecordingWriter {
             scratch: Vec::new(),
             frames: 0,
             unsynced_bytes: 0,
+            synced_ns: None,
         })
     }
 
@@ -202,7 +207,12 @@ impl RecordingWriter {
         self.scratch = message;
         result?;
         self.frames += 1;
-        if self.unsynced_bytes >= SYNC_BYTES { self.sync() } else { Ok(()) }
+        let synced_ns = *self.synced_ns.get_or_insert(meta.stamp_ns);
+        if self.unsynced_bytes >= SYNC_BYTES || meta.stamp_ns.saturating_sub(synced_ns) >= SYNC_NS {
+            self.synced_ns = Some(meta.stamp_ns);
+            return self.sync();
+        }
+        Ok(())
     }
 
     /// Adds a displacement field.

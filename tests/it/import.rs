@@ -1,8 +1,10 @@
 //! Other people's files.
 
 use image::{GrayImage, ImageBuffer, Luma, RgbImage};
+use ricochet::command;
 use ricochet::image::{FrameMeta, PixelFormat};
 use ricochet::import::{self, ImportError};
+use ricochet::recording::Recording;
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -101,6 +103,24 @@ fn pack(values: &[u16], bits: u32) -> Vec<u8> {
     let all = values.iter().flat_map(|value| (0..bits).rev().map(move |bit| value >> bit & 1));
     all.enumerate().for_each(|(at, bit)| packed[at / 8] |= (bit as u8) << (7 - at % 8));
     packed
+}
+
+#[test]
+fn an_import_becomes_a_recording_with_the_same_frames() {
+    let folder = tempfile::tempdir().unwrap();
+    let stills: Vec<_> = [3, 4, 6].iter().map(|k| folder.path().join(format!("still_{k}.png"))).collect();
+    for (k, path) in (0..).zip(&stills) {
+        GrayImage::from_pixel(5, 4, Luma([k])).save(path).unwrap();
+    }
+    let output = folder.path().join("shot.mcap");
+    let options = command::import::ImportOptions { inputs: stills.clone(), fps: Some(500.0), output: output.clone() };
+    let imported = command::import::run(&options).unwrap();
+    assert_eq!((imported.frames, imported.warnings.len()), (3, 1));
+    let recording = Recording::open(&output).unwrap();
+    let read: Vec<_> = recording.frames().unwrap().map(Result::unwrap).collect();
+    assert_eq!(read, frames(&stills, Some(500.0)));
+    assert_eq!(recording.metadata()["frame_rate_hz"], "500");
+    assert!(command::import::run(&options).is_err(), "nothing is overwritten");
 }
 
 #[test]
@@ -244,6 +264,47 @@ fn a_phantom_file_cut_off_anywhere_is_refused_in_one_line() {
     let mut packed = whole;
     packed[44 + 16..44 + 20].copy_from_slice(&256_u32.to_le_bytes());
     assert!(refusal(&write_cine(folder.path(), &packed), None).contains("10-bit packed"));
+}
+
+#[test]
+fn mutated_files_never_panic() {
+    let folder = tempfile::tempdir().unwrap();
+    let (header, pixels) = (folder.path().join("shot.cihx"), folder.path().join("shot.mraw"));
+    fs::write(&pixels, [7; 96]).unwrap();
+    let still = folder.path().join("still.tif");
+    GrayImage::new(6, 4).save(&still).unwrap();
+    let cihx_path = header.clone();
+    let seeds: [(PathBuf, Vec<u8>); 3] = [
+        (folder.path().join("shot.cine"), cine(8, 3, 8, 8, &[vec![1; 24], vec![2; 24]])),
+        (cihx_path, cihx(8, 4, 3, [8, 8], "Lower").into_bytes()),
+        (still.clone(), fs::read(&still).unwrap()),
+    ];
+    let mut state = 0x9e37_79b9_7f4a_7c15_u64;
+    let mut random = move |below: usize| {
+        state ^= state << 13;
+        state ^= state >> 7;
+        state ^= state << 17;
+        (state % below as u64) as usize
+    };
+    let mut read = 0;
+    for round in 0..6000 {
+        let (path, seed) = &seeds[round % seeds.len()];
+        let mut bytes = seed.clone();
+        for _ in 0..=random(3) {
+            let at = random(bytes.len());
+            match random(4) {
+                0 => bytes[at] ^= 1 << random(8),
+                1 => bytes[at] = [0, 0xff, b'0', b'9', 0x80][random(5)],
+                2 if bytes.len() > at + 4 => bytes[at..at + 4].copy_from_slice(&[0xff; 4]),
+                _ => bytes.truncate(at.max(1)),
+            }
+        }
+        fs::write(path, &bytes).unwrap();
+        if let Ok(footage) = import::open(std::slice::from_ref(path), Some(100.0)) {
+            read += footage.take(8).filter(Result::is_ok).count();
+        }
+    }
+    assert!(read > 1000, "most mutations leave something readable: {read}");
 }
 
 /// The folder of real recordings, if it was named.
