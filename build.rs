@@ -11,7 +11,10 @@ fn main() -> Result<(), Box<dyn Error>> {
     let out = PathBuf::from(env::var("OUT_DIR")?);
     for schema in SCHEMAS {
         // One set a message, because a recording holds each message's schema by itself.
-        let set = protox::Compiler::new([FOLDER])?.include_source_info(false).open_file(format!("{schema}.proto"))?.encode_file_descriptor_set();
+        let set = protox::Compiler::new([FOLDER])?
+            .include_source_info(false)
+            .open_file(format!("{schema}.proto"))?
+            .encode_file_descriptor_set();
         fs::write(out.join(format!("{schema}.bin")), set)?;
     }
     let files = SCHEMAS.map(|schema| format!("{schema}.proto"));

@@ -37,6 +37,8 @@ pub mod bus;
 
 pub mod recording;
 
+pub mod import;
+
 pub mod camera;
 
 pub mod process;

@@ -66,12 +66,8 @@ impl RecordingCamera {
         let first = recording.first_frame()?;
         // An unreadable last frame is told when playing gets there.
         let frame_rate_hz = recording.frame_rate_hz().ok().flatten().unwrap_or(0.0);
-        let format = StreamFormat {
-            width_px: first.width_px,
-            height_px: first.height_px,
-            format: first.format,
-            frame_rate_hz,
-        };
+        let format =
+            StreamFormat { width_px: first.width_px, height_px: first.height_px, format: first.format, frame_rate_hz };
         let frames = recording.frames()?;
         Ok(Self {
             recording,

@@ -287,7 +287,11 @@ fn field<W: Write>(recording: &Recording, table: &mut Table<W>) -> Result<(), Ex
     write_fields(origin, &mut frame, table)
 }
 
-fn write_fields<W: Write>(origin: Origin, fields: &mut Vec<PairField>, table: &mut Table<W>) -> Result<(), ExportError> {
+fn write_fields<W: Write>(
+    origin: Origin,
+    fields: &mut Vec<PairField>,
+    table: &mut Table<W>,
+) -> Result<(), ExportError> {
     fields.sort_by_key(|field| (field.frame, field.body, field.target_frame));
     for field in fields.drain(..) {
         let frame = origin.frame(field.frame);

@@ -209,6 +209,8 @@ impl FramesInfo {
 fn table(info: &Info) -> String {
     let mut text = String::new();
     let mut line = |name: &str, value: String| {
+        // Names come from the file, and a terminal obeys control characters.
+        let value: String = value.chars().map(|c| if c.is_control() { '?' } else { c }).collect();
         let _ = writeln!(text, "{name:<14}{value}");
     };
     line("file", info.file.display().to_string());

@@ -73,3 +73,8 @@ mod tests {
     }
 }
 pub mod field;
+pub mod import;
+
+pub mod info;
+
+pub mod recover;

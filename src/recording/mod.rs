@@ -10,6 +10,7 @@ mod batch;
 mod error;
 mod part;
 mod reader;
+mod recover;
 mod rows;
 mod schema;
 mod writer;
@@ -18,6 +19,7 @@ pub use annotations::Annotations;
 pub use error::RecordingError;
 pub use part::part_path;
 pub use reader::{Attachment, Frames, Recording, Rows, TopicSummary};
+pub use recover::{Recovered, recover};
 pub use rows::{EventRow, StatusRow};
 pub use schema::Topic;
 pub use writer::{Compression, FinishedRecording, RecordingInfo, RecordingWriter, WriterOptions};
@@ -26,3 +28,5 @@ pub use writer::{Compression, FinishedRecording, RecordingInfo, RecordingWriter,
 const METADATA_NAME: &str = "ricochet";
 /// Name of the attached configuration.
 const CONFIG_NAME: &str = "config.toml";
+/// Name of the metadata record a recovered recording has besides.
+const RECOVERED_NAME: &str = "recovered";

@@ -6,30 +6,37 @@ use std::path::{Path, PathBuf};
 
 /// The name a recording has until it is finished: `shot.mcap` is written as `shot.mcap.part`.
 pub fn part_path(path: &Path) -> PathBuf {
+    with_ending(path, ".part")
+}
+
+/// The name a recovered recording has until it is finished; the part file it comes from may have the other one.
+pub(super) fn recovering_path(path: &Path) -> PathBuf {
+    with_ending(path, ".recovering")
+}
+
+fn with_ending(path: &Path, ending: &str) -> PathBuf {
     let mut name = path.as_os_str().to_owned();
-    name.push(".part");
+    name.push(ending);
     PathBuf::from(name)
 }
 
-/// Creates the part file of `path`; neither it nor the final file may exist.
-pub(super) fn create(path: &Path) -> Result<File, RecordingError> {
-    let part = part_path(path);
+/// Creates `part`, the unfinished form of `path`; neither may exist.
+pub(super) fn create(path: &Path, part: &Path) -> Result<File, RecordingError> {
     if path.symlink_metadata().is_ok() {
         return Err(RecordingError::refused(path, "the file exists, and recordings are never overwritten"));
     }
-    OpenOptions::new().write(true).create_new(true).open(&part).map_err(|error| match error.kind() {
+    OpenOptions::new().write(true).create_new(true).open(part).map_err(|error| match error.kind() {
         std::io::ErrorKind::AlreadyExists => {
-            RecordingError::refused(&part, "an unfinished recording of this name exists; recover or move it first")
+            RecordingError::refused(part, "an unfinished recording of this name exists; recover or move it first")
         }
-        _ => RecordingError::io("create", &part, error),
+        _ => RecordingError::io("create", part, error),
     })
 }
 
 /// Gives a written, synced part file its final name, without ever replacing another file.
-pub(super) fn publish(path: &Path) -> Result<(), RecordingError> {
-    let part = part_path(path);
-    match fs::hard_link(&part, path) {
-        Ok(()) => fs::remove_file(&part).map_err(|error| RecordingError::io("remove", &part, error))?,
+pub(super) fn publish(path: &Path, part: &Path) -> Result<(), RecordingError> {
+    match fs::hard_link(part, path) {
+        Ok(()) => fs::remove_file(part).map_err(|error| RecordingError::io("remove", part, error))?,
         Err(error) if error.kind() == std::io::ErrorKind::AlreadyExists => {
             return Err(RecordingError::refused(
                 path,
@@ -38,9 +45,9 @@ pub(super) fn publish(path: &Path) -> Result<(), RecordingError> {
         }
         // File systems without hard links (FAT, some network shares).
         Err(_) if path.symlink_metadata().is_err() => {
-            fs::rename(&part, path).map_err(|error| RecordingError::io("rename", &part, error))?;
+            fs::rename(part, path).map_err(|error| RecordingError::io("rename", part, error))?;
         }
-        Err(error) => return Err(RecordingError::io("rename", &part, error)),
+        Err(error) => return Err(RecordingError::io("rename", part, error)),
     }
     sync_directory(path)
 }

@@ -18,6 +18,8 @@ use std::path::{Path, PathBuf};
 
 /// Bytes written before they are forced to the disk.
 const SYNC_BYTES: u64 = 64 << 20;
+/// Recorded time after which what was written is forced to the disk, however little it is.
+const SYNC_NS: u64 = 1_000_000_000;
 /// Small messages are written at least this often, so that a crash loses little.
 const BATCH_NS: u64 = 100_000_000;
 const ROWS_BYTES: usize = 1 << 20;
@@ -81,6 +83,7 @@ pub struct FinishedRecording {
 /// [`finish`](Self::finish) it leaves the part file, readable up to the last call.
 pub struct RecordingWriter {
     path: PathBuf,
+    part: PathBuf,
     mcap: Option<mcap::Writer<BufWriter<File>>>,
     handle: File,
     channels: [Option<u16>; Topic::ALL.len()],
@@ -89,6 +92,17 @@ pub struct RecordingWriter {
     scratch: Vec<u8>,
     frames: u64,
     unsynced_bytes: u64,
+    /// Stamp of the frame after which the file was last forced to the disk.
+    synced_ns: Option<u64>,
+}
+
+/// A message of another file.
+pub(super) struct Copied<'a> {
+    pub(super) sequence: u32,
+    pub(super) log_time_ns: u64,
+    pub(super) publish_time_ns: u64,
+    pub(super) data: &'a [u8],
+    pub(super) is_frame: bool,
 }
 
 impl RecordingWriter {
@@ -100,13 +114,22 @@ impl RecordingWriter {
     /// name among the attachments is taken twice; [`RecordingError::Io`] when
     /// the system refuses.
     pub fn create(path: &Path, info: &RecordingInfo, options: &WriterOptions) -> Result<Self, RecordingError> {
-        let file = part::create(path)?;
-        let handle = file.try_clone().map_err(|error| RecordingError::io("open", path, error))?;
+        let mut writer = Self::start(path, part::part_path(path), options)?;
+        // Before any channel: afterwards they would cut off a chunk without messages, which some readers refuse.
+        writer.describe(info)?;
+        Ok(writer)
+    }
+
+    /// Starts a recording that says nothing of itself yet.
+    pub(super) fn start(path: &Path, part: PathBuf, options: &WriterOptions) -> Result<Self, RecordingError> {
+        let file = part::create(path, &part)?;
+        let handle = file.try_clone().map_err(|error| RecordingError::io("open", &part, error))?;
         let mcap = write_options(options)
             .create(BufWriter::with_capacity(64 << 10, file))
-            .map_err(|error| failure(path, error))?;
-        let mut writer = Self {
+            .map_err(|error| failure(&part, error))?;
+        Ok(Self {
             path: path.to_path_buf(),
+            part,
             mcap: Some(mcap),
             handle,
             channels: [None; Topic::ALL.len()],
@@ -115,10 +138,8 @@ impl RecordingWriter {
             scratch: Vec::new(),
             frames: 0,
             unsynced_bytes: 0,
-        };
-        // Before any channel: afterwards they would cut off a chunk without messages, which some readers refuse.
-        writer.describe(info)?;
-        Ok(writer)
+            synced_ns: None,
+        })
     }
 
     fn describe(&mut self, info: &RecordingInfo) -> Result<(), RecordingError> {
@@ -126,8 +147,7 @@ impl RecordingWriter {
         for (index, body) in info.bodies.iter().enumerate() {
             entries.insert(format!("body.{index}"), body.clone());
         }
-        let record = Metadata { name: super::METADATA_NAME.into(), metadata: entries };
-        self.call(|mcap| mcap.write_metadata(&record))?;
+        self.metadata(super::METADATA_NAME, entries)?;
         if !info.config_toml.is_empty() {
             self.attach(super::CONFIG_NAME, "application/toml", info.config_toml.as_bytes())?;
         }
@@ -137,7 +157,12 @@ impl RecordingWriter {
         self.call(mcap::Writer::flush)
     }
 
-    fn attach(&mut self, name: &str, media_type: &str, content: &[u8]) -> Result<(), RecordingError> {
+    pub(super) fn metadata(&mut self, name: &str, entries: BTreeMap<String, String>) -> Result<(), RecordingError> {
+        let record = Metadata { name: name.into(), metadata: entries };
+        self.call(|mcap| mcap.write_metadata(&record))
+    }
+
+    pub(super) fn attach(&mut self, name: &str, media_type: &str, content: &[u8]) -> Result<(), RecordingError> {
         let attachment = mcap::Attachment {
             log_time: 0,
             create_time: 0,
@@ -182,7 +207,12 @@ impl RecordingWriter {
         self.scratch = message;
         result?;
         self.frames += 1;
-        if self.unsynced_bytes >= SYNC_BYTES { self.sync() } else { Ok(()) }
+        let synced_ns = *self.synced_ns.get_or_insert(meta.stamp_ns);
+        if self.unsynced_bytes >= SYNC_BYTES || meta.stamp_ns.saturating_sub(synced_ns) >= SYNC_NS {
+            self.synced_ns = Some(meta.stamp_ns);
+            return self.sync();
+        }
+        Ok(())
     }
 
     /// Adds a displacement field.
@@ -250,7 +280,7 @@ impl RecordingWriter {
         self.write_batches()?;
         self.call(mcap::Writer::flush)?;
         self.unsynced_bytes = 0;
-        self.handle.sync_data().map_err(|error| RecordingError::io("sync", &part::part_path(&self.path), error))
+        self.handle.sync_data().map_err(|error| RecordingError::io("sync", &self.part, error))
     }
 
     /// Completes the file: index, footer, sync, final name, sync of the directory.
@@ -262,12 +292,12 @@ impl RecordingWriter {
         self.write_batches()?;
         self.call(mcap::Writer::finish)?;
         if let Some(mcap) = self.mcap.take() {
-            std::io::Write::flush(&mut mcap.into_inner()).map_err(|error| failure(&self.path, error.into()))?;
+            std::io::Write::flush(&mut mcap.into_inner()).map_err(|error| failure(&self.part, error.into()))?;
         }
-        let io = |error| RecordingError::io("sync", &part::part_path(&self.path), error);
+        let io = |error| RecordingError::io("sync", &self.part, error);
         self.handle.sync_all().map_err(io)?;
         let bytes = self.handle.metadata().map_err(io)?.len();
-        part::publish(&self.path)?;
+        part::publish(&self.path, &self.part)?;
         Ok(FinishedRecording { path: self.path.clone(), frames: self.frames, bytes })
     }
 }
@@ -321,12 +351,25 @@ impl RecordingWriter {
         Ok(id)
     }
 
-    fn call<T>(
+    /// Adds a message exactly as it is, on a channel of [`call`](Self::call)'s making.
+    pub(super) fn copy(&mut self, channel_id: u16, message: &Copied<'_>) -> Result<(), RecordingError> {
+        let header = MessageHeader {
+            channel_id,
+            sequence: message.sequence,
+            log_time: message.log_time_ns,
+            publish_time: message.publish_time_ns,
+        };
+        self.unsynced_bytes += message.data.len() as u64;
+        self.frames += u64::from(message.is_frame);
+        self.call(|mcap| mcap.write_to_known_channel(&header, message.data))
+    }
+
+    pub(super) fn call<T>(
         &mut self,
         action: impl FnOnce(&mut mcap::Writer<BufWriter<File>>) -> Result<T, McapError>,
     ) -> Result<T, RecordingError> {
         match &mut self.mcap {
-            Some(mcap) => action(mcap).map_err(|error| failure(&self.path, error)),
+            Some(mcap) => action(mcap).map_err(|error| failure(&self.part, error)),
             None => Err(RecordingError::refused(&self.path, "the recording is finished")),
         }
     }
@@ -354,11 +397,10 @@ fn write_options(options: &WriterOptions) -> WriteOptions {
         .library(concat!("ricochet ", env!("CARGO_PKG_VERSION")))
 }
 
-fn failure(path: &Path, error: McapError) -> RecordingError {
-    let part = part::part_path(path);
+fn failure(part: &Path, error: McapError) -> RecordingError {
     match error {
-        McapError::Io(source) => RecordingError::io("write", &part, source),
-        other => RecordingError::refused(&part, other.to_string()),
+        McapError::Io(source) => RecordingError::io("write", part, source),
+        other => RecordingError::refused(part, other.to_string()),
     }
 }
 

@@ -17,6 +17,15 @@ mod genicam_rate;
 mod genicam_settings;
 mod impact;
 mod motion;
+#![expect(
+    clippy::unwrap_used,
+    clippy::expect_used,
+    clippy::float_cmp,
+    clippy::print_stdout,
+    reason = "a test fails by panicking, compares floats to the bit and prints figures"
+)]
+
+mod import;
 mod recording;
 mod simulated_camera;
 mod slots;

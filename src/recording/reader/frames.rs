@@ -1,7 +1,7 @@
 //! The frames of a recording.
 
 use super::messages::{Message, Messages};
-use super::{Inner, Recording};
+use super::{Inner, Recording, ros2};
 use crate::image::{FrameMeta, PixelFormat};
 use crate::recording::schema::proto;
 use crate::recording::{RecordingError, Topic};
@@ -24,6 +24,11 @@ pub struct Frames {
 }
 
 impl Recording {
+    /// Whether the messages of this channel are images.
+    pub(in super::super) fn is_image(&self, channel: u16) -> bool {
+        self.inner.kind(channel).is_some()
+    }
+
     /// How many frames it holds, 0 when it has no (single) image topic.
     pub fn frame_count(&self) -> u64 {
         let channels = self.inner.image_channels().unwrap_or_default();
@@ -93,12 +98,30 @@ impl Recording {
     }
 }
 
+/// How an image topic is encoded.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Kind {
+    /// `foxglove.RawImage` in protobuf.
+    Foxglove,
+    /// `sensor_msgs/msg/Image` in CDR.
+    Ros2,
+}
+
 impl Inner {
+    fn kind(&self, channel: u16) -> Option<Kind> {
+        let channel = self.structure.channels.get(&channel)?;
+        match (channel.encoding.as_str(), self.schema_name(channel.schema)) {
+            ("protobuf", schema) if schema == Topic::Image.schema_name() => Some(Kind::Foxglove),
+            ("cdr", ros2::SCHEMA_NAME) => Some(Kind::Ros2),
+            _ => None,
+        }
+    }
+
     /// Channels of the one image topic.
     pub(super) fn image_channels(&self) -> Result<Vec<u16>, RecordingError> {
         let ours = self.is_ours();
         let images: Vec<_> = (self.structure.channels.iter())
-            .filter(|(_, c)| c.encoding == "protobuf" && self.schema_name(c.schema) == Topic::Image.schema_name())
+            .filter(|(id, _)| self.kind(**id).is_some())
             .filter(|(_, c)| !ours || c.topic == Topic::Image.name())
             .collect();
         let Some((_, first)) = images.first() else {
@@ -106,7 +129,9 @@ impl Inner {
             let mut held: Vec<_> = topics.map(|c| format!("{} ({})", c.topic, self.schema_name(c.schema))).collect();
             held.sort();
             let held = if held.is_empty() { "no topics".into() } else { held.join(", ") };
-            return Err(self.invalid(format!("no image topic (foxglove.RawImage in protobuf); it holds {held}")));
+            return Err(
+                self.invalid(format!("no image topic (foxglove.RawImage or sensor_msgs/msg/Image); it holds {held}"))
+            );
         };
         if images.iter().any(|(_, c)| c.topic != first.topic) {
             let mut topics: Vec<_> = images.iter().map(|(_, c)| c.topic.as_str()).collect();
@@ -155,7 +180,11 @@ impl Frames {
         let index = self.index;
         self.index += 1;
         let named = |reason: String| format!("frame {index}: {reason}");
-        let image = RawImage::decode(message.data.clone()).map_err(|error| named(format!("does not decode: {error}")))?;
+        let image = match self.messages.inner().kind(message.channel) {
+            Some(Kind::Ros2) => ros2::image(&message.data),
+            _ => RawImage::decode(message.data.clone()).map_err(|error| error.to_string()),
+        };
+        let image = image.map_err(|reason| named(format!("does not decode: {reason}")))?;
         let mut meta = shape(&image).map_err(named)?;
         if self.info_channels.is_empty() {
             meta.sequence = index;
@@ -166,7 +195,9 @@ impl Frames {
         let (_, _, info) = info.ok_or_else(|| named("its frame information is missing".into()))?;
         meta.format = PixelFormat::from_code(info.pixel_format)
             .filter(|format| format.bytes_per_pixel() == meta.format.bytes_per_pixel())
-            .ok_or_else(|| named(format!("pixel format {:#010x} does not go with {}", info.pixel_format, image.encoding)))?;
+            .ok_or_else(|| {
+                named(format!("pixel format {:#010x} does not go with {}", info.pixel_format, image.encoding))
+            })?;
         if !message.is_checked && crc32fast::hash(&image.data) != info.pixels_crc32 {
             return Err(named("its pixels are damaged: the CRC differs".into()));
         }

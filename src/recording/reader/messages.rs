@@ -3,7 +3,7 @@
 use super::section::{self, Found, Unreadable};
 use super::source::Source;
 use super::walk::Section;
-use super::{Inner, RecordingError};
+use super::{Inner, Recording, RecordingError};
 use bytes::Bytes;
 use std::sync::Arc;
 
@@ -137,6 +137,59 @@ impl Iterator for Messages {
                     Unreadable::Damaged(reason) => self.inner.invalid(reason),
                 }
             }));
+        }
+    }
+}
+
+impl Recording {
+    /// How many stretches of messages the file has.
+    pub(in super::super) fn section_count(&self) -> usize {
+        self.inner.structure.sections.len()
+    }
+
+    /// Visits every message of one stretch that can be trusted, in the order of the file.
+    ///
+    /// Returns what is wrong with the rest of it.
+    pub(in super::super) fn visit_section(
+        &self,
+        number: usize,
+        mut visit: impl FnMut(Message) -> Result<(), RecordingError>,
+    ) -> Result<Option<String>, RecordingError> {
+        let inner = &*self.inner;
+        let Some(section) = inner.structure.sections.get(number) else { return Ok(None) };
+        let records = match section::load(&inner.file, inner.file_bytes, section) {
+            Ok(records) => records,
+            Err(Unreadable::Damaged(reason)) => return Ok(Some(reason)),
+            Err(Unreadable::Io(error)) => return Err(inner.io(error)),
+        };
+        let mut refusal = None;
+        let scanned = section::scan(&inner.file, &records, |found| {
+            let Found::Message { at, .. } = found else { return Ok(()) };
+            let visited = match section::message(&inner.file, &records, at) {
+                Ok(Some((header, data))) => visit(Message {
+                    channel: header.channel,
+                    sequence: header.sequence,
+                    log_time_ns: header.log_time_ns,
+                    publish_time_ns: header.publish_time_ns,
+                    data,
+                    is_checked: section.crc != 0,
+                }),
+                Ok(None) => Ok(()),
+                Err(error) => Err(inner.io(error)),
+            };
+            visited.map_err(|error| {
+                refusal = Some(error);
+                String::new()
+            })
+        });
+        match (refusal, scanned) {
+            (Some(error), _) => Err(error),
+            (None, Err(Unreadable::Io(error))) => Err(inner.io(error)),
+            (None, Err(Unreadable::Damaged(reason))) => Ok(Some(reason)),
+            (None, Ok(bytes)) if bytes < records.len() => {
+                Ok(Some(format!("the records from byte {} on do not parse", section.offset + bytes)))
+            }
+            (None, Ok(_)) => Ok(None),
         }
     }
 }

@@ -8,12 +8,15 @@
 mod frames;
 mod messages;
 mod record;
+mod ros2;
 mod section;
 mod source;
 mod topics;
 mod walk;
 
 pub use frames::Frames;
+pub(super) use messages::Message;
+pub(super) use record::{Channel, Schema};
 pub use topics::{Rows, TopicSummary};
 
 use super::{CONFIG_NAME, METADATA_NAME, RecordingError};
@@ -229,7 +232,8 @@ impl Inner {
             match self.scan_section(section) {
                 Ok(sense_bytes) if section.coding == Coding::Plain => {
                     if section.whole && sense_bytes < section.bytes {
-                        self.damage.push(format!("the records from byte {} on do not parse", section.offset + sense_bytes));
+                        self.damage
+                            .push(format!("the records from byte {} on do not parse", section.offset + sense_bytes));
                     }
                     section.bytes = sense_bytes;
                 }

@@ -75,7 +75,7 @@ pub(crate) struct Schema {
 }
 
 /// A stream of messages.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub(crate) struct Channel {
     pub(crate) schema: u16,
     pub(crate) topic: String,

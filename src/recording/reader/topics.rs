@@ -1,6 +1,7 @@
 //! The topics of a recording and their rows.
 
 use super::messages::Messages;
+use super::record::{Channel, Schema};
 use super::{Inner, Recording};
 use crate::recording::rows::Row;
 use crate::recording::{EventRow, RecordingError, StatusRow, Topic};
@@ -138,6 +139,18 @@ impl Recording {
         let channels = self.inner.channels_of(topic)?;
         let messages = Messages::new(Arc::clone(&self.inner), channels)?;
         Ok(Rows { messages, topic: topic.name(), row: PhantomData })
+    }
+}
+
+impl Recording {
+    /// Channels by number.
+    pub(in super::super) fn channels(&self) -> &BTreeMap<u16, Channel> {
+        &self.inner.structure.channels
+    }
+
+    /// Schemas by number.
+    pub(in super::super) fn schemas(&self) -> &BTreeMap<u16, Schema> {
+        &self.inner.structure.schemas
     }
 }
 

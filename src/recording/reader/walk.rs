@@ -131,7 +131,13 @@ pub(super) fn prefix(bytes: &[u8]) -> Option<(u8, u64)> {
 }
 
 impl Structure {
-    fn record(&mut self, window: &mut Window<'_>, opcode: u8, body: u64, length: u64) -> io::Result<Result<(), String>> {
+    fn record(
+        &mut self,
+        window: &mut Window<'_>,
+        opcode: u8,
+        body: u64,
+        length: u64,
+    ) -> io::Result<Result<(), String>> {
         match opcode {
             op::CHUNK => Ok(self.chunk(window.peek(body, clamp(length, CHUNK_HEADER_BYTES))?, body, length)),
             op::MESSAGE_INDEX => Ok(self.message_index(window.peek(body, clamp(length, 6))?, body, length)),

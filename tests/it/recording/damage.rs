@@ -4,7 +4,7 @@ use super::samples;
 use ricochet::command::info;
 use ricochet::image::{Frame, PixelFormat};
 use ricochet::recording::{
-    Compression, Recording, RecordingError, RecordingInfo, RecordingWriter, WriterOptions, part_path,
+    Compression, Recording, RecordingError, RecordingInfo, RecordingWriter, WriterOptions, part_path, recover,
 };
 use std::path::Path;
 
@@ -99,8 +99,7 @@ fn a_flipped_bit_in_a_frame_is_an_error_and_never_a_wrong_pixel() {
 fn a_flipped_bit_behind_an_unfinished_chunk_header_is_an_error_too() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("shot.mcap");
-    let mut writer =
-        RecordingWriter::create(&path, &RecordingInfo::default(), &WriterOptions::default()).unwrap();
+    let mut writer = RecordingWriter::create(&path, &RecordingInfo::default(), &WriterOptions::default()).unwrap();
     let (meta, pixels) = samples::frame(0, PixelFormat::Mono8, [300, 300], 0);
     writer.frame(&Frame { meta, bytes: &pixels }).unwrap();
     std::mem::forget(writer);
@@ -135,19 +134,19 @@ fn what_is_no_recording_is_refused_in_one_line() {
 /// Runs in a process of its own, so that a memory limit can be put on it.
 #[test]
 fn mutated_files_neither_panic_nor_take_more_memory_than_a_limit() {
-    if std::env::var_os("RICOCHET_MUTATE").is_none() {
+    let Some(rounds) = std::env::var("RICOCHET_MUTATE").ok().map(|rounds| rounds.parse::<usize>().unwrap()) else {
         let myself = std::env::current_exe().unwrap();
         let test = "recording::damage::mutated_files_neither_panic_nor_take_more_memory_than_a_limit";
         let status = std::process::Command::new("sh")
             .args(["-c", "ulimit -v 1000000; exec \"$0\" \"$@\""])
             .arg(myself)
             .args(["--exact", test, "--test-threads=1"])
-            .env("RICOCHET_MUTATE", "1")
+            .env("RICOCHET_MUTATE", "3000")
             .status()
             .unwrap();
         assert!(status.success(), "{status}");
         return;
-    }
+    };
     let folder = tempfile::tempdir().unwrap();
     let seeds = seeds(folder.path());
     let mut state = 0x2545_f491_4f6c_dd1d_u64;
@@ -158,16 +157,23 @@ fn mutated_files_neither_panic_nor_take_more_memory_than_a_limit() {
         (state % below.max(1) as u64) as usize
     };
     let path = folder.path().join("mutated.mcap");
-    for round in 0..3000 {
+    let mut read = 0;
+    for round in 0..rounds {
         let mut bytes = seeds[round % seeds.len()].clone();
         for _ in 0..=random(4) {
             mutate(&mut bytes, &mut random);
         }
         std::fs::write(&path, &bytes).unwrap();
         if let Ok(recording) = Recording::open(&path) {
-            read_all(&recording);
+            read += read_all(&recording).len();
+        }
+        if round % 10 == 0 {
+            let whole = folder.path().join("whole.mcap");
+            let _ = recover(&path, &whole);
+            let _ = (std::fs::remove_file(&whole), std::fs::remove_file(whole.with_extension("mcap.recovering")));
         }
     }
+    assert!(read > rounds, "most mutations leave frames to read: {read} in {rounds} files");
 }
 
 fn seeds(folder: &Path) -> Vec<Vec<u8>> {

@@ -27,10 +27,7 @@ fn the_columns_are_those_of_the_contract() {
          visible_fraction, phase, status"
     );
     assert_eq!(header("truth"), header("velocity"));
-    assert_eq!(
-        header("field"),
-        "frame, x_px, y_px, u_px, v_px, sigma_u_px, sigma_v_px, zncc, peak_ratio, status"
-    );
+    assert_eq!(header("field"), "frame, x_px, y_px, u_px, v_px, sigma_u_px, sigma_v_px, zncc, peak_ratio, status");
     assert_eq!(
         header("track"),
         "frame, body, t_s, center_x_px, center_y_px, angle_deg, radius_px, sigma_center_px, sigma_angle_deg, \
@@ -116,7 +113,10 @@ fn an_impact_appears_once_with_its_last_revision_and_its_times_count_from_the_fi
     assert_eq!(rows[1][column("start_s")], "1.0125");
     assert_eq!(rows[1][column("deepest_s")], "");
     assert_eq!(rows[1][column("sigma_deepest_s")], "");
-    assert_eq!((rows[1][column("contact_time_s")].as_str(), rows[1][column("sigma_contact_time_s")].as_str()), ("0.5", "0.25"));
+    assert_eq!(
+        (rows[1][column("contact_time_s")].as_str(), rows[1][column("sigma_contact_time_s")].as_str()),
+        ("0.5", "0.25")
+    );
     assert_eq!(rows[1][column("force_law")], "hunt-crossley");
 }
 

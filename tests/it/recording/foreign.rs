@@ -184,3 +184,52 @@ fn a_topic_of_our_name_with_another_schema_is_refused() {
     let error = open(&bytes).1.velocities().unwrap_err().to_string();
     assert!(error.contains("/velocity") && error.contains("geometry_msgs/Twist"), "{error}");
 }
+
+/// A `sensor_msgs/msg/Image` in little-endian CDR, aligned as the standard asks.
+fn ros2_image(frame_id: &str, encoding: &str, size: [u32; 2], step: u32, data: &[u8]) -> Vec<u8> {
+    let mut body: Vec<u8> = Vec::new();
+    let number = |body: &mut Vec<u8>, value: u32| {
+        body.resize(body.len().next_multiple_of(4), 0);
+        body.extend(value.to_le_bytes());
+    };
+    let text = |body: &mut Vec<u8>, text: &str| {
+        number(body, text.len() as u32 + 1);
+        body.extend(text.as_bytes());
+        body.push(0);
+    };
+    number(&mut body, 12);
+    number(&mut body, 34);
+    text(&mut body, frame_id);
+    number(&mut body, size[1]);
+    number(&mut body, size[0]);
+    text(&mut body, encoding);
+    body.push(0);
+    number(&mut body, step);
+    number(&mut body, data.len() as u32);
+    body.extend(data);
+    [&[0, 1, 0, 0][..], &body].concat()
+}
+
+#[test]
+fn ros_2_images_are_read_and_their_cut_messages_refused() {
+    for (frame_id, encoding) in [("", "mono8"), ("camera", "8UC1"), ("cam_1", "mono8")] {
+        let message = ros2_image(frame_id, encoding, [3, 2], 4, &[1, 2, 3, 0, 4, 5, 6, 0]);
+        for length in 0..=message.len() {
+            let mut bytes = Vec::new();
+            let mut writer = mcap::Writer::new(Cursor::new(&mut bytes)).unwrap();
+            let schema = writer.add_schema("sensor_msgs/msg/Image", "ros2msg", b"...").unwrap();
+            let channel = writer.add_channel(schema, "/image_raw", "cdr", &BTreeMap::new()).unwrap();
+            writer.write_to_known_channel(&header(channel, 1), &message[..length]).unwrap();
+            writer.finish().unwrap();
+            drop(writer);
+            let frame = open(&bytes).1.frames().unwrap().next().unwrap();
+            if length < message.len() {
+                assert!(frame.unwrap_err().to_string().contains("frame 0"), "cut at {length}");
+                continue;
+            }
+            let (meta, pixels) = frame.unwrap();
+            assert_eq!((meta.width_px, meta.height_px, meta.stride_bytes, meta.stamp_ns), (3, 2, 4, 12_000_000_034));
+            assert_eq!(pixels, [1, 2, 3, 0, 4, 5, 6, 0]);
+        }
+    }
+}

@@ -5,5 +5,7 @@ mod damage;
 mod export;
 mod foreign;
 mod python;
+mod recover;
 mod roundtrip;
 mod samples;
+mod speed;

@@ -49,8 +49,7 @@ fn frames_of_every_format_come_back_with_header_and_padding() {
     for format in PixelFormat::ALL {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("shot.mcap");
-        let mut writer =
-            RecordingWriter::create(&path, &RecordingInfo::default(), &WriterOptions::default()).unwrap();
+        let mut writer = RecordingWriter::create(&path, &RecordingInfo::default(), &WriterOptions::default()).unwrap();
         // Beyond 32 bits: the message's own counter would not hold it.
         let sequences = [7, 8, 11, (1 << 40) + 5];
         for sequence in sequences {
