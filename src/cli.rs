@@ -5,6 +5,7 @@ use crate::command::cameras::{self, CamerasOptions};
 use crate::command::demo::{self, DemoOptions};
 use crate::command::export::{self, ExportOptions};
 use crate::command::field::{self, FieldOptions};
+use crate::command::import::{self, ImportOptions};
 use crate::command::info::{self, InfoOptions};
 use crate::command::listen::{self, ListenOptions};
 use crate::command::recover::{self, RecoverOptions};
@@ -86,6 +87,9 @@ pub enum Command {
     /// Bring back every whole frame of a recording that was cut off.
     #[command(after_help = "Example: ricochet recover shot.mcap.part -o shot.mcap")]
     Recover(Recover),
+    /// Turn other people's footage into a recording.
+    #[command(after_help = "Example: ricochet import frame_*.tif --fps 10000 -o shot.mcap")]
+    Import(Import),
     /// Draw a simulated impact into a recording, with the truth beside it.
     #[command(after_help = "Example: ricochet simulate lacrosse -o lacrosse.mcap")]
     Simulate(Simulate),
@@ -277,9 +281,20 @@ pub struct Recover {
     /// The recording to write.
     #[arg(short, long)]
     output: PathBuf,
-    /// Print JSON.
+}
+
+/// Arguments of a command.
+#[derive(Debug, Args)]
+pub struct Import {
+    /// One Photron or Phantom file, or the images of one sequence, in order.
+    #[arg(required = true)]
+    inputs: Vec<PathBuf>,
+    /// Frame rate, Hz; takes the place of the file's own.
     #[arg(long)]
-    json: bool,
+    fps: Option<f64>,
+    /// The recording to write.
+    #[arg(short, long)]
+    output: PathBuf,
 }
 
 /// Arguments of a command.
@@ -376,7 +391,15 @@ fn inspect(command: Command) -> anyhow::Result<Outcome> {
             let gone = info.frames.as_ref().and_then(|frames| frames.lost).unwrap_or(0);
             return Ok(Outcome::of_losses(gone + u64::from(info.truncated.is_some())));
         }
-        Command::Recover(Recover { file, output, json }) => return recover::run(&RecoverOptions { file, output, json }),
+        Command::Recover(Recover { file, output }) => {
+            let recovered = recover::run(&RecoverOptions { file, output })?;
+            return Ok(Outcome::of_losses(recovered.skipped.len() as u64));
+        }
+        Command::Import(Import { inputs, fps, output }) => {
+            for warning in import::run(&ImportOptions { inputs, fps, output })?.warnings {
+                log::warn!("{warning}");
+            }
+        }
         _ => {}
     }
     Ok(Outcome::Clean)

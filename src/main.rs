@@ -8,7 +8,7 @@ use std::process::ExitCode;
 /// The one table of exit codes: 0 clean, 1 internal, 2 usage or configuration, 3 camera, 4 bus, 5 recording,
 /// 6 finished but data were lost.
 fn code(error: &anyhow::Error) -> u8 {
-    use ricochet::{ball, bus, camera, command, config, dic, measure, process, recording, synth};
+    use ricochet::{ball, bus, camera, command, config, dic, import, measure, process, recording, synth};
     for cause in error.chain() {
         if let Some(failure) = cause.downcast_ref::<process::ChildFailure>() {
             return u8::try_from(failure.code).unwrap_or(1);
@@ -27,6 +27,9 @@ fn code(error: &anyhow::Error) -> u8 {
         }
         if let Some(error) = cause.downcast_ref::<command::export::ExportError>() {
             return if matches!(error, command::export::ExportError::Usage(_)) { 2 } else { 5 };
+        }
+        if let Some(error) = cause.downcast_ref::<import::ImportError>() {
+            return if matches!(error, import::ImportError::FrameRate { .. }) { 2 } else { 5 };
         }
         if cause.is::<recording::RecordingError>() {
             return 5;

@@ -1,9 +1,9 @@
 //! `ricochet analyze`: measures a recording offline.
 
-use super::replay::rig_config;
+use super::film::Film;
 use super::{Outcome, UsageError, progress, say, table};
 use crate::camera::{CameraIdentity, StreamFormat};
-use crate::config::{Config, Record};
+use crate::config::Record;
 use crate::image::{Frame, FrameMeta};
 use crate::measure::{MeasureError, Measured, MeasureParams, Measurer, Share};
 use crate::process::{Extent, Shot, Stop, analysis_params, recording_info};
@@ -34,33 +34,29 @@ pub struct AnalyzeOptions {
     pub json: bool,
 }
 
-/// Measures a recording into a results file and prints its impacts.
+/// Measures a film into a results file and prints its impacts.
 ///
 /// # Errors
 ///
-/// When the recording or the rig file cannot be used, or the results cannot be written.
+/// When the film or the rig file cannot be used, or the results cannot be written.
 pub fn run(options: &AnalyzeOptions, stop: &Stop) -> anyhow::Result<Outcome> {
-    let [input] = &options.inputs[..] else {
-        return Err(UsageError("give exactly one recording".into()).into());
-    };
-    let recording = Recording::open(input)?;
-    let mut config = rig_config(&recording, options.config.as_deref())?;
+    let mut film = Film::open(&options.inputs, options.config.as_deref(), options.fps)?;
     if let Some(count) = options.workers {
-        config.workers.count = count;
+        film.config.workers.count = count;
     }
-    config.record = Some(Record { raw_frames: false, ..results_record() });
-    let format = stream_format(&recording, options.fps)?;
-    let output = options.output.clone().unwrap_or_else(|| free_results_path(input));
+    film.config.record = Some(results_record());
+    let output = options.output.clone().unwrap_or_else(|| free_results_path(&options.inputs));
     if output.exists() {
         return Err(UsageError(format!("{}: the file exists already", output.display())).into());
     }
-    let (shot, missing) = measure(&recording, &config, &format, &output, stop)?;
-    let results = Recording::open(&shot)?;
-    tell(&last_revisions(&results)?, &results, &shot, options.json);
-    if let Some(cut) = recording.truncated() {
-        log::warn!("{}: {cut}", input.display());
+    let truncated = film.truncated.clone();
+    let (path, missing) = measure(film, &output, stop)?;
+    let results = Recording::open(&path)?;
+    tell(&last_revisions(&results)?, &results, &path, options.json);
+    if let Some(cut) = &truncated {
+        log::warn!("{}: {cut}", options.inputs[0].display());
     }
-    Ok(Outcome::of_losses(missing + u64::from(recording.truncated().is_some())))
+    Ok(Outcome::of_losses(missing + u64::from(truncated.is_some())))
 }
 
 fn results_record() -> Record {
@@ -72,24 +68,9 @@ fn results_record() -> Record {
     }
 }
 
-/// Shape and rate of the recorded frames; the rate is the file's own or the given one, never a guess.
-fn stream_format(recording: &Recording, fps: Option<f64>) -> anyhow::Result<StreamFormat> {
-    let path = recording.path();
-    let mut frames = recording.frames()?;
-    let Some(first) = frames.next().transpose()? else {
-        let reason = "0 frames".to_owned();
-        return Err(RecordingError::Invalid { path: path.to_owned(), reason }.into());
-    };
-    let meta = first.0;
-    let told = recording.metadata().get("frame_rate_hz").and_then(|text| text.parse().ok());
-    let Some(frame_rate_hz) = fps.or(told).or(recording.frame_rate_hz()?) else {
-        return Err(UsageError(format!("{}: no frame rate can be told; give one with --fps", path.display())).into());
-    };
-    Ok(StreamFormat { width_px: meta.width_px, height_px: meta.height_px, format: meta.format, frame_rate_hz })
-}
-
 /// `shot.results-1.mcap` beside `shot.mcap`, or the next free number.
-fn free_results_path(input: &Path) -> PathBuf {
+fn free_results_path(inputs: &[PathBuf]) -> PathBuf {
+    let input = inputs.first().map_or_else(|| Path::new("film"), PathBuf::as_path);
     let stem = input.file_stem().map_or_else(|| "recording".into(), |stem| stem.to_string_lossy().into_owned());
     let numbered = |number: u32| input.with_file_name(format!("{stem}.results-{number}.mcap"));
     (1..u32::MAX).map(numbered).find(|path| !path.exists()).unwrap_or_else(|| numbered(u32::MAX))
@@ -99,28 +80,25 @@ type Job = Arc<(FrameMeta, Vec<u8>)>;
 type Answer = Result<Vec<Measured>, MeasureError>;
 
 /// Measures every frame; gives the results file and how many frames are missing.
-fn measure(
-    recording: &Recording,
-    config: &Config,
-    format: &StreamFormat,
-    output: &Path,
-    stop: &Stop,
-) -> anyhow::Result<(PathBuf, u64)> {
+fn measure(film: Film, output: &Path, stop: &Stop) -> anyhow::Result<(PathBuf, u64)> {
+    let Film { format, config, .. } = &film;
     let (measure_params, tracker_params) = analysis_params(config, format);
-    let mut frames = recording.frames()?.peekable();
-    let first = match frames.peek() {
-        Some(Ok((meta, _))) => meta.sequence,
-        _ => 0,
-    };
     let mut info = recording_info(config, format, &CameraIdentity::default(), "none: analysed offline");
     for key in ["camera", "serial", "host", "trigger"] {
-        if let Some(value) = recording.metadata().get(key) {
+        if let Some(value) = film.metadata.get(key) {
             info.metadata.insert(key.to_owned(), value.clone());
         }
     }
+    let mut frames = film.frames.peekable();
+    let Some(Ok((meta, _))) = frames.peek() else {
+        return frames.next().map_or_else(|| Err(UsageError("a film of 0 frames".into()).into()), |frame| Err(frame.err().unwrap_or_else(|| anyhow::anyhow!("no frame"))));
+    };
+    let (first, stamp_ns) = (meta.sequence, meta.stamp_ns);
+    info.metadata.insert("first_frame".into(), first.to_string());
+    info.metadata.insert("first_stamp_ns".into(), stamp_ns.to_string());
     let extent = Extent { first, last: None, patience_frames: u64::MAX };
     let mut shot = Shot::create(output, config, &info, &tracker_params, extent)?;
-    let bar = progress::frames(recording.frame_count(), "analyze");
+    let bar = progress::frames(film.count, "analyze");
     std::thread::scope(|scope| -> anyhow::Result<()> {
         let (answers, results) = channel();
         let mut workers = Vec::new();

@@ -6,6 +6,7 @@ pub mod control;
 pub mod demo;
 pub mod export;
 pub mod field;
+mod film;
 pub mod info;
 pub mod listen;
 pub mod progress;
@@ -37,7 +38,6 @@ impl Outcome {
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("{0}")]
 pub struct UsageError(pub String);
-
 
 
 /// Writes a line to standard output; a reader that went away is no error.
@@ -73,6 +73,7 @@ mod tests {
     }
 }
 pub mod field;
+mod film;
 pub mod import;
 
 pub mod info;

@@ -170,7 +170,7 @@ fn refuse_strangers(table: &Table<'_>, source: Source, raw: &RawCamera) -> Resul
         ("offset_y_px", raw.offset_y_px.is_some(), &[Genicam]),
         ("pixel_format", raw.pixel_format.is_some(), &[Simulated, Genicam]),
         ("frame_rate_hz", raw.frame_rate_hz.is_some(), &[Simulated, Genicam]),
-        ("exposure_us", raw.exposure_us.is_some(), &[Simulated, Genicam]),
+        ("exposure_us", raw.exposure_us.is_some(), &[Simulated, Recording, Genicam]),
         ("trigger_source", raw.trigger_source.is_some(), &[Genicam]),
         ("packet_size_bytes", raw.packet_size_bytes.is_some(), &[Genicam]),
         ("features", !raw.features.is_empty(), &[Genicam]),

@@ -28,7 +28,12 @@ impl Config {
     /// When the changed file is not a valid rig file.
     pub fn fed_from(&self, recording: &Path, changes: &[Change<'_>]) -> Result<Self, ConfigError> {
         self.edited(|document| {
+            // Moments lie half an exposure after the stamps, whoever delivers the frames.
+            let exposure = document.get("camera").and_then(|camera| camera.get("exposure_us")).cloned();
             document.insert("camera", Item::Table(Table::new()));
+            if let Some(Item::Value(exposure)) = exposure {
+                set(document, "camera.exposure_us", exposure);
+            }
             set(document, "camera.source", "recording".into());
             set(document, "camera.id", recording.display().to_string().into());
             document.remove("trigger");

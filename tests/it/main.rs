@@ -2,8 +2,9 @@
 #![allow(
     clippy::unwrap_used,
     clippy::expect_used,
+    clippy::float_cmp,
     clippy::print_stdout,
-    reason = "a test that cannot go on panics, and one that is left out says so"
+    reason = "a test fails by panicking, compares floats to the bit, and says what it measured or left out"
 )]
 
 mod ball;
@@ -12,26 +13,15 @@ mod bus;
 mod camera_contract;
 mod config;
 mod fake_gige;
+mod field;
 mod genicam;
 mod genicam_rate;
 mod genicam_settings;
 mod impact;
-mod motion;
-#![expect(
-    clippy::unwrap_used,
-    clippy::expect_used,
-    clippy::float_cmp,
-    clippy::print_stdout,
-    reason = "a test fails by panicking, compares floats to the bit and prints figures"
-)]
-
 mod import;
+mod motion;
 mod recording;
 mod simulated_camera;
 mod slots;
 mod synth;
 mod tidy;
-
-#![expect(clippy::unwrap_used, reason = "a test that cannot go on fails")]
-
-mod field;
