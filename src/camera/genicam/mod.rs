@@ -222,7 +222,9 @@ impl Camera for GenicamCamera {
 
 impl Drop for GenicamCamera {
     fn drop(&mut self) {
-        if self.started && !self.lost.load(Ordering::Acquire) {
+        if self.lost.load(Ordering::Acquire) && self.device.is_gige() {
+            self.stream.abandon();
+        } else if self.started {
             // Nothing can be done about a camera that refuses to stop: closing it ends its stream.
             let _ = self.device.ask(self.device.aravis.arv_camera_stop_acquisition);
         }
