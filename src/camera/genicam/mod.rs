@@ -133,6 +133,9 @@ impl GenicamCamera {
     /// A frame out of the stream, accepted only when it is what the camera was set to.
     fn judge(&mut self, arrival: Arrival) -> Next {
         let sequence = self.ids.unwrap_id(arrival.id);
+        if sequence == Some(0) {
+            log::info!("the first frame has id {}; most cameras begin with 1", arrival.id);
+        }
         if let Err(reason) = self.check(&arrival) {
             return Next::Torn(arrival.slot, format!("frame id {}: {reason}", arrival.id));
         }
