@@ -89,7 +89,11 @@ fn feature_as_text(line: &FeatureLine) -> String {
     if line.kind == Kind::Category {
         return format!("{indent}{}", line.name);
     }
-    let value = line.value.as_ref().map(|value| format!(" = {value}")).unwrap_or_default();
+    let value = match line.value.as_deref() {
+        Some("") => " = \"\"".into(),
+        Some(value) => format!(" = {value}"),
+        None => String::new(),
+    };
     let unit = if line.unit.is_empty() { String::new() } else { format!(" {}", line.unit) };
     let allowed = if line.allowed.is_empty() { String::new() } else { format!(": {}", line.allowed) };
     let access = if line.writable { "" } else { ", read only" };

@@ -102,7 +102,9 @@ fn triggered(wiring: Wiring, source: &str, fire: impl Fn(&FakeGige, &GenicamCame
     const PULSES: u64 = 20;
     let Some(gige) = FakeGige::plug_in(wiring, u64::MAX, draw) else { return };
     let mut slots = Slots::new(32, FRAME_BYTES);
-    let wanted = GenicamSettings { trigger_source: Some(source.into()), ..settings(100.0) };
+    // Small packets: a socket of the usual size would not hold the first frame.
+    let wanted =
+        GenicamSettings { trigger_source: Some(source.into()), packet_size_bytes: Some(1440), ..settings(100.0) };
     let mut camera = GenicamCamera::open(&wanted).unwrap();
     slots.queue_all(&mut camera);
     camera.start().unwrap();
@@ -194,15 +196,20 @@ fn a_camera_that_is_unplugged_vanishes_and_streams_again_when_it_is_back() {
     let error = until_it_fails(&mut camera, &slots);
     assert!(matches!(error, CameraError::Vanished { .. }), "{error}");
     assert!(error.to_string().starts_with("camera \"127.0.0.1\" vanished: "), "{error}");
+    let begin = Instant::now();
     drop(camera);
+    assert!(begin.elapsed() < Duration::from_secs(1), "closing waited {:?} for a camera that is gone", begin.elapsed());
     let error = GenicamCamera::open(&settings(50.0)).unwrap_err();
+
     assert!(matches!(error, CameraError::NotFound { .. }), "{error}");
     gige.plug_back();
+    let begin = Instant::now();
     let mut camera = GenicamCamera::open(&settings(50.0)).unwrap();
     slots.queue_all(&mut camera);
     camera.start().unwrap();
     let shot = take(&mut camera, &mut slots, 3);
     assert!(shot.whole.iter().map(|(meta, _)| meta.sequence).eq(0..3));
+    assert!(begin.elapsed() < Duration::from_secs(3), "streaming again after {:?}", begin.elapsed());
 }
 
 #[test]

@@ -180,15 +180,16 @@ const GVCP_PORT: u16 = 3956;
 /// Asks an address whether a camera is there; the library alone takes many seconds to give up.
 fn probe(address: Ipv4Addr) -> Result<(), String> {
     const TRIES: u32 = 4;
-    // Key, flags (answer wanted), command (discovery), length 0, request 1: GVCP header, big-endian.
-    const DISCOVERY: [u8; 8] = [0x42, 0x01, 0x00, 0x02, 0x00, 0x00, 0x00, 0x01];
+    // Key, flags (answer wanted), command (read register), length 4, request 1; then the register's address, that of
+    // the protocol's version, which everybody may read. All big-endian.
+    const READ_VERSION: [u8; 12] = [0x42, 0x01, 0x00, 0x80, 0x00, 0x04, 0x00, 0x01, 0x00, 0x00, 0x00, 0x00];
     let ask = || -> std::io::Result<bool> {
         let socket = UdpSocket::bind((Ipv4Addr::UNSPECIFIED, 0))?;
         socket.set_read_timeout(Some(Duration::from_millis(300)))?;
         let mut answer = [0; 1024];
         for _ in 0..TRIES {
             // Not connected: a refusal must not end the wait of a camera that is only starting.
-            socket.send_to(&DISCOVERY, SocketAddr::from((address, GVCP_PORT)))?;
+            socket.send_to(&READ_VERSION, SocketAddr::from((address, GVCP_PORT)))?;
             match socket.recv_from(&mut answer) {
                 Ok((size, from)) if size >= 8 && from.ip() == address => return Ok(true),
                 _ => {}

@@ -133,6 +133,9 @@ impl GenicamCamera {
     /// A frame out of the stream, accepted only when it is what the camera was set to.
     fn judge(&mut self, arrival: Arrival) -> Next {
         let sequence = self.ids.unwrap_id(arrival.id);
+        if sequence == Some(0) {
+            log::info!("the first frame has id {}; most cameras begin with 1", arrival.id);
+        }
         if let Err(reason) = self.check(&arrival) {
             return Next::Torn(arrival.slot, format!("frame id {}: {reason}", arrival.id));
         }
@@ -222,7 +225,9 @@ impl Camera for GenicamCamera {
 
 impl Drop for GenicamCamera {
     fn drop(&mut self) {
-        if self.started && !self.lost.load(Ordering::Acquire) {
+        if self.lost.load(Ordering::Acquire) && self.device.is_gige() {
+            self.stream.abandon();
+        } else if self.started {
             // Nothing can be done about a camera that refuses to stop: closing it ends its stream.
             let _ = self.device.ask(self.device.aravis.arv_camera_stop_acquisition);
         }

@@ -165,6 +165,22 @@ impl Stream {
         }
     }
 
+    /// Ends the stream of a camera that is gone, without waiting for it.
+    ///
+    /// The library writes goodbyes to the camera when a stream and its device go, and waits seconds for the
+    /// answers. Slots are free when this returns; the goodbyes wait on a thread of their own.
+    pub fn abandon(&mut self) {
+        let Some(stream) = self.stream.take() else { return };
+        // SAFETY: a live stream. The first call joins the receiving thread and frees all buffers, so that nobody
+        // writes to the slots any more; the second is there because the end of a stream wants a thread to stop.
+        unsafe {
+            self.aravis.arv_stream_stop_thread(stream.as_ptr(), 1);
+            self.aravis.arv_stream_start_thread(stream.as_ptr());
+        }
+        self.lent.clear();
+        std::thread::spawn(move || drop(stream));
+    }
+
     /// The library's counts.
     pub fn statistics(&self) -> StreamStatistics {
         let mut counts = StreamStatistics::default();

@@ -307,6 +307,9 @@ pub struct Aravis {
     pub arv_stream_timeout_pop_buffer: unsafe extern "C" fn(stream: *mut ArvStream, timeout: guint64) -> *mut ArvBuffer,
     pub arv_stream_get_n_buffers:
         unsafe extern "C" fn(stream: *mut ArvStream, n_input_buffers: *mut gint, n_output_buffers: *mut gint),
+    pub arv_stream_start_thread: unsafe extern "C" fn(stream: *mut ArvStream),
+    pub arv_stream_stop_thread:
+        unsafe extern "C" fn(stream: *mut ArvStream, delete_buffers: gboolean) -> ::std::os::raw::c_uint,
     pub arv_stream_get_statistics: unsafe extern "C" fn(
         stream: *mut ArvStream,
         n_completed_buffers: *mut guint64,
@@ -607,6 +610,8 @@ impl Aravis {
         let arv_stream_timeout_pop_buffer =
             unsafe { __library.get(b"arv_stream_timeout_pop_buffer\0") }.map(|sym| *sym)?;
         let arv_stream_get_n_buffers = unsafe { __library.get(b"arv_stream_get_n_buffers\0") }.map(|sym| *sym)?;
+        let arv_stream_start_thread = unsafe { __library.get(b"arv_stream_start_thread\0") }.map(|sym| *sym)?;
+        let arv_stream_stop_thread = unsafe { __library.get(b"arv_stream_stop_thread\0") }.map(|sym| *sym)?;
         let arv_stream_get_statistics = unsafe { __library.get(b"arv_stream_get_statistics\0") }.map(|sym| *sym)?;
         let arv_stream_get_info_uint64_by_name =
             unsafe { __library.get(b"arv_stream_get_info_uint64_by_name\0") }.map(|sym| *sym)?;
@@ -806,6 +811,8 @@ impl Aravis {
             arv_stream_try_pop_buffer,
             arv_stream_timeout_pop_buffer,
             arv_stream_get_n_buffers,
+            arv_stream_start_thread,
+            arv_stream_stop_thread,
             arv_stream_get_statistics,
             arv_stream_get_info_uint64_by_name,
             arv_gv_stream_get_port,
@@ -1047,6 +1054,16 @@ impl Aravis {
         n_output_buffers: *mut gint,
     ) {
         unsafe { (self.arv_stream_get_n_buffers)(stream, n_input_buffers, n_output_buffers) }
+    }
+    pub unsafe fn arv_stream_start_thread(&self, stream: *mut ArvStream) {
+        unsafe { (self.arv_stream_start_thread)(stream) }
+    }
+    pub unsafe fn arv_stream_stop_thread(
+        &self,
+        stream: *mut ArvStream,
+        delete_buffers: gboolean,
+    ) -> ::std::os::raw::c_uint {
+        unsafe { (self.arv_stream_stop_thread)(stream, delete_buffers) }
     }
     pub unsafe fn arv_stream_get_statistics(
         &self,
