@@ -15,6 +15,8 @@ pub(super) struct Place {
     pub spread: f32,
     /// How much of one sign the radial gradient is around it; tells the ball from most other places.
     pub score: f32,
+    /// The range of radii it was found in.
+    pub band: usize,
 }
 
 /// Which small marks are painted out before the second look.
@@ -60,7 +62,8 @@ pub(super) struct Coarse {
     bands: Vec<Band>,
     roi: [usize; 4],
     levels: Vec<Grey>,
-    closed: Grey,
+    /// The picture without small marks, for every range of radii.
+    closed: Vec<Grey>,
     spare: Grey,
     smooth: Grey,
     gx: Vec<f32>,
@@ -84,10 +87,10 @@ impl Coarse {
         let bands = bands(params.min_radius_px as f32, params.max_radius_px as f32);
         let deepest = bands.iter().map(|b| b.level).max().unwrap_or(0);
         Self {
-            bands,
             roi,
             levels: vec![Grey::default(); deepest + 1],
-            closed: Grey::default(),
+            closed: vec![Grey::default(); bands.len()],
+            bands,
             spare: Grey::default(),
             smooth: Grey::default(),
             gx: Vec::new(),
@@ -130,31 +133,51 @@ impl Coarse {
 
     /// Adds to `places` where a ball may be, from the reduced picture as it is.
     pub fn plain(&mut self, places: &mut Vec<Place>) {
-        for band in self.bands.clone() {
-            blur(&self.levels[band.level], &mut self.spare, &mut self.smooth);
+        for band in 0..self.bands.len() {
+            blur(&self.levels[self.bands[band].level], &mut self.spare, &mut self.smooth);
             self.vote(band, places);
         }
     }
 
     /// Adds to `places` where a ball may be once small marks are painted out.
     pub fn without_marks(&mut self, marks: Marks, places: &mut Vec<Place>) {
-        for band in self.bands.clone() {
-            let level = &self.levels[band.level];
+        for band in 0..self.bands.len() {
+            let level = &self.levels[self.bands[band].level];
+            let closed = &mut self.closed[band];
             match marks {
-                Marks::Dark => close_dark(level, &mut self.spare, &mut self.closed),
-                Marks::Bright => open_bright(level, &mut self.spare, &mut self.closed),
+                Marks::Dark => close_dark(level, &mut self.spare, closed),
+                Marks::Bright => open_bright(level, &mut self.spare, closed),
             }
-            blur(&self.closed, &mut self.spare, &mut self.smooth);
+            blur(closed, &mut self.spare, &mut self.smooth);
             self.vote(band, places);
         }
     }
 
-    fn vote(&mut self, band: Band, places: &mut Vec<Place>) {
+    /// The picture without small marks in which `place` was found, and the size of its pixels, px.
+    pub fn without_marks_around(&self, place: &Place) -> (&Grey, f32) {
+        (&self.closed[place.band], (1 << self.bands[place.band].level) as f32)
+    }
+
+    /// A point of a range's reduced picture, in pixels of the full image.
+    pub fn full(&self, band: usize, x: f32, y: f32) -> (f32, f32) {
+        let scale = (1 << self.bands[band].level) as f32;
+        let full = |v: f32, origin: usize| origin as f32 + (v + 0.5) * scale - 0.5;
+        (full(x, self.roi[0]), full(y, self.roi[1]))
+    }
+
+    /// A point of the full image, in pixels of a range's reduced picture.
+    pub fn reduced(&self, band: usize, x: f32, y: f32) -> (f32, f32) {
+        let scale = (1 << self.bands[band].level) as f32;
+        let reduced = |v: f32, origin: usize| (v - origin as f32 + 0.5) / scale - 0.5;
+        (reduced(x, self.roi[0]), reduced(y, self.roi[1]))
+    }
+
+    fn vote(&mut self, band: usize, places: &mut Vec<Place>) {
         if self.smooth.width < 5 || self.smooth.height < 5 {
             return;
         }
         self.gradients();
-        self.cast(band);
+        self.cast(self.bands[band]);
         let count = self.smooth.width * self.smooth.height;
         self.peaks.clear();
         let (width, height) = (self.smooth.width, self.smooth.height);
@@ -242,10 +265,10 @@ impl Coarse {
     }
 
     /// Hands one peak on, with the radii that its surroundings suggest.
-    fn place(&mut self, band: Band, x: f32, y: f32, places: &mut Vec<Place>) {
+    fn place(&mut self, number: usize, x: f32, y: f32, places: &mut Vec<Place>) {
+        let band = self.bands[number];
         let scale = (1 << band.level) as f32;
-        let full = |v: f32, origin: usize| origin as f32 + (v + 0.5) * scale - 0.5;
-        let (full_x, full_y) = (full(x, self.roi[0]), full(y, self.roi[1]));
+        let (full_x, full_y) = self.full(number, x, y);
         let half = 0.5 * (band.high - band.low);
         let (low, high) = ((band.low / scale).floor() as usize, (band.high / scale).ceil() as usize);
         self.radial_score(x, y, low, high);
@@ -255,11 +278,21 @@ impl Coarse {
                 return;
             }
             if half <= NARROW_PX {
-                add(places, Place { x: full_x, y: full_y, radius: 0.5 * (band.low + band.high), spread: half, score });
+                add(
+                    places,
+                    Place {
+                        x: full_x,
+                        y: full_y,
+                        radius: 0.5 * (band.low + band.high),
+                        spread: half,
+                        score,
+                        band: number,
+                    },
+                );
                 return;
             }
             let radius = ((low + best) as f32 * scale).clamp(band.low, band.high);
-            add(places, Place { x: full_x, y: full_y, radius, spread: 2.0 * scale, score });
+            add(places, Place { x: full_x, y: full_y, radius, spread: 2.0 * scale, score, band: number });
             let clear = best.saturating_sub(2)..(best + 3).min(self.score.len());
             self.score[clear].fill(0.0);
         }

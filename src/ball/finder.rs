@@ -18,6 +18,8 @@ const FINALISTS: usize = 8;
 /// How much larger a circle is looked for around the best finalists as well: speckle near the rim can make a
 /// smaller one win.
 const GROWN_BY_PX: f32 = 5.0;
+/// Places whose rim is looked at with small marks painted out.
+const WHOLE_RIMS: usize = 8;
 /// A place is off by less than this, px.
 const REACH_PX: f32 = 7.0;
 /// A prediction is off by less than this, px.
@@ -35,12 +37,15 @@ struct Effort {
     rays: usize,
     /// Finalists around which a larger circle is looked for.
     grown: usize,
+    /// Whether circles are also looked for with small marks painted out.
+    whole_rims: bool,
 }
 
 /// The ball is among the first 5 places in 96 of 100 hard scenes, among the first 20 when the radius is unknown.
-const QUICK: Effort = Effort { places: (10, 24), tolerance_px: 1.0, draws: 30, rays: 60, grown: 3 };
+const QUICK: Effort = Effort { places: (10, 24), tolerance_px: 1.0, draws: 30, rays: 60, grown: 3, whole_rims: false };
 /// When the quick look found nothing.
-const THOROUGH: Effort = Effort { places: (24, 48), tolerance_px: 0.7, draws: 60, rays: 120, grown: 8 };
+const THOROUGH: Effort =
+    Effort { places: (24, 48), tolerance_px: 0.7, draws: 60, rays: 120, grown: 8, whole_rims: true };
 
 /// Finds one ball per image: its outline to a few hundredths of a pixel.
 ///
@@ -101,8 +106,12 @@ impl BallFinder {
         if let Some(circle) = self.best_of_places(image, QUICK) {
             return Some(circle);
         }
+        if let Some(circle) = self.best_of_places(image, THOROUGH) {
+            return Some(circle);
+        }
+        self.places.clear();
         self.coarse.without_marks(Marks::Bright, &mut self.places);
-        self.best_of_places(image, THOROUGH)
+        self.best_of_places(image, QUICK)
     }
 
     /// Finds the ball near `near`: a prediction within a few pixels, its radius known.
@@ -149,6 +158,9 @@ impl BallFinder {
                 self.guesses[i] = close;
             }
         }
+        if effort.whole_rims {
+            self.guess_from_whole_rims(image);
+        }
         self.keep_finalists();
         for i in 0..self.guesses.len().min(effort.grown) {
             let guess = self.guesses[i];
@@ -170,6 +182,24 @@ impl BallFinder {
             }
         }
         best.map(|b| b.circle)
+    }
+
+    /// Adds circles through rims made whole by painting out small marks.
+    ///
+    /// Where more than half of a rim is speckle, steps inside the ball outnumber those of the rim.
+    fn guess_from_whole_rims(&mut self, image: ImageView<'_>) {
+        for place in self.places.iter().take(WHOLE_RIMS) {
+            let (grey, scale) = self.coarse.without_marks_around(place);
+            let Ok(view) = ImageView::new(&grey.data, grey.width, grey.height) else { continue };
+            let (x, y) = self.coarse.reduced(place.band, place.x, place.y);
+            let reach_px = (place.spread / scale + 2.0).max(3.0);
+            let look = Look { reach_px, tolerance_px: 0.5, draws: 120, rays: 120 };
+            let Some(whole) = self.rays.look(view, (x, y, place.radius / scale), look) else { continue };
+            let (x, y) = self.coarse.full(place.band, whole.x, whole.y);
+            let whole = Guess { x, y, radius: whole.radius * scale, ..whole };
+            let near = Look { reach_px: 2.5, tolerance_px: 0.6, draws: 120, rays: 120 };
+            self.guesses.extend(self.rays.look_again(image, &whole, near));
+        }
     }
 
     /// Keeps the best distinct guesses, best first.
