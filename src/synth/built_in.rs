@@ -10,14 +10,27 @@ use super::scenario::{
 const GRAVITY_M_S2: f64 = 9.806_65;
 
 impl Scenario {
-    /// Names of the built-in scenarios.
-    pub const BUILT_IN: [&'static str; 1] = ["lacrosse"];
+    /// Names of the built-in experiments; [`PatternSetup::PAPER`] has those of the patterns.
+    pub const BUILT_IN: [&'static str; 3] = ["lacrosse", "tennis", "tennis-physical"];
 
     /// The built-in scenario of this name.
+    ///
+    /// - `lacrosse`: the paper's lacrosse ball on a flat tilted by 19 deg.
+    /// - `tennis`: its tennis ball on a racket at 45 deg with the spin that the
+    ///   paper reports, 5 rad/s, which takes next to no friction.
+    /// - `tennis-physical`: the same with the friction that strings have.
+    /// - `pattern-a-I` to `pattern-f-II`: an even motion off every grid, with a
+    ///   pattern of the paper's speckle study.
     pub fn built_in(name: &str) -> Option<Self> {
         match name {
             "lacrosse" => Some(lacrosse()),
-            _ => None,
+            "tennis" => Some(tennis(name, 0.016)),
+            "tennis-physical" => Some(tennis(name, 0.3)),
+            _ => {
+                let pattern = PatternSetup::paper(name.strip_prefix("pattern-")?)?;
+                let even = Self::translation(0.37, 0.13, 0.35);
+                Some(Self { name: name.to_owned(), body: BodySetup { pattern, ..even.body }, ..even })
+            }
         }
     }
 
@@ -46,9 +59,45 @@ impl Scenario {
     }
 }
 
+impl PatternSetup {
+    /// Names of the 16 patterns of the speckle study.
+    pub const PAPER: [&'static str; 16] = [
+        "a-I", "a-II", "a-III", "b-I", "b-II", "b-III", "c-I", "c-II", "c-III", "d-I", "d-II", "d-III", "e-I", "e-II",
+        "f-I", "f-II",
+    ];
+
+    /// A pattern of the speckle study: its speckle areas, density and lines (section 3 and Fig. 2 of the paper).
+    ///
+    /// The density of e-II is not given there; 45 % is assumed. The paper's
+    /// irregular speckles of e and f are round here.
+    pub fn paper(name: &str) -> Option<Self> {
+        let round = |area_px2: f64, coverage: f64| (area_px2, area_px2, coverage, 0);
+        let (area_min_px2, area_max_px2, coverage, lines) = match name {
+            "a-I" => round(4.0, 0.09),
+            "a-II" => round(4.0, 0.17),
+            "a-III" => round(4.0, 0.24),
+            "b-I" => round(10.0, 0.13),
+            "b-II" => round(10.0, 0.19),
+            "b-III" => round(10.0, 0.31),
+            "c-I" => round(20.0, 0.14),
+            "c-II" => round(20.0, 0.18),
+            "c-III" => round(20.0, 0.27),
+            "d-I" => round(250.0, 0.22),
+            "d-II" => round(250.0, 0.30),
+            "d-III" => round(250.0, 0.43),
+            "e-I" => (4.0, 80.0, 0.54, 0),
+            "e-II" => (2.0, 40.0, 0.45, 0),
+            "f-I" => (4.0, 20.0, 0.27, 4),
+            "f-II" => (4.0, 80.0, 0.52, 4),
+            _ => return None,
+        };
+        Some(Self { area_min_px2, area_max_px2, coverage, lines, line_width_px: 2.0 })
+    }
+}
+
 /// Speckles of 2 to 40 px^2, the pattern of the lacrosse experiment.
 fn fine_mixed() -> PatternSetup {
-    PatternSetup { area_min_px2: 2.0, area_max_px2: 40.0, coverage: 0.45 }
+    PatternSetup { area_min_px2: 2.0, area_max_px2: 40.0, coverage: 0.45, lines: 0, line_width_px: 2.0 }
 }
 
 fn film(frames: u64) -> CameraSetup {
@@ -61,6 +110,8 @@ fn film(frames: u64) -> CameraSetup {
         bits: 8,
         noise_dn: 2.0,
         shot_share: 0.5,
+        gain_spread: 0.0,
+        offset_spread_dn: 0.0,
         blur_px: 0.7,
         start_ns: 1_700_000_000_000_000_000,
     }
@@ -77,8 +128,20 @@ fn lacrosse() -> Scenario {
         surface: SurfaceSetup { angle_deg: 0.0 },
         body: BodySetup { diameter_mm: 63.25, pattern: fine_mixed() },
         shade: ShadeSetup { ball: 0.75, speckle: 0.2, ground: 0.12, ground_texture: 0.008 },
-        light: LightSetup { gradient_x: 0.06, gradient_y: -0.04, side: 0.08, side_angle_deg: 60.0, limb: 0.0 },
-        occluder: Some(OccluderSetup { shade: 0.38, texture: 0.03, point_px: None, normal_deg: None }),
+        light: LightSetup {
+            gradient_x: 0.06,
+            gradient_y: -0.04,
+            side: 0.08,
+            side_angle_deg: 60.0,
+            ..LightSetup::default()
+        },
+        occluder: Some(OccluderSetup {
+            shade: 0.38,
+            texture: 0.03,
+            point_px: None,
+            normal_deg: None,
+            speed_px_frame: 0.0,
+        }),
         motion: MotionSetup::Impact(ImpactSetup {
             contact_start_s: 1.4e-3,
             contact_center_px: [124.3, 100.6],
@@ -91,6 +154,42 @@ fn lacrosse() -> Scenario {
             inertia_factor: 0.4,
             law: NormalLaw::KelvinVoigt { stiffness_n_m: 6.772e4, damping_n_s_m: 14.87 },
             friction: Some(Friction { stiffness_n_m: 1e5, damping_n_s_m: 20.0, coefficient: 0.070 }),
+        }),
+    }
+}
+
+/// A tennis ball dropped 1.04 m on a racket held at 45 deg, filmed upright.
+fn tennis(name: &str, coefficient: f64) -> Scenario {
+    let film = CameraSetup { width_px: 256, height_px: 256, ..film(150) };
+    let pattern = PatternSetup { area_min_px2: 4.0, area_max_px2: 20.0, coverage: 0.27, lines: 4, line_width_px: 2.0 };
+    Scenario {
+        name: name.to_owned(),
+        seed: 2,
+        camera: film,
+        scale: ScaleSetup { mm_per_px: 0.5877 },
+        // The racket falls to the right: a ball from above goes on along the tangent.
+        surface: SurfaceSetup { angle_deg: -45.0 },
+        body: BodySetup { diameter_mm: 67.0, pattern },
+        shade: ShadeSetup { ball: 0.65, speckle: 0.15, ground: 0.1, ground_texture: 0.008 },
+        light: LightSetup { gradient_x: -0.05, side: 0.1, side_angle_deg: 100.0, ..LightSetup::default() },
+        occluder: Some(OccluderSetup {
+            shade: 0.3,
+            texture: 0.05,
+            point_px: None,
+            normal_deg: None,
+            speed_px_frame: 0.0,
+        }),
+        motion: MotionSetup::Impact(ImpactSetup {
+            contact_start_s: 4e-3,
+            contact_center_px: [92.4, 122.7],
+            vn_m_s: -3.2,
+            vt_m_s: 3.2,
+            omega_rad_s: 0.0,
+            gravity_m_s2: [0.0, -GRAVITY_M_S2],
+            mass_kg: 0.0567,
+            inertia_factor: 0.55,
+            law: NormalLaw::KelvinVoigt { stiffness_n_m: 1.042e4, damping_n_s_m: 3.615 },
+            friction: Some(Friction { stiffness_n_m: 2e4, damping_n_s_m: 100.0, coefficient }),
         }),
     }
 }

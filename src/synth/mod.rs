@@ -11,6 +11,7 @@ mod motion;
 pub mod physics;
 mod random;
 mod scenario;
+mod scene;
 mod sensor;
 mod speckle;
 mod texture;

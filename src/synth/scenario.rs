@@ -58,6 +58,12 @@ pub struct CameraSetup {
     /// Share of the noise's variance that grows with the light (shot noise), 0 to 1; the rest is read noise.
     #[serde(default)]
     pub shot_share: f64,
+    /// Spread of the pixels' gain, standard deviation as a share, 0 to 0.1.
+    #[serde(default)]
+    pub gain_spread: f64,
+    /// Spread of the pixels' offset, standard deviation, DN; 0 to a sixteenth of full scale.
+    #[serde(default)]
+    pub offset_spread_dn: f64,
     /// Blur of the lens, standard deviation, 0.3 to 5 px.
     #[serde(default = "lens_blur")]
     pub blur_px: f64,
@@ -92,7 +98,7 @@ pub struct BodySetup {
     pub pattern: PatternSetup,
 }
 
-/// Round speckles, strewn so that none overlap.
+/// Round speckles and straight lines, strewn so that none overlap.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct PatternSetup {
@@ -102,6 +108,12 @@ pub struct PatternSetup {
     pub area_max_px2: f64,
     /// Share of the ball that is covered, 0 to 0.6.
     pub coverage: f64,
+    /// Straight lines of random direction, 0 to 20.
+    #[serde(default)]
+    pub lines: u32,
+    /// Their width, 0.5 to 10 px.
+    #[serde(default = "line_width")]
+    pub line_width_px: f64,
 }
 
 /// Grey levels as shares of full scale, 0 to 1.
@@ -133,6 +145,12 @@ pub struct LightSetup {
     pub side_angle_deg: f64,
     /// The ball's rim is darker than its middle by this share.
     pub limb: f64,
+    /// The picture's corners are darker than its middle by this share (lens).
+    pub vignette: f64,
+    /// The lamp's brightness swings by this share up and down.
+    pub flicker: f64,
+    /// How often it swings, 0 to 1 million Hz: 100 or 120 on the mains.
+    pub flicker_hz: f64,
 }
 
 /// A half-plane in front of the ball.
@@ -141,15 +159,18 @@ pub struct LightSetup {
 pub struct OccluderSetup {
     /// Grey level as a share of full scale, 0 to 1.
     pub shade: f64,
-    /// Roughness, standard deviation as a share of full scale, 0 to 0.2.
+    /// Roughness, standard deviation as a share of full scale, 0 to 0.2; 0 where the edge moves.
     #[serde(default)]
     pub texture: f64,
-    /// A point of its edge; left out, the edge is where the ball first touches.
+    /// A point of its edge in the first frame; left out, the edge is where the ball first touches.
     #[serde(default)]
     pub point_px: Option<[f64; 2]>,
     /// Outward normal of its edge, counter-clockwise from x, deg; left out, the surface's.
     #[serde(default)]
     pub normal_deg: Option<f64>,
+    /// Speed of the edge along its normal, px/frame; one that moves has no texture.
+    #[serde(default)]
+    pub speed_px_frame: f64,
 }
 
 /// How the ball moves.
@@ -210,6 +231,10 @@ fn eight() -> u32 {
     8
 }
 
+fn line_width() -> f64 {
+    2.0
+}
+
 fn lens_blur() -> f64 {
     0.7
 }
@@ -258,6 +283,14 @@ pub enum ScenarioError {
         wanted: f64,
         /// Where packing stopped.
         reached: f64,
+    },
+    /// So many lines cannot keep clear of each other.
+    #[error("body.pattern.lines = {wanted} do not fit on the ball without crossing: {reached} did")]
+    TooManyLines {
+        /// The key's value.
+        wanted: u32,
+        /// How many found a place.
+        reached: usize,
     },
     /// The ball would come back before the film ends.
     #[error(
@@ -335,6 +368,8 @@ impl Scenario {
         }
         within("camera.noise_dn", camera.noise_dn, 0.0, 0.25 * 2f64.powi(camera.bits as i32))?;
         within("camera.shot_share", camera.shot_share, 0.0, 1.0)?;
+        within("camera.gain_spread", camera.gain_spread, 0.0, 0.1)?;
+        within("camera.offset_spread_dn", camera.offset_spread_dn, 0.0, 2f64.powi(camera.bits as i32 - 4))?;
         within("camera.blur_px", camera.blur_px, 0.3, 5.0)?;
         // The last stamp, at 1e8 frames of 1000 s, must still fit 64 bits.
         within("camera.start_ns", camera.start_ns as f64, 0.0, 9e18)?;
@@ -357,7 +392,9 @@ impl Scenario {
         let largest = std::f64::consts::PI * self.radius_px().powi(2) / 20.0;
         within("body.pattern.area_min_px2", pattern.area_min_px2, 0.5, largest)?;
         within("body.pattern.area_max_px2", pattern.area_max_px2, pattern.area_min_px2, largest)?;
-        within("body.pattern.coverage", pattern.coverage, 0.0, 0.6)
+        within("body.pattern.coverage", pattern.coverage, 0.0, 0.6)?;
+        within("body.pattern.lines", f64::from(pattern.lines), 0.0, 20.0)?;
+        within("body.pattern.line_width_px", pattern.line_width_px, 0.5, 10.0)
     }
 
     fn check_light(&self) -> Result<(), ScenarioError> {
@@ -370,9 +407,13 @@ impl Scenario {
         within("light.side", self.light.side, 0.0, 0.9)?;
         within("light.side_angle_deg", self.light.side_angle_deg, -360.0, 360.0)?;
         within("light.limb", self.light.limb, 0.0, 0.9)?;
+        within("light.vignette", self.light.vignette, 0.0, 0.9)?;
+        within("light.flicker", self.light.flicker, 0.0, 0.9)?;
+        within("light.flicker_hz", self.light.flicker_hz, 0.0, 1e6)?;
         let Some(occluder) = &self.occluder else { return Ok(()) };
         within("occluder.shade", occluder.shade, 0.0, 1.0)?;
-        within("occluder.texture", occluder.texture, 0.0, 0.2)?;
+        within("occluder.texture", occluder.texture, 0.0, if occluder.speed_px_frame.abs() > 0.0 { 0.0 } else { 0.2 })?;
+        within("occluder.speed_px_frame", occluder.speed_px_frame, -1e4, 1e4)?;
         within("occluder.normal_deg", occluder.normal_deg.unwrap_or(0.0), -360.0, 360.0)?;
         place("occluder.point_px", occluder.point_px.unwrap_or_default())
     }

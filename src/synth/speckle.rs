@@ -21,7 +21,51 @@ pub(crate) struct Speckle {
     pub(crate) crosses_rim: bool,
 }
 
-/// The ball's speckles.
+/// One straight line of the pattern: a rectangle, wholly inside the disc.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Line {
+    /// Middle, in the ball's own axes (px, y down, at angle 0).
+    pub(crate) middle_px: [f64; 2],
+    /// Unit vector along it.
+    pub(crate) along: [f64; 2],
+    pub(crate) half_length_px: f64,
+    pub(crate) half_width_px: f64,
+}
+
+impl Line {
+    /// Distance from its middle line, px.
+    fn distance_px(&self, x_px: f64, y_px: f64) -> f64 {
+        let (dx, dy) = (x_px - self.middle_px[0], y_px - self.middle_px[1]);
+        let along = dx * self.along[0] + dy * self.along[1];
+        let across = dx * self.along[1] - dy * self.along[0];
+        across.hypot((along.abs() - self.half_length_px).max(0.0))
+    }
+
+    fn end(&self, side: f64) -> [f64; 2] {
+        let reach = side * self.half_length_px;
+        [self.middle_px[0] + reach * self.along[0], self.middle_px[1] + reach * self.along[1]]
+    }
+
+    /// Whether both come closer than a width and a pixel.
+    fn meets(&self, other: &Self) -> bool {
+        let apart = self.half_width_px + other.half_width_px + 1.0;
+        (-20..=20).any(|part| {
+            let [x, y] = self.end(f64::from(part) / 20.0);
+            let [u, v] = other.end(f64::from(part) / 20.0);
+            other.distance_px(x, y) < apart || self.distance_px(u, v) < apart
+        }) || self.crosses(other)
+    }
+
+    fn crosses(&self, other: &Self) -> bool {
+        let side = |line: &Self, [x, y]: [f64; 2]| {
+            (x - line.middle_px[0]) * line.along[1] - (y - line.middle_px[1]) * line.along[0]
+        };
+        side(self, other.end(-1.0)) * side(self, other.end(1.0)) < 0.0
+            && side(other, self.end(-1.0)) * side(other, self.end(1.0)) < 0.0
+    }
+}
+
+/// The ball's speckles and lines.
 ///
 /// No two overlap, so their blurred light adds up exactly. A speckle is either
 /// wholly inside the disc or crosses its rim at a right angle, so that what is
@@ -29,6 +73,7 @@ pub(crate) struct Speckle {
 #[derive(Debug, Clone)]
 pub(crate) struct Pattern {
     pub(crate) speckles: Vec<Speckle>,
+    pub(crate) lines: Vec<Line>,
     pub(crate) discs: Vec<BlurredDisc>,
     /// What the rim leaves of each size, where a speckle of it crosses the rim.
     pub(crate) cut_discs: Vec<Option<CutDisc>>,
@@ -50,6 +95,7 @@ impl Pattern {
             (0..sizes).map(|size| setup.area_min_px2 * ratio.powf((size as f64 + 0.5) / sizes as f64)).collect();
         let radii_px: Vec<f64> = areas.iter().map(|area| (area / PI).sqrt()).collect();
         let mut board = Board::new(radius_px, radii_px.clone(), setup.coverage);
+        board.rule(setup, &mut stream)?;
         let wanted = setup.coverage * PI * radius_px * radius_px;
         // Sizes from here on no longer find a place.
         let mut usable = sizes;
@@ -71,7 +117,7 @@ impl Pattern {
         let crossing = |size: usize| board.speckles.iter().any(|speckle| speckle.size == size && speckle.crosses_rim);
         let cut_discs =
             (0..sizes).map(|size| crossing(size).then(|| CutDisc::new(radii_px[size], radius_px, sigma_px))).collect();
-        Ok(Self { speckles: board.speckles, discs, cut_discs, radii_px })
+        Ok(Self { speckles: board.speckles, lines: board.lines, discs, cut_discs, radii_px })
     }
 }
 
@@ -97,6 +143,7 @@ struct Board {
     cells_wide: usize,
     cells: Vec<Vec<usize>>,
     speckles: Vec<Speckle>,
+    lines: Vec<Line>,
     covered_px2: f64,
     /// How much of the rim may still be covered: the same share as of the disc.
     rim_left_px: f64,
@@ -115,9 +162,35 @@ impl Board {
             cells_wide,
             cells,
             speckles: Vec::new(),
+            lines: Vec::new(),
             covered_px2: 0.0,
             rim_left_px: coverage * TAU * radius_px,
         }
+    }
+
+    /// Draws the lines: none crosses another or the rim.
+    fn rule(&mut self, setup: &PatternSetup, stream: &mut Stream) -> Result<(), ScenarioError> {
+        let half_width_px = 0.5 * setup.line_width_px;
+        let inside_px = self.radius_px - half_width_px - 1.0;
+        let mut trials = TRIALS;
+        while self.lines.len() < setup.lines as usize {
+            if trials == 0 {
+                return Err(ScenarioError::TooManyLines { wanted: setup.lines, reached: self.lines.len() });
+            }
+            trials -= 1;
+            let (angle, distance) = (stream.between(0.0, PI), stream.between(-0.8, 0.8) * inside_px);
+            let along = [angle.cos(), angle.sin()];
+            let half_chord = (inside_px * inside_px - distance * distance).sqrt();
+            let half_length_px = half_chord * stream.between(0.4, 1.0);
+            let slide = stream.between(-1.0, 1.0) * (half_chord - half_length_px);
+            let middle_px = [slide * along[0] - distance * along[1], slide * along[1] + distance * along[0]];
+            let line = Line { middle_px, along, half_length_px, half_width_px };
+            if !self.lines.iter().any(|other| line.meets(other)) {
+                self.covered_px2 += 4.0 * half_length_px * half_width_px;
+                self.lines.push(line);
+            }
+        }
+        Ok(())
     }
 
     fn place(&mut self, size: usize, stream: &mut Stream) -> bool {
@@ -152,6 +225,10 @@ impl Board {
     }
 
     fn is_free(&self, speckle: &Speckle) -> bool {
+        let small = self.radii_px[speckle.size];
+        if self.lines.iter().any(|line| line.distance_px(speckle.x_px, speckle.y_px) < small + line.half_width_px) {
+            return false;
+        }
         let (column, row) = (self.cell(speckle.x_px), self.cell(speckle.y_px));
         (row - 1..=row + 1).flat_map(|row| (column - 1..=column + 1).map(move |column| (row, column))).all(
             |(row, column)| {
@@ -186,7 +263,8 @@ mod tests {
     use super::*;
 
     fn strewn(area_min_px2: f64, area_max_px2: f64, coverage: f64) -> Result<Pattern, ScenarioError> {
-        Pattern::strew(&PatternSetup { area_min_px2, area_max_px2, coverage }, 60.0, 0.76, Stream::new(7))
+        let setup = PatternSetup { area_min_px2, area_max_px2, coverage, lines: 0, line_width_px: 2.0 };
+        Pattern::strew(&setup, 60.0, 0.76, Stream::new(7))
     }
 
     #[test]
@@ -207,6 +285,27 @@ mod tests {
                 }
             }
         }
+    }
+
+    #[test]
+    fn lines_keep_clear_of_each_other_of_the_rim_and_of_speckles() {
+        let setup =
+            PatternSetup { area_min_px2: 4.0, area_max_px2: 20.0, coverage: 0.27, lines: 5, line_width_px: 2.0 };
+        let pattern = Pattern::strew(&setup, 60.0, 0.76, Stream::new(7)).unwrap();
+        assert_eq!(pattern.lines.len(), 5);
+        for (index, line) in pattern.lines.iter().enumerate() {
+            for side in [-1.0, 1.0] {
+                let [x, y] = line.end(side);
+                assert!(x.hypot(y) < 59.0);
+            }
+            for speckle in &pattern.speckles {
+                let apart = line.distance_px(speckle.x_px, speckle.y_px);
+                assert!(apart >= pattern.radii_px[speckle.size] + 1.0);
+            }
+            assert!(pattern.lines[..index].iter().all(|other| !line.crosses(other)));
+        }
+        let crowded = Pattern::strew(&PatternSetup { lines: 200, ..setup }, 60.0, 0.76, Stream::new(7));
+        assert!(matches!(crowded, Err(ScenarioError::TooManyLines { wanted: 200, .. })));
     }
 
     #[test]
