@@ -2,8 +2,8 @@
 
 use super::physics::{Friction, NormalLaw};
 use super::scenario::{
-    BodySetup, CameraSetup, ImpactSetup, LightSetup, MotionSetup, OccluderSetup, PatternSetup, ScaleSetup, Scenario,
-    ShadeSetup, SurfaceSetup,
+    BodySetup, CameraSetup, ImpactSetup, LightSetup, MotionSetup, OccluderSetup, PatternSetup, RingingSetup, RodSetup,
+    ScaleSetup, Scenario, ShadeSetup, SurfaceSetup,
 };
 
 /// Standard gravity, m/s^2.
@@ -11,7 +11,7 @@ const GRAVITY_M_S2: f64 = 9.806_65;
 
 impl Scenario {
     /// Names of the built-in experiments; [`PatternSetup::PAPER`] has those of the patterns.
-    pub const BUILT_IN: [&'static str; 3] = ["lacrosse", "tennis", "tennis-physical"];
+    pub const BUILT_IN: [&'static str; 5] = ["lacrosse", "tennis", "tennis-physical", "rod", "rod-ringing"];
 
     /// The built-in scenario of this name.
     ///
@@ -19,6 +19,8 @@ impl Scenario {
     /// - `tennis`: its tennis ball on a racket at 45 deg with the spin that the
     ///   paper reports, 5 rad/s, which takes next to no friction.
     /// - `tennis-physical`: the same with the friction that strings have.
+    /// - `rod`: its steel rod dropped on a printed flat, with two tapes around it.
+    /// - `rod-ringing`: the same with the sound that runs up and down in it.
     /// - `pattern-a-I` to `pattern-f-II`: an even motion off every grid, with a
     ///   pattern of the paper's speckle study.
     pub fn built_in(name: &str) -> Option<Self> {
@@ -26,6 +28,8 @@ impl Scenario {
             "lacrosse" => Some(lacrosse()),
             "tennis" => Some(tennis(name, 0.016)),
             "tennis-physical" => Some(tennis(name, 0.3)),
+            "rod" => Some(rod(name, None)),
+            "rod-ringing" => Some(rod(name, Some(ringing()))),
             _ => {
                 let pattern = PatternSetup::paper(name.strip_prefix("pattern-")?)?;
                 let even = Self::translation(0.37, 0.13, 0.35);
@@ -50,7 +54,7 @@ impl Scenario {
             camera: CameraSetup { width_px: 512, height_px: 512, exposure_us: 0.0, shot_share: 0.0, ..film(frames) },
             scale: ScaleSetup { mm_per_px: 0.5 },
             surface: SurfaceSetup::default(),
-            body: BodySetup { diameter_mm: 60.0, pattern: fine_mixed() },
+            body: BodySetup { diameter_mm: 60.0, pattern: fine_mixed(), rod: None },
             shade: ShadeSetup::default(),
             light: LightSetup::default(),
             occluder: None,
@@ -126,7 +130,7 @@ fn lacrosse() -> Scenario {
         camera: film(100),
         scale: ScaleSetup { mm_per_px: 0.5142 },
         surface: SurfaceSetup { angle_deg: 0.0 },
-        body: BodySetup { diameter_mm: 63.25, pattern: fine_mixed() },
+        body: BodySetup { diameter_mm: 63.25, pattern: fine_mixed(), rod: None },
         shade: ShadeSetup { ball: 0.75, speckle: 0.2, ground: 0.12, ground_texture: 0.008 },
         light: LightSetup {
             gradient_x: 0.06,
@@ -154,6 +158,7 @@ fn lacrosse() -> Scenario {
             inertia_factor: 0.4,
             law: NormalLaw::KelvinVoigt { stiffness_n_m: 6.772e4, damping_n_s_m: 14.87 },
             friction: Some(Friction { stiffness_n_m: 1e5, damping_n_s_m: 20.0, coefficient: 0.070 }),
+            ringing: None,
         }),
     }
 }
@@ -169,7 +174,7 @@ fn tennis(name: &str, coefficient: f64) -> Scenario {
         scale: ScaleSetup { mm_per_px: 0.5877 },
         // The racket falls to the right: a ball from above goes on along the tangent.
         surface: SurfaceSetup { angle_deg: -45.0 },
-        body: BodySetup { diameter_mm: 67.0, pattern },
+        body: BodySetup { diameter_mm: 67.0, pattern, rod: None },
         shade: ShadeSetup { ball: 0.65, speckle: 0.15, ground: 0.1, ground_texture: 0.008 },
         light: LightSetup { gradient_x: -0.05, side: 0.1, side_angle_deg: 100.0, ..LightSetup::default() },
         occluder: Some(OccluderSetup {
@@ -190,6 +195,49 @@ fn tennis(name: &str, coefficient: f64) -> Scenario {
             inertia_factor: 0.55,
             law: NormalLaw::KelvinVoigt { stiffness_n_m: 1.042e4, damping_n_s_m: 3.615 },
             friction: Some(Friction { stiffness_n_m: 2e4, damping_n_s_m: 100.0, coefficient }),
+            ringing: None,
+        }),
+    }
+}
+
+/// Sound in a steel rod 0.304 m long, clamped nowhere: c / 2 L.
+fn ringing() -> RingingSetup {
+    RingingSetup { speed_m_s: 0.05, frequency_hz: 8500.0, decay_s: 2e-3 }
+}
+
+/// A steel rod of 9 mm dropped 59.9 mm on a printed flat, filmed at 40 000 frames a second.
+fn rod(name: &str, ringing: Option<RingingSetup>) -> Scenario {
+    let film = CameraSetup { width_px: 64, height_px: 160, frame_rate_hz: 40_000.0, exposure_us: 10.0, ..film(240) };
+    let pattern = PatternSetup { area_min_px2: 4.0, area_max_px2: 20.0, coverage: 0.35, lines: 0, line_width_px: 2.0 };
+    let tapes = RodSetup { tape_px: [20.0, 40.0], patch_px: [60.0, 110.0], shade: 0.08 };
+    Scenario {
+        name: name.to_owned(),
+        seed: 3,
+        camera: film,
+        scale: ScaleSetup { mm_per_px: 0.3 },
+        surface: SurfaceSetup { angle_deg: 0.0 },
+        body: BodySetup { diameter_mm: 9.0, pattern, rod: Some(tapes) },
+        shade: ShadeSetup { ball: 0.7, speckle: 0.15, ground: 0.25, ground_texture: 0.01 },
+        light: LightSetup::default(),
+        occluder: Some(OccluderSetup {
+            shade: 0.45,
+            texture: 0.02,
+            point_px: None,
+            normal_deg: None,
+            speed_px_frame: 0.0,
+        }),
+        motion: MotionSetup::Impact(ImpactSetup {
+            contact_start_s: 2.475e-3,
+            contact_center_px: [31.4, 56.3],
+            vn_m_s: -1.084,
+            vt_m_s: 0.0,
+            omega_rad_s: 0.0,
+            gravity_m_s2: [0.0, -GRAVITY_M_S2],
+            mass_kg: 0.255,
+            inertia_factor: 0.5,
+            law: NormalLaw::KelvinVoigt { stiffness_n_m: 1.063e6, damping_n_s_m: 166.0 },
+            friction: None,
+            ringing,
         }),
     }
 }

@@ -280,7 +280,7 @@ impl Ball {
 }
 
 /// Adds a share to every cell within `reach` of a place (from the patch's corner); it is asked relative to the place, px.
-fn spread(place_px: [f64; 2], reach: f64, patch: &Patch, ink: &mut [f32], share: impl Fn(f32, f32) -> f32) {
+pub(crate) fn spread(place_px: [f64; 2], reach: f64, patch: &Patch, ink: &mut [f32], share: impl Fn(f32, f32) -> f32) {
     let [x, y] = place_px;
     let first_row = (y - reach).ceil().max(0.0) as usize;
     let end_row = ((y + reach).floor() + 1.0).clamp(0.0, patch.height as f64) as usize;

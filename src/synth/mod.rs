@@ -10,6 +10,7 @@ mod draw;
 mod motion;
 pub mod physics;
 mod random;
+mod rod;
 mod scenario;
 mod scene;
 mod sensor;
@@ -21,7 +22,7 @@ mod world;
 mod twin;
 
 pub use scenario::{
-    BodySetup, CameraSetup, ImpactSetup, LightSetup, MotionSetup, OccluderSetup, PatternSetup, ScaleSetup, Scenario,
-    ScenarioError, ShadeSetup, SurfaceSetup,
+    BodySetup, CameraSetup, ImpactSetup, LightSetup, MotionSetup, OccluderSetup, PatternSetup, RingingSetup, RodSetup,
+    ScaleSetup, Scenario, ScenarioError, ShadeSetup, SurfaceSetup,
 };
 pub use world::World;

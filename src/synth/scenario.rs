@@ -88,14 +88,44 @@ pub struct SurfaceSetup {
     pub angle_deg: f64,
 }
 
-/// The ball.
+/// The ball, or the rod.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct BodySetup {
     /// Diameter, mm; at least 8 px and no larger than the picture.
     pub diameter_mm: f64,
-    /// The speckles.
+    /// The speckles: over the ball, or on the rod's patch.
     pub pattern: PatternSetup,
+    /// Makes it an upright rod of this diameter; left out, it is a ball.
+    #[serde(default)]
+    pub rod: Option<RodSetup>,
+}
+
+/// A dark upright rod that reaches out of the picture, with two bright tapes around it.
+///
+/// Heights are above its lower end. The middle of the upper tape is the point
+/// that moves as the motion says.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct RodSetup {
+    /// Lower and upper edge of the clean tape, px.
+    pub tape_px: [f64; 2],
+    /// Lower and upper edge of the speckled tape, px; above the clean one.
+    pub patch_px: [f64; 2],
+    /// Grey level of the rod as a share of full scale, 0 to 1; the tapes have the ball's.
+    pub shade: f64,
+}
+
+/// Ringing of a struck rod, added to the motion of its mark.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct RingingSetup {
+    /// Speed at first touch, m/s.
+    pub speed_m_s: f64,
+    /// Frequency, Hz.
+    pub frequency_hz: f64,
+    /// Time in which it falls to 1/e, s.
+    pub decay_s: f64,
 }
 
 /// Round speckles and straight lines, strewn so that none overlap.
@@ -219,6 +249,9 @@ pub struct ImpactSetup {
     /// Tangential contact; left out, the surface is frictionless.
     #[serde(default)]
     pub friction: Option<Friction>,
+    /// Ringing from first touch on, along the normal; rods only.
+    #[serde(default)]
+    pub ringing: Option<RingingSetup>,
 }
 
 impl Default for ShadeSetup {
@@ -304,6 +337,9 @@ pub enum ScenarioError {
         /// Second touch.
         again_s: f64,
     },
+    /// A rod that does something only a ball can do.
+    #[error("body.rod stands upright and does not turn: {0}")]
+    RodOnly(&'static str),
     /// An edge that nothing places.
     #[error("occluder.point_px is missing: only motion.kind = \"impact\" has a point of first touch to take its place")]
     OccluderPlace,
@@ -325,7 +361,7 @@ impl Scenario {
         Ok(scenario)
     }
 
-    /// Radius of the ball in the picture, px.
+    /// Radius of the ball, or half the width of the rod, in the picture, px.
     pub fn radius_px(&self) -> f64 {
         0.5 * self.body.diameter_mm / self.scale.mm_per_px
     }
@@ -389,12 +425,50 @@ impl Scenario {
             return Err(ScenarioError::BallTooLarge { diameter_mm, mm_per_px, diameter_px, width_px, height_px });
         }
         let pattern = &self.body.pattern;
-        let largest = std::f64::consts::PI * self.radius_px().powi(2) / 20.0;
+        self.check_rod()?;
+        let largest = self.speckled_px2() / 20.0;
         within("body.pattern.area_min_px2", pattern.area_min_px2, 0.5, largest)?;
         within("body.pattern.area_max_px2", pattern.area_max_px2, pattern.area_min_px2, largest)?;
         within("body.pattern.coverage", pattern.coverage, 0.0, 0.6)?;
         within("body.pattern.lines", f64::from(pattern.lines), 0.0, 20.0)?;
         within("body.pattern.line_width_px", pattern.line_width_px, 0.5, 10.0)
+    }
+
+    /// Area of the disc or patch that carries the speckles.
+    fn speckled_px2(&self) -> f64 {
+        let radius = self.radius_px();
+        let disc = std::f64::consts::PI * radius * radius;
+        self.body.rod.as_ref().map_or(disc, |rod| 2.0 * radius * (rod.patch_px[1] - rod.patch_px[0]))
+    }
+
+    fn check_rod(&self) -> Result<(), ScenarioError> {
+        let Some(rod) = &self.body.rod else {
+            let ringing = matches!(&self.motion, MotionSetup::Impact(impact) if impact.ringing.is_some());
+            return if ringing { Err(ScenarioError::RodOnly("motion.ringing needs one")) } else { Ok(()) };
+        };
+        within("body.rod.tape_px", rod.tape_px[0], 1.0, 8192.0)?;
+        within("body.rod.tape_px", rod.tape_px[1], rod.tape_px[0] + 1.0, 8192.0)?;
+        within("body.rod.patch_px", rod.patch_px[0], rod.tape_px[1] + 1.0, 8192.0)?;
+        within("body.rod.patch_px", rod.patch_px[1], rod.patch_px[0] + 4.0, 8192.0)?;
+        within("body.rod.shade", rod.shade, 0.0, 1.0)?;
+        let (turns, slides) = match &self.motion {
+            MotionSetup::Constant { omega_deg_frame, .. } => (omega_deg_frame.abs() > 0.0, false),
+            MotionSetup::Impact(impact) => (impact.omega_rad_s.abs() > 0.0, impact.friction.is_some()),
+        };
+        let edge = self.occluder.as_ref();
+        for (wrong, why) in [
+            (turns, "its spin must be 0"),
+            (slides, "motion.friction must be left out"),
+            (self.surface.angle_deg.abs() > 0.0, "surface.angle_deg must be 0"),
+            (self.body.pattern.lines > 0, "body.pattern.lines must be 0"),
+            (self.light.side > 0.0 || self.light.limb > 0.0, "light.side and light.limb must be 0"),
+            (edge.is_some_and(|edge| edge.normal_deg.is_some()), "occluder.normal_deg must be left out"),
+        ] {
+            if wrong {
+                return Err(ScenarioError::RodOnly(why));
+            }
+        }
+        Ok(())
     }
 
     fn check_light(&self) -> Result<(), ScenarioError> {
@@ -439,6 +513,11 @@ impl ImpactSetup {
                 within("motion.law.stiffness_n_m15", stiffness_n_m15, 1.0, 1e12)?;
                 within("motion.law.damping_s_m", damping_s_m, 0.0, 1e3)?;
             }
+        }
+        if let Some(ringing) = &self.ringing {
+            within("motion.ringing.speed_m_s", ringing.speed_m_s, -1e3, 1e3)?;
+            within("motion.ringing.frequency_hz", ringing.frequency_hz, 1.0, 1e7)?;
+            within("motion.ringing.decay_s", ringing.decay_s, 1e-6, 1e3)?;
         }
         let Some(friction) = self.friction else { return Ok(()) };
         within("motion.friction.stiffness_n_m", friction.stiffness_n_m, 1.0, 1e8)?;

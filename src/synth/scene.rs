@@ -4,6 +4,7 @@ use super::blur::{normal_cdf, seen_sigma_px};
 use super::draw::{EDGE_SIGMA, HalfPlane, Moment, Patch};
 use super::motion::tangent;
 use super::random::{Stream, key};
+use super::rod::Rod;
 use super::scenario::{MotionSetup, Scenario};
 use super::texture::smooth;
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
@@ -140,9 +141,10 @@ fn half_plane(scenario: &Scenario) -> Option<HalfPlane> {
     let angle_rad = occluder.normal_deg.map_or(scenario.surface.angle_deg.to_radians() + FRAC_PI_2, f64::to_radians);
     let normal = [angle_rad.cos(), -angle_rad.sin()];
     let touch = |center_px: [f64; 2]| {
-        // The ball touches with the point that lies opposite to the surface's normal.
+        // The body touches with the point that lies opposite to the surface's normal.
         let tangent = tangent(scenario);
-        [center_px[0] + scenario.radius_px() * tangent[1], center_px[1] + scenario.radius_px() * tangent[0]]
+        let reach_px = scenario.body.rod.as_ref().map_or(scenario.radius_px(), Rod::mark_px);
+        [center_px[0] + reach_px * tangent[1], center_px[1] + reach_px * tangent[0]]
     };
     let point_px = match (&occluder.point_px, &scenario.motion) {
         (Some(point_px), _) => *point_px,

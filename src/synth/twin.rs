@@ -6,7 +6,7 @@ use super::draw::{Ball, HalfPlane, Moment};
 use super::motion::Pose;
 use super::random::Stream;
 use super::scenario::{BodySetup, PatternSetup, ScaleSetup, Scenario};
-use super::speckle::Pattern;
+use super::speckle::{Field, Pattern};
 
 const FINE: usize = 16;
 const SIDE: usize = 64;
@@ -20,14 +20,14 @@ fn scenario() -> Scenario {
     let pattern = PatternSetup { area_min_px2: 2.0, area_max_px2: 40.0, coverage: 0.4, lines: 0, line_width_px: 2.0 };
     Scenario {
         scale: ScaleSetup { mm_per_px: 1.0 },
-        body: BodySetup { diameter_mm: 46.0, pattern },
+        body: BodySetup { diameter_mm: 46.0, pattern, rod: None },
         ..Scenario::translation(0.0, 0.0, 0.0)
     }
 }
 
 fn pattern(scenario: &Scenario) -> Pattern {
     let sigma_px = seen_sigma_px(scenario.camera.blur_px);
-    Pattern::strew(&scenario.body.pattern, scenario.radius_px(), sigma_px, Stream::new(5)).unwrap()
+    Pattern::strew(&scenario.body.pattern, Field::Disc(scenario.radius_px()), sigma_px, Stream::new(5)).unwrap()
 }
 
 fn pose(x: f64, y: f64, angle_deg: f64) -> Pose {

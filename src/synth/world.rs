@@ -1,14 +1,15 @@
 //! A scenario, ready to be filmed.
 
 use super::blur::seen_sigma_px;
-use super::draw::{Ball, Moment};
+use super::draw::{Ball, Moment, Patch};
 use super::motion::{Path, Pose, into_surface, tangent};
 use super::physics::Collision;
 use super::random::{Stream, key};
+use super::rod::Rod;
 use super::scenario::{MotionSetup, Scenario, ScenarioError};
 use super::scene::Scene;
 use super::sensor::Sensor;
-use super::speckle::Pattern;
+use super::speckle::{Field, Pattern};
 use crate::image::{Image, PixelFormat};
 use crate::results::{BodyVelocity, Estimate, Impact, Phase, PointStatus, RigidStep, VelocitySample};
 
@@ -26,9 +27,35 @@ pub struct World {
     scenario: Scenario,
     format: PixelFormat,
     path: Path,
-    ball: Ball,
+    body: Body,
     sensor: Sensor,
     scene: Scene,
+}
+
+/// What is filmed.
+#[derive(Debug, Clone)]
+enum Body {
+    Ball(Box<Ball>),
+    Rod(Box<Rod>),
+}
+
+impl Body {
+    fn new(scenario: &Scenario, full_dn: f32) -> Result<Self, ScenarioError> {
+        let speckles = Stream::new(key(scenario.seed, SPECKLES, 0));
+        let sigma_px = seen_sigma_px(scenario.camera.blur_px);
+        let strew = |field: Field| Pattern::strew(&scenario.body.pattern, field, sigma_px, speckles);
+        Ok(match &scenario.body.rod {
+            None => Self::Ball(Box::new(Ball::new(scenario, strew(Field::Disc(scenario.radius_px()))?, full_dn))),
+            Some(rod) => Self::Rod(Box::new(Rod::new(scenario, rod, strew(Rod::field(scenario, rod))?, full_dn))),
+        })
+    }
+
+    fn draw(&self, moments: &[Moment], width: usize, height: usize) -> Patch {
+        match self {
+            Self::Ball(ball) => ball.draw(moments, width, height),
+            Self::Rod(rod) => rod.draw(moments, width, height),
+        }
+    }
 }
 
 impl World {
@@ -47,13 +74,10 @@ impl World {
             _ => PixelFormat::Mono8,
         };
         let sensor = Sensor::new(camera, format, scenario.seed);
-        let speckles = Stream::new(key(scenario.seed, SPECKLES, 0));
-        let sigma_px = seen_sigma_px(camera.blur_px);
-        let pattern = Pattern::strew(&scenario.body.pattern, scenario.radius_px(), sigma_px, speckles)?;
-        let ball = Ball::new(scenario, pattern, sensor.full_dn());
+        let body = Body::new(scenario, sensor.full_dn())?;
         let scene = Scene::new(scenario, sensor.full_dn());
         let path = Path::new(scenario)?;
-        Ok(Self { scenario: scenario.clone(), format, path, ball, sensor, scene })
+        Ok(Self { scenario: scenario.clone(), format, path, body, sensor, scene })
     }
 
     /// The scenario it was made from.
@@ -124,7 +148,7 @@ impl World {
         assert!(index < self.frames(), "frame {index} of a film of {}", self.frames());
         let (width, height) = (self.width_px() as usize, self.height_px() as usize);
         let moments = self.exposed(index);
-        let patch = self.ball.draw(&moments, width, height);
+        let patch = self.body.draw(&moments, width, height);
         let lamp = self.scene.lamp(self.opens_s(index), self.exposure_s());
         let mut light = vec![0.0; width];
         for row in 0..height {
@@ -143,14 +167,16 @@ impl World {
         let pose = self.pose(index);
         let radius_px = self.scenario.radius_px();
         let occluder = self.scene.occluder_at(self.seen_s(index));
-        let visible = occluder.map_or(1.0, |plane| plane.visible_fraction(pose.center_px, radius_px));
+        // A rod's mark is above the flat, which covers the rod's end.
+        let hiding = occluder.filter(|_| self.scenario.body.rod.is_none());
+        let visible = hiding.map_or(1.0, |plane| plane.visible_fraction(pose.center_px, radius_px));
         VelocitySample {
             frame: index,
             body: 0,
             stamp_ns: self.stamp_ns(index),
             center_x_px: Some(pose.center_px[0]),
             center_y_px: Some(pose.center_px[1]),
-            radius_px: Some(radius_px),
+            radius_px: self.scenario.body.rod.is_none().then_some(radius_px),
             step: (index + 1 < self.frames()).then(|| step(&pose, &self.pose(index + 1))),
             velocity: Some(velocity(&pose, tangent(&self.scenario))),
             visible_fraction: Some(visible),
@@ -208,11 +234,12 @@ impl World {
     }
 
     fn status(&self, pose: &Pose, visible: f64) -> PointStatus {
-        let radius = self.scenario.radius_px();
-        let fits = |place: f64, length: u32| place - radius >= -0.5 && place + radius <= f64::from(length) - 0.5;
+        let wide = self.scenario.radius_px();
+        let high = self.scenario.body.rod.as_ref().map_or(wide, |rod| 0.5 * (rod.patch_px[1] - rod.patch_px[0]));
+        let fits = |place: f64, half: f64, length: u32| place - half >= -0.5 && place + half <= f64::from(length) - 0.5;
         let [x, y] = pose.center_px;
         match () {
-            () if !(fits(x, self.width_px()) && fits(y, self.height_px())) => PointStatus::OutOfFrame,
+            () if !(fits(x, wide, self.width_px()) && fits(y, high, self.height_px())) => PointStatus::OutOfFrame,
             () if visible <= 0.0 => PointStatus::Occluded,
             () => PointStatus::Valid,
         }

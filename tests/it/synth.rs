@@ -91,6 +91,68 @@ fn the_tennis_ball_leaves_with_the_spins_of_the_paper() {
 }
 
 #[test]
+fn the_rod_bounces_as_in_the_paper_with_its_tape_where_the_truth_says() {
+    let world = world(&Scenario::built_in("rod").unwrap());
+    let impact = world.impact().unwrap();
+    let value = |estimate: Option<ricochet::results::Estimate>| estimate.unwrap().value;
+    for (name, number, expected) in [
+        ("contact", value(impact.contact_time_s), 1.4e-3),
+        ("restitution", value(impact.restitution), 0.634),
+        ("compression", value(impact.compression_max_mm), 0.423),
+        ("after", value(impact.vn_after_m_s), 0.6873),
+    ] {
+        assert!((number / expected - 1.0).abs() < 0.01, "{name}: {number}, expected {expected}");
+    }
+    for index in [0, 100, 120, 239] {
+        let truth = world.truth(index);
+        assert_eq!((truth.status, truth.radius_px, truth.visible_fraction), (PointStatus::Valid, None, Some(1.0)));
+        let picture = world.render_light(index);
+        let (rod_dn, tape_dn) = (255.0 * 0.08, 255.0 * 0.7);
+        // The clean tape lies 20 to 40 px above the rod's end, which lies 85 px under the mark.
+        let middle_px = truth.center_y_px.unwrap() + 55.0;
+        let (mut sum, mut moment) = (0.0, 0.0);
+        for row in (middle_px - 15.0) as usize..(middle_px + 16.0) as usize {
+            let share = (f64::from(picture.view().at(31, row).unwrap()) - rod_dn) / (tape_dn - rod_dn);
+            sum += share;
+            moment += share * row as f64;
+        }
+        assert!((sum - 20.0).abs() < 1e-3, "frame {index}: tape of {sum} px");
+        assert!((moment / sum - middle_px).abs() < 1e-3, "frame {index}: {} {middle_px}", moment / sum);
+    }
+}
+
+#[test]
+fn a_ringing_rod_swings_about_the_rod_that_does_not() {
+    let (still, ringing) =
+        (world(&Scenario::built_in("rod").unwrap()), world(&Scenario::built_in("rod-ringing").unwrap()));
+    let speed = |world: &World, index: u64| world.truth(index).velocity.unwrap().vy_m_s;
+    assert!((speed(&still, 90) - speed(&ringing, 90)).abs() < 1e-12, "before first touch nothing rings");
+    let swings: Vec<f64> = (99..239).map(|index| speed(&ringing, index) - speed(&still, index)).collect();
+    let crossings = swings.windows(2).filter(|pair| pair[0] * pair[1] < 0.0).count();
+    // 140 frames at 40 kHz are 3.5 ms: 8.5 kHz cross zero 59 times in them.
+    assert!((58..=60).contains(&crossings), "{crossings}");
+    let still_y: f64 = still.truth(238).center_y_px.unwrap();
+    assert!((still_y - ringing.truth(238).center_y_px.unwrap()).abs() < 0.01);
+}
+
+#[test]
+fn a_rod_does_nothing_that_only_a_ball_can_do() {
+    let mut spinning = Scenario::built_in("rod").unwrap();
+    if let MotionSetup::Impact(impact) = &mut spinning.motion {
+        impact.omega_rad_s = 1.0;
+    }
+    let error = World::new(&spinning).unwrap_err().to_string();
+    assert_eq!(error, "body.rod stands upright and does not turn: its spin must be 0");
+    let mut bell = lacrosse();
+    if let (MotionSetup::Impact(impact), MotionSetup::Impact(rod)) =
+        (&mut bell.motion, Scenario::built_in("rod-ringing").unwrap().motion)
+    {
+        impact.ringing = rod.ringing;
+    }
+    assert!(World::new(&bell).unwrap_err().to_string().ends_with("motion.ringing needs one"));
+}
+
+#[test]
 fn every_pattern_of_the_study_can_be_strewn() {
     for name in PatternSetup::PAPER {
         let scenario = Scenario::built_in(&format!("pattern-{name}")).unwrap();
@@ -255,7 +317,8 @@ fn a_ball_that_leaves_the_picture_says_so_and_is_still_drawn() {
 
 #[test]
 fn a_scenario_survives_toml() {
-    for scenario in [lacrosse(), Scenario::translation(0.37, -0.13, 0.35)] {
+    let built_in = Scenario::BUILT_IN.map(|name| Scenario::built_in(name).unwrap());
+    for scenario in built_in.into_iter().chain([Scenario::translation(0.37, -0.13, 0.35)]) {
         let text = toml::to_string(&scenario).unwrap();
         assert_eq!(Scenario::from_toml(&text).unwrap(), scenario);
     }
