@@ -1,1 +1,402 @@
 //! The command line; the only file that names clap.
+
+use crate::command::analyze::{self, AnalyzeOptions};
+use crate::command::cameras::{self, CamerasOptions};
+use crate::command::demo::{self, DemoOptions};
+use crate::command::export::{self, ExportOptions};
+use crate::command::field::{self, FieldOptions};
+use crate::command::info::{self, InfoOptions};
+use crate::command::listen::{self, ListenOptions};
+use crate::command::recover::{self, RecoverOptions};
+use crate::command::replay::{self, Rate, ReplayOptions};
+use crate::command::rig::{self, RoleOptions};
+use crate::command::simulate::{self, SimulateOptions};
+use crate::command::{Outcome, control, status};
+use crate::config::Config;
+use crate::message::{Command as Request, Role};
+use crate::process::Stop;
+use clap::{Args, Parser, Subcommand};
+use std::path::PathBuf;
+
+/// Films an impact with a high-speed camera and measures it while it happens.
+#[derive(Debug, Parser)]
+#[command(name = "ricochet", version, max_term_width = 100)]
+struct Line {
+    #[command(subcommand)]
+    command: Command,
+}
+
+/// What was asked for.
+#[derive(Debug, Subcommand)]
+pub enum Command {
+    /// Run a simulated rig with all its processes and compare what it measures with the truth.
+    #[command(after_help = "Example: ricochet demo lacrosse --output shots")]
+    Demo(Demo),
+    /// Run a rig: camera, workers, tracker and recorder, each a process of its own.
+    #[command(after_help = "Example: ricochet run config/genicam.toml")]
+    Run {
+        /// The rig file.
+        config: PathBuf,
+    },
+    /// One process of a rig: the camera fills the ring.
+    #[command(after_help = "Example: ricochet acquire rig.toml")]
+    Acquire(RoleLine),
+    /// One process of a rig: measures blocks of frames.
+    #[command(after_help = "Example: ricochet correlate rig.toml --worker 1")]
+    Correlate(RoleLine),
+    /// One process of a rig: tracks, velocities and impacts, in frame order.
+    #[command(after_help = "Example: ricochet track rig.toml")]
+    Track(RoleLine),
+    /// One process of a rig: writes recordings.
+    #[command(after_help = "Example: ricochet record rig.toml")]
+    Record(RoleLine),
+    /// List the cameras in reach, their formats and rates.
+    #[command(after_help = "Example: ricochet cameras --features 192.168.1.20")]
+    Cameras(Cameras),
+    /// Tell how the processes of a running rig are doing.
+    #[command(after_help = "Example: ricochet status --rig lacrosse")]
+    Status(Rig),
+    /// Make a running rig wait for a trigger.
+    #[command(after_help = "Example: ricochet arm --rig lacrosse")]
+    Arm(Rig),
+    /// Make a running rig ignore triggers.
+    #[command(after_help = "Example: ricochet disarm --rig lacrosse")]
+    Disarm(Rig),
+    /// Record a shot around this moment.
+    #[command(after_help = "Example: ricochet trigger --rig lacrosse")]
+    Trigger(Rig),
+    /// Print a live topic: field, track, velocity, impact, status or events.
+    #[command(after_help = "Example: ricochet listen velocity --rig lacrosse --json")]
+    Listen(Listen),
+    /// Play a recording's frames on the live topics, through a rig.
+    #[command(after_help = "Example: ricochet replay recordings/lacrosse.mcap --rate max")]
+    Replay(Replay),
+    /// Measure a recording offline.
+    #[command(after_help = "Example: ricochet analyze recordings/lacrosse.mcap -o results.mcap")]
+    Analyze(Analyze),
+    /// Displacement field of two still images.
+    #[command(after_help = "Example: ricochet field before.bmp after.bmp -o field.csv --picture field.png")]
+    Field(Field),
+    /// Write a topic of a recording as a table.
+    #[command(after_help = "Example: ricochet export shot.mcap --topic velocity --format csv -o velocity.csv")]
+    Export(Export),
+    /// Tell what is in a recording, and what is wrong with it.
+    #[command(after_help = "Example: ricochet info shot.mcap --json")]
+    Info(Info),
+    /// Bring back every whole frame of a recording that was cut off.
+    #[command(after_help = "Example: ricochet recover shot.mcap.part -o shot.mcap")]
+    Recover(Recover),
+    /// Draw a simulated impact into a recording, with the truth beside it.
+    #[command(after_help = "Example: ricochet simulate lacrosse -o lacrosse.mcap")]
+    Simulate(Simulate),
+}
+
+/// Arguments of a command.
+#[derive(Debug, Args)]
+pub struct Demo {
+    /// The experiment.
+    #[arg(default_value = "lacrosse")]
+    experiment: String,
+    /// Directory of the recording.
+    #[arg(short, long)]
+    output: Option<PathBuf>,
+    /// Number of correlation workers.
+    #[arg(long, value_parser = clap::value_parser!(u32).range(1..=64))]
+    workers: Option<u32>,
+    /// Print JSON.
+    #[arg(long)]
+    json: bool,
+}
+
+/// Arguments of a command.
+#[derive(Debug, Args)]
+pub struct RoleLine {
+    /// The rig file; `-` reads it from standard input.
+    config: PathBuf,
+    /// Which correlation worker, from 0.
+    #[arg(long, default_value_t = 0)]
+    worker: u32,
+    #[arg(long, hide = true)]
+    origin: Option<String>,
+    #[arg(long, hide = true)]
+    resume: Option<u64>,
+    #[arg(long, hide = true)]
+    supervised: bool,
+}
+
+/// Arguments of a command.
+#[derive(Debug, Args)]
+pub struct Cameras {
+    /// Print the feature tree of this camera.
+    #[arg(long, value_name = "ID")]
+    features: Option<String>,
+    /// Print JSON.
+    #[arg(long)]
+    json: bool,
+}
+
+/// Arguments of a command.
+#[derive(Debug, Args)]
+pub struct Rig {
+    /// Name of the rig.
+    #[arg(long, default_value = "rig")]
+    rig: String,
+    /// Print JSON.
+    #[arg(long)]
+    json: bool,
+}
+
+/// Arguments of a command.
+#[derive(Debug, Args)]
+pub struct Listen {
+    /// field, track, velocity, impact, status or events.
+    topic: String,
+    /// Name of the rig.
+    #[arg(long, default_value = "rig")]
+    rig: String,
+    /// Print one JSON object a line.
+    #[arg(long)]
+    json: bool,
+    /// Stop after this many lines.
+    #[arg(long)]
+    count: Option<u64>,
+    /// Wait this long for a rig that does not run yet, s.
+    #[arg(long, default_value_t = 0.0, value_name = "SECONDS")]
+    wait: f64,
+}
+
+/// Arguments of a command.
+#[derive(Debug, Args)]
+pub struct Replay {
+    /// The recording.
+    file: PathBuf,
+    /// `max`, or how many times real time.
+    #[arg(long, default_value = "1")]
+    rate: Rate,
+    /// Start again at the end, until stopped.
+    #[arg(long = "loop")]
+    looped: bool,
+    /// The rig file; the attached one when absent.
+    #[arg(long)]
+    config: Option<PathBuf>,
+    /// Directory to record the results into.
+    #[arg(short, long)]
+    output: Option<PathBuf>,
+    /// Name of the rig; `replay-` and the recording's own when absent.
+    #[arg(long)]
+    rig: Option<String>,
+    /// Number of correlation workers.
+    #[arg(long, value_parser = clap::value_parser!(u32).range(1..=64))]
+    workers: Option<u32>,
+}
+
+/// Arguments of a command.
+#[derive(Debug, Args)]
+pub struct Analyze {
+    /// The recording.
+    #[arg(required = true)]
+    inputs: Vec<PathBuf>,
+    /// The rig file; the attached one when absent.
+    #[arg(long)]
+    config: Option<PathBuf>,
+    /// Frame rate for files that do not tell theirs, Hz.
+    #[arg(long)]
+    fps: Option<f64>,
+    /// The results file; beside the recording when absent.
+    #[arg(short, long)]
+    output: Option<PathBuf>,
+    /// Number of workers; the results do not depend on it.
+    #[arg(long, value_parser = clap::value_parser!(u32).range(1..=64))]
+    workers: Option<u32>,
+    /// Print JSON.
+    #[arg(long)]
+    json: bool,
+}
+
+/// Arguments of a command.
+#[derive(Debug, Args)]
+pub struct Field {
+    /// The image before.
+    reference: PathBuf,
+    /// The image after.
+    target: PathBuf,
+    /// A rig file whose [correlation] table is used.
+    #[arg(long)]
+    config: Option<PathBuf>,
+    /// The table to write; standard output when absent.
+    #[arg(short, long)]
+    output: Option<PathBuf>,
+    /// Region of interest: x,y,width,height in px.
+    #[arg(long, value_delimiter = ',', num_args = 4, value_name = "X,Y,W,H")]
+    roi: Option<Vec<u32>>,
+    /// Subset size, odd, px.
+    #[arg(long, value_name = "PX")]
+    subset: Option<u32>,
+    /// From one subset to the next, px.
+    #[arg(long, value_name = "PX")]
+    step: Option<u32>,
+    /// A PNG of the vectors over the reference.
+    #[arg(long)]
+    picture: Option<PathBuf>,
+    /// Print JSON.
+    #[arg(long)]
+    json: bool,
+}
+
+/// Arguments of a command.
+#[derive(Debug, Args)]
+pub struct Export {
+    /// The recording.
+    file: PathBuf,
+    /// velocity, field, track, impact, truth or events.
+    #[arg(long)]
+    topic: String,
+    /// csv.
+    #[arg(long, default_value = "csv")]
+    format: String,
+    /// The table to write; standard output when absent.
+    #[arg(short, long)]
+    output: Option<PathBuf>,
+}
+
+/// Arguments of a command.
+#[derive(Debug, Args)]
+pub struct Info {
+    /// The recording.
+    file: PathBuf,
+    /// Print JSON.
+    #[arg(long)]
+    json: bool,
+}
+
+/// Arguments of a command.
+#[derive(Debug, Args)]
+pub struct Recover {
+    /// The recording that was cut off.
+    file: PathBuf,
+    /// The recording to write.
+    #[arg(short, long)]
+    output: PathBuf,
+    /// Print JSON.
+    #[arg(long)]
+    json: bool,
+}
+
+/// Arguments of a command.
+#[derive(Debug, Args)]
+pub struct Simulate {
+    /// lacrosse, or the path of a scenario file.
+    scenario: String,
+    /// The recording to write.
+    #[arg(short, long)]
+    output: PathBuf,
+    /// Print JSON.
+    #[arg(long)]
+    json: bool,
+}
+
+/// What came of the command line.
+#[derive(Debug)]
+pub enum Parsed {
+    /// Something to run.
+    Run(Command),
+    /// Help or an error was printed; the exit code to end with.
+    Told(u8),
+}
+
+/// Reads the command line; prints help and errors itself.
+pub fn parse() -> Parsed {
+    match Line::try_parse() {
+        Ok(line) => Parsed::Run(line.command),
+        Err(error) => {
+            let _ = error.print();
+            Parsed::Told(if error.use_stderr() { 2 } else { 0 })
+        }
+    }
+}
+
+/// Whether this process belongs to a supervisor and shall end with it.
+pub fn is_supervised(command: &Command) -> bool {
+    match command {
+        Command::Acquire(line) | Command::Correlate(line) | Command::Track(line) | Command::Record(line) => {
+            line.supervised
+        }
+        _ => false,
+    }
+}
+
+/// Runs a command.
+///
+/// # Errors
+///
+/// What the command meets.
+pub fn run(command: Command, stop: &Stop) -> anyhow::Result<Outcome> {
+    match command {
+        Command::Run { config } => rig::run(&config, stop),
+        Command::Acquire(line) => rig::role(Role::Acquire, &line.into(), stop),
+        Command::Correlate(line) => rig::role(Role::Correlate, &line.into(), stop),
+        Command::Track(line) => rig::role(Role::Track, &line.into(), stop),
+        Command::Record(line) => rig::role(Role::Record, &line.into(), stop),
+        Command::Status(line) => status::run(&line.rig, line.json),
+        Command::Arm(line) => control::run(&line.rig, Request::Arm, line.json),
+        Command::Disarm(line) => control::run(&line.rig, Request::Disarm, line.json),
+        Command::Trigger(line) => control::run(&line.rig, Request::Trigger, line.json),
+        Command::Demo(Demo { experiment, output, workers, json }) => {
+            demo::run(&DemoOptions { experiment, output, workers, json }, stop)
+        }
+        Command::Listen(Listen { topic, rig, json, count, wait }) => {
+            listen::run(&ListenOptions { topic, rig, json, count, wait_s: wait }, stop)
+        }
+        Command::Replay(Replay { file, rate, looped, config, output, rig, workers }) => {
+            replay::run(&ReplayOptions { file, config, rate, looped, output, rig, workers }, stop)
+        }
+        Command::Analyze(Analyze { inputs, config, fps, output, workers, json }) => {
+            analyze::run(&AnalyzeOptions { inputs, config, fps, output, workers, json }, stop)
+        }
+        Command::Simulate(Simulate { scenario, output, json }) => {
+            simulate::run(&SimulateOptions { scenario, output, json })
+        }
+        other => inspect(other),
+    }
+}
+
+/// The commands that look at files and cameras.
+fn inspect(command: Command) -> anyhow::Result<Outcome> {
+    match command {
+        Command::Cameras(Cameras { features, json }) => {
+            cameras::run(&CamerasOptions { json, features_of: features })?;
+        }
+        Command::Field(line) => field::run(&field_options(line)?)?,
+        Command::Export(Export { file, topic, format, output }) => {
+            let format = export::Format::from_word(&format)?;
+            export::run(&ExportOptions { file, topic, format, output })?;
+        }
+        Command::Info(Info { file, json }) => {
+            let info = info::run(&InfoOptions { file, json })?;
+            let gone = info.frames.as_ref().and_then(|frames| frames.lost).unwrap_or(0);
+            return Ok(Outcome::of_losses(gone + u64::from(info.truncated.is_some())));
+        }
+        Command::Recover(Recover { file, output, json }) => return recover::run(&RecoverOptions { file, output, json }),
+        _ => {}
+    }
+    Ok(Outcome::Clean)
+}
+
+fn field_options(line: Field) -> anyhow::Result<FieldOptions> {
+    let mut params = match &line.config {
+        Some(path) => Config::load(path)?.correlation(),
+        None => crate::dic::CorrelationParams::default(),
+    };
+    params.subset_size_px = line.subset.unwrap_or(params.subset_size_px);
+    params.step_px = line.step.unwrap_or(params.step_px);
+    let roi_px = line.roi.as_deref().and_then(|roi| <[u32; 4]>::try_from(roi).ok());
+    let Field { reference, target, output, picture, json, .. } = line;
+    Ok(FieldOptions { reference, target, params, roi_px, output, json, picture })
+}
+
+impl From<RoleLine> for RoleOptions {
+    fn from(line: RoleLine) -> Self {
+        let RoleLine { config, worker, origin, resume, .. } = line;
+        Self { config, origin, worker, resume }
+    }
+}

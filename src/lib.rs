@@ -21,6 +21,8 @@ pub mod ball;
 
 pub mod motion;
 
+pub mod trigger;
+
 pub mod impact;
 
 pub mod measure;
@@ -34,6 +36,8 @@ pub mod message;
 pub mod bus;
 
 pub mod recording;
+
+pub mod import;
 
 pub mod camera;
 

@@ -1,5 +1,25 @@
 //! Balls: their outline, centre and radius in one image.
 
+mod circle;
+mod coarse;
+mod edge;
+mod finder;
+mod gates;
+mod light;
+mod normal;
 mod params;
+mod rays;
+mod refine;
+mod rim;
+mod shrink;
+mod visible;
 
-pub use params::BallParams;
+pub use finder::BallFinder;
+pub use params::{BallError, BallParams};
+
+/// Whether a ball is brighter or darker than its ground.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Polarity {
+    Brighter,
+    Darker,
+}

@@ -1,1 +1,98 @@
 //! Shared memory between the processes of a rig; the only room that opens iceoryx2.
+//!
+//! Services are named `ricochet/RIG/TOPIC`. Every limit is stated here and never
+//! left to a default, because all processes must ask for the same: the processes
+//! of a rig derive them from one configuration ([`Limits`]); other programs open
+//! what is there.
+//!
+//! Every topic overflows safely: a slow, dead or absent reader loses its own
+//! oldest entries, sees that in the sequence numbers, and never slows a writer.
+
+mod bell;
+mod control;
+mod error;
+mod field;
+mod frames;
+mod limits;
+mod memory;
+mod topic;
+
+pub use bell::{Bell, Ear};
+pub use control::{ControlClient, ControlServer};
+pub use error::BusError;
+pub use field::{FieldPublisher, FieldSubscriber};
+pub use frames::{FramePublisher, FrameSample, FrameSubscriber};
+pub use limits::Limits;
+pub use topic::{Publisher, Subscriber, Topic};
+
+use iceoryx2::prelude::{LogLevel, Node, NodeBuilder, NodeName, ServiceName, SignalHandlingMode, ipc};
+use std::any::Any;
+
+/// One process's membership of a rig.
+#[derive(Debug)]
+pub struct Bus {
+    node: Node<ipc::Service>,
+    rig: String,
+}
+
+impl Bus {
+    /// Joins the rig of this name; `role` is what `iox2 node list` shows.
+    ///
+    /// # Errors
+    ///
+    /// When shared memory cannot be used.
+    pub fn join(rig: &str, role: &str) -> Result<Self, BusError> {
+        iceoryx2::prelude::set_log_level_from_env_or(LogLevel::Fatal);
+        let name =
+            NodeName::new(&format!("ricochet-{rig}-{role}")).map_err(|error| BusError::new("name", rig, error))?;
+        let node = NodeBuilder::new()
+            .name(&name)
+            .signal_handling_mode(SignalHandlingMode::Disabled)
+            .create::<ipc::Service>()
+            .map_err(|error| BusError::new("join", rig, error))?;
+        Ok(Self { node, rig: rig.to_owned() })
+    }
+
+    /// Frees what processes that were killed left behind, so that their places can be taken again.
+    pub fn clean_up_dead(&self) {
+        let _ = self.node.try_cleanup_dead_nodes();
+    }
+
+    /// Name of the rig.
+    pub fn rig(&self) -> &str {
+        &self.rig
+    }
+
+    fn service_name(&self, topic: &str) -> Result<ServiceName, BusError> {
+        let name = format!("ricochet/{}/{topic}", self.rig);
+        ServiceName::new(&name).map_err(|error| BusError::new("name", &name, error))
+    }
+
+    fn full_name(&self, topic: &str) -> String {
+        format!("ricochet/{}/{topic}", self.rig)
+    }
+
+    /// Opens every service of a rig and keeps it open, so that a process that
+    /// dies and comes back finds the same limits.
+    ///
+    /// # Errors
+    ///
+    /// When a service exists with other limits, or shared memory cannot be used.
+    pub fn hold(&self, limits: &Limits) -> Result<Vec<Box<dyn Any>>, BusError> {
+        use crate::message::{Event, ImpactMessage, Progress, StatusMessage, TrackMessage, VelocityMessage};
+        Ok(vec![
+            Box::new(self.frames_service(limits)?),
+            Box::new(self.field_service(limits)?),
+            Box::new(self.topic_service::<TrackMessage>(limits)?),
+            Box::new(self.topic_service::<VelocityMessage>(limits)?),
+            Box::new(self.topic_service::<ImpactMessage>(limits)?),
+            Box::new(self.topic_service::<Event>(limits)?),
+            Box::new(self.topic_service::<StatusMessage>(limits)?),
+            Box::new(self.topic_service::<Progress>(limits)?),
+            Box::new(self.control_service()?),
+            Box::new(self.bell_service("frames")?),
+            Box::new(self.bell_service("field")?),
+            Box::new(self.bell_service("velocity")?),
+        ])
+    }
+}

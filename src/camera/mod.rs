@@ -1,6 +1,8 @@
 //! Cameras: whatever fills a slot of the ring with a frame.
 
 pub mod simulated;
+pub mod genicam;
+pub mod recording;
 mod slot;
 
 pub use slot::Slot;

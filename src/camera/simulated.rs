@@ -3,7 +3,7 @@
 use super::{Camera, CameraError, CameraIdentity, Next, Pace, Slot, StreamFormat};
 use crate::image::FrameMeta;
 use crate::results::{Impact, VelocitySample};
-use crate::synth::{Scenario, World};
+use crate::synth::{Scenario, ScenarioError, World};
 use std::collections::VecDeque;
 use std::time::{Duration, Instant};
 
@@ -13,6 +13,48 @@ const FILM_MAX_BYTES: u64 = 1 << 30;
 const PACED_SLOTS: usize = 32;
 /// Drawing may take this share of the time between two frames, or the film is drawn in advance.
 const DRAWING_SHARE: f64 = 0.5;
+
+/// The built-in scenario of this name, or the one in the file of this path.
+///
+/// # Errors
+///
+/// When there is neither, or the file is not a valid scenario.
+pub fn load_scenario(name: &str) -> Result<Scenario, ScenarioError> {
+    if let Some(scenario) = Scenario::built_in(name) {
+        return Ok(scenario);
+    }
+    let text = std::fs::read_to_string(name).map_err(|error| ScenarioError::Unreadable {
+        name: name.to_owned(),
+        known: Scenario::BUILT_IN.join(", "),
+        reason: error.to_string(),
+    })?;
+    Scenario::from_toml(&text)
+}
+
+/// Shape and rate of a world's frames.
+pub fn stream_format(world: &World) -> StreamFormat {
+    StreamFormat {
+        width_px: world.width_px(),
+        height_px: world.height_px(),
+        format: world.format(),
+        frame_rate_hz: world.frame_rate_hz(),
+    }
+}
+
+/// What is known of a world's frame besides its pixels.
+pub fn meta(world: &World, index: u64) -> FrameMeta {
+    let bytes_per_pixel = world.format().bytes_per_pixel();
+    FrameMeta {
+        sequence: index,
+        epoch: 0,
+        stamp_ns: world.stamp_ns(index),
+        device_ns: world.stamp_ns(index) - world.stamp_ns(0),
+        width_px: world.width_px(),
+        height_px: world.height_px(),
+        stride_bytes: world.width_px() * u32::try_from(bytes_per_pixel).unwrap_or(1),
+        format: world.format(),
+    }
+}
 
 /// A simulated camera; its frames are a pure function of the scenario.
 ///
@@ -90,21 +132,6 @@ impl SimulatedCamera {
         missing <= timeout
     }
 
-    fn meta(&self, index: u64) -> FrameMeta {
-        let format = self.world.format();
-        let stamp_ns = self.world.stamp_ns(index);
-        FrameMeta {
-            sequence: index,
-            epoch: 0,
-            stamp_ns,
-            device_ns: stamp_ns - self.world.stamp_ns(0),
-            width_px: self.world.width_px(),
-            height_px: self.world.height_px(),
-            stride_bytes: self.world.width_px() * format.bytes_per_pixel() as u32,
-            format,
-        }
-    }
-
     fn fill(&self, index: u64, slot: &mut Slot) {
         let bytes = self.world.frame_bytes();
         let target = &mut slot.bytes_mut()[..bytes];
@@ -117,12 +144,7 @@ impl SimulatedCamera {
 
 impl Camera for SimulatedCamera {
     fn format(&self) -> StreamFormat {
-        StreamFormat {
-            width_px: self.world.width_px(),
-            height_px: self.world.height_px(),
-            format: self.world.format(),
-            frame_rate_hz: self.world.frame_rate_hz(),
-        }
+        stream_format(&self.world)
     }
 
     fn identity(&self) -> CameraIdentity {
@@ -170,7 +192,7 @@ impl Camera for SimulatedCamera {
         let Some((mut slot, _)) = self.slots.pop_front() else { return Ok(Next::Nothing) };
         self.fill(index, &mut slot);
         self.index = index + 1;
-        Ok(Next::Frame(slot, self.meta(index)))
+        Ok(Next::Frame(slot, meta(&self.world, index)))
     }
 
     fn truth(&self, sequence: u64) -> Vec<VelocitySample> {

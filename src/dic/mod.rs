@@ -1,5 +1,42 @@
 //! Digital image correlation: how far each subset of an image moved.
+//!
+//! A [`Correlator`] is planned once for an image size and [`CorrelationParams`],
+//! makes frames ready ([`Prepared`]) and measures the displacement of subsets on
+//! a grid ([`grid`]) between two of them. [`rigid_fit()`] turns a field into the
+//! motion of a rigid body.
 
+mod correlator;
+mod error;
+mod fft;
+pub mod grid;
+mod lanes;
 mod params;
+mod peak;
+mod plane;
+mod prepared;
+mod refine;
+mod rigid_fit;
+mod sample;
+mod sigma;
+mod solve;
+mod spline;
+mod subset;
+mod validate;
+mod warp;
+mod window;
+mod zncc;
 
+#[cfg(test)]
+mod accuracy;
+#[cfg(test)]
+mod hostile;
+#[cfg(test)]
+mod speckle;
+
+pub use correlator::{Correlator, Start};
+pub use error::CorrelationError;
+pub use grid::GridPoint;
 pub use params::{CorrelationParams, Method, Shape, WindowShape};
+pub use prepared::Prepared;
+pub use rigid_fit::{RigidMotion, rigid_fit};
+pub use zncc::zncc;

@@ -1,1 +1,21 @@
 //! Collisions: when contact begins and ends, and what it did to the body.
+//!
+//! [`Detector`] notices contact while positions come in; [`solve`] measures it
+//! once it has ended, from the flights on both sides and from contact laws
+//! fitted to the positions between.
+
+mod departure;
+mod detect;
+mod family;
+mod fit;
+mod law;
+mod onset;
+mod solve;
+mod trail;
+
+pub use detect::{Contact, Detector, Event};
+pub use family::{FirstGuess, Verdict, judge};
+pub use fit::{LawFit, fit_law};
+pub use law::{Family, Findings, Parameters, Passage, Units};
+pub use solve::{World, solve};
+pub use trail::{SurfaceNode, between};

@@ -1,7 +1,16 @@
 //! The measurement itself: blocks of frames in, rows of results out.
 //!
-//! `BlockMeasurer` turns the frames of one block into steps and fields; it is
-//! what a correlation worker runs. `Tracker` turns steps in frame order into
+//! [`Measurer`] turns the frames of one block into steps and fields; it is
+//! what a correlation worker runs. [`Tracker`] turns steps in frame order into
 //! tracks, velocities and impacts; it is what the tracker runs live, what the
 //! recorder runs over a shot and what offline analysis runs. Both are pure, so
 //! that the same frames give the same rows everywhere.
+
+mod block;
+mod body;
+mod order;
+mod tracker;
+
+pub use block::{MeasureError, MeasureParams, Measured, Measurer, Share};
+pub use order::Order;
+pub use tracker::{Tracker, TrackerParams, TrackerRows};

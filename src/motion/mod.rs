@@ -1,7 +1,21 @@
 //! From displacements in pixels to velocities in metres per second.
 //!
-//! The only place where y turns from down to up.
+//! Steps are added up to poses ([`Chain`]), poses give rates by local fits
+//! ([`smooth`]), rates become velocities along the surface's axes
+//! ([`physical`]), the only place where y turns from down to up.
 
+mod anchor;
+mod axes;
+mod chain;
 mod params;
+mod polynomial;
+mod radius;
+mod smooth;
 
+pub use anchor::{Anchor, Center};
+pub use axes::{Axes, MetresPerPixel, PixelRates, Surface, gravity_px, physical};
+pub use chain::{Chain, Node};
 pub use params::{MotionParams, Scale};
+pub use polynomial::{MAX_ORDER, Polynomial, Sample};
+pub use radius::RunningRadius;
+pub use smooth::{AUTO_AHEAD_FRAMES, Regime, lag_frames, local_fit, smooth};

@@ -3,6 +3,8 @@
 /// How many millimetres a pixel is.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Scale {
+    /// Not known: results stay in pixels.
+    Unknown,
     /// Given by the user.
     MmPerPx(f64),
     /// From the ball's true diameter in mm and its measured radius.

@@ -1,1 +1,29 @@
 //! The main loops, one file a role.
+//!
+//! Each `run` knows nothing of command lines, signals or exit codes: it gets a
+//! checked configuration and a [`Stop`], works until its stream ends or it is
+//! asked to stop, and returns a [`Summary`] of what it took, gave and lost.
+
+mod acquire;
+mod clock;
+mod correlate;
+mod order;
+mod record;
+mod report;
+mod rig;
+mod shot;
+mod stop;
+mod stream;
+mod summary;
+mod supervise;
+mod track;
+
+pub use acquire::run as acquire;
+pub use correlate::run as correlate;
+pub use record::run as record;
+pub use rig::{Source, analysis_params, open_camera, truth_world};
+pub use shot::{Extent, Shot, recording_info};
+pub use stop::Stop;
+pub use summary::Summary;
+pub use supervise::{Child, ChildFailure, run as supervise};
+pub use track::run as track;

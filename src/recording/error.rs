@@ -1,6 +1,6 @@
 //! What can go wrong with a recording.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// Why a recording could not be written or read.
 #[derive(Debug, thiserror::Error)]
@@ -23,4 +23,26 @@ pub enum RecordingError {
         /// What is wrong, with byte offset or expected and actual values.
         reason: String,
     },
+    /// What was to be written does not fit a recording, or would overwrite one.
+    #[error("write {}: {reason}", path.display())]
+    Refused {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong with it.
+        reason: String,
+    },
+}
+
+impl RecordingError {
+    pub(crate) fn io(action: &'static str, path: &Path, source: std::io::Error) -> Self {
+        Self::Io { action, path: path.to_path_buf(), source }
+    }
+
+    pub(crate) fn invalid(path: &Path, reason: impl Into<String>) -> Self {
+        Self::Invalid { path: path.to_path_buf(), reason: reason.into() }
+    }
+
+    pub(crate) fn refused(path: &Path, reason: impl Into<String>) -> Self {
+        Self::Refused { path: path.to_path_buf(), reason: reason.into() }
+    }
 }

@@ -1,5 +1,32 @@
 //! Recordings: the only room that names MCAP.
+//!
+//! A recording is one MCAP file: frames as `foxglove.RawImage`, results as our
+//! own protobuf messages (`schema/*.proto`), the rig's configuration attached.
+//! Written by [`RecordingWriter`], read by [`Recording`], which takes unfinished
+//! files and other people's files too.
 
+mod annotations;
+mod batch;
 mod error;
+mod part;
+mod reader;
+mod recover;
+mod rows;
+mod schema;
+mod writer;
 
+pub use annotations::Annotations;
 pub use error::RecordingError;
+pub use part::part_path;
+pub use reader::{Attachment, Frames, Recording, Rows, TopicSummary};
+pub use recover::{Recovered, recover};
+pub use rows::{EventRow, StatusRow};
+pub use schema::Topic;
+pub use writer::{Compression, FinishedRecording, RecordingInfo, RecordingWriter, WriterOptions};
+
+/// Name of the metadata record every recording of ours has.
+const METADATA_NAME: &str = "ricochet";
+/// Name of the attached configuration.
+const CONFIG_NAME: &str = "config.toml";
+/// Name of the metadata record a recovered recording has besides.
+const RECOVERED_NAME: &str = "recovered";

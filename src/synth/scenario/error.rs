@@ -8,6 +8,16 @@ pub enum ScenarioError {
     /// Not TOML, or not the keys of a scenario.
     #[error("read scenario: {0}")]
     Syntax(String),
+    /// Neither a built-in scenario nor a file that can be read.
+    #[error("scenario {name:?} is not built in ({known}) and no file that can be read: {reason}")]
+    Unreadable {
+        /// What was asked for.
+        name: String,
+        /// The built-in ones.
+        known: String,
+        /// The system's answer.
+        reason: String,
+    },
     /// A number is out of range.
     #[error("{key} = {value} is out of range: allowed is {range}")]
     OutOfRange {

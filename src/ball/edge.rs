@@ -1,0 +1,233 @@
+//! Where the edge is in every bin of a rim: a blurred step fitted to raw pixels.
+
+use super::normal::normal;
+use super::rim::{BAND_PX, LANES, Lane, Rim};
+
+/// Fewest pixels a bin is fitted with.
+const LEAST_PIXELS: u32 = 8;
+
+/// The blurred step of one bin.
+///
+/// Grey level = `outside + contrast * P`, P the share of the pixel's blurred
+/// neighbourhood inside the edge, `P = Phi((shift - distance) / blur)`.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub(super) struct Edge {
+    /// Edge relative to the outline it was gathered around, outwards, px.
+    pub shift: f32,
+    /// Grey level inside minus outside; 0 when the bin could not be fitted.
+    pub contrast: f32,
+    /// Grey level inside.
+    pub inside: f32,
+    /// Root mean square of what the step leaves unexplained.
+    pub rms: f32,
+    /// Standard deviation of `shift` for noise of one grey level, px.
+    pub sigma_unit: f32,
+    /// Gradient and curvature of half the residual sum over the blur, grey^2 / px and grey^2 / px^2.
+    pub blur_pull: f32,
+    pub blur_weight: f32,
+}
+
+/// Sums over the pixels of a bin, for [`LANES`] bins at once.
+///
+/// p: share inside, f: density of the edge, g: how blur changes it, v: grey level.
+#[derive(Clone, Copy, Default)]
+struct Sums {
+    n: Lane,
+    p: Lane,
+    v: Lane,
+    f: Lane,
+    g: Lane,
+    pp: Lane,
+    pv: Lane,
+    vv: Lane,
+    ff: Lane,
+    fp: Lane,
+    fv: Lane,
+    gg: Lane,
+    gp: Lane,
+    gf: Lane,
+    gv: Lane,
+}
+
+/// How the edges are looked for.
+#[derive(Clone, Copy)]
+pub(super) struct Search<'a> {
+    /// Blur of the picture, px.
+    pub blur: f32,
+    /// How much brighter the inside gets per px towards the centre, grey levels, per bin.
+    pub light: &'a [f32],
+    /// Gauss-Newton steps on the edge's place.
+    pub steps: usize,
+}
+
+/// Fits every bin of `rim`, each from the shift in `edges` when there is one for every bin.
+pub(super) fn fit_edges(rim: &Rim, search: Search<'_>, edges: &mut Vec<Edge>) {
+    if edges.len() != rim.bins() {
+        edges.clear();
+        edges.resize(rim.bins(), Edge::default());
+    }
+    for block in 0..rim.bins().div_ceil(LANES) {
+        let bins = block * LANES..((block + 1) * LANES).min(rim.bins());
+        let (mut slope, mut shift) = ([0.0_f32; LANES], [0.0_f32; LANES]);
+        for (lane, bin) in bins.clone().enumerate() {
+            (slope[lane], shift[lane]) = (search.light[bin], edges[bin].shift);
+        }
+        let (distance, grey, weight) = rim.block(block);
+        let level = mean(grey);
+        let model = Model { shift, blur: search.blur, slope, level };
+        let fitted = fit_block(distance, grey, weight, model, search.steps);
+        for (mut edge, bin) in fitted.into_iter().zip(bins) {
+            if rim.count(bin) < LEAST_PIXELS || !edge.shift.is_finite() || !edge.rms.is_finite() {
+                edge = Edge::default();
+            }
+            edge.inside += level;
+            edges[bin] = edge;
+        }
+    }
+}
+
+/// The steps of one block, from the shifts in `model`.
+fn fit_block(distance: &[Lane], grey: &[Lane], weight: &[Lane], mut model: Model, steps: usize) -> [Edge; LANES] {
+    let limit = BAND_PX as f32 - 0.5;
+    for _ in 0..steps {
+        let s = place_sums(distance, grey, weight, model);
+        for i in 0..LANES {
+            let c = Centred::new(&s, i);
+            let step = (model.blur * c.pull() / (c.contrast() * c.stiffness())).clamp(-0.7, 0.7);
+            // A bin without an edge has no step; NaN fails the comparison.
+            if step.abs() <= 0.7 {
+                model.shift[i] = (model.shift[i] + step).clamp(-limit, limit);
+            }
+        }
+    }
+    let s = all_sums(distance, grey, weight, model);
+    let mut edges = [Edge::default(); LANES];
+    for (i, edge) in edges.iter_mut().enumerate() {
+        *edge = Centred::new(&s, i).edge(&s, i, model.shift[i], model.blur);
+    }
+    edges
+}
+
+/// What the pixels of a block are compared with.
+#[derive(Clone, Copy)]
+struct Model {
+    shift: Lane,
+    blur: f32,
+    slope: Lane,
+    level: f32,
+}
+
+/// A grey level near those of the block: the sums keep their digits when it is taken out.
+fn mean(grey: &[Lane]) -> f32 {
+    let filled = grey.first().map_or(0.0, |first| first.iter().sum());
+    filled / LANES as f32
+}
+
+/// The sums that place the edge.
+#[inline(always)]
+fn place_sums(distance: &[Lane], grey: &[Lane], weight: &[Lane], model: Model) -> Sums {
+    let mut s = Sums::default();
+    let scale = 1.0 / model.blur;
+    for ((d, v), w) in distance.iter().zip(grey).zip(weight) {
+        for i in 0..LANES {
+            let (p, f) = normal((model.shift[i] - d[i]) * scale);
+            let w = w[i];
+            let (wp, wf) = (w * p, w * f);
+            let v = v[i] - model.level + model.slope[i] * d[i] * p;
+            s.n[i] += w;
+            s.p[i] += wp;
+            s.v[i] += w * v;
+            s.f[i] += wf;
+            s.pp[i] += wp * p;
+            s.pv[i] += wp * v;
+            s.ff[i] += wf * f;
+            s.fp[i] += wf * p;
+            s.fv[i] += wf * v;
+        }
+    }
+    s
+}
+
+/// The sums that place the edge, and those that tell its blur and what is left.
+#[inline(always)]
+fn all_sums(distance: &[Lane], grey: &[Lane], weight: &[Lane], model: Model) -> Sums {
+    let mut s = place_sums(distance, grey, weight, model);
+    let scale = 1.0 / model.blur;
+    for ((d, v), w) in distance.iter().zip(grey).zip(weight) {
+        for i in 0..LANES {
+            let t = (model.shift[i] - d[i]) * scale;
+            let (p, f) = normal(t);
+            let v = v[i] - model.level + model.slope[i] * d[i] * p;
+            let g = t * f;
+            let wg = w[i] * g;
+            s.g[i] += wg;
+            s.gg[i] += wg * g;
+            s.gp[i] += wg * p;
+            s.gf[i] += wg * f;
+            s.gv[i] += wg * v;
+            s.vv[i] += w[i] * v * v;
+        }
+    }
+    s
+}
+
+/// The sums of one bin with the means taken out: what is left when `outside` is solved for.
+struct Centred {
+    n: f32,
+    pp: f32,
+    pv: f32,
+    ff: f32,
+    fp: f32,
+    fv: f32,
+}
+
+impl Centred {
+    fn new(s: &Sums, i: usize) -> Self {
+        let n = s.n[i].max(1.0);
+        let (p, f, v) = (s.p[i] / n, s.f[i] / n, s.v[i]);
+        Self {
+            n,
+            pp: s.pp[i] - p * s.p[i],
+            pv: s.pv[i] - p * v,
+            ff: s.ff[i] - f * s.f[i],
+            fp: s.fp[i] - f * s.p[i],
+            fv: s.fv[i] - f * v,
+        }
+    }
+
+    fn contrast(&self) -> f32 {
+        self.pv / self.pp
+    }
+
+    /// How the residual projects on a shift of the edge.
+    fn pull(&self) -> f32 {
+        self.fv - self.contrast() * self.fp
+    }
+
+    fn stiffness(&self) -> f32 {
+        self.ff - self.fp * self.fp / self.pp
+    }
+
+    fn edge(&self, s: &Sums, i: usize, shift: f32, blur: f32) -> Edge {
+        let contrast = self.contrast();
+        if !(self.pp > 1e-3 && self.stiffness() > 1e-4 && contrast.abs() > 0.0) {
+            return Edge::default();
+        }
+        let (n, g, v) = (self.n, s.g[i] / self.n, s.v[i]);
+        let (gp, gf, gv) = (s.gp[i] - g * s.p[i], s.gf[i] - g * s.f[i], s.gv[i] - g * v);
+        let gg = s.gg[i] - g * s.g[i];
+        let across = (gf - gp * self.fp / self.pp) / self.stiffness();
+        let free = gg - gp * gp / self.pp - across * across * self.stiffness();
+        let pull = gv - contrast * gp - across * self.pull();
+        let left = (s.vv[i] - v * v / n - contrast * self.pv).max(0.0);
+        Edge {
+            shift,
+            contrast,
+            inside: (v - contrast * s.p[i]) / n + contrast,
+            rms: (left / (n - 3.0).max(1.0)).sqrt(),
+            sigma_unit: blur / (contrast.abs() * self.stiffness().sqrt()),
+            blur_pull: -contrast * pull / blur,
+            blur_weight: contrast * contrast * free.max(0.0) / (blur * blur),
+        }
+    }
+}

@@ -1,0 +1,176 @@
+//! The pixels of a rim, sorted into bins along it.
+
+use crate::image::ImageView;
+
+/// Bins worked on at a time, for vector instructions.
+pub(super) const LANES: usize = 8;
+/// Most pixels remembered of a bin.
+pub(super) const SLOTS: usize = 24;
+/// Rim covered by one bin, px: short, so that some bins fit between speckles.
+pub(super) const BIN_PX: f64 = 1.7;
+/// The band of pixels reaches this far out from the rim, px.
+pub(super) const BAND_PX: f64 = 3.0;
+/// The band reaches this far in, px: less, because speckle and shade begin there.
+pub(super) const INNER_BAND_PX: f64 = 2.5;
+
+/// The outline may move this far before its pixels have to be gathered again, px.
+pub(super) const SLACK_PX: f64 = 0.5;
+
+/// A circle that is being refined.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub(super) struct Outline {
+    pub x: f64,
+    pub y: f64,
+    pub radius: f64,
+}
+
+/// One pixel of every bin of a block.
+pub(super) type Lane = [f32; LANES];
+
+/// Pixels near a circle, binned by angle.
+#[derive(Debug, Default)]
+pub(super) struct Rim {
+    bins: usize,
+    /// The outline the pixels were gathered around.
+    middle: Outline,
+    x: Vec<Lane>,
+    y: Vec<Lane>,
+    grey: Vec<Lane>,
+    distance: Vec<Lane>,
+    weight: Vec<Lane>,
+    count: Vec<u32>,
+    cos: Vec<f64>,
+    sin: Vec<f64>,
+    row: Vec<(f32, f32)>,
+}
+
+impl Rim {
+    /// Bins along the rim.
+    pub fn bins(&self) -> usize {
+        self.bins
+    }
+
+    /// Unit vector from the centre to the middle of a bin.
+    pub fn direction(&self, bin: usize) -> (f64, f64) {
+        (self.cos[bin], self.sin[bin])
+    }
+
+    /// Pixels in a bin.
+    pub fn count(&self, bin: usize) -> u32 {
+        self.count[bin]
+    }
+
+    /// The pixels of bins `8 block ..`: distance, grey level, weight (0 where there is none).
+    pub fn block(&self, block: usize) -> (&[Lane], &[Lane], &[Lane]) {
+        let range = self.slots(block);
+        (&self.distance[range.clone()], &self.grey[range.clone()], &self.weight[range])
+    }
+
+    /// Sorts the pixels of the band around `outline` into bins.
+    pub fn gather(&mut self, image: ImageView<'_>, outline: &Outline) {
+        self.clear(outline.radius);
+        self.middle = *outline;
+        let outer = outline.radius + BAND_PX + SLACK_PX;
+        let inner = (outline.radius - INNER_BAND_PX - SLACK_PX).max(0.0);
+        let rows = clip(outline.y - outer, outline.y + outer, image.height());
+        for y in rows {
+            let dy = y as f64 - outline.y;
+            let reach = (outer * outer - dy * dy).max(0.0).sqrt();
+            let hole = (inner * inner - dy * dy).max(0.0).sqrt();
+            let row = image.row(y);
+            let left = clip(outline.x - reach, outline.x - hole, row.len());
+            let right = clip(outline.x + hole, outline.x + reach, row.len());
+            let right = right.start.max(left.end)..right.end;
+            for part in [left, right] {
+                let first = (part.start as f64 - outline.x) as f32;
+                self.push(&row[part], first, dy as f32);
+            }
+        }
+        self.measure(outline);
+    }
+
+    /// Takes the distances from `outline` anew; it must be within half a pixel of where the pixels were gathered.
+    pub fn measure(&mut self, outline: &Outline) {
+        let shift = ((outline.x - self.middle.x) as f32, (outline.y - self.middle.y) as f32);
+        let radius = outline.radius as f32;
+        for block in 0..self.count.len() / LANES {
+            let range = self.slots(block);
+            let positions = self.x[range.clone()].iter().zip(&self.y[range.clone()]);
+            let out = self.distance[range.clone()].iter_mut().zip(&mut self.weight[range]);
+            for ((x, y), (distance, weight)) in positions.zip(out) {
+                for i in 0..LANES {
+                    let (dx, dy) = (x[i] - shift.0, y[i] - shift.1);
+                    let d = (dx * dx + dy * dy).sqrt() - radius;
+                    let near = d < BAND_PX as f32 && d > -(INNER_BAND_PX as f32);
+                    // Slots without a pixel lie at the centre, a radius away.
+                    weight[i] = if near { 1.0 } else { 0.0 };
+                    distance[i] = if near { d } else { 0.0 };
+                }
+            }
+        }
+    }
+
+    fn slots(&self, block: usize) -> std::ops::Range<usize> {
+        let bins = &self.count[block * LANES..(block + 1) * LANES];
+        let most = bins.iter().copied().max().unwrap_or(0) as usize;
+        block * SLOTS..block * SLOTS + most
+    }
+
+    fn clear(&mut self, radius: f64) {
+        let bins = ((std::f64::consts::TAU * radius / BIN_PX).round() as usize).max(LANES);
+        let padded = bins.next_multiple_of(LANES);
+        if bins != self.bins {
+            self.bins = bins;
+            let angle = |i: usize| (i as f64 + 0.5) * std::f64::consts::TAU / bins as f64;
+            self.cos = (0..bins).map(|i| angle(i).cos()).collect();
+            self.sin = (0..bins).map(|i| angle(i).sin()).collect();
+        }
+        let lanes = padded / LANES * SLOTS;
+        for list in [&mut self.x, &mut self.y, &mut self.grey, &mut self.distance, &mut self.weight] {
+            list.clear();
+            list.resize(lanes, [0.0; LANES]);
+        }
+        self.count.clear();
+        self.count.resize(padded, 0);
+    }
+
+    /// Sorts a run of pixels in, the first one at (`first`, `dy`) from the centre.
+    fn push(&mut self, pixels: &[f32], first: f32, dy: f32) {
+        let per_radian = self.bins as f32 / std::f32::consts::TAU;
+        self.row.clear();
+        self.row.extend((0..pixels.len()).map(|k| {
+            let dx = first + k as f32;
+            (dx, angle(dx, dy) * per_radian)
+        }));
+        for (&(dx, place), &grey) in self.row.iter().zip(pixels) {
+            let bin = (place as i32 as usize).min(self.bins - 1);
+            let slot = self.count[bin] as usize;
+            if slot < SLOTS {
+                let (at, lane) = (bin / LANES * SLOTS + slot, bin % LANES);
+                self.x[at][lane] = dx;
+                self.y[at][lane] = dy;
+                self.grey[at][lane] = grey;
+                self.count[bin] += 1;
+            }
+        }
+    }
+}
+
+/// The whole pixels from `low` to `high` that lie in an image of this length.
+fn clip(low: f64, high: f64, length: usize) -> std::ops::Range<usize> {
+    let start = low.ceil().max(0.0) as usize;
+    let end = if high < 0.0 { 0 } else { (high.floor() as usize + 1).min(length) };
+    start.min(end)..end
+}
+
+/// Angle of (`x`, `y`), 0 to 2 pi, to 1e-4 rad: good enough to choose a bin.
+fn angle(x: f32, y: f32) -> f32 {
+    let (ax, ay) = (x.abs(), y.abs());
+    let (small, large) = if ax < ay { (ax, ay) } else { (ay, ax) };
+    let t = small / large.max(1e-12);
+    let t2 = t * t;
+    let series = t * (0.999_866 + t2 * (-0.330_299_5 + t2 * (0.180_141 + t2 * (-0.085_133 + t2 * 0.020_835_1))));
+    let octant = if ay > ax { std::f32::consts::FRAC_PI_2 - series } else { series };
+    let half = if x < 0.0 { std::f32::consts::PI - octant } else { octant };
+    if y < 0.0 { std::f32::consts::TAU - half } else { half }
+}

@@ -1,0 +1,144 @@
+//! The `field` topic: one body's step and its displacement field.
+
+use super::{Bus, BusError, Limits};
+use crate::message::{FieldHeader, FieldPointMessage};
+use crate::results::PairField;
+use iceoryx2::port::publisher::Publisher;
+use iceoryx2::port::subscriber::Subscriber;
+use iceoryx2::port::update_connections::UpdateConnections;
+use iceoryx2::prelude::{AllocationStrategy, ipc};
+use iceoryx2::service::port_factory::publish_subscribe::PortFactory;
+
+const TOPIC: &str = "field";
+
+type Service = PortFactory<ipc::Service, [FieldPointMessage], FieldHeader>;
+
+/// Writes fields.
+#[derive(Debug)]
+pub struct FieldPublisher {
+    port: Publisher<ipc::Service, [FieldPointMessage], FieldHeader>,
+    _service: Service,
+    most_points: usize,
+}
+
+impl FieldPublisher {
+    /// Sends a step and its field (empty when there is none).
+    ///
+    /// # Errors
+    ///
+    /// When shared memory cannot be used, or the field has more points than the rig allows.
+    pub fn send(&self, header: &FieldHeader, field: Option<&PairField>) -> Result<(), BusError> {
+        let points = field.map_or(&[][..], |field| &field.points);
+        if points.len() > self.most_points {
+            let reason = format!("a field of {} points, at most {} fit", points.len(), self.most_points);
+            return Err(BusError::new("publish", TOPIC, reason));
+        }
+        let fail = |error| BusError::new("publish", TOPIC, error);
+        let mut sample =
+            self.port.loan_slice_uninit(points.len()).map_err(|error| BusError::new("publish", TOPIC, error))?;
+        *sample.user_header_mut() = *header;
+        let sample = sample.write_from_fn(|index| FieldPointMessage::from(&points[index]));
+        sample.send().map(|_| ()).map_err(fail)
+    }
+}
+
+/// Reads fields.
+#[derive(Debug)]
+pub struct FieldSubscriber {
+    port: Subscriber<ipc::Service, [FieldPointMessage], FieldHeader>,
+    _service: Service,
+}
+
+impl FieldSubscriber {
+    /// The oldest unread step and its field.
+    ///
+    /// # Errors
+    ///
+    /// When shared memory cannot be used.
+    pub fn take(&self) -> Result<Option<(FieldHeader, Option<PairField>)>, BusError> {
+        match self.port.receive() {
+            Ok(None) => Ok(None),
+            Ok(Some(sample)) => {
+                let header = *sample.user_header();
+                Ok(Some((header, header.field(sample.payload()))))
+            }
+            Err(error) => Err(BusError::new("read", TOPIC, error)),
+        }
+    }
+
+    /// Maps writers that appeared since; consumes nothing.
+    pub fn greet(&self) {
+        let _ = self.port.update_connections();
+    }
+}
+
+impl Bus {
+    pub(super) fn field_service(&self, limits: &Limits) -> Result<Service, BusError> {
+        self.node
+            .service_builder(&self.service_name(TOPIC)?)
+            .publish_subscribe::<[FieldPointMessage]>()
+            .user_header::<FieldHeader>()
+            .enable_safe_overflow(true)
+            .max_publishers(limits.workers as usize + 4)
+            .max_subscribers(12)
+            .max_nodes(64)
+            .subscriber_max_buffer_size(limits.field_depth())
+            .subscriber_max_borrowed_samples(4)
+            .history_size(0)
+            .open_or_create()
+            .map_err(|error| BusError::new("create", &self.full_name(TOPIC), error))
+    }
+
+    /// A writer of fields, one a worker.
+    ///
+    /// # Errors
+    ///
+    /// When shared memory cannot be used.
+    pub fn field_publisher(&self, limits: &Limits) -> Result<FieldPublisher, BusError> {
+        let service = self.field_service(limits)?;
+        let chunks = 2 * limits.field_depth() + 64;
+        let port = service
+            .publisher_builder()
+            .initial_max_slice_len(limits.field_points)
+            .allocation_strategy(AllocationStrategy::Static)
+            .max_loaned_samples(2)
+            .override_sample_preallocation(move |worst| worst.min(chunks))
+            .create()
+            .map_err(|error| BusError::new("write", &self.full_name(TOPIC), error))?;
+        Ok(FieldPublisher { port, _service: service, most_points: limits.field_points })
+    }
+
+    /// A reader of fields, for a process of the rig.
+    ///
+    /// # Errors
+    ///
+    /// When shared memory cannot be used.
+    pub fn field_subscriber(&self, limits: &Limits) -> Result<FieldSubscriber, BusError> {
+        self.read_field(self.field_service(limits)?, limits.field_depth())
+    }
+
+    /// A reader of fields, for any other program: the rig must be running.
+    ///
+    /// # Errors
+    ///
+    /// [`BusError::NoRig`] when it is not.
+    pub fn listen_field(&self) -> Result<FieldSubscriber, BusError> {
+        let service = self
+            .node
+            .service_builder(&self.service_name(TOPIC)?)
+            .publish_subscribe::<[FieldPointMessage]>()
+            .user_header::<FieldHeader>()
+            .open()
+            .map_err(|_| BusError::NoRig { rig: self.rig.clone(), service: self.full_name(TOPIC) })?;
+        self.read_field(service, 64)
+    }
+
+    fn read_field(&self, service: Service, depth: usize) -> Result<FieldSubscriber, BusError> {
+        let port = service
+            .subscriber_builder()
+            .buffer_size(depth)
+            .create()
+            .map_err(|error| BusError::new("read", &self.full_name(TOPIC), error))?;
+        Ok(FieldSubscriber { port, _service: service })
+    }
+}

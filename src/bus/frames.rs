@@ -1,0 +1,194 @@
+//! The ring of frames: bytes with a header, written once, read by everyone.
+#![expect(unsafe_code, reason = "slots of the ring are lent to cameras, which write them through a pointer")]
+
+use super::{Bus, BusError, Limits, memory};
+use crate::camera::Slot;
+use crate::message::FrameHeader;
+use iceoryx2::port::LoanError;
+use iceoryx2::port::publisher::Publisher;
+use iceoryx2::port::subscriber::Subscriber;
+use iceoryx2::port::update_connections::UpdateConnections;
+use iceoryx2::prelude::{AllocationStrategy, ipc};
+use iceoryx2::sample::Sample;
+use iceoryx2::sample_mut_uninit::SampleMutUninit;
+use iceoryx2::service::port_factory::publish_subscribe::PortFactory;
+use std::mem::MaybeUninit;
+use std::ptr::NonNull;
+
+const TOPIC: &str = "frames";
+
+type Service = PortFactory<ipc::Service, [u8], FrameHeader>;
+type Loan = SampleMutUninit<ipc::Service, [MaybeUninit<u8>], FrameHeader>;
+
+/// Writes the ring.
+pub struct FramePublisher {
+    // Loans go before the port that owns their memory.
+    loans: Vec<Option<Loan>>,
+    port: Publisher<ipc::Service, [u8], FrameHeader>,
+    _service: Service,
+    slot_bytes: usize,
+}
+
+impl FramePublisher {
+    /// Lends a slot of the ring to a camera; `None` when every slot is held by slow readers.
+    ///
+    /// # Errors
+    ///
+    /// When shared memory cannot be used.
+    pub fn lend(&mut self) -> Result<Option<Slot>, BusError> {
+        let mut loan = match self.port.loan_slice_uninit(self.slot_bytes) {
+            Ok(loan) => loan,
+            Err(LoanError::OutOfMemory | LoanError::ExceedsMaxLoans) => return Ok(None),
+            Err(error) => return Err(BusError::new("lend a slot of", TOPIC, error)),
+        };
+        let Some(memory) = NonNull::new(loan.payload_mut().as_mut_ptr().cast::<u8>()) else {
+            return Ok(None);
+        };
+        let token = self.loans.iter().position(Option::is_none).unwrap_or(self.loans.len());
+        if token == self.loans.len() {
+            self.loans.push(None);
+        }
+        self.loans[token] = Some(loan);
+        // SAFETY: the loan stays in `loans` until the slot comes back, so its memory is valid and nobody else's.
+        Ok(Some(unsafe { Slot::new(memory, self.slot_bytes, token) }))
+    }
+
+    /// Publishes a filled slot.
+    ///
+    /// # Errors
+    ///
+    /// When shared memory cannot be used.
+    pub fn send(&mut self, slot: Slot, header: FrameHeader) -> Result<(), BusError> {
+        let Some(mut loan) = self.loans.get_mut(slot.token()).and_then(Option::take) else {
+            return Err(BusError::new("publish", TOPIC, "a slot of another ring"));
+        };
+        *loan.user_header_mut() = header;
+        // SAFETY: shared memory is zeroed by the system and pre-touched, so every byte is initialised.
+        let sample = unsafe { loan.assume_init() };
+        sample.send().map(|_| ()).map_err(|error| BusError::new("publish", TOPIC, error))
+    }
+
+    /// Takes an unused slot back.
+    pub fn take_back(&mut self, slot: Slot) {
+        if let Some(loan) = self.loans.get_mut(slot.token()) {
+            *loan = None;
+        }
+    }
+
+    /// Takes every slot back that a camera which is gone still held.
+    pub fn take_all_back(&mut self) {
+        self.loans.clear();
+    }
+
+    /// Connects readers that joined since the last frame.
+    pub fn greet(&self) {
+        let _ = self.port.update_connections();
+    }
+
+    /// Touches every page of the ring, so that the first frames cost no page faults.
+    ///
+    /// # Errors
+    ///
+    /// [`BusError::Memory`] when there is less memory than the ring needs.
+    pub fn touch(&mut self) -> Result<(), BusError> {
+        if let Some(slot) = self.lend()? {
+            let address = slot.as_ptr() as usize;
+            self.take_back(slot);
+            memory::populate(address)?;
+        }
+        Ok(())
+    }
+}
+
+/// A frame in the ring; the slot is free again when it is dropped.
+#[derive(Debug)]
+pub struct FrameSample(Sample<ipc::Service, [u8], FrameHeader>);
+
+impl FrameSample {
+    /// What stands before the pixels.
+    pub fn header(&self) -> &FrameHeader {
+        self.0.user_header()
+    }
+
+    /// The pixels.
+    pub fn bytes(&self) -> &[u8] {
+        self.0.payload()
+    }
+}
+
+/// Reads the ring.
+#[derive(Debug)]
+pub struct FrameSubscriber {
+    port: Subscriber<ipc::Service, [u8], FrameHeader>,
+    _service: Service,
+}
+
+impl FrameSubscriber {
+    /// The oldest unread frame, if there is one.
+    ///
+    /// # Errors
+    ///
+    /// When shared memory cannot be used.
+    pub fn take(&self) -> Result<Option<FrameSample>, BusError> {
+        self.port.receive().map(|sample| sample.map(FrameSample)).map_err(|error| BusError::new("read", TOPIC, error))
+    }
+
+    /// Maps writers that appeared since; consumes nothing. Without it a reader
+    /// that only waits loses everything when the writer dies.
+    pub fn greet(&self) {
+        let _ = self.port.update_connections();
+    }
+}
+
+impl Bus {
+    pub(super) fn frames_service(&self, limits: &Limits) -> Result<Service, BusError> {
+        self.node
+            .service_builder(&self.service_name(TOPIC)?)
+            .publish_subscribe::<[u8]>()
+            .user_header::<FrameHeader>()
+            .enable_safe_overflow(true)
+            .max_publishers(2)
+            .max_subscribers(limits.workers as usize + 1 + Limits::SPARE_READERS)
+            .max_nodes(64)
+            .subscriber_max_buffer_size(limits.ring_frames)
+            .subscriber_max_borrowed_samples(limits.ring_frames + limits.held_frames)
+            .history_size(0)
+            .open_or_create()
+            .map_err(|error| BusError::new("create", &self.full_name(TOPIC), error))
+    }
+
+    /// The writer of the ring, with slots of `slot_bytes`.
+    ///
+    /// # Errors
+    ///
+    /// [`BusError::Memory`] when the ring does not fit.
+    pub fn frame_publisher(&self, limits: &Limits, slot_bytes: usize) -> Result<FramePublisher, BusError> {
+        let chunks = limits.frame_chunks();
+        memory::require((chunks * (slot_bytes + 192)) as u64)?;
+        let service = self.frames_service(limits)?;
+        let port = service
+            .publisher_builder()
+            .initial_max_slice_len(slot_bytes)
+            .allocation_strategy(AllocationStrategy::Static)
+            .max_loaned_samples(Limits::CAMERA_SLOTS)
+            .override_sample_preallocation(move |_worst| chunks)
+            .create()
+            .map_err(|error| BusError::new("write", &self.full_name(TOPIC), error))?;
+        Ok(FramePublisher { loans: Vec::new(), port, _service: service, slot_bytes })
+    }
+
+    /// A reader of the ring whose queue is as long as the ring.
+    ///
+    /// # Errors
+    ///
+    /// When shared memory cannot be used.
+    pub fn frame_subscriber(&self, limits: &Limits) -> Result<FrameSubscriber, BusError> {
+        let service = self.frames_service(limits)?;
+        let port = service
+            .subscriber_builder()
+            .buffer_size(limits.ring_frames)
+            .create()
+            .map_err(|error| BusError::new("read", &self.full_name(TOPIC), error))?;
+        Ok(FrameSubscriber { port, _service: service })
+    }
+}

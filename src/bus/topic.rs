@@ -1,0 +1,159 @@
+//! Topics of fixed-size messages.
+
+use super::{Bus, BusError, Limits};
+use crate::message::{Event, ImpactMessage, Progress, StatusMessage, TrackMessage, VelocityMessage};
+use iceoryx2::port::publisher::Publisher as Port;
+use iceoryx2::port::subscriber::Subscriber as SubscriberPort;
+use iceoryx2::port::update_connections::UpdateConnections;
+use iceoryx2::prelude::{ZeroCopySend, ipc};
+use iceoryx2::service::port_factory::publish_subscribe::PortFactory;
+use std::fmt::Debug;
+
+/// A message with a topic of its own.
+pub trait Topic: ZeroCopySend + Debug + Copy + 'static {
+    /// Last part of the service's name.
+    const NAME: &'static str;
+    /// How many of the newest a late reader gets at once.
+    const HISTORY: usize;
+}
+
+impl Topic for TrackMessage {
+    const NAME: &'static str = "track";
+    const HISTORY: usize = 16;
+}
+impl Topic for VelocityMessage {
+    const NAME: &'static str = "velocity";
+    const HISTORY: usize = 16;
+}
+impl Topic for ImpactMessage {
+    const NAME: &'static str = "impact";
+    const HISTORY: usize = 16;
+}
+impl Topic for Event {
+    const NAME: &'static str = "events";
+    const HISTORY: usize = 16;
+}
+impl Topic for StatusMessage {
+    const NAME: &'static str = "status";
+    const HISTORY: usize = 1;
+}
+impl Topic for Progress {
+    const NAME: &'static str = "progress";
+    const HISTORY: usize = 1;
+}
+
+type Service<T> = PortFactory<ipc::Service, T, ()>;
+
+/// Writes a topic.
+#[derive(Debug)]
+pub struct Publisher<T: Topic> {
+    port: Port<ipc::Service, T, ()>,
+    _service: Service<T>,
+}
+
+impl<T: Topic> Publisher<T> {
+    /// Sends one message to every reader.
+    ///
+    /// # Errors
+    ///
+    /// When shared memory cannot be used.
+    pub fn send(&self, message: &T) -> Result<(), BusError> {
+        self.port.send_copy(*message).map(|_| ()).map_err(|error| BusError::new("publish", T::NAME, error))
+    }
+
+    /// Hands the history to readers that joined since the last message.
+    pub fn greet(&self) {
+        let _ = self.port.update_connections();
+    }
+}
+
+/// Reads a topic.
+#[derive(Debug)]
+pub struct Subscriber<T: Topic> {
+    port: SubscriberPort<ipc::Service, T, ()>,
+    _service: Service<T>,
+}
+
+impl<T: Topic> Subscriber<T> {
+    /// The oldest unread message, if there is one.
+    ///
+    /// # Errors
+    ///
+    /// When shared memory cannot be used.
+    pub fn take(&self) -> Result<Option<T>, BusError> {
+        match self.port.receive() {
+            Ok(sample) => Ok(sample.map(|sample| *sample.payload())),
+            Err(error) => Err(BusError::new("read", T::NAME, error)),
+        }
+    }
+}
+
+impl Bus {
+    pub(super) fn topic_service<T: Topic>(&self, limits: &Limits) -> Result<Service<T>, BusError> {
+        let writers = 2 * limits.workers as usize + 16;
+        self.node
+            .service_builder(&self.service_name(T::NAME)?)
+            .publish_subscribe::<T>()
+            .enable_safe_overflow(true)
+            .max_publishers(writers)
+            .max_subscribers(32)
+            .max_nodes(64)
+            .subscriber_max_buffer_size(Limits::small_depth())
+            .subscriber_max_borrowed_samples(2)
+            .history_size(T::HISTORY)
+            .open_or_create()
+            .map_err(|error| BusError::new("create", &self.full_name(T::NAME), error))
+    }
+
+    /// A writer of this topic.
+    ///
+    /// # Errors
+    ///
+    /// When shared memory cannot be used.
+    pub fn publisher<T: Topic>(&self, limits: &Limits) -> Result<Publisher<T>, BusError> {
+        let service = self.topic_service::<T>(limits)?;
+        let port = service
+            .publisher_builder()
+            .max_loaned_samples(2)
+            .override_sample_preallocation(|worst| worst.min(2 * Limits::small_depth()))
+            .create()
+            .map_err(|error| BusError::new("write", &self.full_name(T::NAME), error))?;
+        Ok(Publisher { port, _service: service })
+    }
+
+    /// A reader of this topic, for a process of the rig.
+    ///
+    /// # Errors
+    ///
+    /// When shared memory cannot be used.
+    pub fn subscriber<T: Topic>(&self, limits: &Limits) -> Result<Subscriber<T>, BusError> {
+        self.read(self.topic_service::<T>(limits)?)
+    }
+
+    /// A reader of this topic, for any other program: the rig must be running.
+    ///
+    /// # Errors
+    ///
+    /// [`BusError::NoRig`] when it is not.
+    pub fn listen<T: Topic>(&self) -> Result<Subscriber<T>, BusError> {
+        let service = self.node.service_builder(&self.service_name(T::NAME)?).publish_subscribe::<T>().open().map_err(
+            |error| match error {
+                iceoryx2::service::builder::publish_subscribe::PublishSubscribeOpenError::DoesNotExist => {
+                    BusError::NoRig { rig: self.rig.clone(), service: self.full_name(T::NAME) }
+                }
+                other => BusError::new("open", &self.full_name(T::NAME), other),
+            },
+        )?;
+        self.read(service)
+    }
+
+    fn read<T: Topic>(&self, service: Service<T>) -> Result<Subscriber<T>, BusError> {
+        let port = service
+            .subscriber_builder()
+            .buffer_size(Limits::small_depth())
+            .history_request(T::HISTORY)
+            .create()
+            .map_err(|error| BusError::new("read", &self.full_name(T::NAME), error))?;
+        Ok(Subscriber { port, _service: service })
+    }
+}

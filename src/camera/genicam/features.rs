@@ -1,0 +1,153 @@
+//! What a camera offers: its formats and rates, and the tree of all its features.
+
+use super::device::{Access, Device, Kind};
+use super::find::CameraListing;
+use super::handle::text;
+use crate::camera::CameraError;
+use std::collections::BTreeSet;
+use std::ffi::c_char;
+
+/// What one camera can deliver.
+#[derive(Debug, Clone, PartialEq)]
+pub struct CameraDetails {
+    /// Greatest width and height, pixels.
+    pub size_px: (i64, i64),
+    /// Names of its pixel formats.
+    pub formats: Vec<String>,
+    /// Lowest and highest frame rate at its present settings, if it has any.
+    pub rate_hz: Option<(f64, f64)>,
+    /// What can trigger it.
+    pub triggers: Vec<String>,
+    /// Whether another program controls it.
+    pub taken: bool,
+}
+
+/// One feature of a camera, or a category of them.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct FeatureLine {
+    /// How deep in the tree; the categories at the top have 0.
+    pub depth: usize,
+    /// GenICam name, as `features` of a configuration wants it.
+    pub name: String,
+    /// What it holds.
+    pub kind: Kind,
+    /// Its value now; none for what cannot be read.
+    pub value: Option<String>,
+    /// What it can be set to, for a person; empty where there is no range.
+    pub allowed: String,
+    /// Its unit; empty when it has none.
+    pub unit: String,
+    /// Whether it can be set now.
+    pub writable: bool,
+}
+
+/// Deepest level of the tree that is followed: descriptions are made by others and may run in circles.
+const MAX_DEPTH: usize = 12;
+
+/// Opens a camera for a moment and asks what it can deliver.
+///
+/// # Errors
+///
+/// [`CameraError::NotFound`] when it does not answer.
+pub fn describe(camera: &CameraListing) -> Result<CameraDetails, CameraError> {
+    let device = Device::open_to_read(if camera.address.contains('.') { &camera.address } else { &camera.id })?;
+    let most = |names: [&str; 2]| {
+        names.into_iter().filter(|name| device.has(name)).find_map(|name| device.integer(name).ok()).unwrap_or(0)
+    };
+    let rate_hz = device
+        .ask(device.aravis.arv_camera_is_frame_rate_available)
+        .is_ok_and(|available| available != 0)
+        .then(|| device.rate_range_hz().ok())
+        .flatten();
+    Ok(CameraDetails {
+        size_px: (most(["SensorWidth", "WidthMax"]), most(["SensorHeight", "HeightMax"])),
+        formats: device.words("PixelFormat").unwrap_or_default(),
+        rate_hz,
+        triggers: device.words("TriggerSource").unwrap_or_default(),
+        taken: device.is_gige() && !device.is_controlled(),
+    })
+}
+
+/// Every feature of a camera in the order of its description.
+///
+/// # Errors
+///
+/// [`CameraError::NotFound`] when it does not answer.
+pub fn features(id: &str) -> Result<Vec<FeatureLine>, CameraError> {
+    let device = Device::open_to_read(id)?;
+    let mut lines = Vec::new();
+    let mut seen = BTreeSet::new();
+    device.collect("Root", 0, &mut seen, &mut lines);
+    Ok(lines)
+}
+
+impl Device {
+    /// Adds what is below a category, each feature once.
+    fn collect(&self, category: &str, depth: usize, seen: &mut BTreeSet<String>, lines: &mut Vec<FeatureLine>) {
+        if depth > MAX_DEPTH || !seen.insert(category.to_owned()) {
+            return;
+        }
+        for name in self.members(category) {
+            let Some(kind) = self.kind(&name) else { continue };
+            if kind == Kind::Category {
+                lines.push(FeatureLine {
+                    depth,
+                    name: name.clone(),
+                    kind,
+                    value: None,
+                    allowed: String::new(),
+                    unit: String::new(),
+                    writable: false,
+                });
+                self.collect(&name, depth + 1, seen, lines);
+            } else if self.has(&name) && seen.insert(name.clone()) {
+                lines.push(self.line(depth, name, kind));
+            }
+        }
+    }
+
+    fn line(&self, depth: usize, name: String, kind: Kind) -> FeatureLine {
+        let access = self.access(&name);
+        let value = match (access, kind) {
+            (Some(Access::Write), _) | (_, Kind::Command | Kind::Category) => None,
+            (_, Kind::Boolean) => self.boolean(&name).ok().map(|value| value.to_string()),
+            (_, Kind::Integer) => self.integer(&name).ok().map(|value| value.to_string()),
+            (_, Kind::Float) => self.float(&name).ok().map(|value| value.to_string()),
+            (_, Kind::Enumeration | Kind::Text) => self.text(&name).ok(),
+        };
+        let writable = access != Some(Access::Read);
+        let allowed = if writable { self.allowed(&name, kind) } else { String::new() };
+        FeatureLine { depth, unit: self.unit(&name, kind), kind, value, allowed, writable, name }
+    }
+
+    /// Names of what is in a category.
+    fn members(&self, category: &str) -> Vec<String> {
+        let node = self.node(category);
+        if self.kind_of(node) != Some(Kind::Category) {
+            return Vec::new();
+        }
+        let mut names = Vec::new();
+        // SAFETY: the node is a category, and its list of terminated names lives as long as the device.
+        unsafe {
+            let mut entry = self.aravis.arv_gc_category_get_features(node.cast());
+            while !entry.is_null() {
+                names.extend(text((*entry).data.cast::<c_char>()));
+                entry = (*entry).next;
+            }
+        }
+        names
+    }
+
+    fn unit(&self, name: &str, kind: Kind) -> String {
+        let node = self.node(name);
+        // SAFETY: the node is of the kind that the function wants; it answers null or a terminated string.
+        let unit = unsafe {
+            match kind {
+                Kind::Integer => text(self.aravis.arv_gc_integer_get_unit(node.cast())),
+                Kind::Float => text(self.aravis.arv_gc_float_get_unit(node.cast())),
+                _ => None,
+            }
+        };
+        unit.unwrap_or_default()
+    }
+}

@@ -1,0 +1,103 @@
+//! Owners of what the C library hands out, and its errors and strings as ours.
+
+use super::sys::{Aravis, GError, gpointer};
+use std::ffi::{CStr, CString, c_char};
+use std::ptr::{self, NonNull};
+
+/// One counted reference to an object of the library, given back on drop.
+#[derive(Debug)]
+pub struct Object<T> {
+    aravis: Library,
+    pointer: NonNull<T>,
+}
+
+/// The opened library, without the thousand function pointers in its debug print.
+#[derive(Clone, Copy)]
+pub struct Library(pub &'static Aravis);
+
+impl std::fmt::Debug for Library {
+    fn fmt(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        formatter.write_str("Aravis")
+    }
+}
+
+impl std::ops::Deref for Library {
+    type Target = Aravis;
+
+    fn deref(&self) -> &Aravis {
+        self.0
+    }
+}
+
+// SAFETY: reference counts are atomic, and cameras and streams of Aravis lock themselves; neither is tied to a thread.
+unsafe impl<T> Send for Object<T> {}
+
+impl<T> Object<T> {
+    /// Takes over one reference; nothing for a null pointer.
+    ///
+    /// # Safety
+    ///
+    /// `pointer` is null or a GObject of which the caller owns a reference.
+    pub unsafe fn owned(aravis: Library, pointer: *mut T) -> Option<Self> {
+        Some(Self { aravis, pointer: NonNull::new(pointer)? })
+    }
+
+    /// The object, to call the library with; valid while this owner lives.
+    pub fn as_ptr(&self) -> *mut T {
+        self.pointer.as_ptr()
+    }
+}
+
+impl<T> Drop for Object<T> {
+    fn drop(&mut self) {
+        // SAFETY: `owned` took over a reference that nobody else gives back.
+        unsafe { self.aravis.g_object_unref(self.pointer.as_ptr().cast()) }
+    }
+}
+
+/// Makes a call that reports through a GError and returns the library's words when it did.
+pub fn checked<R>(aravis: Library, call: impl FnOnce(*mut *mut GError) -> R) -> Result<R, String> {
+    let mut error: *mut GError = ptr::null_mut();
+    let result = call(&raw mut error);
+    if error.is_null() {
+        return Ok(result);
+    }
+    // SAFETY: a GError that was set holds a terminated message and is ours to free.
+    unsafe {
+        let message = text((*error).message).unwrap_or_else(|| "unknown reason".into());
+        aravis.g_error_free(error);
+        Err(message)
+    }
+}
+
+/// A copy of a string that the library keeps; nothing for a null pointer.
+///
+/// # Safety
+///
+/// `string` is null or points to a terminated string.
+pub unsafe fn text(string: *const c_char) -> Option<String> {
+    if string.is_null() {
+        return None;
+    }
+    // SAFETY: the caller promised a terminated string.
+    Some(unsafe { CStr::from_ptr(string) }.to_string_lossy().into_owned())
+}
+
+/// A string for the library.
+///
+/// # Errors
+///
+/// When it holds a zero byte.
+pub fn c_text(string: &str) -> Result<CString, String> {
+    CString::new(string).map_err(|_| format!("{string:?} holds a zero byte"))
+}
+
+/// Frees memory that the library allocated.
+///
+/// # Safety
+///
+/// `memory` is null or was allocated by GLib and is not used any more.
+pub unsafe fn free<T>(aravis: Library, memory: *mut T) {
+    // SAFETY: promised by the caller.
+    unsafe { aravis.g_free(memory.cast::<std::ffi::c_void>() as gpointer) }
+}

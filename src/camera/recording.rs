@@ -1,0 +1,209 @@
+//! A recording as a camera: its frames again, at any pace.
+
+use super::{Camera, CameraError, CameraIdentity, Next, Pace, Slot, StreamFormat};
+use crate::image::FrameMeta;
+use crate::recording::{Frames, Recording, RecordingError};
+use bytes::Bytes;
+use std::collections::VecDeque;
+use std::path::Path;
+use std::time::{Duration, Instant};
+
+/// How fast a recording is played.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum PlaybackRate {
+    /// As fast as the frames are taken; nothing is ever lost.
+    Max,
+    /// This many times as fast as it was filmed: 1 is real time.
+    Times(f64),
+}
+
+/// Whether a recording ends.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Repeat {
+    /// After its last frame.
+    #[default]
+    Once,
+    /// Never: it begins again, with the epoch raised. Stamps and sequence numbers repeat unchanged.
+    Forever,
+}
+
+/// Plays a recording with its original stamps and sequence numbers.
+#[derive(Debug)]
+pub struct RecordingCamera {
+    recording: Recording,
+    frames: Frames,
+    format: StreamFormat,
+    rate: PlaybackRate,
+    repeat: Repeat,
+    slots: VecDeque<Slot>,
+    /// Read, but not yet due or without a slot.
+    pending: Option<(FrameMeta, Bytes)>,
+    /// When the first frame of this pass was due, and its stamp.
+    origin: Option<(Instant, u64)>,
+    /// Added to the recorded epochs.
+    epoch_base: u32,
+    epoch_highest: u32,
+}
+
+impl RecordingCamera {
+    /// Opens a recording for playing.
+    ///
+    /// The frame rate in [`format`](Camera::format) is that of the recording,
+    /// whatever the playback rate; 0 when one frame does not tell any.
+    ///
+    /// # Errors
+    ///
+    /// [`CameraError::Recording`] when the file cannot be read or holds no
+    /// frames; [`CameraError::Setting`] when the rate is not a positive number.
+    pub fn open(path: &Path, rate: PlaybackRate, repeat: Repeat) -> Result<Self, CameraError> {
+        if let PlaybackRate::Times(times) = rate
+            && !(times.is_finite() && times > 0.0)
+        {
+            let (feature, reason) = ("rate".into(), "a positive number, or max".into());
+            return Err(CameraError::Setting { feature, value: times.to_string(), reason });
+        }
+        let recording = Recording::open(path)?;
+        let first = recording.first_frame()?;
+        // An unreadable last frame is told when playing gets there.
+        let frame_rate_hz = recording.frame_rate_hz().ok().flatten().unwrap_or(0.0);
+        let format =
+            StreamFormat { width_px: first.width_px, height_px: first.height_px, format: first.format, frame_rate_hz };
+        let frames = recording.frames()?;
+        Ok(Self {
+            recording,
+            frames,
+            format,
+            rate,
+            repeat,
+            slots: VecDeque::new(),
+            pending: None,
+            origin: None,
+            epoch_base: 0,
+            epoch_highest: 0,
+        })
+    }
+
+    /// The recording being played, for its configuration and truth.
+    pub fn recording(&self) -> &Recording {
+        &self.recording
+    }
+
+    /// Makes sure a frame is pending; `false` at the end.
+    fn fetch(&mut self) -> Result<bool, CameraError> {
+        if self.pending.is_some() {
+            return Ok(true);
+        }
+        let mut next = self.frames.next_shared();
+        if next.is_none() && self.repeat == Repeat::Forever {
+            self.frames = self.recording.frames()?;
+            self.epoch_base = self.epoch_highest.saturating_add(1);
+            self.origin = None;
+            next = self.frames.next_shared();
+        }
+        let Some(frame) = next else { return Ok(false) };
+        let (mut meta, pixels) = frame?;
+        let shape = (meta.width_px, meta.height_px, meta.format);
+        if shape != (self.format.width_px, self.format.height_px, self.format.format) {
+            return Err(CameraError::Recording(RecordingError::Invalid {
+                path: self.recording.path().to_path_buf(),
+                reason: format!(
+                    "frame {} is {}x{} {}, the first one {}x{} {}",
+                    meta.sequence,
+                    meta.width_px,
+                    meta.height_px,
+                    meta.format.word(),
+                    self.format.width_px,
+                    self.format.height_px,
+                    self.format.format.word()
+                ),
+            }));
+        }
+        meta.epoch = meta.epoch.saturating_add(self.epoch_base);
+        self.epoch_highest = self.epoch_highest.max(meta.epoch);
+        self.pending = Some((meta, pixels));
+        Ok(true)
+    }
+
+    /// Sleeps until the frame is due, at most `timeout`; whether it is due then.
+    #[expect(clippy::disallowed_methods, reason = "playing at a given pace is what a camera's clock does")]
+    fn wait(&mut self, stamp_ns: u64, timeout: Duration) -> bool {
+        let PlaybackRate::Times(times) = self.rate else { return true };
+        let now = Instant::now();
+        let (start, first_ns) = *self.origin.get_or_insert((now, stamp_ns));
+        let ahead_s = stamp_ns.saturating_sub(first_ns) as f64 * 1e-9 / times;
+        let due = Duration::try_from_secs_f64(ahead_s).unwrap_or(Duration::MAX);
+        let left = due.saturating_sub(now.saturating_duration_since(start));
+        std::thread::sleep(left.min(timeout));
+        left <= timeout
+    }
+}
+
+/// Copies rows, leaving out what a row has beyond its pixels when the slot has no room for it.
+fn copy(meta: &mut FrameMeta, pixels: &[u8], slot: &mut [u8]) -> bool {
+    if pixels.len() <= slot.len() {
+        slot[..pixels.len()].copy_from_slice(pixels);
+        return true;
+    }
+    let row_bytes = meta.width_px as usize * meta.format.bytes_per_pixel();
+    if row_bytes * meta.height_px as usize > slot.len() {
+        return false;
+    }
+    for (row, target) in pixels.chunks_exact(meta.stride_bytes as usize).zip(slot.chunks_exact_mut(row_bytes)) {
+        target.copy_from_slice(&row[..row_bytes]);
+    }
+    meta.stride_bytes = row_bytes as u32;
+    true
+}
+
+impl Camera for RecordingCamera {
+    fn format(&self) -> StreamFormat {
+        self.format
+    }
+
+    fn identity(&self) -> CameraIdentity {
+        let entry = |key| self.recording.metadata().get(key).cloned().unwrap_or_default();
+        CameraIdentity { model: entry("camera"), serial: entry("serial") }
+    }
+
+    fn pace(&self) -> Pace {
+        match self.rate {
+            PlaybackRate::Max => Pace::OnDemand,
+            PlaybackRate::Times(_) => Pace::Live,
+        }
+    }
+
+    fn slots(&self) -> usize {
+        1
+    }
+
+    fn queue(&mut self, slot: Slot) {
+        self.slots.push_back(slot);
+    }
+
+    fn start(&mut self) -> Result<(), CameraError> {
+        self.origin = None;
+        Ok(())
+    }
+
+    fn next(&mut self, timeout: Duration) -> Result<Next, CameraError> {
+        if !self.fetch()? {
+            return Ok(Next::End);
+        }
+        let Some(stamp_ns) = self.pending.as_ref().map(|(meta, _)| meta.stamp_ns) else { return Ok(Next::End) };
+        if self.slots.is_empty() || !self.wait(stamp_ns, timeout) {
+            return Ok(Next::Nothing);
+        }
+        let Some(((mut meta, pixels), mut slot)) = self.pending.take().zip(self.slots.pop_front()) else {
+            return Ok(Next::Nothing);
+        };
+        if !copy(&mut meta, &pixels, slot.bytes_mut()) {
+            let reason = format!("frame {} has {} bytes, the slot {}", meta.sequence, pixels.len(), slot.len());
+            return Ok(Next::Torn(slot, reason));
+        }
+        Ok(Next::Frame(slot, meta))
+    }
+
+    fn truth(&self, _sequence: u64) -> Vec<crate::results::VelocitySample> {
+        Vec::new()
+    }
+}

@@ -1,0 +1,228 @@
+//! `ricochet analyze`: measures a recording offline.
+
+use super::replay::rig_config;
+use super::{Outcome, UsageError, progress, say, table};
+use crate::camera::{CameraIdentity, StreamFormat};
+use crate::config::{Config, Record};
+use crate::image::{Frame, FrameMeta};
+use crate::measure::{MeasureError, Measured, MeasureParams, Measurer, Share};
+use crate::process::{Extent, Shot, Stop, analysis_params, recording_info};
+use crate::recording::{Recording, RecordingError};
+use crate::results::{Estimate, Impact};
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::mpsc::{Receiver, Sender, SyncSender, channel, sync_channel};
+
+/// Frames that may wait for one worker.
+const WAITING: usize = 16;
+
+/// What to measure, and how.
+#[derive(Debug, Clone, PartialEq)]
+pub struct AnalyzeOptions {
+    /// The recording.
+    pub inputs: Vec<PathBuf>,
+    /// The rig file; the attached one when absent.
+    pub config: Option<PathBuf>,
+    /// Frame rate for files that do not tell theirs, Hz.
+    pub fps: Option<f64>,
+    /// Where the results go; beside the recording when absent.
+    pub output: Option<PathBuf>,
+    /// Number of workers; the results do not depend on it.
+    pub workers: Option<u32>,
+    /// Tell the impacts as JSON.
+    pub json: bool,
+}
+
+/// Measures a recording into a results file and prints its impacts.
+///
+/// # Errors
+///
+/// When the recording or the rig file cannot be used, or the results cannot be written.
+pub fn run(options: &AnalyzeOptions, stop: &Stop) -> anyhow::Result<Outcome> {
+    let [input] = &options.inputs[..] else {
+        return Err(UsageError("give exactly one recording".into()).into());
+    };
+    let recording = Recording::open(input)?;
+    let mut config = rig_config(&recording, options.config.as_deref())?;
+    if let Some(count) = options.workers {
+        config.workers.count = count;
+    }
+    config.record = Some(Record { raw_frames: false, ..results_record() });
+    let format = stream_format(&recording, options.fps)?;
+    let output = options.output.clone().unwrap_or_else(|| free_results_path(input));
+    if output.exists() {
+        return Err(UsageError(format!("{}: the file exists already", output.display())).into());
+    }
+    let (shot, missing) = measure(&recording, &config, &format, &output, stop)?;
+    let results = Recording::open(&shot)?;
+    tell(&last_revisions(&results)?, &results, &shot, options.json);
+    if let Some(cut) = recording.truncated() {
+        log::warn!("{}: {cut}", input.display());
+    }
+    Ok(Outcome::of_losses(missing + u64::from(recording.truncated().is_some())))
+}
+
+fn results_record() -> Record {
+    Record {
+        directory: PathBuf::from("."),
+        compression: crate::config::Compression::None,
+        raw_frames: false,
+        ring_bytes_max: None,
+    }
+}
+
+/// Shape and rate of the recorded frames; the rate is the file's own or the given one, never a guess.
+fn stream_format(recording: &Recording, fps: Option<f64>) -> anyhow::Result<StreamFormat> {
+    let path = recording.path();
+    let mut frames = recording.frames()?;
+    let Some(first) = frames.next().transpose()? else {
+        let reason = "0 frames".to_owned();
+        return Err(RecordingError::Invalid { path: path.to_owned(), reason }.into());
+    };
+    let meta = first.0;
+    let told = recording.metadata().get("frame_rate_hz").and_then(|text| text.parse().ok());
+    let Some(frame_rate_hz) = fps.or(told).or(recording.frame_rate_hz()?) else {
+        return Err(UsageError(format!("{}: no frame rate can be told; give one with --fps", path.display())).into());
+    };
+    Ok(StreamFormat { width_px: meta.width_px, height_px: meta.height_px, format: meta.format, frame_rate_hz })
+}
+
+/// `shot.results-1.mcap` beside `shot.mcap`, or the next free number.
+fn free_results_path(input: &Path) -> PathBuf {
+    let stem = input.file_stem().map_or_else(|| "recording".into(), |stem| stem.to_string_lossy().into_owned());
+    let numbered = |number: u32| input.with_file_name(format!("{stem}.results-{number}.mcap"));
+    (1..u32::MAX).map(numbered).find(|path| !path.exists()).unwrap_or_else(|| numbered(u32::MAX))
+}
+
+type Job = Arc<(FrameMeta, Vec<u8>)>;
+type Answer = Result<Vec<Measured>, MeasureError>;
+
+/// Measures every frame; gives the results file and how many frames are missing.
+fn measure(
+    recording: &Recording,
+    config: &Config,
+    format: &StreamFormat,
+    output: &Path,
+    stop: &Stop,
+) -> anyhow::Result<(PathBuf, u64)> {
+    let (measure_params, tracker_params) = analysis_params(config, format);
+    let mut frames = recording.frames()?.peekable();
+    let first = match frames.peek() {
+        Some(Ok((meta, _))) => meta.sequence,
+        _ => 0,
+    };
+    let mut info = recording_info(config, format, &CameraIdentity::default(), "none: analysed offline");
+    for key in ["camera", "serial", "host", "trigger"] {
+        if let Some(value) = recording.metadata().get(key) {
+            info.metadata.insert(key.to_owned(), value.clone());
+        }
+    }
+    let extent = Extent { first, last: None, patience_frames: u64::MAX };
+    let mut shot = Shot::create(output, config, &info, &tracker_params, extent)?;
+    let bar = progress::frames(recording.frame_count(), "analyze");
+    std::thread::scope(|scope| -> anyhow::Result<()> {
+        let (answers, results) = channel();
+        let mut workers = Vec::new();
+        for index in 0..config.workers.count {
+            let (jobs, todo) = sync_channel(WAITING);
+            let measurer = plan(&measure_params, index, config.workers.count, format)?;
+            let answers = answers.clone();
+            scope.spawn(move || work(measurer, &todo, &answers));
+            workers.push(jobs);
+        }
+        drop(answers);
+        for frame in frames {
+            if stop.requested() {
+                anyhow::bail!("stopped before the end");
+            }
+            let (meta, bytes) = frame?;
+            shot.frame(&Frame { meta, bytes: &bytes })?;
+            hand_out(&workers, &Arc::new((meta, bytes)));
+            results.try_iter().try_for_each(|answer| take(&mut shot, answer))?;
+            bar.inc(1);
+        }
+        drop(workers);
+        results.iter().try_for_each(|answer| take(&mut shot, answer))
+    })?;
+    bar.finish_and_clear();
+    let (missing, end) = (shot.lost, shot.next_frame());
+    let (finished, _) = shot.finish(end)?;
+    Ok((finished.path, missing))
+}
+
+fn plan(params: &MeasureParams, index: u32, of: u32, format: &StreamFormat) -> Result<Measurer, MeasureError> {
+    Measurer::new(params, Share { index, of }, format.width_px as usize, format.height_px as usize)
+}
+
+fn hand_out(workers: &[SyncSender<Job>], job: &Job) {
+    for worker in workers {
+        // A worker that is gone has answered with its error.
+        let _ = worker.send(Arc::clone(job));
+    }
+}
+
+fn work(mut measurer: Measurer, todo: &Receiver<Job>, answers: &Sender<Answer>) {
+    for job in todo {
+        let (meta, bytes) = job.as_ref();
+        let mut measured = Vec::new();
+        let answer = measurer.push(&Frame { meta: *meta, bytes }, &mut measured).map(|()| measured);
+        let failed = answer.is_err();
+        if answers.send(answer).is_err() || failed {
+            return;
+        }
+    }
+    let mut measured = Vec::new();
+    measurer.finish(&mut measured);
+    let _ = answers.send(Ok(measured));
+}
+
+fn take(shot: &mut Shot, answer: Answer) -> anyhow::Result<()> {
+    for measured in answer? {
+        shot.step(measured.step, measured.field)?;
+    }
+    Ok(())
+}
+
+/// Every collision as it is known best.
+pub(super) fn last_revisions(recording: &Recording) -> Result<Vec<Impact>, RecordingError> {
+    let mut best: BTreeMap<(u32, u32), Impact> = BTreeMap::new();
+    for impact in recording.impacts()? {
+        let impact = impact?;
+        best.insert((impact.body, impact.number), impact);
+    }
+    Ok(best.into_values().collect())
+}
+
+fn tell(impacts: &[Impact], results: &Recording, path: &Path, json: bool) {
+    if json {
+        let rows: Vec<_> = impacts.iter().map(|impact| as_json(impact, results)).collect();
+        say(&serde_json::json!({ "results": path, "impacts": rows }).to_string());
+        return;
+    }
+    say(&path.display().to_string());
+    for impact in impacts {
+        let cell = |estimate: Estimate| vec![format!("{:.6}", estimate.value), format!("{:.2e}", estimate.sigma)];
+        let line = |(name, estimate): (&str, Option<Estimate>)| {
+            let mut row = vec![name.to_owned()];
+            row.extend(estimate.map_or_else(|| vec!["-".into(), String::new()], cell));
+            row
+        };
+        let title = format!("{}, impact {}", results.body_name(impact.body), impact.number + 1);
+        let mut rows = vec![vec![title, "value".into(), "sigma".into()]];
+        rows.extend(impact.numbers().into_iter().map(line));
+        say(&table(&rows));
+    }
+}
+
+fn as_json(impact: &Impact, results: &Recording) -> serde_json::Value {
+    let mut row = serde_json::Map::new();
+    row.insert("body".into(), results.body_name(impact.body).into());
+    for (name, estimate) in impact.numbers() {
+        row.insert(name.to_owned(), estimate.map(|estimate| estimate.value).into());
+        row.insert(format!("sigma_{name}"), estimate.map(|estimate| estimate.sigma).into());
+    }
+    row.insert("force_law".into(), impact.force_law.word().into());
+    row.insert("status".into(), impact.status.word().into());
+    serde_json::Value::Object(row)
+}

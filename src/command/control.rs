@@ -1,0 +1,33 @@
+//! `ricochet arm`, `disarm` and `trigger`.
+
+use super::{Outcome, UsageError, say};
+use crate::bus::{Bus, BusError};
+use crate::message::{Command, ReplyCode};
+use std::time::Duration;
+
+const PATIENCE: Duration = Duration::from_secs(2);
+
+/// Asks a running rig to do something and tells its answer.
+///
+/// # Errors
+///
+/// When no such rig runs, nobody answers, or the rig refuses.
+pub fn run(rig: &str, command: Command, json: bool) -> anyhow::Result<Outcome> {
+    let bus = Bus::join(rig, "control")?;
+    let reply = bus.control_client()?.ask(command, PATIENCE)?;
+    let Some(reply) = reply else {
+        return Err(BusError::NoRig { rig: rig.to_owned(), service: format!("ricochet/{rig}/control") }.into());
+    };
+    let code = ReplyCode::from_number(reply.code).unwrap_or(ReplyCode::Unknown);
+    if json {
+        let answer = serde_json::json!({
+            "accepted": code == ReplyCode::Accepted, "answer": code.sentence(), "armed": reply.armed == 1,
+            "recordings": reply.recordings, "sequence": reply.sequence,
+        });
+        say(&answer.to_string());
+    }
+    if code != ReplyCode::Accepted {
+        return Err(UsageError(format!("rig {rig:?}: {}", code.sentence())).into());
+    }
+    Ok(Outcome::Clean)
+}

@@ -1,0 +1,184 @@
+//! `ricochet demo`: the whole line with nothing attached, judged against the truth.
+
+use super::analyze::last_revisions;
+use super::{Outcome, UsageError, progress, say, table};
+use crate::config::Config;
+use crate::message::Role;
+use crate::process::{self, Child, Stop};
+use crate::recording::Recording;
+use crate::results::{Estimate, Impact};
+use std::path::{Path, PathBuf};
+
+const BUILT_IN: [(&str, &str); 1] = [("lacrosse", include_str!("../../config/lacrosse.toml"))];
+
+/// The rig file of a built-in experiment.
+pub(super) fn built_in_config(name: &str) -> Option<&'static str> {
+    BUILT_IN.iter().find(|(known, _)| *known == name).map(|(_, text)| *text)
+}
+
+/// Which experiment to run, and where to.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct DemoOptions {
+    /// Name of the experiment.
+    pub experiment: String,
+    /// Directory of the recording; the rig file's own when absent.
+    pub output: Option<PathBuf>,
+    /// Number of workers.
+    pub workers: Option<u32>,
+    /// Tell the comparison as JSON.
+    pub json: bool,
+}
+
+/// A measured number may be off by this much.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Tolerance {
+    /// This share of the true value.
+    Share(f64),
+    /// This many frames.
+    Frames(f64),
+    /// Told, not judged.
+    Free,
+}
+
+/// What is compared: column, heading, unit, factor from the column's unit, tolerance.
+type Line = (&'static str, &'static str, &'static str, f64, Tolerance);
+
+const LINES: [Line; 12] = [
+    ("vn_before_m_s", "normal speed before", "m/s", 1.0, Tolerance::Share(0.01)),
+    ("vn_after_m_s", "normal speed after", "m/s", 1.0, Tolerance::Share(0.01)),
+    ("vt_before_m_s", "tangential speed before", "m/s", 1.0, Tolerance::Share(0.01)),
+    ("vt_after_m_s", "tangential speed after", "m/s", 1.0, Tolerance::Share(0.01)),
+    ("omega_before_rad_s", "spin before", "rad/s", 1.0, Tolerance::Free),
+    ("omega_after_rad_s", "spin after", "rad/s", 1.0, Tolerance::Share(0.05)),
+    ("restitution", "restitution", "", 1.0, Tolerance::Share(0.01)),
+    ("start_s", "contact starts", "ms", 1e3, Tolerance::Frames(1.0)),
+    ("deepest_s", "deepest", "ms", 1e3, Tolerance::Frames(1.0)),
+    ("end_s", "contact ends", "ms", 1e3, Tolerance::Frames(1.0)),
+    ("contact_time_s", "contact lasts", "ms", 1e3, Tolerance::Frames(2.0)),
+    ("compression_max_mm", "compressed by", "mm", 1.0, Tolerance::Free),
+];
+
+/// Runs a simulated rig with all its processes and prints what it measured beside the truth.
+///
+/// # Errors
+///
+/// When the rig cannot be run, or what it measured is off by more than it may be.
+pub fn run(options: &DemoOptions, stop: &Stop) -> anyhow::Result<Outcome> {
+    let config = config(options)?;
+    let total = process::truth_world(&config)?.map_or(0, |world| world.frames());
+    let bar = progress::frames(total, "measure");
+    let tracker = Child { role: Role::Track, index: 0 };
+    let summary = process::supervise(&config, stop, |told| {
+        if let Some(status) = told.get(&tracker) {
+            bar.set_position(status.given.min(total));
+        }
+    })?;
+    bar.finish_and_clear();
+    if stop.requested() {
+        return Ok(Outcome::of_losses(summary.losses()));
+    }
+    let Some(path) = summary.recordings.last() else {
+        anyhow::bail!("the rig ended without a recording");
+    };
+    let agrees = compare(path, options.json)?;
+    if !agrees {
+        anyhow::bail!("the measurement is off by more than it may be; the recording is {}", path.display());
+    }
+    Ok(Outcome::of_losses(summary.losses()))
+}
+
+fn config(options: &DemoOptions) -> anyhow::Result<Config> {
+    let name = &options.experiment;
+    let Some(text) = built_in_config(name) else {
+        let known = BUILT_IN.map(|(name, _)| name).join(", ");
+        return Err(UsageError(format!("experiment {name:?} is not one of: {known}")).into());
+    };
+    let config = Config::parse(text, &format!("{name}.toml"))?;
+    let rig = format!("demo-{}", std::process::id());
+    let mut changes = vec![("rig.name", rig.into()), ("camera.paced", false.into())];
+    if let Some(directory) = &options.output {
+        changes.push(("record.directory", directory.display().to_string().into()));
+    }
+    if let Some(workers) = options.workers {
+        changes.push(("workers.count", i64::from(workers).into()));
+    }
+    Ok(config.with(&changes)?)
+}
+
+/// Prints the table; `true` when everything judged is within its tolerance.
+fn compare(path: &Path, json: bool) -> anyhow::Result<bool> {
+    let recording = Recording::open(path)?;
+    let measured = last_revisions(&recording)?;
+    let truths = recording.truth_impacts()?.collect::<Result<Vec<_>, _>>()?;
+    let [truth] = &truths[..] else {
+        anyhow::bail!("{}: expected the truth of one impact, found {}", path.display(), truths.len());
+    };
+    let [measured] = &measured[..] else {
+        anyhow::bail!("{}: expected one impact, measured {}", path.display(), measured.len());
+    };
+    let rate_hz = recording.metadata().get("frame_rate_hz").and_then(|text| text.parse::<f64>().ok());
+    let frame_s = 1.0 / rate_hz.unwrap_or(f64::NAN);
+    let compared: Vec<Compared> = LINES.iter().map(|line| Compared::new(line, measured, truth, frame_s)).collect();
+    if json {
+        let rows: Vec<_> = compared.iter().map(Compared::as_json).collect();
+        say(&serde_json::json!({ "recording": path, "compared": rows }).to_string());
+    } else {
+        let header = ["", "measured", "+-", "true", "error", "", ""].map(str::to_owned).to_vec();
+        let rows: Vec<_> = std::iter::once(header).chain(compared.iter().map(Compared::as_row)).collect();
+        say(&table(&rows));
+        say(&format!("\nrecording: {}", path.display()));
+    }
+    Ok(compared.iter().all(|compared| compared.within))
+}
+
+struct Compared {
+    column: &'static str,
+    heading: &'static str,
+    unit: &'static str,
+    factor: f64,
+    measured: Option<Estimate>,
+    truth: Option<f64>,
+    within: bool,
+}
+
+impl Compared {
+    fn new(line: &Line, measured: &Impact, truth: &Impact, frame_s: f64) -> Self {
+        let (column, heading, unit, factor, tolerance) = *line;
+        let of = |impact: &Impact| {
+            impact.numbers().into_iter().find(|(name, _)| *name == column).and_then(|(_, estimate)| estimate)
+        };
+        let (measured, truth) = (of(measured), of(truth).map(|estimate| estimate.value));
+        let error = measured.zip(truth).map(|(measured, truth)| (measured.value - truth).abs());
+        let allowed = truth.map(|truth| match tolerance {
+            Tolerance::Share(share) => share * truth.abs(),
+            Tolerance::Frames(frames) => frames * frame_s,
+            Tolerance::Free => f64::INFINITY,
+        });
+        let within = match (error, allowed) {
+            (Some(error), Some(allowed)) => error <= allowed,
+            _ => tolerance == Tolerance::Free,
+        };
+        Self { column, heading, unit, factor, measured, truth, within }
+    }
+
+    fn as_row(&self) -> Vec<String> {
+        let number = |value: Option<f64>| value.map_or_else(|| "-".into(), |value| format!("{:.4}", value * self.factor));
+        let error = self.measured.zip(self.truth).map(|(measured, truth)| measured.value - truth);
+        vec![
+            self.heading.to_owned(),
+            number(self.measured.map(|estimate| estimate.value)),
+            number(self.measured.map(|estimate| estimate.sigma)),
+            number(self.truth),
+            number(error),
+            self.unit.to_owned(),
+            if self.within { String::new() } else { "off".into() },
+        ]
+    }
+
+    fn as_json(&self) -> serde_json::Value {
+        serde_json::json!({
+            "name": self.column, "measured": self.measured.map(|estimate| estimate.value),
+            "sigma": self.measured.map(|estimate| estimate.sigma), "true": self.truth, "within": self.within,
+        })
+    }
+}

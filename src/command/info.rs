@@ -1,0 +1,263 @@
+//! `ricochet info`: what a recording holds, and what is wrong with it.
+
+use crate::recording::{Recording, RecordingError};
+use serde::Serialize;
+use std::collections::BTreeMap;
+use std::fmt::Write as _;
+use std::io::{self, Write as _};
+use std::path::PathBuf;
+
+/// Gaps listed one by one; the rest is counted.
+const GAPS: usize = 100;
+
+/// What to look at, and how to print it.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct InfoOptions {
+    /// The recording.
+    pub file: PathBuf,
+    /// JSON instead of a table for people.
+    pub json: bool,
+}
+
+/// Everything `info` finds out.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Info {
+    /// The file.
+    pub file: PathBuf,
+    /// Its size.
+    pub bytes: u64,
+    /// The program that wrote it.
+    pub library: String,
+    /// Where and why it stops being readable.
+    pub truncated: Option<String>,
+    /// Everything damaged in it.
+    pub damage: Vec<String>,
+    /// Its frames, when it has any that can be read.
+    pub frames: Option<FramesInfo>,
+    /// Why its frames cannot be read, or not all of them.
+    pub frames_error: Option<String>,
+    /// Its topics.
+    pub topics: Vec<TopicInfo>,
+    /// Names of the bodies.
+    pub bodies: Vec<String>,
+    /// Its metadata records.
+    pub metadata: BTreeMap<String, BTreeMap<String, String>>,
+    /// Names and sizes of its attachments, bytes.
+    pub attachments: BTreeMap<String, u64>,
+}
+
+/// A topic and how much it holds.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+pub struct TopicInfo {
+    /// Its name.
+    pub topic: String,
+    /// Name of its messages' schema.
+    pub schema: String,
+    /// How its messages are encoded.
+    pub encoding: String,
+    /// How many there are.
+    pub messages: u64,
+}
+
+/// The frames of a recording.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct FramesInfo {
+    /// How many can be read.
+    pub count: u64,
+    /// Pixels a row.
+    pub width_px: u32,
+    /// Rows.
+    pub height_px: u32,
+    /// Pixel layout.
+    pub pixel_format: &'static str,
+    /// Frames a second, lost ones counted.
+    pub frame_rate_hz: Option<f64>,
+    /// First and last sequence number.
+    pub sequence: [u64; 2],
+    /// First and last exposure start, ns since the Unix epoch.
+    pub stamp_ns: [u64; 2],
+    /// Time from the first to the last.
+    pub duration_s: f64,
+    /// How often the camera was opened anew in between.
+    pub reopened: u64,
+    /// Frames missing by their sequence numbers; `None` where the file has none.
+    pub lost: Option<u64>,
+    /// Places where frames are missing.
+    pub gap_count: u64,
+    /// The first of them.
+    pub gaps: Vec<Gap>,
+}
+
+/// A place where frames are missing.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+pub struct Gap {
+    /// Sequence number of the last frame before it.
+    pub after: u64,
+    /// How many are missing.
+    pub lost: u64,
+}
+
+/// Prints what the recording holds; returns it.
+///
+/// # Errors
+///
+/// [`RecordingError`] when it cannot be opened at all, or the output is closed.
+pub fn run(options: &InfoOptions) -> Result<Info, RecordingError> {
+    let info = look(&Recording::open(&options.file)?)?;
+    let mut text = match options.json {
+        true => serde_json::to_string_pretty(&info).unwrap_or_default(),
+        false => table(&info),
+    };
+    text.push('\n');
+    let written = io::stdout().lock().write_all(text.as_bytes());
+    written.map_err(|source| RecordingError::Io { action: "print", path: options.file.clone(), source })?;
+    Ok(info)
+}
+
+/// Reads the whole recording, every CRC checked.
+///
+/// # Errors
+///
+/// [`RecordingError::Io`] when the system refuses.
+pub fn look(recording: &Recording) -> Result<Info, RecordingError> {
+    let (frames, frames_error) = frames(recording)?;
+    let topics = recording.topics().into_iter();
+    Ok(Info {
+        file: recording.path().to_path_buf(),
+        bytes: recording.bytes(),
+        library: recording.library().into(),
+        truncated: recording.truncated().map(Into::into),
+        damage: recording.verify()?,
+        frames,
+        frames_error,
+        topics: topics
+            .map(|t| TopicInfo { topic: t.topic, schema: t.schema, encoding: t.encoding, messages: t.messages })
+            .collect(),
+        bodies: recording.bodies().to_vec(),
+        metadata: recording.metadata_records().iter().cloned().collect(),
+        attachments: recording.attachments().into_iter().map(|a| (a.name, a.bytes)).collect(),
+    })
+}
+
+fn frames(recording: &Recording) -> Result<(Option<FramesInfo>, Option<String>), RecordingError> {
+    let frames = match recording.frames() {
+        Ok(frames) => frames,
+        Err(error @ RecordingError::Invalid { .. }) => return Ok((None, Some(error.to_string()))),
+        Err(error) => return Err(error),
+    };
+    let mut info: Option<FramesInfo> = None;
+    let mut problem = None;
+    let mut epoch = 0;
+    for frame in frames {
+        let meta = match frame {
+            Ok((meta, _)) => meta,
+            Err(error @ RecordingError::Io { .. }) => return Err(error),
+            Err(error) => {
+                problem.get_or_insert(error.to_string());
+                continue;
+            }
+        };
+        let info = info.get_or_insert_with(|| {
+            epoch = meta.epoch;
+            FramesInfo {
+                count: 0,
+                width_px: meta.width_px,
+                height_px: meta.height_px,
+                pixel_format: meta.format.word(),
+                frame_rate_hz: None,
+                sequence: [meta.sequence; 2],
+                stamp_ns: [meta.stamp_ns; 2],
+                duration_s: 0.0,
+                reopened: 0,
+                lost: recording.is_ours().then_some(0),
+                gap_count: 0,
+                gaps: Vec::new(),
+            }
+        });
+        if meta.epoch == epoch {
+            info.step(meta.sequence);
+        } else {
+            info.reopened += 1;
+            epoch = meta.epoch;
+        }
+        info.count += 1;
+        info.sequence[1] = meta.sequence;
+        info.stamp_ns[1] = meta.stamp_ns;
+    }
+    if let Some(info) = &mut info {
+        info.duration_s = info.stamp_ns[1].saturating_sub(info.stamp_ns[0]) as f64 / 1e9;
+        info.frame_rate_hz = recording.frame_rate_hz().ok().flatten();
+    }
+    Ok((info, problem))
+}
+
+impl FramesInfo {
+    fn step(&mut self, sequence: u64) {
+        let after = self.sequence[1];
+        let missing = sequence.saturating_sub(after).saturating_sub(1);
+        if let Some(lost) = self.lost.as_mut().filter(|_| missing > 0) {
+            *lost = lost.saturating_add(missing);
+            self.gap_count += 1;
+            if self.gaps.len() < GAPS {
+                self.gaps.push(Gap { after, lost: missing });
+            }
+        }
+    }
+}
+
+/// The table for people.
+fn table(info: &Info) -> String {
+    let mut text = String::new();
+    let mut line = |name: &str, value: String| {
+        // Names come from the file, and a terminal obeys control characters.
+        let value: String = value.chars().map(|c| if c.is_control() { '?' } else { c }).collect();
+        let _ = writeln!(text, "{name:<14}{value}");
+    };
+    line("file", info.file.display().to_string());
+    line("size", format!("{} bytes", info.bytes));
+    line("written by", info.library.clone());
+    line("complete", info.truncated.clone().map_or("yes".into(), |reason| format!("NO, {reason}")));
+    for damage in &info.damage {
+        line("damage", damage.clone());
+    }
+    match (&info.frames, &info.frames_error) {
+        (Some(frames), _) => frame_lines(frames, &mut line),
+        (None, reason) => line("frames", format!("none: {}", reason.clone().unwrap_or_default())),
+    }
+    if let (Some(_), Some(problem)) = (&info.frames, &info.frames_error) {
+        line("unreadable", problem.clone());
+    }
+    for topic in &info.topics {
+        line("topic", format!("{:<22}{:>9}  {} ({})", topic.topic, topic.messages, topic.schema, topic.encoding));
+    }
+    if !info.bodies.is_empty() {
+        line("bodies", info.bodies.join(", "));
+    }
+    for (name, entries) in &info.metadata {
+        for (key, value) in entries {
+            line("metadata", format!("{name}: {key} = {value}"));
+        }
+    }
+    for (name, bytes) in &info.attachments {
+        line("attached", format!("{name} ({bytes} bytes)"));
+    }
+    text.trim_end().to_owned()
+}
+
+fn frame_lines(frames: &FramesInfo, line: &mut impl FnMut(&str, String)) {
+    let rate = frames.frame_rate_hz.map_or("rate unknown".into(), |rate| format!("{rate:.3} frames/s"));
+    let (width, height) = (frames.width_px, frames.height_px);
+    line("frames", format!("{} of {width}x{height} {}, {rate}", frames.count, frames.pixel_format));
+    line("sequence", format!("{} to {}", frames.sequence[0], frames.sequence[1]));
+    line("time", format!("{:.6} s from {} ns", frames.duration_s, frames.stamp_ns[0]));
+    if frames.reopened > 0 {
+        line("reopened", format!("{} times", frames.reopened));
+    }
+    match frames.lost {
+        None => line("lost", "not known: its frames carry no numbers".into()),
+        Some(lost) => line("lost", format!("{lost} frames in {} gaps", frames.gap_count)),
+    }
+    for gap in &frames.gaps {
+        line("gap", format!("{} frames after {}", gap.lost, gap.after));
+    }
+}

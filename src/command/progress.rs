@@ -1,0 +1,13 @@
+//! Bars for work that takes a while; nothing when nobody looks.
+
+use indicatif::{ProgressBar, ProgressStyle};
+
+/// A bar over `total` frames on standard error, hidden when that is not a terminal.
+pub fn frames(total: u64, what: &'static str) -> ProgressBar {
+    let bar = ProgressBar::new(total);
+    let template = "{prefix:10} [{bar:40}] {pos}/{len} frames, {per_sec}, {eta} left";
+    if let Ok(style) = ProgressStyle::with_template(template) {
+        bar.set_style(style.progress_chars("=> "));
+    }
+    bar.with_prefix(what)
+}

@@ -1,0 +1,71 @@
+//! `ricochet run` and the roles it starts.
+
+use super::Outcome;
+use crate::config::Config;
+use crate::message::Role;
+use crate::process::{self, Stop, Summary};
+use std::io::Read;
+use std::path::{Path, PathBuf};
+
+/// What one process of a rig is started with.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct RoleOptions {
+    /// The rig file; `-` reads it from standard input.
+    pub config: PathBuf,
+    /// What errors call a file from standard input.
+    pub origin: Option<String>,
+    /// Which worker, from 0.
+    pub worker: u32,
+    /// Newest frame that a dead predecessor told of.
+    pub resume: Option<u64>,
+}
+
+/// Runs one process of a rig until its stream ends or it is stopped.
+///
+/// # Errors
+///
+/// What the process meets.
+pub fn role(role: Role, options: &RoleOptions, stop: &Stop) -> anyhow::Result<Outcome> {
+    let config = load(&options.config, options.origin.as_deref())?;
+    if options.worker >= config.workers.count {
+        let (worker, count) = (options.worker, config.workers.count);
+        let most = count - 1;
+        return Err(super::UsageError(format!("--worker {worker}: the rig has {count} workers, 0 to {most}")).into());
+    }
+    let resumed = options.resume.is_some();
+    let summary = match role {
+        Role::Acquire => process::acquire(&config, stop)?,
+        Role::Correlate => process::correlate(&config, options.worker, resumed, stop)?,
+        Role::Track => process::track(&config, options.resume, stop)?,
+        Role::Record => process::record(&config, resumed, stop)?,
+        Role::Supervise => process::supervise(&config, stop, |_| ())?,
+    };
+    Ok(outcome(&summary))
+}
+
+/// Runs a whole rig until its stream ends or it is stopped; tells where the recordings lie.
+///
+/// # Errors
+///
+/// When a process cannot be started, or cannot go on.
+pub fn run(config: &Path, stop: &Stop) -> anyhow::Result<Outcome> {
+    let config = load(config, None)?;
+    let summary = process::supervise(&config, stop, |_| ())?;
+    for path in &summary.recordings {
+        super::say(&path.display().to_string());
+    }
+    Ok(outcome(&summary))
+}
+
+fn outcome(summary: &Summary) -> Outcome {
+    Outcome::of_losses(summary.losses())
+}
+
+fn load(path: &Path, origin: Option<&str>) -> anyhow::Result<Config> {
+    if path != Path::new("-") {
+        return Ok(Config::load(path)?);
+    }
+    let mut text = String::new();
+    std::io::stdin().read_to_string(&mut text)?;
+    Ok(Config::parse(&text, origin.unwrap_or("standard input"))?)
+}

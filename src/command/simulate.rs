@@ -1,0 +1,78 @@
+//! `ricochet simulate`: the video generator.
+
+use super::{Outcome, UsageError, progress, say};
+use crate::camera::{CameraIdentity, StreamFormat, simulated};
+use crate::config::Config;
+use crate::image::Frame;
+use crate::process::recording_info;
+use crate::recording::{RecordingWriter, WriterOptions};
+use crate::synth::{Scenario, World};
+use std::path::PathBuf;
+
+/// What to draw, and where to.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct SimulateOptions {
+    /// A built-in scenario or the path of a scenario file.
+    pub scenario: String,
+    /// The recording to write.
+    pub output: PathBuf,
+    /// Tell the result as JSON.
+    pub json: bool,
+}
+
+/// Draws every frame of a scenario into a recording, with the truth beside it.
+///
+/// # Errors
+///
+/// When the scenario is unknown or wrong, or the recording cannot be written.
+pub fn run(options: &SimulateOptions) -> anyhow::Result<Outcome> {
+    let scenario = simulated::load_scenario(&options.scenario)?;
+    let world = World::new(&scenario)?;
+    let config = config(&scenario, &options.scenario)?;
+    let format = simulated::stream_format(&world);
+    let camera = CameraIdentity { model: "simulated".into(), serial: options.scenario.clone() };
+    let info = recording_info(&config, &format, &camera, "none: simulated");
+    if options.output.exists() {
+        return Err(UsageError(format!("{}: the file exists already", options.output.display())).into());
+    }
+    let mut writer = RecordingWriter::create(&options.output, &info, &WriterOptions::default())?;
+    if let Some(impact) = world.impact() {
+        writer.truth_impact(&impact)?;
+    }
+    draw(&world, &format, &mut writer)?;
+    let finished = writer.finish()?;
+    if options.json {
+        let told = serde_json::json!({
+            "path": finished.path, "frames": finished.frames, "bytes": finished.bytes,
+        });
+        say(&told.to_string());
+    }
+    Ok(Outcome::Clean)
+}
+
+fn draw(world: &World, format: &StreamFormat, writer: &mut RecordingWriter) -> anyhow::Result<()> {
+    let mut bytes = vec![0; format.slot_bytes()];
+    let bar = progress::frames(world.frames(), "simulate");
+    for index in 0..world.frames() {
+        world.render(index, &mut bytes);
+        writer.frame(&Frame { meta: simulated::meta(&world, index), bytes: &bytes })?;
+        writer.truth(&world.truth(index))?;
+        bar.inc(1);
+    }
+    bar.finish_and_clear();
+    Ok(())
+}
+
+/// The rig that would have filmed it: what measures the recording when nothing else is said.
+fn config(scenario: &Scenario, name: &str) -> anyhow::Result<Config> {
+    let built_in = format!("{name}.toml");
+    if let Some(text) = super::demo::built_in_config(name) {
+        return Ok(Config::parse(text, &built_in)?);
+    }
+    let text = format!(
+        "[rig]\nname = \"simulated\"\n\n[camera]\nsource = \"simulated\"\nscenario = {}\npaced = false\n\n[scale]\nmm_per_px = {:?}\n",
+        toml_edit::Value::from(name),
+        scenario.scale.mm_per_px,
+    );
+    Ok(Config::parse(&text, &built_in)?)
+}

@@ -1,0 +1,77 @@
+//! `ricochet status`: how a running rig is doing.
+
+use super::{Outcome, say, table};
+use crate::bus::{Bus, BusError};
+use crate::message::{Role, StatusMessage};
+use std::collections::BTreeMap;
+use std::time::Duration;
+
+/// Every process tells its status five times a second.
+const LISTEN: Duration = Duration::from_millis(600);
+const PAUSE: Duration = Duration::from_millis(20);
+
+/// Prints the newest status of every process of the rig.
+///
+/// # Errors
+///
+/// When no such rig runs.
+pub fn run(rig: &str, json: bool) -> anyhow::Result<Outcome> {
+    let bus = Bus::join(rig, "status")?;
+    let topic = bus.listen::<StatusMessage>()?;
+    let mut newest: BTreeMap<(u32, u32), StatusMessage> = BTreeMap::new();
+    for _ in 0..LISTEN.as_millis() / PAUSE.as_millis() {
+        while let Some(status) = topic.take()? {
+            newest.insert((status.role, status.index), status);
+        }
+        std::thread::sleep(PAUSE);
+    }
+    if newest.is_empty() {
+        return Err(BusError::NoRig { rig: rig.to_owned(), service: format!("ricochet/{rig}/status") }.into());
+    }
+    if json {
+        let all: Vec<_> = newest.values().map(as_json).collect();
+        say(&serde_json::json!({ "rig": rig, "processes": all }).to_string());
+    } else {
+        let header = ["process", "pid", "frame", "rate/s", "taken", "given", "lost", "dropped", "queue", "latency", "restarts"];
+        let mut rows = vec![header.map(str::to_owned).to_vec()];
+        rows.extend(newest.values().map(as_row));
+        say(&table(&rows));
+    }
+    Ok(Outcome::Clean)
+}
+
+fn name(status: &StatusMessage) -> String {
+    match Role::from_number(status.role) {
+        Some(Role::Correlate) => format!("correlate {}", status.index),
+        Some(Role::Record) if status.state == 1 => "record (armed)".into(),
+        Some(role) => role.word().into(),
+        None => "?".into(),
+    }
+}
+
+fn as_row(status: &StatusMessage) -> Vec<String> {
+    let latency = if status.latency_s > 0.0 { format!("{:.1} ms", 1e3 * status.latency_s) } else { "-".into() };
+    vec![
+        name(status),
+        status.pid.to_string(),
+        status.sequence.to_string(),
+        format!("{:.0}", status.rate_hz),
+        status.taken.to_string(),
+        status.given.to_string(),
+        status.lost.to_string(),
+        status.dropped.to_string(),
+        format!("{}/{}", status.waiting, status.capacity),
+        latency,
+        status.restarts.to_string(),
+    ]
+}
+
+fn as_json(status: &StatusMessage) -> serde_json::Value {
+    serde_json::json!({
+        "process": Role::from_number(status.role).map_or("?", Role::word),
+        "index": status.index, "pid": status.pid, "state": status.state, "run_id": status.run_id,
+        "sequence": status.sequence, "stamp_ns": status.stamp_ns, "rate_hz": status.rate_hz, "taken": status.taken,
+        "given": status.given, "lost": status.lost, "dropped": status.dropped, "waiting": status.waiting,
+        "capacity": status.capacity, "latency_s": status.latency_s, "restarts": status.restarts,
+    })
+}

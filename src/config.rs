@@ -1,1 +1,0 @@
-//! The rig file: TOML in, checked settings out.

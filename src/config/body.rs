@@ -1,0 +1,116 @@
+//! `[[body]]`: what is followed in the pictures.
+
+use super::check::{Bounds, Table};
+use super::error::ConfigError;
+use super::raw::RawBody;
+use super::text::Text;
+
+/// What kind of thing a body is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum BodyKind {
+    /// A speckled ball: its outline is a circle.
+    Ball,
+}
+
+/// `[[body]]`: one thing that is followed.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Body {
+    /// What results call it: 1 to 32 of `a-z A-Z 0-9 _ -`, no two alike. Default `ball` for the only body.
+    pub name: String,
+    /// What it is, default `ball`.
+    pub kind: BodyKind,
+    /// True diameter, above 0 and at most 10000 mm. With `scale.mm_per_px` it narrows the radii looked for; with
+    /// `scale.ball_diameter_mm` it takes that value's place for this body. Left out: not known.
+    pub diameter_mm: Option<f64>,
+    /// Smallest radius looked for, 2 to 32768 px, less than `max_radius_px`. Left out: 0.8 times the radius that
+    /// `diameter_mm` and `scale.mm_per_px` predict, else 0.04 of the image's smaller side.
+    pub min_radius_px: Option<f64>,
+    /// Largest radius looked for, 2 to 32768 px. Left out: 1.25 times the predicted radius, else 0.45 of the
+    /// image's smaller side.
+    pub max_radius_px: Option<f64>,
+    /// Region searched, `[x, y, width, height]` in px, inside the image; left out, the whole image.
+    pub roi_px: Option<[u32; 4]>,
+}
+
+impl Body {
+    fn only_ball() -> Self {
+        Self {
+            name: "ball".into(),
+            kind: BodyKind::Ball,
+            diameter_mm: None,
+            min_radius_px: None,
+            max_radius_px: None,
+            roi_px: None,
+        }
+    }
+}
+
+const BODIES_MAX: usize = 16;
+const RADIUS: Bounds = Bounds::closed(2.0, 32_768.0, "px");
+pub(super) const DIAMETER: Bounds = Bounds::above(0.0, 10_000.0, "mm");
+
+pub(super) fn bodies(
+    text: &Text<'_>,
+    raw: Vec<RawBody>,
+    image_px: Option<(u32, u32)>,
+) -> Result<Vec<Body>, ConfigError> {
+    if raw.is_empty() {
+        return Ok(vec![Body::only_ball()]);
+    }
+    if raw.len() > BODIES_MAX {
+        return Err(text.refuse("body", format!("at most {BODIES_MAX} tables")));
+    }
+    let alone = raw.len() == 1;
+    let mut bodies: Vec<Body> = Vec::new();
+    for (index, raw) in raw.into_iter().enumerate() {
+        let table = Table::new(text, format!("body[{index}]"));
+        let body = body(&table, raw, alone, image_px)?;
+        if bodies.iter().any(|other| other.name == body.name) {
+            return Err(table.refuse("name", "different from the names of the bodies before it"));
+        }
+        bodies.push(body);
+    }
+    Ok(bodies)
+}
+
+fn body(table: &Table<'_>, raw: RawBody, alone: bool, image_px: Option<(u32, u32)>) -> Result<Body, ConfigError> {
+    let kind = kind(table, raw.kind.as_deref())?;
+    let patch_keys = [
+        ("polygon_px", raw.polygon_px.is_some()),
+        ("holes_px", raw.holes_px.is_some()),
+        ("center_px", raw.center_px.is_some()),
+    ];
+    if let Some((key, _)) = patch_keys.iter().find(|(_, given)| *given) {
+        return Err(table.text.out_of_place(&table.key(key), "kind = \"ball\"", "kind = \"patch\""));
+    }
+    let body = Body {
+        name: name(table, raw.name, alone)?,
+        kind,
+        diameter_mm: table.number("diameter_mm", raw.diameter_mm, DIAMETER)?,
+        min_radius_px: table.number("min_radius_px", raw.min_radius_px, RADIUS)?,
+        max_radius_px: table.number("max_radius_px", raw.max_radius_px, RADIUS)?,
+        roi_px: table.region("roi_px", raw.roi_px.as_deref(), image_px)?,
+    };
+    match body.min_radius_px.zip(body.max_radius_px) {
+        Some((min_px, max_px)) if min_px >= max_px => {
+            Err(table.refuse("min_radius_px", format!("less than max_radius_px = {max_px} px")))
+        }
+        _ => Ok(body),
+    }
+}
+
+fn kind(table: &Table<'_>, word: Option<&str>) -> Result<BodyKind, ConfigError> {
+    match word {
+        Some("rod" | "patch") => Err(table.text.not_offered(&table.key("kind"), "allowed: \"ball\"")),
+        word => Ok(table.word("kind", word, &[("ball", BodyKind::Ball)])?.unwrap_or(BodyKind::Ball)),
+    }
+}
+
+fn name(table: &Table<'_>, name: Option<String>, alone: bool) -> Result<String, ConfigError> {
+    let letter = |byte: u8| byte.is_ascii_alphanumeric() || b"_-".contains(&byte);
+    match name {
+        None if alone => Ok("ball".into()),
+        Some(name) if (1..=32).contains(&name.len()) && name.bytes().all(letter) => Ok(name),
+        _ => Err(table.refuse("name", "1 to 32 of the characters a-z A-Z 0-9 _ -")),
+    }
+}

@@ -1,0 +1,232 @@
+//! `[camera]`: where the frames come from.
+
+use super::check::{Bounds, Table, listed};
+use super::error::ConfigError;
+use super::raw::RawCamera;
+use super::text::path_name;
+use crate::image::PixelFormat;
+use std::collections::BTreeMap;
+
+/// Who delivers the frames.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Source {
+    /// Frames are drawn from a scenario whose truth is known.
+    Simulated,
+    /// Frames are read from a recording.
+    Recording,
+    /// A GigE Vision or USB3 Vision camera.
+    Genicam,
+}
+
+impl Source {
+    const WORDS: [(&'static str, Self); 3] =
+        [("simulated", Self::Simulated), ("recording", Self::Recording), ("genicam", Self::Genicam)];
+
+    /// The word used in configurations.
+    pub fn word(self) -> &'static str {
+        match self {
+            Self::Simulated => "simulated",
+            Self::Recording => "recording",
+            Self::Genicam => "genicam",
+        }
+    }
+}
+
+/// The value of a GenICam feature.
+#[derive(Debug, Clone, PartialEq)]
+pub enum FeatureValue {
+    /// `true` or `false`, for boolean features; `true` executes a command.
+    Bool(bool),
+    /// A whole number, for integer features (and float ones: the camera's description decides).
+    Integer(i64),
+    /// A finite number, for float features.
+    Float(f64),
+    /// A text, for enumerations, strings and commands.
+    Text(String),
+}
+
+impl std::fmt::Display for FeatureValue {
+    fn fmt(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::Bool(value) => value.fmt(formatter),
+            Self::Integer(value) => value.fmt(formatter),
+            Self::Float(value) => value.fmt(formatter),
+            Self::Text(value) => value.fmt(formatter),
+        }
+    }
+}
+
+/// `[camera]`: where the frames come from and what they look like.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Camera {
+    /// Who delivers the frames; must be given.
+    pub source: Source,
+    /// Which one: an address, serial number or device name (`genicam`), or the path of an MCAP file
+    /// (`recording`; a relative path starts at the working directory). Both need it, `simulated` has none.
+    pub id: Option<String>,
+    /// What is simulated (`simulated` only): the name of a built-in scenario or the path of a scenario's TOML
+    /// (relative to the working directory). Default `lacrosse`; `None` for other sources.
+    pub scenario: Option<String>,
+    /// Whether frames come in real time (`simulated` and `recording`), default true. When false they come as fast
+    /// as the rig takes them and none is lost; results are the same.
+    pub paced: bool,
+    /// How many times real time a paced `recording` is played, 0.001 to 1000, default 1.
+    pub speed: f64,
+    /// Pixels a row, 16 to 65535 px. `genicam` needs it; a simulated camera takes it from its scenario when left
+    /// out, a recording knows its own.
+    pub width_px: Option<u32>,
+    /// Rows, 16 to 65535 px; needed as `width_px` is.
+    pub height_px: Option<u32>,
+    /// Left edge of the window read from the sensor (`genicam` only), 0 to 65535 px; left out, the camera's own.
+    pub offset_x_px: Option<u32>,
+    /// Upper edge of that window, 0 to 65535 px.
+    pub offset_y_px: Option<u32>,
+    /// Layout of the pixels: `Mono8`, `Mono10`, `Mono12`, `Mono16`. `genicam`: default `Mono8`; `simulated`: the
+    /// scenario's when left out; a recording knows its own.
+    pub pixel_format: Option<PixelFormat>,
+    /// Frames a second, above 0 and at most 1000000 Hz; needed as `width_px` is. With `trigger_source` it is the
+    /// highest rate of triggers expected.
+    pub frame_rate_hz: Option<f64>,
+    /// Exposure, above 0 and at most 10000000 us, no longer than a frame lasts at `frame_rate_hz`; left out, the
+    /// camera's or the scenario's own.
+    pub exposure_us: Option<f64>,
+    /// Each frame waits for this trigger (`genicam` only), a GenICam name such as `Line1` or `Software`; left out,
+    /// the camera runs freely.
+    pub trigger_source: Option<String>,
+    /// Largest network packet (`genicam` over Ethernet only), 576 to 65535 bytes; left out, as large as network card
+    /// and camera allow.
+    pub packet_size_bytes: Option<u32>,
+    /// Any other feature of the camera by its GenICam name (`genicam` only), or `Name[Selector=Word]` for one of
+    /// several behind a selector. Their order does not matter: what the camera refuses at first is tried again once
+    /// the others are set.
+    pub features: BTreeMap<String, FeatureValue>,
+}
+
+impl Camera {
+    /// Width and height of the image where the file gives both, px.
+    pub fn image_px(&self) -> Option<(u32, u32)> {
+        self.width_px.zip(self.height_px)
+    }
+}
+
+const SIZE_PX: std::ops::RangeInclusive<i64> = 16..=65_535;
+const OFFSET_PX: std::ops::RangeInclusive<i64> = 0..=65_535;
+const SPEED: Bounds = Bounds::closed(0.001, 1000.0, "times real time");
+const RATE: Bounds = Bounds::above(0.0, 1.0e6, "Hz");
+const EXPOSURE: Bounds = Bounds::above(0.0, 1.0e7, "us");
+
+pub(super) fn camera(table: &Table<'_>, raw: RawCamera) -> Result<Camera, ConfigError> {
+    let source = source(table, raw.source.as_deref())?;
+    refuse_strangers(table, source, &raw)?;
+    let formats = PixelFormat::ALL.map(|format| (format.word(), format));
+    let camera = Camera {
+        source,
+        scenario: match source {
+            Source::Simulated => table.filled("scenario", raw.scenario)?.or_else(|| Some("lacrosse".into())),
+            Source::Recording | Source::Genicam => None,
+        },
+        id: table.filled("id", raw.id)?,
+        paced: raw.paced.unwrap_or(true),
+        speed: table.number("speed", raw.speed, SPEED)?.unwrap_or(1.0),
+        width_px: table.whole("width_px", raw.width_px, SIZE_PX, "px")?,
+        height_px: table.whole("height_px", raw.height_px, SIZE_PX, "px")?,
+        offset_x_px: table.whole("offset_x_px", raw.offset_x_px, OFFSET_PX, "px")?,
+        offset_y_px: table.whole("offset_y_px", raw.offset_y_px, OFFSET_PX, "px")?,
+        pixel_format: table.word("pixel_format", raw.pixel_format.as_deref(), &formats)?,
+        frame_rate_hz: table.number("frame_rate_hz", raw.frame_rate_hz, RATE)?,
+        exposure_us: table.number("exposure_us", raw.exposure_us, EXPOSURE)?,
+        trigger_source: table.filled("trigger_source", raw.trigger_source)?,
+        packet_size_bytes: table.whole("packet_size_bytes", raw.packet_size_bytes, 576..=65_535, "bytes")?,
+        features: features(table, raw.features)?,
+    };
+    refuse_gaps(table, &camera)?;
+    refuse_long_exposure(table, &camera)?;
+    Ok(Camera {
+        pixel_format: camera.pixel_format.or((source == Source::Genicam).then_some(PixelFormat::Mono8)),
+        ..camera
+    })
+}
+
+fn source(table: &Table<'_>, word: Option<&str>) -> Result<Source, ConfigError> {
+    let words = listed(Source::WORDS.iter().map(|(word, _)| *word));
+    match word {
+        None => Err(table.refuse("source", words)),
+        Some("v4l2") => Err(table.text.not_offered(&table.key("source"), format!("allowed: {words}"))),
+        word => table.word("source", word, &Source::WORDS)?.ok_or_else(|| table.refuse("source", words)),
+    }
+}
+
+/// Refuses keys that the chosen source has no use for, rather than ignoring them.
+fn refuse_strangers(table: &Table<'_>, source: Source, raw: &RawCamera) -> Result<(), ConfigError> {
+    use Source::{Genicam, Recording, Simulated};
+    let keys: [(&str, bool, &[Source]); 14] = [
+        ("id", raw.id.is_some(), &[Recording, Genicam]),
+        ("scenario", raw.scenario.is_some(), &[Simulated]),
+        ("paced", raw.paced.is_some(), &[Simulated, Recording]),
+        ("speed", raw.speed.is_some(), &[Recording]),
+        ("width_px", raw.width_px.is_some(), &[Simulated, Genicam]),
+        ("height_px", raw.height_px.is_some(), &[Simulated, Genicam]),
+        ("offset_x_px", raw.offset_x_px.is_some(), &[Genicam]),
+        ("offset_y_px", raw.offset_y_px.is_some(), &[Genicam]),
+        ("pixel_format", raw.pixel_format.is_some(), &[Simulated, Genicam]),
+        ("frame_rate_hz", raw.frame_rate_hz.is_some(), &[Simulated, Genicam]),
+        ("exposure_us", raw.exposure_us.is_some(), &[Simulated, Genicam]),
+        ("trigger_source", raw.trigger_source.is_some(), &[Genicam]),
+        ("packet_size_bytes", raw.packet_size_bytes.is_some(), &[Genicam]),
+        ("features", !raw.features.is_empty(), &[Genicam]),
+    ];
+    match keys.iter().find(|(_, given, sources)| *given && !sources.contains(&source)) {
+        None => Ok(()),
+        Some((key, _, sources)) => {
+            let belongs_to = format!("source = {}", listed(sources.iter().map(|source| source.word())));
+            Err(table.text.out_of_place(&table.key(key), &format!("source = {:?}", source.word()), &belongs_to))
+        }
+    }
+}
+
+fn refuse_gaps(table: &Table<'_>, camera: &Camera) -> Result<(), ConfigError> {
+    if camera.id.is_none() && camera.source == Source::Recording {
+        return Err(table.refuse("id", "the path of an MCAP file for source = \"recording\""));
+    }
+    if camera.source != Source::Genicam {
+        return Ok(());
+    }
+    let needed = |what: &str| format!("{what} for source = \"genicam\"");
+    if camera.id.is_none() {
+        return Err(table.refuse("id", needed("the address, serial number or name of a camera")));
+    }
+    for (key, value) in [("width_px", camera.width_px), ("height_px", camera.height_px)] {
+        if value.is_none() {
+            return Err(table.refuse(key, needed("16 to 65535 px")));
+        }
+    }
+    if camera.frame_rate_hz.is_none() {
+        return Err(table.refuse("frame_rate_hz", needed("above 0 and at most 1000000 Hz")));
+    }
+    Ok(())
+}
+
+fn refuse_long_exposure(table: &Table<'_>, camera: &Camera) -> Result<(), ConfigError> {
+    match camera.exposure_us.zip(camera.frame_rate_hz) {
+        Some((exposure_us, rate_hz)) if exposure_us > 1.0e6 / rate_hz => Err(table.refuse(
+            "exposure_us",
+            format!("at most {} us, as long as a frame at {rate_hz} Hz lasts", 1.0e6 / rate_hz),
+        )),
+        _ => Ok(()),
+    }
+}
+
+fn features(
+    table: &Table<'_>,
+    raw: BTreeMap<String, toml::Value>,
+) -> Result<BTreeMap<String, FeatureValue>, ConfigError> {
+    let value = |name: &str, raw: toml::Value| match raw {
+        toml::Value::Boolean(value) => Ok(FeatureValue::Bool(value)),
+        toml::Value::Integer(value) => Ok(FeatureValue::Integer(value)),
+        toml::Value::Float(value) if value.is_finite() => Ok(FeatureValue::Float(value)),
+        toml::Value::String(value) => Ok(FeatureValue::Text(value)),
+        _ => Err(table
+            .refuse(&format!("features.{}", path_name(name)), "true or false, a finite number, or a text in quotes")),
+    };
+    raw.into_iter().map(|(name, raw)| Ok((name.clone(), value(&name, raw)?))).collect()
+}

@@ -1,0 +1,127 @@
+//! `[trigger]`, `[record]`, `[workers]`: what is kept, and who does the work.
+
+use super::check::{Bounds, Table, listed};
+use super::error::ConfigError;
+use super::raw::{RawRecord, RawTrigger, RawWorkers};
+use std::path::PathBuf;
+
+/// What starts a shot.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum TriggerMode {
+    /// Nothing: with a `[record]` table the whole stream becomes one recording.
+    Off,
+    /// The command `ricochet trigger`, or a program that asks for it.
+    Software,
+    /// Something moves in the picture.
+    Motion,
+}
+
+/// `[trigger]`: what starts a shot and how much of the stream belongs to it.
+///
+/// With mode `off` the other values are checked and otherwise unused.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Trigger {
+    /// Default `off`.
+    pub mode: TriggerMode,
+    /// Mean absolute change of the grey level from a frame to the next, over `roi_px`, that counts as motion: above
+    /// 0 and at most 65535 DN, default 5 (noise of standard deviation s alone changes the level by 1.13 s). For
+    /// mode `motion`.
+    pub threshold_dn: f64,
+    /// Region watched, `[x, y, width, height]` in px, inside the image; left out, the whole image. For mode `motion`.
+    pub roi_px: Option<[u32; 4]>,
+    /// Time kept from before the trigger, 0 to 60 s, default 0.05; the ring of frames must hold it.
+    pub pre_s: f64,
+    /// Time kept from the trigger on, above 0 and at most 3600 s, default 0.1.
+    pub post_s: f64,
+    /// Whether the rig arms itself again after a shot, default true; otherwise it waits for `ricochet arm`.
+    pub rearm: bool,
+}
+
+/// How the image chunks of a recording are packed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Compression {
+    /// As they are: the fastest to write.
+    None,
+    /// Zstandard: about a quarter smaller for noisy pictures, several times slower to write.
+    Zstd,
+}
+
+/// `[record]`: where recordings go; without this table nothing is kept.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Record {
+    /// Folder of the recordings, made when missing; must be given. A relative path starts at the working directory.
+    pub directory: PathBuf,
+    /// `none` or `zstd`, default `none`.
+    pub compression: Compression,
+    /// Whether the frames themselves are kept, default true; false keeps only what was measured, and such a
+    /// recording cannot be analysed again.
+    pub raw_frames: bool,
+    /// Largest size of the ring of frames in memory, 1048576 (1 MiB) to 1099511627776 bytes (1 TiB). `trigger.pre_s`
+    /// that does not fit is refused. Left out: no bound but the machine's memory.
+    pub ring_bytes_max: Option<u64>,
+}
+
+/// `[workers]`: how the measuring is shared out.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Workers {
+    /// Number of correlation processes, 1 to 64; default: one less than the machine has processors, at least 1.
+    /// Results do not depend on it.
+    pub count: u32,
+    /// Frames a worker measures in one go, 4 to 256 frames, default 16. Results depend on it, which is why it stands
+    /// in the file: each block is measured on its own.
+    pub block_frames: u32,
+}
+
+const TRIGGER_WORDS: [(&str, TriggerMode); 3] =
+    [("off", TriggerMode::Off), ("software", TriggerMode::Software), ("motion", TriggerMode::Motion)];
+const WORKERS_MAX: u32 = 64;
+
+pub(super) fn trigger(
+    table: &Table<'_>,
+    raw: &RawTrigger,
+    image_px: Option<(u32, u32)>,
+) -> Result<Trigger, ConfigError> {
+    let threshold = Bounds::above(0.0, 65_535.0, "DN");
+    Ok(Trigger {
+        mode: trigger_mode(table, raw.mode.as_deref())?,
+        threshold_dn: table.number("threshold_dn", raw.threshold_dn, threshold)?.unwrap_or(5.0),
+        roi_px: table.region("roi_px", raw.roi_px.as_deref(), image_px)?,
+        pre_s: table.number("pre_s", raw.pre_s, Bounds::closed(0.0, 60.0, "s"))?.unwrap_or(0.05),
+        post_s: table.number("post_s", raw.post_s, Bounds::above(0.0, 3600.0, "s"))?.unwrap_or(0.1),
+        rearm: raw.rearm.unwrap_or(true),
+    })
+}
+
+fn trigger_mode(table: &Table<'_>, word: Option<&str>) -> Result<TriggerMode, ConfigError> {
+    match word {
+        Some("hardware" | "predicted-contact") => {
+            let words = listed(TRIGGER_WORDS.iter().map(|(word, _)| *word));
+            Err(table.text.not_offered(&table.key("mode"), format!("allowed: {words}")))
+        }
+        word => Ok(table.word("mode", word, &TRIGGER_WORDS)?.unwrap_or(TriggerMode::Off)),
+    }
+}
+
+pub(super) fn record(table: &Table<'_>, raw: RawRecord) -> Result<Record, ConfigError> {
+    let directory = table.filled("directory", raw.directory)?;
+    let words = [("none", Compression::None), ("zstd", Compression::Zstd)];
+    Ok(Record {
+        directory: directory.ok_or_else(|| table.refuse("directory", "the path of a folder"))?.into(),
+        compression: table.word("compression", raw.compression.as_deref(), &words)?.unwrap_or(Compression::None),
+        raw_frames: raw.raw_frames.unwrap_or(true),
+        ring_bytes_max: table.whole("ring_bytes_max", raw.ring_bytes_max, 1 << 20..=1 << 40, "bytes")?,
+    })
+}
+
+pub(super) fn workers(table: &Table<'_>, raw: &RawWorkers) -> Result<Workers, ConfigError> {
+    Ok(Workers {
+        count: table.whole("count", raw.count, 1..=i64::from(WORKERS_MAX), "")?.unwrap_or_else(count_for_this_machine),
+        block_frames: table.whole("block_frames", raw.block_frames, 4..=256, "frames")?.unwrap_or(16),
+    })
+}
+
+/// One processor is left to the camera, the tracker and the recorder.
+fn count_for_this_machine() -> u32 {
+    let processors = std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
+    u32::try_from(processors.saturating_sub(1)).unwrap_or(WORKERS_MAX).clamp(1, WORKERS_MAX)
+}

@@ -1,0 +1,60 @@
+//! `[correlation]`: how displacements are found.
+
+use super::check::{Bounds, Table};
+use super::error::ConfigError;
+use super::raw::RawCorrelation;
+use crate::dic::{CorrelationParams, Method, Shape, WindowShape};
+
+const METHODS: [(&str, Method); 4] = [
+    ("spline-fft", Method::SplineFft),
+    ("peak-gaussian", Method::PeakGaussian),
+    ("peak-spline", Method::PeakSpline),
+    ("ic-gn", Method::IcGn),
+];
+const SHAPES: [(&str, Shape); 4] = [
+    ("translation", Shape::Translation),
+    ("rigid", Shape::Rigid),
+    ("affine", Shape::Affine),
+    ("quadratic", Shape::Quadratic),
+];
+const WINDOWS: [(&str, WindowShape); 3] =
+    [("square", WindowShape::Square), ("circle", WindowShape::Circle), ("ring", WindowShape::Ring)];
+
+pub(super) fn correlation(
+    table: &Table<'_>,
+    raw: &RawCorrelation,
+    image_px: Option<(u32, u32)>,
+) -> Result<CorrelationParams, ConfigError> {
+    let default = CorrelationParams::default();
+    let zncc = Bounds::closed(0.0, 1.0, "");
+    let params = CorrelationParams {
+        method: table.word("method", raw.method.as_deref(), &METHODS)?.unwrap_or(default.method),
+        shape: table.word("shape", raw.shape.as_deref(), &SHAPES)?.unwrap_or(default.shape),
+        window: table.word("window", raw.window.as_deref(), &WINDOWS)?.unwrap_or(default.window),
+        subset_size_px: table
+            .whole("subset_size_px", raw.subset_size_px, 9..=255, "px, odd")?
+            .unwrap_or(default.subset_size_px),
+        step_px: table.whole("step_px", raw.step_px, 1..=255, "px")?.unwrap_or(default.step_px),
+        spline_points: table.whole("spline_points", raw.spline_points, 0..=20, "")?.unwrap_or(default.spline_points),
+        search_px: table.whole("search_px", raw.search_px, 1..=1024, "px")?.unwrap_or(default.search_px),
+        interval_frames: table
+            .whole("interval_frames", raw.interval_frames, 1..=255, "frames")?
+            .unwrap_or(default.interval_frames),
+        min_zncc: table.number("min_zncc", raw.min_zncc, zncc)?.unwrap_or(default.min_zncc),
+    };
+    if params.subset_size_px.is_multiple_of(2) {
+        return Err(table.refuse("subset_size_px", "odd, 9 to 255 px"));
+    }
+    match image_px.map(|(width, height)| width.min(height)) {
+        Some(side_px) if params.subset_size_px > side_px => {
+            let left_out = if raw.subset_size_px.is_none() {
+                format!("; left out it is {}", default.subset_size_px)
+            } else {
+                String::new()
+            };
+            Err(table
+                .refuse("subset_size_px", format!("at most {side_px} px, the smaller side of the image{left_out}")))
+        }
+        _ => Ok(params),
+    }
+}

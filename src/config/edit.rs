@@ -1,0 +1,56 @@
+//! A rig file with some of its values replaced.
+
+use super::{Config, ConfigError};
+use std::path::Path;
+use toml_edit::{DocumentMut, Item, Table, Value, value};
+
+/// One value to set, by its path (`camera.source`).
+pub type Change<'a> = (&'a str, Value);
+
+impl Config {
+    /// The same rig with these values set; everything else, comments included, stays as it is.
+    ///
+    /// # Errors
+    ///
+    /// When the changed file is not a valid rig file.
+    pub fn with(&self, changes: &[Change<'_>]) -> Result<Self, ConfigError> {
+        self.edited(|document| {
+            for (path, new) in changes {
+                set(document, path, new.clone());
+            }
+        })
+    }
+
+    /// The same rig, fed from a recording as fast as it can be measured, or in real time.
+    ///
+    /// # Errors
+    ///
+    /// When the changed file is not a valid rig file.
+    pub fn fed_from(&self, recording: &Path, changes: &[Change<'_>]) -> Result<Self, ConfigError> {
+        self.edited(|document| {
+            document.insert("camera", Item::Table(Table::new()));
+            set(document, "camera.source", "recording".into());
+            set(document, "camera.id", recording.display().to_string().into());
+            document.remove("trigger");
+            document.remove("record");
+            for (path, new) in changes {
+                set(document, path, new.clone());
+            }
+        })
+    }
+
+    fn edited(&self, edit: impl FnOnce(&mut DocumentMut)) -> Result<Self, ConfigError> {
+        // The text was parsed before, so it parses again.
+        let mut document = self.text.parse::<DocumentMut>().unwrap_or_default();
+        edit(&mut document);
+        Self::parse(&document.to_string(), &self.origin)
+    }
+}
+
+fn set(document: &mut DocumentMut, path: &str, new: Value) {
+    let (table, key) = path.split_once('.').unwrap_or(("rig", path));
+    let entry = document.entry(table).or_insert_with(|| Item::Table(Table::new()));
+    if let Some(table) = entry.as_table_like_mut() {
+        table.insert(key, value(new));
+    }
+}

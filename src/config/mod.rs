@@ -1,0 +1,160 @@
+//! The rig file: TOML in, checked settings out.
+//!
+//! Two stages. The first reads names and types and nothing else (`raw`); the
+//! second checks every number and word and how they go together, so that nothing
+//! downstream checks again. What the file format knows but this version cannot
+//! do is refused by name; nothing is accepted and then ignored.
+//!
+//! Every error is one line with the file, the line, the key, the value and what
+//! is allowed. Relative paths in the file (`camera.id` of a recording,
+//! `camera.scenario`, `record.directory`) start at the working directory, so that
+//! a file may be kept anywhere and its text means the same inside a recording.
+//!
+//! ```
+//! use ricochet::config::Config;
+//!
+//! let config = Config::parse("[camera]\nsource = \"simulated\"\n", "rig.toml")?;
+//! assert_eq!(config.bodies[0].name, "ball");
+//!
+//! let error = Config::parse("[camera]\nsorce = \"simulated\"\n", "rig.toml").unwrap_err();
+//! assert_eq!(
+//!     error.to_string(),
+//!     "rig.toml, line 2: unknown key camera.sorce; the nearest known key is camera.source"
+//! );
+//! # Ok::<(), ricochet::config::ConfigError>(())
+//! ```
+
+mod body;
+mod camera;
+mod capture;
+mod check;
+mod correlation;
+mod edit;
+mod error;
+mod geometry;
+mod plan;
+mod raw;
+mod text;
+
+pub use crate::dic::CorrelationParams;
+pub use crate::motion::Scale;
+pub use body::{Body, BodyKind};
+pub use camera::{Camera, FeatureValue, Source};
+pub use capture::{Compression, Record, Trigger, TriggerMode, Workers};
+pub use error::ConfigError;
+pub use geometry::{Rotation, RotationMethod, Surface, Velocity};
+
+use check::Table;
+use std::io::Read;
+use std::path::Path;
+use text::Text;
+
+/// A rig file is a page or two; whatever is larger than this is something else, bytes.
+const FILE_BYTES_MAX: u64 = 1 << 20;
+
+/// `[rig]`: the rig as a whole.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Rig {
+    /// Its name in shared memory, 1 to 32 of `a-z 0-9 _ -`, default `rig`. Two rigs on one machine need two names.
+    pub name: String,
+}
+
+/// A whole rig, checked.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Config {
+    /// `[rig]`: the rig as a whole.
+    pub rig: Rig,
+    /// `[camera]`: where the frames come from.
+    pub camera: Camera,
+    /// `[scale]`: either `mm_per_px` (0.000001 to 1000 mm/px) or `ball_diameter_mm` (above 0, at most 10000 mm;
+    /// then the scale follows from the measured radius). `None` when neither is given: pixels only.
+    pub scale: Option<Scale>,
+    /// `[surface]`: what the bodies strike.
+    pub surface: Surface,
+    /// `[[body]]`: what is followed, 1 to 16; a ball named `ball` when the file has none.
+    pub bodies: Vec<Body>,
+    /// `[correlation]`: how displacements are found. Ranges: `subset_size_px` odd, 9 to 255; `step_px` 1 to 255;
+    /// `spline_points` 0 to 20; `search_px` 1 to 1024; `interval_frames` 1 to 255; `min_zncc` 0 to 1. Which methods,
+    /// shapes and windows can be used is decided where the correlator is planned.
+    pub correlation: CorrelationParams,
+    /// `[rotation]`: how the spin is found.
+    pub rotation: Rotation,
+    /// `[velocity]`: how positions become velocities.
+    pub velocity: Velocity,
+    /// `[trigger]`: what starts a shot.
+    pub trigger: Trigger,
+    /// `[record]`: where recordings go; `None` when the file has no such table, then nothing is kept.
+    pub record: Option<Record>,
+    /// `[workers]`: how the measuring is shared out.
+    pub workers: Workers,
+    /// The file, letter by letter; attached to every recording.
+    pub text: String,
+    /// What errors call the file.
+    pub origin: String,
+}
+
+impl Config {
+    /// Reads and checks a rig file.
+    ///
+    /// # Errors
+    ///
+    /// When the file cannot be read, is larger than 1 MiB, is not UTF-8, or [`parse`](Self::parse) refuses it.
+    pub fn load(path: impl AsRef<Path>) -> Result<Self, ConfigError> {
+        let origin = path.as_ref().display().to_string();
+        let mut text = String::new();
+        let read = std::fs::File::open(path)
+            .and_then(|file| file.take(FILE_BYTES_MAX + 1).read_to_string(&mut text))
+            .map_err(|error| error.to_string());
+        let reason = match read {
+            Ok(bytes) if bytes as u64 > FILE_BYTES_MAX => format!("larger than {FILE_BYTES_MAX} bytes"),
+            Ok(_) => return Self::parse(&text, &origin),
+            Err(reason) => reason,
+        };
+        Err(ConfigError::Unreadable { origin, reason })
+    }
+
+    /// Checks the text of a rig file; `origin` is what errors call it.
+    ///
+    /// # Errors
+    ///
+    /// When it is not TOML, has an unknown key, a wrong type, a value out of range, two values at odds, or asks for
+    /// what this version does not offer.
+    pub fn parse(text: &str, origin: &str) -> Result<Self, ConfigError> {
+        let file = Text::new(text, origin)?;
+        let raw = file.raw()?;
+        for (path, given) in [("serve", raw.serve.is_some()), ("bridge", raw.bridge.is_some())] {
+            if given {
+                return Err(file.not_offered(path, "leave it out"));
+            }
+        }
+        let camera = camera::camera(&Table::new(&file, "camera"), raw.camera)?;
+        let image_px = camera.image_px();
+        let record = raw.record.map(|record| capture::record(&Table::new(&file, "record"), record)).transpose()?;
+        let config = Self {
+            rig: rig(&Table::new(&file, "rig"), raw.rig.name)?,
+            scale: geometry::scale(&Table::new(&file, "scale"), &raw.scale)?,
+            surface: geometry::surface(&Table::new(&file, "surface"), &raw.surface)?,
+            bodies: body::bodies(&file, raw.body, image_px)?,
+            correlation: correlation::correlation(&Table::new(&file, "correlation"), &raw.correlation, image_px)?,
+            rotation: geometry::rotation(&Table::new(&file, "rotation"), &raw.rotation)?,
+            velocity: geometry::velocity(&Table::new(&file, "velocity"), &raw.velocity)?,
+            trigger: capture::trigger(&Table::new(&file, "trigger"), &raw.trigger, image_px)?,
+            workers: capture::workers(&Table::new(&file, "workers"), &raw.workers)?,
+            camera,
+            record,
+            text: text.into(),
+            origin: origin.into(),
+        };
+        config.check_ring_if_known()?;
+        Ok(config)
+    }
+}
+
+fn rig(table: &Table<'_>, name: Option<String>) -> Result<Rig, ConfigError> {
+    let letter = |byte: u8| byte.is_ascii_lowercase() || byte.is_ascii_digit() || b"_-".contains(&byte);
+    let name = name.unwrap_or_else(|| "rig".into());
+    if (1..=32).contains(&name.len()) && name.bytes().all(letter) {
+        return Ok(Rig { name });
+    }
+    Err(table.refuse("name", "1 to 32 of the characters a-z 0-9 _ -"))
+}

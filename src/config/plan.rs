@@ -1,0 +1,112 @@
+//! What the measuring rooms are planned with, out of one configuration.
+
+use super::error::ConfigError;
+use super::text::Text;
+use super::{Body, Config};
+use crate::ball::BallParams;
+use crate::dic::CorrelationParams;
+use crate::motion::{MotionParams, Scale};
+
+/// Radii looked for around the predicted one: room for a wrong lens or a ball nearer than the scale's plane.
+const RADIUS_TOLERANCE: (f64, f64) = (0.8, 1.25);
+/// Radii looked for when nothing is known, as shares of the image's smaller side.
+const RADIUS_SHARE: (f64, f64) = (0.04, 0.45);
+/// When only one end of the range is given and the default for the other crosses it: their least ratio.
+const RADIUS_RATIO: f64 = 1.5;
+
+impl Config {
+    /// What the correlator is planned with; the same for every body.
+    pub fn correlation(&self) -> CorrelationParams {
+        self.correlation.clone()
+    }
+
+    /// What the ball finder of one body is planned with, for images of this size in px.
+    ///
+    /// # Panics
+    ///
+    /// If there is no body of this index.
+    pub fn ball(&self, body: usize, width_px: u32, height_px: u32) -> BallParams {
+        let body = &self.bodies[body];
+        let side_px = f64::from(width_px.min(height_px));
+        let (lowest, highest) = match self.predicted_radius_px(body) {
+            Some(radius_px) => (RADIUS_TOLERANCE.0 * radius_px, RADIUS_TOLERANCE.1 * radius_px),
+            None => (RADIUS_SHARE.0 * side_px, RADIUS_SHARE.1 * side_px),
+        };
+        let (min_radius_px, max_radius_px) = match (body.min_radius_px, body.max_radius_px) {
+            (None, None) => (lowest, highest),
+            (Some(min_px), None) => (min_px, highest.max(RADIUS_RATIO * min_px)),
+            (None, Some(max_px)) => (lowest.min(max_px / RADIUS_RATIO), max_px),
+            (Some(min_px), Some(max_px)) => (min_px, max_px),
+        };
+        BallParams { min_radius_px, max_radius_px, roi_px: body.roi_px }
+    }
+
+    fn predicted_radius_px(&self, body: &Body) -> Option<f64> {
+        match (self.scale, body.diameter_mm) {
+            (Some(Scale::MmPerPx(mm_per_px)), Some(diameter_mm)) => Some(diameter_mm / 2.0 / mm_per_px),
+            _ => None,
+        }
+    }
+
+    /// What the motion of one body is computed with, at this nominal frame rate in Hz.
+    ///
+    /// # Panics
+    ///
+    /// If there is no body of this index.
+    pub fn motion(&self, body: usize, frame_rate_hz: f64) -> MotionParams {
+        let scale = match (self.scale.unwrap_or(Scale::Unknown), self.bodies[body].diameter_mm) {
+            (Scale::BallDiameterMm(_), Some(diameter_mm)) => Scale::BallDiameterMm(diameter_mm),
+            (scale, _) => scale,
+        };
+        MotionParams {
+            scale,
+            surface_angle_deg: self.surface.angle_deg,
+            gravity_m_s2: self.velocity.gravity_m_s2,
+            gravity_angle_deg: self.velocity.gravity_angle_deg,
+            window_frames: self.velocity.window_frames,
+            order: self.velocity.order,
+            interval_frames: self.correlation.interval_frames,
+            frame_period_ns: 1.0e9 / frame_rate_hz,
+        }
+    }
+
+    /// Frames the ring must hold so that nothing from before a trigger is lost, at this rate in Hz.
+    ///
+    /// 0 when no trigger is awaited or nothing is kept.
+    pub fn pre_trigger_frames(&self, frame_rate_hz: f64) -> u64 {
+        if self.record.is_none() || self.trigger.mode == super::TriggerMode::Off {
+            return 0;
+        }
+        // Within range: pre_s is at most 60 s and the rate at most 1 MHz.
+        (self.trigger.pre_s * frame_rate_hz).ceil() as u64
+    }
+
+    /// Refuses a pre-trigger time that needs a larger ring than `record.ring_bytes_max` allows.
+    ///
+    /// Checked when the file is read if it names size and rate of the frames; to be checked again with those of the
+    /// opened camera if it does not.
+    ///
+    /// # Errors
+    ///
+    /// When `pre_s` at this rate in Hz, with frames of this many bytes, does not fit.
+    pub fn check_ring(&self, frame_bytes: usize, frame_rate_hz: f64) -> Result<(), ConfigError> {
+        let Some(most) = self.record.as_ref().and_then(|record| record.ring_bytes_max) else { return Ok(()) };
+        let needed = u128::from(self.pre_trigger_frames(frame_rate_hz)) * frame_bytes as u128;
+        if needed <= u128::from(most) {
+            return Ok(());
+        }
+        let pre_s = self.trigger.pre_s;
+        let allowed = format!("at least {needed} bytes to hold trigger.pre_s = {pre_s} s at {frame_rate_hz} Hz");
+        Err(Text::new(&self.text, &self.origin)?.refuse("record.ring_bytes_max", allowed))
+    }
+
+    pub(super) fn check_ring_if_known(&self) -> Result<(), ConfigError> {
+        let camera = &self.camera;
+        match (camera.image_px(), camera.pixel_format, camera.frame_rate_hz) {
+            (Some((width, height)), Some(format), Some(rate_hz)) => {
+                self.check_ring(width as usize * height as usize * format.bytes_per_pixel(), rate_hz)
+            }
+            _ => Ok(()),
+        }
+    }
+}

@@ -1,0 +1,160 @@
+//! Images and parameters that must end in a status or an error.
+
+use super::grid::rectangle;
+use super::speckle::{Disc, Sequence, Speckle, record};
+use super::*;
+use crate::image::Image;
+use crate::results::{FieldPoint, PointStatus};
+
+fn correlate(reference: &Image, target: &Image, params: &CorrelationParams) -> Vec<FieldPoint> {
+    let (width, height) = (reference.view().width(), reference.view().height());
+    let mut correlator = Correlator::new(params, width, height).unwrap();
+    let points = rectangle([0, 0, width as u32, height as u32], params.step_px, params.subset_size_px);
+    let (reference, target) = (correlator.prepare(reference.view()), correlator.prepare(target.view()));
+    let mut field = vec![];
+    correlator.correlate(&reference, &target, &points, Start::Search, &mut field);
+    assert_eq!(field.len(), points.len());
+    assert!(field.iter().all(|p| p.displacement.is_some() == (p.status == PointStatus::Valid)));
+    field
+}
+
+fn filled(level: f32) -> Image {
+    Image::from_vec(vec![level; 100 * 100], 100, 100).unwrap()
+}
+
+fn speckled(seed: u64) -> Image {
+    record(&Speckle::standard(seed, 100.0).draw(100, 100), 1.0, seed)
+}
+
+#[test]
+fn one_pixel_images_and_oversized_subsets_are_refused_with_both_sizes() {
+    let error = Correlator::new(&CorrelationParams::default(), 1, 1).err().unwrap().to_string();
+    assert_eq!(error, "correlation.subset_size_px is 31, larger than the image of 1 x 1 px");
+    assert!(Correlator::new(&CorrelationParams::default(), 31, 31).is_ok());
+}
+
+#[test]
+fn parameters_out_of_range_are_named_with_value_and_range() {
+    let wrong = CorrelationParams { subset_size_px: 30, ..CorrelationParams::default() };
+    let error = Correlator::new(&wrong, 100, 100).err().unwrap().to_string();
+    assert_eq!(error, "correlation.subset_size_px is 30, allowed: odd, 9 to 255");
+    let wrong = CorrelationParams { min_zncc: f64::NAN, ..CorrelationParams::default() };
+    assert!(Correlator::new(&wrong, 100, 100).err().unwrap().to_string().contains("min_zncc is NaN"));
+}
+
+#[test]
+fn images_without_texture_have_low_contrast_on_either_side() {
+    for (reference, target) in [(filled(0.0), filled(0.0)), (filled(255.0), filled(255.0)), (filled(7.0), speckled(1))]
+    {
+        let field = correlate(&reference, &target, &CorrelationParams::default());
+        assert!(!field.is_empty() && field.iter().all(|p| p.status == PointStatus::LowContrast));
+    }
+    let field = correlate(&speckled(1), &filled(0.0), &CorrelationParams::default());
+    assert!(field.iter().all(|p| p.status == PointStatus::LowCorrelation));
+}
+
+#[test]
+fn noise_alone_is_never_a_number() {
+    let grey = filled(100.0);
+    let field = correlate(&record(&grey, 3.0, 5), &record(&grey, 3.0, 6), &CorrelationParams::default());
+    assert!(field.iter().all(|p| p.status == PointStatus::LowContrast), "{:?}", field[0]);
+}
+
+#[test]
+fn saturated_subsets_have_low_contrast() {
+    let bright = |seed: u64| {
+        let mut image = speckled(seed);
+        image.data_mut().iter_mut().for_each(|level| *level = (*level * 5.0).min(255.0));
+        image
+    };
+    let field = correlate(&bright(3), &bright(3), &CorrelationParams::default());
+    assert!(field.iter().all(|p| p.status == PointStatus::LowContrast));
+}
+
+#[test]
+fn stripes_have_low_contrast_along_themselves() {
+    let mut image = Image::new(100, 100);
+    let mut sequence = Sequence::new(4);
+    let levels: Vec<f32> = (0..100).map(|_| (40.0 + 150.0 * sequence.uniform()) as f32).collect();
+    image.rows_mut().for_each(|row| row.copy_from_slice(&levels));
+    for sigma in [0.0, 2.0] {
+        let field = correlate(&record(&image, sigma, 1), &record(&image, sigma, 2), &CorrelationParams::default());
+        assert!(field.iter().all(|p| p.displacement.is_none()), "{:?}", field[4]);
+    }
+}
+
+#[test]
+fn a_regular_grid_is_ambiguous() {
+    for (pitch, shift) in [(8.0, 0.3), (9.7, 0.0), (7.3, 2.4)] {
+        let disc = |k: i32| Disc {
+            x: f64::from(k % 20) * pitch - 10.0,
+            y: f64::from(k / 20) * pitch - 10.0,
+            radius: 0.3 * pitch,
+        };
+        let pattern = Speckle { discs: (0..400).map(disc).collect(), edge: 0.6, contrast: 200.0 };
+        let reference = record(&pattern.draw(100, 100), 2.0, 1);
+        let target = record(&pattern.moved(|_, _| (shift, -shift)).draw(100, 100), 2.0, 2);
+        let field = correlate(&reference, &target, &CorrelationParams::default());
+        assert!(field.iter().all(|p| p.status == PointStatus::Ambiguous), "pitch {pitch}: {:?}", field[0]);
+    }
+}
+
+#[test]
+fn another_image_is_low_correlation_and_a_subset_that_left_is_out_of_frame() {
+    let field = correlate(&speckled(1), &speckled(2), &CorrelationParams::default());
+    assert!(field.iter().all(|p| p.status == PointStatus::LowCorrelation), "{field:?}");
+    let speckle = Speckle::standard(1, 140.0);
+    let moved = speckle.moved(|_, _| (-30.0, 0.0));
+    let params = CorrelationParams { search_px: 40, ..CorrelationParams::default() };
+    let field = correlate(&record(&speckle.draw(100, 100), 1.0, 1), &record(&moved.draw(100, 100), 1.0, 2), &params);
+    for point in &field {
+        let touches = [point.x_px - 30.0, point.y_px].iter().any(|center| *center <= 15.0 || *center >= 84.0);
+        let expected = match point.x_px {
+            x if x < 45.0 => PointStatus::LowCorrelation,
+            _ if touches => PointStatus::OutOfFrame,
+            _ => PointStatus::Valid,
+        };
+        // A subset on the very edge is on either side of it.
+        let either = touches && point.status == PointStatus::Valid;
+        assert!(point.status == expected || either, "{point:?}");
+    }
+}
+
+#[test]
+fn sixteen_bit_images_and_any_gain_give_the_same_field() {
+    let speckle = Speckle::standard(1, 100.0);
+    let a = record(&speckle.draw(100, 100), 1.0, 1);
+    let b = record(&speckle.moved(|_, _| (0.4, 0.7)).draw(100, 100), 1.0, 2);
+    let scaled = |image: &Image, gain: f32, offset: f32| {
+        let mut image = image.clone();
+        image.data_mut().iter_mut().for_each(|level| *level = *level * gain + offset);
+        image
+    };
+    let plain = correlate(&a, &b, &CorrelationParams::default());
+    let bright = correlate(&scaled(&a, 250.0, 900.0), &scaled(&b, 180.0, 3000.0), &CorrelationParams::default());
+    for (p, q) in plain.iter().zip(&bright) {
+        let (p, q) = (p.displacement.unwrap(), q.displacement.unwrap());
+        assert!((p.u_px - q.u_px).abs() < 1e-4 && (p.v_px - q.v_px).abs() < 1e-4);
+        assert!((p.sigma_u_px / q.sigma_u_px - 1.0).abs() < 0.05, "{p:?} {q:?}");
+    }
+}
+
+#[test]
+fn fields_do_not_depend_on_earlier_calls() {
+    let speckle = Speckle::standard(1, 100.0);
+    let a = record(&speckle.draw(100, 100), 1.0, 1);
+    let b = record(&speckle.moved(|_, _| (0.4, 0.7)).draw(100, 100), 1.0, 2);
+    let params = CorrelationParams::default();
+    let points = rectangle([0, 0, 100, 100], 10, 31);
+    let fresh = correlate(&a, &b, &params);
+    let mut correlator = Correlator::new(&params, 100, 100).unwrap();
+    let (mut ready_a, mut ready_b) = (correlator.prepare(speckled(9).view()), correlator.prepare(filled(3.0).view()));
+    let mut field = Vec::new();
+    correlator.correlate(&ready_a, &ready_b, &points[2..5], Start::Search, &mut field);
+    let away = Start::Motion { x_px: 50.0, y_px: 50.0, u_px: 30.0, v_px: f64::NAN, angle_deg: 90.0 };
+    correlator.correlate(&ready_a, &ready_a, &points, away, &mut field);
+    correlator.prepare_into(a.view(), &mut ready_a);
+    correlator.prepare_into(b.view(), &mut ready_b);
+    correlator.correlate(&ready_a, &ready_b, &points, Start::Search, &mut field);
+    assert_eq!(field, fresh);
+}

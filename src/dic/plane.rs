@@ -1,0 +1,131 @@
+//! A plane of numbers with a margin, so that reads near the edge need no test.
+
+/// Extra columns and rows on each side, px: six taps, eight lanes and some rounding.
+pub(super) const MARGIN: usize = 16;
+
+/// A width x height plane of `f32` inside a margin of [`MARGIN`] on each side.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub(super) struct Plane {
+    data: Vec<f32>,
+    width: usize,
+    height: usize,
+}
+
+impl Plane {
+    /// Gives the plane another shape; its content is unspecified afterwards.
+    pub(super) fn reshape(&mut self, width: usize, height: usize) {
+        self.width = width;
+        self.height = height;
+        self.data.resize(self.stride() * (height + 2 * MARGIN), 0.0);
+    }
+
+    /// Values from one row to the next.
+    pub(super) fn stride(&self) -> usize {
+        self.width + 2 * MARGIN
+    }
+
+    /// Width without the margin.
+    pub(super) fn width(&self) -> usize {
+        self.width
+    }
+
+    /// Height without the margin.
+    pub(super) fn height(&self) -> usize {
+        self.height
+    }
+
+    /// Everything, margin included, row-major.
+    pub(super) fn data(&self) -> &[f32] {
+        &self.data
+    }
+
+    /// Index of (x, y) in [`Self::data`]; both may be negative within the margin.
+    pub(super) fn index(&self, x: isize, y: isize) -> usize {
+        let margin = MARGIN as isize;
+        (y + margin) as usize * self.stride() + (x + margin) as usize
+    }
+
+    /// The pixels of one row, without the margin.
+    pub(super) fn row(&self, y: usize) -> &[f32] {
+        let start = self.index(0, y as isize);
+        &self.data[start..start + self.width]
+    }
+
+    /// The pixels of one row, without the margin.
+    pub(super) fn row_mut(&mut self, y: usize) -> &mut [f32] {
+        let start = self.index(0, y as isize);
+        let width = self.width;
+        &mut self.data[start..start + width]
+    }
+
+    /// One row with its margin.
+    pub(super) fn padded_row_mut(&mut self, y: usize) -> &mut [f32] {
+        let stride = self.stride();
+        let start = (y + MARGIN) * stride;
+        &mut self.data[start..start + stride]
+    }
+
+    /// `row y += factor * row other`, margin left out.
+    pub(super) fn add_row(&mut self, y: usize, other: usize, factor: f32) {
+        let (start, from) = (self.index(0, y as isize), self.index(0, other as isize));
+        let width = self.width;
+        let (target, source) = if start > from {
+            let (head, tail) = self.data.split_at_mut(start);
+            (&mut tail[..width], &head[from..from + width])
+        } else {
+            let (head, tail) = self.data.split_at_mut(from);
+            (&mut head[start..start + width], &tail[..width])
+        };
+        target.iter_mut().zip(source).for_each(|(t, s)| *t += factor * *s);
+    }
+
+    /// Fills the margin with the mirrored interior (whole-sample symmetric).
+    pub(super) fn mirror_margin(&mut self) {
+        let (width, height, stride) = (self.width, self.height, self.stride());
+        for y in 0..height {
+            let row = self.padded_row_mut(y);
+            for k in 1..=MARGIN {
+                row[MARGIN - k] = row[MARGIN + mirror(-(k as isize), width)];
+                row[MARGIN + width - 1 + k] = row[MARGIN + mirror((width - 1 + k) as isize, width)];
+            }
+        }
+        for k in 1..=MARGIN {
+            let above = (MARGIN + mirror(-(k as isize), height)) * stride;
+            self.data.copy_within(above..above + stride, (MARGIN - k) * stride);
+            let below = (MARGIN + mirror((height - 1 + k) as isize, height)) * stride;
+            self.data.copy_within(below..below + stride, (MARGIN + height - 1 + k) * stride);
+        }
+    }
+}
+
+/// Reflects an index about the first and the last sample until it lies in `0..size`.
+pub(super) fn mirror(index: isize, size: usize) -> usize {
+    let period = 2 * (size as isize - 1);
+    if period <= 0 {
+        return 0;
+    }
+    let folded = index.rem_euclid(period);
+    folded.min(period - folded) as usize
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn mirrored_indices_reflect_about_the_outer_samples() {
+        let found: Vec<usize> = (-4..9).map(|i| mirror(i, 4)).collect();
+        assert_eq!(found, [2, 3, 2, 1, 0, 1, 2, 3, 2, 1, 0, 1, 2]);
+        assert_eq!(mirror(-7, 1), 0);
+    }
+
+    #[test]
+    fn the_margin_repeats_the_mirrored_interior_even_of_a_tiny_plane() {
+        let mut plane = Plane::default();
+        plane.reshape(2, 1);
+        plane.row_mut(0).copy_from_slice(&[3.0, 5.0]);
+        plane.mirror_margin();
+        assert_eq!(&plane.data()[plane.index(-3, 0)..plane.index(4, 0)], &[5.0, 3.0, 5.0, 3.0, 5.0, 3.0, 5.0]);
+        assert_eq!(plane.data()[plane.index(1, 9)..][..1], [5.0]);
+    }
+}

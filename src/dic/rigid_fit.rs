@@ -1,0 +1,366 @@
+//! The rigid motion that a displacement field shows.
+
+use crate::results::{FieldPoint, PointStatus};
+
+/// Motion of a rigid body between two frames.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct RigidMotion {
+    /// Displacement along x of the point asked for, px.
+    pub u_px: f64,
+    /// Displacement along y of the point asked for, px.
+    pub v_px: f64,
+    /// Rotation, counter-clockwise on the screen, deg.
+    pub angle_deg: f64,
+    /// Standard uncertainty of `u_px`, px.
+    pub sigma_u_px: f64,
+    /// Standard uncertainty of `v_px`, px.
+    pub sigma_v_px: f64,
+    /// Standard uncertainty of `angle_deg`, deg.
+    pub sigma_angle_deg: f64,
+    /// Subsets it rests on.
+    pub points: u32,
+}
+
+/// Tukey's constant: 95 % efficient for Gaussian noise.
+const TUKEY: f64 = 4.685;
+
+/// Residuals beyond this many standard deviations are outliers.
+const REJECT: f64 = 5.0;
+
+/// Smallest scatter assumed when outliers are told from the rest, px.
+const LEAST_SCATTER_PX: f64 = 0.002;
+
+/// Pairs of points tried for the first guess.
+const TRIALS: usize = 60;
+
+/// Reweighting rounds; the weights settle within a few.
+const ROUNDS: usize = 8;
+
+/// One vector, about the point asked for.
+#[derive(Debug, Clone, Copy)]
+struct Vector {
+    index: usize,
+    x: f64,
+    y: f64,
+    u: f64,
+    v: f64,
+    variance: f64,
+    weight: f64,
+}
+
+/// A motion (u, v of the origin; angle in rad) under iteration.
+#[derive(Debug, Clone, Copy, Default)]
+struct Turn {
+    u: f64,
+    v: f64,
+    angle: f64,
+}
+
+impl Turn {
+    /// Measured less predicted displacement.
+    fn residual(&self, vector: &Vector) -> (f64, f64) {
+        let (sin, cos) = self.angle.sin_cos();
+        let u = self.u + (cos - 1.0) * vector.x + sin * vector.y;
+        let v = self.v - sin * vector.x + (cos - 1.0) * vector.y;
+        (vector.u - u, vector.v - v)
+    }
+
+    fn distance(&self, vector: &Vector) -> f64 {
+        let (u, v) = self.residual(vector);
+        u.hypot(v)
+    }
+}
+
+/// Fits one rigid motion to all valid vectors of a field.
+///
+/// The displacement reported is that of the point (`x_px`, `y_px`) of the
+/// reference. The rotation is exact, not the small-angle form. The first guess
+/// is the motion of a pair of points that most others agree with, so up to
+/// almost half of the vectors may belong to something else; then least squares
+/// weighted by each vector's own uncertainty and Tukey's biweight. Vectors that
+/// do not follow the body are marked as outliers and lose their displacement.
+///
+/// The uncertainties hold for overlapping subsets: two that share a part of
+/// their pixels share that part of their noise. `subset_size_px` is the full
+/// width of the subsets.
+///
+/// `None` when fewer than three vectors are left.
+///
+/// # Cost
+///
+/// Grows with the number of points times the number of subsets that overlap one.
+pub fn rigid_fit(field: &mut [FieldPoint], x_px: f64, y_px: f64, subset_size_px: u32) -> Option<RigidMotion> {
+    let mut vectors = collect(field, (x_px, y_px));
+    if vectors.len() < 3 {
+        return None;
+    }
+    let mut turn = first_guess(&vectors)?;
+    let mut scatter = LEAST_SCATTER_PX;
+    for _ in 0..ROUNDS {
+        scatter = robust_scatter(&turn, &vectors);
+        for vector in &mut vectors {
+            let ratio = turn.distance(vector) / (TUKEY * scale(vector, scatter));
+            let biweight = if ratio < 1.0 { (1.0 - ratio * ratio).powi(2) } else { 0.0 };
+            vector.weight = biweight / vector.variance;
+        }
+        turn = weighted_fit(&vectors)?;
+    }
+    let follows = |vector: &Vector| turn.distance(vector) <= REJECT * scale(vector, scatter);
+    for vector in vectors.iter().filter(|vector| !follows(vector)) {
+        field[vector.index].displacement = None;
+        field[vector.index].status = PointStatus::Outlier;
+    }
+    vectors.retain(|vector| vector.weight > 0.0 && turn.distance(vector) <= REJECT * scale(vector, scatter));
+    if vectors.len() < 3 {
+        return None;
+    }
+    uncertain(&turn, &vectors, f64::from(subset_size_px))
+}
+
+/// The scatter expected of a vector: its own uncertainty, or the field's where that is larger.
+fn scale(vector: &Vector, scatter: f64) -> f64 {
+    (scatter * scatter).max(vector.variance).sqrt()
+}
+
+/// The valid vectors, about (x, y).
+fn collect(field: &[FieldPoint], (x, y): (f64, f64)) -> Vec<Vector> {
+    let vector = |(index, point): (usize, &FieldPoint)| {
+        let displacement = point.displacement.filter(|_| point.status == PointStatus::Valid)?;
+        let (sigma_u, sigma_v) = (f64::from(displacement.sigma_u_px), f64::from(displacement.sigma_v_px));
+        let variance = 0.5 * (sigma_u * sigma_u + sigma_v * sigma_v);
+        Some(Vector {
+            index,
+            x: f64::from(point.x_px) - x,
+            y: f64::from(point.y_px) - y,
+            u: f64::from(displacement.u_px),
+            v: f64::from(displacement.v_px),
+            variance: variance.max(1e-8),
+            weight: 1.0,
+        })
+    };
+    field.iter().enumerate().filter_map(vector).collect()
+}
+
+/// The motion of that pair of points which half of all vectors fit best.
+fn first_guess(vectors: &[Vector]) -> Option<Turn> {
+    let count = vectors.len();
+    let mut best: Option<(f64, Turn)> = None;
+    let mut distances = Vec::with_capacity(count);
+    // A fixed sequence of pairs, far apart in the list and so mostly in the image.
+    let mut state = 0x2545_F491_u32;
+    let mut pick = || {
+        state ^= state << 13;
+        state ^= state >> 17;
+        state ^= state << 5;
+        state as usize % count
+    };
+    for _ in 0..TRIALS {
+        let (a, b) = (vectors[pick()], vectors[pick()]);
+        let (dx, dy) = (b.x - a.x, b.y - a.y);
+        if dx.hypot(dy) < 1.0 {
+            continue;
+        }
+        let (ex, ey) = (dx + b.u - a.u, dy + b.v - a.v);
+        let angle = (dy * ex - dx * ey).atan2(dx * ex + dy * ey);
+        let mut turn = Turn { u: 0.0, v: 0.0, angle };
+        let (ra, rb) = (turn.residual(&a), turn.residual(&b));
+        (turn.u, turn.v) = (0.5 * (ra.0 + rb.0), 0.5 * (ra.1 + rb.1));
+        distances.clear();
+        distances.extend(vectors.iter().map(|vector| turn.distance(vector)));
+        let middle = count / 2;
+        let (_, median, _) = distances.select_nth_unstable_by(middle, f64::total_cmp);
+        if best.as_ref().is_none_or(|(least, _)| *median < *least) {
+            best = Some((*median, turn));
+        }
+    }
+    best.map(|(_, turn)| turn)
+}
+
+/// Standard deviation of one residual component, from the median distance.
+fn robust_scatter(turn: &Turn, vectors: &[Vector]) -> f64 {
+    let mut distances: Vec<f64> = vectors.iter().map(|vector| turn.distance(vector)).collect();
+    let middle = distances.len() / 2;
+    let (_, median, _) = distances.select_nth_unstable_by(middle, f64::total_cmp);
+    // The median length of a Gaussian vector is 1.1774 standard deviations of a component.
+    (*median / 1.1774).max(LEAST_SCATTER_PX)
+}
+
+/// Weighted least squares of the exact rigid motion (closed form in two dimensions).
+fn weighted_fit(vectors: &[Vector]) -> Option<Turn> {
+    let total: f64 = vectors.iter().map(|v| v.weight).sum();
+    if total.is_nan() || total <= 0.0 {
+        return None;
+    }
+    let mean = |value: fn(&Vector) -> f64| vectors.iter().map(|v| v.weight * value(v)).sum::<f64>() / total;
+    let (x, y) = (mean(|v| v.x), mean(|v| v.y));
+    let (tx, ty) = (mean(|v| v.x + v.u), mean(|v| v.y + v.v));
+    let (mut along, mut across) = (0.0, 0.0);
+    for v in vectors {
+        let ((ax, ay), (bx, by)) = ((v.x - x, v.y - y), (v.x + v.u - tx, v.y + v.v - ty));
+        along += v.weight * (ax * bx + ay * by);
+        across += v.weight * (ay * bx - ax * by);
+    }
+    let angle = across.atan2(along);
+    let (sin, cos) = angle.sin_cos();
+    // Where the origin goes.
+    Some(Turn { u: tx - (cos * x + sin * y), v: ty - (cos * y - sin * x), angle })
+}
+
+/// The motion with its uncertainty: the weighted fit's influence of each vector
+/// through the covariance of all vectors.
+fn uncertain(turn: &Turn, vectors: &[Vector], size: f64) -> Option<RigidMotion> {
+    let (sin, cos) = turn.angle.sin_cos();
+    // The derivative of (x', y') by the angle.
+    let lever = |v: &Vector| (-sin * v.x + cos * v.y, -cos * v.x - sin * v.y);
+    let mut normal = [[0.0; 3]; 3];
+    for v in vectors {
+        let (a, b) = lever(v);
+        let rows = [[1.0, 0.0, a], [0.0, 1.0, b]];
+        for row in rows {
+            for (line, i) in normal.iter_mut().zip(row) {
+                line.iter_mut().zip(row).for_each(|(value, j)| *value += v.weight * i * j);
+            }
+        }
+    }
+    let inverse = super::solve::invert(&normal, 3)?;
+    let influence = |v: &Vector| {
+        let (a, b) = lever(v);
+        let rows = [[1.0, 0.0, a], [0.0, 1.0, b]];
+        rows.map(|row| {
+            let along = |k: usize| v.weight * (0..3).map(|j| inverse[k][j] * row[j]).sum::<f64>();
+            [along(0), along(1), along(2)]
+        })
+    };
+    let deviations: Vec<f64> = vectors.iter().map(|v| v.variance.sqrt()).collect();
+    let influences: Vec<[[f64; 3]; 2]> = vectors.iter().map(influence).collect();
+    let mut variance = [0.0; 3];
+    for (i, a) in vectors.iter().enumerate() {
+        for (j, b) in vectors.iter().enumerate().skip(i) {
+            // The grid runs row by row, so nothing overlaps further down.
+            if b.y - a.y >= size {
+                break;
+            }
+            let shared = (1.0 - (a.x - b.x).abs() / size).max(0.0) * (1.0 - (a.y - b.y).abs() / size).max(0.0);
+            let both = if i == j { 1.0 } else { 2.0 };
+            let covariance = both * shared * deviations[i] * deviations[j];
+            for k in 0..3 {
+                variance[k] += covariance
+                    * (influences[i][0][k] * influences[j][0][k] + influences[i][1][k] * influences[j][1][k]);
+            }
+        }
+    }
+    // What the residuals show beyond the vectors' own uncertainties.
+    let squares: f64 = vectors.iter().map(|v| turn.distance(v).powi(2) / v.variance).sum();
+    let freedom = (2 * vectors.len() - 3) as f64;
+    let excess = (squares / freedom).max(1.0).sqrt();
+    Some(RigidMotion {
+        u_px: turn.u,
+        v_px: turn.v,
+        angle_deg: turn.angle.to_degrees(),
+        sigma_u_px: variance[0].sqrt() * excess,
+        sigma_v_px: variance[1].sqrt() * excess,
+        sigma_angle_deg: variance[2].sqrt().to_degrees() * excess,
+        points: vectors.len() as u32,
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::dic::speckle::{Sequence, Speckle, record};
+    use crate::dic::{CorrelationParams, Correlator, Start, grid};
+    use crate::results::Displacement;
+
+    fn body(turn: Turn, noise: f64, seed: u64) -> Vec<FieldPoint> {
+        let mut sequence = Sequence::new(seed);
+        let mut field = Vec::new();
+        for k in 0..49 {
+            let (x, y) = (f64::from(k % 7) * 40.0, f64::from(k / 7) * 40.0);
+            let zero = Vector { index: 0, x: x - 100.0, y: y - 90.0, u: 0.0, v: 0.0, variance: 1.0, weight: 1.0 };
+            let (u, v) = turn.residual(&zero);
+            let displacement = Displacement {
+                u_px: (noise * sequence.normal() - u) as f32,
+                v_px: (noise * sequence.normal() - v) as f32,
+                sigma_u_px: noise as f32,
+                sigma_v_px: noise as f32,
+            };
+            field.push(FieldPoint {
+                x_px: x as f32,
+                y_px: y as f32,
+                displacement: Some(displacement),
+                zncc: Some(0.99),
+                peak_ratio: None,
+                status: PointStatus::Valid,
+            });
+        }
+        field
+    }
+
+    #[test]
+    fn any_angle_is_exact_and_counter_clockwise() {
+        for angle_deg in [-170.0, -90.0, -3.0, 0.01, 45.0, 179.0] {
+            let turn = Turn { u: 3.0, v: -2.0, angle: f64::to_radians(angle_deg) };
+            let motion = rigid_fit(&mut body(turn, 1e-6, 1), 100.0, 90.0, 31).unwrap();
+            assert!((motion.angle_deg - angle_deg).abs() < 1e-4, "{motion:?}");
+            assert!((motion.u_px - 3.0).abs() < 1e-4 && (motion.v_px + 2.0).abs() < 1e-4, "{motion:?}");
+        }
+        // A point right of the centre rises on the screen: its v is negative.
+        let turn = Turn { u: 0.0, v: 0.0, angle: 0.1 };
+        let right = body(turn, 1e-9, 1)[26].displacement.unwrap();
+        assert!(right.v_px < 0.0, "{right:?}");
+    }
+
+    #[test]
+    fn a_third_of_the_vectors_may_follow_something_else() {
+        let turn = Turn { u: 1.0, v: 0.5, angle: 0.01 };
+        let mut field = body(turn, 0.005, 3);
+        for point in field.iter_mut().filter(|point| point.y_px < 70.0) {
+            point.displacement = Some(Displacement { u_px: 0.2, v_px: 0.1, sigma_u_px: 0.005, sigma_v_px: 0.005 });
+        }
+        let motion = rigid_fit(&mut field, 100.0, 90.0, 31).unwrap();
+        assert!((motion.u_px - 1.0).abs() < 0.005 && (motion.v_px - 0.5).abs() < 0.005, "{motion:?}");
+        assert!(field.iter().all(|point| (point.status == PointStatus::Outlier) == (point.y_px < 70.0)));
+        assert_eq!(motion.points, 35);
+    }
+
+    #[test]
+    fn two_vectors_are_no_body() {
+        let mut field = body(Turn::default(), 0.01, 1);
+        field.truncate(2);
+        assert!(rigid_fit(&mut field, 0.0, 0.0, 31).is_none());
+    }
+
+    #[test]
+    fn the_uncertainty_covers_the_scatter_of_overlapping_subsets() {
+        let params = CorrelationParams { step_px: 10, ..CorrelationParams::default() };
+        let speckle = Speckle::standard(2, 130.0);
+        let moved = speckle.moved(|x, y| {
+            let warp = super::super::warp::Warp::rigid(0.37, -0.21, 0.005);
+            let (dx, dy) = (x - 65.0, y - 65.0);
+            let (tx, ty) = warp.apply(dx, dy);
+            (tx - dx, ty - dy)
+        });
+        let (clean, moved) = (speckle.draw(130, 130), moved.draw(130, 130));
+        let mut correlator = Correlator::new(&params, 130, 130).unwrap();
+        let points = grid::disc(65.0, 65.0, 57.0, 10, 31, 130, 130);
+        let (mut errors, mut reported, mut field) = ([0.0; 3], [0.0; 3], Vec::new());
+        let rounds = 24;
+        for round in 0..rounds {
+            let reference = correlator.prepare(record(&clean, 2.0, 2 * round + 1).view());
+            let target = correlator.prepare(record(&moved, 2.0, 2 * round + 2).view());
+            correlator.correlate(&reference, &target, &points, Start::Search, &mut field);
+            let motion = rigid_fit(&mut field, 65.0, 65.0, 31).unwrap();
+            let error = [motion.u_px - 0.37, motion.v_px + 0.21, motion.angle_deg - 0.005_f64.to_degrees()];
+            let sigma = [motion.sigma_u_px, motion.sigma_v_px, motion.sigma_angle_deg];
+            for k in 0..3 {
+                errors[k] += error[k] * error[k] / rounds as f64;
+                reported[k] += sigma[k] * sigma[k] / rounds as f64;
+            }
+        }
+        let ratio: [f64; 3] = std::array::from_fn(|k| (reported[k] / errors[k]).sqrt());
+        eprintln!("{} subsets, rms {:?} px, px, deg; reported/actual {ratio:?}", points.len(), errors.map(f64::sqrt));
+        // 24 rounds: the scatter itself is known to 15 % each.
+        assert!(ratio.iter().all(|ratio| (0.75..1.45).contains(ratio)), "{ratio:?}");
+        assert!(errors[2].sqrt() < 0.003, "angle {} deg", errors[2].sqrt());
+    }
+}

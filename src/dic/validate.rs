@@ -1,0 +1,176 @@
+//! Outliers: vectors that their neighbours contradict.
+//!
+//! The universal median test of J. Westerweel and F. Scarano, Exp. Fluids 39
+//! (2005) 1096, <https://doi.org/10.1007/s00348-005-0016-6>, on predictions
+//! instead of the neighbours' values: means of opposite neighbours and straight
+//! continuations of two in a row. Both are exact in a linear field, so a turn of
+//! the body by some degrees raises no false alarm, not even at the border.
+
+use super::GridPoint;
+use crate::results::{FieldPoint, PointStatus};
+
+/// Tolerated difference in the absence of any scatter, px.
+const FLOOR_PX: f32 = 0.1;
+
+/// Tolerated multiple of the predictions' median scatter.
+const THRESHOLD: f32 = 2.0;
+
+/// Fewest predictions a verdict rests on.
+const FEWEST: usize = 3;
+
+/// The eight directions to neighbours; the first four are the opposites of the last four.
+const DIRECTIONS: [(i64, i64); 8] = [(1, 0), (0, 1), (1, 1), (1, -1), (-1, 0), (0, -1), (-1, -1), (-1, 1)];
+
+/// Memory of the test.
+#[derive(Debug, Clone, Default)]
+pub(super) struct MedianTest {
+    lattice: Vec<u32>,
+    origin: (u32, u32),
+    columns: usize,
+    rows: usize,
+    outliers: Vec<usize>,
+}
+
+const NONE: u32 = u32::MAX;
+
+impl MedianTest {
+    /// Marks outliers among the valid points; they lose their displacement.
+    pub(super) fn mark(&mut self, points: &[GridPoint], step_px: u32, field: &mut [FieldPoint]) {
+        self.map(points, step_px);
+        self.outliers.clear();
+        for (index, point) in points.iter().enumerate() {
+            if field[index].displacement.is_some() && self.contradicted(point, step_px, index, field) {
+                self.outliers.push(index);
+            }
+        }
+        for index in &self.outliers {
+            field[*index].displacement = None;
+            field[*index].status = PointStatus::Outlier;
+        }
+    }
+
+    /// Puts the points on a lattice of cells one step wide; points off the lattice have no neighbours.
+    fn map(&mut self, points: &[GridPoint], step_px: u32) {
+        self.lattice.clear();
+        (self.columns, self.rows) = (0, 0);
+        let Some(first) = points.first() else { return };
+        let low = |pick: fn(&GridPoint) -> u32| points.iter().map(pick).min().unwrap_or(0);
+        let high = |pick: fn(&GridPoint) -> u32| points.iter().map(pick).max().unwrap_or(0);
+        let step = step_px.max(1);
+        let ((left, right), (top, bottom)) = ((low(|p| p.x), high(|p| p.x)), (low(|p| p.y), high(|p| p.y)));
+        // The lattice runs through the first point.
+        self.origin = (left + (first.x - left) % step, top + (first.y - top) % step);
+        let extent = |high: u32, origin: u32| (high.saturating_sub(origin) / step + 1) as usize;
+        (self.columns, self.rows) = (extent(right, self.origin.0), extent(bottom, self.origin.1));
+        self.lattice.resize(self.columns * self.rows, NONE);
+        for (index, point) in points.iter().enumerate() {
+            if let Some(cell) = self.cell(i64::from(point.x), i64::from(point.y), step) {
+                self.lattice[cell] = index as u32;
+            }
+        }
+    }
+
+    /// The cell of a pixel, if it is on the lattice.
+    fn cell(&self, x: i64, y: i64, step_px: u32) -> Option<usize> {
+        let step = i64::from(step_px);
+        let (x, y) = (x - i64::from(self.origin.0), y - i64::from(self.origin.1));
+        let on = x >= 0 && y >= 0 && x % step == 0 && y % step == 0;
+        let (column, row) = ((x / step) as usize, (y / step) as usize);
+        (on && column < self.columns && row < self.rows).then(|| row * self.columns + column)
+    }
+
+    /// Whether the predictions from the neighbours contradict the point.
+    fn contradicted(&self, point: &GridPoint, step_px: u32, index: usize, field: &[FieldPoint]) -> bool {
+        let step = step_px.max(1);
+        let at = |(dx, dy): (i64, i64), times: i64| {
+            let reach = i64::from(step) * times;
+            let cell = self.cell(i64::from(point.x) + dx * reach, i64::from(point.y) + dy * reach, step)?;
+            let displacement = field.get(self.lattice[cell] as usize)?.displacement?;
+            Some((displacement.u_px, displacement.v_px))
+        };
+        let Some(own) = field[index].displacement else { return false };
+        let (mut us, mut vs) = ([0.0_f32; 12], [0.0_f32; 12]);
+        let mut count = 0;
+        let mut predict = |u: f32, v: f32| {
+            (us[count], vs[count]) = (u, v);
+            count += 1;
+        };
+        for (k, direction) in DIRECTIONS.into_iter().enumerate() {
+            let Some(near) = at(direction, 1) else { continue };
+            if let Some(far) = at(direction, 2) {
+                predict(2.0 * near.0 - far.0, 2.0 * near.1 - far.1);
+            }
+            if k >= 4 {
+                continue;
+            }
+            if let Some(opposite) = at(DIRECTIONS[k + 4], 1) {
+                predict(0.5 * (near.0 + opposite.0), 0.5 * (near.1 + opposite.1));
+            }
+        }
+        count >= FEWEST && (strays(own.u_px, &mut us[..count]) || strays(own.v_px, &mut vs[..count]))
+    }
+}
+
+/// Whether `own` lies further from the median of the predictions than their scatter explains.
+fn strays(own: f32, predictions: &mut [f32]) -> bool {
+    let center = median(predictions);
+    predictions.iter_mut().for_each(|value| *value = (*value - center).abs());
+    (own - center).abs() > THRESHOLD * (median(predictions) + FLOOR_PX)
+}
+
+/// The median; sorts the values.
+fn median(values: &mut [f32]) -> f32 {
+    values.sort_unstable_by(f32::total_cmp);
+    let middle = values.len() / 2;
+    if values.len() % 2 == 1 { values[middle] } else { 0.5 * (values[middle - 1] + values[middle]) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::dic::grid::rectangle;
+    use crate::results::Displacement;
+
+    /// A body turned by 3 degrees and stretched, without noise.
+    fn turned(points: &[GridPoint]) -> Vec<FieldPoint> {
+        let displacement = |p: &GridPoint| {
+            let (x, y) = (p.x as f32, p.y as f32);
+            Displacement { u_px: 0.05 * y + 0.01 * x, v_px: -0.05 * x, sigma_u_px: 0.01, sigma_v_px: 0.01 }
+        };
+        let point = |p: &GridPoint| FieldPoint {
+            x_px: p.x as f32,
+            y_px: p.y as f32,
+            displacement: Some(displacement(p)),
+            zncc: Some(0.99),
+            peak_ratio: None,
+            status: PointStatus::Valid,
+        };
+        points.iter().map(point).collect()
+    }
+
+    #[test]
+    fn a_turn_of_three_degrees_holds_no_outlier() {
+        let points = rectangle([0, 0, 200, 160], 16, 31);
+        let mut field = turned(&points);
+        MedianTest::default().mark(&points, 16, &mut field);
+        assert!(field.iter().all(|point| point.status == PointStatus::Valid));
+    }
+
+    #[test]
+    fn exactly_the_false_vectors_are_marked_with_dirty_memory() {
+        let points = rectangle([3, 5, 260, 260], 16, 31);
+        let mut field = turned(&points);
+        let mut test = MedianTest::default();
+        test.mark(&rectangle([0, 0, 100, 400], 7, 21), 7, &mut turned(&rectangle([0, 0, 100, 400], 7, 21)));
+        let spoiled = [0, 40, 87, 100, points.len() - 1];
+        for index in spoiled {
+            if let Some(displacement) = &mut field[index].displacement {
+                displacement.u_px += 0.7;
+            }
+        }
+        test.mark(&points, 16, &mut field);
+        let marked: Vec<usize> = (0..field.len()).filter(|i| field[*i].status == PointStatus::Outlier).collect();
+        assert_eq!(marked, spoiled);
+        assert!(spoiled.iter().all(|i| field[*i].displacement.is_none()));
+    }
+}

@@ -1,0 +1,76 @@
+//! Whether a position still lies on the parabola of the flight before it.
+
+use crate::motion::{Polynomial, Sample};
+use crate::results::Estimate;
+
+/// A measured acceleration within so many sigmas of a known one may be it.
+const SAME_ACCELERATION: f64 = 4.0;
+
+/// What the flight before says of a new position.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Departure {
+    /// Distance from the nearest plausible curve in its standard uncertainty, positive along the outward normal.
+    pub sigmas: f64,
+    /// Normal velocity at the end of the flight, the least certain of the plausible ones, px/frame.
+    pub rate: Estimate,
+}
+
+/// The curves the flight may be on: with gravity, without acceleration (held, or rolling on a level), or, where
+/// neither agrees with the measured acceleration, with that.
+pub fn plausible_curves(flight: &[Sample], gravity: Option<f64>) -> Vec<Polynomial> {
+    let (Some(first), Some(last)) = (flight.first(), flight.last()) else { return Vec::new() };
+    let middle = 0.5 * (first.time_frames + last.time_frames);
+    let free = Polynomial::fit(flight, middle, 2, 0.0);
+    let agrees = |known: f64| {
+        free.as_ref().is_none_or(|fit| {
+            let a = fit.curvature();
+            (a.value - known).abs() <= SAME_ACCELERATION * a.sigma * fit.excess()
+        })
+    };
+    let known = gravity.into_iter().chain(std::iter::once(0.0)).filter(|a| agrees(*a));
+    let curves: Vec<_> = known.filter_map(|a| Polynomial::fit(flight, middle, 1, a)).collect();
+    if curves.is_empty() { free.into_iter().collect() } else { curves }
+}
+
+/// Sample minus curve with its uncertainty, the curve's included. A component without offset in the curve's fit is
+/// measured from its first sample in `since`.
+pub fn residual(curve: &Polynomial, since: &[Sample], sample: &Sample) -> Option<Estimate> {
+    let excess = curve.excess();
+    if let Some(at) = curve.predict(sample.time_frames, sample.component) {
+        return Some(Estimate { value: sample.value - at.value, sigma: excess * at.sigma.hypot(sample.sigma) });
+    }
+    let first = since.iter().find(|s| s.component == sample.component && s.time_frames < sample.time_frames)?;
+    let advance = curve.advance(first.time_frames, sample.time_frames);
+    let noise = first.sigma.hypot(sample.sigma);
+    Some(Estimate {
+        value: sample.value - first.value - advance.value,
+        sigma: excess * advance.sigma.hypot(noise),
+    })
+}
+
+/// Judges the last of `since` by the `flight` before it; `None` where they have nothing in common.
+pub fn departure(flight: &[Sample], since: &[Sample], gravity: Option<f64>) -> Option<Departure> {
+    let (end, sample) = (flight.last()?, since.last()?);
+    let mut out: Option<Departure> = None;
+    for curve in plausible_curves(flight, gravity) {
+        let off = residual(&curve, since, sample)?;
+        let rate = curve.rate(end.time_frames);
+        let rate = Estimate { value: rate.value, sigma: rate.sigma * curve.excess() };
+        let (sigmas, certainty) = (off.value / off.sigma, rate.value / rate.sigma);
+        out = Some(match out {
+            None => Departure { sigmas, rate },
+            Some(o) => Departure {
+                sigmas: if o.sigmas * sigmas <= 0.0 {
+                    0.0
+                } else if sigmas.abs() < o.sigmas.abs() {
+                    sigmas
+                } else {
+                    o.sigmas
+                },
+                // Approach is negative: the larger ratio is the less certain approach.
+                rate: if certainty > o.rate.value / o.rate.sigma { rate } else { o.rate },
+            },
+        });
+    }
+    out
+}

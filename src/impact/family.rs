@@ -1,0 +1,137 @@
+//! Which law, and what all of them together say.
+
+use super::fit::{LawFit, fit_law};
+use super::law::{Family, Findings, Parameters, Units};
+use crate::motion::Sample;
+
+/// What two straight flights say of a contact: where the fits of the laws begin. Frames, px, inwards positive.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct FirstGuess {
+    /// The deepest moment.
+    pub deepest: f64,
+    /// How far the flight before would have gone beyond the deepest point.
+    pub shortfall: f64,
+    /// Speed before.
+    pub speed: f64,
+    /// Restitution.
+    pub restitution: f64,
+    /// Free fall into the surface, px/frame^2.
+    pub gravity: f64,
+}
+
+/// What the laws that passed say together.
+#[derive(Debug, Clone)]
+pub struct Verdict {
+    /// The law with the largest weight.
+    pub best: Family,
+    /// Its Akaike weight among those that passed, 0 to 1.
+    pub weight: f64,
+    /// Means over the laws with Akaike weights.
+    pub findings: Findings,
+    /// Their standard uncertainties: the laws' own, the spread between them, the laws' misfit, and for a stiffness left
+    /// free how little start and end are then known.
+    pub sigmas: Findings,
+}
+
+impl FirstGuess {
+    /// Parameters of a law with exponent `n` and units to count them in; `ratio` = time to the deepest point over
+    /// depth/speed (1.57 for a spring, 1.47 for n = 3/2).
+    fn parameters(&self, n: f64, m: f64, ratio: f64) -> (Parameters, Units) {
+        let depth = self.shortfall / (ratio - 1.0);
+        let units = Units { depth, speed: self.speed, gravity: self.gravity };
+        let e = self.restitution.clamp(0.05, 1.0);
+        let root_e = e.sqrt();
+        // Energy at the deepest point is about v^2 e / 2; the damper takes the rest.
+        let size = 0.5 * (n + 1.0) * self.speed.powi(2) * root_e / depth;
+        let damping = 1.5 * (1.0 - e) * if m > 0.5 { 1.0 } else { 0.4 };
+        let start = self.deepest - ratio * depth / self.speed;
+        ([start, self.speed, size.ln(), damping, n, m, 0.0, 0.0, 0.0], units)
+    }
+}
+
+/// Fits every family and weighs them by Akaike's criterion (Akaike 1974, doi:10.1109/TAC.1974.1100705).
+///
+/// A law passes with chi2/freedom up to `excess^2` (1 + 2 sqrt(2/freedom)), `excess` being by how much the flights
+/// scatter more than their sigmas. `None` if none passes.
+pub fn judge(guess: &FirstGuess, samples: &[Sample], excess: f64) -> Option<Verdict> {
+    let fits = fit_all(guess, samples);
+    let passed: Vec<&LawFit> = fits.iter().filter(|f| passes(f, excess)).collect();
+    let criterion = |f: &LawFit| f.chi2 / excess.powi(2) + 2.0 * f.family.count() as f64;
+    let best = passed.iter().min_by(|a, b| criterion(a).total_cmp(&criterion(b)))?;
+    let weights: Vec<f64> = passed.iter().map(|f| (0.5 * (criterion(best) - criterion(f))).exp()).collect();
+    let total: f64 = weights.iter().sum();
+    let mean = |of: &dyn Fn(&LawFit) -> f64| passed.iter().zip(&weights).map(|(f, w)| w / total * of(f)).sum::<f64>();
+    let findings: Findings = std::array::from_fn(|k| mean(&|f| f.findings[k]));
+    let sigmas = std::array::from_fn(|k| {
+        mean(&|f| own_variance(f, k) + (f.findings[k] - findings[k]).powi(2)).sqrt()
+    });
+    Some(Verdict { best: best.family, weight: 1.0 / total, findings, sigmas })
+}
+
+fn passes(f: &LawFit, excess: f64) -> bool {
+    f.chi2 / f.freedom <= excess.powi(2) * (1.0 + 2.0 * (2.0 / f.freedom).sqrt())
+}
+
+/// A law's own variance of one finding, its misfit and its freedom at both ends included.
+fn own_variance(f: &LawFit, k: usize) -> f64 {
+    let own = f.sigmas[k].powi(2) * (f.chi2 / f.freedom).max(1.0);
+    let unknown = match (f.family, k) {
+        (Family::Stiffness, 0) => 0.5 * (f.findings[3] - f.findings[0]),
+        (Family::Stiffness, 2) => 0.5 * (f.findings[2] - f.findings[4]),
+        _ => 0.0,
+    };
+    own + unknown.powi(2)
+}
+
+fn fit_all(guess: &FirstGuess, samples: &[Sample]) -> Vec<LawFit> {
+    let from_guess = |family, n, m, ratio| {
+        let (start, units) = guess.parameters(n, m, ratio);
+        fit_law(family, &start, &units, samples).map(|fit| (fit, units))
+    };
+    let spring = from_guess(Family::KelvinVoigt, 1.0, 0.0, 1.57);
+    let hertz = from_guess(Family::HuntCrossley, 1.5, 1.5, 1.47);
+    let power = match &hertz {
+        Some((fit, units)) => fit_law(Family::Power, &fit.parameters, units, samples).map(|fit| (fit, *units)),
+        None => from_guess(Family::Power, 1.3, 1.3, 1.5),
+    };
+    let two = two_exponents(&spring, &power, samples);
+    let free = two.as_ref().and_then(|(fit, units)| {
+        // The stiffness factor is a polynomial over the stroke, so its unit is the depth reached.
+        let (start, units) = rescale(&fit.parameters, units, fit.findings[7]);
+        fit_law(Family::Stiffness, &start, &units, samples).map(|fit| (fit, units))
+    });
+    [spring, hertz, power, two, free].into_iter().flatten().map(|(fit, _)| fit).collect()
+}
+
+/// The law with two free exponents, begun at the better of its two neighbours, and if that does not do, at the other.
+fn two_exponents(
+    spring: &Option<(LawFit, Units)>,
+    power: &Option<(LawFit, Units)>,
+    samples: &[Sample],
+) -> Option<(LawFit, Units)> {
+    let mut starts: Vec<(LawFit, Units)> = spring.iter().chain(power).cloned().collect();
+    starts.sort_by(|a, b| a.0.chi2.total_cmp(&b.0.chi2));
+    let mut best: Option<(LawFit, Units)> = None;
+    for (near, units) in starts {
+        if best.as_ref().is_some_and(|(fit, _)| passes(fit, 1.0)) {
+            break;
+        }
+        let mut start = near.parameters;
+        if near.family == Family::KelvinVoigt {
+            start[5] = 0.1;
+        }
+        let fit = fit_law(Family::TwoExponents, &start, &units, samples);
+        let better = fit.filter(|f| best.as_ref().is_none_or(|(b, _)| f.chi2 < b.chi2));
+        best = better.map(|f| (f, units)).or(best);
+    }
+    best
+}
+
+/// The same law with another unit of depth.
+fn rescale(p: &Parameters, units: &Units, depth: f64) -> (Parameters, Units) {
+    let ratio = depth / units.depth;
+    let mut out = *p;
+    out[2] += p[4] * ratio.ln();
+    out[3] *= ratio.powf(p[5] - p[4]);
+    (out, Units { depth, ..*units })
+}

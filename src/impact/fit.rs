@@ -1,0 +1,222 @@
+//! Least-squares fit of a contact law to positions.
+
+use nalgebra::{DMatrix, DVector};
+
+use super::law::{Family, Findings, Parameters, Passage, Units};
+use crate::motion::Sample;
+
+/// Most rounds of one fit.
+const ROUNDS: usize = 20;
+/// Converged: chi2 falls by less, a law with few parameters and one with many (its parameters replace each other).
+const SETTLED: [f64; 2] = [1e-3, 1e-2];
+/// Expected size of the stiffness factor's coefficients.
+const PRIOR: f64 = 0.3;
+/// Bounds of both exponents.
+const EXPONENTS: (f64, f64) = (0.0, 4.0);
+
+/// A law fitted to one contact.
+#[derive(Debug, Clone)]
+pub struct LawFit {
+    /// Which.
+    pub family: Family,
+    /// Its parameters.
+    pub parameters: Parameters,
+    /// Sum of squared residuals (and priors) in sigmas.
+    pub chi2: f64,
+    /// Degrees of freedom.
+    pub freedom: f64,
+    /// What it says.
+    pub findings: Findings,
+    /// Standard uncertainties of that, by propagation, the samples' sigmas taken as they are.
+    pub sigmas: Findings,
+}
+
+/// Positions grouped by component, for taking them about their means.
+struct Data<'a> {
+    samples: &'a [Sample],
+    /// Index of each sample's component and each component's total weight.
+    group: Vec<usize>,
+    weight: Vec<f64>,
+}
+
+impl<'a> Data<'a> {
+    fn new(samples: &'a [Sample]) -> Self {
+        let mut ids: Vec<u32> = Vec::new();
+        let mut weight: Vec<f64> = Vec::new();
+        let mut group = Vec::with_capacity(samples.len());
+        for s in samples {
+            let i = ids.iter().position(|id| *id == s.component).unwrap_or_else(|| {
+                ids.push(s.component);
+                weight.push(0.0);
+                ids.len() - 1
+            });
+            weight[i] += s.sigma.powi(-2);
+            group.push(i);
+        }
+        Self { samples, group, weight }
+    }
+
+    /// Values about their component's mean, in sigmas.
+    fn whiten(&self, mut values: Vec<f64>) -> Vec<f64> {
+        let mut mean = vec![0.0; self.weight.len()];
+        for (i, s) in self.samples.iter().enumerate() {
+            mean[self.group[i]] += values[i] * s.sigma.powi(-2) / self.weight[self.group[i]];
+        }
+        for (i, s) in self.samples.iter().enumerate() {
+            values[i] = (values[i] - mean[self.group[i]]) / s.sigma;
+        }
+        values
+    }
+}
+
+/// The motion at one set of parameters: depths at the samples and findings.
+struct Outcome {
+    depths: Vec<f64>,
+    findings: Findings,
+}
+
+struct Problem<'a> {
+    family: Family,
+    units: Units,
+    data: Data<'a>,
+}
+
+impl Problem<'_> {
+    fn outcome(&self, p: &Parameters) -> Option<Outcome> {
+        let p = self.family.complete(p);
+        let exponents = p[4..6].iter().all(|n| (EXPONENTS.0..=EXPONENTS.1).contains(n));
+        if !exponents || !(p[1] > 0.0) || p.iter().any(|x| !x.is_finite()) {
+            return None;
+        }
+        let passage = Passage::new(&p, &self.units)?;
+        let depths = self.data.samples.iter().map(|s| passage.depth(s.time_frames - p[0])).collect();
+        Some(Outcome { depths, findings: passage.findings(p[0]) })
+    }
+
+    /// Residuals in sigmas, the priors behind.
+    fn residuals(&self, p: &Parameters, outcome: &Outcome) -> DVector<f64> {
+        // The depth grows against the normal, so position plus depth is constant.
+        let sum = self.data.samples.iter().zip(&outcome.depths).map(|(s, d)| s.value + d).collect();
+        let mut rows = self.data.whiten(sum);
+        if self.family == Family::Stiffness {
+            rows.extend(p[6..].iter().map(|b| b / PRIOR));
+        }
+        DVector::from_vec(rows)
+    }
+
+    fn step_of(&self, parameter: usize) -> f64 {
+        match parameter {
+            0 => 1e-5 * self.units.depth / self.units.speed,
+            1 => 1e-6 * self.units.speed,
+            _ => 1e-6,
+        }
+    }
+
+    /// Derivatives of residuals and of findings, by forward differences.
+    fn slopes(&self, p: &Parameters, at: &Outcome) -> Option<(DMatrix<f64>, DMatrix<f64>)> {
+        let count = self.family.count();
+        let priors = if self.family == Family::Stiffness { 3 } else { 0 };
+        let mut jacobian = DMatrix::zeros(self.data.samples.len() + priors, count);
+        let mut gradients = DMatrix::zeros(at.findings.len(), count);
+        for k in 0..count {
+            let mut moved = *p;
+            let mut h = self.step_of(k);
+            moved[k] += h;
+            let outcome = match self.outcome(&moved) {
+                Some(outcome) => outcome,
+                None => {
+                    h = -h;
+                    moved[k] = p[k] + h;
+                    self.outcome(&moved)?
+                }
+            };
+            let change = outcome.depths.iter().zip(&at.depths).map(|(a, b)| (a - b) / h).collect();
+            for (i, x) in self.data.whiten(change).into_iter().enumerate() {
+                jacobian[(i, k)] = x;
+            }
+            if priors > 0 && k >= 6 {
+                jacobian[(self.data.samples.len() + k - 6, k)] = 1.0 / PRIOR;
+            }
+            for (i, (a, b)) in outcome.findings.iter().zip(&at.findings).enumerate() {
+                gradients[(i, k)] = (a - b) / h;
+            }
+        }
+        Some((jacobian, gradients))
+    }
+
+    /// Levenberg-Marquardt (Marquardt 1963, doi:10.1137/0111030).
+    fn solve(&self, start: &Parameters) -> Option<LawFit> {
+        let mut p = self.family.complete(start);
+        let mut outcome = self.outcome(&p)?;
+        let mut residuals = self.residuals(&p, &outcome);
+        let mut damping = 1e-3;
+        for _ in 0..ROUNDS {
+            let (jacobian, _) = self.slopes(&p, &outcome)?;
+            let normal = jacobian.tr_mul(&jacobian);
+            let right = jacobian.tr_mul(&residuals);
+            let before = residuals.norm_squared();
+            let mut fell = 0.0;
+            while damping < 1e8 {
+                let mut damped = normal.clone();
+                for k in 0..damped.nrows() {
+                    damped[(k, k)] += damping * normal[(k, k)] + 1e-300;
+                }
+                let trial = damped.cholesky().map(|c| c.solve(&right)).and_then(|change| {
+                    let mut moved = p;
+                    change.iter().enumerate().for_each(|(k, x)| moved[k] -= x);
+                    let moved = self.family.complete(&moved);
+                    let outcome = self.outcome(&moved)?;
+                    Some((moved, self.residuals(&moved, &outcome), outcome))
+                });
+                match trial {
+                    Some((moved, r, o)) if r.norm_squared() <= before => {
+                        fell = before - r.norm_squared();
+                        (p, residuals, outcome) = (moved, r, o);
+                        damping *= 0.1;
+                        break;
+                    }
+                    _ => damping *= 10.0,
+                }
+            }
+            if fell < SETTLED[usize::from(self.family.count() > 5)] {
+                break;
+            }
+            damping = damping.max(1e-9);
+        }
+        self.conclude(&p, &outcome, residuals.norm_squared())
+    }
+
+    fn conclude(&self, p: &Parameters, outcome: &Outcome, chi2: f64) -> Option<LawFit> {
+        let (jacobian, gradients) = self.slopes(p, outcome)?;
+        let normal = jacobian.tr_mul(&jacobian);
+        // Parameters on the scale of their own effect, so that the inverse is well conditioned.
+        let scale = DVector::from_fn(normal.nrows(), |k, _| normal[(k, k)].powf(-0.5));
+        if scale.iter().any(|s| !s.is_finite()) {
+            return None;
+        }
+        let scaled = DMatrix::from_fn(normal.nrows(), normal.nrows(), |i, j| normal[(i, j)] * scale[i] * scale[j]);
+        let inverse = scaled.cholesky()?.inverse();
+        let mut sigmas = outcome.findings;
+        for (i, sigma) in sigmas.iter_mut().enumerate() {
+            let row = DVector::from_fn(normal.nrows(), |k, _| gradients[(i, k)] * scale[k]);
+            *sigma = row.dot(&(&inverse * &row)).max(0.0).sqrt();
+        }
+        let rows = jacobian.nrows() as f64;
+        let freedom = rows - self.data.weight.len() as f64 - self.family.count() as f64;
+        let sound = freedom > 0.0 && sigmas.iter().chain(&outcome.findings).all(|x| x.is_finite());
+        sound.then_some(LawFit {
+            family: self.family,
+            parameters: *p,
+            chi2,
+            freedom,
+            findings: outcome.findings,
+            sigmas,
+        })
+    }
+}
+
+/// Fits one family to positions along the outward normal, from `start`. `None` where it does not converge to a
+/// contact that ends, or the positions do not determine it.
+pub fn fit_law(family: Family, start: &Parameters, units: &Units, samples: &[Sample]) -> Option<LawFit> {
+    Problem { family, units: *units, data: Data::new(samples) }.solve(start)
+}

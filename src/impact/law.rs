@@ -1,0 +1,287 @@
+//! Contact laws and the motion they make.
+
+/// A family of contact laws, from stiff to free.
+///
+/// All are cases of F/m = A ((y/y0)^n s(y) + c (v/v0) (y/y0)^m) with the depth y, its rate v,
+/// fixed units y0 and v0, and a stiffness factor s = 1 + b1 T1 + b2 T2 + b3 T3 (Chebyshev) of 2 y/y0 - 1.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Family {
+    /// n = 1, m = 0.
+    KelvinVoigt,
+    /// n = m = 3/2 (Hunt & Crossley 1975, doi:10.1115/1.3423596).
+    HuntCrossley,
+    /// m = n, n free.
+    Power,
+    /// n and m free.
+    TwoExponents,
+    /// n, m and s free.
+    Stiffness,
+}
+
+/// Most parameters a law has: start, speed, ln A, c, n, m, b1, b2, b3.
+pub const MOST_PARAMETERS: usize = 9;
+
+/// Parameters in the order of [`MOST_PARAMETERS`]; the first [`Family::count`] are free, the rest follow.
+pub type Parameters = [f64; MOST_PARAMETERS];
+
+/// Steps of the integration a time unit T is cut into.
+const STEPS: f64 = 64.0;
+/// Longest contact, time units.
+const LONGEST: f64 = 6.0;
+
+impl Family {
+    /// Every family.
+    pub const ALL: [Self; 5] =
+        [Self::KelvinVoigt, Self::HuntCrossley, Self::Power, Self::TwoExponents, Self::Stiffness];
+
+    /// How many parameters are free.
+    pub fn count(self) -> usize {
+        match self {
+            Self::KelvinVoigt | Self::HuntCrossley => 4,
+            Self::Power => 5,
+            Self::TwoExponents => 6,
+            Self::Stiffness => 9,
+        }
+    }
+
+    /// Sets what is not free.
+    pub fn complete(self, p: &Parameters) -> Parameters {
+        let mut p = *p;
+        match self {
+            Self::KelvinVoigt => (p[4], p[5]) = (1.0, 0.0),
+            Self::HuntCrossley => (p[4], p[5]) = (1.5, 1.5),
+            Self::Power => p[5] = p[4],
+            Self::TwoExponents | Self::Stiffness => {}
+        }
+        if self != Self::Stiffness {
+            p[6..].fill(0.0);
+        }
+        p
+    }
+}
+
+/// Units the parameters are measured in, and the free fall along the depth.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Units {
+    /// Depth, px.
+    pub depth: f64,
+    /// Speed, px/frame.
+    pub speed: f64,
+    /// Acceleration into the surface, px/frame^2.
+    pub gravity: f64,
+}
+
+#[derive(Debug, Clone, Copy)]
+struct State {
+    time: f64,
+    depth: f64,
+    speed: f64,
+    force: f64,
+}
+
+/// The motion through one contact; times since its start, depths along the inward normal.
+#[derive(Debug, Clone)]
+pub struct Passage {
+    states: Vec<State>,
+    step: f64,
+    gravity: f64,
+}
+
+/// What a law says of a contact: start, deepest, end, 2 % start, 2 % end (frames), speed before and after
+/// (px/frame, inwards positive), greatest depth (px), greatest acceleration outwards (px/frame^2).
+pub type Findings = [f64; 9];
+
+/// `p[2]` is A here, not its logarithm.
+fn force(p: &Parameters, units: &Units, depth: f64, speed: f64) -> f64 {
+    let y = (depth / units.depth).max(0.0);
+    let [_, _, size, damping, n, m, b1, b2, b3] = *p;
+    let (spring, dash) = if (n - 1.5).abs() < 1e-12 && (m - 1.5).abs() < 1e-12 {
+        let y15 = y * y.sqrt();
+        (y15, y15)
+    } else if (n - 1.0).abs() < 1e-12 && m.abs() < 1e-12 {
+        (y, 1.0)
+    } else {
+        let ln = y.max(1e-300).ln();
+        let spring = (n * ln).exp();
+        (spring, if (m - n).abs() < 1e-12 { spring } else { (m * ln).exp() })
+    };
+    let x = 2.0 * y - 1.0;
+    let stiffness = 1.0 + b1 * x + b2 * (2.0 * x * x - 1.0) + b3 * (4.0 * x * x - 3.0) * x;
+    size * (spring * stiffness + damping * dash * speed / units.speed)
+}
+
+impl Passage {
+    /// Integrates y'' = gravity - F/m from the first touch until the force is back to zero (Runge-Kutta of order 4,
+    /// 64 steps a `units.depth / units.speed * pi / 2`). `None` where it does not come back.
+    pub fn new(p: &Parameters, units: &Units) -> Option<Self> {
+        let mut p = *p;
+        p[2] = p[2].exp();
+        let p = &p;
+        let step = std::f64::consts::FRAC_PI_2 * units.depth / units.speed / STEPS;
+        let mut state = State { time: 0.0, depth: 0.0, speed: p[1], force: force(p, units, 0.0, p[1]) };
+        let mut states = vec![state];
+        loop {
+            let next = advance(p, units, state, step);
+            if !(next.depth.is_finite() && next.speed.is_finite()) || next.time > LONGEST * STEPS * step {
+                return None;
+            }
+            if next.speed < 0.0 && is_over(&next) {
+                states.push(last_moment(p, units, state, step));
+                return Some(Self { states, step, gravity: units.gravity });
+            }
+            if next.depth < 0.0 {
+                return None;
+            }
+            states.push(next);
+            state = next;
+        }
+    }
+
+    fn end(&self) -> State {
+        self.states[self.states.len() - 1]
+    }
+
+    /// Depth at a time since the start.
+    pub fn depth(&self, time: f64) -> f64 {
+        let fall = |from: &State| {
+            let dt = time - from.time;
+            from.depth + from.speed * dt + 0.5 * self.gravity * dt * dt
+        };
+        let end = self.end();
+        if time <= 0.0 {
+            return fall(&self.states[0]);
+        }
+        if time >= end.time {
+            return fall(&end);
+        }
+        let i = ((time / self.step).floor().max(0.0) as usize).min(self.states.len() - 2);
+        let (a, b) = (self.states[i], self.states[i + 1]);
+        let h = b.time - a.time;
+        let u = ((time - a.time) / h).clamp(0.0, 1.0);
+        let (u2, u3) = (u * u, u * u * u);
+        a.depth * (2.0 * u3 - 3.0 * u2 + 1.0)
+            + h * a.speed * (u3 - 2.0 * u2 + u)
+            + b.depth * (3.0 * u2 - 2.0 * u3)
+            + h * b.speed * (u3 - u2)
+    }
+
+    /// What happened, `start` being the time of the first touch.
+    pub fn findings(&self, start: f64) -> Findings {
+        let end = self.end();
+        let strongest = self.states.iter().map(|s| s.force).fold(0.0, f64::max);
+        let turn = self.states.partition_point(|s| s.speed > 0.0).clamp(1, self.states.len() - 1);
+        let (a, b) = (self.states[turn - 1], self.states[turn]);
+        let share = a.speed / (a.speed - b.speed);
+        let deepest = a.time + share * (b.time - a.time);
+        let faint = 0.02 * strongest;
+        let cross = |a: &State, b: &State| a.time + (faint - a.force) / (b.force - a.force) * (b.time - a.time);
+        let pairs = || self.states.windows(2);
+        let rise = if self.states[0].force >= faint {
+            0.0
+        } else {
+            pairs().find(|w| w[1].force >= faint).map_or(0.0, |w| cross(&w[0], &w[1]))
+        };
+        let fall = pairs().rev().find(|w| w[0].force >= faint).map_or(end.time, |w| cross(&w[0], &w[1]));
+        let depth = self.depth(deepest);
+        let acceleration = self.strongest() - self.gravity;
+        [start, start + deepest, start + end.time, start + rise, start + fall, self.states[0].speed, end.speed, depth, acceleration]
+    }
+
+    /// The greatest force, by a parabola through the three states about it.
+    fn strongest(&self) -> f64 {
+        let peak = (0..self.states.len()).max_by(|a, b| self.states[*a].force.total_cmp(&self.states[*b].force));
+        let peak = peak.unwrap_or(0);
+        let f = |i: usize| self.states[i].force;
+        if peak == 0 || peak + 2 >= self.states.len() {
+            return f(peak);
+        }
+        let (slope, bend) = (0.5 * (f(peak + 1) - f(peak - 1)), f(peak + 1) - 2.0 * f(peak) + f(peak - 1));
+        if bend < 0.0 { f(peak) - 0.5 * slope * slope / bend } else { f(peak) }
+    }
+}
+
+fn is_over(s: &State) -> bool {
+    s.force <= 0.0 || s.depth <= 0.0
+}
+
+fn advance(p: &Parameters, units: &Units, s: State, h: f64) -> State {
+    let pull = |depth: f64, speed: f64| units.gravity - force(p, units, depth, speed);
+    let (v1, a1) = (s.speed, units.gravity - s.force);
+    let (v2, a2) = (s.speed + 0.5 * h * a1, pull(s.depth + 0.5 * h * v1, s.speed + 0.5 * h * a1));
+    let (v3, a3) = (s.speed + 0.5 * h * a2, pull(s.depth + 0.5 * h * v2, s.speed + 0.5 * h * a2));
+    let (v4, a4) = (s.speed + h * a3, pull(s.depth + h * v3, s.speed + h * a3));
+    let depth = s.depth + h / 6.0 * (v1 + 2.0 * v2 + 2.0 * v3 + v4);
+    let speed = s.speed + h / 6.0 * (a1 + 2.0 * a2 + 2.0 * a3 + a4);
+    State { time: s.time + h, depth, speed, force: force(p, units, depth, speed) }
+}
+
+/// The moment within one step at which the force, or the depth, reaches zero (Illinois false position).
+fn last_moment(p: &Parameters, units: &Units, from: State, step: f64) -> State {
+    let whole = advance(p, units, from, step);
+    let left = |s: &State| if whole.force <= 0.0 { s.force } else { s.depth };
+    let (mut low, mut high) = ((0.0, left(&from)), (step, left(&whole)));
+    let mut best = whole;
+    for _ in 0..30 {
+        let share = low.1 / (low.1 - high.1);
+        if !share.is_finite() || high.0 - low.0 < 1e-12 * step {
+            break;
+        }
+        let at = low.0 + share * (high.0 - low.0);
+        best = advance(p, units, from, at);
+        let value = left(&best);
+        if value.abs() < 1e-13 * left(&from) {
+            break;
+        }
+        if value > 0.0 {
+            low = (at, value);
+            high.1 *= 0.5;
+        } else {
+            high = (at, value);
+            low.1 *= 0.5;
+        }
+    }
+    best
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_undamped_spring_takes_half_a_period() {
+        // F/m = w^2 y with w = 0.1 a frame, written with y0 = v0/w.
+        let units = Units { depth: 5.0, speed: 0.5, gravity: 0.0 };
+        let p = [0.0, 0.5, 0.05_f64.ln(), 0.0, 1.0, 0.0, 0.0, 0.0, 0.0];
+        let [start, deepest, end, _, _, before, after, depth, acceleration] =
+            Passage::new(&p, &units).unwrap().findings(7.0);
+        let half = std::f64::consts::PI / 0.1;
+        assert!((start - 7.0).abs() < 1e-12 && (end - 7.0 - half).abs() < 1e-5, "{end}");
+        assert!((deepest - 7.0 - half / 2.0).abs() < 1e-4, "{deepest}");
+        assert!((before - 0.5).abs() < 1e-12 && (after + 0.5).abs() < 1e-7);
+        assert!((depth - 5.0).abs() < 1e-6 && (acceleration - 0.05).abs() < 1e-6);
+    }
+
+    #[test]
+    fn a_damped_spring_gives_the_textbook_restitution_and_ends_inside() {
+        // Kelvin-Voigt with damping ratio z: force zero at e = exp(-z t/sqrt(1-z^2)) type restitution, still compressed.
+        let (w, z): (f64, f64) = (0.1, 0.1);
+        let units = Units { depth: 5.0, speed: 0.5, gravity: 0.0 };
+        let p = [0.0, 0.5, (w * w * 5.0_f64).ln(), 2.0 * z * w * 0.5 / (w * w * 5.0), 1.0, 0.0, 0.0, 0.0, 0.0];
+        let passage = Passage::new(&p, &units).unwrap();
+        let found = passage.findings(0.0);
+        let root = (1.0 - z * z).sqrt();
+        let expected = (-z / root * (root * 2.0 * z).atan2(2.0 * z * z - 1.0)).exp();
+        assert!((-found[6] / found[5] - expected).abs() < 1e-6, "{} against {expected}", -found[6] / found[5]);
+        assert!(passage.depth(found[2]) > 0.1 * found[7]);
+    }
+
+    #[test]
+    fn a_hertz_contact_lasts_2_94_depths_over_speed() {
+        let units = Units { depth: 4.0, speed: 0.3, gravity: 0.0 };
+        // v^2/2 = A y0/(5/2) at y = y0.
+        let p = [0.0, 0.3, (1.25 * 0.09 / 4.0_f64).ln(), 0.0, 1.5, 1.5, 0.0, 0.0, 0.0];
+        let found = Passage::new(&p, &units).unwrap().findings(0.0);
+        assert!((found[7] - 4.0).abs() < 1e-5, "{}", found[7]);
+        assert!((found[2] / (4.0 / 0.3) - 2.943_3).abs() < 1e-3, "{}", found[2] / (4.0 / 0.3));
+    }
+}

@@ -1,0 +1,59 @@
+//! When positions began to leave a curve.
+
+use super::departure::residual;
+use crate::motion::{Polynomial, Sample};
+
+/// Exponents of the hinge: contact laws leave the parabola like t^2 (a dashpot) to t^3.5 (Hunt-Crossley).
+const EXPONENTS: [f64; 2] = [2.0, 3.0];
+/// Finest step of the search, frames.
+const STEP_FRAMES: f64 = 0.25;
+/// How far before the first sample off the curve the search goes, frames.
+const BACK_FRAMES: f64 = 15.0;
+
+/// A gradual beginning against a jump.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Onset {
+    /// Best beginning of a hinge a (t - t0)^p, p = 2 or 3, frames.
+    pub start_frames: f64,
+    /// Whether the hinge fits better than a jump in position, as one wrong step makes it.
+    pub gradual: bool,
+}
+
+/// The same samples with time running backwards, so that an end becomes an onset.
+pub fn mirrored(samples: &[Sample]) -> Vec<Sample> {
+    samples.iter().rev().map(|s| Sample { time_frames: -s.time_frames, ..*s }).collect()
+}
+
+/// Fits a hinge and a jump to the samples' distances from `curve`; `departed_frames` is the first sample off it.
+pub fn onset(curve: &Polynomial, since: &[Sample], departed_frames: f64) -> Option<Onset> {
+    let off: Vec<(f64, f64, f64)> = since
+        .iter()
+        .filter_map(|s| {
+            let r = residual(curve, &[], s)?;
+            Some((s.time_frames, r.value, s.sigma.powi(-2)))
+        })
+        .collect();
+    let last = off.last()?.0;
+    let chi2 = |shape: &dyn Fn(f64) -> f64| {
+        let (mut bb, mut br) = (0.0, 0.0);
+        for (t, r, w) in &off {
+            bb += w * shape(*t).powi(2);
+            br += w * shape(*t) * r;
+        }
+        let size = if bb > 0.0 { (br / bb).max(0.0) } else { 0.0 };
+        off.iter().map(|(t, r, w)| w * (r - size * shape(*t)).powi(2)).sum::<f64>()
+    };
+    let mut best = (f64::INFINITY, departed_frames);
+    let mut t0 = departed_frames - BACK_FRAMES;
+    while t0 < last {
+        for p in EXPONENTS {
+            let cost = chi2(&|t| (t - t0).max(0.0).powf(p));
+            if cost < best.0 {
+                best = (cost, t0);
+            }
+        }
+        t0 += STEP_FRAMES;
+    }
+    let jump = off.iter().map(|(from, ..)| chi2(&|t| f64::from(u8::from(t >= *from)))).fold(f64::INFINITY, f64::min);
+    Some(Onset { start_frames: best.1, gradual: best.0 < jump })
+}

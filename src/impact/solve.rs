@@ -1,0 +1,229 @@
+//! From the nodes around a contact to its numbers.
+
+use super::detect::Contact;
+use super::family::{FirstGuess, Verdict, judge};
+use super::law::Family;
+use super::departure::plausible_curves;
+use super::trail::{ANGLE, NORMAL, SurfaceNode, TANGENTIAL, between, samples};
+use crate::motion::{Polynomial, Sample};
+use crate::results::{Estimate, ForceLaw, Impact, PointStatus};
+
+/// Longest flight used on either side, frames.
+const FLIGHT_FRAMES: f64 = 128.0;
+/// Fewest nodes of a flight.
+const FLIGHT_MIN_NODES: usize = 3;
+/// Hindsight alone tells start and end to about so many frames.
+const HINDSIGHT_FRAMES: f64 = 1.0;
+
+/// What turns frames and px into physical numbers.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct World {
+    /// Metres a pixel is.
+    pub metres_per_px: Estimate,
+    /// Nominal frame period, s.
+    pub period_s: f64,
+    /// Gravity along normal and tangent, px/frame^2.
+    pub gravity_px: [f64; 2],
+    /// Radius of a ball, px.
+    pub radius_px: Option<Estimate>,
+}
+
+/// Flights on both sides of the contact interval.
+struct Flights {
+    before: [Polynomial; 3],
+    after: [Polynomial; 3],
+}
+
+/// The interval of contact as known so far, frames.
+#[derive(Clone, Copy)]
+struct Interval {
+    start: Estimate,
+    deepest: Option<Estimate>,
+    end: Estimate,
+    /// Between these all is flight.
+    before_to: f64,
+    after_from: f64,
+}
+
+/// Measures a contact that has ended, from the nodes up to `known_to_frames`.
+///
+/// The velocities on both sides are straight fits with gravity through the
+/// flights, extrapolated to start and end; restitution and impulses come from
+/// them. Start, deepest point, end, compression and acceleration come from
+/// the contact laws. `None` where a flight is too short to have a velocity.
+pub fn solve(nodes: &[SurfaceNode], contact: &Contact, known_to_frames: f64, world: &World) -> Option<Impact> {
+    let end = contact.end_frames?;
+    let first = contact.flight_from_frames.max(contact.start_frames - FLIGHT_FRAMES);
+    let last = known_to_frames.min(end + FLIGHT_FRAMES);
+    let nodes = between(nodes, first, last);
+    let hindsight = by_hindsight(nodes, contact, end);
+    let flights = flights(nodes, &hindsight, world)?;
+    let verdict = guess(nodes, &hindsight, &flights, world).and_then(|guess| {
+        let excess = flights.before[NORMAL].excess().max(flights.after[NORMAL].excess());
+        judge(&guess, &samples(nodes, NORMAL), excess)
+    });
+    let interval = verdict.as_ref().map_or(hindsight, |v| by_law(v));
+    let (interval, flights) = match self::flights(nodes, &interval, world) {
+        Some(flights) => (interval, flights),
+        None => (interval, flights),
+    };
+    Some(assemble(&interval, &flights, verdict.as_ref(), world))
+}
+
+fn by_hindsight(nodes: &[SurfaceNode], contact: &Contact, end: f64) -> Interval {
+    // Where frames are missing around a limit it lies anywhere in the gap.
+    let gap = |at: f64| {
+        let i = nodes.partition_point(|n| n.time_frames < at);
+        match (i.checked_sub(1).and_then(|i| nodes.get(i)), nodes.get(i)) {
+            (Some(a), Some(b)) => (b.time_frames - a.time_frames - 1.0).max(0.0) / 12.0_f64.sqrt(),
+            _ => 0.0,
+        }
+    };
+    let estimate = |at: f64| Estimate { value: at, sigma: HINDSIGHT_FRAMES.hypot(gap(at)) };
+    Interval {
+        start: estimate(contact.start_frames),
+        deepest: None,
+        end: Estimate { sigma: 2.0 * estimate(end).sigma, ..estimate(end) },
+        before_to: contact.flight_to_frames,
+        after_from: end,
+    }
+}
+
+fn by_law(v: &Verdict) -> Interval {
+    let [start, deepest, end, ..] = std::array::from_fn::<Estimate, 9, _>(|k| Estimate { value: v.findings[k], sigma: v.sigmas[k] });
+    Interval {
+        start,
+        deepest: Some(deepest),
+        end,
+        before_to: start.value - (2.0 * start.sigma).max(0.5),
+        after_from: end.value + (2.0 * end.sigma).max(0.5),
+    }
+}
+
+/// A line with the acceleration that flight has: gravity's, unless the flight itself tells otherwise.
+fn line(flight: &[Sample], gravity: f64) -> Option<Polynomial> {
+    if flight.len() < FLIGHT_MIN_NODES {
+        return None;
+    }
+    plausible_curves(flight, Some(gravity)).into_iter().next()
+}
+
+fn flights(nodes: &[SurfaceNode], interval: &Interval, world: &World) -> Option<Flights> {
+    let mut before = between(nodes, f64::NEG_INFINITY, interval.before_to);
+    if before.len() < FLIGHT_MIN_NODES {
+        before = between(nodes, f64::NEG_INFINITY, interval.start.value);
+    }
+    let after = between(nodes, interval.after_from, f64::INFINITY);
+    let three = |nodes: &[SurfaceNode]| {
+        let fit = |k: usize, g: f64| line(&samples(nodes, k), g);
+        Some([
+            fit(NORMAL, world.gravity_px[NORMAL])?,
+            fit(TANGENTIAL, world.gravity_px[TANGENTIAL])?,
+            fit(ANGLE, 0.0)?,
+        ])
+    };
+    Some(Flights { before: three(before)?, after: three(after)? })
+}
+
+/// Rate of a flight at an uncertain moment, its own scatter included.
+fn rate_at(flight: &Polynomial, at: Estimate) -> Estimate {
+    let rate = flight.rate(at.value);
+    Estimate { value: rate.value, sigma: (rate.sigma * flight.excess()).hypot(flight.curvature().value * at.sigma) }
+}
+
+/// Start values for the laws: the deepest node and how far it is from the flight before.
+fn guess(nodes: &[SurfaceNode], interval: &Interval, flights: &Flights, world: &World) -> Option<FirstGuess> {
+    let speed = -rate_at(&flights.before[NORMAL], interval.start).value;
+    let after = rate_at(&flights.after[NORMAL], interval.end).value;
+    let contact = between(nodes, interval.start.value, interval.end.value);
+    let offset = contact.first()?.value[NORMAL];
+    // Components are strung together by extrapolated poses here, which is good enough to start from.
+    let deepest = contact.iter().min_by(|a, b| a.value[NORMAL].total_cmp(&b.value[NORMAL]))?;
+    let first = contact.first()?.time_frames;
+    let beyond = -flights.before[NORMAL].advance(first, deepest.time_frames).value - (offset - deepest.value[NORMAL]);
+    let usable = speed > 0.0 && after > 0.0 && beyond > 0.0;
+    usable.then_some(FirstGuess {
+        deepest: deepest.time_frames,
+        shortfall: beyond,
+        speed,
+        restitution: after / speed,
+        gravity: -world.gravity_px[NORMAL],
+    })
+}
+
+/// A product with a factor that has its own uncertainty.
+fn scaled(x: Estimate, factor: f64, relative_sigma: f64) -> Estimate {
+    let value = x.value * factor;
+    Estimate { value, sigma: (x.sigma * factor.abs()).hypot(value * relative_sigma) }
+}
+
+fn ratio(top: Estimate, bottom: Estimate) -> Option<Estimate> {
+    // A quotient of a number that may be zero has no meaning, nor has a sigma for it.
+    if bottom.value.abs() <= 3.0 * bottom.sigma {
+        return None;
+    }
+    let value = top.value / bottom.value;
+    Some(Estimate { value, sigma: (top.sigma / bottom.value).hypot(value * bottom.sigma / bottom.value) })
+}
+
+fn minus(a: Estimate, b: Estimate) -> Estimate {
+    Estimate { value: a.value - b.value, sigma: a.sigma.hypot(b.sigma) }
+}
+
+fn assemble(interval: &Interval, flights: &Flights, verdict: Option<&Verdict>, world: &World) -> Impact {
+    let relative = world.metres_per_px.sigma / world.metres_per_px.value;
+    let speed = |x: Estimate| scaled(x, world.metres_per_px.value / world.period_s, relative);
+    let seconds = |x: Estimate| scaled(x, world.period_s, 0.0);
+    let before = |k: usize| rate_at(&flights.before[k], interval.start);
+    let after = |k: usize| rate_at(&flights.after[k], interval.end);
+    let turn = |x: Estimate| scaled(x, 1.0 / world.period_s, 0.0);
+    let duration = minus(interval.end, interval.start);
+    let impulse = |k: usize| {
+        let fall = Estimate { value: world.gravity_px[k] * duration.value, sigma: world.gravity_px[k] * duration.sigma };
+        minus(minus(after(k), before(k)), fall)
+    };
+    // Speed of the contact point c - R n of a body that turns counter-clockwise by omega: vt + omega R.
+    let point = |radius: Estimate, v: Estimate, omega: Estimate| {
+        let product = Estimate {
+            value: omega.value * radius.value,
+            sigma: (omega.sigma * radius.value).hypot(omega.value * radius.sigma),
+        };
+        Estimate { value: v.value + product.value, sigma: v.sigma.hypot(product.sigma) }
+    };
+    let restitution = ratio(after(NORMAL), before(NORMAL)).map(|e| Estimate { value: -e.value, ..e });
+    let tangential = world.radius_px.and_then(|radius| {
+        let (first, last) = (point(radius, before(TANGENTIAL), before(ANGLE)), point(radius, after(TANGENTIAL), after(ANGLE)));
+        ratio(last, first).map(|e| Estimate { value: -e.value, ..e })
+    });
+    let found = |k: usize| verdict.map(|v| Estimate { value: v.findings[k], sigma: v.sigmas[k] });
+    let metres = world.metres_per_px.value;
+    Impact {
+        start_s: Some(seconds(interval.start)),
+        deepest_s: interval.deepest.map(seconds),
+        end_s: Some(seconds(interval.end)),
+        vn_before_m_s: Some(speed(before(NORMAL))),
+        vn_after_m_s: Some(speed(after(NORMAL))),
+        vt_before_m_s: Some(speed(before(TANGENTIAL))),
+        vt_after_m_s: Some(speed(after(TANGENTIAL))),
+        omega_before_rad_s: Some(turn(before(ANGLE))),
+        omega_after_rad_s: Some(turn(after(ANGLE))),
+        restitution,
+        restitution_tangential: tangential,
+        impulse_ratio: ratio(impulse(TANGENTIAL), impulse(NORMAL)),
+        contact_time_s: Some(seconds(duration)),
+        compression_max_mm: found(7).map(|depth| scaled(depth, metres * 1e3, relative)),
+        acceleration_max_m_s2: found(8).map(|a| scaled(a, metres / world.period_s.powi(2), relative)),
+        force_law: verdict.map_or(ForceLaw::None, |v| word(v.best)),
+        status: PointStatus::Valid,
+        ..Impact::unknown(0, 0, 0)
+    }
+}
+
+fn word(family: Family) -> ForceLaw {
+    match family {
+        Family::KelvinVoigt => ForceLaw::KelvinVoigt,
+        Family::HuntCrossley => ForceLaw::HuntCrossley,
+        Family::Power | Family::TwoExponents => ForceLaw::PowerLaw,
+        Family::Stiffness => ForceLaw::None,
+    }
+}

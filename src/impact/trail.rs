@@ -1,0 +1,62 @@
+//! A body's positions along the surface's axes.
+
+use crate::motion::{Axes, Node, Sample};
+
+/// One pose along the surface's normal and tangent.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SurfaceNode {
+    /// Sequence number of the frame.
+    pub frame: u64,
+    /// Time since the stream's first frame, nominal frame periods.
+    pub time_frames: f64,
+    /// Nodes of one component are linked by steps.
+    pub component: u32,
+    /// Along the outward normal px, along the tangent px, angle rad (counter-clockwise).
+    pub value: [f64; 3],
+    /// White standard uncertainty of each.
+    pub sigma: [f64; 3],
+}
+
+/// Index of the normal coordinate.
+pub const NORMAL: usize = 0;
+/// Index of the tangential coordinate.
+pub const TANGENTIAL: usize = 1;
+/// Index of the angle.
+pub const ANGLE: usize = 2;
+
+impl SurfaceNode {
+    /// Turns a pose to the surface's axes.
+    pub fn new(node: &Node, axes: Axes) -> Self {
+        let at = axes.surface(node.pose[0], node.pose[1]);
+        let sigma = axes.surface_sigma(node.sigma[0], node.sigma[1]);
+        Self {
+            frame: node.frame,
+            time_frames: node.time_frames,
+            component: node.component,
+            value: [at.normal, at.tangential, node.pose[2].to_radians()],
+            sigma: [sigma.normal, sigma.tangential, node.sigma[2].to_radians()],
+        }
+    }
+
+    /// One coordinate of it.
+    pub fn sample(&self, coordinate: usize) -> Sample {
+        Sample {
+            time_frames: self.time_frames,
+            component: self.component,
+            value: self.value[coordinate],
+            sigma: self.sigma[coordinate],
+        }
+    }
+}
+
+/// One coordinate of every node.
+pub fn samples(nodes: &[SurfaceNode], coordinate: usize) -> Vec<Sample> {
+    nodes.iter().map(|n| n.sample(coordinate)).collect()
+}
+
+/// The nodes from one time to another, both included.
+pub fn between(nodes: &[SurfaceNode], from_frames: f64, to_frames: f64) -> &[SurfaceNode] {
+    let first = nodes.partition_point(|n| n.time_frames < from_frames);
+    let end = nodes.partition_point(|n| n.time_frames <= to_frames);
+    &nodes[first..end.max(first)]
+}

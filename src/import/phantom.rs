@@ -1,0 +1,189 @@
+//! Phantom CINE recordings, uncompressed grey ones.
+//!
+//! Layout: "Cine File Format", Vision Research. A file header, a Windows
+//! BITMAPINFOHEADER, the camera's set-up, then a table of the images' offsets.
+
+use super::{Footage, ImportError, Stamps, frame_bytes, frame_rate};
+use crate::image::PixelFormat;
+use std::collections::BTreeMap;
+use std::fs::File;
+use std::os::unix::fs::FileExt;
+use std::path::{Path, PathBuf};
+
+const FILE_HEADER_BYTES: usize = 44;
+const BITMAP_HEADER_BYTES: usize = 40;
+/// Offsets in the set-up.
+const SETUP_MARK: usize = 140;
+const SETUP_FRAME_RATE: usize = 768;
+const SETUP_REAL_BITS: usize = 896;
+const SETUP_BYTES: usize = 900;
+/// The set-up of old files ends before the frame rate and the significant bits.
+const SETUP_MIN_BYTES: usize = 144;
+/// `biCompression` of 10-bit pixels packed without gaps.
+const PACKED_10: u32 = 256;
+/// Most images one file may list.
+const IMAGES: u32 = 1 << 24;
+
+/// An opened file and how its images are laid out.
+struct Cine {
+    path: PathBuf,
+    file: File,
+    file_bytes: u64,
+    row_bytes: usize,
+    frame_bytes: usize,
+    is_bottom_up: bool,
+    offsets: u64,
+}
+
+pub(super) fn open(path: &Path, fps: Option<f64>) -> Result<Footage, ImportError> {
+    let file = File::open(path).map_err(|error| ImportError::io("open", path, error))?;
+    let file_bytes = file.metadata().map_err(|error| ImportError::io("open", path, error))?.len();
+    let mut cine = Cine {
+        path: path.to_path_buf(),
+        file,
+        file_bytes,
+        row_bytes: 0,
+        frame_bytes: 0,
+        is_bottom_up: true,
+        offsets: 0,
+    };
+    let header = cine.read(0, FILE_HEADER_BYTES)?;
+    if header[..2] != *b"CI" {
+        return Err(cine.invalid("not a CINE file: it does not begin with CI"));
+    }
+    if u16_at(&header, 4) != 0 {
+        return Err(cine.invalid(format!("compression {}; only uncompressed grey images are read", u16_at(&header, 4))));
+    }
+    let (first_image, count) = (u32_at(&header, 16) as i32, u32_at(&header, 20));
+    if count == 0 || count > IMAGES {
+        return Err(cine.invalid(format!("{count} images")));
+    }
+    cine.offsets = u64::from(u32_at(&header, 32));
+    let setup = cine.setup(u64::from(u32_at(&header, 28)))?;
+    let bitmap = cine.read(u64::from(u32_at(&header, 24)), BITMAP_HEADER_BYTES)?;
+    let (width_px, height_px, format) = cine.layout(&bitmap, &setup)?;
+    let frame_rate_hz = frame_rate(path, fps, setup_rate(&setup))?;
+    // The trigger's time is kept in units of 2^-32 s.
+    let trigger_ns =
+        u64::from(u32_at(&header, 40)) * 1_000_000_000 + ((u64::from(u32_at(&header, 36)) * 1_000_000_000) >> 32);
+    let first_ns = (f64::from(first_image) * 1e9 / frame_rate_hz).round() as i64;
+    let stamps = Stamps { first_ns: trigger_ns.saturating_add_signed(first_ns), frame_rate_hz };
+    let frames = (0..u64::from(count)).map(move |number| Ok((number, cine.image(number)?)));
+    Ok(Footage {
+        width_px,
+        height_px,
+        format,
+        frame_rate_hz,
+        count: count.into(),
+        description: description(&setup, first_image),
+        warnings: Vec::new(),
+        frames: Box::new(frames),
+        stamps,
+    })
+}
+
+impl Cine {
+    fn invalid(&self, reason: impl Into<String>) -> ImportError {
+        ImportError::invalid(&self.path, reason)
+    }
+
+    fn read(&self, at: u64, count: usize) -> Result<Vec<u8>, ImportError> {
+        if at.checked_add(count as u64).is_none_or(|end| end > self.file_bytes) {
+            return Err(self.invalid(format!("cut off: {count} bytes at byte {at} reach over its end")));
+        }
+        let mut bytes = vec![0; count];
+        self.file.read_exact_at(&mut bytes, at).map_err(|error| ImportError::io("read", &self.path, error))?;
+        Ok(bytes)
+    }
+
+    /// The set-up, as long as this file's is, checked for its mark.
+    fn setup(&self, at: u64) -> Result<Vec<u8>, ImportError> {
+        let mut setup = self.read(at, SETUP_MIN_BYTES)?;
+        if setup[SETUP_MARK..SETUP_MARK + 2] != *b"ST" {
+            return Err(self.invalid(format!("no set-up at byte {at}")));
+        }
+        let bytes = usize::from(u16_at(&setup, SETUP_MARK + 2)).min(SETUP_BYTES);
+        if bytes > SETUP_MIN_BYTES {
+            setup = self.read(at, bytes)?;
+        }
+        Ok(setup)
+    }
+
+    fn layout(&mut self, bitmap: &[u8], setup: &[u8]) -> Result<(u32, u32, PixelFormat), ImportError> {
+        let (width, height) = (u32_at(bitmap, 4) as i32, u32_at(bitmap, 8) as i32);
+        let (bits, compression) = (u16_at(bitmap, 14), u32_at(bitmap, 16));
+        if compression == PACKED_10 {
+            return Err(self.invalid("10-bit packed pixels are not read; export the file as 8 or 16 bit"));
+        }
+        if compression != 0 {
+            return Err(self.invalid(format!("bitmap compression {compression}; only uncompressed images are read")));
+        }
+        let real_bits = (setup.len() >= SETUP_REAL_BITS + 4).then(|| u32_at(setup, SETUP_REAL_BITS));
+        let format = match (bits, real_bits) {
+            (8, _) => PixelFormat::Mono8,
+            (16, Some(10)) => PixelFormat::Mono10,
+            (16, Some(12)) => PixelFormat::Mono12,
+            (16, _) => PixelFormat::Mono16,
+            (bits, _) => return Err(self.invalid(format!("{bits} bits a pixel; 8 and 16 are read"))),
+        };
+        let (width_px, height_px) = (width.unsigned_abs(), height.unsigned_abs());
+        self.frame_bytes = frame_bytes(&self.path, width_px.into(), height_px.into(), format)? as usize;
+        self.row_bytes = width_px as usize * format.bytes_per_pixel();
+        // As in every Windows bitmap, a negative height means the first row comes first.
+        self.is_bottom_up = height > 0;
+        Ok((width_px, height_px, format))
+    }
+
+    /// The pixels of one image, top row first.
+    fn image(&self, number: u64) -> Result<Vec<u8>, ImportError> {
+        let offset = self.read(self.offsets + number * 8, 8)?;
+        let at = u64::from(u32_at(&offset, 0)) | u64::from(u32_at(&offset, 4)) << 32;
+        let annotation_bytes = u32_at(&self.read(at, 4)?, 0);
+        if annotation_bytes < 8 {
+            return Err(self.invalid(format!("image {number}: an annotation of {annotation_bytes} bytes at byte {at}")));
+        }
+        let pixels_at = at + u64::from(annotation_bytes);
+        let stored = u32_at(&self.read(pixels_at - 4, 4)?, 0) as usize;
+        // Rows of a bitmap are padded to 4 bytes; cameras' widths rarely need it.
+        let padded_row = self.row_bytes.next_multiple_of(4);
+        let rows = self.frame_bytes / self.row_bytes;
+        let row = match stored {
+            _ if stored == self.frame_bytes => self.row_bytes,
+            _ if stored == padded_row * rows => padded_row,
+            _ => {
+                let expected = self.frame_bytes;
+                return Err(self.invalid(format!("image {number}: {stored} bytes at byte {at}, expected {expected}")));
+            }
+        };
+        let bytes = self.read(pixels_at, stored)?;
+        let packed = |rows: &mut dyn Iterator<Item = &[u8]>| rows.flat_map(|r| &r[..self.row_bytes]).copied().collect();
+        Ok(match self.is_bottom_up {
+            true => packed(&mut bytes.chunks_exact(row).rev()),
+            false => packed(&mut bytes.chunks_exact(row)),
+        })
+    }
+}
+
+fn setup_rate(setup: &[u8]) -> Option<f64> {
+    match setup.len() >= SETUP_FRAME_RATE + 4 {
+        true => Some(f64::from(u32_at(setup, SETUP_FRAME_RATE))),
+        // The 16-bit rate at the beginning is all that old files have.
+        false => Some(f64::from(u16_at(setup, 0))),
+    }
+}
+
+fn description(setup: &[u8], first_image: i32) -> BTreeMap<String, String> {
+    let mut entries = BTreeMap::from([("first_image".to_owned(), first_image.to_string())]);
+    if setup.len() >= SETUP_BYTES {
+        entries.insert("camera".into(), "Phantom".into());
+    }
+    entries
+}
+
+fn u16_at(bytes: &[u8], at: usize) -> u16 {
+    u16::from_le_bytes([bytes[at], bytes[at + 1]])
+}
+
+fn u32_at(bytes: &[u8], at: usize) -> u32 {
+    u32::from_le_bytes([bytes[at], bytes[at + 1], bytes[at + 2], bytes[at + 3]])
+}

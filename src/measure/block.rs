@@ -1,0 +1,323 @@
+//! Blocks of frames to steps and fields.
+
+use crate::ball::{BallError, BallFinder, BallParams};
+use crate::dic::{CorrelationError, CorrelationParams, Correlator, Prepared, Start, grid, rigid_fit};
+use crate::image::{Frame, FrameMeta, Image, ShapeError};
+use crate::results::{BodyStep, Circle, PairField, PointStatus, RigidStep};
+use std::collections::VecDeque;
+
+/// Share of the radius that subsets keep clear of the rim, where the outline is blurred and light falls off.
+const RIM_CLEARANCE: f64 = 0.04;
+/// Fewest subsets a rigid motion is believed from.
+const FEWEST_POINTS: u32 = 3;
+
+/// What the frames of a rig are measured with.
+#[derive(Debug, Clone, PartialEq)]
+pub struct MeasureParams {
+    /// How subsets are correlated.
+    pub correlation: CorrelationParams,
+    /// Where each body may be.
+    pub bodies: Vec<BallParams>,
+    /// Frames of a block; blocks begin at sequence numbers divisible by it.
+    pub block_frames: u32,
+}
+
+/// Which blocks are measured here.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Share {
+    /// Every block whose number leaves this remainder ...
+    pub index: u32,
+    /// ... when divided by this.
+    pub of: u32,
+}
+
+impl Share {
+    /// All of them.
+    pub const ALL: Self = Self { index: 0, of: 1 };
+
+    fn holds(self, block: u64) -> bool {
+        block % u64::from(self.of) == u64::from(self.index)
+    }
+}
+
+/// One body in one frame: its step and the field the step came from.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Measured {
+    /// The body, its outline and its motion.
+    pub step: BodyStep,
+    /// The displacement field behind the motion.
+    pub field: Option<PairField>,
+}
+
+/// Why frames cannot be measured.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum MeasureError {
+    /// The correlator refuses its settings.
+    #[error(transparent)]
+    Correlation(#[from] CorrelationError),
+    /// The ball finder refuses its settings.
+    #[error(transparent)]
+    Ball(#[from] BallError),
+    /// A frame has fewer bytes than its header says.
+    #[error("frame {sequence}: {source}")]
+    Frame {
+        /// The frame.
+        sequence: u64,
+        /// What is wrong with it.
+        source: ShapeError,
+    },
+    /// A frame has another size than the stream.
+    #[error("frame {sequence} is {width_px} x {height_px} px in a stream of {expected_width_px} x {expected_height_px}")]
+    Size {
+        /// The frame.
+        sequence: u64,
+        /// Its width.
+        width_px: u32,
+        /// Its height.
+        height_px: u32,
+        /// The stream's width.
+        expected_width_px: usize,
+        /// The stream's height.
+        expected_height_px: usize,
+    },
+}
+
+/// Measures blocks of frames.
+///
+/// The step of a frame is a function of the frames of its own block up to
+/// `interval_frames` after it, and of nothing else: not of frames before the
+/// block, not of who else measures, not of when. At the start of a block every
+/// body is looked for from scratch; within it each frame starts from the last.
+pub struct Measurer {
+    correlator: Correlator,
+    finders: Vec<BallFinder>,
+    params: MeasureParams,
+    share: Share,
+    size: (usize, usize),
+    image: Image,
+    /// Frames whose motion is not measured yet, oldest first.
+    open: VecDeque<Reference>,
+    spare: Vec<Prepared>,
+    /// Per body, the last motion measured within the block it names.
+    last: Vec<Option<(u64, RigidStep)>>,
+    /// Per body, the newest outline: its block and frame.
+    before: Vec<Option<(u64, u64, Circle)>>,
+}
+
+/// A frame that waits for its target.
+struct Reference {
+    meta: FrameMeta,
+    block: u64,
+    prepared: Prepared,
+    circles: Vec<Option<Circle>>,
+}
+
+impl Measurer {
+    /// Plans the measurement of frames of this size.
+    ///
+    /// # Errors
+    ///
+    /// When a setting is out of range or cannot be measured with.
+    pub fn new(params: &MeasureParams, share: Share, width_px: usize, height_px: usize) -> Result<Self, MeasureError> {
+        let finders =
+            params.bodies.iter().map(|ball| BallFinder::new(ball, width_px, height_px)).collect::<Result<_, _>>()?;
+        Ok(Self {
+            correlator: Correlator::new(&params.correlation, width_px, height_px)?,
+            finders,
+            share,
+            size: (width_px, height_px),
+            image: Image::new(width_px, height_px),
+            open: VecDeque::new(),
+            spare: Vec::new(),
+            last: vec![None; params.bodies.len()],
+            before: vec![None; params.bodies.len()],
+            params: params.clone(),
+        })
+    }
+
+    /// Forgets every frame, for another stream.
+    pub fn reset(&mut self) {
+        self.spare.extend(self.open.drain(..).map(|reference| reference.prepared));
+        self.last.fill(None);
+        self.before.fill(None);
+    }
+
+    /// Whether a frame is needed here at all: it belongs to a block of this share, or is a target of one.
+    pub fn wants(&self, sequence: u64) -> bool {
+        let interval = u64::from(self.params.correlation.interval_frames);
+        let block_frames = u64::from(self.params.block_frames);
+        let owns = |sequence: u64| self.share.holds(sequence / block_frames);
+        owns(sequence) || sequence.checked_sub(interval).is_some_and(owns)
+    }
+
+    /// Takes the next frame of the stream; appends what became known, in order.
+    ///
+    /// Frames come with rising sequence numbers; those it does not want may be left out.
+    ///
+    /// # Errors
+    ///
+    /// When the frame is not what its header says, or of another size than planned.
+    pub fn push(&mut self, frame: &Frame<'_>, measured: &mut Vec<Measured>) -> Result<(), MeasureError> {
+        let meta = frame.meta;
+        if !self.wants(meta.sequence) {
+            return Ok(());
+        }
+        self.check_size(&meta)?;
+        frame.unpack(&mut self.image).map_err(|source| MeasureError::Frame { sequence: meta.sequence, source })?;
+        let mut prepared = self.spare.pop().unwrap_or_else(|| self.correlator.prepare(self.image.view()));
+        self.correlator.prepare_into(self.image.view(), &mut prepared);
+        let interval = u64::from(self.params.correlation.interval_frames);
+        while let Some(reference) = self.open.front() {
+            let target = reference.meta.sequence + interval;
+            if target > meta.sequence {
+                break;
+            }
+            let Some(reference) = self.open.pop_front() else { break };
+            let target = (target == meta.sequence).then_some((&prepared, meta.sequence));
+            self.measure(&reference, target, measured);
+            self.spare.push(reference.prepared);
+        }
+        let block = meta.sequence / u64::from(self.params.block_frames);
+        if self.share.holds(block) {
+            let circles = (0..self.finders.len()).map(|body| self.find(body, &meta, block)).collect();
+            self.open.push_back(Reference { meta, block, prepared, circles });
+        } else {
+            self.spare.push(prepared);
+        }
+        Ok(())
+    }
+
+    /// The stream is over: tells the frames that have no target.
+    pub fn finish(&mut self, measured: &mut Vec<Measured>) {
+        while let Some(reference) = self.open.pop_front() {
+            self.measure(&reference, None, measured);
+            self.spare.push(reference.prepared);
+        }
+        self.last.fill(None);
+    }
+
+    fn check_size(&self, meta: &FrameMeta) -> Result<(), MeasureError> {
+        let (expected_width_px, expected_height_px) = self.size;
+        if (meta.width_px as usize, meta.height_px as usize) == self.size {
+            return Ok(());
+        }
+        let FrameMeta { sequence, width_px, height_px, .. } = *meta;
+        Err(MeasureError::Size { sequence, width_px, height_px, expected_width_px, expected_height_px })
+    }
+
+    /// The outline of one body in the frame at hand: near where it must be, or from scratch.
+    fn find(&mut self, body: usize, meta: &FrameMeta, block: u64) -> Option<Circle> {
+        let expected = self.before[body].filter(|(known, _, _)| *known == block).map(|(_, sequence, circle)| {
+            let frames = (meta.sequence - sequence) as f64;
+            let step = self.last[body].filter(|(known, _)| *known == block).map(|(_, step)| step);
+            carried(&circle, step.as_ref(), frames)
+        });
+        let finder = &mut self.finders[body];
+        let view = self.image.view();
+        let found = match expected {
+            // The motion is known far better than an outline is: where the outline cannot be told, it carries the centre.
+            Some((near, is_measured)) => finder.follow(view, &near).or(is_measured.then_some(near)),
+            None => None,
+        };
+        let found = found.or_else(|| finder.find(view));
+        self.before[body] = found.map(|circle| (block, meta.sequence, circle));
+        found
+    }
+
+    fn measure(&mut self, reference: &Reference, target: Option<(&Prepared, u64)>, measured: &mut Vec<Measured>) {
+        for body in 0..self.finders.len() {
+            measured.push(self.measure_body(reference, body, target));
+        }
+    }
+
+    fn measure_body(&mut self, reference: &Reference, body: usize, target: Option<(&Prepared, u64)>) -> Measured {
+        let circle = reference.circles[body];
+        let mut step = BodyStep {
+            frame: reference.meta.sequence,
+            stamp_ns: reference.meta.stamp_ns,
+            body: u32::try_from(body).unwrap_or(u32::MAX),
+            interval_frames: self.params.correlation.interval_frames,
+            circle,
+            step: None,
+            status: if circle.is_some() { PointStatus::Valid } else { PointStatus::Lost },
+        };
+        let (Some(circle), Some((target, target_frame))) = (circle, target) else {
+            return Measured { step, field: None };
+        };
+        let mut field = PairField {
+            frame: step.frame,
+            target_frame,
+            stamp_ns: step.stamp_ns,
+            body: step.body,
+            points: Vec::new(),
+        };
+        let start = self.start(reference.block, body, &circle);
+        let correlation = &self.params.correlation;
+        let radius_px = circle.radius_px * (1.0 - RIM_CLEARANCE);
+        let (width, height) = self.size;
+        let (step_px, subset_px) = (correlation.step_px, correlation.subset_size_px);
+        let points = grid::disc(circle.x_px, circle.y_px, radius_px, step_px, subset_px, width, height);
+        self.correlator.correlate(&reference.prepared, target, &points, start, &mut field.points);
+        step.step = self.rigid_step(&mut field, &circle);
+        match step.step {
+            Some(motion) => self.last[body] = Some((reference.block, motion)),
+            None => {
+                self.last[body] = None;
+                step.status = why_not(&field);
+            }
+        }
+        Measured { step, field: Some(field) }
+    }
+
+    /// The last motion measured within the block, for as many frames as a step spans.
+    fn start(&self, block: u64, body: usize, circle: &Circle) -> Start {
+        let frames = f64::from(self.params.correlation.interval_frames);
+        match self.last[body] {
+            Some((known, step)) if known == block => Start::Motion {
+                x_px: circle.x_px,
+                y_px: circle.y_px,
+                u_px: frames * step.dx_px,
+                v_px: frames * step.dy_px,
+                angle_deg: frames * step.dtheta_deg,
+            },
+            _ => Start::Search,
+        }
+    }
+
+    /// Motion of the centre and rotation, from every valid subset.
+    fn rigid_step(&self, field: &mut PairField, circle: &Circle) -> Option<RigidStep> {
+        let motion = rigid_fit(&mut field.points, circle.x_px, circle.y_px, self.params.correlation.subset_size_px)?;
+        let frames = f64::from(self.params.correlation.interval_frames);
+        (motion.points >= FEWEST_POINTS).then_some(RigidStep {
+            dx_px: motion.u_px / frames,
+            dy_px: motion.v_px / frames,
+            dtheta_deg: motion.angle_deg / frames,
+            sigma_dx_px: motion.sigma_u_px / frames,
+            sigma_dy_px: motion.sigma_v_px / frames,
+            sigma_dtheta_deg: motion.sigma_angle_deg / frames,
+            points: motion.points,
+        })
+    }
+}
+
+/// An outline moved on by `frames` frames, and whether a motion measured from it says so.
+fn carried(circle: &Circle, step: Option<&RigidStep>, frames: f64) -> (Circle, bool) {
+    let Some(step) = step else { return (*circle, false) };
+    let sigma_px = circle.sigma_center_px.hypot(frames * step.sigma_dx_px.max(step.sigma_dy_px));
+    let moved = Circle {
+        x_px: circle.x_px + frames * step.dx_px,
+        y_px: circle.y_px + frames * step.dy_px,
+        sigma_center_px: sigma_px,
+        ..*circle
+    };
+    (moved, true)
+}
+
+/// The most frequent reason why the subsets of a field give no motion.
+fn why_not(field: &PairField) -> PointStatus {
+    let count = |status: PointStatus| field.points.iter().filter(|point| point.status == status).count();
+    let invalid = PointStatus::ALL.into_iter().filter(|status| *status != PointStatus::Valid);
+    let most = invalid.max_by_key(|status| count(*status)).filter(|status| count(*status) > 0);
+    // No subset fits into the ball at all.
+    most.unwrap_or(PointStatus::OutOfFrame)
+}

@@ -1,0 +1,244 @@
+//! One body's part of the tracker.
+
+use crate::impact::{Contact, Detector, Event, SurfaceNode, World, solve};
+use crate::motion::{
+    Anchor, Axes, Center, Chain, MotionParams, Node, Regime, RunningRadius, Scale, gravity_px, lag_frames, physical, smooth,
+};
+use crate::results::{BodyStep, Estimate, Impact, Phase, PointStatus, TrackSample, VelocitySample};
+
+/// An impact is told again when so many frames after its end are known; the last is final.
+const REVISIONS_FRAMES: [f64; 2] = [16.0, 64.0];
+/// Unless this much time has passed after the end, and the first of them is reached.
+const FINAL_AFTER_S: f64 = 0.035;
+/// Nodes kept beyond what the local fits reach back.
+const SPARE_NODES: u64 = 64;
+
+/// A collision being told.
+#[derive(Debug, Clone)]
+struct Telling {
+    contact: Contact,
+    number: u32,
+    revision: u32,
+    told_to_frames: f64,
+    /// How many of [`REVISIONS_FRAMES`] are reached.
+    stage: usize,
+}
+
+/// Everything known of one body.
+#[derive(Debug, Clone)]
+pub struct BodyTracker {
+    body: u32,
+    params: MotionParams,
+    origin_ns: u64,
+    axes: Axes,
+    chain: Chain,
+    anchor: Anchor,
+    radius: RunningRadius,
+    nodes: Vec<Node>,
+    first_sigma_deg: Option<f64>,
+    detector: Option<Detector>,
+    telling: Option<Telling>,
+    collisions: u32,
+}
+
+impl BodyTracker {
+    pub fn new(body: u32, params: &MotionParams, contact: bool) -> Self {
+        Self {
+            body,
+            params: params.clone(),
+            origin_ns: 0,
+            axes: Axes::new(params.surface_angle_deg),
+            chain: Chain::new(),
+            anchor: Anchor::new(),
+            radius: RunningRadius::new(),
+            nodes: Vec::new(),
+            first_sigma_deg: None,
+            detector: contact.then(Detector::new),
+            telling: None,
+            collisions: 0,
+        }
+    }
+
+    /// Takes the next step of this body; impacts that became known go to `impacts`.
+    pub fn push(&mut self, step: &BodyStep, origin_ns: u64, impacts: &mut Vec<Impact>) {
+        self.origin_ns = origin_ns;
+        if let Some(circle) = &step.circle {
+            self.radius.push(circle);
+        }
+        let since_ns = i128::from(step.stamp_ns) - i128::from(origin_ns);
+        let Some(node) = self.chain.push(step, since_ns as f64 / self.params.frame_period_ns) else { return };
+        self.first_sigma_deg.get_or_insert(node.sigma[2]);
+        self.keep(node);
+        let gravity = self.gravity().map(|g| self.axes.surface(g[0], g[1]).normal);
+        let node_on_surface = SurfaceNode::new(&node, self.axes);
+        let event = self.detector.as_mut().map_or(Event::None, |detector| {
+            let suspicious = detector.is_suspicious();
+            if let Some(circle) = step.circle.filter(|_| !suspicious) {
+                self.anchor.push(&node, &circle);
+            }
+            detector.push(node_on_surface, gravity)
+        });
+        if let (None, Some(circle)) = (&self.detector, &step.circle) {
+            self.anchor.push(&node, circle);
+        }
+        self.tell(event, node.time_frames, impacts);
+    }
+
+    /// The stream has ended.
+    pub fn finish(&mut self, impacts: &mut Vec<Impact>) {
+        self.tell_again(f64::INFINITY, impacts);
+        let contact = self.detector.as_ref().and_then(|d| d.contact().copied());
+        if let Some(contact) = contact.filter(|c| c.end_frames.is_none()) {
+            impacts.push(self.unfinished(&contact));
+        }
+    }
+
+    fn keep(&mut self, node: Node) {
+        self.nodes.push(node);
+        let reach = u64::from(self.params.window_frames.unwrap_or(0)) + 2 * lag_frames(&self.params) + SPARE_NODES;
+        let old = self.nodes.partition_point(|n| n.frame + reach < node.frame);
+        if old >= 256 {
+            self.nodes.drain(..old);
+        }
+    }
+
+    fn gravity(&self) -> Option<[f64; 2]> {
+        let scale = self.radius.metres_per_px(self.params.scale)?;
+        Some(gravity_px(&self.params, scale.value))
+    }
+
+    fn tell(&mut self, event: Event, time_frames: f64, impacts: &mut Vec<Impact>) {
+        let contact = self.detector.as_ref().and_then(|d| d.contact().copied());
+        match event {
+            Event::Began => {
+                // The flight after the collision before is over: now it is known as well as it ever will be.
+                if let Some(next) = contact {
+                    self.tell_again(next.flight_to_frames, impacts);
+                }
+                self.telling = None;
+            }
+            Event::Ended => {
+                self.telling = contact.map(|contact| Telling {
+                    contact,
+                    number: self.collisions,
+                    revision: 0,
+                    told_to_frames: f64::NEG_INFINITY,
+                    stage: 0,
+                });
+                self.collisions += 1;
+                self.tell_again(time_frames, impacts);
+            }
+            Event::Dismissed => self.telling = None,
+            Event::None => self.revise(time_frames, impacts),
+        }
+    }
+
+    /// Tells the last collision again when enough more is known of the flight after it.
+    fn revise(&mut self, time_frames: f64, impacts: &mut Vec<Impact>) {
+        let Some(telling) = &mut self.telling else { return };
+        // The detector judges the end anew while the flight after it grows.
+        if let Some(contact) = self.detector.as_ref().and_then(|d| d.contact()) {
+            telling.contact = *contact;
+        }
+        let Some(end) = telling.contact.end_frames else { return };
+        let known = time_frames - end;
+        let stage = REVISIONS_FRAMES.iter().filter(|after| known >= **after).count();
+        let late = known * self.params.frame_period_ns * 1e-9 >= FINAL_AFTER_S;
+        let last = stage == REVISIONS_FRAMES.len() || (stage > 0 && late);
+        let due = stage > telling.stage;
+        telling.stage = stage;
+        if due || last {
+            self.tell_again(time_frames, impacts);
+        }
+        if last {
+            self.telling = None;
+            if let Some(detector) = &mut self.detector {
+                detector.release();
+            }
+        }
+    }
+
+    fn world(&self) -> Option<World> {
+        let metres_per_px = self.radius.metres_per_px(self.params.scale)?;
+        let [x, y] = gravity_px(&self.params, metres_per_px.value);
+        let gravity = self.axes.surface(x, y);
+        let radius_px = match self.params.scale {
+            Scale::Unknown => None,
+            Scale::BallDiameterMm(mm) => Some(Estimate { value: mm * 5e-4 / metres_per_px.value, sigma: 0.0 }),
+            Scale::MmPerPx(_) => self.radius.radius_px(),
+        };
+        let period_s = self.params.frame_period_ns * 1e-9;
+        Some(World { metres_per_px, period_s, gravity_px: [gravity.normal, gravity.tangential], radius_px })
+    }
+
+    /// Measures the last collision with what is known up to `time_frames`.
+    fn tell_again(&mut self, time_frames: f64, impacts: &mut Vec<Impact>) {
+        let world = self.world();
+        let (Some(telling), Some(detector), Some(world)) = (&mut self.telling, &self.detector, world) else { return };
+        let newest = detector.trail().last().map_or(f64::NEG_INFINITY, |n| n.time_frames).min(time_frames);
+        if newest.total_cmp(&telling.told_to_frames).is_eq() {
+            return;
+        }
+        telling.told_to_frames = newest;
+        if let Some(impact) = solve(detector.trail(), &telling.contact, newest, &world) {
+            let (number, revision) = (telling.number, telling.revision);
+            telling.revision += 1;
+            impacts.push(Impact { body: self.body, number, revision, origin_ns: self.origin_ns, ..impact });
+        }
+    }
+
+    /// A contact that the stream did not see the end of.
+    fn unfinished(&self, contact: &Contact) -> Impact {
+        let period_s = self.params.frame_period_ns * 1e-9;
+        Impact {
+            start_s: Some(Estimate { value: contact.start_frames * period_s, sigma: period_s }),
+            ..Impact::unknown(self.body, self.collisions, self.origin_ns)
+        }
+    }
+
+    /// The rows of a frame whose step was pushed, with everything pushed so far.
+    pub fn rows(&self, step: &BodyStep) -> (TrackSample, VelocitySample) {
+        let gone = matches!(step.status, PointStatus::Lost | PointStatus::Occluded | PointStatus::OutOfFrame);
+        let node = self.nodes.binary_search_by_key(&step.frame, |n| n.frame).ok().map(|i| self.nodes[i]);
+        let node = node.filter(|_| !gone);
+        let circle = step.circle.filter(|_| !gone);
+        let carried = node.and_then(|n| self.anchor.center(&n));
+        let center = carried.or(circle.map(|c| Center { x_px: c.x_px, y_px: c.y_px, sigma_px: c.sigma_center_px }));
+        let angle = node.filter(|n| n.bridged[2].is_finite());
+        let sigma_angle = |n: &Node| {
+            (n.sigma[2].powi(2) + self.first_sigma_deg.unwrap_or(0.0).powi(2) + n.bridged[2]).sqrt()
+        };
+        let track = TrackSample {
+            frame: step.frame,
+            body: step.body,
+            stamp_ns: step.stamp_ns,
+            center_x_px: center.map(|c| c.x_px),
+            center_y_px: center.map(|c| c.y_px),
+            angle_deg: angle.map(|n| n.pose[2]),
+            radius_px: circle.map(|c| c.radius_px),
+            sigma_center_px: center.map(|c| c.sigma_px),
+            sigma_angle_deg: angle.as_ref().map(sigma_angle),
+            visible_fraction: circle.map(|c| c.visible_fraction),
+            status: step.status,
+        };
+        let (regime, phase) = self.detector.as_ref().map_or((Regime::Unknown, Phase::Unknown), |d| {
+            (d.regime(step.frame), if node.is_some() { d.phase(step.frame) } else { Phase::Unknown })
+        });
+        let rates = node.and_then(|n| smooth(&self.nodes, n.frame, regime, &self.params, self.gravity()));
+        let scale = self.radius.metres_per_px(self.params.scale);
+        let velocity = VelocitySample {
+            frame: step.frame,
+            body: step.body,
+            stamp_ns: step.stamp_ns,
+            center_x_px: track.center_x_px,
+            center_y_px: track.center_y_px,
+            radius_px: track.radius_px,
+            step: step.step.filter(|_| !gone),
+            velocity: rates.zip(scale).map(|(rates, scale)| physical(&rates, scale, &self.params)),
+            visible_fraction: track.visible_fraction,
+            phase,
+            status: step.status,
+        };
+        (track, velocity)
+    }
+}

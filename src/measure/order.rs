@@ -1,0 +1,270 @@
+//! Steps from several workers, put into frame order.
+
+use std::collections::BTreeMap;
+
+use crate::results::{BodyStep, PointStatus};
+
+/// Puts steps that arrive in blocks into (frame, body) order.
+///
+/// With everything present the output does not depend on the order of arrival.
+/// What does not come is given up when something `patience_frames` newer has
+/// arrived (or when told so), and a row with status `lost` takes its place, its
+/// stamp interpolated between its neighbours'. What comes after that is dropped
+/// and counted.
+#[derive(Debug, Clone)]
+pub struct Order {
+    bodies: u32,
+    patience_frames: u64,
+    next: Option<(u64, u32)>,
+    waiting: BTreeMap<(u64, u32), BodyStep>,
+    newest_frame: u64,
+    give_up_before: u64,
+    /// The newest two rows of different frames given out with a true stamp, older first.
+    given: [Option<BodyStep>; 2],
+    lost: u64,
+    late: u64,
+}
+
+impl Order {
+    /// For steps of `bodies` bodies, waiting at most until something `patience_frames` newer has come.
+    pub fn new(bodies: u32, patience_frames: u64) -> Self {
+        Self {
+            bodies,
+            patience_frames,
+            next: None,
+            waiting: BTreeMap::new(),
+            newest_frame: 0,
+            give_up_before: 0,
+            given: [None; 2],
+            lost: 0,
+            late: 0,
+        }
+    }
+
+    /// Says which frame comes first; nothing is given out before. Steps of older frames are late.
+    pub fn start_at(&mut self, frame: u64) {
+        self.next = Some((frame, 0));
+        let kept = self.waiting.split_off(&(frame, 0));
+        self.late += self.waiting.len() as u64;
+        self.waiting = kept;
+    }
+
+    /// Takes a step. One that is late, or there already, is dropped and counted as late.
+    ///
+    /// # Panics
+    /// If the step's body is none of the configured ones.
+    pub fn push(&mut self, step: BodyStep) {
+        assert!(step.body < self.bodies, "body {} of {}", step.body, self.bodies);
+        let key = (step.frame, step.body);
+        if self.next.is_some_and(|next| key < next) || self.waiting.contains_key(&key) {
+            self.late += 1;
+            return;
+        }
+        self.newest_frame = self.newest_frame.max(step.frame);
+        self.waiting.insert(key, step);
+    }
+
+    /// No step of a frame before `frame` will come any more.
+    pub fn give_up_before(&mut self, frame: u64) {
+        self.give_up_before = self.give_up_before.max(frame);
+    }
+
+    /// The stream ends with `last_frame`; every row up to there can be popped now.
+    pub fn finish(&mut self, last_frame: u64) {
+        self.give_up_before(last_frame + 1);
+    }
+
+    /// The next step in order, or the row of a lost one; `None` while it is still waited for.
+    pub fn pop(&mut self) -> Option<BodyStep> {
+        if self.bodies == 0 {
+            return None;
+        }
+        loop {
+            let next = self.next?;
+            let row = match self.waiting.remove(&next) {
+                Some(step) => Some(step),
+                None if self.is_given_up(next.0) => {
+                    self.lost += 1;
+                    self.lost_row(next)
+                }
+                None => return None,
+            };
+            self.next = Some(if next.1 + 1 < self.bodies { (next.0, next.1 + 1) } else { (next.0 + 1, 0) });
+            if let Some(step) = row {
+                self.remember(step);
+                return Some(step);
+            }
+        }
+    }
+
+    /// Whether every row of the frames before `end` was given out.
+    pub fn has_given_all_before(&self, end: u64) -> bool {
+        self.next.is_some_and(|(frame, _)| frame >= end)
+    }
+
+    /// Rows whose step never came.
+    pub fn lost(&self) -> u64 {
+        self.lost
+    }
+
+    /// Steps that came too late, or twice.
+    pub fn late(&self) -> u64 {
+        self.late
+    }
+
+    /// Steps held back.
+    pub fn waiting(&self) -> usize {
+        self.waiting.len()
+    }
+
+    fn is_given_up(&self, frame: u64) -> bool {
+        frame < self.give_up_before || frame.saturating_add(self.patience_frames) <= self.newest_frame
+    }
+
+    fn remember(&mut self, step: BodyStep) {
+        match self.given[1] {
+            Some(last) if last.frame == step.frame => {}
+            last => self.given = [last, Some(step)],
+        }
+    }
+
+    /// A row for what never came; `None` where nothing tells its time.
+    fn lost_row(&self, (frame, body): (u64, u32)) -> Option<BodyStep> {
+        let mut ahead = self.waiting.values().filter(|s| s.frame >= frame);
+        let first = ahead.next().copied();
+        let second = first.and_then(|f| ahead.find(|s| s.frame > f.frame).copied());
+        let (a, b) = match (self.given[1], first, self.given[0], second) {
+            (Some(a), _, _, _) if a.frame == frame => (a, a),
+            (_, Some(b), _, _) if b.frame == frame => (b, b),
+            (Some(a), Some(b), _, _) => (a, b),
+            (Some(b), None, Some(a), _) => (a, b),
+            (Some(a), None, None, _) => (a, a),
+            (None, Some(a), _, Some(b)) => (a, b),
+            (None, Some(a), _, None) => (a, a),
+            (None, None, _, _) => return None,
+        };
+        Some(BodyStep {
+            frame,
+            body,
+            stamp_ns: stamp_at(frame, &a, &b),
+            interval_frames: a.interval_frames,
+            circle: None,
+            step: None,
+            status: PointStatus::Lost,
+        })
+    }
+}
+
+/// Stamp of a frame on the line through two others (its own, if they are one).
+fn stamp_at(frame: u64, a: &BodyStep, b: &BodyStep) -> u64 {
+    if a.frame == b.frame {
+        return a.stamp_ns;
+    }
+    let span = i128::from(b.frame) - i128::from(a.frame);
+    let rise = i128::from(b.stamp_ns) - i128::from(a.stamp_ns);
+    let offset = rise * (i128::from(frame) - i128::from(a.frame)) / span;
+    u64::try_from(i128::from(a.stamp_ns) + offset).unwrap_or(a.stamp_ns)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn step(frame: u64, body: u32) -> BodyStep {
+        let stamp_ns = 1_000 + 100 * frame;
+        BodyStep { frame, stamp_ns, body, interval_frames: 1, circle: None, step: None, status: PointStatus::Valid }
+    }
+
+    fn drain(order: &mut Order) -> Vec<BodyStep> {
+        std::iter::from_fn(|| order.pop()).collect()
+    }
+
+    #[test]
+    fn the_order_of_arrival_does_not_matter() {
+        let mut state = 12_345_u64;
+        let mut random = |below: usize| {
+            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            ((state >> 33) as usize) % below
+        };
+        let all: Vec<_> = (5..25).flat_map(|frame| (0..3).map(move |body| step(frame, body))).collect();
+        for _ in 0..200 {
+            let mut shuffled = all.clone();
+            for i in (1..shuffled.len()).rev() {
+                shuffled.swap(i, random(i + 1));
+            }
+            let mut order = Order::new(3, 1_000);
+            order.start_at(5);
+            let mut out = Vec::new();
+            for s in shuffled {
+                order.push(s);
+                out.extend(drain(&mut order));
+            }
+            assert_eq!(out, all);
+            assert_eq!((order.lost(), order.late(), order.waiting()), (0, 0, 0));
+        }
+    }
+
+    #[test]
+    fn a_missing_frame_is_waited_for_and_then_lost_with_an_interpolated_stamp() {
+        let mut order = Order::new(1, 4);
+        order.start_at(0);
+        for frame in [0, 1, 3, 4, 5] {
+            order.push(step(frame, 0));
+        }
+        assert_eq!(drain(&mut order).len(), 2, "frame 2 may still come");
+        order.push(step(6, 0));
+        let out = drain(&mut order);
+        assert_eq!(out.len(), 5);
+        assert_eq!((out[0].frame, out[0].stamp_ns, out[0].status), (2, 1_200, PointStatus::Lost));
+        order.push(step(2, 0));
+        assert_eq!((order.lost(), order.late()), (1, 1));
+        assert!(drain(&mut order).is_empty());
+    }
+
+    #[test]
+    fn the_stream_ends_complete_whatever_is_missing() {
+        let mut order = Order::new(2, 1_000);
+        order.start_at(10);
+        order.push(step(11, 1));
+        order.push(step(12, 0));
+        order.finish(14);
+        let out = drain(&mut order);
+        let keys: Vec<_> = out.iter().map(|s| (s.frame, s.body)).collect();
+        let all: Vec<_> = (10..15).flat_map(|frame| (0..2).map(move |body| (frame, body))).collect();
+        assert_eq!(keys, all);
+        assert!(out.iter().all(|s| s.stamp_ns == 1_000 + 100 * s.frame), "{out:?}");
+        assert_eq!(order.lost(), 8);
+        assert!(order.pop().is_none());
+    }
+
+    #[test]
+    fn nothing_comes_out_before_the_start_is_known() {
+        let mut order = Order::new(1, 2);
+        order.push(step(7, 0));
+        order.push(step(8, 0));
+        assert!(order.pop().is_none());
+        order.start_at(8);
+        assert_eq!(drain(&mut order), [step(8, 0)]);
+        assert_eq!(order.late(), 1);
+    }
+
+    #[test]
+    fn a_worker_that_died_is_given_up_at_once_when_told_so() {
+        let mut order = Order::new(1, 1_000_000);
+        order.start_at(0);
+        order.push(step(0, 0));
+        order.push(step(9, 0));
+        order.give_up_before(9);
+        assert_eq!(drain(&mut order).len(), 10);
+        assert_eq!(order.lost(), 8);
+    }
+
+    #[test]
+    fn a_frame_with_no_neighbour_in_time_is_only_counted() {
+        let mut order = Order::new(1, 10);
+        order.start_at(3);
+        order.finish(5);
+        assert!(order.pop().is_none());
+        assert_eq!(order.lost(), 3);
+    }
+}

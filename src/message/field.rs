@@ -1,0 +1,203 @@
+//! Displacement fields: a header for the body and its step, and a slice of points.
+
+use super::Number;
+use crate::results::{BodyStep, Circle, Displacement, FieldPoint, PairField, PointStatus, RigidStep};
+use iceoryx2::prelude::ZeroCopySend;
+
+/// One body in one frame, its outline and its motion to the next frame.
+#[derive(Debug, Clone, Copy, PartialEq, Default, ZeroCopySend)]
+#[type_name("ricochet.FieldHeader.v1")]
+#[repr(C)]
+pub struct FieldHeader {
+    /// Which start of the acquire process the frames belong to.
+    pub run_id: u64,
+    /// Sequence number of the reference frame.
+    pub sequence: u64,
+    /// Sequence number of the target frame; equal to `sequence` when there is no field.
+    pub target_sequence: u64,
+    /// Exposure start of the reference frame, ns since the Unix epoch.
+    pub stamp_ns: u64,
+    /// Index of the body in the rig's configuration.
+    pub body: u32,
+    /// The interval the motion was measured over, frames.
+    pub interval_frames: u32,
+    /// Number of the body's `PointStatus`.
+    pub status: u32,
+    /// Subsets the step rests on.
+    pub points: u32,
+    /// Index of the worker that measured it.
+    pub worker: u32,
+    /// 1 when the circle below was measured.
+    pub circle_known: u32,
+    /// 1 when the step below was measured.
+    pub step_known: u32,
+    /// Zero.
+    pub reserved: u32,
+    /// Centre, px.
+    pub center_x_px: f64,
+    /// Centre, px (down).
+    pub center_y_px: f64,
+    /// Radius, px.
+    pub radius_px: f64,
+    /// Standard uncertainty of each centre coordinate, px.
+    pub sigma_center_px: f64,
+    /// Standard uncertainty of the radius, px.
+    pub sigma_radius_px: f64,
+    /// Share of the disc that is not hidden.
+    pub visible_fraction: f64,
+    /// Motion of the centre along x, px/frame.
+    pub dx_px: f64,
+    /// Motion of the centre along y (down), px/frame.
+    pub dy_px: f64,
+    /// Rotation, counter-clockwise on the screen, deg/frame.
+    pub dtheta_deg: f64,
+    /// Standard uncertainty of `dx_px`.
+    pub sigma_dx_px: f64,
+    /// Standard uncertainty of `dy_px`.
+    pub sigma_dy_px: f64,
+    /// Standard uncertainty of `dtheta_deg`.
+    pub sigma_dtheta_deg: f64,
+}
+
+impl FieldHeader {
+    /// The header of a measured step and its field.
+    pub fn new(step: &BodyStep, field: Option<&PairField>, run_id: u64, worker: u32) -> Self {
+        let mut header = Self {
+            run_id,
+            sequence: step.frame,
+            target_sequence: field.map_or(step.frame, |field| field.target_frame),
+            stamp_ns: step.stamp_ns,
+            body: step.body,
+            interval_frames: step.interval_frames,
+            status: step.status as u32,
+            worker,
+            ..Self::default()
+        };
+        if let Some(circle) = step.circle {
+            header.circle_known = 1;
+            header.center_x_px = circle.x_px;
+            header.center_y_px = circle.y_px;
+            header.radius_px = circle.radius_px;
+            header.sigma_center_px = circle.sigma_center_px;
+            header.sigma_radius_px = circle.sigma_radius_px;
+            header.visible_fraction = circle.visible_fraction;
+        }
+        if let Some(motion) = step.step {
+            header.step_known = 1;
+            header.dx_px = motion.dx_px;
+            header.dy_px = motion.dy_px;
+            header.dtheta_deg = motion.dtheta_deg;
+            header.sigma_dx_px = motion.sigma_dx_px;
+            header.sigma_dy_px = motion.sigma_dy_px;
+            header.sigma_dtheta_deg = motion.sigma_dtheta_deg;
+            header.points = motion.points;
+        }
+        header
+    }
+
+    /// The step it tells; `None` when the status is not one of ours.
+    pub fn step(&self) -> Option<BodyStep> {
+        let circle = (self.circle_known == 1).then_some(Circle {
+            x_px: self.center_x_px,
+            y_px: self.center_y_px,
+            radius_px: self.radius_px,
+            sigma_center_px: self.sigma_center_px,
+            sigma_radius_px: self.sigma_radius_px,
+            visible_fraction: self.visible_fraction,
+        });
+        let step = (self.step_known == 1).then_some(RigidStep {
+            dx_px: self.dx_px,
+            dy_px: self.dy_px,
+            dtheta_deg: self.dtheta_deg,
+            sigma_dx_px: self.sigma_dx_px,
+            sigma_dy_px: self.sigma_dy_px,
+            sigma_dtheta_deg: self.sigma_dtheta_deg,
+            points: self.points,
+        });
+        Some(BodyStep {
+            frame: self.sequence,
+            stamp_ns: self.stamp_ns,
+            body: self.body,
+            interval_frames: self.interval_frames,
+            circle,
+            step,
+            status: PointStatus::from_number(self.status)?,
+        })
+    }
+
+    /// The field it heads; `None` when there is none.
+    pub fn field(&self, points: &[FieldPointMessage]) -> Option<PairField> {
+        (self.target_sequence != self.sequence).then(|| PairField {
+            frame: self.sequence,
+            target_frame: self.target_sequence,
+            stamp_ns: self.stamp_ns,
+            body: self.body,
+            points: points.iter().map(FieldPoint::from).collect(),
+        })
+    }
+}
+
+/// One subset of a field.
+#[derive(Debug, Clone, Copy, PartialEq, Default, ZeroCopySend)]
+#[type_name("ricochet.FieldPoint.v1")]
+#[repr(C)]
+pub struct FieldPointMessage {
+    /// Subset centre in the reference frame, px.
+    pub x_px: f32,
+    /// Subset centre in the reference frame, px.
+    pub y_px: f32,
+    /// Displacement along x, px; holds only for a valid status.
+    pub u_px: f32,
+    /// Displacement along y (down), px; holds only for a valid status.
+    pub v_px: f32,
+    /// Standard uncertainty of `u_px`.
+    pub sigma_u_px: f32,
+    /// Standard uncertainty of `v_px`.
+    pub sigma_v_px: f32,
+    /// ZNCC; missing when below -1.
+    pub zncc: f32,
+    /// Peak ratio; missing when negative.
+    pub peak_ratio: f32,
+    /// Number of the `PointStatus`.
+    pub status: u32,
+}
+
+const MISSING: f32 = -2.0;
+
+impl From<&FieldPoint> for FieldPointMessage {
+    fn from(point: &FieldPoint) -> Self {
+        let motion = point.displacement;
+        Self {
+            x_px: point.x_px,
+            y_px: point.y_px,
+            u_px: motion.map_or(0.0, |motion| motion.u_px),
+            v_px: motion.map_or(0.0, |motion| motion.v_px),
+            sigma_u_px: motion.map_or(MISSING, |motion| motion.sigma_u_px),
+            sigma_v_px: motion.map_or(MISSING, |motion| motion.sigma_v_px),
+            zncc: point.zncc.unwrap_or(MISSING),
+            peak_ratio: point.peak_ratio.unwrap_or(MISSING),
+            status: point.status as u32,
+        }
+    }
+}
+
+impl From<&FieldPointMessage> for FieldPoint {
+    fn from(message: &FieldPointMessage) -> Self {
+        let displacement = (message.sigma_u_px >= 0.0).then_some(Displacement {
+            u_px: message.u_px,
+            v_px: message.v_px,
+            sigma_u_px: message.sigma_u_px,
+            sigma_v_px: message.sigma_v_px,
+        });
+        Self {
+            x_px: message.x_px,
+            y_px: message.y_px,
+            displacement,
+            zncc: (message.zncc >= -1.5).then_some(message.zncc),
+            peak_ratio: (message.peak_ratio >= 0.0).then_some(message.peak_ratio),
+            status: PointStatus::from_number(message.status).unwrap_or(PointStatus::Lost),
+        }
+    }
+}
+
+const _: () = assert!(size_of::<Number>() == 16 && size_of::<FieldPointMessage>() == 36);

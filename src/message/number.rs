@@ -1,0 +1,26 @@
+//! A number that may be missing.
+
+use iceoryx2::prelude::ZeroCopySend;
+
+/// A number and whether it was measured at all.
+#[derive(Debug, Clone, Copy, PartialEq, Default, ZeroCopySend)]
+#[type_name("ricochet.Number.v1")]
+#[repr(C)]
+pub struct Number {
+    /// The number; 0 and meaningless unless `known` is 1.
+    pub value: f64,
+    /// 1 when the number was measured, 0 when it is missing.
+    pub known: u64,
+}
+
+impl From<Option<f64>> for Number {
+    fn from(number: Option<f64>) -> Self {
+        number.map_or_else(Self::default, |value| Self { value, known: 1 })
+    }
+}
+
+impl From<Number> for Option<f64> {
+    fn from(number: Number) -> Self {
+        (number.known == 1).then_some(number.value)
+    }
+}

@@ -1,0 +1,277 @@
+//! Weighted polynomials through positions that are known up to an offset.
+
+use nalgebra::{SMatrix, SVector};
+
+use crate::results::Estimate;
+
+/// Highest order a [`Polynomial`] can have.
+pub const MAX_ORDER: usize = 5;
+
+type Matrix = SMatrix<f64, MAX_ORDER, MAX_ORDER>;
+type Vector = SVector<f64, MAX_ORDER>;
+
+/// Under this a column is a combination of the others (in units of its own length).
+const SINGULAR: f64 = 1e-7;
+
+/// One position in time. Samples of one component share an unknown offset.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Sample {
+    /// Time, nominal frame periods.
+    pub time_frames: f64,
+    /// Which offset belongs to it.
+    pub component: u32,
+    /// The position, px or deg.
+    pub value: f64,
+    /// Its white standard uncertainty, same unit as `value`.
+    pub sigma: f64,
+}
+
+/// Weighted means over the samples of one component.
+#[derive(Debug, Clone, Copy)]
+struct Component {
+    id: u32,
+    weight: f64,
+    value: f64,
+    powers: Vector,
+}
+
+/// `value = offset(component) + sum of c_k (t - at)^k + acceleration (t - at)^2 / 2`, k from 1 to the order.
+///
+/// The offsets are eliminated by taking every component about its weighted
+/// mean, which is the exact least-squares answer and leaves only the shared
+/// coefficients to solve for.
+#[derive(Debug, Clone)]
+pub struct Polynomial {
+    at_frames: f64,
+    unit_frames: f64,
+    acceleration: f64,
+    coefficients: Vector,
+    covariance: Matrix,
+    components: Vec<Component>,
+    chi2: f64,
+    freedom: usize,
+}
+
+impl Polynomial {
+    /// Fits a polynomial of `order` (1 to [`MAX_ORDER`]) about `at_frames`, the part
+    /// `acceleration` (per frame^2) of the curvature being known.
+    ///
+    /// `None` where the samples do not determine it: fewer than `order` differences
+    /// within components, or times that coincide.
+    pub fn fit(samples: &[Sample], at_frames: f64, order: usize, acceleration: f64) -> Option<Self> {
+        assert!((1..=MAX_ORDER).contains(&order), "order {order} is not within 1 to {MAX_ORDER}");
+        let far = |s: &Sample| (s.time_frames - at_frames).abs();
+        let unit_frames = samples.iter().map(far).fold(0.0, f64::max);
+        let mut fit = Self {
+            at_frames,
+            unit_frames,
+            acceleration,
+            coefficients: Vector::zeros(),
+            covariance: Matrix::zeros(),
+            components: Vec::new(),
+            chi2: 0.0,
+            freedom: 0,
+        };
+        if !(unit_frames > 0.0 && unit_frames.is_finite()) {
+            return None;
+        }
+        fit.take_means(samples);
+        fit.freedom = samples.len().checked_sub(fit.components.len() + order)?;
+        fit.solve(samples, order)?;
+        fit.chi2 = samples.iter().filter_map(|s| fit.residual(s)).map(|(r, sigma)| (r / sigma).powi(2)).sum();
+        Some(fit)
+    }
+
+    fn powers(&self, time_frames: f64) -> Vector {
+        let u = (time_frames - self.at_frames) / self.unit_frames;
+        let mut power = 1.0;
+        Vector::from_fn(|_, _| {
+            power *= u;
+            power
+        })
+    }
+
+    fn known(&self, time_frames: f64) -> f64 {
+        0.5 * self.acceleration * (time_frames - self.at_frames).powi(2)
+    }
+
+    fn take_means(&mut self, samples: &[Sample]) {
+        for s in samples {
+            let weight = s.sigma.powi(-2);
+            let (value, powers) = (s.value - self.known(s.time_frames), self.powers(s.time_frames));
+            match self.components.iter_mut().find(|c| c.id == s.component) {
+                Some(c) => {
+                    c.weight += weight;
+                    c.value += weight * value;
+                    c.powers += weight * powers;
+                }
+                None => {
+                    let (value, powers) = (weight * value, weight * powers);
+                    self.components.push(Component { id: s.component, weight, value, powers });
+                }
+            }
+        }
+        for c in &mut self.components {
+            c.value /= c.weight;
+            c.powers /= c.weight;
+        }
+    }
+
+    fn solve(&mut self, samples: &[Sample], order: usize) -> Option<()> {
+        let (mut normal, mut right) = (Matrix::zeros(), Vector::zeros());
+        for s in samples {
+            let c = self.component(s.component)?;
+            let weight = s.sigma.powi(-2);
+            let mut row = self.powers(s.time_frames) - c.powers;
+            row.iter_mut().skip(order).for_each(|x| *x = 0.0);
+            normal += weight * row * row.transpose();
+            right += weight * (s.value - self.known(s.time_frames) - c.value) * row;
+        }
+        // Unit diagonal, so that the pivots tell how nearly singular it is; unused powers stand alone.
+        let length = Vector::from_fn(|i, _| if i < order { normal[(i, i)].sqrt() } else { 1.0 });
+        if length.iter().any(|l| !(*l > 0.0 && l.is_finite())) {
+            return None;
+        }
+        let scaled = Matrix::from_fn(|i, j| if i < order { normal[(i, j)] / (length[i] * length[j]) } else { f64::from(u8::from(i == j)) });
+        let factor = scaled.cholesky()?;
+        if factor.l_dirty().diagonal().iter().any(|pivot| *pivot < SINGULAR) {
+            return None;
+        }
+        self.coefficients = factor.solve(&right.component_div(&length)).component_div(&length);
+        let inverse = factor.inverse();
+        self.covariance =
+            Matrix::from_fn(|i, j| if i < order && j < order { inverse[(i, j)] / (length[i] * length[j]) } else { 0.0 });
+        Some(())
+    }
+
+    fn component(&self, id: u32) -> Option<&Component> {
+        self.components.iter().find(|c| c.id == id)
+    }
+
+    /// First derivative at `time_frames`, per frame.
+    pub fn rate(&self, time_frames: f64) -> Estimate {
+        let u = (time_frames - self.at_frames) / self.unit_frames;
+        let mut power = 1.0 / self.unit_frames;
+        let gradient = Vector::from_fn(|k, _| {
+            let g = (k as f64 + 1.0) * power;
+            power *= u;
+            g
+        });
+        let known = self.acceleration * (time_frames - self.at_frames);
+        Estimate { value: self.coefficients.dot(&gradient) + known, sigma: self.spread(&gradient) }
+    }
+
+    /// Second derivative at the centre of the fit, per frame^2, the known part included.
+    pub fn curvature(&self) -> Estimate {
+        let unit = 2.0 / self.unit_frames.powi(2);
+        Estimate {
+            value: self.acceleration + unit * self.coefficients[1],
+            sigma: unit * self.covariance[(1, 1)].max(0.0).sqrt(),
+        }
+    }
+
+    /// The curve at `time_frames` for a component that took part in the fit.
+    pub fn predict(&self, time_frames: f64, component: u32) -> Option<Estimate> {
+        let c = self.component(component)?;
+        let lever = self.powers(time_frames) - c.powers;
+        let value = c.value + self.coefficients.dot(&lever) + self.known(time_frames);
+        Some(Estimate { value, sigma: self.spread(&lever).hypot(c.weight.powf(-0.5)) })
+    }
+
+    /// How far the curve moves from one time to another, whatever the offset.
+    pub fn advance(&self, from_frames: f64, to_frames: f64) -> Estimate {
+        let lever = self.powers(to_frames) - self.powers(from_frames);
+        let known = self.known(to_frames) - self.known(from_frames);
+        Estimate { value: self.coefficients.dot(&lever) + known, sigma: self.spread(&lever) }
+    }
+
+    /// Sample minus curve, with the sample's own sigma, for a component of the fit.
+    pub fn residual(&self, sample: &Sample) -> Option<(f64, f64)> {
+        let curve = self.predict(sample.time_frames, sample.component)?;
+        Some((sample.value - curve.value, sample.sigma))
+    }
+
+    /// Sum of squared residuals in units of the samples' sigmas.
+    pub fn chi2(&self) -> f64 {
+        self.chi2
+    }
+
+    /// Degrees of freedom left.
+    pub fn freedom(&self) -> usize {
+        self.freedom
+    }
+
+    /// By how much the scatter about the curve exceeds the samples' own sigmas; 1 unless it does so significantly.
+    pub fn excess(&self) -> f64 {
+        let freedom = self.freedom as f64;
+        let limit = freedom + 3.0 * (2.0 * freedom).sqrt();
+        if self.chi2 > limit { (self.chi2 / freedom.max(1.0)).sqrt() } else { 1.0 }
+    }
+
+    fn spread(&self, gradient: &Vector) -> f64 {
+        (gradient.transpose() * self.covariance * gradient)[(0, 0)].max(0.0).sqrt()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn cubic(t: f64) -> f64 {
+        0.3 * t + 0.02 * t * t - 0.001 * t.powi(3)
+    }
+
+    fn samples(offsets: &[(f64, f64, f64)]) -> Vec<Sample> {
+        // (from, to, offset) a component, one sample a frame.
+        let mut out = Vec::new();
+        for (id, (from, to, offset)) in offsets.iter().enumerate() {
+            let mut t = *from;
+            while t <= *to {
+                out.push(Sample { time_frames: t, component: id as u32, value: offset + cubic(t), sigma: 0.01 });
+                t += 1.0;
+            }
+        }
+        out
+    }
+
+    #[test]
+    fn a_cubic_in_three_pieces_is_found_exactly() {
+        let fit = Polynomial::fit(&samples(&[(0.0, 3.0, 0.0), (5.0, 8.0, 40.0), (9.0, 12.0, -7.0)]), 6.0, 3, 0.0).unwrap();
+        assert!((fit.rate(6.0).value - (0.3 + 0.04 * 6.0 - 0.003 * 36.0)).abs() < 1e-9);
+        assert!((fit.curvature().value - (0.04 - 0.006 * 6.0)).abs() < 1e-9);
+        assert!((fit.predict(10.5, 1).unwrap().value - (40.0 + cubic(10.5))).abs() < 1e-9);
+        assert!((fit.advance(1.0, 7.5).value - (cubic(7.5) - cubic(1.0))).abs() < 1e-9);
+        assert!(fit.predict(10.5, 9).is_none());
+        assert_eq!(fit.freedom(), 12 - 3 - 3);
+    }
+
+    #[test]
+    fn a_known_curvature_needs_no_fitting() {
+        let data: Vec<_> = (0..6)
+            .map(|i| f64::from(i) * 1.5)
+            .map(|t| Sample { time_frames: t, component: 3, value: 2.0 - 0.4 * t + 0.5 * 0.07 * t * t, sigma: 0.1 })
+            .collect();
+        let fit = Polynomial::fit(&data, 3.0, 1, 0.07).unwrap();
+        assert!((fit.rate(0.0).value + 0.4).abs() < 1e-12);
+        assert!(fit.chi2() < 1e-20);
+    }
+
+    #[test]
+    fn the_sigma_of_a_straight_line_is_the_textbook_one() {
+        let data: Vec<_> =
+            (0..11).map(|i| Sample { time_frames: f64::from(i), component: 0, value: 0.0, sigma: 0.2 }).collect();
+        let fit = Polynomial::fit(&data, 2.0, 1, 0.0).unwrap();
+        assert!((fit.rate(2.0).sigma - 0.2 / 110.0_f64.sqrt()).abs() < 1e-12, "{}", fit.rate(2.0).sigma);
+    }
+
+    #[test]
+    fn what_the_samples_do_not_determine_is_refused() {
+        let one = |t: f64, component| Sample { time_frames: t, component, value: t, sigma: 1.0 };
+        assert!(Polynomial::fit(&[], 0.0, 1, 0.0).is_none());
+        assert!(Polynomial::fit(&[one(1.0, 0)], 0.0, 1, 0.0).is_none());
+        assert!(Polynomial::fit(&[one(1.0, 0), one(2.0, 1), one(3.0, 2)], 0.0, 1, 0.0).is_none(), "three loose ends");
+        assert!(Polynomial::fit(&[one(1.0, 0), one(1.0, 0)], 0.0, 1, 0.0).is_none(), "one moment twice");
+        assert!(Polynomial::fit(&[one(1.0, 0), one(2.0, 0)], 0.0, 2, 0.0).is_none(), "a parabola through two points");
+        assert!(Polynomial::fit(&[one(1.0, 0), one(2.0, 0)], 0.0, 1, 0.0).is_some());
+    }
+}

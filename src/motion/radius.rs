@@ -1,0 +1,123 @@
+//! The scale, given or from the ball's own size.
+
+use super::{MetresPerPixel, Scale};
+use crate::results::{Circle, Estimate};
+
+/// Most outlines kept; then every second is let go.
+const KEPT: usize = 512;
+/// An outline hidden less than this tells the radius best.
+const WHOLE: f64 = 0.95;
+
+/// Robust running radius of a ball: the median over the outlines seen so far, the unhidden ones if there are any.
+#[derive(Debug, Clone)]
+pub struct RunningRadius {
+    whole: Sorted,
+    any: Sorted,
+}
+
+#[derive(Debug, Clone)]
+struct Sorted {
+    /// In order of arrival: (radius, its sigma).
+    kept: Vec<(f64, f64)>,
+    stride: u64,
+    seen: u64,
+    median: Option<Estimate>,
+}
+
+impl Sorted {
+    fn new() -> Self {
+        Self { kept: Vec::new(), stride: 1, seen: 0, median: None }
+    }
+
+    fn push(&mut self, radius: f64, sigma: f64) {
+        let turn = self.seen.is_multiple_of(self.stride);
+        self.seen += 1;
+        if !turn {
+            return;
+        }
+        if self.kept.len() == KEPT {
+            self.kept = self.kept.iter().step_by(2).copied().collect();
+            self.stride *= 2;
+        }
+        self.kept.push((radius, sigma));
+        let middle = |mut numbers: Vec<f64>| {
+            numbers.sort_by(f64::total_cmp);
+            let n = numbers.len();
+            0.5 * (numbers[(n - 1) / 2] + numbers[n / 2])
+        };
+        self.median = Some(Estimate {
+            value: middle(self.kept.iter().map(|k| k.0).collect()),
+            sigma: middle(self.kept.iter().map(|k| k.1).collect()),
+        });
+    }
+}
+
+impl RunningRadius {
+    /// Nothing seen yet.
+    pub fn new() -> Self {
+        Self { whole: Sorted::new(), any: Sorted::new() }
+    }
+
+    /// Takes the next outline.
+    pub fn push(&mut self, circle: &Circle) {
+        if !(circle.radius_px > 0.0 && circle.radius_px.is_finite() && circle.sigma_radius_px.is_finite()) {
+            return;
+        }
+        let list = if circle.visible_fraction >= WHOLE { &mut self.whole } else { &mut self.any };
+        list.push(circle.radius_px, circle.sigma_radius_px.abs());
+    }
+
+    /// The radius in px. Its sigma is a single outline's: the error of outlines of one film is mostly common.
+    pub fn radius_px(&self) -> Option<Estimate> {
+        self.whole.median.or(self.any.median)
+    }
+
+    /// Metres a pixel is; `None` while it rests on a radius not seen yet.
+    pub fn metres_per_px(&self, scale: Scale) -> Option<MetresPerPixel> {
+        match scale {
+            Scale::MmPerPx(mm) => Some(Estimate { value: mm * 1e-3, sigma: 0.0 }),
+            Scale::Unknown => None,
+            Scale::BallDiameterMm(mm) => self.radius_px().map(|radius| {
+                let value = mm * 1e-3 / (2.0 * radius.value);
+                Estimate { value, sigma: value * radius.sigma / radius.value }
+            }),
+        }
+    }
+}
+
+impl Default for RunningRadius {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn circle(radius_px: f64, visible_fraction: f64) -> Circle {
+        Circle { x_px: 0.0, y_px: 0.0, radius_px, sigma_center_px: 0.02, sigma_radius_px: 0.05, visible_fraction }
+    }
+
+    #[test]
+    fn outliers_and_hidden_outlines_do_not_move_the_scale() {
+        let mut radius = RunningRadius::new();
+        assert!(radius.metres_per_px(Scale::BallDiameterMm(60.0)).is_none());
+        for i in 0..2000 {
+            let r = if i % 7 == 3 { 55.0 } else { 60.0 };
+            radius.push(&circle(r, if i % 5 == 2 { 0.5 } else { 1.0 }));
+        }
+        let scale = radius.metres_per_px(Scale::BallDiameterMm(60.0)).unwrap();
+        assert!((scale.value - 0.5e-3).abs() < 1e-15);
+        assert!((scale.sigma / scale.value - 0.05 / 60.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn hidden_outlines_serve_until_a_whole_one_comes() {
+        let mut radius = RunningRadius::new();
+        radius.push(&circle(58.0, 0.5));
+        assert_eq!(radius.radius_px().unwrap().value.to_bits(), 58.0_f64.to_bits());
+        radius.push(&circle(60.0, 1.0));
+        assert_eq!(radius.radius_px().unwrap().value.to_bits(), 60.0_f64.to_bits());
+    }
+}

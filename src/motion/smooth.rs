@@ -1,0 +1,164 @@
+//! The velocity at one frame: a local fit to the carried poses.
+
+use super::{MotionParams, Node, PixelRates, Polynomial, Sample};
+use crate::results::Estimate;
+
+/// Newest data a sample waits for when the fit chooses its window, frames.
+pub const AUTO_AHEAD_FRAMES: u64 = 20;
+/// Window and order of the fit while nothing is known of the motion.
+const DEFAULT: (u32, usize) = (9, 2);
+/// Free flight is fitted this far ahead (contact that is not noticed yet lies further), frames.
+const FLIGHT_AHEAD: u64 = 14;
+/// And this far back.
+const FLIGHT_BACK: u64 = 40;
+/// Order of the fit during contact.
+const CONTACT_ORDER: usize = 4;
+/// A measured acceleration within so many sigmas of a known one is taken for it.
+const SAME_ACCELERATION: f64 = 3.5;
+/// How much stronger the fifth derivative of a contact is than that of half a sine: contacts begin and end more sharply.
+const SHARPNESS: f64 = 10.0;
+
+/// What is known of the motion around a frame.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Regime {
+    /// Nothing.
+    Unknown,
+    /// Free of the surface from one frame to another, both included.
+    Flight {
+        /// First frame.
+        from: u64,
+        /// Last frame.
+        to: u64,
+    },
+    /// Touching the surface.
+    Contact {
+        /// Approach speed, px/frame.
+        speed_px: f64,
+        /// Strongest acceleration so far, px/frame^2.
+        acceleration_px: f64,
+    },
+}
+
+/// Fits one polynomial of `order` a coordinate to all `nodes`, about `at_frames`, and gives the rates there.
+///
+/// Savitzky-Golay fit generalised to true times, gaps and interleaved chains:
+/// every component has its own free offset, the other coefficients are shared
+/// (Savitzky & Golay 1964, doi:10.1021/ac60214a047). Where the nodes do not
+/// determine the order it is lowered; `None` where they determine no rate.
+/// The sigmas are propagated from the nodes' and widened where the scatter about the fit is significantly larger.
+pub fn local_fit(nodes: &[Node], at_frames: f64, order: u32) -> Option<PixelRates> {
+    fit_rates(nodes, at_frames, order as usize, [0.0; 2])
+}
+
+fn samples(nodes: &[Node], axis: usize) -> Vec<Sample> {
+    let sample = |n: &Node| Sample {
+        time_frames: n.time_frames,
+        component: n.component,
+        value: n.pose[axis],
+        sigma: n.sigma[axis],
+    };
+    nodes.iter().map(sample).collect()
+}
+
+fn fit_rates(nodes: &[Node], at_frames: f64, order: usize, gravity: [f64; 2]) -> Option<PixelRates> {
+    let acceleration = [gravity[0], gravity[1], 0.0];
+    let mut order = order;
+    let fits = loop {
+        let fit = |axis: usize| Polynomial::fit(&samples(nodes, axis), at_frames, order, acceleration[axis]);
+        match (fit(0), fit(1), fit(2)) {
+            (Some(x), Some(y), Some(theta)) => break [x, y, theta],
+            _ if order > 1 => order -= 1,
+            _ => return None,
+        }
+    };
+    let [x, y, theta] = fits.map(|fit| {
+        let rate = fit.rate(at_frames);
+        Estimate { value: rate.value, sigma: rate.sigma * fit.excess() }
+    });
+    let span = nodes.last()?.frame - nodes.first()?.frame + 1;
+    Some(PixelRates { x, y, theta, window_frames: u32::try_from(span).ok()?, order: u32::try_from(order).ok()? })
+}
+
+fn between(nodes: &[Node], from: u64, to: u64) -> &[Node] {
+    let first = nodes.partition_point(|n| n.frame < from);
+    let end = nodes.partition_point(|n| n.frame <= to);
+    &nodes[first..end.max(first)]
+}
+
+/// A window of `width` frames about `frame`, moved inwards at the ends of the nodes but never past `frame + ahead`.
+fn window(nodes: &[Node], frame: u64, width: u64, ahead: u64) -> &[Node] {
+    let (Some(first), Some(last)) = (nodes.first(), nodes.last()) else { return nodes };
+    let last = last.frame.min(frame + ahead);
+    let width = width.max(2);
+    let from = frame.saturating_sub(width / 2).max(first.frame);
+    let to = (from + width - 1).min(last);
+    between(nodes, (to + 1).saturating_sub(width).max(first.frame), to)
+}
+
+/// The rates at the node of `frame`, from nodes no newer than `frame + ahead`.
+///
+/// With a window in `params` it is the plain local fit of that window and order.
+/// Without, the motion's regime chooses both:
+///
+/// - in flight a straight line with known gravity over up to 55 frames of the same flight, after testing that the
+///   acceleration there is gravity's (or none);
+/// - in contact order 4 over the window with the smallest noise^2 + bias^2, noise = 3.06 sigma / h^1.5 and bias
+///   = |5th derivative| h^4 / 504 for a window of 2 h + 1 frames, the derivative being estimated from the approach speed
+///   and the strongest acceleration seen;
+/// - otherwise order 2 over 9 frames.
+pub fn smooth(nodes: &[Node], frame: u64, regime: Regime, params: &MotionParams, gravity: Option<[f64; 2]>) -> Option<PixelRates> {
+    let at = nodes[nodes.binary_search_by_key(&frame, |n| n.frame).ok()?];
+    let n = u64::from(params.interval_frames.max(1));
+    let plain = |width: u64, order: usize, ahead: u64| {
+        fit_rates(window(nodes, frame, width, ahead), at.time_frames, order, [0.0; 2])
+    };
+    if let Some(width) = params.window_frames {
+        return plain(u64::from(width), params.order as usize, lag_frames(params));
+    }
+    let fallback = || plain(u64::from(DEFAULT.0) + n - 1, DEFAULT.1, AUTO_AHEAD_FRAMES);
+    match regime {
+        Regime::Unknown => fallback(),
+        Regime::Flight { from, to } => {
+            let (back, ahead) = (from.max(frame.saturating_sub(FLIGHT_BACK)), to.min(frame + FLIGHT_AHEAD));
+            in_flight(between(nodes, back, ahead), at.time_frames, gravity).or_else(fallback)
+        }
+        Regime::Contact { speed_px, acceleration_px } => {
+            let sigma = (at.sigma[0] + at.sigma[1]) / 2.0;
+            let half = contact_half_width(sigma, speed_px, acceleration_px);
+            plain(2 * half + n, CONTACT_ORDER, AUTO_AHEAD_FRAMES)
+        }
+    }
+}
+
+/// How far ahead of a frame [`smooth`] looks, frames.
+pub fn lag_frames(params: &MotionParams) -> u64 {
+    params.window_frames.map_or(AUTO_AHEAD_FRAMES, |width| u64::from(width / 2).max(AUTO_AHEAD_FRAMES))
+}
+
+/// A line with gravity (or none) where the measured acceleration agrees with it.
+fn in_flight(nodes: &[Node], at_frames: f64, gravity: Option<[f64; 2]>) -> Option<PixelRates> {
+    let (first, last) = (nodes.first()?, nodes.last()?);
+    let middle = 0.5 * (first.time_frames + last.time_frames);
+    let free = [0, 1].map(|axis| Polynomial::fit(&samples(nodes, axis), middle, 2, 0.0));
+    let agrees = |known: &[f64; 2]| {
+        (0..2).all(|axis| {
+            free[axis].as_ref().is_none_or(|fit| {
+                let a = fit.curvature();
+                (a.value - known[axis]).abs() <= SAME_ACCELERATION * a.sigma * fit.excess()
+            })
+        })
+    };
+    let known = gravity.filter(agrees).or_else(|| Some([0.0; 2]).filter(agrees))?;
+    fit_rates(nodes, at_frames, 1, known)
+}
+
+/// Half width of the order-4 window with the smallest noise^2 + bias^2.
+fn contact_half_width(sigma: f64, speed_px: f64, acceleration_px: f64) -> u64 {
+    let omega = (acceleration_px / speed_px.max(1e-9)).clamp(0.0, 1.0);
+    let fifth = SHARPNESS * speed_px * omega.powi(4) * std::f64::consts::FRAC_1_SQRT_2;
+    let cost = |half: u64| {
+        let h = half as f64;
+        (9.375 * sigma * sigma / h.powi(3)) + (fifth * h.powi(4) / 504.0).powi(2)
+    };
+    (4..=12).min_by(|a, b| cost(*a).total_cmp(&cost(*b))).unwrap_or(6)
+}

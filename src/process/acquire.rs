@@ -1,0 +1,292 @@
+//! Camera to ring.
+
+use super::clock::{Every, Patience, host_ns};
+use super::report::Reporter;
+use super::rig::{Source, limits};
+use super::stop::Stop;
+use super::summary::Summary;
+use crate::bus::{Bell, Bus, BusError, FramePublisher, Limits, Subscriber};
+use crate::camera::{CameraError, Next, Pace, Slot};
+use crate::config::{Config, TriggerMode};
+use crate::image::FrameMeta;
+use crate::message::{EventKind, FrameHeader, Progress, Role};
+use crate::trigger::MotionTrigger;
+use std::collections::BTreeMap;
+use std::ops::Range;
+use std::time::Duration;
+
+/// How long the readers of the frames may take to get ready.
+const READY: Duration = Duration::from_secs(15);
+/// How long an on-demand source waits for readers that do not move.
+const STUCK: Duration = Duration::from_secs(10);
+/// How long the ring stays after the last frame for readers that are still at work.
+const LINGER: Duration = Duration::from_secs(30);
+const WAIT: Duration = Duration::from_millis(50);
+
+/// Runs the camera of this rig until it ends or is stopped.
+///
+/// # Errors
+///
+/// When the camera cannot be opened or goes away for good, or shared memory cannot be used.
+pub fn run(config: &Config, stop: &Stop) -> anyhow::Result<Summary> {
+    let source = Source::open(config)?;
+    let bus = Bus::join(&config.rig.name, Role::Acquire.word())?;
+    let limits = limits(config, &source.format());
+    let ring = bus.frame_publisher(&limits, source.format().slot_bytes())?;
+    let mut loop_ = Loop::new(&bus, config, limits, ring, source)?;
+    loop_.prepare(stop)?;
+    let ended = loop_.stream(config, stop);
+    let told = loop_.end();
+    ended?;
+    told?;
+    Ok(loop_.summary)
+}
+
+struct Loop {
+    // The camera goes before the ring whose slots it holds.
+    source: Source,
+    ring: FramePublisher,
+    bell: Bell,
+    reporter: Reporter,
+    readers: Readers,
+    trigger: Option<MotionTrigger>,
+    summary: Summary,
+    queued: usize,
+    first: Option<u64>,
+    next: u64,
+    stamp_ns: u64,
+    /// What is added to the camera's count after it was opened anew.
+    offset: u64,
+    epoch: u32,
+}
+
+impl Loop {
+    fn new(
+        bus: &Bus,
+        config: &Config,
+        limits: Limits,
+        ring: FramePublisher,
+        source: Source,
+    ) -> Result<Self, anyhow::Error> {
+        let mut reporter = Reporter::new(bus, &limits, Role::Acquire, 0)?;
+        reporter.set_run(host_ns());
+        reporter.set_live(source.is_live());
+        let trigger = (config.trigger.mode == TriggerMode::Motion)
+            .then(|| MotionTrigger::new(config.trigger.threshold_dn, config.trigger.roi_px));
+        Ok(Self {
+            ring,
+            bell: bus.bell("frames")?,
+            reporter,
+            readers: Readers::new(bus, &limits, config)?,
+            trigger,
+            source,
+            summary: Summary::default(),
+            queued: 0,
+            first: None,
+            next: 0,
+            stamp_ns: 0,
+            offset: 0,
+            epoch: 0,
+        })
+    }
+
+    /// Touches the ring, announces it and waits until every reader has attached.
+    fn prepare(&mut self, stop: &Stop) -> anyhow::Result<()> {
+        self.ring.touch()?;
+        let run_id = self.reporter.run_id();
+        let camera = self.source.identity();
+        let identity = format!("{}\n{}", camera.model, camera.serial);
+        self.reporter.event(EventKind::Prepared, 0, 0, &identity)?;
+        let patience = Patience::new(READY);
+        while !stop.requested() && !self.readers.all_attached(run_id)? {
+            if patience.is_over() {
+                log::warn!("starting without {}: they did not get ready in time", self.readers.missing(run_id));
+                break;
+            }
+            self.ring.greet();
+            self.reporter.status(&self.summary, 0, 0)?;
+            std::thread::sleep(Duration::from_millis(1));
+        }
+        self.ring.greet();
+        Ok(())
+    }
+
+    fn stream(&mut self, config: &Config, stop: &Stop) -> anyhow::Result<()> {
+        self.lend()?;
+        self.source.camera().start()?;
+        while !stop.requested() {
+            self.reporter.status(&self.summary, self.next.saturating_sub(1), self.stamp_ns)?;
+            self.lend()?;
+            if self.source.pace() == Pace::OnDemand {
+                let first = self.first.unwrap_or(self.next);
+                self.readers.wait_for_room(self.reporter.run_id(), first..self.next, stop)?;
+            }
+            match self.source.camera().next(WAIT) {
+                Ok(Next::Frame(slot, meta)) => self.publish(slot, meta)?,
+                Ok(Next::Torn(slot, cause)) => self.torn(slot, &cause),
+                Ok(Next::Nothing) => {}
+                Ok(Next::End) => return Ok(()),
+                Err(error) => self.reopen(config, stop, &error)?,
+            }
+        }
+        Ok(())
+    }
+
+    /// Hands the camera as many slots as it wants and the ring has.
+    fn lend(&mut self) -> Result<(), BusError> {
+        while self.queued < self.source.camera().slots().min(Limits::CAMERA_SLOTS) {
+            let Some(slot) = self.ring.lend()? else { break };
+            self.source.camera().queue(slot);
+            self.queued += 1;
+        }
+        Ok(())
+    }
+
+    fn publish(&mut self, slot: Slot, mut meta: FrameMeta) -> Result<(), BusError> {
+        let mut slot = slot;
+        self.queued -= 1;
+        meta.sequence += self.offset;
+        meta.epoch = meta.epoch.max(self.epoch);
+        let moved = self.trigger.as_mut().is_some_and(|trigger| trigger.push(&meta, slot.bytes_mut()));
+        self.ring.send(slot, FrameHeader::new(&meta, self.reporter.run_id()))?;
+        self.bell.ring();
+        self.summary.taken += 1;
+        self.summary.given += 1;
+        if self.first.is_none() {
+            self.first = Some(meta.sequence);
+            self.next = meta.sequence;
+            self.reporter.event(EventKind::Started, meta.sequence, meta.stamp_ns, "first frame")?;
+        }
+        let gap = meta.sequence.saturating_sub(self.next);
+        if gap > 0 {
+            self.summary.lost += gap;
+            let text = format!("the camera lost {gap} frames");
+            self.reporter.event(EventKind::Lost, meta.sequence, meta.stamp_ns, &text)?;
+        }
+        self.next = meta.sequence + 1;
+        self.stamp_ns = meta.stamp_ns;
+        if moved {
+            self.reporter.event(EventKind::Triggered, meta.sequence, meta.stamp_ns, "motion")?;
+        }
+        Ok(())
+    }
+
+    fn torn(&mut self, slot: Slot, cause: &str) {
+        // The gap in the camera's count says that a frame is missing; here only the memory is reused.
+        log::warn!("a frame did not arrive whole: {cause}");
+        self.queued -= 1;
+        self.ring.take_back(slot);
+    }
+
+    /// A live camera that vanished is opened again until it answers; frames go on under a new epoch.
+    fn reopen(&mut self, config: &Config, stop: &Stop, error: &CameraError) -> anyhow::Result<()> {
+        if !matches!(error, CameraError::Vanished { .. }) {
+            anyhow::bail!("read a frame: {error}");
+        }
+        self.reporter.event(EventKind::Camera, self.next, self.stamp_ns, &error.to_string())?;
+        self.source.close();
+        self.ring.take_all_back();
+        self.queued = 0;
+        let mut every = Every::new(Duration::from_millis(500));
+        while !stop.requested() {
+            self.reporter.status(&self.summary, self.next.saturating_sub(1), self.stamp_ns)?;
+            if every.due() && self.source.reopen(config).is_ok() {
+                self.epoch += 1;
+                // The frames between are unknown in number: at least one is missing.
+                self.offset = self.next + 1;
+                self.lend()?;
+                self.source.camera().start()?;
+                return Ok(self.reporter.event(EventKind::Camera, self.next, self.stamp_ns, "the camera is back")?);
+            }
+            std::thread::sleep(Duration::from_millis(10));
+        }
+        Ok(())
+    }
+
+    /// Tells the end and keeps the ring until its readers are done.
+    fn end(&mut self) -> Result<(), BusError> {
+        self.source.close();
+        self.reporter.event(EventKind::Ended, self.next, self.stamp_ns, "last frame")?;
+        let patience = Patience::new(LINGER);
+        while !patience.is_over() && !self.readers.all_done(self.reporter.run_id())? {
+            self.ring.greet();
+            self.reporter.status(&self.summary, self.next.saturating_sub(1), self.stamp_ns)?;
+            std::thread::sleep(Duration::from_millis(2));
+        }
+        self.reporter.status_now(&self.summary, self.next.saturating_sub(1), self.stamp_ns)
+    }
+}
+
+/// How far the readers of the frames have come.
+struct Readers {
+    progress: Subscriber<Progress>,
+    expected: Vec<(u32, u32)>,
+    /// Readers that take frames all the time; an armed recorder only does after a trigger.
+    paced_by: Vec<(u32, u32)>,
+    told: BTreeMap<(u32, u32), Progress>,
+    window: u64,
+}
+
+impl Readers {
+    fn new(bus: &Bus, limits: &Limits, config: &Config) -> Result<Self, BusError> {
+        let workers = (0..limits.workers).map(|index| (Role::Correlate as u32, index));
+        let recorder = config.record.iter().map(|_| (Role::Record as u32, 0));
+        let streaming = config.trigger.mode == TriggerMode::Off;
+        let paced_by = workers.clone().chain(recorder.clone().filter(|_| streaming)).collect();
+        let expected = workers.chain(recorder).chain([(Role::Track as u32, 0)]).collect();
+        // A quarter of the ring in flight keeps every reader busy and every queue far from running over.
+        let window = (limits.ring_frames as u64 / 4).max(8);
+        Ok(Self { progress: bus.subscriber(limits)?, expected, paced_by, told: BTreeMap::new(), window })
+    }
+
+    fn update(&mut self) -> Result<bool, BusError> {
+        let mut news = false;
+        while let Some(progress) = self.progress.take()? {
+            self.told.insert((progress.role, progress.index), progress);
+            news = true;
+        }
+        Ok(news)
+    }
+
+    fn all_attached(&mut self, run_id: u64) -> Result<bool, BusError> {
+        self.update()?;
+        Ok(self.expected.iter().all(|who| self.told.get(who).is_some_and(|progress| progress.run_id == run_id)))
+    }
+
+    fn missing(&self, run_id: u64) -> String {
+        let absent = |who: &&(u32, u32)| self.told.get(who).is_none_or(|progress| progress.run_id != run_id);
+        let names = self.expected.iter().filter(absent).map(|(role, index)| {
+            Role::from_number(*role).map_or_else(String::new, |role| format!("{} {index}", role.word()))
+        });
+        names.collect::<Vec<_>>().join(", ")
+    }
+
+    fn all_done(&mut self, run_id: u64) -> Result<bool, BusError> {
+        self.update()?;
+        let done = |who| self.told.get(who).is_some_and(|progress: &Progress| progress.run_id == run_id && progress.done == 1);
+        Ok(self.expected.iter().all(done))
+    }
+
+    /// Waits until the slowest reader has left room for one more frame than `published`, or for a stop.
+    ///
+    /// A reader that does not move for long is dead or stuck: the stream then goes on without it.
+    fn wait_for_room(&mut self, run_id: u64, published: Range<u64>, stop: &Stop) -> Result<(), BusError> {
+        let mut patience = Patience::new(STUCK);
+        while !stop.requested() && !patience.is_over() {
+            if self.update()? {
+                patience.renew();
+            }
+            let behind = |who| {
+                self.told.get(who).is_some_and(|progress: &Progress| {
+                    let reached = progress.next_sequence.max(published.start);
+                    progress.run_id == run_id && reached.saturating_add(self.window) <= published.end
+                })
+            };
+            if !self.paced_by.iter().any(behind) {
+                break;
+            }
+            std::thread::sleep(Duration::from_micros(200));
+        }
+        Ok(())
+    }
+}

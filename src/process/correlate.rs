@@ -1,0 +1,176 @@
+//! Blocks of frames to displacement fields.
+
+use super::clock::{Patience, now};
+use super::report::Reporter;
+use super::rig::{analysis_params, expected_format, limits};
+use super::stop::Stop;
+use super::stream::Stream;
+use super::summary::Summary;
+use crate::bus::{Bell, Bus, BusError, FieldPublisher, FrameSubscriber};
+use crate::camera::StreamFormat;
+use crate::config::Config;
+use crate::image::Frame;
+use crate::measure::{Measured, Measurer, Share};
+use crate::message::{FieldHeader, Progress, Role};
+use std::time::Duration;
+
+const WAIT: Duration = Duration::from_millis(2);
+/// How long results stay readable for a tracker or recorder that is still at work.
+const LINGER: Duration = Duration::from_secs(30);
+
+/// Measures every `workers.count`-th block of frames, as worker `index`, until the stream ends.
+///
+/// `resumed` says that another worker of this index was there before and died.
+///
+/// # Errors
+///
+/// When the configuration cannot be measured with, or shared memory cannot be used.
+pub fn run(config: &Config, index: u32, resumed: bool, stop: &Stop) -> anyhow::Result<Summary> {
+    let format = expected_format(config)?;
+    let limits = limits(config, &format);
+    let bus = Bus::join(&config.rig.name, &format!("{}-{index}", Role::Correlate.word()))?;
+    let mut reporter = Reporter::new(&bus, &limits, Role::Correlate, index)?;
+    reporter.set_queue(0, limits.ring_frames as u64);
+    let mut worker = Worker {
+        frames: bus.frame_subscriber(&limits)?,
+        fields: bus.field_publisher(&limits)?,
+        bell: bus.bell("field")?,
+        reporter,
+        measurer: plan(config, index, &format)?,
+        summary: Summary::default(),
+        measured: Vec::new(),
+        index,
+        next: None,
+        stamp_ns: 0,
+    };
+    let ear = bus.ear("frames")?;
+    let mut stream = Stream::new(&bus, &limits)?;
+    while !stop.requested() {
+        if stream.update()? {
+            worker.attach(&stream, resumed)?;
+        }
+        let ended = stream.end.is_some();
+        worker.drain(stop)?;
+        if ended {
+            worker.finish(&stream)?;
+            linger(&bus, &limits, config, &mut stream, stop)?;
+            break;
+        }
+        worker.tell()?;
+        ear.wait(WAIT);
+    }
+    worker.tell_now()?;
+    Ok(worker.summary)
+}
+
+fn plan(config: &Config, index: u32, format: &StreamFormat) -> anyhow::Result<Measurer> {
+    let (params, _) = analysis_params(config, format);
+    let share = Share { index, of: config.workers.count };
+    Ok(Measurer::new(&params, share, format.width_px as usize, format.height_px as usize)?)
+}
+
+struct Worker {
+    frames: FrameSubscriber,
+    fields: FieldPublisher,
+    bell: Bell,
+    reporter: Reporter,
+    measurer: Measurer,
+    summary: Summary,
+    measured: Vec<Measured>,
+    index: u32,
+    next: Option<u64>,
+    stamp_ns: u64,
+}
+
+impl Worker {
+    /// Maps the ring of a run that was announced and tells that frames may come.
+    fn attach(&mut self, stream: &Stream, resumed: bool) -> Result<(), BusError> {
+        self.frames.greet();
+        self.measurer.reset();
+        self.next = None;
+        self.reporter.set_run(stream.run_id.unwrap_or(0));
+        // One that died left no trace of how far it was: nobody shall wait for what it will never do.
+        let reached = if resumed || stream.first.is_some() { u64::MAX } else { 0 };
+        self.reporter.progress(reached, false)
+    }
+
+    fn drain(&mut self, stop: &Stop) -> anyhow::Result<()> {
+        let mut told = now();
+        while !stop.requested() {
+            let Some(sample) = self.frames.take()? else { break };
+            let header = *sample.header();
+            if header.run_id != self.reporter.run_id() {
+                continue;
+            }
+            let Some(meta) = header.meta() else { continue };
+            if let Some(next) = self.next {
+                self.summary.lost += meta.sequence.saturating_sub(next);
+            }
+            self.next = Some(meta.sequence + 1);
+            self.stamp_ns = meta.stamp_ns;
+            self.summary.taken += 1;
+            self.measurer.push(&Frame { meta, bytes: sample.bytes() }, &mut self.measured)?;
+            drop(sample);
+            self.publish()?;
+            if told.elapsed() >= Duration::from_millis(1) {
+                self.reporter.progress(meta.sequence + 1, false)?;
+                self.tell()?;
+                told = now();
+            }
+        }
+        if let Some(next) = self.next {
+            self.reporter.progress(next, false)?;
+        }
+        Ok(())
+    }
+
+    fn publish(&mut self) -> Result<(), BusError> {
+        for measured in self.measured.drain(..) {
+            let header =
+                FieldHeader::new(&measured.step, measured.field.as_ref(), self.reporter.run_id(), self.index);
+            self.fields.send(&header, measured.field.as_ref())?;
+            self.summary.given += 1;
+            self.bell.ring();
+        }
+        Ok(())
+    }
+
+    fn finish(&mut self, stream: &Stream) -> Result<(), BusError> {
+        self.measurer.finish(&mut self.measured);
+        self.publish()?;
+        if let (Some(next), Some(end)) = (self.next, stream.end) {
+            self.summary.lost += end.saturating_sub(next);
+        }
+        self.reporter.progress(stream.end.unwrap_or(0), true)
+    }
+
+    fn tell(&mut self) -> Result<(), BusError> {
+        self.reporter.status(&self.summary, self.next.unwrap_or(1) - 1, self.stamp_ns)
+    }
+
+    fn tell_now(&mut self) -> Result<(), BusError> {
+        self.reporter.status_now(&self.summary, self.next.unwrap_or(1) - 1, self.stamp_ns)
+    }
+}
+
+/// Stays until tracker and recorder have read everything.
+fn linger(
+    bus: &Bus,
+    limits: &crate::bus::Limits,
+    config: &Config,
+    stream: &mut Stream,
+    stop: &Stop,
+) -> Result<(), BusError> {
+    let progress = bus.subscriber::<Progress>(limits)?;
+    let mut recorded = config.record.is_none();
+    let patience = Patience::new(LINGER);
+    while !stop.requested() && !patience.is_over() && !(stream.tracked && recorded) {
+        let run_id = stream.run_id;
+        while let Some(told) = progress.take()? {
+            recorded |= told.role == Role::Record as u32 && told.done == 1 && Some(told.run_id) == run_id;
+        }
+        stream.update()?;
+        std::thread::sleep(WAIT);
+    }
+    Ok(())
+}

@@ -1,0 +1,210 @@
+//! From a configuration to the parts of a rig: the camera, the limits, what the measuring rooms are planned with.
+
+use crate::bus::Limits;
+use crate::camera::genicam::{GenicamCamera, GenicamSettings};
+use crate::camera::recording::{PlaybackRate, RecordingCamera, Repeat};
+use crate::camera::simulated::{SimulatedCamera, load_scenario};
+use crate::camera::{Camera, CameraError, CameraIdentity, Next, Pace, Slot, StreamFormat};
+use crate::config::{self, Config};
+use crate::image::PixelFormat;
+use crate::measure::{MeasureParams, TrackerParams};
+use crate::synth::{Scenario, World};
+use std::time::Duration;
+
+/// Frames the ring holds when no trigger asks for more: what a burst may bring before the workers catch up.
+const BURST_FRAMES: usize = 512;
+/// Time a trigger may take to reach the recorder, s; the ring holds that much more than `pre_s`.
+const DECISION_S: f64 = 0.25;
+
+/// The camera of a rig, which can be closed and opened again.
+pub struct Source {
+    camera: Box<dyn Camera>,
+    format: StreamFormat,
+    identity: CameraIdentity,
+    pace: Pace,
+    live: bool,
+}
+
+impl Source {
+    /// Opens the camera that the configuration names.
+    ///
+    /// # Errors
+    ///
+    /// When it does not answer or refuses a setting.
+    pub fn open(config: &Config) -> Result<Self, CameraError> {
+        let camera = open_camera(config)?;
+        let live = config.camera.source == config::Source::Genicam;
+        Ok(Self { format: camera.format(), identity: camera.identity(), pace: camera.pace(), camera, live })
+    }
+
+    /// Shape and rate of its frames.
+    pub fn format(&self) -> StreamFormat {
+        self.format
+    }
+
+    /// Model and serial number.
+    pub fn identity(&self) -> &CameraIdentity {
+        &self.identity
+    }
+
+    /// Whether it can be held back.
+    pub fn pace(&self) -> Pace {
+        self.pace
+    }
+
+    /// Whether its stamps are of now.
+    pub fn is_live(&self) -> bool {
+        self.live
+    }
+
+    /// The camera itself; one that has ended when it is closed.
+    pub fn camera(&mut self) -> &mut dyn Camera {
+        self.camera.as_mut()
+    }
+
+    /// Lets go of the camera and of every slot it holds.
+    pub fn close(&mut self) {
+        self.camera = Box::new(Closed(self.format));
+    }
+
+    /// Opens it again after it vanished.
+    ///
+    /// # Errors
+    ///
+    /// When it still does not answer, or delivers frames of another shape.
+    pub fn reopen(&mut self, config: &Config) -> Result<(), CameraError> {
+        let camera = open_camera(config)?;
+        if camera.format().slot_bytes() != self.format.slot_bytes() {
+            let id = config.camera.id.clone().unwrap_or_default();
+            return Err(CameraError::NotFound { id, reason: "it came back with another frame size".into() });
+        }
+        self.camera = camera;
+        Ok(())
+    }
+}
+
+/// No camera.
+struct Closed(StreamFormat);
+
+impl Camera for Closed {
+    fn format(&self) -> StreamFormat {
+        self.0
+    }
+    fn identity(&self) -> CameraIdentity {
+        CameraIdentity::default()
+    }
+    fn pace(&self) -> Pace {
+        Pace::Live
+    }
+    fn slots(&self) -> usize {
+        0
+    }
+    fn queue(&mut self, _slot: Slot) {}
+    fn start(&mut self) -> Result<(), CameraError> {
+        Ok(())
+    }
+    fn next(&mut self, _timeout: Duration) -> Result<Next, CameraError> {
+        Ok(Next::End)
+    }
+}
+
+/// Opens the camera that the configuration names.
+///
+/// # Errors
+///
+/// When it does not answer or refuses a setting.
+pub fn open_camera(config: &Config) -> Result<Box<dyn Camera>, CameraError> {
+    let camera = &config.camera;
+    Ok(match camera.source {
+        config::Source::Simulated => Box::new(SimulatedCamera::open(scenario(config)?, camera.paced)?),
+        config::Source::Recording => {
+            let path = std::path::PathBuf::from(camera.id.clone().unwrap_or_default());
+            let rate = if camera.paced { PlaybackRate::Times(camera.speed) } else { PlaybackRate::Max };
+            Box::new(RecordingCamera::open(&path, rate, Repeat::Once)?)
+        }
+        config::Source::Genicam => Box::new(GenicamCamera::open(&GenicamSettings::from(camera))?),
+    })
+}
+
+/// The simulated world behind the camera, when there is one.
+///
+/// # Errors
+///
+/// When the scenario is unknown or wrong.
+pub fn truth_world(config: &Config) -> Result<Option<World>, CameraError> {
+    if config.camera.source != config::Source::Simulated {
+        return Ok(None);
+    }
+    let world = World::new(&scenario(config)?).map_err(|error| refused(config, &error))?;
+    Ok(Some(world))
+}
+
+/// The scenario that the configuration names, filmed the way it says.
+fn scenario(config: &Config) -> Result<Scenario, CameraError> {
+    let camera = &config.camera;
+    let name = camera.scenario.clone().unwrap_or_else(|| "lacrosse".into());
+    let mut scenario = load_scenario(&name).map_err(|error| refused(config, &error))?;
+    let setup = &mut scenario.camera;
+    setup.width_px = camera.width_px.unwrap_or(setup.width_px);
+    setup.height_px = camera.height_px.unwrap_or(setup.height_px);
+    setup.frame_rate_hz = camera.frame_rate_hz.unwrap_or(setup.frame_rate_hz);
+    setup.exposure_us = camera.exposure_us.unwrap_or(setup.exposure_us);
+    setup.bits = camera.pixel_format.map_or(setup.bits, PixelFormat::bits);
+    Ok(scenario)
+}
+
+fn refused(config: &Config, error: &dyn std::fmt::Display) -> CameraError {
+    let value = config.camera.scenario.clone().unwrap_or_default();
+    CameraError::Setting { feature: "camera.scenario".into(), value, reason: error.to_string() }
+}
+
+/// What all processes of the rig agree on, given what the camera delivers.
+pub(super) fn limits(config: &Config, format: &StreamFormat) -> Limits {
+    let rate_hz = format.frame_rate_hz;
+    let pre = config.pre_trigger_frames(rate_hz) as usize;
+    let block = config.workers.block_frames as usize;
+    let waits = pre > 0;
+    let ring_frames = if waits { pre + block + (DECISION_S * rate_hz).ceil() as usize } else { 0 }.max(BURST_FRAMES);
+    let post = (config.trigger.post_s * rate_hz).ceil() as usize;
+    let held_frames = if waits { (ring_frames).min(ring_frames / 2 + post) } else { 64 };
+    let points = (0..config.bodies.len()).map(|body| {
+        let most_px = 2.0 * config.ball(body, format.width_px, format.height_px).max_radius_px;
+        let across = (most_px / f64::from(config.correlation.step_px)).ceil() as usize + 1;
+        across * across
+    });
+    Limits {
+        workers: config.workers.count,
+        bodies: config.bodies.len() as u32,
+        ring_frames,
+        held_frames,
+        field_points: points.max().unwrap_or(1),
+    }
+}
+
+/// Shape of the stream that this configuration will deliver, without starting the camera.
+///
+/// # Errors
+///
+/// When the camera would have to be asked and does not answer.
+pub(super) fn expected_format(config: &Config) -> Result<StreamFormat, CameraError> {
+    let camera = &config.camera;
+    if let (config::Source::Genicam, Some((width_px, height_px)), Some(frame_rate_hz)) =
+        (camera.source, camera.image_px(), camera.frame_rate_hz)
+    {
+        let format = camera.pixel_format.unwrap_or_default();
+        return Ok(StreamFormat { width_px, height_px, format, frame_rate_hz });
+    }
+    Ok(open_camera(config)?.format())
+}
+
+/// What the measurement is planned with, for frames of this shape.
+pub fn analysis_params(config: &Config, format: &StreamFormat) -> (MeasureParams, TrackerParams) {
+    let bodies = 0..config.bodies.len();
+    let measure = MeasureParams {
+        correlation: config.correlation(),
+        bodies: bodies.clone().map(|body| config.ball(body, format.width_px, format.height_px)).collect(),
+        block_frames: config.workers.block_frames,
+    };
+    let tracker = TrackerParams { motion: bodies.map(|body| config.motion(body, format.frame_rate_hz)).collect(), contact: true };
+    (measure, tracker)
+}

@@ -1,0 +1,266 @@
+//! One recording being made: frames and steps in, a finished file out.
+
+use super::order::OrderedTracker;
+use crate::camera::{CameraIdentity, StreamFormat};
+use crate::config::{Compression, Config, Scale};
+use crate::image::Frame;
+use crate::measure::{TrackerParams, TrackerRows};
+use crate::recording::{self, Annotations, EventRow, FinishedRecording, RecordingError, RecordingInfo};
+use crate::recording::{RecordingWriter, WriterOptions};
+use crate::results::{BodyStep, PairField, PointStatus};
+use crate::synth::World;
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+/// What is to be recorded.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Extent {
+    /// Sequence number of the first frame.
+    pub first: u64,
+    /// Sequence number of the last frame; `None` when it is not known yet.
+    pub last: Option<u64>,
+    /// How much newer a step must be before a missing one is given up, frames.
+    pub patience_frames: u64,
+}
+
+/// A recording being made.
+///
+/// The rows it writes come from a tracker of its own that sees the steps of
+/// exactly the recorded frames, so that they are a function of the file's frames
+/// alone and offline analysis of the file gives the same bytes.
+pub struct Shot {
+    writer: RecordingWriter,
+    ordered: OrderedTracker,
+    extent: Extent,
+    keep_frames: bool,
+    truth: Option<World>,
+    next_frame: u64,
+    /// Frames that are missing between the first and the newest.
+    pub lost: u64,
+    /// Frames written (or, without raw frames, passed by).
+    pub frames: u64,
+}
+
+impl Shot {
+    /// Creates `<path>.part`.
+    ///
+    /// # Errors
+    ///
+    /// When the file cannot be written.
+    pub fn create(
+        path: &Path,
+        config: &Config,
+        info: &RecordingInfo,
+        params: &TrackerParams,
+        extent: Extent,
+    ) -> Result<Self, RecordingError> {
+        let record = config.record.as_ref();
+        let compression = match record.map(|record| record.compression) {
+            Some(Compression::Zstd) => recording::Compression::Zstd1,
+            _ => recording::Compression::None,
+        };
+        let options = WriterOptions { compression, ..WriterOptions::default() };
+        Ok(Self {
+            writer: RecordingWriter::create(path, info, &options)?,
+            ordered: OrderedTracker::new(params, extent.first, extent.patience_frames),
+            extent,
+            keep_frames: record.is_some_and(|record| record.raw_frames),
+            truth: None,
+            next_frame: extent.first,
+            lost: 0,
+            frames: 0,
+        })
+    }
+
+    /// Writes the truth of every frame beside it.
+    ///
+    /// # Errors
+    ///
+    /// When the file cannot be written.
+    pub fn set_truth(&mut self, world: Option<World>) -> Result<(), RecordingError> {
+        if let Some(impact) = world.as_ref().and_then(World::impact) {
+            self.writer.truth_impact(&impact)?;
+        }
+        self.truth = world;
+        Ok(())
+    }
+
+    /// The next frame, in rising order.
+    ///
+    /// # Errors
+    ///
+    /// When the file cannot be written.
+    pub fn frame(&mut self, frame: &Frame<'_>) -> Result<(), RecordingError> {
+        self.lost += frame.meta.sequence.saturating_sub(self.next_frame);
+        self.next_frame = frame.meta.sequence + 1;
+        self.frames += 1;
+        if self.keep_frames {
+            self.writer.frame(frame)?;
+        }
+        if let Some(world) = &self.truth
+            && frame.meta.sequence < world.frames()
+        {
+            self.writer.truth(&world.truth(frame.meta.sequence))?;
+        }
+        Ok(())
+    }
+
+    /// One past the newest frame.
+    pub fn next_frame(&self) -> u64 {
+        self.next_frame
+    }
+
+    /// A measured step and its field, in any order; those outside the recording are ignored.
+    ///
+    /// # Errors
+    ///
+    /// When the file cannot be written.
+    pub fn step(&mut self, mut step: BodyStep, mut field: Option<PairField>) -> Result<(), RecordingError> {
+        let target = step.frame + u64::from(step.interval_frames);
+        if step.frame < self.extent.first || self.extent.last.is_some_and(|last| step.frame > last) {
+            return Ok(());
+        }
+        if self.extent.last.is_some_and(|last| target > last) {
+            // The recording does not hold the frame this motion leads to.
+            step = step.without_motion();
+            field = None;
+        }
+        if let Some(field) = &field {
+            self.writer.field(field)?;
+        }
+        self.writer.annotations(step.stamp_ns, &annotations(&step, field.as_ref()))?;
+        let rows = std::mem::take(self.ordered.push(step));
+        self.write(&rows)
+    }
+
+    /// Something that happened during the recording.
+    ///
+    /// # Errors
+    ///
+    /// When the file cannot be written.
+    pub fn event(&mut self, event: &EventRow) -> Result<(), RecordingError> {
+        self.writer.event(event)
+    }
+
+    /// Whether the steps of every frame before `end` have come.
+    pub fn has_steps_before(&self, end: u64) -> bool {
+        self.ordered.has_all_before(end)
+    }
+
+    /// Ends the recording before frame `end` and gives the file its name.
+    ///
+    /// Returns the file and how many rows had to be given up because their steps never came.
+    ///
+    /// # Errors
+    ///
+    /// When the file cannot be written.
+    pub fn finish(mut self, end: u64) -> Result<(FinishedRecording, u64), RecordingError> {
+        self.lost += end.saturating_sub(self.next_frame);
+        let rows = std::mem::take(self.ordered.finish(end));
+        self.write(&rows)?;
+        let (given_up, late) = self.ordered.losses();
+        Ok((self.writer.finish()?, given_up + late))
+    }
+
+    fn write(&mut self, rows: &TrackerRows) -> Result<(), RecordingError> {
+        for sample in &rows.tracks {
+            self.writer.track(sample)?;
+        }
+        for sample in &rows.velocities {
+            self.writer.velocity(sample)?;
+        }
+        for impact in &rows.impacts {
+            self.writer.impact(impact)?;
+        }
+        Ok(())
+    }
+}
+
+impl BodyStep {
+    /// The same body in the same frame, its motion unknown: what is measured of the last frames of a recording.
+    pub(super) fn without_motion(self) -> Self {
+        let status = if self.circle.is_some() { PointStatus::Valid } else { PointStatus::Lost };
+        Self { step: None, status, ..self }
+    }
+}
+
+/// Ten times the measured motion, over the outline.
+fn annotations(step: &BodyStep, field: Option<&PairField>) -> Annotations {
+    const MAGNIFICATION: f64 = 10.0;
+    let vector = |point: &crate::results::FieldPoint| {
+        let motion = point.displacement?;
+        let (x, y) = (f64::from(point.x_px), f64::from(point.y_px));
+        let tip = [x + MAGNIFICATION * f64::from(motion.u_px), y + MAGNIFICATION * f64::from(motion.v_px)];
+        Some([[x, y], tip])
+    };
+    Annotations {
+        circles: step.circle.iter().map(|circle| [circle.x_px, circle.y_px, circle.radius_px]).collect(),
+        vectors: field.map(|field| field.points.iter().filter_map(vector).collect()).unwrap_or_default(),
+    }
+}
+
+/// What a recording says of itself.
+pub fn recording_info(config: &Config, format: &StreamFormat, camera: &CameraIdentity, trigger: &str) -> RecordingInfo {
+    let scale = match config.scale {
+        Some(Scale::MmPerPx(mm)) => format!("{mm} mm/px"),
+        Some(Scale::BallDiameterMm(mm)) => format!("ball of {mm} mm"),
+        Some(Scale::Unknown) | None => "none".into(),
+    };
+    let host = std::fs::read_to_string("/proc/sys/kernel/hostname").unwrap_or_default();
+    let metadata = [
+        ("version", env!("CARGO_PKG_VERSION").to_owned()),
+        ("rig", config.rig.name.clone()),
+        ("camera", camera.model.clone()),
+        ("serial", camera.serial.clone()),
+        ("frame_rate_hz", format.frame_rate_hz.to_string()),
+        ("scale", scale),
+        ("host", host.trim().to_owned()),
+        ("trigger", trigger.to_owned()),
+    ];
+    RecordingInfo {
+        config_toml: config.text.clone(),
+        metadata: metadata.into_iter().map(|(key, value)| (key.to_owned(), value)).collect::<BTreeMap<_, _>>(),
+        bodies: config.bodies.iter().map(|body| body.name.clone()).collect(),
+        attachments: Vec::new(),
+    }
+}
+
+/// A name that no recording in `directory` has yet: rig, then the first frame's time in UTC.
+pub(super) fn free_path(directory: &Path, rig: &str, stamp_ns: u64) -> PathBuf {
+    let name = format!("{rig}-{}", utc(stamp_ns));
+    let taken = |path: &Path| path.exists() || recording::part_path(path).exists();
+    let numbered = |number: u32| match number {
+        1 => directory.join(format!("{name}.mcap")),
+        _ => directory.join(format!("{name}-{number}.mcap")),
+    };
+    (1..u32::MAX).map(numbered).find(|path| !taken(path)).unwrap_or_else(|| numbered(u32::MAX))
+}
+
+/// `20261121-083000-123`, to the millisecond.
+fn utc(stamp_ns: u64) -> String {
+    let (seconds, millis) = (stamp_ns / 1_000_000_000, stamp_ns / 1_000_000 % 1000);
+    let (days, time) = (seconds / 86400, seconds % 86400);
+    // Years that begin in March put the leap day last (H. Hinnant, chrono-compatible date algorithms).
+    let shifted = days + 719_468;
+    let (era, day_of_era) = (shifted / 146_097, shifted % 146_097);
+    let year_of_era = (day_of_era - day_of_era / 1460 + day_of_era / 36_524 - day_of_era / 146_096) / 365;
+    let day_of_year = day_of_era - (365 * year_of_era + year_of_era / 4 - year_of_era / 100);
+    let shifted_month = (5 * day_of_year + 2) / 153;
+    let day = day_of_year - (153 * shifted_month + 2) / 5 + 1;
+    let month = if shifted_month < 10 { shifted_month + 3 } else { shifted_month - 9 };
+    let year = year_of_era + era * 400 + u64::from(month <= 2);
+    format!("{year:04}{month:02}{day:02}-{:02}{:02}{:02}-{millis:03}", time / 3600, time / 60 % 60, time % 60)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn stamps_become_dates_also_at_leap_days_and_year_ends() {
+        let name = |seconds: u64| utc(seconds * 1_000_000_000 + 7_000_000);
+        assert_eq!(name(0), "19700101-000000-007");
+        assert_eq!(name(951_782_400), "20000229-000000-007");
+        assert_eq!(name(1_798_761_599), "20261231-235959-007");
+    }
+}

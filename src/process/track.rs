@@ -1,0 +1,176 @@
+//! Fields in any order to tracks, velocities and impacts in frame order.
+
+use super::clock::Patience;
+use super::order::OrderedTracker;
+use super::report::Reporter;
+use super::rig::{analysis_params, expected_format, limits};
+use super::stop::Stop;
+use super::stream::Stream;
+use super::summary::Summary;
+use crate::bus::{Bell, Bus, BusError, FieldSubscriber, Limits, Publisher};
+use crate::config::Config;
+use crate::measure::{TrackerParams, TrackerRows};
+use crate::message::{EventKind, ImpactMessage, Role, TrackMessage, VelocityMessage};
+use std::time::Duration;
+
+const WAIT: Duration = Duration::from_millis(2);
+/// How long a worker may be silent at the end of the stream before its frames count as lost.
+const SILENCE: Duration = Duration::from_secs(5);
+
+/// Tracks every body until the stream ends.
+///
+/// `resumed` is the newest frame that a tracker which died had told of.
+///
+/// # Errors
+///
+/// When shared memory cannot be used.
+pub fn run(config: &Config, resumed: Option<u64>, stop: &Stop) -> anyhow::Result<Summary> {
+    let format = expected_format(config)?;
+    let limits = limits(config, &format);
+    let bus = Bus::join(&config.rig.name, Role::Track.word())?;
+    let mut reporter = Reporter::new(&bus, &limits, Role::Track, 0)?;
+    reporter.set_queue(0, limits.field_depth() as u64);
+    let mut loop_ = Loop {
+        fields: bus.field_subscriber(&limits)?,
+        tracks: bus.publisher(&limits)?,
+        velocities: bus.publisher(&limits)?,
+        impacts: bus.publisher(&limits)?,
+        bell: bus.bell("velocity")?,
+        params: analysis_params(config, &format).1,
+        ordered: None,
+        reporter,
+        summary: Summary::default(),
+        resumed,
+        limits,
+        newest: (0, 0),
+    };
+    let ear = bus.ear("field")?;
+    let mut stream = Stream::new(&bus, &limits)?;
+    while !stop.requested() {
+        if stream.update()? {
+            loop_.attach(&stream)?;
+        }
+        let progressed = loop_.drain(&stream)?;
+        if let Some(end) = stream.end {
+            loop_.end(&stream, end, stop)?;
+            break;
+        }
+        loop_.reporter.status(&loop_.summary, loop_.newest.0, loop_.newest.1)?;
+        if !progressed {
+            ear.wait(WAIT);
+        }
+    }
+    loop_.reporter.status_now(&loop_.summary, loop_.newest.0, loop_.newest.1)?;
+    Ok(loop_.summary)
+}
+
+struct Loop {
+    fields: FieldSubscriber,
+    tracks: Publisher<TrackMessage>,
+    velocities: Publisher<VelocityMessage>,
+    impacts: Publisher<ImpactMessage>,
+    bell: Bell,
+    params: TrackerParams,
+    ordered: Option<OrderedTracker>,
+    reporter: Reporter,
+    summary: Summary,
+    resumed: Option<u64>,
+    limits: Limits,
+    newest: (u64, u64),
+}
+
+impl Loop {
+    fn attach(&mut self, stream: &Stream) -> Result<(), BusError> {
+        self.fields.greet();
+        self.ordered = None;
+        self.reporter.set_run(stream.run_id.unwrap_or(0));
+        self.reporter.progress(u64::MAX, false)
+    }
+
+    /// Takes what has come; `true` when there was something.
+    fn drain(&mut self, stream: &Stream) -> Result<bool, BusError> {
+        let mut progressed = false;
+        // Without the first frame's number it would not be known where the order begins.
+        let Some(first) = stream.first else { return Ok(false) };
+        while let Some((header, _field)) = self.fields.take()? {
+            if header.run_id != self.reporter.run_id() {
+                continue;
+            }
+            let Some(step) = header.step() else { continue };
+            progressed = true;
+            if self.ordered.is_none() {
+                self.begin(first, step.frame);
+            }
+            if let Some(ordered) = &mut self.ordered {
+                let rows = std::mem::take(ordered.push(step));
+                self.publish(&rows)?;
+            }
+        }
+        Ok(progressed)
+    }
+
+    /// Starts the order at the stream's first frame, or where one that died was taken over.
+    fn begin(&mut self, first: u64, seen: u64) {
+        let start = match self.resumed {
+            None => first,
+            Some(told) => {
+                self.summary.lost += seen.saturating_sub(told + 1);
+                seen
+            }
+        };
+        // A worker can be behind by no more than its queue holds.
+        let patience_frames = self.limits.ring_frames as u64 + 512;
+        self.ordered = Some(OrderedTracker::new(&self.params, start, patience_frames));
+    }
+
+    fn publish(&mut self, rows: &TrackerRows) -> Result<(), BusError> {
+        let run_id = self.reporter.run_id();
+        for sample in &rows.tracks {
+            self.tracks.send(&TrackMessage::new(sample, run_id))?;
+            self.newest = (sample.frame, sample.stamp_ns);
+        }
+        for sample in &rows.velocities {
+            self.velocities.send(&VelocityMessage::new(sample, run_id))?;
+        }
+        for impact in &rows.impacts {
+            self.impacts.send(&ImpactMessage::new(impact, run_id))?;
+        }
+        if !rows.velocities.is_empty() {
+            self.bell.ring();
+        }
+        self.summary.given += rows.velocities.len() as u64;
+        if let Some(ordered) = &self.ordered {
+            self.summary.taken = ordered.taken;
+            self.summary.dropped = ordered.losses().1;
+        }
+        Ok(())
+    }
+
+    /// Waits for the last workers, then lets everything out that was held back.
+    fn end(&mut self, stream: &Stream, end: u64, stop: &Stop) -> Result<(), BusError> {
+        let mut patience = Patience::new(SILENCE);
+        let first = stream.first.unwrap_or(end);
+        while !stop.requested() && !patience.is_over() {
+            if self.drain(stream)? {
+                patience.renew();
+            }
+            if end <= first || self.ordered.as_ref().is_some_and(|ordered| ordered.has_all_before(end)) {
+                break;
+            }
+            self.reporter.status(&self.summary, self.newest.0, self.newest.1)?;
+            std::thread::sleep(WAIT);
+        }
+        if self.ordered.is_none() && end > first {
+            self.begin(first, first);
+        }
+        if let Some(ordered) = &mut self.ordered {
+            let rows = std::mem::take(ordered.finish(end));
+            self.publish(&rows)?;
+            let (lost, late) = self.ordered.as_ref().map_or((0, 0), OrderedTracker::losses);
+            self.summary.lost += lost;
+            self.summary.dropped = late;
+        }
+        self.reporter.event(EventKind::Tracked, end, self.newest.1, "every result was published")?;
+        self.reporter.progress(end, true)
+    }
+}

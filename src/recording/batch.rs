@@ -1,0 +1,43 @@
+//! Small messages waiting for a chunk of their own.
+
+use super::schema::Topic;
+
+/// Encoded messages of one kind, held back until they fill a chunk.
+///
+/// Readers can skip whole chunks only, so messages are gathered by size: a
+/// reader of `/velocity` then never touches the frames.
+#[derive(Debug, Default)]
+pub(super) struct Batch {
+    bytes: Vec<u8>,
+    messages: Vec<(Topic, u64, usize)>,
+    first_ns: Option<u64>,
+}
+
+impl Batch {
+    pub(super) fn push<M: prost::Message>(&mut self, topic: Topic, log_time_ns: u64, message: &M) {
+        self.first_ns.get_or_insert(log_time_ns);
+        self.bytes.extend_from_slice(&message.encode_to_vec());
+        self.messages.push((topic, log_time_ns, self.bytes.len()));
+    }
+
+    /// Whether it holds `limit_bytes` or reaches back further than `limit_ns` from `now_ns`.
+    pub(super) fn is_due(&self, now_ns: u64, limit_bytes: usize, limit_ns: u64) -> bool {
+        self.bytes.len() >= limit_bytes || self.first_ns.is_some_and(|first| now_ns.saturating_sub(first) >= limit_ns)
+    }
+
+    pub(super) fn is_empty(&self) -> bool {
+        self.messages.is_empty()
+    }
+
+    /// Every message in the order it came: topic, log time, bytes.
+    pub(super) fn iter(&self) -> impl Iterator<Item = (Topic, u64, &[u8])> {
+        let starts = std::iter::once(0).chain(self.messages.iter().map(|(_, _, end)| *end));
+        self.messages.iter().zip(starts).map(|((topic, time, end), start)| (*topic, *time, &self.bytes[start..*end]))
+    }
+
+    pub(super) fn clear(&mut self) {
+        self.bytes.clear();
+        self.messages.clear();
+        self.first_ns = None;
+    }
+}

@@ -1,0 +1,241 @@
+//! The frames of a recording.
+
+use super::messages::{Message, Messages};
+use super::{Inner, Recording, ros2};
+use crate::image::{FrameMeta, PixelFormat};
+use crate::recording::schema::proto;
+use crate::recording::{RecordingError, Topic};
+use bytes::Bytes;
+use foxglove::messages::RawImage;
+use prost::Message as _;
+use std::sync::Arc;
+
+/// Frames in the order of their time, one chunk in memory at a time.
+///
+/// Frames of ours come back with everything their header said. Those of others
+/// are numbered from 0; their stamp is the image's own timestamp, or the log
+/// time where it has none.
+#[derive(Debug)]
+pub struct Frames {
+    messages: Messages,
+    info_channels: Vec<u16>,
+    info: Option<(u32, u64, proto::FrameInfo)>,
+    index: u64,
+}
+
+impl Recording {
+    /// Whether the messages of this channel are images.
+    pub(in super::super) fn is_image(&self, channel: u16) -> bool {
+        self.inner.kind(channel).is_some()
+    }
+
+    /// How many frames it holds, 0 when it has no (single) image topic.
+    pub fn frame_count(&self) -> u64 {
+        let channels = self.inner.image_channels().unwrap_or_default();
+        channels.iter().filter_map(|id| self.inner.counts.get(id)).sum()
+    }
+
+    /// The frames.
+    ///
+    /// # Errors
+    ///
+    /// [`RecordingError::Invalid`] when there is no image topic, more than one,
+    /// or no frame in it. The iterator's items are errors where a chunk is
+    /// damaged, or a frame's size or encoding is not one that can be measured.
+    pub fn frames(&self) -> Result<Frames, RecordingError> {
+        let inner = &self.inner;
+        let mut channels = inner.image_channels()?;
+        if self.frame_count() == 0 {
+            let cut = self.truncated().map(|reason| format!(" ({reason})")).unwrap_or_default();
+            return Err(inner.invalid(format!("holds no frames{cut}")));
+        }
+        // Only our own files have the pair; elsewhere a topic of that name means something else.
+        let info_channels = if inner.is_ours() { inner.channels_of(Topic::FrameInfo)? } else { Vec::new() };
+        channels.extend(&info_channels);
+        let messages = Messages::new(Arc::clone(inner), channels)?;
+        Ok(Frames { messages, info_channels, info: None, index: 0 })
+    }
+
+    /// What is known of the first frame.
+    ///
+    /// # Errors
+    ///
+    /// As [`frames`](Self::frames).
+    pub fn first_frame(&self) -> Result<FrameMeta, RecordingError> {
+        let first = self.frames()?.next_shared();
+        Ok(first.ok_or_else(|| self.inner.invalid("holds no frames"))??.0)
+    }
+
+    /// What is known of the last frame.
+    ///
+    /// # Errors
+    ///
+    /// As [`frames`](Self::frames).
+    pub fn last_frame(&self) -> Result<FrameMeta, RecordingError> {
+        let mut frames = self.frames()?;
+        // A frame of ours is a pair of messages.
+        let messages = if frames.info_channels.is_empty() { 1 } else { 2 };
+        frames.index = (frames.messages.len() as u64 / messages).saturating_sub(1);
+        frames.messages.keep_last(messages as usize);
+        let last = frames.next_shared();
+        Ok(last.ok_or_else(|| self.inner.invalid("holds no frames"))??.0)
+    }
+
+    /// Frames a second between the first and the last frame, lost ones counted where they are known.
+    ///
+    /// `None` when there is one frame only, or the camera was opened anew in between.
+    ///
+    /// # Errors
+    ///
+    /// As [`frames`](Self::frames).
+    pub fn frame_rate_hz(&self) -> Result<Option<f64>, RecordingError> {
+        let (first, last) = (self.first_frame()?, self.last_frame()?);
+        if first.epoch != last.epoch || last.sequence <= first.sequence || last.stamp_ns <= first.stamp_ns {
+            return Ok(None);
+        }
+        let (frames, ns) = (last.sequence - first.sequence, last.stamp_ns - first.stamp_ns);
+        Ok(Some(frames as f64 * 1e9 / ns as f64))
+    }
+}
+
+/// How an image topic is encoded.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Kind {
+    /// `foxglove.RawImage` in protobuf.
+    Foxglove,
+    /// `sensor_msgs/msg/Image` in CDR.
+    Ros2,
+}
+
+impl Inner {
+    fn kind(&self, channel: u16) -> Option<Kind> {
+        let channel = self.structure.channels.get(&channel)?;
+        match (channel.encoding.as_str(), self.schema_name(channel.schema)) {
+            ("protobuf", schema) if schema == Topic::Image.schema_name() => Some(Kind::Foxglove),
+            ("cdr", ros2::SCHEMA_NAME) => Some(Kind::Ros2),
+            _ => None,
+        }
+    }
+
+    /// Channels of the one image topic.
+    pub(super) fn image_channels(&self) -> Result<Vec<u16>, RecordingError> {
+        let ours = self.is_ours();
+        let images: Vec<_> = (self.structure.channels.iter())
+            .filter(|(id, _)| self.kind(**id).is_some())
+            .filter(|(_, c)| !ours || c.topic == Topic::Image.name())
+            .collect();
+        let Some((_, first)) = images.first() else {
+            let topics = self.structure.channels.values();
+            let mut held: Vec<_> = topics.map(|c| format!("{} ({})", c.topic, self.schema_name(c.schema))).collect();
+            held.sort();
+            let held = if held.is_empty() { "no topics".into() } else { held.join(", ") };
+            return Err(
+                self.invalid(format!("no image topic (foxglove.RawImage or sensor_msgs/msg/Image); it holds {held}"))
+            );
+        };
+        if images.iter().any(|(_, c)| c.topic != first.topic) {
+            let mut topics: Vec<_> = images.iter().map(|(_, c)| c.topic.as_str()).collect();
+            topics.sort_unstable();
+            topics.dedup();
+            return Err(self.invalid(format!("more than one image topic: {}", topics.join(", "))));
+        }
+        Ok(images.iter().map(|(id, _)| **id).collect())
+    }
+}
+
+impl Frames {
+    /// Upper bound of the frames left.
+    pub fn left(&self) -> usize {
+        self.messages.len()
+    }
+
+    /// The next frame, its pixels shared with the chunk they came from.
+    pub(crate) fn next_shared(&mut self) -> Option<Result<(FrameMeta, Bytes), RecordingError>> {
+        loop {
+            let message = match self.messages.next()? {
+                Ok(message) => message,
+                Err(error) => return Some(Err(error)),
+            };
+            let frame = if self.info_channels.contains(&message.channel) {
+                self.keep_info(message).map(|()| None)
+            } else {
+                self.frame(message).map(Some)
+            };
+            match frame.map_err(|reason| self.messages.inner().invalid(reason)) {
+                Ok(None) => {}
+                Ok(Some(frame)) => return Some(Ok(frame)),
+                Err(error) => return Some(Err(error)),
+            }
+        }
+    }
+
+    fn keep_info(&mut self, message: Message) -> Result<(), String> {
+        let info = proto::FrameInfo::decode(message.data)
+            .map_err(|error| format!("frame information at {} ns does not decode: {error}", message.log_time_ns))?;
+        self.info = Some((message.sequence, message.log_time_ns, info));
+        Ok(())
+    }
+
+    fn frame(&mut self, message: Message) -> Result<(FrameMeta, Bytes), String> {
+        let index = self.index;
+        self.index += 1;
+        let named = |reason: String| format!("frame {index}: {reason}");
+        let image = match self.messages.inner().kind(message.channel) {
+            Some(Kind::Ros2) => ros2::image(&message.data),
+            _ => RawImage::decode(message.data.clone()).map_err(|error| error.to_string()),
+        };
+        let image = image.map_err(|reason| named(format!("does not decode: {reason}")))?;
+        let mut meta = shape(&image).map_err(named)?;
+        if self.info_channels.is_empty() {
+            meta.sequence = index;
+            meta.stamp_ns = stamp_ns(&image).unwrap_or(message.log_time_ns);
+            return Ok((meta, image.data));
+        }
+        let info = self.info.take().filter(|(low, time, _)| (*low, *time) == (message.sequence, message.log_time_ns));
+        let (_, _, info) = info.ok_or_else(|| named("its frame information is missing".into()))?;
+        meta.format = PixelFormat::from_code(info.pixel_format)
+            .filter(|format| format.bytes_per_pixel() == meta.format.bytes_per_pixel())
+            .ok_or_else(|| {
+                named(format!("pixel format {:#010x} does not go with {}", info.pixel_format, image.encoding))
+            })?;
+        if !message.is_checked && crc32fast::hash(&image.data) != info.pixels_crc32 {
+            return Err(named("its pixels are damaged: the CRC differs".into()));
+        }
+        meta.sequence = info.sequence;
+        meta.epoch = info.epoch;
+        meta.stamp_ns = info.stamp_ns;
+        meta.device_ns = info.device_ns;
+        Ok((meta, image.data))
+    }
+}
+
+impl Iterator for Frames {
+    type Item = Result<(FrameMeta, Vec<u8>), RecordingError>;
+
+    fn next(&mut self) -> Option<Self::Item> {
+        self.next_shared().map(|frame| frame.map(|(meta, pixels)| (meta, pixels.to_vec())))
+    }
+}
+
+/// The frame's shape, when its bytes fill it exactly.
+fn shape(image: &RawImage) -> Result<FrameMeta, String> {
+    let format = match image.encoding.as_str() {
+        "mono8" | "8UC1" => PixelFormat::Mono8,
+        "mono16" | "16UC1" => PixelFormat::Mono16,
+        other => return Err(format!("encoding {other:?} cannot be measured, only mono8, 8UC1, mono16 and 16UC1")),
+    };
+    let (width, height, step) = (image.width, image.height, image.step);
+    let row_bytes = u64::from(width) * format.bytes_per_pixel() as u64;
+    let fits = row_bytes > 0 && height > 0 && u64::from(step) >= row_bytes;
+    if !fits || u64::from(step) * u64::from(height) != image.data.len() as u64 {
+        let bytes = image.data.len();
+        return Err(format!("{bytes} bytes do not make {width}x{height} {} with step {step}", image.encoding));
+    }
+    Ok(FrameMeta { width_px: width, height_px: height, stride_bytes: step, format, ..FrameMeta::default() })
+}
+
+fn stamp_ns(image: &RawImage) -> Option<u64> {
+    let timestamp = image.timestamp?;
+    let ns = u64::from(timestamp.sec()) * 1_000_000_000 + u64::from(timestamp.nsec());
+    (ns != 0).then_some(ns)
+}

@@ -1,0 +1,233 @@
+//! The messages of some channels, in the order of their log time.
+
+use super::section::{self, Found, Unreadable};
+use super::source::Source;
+use super::walk::Section;
+use super::{Inner, Recording, RecordingError};
+use bytes::Bytes;
+use std::sync::Arc;
+
+/// Takes the place of an offset where a section could not be looked into.
+const UNREADABLE: u64 = u64::MAX;
+const ENTRY_BYTES: u64 = size_of::<Entry>() as u64;
+/// An index may take twice the file's size and this much more.
+const SPARE_BYTES: u64 = 32 << 20;
+
+/// Where a message is; ordered by time, then by place in the file.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+struct Entry {
+    log_time_ns: u64,
+    section: u32,
+    offset: u64,
+}
+
+/// A message as it stands in the file.
+#[derive(Debug, Clone)]
+pub(crate) struct Message {
+    pub(crate) channel: u16,
+    pub(crate) sequence: u32,
+    pub(crate) log_time_ns: u64,
+    pub(crate) publish_time_ns: u64,
+    pub(crate) data: Bytes,
+    /// Whether a CRC of the file vouches for it.
+    pub(crate) is_checked: bool,
+}
+
+/// Reads messages one by one, with one chunk in memory at a time.
+///
+/// A damaged chunk gives one error; the messages after it follow.
+#[derive(Debug)]
+pub(crate) struct Messages {
+    inner: Arc<Inner>,
+    channels: Vec<u16>,
+    entries: std::vec::IntoIter<Entry>,
+    loaded: Option<(u32, Source)>,
+    failed: Option<u32>,
+}
+
+impl Messages {
+    /// Looks up where the messages of `channels` are.
+    pub(super) fn new(inner: Arc<Inner>, channels: Vec<u16>) -> Result<Self, RecordingError> {
+        let mut entries = Vec::new();
+        for (number, section) in (0..).zip(&inner.structure.sections) {
+            let before = entries.len();
+            let found = if section.index.is_empty() {
+                scanned(&inner, section, number, &channels, &mut entries)
+            } else {
+                indexed(&inner, section, number, &channels, &mut entries)
+            };
+            match found {
+                Ok(()) => {}
+                Err(Unreadable::Io(error)) => return Err(inner.io(error)),
+                Err(Unreadable::Damaged(_)) => {
+                    // Kept in its place, so that reading on to here tells of it.
+                    entries.truncate(before);
+                    let log_time_ns = entries.last().map_or(0, |entry: &Entry| entry.log_time_ns);
+                    entries.push(Entry { log_time_ns, section: number, offset: UNREADABLE });
+                }
+            }
+            if entries.len() as u64 * ENTRY_BYTES > 2 * inner.file_bytes + SPARE_BYTES {
+                return Err(inner.invalid(format!("{} messages in so small a file", entries.len())));
+            }
+        }
+        entries.sort_unstable();
+        Ok(Self { inner, channels, entries: entries.into_iter(), loaded: None, failed: None })
+    }
+
+    /// Messages left to read.
+    pub(super) fn len(&self) -> usize {
+        self.entries.len()
+    }
+
+    /// Skips all but the last `count`.
+    pub(super) fn keep_last(&mut self, count: usize) {
+        let skip = self.entries.len().saturating_sub(count);
+        if skip > 0 {
+            self.entries.nth(skip - 1);
+        }
+    }
+
+    pub(super) fn inner(&self) -> &Inner {
+        &self.inner
+    }
+
+    fn read(&mut self, entry: Entry) -> Result<Message, Unreadable> {
+        let inner = &*self.inner;
+        let section = &inner.structure.sections[entry.section as usize];
+        if self.loaded.as_ref().is_none_or(|(number, _)| *number != entry.section) {
+            self.loaded = None;
+            self.loaded = Some((entry.section, section::load(&inner.file, inner.file_bytes, section)?));
+        }
+        let found = match &self.loaded {
+            Some((_, records)) => section::message(&inner.file, records, entry.offset)?,
+            None => None,
+        };
+        let (header, data) = found
+            .filter(|(header, _)| header.log_time_ns == entry.log_time_ns && self.channels.contains(&header.channel))
+            .ok_or_else(|| {
+                Unreadable::Damaged(format!(
+                    "the chunk whose records begin at byte {}: its index points at byte {} where no such message is",
+                    section.offset, entry.offset
+                ))
+            })?;
+        Ok(Message {
+            channel: header.channel,
+            sequence: header.sequence,
+            log_time_ns: header.log_time_ns,
+            publish_time_ns: header.publish_time_ns,
+            data,
+            is_checked: section.crc != 0,
+        })
+    }
+}
+
+impl Iterator for Messages {
+    type Item = Result<Message, RecordingError>;
+
+    fn next(&mut self) -> Option<Self::Item> {
+        loop {
+            let entry = self.entries.next()?;
+            if self.failed == Some(entry.section) {
+                continue;
+            }
+            return Some(self.read(entry).map_err(|error| {
+                self.failed = Some(entry.section);
+                match error {
+                    Unreadable::Io(error) => self.inner.io(error),
+                    Unreadable::Damaged(reason) => self.inner.invalid(reason),
+                }
+            }));
+        }
+    }
+}
+
+impl Recording {
+    /// How many stretches of messages the file has.
+    pub(in super::super) fn section_count(&self) -> usize {
+        self.inner.structure.sections.len()
+    }
+
+    /// Visits every message of one stretch that can be trusted, in the order of the file.
+    ///
+    /// Returns what is wrong with the rest of it.
+    pub(in super::super) fn visit_section(
+        &self,
+        number: usize,
+        mut visit: impl FnMut(Message) -> Result<(), RecordingError>,
+    ) -> Result<Option<String>, RecordingError> {
+        let inner = &*self.inner;
+        let Some(section) = inner.structure.sections.get(number) else { return Ok(None) };
+        let records = match section::load(&inner.file, inner.file_bytes, section) {
+            Ok(records) => records,
+            Err(Unreadable::Damaged(reason)) => return Ok(Some(reason)),
+            Err(Unreadable::Io(error)) => return Err(inner.io(error)),
+        };
+        let mut refusal = None;
+        let scanned = section::scan(&inner.file, &records, |found| {
+            let Found::Message { at, .. } = found else { return Ok(()) };
+            let visited = match section::message(&inner.file, &records, at) {
+                Ok(Some((header, data))) => visit(Message {
+                    channel: header.channel,
+                    sequence: header.sequence,
+                    log_time_ns: header.log_time_ns,
+                    publish_time_ns: header.publish_time_ns,
+                    data,
+                    is_checked: section.crc != 0,
+                }),
+                Ok(None) => Ok(()),
+                Err(error) => Err(inner.io(error)),
+            };
+            visited.map_err(|error| {
+                refusal = Some(error);
+                String::new()
+            })
+        });
+        match (refusal, scanned) {
+            (Some(error), _) => Err(error),
+            (None, Err(Unreadable::Io(error))) => Err(inner.io(error)),
+            (None, Err(Unreadable::Damaged(reason))) => Ok(Some(reason)),
+            (None, Ok(bytes)) if bytes < records.len() => {
+                Ok(Some(format!("the records from byte {} on do not parse", section.offset + bytes)))
+            }
+            (None, Ok(_)) => Ok(None),
+        }
+    }
+}
+
+fn indexed(
+    inner: &Inner,
+    section: &Section,
+    number: u32,
+    channels: &[u16],
+    entries: &mut Vec<Entry>,
+) -> Result<(), Unreadable> {
+    for index in section.index.iter().filter(|index| channels.contains(&index.channel)) {
+        let stored = Source::File { offset: index.offset, bytes: index.entries * 16 };
+        let bytes = stored.read(&inner.file, 0, stored.len())?;
+        entries.extend(bytes.chunks_exact(16).map(|pair| {
+            let mut fields = super::record::Fields(pair);
+            let log_time_ns = fields.u64().unwrap_or(0);
+            Entry { log_time_ns, section: number, offset: fields.u64().unwrap_or(UNREADABLE) }
+        }));
+    }
+    Ok(())
+}
+
+fn scanned(
+    inner: &Inner,
+    section: &Section,
+    number: u32,
+    channels: &[u16],
+    entries: &mut Vec<Entry>,
+) -> Result<(), Unreadable> {
+    let records = section::load(&inner.file, inner.file_bytes, section)?;
+    section::scan(&inner.file, &records, |found| {
+        if let Found::Message { at, header } = found
+            && channels.contains(&header.channel)
+        {
+            entries.push(Entry { log_time_ns: header.log_time_ns, section: number, offset: at });
+        }
+        Ok(())
+    })?;
+    Ok(())
+}

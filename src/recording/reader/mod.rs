@@ -1,0 +1,307 @@
+//! Reading a recording: whole, unfinished, cut off, or someone else's.
+//!
+//! The file's structure is walked with every length checked against the file,
+//! chunks are checked against their CRC before a message is taken from them,
+//! and nothing is allocated on the word of the file alone; so a hostile file
+//! can be refused, but cannot crash the reader or eat the memory.
+
+mod frames;
+mod messages;
+mod record;
+mod ros2;
+mod section;
+mod source;
+mod topics;
+mod walk;
+
+pub use frames::Frames;
+pub(super) use messages::Message;
+pub(super) use record::{Channel, Schema};
+pub use topics::{Rows, TopicSummary};
+
+use super::{CONFIG_NAME, METADATA_NAME, RecordingError};
+use section::{Found, Unreadable};
+use source::Source;
+use std::collections::BTreeMap;
+use std::fs::File;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use walk::{AttachmentRef, Coding, Structure};
+
+/// Largest attachment handed out.
+const ATTACHMENT_BYTES: u64 = 64 << 20;
+
+/// An attachment's name, type and size.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Attachment {
+    /// File name.
+    pub name: String,
+    /// Media type.
+    pub media_type: String,
+    /// Size, bytes.
+    pub bytes: u64,
+}
+
+/// A recording opened for reading; cheap to clone.
+#[derive(Debug, Clone)]
+pub struct Recording {
+    inner: Arc<Inner>,
+}
+
+#[derive(Debug)]
+struct Inner {
+    path: PathBuf,
+    file: File,
+    file_bytes: u64,
+    structure: Structure,
+    /// Messages by channel.
+    counts: BTreeMap<u16, u64>,
+    metadata: BTreeMap<String, String>,
+    bodies: Vec<String>,
+    config_toml: Option<String>,
+    damage: Vec<String>,
+}
+
+impl Recording {
+    /// Opens a recording and finds its way around in it, without reading the frames.
+    ///
+    /// A file that was cut off opens too, as far as it reaches; see [`truncated`](Self::truncated).
+    ///
+    /// # Errors
+    ///
+    /// [`RecordingError::Io`] when there is no such file or the system refuses;
+    /// [`RecordingError::Invalid`] when it is not an MCAP file.
+    pub fn open(path: &Path) -> Result<Self, RecordingError> {
+        let io = |error| RecordingError::io("open", path, error);
+        let file = File::open(path).map_err(io)?;
+        let about = file.metadata().map_err(io)?;
+        if !about.is_file() {
+            return Err(RecordingError::invalid(path, "not a regular file"));
+        }
+        let structure = walk::walk(&file, about.len())
+            .map_err(|error| RecordingError::io("read", path, error))?
+            .map_err(|reason| RecordingError::invalid(path, reason))?;
+        let mut inner = Inner {
+            path: path.to_path_buf(),
+            file,
+            file_bytes: about.len(),
+            structure,
+            counts: BTreeMap::new(),
+            metadata: BTreeMap::new(),
+            bodies: Vec::new(),
+            config_toml: None,
+            damage: Vec::new(),
+        };
+        inner.learn()?;
+        inner.describe()?;
+        Ok(Self { inner: Arc::new(inner) })
+    }
+
+    /// The file.
+    pub fn path(&self) -> &Path {
+        &self.inner.path
+    }
+
+    /// Size of the file, bytes.
+    pub fn bytes(&self) -> u64 {
+        self.inner.file_bytes
+    }
+
+    /// The program that wrote it, in its own words.
+    pub fn library(&self) -> &str {
+        &self.inner.structure.library
+    }
+
+    /// Where and why the file stops being readable; `None` when it is whole.
+    pub fn truncated(&self) -> Option<&str> {
+        self.inner.structure.truncated.as_deref()
+    }
+
+    /// What was found damaged while opening; [`verify`](Self::verify) looks at everything.
+    pub fn damage(&self) -> &[String] {
+        &self.inner.damage
+    }
+
+    /// Whether this program wrote it.
+    pub fn is_ours(&self) -> bool {
+        self.inner.is_ours()
+    }
+
+    /// The attached configuration of the rig.
+    pub fn config_toml(&self) -> Option<&str> {
+        self.inner.config_toml.as_deref()
+    }
+
+    /// Entries of the metadata record `ricochet`; empty in other people's files.
+    pub fn metadata(&self) -> &BTreeMap<String, String> {
+        &self.inner.metadata
+    }
+
+    /// Every metadata record: its name and entries.
+    pub fn metadata_records(&self) -> &[(String, BTreeMap<String, String>)] {
+        &self.inner.structure.metadata
+    }
+
+    /// Names of the bodies, by index.
+    pub fn bodies(&self) -> &[String] {
+        &self.inner.bodies
+    }
+
+    /// Name of the body with this index; its number where the recording does not name it.
+    pub fn body_name(&self, body: u32) -> String {
+        self.inner.bodies.get(body as usize).cloned().unwrap_or_else(|| body.to_string())
+    }
+
+    /// What is attached.
+    pub fn attachments(&self) -> Vec<Attachment> {
+        let attachment = |a: &AttachmentRef| Attachment {
+            name: a.name.clone(),
+            media_type: a.media_type.clone(),
+            bytes: a.content_bytes,
+        };
+        self.inner.structure.attachments.iter().map(attachment).collect()
+    }
+
+    /// The content of the attachment of this name, checked against its CRC.
+    ///
+    /// # Errors
+    ///
+    /// [`RecordingError::Invalid`] when there is none, or it is damaged or larger than 64 MiB.
+    pub fn attachment(&self, name: &str) -> Result<Vec<u8>, RecordingError> {
+        let found = self.inner.structure.attachments.iter().find(|a| a.name == name);
+        let found = found.ok_or_else(|| self.inner.invalid(format!("no attachment {name:?}")))?;
+        self.inner.attachment(found)
+    }
+
+    /// Reads the whole file and lists everything that is wrong with it, beyond being cut off.
+    ///
+    /// # Errors
+    ///
+    /// [`RecordingError::Io`] when the system refuses.
+    pub fn verify(&self) -> Result<Vec<String>, RecordingError> {
+        let inner = &*self.inner;
+        let mut damage = inner.damage.clone();
+        for section in &inner.structure.sections {
+            match section::load(&inner.file, inner.file_bytes, section) {
+                Ok(_) => {}
+                Err(Unreadable::Damaged(reason)) if damage.contains(&reason) => {}
+                Err(Unreadable::Damaged(reason)) => damage.push(reason),
+                Err(Unreadable::Io(error)) => return Err(inner.io(error)),
+            }
+        }
+        for attachment in &inner.structure.attachments {
+            if let Err(error @ RecordingError::Invalid { .. }) = inner.attachment(attachment) {
+                damage.push(error.to_string());
+            }
+        }
+        if let Some((end, crc)) = inner.structure.data_end.filter(|(_, crc)| *crc != 0) {
+            let data = Source::File { offset: 0, bytes: end };
+            let got = section::streamed_crc(&inner.file, &data).map_err(|error| inner.io(error))?;
+            if got != crc {
+                damage.push(format!("bytes 0 to {end}: CRC {crc:08x} expected, got {got:08x}"));
+            }
+        }
+        Ok(damage)
+    }
+}
+
+impl Inner {
+    fn is_ours(&self) -> bool {
+        self.structure.metadata.iter().any(|(name, _)| name == METADATA_NAME)
+    }
+
+    fn invalid(&self, reason: impl Into<String>) -> RecordingError {
+        RecordingError::invalid(&self.path, reason)
+    }
+
+    fn io(&self, error: std::io::Error) -> RecordingError {
+        RecordingError::io("read", &self.path, error)
+    }
+
+    /// Counts the messages, and looks for channels inside the chunks where the file's end does not list them.
+    fn learn(&mut self) -> Result<(), RecordingError> {
+        let mut sections = std::mem::take(&mut self.structure.sections);
+        for section in &mut sections {
+            let known = section.index.iter().all(|index| self.structure.channels.contains_key(&index.channel));
+            if known && !section.index.is_empty() {
+                for index in &section.index {
+                    *self.counts.entry(index.channel).or_default() += index.entries;
+                }
+                continue;
+            }
+            match self.scan_section(section) {
+                Ok(sense_bytes) if section.coding == Coding::Plain => {
+                    if section.whole && sense_bytes < section.bytes {
+                        self.damage
+                            .push(format!("the records from byte {} on do not parse", section.offset + sense_bytes));
+                    }
+                    section.bytes = sense_bytes;
+                }
+                Ok(_) => {}
+                Err(Unreadable::Damaged(reason)) => self.damage.push(reason),
+                Err(Unreadable::Io(error)) => return Err(self.io(error)),
+            }
+        }
+        self.structure.sections = sections;
+        Ok(())
+    }
+
+    fn scan_section(&mut self, section: &walk::Section) -> Result<u64, Unreadable> {
+        let records = match section.coding {
+            // The CRC is checked when a message is read; here only the outline counts.
+            Coding::Plain => Source::File { offset: section.offset, bytes: section.bytes },
+            Coding::Zstd | Coding::Lz4 => section::load(&self.file, self.file_bytes, section)?,
+        };
+        let (structure, counts) = (&mut self.structure, &mut self.counts);
+        section::scan(&self.file, &records, |found| match found {
+            Found::Message { header, .. } => {
+                *counts.entry(header.channel).or_default() += 1;
+                Ok(())
+            }
+            Found::Description { opcode, body } => {
+                structure.admit(body.len() as u64)?;
+                structure.describe(opcode, body).ok_or_else(|| "a schema or channel does not parse".into())
+            }
+        })
+    }
+
+    /// Takes out of the metadata and attachments what every reader needs.
+    fn describe(&mut self) -> Result<(), RecordingError> {
+        if let Some((_, entries)) = self.structure.metadata.iter().find(|(name, _)| name == METADATA_NAME) {
+            self.metadata = entries.clone();
+        }
+        self.bodies = (0..).map_while(|index| self.metadata.get(&format!("body.{index}")).cloned()).collect();
+        let Some(config) = self.structure.attachments.iter().find(|a| a.name == CONFIG_NAME) else { return Ok(()) };
+        match self.attachment(config) {
+            Ok(content) => match String::from_utf8(content) {
+                Ok(text) => self.config_toml = Some(text),
+                Err(_) => self.damage.push(format!("attachment {CONFIG_NAME} is not UTF-8")),
+            },
+            Err(RecordingError::Invalid { reason, .. }) => self.damage.push(reason),
+            Err(error) => return Err(error),
+        }
+        Ok(())
+    }
+
+    fn attachment(&self, attachment: &AttachmentRef) -> Result<Vec<u8>, RecordingError> {
+        if attachment.content_bytes > ATTACHMENT_BYTES {
+            return Err(self.invalid(format!(
+                "attachment {:?} has {} bytes, at most {ATTACHMENT_BYTES} are read",
+                attachment.name, attachment.content_bytes
+            )));
+        }
+        let checked_bytes = attachment.header_bytes + attachment.content_bytes;
+        let body = Source::File { offset: attachment.body, bytes: checked_bytes + 4 };
+        let bytes = body.read(&self.file, 0, checked_bytes + 4).map_err(|error| self.io(error))?;
+        let (checked, crc) = bytes.split_at(checked_bytes as usize);
+        let crc = crc.try_into().map_or(0, u32::from_le_bytes);
+        let got = crc32fast::hash(checked);
+        if crc != 0 && crc != got {
+            return Err(self.invalid(format!(
+                "attachment {:?} at byte {} is damaged: CRC {crc:08x} expected, got {got:08x}",
+                attachment.name, attachment.body
+            )));
+        }
+        Ok(checked[attachment.header_bytes as usize..].to_vec())
+    }
+}

@@ -1,0 +1,139 @@
+//! Records of an MCAP file, parsed with every length checked.
+//!
+//! Layout: MCAP specification, <https://mcap.dev/spec>.
+
+use std::collections::BTreeMap;
+
+pub(super) const MAGIC: &[u8; 8] = b"\x89MCAP0\r\n";
+/// Opcode and length in front of every record.
+pub(super) const PREFIX_BYTES: u64 = 9;
+/// Channel, sequence, log time and publish time in front of a message's data.
+pub(super) const MESSAGE_HEADER_BYTES: u64 = 22;
+
+pub(super) mod op {
+    pub(in super::super) const HEADER: u8 = 0x01;
+    pub(in super::super) const FOOTER: u8 = 0x02;
+    pub(in super::super) const SCHEMA: u8 = 0x03;
+    pub(in super::super) const CHANNEL: u8 = 0x04;
+    pub(in super::super) const MESSAGE: u8 = 0x05;
+    pub(in super::super) const CHUNK: u8 = 0x06;
+    pub(in super::super) const MESSAGE_INDEX: u8 = 0x07;
+    pub(in super::super) const ATTACHMENT: u8 = 0x09;
+    pub(in super::super) const METADATA: u8 = 0x0c;
+    pub(in super::super) const DATA_END: u8 = 0x0f;
+}
+
+/// Takes fields off the front of a record's body; `None` when it is too short.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Fields<'a>(pub(super) &'a [u8]);
+
+impl<'a> Fields<'a> {
+    pub(super) fn take(&mut self, count: usize) -> Option<&'a [u8]> {
+        let (head, rest) = self.0.split_at_checked(count)?;
+        self.0 = rest;
+        Some(head)
+    }
+
+    pub(super) fn u16(&mut self) -> Option<u16> {
+        self.take(2)?.try_into().ok().map(u16::from_le_bytes)
+    }
+
+    pub(super) fn u32(&mut self) -> Option<u32> {
+        self.take(4)?.try_into().ok().map(u32::from_le_bytes)
+    }
+
+    pub(super) fn u64(&mut self) -> Option<u64> {
+        self.take(8)?.try_into().ok().map(u64::from_le_bytes)
+    }
+
+    /// Bytes behind a 32-bit length.
+    pub(super) fn block(&mut self) -> Option<&'a [u8]> {
+        let length = self.u32()?;
+        self.take(usize::try_from(length).ok()?)
+    }
+
+    pub(super) fn text(&mut self) -> Option<&'a str> {
+        std::str::from_utf8(self.block()?).ok()
+    }
+
+    pub(super) fn map(&mut self) -> Option<BTreeMap<String, String>> {
+        let mut entries = Fields(self.block()?);
+        let mut map = BTreeMap::new();
+        while !entries.0.is_empty() {
+            map.insert(entries.text()?.to_owned(), entries.text()?.to_owned());
+        }
+        Some(map)
+    }
+}
+
+/// How messages of a channel are to be understood.
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
+pub(crate) struct Schema {
+    pub(crate) name: String,
+    pub(crate) encoding: String,
+    pub(crate) data: Vec<u8>,
+}
+
+/// A stream of messages.
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
+pub(crate) struct Channel {
+    pub(crate) schema: u16,
+    pub(crate) topic: String,
+    pub(crate) encoding: String,
+    pub(crate) metadata: BTreeMap<String, String>,
+}
+
+pub(super) fn schema(body: &[u8]) -> Option<(u16, Schema)> {
+    let mut fields = Fields(body);
+    let id = fields.u16()?;
+    let (name, encoding) = (fields.text()?.to_owned(), fields.text()?.to_owned());
+    Some((id, Schema { name, encoding, data: fields.block()?.to_vec() }))
+}
+
+pub(super) fn channel(body: &[u8]) -> Option<(u16, Channel)> {
+    let mut fields = Fields(body);
+    let (id, schema) = (fields.u16()?, fields.u16()?);
+    let (topic, encoding) = (fields.text()?.to_owned(), fields.text()?.to_owned());
+    Some((id, Channel { schema, topic, encoding, metadata: fields.map()? }))
+}
+
+/// What stands in front of a message's data.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct MessageHeader {
+    pub(super) channel: u16,
+    pub(super) sequence: u32,
+    pub(super) log_time_ns: u64,
+    pub(super) publish_time_ns: u64,
+}
+
+pub(super) fn message_header(body: &[u8]) -> Option<MessageHeader> {
+    let mut fields = Fields(body);
+    Some(MessageHeader {
+        channel: fields.u16()?,
+        sequence: fields.u32()?,
+        log_time_ns: fields.u64()?,
+        publish_time_ns: fields.u64()?,
+    })
+}
+
+/// What stands in front of a chunk's records.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(super) struct ChunkHeader {
+    pub(super) uncompressed_bytes: u64,
+    pub(super) crc: u32,
+    pub(super) compression: String,
+    pub(super) stored_bytes: u64,
+    /// Bytes of this header.
+    pub(super) bytes: u64,
+}
+
+/// Parses from the first bytes of a chunk record's body.
+pub(super) fn chunk_header(body: &[u8]) -> Option<ChunkHeader> {
+    let mut fields = Fields(body);
+    fields.take(16)?;
+    let (uncompressed_bytes, crc) = (fields.u64()?, fields.u32()?);
+    let compression = fields.text()?.to_owned();
+    let stored_bytes = fields.u64()?;
+    let bytes = (body.len() - fields.0.len()) as u64;
+    Some(ChunkHeader { uncompressed_bytes, crc, compression, stored_bytes, bytes })
+}

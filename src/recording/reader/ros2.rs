@@ -1,0 +1,64 @@
+//! Images of ROS 2 recordings.
+
+use bytes::Bytes;
+use foxglove::messages::{RawImage, Timestamp};
+
+pub(super) const SCHEMA_NAME: &str = "sensor_msgs/msg/Image";
+
+/// Bytes of the encapsulation header; alignment counts from behind it.
+const ENCAPSULATION_BYTES: usize = 4;
+
+/// Reads a `sensor_msgs/msg/Image` in little-endian CDR (OMG DDS-XTypes 1.3, section 7.4.3).
+pub(super) fn image(message: &Bytes) -> Result<RawImage, String> {
+    match message.get(..2) {
+        Some([0, 1]) => {}
+        _ => return Err("not little-endian CDR".into()),
+    }
+    let mut cdr = Cdr { bytes: message, at: ENCAPSULATION_BYTES };
+    parse(&mut cdr).ok_or_else(|| format!("the message ends within its fields, at byte {}", cdr.at))?
+}
+
+fn parse(cdr: &mut Cdr<'_>) -> Option<Result<RawImage, String>> {
+    let (seconds, nanoseconds) = (cdr.u32()?, cdr.u32()?);
+    let frame_id = cdr.text()?;
+    let (height, width) = (cdr.u32()?, cdr.u32()?);
+    let encoding = cdr.text()?;
+    let is_big_endian = cdr.take(1)?[0] != 0;
+    let step = cdr.u32()?;
+    let count = cdr.u32()? as usize;
+    let start = cdr.at;
+    cdr.take(count)?;
+    if is_big_endian && encoding.contains("16") {
+        return Some(Err("16-bit pixels are big-endian, only little-endian ones are read".into()));
+    }
+    let timestamp = Some(Timestamp::new(seconds, nanoseconds));
+    let data = cdr.bytes.slice(start..start + count);
+    Some(Ok(RawImage { timestamp, frame_id, width, height, encoding, step, data }))
+}
+
+struct Cdr<'a> {
+    bytes: &'a Bytes,
+    at: usize,
+}
+
+impl<'a> Cdr<'a> {
+    fn take(&mut self, count: usize) -> Option<&'a [u8]> {
+        let end = self.at.checked_add(count)?;
+        let taken = self.bytes.get(self.at..end)?;
+        self.at = end;
+        Some(taken)
+    }
+
+    fn u32(&mut self) -> Option<u32> {
+        let offset = self.at - ENCAPSULATION_BYTES;
+        self.at += offset.next_multiple_of(4) - offset;
+        self.take(4)?.try_into().ok().map(u32::from_le_bytes)
+    }
+
+    /// A string, whose length counts its closing zero.
+    fn text(&mut self) -> Option<String> {
+        let length = self.u32()? as usize;
+        let bytes = self.take(length)?;
+        Some(String::from_utf8_lossy(bytes.strip_suffix(&[0]).unwrap_or(bytes)).into_owned())
+    }
+}

@@ -1,0 +1,74 @@
+//! Reading pieces of a file that may be cut off, damaged or hostile.
+
+use bytes::Bytes;
+use std::fs::File;
+use std::io::{self, ErrorKind};
+use std::os::unix::fs::FileExt;
+
+/// Bytes looked at around a position; large records are stepped over, not read.
+const WINDOW_BYTES: usize = 8 << 10;
+
+/// A stretch of bytes: a part of the file, or a decompressed chunk.
+#[derive(Debug)]
+pub(super) enum Source {
+    /// `bytes` of the file from `offset` on.
+    File {
+        /// Where it begins in the file.
+        offset: u64,
+        /// How long it is.
+        bytes: u64,
+    },
+    /// Already in memory.
+    Memory(Bytes),
+}
+
+impl Source {
+    pub(super) fn len(&self) -> u64 {
+        match self {
+            Self::File { bytes, .. } => *bytes,
+            Self::Memory(bytes) => bytes.len() as u64,
+        }
+    }
+
+    /// `count` bytes at `at`; `UnexpectedEof` when they reach over the end.
+    pub(super) fn read(&self, file: &File, at: u64, count: u64) -> io::Result<Bytes> {
+        let end = at.checked_add(count).filter(|end| *end <= self.len()).ok_or(ErrorKind::UnexpectedEof)?;
+        match self {
+            Self::File { offset, .. } => {
+                let mut buffer = vec![0; usize::try_from(count).map_err(io::Error::other)?];
+                file.read_exact_at(&mut buffer, offset + at)?;
+                Ok(buffer.into())
+            }
+            // In range: `end` is at most the length of something in memory.
+            Self::Memory(bytes) => Ok(bytes.slice(at as usize..end as usize)),
+        }
+    }
+}
+
+/// Looks at few bytes at a time without a system call each.
+#[derive(Debug)]
+pub(super) struct Window<'a> {
+    file: &'a File,
+    source: &'a Source,
+    at: u64,
+    buffer: Bytes,
+}
+
+impl<'a> Window<'a> {
+    pub(super) fn new(file: &'a File, source: &'a Source) -> Self {
+        Self { file, source, at: 0, buffer: Bytes::new() }
+    }
+
+    /// The bytes at `at`: `count` of them, or as many as there are before the end.
+    pub(super) fn peek(&mut self, at: u64, count: usize) -> io::Result<&[u8]> {
+        let left = self.source.len().saturating_sub(at);
+        let count = (count as u64).min(left);
+        let inside = at >= self.at && at + count <= self.at + self.buffer.len() as u64;
+        if !inside {
+            self.buffer = self.source.read(self.file, at, left.min(count.max(WINDOW_BYTES as u64)))?;
+            self.at = at;
+        }
+        let start = (at - self.at) as usize;
+        Ok(&self.buffer[start..start + count as usize])
+    }
+}

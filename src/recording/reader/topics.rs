@@ -1,0 +1,179 @@
+//! The topics of a recording and their rows.
+
+use super::messages::Messages;
+use super::record::{Channel, Schema};
+use super::{Inner, Recording};
+use crate::recording::rows::Row;
+use crate::recording::{EventRow, RecordingError, StatusRow, Topic};
+use crate::results::{Impact, PairField, TrackSample, VelocitySample};
+use prost::Message as _;
+use std::collections::BTreeMap;
+use std::marker::PhantomData;
+use std::sync::Arc;
+
+/// What a topic holds.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct TopicSummary {
+    /// Its name.
+    pub topic: String,
+    /// The name of its messages' schema.
+    pub schema: String,
+    /// How its messages are encoded: `protobuf`, `json`, `cdr`, ...
+    pub encoding: String,
+    /// How many there are.
+    pub messages: u64,
+}
+
+/// Rows of one topic, read as they are asked for, in the order of their time.
+#[derive(Debug)]
+pub struct Rows<T> {
+    messages: Messages,
+    topic: &'static str,
+    row: PhantomData<T>,
+}
+
+impl<T: Row> Iterator for Rows<T> {
+    type Item = Result<T, RecordingError>;
+
+    fn next(&mut self) -> Option<Self::Item> {
+        let message = match self.messages.next()? {
+            Ok(message) => message,
+            Err(error) => return Some(Err(error)),
+        };
+        let row = T::Message::decode(message.data).map_err(|error| error.to_string()).and_then(T::from_message);
+        Some(row.map_err(|reason| {
+            let at = message.log_time_ns;
+            self.messages.inner().invalid(format!("{} message at {at} ns does not decode: {reason}", self.topic))
+        }))
+    }
+}
+
+impl Recording {
+    /// Every topic with its schema and how many messages it holds, by name.
+    pub fn topics(&self) -> Vec<TopicSummary> {
+        let mut topics = BTreeMap::new();
+        for (id, channel) in &self.inner.structure.channels {
+            let schema = self.inner.schema_name(channel.schema).to_owned();
+            let messages = self.inner.counts.get(id).copied().unwrap_or(0);
+            *topics.entry((channel.topic.clone(), schema, channel.encoding.clone())).or_insert(0) += messages;
+        }
+        let summary = |((topic, schema, encoding), messages)| TopicSummary { topic, schema, encoding, messages };
+        topics.into_iter().map(summary).collect()
+    }
+
+    /// Velocities. Errors as [`fields`](Self::fields), here and below.
+    ///
+    /// # Errors
+    ///
+    /// [`RecordingError`]; the iterator's items too.
+    pub fn velocities(&self) -> Result<Rows<VelocitySample>, RecordingError> {
+        self.rows(Topic::Velocity)
+    }
+
+    /// True velocities of a simulated shot.
+    ///
+    /// # Errors
+    ///
+    /// [`RecordingError`]; the iterator's items too.
+    pub fn truth(&self) -> Result<Rows<VelocitySample>, RecordingError> {
+        self.rows(Topic::Truth)
+    }
+
+    /// Places.
+    ///
+    /// # Errors
+    ///
+    /// [`RecordingError`]; the iterator's items too.
+    pub fn tracks(&self) -> Result<Rows<TrackSample>, RecordingError> {
+        self.rows(Topic::Track)
+    }
+
+    /// Collisions, every revision of each.
+    ///
+    /// # Errors
+    ///
+    /// [`RecordingError`]; the iterator's items too.
+    pub fn impacts(&self) -> Result<Rows<Impact>, RecordingError> {
+        self.rows(Topic::Impact)
+    }
+
+    /// True collisions of a simulated shot.
+    ///
+    /// # Errors
+    ///
+    /// [`RecordingError`]; the iterator's items too.
+    pub fn truth_impacts(&self) -> Result<Rows<Impact>, RecordingError> {
+        self.rows(Topic::TruthImpact)
+    }
+
+    /// Displacement fields.
+    ///
+    /// # Errors
+    ///
+    /// [`RecordingError::Invalid`] when the topic holds another schema;
+    /// [`RecordingError::Io`] when the system refuses. The iterator's items are
+    /// errors where a chunk is damaged or a message does not decode.
+    pub fn fields(&self) -> Result<Rows<PairField>, RecordingError> {
+        self.rows(Topic::Field)
+    }
+
+    /// Events.
+    ///
+    /// # Errors
+    ///
+    /// [`RecordingError`]; the iterator's items too.
+    pub fn events(&self) -> Result<Rows<EventRow>, RecordingError> {
+        self.rows(Topic::Events)
+    }
+
+    /// How the rig's processes were doing.
+    ///
+    /// # Errors
+    ///
+    /// [`RecordingError`]; the iterator's items too.
+    pub fn statuses(&self) -> Result<Rows<StatusRow>, RecordingError> {
+        self.rows(Topic::Status)
+    }
+
+    fn rows<T>(&self, topic: Topic) -> Result<Rows<T>, RecordingError> {
+        let channels = self.inner.channels_of(topic)?;
+        let messages = Messages::new(Arc::clone(&self.inner), channels)?;
+        Ok(Rows { messages, topic: topic.name(), row: PhantomData })
+    }
+}
+
+impl Recording {
+    /// Channels by number.
+    pub(in super::super) fn channels(&self) -> &BTreeMap<u16, Channel> {
+        &self.inner.structure.channels
+    }
+
+    /// Schemas by number.
+    pub(in super::super) fn schemas(&self) -> &BTreeMap<u16, Schema> {
+        &self.inner.structure.schemas
+    }
+}
+
+impl Inner {
+    pub(super) fn schema_name(&self, schema: u16) -> &str {
+        self.structure.schemas.get(&schema).map_or("", |schema| &schema.name)
+    }
+
+    /// Channels of one of our topics; refuses one that holds something else.
+    pub(super) fn channels_of(&self, topic: Topic) -> Result<Vec<u16>, RecordingError> {
+        let mut channels = Vec::new();
+        for (id, channel) in self.structure.channels.iter().filter(|(_, channel)| channel.topic == topic.name()) {
+            let schema = self.schema_name(channel.schema);
+            if schema != topic.schema_name() || channel.encoding != "protobuf" {
+                return Err(self.invalid(format!(
+                    "topic {} holds {} as {schema:?}, not protobuf as {:?}",
+                    topic.name(),
+                    channel.encoding,
+                    topic.schema_name()
+                )));
+            }
+            channels.push(*id);
+        }
+        Ok(channels)
+    }
+}

@@ -1,0 +1,455 @@
+//! Writing a recording.
+
+use super::batch::Batch;
+use super::rows::{EventRow, Row, StatusRow};
+use super::schema::{Topic, proto};
+use super::{Annotations, RecordingError, part};
+use crate::image::{Frame, PixelFormat};
+use crate::results::{Impact, PairField, TrackSample, VelocitySample};
+use foxglove::messages::{RawImage, Timestamp};
+use mcap::records::{MessageHeader, Metadata};
+use mcap::{McapError, WriteOptions};
+use prost::Message;
+use prost::encoding::{WireType, encode_key, encode_varint};
+use std::collections::BTreeMap;
+use std::fs::File;
+use std::io::BufWriter;
+use std::path::{Path, PathBuf};
+
+/// Bytes written before they are forced to the disk.
+const SYNC_BYTES: u64 = 64 << 20;
+/// Recorded time after which what was written is forced to the disk, however little it is.
+const SYNC_NS: u64 = 1_000_000_000;
+/// Small messages are written at least this often, so that a crash loses little.
+const BATCH_NS: u64 = 100_000_000;
+const ROWS_BYTES: usize = 1 << 20;
+const FIELDS_BYTES: usize = 4 << 20;
+/// Field number of `data` in `foxglove.RawImage`.
+const DATA_TAG: u32 = 6;
+
+/// Whether chunks are compressed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Compression {
+    /// Not at all: the only way to keep up with a camera.
+    #[default]
+    None,
+    /// Zstandard level 1, on the writing thread: about a quarter smaller, several times slower.
+    Zstd1,
+}
+
+/// How to write a recording.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct WriterOptions {
+    /// Whether chunks are compressed.
+    pub compression: Compression,
+    /// Size at which a chunk is closed, bytes; a reader that seeks reads one chunk.
+    pub chunk_bytes: u64,
+}
+
+impl Default for WriterOptions {
+    fn default() -> Self {
+        Self { compression: Compression::None, chunk_bytes: 4 << 20 }
+    }
+}
+
+/// What a recording says of itself, written first.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct RecordingInfo {
+    /// The rig's configuration, attached as `config.toml`; empty for none.
+    pub config_toml: String,
+    /// Entries of the metadata record `ricochet`: version, camera, serial, scale, host, trigger.
+    pub metadata: BTreeMap<String, String>,
+    /// Names of the bodies, in the order of the configuration; entries `body.0`, `body.1`, ... of the metadata.
+    pub bodies: Vec<String>,
+    /// Further attachments: file name, media type, content.
+    pub attachments: Vec<(String, String, Vec<u8>)>,
+}
+
+/// What became of a finished recording.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct FinishedRecording {
+    /// Its final name.
+    pub path: PathBuf,
+    /// Frames in it.
+    pub frames: u64,
+    /// Its size.
+    pub bytes: u64,
+}
+
+/// Writes one recording as `<path>.part` and gives it its name when it is whole.
+///
+/// Frames, fields and all other rows go into chunks of their own. Every call
+/// may block on the disk, so the recorder owns a thread. Dropped without
+/// [`finish`](Self::finish) it leaves the part file, readable up to the last call.
+pub struct RecordingWriter {
+    path: PathBuf,
+    part: PathBuf,
+    mcap: Option<mcap::Writer<BufWriter<File>>>,
+    handle: File,
+    channels: [Option<u16>; Topic::ALL.len()],
+    rows: Batch,
+    fields: Batch,
+    scratch: Vec<u8>,
+    frames: u64,
+    unsynced_bytes: u64,
+    /// Stamp of the frame after which the file was last forced to the disk.
+    synced_ns: Option<u64>,
+}
+
+/// A message of another file.
+pub(super) struct Copied<'a> {
+    pub(super) sequence: u32,
+    pub(super) log_time_ns: u64,
+    pub(super) publish_time_ns: u64,
+    pub(super) data: &'a [u8],
+    pub(super) is_frame: bool,
+}
+
+impl RecordingWriter {
+    /// Starts the recording that will be called `path`.
+    ///
+    /// # Errors
+    ///
+    /// [`RecordingError::Refused`] when the file or its part exists, and when a
+    /// name among the attachments is taken twice; [`RecordingError::Io`] when
+    /// the system refuses.
+    pub fn create(path: &Path, info: &RecordingInfo, options: &WriterOptions) -> Result<Self, RecordingError> {
+        let mut writer = Self::start(path, part::part_path(path), options)?;
+        // Before any channel: afterwards they would cut off a chunk without messages, which some readers refuse.
+        writer.describe(info)?;
+        Ok(writer)
+    }
+
+    /// Starts a recording that says nothing of itself yet.
+    pub(super) fn start(path: &Path, part: PathBuf, options: &WriterOptions) -> Result<Self, RecordingError> {
+        let file = part::create(path, &part)?;
+        let handle = file.try_clone().map_err(|error| RecordingError::io("open", &part, error))?;
+        let mcap = write_options(options)
+            .create(BufWriter::with_capacity(64 << 10, file))
+            .map_err(|error| failure(&part, error))?;
+        Ok(Self {
+            path: path.to_path_buf(),
+            part,
+            mcap: Some(mcap),
+            handle,
+            channels: [None; Topic::ALL.len()],
+            rows: Batch::default(),
+            fields: Batch::default(),
+            scratch: Vec::new(),
+            frames: 0,
+            unsynced_bytes: 0,
+            synced_ns: None,
+        })
+    }
+
+    fn describe(&mut self, info: &RecordingInfo) -> Result<(), RecordingError> {
+        let mut entries = info.metadata.clone();
+        for (index, body) in info.bodies.iter().enumerate() {
+            entries.insert(format!("body.{index}"), body.clone());
+        }
+        self.metadata(super::METADATA_NAME, entries)?;
+        if !info.config_toml.is_empty() {
+            self.attach(super::CONFIG_NAME, "application/toml", info.config_toml.as_bytes())?;
+        }
+        for (name, media_type, content) in &info.attachments {
+            self.attach(name, media_type, content)?;
+        }
+        self.call(mcap::Writer::flush)
+    }
+
+    pub(super) fn metadata(&mut self, name: &str, entries: BTreeMap<String, String>) -> Result<(), RecordingError> {
+        let record = Metadata { name: name.into(), metadata: entries };
+        self.call(|mcap| mcap.write_metadata(&record))
+    }
+
+    pub(super) fn attach(&mut self, name: &str, media_type: &str, content: &[u8]) -> Result<(), RecordingError> {
+        let attachment = mcap::Attachment {
+            log_time: 0,
+            create_time: 0,
+            name: name.into(),
+            media_type: media_type.into(),
+            data: content.into(),
+        };
+        self.call(|mcap| mcap.attach(&attachment))
+    }
+
+    /// Adds a frame.
+    ///
+    /// # Errors
+    ///
+    /// [`RecordingError::Refused`] when the bytes do not fit the header;
+    /// [`RecordingError::Io`] when the disk is full or gone.
+    pub fn frame(&mut self, frame: &Frame<'_>) -> Result<(), RecordingError> {
+        let meta = &frame.meta;
+        let row_bytes = u64::from(meta.width_px) * meta.format.bytes_per_pixel() as u64;
+        if u64::from(meta.stride_bytes) < row_bytes || frame.bytes.len() != meta.size_bytes() {
+            return Err(RecordingError::refused(
+                &self.path,
+                format!(
+                    "frame {}: {} bytes, stride {} do not make {}x{} {}",
+                    meta.sequence,
+                    frame.bytes.len(),
+                    meta.stride_bytes,
+                    meta.width_px,
+                    meta.height_px,
+                    meta.format.word()
+                ),
+            ));
+        }
+        self.write_due(meta.stamp_ns)?;
+        let mut message = std::mem::take(&mut self.scratch);
+        encode_info(frame, &mut message);
+        let mut result = self.message(Topic::FrameInfo, meta.sequence, meta.stamp_ns, &message);
+        if result.is_ok() {
+            encode_image(frame, &mut message);
+            result = self.message(Topic::Image, meta.sequence, meta.stamp_ns, &message);
+        }
+        self.scratch = message;
+        result?;
+        self.frames += 1;
+        let synced_ns = *self.synced_ns.get_or_insert(meta.stamp_ns);
+        if self.unsynced_bytes >= SYNC_BYTES || meta.stamp_ns.saturating_sub(synced_ns) >= SYNC_NS {
+            self.synced_ns = Some(meta.stamp_ns);
+            return self.sync();
+        }
+        Ok(())
+    }
+
+    /// Adds a displacement field.
+    ///
+    /// # Errors
+    ///
+    /// [`RecordingError::Io`] when the disk is full or gone; as for every row below.
+    pub fn field(&mut self, field: &PairField) -> Result<(), RecordingError> {
+        self.fields.push(Topic::Field, field.stamp_ns, &field.to_message());
+        self.write_due(field.stamp_ns)
+    }
+
+    /// Adds a place. Errors as [`field`](Self::field).
+    pub fn track(&mut self, sample: &TrackSample) -> Result<(), RecordingError> {
+        self.row(Topic::Track, sample.stamp_ns, sample)
+    }
+
+    /// Adds a velocity. Errors as [`field`](Self::field).
+    pub fn velocity(&mut self, sample: &VelocitySample) -> Result<(), RecordingError> {
+        self.row(Topic::Velocity, sample.stamp_ns, sample)
+    }
+
+    /// Adds a true velocity of a simulated shot. Errors as [`field`](Self::field).
+    pub fn truth(&mut self, sample: &VelocitySample) -> Result<(), RecordingError> {
+        self.row(Topic::Truth, sample.stamp_ns, sample)
+    }
+
+    /// Adds a collision, logged at its start. Errors as [`field`](Self::field).
+    pub fn impact(&mut self, impact: &Impact) -> Result<(), RecordingError> {
+        self.row(Topic::Impact, impact_time_ns(impact), impact)
+    }
+
+    /// Adds a true collision of a simulated shot. Errors as [`field`](Self::field).
+    pub fn truth_impact(&mut self, impact: &Impact) -> Result<(), RecordingError> {
+        self.row(Topic::TruthImpact, impact_time_ns(impact), impact)
+    }
+
+    /// Adds an event. Errors as [`field`](Self::field).
+    pub fn event(&mut self, event: &EventRow) -> Result<(), RecordingError> {
+        self.row(Topic::Events, event.stamp_ns, event)
+    }
+
+    /// Adds how a process is doing. Errors as [`field`](Self::field).
+    pub fn status(&mut self, status: &StatusRow) -> Result<(), RecordingError> {
+        self.row(Topic::Status, status.stamp_ns, status)
+    }
+
+    /// Adds what viewers draw over the frame of this stamp. Errors as [`field`](Self::field).
+    pub fn annotations(&mut self, stamp_ns: u64, annotations: &Annotations) -> Result<(), RecordingError> {
+        self.fields.push(Topic::Annotations, stamp_ns, &annotations.to_message(stamp_ns));
+        self.write_due(stamp_ns)
+    }
+
+    /// Frames added so far.
+    pub fn frames(&self) -> u64 {
+        self.frames
+    }
+
+    /// Writes everything that is held back and forces it to the disk.
+    ///
+    /// # Errors
+    ///
+    /// [`RecordingError::Io`] when the disk is full or gone.
+    pub fn sync(&mut self) -> Result<(), RecordingError> {
+        self.write_batches()?;
+        self.call(mcap::Writer::flush)?;
+        self.unsynced_bytes = 0;
+        self.handle.sync_data().map_err(|error| RecordingError::io("sync", &self.part, error))
+    }
+
+    /// Completes the file: index, footer, sync, final name, sync of the directory.
+    ///
+    /// # Errors
+    ///
+    /// [`RecordingError`] naming the step that failed; the part file stays.
+    pub fn finish(mut self) -> Result<FinishedRecording, RecordingError> {
+        self.write_batches()?;
+        self.call(mcap::Writer::finish)?;
+        if let Some(mcap) = self.mcap.take() {
+            std::io::Write::flush(&mut mcap.into_inner()).map_err(|error| failure(&self.part, error.into()))?;
+        }
+        let io = |error| RecordingError::io("sync", &self.part, error);
+        self.handle.sync_all().map_err(io)?;
+        let bytes = self.handle.metadata().map_err(io)?.len();
+        part::publish(&self.path, &self.part)?;
+        Ok(FinishedRecording { path: self.path.clone(), frames: self.frames, bytes })
+    }
+}
+
+impl RecordingWriter {
+    fn row<R: Row>(&mut self, topic: Topic, log_time_ns: u64, row: &R) -> Result<(), RecordingError> {
+        self.rows.push(topic, log_time_ns, &row.to_message());
+        self.write_due(log_time_ns)
+    }
+
+    fn write_due(&mut self, now_ns: u64) -> Result<(), RecordingError> {
+        if self.rows.is_due(now_ns, ROWS_BYTES, BATCH_NS) || self.fields.is_due(now_ns, FIELDS_BYTES, BATCH_NS) {
+            return self.write_batches();
+        }
+        Ok(())
+    }
+
+    fn write_batches(&mut self) -> Result<(), RecordingError> {
+        for mut batch in [std::mem::take(&mut self.rows), std::mem::take(&mut self.fields)] {
+            if batch.is_empty() {
+                continue;
+            }
+            self.call(mcap::Writer::flush)?;
+            for (topic, log_time_ns, message) in batch.iter() {
+                self.message(topic, 0, log_time_ns, message)?;
+            }
+            self.call(mcap::Writer::flush)?;
+            batch.clear();
+        }
+        Ok(())
+    }
+
+    fn message(&mut self, topic: Topic, sequence: u64, time_ns: u64, message: &[u8]) -> Result<(), RecordingError> {
+        let channel_id = self.channel(topic)?;
+        // The header has room for the low half; frame_info holds the whole number.
+        let sequence = (sequence & u64::from(u32::MAX)) as u32;
+        let header = MessageHeader { channel_id, sequence, log_time: time_ns, publish_time: time_ns };
+        self.unsynced_bytes += message.len() as u64;
+        self.call(|mcap| mcap.write_to_known_channel(&header, message))
+    }
+
+    fn channel(&mut self, topic: Topic) -> Result<u16, RecordingError> {
+        if let Some(id) = self.channels[topic as usize] {
+            return Ok(id);
+        }
+        let id = self.call(|mcap| {
+            let schema = mcap.add_schema(topic.schema_name(), "protobuf", &topic.schema_data())?;
+            mcap.add_channel(schema, topic.name(), "protobuf", &BTreeMap::new())
+        })?;
+        self.channels[topic as usize] = Some(id);
+        Ok(id)
+    }
+
+    /// Adds a message exactly as it is, on a channel of [`call`](Self::call)'s making.
+    pub(super) fn copy(&mut self, channel_id: u16, message: &Copied<'_>) -> Result<(), RecordingError> {
+        let header = MessageHeader {
+            channel_id,
+            sequence: message.sequence,
+            log_time: message.log_time_ns,
+            publish_time: message.publish_time_ns,
+        };
+        self.unsynced_bytes += message.data.len() as u64;
+        self.frames += u64::from(message.is_frame);
+        self.call(|mcap| mcap.write_to_known_channel(&header, message.data))
+    }
+
+    pub(super) fn call<T>(
+        &mut self,
+        action: impl FnOnce(&mut mcap::Writer<BufWriter<File>>) -> Result<T, McapError>,
+    ) -> Result<T, RecordingError> {
+        match &mut self.mcap {
+            Some(mcap) => action(mcap).map_err(|error| failure(&self.part, error)),
+            None => Err(RecordingError::refused(&self.path, "the recording is finished")),
+        }
+    }
+}
+
+impl Drop for RecordingWriter {
+    /// Keeps what was held back; an error has no one left to tell.
+    fn drop(&mut self) {
+        if self.mcap.is_some() {
+            let _ = self.write_batches();
+        }
+    }
+}
+
+fn write_options(options: &WriterOptions) -> WriteOptions {
+    let compression = match options.compression {
+        Compression::None => None,
+        Compression::Zstd1 => Some(mcap::Compression::Zstd),
+    };
+    WriteOptions::new()
+        .compression(compression)
+        .compression_level(1)
+        .compression_threads(0)
+        .chunk_size(Some(options.chunk_bytes))
+        .library(concat!("ricochet ", env!("CARGO_PKG_VERSION")))
+}
+
+fn failure(part: &Path, error: McapError) -> RecordingError {
+    match error {
+        McapError::Io(source) => RecordingError::io("write", part, source),
+        other => RecordingError::refused(part, other.to_string()),
+    }
+}
+
+fn encode_info(frame: &Frame<'_>, message: &mut Vec<u8>) {
+    let meta = &frame.meta;
+    message.clear();
+    message.extend(
+        proto::FrameInfo {
+            sequence: meta.sequence,
+            epoch: meta.epoch,
+            stamp_ns: meta.stamp_ns,
+            device_ns: meta.device_ns,
+            pixel_format: meta.format as u32,
+            pixels_crc32: crc32fast::hash(frame.bytes),
+        }
+        .encode_to_vec(),
+    );
+}
+
+/// The image message with the pixels last, so that they are copied once.
+fn encode_image(frame: &Frame<'_>, message: &mut Vec<u8>) {
+    let meta = &frame.meta;
+    let encoding = match meta.format {
+        PixelFormat::Mono8 => "mono8",
+        PixelFormat::Mono10 | PixelFormat::Mono12 | PixelFormat::Mono16 => "mono16",
+    };
+    let header = RawImage {
+        timestamp: Some(timestamp(meta.stamp_ns)),
+        frame_id: "camera".into(),
+        width: meta.width_px,
+        height: meta.height_px,
+        encoding: encoding.into(),
+        step: meta.stride_bytes,
+        data: Default::default(),
+    };
+    message.clear();
+    message.extend(header.encode_to_vec());
+    encode_key(DATA_TAG, WireType::LengthDelimited, message);
+    encode_varint(frame.bytes.len() as u64, message);
+    message.extend_from_slice(frame.bytes);
+}
+
+pub(super) fn timestamp(stamp_ns: u64) -> Timestamp {
+    let seconds = u32::try_from(stamp_ns / 1_000_000_000).unwrap_or(u32::MAX);
+    Timestamp::new(seconds, (stamp_ns % 1_000_000_000) as u32)
+}
+
+/// When a collision is logged: at its start, or where its times count from while that is not known.
+fn impact_time_ns(impact: &Impact) -> u64 {
+    let start_ns = impact.start_s.map_or(0.0, |start| (start.value * 1e9).max(0.0));
+    impact.origin_ns.saturating_add(start_ns as u64)
+}

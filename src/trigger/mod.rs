@@ -1,0 +1,5 @@
+//! What starts a shot.
+
+mod motion;
+
+pub use motion::MotionTrigger;

@@ -1,0 +1,383 @@
+//! The ball finder against drawn balls whose circle is known.
+
+#[path = "ball/scene.rs"]
+mod scene;
+
+use ricochet::ball::{BallFinder, BallParams};
+use ricochet::image::ImageView;
+use ricochet::results::Circle;
+use scene::{Occluder, Random, Scene};
+
+/// Errors of many frames.
+#[derive(Debug, Default)]
+struct Tally {
+    frames: usize,
+    center: Vec<f64>,
+    radius: Vec<f64>,
+    visible: Vec<f64>,
+    ratios: Vec<f64>,
+}
+
+impl Tally {
+    fn add(&mut self, scene: &Scene, circle: Option<Circle>, visible: f64) {
+        self.frames += 1;
+        let Some(c) = circle else { return };
+        for e in [c.x_px - scene.x, c.y_px - scene.y] {
+            self.center.push(e.abs());
+            self.ratios.push(e.abs() / c.sigma_center_px);
+        }
+        self.radius.push(c.radius_px - scene.radius);
+        self.visible.push((c.visible_fraction - visible).abs());
+    }
+
+    fn refused(&self) -> usize {
+        self.frames - self.radius.len()
+    }
+
+    fn mean(&self) -> f64 {
+        mean(&self.center)
+    }
+
+    fn worst(&self) -> f64 {
+        self.center.iter().copied().fold(0.0, f64::max)
+    }
+
+    fn covered(&self, sigmas: f64) -> f64 {
+        self.ratios.iter().filter(|r| **r < sigmas).count() as f64 / self.ratios.len().max(1) as f64
+    }
+
+    fn line(&self) -> String {
+        let mut sorted = self.center.clone();
+        sorted.sort_by(f64::total_cmp);
+        let q95 = sorted.get(sorted.len() * 95 / 100).copied().unwrap_or(0.0);
+        format!(
+            "mean {:.4} q95 {q95:.3} worst {:.3} px, radius {:+.3}, refused {} of {}, sigma {:.2} / {:.2}, visible {:.3}",
+            self.mean(),
+            self.worst(),
+            mean(&self.radius),
+            self.refused(),
+            self.frames,
+            self.covered(1.0),
+            self.covered(2.0),
+            mean(&self.visible)
+        )
+    }
+}
+
+fn mean(values: &[f64]) -> f64 {
+    values.iter().sum::<f64>() / values.len().max(1) as f64
+}
+
+/// Share of the disc's area in front of a straight edge that hides this share of the diameter.
+fn visible(hidden: f64) -> f64 {
+    let a = (1.0 - 2.0 * hidden).acos();
+    1.0 - (a - a.sin() * a.cos()) / std::f64::consts::PI
+}
+
+fn finder(low: f64, high: f64, scene: &Scene) -> BallFinder {
+    BallFinder::new(&BallParams::new(low, high), scene.width, scene.height).unwrap()
+}
+
+fn find(finder: &mut BallFinder, scene: &Scene) -> Option<Circle> {
+    let data = scene.render();
+    finder.find(ImageView::new(&data, scene.width, scene.height).unwrap())
+}
+
+fn hard_scenes(bright: bool, hidden: f64, seeds: std::ops::Range<u64>) -> Tally {
+    let mut finder = finder(50.0, 68.0, &Scene::plain(1.0, 0.0));
+    let mut tally = Tally::default();
+    for seed in seeds {
+        let scene = Scene::hard(seed, bright, hidden);
+        tally.add(&scene, find(&mut finder, &scene), visible(hidden));
+    }
+    println!("bright {bright} hidden {hidden}: {}", tally.line());
+    tally
+}
+
+/// A lacrosse-like frame: dense dark speckle, the ground nearly as dark, a flat surface that the ball touches.
+fn lacrosse(seed: u64, surface: f64) -> Scene {
+    let mut r = Random(seed);
+    Scene {
+        x: 128.0 + r.uniform(-8.0, 8.0),
+        y: 120.0 + r.uniform(-8.0, 8.0),
+        radius: 61.5,
+        blur: r.uniform(0.6, 0.9),
+        cover: 0.54,
+        areas: (2.0, 40.0),
+        transmission: 0.25,
+        texture: r.uniform(1.0, 5.0),
+        correlation: 3.0,
+        side_light: 0.15,
+        limb: 0.1,
+        occluder: Some(Occluder {
+            angle: std::f64::consts::FRAC_PI_2 + r.uniform(-0.03, 0.03),
+            hidden: r.uniform(-0.01, 0.02),
+            grey: surface,
+            curvature: 0.0,
+            texture: 5.0,
+        }),
+        seed,
+        ..Scene::plain(170.0, r.uniform(40.0, 60.0))
+    }
+}
+
+#[test]
+fn hard_scenes_are_measured_or_refused_never_wrong() {
+    for (bright, hidden, limit, refusals) in [
+        (true, 0.0, 0.025, 1),
+        (true, 0.2, 0.04, 2),
+        (true, 0.4, 0.06, 8),
+        (false, 0.0, 0.025, 0),
+        (false, 0.2, 0.04, 0),
+        (false, 0.4, 0.06, 0),
+    ] {
+        let tally = hard_scenes(bright, hidden, 1000..1020);
+        assert!(tally.mean() <= limit, "{}", tally.line());
+        assert!(tally.worst() <= 1.0, "{}", tally.line());
+        assert!(tally.refused() <= refusals, "{}", tally.line());
+        assert!(mean(&tally.radius).abs() <= 0.1, "{}", tally.line());
+    }
+}
+
+#[test]
+fn a_plain_ball_is_found_within_a_hundredth_of_a_pixel() {
+    for (ball, ground) in [(190.0, 40.0), (60.0, 200.0)] {
+        let mut finder = finder(50.0, 68.0, &Scene::plain(1.0, 0.0));
+        let mut tally = Tally::default();
+        for seed in 0..10 {
+            let mut r = Random(seed);
+            let (x, y) = (128.0 + r.uniform(-9.0, 9.0), 128.0 + r.uniform(-9.0, 9.0));
+            let scene = Scene { x, y, radius: r.uniform(56.0, 62.0), seed, ..Scene::plain(ball, ground) };
+            tally.add(&scene, find(&mut finder, &scene), 1.0);
+        }
+        println!("{ball} on {ground}: {}", tally.line());
+        assert_eq!(tally.refused(), 0);
+        assert!(tally.worst() < 0.02 && tally.mean() < 0.008, "{}", tally.line());
+        assert!(mean(&tally.radius).abs() < 0.01, "{}", tally.line());
+        assert!(mean(&tally.visible) < 0.001, "{}", tally.line());
+    }
+}
+
+#[test]
+fn a_lacrosse_ball_on_a_surface_is_found_in_every_frame() {
+    let mut finder = finder(54.0, 70.0, &Scene::plain(1.0, 0.0));
+    for surface in [15.0, 90.0, 150.0, 230.0] {
+        let mut tally = Tally::default();
+        for seed in 0..12 {
+            let scene = lacrosse(seed, surface);
+            let share = scene.occluder.map_or(0.0, |o| o.hidden.max(0.0));
+            let found = find(&mut finder, &scene);
+            if found.is_none() {
+                println!("lacrosse, surface {surface}, seed {seed}: refused");
+            }
+            tally.add(&scene, found, visible(share));
+        }
+        println!("lacrosse, surface {surface}: {}", tally.line());
+        assert_eq!(tally.refused(), 0, "{}", tally.line());
+        assert!(tally.worst() < 0.3 && tally.mean() < 0.06, "{}", tally.line());
+    }
+}
+
+#[test]
+fn following_gives_the_circle_that_finding_gives() {
+    let mut finder = finder(50.0, 68.0, &Scene::plain(1.0, 0.0));
+    let mut worst = 0.0_f64;
+    let mut lost = 0;
+    for seed in 0..24 {
+        let scene = Scene::hard(seed, seed % 2 == 0, [0.0, 0.2][(seed / 2 % 2) as usize]);
+        let data = scene.render();
+        let image = ImageView::new(&data, scene.width, scene.height).unwrap();
+        let Some(found) = finder.find(image) else { continue };
+        let mut r = Random(seed);
+        let near = Circle {
+            x_px: found.x_px + r.uniform(-2.0, 2.0),
+            y_px: found.y_px + r.uniform(-2.0, 2.0),
+            radius_px: found.radius_px + r.uniform(-0.1, 0.1),
+            ..found
+        };
+        let Some(followed) = finder.follow(image, &near) else {
+            lost += 1;
+            continue;
+        };
+        let apart = [followed.x_px - found.x_px, followed.y_px - found.y_px, followed.radius_px - found.radius_px];
+        let apart = apart.into_iter().map(f64::abs).fold(0.0, f64::max);
+        println!("seed {seed}: {apart:.4}");
+        worst = worst.max(apart);
+    }
+    println!("follow: worst difference {worst:.4} px, lost {lost}");
+    assert!(worst < 0.01, "{worst}");
+    assert_eq!(lost, 0);
+}
+
+#[test]
+fn the_same_image_gives_the_same_circle_whatever_came_before() {
+    let (one, other) = (Scene::hard(3, true, 0.2), Scene::hard(4, false, 0.4));
+    let mut used = finder(50.0, 68.0, &one);
+    let first = find(&mut used, &one);
+    find(&mut used, &other);
+    assert!(first.is_some());
+    assert_eq!(find(&mut used, &one), first);
+    assert_eq!(find(&mut finder(50.0, 68.0, &one), &one), first);
+}
+
+#[test]
+fn no_ball_is_found_where_there_is_none() {
+    let mut narrow = finder(50.0, 68.0, &Scene::plain(1.0, 0.0));
+    let mut wide = finder(20.0, 110.0, &Scene::plain(1.0, 0.0));
+    for seed in 0..16 {
+        let mut r = Random(seed);
+        let occluder = (seed % 2 == 0).then(|| Occluder {
+            angle: r.uniform(0.0, 6.0),
+            hidden: r.uniform(0.1, 0.6),
+            grey: 200.0,
+            curvature: [0.0, 1.0 / 300.0][(seed / 2 % 2) as usize],
+            texture: 8.0,
+        });
+        let (texture, correlation) = (r.uniform(2.0, 40.0), r.uniform(1.0, 8.0));
+        let empty =
+            Scene { ball: None, texture, correlation, occluder, seed, ..Scene::plain(0.0, r.uniform(60.0, 180.0)) };
+        assert_eq!(find(&mut narrow, &empty), None, "seed {seed}");
+        assert_eq!(find(&mut wide, &empty), None, "seed {seed}");
+    }
+}
+
+#[test]
+fn black_white_and_noisy_images_hold_no_ball() {
+    let mut finder = finder(20.0, 110.0, &Scene::plain(1.0, 0.0));
+    let mut r = Random(7);
+    let noise: Vec<f32> = (0..256 * 256).map(|_| r.uniform(0.0, 255.0) as f32).collect();
+    for data in [vec![0.0; 256 * 256], vec![255.0; 256 * 256], noise] {
+        let image = ImageView::new(&data, 256, 256).unwrap();
+        assert_eq!(finder.find(image), None);
+        let near = Circle {
+            x_px: 128.0,
+            y_px: 128.0,
+            radius_px: 57.0,
+            sigma_center_px: 0.02,
+            sigma_radius_px: 0.02,
+            visible_fraction: 1.0,
+        };
+        assert_eq!(finder.follow(image, &near), None);
+        for place in [f64::NAN, f64::INFINITY, -1e30, 1e9] {
+            assert_eq!(finder.follow(image, &Circle { x_px: place, ..near }), None);
+            assert_eq!(finder.follow(image, &Circle { radius_px: place, ..near }), None);
+        }
+    }
+}
+
+#[test]
+fn images_smaller_than_the_ball_hold_no_ball() {
+    for (width, height) in [(1, 1), (1, 300), (7, 7), (9, 9), (16, 40), (40, 40), (0, 0)] {
+        for params in [BallParams::new(50.0, 68.0), BallParams::new(6.0, 200.0)] {
+            let mut finder = BallFinder::new(&params, width, height).unwrap();
+            let data: Vec<f32> = (0..width * height).map(|i| ((i * 7919) % 251) as f32).collect();
+            assert_eq!(finder.find(ImageView::new(&data, width, height).unwrap()), None);
+        }
+    }
+}
+
+#[test]
+fn a_ball_partly_out_of_the_image_is_found_and_its_share_in_sight_told() {
+    for (x, y, share) in [(30.0, 128.0, None), (128.3, 240.0, None), (128.0, 128.0, Some(1.0)), (25.0, 230.0, None)] {
+        let scene = Scene { x, y, cover: 0.3, seed: 5, ..Scene::plain(190.0, 40.0) };
+        let circle = find(&mut finder(50.0, 68.0, &scene), &scene).unwrap();
+        let inside = share.unwrap_or_else(|| share_in_image(&scene));
+        assert!((circle.x_px - x).abs() < 0.1 && (circle.y_px - y).abs() < 0.1, "{circle:?}");
+        assert!((circle.visible_fraction - inside).abs() < 0.03, "{circle:?} {inside}");
+    }
+}
+
+/// Share of the ball's pixels that lie in the image.
+fn share_in_image(scene: &Scene) -> f64 {
+    let reach = scene.radius.ceil() as i32 + 1;
+    let (mut all, mut inside) = (0, 0);
+    for dy in -reach..=reach {
+        for dx in -reach..=reach {
+            let (x, y) = (scene.x.round() + f64::from(dx), scene.y.round() + f64::from(dy));
+            if (x - scene.x).hypot(y - scene.y) < scene.radius {
+                all += 1;
+                let fits = x >= 0.0 && y >= 0.0 && x < scene.width as f64 && y < scene.height as f64;
+                inside += i32::from(fits);
+            }
+        }
+    }
+    f64::from(inside) / f64::from(all)
+}
+
+#[test]
+fn balls_of_unknown_radius_are_found() {
+    for radius in [12.3, 21.0, 34.6, 57.0, 80.3, 104.0] {
+        for (ball, ground) in [(190.0, 50.0), (70.0, 200.0)] {
+            let scene = Scene { radius, cover: 0.3, texture: 6.0, areas: (4.0, 40.0), ..Scene::plain(ball, ground) };
+            let circle = find(&mut finder(10.0, 120.0, &scene), &scene);
+            println!("radius {radius} {ball} on {ground}: {circle:?}");
+            let circle = circle.unwrap();
+            let error = (circle.x_px - scene.x).hypot(circle.y_px - scene.y);
+            assert!(error < 0.12 && (circle.radius_px - radius).abs() < 0.12, "{error}");
+        }
+    }
+}
+
+#[test]
+fn parameters_out_of_range_are_refused_by_name() {
+    let refuse = |params: BallParams| BallFinder::new(&params, 640, 480).unwrap_err().to_string();
+    assert!(refuse(BallParams::new(2.0, 60.0)).contains("min_radius_px = 2"));
+    assert!(refuse(BallParams::new(f64::NAN, 60.0)).contains("min_radius_px = NaN"));
+    assert!(refuse(BallParams::new(50.0, 40.0)).contains("max_radius_px = 40"));
+    let roi = |roi| BallParams { roi_px: Some(roi), ..BallParams::new(50.0, 60.0) };
+    assert!(refuse(roi([600, 0, 41, 100])).contains("roi_px = [600, 0, 41, 100]"));
+    assert!(refuse(roi([0, 0, 0, 100])).contains("640 x 480"));
+}
+
+#[test]
+fn a_ball_outside_the_searched_region_is_not_found() {
+    let scene = Scene { width: 400, x: 300.0, ..Scene::plain(190.0, 40.0) };
+    let region = |roi| BallParams { roi_px: Some(roi), ..BallParams::new(50.0, 68.0) };
+    let mut beside = BallFinder::new(&region([0, 0, 200, 256]), 400, 256).unwrap();
+    assert_eq!(find(&mut beside, &scene), None);
+    let mut around = BallFinder::new(&region([201, 31, 199, 200]), 400, 256).unwrap();
+    let circle = find(&mut around, &scene).unwrap();
+    assert!((circle.x_px - 300.0).abs() < 0.02 && (circle.y_px - scene.y).abs() < 0.02);
+}
+
+#[test]
+#[ignore = "long"]
+fn time_of_a_frame() {
+    for (low, high) in [(50.0, 68.0), (20.0, 200.0)] {
+        let mut finder = BallFinder::new(&BallParams::new(low, high), 512, 512).unwrap();
+        let scene = Scene { width: 512, height: 512, x: 300.2, ..Scene::hard(3, true, 0.2) };
+        let data = scene.render();
+        let image = ImageView::new(&data, 512, 512).unwrap();
+        let circle = finder.find(image).unwrap();
+        for _ in 0..20 {
+            finder.find(image);
+        }
+        let Some(start) = clock() else { return };
+        for _ in 0..100 {
+            finder.find(image);
+        }
+        println!("find {low}..{high}: {:.3} ms", (clock().unwrap() - start) * 10.0);
+        let Some(start) = clock() else { return };
+        for _ in 0..300 {
+            finder.follow(image, &circle);
+        }
+        println!("follow {low}..{high}: {:.3} ms", (clock().unwrap() - start) / 0.3);
+    }
+}
+
+/// Seconds this thread has computed, whatever else the machine does; `None` where the system does not tell.
+fn clock() -> Option<f64> {
+    let text = std::fs::read_to_string("/proc/thread-self/schedstat").ok()?;
+    Some(text.split_whitespace().next()?.parse::<f64>().ok()? * 1e-9)
+}
+
+#[test]
+#[ignore = "long"]
+fn statistics_of_hard_scenes() {
+    for bright in [true, false] {
+        for hidden in [0.0, 0.2, 0.4] {
+            let tally = hard_scenes(bright, hidden, 0..60);
+            assert!(tally.worst() < 1.0);
+        }
+    }
+}

@@ -1,0 +1,32 @@
+//! The rig file: what it says when something is wrong, and what it means when nothing is.
+
+mod accepted;
+mod files;
+mod refused;
+
+use ricochet::config::Config;
+
+pub const SIMULATED: &str = "[camera]\nsource = \"simulated\"\n";
+pub const GENICAM: &str =
+    "[camera]\nsource = \"genicam\"\nid = \"10.0.0.2\"\nwidth_px = 512\nheight_px = 512\nframe_rate_hz = 1000\n";
+
+pub fn parse(text: &str) -> Config {
+    Config::parse(text, "rig.toml").unwrap_or_else(|error| panic!("refused:\n{text}\n{error}"))
+}
+
+/// What is said of `text`; a panic when it is accepted or more than one line is said.
+pub fn refusal(text: &str) -> String {
+    let message = match Config::parse(text, "rig.toml") {
+        Ok(_) => panic!("accepted:\n{text}"),
+        Err(error) => error.to_string(),
+    };
+    assert!(!message.contains('\n'), "more than one line: {message}");
+    message
+}
+
+/// Each addition to a simulated rig is refused with this sentence after the file's name.
+pub fn refused_on_a_simulated_rig(cases: &[(&str, &str)]) {
+    for (addition, said) in cases {
+        assert_eq!(refusal(&format!("{SIMULATED}{addition}\n")), format!("rig.toml{said}"), "for {addition}");
+    }
+}

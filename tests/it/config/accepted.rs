@@ -1,0 +1,182 @@
+//! What a rig file means.
+
+use super::{SIMULATED, parse};
+use ricochet::config::{Compression, Config, FeatureValue, Scale, Source, TriggerMode};
+use ricochet::dic::{CorrelationParams, Method, Shape, WindowShape};
+use ricochet::image::PixelFormat;
+use std::path::{Path, PathBuf};
+
+#[test]
+fn a_camera_alone_is_a_whole_rig_with_the_documented_defaults() {
+    let config = parse(SIMULATED);
+    assert_eq!(config.rig.name, "rig");
+    assert_eq!((config.camera.source, config.camera.scenario.as_deref()), (Source::Simulated, Some("lacrosse")));
+    assert_eq!((config.camera.paced, config.camera.speed), (true, 1.0));
+    assert_eq!((config.camera.image_px(), config.camera.pixel_format, config.camera.frame_rate_hz), (None, None, None));
+    assert_eq!((config.scale, config.record.as_ref()), (None, None));
+    assert_eq!((config.bodies.len(), config.bodies[0].name.as_str()), (1, "ball"));
+    assert_eq!(config.correlation, CorrelationParams::default());
+    assert_eq!((config.velocity.order, config.velocity.window_frames), (2, None));
+    assert_eq!((config.velocity.gravity_m_s2, config.velocity.gravity_angle_deg), (9.806_65, -90.0));
+    assert_eq!((config.trigger.mode, config.trigger.rearm), (TriggerMode::Off, true));
+    assert_eq!((config.trigger.pre_s, config.trigger.post_s), (0.05, 0.1));
+    assert!((1..=64).contains(&config.workers.count));
+    assert_eq!(config.workers.block_frames, 16);
+    assert_eq!((config.text.as_str(), config.origin.as_str()), (SIMULATED, "rig.toml"));
+}
+
+/// Every key there is, none with its default.
+pub const FULL: &str = r#"rig = { name = "drop_1" }
+scale = { ball_diameter_mm = 40 }
+surface = { angle_deg = 19.5, edge = [[0, 300], [400, 160]] }
+correlation = { method = "peak-spline", shape = "rigid", window = "circle", subset_size_px = 9, step_px = 255, spline_points = 20, search_px = 1024, interval_frames = 255, min_zncc = 0 }
+rotation = { method = "ring", ring_inner_px = 3, ring_outer_px = 5.5 }
+velocity = { window_frames = 3, order = 1, gravity_m_s2 = 0, gravity_angle_deg = -71 }
+trigger = { mode = "motion", threshold_dn = 7, roi_px = [1, 2, 3, 4], pre_s = 0, post_s = 2, rearm = false }
+record = { directory = "a/b", compression = "zstd", raw_frames = false, ring_bytes_max = 1048576 }
+workers = { count = 64, block_frames = 256 }
+[camera]
+source = "genicam"
+id = "maker-1234"
+width_px = 640
+height_px = 320
+offset_x_px = 8
+offset_y_px = 4
+pixel_format = "Mono12"
+frame_rate_hz = 1e6
+exposure_us = 1
+trigger_source = "Line1"
+packet_size_bytes = 9000
+features = { Flag = true, Count = -3, Gain = 1.5, Mode = "Off" }
+[[body]]
+name = "left"
+kind = "ball"
+diameter_mm = 63.25
+min_radius_px = 10
+max_radius_px = 20
+roi_px = [0, 0, 640, 320]
+[[body]]
+name = "right"
+"#;
+
+#[test]
+fn every_key_of_the_camera_arrives_where_it_belongs() {
+    let config = parse(FULL);
+    assert_eq!(config.rig.name, "drop_1");
+    let camera = &config.camera;
+    assert_eq!(
+        (camera.source, camera.id.as_deref(), camera.image_px()),
+        (Source::Genicam, Some("maker-1234"), Some((640, 320)))
+    );
+    assert_eq!(
+        (camera.offset_x_px, camera.offset_y_px, camera.pixel_format),
+        (Some(8), Some(4), Some(PixelFormat::Mono12))
+    );
+    assert_eq!((camera.frame_rate_hz, camera.exposure_us), (Some(1.0e6), Some(1.0)));
+    assert_eq!((camera.trigger_source.as_deref(), camera.packet_size_bytes), (Some("Line1"), Some(9000)));
+    assert_eq!(camera.features["Flag"], FeatureValue::Bool(true));
+    assert_eq!(camera.features["Count"], FeatureValue::Integer(-3));
+    assert_eq!(camera.features["Gain"], FeatureValue::Float(1.5));
+    assert_eq!(camera.features["Mode"], FeatureValue::Text("Off".into()));
+    assert_eq!(config.scale, Some(Scale::BallDiameterMm(40.0)));
+    assert_eq!((config.surface.angle_deg, config.surface.edge_px), (19.5, Some([[0.0, 300.0], [400.0, 160.0]])));
+}
+
+#[test]
+fn every_key_of_the_measurement_arrives_where_it_belongs() {
+    let config = parse(FULL);
+    let names: Vec<&str> = config.bodies.iter().map(|body| body.name.as_str()).collect();
+    assert_eq!((names, config.bodies[0].roi_px), (vec!["left", "right"], Some([0, 0, 640, 320])));
+    let correlation = CorrelationParams {
+        method: Method::PeakSpline,
+        shape: Shape::Rigid,
+        window: WindowShape::Circle,
+        subset_size_px: 9,
+        step_px: 255,
+        spline_points: 20,
+        search_px: 1024,
+        interval_frames: 255,
+        min_zncc: 0.0,
+    };
+    assert_eq!(config.correlation(), correlation);
+    assert_eq!((config.rotation.ring_inner_px, config.rotation.ring_outer_px), (Some(3.0), Some(5.5)));
+    assert_eq!((config.trigger.mode, config.trigger.threshold_dn), (TriggerMode::Motion, 7.0));
+    assert_eq!((config.trigger.roi_px, config.trigger.post_s, config.trigger.rearm), (Some([1, 2, 3, 4]), 2.0, false));
+    let record = config.record.as_ref().unwrap();
+    assert_eq!((record.directory.as_path(), record.compression), (Path::new("a/b"), Compression::Zstd));
+    assert_eq!((record.raw_frames, record.ring_bytes_max), (false, Some(1 << 20)));
+    assert_eq!((config.workers.count, config.workers.block_frames), (64, 256));
+}
+
+#[test]
+fn every_file_in_the_config_folder_loads() {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("config");
+    let mut files: Vec<PathBuf> = std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path()).collect();
+    files.sort();
+    assert!(files.len() >= 3, "only {files:?}");
+    for file in files {
+        let config = Config::load(&file).unwrap_or_else(|error| panic!("{error}"));
+        assert_eq!(config.text, std::fs::read_to_string(&file).unwrap());
+    }
+}
+
+#[test]
+fn ends_of_the_ranges_are_allowed() {
+    for addition in [
+        "width_px = 16\nheight_px = 65535\n[correlation]\nsubset_size_px = 9",
+        "frame_rate_hz = 1000000\n[correlation]\nsubset_size_px = 255\nstep_px = 255\nmin_zncc = 1",
+        "[scale]\nmm_per_px = 1000",
+        "[velocity]\nwindow_frames = 1001\norder = 4\ngravity_angle_deg = 180",
+        "[workers]\ncount = 1\nblock_frames = 4",
+        "[trigger]\npre_s = 60\npost_s = 3600",
+        "[rig]\nname = \"abcdefghijklmnopqrstuvwxyz_-0123\"",
+    ] {
+        parse(&format!("{SIMULATED}{addition}\n"));
+    }
+}
+
+#[test]
+fn radii_follow_from_diameter_and_scale_or_from_the_image() {
+    let radii = |addition: &str| {
+        let params = parse(&format!("{SIMULATED}{addition}\n")).ball(0, 512, 256);
+        (params.min_radius_px, params.max_radius_px)
+    };
+    let near = |(low, high): (f64, f64), expected: (f64, f64)| {
+        assert!(
+            (low - expected.0).abs() < 1e-9 && (high - expected.1).abs() < 1e-9,
+            "{low} to {high}, not {expected:?}"
+        );
+    };
+    near(radii(""), (0.04 * 256.0, 0.45 * 256.0));
+    near(radii("[scale]\nmm_per_px = 0.5\n[[body]]\ndiameter_mm = 60"), (48.0, 75.0));
+    near(radii("[scale]\nball_diameter_mm = 60\n[[body]]\ndiameter_mm = 60"), (0.04 * 256.0, 0.45 * 256.0));
+    near(radii("[[body]]\nmin_radius_px = 20\nmax_radius_px = 30"), (20.0, 30.0));
+    near(radii("[[body]]\nmin_radius_px = 200"), (200.0, 300.0));
+    near(radii("[[body]]\nmax_radius_px = 6"), (4.0, 6.0));
+}
+
+#[test]
+fn motion_is_planned_from_the_file_and_needs_a_scale() {
+    assert_eq!(parse(SIMULATED).motion(0, 1000.0), None);
+    let config = parse(&format!(
+        "{SIMULATED}[scale]\nball_diameter_mm = 40\n[surface]\nangle_deg = 19\n[velocity]\ngravity_angle_deg = -71\nwindow_frames = 21\norder = 3\n[correlation]\ninterval_frames = 5\n[[body]]\nname = \"a\"\n[[body]]\nname = \"b\"\ndiameter_mm = 63.25\n"
+    ));
+    let params = config.motion(0, 10_000.0).unwrap();
+    assert_eq!(
+        (params.scale, params.surface_angle_deg, params.gravity_angle_deg),
+        (Scale::BallDiameterMm(40.0), 19.0, -71.0)
+    );
+    assert_eq!((params.gravity_m_s2, params.window_frames, params.order), (9.806_65, Some(21), 3));
+    assert_eq!((params.interval_frames, params.frame_period_ns), (5, 100_000.0));
+    assert_eq!(config.motion(1, 10_000.0).unwrap().scale, Scale::BallDiameterMm(63.25));
+}
+
+#[test]
+fn gravity_points_along_the_way_the_lacrosse_ball_comes_in() {
+    let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("config/lacrosse.toml");
+    let config = Config::load(file).unwrap();
+    let (vn_m_s, vt_m_s): (f64, f64) = (-1.69, 0.57);
+    let falling_deg = vn_m_s.atan2(vt_m_s).to_degrees() + config.surface.angle_deg;
+    // The paper rounds its speeds to 0.01 m/s and its angle to 1 deg.
+    assert!((falling_deg - config.velocity.gravity_angle_deg).abs() < 1.0, "the ball falls along {falling_deg} deg");
+}

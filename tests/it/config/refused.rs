@@ -1,0 +1,283 @@
+//! Keys, words and numbers that are refused, and the sentence each gets.
+
+use super::{GENICAM, refusal, refused_on_a_simulated_rig};
+
+#[test]
+fn an_unknown_key_is_refused_and_the_nearest_known_one_named() {
+    refused_on_a_simulated_rig(&[
+        ("widht_px = 5", ", line 3: unknown key camera.widht_px; the nearest known key is camera.width_px"),
+        ("[camrea]", ", line 3: unknown key camrea; the nearest known key is camera"),
+        (
+            "[[body]]\n[[body]]\nradius_px = 3",
+            ", line 5: unknown key body[1].radius_px; the nearest known key is body[1].min_radius_px",
+        ),
+        ("[rig]\nNAME = \"a\"", ", line 4: unknown key rig.NAME; the nearest known key is rig.name"),
+        ("[bridge]\nzenho = 1", ", line 4: unknown key bridge.zenho; the nearest known key is bridge.zenoh"),
+        ("fps = 3", ", line 3: unknown key camera.fps; the nearest known key is camera.id"),
+    ]);
+    let odd = refusal("[rig]\n\"a.b\\nna`me\" = 1");
+    assert_eq!(odd, "rig.toml, line 2: unknown key rig.\"a.b\\nna`me\"; the nearest known key is rig.name");
+    assert_eq!(refusal("\n\nx = 1"), "rig.toml, line 3: unknown key x; the nearest known key is rig");
+}
+
+#[test]
+fn a_value_of_the_wrong_type_is_refused_in_plain_words() {
+    refused_on_a_simulated_rig(&[
+        ("width_px = \"512\"", ", line 3: camera.width_px = \"512\": must be a whole number"),
+        ("width_px = 512.5", ", line 3: camera.width_px = 512.5: must be a whole number"),
+        ("frame_rate_hz = true", ", line 3: camera.frame_rate_hz = true: must be a number"),
+        ("paced = 1", ", line 3: camera.paced = 1: must be true or false"),
+        ("scenario = 3", ", line 3: camera.scenario = 3: must be a text in quotes"),
+        ("[trigger]\nroi_px = [1, 2, \"3\", 4]", ", line 4: trigger.roi_px[2] = \"3\": must be a whole number"),
+        ("[surface]\nedge = 4", ", line 4: surface.edge = 4: must be a list"),
+        (
+            "[workers]\ncount = 99999999999999999999",
+            ", line 4: workers.count = 99999999999999999999: must be a whole number",
+        ),
+    ]);
+    assert_eq!(refusal("rig = \"a\""), "rig.toml, line 1: rig = \"a\": must be a table");
+    assert_eq!(refusal("body = 3"), "rig.toml, line 1: body = 3: must be a list");
+}
+
+#[test]
+fn numbers_out_of_range_are_refused_with_the_range_and_its_unit() {
+    refused_on_a_simulated_rig(&[
+        ("width_px = 15", ", line 3: camera.width_px = 15: must be 16 to 65535 px"),
+        ("height_px = 65536", ", line 3: camera.height_px = 65536: must be 16 to 65535 px"),
+        ("height_px = -512", ", line 3: camera.height_px = -512: must be 16 to 65535 px"),
+        ("frame_rate_hz = 0", ", line 3: camera.frame_rate_hz = 0: must be above 0 and at most 1000000 Hz"),
+        (
+            "frame_rate_hz = 1000000.5",
+            ", line 3: camera.frame_rate_hz = 1000000.5: must be above 0 and at most 1000000 Hz",
+        ),
+        ("frame_rate_hz = nan", ", line 3: camera.frame_rate_hz = nan: must be above 0 and at most 1000000 Hz"),
+        ("frame_rate_hz = inf", ", line 3: camera.frame_rate_hz = inf: must be above 0 and at most 1000000 Hz"),
+        ("exposure_us = 0", ", line 3: camera.exposure_us = 0: must be above 0 and at most 10000000 us"),
+        ("[scale]\nmm_per_px = 0", ", line 4: scale.mm_per_px = 0: must be 0.000001 to 1000 mm/px"),
+        (
+            "[scale]\nball_diameter_mm = -1",
+            ", line 4: scale.ball_diameter_mm = -1: must be above 0 and at most 10000 mm",
+        ),
+        ("[surface]\nangle_deg = -181", ", line 4: surface.angle_deg = -181: must be -180 to 180 deg"),
+        ("[surface]\nangle_deg = 180.5", ", line 4: surface.angle_deg = 180.5: must be -180 to 180 deg"),
+        (
+            "[[body]]\ndiameter_mm = 10001",
+            ", line 4: body[0].diameter_mm = 10001: must be above 0 and at most 10000 mm",
+        ),
+        ("[[body]]\nmin_radius_px = 1", ", line 4: body[0].min_radius_px = 1: must be 2 to 32768 px"),
+        ("[[body]]\nmax_radius_px = 40000", ", line 4: body[0].max_radius_px = 40000: must be 2 to 32768 px"),
+        ("[correlation]\nsubset_size_px = 7", ", line 4: correlation.subset_size_px = 7: must be 9 to 255 px, odd"),
+        ("[correlation]\nsubset_size_px = 257", ", line 4: correlation.subset_size_px = 257: must be 9 to 255 px, odd"),
+        ("[correlation]\nstep_px = 0", ", line 4: correlation.step_px = 0: must be 1 to 255 px"),
+        ("[correlation]\nspline_points = 21", ", line 4: correlation.spline_points = 21: must be 0 to 20"),
+        ("[correlation]\nsearch_px = 0", ", line 4: correlation.search_px = 0: must be 1 to 1024 px"),
+        (
+            "[correlation]\ninterval_frames = 256",
+            ", line 4: correlation.interval_frames = 256: must be 1 to 255 frames",
+        ),
+        ("[correlation]\nmin_zncc = 1.01", ", line 4: correlation.min_zncc = 1.01: must be 0 to 1"),
+        ("[rotation]\nring_inner_px = -1", ", line 4: rotation.ring_inner_px = -1: must be 0 to 32768 px"),
+        ("[rotation]\nring_outer_px = 0", ", line 4: rotation.ring_outer_px = 0: must be above 0 and at most 32768 px"),
+        ("[velocity]\nwindow_frames = 1", ", line 4: velocity.window_frames = 1: must be 3 to 1001 frames, odd"),
+        ("[velocity]\norder = 5", ", line 4: velocity.order = 5: must be 1 to 4"),
+        ("[velocity]\ngravity_m_s2 = -9.81", ", line 4: velocity.gravity_m_s2 = -9.81: must be 0 to 100 m/s^2"),
+        ("[velocity]\ngravity_angle_deg = 200", ", line 4: velocity.gravity_angle_deg = 200: must be -180 to 180 deg"),
+        ("[trigger]\nthreshold_dn = 0", ", line 4: trigger.threshold_dn = 0: must be above 0 and at most 65535 DN"),
+        ("[trigger]\npre_s = -0.1", ", line 4: trigger.pre_s = -0.1: must be 0 to 60 s"),
+        ("[trigger]\npost_s = 0", ", line 4: trigger.post_s = 0: must be above 0 and at most 3600 s"),
+        (
+            "[record]\ndirectory = \"a\"\nring_bytes_max = 5",
+            ", line 5: record.ring_bytes_max = 5: must be 1048576 to 1099511627776 bytes",
+        ),
+        ("[workers]\ncount = 0", ", line 4: workers.count = 0: must be 1 to 64"),
+        ("[workers]\ncount = 65", ", line 4: workers.count = 65: must be 1 to 64"),
+        ("[workers]\nblock_frames = 3", ", line 4: workers.block_frames = 3: must be 4 to 256 frames"),
+        ("[workers]\nblock_frames = 257", ", line 4: workers.block_frames = 257: must be 4 to 256 frames"),
+    ]);
+    let packet = refusal(&format!("{GENICAM}packet_size_bytes = 575\n"));
+    assert_eq!(packet, "rig.toml, line 7: camera.packet_size_bytes = 575: must be 576 to 65535 bytes");
+    let offset = refusal(&format!("{GENICAM}offset_x_px = -1\n"));
+    assert_eq!(offset, "rig.toml, line 7: camera.offset_x_px = -1: must be 0 to 65535 px");
+}
+
+#[test]
+fn words_that_mean_nothing_are_refused_with_the_ones_that_do() {
+    refused_on_a_simulated_rig(&[
+        (
+            "pixel_format = \"mono8\"",
+            ", line 3: camera.pixel_format = \"mono8\": must be \"Mono8\", \"Mono10\", \"Mono12\", \"Mono16\"",
+        ),
+        (
+            "[correlation]\nmethod = \"icgn\"",
+            ", line 4: correlation.method = \"icgn\": must be \"spline-fft\", \"peak-gaussian\", \"peak-spline\", \"ic-gn\"",
+        ),
+        (
+            "[correlation]\nshape = \"cubic\"",
+            ", line 4: correlation.shape = \"cubic\": must be \"translation\", \"rigid\", \"affine\", \"quadratic\"",
+        ),
+        (
+            "[correlation]\nwindow = \"disc\"",
+            ", line 4: correlation.window = \"disc\": must be \"square\", \"circle\", \"ring\"",
+        ),
+        (
+            "[rotation]\nmethod = \"hough\"",
+            ", line 4: rotation.method = \"hough\": must be \"field\", \"ring\", \"rigid\"",
+        ),
+        ("[trigger]\nmode = \"on\"", ", line 4: trigger.mode = \"on\": must be \"off\", \"software\", \"motion\""),
+        (
+            "[record]\ndirectory = \"a\"\ncompression = \"lz4\"",
+            ", line 5: record.compression = \"lz4\": must be \"none\", \"zstd\"",
+        ),
+        ("[[body]]\nkind = \"cube\"", ", line 4: body[0].kind = \"cube\": must be \"ball\""),
+    ]);
+    let source = refusal("[camera]\nsource = \"usb\"\n");
+    assert_eq!(source, "rig.toml, line 2: camera.source = \"usb\": must be \"simulated\", \"recording\", \"genicam\"");
+}
+
+#[test]
+fn what_this_version_does_not_offer_is_refused_by_name() {
+    let modes = "allowed: \"off\", \"software\", \"motion\"";
+    refused_on_a_simulated_rig(&[
+        (
+            "[trigger]\nmode = \"hardware\"",
+            &format!(", line 4: trigger.mode = \"hardware\" is not offered by this version; {modes}"),
+        ),
+        (
+            "[trigger]\nmode = \"predicted-contact\"",
+            &format!(", line 4: trigger.mode = \"predicted-contact\" is not offered by this version; {modes}"),
+        ),
+        (
+            "[[body]]\nkind = \"rod\"",
+            ", line 4: body[0].kind = \"rod\" is not offered by this version; allowed: \"ball\"",
+        ),
+        (
+            "[[body]]\nkind = \"patch\"",
+            ", line 4: body[0].kind = \"patch\" is not offered by this version; allowed: \"ball\"",
+        ),
+        (
+            "[serve]\nhttp = \"127.0.0.1:8080\"",
+            ", line 3: the table [serve] is not offered by this version; leave it out",
+        ),
+        ("[bridge]\nzenoh = {}", ", line 3: the table [bridge] is not offered by this version; leave it out"),
+    ]);
+    let v4l2 = refusal("[camera]\nsource = \"v4l2\"\n");
+    assert_eq!(
+        v4l2,
+        "rig.toml, line 2: camera.source = \"v4l2\" is not offered by this version; allowed: \"simulated\", \"recording\", \"genicam\""
+    );
+}
+
+#[test]
+fn keys_of_another_setting_are_refused_and_not_ignored() {
+    refused_on_a_simulated_rig(&[
+        (
+            "id = \"a\"",
+            ", line 3: camera.id = \"a\": does not go with source = \"simulated\"; it belongs to source = \"recording\", \"genicam\"",
+        ),
+        (
+            "features = { Gain = 1 }",
+            ", line 3: camera.features = { Gain = 1 }: does not go with source = \"simulated\"; it belongs to source = \"genicam\"",
+        ),
+        (
+            "[[body]]\ncenter_px = [1, 2]",
+            ", line 4: body[0].center_px = [1, 2]: does not go with kind = \"ball\"; it belongs to kind = \"patch\"",
+        ),
+    ]);
+    let paced = refusal(&format!("{GENICAM}paced = false\n"));
+    assert_eq!(
+        paced,
+        "rig.toml, line 7: camera.paced = false: does not go with source = \"genicam\"; it belongs to source = \"simulated\", \"recording\""
+    );
+    let width = refusal("[camera]\nsource = \"recording\"\nid = \"a.mcap\"\nwidth_px = 512\n");
+    assert_eq!(
+        width,
+        "rig.toml, line 4: camera.width_px = 512: does not go with source = \"recording\"; it belongs to source = \"simulated\", \"genicam\""
+    );
+}
+
+#[test]
+fn missing_keys_are_named() {
+    assert_eq!(refusal(""), "rig.toml: camera.source is missing: must be \"simulated\", \"recording\", \"genicam\"");
+    let recording = refusal("[camera]\nsource = \"recording\"\n");
+    assert_eq!(
+        recording,
+        "rig.toml: camera.id is missing: must be the path of an MCAP file for source = \"recording\""
+    );
+    for (key, said) in [
+        ("id", "the address, serial number or name of a camera"),
+        ("width_px", "16 to 65535 px"),
+        ("height_px", "16 to 65535 px"),
+        ("frame_rate_hz", "above 0 and at most 1000000 Hz"),
+    ] {
+        let without: String =
+            GENICAM.lines().filter(|line| !line.starts_with(key)).map(|line| format!("{line}\n")).collect();
+        assert_eq!(
+            refusal(&without),
+            format!("rig.toml: camera.{key} is missing: must be {said} for source = \"genicam\"")
+        );
+    }
+    refused_on_a_simulated_rig(&[
+        ("[record]", ": record.directory is missing: must be the path of a folder"),
+        (
+            "[[body]]\nname = \"a\"\n[[body]]",
+            ": body[1].name is missing: must be 1 to 32 of the characters a-z A-Z 0-9 _ -",
+        ),
+    ]);
+}
+
+#[test]
+fn values_at_odds_are_refused() {
+    refused_on_a_simulated_rig(&[
+        ("[correlation]\nsubset_size_px = 30", ", line 4: correlation.subset_size_px = 30: must be odd, 9 to 255 px"),
+        ("[velocity]\nwindow_frames = 20", ", line 4: velocity.window_frames = 20: must be odd, 3 to 1001 frames"),
+        (
+            "[velocity]\nwindow_frames = 3\norder = 4",
+            ", line 4: velocity.window_frames = 3: must be more than order = 4",
+        ),
+        (
+            "[[body]]\nmin_radius_px = 20\nmax_radius_px = 20",
+            ", line 4: body[0].min_radius_px = 20: must be less than max_radius_px = 20 px",
+        ),
+        (
+            "[rotation]\nring_inner_px = 6\nring_outer_px = 5",
+            ", line 4: rotation.ring_inner_px = 6: must be less than ring_outer_px = 5 px",
+        ),
+        (
+            "[scale]\nmm_per_px = 1\nball_diameter_mm = 3",
+            ", line 5: scale.ball_diameter_mm = 3: must be left out, because mm_per_px is given too",
+        ),
+        (
+            "[[body]]\nname = \"a\"\n[[body]]\nname = \"a\"",
+            ", line 6: body[1].name = \"a\": must be different from the names of the bodies before it",
+        ),
+        (
+            "frame_rate_hz = 10000\nexposure_us = 101",
+            ", line 4: camera.exposure_us = 101: must be at most 100 us, as long as a frame at 10000 Hz lasts",
+        ),
+        (
+            "width_px = 32\nheight_px = 20",
+            ": correlation.subset_size_px is missing: must be at most 20 px, the smaller side of the image; left out it is 31",
+        ),
+        (
+            "[surface]\nedge = [[0, 0], [10, 10]]",
+            ", line 4: surface.edge = [[0, 0], [10, 10]]: must be within 10 deg of angle_deg = 0 deg",
+        ),
+        (
+            "[surface]\nedge = [[5, 5], [5, 5]]",
+            ", line 4: surface.edge = [[5, 5], [5, 5]]: must be two different points [[x, y], [x, y]], each number -65536 to 65536 px",
+        ),
+        ("[rig]\nname = \"Drop 1\"", ", line 4: rig.name = \"Drop 1\": must be 1 to 32 of the characters a-z 0-9 _ -"),
+        ("[rig]\nname = \"\"", ", line 4: rig.name = \"\": must be 1 to 32 of the characters a-z 0-9 _ -"),
+        (
+            "[record]\ndirectory = \" \"",
+            ", line 4: record.directory = \" \": must be a text of one line that is not empty",
+        ),
+    ]);
+    let quoted = refusal(&format!("{GENICAM}features = {{ \"A[B=C]\" = nan }}\n"));
+    assert!(quoted.starts_with("rig.toml, line 7: camera.features.\"A[B=C]\" = nan: must be "), "{quoted}");
+    let feature = refusal(&format!("{GENICAM}features = {{ A = [1] }}\n"));
+    assert_eq!(
+        feature,
+        "rig.toml, line 7: camera.features.A = [1]: must be true or false, a finite number, or a text in quotes"
+    );
+}

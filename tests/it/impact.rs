@@ -1,0 +1,355 @@
+//! Collisions against simulated truth.
+
+use ricochet::measure::{Tracker, TrackerParams, TrackerRows};
+use ricochet::motion::MotionParams;
+use ricochet::results::{BodyStep, Estimate, ForceLaw, Impact, Phase, PointStatus};
+
+use crate::bounce::{Experiment, Law, Noise, Truth, lacrosse, rod, steps, tennis};
+
+pub fn track(steps: &[BodyStep], params: &MotionParams) -> TrackerRows {
+    let mut rows = TrackerRows::default();
+    let mut tracker = Tracker::new(&TrackerParams { motion: vec![params.clone()], contact: true });
+    for step in steps {
+        tracker.push(step, &mut rows);
+    }
+    tracker.finish(&mut rows);
+    rows
+}
+
+/// Error and error over sigma, noise seed by noise seed.
+#[derive(Default)]
+struct Errors {
+    error: Vec<f64>,
+    pull: Vec<f64>,
+}
+
+impl Errors {
+    fn push(&mut self, estimate: Option<Estimate>, truth: f64, unit: f64) {
+        let e = estimate.expect("measured");
+        self.error.push((e.value - truth) / unit);
+        self.pull.push((e.value - truth).abs() / e.sigma);
+    }
+
+    fn bias(&self) -> f64 {
+        self.error.iter().sum::<f64>() / self.error.len() as f64
+    }
+
+    fn rms(&self) -> f64 {
+        (self.error.iter().map(|e| e * e).sum::<f64>() / self.error.len() as f64).sqrt()
+    }
+
+    fn worst(&self) -> f64 {
+        self.error.iter().map(|e| e.abs()).fold(0.0, f64::max)
+    }
+
+    fn covered(&self, sigmas: f64) -> f64 {
+        self.pull.iter().filter(|p| **p <= sigmas).count() as f64 / self.pull.len() as f64
+    }
+}
+
+const NAMES: [&str; 11] =
+    ["start", "deepest", "end", "e", "vn before", "vn after", "vt after", "omega", "depth", "accel", "impulse"];
+
+fn compare(errors: &mut [Errors; 11], impact: &Impact, truth: &Truth) {
+    let period = 1.0 / truth.experiment.frame_rate_hz;
+    let [vn, vt, omega] = truth.before;
+    let gravity = 9.81 * (truth.end - truth.start) * period;
+    let push = |e: &mut Errors, x, t, unit| e.push(x, t, unit);
+    push(&mut errors[0], impact.start_s, truth.start * period, period);
+    push(&mut errors[1], impact.deepest_s, truth.deepest * period, period);
+    push(&mut errors[2], impact.end_s, truth.end * period, period);
+    push(&mut errors[3], impact.restitution, -truth.after[0] / vn, 0.01);
+    push(&mut errors[4], impact.vn_before_m_s, vn, vn.abs() / 100.0);
+    push(&mut errors[5], impact.vn_after_m_s, truth.after[0], vn.abs() / 100.0);
+    push(&mut errors[6], impact.vt_after_m_s, truth.after[1], vn.abs() / 100.0);
+    push(&mut errors[7], impact.omega_after_rad_s, truth.after[2], (truth.after[2] - omega).abs().max(1.0) / 100.0);
+    push(&mut errors[8], impact.compression_max_mm, truth.depth_mm, truth.depth_mm / 100.0);
+    push(&mut errors[9], impact.acceleration_max_m_s2, truth.acceleration, truth.acceleration / 100.0);
+    push(&mut errors[10], impact.impulse_ratio, (truth.after[1] - vt) / (truth.after[0] - vn + gravity), 0.01);
+}
+
+struct Study {
+    errors: [Errors; 11],
+    laws: Vec<ForceLaw>,
+}
+
+fn study(experiment: &Experiment, seeds: u64, interval: usize) -> Study {
+    let mut errors: [Errors; 11] = Default::default();
+    let mut laws = Vec::new();
+    for seed in 0..seeds {
+        let mut noise = Noise::new(seed + 1);
+        let truth = experiment.simulate(noise.uniform());
+        let params = MotionParams { interval_frames: interval as u32, ..experiment.params() };
+        let rows = track(&truth.steps(interval, &mut noise), &params);
+        let impact = rows.impacts.last().unwrap_or_else(|| panic!("{} seed {seed}: no impact", experiment.name));
+        assert!(rows.impacts.iter().all(|i| i.number == 0), "{} seed {seed}: {:?}", experiment.name, rows.impacts);
+        compare(&mut errors, impact, &truth);
+        laws.push(impact.force_law);
+    }
+    println!("{} interval {interval}: bias / rms / worst, covered at 1 and 2 sigma", experiment.name);
+    for (name, e) in NAMES.iter().zip(&errors) {
+        let cover = (e.covered(1.0), e.covered(2.0));
+        println!("  {name:10} {:8.4} {:8.4} {:8.4}   {:.2} {:.2}", e.bias(), e.rms(), e.worst(), cover.0, cover.1);
+    }
+    let count = |law: ForceLaw| laws.iter().filter(|l| **l == law).count();
+    println!("  laws {:?}", ForceLaw::ALL.map(|l| (l.word(), count(l))));
+    Study { errors, laws }
+}
+
+
+/// Errors of these must stay under these: start, deepest, end (frames), e (points), vn (%), spin (% of its change).
+struct Limits {
+    start: f64,
+    deepest: f64,
+    end: f64,
+    e: f64,
+    vn: f64,
+}
+
+fn assert_study(experiment: &Experiment, limits: &Limits) {
+    let Study { errors, laws } = study(experiment, 50, 1);
+    let name = experiment.name;
+    let within = |k: usize, limit: f64| {
+        assert!(errors[k].rms() <= limit, "{name}: {} off by {} rms, limit {limit}", NAMES[k], errors[k].rms());
+        assert!(errors[k].bias().abs() <= limit / 2.0, "{name}: {} bias {}", NAMES[k], errors[k].bias());
+    };
+    within(0, limits.start);
+    within(1, limits.deepest);
+    within(2, limits.end);
+    within(3, limits.e);
+    within(4, limits.vn);
+    within(5, limits.vn);
+    assert!(errors[1].worst() <= 0.05_f64.max(4.0 * limits.deepest), "{name}: deepest {}", errors[1].worst());
+    // Velocities, restitution and impulse are calibrated on both sides; times, depth and acceleration, where laws
+    // compete, at least cover.
+    for k in [3, 4, 5, 6, 10] {
+        let (one, two) = (errors[k].covered(1.0), errors[k].covered(2.0));
+        assert!((0.52..=0.9).contains(&one) && two >= 0.85, "{name}: {} covered {one}, {two}", NAMES[k]);
+    }
+    for k in [0, 1, 2, 8, 9] {
+        let (one, two) = (errors[k].covered(1.0), errors[k].covered(2.0));
+        assert!(one >= 0.6 && two >= 0.9, "{name}: {} covered {one}, {two}", NAMES[k]);
+    }
+    assert!(laws.iter().filter(|l| **l == ForceLaw::None).count() <= 3, "{name}: {laws:?}");
+}
+
+#[test]
+fn a_lacrosse_ball_is_measured_under_both_laws() {
+    for hunt_crossley in [false, true] {
+        let limits = Limits { start: 0.1, deepest: 0.005, end: 0.1, e: 0.05, vn: 0.05 };
+        assert_study(&lacrosse(hunt_crossley), &limits);
+    }
+}
+
+#[test]
+fn a_tennis_ball_is_measured_under_both_laws() {
+    for hunt_crossley in [false, true] {
+        let limits = Limits { start: 0.05, deepest: 0.002, end: 0.05, e: 0.02, vn: 0.02 };
+        assert_study(&tennis(hunt_crossley), &limits);
+    }
+}
+
+#[test]
+fn a_rod_is_measured_under_both_laws() {
+    for hunt_crossley in [false, true] {
+        let limits = Limits { start: 0.5, deepest: 0.03, end: 0.8, e: 0.08, vn: 0.08 };
+        assert_study(&rod(hunt_crossley), &limits);
+    }
+}
+
+#[test]
+fn spin_and_tangential_velocity_change_as_they_did() {
+    for interval in [1, 2, 5] {
+        let Study { errors, .. } = study(&tennis(true), 20, interval);
+        assert!(errors[7].worst() < 1.0, "spin after, % of its change: {}", errors[7].worst());
+        assert!(errors[6].worst() < 0.1, "vt after: {}", errors[6].worst());
+        assert!(errors[10].worst() < 0.1, "impulse ratio, points: {}", errors[10].worst());
+    }
+}
+
+#[test]
+fn longer_intervals_measure_the_same_collision() {
+    for interval in [2, 5] {
+        let Study { errors, .. } = study(&tennis(false), 20, interval);
+        assert!(errors[0].worst() < 1.0 && errors[2].worst() < 1.0, "start, end");
+        assert!(errors[1].worst() < 0.05 && errors[3].worst() < 0.1, "deepest, restitution");
+    }
+}
+
+#[test]
+fn a_law_outside_the_fitted_family_moves_the_ends_and_little_else() {
+    for (base, stroke, limit) in [(lacrosse(true), 2.25e-3, 1.5), (tennis(true), 7.2e-3, 1.5), (rod(true), 0.405e-3, 2.5)] {
+        let Law::HuntCrossley(k, c) = base.law else { unreachable!() };
+        let Study { errors, .. } = study(&Experiment { law: Law::Stranger(k, c, stroke), ..base }, 30, 1);
+        assert!(errors[0].rms() < limit && errors[2].rms() < limit, "start {} end {}", errors[0].rms(), errors[2].rms());
+        assert!(errors[0].covered(2.0) >= 0.6 && errors[2].covered(2.0) >= 0.6);
+        assert!(errors[1].worst() < 0.1, "deepest {}", errors[1].worst());
+        assert!(errors[3].rms() < 0.1 && errors[4].rms() < 0.1 && errors[5].rms() < 0.1);
+    }
+}
+
+#[test]
+fn missing_steps_in_contact_cost_little() {
+    for experiment in [lacrosse(true), tennis(false)] {
+        let mut errors: [Errors; 11] = Default::default();
+        for seed in 0..20 {
+            let mut noise = Noise::new(seed + 700);
+            let truth = experiment.simulate(noise.uniform());
+            let mut steps = truth.steps(1, &mut noise);
+            let middle = ((truth.start + truth.end) / 2.0) as usize;
+            for at in [middle - 12, middle, middle + 1, middle + 10] {
+                (steps[at].step, steps[at].status) = (None, PointStatus::LowCorrelation);
+            }
+            let rows = track(&steps, &experiment.params());
+            compare(&mut errors, rows.impacts.last().expect("an impact"), &truth);
+        }
+        assert!(errors[0].rms() < 0.5 && errors[2].rms() < 0.5, "{} {}", errors[0].rms(), errors[2].rms());
+        assert!(errors[1].worst() < 0.2, "deepest {}", errors[1].worst());
+        assert!(errors[3].worst() < 0.1, "restitution {}", errors[3].worst());
+    }
+}
+
+/// Poses in px of a body that is never touched.
+fn flight(frames: usize, vn_px: f64, gravity_px: f64) -> Vec<[f64; 3]> {
+    (0..frames)
+        .map(|i| i as f64)
+        .map(|t| [0.2 * t, vn_px * t + 0.5 * gravity_px * t * t, 0.05 * t])
+        .collect()
+}
+
+#[test]
+fn no_collision_is_no_impact() {
+    let params = lacrosse(true).params();
+    let gravity = 9.81e-8 / 0.5142e-3;
+    for seed in 0..200 {
+        let mut noise = Noise::new(seed + 40);
+        // Falling, rising, hovering without gravity, held and then let go.
+        let frames = 100 + (seed % 5) as usize * 40;
+        let mut poses = match seed % 4 {
+            0 => flight(frames, 0.33, gravity),
+            1 => flight(frames, -0.3, gravity),
+            2 => flight(frames, 0.2, 0.0),
+            _ => [vec![[5.0, 5.0, 0.0]; 60], flight(frames, 0.0, gravity)].concat(),
+        };
+        if seed % 3 == 1 {
+            // One wrong step: everything after it is shifted.
+            for p in &mut poses[50..] {
+                (p[0], p[1]) = (p[0] + 0.3, p[1] - 0.2);
+            }
+        }
+        let steps = steps(&poses, 1, 1e5, (0.0011, 0.0017, 60.0), &mut noise);
+        let rows = track(&steps, &params);
+        assert!(rows.impacts.is_empty(), "seed {seed}: {:?}", rows.impacts);
+        assert!(rows.velocities.iter().all(|r| r.phase == Phase::Flight), "seed {seed}");
+    }
+}
+
+#[test]
+fn a_held_ball_that_is_dropped_bounces_once() {
+    // 60 frames held, 100 falling, then the impact.
+    let experiment = Experiment { before_frames: 100, vn_m_s: -1.69, ..lacrosse(true) };
+    for seed in 0..10 {
+        let mut noise = Noise::new(seed + 90);
+        let truth = experiment.simulate(noise.uniform());
+        let image = truth.image_poses();
+        let mut poses = vec![image[0]; 60];
+        poses.extend(image);
+        let steps = steps(&poses, 1, 1e5, (0.0011, 0.0017, 60.0), &mut noise);
+        let rows = track(&steps, &experiment.params());
+        let last = rows.impacts.last().expect("an impact");
+        assert!(rows.impacts.iter().all(|i| i.number == 0));
+        assert!((last.start_s.unwrap().value * 1e4 - truth.start - 60.0).abs() < 1.0);
+        assert!((last.restitution.unwrap().value + truth.after[0] / truth.before[0]).abs() < 0.002);
+    }
+}
+
+#[test]
+fn every_bounce_of_several_has_its_row() {
+    let mut experiment = Experiment { before_frames: 40, after_frames: 120, ..lacrosse(true) };
+    let mut poses: Vec<[f64; 3]> = Vec::new();
+    let mut truths = Vec::new();
+    for _ in 0..3 {
+        let truth = experiment.simulate(0.4);
+        let image = truth.image_poses();
+        let shift: [f64; 3] = match poses.last() {
+            Some(last) => std::array::from_fn(|k| last[k] - image[0][k]),
+            None => [0.0; 3],
+        };
+        let first = poses.len().saturating_sub(1);
+        poses.truncate(first);
+        poses.extend(image.iter().map(|p| -> [f64; 3] { std::array::from_fn(|k| p[k] + shift[k]) }));
+        truths.push((first as f64, truth.clone()));
+        // The next contact comes from the other side of a box: the same fall with the speed just reached.
+        experiment = Experiment { vn_m_s: -0.8 * experiment.vn_m_s.abs(), before_frames: 40, ..experiment };
+    }
+    let steps = steps(&poses, 1, 1e5, (0.0011, 0.0017, 60.0), &mut Noise::new(5));
+    let rows = track(&steps, &experiment.params());
+    let last = |number: u32| rows.impacts.iter().rfind(|i| i.number == number);
+    let (first, truth) = &truths[0];
+    assert!((last(0).unwrap().start_s.unwrap().value * 1e4 - truth.start - first).abs() < 1.0);
+    assert!(rows.impacts.iter().all(|i| i.number < 3), "{:?}", rows.impacts);
+}
+
+#[test]
+fn revisions_come_in_time_and_get_sharper() {
+    for experiment in [lacrosse(true), tennis(false), rod(true)] {
+        let truth = Experiment { after_frames: 100, ..experiment }.simulate(0.6);
+        let steps = truth.steps(1, &mut Noise::new(77));
+        let mut tracker = Tracker::new(&TrackerParams { motion: vec![experiment.params()], contact: true });
+        let mut rows = TrackerRows::default();
+        let mut told = Vec::new();
+        for step in &steps {
+            tracker.push(step, &mut rows);
+            told.extend(rows.impacts.drain(..).map(|i| (step.frame as f64 - truth.end, i)));
+        }
+        tracker.finish(&mut rows);
+        assert!(rows.impacts.is_empty(), "frozen before the stream ended");
+        assert!(told[0].0 <= 20.0, "{}: restitution {} frames after the end", experiment.name, told[0].0);
+        assert!(told.iter().enumerate().all(|(i, (_, impact))| impact.revision as usize == i));
+        let sigmas: Vec<f64> = told.iter().map(|(_, i)| i.restitution.unwrap().sigma).collect();
+        assert!(sigmas.windows(2).all(|w| w[1] <= w[0]), "{}: {sigmas:?}", experiment.name);
+        let errors = told.iter().map(|(_, i)| i.restitution.unwrap()).map(|e| (e.value + truth.after[0] / truth.before[0]).abs() / e.sigma);
+        assert!(errors.into_iter().all(|pull| pull < 4.0));
+    }
+}
+
+#[test]
+fn a_stream_cut_off_in_contact_says_that_it_began() {
+    let truth = tennis(true).simulate(0.5);
+    let steps = truth.steps(1, &mut Noise::new(6));
+    let rows = track(&steps[..70], &truth.experiment.params());
+    let [impact] = rows.impacts[..] else { panic!("{:?}", rows.impacts) };
+    assert_eq!(impact.status, PointStatus::Lost);
+    assert!(impact.end_s.is_none() && impact.restitution.is_none());
+    assert!((impact.start_s.unwrap().value * 1e4 - truth.start).abs() < 3.0);
+}
+
+#[test]
+fn a_tilted_surface_changes_nothing_but_the_axes() {
+    let level = lacrosse(true).simulate(0.25);
+    let tilted = Experiment { surface_angle_deg: 19.0, ..lacrosse(true) }.simulate(0.25);
+    let [a, b] = [level, tilted].map(|t| {
+        let quiet = Experiment { sigma_px: 1e-5, sigma_deg: 1e-5, ..t.experiment };
+        let t = Truth { experiment: quiet, ..t };
+        let rows = track(&t.steps(1, &mut Noise::new(2)), &t.experiment.params());
+        *rows.impacts.last().expect("an impact")
+    });
+    for ((name, a), (_, b)) in a.numbers().into_iter().zip(b.numbers()) {
+        let (Some(a), Some(b)) = (a, b) else {
+            assert!(a.is_none() && b.is_none(), "{name}");
+            continue;
+        };
+        assert!((a.value - b.value).abs() <= 1e-3 * a.value.abs().max(1e-3), "{name}: {a:?} {b:?}");
+    }
+}
+
+#[test]
+fn without_a_surface_there_are_no_phases_and_no_impacts() {
+    let truth = lacrosse(true).simulate(0.5);
+    let mut rows = TrackerRows::default();
+    let mut tracker = Tracker::new(&TrackerParams { motion: vec![truth.experiment.params()], contact: false });
+    truth.steps(1, &mut Noise::new(1)).iter().for_each(|s| tracker.push(s, &mut rows));
+    tracker.finish(&mut rows);
+    assert!(rows.impacts.is_empty());
+    assert!(rows.velocities.iter().all(|r| r.phase == Phase::Unknown && r.velocity.is_some()));
+}

@@ -1,0 +1,210 @@
+//! Files that were cut off, damaged, or made to break the reader.
+
+use super::samples;
+use ricochet::command::info;
+use ricochet::image::{Frame, PixelFormat};
+use ricochet::recording::{
+    Compression, Recording, RecordingError, RecordingInfo, RecordingWriter, WriterOptions, part_path, recover,
+};
+use std::path::Path;
+
+const SMALL: WriterOptions = WriterOptions { compression: Compression::None, chunk_bytes: 1500 };
+
+/// Reads everything there is; returns the readable frames.
+fn read_all(recording: &Recording) -> Vec<Vec<u8>> {
+    let frames = recording.frames().map(|frames| frames.map_while(Result::ok).map(|(_, bytes)| bytes).collect());
+    let _ = recording.velocities().map(Iterator::count);
+    let _ = recording.truth().map(Iterator::count);
+    let _ = recording.tracks().map(Iterator::count);
+    let _ = recording.fields().map(Iterator::count);
+    let _ = recording.impacts().map(Iterator::count);
+    let _ = recording.events().map(Iterator::count);
+    let _ = recording.statuses().map(Iterator::count);
+    let _ = (recording.topics(), recording.last_frame(), info::look(recording));
+    frames.unwrap_or_default()
+}
+
+#[test]
+fn a_file_cut_off_anywhere_gives_the_frames_before_the_cut() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("shot.mcap");
+    let mut writer = RecordingWriter::create(&path, &samples::info(), &SMALL).unwrap();
+    for sequence in 0..12 {
+        let (meta, bytes) = samples::frame(sequence, PixelFormat::Mono8, [20, 10], 0);
+        writer.frame(&Frame { meta, bytes: &bytes }).unwrap();
+        writer.track(&samples::track(sequence)).unwrap();
+    }
+    writer.finish().unwrap();
+    let whole = std::fs::read(&path).unwrap();
+    let frames: Vec<_> = (0..12).map(|k| samples::frame(k, PixelFormat::Mono8, [20, 10], 0).1).collect();
+    let cut = folder.path().join("cut.mcap");
+    let mut most = 0;
+    for length in 0..whole.len() {
+        std::fs::write(&cut, &whole[..length]).unwrap();
+        let Ok(recording) = Recording::open(&cut) else {
+            assert!(length < 8, "only a file without its magic bytes is refused, not {length} bytes");
+            continue;
+        };
+        let reason = recording.truncated().expect("a cut file says so").to_owned();
+        assert!(reason.contains("cut off at byte"), "{reason}");
+        let read = read_all(&recording);
+        assert_eq!(read, frames[..read.len()], "cut at {length}");
+        assert!(read.len() >= most, "cut at {length}: {} frames, {most} in a shorter piece", read.len());
+        most = read.len();
+    }
+    assert_eq!(most, 12);
+}
+
+#[test]
+fn a_killed_writer_loses_no_frame_it_had_taken() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("shot.mcap");
+    let mut writer = RecordingWriter::create(&path, &samples::info(), &WriterOptions::default()).unwrap();
+    // 23 frames of 90 kB: the last chunk is open, its header a placeholder.
+    for sequence in 0..23 {
+        let (meta, bytes) = samples::frame(sequence, PixelFormat::Mono8, [300, 300], 0);
+        writer.frame(&Frame { meta, bytes: &bytes }).unwrap();
+    }
+    std::mem::forget(writer);
+    let recording = Recording::open(&part_path(&path)).unwrap();
+    assert!(recording.truncated().is_some());
+    let read: Vec<_> = recording.frames().unwrap().map(Result::unwrap).collect();
+    let written: Vec<_> = (0..23).map(|k| samples::frame(k, PixelFormat::Mono8, [300, 300], 0)).collect();
+    assert_eq!(read, written);
+    assert_eq!(recording.config_toml(), Some(samples::info().config_toml.as_str()));
+}
+
+#[test]
+fn a_flipped_bit_in_a_frame_is_an_error_and_never_a_wrong_pixel() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("shot.mcap");
+    samples::write(&path, &SMALL, 12, [20, 10]).finish().unwrap();
+    let mut bytes = std::fs::read(&path).unwrap();
+    let (_, pixels) = samples::frame(6, PixelFormat::Mono8, [20, 10], 0);
+    let at = bytes.windows(pixels.len()).position(|window| window == pixels).unwrap();
+    bytes[at + 100] ^= 4;
+    std::fs::write(&path, &bytes).unwrap();
+    let recording = Recording::open(&path).unwrap();
+    let read: Vec<_> = recording.frames().unwrap().collect();
+    let errors: Vec<_> = read.iter().filter_map(|frame| frame.as_ref().err()).map(ToString::to_string).collect();
+    assert_eq!(errors.len(), 1, "one error for the damaged chunk: {errors:?}");
+    assert!(errors[0].contains("CRC"), "{errors:?}");
+    for (meta, bytes) in read.into_iter().flatten() {
+        assert_eq!(bytes, samples::frame(meta.sequence, PixelFormat::Mono8, [20, 10], 0).1);
+    }
+    assert_eq!(recording.verify().unwrap().len(), 2, "the chunk and the data section");
+}
+
+#[test]
+fn a_flipped_bit_behind_an_unfinished_chunk_header_is_an_error_too() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("shot.mcap");
+    let mut writer = RecordingWriter::create(&path, &RecordingInfo::default(), &WriterOptions::default()).unwrap();
+    let (meta, pixels) = samples::frame(0, PixelFormat::Mono8, [300, 300], 0);
+    writer.frame(&Frame { meta, bytes: &pixels }).unwrap();
+    std::mem::forget(writer);
+    let part = part_path(&path);
+    let mut bytes = std::fs::read(&part).unwrap();
+    let last = bytes.len() - 1;
+    bytes[last] ^= 1;
+    std::fs::write(&part, &bytes).unwrap();
+    let error = Recording::open(&part).unwrap().frames().unwrap().next().unwrap().unwrap_err();
+    assert!(error.to_string().contains("damaged"), "{error}");
+}
+
+#[test]
+fn what_is_no_recording_is_refused_in_one_line() {
+    let folder = tempfile::tempdir().unwrap();
+    let refusal = |name: &str, content: &[u8]| {
+        let path = folder.path().join(name);
+        std::fs::write(&path, content).unwrap();
+        Recording::open(&path).unwrap_err().to_string()
+    };
+    for (name, content) in [("empty.mcap", &b""[..]), ("text.mcap", b"frame,body\n1,2\n"), ("short.mcap", b"\x89MCAP0")]
+    {
+        let line = refusal(name, content);
+        assert!(line.contains(name) && line.contains("not an MCAP file") && !line.contains('\n'), "{line}");
+    }
+    let missing = Recording::open(&folder.path().join("missing.mcap")).unwrap_err();
+    assert!(matches!(missing, RecordingError::Io { action: "open", .. }), "{missing}");
+    let directory = Recording::open(folder.path()).unwrap_err();
+    assert!(directory.to_string().contains("not a regular file"), "{directory}");
+}
+
+/// Runs in a process of its own, so that a memory limit can be put on it.
+#[test]
+fn mutated_files_neither_panic_nor_take_more_memory_than_a_limit() {
+    let Some(rounds) = std::env::var("RICOCHET_MUTATE").ok().map(|rounds| rounds.parse::<usize>().unwrap()) else {
+        let myself = std::env::current_exe().unwrap();
+        let test = "recording::damage::mutated_files_neither_panic_nor_take_more_memory_than_a_limit";
+        let status = std::process::Command::new("sh")
+            .args(["-c", "ulimit -v 1000000; exec \"$0\" \"$@\""])
+            .arg(myself)
+            .args(["--exact", test, "--test-threads=1"])
+            .env("RICOCHET_MUTATE", "3000")
+            .status()
+            .unwrap();
+        assert!(status.success(), "{status}");
+        return;
+    };
+    let folder = tempfile::tempdir().unwrap();
+    let seeds = seeds(folder.path());
+    let mut state = 0x2545_f491_4f6c_dd1d_u64;
+    let mut random = move |below: usize| {
+        state ^= state << 13;
+        state ^= state >> 7;
+        state ^= state << 17;
+        (state % below.max(1) as u64) as usize
+    };
+    let path = folder.path().join("mutated.mcap");
+    let mut read = 0;
+    for round in 0..rounds {
+        let mut bytes = seeds[round % seeds.len()].clone();
+        for _ in 0..=random(4) {
+            mutate(&mut bytes, &mut random);
+        }
+        std::fs::write(&path, &bytes).unwrap();
+        if let Ok(recording) = Recording::open(&path) {
+            read += read_all(&recording).len();
+        }
+        if round % 10 == 0 {
+            let whole = folder.path().join("whole.mcap");
+            let _ = recover(&path, &whole);
+            let _ = (std::fs::remove_file(&whole), std::fs::remove_file(whole.with_extension("mcap.recovering")));
+        }
+    }
+    assert!(read > rounds, "most mutations leave frames to read: {read} in {rounds} files");
+}
+
+fn seeds(folder: &Path) -> Vec<Vec<u8>> {
+    let mut seeds = Vec::new();
+    for (index, compression) in [Compression::None, Compression::Zstd1].into_iter().enumerate() {
+        let path = folder.join(format!("seed-{index}.mcap"));
+        samples::write(&path, &WriterOptions { compression, ..SMALL }, 3, [8, 4]).finish().unwrap();
+        seeds.push(std::fs::read(&path).unwrap());
+    }
+    for (compression, chunks) in [(None, false), (Some(mcap::Compression::Lz4), true)] {
+        let options = mcap::WriteOptions::new().compression(compression).use_chunks(chunks);
+        seeds.push(super::foreign::file(options, &[super::foreign::image("mono8", 4, 2, 4, 8); 2]));
+    }
+    seeds
+}
+
+fn mutate(bytes: &mut Vec<u8>, random: &mut impl FnMut(usize) -> usize) {
+    if bytes.len() < 16 {
+        return;
+    }
+    let at = random(bytes.len() - 8);
+    match random(6) {
+        0 => bytes[at] ^= 1 << random(8),
+        1 => bytes[at] = [0, 1, 0x7f, 0x80, 0xff][random(5)],
+        2 => bytes[at..at + 8].copy_from_slice(&[u64::MAX, 1 << 31, 1 << 40, 9, 0][random(5)].to_le_bytes()),
+        3 => bytes[at..at + 4].copy_from_slice(&[u32::MAX, 1 << 30, 16, 0][random(4)].to_le_bytes()),
+        4 => bytes.truncate(at),
+        _ => {
+            let piece = bytes[at..(at + 1 + random(200)).min(bytes.len())].to_vec();
+            let to = random(bytes.len());
+            bytes.splice(to..to, piece);
+        }
+    }
+}

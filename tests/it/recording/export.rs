@@ -1,0 +1,158 @@
+//! Tables and summaries of a recording.
+
+use super::samples;
+use ricochet::command::{export, info};
+use ricochet::image::{Frame, PixelFormat};
+use ricochet::recording::{Recording, RecordingWriter, WriterOptions};
+use ricochet::results::Estimate;
+
+fn table(recording: &Recording, topic: &str) -> Vec<Vec<String>> {
+    let mut text = Vec::new();
+    export::write_table(recording, topic, &mut text, "memory").unwrap();
+    let rows = csv::ReaderBuilder::new().has_headers(false).from_reader(&text[..]).into_records();
+    rows.map(|row| row.unwrap().iter().map(str::to_owned).collect()).collect()
+}
+
+#[test]
+fn the_columns_are_those_of_the_contract() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("shot.mcap");
+    samples::write(&path, &WriterOptions::default(), 4, [8, 8]).finish().unwrap();
+    let recording = Recording::open(&path).unwrap();
+    let header = |topic| table(&recording, topic)[0].join(", ");
+    assert_eq!(
+        header("velocity"),
+        "frame, body, stamp_ns, t_s, center_x_px, center_y_px, radius_px, dx_px, dy_px, dtheta_deg, sigma_dx_px, \
+         sigma_dy_px, sigma_dtheta_deg, vx_m_s, vy_m_s, vn_m_s, vt_m_s, omega_rad_s, sigma_v_m_s, sigma_omega_rad_s, \
+         visible_fraction, phase, status"
+    );
+    assert_eq!(header("truth"), header("velocity"));
+    assert_eq!(header("field"), "frame, x_px, y_px, u_px, v_px, sigma_u_px, sigma_v_px, zncc, peak_ratio, status");
+    assert_eq!(
+        header("track"),
+        "frame, body, t_s, center_x_px, center_y_px, angle_deg, radius_px, sigma_center_px, sigma_angle_deg, \
+         visible_fraction, status"
+    );
+    let impact = header("impact");
+    assert!(
+        impact.starts_with(
+            "body, start_s, deepest_s, end_s, vn_before_m_s, vn_after_m_s, vt_before_m_s, vt_after_m_s, \
+             omega_before_rad_s, omega_after_rad_s, restitution, restitution_tangential, impulse_ratio, \
+             contact_time_s, compression_max_mm, acceleration_max_m_s2, force_law, slip_end_s, status, \
+             sigma_start_s, sigma_deepest_s"
+        ),
+        "{impact}"
+    );
+    assert_eq!(impact.matches("sigma_").count(), 16);
+}
+
+#[test]
+fn numbers_read_back_exactly_and_missing_ones_are_empty() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("shot.mcap");
+    samples::write(&path, &WriterOptions::default(), 8, [8, 8]).finish().unwrap();
+    let recording = Recording::open(&path).unwrap();
+    let rows = table(&recording, "velocity");
+    assert_eq!(rows.len(), 9);
+    for (k, row) in (0..).zip(&rows[1..]) {
+        let sample = samples::velocity(k, 0);
+        assert_eq!(row[0..3], [k.to_string(), "ball".to_owned(), sample.stamp_ns.to_string()]);
+        assert_eq!(row[3].parse::<f64>().unwrap().to_bits(), (k as f64 / 1e4).to_bits(), "{}", row[3]);
+        let read = |cell: &str| (!cell.is_empty()).then(|| cell.parse::<f64>().unwrap().to_bits());
+        assert_eq!(read(&row[4]), sample.center_x_px.map(f64::to_bits));
+        assert_eq!(row[6], "", "no radius");
+        assert_eq!(read(&row[7]), sample.step.map(|s| s.dx_px.to_bits()));
+        assert_eq!(read(&row[17]), sample.velocity.map(|v| v.omega_rad_s.to_bits()));
+        assert_eq!(row[21..], [sample.phase.word(), sample.status.word()]);
+    }
+    let text = rows.concat().join(",");
+    assert!(!text.contains("NaN") && !text.contains("inf"));
+}
+
+#[test]
+fn rows_are_sorted_by_frame_and_body_and_count_from_the_first_frame() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("shot.mcap");
+    let mut writer = RecordingWriter::create(&path, &samples::info(), &WriterOptions::default()).unwrap();
+    for (sequence, body) in [(102, 1), (102, 0), (100, 1), (101, 0), (100, 0)] {
+        writer.velocity(&samples::velocity(sequence, body)).unwrap();
+    }
+    let (meta, bytes) = samples::frame(100, PixelFormat::Mono8, [8, 8], 0);
+    writer.frame(&Frame { meta, bytes: &bytes }).unwrap();
+    writer.finish().unwrap();
+    let rows = table(&Recording::open(&path).unwrap(), "velocity");
+    let keys: Vec<_> = rows[1..].iter().map(|row| (row[0].as_str(), row[1].as_str(), row[3].as_str())).collect();
+    let expected = [
+        ("0", "ball", "0"),
+        ("0", "racket", "0"),
+        ("1", "ball", "0.0001"),
+        ("2", "ball", "0.0002"),
+        ("2", "racket", "0.0002"),
+    ];
+    assert_eq!(keys, expected);
+}
+
+#[test]
+fn an_impact_appears_once_with_its_last_revision_and_its_times_count_from_the_first_frame() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("shot.mcap");
+    let mut writer = RecordingWriter::create(&path, &samples::info(), &WriterOptions::default()).unwrap();
+    let (meta, bytes) = samples::frame(0, PixelFormat::Mono8, [8, 8], 0);
+    writer.frame(&Frame { meta, bytes: &bytes }).unwrap();
+    for (number, revision) in [(0, 0), (0, 2), (0, 1), (1, 0)] {
+        let mut impact = samples::impact(number, revision);
+        impact.origin_ns = samples::START_NS + 1_000_000_000;
+        impact.contact_time_s = Some(Estimate { value: 0.5, sigma: 0.25 });
+        writer.impact(&impact).unwrap();
+    }
+    writer.finish().unwrap();
+    let rows = table(&Recording::open(&path).unwrap(), "impact");
+    let column = |name: &str| rows[0].iter().position(|column| column == name).unwrap();
+    assert_eq!(rows.len(), 3);
+    assert_eq!([&rows[1][column("restitution")], &rows[2][column("restitution")]], ["2.61", "0.61"]);
+    assert_eq!(rows[1][column("start_s")], "1.0125");
+    assert_eq!(rows[1][column("deepest_s")], "");
+    assert_eq!(rows[1][column("sigma_deepest_s")], "");
+    assert_eq!(
+        (rows[1][column("contact_time_s")].as_str(), rows[1][column("sigma_contact_time_s")].as_str()),
+        ("0.5", "0.25")
+    );
+    assert_eq!(rows[1][column("force_law")], "hunt-crossley");
+}
+
+#[test]
+fn an_unknown_table_or_format_is_a_usage_error() {
+    let options = export::ExportOptions {
+        file: "missing.mcap".into(),
+        topic: "speed".into(),
+        format: export::Format::Csv,
+        output: None,
+    };
+    let error = export::run(&options).unwrap_err();
+    assert!(matches!(error, export::ExportError::Usage(_)) && error.to_string().contains("velocity"), "{error}");
+    let error = export::Format::from_word("parquet").unwrap_err();
+    assert!(matches!(error, export::ExportError::Usage(_)), "{error}");
+}
+
+#[test]
+fn info_counts_frames_losses_and_topics() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("shot.mcap");
+    let mut writer = RecordingWriter::create(&path, &samples::info(), &WriterOptions::default()).unwrap();
+    for sequence in [5, 6, 9, 10, 20] {
+        let (meta, bytes) = samples::frame(sequence, PixelFormat::Mono12, [8, 6], 0);
+        writer.frame(&Frame { meta, bytes: &bytes }).unwrap();
+    }
+    writer.event(&samples::event(0)).unwrap();
+    writer.finish().unwrap();
+    let info = info::look(&Recording::open(&path).unwrap()).unwrap();
+    assert_eq!((info.truncated, info.damage, info.frames_error), (None, Vec::new(), None));
+    let frames = info.frames.unwrap();
+    assert_eq!((frames.count, frames.lost, frames.gap_count), (5, Some(11), 2));
+    assert_eq!(frames.gaps, [info::Gap { after: 6, lost: 2 }, info::Gap { after: 10, lost: 9 }]);
+    assert_eq!((frames.width_px, frames.height_px, frames.pixel_format), (8, 6, "Mono12"));
+    assert_eq!((frames.frame_rate_hz, frames.duration_s), (Some(10_000.0), 0.0015));
+    let counts: Vec<_> = info.topics.iter().map(|t| (t.topic.as_str(), t.messages)).collect();
+    assert_eq!(counts, [("/camera/frame_info", 5), ("/camera/image", 5), ("/events", 1)]);
+    assert_eq!(info.attachments["config.toml"], samples::info().config_toml.len() as u64);
+}

@@ -1,0 +1,11 @@
+//! Recordings: what goes in comes out, whatever happens to the file in between.
+
+mod camera;
+mod damage;
+mod export;
+mod foreign;
+mod python;
+mod recover;
+mod roundtrip;
+mod samples;
+mod speed;

@@ -1,0 +1,234 @@
+//! Who may name whom, bottom to top.
+
+/// One room of src/.
+pub struct Room {
+    /// Folder or file under src/.
+    pub name: &'static str,
+    /// Rooms it may name besides itself, all below it.
+    pub rooms: &'static [&'static str],
+    /// Outside crates it may name.
+    pub crates: &'static [&'static str],
+    /// No clock, no file, no thread, no environment.
+    pub pure: bool,
+}
+
+const fn pure(name: &'static str, rooms: &'static [&'static str], crates: &'static [&'static str]) -> Room {
+    Room { name, rooms, crates, pure: true }
+}
+
+const fn open(name: &'static str, rooms: &'static [&'static str], crates: &'static [&'static str]) -> Room {
+    Room { name, rooms, crates, pure: false }
+}
+
+const BELOW_PROCESS: &[&str] = &[
+    "results",
+    "image",
+    "dic",
+    "ball",
+    "motion",
+    "impact",
+    "measure",
+    "synth",
+    "config",
+    "message",
+    "bus",
+    "recording",
+    "camera",
+];
+const BELOW_COMMAND: &[&str] = &[
+    "results",
+    "image",
+    "dic",
+    "ball",
+    "motion",
+    "impact",
+    "measure",
+    "synth",
+    "config",
+    "message",
+    "bus",
+    "recording",
+    "camera",
+    "process",
+];
+
+/// The rooms in the order of src/lib.rs.
+pub const ROOMS: &[Room] = &[
+    pure("results", &[], &[]),
+    pure("image", &["results"], &["thiserror"]),
+    pure("dic", &["results", "image"], &["multiversion", "nalgebra", "realfft", "rustfft", "thiserror"]),
+    pure("ball", &["results", "image"], &["multiversion", "nalgebra", "thiserror"]),
+    pure("motion", &["results"], &["nalgebra", "thiserror"]),
+    pure("impact", &["results", "motion"], &["nalgebra", "thiserror"]),
+    pure("measure", &["results", "image", "dic", "ball", "motion", "impact"], &["nalgebra", "thiserror"]),
+    pure("synth", &["results", "image", "motion"], &["nalgebra", "serde", "thiserror", "toml"]),
+    open("config", &["results", "image", "dic", "ball", "motion"], &["serde", "thiserror", "toml"]),
+    open("message", &["results", "image"], &["thiserror"]),
+    open("bus", &["results", "image", "config", "message"], &["iceoryx2", "libc", "log", "thiserror"]),
+    open(
+        "recording",
+        &["results", "image", "config", "message"],
+        &["foxglove", "log", "mcap", "prost", "prost_types", "serde", "serde_json", "thiserror"],
+    ),
+    open(
+        "camera",
+        &["results", "image", "synth", "config", "message", "recording"],
+        &["libc", "libloading", "log", "thiserror"],
+    ),
+    open("process", BELOW_PROCESS, &["anyhow", "libc", "log", "serde", "serde_json", "signal_hook", "thiserror"]),
+    open(
+        "command",
+        BELOW_COMMAND,
+        &[
+            "anyhow",
+            "csv",
+            "env_logger",
+            "image",
+            "indicatif",
+            "libc",
+            "log",
+            "serde",
+            "serde_json",
+            "signal_hook",
+            "thiserror",
+            "toml",
+        ],
+    ),
+    open("cli", &["config", "process", "command"], &["anyhow", "clap"]),
+];
+
+/// What src/main.rs may name of the outside; of the rooms it may name all.
+pub const MAIN_CRATES: &[&str] = &["anyhow", "env_logger", "log", "signal_hook"];
+
+/// Single names a room may take from a crate that is otherwise closed to it.
+///
+/// A message is marked as safe to share where it is defined, by a derive; the marker is all it knows of the bus.
+pub const SINGLE_NAMES: &[(&str, &str)] = &[("message", "iceoryx2::prelude::ZeroCopySend")];
+
+/// The dependencies, as they are spelled in the source.
+pub const OUTSIDE: &[&str] = &[
+    "anyhow",
+    "clap",
+    "csv",
+    "env_logger",
+    "foxglove",
+    "iceoryx2",
+    "image",
+    "indicatif",
+    "libc",
+    "libloading",
+    "log",
+    "mcap",
+    "multiversion",
+    "nalgebra",
+    "prost",
+    "prost_types",
+    "realfft",
+    "rustfft",
+    "serde",
+    "serde_json",
+    "signal_hook",
+    "thiserror",
+    "toml",
+];
+
+/// What a pure room may not name of the standard library.
+pub const IMPURE: &[&str] = &[
+    "std::env",
+    "std::fs",
+    "std::io",
+    "std::net",
+    "std::os",
+    "std::process",
+    "std::thread",
+    "std::time::Instant",
+    "std::time::SystemTime",
+];
+
+/// Rooms whose unsafe blocks are shared memory and C libraries.
+pub const UNSAFE_ROOMS: &[&str] = &["camera", "bus"];
+
+/// Rooms whose public numbers carry their unit in their name.
+pub const UNIT_ROOMS: &[&str] = &["results", "message", "config"];
+
+/// Endings of numbers that have a unit.
+pub const UNITS: &[&str] = &[
+    "_px",
+    "_mm",
+    "_m_s",
+    "_m_s2",
+    "_rad_s",
+    "_deg",
+    "_s",
+    "_ms",
+    "_us",
+    "_ns",
+    "_hz",
+    "_dn",
+    "_bytes",
+    "_frames",
+    "_fraction",
+    "_bytes_max",
+];
+
+/// Numbers that count, name, switch or compare something, and the key `surface.edge`, whose name is settled.
+pub const DIMENSIONLESS: &[&str] = &[
+    "armed",
+    "block",
+    "body",
+    "capacity",
+    "code",
+    "command",
+    "count",
+    "done",
+    "dropped",
+    "edge",
+    "epoch",
+    "force_law",
+    "frame",
+    "given",
+    "impulse_ratio",
+    "index",
+    "interval",
+    "kind",
+    "known",
+    "line",
+    "lost",
+    "min_zncc",
+    "number",
+    "order",
+    "peak_ratio",
+    "phase",
+    "pid",
+    "pixel_format",
+    "points",
+    "recordings",
+    "reserved",
+    "restarts",
+    "restitution",
+    "restitution_tangential",
+    "revision",
+    "role",
+    "sequence",
+    "sigma",
+    "spline_points",
+    "state",
+    "status",
+    "taken",
+    "target_frame",
+    "text",
+    "value",
+    "version",
+    "waiting",
+    "worker",
+    "zncc",
+];
+
+/// Endings of such numbers.
+pub const DIMENSIONLESS_ENDINGS: &[&str] = &["_id", "_known", "_sequence"];
+
+/// Lines a file may have.
+pub const LINES_MAX: usize = 500;
+
+/// Top folders that exist on one machine and not on the next.
+pub const MACHINE_FOLDERS: &[&str] = &["home", "root", "tmp", "work", "Users", "mnt", "opt"];
