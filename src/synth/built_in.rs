@@ -2,22 +2,39 @@
 
 use super::physics::{Friction, NormalLaw};
 use super::scenario::{
-    BodySetup, CameraSetup, ImpactSetup, LightSetup, MotionSetup, OccluderSetup, PatternSetup, ScaleSetup, Scenario,
-    ShadeSetup, SurfaceSetup,
+    BodySetup, CameraSetup, ImpactSetup, LightSetup, MotionSetup, OccluderSetup, PatternSetup, RingingSetup, RodSetup,
+    ScaleSetup, Scenario, ShadeSetup, SurfaceSetup,
 };
 
 /// Standard gravity, m/s^2.
 const GRAVITY_M_S2: f64 = 9.806_65;
 
 impl Scenario {
-    /// Names of the built-in scenarios.
-    pub const BUILT_IN: [&'static str; 1] = ["lacrosse"];
+    /// Names of the built-in experiments; [`PatternSetup::PAPER`] has those of the patterns.
+    pub const BUILT_IN: [&'static str; 5] = ["lacrosse", "tennis", "tennis-physical", "rod", "rod-ringing"];
 
     /// The built-in scenario of this name.
+    ///
+    /// - `lacrosse`: the paper's lacrosse ball on a flat tilted by 19 deg.
+    /// - `tennis`: its tennis ball on a racket at 45 deg with the spin that the
+    ///   paper reports, 5 rad/s, which takes next to no friction.
+    /// - `tennis-physical`: the same with the friction that strings have.
+    /// - `rod`: its steel rod dropped on a printed flat, with two tapes around it.
+    /// - `rod-ringing`: the same with the sound that runs up and down in it.
+    /// - `pattern-a-I` to `pattern-f-II`: an even motion off every grid, with a
+    ///   pattern of the paper's speckle study.
     pub fn built_in(name: &str) -> Option<Self> {
         match name {
             "lacrosse" => Some(lacrosse()),
-            _ => None,
+            "tennis" => Some(tennis(name, 0.016)),
+            "tennis-physical" => Some(tennis(name, 0.3)),
+            "rod" => Some(rod(name, None)),
+            "rod-ringing" => Some(rod(name, Some(ringing()))),
+            _ => {
+                let pattern = PatternSetup::paper(name.strip_prefix("pattern-")?)?;
+                let even = Self::translation(0.37, 0.13, 0.35);
+                Some(Self { name: name.to_owned(), body: BodySetup { pattern, ..even.body }, ..even })
+            }
         }
     }
 
@@ -37,7 +54,7 @@ impl Scenario {
             camera: CameraSetup { width_px: 512, height_px: 512, exposure_us: 0.0, shot_share: 0.0, ..film(frames) },
             scale: ScaleSetup { mm_per_px: 0.5 },
             surface: SurfaceSetup::default(),
-            body: BodySetup { diameter_mm: 60.0, pattern: fine_mixed() },
+            body: BodySetup { diameter_mm: 60.0, pattern: fine_mixed(), rod: None },
             shade: ShadeSetup::default(),
             light: LightSetup::default(),
             occluder: None,
@@ -46,9 +63,45 @@ impl Scenario {
     }
 }
 
+impl PatternSetup {
+    /// Names of the 16 patterns of the speckle study.
+    pub const PAPER: [&'static str; 16] = [
+        "a-I", "a-II", "a-III", "b-I", "b-II", "b-III", "c-I", "c-II", "c-III", "d-I", "d-II", "d-III", "e-I", "e-II",
+        "f-I", "f-II",
+    ];
+
+    /// A pattern of the speckle study: its speckle areas, density and lines (section 3 and Fig. 2 of the paper).
+    ///
+    /// The density of e-II is not given there; 45 % is assumed. The paper's
+    /// irregular speckles of e and f are round here.
+    pub fn paper(name: &str) -> Option<Self> {
+        let round = |area_px2: f64, coverage: f64| (area_px2, area_px2, coverage, 0);
+        let (area_min_px2, area_max_px2, coverage, lines) = match name {
+            "a-I" => round(4.0, 0.09),
+            "a-II" => round(4.0, 0.17),
+            "a-III" => round(4.0, 0.24),
+            "b-I" => round(10.0, 0.13),
+            "b-II" => round(10.0, 0.19),
+            "b-III" => round(10.0, 0.31),
+            "c-I" => round(20.0, 0.14),
+            "c-II" => round(20.0, 0.18),
+            "c-III" => round(20.0, 0.27),
+            "d-I" => round(250.0, 0.22),
+            "d-II" => round(250.0, 0.30),
+            "d-III" => round(250.0, 0.43),
+            "e-I" => (4.0, 80.0, 0.54, 0),
+            "e-II" => (2.0, 40.0, 0.45, 0),
+            "f-I" => (4.0, 20.0, 0.27, 4),
+            "f-II" => (4.0, 80.0, 0.52, 4),
+            _ => return None,
+        };
+        Some(Self { area_min_px2, area_max_px2, coverage, lines, line_width_px: 2.0 })
+    }
+}
+
 /// Speckles of 2 to 40 px^2, the pattern of the lacrosse experiment.
 fn fine_mixed() -> PatternSetup {
-    PatternSetup { area_min_px2: 2.0, area_max_px2: 40.0, coverage: 0.45 }
+    PatternSetup { area_min_px2: 2.0, area_max_px2: 40.0, coverage: 0.45, lines: 0, line_width_px: 2.0 }
 }
 
 fn film(frames: u64) -> CameraSetup {
@@ -61,6 +114,8 @@ fn film(frames: u64) -> CameraSetup {
         bits: 8,
         noise_dn: 2.0,
         shot_share: 0.5,
+        gain_spread: 0.0,
+        offset_spread_dn: 0.0,
         blur_px: 0.7,
         start_ns: 1_700_000_000_000_000_000,
     }
@@ -75,10 +130,22 @@ fn lacrosse() -> Scenario {
         camera: film(100),
         scale: ScaleSetup { mm_per_px: 0.5142 },
         surface: SurfaceSetup { angle_deg: 0.0 },
-        body: BodySetup { diameter_mm: 63.25, pattern: fine_mixed() },
+        body: BodySetup { diameter_mm: 63.25, pattern: fine_mixed(), rod: None },
         shade: ShadeSetup { ball: 0.75, speckle: 0.2, ground: 0.12, ground_texture: 0.008 },
-        light: LightSetup { gradient_x: 0.06, gradient_y: -0.04, side: 0.08, side_angle_deg: 60.0, limb: 0.0 },
-        occluder: Some(OccluderSetup { shade: 0.38, texture: 0.03, point_px: None, normal_deg: None }),
+        light: LightSetup {
+            gradient_x: 0.06,
+            gradient_y: -0.04,
+            side: 0.08,
+            side_angle_deg: 60.0,
+            ..LightSetup::default()
+        },
+        occluder: Some(OccluderSetup {
+            shade: 0.38,
+            texture: 0.03,
+            point_px: None,
+            normal_deg: None,
+            speed_px_frame: 0.0,
+        }),
         motion: MotionSetup::Impact(ImpactSetup {
             contact_start_s: 1.4e-3,
             contact_center_px: [124.3, 100.6],
@@ -91,6 +158,86 @@ fn lacrosse() -> Scenario {
             inertia_factor: 0.4,
             law: NormalLaw::KelvinVoigt { stiffness_n_m: 6.772e4, damping_n_s_m: 14.87 },
             friction: Some(Friction { stiffness_n_m: 1e5, damping_n_s_m: 20.0, coefficient: 0.070 }),
+            ringing: None,
+        }),
+    }
+}
+
+/// A tennis ball dropped 1.04 m on a racket held at 45 deg, filmed upright.
+fn tennis(name: &str, coefficient: f64) -> Scenario {
+    let film = CameraSetup { width_px: 256, height_px: 256, ..film(150) };
+    let pattern = PatternSetup { area_min_px2: 4.0, area_max_px2: 20.0, coverage: 0.27, lines: 4, line_width_px: 2.0 };
+    Scenario {
+        name: name.to_owned(),
+        seed: 2,
+        camera: film,
+        scale: ScaleSetup { mm_per_px: 0.5877 },
+        // The racket falls to the right: a ball from above goes on along the tangent.
+        surface: SurfaceSetup { angle_deg: -45.0 },
+        body: BodySetup { diameter_mm: 67.0, pattern, rod: None },
+        shade: ShadeSetup { ball: 0.65, speckle: 0.15, ground: 0.1, ground_texture: 0.008 },
+        light: LightSetup { gradient_x: -0.05, side: 0.1, side_angle_deg: 100.0, ..LightSetup::default() },
+        occluder: Some(OccluderSetup {
+            shade: 0.3,
+            texture: 0.05,
+            point_px: None,
+            normal_deg: None,
+            speed_px_frame: 0.0,
+        }),
+        motion: MotionSetup::Impact(ImpactSetup {
+            contact_start_s: 4e-3,
+            contact_center_px: [92.4, 122.7],
+            vn_m_s: -3.2,
+            vt_m_s: 3.2,
+            omega_rad_s: 0.0,
+            gravity_m_s2: [0.0, -GRAVITY_M_S2],
+            mass_kg: 0.0567,
+            inertia_factor: 0.55,
+            law: NormalLaw::KelvinVoigt { stiffness_n_m: 1.042e4, damping_n_s_m: 3.615 },
+            friction: Some(Friction { stiffness_n_m: 2e4, damping_n_s_m: 100.0, coefficient }),
+            ringing: None,
+        }),
+    }
+}
+
+/// Sound in a steel rod 0.304 m long, clamped nowhere: c / 2 L.
+fn ringing() -> RingingSetup {
+    RingingSetup { speed_m_s: 0.05, frequency_hz: 8500.0, decay_s: 2e-3 }
+}
+
+/// A steel rod of 9 mm dropped 59.9 mm on a printed flat, filmed at 40 000 frames a second.
+fn rod(name: &str, ringing: Option<RingingSetup>) -> Scenario {
+    let film = CameraSetup { width_px: 64, height_px: 160, frame_rate_hz: 40_000.0, exposure_us: 10.0, ..film(240) };
+    let pattern = PatternSetup { area_min_px2: 4.0, area_max_px2: 20.0, coverage: 0.35, lines: 0, line_width_px: 2.0 };
+    let tapes = RodSetup { tape_px: [20.0, 40.0], patch_px: [60.0, 110.0], shade: 0.08 };
+    Scenario {
+        name: name.to_owned(),
+        seed: 3,
+        camera: film,
+        scale: ScaleSetup { mm_per_px: 0.3 },
+        surface: SurfaceSetup { angle_deg: 0.0 },
+        body: BodySetup { diameter_mm: 9.0, pattern, rod: Some(tapes) },
+        shade: ShadeSetup { ball: 0.7, speckle: 0.15, ground: 0.25, ground_texture: 0.01 },
+        light: LightSetup::default(),
+        occluder: Some(OccluderSetup {
+            shade: 0.45,
+            texture: 0.02,
+            point_px: None,
+            normal_deg: None,
+            speed_px_frame: 0.0,
+        }),
+        motion: MotionSetup::Impact(ImpactSetup {
+            contact_start_s: 2.475e-3,
+            contact_center_px: [31.4, 56.3],
+            vn_m_s: -1.084,
+            vt_m_s: 0.0,
+            omega_rad_s: 0.0,
+            gravity_m_s2: [0.0, -GRAVITY_M_S2],
+            mass_kg: 0.255,
+            inertia_factor: 0.5,
+            law: NormalLaw::KelvinVoigt { stiffness_n_m: 1.063e6, damping_n_s_m: 166.0 },
+            friction: None,
+            ringing,
         }),
     }
 }

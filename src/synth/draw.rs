@@ -3,10 +3,10 @@
 use super::blur::{BlurredDisc, EdgedDisc, REACH_SIGMA, bivariate_cdf, gauss_legendre, normal_cdf, seen_sigma_px};
 use super::motion::Pose;
 use super::scenario::{LightSetup, Scenario};
-use super::speckle::{Pattern, Speckle};
+use super::speckle::{Line, Pattern, Speckle};
 
 /// Farther than this many standard deviations from its edge a half-plane is whole or nothing.
-const EDGE_SIGMA: f64 = 4.5;
+pub(crate) const EDGE_SIGMA: f64 = 4.5;
 
 /// A half-plane in front of the ball.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -36,6 +36,13 @@ impl HalfPlane {
     }
 }
 
+/// Where everything that moves is at one moment.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Moment {
+    pub(crate) pose: Pose,
+    pub(crate) occluder: Option<HalfPlane>,
+}
+
 /// Everything about the ball that does not change from frame to frame.
 #[derive(Debug, Clone)]
 pub(crate) struct Ball {
@@ -47,7 +54,6 @@ pub(crate) struct Ball {
     /// Share of the ball's light that a speckle takes; negative when it is brighter.
     ink: f32,
     light: BallLight,
-    occluder: Option<HalfPlane>,
     rule: [(f64, f64); 16],
     /// For shapes with a corner inside.
     fine_rule: [(f64, f64); 40],
@@ -95,7 +101,7 @@ pub(crate) struct Patch {
 }
 
 impl Ball {
-    pub(crate) fn new(scenario: &Scenario, pattern: Pattern, full_dn: f32, occluder: Option<HalfPlane>) -> Self {
+    pub(crate) fn new(scenario: &Scenario, pattern: Pattern, full_dn: f32) -> Self {
         let radius_px = scenario.radius_px();
         let sigma_px = seen_sigma_px(scenario.camera.blur_px);
         let shade = &scenario.shade;
@@ -107,31 +113,34 @@ impl Ball {
             ball_dn: full_dn * shade.ball as f32,
             ink: if shade.ball > 0.0 { (1.0 - shade.speckle / shade.ball) as f32 } else { 0.0 },
             light: BallLight::new(&scenario.light, radius_px),
-            occluder,
             rule: gauss_legendre(),
             fine_rule: gauss_legendre(),
         }
     }
 
-    /// Draws the mean over several poses of equal weight; all of them in a picture of this size.
-    pub(crate) fn draw(&self, poses: &[Pose], width: usize, height: usize) -> Patch {
-        let mut patch = self.frame(poses, width, height);
-        let weight = 1.0 / poses.len() as f32;
+    /// Draws the mean over several moments of equal weight; all of them in a picture of this size.
+    pub(crate) fn draw(&self, moments: &[Moment], width: usize, height: usize) -> Patch {
+        let mut patch = self.frame(moments, width, height);
+        let weight = 1.0 / moments.len() as f32;
         let mut ink = vec![0.0; patch.share.len()];
-        for pose in poses {
+        for moment in moments {
             ink.fill(0.0);
-            self.strew(pose, &patch, &mut ink);
-            self.light(pose, &ink, weight, &mut patch);
+            self.strew(moment, &patch, &mut ink);
+            self.light(&moment.pose, &ink, weight, &mut patch);
+            if let Some(occluder) = moment.occluder {
+                self.hide(&moment.pose, &occluder, weight, &mut patch);
+            }
         }
         patch
     }
 
-    /// The empty rectangle around all poses.
-    fn frame(&self, poses: &[Pose], width: usize, height: usize) -> Patch {
+    /// The empty rectangle around the ball at all moments.
+    fn frame(&self, moments: &[Moment], width: usize, height: usize) -> Patch {
         let reach = self.rim.reach_px();
         let span = |axis: usize, length: usize| {
-            let low = poses.iter().map(|pose| pose.center_px[axis]).fold(f64::INFINITY, f64::min) - reach;
-            let high = poses.iter().map(|pose| pose.center_px[axis]).fold(f64::NEG_INFINITY, f64::max) + reach;
+            let low = moments.iter().map(|moment| moment.pose.center_px[axis]).fold(f64::INFINITY, f64::min) - reach;
+            let high =
+                moments.iter().map(|moment| moment.pose.center_px[axis]).fold(f64::NEG_INFINITY, f64::max) + reach;
             let first = (low.floor().max(0.0) as usize).min(length);
             let end = ((high.ceil() + 1.0).max(0.0) as usize).min(length);
             (first, end.saturating_sub(first))
@@ -141,22 +150,57 @@ impl Ball {
         Patch { left, top, width: columns, height: rows, share: vec![0.0; size], light_dn: vec![0.0; size] }
     }
 
-    /// Adds up the share of each pixel that speckles cover.
-    fn strew(&self, pose: &Pose, patch: &Patch, ink: &mut [f32]) {
+    /// Adds up the share of each pixel that speckles and lines cover.
+    fn strew(&self, moment: &Moment, patch: &Patch, ink: &mut [f32]) {
+        let pose = &moment.pose;
         let (sin, cos) = pose.angle_rad.sin_cos();
         let center = [pose.center_px[0] - patch.left as f64, pose.center_px[1] - patch.top as f64];
+        // Counter-clockwise on the screen, with y down.
+        let turned = |[x, y]: [f64; 2]| [x * cos + y * sin, y * cos - x * sin];
+        let edge = moment.occluder.map(|plane| plane.seen_from([patch.left as f64, patch.top as f64]));
         for speckle in &self.pattern.speckles {
-            // Counter-clockwise on the screen, with y down.
-            let x = center[0] + speckle.x_px * cos + speckle.y_px * sin;
-            let y = center[1] - speckle.x_px * sin + speckle.y_px * cos;
-            self.stamp(speckle, [x, y], center, patch, ink);
+            let [x, y] = turned([speckle.x_px, speckle.y_px]);
+            self.stamp(speckle, [center[0] + x, center[1] + y], center, edge, (patch, ink));
+        }
+        for line in &self.pattern.lines {
+            let [x, y] = turned(line.middle_px);
+            let line = Line { middle_px: [center[0] + x, center[1] + y], along: turned(line.along), ..*line };
+            self.rule(&line, edge, patch, ink);
         }
     }
 
+    /// Adds the visible part of one line to the ink; where the occluder's edge cuts it, both are taken as crossing squarely.
+    fn rule(&self, line: &Line, edge: Option<HalfPlane>, patch: &Patch, ink: &mut [f32]) {
+        let strip = |distance: f64, half: f64| {
+            if distance.abs() < half - EDGE_SIGMA * self.sigma_px {
+                return 1.0;
+            }
+            normal_cdf((half - distance) / self.sigma_px) - normal_cdf((-half - distance) / self.sigma_px)
+        };
+        let wide = line.half_width_px + REACH_SIGMA * self.sigma_px;
+        let [x, y] = line.middle_px;
+        spread(line.middle_px, line.half_length_px + wide, patch, ink, |dx, dy| {
+            let (dx, dy) = (f64::from(dx), f64::from(dy));
+            let across = dx * line.along[1] - dy * line.along[0];
+            if across.abs() > wide {
+                return 0.0;
+            }
+            let along = dx * line.along[0] + dy * line.along[1];
+            let free = edge.map_or(1.0, |edge| normal_cdf(edge.distance_px(x + dx, y + dy) / self.sigma_px));
+            (strip(across, line.half_width_px) * strip(along, line.half_length_px) * free) as f32
+        });
+    }
+
     /// Adds the visible part of one speckle to the ink; places count from the patch's corner.
-    fn stamp(&self, speckle: &Speckle, place_px: [f64; 2], center_px: [f64; 2], patch: &Patch, ink: &mut [f32]) {
+    fn stamp(
+        &self,
+        speckle: &Speckle,
+        place_px: [f64; 2],
+        center_px: [f64; 2],
+        edge: Option<HalfPlane>,
+        (patch, ink): (&Patch, &mut [f32]),
+    ) {
         let radius_px = self.pattern.radii_px[speckle.size];
-        let edge = self.occluder.map(|plane| plane.seen_from([patch.left as f64, patch.top as f64]));
         let outside_px = edge.map_or(f64::INFINITY, |edge| edge.distance_px(place_px[0], place_px[1]));
         if outside_px <= -radius_px {
             return;
@@ -198,9 +242,6 @@ impl Ball {
                 *light_dn += weight * self.ball_dn * (seen - self.ink * ink) * self.light.at(dx, dy);
             }
         }
-        if let Some(occluder) = self.occluder {
-            self.hide(pose, &occluder, weight, patch);
-        }
     }
 
     /// Takes back what the half-plane hides of the plain ball.
@@ -239,7 +280,7 @@ impl Ball {
 }
 
 /// Adds a share to every cell within `reach` of a place (from the patch's corner); it is asked relative to the place, px.
-fn spread(place_px: [f64; 2], reach: f64, patch: &Patch, ink: &mut [f32], share: impl Fn(f32, f32) -> f32) {
+pub(crate) fn spread(place_px: [f64; 2], reach: f64, patch: &Patch, ink: &mut [f32], share: impl Fn(f32, f32) -> f32) {
     let [x, y] = place_px;
     let first_row = (y - reach).ceil().max(0.0) as usize;
     let end_row = ((y + reach).floor() + 1.0).clamp(0.0, patch.height as f64) as usize;

@@ -10,7 +10,9 @@ mod draw;
 mod motion;
 pub mod physics;
 mod random;
+mod rod;
 mod scenario;
+mod scene;
 mod sensor;
 mod speckle;
 mod texture;
@@ -20,7 +22,7 @@ mod world;
 mod twin;
 
 pub use scenario::{
-    BodySetup, CameraSetup, ImpactSetup, LightSetup, MotionSetup, OccluderSetup, PatternSetup, ScaleSetup, Scenario,
-    ScenarioError, ShadeSetup, SurfaceSetup,
+    BodySetup, CameraSetup, ImpactSetup, LightSetup, MotionSetup, OccluderSetup, PatternSetup, RingingSetup, RodSetup,
+    ScaleSetup, Scenario, ScenarioError, ShadeSetup, SurfaceSetup,
 };
 pub use world::World;

@@ -1,7 +1,7 @@
 //! Where the ball is in the picture, at any time.
 
 use super::physics::{Collision, CollisionSetup};
-use super::scenario::{ImpactSetup, MotionSetup, Scenario, ScenarioError};
+use super::scenario::{ImpactSetup, MotionSetup, RingingSetup, Scenario, ScenarioError};
 
 /// The ball at one moment.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -28,6 +28,7 @@ pub(crate) enum Path {
         center_px: [f64; 2],
         /// Unit vector along the surface, picture axes turned up.
         tangent: [f64; 2],
+        ringing: Option<RingingSetup>,
         m_per_px: f64,
     },
 }
@@ -58,6 +59,7 @@ impl Path {
                     start_s: impact.contact_start_s,
                     center_px: impact.contact_center_px,
                     tangent,
+                    ringing: impact.ringing.clone(),
                     m_per_px,
                 })
             }
@@ -76,8 +78,13 @@ impl Path {
                     omega_rad_s: *rad_s,
                 }
             }
-            Self::Impact { collision, start_s, center_px, tangent, m_per_px } => {
-                let motion = collision.at(time_s - start_s);
+            Self::Impact { collision, start_s, center_px, tangent, ringing, m_per_px } => {
+                let mut motion = collision.at(time_s - start_s);
+                if let Some(ringing) = ringing {
+                    let (shift_m, speed_m_s) = ring(ringing, time_s - start_s);
+                    motion.position_m[1] += shift_m;
+                    motion.velocity_m_s[1] += speed_m_s;
+                }
                 let shift_m = out_of(motion.position_m, *tangent);
                 Pose {
                     center_px: [center_px[0] + shift_m[0] / m_per_px, center_px[1] - shift_m[1] / m_per_px],
@@ -88,6 +95,18 @@ impl Path {
             }
         }
     }
+}
+
+/// Shift (m) and speed (m/s) of a ringing mark, a time after first touch.
+fn ring(ringing: &RingingSetup, time_s: f64) -> (f64, f64) {
+    if time_s <= 0.0 {
+        return (0.0, 0.0);
+    }
+    let (fall, turn) = (1.0 / ringing.decay_s, std::f64::consts::TAU * ringing.frequency_hz);
+    let (sin, cos) = (turn * time_s).sin_cos();
+    let left = ringing.speed_m_s * (-fall * time_s).exp();
+    let shift = (ringing.speed_m_s * turn - left * (fall * sin + turn * cos)) / (fall * fall + turn * turn);
+    (shift, left * sin)
 }
 
 /// The surface's tangent, x right and y up.

@@ -1,7 +1,7 @@
 //! The camera's chip: noise, rounding, packing.
 
 use super::blur::normal_cdf;
-use super::random::{COUNT, scramble};
+use super::random::{COUNT, Stream, key, scramble};
 use super::scenario::CameraSetup;
 use crate::image::PixelFormat;
 
@@ -20,10 +20,12 @@ pub(crate) struct Sensor {
     shot_variance_dn: f32,
     /// Equally likely values of a normal distribution with standard deviation 1.
     quantiles: Vec<f32>,
+    /// Gain and offset (DN) of every pixel, row-major; `None` where all are alike.
+    fixed: Option<Vec<(f32, f32)>>,
 }
 
 impl Sensor {
-    pub(crate) fn new(camera: &CameraSetup, format: PixelFormat) -> Self {
+    pub(crate) fn new(camera: &CameraSetup, format: PixelFormat, seed: u64) -> Self {
         let full_dn = f64::from((1u32 << format.bits()) - 1);
         let variance = camera.noise_dn * camera.noise_dn;
         Self {
@@ -32,6 +34,7 @@ impl Sensor {
             read_variance_dn2: (variance * (1.0 - camera.shot_share)) as f32,
             shot_variance_dn: (variance * camera.shot_share / (0.5 * full_dn)) as f32,
             quantiles: quantiles(),
+            fixed: fixed_pattern(camera, seed),
         }
     }
 
@@ -47,6 +50,10 @@ impl Sensor {
     /// If `bytes` is not as long as the row.
     pub(crate) fn expose(&self, key: u64, row: usize, light_dn: &mut [f32], bytes: &mut [u8]) {
         assert_eq!(bytes.len(), light_dn.len() * self.format.bytes_per_pixel(), "row and bytes differ in length");
+        if let Some(fixed) = &self.fixed {
+            let pixels = &fixed[row * light_dn.len()..];
+            light_dn.iter_mut().zip(pixels).for_each(|(light, (gain, offset_dn))| *light = *light * gain + offset_dn);
+        }
         if self.read_variance_dn2 + self.shot_variance_dn > 0.0 {
             self.add_noise(key, row, light_dn);
         }
@@ -78,6 +85,21 @@ impl Sensor {
     }
 }
 
+/// Gain and offset of every pixel; a property of the camera, the same in every frame.
+fn fixed_pattern(camera: &CameraSetup, seed: u64) -> Option<Vec<(f32, f32)>> {
+    const PURPOSE: u64 = 5;
+    if camera.gain_spread <= 0.0 && camera.offset_spread_dn <= 0.0 {
+        return None;
+    }
+    let mut stream = Stream::new(key(seed, PURPOSE, 0));
+    let pixels = camera.width_px as usize * camera.height_px as usize;
+    let pixel = |stream: &mut Stream| {
+        let gain = 1.0 + camera.gain_spread * stream.normal();
+        (gain as f32, (camera.offset_spread_dn * stream.normal()) as f32)
+    };
+    Some((0..pixels).map(|_| pixel(&mut stream)).collect())
+}
+
 /// Midpoints of equally likely slices of the normal distribution, scaled to a standard deviation of exactly 1.
 fn quantiles() -> Vec<f32> {
     let values: Vec<f64> = (0..QUANTILES)
@@ -102,7 +124,7 @@ mod tests {
 
     fn sensor(noise_dn: f64, shot_share: f64, format: PixelFormat) -> Sensor {
         let camera = Scenario::translation(0.0, 0.0, 0.0).camera;
-        Sensor::new(&CameraSetup { noise_dn, shot_share, bits: format.bits(), ..camera }, format)
+        Sensor::new(&CameraSetup { noise_dn, shot_share, bits: format.bits(), ..camera }, format, 1)
     }
 
     fn noise_of(sensor: &Sensor, light_dn: f32, key: u64) -> Vec<f64> {
@@ -149,6 +171,25 @@ mod tests {
             assert!(related(&here[shift..], &here).abs() < 0.015, "shift {shift}");
         }
         assert!(related(&here, &there).abs() < 0.015);
+    }
+
+    #[test]
+    fn the_fixed_pattern_stays_and_has_the_spread_asked_for() {
+        let camera = CameraSetup {
+            noise_dn: 0.0,
+            gain_spread: 0.02,
+            offset_spread_dn: 1.5,
+            ..Scenario::translation(0.0, 0.0, 0.0).camera
+        };
+        let sensor = Sensor::new(&camera, PixelFormat::Mono8, 1);
+        let fixed = sensor.fixed.as_ref().unwrap();
+        let gains: Vec<f64> = fixed.iter().map(|(gain, _)| f64::from(*gain) - 1.0).collect();
+        let offsets: Vec<f64> = fixed.iter().map(|(_, offset)| f64::from(*offset)).collect();
+        assert!((deviation(&gains) / 0.02 - 1.0).abs() < 0.01 && (deviation(&offsets) / 1.5 - 1.0).abs() < 0.01);
+        let (mut one, mut other) = (vec![0; 512], vec![0; 512]);
+        sensor.expose(1, 7, &mut [100.0; 512], &mut one);
+        sensor.expose(2, 7, &mut [100.0; 512], &mut other);
+        assert!(one == other && one.iter().any(|pixel| *pixel != 100));
     }
 
     #[test]

@@ -10,6 +10,32 @@ const SIZES: usize = 24;
 /// Places tried for one speckle.
 const TRIALS: usize = 3000;
 
+/// What carries the speckles.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) enum Field {
+    /// A disc of this radius, px.
+    Disc(f64),
+    /// A rectangle with these half sides, px; no speckle crosses its edges.
+    Rectangle([f64; 2]),
+}
+
+impl Field {
+    fn area_px2(self) -> f64 {
+        match self {
+            Self::Disc(radius) => PI * radius * radius,
+            Self::Rectangle([x, y]) => 4.0 * x * y,
+        }
+    }
+
+    /// Radius of a disc around it.
+    fn reach_px(self) -> f64 {
+        match self {
+            Self::Disc(radius) => radius,
+            Self::Rectangle([x, y]) => x.hypot(y),
+        }
+    }
+}
+
 /// One speckle, in the ball's own axes (px, y down, at angle 0).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Speckle {
@@ -21,7 +47,51 @@ pub(crate) struct Speckle {
     pub(crate) crosses_rim: bool,
 }
 
-/// The ball's speckles.
+/// One straight line of the pattern: a rectangle, wholly inside the disc.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Line {
+    /// Middle, in the ball's own axes (px, y down, at angle 0).
+    pub(crate) middle_px: [f64; 2],
+    /// Unit vector along it.
+    pub(crate) along: [f64; 2],
+    pub(crate) half_length_px: f64,
+    pub(crate) half_width_px: f64,
+}
+
+impl Line {
+    /// Distance from its middle line, px.
+    fn distance_px(&self, x_px: f64, y_px: f64) -> f64 {
+        let (dx, dy) = (x_px - self.middle_px[0], y_px - self.middle_px[1]);
+        let along = dx * self.along[0] + dy * self.along[1];
+        let across = dx * self.along[1] - dy * self.along[0];
+        across.hypot((along.abs() - self.half_length_px).max(0.0))
+    }
+
+    fn end(&self, side: f64) -> [f64; 2] {
+        let reach = side * self.half_length_px;
+        [self.middle_px[0] + reach * self.along[0], self.middle_px[1] + reach * self.along[1]]
+    }
+
+    /// Whether both come closer than a width and a pixel.
+    fn meets(&self, other: &Self) -> bool {
+        let apart = self.half_width_px + other.half_width_px + 1.0;
+        (-20..=20).any(|part| {
+            let [x, y] = self.end(f64::from(part) / 20.0);
+            let [u, v] = other.end(f64::from(part) / 20.0);
+            other.distance_px(x, y) < apart || self.distance_px(u, v) < apart
+        }) || self.crosses(other)
+    }
+
+    fn crosses(&self, other: &Self) -> bool {
+        let side = |line: &Self, [x, y]: [f64; 2]| {
+            (x - line.middle_px[0]) * line.along[1] - (y - line.middle_px[1]) * line.along[0]
+        };
+        side(self, other.end(-1.0)) * side(self, other.end(1.0)) < 0.0
+            && side(other, self.end(-1.0)) * side(other, self.end(1.0)) < 0.0
+    }
+}
+
+/// The ball's speckles and lines.
 ///
 /// No two overlap, so their blurred light adds up exactly. A speckle is either
 /// wholly inside the disc or crosses its rim at a right angle, so that what is
@@ -29,6 +99,7 @@ pub(crate) struct Speckle {
 #[derive(Debug, Clone)]
 pub(crate) struct Pattern {
     pub(crate) speckles: Vec<Speckle>,
+    pub(crate) lines: Vec<Line>,
     pub(crate) discs: Vec<BlurredDisc>,
     /// What the rim leaves of each size, where a speckle of it crosses the rim.
     pub(crate) cut_discs: Vec<Option<CutDisc>>,
@@ -37,10 +108,10 @@ pub(crate) struct Pattern {
 }
 
 impl Pattern {
-    /// Strews speckles over a disc until they cover the share asked for.
+    /// Strews speckles over a field until they cover the share asked for.
     pub(crate) fn strew(
         setup: &PatternSetup,
-        radius_px: f64,
+        field: Field,
         sigma_px: f64,
         mut stream: Stream,
     ) -> Result<Self, ScenarioError> {
@@ -49,13 +120,14 @@ impl Pattern {
         let areas: Vec<f64> =
             (0..sizes).map(|size| setup.area_min_px2 * ratio.powf((size as f64 + 0.5) / sizes as f64)).collect();
         let radii_px: Vec<f64> = areas.iter().map(|area| (area / PI).sqrt()).collect();
-        let mut board = Board::new(radius_px, radii_px.clone(), setup.coverage);
-        let wanted = setup.coverage * PI * radius_px * radius_px;
+        let mut board = Board::new(field, radii_px.clone(), setup.coverage);
+        board.rule(setup, &mut stream)?;
+        let wanted = setup.coverage * field.area_px2();
         // Sizes from here on no longer find a place.
         let mut usable = sizes;
         while board.covered_px2 < wanted {
             if usable == 0 {
-                let reached = board.covered_px2 / (PI * radius_px * radius_px);
+                let reached = board.covered_px2 / field.area_px2();
                 return Err(ScenarioError::TooDense { wanted: setup.coverage, reached });
             }
             let mut batch = draw_sizes(&areas[..usable], wanted - board.covered_px2, &mut stream);
@@ -69,9 +141,10 @@ impl Pattern {
         }
         let discs = radii_px.iter().map(|radius| BlurredDisc::new(*radius, sigma_px)).collect();
         let crossing = |size: usize| board.speckles.iter().any(|speckle| speckle.size == size && speckle.crosses_rim);
-        let cut_discs =
-            (0..sizes).map(|size| crossing(size).then(|| CutDisc::new(radii_px[size], radius_px, sigma_px))).collect();
-        Ok(Self { speckles: board.speckles, discs, cut_discs, radii_px })
+        let cut_discs = (0..sizes)
+            .map(|size| crossing(size).then(|| CutDisc::new(radii_px[size], field.reach_px(), sigma_px)))
+            .collect();
+        Ok(Self { speckles: board.speckles, lines: board.lines, discs, cut_discs, radii_px })
     }
 }
 
@@ -89,62 +162,106 @@ fn draw_sizes(areas: &[f64], wanted_px2: f64, stream: &mut Stream) -> Vec<usize>
     sizes
 }
 
-/// The disc while it is being covered, with cells to find neighbours by.
+/// The field while it is being covered, with cells to find neighbours by.
 struct Board {
+    field: Field,
+    /// Radius of the disc, or of one around the rectangle.
     radius_px: f64,
     radii_px: Vec<f64>,
     cell_px: f64,
     cells_wide: usize,
     cells: Vec<Vec<usize>>,
     speckles: Vec<Speckle>,
+    lines: Vec<Line>,
     covered_px2: f64,
     /// How much of the rim may still be covered: the same share as of the disc.
     rim_left_px: f64,
 }
 
 impl Board {
-    fn new(radius_px: f64, radii_px: Vec<f64>, coverage: f64) -> Self {
+    fn new(field: Field, radii_px: Vec<f64>, coverage: f64) -> Self {
+        let radius_px = field.reach_px();
         let largest = radii_px[radii_px.len() - 1];
         let cell_px = 2.0 * largest;
         let cells_wide = (2.0 * (radius_px + 2.0 * largest) / cell_px).ceil() as usize + 2;
         let cells = vec![Vec::new(); cells_wide * cells_wide];
         Self {
+            field,
             radius_px,
             radii_px,
             cell_px,
             cells_wide,
             cells,
             speckles: Vec::new(),
+            lines: Vec::new(),
             covered_px2: 0.0,
             rim_left_px: coverage * TAU * radius_px,
         }
     }
 
+    /// Draws the lines: none crosses another or the rim.
+    fn rule(&mut self, setup: &PatternSetup, stream: &mut Stream) -> Result<(), ScenarioError> {
+        let half_width_px = 0.5 * setup.line_width_px;
+        let inside_px = self.radius_px - half_width_px - 1.0;
+        let mut trials = TRIALS;
+        while self.lines.len() < setup.lines as usize {
+            if trials == 0 {
+                return Err(ScenarioError::TooManyLines { wanted: setup.lines, reached: self.lines.len() });
+            }
+            trials -= 1;
+            let (angle, distance) = (stream.between(0.0, PI), stream.between(-0.8, 0.8) * inside_px);
+            let along = [angle.cos(), angle.sin()];
+            let half_chord = (inside_px * inside_px - distance * distance).sqrt();
+            let half_length_px = half_chord * stream.between(0.4, 1.0);
+            let slide = stream.between(-1.0, 1.0) * (half_chord - half_length_px);
+            let middle_px = [slide * along[0] - distance * along[1], slide * along[1] + distance * along[0]];
+            let line = Line { middle_px, along, half_length_px, half_width_px };
+            if !self.lines.iter().any(|other| line.meets(other)) {
+                self.covered_px2 += 4.0 * half_length_px * half_width_px;
+                self.lines.push(line);
+            }
+        }
+        Ok(())
+    }
+
     fn place(&mut self, size: usize, stream: &mut Stream) -> bool {
         let small = self.radii_px[size];
         for _ in 0..TRIALS {
-            let reach = self.radius_px + small;
-            let angle = stream.between(0.0, TAU);
-            let mut distance = reach * stream.uniform().sqrt();
-            let crosses_rim = distance > self.radius_px - small;
-            if crosses_rim && self.rim_left_px < 2.0 * small {
-                continue;
-            }
-            if crosses_rim {
-                // Both circles cross at a right angle from here.
-                distance = (self.radius_px * self.radius_px + small * small).sqrt();
-            }
-            let speckle = Speckle { x_px: distance * angle.cos(), y_px: distance * angle.sin(), size, crosses_rim };
-            if self.is_free(&speckle) {
-                self.rim_left_px -= if crosses_rim { 2.0 * small } else { 0.0 };
-                self.covered_px2 += overlap_px2(self.radius_px, small, distance);
-                let cell = self.cell(speckle.y_px) * self.cells_wide + self.cell(speckle.x_px);
-                self.cells[cell].push(self.speckles.len());
-                self.speckles.push(speckle);
-                return true;
-            }
+            let tried = match self.field {
+                Field::Disc(_) => self.try_in_disc(size, stream),
+                Field::Rectangle([x, y]) => {
+                    let place = |half: f64, stream: &mut Stream| stream.between(-1.0, 1.0) * (half - small);
+                    let (x_px, y_px) = (place(x, stream), place(y, stream));
+                    (x.min(y) > small).then_some((Speckle { x_px, y_px, size, crosses_rim: false }, PI * small * small))
+                }
+            };
+            let Some((speckle, covered_px2)) = tried.filter(|(speckle, _)| self.is_free(speckle)) else { continue };
+            self.rim_left_px -= if speckle.crosses_rim { 2.0 * small } else { 0.0 };
+            self.covered_px2 += covered_px2;
+            let cell = self.cell(speckle.y_px) * self.cells_wide + self.cell(speckle.x_px);
+            self.cells[cell].push(self.speckles.len());
+            self.speckles.push(speckle);
+            return true;
         }
         false
+    }
+
+    /// A place in the disc or across its rim, and the area it would cover.
+    fn try_in_disc(&self, size: usize, stream: &mut Stream) -> Option<(Speckle, f64)> {
+        let small = self.radii_px[size];
+        let reach = self.radius_px + small;
+        let angle = stream.between(0.0, TAU);
+        let mut distance = reach * stream.uniform().sqrt();
+        let crosses_rim = distance > self.radius_px - small;
+        if crosses_rim && self.rim_left_px < 2.0 * small {
+            return None;
+        }
+        if crosses_rim {
+            // Both circles cross at a right angle from here.
+            distance = (self.radius_px * self.radius_px + small * small).sqrt();
+        }
+        let speckle = Speckle { x_px: distance * angle.cos(), y_px: distance * angle.sin(), size, crosses_rim };
+        Some((speckle, overlap_px2(self.radius_px, small, distance)))
     }
 
     fn cell(&self, place_px: f64) -> usize {
@@ -152,6 +269,10 @@ impl Board {
     }
 
     fn is_free(&self, speckle: &Speckle) -> bool {
+        let small = self.radii_px[speckle.size];
+        if self.lines.iter().any(|line| line.distance_px(speckle.x_px, speckle.y_px) < small + line.half_width_px) {
+            return false;
+        }
         let (column, row) = (self.cell(speckle.x_px), self.cell(speckle.y_px));
         (row - 1..=row + 1).flat_map(|row| (column - 1..=column + 1).map(move |column| (row, column))).all(
             |(row, column)| {
@@ -186,7 +307,8 @@ mod tests {
     use super::*;
 
     fn strewn(area_min_px2: f64, area_max_px2: f64, coverage: f64) -> Result<Pattern, ScenarioError> {
-        Pattern::strew(&PatternSetup { area_min_px2, area_max_px2, coverage }, 60.0, 0.76, Stream::new(7))
+        let setup = PatternSetup { area_min_px2, area_max_px2, coverage, lines: 0, line_width_px: 2.0 };
+        Pattern::strew(&setup, Field::Disc(60.0), 0.76, Stream::new(7))
     }
 
     #[test]
@@ -207,6 +329,27 @@ mod tests {
                 }
             }
         }
+    }
+
+    #[test]
+    fn lines_keep_clear_of_each_other_of_the_rim_and_of_speckles() {
+        let setup =
+            PatternSetup { area_min_px2: 4.0, area_max_px2: 20.0, coverage: 0.27, lines: 5, line_width_px: 2.0 };
+        let pattern = Pattern::strew(&setup, Field::Disc(60.0), 0.76, Stream::new(7)).unwrap();
+        assert_eq!(pattern.lines.len(), 5);
+        for (index, line) in pattern.lines.iter().enumerate() {
+            for side in [-1.0, 1.0] {
+                let [x, y] = line.end(side);
+                assert!(x.hypot(y) < 59.0);
+            }
+            for speckle in &pattern.speckles {
+                let apart = line.distance_px(speckle.x_px, speckle.y_px);
+                assert!(apart >= pattern.radii_px[speckle.size] + 1.0);
+            }
+            assert!(pattern.lines[..index].iter().all(|other| !line.crosses(other)));
+        }
+        let crowded = Pattern::strew(&PatternSetup { lines: 200, ..setup }, Field::Disc(60.0), 0.76, Stream::new(7));
+        assert!(matches!(crowded, Err(ScenarioError::TooManyLines { wanted: 200, .. })));
     }
 
     #[test]

@@ -2,11 +2,11 @@
 //! folded with the lens's Gaussian and averaged over each pixel.
 
 use super::blur::{normal_cdf, seen_sigma_px};
-use super::draw::{Ball, HalfPlane};
+use super::draw::{Ball, HalfPlane, Moment};
 use super::motion::Pose;
 use super::random::Stream;
 use super::scenario::{BodySetup, PatternSetup, ScaleSetup, Scenario};
-use super::speckle::Pattern;
+use super::speckle::{Field, Pattern};
 
 const FINE: usize = 16;
 const SIDE: usize = 64;
@@ -17,17 +17,17 @@ const FLAT_DN: f64 = 97.0;
 
 /// A ball of radius 23 px with speckles of 2 to 40 px^2.
 fn scenario() -> Scenario {
-    let pattern = PatternSetup { area_min_px2: 2.0, area_max_px2: 40.0, coverage: 0.4 };
+    let pattern = PatternSetup { area_min_px2: 2.0, area_max_px2: 40.0, coverage: 0.4, lines: 0, line_width_px: 2.0 };
     Scenario {
         scale: ScaleSetup { mm_per_px: 1.0 },
-        body: BodySetup { diameter_mm: 46.0, pattern },
+        body: BodySetup { diameter_mm: 46.0, pattern, rod: None },
         ..Scenario::translation(0.0, 0.0, 0.0)
     }
 }
 
 fn pattern(scenario: &Scenario) -> Pattern {
     let sigma_px = seen_sigma_px(scenario.camera.blur_px);
-    Pattern::strew(&scenario.body.pattern, scenario.radius_px(), sigma_px, Stream::new(5)).unwrap()
+    Pattern::strew(&scenario.body.pattern, Field::Disc(scenario.radius_px()), sigma_px, Stream::new(5)).unwrap()
 }
 
 fn pose(x: f64, y: f64, angle_deg: f64) -> Pose {
@@ -37,8 +37,8 @@ fn pose(x: f64, y: f64, angle_deg: f64) -> Pose {
 /// The product's picture.
 fn drawn(scenario: &Scenario, pattern: &Pattern, pose: &Pose, flat: Option<HalfPlane>) -> Vec<f64> {
     let sigma_px = seen_sigma_px(scenario.camera.blur_px);
-    let ball = Ball::new(scenario, pattern.clone(), 255.0, flat);
-    let patch = ball.draw(&[*pose], SIDE, SIDE);
+    let ball = Ball::new(scenario, pattern.clone(), 255.0);
+    let patch = ball.draw(&[Moment { pose: *pose, occluder: flat }], SIDE, SIDE);
     let mut picture: Vec<f64> = (0..SIDE * SIDE)
         .map(|index| {
             let (x, y) = ((index % SIDE) as f64, (index / SIDE) as f64);
@@ -62,6 +62,7 @@ fn sampled(scenario: &Scenario, pattern: &Pattern, pose: &Pose, flat: Option<Hal
     let side = (SIDE + 2 * pad) * FINE;
     let place = |index: usize| (index as f64 + 0.5) / FINE as f64 - 0.5 - pad as f64;
     let (sin, cos) = pose.angle_rad.sin_cos();
+    let turn = |[x, y]: [f64; 2]| [x * cos + y * sin, y * cos - x * sin];
     let discs: Vec<(f64, f64, f64)> = pattern
         .speckles
         .iter()
@@ -83,6 +84,19 @@ fn sampled(scenario: &Scenario, pattern: &Pattern, pose: &Pose, flat: Option<Hal
             for column in span(x) {
                 ink[row * side + column] += inside(radius - (place(column) - x).hypot(place(row) - y));
             }
+        }
+    }
+    for line in &pattern.lines {
+        let middle = turn(line.middle_px);
+        let along = turn(line.along);
+        for (index, ink) in ink.iter_mut().enumerate() {
+            let (dx, dy) = (
+                place(index % side) - pose.center_px[0] - middle[0],
+                place(index / side) - pose.center_px[1] - middle[1],
+            );
+            let far = (dx * along[0] + dy * along[1]).abs();
+            let wide = (dx * along[1] - dy * along[0]).abs();
+            *ink += inside(line.half_length_px - far) * inside(line.half_width_px - wide);
         }
     }
     let sharp: Vec<f64> = (0..side * side)
@@ -160,6 +174,17 @@ fn shift_px(picture: &[f64], twin: &[f64]) -> [f64; 2] {
 fn largest(picture: &[f64], twin: &[f64]) -> (f64, usize) {
     let differences = picture.iter().zip(twin).map(|(left, right)| (left - right).abs()).enumerate();
     differences.fold((0.0, 0), |best, (index, value)| if value > best.0 { (value, index) } else { best })
+}
+
+#[test]
+fn lines_are_drawn_within_half_a_grey_level() {
+    let mut scenario = scenario();
+    (scenario.body.pattern.lines, scenario.body.pattern.coverage) = (2, 0.25);
+    let pattern = pattern(&scenario);
+    let pose = pose(31.63, 31.88, 17.0);
+    let (picture, twin) = (drawn(&scenario, &pattern, &pose, None), sampled(&scenario, &pattern, &pose, None));
+    let (worst_dn, index) = largest(&picture, &twin);
+    assert!(worst_dn <= 0.5, "{worst_dn} DN at {} {}", index % SIDE, index / SIDE);
 }
 
 #[test]

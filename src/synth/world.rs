@@ -1,22 +1,20 @@
 //! A scenario, ready to be filmed.
 
-use super::blur::{normal_cdf, seen_sigma_px};
-use super::draw::{Ball, HalfPlane, Patch};
+use super::blur::seen_sigma_px;
+use super::draw::{Ball, Moment, Patch};
 use super::motion::{Path, Pose, into_surface, tangent};
 use super::physics::Collision;
 use super::random::{Stream, key};
+use super::rod::Rod;
 use super::scenario::{MotionSetup, Scenario, ScenarioError};
+use super::scene::Scene;
 use super::sensor::Sensor;
-use super::speckle::Pattern;
-use super::texture::smooth;
+use super::speckle::{Field, Pattern};
 use crate::image::{Image, PixelFormat};
 use crate::results::{BodyVelocity, Estimate, Impact, Phase, PointStatus, RigidStep, VelocitySample};
-use std::f64::consts::FRAC_PI_2;
 
 /// What each random stream is for.
 const SPECKLES: u64 = 1;
-const GROUND: u64 = 2;
-const OCCLUDER: u64 = 3;
 const NOISE: u64 = 4;
 /// Motion during the exposure that a single picture still shows well enough, px.
 const STILL_PX: f64 = 0.05;
@@ -29,15 +27,35 @@ pub struct World {
     scenario: Scenario,
     format: PixelFormat,
     path: Path,
-    ball: Ball,
+    body: Body,
     sensor: Sensor,
-    occluder: Option<HalfPlane>,
-    /// Light behind the ball, DN, row-major.
-    ground_dn: Vec<f32>,
-    /// Ground and occluder without the ball, DN, row-major.
-    still_dn: Vec<f32>,
-    /// Brightness of the room, row-major.
-    room: Vec<f32>,
+    scene: Scene,
+}
+
+/// What is filmed.
+#[derive(Debug, Clone)]
+enum Body {
+    Ball(Box<Ball>),
+    Rod(Box<Rod>),
+}
+
+impl Body {
+    fn new(scenario: &Scenario, full_dn: f32) -> Result<Self, ScenarioError> {
+        let speckles = Stream::new(key(scenario.seed, SPECKLES, 0));
+        let sigma_px = seen_sigma_px(scenario.camera.blur_px);
+        let strew = |field: Field| Pattern::strew(&scenario.body.pattern, field, sigma_px, speckles);
+        Ok(match &scenario.body.rod {
+            None => Self::Ball(Box::new(Ball::new(scenario, strew(Field::Disc(scenario.radius_px()))?, full_dn))),
+            Some(rod) => Self::Rod(Box::new(Rod::new(scenario, rod, strew(Rod::field(scenario, rod))?, full_dn))),
+        })
+    }
+
+    fn draw(&self, moments: &[Moment], width: usize, height: usize) -> Patch {
+        match self {
+            Self::Ball(ball) => ball.draw(moments, width, height),
+            Self::Rod(rod) => rod.draw(moments, width, height),
+        }
+    }
 }
 
 impl World {
@@ -55,17 +73,11 @@ impl World {
             16 => PixelFormat::Mono16,
             _ => PixelFormat::Mono8,
         };
-        let sensor = Sensor::new(camera, format);
-        let speckles = Stream::new(key(scenario.seed, SPECKLES, 0));
-        let sigma_px = seen_sigma_px(camera.blur_px);
-        let pattern = Pattern::strew(&scenario.body.pattern, scenario.radius_px(), sigma_px, speckles)?;
-        let occluder = half_plane(scenario);
-        let ball = Ball::new(scenario, pattern, sensor.full_dn(), occluder);
-        let room = room(scenario);
-        let ground_dn = ground(scenario, sensor.full_dn(), &room);
-        let still_dn = still(scenario, sensor.full_dn(), &room, &ground_dn, occluder);
+        let sensor = Sensor::new(camera, format, scenario.seed);
+        let body = Body::new(scenario, sensor.full_dn())?;
+        let scene = Scene::new(scenario, sensor.full_dn());
         let path = Path::new(scenario)?;
-        Ok(Self { scenario: scenario.clone(), format, path, ball, sensor, occluder, ground_dn, still_dn, room })
+        Ok(Self { scenario: scenario.clone(), format, path, body, sensor, scene })
     }
 
     /// The scenario it was made from.
@@ -100,7 +112,7 @@ impl World {
 
     /// Bytes of one frame; rows follow each other without padding.
     pub fn frame_bytes(&self) -> usize {
-        self.still_dn.len() * self.format.bytes_per_pixel()
+        self.scene.pixels() * self.format.bytes_per_pixel()
     }
 
     /// Exposure start of a frame, ns since the Unix epoch.
@@ -115,24 +127,35 @@ impl World {
     /// If `bytes` has not [`frame_bytes`](Self::frame_bytes) bytes.
     pub fn render(&self, index: u64, bytes: &mut [u8]) {
         assert_eq!(bytes.len(), self.frame_bytes(), "bytes of a frame");
-        let patch = self.patch(index);
-        let width = self.width_px() as usize;
         let noise = key(self.scenario.seed, NOISE, index);
-        let mut light = vec![0.0; width];
-        for (row, bytes) in bytes.chunks_exact_mut(width * self.format.bytes_per_pixel()).enumerate() {
-            self.light_row(&patch, row, &mut light);
-            self.sensor.expose(noise, row, &mut light, bytes);
-        }
+        let row_bytes = self.width_px() as usize * self.format.bytes_per_pixel();
+        self.draw(index, |row, light| {
+            self.sensor.expose(noise, row, light, &mut bytes[row * row_bytes..(row + 1) * row_bytes]);
+        });
     }
 
-    /// Draws a frame without noise, rounding and clipping, DN.
+    /// Draws a frame without noise, fixed pattern, rounding and clipping, DN.
     pub fn render_light(&self, index: u64) -> Image {
-        let patch = self.patch(index);
-        let mut image = Image::new(self.width_px() as usize, self.height_px() as usize);
-        for (row, light) in image.rows_mut().enumerate() {
-            self.light_row(&patch, row, light);
-        }
+        let (width, height) = (self.width_px() as usize, self.height_px() as usize);
+        let mut image = Image::new(width, height);
+        let pixels = image.data_mut();
+        self.draw(index, |row, light| pixels[row * width..(row + 1) * width].copy_from_slice(light));
         image
+    }
+
+    /// Draws a frame's light and hands it out row by row.
+    fn draw(&self, index: u64, mut take: impl FnMut(usize, &mut [f32])) {
+        assert!(index < self.frames(), "frame {index} of a film of {}", self.frames());
+        let (width, height) = (self.width_px() as usize, self.height_px() as usize);
+        let moments = self.exposed(index);
+        let patch = self.body.draw(&moments, width, height);
+        let lamp = self.scene.lamp(self.opens_s(index), self.exposure_s());
+        let mut light = vec![0.0; width];
+        for row in 0..height {
+            self.scene.row(&moments, &patch, row, &mut light);
+            light.iter_mut().for_each(|light| *light *= lamp);
+            take(row, &mut light);
+        }
     }
 
     /// The truth of a frame, as a row of the `velocity` table with all uncertainties 0.
@@ -143,14 +166,17 @@ impl World {
     pub fn truth(&self, index: u64) -> VelocitySample {
         let pose = self.pose(index);
         let radius_px = self.scenario.radius_px();
-        let visible = self.occluder.map_or(1.0, |plane| plane.visible_fraction(pose.center_px, radius_px));
+        let occluder = self.scene.occluder_at(self.seen_s(index));
+        // A rod's mark is above the flat, which covers the rod's end.
+        let hiding = occluder.filter(|_| self.scenario.body.rod.is_none());
+        let visible = hiding.map_or(1.0, |plane| plane.visible_fraction(pose.center_px, radius_px));
         VelocitySample {
             frame: index,
             body: 0,
             stamp_ns: self.stamp_ns(index),
             center_x_px: Some(pose.center_px[0]),
             center_y_px: Some(pose.center_px[1]),
-            radius_px: Some(radius_px),
+            radius_px: self.scenario.body.rod.is_none().then_some(radius_px),
             step: (index + 1 < self.frames()).then(|| step(&pose, &self.pose(index + 1))),
             velocity: Some(velocity(&pose, tangent(&self.scenario))),
             visible_fraction: Some(visible),
@@ -177,7 +203,20 @@ impl World {
 
     /// Middle of a frame's exposure after the first frame's stamp, s.
     fn seen_s(&self, index: u64) -> f64 {
-        index as f64 / self.frame_rate_hz() + 0.5e-6 * self.scenario.camera.exposure_us
+        self.opens_s(index) + 0.5 * self.exposure_s()
+    }
+
+    /// Start of a frame's exposure after the first frame's stamp, s.
+    fn opens_s(&self, index: u64) -> f64 {
+        index as f64 / self.frame_rate_hz()
+    }
+
+    fn exposure_s(&self) -> f64 {
+        1e-6 * self.scenario.camera.exposure_us
+    }
+
+    fn moment(&self, time_s: f64) -> Moment {
+        Moment { pose: self.path.at(time_s), occluder: self.scene.occluder_at(time_s) }
     }
 
     fn pose(&self, index: u64) -> Pose {
@@ -195,55 +234,33 @@ impl World {
     }
 
     fn status(&self, pose: &Pose, visible: f64) -> PointStatus {
-        let radius = self.scenario.radius_px();
-        let fits = |place: f64, length: u32| place - radius >= -0.5 && place + radius <= f64::from(length) - 0.5;
+        let wide = self.scenario.radius_px();
+        let high = self.scenario.body.rod.as_ref().map_or(wide, |rod| 0.5 * (rod.patch_px[1] - rod.patch_px[0]));
+        let fits = |place: f64, half: f64, length: u32| place - half >= -0.5 && place + half <= f64::from(length) - 0.5;
         let [x, y] = pose.center_px;
         match () {
-            () if !(fits(x, self.width_px()) && fits(y, self.height_px())) => PointStatus::OutOfFrame,
+            () if !(fits(x, wide, self.width_px()) && fits(y, high, self.height_px())) => PointStatus::OutOfFrame,
             () if visible <= 0.0 => PointStatus::Occluded,
             () => PointStatus::Valid,
         }
     }
 
-    fn patch(&self, index: u64) -> Patch {
-        assert!(index < self.frames(), "frame {index} of a film of {}", self.frames());
-        self.ball.draw(&self.exposed(index), self.width_px() as usize, self.height_px() as usize)
-    }
-
-    /// Poses whose mean picture is the exposure's: two Gauss points for each half pixel of motion.
-    fn exposed(&self, index: u64) -> Vec<Pose> {
-        let exposure_s = 1e-6 * self.scenario.camera.exposure_us;
-        let start_s = index as f64 / self.frame_rate_hz();
+    /// Moments whose mean picture is the exposure's: two Gauss points for each half pixel of motion.
+    fn exposed(&self, index: u64) -> Vec<Moment> {
+        let (start_s, exposure_s) = (self.opens_s(index), self.exposure_s());
         let (open, shut) = (self.path.at(start_s), self.path.at(start_s + exposure_s));
         let shift_px = (shut.center_px[0] - open.center_px[0]).hypot(shut.center_px[1] - open.center_px[1]);
-        let moved_px = shift_px + (shut.angle_rad - open.angle_rad).abs() * self.scenario.radius_px();
+        let turned_px = (shut.angle_rad - open.angle_rad).abs() * self.scenario.radius_px();
+        let moved_px = shift_px + turned_px + self.scene.occluder_px_s().abs() * exposure_s;
         if moved_px < STILL_PX {
-            return vec![self.pose(index)];
+            return vec![self.moment(self.seen_s(index))];
         }
         let panels = (moved_px / PANEL_PX).ceil() as usize;
         let panel_s = exposure_s / panels as f64;
         (0..panels)
             .flat_map(|panel| [-1.0, 1.0].map(|side| panel as f64 + 0.5 + side / 12f64.sqrt()))
-            .map(|part| self.path.at(start_s + part * panel_s))
+            .map(|part| self.moment(start_s + part * panel_s))
             .collect()
-    }
-
-    /// One row: the still picture, and the ball over it.
-    fn light_row(&self, patch: &Patch, row: usize, light: &mut [f32]) {
-        let start = row * light.len();
-        light.copy_from_slice(&self.still_dn[start..start + light.len()]);
-        if row < patch.top || row >= patch.top + patch.height {
-            return;
-        }
-        let cells = (row - patch.top) * patch.width..(row - patch.top + 1) * patch.width;
-        let place = start + patch.left..start + patch.left + patch.width;
-        let ball = patch.share[cells.clone()].iter().zip(&patch.light_dn[cells]);
-        let still = self.room[place.clone()].iter().zip(&self.ground_dn[place]);
-        for ((light, (share, light_dn)), (room, ground_dn)) in
-            light[patch.left..patch.left + patch.width].iter_mut().zip(ball).zip(still)
-        {
-            *light += light_dn * room - share * ground_dn;
-        }
     }
 }
 
@@ -301,65 +318,4 @@ fn impact(collision: &Collision, start_s: f64, radius_m: f64) -> Impact {
         status: PointStatus::Valid,
         ..Impact::unknown(0, 0, 0)
     }
-}
-
-/// The occluder's edge, in the picture.
-fn half_plane(scenario: &Scenario) -> Option<HalfPlane> {
-    let occluder = scenario.occluder.as_ref()?;
-    let angle_rad = occluder.normal_deg.map_or(scenario.surface.angle_deg.to_radians() + FRAC_PI_2, f64::to_radians);
-    let normal = [angle_rad.cos(), -angle_rad.sin()];
-    let touch = |center_px: [f64; 2]| {
-        // The ball touches with the point that lies opposite to the surface's normal.
-        let tangent = tangent(scenario);
-        [center_px[0] + scenario.radius_px() * tangent[1], center_px[1] + scenario.radius_px() * tangent[0]]
-    };
-    let point_px = match (&occluder.point_px, &scenario.motion) {
-        (Some(point_px), _) => *point_px,
-        (None, MotionSetup::Impact(impact)) => touch(impact.contact_center_px),
-        (None, MotionSetup::Constant { .. }) => return None,
-    };
-    Some(HalfPlane { point_px, normal })
-}
-
-/// Brightness of the room at every pixel.
-fn room(scenario: &Scenario) -> Vec<f32> {
-    let (width, height) = (scenario.camera.width_px, scenario.camera.height_px);
-    let slope = [scenario.light.gradient_x / f64::from(width), scenario.light.gradient_y / f64::from(height)];
-    let middle = [0.5 * f64::from(width - 1), 0.5 * f64::from(height - 1)];
-    pixels(width, height).map(|(x, y)| (1.0 + slope[0] * (x - middle[0]) + slope[1] * (y - middle[1])) as f32).collect()
-}
-
-fn ground(scenario: &Scenario, full_dn: f32, room: &[f32]) -> Vec<f32> {
-    let rough = roughness(scenario, scenario.shade.ground_texture, [2.0, 2.0], GROUND);
-    let shade = scenario.shade.ground as f32;
-    room.iter().zip(rough).map(|(room, rough)| full_dn * room * (shade + rough).max(0.0)).collect()
-}
-
-/// Ground and occluder: the picture without the ball.
-fn still(scenario: &Scenario, full_dn: f32, room: &[f32], ground_dn: &[f32], occluder: Option<HalfPlane>) -> Vec<f32> {
-    let (Some(plane), Some(setup)) = (occluder, &scenario.occluder) else { return ground_dn.to_vec() };
-    let sigma_px = seen_sigma_px(scenario.camera.blur_px);
-    // A long grain, as wood has.
-    let rough = roughness(scenario, setup.texture, [8.0, 1.2], OCCLUDER);
-    pixels(scenario.camera.width_px, scenario.camera.height_px)
-        .zip(room.iter().zip(rough).zip(ground_dn))
-        .map(|((x, y), ((room, rough), ground_dn))| {
-            let free = normal_cdf(plane.distance_px(x, y) / sigma_px) as f32;
-            free * ground_dn + (1.0 - free) * full_dn * room * (setup.shade as f32 + rough).max(0.0)
-        })
-        .collect()
-}
-
-fn roughness(scenario: &Scenario, share: f64, sigma_px: [f64; 2], purpose: u64) -> Vec<f32> {
-    let (width, height) = (scenario.camera.width_px as usize, scenario.camera.height_px as usize);
-    if share <= 0.0 {
-        return vec![0.0; width * height];
-    }
-    let values = smooth(width, height, sigma_px, Stream::new(key(scenario.seed, purpose, 0)));
-    values.into_iter().map(|value| value * share as f32).collect()
-}
-
-/// Every pixel's place, row by row.
-fn pixels(width: u32, height: u32) -> impl Iterator<Item = (f64, f64)> {
-    (0..height).flat_map(move |y| (0..width).map(move |x| (f64::from(x), f64::from(y))))
 }

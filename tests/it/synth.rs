@@ -2,7 +2,7 @@
 #![expect(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
 
 use ricochet::results::{ForceLaw, Phase, PointStatus};
-use ricochet::synth::{MotionSetup, Scenario, World};
+use ricochet::synth::{MotionSetup, PatternSetup, Scenario, World};
 
 fn world(scenario: &Scenario) -> World {
     World::new(scenario).unwrap()
@@ -66,6 +66,105 @@ fn the_lacrosse_ball_stays_in_the_picture_over_a_visible_flat() {
     let bottom = picture.view().row(190).iter().sum::<f32>() / 256.0;
     let ground = picture.view().row(4).iter().sum::<f32>() / 256.0;
     assert!(bottom > ground + 40.0, "flat {bottom}, ground {ground}");
+}
+
+#[test]
+fn the_tennis_ball_leaves_with_the_spins_of_the_paper() {
+    for (name, spin_rad_s, tolerance) in [("tennis", -4.99, 0.05 * 4.99), ("tennis-physical", -62.0, 3.0)] {
+        let world = world(&Scenario::built_in(name).unwrap());
+        let impact = world.impact().unwrap();
+        let value = |estimate: Option<ricochet::results::Estimate>| estimate.unwrap().value;
+        assert!((value(impact.omega_after_rad_s) - spin_rad_s).abs() < tolerance, "{:?}", impact.omega_after_rad_s);
+        assert!((value(impact.contact_time_s) - 7e-3).abs() < 0.07e-3, "{:?}", impact.contact_time_s);
+        assert!((value(impact.restitution) - 0.8).abs() < 0.008, "{:?}", impact.restitution);
+        let before = world.truth(0).velocity.unwrap();
+        assert!(before.vx_m_s.abs() < 1e-9 && before.vy_m_s < -4.48, "it falls straight: {before:?}");
+        assert!((before.vn_m_s - before.vy_m_s * 0.5f64.sqrt()).abs() < 1e-9);
+        for index in 0..world.frames() {
+            let truth = world.truth(index);
+            let (x, y, r) = (truth.center_x_px.unwrap(), truth.center_y_px.unwrap(), truth.radius_px.unwrap());
+            let margin = [x - r, y - r, 255.0 - x - r, 255.0 - y - r].into_iter().fold(f64::INFINITY, f64::min);
+            assert!(margin >= 6.0, "{name}, frame {index}: {margin} px, ({x}, {y})");
+            assert!(truth.visible_fraction.unwrap() > 0.85);
+        }
+    }
+}
+
+#[test]
+fn the_rod_bounces_as_in_the_paper_with_its_tape_where_the_truth_says() {
+    let world = world(&Scenario::built_in("rod").unwrap());
+    let impact = world.impact().unwrap();
+    let value = |estimate: Option<ricochet::results::Estimate>| estimate.unwrap().value;
+    for (name, number, expected) in [
+        ("contact", value(impact.contact_time_s), 1.4e-3),
+        ("restitution", value(impact.restitution), 0.634),
+        ("compression", value(impact.compression_max_mm), 0.423),
+        ("after", value(impact.vn_after_m_s), 0.6873),
+    ] {
+        assert!((number / expected - 1.0).abs() < 0.01, "{name}: {number}, expected {expected}");
+    }
+    for index in [0, 100, 120, 239] {
+        let truth = world.truth(index);
+        assert_eq!((truth.status, truth.radius_px, truth.visible_fraction), (PointStatus::Valid, None, Some(1.0)));
+        let picture = world.render_light(index);
+        let (rod_dn, tape_dn) = (255.0 * 0.08, 255.0 * 0.7);
+        // The clean tape lies 20 to 40 px above the rod's end, which lies 85 px under the mark.
+        let middle_px = truth.center_y_px.unwrap() + 55.0;
+        let (mut sum, mut moment) = (0.0, 0.0);
+        for row in (middle_px - 15.0) as usize..(middle_px + 16.0) as usize {
+            let share = (f64::from(picture.view().at(31, row).unwrap()) - rod_dn) / (tape_dn - rod_dn);
+            sum += share;
+            moment += share * row as f64;
+        }
+        assert!((sum - 20.0).abs() < 1e-3, "frame {index}: tape of {sum} px");
+        assert!((moment / sum - middle_px).abs() < 1e-3, "frame {index}: {} {middle_px}", moment / sum);
+    }
+}
+
+#[test]
+fn a_ringing_rod_swings_about_the_rod_that_does_not() {
+    let (still, ringing) =
+        (world(&Scenario::built_in("rod").unwrap()), world(&Scenario::built_in("rod-ringing").unwrap()));
+    let speed = |world: &World, index: u64| world.truth(index).velocity.unwrap().vy_m_s;
+    assert!((speed(&still, 90) - speed(&ringing, 90)).abs() < 1e-12, "before first touch nothing rings");
+    let swings: Vec<f64> = (99..239).map(|index| speed(&ringing, index) - speed(&still, index)).collect();
+    let crossings = swings.windows(2).filter(|pair| pair[0] * pair[1] < 0.0).count();
+    // 140 frames at 40 kHz are 3.5 ms: 8.5 kHz cross zero 59 times in them.
+    assert!((58..=60).contains(&crossings), "{crossings}");
+    let still_y: f64 = still.truth(238).center_y_px.unwrap();
+    assert!((still_y - ringing.truth(238).center_y_px.unwrap()).abs() < 0.01);
+}
+
+#[test]
+fn a_rod_does_nothing_that_only_a_ball_can_do() {
+    let mut spinning = Scenario::built_in("rod").unwrap();
+    if let MotionSetup::Impact(impact) = &mut spinning.motion {
+        impact.omega_rad_s = 1.0;
+    }
+    let error = World::new(&spinning).unwrap_err().to_string();
+    assert_eq!(error, "body.rod stands upright and does not turn: its spin must be 0");
+    let mut bell = lacrosse();
+    if let (MotionSetup::Impact(impact), MotionSetup::Impact(rod)) =
+        (&mut bell.motion, Scenario::built_in("rod-ringing").unwrap().motion)
+    {
+        impact.ringing = rod.ringing;
+    }
+    assert!(World::new(&bell).unwrap_err().to_string().ends_with("motion.ringing needs one"));
+}
+
+#[test]
+fn every_pattern_of_the_study_can_be_strewn() {
+    for name in PatternSetup::PAPER {
+        let scenario = Scenario::built_in(&format!("pattern-{name}")).unwrap();
+        assert_eq!(scenario.body.pattern, PatternSetup::paper(name).unwrap());
+        let world = world(&scenario);
+        let dark = frame(&world, 0).iter().filter(|pixel| **pixel > 120).count() as f64;
+        let bright_share = dark / (std::f64::consts::PI * 3600.0);
+        let expected = 1.0 - scenario.body.pattern.coverage;
+        // Blur rounds small speckles off: the share of bright pixels is near, not equal.
+        assert!((bright_share - expected).abs() < 0.1, "{name}: {bright_share} bright, expected {expected}");
+    }
+    assert!(Scenario::built_in("pattern-g-I").is_none() && Scenario::built_in("squash").is_none());
 }
 
 #[test]
@@ -218,7 +317,8 @@ fn a_ball_that_leaves_the_picture_says_so_and_is_still_drawn() {
 
 #[test]
 fn a_scenario_survives_toml() {
-    for scenario in [lacrosse(), Scenario::translation(0.37, -0.13, 0.35)] {
+    let built_in = Scenario::BUILT_IN.map(|name| Scenario::built_in(name).unwrap());
+    for scenario in built_in.into_iter().chain([Scenario::translation(0.37, -0.13, 0.35)]) {
         let text = toml::to_string(&scenario).unwrap();
         assert_eq!(Scenario::from_toml(&text).unwrap(), scenario);
     }
@@ -329,4 +429,55 @@ fn at_least_300_frames_of_512_x_512_are_drawn_in_a_second_on_one_core() {
         .fold(f64::INFINITY, f64::min);
     eprintln!("{:.0} frames/s", 1.0 / best_s);
     assert!(best_s < 1.0 / 300.0, "{:.0} frames/s", 1.0 / best_s);
+}
+
+#[test]
+fn a_lamp_on_the_mains_swings_by_the_share_asked_for() {
+    let mut scenario = plain(0.0, 0.0);
+    scenario.camera.frames = 100;
+    (scenario.light.flicker, scenario.light.flicker_hz) = (0.05, 100.0);
+    let world = world(&scenario);
+    let total = |index: u64| world.render_light(index).view().data().iter().copied().map(f64::from).sum::<f64>();
+    // 10 000 frames a second: a quarter of a swing is 25 frames.
+    for (index, share) in [(0, 1.0), (25, 1.05), (50, 1.0), (75, 0.95)] {
+        assert!((total(index) / total(0) - share).abs() < 1e-4, "frame {index}");
+    }
+}
+
+#[test]
+fn a_lens_darkens_the_corners() {
+    let mut scenario = plain(0.0, 0.0);
+    scenario.light.vignette = 0.4;
+    let picture = world(&scenario).render_light(0);
+    let ground_dn = 255.0 * 0.12;
+    assert!((picture.view().at(0, 0).unwrap() / ground_dn - 0.6).abs() < 1e-4);
+    assert!((picture.view().at(160, 80).unwrap() / ground_dn - 0.8).abs() < 1e-4);
+}
+
+#[test]
+fn a_moving_edge_hides_more_and_more_of_the_ball() {
+    let mut scenario = plain(0.0, 0.0);
+    scenario.camera.exposure_us = 50.0;
+    scenario.occluder = lacrosse().occluder;
+    if let Some(occluder) = &mut scenario.occluder {
+        (occluder.point_px, occluder.normal_deg) = (Some([5.0, 80.0]), Some(0.0));
+        (occluder.speed_px_frame, occluder.texture) = (12.5, 0.0);
+    }
+    let world = world(&scenario);
+    let visible: Vec<f64> = (0..7).map(|index| world.truth(index).visible_fraction.unwrap()).collect();
+    assert!(visible[0] > 0.999 && visible.windows(2).all(|pair| pair[1] <= pair[0]), "{visible:?}");
+    // The picture of frame 6 shows the middle of its exposure: the edge is at 5 + 12.5 x 6.25 px.
+    let edge_px = 5.0 + 12.5 * 6.25;
+    assert!((visible[6] - (1.0 - half_disc_share((edge_px - 80.0) / 60.0))).abs() < 1e-9, "{visible:?}");
+    let picture = world.render_light(6);
+    let row = picture.view().row(2);
+    let (flat_dn, ground_dn) = (255.0 * 0.38, 255.0 * 0.12);
+    // Light counts the pixels that the occluder has taken of this row.
+    let taken: f64 = row.iter().map(|light| (f64::from(*light) - ground_dn) / (flat_dn - ground_dn)).sum();
+    assert!((taken - (edge_px + 0.5)).abs() < 0.01, "{taken} px of {}", edge_px + 0.5);
+}
+
+/// Share of a unit disc on the left of a line at `place`.
+fn half_disc_share(place: f64) -> f64 {
+    0.5 + (place.asin() + place * (1.0 - place * place).sqrt()) / std::f64::consts::PI
 }

@@ -1,0 +1,98 @@
+//! Draws an upright rod with its tapes: strips and speckles, all in closed form.
+
+use super::blur::{REACH_SIGMA, normal_cdf, seen_sigma_px};
+use super::draw::{Moment, Patch, spread};
+use super::scenario::{RodSetup, Scenario};
+use super::speckle::{Field, Pattern};
+
+/// Everything about the rod that does not change from frame to frame.
+#[derive(Debug, Clone)]
+pub(crate) struct Rod {
+    half_width_px: f64,
+    sigma_px: f64,
+    /// Lower end below the mark, px.
+    end_px: f64,
+    /// Upper and lower edges of both tapes, from the mark downwards, px.
+    tapes_px: [[f64; 2]; 2],
+    pattern: Pattern,
+    rod_dn: f32,
+    tape_dn: f32,
+    speckle_dn: f32,
+}
+
+impl Rod {
+    /// The speckled patch around the mark.
+    pub(crate) fn field(scenario: &Scenario, setup: &RodSetup) -> Field {
+        Field::Rectangle([scenario.radius_px(), 0.5 * (setup.patch_px[1] - setup.patch_px[0])])
+    }
+
+    /// Height of the mark, the middle of the patch, above the lower end.
+    pub(crate) fn mark_px(setup: &RodSetup) -> f64 {
+        0.5 * (setup.patch_px[0] + setup.patch_px[1])
+    }
+
+    pub(crate) fn new(scenario: &Scenario, setup: &RodSetup, pattern: Pattern, full_dn: f32) -> Self {
+        let mark_px = Self::mark_px(setup);
+        let below = |[low, high]: [f64; 2]| [mark_px - high, mark_px - low];
+        Self {
+            half_width_px: scenario.radius_px(),
+            sigma_px: seen_sigma_px(scenario.camera.blur_px),
+            end_px: mark_px,
+            tapes_px: [below(setup.tape_px), below(setup.patch_px)],
+            pattern,
+            rod_dn: full_dn * setup.shade as f32,
+            tape_dn: full_dn * scenario.shade.ball as f32,
+            speckle_dn: full_dn * scenario.shade.speckle as f32,
+        }
+    }
+
+    /// Draws the mean over several moments of equal weight; all of them in a picture of this size.
+    pub(crate) fn draw(&self, moments: &[Moment], width: usize, height: usize) -> Patch {
+        let size = width * height;
+        // The rod reaches out of the picture: so does its rectangle.
+        let mut patch = Patch { left: 0, top: 0, width, height, share: vec![0.0; size], light_dn: vec![0.0; size] };
+        let weight = 1.0 / moments.len() as f32;
+        let mut ink = vec![0.0; size];
+        for moment in moments {
+            ink.fill(0.0);
+            let [x, y] = moment.pose.center_px;
+            for speckle in &self.pattern.speckles {
+                let disc = &self.pattern.discs[speckle.size];
+                let place = [x + speckle.x_px, y + speckle.y_px];
+                spread(place, disc.reach_px(), &patch, &mut ink, |dx, dy| disc.at(dx * dx + dy * dy));
+            }
+            self.paint(moment, &ink, weight, &mut patch);
+        }
+        patch
+    }
+
+    fn paint(&self, moment: &Moment, ink: &[f32], weight: f32, patch: &mut Patch) {
+        let [x, y] = moment.pose.center_px;
+        // The flat hides what has sunk into it; both edges lie along the rows.
+        let end = moment.occluder.map_or(y + self.end_px, |flat| flat.point_px[1].min(y + self.end_px));
+        let below = |edge: f64, place: f64| normal_cdf((place - edge) / self.sigma_px);
+        let across: Vec<f32> = (0..patch.width)
+            .map(|column| {
+                let column = column as f64;
+                (below(x - self.half_width_px, column) - below(x + self.half_width_px, column)) as f32
+            })
+            .collect();
+        let last = (end + REACH_SIGMA * self.sigma_px).ceil().clamp(0.0, patch.height as f64) as usize;
+        for row in 0..last {
+            let place = row as f64;
+            let rod = 1.0 - below(end, place) as f32;
+            let tape: f32 = self
+                .tapes_px
+                .iter()
+                .map(|[upper, lower]| (below(y + upper, place) - below(y + lower, place)) as f32)
+                .sum();
+            let light = self.rod_dn * rod + (self.tape_dn - self.rod_dn) * tape;
+            let cells = row * patch.width..(row + 1) * patch.width;
+            let target = patch.share[cells.clone()].iter_mut().zip(&mut patch.light_dn[cells.clone()]);
+            for ((share, light_dn), (across, ink)) in target.zip(across.iter().zip(&ink[cells])) {
+                *share += weight * across * rod;
+                *light_dn += weight * (across * light - (self.tape_dn - self.speckle_dn) * ink);
+            }
+        }
+    }
+}

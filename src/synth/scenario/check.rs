@@ -1,0 +1,181 @@
+//! The range of every number.
+
+use super::{ImpactSetup, MotionSetup, Scenario, ScenarioError};
+use crate::synth::physics::NormalLaw;
+
+impl Scenario {
+    /// Checks every number against its range.
+    ///
+    /// # Errors
+    ///
+    /// [`ScenarioError`] for the first number that is out of range.
+    pub fn check(&self) -> Result<(), ScenarioError> {
+        self.check_camera()?;
+        within("scale.mm_per_px", self.scale.mm_per_px, 1e-6, 1e3)?;
+        within("surface.angle_deg", self.surface.angle_deg, -360.0, 360.0)?;
+        self.check_body()?;
+        self.check_light()?;
+        match &self.motion {
+            MotionSetup::Constant { vx_px_frame, vy_px_frame, omega_deg_frame, start_px } => {
+                within("motion.vx_px_frame", *vx_px_frame, -1e4, 1e4)?;
+                within("motion.vy_px_frame", *vy_px_frame, -1e4, 1e4)?;
+                within("motion.omega_deg_frame", *omega_deg_frame, -180.0, 180.0)?;
+                place("motion.start_px", *start_px)?;
+                if self.occluder.as_ref().is_some_and(|occluder| occluder.point_px.is_none()) {
+                    return Err(ScenarioError::OccluderPlace);
+                }
+            }
+            MotionSetup::Impact(impact) => impact.check()?,
+        }
+        Ok(())
+    }
+
+    fn check_camera(&self) -> Result<(), ScenarioError> {
+        let camera = &self.camera;
+        within("camera.width_px", f64::from(camera.width_px), 16.0, 8192.0)?;
+        within("camera.height_px", f64::from(camera.height_px), 16.0, 8192.0)?;
+        within("camera.frame_rate_hz", camera.frame_rate_hz, 1e-3, 1e7)?;
+        within("camera.exposure_us", camera.exposure_us, 0.0, 1e6 / camera.frame_rate_hz)?;
+        within("camera.frames", camera.frames as f64, 1.0, 1e8)?;
+        if ![8, 10, 12, 16].contains(&camera.bits) {
+            return Err(out_of_range("camera.bits", camera.bits, "8, 10, 12 or 16"));
+        }
+        within("camera.noise_dn", camera.noise_dn, 0.0, 0.25 * 2f64.powi(camera.bits as i32))?;
+        within("camera.shot_share", camera.shot_share, 0.0, 1.0)?;
+        within("camera.gain_spread", camera.gain_spread, 0.0, 0.1)?;
+        within("camera.offset_spread_dn", camera.offset_spread_dn, 0.0, 2f64.powi(camera.bits as i32 - 4))?;
+        within("camera.blur_px", camera.blur_px, 0.3, 5.0)?;
+        // The last stamp, at 1e8 frames of 1000 s, must still fit 64 bits.
+        within("camera.start_ns", camera.start_ns as f64, 0.0, 9e18)?;
+        within("camera.frames / camera.frame_rate_hz", camera.frames as f64 / camera.frame_rate_hz, 0.0, 9e9)
+    }
+
+    fn check_body(&self) -> Result<(), ScenarioError> {
+        let diameter_mm = self.body.diameter_mm;
+        let (mm_per_px, camera) = (self.scale.mm_per_px, &self.camera);
+        if diameter_mm.is_nan() || diameter_mm < 8.0 * mm_per_px {
+            let range = format!("at least 8 px, {} mm at this scale", 8.0 * mm_per_px);
+            return Err(out_of_range("body.diameter_mm", diameter_mm, range));
+        }
+        let (width_px, height_px) = (camera.width_px, camera.height_px);
+        let diameter_px = 2.0 * self.radius_px();
+        if diameter_px > f64::from(width_px.min(height_px)) {
+            return Err(ScenarioError::BallTooLarge { diameter_mm, mm_per_px, diameter_px, width_px, height_px });
+        }
+        let pattern = &self.body.pattern;
+        self.check_rod()?;
+        let largest = self.speckled_px2() / 20.0;
+        within("body.pattern.area_min_px2", pattern.area_min_px2, 0.5, largest)?;
+        within("body.pattern.area_max_px2", pattern.area_max_px2, pattern.area_min_px2, largest)?;
+        within("body.pattern.coverage", pattern.coverage, 0.0, 0.6)?;
+        within("body.pattern.lines", f64::from(pattern.lines), 0.0, 20.0)?;
+        within("body.pattern.line_width_px", pattern.line_width_px, 0.5, 10.0)
+    }
+
+    /// Area of the disc or patch that carries the speckles.
+    fn speckled_px2(&self) -> f64 {
+        let radius = self.radius_px();
+        let disc = std::f64::consts::PI * radius * radius;
+        self.body.rod.as_ref().map_or(disc, |rod| 2.0 * radius * (rod.patch_px[1] - rod.patch_px[0]))
+    }
+
+    fn check_rod(&self) -> Result<(), ScenarioError> {
+        let Some(rod) = &self.body.rod else {
+            let ringing = matches!(&self.motion, MotionSetup::Impact(impact) if impact.ringing.is_some());
+            return if ringing { Err(ScenarioError::RodOnly("motion.ringing needs one")) } else { Ok(()) };
+        };
+        within("body.rod.tape_px", rod.tape_px[0], 1.0, 8192.0)?;
+        within("body.rod.tape_px", rod.tape_px[1], rod.tape_px[0] + 1.0, 8192.0)?;
+        within("body.rod.patch_px", rod.patch_px[0], rod.tape_px[1] + 1.0, 8192.0)?;
+        within("body.rod.patch_px", rod.patch_px[1], rod.patch_px[0] + 4.0, 8192.0)?;
+        within("body.rod.shade", rod.shade, 0.0, 1.0)?;
+        let (turns, slides) = match &self.motion {
+            MotionSetup::Constant { omega_deg_frame, .. } => (omega_deg_frame.abs() > 0.0, false),
+            MotionSetup::Impact(impact) => (impact.omega_rad_s.abs() > 0.0, impact.friction.is_some()),
+        };
+        let edge = self.occluder.as_ref();
+        for (wrong, why) in [
+            (turns, "its spin must be 0"),
+            (slides, "motion.friction must be left out"),
+            (self.surface.angle_deg.abs() > 0.0, "surface.angle_deg must be 0"),
+            (self.body.pattern.lines > 0, "body.pattern.lines must be 0"),
+            (self.light.side > 0.0 || self.light.limb > 0.0, "light.side and light.limb must be 0"),
+            (edge.is_some_and(|edge| edge.normal_deg.is_some()), "occluder.normal_deg must be left out"),
+        ] {
+            if wrong {
+                return Err(ScenarioError::RodOnly(why));
+            }
+        }
+        Ok(())
+    }
+
+    fn check_light(&self) -> Result<(), ScenarioError> {
+        within("shade.ball", self.shade.ball, 0.0, 1.0)?;
+        within("shade.speckle", self.shade.speckle, 0.0, 1.0)?;
+        within("shade.ground", self.shade.ground, 0.0, 1.0)?;
+        within("shade.ground_texture", self.shade.ground_texture, 0.0, 0.2)?;
+        within("light.gradient_x", self.light.gradient_x, -0.9, 0.9)?;
+        within("light.gradient_y", self.light.gradient_y, -0.9, 0.9)?;
+        within("light.side", self.light.side, 0.0, 0.9)?;
+        within("light.side_angle_deg", self.light.side_angle_deg, -360.0, 360.0)?;
+        within("light.limb", self.light.limb, 0.0, 0.9)?;
+        within("light.vignette", self.light.vignette, 0.0, 0.9)?;
+        within("light.flicker", self.light.flicker, 0.0, 0.9)?;
+        within("light.flicker_hz", self.light.flicker_hz, 0.0, 1e6)?;
+        let Some(occluder) = &self.occluder else { return Ok(()) };
+        within("occluder.shade", occluder.shade, 0.0, 1.0)?;
+        within("occluder.texture", occluder.texture, 0.0, if occluder.speed_px_frame.abs() > 0.0 { 0.0 } else { 0.2 })?;
+        within("occluder.speed_px_frame", occluder.speed_px_frame, -1e4, 1e4)?;
+        within("occluder.normal_deg", occluder.normal_deg.unwrap_or(0.0), -360.0, 360.0)?;
+        place("occluder.point_px", occluder.point_px.unwrap_or_default())
+    }
+}
+
+impl ImpactSetup {
+    fn check(&self) -> Result<(), ScenarioError> {
+        within("motion.contact_start_s", self.contact_start_s, 0.0, 1e3)?;
+        place("motion.contact_center_px", self.contact_center_px)?;
+        within("motion.vn_m_s", self.vn_m_s, -1e3, -1e-3)?;
+        within("motion.vt_m_s", self.vt_m_s, -1e3, 1e3)?;
+        within("motion.omega_rad_s", self.omega_rad_s, -1e5, 1e5)?;
+        within("motion.gravity_m_s2", self.gravity_m_s2[0], -100.0, 100.0)?;
+        within("motion.gravity_m_s2", self.gravity_m_s2[1], -100.0, 100.0)?;
+        within("motion.mass_kg", self.mass_kg, 1e-6, 1e3)?;
+        within("motion.inertia_factor", self.inertia_factor, 0.1, 1.0)?;
+        match self.law {
+            NormalLaw::KelvinVoigt { stiffness_n_m, damping_n_s_m } => {
+                within("motion.law.stiffness_n_m", stiffness_n_m, 1.0, 1e10)?;
+                within("motion.law.damping_n_s_m", damping_n_s_m, 0.0, 1e6)?;
+            }
+            NormalLaw::HuntCrossley { stiffness_n_m15, damping_s_m } => {
+                within("motion.law.stiffness_n_m15", stiffness_n_m15, 1.0, 1e12)?;
+                within("motion.law.damping_s_m", damping_s_m, 0.0, 1e3)?;
+            }
+        }
+        if let Some(ringing) = &self.ringing {
+            within("motion.ringing.speed_m_s", ringing.speed_m_s, -1e3, 1e3)?;
+            within("motion.ringing.frequency_hz", ringing.frequency_hz, 1.0, 1e7)?;
+            within("motion.ringing.decay_s", ringing.decay_s, 1e-6, 1e3)?;
+        }
+        let Some(friction) = self.friction else { return Ok(()) };
+        within("motion.friction.stiffness_n_m", friction.stiffness_n_m, 1.0, 1e8)?;
+        // A patch that relaxes faster than this could not be followed in steps of 0.05 us.
+        let least = 1e-6 * friction.stiffness_n_m;
+        within("motion.friction.damping_n_s_m", friction.damping_n_s_m, least, 1e4)?;
+        within("motion.friction.coefficient", friction.coefficient, 0.0, 10.0)
+    }
+}
+
+fn out_of_range(key: &'static str, value: impl ToString, range: impl Into<String>) -> ScenarioError {
+    ScenarioError::OutOfRange { key, value: value.to_string(), range: range.into() }
+}
+
+fn within(key: &'static str, value: f64, low: f64, high: f64) -> Result<(), ScenarioError> {
+    // A NaN lies in no range.
+    if (low..=high).contains(&value) { Ok(()) } else { Err(out_of_range(key, value, format!("{low} to {high}"))) }
+}
+
+fn place(key: &'static str, place_px: [f64; 2]) -> Result<(), ScenarioError> {
+    within(key, place_px[0], -1e5, 1e5)?;
+    within(key, place_px[1], -1e5, 1e5)
+}

@@ -1,0 +1,204 @@
+//! What the ball moves in: ground, lamp, lens, and the half-plane in front.
+
+use super::blur::{normal_cdf, seen_sigma_px};
+use super::draw::{EDGE_SIGMA, HalfPlane, Moment, Patch};
+use super::motion::tangent;
+use super::random::{Stream, key};
+use super::rod::Rod;
+use super::scenario::{MotionSetup, Scenario};
+use super::texture::smooth;
+use std::f64::consts::{FRAC_PI_2, PI, TAU};
+
+/// What each random stream is for.
+const GROUND: u64 = 2;
+const OCCLUDER: u64 = 3;
+
+/// Everything but the ball.
+#[derive(Debug, Clone)]
+pub(crate) struct Scene {
+    width: usize,
+    sigma_px: f64,
+    /// Brightness of the room, row-major.
+    room: Vec<f32>,
+    /// Light behind the ball, DN, row-major.
+    ground_dn: Vec<f32>,
+    /// Ground and resting occluder without the ball, DN, row-major.
+    still_dn: Vec<f32>,
+    occluder: Option<Occluder>,
+    /// The lamp: swing as a share, and its frequency.
+    flicker: f64,
+    flicker_hz: f64,
+}
+
+/// The half-plane in front of the ball.
+#[derive(Debug, Clone, Copy)]
+struct Occluder {
+    start: HalfPlane,
+    speed_px_s: f64,
+    shade_dn: f32,
+}
+
+impl Scene {
+    pub(crate) fn new(scenario: &Scenario, full_dn: f32) -> Self {
+        let room = room(scenario);
+        let ground_dn = ground(scenario, full_dn, &room);
+        let occluder = half_plane(scenario).zip(scenario.occluder.as_ref()).map(|(start, setup)| Occluder {
+            start,
+            speed_px_s: setup.speed_px_frame * scenario.camera.frame_rate_hz,
+            shade_dn: full_dn * setup.shade as f32,
+        });
+        let resting = occluder.filter(|occluder| !occluder.moves());
+        let still_dn = still(scenario, full_dn, &room, &ground_dn, resting.map(|occluder| occluder.start));
+        Self {
+            width: scenario.camera.width_px as usize,
+            sigma_px: seen_sigma_px(scenario.camera.blur_px),
+            room,
+            ground_dn,
+            still_dn,
+            occluder,
+            flicker: scenario.light.flicker,
+            flicker_hz: scenario.light.flicker_hz,
+        }
+    }
+
+    /// Pixels of the picture.
+    pub(crate) fn pixels(&self) -> usize {
+        self.room.len()
+    }
+
+    /// The occluder at a time after the first frame's stamp.
+    pub(crate) fn occluder_at(&self, time_s: f64) -> Option<HalfPlane> {
+        self.occluder.map(|occluder| {
+            let shift_px = occluder.speed_px_s * time_s;
+            let HalfPlane { point_px, normal } = occluder.start;
+            HalfPlane { point_px: [point_px[0] + shift_px * normal[0], point_px[1] + shift_px * normal[1]], normal }
+        })
+    }
+
+    /// Speed of the occluder's edge, px/s.
+    pub(crate) fn occluder_px_s(&self) -> f64 {
+        self.occluder.map_or(0.0, |occluder| occluder.speed_px_s)
+    }
+
+    /// The lamp's mean brightness over an exposure.
+    pub(crate) fn lamp(&self, start_s: f64, exposure_s: f64) -> f32 {
+        let half_turn = PI * self.flicker_hz * exposure_s;
+        let smear = if half_turn > 1e-9 { half_turn.sin() / half_turn } else { 1.0 };
+        (1.0 + self.flicker * smear * (TAU * self.flicker_hz * (start_s + 0.5 * exposure_s)).sin()) as f32
+    }
+
+    /// One row of the picture: what stands still, what moves in front, and the ball, DN.
+    pub(crate) fn row(&self, moments: &[Moment], patch: &Patch, row: usize, light: &mut [f32]) {
+        let start = row * self.width;
+        light.copy_from_slice(&self.still_dn[start..start + self.width]);
+        if let Some(occluder) = self.occluder.filter(Occluder::moves) {
+            self.cover(&occluder, moments, row, light);
+        }
+        if row < patch.top || row >= patch.top + patch.height {
+            return;
+        }
+        let cells = (row - patch.top) * patch.width..(row - patch.top + 1) * patch.width;
+        let place = start + patch.left..start + patch.left + patch.width;
+        let ball = patch.share[cells.clone()].iter().zip(&patch.light_dn[cells]);
+        let still = self.room[place.clone()].iter().zip(&self.ground_dn[place]);
+        for ((light, (share, light_dn)), (room, ground_dn)) in
+            light[patch.left..patch.left + patch.width].iter_mut().zip(ball).zip(still)
+        {
+            *light += light_dn * room - share * ground_dn;
+        }
+    }
+
+    /// Lays a moving occluder over the ground: the mean over the exposure's moments.
+    fn cover(&self, occluder: &Occluder, moments: &[Moment], row: usize, light: &mut [f32]) {
+        let weight = 1.0 / moments.len() as f32;
+        for (column, light) in light.iter_mut().enumerate() {
+            let hidden: f32 = moments
+                .iter()
+                .filter_map(|moment| moment.occluder)
+                .map(|plane| {
+                    let outside = plane.distance_px(column as f64, row as f64) / self.sigma_px;
+                    match outside {
+                        _ if outside > EDGE_SIGMA => 0.0,
+                        _ if outside < -EDGE_SIGMA => 1.0,
+                        _ => normal_cdf(-outside) as f32,
+                    }
+                })
+                .sum();
+            *light += weight * hidden * (occluder.shade_dn * self.room[row * self.width + column] - *light);
+        }
+    }
+}
+
+impl Occluder {
+    fn moves(&self) -> bool {
+        self.speed_px_s.abs() > 0.0
+    }
+}
+
+/// The occluder's edge, in the picture.
+fn half_plane(scenario: &Scenario) -> Option<HalfPlane> {
+    let occluder = scenario.occluder.as_ref()?;
+    let angle_rad = occluder.normal_deg.map_or(scenario.surface.angle_deg.to_radians() + FRAC_PI_2, f64::to_radians);
+    let normal = [angle_rad.cos(), -angle_rad.sin()];
+    let touch = |center_px: [f64; 2]| {
+        // The body touches with the point that lies opposite to the surface's normal.
+        let tangent = tangent(scenario);
+        let reach_px = scenario.body.rod.as_ref().map_or(scenario.radius_px(), Rod::mark_px);
+        [center_px[0] + reach_px * tangent[1], center_px[1] + reach_px * tangent[0]]
+    };
+    let point_px = match (&occluder.point_px, &scenario.motion) {
+        (Some(point_px), _) => *point_px,
+        (None, MotionSetup::Impact(impact)) => touch(impact.contact_center_px),
+        (None, MotionSetup::Constant { .. }) => return None,
+    };
+    Some(HalfPlane { point_px, normal })
+}
+
+/// Brightness of the room at every pixel.
+fn room(scenario: &Scenario) -> Vec<f32> {
+    let (width, height) = (scenario.camera.width_px, scenario.camera.height_px);
+    let slope = [scenario.light.gradient_x / f64::from(width), scenario.light.gradient_y / f64::from(height)];
+    let middle = [0.5 * f64::from(width - 1), 0.5 * f64::from(height - 1)];
+    let darker = scenario.light.vignette / (middle[0] * middle[0] + middle[1] * middle[1]);
+    pixels(width, height)
+        .map(|(x, y)| {
+            let (x, y) = (x - middle[0], y - middle[1]);
+            ((1.0 + slope[0] * x + slope[1] * y) * (1.0 - darker * (x * x + y * y))) as f32
+        })
+        .collect()
+}
+
+fn ground(scenario: &Scenario, full_dn: f32, room: &[f32]) -> Vec<f32> {
+    let rough = roughness(scenario, scenario.shade.ground_texture, [2.0, 2.0], GROUND);
+    let shade = scenario.shade.ground as f32;
+    room.iter().zip(rough).map(|(room, rough)| full_dn * room * (shade + rough).max(0.0)).collect()
+}
+
+/// Ground and occluder: the picture without the ball.
+fn still(scenario: &Scenario, full_dn: f32, room: &[f32], ground_dn: &[f32], occluder: Option<HalfPlane>) -> Vec<f32> {
+    let (Some(plane), Some(setup)) = (occluder, &scenario.occluder) else { return ground_dn.to_vec() };
+    let sigma_px = seen_sigma_px(scenario.camera.blur_px);
+    // A long grain, as wood has.
+    let rough = roughness(scenario, setup.texture, [8.0, 1.2], OCCLUDER);
+    pixels(scenario.camera.width_px, scenario.camera.height_px)
+        .zip(room.iter().zip(rough).zip(ground_dn))
+        .map(|((x, y), ((room, rough), ground_dn))| {
+            let free = normal_cdf(plane.distance_px(x, y) / sigma_px) as f32;
+            free * ground_dn + (1.0 - free) * full_dn * room * (setup.shade as f32 + rough).max(0.0)
+        })
+        .collect()
+}
+
+fn roughness(scenario: &Scenario, share: f64, sigma_px: [f64; 2], purpose: u64) -> Vec<f32> {
+    let (width, height) = (scenario.camera.width_px as usize, scenario.camera.height_px as usize);
+    if share <= 0.0 {
+        return vec![0.0; width * height];
+    }
+    let values = smooth(width, height, sigma_px, Stream::new(key(scenario.seed, purpose, 0)));
+    values.into_iter().map(|value| value * share as f32).collect()
+}
+
+/// Every pixel's place, row by row.
+fn pixels(width: u32, height: u32) -> impl Iterator<Item = (f64, f64)> {
+    (0..height).flat_map(move |y| (0..width).map(move |x| (f64::from(x), f64::from(y))))
+}
