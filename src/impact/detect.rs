@@ -215,10 +215,9 @@ impl Detector {
         (self.off, self.quiet) = (None, None);
         let first = self.trail.partition_point(|n| n.time_frames < self.flight_from);
         let flight_from_frames = self.trail[first].time_frames;
-        let certain = (departed_frames - CERTAIN_FRAMES).min(start_frames);
         self.contact = Some(Contact {
             flight_from_frames,
-            flight_to_frames: certain,
+            flight_to_frames: departed_frames - CERTAIN_FRAMES,
             start_frames,
             departed_frames,
             approach,

@@ -51,8 +51,8 @@ impl FirstGuess {
 
 /// Fits every family and weighs them by Akaike's criterion (Akaike 1974, doi:10.1109/TAC.1974.1100705).
 ///
-/// A law passes with chi2/freedom up to `excess^2` (1 + 2 sqrt(2/freedom)), `excess` being by how much the flights
-/// scatter more than their sigmas. `None` if none passes.
+/// A law passes with chi2/freedom up to `excess^2` (1 + 4 sqrt(2/freedom)), `excess` being by how much the flights
+/// scatter more than their sigmas; among those that pass the criterion decides. `None` if none passes.
 pub fn judge(guess: &FirstGuess, samples: &[Sample], excess: f64) -> Option<Verdict> {
     let fits = fit_all(guess, samples);
     let passed: Vec<&LawFit> = fits.iter().filter(|f| passes(f, excess)).collect();
@@ -69,7 +69,7 @@ pub fn judge(guess: &FirstGuess, samples: &[Sample], excess: f64) -> Option<Verd
 }
 
 fn passes(f: &LawFit, excess: f64) -> bool {
-    f.chi2 / f.freedom <= excess.powi(2) * (1.0 + 2.0 * (2.0 / f.freedom).sqrt())
+    f.chi2 / f.freedom <= excess.powi(2) * (1.0 + 4.0 * (2.0 / f.freedom).sqrt())
 }
 
 /// A law's own variance of one finding, its misfit and its freedom at both ends included.

@@ -218,7 +218,8 @@ fn advance(p: &Parameters, units: &Units, s: State, h: f64) -> State {
 /// The moment within one step at which the force, or the depth, reaches zero (Illinois false position).
 fn last_moment(p: &Parameters, units: &Units, from: State, step: f64) -> State {
     let whole = advance(p, units, from, step);
-    let left = |s: &State| if whole.force <= 0.0 { s.force } else { s.depth };
+    // Without depth there is no force, and its zero would be flat.
+    let left = |s: &State| if whole.force < 0.0 { s.force } else { s.depth };
     let (mut low, mut high) = ((0.0, left(&from)), (step, left(&whole)));
     let mut best = whole;
     for _ in 0..30 {

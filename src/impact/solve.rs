@@ -12,6 +12,10 @@ use crate::results::{Estimate, ForceLaw, Impact, PointStatus};
 const FLIGHT_FRAMES: f64 = 128.0;
 /// Fewest nodes of a flight.
 const FLIGHT_MIN_NODES: usize = 3;
+/// The end as noticed may be so many frames early.
+const EARLY_FRAMES: f64 = 4.0;
+/// Nodes the deepest moment is fitted to where no law is accepted.
+const DEEPEST_NODES: usize = 9;
 /// Hindsight alone tells start and end to about so many frames.
 const HINDSIGHT_FRAMES: f64 = 1.0;
 
@@ -42,6 +46,8 @@ struct Interval {
     end: Estimate,
     /// Between these all is flight.
     before_to: f64,
+    /// Nothing later is flight, however little there is.
+    before_last: f64,
     after_from: f64,
 }
 
@@ -79,14 +85,34 @@ fn by_hindsight(nodes: &[SurfaceNode], contact: &Contact, end: f64) -> Interval 
             _ => 0.0,
         }
     };
+    let newest = nodes.last().map_or(end, |n| n.time_frames);
     let estimate = |at: f64| Estimate { value: at, sigma: HINDSIGHT_FRAMES.hypot(gap(at)) };
     Interval {
         start: estimate(contact.start_frames),
-        deepest: None,
+        deepest: turning_point(between(nodes, contact.start_frames, end)),
         end: Estimate { sigma: 2.0 * estimate(end).sigma, ..estimate(end) },
         before_to: contact.flight_to_frames,
-        after_from: end,
+        before_last: contact.departed_frames - 1.5,
+        // Noticed by force that is small, not gone: the first half of a short flight may still be bent.
+        after_from: end + (0.5 * (newest - end)).clamp(0.0, EARLY_FRAMES),
     }
+}
+
+/// When the normal velocity crosses zero, by a cubic through the nodes about the deepest one.
+fn turning_point(contact: &[SurfaceNode]) -> Option<Estimate> {
+    let (at, node) = contact.iter().enumerate().min_by(|a, b| a.1.value[NORMAL].total_cmp(&b.1.value[NORMAL]))?;
+    let near = &contact[at.saturating_sub(DEEPEST_NODES / 2)..(at + DEEPEST_NODES / 2 + 1).min(contact.len())];
+    let fit = Polynomial::fit(&samples(near, NORMAL), node.time_frames, 3, 0.0)?;
+    let (rate, curvature) = (fit.rate(node.time_frames), fit.curvature());
+    if curvature.value <= 3.0 * curvature.sigma {
+        return None;
+    }
+    let shift = rate.value / curvature.value;
+    // A crossing far from the deepest node means that frames are missing there.
+    (shift.abs() <= DEEPEST_NODES as f64).then(|| Estimate {
+        value: node.time_frames - shift,
+        sigma: fit.excess() * (rate.sigma / curvature.value).hypot(shift * curvature.sigma / curvature.value).max(0.02),
+    })
 }
 
 fn by_law(v: &Verdict) -> Interval {
@@ -96,6 +122,7 @@ fn by_law(v: &Verdict) -> Interval {
         deepest: Some(deepest),
         end,
         before_to: start.value - (2.0 * start.sigma).max(0.5),
+        before_last: start.value,
         after_from: end.value + (2.0 * end.sigma).max(0.5),
     }
 }
@@ -109,10 +136,6 @@ fn line(flight: &[Sample], gravity: f64) -> Option<Polynomial> {
 }
 
 fn flights(nodes: &[SurfaceNode], interval: &Interval, world: &World) -> Option<Flights> {
-    let mut before = between(nodes, f64::NEG_INFINITY, interval.before_to);
-    if before.len() < FLIGHT_MIN_NODES {
-        before = between(nodes, f64::NEG_INFINITY, interval.start.value);
-    }
     let after = between(nodes, interval.after_from, f64::INFINITY);
     let three = |nodes: &[SurfaceNode]| {
         let fit = |k: usize, g: f64| line(&samples(nodes, k), g);
@@ -122,7 +145,10 @@ fn flights(nodes: &[SurfaceNode], interval: &Interval, world: &World) -> Option<
             fit(ANGLE, 0.0)?,
         ])
     };
-    Some(Flights { before: three(before)?, after: three(after)? })
+    // A short flight is used up to nearly the first node off it rather than not at all.
+    let ends = [interval.before_to, interval.before_last - 4.0, interval.before_last];
+    let before = ends.iter().find_map(|to| three(between(nodes, f64::NEG_INFINITY, *to)))?;
+    Some(Flights { before, after: three(after)? })
 }
 
 /// Rate of a flight at an uncertain moment, its own scatter included.

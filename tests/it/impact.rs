@@ -81,7 +81,7 @@ fn study(experiment: &Experiment, seeds: u64, interval: usize) -> Study {
         let truth = experiment.simulate(noise.uniform());
         let params = MotionParams { interval_frames: interval as u32, ..experiment.params() };
         let rows = track(&truth.steps(interval, &mut noise), &params);
-        let impact = rows.impacts.last().unwrap_or_else(|| panic!("{} seed {seed}: no impact", experiment.name));
+        let impact = rows.impacts.last().unwrap_or_else(|| panic!("{} seed {seed}: no impact {:?}", experiment.name, rows.velocities.iter().map(|r| r.phase as u32).collect::<Vec<_>>()));
         assert!(rows.impacts.iter().all(|i| i.number == 0), "{} seed {seed}: {:?}", experiment.name, rows.impacts);
         compare(&mut errors, impact, &truth);
         laws.push(impact.force_law);
@@ -309,7 +309,8 @@ fn revisions_come_in_time_and_get_sharper() {
         let sigmas: Vec<f64> = told.iter().map(|(_, i)| i.restitution.unwrap().sigma).collect();
         assert!(sigmas.windows(2).all(|w| w[1] <= w[0]), "{}: {sigmas:?}", experiment.name);
         let errors = told.iter().map(|(_, i)| i.restitution.unwrap()).map(|e| (e.value + truth.after[0] / truth.before[0]).abs() / e.sigma);
-        assert!(errors.into_iter().all(|pull| pull < 4.0));
+        let pulls: Vec<f64> = errors.collect();
+        assert!(pulls.iter().all(|pull| *pull < 4.0), "{}: {pulls:?} {sigmas:?}", experiment.name);
     }
 }
 
