@@ -109,7 +109,14 @@ pub struct Detector {
 impl Detector {
     /// Nothing seen yet.
     pub fn new() -> Self {
-        Self { trail: Vec::new(), flight_from: f64::NEG_INFINITY, off: None, contact: None, quiet: None, breaks: VecDeque::new() }
+        Self {
+            trail: Vec::new(),
+            flight_from: f64::NEG_INFINITY,
+            off: None,
+            contact: None,
+            quiet: None,
+            breaks: VecDeque::new(),
+        }
     }
 
     /// The nodes remembered, in order.
@@ -273,9 +280,8 @@ impl Detector {
         let all = mirrored(&samples(between(&self.trail, contact.start_frames, f64::INFINITY), NORMAL));
         let curve = plausible_curves(&mirrored(&after), gravity).into_iter().next();
         let Some(curve) = curve.filter(|_| after.len() >= FLIGHT_MIN_NODES) else { return };
-        let is_off = |s: &&crate::motion::Sample| {
-            residual(&curve, &[], s).is_some_and(|r| r.value > OFF_SIGMAS * r.sigma)
-        };
+        let is_off =
+            |s: &&crate::motion::Sample| residual(&curve, &[], s).is_some_and(|r| r.value > OFF_SIGMAS * r.sigma);
         let Some(departed) = all.iter().find(is_off).map(|s| s.time_frames) else { return };
         let near = &all[..all.partition_point(|s| s.time_frames <= departed + 2.0)];
         if let Some(o) = onset(&curve, near, departed) {

@@ -62,9 +62,7 @@ pub fn judge(guess: &FirstGuess, samples: &[Sample], excess: f64) -> Option<Verd
     let total: f64 = weights.iter().sum();
     let mean = |of: &dyn Fn(&LawFit) -> f64| passed.iter().zip(&weights).map(|(f, w)| w / total * of(f)).sum::<f64>();
     let findings: Findings = std::array::from_fn(|k| mean(&|f| f.findings[k]));
-    let sigmas = std::array::from_fn(|k| {
-        mean(&|f| own_variance(f, k) + (f.findings[k] - findings[k]).powi(2)).sqrt()
-    });
+    let sigmas = std::array::from_fn(|k| mean(&|f| own_variance(f, k) + (f.findings[k] - findings[k]).powi(2)).sqrt());
     Some(Verdict { best: best.family, weight: 1.0 / total, findings, sigmas })
 }
 

@@ -32,7 +32,7 @@ pub struct LawFit {
 }
 
 /// Positions grouped by component, for taking them about their means.
-struct Data<'a> {
+pub(super) struct Data<'a> {
     samples: &'a [Sample],
     /// Index of each sample's component and each component's total weight.
     group: Vec<usize>,
@@ -40,7 +40,7 @@ struct Data<'a> {
 }
 
 impl<'a> Data<'a> {
-    fn new(samples: &'a [Sample]) -> Self {
+    pub(super) fn new(samples: &'a [Sample]) -> Self {
         let mut ids: Vec<u32> = Vec::new();
         let mut weight: Vec<f64> = Vec::new();
         let mut group = Vec::with_capacity(samples.len());
@@ -57,7 +57,7 @@ impl<'a> Data<'a> {
     }
 
     /// Values about their component's mean, in sigmas.
-    fn whiten(&self, mut values: Vec<f64>) -> Vec<f64> {
+    pub(super) fn whiten(&self, mut values: Vec<f64>) -> Vec<f64> {
         let mut mean = vec![0.0; self.weight.len()];
         for (i, s) in self.samples.iter().enumerate() {
             mean[self.group[i]] += values[i] * s.sigma.powi(-2) / self.weight[self.group[i]];

@@ -184,7 +184,17 @@ impl Passage {
         let fall = pairs().rev().find(|w| w[0].force >= faint).map_or(end.time, |w| cross(&w[0], &w[1]));
         let depth = self.depth(deepest);
         let acceleration = self.strongest() - self.gravity;
-        [start, start + deepest, start + end.time, start + rise, start + fall, self.states[0].speed, end.speed, depth, acceleration]
+        [
+            start,
+            start + deepest,
+            start + end.time,
+            start + rise,
+            start + fall,
+            self.states[0].speed,
+            end.speed,
+            depth,
+            acceleration,
+        ]
     }
 
     /// The greatest force, by a parabola through the three states about it.

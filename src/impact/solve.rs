@@ -1,9 +1,10 @@
 //! From the nodes around a contact to its numbers.
 
+use super::departure::plausible_curves;
 use super::detect::Contact;
 use super::family::{FirstGuess, Verdict, judge};
 use super::law::Family;
-use super::departure::plausible_curves;
+use super::slip::{Sliding, slip_end};
 use super::trail::{ANGLE, NORMAL, SurfaceNode, TANGENTIAL, between, samples};
 use crate::motion::{Polynomial, Sample};
 use crate::results::{Estimate, ForceLaw, Impact, PointStatus};
@@ -73,7 +74,9 @@ pub fn solve(nodes: &[SurfaceNode], contact: &Contact, known_to_frames: f64, wor
         Some(flights) => (interval, flights),
         None => (interval, flights),
     };
-    Some(assemble(&interval, &flights, verdict.as_ref(), world))
+    let mut impact = assemble(&interval, &flights, verdict.as_ref(), world);
+    impact.slip_end_s = slip(nodes, &interval, &flights, world).map(|t| scaled(t, world.period_s, 0.0));
+    Some(impact)
 }
 
 fn by_hindsight(nodes: &[SurfaceNode], contact: &Contact, end: f64) -> Interval {
@@ -116,7 +119,8 @@ fn turning_point(contact: &[SurfaceNode]) -> Option<Estimate> {
 }
 
 fn by_law(v: &Verdict) -> Interval {
-    let [start, deepest, end, ..] = std::array::from_fn::<Estimate, 9, _>(|k| Estimate { value: v.findings[k], sigma: v.sigmas[k] });
+    let [start, deepest, end, ..] =
+        std::array::from_fn::<Estimate, 9, _>(|k| Estimate { value: v.findings[k], sigma: v.sigmas[k] });
     Interval {
         start,
         deepest: Some(deepest),
@@ -139,11 +143,7 @@ fn flights(nodes: &[SurfaceNode], interval: &Interval, world: &World) -> Option<
     let after = between(nodes, interval.after_from, f64::INFINITY);
     let three = |nodes: &[SurfaceNode]| {
         let fit = |k: usize, g: f64| line(&samples(nodes, k), g);
-        Some([
-            fit(NORMAL, world.gravity_px[NORMAL])?,
-            fit(TANGENTIAL, world.gravity_px[TANGENTIAL])?,
-            fit(ANGLE, 0.0)?,
-        ])
+        Some([fit(NORMAL, world.gravity_px[NORMAL])?, fit(TANGENTIAL, world.gravity_px[TANGENTIAL])?, fit(ANGLE, 0.0)?])
     };
     // A short flight is used up to nearly the first node off it rather than not at all.
     let ends = [interval.before_to, interval.before_last - 4.0, interval.before_last];
@@ -196,6 +196,34 @@ fn minus(a: Estimate, b: Estimate) -> Estimate {
     Estimate { value: a.value - b.value, sigma: a.sigma.hypot(b.sigma) }
 }
 
+/// Speed of the contact point before and after, px/frame.
+///
+/// The point is c - R n of a body that turns counter-clockwise by omega, so its tangential speed is vt + omega R:
+/// zero for a ball that rolls along the tangent, which turns it clockwise.
+fn contact_point(interval: &Interval, flights: &Flights, world: &World) -> Option<[Estimate; 2]> {
+    let radius = world.radius_px?;
+    let speed = |flight: &[Polynomial; 3], at: Estimate| {
+        let (v, omega) = (rate_at(&flight[TANGENTIAL], at), rate_at(&flight[ANGLE], at));
+        let turn = (omega.sigma * radius.value).hypot(omega.value * radius.sigma);
+        Estimate { value: v.value + omega.value * radius.value, sigma: v.sigma.hypot(turn) }
+    };
+    Some([speed(&flights.before, interval.start), speed(&flights.after, interval.end)])
+}
+
+fn slip(nodes: &[SurfaceNode], interval: &Interval, flights: &Flights, world: &World) -> Option<Estimate> {
+    let [before, after] = contact_point(interval, flights, world)?;
+    let radius = world.radius_px?.value;
+    let (start, end) = (interval.start.value, interval.end.value);
+    let origin = between(nodes, start, end).first()?;
+    let pushed = |n: &SurfaceNode| {
+        let free = flights.before[NORMAL].advance(origin.time_frames, n.time_frames).value;
+        n.value[NORMAL] - origin.value[NORMAL] - free
+    };
+    let found = slip_end(nodes, &Sliding { start, end, before, after, radius }, pushed)?;
+    // Found while the body does not touch, it is none.
+    (found.value >= start && found.value <= end).then_some(found)
+}
+
 fn assemble(interval: &Interval, flights: &Flights, verdict: Option<&Verdict>, world: &World) -> Impact {
     let relative = world.metres_per_px.sigma / world.metres_per_px.value;
     let speed = |x: Estimate| scaled(x, world.metres_per_px.value / world.period_s, relative);
@@ -205,22 +233,14 @@ fn assemble(interval: &Interval, flights: &Flights, verdict: Option<&Verdict>, w
     let turn = |x: Estimate| scaled(x, 1.0 / world.period_s, 0.0);
     let duration = minus(interval.end, interval.start);
     let impulse = |k: usize| {
-        let fall = Estimate { value: world.gravity_px[k] * duration.value, sigma: world.gravity_px[k] * duration.sigma };
+        let fall =
+            Estimate { value: world.gravity_px[k] * duration.value, sigma: world.gravity_px[k] * duration.sigma };
         minus(minus(after(k), before(k)), fall)
     };
-    // Speed of the contact point c - R n of a body that turns counter-clockwise by omega: vt + omega R.
-    let point = |radius: Estimate, v: Estimate, omega: Estimate| {
-        let product = Estimate {
-            value: omega.value * radius.value,
-            sigma: (omega.sigma * radius.value).hypot(omega.value * radius.sigma),
-        };
-        Estimate { value: v.value + product.value, sigma: v.sigma.hypot(product.sigma) }
-    };
     let restitution = ratio(after(NORMAL), before(NORMAL)).map(|e| Estimate { value: -e.value, ..e });
-    let tangential = world.radius_px.and_then(|radius| {
-        let (first, last) = (point(radius, before(TANGENTIAL), before(ANGLE)), point(radius, after(TANGENTIAL), after(ANGLE)));
-        ratio(last, first).map(|e| Estimate { value: -e.value, ..e })
-    });
+    let tangential = contact_point(interval, flights, world)
+        .and_then(|[first, last]| ratio(last, first))
+        .map(|e| Estimate { value: -e.value, ..e });
     let found = |k: usize| verdict.map(|v| Estimate { value: v.findings[k], sigma: v.sigmas[k] });
     let metres = world.metres_per_px.value;
     Impact {

@@ -2,7 +2,8 @@
 
 use crate::impact::{Contact, Detector, Event, SurfaceNode, World, solve};
 use crate::motion::{
-    Anchor, Axes, Center, Chain, MotionParams, Node, Regime, RunningRadius, Scale, gravity_px, lag_frames, physical, smooth,
+    Anchor, Axes, Center, Chain, MotionParams, Node, Regime, RunningRadius, Scale, gravity_px, lag_frames, physical,
+    smooth,
 };
 use crate::results::{BodyStep, Estimate, Impact, Phase, PointStatus, TrackSample, VelocitySample};
 
@@ -22,6 +23,13 @@ struct Telling {
     told_to_frames: f64,
     /// How many of [`REVISIONS_FRAMES`] are reached.
     stage: usize,
+    /// Sigma of the restitution told last.
+    sigma: f64,
+}
+
+/// How many of the revisions are due.
+fn stage(known_frames: f64) -> usize {
+    REVISIONS_FRAMES.iter().filter(|after| known_frames >= **after).count()
 }
 
 /// Everything known of one body.
@@ -118,12 +126,14 @@ impl BodyTracker {
                 self.telling = None;
             }
             Event::Ended => {
+                let known = contact.and_then(|c| c.end_frames).map_or(0.0, |end| time_frames - end);
                 self.telling = contact.map(|contact| Telling {
                     contact,
                     number: self.collisions,
                     revision: 0,
                     told_to_frames: f64::NEG_INFINITY,
-                    stage: 0,
+                    stage: stage(known),
+                    sigma: f64::INFINITY,
                 });
                 self.collisions += 1;
                 self.tell_again(time_frames, impacts);
@@ -142,7 +152,7 @@ impl BodyTracker {
         }
         let Some(end) = telling.contact.end_frames else { return };
         let known = time_frames - end;
-        let stage = REVISIONS_FRAMES.iter().filter(|after| known >= **after).count();
+        let stage = stage(known).max(telling.stage);
         let late = known * self.params.frame_period_ns * 1e-9 >= FINAL_AFTER_S;
         let last = stage == REVISIONS_FRAMES.len() || (stage > 0 && late);
         let due = stage > telling.stage;
@@ -179,7 +189,11 @@ impl BodyTracker {
             return;
         }
         telling.told_to_frames = newest;
-        if let Some(impact) = solve(detector.trail(), &telling.contact, newest, &world) {
+        let measured = solve(detector.trail(), &telling.contact, newest, &world);
+        let sigma = measured.and_then(|i| i.restitution).map_or(f64::INFINITY, |e| e.sigma);
+        // A later word replaces an earlier one only if it knows better.
+        if let Some(impact) = measured.filter(|_| sigma <= telling.sigma) {
+            telling.sigma = sigma;
             let (number, revision) = (telling.number, telling.revision);
             telling.revision += 1;
             impacts.push(Impact { body: self.body, number, revision, origin_ns: self.origin_ns, ..impact });
@@ -204,9 +218,8 @@ impl BodyTracker {
         let carried = node.and_then(|n| self.anchor.center(&n));
         let center = carried.or(circle.map(|c| Center { x_px: c.x_px, y_px: c.y_px, sigma_px: c.sigma_center_px }));
         let angle = node.filter(|n| n.bridged[2].is_finite());
-        let sigma_angle = |n: &Node| {
-            (n.sigma[2].powi(2) + self.first_sigma_deg.unwrap_or(0.0).powi(2) + n.bridged[2]).sqrt()
-        };
+        let sigma_angle =
+            |n: &Node| (n.sigma[2].powi(2) + self.first_sigma_deg.unwrap_or(0.0).powi(2) + n.bridged[2]).sqrt();
         let track = TrackSample {
             frame: step.frame,
             body: step.body,
