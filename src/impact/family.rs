@@ -45,7 +45,7 @@ impl FirstGuess {
         let size = 0.5 * (n + 1.0) * self.speed.powi(2) * root_e / depth;
         let damping = 1.5 * (1.0 - e) * if m > 0.5 { 1.0 } else { 0.4 };
         let start = self.deepest - ratio * depth / self.speed;
-        ([start, self.speed, size.ln(), damping, n, m, 0.0, 0.0, 0.0], units)
+        ([start, self.speed, size.ln(), damping, n, m, 0.0, 0.0, 0.0, 0.0, 0.0], units)
     }
 }
 
@@ -74,8 +74,8 @@ fn passes(f: &LawFit, excess: f64) -> bool {
 fn own_variance(f: &LawFit, k: usize) -> f64 {
     let own = f.sigmas[k].powi(2) * (f.chi2 / f.freedom).max(1.0);
     let unknown = match (f.family, k) {
-        (Family::Stiffness, 0) => 0.5 * (f.findings[3] - f.findings[0]),
-        (Family::Stiffness, 2) => 0.5 * (f.findings[2] - f.findings[4]),
+        (Family::Stiffness { .. }, 0) => 0.5 * (f.findings[3] - f.findings[0]),
+        (Family::Stiffness { .. }, 2) => 0.5 * (f.findings[2] - f.findings[4]),
         _ => 0.0,
     };
     own + unknown.powi(2)
@@ -93,10 +93,17 @@ fn fit_all(guess: &FirstGuess, samples: &[Sample]) -> Vec<LawFit> {
         None => from_guess(Family::Power, 1.3, 1.3, 1.5),
     };
     let two = two_exponents(&spring, &power, samples);
-    let free = two.as_ref().and_then(|(fit, units)| {
-        // The stiffness factor is a polynomial over the stroke, so its unit is the depth reached.
+    // The stiffness factor is a polynomial over the stroke, so its unit is the depth reached; where no power law comes
+    // near, a round exponent is the better beginning.
+    let near = two.as_ref().filter(|(fit, _)| passes(fit, 2.0)).or(hertz.as_ref()).or(two.as_ref());
+    let free = near.and_then(|(fit, units)| {
         let (start, units) = rescale(&fit.parameters, units, fit.findings[7]);
-        fit_law(Family::Stiffness, &start, &units, samples).map(|fit| (fit, units))
+        let cubic = fit_law(Family::Stiffness { degree: 3 }, &start, &units, samples)?;
+        if passes(&cubic, 1.0) {
+            return Some((cubic, units));
+        }
+        let quintic = fit_law(Family::Stiffness { degree: 5 }, &cubic.parameters, &units, samples);
+        Some((quintic.unwrap_or(cubic), units))
     });
     [spring, hertz, power, two, free].into_iter().flatten().map(|(fit, _)| fit).collect()
 }

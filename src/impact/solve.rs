@@ -12,7 +12,7 @@ use crate::results::{Estimate, ForceLaw, Impact, PointStatus};
 /// Longest flight used on either side, frames.
 const FLIGHT_FRAMES: f64 = 128.0;
 /// Fewest nodes of a flight.
-const FLIGHT_MIN_NODES: usize = 3;
+const FLIGHT_MIN_NODES: usize = 4;
 /// The end as noticed may be so many frames early.
 const EARLY_FRAMES: f64 = 4.0;
 /// Nodes the deepest moment is fitted to where no law is accepted.
@@ -57,7 +57,7 @@ struct Interval {
 /// The velocities on both sides are straight fits with gravity through the
 /// flights, extrapolated to start and end; restitution and impulses come from
 /// them. Start, deepest point, end, compression and acceleration come from
-/// the contact laws. `None` where a flight is too short to have a velocity.
+/// the contact laws. `None` where a flight is too short to have a velocity yet.
 pub fn solve(nodes: &[SurfaceNode], contact: &Contact, known_to_frames: f64, world: &World) -> Option<Impact> {
     let end = contact.end_frames?;
     let first = contact.flight_from_frames.max(contact.start_frames - FLIGHT_FRAMES);
@@ -70,9 +70,10 @@ pub fn solve(nodes: &[SurfaceNode], contact: &Contact, known_to_frames: f64, wor
         judge(&guess, &samples(nodes, NORMAL), excess)
     });
     let interval = verdict.as_ref().map_or(hindsight, |v| by_law(v));
-    let (interval, flights) = match self::flights(nodes, &interval, world) {
-        Some(flights) => (interval, flights),
-        None => (interval, flights),
+    let flights = match &verdict {
+        // The law may see the end so late that there is no flight after it yet.
+        Some(_) => self::flights(nodes, &interval, world)?,
+        None => flights,
     };
     let mut impact = assemble(&interval, &flights, verdict.as_ref(), world);
     impact.slip_end_s = slip(nodes, &interval, &flights, world).map(|t| scaled(t, world.period_s, 0.0));
@@ -270,6 +271,6 @@ fn word(family: Family) -> ForceLaw {
         Family::KelvinVoigt => ForceLaw::KelvinVoigt,
         Family::HuntCrossley => ForceLaw::HuntCrossley,
         Family::Power | Family::TwoExponents => ForceLaw::PowerLaw,
-        Family::Stiffness => ForceLaw::None,
+        Family::Stiffness { .. } => ForceLaw::None,
     }
 }

@@ -9,6 +9,8 @@ use crate::results::{BodyStep, Estimate, Impact, Phase, PointStatus, TrackSample
 
 /// An impact is told again when so many frames after its end are known; the last is final.
 const REVISIONS_FRAMES: [f64; 2] = [16.0, 64.0];
+/// A collision that could not be measured yet is looked at again after so many frames.
+const RETRY_FRAMES: f64 = 3.0;
 /// Unless this much time has passed after the end, and the first of them is reached.
 const FINAL_AFTER_S: f64 = 0.035;
 /// Nodes kept beyond what the local fits reach back.
@@ -25,6 +27,8 @@ struct Telling {
     stage: usize,
     /// Sigma of the restitution told last.
     sigma: f64,
+    /// When it was looked at last, in vain.
+    tried_frames: f64,
 }
 
 /// How many of the revisions are due.
@@ -94,7 +98,7 @@ impl BodyTracker {
 
     /// The stream has ended.
     pub fn finish(&mut self, impacts: &mut Vec<Impact>) {
-        self.tell_again(f64::INFINITY, impacts);
+        self.tell_again(f64::INFINITY, true, impacts);
         let contact = self.detector.as_ref().and_then(|d| d.contact().copied());
         if let Some(contact) = contact.filter(|c| c.end_frames.is_none()) {
             impacts.push(self.unfinished(&contact));
@@ -121,7 +125,7 @@ impl BodyTracker {
             Event::Began => {
                 // The flight after the collision before is over: now it is known as well as it ever will be.
                 if let Some(next) = contact {
-                    self.tell_again(next.flight_to_frames, impacts);
+                    self.tell_again(next.flight_to_frames, true, impacts);
                 }
                 self.telling = None;
             }
@@ -134,9 +138,10 @@ impl BodyTracker {
                     told_to_frames: f64::NEG_INFINITY,
                     stage: stage(known),
                     sigma: f64::INFINITY,
+                    tried_frames: time_frames,
                 });
                 self.collisions += 1;
-                self.tell_again(time_frames, impacts);
+                self.tell_again(time_frames, false, impacts);
             }
             Event::Dismissed => self.telling = None,
             Event::None => self.revise(time_frames, impacts),
@@ -155,10 +160,11 @@ impl BodyTracker {
         let stage = stage(known).max(telling.stage);
         let late = known * self.params.frame_period_ns * 1e-9 >= FINAL_AFTER_S;
         let last = stage == REVISIONS_FRAMES.len() || (stage > 0 && late);
-        let due = stage > telling.stage;
+        let untold = telling.revision == 0 && time_frames - telling.tried_frames >= RETRY_FRAMES;
+        let due = stage > telling.stage || untold;
         telling.stage = stage;
         if due || last {
-            self.tell_again(time_frames, impacts);
+            self.tell_again(time_frames, last, impacts);
         }
         if last {
             self.telling = None;
@@ -181,7 +187,7 @@ impl BodyTracker {
     }
 
     /// Measures the last collision with what is known up to `time_frames`.
-    fn tell_again(&mut self, time_frames: f64, impacts: &mut Vec<Impact>) {
+    fn tell_again(&mut self, time_frames: f64, last: bool, impacts: &mut Vec<Impact>) {
         let world = self.world();
         let (Some(telling), Some(detector), Some(world)) = (&mut self.telling, &self.detector, world) else { return };
         let newest = detector.trail().last().map_or(f64::NEG_INFINITY, |n| n.time_frames).min(time_frames);
@@ -189,10 +195,11 @@ impl BodyTracker {
             return;
         }
         telling.told_to_frames = newest;
+        telling.tried_frames = newest;
         let measured = solve(detector.trail(), &telling.contact, newest, &world);
         let sigma = measured.and_then(|i| i.restitution).map_or(f64::INFINITY, |e| e.sigma);
-        // A later word replaces an earlier one only if it knows better.
-        if let Some(impact) = measured.filter(|_| sigma <= telling.sigma) {
+        // A later word replaces an earlier one if it knows better, and the last one does whatever it knows.
+        if let Some(impact) = measured.filter(|_| sigma <= telling.sigma || last) {
             telling.sigma = sigma;
             let (number, revision) = (telling.number, telling.revision);
             telling.revision += 1;

@@ -209,7 +209,7 @@ impl Polynomial {
     pub fn excess(&self) -> f64 {
         let freedom = self.freedom as f64;
         let limit = freedom + 3.0 * (2.0 * freedom).sqrt();
-        if self.chi2 > limit { (self.chi2 / freedom.max(1.0)).sqrt() } else { 1.0 }
+        if self.freedom > 0 && self.chi2 > limit { (self.chi2 / freedom).sqrt() } else { 1.0 }
     }
 
     fn spread(&self, gradient: &Vector) -> f64 {

@@ -79,7 +79,7 @@ fn study(experiment: &Experiment, seeds: u64, interval: usize) -> Study {
     let mut errors: [Errors; 11] = Default::default();
     let mut laws = Vec::new();
     for seed in 0..seeds {
-        let mut noise = Noise::new(seed + 1);
+        let mut noise = Noise::new(seed + 5_000);
         let truth = experiment.simulate(noise.uniform());
         let params = MotionParams { interval_frames: interval as u32, ..experiment.params() };
         let rows = track(&truth.steps(interval, &mut noise), &params);
