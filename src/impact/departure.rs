@@ -42,10 +42,7 @@ pub fn residual(curve: &Polynomial, since: &[Sample], sample: &Sample) -> Option
     let first = since.iter().find(|s| s.component == sample.component && s.time_frames < sample.time_frames)?;
     let advance = curve.advance(first.time_frames, sample.time_frames);
     let noise = first.sigma.hypot(sample.sigma);
-    Some(Estimate {
-        value: sample.value - first.value - advance.value,
-        sigma: excess * advance.sigma.hypot(noise),
-    })
+    Some(Estimate { value: sample.value - first.value - advance.value, sigma: excess * advance.sigma.hypot(noise) })
 }
 
 /// Judges the last of `since` by the `flight` before it; `None` where they have nothing in common.

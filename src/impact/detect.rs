@@ -109,7 +109,14 @@ pub struct Detector {
 impl Detector {
     /// Nothing seen yet.
     pub fn new() -> Self {
-        Self { trail: Vec::new(), flight_from: f64::NEG_INFINITY, off: None, contact: None, quiet: None, breaks: VecDeque::new() }
+        Self {
+            trail: Vec::new(),
+            flight_from: f64::NEG_INFINITY,
+            off: None,
+            contact: None,
+            quiet: None,
+            breaks: VecDeque::new(),
+        }
     }
 
     /// The nodes remembered, in order.
@@ -215,10 +222,9 @@ impl Detector {
         (self.off, self.quiet) = (None, None);
         let first = self.trail.partition_point(|n| n.time_frames < self.flight_from);
         let flight_from_frames = self.trail[first].time_frames;
-        let certain = (departed_frames - CERTAIN_FRAMES).min(start_frames);
         self.contact = Some(Contact {
             flight_from_frames,
-            flight_to_frames: certain,
+            flight_to_frames: departed_frames - CERTAIN_FRAMES,
             start_frames,
             departed_frames,
             approach,
@@ -274,9 +280,8 @@ impl Detector {
         let all = mirrored(&samples(between(&self.trail, contact.start_frames, f64::INFINITY), NORMAL));
         let curve = plausible_curves(&mirrored(&after), gravity).into_iter().next();
         let Some(curve) = curve.filter(|_| after.len() >= FLIGHT_MIN_NODES) else { return };
-        let is_off = |s: &&crate::motion::Sample| {
-            residual(&curve, &[], s).is_some_and(|r| r.value > OFF_SIGMAS * r.sigma)
-        };
+        let is_off =
+            |s: &&crate::motion::Sample| residual(&curve, &[], s).is_some_and(|r| r.value > OFF_SIGMAS * r.sigma);
         let Some(departed) = all.iter().find(is_off).map(|s| s.time_frames) else { return };
         let near = &all[..all.partition_point(|s| s.time_frames <= departed + 2.0)];
         if let Some(o) = onset(&curve, near, departed) {

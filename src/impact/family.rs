@@ -45,14 +45,14 @@ impl FirstGuess {
         let size = 0.5 * (n + 1.0) * self.speed.powi(2) * root_e / depth;
         let damping = 1.5 * (1.0 - e) * if m > 0.5 { 1.0 } else { 0.4 };
         let start = self.deepest - ratio * depth / self.speed;
-        ([start, self.speed, size.ln(), damping, n, m, 0.0, 0.0, 0.0], units)
+        ([start, self.speed, size.ln(), damping, n, m, 0.0, 0.0, 0.0, 0.0, 0.0], units)
     }
 }
 
 /// Fits every family and weighs them by Akaike's criterion (Akaike 1974, doi:10.1109/TAC.1974.1100705).
 ///
-/// A law passes with chi2/freedom up to `excess^2` (1 + 2 sqrt(2/freedom)), `excess` being by how much the flights
-/// scatter more than their sigmas. `None` if none passes.
+/// A law passes with chi2/freedom up to `excess^2` (1 + 4 sqrt(2/freedom)), `excess` being by how much the flights
+/// scatter more than their sigmas; among those that pass the criterion decides. `None` if none passes.
 pub fn judge(guess: &FirstGuess, samples: &[Sample], excess: f64) -> Option<Verdict> {
     let fits = fit_all(guess, samples);
     let passed: Vec<&LawFit> = fits.iter().filter(|f| passes(f, excess)).collect();
@@ -62,22 +62,20 @@ pub fn judge(guess: &FirstGuess, samples: &[Sample], excess: f64) -> Option<Verd
     let total: f64 = weights.iter().sum();
     let mean = |of: &dyn Fn(&LawFit) -> f64| passed.iter().zip(&weights).map(|(f, w)| w / total * of(f)).sum::<f64>();
     let findings: Findings = std::array::from_fn(|k| mean(&|f| f.findings[k]));
-    let sigmas = std::array::from_fn(|k| {
-        mean(&|f| own_variance(f, k) + (f.findings[k] - findings[k]).powi(2)).sqrt()
-    });
+    let sigmas = std::array::from_fn(|k| mean(&|f| own_variance(f, k) + (f.findings[k] - findings[k]).powi(2)).sqrt());
     Some(Verdict { best: best.family, weight: 1.0 / total, findings, sigmas })
 }
 
 fn passes(f: &LawFit, excess: f64) -> bool {
-    f.chi2 / f.freedom <= excess.powi(2) * (1.0 + 2.0 * (2.0 / f.freedom).sqrt())
+    f.chi2 / f.freedom <= excess.powi(2) * (1.0 + 4.0 * (2.0 / f.freedom).sqrt())
 }
 
 /// A law's own variance of one finding, its misfit and its freedom at both ends included.
 fn own_variance(f: &LawFit, k: usize) -> f64 {
     let own = f.sigmas[k].powi(2) * (f.chi2 / f.freedom).max(1.0);
     let unknown = match (f.family, k) {
-        (Family::Stiffness, 0) => 0.5 * (f.findings[3] - f.findings[0]),
-        (Family::Stiffness, 2) => 0.5 * (f.findings[2] - f.findings[4]),
+        (Family::Stiffness { .. }, 0) => 0.5 * (f.findings[3] - f.findings[0]),
+        (Family::Stiffness { .. }, 2) => 0.5 * (f.findings[2] - f.findings[4]),
         _ => 0.0,
     };
     own + unknown.powi(2)
@@ -95,10 +93,17 @@ fn fit_all(guess: &FirstGuess, samples: &[Sample]) -> Vec<LawFit> {
         None => from_guess(Family::Power, 1.3, 1.3, 1.5),
     };
     let two = two_exponents(&spring, &power, samples);
-    let free = two.as_ref().and_then(|(fit, units)| {
-        // The stiffness factor is a polynomial over the stroke, so its unit is the depth reached.
+    // The stiffness factor is a polynomial over the stroke, so its unit is the depth reached; where no power law comes
+    // near, a round exponent is the better beginning.
+    let near = two.as_ref().filter(|(fit, _)| passes(fit, 2.0)).or(hertz.as_ref()).or(two.as_ref());
+    let free = near.and_then(|(fit, units)| {
         let (start, units) = rescale(&fit.parameters, units, fit.findings[7]);
-        fit_law(Family::Stiffness, &start, &units, samples).map(|fit| (fit, units))
+        let cubic = fit_law(Family::Stiffness { degree: 3 }, &start, &units, samples)?;
+        if passes(&cubic, 1.0) {
+            return Some((cubic, units));
+        }
+        let quintic = fit_law(Family::Stiffness { degree: 5 }, &cubic.parameters, &units, samples);
+        Some((quintic.unwrap_or(cubic), units))
     });
     [spring, hertz, power, two, free].into_iter().flatten().map(|(fit, _)| fit).collect()
 }

@@ -6,7 +6,11 @@ use super::law::{Family, Findings, Parameters, Passage, Units};
 use crate::motion::Sample;
 
 /// Most rounds of one fit.
-const ROUNDS: usize = 20;
+const ROUNDS: usize = 60;
+/// After so many only a large gain justifies another.
+const USUAL_ROUNDS: usize = 15;
+/// A large gain of chi2.
+const LARGE_GAIN: f64 = 0.5;
 /// Converged: chi2 falls by less, a law with few parameters and one with many (its parameters replace each other).
 const SETTLED: [f64; 2] = [1e-3, 1e-2];
 /// Expected size of the stiffness factor's coefficients.
@@ -32,7 +36,7 @@ pub struct LawFit {
 }
 
 /// Positions grouped by component, for taking them about their means.
-struct Data<'a> {
+pub(super) struct Data<'a> {
     samples: &'a [Sample],
     /// Index of each sample's component and each component's total weight.
     group: Vec<usize>,
@@ -40,7 +44,7 @@ struct Data<'a> {
 }
 
 impl<'a> Data<'a> {
-    fn new(samples: &'a [Sample]) -> Self {
+    pub(super) fn new(samples: &'a [Sample]) -> Self {
         let mut ids: Vec<u32> = Vec::new();
         let mut weight: Vec<f64> = Vec::new();
         let mut group = Vec::with_capacity(samples.len());
@@ -57,7 +61,7 @@ impl<'a> Data<'a> {
     }
 
     /// Values about their component's mean, in sigmas.
-    fn whiten(&self, mut values: Vec<f64>) -> Vec<f64> {
+    pub(super) fn whiten(&self, mut values: Vec<f64>) -> Vec<f64> {
         let mut mean = vec![0.0; self.weight.len()];
         for (i, s) in self.samples.iter().enumerate() {
             mean[self.group[i]] += values[i] * s.sigma.powi(-2) / self.weight[self.group[i]];
@@ -98,10 +102,12 @@ impl Problem<'_> {
         // The depth grows against the normal, so position plus depth is constant.
         let sum = self.data.samples.iter().zip(&outcome.depths).map(|(s, d)| s.value + d).collect();
         let mut rows = self.data.whiten(sum);
-        if self.family == Family::Stiffness {
-            rows.extend(p[6..].iter().map(|b| b / PRIOR));
-        }
+        rows.extend(p[6..].iter().take(self.priors()).map(|b| b / PRIOR));
         DVector::from_vec(rows)
+    }
+
+    fn priors(&self) -> usize {
+        self.family.count().saturating_sub(6)
     }
 
     fn step_of(&self, parameter: usize) -> f64 {
@@ -115,7 +121,7 @@ impl Problem<'_> {
     /// Derivatives of residuals and of findings, by forward differences.
     fn slopes(&self, p: &Parameters, at: &Outcome) -> Option<(DMatrix<f64>, DMatrix<f64>)> {
         let count = self.family.count();
-        let priors = if self.family == Family::Stiffness { 3 } else { 0 };
+        let priors = self.priors();
         let mut jacobian = DMatrix::zeros(self.data.samples.len() + priors, count);
         let mut gradients = DMatrix::zeros(at.findings.len(), count);
         for k in 0..count {
@@ -150,7 +156,7 @@ impl Problem<'_> {
         let mut outcome = self.outcome(&p)?;
         let mut residuals = self.residuals(&p, &outcome);
         let mut damping = 1e-3;
-        for _ in 0..ROUNDS {
+        for round in 0..ROUNDS {
             let (jacobian, _) = self.slopes(&p, &outcome)?;
             let normal = jacobian.tr_mul(&jacobian);
             let right = jacobian.tr_mul(&residuals);
@@ -178,7 +184,8 @@ impl Problem<'_> {
                     _ => damping *= 10.0,
                 }
             }
-            if fell < SETTLED[usize::from(self.family.count() > 5)] {
+            let settled = SETTLED[usize::from(self.family.count() > 5)];
+            if fell < if round < USUAL_ROUNDS { settled } else { LARGE_GAIN } {
                 break;
             }
             damping = damping.max(1e-9);

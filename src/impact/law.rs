@@ -3,7 +3,7 @@
 /// A family of contact laws, from stiff to free.
 ///
 /// All are cases of F/m = A ((y/y0)^n s(y) + c (v/v0) (y/y0)^m) with the depth y, its rate v,
-/// fixed units y0 and v0, and a stiffness factor s = 1 + b1 T1 + b2 T2 + b3 T3 (Chebyshev) of 2 y/y0 - 1.
+/// fixed units y0 and v0, and a stiffness factor s = 1 + b1 T1 + ... + bd Td (Chebyshev) of 2 y/y0 - 1.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Family {
     /// n = 1, m = 0.
@@ -15,11 +15,14 @@ pub enum Family {
     /// n and m free.
     TwoExponents,
     /// n, m and s free.
-    Stiffness,
+    Stiffness {
+        /// Degree of s, at most 5.
+        degree: usize,
+    },
 }
 
-/// Most parameters a law has: start, speed, ln A, c, n, m, b1, b2, b3.
-pub const MOST_PARAMETERS: usize = 9;
+/// Most parameters a law has: start, speed, ln A, c, n, m, b1 to b5.
+pub const MOST_PARAMETERS: usize = 11;
 
 /// Parameters in the order of [`MOST_PARAMETERS`]; the first [`Family::count`] are free, the rest follow.
 pub type Parameters = [f64; MOST_PARAMETERS];
@@ -30,17 +33,13 @@ const STEPS: f64 = 64.0;
 const LONGEST: f64 = 6.0;
 
 impl Family {
-    /// Every family.
-    pub const ALL: [Self; 5] =
-        [Self::KelvinVoigt, Self::HuntCrossley, Self::Power, Self::TwoExponents, Self::Stiffness];
-
     /// How many parameters are free.
     pub fn count(self) -> usize {
         match self {
             Self::KelvinVoigt | Self::HuntCrossley => 4,
             Self::Power => 5,
             Self::TwoExponents => 6,
-            Self::Stiffness => 9,
+            Self::Stiffness { degree } => 6 + degree.min(5),
         }
     }
 
@@ -51,11 +50,9 @@ impl Family {
             Self::KelvinVoigt => (p[4], p[5]) = (1.0, 0.0),
             Self::HuntCrossley => (p[4], p[5]) = (1.5, 1.5),
             Self::Power => p[5] = p[4],
-            Self::TwoExponents | Self::Stiffness => {}
+            Self::TwoExponents | Self::Stiffness { .. } => {}
         }
-        if self != Self::Stiffness {
-            p[6..].fill(0.0);
-        }
+        p[self.count().max(6)..].fill(0.0);
         p
     }
 }
@@ -94,7 +91,7 @@ pub type Findings = [f64; 9];
 /// `p[2]` is A here, not its logarithm.
 fn force(p: &Parameters, units: &Units, depth: f64, speed: f64) -> f64 {
     let y = (depth / units.depth).max(0.0);
-    let [_, _, size, damping, n, m, b1, b2, b3] = *p;
+    let [_, _, size, damping, n, m, ..] = *p;
     let (spring, dash) = if (n - 1.5).abs() < 1e-12 && (m - 1.5).abs() < 1e-12 {
         let y15 = y * y.sqrt();
         (y15, y15)
@@ -106,7 +103,11 @@ fn force(p: &Parameters, units: &Units, depth: f64, speed: f64) -> f64 {
         (spring, if (m - n).abs() < 1e-12 { spring } else { (m * ln).exp() })
     };
     let x = 2.0 * y - 1.0;
-    let stiffness = 1.0 + b1 * x + b2 * (2.0 * x * x - 1.0) + b3 * (4.0 * x * x - 3.0) * x;
+    let (mut stiffness, mut lower, mut here) = (1.0, 1.0, x);
+    for b in &p[6..] {
+        stiffness += b * here;
+        (lower, here) = (here, 2.0 * x * here - lower);
+    }
     size * (spring * stiffness + damping * dash * speed / units.speed)
 }
 
@@ -184,7 +185,17 @@ impl Passage {
         let fall = pairs().rev().find(|w| w[0].force >= faint).map_or(end.time, |w| cross(&w[0], &w[1]));
         let depth = self.depth(deepest);
         let acceleration = self.strongest() - self.gravity;
-        [start, start + deepest, start + end.time, start + rise, start + fall, self.states[0].speed, end.speed, depth, acceleration]
+        [
+            start,
+            start + deepest,
+            start + end.time,
+            start + rise,
+            start + fall,
+            self.states[0].speed,
+            end.speed,
+            depth,
+            acceleration,
+        ]
     }
 
     /// The greatest force, by a parabola through the three states about it.
@@ -218,7 +229,8 @@ fn advance(p: &Parameters, units: &Units, s: State, h: f64) -> State {
 /// The moment within one step at which the force, or the depth, reaches zero (Illinois false position).
 fn last_moment(p: &Parameters, units: &Units, from: State, step: f64) -> State {
     let whole = advance(p, units, from, step);
-    let left = |s: &State| if whole.force <= 0.0 { s.force } else { s.depth };
+    // Without depth there is no force, and its zero would be flat.
+    let left = |s: &State| if whole.force < 0.0 { s.force } else { s.depth };
     let (mut low, mut high) = ((0.0, left(&from)), (step, left(&whole)));
     let mut best = whole;
     for _ in 0..30 {
@@ -251,7 +263,7 @@ mod tests {
     fn an_undamped_spring_takes_half_a_period() {
         // F/m = w^2 y with w = 0.1 a frame, written with y0 = v0/w.
         let units = Units { depth: 5.0, speed: 0.5, gravity: 0.0 };
-        let p = [0.0, 0.5, 0.05_f64.ln(), 0.0, 1.0, 0.0, 0.0, 0.0, 0.0];
+        let p = [0.0, 0.5, 0.05_f64.ln(), 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0];
         let [start, deepest, end, _, _, before, after, depth, acceleration] =
             Passage::new(&p, &units).unwrap().findings(7.0);
         let half = std::f64::consts::PI / 0.1;
@@ -266,7 +278,8 @@ mod tests {
         // Kelvin-Voigt with damping ratio z: force zero at e = exp(-z t/sqrt(1-z^2)) type restitution, still compressed.
         let (w, z): (f64, f64) = (0.1, 0.1);
         let units = Units { depth: 5.0, speed: 0.5, gravity: 0.0 };
-        let p = [0.0, 0.5, (w * w * 5.0_f64).ln(), 2.0 * z * w * 0.5 / (w * w * 5.0), 1.0, 0.0, 0.0, 0.0, 0.0];
+        let p =
+            [0.0, 0.5, (w * w * 5.0_f64).ln(), 2.0 * z * w * 0.5 / (w * w * 5.0), 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0];
         let passage = Passage::new(&p, &units).unwrap();
         let found = passage.findings(0.0);
         let root = (1.0 - z * z).sqrt();
@@ -279,7 +292,7 @@ mod tests {
     fn a_hertz_contact_lasts_2_94_depths_over_speed() {
         let units = Units { depth: 4.0, speed: 0.3, gravity: 0.0 };
         // v^2/2 = A y0/(5/2) at y = y0.
-        let p = [0.0, 0.3, (1.25 * 0.09 / 4.0_f64).ln(), 0.0, 1.5, 1.5, 0.0, 0.0, 0.0];
+        let p = [0.0, 0.3, (1.25 * 0.09 / 4.0_f64).ln(), 0.0, 1.5, 1.5, 0.0, 0.0, 0.0, 0.0, 0.0];
         let found = Passage::new(&p, &units).unwrap().findings(0.0);
         assert!((found[7] - 4.0).abs() < 1e-5, "{}", found[7]);
         assert!((found[2] / (4.0 / 0.3) - 2.943_3).abs() < 1e-3, "{}", found[2] / (4.0 / 0.3));

@@ -10,6 +10,7 @@ mod family;
 mod fit;
 mod law;
 mod onset;
+mod slip;
 mod solve;
 mod trail;
 

@@ -4,16 +4,16 @@ use super::departure::residual;
 use crate::motion::{Polynomial, Sample};
 
 /// Exponents of the hinge: contact laws leave the parabola like t^2 (a dashpot) to t^3.5 (Hunt-Crossley).
-const EXPONENTS: [f64; 2] = [2.0, 3.0];
+const EXPONENTS: [f64; 2] = [2.0, 2.75];
 /// Finest step of the search, frames.
 const STEP_FRAMES: f64 = 0.25;
 /// How far before the first sample off the curve the search goes, frames.
-const BACK_FRAMES: f64 = 15.0;
+const BACK_FRAMES: f64 = 10.0;
 
 /// A gradual beginning against a jump.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Onset {
-    /// Best beginning of a hinge a (t - t0)^p, p = 2 or 3, frames.
+    /// Best beginning of a hinge a (t - t0)^p, p = 2 or 2.75, frames.
     pub start_frames: f64,
     /// Whether the hinge fits better than a jump in position, as one wrong step makes it.
     pub gradual: bool,

@@ -1,9 +1,10 @@
 //! From the nodes around a contact to its numbers.
 
+use super::departure::plausible_curves;
 use super::detect::Contact;
 use super::family::{FirstGuess, Verdict, judge};
 use super::law::Family;
-use super::departure::plausible_curves;
+use super::slip::{Sliding, slip_end};
 use super::trail::{ANGLE, NORMAL, SurfaceNode, TANGENTIAL, between, samples};
 use crate::motion::{Polynomial, Sample};
 use crate::results::{Estimate, ForceLaw, Impact, PointStatus};
@@ -11,7 +12,11 @@ use crate::results::{Estimate, ForceLaw, Impact, PointStatus};
 /// Longest flight used on either side, frames.
 const FLIGHT_FRAMES: f64 = 128.0;
 /// Fewest nodes of a flight.
-const FLIGHT_MIN_NODES: usize = 3;
+const FLIGHT_MIN_NODES: usize = 4;
+/// The end as noticed may be so many frames early.
+const EARLY_FRAMES: f64 = 4.0;
+/// Nodes the deepest moment is fitted to where no law is accepted.
+const DEEPEST_NODES: usize = 9;
 /// Hindsight alone tells start and end to about so many frames.
 const HINDSIGHT_FRAMES: f64 = 1.0;
 
@@ -42,6 +47,8 @@ struct Interval {
     end: Estimate,
     /// Between these all is flight.
     before_to: f64,
+    /// Nothing later is flight, however little there is.
+    before_last: f64,
     after_from: f64,
 }
 
@@ -50,7 +57,7 @@ struct Interval {
 /// The velocities on both sides are straight fits with gravity through the
 /// flights, extrapolated to start and end; restitution and impulses come from
 /// them. Start, deepest point, end, compression and acceleration come from
-/// the contact laws. `None` where a flight is too short to have a velocity.
+/// the contact laws. `None` where a flight is too short to have a velocity yet.
 pub fn solve(nodes: &[SurfaceNode], contact: &Contact, known_to_frames: f64, world: &World) -> Option<Impact> {
     let end = contact.end_frames?;
     let first = contact.flight_from_frames.max(contact.start_frames - FLIGHT_FRAMES);
@@ -63,11 +70,14 @@ pub fn solve(nodes: &[SurfaceNode], contact: &Contact, known_to_frames: f64, wor
         judge(&guess, &samples(nodes, NORMAL), excess)
     });
     let interval = verdict.as_ref().map_or(hindsight, |v| by_law(v));
-    let (interval, flights) = match self::flights(nodes, &interval, world) {
-        Some(flights) => (interval, flights),
-        None => (interval, flights),
+    let flights = match &verdict {
+        // The law may see the end so late that there is no flight after it yet.
+        Some(_) => self::flights(nodes, &interval, world)?,
+        None => flights,
     };
-    Some(assemble(&interval, &flights, verdict.as_ref(), world))
+    let mut impact = assemble(&interval, &flights, verdict.as_ref(), world);
+    impact.slip_end_s = slip(nodes, &interval, &flights, world).map(|t| scaled(t, world.period_s, 0.0));
+    Some(impact)
 }
 
 fn by_hindsight(nodes: &[SurfaceNode], contact: &Contact, end: f64) -> Interval {
@@ -79,23 +89,45 @@ fn by_hindsight(nodes: &[SurfaceNode], contact: &Contact, end: f64) -> Interval 
             _ => 0.0,
         }
     };
+    let newest = nodes.last().map_or(end, |n| n.time_frames);
     let estimate = |at: f64| Estimate { value: at, sigma: HINDSIGHT_FRAMES.hypot(gap(at)) };
     Interval {
         start: estimate(contact.start_frames),
-        deepest: None,
+        deepest: turning_point(between(nodes, contact.start_frames, end)),
         end: Estimate { sigma: 2.0 * estimate(end).sigma, ..estimate(end) },
         before_to: contact.flight_to_frames,
-        after_from: end,
+        before_last: contact.departed_frames - 1.5,
+        // Noticed by force that is small, not gone: the first half of a short flight may still be bent.
+        after_from: end + (0.5 * (newest - end)).clamp(0.0, EARLY_FRAMES),
     }
 }
 
+/// When the normal velocity crosses zero, by a cubic through the nodes about the deepest one.
+fn turning_point(contact: &[SurfaceNode]) -> Option<Estimate> {
+    let (at, node) = contact.iter().enumerate().min_by(|a, b| a.1.value[NORMAL].total_cmp(&b.1.value[NORMAL]))?;
+    let near = &contact[at.saturating_sub(DEEPEST_NODES / 2)..(at + DEEPEST_NODES / 2 + 1).min(contact.len())];
+    let fit = Polynomial::fit(&samples(near, NORMAL), node.time_frames, 3, 0.0)?;
+    let (rate, curvature) = (fit.rate(node.time_frames), fit.curvature());
+    if curvature.value <= 3.0 * curvature.sigma {
+        return None;
+    }
+    let shift = rate.value / curvature.value;
+    // A crossing far from the deepest node means that frames are missing there.
+    (shift.abs() <= DEEPEST_NODES as f64).then(|| Estimate {
+        value: node.time_frames - shift,
+        sigma: fit.excess() * (rate.sigma / curvature.value).hypot(shift * curvature.sigma / curvature.value).max(0.02),
+    })
+}
+
 fn by_law(v: &Verdict) -> Interval {
-    let [start, deepest, end, ..] = std::array::from_fn::<Estimate, 9, _>(|k| Estimate { value: v.findings[k], sigma: v.sigmas[k] });
+    let [start, deepest, end, ..] =
+        std::array::from_fn::<Estimate, 9, _>(|k| Estimate { value: v.findings[k], sigma: v.sigmas[k] });
     Interval {
         start,
         deepest: Some(deepest),
         end,
         before_to: start.value - (2.0 * start.sigma).max(0.5),
+        before_last: start.value,
         after_from: end.value + (2.0 * end.sigma).max(0.5),
     }
 }
@@ -109,20 +141,15 @@ fn line(flight: &[Sample], gravity: f64) -> Option<Polynomial> {
 }
 
 fn flights(nodes: &[SurfaceNode], interval: &Interval, world: &World) -> Option<Flights> {
-    let mut before = between(nodes, f64::NEG_INFINITY, interval.before_to);
-    if before.len() < FLIGHT_MIN_NODES {
-        before = between(nodes, f64::NEG_INFINITY, interval.start.value);
-    }
     let after = between(nodes, interval.after_from, f64::INFINITY);
     let three = |nodes: &[SurfaceNode]| {
         let fit = |k: usize, g: f64| line(&samples(nodes, k), g);
-        Some([
-            fit(NORMAL, world.gravity_px[NORMAL])?,
-            fit(TANGENTIAL, world.gravity_px[TANGENTIAL])?,
-            fit(ANGLE, 0.0)?,
-        ])
+        Some([fit(NORMAL, world.gravity_px[NORMAL])?, fit(TANGENTIAL, world.gravity_px[TANGENTIAL])?, fit(ANGLE, 0.0)?])
     };
-    Some(Flights { before: three(before)?, after: three(after)? })
+    // A short flight is used up to nearly the first node off it rather than not at all.
+    let ends = [interval.before_to, interval.before_last - 4.0, interval.before_last];
+    let before = ends.iter().find_map(|to| three(between(nodes, f64::NEG_INFINITY, *to)))?;
+    Some(Flights { before, after: three(after)? })
 }
 
 /// Rate of a flight at an uncertain moment, its own scatter included.
@@ -170,6 +197,34 @@ fn minus(a: Estimate, b: Estimate) -> Estimate {
     Estimate { value: a.value - b.value, sigma: a.sigma.hypot(b.sigma) }
 }
 
+/// Speed of the contact point before and after, px/frame.
+///
+/// The point is c - R n of a body that turns counter-clockwise by omega, so its tangential speed is vt + omega R:
+/// zero for a ball that rolls along the tangent, which turns it clockwise.
+fn contact_point(interval: &Interval, flights: &Flights, world: &World) -> Option<[Estimate; 2]> {
+    let radius = world.radius_px?;
+    let speed = |flight: &[Polynomial; 3], at: Estimate| {
+        let (v, omega) = (rate_at(&flight[TANGENTIAL], at), rate_at(&flight[ANGLE], at));
+        let turn = (omega.sigma * radius.value).hypot(omega.value * radius.sigma);
+        Estimate { value: v.value + omega.value * radius.value, sigma: v.sigma.hypot(turn) }
+    };
+    Some([speed(&flights.before, interval.start), speed(&flights.after, interval.end)])
+}
+
+fn slip(nodes: &[SurfaceNode], interval: &Interval, flights: &Flights, world: &World) -> Option<Estimate> {
+    let [before, after] = contact_point(interval, flights, world)?;
+    let radius = world.radius_px?.value;
+    let (start, end) = (interval.start.value, interval.end.value);
+    let origin = between(nodes, start, end).first()?;
+    let pushed = |n: &SurfaceNode| {
+        let free = flights.before[NORMAL].advance(origin.time_frames, n.time_frames).value;
+        n.value[NORMAL] - origin.value[NORMAL] - free
+    };
+    let found = slip_end(nodes, &Sliding { start, end, before, after, radius }, pushed)?;
+    // Found while the body does not touch, it is none.
+    (found.value >= start && found.value <= end).then_some(found)
+}
+
 fn assemble(interval: &Interval, flights: &Flights, verdict: Option<&Verdict>, world: &World) -> Impact {
     let relative = world.metres_per_px.sigma / world.metres_per_px.value;
     let speed = |x: Estimate| scaled(x, world.metres_per_px.value / world.period_s, relative);
@@ -179,22 +234,14 @@ fn assemble(interval: &Interval, flights: &Flights, verdict: Option<&Verdict>, w
     let turn = |x: Estimate| scaled(x, 1.0 / world.period_s, 0.0);
     let duration = minus(interval.end, interval.start);
     let impulse = |k: usize| {
-        let fall = Estimate { value: world.gravity_px[k] * duration.value, sigma: world.gravity_px[k] * duration.sigma };
+        let fall =
+            Estimate { value: world.gravity_px[k] * duration.value, sigma: world.gravity_px[k] * duration.sigma };
         minus(minus(after(k), before(k)), fall)
     };
-    // Speed of the contact point c - R n of a body that turns counter-clockwise by omega: vt + omega R.
-    let point = |radius: Estimate, v: Estimate, omega: Estimate| {
-        let product = Estimate {
-            value: omega.value * radius.value,
-            sigma: (omega.sigma * radius.value).hypot(omega.value * radius.sigma),
-        };
-        Estimate { value: v.value + product.value, sigma: v.sigma.hypot(product.sigma) }
-    };
     let restitution = ratio(after(NORMAL), before(NORMAL)).map(|e| Estimate { value: -e.value, ..e });
-    let tangential = world.radius_px.and_then(|radius| {
-        let (first, last) = (point(radius, before(TANGENTIAL), before(ANGLE)), point(radius, after(TANGENTIAL), after(ANGLE)));
-        ratio(last, first).map(|e| Estimate { value: -e.value, ..e })
-    });
+    let tangential = contact_point(interval, flights, world)
+        .and_then(|[first, last]| ratio(last, first))
+        .map(|e| Estimate { value: -e.value, ..e });
     let found = |k: usize| verdict.map(|v| Estimate { value: v.findings[k], sigma: v.sigmas[k] });
     let metres = world.metres_per_px.value;
     Impact {
@@ -224,6 +271,6 @@ fn word(family: Family) -> ForceLaw {
         Family::KelvinVoigt => ForceLaw::KelvinVoigt,
         Family::HuntCrossley => ForceLaw::HuntCrossley,
         Family::Power | Family::TwoExponents => ForceLaw::PowerLaw,
-        Family::Stiffness => ForceLaw::None,
+        Family::Stiffness { .. } => ForceLaw::None,
     }
 }

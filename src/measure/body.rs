@@ -2,12 +2,15 @@
 
 use crate::impact::{Contact, Detector, Event, SurfaceNode, World, solve};
 use crate::motion::{
-    Anchor, Axes, Center, Chain, MotionParams, Node, Regime, RunningRadius, Scale, gravity_px, lag_frames, physical, smooth,
+    Anchor, Axes, Center, Chain, MotionParams, Node, Regime, RunningRadius, Scale, gravity_px, lag_frames, physical,
+    smooth,
 };
 use crate::results::{BodyStep, Estimate, Impact, Phase, PointStatus, TrackSample, VelocitySample};
 
 /// An impact is told again when so many frames after its end are known; the last is final.
 const REVISIONS_FRAMES: [f64; 2] = [16.0, 64.0];
+/// A collision that could not be measured yet is looked at again after so many frames.
+const RETRY_FRAMES: f64 = 3.0;
 /// Unless this much time has passed after the end, and the first of them is reached.
 const FINAL_AFTER_S: f64 = 0.035;
 /// Nodes kept beyond what the local fits reach back.
@@ -22,6 +25,15 @@ struct Telling {
     told_to_frames: f64,
     /// How many of [`REVISIONS_FRAMES`] are reached.
     stage: usize,
+    /// Sigma of the restitution told last.
+    sigma: f64,
+    /// When it was looked at last, in vain.
+    tried_frames: f64,
+}
+
+/// How many of the revisions are due.
+fn stage(known_frames: f64) -> usize {
+    REVISIONS_FRAMES.iter().filter(|after| known_frames >= **after).count()
 }
 
 /// Everything known of one body.
@@ -86,7 +98,7 @@ impl BodyTracker {
 
     /// The stream has ended.
     pub fn finish(&mut self, impacts: &mut Vec<Impact>) {
-        self.tell_again(f64::INFINITY, impacts);
+        self.tell_again(f64::INFINITY, true, impacts);
         let contact = self.detector.as_ref().and_then(|d| d.contact().copied());
         if let Some(contact) = contact.filter(|c| c.end_frames.is_none()) {
             impacts.push(self.unfinished(&contact));
@@ -113,20 +125,23 @@ impl BodyTracker {
             Event::Began => {
                 // The flight after the collision before is over: now it is known as well as it ever will be.
                 if let Some(next) = contact {
-                    self.tell_again(next.flight_to_frames, impacts);
+                    self.tell_again(next.flight_to_frames, true, impacts);
                 }
                 self.telling = None;
             }
             Event::Ended => {
+                let known = contact.and_then(|c| c.end_frames).map_or(0.0, |end| time_frames - end);
                 self.telling = contact.map(|contact| Telling {
                     contact,
                     number: self.collisions,
                     revision: 0,
                     told_to_frames: f64::NEG_INFINITY,
-                    stage: 0,
+                    stage: stage(known),
+                    sigma: f64::INFINITY,
+                    tried_frames: time_frames,
                 });
                 self.collisions += 1;
-                self.tell_again(time_frames, impacts);
+                self.tell_again(time_frames, false, impacts);
             }
             Event::Dismissed => self.telling = None,
             Event::None => self.revise(time_frames, impacts),
@@ -142,13 +157,14 @@ impl BodyTracker {
         }
         let Some(end) = telling.contact.end_frames else { return };
         let known = time_frames - end;
-        let stage = REVISIONS_FRAMES.iter().filter(|after| known >= **after).count();
+        let stage = stage(known).max(telling.stage);
         let late = known * self.params.frame_period_ns * 1e-9 >= FINAL_AFTER_S;
         let last = stage == REVISIONS_FRAMES.len() || (stage > 0 && late);
-        let due = stage > telling.stage;
+        let untold = telling.revision == 0 && time_frames - telling.tried_frames >= RETRY_FRAMES;
+        let due = stage > telling.stage || untold;
         telling.stage = stage;
         if due || last {
-            self.tell_again(time_frames, impacts);
+            self.tell_again(time_frames, last, impacts);
         }
         if last {
             self.telling = None;
@@ -172,7 +188,7 @@ impl BodyTracker {
     }
 
     /// Measures the last collision with what is known up to `time_frames`.
-    fn tell_again(&mut self, time_frames: f64, impacts: &mut Vec<Impact>) {
+    fn tell_again(&mut self, time_frames: f64, last: bool, impacts: &mut Vec<Impact>) {
         let world = self.world();
         let (Some(telling), Some(detector), Some(world)) = (&mut self.telling, &self.detector, world) else { return };
         let newest = detector.trail().last().map_or(f64::NEG_INFINITY, |n| n.time_frames).min(time_frames);
@@ -180,7 +196,12 @@ impl BodyTracker {
             return;
         }
         telling.told_to_frames = newest;
-        if let Some(impact) = solve(detector.trail(), &telling.contact, newest, &world) {
+        telling.tried_frames = newest;
+        let measured = solve(detector.trail(), &telling.contact, newest, &world);
+        let sigma = measured.and_then(|i| i.restitution).map_or(f64::INFINITY, |e| e.sigma);
+        // A later word replaces an earlier one if it knows better, and the last one does whatever it knows.
+        if let Some(impact) = measured.filter(|_| sigma <= telling.sigma || last) {
+            telling.sigma = sigma;
             let (number, revision) = (telling.number, telling.revision);
             telling.revision += 1;
             impacts.push(Impact { body: self.body, number, revision, origin_ns: self.origin_ns, ..impact });
@@ -205,9 +226,8 @@ impl BodyTracker {
         let carried = node.and_then(|n| self.anchor.center(&n));
         let center = carried.or(circle.map(|c| Center { x_px: c.x_px, y_px: c.y_px, sigma_px: c.sigma_center_px }));
         let angle = node.filter(|n| n.bridged[2].is_finite());
-        let sigma_angle = |n: &Node| {
-            (n.sigma[2].powi(2) + self.first_sigma_deg.unwrap_or(0.0).powi(2) + n.bridged[2]).sqrt()
-        };
+        let sigma_angle =
+            |n: &Node| (n.sigma[2].powi(2) + self.first_sigma_deg.unwrap_or(0.0).powi(2) + n.bridged[2]).sqrt();
         let track = TrackSample {
             frame: step.frame,
             body: step.body,

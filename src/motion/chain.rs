@@ -49,8 +49,7 @@ pub struct Chain {
 }
 
 fn sound(step: &RigidStep) -> bool {
-    let numbers =
-        [step.dx_px, step.dy_px, step.dtheta_deg, step.sigma_dx_px, step.sigma_dy_px, step.sigma_dtheta_deg];
+    let numbers = [step.dx_px, step.dy_px, step.dtheta_deg, step.sigma_dx_px, step.sigma_dy_px, step.sigma_dtheta_deg];
     numbers.iter().all(|x| x.is_finite())
 }
 

@@ -132,7 +132,9 @@ impl Polynomial {
         if length.iter().any(|l| !(*l > 0.0 && l.is_finite())) {
             return None;
         }
-        let scaled = Matrix::from_fn(|i, j| if i < order { normal[(i, j)] / (length[i] * length[j]) } else { f64::from(u8::from(i == j)) });
+        let scaled = Matrix::from_fn(|i, j| {
+            if i < order { normal[(i, j)] / (length[i] * length[j]) } else { f64::from(u8::from(i == j)) }
+        });
         let factor = scaled.cholesky()?;
         if factor.l_dirty().diagonal().iter().any(|pivot| *pivot < SINGULAR) {
             return None;
@@ -140,7 +142,9 @@ impl Polynomial {
         self.coefficients = factor.solve(&right.component_div(&length)).component_div(&length);
         let inverse = factor.inverse();
         self.covariance =
-            Matrix::from_fn(|i, j| if i < order && j < order { inverse[(i, j)] / (length[i] * length[j]) } else { 0.0 });
+            Matrix::from_fn(
+                |i, j| if i < order && j < order { inverse[(i, j)] / (length[i] * length[j]) } else { 0.0 },
+            );
         Some(())
     }
 
@@ -205,7 +209,7 @@ impl Polynomial {
     pub fn excess(&self) -> f64 {
         let freedom = self.freedom as f64;
         let limit = freedom + 3.0 * (2.0 * freedom).sqrt();
-        if self.chi2 > limit { (self.chi2 / freedom.max(1.0)).sqrt() } else { 1.0 }
+        if self.freedom > 0 && self.chi2 > limit { (self.chi2 / freedom).sqrt() } else { 1.0 }
     }
 
     fn spread(&self, gradient: &Vector) -> f64 {
@@ -236,7 +240,8 @@ mod tests {
 
     #[test]
     fn a_cubic_in_three_pieces_is_found_exactly() {
-        let fit = Polynomial::fit(&samples(&[(0.0, 3.0, 0.0), (5.0, 8.0, 40.0), (9.0, 12.0, -7.0)]), 6.0, 3, 0.0).unwrap();
+        let fit =
+            Polynomial::fit(&samples(&[(0.0, 3.0, 0.0), (5.0, 8.0, 40.0), (9.0, 12.0, -7.0)]), 6.0, 3, 0.0).unwrap();
         assert!((fit.rate(6.0).value - (0.3 + 0.04 * 6.0 - 0.003 * 36.0)).abs() < 1e-9);
         assert!((fit.curvature().value - (0.04 - 0.006 * 6.0)).abs() < 1e-9);
         assert!((fit.predict(10.5, 1).unwrap().value - (40.0 + cubic(10.5))).abs() < 1e-9);

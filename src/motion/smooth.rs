@@ -106,7 +106,13 @@ fn window(nodes: &[Node], frame: u64, width: u64, ahead: u64) -> &[Node] {
 ///   = |5th derivative| h^4 / 504 for a window of 2 h + 1 frames, the derivative being estimated from the approach speed
 ///   and the strongest acceleration seen;
 /// - otherwise order 2 over 9 frames.
-pub fn smooth(nodes: &[Node], frame: u64, regime: Regime, params: &MotionParams, gravity: Option<[f64; 2]>) -> Option<PixelRates> {
+pub fn smooth(
+    nodes: &[Node],
+    frame: u64,
+    regime: Regime,
+    params: &MotionParams,
+    gravity: Option<[f64; 2]>,
+) -> Option<PixelRates> {
     let at = nodes[nodes.binary_search_by_key(&frame, |n| n.frame).ok()?];
     let n = u64::from(params.interval_frames.max(1));
     let plain = |width: u64, order: usize, ahead: u64| {

@@ -288,7 +288,13 @@ impl Truth {
     /// Steps over `n` frames with white noise on the poses.
     pub fn steps(&self, n: usize, noise: &mut Noise) -> Vec<BodyStep> {
         let e = &self.experiment;
-        steps(&self.image_poses(), n, 1e9 / e.frame_rate_hz, (e.sigma_px, e.sigma_deg, e.radius_m * 1e3 / e.mm_per_px), noise)
+        steps(
+            &self.image_poses(),
+            n,
+            1e9 / e.frame_rate_hz,
+            (e.sigma_px, e.sigma_deg, e.radius_m * 1e3 / e.mm_per_px),
+            noise,
+        )
     }
 }
 

@@ -145,7 +145,8 @@ fn velocity_error(experiment: &Experiment, seeds: u64) -> [f64; 4] {
             *sum = (sum.0 + one.0, sum.1 + one.1, sum.2 + one.2);
         }
     }
-    let [contact, flight] = sums.map(|(sum, pulls, count): (f64, f64, f64)| (100.0 * (sum / count).sqrt(), pulls / count));
+    let [contact, flight] =
+        sums.map(|(sum, pulls, count): (f64, f64, f64)| (100.0 * (sum / count).sqrt(), pulls / count));
     println!(
         "{}: velocity rms {:.3} % in contact (covered {:.2}), {:.3} % in flight ({:.2})",
         experiment.name, contact.0, contact.1, flight.0, flight.1

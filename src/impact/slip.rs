@@ -1,0 +1,118 @@
+//! When the contact point stops slipping.
+
+use super::fit::Data;
+use super::trail::{ANGLE, SurfaceNode, TANGENTIAL, between};
+use crate::motion::{Polynomial, Sample};
+use crate::results::Estimate;
+
+/// Sliding slower than so many sigmas is none.
+const SLIDING_SIGMAS: f64 = 3.0;
+/// Backward motion after the stop: so many frames in a row beyond so many sigmas.
+const BACKWARD: (usize, f64) = (3, 2.0);
+/// Order of the local fits.
+const ORDER: usize = 3;
+/// Finest step of the search for the kink, frames.
+const STEP_FRAMES: f64 = 0.125;
+
+/// What is known of the contact before its slip is looked at; times in frames.
+#[derive(Debug, Clone, Copy)]
+pub struct Sliding {
+    /// The force begins.
+    pub start: f64,
+    /// The force is gone.
+    pub end: f64,
+    /// Speed of the contact point before, px/frame.
+    pub before: Estimate,
+    /// And after.
+    pub after: Estimate,
+    /// Radius of the body, px.
+    pub radius: f64,
+}
+
+/// When the contact point stops, frames; `None` where it did not slide before, or slid on through the whole contact.
+///
+/// A contact point that swings back shows a zero of its speed, found by local cubic fits. One that
+/// rolls from then on shows a kink: its displacement follows offset + slope t - friction x
+/// (what the normal force did to the normal displacement, `pushed`) up to the stop and is constant afterwards.
+pub fn slip_end(nodes: &[SurfaceNode], sliding: &Sliding, pushed: impl Fn(&SurfaceNode) -> f64) -> Option<Estimate> {
+    let Sliding { start, end, before, after, radius } = *sliding;
+    let side = before.value.signum();
+    let slid_on = after.value * side > SLIDING_SIGMAS * after.sigma;
+    if before.value.abs() <= SLIDING_SIGMAS * before.sigma || slid_on {
+        return None;
+    }
+    let point = |n: &SurfaceNode| Sample {
+        time_frames: n.time_frames,
+        component: n.component,
+        value: side * (n.value[TANGENTIAL] + radius * n.value[ANGLE]),
+        sigma: n.sigma[TANGENTIAL].hypot(radius * n.sigma[ANGLE]),
+    };
+    let half = ((end - start) / 7.0).clamp(4.0, 12.0);
+    let around = between(nodes, start - half, end + half);
+    let points: Vec<Sample> = around.iter().map(point).collect();
+    let speeds = speeds(&points, start, end, half);
+    let crossing = speeds.windows(2).position(|w| w[0].1.value > 0.0 && w[1].1.value <= 0.0)?;
+    let beyond = &speeds[crossing + 1..];
+    let is_back = |s: &(f64, Estimate)| s.1.value < -BACKWARD.1 * s.1.sigma;
+    if beyond.windows(BACKWARD.0).any(|w| w.iter().all(is_back)) {
+        let ((t0, s0), (t1, s1)) = (speeds[crossing], speeds[crossing + 1]);
+        let slope = (s0.value - s1.value) / (t1 - t0);
+        return Some(Estimate { value: t0 + s0.value / slope, sigma: (s0.sigma / slope).max(STEP_FRAMES / 2.0) });
+    }
+    let until = (speeds[crossing].0 + half).min(end + half);
+    let count = points.partition_point(|p| p.time_frames <= until);
+    let push: Vec<f64> = around[..count].iter().map(pushed).collect();
+    kink(&points[..count], &push, start)
+}
+
+/// Speed of the contact point at every node in contact.
+fn speeds(points: &[Sample], start: f64, end: f64, half: f64) -> Vec<(f64, Estimate)> {
+    points
+        .iter()
+        .filter(|p| p.time_frames >= start && p.time_frames <= end)
+        .filter_map(|p| {
+            let at = p.time_frames;
+            let first = points.partition_point(|q| q.time_frames < at - half);
+            let last = points.partition_point(|q| q.time_frames <= at + half);
+            Some((at, Polynomial::fit(&points[first..last], at, ORDER, 0.0)?.rate(at)))
+        })
+        .collect()
+}
+
+/// The stop after which the displacement is constant, by a scan; sigma from where chi2 has risen by one.
+fn kink(points: &[Sample], pushed: &[f64], start: f64) -> Option<Estimate> {
+    let data = Data::new(points);
+    let seen = data.whiten(points.iter().map(|p| p.value).collect());
+    let chi2 = |stop: f64| {
+        let share = |at: usize| -> f64 {
+            // The last node before the stop and the way on from it.
+            let next = points.partition_point(|p| p.time_frames < stop).clamp(1, points.len() - 1);
+            let (a, b) = (&points[next - 1], &points[next]);
+            let u = ((stop - a.time_frames) / (b.time_frames - a.time_frames)).clamp(0.0, 1.0);
+            if points[at].time_frames < stop {
+                pushed[at]
+            } else {
+                pushed[next - 1] + u * (pushed[next] - pushed[next - 1])
+            }
+        };
+        let time = data.whiten(points.iter().map(|p| p.time_frames.min(stop) - start).collect());
+        let push = data.whiten((0..points.len()).map(share).collect());
+        let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(x, y)| x * y).sum::<f64>();
+        let (tt, tp, pp) = (dot(&time, &time), dot(&time, &push), dot(&push, &push));
+        let (ts, ps) = (dot(&time, &seen), dot(&push, &seen));
+        let determinant = tt * pp - tp * tp;
+        let (slope, friction) = ((ts * pp - ps * tp) / determinant, (ps * tt - ts * tp) / determinant);
+        (determinant > 0.0).then(|| {
+            let rest = |i: usize| seen[i] - slope * time[i] - friction * push[i];
+            (0..seen.len()).map(|i| rest(i).powi(2)).sum::<f64>()
+        })
+    };
+    let (first, last) = (start + 2.0, points.last()?.time_frames - 1.0);
+    let steps = ((last - first) / STEP_FRAMES).floor().max(0.0) as usize;
+    let scan: Vec<(f64, f64)> =
+        (0..=steps).map(|i| first + i as f64 * STEP_FRAMES).filter_map(|stop| Some((stop, chi2(stop)?))).collect();
+    let best = scan.iter().min_by(|a, b| a.1.total_cmp(&b.1))?;
+    let inside: Vec<f64> = scan.iter().filter(|s| s.1 <= best.1 + 1.0).map(|s| s.0).collect();
+    let width = inside.last()? - inside.first()?;
+    Some(Estimate { value: best.0, sigma: (width / 2.0).max(STEP_FRAMES) })
+}
