@@ -81,30 +81,32 @@ type Answer = Result<Vec<Measured>, MeasureError>;
 
 /// Measures every frame; gives the results file and how many frames are missing.
 fn measure(film: Film, output: &Path, stop: &Stop) -> anyhow::Result<(PathBuf, u64)> {
-    let Film { format, config, .. } = &film;
-    let (measure_params, tracker_params) = analysis_params(config, format);
-    let mut info = recording_info(config, format, &CameraIdentity::default(), "none: analysed offline");
+    let Film { format, config, metadata, count, frames, .. } = film;
+    let (measure_params, tracker_params) = analysis_params(&config, &format);
+    let mut info = recording_info(&config, &format, &CameraIdentity::default(), "none: analysed offline");
     for key in ["camera", "serial", "host", "trigger"] {
-        if let Some(value) = film.metadata.get(key) {
+        if let Some(value) = metadata.get(key) {
             info.metadata.insert(key.to_owned(), value.clone());
         }
     }
-    let mut frames = film.frames.peekable();
-    let Some(Ok((meta, _))) = frames.peek() else {
-        return frames.next().map_or_else(|| Err(UsageError("a film of 0 frames".into()).into()), |frame| Err(frame.err().unwrap_or_else(|| anyhow::anyhow!("no frame"))));
+    let mut frames = frames.peekable();
+    let meta = match frames.peek() {
+        Some(Ok((meta, _))) => *meta,
+        Some(Err(error)) => anyhow::bail!("{error}"),
+        None => return Err(UsageError("a film of 0 frames".into()).into()),
     };
     let (first, stamp_ns) = (meta.sequence, meta.stamp_ns);
     info.metadata.insert("first_frame".into(), first.to_string());
     info.metadata.insert("first_stamp_ns".into(), stamp_ns.to_string());
     let extent = Extent { first, last: None, patience_frames: u64::MAX };
-    let mut shot = Shot::create(output, config, &info, &tracker_params, extent)?;
-    let bar = progress::frames(film.count, "analyze");
+    let mut shot = Shot::create(output, &config, &info, &tracker_params, extent)?;
+    let bar = progress::frames(count, "analyze");
     std::thread::scope(|scope| -> anyhow::Result<()> {
         let (answers, results) = channel();
         let mut workers = Vec::new();
         for index in 0..config.workers.count {
             let (jobs, todo) = sync_channel(WAITING);
-            let measurer = plan(&measure_params, index, config.workers.count, format)?;
+            let measurer = plan(&measure_params, index, config.workers.count, &format)?;
             let answers = answers.clone();
             scope.spawn(move || work(measurer, &todo, &answers));
             workers.push(jobs);

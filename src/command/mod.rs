@@ -7,6 +7,7 @@ pub mod demo;
 pub mod export;
 pub mod field;
 mod film;
+pub mod import;
 pub mod info;
 pub mod listen;
 pub mod progress;
@@ -38,7 +39,6 @@ impl Outcome {
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("{0}")]
 pub struct UsageError(pub String);
-
 
 /// Writes a line to standard output; a reader that went away is no error.
 pub fn say(line: &str) {
@@ -72,10 +72,4 @@ mod tests {
         assert_eq!(table(&[row(["a", "1"]), row(["long", "100"])]), "a       1\nlong  100");
     }
 }
-pub mod field;
-mod film;
-pub mod import;
 
-pub mod info;
-
-pub mod recover;

@@ -66,6 +66,7 @@ impl Config {
             window_frames: self.velocity.window_frames,
             order: self.velocity.order,
             interval_frames: self.correlation.interval_frames,
+            exposure_ns: 1.0e3 * self.camera.exposure_us.unwrap_or(0.0),
             frame_period_ns: 1.0e9 / frame_rate_hz,
         }
     }

@@ -77,8 +77,8 @@ impl BodyTracker {
         if let Some(circle) = &step.circle {
             self.radius.push(circle);
         }
-        let since_ns = i128::from(step.stamp_ns) - i128::from(origin_ns);
-        let Some(node) = self.chain.push(step, since_ns as f64 / self.params.frame_period_ns) else { return };
+        let since_ns = (i128::from(step.stamp_ns) - i128::from(origin_ns)) as f64 + 0.5 * self.params.exposure_ns;
+        let Some(node) = self.chain.push(step, since_ns / self.params.frame_period_ns) else { return };
         self.first_sigma_deg.get_or_insert(node.sigma[2]);
         self.keep(node);
         let gravity = self.gravity().map(|g| self.axes.surface(g[0], g[1]).normal);

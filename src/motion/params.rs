@@ -28,6 +28,8 @@ pub struct MotionParams {
     pub order: u32,
     /// The interval each step was measured over, frames.
     pub interval_frames: u32,
+    /// How long a frame was exposed, ns; what a frame shows is the moment half of it after its stamp. 0 when unknown.
+    pub exposure_ns: f64,
     /// Nominal time from frame to frame, ns; only for gaps, times come from the stamps.
     pub frame_period_ns: f64,
 }

@@ -52,6 +52,8 @@ struct Loop {
     trigger: Option<MotionTrigger>,
     summary: Summary,
     queued: usize,
+    /// Torn frames since the last whole one.
+    torn: u64,
     first: Option<u64>,
     next: u64,
     stamp_ns: u64,
@@ -82,6 +84,7 @@ impl Loop {
             source,
             summary: Summary::default(),
             queued: 0,
+            torn: 0,
             first: None,
             next: 0,
             stamp_ns: 0,
@@ -154,7 +157,8 @@ impl Loop {
         self.summary.given += 1;
         if self.first.is_none() {
             self.first = Some(meta.sequence);
-            self.next = meta.sequence;
+            // A live camera counts from its first id on, whole or torn; a recording may begin with any number.
+            self.next = if self.source.is_live() { 0 } else { meta.sequence };
             self.reporter.event(EventKind::Started, meta.sequence, meta.stamp_ns, "first frame")?;
         }
         let gap = meta.sequence.saturating_sub(self.next);
@@ -164,6 +168,7 @@ impl Loop {
             self.reporter.event(EventKind::Lost, meta.sequence, meta.stamp_ns, &text)?;
         }
         self.next = meta.sequence + 1;
+        self.torn = 0;
         self.stamp_ns = meta.stamp_ns;
         if moved {
             self.reporter.event(EventKind::Triggered, meta.sequence, meta.stamp_ns, "motion")?;
@@ -172,7 +177,8 @@ impl Loop {
     }
 
     fn torn(&mut self, slot: Slot, cause: &str) {
-        // The gap in the camera's count says that a frame is missing; here only the memory is reused.
+        // The gap in the camera's count will say that it is missing, unless no whole frame follows.
+        self.torn += 1;
         log::warn!("a frame did not arrive whole: {cause}");
         self.queued -= 1;
         self.ring.take_back(slot);
@@ -206,6 +212,7 @@ impl Loop {
     /// Tells the end and keeps the ring until its readers are done.
     fn end(&mut self) -> Result<(), BusError> {
         self.source.close();
+        self.summary.lost += self.torn;
         self.reporter.event(EventKind::Ended, self.next, self.stamp_ns, "last frame")?;
         let patience = Patience::new(LINGER);
         while !patience.is_over() && !self.readers.all_done(self.reporter.run_id())? {
