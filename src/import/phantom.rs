@@ -175,7 +175,7 @@ impl Cine {
     /// 10-bit pixels without gaps, spread to 12 bits.
     fn packed_image(&self, number: u64, at: u64, stored: usize) -> Result<Vec<u8>, ImportError> {
         let pixels = self.frame_bytes / 2;
-        if pixels % 4 != 0 || stored != pixels / 4 * 5 {
+        if !pixels.is_multiple_of(4) || stored != pixels / 4 * 5 {
             return Err(self.invalid(format!("image {number}: {stored} bytes hold no {pixels} pixels of 10 bits")));
         }
         let words = super::unpack_high_first(&self.read(at, stored)?, 10);

@@ -77,6 +77,14 @@ fn what_cannot_be_measured_is_refused() {
     GrayImage::new(4, 4).save(at("small.png")).unwrap();
     GrayImage::new(8, 4).save(at("large.png")).unwrap();
     fs::write(at("text.png"), "not an image").unwrap();
+    // A second page, announced behind the first page's directory.
+    GrayImage::new(4, 4).save(at("pages.tif")).unwrap();
+    let mut pages = fs::read(at("pages.tif")).unwrap();
+    let directory = u32::from_le_bytes(pages[4..8].try_into().unwrap()) as usize;
+    let next = directory + 2 + 12 * usize::from(u16::from_le_bytes([pages[directory], pages[directory + 1]]));
+    pages[next] = 8;
+    fs::write(at("pages.tif"), pages).unwrap();
+    assert!(refusal(&[at("pages.tif")], Some(1.0)).contains("more than one page"));
     assert!(refusal(&[at("colour.png")], Some(1.0)).contains("grey"));
     assert!(refusal(&[at("small.png"), at("large.png")], Some(1.0)).contains("large.png"));
     assert!(refusal(&[at("text.png")], Some(1.0)).contains("text.png"));
