@@ -4,6 +4,9 @@ use super::samples;
 use ricochet::image::{Frame, PixelFormat};
 use ricochet::recording::{Compression, Recording, RecordingError, RecordingWriter, WriterOptions, part_path, recover};
 use std::fs;
+use std::io::{BufRead as _, BufReader, Write as _};
+use std::path::Path;
+use std::process::{Command, Stdio};
 
 const SIZE: [u32; 2] = [300, 300];
 
@@ -94,4 +97,49 @@ fn recovering_never_overwrites() {
     let path = folder.path().join("shot.mcap");
     samples::write(&path, &WriterOptions::default(), 2, [8, 8]).finish().unwrap();
     assert!(matches!(recover(&path, &path), Err(RecordingError::Refused { .. })));
+}
+
+/// Writes frames for ever, printing each one's number when it was taken; a process of its own, to be killed.
+#[test]
+#[ignore = "the victim of the next test"]
+fn victim_that_writes_frames() {
+    let Some(path) = std::env::var_os("RICOCHET_VICTIM") else { return };
+    let options = WriterOptions { chunk_bytes: 1 << 20, ..WriterOptions::default() };
+    let mut writer = RecordingWriter::create(Path::new(&path), &samples::info(), &options).unwrap();
+    let mut out = std::io::stdout().lock();
+    for sequence in 0..2000 {
+        let (meta, bytes) = samples::frame(sequence, PixelFormat::Mono8, SIZE, 0);
+        writer.frame(&Frame { meta, bytes: &bytes }).unwrap();
+        writer.track(&samples::track(sequence)).unwrap();
+        writeln!(out, "taken {sequence}").unwrap();
+    }
+}
+
+#[test]
+fn every_frame_taken_before_a_kill_9_is_recovered() {
+    let folder = tempfile::tempdir().unwrap();
+    for round in 0..20_usize {
+        let path = folder.path().join(format!("shot-{round}.mcap"));
+        let mut victim = Command::new(std::env::current_exe().unwrap())
+            .args(["--exact", "recording::recover::victim_that_writes_frames", "--ignored", "--nocapture"])
+            .env("RICOCHET_VICTIM", &path)
+            .stdout(Stdio::piped())
+            .spawn()
+            .unwrap();
+        // Killed while it goes on writing, at another place each time.
+        let lines = BufReader::new(victim.stdout.take().unwrap()).lines().map(Result::unwrap);
+        let mut taken = lines.filter_map(|line| line.split("taken ").nth(1).and_then(|n| n.parse::<u64>().ok()));
+        let seen = taken.nth(3 + round * 37 % 90).unwrap();
+        victim.kill().unwrap();
+        victim.wait().unwrap();
+        let last = taken.last().unwrap_or(seen);
+
+        let recovered = recover(&part_path(&path), &path).unwrap();
+        assert!(recovered.frames > last, "{} frames of at least {}", recovered.frames, last + 1);
+        let recording = Recording::open(&path).unwrap();
+        assert_eq!((recording.truncated(), recording.verify().unwrap()), (None, Vec::new()));
+        assert_eq!(frames(&recording), (0..recovered.frames).collect::<Vec<_>>());
+        fs::remove_file(&path).unwrap();
+        fs::remove_file(part_path(&path)).unwrap();
+    }
 }
