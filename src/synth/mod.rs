@@ -8,6 +8,7 @@ mod blur;
 mod built_in;
 mod draw;
 mod motion;
+mod mover;
 pub mod physics;
 mod random;
 mod rod;
@@ -21,6 +22,7 @@ mod world;
 #[cfg(test)]
 mod twin;
 
+pub use mover::PictureMover;
 pub use scenario::{
     BodySetup, CameraSetup, ImpactSetup, LightSetup, MotionSetup, OccluderSetup, PatternSetup, RingingSetup, RodSetup,
     ScaleSetup, Scenario, ScenarioError, ShadeSetup, SurfaceSetup,
