@@ -7,12 +7,14 @@
     reason = "a test fails by panicking, compares floats to the bit, and says what it measured or left out"
 )]
 
+mod accuracy;
 mod ball;
 mod bounce;
 mod bus;
 mod camera_contract;
 mod config;
 mod fake_gige;
+mod faults;
 mod field;
 mod genicam;
 mod genicam_rate;
@@ -20,8 +22,10 @@ mod genicam_settings;
 mod impact;
 mod import;
 mod motion;
+mod pipeline;
 mod recording;
 mod simulated_camera;
 mod slots;
+mod support;
 mod synth;
 mod tidy;

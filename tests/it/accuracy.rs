@@ -1,0 +1,80 @@
+//! The whole measurement against known truth, at speeds off every 1/n grid.
+
+use ricochet::ball::BallParams;
+use ricochet::dic::CorrelationParams;
+use ricochet::image::Frame;
+use ricochet::measure::{MeasureParams, Measurer, Share};
+use ricochet::results::RigidStep;
+use ricochet::synth::{Scenario, World};
+
+const FRAMES: u64 = 16;
+
+/// Every step of a simulated ball and its truth.
+fn measure(scenario: &Scenario) -> Vec<(RigidStep, RigidStep)> {
+    let world = World::new(scenario).unwrap();
+    let (width, height) = (world.width_px() as usize, world.height_px() as usize);
+    let params = MeasureParams {
+        correlation: CorrelationParams::default(),
+        bodies: vec![BallParams::new(50.0, 70.0)],
+        block_frames: 16,
+    };
+    let mut measurer = Measurer::new(&params, Share::ALL, width, height).unwrap();
+    let (mut measured, mut bytes) = (Vec::new(), vec![0; world.frame_bytes()]);
+    for index in 0..world.frames() {
+        world.render(index, &mut bytes);
+        let meta = ricochet::camera::simulated::meta(&world, index);
+        measurer.push(&Frame { meta, bytes: &bytes }, &mut measured).unwrap();
+    }
+    let truth = |frame: u64| world.truth(frame).step;
+    measured.iter().filter_map(|row| Some((row.step.step?, truth(row.step.frame)?))).collect()
+}
+
+fn scenario(vx_px: f64, vy_px: f64, omega_deg: f64) -> Scenario {
+    let mut scenario = Scenario::translation(vx_px, vy_px, omega_deg);
+    scenario.camera.frames = FRAMES;
+    scenario.camera.width_px = 256;
+    scenario.camera.height_px = 256;
+    if let ricochet::synth::MotionSetup::Constant { start_px, .. } = &mut scenario.motion {
+        *start_px = [110.3, 112.7];
+    }
+    scenario
+}
+
+/// Mean and root mean square of errors, and of errors over their sigmas.
+fn judge(errors: &[(f64, f64)]) -> [f64; 4] {
+    let count = errors.len() as f64;
+    let mean = errors.iter().map(|(error, _)| error).sum::<f64>() / count;
+    let rms = (errors.iter().map(|(error, _)| error * error).sum::<f64>() / count).sqrt();
+    let largest = errors.iter().map(|(error, _)| error.abs()).fold(0.0, f64::max);
+    let pulls = (errors.iter().map(|(error, sigma)| (error / sigma).powi(2)).sum::<f64>() / count).sqrt();
+    [mean, rms, largest, pulls]
+}
+
+#[test]
+fn a_ball_moves_by_what_was_drawn_to_five_thousandths_of_a_pixel() {
+    for speed in [0.13, 0.37, 0.77, 1.23, 1.9] {
+        let steps = measure(&scenario(speed, -0.31 * speed, 0.0));
+        assert_eq!(steps.len() as u64, FRAMES - 1, "every frame but the last");
+        let x: Vec<_> = steps.iter().map(|(step, truth)| (step.dx_px - truth.dx_px, step.sigma_dx_px)).collect();
+        let y: Vec<_> = steps.iter().map(|(step, truth)| (step.dy_px - truth.dy_px, step.sigma_dy_px)).collect();
+        for (axis, errors) in [("x", x), ("y", y)] {
+            let [mean, rms, largest, pulls] = judge(&errors);
+            println!("{speed} px/frame, {axis}: bias {mean:.5}, rms {rms:.5}, max {largest:.5} px, pulls {pulls:.2}");
+            assert!(mean.abs() <= 0.005 && rms <= 0.005, "{speed} px/frame along {axis}: {mean}, {rms}");
+        }
+    }
+}
+
+#[test]
+fn a_ball_turns_by_what_was_drawn_to_two_hundredths_of_a_degree() {
+    for spin in [0.35, 1.7] {
+        let steps = measure(&scenario(0.37, 0.13, spin));
+        assert_eq!(steps.len() as u64, FRAMES - 1);
+        let errors: Vec<_> =
+            steps.iter().map(|(step, truth)| (step.dtheta_deg - truth.dtheta_deg, step.sigma_dtheta_deg)).collect();
+        let [mean, rms, largest, pulls] = judge(&errors);
+        println!("{spin} deg/frame: bias {mean:.5}, rms {rms:.5}, max {largest:.5} deg, pulls {pulls:.2}");
+        assert!(mean.abs() <= 0.02 && rms <= 0.02, "{spin} deg/frame: {mean}, {rms}");
+        assert!((0.5..1.6).contains(&pulls), "uncertainties are off by {pulls}");
+    }
+}

@@ -1,0 +1,154 @@
+//! A rig for tests: its own name and directory, the real program, clean-up.
+
+use ricochet::recording::Recording;
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Output, Stdio};
+use std::sync::atomic::{AtomicU32, Ordering};
+use std::time::{Duration, Instant};
+use tempfile::TempDir;
+
+/// Only a failing test waits this long.
+const PATIENCE: Duration = Duration::from_secs(90);
+
+static RIGS: AtomicU32 = AtomicU32::new(0);
+
+/// A rig of its own.
+pub struct Rig {
+    pub name: String,
+    directory: TempDir,
+}
+
+impl Rig {
+    pub fn new() -> Self {
+        let name = format!("t{}-{}", std::process::id(), RIGS.fetch_add(1, Ordering::Relaxed));
+        Self { name, directory: TempDir::new().unwrap() }
+    }
+
+    pub fn path(&self, name: &str) -> PathBuf {
+        self.directory.path().join(name)
+    }
+
+    /// Writes a file and gives its path.
+    pub fn file(&self, name: &str, text: &str) -> PathBuf {
+        let path = self.path(name);
+        std::fs::write(&path, text).unwrap();
+        path
+    }
+
+    /// A rig file of this rig; recordings go to the directory `shots`.
+    pub fn config(&self, camera: &str, rest: &str) -> PathBuf {
+        let (name, shots) = (&self.name, self.path("shots"));
+        let text = format!(
+            "[rig]\nname = \"{name}\"\n[camera]\n{camera}\n[record]\ndirectory = \"{}\"\n{rest}\n",
+            shots.display()
+        );
+        self.file("rig.toml", &text)
+    }
+
+    /// The recordings made so far, oldest name first.
+    pub fn recordings(&self) -> Vec<PathBuf> {
+        let Ok(entries) = std::fs::read_dir(self.path("shots")) else { return Vec::new() };
+        let mut paths: Vec<PathBuf> = entries.map(|entry| entry.unwrap().path()).collect();
+        paths.retain(|path| path.extension().is_some_and(|extension| extension == "mcap"));
+        paths.sort();
+        paths
+    }
+}
+
+/// The program with these arguments.
+pub fn ricochet<S: AsRef<std::ffi::OsStr>>(arguments: impl IntoIterator<Item = S>) -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_ricochet"));
+    command.args(arguments).stdin(Stdio::null());
+    command
+}
+
+/// Runs it to its end.
+pub fn run<S: AsRef<std::ffi::OsStr>>(arguments: impl IntoIterator<Item = S>) -> Output {
+    ricochet(arguments).output().unwrap()
+}
+
+/// Runs it to its end, which must be a clean one; gives its standard output.
+pub fn succeed<S: AsRef<std::ffi::OsStr>>(arguments: impl IntoIterator<Item = S>) -> String {
+    let output = run(arguments);
+    assert!(output.status.success(), "{}: {}", output.status, String::from_utf8_lossy(&output.stderr));
+    String::from_utf8(output.stdout).unwrap()
+}
+
+/// A topic of a recording as CSV.
+pub fn csv(recording: &Path, topic: &str) -> String {
+    succeed(["export".as_ref(), recording.as_os_str(), "--topic".as_ref(), topic.as_ref()])
+}
+
+/// Waits for something under a watchdog.
+pub fn wait_until<T>(what: &str, mut condition: impl FnMut() -> Option<T>) -> T {
+    let started = Instant::now();
+    loop {
+        if let Some(value) = condition() {
+            return value;
+        }
+        assert!(started.elapsed() < PATIENCE, "waited in vain until {what}");
+        std::thread::sleep(Duration::from_millis(5));
+    }
+}
+
+/// A program in the background; killed when it is still there at the end of the test.
+pub struct Background(pub Child);
+
+impl Background {
+    pub fn start(mut command: Command) -> Self {
+        Self(command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap())
+    }
+
+    pub fn signal(&self, signal: i32) {
+        kill(self.0.id(), signal);
+    }
+
+    /// Waits for its end; gives exit code, standard output and standard error.
+    pub fn end(mut self) -> (Option<i32>, String, String) {
+        use std::io::Read;
+        let mut read = |pipe: &mut dyn Read| {
+            let mut text = String::new();
+            pipe.read_to_string(&mut text).unwrap();
+            text
+        };
+        let (mut stdout, mut stderr) = (self.0.stdout.take().unwrap(), self.0.stderr.take().unwrap());
+        let told = std::thread::spawn(move || {
+            let mut text = String::new();
+            std::io::Read::read_to_string(&mut stderr, &mut text).unwrap();
+            text
+        });
+        let printed = read(&mut stdout);
+        let status = wait_until("the program ends", || self.0.try_wait().unwrap());
+        (status.code(), printed, told.join().unwrap())
+    }
+}
+
+impl Drop for Background {
+    fn drop(&mut self) {
+        let _ = self.0.kill();
+        let _ = self.0.wait();
+    }
+}
+
+/// Sends a signal to a process of a test's rig.
+pub fn kill(pid: u32, signal: i32) {
+    let sent = Command::new("kill").args([format!("-{signal}"), pid.to_string()]).status().unwrap();
+    assert!(sent.success(), "kill -{signal} {pid}");
+}
+
+/// `ricochet status --json`, once the rig answers.
+pub fn status(rig: &str) -> Option<serde_json::Value> {
+    let output = run(["status", "--rig", rig, "--json"]);
+    output.status.success().then(|| serde_json::from_slice(&output.stdout).unwrap())
+}
+
+/// The entry of one process in a status.
+pub fn process<'a>(status: &'a serde_json::Value, name: &str, index: u64) -> Option<&'a serde_json::Value> {
+    let processes = status["processes"].as_array().unwrap();
+    processes.iter().find(|process| process["process"] == name && process["index"] == index)
+}
+
+/// The frames of a recording.
+pub fn frames(path: &Path) -> Vec<(ricochet::image::FrameMeta, Vec<u8>)> {
+    Recording::open(path).unwrap().frames().unwrap().map(Result::unwrap).collect()
+}
