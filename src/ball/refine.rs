@@ -23,19 +23,21 @@ const FARTHEST_PX: f64 = 4.0;
 const AGREEING_PX: f64 = 0.25;
 /// Least number of bins that must agree with the circle, and the share of the rim inside the image on top.
 ///
-/// These limits were set on 850 circles around balls in hard scenes and 100 around texture, speckle and
-/// occluders: they let 99 % of the former pass and none of the latter.
-const FEWEST_AGREEING: f64 = 13.0;
-const LEAST_AGREEING: f64 = 0.06;
-/// Least share of the usable edges that must agree.
-const LEAST_AGREEING_OF_USED: f64 = 0.45;
+/// These limits were set on 420 circles of balls in hard scenes and 2300 around texture, speckle and occluders
+/// of all sizes: they let 98 % of the former pass and none of the latter.
+const FEWEST_AGREEING: f64 = 15.0;
+const LEAST_AGREEING: f64 = 0.055;
+/// Least share of the usable edges that must agree, and the share that will do when many agree.
+const LEAST_AGREEING_OF_USED: f64 = 0.55;
+const LEAST_AGREEING_OF_USED_WHEN_MANY: f64 = 0.48;
+const MANY_AGREEING: usize = 32;
 /// Largest robust scatter of the usable edges about the circle, px.
-const MOST_SCATTER_PX: f64 = 0.3;
+const MOST_SCATTER_PX: f64 = 0.27;
 /// The covariance of the fit against the error seen: rim texture and light are alike over long arcs.
 const SIGMA_FACTOR: f64 = 2.0;
 const SIGMA_FLOOR_PX: f64 = 0.01;
 /// An answer less certain than this is none, px.
-const MOST_SIGMA_PX: f64 = 0.12;
+const MOST_SIGMA_PX: f64 = 0.1;
 
 /// An accepted outline.
 #[derive(Debug, Clone, Copy)]
@@ -147,7 +149,9 @@ impl Refine {
         let inside = (0..self.rim.bins()).filter(|&bin| self.rim.count(bin) > 0).count().max(1) as f64;
         let share = agreeing as f64 / inside;
         let enough = agreeing as f64 >= FEWEST_AGREEING + LEAST_AGREEING * inside;
-        if !enough || agreeing as f64 <= LEAST_AGREEING_OF_USED * used || self.fit.scatter_px()? > MOST_SCATTER_PX {
+        let many = agreeing >= MANY_AGREEING;
+        let of_used = if many { LEAST_AGREEING_OF_USED_WHEN_MANY } else { LEAST_AGREEING_OF_USED };
+        if !enough || agreeing as f64 <= of_used * used || self.fit.scatter_px()? > MOST_SCATTER_PX {
             return None;
         }
         let c = self.fit.covariance(&self.rim, &fitted)?;

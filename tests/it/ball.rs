@@ -222,9 +222,19 @@ fn the_same_image_gives_the_same_circle_whatever_came_before() {
 
 #[test]
 fn no_ball_is_found_where_there_is_none() {
+    search_empty_images(0..16);
+}
+
+#[test]
+#[ignore = "long"]
+fn no_ball_is_found_in_many_images_without_one() {
+    search_empty_images(1000..1150);
+}
+
+fn search_empty_images(seeds: std::ops::Range<u64>) {
     let mut narrow = finder(50.0, 68.0, &Scene::plain(1.0, 0.0));
     let mut wide = finder(20.0, 110.0, &Scene::plain(1.0, 0.0));
-    for seed in 0..16 {
+    for seed in seeds {
         let mut r = Random(seed);
         let occluder = (seed % 2 == 0).then(|| Occluder {
             angle: r.uniform(0.0, 6.0),
