@@ -13,7 +13,7 @@ use crate::results::Circle;
 /// Most rounds of gathering and fitting.
 const ROUNDS: usize = 6;
 /// A round that moves the outline less than this is the last, px.
-const STILL_PX: f64 = 0.002;
+const STILL_PX: f64 = 0.003;
 /// Blur of a lens in focus, where the search for the blur starts, px.
 const USUAL_BLUR_PX: f32 = 0.8;
 const BLUR_RANGE_PX: std::ops::RangeInclusive<f32> = 0.35..=2.0;
@@ -81,10 +81,10 @@ impl Refine {
             } else if round > 0 {
                 self.rim.measure(&outline);
             }
-            let steps = if round == 0 { 4 } else { 2 };
+            let (steps, reweightings) = if round == 0 { (4, 8) } else { (2, 4) };
             fit_edges(&self.rim, Search { blur, light: &self.slope, steps }, &mut self.edges);
             let noise = self.gates.choose(&self.edges, guess.polarity);
-            let fitted = self.fit.fit(&self.rim, &self.edges, &self.gates.used, noise)?;
+            let fitted = self.fit.fit(&self.rim, &self.edges, &self.gates.used, noise, reweightings)?;
             outline =
                 Outline { x: outline.x + fitted.dx, y: outline.y + fitted.dy, radius: outline.radius + fitted.dr };
             // NaN fails the comparison.
