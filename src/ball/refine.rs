@@ -29,13 +29,13 @@ const FEWEST_AGREEING: f64 = 15.0;
 const LEAST_AGREEING: f64 = 0.055;
 /// Least share of the usable edges that must agree, and the share that will do when many agree.
 const LEAST_AGREEING_OF_USED: f64 = 0.55;
-const LEAST_AGREEING_OF_USED_WHEN_MANY: f64 = 0.48;
-const MANY_AGREEING: usize = 32;
+const LEAST_AGREEING_OF_USED_WHEN_MANY: f64 = 0.45;
+const MANY_AGREEING: usize = 30;
 /// Largest robust scatter of the usable edges about the circle, px.
-const MOST_SCATTER_PX: f64 = 0.27;
+const MOST_SCATTER_PX: f64 = 0.28;
 /// The covariance of the fit against the error seen: rim texture and light are alike over long arcs.
 const SIGMA_FACTOR: f64 = 2.0;
-const SIGMA_FLOOR_PX: f64 = 0.01;
+const SIGMA_FLOOR_PX: f64 = 0.008;
 /// An answer less certain than this is none, px.
 const MOST_SIGMA_PX: f64 = 0.1;
 
