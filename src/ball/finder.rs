@@ -43,7 +43,7 @@ struct Effort {
 }
 
 /// The ball is among the first 5 places in 96 of 100 hard scenes, among the first 20 when the radius is unknown.
-const QUICK: Effort = Effort { places: (10, 24), tolerance_px: 1.0, draws: 30, rays: 60, grown: 3, whole_rims: false };
+const QUICK: Effort = Effort { places: (8, 18), tolerance_px: 1.0, draws: 30, rays: 60, grown: 3, whole_rims: false };
 /// When the quick look found nothing.
 const THOROUGH: Effort =
     Effort { places: (24, 48), tolerance_px: 0.7, draws: 60, rays: 120, grown: 8, whole_rims: true };
@@ -129,7 +129,7 @@ impl BallFinder {
         if image.width() < 8 || image.height() < 8 || !sane || near.2 < 3.0 {
             return None;
         }
-        let look = Look { reach_px: FOLLOW_REACH_PX, tolerance_px: 0.7, draws: 100, rays: 120 };
+        let look = Look { reach_px: FOLLOW_REACH_PX, tolerance_px: 0.7, draws: 60, rays: 120 };
         let guess = self.rays.look(image, near, look)?;
         if let Some(measured) = self.measure(image, &guess) {
             return Some(measured.circle);
