@@ -5,8 +5,6 @@ use nalgebra::{Matrix3, Vector3};
 use super::edge::Edge;
 use super::rim::Rim;
 
-/// Rounds of reweighting.
-const ROUNDS: usize = 8;
 /// Residuals beyond this many robust standard deviations count nothing (Tukey).
 const TUKEY: f64 = 4.0;
 /// Residuals beyond this count nothing either: speckle at the rim can make half of the bins outliers, px.
@@ -41,15 +39,15 @@ pub(super) struct CircleFit {
 }
 
 impl CircleFit {
-    /// Fits the edges marked in `used`; `noise` is the picture's, grey levels.
+    /// Fits the edges marked in `used` in `rounds` of reweighting; `noise` is the picture's, grey levels.
     ///
     /// `None` when there are too few of them to hold a circle.
-    pub fn fit(&mut self, rim: &Rim, edges: &[Edge], used: &[bool], noise: f32) -> Option<Correction> {
+    pub fn fit(&mut self, rim: &Rim, edges: &[Edge], used: &[bool], noise: f32, rounds: usize) -> Option<Correction> {
         self.weigh(edges, used, noise);
         // The outline itself is the start: it already stands where most rim of one sign is.
         let mut answer = Vector3::zeros();
         let mut normal = Matrix3::identity();
-        for _ in 0..ROUNDS {
+        for _ in 0..rounds {
             self.residuals(rim, edges, answer);
             let scale = self.scale()?;
             let mut right = Vector3::zeros();

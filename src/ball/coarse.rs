@@ -371,12 +371,14 @@ fn sum_3x3(votes: &[f32], width: usize, height: usize, rows: &mut Vec<f32>, sums
 /// Adds the highest peaks of `sums`, at least three cells from one another, as (x, y, height).
 fn pick_peaks(sums: &[f32], width: usize, height: usize, peaks: &mut Vec<(f32, f32, f32)>) {
     let first = peaks.len();
+    // Votes of a ball may be fewer than those of an occluder's edge, but not by far.
+    let floor = 0.3 * sums.iter().fold(0.0_f32, |a, &b| if b > a { b } else { a });
     for y in 1..height - 1 {
         let row = y * width;
         for x in 1..width - 1 {
             let here = sums[row + x];
             let full = peaks.len() - first >= PEAKS;
-            if here <= 0.0 || (full && here <= peaks[peaks.len() - 1].2) {
+            if here <= floor || (full && here <= peaks[peaks.len() - 1].2) {
                 continue;
             }
             let around = [row + x - 1, row + x + 1, row + x - width, row + x + width];

@@ -87,6 +87,7 @@ pub(super) fn fit_edges(rim: &Rim, search: Search<'_>, edges: &mut Vec<Edge>) {
 }
 
 /// The steps of one block, from the shifts in `model`.
+#[multiversion::multiversion(targets("x86_64+avx2+fma"))]
 fn fit_block(distance: &[Lane], grey: &[Lane], weight: &[Lane], mut model: Model, steps: usize) -> [Edge; LANES] {
     let limit = BAND_PX as f32 - 0.5;
     for _ in 0..steps {

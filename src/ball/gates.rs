@@ -60,8 +60,6 @@ impl Gates {
 
     fn drop_speckle(&mut self) {
         let bins = self.used.len();
-        let mut floors = [0.0_f32; 4];
-        let _ = &mut floors;
         let reach = NEIGHBOURS.min(bins) / 2;
         let stride = 4;
         let mut clean = Vec::with_capacity(bins.div_ceil(stride));

@@ -23,7 +23,7 @@ fn exp_of_negative(x: f32) -> f32 {
     let f = y - (rounded - ROUND);
     let power = f32::from_bits((rounded.to_bits() << 23).wrapping_add(0x3f80_0000));
     let series = 1.0
-        + f * (0.693_147_2
+        + f * (std::f32::consts::LN_2
             + f * (0.240_226_5
                 + f * (0.055_504_11 + f * (0.009_618_129 + f * (0.001_333_355_8 + f * 0.000_154_035_3)))));
     power * series

@@ -221,25 +221,9 @@ impl Rays {
 
     /// Mean agreement of the rays with a circle.
     fn support(&self, sign: usize, offset: Offset, tolerance: f32) -> f32 {
-        let [first, second, third] = &self.steps[sign];
-        let bend = 0.5 / offset.radius;
-        let scale = 1.0 / tolerance;
-        let mut sums = [0.0_f32; LANES];
-        let mut lists = first.chunks_exact(LANES).zip(second.chunks_exact(LANES)).zip(third.chunks_exact(LANES));
-        for (cos, sin) in self.cos.chunks_exact(LANES).zip(self.sin.chunks_exact(LANES)) {
-            let Some(((a, b), c)) = lists.next() else { break };
-            for lane in 0..LANES {
-                let across = offset.dx * sin[lane] - offset.dy * cos[lane];
-                let rim = offset.dx * cos[lane] + offset.dy * sin[lane] + offset.radius - bend * across * across;
-                let (a, b, c) = ((a[lane] - rim).abs(), (b[lane] - rim).abs(), (c[lane] - rim).abs());
-                let ab = if a < b { a } else { b };
-                let near = if ab < c { ab } else { c } * scale;
-                let vote = 1.0 - near * near;
-                sums[lane] += if vote > 0.0 { vote } else { 0.0 };
-            }
-        }
+        let sum = votes(&self.steps[sign], &self.cos, &self.sin, offset, 1.0 / tolerance);
         // Rays that leave the image count half: a ball may do so, but few rays agree by chance more easily.
-        sums.iter().sum::<f32>() / (0.5 * (self.inside + self.rays) as f32)
+        sum / (0.5 * (self.inside + self.rays) as f32)
     }
 
     /// Least squares through the steps that agree with a circle.
@@ -272,6 +256,28 @@ impl Rays {
         self.random = x;
         x.wrapping_mul(0x2545_f491_4f6c_dd1d) >> 33
     }
+}
+
+/// Sum over the rays of `1 - (distance of the circle to the nearest step * scale)^2`, where positive.
+#[multiversion::multiversion(targets("x86_64+avx2+fma"))]
+fn votes(steps: &[Vec<f32>; STEPS], cos: &[f32], sin: &[f32], offset: Offset, scale: f32) -> f32 {
+    let bend = 0.5 / offset.radius;
+    let mut sums = [0.0_f32; LANES];
+    let [first, second, third] = steps;
+    let mut lists = first.chunks_exact(LANES).zip(second.chunks_exact(LANES)).zip(third.chunks_exact(LANES));
+    for (cos, sin) in cos.chunks_exact(LANES).zip(sin.chunks_exact(LANES)) {
+        let Some(((a, b), c)) = lists.next() else { break };
+        for lane in 0..LANES {
+            let across = offset.dx * sin[lane] - offset.dy * cos[lane];
+            let rim = offset.dx * cos[lane] + offset.dy * sin[lane] + offset.radius - bend * across * across;
+            let (a, b, c) = ((a[lane] - rim).abs(), (b[lane] - rim).abs(), (c[lane] - rim).abs());
+            let ab = if a < b { a } else { b };
+            let near = if ab < c { ab } else { c } * scale;
+            let vote = 1.0 - near * near;
+            sums[lane] += if vote > 0.0 { vote } else { 0.0 };
+        }
+    }
+    sums.iter().sum()
 }
 
 fn within(image: ImageView<'_>, x: f32, y: f32) -> bool {

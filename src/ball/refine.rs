@@ -13,7 +13,7 @@ use crate::results::Circle;
 /// Most rounds of gathering and fitting.
 const ROUNDS: usize = 6;
 /// A round that moves the outline less than this is the last, px.
-const STILL_PX: f64 = 0.002;
+const STILL_PX: f64 = 0.003;
 /// Blur of a lens in focus, where the search for the blur starts, px.
 const USUAL_BLUR_PX: f32 = 0.8;
 const BLUR_RANGE_PX: std::ops::RangeInclusive<f32> = 0.35..=2.0;
@@ -23,19 +23,21 @@ const FARTHEST_PX: f64 = 4.0;
 const AGREEING_PX: f64 = 0.25;
 /// Least number of bins that must agree with the circle, and the share of the rim inside the image on top.
 ///
-/// These limits were set on 850 circles around balls in hard scenes and 100 around texture, speckle and
-/// occluders: they let 99 % of the former pass and none of the latter.
-const FEWEST_AGREEING: f64 = 13.0;
-const LEAST_AGREEING: f64 = 0.06;
-/// Least share of the usable edges that must agree.
-const LEAST_AGREEING_OF_USED: f64 = 0.45;
+/// These limits were set on 420 circles of balls in hard scenes and 2300 around texture, speckle and occluders
+/// of all sizes: they let 98 % of the former pass and none of the latter.
+const FEWEST_AGREEING: f64 = 15.0;
+const LEAST_AGREEING: f64 = 0.055;
+/// Least share of the usable edges that must agree, and the share that will do when many agree.
+const LEAST_AGREEING_OF_USED: f64 = 0.55;
+const LEAST_AGREEING_OF_USED_WHEN_MANY: f64 = 0.45;
+const MANY_AGREEING: usize = 30;
 /// Largest robust scatter of the usable edges about the circle, px.
-const MOST_SCATTER_PX: f64 = 0.3;
+const MOST_SCATTER_PX: f64 = 0.28;
 /// The covariance of the fit against the error seen: rim texture and light are alike over long arcs.
 const SIGMA_FACTOR: f64 = 2.0;
-const SIGMA_FLOOR_PX: f64 = 0.01;
+const SIGMA_FLOOR_PX: f64 = 0.008;
 /// An answer less certain than this is none, px.
-const MOST_SIGMA_PX: f64 = 0.12;
+const MOST_SIGMA_PX: f64 = 0.1;
 
 /// An accepted outline.
 #[derive(Debug, Clone, Copy)]
@@ -79,10 +81,10 @@ impl Refine {
             } else if round > 0 {
                 self.rim.measure(&outline);
             }
-            let steps = if round == 0 { 4 } else { 2 };
+            let (steps, reweightings) = if round == 0 { (4, 8) } else { (2, 4) };
             fit_edges(&self.rim, Search { blur, light: &self.slope, steps }, &mut self.edges);
             let noise = self.gates.choose(&self.edges, guess.polarity);
-            let fitted = self.fit.fit(&self.rim, &self.edges, &self.gates.used, noise)?;
+            let fitted = self.fit.fit(&self.rim, &self.edges, &self.gates.used, noise, reweightings)?;
             outline =
                 Outline { x: outline.x + fitted.dx, y: outline.y + fitted.dy, radius: outline.radius + fitted.dr };
             // NaN fails the comparison.
@@ -147,7 +149,9 @@ impl Refine {
         let inside = (0..self.rim.bins()).filter(|&bin| self.rim.count(bin) > 0).count().max(1) as f64;
         let share = agreeing as f64 / inside;
         let enough = agreeing as f64 >= FEWEST_AGREEING + LEAST_AGREEING * inside;
-        if !enough || agreeing as f64 <= LEAST_AGREEING_OF_USED * used || self.fit.scatter_px()? > MOST_SCATTER_PX {
+        let many = agreeing >= MANY_AGREEING;
+        let of_used = if many { LEAST_AGREEING_OF_USED_WHEN_MANY } else { LEAST_AGREEING_OF_USED };
+        if !enough || agreeing as f64 <= of_used * used || self.fit.scatter_px()? > MOST_SCATTER_PX {
             return None;
         }
         let c = self.fit.covariance(&self.rim, &fitted)?;

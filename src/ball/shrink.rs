@@ -52,6 +52,7 @@ fn halve_rows(upper: &[f32], lower: &[f32], out: &mut [f32]) {
 }
 
 /// Blurs by one pixel (binomial of order 4 along both axes); the border repeats.
+#[multiversion::multiversion(targets("x86_64+avx2+fma"))]
 pub(super) fn blur(from: &Grey, spare: &mut Grey, to: &mut Grey) {
     let (width, height) = (from.width, from.height);
     spare.reshape(width, height);

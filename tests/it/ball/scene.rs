@@ -109,7 +109,7 @@ impl Scene {
         Self {
             x: 128.0 + r.uniform(-30.0, 30.0),
             y: 128.0 + r.uniform(-30.0, 30.0),
-            radius: if r.next() % 2 == 0 { 57.0 } else { 61.5 } + r.uniform(-1.0, 1.0),
+            radius: if r.next().is_multiple_of(2) { 57.0 } else { 61.5 } + r.uniform(-1.0, 1.0),
             blur: r.uniform(0.5, 1.0),
             cover: r.uniform(0.2, 0.5),
             transmission: r.uniform(0.15, 0.5),
@@ -166,6 +166,25 @@ impl Scene {
             }
         }
         image
+    }
+
+    /// Share of the ball's disc that is in the image and in front of the occluder.
+    pub fn visible(&self) -> f64 {
+        let (mut all, mut seen) = (0, 0);
+        let reach = (2.0 * self.radius).ceil() as i32;
+        for j in -reach..=reach {
+            for i in -reach..=reach {
+                let (dx, dy) = (0.5 * f64::from(i), 0.5 * f64::from(j));
+                if dx.hypot(dy) < self.radius {
+                    all += 1;
+                    let hidden = self.occluder.is_some_and(|o| self.behind(&o, dx, dy) > 0.0);
+                    let (x, y) = (self.x + dx + 0.5, self.y + dy + 0.5);
+                    let inside = x > 0.0 && y > 0.0 && x < self.width as f64 && y < self.height as f64;
+                    seen += i32::from(inside && !hidden);
+                }
+            }
+        }
+        f64::from(seen) / f64::from(all)
     }
 
     /// How far a point is behind the occluder's edge, px.
