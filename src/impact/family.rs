@@ -58,7 +58,8 @@ impl FirstGuess {
     }
 }
 
-/// Fits every family and weighs them by Akaike's criterion (Akaike 1974, doi:10.1109/TAC.1974.1100705).
+/// Fits every family and weighs them by Akaike's criterion (Akaike 1974, doi:10.1109/TAC.1974.1100705), the
+/// coefficients of a free stiffness by Schwarz's (1978, doi:10.1214/aos/1176344136).
 ///
 /// A law passes with chi2/freedom up to `excess^2` (1 + 4 sqrt(2/freedom)), `excess` being by how much the flights
 /// scatter more than their sigmas; among those that pass the criterion decides. If none does, the law with free
@@ -71,7 +72,7 @@ pub fn judge(guess: &FirstGuess, samples: &[Sample], excess: f64) -> Option<Verd
         let close = |f: &&LawFit| f.chi2 / f.freedom <= (CLOSE_SIGMAS * excess).powi(2);
         passed.extend(fits.iter().filter(|f| matches!(f.family, Family::Stiffness { .. })).find(close));
     }
-    let criterion = |f: &LawFit| f.chi2 / excess.powi(2) + 2.0 * f.family.count() as f64;
+    let criterion = |f: &LawFit| f.chi2 / excess.powi(2) + cost(f.family, samples.len());
     let best = passed.iter().min_by(|a, b| criterion(a).total_cmp(&criterion(b)))?;
     let weights: Vec<f64> = passed.iter().map(|f| (0.5 * (criterion(best) - criterion(f))).exp()).collect();
     let total: f64 = weights.iter().sum();
@@ -79,6 +80,13 @@ pub fn judge(guess: &FirstGuess, samples: &[Sample], excess: f64) -> Option<Verd
     let findings: Findings = std::array::from_fn(|k| mean(&|f| f.findings[k]));
     let sigmas = std::array::from_fn(|k| mean(&|f| own_variance(f, k) + (f.findings[k] - findings[k]).powi(2)).sqrt());
     Some(Verdict { best: best.family, weight: 1.0 / total, findings, sigmas })
+}
+
+/// What a family's parameters cost: two each, and ln N each for a stiffness polynomial, which noise alone would too
+/// often prefer, start and end being then hardly known.
+fn cost(family: Family, samples: usize) -> f64 {
+    let free = family.count().saturating_sub(Family::TwoExponents.count());
+    2.0 * (family.count() - free) as f64 + (samples as f64).ln() * free as f64
 }
 
 fn passes(f: &LawFit, excess: f64) -> bool {
