@@ -4,6 +4,15 @@ use super::fit::{LawFit, fit_law};
 use super::law::{Family, Findings, Parameters, Units};
 use crate::motion::Sample;
 
+/// The freest law may still tell times if its residuals are not larger than so many sigmas.
+const CLOSE_SIGMAS: f64 = 3.0;
+
+/// Share of the greatest depth at which the force of a y^1.5 contact passes 2 % of its peak: 0.02^(2/3).
+const UNSEEN: f64 = 0.074;
+
+/// A stiffness left free follows the peak of the force to about this share (simulated ripples of 25 % over the stroke).
+const FREE_PEAK: f64 = 0.01;
+
 /// What two straight flights say of a contact: where the fits of the laws begin. Frames, px, inwards positive.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct FirstGuess {
@@ -49,14 +58,21 @@ impl FirstGuess {
     }
 }
 
-/// Fits every family and weighs them by Akaike's criterion (Akaike 1974, doi:10.1109/TAC.1974.1100705).
+/// Fits every family and weighs them by Akaike's criterion (Akaike 1974, doi:10.1109/TAC.1974.1100705), the
+/// coefficients of a free stiffness by Schwarz's (1978, doi:10.1214/aos/1176344136).
 ///
 /// A law passes with chi2/freedom up to `excess^2` (1 + 4 sqrt(2/freedom)), `excess` being by how much the flights
-/// scatter more than their sigmas; among those that pass the criterion decides. `None` if none passes.
+/// scatter more than their sigmas; among those that pass the criterion decides. If none does, the law with free
+/// stiffness is taken if it comes within three sigmas, its misfit in the uncertainties; else `None`.
 pub fn judge(guess: &FirstGuess, samples: &[Sample], excess: f64) -> Option<Verdict> {
     let fits = fit_all(guess, samples);
-    let passed: Vec<&LawFit> = fits.iter().filter(|f| passes(f, excess)).collect();
-    let criterion = |f: &LawFit| f.chi2 / excess.powi(2) + 2.0 * f.family.count() as f64;
+    let mut passed: Vec<&LawFit> = fits.iter().filter(|f| passes(f, excess)).collect();
+    if passed.is_empty() {
+        // No law holds, but one with its stiffness free may follow the motion closely enough to tell times by.
+        let close = |f: &&LawFit| f.chi2 / f.freedom <= (CLOSE_SIGMAS * excess).powi(2);
+        passed.extend(fits.iter().filter(|f| matches!(f.family, Family::Stiffness { .. })).find(close));
+    }
+    let criterion = |f: &LawFit| f.chi2 / excess.powi(2) + cost(f.family, samples.len());
     let best = passed.iter().min_by(|a, b| criterion(a).total_cmp(&criterion(b)))?;
     let weights: Vec<f64> = passed.iter().map(|f| (0.5 * (criterion(best) - criterion(f))).exp()).collect();
     let total: f64 = weights.iter().sum();
@@ -66,6 +82,13 @@ pub fn judge(guess: &FirstGuess, samples: &[Sample], excess: f64) -> Option<Verd
     Some(Verdict { best: best.family, weight: 1.0 / total, findings, sigmas })
 }
 
+/// What a family's parameters cost: two each, and ln N each for a stiffness polynomial, which noise alone would too
+/// often prefer, start and end being then hardly known.
+fn cost(family: Family, samples: usize) -> f64 {
+    let free = family.count().saturating_sub(Family::TwoExponents.count());
+    2.0 * (family.count() - free) as f64 + (samples as f64).ln() * free as f64
+}
+
 fn passes(f: &LawFit, excess: f64) -> bool {
     f.chi2 / f.freedom <= excess.powi(2) * (1.0 + 4.0 * (2.0 / f.freedom).sqrt())
 }
@@ -73,9 +96,15 @@ fn passes(f: &LawFit, excess: f64) -> bool {
 /// A law's own variance of one finding, its misfit and its freedom at both ends included.
 fn own_variance(f: &LawFit, k: usize) -> f64 {
     let own = f.sigmas[k].powi(2) * (f.chi2 / f.freedom).max(1.0);
+    // Where the stiffness is free, start and end are what its polynomial makes of the unseen first and last two percents
+    // of the force, over which a y^1.5 contact takes UNSEEN of its depth; the depth is counted from the start.
+    let [start, _, end, first, last, before, after, depth, peak] = f.findings;
+    let begins = (first - start).max(UNSEEN * depth / before);
     let unknown = match (f.family, k) {
-        (Family::Stiffness { .. }, 0) => 0.5 * (f.findings[3] - f.findings[0]),
-        (Family::Stiffness { .. }, 2) => 0.5 * (f.findings[2] - f.findings[4]),
+        (Family::Stiffness { .. }, 0) => begins,
+        (Family::Stiffness { .. }, 2) => (end - last).max(UNSEEN * depth / after.abs()),
+        (Family::Stiffness { .. }, 7) => before * begins,
+        (Family::Stiffness { .. }, 8) => FREE_PEAK * peak,
         _ => 0.0,
     };
     own + unknown.powi(2)
@@ -93,9 +122,10 @@ fn fit_all(guess: &FirstGuess, samples: &[Sample]) -> Vec<LawFit> {
         None => from_guess(Family::Power, 1.3, 1.3, 1.5),
     };
     let two = two_exponents(&spring, &power, samples);
-    // The stiffness factor is a polynomial over the stroke, so its unit is the depth reached; where no power law comes
-    // near, a round exponent is the better beginning.
-    let near = two.as_ref().filter(|(fit, _)| passes(fit, 2.0)).or(hertz.as_ref()).or(two.as_ref());
+    // The stiffness factor is a polynomial over the stroke, so its unit is the depth reached. Two free exponents may have
+    // gone far to follow what the factor should follow: nearer y^1.5 than a spring, it begins there.
+    let chi2 = |law: &Option<(LawFit, Units)>| law.as_ref().map_or(f64::INFINITY, |(fit, _)| fit.chi2);
+    let near = if chi2(&hertz) < chi2(&spring) { hertz.as_ref() } else { two.as_ref() };
     let free = near.and_then(|(fit, units)| {
         let (start, units) = rescale(&fit.parameters, units, fit.findings[7]);
         let cubic = fit_law(Family::Stiffness { degree: 3 }, &start, &units, samples)?;

@@ -89,7 +89,7 @@ impl Problem<'_> {
     fn outcome(&self, p: &Parameters) -> Option<Outcome> {
         let p = self.family.complete(p);
         let exponents = p[4..6].iter().all(|n| (EXPONENTS.0..=EXPONENTS.1).contains(n));
-        if !exponents || !(p[1] > 0.0) || p.iter().any(|x| !x.is_finite()) {
+        if !exponents || p[1] <= 0.0 || p.iter().any(|x| !x.is_finite()) {
             return None;
         }
         let passage = Passage::new(&p, &self.units)?;

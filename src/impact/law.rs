@@ -2,7 +2,7 @@
 
 /// A family of contact laws, from stiff to free.
 ///
-/// All are cases of F/m = A ((y/y0)^n s(y) + c (v/v0) (y/y0)^m) with the depth y, its rate v,
+/// All are cases of F/m = A s(y) ((y/y0)^n + c (v/v0) (y/y0)^m) with the depth y, its rate v,
 /// fixed units y0 and v0, and a stiffness factor s = 1 + b1 T1 + ... + bd Td (Chebyshev) of 2 y/y0 - 1.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Family {
@@ -108,7 +108,7 @@ fn force(p: &Parameters, units: &Units, depth: f64, speed: f64) -> f64 {
         stiffness += b * here;
         (lower, here) = (here, 2.0 * x * here - lower);
     }
-    size * (spring * stiffness + damping * dash * speed / units.speed)
+    size * stiffness * (spring + damping * dash * speed / units.speed)
 }
 
 impl Passage {

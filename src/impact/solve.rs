@@ -69,7 +69,7 @@ pub fn solve(nodes: &[SurfaceNode], contact: &Contact, known_to_frames: f64, wor
         let excess = flights.before[NORMAL].excess().max(flights.after[NORMAL].excess());
         judge(&guess, &samples(nodes, NORMAL), excess)
     });
-    let interval = verdict.as_ref().map_or(hindsight, |v| by_law(v));
+    let interval = verdict.as_ref().map_or(hindsight, by_law);
     let flights = match &verdict {
         // The law may see the end so late that there is no flight after it yet.
         Some(_) => self::flights(nodes, &interval, world)?,

@@ -1,6 +1,6 @@
 //! Simulated impacts: the truth the measurement is held against.
 //!
-//! Own integration in SI units (midpoint-free Runge-Kutta, 1/400 frame), nothing shared with the measured code.
+//! Own integration in SI units (Runge-Kutta, 400 steps a frame), nothing shared with the measured code.
 
 use ricochet::motion::{MotionParams, Scale};
 use ricochet::results::{BodyStep, Circle, PointStatus, RigidStep};
@@ -134,6 +134,8 @@ pub struct Truth {
     pub after: [f64; 3],
     pub depth_mm: f64,
     pub acceleration: f64,
+    /// Start frame, end frame and restitution of every contact.
+    pub bounces: Vec<[f64; 3]>,
 }
 
 const SUBSTEPS: usize = 400;
@@ -203,6 +205,7 @@ impl Experiment {
             after: [0.0; 3],
             depth_mm: 0.0,
             acceleration: 0.0,
+            bounces: Vec::new(),
         };
         for frame in 0..=self.before_frames {
             let t = (frame as f64 - start) * period;
@@ -214,9 +217,10 @@ impl Experiment {
         let mut next_frame = self.before_frames + 1;
         let last_frame = |end: f64| end.ceil() as usize + self.after_frames;
         let mut over = false;
+        let mut touch = (start, -self.vn_m_s);
         loop {
             let time = start + steps as f64 / SUBSTEPS as f64;
-            if over && next_frame > last_frame(truth.end) {
+            if truth.end > 0.0 && next_frame > last_frame(truth.end) {
                 return truth;
             }
             let n = if over { self.fly(&s, h) } else { self.step(&s, h) };
@@ -232,9 +236,14 @@ impl Experiment {
                 self.note(&mut truth, &s, &n, time);
                 over = n[1] < 0.0 && (self.force(n[0], n[1]) <= 0.0 || n[0] <= 0.0);
                 if over {
-                    truth.end = time + 1.0 / SUBSTEPS as f64;
-                    truth.after = [-n[1], n[3], n[5]];
+                    let end = time + 1.0 / SUBSTEPS as f64;
+                    if truth.bounces.is_empty() {
+                        (truth.end, truth.after) = (end, [-n[1], n[3], n[5]]);
+                    }
+                    truth.bounces.push([touch.0, end, -n[1] / touch.1]);
                 }
+            } else if s[0] < 0.0 && n[0] >= 0.0 {
+                (over, touch) = (false, (time, n[1]));
             }
             s = n;
             steps += 1;
@@ -242,7 +251,7 @@ impl Experiment {
     }
 
     fn note(&self, truth: &mut Truth, s: &[f64; 7], n: &[f64; 7], time: f64) {
-        if s[1] > 0.0 && n[1] <= 0.0 {
+        if truth.bounces.is_empty() && s[1] > 0.0 && n[1] <= 0.0 {
             truth.deepest = time + s[1] / (s[1] - n[1]) / SUBSTEPS as f64;
             truth.depth_mm = s[0].max(n[0]) * 1e3;
         }

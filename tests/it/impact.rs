@@ -42,6 +42,10 @@ impl Errors {
         self.error.iter().map(|e| e.abs()).fold(0.0, f64::max)
     }
 
+    fn pulls(&self) -> f64 {
+        (self.pull.iter().map(|p| p * p).sum::<f64>() / self.pull.len() as f64).sqrt()
+    }
+
     fn covered(&self, sigmas: f64) -> f64 {
         self.pull.iter().filter(|p| **p <= sigmas).count() as f64 / self.pull.len() as f64
     }
@@ -94,13 +98,13 @@ fn study(experiment: &Experiment, seeds: u64, interval: usize) -> Study {
         compare(&mut errors, impact, &truth);
         laws.push(impact.force_law);
     }
-    println!("{} interval {interval}: bias / rms / worst, covered at 1 and 2 sigma", experiment.name);
+    eprintln!("{} interval {interval}: bias / rms / worst, covered at 1 and 2 sigma", experiment.name);
     for (name, e) in NAMES.iter().zip(&errors) {
         let cover = (e.covered(1.0), e.covered(2.0));
-        println!("  {name:10} {:8.4} {:8.4} {:8.4}   {:.2} {:.2}", e.bias(), e.rms(), e.worst(), cover.0, cover.1);
+        eprintln!("  {name:10} {:8.4} {:8.4} {:8.4}   {:.2} {:.2}", e.bias(), e.rms(), e.worst(), cover.0, cover.1);
     }
     let count = |law: ForceLaw| laws.iter().filter(|l| **l == law).count();
-    println!("  laws {:?}", ForceLaw::ALL.map(|l| (l.word(), count(l))));
+    eprintln!("  laws {:?}", ForceLaw::ALL.map(|l| (l.word(), count(l))));
     Study { errors, laws }
 }
 
@@ -131,7 +135,9 @@ fn assert_study(experiment: &Experiment, limits: &Limits) {
     // compete, at least cover.
     for k in [3, 4, 5, 6, 10] {
         let (one, two) = (errors[k].covered(1.0), errors[k].covered(2.0));
-        assert!((0.52..=0.9).contains(&one) && two >= 0.85, "{name}: {} covered {one}, {two}", NAMES[k]);
+        let pull = errors[k].pulls();
+        assert!(one >= 0.5 && two >= 0.85, "{name}: {} covered {one}, {two}", NAMES[k]);
+        assert!((0.3..=1.4).contains(&pull), "{name}: {} has error over sigma of {pull} rms", NAMES[k]);
     }
     for k in [0, 1, 2, 8, 9] {
         let (one, two) = (errors[k].covered(1.0), errors[k].covered(2.0));
@@ -143,7 +149,7 @@ fn assert_study(experiment: &Experiment, limits: &Limits) {
 #[test]
 fn a_lacrosse_ball_is_measured_under_both_laws() {
     for hunt_crossley in [false, true] {
-        let limits = Limits { start: 0.1, deepest: 0.005, end: 0.1, e: 0.05, vn: 0.05 };
+        let limits = Limits { start: 0.15, deepest: 0.005, end: 0.2, e: 0.05, vn: 0.05 };
         assert_study(&lacrosse(hunt_crossley), &limits);
     }
 }
@@ -185,20 +191,15 @@ fn longer_intervals_measure_the_same_collision() {
 
 #[test]
 fn a_law_outside_the_fitted_family_moves_the_ends_and_little_else() {
-    for (base, stroke, limit) in
-        [(lacrosse(true), 2.25e-3, 1.5), (tennis(true), 7.2e-3, 1.5), (rod(true), 0.405e-3, 2.5)]
-    {
+    let strokes = [(lacrosse(true), 2.25e-3, 1.0), (tennis(true), 7.2e-3, 2.0), (rod(true), 0.405e-3, 2.0)];
+    for (base, stroke_m, frames) in strokes {
         let Law::HuntCrossley(k, c) = base.law else { unreachable!() };
-        let Study { errors, .. } = study(&Experiment { law: Law::Stranger(k, c, stroke), ..base }, 30, 1);
-        assert!(
-            errors[0].rms() < limit && errors[2].rms() < limit,
-            "start {} end {}",
-            errors[0].rms(),
-            errors[2].rms()
-        );
-        assert!(errors[0].covered(2.0) >= 0.6 && errors[2].covered(2.0) >= 0.6);
-        assert!(errors[1].worst() < 0.1, "deepest {}", errors[1].worst());
-        assert!(errors[3].rms() < 0.1 && errors[4].rms() < 0.1 && errors[5].rms() < 0.1);
+        let Study { errors, .. } = study(&Experiment { law: Law::Stranger(k, c, stroke_m), ..base }, 25, 1);
+        let name = base.name;
+        assert!(errors[0].rms() < frames && errors[2].rms() < frames, "{name}: ends");
+        assert!(errors[0].covered(2.0) >= 0.75 && errors[2].covered(2.0) >= 0.75, "{name}: ends covered");
+        assert!(errors[1].worst() < 0.1, "{name}: deepest {}", errors[1].worst());
+        assert!(errors[3].rms() < 0.1 && errors[4].rms() < 0.1 && errors[5].rms() < 0.1, "{name}: speeds");
     }
 }
 
@@ -276,29 +277,19 @@ fn a_held_ball_that_is_dropped_bounces_once() {
 
 #[test]
 fn every_bounce_of_several_has_its_row() {
-    let mut experiment = Experiment { before_frames: 40, after_frames: 120, ..lacrosse(true) };
-    let mut poses: Vec<[f64; 3]> = Vec::new();
-    let mut truths = Vec::new();
-    for _ in 0..3 {
-        let truth = experiment.simulate(0.4);
-        let image = truth.image_poses();
-        let shift: [f64; 3] = match poses.last() {
-            Some(last) => std::array::from_fn(|k| last[k] - image[0][k]),
-            None => [0.0; 3],
-        };
-        let first = poses.len().saturating_sub(1);
-        poses.truncate(first);
-        poses.extend(image.iter().map(|p| -> [f64; 3] { std::array::from_fn(|k| p[k] + shift[k]) }));
-        truths.push((first as f64, truth.clone()));
-        // The next contact comes from the other side of a box: the same fall with the speed just reached.
-        experiment = Experiment { vn_m_s: -0.8 * experiment.vn_m_s.abs(), before_frames: 40, ..experiment };
+    let experiment = Experiment { vn_m_s: -0.3, before_frames: 60, after_frames: 1_500, ..lacrosse(true) };
+    let truth = experiment.simulate(0.4);
+    assert!(truth.bounces.len() >= 3);
+    let rows = track(&truth.steps(1, &mut Noise::new(5)), &experiment.params());
+    for (number, [start, end, restitution]) in truth.bounces.iter().enumerate() {
+        let told = rows.impacts.iter().rfind(|i| i.number as usize == number).expect("every bounce");
+        let (begun, over) = (told.start_s.expect("start"), told.end_s.expect("end"));
+        assert!((begun.value * 1e4 - start).abs() < 1.0, "bounce {number} starts at {begun:?}, truly {start}");
+        assert!((over.value * 1e4 - end).abs() < 1.0, "bounce {number} ends at {over:?}, truly {end}");
+        let e = told.restitution.expect("restitution");
+        assert!((e.value - restitution).abs() < 4.0 * e.sigma && e.sigma < 0.005, "{e:?} truly {restitution}");
     }
-    let steps = steps(&poses, 1, 1e5, (0.0011, 0.0017, 60.0), &mut Noise::new(5));
-    let rows = track(&steps, &experiment.params());
-    let last = |number: u32| rows.impacts.iter().rfind(|i| i.number == number);
-    let (first, truth) = &truths[0];
-    assert!((last(0).unwrap().start_s.unwrap().value * 1e4 - truth.start - first).abs() < 1.0);
-    assert!(rows.impacts.iter().all(|i| i.number < 3), "{:?}", rows.impacts);
+    assert!(rows.impacts.iter().all(|i| (i.number as usize) < truth.bounces.len()));
 }
 
 #[test]
@@ -371,7 +362,7 @@ fn without_a_surface_there_are_no_phases_and_no_impacts() {
 
 #[test]
 fn a_contact_point_that_swings_back_has_its_stop_found() {
-    // The friction of METHOD's kind: slip, stop, and the patch springs back.
+    // The contact point slips, stops, and the elastic patch springs it back; with less friction it slides on.
     for mu in [0.07, 0.05] {
         let mut worst = 0.0_f64;
         for seed in 0..20 {
@@ -385,7 +376,7 @@ fn a_contact_point_that_swings_back_has_its_stop_found() {
                 None => assert!(found.is_none(), "slides on, but {found:?}"),
             }
         }
-        println!("mu {mu}: stop off by at most {worst:.2} frames");
+        eprintln!("mu {mu}: stop off by at most {worst:.2} frames");
         assert!(worst < 1.5, "{worst}");
     }
 }

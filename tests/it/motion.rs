@@ -147,7 +147,7 @@ fn velocity_error(experiment: &Experiment, seeds: u64) -> [f64; 4] {
     }
     let [contact, flight] =
         sums.map(|(sum, pulls, count): (f64, f64, f64)| (100.0 * (sum / count).sqrt(), pulls / count));
-    println!(
+    eprintln!(
         "{}: velocity rms {:.3} % in contact (covered {:.2}), {:.3} % in flight ({:.2})",
         experiment.name, contact.0, contact.1, flight.0, flight.1
     );
