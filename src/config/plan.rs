@@ -11,6 +11,8 @@ use crate::motion::{MotionParams, Scale};
 const RADIUS_TOLERANCE: (f64, f64) = (0.8, 1.25);
 /// Radii looked for when nothing is known, as shares of the image's smaller side.
 const RADIUS_SHARE: (f64, f64) = (0.04, 0.45);
+/// The smallest ball whose outline can be told, px.
+const LEAST_RADIUS_PX: f64 = 6.0;
 /// When only one end of the range is given and the default for the other crosses it: their least ratio.
 const RADIUS_RATIO: f64 = 1.5;
 
@@ -30,7 +32,7 @@ impl Config {
         let side_px = f64::from(width_px.min(height_px));
         let (lowest, highest) = match self.predicted_radius_px(body) {
             Some(radius_px) => (RADIUS_TOLERANCE.0 * radius_px, RADIUS_TOLERANCE.1 * radius_px),
-            None => (RADIUS_SHARE.0 * side_px, RADIUS_SHARE.1 * side_px),
+            None => ((RADIUS_SHARE.0 * side_px).max(LEAST_RADIUS_PX), RADIUS_SHARE.1 * side_px),
         };
         let (min_radius_px, max_radius_px) = match (body.min_radius_px, body.max_radius_px) {
             (None, None) => (lowest, highest),

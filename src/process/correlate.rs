@@ -6,7 +6,7 @@ use super::rig::{analysis_params, expected_format, limits};
 use super::stop::Stop;
 use super::stream::Stream;
 use super::summary::Summary;
-use crate::bus::{Bell, Bus, BusError, FieldPublisher, FrameSubscriber};
+use crate::bus::{Bell, Bus, BusError, FieldPublisher, FrameSubscriber, Subscriber};
 use crate::camera::StreamFormat;
 use crate::config::Config;
 use crate::image::Frame;
@@ -43,6 +43,7 @@ pub fn run(config: &Config, index: u32, resumed: bool, stop: &Stop) -> anyhow::R
         next: None,
         stamp_ns: 0,
     };
+    let mut recorded = Recorded { progress: bus.subscriber(&limits)?, done: None, expected: config.record.is_some() };
     let ear = bus.ear("frames")?;
     let mut stream = Stream::new(&bus, &limits)?;
     while !stop.requested() {
@@ -53,10 +54,11 @@ pub fn run(config: &Config, index: u32, resumed: bool, stop: &Stop) -> anyhow::R
         worker.drain(stop)?;
         if ended {
             worker.finish(&stream)?;
-            linger(&bus, &limits, config, &mut stream, stop)?;
+            linger(&mut recorded, &mut stream, stop)?;
             break;
         }
         worker.tell()?;
+        recorded.is_over(stream.run_id)?;
         ear.wait(WAIT);
     }
     worker.tell_now()?;
@@ -153,23 +155,33 @@ impl Worker {
     }
 }
 
-/// Stays until tracker and recorder have read everything.
-fn linger(
-    bus: &Bus,
-    limits: &crate::bus::Limits,
-    config: &Config,
-    stream: &mut Stream,
-    stop: &Stop,
-) -> Result<(), BusError> {
-    let progress = bus.subscriber::<Progress>(limits)?;
-    let mut recorded = config.record.is_none();
-    let patience = Patience::new(LINGER);
-    while !stop.requested() && !patience.is_over() && !(stream.tracked && recorded) {
-        let run_id = stream.run_id;
-        while let Some(told) = progress.take()? {
-            recorded |= told.role == Role::Record as u32 && told.done == 1 && Some(told.run_id) == run_id;
+/// Whether the recorder has read everything of a run.
+struct Recorded {
+    progress: Subscriber<Progress>,
+    /// The newest run it is done with; `None` as long as it is expected to come.
+    done: Option<u64>,
+    expected: bool,
+}
+
+impl Recorded {
+    fn is_over(&mut self, run_id: Option<u64>) -> Result<bool, BusError> {
+        while let Some(told) = self.progress.take()? {
+            if told.role == Role::Record as u32 && told.done == 1 {
+                self.done = Some(told.run_id);
+            }
         }
+        Ok(!self.expected || self.done == run_id)
+    }
+}
+
+/// Stays until tracker and recorder have read everything.
+fn linger(recorded: &mut Recorded, stream: &mut Stream, stop: &Stop) -> Result<(), BusError> {
+    let patience = Patience::new(LINGER);
+    while !stop.requested() && !patience.is_over() {
         stream.update()?;
+        if recorded.is_over(stream.run_id)? && stream.tracked {
+            break;
+        }
         std::thread::sleep(WAIT);
     }
     Ok(())

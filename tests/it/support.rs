@@ -106,7 +106,7 @@ impl Background {
     /// Waits for its end; gives exit code, standard output and standard error.
     pub fn end(mut self) -> (Option<i32>, String, String) {
         use std::io::Read;
-        let mut read = |pipe: &mut dyn Read| {
+        let read = |pipe: &mut dyn Read| {
             let mut text = String::new();
             pipe.read_to_string(&mut text).unwrap();
             text
