@@ -33,13 +33,13 @@ pub mod config;
 
 pub mod message;
 
-pub mod bus;
-
 pub mod recording;
 
 pub mod import;
 
 pub mod camera;
+
+pub mod bus;
 
 pub mod process;
 

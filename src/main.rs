@@ -13,7 +13,8 @@ fn code(error: &anyhow::Error) -> u8 {
         if let Some(failure) = cause.downcast_ref::<process::ChildFailure>() {
             return u8::try_from(failure.code).unwrap_or(1);
         }
-        if cause.is::<config::ConfigError>() || cause.is::<command::UsageError>() || cause.is::<synth::ScenarioError>() {
+        if cause.is::<config::ConfigError>() || cause.is::<command::UsageError>() || cause.is::<synth::ScenarioError>()
+        {
             return 2;
         }
         if cause.is::<measure::MeasureError>() || cause.is::<dic::CorrelationError>() || cause.is::<ball::BallError>() {

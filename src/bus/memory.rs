@@ -1,17 +1,15 @@
 //! Whether the ring fits, and touching its pages before the first frame.
-#![expect(unsafe_code, reason = "statvfs and madvise are system calls")]
+#![expect(unsafe_code, reason = "madvise acts on memory of the bus library")]
 
 use super::BusError;
+use rustix::mm::{Advice, madvise};
+use std::ffi::c_void;
 
 /// Refuses when `/dev/shm` has fewer than `needed_bytes` free.
 pub(super) fn require(needed_bytes: u64) -> Result<(), BusError> {
-    // SAFETY: all-zero is a valid statvfs, and the path is a NUL-terminated string.
-    let (status, stat) = unsafe {
-        let mut stat: libc::statvfs = std::mem::zeroed();
-        (libc::statvfs(c"/dev/shm".as_ptr(), &raw mut stat), stat)
-    };
+    let Ok(stat) = rustix::fs::statvfs("/dev/shm") else { return Ok(()) };
     let free_bytes = stat.f_bavail * stat.f_frsize;
-    if status == 0 && free_bytes < needed_bytes {
+    if free_bytes < needed_bytes {
         return Err(BusError::Memory { needed_bytes, free_bytes });
     }
     Ok(())
@@ -24,11 +22,11 @@ pub(super) fn populate(address: usize) -> Result<(), BusError> {
     let Some((start, end)) = mapping(address) else { return Ok(()) };
     let bytes = end - start;
     // SAFETY: the range is one whole mapping of this process; populating changes no content.
-    let status = unsafe { libc::madvise(start as *mut libc::c_void, bytes, libc::MADV_POPULATE_WRITE) };
-    if status != 0 && std::io::Error::last_os_error().raw_os_error() == Some(libc::EFAULT) {
-        return Err(BusError::Memory { needed_bytes: bytes as u64, free_bytes: 0 });
+    let touched = unsafe { madvise(start as *mut c_void, bytes, Advice::LinuxPopulateWrite) };
+    match touched {
+        Err(rustix::io::Errno::FAULT) => Err(BusError::Memory { needed_bytes: bytes as u64, free_bytes: 0 }),
+        _ => Ok(()),
     }
-    Ok(())
 }
 
 /// First and one-past-last address of the mapping that holds `address`.

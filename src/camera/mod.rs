@@ -1,8 +1,8 @@
 //! Cameras: whatever fills a slot of the ring with a frame.
 
-pub mod simulated;
 pub mod genicam;
 pub mod recording;
+pub mod simulated;
 mod slot;
 
 pub use slot::Slot;

@@ -5,7 +5,7 @@ use super::{Outcome, UsageError, progress, say, table};
 use crate::camera::{CameraIdentity, StreamFormat};
 use crate::config::Record;
 use crate::image::{Frame, FrameMeta};
-use crate::measure::{MeasureError, Measured, MeasureParams, Measurer, Share};
+use crate::measure::{MeasureError, MeasureParams, Measured, Measurer, Share};
 use crate::process::{Extent, Shot, Stop, analysis_params, recording_info};
 use crate::recording::{Recording, RecordingError};
 use crate::results::{Estimate, Impact};

@@ -162,7 +162,8 @@ impl Compared {
     }
 
     fn as_row(&self) -> Vec<String> {
-        let number = |value: Option<f64>| value.map_or_else(|| "-".into(), |value| format!("{:.4}", value * self.factor));
+        let number =
+            |value: Option<f64>| value.map_or_else(|| "-".into(), |value| format!("{:.4}", value * self.factor));
         let error = self.measured.zip(self.truth).map(|(measured, truth)| measured.value - truth);
         vec![
             self.heading.to_owned(),

@@ -72,4 +72,3 @@ mod tests {
         assert_eq!(table(&[row(["a", "1"]), row(["long", "100"])]), "a       1\nlong  100");
     }
 }
-

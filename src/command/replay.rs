@@ -82,7 +82,7 @@ pub fn run(options: &ReplayOptions, stop: &Stop) -> anyhow::Result<Outcome> {
 fn changes<'a>(options: &ReplayOptions, base: &Config) -> Vec<(&'a str, toml_edit::Value)> {
     let mut changes: Vec<(&str, toml_edit::Value)> = vec![("camera.paced", (options.rate != Rate::Max).into())];
     if let Rate::Times(times) = options.rate {
-        changes.push(("camera.speed", times.into()));
+        changes.push(("camera.playback_rate", times.into()));
     }
     let name = options.rig.clone().unwrap_or_else(|| replay_name(&base.rig.name));
     changes.push(("rig.name", name.into()));

@@ -55,7 +55,7 @@ fn draw(world: &World, format: &StreamFormat, writer: &mut RecordingWriter) -> a
     let bar = progress::frames(world.frames(), "simulate");
     for index in 0..world.frames() {
         world.render(index, &mut bytes);
-        writer.frame(&Frame { meta: simulated::meta(&world, index), bytes: &bytes })?;
+        writer.frame(&Frame { meta: simulated::meta(world, index), bytes: &bytes })?;
         writer.truth(&world.truth(index))?;
         bar.inc(1);
     }

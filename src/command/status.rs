@@ -32,7 +32,8 @@ pub fn run(rig: &str, json: bool) -> anyhow::Result<Outcome> {
         let all: Vec<_> = newest.values().map(as_json).collect();
         say(&serde_json::json!({ "rig": rig, "processes": all }).to_string());
     } else {
-        let header = ["process", "pid", "frame", "rate/s", "taken", "given", "lost", "dropped", "queue", "latency", "restarts"];
+        let header =
+            ["process", "pid", "frame", "rate/s", "taken", "given", "lost", "dropped", "queue", "latency", "restarts"];
         let mut rows = vec![header.map(str::to_owned).to_vec()];
         rows.extend(newest.values().map(as_row));
         say(&table(&rows));

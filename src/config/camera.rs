@@ -71,7 +71,7 @@ pub struct Camera {
     /// as the rig takes them and none is lost; results are the same.
     pub paced: bool,
     /// How many times real time a paced `recording` is played, 0.001 to 1000, default 1.
-    pub speed: f64,
+    pub playback_rate: f64,
     /// Pixels a row, 16 to 65535 px. `genicam` needs it; a simulated camera takes it from its scenario when left
     /// out, a recording knows its own.
     pub width_px: Option<u32>,
@@ -111,7 +111,7 @@ impl Camera {
 
 const SIZE_PX: std::ops::RangeInclusive<i64> = 16..=65_535;
 const OFFSET_PX: std::ops::RangeInclusive<i64> = 0..=65_535;
-const SPEED: Bounds = Bounds::closed(0.001, 1000.0, "times real time");
+const PLAYBACK_RATE: Bounds = Bounds::closed(0.001, 1000.0, "times real time");
 const RATE: Bounds = Bounds::above(0.0, 1.0e6, "Hz");
 const EXPOSURE: Bounds = Bounds::above(0.0, 1.0e7, "us");
 
@@ -127,7 +127,7 @@ pub(super) fn camera(table: &Table<'_>, raw: RawCamera) -> Result<Camera, Config
         },
         id: table.filled("id", raw.id)?,
         paced: raw.paced.unwrap_or(true),
-        speed: table.number("speed", raw.speed, SPEED)?.unwrap_or(1.0),
+        playback_rate: table.number("playback_rate", raw.playback_rate, PLAYBACK_RATE)?.unwrap_or(1.0),
         width_px: table.whole("width_px", raw.width_px, SIZE_PX, "px")?,
         height_px: table.whole("height_px", raw.height_px, SIZE_PX, "px")?,
         offset_x_px: table.whole("offset_x_px", raw.offset_x_px, OFFSET_PX, "px")?,
@@ -163,7 +163,7 @@ fn refuse_strangers(table: &Table<'_>, source: Source, raw: &RawCamera) -> Resul
         ("id", raw.id.is_some(), &[Recording, Genicam]),
         ("scenario", raw.scenario.is_some(), &[Simulated]),
         ("paced", raw.paced.is_some(), &[Simulated, Recording]),
-        ("speed", raw.speed.is_some(), &[Recording]),
+        ("playback_rate", raw.playback_rate.is_some(), &[Recording]),
         ("width_px", raw.width_px.is_some(), &[Simulated, Genicam]),
         ("height_px", raw.height_px.is_some(), &[Simulated, Genicam]),
         ("offset_x_px", raw.offset_x_px.is_some(), &[Genicam]),

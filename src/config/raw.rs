@@ -38,7 +38,7 @@ pub(super) struct RawCamera {
     pub id: Option<String>,
     pub scenario: Option<String>,
     pub paced: Option<bool>,
-    pub speed: Option<f64>,
+    pub playback_rate: Option<f64>,
     pub width_px: Option<i64>,
     pub height_px: Option<i64>,
     pub offset_x_px: Option<i64>,

@@ -67,7 +67,9 @@ pub enum MeasureError {
         source: ShapeError,
     },
     /// A frame has another size than the stream.
-    #[error("frame {sequence} is {width_px} x {height_px} px in a stream of {expected_width_px} x {expected_height_px}")]
+    #[error(
+        "frame {sequence} is {width_px} x {height_px} px in a stream of {expected_width_px} x {expected_height_px}"
+    )]
     Size {
         /// The frame.
         sequence: u64,
@@ -244,13 +246,8 @@ impl Measurer {
         let (Some(circle), Some((target, target_frame))) = (circle, target) else {
             return Measured { step, field: None };
         };
-        let mut field = PairField {
-            frame: step.frame,
-            target_frame,
-            stamp_ns: step.stamp_ns,
-            body: step.body,
-            points: Vec::new(),
-        };
+        let mut field =
+            PairField { frame: step.frame, target_frame, stamp_ns: step.stamp_ns, body: step.body, points: Vec::new() };
         let start = self.start(reference.block, body, &circle);
         let correlation = &self.params.correlation;
         let radius_px = circle.radius_px * (1.0 - RIM_CLEARANCE);

@@ -270,7 +270,8 @@ impl Readers {
 
     fn all_done(&mut self, run_id: u64) -> Result<bool, BusError> {
         self.update()?;
-        let done = |who| self.told.get(who).is_some_and(|progress: &Progress| progress.run_id == run_id && progress.done == 1);
+        let done =
+            |who| self.told.get(who).is_some_and(|progress: &Progress| progress.run_id == run_id && progress.done == 1);
         Ok(self.expected.iter().all(done))
     }
 

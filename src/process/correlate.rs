@@ -128,8 +128,7 @@ impl Worker {
 
     fn publish(&mut self) -> Result<(), BusError> {
         for measured in self.measured.drain(..) {
-            let header =
-                FieldHeader::new(&measured.step, measured.field.as_ref(), self.reporter.run_id(), self.index);
+            let header = FieldHeader::new(&measured.step, measured.field.as_ref(), self.reporter.run_id(), self.index);
             self.fields.send(&header, measured.field.as_ref())?;
             self.summary.given += 1;
             self.bell.ring();

@@ -231,7 +231,8 @@ impl Recorder<'_> {
         let extent = Extent { first, last, patience_frames };
         let mut shot = Shot::create(&path, self.config, &info, &self.params, extent)?;
         shot.set_truth(truth_world(self.config)?)?;
-        self.shot = Some(Active { shot, end: last.map(|last| last + 1), silence: Patience::new(SILENCE), drained: false });
+        self.shot =
+            Some(Active { shot, end: last.map(|last| last + 1), silence: Patience::new(SILENCE), drained: false });
         Ok(())
     }
 

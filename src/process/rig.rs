@@ -119,7 +119,7 @@ pub fn open_camera(config: &Config) -> Result<Box<dyn Camera>, CameraError> {
         config::Source::Simulated => Box::new(SimulatedCamera::open(scenario(config)?, camera.paced)?),
         config::Source::Recording => {
             let path = std::path::PathBuf::from(camera.id.clone().unwrap_or_default());
-            let rate = if camera.paced { PlaybackRate::Times(camera.speed) } else { PlaybackRate::Max };
+            let rate = if camera.paced { PlaybackRate::Times(camera.playback_rate) } else { PlaybackRate::Max };
             Box::new(RecordingCamera::open(&path, rate, Repeat::Once)?)
         }
         config::Source::Genicam => Box::new(GenicamCamera::open(&GenicamSettings::from(camera))?),
@@ -205,6 +205,7 @@ pub fn analysis_params(config: &Config, format: &StreamFormat) -> (MeasureParams
         bodies: bodies.clone().map(|body| config.ball(body, format.width_px, format.height_px)).collect(),
         block_frames: config.workers.block_frames,
     };
-    let tracker = TrackerParams { motion: bodies.map(|body| config.motion(body, format.frame_rate_hz)).collect(), contact: true };
+    let tracker =
+        TrackerParams { motion: bodies.map(|body| config.motion(body, format.frame_rate_hz)).collect(), contact: true };
     (measure, tracker)
 }

@@ -8,6 +8,7 @@ use super::summary::Summary;
 use crate::bus::{Bus, Subscriber};
 use crate::config::Config;
 use crate::message::{Event, EventKind, Role, StatusMessage};
+use rustix::process::Signal;
 use std::any::Any;
 use std::collections::BTreeMap;
 use std::io::Write;
@@ -154,7 +155,7 @@ impl<'a> Fleet<'a> {
                 self.bus.clean_up_dead();
             }
             if stop.requested() && draining.is_none() {
-                self.signal(Role::Acquire, libc::SIGTERM);
+                self.signal(Role::Acquire, Signal::TERM);
                 draining = Some(Patience::new(DRAIN));
             }
             if draining.is_none() && self.ended_by_itself() {
@@ -252,7 +253,7 @@ impl<'a> Fleet<'a> {
         Ok(self.reporter.status(&self.summary, newest.0, newest.1)?)
     }
 
-    fn signal(&self, role: Role, signal: i32) {
+    fn signal(&self, role: Role, signal: Signal) {
         for (child, running) in &self.children {
             if let (true, Some(process)) = (child.role == role, &running.process) {
                 send(process, signal);
@@ -263,7 +264,7 @@ impl<'a> Fleet<'a> {
     /// Ends whoever still runs: first by asking, then by force.
     fn stop_all(&mut self) {
         for running in self.children.values().filter_map(|running| running.process.as_ref()) {
-            send(running, libc::SIGTERM);
+            send(running, Signal::TERM);
         }
         let patience = Patience::new(END);
         while self.alive() > 0 && !patience.is_over() {
@@ -284,9 +285,11 @@ impl<'a> Fleet<'a> {
     }
 }
 
-#[expect(unsafe_code, reason = "the standard library can only send SIGKILL")]
-fn send(process: &Process, signal: i32) {
-    let Ok(pid) = i32::try_from(process.id()) else { return };
-    // SAFETY: kill touches no memory, and the pid is that of a child not waited for yet, so it cannot be another's.
-    unsafe { libc::kill(pid, signal) };
+/// The standard library can only send SIGKILL.
+fn send(process: &Process, signal: Signal) {
+    let pid = i32::try_from(process.id()).ok().and_then(rustix::process::Pid::from_raw);
+    if let Some(pid) = pid {
+        // Not waited for yet, so the number cannot be another's; one that just ended needs no signal.
+        let _ = rustix::process::kill_process(pid, signal);
+    }
 }

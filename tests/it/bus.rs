@@ -15,7 +15,14 @@ fn rig_name() -> String {
 const LIMITS: Limits = Limits { workers: 2, bodies: 1, ring_frames: 32, held_frames: 16, field_points: 64 };
 
 fn meta(sequence: u64) -> FrameMeta {
-    FrameMeta { sequence, width_px: 16, height_px: 4, stride_bytes: 16, stamp_ns: 1000 * sequence, ..FrameMeta::default() }
+    FrameMeta {
+        sequence,
+        width_px: 16,
+        height_px: 4,
+        stride_bytes: 16,
+        stamp_ns: 1000 * sequence,
+        ..FrameMeta::default()
+    }
 }
 
 #[test]

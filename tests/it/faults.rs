@@ -40,7 +40,11 @@ fn kill_during_a_run(victim: &str) -> (Option<i32>, String, Rig) {
         (resumed && number(&status, "track", "sequence") > frame + 100).then_some(status)
     });
     assert!(number(&later, "run", "lost") > 0, "the loss is told: {later}");
-    assert_eq!(number(&later, "acquire", "lost") + number(&later, "acquire", "dropped"), 0, "acquisition never noticed");
+    assert_eq!(
+        number(&later, "acquire", "lost") + number(&later, "acquire", "dropped"),
+        0,
+        "acquisition never noticed"
+    );
     service.signal(2);
     let (code, _, told) = service.end();
     (code, told, rig)
@@ -84,7 +88,7 @@ fn a_killed_recorder_leaves_a_readable_file_and_starts_another() {
     assert!(before.len() > 50, "{} frames before the cut", before.len());
     assert_eq!(before, (0..before.len() as u64).collect::<Vec<_>>());
     let after: Vec<u64> = frames(&finished[0]).iter().map(|(meta, _)| meta.sequence).collect();
-    assert!(after[0] > *before.last().unwrap() && after[0] % 16 == 0);
+    assert!(after[0] > *before.last().unwrap() && after[0].is_multiple_of(16));
     assert_eq!(after, (after[0]..after[0] + after.len() as u64).collect::<Vec<_>>());
 }
 
@@ -108,8 +112,7 @@ fn a_killed_supervisor_takes_its_processes_with_it() {
         (pids.len() >= 4 && number(&status, "track", "given") > 10).then_some(pids)
     });
     service.signal(9);
-    let gone = |pid: &u32| {
-        std::fs::read_to_string(format!("/proc/{pid}/stat")).map_or(true, |stat| stat.contains(") Z "))
-    };
+    let gone =
+        |pid: &u32| std::fs::read_to_string(format!("/proc/{pid}/stat")).map_or(true, |stat| stat.contains(") Z "));
     wait_until("they end", || pids.iter().all(gone).then_some(()));
 }

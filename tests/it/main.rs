@@ -2,9 +2,10 @@
 #![allow(
     clippy::unwrap_used,
     clippy::expect_used,
+    clippy::disallowed_methods,
     clippy::float_cmp,
     clippy::print_stdout,
-    reason = "a test fails by panicking, compares floats to the bit, and says what it measured or left out"
+    reason = "a test fails by panicking, compares floats to the bit, says what it measured or left out, and waits by the clock"
 )]
 
 mod accuracy;

@@ -144,7 +144,8 @@ fn motion_triggers_a_shot_by_itself() {
     // A ball at rest does not trigger: noise of 2 grey levels changes the level by 2.3.
     let (code, printed, told) = Background::start(ricochet(["run".as_ref(), config.as_os_str()])).end();
     assert_eq!((code, printed.as_str()), (Some(0), ""), "{told}");
-    let scenario = rig.file("moving.toml", &moving(400, 400.0, [40.0, 80.0], [3.0, 0.0]).replace("frames = 400", "frames = 40"));
+    let scenario =
+        rig.file("moving.toml", &moving(400, 400.0, [40.0, 80.0], [3.0, 0.0]).replace("frames = 400", "frames = 40"));
     let moving = format!("source = \"simulated\"\nscenario = \"{}\"\npaced = true", scenario.display());
     let config = rig.config(&moving, trigger);
     let (code, _, told) = Background::start(ricochet(["run".as_ref(), config.as_os_str()])).end();

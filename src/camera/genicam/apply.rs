@@ -2,11 +2,11 @@
 
 use super::device::Device;
 use super::feature::{check_real, is_near, setting};
-use crate::config::FeatureValue;
 use super::handle::{c_text, checked};
 use super::settings::GenicamSettings;
 use super::sys::ARV_AUTO_OFF;
 use crate::camera::{CameraError, StreamFormat};
+use crate::config::FeatureValue;
 use crate::image::PixelFormat;
 
 /// Writes every setting and answers with what the camera delivers then.

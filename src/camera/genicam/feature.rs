@@ -1,8 +1,8 @@
 //! One feature set to one value: type and range checked before, read back after.
 
 use super::device::{Access, Device, Kind};
-use crate::config::FeatureValue;
 use crate::camera::CameraError;
+use crate::config::FeatureValue;
 use std::fmt;
 
 /// Cameras round what they cannot keep: a read-back this near, relative, is what was set.

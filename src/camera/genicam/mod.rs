@@ -26,8 +26,8 @@ mod stream;
 )]
 pub mod sys;
 
-pub use device::{Access, Device, Kind};
 pub use crate::config::FeatureValue;
+pub use device::{Access, Device, Kind};
 pub use features::{CameraDetails, FeatureLine, describe, features};
 pub use find::{CameraListing, list};
 pub use library::library;
