@@ -20,6 +20,7 @@ mod field;
 mod genicam;
 mod genicam_rate;
 mod genicam_settings;
+mod gige_line;
 mod impact;
 mod import;
 mod motion;
