@@ -10,7 +10,7 @@ use std::time::{Duration, Instant};
 /// A film drawn in advance may take this much memory.
 const FILM_MAX_BYTES: u64 = 1 << 30;
 /// Slots a paced camera asks for, so that a late taker does not lose frames at once.
-const PACED_SLOTS: usize = 32;
+const PACED_SLOTS: usize = 64;
 /// Drawing may take this share of the time between two frames, or the film is drawn in advance.
 const DRAWING_SHARE: f64 = 0.5;
 

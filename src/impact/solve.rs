@@ -15,6 +15,8 @@ const FLIGHT_FRAMES: f64 = 128.0;
 const FLIGHT_MIN_NODES: usize = 4;
 /// The end as noticed may be so many frames early.
 const EARLY_FRAMES: f64 = 4.0;
+/// The deepest moment is not taken to be known better than this: what rendered collisions show of steps' small biases.
+const TURNING_FRAMES: f64 = 0.002;
 /// Nodes the deepest moment is fitted to where no law is accepted.
 const DEEPEST_NODES: usize = 9;
 /// Hindsight alone tells start and end to about so many frames.
@@ -246,7 +248,7 @@ fn assemble(interval: &Interval, flights: &Flights, verdict: Option<&Verdict>, w
     let metres = world.metres_per_px.value;
     Impact {
         start_s: Some(seconds(interval.start)),
-        deepest_s: interval.deepest.map(seconds),
+        deepest_s: interval.deepest.map(|at| seconds(Estimate { sigma: at.sigma.hypot(TURNING_FRAMES), ..at })),
         end_s: Some(seconds(interval.end)),
         vn_before_m_s: Some(speed(before(NORMAL))),
         vn_after_m_s: Some(speed(after(NORMAL))),

@@ -15,6 +15,8 @@ pub struct SurfaceNode {
     pub value: [f64; 3],
     /// White standard uncertainty of each.
     pub sigma: [f64; 3],
+    /// What a step adds for good, as a share of `sigma`.
+    pub walk_share: f64,
 }
 
 /// Index of the normal coordinate.
@@ -35,6 +37,7 @@ impl SurfaceNode {
             component: node.component,
             value: [at.normal, at.tangential, node.pose[2].to_radians()],
             sigma: [sigma.normal, sigma.tangential, node.sigma[2].to_radians()],
+            walk_share: node.walk_share,
         }
     }
 
@@ -45,6 +48,7 @@ impl SurfaceNode {
             component: self.component,
             value: self.value[coordinate],
             sigma: self.sigma[coordinate],
+            walk: self.walk_share * self.sigma[coordinate],
         }
     }
 }

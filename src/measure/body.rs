@@ -60,7 +60,7 @@ impl BodyTracker {
             params: params.clone(),
             origin_ns: 0,
             axes: Axes::new(params.surface_angle_deg),
-            chain: Chain::new(),
+            chain: Chain::new(params.walk_share),
             anchor: Anchor::new(),
             radius: RunningRadius::new(),
             nodes: Vec::new(),

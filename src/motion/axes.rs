@@ -107,6 +107,7 @@ mod tests {
             window_frames: None,
             order: 2,
             interval_frames: 1,
+            walk_share: 0.0,
             exposure_ns: 0.0,
             frame_period_ns: 100_000.0,
         }

@@ -31,6 +31,8 @@ pub struct Node {
     pub sigma: [f64; 3],
     /// Variance that extrapolation over gaps has added to each since the first node; infinite where a gap was too long.
     pub bridged: [f64; 3],
+    /// What a step adds to it and all later ones for good, as a share of `sigma`.
+    pub walk_share: f64,
 }
 
 #[derive(Debug, Clone, Copy)]
@@ -42,6 +44,7 @@ struct Arrival {
 /// Adds up the steps of one body.
 #[derive(Debug, Clone)]
 pub struct Chain {
+    walk_share: f64,
     components: u32,
     arrivals: VecDeque<Arrival>,
     /// The newest node with a step from it, its rates per nominal frame, and the rates before.
@@ -54,9 +57,9 @@ fn sound(step: &RigidStep) -> bool {
 }
 
 impl Chain {
-    /// An empty chain.
-    pub fn new() -> Self {
-        Self { components: 0, arrivals: VecDeque::new(), last: None }
+    /// An empty chain of steps of which `walk_share` of a pose's sigma is not taken back by the next.
+    pub fn new(walk_share: f64) -> Self {
+        Self { walk_share, components: 0, arrivals: VecDeque::new(), last: None }
     }
 
     /// Takes the next step in frame order; gives the frame's node unless no step leads to or from it.
@@ -101,7 +104,15 @@ impl Chain {
         let component = self.components;
         self.components += 1;
         let Some((last, rates, before)) = self.last else {
-            return Node { frame: 0, time_frames, component, pose: [0.0; 3], sigma, bridged: [0.0; 3] };
+            return Node {
+                frame: 0,
+                time_frames,
+                component,
+                pose: [0.0; 3],
+                sigma,
+                bridged: [0.0; 3],
+                walk_share: self.walk_share,
+            };
         };
         let dt = time_frames - last.time_frames;
         let pose = std::array::from_fn(|k| last.pose[k] + dt * rates[k]);
@@ -113,12 +124,6 @@ impl Chain {
             let rate = 2.0 * last.sigma[k].powi(2) + (0.5 * dt * (rates[k] - before[k])).powi(2);
             last.bridged[k] + dt * dt * rate
         });
-        Node { frame: 0, time_frames, component, pose, sigma, bridged }
-    }
-}
-
-impl Default for Chain {
-    fn default() -> Self {
-        Self::new()
+        Node { frame: 0, time_frames, component, pose, sigma, bridged, walk_share: self.walk_share }
     }
 }

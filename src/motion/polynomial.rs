@@ -24,6 +24,8 @@ pub struct Sample {
     pub value: f64,
     /// Its white standard uncertainty, same unit as `value`.
     pub sigma: f64,
+    /// Standard uncertainty that the step to it adds to it and to all later ones of its component, same unit.
+    pub walk: f64,
 }
 
 /// Weighted means over the samples of one component.
@@ -145,7 +147,26 @@ impl Polynomial {
             Matrix::from_fn(
                 |i, j| if i < order && j < order { inverse[(i, j)] / (length[i] * length[j]) } else { 0.0 },
             );
+        self.covariance += self.walk(samples, order)?;
         Some(())
+    }
+
+    /// What a random walk of the poses adds to the covariance of the coefficients.
+    ///
+    /// A disturbance of one step moves every later pose of its component; the estimate answers with the sum of the
+    /// gains of those poses.
+    fn walk(&self, samples: &[Sample], order: usize) -> Option<Matrix> {
+        let mut later: Vec<(u32, Vector)> = self.components.iter().map(|c| (c.id, Vector::zeros())).collect();
+        let mut added = Matrix::zeros();
+        for s in samples.iter().rev() {
+            let c = self.component(s.component)?;
+            let mut row = self.powers(s.time_frames) - c.powers;
+            row.iter_mut().skip(order).for_each(|x| *x = 0.0);
+            let (_, sum) = later.iter_mut().find(|(id, _)| *id == s.component)?;
+            *sum += self.covariance * row * s.sigma.powi(-2);
+            added += s.walk.powi(2) * *sum * sum.transpose();
+        }
+        Some(added)
     }
 
     fn component(&self, id: u32) -> Option<&Component> {
@@ -231,7 +252,13 @@ mod tests {
         for (id, (from, to, offset)) in offsets.iter().enumerate() {
             let mut t = *from;
             while t <= *to {
-                out.push(Sample { time_frames: t, component: id as u32, value: offset + cubic(t), sigma: 0.01 });
+                out.push(Sample {
+                    time_frames: t,
+                    component: id as u32,
+                    value: offset + cubic(t),
+                    sigma: 0.01,
+                    walk: 0.0,
+                });
                 t += 1.0;
             }
         }
@@ -254,7 +281,13 @@ mod tests {
     fn a_known_curvature_needs_no_fitting() {
         let data: Vec<_> = (0..6)
             .map(|i| f64::from(i) * 1.5)
-            .map(|t| Sample { time_frames: t, component: 3, value: 2.0 - 0.4 * t + 0.5 * 0.07 * t * t, sigma: 0.1 })
+            .map(|t| Sample {
+                time_frames: t,
+                component: 3,
+                value: 2.0 - 0.4 * t + 0.5 * 0.07 * t * t,
+                sigma: 0.1,
+                walk: 0.0,
+            })
             .collect();
         let fit = Polynomial::fit(&data, 3.0, 1, 0.07).unwrap();
         assert!((fit.rate(0.0).value + 0.4).abs() < 1e-12);
@@ -262,16 +295,21 @@ mod tests {
     }
 
     #[test]
-    fn the_sigma_of_a_straight_line_is_the_textbook_one() {
-        let data: Vec<_> =
-            (0..11).map(|i| Sample { time_frames: f64::from(i), component: 0, value: 0.0, sigma: 0.2 }).collect();
+    fn the_sigma_of_a_straight_line_holds_the_noise_of_the_poses_and_of_the_steps() {
+        let data: Vec<_> = (0..11)
+            .map(|i| Sample { time_frames: f64::from(i), component: 0, value: 0.0, sigma: 0.2, walk: 0.07 })
+            .collect();
         let fit = Polynomial::fit(&data, 2.0, 1, 0.0).unwrap();
-        assert!((fit.rate(2.0).sigma - 0.2 / 110.0_f64.sqrt()).abs() < 1e-12, "{}", fit.rate(2.0).sigma);
+        let gains: Vec<f64> = (0..11).map(|i| (f64::from(i) - 5.0) / 110.0).collect();
+        let white: f64 = gains.iter().map(|gain| gain * gain).sum();
+        let walk: f64 = (0..11).map(|j| gains[j..].iter().sum::<f64>().powi(2)).sum();
+        let expected = (0.2_f64.powi(2) * white + 0.07_f64.powi(2) * walk).sqrt();
+        assert!((fit.rate(2.0).sigma - expected).abs() < 1e-12, "{}", fit.rate(2.0).sigma);
     }
 
     #[test]
     fn what_the_samples_do_not_determine_is_refused() {
-        let one = |t: f64, component| Sample { time_frames: t, component, value: t, sigma: 1.0 };
+        let one = |t: f64, component| Sample { time_frames: t, component, value: t, sigma: 1.0, walk: 0.0 };
         assert!(Polynomial::fit(&[], 0.0, 1, 0.0).is_none());
         assert!(Polynomial::fit(&[one(1.0, 0)], 0.0, 1, 0.0).is_none());
         assert!(Polynomial::fit(&[one(1.0, 0), one(2.0, 1), one(3.0, 2)], 0.0, 1, 0.0).is_none(), "three loose ends");

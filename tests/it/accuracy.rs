@@ -1,10 +1,11 @@
 //! The whole measurement against known truth, at speeds off every 1/n grid.
 
 use ricochet::ball::BallParams;
+use ricochet::config::Config;
 use ricochet::dic::CorrelationParams;
 use ricochet::image::Frame;
-use ricochet::measure::{MeasureParams, Measurer, Share};
-use ricochet::results::RigidStep;
+use ricochet::measure::{MeasureParams, Measurer, Share, Tracker, TrackerRows};
+use ricochet::results::{Impact, RigidStep};
 use ricochet::synth::{Scenario, World};
 
 const FRAMES: u64 = 16;
@@ -76,5 +77,48 @@ fn a_ball_turns_by_what_was_drawn_to_two_hundredths_of_a_degree() {
         println!("{spin} deg/frame: bias {mean:.5}, rms {rms:.5}, max {largest:.5} deg, pulls {pulls:.2}");
         assert!(mean.abs() <= 0.02 && rms <= 0.02, "{spin} deg/frame: {mean}, {rms}");
         assert!((0.5..1.6).contains(&pulls), "uncertainties are off by {pulls}");
+    }
+}
+
+/// A simulated drop, from frames to its impact, and the truth.
+fn drop_of(seed: u64) -> (Impact, Impact) {
+    let config = Config::parse(include_str!("../../config/lacrosse.toml"), "lacrosse.toml").unwrap();
+    let scenario = Scenario { seed, ..Scenario::built_in("lacrosse").unwrap() };
+    let world = World::new(&scenario).unwrap();
+    let format = ricochet::camera::simulated::stream_format(&world);
+    let (measure, track) = ricochet::process::analysis_params(&config, &format);
+    let (width, height) = (world.width_px() as usize, world.height_px() as usize);
+    let mut measurer = Measurer::new(&measure, Share::ALL, width, height).unwrap();
+    let (mut measured, mut bytes) = (Vec::new(), vec![0; world.frame_bytes()]);
+    for index in 0..world.frames() {
+        world.render(index, &mut bytes);
+        let meta = ricochet::camera::simulated::meta(&world, index);
+        measurer.push(&Frame { meta, bytes: &bytes }, &mut measured).unwrap();
+    }
+    measurer.finish(&mut measured);
+    let (mut tracker, mut rows) = (Tracker::new(&track), TrackerRows::default());
+    measured.iter().for_each(|row| tracker.push(&row.step, &mut rows));
+    tracker.finish(&mut rows);
+    (*rows.impacts.last().unwrap(), world.impact().unwrap())
+}
+
+#[test]
+fn uncertainties_of_an_impact_are_neither_too_small_nor_much_too_large() {
+    let drops: Vec<(Impact, Impact)> = (0..12).map(|seed| drop_of(4000 + seed)).collect();
+    for (index, (name, _)) in drops[0].1.numbers().iter().enumerate() {
+        let errors: Vec<(f64, f64)> = drops
+            .iter()
+            .filter_map(|(measured, truth)| {
+                let (measured, truth) = (measured.numbers()[index].1?, truth.numbers()[index].1?);
+                Some((measured.value - truth.value, measured.sigma))
+            })
+            .collect();
+        if errors.is_empty() {
+            continue;
+        }
+        let [mean, rms, largest, pulls] = judge(&errors);
+        println!("{name}: bias {mean:.2e}, rms {rms:.2e}, max {largest:.2e}, pulls {pulls:.2}");
+        assert_eq!(errors.len(), drops.len(), "{name} is missing in some");
+        assert!((0.15..1.5).contains(&pulls), "{name}: errors are {pulls} of their uncertainties");
     }
 }

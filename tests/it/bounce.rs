@@ -277,6 +277,7 @@ impl Experiment {
             window_frames: None,
             order: 2,
             interval_frames: 1,
+            walk_share: 0.0,
             exposure_ns: 0.0,
             frame_period_ns: 1e9 / self.frame_rate_hz,
         }
