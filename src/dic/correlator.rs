@@ -16,6 +16,12 @@ use super::window::Window;
 use crate::image::ImageView;
 use crate::results::{Displacement, FieldPoint, PointStatus};
 
+/// Height of the second peak of the quick search, relative to the first, up to which the first is clear.
+const CLEAR: f64 = 0.7;
+
+/// ZNCC from which on the quick search's answer is taken without a look at a larger area.
+const SURE: f64 = 0.9;
+
 /// Height of the second peak, relative to the first, from which on both are refined and compared.
 const RIVAL: f64 = 0.75;
 
@@ -190,6 +196,14 @@ impl Correlator {
         {
             return self.judge(found, None);
         }
+        if guess.is_none()
+            && let Some(peaks) = self.search.find_near(&self.subset, &self.window, &target.levels, at)
+            && peaks.second.is_none_or(|second| second.height < CLEAR * peaks.best.height)
+            && let Ok(found) = self.refine_peak(target, at, &peaks, &peaks.best)
+            && found.zncc >= SURE.max(self.params.min_zncc)
+        {
+            return self.judge(found, peaks.ratio());
+        }
         let around = guess.map_or((0, 0), |warp| self.search_center(&warp));
         let Some(peaks) = self.search.find(&self.subset, &self.window, &target.levels, at, around) else {
             return Solution::failed(PointStatus::OutOfFrame);
@@ -230,15 +244,17 @@ impl Correlator {
         }
     }
 
+    /// Refines one peak.
+    fn refine_peak(&self, target: &Prepared, at: (u32, u32), peaks: &Found, peak: &Peak) -> Result<Match, Lost> {
+        let (u, v) = peaks.displacement(peak);
+        self.refiner(target, at).refine(Warp::shift(u, v))
+    }
+
     /// Refines the best peak, and its rival where there is one; decides between them.
     fn refine_peaks(&self, target: &Prepared, at: (u32, u32), peaks: &Found) -> Solution {
-        let refiner = self.refiner(target, at);
-        let refine = |peak: &Peak| {
-            let (u, v) = peaks.displacement(peak);
-            refiner.refine(Warp::shift(u, v))
-        };
+        let refine = |peak: &Peak| self.refine_peak(target, at, peaks, peak);
         let first = refine(&peaks.best);
-        let ratio = peaks.second.map(|second| peaks.best.height / second.height);
+        let ratio = peaks.ratio();
         let sound = first.is_ok_and(|found| found.zncc >= self.params.min_zncc);
         let rival = peaks.second.filter(|second| !sound || second.height > RIVAL * peaks.best.height);
         let Some(second) = rival else {

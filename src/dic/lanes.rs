@@ -16,6 +16,9 @@ pub(super) const LANES: usize = 8;
 pub(super) struct Lanes(pub(super) [f32; LANES]);
 
 impl Lanes {
+    /// The number of each lane.
+    pub(super) const INDEX: Self = Self([0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0]);
+
     /// The same number eight times.
     #[inline(always)]
     pub(super) fn splat(value: f32) -> Self {
@@ -28,18 +31,6 @@ impl Lanes {
         let mut lanes = [0.0; LANES];
         lanes.copy_from_slice(&values[..LANES]);
         Self(lanes)
-    }
-
-    /// One where `self` is at least one, else zero.
-    #[inline(always)]
-    pub(super) fn at_least_one(self) -> Self {
-        Self(self.0.map(|value| if value >= 1.0 { 1.0 } else { 0.0 }))
-    }
-
-    /// `high` where `self` is one, `low` where it is zero.
-    #[inline(always)]
-    pub(super) fn select(self, high: Self, low: Self) -> Self {
-        Self(std::array::from_fn(|lane| if self.0[lane] > 0.5 { high.0[lane] } else { low.0[lane] }))
     }
 
     /// The sum, in double precision.

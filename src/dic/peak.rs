@@ -1,5 +1,9 @@
 //! Peaks of a correlation surface.
 
+use multiversion::multiversion;
+
+use super::lanes::LANES;
+
 /// The top of a peak between the samples.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Peak {
@@ -54,35 +58,69 @@ impl Surface<'_> {
 
     /// The highest sample; the first of equal ones. `None` when all are missing.
     pub(super) fn highest(&self) -> Option<(usize, usize)> {
-        let mut best: Option<(usize, f32)> = None;
-        for (index, value) in self.data.iter().enumerate() {
-            if value.is_finite() && best.is_none_or(|(_, high)| *value > high) {
-                best = Some((index, *value));
+        let mut best = (f32::NEG_INFINITY, 0);
+        for (row, line) in self.data.chunks_exact(self.columns).enumerate() {
+            let high = maximum(line);
+            if high > best.0 {
+                best = (high, row);
             }
         }
-        best.map(|(index, _)| (index % self.columns, index / self.columns))
+        let (high, row) = best;
+        let line = &self.data[row * self.columns..][..self.columns];
+        let column = line.iter().position(|value| *value >= high)?;
+        high.is_finite().then_some((column, row))
     }
 
-    /// The highest local maximum besides (column, row) and its eight neighbours.
-    pub(super) fn second(&self, (column, row): (usize, usize)) -> Option<Peak> {
-        let mut best: Option<Peak> = None;
+    /// The highest local maximum besides (column, row) and its eight neighbours; border left out.
+    ///
+    /// `candidates` is memory for one row at least.
+    pub(super) fn second(&self, (column, row): (usize, usize), candidates: &mut [f32]) -> Option<Peak> {
+        let candidates = &mut candidates[..self.columns];
+        let mut best: Option<(f32, usize, usize)> = None;
         for y in 1..self.rows().saturating_sub(1) {
-            for x in 1..self.columns.saturating_sub(1) {
-                let value = self.data[y * self.columns + x];
-                let low = best.is_some_and(|peak| f64::from(value) < 0.8 * peak.height);
-                if low || value <= 0.0 || (x.abs_diff(column) <= 1 && y.abs_diff(row) <= 1) {
-                    continue;
-                }
-                let Some(patch) = self.patch(x, y) else { continue };
-                if patch.iter().all(|other| *other <= value) {
-                    let peak = self.top(x, y);
-                    if best.is_none_or(|best| peak.height > best.height) {
-                        best = Some(peak);
-                    }
-                }
+            let line = |y: usize| &self.data[y * self.columns..(y + 1) * self.columns];
+            local_maxima(line(y - 1), line(y), line(y + 1), candidates);
+            if y.abs_diff(row) <= 1 {
+                let near = column.saturating_sub(1)..(column + 2).min(self.columns);
+                candidates[near].fill(0.0);
+            }
+            let high = maximum(candidates);
+            if high > best.map_or(0.0, |(high, ..)| high) {
+                let x = candidates.iter().position(|value| *value >= high)?;
+                best = Some((high, x, y));
             }
         }
-        best
+        best.map(|(_, x, y)| self.top(x, y))
+    }
+}
+
+/// The highest value.
+#[multiversion(targets("x86_64+avx512f+avx512bw+avx512dq+avx512vl", "x86_64+avx2"))]
+fn maximum(values: &[f32]) -> f32 {
+    let mut lanes = [f32::NEG_INFINITY; LANES];
+    let chunks = values.chunks_exact(LANES);
+    let rest = chunks.remainder();
+    for chunk in chunks {
+        for (lane, value) in lanes.iter_mut().zip(chunk) {
+            *lane = if *value > *lane { *value } else { *lane };
+        }
+    }
+    lanes.iter().chain(rest).fold(f32::NEG_INFINITY, |high, value| if *value > high { *value } else { high })
+}
+
+/// The values of `line` that none of their eight neighbours exceeds; 0 elsewhere and at both ends.
+#[multiversion(targets("x86_64+avx512f+avx512bw+avx512dq+avx512vl", "x86_64+avx2"))]
+fn local_maxima(above: &[f32], line: &[f32], below: &[f32], out: &mut [f32]) {
+    let count = line.len();
+    let (above, below, out) = (&above[..count], &below[..count], &mut out[..count]);
+    out[0] = 0.0;
+    out[count - 1] = 0.0;
+    let larger = |a: f32, b: f32| if a > b { a } else { b };
+    for x in 1..count - 1 {
+        let left = larger(larger(above[x - 1], line[x - 1]), below[x - 1]);
+        let right = larger(larger(above[x + 1], line[x + 1]), below[x + 1]);
+        let around = larger(larger(left, right), larger(above[x], below[x]));
+        out[x] = if line[x] >= around { line[x] } else { 0.0 };
     }
 }
 
@@ -137,7 +175,7 @@ mod tests {
     fn the_second_peak_is_the_next_maximum_not_the_shoulder_of_the_first() {
         let data = bumps(&[(6.3, 6.2, 1.0), (17.2, 12.1, 0.7), (5.0, 17.0, 0.6)]);
         let surface = Surface { data: &data, columns: 25 };
-        let second = surface.second(surface.highest().unwrap()).unwrap();
+        let second = surface.second(surface.highest().unwrap(), &mut [f32::NAN; 25]).unwrap();
         assert_eq!((second.column, second.row), (17, 12));
         assert!((second.height - 0.7).abs() < 1e-3, "{second:?}");
     }

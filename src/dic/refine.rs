@@ -13,6 +13,9 @@ use super::lanes::Lanes;
 use super::plane::Plane;
 use super::sample::sample_lanes;
 use super::subset::{Subset, project};
+#[cfg(target_arch = "x86_64")]
+use super::vector::{Avx2, has_avx2};
+use super::vector::{Portable, Vector};
 use super::warp::Warp;
 use super::window::{Block, Window};
 
@@ -119,48 +122,66 @@ impl Refiner<'_> {
         if !self.inside(warp) {
             return Err(Lost::OutOfFrame);
         }
+        Ok(self.sums(warp))
+    }
+
+    /// Sums over all blocks, with the widest registers of this machine.
+    fn sums(&self, warp: &Warp) -> Sums {
+        #[cfg(target_arch = "x86_64")]
+        if has_avx2() {
+            return sums_avx2(self, warp);
+        }
+        self.sums_with::<Portable>(warp)
+    }
+
+    /// Sums over all blocks.
+    #[inline(always)]
+    fn sums_with<V: Vector>(&self, warp: &Warp) -> Sums {
         let mut sums = Sums::default();
         for block in &self.window.blocks {
-            self.add_block(&mut sums, warp, block);
+            self.add_block::<V>(&mut sums, warp, block);
         }
-        Ok(sums)
+        sums
     }
 
     /// Eight target pixels of one row of a block.
     #[inline(always)]
-    fn sample(&self, warp: &Warp, dx: i32, dy: i32) -> Lanes {
+    fn sample<V: Vector>(&self, warp: &Warp, dx: i32, dy: i32) -> V {
         let (x, y) = warp.apply(f64::from(dx), f64::from(dy));
         sample_lanes(self.target, (f64::from(self.at.0) + x, f64::from(self.at.1) + y), warp.ux, warp.vx)
     }
 
     /// Adds one block of columns.
     #[inline(always)]
-    fn add_block(&self, sums: &mut Sums, warp: &Warp, block: &Block) {
-        let subset = self.subset;
-        let zero = Lanes::splat(0.0);
+    fn add_block<V: Vector>(&self, sums: &mut Sums, warp: &Warp, block: &Block) {
+        let packed = block.start..block.start + block.rows;
+        let (mask, reference) = (&self.window.mask[packed.clone()], &self.subset.levels[packed.clone()]);
+        let gradients = (&self.subset.gradient_x[packed.clone()], &self.subset.gradient_y[packed]);
+        let zero = V::splat(0.0);
         let (mut levels, mut energy, mut product) = (zero, zero, zero);
-        let (mut plain, mut with_dy) = ([zero; 2], [zero; 2]);
-        let mean = Lanes::splat(subset.mean);
-        for row in 0..block.rows {
-            let (packed, dy) = (block.start + row, block.dy + row as i32);
-            let value = (self.sample(warp, block.dx, dy) - mean) * self.window.mask[packed];
-            levels += value;
-            energy += value * value;
-            product += value * subset.levels[packed];
-            let dy = Lanes::splat(dy as f32);
-            for (half, gradient) in [&subset.gradient_x, &subset.gradient_y].into_iter().enumerate() {
-                let term = value * gradient[packed];
-                plain[half] += term;
-                with_dy[half] += term * dy;
-            }
+        let (mut along_x, mut along_y, mut lever_x, mut lever_y) = (zero, zero, zero, zero);
+        let mean = V::splat(self.subset.mean);
+        let rows = mask.iter().zip(reference).zip(gradients.0.iter().zip(gradients.1));
+        for (dy, ((mask, reference), (gradient_x, gradient_y))) in (block.dy..).zip(rows) {
+            let value = self.sample::<V>(warp, block.dx, dy).sub(mean).mul(V::from_lanes(mask));
+            levels = levels.add(value);
+            energy = energy.add(value.mul(value));
+            product = product.add(value.mul(V::from_lanes(reference)));
+            let dy = V::splat(dy as f32);
+            let (term_x, term_y) = (value.mul(V::from_lanes(gradient_x)), value.mul(V::from_lanes(gradient_y)));
+            along_x = along_x.add(term_x);
+            along_y = along_y.add(term_y);
+            lever_x = lever_x.add(term_x.mul(dy));
+            lever_y = lever_y.add(term_y.mul(dy));
         }
-        sums.levels += levels.sum();
-        sums.energy += energy.sum();
-        sums.product += product.sum();
-        for half in 0..2 {
-            sums.jacobian[3 * half] += plain[half].sum();
-            sums.jacobian[3 * half + 1] += plain[half].moment(f64::from(block.dx));
-            sums.jacobian[3 * half + 2] += with_dy[half].sum();
+        sums.levels += levels.to_lanes().sum();
+        sums.energy += energy.to_lanes().sum();
+        sums.product += product.to_lanes().sum();
+        for (half, (plain, lever)) in [(along_x, lever_x), (along_y, lever_y)].into_iter().enumerate() {
+            let plain = plain.to_lanes();
+            sums.jacobian[3 * half] += plain.sum();
+            sums.jacobian[3 * half + 1] += plain.moment(f64::from(block.dx));
+            sums.jacobian[3 * half + 2] += lever.to_lanes().sum();
         }
     }
 
@@ -176,9 +197,24 @@ impl Refiner<'_> {
         for block in &self.window.blocks {
             for row in 0..block.rows {
                 let packed = block.start + row;
-                let value = (self.sample(warp, block.dx, block.dy + row as i32) - mean) * self.window.mask[packed];
+                let sampled = self.sample::<Portable>(warp, block.dx, block.dy + row as i32).to_lanes();
+                let value = (sampled - mean) * self.window.mask[packed];
                 out.push(subset.levels[packed] - value * Lanes::splat(gain as f32));
             }
         }
+    }
+}
+
+/// [`Refiner::sums_with`] compiled for AVX2.
+#[cfg(target_arch = "x86_64")]
+fn sums_avx2(refiner: &Refiner<'_>, warp: &Warp) -> Sums {
+    #[target_feature(enable = "avx2")]
+    fn compiled(refiner: &Refiner<'_>, warp: &Warp) -> Sums {
+        refiner.sums_with::<Avx2>(warp)
+    }
+    #[expect(unsafe_code, reason = "the way into a function compiled for AVX2")]
+    // SAFETY: the caller has made sure that this machine has AVX2.
+    unsafe {
+        compiled(refiner, warp)
     }
 }

@@ -11,6 +11,7 @@
 //! Process. 41 (1993) 834, <https://doi.org/10.1109/78.193221>.
 
 use super::plane::{MARGIN, Plane, mirror};
+use super::vector::Vector;
 
 /// Poles of the quintic B-spline's prefilter.
 const POLES: [f64; 2] = [-0.430_575_347_099_973_8, -0.043_096_288_203_264_65];
@@ -47,6 +48,27 @@ pub(super) fn weights(t: f32) -> [f32; 6] {
         weights[2 - pair] = even - odd;
     }
     weights
+}
+
+/// [`weights`] for eight positions.
+#[inline(always)]
+pub(super) fn lane_weights<V: Vector>(t: V) -> [V; 6] {
+    let s = t.sub(V::splat(0.5));
+    let square = s.mul(s);
+    let part = |c: &[f32; 3]| {
+        let inner = V::splat(c[1]).add(square.mul(V::splat(c[2])));
+        V::splat(c[0]).add(square.mul(inner))
+    };
+    let even = [part(&EVEN[0]), part(&EVEN[1]), part(&EVEN[2])];
+    let odd = [s.mul(part(&ODD[0])), s.mul(part(&ODD[1])), s.mul(part(&ODD[2]))];
+    [
+        even[2].sub(odd[2]),
+        even[1].sub(odd[1]),
+        even[0].sub(odd[0]),
+        even[0].add(odd[0]),
+        even[1].add(odd[1]),
+        even[2].add(odd[2]),
+    ]
 }
 
 /// The prefilter's impulse response at distances 0 to [`REACH`].

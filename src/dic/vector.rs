@@ -1,0 +1,200 @@
+//! Eight numbers in a register: the innermost arithmetic, once for AVX2 and once for any machine.
+//!
+//! Arrays alone are not enough here: the compiler packs them into half registers
+//! or not at all once the taps are unrolled. Both forms multiply and add in
+//! separate roundings and in the same order, so that they agree to the last bit.
+
+use super::lanes::{LANES, Lanes};
+
+/// Arithmetic on eight numbers at once.
+pub(super) trait Vector: Copy {
+    /// The same number eight times.
+    fn splat(value: f32) -> Self;
+    /// The first eight numbers of a slice.
+    fn load(values: &[f32]) -> Self;
+    /// From memory.
+    fn from_lanes(lanes: &Lanes) -> Self;
+    /// To memory.
+    fn to_lanes(self) -> Lanes;
+    /// Sum.
+    fn add(self, other: Self) -> Self;
+    /// Difference.
+    fn sub(self, other: Self) -> Self;
+    /// Product.
+    fn mul(self, other: Self) -> Self;
+    /// All bits set where `self >= other`, else none; only for [`Self::select`] and [`Self::and`].
+    fn at_least(self, other: Self) -> Self;
+    /// `self` where the mask is set, else zero.
+    fn and(self, mask: Self) -> Self;
+    /// `high` where the mask is set, `low` elsewhere.
+    fn select(mask: Self, high: Self, low: Self) -> Self;
+}
+
+/// Eight numbers on any machine.
+#[derive(Clone, Copy)]
+pub(super) struct Portable([f32; LANES]);
+
+impl Portable {
+    #[inline(always)]
+    fn each(self, other: Self, operation: impl Fn(f32, f32) -> f32) -> Self {
+        let mut out = self.0;
+        for (out, other) in out.iter_mut().zip(other.0) {
+            *out = operation(*out, other);
+        }
+        Self(out)
+    }
+}
+
+impl Vector for Portable {
+    #[inline(always)]
+    fn splat(value: f32) -> Self {
+        Self([value; LANES])
+    }
+
+    #[inline(always)]
+    fn load(values: &[f32]) -> Self {
+        let mut out = [0.0; LANES];
+        out.copy_from_slice(&values[..LANES]);
+        Self(out)
+    }
+
+    #[inline(always)]
+    fn from_lanes(lanes: &Lanes) -> Self {
+        Self(lanes.0)
+    }
+
+    #[inline(always)]
+    fn to_lanes(self) -> Lanes {
+        Lanes(self.0)
+    }
+
+    #[inline(always)]
+    fn add(self, other: Self) -> Self {
+        self.each(other, |a, b| a + b)
+    }
+
+    #[inline(always)]
+    fn sub(self, other: Self) -> Self {
+        self.each(other, |a, b| a - b)
+    }
+
+    #[inline(always)]
+    fn mul(self, other: Self) -> Self {
+        self.each(other, |a, b| a * b)
+    }
+
+    #[inline(always)]
+    fn at_least(self, other: Self) -> Self {
+        self.each(other, |a, b| f32::from_bits(if a >= b { u32::MAX } else { 0 }))
+    }
+
+    #[inline(always)]
+    fn and(self, mask: Self) -> Self {
+        self.each(mask, |a, m| f32::from_bits(a.to_bits() & m.to_bits()))
+    }
+
+    #[inline(always)]
+    fn select(mask: Self, high: Self, low: Self) -> Self {
+        let mut out = low.0;
+        for lane in 0..LANES {
+            if mask.0[lane].to_bits() != 0 {
+                out[lane] = high.0[lane];
+            }
+        }
+        Self(out)
+    }
+}
+
+/// Whether this machine has AVX2.
+#[cfg(target_arch = "x86_64")]
+pub(super) fn has_avx2() -> bool {
+    std::arch::is_x86_feature_detected!("avx2")
+}
+
+#[cfg(target_arch = "x86_64")]
+pub(super) use avx2::Avx2;
+
+#[cfg(target_arch = "x86_64")]
+mod avx2 {
+    #![expect(unsafe_code, reason = "vector instructions are unsafe to name outside functions compiled for them")]
+
+    use std::arch::x86_64::{
+        __m256, _CMP_GE_OQ, _mm256_add_ps, _mm256_and_ps, _mm256_blendv_ps, _mm256_cmp_ps, _mm256_loadu_ps,
+        _mm256_mul_ps, _mm256_set1_ps, _mm256_storeu_ps, _mm256_sub_ps,
+    };
+
+    use super::{LANES, Lanes, Vector};
+
+    /// Eight numbers in an AVX register.
+    ///
+    /// Only named by functions compiled for AVX2, which are only called after
+    /// [`has_avx2`](super::has_avx2) said yes.
+    #[derive(Clone, Copy)]
+    pub(in crate::dic) struct Avx2(__m256);
+
+    // SAFETY of every block below: this type is only used inside functions compiled for AVX2 that
+    // run after detection; loads and stores are bounded by the slice or array they go through.
+    impl Vector for Avx2 {
+        #[inline(always)]
+        fn splat(value: f32) -> Self {
+            // SAFETY: see above.
+            Self(unsafe { _mm256_set1_ps(value) })
+        }
+
+        #[inline(always)]
+        fn load(values: &[f32]) -> Self {
+            let values = &values[..LANES];
+            // SAFETY: eight numbers, by the line above.
+            Self(unsafe { _mm256_loadu_ps(values.as_ptr()) })
+        }
+
+        #[inline(always)]
+        fn from_lanes(lanes: &Lanes) -> Self {
+            Self::load(&lanes.0)
+        }
+
+        #[inline(always)]
+        fn to_lanes(self) -> Lanes {
+            let mut lanes = Lanes([0.0; LANES]);
+            // SAFETY: eight numbers.
+            unsafe { _mm256_storeu_ps(lanes.0.as_mut_ptr(), self.0) };
+            lanes
+        }
+
+        #[inline(always)]
+        fn add(self, other: Self) -> Self {
+            // SAFETY: see above.
+            Self(unsafe { _mm256_add_ps(self.0, other.0) })
+        }
+
+        #[inline(always)]
+        fn sub(self, other: Self) -> Self {
+            // SAFETY: see above.
+            Self(unsafe { _mm256_sub_ps(self.0, other.0) })
+        }
+
+        #[inline(always)]
+        fn mul(self, other: Self) -> Self {
+            // SAFETY: see above.
+            Self(unsafe { _mm256_mul_ps(self.0, other.0) })
+        }
+
+        #[inline(always)]
+        fn at_least(self, other: Self) -> Self {
+            // SAFETY: see above.
+            Self(unsafe { _mm256_cmp_ps::<_CMP_GE_OQ>(self.0, other.0) })
+        }
+
+        #[inline(always)]
+        fn and(self, mask: Self) -> Self {
+            // SAFETY: see above.
+            Self(unsafe { _mm256_and_ps(self.0, mask.0) })
+        }
+
+        #[inline(always)]
+        fn select(mask: Self, high: Self, low: Self) -> Self {
+            // SAFETY: see above.
+            Self(unsafe { _mm256_blendv_ps(low.0, high.0, mask.0) })
+        }
+    }
+}
