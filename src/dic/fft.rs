@@ -50,19 +50,19 @@ struct Correlation {
 
 impl Correlation {
     fn new(size: usize) -> Self {
-        let count = size * size;
-        Self { transform: Transform::new(size), data: Complex::new(count), product: Complex::new(count) }
+        let transform = Transform::new(size);
+        Self { data: transform.memory(), product: transform.memory(), transform }
     }
 
     /// The subset into the imaginary part, its square's corner at the origin.
     fn load_subset(&mut self, subset: &Subset, window: &Window) {
-        let (size, half) = (self.transform.size(), window.half as i32);
+        let (stride, half) = (self.transform.stride(), window.half as i32);
         self.data.im.fill(0.0);
         for block in &window.blocks {
             let x = (half + block.dx) as usize;
             let last = LANES.min(2 * window.half as usize + 1 - x);
             for row in 0..block.rows {
-                let first = (half + block.dy + row as i32) as usize * size + x;
+                let first = (half + block.dy + row as i32) as usize * stride + x;
                 let levels = &subset.levels[block.start + row].0[..last];
                 self.data.im[first..first + last].copy_from_slice(levels);
             }
@@ -71,8 +71,8 @@ impl Correlation {
 
     /// Target pixels into the real part, with zeros around.
     fn load_area(&mut self, target: &Plane, corner: (isize, isize), (columns, rows): (usize, usize), mean: f32) {
-        let size = self.transform.size();
-        for (y, line) in self.data.re.chunks_exact_mut(size).enumerate() {
+        let stride = self.transform.stride();
+        for (y, line) in self.data.re.chunks_exact_mut(stride).enumerate() {
             let (inside, outside) = line.split_at_mut(if y < rows { columns } else { 0 });
             if y < rows {
                 let first = target.index(corner.0, corner.1 + y as isize);
@@ -86,7 +86,7 @@ impl Correlation {
     /// Cross-correlation of the area with the subset, into the real part of `data`.
     fn run(&mut self) {
         self.transform.forward(&mut self.data);
-        multiply(&self.data, &mut self.product, self.transform.size());
+        multiply(&self.data, &mut self.product, self.transform.size(), self.transform.stride());
         std::mem::swap(&mut self.data, &mut self.product);
         self.transform.inverse(&mut self.data);
     }
@@ -94,9 +94,9 @@ impl Correlation {
 
 /// Spectrum of the cross-correlation of two real images that were transformed as one complex image.
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512dq+avx512vl", "x86_64+avx2"))]
-fn multiply(data: &Complex, out: &mut Complex, size: usize) {
+fn multiply(data: &Complex, out: &mut Complex, size: usize, stride: usize) {
     for y in 0..size {
-        let (here, there) = (y * size, (size - y) % size * size);
+        let (here, there) = (y * stride, (size - y) % size * stride);
         let (a, b) = (&data.re[here..here + size], &data.im[here..here + size]);
         let (c, d) = (&data.re[there..there + size], &data.im[there..there + size]);
         let (re, im) = (&mut out.re[here..here + size], &mut out.im[here..here + size]);
@@ -162,9 +162,9 @@ impl Search {
         self.quick.run();
         // Shift zero to the middle, with one wrapped line around.
         let size = self.quick.transform.size();
-        let (columns, before) = (size + 2, size / 2 + 1);
+        let (stride, columns, before) = (self.quick.transform.stride(), size + 2, size / 2 + 1);
         for (line, row) in self.surface.chunks_exact_mut(columns).take(columns).zip(size - before..) {
-            let from = &self.quick.data.re[row % size * size..][..size];
+            let from = &self.quick.data.re[row % size * stride..][..size];
             line[..before].copy_from_slice(&from[size - before..]);
             line[before..].copy_from_slice(&from[..columns - before]);
         }
@@ -218,7 +218,7 @@ impl Search {
 
     /// Running sums of the area that was loaded.
     fn add_up(&mut self, area: (usize, usize)) {
-        let (size, stride) = (self.full.transform.size(), area.0 + 1);
+        let (line_length, stride) = (self.full.transform.stride(), area.0 + 1);
         self.sums[..stride].fill(0.0);
         self.squares[..stride].fill(0.0);
         for y in 0..area.1 {
@@ -227,7 +227,7 @@ impl Search {
             self.sums[line] = 0.0;
             self.squares[line] = 0.0;
             for x in 0..area.0 {
-                let level = f64::from(self.full.data.re[y * size + x]);
+                let level = f64::from(self.full.data.re[y * line_length + x]);
                 sum += level;
                 square += level * level;
                 self.sums[line + x + 1] = self.sums[line - stride + x + 1] + sum;
@@ -239,7 +239,8 @@ impl Search {
     /// Divides each shift's correlation by the contrast of what it covers.
     fn normalise(&mut self, subset: &Subset, window: &Window, (columns, rows): (usize, usize)) {
         let side = 2 * window.half as usize + 1;
-        let (size, stride) = (self.full.transform.size(), columns + side);
+        let (size, line_length) = (self.full.transform.size(), self.full.transform.stride());
+        let stride = columns + side;
         let pixels = (side * side) as f64;
         // A round subset is judged by the contrast of its square.
         let scale = pixels / window.pixels as f64 / (size * size) as f64;
@@ -252,7 +253,7 @@ impl Search {
                 };
                 let sum = over(&self.sums);
                 let contrast = over(&self.squares) - sum * sum / pixels;
-                let product = f64::from(self.full.data.re[y * size + x]) * scale;
+                let product = f64::from(self.full.data.re[y * line_length + x]) * scale;
                 self.surface[y * columns + x] =
                     if contrast > 0.01 * pixels { (product / (contrast * energy).sqrt()) as f32 } else { 0.0 };
             }

@@ -11,7 +11,7 @@ use std::ops::{Add, AddAssign, Mul, Sub};
 pub(super) const LANES: usize = 8;
 
 /// Eight numbers on which arithmetic works element by element.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
 #[repr(align(32))]
 pub(super) struct Lanes(pub(super) [f32; LANES]);
 
@@ -25,30 +25,23 @@ impl Lanes {
         Self([value; LANES])
     }
 
-    /// The first eight numbers of a slice.
-    #[inline(always)]
-    pub(super) fn load(values: &[f32]) -> Self {
-        let mut lanes = [0.0; LANES];
-        lanes.copy_from_slice(&values[..LANES]);
-        Self(lanes)
-    }
-
     /// The sum, in double precision.
     #[inline(always)]
     pub(super) fn sum(self) -> f64 {
         self.0.iter().map(|value| f64::from(*value)).sum()
     }
 
-    /// The sum of each number times its place, 0 to 7, plus `first` times the plain sum.
+    /// The sums of the numbers times (`first` + lane) to the power 0, 1 and 2.
     #[inline(always)]
-    pub(super) fn moment(self, first: f64) -> f64 {
-        self.0.iter().enumerate().map(|(lane, value)| (first + lane as f64) * f64::from(*value)).sum()
-    }
-
-    /// As [`Self::moment`] with the square of the place.
-    #[inline(always)]
-    pub(super) fn second_moment(self, first: f64) -> f64 {
-        self.0.iter().enumerate().map(|(lane, value)| (first + lane as f64).powi(2) * f64::from(*value)).sum()
+    pub(super) fn moments(self, first: f64) -> [f64; 3] {
+        let mut sums = [0.0; 3];
+        for (lane, value) in self.0.iter().enumerate() {
+            let (value, place) = (f64::from(*value), first + lane as f64);
+            sums[0] += value;
+            sums[1] += value * place;
+            sums[2] += value * place * place;
+        }
+        sums
     }
 }
 

@@ -11,11 +11,9 @@
 use super::Shape;
 use super::lanes::Lanes;
 use super::plane::Plane;
-use super::sample::sample_lanes;
+use super::sample::{ShiftedColumn, sample_lanes};
 use super::subset::{Subset, project};
-#[cfg(target_arch = "x86_64")]
-use super::vector::{Avx2, has_avx2};
-use super::vector::{Portable, Vector};
+use super::vector::{Portable, Vector, vectorized};
 use super::warp::Warp;
 use super::window::{Block, Window};
 
@@ -122,38 +120,36 @@ impl Refiner<'_> {
         if !self.inside(warp) {
             return Err(Lost::OutOfFrame);
         }
-        Ok(self.sums(warp))
-    }
-
-    /// Sums over all blocks, with the widest registers of this machine.
-    fn sums(&self, warp: &Warp) -> Sums {
-        #[cfg(target_arch = "x86_64")]
-        if has_avx2() {
-            return sums_avx2(self, warp);
-        }
-        self.sums_with::<Portable>(warp)
+        Ok(sums_of(self, warp))
     }
 
     /// Sums over all blocks.
     #[inline(always)]
     fn sums_with<V: Vector>(&self, warp: &Warp) -> Sums {
         let mut sums = Sums::default();
+        let shift = *warp == Warp::shift(warp.u, warp.v);
         for block in &self.window.blocks {
-            self.add_block::<V>(&mut sums, warp, block);
+            if shift {
+                let start = self.place(warp, block.dx, block.dy);
+                self.add_block(&mut sums, block, ShiftedColumn::<V>::new(self.target, start));
+            } else {
+                let column = WarpedColumn { refiner: self, warp, dx: block.dx, dy: block.dy };
+                self.add_block::<V>(&mut sums, block, column);
+            }
         }
         sums
     }
 
-    /// Eight target pixels of one row of a block.
+    /// Where an offset from the subset's centre lies in the target.
     #[inline(always)]
-    fn sample<V: Vector>(&self, warp: &Warp, dx: i32, dy: i32) -> V {
+    fn place(&self, warp: &Warp, dx: i32, dy: i32) -> (f64, f64) {
         let (x, y) = warp.apply(f64::from(dx), f64::from(dy));
-        sample_lanes(self.target, (f64::from(self.at.0) + x, f64::from(self.at.1) + y), warp.ux, warp.vx)
+        (f64::from(self.at.0) + x, f64::from(self.at.1) + y)
     }
 
     /// Adds one block of columns.
     #[inline(always)]
-    fn add_block<V: Vector>(&self, sums: &mut Sums, warp: &Warp, block: &Block) {
+    fn add_block<V: Vector>(&self, sums: &mut Sums, block: &Block, mut column: impl Rows<V>) {
         let packed = block.start..block.start + block.rows;
         let (mask, reference) = (&self.window.mask[packed.clone()], &self.subset.levels[packed.clone()]);
         let gradients = (&self.subset.gradient_x[packed.clone()], &self.subset.gradient_y[packed]);
@@ -163,7 +159,8 @@ impl Refiner<'_> {
         let mean = V::splat(self.subset.mean);
         let rows = mask.iter().zip(reference).zip(gradients.0.iter().zip(gradients.1));
         for (dy, ((mask, reference), (gradient_x, gradient_y))) in (block.dy..).zip(rows) {
-            let value = self.sample::<V>(warp, block.dx, dy).sub(mean).mul(V::from_lanes(mask));
+            let sampled = column.next();
+            let value = sampled.sub(mean).mul(V::from_lanes(mask));
             levels = levels.add(value);
             energy = energy.add(value.mul(value));
             product = product.add(value.mul(V::from_lanes(reference)));
@@ -178,9 +175,9 @@ impl Refiner<'_> {
         sums.energy += energy.to_lanes().sum();
         sums.product += product.to_lanes().sum();
         for (half, (plain, lever)) in [(along_x, lever_x), (along_y, lever_y)].into_iter().enumerate() {
-            let plain = plain.to_lanes();
-            sums.jacobian[3 * half] += plain.sum();
-            sums.jacobian[3 * half + 1] += plain.moment(f64::from(block.dx));
+            let moments = plain.to_lanes().moments(f64::from(block.dx));
+            sums.jacobian[3 * half] += moments[0];
+            sums.jacobian[3 * half + 1] += moments[1];
             sums.jacobian[3 * half + 2] += lever.to_lanes().sum();
         }
     }
@@ -197,7 +194,8 @@ impl Refiner<'_> {
         for block in &self.window.blocks {
             for row in 0..block.rows {
                 let packed = block.start + row;
-                let sampled = self.sample::<Portable>(warp, block.dx, block.dy + row as i32).to_lanes();
+                let start = self.place(warp, block.dx, block.dy + row as i32);
+                let sampled = sample_lanes::<Portable>(self.target, start, warp.ux, warp.vx).to_lanes();
                 let value = (sampled - mean) * self.window.mask[packed];
                 out.push(subset.levels[packed] - value * Lanes::splat(gain as f32));
             }
@@ -205,16 +203,41 @@ impl Refiner<'_> {
     }
 }
 
-/// [`Refiner::sums_with`] compiled for AVX2.
-#[cfg(target_arch = "x86_64")]
-fn sums_avx2(refiner: &Refiner<'_>, warp: &Warp) -> Sums {
-    #[target_feature(enable = "avx2")]
-    fn compiled(refiner: &Refiner<'_>, warp: &Warp) -> Sums {
-        refiner.sums_with::<Avx2>(warp)
+/// The rows of a block of the target, one after the other.
+trait Rows<V> {
+    fn next(&mut self) -> V;
+}
+
+impl<V: Vector> Rows<V> for ShiftedColumn<'_, V> {
+    #[inline(always)]
+    fn next(&mut self) -> V {
+        self.next_row()
     }
-    #[expect(unsafe_code, reason = "the way into a function compiled for AVX2")]
-    // SAFETY: the caller has made sure that this machine has AVX2.
-    unsafe {
-        compiled(refiner, warp)
+}
+
+/// A block of a target that is deformed: each pixel has weights of its own.
+struct WarpedColumn<'a> {
+    refiner: &'a Refiner<'a>,
+    warp: &'a Warp,
+    dx: i32,
+    dy: i32,
+}
+
+impl<V: Vector> Rows<V> for WarpedColumn<'_> {
+    #[inline(always)]
+    fn next(&mut self) -> V {
+        let start = self.refiner.place(self.warp, self.dx, self.dy);
+        self.dy += 1;
+        sample_lanes(self.refiner.target, start, self.warp.ux, self.warp.vx)
     }
+}
+
+vectorized! {
+    /// [`Refiner::sums_with`].
+    fn sums_of(refiner: &Refiner<'_>, warp: &Warp) -> Sums = sums_with
+}
+
+#[inline(always)]
+fn sums_with<V: Vector>(refiner: &Refiner<'_>, warp: &Warp) -> Sums {
+    refiner.sums_with::<V>(warp)
 }

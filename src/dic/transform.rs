@@ -9,6 +9,9 @@
 
 use multiversion::multiversion;
 
+use super::lanes::LANES;
+use super::vector::{Vector, vectorized};
+
 /// A plane of complex numbers, real and imaginary parts apart.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Complex {
@@ -39,10 +42,11 @@ struct Stage {
     factors: Vec<(f32, f32)>,
 }
 
-/// Plan of a transform of `size` x `size` numbers.
+/// Plan of a transform of `size` x `size` numbers, in rows of `stride`.
 #[derive(Debug, Clone)]
 pub(super) struct Transform {
     size: usize,
+    stride: usize,
     stages: Vec<Stage>,
     spare: Complex,
 }
@@ -64,7 +68,8 @@ impl Transform {
             rest = groups;
             span *= radix;
         }
-        Self { size, stages, spare: Complex::new(size * size) }
+        let stride = size.next_multiple_of(LANES);
+        Self { size, stride, stages, spare: Complex::new(size.next_multiple_of(LANES) * stride) }
     }
 
     /// Rows and columns.
@@ -72,13 +77,23 @@ impl Transform {
         self.size
     }
 
+    /// Numbers from one row to the next; those past [`Self::size`] must be zero.
+    pub(super) fn stride(&self) -> usize {
+        self.stride
+    }
+
+    /// Memory of the right size.
+    pub(super) fn memory(&self) -> Complex {
+        self.spare.clone()
+    }
+
     /// Transforms `data`; the result is transposed.
     pub(super) fn forward(&mut self, data: &mut Complex) {
-        transform_columns(&self.stages, self.size, data, &mut self.spare);
-        transpose(&data.re, &mut self.spare.re, self.size);
-        transpose(&data.im, &mut self.spare.im, self.size);
+        transform_columns(&self.stages, self.stride, data, &mut self.spare);
+        transpose(&data.re, &mut self.spare.re, self.stride, self.size);
+        transpose(&data.im, &mut self.spare.im, self.stride, self.size);
         std::mem::swap(data, &mut self.spare);
-        transform_columns(&self.stages, self.size, data, &mut self.spare);
+        transform_columns(&self.stages, self.stride, data, &mut self.spare);
     }
 
     /// Undoes [`Self::forward`], transpose included; the result is `size` squared times too large.
@@ -104,127 +119,147 @@ pub(super) fn fast_size(least: usize) -> usize {
     (least.max(8)..).find(|size| smooth(*size)).unwrap_or(least)
 }
 
-/// Transforms every column.
-#[multiversion(targets("x86_64+avx512f+avx512bw+avx512dq+avx512vl", "x86_64+avx2"))]
-fn transform_columns(stages: &[Stage], width: usize, data: &mut Complex, spare: &mut Complex) {
+vectorized! {
+    /// Transforms every column.
+    fn transform_columns(stages: &[Stage], stride: usize, data: &mut Complex, spare: &mut Complex) = columns_with
+}
+
+#[inline(always)]
+fn columns_with<V: Vector>(stages: &[Stage], stride: usize, data: &mut Complex, spare: &mut Complex) {
     for stage in stages {
-        let length = stage.span * width;
+        let length = stage.span * stride;
         for group in 0..stage.groups {
-            let from = |k: usize| (group + stage.groups * k) * length..(group + stage.groups * k + 1) * length;
+            let from = group * length..;
+            let inputs = (&data.re[from.clone()], &data.im[from]);
             let to = stage.radix * group * length..stage.radix * (group + 1) * length;
-            let (re, im) = (&mut spare.re[to.clone()], &mut spare.im[to]);
+            let outputs = (&mut spare.re[to.clone()], &mut spare.im[to]);
             let factors = &stage.factors[group * (stage.radix - 1)..(group + 1) * (stage.radix - 1)];
+            let step = stage.groups * length;
             match stage.radix {
-                4 => {
-                    let re_in = [&data.re[from(0)], &data.re[from(1)], &data.re[from(2)], &data.re[from(3)]];
-                    let im_in = [&data.im[from(0)], &data.im[from(1)], &data.im[from(2)], &data.im[from(3)]];
-                    butterfly_4(re_in, im_in, re, im, factors);
-                }
-                2 => {
-                    let re_in = [&data.re[from(0)], &data.re[from(1)]];
-                    let im_in = [&data.im[from(0)], &data.im[from(1)]];
-                    butterfly_2(re_in, im_in, re, im, factors);
-                }
-                radix => {
-                    let inputs = (0..radix).map(|k| (&data.re[from(k)], &data.im[from(k)]));
-                    butterfly_any(inputs, re, im, factors);
-                }
+                4 => butterfly_4::<V>(inputs, step, outputs, length, factors),
+                2 => butterfly_2::<V>(inputs, step, outputs, length, factors),
+                radix => butterfly_any::<V>(inputs, step, outputs, length, (radix, factors)),
             }
         }
         std::mem::swap(data, spare);
     }
 }
 
-/// Radix 4.
+/// Eight complex numbers.
+#[derive(Clone, Copy)]
+struct Point<V>(V, V);
+
+impl<V: Vector> Point<V> {
+    #[inline(always)]
+    fn load(from: (&[f32], &[f32]), at: usize) -> Self {
+        Self(V::load(&from.0[at..]), V::load(&from.1[at..]))
+    }
+
+    #[inline(always)]
+    fn store(self, to: &mut (&mut [f32], &mut [f32]), at: usize) {
+        self.0.store(&mut to.0[at..]);
+        self.1.store(&mut to.1[at..]);
+    }
+
+    #[inline(always)]
+    fn add(self, other: Self) -> Self {
+        Self(self.0.add(other.0), self.1.add(other.1))
+    }
+
+    #[inline(always)]
+    fn sub(self, other: Self) -> Self {
+        Self(self.0.sub(other.0), self.1.sub(other.1))
+    }
+
+    /// Times cos + i sin.
+    #[inline(always)]
+    fn turn(self, (cos, sin): (f32, f32)) -> Self {
+        let (cos, sin) = (V::splat(cos), V::splat(sin));
+        Self(self.0.mul(cos).sub(self.1.mul(sin)), self.0.mul(sin).add(self.1.mul(cos)))
+    }
+}
+
+/// Radix 4: inputs `step` apart, outputs `length` apart.
 #[inline(always)]
-fn butterfly_4(re: [&[f32]; 4], im: [&[f32]; 4], re_out: &mut [f32], im_out: &mut [f32], factors: &[(f32, f32)]) {
-    let length = re[0].len();
-    let (re_0, re_out) = re_out.split_at_mut(length);
-    let (re_1, re_out) = re_out.split_at_mut(length);
-    let (re_2, re_3) = re_out.split_at_mut(length);
-    let (im_0, im_out) = im_out.split_at_mut(length);
-    let (im_1, im_out) = im_out.split_at_mut(length);
-    let (im_2, im_3) = im_out.split_at_mut(length);
-    let [x0, x1, x2, x3] = re.map(|part| &part[..length]);
-    let [y0, y1, y2, y3] = im.map(|part| &part[..length]);
-    let (im_0, im_1) = (&mut im_0[..length], &mut im_1[..length]);
-    let (im_2, im_3) = (&mut im_2[..length], &mut im_3[..length]);
-    let (re_2, re_3) = (&mut re_2[..length], &mut re_3[..length]);
-    let [(c1, s1), (c2, s2), (c3, s3)] = [factors[0], factors[1], factors[2]];
-    for i in 0..length {
-        let (ar, ai) = (x0[i] + x2[i], y0[i] + y2[i]);
-        let (br, bi) = (x0[i] - x2[i], y0[i] - y2[i]);
-        let (cr, ci) = (x1[i] + x3[i], y1[i] + y3[i]);
-        // (x1 - x3) times -i.
-        let (dr, di) = (y1[i] - y3[i], x3[i] - x1[i]);
-        re_0[i] = ar + cr;
-        im_0[i] = ai + ci;
-        let (er, ei) = (br + dr, bi + di);
-        re_1[i] = er * c1 - ei * s1;
-        im_1[i] = er * s1 + ei * c1;
-        let (er, ei) = (ar - cr, ai - ci);
-        re_2[i] = er * c2 - ei * s2;
-        im_2[i] = er * s2 + ei * c2;
-        let (er, ei) = (br - dr, bi - di);
-        re_3[i] = er * c3 - ei * s3;
-        im_3[i] = er * s3 + ei * c3;
+fn butterfly_4<V: Vector>(
+    inputs: (&[f32], &[f32]),
+    step: usize,
+    mut outputs: (&mut [f32], &mut [f32]),
+    length: usize,
+    factors: &[(f32, f32)],
+) {
+    for i in (0..length).step_by(LANES) {
+        let (x0, x1) = (Point::<V>::load(inputs, i), Point::<V>::load(inputs, step + i));
+        let (x2, x3) = (Point::<V>::load(inputs, 2 * step + i), Point::<V>::load(inputs, 3 * step + i));
+        let (a, b, c, d) = (x0.add(x2), x0.sub(x2), x1.add(x3), x1.sub(x3));
+        // d times -i.
+        let d = Point(d.1, V::splat(0.0).sub(d.0));
+        a.add(c).store(&mut outputs, i);
+        b.add(d).turn(factors[0]).store(&mut outputs, length + i);
+        a.sub(c).turn(factors[1]).store(&mut outputs, 2 * length + i);
+        b.sub(d).turn(factors[2]).store(&mut outputs, 3 * length + i);
     }
 }
 
 /// Radix 2.
 #[inline(always)]
-fn butterfly_2(re: [&[f32]; 2], im: [&[f32]; 2], re_out: &mut [f32], im_out: &mut [f32], factors: &[(f32, f32)]) {
-    let length = re[0].len();
-    let (re_0, re_1) = re_out.split_at_mut(length);
-    let (im_0, im_1) = im_out.split_at_mut(length);
-    let ([x0, x1], [y0, y1]) = (re.map(|part| &part[..length]), im.map(|part| &part[..length]));
-    let (re_1, im_0, im_1) = (&mut re_1[..length], &mut im_0[..length], &mut im_1[..length]);
-    let (c, s) = factors[0];
-    for i in 0..length {
-        re_0[i] = x0[i] + x1[i];
-        im_0[i] = y0[i] + y1[i];
-        let (er, ei) = (x0[i] - x1[i], y0[i] - y1[i]);
-        re_1[i] = er * c - ei * s;
-        im_1[i] = er * s + ei * c;
+fn butterfly_2<V: Vector>(
+    inputs: (&[f32], &[f32]),
+    step: usize,
+    mut outputs: (&mut [f32], &mut [f32]),
+    length: usize,
+    factors: &[(f32, f32)],
+) {
+    for i in (0..length).step_by(LANES) {
+        let (a, b) = (Point::<V>::load(inputs, i), Point::<V>::load(inputs, step + i));
+        a.add(b).store(&mut outputs, i);
+        a.sub(b).turn(factors[0]).store(&mut outputs, length + i);
     }
 }
 
 /// Any radix, as the plain sum: for 3 and 5.
 #[inline(always)]
-fn butterfly_any<'a>(
-    inputs: impl ExactSizeIterator<Item = (&'a [f32], &'a [f32])> + Clone,
-    re_out: &mut [f32],
-    im_out: &mut [f32],
-    factors: &[(f32, f32)],
+fn butterfly_any<V: Vector>(
+    inputs: (&[f32], &[f32]),
+    step: usize,
+    mut outputs: (&mut [f32], &mut [f32]),
+    length: usize,
+    (radix, factors): (usize, &[(f32, f32)]),
 ) {
-    let radix = inputs.len();
-    let length = re_out.len() / radix;
-    let outputs = re_out.chunks_exact_mut(length).zip(im_out.chunks_exact_mut(length));
-    for (output, (re_out, im_out)) in outputs.enumerate() {
-        re_out.fill(0.0);
-        im_out.fill(0.0);
-        let (factor_re, factor_im) = if output == 0 { (1.0, 0.0) } else { factors[output - 1] };
-        for (k, (re, im)) in inputs.clone().enumerate() {
+    let mut turns = [[(1.0, 0.0); 8]; 8];
+    for (output, line) in turns.iter_mut().enumerate().take(radix) {
+        let (re, im) = if output == 0 { (1.0, 0.0) } else { factors[output - 1] };
+        for (k, turn) in line.iter_mut().enumerate().take(radix) {
             let angle = -std::f64::consts::TAU * ((k * output) % radix) as f64 / radix as f64;
             let (cos, sin) = (angle.cos() as f32, angle.sin() as f32);
-            let (c, s) = (cos * factor_re - sin * factor_im, cos * factor_im + sin * factor_re);
-            for ((re_out, im_out), (re, im)) in re_out.iter_mut().zip(&mut *im_out).zip(re.iter().zip(im)) {
-                *re_out += re * c - im * s;
-                *im_out += re * s + im * c;
+            *turn = (cos * re - sin * im, cos * im + sin * re);
+        }
+    }
+    for i in (0..length).step_by(LANES) {
+        for (output, line) in turns.iter().enumerate().take(radix) {
+            let mut sum = Point(V::splat(0.0), V::splat(0.0));
+            for (k, turn) in line.iter().enumerate().take(radix) {
+                sum = sum.add(Point::<V>::load(inputs, k * step + i).turn(*turn));
             }
+            sum.store(&mut outputs, output * length + i);
         }
     }
 }
 
-/// Rows to columns, in blocks of 8 x 8 where they fit.
+/// Rows to columns, in blocks of 8 x 8; clears what lies past the columns.
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512dq+avx512vl", "x86_64+avx2"))]
-fn transpose(from: &[f32], to: &mut [f32], size: usize) {
-    for block_y in (0..size).step_by(8) {
-        let rows = 8.min(size - block_y);
-        for x in 0..size {
-            let target = &mut to[x * size + block_y..x * size + block_y + rows];
-            for (row, value) in target.iter_mut().enumerate() {
-                *value = from[(block_y + row) * size + x];
+fn transpose(from: &[f32], to: &mut [f32], stride: usize, size: usize) {
+    for block_y in (0..size).step_by(LANES) {
+        for block_x in (0..size).step_by(LANES) {
+            let mut block = [[0.0_f32; LANES]; LANES];
+            for (row, line) in block.iter_mut().enumerate().take(size - block_y) {
+                line.copy_from_slice(&from[(block_y + row) * stride + block_x..][..LANES]);
+            }
+            for column in 0..LANES.min(size - block_x) {
+                let target = &mut to[(block_x + column) * stride + block_y..][..LANES];
+                for (value, line) in target.iter_mut().zip(&block) {
+                    *value = line[column];
+                }
             }
         }
     }
@@ -244,7 +279,8 @@ mod tests {
                     for x in 0..size {
                         let angle = -std::f64::consts::TAU * ((kx * x + ky * y) % size) as f64 / size as f64;
                         let (sin, cos) = angle.sin_cos();
-                        let (re, im) = (f64::from(data.re[y * size + x]), f64::from(data.im[y * size + x]));
+                        let stride = size.next_multiple_of(LANES);
+                        let (re, im) = (f64::from(data.re[y * stride + x]), f64::from(data.im[y * stride + x]));
                         sum.0 += re * cos - im * sin;
                         sum.1 += re * sin + im * cos;
                     }
@@ -257,8 +293,13 @@ mod tests {
 
     fn noise(size: usize) -> Complex {
         let mut sequence = crate::dic::speckle::Sequence::new(size as u64);
-        let mut data = Complex::new(size * size);
-        data.re.iter_mut().chain(&mut data.im).for_each(|value| *value = sequence.normal() as f32);
+        let transform = Transform::new(size);
+        let mut data = transform.memory();
+        for y in 0..size {
+            for k in y * transform.stride()..y * transform.stride() + size {
+                (data.re[k], data.im[k]) = (sequence.normal() as f32, sequence.normal() as f32);
+            }
+        }
         data
     }
 
@@ -272,6 +313,7 @@ mod tests {
             transform.spare.im.fill(f32::NAN);
             transform.forward(&mut data);
             for (k, (re, im)) in expected.into_iter().enumerate() {
+                let k = k / size * transform.stride() + k % size;
                 let error = (f64::from(data.re[k]) - re).abs().max((f64::from(data.im[k]) - im).abs());
                 assert!(error < 1e-5 * (size * size) as f64, "size {size}, {k}: {error}");
             }
@@ -286,8 +328,9 @@ mod tests {
             transform.forward(&mut data);
             transform.inverse(&mut data);
             let scale = 1.0 / (size * size) as f32;
-            for (found, expected) in data.re.iter().zip(&original.re).chain(data.im.iter().zip(&original.im)) {
-                assert!((found * scale - expected).abs() < 1e-5, "size {size}");
+            for k in (0..size * transform.stride()).filter(|k| k % transform.stride() < size) {
+                assert!((data.re[k] * scale - original.re[k]).abs() < 1e-5, "size {size}");
+                assert!((data.im[k] * scale - original.im[k]).abs() < 1e-5, "size {size}");
             }
         }
     }

@@ -12,6 +12,8 @@ pub(super) trait Vector: Copy {
     fn splat(value: f32) -> Self;
     /// The first eight numbers of a slice.
     fn load(values: &[f32]) -> Self;
+    /// Into the first eight places of a slice.
+    fn store(self, values: &mut [f32]);
     /// From memory.
     fn from_lanes(lanes: &Lanes) -> Self;
     /// To memory.
@@ -56,6 +58,11 @@ impl Vector for Portable {
         let mut out = [0.0; LANES];
         out.copy_from_slice(&values[..LANES]);
         Self(out)
+    }
+
+    #[inline(always)]
+    fn store(self, values: &mut [f32]) {
+        values[..LANES].copy_from_slice(&self.0);
     }
 
     #[inline(always)]
@@ -114,6 +121,30 @@ pub(super) fn has_avx2() -> bool {
 #[cfg(target_arch = "x86_64")]
 pub(super) use avx2::Avx2;
 
+/// Defines a function that runs a generic one over [`Vector`] with the best form this machine has.
+macro_rules! vectorized {
+    ($(#[$meta:meta])* fn $name:ident($($arg:ident: $type:ty),* $(,)?) $(-> $result:ty)? = $generic:ident) => {
+        $(#[$meta])*
+        fn $name($($arg: $type),*) $(-> $result)? {
+            #[cfg(target_arch = "x86_64")]
+            {
+                #[target_feature(enable = "avx2")]
+                fn compiled($($arg: $type),*) $(-> $result)? {
+                    $generic::<$crate::dic::vector::Avx2>($($arg),*)
+                }
+                if $crate::dic::vector::has_avx2() {
+                    #[expect(unsafe_code, reason = "the way into a function compiled for AVX2")]
+                    // SAFETY: this machine has AVX2, by the line above.
+                    return unsafe { compiled($($arg),*) };
+                }
+            }
+            $generic::<$crate::dic::vector::Portable>($($arg),*)
+        }
+    };
+}
+
+pub(super) use vectorized;
+
 #[cfg(target_arch = "x86_64")]
 mod avx2 {
     #![expect(unsafe_code, reason = "vector instructions are unsafe to name outside functions compiled for them")]
@@ -149,6 +180,13 @@ mod avx2 {
         }
 
         #[inline(always)]
+        fn store(self, values: &mut [f32]) {
+            let values = &mut values[..LANES];
+            // SAFETY: eight numbers, by the line above.
+            unsafe { _mm256_storeu_ps(values.as_mut_ptr(), self.0) };
+        }
+
+        #[inline(always)]
         fn from_lanes(lanes: &Lanes) -> Self {
             Self::load(&lanes.0)
         }
@@ -156,8 +194,7 @@ mod avx2 {
         #[inline(always)]
         fn to_lanes(self) -> Lanes {
             let mut lanes = Lanes([0.0; LANES]);
-            // SAFETY: eight numbers.
-            unsafe { _mm256_storeu_ps(lanes.0.as_mut_ptr(), self.0) };
+            self.store(&mut lanes.0);
             lanes
         }
 
