@@ -5,6 +5,7 @@
 //! a grid ([`grid`]) between two of them. [`rigid_fit()`] turns a field into the
 //! motion of a rigid body.
 
+mod body;
 mod correlator;
 mod error;
 mod fft;
@@ -15,6 +16,7 @@ mod peak;
 mod plane;
 mod prepared;
 mod refine;
+mod region;
 mod rigid_fit;
 mod sample;
 mod sigma;
@@ -35,10 +37,12 @@ mod hostile;
 #[cfg(test)]
 mod speckle;
 
+pub use body::{BodyMotion, RigidBody};
 pub use correlator::{Correlator, Start};
 pub use error::CorrelationError;
 pub use grid::GridPoint;
 pub use params::{CorrelationParams, Method, Shape, WindowShape};
 pub use prepared::Prepared;
+pub use region::Region;
 pub use rigid_fit::{RigidMotion, rigid_fit};
 pub use zncc::zncc;
