@@ -93,6 +93,11 @@ impl RigidBody {
         (f64::from(self.at.0), f64::from(self.at.1))
     }
 
+    /// Its pixels, about [`Self::center_px`].
+    pub(super) fn window(&self) -> &Window {
+        &self.window
+    }
+
     /// Finds the body in a later frame, near the motion `near`.
     ///
     /// The displacement in `near` and in the result is that of the point (`x_px`,
@@ -154,9 +159,8 @@ impl RigidBody {
         let along_v = [0.0, 1.0, -cos * dx - sin * dy];
         let along_angle = [0.0, 0.0, 1.0];
         let inverse = &self.subset.inverse;
-        let spread = |a: &[f64; 3]| -> f64 {
-            (0..3).map(|i| (0..3).map(|j| a[i] * inverse[i][j] * a[j]).sum::<f64>()).sum()
-        };
+        let spread =
+            |a: &[f64; 3]| -> f64 { (0..3).map(|i| (0..3).map(|j| a[i] * inverse[i][j] * a[j]).sum::<f64>()).sum() };
         let factor = self.pool.factor();
         let (var_u, var_v) = factor.variances(variance, (spread(&along_u), spread(&along_v)));
         let mean = 0.5 * (factor.x + factor.y);

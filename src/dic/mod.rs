@@ -5,6 +5,7 @@
 //! a grid ([`grid`]) between two of them. [`rigid_fit()`] turns a field into the
 //! motion of a rigid body.
 
+mod angle;
 mod body;
 mod correlator;
 mod error;
@@ -37,6 +38,7 @@ mod hostile;
 #[cfg(test)]
 mod speckle;
 
+pub use angle::find_at_any_angle;
 pub use body::{BodyMotion, RigidBody};
 pub use correlator::{Correlator, Start};
 pub use error::CorrelationError;

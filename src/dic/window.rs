@@ -73,6 +73,16 @@ impl Window {
         window
     }
 
+    /// Whether the pixel at an offset from the centre belongs.
+    pub(super) fn holds(&self, dx: i32, dy: i32) -> bool {
+        let block = self.blocks.iter().find(|block| (block.dx..block.dx + LANES as i32).contains(&dx));
+        block.is_some_and(|block| {
+            let row = dy - block.dy;
+            (0..block.rows as i32).contains(&row)
+                && self.mask[block.start + row as usize].0[(dx - block.dx) as usize] > 0.5
+        })
+    }
+
     /// How far the warped subset reaches at most from its displaced centre along x and y, px.
     pub(super) fn reach(&self, warp: &Warp) -> (f64, f64) {
         let along = |a: f64, b: f64| (f64::from(self.half) * (a.abs() + b.abs())).min(self.radius * a.hypot(b));
