@@ -3,6 +3,7 @@
 use super::GridPoint;
 use super::error::CorrelationError;
 use super::fft::{Found, Search};
+use super::fine::FineSearch;
 use super::lanes::Lanes;
 use super::params::{CorrelationParams, Method, Shape};
 use super::peak::Peak;
@@ -70,6 +71,9 @@ pub struct Correlator {
     height_px: usize,
     window: Window,
     search: Search,
+    /// For `spline-fft` only.
+    fine: Option<FineSearch>,
+    peak_fit: bool,
     subset: Subset,
     solutions: Vec<Solution>,
     residual: Vec<Lanes>,
@@ -87,11 +91,13 @@ struct Solution {
     residual: f64,
     /// Diagonal of the inverse Hessian for u and v.
     inverse: (f64, f64),
+    /// Variance of u and v besides the noise, px^2: what a peak fit leaves.
+    doubt: (f64, f64),
 }
 
 impl Solution {
     fn failed(status: PointStatus) -> Self {
-        Self { status, found: None, peak_ratio: None, residual: 0.0, inverse: (0.0, 0.0) }
+        Self { status, found: None, peak_ratio: None, residual: 0.0, inverse: (0.0, 0.0), doubt: (0.0, 0.0) }
     }
 }
 
@@ -108,8 +114,12 @@ impl Correlator {
         if width_px < size as usize || height_px < size as usize {
             return Err(CorrelationError::SubsetLargerThanImage { subset_size_px: size, width_px, height_px });
         }
+        let window = Window::new(params.window, size);
+        let points = params.spline_points as usize;
         Ok(Self {
-            window: Window::new(params.window, size),
+            fine: (params.method == Method::SplineFft).then(|| FineSearch::new(&window, points)),
+            peak_fit: true,
+            window,
             search: Search::new(size as usize, params.search_px as usize),
             params: params.clone(),
             width_px,
@@ -120,6 +130,13 @@ impl Correlator {
             pool: Pool::default(),
             median_test: MedianTest::default(),
         })
+    }
+
+    /// Leaves the fit of the correlation peak out of `spline-fft`: the answer is its highest grid point.
+    ///
+    /// For studies of what that does; not for measurements.
+    pub fn without_peak_fit(self) -> Self {
+        Self { peak_fit: false, ..self }
     }
 
     /// The parameters it was planned with.
@@ -184,12 +201,15 @@ impl Correlator {
     /// Finds one subset.
     fn solve(&mut self, reference: &Prepared, target: &Prepared, point: GridPoint, start: Start) -> Solution {
         let at = (point.x, point.y);
-        match self.subset.fill(reference, &self.window, self.params.shape, at) {
+        match self.subset.fill(reference, &self.window, self.shape(), at) {
             Err(Unusable::OutOfFrame) => return Solution::failed(PointStatus::OutOfFrame),
             Err(Unusable::LowContrast) => return Solution::failed(PointStatus::LowContrast),
             Ok(()) => {}
         }
-        let guess = start.warp(point, self.params.shape);
+        let guess = start.warp(point, self.shape());
+        if self.params.method != Method::IcGn {
+            return self.solve_peak((reference, target), at, guess.as_ref());
+        }
         if let Some(warp) = guess
             && let Ok(found) = self.refiner(target, at).refine(warp)
             && found.zncc >= self.params.min_zncc
@@ -224,6 +244,51 @@ impl Correlator {
         own.is_some_and(|own| own.second.is_some_and(|second| second.height > RIVAL_HEIGHT * own.best.height))
     }
 
+    /// The deformation allowed; correlation peaks know shifts only.
+    fn shape(&self) -> Shape {
+        if self.params.method == Method::IcGn { self.params.shape } else { Shape::Translation }
+    }
+
+    /// Finds one subset by a correlation peak alone.
+    fn solve_peak(
+        &mut self,
+        (reference, target): (&Prepared, &Prepared),
+        at: (u32, u32),
+        guess: Option<&Warp>,
+    ) -> Solution {
+        let around = guess.map_or((0, 0), |warp| (warp.u.round() as i32, warp.v.round() as i32));
+        let Some(peaks) = self.search.find(&self.subset, &self.window, &target.levels, at, around) else {
+            return Solution::failed(PointStatus::OutOfFrame);
+        };
+        let displacement = match (self.params.method, &mut self.fine) {
+            (Method::SplineFft, Some(fine)) => {
+                let near = peaks.whole();
+                fine.find((&reference.coefficients, &target.coefficients), &self.window, at, near, self.peak_fit)
+            }
+            (Method::PeakSpline, _) => Some(peaks.offset(self.search.spline_top(&peaks))),
+            _ => Some(peaks.offset(self.search.gaussian_top(&peaks))),
+        };
+        let Some((u, v)) = displacement else { return Solution::failed(PointStatus::LowContrast) };
+        let ratio = peaks.ratio();
+        let warp = Warp::shift(u, v);
+        // One step of the refinement, not taken, tells how far off the peak is.
+        match self.refiner(target, at).step(&warp) {
+            Err(lost) => self.settle(Err(lost), &peaks, ratio),
+            Ok((_, zncc)) if zncc < self.params.min_zncc => {
+                let found = Match { warp, zncc, iterations: 0 };
+                Solution { found: Some(found), peak_ratio: ratio, ..Solution::failed(self.unlike()) }
+            }
+            Ok((step, zncc)) => {
+                let solution = self.judge(Match { warp, zncc, iterations: 0 }, ratio);
+                let doubt = (step.u * step.u, step.v * step.v);
+                let alike = peaks.second.is_some_and(|second| second.height > RIVAL_HEIGHT * peaks.best.height);
+                let repeated = peaks.clipped && self.repeats_itself(reference, at);
+                let status = if alike || repeated { PointStatus::Ambiguous } else { solution.status };
+                Solution { doubt, ..solution }.with_status(status)
+            }
+        }
+    }
+
     /// Whole-pixel displacement to search around: zero, or the guess where it is out of range of zero.
     fn search_center(&self, warp: &Warp) -> (i32, i32) {
         let range = f64::from(self.params.search_px);
@@ -235,13 +300,7 @@ impl Correlator {
     }
 
     fn refiner<'a>(&'a self, target: &'a Prepared, at: (u32, u32)) -> Refiner<'a> {
-        Refiner {
-            subset: &self.subset,
-            window: &self.window,
-            shape: self.params.shape,
-            target: &target.coefficients,
-            at,
-        }
+        Refiner { subset: &self.subset, window: &self.window, shape: self.shape(), target: &target.coefficients, at }
     }
 
     /// Refines one peak.
@@ -302,7 +361,7 @@ impl Correlator {
     /// A good match: its residual, and whether the texture supports it in both directions.
     fn judge(&self, found: Match, peak_ratio: Option<f64>) -> Solution {
         let subset = &self.subset;
-        let (pixels, parameters) = (self.window.pixels as f64, self.params.shape.parameters());
+        let (pixels, parameters) = (self.window.pixels as f64, self.shape().parameters());
         let free = (pixels - parameters as f64 - 2.0).max(1.0);
         let residual = 2.0 * subset.energy * (1.0 - found.zncc) / free;
         let noise = NOISE_GRADIENT * 0.5 * residual.max(super::sigma::ROUNDING);
@@ -314,6 +373,7 @@ impl Correlator {
             peak_ratio,
             residual,
             inverse: (subset.inverse[0][0], subset.inverse[along_v][along_v]),
+            doubt: (0.0, 0.0),
         }
     }
 
@@ -329,7 +389,7 @@ impl Correlator {
             };
             seen += 1;
             let at = (point.x, point.y);
-            if (seen - 1) % every != 0 || self.subset.fill(reference, &self.window, self.params.shape, at).is_err() {
+            if (seen - 1) % every != 0 || self.subset.fill(reference, &self.window, self.shape(), at).is_err() {
                 continue;
             }
             let mut residual = std::mem::take(&mut self.residual);
@@ -354,8 +414,8 @@ impl Correlator {
                 displacement: valid.map(|found| Displacement {
                     u_px: found.warp.u as f32,
                     v_px: found.warp.v as f32,
-                    sigma_u_px: variance_u.sqrt() as f32,
-                    sigma_v_px: variance_v.sqrt() as f32,
+                    sigma_u_px: (variance_u + solution.doubt.0).sqrt() as f32,
+                    sigma_v_px: (variance_v + solution.doubt.1).sqrt() as f32,
                 }),
                 zncc: solution.found.map(|found| found.zncc as f32),
                 peak_ratio: solution.peak_ratio.map(|ratio| ratio as f32),
@@ -407,10 +467,7 @@ impl CorrelationParams {
         if !(0.0..=1.0).contains(&self.min_zncc) {
             return refuse("min_zncc", self.min_zncc.to_string(), "0 to 1");
         }
-        if self.method != Method::IcGn {
-            return refuse("method", format!("{:?}", self.method), "ic-gn");
-        }
-        if self.shape == Shape::Quadratic {
+        if self.method == Method::IcGn && self.shape == Shape::Quadratic {
             return refuse("shape", "quadratic".to_owned(), "translation, rigid or affine");
         }
         Ok(())

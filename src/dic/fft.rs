@@ -6,13 +6,11 @@
 //! divides each shift's correlation by the contrast of what it covers, so that no
 //! shift is favoured for its overlap.
 
-use multiversion::multiversion;
-
-use super::lanes::LANES;
+use super::correlation::{Contrast, Correlation, Shifts};
 use super::peak::{Peak, Surface};
 use super::plane::Plane;
 use super::subset::Subset;
-use super::transform::{Complex, Transform, fast_size};
+use super::transform::fast_size;
 use super::window::Window;
 
 /// What a search found.
@@ -34,6 +32,17 @@ impl Found {
         self.second.map(|second| self.best.height / second.height)
     }
 
+    /// Whole-pixel displacement of the highest peak.
+    pub(super) fn whole(&self) -> (i32, i32) {
+        (self.best.column as i32 + self.origin.0, self.best.row as i32 + self.origin.1)
+    }
+
+    /// Displacement at an offset from the highest sample, px.
+    pub(super) fn offset(&self, (dx, dy): (f64, f64)) -> (f64, f64) {
+        let (u, v) = self.whole();
+        (f64::from(u) + dx, f64::from(v) + dy)
+    }
+
     /// Displacement at the top of a peak, px.
     pub(super) fn displacement(&self, peak: &Peak) -> (f64, f64) {
         let (column, row) = (peak.column as i32 + self.origin.0, peak.row as i32 + self.origin.1);
@@ -41,90 +50,15 @@ impl Found {
     }
 }
 
-/// Plan and memory for correlations of one size.
-struct Correlation {
-    transform: Transform,
-    data: Complex,
-    product: Complex,
-}
-
-impl Correlation {
-    fn new(size: usize) -> Self {
-        let transform = Transform::new(size);
-        Self { data: transform.memory(), product: transform.memory(), transform }
-    }
-
-    /// The subset into the imaginary part, its square's corner at the origin.
-    fn load_subset(&mut self, subset: &Subset, window: &Window) {
-        let (stride, half) = (self.transform.stride(), window.half as i32);
-        self.data.im.fill(0.0);
-        for block in &window.blocks {
-            let x = (half + block.dx) as usize;
-            let last = LANES.min(2 * window.half as usize + 1 - x);
-            for row in 0..block.rows {
-                let first = (half + block.dy + row as i32) as usize * stride + x;
-                let levels = &subset.levels[block.start + row].0[..last];
-                self.data.im[first..first + last].copy_from_slice(levels);
-            }
-        }
-    }
-
-    /// Target pixels into the real part, with zeros around.
-    fn load_area(&mut self, target: &Plane, corner: (isize, isize), (columns, rows): (usize, usize), mean: f32) {
-        let stride = self.transform.stride();
-        for (y, line) in self.data.re.chunks_exact_mut(stride).enumerate() {
-            let (inside, outside) = line.split_at_mut(if y < rows { columns } else { 0 });
-            if y < rows {
-                let first = target.index(corner.0, corner.1 + y as isize);
-                let row = &target.data()[first..first + columns];
-                inside.iter_mut().zip(row).for_each(|(value, level)| *value = level - mean);
-            }
-            outside.fill(0.0);
-        }
-    }
-
-    /// Cross-correlation of the area with the subset, into the real part of `data`.
-    fn run(&mut self) {
-        self.transform.forward(&mut self.data);
-        multiply(&self.data, &mut self.product, self.transform.size(), self.transform.stride());
-        std::mem::swap(&mut self.data, &mut self.product);
-        self.transform.inverse(&mut self.data);
-    }
-}
-
-/// Spectrum of the cross-correlation of two real images that were transformed as one complex image.
-#[multiversion(targets("x86_64+avx512f+avx512bw+avx512dq+avx512vl", "x86_64+avx2"))]
-fn multiply(data: &Complex, out: &mut Complex, size: usize, stride: usize) {
-    for y in 0..size {
-        let (here, there) = (y * stride, (size - y) % size * stride);
-        let (a, b) = (&data.re[here..here + size], &data.im[here..here + size]);
-        let (c, d) = (&data.re[there..there + size], &data.im[there..there + size]);
-        let (re, im) = (&mut out.re[here..here + size], &mut out.im[here..here + size]);
-        (re[0], im[0]) = product_of(a[0], b[0], c[0], d[0]);
-        let opposite = c[1..].iter().rev().zip(d[1..].iter().rev());
-        let outputs = re[1..].iter_mut().zip(&mut im[1..]);
-        for (((re, im), (a, b)), (c, d)) in outputs.zip(a[1..].iter().zip(&b[1..])).zip(opposite) {
-            (*re, *im) = product_of(*a, *b, *c, *d);
-        }
-    }
-}
-
-/// Area times conjugate subset, from the packed values at a frequency (a, b) and at its opposite (c, d).
-#[inline(always)]
-fn product_of(a: f32, b: f32, c: f32, d: f32) -> (f32, f32) {
-    let (area_re, area_im, subset_re, subset_im) = (a + c, b - d, b + d, a - c);
-    (0.25 * (area_re * subset_re - area_im * subset_im), 0.25 * (area_re * subset_im + area_im * subset_re))
-}
-
 /// Plans and memory for searches of one size of subset.
 pub(super) struct Search {
     range: usize,
     quick: Correlation,
     full: Correlation,
-    /// Running sums of the target area and of its square, one more each way.
-    sums: Vec<f64>,
-    squares: Vec<f64>,
+    contrast: Contrast,
     surface: Vec<f32>,
+    /// Columns and rows of the last full search's surface.
+    shifts: (usize, usize),
     candidates: Vec<f32>,
 }
 
@@ -138,9 +72,9 @@ impl Search {
             range: range_px,
             quick: Correlation::new(quick),
             full: Correlation::new(fast_size(area)),
-            sums: vec![0.0; (area + 1) * (area + 1)],
-            squares: vec![0.0; (area + 1) * (area + 1)],
+            contrast: Contrast::new(area),
             surface: vec![0.0; count * count],
+            shifts: (0, 0),
             candidates: vec![0.0; count],
         }
     }
@@ -179,6 +113,21 @@ impl Search {
         Some(Found { best: surface.top(highest.0, highest.1), second, origin, clipped: false })
     }
 
+    /// Top of the highest peak of the last [`Self::find`] by a Gaussian through three samples each way, px.
+    pub(super) fn gaussian_top(&self, found: &Found) -> (f64, f64) {
+        self.last_surface().gaussian(found.best.column, found.best.row)
+    }
+
+    /// Top of the highest peak of the last [`Self::find`] on a spline through the surface, px.
+    pub(super) fn spline_top(&self, found: &Found) -> (f64, f64) {
+        self.last_surface().spline(found.best.column, found.best.row)
+    }
+
+    fn last_surface(&self) -> Surface<'_> {
+        let (columns, rows) = self.shifts;
+        Surface { data: &self.surface[..columns * rows], columns }
+    }
+
     /// Looks for `subset`, centred at `at` in the reference, around `at + around` in the target.
     ///
     /// `None` when no shift keeps the subset in the target.
@@ -201,63 +150,22 @@ impl Search {
         let (top, bottom) = shifts(center.1, target.height())?;
         let corner = ((left - half) as isize, (top - half) as isize);
         let (columns, rows) = ((right - left + 1) as usize, (bottom - top + 1) as usize);
+        self.shifts = (columns, rows);
         let edge = 2 * window.half as usize;
         let area = (columns + edge, rows + edge);
         self.full.load_subset(subset, window);
         self.full.load_area(target, corner, area, subset.mean);
-        self.add_up(area);
+        self.contrast.add_up(&self.full, area);
         self.full.run();
-        self.normalise(subset, window, (columns, rows));
+        let square = ((edge + 1) * (edge + 1)) as f64 / window.pixels as f64;
+        let shape = Shifts { side: edge + 1, columns, rows };
+        self.contrast.normalise(&self.full, &shape, (subset.energy, square), &mut self.surface);
         let surface = Surface { data: &self.surface[..columns * rows], columns };
         let highest = surface.highest()?;
         let origin = ((left - i64::from(at.0)) as i32, (top - i64::from(at.1)) as i32);
         let clipped = columns.min(rows) < 2 * self.range + 1;
         let second = surface.second(highest, &mut self.candidates);
         Some(Found { best: surface.top(highest.0, highest.1), second, origin, clipped })
-    }
-
-    /// Running sums of the area that was loaded.
-    fn add_up(&mut self, area: (usize, usize)) {
-        let (line_length, stride) = (self.full.transform.stride(), area.0 + 1);
-        self.sums[..stride].fill(0.0);
-        self.squares[..stride].fill(0.0);
-        for y in 0..area.1 {
-            let (mut sum, mut square) = (0.0_f64, 0.0_f64);
-            let line = (y + 1) * stride;
-            self.sums[line] = 0.0;
-            self.squares[line] = 0.0;
-            for x in 0..area.0 {
-                let level = f64::from(self.full.data.re[y * line_length + x]);
-                sum += level;
-                square += level * level;
-                self.sums[line + x + 1] = self.sums[line - stride + x + 1] + sum;
-                self.squares[line + x + 1] = self.squares[line - stride + x + 1] + square;
-            }
-        }
-    }
-
-    /// Divides each shift's correlation by the contrast of what it covers.
-    fn normalise(&mut self, subset: &Subset, window: &Window, (columns, rows): (usize, usize)) {
-        let side = 2 * window.half as usize + 1;
-        let (size, line_length) = (self.full.transform.size(), self.full.transform.stride());
-        let stride = columns + side;
-        let pixels = (side * side) as f64;
-        // A round subset is judged by the contrast of its square.
-        let scale = pixels / window.pixels as f64 / (size * size) as f64;
-        let energy = subset.energy * pixels / window.pixels as f64;
-        for y in 0..rows {
-            for x in 0..columns {
-                let over = |sums: &[f64]| {
-                    sums[(y + side) * stride + x + side] - sums[y * stride + x + side] - sums[(y + side) * stride + x]
-                        + sums[y * stride + x]
-                };
-                let sum = over(&self.sums);
-                let contrast = over(&self.squares) - sum * sum / pixels;
-                let product = f64::from(self.full.data.re[y * line_length + x]) * scale;
-                self.surface[y * columns + x] =
-                    if contrast > 0.01 * pixels { (product / (contrast * energy).sqrt()) as f32 } else { 0.0 };
-            }
-        }
     }
 }
 
@@ -309,9 +217,7 @@ mod tests {
             data.re.fill(f32::NAN);
             data.im.fill(f32::NAN);
         }
-        for sums in [&mut search.sums, &mut search.squares] {
-            sums.fill(f64::NAN);
-        }
+        search.contrast.spoil();
         let mut subset = Subset::default();
         let at = (44, 40);
         subset.fill(&f, &window, Shape::Translation, at).unwrap();

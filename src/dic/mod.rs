@@ -7,9 +7,11 @@
 
 mod angle;
 mod body;
+mod correlation;
 mod correlator;
 mod error;
 mod fft;
+mod fine;
 pub mod grid;
 mod lanes;
 mod params;
@@ -35,6 +37,8 @@ mod zncc;
 mod accuracy;
 #[cfg(test)]
 mod hostile;
+#[cfg(test)]
+mod methods;
 #[cfg(test)]
 mod speckle;
 

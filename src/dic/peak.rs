@@ -3,6 +3,11 @@
 use multiversion::multiversion;
 
 use super::lanes::LANES;
+use super::plane::Plane;
+use super::spline::{prefilter, sample_inside};
+
+/// How far around a peak the surface is splined, samples.
+const REACH: usize = 6;
 
 /// The top of a peak between the samples.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -54,6 +59,55 @@ impl Surface<'_> {
             Some((dx, dy, top)) => Peak { dx, dy, height: top.exp(), ..plain },
             None => plain,
         }
+    }
+
+    /// Offset of the top by a Gaussian through the highest sample and its neighbours along each axis.
+    ///
+    /// C. E. Willert, M. Gharib, Exp. Fluids 10 (1991) 181, <https://doi.org/10.1007/BF00190388>.
+    pub(super) fn gaussian(&self, column: usize, row: usize) -> (f64, f64) {
+        let Some(patch) = self.patch(column, row).filter(|patch| patch.iter().all(|value| *value > 0.0)) else {
+            return (0.0, 0.0);
+        };
+        let log = patch.map(|value| f64::from(value).ln());
+        let top = |low: f64, middle: f64, high: f64| {
+            let curvature = low - 2.0 * middle + high;
+            if curvature < 0.0 { (0.5 * (low - high) / curvature).clamp(-1.0, 1.0) } else { 0.0 }
+        };
+        (top(log[3], log[4], log[5]), top(log[1], log[4], log[7]))
+    }
+
+    /// Offset of the top on a spline through the samples around the highest one.
+    pub(super) fn spline(&self, column: usize, row: usize) -> (f64, f64) {
+        if self.patch(column, row).is_none() {
+            return (0.0, 0.0);
+        }
+        let (left, top) = (column.saturating_sub(REACH), row.saturating_sub(REACH));
+        let (right, bottom) = ((column + REACH).min(self.columns - 1), (row + REACH).min(self.rows() - 1));
+        let mut samples = Plane::default();
+        samples.reshape(right - left + 1, bottom - top + 1);
+        for y in top..=bottom {
+            let line = &self.data[y * self.columns + left..=y * self.columns + right];
+            samples.row_mut(y - top).iter_mut().zip(line).for_each(|(value, sample)| *value = sample.max(-1.0));
+        }
+        samples.mirror_margin();
+        let mut coefficients = samples.clone();
+        prefilter(&samples, &mut coefficients);
+        let (x, y) = ((column - left) as f64, (row - top) as f64);
+        let (mut dx, mut dy) = (0.0, 0.0);
+        // Ever smaller paraboloids through the spline; where one has no top, on to its highest point.
+        for step in [0.5, 0.4, 0.15, 0.04] {
+            let place = |k: usize, offset: f64| offset + step * (k as f64 - 1.0);
+            let value = |k: usize| sample_inside(&coefficients, x + place(k % 3, dx), y + place(k / 3, dy));
+            let values: [f64; 9] = std::array::from_fn(|k| f64::from(value(k)));
+            let highest = (0..9).fold(4, |best, k| if values[k] > values[best] { k } else { best });
+            let (sx, sy) = match paraboloid(&values) {
+                Some((sx, sy, _)) => (sx, sy),
+                None => ((highest % 3) as f64 - 1.0, (highest / 3) as f64 - 1.0),
+            };
+            dx = (dx + step * sx).clamp(-1.0, 1.0);
+            dy = (dy + step * sy).clamp(-1.0, 1.0);
+        }
+        (dx, dy)
     }
 
     /// The highest sample; the first of equal ones. `None` when all are missing.

@@ -84,7 +84,7 @@ impl Refiner<'_> {
     }
 
     /// The step that the reference should take towards the target at `warp`, and the ZNCC there.
-    fn step(&self, warp: &Warp) -> Result<(Warp, f64), Lost> {
+    pub(super) fn step(&self, warp: &Warp) -> Result<(Warp, f64), Lost> {
         let subset = self.subset;
         let sums = self.pass(warp)?;
         let pixels = self.window.pixels as f64;
