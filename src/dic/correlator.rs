@@ -190,7 +190,10 @@ impl Correlator {
         }
         self.solutions.clear();
         for point in points {
-            let solution = self.solve(reference, target, *point, start);
+            let mut solution = self.solve(reference, target, *point, start);
+            if self.shape() == Shape::Quadratic && solution.status == PointStatus::Valid {
+                solution = self.bend(target, (point.x, point.y), solution);
+            }
             self.solutions.push(solution);
         }
         self.pool_residuals(reference, target, points);
@@ -275,17 +278,30 @@ impl Correlator {
         match self.refiner(target, at).step(&warp) {
             Err(lost) => self.settle(Err(lost), &peaks, ratio),
             Ok((_, zncc)) if zncc < self.params.min_zncc => {
-                let found = Match { warp, zncc, iterations: 0 };
+                let found = Match { warp, second: [[0.0; 3]; 2], zncc, iterations: 0 };
                 Solution { found: Some(found), peak_ratio: ratio, ..Solution::failed(self.unlike()) }
             }
             Ok((step, zncc)) => {
-                let solution = self.judge(Match { warp, zncc, iterations: 0 }, ratio);
+                let solution = self.judge(Match { warp, second: [[0.0; 3]; 2], zncc, iterations: 0 }, ratio);
                 let doubt = (step.u * step.u, step.v * step.v);
                 let alike = peaks.second.is_some_and(|second| second.height > RIVAL_HEIGHT * peaks.best.height);
                 let repeated = peaks.clipped && self.repeats_itself(reference, at);
                 let status = if alike || repeated { PointStatus::Ambiguous } else { solution.status };
                 Solution { doubt, ..solution }.with_status(status)
             }
+        }
+    }
+
+    /// The second-order answer from a valid first-order one.
+    fn bend(&self, target: &Prepared, at: (u32, u32), solution: Solution) -> Solution {
+        let Some(found) = solution.found else { return solution };
+        match self.refiner(target, at).refine_quadratic(&found) {
+            Ok(bent) if bent.found.zncc >= self.params.min_zncc => {
+                let judged = self.judge(bent.found, solution.peak_ratio);
+                Solution { inverse: bent.inverse, ..judged }
+            }
+            Ok(_) | Err(Lost::NotConverged) => solution.without_answer(PointStatus::LowCorrelation),
+            Err(Lost::OutOfFrame) => solution.without_answer(PointStatus::OutOfFrame),
         }
     }
 
@@ -366,7 +382,7 @@ impl Correlator {
         let residual = 2.0 * subset.energy * (1.0 - found.zncc) / free;
         let noise = NOISE_GRADIENT * 0.5 * residual.max(super::sigma::ROUNDING);
         let stripe = subset.isotropy < STRIPE && subset.weak_gradient < 2.0 * noise;
-        let along_v = if parameters == 6 { 3 } else { 1 };
+        let along_v = if parameters >= 6 { 3 } else { 1 };
         Solution {
             status: if stripe { PointStatus::LowContrast } else { PointStatus::Valid },
             found: Some(found),
@@ -393,7 +409,10 @@ impl Correlator {
                 continue;
             }
             let mut residual = std::mem::take(&mut self.residual);
-            self.refiner(target, at).residual(&found.warp, &mut residual);
+            match self.shape() {
+                Shape::Quadratic => self.refiner(target, at).quadratic_residual(&found, &mut residual),
+                _ => self.refiner(target, at).residual(&found.warp, &mut residual),
+            }
             if !residual.is_empty() {
                 self.pool.add(&self.subset, &self.window, &residual);
             }
@@ -426,6 +445,10 @@ impl Correlator {
 }
 
 impl Solution {
+    fn without_answer(self, status: PointStatus) -> Self {
+        Self { found: None, status, ..self }
+    }
+
     fn with_status(self, status: PointStatus) -> Self {
         Self { status, ..self }
     }
@@ -440,48 +463,5 @@ impl Start {
         let (x, y) = turn.apply(dx, dy);
         let (u, v) = (x - dx, y - dy);
         Some(if shape == Shape::Translation { Warp::shift(u, v) } else { Warp { u, v, ..turn } })
-    }
-}
-
-impl CorrelationParams {
-    /// Refuses parameters out of range.
-    fn check(&self) -> Result<(), CorrelationError> {
-        let refuse = |key: &'static str, value: String, range: &str| {
-            Err(CorrelationError::Parameter { key, value, range: range.to_owned() })
-        };
-        if !(9..=255).contains(&self.subset_size_px) || self.subset_size_px.is_multiple_of(2) {
-            return refuse("subset_size_px", self.subset_size_px.to_string(), "odd, 9 to 255");
-        }
-        if !(1..=255).contains(&self.step_px) {
-            return refuse("step_px", self.step_px.to_string(), "1 to 255");
-        }
-        if !(1..=1024).contains(&self.search_px) {
-            return refuse("search_px", self.search_px.to_string(), "1 to 1024");
-        }
-        if self.spline_points > 20 {
-            return refuse("spline_points", self.spline_points.to_string(), "0 to 20");
-        }
-        if self.interval_frames < 1 {
-            return refuse("interval_frames", self.interval_frames.to_string(), "1 or more");
-        }
-        if !(0.0..=1.0).contains(&self.min_zncc) {
-            return refuse("min_zncc", self.min_zncc.to_string(), "0 to 1");
-        }
-        if self.method == Method::IcGn && self.shape == Shape::Quadratic {
-            return refuse("shape", "quadratic".to_owned(), "translation, rigid or affine");
-        }
-        Ok(())
-    }
-}
-
-impl Shape {
-    /// How many parameters it has.
-    fn parameters(self) -> usize {
-        match self {
-            Self::Translation => 2,
-            Self::Rigid => 3,
-            Self::Affine => 6,
-            Self::Quadratic => 12,
-        }
     }
 }

@@ -18,6 +18,7 @@ mod params;
 mod peak;
 mod plane;
 mod prepared;
+mod quadratic;
 mod refine;
 mod region;
 mod rigid_fit;

@@ -11,6 +11,7 @@
 use super::Shape;
 use super::lanes::Lanes;
 use super::plane::Plane;
+use super::quadratic::Second;
 use super::sample::{ShiftedColumn, sample_lanes};
 use super::subset::{Subset, project};
 use super::vector::{Portable, Vector, vectorized};
@@ -37,6 +38,8 @@ pub(super) enum Lost {
 pub(super) struct Match {
     /// The warp from reference to target.
     pub(super) warp: Warp,
+    /// Its second-order part.
+    pub(super) second: Second,
     /// Zero-mean normalised cross-correlation there.
     pub(super) zncc: f64,
     /// Iterations taken.
@@ -77,7 +80,7 @@ impl Refiner<'_> {
             }
             warp = warp.after_inverse(&step).ok_or(Lost::NotConverged)?;
             if length < TOLERANCE_PX {
-                return Ok(Match { warp, zncc, iterations });
+                return Ok(Match { warp, second: [[0.0; 3]; 2], zncc, iterations });
             }
         }
         Err(Lost::NotConverged)

@@ -7,8 +7,6 @@
 //! Self-sorting decimation in frequency (T. G. Stockham, AFIPS Proc. 28 (1966) 229,
 //! <https://doi.org/10.1145/1464182.1464209>) with radices 4, 2, 3 and 5.
 
-use multiversion::multiversion;
-
 use super::lanes::LANES;
 use super::vector::{Vector, vectorized};
 
@@ -18,6 +16,9 @@ pub(super) struct Complex {
     pub(super) re: Vec<f32>,
     pub(super) im: Vec<f32>,
 }
+
+/// Eight numbers in memory.
+type Eight = [f32; LANES];
 
 impl Complex {
     /// Zeros.
@@ -127,12 +128,13 @@ vectorized! {
 #[inline(always)]
 fn columns_with<V: Vector>(stages: &[Stage], stride: usize, data: &mut Complex, spare: &mut Complex) {
     for stage in stages {
-        let length = stage.span * stride;
+        let length = stage.span * stride / LANES;
+        let (re, im) = (data.re.as_chunks().0, data.im.as_chunks().0);
+        let (re_out, im_out) = (spare.re.as_chunks_mut().0, spare.im.as_chunks_mut().0);
         for group in 0..stage.groups {
-            let from = group * length..;
-            let inputs = (&data.re[from.clone()], &data.im[from]);
+            let inputs = (&re[group * length..], &im[group * length..]);
             let to = stage.radix * group * length..stage.radix * (group + 1) * length;
-            let outputs = (&mut spare.re[to.clone()], &mut spare.im[to]);
+            let outputs = (&mut re_out[to.clone()], &mut im_out[to]);
             let factors = &stage.factors[group * (stage.radix - 1)..(group + 1) * (stage.radix - 1)];
             let step = stage.groups * length;
             match stage.radix {
@@ -151,14 +153,14 @@ struct Point<V>(V, V);
 
 impl<V: Vector> Point<V> {
     #[inline(always)]
-    fn load(from: (&[f32], &[f32]), at: usize) -> Self {
-        Self(V::load(&from.0[at..]), V::load(&from.1[at..]))
+    fn load(re: &Eight, im: &Eight) -> Self {
+        Self(V::from_eight(re), V::from_eight(im))
     }
 
     #[inline(always)]
-    fn store(self, to: &mut (&mut [f32], &mut [f32]), at: usize) {
-        self.0.store(&mut to.0[at..]);
-        self.1.store(&mut to.1[at..]);
+    fn store(self, re: &mut Eight, im: &mut Eight) {
+        *re = self.0.to_lanes().0;
+        *im = self.1.to_lanes().0;
     }
 
     #[inline(always)]
@@ -182,47 +184,62 @@ impl<V: Vector> Point<V> {
 /// Radix 4: inputs `step` apart, outputs `length` apart.
 #[inline(always)]
 fn butterfly_4<V: Vector>(
-    inputs: (&[f32], &[f32]),
+    (re, im): (&[Eight], &[Eight]),
     step: usize,
-    mut outputs: (&mut [f32], &mut [f32]),
+    (re_out, im_out): (&mut [Eight], &mut [Eight]),
     length: usize,
     factors: &[(f32, f32)],
 ) {
-    for i in (0..length).step_by(LANES) {
-        let (x0, x1) = (Point::<V>::load(inputs, i), Point::<V>::load(inputs, step + i));
-        let (x2, x3) = (Point::<V>::load(inputs, 2 * step + i), Point::<V>::load(inputs, 3 * step + i));
-        let (a, b, c, d) = (x0.add(x2), x0.sub(x2), x1.add(x3), x1.sub(x3));
+    let [x0, x1, x2, x3] = [0, 1, 2, 3].map(|k| &re[k * step..k * step + length]);
+    let [y0, y1, y2, y3] = [0, 1, 2, 3].map(|k| &im[k * step..k * step + length]);
+    let (re_0, rest) = re_out.split_at_mut(length);
+    let (re_1, rest) = rest.split_at_mut(length);
+    let (re_2, re_3) = rest.split_at_mut(length);
+    let (im_0, rest) = im_out.split_at_mut(length);
+    let (im_1, rest) = rest.split_at_mut(length);
+    let (im_2, im_3) = rest.split_at_mut(length);
+    let (re_3, im_3) = (&mut re_3[..length], &mut im_3[..length]);
+    let [f1, f2, f3] = [factors[0], factors[1], factors[2]];
+    for i in 0..length {
+        let (p0, p1) = (Point::<V>::load(&x0[i], &y0[i]), Point::<V>::load(&x1[i], &y1[i]));
+        let (p2, p3) = (Point::<V>::load(&x2[i], &y2[i]), Point::<V>::load(&x3[i], &y3[i]));
+        let (a, b, c, d) = (p0.add(p2), p0.sub(p2), p1.add(p3), p1.sub(p3));
         // d times -i.
         let d = Point(d.1, V::splat(0.0).sub(d.0));
-        a.add(c).store(&mut outputs, i);
-        b.add(d).turn(factors[0]).store(&mut outputs, length + i);
-        a.sub(c).turn(factors[1]).store(&mut outputs, 2 * length + i);
-        b.sub(d).turn(factors[2]).store(&mut outputs, 3 * length + i);
+        a.add(c).store(&mut re_0[i], &mut im_0[i]);
+        b.add(d).turn(f1).store(&mut re_1[i], &mut im_1[i]);
+        a.sub(c).turn(f2).store(&mut re_2[i], &mut im_2[i]);
+        b.sub(d).turn(f3).store(&mut re_3[i], &mut im_3[i]);
     }
 }
 
 /// Radix 2.
 #[inline(always)]
 fn butterfly_2<V: Vector>(
-    inputs: (&[f32], &[f32]),
+    (re, im): (&[Eight], &[Eight]),
     step: usize,
-    mut outputs: (&mut [f32], &mut [f32]),
+    (re_out, im_out): (&mut [Eight], &mut [Eight]),
     length: usize,
     factors: &[(f32, f32)],
 ) {
-    for i in (0..length).step_by(LANES) {
-        let (a, b) = (Point::<V>::load(inputs, i), Point::<V>::load(inputs, step + i));
-        a.add(b).store(&mut outputs, i);
-        a.sub(b).turn(factors[0]).store(&mut outputs, length + i);
+    let [x0, x1] = [0, 1].map(|k| &re[k * step..k * step + length]);
+    let [y0, y1] = [0, 1].map(|k| &im[k * step..k * step + length]);
+    let (re_0, re_1) = re_out.split_at_mut(length);
+    let (im_0, im_1) = im_out.split_at_mut(length);
+    let (re_1, im_1) = (&mut re_1[..length], &mut im_1[..length]);
+    for i in 0..length {
+        let (a, b) = (Point::<V>::load(&x0[i], &y0[i]), Point::<V>::load(&x1[i], &y1[i]));
+        a.add(b).store(&mut re_0[i], &mut im_0[i]);
+        a.sub(b).turn(factors[0]).store(&mut re_1[i], &mut im_1[i]);
     }
 }
 
 /// Any radix, as the plain sum: for 3 and 5.
 #[inline(always)]
 fn butterfly_any<V: Vector>(
-    inputs: (&[f32], &[f32]),
+    (re, im): (&[Eight], &[Eight]),
     step: usize,
-    mut outputs: (&mut [f32], &mut [f32]),
+    (re_out, im_out): (&mut [Eight], &mut [Eight]),
     length: usize,
     (radix, factors): (usize, &[(f32, f32)]),
 ) {
@@ -235,31 +252,35 @@ fn butterfly_any<V: Vector>(
             *turn = (cos * re - sin * im, cos * im + sin * re);
         }
     }
-    for i in (0..length).step_by(LANES) {
+    for i in 0..length {
         for (output, line) in turns.iter().enumerate().take(radix) {
             let mut sum = Point(V::splat(0.0), V::splat(0.0));
             for (k, turn) in line.iter().enumerate().take(radix) {
-                sum = sum.add(Point::<V>::load(inputs, k * step + i).turn(*turn));
+                sum = sum.add(Point::<V>::load(&re[k * step + i], &im[k * step + i]).turn(*turn));
             }
-            sum.store(&mut outputs, output * length + i);
+            sum.store(&mut re_out[output * length + i], &mut im_out[output * length + i]);
         }
     }
 }
 
-/// Rows to columns, in blocks of 8 x 8; clears what lies past the columns.
-#[multiversion(targets("x86_64+avx512f+avx512bw+avx512dq+avx512vl", "x86_64+avx2"))]
-fn transpose(from: &[f32], to: &mut [f32], stride: usize, size: usize) {
+vectorized! {
+    /// Rows to columns, in blocks of 8 x 8; clears what lies past the columns.
+    fn transpose(from: &[f32], to: &mut [f32], stride: usize, size: usize) = transpose_with
+}
+
+#[inline(always)]
+fn transpose_with<V: Vector>(from: &[f32], to: &mut [f32], stride: usize, size: usize) {
+    let zero = V::splat(0.0);
     for block_y in (0..size).step_by(LANES) {
+        let rows = LANES.min(size - block_y);
         for block_x in (0..size).step_by(LANES) {
-            let mut block = [[0.0_f32; LANES]; LANES];
-            for (row, line) in block.iter_mut().enumerate().take(size - block_y) {
-                line.copy_from_slice(&from[(block_y + row) * stride + block_x..][..LANES]);
+            let mut block = [zero; LANES];
+            for (row, line) in block.iter_mut().enumerate().take(rows) {
+                *line = V::load(&from[(block_y + row) * stride + block_x..]);
             }
-            for column in 0..LANES.min(size - block_x) {
-                let target = &mut to[(block_x + column) * stride + block_y..][..LANES];
-                for (value, line) in target.iter_mut().zip(&block) {
-                    *value = line[column];
-                }
+            let turned = V::transpose(block);
+            for (column, line) in turned.into_iter().enumerate().take(size - block_x) {
+                line.store(&mut to[(block_x + column) * stride + block_y..]);
             }
         }
     }

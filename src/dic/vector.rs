@@ -16,6 +16,10 @@ pub(super) trait Vector: Copy {
     fn store(self, values: &mut [f32]);
     /// From memory.
     fn from_lanes(lanes: &Lanes) -> Self;
+    /// From memory.
+    fn from_eight(values: &[f32; LANES]) -> Self;
+    /// Rows to columns of eight times eight numbers.
+    fn transpose(rows: [Self; LANES]) -> [Self; LANES];
     /// To memory.
     fn to_lanes(self) -> Lanes;
     /// Sum.
@@ -68,6 +72,22 @@ impl Vector for Portable {
     #[inline(always)]
     fn from_lanes(lanes: &Lanes) -> Self {
         Self(lanes.0)
+    }
+
+    #[inline(always)]
+    fn from_eight(values: &[f32; LANES]) -> Self {
+        Self(*values)
+    }
+
+    #[inline(always)]
+    fn transpose(rows: [Self; LANES]) -> [Self; LANES] {
+        let mut columns = rows;
+        for (row, line) in rows.iter().enumerate() {
+            for (column, value) in columns.iter_mut().zip(line.0) {
+                column.0[row] = value;
+            }
+        }
+        columns
     }
 
     #[inline(always)]
@@ -151,7 +171,8 @@ mod avx2 {
 
     use std::arch::x86_64::{
         __m256, _CMP_GE_OQ, _mm256_add_ps, _mm256_and_ps, _mm256_blendv_ps, _mm256_cmp_ps, _mm256_loadu_ps,
-        _mm256_mul_ps, _mm256_set1_ps, _mm256_storeu_ps, _mm256_sub_ps,
+        _mm256_mul_ps, _mm256_permute2f128_ps, _mm256_set1_ps, _mm256_shuffle_ps, _mm256_storeu_ps, _mm256_sub_ps,
+        _mm256_unpackhi_ps, _mm256_unpacklo_ps,
     };
 
     use super::{LANES, Lanes, Vector};
@@ -189,6 +210,46 @@ mod avx2 {
         #[inline(always)]
         fn from_lanes(lanes: &Lanes) -> Self {
             Self::load(&lanes.0)
+        }
+
+        #[inline(always)]
+        fn from_eight(values: &[f32; LANES]) -> Self {
+            Self::load(values)
+        }
+
+        #[inline(always)]
+        fn transpose(rows: [Self; LANES]) -> [Self; LANES] {
+            let [a, b, c, d, e, f, g, h] = rows.map(|row| row.0);
+            // SAFETY: see above.
+            unsafe {
+                // Pairs of rows, then fours, then the halves of the registers.
+                let (ab, ab_high) = (_mm256_unpacklo_ps(a, b), _mm256_unpackhi_ps(a, b));
+                let (cd, cd_high) = (_mm256_unpacklo_ps(c, d), _mm256_unpackhi_ps(c, d));
+                let (ef, ef_high) = (_mm256_unpacklo_ps(e, f), _mm256_unpackhi_ps(e, f));
+                let (gh, gh_high) = (_mm256_unpacklo_ps(g, h), _mm256_unpackhi_ps(g, h));
+                let low = [
+                    _mm256_shuffle_ps::<0x44>(ab, cd),
+                    _mm256_shuffle_ps::<0xEE>(ab, cd),
+                    _mm256_shuffle_ps::<0x44>(ab_high, cd_high),
+                    _mm256_shuffle_ps::<0xEE>(ab_high, cd_high),
+                ];
+                let high = [
+                    _mm256_shuffle_ps::<0x44>(ef, gh),
+                    _mm256_shuffle_ps::<0xEE>(ef, gh),
+                    _mm256_shuffle_ps::<0x44>(ef_high, gh_high),
+                    _mm256_shuffle_ps::<0xEE>(ef_high, gh_high),
+                ];
+                [
+                    Self(_mm256_permute2f128_ps::<0x20>(low[0], high[0])),
+                    Self(_mm256_permute2f128_ps::<0x20>(low[1], high[1])),
+                    Self(_mm256_permute2f128_ps::<0x20>(low[2], high[2])),
+                    Self(_mm256_permute2f128_ps::<0x20>(low[3], high[3])),
+                    Self(_mm256_permute2f128_ps::<0x31>(low[0], high[0])),
+                    Self(_mm256_permute2f128_ps::<0x31>(low[1], high[1])),
+                    Self(_mm256_permute2f128_ps::<0x31>(low[2], high[2])),
+                    Self(_mm256_permute2f128_ps::<0x31>(low[3], high[3])),
+                ]
+            }
         }
 
         #[inline(always)]
