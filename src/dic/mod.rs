@@ -14,6 +14,7 @@ mod fft;
 mod fine;
 pub mod grid;
 mod lanes;
+mod matcher;
 mod params;
 mod peak;
 mod plane;
@@ -45,7 +46,7 @@ mod speckle;
 
 pub use angle::find_at_any_angle;
 pub use body::{BodyMotion, RigidBody};
-pub use correlator::{Correlator, Start};
+pub use correlator::{Correlator, KeptReference, Start};
 pub use error::CorrelationError;
 pub use grid::GridPoint;
 pub use params::{CorrelationParams, Method, Shape, WindowShape};

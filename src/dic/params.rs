@@ -79,6 +79,11 @@ impl Default for CorrelationParams {
 }
 
 impl CorrelationParams {
+    /// The deformation a subset may have; correlation peaks know shifts only.
+    pub(super) fn refined_shape(&self) -> Shape {
+        if self.method == Method::IcGn { self.shape } else { Shape::Translation }
+    }
+
     /// Refuses parameters out of range.
     pub(super) fn check(&self) -> Result<(), CorrelationError> {
         let refuse = |key: &'static str, value: String, range: &str| {

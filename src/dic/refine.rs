@@ -21,6 +21,12 @@ use super::window::{Block, Window};
 /// A step this short ends the iteration, px.
 const TOLERANCE_PX: f64 = 0.002;
 
+/// A step this short may be the last one, if the steps shrink steadily, px.
+const SERIES_PX: f64 = 0.01;
+
+/// Largest factor from one step to the next that counts as steady.
+const STEADY: f64 = 0.3;
+
 /// Iterations after which a subset is given up; sound ones take 3 to 6.
 const MOST_ITERATIONS: u32 = 25;
 
@@ -72,14 +78,20 @@ impl Refiner<'_> {
     pub(super) fn refine(&self, start: Warp) -> Result<Match, Lost> {
         let mut warp = start;
         let half = f64::from(self.window.half);
+        let mut before = None;
         for iterations in 1..=MOST_ITERATIONS {
             let (step, zncc) = self.step(&warp)?;
             let length = step.length(half);
             if length.is_nan() || length >= half {
                 return Err(Lost::NotConverged);
             }
+            // The steps shrink by a steady factor; close to the end their whole series is taken at once.
+            let ratio = before.map_or(1.0, |before: Warp| step.ratio(&before, half));
+            let last = length < SERIES_PX && ratio.abs() < STEADY;
+            let step = if last { step.scaled(1.0 / (1.0 - ratio)) } else { step };
+            before = Some(step);
             warp = warp.after_inverse(&step).ok_or(Lost::NotConverged)?;
-            if length < TOLERANCE_PX {
+            if last || length < TOLERANCE_PX {
                 return Ok(Match { warp, second: [[0.0; 3]; 2], zncc, iterations });
             }
         }

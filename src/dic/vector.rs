@@ -219,7 +219,7 @@ mod avx2 {
 
         #[inline(always)]
         fn transpose(rows: [Self; LANES]) -> [Self; LANES] {
-            let [a, b, c, d, e, f, g, h] = rows.map(|row| row.0);
+            let [Self(a), Self(b), Self(c), Self(d), Self(e), Self(f), Self(g), Self(h)] = rows;
             // SAFETY: see above.
             unsafe {
                 // Pairs of rows, then fours, then the halves of the registers.

@@ -18,7 +18,7 @@ pub(super) struct Block {
 }
 
 /// Which pixels around a centre belong to a subset.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, Default, PartialEq)]
 pub(super) struct Window {
     pub(super) blocks: Vec<Block>,
     /// 1 where a pixel belongs, else 0; block by block, row by row.
@@ -71,6 +71,22 @@ impl Window {
             }
         }
         window
+    }
+
+    /// This window without the pixels that do not belong, into `out`; tells whether there are any.
+    pub(super) fn cut(&self, belongs: impl Fn(i32, i32) -> bool, out: &mut Self) -> bool {
+        out.clone_from(self);
+        for block in &self.blocks {
+            for row in 0..block.rows {
+                for (dx, value) in (block.dx..).zip(&mut out.mask[block.start + row].0) {
+                    if *value > 0.5 && !belongs(dx, block.dy + row as i32) {
+                        *value = 0.0;
+                        out.pixels -= 1;
+                    }
+                }
+            }
+        }
+        out.pixels < self.pixels
     }
 
     /// Whether the pixel at an offset from the centre belongs.
