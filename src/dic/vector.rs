@@ -123,10 +123,8 @@ impl Vector for Portable {
     #[inline(always)]
     fn select(mask: Self, high: Self, low: Self) -> Self {
         let mut out = low.0;
-        for lane in 0..LANES {
-            if mask.0[lane].to_bits() != 0 {
-                out[lane] = high.0[lane];
-            }
+        for (out, (mask, high)) in out.iter_mut().zip(mask.0.into_iter().zip(high.0)) {
+            *out = if mask.to_bits() != 0 { high } else { *out };
         }
         Self(out)
     }

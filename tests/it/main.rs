@@ -1,5 +1,9 @@
 //! The integration tests, in one binary.
-
-#![expect(clippy::unwrap_used, reason = "a test that cannot go on fails")]
+#![allow(
+    clippy::unwrap_used,
+    clippy::expect_used,
+    clippy::print_stdout,
+    reason = "a test that cannot go on panics, and one that is left out says so"
+)]
 
 mod field;
