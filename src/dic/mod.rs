@@ -42,6 +42,8 @@ mod hostile;
 #[cfg(test)]
 mod methods;
 #[cfg(test)]
+mod patterns;
+#[cfg(test)]
 mod speckle;
 
 pub use angle::find_at_any_angle;
