@@ -1,6 +1,7 @@
 //! The command line; the only file that names clap.
 
 use crate::command::analyze::{self, AnalyzeOptions};
+use crate::command::bench::{self, WindowsOptions};
 use crate::command::cameras::{self, CamerasOptions};
 use crate::command::demo::{self, DemoOptions};
 use crate::command::export::{self, ExportOptions};
@@ -12,7 +13,7 @@ use crate::command::recover::{self, RecoverOptions};
 use crate::command::replay::{self, Rate, ReplayOptions};
 use crate::command::rig::{self, RoleOptions};
 use crate::command::simulate::{self, SimulateOptions};
-use crate::command::{Outcome, control, status};
+use crate::command::{Outcome, UsageError, control, status};
 use crate::config::Config;
 use crate::message::{Command as Request, Role};
 use crate::process::Stop;
@@ -78,6 +79,9 @@ pub enum Command {
     /// Displacement field of two still images.
     #[command(after_help = "Example: ricochet field before.bmp after.bmp -o field.csv --picture field.png")]
     Field(Field),
+    /// Tell how fast this machine measures, part by part.
+    #[command(after_help = "Example: ricochet bench windows --json")]
+    Bench(Bench),
     /// Write a topic of a recording as a table.
     #[command(after_help = "Example: ricochet export shot.mcap --topic velocity --format csv -o velocity.csv")]
     Export(Export),
@@ -231,7 +235,7 @@ pub struct Field {
     #[arg(short, long)]
     output: Option<PathBuf>,
     /// Region of interest: x,y,width,height in px.
-    #[arg(long, value_delimiter = ',', num_args = 4, value_name = "X,Y,W,H")]
+    #[arg(long, value_delimiter = ',', value_name = "X,Y,W,H")]
     roi: Option<Vec<u32>>,
     /// Subset size, odd, px.
     #[arg(long, value_name = "PX")]
@@ -242,6 +246,23 @@ pub struct Field {
     /// A PNG of the vectors over the reference.
     #[arg(long)]
     picture: Option<PathBuf>,
+    /// Print JSON.
+    #[arg(long)]
+    json: bool,
+}
+
+/// Arguments of a command.
+#[derive(Debug, Args)]
+pub struct Bench {
+    /// windows: subsets a second, by method and number of threads.
+    #[arg(default_value = "windows", value_parser = ["windows"])]
+    part: String,
+    /// Largest number of threads; as many as this machine runs at once when absent.
+    #[arg(long)]
+    threads: Option<usize>,
+    /// How long each row is measured, s.
+    #[arg(long, default_value_t = 0.5)]
+    seconds: f64,
     /// Print JSON.
     #[arg(long)]
     json: bool,
@@ -382,6 +403,9 @@ fn inspect(command: Command) -> anyhow::Result<Outcome> {
             cameras::run(&CamerasOptions { json, features_of: features })?;
         }
         Command::Field(line) => field::run(&field_options(line)?)?,
+        Command::Bench(Bench { threads, seconds, json, .. }) => {
+            bench::windows(&WindowsOptions { json, threads, seconds })?;
+        }
         Command::Export(Export { file, topic, format, output }) => {
             let format = export::Format::from_word(&format)?;
             export::run(&ExportOptions { file, topic, format, output })?;
@@ -412,7 +436,10 @@ fn field_options(line: Field) -> anyhow::Result<FieldOptions> {
     };
     params.subset_size_px = line.subset.unwrap_or(params.subset_size_px);
     params.step_px = line.step.unwrap_or(params.step_px);
-    let roi_px = line.roi.as_deref().and_then(|roi| <[u32; 4]>::try_from(roi).ok());
+    let four = |roi: Vec<u32>| {
+        <[u32; 4]>::try_from(roi).map_err(|roi| UsageError(format!("--roi: {} numbers given, 4 needed", roi.len())))
+    };
+    let roi_px = line.roi.clone().map(four).transpose()?;
     let Field { reference, target, output, picture, json, .. } = line;
     Ok(FieldOptions { reference, target, params, roi_px, output, json, picture })
 }

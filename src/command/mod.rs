@@ -1,6 +1,7 @@
 //! What a person runs and waits for, one file a command.
 
 pub mod analyze;
+pub mod bench;
 pub mod cameras;
 pub mod control;
 pub mod demo;

@@ -2,12 +2,13 @@
 
 use super::GridPoint;
 use super::error::CorrelationError;
-use super::fft::{Found, Search};
+use super::fft::Search;
+use super::fine::FineSearch;
 use super::lanes::Lanes;
+use super::matcher::{Matcher, Searches, Solution};
 use super::params::{CorrelationParams, Method, Shape};
-use super::peak::Peak;
 use super::prepared::Prepared;
-use super::refine::{Lost, Match, Refiner};
+use super::region::Region;
 use super::sigma::{POOLED, Pool};
 use super::subset::{Subset, Unusable};
 use super::validate::MedianTest;
@@ -16,29 +17,22 @@ use super::window::Window;
 use crate::image::ImageView;
 use crate::results::{Displacement, FieldPoint, PointStatus};
 
-/// Height of the second peak, relative to the first, from which on both are refined and compared.
-const RIVAL: f64 = 0.75;
+/// ZNCC from which on a start from the neighbour is trusted.
+const NEIGHBOR_ZNCC: f64 = 0.9;
 
-/// Height of a second peak that cannot be refined, relative to the first, from which on it counts as equal.
-const RIVAL_HEIGHT: f64 = 0.9;
-
-/// Matches are ambiguous when the second lacks at most this much more than the first does.
-const RIVAL_DEFECT: f64 = 0.02;
-
-/// Share of the gradient energy in the weaker direction under which a subset may be a mere stripe.
-const STRIPE: f64 = 0.05;
-
-/// Gradient energy per pixel that white noise of unit variance shows to the fourth-order difference.
-const NOISE_GRADIENT: f64 = 0.903;
-
-/// Share of gradient energy in the contrast above which a subset looks like white noise, not speckle.
-const NOISE_TEXTURE: f64 = 0.7;
+/// Share of its pixels that a subset must keep inside the region.
+const LEAST_SHARE: f64 = 0.5;
 
 /// Where the search for each subset begins.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Start {
     /// Anywhere within `search_px`, by FFT correlation.
     Search,
+    /// From the answer of the neighbour to the left, where there is one; else as [`Self::Search`].
+    ///
+    /// For smooth fields: several times faster, with the same answers. Points found
+    /// this way have no peak ratio.
+    Neighbor,
     /// Near a known rigid motion; subsets not found there are searched for.
     Motion {
         /// The point whose displacement is given, px.
@@ -57,35 +51,39 @@ pub enum Start {
 /// Measures displacement fields; planned for one image size and set of parameters.
 ///
 /// All memory is allocated by [`Correlator::new`]; the fields depend on nothing
-/// but the arguments of [`Correlator::correlate`], never on earlier calls.
+/// but the arguments of [`Correlator::correlate`] and the region, never on earlier calls.
 pub struct Correlator {
     params: CorrelationParams,
     width_px: usize,
     height_px: usize,
     window: Window,
-    search: Search,
+    /// Memory for a window cut by the region.
+    cut: Window,
+    region: Option<Region>,
+    searches: Searches,
     subset: Subset,
     solutions: Vec<Solution>,
     residual: Vec<Lanes>,
     pool: Pool,
+    pooled: Vec<usize>,
     median_test: MedianTest,
 }
 
-/// What became of one subset before the field is looked at as a whole.
-#[derive(Debug, Clone, Copy)]
-struct Solution {
-    status: PointStatus,
-    found: Option<Match>,
-    peak_ratio: Option<f64>,
-    /// Variance of the residual, DN^2.
-    residual: f64,
-    /// Diagonal of the inverse Hessian for u and v.
-    inverse: (f64, f64),
+/// A reference with its subsets, kept to compare many frames with.
+///
+/// Made by [`Correlator::keep`]. Renew it when the body has turned by about
+/// 3 deg or the ZNCC falls.
+#[derive(Debug, Clone)]
+pub struct KeptReference {
+    frame: Prepared,
+    points: Vec<GridPoint>,
+    subsets: Vec<Result<(Subset, Window), PointStatus>>,
 }
 
-impl Solution {
-    fn failed(status: PointStatus) -> Self {
-        Self { status, found: None, peak_ratio: None, residual: 0.0, inverse: (0.0, 0.0) }
+impl KeptReference {
+    /// The centres of its subsets.
+    pub fn points(&self) -> &[GridPoint] {
+        &self.points
     }
 }
 
@@ -102,9 +100,17 @@ impl Correlator {
         if width_px < size as usize || height_px < size as usize {
             return Err(CorrelationError::SubsetLargerThanImage { subset_size_px: size, width_px, height_px });
         }
+        let window = Window::new(params.window, size);
+        let points = params.spline_points as usize;
         Ok(Self {
-            window: Window::new(params.window, size),
-            search: Search::new(size as usize, params.search_px as usize),
+            searches: Searches {
+                pixel: Search::new(size as usize, params.search_px as usize),
+                fine: (params.method == Method::SplineFft).then(|| FineSearch::new(&window, points)),
+                peak_fit: true,
+            },
+            cut: window.clone(),
+            region: None,
+            window,
             params: params.clone(),
             width_px,
             height_px,
@@ -112,8 +118,26 @@ impl Correlator {
             solutions: Vec::new(),
             residual: Vec::new(),
             pool: Pool::default(),
+            pooled: Vec::new(),
             median_test: MedianTest::default(),
         })
+    }
+
+    /// Leaves the fit of the correlation peak out of `spline-fft`: the answer is its highest grid point.
+    ///
+    /// For studies of what that does; not for measurements.
+    pub fn without_peak_fit(mut self) -> Self {
+        self.searches.peak_fit = false;
+        self
+    }
+
+    /// Correlates only pixels of the reference that belong to `region`; all of them with `None`.
+    ///
+    /// Subsets that reach over its edge are cut there; those with less than half of
+    /// their pixels left are out of frame. The correlation-peak methods know whole
+    /// subsets only, so any cut makes those out of frame.
+    pub fn set_region(&mut self, region: Option<Region>) {
+        self.region = region;
     }
 
     /// The parameters it was planned with.
@@ -162,171 +186,151 @@ impl Correlator {
         start: Start,
         field: &mut Vec<FieldPoint>,
     ) {
-        for frame in [reference, target] {
-            assert_eq!((frame.width(), frame.height()), (self.width_px, self.height_px), "planned for another size");
-        }
+        self.check_size(reference);
+        self.check_size(target);
         self.solutions.clear();
-        for point in points {
-            let solution = self.solve(reference, target, *point, start);
+        let (mut subset, mut cut) = (std::mem::take(&mut self.subset), std::mem::take(&mut self.cut));
+        for (index, point) in points.iter().enumerate() {
+            let solution = match self.take(reference, *point, &mut subset, &mut cut) {
+                Err(status) => Solution::failed(status),
+                Ok(is_cut) => {
+                    let window = if is_cut { &cut } else { &self.window };
+                    let pair = (reference, target);
+                    let (guess, least) = self.guess(points, index, start);
+                    let matcher = matcher(&self.params, window, &subset, pair, *point);
+                    matcher.solve(&mut self.searches, guess, least)
+                }
+            };
             self.solutions.push(solution);
         }
-        self.pool_residuals(reference, target, points);
-        self.write(points, field);
-        self.median_test.mark(points, self.params.step_px, field);
+        let pooled = self.choose_pooled();
+        for index in pooled.iter().copied() {
+            if let Ok(is_cut) = self.take(reference, points[index], &mut subset, &mut cut) {
+                let window = if is_cut { &cut } else { &self.window };
+                let matcher = matcher(&self.params, window, &subset, (reference, target), points[index]);
+                pool_residual(&matcher, &self.solutions[index], &mut self.residual, &mut self.pool);
+            }
+        }
+        (self.subset, self.cut, self.pooled) = (subset, cut, pooled);
+        self.finish(points, field);
     }
 
-    /// Finds one subset.
-    fn solve(&mut self, reference: &Prepared, target: &Prepared, point: GridPoint, start: Start) -> Solution {
-        let at = (point.x, point.y);
-        match self.subset.fill(reference, &self.window, self.params.shape, at) {
-            Err(Unusable::OutOfFrame) => return Solution::failed(PointStatus::OutOfFrame),
-            Err(Unusable::LowContrast) => return Solution::failed(PointStatus::LowContrast),
-            Ok(()) => {}
-        }
-        let guess = start.warp(point, self.params.shape);
-        if let Some(warp) = guess
-            && let Ok(found) = self.refiner(target, at).refine(warp)
-            && found.zncc >= self.params.min_zncc
-        {
-            return self.judge(found, None);
-        }
-        let around = guess.map_or((0, 0), |warp| self.search_center(&warp));
-        let Some(peaks) = self.search.find(&self.subset, &self.window, &target.levels, at, around) else {
-            return Solution::failed(PointStatus::OutOfFrame);
-        };
-        let solution = self.refine_peaks(target, at, &peaks);
-        if peaks.clipped && solution.status == PointStatus::Valid && self.repeats_itself(reference, at) {
-            return solution.with_status(PointStatus::Ambiguous);
-        }
-        solution
-    }
-
-    /// Whether the subset has a double in the reference itself.
+    /// Keeps a frame and its subsets, to compare many frames with.
     ///
-    /// Near the edge of the image the true match may have left it; then one of a
-    /// regular pattern's repetitions would pass for it.
-    fn repeats_itself(&mut self, reference: &Prepared, at: (u32, u32)) -> bool {
-        let own = self.search.find(&self.subset, &self.window, &reference.levels, at, (0, 0));
-        own.is_some_and(|own| own.second.is_some_and(|second| second.height > RIVAL_HEIGHT * own.best.height))
-    }
-
-    /// Whole-pixel displacement to search around: zero, or the guess where it is out of range of zero.
-    fn search_center(&self, warp: &Warp) -> (i32, i32) {
-        let range = f64::from(self.params.search_px);
-        if warp.u.abs() <= range && warp.v.abs() <= range {
-            return (0, 0);
-        }
-        let whole = |value: f64| value.round().clamp(-1e6, 1e6) as i32;
-        (whole(warp.u), whole(warp.v))
-    }
-
-    fn refiner<'a>(&'a self, target: &'a Prepared, at: (u32, u32)) -> Refiner<'a> {
-        Refiner {
-            subset: &self.subset,
-            window: &self.window,
-            shape: self.params.shape,
-            target: &target.coefficients,
-            at,
-        }
-    }
-
-    /// Refines the best peak, and its rival where there is one; decides between them.
-    fn refine_peaks(&self, target: &Prepared, at: (u32, u32), peaks: &Found) -> Solution {
-        let refiner = self.refiner(target, at);
-        let refine = |peak: &Peak| {
-            let (u, v) = peaks.displacement(peak);
-            refiner.refine(Warp::shift(u, v))
+    /// # Panics
+    ///
+    /// If the frame has another size than planned.
+    pub fn keep(&mut self, reference: Prepared, points: &[GridPoint]) -> KeptReference {
+        self.check_size(&reference);
+        let keep_one = |point: &GridPoint| {
+            let (mut subset, mut cut) = (Subset::default(), self.window.clone());
+            let is_cut = self.take(&reference, *point, &mut subset, &mut cut)?;
+            Ok((subset, if is_cut { cut } else { self.window.clone() }))
         };
-        let first = refine(&peaks.best);
-        let ratio = peaks.second.map(|second| peaks.best.height / second.height);
-        let sound = first.is_ok_and(|found| found.zncc >= self.params.min_zncc);
-        let rival = peaks.second.filter(|second| !sound || second.height > RIVAL * peaks.best.height);
-        let Some(second) = rival else {
-            return self.settle(first, peaks, ratio);
-        };
-        let other = refine(&second);
-        let (Ok(a), Ok(b)) = (first, other) else {
-            let settled = self.settle(first.or(other).or(first), peaks, ratio);
-            // A rival that cannot be refined because it leaves the image is judged by its peak.
-            let alike = first.is_ok()
-                && other == Err(Lost::OutOfFrame)
-                && settled.status == PointStatus::Valid
-                && second.height > RIVAL_HEIGHT * peaks.best.height;
-            return if alike { settled.with_status(PointStatus::Ambiguous) } else { settled };
-        };
-        if (a.warp.u - b.warp.u).hypot(a.warp.v - b.warp.v) < 1.0 {
-            return self.settle(first, peaks, ratio);
-        }
-        let (best, other) = if a.zncc >= b.zncc { (a, b) } else { (b, a) };
-        let ratio = (other.zncc > 0.0).then(|| best.zncc / other.zncc);
-        let alike = 1.0 - other.zncc < 3.0 * (1.0 - best.zncc) + RIVAL_DEFECT;
-        if alike && other.zncc >= self.params.min_zncc {
-            return self.judge(best, ratio).with_status(PointStatus::Ambiguous);
-        }
-        self.settle(Ok(best), peaks, ratio)
+        let subsets = points.iter().map(keep_one).collect();
+        KeptReference { points: points.to_vec(), subsets, frame: reference }
     }
 
-    /// The answer of one refinement.
-    fn settle(&self, found: Result<Match, Lost>, peaks: &Found, peak_ratio: Option<f64>) -> Solution {
-        match found {
-            Ok(found) if found.zncc >= self.params.min_zncc => self.judge(found, peak_ratio),
-            Ok(found) => Solution { found: Some(found), peak_ratio, ..Solution::failed(self.unlike()) },
-            Err(Lost::OutOfFrame) if peaks.best.height > 0.7 * self.params.min_zncc => {
-                Solution { peak_ratio, ..Solution::failed(PointStatus::OutOfFrame) }
-            }
-            Err(_) => Solution { peak_ratio, ..Solution::failed(self.unlike()) },
-        }
-    }
-
-    /// Why nothing similar was found: noise without texture has nothing to be similar to.
-    fn unlike(&self) -> PointStatus {
-        if self.subset.roughness > NOISE_TEXTURE { PointStatus::LowContrast } else { PointStatus::LowCorrelation }
-    }
-
-    /// A good match: its residual, and whether the texture supports it in both directions.
-    fn judge(&self, found: Match, peak_ratio: Option<f64>) -> Solution {
-        let subset = &self.subset;
-        let (pixels, parameters) = (self.window.pixels as f64, self.params.shape.parameters());
-        let free = (pixels - parameters as f64 - 2.0).max(1.0);
-        let residual = 2.0 * subset.energy * (1.0 - found.zncc) / free;
-        let noise = NOISE_GRADIENT * 0.5 * residual.max(super::sigma::ROUNDING);
-        let stripe = subset.isotropy < STRIPE && subset.weak_gradient < 2.0 * noise;
-        let along_v = if parameters == 6 { 3 } else { 1 };
-        Solution {
-            status: if stripe { PointStatus::LowContrast } else { PointStatus::Valid },
-            found: Some(found),
-            peak_ratio,
-            residual,
-            inverse: (subset.inverse[0][0], subset.inverse[along_v][along_v]),
-        }
-    }
-
-    /// Gathers how the residuals of some dozens of good matches correlate from pixel to pixel.
-    fn pool_residuals(&mut self, reference: &Prepared, target: &Prepared, points: &[GridPoint]) {
-        self.pool.clear();
-        let valid = self.solutions.iter().filter(|solution| solution.status == PointStatus::Valid).count();
-        let every = valid.div_ceil(POOLED).max(1);
-        let mut seen = 0;
-        for (index, point) in points.iter().enumerate() {
-            let Solution { status: PointStatus::Valid, found: Some(found), .. } = self.solutions[index] else {
-                continue;
+    /// As [`Self::correlate`], with a reference that was kept.
+    ///
+    /// The correlator must have the parameters that the reference was kept with.
+    ///
+    /// # Panics
+    ///
+    /// If the frame has another size than planned.
+    pub fn correlate_kept(
+        &mut self,
+        kept: &KeptReference,
+        target: &Prepared,
+        start: Start,
+        field: &mut Vec<FieldPoint>,
+    ) {
+        self.check_size(&kept.frame);
+        self.check_size(target);
+        self.solutions.clear();
+        let pair = (&kept.frame, target);
+        for (index, (point, subset)) in kept.points.iter().zip(&kept.subsets).enumerate() {
+            let solution = match subset {
+                Err(status) => Solution::failed(*status),
+                Ok((subset, window)) => {
+                    let (guess, least) = self.guess(&kept.points, index, start);
+                    matcher(&self.params, window, subset, pair, *point).solve(&mut self.searches, guess, least)
+                }
             };
-            seen += 1;
-            let at = (point.x, point.y);
-            if (seen - 1) % every != 0 || self.subset.fill(reference, &self.window, self.params.shape, at).is_err() {
-                continue;
+            self.solutions.push(solution);
+        }
+        let pooled = self.choose_pooled();
+        for index in pooled.iter().copied() {
+            if let Ok((subset, window)) = &kept.subsets[index] {
+                let matcher = matcher(&self.params, window, subset, pair, kept.points[index]);
+                pool_residual(&matcher, &self.solutions[index], &mut self.residual, &mut self.pool);
             }
-            let mut residual = std::mem::take(&mut self.residual);
-            self.refiner(target, at).residual(&found.warp, &mut residual);
-            if !residual.is_empty() {
-                self.pool.add(&self.subset, &self.window, &residual);
+        }
+        self.pooled = pooled;
+        self.finish(&kept.points, field);
+    }
+
+    fn check_size(&self, frame: &Prepared) {
+        assert_eq!((frame.width(), frame.height()), (self.width_px, self.height_px), "planned for another size");
+    }
+
+    /// Takes the subset at a point out of the reference; tells whether the region cuts it.
+    fn take(
+        &self,
+        reference: &Prepared,
+        point: GridPoint,
+        subset: &mut Subset,
+        cut: &mut Window,
+    ) -> Result<bool, PointStatus> {
+        let is_cut = match &self.region {
+            Some(region) => {
+                let belongs = |dx: i32, dy: i32| {
+                    region.contains(f64::from(point.x) + f64::from(dx), f64::from(point.y) + f64::from(dy))
+                };
+                self.window.cut(belongs, cut)
             }
-            self.residual = residual;
+            None => false,
+        };
+        let share = cut.pixels as f64 / self.window.pixels as f64;
+        if is_cut && (share < LEAST_SHARE || self.params.method != Method::IcGn) {
+            return Err(PointStatus::OutOfFrame);
+        }
+        let window = if is_cut { &*cut } else { &self.window };
+        match subset.fill(reference, window, self.params.refined_shape(), (point.x, point.y)) {
+            Ok(()) => Ok(is_cut),
+            Err(Unusable::OutOfFrame) => Err(PointStatus::OutOfFrame),
+            Err(Unusable::LowContrast) => Err(PointStatus::LowContrast),
         }
     }
 
-    /// Writes the solutions as field points.
-    fn write(&self, points: &[GridPoint], field: &mut Vec<FieldPoint>) {
+    /// The warp to begin with, and the ZNCC it has to lead to.
+    fn guess(&self, points: &[GridPoint], index: usize, start: Start) -> (Option<Warp>, f64) {
+        if start != Start::Neighbor {
+            return (start.warp(points[index], self.params.refined_shape()), 0.0);
+        }
+        let Some(before) = index.checked_sub(1) else { return (None, 0.0) };
+        let (point, neighbor, solution) = (points[index], points[before], self.solutions[before]);
+        let found = solution.found.filter(|_| solution.status == PointStatus::Valid && point.y == neighbor.y);
+        let carried = found.map(|found| {
+            let (dx, warp) = (f64::from(point.x) - f64::from(neighbor.x), found.warp);
+            Warp { u: warp.u + warp.ux * dx, v: warp.v + warp.vx * dx, ..warp }
+        });
+        (carried, NEIGHBOR_ZNCC)
+    }
+
+    /// Some dozens of good matches, spread over the field, in memory that goes back to `pooled`.
+    fn choose_pooled(&mut self) -> Vec<usize> {
+        let mut pooled = std::mem::take(&mut self.pooled);
+        let valid = |index: &usize| self.solutions[*index].status == PointStatus::Valid;
+        let count = (0..self.solutions.len()).filter(valid).count();
+        pooled.clear();
+        pooled.extend((0..self.solutions.len()).filter(valid).step_by(count.div_ceil(POOLED).max(1)));
+        self.pool.clear();
+        pooled
+    }
+
+    /// Writes the solutions as field points and marks outliers.
+    fn finish(&mut self, points: &[GridPoint], field: &mut Vec<FieldPoint>) {
         let factor = self.pool.factor();
         field.clear();
         field.extend(points.iter().zip(&self.solutions).map(|(point, solution)| {
@@ -338,20 +342,38 @@ impl Correlator {
                 displacement: valid.map(|found| Displacement {
                     u_px: found.warp.u as f32,
                     v_px: found.warp.v as f32,
-                    sigma_u_px: variance_u.sqrt() as f32,
-                    sigma_v_px: variance_v.sqrt() as f32,
+                    sigma_u_px: (variance_u + solution.doubt.0).sqrt() as f32,
+                    sigma_v_px: (variance_v + solution.doubt.1).sqrt() as f32,
                 }),
                 zncc: solution.found.map(|found| found.zncc as f32),
                 peak_ratio: solution.peak_ratio.map(|ratio| ratio as f32),
                 status: solution.status,
             }
         }));
+        self.median_test.mark(points, self.params.step_px, field);
     }
 }
 
-impl Solution {
-    fn with_status(self, status: PointStatus) -> Self {
-        Self { status, ..self }
+/// One subset of one pair of frames.
+fn matcher<'a>(
+    params: &'a CorrelationParams,
+    window: &'a Window,
+    subset: &'a Subset,
+    (reference, target): (&'a Prepared, &'a Prepared),
+    point: GridPoint,
+) -> Matcher<'a> {
+    Matcher { params, window, subset, reference, target, at: (point.x, point.y) }
+}
+
+/// Adds how the residual of one match correlates from pixel to pixel.
+fn pool_residual(matcher: &Matcher<'_>, solution: &Solution, residual: &mut Vec<Lanes>, pool: &mut Pool) {
+    let Some(found) = solution.found else { return };
+    match matcher.params.refined_shape() {
+        Shape::Quadratic => matcher.refiner().quadratic_residual(&found, residual),
+        _ => matcher.refiner().residual(&found.warp, residual),
+    }
+    if !residual.is_empty() {
+        pool.add(matcher.subset, matcher.window, residual);
     }
 }
 
@@ -364,51 +386,5 @@ impl Start {
         let (x, y) = turn.apply(dx, dy);
         let (u, v) = (x - dx, y - dy);
         Some(if shape == Shape::Translation { Warp::shift(u, v) } else { Warp { u, v, ..turn } })
-    }
-}
-
-impl CorrelationParams {
-    /// Refuses parameters out of range.
-    fn check(&self) -> Result<(), CorrelationError> {
-        let refuse = |key: &'static str, value: String, range: &str| {
-            Err(CorrelationError::Parameter { key, value, range: range.to_owned() })
-        };
-        if !(9..=255).contains(&self.subset_size_px) || self.subset_size_px.is_multiple_of(2) {
-            return refuse("subset_size_px", self.subset_size_px.to_string(), "odd, 9 to 255");
-        }
-        if !(1..=255).contains(&self.step_px) {
-            return refuse("step_px", self.step_px.to_string(), "1 to 255");
-        }
-        if !(1..=1024).contains(&self.search_px) {
-            return refuse("search_px", self.search_px.to_string(), "1 to 1024");
-        }
-        if self.spline_points > 20 {
-            return refuse("spline_points", self.spline_points.to_string(), "0 to 20");
-        }
-        if self.interval_frames < 1 {
-            return refuse("interval_frames", self.interval_frames.to_string(), "1 or more");
-        }
-        if !(0.0..=1.0).contains(&self.min_zncc) {
-            return refuse("min_zncc", self.min_zncc.to_string(), "0 to 1");
-        }
-        if self.method != Method::IcGn {
-            return refuse("method", format!("{:?}", self.method), "ic-gn");
-        }
-        if self.shape == Shape::Quadratic {
-            return refuse("shape", "quadratic".to_owned(), "translation, rigid or affine");
-        }
-        Ok(())
-    }
-}
-
-impl Shape {
-    /// How many parameters it has.
-    fn parameters(self) -> usize {
-        match self {
-            Self::Translation => 2,
-            Self::Rigid => 3,
-            Self::Affine => 6,
-            Self::Quadratic => 12,
-        }
     }
 }

@@ -1,16 +1,16 @@
-//! Whole-pixel search: cross-correlation by fast Fourier transform (FFT),
-//! zero-mean and divided by the contrast of what each shift covers, so that no
+//! Whole-pixel search: cross-correlation by fast Fourier transform (FFT).
+//!
+//! Two kinds. The quick one correlates the subset with the target area of the
+//! same size, circularly: cheap, and right whenever the subset moved less than
+//! about half its width. The full one looks everywhere within the range and
+//! divides each shift's correlation by the contrast of what it covers, so that no
 //! shift is favoured for its overlap.
 
-use std::sync::Arc;
-
-use rustfft::num_complex::Complex32;
-use rustfft::{Fft, FftPlanner};
-
-use super::lanes::LANES;
+use super::correlation::{Contrast, Correlation, Shifts};
 use super::peak::{Peak, Surface};
 use super::plane::Plane;
 use super::subset::Subset;
+use super::transform::fast_size;
 use super::window::Window;
 
 /// What a search found.
@@ -27,6 +27,22 @@ pub(super) struct Found {
 }
 
 impl Found {
+    /// Height of the highest peak over the next.
+    pub(super) fn ratio(&self) -> Option<f64> {
+        self.second.map(|second| self.best.height / second.height)
+    }
+
+    /// Whole-pixel displacement of the highest peak.
+    pub(super) fn whole(&self) -> (i32, i32) {
+        (self.best.column as i32 + self.origin.0, self.best.row as i32 + self.origin.1)
+    }
+
+    /// Displacement at an offset from the highest sample, px.
+    pub(super) fn offset(&self, (dx, dy): (f64, f64)) -> (f64, f64) {
+        let (u, v) = self.whole();
+        (f64::from(u) + dx, f64::from(v) + dy)
+    }
+
     /// Displacement at the top of a peak, px.
     pub(super) fn displacement(&self, peak: &Peak) -> (f64, f64) {
         let (column, row) = (peak.column as i32 + self.origin.0, peak.row as i32 + self.origin.1);
@@ -34,43 +50,82 @@ impl Found {
     }
 }
 
-/// Plans and memory for searches of one size.
+/// Plans and memory for searches of one size of subset.
 pub(super) struct Search {
     range: usize,
-    size: usize,
-    forward: Arc<dyn Fft<f32>>,
-    inverse: Arc<dyn Fft<f32>>,
-    work: Vec<Complex32>,
-    turned: Vec<Complex32>,
-    scratch: Vec<Complex32>,
-    /// Running sums of the target area and of its square, one more each way.
-    sums: Vec<f64>,
-    squares: Vec<f64>,
+    quick: Correlation,
+    full: Correlation,
+    contrast: Contrast,
     surface: Vec<f32>,
+    /// Columns and rows of the last full search's surface.
+    shifts: (usize, usize),
+    candidates: Vec<f32>,
 }
 
 impl Search {
     /// Plans searches of subsets up to `window_px` wide, `range_px` to each side.
     pub(super) fn new(window_px: usize, range_px: usize) -> Self {
-        let size = fast_size(window_px + 2 * range_px);
-        let mut planner = FftPlanner::new();
-        let (forward, inverse) = (planner.plan_fft_forward(size), planner.plan_fft_inverse(size));
-        let scratch = forward.get_inplace_scratch_len().max(inverse.get_inplace_scratch_len());
-        let zero = Complex32::new(0.0, 0.0);
-        let area = window_px + 2 * range_px + 1;
-        let shifts = 2 * range_px + 1;
+        let area = window_px + 2 * range_px;
+        let quick = fast_size(window_px);
+        let count = (2 * range_px + 1).max(quick + 2);
         Self {
             range: range_px,
-            size,
-            forward,
-            inverse,
-            work: vec![zero; size * size],
-            turned: vec![zero; size * size],
-            scratch: vec![zero; scratch],
-            sums: vec![0.0; area * area],
-            squares: vec![0.0; area * area],
-            surface: vec![0.0; shifts * shifts],
+            quick: Correlation::new(quick),
+            full: Correlation::new(fast_size(area)),
+            contrast: Contrast::new(area),
+            surface: vec![0.0; count * count],
+            shifts: (0, 0),
+            candidates: vec![0.0; count],
         }
+    }
+
+    /// Looks for `subset`, centred at `at` in the reference, in the same place of the target.
+    ///
+    /// `None` when the peak lies beyond the range.
+    pub(super) fn find_near(
+        &mut self,
+        subset: &Subset,
+        window: &Window,
+        target: &Plane,
+        at: (u32, u32),
+    ) -> Option<Found> {
+        let (half, side) = (window.half as isize, 2 * window.half as usize + 1);
+        let corner = (at.0 as isize - half, at.1 as isize - half);
+        self.quick.load_subset(subset, window);
+        self.quick.load_area(target, corner, (side, side), subset.mean);
+        self.quick.run();
+        // Shift zero to the middle, with one wrapped line around.
+        let size = self.quick.transform.size();
+        let (stride, columns, before) = (self.quick.transform.stride(), size + 2, size / 2 + 1);
+        for (line, row) in self.surface.chunks_exact_mut(columns).take(columns).zip(size - before..) {
+            let from = &self.quick.data.re[row % size * stride..][..size];
+            line[..before].copy_from_slice(&from[size - before..]);
+            line[before..].copy_from_slice(&from[..columns - before]);
+        }
+        let surface = Surface { data: &self.surface[..columns * columns], columns };
+        let highest = surface.highest()?;
+        let origin = (-(before as i32), -(before as i32));
+        let in_range = |place: usize| place.abs_diff(before) <= self.range;
+        if !in_range(highest.0) || !in_range(highest.1) {
+            return None;
+        }
+        let second = surface.second(highest, &mut self.candidates);
+        Some(Found { best: surface.top(highest.0, highest.1), second, origin, clipped: false })
+    }
+
+    /// Top of the highest peak of the last [`Self::find`] by a Gaussian through three samples each way, px.
+    pub(super) fn gaussian_top(&self, found: &Found) -> (f64, f64) {
+        self.last_surface().gaussian(found.best.column, found.best.row)
+    }
+
+    /// Top of the highest peak of the last [`Self::find`] on a spline through the surface, px.
+    pub(super) fn spline_top(&self, found: &Found) -> (f64, f64) {
+        self.last_surface().spline(found.best.column, found.best.row)
+    }
+
+    fn last_surface(&self) -> Surface<'_> {
+        let (columns, rows) = self.shifts;
+        Surface { data: &self.surface[..columns * rows], columns }
     }
 
     /// Looks for `subset`, centred at `at` in the reference, around `at + around` in the target.
@@ -95,122 +150,23 @@ impl Search {
         let (top, bottom) = shifts(center.1, target.height())?;
         let corner = ((left - half) as isize, (top - half) as isize);
         let (columns, rows) = ((right - left + 1) as usize, (bottom - top + 1) as usize);
+        self.shifts = (columns, rows);
         let edge = 2 * window.half as usize;
-        self.load(subset, window, target, corner, (columns + edge, rows + edge));
-        self.correlate();
-        self.normalise(subset, window, (columns, rows));
+        let area = (columns + edge, rows + edge);
+        self.full.load_subset(subset, window);
+        self.full.load_area(target, corner, area, subset.mean);
+        self.contrast.add_up(&self.full, area);
+        self.full.run();
+        let square = ((edge + 1) * (edge + 1)) as f64 / window.pixels as f64;
+        let shape = Shifts { side: edge + 1, columns, rows };
+        self.contrast.normalise(&self.full, &shape, (subset.energy, square), &mut self.surface);
         let surface = Surface { data: &self.surface[..columns * rows], columns };
         let highest = surface.highest()?;
         let origin = ((left - i64::from(at.0)) as i32, (top - i64::from(at.1)) as i32);
         let clipped = columns.min(rows) < 2 * self.range + 1;
-        Some(Found { best: surface.top(highest.0, highest.1), second: surface.second(highest), origin, clipped })
+        let second = surface.second(highest, &mut self.candidates);
+        Some(Found { best: surface.top(highest.0, highest.1), second, origin, clipped })
     }
-
-    /// Target area into the real part, subset into the imaginary part, and the running sums.
-    fn load(&mut self, subset: &Subset, window: &Window, target: &Plane, corner: (isize, isize), area: (usize, usize)) {
-        self.work.fill(Complex32::new(0.0, 0.0));
-        let stride = area.0 + 1;
-        self.sums[..stride].fill(0.0);
-        self.squares[..stride].fill(0.0);
-        let mean = subset.mean;
-        for y in 0..area.1 {
-            let first = target.index(corner.0, corner.1 + y as isize);
-            let row = &target.data()[first..first + area.0];
-            let (mut sum, mut square) = (0.0_f64, 0.0_f64);
-            let line = (y + 1) * stride;
-            self.sums[line] = 0.0;
-            self.squares[line] = 0.0;
-            for (x, pixel) in row.iter().enumerate() {
-                let level = pixel - mean;
-                self.work[y * self.size + x].re = level;
-                sum += f64::from(level);
-                square += f64::from(level) * f64::from(level);
-                self.sums[line + x + 1] = self.sums[line - stride + x + 1] + sum;
-                self.squares[line + x + 1] = self.squares[line - stride + x + 1] + square;
-            }
-        }
-        let half = window.half as i32;
-        for block in &window.blocks {
-            for row in 0..block.rows {
-                let y = (half + block.dy + row as i32) as usize;
-                let x = (half + block.dx) as usize;
-                let lanes = subset.levels[block.start + row].0;
-                let last = LANES.min(2 * window.half as usize + 1 - x);
-                for (lane, level) in lanes.iter().take(last).enumerate() {
-                    self.work[y * self.size + x + lane].im = *level;
-                }
-            }
-        }
-    }
-
-    /// Turns `work` into its transform, transposed.
-    fn transform(&mut self, inverse: bool) {
-        let plan = if inverse { &self.inverse } else { &self.forward };
-        for _ in 0..2 {
-            plan.process_with_scratch(&mut self.work, &mut self.scratch);
-            for y in 0..self.size {
-                for x in 0..self.size {
-                    self.turned[x * self.size + y] = self.work[y * self.size + x];
-                }
-            }
-            std::mem::swap(&mut self.work, &mut self.turned);
-        }
-    }
-
-    /// Cross-correlation of the two real images packed in `work`, into its real part.
-    fn correlate(&mut self) {
-        self.transform(false);
-        let size = self.size;
-        for y in 0..size {
-            for x in 0..size {
-                let here = self.work[y * size + x];
-                let there = self.work[(size - y) % size * size + (size - x) % size].conj();
-                // Spectra of the target area and of the subset.
-                let area = (here + there) * 0.5;
-                let subset = (here - there) * Complex32::new(0.0, -0.5);
-                self.turned[y * size + x] = area * subset.conj();
-            }
-        }
-        std::mem::swap(&mut self.work, &mut self.turned);
-        self.transform(true);
-    }
-
-    /// Divides each shift's correlation by the contrast of what it covers.
-    fn normalise(&mut self, subset: &Subset, window: &Window, (columns, rows): (usize, usize)) {
-        let side = 2 * window.half as usize + 1;
-        let stride = columns + side;
-        let pixels = (side * side) as f64;
-        let scale = 1.0 / (self.size * self.size) as f64;
-        // A round subset is judged by the contrast of its square.
-        let energy = subset.energy * pixels / window.pixels as f64;
-        for y in 0..rows {
-            for x in 0..columns {
-                let over = |sums: &[f64]| {
-                    sums[(y + side) * stride + x + side] - sums[y * stride + x + side] - sums[(y + side) * stride + x]
-                        + sums[y * stride + x]
-                };
-                let sum = over(&self.sums);
-                let contrast = over(&self.squares) - sum * sum / pixels;
-                let product = f64::from(self.work[y * self.size + x].re) * scale * pixels / window.pixels as f64;
-                self.surface[y * columns + x] =
-                    if contrast > 0.01 * pixels { (product / (contrast * energy).sqrt()) as f32 } else { 0.0 };
-            }
-        }
-    }
-}
-
-/// The next size that is fast to transform: no prime factor above 5, at least 8.
-fn fast_size(least: usize) -> usize {
-    let smooth = |size: usize| {
-        let mut rest = size;
-        for factor in [2, 3, 5] {
-            while rest.is_multiple_of(factor) {
-                rest /= factor;
-            }
-        }
-        rest == 1
-    };
-    (least.max(8)..).find(|size| smooth(*size)).unwrap_or(least)
 }
 
 #[cfg(test)]
@@ -257,11 +213,11 @@ mod tests {
         g.fill(target.view());
         let window = Window::new(WindowShape::Square, 21);
         let mut search = Search::new(21, 7);
-        search.work.fill(Complex32::new(f32::NAN, 3.0));
-        search.turned.fill(Complex32::new(f32::NAN, 3.0));
-        for sums in [&mut search.sums, &mut search.squares] {
-            sums.fill(f64::NAN);
+        for data in [&mut search.full.data, &mut search.full.product, &mut search.quick.data] {
+            data.re.fill(f32::NAN);
+            data.im.fill(f32::NAN);
         }
+        search.contrast.spoil();
         let mut subset = Subset::default();
         let at = (44, 40);
         subset.fill(&f, &window, Shape::Translation, at).unwrap();
@@ -271,6 +227,9 @@ mod tests {
         assert!(difference < 2e-5, "largest difference {difference}");
         let (u, v) = found.displacement(&found.best);
         assert!((u - 3.4).abs() < 0.05 && (v + 2.2).abs() < 0.05, "{u} {v}");
+        let near = search.find_near(&subset, &window, &g.levels, at).unwrap();
+        let (u, v) = near.displacement(&near.best);
+        assert!((u - 3.4).abs() < 0.6 && (v + 2.2).abs() < 0.6, "circular: {u} {v}");
     }
 
     #[test]
@@ -285,10 +244,5 @@ mod tests {
         assert_eq!(found.origin, (0, -16));
         assert_eq!((found.best.column, found.best.row), (0, 16));
         assert!(search.find(&subset, &window, &frame.levels, (15, 44), (200, 0)).is_none());
-    }
-
-    #[test]
-    fn fast_sizes_have_no_large_factor() {
-        assert_eq!([1, 63, 64, 65, 67, 97].map(fast_size), [8, 64, 64, 72, 72, 100]);
     }
 }

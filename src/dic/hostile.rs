@@ -158,3 +158,69 @@ fn fields_do_not_depend_on_earlier_calls() {
     correlator.correlate(&ready_a, &ready_b, &points, Start::Search, &mut field);
     assert_eq!(field, fresh);
 }
+
+#[test]
+fn kept_references_and_starts_from_neighbours_give_the_same_field() {
+    let speckle = Speckle::standard(1, 160.0);
+    let turn = |x: f64, y: f64| (0.4 + 0.03 * (y - 80.0), 0.7 - 0.03 * (x - 80.0));
+    let a = record(&speckle.draw(160, 160), 1.0, 1);
+    let b = record(&speckle.moved(turn).draw(160, 160), 1.0, 2);
+    let params = CorrelationParams::default();
+    let points = rectangle([8, 8, 144, 144], 10, 31);
+    let mut correlator = Correlator::new(&params, 160, 160).unwrap();
+    let (a, b) = (correlator.prepare(a.view()), correlator.prepare(b.view()));
+    let (mut searched, mut kept_field, mut neighbors) = (Vec::new(), Vec::new(), Vec::new());
+    correlator.correlate(&a, &b, &points, Start::Search, &mut searched);
+    assert!(searched.iter().all(|point| point.status == PointStatus::Valid));
+    let kept = correlator.keep(a.clone(), &points);
+    correlator.correlate_kept(&kept, &b, Start::Search, &mut kept_field);
+    assert_eq!(kept_field, searched);
+    correlator.correlate(&a, &b, &points, Start::Neighbor, &mut neighbors);
+    for (p, q) in searched.iter().zip(&neighbors) {
+        let (d, e) = (p.displacement.unwrap(), q.displacement.unwrap());
+        assert!((d.u_px - e.u_px).hypot(d.v_px - e.v_px) < 0.001, "{p:?} {q:?}");
+    }
+}
+
+#[test]
+fn a_neighbour_across_an_edge_of_motion_does_not_mislead() {
+    let speckle = Speckle::standard(3, 160.0);
+    let a = record(&speckle.draw(160, 100), 1.0, 1);
+    let b = record(&speckle.moved(|x, _| if x < 80.0 { (0.0, 3.0) } else { (5.0, -4.0) }).draw(160, 100), 1.0, 2);
+    let params = CorrelationParams { step_px: 8, subset_size_px: 21, ..CorrelationParams::default() };
+    let mut correlator = Correlator::new(&params, 160, 100).unwrap();
+    let (a, b) = (correlator.prepare(a.view()), correlator.prepare(b.view()));
+    let mut field = Vec::new();
+    correlator.correlate(&a, &b, &rectangle([5, 10, 150, 80], 8, 21), Start::Neighbor, &mut field);
+    for point in field.iter().filter(|point| (point.x_px - 80.0).abs() > 16.0) {
+        let expected = if point.x_px < 80.0 { (0.0, 3.0) } else { (5.0, -4.0) };
+        let found = point.displacement.unwrap();
+        assert!((found.u_px - expected.0).abs() < 0.05 && (found.v_px - expected.1).abs() < 0.05, "{point:?}");
+    }
+}
+
+/// A still background around a moving body spoils whole subsets at its rim, cut ones not.
+#[test]
+fn subsets_are_cut_at_the_edge_of_a_region() {
+    let speckle = Speckle::standard(4, 160.0);
+    let inside = |x: f64, y: f64| (x - 80.0).hypot(y - 80.0) < 50.0;
+    let moved = speckle.moved(|x, y| if inside(x, y) { (1.4, -0.6) } else { (0.0, 0.0) });
+    let params = CorrelationParams { shape: Shape::Translation, ..CorrelationParams::default() };
+    let mut correlator = Correlator::new(&params, 160, 160).unwrap();
+    let a = correlator.prepare(record(&speckle.draw(160, 160), 1.0, 1).view());
+    let b = correlator.prepare(record(&moved.draw(160, 160), 1.0, 2).view());
+    // Discs reach a few pixels over the edge between the two motions.
+    let region = Region::Disc { x_px: 80.0, y_px: 80.0, radius_px: 45.0 };
+    let points = [GridPoint { x: 80, y: 80 }, GridPoint { x: 120, y: 80 }, GridPoint { x: 80, y: 42 }];
+    let mut field = Vec::new();
+    correlator.correlate(&a, &b, &points, Start::Search, &mut field);
+    let error = |point: &FieldPoint| point.displacement.map(|d| (d.u_px - 1.4).hypot(d.v_px + 0.6));
+    assert!(error(&field[1]).is_none_or(|error| error > 0.02), "a whole subset at the rim is spoiled: {:?}", field[1]);
+    correlator.set_region(Some(region));
+    correlator.correlate(&a, &b, &points, Start::Search, &mut field);
+    for point in &field {
+        assert!(error(point).is_some_and(|error| error < 0.02), "{point:?}");
+    }
+    correlator.correlate(&a, &b, &[GridPoint { x: 130, y: 80 }], Start::Search, &mut field);
+    assert_eq!(field[0].status, PointStatus::OutOfFrame);
+}

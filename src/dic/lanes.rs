@@ -11,35 +11,18 @@ use std::ops::{Add, AddAssign, Mul, Sub};
 pub(super) const LANES: usize = 8;
 
 /// Eight numbers on which arithmetic works element by element.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
 #[repr(align(32))]
 pub(super) struct Lanes(pub(super) [f32; LANES]);
 
 impl Lanes {
+    /// The number of each lane.
+    pub(super) const INDEX: Self = Self([0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0]);
+
     /// The same number eight times.
     #[inline(always)]
     pub(super) fn splat(value: f32) -> Self {
         Self([value; LANES])
-    }
-
-    /// The first eight numbers of a slice.
-    #[inline(always)]
-    pub(super) fn load(values: &[f32]) -> Self {
-        let mut lanes = [0.0; LANES];
-        lanes.copy_from_slice(&values[..LANES]);
-        Self(lanes)
-    }
-
-    /// One where `self` is at least one, else zero.
-    #[inline(always)]
-    pub(super) fn at_least_one(self) -> Self {
-        Self(self.0.map(|value| if value >= 1.0 { 1.0 } else { 0.0 }))
-    }
-
-    /// `high` where `self` is one, `low` where it is zero.
-    #[inline(always)]
-    pub(super) fn select(self, high: Self, low: Self) -> Self {
-        Self(std::array::from_fn(|lane| if self.0[lane] > 0.5 { high.0[lane] } else { low.0[lane] }))
     }
 
     /// The sum, in double precision.
@@ -48,16 +31,17 @@ impl Lanes {
         self.0.iter().map(|value| f64::from(*value)).sum()
     }
 
-    /// The sum of each number times its place, 0 to 7, plus `first` times the plain sum.
+    /// The sums of the numbers times (`first` + lane) to the power 0, 1 and 2.
     #[inline(always)]
-    pub(super) fn moment(self, first: f64) -> f64 {
-        self.0.iter().enumerate().map(|(lane, value)| (first + lane as f64) * f64::from(*value)).sum()
-    }
-
-    /// As [`Self::moment`] with the square of the place.
-    #[inline(always)]
-    pub(super) fn second_moment(self, first: f64) -> f64 {
-        self.0.iter().enumerate().map(|(lane, value)| (first + lane as f64).powi(2) * f64::from(*value)).sum()
+    pub(super) fn moments(self, first: f64) -> [f64; 3] {
+        let mut sums = [0.0; 3];
+        for (lane, value) in self.0.iter().enumerate() {
+            let (value, place) = (f64::from(*value), first + lane as f64);
+            sums[0] += value;
+            sums[1] += value * place;
+            sums[2] += value * place * place;
+        }
+        sums
     }
 }
 

@@ -5,23 +5,32 @@
 //! a grid ([`grid`]) between two of them. [`rigid_fit()`] turns a field into the
 //! motion of a rigid body.
 
+mod angle;
+mod body;
+mod correlation;
 mod correlator;
 mod error;
 mod fft;
+mod fine;
 pub mod grid;
 mod lanes;
+mod matcher;
 mod params;
 mod peak;
 mod plane;
 mod prepared;
+mod quadratic;
 mod refine;
+mod region;
 mod rigid_fit;
 mod sample;
 mod sigma;
 mod solve;
 mod spline;
 mod subset;
+mod transform;
 mod validate;
+mod vector;
 mod warp;
 mod window;
 mod zncc;
@@ -31,12 +40,19 @@ mod accuracy;
 #[cfg(test)]
 mod hostile;
 #[cfg(test)]
+mod methods;
+#[cfg(test)]
+mod patterns;
+#[cfg(test)]
 mod speckle;
 
-pub use correlator::{Correlator, Start};
+pub use angle::find_at_any_angle;
+pub use body::{BodyMotion, RigidBody};
+pub use correlator::{Correlator, KeptReference, Start};
 pub use error::CorrelationError;
 pub use grid::GridPoint;
 pub use params::{CorrelationParams, Method, Shape, WindowShape};
 pub use prepared::Prepared;
+pub use region::Region;
 pub use rigid_fit::{RigidMotion, rigid_fit};
 pub use zncc::zncc;

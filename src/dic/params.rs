@@ -1,5 +1,7 @@
 //! What a correlator is planned with.
 
+use super::error::CorrelationError;
+
 /// How the displacement of a subset is found.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Method {
@@ -72,6 +74,51 @@ impl Default for CorrelationParams {
             search_px: 16,
             interval_frames: 1,
             min_zncc: 0.7,
+        }
+    }
+}
+
+impl CorrelationParams {
+    /// The deformation a subset may have; correlation peaks know shifts only.
+    pub(super) fn refined_shape(&self) -> Shape {
+        if self.method == Method::IcGn { self.shape } else { Shape::Translation }
+    }
+
+    /// Refuses parameters out of range.
+    pub(super) fn check(&self) -> Result<(), CorrelationError> {
+        let refuse = |key: &'static str, value: String, range: &str| {
+            Err(CorrelationError::Parameter { key, value, range: range.to_owned() })
+        };
+        if !(9..=255).contains(&self.subset_size_px) || self.subset_size_px.is_multiple_of(2) {
+            return refuse("subset_size_px", self.subset_size_px.to_string(), "odd, 9 to 255");
+        }
+        if !(1..=255).contains(&self.step_px) {
+            return refuse("step_px", self.step_px.to_string(), "1 to 255");
+        }
+        if !(1..=1024).contains(&self.search_px) {
+            return refuse("search_px", self.search_px.to_string(), "1 to 1024");
+        }
+        if self.spline_points > 20 {
+            return refuse("spline_points", self.spline_points.to_string(), "0 to 20");
+        }
+        if self.interval_frames < 1 {
+            return refuse("interval_frames", self.interval_frames.to_string(), "1 or more");
+        }
+        if !(0.0..=1.0).contains(&self.min_zncc) {
+            return refuse("min_zncc", self.min_zncc.to_string(), "0 to 1");
+        }
+        Ok(())
+    }
+}
+
+impl Shape {
+    /// How many parameters it has.
+    pub(super) fn parameters(self) -> usize {
+        match self {
+            Self::Translation => 2,
+            Self::Rigid => 3,
+            Self::Affine => 6,
+            Self::Quadratic => super::quadratic::PARAMETERS,
         }
     }
 }

@@ -1,5 +1,14 @@
 //! Peaks of a correlation surface.
 
+use multiversion::multiversion;
+
+use super::lanes::LANES;
+use super::plane::Plane;
+use super::spline::{prefilter, sample_inside};
+
+/// How far around a peak the surface is splined, samples.
+const REACH: usize = 6;
+
 /// The top of a peak between the samples.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Peak {
@@ -52,37 +61,120 @@ impl Surface<'_> {
         }
     }
 
-    /// The highest sample; the first of equal ones. `None` when all are missing.
-    pub(super) fn highest(&self) -> Option<(usize, usize)> {
-        let mut best: Option<(usize, f32)> = None;
-        for (index, value) in self.data.iter().enumerate() {
-            if value.is_finite() && best.is_none_or(|(_, high)| *value > high) {
-                best = Some((index, *value));
-            }
-        }
-        best.map(|(index, _)| (index % self.columns, index / self.columns))
+    /// Offset of the top by a Gaussian through the highest sample and its neighbours along each axis.
+    ///
+    /// C. E. Willert, M. Gharib, Exp. Fluids 10 (1991) 181, <https://doi.org/10.1007/BF00190388>.
+    pub(super) fn gaussian(&self, column: usize, row: usize) -> (f64, f64) {
+        let Some(patch) = self.patch(column, row).filter(|patch| patch.iter().all(|value| *value > 0.0)) else {
+            return (0.0, 0.0);
+        };
+        let log = patch.map(|value| f64::from(value).ln());
+        let top = |low: f64, middle: f64, high: f64| {
+            let curvature = low - 2.0 * middle + high;
+            if curvature < 0.0 { (0.5 * (low - high) / curvature).clamp(-1.0, 1.0) } else { 0.0 }
+        };
+        (top(log[3], log[4], log[5]), top(log[1], log[4], log[7]))
     }
 
-    /// The highest local maximum besides (column, row) and its eight neighbours.
-    pub(super) fn second(&self, (column, row): (usize, usize)) -> Option<Peak> {
-        let mut best: Option<Peak> = None;
-        for y in 1..self.rows().saturating_sub(1) {
-            for x in 1..self.columns.saturating_sub(1) {
-                let value = self.data[y * self.columns + x];
-                let low = best.is_some_and(|peak| f64::from(value) < 0.8 * peak.height);
-                if low || value <= 0.0 || (x.abs_diff(column) <= 1 && y.abs_diff(row) <= 1) {
-                    continue;
-                }
-                let Some(patch) = self.patch(x, y) else { continue };
-                if patch.iter().all(|other| *other <= value) {
-                    let peak = self.top(x, y);
-                    if best.is_none_or(|best| peak.height > best.height) {
-                        best = Some(peak);
-                    }
-                }
+    /// Offset of the top on a spline through the samples around the highest one.
+    pub(super) fn spline(&self, column: usize, row: usize) -> (f64, f64) {
+        if self.patch(column, row).is_none() {
+            return (0.0, 0.0);
+        }
+        let (left, top) = (column.saturating_sub(REACH), row.saturating_sub(REACH));
+        let (right, bottom) = ((column + REACH).min(self.columns - 1), (row + REACH).min(self.rows() - 1));
+        let mut samples = Plane::default();
+        samples.reshape(right - left + 1, bottom - top + 1);
+        for y in top..=bottom {
+            let line = &self.data[y * self.columns + left..=y * self.columns + right];
+            samples.row_mut(y - top).iter_mut().zip(line).for_each(|(value, sample)| *value = sample.max(-1.0));
+        }
+        samples.mirror_margin();
+        let mut coefficients = samples.clone();
+        prefilter(&samples, &mut coefficients);
+        let (x, y) = ((column - left) as f64, (row - top) as f64);
+        let (mut dx, mut dy) = (0.0, 0.0);
+        // Ever smaller paraboloids through the spline; where one has no top, on to its highest point.
+        for step in [0.5, 0.4, 0.15, 0.04] {
+            let place = |k: usize, offset: f64| offset + step * (k as f64 - 1.0);
+            let value = |k: usize| sample_inside(&coefficients, x + place(k % 3, dx), y + place(k / 3, dy));
+            let values: [f64; 9] = std::array::from_fn(|k| f64::from(value(k)));
+            let highest = (0..9).fold(4, |best, k| if values[k] > values[best] { k } else { best });
+            let (sx, sy) = match paraboloid(&values) {
+                Some((sx, sy, _)) => (sx, sy),
+                None => ((highest % 3) as f64 - 1.0, (highest / 3) as f64 - 1.0),
+            };
+            dx = (dx + step * sx).clamp(-1.0, 1.0);
+            dy = (dy + step * sy).clamp(-1.0, 1.0);
+        }
+        (dx, dy)
+    }
+
+    /// The highest sample; the first of equal ones. `None` when all are missing.
+    pub(super) fn highest(&self) -> Option<(usize, usize)> {
+        let mut best = (f32::NEG_INFINITY, 0);
+        for (row, line) in self.data.chunks_exact(self.columns).enumerate() {
+            let high = maximum(line);
+            if high > best.0 {
+                best = (high, row);
             }
         }
-        best
+        let (high, row) = best;
+        let line = &self.data[row * self.columns..][..self.columns];
+        let column = line.iter().position(|value| *value >= high)?;
+        high.is_finite().then_some((column, row))
+    }
+
+    /// The highest local maximum besides (column, row) and its eight neighbours; border left out.
+    ///
+    /// `candidates` is memory for one row at least.
+    pub(super) fn second(&self, (column, row): (usize, usize), candidates: &mut [f32]) -> Option<Peak> {
+        let candidates = &mut candidates[..self.columns];
+        let mut best: Option<(f32, usize, usize)> = None;
+        for y in 1..self.rows().saturating_sub(1) {
+            let line = |y: usize| &self.data[y * self.columns..(y + 1) * self.columns];
+            local_maxima(line(y - 1), line(y), line(y + 1), candidates);
+            if y.abs_diff(row) <= 1 {
+                let near = column.saturating_sub(1)..(column + 2).min(self.columns);
+                candidates[near].fill(0.0);
+            }
+            let high = maximum(candidates);
+            if high > best.map_or(0.0, |(high, ..)| high) {
+                let x = candidates.iter().position(|value| *value >= high)?;
+                best = Some((high, x, y));
+            }
+        }
+        best.map(|(_, x, y)| self.top(x, y))
+    }
+}
+
+/// The highest value.
+#[multiversion(targets("x86_64+avx512f+avx512bw+avx512dq+avx512vl", "x86_64+avx2"))]
+fn maximum(values: &[f32]) -> f32 {
+    let mut lanes = [f32::NEG_INFINITY; LANES];
+    let chunks = values.chunks_exact(LANES);
+    let rest = chunks.remainder();
+    for chunk in chunks {
+        for (lane, value) in lanes.iter_mut().zip(chunk) {
+            *lane = if *value > *lane { *value } else { *lane };
+        }
+    }
+    lanes.iter().chain(rest).fold(f32::NEG_INFINITY, |high, value| if *value > high { *value } else { high })
+}
+
+/// The values of `line` that none of their eight neighbours exceeds; 0 elsewhere and at both ends.
+#[multiversion(targets("x86_64+avx512f+avx512bw+avx512dq+avx512vl", "x86_64+avx2"))]
+fn local_maxima(above: &[f32], line: &[f32], below: &[f32], out: &mut [f32]) {
+    let count = line.len();
+    let (above, below, out) = (&above[..count], &below[..count], &mut out[..count]);
+    out[0] = 0.0;
+    out[count - 1] = 0.0;
+    let larger = |a: f32, b: f32| if a > b { a } else { b };
+    for x in 1..count - 1 {
+        let left = larger(larger(above[x - 1], line[x - 1]), below[x - 1]);
+        let right = larger(larger(above[x + 1], line[x + 1]), below[x + 1]);
+        let around = larger(larger(left, right), larger(above[x], below[x]));
+        out[x] = if line[x] >= around { line[x] } else { 0.0 };
     }
 }
 
@@ -137,7 +229,7 @@ mod tests {
     fn the_second_peak_is_the_next_maximum_not_the_shoulder_of_the_first() {
         let data = bumps(&[(6.3, 6.2, 1.0), (17.2, 12.1, 0.7), (5.0, 17.0, 0.6)]);
         let surface = Surface { data: &data, columns: 25 };
-        let second = surface.second(surface.highest().unwrap()).unwrap();
+        let second = surface.second(surface.highest().unwrap(), &mut [f32::NAN; 25]).unwrap();
         assert_eq!((second.column, second.row), (17, 12));
         assert!((second.height - 0.7).abs() < 1e-3, "{second:?}");
     }

@@ -65,18 +65,9 @@ impl Plane {
         &mut self.data[start..start + stride]
     }
 
-    /// `row y += factor * row other`, margin left out.
-    pub(super) fn add_row(&mut self, y: usize, other: usize, factor: f32) {
-        let (start, from) = (self.index(0, y as isize), self.index(0, other as isize));
-        let width = self.width;
-        let (target, source) = if start > from {
-            let (head, tail) = self.data.split_at_mut(start);
-            (&mut tail[..width], &head[from..from + width])
-        } else {
-            let (head, tail) = self.data.split_at_mut(from);
-            (&mut head[start..start + width], &tail[..width])
-        };
-        target.iter_mut().zip(source).for_each(|(t, s)| *t += factor * *s);
+    /// Everything, margin included, row-major.
+    pub(super) fn data_mut(&mut self) -> &mut [f32] {
+        &mut self.data
     }
 
     /// Fills the margin with the mirrored interior (whole-sample symmetric).

@@ -1,5 +1,8 @@
 //! A frame made ready for correlation.
 
+use multiversion::multiversion;
+
+use super::lanes::LANES;
 use super::plane::Plane;
 use super::spline;
 use crate::image::ImageView;
@@ -22,7 +25,6 @@ pub struct Prepared {
     pub(super) offset: f32,
     /// The level at which the frame is saturated, offset taken off; infinite if it is not.
     pub(super) saturation: f32,
-    scratch: Vec<f32>,
 }
 
 impl Prepared {
@@ -39,25 +41,23 @@ impl Prepared {
     /// Makes `image` ready in this memory.
     pub(super) fn fill(&mut self, image: ImageView<'_>) {
         let (width, height) = (image.width(), image.height());
-        let highest = image.data().iter().fold(f32::NEG_INFINITY, |high, level| high.max(*level));
-        let sum: f64 = image.data().iter().map(|level| f64::from(*level)).sum();
+        let (highest, sum) = highest_and_sum(image);
         self.offset = (sum / (width * height).max(1) as f64).round() as f32;
         let saturated = SATURATED_LEVELS.iter().any(|level| (level - highest).abs() < 0.5);
         self.saturation = if saturated { highest - self.offset } else { f32::INFINITY };
         for plane in [&mut self.levels, &mut self.gradient_x, &mut self.gradient_y, &mut self.coefficients] {
             plane.reshape(width, height);
         }
+        if width == 0 || height == 0 {
+            return;
+        }
         for y in 0..height {
             let offset = self.offset;
-            let row = self.levels.row_mut(y);
-            row.iter_mut().zip(image.row(y)).for_each(|(level, pixel)| *level = pixel - offset);
-            self.coefficients.row_mut(y).copy_from_slice(row);
+            self.levels.row_mut(y).iter_mut().zip(image.row(y)).for_each(|(level, pixel)| *level = pixel - offset);
         }
-        if width > 0 && height > 0 {
-            self.levels.mirror_margin();
-            self.fill_gradients();
-            spline::prefilter(&mut self.coefficients, &mut self.scratch);
-        }
+        self.levels.mirror_margin();
+        self.fill_gradients();
+        spline::prefilter(&self.levels, &mut self.coefficients);
     }
 
     /// Fourth-order central differences; second order one pixel from the edge, one-sided on it.
@@ -76,10 +76,7 @@ impl Prepared {
             };
             let target = self.gradient_y.row_mut(y);
             if distance >= 2 {
-                let pairs = shifted(-2).iter().zip(shifted(2)).zip(shifted(-1).iter().zip(shifted(1)));
-                for (out, ((a, d), (b, c))) in target.iter_mut().zip(pairs) {
-                    *out = ((a - d) + 8.0 * (c - b)) * (1.0 / 12.0);
-                }
+                difference([shifted(-2), shifted(-1), shifted(1), shifted(2)], target);
             } else {
                 let (up, down) = (isize::from(y > 0), isize::from(y + 1 < height));
                 let scale = 1.0 / (up + down).max(1) as f32;
@@ -101,10 +98,40 @@ fn gradient_along(row: &[f32], gradient: &mut [f32]) {
     if width < 5 {
         return;
     }
-    let taps = row.iter().zip(&row[1..]).zip(row[3..].iter().zip(&row[4..]));
-    for (out, ((a, b), (c, d))) in gradient[2..].iter_mut().zip(taps) {
+    let inner = &mut gradient[2..width - 2];
+    difference([row, &row[1..], &row[3..], &row[4..]], inner);
+}
+
+/// The fourth-order central difference of samples at -2, -1, 1 and 2.
+#[multiversion(targets("x86_64+avx512f+avx512bw+avx512dq+avx512vl", "x86_64+avx2"))]
+fn difference(samples: [&[f32]; 4], out: &mut [f32]) {
+    let [a, b, c, d] = samples.map(|part| &part[..out.len()]);
+    for (out, ((a, d), (b, c))) in out.iter_mut().zip(a.iter().zip(d).zip(b.iter().zip(c))) {
         *out = ((a - d) + 8.0 * (c - b)) * (1.0 / 12.0);
     }
+}
+
+/// The highest grey level and the sum of all.
+#[multiversion(targets("x86_64+avx512f+avx512bw+avx512dq+avx512vl", "x86_64+avx2"))]
+fn highest_and_sum(image: ImageView<'_>) -> (f32, f64) {
+    let (mut highest, mut sum) = ([f32::NEG_INFINITY; LANES], 0.0);
+    for y in 0..image.height() {
+        let chunks = image.row(y).chunks_exact(LANES);
+        let rest = chunks.remainder();
+        let mut sums = [0.0_f32; LANES];
+        for chunk in chunks {
+            for lane in 0..LANES {
+                sums[lane] += chunk[lane];
+                highest[lane] = if chunk[lane] > highest[lane] { chunk[lane] } else { highest[lane] };
+            }
+        }
+        for value in rest {
+            sums[0] += value;
+            highest[0] = highest[0].max(*value);
+        }
+        sum += sums.iter().map(|value| f64::from(*value)).sum::<f64>();
+    }
+    (highest.into_iter().fold(f32::NEG_INFINITY, f32::max), sum)
 }
 
 #[cfg(test)]

@@ -11,13 +11,21 @@
 use super::Shape;
 use super::lanes::Lanes;
 use super::plane::Plane;
-use super::sample::sample_lanes;
+use super::quadratic::Second;
+use super::sample::{ShiftedColumn, sample_lanes};
 use super::subset::{Subset, project};
+use super::vector::{Portable, Vector, vectorized};
 use super::warp::Warp;
 use super::window::{Block, Window};
 
 /// A step this short ends the iteration, px.
 const TOLERANCE_PX: f64 = 0.002;
+
+/// A step this short may be the last one, if the steps shrink steadily, px.
+const SERIES_PX: f64 = 0.01;
+
+/// Largest factor from one step to the next that counts as steady.
+const STEADY: f64 = 0.3;
 
 /// Iterations after which a subset is given up; sound ones take 3 to 6.
 const MOST_ITERATIONS: u32 = 25;
@@ -36,6 +44,8 @@ pub(super) enum Lost {
 pub(super) struct Match {
     /// The warp from reference to target.
     pub(super) warp: Warp,
+    /// Its second-order part.
+    pub(super) second: Second,
     /// Zero-mean normalised cross-correlation there.
     pub(super) zncc: f64,
     /// Iterations taken.
@@ -68,22 +78,28 @@ impl Refiner<'_> {
     pub(super) fn refine(&self, start: Warp) -> Result<Match, Lost> {
         let mut warp = start;
         let half = f64::from(self.window.half);
+        let mut before = None;
         for iterations in 1..=MOST_ITERATIONS {
             let (step, zncc) = self.step(&warp)?;
             let length = step.length(half);
             if length.is_nan() || length >= half {
                 return Err(Lost::NotConverged);
             }
+            // The steps shrink by a steady factor; close to the end their whole series is taken at once.
+            let ratio = before.map_or(1.0, |before: Warp| step.ratio(&before, half));
+            let last = length < SERIES_PX && ratio.abs() < STEADY;
+            let step = if last { step.scaled(1.0 / (1.0 - ratio)) } else { step };
+            before = Some(step);
             warp = warp.after_inverse(&step).ok_or(Lost::NotConverged)?;
-            if length < TOLERANCE_PX {
-                return Ok(Match { warp, zncc, iterations });
+            if last || length < TOLERANCE_PX {
+                return Ok(Match { warp, second: [[0.0; 3]; 2], zncc, iterations });
             }
         }
         Err(Lost::NotConverged)
     }
 
     /// The step that the reference should take towards the target at `warp`, and the ZNCC there.
-    fn step(&self, warp: &Warp) -> Result<(Warp, f64), Lost> {
+    pub(super) fn step(&self, warp: &Warp) -> Result<(Warp, f64), Lost> {
         let subset = self.subset;
         let sums = self.pass(warp)?;
         let pixels = self.window.pixels as f64;
@@ -119,48 +135,65 @@ impl Refiner<'_> {
         if !self.inside(warp) {
             return Err(Lost::OutOfFrame);
         }
-        let mut sums = Sums::default();
-        for block in &self.window.blocks {
-            self.add_block(&mut sums, warp, block);
-        }
-        Ok(sums)
+        Ok(sums_of(self, warp))
     }
 
-    /// Eight target pixels of one row of a block.
+    /// Sums over all blocks.
     #[inline(always)]
-    fn sample(&self, warp: &Warp, dx: i32, dy: i32) -> Lanes {
+    fn sums_with<V: Vector>(&self, warp: &Warp) -> Sums {
+        let mut sums = Sums::default();
+        let shift = *warp == Warp::shift(warp.u, warp.v);
+        for block in &self.window.blocks {
+            if shift {
+                let start = self.place(warp, block.dx, block.dy);
+                self.add_block(&mut sums, block, ShiftedColumn::<V>::new(self.target, start));
+            } else {
+                let column = WarpedColumn { refiner: self, warp, dx: block.dx, dy: block.dy };
+                self.add_block::<V>(&mut sums, block, column);
+            }
+        }
+        sums
+    }
+
+    /// Where an offset from the subset's centre lies in the target.
+    #[inline(always)]
+    fn place(&self, warp: &Warp, dx: i32, dy: i32) -> (f64, f64) {
         let (x, y) = warp.apply(f64::from(dx), f64::from(dy));
-        sample_lanes(self.target, (f64::from(self.at.0) + x, f64::from(self.at.1) + y), warp.ux, warp.vx)
+        (f64::from(self.at.0) + x, f64::from(self.at.1) + y)
     }
 
     /// Adds one block of columns.
     #[inline(always)]
-    fn add_block(&self, sums: &mut Sums, warp: &Warp, block: &Block) {
-        let subset = self.subset;
-        let zero = Lanes::splat(0.0);
+    fn add_block<V: Vector>(&self, sums: &mut Sums, block: &Block, mut column: impl Rows<V>) {
+        let packed = block.start..block.start + block.rows;
+        let (mask, reference) = (&self.window.mask[packed.clone()], &self.subset.levels[packed.clone()]);
+        let gradients = (&self.subset.gradient_x[packed.clone()], &self.subset.gradient_y[packed]);
+        let zero = V::splat(0.0);
         let (mut levels, mut energy, mut product) = (zero, zero, zero);
-        let (mut plain, mut with_dy) = ([zero; 2], [zero; 2]);
-        let mean = Lanes::splat(subset.mean);
-        for row in 0..block.rows {
-            let (packed, dy) = (block.start + row, block.dy + row as i32);
-            let value = (self.sample(warp, block.dx, dy) - mean) * self.window.mask[packed];
-            levels += value;
-            energy += value * value;
-            product += value * subset.levels[packed];
-            let dy = Lanes::splat(dy as f32);
-            for (half, gradient) in [&subset.gradient_x, &subset.gradient_y].into_iter().enumerate() {
-                let term = value * gradient[packed];
-                plain[half] += term;
-                with_dy[half] += term * dy;
-            }
+        let (mut along_x, mut along_y, mut lever_x, mut lever_y) = (zero, zero, zero, zero);
+        let mean = V::splat(self.subset.mean);
+        let rows = mask.iter().zip(reference).zip(gradients.0.iter().zip(gradients.1));
+        for (dy, ((mask, reference), (gradient_x, gradient_y))) in (block.dy..).zip(rows) {
+            let sampled = column.next();
+            let value = sampled.sub(mean).mul(V::from_lanes(mask));
+            levels = levels.add(value);
+            energy = energy.add(value.mul(value));
+            product = product.add(value.mul(V::from_lanes(reference)));
+            let dy = V::splat(dy as f32);
+            let (term_x, term_y) = (value.mul(V::from_lanes(gradient_x)), value.mul(V::from_lanes(gradient_y)));
+            along_x = along_x.add(term_x);
+            along_y = along_y.add(term_y);
+            lever_x = lever_x.add(term_x.mul(dy));
+            lever_y = lever_y.add(term_y.mul(dy));
         }
-        sums.levels += levels.sum();
-        sums.energy += energy.sum();
-        sums.product += product.sum();
-        for half in 0..2 {
-            sums.jacobian[3 * half] += plain[half].sum();
-            sums.jacobian[3 * half + 1] += plain[half].moment(f64::from(block.dx));
-            sums.jacobian[3 * half + 2] += with_dy[half].sum();
+        sums.levels += levels.to_lanes().sum();
+        sums.energy += energy.to_lanes().sum();
+        sums.product += product.to_lanes().sum();
+        for (half, (plain, lever)) in [(along_x, lever_x), (along_y, lever_y)].into_iter().enumerate() {
+            let moments = plain.to_lanes().moments(f64::from(block.dx));
+            sums.jacobian[3 * half] += moments[0];
+            sums.jacobian[3 * half + 1] += moments[1];
+            sums.jacobian[3 * half + 2] += lever.to_lanes().sum();
         }
     }
 
@@ -176,9 +209,50 @@ impl Refiner<'_> {
         for block in &self.window.blocks {
             for row in 0..block.rows {
                 let packed = block.start + row;
-                let value = (self.sample(warp, block.dx, block.dy + row as i32) - mean) * self.window.mask[packed];
+                let start = self.place(warp, block.dx, block.dy + row as i32);
+                let sampled = sample_lanes::<Portable>(self.target, start, warp.ux, warp.vx).to_lanes();
+                let value = (sampled - mean) * self.window.mask[packed];
                 out.push(subset.levels[packed] - value * Lanes::splat(gain as f32));
             }
         }
     }
+}
+
+/// The rows of a block of the target, one after the other.
+trait Rows<V> {
+    fn next(&mut self) -> V;
+}
+
+impl<V: Vector> Rows<V> for ShiftedColumn<'_, V> {
+    #[inline(always)]
+    fn next(&mut self) -> V {
+        self.next_row()
+    }
+}
+
+/// A block of a target that is deformed: each pixel has weights of its own.
+struct WarpedColumn<'a> {
+    refiner: &'a Refiner<'a>,
+    warp: &'a Warp,
+    dx: i32,
+    dy: i32,
+}
+
+impl<V: Vector> Rows<V> for WarpedColumn<'_> {
+    #[inline(always)]
+    fn next(&mut self) -> V {
+        let start = self.refiner.place(self.warp, self.dx, self.dy);
+        self.dy += 1;
+        sample_lanes(self.refiner.target, start, self.warp.ux, self.warp.vx)
+    }
+}
+
+vectorized! {
+    /// [`Refiner::sums_with`].
+    fn sums_of(refiner: &Refiner<'_>, warp: &Warp) -> Sums = sums_with
+}
+
+#[inline(always)]
+fn sums_with<V: Vector>(refiner: &Refiner<'_>, warp: &Warp) -> Sums {
+    refiner.sums_with::<V>(warp)
 }

@@ -2,7 +2,8 @@
 
 use super::lanes::{LANES, Lanes};
 use super::plane::Plane;
-use super::spline::{sample_inside, weights};
+use super::spline::{lane_weights, sample_inside};
+use super::vector::Vector;
 
 /// The target at (x + lane (1 + ux), y + lane vx) for the eight lanes.
 ///
@@ -12,103 +13,185 @@ use super::spline::{sample_inside, weights};
 /// get their weights shifted by one tap. Stronger deformation (8 degrees and
 /// more) is sampled lane by lane.
 #[inline(always)]
-pub(super) fn sample_lanes(coefficients: &Plane, (x, y): (f64, f64), ux: f64, vx: f64) -> Lanes {
+pub(super) fn sample_lanes<V: Vector>(coefficients: &Plane, (x, y): (f64, f64), ux: f64, vx: f64) -> V {
     let last = (LANES - 1) as f64;
     if (last * ux).abs() >= 1.0 || (last * vx).abs() >= 1.0 {
-        return Lanes(std::array::from_fn(|lane| {
-            sample_inside(coefficients, x + lane as f64 * (1.0 + ux), y + lane as f64 * vx)
-        }));
+        return V::from_lanes(&sample_scattered(coefficients, (x, y), ux, vx));
     }
-    let (cell_x, cell_y) = (x.min(x + last * ux).floor(), y.min(y + last * vx).floor());
-    let (start_x, start_y) = ((x - cell_x) as f32, (y - cell_y) as f32);
-    let (drift_x, drift_y) = (ux as f32, vx as f32);
-    let along_x = Lanes(std::array::from_fn(|lane| start_x + lane as f32 * drift_x));
-    let along_y = Lanes(std::array::from_fn(|lane| start_y + lane as f32 * drift_y));
-    let taps = Taps { coefficients, first: coefficients.index(cell_x as isize - 2, cell_y as isize - 2) };
-    let wide_x = along_x.0[0].max(along_x.0[LANES - 1]) >= 1.0;
-    let wide_y = along_y.0[0].max(along_y.0[LANES - 1]) >= 1.0;
+    let (end_x, end_y) = (x + last * ux, y + last * vx);
+    let (cell_x, cell_y) = (x.min(end_x).floor(), y.min(end_y).floor());
+    let (along_x, along_y) = (along::<V>(x - cell_x, ux), along::<V>(y - cell_y, vx));
+    let (data, stride) = (coefficients.data(), coefficients.stride());
+    let first = coefficients.index(cell_x as isize - 2, cell_y as isize - 2);
+    let taps = Taps { rows: &data[first..], stride };
+    // A little early: a lane that rounds up to 1 must find its second cell.
+    let (wide_x, wide_y) = (x.max(end_x) - cell_x >= 0.999_999, y.max(end_y) - cell_y >= 0.999_999);
     match (wide_x, wide_y) {
-        (false, false) => taps.sum(&plain(along_x), &plain(along_y)),
-        (false, true) => taps.sum(&plain(along_x), &widened(along_y)),
-        (true, false) => taps.sum(&widened(along_x), &plain(along_y)),
+        (false, false) => taps.sum(&lane_weights(along_x), &lane_weights(along_y)),
+        (false, true) => taps.sum(&lane_weights(along_x), &widened(along_y)),
+        (true, false) => taps.sum(&widened(along_x), &lane_weights(along_y)),
         (true, true) => taps.sum(&widened(along_x), &widened(along_y)),
     }
 }
 
-/// Where the taps of a block of lanes begin.
+/// `start` and on by `drift` from lane to lane.
+#[inline(always)]
+fn along<V: Vector>(start: f64, drift: f64) -> V {
+    V::splat(start as f32).add(V::from_lanes(&Lanes::INDEX).mul(V::splat(drift as f32)))
+}
+
+/// Lane by lane, for any deformation.
+#[inline(never)]
+fn sample_scattered(coefficients: &Plane, (x, y): (f64, f64), ux: f64, vx: f64) -> Lanes {
+    let mut lanes = Lanes::splat(0.0);
+    for (lane, value) in lanes.0.iter_mut().enumerate() {
+        *value = sample_inside(coefficients, x + lane as f64 * (1.0 + ux), y + lane as f64 * vx);
+    }
+    lanes
+}
+
+/// The coefficients from the first tap of a block of lanes on.
 struct Taps<'a> {
-    coefficients: &'a Plane,
-    first: usize,
+    rows: &'a [f32],
+    stride: usize,
 }
 
 impl Taps<'_> {
     /// Sum of the taps with the weights of each lane.
     #[inline(always)]
-    fn sum<const X: usize, const Y: usize>(&self, weights_x: &[Lanes; X], weights_y: &[Lanes; Y]) -> Lanes {
-        let (data, stride) = (self.coefficients.data(), self.coefficients.stride());
-        let mut total = Lanes::splat(0.0);
+    fn sum<V: Vector, const X: usize, const Y: usize>(&self, weights_x: &[V; X], weights_y: &[V; Y]) -> V {
+        let mut total = V::splat(0.0);
         for (row, weight) in weights_y.iter().enumerate() {
-            let taps = &data[self.first + row * stride..self.first + row * stride + 2 * LANES];
-            let mut sum = weights_x[0] * Lanes::load(taps);
-            for (column, weight) in weights_x.iter().enumerate().skip(1) {
-                sum += *weight * Lanes::load(&taps[column..]);
+            let taps = &self.rows[row * self.stride..][..2 * LANES];
+            let mut sum = V::splat(0.0);
+            for (column, weight) in weights_x.iter().enumerate() {
+                sum = sum.add(weight.mul(V::load(&taps[column..])));
             }
-            total += *weight * sum;
+            total = total.add(weight.mul(sum));
         }
         total
     }
 }
 
-/// Weights of the six taps when all lanes lie in the first cell.
-#[inline(always)]
-fn plain(fraction: Lanes) -> [Lanes; 6] {
-    let mut taps = [Lanes::splat(0.0); 6];
-    for lane in 0..LANES {
-        let weights = weights(fraction.0[lane]);
-        for tap in 0..6 {
-            taps[tap].0[lane] = weights[tap];
+/// A column of blocks of a target that is only shifted: all pixels share their weights.
+///
+/// Each row is filtered along x once and kept for the six rows that need it.
+pub(super) struct ShiftedColumn<'a, V> {
+    rows: &'a [f32],
+    stride: usize,
+    weights_x: [V; 6],
+    weights_y: [V; 6],
+    filtered: [V; 5],
+}
+
+impl<'a, V: Vector> ShiftedColumn<'a, V> {
+    /// Begins at (x, y), the first lane of the first row.
+    #[inline(always)]
+    pub(super) fn new(coefficients: &'a Plane, (x, y): (f64, f64)) -> Self {
+        let (cell_x, cell_y) = (x.floor(), y.floor());
+        let first = coefficients.index(cell_x as isize - 2, cell_y as isize - 2);
+        let (rows, stride) = (&coefficients.data()[first..], coefficients.stride());
+        let weights_x = lane_weights(V::splat((x - cell_x) as f32));
+        let weights_y = lane_weights(V::splat((y - cell_y) as f32));
+        let mut column = Self { rows, stride, weights_x, weights_y, filtered: [V::splat(0.0); 5] };
+        for row in 0..5 {
+            column.filtered[row] = column.filter_next();
         }
+        column
     }
-    taps
+
+    /// The next row filtered along x.
+    #[inline(always)]
+    fn filter_next(&mut self) -> V {
+        let taps = &self.rows[..2 * LANES];
+        let mut sum = V::splat(0.0);
+        for (column, weight) in self.weights_x.iter().enumerate() {
+            sum = sum.add(weight.mul(V::load(&taps[column..])));
+        }
+        self.rows = &self.rows[self.stride..];
+        sum
+    }
+
+    /// The eight pixels of the next row.
+    #[inline(always)]
+    pub(super) fn next_row(&mut self) -> V {
+        let newest = self.filter_next();
+        let f = self.filtered;
+        let mut total = V::splat(0.0);
+        for (weight, row) in self.weights_y.iter().zip([f[0], f[1], f[2], f[3], f[4], newest]) {
+            total = total.add(weight.mul(row));
+        }
+        self.filtered = [f[1], f[2], f[3], f[4], newest];
+        total
+    }
 }
 
 /// Weights of seven taps when some lanes lie in the second cell.
 #[inline(always)]
-fn widened(fraction: Lanes) -> [Lanes; 7] {
-    let second = fraction.at_least_one();
-    let six = plain(fraction - second);
-    let none = Lanes::splat(0.0);
-    std::array::from_fn(|tap| {
-        let low = if tap < 6 { six[tap] } else { none };
-        let high = if tap > 0 { six[tap - 1] } else { none };
-        second.select(high, low)
-    })
+fn widened<V: Vector>(fraction: V) -> [V; 7] {
+    let one = V::splat(1.0);
+    let second = fraction.at_least(one);
+    let w = lane_weights(fraction.sub(one.and(second)));
+    let none = V::splat(0.0);
+    [
+        V::select(second, none, w[0]),
+        V::select(second, w[0], w[1]),
+        V::select(second, w[1], w[2]),
+        V::select(second, w[2], w[3]),
+        V::select(second, w[3], w[4]),
+        V::select(second, w[4], w[5]),
+        V::select(second, w[5], none),
+    ]
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::dic::spline::prefilter;
+    use crate::dic::vector::Portable;
 
-    #[test]
-    fn eight_at_a_time_equals_one_at_a_time_at_any_deformation() {
+    fn waves() -> Plane {
         let mut plane = Plane::default();
         plane.reshape(60, 50);
         for y in 0..50 {
             for (x, value) in plane.row_mut(y).iter_mut().enumerate() {
-                *value =
-                    100.0 * ((x * x) as f32 * 0.02 + y as f32).sin() + 80.0 * (x as f32 * 1.1 - y as f32 * 0.4).cos();
+                let (x, y) = (x as f32, y as f32);
+                *value = 100.0 * (x * x * 0.02 + y).sin() + 80.0 * (x * 1.1 - y * 0.4).cos();
             }
         }
-        prefilter(&mut plane, &mut Vec::new());
+        plane.mirror_margin();
+        let mut filtered = plane.clone();
+        prefilter(&plane, &mut filtered);
+        filtered
+    }
+
+    #[test]
+    fn eight_at_a_time_equals_one_at_a_time_at_any_deformation_and_on_any_machine() {
+        let plane = waves();
         for case in 0..400 {
             let (ux, vx) = (f64::from(case % 20 - 10) * 0.017, f64::from(case / 20 - 10) * 0.016);
             let at = (20.0 + f64::from(case) * 0.013, 22.0 - f64::from(case) * 0.017);
-            let found = sample_lanes(&plane, at, ux, vx);
+            let found = sample_lanes::<Portable>(&plane, at, ux, vx).to_lanes();
             for lane in 0..LANES {
                 let offset = lane as f64;
                 let expected = sample_inside(&plane, at.0 + offset * (1.0 + ux), at.1 + offset * vx);
                 assert!((found.0[lane] - expected).abs() < 2e-3, "{ux} {vx} {at:?} lane {lane}");
+            }
+        }
+    }
+
+    #[test]
+    fn the_column_of_a_pure_shift_equals_the_warped_one() {
+        let plane = waves();
+        for case in 0..50 {
+            let (x, y) = (17.0 + f64::from(case) * 0.173, 15.0 - f64::from(case) * 0.091);
+            let mut column = ShiftedColumn::<Portable>::new(&plane, (x, y));
+            for row in 0..9 {
+                let expected = sample_lanes::<Portable>(&plane, (x, y + f64::from(row)), 0.0, 0.0).to_lanes();
+                let found = column.next_row().to_lanes();
+                for lane in 0..LANES {
+                    assert!((found.0[lane] - expected.0[lane]).abs() < 1e-3, "{x} {y} row {row} lane {lane}");
+                }
             }
         }
     }

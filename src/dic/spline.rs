@@ -10,7 +10,9 @@
 //! The prefilter follows M. Unser, A. Aldroubi, M. Eden, IEEE Trans. Signal
 //! Process. 41 (1993) 834, <https://doi.org/10.1109/78.193221>.
 
+use super::lanes::LANES;
 use super::plane::{MARGIN, Plane, mirror};
+use super::vector::{Vector, vectorized};
 
 /// Poles of the quintic B-spline's prefilter.
 const POLES: [f64; 2] = [-0.430_575_347_099_973_8, -0.043_096_288_203_264_65];
@@ -49,6 +51,30 @@ pub(super) fn weights(t: f32) -> [f32; 6] {
     weights
 }
 
+/// [`weights`] for eight positions.
+#[inline(always)]
+pub(super) fn lane_weights<V: Vector>(t: V) -> [V; 6] {
+    let s = t.sub(V::splat(0.5));
+    let square = s.mul(s);
+    let even = [quadratic(&EVEN[0], square), quadratic(&EVEN[1], square), quadratic(&EVEN[2], square)];
+    let odd = [quadratic(&ODD[0], square), quadratic(&ODD[1], square), quadratic(&ODD[2], square)];
+    let odd = [s.mul(odd[0]), s.mul(odd[1]), s.mul(odd[2])];
+    [
+        even[2].sub(odd[2]),
+        even[1].sub(odd[1]),
+        even[0].sub(odd[0]),
+        even[0].add(odd[0]),
+        even[1].add(odd[1]),
+        even[2].add(odd[2]),
+    ]
+}
+
+/// c0 + c1 x + c2 x^2.
+#[inline(always)]
+fn quadratic<V: Vector>(c: &[f32; 3], x: V) -> V {
+    V::splat(c[0]).add(x.mul(V::splat(c[1]).add(x.mul(V::splat(c[2])))))
+}
+
 /// The prefilter's impulse response at distances 0 to [`REACH`].
 fn impulse_response() -> [f32; REACH + 1] {
     // Partial fractions of 120 / (z^2 + 26 z + 66 + 26 / z + 1 / z^2).
@@ -59,78 +85,109 @@ fn impulse_response() -> [f32; REACH + 1] {
     std::array::from_fn(|k| (weight_a * a.powi(k as i32) + weight_b * b.powi(k as i32)) as f32)
 }
 
-/// Turns the grey levels of `plane` into quintic-spline coefficients, margin included.
+/// Turns the grey levels into quintic-spline coefficients, margin included.
 ///
-/// Mirrored at the edges. `scratch` is resized as needed.
-pub(super) fn prefilter(plane: &mut Plane, scratch: &mut Vec<f32>) {
-    filter_rows(plane, scratch);
-    filter_columns(plane);
-    plane.mirror_margin();
+/// Both planes have one shape; the margin of `levels` is mirrored, and so are the edges.
+pub(super) fn prefilter(levels: &Plane, coefficients: &mut Plane) {
+    filter_rows(levels, &impulse_response(), coefficients);
+    if levels.height() > 1 {
+        filter_columns(coefficients);
+    }
+    coefficients.mirror_margin();
 }
 
-/// Along the rows by convolution: a recursion would go one pixel at a time.
-fn filter_rows(plane: &mut Plane, scratch: &mut Vec<f32>) {
-    let response = impulse_response();
-    let width = plane.width();
-    scratch.resize(width + 2 * REACH, 0.0);
-    for y in 0..plane.height() {
-        let row = plane.row_mut(y);
-        scratch[REACH..REACH + width].copy_from_slice(row);
-        for k in 1..=REACH {
-            scratch[REACH - k] = row[mirror(-(k as isize), width)];
-            scratch[REACH + width - 1 + k] = row[mirror((width - 1 + k) as isize, width)];
+vectorized! {
+    /// Along the rows by convolution: a recursion would go one pixel at a time.
+    fn filter_rows(levels: &Plane, response: &[f32; REACH + 1], out: &mut Plane) = filter_rows_with
+}
+
+#[inline(always)]
+fn filter_rows_with<V: Vector>(levels: &Plane, response: &[f32; REACH + 1], out: &mut Plane) {
+    let width = levels.width();
+    for y in 0..levels.height() {
+        let row = &levels.data()[levels.index(-(MARGIN as isize), y as isize)..];
+        let target = out.padded_row_mut(y);
+        // The last eight may spill into the margin, which is filled later.
+        for x in (0..width).step_by(LANES) {
+            let near = &row[MARGIN + x - REACH..][..2 * REACH + LANES];
+            let mut sum = V::load(&near[REACH..]).mul(V::splat(response[0]));
+            for k in 1..=REACH {
+                let pair = V::load(&near[REACH - k..]).add(V::load(&near[REACH + k..]));
+                sum = sum.add(pair.mul(V::splat(response[k])));
+            }
+            sum.store(&mut target[MARGIN + x..]);
         }
-        row.iter_mut().zip(&scratch[REACH..]).for_each(|(out, value)| *out = response[0] * value);
-        for (k, weight) in response.iter().enumerate().skip(1) {
-            let (left, right) = (&scratch[REACH - k..], &scratch[REACH + k..]);
-            for (out, (l, r)) in row.iter_mut().zip(left.iter().zip(right)) {
-                *out += weight * (l + r);
+    }
+}
+
+vectorized! {
+    /// Down the columns by recursion, strips of columns side by side.
+    fn filter_columns(plane: &mut Plane) = filter_columns_with
+}
+
+#[inline(always)]
+fn filter_columns_with<V: Vector>(plane: &mut Plane) {
+    let (width, height, stride) = (plane.width(), plane.height(), plane.stride());
+    let first = plane.index(0, 0);
+    let tail: [Vec<(usize, f32)>; 2] =
+        POLES.map(|pole| (0..=REACH).map(|k| (mirror(k as isize, height), pole.powi(k as i32) as f32)).collect());
+    let mut x = 0;
+    while x < width {
+        let rows = &mut plane.data_mut()[first + x..];
+        if width - x >= 4 * LANES {
+            filter_strip::<V, 4>(rows, stride, height, &tail);
+            x += 4 * LANES;
+        } else {
+            filter_strip::<V, 1>(rows, stride, height, &tail);
+            x += LANES;
+        }
+    }
+}
+
+/// Both poles, down and up, over `8 N` columns.
+#[inline(always)]
+fn filter_strip<V: Vector, const N: usize>(
+    rows: &mut [f32],
+    stride: usize,
+    height: usize,
+    tail: &[Vec<(usize, f32)>; 2],
+) {
+    let mut gain = 1.0;
+    for (pole, tail) in POLES.into_iter().zip(tail) {
+        gain *= (1.0 - pole) * (1.0 - 1.0 / pole);
+        let z = V::splat(pole as f32);
+        // The first causal value of a mirrored column is the sum of its tail.
+        let mut state = [V::splat(0.0); N];
+        for (y, factor) in tail {
+            for (k, state) in state.iter_mut().enumerate() {
+                *state = state.add(V::load(&rows[y * stride + k * LANES..]).mul(V::splat(*factor)));
+            }
+        }
+        let mut before = state;
+        for y in 0..height {
+            for k in 0..N {
+                let at = &mut rows[y * stride + k * LANES..];
+                if y > 0 {
+                    before[k] = state[k];
+                    state[k] = V::load(at).add(z.mul(state[k]));
+                }
+                state[k].store(at);
+            }
+        }
+        let last = V::splat((pole / (pole * pole - 1.0)) as f32);
+        let scale = V::splat(if pole.to_bits() == POLES[1].to_bits() { gain as f32 } else { 1.0 });
+        for k in 0..N {
+            state[k] = last.mul(state[k].add(z.mul(before[k])));
+            state[k].mul(scale).store(&mut rows[(height - 1) * stride + k * LANES..]);
+        }
+        for y in (0..height - 1).rev() {
+            for (k, state) in state.iter_mut().enumerate() {
+                let at = &mut rows[y * stride + k * LANES..];
+                *state = z.mul(state.sub(V::load(at)));
+                state.mul(scale).store(at);
             }
         }
     }
-}
-
-/// Down the columns by recursion, all columns side by side.
-fn filter_columns(plane: &mut Plane) {
-    let height = plane.height();
-    if height < 2 {
-        return;
-    }
-    for pole in POLES {
-        start_causal(plane, pole);
-        for y in 1..height {
-            plane.add_row(y, y - 1, pole as f32);
-        }
-        start_anticausal(plane, pole);
-        for y in (0..height - 1).rev() {
-            let negative = -(pole as f32);
-            plane.row_mut(y).iter_mut().for_each(|value| *value *= negative);
-            plane.add_row(y, y + 1, pole as f32);
-        }
-        let gain = ((1.0 - pole) * (1.0 - 1.0 / pole)) as f32;
-        for y in 0..height {
-            plane.row_mut(y).iter_mut().for_each(|value| *value *= gain);
-        }
-    }
-}
-
-/// First causal value of a mirrored column: the sum of its tail.
-fn start_causal(plane: &mut Plane, pole: f64) {
-    let height = plane.height();
-    let tail = || (1..=REACH).map(|k| (mirror(k as isize, height), pole.powi(k as i32)));
-    let own: f64 = tail().filter(|(source, _)| *source == 0).map(|(_, factor)| factor).sum();
-    plane.row_mut(0).iter_mut().for_each(|value| *value *= 1.0 + own as f32);
-    for (source, factor) in tail().filter(|(source, _)| *source != 0) {
-        plane.add_row(0, source, factor as f32);
-    }
-}
-
-/// Last anticausal value of a mirrored column.
-fn start_anticausal(plane: &mut Plane, pole: f64) {
-    let last = plane.height() - 1;
-    plane.add_row(last, last - 1, pole as f32);
-    let factor = (pole / (pole * pole - 1.0)) as f32;
-    plane.row_mut(last).iter_mut().for_each(|value| *value *= factor);
 }
 
 /// The value at (x, y) px, which lies in the image or a few pixels off it.
@@ -164,6 +221,7 @@ mod tests {
                 *value = (state >> 24) as f32 - 128.0;
             }
         }
+        plane.mirror_margin();
         plane
     }
 
@@ -172,8 +230,8 @@ mod tests {
     fn coefficients_weighted_with_the_b_spline_give_the_pixels_back_at_every_size() {
         for (width, height) in [(1, 1), (2, 3), (3, 2), (5, 40), (64, 33)] {
             let original = noise_plane(width, height);
-            let mut filtered = original.clone();
-            prefilter(&mut filtered, &mut vec![f32::NAN; 7]);
+            let mut filtered = noise_plane(width, height);
+            prefilter(&original, &mut filtered);
             let weights = [1.0, 26.0, 66.0, 26.0, 1.0];
             for y in 0..height {
                 for x in 0..width {

@@ -5,6 +5,7 @@ use super::Shape;
 use super::lanes::{LANES, Lanes};
 use super::prepared::Prepared;
 use super::solve::invert;
+use super::vector::{Vector, vectorized};
 use super::window::Window;
 
 /// Why a reference subset cannot be followed.
@@ -81,40 +82,33 @@ impl Subset {
     /// Grey levels, their mean and energy.
     fn fill_levels(&mut self, reference: &Prepared, window: &Window, at: (isize, isize)) -> Result<(), Unusable> {
         let plane = &reference.levels;
-        let (data, stride) = (plane.data(), plane.stride());
-        let saturation = reference.saturation - 0.5;
-        self.levels.clear();
-        let (mut sum, mut saturated) = (0.0, 0.0);
+        let pixels = window.pixels as f64;
+        self.levels.resize(window.mask.len(), Lanes::splat(0.0));
+        let mut sum = 0.0;
         for block in &window.blocks {
             let first = plane.index(at.0 + block.dx as isize, at.1 + block.dy as isize);
-            let mut total = Lanes::splat(0.0);
-            for row in 0..block.rows {
-                let mask = window.mask[block.start + row];
-                let levels = Lanes::load(&data[first + row * stride..]) * mask;
-                total += levels;
-                if saturation.is_finite() {
-                    let over = levels.0.iter().zip(mask.0).filter(|(level, m)| **level >= saturation && *m > 0.5);
-                    saturated += over.count() as f64;
-                }
-                self.levels.push(levels);
-            }
-            sum += total.sum();
+            let rows = block.start..block.start + block.rows;
+            let source = (&plane.data()[first..], plane.stride());
+            sum += pack(source, &window.mask[rows.clone()], &mut self.levels[rows]);
         }
-        let pixels = window.pixels as f64;
+        if reference.saturation.is_finite() {
+            let saturation = reference.saturation - 0.5;
+            let over = |(levels, mask): (&Lanes, &Lanes)| {
+                levels.0.iter().zip(mask.0).filter(|(level, mask)| **level >= saturation && *mask > 0.5).count()
+            };
+            let saturated: usize = self.levels.iter().zip(&window.mask).map(over).sum();
+            if saturated as f64 > MOST_SATURATED * pixels {
+                return Err(Unusable::LowContrast);
+            }
+        }
         self.mean = (sum / pixels) as f32;
         self.energy = 0.0;
-        for (block, rows) in window.blocks.iter().map(|block| (block, block.start..block.start + block.rows)) {
-            let mut energy = Lanes::splat(0.0);
-            for (levels, mask) in self.levels[rows.clone()].iter_mut().zip(&window.mask[rows]) {
-                *levels = *levels - Lanes::splat(self.mean) * *mask;
-                energy += *levels * *levels;
-            }
-            debug_assert!(block.rows > 0);
-            self.energy += energy.sum();
+        for block in &window.blocks {
+            let rows = block.start..block.start + block.rows;
+            self.energy += center(&mut self.levels[rows.clone()], &window.mask[rows], self.mean);
         }
         let contrast = (self.energy / pixels).sqrt();
-        // Written so that NaN is refused.
-        if !(contrast >= LEAST_CONTRAST && saturated <= MOST_SATURATED * pixels) {
+        if contrast.is_nan() || contrast < LEAST_CONTRAST {
             return Err(Unusable::LowContrast);
         }
         Ok(())
@@ -123,70 +117,147 @@ impl Subset {
     /// Gradients and the sums over J; gives the sum of J J^T.
     fn fill_gradients(&mut self, reference: &Prepared, window: &Window, at: (isize, isize)) -> [[f64; 6]; 6] {
         let (plane_x, plane_y) = (&reference.gradient_x, &reference.gradient_y);
-        let stride = plane_x.stride();
-        self.gradient_x.clear();
-        self.gradient_y.clear();
+        self.gradient_x.resize(window.mask.len(), Lanes::splat(0.0));
+        self.gradient_y.resize(window.mask.len(), Lanes::splat(0.0));
         self.jacobian_sum = [0.0; 6];
         self.jacobian_levels = [0.0; 6];
         let mut moments = [[0.0; 6]; 3];
         for block in &window.blocks {
             let first = plane_x.index(at.0 + block.dx as isize, at.1 + block.dy as isize);
-            for row in 0..block.rows {
-                let mask = window.mask[block.start + row];
-                self.gradient_x.push(Lanes::load(&plane_x.data()[first + row * stride..]) * mask);
-                self.gradient_y.push(Lanes::load(&plane_y.data()[first + row * stride..]) * mask);
-            }
             let rows = block.start..block.start + block.rows;
+            let mask = &window.mask[rows.clone()];
+            pack((&plane_x.data()[first..], plane_x.stride()), mask, &mut self.gradient_x[rows.clone()]);
+            pack((&plane_y.data()[first..], plane_y.stride()), mask, &mut self.gradient_y[rows.clone()]);
             let (gx, gy) = (&self.gradient_x[rows.clone()], &self.gradient_y[rows.clone()]);
-            for (moments, (a, b)) in moments.iter_mut().zip([(gx, gx), (gx, gy), (gy, gy)]) {
-                add_second_moments(moments, a, b, (block.dx, block.dy));
-            }
-            for (half, gradient) in [gx, gy].into_iter().enumerate() {
-                let at = (block.dx, block.dy);
-                add_first_moments(&mut self.jacobian_sum[3 * half..], gradient, None, at);
-                add_first_moments(
-                    &mut self.jacobian_levels[3 * half..],
-                    gradient,
-                    Some(&self.levels[rows.clone()]),
-                    at,
-                );
-            }
+            let mut sums = GradientSums::default();
+            second_moments(gx, gy, block.dy, &mut sums);
+            first_moments(gx, gy, &self.levels[rows], block.dy, &mut sums);
+            sums.spread(f64::from(block.dx), &mut moments, &mut self.jacobian_sum, &mut self.jacobian_levels);
         }
         hessian_from_moments(&moments)
     }
 }
 
-/// Adds the sums of a, a dx, a dy (times `factor` where there is one).
-fn add_first_moments(sums: &mut [f64], a: &[Lanes], factor: Option<&[Lanes]>, first: (i32, i32)) {
-    let (mut plain, mut with_dy) = (Lanes::splat(0.0), Lanes::splat(0.0));
-    for (row, value) in a.iter().enumerate() {
-        let product = factor.map_or(*value, |factor| *value * factor[row]);
-        plain += product;
-        with_dy += product * Lanes::splat((first.1 + row as i32) as f32);
-    }
-    sums[0] += plain.sum();
-    sums[1] += plain.moment(f64::from(first.0));
-    sums[2] += with_dy.sum();
+/// Sums over the rows of one block, lane by lane.
+#[derive(Default)]
+struct GradientSums {
+    /// gx gx, gx gy, gy gy; each times 1, dy, dy^2.
+    second: [[Lanes; 3]; 3],
+    /// gx, gy; each times 1, dy.
+    plain: [[Lanes; 2]; 2],
+    /// The same times the grey level.
+    levels: [[Lanes; 2]; 2],
 }
 
-/// Adds the sums of a b times 1, dx, dy, dx^2, dx dy, dy^2.
-fn add_second_moments(sums: &mut [f64; 6], a: &[Lanes], b: &[Lanes], first: (i32, i32)) {
-    let mut powers = [Lanes::splat(0.0); 3];
-    for (row, (a, b)) in a.iter().zip(b).enumerate() {
-        let dy = Lanes::splat((first.1 + row as i32) as f32);
-        let product = *a * *b;
-        let with_dy = product * dy;
-        powers[0] += product;
-        powers[1] += with_dy;
-        powers[2] += with_dy * dy;
+impl GradientSums {
+    /// Adds the lanes up, with the columns' offsets where the moment asks for them.
+    fn spread(&self, dx: f64, moments: &mut [[f64; 6]; 3], plain: &mut [f64; 6], levels: &mut [f64; 6]) {
+        for (moments, powers) in moments.iter_mut().zip(&self.second) {
+            let products = powers[0].moments(dx);
+            let mixed = powers[1].moments(dx);
+            moments[0] += products[0];
+            moments[1] += products[1];
+            moments[2] += mixed[0];
+            moments[3] += products[2];
+            moments[4] += mixed[1];
+            moments[5] += powers[2].sum();
+        }
+        for (sums, parts) in [(plain, &self.plain), (levels, &self.levels)] {
+            for (half, [plain, lever]) in parts.iter().enumerate() {
+                let moments = plain.moments(dx);
+                sums[3 * half] += moments[0];
+                sums[3 * half + 1] += moments[1];
+                sums[3 * half + 2] += lever.sum();
+            }
+        }
     }
-    let dx = f64::from(first.0);
-    sums[0] += powers[0].sum();
-    sums[1] += powers[0].moment(dx);
-    sums[2] += powers[1].sum();
-    sums[3] += powers[0].second_moment(dx);
-    sums[4] += powers[1].moment(dx);
-    sums[5] += powers[2].sum();
+}
+
+vectorized! {
+    /// Copies a block out of a plane, 0 off the mask; gives the sum.
+    fn pack(source: (&[f32], usize), mask: &[Lanes], out: &mut [Lanes]) -> f64 = pack_with
+}
+
+#[inline(always)]
+fn pack_with<V: Vector>((source, stride): (&[f32], usize), mask: &[Lanes], out: &mut [Lanes]) -> f64 {
+    let mut total = V::splat(0.0);
+    for (row, (mask, out)) in mask.iter().zip(out).enumerate() {
+        let value = V::load(&source[row * stride..]).mul(V::from_lanes(mask));
+        total = total.add(value);
+        *out = value.to_lanes();
+    }
+    total.to_lanes().sum()
+}
+
+vectorized! {
+    /// Takes the mean off, on the mask; gives the sum of squares.
+    fn center(levels: &mut [Lanes], mask: &[Lanes], mean: f32) -> f64 = center_with
+}
+
+#[inline(always)]
+fn center_with<V: Vector>(levels: &mut [Lanes], mask: &[Lanes], mean: f32) -> f64 {
+    let (mut energy, mean) = (V::splat(0.0), V::splat(mean));
+    for (levels, mask) in levels.iter_mut().zip(mask) {
+        let value = V::from_lanes(levels).sub(mean.mul(V::from_lanes(mask)));
+        energy = energy.add(value.mul(value));
+        *levels = value.to_lanes();
+    }
+    energy.to_lanes().sum()
+}
+
+vectorized! {
+    /// Products of the gradients, times powers of dy.
+    fn second_moments(gx: &[Lanes], gy: &[Lanes], dy: i32, sums: &mut GradientSums) = second_moments_with
+}
+
+#[inline(always)]
+fn second_moments_with<V: Vector>(gx: &[Lanes], gy: &[Lanes], dy: i32, sums: &mut GradientSums) {
+    let zero = V::splat(0.0);
+    let (mut xx, mut xy, mut yy) = ([zero; 3], [zero; 3], [zero; 3]);
+    for (dy, (gx, gy)) in (dy..).zip(gx.iter().zip(gy)) {
+        let (gx, gy, dy) = (V::from_lanes(gx), V::from_lanes(gy), V::splat(dy as f32));
+        add_powers(&mut xx, gx.mul(gx), dy);
+        add_powers(&mut xy, gx.mul(gy), dy);
+        add_powers(&mut yy, gy.mul(gy), dy);
+    }
+    for (to, from) in sums.second.iter_mut().zip([xx, xy, yy]) {
+        *to = [from[0].to_lanes(), from[1].to_lanes(), from[2].to_lanes()];
+    }
+}
+
+/// Adds `value`, `value` dy and `value` dy^2.
+#[inline(always)]
+fn add_powers<V: Vector>(sums: &mut [V; 3], value: V, dy: V) {
+    let lever = value.mul(dy);
+    sums[0] = sums[0].add(value);
+    sums[1] = sums[1].add(lever);
+    sums[2] = sums[2].add(lever.mul(dy));
+}
+
+vectorized! {
+    /// The gradients, and the gradients times the grey level, times 1 and dy.
+    fn first_moments(gx: &[Lanes], gy: &[Lanes], levels: &[Lanes], dy: i32, sums: &mut GradientSums) = first_moments_with
+}
+
+#[inline(always)]
+fn first_moments_with<V: Vector>(gx: &[Lanes], gy: &[Lanes], levels: &[Lanes], dy: i32, sums: &mut GradientSums) {
+    let zero = V::splat(0.0);
+    let (mut plain, mut lever, mut with_levels, mut lever_levels) = ([zero; 2], [zero; 2], [zero; 2], [zero; 2]);
+    for (dy, ((gx, gy), level)) in (dy..).zip(gx.iter().zip(gy).zip(levels)) {
+        let (level, dy) = (V::from_lanes(level), V::splat(dy as f32));
+        let gradient = [V::from_lanes(gx), V::from_lanes(gy)];
+        for half in 0..2 {
+            let product = gradient[half].mul(level);
+            plain[half] = plain[half].add(gradient[half]);
+            lever[half] = lever[half].add(gradient[half].mul(dy));
+            with_levels[half] = with_levels[half].add(product);
+            lever_levels[half] = lever_levels[half].add(product.mul(dy));
+        }
+    }
+    for half in 0..2 {
+        sums.plain[half] = [plain[half].to_lanes(), lever[half].to_lanes()];
+        sums.levels[half] = [with_levels[half].to_lanes(), lever_levels[half].to_lanes()];
+    }
 }
 
 /// Puts the moments of gx gx, gx gy, gy gy in their places in the sum of J J^T.

@@ -63,6 +63,21 @@ impl Warp {
         })
     }
 
+    /// How much of the step `before` is in this one, with the gradients taken at `half` px.
+    pub(super) fn ratio(&self, before: &Self, half: f64) -> f64 {
+        let product = |a: &Self, b: &Self| {
+            let gradients = a.ux * b.ux + a.uy * b.uy + a.vx * b.vx + a.vy * b.vy;
+            a.u * b.u + a.v * b.v + half * half * gradients
+        };
+        product(self, before) / product(before, before)
+    }
+
+    /// A step of another length.
+    pub(super) fn scaled(&self, factor: f64) -> Self {
+        let Self { u, ux, uy, v, vx, vy } = *self;
+        Self { u: u * factor, ux: ux * factor, uy: uy * factor, v: v * factor, vx: vx * factor, vy: vy * factor }
+    }
+
     /// Length of a step: the offset, and what the gradients do at `half` px from the centre.
     pub(super) fn length(&self, half: f64) -> f64 {
         let gradients = [self.ux, self.uy, self.vx, self.vy].into_iter().fold(0.0, |high: f64, g| high.max(g.abs()));

@@ -18,7 +18,7 @@ pub(super) struct Block {
 }
 
 /// Which pixels around a centre belong to a subset.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, Default, PartialEq)]
 pub(super) struct Window {
     pub(super) blocks: Vec<Block>,
     /// 1 where a pixel belongs, else 0; block by block, row by row.
@@ -27,7 +27,8 @@ pub(super) struct Window {
     pub(super) pixels: usize,
     /// Largest offset along x or y, px.
     pub(super) half: u32,
-    round: bool,
+    /// Largest distance from the centre, px.
+    radius: f64,
 }
 
 impl Window {
@@ -38,8 +39,7 @@ impl Window {
     pub(super) fn new(shape: WindowShape, size_px: u32) -> Self {
         let half = size_px / 2;
         let outer = f64::from(half) + 0.5;
-        let round = shape != WindowShape::Square;
-        Self::from_test(half, round, |dx, dy| {
+        Self::from_test(half, |dx, dy| {
             let radius = f64::from(dx * dx + dy * dy).sqrt();
             match shape {
                 WindowShape::Square => true,
@@ -50,9 +50,9 @@ impl Window {
     }
 
     /// The pixels within `half` of the centre for which `belongs(dx, dy)`.
-    pub(super) fn from_test(half: u32, round: bool, belongs: impl Fn(i32, i32) -> bool) -> Self {
+    pub(super) fn from_test(half: u32, belongs: impl Fn(i32, i32) -> bool) -> Self {
         let reach = half as i32;
-        let mut window = Self { blocks: Vec::new(), mask: Vec::new(), pixels: 0, half, round };
+        let mut window = Self { blocks: Vec::new(), mask: Vec::new(), pixels: 0, half, radius: 0.0 };
         let inside = |dx: i32, dy: i32| dx.abs() <= reach && dy.abs() <= reach && belongs(dx, dy);
         for dx in (-reach..=reach).step_by(LANES) {
             let used = |dy: &i32| (0..LANES as i32).any(|lane| inside(dx + lane, *dy));
@@ -61,23 +61,48 @@ impl Window {
             let rows = (last - first + 1) as usize;
             window.blocks.push(Block { dx, dy: first, rows, start: window.mask.len() });
             for dy in first..=last {
-                let row = std::array::from_fn(|lane| if inside(dx + lane as i32, dy) { 1.0 } else { 0.0 });
-                window.pixels += row.iter().filter(|value: &&f32| **value > 0.5).count();
-                window.mask.push(Lanes(row));
+                let mut row = Lanes::splat(0.0);
+                for (x, value) in (dx..).zip(&mut row.0).filter(|(x, _)| inside(*x, dy)) {
+                    *value = 1.0;
+                    window.pixels += 1;
+                    window.radius = window.radius.max(f64::from(x).hypot(f64::from(dy)));
+                }
+                window.mask.push(row);
             }
         }
         window
     }
 
-    /// How far the warped subset reaches from its displaced centre along x and y, px.
-    pub(super) fn reach(&self, warp: &Warp) -> (f64, f64) {
-        let half = f64::from(self.half);
-        if self.round {
-            let radius = half + 0.5;
-            (radius * (1.0 + warp.ux).hypot(warp.uy), radius * warp.vx.hypot(1.0 + warp.vy))
-        } else {
-            (half * ((1.0 + warp.ux).abs() + warp.uy.abs()), half * (warp.vx.abs() + (1.0 + warp.vy).abs()))
+    /// This window without the pixels that do not belong, into `out`; tells whether there are any.
+    pub(super) fn cut(&self, belongs: impl Fn(i32, i32) -> bool, out: &mut Self) -> bool {
+        out.clone_from(self);
+        for block in &self.blocks {
+            for row in 0..block.rows {
+                for (dx, value) in (block.dx..).zip(&mut out.mask[block.start + row].0) {
+                    if *value > 0.5 && !belongs(dx, block.dy + row as i32) {
+                        *value = 0.0;
+                        out.pixels -= 1;
+                    }
+                }
+            }
         }
+        out.pixels < self.pixels
+    }
+
+    /// Whether the pixel at an offset from the centre belongs.
+    pub(super) fn holds(&self, dx: i32, dy: i32) -> bool {
+        let block = self.blocks.iter().find(|block| (block.dx..block.dx + LANES as i32).contains(&dx));
+        block.is_some_and(|block| {
+            let row = dy - block.dy;
+            (0..block.rows as i32).contains(&row)
+                && self.mask[block.start + row as usize].0[(dx - block.dx) as usize] > 0.5
+        })
+    }
+
+    /// How far the warped subset reaches at most from its displaced centre along x and y, px.
+    pub(super) fn reach(&self, warp: &Warp) -> (f64, f64) {
+        let along = |a: f64, b: f64| (f64::from(self.half) * (a.abs() + b.abs())).min(self.radius * a.hypot(b));
+        (along(1.0 + warp.ux, warp.uy), along(warp.vx, 1.0 + warp.vy))
     }
 }
 

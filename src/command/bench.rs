@@ -1,0 +1,228 @@
+//! `ricochet bench windows`: how many subsets a second this machine correlates.
+
+use std::io::Write;
+use std::time::{Duration, Instant};
+
+use serde_json::json;
+
+use crate::dic::{CorrelationParams, Correlator, Method, Region, RigidBody, Shape, Start, grid};
+use crate::image::Image;
+
+/// Side of the test images, px.
+const SIDE: usize = 512;
+
+/// From one subset centre to the next, px.
+const STEP_PX: u32 = 16;
+
+/// Displacement of the test pattern, px.
+const SHIFT: (f64, f64) = (0.37, -0.185);
+
+/// What `ricochet bench windows` was asked to do.
+#[derive(Debug, Clone)]
+pub struct WindowsOptions {
+    /// Machine-readable output.
+    pub json: bool,
+    /// Largest number of threads; as many as this machine runs at once when there is none.
+    pub threads: Option<usize>,
+    /// How long each row is measured, s.
+    pub seconds: f64,
+}
+
+/// One way of correlating.
+#[derive(Clone, Copy)]
+struct Case {
+    name: &'static str,
+    kind: Kind,
+    method: Method,
+    shape: Shape,
+    /// Fields a round.
+    points: Points,
+}
+
+/// What a round consists of.
+#[derive(Clone, Copy, PartialEq)]
+enum Kind {
+    /// Both frames made ready, then a field from the given start.
+    Cold(Start),
+    /// A kept reference, from a start about 0.03 px off.
+    Kept,
+    /// One rigid match of a whole ball.
+    Body,
+}
+
+#[derive(Clone, Copy, PartialEq)]
+enum Points {
+    Field,
+    Few,
+}
+
+/// One line of the result.
+struct Row {
+    name: &'static str,
+    threads: usize,
+    points_per_s: f64,
+}
+
+const CASES: [Case; 9] = [
+    case("ic-gn affine, cold", Kind::Cold(Start::Search), Method::IcGn, Shape::Affine, Points::Field),
+    case("ic-gn affine, from neighbours", Kind::Cold(Start::Neighbor), Method::IcGn, Shape::Affine, Points::Field),
+    case("ic-gn translation, cold", Kind::Cold(Start::Search), Method::IcGn, Shape::Translation, Points::Field),
+    case("ic-gn translation, kept reference", Kind::Kept, Method::IcGn, Shape::Translation, Points::Field),
+    case("ic-gn affine, kept reference", Kind::Kept, Method::IcGn, Shape::Affine, Points::Field),
+    case("ic-gn quadratic, cold", Kind::Cold(Start::Search), Method::IcGn, Shape::Quadratic, Points::Few),
+    case("peak-gaussian", Kind::Cold(Start::Search), Method::PeakGaussian, Shape::Translation, Points::Field),
+    case("spline-fft, 2 points", Kind::Cold(Start::Search), Method::SplineFft, Shape::Translation, Points::Few),
+    case("whole ball of 8800 px, rigid", Kind::Body, Method::IcGn, Shape::Rigid, Points::Few),
+];
+
+const fn case(name: &'static str, kind: Kind, method: Method, shape: Shape, points: Points) -> Case {
+    Case { name, kind, method, shape, points }
+}
+
+/// Measures every method with 1, 2, ... threads and prints points a second.
+///
+/// A point is a 31 x 31 subset; cold cases count everything from the grey levels on.
+///
+/// # Errors
+///
+/// When the result cannot be written.
+pub fn windows(options: &WindowsOptions) -> anyhow::Result<()> {
+    let most = options.threads.unwrap_or_else(|| std::thread::available_parallelism().map_or(1, usize::from)).max(1);
+    let counts = (0..usize::BITS).map(|power| 1 << power).take_while(|count| *count < most).chain([most]);
+    let counts: Vec<usize> = counts.collect();
+    let frames = (pattern((0.0, 0.0), 1), pattern(SHIFT, 2));
+    let duration = Duration::from_secs_f64(options.seconds.clamp(0.01, 60.0));
+    let mut rows = Vec::new();
+    for case in CASES {
+        for threads in counts.iter().copied() {
+            rows.push(Row { name: case.name, threads, points_per_s: measure(&case, threads, &frames, duration)? });
+        }
+    }
+    print(&rows, options.json)
+}
+
+fn print(rows: &[Row], as_json: bool) -> anyhow::Result<()> {
+    let mut out = std::io::stdout().lock();
+    if as_json {
+        let row = |row: &Row| {
+            json!({
+                "method": row.name,
+                "subset_size_px": 31,
+                "threads": row.threads,
+                "points_per_s": row.points_per_s,
+                "points_per_s_per_core": row.points_per_s / row.threads as f64,
+            })
+        };
+        let rows: Vec<_> = rows.iter().map(row).collect();
+        writeln!(out, "{}", serde_json::to_string_pretty(&json!({ "windows": rows }))?)?;
+        return Ok(());
+    }
+    writeln!(out, "{:36} {:>7} {:>12} {:>14}", "31 x 31 subsets", "threads", "points/s", "us/point/core")?;
+    for row in rows {
+        let us = 1e6 * row.threads as f64 / row.points_per_s;
+        writeln!(out, "{:36} {:>7} {:>12.0} {us:>14.2}", row.name, row.threads, row.points_per_s)?;
+    }
+    Ok(())
+}
+
+/// Points a second of all threads together.
+fn measure(case: &Case, threads: usize, frames: &(Image, Image), duration: Duration) -> anyhow::Result<f64> {
+    std::thread::scope(|scope| {
+        let workers: Vec<_> = (0..threads).map(|_| scope.spawn(|| work(case, frames, duration))).collect();
+        let mut sum = 0.0;
+        for worker in workers {
+            sum += worker.join().map_err(|_| anyhow::anyhow!("a worker of the benchmark panicked"))??;
+        }
+        Ok(sum)
+    })
+}
+
+/// Points a second of one thread.
+fn work(case: &Case, frames: &(Image, Image), duration: Duration) -> anyhow::Result<f64> {
+    let params =
+        CorrelationParams { method: case.method, shape: case.shape, step_px: STEP_PX, ..CorrelationParams::default() };
+    let mut correlator = Correlator::new(&params, SIDE, SIDE)?;
+    let mut points = grid::rectangle([8, 8, SIDE as u32 - 16, SIDE as u32 - 16], STEP_PX, params.subset_size_px);
+    if case.points == Points::Few {
+        points.truncate(60);
+    }
+    let (mut a, mut b) = (correlator.prepare(frames.0.view()), correlator.prepare(frames.1.view()));
+    let near = Start::Motion { x_px: 0.0, y_px: 0.0, u_px: SHIFT.0 - 0.02, v_px: SHIFT.1 + 0.03, angle_deg: 0.0 };
+    let kept = correlator.keep(a.clone(), &points);
+    let center = (0.5 * SIDE as f64, 0.5 * SIDE as f64);
+    let ball = Region::Disc { x_px: center.0, y_px: center.1, radius_px: 53.0 };
+    let mut body = RigidBody::new(&a, &ball).map_err(|status| anyhow::anyhow!("test ball: {}", status.word()))?;
+    let mut field = Vec::new();
+    let mut round = |field: &mut Vec<_>| -> usize {
+        match case.kind {
+            Kind::Cold(start) => {
+                correlator.prepare_into(frames.0.view(), &mut a);
+                correlator.prepare_into(frames.1.view(), &mut b);
+                correlator.correlate(&a, &b, &points, start, field);
+                points.len()
+            }
+            Kind::Kept => {
+                correlator.correlate_kept(&kept, &b, near, field);
+                points.len()
+            }
+            Kind::Body => usize::from(body.find(&b, center, (SHIFT.0 - 0.02, SHIFT.1 + 0.03, 0.05)).is_ok()),
+        }
+    };
+    round(&mut field);
+    Ok(rate(duration, || round(&mut field)))
+}
+
+/// Points a second over the given time.
+#[expect(clippy::disallowed_methods, reason = "a benchmark reads the clock")]
+fn rate(duration: Duration, mut round: impl FnMut() -> usize) -> f64 {
+    let (start, mut points) = (Instant::now(), 0);
+    while start.elapsed() < duration {
+        points += round();
+    }
+    points as f64 / start.elapsed().as_secs_f64()
+}
+
+/// Speckle discs of 3 to 6 px with soft rims, shifted, with some noise.
+fn pattern((u, v): (f64, f64), noise_seed: u32) -> Image {
+    let mut state = 7_u32;
+    let random = |state: &mut u32| {
+        *state ^= *state << 13;
+        *state ^= *state >> 17;
+        *state ^= *state << 5;
+        f64::from(*state >> 8) / f64::from(1 << 24)
+    };
+    let mut clear = vec![1.0_f32; SIDE * SIDE];
+    for _ in 0..10_000 {
+        let x = random(&mut state) * SIDE as f64 + u;
+        let y = random(&mut state) * SIDE as f64 + v;
+        let radius = 1.5 + 1.4 * random(&mut state);
+        let low = |center: f64| (center - 6.0).max(0.0) as usize;
+        let high = |center: f64| ((center + 6.0).max(0.0) as usize).min(SIDE - 1);
+        for row in low(y)..=high(y) {
+            for column in low(x)..=high(x) {
+                let distance = (column as f64 - x).hypot(row as f64 - y) - radius;
+                clear[row * SIDE + column] *= (1.0 - 1.0 / (1.0 + (2.7 * distance).exp())) as f32;
+            }
+        }
+    }
+    state = noise_seed;
+    let level = |clear: &f32| (18.0 + 200.0 * clear + 3.4 * (random(&mut state) as f32 - 0.5)).round();
+    let mut image = Image::new(SIDE, SIDE);
+    let levels: Vec<f32> = clear.iter().map(level).collect();
+    image.data_mut().copy_from_slice(&levels);
+    image
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_case_measures_a_rate() {
+        let frames = (pattern((0.0, 0.0), 1), pattern(SHIFT, 2));
+        for case in CASES {
+            let rate = measure(&case, 1, &frames, Duration::from_millis(1)).unwrap();
+            assert!(rate > 0.0, "{}", case.name);
+        }
+    }
+}

@@ -1,0 +1,357 @@
+//! A start at any angle: where a body went, and by how much it turned, when
+//! nothing is known.
+//!
+//! The body's pixels, coarsely sampled, are turned step by step through the full
+//! circle and looked for in the whole target each time, by masked normalised
+//! correlation (D. Padfield, IEEE Trans. Image Process. 21 (2012) 2706,
+//! <https://doi.org/10.1109/TIP.2011.2181402>; here only the template is masked).
+//! The best of them are refined with the coarse pixels, and the winner with all.
+
+use super::body::{BodyMotion, RigidBody};
+use super::plane::Plane;
+use super::prepared::Prepared;
+use super::refine::Match;
+use super::region::Region;
+use super::spline::sample_inside;
+use super::transform::{Complex, Transform, fast_size};
+use super::warp::Warp;
+use crate::image::Image;
+use crate::results::PointStatus;
+
+/// Largest side of the coarse images, px.
+const COARSE_SIDE: usize = 256;
+
+/// Smallest radius a body may have in the coarse images, px.
+const COARSE_RADIUS: f64 = 12.0;
+
+/// How far the rim moves from one angle to the next, coarse px.
+const RIM_STEP: f64 = 1.5;
+
+/// Angles refined at most.
+const REFINED: usize = 5;
+
+/// Lowest ZNCC of all coarse pixels that counts as found.
+const LEAST_ZNCC: f64 = 0.5;
+
+/// One angle's best place.
+#[derive(Debug, Clone, Copy)]
+struct Candidate {
+    score: f32,
+    angle_rad: f64,
+    /// Where the body's centre lies in the coarse target, px.
+    center: (f64, f64),
+}
+
+/// Finds how `region` of `reference` moved to `target`, at any angle and anywhere in the image.
+///
+/// The displacement given back is that of the point (`x_px`, `y_px`).
+///
+/// # Errors
+///
+/// [`PointStatus::LowCorrelation`] when it is nowhere, [`PointStatus::Ambiguous`]
+/// when two quite different motions explain the images about equally well, and
+/// whatever [`RigidBody::new`] says of the region.
+///
+/// # Cost
+///
+/// Some tenths of a second: meant for the first frame and for lost bodies. Allocates.
+pub fn find_at_any_angle(
+    reference: &Prepared,
+    target: &Prepared,
+    region: &Region,
+    (x_px, y_px): (f64, f64),
+) -> Result<BodyMotion, PointStatus> {
+    let mut body = RigidBody::new(reference, region)?;
+    let factor = coarse_factor(reference, &body);
+    let coarse = |frame: &Prepared| {
+        let mut prepared = Prepared::default();
+        prepared.fill(shrunk(&frame.levels, factor).view());
+        prepared
+    };
+    let (coarse_reference, coarse_target) = (coarse(reference), coarse(target));
+    let coarse_body = RigidBody::new(&coarse_reference, &scaled(region, factor))?;
+    let candidates = all_angles(&coarse_body, &coarse_reference, &coarse_target);
+    let matches = refined(&coarse_body, &coarse_target, &candidates);
+    let best = matches.first().filter(|found| found.zncc >= LEAST_ZNCC).ok_or(PointStatus::LowCorrelation)?;
+    let rival = matches.iter().find(|other| differs(best, other));
+    if rival.is_some_and(|other| 1.0 - other.zncc < 2.0 * (1.0 - best.zncc) + 0.02) {
+        return Err(PointStatus::Ambiguous);
+    }
+    // The coarse warp, in full pixels, about the body's own centre.
+    let scale = factor as f64;
+    let shift = 0.5 * (scale - 1.0);
+    let full = |coarse: f64| coarse * scale + shift;
+    let (cx, cy) = coarse_body.center_px();
+    let (bx, by) = body.center_px();
+    let (dx, dy) = (bx - full(cx), by - full(cy));
+    let turn = Warp { u: 0.0, v: 0.0, ..best.warp };
+    let (tx, ty) = turn.apply(dx, dy);
+    let (u, v) = (best.warp.u * scale + tx - dx, best.warp.v * scale + ty - dy);
+    let angle_deg = best.warp.uy.atan2(1.0 + best.warp.ux).to_degrees();
+    let found = body.find(target, (bx, by), (u, v, angle_deg))?;
+    let motion = found.motion;
+    body.find(target, (x_px, y_px), at_point(motion.u_px, motion.v_px, motion.angle_deg, (x_px - bx, y_px - by)))
+}
+
+/// The motion of the point at an offset from where (u, v) was measured.
+fn at_point(u: f64, v: f64, angle_deg: f64, (dx, dy): (f64, f64)) -> (f64, f64, f64) {
+    let (x, y) = Warp::rigid(u, v, angle_deg.to_radians()).apply(dx, dy);
+    (x - dx, y - dy, angle_deg)
+}
+
+/// How many pixels make a coarse one, along each side.
+fn coarse_factor(frame: &Prepared, body: &RigidBody) -> usize {
+    let radius = (body.pixels() as f64 / std::f64::consts::PI).sqrt();
+    let side = frame.width().max(frame.height());
+    let wanted = side.div_ceil(COARSE_SIDE);
+    let allowed = (radius / COARSE_RADIUS).floor().max(1.0) as usize;
+    wanted.clamp(1, allowed)
+}
+
+/// The image in squares of `factor` x `factor` pixels.
+fn shrunk(levels: &Plane, factor: usize) -> Image {
+    let (width, height) = (levels.width() / factor, levels.height() / factor);
+    let mut image = Image::new(width, height);
+    let scale = 1.0 / (factor * factor) as f32;
+    for (y, line) in image.rows_mut().enumerate() {
+        for row in (y * factor..(y + 1) * factor).map(|row| levels.row(row)) {
+            for (value, square) in line.iter_mut().zip(row.chunks_exact(factor)) {
+                *value += scale * square.iter().sum::<f32>();
+            }
+        }
+    }
+    image
+}
+
+/// The region in coarse pixels.
+fn scaled(region: &Region, factor: usize) -> Region {
+    let scale = factor as f64;
+    let place = |full: f64| (full - 0.5 * (scale - 1.0)) / scale;
+    let line = |corners: &[[f64; 2]]| corners.iter().map(|[x, y]| [place(*x), place(*y)]).collect();
+    match region {
+        Region::Disc { x_px, y_px, radius_px } => {
+            Region::Disc { x_px: place(*x_px), y_px: place(*y_px), radius_px: radius_px / scale }
+        }
+        Region::Ring { x_px, y_px, inner_px, outer_px } => Region::Ring {
+            x_px: place(*x_px),
+            y_px: place(*y_px),
+            inner_px: inner_px / scale,
+            outer_px: outer_px / scale,
+        },
+        Region::Polygon { outline_px, holes_px } => {
+            Region::Polygon { outline_px: line(outline_px), holes_px: holes_px.iter().map(|hole| line(hole)).collect() }
+        }
+    }
+}
+
+/// The best place at each of the angles that are better than their neighbours, best first.
+fn all_angles(body: &RigidBody, reference: &Prepared, target: &Prepared) -> Vec<Candidate> {
+    let radius = f64::from(body.window().half);
+    let count = ((std::f64::consts::TAU * radius / RIM_STEP).ceil() as usize).clamp(12, 720);
+    let mut search = MaskedSearch::new(target);
+    let angle = |k: usize| std::f64::consts::TAU * k as f64 / count as f64;
+    let found: Vec<Option<Candidate>> = (0..count).map(|k| search.best(body, reference, angle(k))).collect();
+    let score = |k: usize| found[k % count].map_or(f32::NEG_INFINITY, |candidate| candidate.score);
+    let peaks = (0..count).filter(|k| score(*k) >= score(k + 1) && score(*k) > score(k + count - 1));
+    let mut candidates: Vec<Candidate> = peaks.filter_map(|k| found[k]).collect();
+    candidates.sort_by(|a, b| b.score.total_cmp(&a.score));
+    candidates.truncate(REFINED);
+    candidates
+}
+
+/// The candidates matched with sub-pixel precision, best first.
+fn refined(body: &RigidBody, target: &Prepared, candidates: &[Candidate]) -> Vec<Match> {
+    let (cx, cy) = body.center_px();
+    let start =
+        |candidate: &Candidate| Warp::rigid(candidate.center.0 - cx, candidate.center.1 - cy, candidate.angle_rad);
+    let mut matches: Vec<Match> =
+        candidates.iter().filter_map(|candidate| body.refine(target, start(candidate)).ok()).collect();
+    matches.sort_by(|a, b| b.zncc.total_cmp(&a.zncc));
+    matches
+}
+
+/// Whether two matches are different motions, not one found twice.
+fn differs(a: &Match, b: &Match) -> bool {
+    let (a, b) = (a.warp, b.warp);
+    let turned = (a.ux - b.ux).hypot(a.uy - b.uy);
+    (a.u - b.u).hypot(a.v - b.v) > 2.0 || turned > 0.1
+}
+
+/// Masked normalised correlation of turned templates with one target.
+struct MaskedSearch {
+    transform: Transform,
+    width: usize,
+    height: usize,
+    /// Spectrum of the target.
+    levels: Complex,
+    /// Spectrum of target + i target squared.
+    squares: Complex,
+    work: Complex,
+    product: Complex,
+}
+
+impl MaskedSearch {
+    fn new(target: &Prepared) -> Self {
+        let (width, height) = (target.width(), target.height());
+        let mut transform = Transform::new(fast_size(width.max(height)));
+        let stride = transform.stride();
+        let (mut levels, mut squares) = (transform.memory(), transform.memory());
+        for y in 0..height {
+            for (x, level) in target.levels.row(y).iter().enumerate() {
+                levels.re[y * stride + x] = *level;
+                squares.re[y * stride + x] = *level;
+                squares.im[y * stride + x] = level * level;
+            }
+        }
+        transform.forward(&mut levels);
+        transform.forward(&mut squares);
+        let (work, product) = (transform.memory(), transform.memory());
+        Self { transform, width, height, levels, squares, work, product }
+    }
+
+    /// The best place of the body turned by an angle; `None` when it fits nowhere.
+    fn best(&mut self, body: &RigidBody, reference: &Prepared, angle_rad: f64) -> Option<Candidate> {
+        let template = Template::turned(body, reference, angle_rad);
+        let (stride, size) = (self.transform.stride(), self.transform.size());
+        if template.reach.0 * 2 >= self.width || template.reach.1 * 2 >= self.height {
+            return None;
+        }
+        // Template into the real part, mask into the imaginary part, centre at the origin.
+        self.work.re.fill(0.0);
+        self.work.im.fill(0.0);
+        for (dx, dy, level) in &template.pixels {
+            let (x, y) = (dx.rem_euclid(size as i32) as usize, dy.rem_euclid(size as i32) as usize);
+            self.work.re[y * stride + x] = *level;
+            self.work.im[y * stride + x] = 1.0;
+        }
+        self.transform.forward(&mut self.work);
+        let mut sums = self.transform.memory();
+        self.split_and_multiply(&mut sums);
+        self.transform.inverse(&mut self.product);
+        self.transform.inverse(&mut sums);
+        let scale = 1.0 / (size * size) as f32;
+        let count = template.pixels.len() as f32;
+        let mut best = Candidate { score: f32::NEG_INFINITY, angle_rad, center: (0.0, 0.0) };
+        for y in template.reach.1..self.height - template.reach.1 {
+            for x in template.reach.0..self.width - template.reach.0 {
+                let k = y * stride + x;
+                let (sum, square) = (sums.re[k] * scale, sums.im[k] * scale);
+                let contrast = square - sum * sum / count;
+                let product = self.product.re[k] * scale;
+                if product > 0.0 && contrast > 0.05 * count {
+                    let score = product / (contrast * template.energy).sqrt();
+                    if score > best.score {
+                        best = Candidate { score, center: (x as f64, y as f64), ..best };
+                    }
+                }
+            }
+        }
+        best.score.is_finite().then_some(best)
+    }
+
+    /// Cross spectra: target with template into `product`, target + i squares with mask into `sums`.
+    fn split_and_multiply(&mut self, sums: &mut Complex) {
+        let (stride, size) = (self.transform.stride(), self.transform.size());
+        for y in 0..size {
+            for x in 0..size {
+                let (here, there) = (y * stride + x, (size - y) % size * stride + (size - x) % size);
+                let (a, b, c, d) = (self.work.re[here], self.work.im[here], self.work.re[there], self.work.im[there]);
+                // Spectra of the template (p) and of the mask (m), both conjugated.
+                let (p_re, p_im) = (0.5 * (a + c), -0.5 * (b - d));
+                let (m_re, m_im) = (0.5 * (b + d), 0.5 * (a - c));
+                let (g_re, g_im) = (self.levels.re[here], self.levels.im[here]);
+                self.product.re[here] = g_re * p_re - g_im * p_im;
+                self.product.im[here] = g_re * p_im + g_im * p_re;
+                let (q_re, q_im) = (self.squares.re[here], self.squares.im[here]);
+                sums.re[here] = q_re * m_re - q_im * m_im;
+                sums.im[here] = q_re * m_im + q_im * m_re;
+            }
+        }
+    }
+}
+
+/// A body's pixels turned about its centre.
+struct Template {
+    /// Offset from the centre, px, and grey level less the mean.
+    pixels: Vec<(i32, i32, f32)>,
+    energy: f32,
+    /// Largest offset along x and y, px.
+    reach: (usize, usize),
+}
+
+impl Template {
+    fn turned(body: &RigidBody, reference: &Prepared, angle_rad: f64) -> Self {
+        let window = body.window();
+        let reach = (f64::from(window.half) * std::f64::consts::SQRT_2).ceil() as i32;
+        let back = Warp::rigid(0.0, 0.0, -angle_rad);
+        let (cx, cy) = body.center_px();
+        let mut pixels = Vec::new();
+        for dy in -reach..=reach {
+            for dx in -reach..=reach {
+                let (x, y) = back.apply(f64::from(dx), f64::from(dy));
+                if window.holds(x.round() as i32, y.round() as i32) {
+                    pixels.push((dx, dy, sample_inside(&reference.coefficients, cx + x, cy + y)));
+                }
+            }
+        }
+        let mean = pixels.iter().map(|pixel| pixel.2).sum::<f32>() / pixels.len().max(1) as f32;
+        pixels.iter_mut().for_each(|pixel| pixel.2 -= mean);
+        let energy = pixels.iter().map(|pixel| pixel.2 * pixel.2).sum();
+        let extent = |pick: fn(&(i32, i32, f32)) -> i32| {
+            pixels.iter().map(|pixel| pick(pixel).unsigned_abs() as usize).max().unwrap_or(0)
+        };
+        Self { energy, reach: (extent(|p| p.0), extent(|p| p.1)), pixels }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::dic::speckle::{Speckle, record};
+
+    fn prepared(image: &Image) -> Prepared {
+        let mut prepared = Prepared::default();
+        prepared.fill(image.view());
+        prepared
+    }
+
+    #[test]
+    fn a_ball_is_found_at_any_angle_and_half_an_image_away() {
+        let speckle = Speckle::standard(31, 300.0);
+        let region = Region::Disc { x_px: 90.0, y_px: 100.0, radius_px: 50.0 };
+        let reference = prepared(&record(&speckle.draw(300, 240), 2.0, 1));
+        for (case, (u, v, angle_deg)) in
+            [(12.3, -7.7, 30.0), (118.4, 31.6, 90.0), (100.2, 28.9, 170.0), (-20.6, 60.3, -101.3)]
+                .into_iter()
+                .enumerate()
+        {
+            let turn = Warp::rigid(u, v, f64::to_radians(angle_deg));
+            let moved = speckle.moved(|x, y| {
+                let (tx, ty) = turn.apply(x - 90.0, y - 100.0);
+                (tx - (x - 90.0), ty - (y - 100.0))
+            });
+            let target = prepared(&record(&moved.draw(300, 240), 2.0, 2 + case as u64));
+            let found = find_at_any_angle(&reference, &target, &region, (90.0, 100.0)).unwrap().motion;
+            let error = [found.u_px - u, found.v_px - v, found.angle_deg - angle_deg];
+            eprintln!("{angle_deg} deg: errors {error:?}");
+            assert!(error.iter().all(|error| error.abs() < 0.01), "{angle_deg} deg: {error:?}");
+        }
+    }
+
+    #[test]
+    fn another_pattern_is_not_found_and_a_regular_one_is_ambiguous() {
+        let region = Region::Disc { x_px: 60.0, y_px: 60.0, radius_px: 40.0 };
+        let frame = |seed: u64| prepared(&record(&Speckle::standard(seed, 130.0).draw(130, 130), 1.0, seed));
+        let lost = find_at_any_angle(&frame(1), &frame(2), &region, (60.0, 60.0));
+        assert_eq!(lost.err(), Some(PointStatus::LowCorrelation));
+        let disc = |k: i32| crate::dic::speckle::Disc {
+            x: f64::from(k % 14) * 10.0,
+            y: f64::from(k / 14) * 10.0,
+            radius: 3.0,
+        };
+        let grid = Speckle { discs: (0..196).map(disc).collect(), edge: 0.6, contrast: 200.0 };
+        let grid = |seed: u64| prepared(&record(&grid.draw(130, 130), 1.0, seed));
+        let unclear = find_at_any_angle(&grid(1), &grid(2), &region, (60.0, 60.0));
+        assert_eq!(unclear.err(), Some(PointStatus::Ambiguous));
+    }
+}

@@ -1,0 +1,184 @@
+//! Cross-correlation of a subset with an area of the target, by one packed transform.
+
+use multiversion::multiversion;
+
+use super::lanes::LANES;
+use super::plane::Plane;
+use super::subset::Subset;
+use super::transform::{Complex, Transform};
+use super::window::Window;
+
+/// Plan and memory for correlations of one size.
+pub(super) struct Correlation {
+    pub(super) transform: Transform,
+    pub(super) data: Complex,
+    pub(super) product: Complex,
+}
+
+impl Correlation {
+    pub(super) fn new(size: usize) -> Self {
+        let transform = Transform::new(size);
+        Self { data: transform.memory(), product: transform.memory(), transform }
+    }
+
+    /// The subset into the imaginary part, its square's corner at the origin.
+    pub(super) fn load_subset(&mut self, subset: &Subset, window: &Window) {
+        let (stride, half) = (self.transform.stride(), window.half as i32);
+        self.data.im.fill(0.0);
+        for block in &window.blocks {
+            let x = (half + block.dx) as usize;
+            let last = LANES.min(2 * window.half as usize + 1 - x);
+            for row in 0..block.rows {
+                let first = (half + block.dy + row as i32) as usize * stride + x;
+                let levels = &subset.levels[block.start + row].0[..last];
+                self.data.im[first..first + last].copy_from_slice(levels);
+            }
+        }
+    }
+
+    /// Target pixels into the real part, with zeros around.
+    pub(super) fn load_area(
+        &mut self,
+        target: &Plane,
+        corner: (isize, isize),
+        (columns, rows): (usize, usize),
+        mean: f32,
+    ) {
+        let stride = self.transform.stride();
+        for (y, line) in self.data.re.chunks_exact_mut(stride).enumerate() {
+            let (inside, outside) = line.split_at_mut(if y < rows { columns } else { 0 });
+            if y < rows {
+                let first = target.index(corner.0, corner.1 + y as isize);
+                let row = &target.data()[first..first + columns];
+                inside.iter_mut().zip(row).for_each(|(value, level)| *value = level - mean);
+            }
+            outside.fill(0.0);
+        }
+    }
+
+    /// Two squares given as plain numbers: `area` and `subset`, with their sides.
+    pub(super) fn load_squares(&mut self, (area, area_side): (&[f32], usize), (subset, subset_side): (&[f32], usize)) {
+        let stride = self.transform.stride();
+        for (part, square, side) in [(&mut self.data.re, area, area_side), (&mut self.data.im, subset, subset_side)] {
+            part.fill(0.0);
+            for (line, row) in part.chunks_exact_mut(stride).zip(square.chunks_exact(side)).take(side) {
+                line[..side].copy_from_slice(row);
+            }
+        }
+    }
+
+    /// Cross-correlation of the area with the subset, into the real part of `data`.
+    pub(super) fn run(&mut self) {
+        self.transform.forward(&mut self.data);
+        multiply(&self.data, &mut self.product, self.transform.size(), self.transform.stride());
+        std::mem::swap(&mut self.data, &mut self.product);
+        self.transform.inverse(&mut self.data);
+    }
+}
+
+/// Spectrum of the cross-correlation of two real images that were transformed as one complex image.
+#[multiversion(targets("x86_64+avx512f+avx512bw+avx512dq+avx512vl", "x86_64+avx2"))]
+fn multiply(data: &Complex, out: &mut Complex, size: usize, stride: usize) {
+    for y in 0..size {
+        let (here, there) = (y * stride, (size - y) % size * stride);
+        let (a, b) = (&data.re[here..here + size], &data.im[here..here + size]);
+        let (c, d) = (&data.re[there..there + size], &data.im[there..there + size]);
+        let (re, im) = (&mut out.re[here..here + size], &mut out.im[here..here + size]);
+        (re[0], im[0]) = product_of(a[0], b[0], c[0], d[0]);
+        let opposite = c[1..].iter().rev().zip(d[1..].iter().rev());
+        let outputs = re[1..].iter_mut().zip(&mut im[1..]);
+        for (((re, im), (a, b)), (c, d)) in outputs.zip(a[1..].iter().zip(&b[1..])).zip(opposite) {
+            (*re, *im) = product_of(*a, *b, *c, *d);
+        }
+    }
+}
+
+/// Area times conjugate subset, from the packed values at a frequency (a, b) and at its opposite (c, d).
+#[inline(always)]
+fn product_of(a: f32, b: f32, c: f32, d: f32) -> (f32, f32) {
+    let (area_re, area_im, subset_re, subset_im) = (a + c, b - d, b + d, a - c);
+    (0.25 * (area_re * subset_re - area_im * subset_im), 0.25 * (area_re * subset_im + area_im * subset_re))
+}
+
+/// What a normalised surface covers.
+pub(super) struct Shifts {
+    /// Side of the subset's square.
+    pub(super) side: usize,
+    /// Shifts along x.
+    pub(super) columns: usize,
+    /// Shifts along y.
+    pub(super) rows: usize,
+}
+
+/// The contrast of what each shift covers, from running sums.
+pub(super) struct Contrast {
+    /// Sums of all above and to the left, one more each way.
+    sums: Vec<f64>,
+    /// The same of the squares.
+    squares: Vec<f64>,
+}
+
+impl Contrast {
+    /// For areas up to `side` x `side`.
+    pub(super) fn new(side: usize) -> Self {
+        let count = (side + 1) * (side + 1);
+        Self { sums: vec![0.0; count], squares: vec![0.0; count] }
+    }
+
+    #[cfg(test)]
+    pub(super) fn spoil(&mut self) {
+        self.sums.fill(f64::NAN);
+        self.squares.fill(f64::NAN);
+    }
+
+    /// Running sums of the area that `correlation` holds; before it runs.
+    pub(super) fn add_up(&mut self, correlation: &Correlation, area: (usize, usize)) {
+        let (line_length, stride) = (correlation.transform.stride(), area.0 + 1);
+        self.sums[..stride].fill(0.0);
+        self.squares[..stride].fill(0.0);
+        for y in 0..area.1 {
+            let (mut sum, mut square) = (0.0_f64, 0.0_f64);
+            let line = (y + 1) * stride;
+            self.sums[line] = 0.0;
+            self.squares[line] = 0.0;
+            for (x, level) in correlation.data.re[y * line_length..][..area.0].iter().enumerate() {
+                let level = f64::from(*level);
+                sum += level;
+                square += level * level;
+                self.sums[line + x + 1] = self.sums[line - stride + x + 1] + sum;
+                self.squares[line + x + 1] = self.squares[line - stride + x + 1] + square;
+            }
+        }
+    }
+
+    /// Divides each shift's correlation by the contrast of what it covers.
+    ///
+    /// `energy` is the subset's sum of squares; `share` how many times larger its
+    /// square is than itself: a round subset is judged by the contrast of its square.
+    pub(super) fn normalise(
+        &self,
+        correlation: &Correlation,
+        shifts: &Shifts,
+        (energy, share): (f64, f64),
+        surface: &mut [f32],
+    ) {
+        let Shifts { side, columns, rows } = *shifts;
+        let (size, line_length) = (correlation.transform.size(), correlation.transform.stride());
+        let stride = columns + side;
+        let pixels = (side * side) as f64;
+        let scale = share / (size * size) as f64;
+        for y in 0..rows {
+            for x in 0..columns {
+                let over = |sums: &[f64]| {
+                    sums[(y + side) * stride + x + side] - sums[y * stride + x + side] - sums[(y + side) * stride + x]
+                        + sums[y * stride + x]
+                };
+                let sum = over(&self.sums);
+                let contrast = over(&self.squares) - sum * sum / pixels;
+                let product = f64::from(correlation.data.re[y * line_length + x]) * scale;
+                surface[y * columns + x] =
+                    if contrast > 0.01 * pixels { (product / (contrast * energy * share).sqrt()) as f32 } else { 0.0 };
+            }
+        }
+    }
+}

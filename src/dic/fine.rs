@@ -1,0 +1,143 @@
+//! Correlation of splined subsets: points between the pixels before the
+//! correlation, as in PIV practice.
+//!
+//! Both subsets are interpolated on a grid `points + 1` times finer and
+//! cross-correlated by FFT, every shift divided by the contrast of what it
+//! covers. A peak fit is essential: without one the answer is a multiple of
+//! 1 / (points + 1) px, and whatever moves less than half of that reads zero.
+
+use super::correlation::{Contrast, Correlation, Shifts};
+use super::peak::Surface;
+use super::plane::Plane;
+use super::spline::weights;
+use super::transform::fast_size;
+use super::window::Window;
+
+/// How far around the whole-pixel displacement is looked, px.
+const MARGIN_PX: usize = 2;
+
+/// Plan and memory.
+pub(super) struct FineSearch {
+    /// Fine steps to a pixel.
+    factor: usize,
+    correlation: Correlation,
+    /// 1 on the fine grid of the subset where a pixel belongs.
+    mask: Vec<f32>,
+    /// Fine points that belong.
+    count: usize,
+    subset: Vec<f32>,
+    area: Vec<f32>,
+    rows: Vec<f32>,
+    contrast: Contrast,
+    surface: Vec<f32>,
+}
+
+impl FineSearch {
+    /// Plans searches of one window with `points` points between two pixels.
+    pub(super) fn new(window: &Window, points: usize) -> Self {
+        let (factor, pixels) = (points + 1, 2 * window.half as usize);
+        let side = pixels * factor + 1;
+        let area = (pixels + 2 * MARGIN_PX) * factor + 1;
+        let shifts = area - side + 1;
+        let mut mask = vec![0.0; side * side];
+        let offset = |fine: usize| (fine as f64 / factor as f64).round() as i32 - window.half as i32;
+        for (k, value) in mask.iter_mut().enumerate() {
+            if window.holds(offset(k % side), offset(k / side)) {
+                *value = 1.0;
+            }
+        }
+        Self {
+            factor,
+            correlation: Correlation::new(fast_size(area)),
+            count: mask.iter().filter(|value| **value > 0.5).count(),
+            mask,
+            subset: vec![0.0; side * side],
+            area: vec![0.0; area * area],
+            rows: vec![0.0; (pixels + 2 * MARGIN_PX + 6) * area],
+            contrast: Contrast::new(area),
+            surface: vec![0.0; shifts * shifts],
+        }
+    }
+
+    /// The displacement of the subset centred at `at`, near a whole-pixel one; px.
+    ///
+    /// With `fit` the top of the peak, else its highest grid point. `None` when
+    /// the subset has no contrast.
+    pub(super) fn find(
+        &mut self,
+        (reference, target): (&Plane, &Plane),
+        window: &Window,
+        at: (u32, u32),
+        near: (i32, i32),
+        fit: bool,
+    ) -> Option<(f64, f64)> {
+        let half = window.half as isize;
+        let (x, y) = (at.0 as isize, at.1 as isize);
+        let side = 2 * window.half as usize * self.factor + 1;
+        upsample(reference, (x - half, y - half), side, self.factor, (&mut self.rows, &mut self.subset));
+        let energy = self.center();
+        let margin = MARGIN_PX as isize;
+        let corner = (x + near.0 as isize - half - margin, y + near.1 as isize - half - margin);
+        let area = side + 2 * MARGIN_PX * self.factor;
+        upsample(target, corner, area, self.factor, (&mut self.rows, &mut self.area));
+        let mean = self.area.iter().map(|value| f64::from(*value)).sum::<f64>() / self.area.len() as f64;
+        self.area.iter_mut().for_each(|value| *value -= mean as f32);
+        self.correlation.load_squares((&self.area, area), (&self.subset, side));
+        self.contrast.add_up(&self.correlation, (area, area));
+        self.correlation.run();
+        let count = area - side + 1;
+        let shifts = Shifts { side, columns: count, rows: count };
+        let share = (side * side) as f64 / self.count.max(1) as f64;
+        self.contrast.normalise(&self.correlation, &shifts, (energy, share), &mut self.surface);
+        let surface = Surface { data: &self.surface, columns: count };
+        let (column, row) = surface.highest().filter(|_| energy > 0.0)?;
+        let (mut fine_x, mut fine_y) = (column as f64, row as f64);
+        if fit {
+            let top = surface.top(column, row);
+            fine_x += top.dx;
+            fine_y += top.dy;
+        }
+        let factor = self.factor as f64;
+        let place = |fine: f64, near: i32| fine / factor - MARGIN_PX as f64 + f64::from(near);
+        Some((place(fine_x, near.0), place(fine_y, near.1)))
+    }
+
+    /// Takes the mean off the subset, on the mask; gives the sum of squares.
+    fn center(&mut self) -> f64 {
+        let inside = self.subset.iter().zip(&self.mask).map(|(value, mask)| f64::from(value * mask));
+        let mean = (inside.sum::<f64>() / self.count.max(1) as f64) as f32;
+        let mut energy = 0.0;
+        for (value, mask) in self.subset.iter_mut().zip(&self.mask) {
+            *value = (*value - mean) * mask;
+            energy += f64::from(*value) * f64::from(*value);
+        }
+        energy
+    }
+}
+
+/// Interpolates `side` x `side` points, `factor` to a pixel, from a whole pixel on.
+fn upsample(
+    coefficients: &Plane,
+    corner: (isize, isize),
+    side: usize,
+    factor: usize,
+    (rows, out): (&mut [f32], &mut [f32]),
+) {
+    let lines = (side - 1) / factor + 6;
+    let data = coefficients.data();
+    let phases: Vec<[f32; 6]> = (0..factor).map(|phase| weights(phase as f32 / factor as f32)).collect();
+    for line in 0..lines {
+        let first = coefficients.index(corner.0 - 2, corner.1 - 2 + line as isize);
+        for (fine, value) in rows[line * side..(line + 1) * side].iter_mut().enumerate() {
+            let taps = &data[first + fine / factor..][..6];
+            *value = taps.iter().zip(&phases[fine % factor]).map(|(tap, weight)| tap * weight).sum();
+        }
+    }
+    for (fine, target) in out.chunks_exact_mut(side).take(side).enumerate() {
+        target.fill(0.0);
+        for (tap, weight) in phases[fine % factor].iter().enumerate() {
+            let line = &rows[(fine / factor + tap) * side..][..side];
+            target.iter_mut().zip(line).for_each(|(value, row)| *value += weight * row);
+        }
+    }
+}

@@ -1,0 +1,99 @@
+//! Regions of interest: which pixels belong to a body.
+
+/// A region of an image; a pixel belongs to it when its centre does.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Region {
+    /// A disc.
+    Disc {
+        /// Centre, px.
+        x_px: f64,
+        /// Centre, px.
+        y_px: f64,
+        /// Radius, px.
+        radius_px: f64,
+    },
+    /// A disc without its middle.
+    Ring {
+        /// Centre, px.
+        x_px: f64,
+        /// Centre, px.
+        y_px: f64,
+        /// Inner radius, px.
+        inner_px: f64,
+        /// Outer radius, px.
+        outer_px: f64,
+    },
+    /// The inside of a polygon, less its holes.
+    Polygon {
+        /// Corners (x, y) in px, in either direction.
+        outline_px: Vec<[f64; 2]>,
+        /// Corners of each hole, px.
+        holes_px: Vec<Vec<[f64; 2]>>,
+    },
+}
+
+impl Region {
+    /// Whether the point (x, y), in px, belongs.
+    pub fn contains(&self, x: f64, y: f64) -> bool {
+        match self {
+            Self::Disc { x_px, y_px, radius_px } => (x - x_px).hypot(y - y_px) <= *radius_px,
+            Self::Ring { x_px, y_px, inner_px, outer_px } => {
+                let radius = (x - x_px).hypot(y - y_px);
+                radius <= *outer_px && radius >= *inner_px
+            }
+            Self::Polygon { outline_px, holes_px } => {
+                encloses(outline_px, x, y) && !holes_px.iter().any(|hole| encloses(hole, x, y))
+            }
+        }
+    }
+
+    /// Left, top, right and bottom, px; `None` for a region without any extent.
+    pub fn bounds_px(&self) -> Option<[f64; 4]> {
+        let bounds = match self {
+            Self::Disc { x_px, y_px, radius_px: r } | Self::Ring { x_px, y_px, outer_px: r, .. } => {
+                [x_px - r, y_px - r, x_px + r, y_px + r]
+            }
+            Self::Polygon { outline_px, .. } => {
+                let start = [f64::INFINITY, f64::INFINITY, f64::NEG_INFINITY, f64::NEG_INFINITY];
+                outline_px.iter().fold(start, |b, [x, y]| [b[0].min(*x), b[1].min(*y), b[2].max(*x), b[3].max(*y)])
+            }
+        };
+        let sound = bounds.iter().all(|bound| bound.is_finite()) && bounds[0] <= bounds[2] && bounds[1] <= bounds[3];
+        sound.then_some(bounds)
+    }
+}
+
+/// Whether a ray to the right of (x, y) crosses the closed line an odd number of times.
+fn encloses(corners: &[[f64; 2]], x: f64, y: f64) -> bool {
+    let mut inside = false;
+    let Some(mut before) = corners.last() else { return false };
+    for corner in corners {
+        let (a, b) = (before, corner);
+        if (a[1] > y) != (b[1] > y) && x < a[0] + (y - a[1]) / (b[1] - a[1]) * (b[0] - a[0]) {
+            inside = !inside;
+        }
+        before = corner;
+    }
+    inside
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_polygon_ends_at_its_outline_and_at_its_holes() {
+        let square = |low: f64, high: f64| vec![[low, low], [high, low], [high, high], [low, high]];
+        let region = Region::Polygon { outline_px: square(0.0, 10.0), holes_px: vec![square(4.0, 6.0)] };
+        assert!(region.contains(1.0, 9.0) && region.contains(3.9, 5.0));
+        assert!(!region.contains(5.0, 5.0) && !region.contains(10.5, 5.0) && !region.contains(5.0, -0.1));
+        assert_eq!(region.bounds_px(), Some([0.0, 0.0, 10.0, 10.0]));
+        assert_eq!(Region::Polygon { outline_px: vec![], holes_px: vec![] }.bounds_px(), None);
+    }
+
+    #[test]
+    fn a_ring_has_no_middle() {
+        let ring = Region::Ring { x_px: 5.0, y_px: 5.0, inner_px: 2.0, outer_px: 4.0 };
+        assert!(ring.contains(8.0, 5.0) && !ring.contains(5.0, 6.0) && !ring.contains(9.5, 5.0));
+    }
+}

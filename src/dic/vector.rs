@@ -1,0 +1,296 @@
+//! Eight numbers in a register: the innermost arithmetic, once for AVX2 and once for any machine.
+//!
+//! Arrays alone are not enough here: the compiler packs them into half registers
+//! or not at all once the taps are unrolled. Both forms multiply and add in
+//! separate roundings and in the same order, so that they agree to the last bit.
+
+use super::lanes::{LANES, Lanes};
+
+/// Arithmetic on eight numbers at once.
+pub(super) trait Vector: Copy {
+    /// The same number eight times.
+    fn splat(value: f32) -> Self;
+    /// The first eight numbers of a slice.
+    fn load(values: &[f32]) -> Self;
+    /// Into the first eight places of a slice.
+    fn store(self, values: &mut [f32]);
+    /// From memory.
+    fn from_lanes(lanes: &Lanes) -> Self;
+    /// From memory.
+    fn from_eight(values: &[f32; LANES]) -> Self;
+    /// Rows to columns of eight times eight numbers.
+    fn transpose(rows: [Self; LANES]) -> [Self; LANES];
+    /// To memory.
+    fn to_lanes(self) -> Lanes;
+    /// Sum.
+    fn add(self, other: Self) -> Self;
+    /// Difference.
+    fn sub(self, other: Self) -> Self;
+    /// Product.
+    fn mul(self, other: Self) -> Self;
+    /// All bits set where `self >= other`, else none; only for [`Self::select`] and [`Self::and`].
+    fn at_least(self, other: Self) -> Self;
+    /// `self` where the mask is set, else zero.
+    fn and(self, mask: Self) -> Self;
+    /// `high` where the mask is set, `low` elsewhere.
+    fn select(mask: Self, high: Self, low: Self) -> Self;
+}
+
+/// Eight numbers on any machine.
+#[derive(Clone, Copy)]
+pub(super) struct Portable([f32; LANES]);
+
+impl Portable {
+    #[inline(always)]
+    fn each(self, other: Self, operation: impl Fn(f32, f32) -> f32) -> Self {
+        let mut out = self.0;
+        for (out, other) in out.iter_mut().zip(other.0) {
+            *out = operation(*out, other);
+        }
+        Self(out)
+    }
+}
+
+impl Vector for Portable {
+    #[inline(always)]
+    fn splat(value: f32) -> Self {
+        Self([value; LANES])
+    }
+
+    #[inline(always)]
+    fn load(values: &[f32]) -> Self {
+        let mut out = [0.0; LANES];
+        out.copy_from_slice(&values[..LANES]);
+        Self(out)
+    }
+
+    #[inline(always)]
+    fn store(self, values: &mut [f32]) {
+        values[..LANES].copy_from_slice(&self.0);
+    }
+
+    #[inline(always)]
+    fn from_lanes(lanes: &Lanes) -> Self {
+        Self(lanes.0)
+    }
+
+    #[inline(always)]
+    fn from_eight(values: &[f32; LANES]) -> Self {
+        Self(*values)
+    }
+
+    #[inline(always)]
+    fn transpose(rows: [Self; LANES]) -> [Self; LANES] {
+        let mut columns = rows;
+        for (row, line) in rows.iter().enumerate() {
+            for (column, value) in columns.iter_mut().zip(line.0) {
+                column.0[row] = value;
+            }
+        }
+        columns
+    }
+
+    #[inline(always)]
+    fn to_lanes(self) -> Lanes {
+        Lanes(self.0)
+    }
+
+    #[inline(always)]
+    fn add(self, other: Self) -> Self {
+        self.each(other, |a, b| a + b)
+    }
+
+    #[inline(always)]
+    fn sub(self, other: Self) -> Self {
+        self.each(other, |a, b| a - b)
+    }
+
+    #[inline(always)]
+    fn mul(self, other: Self) -> Self {
+        self.each(other, |a, b| a * b)
+    }
+
+    #[inline(always)]
+    fn at_least(self, other: Self) -> Self {
+        self.each(other, |a, b| f32::from_bits(if a >= b { u32::MAX } else { 0 }))
+    }
+
+    #[inline(always)]
+    fn and(self, mask: Self) -> Self {
+        self.each(mask, |a, m| f32::from_bits(a.to_bits() & m.to_bits()))
+    }
+
+    #[inline(always)]
+    fn select(mask: Self, high: Self, low: Self) -> Self {
+        let mut out = low.0;
+        for (out, (mask, high)) in out.iter_mut().zip(mask.0.into_iter().zip(high.0)) {
+            *out = if mask.to_bits() != 0 { high } else { *out };
+        }
+        Self(out)
+    }
+}
+
+/// Whether this machine has AVX2.
+#[cfg(target_arch = "x86_64")]
+pub(super) fn has_avx2() -> bool {
+    std::arch::is_x86_feature_detected!("avx2")
+}
+
+#[cfg(target_arch = "x86_64")]
+pub(super) use avx2::Avx2;
+
+/// Defines a function that runs a generic one over [`Vector`] with the best form this machine has.
+macro_rules! vectorized {
+    ($(#[$meta:meta])* fn $name:ident($($arg:ident: $type:ty),* $(,)?) $(-> $result:ty)? = $generic:ident) => {
+        $(#[$meta])*
+        fn $name($($arg: $type),*) $(-> $result)? {
+            #[cfg(target_arch = "x86_64")]
+            {
+                #[target_feature(enable = "avx2")]
+                fn compiled($($arg: $type),*) $(-> $result)? {
+                    $generic::<$crate::dic::vector::Avx2>($($arg),*)
+                }
+                if $crate::dic::vector::has_avx2() {
+                    #[expect(unsafe_code, reason = "the way into a function compiled for AVX2")]
+                    // SAFETY: this machine has AVX2, by the line above.
+                    return unsafe { compiled($($arg),*) };
+                }
+            }
+            $generic::<$crate::dic::vector::Portable>($($arg),*)
+        }
+    };
+}
+
+pub(super) use vectorized;
+
+#[cfg(target_arch = "x86_64")]
+mod avx2 {
+    #![expect(unsafe_code, reason = "vector instructions are unsafe to name outside functions compiled for them")]
+
+    use std::arch::x86_64::{
+        __m256, _CMP_GE_OQ, _mm256_add_ps, _mm256_and_ps, _mm256_blendv_ps, _mm256_cmp_ps, _mm256_loadu_ps,
+        _mm256_mul_ps, _mm256_permute2f128_ps, _mm256_set1_ps, _mm256_shuffle_ps, _mm256_storeu_ps, _mm256_sub_ps,
+        _mm256_unpackhi_ps, _mm256_unpacklo_ps,
+    };
+
+    use super::{LANES, Lanes, Vector};
+
+    /// Eight numbers in an AVX register.
+    ///
+    /// Only named by functions compiled for AVX2, which are only called after
+    /// [`has_avx2`](super::has_avx2) said yes.
+    #[derive(Clone, Copy)]
+    pub(in crate::dic) struct Avx2(__m256);
+
+    // SAFETY of every block below: this type is only used inside functions compiled for AVX2 that
+    // run after detection; loads and stores are bounded by the slice or array they go through.
+    impl Vector for Avx2 {
+        #[inline(always)]
+        fn splat(value: f32) -> Self {
+            // SAFETY: see above.
+            Self(unsafe { _mm256_set1_ps(value) })
+        }
+
+        #[inline(always)]
+        fn load(values: &[f32]) -> Self {
+            let values = &values[..LANES];
+            // SAFETY: eight numbers, by the line above.
+            Self(unsafe { _mm256_loadu_ps(values.as_ptr()) })
+        }
+
+        #[inline(always)]
+        fn store(self, values: &mut [f32]) {
+            let values = &mut values[..LANES];
+            // SAFETY: eight numbers, by the line above.
+            unsafe { _mm256_storeu_ps(values.as_mut_ptr(), self.0) };
+        }
+
+        #[inline(always)]
+        fn from_lanes(lanes: &Lanes) -> Self {
+            Self::load(&lanes.0)
+        }
+
+        #[inline(always)]
+        fn from_eight(values: &[f32; LANES]) -> Self {
+            Self::load(values)
+        }
+
+        #[inline(always)]
+        fn transpose(rows: [Self; LANES]) -> [Self; LANES] {
+            let [Self(a), Self(b), Self(c), Self(d), Self(e), Self(f), Self(g), Self(h)] = rows;
+            // SAFETY: see above.
+            unsafe {
+                // Pairs of rows, then fours, then the halves of the registers.
+                let (ab, ab_high) = (_mm256_unpacklo_ps(a, b), _mm256_unpackhi_ps(a, b));
+                let (cd, cd_high) = (_mm256_unpacklo_ps(c, d), _mm256_unpackhi_ps(c, d));
+                let (ef, ef_high) = (_mm256_unpacklo_ps(e, f), _mm256_unpackhi_ps(e, f));
+                let (gh, gh_high) = (_mm256_unpacklo_ps(g, h), _mm256_unpackhi_ps(g, h));
+                let low = [
+                    _mm256_shuffle_ps::<0x44>(ab, cd),
+                    _mm256_shuffle_ps::<0xEE>(ab, cd),
+                    _mm256_shuffle_ps::<0x44>(ab_high, cd_high),
+                    _mm256_shuffle_ps::<0xEE>(ab_high, cd_high),
+                ];
+                let high = [
+                    _mm256_shuffle_ps::<0x44>(ef, gh),
+                    _mm256_shuffle_ps::<0xEE>(ef, gh),
+                    _mm256_shuffle_ps::<0x44>(ef_high, gh_high),
+                    _mm256_shuffle_ps::<0xEE>(ef_high, gh_high),
+                ];
+                [
+                    Self(_mm256_permute2f128_ps::<0x20>(low[0], high[0])),
+                    Self(_mm256_permute2f128_ps::<0x20>(low[1], high[1])),
+                    Self(_mm256_permute2f128_ps::<0x20>(low[2], high[2])),
+                    Self(_mm256_permute2f128_ps::<0x20>(low[3], high[3])),
+                    Self(_mm256_permute2f128_ps::<0x31>(low[0], high[0])),
+                    Self(_mm256_permute2f128_ps::<0x31>(low[1], high[1])),
+                    Self(_mm256_permute2f128_ps::<0x31>(low[2], high[2])),
+                    Self(_mm256_permute2f128_ps::<0x31>(low[3], high[3])),
+                ]
+            }
+        }
+
+        #[inline(always)]
+        fn to_lanes(self) -> Lanes {
+            let mut lanes = Lanes([0.0; LANES]);
+            self.store(&mut lanes.0);
+            lanes
+        }
+
+        #[inline(always)]
+        fn add(self, other: Self) -> Self {
+            // SAFETY: see above.
+            Self(unsafe { _mm256_add_ps(self.0, other.0) })
+        }
+
+        #[inline(always)]
+        fn sub(self, other: Self) -> Self {
+            // SAFETY: see above.
+            Self(unsafe { _mm256_sub_ps(self.0, other.0) })
+        }
+
+        #[inline(always)]
+        fn mul(self, other: Self) -> Self {
+            // SAFETY: see above.
+            Self(unsafe { _mm256_mul_ps(self.0, other.0) })
+        }
+
+        #[inline(always)]
+        fn at_least(self, other: Self) -> Self {
+            // SAFETY: see above.
+            Self(unsafe { _mm256_cmp_ps::<_CMP_GE_OQ>(self.0, other.0) })
+        }
+
+        #[inline(always)]
+        fn and(self, mask: Self) -> Self {
+            // SAFETY: see above.
+            Self(unsafe { _mm256_and_ps(self.0, mask.0) })
+        }
+
+        #[inline(always)]
+        fn select(mask: Self, high: Self, low: Self) -> Self {
+            // SAFETY: see above.
+            Self(unsafe { _mm256_blendv_ps(low.0, high.0, mask.0) })
+        }
+    }
+}
