@@ -48,12 +48,14 @@ impl Film {
         let mut frames = recording.frames()?.peekable();
         let meta = match frames.peek() {
             Some(Ok((meta, _))) => *meta,
-            Some(Err(_)) | None => {
+            _ => {
                 let reason = "no frame of it can be read".to_owned();
-                return Err(RecordingError::Invalid { path: path.to_owned(), reason }.into());
+                let none = || RecordingError::Invalid { path: path.to_owned(), reason };
+                return Err(frames.next().and_then(Result::err).unwrap_or_else(none).into());
             }
         };
         let told = recording.metadata().get("frame_rate_hz").and_then(|text| text.parse().ok());
+        let told = told.filter(|rate_hz: &f64| rate_hz.is_finite() && *rate_hz > 0.0);
         let Some(frame_rate_hz) = fps.or(told).or(recording.frame_rate_hz()?) else {
             let path = path.display();
             return Err(UsageError(format!("{path}: no frame rate can be told; give one with --fps")).into());
