@@ -204,7 +204,7 @@ pub struct Analyze {
     /// The rig file; the attached one when absent.
     #[arg(long)]
     config: Option<PathBuf>,
-    /// Frame rate for files that do not tell theirs, Hz.
+    /// Frame rate, Hz; takes the place of the file's own, for those that tell none or that of their playback.
     #[arg(long)]
     fps: Option<f64>,
     /// The results file; beside the recording when absent.

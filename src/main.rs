@@ -8,7 +8,7 @@ use std::process::ExitCode;
 /// The one table of exit codes: 0 clean, 1 internal, 2 usage or configuration, 3 camera, 4 bus, 5 recording,
 /// 6 finished but data were lost.
 fn code(error: &anyhow::Error) -> u8 {
-    error.chain().find_map(|cause| code_of(cause)).unwrap_or(1)
+    error.chain().find_map(code_of).unwrap_or(1)
 }
 
 /// The exit code of one cause; `None` when it decides nothing.
@@ -83,8 +83,11 @@ fn main() -> ExitCode {
             return ExitCode::from(1);
         }
     }
+    // What a process of a rig lost, its supervisor tells with the rest.
+    let is_supervised = cli::is_supervised(&command);
     match cli::run(command, &stop) {
         Ok(Outcome::Clean) => ExitCode::SUCCESS,
+        Ok(Outcome::Lost { .. }) if is_supervised => ExitCode::from(6),
         Ok(Outcome::Lost { count, cause }) => {
             let cause = cause.map_or_else(String::new, |cause| format!("; {cause}"));
             eprintln!("ricochet: finished, but data were lost: {count}{cause}");

@@ -24,7 +24,7 @@ pub struct AnalyzeOptions {
     pub inputs: Vec<PathBuf>,
     /// The rig file; the attached one when absent.
     pub config: Option<PathBuf>,
-    /// Frame rate for files that do not tell theirs, Hz.
+    /// Frame rate in place of the file's own, Hz.
     pub fps: Option<f64>,
     /// Where the results go; beside the recording when absent.
     pub output: Option<PathBuf>,

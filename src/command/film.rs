@@ -66,7 +66,10 @@ impl Film {
             metadata: recording.metadata().clone(),
             truncated: recording.truncated().map(str::to_owned),
             config: rig_config(&recording, config)?,
-            frames: Box::new(frames.map(|frame| Ok(frame?))),
+            frames: Box::new(frames.map(move |frame| {
+                let (next, bytes) = frame?;
+                Ok((fps.map_or(next, |fps| restamped(next, &meta, fps)), bytes))
+            })),
         })
     }
 
@@ -93,6 +96,12 @@ impl Film {
             frames: Box::new(footage.map(|frame| Ok(frame?))),
         })
     }
+}
+
+/// A frame with the stamp that a rate from the person who asks gives it, in place of the file's own.
+fn restamped(meta: FrameMeta, first: &FrameMeta, fps: f64) -> FrameMeta {
+    let since_ns = meta.sequence.saturating_sub(first.sequence) as f64 * 1e9 / fps;
+    FrameMeta { stamp_ns: first.stamp_ns.saturating_add(since_ns.round() as u64), ..meta }
 }
 
 fn format(meta: &FrameMeta, frame_rate_hz: f64) -> StreamFormat {

@@ -17,6 +17,7 @@ pub mod rig;
 pub mod simulate;
 pub mod status;
 
+use crate::process::Summary;
 use std::io::Write;
 use std::path::Path;
 
@@ -38,6 +39,16 @@ impl Outcome {
     /// Clean when nothing was lost.
     pub fn of_losses(lost: u64) -> Self {
         if lost == 0 { Self::Clean } else { Self::Lost { count: lost, cause: None } }
+    }
+
+    /// Clean when a rig lost nothing; else who lost what.
+    pub fn of_rig(summary: &Summary) -> Self {
+        match Self::of_losses(summary.losses()) {
+            Self::Lost { count, .. } if !summary.causes.is_empty() => {
+                Self::Lost { count, cause: Some(summary.causes.join(", ")) }
+            }
+            outcome => outcome,
+        }
     }
 
     /// As [`of_losses`](Self::of_losses), one more when the file was cut off.

@@ -62,7 +62,7 @@ pub fn run(config: &Path, stop: &Stop) -> anyhow::Result<Outcome> {
 }
 
 fn outcome(summary: &Summary) -> Outcome {
-    Outcome::of_losses(summary.losses())
+    Outcome::of_rig(summary)
 }
 
 fn load(path: &Path, origin: Option<&str>) -> anyhow::Result<Config> {

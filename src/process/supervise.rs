@@ -223,6 +223,7 @@ impl<'a> Fleet<'a> {
         let told = self.told.get(&child).map_or(0, |status| status.lost + status.dropped);
         if code == 6 {
             self.summary.lost += told.max(1);
+            self.summary.causes.push(format!("{} {} lost {}", child.role.word(), child.index, told.max(1)));
         }
     }
 
@@ -230,6 +231,7 @@ impl<'a> Fleet<'a> {
         let role = child.role.word();
         let told = self.told.get(&child).copied();
         self.summary.lost += 1;
+        self.summary.causes.push(format!("{role} {} ended with {status}", child.index));
         self.bus.clean_up_dead();
         let Some(running) = self.children.get_mut(&child) else { return Ok(()) };
         running.deaths += 1;

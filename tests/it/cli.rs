@@ -296,8 +296,8 @@ fn images_that_make_no_field_are_refused_by_their_sizes() {
     assert!(told.contains("61") && told.contains("40 x 30"), "{told}");
     let told = refused(2, ["field", text(&small), text(&small), "--subset", "20"]);
     assert!(told.contains("subset") && told.contains("20") && told.contains("odd"), "{told}");
-    let told = refused(2, ["field", text(&small), text(&small), "--roi", "30,0,20,20"]);
-    assert!(told.contains("--roi [30, 0, 20, 20]") && told.contains("40 x 30"), "{told}");
+    let told = refused(2, ["field", text(&large), text(&large), "--roi", "70,0,20,20"]);
+    assert!(told.contains("--roi [70, 0, 20, 20]") && told.contains("80 x 60"), "{told}");
     let notes = rig.file("notes.bmp", "no picture");
     let told = refused(5, ["field", text(&notes), text(&small)]);
     assert!(told.starts_with(&format!("read {}: ", notes.display())), "{told}");
