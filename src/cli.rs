@@ -17,6 +17,7 @@ use crate::command::{Outcome, UsageError, control, status};
 use crate::config::Config;
 use crate::message::{Command as Request, Role};
 use crate::process::Stop;
+use clap::error::ErrorKind;
 use clap::{Args, Parser, Subcommand};
 use std::path::PathBuf;
 
@@ -207,7 +208,7 @@ pub struct Analyze {
     /// The rig file; the attached one when absent.
     #[arg(long)]
     config: Option<PathBuf>,
-    /// Frame rate for files that do not tell theirs, Hz.
+    /// Frame rate, Hz; takes the place of the file's own, for those that tell none or that of their playback.
     #[arg(long)]
     fps: Option<f64>,
     /// The results file; beside the recording when absent.
@@ -235,8 +236,8 @@ pub struct Field {
     #[arg(short, long)]
     output: Option<PathBuf>,
     /// Region of interest: x,y,width,height in px.
-    #[arg(long, value_delimiter = ',', value_name = "X,Y,W,H")]
-    roi: Option<Vec<u32>>,
+    #[arg(long, value_name = "X,Y,W,H")]
+    roi: Option<Region>,
     /// Subset size, odd, px.
     #[arg(long, value_name = "PX")]
     subset: Option<u32>,
@@ -249,6 +250,20 @@ pub struct Field {
     /// Print JSON.
     #[arg(long)]
     json: bool,
+}
+
+/// Four numbers with commas between them.
+#[derive(Debug, Clone, Copy)]
+struct Region([u32; 4]);
+
+impl std::str::FromStr for Region {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let numbers: Result<Vec<u32>, _> = text.split(',').map(|number| number.trim().parse()).collect();
+        let region = numbers.ok().and_then(|numbers| <[u32; 4]>::try_from(numbers).ok());
+        region.map(Self).ok_or_else(|| "four whole numbers of pixels, x,y,width,height".to_owned())
+    }
 }
 
 /// Arguments of a command.
@@ -344,11 +359,22 @@ pub enum Parsed {
 pub fn parse() -> Parsed {
     match Line::try_parse() {
         Ok(line) => Parsed::Run(line.command),
+        Err(error) if error.use_stderr() && error.kind() != ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand => {
+            eprintln!("ricochet: {}; see `ricochet --help`", one_line(&error.to_string()));
+            Parsed::Told(2)
+        }
         Err(error) => {
             let _ = error.print();
             Parsed::Told(if error.use_stderr() { 2 } else { 0 })
         }
     }
+}
+
+/// What clap says over several lines, without the usage that `--help` repeats.
+fn one_line(text: &str) -> String {
+    let told = text.lines().take_while(|line| !line.starts_with("Usage:") && !line.starts_with("For more"));
+    let words = told.flat_map(str::split_whitespace).collect::<Vec<_>>().join(" ");
+    words.strip_prefix("error: ").unwrap_or(&words).to_owned()
 }
 
 /// Whether this process belongs to a supervisor and shall end with it.
@@ -408,12 +434,13 @@ fn inspect(command: Command) -> anyhow::Result<Outcome> {
         }
         Command::Export(Export { file, topic, format, output }) => {
             let format = export::Format::from_word(&format)?;
-            export::run(&ExportOptions { file, topic, format, output })?;
+            let exported = export::run(&ExportOptions { file: file.clone(), topic, format, output })?;
+            return Ok(Outcome::of_file(0, &file, exported.truncated.as_deref()));
         }
         Command::Info(Info { file, json }) => {
             let info = info::run(&InfoOptions { file, json })?;
             let gone = info.frames.as_ref().and_then(|frames| frames.lost).unwrap_or(0);
-            return Ok(Outcome::of_losses(gone + u64::from(info.truncated.is_some())));
+            return Ok(Outcome::of_file(gone, &info.file, info.truncated.as_deref()));
         }
         Command::Recover(Recover { file, output }) => {
             let recovered = recover::run(&RecoverOptions { file, output })?;
@@ -436,10 +463,7 @@ fn field_options(line: Field) -> anyhow::Result<FieldOptions> {
     };
     params.subset_size_px = line.subset.unwrap_or(params.subset_size_px);
     params.step_px = line.step.unwrap_or(params.step_px);
-    let four = |roi: Vec<u32>| {
-        <[u32; 4]>::try_from(roi).map_err(|roi| UsageError(format!("--roi: {} numbers given, 4 needed", roi.len())))
-    };
-    let roi_px = line.roi.clone().map(four).transpose()?;
+    let roi_px = line.roi.map(|roi| roi.0);
     let Field { reference, target, output, picture, json, .. } = line;
     Ok(FieldOptions { reference, target, params, roi_px, output, json, picture })
 }

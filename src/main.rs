@@ -2,41 +2,72 @@
 
 use ricochet::cli::{self, Parsed};
 use ricochet::command::Outcome;
-use ricochet::process::Stop;
+use ricochet::process::{ChildFailure, Stop};
 use std::process::ExitCode;
 
 /// The one table of exit codes: 0 clean, 1 internal, 2 usage or configuration, 3 camera, 4 bus, 5 recording,
 /// 6 finished but data were lost.
 fn code(error: &anyhow::Error) -> u8 {
+    error.chain().find_map(code_of).unwrap_or(1)
+}
+
+/// The exit code of one cause; `None` when it decides nothing.
+fn code_of(cause: &(dyn std::error::Error + 'static)) -> Option<u8> {
     use ricochet::{ball, bus, camera, command, config, dic, import, measure, process, recording, synth};
-    for cause in error.chain() {
-        if let Some(failure) = cause.downcast_ref::<process::ChildFailure>() {
-            return u8::try_from(failure.code).unwrap_or(1);
-        }
-        if cause.is::<config::ConfigError>() || cause.is::<command::UsageError>() || cause.is::<synth::ScenarioError>()
-        {
-            return 2;
-        }
-        if cause.is::<measure::MeasureError>() || cause.is::<dic::CorrelationError>() || cause.is::<ball::BallError>() {
-            return 2;
-        }
-        if let Some(error) = cause.downcast_ref::<camera::CameraError>() {
-            return if matches!(error, camera::CameraError::Recording(_)) { 5 } else { 3 };
-        }
-        if cause.is::<bus::BusError>() {
-            return 4;
-        }
-        if let Some(error) = cause.downcast_ref::<command::export::ExportError>() {
-            return if matches!(error, command::export::ExportError::Usage(_)) { 2 } else { 5 };
-        }
-        if let Some(error) = cause.downcast_ref::<import::ImportError>() {
-            return if matches!(error, import::ImportError::FrameRate { .. }) { 2 } else { 5 };
-        }
-        if cause.is::<recording::RecordingError>() {
-            return 5;
-        }
+    let is_usage = cause.is::<config::ConfigError>()
+        || cause.is::<command::UsageError>()
+        || cause.is::<synth::ScenarioError>()
+        || cause.is::<measure::MeasureError>()
+        || cause.is::<dic::CorrelationError>()
+        || cause.is::<ball::BallError>();
+    if is_usage {
+        return Some(2);
     }
-    1
+    if let Some(failure) = cause.downcast_ref::<process::ChildFailure>() {
+        return Some(u8::try_from(failure.code).unwrap_or(1));
+    }
+    if let Some(error) = cause.downcast_ref::<camera::CameraError>() {
+        return Some(match error {
+            camera::CameraError::Recording(_) => 5,
+            camera::CameraError::Scenario { .. } => 2,
+            _ => 3,
+        });
+    }
+    if let Some(error) = cause.downcast_ref::<command::export::ExportError>() {
+        return Some(if matches!(error, command::export::ExportError::Usage(_)) { 2 } else { 5 });
+    }
+    if let Some(error) = cause.downcast_ref::<command::field::FieldError>() {
+        use command::field::FieldError;
+        return Some(if matches!(error, FieldError::Usage(_) | FieldError::Correlation(_)) { 2 } else { 5 });
+    }
+    let of_footage = |error: &import::ImportError| match error {
+        import::ImportError::FrameRate { .. } | import::ImportError::Nothing => 2,
+        _ => 5,
+    };
+    if let Some(error) = cause.downcast_ref::<import::ImportError>() {
+        return Some(of_footage(error));
+    }
+    if let Some(failure) = cause.downcast_ref::<command::import::Failure>() {
+        return Some(match failure {
+            command::import::Failure::Import(error) => of_footage(error),
+            command::import::Failure::Recording(_) => 5,
+        });
+    }
+    if cause.is::<recording::RecordingError>() {
+        return Some(5);
+    }
+    cause.is::<bus::BusError>().then_some(4)
+}
+
+/// The error and its causes in one line; a cause that the line ends with already is not told twice.
+fn line(error: &anyhow::Error) -> String {
+    let flat =
+        |text: String| if text.contains('\n') { text.split_whitespace().collect::<Vec<_>>().join(" ") } else { text };
+    error.chain().map(|cause| flat(cause.to_string())).fold(String::new(), |line, cause| match line {
+        line if line.ends_with(&cause) => line,
+        line if line.is_empty() => cause,
+        line => format!("{line}: {cause}"),
+    })
 }
 
 fn main() -> ExitCode {
@@ -52,14 +83,22 @@ fn main() -> ExitCode {
             return ExitCode::from(1);
         }
     }
+    // What a process of a rig lost, its supervisor tells with the rest.
+    let is_supervised = cli::is_supervised(&command);
     match cli::run(command, &stop) {
         Ok(Outcome::Clean) => ExitCode::SUCCESS,
-        Ok(Outcome::Lost(count)) => {
-            eprintln!("ricochet: finished, but data were lost: {count}");
+        Ok(Outcome::Lost { .. }) if is_supervised => ExitCode::from(6),
+        Ok(Outcome::Lost { count, cause }) => {
+            let cause = cause.map_or_else(String::new, |cause| format!("; {cause}"));
+            eprintln!("ricochet: finished, but data were lost: {count}{cause}");
             ExitCode::from(6)
         }
         Err(error) => {
-            eprintln!("ricochet: {error:#}");
+            // A process of the rig that refused to work has said why on the same standard error.
+            let is_told = error.downcast_ref::<ChildFailure>().is_some_and(|failure| failure.is_told);
+            if !is_told {
+                eprintln!("ricochet: {}", line(&error));
+            }
             ExitCode::from(code(&error))
         }
     }

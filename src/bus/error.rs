@@ -21,6 +21,14 @@ pub enum BusError {
         /// The service that was looked for.
         service: String,
     },
+    /// Another process of this rig has the same role.
+    #[error("rig {rig:?} has a process `ricochet {role}` already; stop it, or choose another [rig] name")]
+    Taken {
+        /// The rig.
+        rig: String,
+        /// The role.
+        role: String,
+    },
     /// The ring does not fit into shared memory.
     #[error(
         "shared memory holds {free_bytes} free bytes, the ring needs {needed_bytes}; lower [trigger] pre_s or the frame size, or enlarge /dev/shm"

@@ -9,6 +9,7 @@
 //! oldest entries, sees that in the sequence numbers, and never slows a writer.
 
 mod bell;
+mod claim;
 mod control;
 mod error;
 mod field;
@@ -27,12 +28,14 @@ pub use topic::{Publisher, Subscriber, Topic};
 
 use iceoryx2::prelude::{LogLevel, Node, NodeBuilder, NodeName, ServiceName, SignalHandlingMode, ipc};
 use std::any::Any;
+use std::time::Duration;
 
 /// One process's membership of a rig.
 #[derive(Debug)]
 pub struct Bus {
     node: Node<ipc::Service>,
     rig: String,
+    _claim: Option<claim::Claim>,
 }
 
 impl Bus {
@@ -50,7 +53,17 @@ impl Bus {
             .signal_handling_mode(SignalHandlingMode::Disabled)
             .create::<ipc::Service>()
             .map_err(|error| BusError::new("join", rig, error))?;
-        Ok(Self { node, rig: rig.to_owned() })
+        Ok(Self { node, rig: rig.to_owned(), _claim: None })
+    }
+
+    /// Joins in a role that one process of a rig has at a time, waiting at most `patience` for one that is ending.
+    ///
+    /// # Errors
+    ///
+    /// [`BusError::Taken`] when another process has the role; when shared memory cannot be used.
+    pub fn take_part(rig: &str, role: &str, patience: Duration) -> Result<Self, BusError> {
+        let claim = claim::Claim::take(rig, role, patience)?;
+        Ok(Self { _claim: Some(claim), ..Self::join(rig, role)? })
     }
 
     /// Frees what processes that were killed left behind, so that their places can be taken again.

@@ -92,6 +92,16 @@ pub enum CameraError {
         /// The allowed range, or the camera's words.
         reason: String,
     },
+    /// What is to be simulated is unknown or cannot be filmed.
+    #[error("{origin}: camera.scenario = {name:?}: {reason}")]
+    Scenario {
+        /// The rig file.
+        origin: String,
+        /// The scenario's name or path.
+        name: String,
+        /// What is wrong with it.
+        reason: String,
+    },
     /// The camera went away.
     #[error("camera {id:?} vanished: {reason}")]
     Vanished {

@@ -64,8 +64,11 @@ impl RecordingCamera {
         }
         let recording = Recording::open(path)?;
         let first = recording.first_frame()?;
-        // An unreadable last frame is told when playing gets there.
-        let frame_rate_hz = recording.frame_rate_hz().ok().flatten().unwrap_or(0.0);
+        // What the camera was set to, as analysis takes it; stamps tell it only to the nanosecond. An unreadable last
+        // frame is told when playing gets there.
+        let told = recording.metadata().get("frame_rate_hz").and_then(|text| text.parse().ok());
+        let told = told.filter(|rate_hz: &f64| rate_hz.is_finite() && *rate_hz > 0.0);
+        let frame_rate_hz = told.or_else(|| recording.frame_rate_hz().ok().flatten()).unwrap_or(0.0);
         let format =
             StreamFormat { width_px: first.width_px, height_px: first.height_px, format: first.format, frame_rate_hz };
         let frames = recording.frames()?;

@@ -87,6 +87,15 @@ impl SimulatedCamera {
             value: scenario.name.clone(),
             reason: error.to_string(),
         })?;
+        Self::film(world, paced)
+    }
+
+    /// Films this world; `paced` by the wall clock or on demand.
+    ///
+    /// # Errors
+    ///
+    /// [`CameraError::Setting`] when it can be drawn neither at its rate nor in advance.
+    pub fn film(world: World, paced: bool) -> Result<Self, CameraError> {
         let film = if paced { film_if_slow(&world)? } else { None };
         let pace = if paced { Pace::Live } else { Pace::OnDemand };
         Ok(Self { world, pace, film, started: None, slots: VecDeque::new(), index: 0 })

@@ -24,7 +24,7 @@ pub struct AnalyzeOptions {
     pub inputs: Vec<PathBuf>,
     /// The rig file; the attached one when absent.
     pub config: Option<PathBuf>,
-    /// Frame rate for files that do not tell theirs, Hz.
+    /// Frame rate in place of the file's own, Hz.
     pub fps: Option<f64>,
     /// Where the results go; beside the recording when absent.
     pub output: Option<PathBuf>,
@@ -53,10 +53,7 @@ pub fn run(options: &AnalyzeOptions, stop: &Stop) -> anyhow::Result<Outcome> {
     let (path, missing) = measure(film, &output, stop)?;
     let results = Recording::open(&path)?;
     tell(&last_revisions(&results)?, &results, &path, options.json);
-    if let Some(cut) = &truncated {
-        log::warn!("{}: {cut}", options.inputs[0].display());
-    }
-    Ok(Outcome::of_losses(missing + u64::from(truncated.is_some())))
+    Ok(Outcome::of_file(missing, &options.inputs[0], truncated.as_deref()))
 }
 
 fn results_record() -> Record {
@@ -92,8 +89,12 @@ fn measure(film: Film, output: &Path, stop: &Stop) -> anyhow::Result<(PathBuf, u
     let mut frames = frames.peekable();
     let meta = match frames.peek() {
         Some(Ok((meta, _))) => *meta,
-        Some(Err(error)) => anyhow::bail!("{error}"),
-        None => return Err(UsageError("a film of 0 frames".into()).into()),
+        _ => {
+            return Err(frames
+                .next()
+                .and_then(Result::err)
+                .unwrap_or_else(|| UsageError("a film of 0 frames".into()).into()));
+        }
     };
     let (first, stamp_ns) = (meta.sequence, meta.stamp_ns);
     info.metadata.insert("first_frame".into(), first.to_string());
@@ -101,6 +102,7 @@ fn measure(film: Film, output: &Path, stop: &Stop) -> anyhow::Result<(PathBuf, u
     let extent = Extent { first, last: None, patience_frames: u64::MAX };
     let mut shot = Shot::create(output, &config, &info, &tracker_params, extent)?;
     let bar = progress::frames(count, "analyze");
+    let mut unread = 0;
     std::thread::scope(|scope| -> anyhow::Result<()> {
         let (answers, results) = channel();
         let mut workers = Vec::new();
@@ -114,7 +116,9 @@ fn measure(film: Film, output: &Path, stop: &Stop) -> anyhow::Result<(PathBuf, u
         drop(answers);
         for frame in frames {
             if stop.requested() {
-                anyhow::bail!("stopped before the end");
+                // What is measured so far is whole; the rest counts as missing.
+                unread = count.saturating_sub(shot.frames).max(1);
+                break;
             }
             let (meta, bytes) = frame?;
             shot.frame(&Frame { meta, bytes: &bytes })?;
@@ -126,7 +130,7 @@ fn measure(film: Film, output: &Path, stop: &Stop) -> anyhow::Result<(PathBuf, u
         results.iter().try_for_each(|answer| take(&mut shot, answer))
     })?;
     bar.finish_and_clear();
-    let (missing, end) = (shot.lost, shot.next_frame());
+    let (missing, end) = (shot.lost + unread, shot.next_frame());
     let (finished, _) = shot.finish(end)?;
     Ok((finished.path, missing))
 }

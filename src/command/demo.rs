@@ -75,7 +75,7 @@ pub fn run(options: &DemoOptions, stop: &Stop) -> anyhow::Result<Outcome> {
     })?;
     bar.finish_and_clear();
     if stop.requested() {
-        return Ok(Outcome::of_losses(summary.losses()));
+        return Ok(Outcome::of_rig(&summary));
     }
     let Some(path) = summary.recordings.last() else {
         anyhow::bail!("the rig ended without a recording");
@@ -84,7 +84,7 @@ pub fn run(options: &DemoOptions, stop: &Stop) -> anyhow::Result<Outcome> {
     if !agrees {
         anyhow::bail!("the measurement is off by more than it may be; the recording is {}", path.display());
     }
-    Ok(Outcome::of_losses(summary.losses()))
+    Ok(Outcome::of_rig(&summary))
 }
 
 fn config(options: &DemoOptions) -> anyhow::Result<Config> {

@@ -5,7 +5,7 @@ use crate::results::{Estimate, FieldPoint, Impact, PairField, TrackSample, Veloc
 use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::{self, BufWriter, Write};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// File formats tables can be exported as.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -64,24 +64,42 @@ pub enum ExportError {
     },
 }
 
-/// Exports one table; returns its rows.
+/// What was exported.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Exported {
+    /// Rows of the table.
+    pub rows: u64,
+    /// Why the recording ends too early, when it does: rows are missing then.
+    pub truncated: Option<String>,
+}
+
+/// Exports one table.
 ///
 /// # Errors
 ///
 /// [`ExportError`] naming the option or the file.
-pub fn run(options: &ExportOptions) -> Result<u64, ExportError> {
+pub fn run(options: &ExportOptions) -> Result<Exported, ExportError> {
     if !TABLES.contains(&options.topic.as_str()) {
         return Err(ExportError::Usage(format!("--topic {}: not one of {}", options.topic, TABLES.join(", "))));
     }
     let recording = Recording::open(&options.file)?;
-    match &options.output {
+    let rows = match &options.output {
         None => write_table(&recording, &options.topic, io::stdout().lock(), "standard output"),
         Some(path) => {
+            if is_same_file(path, &options.file) {
+                return Err(ExportError::Usage(format!("--output {}: is the recording itself", path.display())));
+            }
             let to = path.display().to_string();
             let file = File::create(path).map_err(|source| ExportError::Write { to: to.clone(), source })?;
             write_table(&recording, &options.topic, BufWriter::new(file), &to)
         }
-    }
+    }?;
+    Ok(Exported { rows, truncated: recording.truncated().map(str::to_owned) })
+}
+
+/// Whether both paths lead to one file that exists.
+pub(super) fn is_same_file(a: &Path, b: &Path) -> bool {
+    matches!((a.canonicalize(), b.canonicalize()), (Ok(a), Ok(b)) if a == b)
 }
 
 /// Writes one of [`TABLES`] as CSV; returns its rows. `to` names the target in errors.

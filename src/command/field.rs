@@ -4,9 +4,8 @@ use std::fs::File;
 use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context, bail, ensure};
-
-use crate::dic::{CorrelationParams, Correlator, Start, grid};
+use super::export::is_same_file;
+use crate::dic::{CorrelationError, CorrelationParams, Correlator, Start, grid};
 use crate::image::{Image, ImageView};
 use crate::results::{FieldPoint, PointStatus};
 
@@ -29,6 +28,43 @@ pub struct FieldOptions {
     pub picture: Option<PathBuf>,
 }
 
+/// Why no field could be measured.
+#[derive(Debug, thiserror::Error)]
+pub enum FieldError {
+    /// The options or the images do not go together.
+    #[error("{0}")]
+    Usage(String),
+    /// An image cannot be read.
+    #[error("read {}: {reason}", path.display())]
+    Read {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong with it.
+        reason: String,
+    },
+    /// The table or the picture cannot be written.
+    #[error("write {to}: {reason}")]
+    Write {
+        /// Where to.
+        to: String,
+        /// The system's answer.
+        reason: String,
+    },
+    /// A setting is out of range.
+    #[error(transparent)]
+    Correlation(#[from] CorrelationError),
+}
+
+impl FieldError {
+    fn read(path: &Path, reason: impl std::fmt::Display) -> Self {
+        Self::Read { path: path.to_owned(), reason: reason.to_string() }
+    }
+
+    fn write(to: &Path, reason: impl std::fmt::Display) -> Self {
+        Self::Write { to: to.display().to_string(), reason: reason.to_string() }
+    }
+}
+
 /// Columns of the table.
 const COLUMNS: [&str; 9] = ["x_px", "y_px", "u_px", "v_px", "sigma_u_px", "sigma_v_px", "zncc", "peak_ratio", "status"];
 
@@ -37,47 +73,65 @@ const COLUMNS: [&str; 9] = ["x_px", "y_px", "u_px", "v_px", "sigma_u_px", "sigma
 /// # Errors
 ///
 /// One line naming the file, the key or both sizes.
-pub fn run(options: &FieldOptions) -> anyhow::Result<()> {
+pub fn run(options: &FieldOptions) -> Result<(), FieldError> {
+    let inputs = [&options.reference, &options.target];
+    let outputs = [&options.output, &options.picture].into_iter().flatten();
+    if let Some(path) = outputs.into_iter().find(|path| inputs.iter().any(|input| is_same_file(path, input))) {
+        return Err(FieldError::Usage(format!("{}: is one of the images, and would be overwritten", path.display())));
+    }
     let reference = read_still(&options.reference)?;
     let target = read_still(&options.target)?;
     let (a, b) = (reference.view(), target.view());
-    ensure!(
-        (a.width(), a.height()) == (b.width(), b.height()),
-        "{} is {} x {} px, {} is {} x {} px: both images need one size",
-        options.reference.display(),
-        a.width(),
-        a.height(),
-        options.target.display(),
-        b.width(),
-        b.height()
-    );
+    if (a.width(), a.height()) != (b.width(), b.height()) {
+        return Err(FieldError::Usage(format!(
+            "{} is {} x {} px, {} is {} x {} px: both images need one size",
+            options.reference.display(),
+            a.width(),
+            a.height(),
+            options.target.display(),
+            b.width(),
+            b.height()
+        )));
+    }
     let field = measure(options, a, b)?;
     match &options.output {
         Some(path) => {
-            let file = File::create(path).with_context(|| path.display().to_string())?;
-            write_table(&field, options.json, BufWriter::new(file)).with_context(|| path.display().to_string())?;
+            let file = File::create(path).map_err(|error| FieldError::write(path, error))?;
+            let written = write_table(&field, options.json, BufWriter::new(file));
+            written.map_err(|error| FieldError::write(path, error))?;
         }
-        None => write_table(&field, options.json, BufWriter::new(std::io::stdout().lock()))?,
+        None => write_table(&field, options.json, BufWriter::new(std::io::stdout().lock()))
+            .map_err(|error| FieldError::write(Path::new("standard output"), error))?,
     }
     if let Some(path) = &options.picture {
-        draw(a, &field, options.params.step_px).save(path).with_context(|| path.display().to_string())?;
+        draw(a, &field, options.params.step_px).save(path).map_err(|error| FieldError::write(path, error))?;
     }
     eprintln!("{}", summary(&field));
     Ok(())
 }
 
 /// Correlates the two images over the region asked for.
-fn measure(options: &FieldOptions, reference: ImageView<'_>, target: ImageView<'_>) -> anyhow::Result<Vec<FieldPoint>> {
+fn measure(
+    options: &FieldOptions,
+    reference: ImageView<'_>,
+    target: ImageView<'_>,
+) -> Result<Vec<FieldPoint>, FieldError> {
     let (width, height) = (reference.width(), reference.height());
     let mut correlator = Correlator::new(&options.params, width, height)?;
     let roi = options.roi_px.unwrap_or([0, 0, width as u32, height as u32]);
     let inside = |start: u32, extent: u32, size: usize| u64::from(start) + u64::from(extent) <= size as u64;
-    ensure!(
-        inside(roi[0], roi[2], width) && inside(roi[1], roi[3], height),
-        "roi_px is {roi:?}, allowed: within the image of {width} x {height} px"
-    );
+    if !(inside(roi[0], roi[2], width) && inside(roi[1], roi[3], height)) {
+        let name = options.reference.display();
+        return Err(FieldError::Usage(format!("--roi {roi:?}: not within {name} of {width} x {height} px")));
+    }
     let points = grid::rectangle(roi, options.params.step_px, options.params.subset_size_px);
-    ensure!(!points.is_empty(), "roi_px {roi:?} has no room for a subset of {} px", options.params.subset_size_px);
+    if points.is_empty() {
+        let (name, subset_px) = (options.reference.display(), options.params.subset_size_px);
+        let [_, _, width, height] = roi;
+        return Err(FieldError::Usage(format!(
+            "{name}: {width} x {height} px have no room for a subset of {subset_px} px"
+        )));
+    }
     let (reference, target) = (correlator.prepare(reference), correlator.prepare(target));
     let mut field = Vec::with_capacity(points.len());
     correlator.correlate(&reference, &target, &points, Start::Search, &mut field);
@@ -85,17 +139,16 @@ fn measure(options: &FieldOptions, reference: ImageView<'_>, target: ImageView<'
 }
 
 /// Reads a BMP, PNG, TIFF or PGM image of 8 or 16 bit; colours become luma, and that is said.
-fn read_still(path: &Path) -> anyhow::Result<Image> {
-    let name = || path.display().to_string();
-    let reader = image::ImageReader::open(path).with_context(name)?.with_guessed_format().with_context(name)?;
-    let picture = match reader.decode() {
-        Ok(picture) => picture,
-        Err(error) => bail!("{}: not a BMP, PNG, TIFF or PGM image that can be read: {error}", name()),
-    };
+fn read_still(path: &Path) -> Result<Image, FieldError> {
+    let refuse = |error: std::io::Error| FieldError::read(path, error);
+    let reader = image::ImageReader::open(path).map_err(refuse)?.with_guessed_format().map_err(refuse)?;
+    let picture = reader.decode().map_err(|error| {
+        FieldError::read(path, format!("not a BMP, PNG, TIFF or PGM image that can be read: {error}"))
+    })?;
     let color = picture.color();
     // Grey images with a palette are decoded as colours; those with equal channels are none.
     if color.has_color() && picture.to_rgb16().pixels().any(|p| p.0[0] != p.0[1] || p.0[1] != p.0[2]) {
-        eprintln!("{}: colours turned into grey (ITU-R BT.709 luma)", name());
+        eprintln!("{}: colours turned into grey (ITU-R BT.709 luma)", path.display());
     }
     let (width, height) = (picture.width() as usize, picture.height() as usize);
     let data: Vec<f32> = if color.bytes_per_pixel() > color.channel_count() {
@@ -103,7 +156,7 @@ fn read_still(path: &Path) -> anyhow::Result<Image> {
     } else {
         picture.to_luma8().into_raw().into_iter().map(f32::from).collect()
     };
-    Ok(Image::from_vec(data, width, height)?)
+    Image::from_vec(data, width, height).map_err(|error| FieldError::read(path, error))
 }
 
 /// One line: how many vectors, how large, how sure.

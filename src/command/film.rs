@@ -48,12 +48,14 @@ impl Film {
         let mut frames = recording.frames()?.peekable();
         let meta = match frames.peek() {
             Some(Ok((meta, _))) => *meta,
-            Some(Err(_)) | None => {
+            _ => {
                 let reason = "no frame of it can be read".to_owned();
-                return Err(RecordingError::Invalid { path: path.to_owned(), reason }.into());
+                let none = || RecordingError::Invalid { path: path.to_owned(), reason };
+                return Err(frames.next().and_then(Result::err).unwrap_or_else(none).into());
             }
         };
         let told = recording.metadata().get("frame_rate_hz").and_then(|text| text.parse().ok());
+        let told = told.filter(|rate_hz: &f64| rate_hz.is_finite() && *rate_hz > 0.0);
         let Some(frame_rate_hz) = fps.or(told).or(recording.frame_rate_hz()?) else {
             let path = path.display();
             return Err(UsageError(format!("{path}: no frame rate can be told; give one with --fps")).into());
@@ -64,7 +66,10 @@ impl Film {
             metadata: recording.metadata().clone(),
             truncated: recording.truncated().map(str::to_owned),
             config: rig_config(&recording, config)?,
-            frames: Box::new(frames.map(|frame| Ok(frame?))),
+            frames: Box::new(frames.map(move |frame| {
+                let (next, bytes) = frame?;
+                Ok((fps.map_or(next, |fps| restamped(next, &meta, fps)), bytes))
+            })),
         })
     }
 
@@ -91,6 +96,12 @@ impl Film {
             frames: Box::new(footage.map(|frame| Ok(frame?))),
         })
     }
+}
+
+/// A frame with the stamp that a rate from the person who asks gives it, in place of the file's own.
+fn restamped(meta: FrameMeta, first: &FrameMeta, fps: f64) -> FrameMeta {
+    let since_ns = meta.sequence.saturating_sub(first.sequence) as f64 * 1e9 / fps;
+    FrameMeta { stamp_ns: first.stamp_ns.saturating_add(since_ns.round() as u64), ..meta }
 }
 
 fn format(meta: &FrameMeta, frame_rate_hz: f64) -> StreamFormat {

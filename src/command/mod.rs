@@ -18,21 +18,46 @@ pub mod rig;
 pub mod simulate;
 pub mod status;
 
+use crate::process::Summary;
 use std::io::Write;
+use std::path::Path;
 
 /// How a command ended that did not fail.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Outcome {
     /// Everything is there.
     Clean,
     /// It finished, but this much was lost.
-    Lost(u64),
+    Lost {
+        /// Frames, rows or messages; at least 1.
+        count: u64,
+        /// Where and why, as far as it is known.
+        cause: Option<String>,
+    },
 }
 
 impl Outcome {
     /// Clean when nothing was lost.
     pub fn of_losses(lost: u64) -> Self {
-        if lost == 0 { Self::Clean } else { Self::Lost(lost) }
+        if lost == 0 { Self::Clean } else { Self::Lost { count: lost, cause: None } }
+    }
+
+    /// Clean when a rig lost nothing; else who lost what.
+    pub fn of_rig(summary: &Summary) -> Self {
+        match Self::of_losses(summary.losses()) {
+            Self::Lost { count, .. } if !summary.causes.is_empty() => {
+                Self::Lost { count, cause: Some(summary.causes.join(", ")) }
+            }
+            outcome => outcome,
+        }
+    }
+
+    /// As [`of_losses`](Self::of_losses), one more when the file was cut off.
+    pub fn of_file(lost: u64, path: &Path, truncated: Option<&str>) -> Self {
+        match truncated {
+            None => Self::of_losses(lost),
+            Some(reason) => Self::Lost { count: lost + 1, cause: Some(format!("{}: {reason}", path.display())) },
+        }
     }
 }
 

@@ -59,7 +59,7 @@ pub fn run(options: &ReplayOptions, stop: &Stop) -> anyhow::Result<Outcome> {
     let total = recording.frame_count();
     let bar = progress::frames(total, "replay");
     let tracker = Child { role: Role::Track, index: 0 };
-    let mut lost = u64::from(recording.truncated().is_some());
+    let mut lost = 0;
     loop {
         // Each pass is a run of its own: stamps and sequence numbers begin again, and nothing spans two passes.
         let summary = process::supervise(&config, stop, |told| {
@@ -76,7 +76,7 @@ pub fn run(options: &ReplayOptions, stop: &Stop) -> anyhow::Result<Outcome> {
         }
     }
     bar.finish_and_clear();
-    Ok(Outcome::of_losses(lost))
+    Ok(Outcome::of_file(lost, &options.file, recording.truncated()))
 }
 
 fn changes<'a>(options: &ReplayOptions, base: &Config) -> Vec<(&'a str, toml_edit::Value)> {

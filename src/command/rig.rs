@@ -32,6 +32,10 @@ pub fn role(role: Role, options: &RoleOptions, stop: &Stop) -> anyhow::Result<Ou
         let most = count - 1;
         return Err(super::UsageError(format!("--worker {worker}: the rig has {count} workers, 0 to {most}")).into());
     }
+    if role == Role::Record && config.record.is_none() {
+        let origin = &config.origin;
+        return Err(super::UsageError(format!("{origin}: there is no [record] table, so nothing is recorded")).into());
+    }
     let resumed = options.resume.is_some();
     let summary = match role {
         Role::Acquire => process::acquire(&config, stop)?,
@@ -58,7 +62,7 @@ pub fn run(config: &Path, stop: &Stop) -> anyhow::Result<Outcome> {
 }
 
 fn outcome(summary: &Summary) -> Outcome {
-    Outcome::of_losses(summary.losses())
+    Outcome::of_rig(summary)
 }
 
 fn load(path: &Path, origin: Option<&str>) -> anyhow::Result<Config> {

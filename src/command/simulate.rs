@@ -6,7 +6,7 @@ use crate::config::Config;
 use crate::image::Frame;
 use crate::process::recording_info;
 use crate::recording::{RecordingWriter, WriterOptions};
-use crate::synth::{Scenario, World};
+use crate::synth::{Scenario, ScenarioError, World};
 use std::path::PathBuf;
 
 /// What to draw, and where to.
@@ -26,12 +26,18 @@ pub struct SimulateOptions {
 ///
 /// When the scenario is unknown or wrong, or the recording cannot be written.
 pub fn run(options: &SimulateOptions) -> anyhow::Result<Outcome> {
-    let scenario = simulated::load_scenario(&options.scenario)?;
-    let world = World::new(&scenario)?;
+    let named = |error: ScenarioError| match error {
+        ScenarioError::Unreadable { .. } => UsageError(error.to_string()),
+        error => UsageError(format!("{}: {error}", options.scenario)),
+    };
+    let scenario = simulated::load_scenario(&options.scenario).map_err(named)?;
+    let world = World::new(&scenario).map_err(named)?;
     let config = config(&scenario, &options.scenario)?;
     let format = simulated::stream_format(&world);
     let camera = CameraIdentity { model: "simulated".into(), serial: options.scenario.clone() };
-    let info = recording_info(&config, &format, &camera, "none: simulated");
+    let mut info = recording_info(&config, &format, &camera, "none: simulated");
+    // A film is the same wherever it is drawn.
+    info.metadata.remove("host");
     if options.output.exists() {
         return Err(UsageError(format!("{}: the file exists already", options.output.display())).into());
     }

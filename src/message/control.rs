@@ -37,12 +37,14 @@ pub enum ReplyCode {
     NoTrigger = 4,
     /// The request was not understood.
     Unknown = 5,
+    /// Triggered before the first frame.
+    NoFrames = 6,
 }
 
 impl ReplyCode {
     /// The code with this number, if there is one.
     pub fn from_number(number: u32) -> Option<Self> {
-        [Self::Accepted, Self::NotArmed, Self::Busy, Self::NoTrigger, Self::Unknown]
+        [Self::Accepted, Self::NotArmed, Self::Busy, Self::NoTrigger, Self::Unknown, Self::NoFrames]
             .into_iter()
             .find(|code| *code as u32 == number)
     }
@@ -55,6 +57,7 @@ impl ReplyCode {
             Self::Busy => "the rig is writing a shot; try again when it is done",
             Self::NoTrigger => "this rig has no trigger; set [trigger] mode",
             Self::Unknown => "the rig does not know this request",
+            Self::NoFrames => "no frame has come yet; try again when the camera delivers",
         }
     }
 }

@@ -2,7 +2,7 @@
 
 use super::clock::{Every, Patience, host_ns};
 use super::report::Reporter;
-use super::rig::{Source, limits};
+use super::rig::{SUCCESSION, Source, limits};
 use super::stop::Stop;
 use super::summary::Summary;
 use crate::bus::{Bell, Bus, BusError, FramePublisher, Limits, Subscriber};
@@ -30,7 +30,7 @@ const WAIT: Duration = Duration::from_millis(50);
 /// When the camera cannot be opened or goes away for good, or shared memory cannot be used.
 pub fn run(config: &Config, stop: &Stop) -> anyhow::Result<Summary> {
     let source = Source::open(config)?;
-    let bus = Bus::join(&config.rig.name, Role::Acquire.word())?;
+    let bus = Bus::take_part(&config.rig.name, Role::Acquire.word(), SUCCESSION)?;
     let limits = limits(config, &source.format());
     let ring = bus.frame_publisher(&limits, source.format().slot_bytes())?;
     let mut loop_ = Loop::new(&bus, config, limits, ring, source)?;

@@ -2,7 +2,7 @@
 
 use super::clock::{Patience, now};
 use super::report::Reporter;
-use super::rig::{analysis_params, expected_format, limits};
+use super::rig::{SUCCESSION, analysis_params, expected_format, limits};
 use super::stop::Stop;
 use super::stream::Stream;
 use super::summary::Summary;
@@ -25,10 +25,10 @@ const LINGER: Duration = Duration::from_secs(30);
 /// # Errors
 ///
 /// When the configuration cannot be measured with, or shared memory cannot be used.
-pub fn run(config: &Config, index: u32, resumed: bool, stop: &Stop) -> anyhow::Result<Summary> {
+pub fn run(config: &Config, index: u32, mut resumed: bool, stop: &Stop) -> anyhow::Result<Summary> {
     let format = expected_format(config)?;
     let limits = limits(config, &format);
-    let bus = Bus::join(&config.rig.name, &format!("{}-{index}", Role::Correlate.word()))?;
+    let bus = Bus::take_part(&config.rig.name, &format!("{}-{index}", Role::Correlate.word()), SUCCESSION)?;
     let mut reporter = Reporter::new(&bus, &limits, Role::Correlate, index)?;
     reporter.set_queue(0, limits.ring_frames as u64);
     let mut worker = Worker {
@@ -49,6 +49,7 @@ pub fn run(config: &Config, index: u32, resumed: bool, stop: &Stop) -> anyhow::R
     while !stop.requested() {
         if stream.update()? {
             worker.attach(&stream, resumed)?;
+            resumed = false;
         }
         let ended = stream.end.is_some();
         worker.drain(stop)?;

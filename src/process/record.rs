@@ -6,7 +6,7 @@
 
 use super::clock::{Every, Patience};
 use super::report::Reporter;
-use super::rig::{analysis_params, expected_format, limits, truth_world};
+use super::rig::{SUCCESSION, analysis_params, expected_format, limits, truth_world};
 use super::shot::{Extent, Shot, free_path, recording_info};
 use super::stop::Stop;
 use super::stream::Stream;
@@ -38,15 +38,11 @@ pub fn run(config: &Config, resumed: bool, stop: &Stop) -> anyhow::Result<Summar
     let Some(record) = &config.record else {
         anyhow::bail!("{}: there is no [record] table, so there is nothing to record", config.origin);
     };
-    std::fs::create_dir_all(&record.directory).map_err(|source| RecordingError::Io {
-        action: "create",
-        path: record.directory.clone(),
-        source,
-    })?;
+    prepare_directory(record)?;
     let format = expected_format(config)?;
     config.check_ring(format.slot_bytes(), format.frame_rate_hz)?;
     let limits = limits(config, &format);
-    let bus = Bus::join(&config.rig.name, Role::Record.word())?;
+    let bus = Bus::take_part(&config.rig.name, Role::Record.word(), SUCCESSION)?;
     let mut recorder = Recorder {
         frames: bus.frame_subscriber(&limits)?,
         fields: bus.field_subscriber(&limits)?,
@@ -70,6 +66,15 @@ pub fn run(config: &Config, resumed: bool, stop: &Stop) -> anyhow::Result<Summar
     let stream = Stream::new(&bus, &limits)?;
     recorder.serve(stream, &ear, stop)?;
     Ok(recorder.summary)
+}
+
+/// Makes the folder of the recordings and sees that files can be written into it.
+pub(super) fn prepare_directory(record: &Record) -> Result<(), RecordingError> {
+    use rustix::fs::{Access, access};
+    let path = &record.directory;
+    let fail = |action, source| RecordingError::Io { action, path: path.clone(), source };
+    std::fs::create_dir_all(path).map_err(|source| fail("create", source))?;
+    access(path, Access::WRITE_OK | Access::EXEC_OK).map_err(|error| fail("write into", error.into()))
 }
 
 struct Recorder<'a> {
@@ -110,7 +115,7 @@ impl Recorder<'_> {
                 self.attach(&stream)?;
             }
             let events = stream.take();
-            self.answer()?;
+            self.answer(stream.first.is_some())?;
             self.look_at(&events)?;
             let ended = stream.end;
             let busy = self.advance(&stream)?;
@@ -139,6 +144,8 @@ impl Recorder<'_> {
             self.close(active, end)?;
         }
         self.held.clear();
+        // Only the run it was started into has a predecessor's part.
+        self.resumed &= self.reporter.run_id() == 0;
         self.frames.greet();
         self.fields.greet();
         self.reporter.set_run(stream.run_id.unwrap_or(0));
@@ -146,7 +153,7 @@ impl Recorder<'_> {
         Ok(self.reporter.progress(if paced { 0 } else { u64::MAX }, false)?)
     }
 
-    fn answer(&mut self) -> anyhow::Result<()> {
+    fn answer(&mut self, has_frames: bool) -> anyhow::Result<()> {
         let mut wanted = None;
         let (armed, busy) = (self.armed, self.shot.is_some());
         let off = self.config.trigger.mode == TriggerMode::Off;
@@ -159,6 +166,7 @@ impl Recorder<'_> {
                 Some(_) if off => ReplyCode::NoTrigger,
                 Some(Command::Trigger) if busy => ReplyCode::Busy,
                 Some(Command::Trigger) if !armed => ReplyCode::NotArmed,
+                Some(Command::Trigger) if !has_frames => ReplyCode::NoFrames,
                 Some(command) => {
                     wanted = Some(command);
                     ReplyCode::Accepted
@@ -204,9 +212,9 @@ impl Recorder<'_> {
         Ok(())
     }
 
-    /// Takes the queue as it stands and starts a shot around frame `at` (the newest when `None`).
+    /// Takes the whole queue as it stands and starts a shot around frame `at` (the newest when `None`).
     fn trigger(&mut self, at: Option<u64>, cause: &str) -> anyhow::Result<()> {
-        self.hold()?;
+        self.hold(self.limits.ring_frames + self.limits.held_frames - 1)?;
         let (Some(oldest), Some(newest)) = (self.held.front(), self.held.back()) else {
             return Ok(());
         };
@@ -219,9 +227,10 @@ impl Recorder<'_> {
         let wanted = at.saturating_sub(pre) / block * block;
         let first = if wanted >= oldest { wanted } else { oldest.next_multiple_of(block) };
         self.held.retain(|sample| sample.header().sequence >= first);
-        let Some(start) = self.held.front().map(|sample| sample.header().stamp_ns) else { return Ok(()) };
+        // A trigger within the stream's first block has its first frame still to come.
+        let start_ns = self.held.front().map_or(stamp_ns, |sample| sample.header().stamp_ns);
         self.reporter.event(EventKind::Triggered, at, stamp_ns, cause)?;
-        self.begin(first, Some(at + post), start, &format!("{cause} at frame {at}"))
+        self.begin(first, Some((at + post).max(first)), start_ns, &format!("{cause} at frame {at}"))
     }
 
     fn begin(&mut self, first: u64, last: Option<u64>, stamp_ns: u64, cause: &str) -> anyhow::Result<()> {
@@ -236,9 +245,15 @@ impl Recorder<'_> {
         Ok(())
     }
 
-    /// Takes everything in the queue without writing it, so that the camera cannot overwrite it.
-    fn hold(&mut self) -> anyhow::Result<()> {
-        while self.held.len() < self.limits.ring_frames + self.limits.held_frames - 1 {
+    /// Takes the frames of this shot out of the queue without writing them, so that the camera cannot overwrite them.
+    ///
+    /// Beyond `most` held frames they stay in the queue: what it cannot keep is this recorder's loss, where a ring held
+    /// as a whole would leave the camera no slot.
+    fn hold(&mut self, most: usize) -> anyhow::Result<()> {
+        let end = self.shot.as_ref().and_then(|active| active.end).unwrap_or(u64::MAX);
+        let is_whole =
+            |held: &VecDeque<FrameSample>| held.back().is_some_and(|newest| newest.header().sequence + 1 >= end);
+        while self.held.len() < most && !is_whole(&self.held) {
             let Some(sample) = self.frames.take()? else { break };
             if sample.header().run_id == self.reporter.run_id() {
                 self.held.push_back(sample);
@@ -259,7 +274,7 @@ impl Recorder<'_> {
             }
             return Ok(false);
         }
-        self.hold()?;
+        self.hold(self.limits.held_frames)?;
         let wrote = self.write_one()?;
         self.take_steps()?;
         self.close_if_complete()?;
@@ -267,7 +282,7 @@ impl Recorder<'_> {
     }
 
     fn begin_stream(&mut self, stream: &Stream) -> anyhow::Result<()> {
-        self.hold()?;
+        self.hold(self.limits.held_frames)?;
         let block = u64::from(self.config.workers.block_frames);
         let Some(sample) = self.held.front() else { return Ok(()) };
         let (seen, stamp_ns) = (sample.header().sequence, sample.header().stamp_ns);
@@ -303,9 +318,11 @@ impl Recorder<'_> {
             if header.run_id != self.reporter.run_id() {
                 continue;
             }
-            active.silence.renew();
-            if let Some(step) = header.step() {
-                active.shot.step(step, field)?;
+            // Steps of what comes after the shot are no sign that its own will still come.
+            if let Some(step) = header.step()
+                && active.shot.step(step, field)?
+            {
+                active.silence.renew();
                 self.summary.given += 1;
             }
         }
@@ -347,7 +364,7 @@ impl Recorder<'_> {
 
     /// The camera stopped before frame `end`; `true` when nothing is left to do.
     fn end(&mut self, end: u64) -> anyhow::Result<bool> {
-        self.hold()?;
+        self.hold(self.limits.held_frames)?;
         let Some(active) = &mut self.shot else {
             return Ok(self.config.trigger.mode != TriggerMode::Off || self.held.is_empty());
         };

@@ -8,6 +8,7 @@ use crate::camera::{Camera, CameraError, CameraIdentity, Next, Pace, Slot, Strea
 use crate::config::{self, Config};
 use crate::image::PixelFormat;
 use crate::measure::{MeasureParams, TrackerParams};
+use crate::recording::RecordingError;
 use crate::synth::{Scenario, World};
 use std::time::Duration;
 
@@ -15,6 +16,9 @@ use std::time::Duration;
 const BURST_FRAMES: usize = 512;
 /// Time a trigger may take to reach the recorder, s; the ring holds that much more than `pre_s`.
 const DECISION_S: f64 = 0.25;
+
+/// How long a process waits for the one before it in the same role to be gone.
+pub(super) const SUCCESSION: Duration = Duration::from_secs(5);
 
 /// The camera of a rig, which can be closed and opened again.
 pub struct Source {
@@ -116,11 +120,19 @@ impl Camera for Closed {
 pub fn open_camera(config: &Config) -> Result<Box<dyn Camera>, CameraError> {
     let camera = &config.camera;
     Ok(match camera.source {
-        config::Source::Simulated => Box::new(SimulatedCamera::open(scenario(config)?, camera.paced)?),
+        config::Source::Simulated => {
+            let world = World::new(&scenario(config)?).map_err(|error| refused(config, &error))?;
+            Box::new(SimulatedCamera::film(world, camera.paced)?)
+        }
         config::Source::Recording => {
             let path = std::path::PathBuf::from(camera.id.clone().unwrap_or_default());
             let rate = if camera.paced { PlaybackRate::Times(camera.playback_rate) } else { PlaybackRate::Max };
-            Box::new(RecordingCamera::open(&path, rate, Repeat::Once)?)
+            let recording = RecordingCamera::open(&path, rate, Repeat::Once)?;
+            if recording.format().frame_rate_hz <= 0.0 {
+                let reason = "its frames tell no frame rate; `ricochet analyze` takes one with --fps".to_owned();
+                return Err(RecordingError::Invalid { path, reason }.into());
+            }
+            Box::new(recording)
         }
         config::Source::Genicam => Box::new(GenicamCamera::open(&GenicamSettings::from(camera))?),
     })
@@ -154,8 +166,8 @@ fn scenario(config: &Config) -> Result<Scenario, CameraError> {
 }
 
 fn refused(config: &Config, error: &dyn std::fmt::Display) -> CameraError {
-    let value = config.camera.scenario.clone().unwrap_or_default();
-    CameraError::Setting { feature: "camera.scenario".into(), value, reason: error.to_string() }
+    let name = config.camera.scenario.clone().unwrap_or_default();
+    CameraError::Scenario { origin: config.origin.clone(), name, reason: error.to_string() }
 }
 
 /// What all processes of the rig agree on, given what the camera delivers.
@@ -165,8 +177,8 @@ pub(super) fn limits(config: &Config, format: &StreamFormat) -> Limits {
     let block = config.workers.block_frames as usize;
     let waits = pre > 0;
     let ring_frames = if waits { pre + block + (DECISION_S * rate_hz).ceil() as usize } else { 0 }.max(BURST_FRAMES);
-    let post = (config.trigger.post_s * rate_hz).ceil() as usize;
-    let held_frames = if waits { (ring_frames).min(ring_frames / 2 + post) } else { 64 };
+    // A trigger takes the whole queue at once; the ring goes on behind it however slowly that is written.
+    let held_frames = if waits { ring_frames } else { 64 };
     let points = (0..config.bodies.len()).map(|body| {
         let most_px = 2.0 * config.ball(body, format.width_px, format.height_px).max_radius_px;
         let across = (most_px / f64::from(config.correlation.step_px)).ceil() as usize + 1;

@@ -110,15 +110,15 @@ impl Shot {
         self.next_frame
     }
 
-    /// A measured step and its field, in any order; those outside the recording are ignored.
+    /// A measured step and its field, in any order; those outside the recording are ignored, and `false` says so.
     ///
     /// # Errors
     ///
     /// When the file cannot be written.
-    pub fn step(&mut self, mut step: BodyStep, mut field: Option<PairField>) -> Result<(), RecordingError> {
+    pub fn step(&mut self, mut step: BodyStep, mut field: Option<PairField>) -> Result<bool, RecordingError> {
         let target = step.frame + u64::from(step.interval_frames);
         if step.frame < self.extent.first || self.extent.last.is_some_and(|last| step.frame > last) {
-            return Ok(());
+            return Ok(false);
         }
         if self.extent.last.is_some_and(|last| target > last) {
             // The recording does not hold the frame this motion leads to.
@@ -130,7 +130,8 @@ impl Shot {
         }
         self.writer.annotations(step.stamp_ns, &annotations(&step, field.as_ref()))?;
         let rows = std::mem::take(self.ordered.push(step));
-        self.write(&rows)
+        self.write(&rows)?;
+        Ok(true)
     }
 
     /// Something that happened during the recording.

@@ -11,6 +11,8 @@ pub struct Summary {
     pub lost: u64,
     /// Lost here: no free slot, torn frames, late rows.
     pub dropped: u64,
+    /// Who lost how much, in words; of a whole rig.
+    pub causes: Vec<String>,
     /// Files written.
     pub recordings: Vec<std::path::PathBuf>,
 }

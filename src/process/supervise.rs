@@ -1,6 +1,7 @@
 //! Starting the processes of a rig, watching them, starting again what dies, stopping them in order.
 
 use super::clock::{Every, Patience};
+use super::record::prepare_directory;
 use super::report::Reporter;
 use super::rig::{expected_format, limits};
 use super::stop::Stop;
@@ -87,6 +88,8 @@ pub struct ChildFailure {
     pub role: &'static str,
     /// Its exit code.
     pub code: i32,
+    /// Whether it has said itself, in one line, why it cannot work.
+    pub is_told: bool,
 }
 
 impl<'a> Fleet<'a> {
@@ -97,8 +100,12 @@ impl<'a> Fleet<'a> {
     /// When a process cannot be started, or shared memory cannot be used.
     pub fn start(config: &'a Config) -> anyhow::Result<Self> {
         let format = expected_format(config)?;
+        if let Some(record) = &config.record {
+            prepare_directory(record)?;
+            config.check_ring(format.slot_bytes(), format.frame_rate_hz)?;
+        }
         let limits = limits(config, &format);
-        let bus = Bus::join(&config.rig.name, Role::Supervise.word())?;
+        let bus = Bus::take_part(&config.rig.name, Role::Supervise.word(), Duration::ZERO)?;
         bus.clean_up_dead();
         let services = bus.hold(&limits)?;
         let workers = (0..config.workers.count).map(|index| Child { role: Role::Correlate, index });
@@ -216,6 +223,7 @@ impl<'a> Fleet<'a> {
         let told = self.told.get(&child).map_or(0, |status| status.lost + status.dropped);
         if code == 6 {
             self.summary.lost += told.max(1);
+            self.summary.causes.push(format!("{} {} lost {}", child.role.word(), child.index, told.max(1)));
         }
     }
 
@@ -223,15 +231,18 @@ impl<'a> Fleet<'a> {
         let role = child.role.word();
         let told = self.told.get(&child).copied();
         self.summary.lost += 1;
+        self.summary.causes.push(format!("{role} {} ended with {status}", child.index));
         self.bus.clean_up_dead();
         let Some(running) = self.children.get_mut(&child) else { return Ok(()) };
         running.deaths += 1;
         // A refused configuration or an absent camera will not get better by asking again.
-        let hopeless = matches!(code, Some(2..=3)) || running.deaths > MOST_DEATHS;
-        if hopeless {
-            return Err(ChildFailure { role, code: code.unwrap_or(1) }.into());
+        let is_told = matches!(code, Some(2..=3));
+        if is_told || running.deaths > MOST_DEATHS {
+            return Err(ChildFailure { role, code: code.unwrap_or(1), is_told }.into());
         }
         if draining && child.role == Role::Acquire {
+            // The end of the stream will not be told any more.
+            self.signal_all(Signal::TERM);
             return Ok(());
         }
         log::warn!("{role} {} ended with {status}; starting it again", child.index);
@@ -253,6 +264,10 @@ impl<'a> Fleet<'a> {
         Ok(self.reporter.status(&self.summary, newest.0, newest.1)?)
     }
 
+    fn signal_all(&self, signal: Signal) {
+        self.children.values().filter_map(|running| running.process.as_ref()).for_each(|process| send(process, signal));
+    }
+
     fn signal(&self, role: Role, signal: Signal) {
         for (child, running) in &self.children {
             if let (true, Some(process)) = (child.role == role, &running.process) {
@@ -263,9 +278,7 @@ impl<'a> Fleet<'a> {
 
     /// Ends whoever still runs: first by asking, then by force.
     fn stop_all(&mut self) {
-        for running in self.children.values().filter_map(|running| running.process.as_ref()) {
-            send(running, Signal::TERM);
-        }
+        self.signal_all(Signal::TERM);
         let patience = Patience::new(END);
         while self.alive() > 0 && !patience.is_over() {
             for running in self.children.values_mut() {

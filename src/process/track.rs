@@ -3,7 +3,7 @@
 use super::clock::Patience;
 use super::order::OrderedTracker;
 use super::report::Reporter;
-use super::rig::{analysis_params, expected_format, limits};
+use super::rig::{SUCCESSION, analysis_params, expected_format, limits};
 use super::stop::Stop;
 use super::stream::Stream;
 use super::summary::Summary;
@@ -27,7 +27,7 @@ const SILENCE: Duration = Duration::from_secs(5);
 pub fn run(config: &Config, resumed: Option<u64>, stop: &Stop) -> anyhow::Result<Summary> {
     let format = expected_format(config)?;
     let limits = limits(config, &format);
-    let bus = Bus::join(&config.rig.name, Role::Track.word())?;
+    let bus = Bus::take_part(&config.rig.name, Role::Track.word(), SUCCESSION)?;
     let mut reporter = Reporter::new(&bus, &limits, Role::Track, 0)?;
     reporter.set_queue(0, limits.field_depth() as u64);
     let mut loop_ = Loop {
@@ -41,6 +41,7 @@ pub fn run(config: &Config, resumed: Option<u64>, stop: &Stop) -> anyhow::Result
         reporter,
         summary: Summary::default(),
         resumed,
+        seen: 0,
         limits,
         newest: (0, 0),
     };
@@ -75,12 +76,17 @@ struct Loop {
     reporter: Reporter,
     summary: Summary,
     resumed: Option<u64>,
+    /// One past the newest frame of this run that was measured.
+    seen: u64,
     limits: Limits,
     newest: (u64, u64),
 }
 
 impl Loop {
     fn attach(&mut self, stream: &Stream) -> Result<(), BusError> {
+        // A camera process that died told no end: what is known of its run is let out before the next begins.
+        self.let_out(self.seen)?;
+        self.seen = 0;
         self.fields.greet();
         self.ordered = None;
         self.reporter.set_run(stream.run_id.unwrap_or(0));
@@ -101,6 +107,7 @@ impl Loop {
             if self.ordered.is_none() {
                 self.begin(first, step.frame);
             }
+            self.seen = self.seen.max(step.frame + 1);
             if let Some(ordered) = &mut self.ordered {
                 let rows = std::mem::take(ordered.push(step));
                 self.publish(&rows)?;
@@ -111,7 +118,7 @@ impl Loop {
 
     /// Starts the order at the stream's first frame, or where one that died was taken over.
     fn begin(&mut self, first: u64, seen: u64) {
-        let start = match self.resumed {
+        let start = match self.resumed.take() {
             None => first,
             Some(told) => {
                 self.summary.lost += seen.saturating_sub(told + 1);
@@ -146,6 +153,17 @@ impl Loop {
         Ok(())
     }
 
+    /// Publishes everything before frame `end`, with rows for what never came.
+    fn let_out(&mut self, end: u64) -> Result<(), BusError> {
+        let Some(ordered) = &mut self.ordered else { return Ok(()) };
+        let rows = std::mem::take(ordered.finish(end));
+        let (lost, late) = ordered.losses();
+        self.publish(&rows)?;
+        self.summary.lost += lost;
+        self.summary.dropped = late;
+        Ok(())
+    }
+
     /// Waits for the last workers, then lets everything out that was held back.
     fn end(&mut self, stream: &Stream, end: u64, stop: &Stop) -> Result<(), BusError> {
         let mut patience = Patience::new(SILENCE);
@@ -163,13 +181,7 @@ impl Loop {
         if self.ordered.is_none() && end > first {
             self.begin(first, first);
         }
-        if let Some(ordered) = &mut self.ordered {
-            let rows = std::mem::take(ordered.finish(end));
-            self.publish(&rows)?;
-            let (lost, late) = self.ordered.as_ref().map_or((0, 0), OrderedTracker::losses);
-            self.summary.lost += lost;
-            self.summary.dropped = late;
-        }
+        self.let_out(end)?;
         self.reporter.event(EventKind::Tracked, end, self.newest.1, "every result was published")?;
         self.reporter.progress(end, true)
     }

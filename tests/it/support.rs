@@ -152,3 +152,17 @@ pub fn process<'a>(status: &'a serde_json::Value, name: &str, index: u64) -> Opt
 pub fn frames(path: &Path) -> Vec<(ricochet::image::FrameMeta, Vec<u8>)> {
     Recording::open(path).unwrap().frames().unwrap().map(Result::unwrap).collect()
 }
+
+/// Runs a Python script with the packages that read recordings; says that it was left out where they are missing.
+pub fn python(script: &str, arguments: &[&Path]) -> Option<String> {
+    let importable = Command::new("python3").args(["-c", "import mcap, mcap_protobuf"]).output();
+    if !importable.is_ok_and(|output| output.status.success()) {
+        let required = std::env::var_os("RICOCHET_REQUIRE_PYTHON").is_some_and(|value| value == "1");
+        assert!(!required, "python3 with mcap and mcap-protobuf-support is required and not there");
+        eprintln!("left out: python3 with the packages mcap and mcap-protobuf-support is not there");
+        return None;
+    }
+    let output = Command::new("python3").arg("-c").arg(script).args(arguments).output().unwrap();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    Some(String::from_utf8(output.stdout).unwrap())
+}

@@ -76,6 +76,12 @@ impl Recording {
         // A frame of ours is a pair of messages.
         let messages = if frames.info_channels.is_empty() { 1 } else { 2 };
         frames.index = (frames.messages.len() as u64 / messages).saturating_sub(1);
+        if self.truncated().is_some() {
+            // The last pair may be half a one: of two pairs the last whole one.
+            frames.messages.keep_last(2 * messages as usize);
+            let last = std::iter::from_fn(|| frames.next_shared()).filter_map(Result::ok).last();
+            return Ok(last.ok_or_else(|| self.inner.invalid("holds no whole frame at its end"))?.0);
+        }
         frames.messages.keep_last(messages as usize);
         let last = frames.next_shared();
         Ok(last.ok_or_else(|| self.inner.invalid("holds no frames"))??.0)
@@ -159,7 +165,7 @@ impl Frames {
             let frame = if self.info_channels.contains(&message.channel) {
                 self.keep_info(message).map(|()| None)
             } else {
-                self.frame(message).map(Some)
+                self.frame(message)
             };
             match frame.map_err(|reason| self.messages.inner().invalid(reason)) {
                 Ok(None) => {}
@@ -176,7 +182,8 @@ impl Frames {
         Ok(())
     }
 
-    fn frame(&mut self, message: Message) -> Result<(FrameMeta, Bytes), String> {
+    /// A frame; `None` for the last image of a file that was cut off before what belongs to it.
+    fn frame(&mut self, message: Message) -> Result<Option<(FrameMeta, Bytes)>, String> {
         let index = self.index;
         self.index += 1;
         let named = |reason: String| format!("frame {index}: {reason}");
@@ -189,10 +196,14 @@ impl Frames {
         if self.info_channels.is_empty() {
             meta.sequence = index;
             meta.stamp_ns = stamp_ns(&image).unwrap_or(message.log_time_ns);
-            return Ok((meta, image.data));
+            return Ok(Some((meta, image.data)));
         }
         let info = self.info.take().filter(|(low, time, _)| (*low, *time) == (message.sequence, message.log_time_ns));
-        let (_, _, info) = info.ok_or_else(|| named("its frame information is missing".into()))?;
+        let is_cut = self.messages.len() == 0 && self.messages.inner().structure.truncated.is_some();
+        let (_, _, info) = match info {
+            None if is_cut => return Ok(None),
+            info => info.ok_or_else(|| named("its frame information is missing".into()))?,
+        };
         meta.format = PixelFormat::from_code(info.pixel_format)
             .filter(|format| format.bytes_per_pixel() == meta.format.bytes_per_pixel())
             .ok_or_else(|| {
@@ -205,7 +216,7 @@ impl Frames {
         meta.epoch = info.epoch;
         meta.stamp_ns = info.stamp_ns;
         meta.device_ns = info.device_ns;
-        Ok((meta, image.data))
+        Ok(Some((meta, image.data)))
     }
 }
 

@@ -3,7 +3,7 @@
 mod camera;
 mod damage;
 mod export;
-mod foreign;
+pub mod foreign;
 mod python;
 mod recover;
 mod roundtrip;

@@ -1,31 +1,16 @@
 //! The Python `mcap` library reads our files, and we read its.
 
 use super::samples;
+use crate::support::python;
 use ricochet::image::PixelFormat;
 use ricochet::recording::{Recording, WriterOptions};
-use std::path::Path;
-use std::process::Command;
-
-/// Runs a script with the packages it needs, or says that it was left out.
-fn python(script: &str, file: &Path) -> Option<String> {
-    let importable = Command::new("python3").args(["-c", "import mcap, mcap_protobuf"]).output();
-    if !importable.is_ok_and(|output| output.status.success()) {
-        let required = std::env::var_os("RICOCHET_REQUIRE_PYTHON").is_some_and(|value| value == "1");
-        assert!(!required, "python3 with mcap and mcap-protobuf-support is required and not there");
-        eprintln!("left out: python3 with the packages mcap and mcap-protobuf-support is not there");
-        return None;
-    }
-    let output = Command::new("python3").arg("-c").arg(script).arg(file).output().unwrap();
-    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
-    Some(String::from_utf8(output.stdout).unwrap())
-}
 
 #[test]
 fn the_python_library_reads_pixels_rows_and_the_configuration() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("shot.mcap");
     samples::write(&path, &WriterOptions::default(), 10, [20, 10]).finish().unwrap();
-    let Some(text) = python(include_str!("read_recording.py"), &path) else { return };
+    let Some(text) = python(include_str!("read_recording.py"), &[&path]) else { return };
     let mut expected = vec![format!("config.toml {:?}", samples::info().config_toml)];
     expected.push("metadata simulated ball".into());
     for k in 0..10 {
@@ -52,7 +37,7 @@ fn a_file_of_the_python_library_with_nothing_but_images_is_read() {
     // The schema is the one under test's own, so that no third package is needed.
     let schema = folder.path().join("python.mcap.schema");
     std::fs::write(&schema, ricochet::recording::Topic::Image.schema_data()).unwrap();
-    if python(include_str!("write_images.py"), &path).is_none() {
+    if python(include_str!("write_images.py"), &[&path]).is_none() {
         return;
     }
     let recording = Recording::open(&path).unwrap();

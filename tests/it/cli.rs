@@ -1,0 +1,377 @@
+//! What a person sees who asks for the impossible: one line, the right exit code, never a panic.
+
+use crate::recording::foreign::{Shape, file, image};
+use crate::support::{Rig, csv, ricochet, run, succeed};
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+
+/// The one line on standard error of a program that ended with this exit code.
+fn line(output: &Output, code: i32) -> String {
+    let told = String::from_utf8(output.stderr.clone()).unwrap();
+    assert_eq!(output.status.code(), Some(code), "{told}");
+    assert_eq!(told.lines().count(), 1, "not one line:\n{told}");
+    for noise in ["panicked", "backtrace", "RUST_"] {
+        assert!(!told.contains(noise), "{told}");
+    }
+    told.strip_prefix("ricochet: ").unwrap_or_else(|| panic!("{told}")).trim_end().to_owned()
+}
+
+fn refused<S: AsRef<std::ffi::OsStr>>(code: i32, arguments: impl IntoIterator<Item = S>) -> String {
+    line(&run(arguments), code)
+}
+
+/// A small film: the lacrosse scenario would take longer to draw than to refuse.
+fn film(rig: &Rig) -> PathBuf {
+    let scenario = rig.file("drift.toml", &crate::pipeline::drift(40, 1000.0));
+    let path = rig.path("film.mcap");
+    succeed(["simulate".as_ref(), scenario.as_os_str(), "-o".as_ref(), path.as_os_str()]);
+    path
+}
+
+fn foreign(rig: &Rig, name: &str, images: &[Shape]) -> PathBuf {
+    let path = rig.path(name);
+    std::fs::write(&path, file(mcap::WriteOptions::new(), images)).unwrap();
+    path
+}
+
+fn text(path: &Path) -> &str {
+    path.to_str().unwrap()
+}
+
+const NO_FILE: &str = "No such file or directory (os error 2)";
+
+#[test]
+fn a_missing_recording_is_named_once_and_ends_with_5() {
+    for command in ["info", "analyze", "replay"] {
+        assert_eq!(refused(5, [command, "missing.mcap"]), format!("open missing.mcap: {NO_FILE}"), "{command}");
+    }
+    let told = refused(5, ["export", "missing.mcap", "--topic", "velocity"]);
+    assert_eq!(told, format!("open missing.mcap: {NO_FILE}"));
+    let rig = Rig::new();
+    let config = rig.config("source = \"recording\"\nid = \"missing.mcap\"", "");
+    assert_eq!(refused(5, ["run", text(&config)]), format!("open missing.mcap: {NO_FILE}"));
+}
+
+#[test]
+fn what_is_not_mcap_is_refused_at_its_byte() {
+    let rig = Rig::new();
+    let path = rig.file("notes.mcap", "nothing of the kind\n");
+    for command in ["info", "analyze", "replay"] {
+        let told = refused(5, [command, text(&path)]);
+        assert_eq!(told, format!("read {}: not an MCAP file: the magic bytes are missing at byte 0", path.display()));
+    }
+}
+
+#[test]
+fn a_recording_that_was_cut_off_is_measured_up_to_the_cut() {
+    let rig = Rig::new();
+    let whole = film(&rig);
+    let bytes = std::fs::read(&whole).unwrap();
+    // Wherever the cut falls, also between an image and what belongs to it.
+    for share in [40, 61, 77, 90] {
+        let cut = rig.path(&format!("cut-{share}.mcap"));
+        std::fs::write(&cut, &bytes[..bytes.len() * share / 100]).unwrap();
+        let results = rig.path(&format!("results-{share}.mcap"));
+        let output = run(["analyze", text(&cut), "-o", text(&results)]);
+        let told = line(&output, 6);
+        assert!(told.starts_with("finished, but data were lost: 1; ") && told.contains(text(&cut)), "{told}");
+        assert!(told.contains("byte"), "no offset: {told}");
+        let rows = csv(&results, "velocity").lines().count() - 1;
+        assert!(rows > 40 * share / 100 - 8 && rows < 40, "{rows} rows of {share} %");
+        // The command that prints a part says so as well.
+        let told = line(&run(["export", text(&cut), "--topic", "truth", "-o", text(&rig.path("truth.csv"))]), 6);
+        assert!(told.contains(text(&cut)), "{told}");
+        let shots = rig.path(&format!("shots-{share}"));
+        let name = format!("{}-{share}", rig.name);
+        let output = run(["replay", text(&cut), "--rate", "max", "--rig", &name, "-o", text(&shots)]);
+        line(&output, 6);
+        let replayed = String::from_utf8(output.stdout).unwrap();
+        assert_eq!(csv(Path::new(replayed.trim()), "velocity"), csv(&results, "velocity"));
+    }
+}
+
+#[test]
+fn a_recording_without_images_is_refused_by_what_it_holds() {
+    let rig = Rig::new();
+    let empty = foreign(&rig, "empty.mcap", &[]);
+    let config = rig.config("source = \"simulated\"", "");
+    let told = refused(5, ["analyze", text(&empty), "--config", text(&config)]);
+    assert_eq!(told, format!("read {}: holds no frames", empty.display()));
+    let other = rig.path("other.mcap");
+    let mut writer = mcap::Writer::new(std::io::BufWriter::new(std::fs::File::create(&other).unwrap())).unwrap();
+    let channel = writer.add_channel(0, "/imu", "json", &std::collections::BTreeMap::new()).unwrap();
+    let header = mcap::records::MessageHeader { channel_id: channel, sequence: 0, log_time: 1, publish_time: 1 };
+    writer.write_to_known_channel(&header, b"{}").unwrap();
+    writer.finish().unwrap();
+    drop(writer);
+    for told in [
+        refused(5, ["analyze", text(&other), "--config", text(&config)]),
+        refused(5, ["replay", text(&other), "--config", text(&config)]),
+    ] {
+        assert!(told.contains("no image topic") && told.contains("it holds /imu"), "{told}");
+    }
+}
+
+#[test]
+fn an_image_whose_bytes_do_not_fill_it_is_refused_by_its_numbers() {
+    let rig = Rig::new();
+    let config = rig.config("source = \"simulated\"", "[scale]\nmm_per_px = 0.5");
+    let short = foreign(&rig, "short.mcap", &[image("mono8", 64, 48, 64, 3071); 3]);
+    let told = refused(5, ["analyze", text(&short), "--config", text(&config)]);
+    assert!(told.contains("frame 0: 3071 bytes do not make 64x48 mono8 with step 64"), "{told}");
+    let changes = foreign(
+        &rig,
+        "changes.mcap",
+        &[image("mono8", 64, 48, 64, 3072), image("mono8", 64, 48, 64, 3072), image("mono8", 48, 64, 48, 3072)],
+    );
+    let told = refused(2, ["analyze", text(&changes), "--config", text(&config), "-o", text(&rig.path("a.mcap"))]);
+    assert_eq!(told, "frame 2 is 48 x 64 px in a stream of 64 x 48");
+}
+
+#[test]
+fn a_recording_of_others_needs_a_configuration() {
+    let rig = Rig::new();
+    let path = foreign(&rig, "foreign.mcap", &[image("mono8", 64, 48, 64, 3072); 3]);
+    let wanted = format!("{}: no config.toml is attached; give one with --config", path.display());
+    assert_eq!(refused(2, ["analyze", text(&path)]), wanted);
+    assert_eq!(refused(2, ["replay", text(&path)]), wanted);
+    let config = rig.config("source = \"simulated\"", "");
+    let one = foreign(&rig, "one.mcap", &[image("mono8", 64, 48, 64, 3072)]);
+    let told = refused(2, ["analyze", text(&one), "--config", text(&config)]);
+    assert_eq!(told, format!("{}: no frame rate can be told; give one with --fps", one.display()));
+    let told = refused(5, ["replay", text(&one), "--config", text(&config)]);
+    assert!(told.contains(text(&one)) && told.contains("no frame rate"), "{told}");
+    assert_eq!(refused(2, ["analyze", text(&one), "--fps", "0"]), "--fps 0: not a positive number");
+}
+
+#[test]
+fn a_wrong_rig_file_is_refused_by_file_line_key_value_and_range() {
+    let rig = Rig::new();
+    for (name, content, wanted) in [
+        ("broken.toml", "[camera", "line 1: not TOML: unclosed table, expected `]`"),
+        ("key.toml", "[camera]\nsource = \"simulated\"\nspeed = 1\n", "line 3: unknown key camera.speed; "),
+        (
+            "range.toml",
+            "[camera]\nsource = \"simulated\"\nframe_rate_hz = -1\n",
+            "line 3: camera.frame_rate_hz = -1: must be above 0 and at most 1000000 Hz",
+        ),
+        (
+            "scenario.toml",
+            "[camera]\nsource = \"simulated\"\nscenario = \"golf\"\n",
+            "camera.scenario = \"golf\": scenario \"golf\" is not built in (lacrosse, ",
+        ),
+    ] {
+        let path = rig.file(name, content);
+        for command in ["run", "acquire", "correlate", "track"] {
+            let told = refused(2, [command, text(&path)]);
+            assert!(told.starts_with(text(&path)) && told.contains(wanted), "{command} {name}: {told}");
+        }
+    }
+    let told = refused(2, ["run", "missing.toml"]);
+    assert_eq!(told, format!("read configuration missing.toml: {NO_FILE}"));
+}
+
+#[test]
+fn an_unknown_scenario_or_experiment_is_answered_with_the_known_ones() {
+    let rig = Rig::new();
+    let told = refused(2, ["simulate", "golf", "-o", text(&rig.path("golf.mcap"))]);
+    assert!(told.contains("\"golf\"") && told.contains("lacrosse"), "{told}");
+    let told = refused(2, ["demo", "golf"]);
+    assert!(told.contains("\"golf\"") && told.contains("lacrosse"), "{told}");
+    let scenario = rig.file("bad.toml", "name = 7\n[camera\n");
+    let told = refused(2, ["simulate", text(&scenario), "-o", text(&rig.path("bad.mcap"))]);
+    assert!(told.contains(text(&scenario)), "the file is not named: {told}");
+}
+
+/// A camera that does not exist: the network of RFC 5737 is never routed.
+const NO_CAMERA: &str = "source = \"genicam\"\nid = \"192.0.2.7\"\nwidth_px = 64\nheight_px = 64\nframe_rate_hz = 100";
+
+#[test]
+fn a_camera_that_does_not_answer_ends_with_3() {
+    if crate::fake_gige::aravis_or_leave_out().is_none() {
+        return;
+    }
+    let rig = Rig::new();
+    let config = rig.config(NO_CAMERA, "");
+    for command in ["run", "acquire"] {
+        let told = refused(3, [command, text(&config)]);
+        assert!(told.starts_with("open camera \"192.0.2.7\": no GigE Vision camera answers"), "{command}: {told}");
+    }
+}
+
+#[test]
+fn a_machine_without_aravis_is_told_the_package() {
+    let rig = Rig::new();
+    let config = rig.config(NO_CAMERA, "");
+    rig.file("libaravis-0.8.so.0", "");
+    let folder = config.parent().unwrap();
+    for arguments in [["run", text(&config)], ["acquire", text(&config)], ["cameras", "--json"]] {
+        let told = line(&ricochet(arguments).env("LD_LIBRARY_PATH", folder).output().unwrap(), 3);
+        assert!(told.starts_with("load libaravis-0.8.so.0: "), "{told}");
+        assert!(told.ends_with("install the package libaravis-0.8-0"), "{told}");
+    }
+}
+
+#[test]
+fn a_role_that_the_rig_does_not_have_is_refused() {
+    let rig = Rig::new();
+    let config = rig.config("source = \"simulated\"", "[workers]\ncount = 2");
+    let told = refused(2, ["correlate", text(&config), "--worker", "2"]);
+    assert_eq!(told, "--worker 2: the rig has 2 workers, 0 to 1");
+    let bare = rig.file("bare.toml", "[camera]\nsource = \"simulated\"\n");
+    let told = refused(2, ["record", text(&bare)]);
+    assert_eq!(told, format!("{}: there is no [record] table, so nothing is recorded", bare.display()));
+}
+
+#[test]
+fn an_unknown_topic_or_format_is_answered_with_the_known_ones() {
+    let rig = Rig::new();
+    let path = film(&rig);
+    let told = refused(2, ["export", text(&path), "--topic", "speed"]);
+    assert_eq!(told, "--topic speed: not one of velocity, field, track, impact, truth, truth_impact, events");
+    let told = refused(2, ["export", text(&path), "--topic", "truth", "--format", "xls"]);
+    assert_eq!(told, "--format xls: not one of csv");
+    let told = refused(2, ["listen", "speed"]);
+    assert_eq!(told, "topic \"speed\" is not one of field, track, velocity, impact, status, events");
+}
+
+#[test]
+fn no_recording_is_ever_overwritten() {
+    let rig = Rig::new();
+    let path = film(&rig);
+    let before = std::fs::read(&path).unwrap();
+    let taken = text(&path);
+    let scenario = rig.path("drift.toml");
+    for (code, arguments) in [
+        (2, ["simulate", text(&scenario), "-o", taken].as_slice()),
+        (2, &["analyze", taken, "-o", taken]),
+        (5, &["recover", taken, "-o", taken]),
+        (2, &["export", taken, "--topic", "truth", "-o", taken]),
+        (2, &["field", taken, "other.bmp", "-o", taken]),
+    ] {
+        let told = refused(code, arguments);
+        assert!(told.contains(taken), "{told}");
+        assert!(std::fs::read(&path).unwrap() == before, "{arguments:?} changed the file");
+    }
+}
+
+#[test]
+fn a_folder_that_cannot_be_written_is_named_before_anything_starts() {
+    let rig = Rig::new();
+    let scenario = rig.file("drift.toml", &crate::pipeline::drift(40, 1000.0));
+    // A file where a folder should be stops root too.
+    let blocked = rig.file("blocked", "").join("shots");
+    let config = rig.file(
+        "blocked.toml",
+        &format!("[camera]\nsource = \"simulated\"\n[record]\ndirectory = \"{}\"\n", blocked.display()),
+    );
+    let told = refused(5, ["run", text(&config)]);
+    assert_eq!(told, format!("create {}: Not a directory (os error 20)", blocked.display()));
+    let told = refused(5, ["record", text(&config)]);
+    assert_eq!(told, format!("create {}: Not a directory (os error 20)", blocked.display()));
+    let output = blocked.join("film.mcap");
+    let told = refused(5, ["simulate", text(&scenario), "-o", text(&output)]);
+    assert!(told.starts_with(&format!("create {}", output.display())), "{told}");
+}
+
+/// A picture in the simplest format there is.
+fn picture(rig: &Rig, name: &str, width: usize, height: usize) -> PathBuf {
+    let path = rig.path(name);
+    let mut bytes = format!("P5 {width} {height} 255\n").into_bytes();
+    bytes.extend((0..width * height).map(|index| (index * 37 % 251) as u8));
+    std::fs::write(&path, bytes).unwrap();
+    path
+}
+
+#[test]
+fn images_that_make_no_field_are_refused_by_their_sizes() {
+    let rig = Rig::new();
+    let (small, large) = (picture(&rig, "small.pgm", 40, 30), picture(&rig, "large.pgm", 80, 60));
+    let told = refused(2, ["field", text(&small), text(&large)]);
+    assert_eq!(
+        told,
+        format!("{} is 40 x 30 px, {} is 80 x 60 px: both images need one size", small.display(), large.display())
+    );
+    let told = refused(2, ["field", text(&small), text(&small), "--subset", "61"]);
+    assert!(told.contains("61") && told.contains("40 x 30"), "{told}");
+    let told = refused(2, ["field", text(&small), text(&small), "--subset", "20"]);
+    assert!(told.contains("subset") && told.contains("20") && told.contains("odd"), "{told}");
+    let told = refused(2, ["field", text(&large), text(&large), "--roi", "70,0,20,20"]);
+    assert!(told.contains("--roi [70, 0, 20, 20]") && told.contains("80 x 60"), "{told}");
+    let notes = rig.file("notes.bmp", "no picture");
+    let told = refused(5, ["field", text(&notes), text(&small)]);
+    assert!(told.starts_with(&format!("read {}: ", notes.display())), "{told}");
+    let told = refused(5, ["field", "missing.bmp", text(&small)]);
+    assert_eq!(told, format!("read missing.bmp: {NO_FILE}"));
+}
+
+#[test]
+fn footage_that_is_none_is_refused_with_its_name() {
+    let rig = Rig::new();
+    let config = rig.config("source = \"simulated\"", "");
+    let notes = rig.file("notes.tif", "no picture");
+    let output = rig.path("film.mcap");
+    let told = refused(5, ["import", text(&notes), "--fps", "100", "-o", text(&output)]);
+    assert!(told.contains(text(&notes)), "{told}");
+    let told = refused(5, ["analyze", text(&notes), "--fps", "100", "--config", text(&config)]);
+    assert!(told.contains(text(&notes)), "{told}");
+    let told = refused(2, ["import", text(&picture(&rig, "a.pgm", 40, 30)), "-o", text(&output)]);
+    assert!(told.contains("frame rate"), "{told}");
+}
+
+#[test]
+fn who_asks_a_rig_that_does_not_run_hears_so() {
+    for arguments in [
+        ["listen", "velocity", "--rig", "nobody"].as_slice(),
+        &["status", "--rig", "nobody"],
+        &["trigger", "--rig", "nobody"],
+        &["arm", "--rig", "nobody"],
+        &["disarm", "--rig", "nobody"],
+    ] {
+        let told = refused(4, arguments);
+        assert!(told.starts_with("no rig named \"nobody\" is running"), "{told}");
+    }
+}
+
+#[test]
+fn a_wrong_option_is_told_in_one_line() {
+    for (arguments, wanted) in [
+        (["replay", "film.mcap", "--rate", "0"].as_slice(), "\"0\" is neither `max` nor a number from 0.001 to 1000"),
+        (&["analyze", "film.mcap", "--workers", "65"], "65 is not in 1..=64"),
+        (&["info"], "<FILE>"),
+        (&["field", "a.bmp", "b.bmp", "--roi", "1,2,3"], "four whole numbers of pixels, x,y,width,height"),
+        (&["inspect"], "unrecognized subcommand 'inspect'"),
+    ] {
+        let told = refused(2, arguments);
+        assert!(told.contains(wanted) && told.ends_with("--help`"), "{told}");
+    }
+}
+
+/// The commands that the program's own help lists.
+pub fn commands() -> Vec<String> {
+    let help = succeed(["--help"]);
+    let listed = help.lines().skip_while(|line| *line != "Commands:").skip(1).take_while(|line| !line.is_empty());
+    listed.filter_map(|line| line.split_whitespace().next().map(str::to_owned)).filter(|name| name != "help").collect()
+}
+
+#[test]
+fn the_help_of_every_command_has_an_example_of_it() {
+    let commands = commands();
+    assert!(commands.len() >= 20, "{commands:?}");
+    for command in commands {
+        let help = succeed([command.as_str(), "--help"]);
+        let example = help.lines().find_map(|line| line.strip_prefix("Example: ")).unwrap_or_else(|| panic!("{help}"));
+        assert!(example.starts_with(&format!("ricochet {command}")), "{example}");
+    }
+}
+
+#[test]
+fn a_closed_standard_output_is_no_reason_to_panic() {
+    let rig = Rig::new();
+    let path = film(&rig);
+    let program = env!("CARGO_BIN_EXE_ricochet");
+    let script = format!("{program} export {} --topic truth | head -n 1; exit ${{PIPESTATUS[0]}}", path.display());
+    let output = Command::new("bash").args(["-c", &script]).output().unwrap();
+    let told = String::from_utf8(output.stderr).unwrap();
+    assert!(!told.contains("panicked"), "{told}");
+}

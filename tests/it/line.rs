@@ -1,0 +1,342 @@
+//! The whole line under conditions that nobody wishes for: results stay functions of the frames, losses are told.
+
+use crate::pipeline::drift;
+use crate::support::{Background, Rig, csv, frames, kill, process, ricochet, run, status, succeed, wait_until};
+use ricochet::image::{Frame, FrameMeta, PixelFormat};
+use ricochet::recording::{Recording, RecordingInfo, RecordingWriter, WriterOptions};
+use serde_json::Value;
+use std::path::{Path, PathBuf};
+
+const TABLES: [&str; 4] = ["velocity", "field", "track", "impact"];
+
+fn tables(path: &Path) -> [String; 4] {
+    TABLES.map(|topic| csv(path, topic))
+}
+
+/// A rig file for a slow drift of 40 frames; `camera` and `rest` are added.
+fn drifting(rig: &Rig, camera: &str, rest: &str) -> PathBuf {
+    let scenario = rig.file("drift.toml", &drift(40, 1000.0));
+    let camera = format!("source = \"simulated\"\nscenario = \"{}\"\n{camera}", scenario.display());
+    rig.config(&camera, &format!("[scale]\nmm_per_px = 0.5\n{rest}"))
+}
+
+/// Analyses with this many workers; whatever the exit code, which is given too.
+fn analysis(rig: &Rig, film: &Path, workers: &str) -> (Option<i32>, [String; 4]) {
+    let results = rig.path(&format!("analysis-{workers}-{}", film.file_name().unwrap().to_str().unwrap()));
+    let arguments = ["analyze".as_ref(), film.as_os_str(), "--workers".as_ref(), workers.as_ref(), "-o".as_ref()];
+    let output = run(arguments.into_iter().chain([results.as_os_str()]));
+    (output.status.code(), tables(&results))
+}
+
+/// The mean of a column of `/velocity` over the valid rows of one body.
+fn mean(table: &str, body: &str, column: &str) -> f64 {
+    let mut reader = csv::Reader::from_reader(table.as_bytes());
+    let at = |name: &str, header: &csv::StringRecord| header.iter().position(|cell| cell == name).unwrap();
+    let header = reader.headers().unwrap().clone();
+    let (column, of) = (at(column, &header), at("body", &header));
+    let rows = reader.records().map(Result::unwrap).filter(|row| &row[of] == body);
+    let numbers: Vec<f64> = rows.filter_map(|row| row[column].parse().ok()).collect();
+    assert!(numbers.len() > 20, "{} numbers of {body}", numbers.len());
+    numbers.iter().sum::<f64>() / numbers.len() as f64
+}
+
+#[test]
+fn every_interval_gives_the_same_live_and_analysed_whatever_the_workers() {
+    for interval in [2, 5] {
+        let rig = Rig::new();
+        let rest = format!("[correlation]\ninterval_frames = {interval}\n[workers]\ncount = 3\nblock_frames = 8");
+        let config = drifting(&rig, "paced = false", &rest);
+        succeed(["run".as_ref(), config.as_os_str()]);
+        let recording = &rig.recordings()[0];
+        let live = tables(recording);
+        for workers in ["1", "2", "5"] {
+            let (code, analysed) = analysis(&rig, recording, workers);
+            assert_eq!(code, Some(0));
+            assert!(analysed == live, "interval {interval}, {workers} workers");
+        }
+        let speed = mean(&live[0], "ball", "dx_px");
+        assert!((speed - 0.4).abs() < 0.01, "{speed} px a frame over {interval} frames");
+        let without = live[0].lines().filter(|row| row.split(',').nth(7) == Some("")).count();
+        assert_eq!(without, interval, "the last frames have no target");
+    }
+}
+
+/// Writes these frames as a recording of ours with this rig file.
+fn write(path: &Path, config: &Path, frames: &[(FrameMeta, Vec<u8>)]) {
+    let metadata = [("frame_rate_hz".to_owned(), "1000".to_owned())].into();
+    let config_toml = std::fs::read_to_string(config).unwrap();
+    let info = RecordingInfo { config_toml, metadata, ..RecordingInfo::default() };
+    let mut writer = RecordingWriter::create(path, &info, &WriterOptions::default()).unwrap();
+    for (meta, bytes) in frames {
+        writer.frame(&Frame { meta: *meta, bytes }).unwrap();
+    }
+    writer.finish().unwrap();
+}
+
+fn film(rig: &Rig) -> Vec<(FrameMeta, Vec<u8>)> {
+    let path = rig.path("film.mcap");
+    let scenario = rig.path("drift.toml");
+    succeed(["simulate".as_ref(), scenario.as_os_str(), "-o".as_ref(), path.as_os_str()]);
+    frames(&path)
+}
+
+#[test]
+fn a_film_that_begins_within_a_block_and_has_gaps_gives_the_same_whatever_the_workers() {
+    for interval in [1, 2, 5] {
+        let rig = Rig::new();
+        let rest = format!("[correlation]\ninterval_frames = {interval}\n[workers]\nblock_frames = 8");
+        let config = drifting(&rig, "", &rest);
+        let mut frames = film(&rig);
+        // Within a block, at its first frame, at its last, and two in a row.
+        frames.retain(|(meta, _)| meta.sequence >= 3 && ![11, 16, 23, 29, 30].contains(&meta.sequence));
+        let path = rig.path("gaps.mcap");
+        write(&path, &config, &frames);
+        let (code, one) = analysis(&rig, &path, "1");
+        assert_eq!(code, Some(6), "five frames are missing");
+        for workers in ["2", "3"] {
+            assert!(analysis(&rig, &path, workers).1 == one, "interval {interval}, {workers} workers");
+        }
+        let replay = ["replay", path.to_str().unwrap(), "--rate", "max", "--workers", "2", "--rig", &rig.name];
+        let output = run(replay.into_iter().chain(["-o", rig.path("shots").to_str().unwrap()]));
+        assert_eq!(output.status.code(), Some(6), "{}", String::from_utf8_lossy(&output.stderr));
+        assert!(tables(&rig.recordings()[0]) == one, "replay with interval {interval}");
+        let rows = one[0].lines().skip(1).filter(|row| row.ends_with(",lost")).count();
+        assert_eq!((one[0].lines().count() - 1, rows), (37, 5), "a row a frame, also for those that are missing");
+    }
+}
+
+#[test]
+fn a_rate_whose_period_is_no_whole_nanosecond_replays_like_it_is_analysed() {
+    let rig = Rig::new();
+    rig.file("drift.toml", &drift(40, 7000.0));
+    film(&rig);
+    let path = rig.path("film.mcap");
+    let (code, analysed) = analysis(&rig, &path, "1");
+    assert_eq!(code, Some(0));
+    let shots = rig.path("shots");
+    let replay = ["replay", path.to_str().unwrap(), "--rate", "max", "--rig", &rig.name];
+    succeed(replay.into_iter().chain(["-o", shots.to_str().unwrap()]));
+    assert!(tables(&rig.recordings()[0]) == analysed);
+}
+
+#[test]
+fn a_rate_given_by_hand_takes_the_place_of_the_stamps() {
+    let rig = Rig::new();
+    let config = drifting(&rig, "", "");
+    film(&rig);
+    let path = rig.path("film.mcap");
+    let speed = |name: &str, rate: &[&str]| {
+        let results = rig.path(name);
+        let arguments = ["analyze", path.to_str().unwrap(), "--config", config.to_str().unwrap(), "-o"];
+        succeed(arguments.into_iter().chain([results.to_str().unwrap()]).chain(rate.iter().copied()));
+        mean(&csv(&results, "velocity"), "ball", "vx_m_s")
+    };
+    // 0.4 px a frame of 0.5 mm a pixel.
+    let own = speed("own.mcap", &[]);
+    assert!((own - 0.2).abs() < 0.002, "{own} m/s at the stamps' 1000 Hz");
+    let faster = speed("faster.mcap", &["--fps", "30000"]);
+    assert!((faster - 30.0 * own).abs() < 0.01 * faster, "{faster} m/s at 30000 Hz");
+}
+
+#[test]
+fn two_bodies_are_measured_side_by_side() {
+    let rig = Rig::new();
+    let bodies = "[[body]]\nname = \"left\"\nroi_px = [0, 0, 160, 144]\ndiameter_mm = 36\n\
+        [[body]]\nname = \"right\"\nroi_px = [160, 0, 160, 144]\ndiameter_mm = 36\n";
+    let config = drifting(&rig, "", bodies);
+    let film = film(&rig);
+    // The same ball twice, on the right with time reversed.
+    let side_by_side = film.iter().zip(film.iter().rev()).map(|((meta, left), (_, right))| {
+        let rows = left.chunks_exact(160).zip(right.chunks_exact(160));
+        let bytes = rows.flat_map(|(left, right)| left.iter().chain(right).copied()).collect();
+        (FrameMeta { width_px: 320, stride_bytes: 320, ..*meta }, bytes)
+    });
+    let path = rig.path("two.mcap");
+    write(&path, &config, &side_by_side.collect::<Vec<_>>());
+    let (code, one) = analysis(&rig, &path, "1");
+    assert_eq!(code, Some(0));
+    assert!(analysis(&rig, &path, "3").1 == one);
+    let replay = ["replay", path.to_str().unwrap(), "--rate", "max", "--workers", "2", "--rig", &rig.name];
+    succeed(replay.into_iter().chain(["-o", rig.path("shots").to_str().unwrap()]));
+    assert!(tables(&rig.recordings()[0]) == one);
+    let (left, right) = (mean(&one[0], "left", "dx_px"), mean(&one[0], "right", "dx_px"));
+    assert!((left - 0.4).abs() < 0.01 && (right + 0.4).abs() < 0.01, "{left} and {right} px a frame");
+    let (left, right) = (mean(&one[0], "left", "center_x_px"), mean(&one[0], "right", "center_x_px"));
+    assert!((right - left - 160.0).abs() < 0.5, "{left} and {right}");
+}
+
+#[test]
+fn twelve_bits_go_through_the_whole_line() {
+    let rig = Rig::new();
+    let config = drifting(&rig, "paced = false\npixel_format = \"Mono12\"", "[workers]\ncount = 2");
+    succeed(["run".as_ref(), config.as_os_str()]);
+    let recording = &rig.recordings()[0];
+    let frames = frames(recording);
+    assert_eq!((frames.len(), frames[0].0.format), (40, PixelFormat::Mono12));
+    let level = |pair: &[u8]| u16::from_le_bytes([pair[0], pair[1]]);
+    let highest = frames[0].1.chunks_exact(2).map(level).max().unwrap();
+    assert!((256..4096).contains(&highest), "{highest}");
+    let live = tables(recording);
+    let (code, analysed) = analysis(&rig, recording, "3");
+    assert_eq!(code, Some(0));
+    assert!(analysed == live);
+    let speed = mean(&live[0], "ball", "dx_px");
+    assert!((speed - 0.4).abs() < 0.01, "{speed}");
+}
+
+/// A rig that films a slow drift in real time, for longer than any test needs.
+fn filming(rig: &Rig, rate_hz: f64, rest: &str) -> PathBuf {
+    let scenario = rig.file("long.toml", &drift(20_000, rate_hz));
+    let camera = format!("source = \"simulated\"\nscenario = \"{}\"\npaced = true", scenario.display());
+    rig.config(&camera, &format!("[scale]\nmm_per_px = 0.5\n{rest}"))
+}
+
+fn number(status: &Value, name: &str, key: &str) -> u64 {
+    process(status, name, 0).map_or(0, |process| process[key].as_u64().unwrap())
+}
+
+fn wait_for_frame(rig: &Rig, frame: u64) -> Value {
+    wait_until("the rig measures", || {
+        let status = status(&rig.name)?;
+        (number(&status, "track", "sequence") > frame).then_some(status)
+    })
+}
+
+#[test]
+fn an_interrupted_rig_leaves_a_whole_recording_and_ends_with_0() {
+    let rig = Rig::new();
+    let config = filming(&rig, 60.0, "[workers]\ncount = 2");
+    let service = Background::start(ricochet(["run".as_ref(), config.as_os_str()]));
+    wait_for_frame(&rig, 50);
+    service.signal(2);
+    let (code, printed, told) = service.end();
+    assert_eq!((code, told.as_str()), (Some(0), ""));
+    let path = Path::new(printed.trim());
+    assert_eq!(Recording::open(path).unwrap().truncated(), None);
+    let sequences: Vec<u64> = frames(path).iter().map(|(meta, _)| meta.sequence).collect();
+    assert!(sequences.len() > 50 && sequences == (0..sequences.len() as u64).collect::<Vec<_>>(), "{sequences:?}");
+    let (code, analysed) = analysis(&rig, path, "1");
+    assert_eq!(code, Some(0));
+    assert!(analysed == tables(path));
+}
+
+#[test]
+fn a_second_rig_of_the_same_name_is_refused_and_the_first_goes_on() {
+    let rig = Rig::new();
+    let config = filming(&rig, 60.0, "[workers]\ncount = 1");
+    let service = Background::start(ricochet(["run".as_ref(), config.as_os_str()]));
+    wait_for_frame(&rig, 30);
+    for role in ["run", "acquire"] {
+        let second = run([role.as_ref(), config.as_os_str()]);
+        let told = String::from_utf8(second.stderr).unwrap();
+        assert_eq!(second.status.code(), Some(4), "{told}");
+        let wanted = format!(
+            "ricochet: rig {:?} has a process `ricochet {role}` already; stop it, or choose another [rig] name\n",
+            rig.name
+        );
+        assert_eq!(told, wanted);
+    }
+    let status = wait_for_frame(&rig, 60);
+    assert_eq!(number(&status, "run", "restarts"), 0);
+    service.signal(15);
+    let (code, _, told) = service.end();
+    assert_eq!((code, told.as_str()), (Some(0), ""));
+    assert_eq!(rig.recordings().len(), 1);
+}
+
+#[test]
+fn a_listener_that_never_reads_slows_nothing() {
+    let rig = Rig::new();
+    let config = filming(&rig, 60.0, "[workers]\ncount = 2");
+    let name = rig.name.as_str();
+    let listen = |topic| Background::start(ricochet(["listen", topic, "--rig", name, "--wait", "60"]));
+    let listeners = ["field", "velocity", "track", "status"].map(listen);
+    let service = Background::start(ricochet(["run".as_ref(), config.as_os_str()]));
+    wait_for_frame(&rig, 10);
+    listeners.iter().for_each(|listener| listener.signal(19));
+    let status = wait_for_frame(&rig, 200);
+    for process in status["processes"].as_array().unwrap() {
+        assert_eq!((process["lost"].as_u64(), process["dropped"].as_u64()), (Some(0), Some(0)), "{process}");
+    }
+    service.signal(2);
+    let (code, printed, told) = service.end();
+    assert_eq!((code, told.as_str()), (Some(0), ""));
+    assert!(frames(Path::new(printed.trim())).len() > 200);
+}
+
+#[test]
+fn a_recorder_that_hangs_loses_its_own_frames_only() {
+    let rig = Rig::new();
+    let config = filming(&rig, 120.0, "[workers]\ncount = 1");
+    let service = Background::start(ricochet(["run".as_ref(), config.as_os_str()]));
+    let status = wait_for_frame(&rig, 50);
+    let recorder = u32::try_from(number(&status, "record", "pid")).unwrap();
+    kill(recorder, 19);
+    // Longer than the ring and everything a recorder may hold.
+    let status = wait_until("the ring went round", || {
+        let status = crate::support::status(&rig.name)?;
+        (number(&status, "acquire", "sequence") > 800).then_some(status)
+    });
+    assert_eq!(number(&status, "acquire", "lost") + number(&status, "acquire", "dropped"), 0, "{status}");
+    kill(recorder, 18);
+    wait_until("it records again", || {
+        let status = crate::support::status(&rig.name)?;
+        (number(&status, "record", "sequence") > 800).then_some(())
+    });
+    service.signal(2);
+    let (code, _, told) = service.end();
+    assert_eq!(code, Some(6), "{told}");
+    let sequences: Vec<u64> = frames(&rig.recordings()[0]).iter().map(|(meta, _)| meta.sequence).collect();
+    assert!(sequences.len() < *sequences.last().unwrap() as usize, "the gap shows in the file");
+}
+
+#[test]
+fn a_worker_that_hangs_does_not_hold_a_shot_for_ever() {
+    let rig = Rig::new();
+    let trigger = "[trigger]\nmode = \"software\"\npre_s = 0.5\npost_s = 0.5\n[workers]\ncount = 2";
+    let config = filming(&rig, 60.0, trigger);
+    let service = Background::start(ricochet(["run".as_ref(), config.as_os_str()]));
+    let status = wait_for_frame(&rig, 100);
+    let worker = process(&status, "correlate", 1).unwrap()["pid"].as_u64().unwrap();
+    let worker = u32::try_from(worker).unwrap();
+    kill(worker, 19);
+    let at = number(&crate::support::status(&rig.name).unwrap(), "acquire", "sequence");
+    wait_until("it has missed some blocks", || {
+        let status = crate::support::status(&rig.name)?;
+        (number(&status, "acquire", "sequence") > at + 64).then_some(())
+    });
+    succeed(["trigger", "--rig", rig.name.as_str()]);
+    wait_until("the shot is written though its rows are missing", || (rig.recordings().len() == 1).then_some(()));
+    kill(worker, 18);
+    service.signal(2);
+    let (code, _, told) = service.end();
+    assert_eq!(code, Some(6), "{told}");
+    let recording = Recording::open(&rig.recordings()[0]).unwrap();
+    let rows: Vec<_> = recording.velocities().unwrap().map(Result::unwrap).collect();
+    assert_eq!(rows.len() as u64, recording.frame_count(), "a row a frame");
+    let lost = rows.iter().filter(|row| row.status == ricochet::results::PointStatus::Lost).count();
+    assert!(lost > 0 && lost < rows.len(), "{lost} of {} rows", rows.len());
+}
+
+#[test]
+fn a_killed_camera_process_begins_a_run_of_its_own() {
+    let rig = Rig::new();
+    let config = filming(&rig, 60.0, "[workers]\ncount = 1");
+    let service = Background::start(ricochet(["run".as_ref(), config.as_os_str()]));
+    let before = wait_for_frame(&rig, 50);
+    kill(u32::try_from(number(&before, "acquire", "pid")).unwrap(), 9);
+    wait_until("the next run is measured", || {
+        let status = status(&rig.name)?;
+        let tracked = process(&status, "track", 0)?;
+        (tracked["run_id"] != process(&before, "track", 0)?["run_id"] && number(&status, "track", "sequence") > 50)
+            .then_some(())
+    });
+    service.signal(2);
+    let (code, printed, told) = service.end();
+    assert_eq!(code, Some(6), "{told}");
+    assert_eq!(printed.lines().count(), 2, "a recording a run: {printed}");
+    for path in printed.lines() {
+        let sequences: Vec<u64> = frames(Path::new(path)).iter().map(|(meta, _)| meta.sequence).collect();
+        assert!(sequences.len() > 30 && sequences == (0..sequences.len() as u64).collect::<Vec<_>>(), "{sequences:?}");
+    }
+}
