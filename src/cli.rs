@@ -10,6 +10,7 @@ use crate::command::info::{self, InfoOptions};
 use crate::command::listen::{self, ListenOptions};
 use crate::command::recover::{self, RecoverOptions};
 use crate::command::replay::{self, Rate, ReplayOptions};
+use crate::command::report::{self, ReportOptions};
 use crate::command::rig::{self, RoleOptions};
 use crate::command::simulate::{self, SimulateOptions};
 use crate::command::{Outcome, control, status};
@@ -81,6 +82,9 @@ pub enum Command {
     /// Write a topic of a recording as a table.
     #[command(after_help = "Example: ricochet export shot.mcap --topic velocity --format csv -o velocity.csv")]
     Export(Export),
+    /// Tell a recording on one page: numbers, curves, pictures; several recordings: how well they repeat.
+    #[command(after_help = "Example: ricochet report shot.mcap -o shot.html")]
+    Report(Report),
     /// Tell what is in a recording, and what is wrong with it.
     #[command(after_help = "Example: ricochet info shot.mcap --json")]
     Info(Info),
@@ -265,6 +269,17 @@ pub struct Export {
 
 /// Arguments of a command.
 #[derive(Debug, Args)]
+pub struct Report {
+    /// One recording, or several of the same experiment.
+    #[arg(required = true)]
+    files: Vec<PathBuf>,
+    /// The HTML page to write; beside the first recording when absent.
+    #[arg(short, long)]
+    output: Option<PathBuf>,
+}
+
+/// Arguments of a command.
+#[derive(Debug, Args)]
 pub struct Info {
     /// The recording.
     file: PathBuf,
@@ -386,6 +401,7 @@ fn inspect(command: Command) -> anyhow::Result<Outcome> {
             let format = export::Format::from_word(&format)?;
             export::run(&ExportOptions { file, topic, format, output })?;
         }
+        Command::Report(Report { files, output }) => return report::run(&ReportOptions { files, output }),
         Command::Info(Info { file, json }) => {
             let info = info::run(&InfoOptions { file, json })?;
             let gone = info.frames.as_ref().and_then(|frames| frames.lost).unwrap_or(0);

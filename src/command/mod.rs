@@ -13,6 +13,7 @@ pub mod listen;
 pub mod progress;
 pub mod recover;
 pub mod replay;
+pub mod report;
 pub mod rig;
 pub mod simulate;
 pub mod status;

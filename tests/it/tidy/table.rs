@@ -50,6 +50,7 @@ const BELOW_COMMAND: &[&str] = &[
     "config",
     "message",
     "recording",
+    "report",
     "import",
     "camera",
     "bus",
@@ -87,6 +88,7 @@ pub const ROOMS: &[Room] = &[
             "zstd",
         ],
     ),
+    open("report", &["results", "image", "recording"], &["image"]),
     open("import", &["image"], &["image", "thiserror"]),
     open(
         "camera",
