@@ -259,10 +259,10 @@ pub struct Export {
     /// velocity, field, track, impact, truth or events.
     #[arg(long)]
     topic: String,
-    /// csv.
+    /// csv, parquet or png (topics frames, track and field: a directory of pictures).
     #[arg(long, default_value = "csv")]
     format: String,
-    /// The table to write; standard output when absent.
+    /// The table or the directory to write; of csv, standard output when absent.
     #[arg(short, long)]
     output: Option<PathBuf>,
 }

@@ -142,7 +142,7 @@ fn contacts(svg: &mut String, scale: &Scale, time: &Timeline) {
 
 fn grid(svg: &mut String, scale: &Scale, has_axis: bool) {
     let (right, low) = (WIDTH - RIGHT, TOP + scale.height);
-    let (levels, decimals) = ticks(scale.y, (scale.height / 34.0).max(2.0));
+    let (levels, decimals) = ticks(scale.y, (scale.height / 34.0).max(3.0));
     for level in levels {
         let y = scale.y(level);
         let class = if level.abs() < 1e-12 { "zero" } else { "grid" };

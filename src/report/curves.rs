@@ -1,9 +1,9 @@
 //! The curves of one body.
 
 use super::chart::{self, Chart, Curve, Point, Timeline};
-use super::number::short;
+use super::number;
 use super::shot::Shot;
-use crate::results::{BodyVelocity, VelocitySample};
+use crate::results::{BodyVelocity, Estimate, VelocitySample};
 use std::fmt::Write as _;
 
 /// Every chart of a body, one under the other on one time axis.
@@ -70,10 +70,12 @@ impl Drawer<'_> {
         chart.title = chart.title.replace("<i>", "").replace("</i>", "").replace("<sub>", "").replace("</sub>", "");
         let svg = chart::draw(&chart, &self.time);
         if svg.is_empty() {
-            let _ =
-                write!(html, "<figure><figcaption>{heading}</figcaption><p class=\"none\">not measured</p></figure>");
+            let _ = write!(
+                html,
+                "<figure><figcaption><b>{heading}</b></figcaption><p class=\"none\">not measured</p></figure>"
+            );
         } else {
-            let _ = write!(html, "<figure><figcaption>{heading}<span>{note}</span></figcaption>{svg}</figure>");
+            let _ = write!(html, "<figure><figcaption><b>{heading}</b><span>{note}</span></figcaption>{svg}</figure>");
         }
     }
 
@@ -124,7 +126,8 @@ impl Drawer<'_> {
         let mut sigmas: Vec<f64> = self.rows.iter().filter_map(|row| sigma(row)).filter(|s| s.is_finite()).collect();
         sigmas.sort_by(f64::total_cmp);
         let (Some(middle), Some(highest)) = (sigmas.get(sigmas.len() / 2), sigmas.last()) else { return String::new() };
-        format!("<i>σ</i> {} typical, {} at most", short(*middle), short(*highest))
+        let written = |sigma: f64| number::write(Estimate { value: 0.0, sigma }, 1.0).sigma;
+        format!("<i>σ</i> {} typical, {} at most", written(*middle), written(*highest))
     }
 
     /// How far the centre has come, in mm where the scale is known.

@@ -76,9 +76,9 @@ fn header(html: &mut String, shot: &Shot, rig: &str) {
         facts.push("results only, no raw frames".into());
     }
     let items: String = facts.iter().map(|fact| format!("<li>{fact}</li>")).collect();
-    let _ = write!(
+    let _ = writeln!(
         html,
-        "<header><h1>{}</h1><p class=\"file\">{}</p><ul class=\"facts\">{items}</ul></header>\n",
+        "<header><h1>{}</h1><p class=\"file\">{}</p><ul class=\"facts\">{items}</ul></header>",
         escape(rig),
         escape(&shot.name)
     );
@@ -113,9 +113,9 @@ fn collision(html: &mut String, shot: &Shot, impact: &Impact) {
         html.push_str(&table(name, group, &measured, truth.as_ref()));
     }
     let law = impact.force_law.word();
-    let _ = write!(
+    let _ = writeln!(
         html,
-        "</div><p class=\"note\">Contact law: {law}. Velocities along the outward normal and the tangent of the surface; times from the first frame.</p></section>\n"
+        "</div><p class=\"note\">Contact law: {law}. Velocities along the outward normal and the tangent of the surface; times from the first frame.</p></section>"
     );
 }
 
@@ -208,7 +208,11 @@ fn deviation(measured: Option<&Estimate>, truth: Option<&Estimate>) -> String {
 
 fn losses(shot: &Shot) -> String {
     let frames = &shot.frames;
-    let mut text = format!("{} frames were lost in {} gaps", frames.lost, frames.gaps);
+    let mut text = match (frames.lost, frames.gaps) {
+        (1, _) => "1 frame was lost".to_owned(),
+        (lost, 1) => format!("{lost} frames were lost in one gap"),
+        (lost, gaps) => format!("{lost} frames were lost in {gaps} gaps"),
+    };
     if frames.unreadable > 0 {
         let reason = frames.problem.as_deref().unwrap_or_default();
         let _ = write!(text, "; {} cannot be read ({})", frames.unreadable, escape(reason));

@@ -22,7 +22,7 @@ pub(super) fn of_several(shots: &[Shot]) -> String {
     };
     let mut html = head(&title);
     let _ =
-        write!(html, "<header><h1>{}</h1><p class=\"file\">{} recordings</p></header>\n", escape(&title), shots.len());
+        writeln!(html, "<header><h1>{}</h1><p class=\"file\">{} recordings</p></header>", escape(&title), shots.len());
     let collisions: BTreeSet<(String, u32)> =
         shots.iter().flat_map(|shot| shot.impacts.iter().map(|i| (shot.body_name(i.body), i.number))).collect();
     if collisions.is_empty() {

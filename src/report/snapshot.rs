@@ -1,14 +1,14 @@
 //! The moments of a collision as pictures, with what was measured drawn over them.
 
 use super::base64;
-use super::number::short;
+use super::number::{fixed, short};
 use super::picture::Crop;
 use super::shot::{Shot, Snapshot};
 use crate::results::{Impact, PairField};
 use std::fmt::Write as _;
 
 /// Arrows in one picture; of more, every n-th is drawn.
-const ARROWS_MAX: usize = 500;
+const ARROWS_MAX: usize = 200;
 
 /// The pictures of a collision; a sentence where there are none.
 pub(super) fn strip(shot: &Shot, impact: &Impact) -> String {
@@ -42,8 +42,8 @@ pub(super) fn strip(shot: &Shot, impact: &Impact) -> String {
             html,
             "<figure>{drawn}<figcaption><b>{}</b> at {} ms<br><span>frame {frame}, exposed {} ms {} it</span>{speed}</figcaption></figure>",
             snapshot.title,
-            super::number::fixed(t_ms, 3),
-            super::number::fixed(off_ms.abs(), 3),
+            fixed(t_ms, 3),
+            fixed(off_ms.abs(), 3),
             if off_ms < 0.0 { "before" } else { "after" },
         );
     }
@@ -51,22 +51,24 @@ pub(super) fn strip(shot: &Shot, impact: &Impact) -> String {
     let _ = write!(
         html,
         "<p class=\"note\"><span class=\"key outline\"></span>outline found<span class=\"key arrow\"></span>motion to the next frame, {} times enlarged in all pictures</p>",
-        short(gain)
+        fixed(gain, if gain < 1.0 { 3 } else { 0 })
     );
     html
 }
 
-/// How much arrows are enlarged: the longest of all pictures spans a sixth of a picture.
+/// How much arrows are enlarged: the longest of all pictures spans not quite two subsets' distance.
 fn gain(shown: &[&Snapshot]) -> f64 {
-    let lengths =
-        shown.iter().filter_map(|s| s.field.as_ref()).flat_map(|field| &field.points).filter_map(|p| p.displacement);
-    let longest = lengths.map(|d| f64::from(d.u_px.hypot(d.v_px))).fold(0.0, f64::max);
-    let side =
-        shown.iter().filter_map(|s| s.picture.as_ref()).map(|(crop, _)| crop.width.max(crop.height)).max().unwrap_or(0);
-    let exact = if longest > 0.0 { side as f64 / 6.0 / longest } else { 1.0 };
+    let (mut longest, mut step) = (0.0_f64, f64::INFINITY);
+    for field in shown.iter().filter_map(|snapshot| snapshot.field.as_ref()) {
+        let motions = field.points.iter().filter_map(|point| point.displacement);
+        longest = motions.map(|d| f64::from(d.u_px.hypot(d.v_px))).fold(longest, f64::max);
+        let apart = field.points.windows(2).map(|p| f64::from((p[0].x_px - p[1].x_px).hypot(p[0].y_px - p[1].y_px)));
+        step = apart.filter(|apart| *apart > 0.0).fold(step, f64::min);
+    }
+    let exact = if longest > 0.0 && step.is_finite() { 1.8 * step / longest } else { 1.0 };
     // A round number, so that it can be remembered.
     let power = 10_f64.powf(exact.log10().floor());
-    [5.0, 2.0, 1.0].into_iter().map(|k| k * power).find(|round| *round <= exact).unwrap_or(power)
+    [5.0, 4.0, 3.0, 2.0, 1.0].into_iter().map(|k| k * power).find(|round| *round <= exact).unwrap_or(power)
 }
 
 fn draw(snapshot: &Snapshot, crop: Crop, png: &[u8], gain: f64) -> String {
@@ -114,6 +116,6 @@ fn arrows(svg: &mut String, field: &PairField, gain: f64) {
         }
     }
     if !path.is_empty() {
-        let _ = write!(svg, "<path class=\"arrow\" d=\"{path}\"/>");
+        let _ = write!(svg, "<path class=\"casing\" d=\"{path}\"/><path class=\"arrow\" d=\"{path}\"/>");
     }
 }
