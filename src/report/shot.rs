@@ -166,6 +166,14 @@ impl Shot {
         (i128::from(stamp_ns) - i128::from(self.origin_ns)) as f64 / 1e9
     }
 
+    /// A frame's number as the tables have it, counted from the first frame.
+    pub(super) fn frame(&self, sequence: u64) -> i128 {
+        let told = self.metadata.get("first_frame").and_then(|text| text.parse().ok());
+        let first_row = self.velocities.iter().map(|row| row.frame).min();
+        let first = self.frames.shape.map(|meta| meta.sequence).or(told).or(first_row).unwrap_or(0);
+        i128::from(sequence) - i128::from(first)
+    }
+
     /// Seconds to add to a collision's own times.
     pub(super) fn shift_s(&self, impact: &Impact) -> f64 {
         self.seconds(impact.origin_ns)

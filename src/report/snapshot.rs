@@ -37,7 +37,7 @@ pub(super) fn strip(shot: &Shot, impact: &Impact) -> String {
                 short(v.omega_rad_s)
             )
         });
-        let frame = snapshot.row.frame;
+        let frame = shot.frame(snapshot.row.frame);
         let _ = write!(
             html,
             "<figure>{drawn}<figcaption><b>{}</b> at {} ms<br><span>frame {frame}, exposed {} ms {} it</span>{speed}</figcaption></figure>",

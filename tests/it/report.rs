@@ -11,6 +11,9 @@ use std::process::Command;
 
 const SIZE_MAX: usize = 3 << 20;
 
+/// Sequence number of a synthetic recording's first frame, which its tables call 0.
+const FIRST: u64 = 5000;
+
 /// Every address the page names; those of pictures inside it are no requests.
 fn requests(page: &str) -> Vec<&str> {
     let mut found: Vec<&str> = Vec::new();
@@ -80,18 +83,19 @@ fn the_page_of_a_shot_holds_its_numbers_and_asks_for_nothing() {
 fn synthetic(path: &Path, frames: u64, restitution: f64, skip: Option<u64>) {
     let info = RecordingInfo { config_toml: "[rig]\nname = \"<test>\"\n".into(), ..samples::info() };
     let mut writer = RecordingWriter::create(path, &info, &WriterOptions::default()).unwrap();
-    for sequence in (0..frames).filter(|sequence| Some(*sequence) != skip) {
+    for number in (0..frames).filter(|number| Some(*number) != skip) {
+        let sequence = FIRST + number;
         let (meta, bytes) = samples::frame(sequence, PixelFormat::Mono8, [128, 96], 0);
         writer.frame(&Frame { meta, bytes: &bytes }).unwrap();
         let mut row = samples::velocity(0, 0);
         (row.frame, row.stamp_ns) = (sequence, meta.stamp_ns);
         (row.center_x_px, row.center_y_px, row.radius_px) = (Some(64.0), Some(48.0), Some(40.0));
         if let Some(velocity) = &mut row.velocity {
-            let t = sequence as f64 * 0.01;
+            let t = number as f64 * 0.01;
             (velocity.vn_m_s, velocity.vt_m_s, velocity.omega_rad_s) = (t.sin(), t.cos(), 10.0 * t.sin());
             (velocity.sigma_v_m_s, velocity.sigma_omega_rad_s) = (0.01, 0.1);
         }
-        row.status = if sequence % 50 == 7 { PointStatus::Occluded } else { PointStatus::Valid };
+        row.status = if number % 50 == 7 { PointStatus::Occluded } else { PointStatus::Valid };
         writer.velocity(&row).unwrap();
         writer.field(&samples::field(sequence)).unwrap();
     }
@@ -103,7 +107,7 @@ fn synthetic(path: &Path, frames: u64, restitution: f64, skip: Option<u64>) {
             end_s: known(0.0305, 1e-6),
             restitution: known(restitution, 0.001),
             status: PointStatus::Valid,
-            ..Impact::unknown(0, 0, samples::START_NS)
+            ..Impact::unknown(0, 0, samples::START_NS + FIRST * 100_000)
         })
         .unwrap();
     writer.finish().unwrap();
