@@ -34,7 +34,7 @@ pub(super) const GROUPS: [(&str, &[Quantity]); 4] = [
         &[
             quantity("vt_before_m_s", "velocity before", "m/s", 1.0),
             quantity("vt_after_m_s", "velocity after", "m/s", 1.0),
-            quantity("restitution_tangential", "tangential restitution", "", 1.0),
+            quantity("restitution_tangential", "restitution", "", 1.0),
             quantity("impulse_ratio", "impulse ratio", "", 1.0),
         ],
     ),

@@ -61,7 +61,7 @@ fn spread_table(html: &mut String, impacts: &[Option<&Impact>]) {
     }
     html.push_str("</tbody></table><p class=\"note\">Each dot is a shot, its bar two stated <i>σ</i> to either side; the line is the mean, the shade one sd.");
     if has_outliers {
-        html.push_str(" <span class=\"far\">Outliers</span> (numbered by shot) are left out of mean and sd: further from the median than 3.5 times 1.4826 MAD, or 3.5 stated <i>σ</i> where that is more.");
+        html.push_str(" <span class=\"far\">Outliers</span> (numbered by shot) are left out of mean and sd: further from the median than 3.5 times 1.4826 MAD, 3.5 times the typical stated <i>σ</i>, and 3.5 times their own.");
     }
     html.push_str("</p>");
 }

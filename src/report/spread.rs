@@ -44,7 +44,8 @@ impl Spread {
 }
 
 /// Values further from the median than 3.5 robust standard deviations, which are never taken smaller than the
-/// stated uncertainty: numbers that agree better than they claim are no reason to throw one out.
+/// typical stated uncertainty or the value's own: numbers that agree better than they claim are no reason to throw
+/// one out, nor is one that says itself how unsure it is.
 fn outliers(values: &[Estimate]) -> Vec<bool> {
     if values.len() < VALUES_MIN {
         return vec![false; values.len()];
@@ -52,7 +53,7 @@ fn outliers(values: &[Estimate]) -> Vec<bool> {
     let center = median(values.iter().map(|e| e.value));
     let spread = MAD_TO_SIGMA * median(values.iter().map(|e| (e.value - center).abs()));
     let stated = median(values.iter().map(|e| e.sigma));
-    values.iter().map(|e| (e.value - center).abs() > OUTLIER_SCORE * spread.max(stated)).collect()
+    values.iter().map(|e| (e.value - center).abs() > OUTLIER_SCORE * spread.max(stated).max(e.sigma)).collect()
 }
 
 fn median(values: impl Iterator<Item = f64>) -> f64 {
@@ -84,6 +85,14 @@ mod tests {
         assert_eq!((spread.kept, spread.outliers.contains(&true)), (5, false));
         let spread = Spread::of(&values(&[1.0, 1.0, 1.0, 1.0, 1.04], 0.01)).unwrap();
         assert_eq!(spread.kept, 4);
+    }
+
+    #[test]
+    fn a_value_that_states_a_large_uncertainty_is_no_outlier_within_it() {
+        let mut shots = values(&[1.0, 1.0, 1.0, 1.0, 2.0], 0.01);
+        assert_eq!(Spread::of(&shots).unwrap().kept, 4);
+        shots[4].sigma = 0.5;
+        assert_eq!(Spread::of(&shots).unwrap().kept, 5);
     }
 
     #[test]
