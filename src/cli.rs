@@ -11,6 +11,7 @@ use crate::command::info::{self, InfoOptions};
 use crate::command::listen::{self, ListenOptions};
 use crate::command::recover::{self, RecoverOptions};
 use crate::command::replay::{self, Rate, ReplayOptions};
+use crate::command::report::{self, ReportOptions};
 use crate::command::rig::{self, RoleOptions};
 use crate::command::simulate::{self, SimulateOptions};
 use crate::command::{Outcome, UsageError, control, status};
@@ -86,6 +87,9 @@ pub enum Command {
     /// Write a topic of a recording as a table.
     #[command(after_help = "Example: ricochet export shot.mcap --topic velocity --format csv -o velocity.csv")]
     Export(Export),
+    /// Tell a recording on one page: numbers, curves, pictures; several recordings: how well they repeat.
+    #[command(after_help = "Example: ricochet report shot.mcap -o shot.html")]
+    Report(Report),
     /// Tell what is in a recording, and what is wrong with it.
     #[command(after_help = "Example: ricochet info shot.mcap --json")]
     Info(Info),
@@ -291,10 +295,21 @@ pub struct Export {
     /// velocity, field, track, impact, truth or events.
     #[arg(long)]
     topic: String,
-    /// csv.
+    /// csv, parquet or png (topics frames, track and field: a directory of pictures).
     #[arg(long, default_value = "csv")]
     format: String,
-    /// The table to write; standard output when absent.
+    /// The table or the directory to write; of csv, standard output when absent.
+    #[arg(short, long)]
+    output: Option<PathBuf>,
+}
+
+/// Arguments of a command.
+#[derive(Debug, Args)]
+pub struct Report {
+    /// One recording, or several of the same experiment.
+    #[arg(required = true)]
+    files: Vec<PathBuf>,
+    /// The HTML page to write; beside the first recording when absent.
     #[arg(short, long)]
     output: Option<PathBuf>,
 }
@@ -437,6 +452,7 @@ fn inspect(command: Command) -> anyhow::Result<Outcome> {
             let exported = export::run(&ExportOptions { file: file.clone(), topic, format, output })?;
             return Ok(Outcome::of_file(0, &file, exported.truncated.as_deref()));
         }
+        Command::Report(Report { files, output }) => return report::run(&ReportOptions { files, output }),
         Command::Info(Info { file, json }) => {
             let info = info::run(&InfoOptions { file, json })?;
             let gone = info.frames.as_ref().and_then(|frames| frames.lost).unwrap_or(0);

@@ -35,6 +35,8 @@ pub mod message;
 
 pub mod recording;
 
+pub mod report;
+
 pub mod import;
 
 pub mod camera;

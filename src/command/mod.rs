@@ -14,6 +14,7 @@ pub mod listen;
 pub mod progress;
 pub mod recover;
 pub mod replay;
+pub mod report;
 pub mod rig;
 pub mod simulate;
 pub mod status;

@@ -130,7 +130,7 @@ fn an_unknown_table_or_format_is_a_usage_error() {
     };
     let error = export::run(&options).unwrap_err();
     assert!(matches!(error, export::ExportError::Usage(_)) && error.to_string().contains("velocity"), "{error}");
-    let error = export::Format::from_word("parquet").unwrap_err();
+    let error = export::Format::from_word("xlsx").unwrap_err();
     assert!(matches!(error, export::ExportError::Usage(_)), "{error}");
 }
 
@@ -155,4 +155,97 @@ fn info_counts_frames_losses_and_topics() {
     let counts: Vec<_> = info.topics.iter().map(|t| (t.topic.as_str(), t.messages)).collect();
     assert_eq!(counts, [("/camera/frame_info", 5), ("/camera/image", 5), ("/events", 1)]);
     assert_eq!(info.attachments["config.toml"], samples::info().config_toml.len() as u64);
+}
+
+fn options(
+    file: &std::path::Path,
+    topic: &str,
+    format: export::Format,
+    output: &std::path::Path,
+) -> export::ExportOptions {
+    export::ExportOptions { file: file.into(), topic: topic.into(), format, output: Some(output.into()) }
+}
+
+/// A Parquet file's rows as the texts that the CSV file has, read by the crate's own reader.
+fn parquet_table(path: &std::path::Path) -> Vec<Vec<String>> {
+    use parquet::file::reader::{FileReader, SerializedFileReader};
+    use parquet::record::Field;
+    let reader = SerializedFileReader::new(std::fs::File::open(path).unwrap()).unwrap();
+    let columns = reader.metadata().file_metadata().schema_descr().columns().to_vec();
+    let mut rows = vec![columns.iter().map(|column| column.name().to_owned()).collect::<Vec<_>>()];
+    for row in reader.get_row_iter(None).unwrap() {
+        let row = row.unwrap();
+        let cell = |field: &Field| match field {
+            Field::Null => String::new(),
+            Field::Long(number) => number.to_string(),
+            Field::ULong(number) => number.to_string(),
+            Field::Double(number) => number.to_string(),
+            Field::Float(number) => number.to_string(),
+            Field::Str(text) => text.clone(),
+            other => panic!("{other:?}"),
+        };
+        rows.push(row.get_column_iter().map(|(_, field)| cell(field)).collect());
+    }
+    rows
+}
+
+#[test]
+fn parquet_holds_every_cell_of_the_csv_table() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("shot.mcap");
+    samples::write(&path, &WriterOptions::default(), 30, [8, 8]).finish().unwrap();
+    let recording = Recording::open(&path).unwrap();
+    for topic in export::TABLES {
+        let target = folder.path().join(format!("{topic}.parquet"));
+        let rows = export::run(&options(&path, topic, export::Format::Parquet, &target)).unwrap();
+        let expected = table(&recording, topic);
+        assert_eq!(rows as usize, expected.len() - 1, "{topic}");
+        assert_eq!(parquet_table(&target), expected, "{topic}");
+    }
+}
+
+#[test]
+fn pictures_show_the_frame_and_what_was_measured_over_it() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("shot.mcap");
+    let mut writer = RecordingWriter::create(&path, &samples::info(), &WriterOptions::default()).unwrap();
+    for sequence in 100..103 {
+        let (meta, bytes) = samples::frame(sequence, PixelFormat::Mono8, [320, 200], 0);
+        writer.frame(&Frame { meta, bytes: &bytes }).unwrap();
+        let mut track = samples::track(sequence);
+        (track.center_x_px, track.center_y_px, track.radius_px) = (Some(160.0), Some(100.0), Some(50.0));
+        writer.track(&track).unwrap();
+    }
+    writer.finish().unwrap();
+    let picture = |topic: &str, number: u32| {
+        let name = format!("{topic}/{topic}_{number:06}.png");
+        image::open(folder.path().join(name)).unwrap().to_rgb8()
+    };
+    for topic in export::PICTURES {
+        let target = folder.path().join(topic);
+        assert_eq!(export::run(&options(&path, topic, export::Format::Png, &target)).unwrap(), 3);
+        assert_eq!(std::fs::read_dir(&target).unwrap().count(), 3);
+    }
+    let (plain, outlined) = (picture("frames", 2), picture("track", 2));
+    assert_eq!(plain.dimensions(), (640, 400), "enlarged twice");
+    let (_, bytes) = samples::frame(102, PixelFormat::Mono8, [320, 200], 0);
+    for (x, y) in [(0, 0), (319, 0), (17, 113), (319, 199)] {
+        assert_eq!(plain.get_pixel(2 * x + 1, 2 * y).0, [bytes[(y * 320 + x) as usize]; 3]);
+    }
+    // Pixel (210, 100) is on the outline; its middle lies at (421, 201) of the enlarged picture.
+    assert_eq!(outlined.get_pixel(421, 201).0, [53, 224, 111]);
+    let drawn = plain.pixels().zip(outlined.pixels()).filter(|(a, b)| a != b).count();
+    assert!((500..2000).contains(&drawn), "{drawn} pixels drawn");
+}
+
+#[test]
+fn pictures_and_parquet_want_to_know_where_to() {
+    for format in [export::Format::Png, export::Format::Parquet] {
+        let options =
+            export::ExportOptions { output: None, ..options("shot.mcap".as_ref(), "field", format, "x".as_ref()) };
+        let error = export::run(&options).unwrap_err();
+        assert!(matches!(error, export::ExportError::Usage(_)) && error.to_string().contains("-o"), "{error}");
+    }
+    let velocity = options("shot.mcap".as_ref(), "velocity", export::Format::Png, "x".as_ref());
+    assert!(matches!(export::run(&velocity).unwrap_err(), export::ExportError::Usage(_)));
 }

@@ -7,5 +7,5 @@ pub mod foreign;
 mod python;
 mod recover;
 mod roundtrip;
-mod samples;
+pub mod samples;
 mod speed;

@@ -1,0 +1,287 @@
+//! Curves over time as SVG, coloured by the page's style sheet.
+
+use super::number::{escape, fixed};
+use std::fmt::Write as _;
+
+/// Width of a chart in its own units; the page scales it.
+const WIDTH: f64 = 900.0;
+const LEFT: f64 = 62.0;
+const RIGHT: f64 = 92.0;
+const TOP: f64 = 10.0;
+const AXIS: f64 = 34.0;
+
+/// More points than this are thinned to the extremes of each column.
+const POINTS_MAX: usize = 1600;
+
+/// One point of a curve.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Point {
+    /// Time, ms.
+    pub(super) x: f64,
+    /// The number.
+    pub(super) y: f64,
+    /// Its standard uncertainty; 0 draws no band.
+    pub(super) sigma: f64,
+}
+
+/// A curve: what it is called at its end, and its unbroken stretches.
+#[derive(Debug, Clone)]
+pub(super) struct Curve {
+    /// Class of the style sheet: `a`, `b` or `truth`.
+    pub(super) class: &'static str,
+    /// Written at its end.
+    pub(super) label: &'static str,
+    /// Nothing was measured between one stretch and the next.
+    pub(super) stretches: Vec<Vec<Point>>,
+}
+
+/// What all charts of a body share.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Timeline {
+    /// First and last time, ms.
+    pub(super) span: [f64; 2],
+    /// Contacts: start, deepest, end, ms.
+    pub(super) contacts: Vec<[Option<f64>; 3]>,
+}
+
+/// A chart.
+#[derive(Debug, Clone)]
+pub(super) struct Chart {
+    /// What is drawn, for readers who cannot see it.
+    pub(super) title: String,
+    /// The curves, back to front.
+    pub(super) curves: Vec<Curve>,
+    /// Height of the plot alone.
+    pub(super) height: f64,
+    /// Whether the time axis has numbers.
+    pub(super) has_axis: bool,
+}
+
+struct Scale {
+    x: [f64; 2],
+    y: [f64; 2],
+    height: f64,
+}
+
+impl Scale {
+    fn x(&self, x: f64) -> f64 {
+        LEFT + (x - self.x[0]) / (self.x[1] - self.x[0]) * (WIDTH - LEFT - RIGHT)
+    }
+
+    fn y(&self, y: f64) -> f64 {
+        TOP + (self.y[1] - y) / (self.y[1] - self.y[0]) * self.height
+    }
+}
+
+/// Draws it; empty when there is nothing to draw.
+pub(super) fn draw(chart: &Chart, time: &Timeline) -> String {
+    let Some(y) = range(&chart.curves) else { return String::new() };
+    let x = if time.span[1] > time.span[0] { time.span } else { [time.span[0] - 0.5, time.span[0] + 0.5] };
+    let scale = Scale { x, y, height: chart.height };
+    let total = TOP + chart.height + if chart.has_axis { AXIS } else { 6.0 };
+    let title = escape(&chart.title);
+    let mut svg = format!("<svg class=\"chart\" viewBox=\"0 0 {WIDTH} {total}\" role=\"img\" aria-label=\"{title}\">");
+    contacts(&mut svg, &scale, time);
+    grid(&mut svg, &scale, chart.has_axis);
+    for curve in &chart.curves {
+        for stretch in &curve.stretches {
+            let stretch = thinned(stretch, &scale);
+            band(&mut svg, &scale, curve.class, &stretch);
+            line(&mut svg, &scale, curve.class, &stretch);
+        }
+    }
+    labels(&mut svg, &scale, &chart.curves);
+    svg.push_str("</svg>");
+    svg
+}
+
+/// From the lowest to the highest point, with some air.
+fn range(curves: &[Curve]) -> Option<[f64; 2]> {
+    let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);
+    for point in curves.iter().flat_map(|curve| curve.stretches.iter().flatten()) {
+        low = low.min(point.y - 2.0 * point.sigma);
+        high = high.max(point.y + 2.0 * point.sigma);
+    }
+    if !(low.is_finite() && high.is_finite()) {
+        return None;
+    }
+    let air = ((high - low) * 0.08).max(high.abs().max(low.abs()) * 1e-6).max(1e-9);
+    Some([low - air, high + air])
+}
+
+/// Round numbers from `span[0]` to `span[1]`, about `count` of them, and their decimals.
+fn ticks(span: [f64; 2], count: f64) -> (Vec<f64>, usize) {
+    let rough = (span[1] - span[0]) / count;
+    let power = 10_f64.powf(rough.log10().floor());
+    let step = [1.0, 2.0, 5.0, 10.0].into_iter().map(|k| k * power).find(|step| *step >= rough).unwrap_or(rough);
+    let decimals = (-(step * 1.000_001).log10().floor()).clamp(0.0, 9.0) as usize;
+    let (first, last) = ((span[0] / step).ceil() as i64, (span[1] / step).floor() as i64);
+    ((first..=last).map(|k| k as f64 * step).collect(), decimals)
+}
+
+fn contacts(svg: &mut String, scale: &Scale, time: &Timeline) {
+    let (top, low) = (TOP, TOP + scale.height);
+    for [start, deepest, end] in &time.contacts {
+        if let (Some(start), Some(end)) = (start, end) {
+            let (from, to) = (scale.x(start.max(scale.x[0])), scale.x(end.min(scale.x[1])));
+            if to > from {
+                let (width, height) = (to - from, scale.height);
+                let _ = write!(
+                    svg,
+                    "<rect class=\"contact\" x=\"{from:.1}\" y=\"{top}\" width=\"{width:.1}\" height=\"{height}\"/>"
+                );
+            }
+        }
+        for (moment, class) in [(start, "edge"), (deepest, "deepest"), (end, "edge")] {
+            if let Some(x) = moment.filter(|x| *x >= scale.x[0] && *x <= scale.x[1]).map(|x| scale.x(x)) {
+                let _ = write!(svg, "<path class=\"{class}\" d=\"M{x:.1} {top}V{low}\"/>");
+            }
+        }
+    }
+}
+
+fn grid(svg: &mut String, scale: &Scale, has_axis: bool) {
+    let (right, low) = (WIDTH - RIGHT, TOP + scale.height);
+    let (levels, decimals) = ticks(scale.y, (scale.height / 34.0).max(3.0));
+    for level in levels {
+        let y = scale.y(level);
+        let class = if level.abs() < 1e-12 { "zero" } else { "grid" };
+        let (text, below) = (fixed(level, decimals), y + 4.0);
+        let _ = write!(svg, "<path class=\"{class}\" d=\"M{LEFT} {y:.1}H{right}\"/>");
+        let _ = write!(
+            svg,
+            "<text class=\"tick\" x=\"{:.1}\" y=\"{below:.1}\" text-anchor=\"end\">{text}</text>",
+            LEFT - 8.0
+        );
+    }
+    if !has_axis {
+        return;
+    }
+    let _ = write!(svg, "<path class=\"axis\" d=\"M{LEFT} {low}H{right}\"/>");
+    let (moments, decimals) = ticks(scale.x, 10.0);
+    for moment in moments {
+        let (x, text) = (scale.x(moment), fixed(moment, decimals));
+        let _ = write!(svg, "<path class=\"axis\" d=\"M{x:.1} {low}v5\"/>");
+        let _ = write!(
+            svg,
+            "<text class=\"tick\" x=\"{x:.1}\" y=\"{:.1}\" text-anchor=\"middle\">{text}</text>",
+            low + 19.0
+        );
+    }
+    let _ = write!(svg, "<text class=\"tick unit\" x=\"{}\" y=\"{:.1}\">ms</text>", right + 10.0, low + 19.0);
+}
+
+/// The stretch, or the lowest and highest point of each column where there are more points than anyone sees.
+fn thinned(stretch: &[Point], scale: &Scale) -> Vec<Point> {
+    if stretch.len() <= POINTS_MAX {
+        return stretch.to_vec();
+    }
+    let mut kept: Vec<Point> = Vec::with_capacity(POINTS_MAX + 2);
+    let column = |point: &Point| scale.x(point.x).floor() as i64;
+    for points in stretch.chunk_by(|a, b| column(a) == column(b)) {
+        let lowest = (0..points.len()).min_by(|a, b| points[*a].y.total_cmp(&points[*b].y)).unwrap_or(0);
+        let highest = (0..points.len()).max_by(|a, b| points[*a].y.total_cmp(&points[*b].y)).unwrap_or(0);
+        kept.push(points[lowest.min(highest)]);
+        if lowest != highest {
+            kept.push(points[lowest.max(highest)]);
+        }
+    }
+    kept
+}
+
+fn path(scale: &Scale, points: impl Iterator<Item = (f64, f64)>) -> String {
+    let mut path = String::new();
+    for (k, (x, y)) in points.enumerate() {
+        let _ = write!(path, "{}{:.1} {:.1}", if k == 0 { 'M' } else { 'L' }, scale.x(x), scale.y(y));
+    }
+    path
+}
+
+/// Two standard uncertainties to either side.
+fn band(svg: &mut String, scale: &Scale, class: &str, points: &[Point]) {
+    if points.len() < 2 || points.iter().all(|point| point.sigma <= 0.0) {
+        return;
+    }
+    let above = points.iter().map(|p| (p.x, p.y + 2.0 * p.sigma));
+    let below = points.iter().rev().map(|p| (p.x, p.y - 2.0 * p.sigma));
+    let _ = write!(svg, "<path class=\"band {class}\" d=\"{}Z\"/>", path(scale, above.chain(below)));
+}
+
+fn line(svg: &mut String, scale: &Scale, class: &str, points: &[Point]) {
+    match points {
+        [] => {}
+        [alone] => {
+            let _ = write!(
+                svg,
+                "<circle class=\"dot {class}\" cx=\"{:.1}\" cy=\"{:.1}\" r=\"1.6\"/>",
+                scale.x(alone.x),
+                scale.y(alone.y)
+            );
+        }
+        _ => {
+            let _ =
+                write!(svg, "<path class=\"line {class}\" d=\"{}\"/>", path(scale, points.iter().map(|p| (p.x, p.y))));
+        }
+    }
+}
+
+/// The name of each curve at its end, moved apart where two would overlap.
+fn labels(svg: &mut String, scale: &Scale, curves: &[Curve]) {
+    let ends = curves.iter().filter(|curve| !curve.label.is_empty());
+    let mut ends: Vec<(f64, &Curve)> =
+        ends.filter_map(|curve| Some((scale.y(curve.stretches.iter().flatten().last()?.y), curve))).collect();
+    ends.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let mut free = TOP;
+    for (y, curve) in ends {
+        let y = y.max(free).min(TOP + scale.height);
+        free = y + 15.0;
+        let (x, class, label) = (WIDTH - RIGHT + 8.0, curve.class, curve.label);
+        let _ = write!(svg, "<text class=\"label {class}\" x=\"{x}\" y=\"{:.1}\">{label}</text>", y + 4.0);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn chart(points: Vec<Point>) -> Chart {
+        let curves = vec![Curve { class: "a", label: "vn", stretches: vec![points] }];
+        Chart { title: "t".into(), curves, height: 100.0, has_axis: true }
+    }
+
+    #[test]
+    fn ticks_are_round_and_inside() {
+        let (ticks, decimals) = ticks([-0.34, 1.72], 4.0);
+        assert_eq!((ticks.len(), decimals), (2, 0), "{ticks:?}");
+        let (ticks, decimals) = super::ticks([0.0, 9.9], 10.0);
+        assert_eq!((ticks, decimals), ((0..10).map(f64::from).collect(), 0));
+        let (ticks, decimals) = super::ticks([61.5, 61.6], 4.0);
+        assert_eq!((ticks.len(), decimals), (2, 2), "{ticks:?}");
+    }
+
+    #[test]
+    fn an_empty_chart_draws_nothing() {
+        assert_eq!(draw(&chart(Vec::new()), &Timeline { span: [0.0, 1.0], contacts: Vec::new() }), "");
+    }
+
+    #[test]
+    fn thinning_keeps_a_single_peak() {
+        let mut points: Vec<Point> = (0..100_000).map(|k| Point { x: f64::from(k), y: 0.0, sigma: 0.0 }).collect();
+        points[54_321].y = 1.0;
+        let scale = Scale { x: [0.0, 99_999.0], y: [0.0, 1.0], height: 100.0 };
+        let thin = thinned(&points, &scale);
+        assert!(thin.len() <= 2 * WIDTH as usize, "{}", thin.len());
+        assert!(thin.contains(&points[54_321]));
+        assert!(thin.is_sorted_by(|a, b| a.x <= b.x));
+    }
+
+    #[test]
+    fn a_contact_is_shaded_where_it_lies_in_the_picture() {
+        let points = vec![Point { x: 0.0, y: 0.0, sigma: 0.1 }, Point { x: 10.0, y: 1.0, sigma: 0.1 }];
+        let time = Timeline { span: [0.0, 10.0], contacts: vec![[Some(5.0), Some(6.0), Some(20.0)]] };
+        let svg = draw(&chart(points), &time);
+        assert!(svg.contains("<rect class=\"contact\" x=\"435.0\" y=\"10\" width=\"373.0\""), "{svg}");
+        assert_eq!((svg.matches("class=\"edge\"").count(), svg.matches("class=\"deepest\"").count()), (1, 1));
+        assert!(svg.contains("band a") && !svg.contains("NaN"));
+    }
+}

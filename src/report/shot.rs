@@ -1,0 +1,236 @@
+//! What a page needs of a recording, read in one pass over its frames.
+
+use super::picture::{self, Crop};
+use crate::image::FrameMeta;
+use crate::recording::{EventRow, Recording, RecordingError};
+use crate::results::{Impact, PairField, VelocitySample};
+use std::collections::BTreeMap;
+
+/// Collisions that get pictures; the numbers of all are told.
+const PICTURED_IMPACTS: usize = 4;
+
+/// Half the side of a picture, in radii of the body.
+const CROP_RADII: f64 = 1.35;
+
+/// The moments of a collision that get a picture.
+const MOMENTS: [(&str, &str); 3] = [("start_s", "Contact starts"), ("deepest_s", "Deepest"), ("end_s", "Contact ends")];
+
+/// A recording as a page shows it.
+#[derive(Debug)]
+pub struct Shot {
+    pub(super) name: String,
+    pub(super) metadata: BTreeMap<String, String>,
+    pub(super) config_toml: Option<String>,
+    pub(super) library: String,
+    pub(super) truncated: Option<String>,
+    pub(super) bodies: Vec<(u32, String)>,
+    pub(super) frames: FilmSummary,
+    /// Where `t_s` counts from, ns since the Unix epoch.
+    pub(super) origin_ns: u64,
+    pub(super) velocities: Vec<VelocitySample>,
+    pub(super) truth: Vec<VelocitySample>,
+    pub(super) impacts: Vec<Impact>,
+    pub(super) truth_impacts: Vec<Impact>,
+    pub(super) events: Vec<EventRow>,
+    /// Field points of each status.
+    pub(super) field_statuses: BTreeMap<&'static str, u64>,
+    pub(super) snapshots: Vec<Snapshot>,
+}
+
+/// The frames of a recording, counted.
+#[derive(Debug, Clone, Default)]
+pub(super) struct FilmSummary {
+    pub(super) count: u64,
+    pub(super) shape: Option<FrameMeta>,
+    pub(super) rate_hz: Option<f64>,
+    pub(super) lost: u64,
+    pub(super) gaps: u64,
+    /// Frames, or the rest of the file, that could not be read: how many, and the first reason.
+    pub(super) unreadable: u64,
+    pub(super) problem: Option<String>,
+}
+
+/// A body at one moment of a collision.
+#[derive(Debug)]
+pub(super) struct Snapshot {
+    /// Body and number of the collision.
+    pub(super) impact: (u32, u32),
+    pub(super) title: &'static str,
+    /// The moment, ns since the Unix epoch.
+    pub(super) moment_ns: u64,
+    /// The row of the frame nearest to it.
+    pub(super) row: VelocitySample,
+    /// The body's displacements from this frame on.
+    pub(super) field: Option<PairField>,
+    pub(super) picture: Option<(Crop, Vec<u8>)>,
+}
+
+impl Shot {
+    /// Reads a recording.
+    ///
+    /// # Errors
+    ///
+    /// [`RecordingError`] when the system refuses, or a table of it does not decode. Frames that are damaged are
+    /// counted, not an error.
+    pub fn read(recording: &Recording) -> Result<Self, RecordingError> {
+        let mut velocities = recording.velocities()?.collect::<Result<Vec<_>, _>>()?;
+        velocities.sort_by_key(|row| (row.body, row.frame));
+        let mut truth = recording.truth()?.collect::<Result<Vec<_>, _>>()?;
+        truth.sort_by_key(|row| (row.body, row.frame));
+        let impacts = last_revisions(recording.impacts()?.collect::<Result<_, _>>()?);
+        let mut bodies: Vec<u32> =
+            velocities.iter().map(|row| row.body).chain(impacts.iter().map(|i| i.body)).collect();
+        bodies.sort_unstable();
+        bodies.dedup();
+        let mut shot = Self {
+            name: recording.path().file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned()),
+            metadata: recording.metadata().clone(),
+            config_toml: recording.config_toml().map(str::to_owned),
+            library: recording.library().to_owned(),
+            truncated: recording.truncated().map(str::to_owned),
+            bodies: bodies.into_iter().map(|body| (body, recording.body_name(body))).collect(),
+            frames: FilmSummary::default(),
+            origin_ns: 0,
+            snapshots: snapshots(&impacts, &velocities),
+            velocities,
+            truth,
+            impacts,
+            truth_impacts: last_revisions(recording.truth_impacts()?.collect::<Result<_, _>>()?),
+            events: recording.events()?.collect::<Result<_, _>>()?,
+            field_statuses: BTreeMap::new(),
+        };
+        shot.read_fields(recording)?;
+        shot.read_frames(recording)?;
+        shot.origin_ns = shot.first_stamp_ns();
+        Ok(shot)
+    }
+
+    /// One field is in memory at a time, besides those of the snapshots.
+    fn read_fields(&mut self, recording: &Recording) -> Result<(), RecordingError> {
+        for field in recording.fields()? {
+            let field = field?;
+            for point in &field.points {
+                *self.field_statuses.entry(point.status.word()).or_default() += 1;
+            }
+            let shown = |s: &&mut Snapshot| s.field.is_none() && (s.row.frame, s.row.body) == (field.frame, field.body);
+            for snapshot in self.snapshots.iter_mut().filter(shown) {
+                snapshot.field = Some(field.clone());
+            }
+        }
+        Ok(())
+    }
+
+    fn read_frames(&mut self, recording: &Recording) -> Result<(), RecordingError> {
+        if recording.frame_count() == 0 {
+            self.frames.rate_hz = self.metadata.get("frame_rate_hz").and_then(|text| text.parse().ok());
+            return Ok(());
+        }
+        let mut last: Option<FrameMeta> = None;
+        for frame in recording.frames()? {
+            let (meta, bytes) = match frame {
+                Ok(frame) => frame,
+                Err(error @ RecordingError::Io { .. }) => return Err(error),
+                Err(error) => {
+                    self.frames.unreadable += 1;
+                    self.frames.problem.get_or_insert(error.to_string());
+                    continue;
+                }
+            };
+            let before = last.filter(|last| last.epoch == meta.epoch);
+            let missing = before.map_or(0, |last| meta.sequence.saturating_sub(last.sequence).saturating_sub(1));
+            self.frames.count += 1;
+            self.frames.lost += missing;
+            self.frames.gaps += u64::from(missing > 0);
+            self.frames.shape.get_or_insert(meta);
+            last = Some(meta);
+            for snapshot in self.snapshots.iter_mut().filter(|s| s.row.frame == meta.sequence && s.picture.is_none()) {
+                let center = snapshot.row.center_x_px.zip(snapshot.row.center_y_px).map(|(x, y)| [x, y]);
+                let crop = Crop::about(center, snapshot.row.radius_px.unwrap_or(0.0) * CROP_RADII, &meta);
+                snapshot.picture = picture::png(meta, &bytes, crop).map(|png| (crop, png));
+            }
+        }
+        let told = self.metadata.get("frame_rate_hz").and_then(|text| text.parse().ok());
+        self.frames.rate_hz = told.or(recording.frame_rate_hz().ok().flatten());
+        Ok(())
+    }
+
+    /// The first frame's stamp; without frames what the metadata say, else the first row's.
+    fn first_stamp_ns(&self) -> u64 {
+        let told = self.metadata.get("first_stamp_ns").and_then(|text| text.parse().ok());
+        let first_row = self.velocities.iter().map(|row| row.stamp_ns).min();
+        self.frames.shape.map(|meta| meta.stamp_ns).or(told).or(first_row).unwrap_or(0)
+    }
+
+    /// Seconds from the first frame.
+    pub(super) fn seconds(&self, stamp_ns: u64) -> f64 {
+        (i128::from(stamp_ns) - i128::from(self.origin_ns)) as f64 / 1e9
+    }
+
+    /// A frame's number as the tables have it, counted from the first frame.
+    pub(super) fn frame(&self, sequence: u64) -> i128 {
+        let told = self.metadata.get("first_frame").and_then(|text| text.parse().ok());
+        let first_row = self.velocities.iter().map(|row| row.frame).min();
+        let first = self.frames.shape.map(|meta| meta.sequence).or(told).or(first_row).unwrap_or(0);
+        i128::from(sequence) - i128::from(first)
+    }
+
+    /// Seconds to add to a collision's own times.
+    pub(super) fn shift_s(&self, impact: &Impact) -> f64 {
+        self.seconds(impact.origin_ns)
+    }
+
+    /// What really happened in this collision, where the recording knows.
+    pub(super) fn truth_of(&self, impact: &Impact) -> Option<&Impact> {
+        self.truth_impacts.iter().find(|truth| (truth.body, truth.number) == (impact.body, impact.number))
+    }
+
+    /// Name of a body.
+    pub(super) fn body_name(&self, body: u32) -> String {
+        self.bodies.iter().find(|(index, _)| *index == body).map_or_else(|| body.to_string(), |(_, name)| name.clone())
+    }
+}
+
+/// Each collision once, as it was told last: the highest revision holds, in whatever order they are logged.
+pub fn last_revisions(told: Vec<Impact>) -> Vec<Impact> {
+    let mut last: BTreeMap<(u32, u32), Impact> = BTreeMap::new();
+    for impact in told {
+        let held = last.entry((impact.body, impact.number)).or_insert(impact);
+        if impact.revision >= held.revision {
+            *held = impact;
+        }
+    }
+    last.into_values().collect()
+}
+
+fn snapshots(impacts: &[Impact], rows: &[VelocitySample]) -> Vec<Snapshot> {
+    let mut snapshots = Vec::new();
+    for impact in impacts.iter().take(PICTURED_IMPACTS) {
+        for (column, title) in MOMENTS {
+            let Some((_, Some(moment))) = impact.numbers().into_iter().find(|(name, _)| *name == column) else {
+                continue;
+            };
+            if !(moment.value.is_finite() && moment.value >= 0.0) {
+                continue;
+            }
+            let moment_ns = impact.origin_ns.saturating_add((moment.value * 1e9) as u64);
+            let of_body = rows.iter().filter(|row| row.body == impact.body);
+            let Some(row) = of_body.min_by_key(|row| row.stamp_ns.abs_diff(moment_ns)) else { continue };
+            let impact = (impact.body, impact.number);
+            snapshots.push(Snapshot { impact, title, moment_ns, row: *row, field: None, picture: None });
+        }
+    }
+    snapshots
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_highest_revision_holds_in_whatever_order_they_come() {
+        let told = |number, revision| Impact { revision, ..Impact::unknown(0, number, 0) };
+        let last = last_revisions(vec![told(1, 0), told(0, 2), told(0, 0), told(0, 1)]);
+        let kept: Vec<_> = last.iter().map(|impact| (impact.number, impact.revision)).collect();
+        assert_eq!(kept, [(0, 2), (1, 0)]);
+    }
+}

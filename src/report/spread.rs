@@ -1,0 +1,104 @@
+//! How much the same number varies from shot to shot.
+
+use crate::results::Estimate;
+
+/// Modified z-score beyond which a value is an outlier: Iglewicz and Hoaglin, How to Detect and Handle Outliers,
+/// ASQC 1993, section 3.4.
+const OUTLIER_SCORE: f64 = 3.5;
+/// From the median absolute deviation to a standard deviation, for normal errors.
+const MAD_TO_SIGMA: f64 = 1.482_602_218_505_602;
+/// Fewer values than this have no outliers: one of three cannot be told from two.
+const VALUES_MIN: usize = 4;
+
+/// A set of values of one number.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Spread {
+    /// Which of the values are outliers.
+    pub(super) outliers: Vec<bool>,
+    /// Values that are none.
+    pub(super) kept: usize,
+    /// Mean of those kept.
+    pub(super) mean: f64,
+    /// Their sample standard deviation; none of a single value.
+    pub(super) sd: Option<f64>,
+    /// Root mean square of their stated uncertainties.
+    pub(super) stated: f64,
+}
+
+impl Spread {
+    /// Of these values; `None` when there are none.
+    pub(super) fn of(values: &[Estimate]) -> Option<Self> {
+        let outliers = outliers(values);
+        let kept: Vec<&Estimate> =
+            values.iter().zip(&outliers).filter(|(_, out)| !**out).map(|(value, _)| value).collect();
+        if kept.is_empty() {
+            return None;
+        }
+        let n = kept.len() as f64;
+        let mean = kept.iter().map(|e| e.value).sum::<f64>() / n;
+        let squares = kept.iter().map(|e| (e.value - mean).powi(2)).sum::<f64>();
+        let sd = (kept.len() > 1).then(|| (squares / (n - 1.0)).sqrt());
+        let stated = (kept.iter().map(|e| e.sigma.powi(2)).sum::<f64>() / n).sqrt();
+        Some(Self { kept: kept.len(), mean, sd, stated, outliers })
+    }
+}
+
+/// Values further from the median than 3.5 robust standard deviations, which are never taken smaller than the
+/// typical stated uncertainty or the value's own: numbers that agree better than they claim are no reason to throw
+/// one out, nor is one that says itself how unsure it is.
+fn outliers(values: &[Estimate]) -> Vec<bool> {
+    if values.len() < VALUES_MIN {
+        return vec![false; values.len()];
+    }
+    let center = median(values.iter().map(|e| e.value));
+    let spread = MAD_TO_SIGMA * median(values.iter().map(|e| (e.value - center).abs()));
+    let stated = median(values.iter().map(|e| e.sigma));
+    values.iter().map(|e| (e.value - center).abs() > OUTLIER_SCORE * spread.max(stated).max(e.sigma)).collect()
+}
+
+fn median(values: impl Iterator<Item = f64>) -> f64 {
+    let mut values: Vec<f64> = values.collect();
+    values.sort_by(f64::total_cmp);
+    let half = values.len() / 2;
+    if values.len().is_multiple_of(2) { 0.5 * (values[half - 1] + values[half]) } else { values[half] }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn values(values: &[f64], sigma: f64) -> Vec<Estimate> {
+        values.iter().map(|value| Estimate { value: *value, sigma }).collect()
+    }
+
+    #[test]
+    fn one_wild_value_of_six_is_left_out_of_mean_and_sd() {
+        let spread = Spread::of(&values(&[1.0, 1.2, 0.8, 1.1, 0.9, 5.0], 0.01)).unwrap();
+        assert_eq!(spread.outliers, [false, false, false, false, false, true]);
+        assert_eq!(spread.kept, 5);
+        assert!((spread.mean - 1.0).abs() < 1e-12 && (spread.sd.unwrap() - 0.025_f64.sqrt()).abs() < 1e-12);
+    }
+
+    #[test]
+    fn values_that_agree_within_their_uncertainty_have_no_outlier() {
+        let spread = Spread::of(&values(&[1.0, 1.0, 1.0, 1.0, 1.03], 0.01)).unwrap();
+        assert_eq!((spread.kept, spread.outliers.contains(&true)), (5, false));
+        let spread = Spread::of(&values(&[1.0, 1.0, 1.0, 1.0, 1.04], 0.01)).unwrap();
+        assert_eq!(spread.kept, 4);
+    }
+
+    #[test]
+    fn a_value_that_states_a_large_uncertainty_is_no_outlier_within_it() {
+        let mut shots = values(&[1.0, 1.0, 1.0, 1.0, 2.0], 0.01);
+        assert_eq!(Spread::of(&shots).unwrap().kept, 4);
+        shots[4].sigma = 0.5;
+        assert_eq!(Spread::of(&shots).unwrap().kept, 5);
+    }
+
+    #[test]
+    fn of_three_values_none_is_an_outlier_and_one_has_no_sd() {
+        assert_eq!(Spread::of(&values(&[1.0, 1.0, 100.0], 0.01)).unwrap().kept, 3);
+        assert_eq!(Spread::of(&values(&[2.0], 0.1)).unwrap().sd, None);
+        assert_eq!(Spread::of(&[]), None);
+    }
+}

@@ -1,0 +1,109 @@
+//! The examples read and hear the numbers that the recording holds.
+
+use crate::support::{Background, Rig, ricochet, succeed};
+use ricochet::recording::Recording;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+/// An example's program: built beside the tests by the same `cargo test`.
+fn example(name: &str) -> Command {
+    let tests = std::env::current_exe().unwrap();
+    let built = tests.parent().and_then(Path::parent).unwrap().join("examples").join(name);
+    assert!(built.exists(), "{} is not there: run the whole of cargo test --release once", built.display());
+    Command::new(built)
+}
+
+fn script(name: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("examples").join(name)
+}
+
+/// Python with the modules a script needs, or says that it was left out.
+fn python(script_name: &str, modules: &str) -> Option<Command> {
+    let importable = Command::new("python3").args(["-c", &format!("import {modules}")]).output();
+    if !importable.is_ok_and(|output| output.status.success()) {
+        let required = std::env::var_os("RICOCHET_REQUIRE_PYTHON").is_some_and(|value| value == "1");
+        assert!(!required, "python3 with the modules {modules} is required and not there");
+        eprintln!("left out: {script_name}: python3 with the modules {modules} is not there");
+        return None;
+    }
+    let mut command = Command::new("python3");
+    command.arg(script(script_name));
+    Some(command)
+}
+
+/// Frame, normal and tangential velocity, spin.
+type Row = (u64, [u64; 3]);
+
+/// What an example printed, numbers bit by bit.
+fn rows(printed: &str) -> Vec<Row> {
+    let row = |line: &str| {
+        let words: Vec<&str> = line.split(' ').collect();
+        assert_eq!(words.len(), 4, "{line}");
+        let bits = |k: usize| words[k].parse::<f64>().unwrap().to_bits();
+        (words[0].parse().unwrap(), [bits(1), bits(2), bits(3)])
+    };
+    printed.lines().map(row).collect()
+}
+
+/// What a recording holds.
+fn recorded(path: &Path) -> Vec<Row> {
+    let samples = Recording::open(path).unwrap().velocities().unwrap().map(Result::unwrap);
+    samples
+        .filter_map(|s| Some((s.frame, s.velocity?)))
+        .map(|(frame, v)| (frame, [v.vn_m_s, v.vt_m_s, v.omega_rad_s].map(f64::to_bits)))
+        .collect()
+}
+
+fn printed_by(mut command: Command, argument: &Path) -> Vec<Row> {
+    let output = command.arg(argument).output().unwrap();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    rows(std::str::from_utf8(&output.stdout).unwrap())
+}
+
+#[test]
+fn the_reading_examples_print_every_velocity_of_a_recording() {
+    let rig = Rig::new();
+    let (film, measured) = (rig.path("film.mcap"), rig.path("measured.mcap"));
+    let config = Path::new(env!("CARGO_MANIFEST_DIR")).join("config/lacrosse.toml");
+    succeed(["simulate".as_ref(), "lacrosse".as_ref(), "-o".as_ref(), film.as_os_str()]);
+    let arguments = ["analyze".as_ref(), film.as_os_str(), "--config".as_ref(), config.as_os_str()];
+    succeed(arguments.into_iter().chain(["-o".as_ref(), measured.as_os_str()]));
+    let expected = recorded(&measured);
+    assert!(expected.len() >= 90, "only {} velocities", expected.len());
+    assert_eq!(printed_by(example("read_recording"), &measured), expected);
+    if let Some(python) = python("read_recording.py", "mcap, mcap_protobuf") {
+        assert_eq!(printed_by(python, &measured), expected);
+    }
+}
+
+#[test]
+fn the_listening_examples_hear_what_the_recording_holds() {
+    let rig = Rig::new();
+    let camera = "source = \"simulated\"\npaced = false\nexposure_us = 20";
+    let config = rig.config(camera, "[scale]\nmm_per_px = 0.5142\n[workers]\ncount = 1");
+    let listeners = [Some(example("listen")), python("listen.py", "iceoryx2")];
+    let listeners: Vec<Background> = (listeners.into_iter().flatten())
+        .map(|mut command| {
+            command.arg(&rig.name);
+            Background::start(command)
+        })
+        .collect();
+    let (code, _, told) = Background::start(ricochet(["run".as_ref(), config.as_os_str()])).end();
+    assert_eq!(code, Some(0), "{told}");
+    let heard: Vec<Vec<Row>> = listeners
+        .into_iter()
+        .map(|listener| {
+            let (code, printed, told) = listener.end();
+            assert_eq!(code, Some(0), "{told}");
+            rows(&printed)
+        })
+        .collect();
+    let expected = recorded(&rig.recordings()[0]);
+    assert!(expected.len() >= 90, "only {} velocities", expected.len());
+    let expected_frames: Vec<u64> = expected.iter().map(|(frame, _)| *frame).collect();
+    for heard in heard {
+        let frames: Vec<u64> = heard.iter().map(|(frame, _)| *frame).collect();
+        assert_eq!(frames, expected_frames, "not every frame was heard");
+        assert!(heard == expected, "the numbers differ");
+    }
+}

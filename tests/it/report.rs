@@ -1,0 +1,181 @@
+//! The page that tells a shot, and the one that tells how well several repeat.
+
+use crate::recording::samples;
+use crate::support::{Rig, run, succeed};
+use ricochet::image::{Frame, PixelFormat};
+use ricochet::recording::{Recording, RecordingInfo, RecordingWriter, WriterOptions};
+use ricochet::report::{self, Shot};
+use ricochet::results::{Estimate, Impact, PointStatus};
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+const SIZE_MAX: usize = 3 << 20;
+
+/// Sequence number of a synthetic recording's first frame, which its tables call 0.
+const FIRST: u64 = 5000;
+
+/// Every address the page names; those of pictures inside it are no requests.
+fn requests(page: &str) -> Vec<&str> {
+    let mut found: Vec<&str> = Vec::new();
+    for key in ["src=\"", "href=\"", "url(", "@import", "srcset=", "http://", "https://", "<script", "<link", "<iframe"]
+    {
+        let after = page.match_indices(key).map(|(at, _)| &page[at..(at + 60).min(page.len())]);
+        found.extend(after.filter(|text| !text.starts_with("href=\"data:image/png;base64,")));
+    }
+    found
+}
+
+/// The page as headless Chromium shows it, or says that it was left out.
+fn rendered(page: &Path) -> Option<String> {
+    let program = ["chromium", "chromium-browser", "google-chrome"]
+        .into_iter()
+        .find(|name| Command::new(name).arg("--version").output().is_ok_and(|output| output.status.success()));
+    let Some(program) = program else {
+        eprintln!("left out: no Chromium to render the page with");
+        return None;
+    };
+    let profile = tempfile::tempdir().unwrap();
+    let options = ["--headless", "--no-sandbox", "--disable-gpu", "--dump-dom", "--window-size=1200,2400"];
+    let mut command = Command::new(program);
+    command.args(options).arg(format!("--user-data-dir={}", profile.path().display()));
+    // Whatever the page asked for would fail and show.
+    let output = command.arg("--proxy-server=127.0.0.1:9").arg(format!("file://{}", page.display())).output().unwrap();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    Some(String::from_utf8(output.stdout).unwrap())
+}
+
+/// A measured shot of the simulated ball.
+fn measured(rig: &Rig) -> PathBuf {
+    let (film, measured) = (rig.path("film.mcap"), rig.path("measured.mcap"));
+    let config = Path::new(env!("CARGO_MANIFEST_DIR")).join("config/lacrosse.toml");
+    succeed(["simulate".as_ref(), "lacrosse".as_ref(), "-o".as_ref(), film.as_os_str()]);
+    let arguments = ["analyze".as_ref(), film.as_os_str(), "--config".as_ref(), config.as_os_str()];
+    succeed(arguments.into_iter().chain(["-o".as_ref(), measured.as_os_str()]));
+    measured
+}
+
+#[test]
+fn the_page_of_a_shot_holds_its_numbers_and_asks_for_nothing() {
+    let rig = Rig::new();
+    let (shot, page) = (measured(&rig), rig.path("page.html"));
+    let printed = succeed(["report".as_ref(), shot.as_os_str(), "-o".as_ref(), page.as_os_str()]);
+    assert_eq!(printed.trim(), page.to_str().unwrap());
+    let html = std::fs::read_to_string(&page).unwrap();
+    assert_eq!(requests(&html), [""; 0]);
+    assert!(html.len() < SIZE_MAX, "{} bytes", html.len());
+    let recording = Recording::open(&shot).unwrap();
+    let impact = report::last_revisions(recording.impacts().unwrap().map(Result::unwrap).collect())[0];
+    let restitution = impact.restitution.unwrap();
+    // Two digits of an uncertainty of some 1e-4 are five decimals.
+    assert!((1e-4..1e-3).contains(&restitution.sigma), "{restitution:?}");
+    assert!(html.contains(&format!("<td>{:.5}</td><td>{:.5}</td>", restitution.value, restitution.sigma)));
+    for word in ["vn_before_m_s", "NaN", "inf<"] {
+        assert!(!html.contains(word), "{word} is on the page");
+    }
+    assert!(html.matches("class=\"chart\"").count() == 6, "six curves");
+    if let Some(dom) = rendered(&page) {
+        assert_eq!(dom.matches("class=\"chart\"").count(), 6);
+        assert!(dom.contains("Settings (config.toml)") && dom.contains("Normal velocity"));
+    }
+}
+
+/// A recording of `frames` frames of 128 x 96 px with one collision of this restitution.
+fn synthetic(path: &Path, frames: u64, restitution: f64, skip: Option<u64>) {
+    let info = RecordingInfo { config_toml: "[rig]\nname = \"<test>\"\n".into(), ..samples::info() };
+    let mut writer = RecordingWriter::create(path, &info, &WriterOptions::default()).unwrap();
+    for number in (0..frames).filter(|number| Some(*number) != skip) {
+        let sequence = FIRST + number;
+        let (meta, bytes) = samples::frame(sequence, PixelFormat::Mono8, [128, 96], 0);
+        writer.frame(&Frame { meta, bytes: &bytes }).unwrap();
+        let mut row = samples::velocity(0, 0);
+        (row.frame, row.stamp_ns) = (sequence, meta.stamp_ns);
+        (row.center_x_px, row.center_y_px, row.radius_px) = (Some(64.0), Some(48.0), Some(40.0));
+        if let Some(velocity) = &mut row.velocity {
+            let t = number as f64 * 0.01;
+            (velocity.vn_m_s, velocity.vt_m_s, velocity.omega_rad_s) = (t.sin(), t.cos(), 10.0 * t.sin());
+            (velocity.sigma_v_m_s, velocity.sigma_omega_rad_s) = (0.01, 0.1);
+        }
+        row.status = if number % 50 == 7 { PointStatus::Occluded } else { PointStatus::Valid };
+        writer.velocity(&row).unwrap();
+        writer.field(&samples::field(sequence)).unwrap();
+    }
+    let known = |value: f64, sigma: f64| Some(Estimate { value, sigma });
+    writer
+        .impact(&Impact {
+            start_s: known(0.0101, 1e-6),
+            deepest_s: known(0.0203, 1e-6),
+            end_s: known(0.0305, 1e-6),
+            restitution: known(restitution, 0.001),
+            status: PointStatus::Valid,
+            ..Impact::unknown(0, 0, samples::START_NS + FIRST * 100_000)
+        })
+        .unwrap();
+    writer.finish().unwrap();
+}
+
+fn page_of(paths: &[PathBuf]) -> String {
+    let shots: Vec<Shot> = paths.iter().map(|path| Shot::read(&Recording::open(path).unwrap()).unwrap()).collect();
+    report::page(&shots)
+}
+
+#[test]
+fn a_thousand_noisy_frames_make_a_page_under_3_mb_that_tells_its_losses() {
+    let rig = Rig::new();
+    let path = rig.path("long.mcap");
+    synthetic(&path, 1000, 0.8, Some(500));
+    let html = page_of(&[path]);
+    assert!(html.len() < SIZE_MAX, "{} bytes", html.len());
+    assert!(html.contains("1 frame was lost."), "the loss is told at the top");
+    assert!(html.contains("<td>occluded</td><td>20</td>") && html.contains("<td>valid</td><td>979</td>"));
+    assert_eq!(html.matches("data:image/png").count(), 3, "start, deepest, end");
+    assert!(html.contains("frame 101,") && html.contains("frame 203,") && html.contains("frame 305,"));
+    assert!(html.contains("name = &quot;&lt;test&gt;&quot;"), "what is written in a file is text, not markup");
+    assert_eq!(requests(&html), [""; 0]);
+    // The lost frame parts every curve in two stretches.
+    assert_eq!(html.matches("<path class=\"line a\"").count(), 2 * 6);
+}
+
+#[test]
+fn a_recording_without_frames_says_so() {
+    let rig = Rig::new();
+    let path = rig.path("results.mcap");
+    let mut writer = RecordingWriter::create(&path, &samples::info(), &WriterOptions::default()).unwrap();
+    writer.velocity(&samples::velocity(100, 0)).unwrap();
+    writer.impact(&samples::impact(0, 0)).unwrap();
+    writer.finish().unwrap();
+    let html = page_of(&[path]);
+    assert!(html.contains("results only, no raw frames") && html.contains("this recording holds no raw frames"));
+}
+
+#[test]
+fn several_recordings_give_mean_spread_and_the_outlier_by_its_number() {
+    let rig = Rig::new();
+    let values = [0.800, 0.802, 0.798, 0.801, 0.799, 0.900];
+    let paths: Vec<PathBuf> = (0..values.len()).map(|k| rig.path(&format!("shot-{k}.mcap"))).collect();
+    for (path, value) in paths.iter().zip(values) {
+        synthetic(path, 40, value, None);
+    }
+    let page = rig.path("page.html");
+    let arguments = ["report".as_ref(), "-o".as_ref(), page.as_os_str()];
+    succeed(arguments.into_iter().chain(paths.iter().map(|path| path.as_os_str())));
+    let html = std::fs::read_to_string(&page).unwrap();
+    // Without the sixth: mean 0.8, sd sqrt(1e-5 / 4) = 0.00158.
+    let row = "<td>0.8000</td><td>0.0016</td><td></td><td>0.0010</td><td>5 of 6</td>";
+    assert!(html.contains(row), "{}", &html[html.find("restitution").unwrap()..][..300]);
+    assert!(html.contains("text-anchor=\"end\">6</text>"), "the outlier is shot 6");
+    assert!(!html.contains("NaN"));
+    assert_eq!(requests(&html), [""; 0]);
+}
+
+#[test]
+fn a_page_never_takes_the_place_of_a_recording() {
+    let rig = Rig::new();
+    let path = rig.path("shot.mcap");
+    synthetic(&path, 2, 0.8, None);
+    let before = std::fs::read(&path).unwrap();
+    let output = run(["report".as_ref(), path.as_os_str(), "-o".as_ref(), path.as_os_str()]);
+    assert_eq!(output.status.code(), Some(2), "{}", String::from_utf8_lossy(&output.stderr));
+    assert_eq!(std::fs::read(&path).unwrap(), before);
+    let output = run(["report".as_ref(), rig.path("missing.mcap").as_os_str()]);
+    assert_eq!(output.status.code(), Some(5));
+}
