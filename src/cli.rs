@@ -14,7 +14,7 @@ use crate::command::replay::{self, Rate, ReplayOptions};
 use crate::command::report::{self, ReportOptions};
 use crate::command::rig::{self, RoleOptions};
 use crate::command::simulate::{self, SimulateOptions};
-use crate::command::{Outcome, UsageError, control, status};
+use crate::command::{Outcome, control, status};
 use crate::config::Config;
 use crate::message::{Command as Request, Role};
 use crate::process::Stop;

@@ -8,8 +8,8 @@ use crate::image::{Frame, FrameMeta};
 use crate::measure::{MeasureError, MeasureParams, Measured, Measurer, Share};
 use crate::process::{Extent, Shot, Stop, analysis_params, recording_info};
 use crate::recording::{Recording, RecordingError};
+use crate::report;
 use crate::results::{Estimate, Impact};
-use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::mpsc::{Receiver, Sender, SyncSender, channel, sync_channel};
@@ -170,12 +170,7 @@ fn take(shot: &mut Shot, answer: Answer) -> anyhow::Result<()> {
 
 /// Every collision as it is known best.
 pub(super) fn last_revisions(recording: &Recording) -> Result<Vec<Impact>, RecordingError> {
-    let mut best: BTreeMap<(u32, u32), Impact> = BTreeMap::new();
-    for impact in recording.impacts()? {
-        let impact = impact?;
-        best.insert((impact.body, impact.number), impact);
-    }
-    Ok(best.into_values().collect())
+    Ok(report::last_revisions(recording.impacts()?.collect::<Result<_, _>>()?))
 }
 
 fn tell(impacts: &[Impact], results: &Recording, path: &Path, json: bool) {

@@ -199,7 +199,7 @@ fn parquet_holds_every_cell_of_the_csv_table() {
         let target = folder.path().join(format!("{topic}.parquet"));
         let rows = export::run(&options(&path, topic, export::Format::Parquet, &target)).unwrap();
         let expected = table(&recording, topic);
-        assert_eq!(rows as usize, expected.len() - 1, "{topic}");
+        assert_eq!(rows.rows as usize, expected.len() - 1, "{topic}");
         assert_eq!(parquet_table(&target), expected, "{topic}");
     }
 }
@@ -223,7 +223,7 @@ fn pictures_show_the_frame_and_what_was_measured_over_it() {
     };
     for topic in export::PICTURES {
         let target = folder.path().join(topic);
-        assert_eq!(export::run(&options(&path, topic, export::Format::Png, &target)).unwrap(), 3);
+        assert_eq!(export::run(&options(&path, topic, export::Format::Png, &target)).unwrap().rows, 3);
         assert_eq!(std::fs::read_dir(&target).unwrap().count(), 3);
     }
     let (plain, outlined) = (picture("frames", 2), picture("track", 2));
