@@ -95,7 +95,8 @@ fn wrong_input_is_one_line_with_the_file_and_the_sizes() {
     let text = message(&options(&small, &small));
     assert!(text.contains("subset_size_px is 31") && text.contains("20 x 30"), "{text}");
     let outside = FieldOptions { roi_px: Some([90, 0, 40, 40]), ..options(&reference, &target) };
-    assert!(message(&outside).contains("within the image of 96 x 80 px"));
+    let text = message(&outside);
+    assert!(text.contains("not within") && text.contains("96 x 80 px"), "{text}");
 }
 
 /// The value below which the given share of the values lies.
