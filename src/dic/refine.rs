@@ -14,7 +14,7 @@ use super::plane::Plane;
 use super::quadratic::Second;
 use super::sample::{ShiftedColumn, sample_lanes};
 use super::subset::{Subset, project};
-use super::vector::{Portable, Vector, vectorized};
+use super::vector::{Vector, vectorized};
 use super::warp::Warp;
 use super::window::{Block, Window};
 
@@ -202,18 +202,28 @@ impl Refiner<'_> {
     pub(super) fn residual(&self, warp: &Warp, out: &mut Vec<Lanes>) {
         out.clear();
         let Ok(sums) = self.pass(warp) else { return };
-        let subset = self.subset;
         let mean = sums.levels / self.window.pixels as f64;
-        let gain = (subset.energy / (sums.energy - sums.levels * mean)).sqrt();
-        let mean = Lanes::splat(subset.mean + mean as f32);
-        for block in &self.window.blocks {
-            for row in 0..block.rows {
-                let packed = block.start + row;
-                let start = self.place(warp, block.dx, block.dy + row as i32);
-                let sampled = sample_lanes::<Portable>(self.target, start, warp.ux, warp.vx).to_lanes();
-                let value = (sampled - mean) * self.window.mask[packed];
-                out.push(subset.levels[packed] - value * Lanes::splat(gain as f32));
-            }
+        let gain = (self.subset.energy / (sums.energy - sums.levels * mean)).sqrt();
+        out.resize(self.window.mask.len(), Lanes::splat(0.0));
+        differences(self, warp, (self.subset.mean + mean as f32, gain as f32), out);
+    }
+}
+
+vectorized! {
+    /// Reference less `gain` (target - `mean`), on the mask.
+    fn differences(refiner: &Refiner<'_>, warp: &Warp, mean_and_gain: (f32, f32), out: &mut [Lanes]) = differences_with
+}
+
+#[inline(always)]
+fn differences_with<V: Vector>(refiner: &Refiner<'_>, warp: &Warp, (mean, gain): (f32, f32), out: &mut [Lanes]) {
+    let (mean, gain) = (V::splat(mean), V::splat(gain));
+    for block in &refiner.window.blocks {
+        let packed = block.start..block.start + block.rows;
+        let rows = refiner.subset.levels[packed.clone()].iter().zip(&refiner.window.mask[packed.clone()]);
+        for (dy, ((level, mask), out)) in (block.dy..).zip(rows.zip(&mut out[packed])) {
+            let start = refiner.place(warp, block.dx, dy);
+            let value = sample_lanes::<V>(refiner.target, start, warp.ux, warp.vx).sub(mean).mul(V::from_lanes(mask));
+            *out = V::from_lanes(level).sub(value.mul(gain)).to_lanes();
         }
     }
 }
