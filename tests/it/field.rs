@@ -148,10 +148,11 @@ fn a_real_specimen_agrees_with_another_code_and_correlates_better() {
          99 % {q99_u:.5} {q99_v:.5}",
         du.len()
     );
-    assert!(du.len() > 28_000 && missing * 50 < du.len(), "{} compared, {missing} missing", du.len());
+    // Subsets with texture in one corner only, around the hole, are refused.
+    assert!(du.len() > 27_500 && missing * 25 < du.len(), "{} compared, {missing} missing", du.len());
     assert!(better * 100 > du.len() * 99, "{better} of {}", du.len());
     assert!(median_u <= 0.006 && median_v <= 0.006, "{median_u} {median_v}");
-    assert!(q99_u <= 0.03 && q99_v <= 0.03, "{q99_u} {q99_v}");
+    assert!(q99_u <= 0.0125 && q99_v <= 0.0125, "{q99_u} {q99_v}");
 }
 
 /// The slow twin: one subset at a time in double precision, with the reference result's own interpolation.
