@@ -308,6 +308,7 @@ impl Template {
 mod tests {
     use super::*;
     use crate::dic::speckle::{Speckle, record};
+    use crate::dic::{CorrelationParams, Correlator, Start, grid, rigid_fit};
 
     fn prepared(image: &Image) -> Prepared {
         let mut prepared = Prepared::default();
@@ -335,6 +336,15 @@ mod tests {
             let error = [found.u_px - u, found.v_px - v, found.angle_deg - angle_deg];
             eprintln!("{angle_deg} deg: errors {error:?}");
             assert!(error.iter().all(|error| error.abs() < 0.01), "{angle_deg} deg: {error:?}");
+            let mut correlator = Correlator::new(&CorrelationParams::default(), 300, 240).unwrap();
+            let (x_px, y_px, u_px, v_px) = (90.0, 100.0, found.u_px, found.v_px);
+            let start = Start::Motion { x_px, y_px, u_px, v_px, angle_deg: found.angle_deg };
+            let points = grid::disc(90.0, 100.0, 50.0, 10, 31, 300, 240);
+            let mut field = Vec::new();
+            correlator.correlate(&reference, &target, &points, start, &mut field);
+            assert!(field.iter().all(|point| point.status == PointStatus::Valid), "{angle_deg} deg");
+            let fitted = rigid_fit(&mut field, 90.0, 100.0, 31).unwrap();
+            assert!((fitted.angle_deg - angle_deg).abs() < 0.01, "{angle_deg} deg: {fitted:?}");
         }
     }
 

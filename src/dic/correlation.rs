@@ -21,15 +21,16 @@ impl Correlation {
         Self { data: transform.memory(), product: transform.memory(), transform }
     }
 
-    /// The subset into the imaginary part, its square's corner at the origin.
+    /// The subset into the imaginary part, its square's corner at the origin; what does not fit is left out.
     pub(super) fn load_subset(&mut self, subset: &Subset, window: &Window) {
-        let (stride, half) = (self.transform.stride(), window.half as i32);
+        let (stride, size, half) = (self.transform.stride(), self.transform.size(), window.half as i32);
         self.data.im.fill(0.0);
         for block in &window.blocks {
             let x = (half + block.dx) as usize;
-            let last = LANES.min(2 * window.half as usize + 1 - x);
-            for row in 0..block.rows {
-                let first = (half + block.dy + row as i32) as usize * stride + x;
+            let last = LANES.min((2 * window.half as usize + 1).min(size).saturating_sub(x));
+            let top = (half + block.dy) as usize;
+            for row in 0..block.rows.min(size.saturating_sub(top)) {
+                let first = (top + row) * stride + x;
                 let levels = &subset.levels[block.start + row].0[..last];
                 self.data.im[first..first + last].copy_from_slice(levels);
             }

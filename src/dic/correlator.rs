@@ -318,7 +318,7 @@ impl Correlator {
         (carried, NEIGHBOR_ZNCC)
     }
 
-    /// Some dozens of good matches, spread over the field, in memory that goes back to `pooled`.
+    /// Some good matches, spread over the field, in memory that goes back to `pooled`.
     fn choose_pooled(&mut self) -> Vec<usize> {
         let mut pooled = std::mem::take(&mut self.pooled);
         let valid = |index: &usize| self.solutions[*index].status == PointStatus::Valid;

@@ -10,7 +10,7 @@ use super::correlation::{Contrast, Correlation, Shifts};
 use super::peak::{Peak, Surface};
 use super::plane::Plane;
 use super::subset::Subset;
-use super::transform::fast_size;
+use super::transform::{fast_size, register_size};
 use super::window::Window;
 
 /// What a search found.
@@ -66,7 +66,7 @@ impl Search {
     /// Plans searches of subsets up to `window_px` wide, `range_px` to each side.
     pub(super) fn new(window_px: usize, range_px: usize) -> Self {
         let area = window_px + 2 * range_px;
-        let quick = fast_size(window_px);
+        let quick = register_size(window_px);
         let count = (2 * range_px + 1).max(quick + 2);
         Self {
             range: range_px,
@@ -92,7 +92,8 @@ impl Search {
         let (half, side) = (window.half as isize, 2 * window.half as usize + 1);
         let corner = (at.0 as isize - half, at.1 as isize - half);
         self.quick.load_subset(subset, window);
-        self.quick.load_area(target, corner, (side, side), subset.mean);
+        let covered = side.min(self.quick.transform.size());
+        self.quick.load_area(target, corner, (covered, covered), subset.mean);
         self.quick.run();
         // Shift zero to the middle, with one wrapped line around.
         let size = self.quick.transform.size();

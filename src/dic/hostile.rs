@@ -224,3 +224,17 @@ fn subsets_are_cut_at_the_edge_of_a_region() {
     correlator.correlate(&a, &b, &[GridPoint { x: 130, y: 80 }], Start::Search, &mut field);
     assert_eq!(field[0].status, PointStatus::OutOfFrame);
 }
+
+#[test]
+fn subsets_with_texture_in_one_corner_have_low_contrast() {
+    let mut speckle = Speckle::standard(8, 100.0);
+    speckle.discs.retain(|disc| disc.x < 36.0 && disc.y < 36.0);
+    let moved = speckle.moved(|_, _| (0.3, 0.4));
+    let mut correlator = Correlator::new(&CorrelationParams::default(), 100, 100).unwrap();
+    let a = correlator.prepare(record(&speckle.draw(100, 100), 2.0, 1).view());
+    let b = correlator.prepare(record(&moved.draw(100, 100), 2.0, 2).view());
+    let mut field = Vec::new();
+    correlator.correlate(&a, &b, &[GridPoint { x: 45, y: 45 }, GridPoint { x: 20, y: 20 }], Start::Search, &mut field);
+    assert_eq!(field[0].status, PointStatus::LowContrast);
+    assert_eq!(field[1].status, PointStatus::Valid);
+}

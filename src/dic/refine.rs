@@ -14,7 +14,7 @@ use super::plane::Plane;
 use super::quadratic::Second;
 use super::sample::{ShiftedColumn, sample_lanes};
 use super::subset::{Subset, project};
-use super::vector::{Portable, Vector, vectorized};
+use super::vector::{Vector, vectorized};
 use super::warp::Warp;
 use super::window::{Block, Window};
 
@@ -202,18 +202,28 @@ impl Refiner<'_> {
     pub(super) fn residual(&self, warp: &Warp, out: &mut Vec<Lanes>) {
         out.clear();
         let Ok(sums) = self.pass(warp) else { return };
-        let subset = self.subset;
         let mean = sums.levels / self.window.pixels as f64;
-        let gain = (subset.energy / (sums.energy - sums.levels * mean)).sqrt();
-        let mean = Lanes::splat(subset.mean + mean as f32);
-        for block in &self.window.blocks {
-            for row in 0..block.rows {
-                let packed = block.start + row;
-                let start = self.place(warp, block.dx, block.dy + row as i32);
-                let sampled = sample_lanes::<Portable>(self.target, start, warp.ux, warp.vx).to_lanes();
-                let value = (sampled - mean) * self.window.mask[packed];
-                out.push(subset.levels[packed] - value * Lanes::splat(gain as f32));
-            }
+        let gain = (self.subset.energy / (sums.energy - sums.levels * mean)).sqrt();
+        out.resize(self.window.mask.len(), Lanes::splat(0.0));
+        differences(self, warp, (self.subset.mean + mean as f32, gain as f32), out);
+    }
+}
+
+vectorized! {
+    /// Reference less `gain` (target - `mean`), on the mask.
+    fn differences(refiner: &Refiner<'_>, warp: &Warp, mean_and_gain: (f32, f32), out: &mut [Lanes]) = differences_with
+}
+
+#[inline(always)]
+fn differences_with<V: Vector>(refiner: &Refiner<'_>, warp: &Warp, (mean, gain): (f32, f32), out: &mut [Lanes]) {
+    let (mean, gain) = (V::splat(mean), V::splat(gain));
+    for block in &refiner.window.blocks {
+        let packed = block.start..block.start + block.rows;
+        let rows = refiner.subset.levels[packed.clone()].iter().zip(&refiner.window.mask[packed.clone()]);
+        for (dy, ((level, mask), out)) in (block.dy..).zip(rows.zip(&mut out[packed])) {
+            let start = refiner.place(warp, block.dx, dy);
+            let value = sample_lanes::<V>(refiner.target, start, warp.ux, warp.vx).sub(mean).mul(V::from_lanes(mask));
+            *out = V::from_lanes(level).sub(value.mul(gain)).to_lanes();
         }
     }
 }
@@ -255,4 +265,87 @@ vectorized! {
 #[inline(always)]
 fn sums_with<V: Vector>(refiner: &Refiner<'_>, warp: &Warp) -> Sums {
     refiner.sums_with::<V>(warp)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::dic::prepared::Prepared;
+    use crate::dic::speckle::{Speckle, record};
+    use crate::dic::spline::sample_inside;
+    use crate::dic::vector::Portable;
+    use crate::dic::{WindowShape, zncc};
+    use crate::image::{Image, ImageView};
+
+    fn pair() -> (Image, Prepared, Prepared) {
+        let speckle = Speckle::standard(71, 90.0);
+        let turn = Warp::rigid(0.63, -0.31, 0.03);
+        let moved = speckle.moved(|x, y| {
+            let (tx, ty) = turn.apply(x - 45.0, y - 45.0);
+            (tx - (x - 45.0), ty - (y - 45.0))
+        });
+        let reference = record(&speckle.draw(90, 90), 1.0, 1);
+        let (mut a, mut b) = (Prepared::default(), Prepared::default());
+        a.fill(reference.view());
+        b.fill(record(&moved.draw(90, 90), 1.0, 2).view());
+        (reference, a, b)
+    }
+
+    /// The slow twin: the statistical correlation of the reference subset with the resampled target.
+    #[test]
+    fn the_answer_is_where_the_statistical_correlation_is_highest() {
+        let (image, reference, target) = pair();
+        let window = Window::new(WindowShape::Square, 31);
+        let mut subset = Subset::default();
+        let at = (45, 44);
+        subset.fill(&reference, &window, Shape::Affine, at).unwrap();
+        let refiner =
+            Refiner { subset: &subset, window: &window, shape: Shape::Affine, target: &target.coefficients, at };
+        let found = refiner.refine(Warp::shift(1.0, 0.0)).unwrap();
+        let offsets: Vec<(i32, i32)> = (0..31 * 31).map(|k| (k % 31 - 15, k / 31 - 15)).collect();
+        let pixel = |(dx, dy): &(i32, i32)| image.view().at((45 + dx) as usize, (44 + dy) as usize).unwrap();
+        let f: Vec<f32> = offsets.iter().map(pixel).collect();
+        let slow = |warp: &Warp| {
+            let sample = |(dx, dy): &(i32, i32)| {
+                let (x, y) = warp.apply(f64::from(*dx), f64::from(*dy));
+                sample_inside(&target.coefficients, 45.0 + x, 44.0 + y)
+            };
+            let g: Vec<f32> = offsets.iter().map(sample).collect();
+            zncc(ImageView::new(&f, 31, 31).unwrap(), ImageView::new(&g, 31, 31).unwrap()).unwrap()
+        };
+        let highest = slow(&found.warp);
+        assert!((highest - found.zncc).abs() < 1e-5, "{highest} {}", found.zncc);
+        let w = found.warp;
+        for (name, other) in [
+            ("u", Warp { u: w.u + 0.02, ..w }),
+            ("u", Warp { u: w.u - 0.02, ..w }),
+            ("v", Warp { v: w.v + 0.02, ..w }),
+            ("v", Warp { v: w.v - 0.02, ..w }),
+            ("ux", Warp { ux: w.ux + 0.003, ..w }),
+            ("vy", Warp { vy: w.vy - 0.003, ..w }),
+            ("uy", Warp { uy: w.uy + 0.003, ..w }),
+            ("vx", Warp { vx: w.vx - 0.003, ..w }),
+        ] {
+            assert!(slow(&other) < highest, "{name} is not at its best");
+        }
+    }
+
+    #[test]
+    fn sums_are_equal_to_the_last_bit_with_and_without_vector_instructions() {
+        let (_, reference, target) = pair();
+        for shape in [WindowShape::Square, WindowShape::Circle] {
+            let window = Window::new(shape, 27);
+            let mut subset = Subset::default();
+            subset.fill(&reference, &window, Shape::Affine, (45, 44)).unwrap();
+            let target = &target.coefficients;
+            let refiner = Refiner { subset: &subset, window: &window, shape: Shape::Affine, target, at: (45, 44) };
+            for warp in [Warp::shift(0.3, -1.7), Warp::rigid(0.6, -0.3, 0.03), Warp::rigid(0.6, -0.3, 0.3)] {
+                let (fast, plain) = (sums_of(&refiner, &warp), refiner.sums_with::<Portable>(&warp));
+                assert_eq!(fast.levels.to_bits(), plain.levels.to_bits());
+                assert_eq!(fast.energy.to_bits(), plain.energy.to_bits());
+                assert_eq!(fast.product.to_bits(), plain.product.to_bits());
+                assert_eq!(fast.jacobian.map(f64::to_bits), plain.jacobian.map(f64::to_bits));
+            }
+        }
+    }
 }

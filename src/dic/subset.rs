@@ -13,12 +13,18 @@ use super::window::Window;
 pub(super) enum Unusable {
     /// It reaches over the edge of the image.
     OutOfFrame,
-    /// It has no texture, texture along one direction only, or is saturated.
+    /// It has no texture, texture along one direction or in one corner only, or is saturated.
     LowContrast,
 }
 
 /// Standard deviation under which a subset holds nothing but rounding, DN.
 const LEAST_CONTRAST: f64 = 0.5;
+
+/// How many times the variance of the displacement may grow because the deformation is not known.
+///
+/// Evenly textured subsets have 1.0 to 1.5, half-empty ones 4. Beyond, the texture sits in a corner and the
+/// displacement of the centre is an extrapolation, which the slightest misfit turns into a wrong number.
+const EXTRAPOLATED: f64 = 5.0;
 
 /// Share of saturated pixels from which on a subset is refused.
 const MOST_SATURATED: f64 = 0.5;
@@ -72,6 +78,14 @@ impl Subset {
         let (projected, count) = project_matrix(shape, &hessian);
         self.inverse = invert(&projected, count).ok_or(Unusable::LowContrast)?;
         let (xx, xy, yy) = (hessian[0][0], hessian[0][3], hessian[3][3]);
+        if count == 6 {
+            // Variances of u and v were the deformation known.
+            let determinant = xx * yy - xy * xy;
+            let (known_u, known_v) = (yy / determinant, xx / determinant);
+            if self.inverse[0][0] > EXTRAPOLATED * known_u || self.inverse[3][3] > EXTRAPOLATED * known_v {
+                return Err(Unusable::LowContrast);
+            }
+        }
         let weaker = 0.5 * (xx + yy) - (0.25 * (xx - yy) * (xx - yy) + xy * xy).sqrt();
         self.isotropy = weaker / (xx + yy);
         self.roughness = 0.5 * (xx + yy) / self.energy;

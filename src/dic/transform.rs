@@ -41,6 +41,8 @@ struct Stage {
     span: usize,
     /// cos and sin for each group and each output but the first.
     factors: Vec<(f32, f32)>,
+    /// cos and sin for each group, output and input; for radices other than 2 and 4.
+    turns: Vec<(f32, f32)>,
 }
 
 /// Plan of a transform of `size` x `size` numbers, in rows of `stride`.
@@ -65,7 +67,13 @@ impl Transform {
                 (cos as f32, sin as f32)
             };
             let factors = (0..groups).flat_map(|group| (1..radix).map(move |output| factor(group, output))).collect();
-            stages.push(Stage { radix, groups, span, factors });
+            let turn = |k: usize| {
+                let (group, output, input) = (k / (radix * radix), k / radix % radix, k % radix);
+                let (sin, cos) = (angle(group * output) + angle(groups * (input * output % radix))).sin_cos();
+                (cos as f32, sin as f32)
+            };
+            let turns = if radix == 2 || radix == 4 { 0 } else { groups * radix * radix };
+            stages.push(Stage { radix, groups, span, factors, turns: (0..turns).map(turn).collect() });
             rest = groups;
             span *= radix;
         }
@@ -140,7 +148,8 @@ fn columns_with<V: Vector>(stages: &[Stage], stride: usize, data: &mut Complex, 
             match stage.radix {
                 4 => butterfly_4::<V>(inputs, step, outputs, length, factors),
                 2 => butterfly_2::<V>(inputs, step, outputs, length, factors),
-                radix => butterfly_any::<V>(inputs, step, outputs, length, (radix, factors)),
+                3 => butterfly_any::<V, 3>(inputs, step, outputs, length, &stage.turns[group * 9..]),
+                radix => butterfly_any::<V, 5>(inputs, step, outputs, length, &stage.turns[group * radix * radix..]),
             }
         }
         std::mem::swap(data, spare);
@@ -234,29 +243,24 @@ fn butterfly_2<V: Vector>(
     }
 }
 
-/// Any radix, as the plain sum: for 3 and 5.
+/// Radix 3 or 5, as the plain sum.
 #[inline(always)]
-fn butterfly_any<V: Vector>(
+fn butterfly_any<V: Vector, const RADIX: usize>(
     (re, im): (&[Eight], &[Eight]),
     step: usize,
     (re_out, im_out): (&mut [Eight], &mut [Eight]),
     length: usize,
-    (radix, factors): (usize, &[(f32, f32)]),
+    turns: &[(f32, f32)],
 ) {
-    let mut turns = [[(1.0, 0.0); 8]; 8];
-    for (output, line) in turns.iter_mut().enumerate().take(radix) {
-        let (re, im) = if output == 0 { (1.0, 0.0) } else { factors[output - 1] };
-        for (k, turn) in line.iter_mut().enumerate().take(radix) {
-            let angle = -std::f64::consts::TAU * ((k * output) % radix) as f64 / radix as f64;
-            let (cos, sin) = (angle.cos() as f32, angle.sin() as f32);
-            *turn = (cos * re - sin * im, cos * im + sin * re);
-        }
-    }
     for i in 0..length {
-        for (output, line) in turns.iter().enumerate().take(radix) {
-            let mut sum = Point(V::splat(0.0), V::splat(0.0));
-            for (k, turn) in line.iter().enumerate().take(radix) {
-                sum = sum.add(Point::<V>::load(&re[k * step + i], &im[k * step + i]).turn(*turn));
+        let mut inputs = [Point(V::splat(0.0), V::splat(0.0)); RADIX];
+        for (k, input) in inputs.iter_mut().enumerate() {
+            *input = Point::load(&re[k * step + i], &im[k * step + i]);
+        }
+        for output in 0..RADIX {
+            let mut sum = inputs[0].turn(turns[output * RADIX]);
+            for (input, turn) in inputs.iter().zip(&turns[output * RADIX..]).skip(1) {
+                sum = sum.add(input.turn(*turn));
             }
             sum.store(&mut re_out[output * length + i], &mut im_out[output * length + i]);
         }
@@ -284,6 +288,12 @@ fn transpose_with<V: Vector>(from: &[f32], to: &mut [f32], stride: usize, size: 
             }
         }
     }
+}
+
+/// A size for a window that is fast on whole registers: at most two pixels less than the window, or more than it.
+pub(super) fn register_size(window: usize) -> usize {
+    let whole = |size: &usize| size.is_multiple_of(LANES) && fast_size(*size) == *size;
+    (window.saturating_sub(2).max(LANES)..).find(whole).unwrap_or(window)
 }
 
 #[cfg(test)]
@@ -359,5 +369,6 @@ mod tests {
     #[test]
     fn fast_sizes_have_no_large_factor() {
         assert_eq!([1, 63, 64, 65, 67, 97].map(fast_size), [8, 64, 64, 72, 72, 100]);
+        assert_eq!([9, 21, 31, 33, 35, 41, 51].map(register_size), [8, 24, 32, 32, 40, 40, 64]);
     }
 }
