@@ -115,7 +115,8 @@ fn ticks(span: [f64; 2], count: f64) -> (Vec<f64>, usize) {
     let power = 10_f64.powf(rough.log10().floor());
     let step = [1.0, 2.0, 5.0, 10.0].into_iter().map(|k| k * power).find(|step| *step >= rough).unwrap_or(rough);
     let decimals = (-(step * 1.000_001).log10().floor()).clamp(0.0, 9.0) as usize;
-    let (first, last) = ((span[0] / step).ceil() as i64, (span[1] / step).floor() as i64);
+    // An end that is a whole step is a tick, whichever way its quotient is rounded.
+    let (first, last) = ((span[0] / step - 1e-6).ceil() as i64, (span[1] / step + 1e-6).floor() as i64);
     ((first..=last).map(|k| k as f64 * step).collect(), decimals)
 }
 
@@ -256,7 +257,7 @@ mod tests {
         let (ticks, decimals) = super::ticks([0.0, 9.9], 10.0);
         assert_eq!((ticks, decimals), ((0..10).map(f64::from).collect(), 0));
         let (ticks, decimals) = super::ticks([61.5, 61.6], 4.0);
-        assert_eq!((ticks.len(), decimals), (2, 2), "{ticks:?}");
+        assert_eq!((ticks.len(), decimals), (3, 2), "{ticks:?}");
     }
 
     #[test]
