@@ -1,11 +1,10 @@
-//! The command line; the only file that names clap.
+//! The command line; the only room that names clap.
 
 use crate::command::analyze::{self, AnalyzeOptions};
 use crate::command::bench::{self, WindowsOptions};
 use crate::command::cameras::{self, CamerasOptions};
 use crate::command::demo::{self, DemoOptions};
 use crate::command::export::{self, ExportOptions};
-use crate::command::field::{self, FieldOptions};
 use crate::command::import::{self, ImportOptions};
 use crate::command::info::{self, InfoOptions};
 use crate::command::listen::{self, ListenOptions};
@@ -14,12 +13,14 @@ use crate::command::replay::{self, Rate, ReplayOptions};
 use crate::command::report::{self, ReportOptions};
 use crate::command::rig::{self, RoleOptions};
 use crate::command::simulate::{self, SimulateOptions};
-use crate::command::{Outcome, control, status};
-use crate::config::Config;
+use crate::command::{self, Outcome, control, status};
 use crate::message::{Command as Request, Role};
 use crate::process::Stop;
+mod field;
+
 use clap::error::ErrorKind;
 use clap::{Args, Parser, Subcommand};
+use field::Field;
 use std::path::PathBuf;
 
 /// Films an impact with a high-speed camera and measures it while it happens.
@@ -228,50 +229,6 @@ pub struct Analyze {
 
 /// Arguments of a command.
 #[derive(Debug, Args)]
-pub struct Field {
-    /// The image before.
-    reference: PathBuf,
-    /// The image after.
-    target: PathBuf,
-    /// A rig file whose [correlation] table is used.
-    #[arg(long)]
-    config: Option<PathBuf>,
-    /// The table to write; standard output when absent.
-    #[arg(short, long)]
-    output: Option<PathBuf>,
-    /// Region of interest: x,y,width,height in px.
-    #[arg(long, value_name = "X,Y,W,H")]
-    roi: Option<Region>,
-    /// Subset size, odd, px.
-    #[arg(long, value_name = "PX")]
-    subset: Option<u32>,
-    /// From one subset to the next, px.
-    #[arg(long, value_name = "PX")]
-    step: Option<u32>,
-    /// A PNG of the vectors over the reference.
-    #[arg(long)]
-    picture: Option<PathBuf>,
-    /// Print JSON.
-    #[arg(long)]
-    json: bool,
-}
-
-/// Four numbers with commas between them.
-#[derive(Debug, Clone, Copy)]
-struct Region([u32; 4]);
-
-impl std::str::FromStr for Region {
-    type Err = String;
-
-    fn from_str(text: &str) -> Result<Self, String> {
-        let numbers: Result<Vec<u32>, _> = text.split(',').map(|number| number.trim().parse()).collect();
-        let region = numbers.ok().and_then(|numbers| <[u32; 4]>::try_from(numbers).ok());
-        region.map(Self).ok_or_else(|| "four whole numbers of pixels, x,y,width,height".to_owned())
-    }
-}
-
-/// Arguments of a command.
-#[derive(Debug, Args)]
 pub struct Bench {
     /// windows: subsets a second, by method and number of threads.
     #[arg(default_value = "windows", value_parser = ["windows"])]
@@ -443,7 +400,7 @@ fn inspect(command: Command) -> anyhow::Result<Outcome> {
         Command::Cameras(Cameras { features, json }) => {
             cameras::run(&CamerasOptions { json, features_of: features })?;
         }
-        Command::Field(line) => field::run(&field_options(line)?)?,
+        Command::Field(line) => command::field::run(&line.options()?)?,
         Command::Bench(Bench { threads, seconds, json, .. }) => {
             bench::windows(&WindowsOptions { json, threads, seconds })?;
         }
@@ -470,18 +427,6 @@ fn inspect(command: Command) -> anyhow::Result<Outcome> {
         _ => {}
     }
     Ok(Outcome::Clean)
-}
-
-fn field_options(line: Field) -> anyhow::Result<FieldOptions> {
-    let mut params = match &line.config {
-        Some(path) => Config::load(path)?.correlation(),
-        None => crate::dic::CorrelationParams::default(),
-    };
-    params.subset_size_px = line.subset.unwrap_or(params.subset_size_px);
-    params.step_px = line.step.unwrap_or(params.step_px);
-    let roi_px = line.roi.map(|roi| roi.0);
-    let Field { reference, target, output, picture, json, .. } = line;
-    Ok(FieldOptions { reference, target, params, roi_px, output, json, picture })
 }
 
 impl From<RoleLine> for RoleOptions {

@@ -38,6 +38,13 @@ impl Claim {
     }
 }
 
+/// Whether any process of this rig has a role.
+pub(super) fn any(rig: &str) -> bool {
+    let name = format!(" @ricochet/{rig}/");
+    // Where the table cannot be read nothing is known, so nobody is declared dead.
+    std::fs::read_to_string("/proc/net/unix").map_or(true, |table| table.contains(&name))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -49,7 +56,9 @@ mod tests {
         let refused = Claim::take(&rig, "track", Duration::from_millis(30)).unwrap_err();
         assert!(matches!(refused, BusError::Taken { .. }), "{refused}");
         Claim::take(&rig, "record", Duration::ZERO).unwrap();
+        assert!(any(&rig));
         drop(first);
         Claim::take(&rig, "track", Duration::ZERO).unwrap();
+        assert!(!any(&rig));
     }
 }

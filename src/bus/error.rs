@@ -29,6 +29,12 @@ pub enum BusError {
         /// The role.
         role: String,
     },
+    /// Every process of the rig is gone, and none told the end of the stream.
+    #[error("rig {rig:?} died without telling the end of its stream; what it told last may be missing")]
+    Died {
+        /// The rig.
+        rig: String,
+    },
     /// The ring does not fit into shared memory.
     #[error(
         "shared memory holds {free_bytes} free bytes, the ring needs {needed_bytes}; lower [trigger] pre_s or the frame size, or enlarge /dev/shm"

@@ -71,6 +71,11 @@ impl Bus {
         let _ = self.node.try_cleanup_dead_nodes();
     }
 
+    /// Whether any process of this rig lives, listeners aside.
+    pub fn is_alive(&self) -> bool {
+        claim::any(&self.rig)
+    }
+
     /// Name of the rig.
     pub fn rig(&self) -> &str {
         &self.rig

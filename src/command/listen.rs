@@ -40,14 +40,14 @@ pub fn run(options: &ListenOptions, stop: &Stop) -> anyhow::Result<Outcome> {
     let bus = Bus::join(&options.rig, "listen")?;
     wait_for_rig(&bus, options, stop)?;
     let mut printer = Printer { json: options.json, left: options.count, header_told: false };
-    let events = bus.listen::<Event>()?;
+    let watch = Watch::new(&bus)?;
     match options.topic.as_str() {
-        "track" => follow(&bus.listen::<TrackMessage>()?, &events, track, &mut printer, stop),
-        "velocity" => follow(&bus.listen::<VelocityMessage>()?, &events, velocity, &mut printer, stop),
-        "impact" => follow(&bus.listen::<ImpactMessage>()?, &events, impact, &mut printer, stop),
-        "status" => follow(&bus.listen::<StatusMessage>()?, &events, status, &mut printer, stop),
-        "events" => follow(&bus.listen::<Event>()?, &events, event, &mut printer, stop),
-        _ => follow_field(&bus, &events, &mut printer, stop),
+        "track" => follow(&bus.listen::<TrackMessage>()?, watch, track, &mut printer, stop),
+        "velocity" => follow(&bus.listen::<VelocityMessage>()?, watch, velocity, &mut printer, stop),
+        "impact" => follow(&bus.listen::<ImpactMessage>()?, watch, impact, &mut printer, stop),
+        "status" => follow(&bus.listen::<StatusMessage>()?, watch, status, &mut printer, stop),
+        "events" => follow(&bus.listen::<Event>()?, watch, event, &mut printer, stop),
+        _ => follow_field(&bus, watch, &mut printer, stop),
     }
 }
 
@@ -65,29 +65,52 @@ fn wait_for_rig(bus: &Bus, options: &ListenOptions, stop: &Stop) -> Result<(), B
     }
 }
 
-/// Whether the rig has told everything it will tell.
-fn is_over(events: &Subscriber<Event>) -> Result<bool, BusError> {
-    let mut over = false;
-    while let Some(event) = events.take()? {
-        over = match event.kind() {
-            Some(EventKind::Tracked) => true,
-            Some(EventKind::Prepared) => false,
-            _ => over,
-        };
+/// Sees when a rig has told everything it will tell.
+struct Watch<'a> {
+    bus: &'a Bus,
+    events: Subscriber<Event>,
+    /// Looks until the processes of the rig are looked for again.
+    looks: u32,
+}
+
+impl<'a> Watch<'a> {
+    /// Looks between two checks of the processes; about half a second.
+    const LOOKS: u32 = 400;
+
+    fn new(bus: &'a Bus) -> Result<Self, BusError> {
+        Ok(Self { bus, events: bus.listen()?, looks: Self::LOOKS })
     }
-    Ok(over)
+
+    /// Whether the end was told; an error when nobody is left to tell it.
+    fn is_over(&mut self) -> Result<bool, BusError> {
+        self.looks -= 1;
+        let is_dead = self.looks == 0 && !self.bus.is_alive();
+        self.looks = if self.looks == 0 { Self::LOOKS } else { self.looks };
+        let mut over = false;
+        while let Some(event) = self.events.take()? {
+            over = match event.kind() {
+                Some(EventKind::Tracked) => true,
+                Some(EventKind::Prepared) => false,
+                _ => over,
+            };
+        }
+        if is_dead && !over {
+            return Err(BusError::Died { rig: self.bus.rig().to_owned() });
+        }
+        Ok(over)
+    }
 }
 
 fn follow<T: Topic>(
     topic: &Subscriber<T>,
-    events: &Subscriber<Event>,
+    mut watch: Watch<'_>,
     row: fn(&T) -> Map<String, Value>,
     printer: &mut Printer,
     stop: &Stop,
 ) -> anyhow::Result<Outcome> {
     while !stop.requested() {
         // Asked before the last look at the topic, so that nothing told before the end is missed.
-        let over = is_over(events)?;
+        let over = watch.is_over()?;
         while let Some(message) = topic.take()? {
             if !printer.print(&row(&message)) {
                 return Ok(Outcome::Clean);
@@ -101,10 +124,10 @@ fn follow<T: Topic>(
     Ok(Outcome::Clean)
 }
 
-fn follow_field(bus: &Bus, events: &Subscriber<Event>, printer: &mut Printer, stop: &Stop) -> anyhow::Result<Outcome> {
+fn follow_field(bus: &Bus, mut watch: Watch<'_>, printer: &mut Printer, stop: &Stop) -> anyhow::Result<Outcome> {
     let topic = bus.listen_field()?;
     while !stop.requested() {
-        let over = is_over(events)?;
+        let over = watch.is_over()?;
         while let Some((header, field)) = topic.take()? {
             for row in field_rows(&header, field.as_ref()) {
                 if !printer.print(&row) {

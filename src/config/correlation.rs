@@ -3,22 +3,7 @@
 use super::check::{Bounds, Table};
 use super::error::ConfigError;
 use super::raw::RawCorrelation;
-use crate::dic::{CorrelationParams, Method, Shape, WindowShape};
-
-const METHODS: [(&str, Method); 4] = [
-    ("spline-fft", Method::SplineFft),
-    ("peak-gaussian", Method::PeakGaussian),
-    ("peak-spline", Method::PeakSpline),
-    ("ic-gn", Method::IcGn),
-];
-const SHAPES: [(&str, Shape); 4] = [
-    ("translation", Shape::Translation),
-    ("rigid", Shape::Rigid),
-    ("affine", Shape::Affine),
-    ("quadratic", Shape::Quadratic),
-];
-const WINDOWS: [(&str, WindowShape); 3] =
-    [("square", WindowShape::Square), ("circle", WindowShape::Circle), ("ring", WindowShape::Ring)];
+use crate::dic::{CorrelationParams, Interpolation, Method, Shape, WindowShape};
 
 pub(super) fn correlation(
     table: &Table<'_>,
@@ -28,9 +13,9 @@ pub(super) fn correlation(
     let default = CorrelationParams::default();
     let zncc = Bounds::closed(0.0, 1.0, "");
     let params = CorrelationParams {
-        method: table.word("method", raw.method.as_deref(), &METHODS)?.unwrap_or(default.method),
-        shape: table.word("shape", raw.shape.as_deref(), &SHAPES)?.unwrap_or(default.shape),
-        window: table.word("window", raw.window.as_deref(), &WINDOWS)?.unwrap_or(default.window),
+        method: table.word("method", raw.method.as_deref(), &Method::WORDS)?.unwrap_or(default.method),
+        shape: table.word("shape", raw.shape.as_deref(), &Shape::WORDS)?.unwrap_or(default.shape),
+        window: table.word("window", raw.window.as_deref(), &WindowShape::WORDS)?.unwrap_or(default.window),
         subset_size_px: table
             .whole("subset_size_px", raw.subset_size_px, 9..=255, "px, odd")?
             .unwrap_or(default.subset_size_px),
@@ -41,6 +26,9 @@ pub(super) fn correlation(
             .whole("interval_frames", raw.interval_frames, 1..=255, "frames")?
             .unwrap_or(default.interval_frames),
         min_zncc: table.number("min_zncc", raw.min_zncc, zncc)?.unwrap_or(default.min_zncc),
+        interpolation: table
+            .word("interpolation", raw.interpolation.as_deref(), &Interpolation::WORDS)?
+            .unwrap_or(default.interpolation),
     };
     if params.subset_size_px.is_multiple_of(2) {
         return Err(table.refuse("subset_size_px", "odd, 9 to 255 px"));

@@ -42,7 +42,7 @@ pub use body::{Body, BodyKind};
 pub use camera::{Camera, FeatureValue, Source};
 pub use capture::{Compression, Record, Trigger, TriggerMode, Workers};
 pub use error::ConfigError;
-pub use geometry::{Rotation, RotationMethod, Surface, Velocity};
+pub use geometry::{Surface, Velocity};
 
 use check::Table;
 use std::io::Read;
@@ -77,8 +77,6 @@ pub struct Config {
     /// `spline_points` 0 to 20; `search_px` 1 to 1024; `interval_frames` 1 to 255; `min_zncc` 0 to 1. Which methods,
     /// shapes and windows can be used is decided where the correlator is planned.
     pub correlation: CorrelationParams,
-    /// `[rotation]`: how the spin is found.
-    pub rotation: Rotation,
     /// `[velocity]`: how positions become velocities.
     pub velocity: Velocity,
     /// `[trigger]`: what starts a shot.
@@ -127,6 +125,7 @@ impl Config {
                 return Err(file.not_offered(path, "leave it out"));
             }
         }
+        geometry::rotation(&Table::new(&file, "rotation"), &raw.rotation)?;
         let camera = camera::camera(&Table::new(&file, "camera"), raw.camera)?;
         let image_px = camera.image_px();
         let record = raw.record.map(|record| capture::record(&Table::new(&file, "record"), record)).transpose()?;
@@ -136,7 +135,6 @@ impl Config {
             surface: geometry::surface(&Table::new(&file, "surface"), &raw.surface)?,
             bodies: body::bodies(&file, raw.body, image_px)?,
             correlation: correlation::correlation(&Table::new(&file, "correlation"), &raw.correlation, image_px)?,
-            rotation: geometry::rotation(&Table::new(&file, "rotation"), &raw.rotation)?,
             velocity: geometry::velocity(&Table::new(&file, "velocity"), &raw.velocity)?,
             trigger: capture::trigger(&Table::new(&file, "trigger"), &raw.trigger, image_px)?,
             workers: capture::workers(&Table::new(&file, "workers"), &raw.workers)?,

@@ -91,6 +91,7 @@ pub(super) struct RawCorrelation {
     pub search_px: Option<i64>,
     pub interval_frames: Option<i64>,
     pub min_zncc: Option<f64>,
+    pub interpolation: Option<String>,
 }
 
 #[derive(Debug, Default, Deserialize)]

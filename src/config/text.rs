@@ -69,7 +69,9 @@ impl<'t> Text<'t> {
     pub fn not_offered(&self, path: &str, instead: impl Into<String>) -> ConfigError {
         let place = self.place(path);
         let what = match place {
-            Some(place) if self.text[place.value.clone()].starts_with('[') => format!("the table [{path}]"),
+            Some(place) if self.text[place.value.clone()].starts_with(&format!("[{path}]")) => {
+                format!("the table [{path}]")
+            }
             Some(place) => format!("{path} = {}", self.shown(&place.value)),
             None => path.into(),
         };

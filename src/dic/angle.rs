@@ -8,11 +8,11 @@
 //! The best of them are refined with the coarse pixels, and the winner with all.
 
 use super::body::{BodyMotion, RigidBody};
+use super::params::Interpolation;
 use super::plane::Plane;
 use super::prepared::Prepared;
 use super::refine::Match;
 use super::region::Region;
-use super::spline::sample_inside;
 use super::transform::{Complex, Transform, fast_size};
 use super::warp::Warp;
 use crate::image::Image;
@@ -65,7 +65,7 @@ pub fn find_at_any_angle(
     let factor = coarse_factor(reference, &body);
     let coarse = |frame: &Prepared| {
         let mut prepared = Prepared::default();
-        prepared.fill(shrunk(&frame.levels, factor).view());
+        prepared.fill(shrunk(&frame.levels, factor).view(), Interpolation::Optimised);
         prepared
     };
     let (coarse_reference, coarse_target) = (coarse(reference), coarse(target));
@@ -290,7 +290,7 @@ impl Template {
             for dx in -reach..=reach {
                 let (x, y) = back.apply(f64::from(dx), f64::from(dy));
                 if window.holds(x.round() as i32, y.round() as i32) {
-                    pixels.push((dx, dy, sample_inside(&reference.coefficients, cx + x, cy + y)));
+                    pixels.push((dx, dy, reference.splined.at(cx + x, cy + y)));
                 }
             }
         }
@@ -312,7 +312,7 @@ mod tests {
 
     fn prepared(image: &Image) -> Prepared {
         let mut prepared = Prepared::default();
-        prepared.fill(image.view());
+        prepared.fill(image.view(), Interpolation::Optimised);
         prepared
     }
 

@@ -134,7 +134,7 @@ impl RigidBody {
             subset: &self.subset,
             window: &self.window,
             shape: Shape::Rigid,
-            target: &target.coefficients,
+            target: &target.splined,
             at: self.at,
         }
     }
@@ -180,12 +180,13 @@ impl RigidBody {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::dic::params::Interpolation;
     use crate::dic::speckle::{Speckle, record};
     use crate::image::Image;
 
     fn prepared(image: &Image) -> Prepared {
         let mut prepared = Prepared::default();
-        prepared.fill(image.view());
+        prepared.fill(image.view(), Interpolation::Optimised);
         prepared
     }
 

@@ -163,7 +163,7 @@ impl Correlator {
     /// If the image has another size than planned.
     pub fn prepare_into(&self, image: ImageView<'_>, prepared: &mut Prepared) {
         assert_eq!((image.width(), image.height()), (self.width_px, self.height_px), "planned for another size");
-        prepared.fill(image);
+        prepared.fill(image, self.params.interpolation);
     }
 
     /// Measures how far each subset moved from `reference` to `target`.

@@ -175,7 +175,7 @@ mod tests {
     use super::*;
     use crate::dic::prepared::Prepared;
     use crate::dic::speckle::{Speckle, record};
-    use crate::dic::{Shape, WindowShape, zncc};
+    use crate::dic::{Interpolation, Shape, WindowShape, zncc};
     use crate::image::{Image, ImageView};
 
     fn cut(image: &Image, x: i32, y: i32, half: i32) -> Image {
@@ -210,8 +210,8 @@ mod tests {
         let reference = record(&speckle.draw(90, 80), 2.0, 1);
         let target = record(&speckle.moved(|_, _| (3.4, -2.2)).draw(90, 80), 2.0, 2);
         let (mut f, mut g) = (Prepared::default(), Prepared::default());
-        f.fill(reference.view());
-        g.fill(target.view());
+        f.fill(reference.view(), Interpolation::Optimised);
+        g.fill(target.view(), Interpolation::Optimised);
         let window = Window::new(WindowShape::Square, 21);
         let mut search = Search::new(21, 7);
         for data in [&mut search.full.data, &mut search.full.product, &mut search.quick.data] {
@@ -237,7 +237,7 @@ mod tests {
     fn searches_keep_to_the_image() {
         let speckle = Speckle::standard(6, 60.0);
         let mut frame = Prepared::default();
-        frame.fill(record(&speckle.draw(60, 60), 1.0, 1).view());
+        frame.fill(record(&speckle.draw(60, 60), 1.0, 1).view(), Interpolation::Optimised);
         let window = Window::new(WindowShape::Square, 31);
         let (mut search, mut subset) = (Search::new(31, 16), Subset::default());
         subset.fill(&frame, &window, Shape::Affine, (15, 44)).unwrap();

@@ -8,8 +8,7 @@
 
 use super::correlation::{Contrast, Correlation, Shifts};
 use super::peak::Surface;
-use super::plane::Plane;
-use super::spline::weights;
+use super::spline::Splined;
 use super::transform::fast_size;
 use super::window::Window;
 
@@ -65,7 +64,7 @@ impl FineSearch {
     /// the subset has no contrast.
     pub(super) fn find(
         &mut self,
-        (reference, target): (&Plane, &Plane),
+        (reference, target): (&Splined, &Splined),
         window: &Window,
         at: (u32, u32),
         near: (i32, i32),
@@ -117,19 +116,18 @@ impl FineSearch {
 
 /// Interpolates `side` x `side` points, `factor` to a pixel, from a whole pixel on.
 fn upsample(
-    coefficients: &Plane,
+    picture: &Splined,
     corner: (isize, isize),
     side: usize,
     factor: usize,
     (rows, out): (&mut [f32], &mut [f32]),
 ) {
     let lines = (side - 1) / factor + 6;
-    let data = coefficients.data();
-    let phases: Vec<[f32; 6]> = (0..factor).map(|phase| weights(phase as f32 / factor as f32)).collect();
+    let phases: Vec<[f32; 6]> = (0..factor).map(|phase| picture.weights(phase as f32 / factor as f32)).collect();
     for line in 0..lines {
-        let first = coefficients.index(corner.0 - 2, corner.1 - 2 + line as isize);
+        let (taps, _) = picture.taps(corner.0, corner.1 + line as isize);
         for (fine, value) in rows[line * side..(line + 1) * side].iter_mut().enumerate() {
-            let taps = &data[first + fine / factor..][..6];
+            let taps = &taps[fine / factor..][..6];
             *value = taps.iter().zip(&phases[fine % factor]).map(|(tap, weight)| tap * weight).sum();
         }
     }

@@ -144,7 +144,7 @@ impl Matcher<'_> {
         };
         let displacement = match (self.params.method, fine) {
             (Method::SplineFft, Some(fine)) => {
-                let frames = (&self.reference.coefficients, &self.target.coefficients);
+                let frames = (&self.reference.splined, &self.target.splined);
                 fine.find(frames, self.window, self.at, peaks.whole(), *peak_fit)
             }
             (Method::PeakSpline, _) => Some(peaks.offset(search.spline_top(&peaks))),
@@ -197,7 +197,7 @@ impl Matcher<'_> {
     /// The refinement of this subset.
     pub(super) fn refiner(&self) -> Refiner<'_> {
         let (subset, window, shape) = (self.subset, self.window, self.params.refined_shape());
-        Refiner { subset, window, shape, target: &self.target.coefficients, at: self.at }
+        Refiner { subset, window, shape, target: &self.target.splined, at: self.at }
     }
 
     /// Refines one peak.

@@ -51,7 +51,7 @@ pub use body::{BodyMotion, RigidBody};
 pub use correlator::{Correlator, KeptReference, Start};
 pub use error::CorrelationError;
 pub use grid::GridPoint;
-pub use params::{CorrelationParams, Method, Shape, WindowShape};
+pub use params::{CorrelationParams, Interpolation, Method, Shape, WindowShape};
 pub use prepared::Prepared;
 pub use region::Region;
 pub use rigid_fit::{RigidMotion, rigid_fit};

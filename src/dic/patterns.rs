@@ -87,7 +87,7 @@ fn correlate(clean: (&Image, &Image), sigma: f64, seed: u64) -> Vec<FieldPoint> 
 /// From the fourth-order gradient of the image without noise.
 fn unit_bound(clean: &Image) -> f64 {
     let mut frame = Prepared::default();
-    frame.fill(clean.view());
+    frame.fill(clean.view(), Interpolation::Optimised);
     let (mut subset, window) = (Subset::default(), Window::new(WindowShape::Square, 31));
     let mut sum = 0.0;
     for point in points() {

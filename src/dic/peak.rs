@@ -3,8 +3,9 @@
 use multiversion::multiversion;
 
 use super::lanes::LANES;
+use super::params::Interpolation;
 use super::plane::Plane;
-use super::spline::{prefilter, sample_inside};
+use super::spline::Splined;
 
 /// How far around a peak the surface is splined, samples.
 const REACH: usize = 6;
@@ -90,14 +91,13 @@ impl Surface<'_> {
             samples.row_mut(y - top).iter_mut().zip(line).for_each(|(value, sample)| *value = sample.max(-1.0));
         }
         samples.mirror_margin();
-        let mut coefficients = samples.clone();
-        prefilter(&samples, &mut coefficients);
+        let surface = Splined::new(&samples, Interpolation::Optimised);
         let (x, y) = ((column - left) as f64, (row - top) as f64);
         let (mut dx, mut dy) = (0.0, 0.0);
         // Ever smaller paraboloids through the spline; where one has no top, on to its highest point.
         for step in [0.5, 0.4, 0.15, 0.04] {
             let place = |k: usize, offset: f64| offset + step * (k as f64 - 1.0);
-            let value = |k: usize| sample_inside(&coefficients, x + place(k % 3, dx), y + place(k / 3, dy));
+            let value = |k: usize| surface.at(x + place(k % 3, dx), y + place(k / 3, dy));
             let values: [f64; 9] = std::array::from_fn(|k| f64::from(value(k)));
             let highest = (0..9).fold(4, |best, k| if values[k] > values[best] { k } else { best });
             let (sx, sy) = match paraboloid(&values) {

@@ -3,15 +3,16 @@
 use multiversion::multiversion;
 
 use super::lanes::LANES;
+use super::params::Interpolation;
 use super::plane::Plane;
-use super::spline;
+use super::spline::Splined;
 use crate::image::ImageView;
 
 /// Grey levels at which common sensors saturate, DN.
 const SATURATED_LEVELS: [f32; 5] = [255.0, 1023.0, 4095.0, 16383.0, 65535.0];
 
-/// A frame made ready: grey levels and gradients for use as reference, spline
-/// coefficients for use as target.
+/// A frame made ready: grey levels and gradients for use as reference, an
+/// interpolated picture for use as target.
 ///
 /// Made by [`Correlator::prepare`](super::Correlator::prepare); a frame that is
 /// the target now and the reference later need only be prepared once.
@@ -20,7 +21,7 @@ pub struct Prepared {
     pub(super) levels: Plane,
     pub(super) gradient_x: Plane,
     pub(super) gradient_y: Plane,
-    pub(super) coefficients: Plane,
+    pub(super) splined: Splined,
     /// Taken off every grey level, so that sums in single precision lose nothing, DN.
     pub(super) offset: f32,
     /// The level at which the frame is saturated, offset taken off; infinite if it is not.
@@ -39,13 +40,13 @@ impl Prepared {
     }
 
     /// Makes `image` ready in this memory.
-    pub(super) fn fill(&mut self, image: ImageView<'_>) {
+    pub(super) fn fill(&mut self, image: ImageView<'_>, interpolation: Interpolation) {
         let (width, height) = (image.width(), image.height());
         let (highest, sum) = highest_and_sum(image);
         self.offset = (sum / (width * height).max(1) as f64).round() as f32;
         let saturated = SATURATED_LEVELS.iter().any(|level| (level - highest).abs() < 0.5);
         self.saturation = if saturated { highest - self.offset } else { f32::INFINITY };
-        for plane in [&mut self.levels, &mut self.gradient_x, &mut self.gradient_y, &mut self.coefficients] {
+        for plane in [&mut self.levels, &mut self.gradient_x, &mut self.gradient_y] {
             plane.reshape(width, height);
         }
         if width == 0 || height == 0 {
@@ -57,7 +58,7 @@ impl Prepared {
         }
         self.levels.mirror_margin();
         self.fill_gradients();
-        spline::prefilter(&self.levels, &mut self.coefficients);
+        self.splined.fill(&self.levels, interpolation);
     }
 
     /// Fourth-order central differences; second order one pixel from the edge, one-sided on it.
@@ -151,10 +152,10 @@ mod tests {
             }
         }
         let mut prepared = Prepared::default();
-        prepared.fill(cubic.view());
+        prepared.fill(cubic.view(), Interpolation::Optimised);
         assert!((prepared.gradient_x.row(5)[4] - 0.3 * 16.0).abs() < 1e-3);
         assert!((prepared.gradient_y.row(5)[4] - 0.4 * 5.0).abs() < 1e-3);
-        prepared.fill(ramp.view());
+        prepared.fill(ramp.view(), Interpolation::Optimised);
         for y in 0..11 {
             assert!(prepared.gradient_x.row(y).iter().all(|g| (g - 3.0).abs() < 1e-4));
             assert!(prepared.gradient_y.row(y).iter().all(|g| (g + 2.0).abs() < 1e-4));
@@ -164,7 +165,7 @@ mod tests {
     #[test]
     fn one_pixel_frames_are_prepared_without_a_fault() {
         let mut prepared = Prepared::default();
-        prepared.fill(Image::new(1, 1).view());
+        prepared.fill(Image::new(1, 1).view(), Interpolation::Optimised);
         assert_eq!((prepared.width(), prepared.height()), (1, 1));
         assert_eq!(prepared.gradient_x.row(0), [0.0]);
     }

@@ -8,7 +8,6 @@
 use super::lanes::{LANES, Lanes};
 use super::refine::{Lost, Match, Refiner};
 use super::solve::invert;
-use super::spline::sample_inside;
 use super::warp::Warp;
 
 /// Parameters: displacement, gradients and second derivatives of u, then of v.
@@ -154,7 +153,7 @@ impl Refiner<'_> {
             if !((0.0..=right).contains(&tx) && (0.0..=bottom).contains(&ty)) {
                 return Err(Lost::OutOfFrame);
             }
-            values.push(f64::from(sample_inside(self.target, tx, ty)));
+            values.push(f64::from(self.target.at(tx, ty)));
         }
         Ok(())
     }

@@ -10,9 +10,9 @@
 
 use super::Shape;
 use super::lanes::Lanes;
-use super::plane::Plane;
 use super::quadratic::Second;
 use super::sample::{ShiftedColumn, sample_lanes};
+use super::spline::Splined;
 use super::subset::{Subset, project};
 use super::vector::{Vector, vectorized};
 use super::warp::Warp;
@@ -67,8 +67,8 @@ pub(super) struct Refiner<'a> {
     pub(super) subset: &'a Subset,
     pub(super) window: &'a Window,
     pub(super) shape: Shape,
-    /// Spline coefficients of the target.
-    pub(super) target: &'a Plane,
+    /// The target, interpolated.
+    pub(super) target: &'a Splined,
     /// Centre of the subset in the reference, px.
     pub(super) at: (u32, u32),
 }
@@ -272,9 +272,8 @@ mod tests {
     use super::*;
     use crate::dic::prepared::Prepared;
     use crate::dic::speckle::{Speckle, record};
-    use crate::dic::spline::sample_inside;
     use crate::dic::vector::Portable;
-    use crate::dic::{WindowShape, zncc};
+    use crate::dic::{Interpolation, WindowShape, zncc};
     use crate::image::{Image, ImageView};
 
     fn pair() -> (Image, Prepared, Prepared) {
@@ -286,8 +285,8 @@ mod tests {
         });
         let reference = record(&speckle.draw(90, 90), 1.0, 1);
         let (mut a, mut b) = (Prepared::default(), Prepared::default());
-        a.fill(reference.view());
-        b.fill(record(&moved.draw(90, 90), 1.0, 2).view());
+        a.fill(reference.view(), Interpolation::Optimised);
+        b.fill(record(&moved.draw(90, 90), 1.0, 2).view(), Interpolation::Optimised);
         (reference, a, b)
     }
 
@@ -299,8 +298,7 @@ mod tests {
         let mut subset = Subset::default();
         let at = (45, 44);
         subset.fill(&reference, &window, Shape::Affine, at).unwrap();
-        let refiner =
-            Refiner { subset: &subset, window: &window, shape: Shape::Affine, target: &target.coefficients, at };
+        let refiner = Refiner { subset: &subset, window: &window, shape: Shape::Affine, target: &target.splined, at };
         let found = refiner.refine(Warp::shift(1.0, 0.0)).unwrap();
         let offsets: Vec<(i32, i32)> = (0..31 * 31).map(|k| (k % 31 - 15, k / 31 - 15)).collect();
         let pixel = |(dx, dy): &(i32, i32)| image.view().at((45 + dx) as usize, (44 + dy) as usize).unwrap();
@@ -308,7 +306,7 @@ mod tests {
         let slow = |warp: &Warp| {
             let sample = |(dx, dy): &(i32, i32)| {
                 let (x, y) = warp.apply(f64::from(*dx), f64::from(*dy));
-                sample_inside(&target.coefficients, 45.0 + x, 44.0 + y)
+                target.splined.at(45.0 + x, 44.0 + y)
             };
             let g: Vec<f32> = offsets.iter().map(sample).collect();
             zncc(ImageView::new(&f, 31, 31).unwrap(), ImageView::new(&g, 31, 31).unwrap()).unwrap()
@@ -337,7 +335,7 @@ mod tests {
             let window = Window::new(shape, 27);
             let mut subset = Subset::default();
             subset.fill(&reference, &window, Shape::Affine, (45, 44)).unwrap();
-            let target = &target.coefficients;
+            let target = &target.splined;
             let refiner = Refiner { subset: &subset, window: &window, shape: Shape::Affine, target, at: (45, 44) };
             for warp in [Warp::shift(0.3, -1.7), Warp::rigid(0.6, -0.3, 0.03), Warp::rigid(0.6, -0.3, 0.3)] {
                 let (fast, plain) = (sums_of(&refiner, &warp), refiner.sums_with::<Portable>(&warp));

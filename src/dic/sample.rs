@@ -1,8 +1,7 @@
 //! Eight pixels of the warped target at a time.
 
 use super::lanes::{LANES, Lanes};
-use super::plane::Plane;
-use super::spline::{lane_weights, sample_inside};
+use super::spline::Splined;
 use super::vector::Vector;
 
 /// The target at (x + lane (1 + ux), y + lane vx) for the eight lanes.
@@ -13,24 +12,23 @@ use super::vector::Vector;
 /// get their weights shifted by one tap. Stronger deformation (8 degrees and
 /// more) is sampled lane by lane.
 #[inline(always)]
-pub(super) fn sample_lanes<V: Vector>(coefficients: &Plane, (x, y): (f64, f64), ux: f64, vx: f64) -> V {
+pub(super) fn sample_lanes<V: Vector>(target: &Splined, (x, y): (f64, f64), ux: f64, vx: f64) -> V {
     let last = (LANES - 1) as f64;
     if (last * ux).abs() >= 1.0 || (last * vx).abs() >= 1.0 {
-        return V::from_lanes(&sample_scattered(coefficients, (x, y), ux, vx));
+        return V::from_lanes(&sample_scattered(target, (x, y), ux, vx));
     }
     let (end_x, end_y) = (x + last * ux, y + last * vx);
     let (cell_x, cell_y) = (x.min(end_x).floor(), y.min(end_y).floor());
     let (along_x, along_y) = (along::<V>(x - cell_x, ux), along::<V>(y - cell_y, vx));
-    let (data, stride) = (coefficients.data(), coefficients.stride());
-    let first = coefficients.index(cell_x as isize - 2, cell_y as isize - 2);
-    let taps = Taps { rows: &data[first..], stride };
+    let (rows, stride) = target.taps(cell_x as isize, cell_y as isize);
+    let taps = Taps { rows, stride };
     // A little early: a lane that rounds up to 1 must find its second cell.
     let (wide_x, wide_y) = (x.max(end_x) - cell_x >= 0.999_999, y.max(end_y) - cell_y >= 0.999_999);
     match (wide_x, wide_y) {
-        (false, false) => taps.sum(&lane_weights(along_x), &lane_weights(along_y)),
-        (false, true) => taps.sum(&lane_weights(along_x), &widened(along_y)),
-        (true, false) => taps.sum(&widened(along_x), &lane_weights(along_y)),
-        (true, true) => taps.sum(&widened(along_x), &widened(along_y)),
+        (false, false) => taps.sum(&target.lane_weights(along_x), &target.lane_weights(along_y)),
+        (false, true) => taps.sum(&target.lane_weights(along_x), &widened(target, along_y)),
+        (true, false) => taps.sum(&widened(target, along_x), &target.lane_weights(along_y)),
+        (true, true) => taps.sum(&widened(target, along_x), &widened(target, along_y)),
     }
 }
 
@@ -42,10 +40,10 @@ fn along<V: Vector>(start: f64, drift: f64) -> V {
 
 /// Lane by lane, for any deformation.
 #[inline(never)]
-fn sample_scattered(coefficients: &Plane, (x, y): (f64, f64), ux: f64, vx: f64) -> Lanes {
+fn sample_scattered(target: &Splined, (x, y): (f64, f64), ux: f64, vx: f64) -> Lanes {
     let mut lanes = Lanes::splat(0.0);
     for (lane, value) in lanes.0.iter_mut().enumerate() {
-        *value = sample_inside(coefficients, x + lane as f64 * (1.0 + ux), y + lane as f64 * vx);
+        *value = target.at(x + lane as f64 * (1.0 + ux), y + lane as f64 * vx);
     }
     lanes
 }
@@ -87,12 +85,11 @@ pub(super) struct ShiftedColumn<'a, V> {
 impl<'a, V: Vector> ShiftedColumn<'a, V> {
     /// Begins at (x, y), the first lane of the first row.
     #[inline(always)]
-    pub(super) fn new(coefficients: &'a Plane, (x, y): (f64, f64)) -> Self {
+    pub(super) fn new(target: &'a Splined, (x, y): (f64, f64)) -> Self {
         let (cell_x, cell_y) = (x.floor(), y.floor());
-        let first = coefficients.index(cell_x as isize - 2, cell_y as isize - 2);
-        let (rows, stride) = (&coefficients.data()[first..], coefficients.stride());
-        let weights_x = lane_weights(V::splat((x - cell_x) as f32));
-        let weights_y = lane_weights(V::splat((y - cell_y) as f32));
+        let (rows, stride) = target.taps(cell_x as isize, cell_y as isize);
+        let weights_x = target.lane_weights(V::splat((x - cell_x) as f32));
+        let weights_y = target.lane_weights(V::splat((y - cell_y) as f32));
         let mut column = Self { rows, stride, weights_x, weights_y, filtered: [V::splat(0.0); 5] };
         for row in 0..5 {
             column.filtered[row] = column.filter_next();
@@ -128,10 +125,10 @@ impl<'a, V: Vector> ShiftedColumn<'a, V> {
 
 /// Weights of seven taps when some lanes lie in the second cell.
 #[inline(always)]
-fn widened<V: Vector>(fraction: V) -> [V; 7] {
+fn widened<V: Vector>(target: &Splined, fraction: V) -> [V; 7] {
     let one = V::splat(1.0);
     let second = fraction.at_least(one);
-    let w = lane_weights(fraction.sub(one.and(second)));
+    let w = target.lane_weights(fraction.sub(one.and(second)));
     let none = V::splat(0.0);
     [
         V::select(second, none, w[0]),
@@ -147,10 +144,11 @@ fn widened<V: Vector>(fraction: V) -> [V; 7] {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::dic::spline::prefilter;
+    use crate::dic::params::Interpolation;
+    use crate::dic::plane::Plane;
     use crate::dic::vector::Portable;
 
-    fn waves() -> Plane {
+    fn waves() -> Splined {
         let mut plane = Plane::default();
         plane.reshape(60, 50);
         for y in 0..50 {
@@ -160,21 +158,19 @@ mod tests {
             }
         }
         plane.mirror_margin();
-        let mut filtered = plane.clone();
-        prefilter(&plane, &mut filtered);
-        filtered
+        Splined::new(&plane, Interpolation::Optimised)
     }
 
     #[test]
     fn eight_at_a_time_equals_one_at_a_time_at_any_deformation_and_on_any_machine() {
-        let plane = waves();
+        let target = waves();
         for case in 0..400 {
             let (ux, vx) = (f64::from(case % 20 - 10) * 0.017, f64::from(case / 20 - 10) * 0.016);
             let at = (20.0 + f64::from(case) * 0.013, 22.0 - f64::from(case) * 0.017);
-            let found = sample_lanes::<Portable>(&plane, at, ux, vx).to_lanes();
+            let found = sample_lanes::<Portable>(&target, at, ux, vx).to_lanes();
             for lane in 0..LANES {
                 let offset = lane as f64;
-                let expected = sample_inside(&plane, at.0 + offset * (1.0 + ux), at.1 + offset * vx);
+                let expected = target.at(at.0 + offset * (1.0 + ux), at.1 + offset * vx);
                 assert!((found.0[lane] - expected).abs() < 2e-3, "{ux} {vx} {at:?} lane {lane}");
             }
         }
@@ -182,12 +178,12 @@ mod tests {
 
     #[test]
     fn the_column_of_a_pure_shift_equals_the_warped_one() {
-        let plane = waves();
+        let target = waves();
         for case in 0..50 {
             let (x, y) = (17.0 + f64::from(case) * 0.173, 15.0 - f64::from(case) * 0.091);
-            let mut column = ShiftedColumn::<Portable>::new(&plane, (x, y));
+            let mut column = ShiftedColumn::<Portable>::new(&target, (x, y));
             for row in 0..9 {
-                let expected = sample_lanes::<Portable>(&plane, (x, y + f64::from(row)), 0.0, 0.0).to_lanes();
+                let expected = sample_lanes::<Portable>(&target, (x, y + f64::from(row)), 0.0, 0.0).to_lanes();
                 let found = column.next_row().to_lanes();
                 for lane in 0..LANES {
                     assert!((found.0[lane] - expected.0[lane]).abs() < 1e-3, "{x} {y} row {row} lane {lane}");

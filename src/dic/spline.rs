@@ -11,6 +11,7 @@
 //! Process. 41 (1993) 834, <https://doi.org/10.1109/78.193221>.
 
 use super::lanes::LANES;
+use super::params::Interpolation;
 use super::plane::{MARGIN, Plane, mirror};
 use super::vector::{Vector, vectorized};
 
@@ -20,53 +21,73 @@ const POLES: [f64; 2] = [-0.430_575_347_099_973_8, -0.043_096_288_203_264_65];
 /// Reach of the prefilter's impulse response that still matters (0.43^15 = 3e-6), px.
 const REACH: usize = 14;
 
-/// Even part of the weights of taps 1, 2, 3 (mirrored: 0, -1, -2), by powers of (t - 1/2)^2.
-#[expect(clippy::excessive_precision, reason = "the digits of the fit; rounding them would hide where they come from")]
-const EVEN: [[f32; 3]; 3] = [
-    [4.398_384_2e-1, -2.389_174e-1, 5.168_988_8e-2],
-    [5.800_446_4e-2, 2.384_522e-1, -8.206_977e-2],
-    [2.157_120_3e-3, 4.651_872_9e-4, 3.037_988_2e-2],
-];
-
-/// Odd part, by powers of (t - 1/2)^2, to be multiplied by t - 1/2.
-#[expect(clippy::excessive_precision, reason = "the digits of the fit; rounding them would hide where they come from")]
-const ODD: [[f32; 3]; 3] = [
-    [3.957_628_9e-1, -2.678_602_2e-1, 7.267_808_5e-2],
-    [1.982_516_8e-1, 4.939_555_5e-2, -3.634_419_5e-2],
-    [1.872_997e-3, 2.399_093_3e-2, 7.423_789_7e-3],
-];
-
-/// Weights of the taps at -2, -1, 0, 1, 2, 3 px for a position `t` (0 to 1) after tap 0.
-#[inline(always)]
-pub(super) fn weights(t: f32) -> [f32; 6] {
-    let s = t - 0.5;
-    let square = s * s;
-    let mut weights = [0.0; 6];
-    for pair in 0..3 {
-        let even = EVEN[pair][0] + square * (EVEN[pair][1] + square * EVEN[pair][2]);
-        let odd = s * (ODD[pair][0] + square * (ODD[pair][1] + square * ODD[pair][2]));
-        weights[3 + pair] = even + odd;
-        weights[2 - pair] = even - odd;
-    }
-    weights
+/// Weights of six taps as polynomials of the fraction.
+#[derive(Debug, PartialEq)]
+struct Kernel {
+    /// Even part of the weights of taps 1, 2, 3 (mirrored: 0, -1, -2), by powers of (t - 1/2)^2.
+    even: [[f32; 3]; 3],
+    /// Odd part, by powers of (t - 1/2)^2, to be multiplied by t - 1/2.
+    odd: [[f32; 3]; 3],
 }
 
-/// [`weights`] for eight positions.
-#[inline(always)]
-pub(super) fn lane_weights<V: Vector>(t: V) -> [V; 6] {
-    let s = t.sub(V::splat(0.5));
-    let square = s.mul(s);
-    let even = [quadratic(&EVEN[0], square), quadratic(&EVEN[1], square), quadratic(&EVEN[2], square)];
-    let odd = [quadratic(&ODD[0], square), quadratic(&ODD[1], square), quadratic(&ODD[2], square)];
-    let odd = [s.mul(odd[0]), s.mul(odd[1]), s.mul(odd[2])];
-    [
-        even[2].sub(odd[2]),
-        even[1].sub(odd[1]),
-        even[0].sub(odd[0]),
-        even[0].add(odd[0]),
-        even[1].add(odd[1]),
-        even[2].add(odd[2]),
-    ]
+/// The fitted kernel; goes with the quintic prefilter.
+#[expect(clippy::excessive_precision, reason = "the digits of the fit; rounding them would hide where they come from")]
+static OPTIMISED: Kernel = Kernel {
+    even: [
+        [4.398_384_2e-1, -2.389_174e-1, 5.168_988_8e-2],
+        [5.800_446_4e-2, 2.384_522e-1, -8.206_977e-2],
+        [2.157_120_3e-3, 4.651_872_9e-4, 3.037_988_2e-2],
+    ],
+    odd: [
+        [3.957_628_9e-1, -2.678_602_2e-1, 7.267_808_5e-2],
+        [1.982_516_8e-1, 4.939_555_5e-2, -3.634_419_5e-2],
+        [1.872_997e-3, 2.399_093_3e-2, 7.423_789_7e-3],
+    ],
+};
+
+/// A cubic B-spline through the four grey levels around, fitted in every cell anew; goes with the levels themselves.
+///
+/// Z. Pan, W. Chen, Z. Jiang, L. Tang, Y. Liu, Z. Liu, Theor. Appl. Mech. Lett. 6 (2016) 126,
+/// <https://doi.org/10.1016/j.taml.2016.04.003>.
+static BICUBIC: Kernel = Kernel {
+    even: [[19.0 / 32.0, -3.0 / 8.0, 0.0], [-3.0 / 32.0, 3.0 / 8.0, 0.0], [0.0; 3]],
+    odd: [[9.0 / 7.0, -8.0 / 7.0, 0.0], [-3.0 / 28.0, 3.0 / 7.0, 0.0], [0.0; 3]],
+};
+
+impl Kernel {
+    /// Weights of the taps at -2, -1, 0, 1, 2, 3 px for a position `t` (0 to 1) after tap 0.
+    #[inline(always)]
+    fn weights(&self, t: f32) -> [f32; 6] {
+        let s = t - 0.5;
+        let square = s * s;
+        let mut weights = [0.0; 6];
+        for pair in 0..3 {
+            let even = self.even[pair][0] + square * (self.even[pair][1] + square * self.even[pair][2]);
+            let odd = s * (self.odd[pair][0] + square * (self.odd[pair][1] + square * self.odd[pair][2]));
+            weights[3 + pair] = even + odd;
+            weights[2 - pair] = even - odd;
+        }
+        weights
+    }
+
+    /// [`Self::weights`] for eight positions.
+    #[inline(always)]
+    fn lane_weights<V: Vector>(&self, t: V) -> [V; 6] {
+        let s = t.sub(V::splat(0.5));
+        let square = s.mul(s);
+        let even =
+            [quadratic(&self.even[0], square), quadratic(&self.even[1], square), quadratic(&self.even[2], square)];
+        let odd = [quadratic(&self.odd[0], square), quadratic(&self.odd[1], square), quadratic(&self.odd[2], square)];
+        let odd = [s.mul(odd[0]), s.mul(odd[1]), s.mul(odd[2])];
+        [
+            even[2].sub(odd[2]),
+            even[1].sub(odd[1]),
+            even[0].sub(odd[0]),
+            even[0].add(odd[0]),
+            even[1].add(odd[1]),
+            even[2].add(odd[2]),
+        ]
+    }
 }
 
 /// c0 + c1 x + c2 x^2.
@@ -85,10 +106,90 @@ fn impulse_response() -> [f32; REACH + 1] {
     std::array::from_fn(|k| (weight_a * a.powi(k as i32) + weight_b * b.powi(k as i32)) as f32)
 }
 
+/// A picture that has a value between its pixels.
+#[derive(Debug, Clone)]
+pub(super) struct Splined {
+    /// What the taps of the kernel are put on.
+    plane: Plane,
+    kernel: &'static Kernel,
+}
+
+impl Default for Splined {
+    fn default() -> Self {
+        Self { plane: Plane::default(), kernel: &OPTIMISED }
+    }
+}
+
+impl Splined {
+    /// Interpolates the grey levels, whose margin is mirrored.
+    pub(super) fn fill(&mut self, levels: &Plane, interpolation: Interpolation) {
+        match interpolation {
+            Interpolation::Optimised => {
+                self.kernel = &OPTIMISED;
+                self.plane.reshape(levels.width(), levels.height());
+                prefilter(levels, &mut self.plane);
+            }
+            Interpolation::Bicubic => {
+                self.kernel = &BICUBIC;
+                self.plane.clone_from(levels);
+            }
+        }
+    }
+
+    /// Interpolates the grey levels in new memory.
+    pub(super) fn new(levels: &Plane, interpolation: Interpolation) -> Self {
+        let mut splined = Self::default();
+        splined.fill(levels, interpolation);
+        splined
+    }
+
+    /// Pixels a row.
+    pub(super) fn width(&self) -> usize {
+        self.plane.width()
+    }
+
+    /// Rows.
+    pub(super) fn height(&self) -> usize {
+        self.plane.height()
+    }
+
+    /// What the taps are put on, from the first tap of the cell at (x, y) on; and the length of a row.
+    #[inline(always)]
+    pub(super) fn taps(&self, x: isize, y: isize) -> (&[f32], usize) {
+        (&self.plane.data()[self.plane.index(x - 2, y - 2)..], self.plane.stride())
+    }
+
+    /// Weights of the six taps for a position `t` (0 to 1) after the third.
+    #[inline(always)]
+    pub(super) fn weights(&self, t: f32) -> [f32; 6] {
+        self.kernel.weights(t)
+    }
+
+    /// [`Self::weights`] for eight positions.
+    #[inline(always)]
+    pub(super) fn lane_weights<V: Vector>(&self, t: V) -> [V; 6] {
+        self.kernel.lane_weights(t)
+    }
+
+    /// The value at (x, y) px, which lies in the image or a few pixels off it.
+    #[inline(always)]
+    pub(super) fn at(&self, x: f64, y: f64) -> f32 {
+        let (cell_x, cell_y) = (x.floor(), y.floor());
+        let (weights_x, weights_y) = (self.weights((x - cell_x) as f32), self.weights((y - cell_y) as f32));
+        let (taps, stride) = self.taps(cell_x as isize, cell_y as isize);
+        let mut sum = 0.0;
+        for (row, weight) in weights_y.iter().enumerate() {
+            let taps = &taps[row * stride..row * stride + 6];
+            sum += weight * taps.iter().zip(&weights_x).map(|(c, w)| c * w).sum::<f32>();
+        }
+        sum
+    }
+}
+
 /// Turns the grey levels into quintic-spline coefficients, margin included.
 ///
 /// Both planes have one shape; the margin of `levels` is mirrored, and so are the edges.
-pub(super) fn prefilter(levels: &Plane, coefficients: &mut Plane) {
+fn prefilter(levels: &Plane, coefficients: &mut Plane) {
     filter_rows(levels, &impulse_response(), coefficients);
     if levels.height() > 1 {
         filter_columns(coefficients);
@@ -190,21 +291,6 @@ fn filter_strip<V: Vector, const N: usize>(
     }
 }
 
-/// The value at (x, y) px, which lies in the image or a few pixels off it.
-#[inline(always)]
-pub(super) fn sample_inside(coefficients: &Plane, x: f64, y: f64) -> f32 {
-    let (cell_x, cell_y) = (x.floor(), y.floor());
-    let (weights_x, weights_y) = (weights((x - cell_x) as f32), weights((y - cell_y) as f32));
-    let first = coefficients.index(cell_x as isize - 2, cell_y as isize - 2);
-    let (data, stride) = (coefficients.data(), coefficients.stride());
-    let mut sum = 0.0;
-    for (row, weight) in weights_y.iter().enumerate() {
-        let taps = &data[first + row * stride..first + row * stride + 6];
-        sum += weight * taps.iter().zip(&weights_x).map(|(c, w)| c * w).sum::<f32>();
-    }
-    sum
-}
-
 const _: () = assert!(MARGIN >= 12, "the six taps, one cell of widening and eight lanes need room");
 
 #[cfg(test)]
@@ -250,14 +336,25 @@ mod tests {
     }
 
     #[test]
+    fn the_bicubic_gives_the_pixels_back_as_they_are() {
+        let levels = noise_plane(9, 8);
+        let splined = Splined::new(&levels, Interpolation::Bicubic);
+        for (x, y) in (0..72).map(|k| (k % 9, k / 9)) {
+            assert!((splined.at(x as f64, y as f64) - levels.row(y)[x]).abs() < 1e-4, "{x}, {y}");
+        }
+    }
+
+    #[test]
     fn the_weights_sum_to_one_and_mirror() {
         for step in 0..=100 {
             let t = step as f32 / 100.0;
-            let (forward, mut backward) = (weights(t), weights(1.0 - t));
-            backward.reverse();
-            let sum: f32 = forward.iter().sum();
-            assert!((sum - 1.0).abs() < 1e-6, "{t}: {sum}");
-            assert!(forward.iter().zip(&backward).all(|(a, b)| (a - b).abs() < 1e-6), "{t}");
+            for kernel in [&OPTIMISED, &BICUBIC] {
+                let (forward, mut backward) = (kernel.weights(t), kernel.weights(1.0 - t));
+                backward.reverse();
+                let sum: f32 = forward.iter().sum();
+                assert!((sum - 1.0).abs() < 1e-6, "{t}: {sum}");
+                assert!(forward.iter().zip(&backward).all(|(a, b)| (a - b).abs() < 1e-6), "{t}");
+            }
         }
     }
 
@@ -266,7 +363,7 @@ mod tests {
     fn waves_longer_than_six_pixels_are_shifted_to_within_0_0003_px() {
         for step in 0..=20 {
             let t = f64::from(step) / 20.0;
-            let weights = weights(t as f32);
+            let weights = OPTIMISED.weights(t as f32);
             for frequency in [0.2_f64, 0.5, 0.8, 1.0] {
                 let (re, im) = weights.iter().enumerate().fold((0.0, 0.0), |(re, im), (tap, weight)| {
                     let phase = frequency * (tap as f64 - 2.0);

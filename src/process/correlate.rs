@@ -41,6 +41,9 @@ pub fn run(config: &Config, index: u32, mut resumed: bool, stop: &Stop) -> anyho
         measured: Vec::new(),
         index,
         next: None,
+        block_frames: u64::from(config.workers.block_frames),
+        is_late: false,
+        from: 0,
         stamp_ns: 0,
     };
     let mut recorded = Recorded { progress: bus.subscriber(&limits)?, done: None, expected: config.record.is_some() };
@@ -82,6 +85,12 @@ struct Worker {
     measured: Vec<Measured>,
     index: u32,
     next: Option<u64>,
+    /// Frames of a block.
+    block_frames: u64,
+    /// Whether the stream began without this worker.
+    is_late: bool,
+    /// Frames before this one belong to a block whose beginning was missed.
+    from: u64,
     stamp_ns: u64,
 }
 
@@ -91,9 +100,11 @@ impl Worker {
         self.frames.greet();
         self.measurer.reset();
         self.next = None;
+        self.is_late = resumed || stream.first.is_some();
+        self.from = 0;
         self.reporter.set_run(stream.run_id.unwrap_or(0));
         // One that died left no trace of how far it was: nobody shall wait for what it will never do.
-        let reached = if resumed || stream.first.is_some() { u64::MAX } else { 0 };
+        let reached = if self.is_late { u64::MAX } else { 0 };
         self.reporter.progress(reached, false)
     }
 
@@ -109,10 +120,18 @@ impl Worker {
             if let Some(next) = self.next {
                 self.summary.lost += meta.sequence.saturating_sub(next);
             }
+            if std::mem::take(&mut self.is_late) {
+                self.from = meta.sequence.next_multiple_of(self.block_frames);
+            }
             self.next = Some(meta.sequence + 1);
             self.stamp_ns = meta.stamp_ns;
             self.summary.taken += 1;
-            self.measurer.push(&Frame { meta, bytes: sample.bytes() }, &mut self.measured)?;
+            // A block measured from its middle on would not be what a replay measures.
+            if meta.sequence >= self.from {
+                self.measurer.push(&Frame { meta, bytes: sample.bytes() }, &mut self.measured)?;
+            } else if self.measurer.wants(meta.sequence) {
+                self.summary.lost += 1;
+            }
             drop(sample);
             self.publish()?;
             if told.elapsed() >= Duration::from_millis(1) {

@@ -340,3 +340,18 @@ fn a_killed_camera_process_begins_a_run_of_its_own() {
         assert!(sequences.len() > 30 && sequences == (0..sequences.len() as u64).collect::<Vec<_>>(), "{sequences:?}");
     }
 }
+
+#[test]
+fn a_listener_does_not_wait_for_a_rig_that_died() {
+    let rig = Rig::new();
+    let config = filming(&rig, 60.0, "[workers]\ncount = 1");
+    let listener = Background::start(ricochet(["listen", "track", "--rig", rig.name.as_str(), "--wait", "60"]));
+    let service = Background::start(ricochet(["run".as_ref(), config.as_os_str()]));
+    wait_for_frame(&rig, 20);
+    service.signal(9);
+    let (code, printed, told) = listener.end();
+    assert_eq!(code, Some(4), "{told}");
+    assert!(printed.lines().count() > 10, "{printed}");
+    assert!(told.contains("died without telling the end"), "{told}");
+    service.end();
+}

@@ -1,8 +1,8 @@
 //! What a rig file means.
 
 use super::{SIMULATED, parse};
-use ricochet::config::{Compression, Config, FeatureValue, Scale, Source, TriggerMode};
-use ricochet::dic::{CorrelationParams, Method, Shape, WindowShape};
+use ricochet::config::{Compression, Config, FeatureValue, Scale, Source, Surface, TriggerMode};
+use ricochet::dic::{CorrelationParams, Interpolation, Method, Shape, WindowShape};
 use ricochet::image::PixelFormat;
 use std::path::{Path, PathBuf};
 
@@ -28,9 +28,9 @@ fn a_camera_alone_is_a_whole_rig_with_the_documented_defaults() {
 /// Every key there is, none with its default.
 pub const FULL: &str = r#"rig = { name = "drop_1" }
 scale = { ball_diameter_mm = 40 }
-surface = { angle_deg = 19.5, edge = [[0, 300], [400, 160]] }
-correlation = { method = "peak-spline", shape = "rigid", window = "circle", subset_size_px = 9, step_px = 255, spline_points = 20, search_px = 1024, interval_frames = 255, min_zncc = 0 }
-rotation = { method = "ring", ring_inner_px = 3, ring_outer_px = 5.5 }
+surface = { angle_deg = 19.5 }
+correlation = { method = "peak-spline", shape = "rigid", window = "circle", subset_size_px = 9, step_px = 255, spline_points = 20, search_px = 1024, interval_frames = 255, min_zncc = 0, interpolation = "bicubic" }
+rotation = { method = "field" }
 velocity = { window_frames = 3, order = 1, gravity_m_s2 = 0, gravity_angle_deg = -71 }
 trigger = { mode = "motion", threshold_dn = 7, roi_px = [1, 2, 3, 4], pre_s = 0, post_s = 2, rearm = false }
 record = { directory = "a/b", compression = "zstd", raw_frames = false, ring_bytes_max = 1048576 }
@@ -79,7 +79,7 @@ fn every_key_of_the_camera_arrives_where_it_belongs() {
     assert_eq!(camera.features["Gain"], FeatureValue::Float(1.5));
     assert_eq!(camera.features["Mode"], FeatureValue::Text("Off".into()));
     assert_eq!(config.scale, Some(Scale::BallDiameterMm(40.0)));
-    assert_eq!((config.surface.angle_deg, config.surface.edge_px), (19.5, Some([[0.0, 300.0], [400.0, 160.0]])));
+    assert_eq!(config.surface, Surface { angle_deg: 19.5 });
 }
 
 #[test]
@@ -97,9 +97,9 @@ fn every_key_of_the_measurement_arrives_where_it_belongs() {
         search_px: 1024,
         interval_frames: 255,
         min_zncc: 0.0,
+        interpolation: Interpolation::Bicubic,
     };
     assert_eq!(config.correlation(), correlation);
-    assert_eq!((config.rotation.ring_inner_px, config.rotation.ring_outer_px), (Some(3.0), Some(5.5)));
     assert_eq!((config.trigger.mode, config.trigger.threshold_dn), (TriggerMode::Motion, 7.0));
     assert_eq!((config.trigger.roi_px, config.trigger.post_s, config.trigger.rearm), (Some([1, 2, 3, 4]), 2.0, false));
     let record = config.record.as_ref().unwrap();

@@ -1,0 +1,94 @@
+//! The line of `ricochet field`.
+
+use clap::Args;
+use clap::builder::{PossibleValuesParser, TypedValueParser};
+use std::path::PathBuf;
+
+use crate::command::field::FieldOptions;
+use crate::config::{Config, ConfigError};
+use crate::dic::{CorrelationParams, Interpolation, Method, Shape, WindowShape};
+
+/// Arguments of a command.
+#[derive(Debug, Args)]
+pub struct Field {
+    /// The image before.
+    reference: PathBuf,
+    /// The image after.
+    target: PathBuf,
+    /// A rig file whose [correlation] table is used.
+    #[arg(long)]
+    config: Option<PathBuf>,
+    /// The table to write; standard output when absent.
+    #[arg(short, long)]
+    output: Option<PathBuf>,
+    /// Region of interest: x,y,width,height in px.
+    #[arg(long, value_name = "X,Y,W,H")]
+    roi: Option<Region>,
+    /// Subset size, odd, px.
+    #[arg(long, value_name = "PX")]
+    subset: Option<u32>,
+    /// From one subset to the next, px.
+    #[arg(long, value_name = "PX")]
+    step: Option<u32>,
+    /// How displacements are found.
+    #[arg(long, value_parser = words(&Method::WORDS))]
+    method: Option<Method>,
+    /// How subsets may deform (method ic-gn).
+    #[arg(long, value_parser = words(&Shape::WORDS))]
+    shape: Option<Shape>,
+    /// Outline of the subsets.
+    #[arg(long, value_parser = words(&WindowShape::WORDS))]
+    window: Option<WindowShape>,
+    /// How the target is interpolated; bicubic is OpenCorr's, less exact, to compare with its results.
+    #[arg(long, value_parser = words(&Interpolation::WORDS))]
+    interpolation: Option<Interpolation>,
+    /// Largest displacement looked for, px.
+    #[arg(long, value_name = "PX")]
+    search: Option<u32>,
+    /// A PNG of the vectors over the reference.
+    #[arg(long)]
+    picture: Option<PathBuf>,
+    /// Print JSON.
+    #[arg(long)]
+    json: bool,
+}
+
+/// One of the words of a setting, as what it stands for.
+fn words<T: Copy + Send + Sync + 'static>(words: &'static [(&'static str, T)]) -> impl TypedValueParser<Value = T> {
+    PossibleValuesParser::new(words.iter().map(|(word, _)| *word))
+        .try_map(|word| words.iter().find(|(known, _)| *known == word).map(|(_, meaning)| *meaning).ok_or(word))
+}
+
+/// Four numbers with commas between them.
+#[derive(Debug, Clone, Copy)]
+struct Region([u32; 4]);
+
+impl std::str::FromStr for Region {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let numbers: Result<Vec<u32>, _> = text.split(',').map(|number| number.trim().parse()).collect();
+        let region = numbers.ok().and_then(|numbers| <[u32; 4]>::try_from(numbers).ok());
+        region.map(Self).ok_or_else(|| "four whole numbers of pixels, x,y,width,height".to_owned())
+    }
+}
+
+impl Field {
+    /// What was asked for: the rig file's settings, and over them those of the self.
+    pub(super) fn options(self) -> Result<FieldOptions, ConfigError> {
+        let mut params = match &self.config {
+            Some(path) => Config::load(path)?.correlation(),
+            None => CorrelationParams::default(),
+        };
+        params.subset_size_px = self.subset.unwrap_or(params.subset_size_px);
+        params.step_px = self.step.unwrap_or(params.step_px);
+        params.search_px = self.search.unwrap_or(params.search_px);
+        params.method = self.method.unwrap_or(params.method);
+        params.shape = self.shape.unwrap_or(params.shape);
+        params.window = self.window.unwrap_or(params.window);
+        params.interpolation = self.interpolation.unwrap_or(params.interpolation);
+        let roi_px = self.roi.map(|roi| roi.0);
+        let Field { reference, target, output, picture, json, .. } = self;
+        Ok(FieldOptions { reference, target, params, roi_px, output, json, picture })
+    }
+}
