@@ -179,125 +179,9 @@ fn a_real_specimen_agrees_with_another_code_and_correlates_better() {
     assert!(own.most.iter().all(|most| *most <= 0.0125), "{:?}", own.most);
 }
 
-/// The slow twin: one subset at a time in double precision, with the reference result's own interpolation.
-///
-/// Interpolates grey levels with 4 x 4 weights that follow from a local fit of cubic B-splines.
-struct Twin {
-    reference: Image,
-    target: Image,
-}
-
-impl Twin {
-    fn weights(t: f64) -> [f64; 4] {
-        // Cubic B-spline of four control points, each fitted to the four grey levels around.
-        let spline = [
-            (1.0 - t).powi(3) / 6.0,
-            (3.0 * t.powi(3) - 6.0 * t * t + 4.0) / 6.0,
-            (-3.0 * t.powi(3) + 3.0 * t * t + 3.0 * t + 1.0) / 6.0,
-            t.powi(3) / 6.0,
-        ];
-        const FIT: [[f64; 4]; 4] =
-            [[71.0, -19.0, 5.0, -1.0], [-19.0, 95.0, -25.0, 5.0], [5.0, -25.0, 95.0, -19.0], [-1.0, 5.0, -19.0, 71.0]];
-        std::array::from_fn(|k| (0..4).map(|j| spline[j] * FIT[j][k] / 56.0).sum())
-    }
-
-    fn sample(&self, x: f64, y: f64) -> f64 {
-        let (wx, wy) = (Self::weights(x - x.floor()), Self::weights(y - y.floor()));
-        let at = |i: usize, j: usize| {
-            f64::from(self.target.view().at(x.floor() as usize + i - 1, y.floor() as usize + j - 1).unwrap())
-        };
-        (0..16).map(|k| wx[k % 4] * wy[k / 4] * at(k % 4, k / 4)).sum()
-    }
-
-    fn gradient(&self, x: usize, y: usize) -> (f64, f64) {
-        let at = |dx: isize, dy: isize| {
-            f64::from(self.reference.view().at(x.wrapping_add_signed(dx), y.wrapping_add_signed(dy)).unwrap())
-        };
-        let along = |a: f64, b: f64, c: f64, d: f64| (a - 8.0 * b + 8.0 * c - d) / 12.0;
-        (along(at(-2, 0), at(-1, 0), at(1, 0), at(2, 0)), along(at(0, -2), at(0, -1), at(0, 1), at(0, 2)))
-    }
-
-    /// Displacement of the 33 x 33 subset at (x, y), from a start on; affine Gauss-Newton.
-    fn displacement(&self, x: usize, y: usize, start: (f64, f64)) -> (f64, f64) {
-        let offsets: Vec<(f64, f64)> =
-            (0..33 * 33).map(|k| (f64::from(k % 33) - 16.0, f64::from(k / 33) - 16.0)).collect();
-        let pixel = |(dx, dy): &(f64, f64)| ((x as f64 + dx) as usize, (y as f64 + dy) as usize);
-        let centered = |values: Vec<f64>| {
-            let mean = values.iter().sum::<f64>() / values.len() as f64;
-            let values: Vec<f64> = values.into_iter().map(|value| value - mean).collect();
-            let norm = values.iter().map(|value| value * value).sum::<f64>().sqrt();
-            (values, norm)
-        };
-        let level = |offset| {
-            let (x, y) = pixel(offset);
-            f64::from(self.reference.view().at(x, y).unwrap())
-        };
-        let (f, f_norm) = centered(offsets.iter().map(level).collect());
-        let row = |offset: &(f64, f64)| {
-            let ((x, y), (dx, dy)) = (pixel(offset), *offset);
-            let (gx, gy) = self.gradient(x, y);
-            nalgebra::Vector6::new(gx, gx * dx, gx * dy, gy, gy * dx, gy * dy)
-        };
-        let rows: Vec<_> = offsets.iter().map(row).collect();
-        let hessian: nalgebra::Matrix6<f64> = rows.iter().map(|row| row * row.transpose()).sum();
-        let inverse = hessian.try_inverse().unwrap();
-        let mut warp = nalgebra::Matrix3::new(1.0, 0.0, start.0, 0.0, 1.0, start.1, 0.0, 0.0, 1.0);
-        for _ in 0..20 {
-            let sample = |(dx, dy): &(f64, f64)| {
-                let to = warp * nalgebra::Vector3::new(*dx, *dy, 1.0);
-                self.sample(x as f64 + to.x, y as f64 + to.y)
-            };
-            let (g, g_norm) = centered(offsets.iter().map(sample).collect());
-            let difference = f.iter().zip(&g).map(|(f, g)| f - f_norm / g_norm * g);
-            let right: nalgebra::Vector6<f64> = rows.iter().zip(difference).map(|(row, d)| row * d).sum();
-            let s = -inverse * right;
-            let step = nalgebra::Matrix3::new(1.0 + s[1], s[2], s[0], s[4], 1.0 + s[5], s[3], 0.0, 0.0, 1.0);
-            warp *= step.try_inverse().unwrap();
-            if s[0].abs().max(s[3].abs()) < 1e-4 {
-                break;
-            }
-        }
-        (warp[(0, 2)], warp[(1, 2)])
-    }
-}
-
-/// What separates this program from the reference result is the interpolation alone: with the other's
-/// 4 x 4 scheme the same method gives the other's numbers.
-#[test]
-fn with_the_other_codes_interpolation_a_real_specimen_agrees_to_a_thousandth_of_a_pixel() {
-    let Some(data) = std::env::var_os("RICOCHET_REAL_DATA") else {
-        println!("left out: RICOCHET_REAL_DATA names no directory of real recordings");
-        return;
-    };
-    let folder = Path::new(&data).join("opencorr-oht-cfrp");
-    let grey = |name: &str| {
-        let picture = image::open(folder.join(name)).unwrap().to_luma8();
-        let mut grey = Image::new(picture.width() as usize, picture.height() as usize);
-        grey.data_mut().iter_mut().zip(picture.as_raw()).for_each(|(level, byte)| *level = f32::from(*byte));
-        grey
-    };
-    let twin = Twin { reference: grey("oht_cfrp_0.bmp"), target: grey("oht_cfrp_4.bmp") };
-    let (mut du, mut dv) = (Vec::new(), Vec::new());
-    for row in table(&folder.join("oht_cfrp_4_fftcc_icgn1_r16.csv"))[1..].iter().step_by(149) {
-        let number = |column: usize| row[column].parse::<f64>().unwrap();
-        if number(6) >= 0.98 {
-            let (u, v) = twin.displacement(number(0) as usize, number(1) as usize, (number(4), number(5)));
-            du.push((u - number(2)).abs());
-            dv.push((v - number(3)).abs());
-        }
-    }
-    let medians = (quantile(&mut du, 0.5), quantile(&mut dv, 0.5));
-    let most = (quantile(&mut du, 0.99), quantile(&mut dv, 0.99));
-    println!("{} compared: median |du|, |dv| {medians:?}, 99 % {most:?}", du.len());
-    assert!(du.len() > 150);
-    assert!(medians.0 <= 0.001 && medians.1 <= 0.001, "{medians:?}");
-    assert!(most.0 <= 0.01 && most.1 <= 0.01, "{most:?}");
-}
-
 /// A part in twelve pictures, 30 deg further each time: the angle between neighbours, from nothing known.
 ///
-/// The listed angles are an independent rigid fit. Picture 11 is stretched by half a per cent against the
-/// others, so its rigid angle depends on how the pixels are weighed; it is held to 0.06 deg only.
+/// The listed angles are an independent rigid fit.
 #[test]
 fn a_part_turned_by_thirty_degrees_is_found_from_nothing_known() {
     let Some(data) = std::env::var_os("RICOCHET_REAL_DATA") else {
@@ -319,14 +203,15 @@ fn a_part_turned_by_thirty_degrees_is_found_from_nothing_known() {
         [60.052, -11.013, 9.911],
         [30.042, 8.374, 13.995],
     ];
+    // 4 px inside the part: at its edge it mixes with the ground, and differently in picture 11.
     const OUTLINE: [[f64; 2]; 7] = [
-        [185.0, 235.0],
-        [178.0, 249.0],
-        [198.0, 289.0],
-        [219.0, 286.0],
-        [228.0, 255.0],
-        [305.0, 220.0],
-        [290.0, 187.0],
+        [187.9, 238.1],
+        [182.5, 249.0],
+        [200.3, 284.6],
+        [215.9, 282.4],
+        [224.7, 252.1],
+        [299.7, 218.0],
+        [288.0, 192.3],
     ];
     let correlator = Correlator::new(&CorrelationParams::default(), 500, 500).unwrap();
     let frame = |k: usize| {
@@ -348,7 +233,6 @@ fn a_part_turned_by_thirty_degrees_is_found_from_nothing_known() {
         let expected = (angle_deg - MOTIONS[next][0] + 540.0).rem_euclid(360.0) - 180.0;
         let error = found.motion.angle_deg - expected;
         println!("{k} -> {next}: {:.4} deg, off by {error:.4}, ZNCC {:.4}", found.motion.angle_deg, found.zncc);
-        let limit = if k == 11 || next == 11 { 0.06 } else { 0.02 };
-        assert!(error.abs() <= limit, "{k} -> {next}: off by {error} deg");
+        assert!(error.abs() <= 0.02, "{k} -> {next}: off by {error} deg");
     }
 }
