@@ -134,7 +134,7 @@ fn measure(
     }
     let (reference, target) = (correlator.prepare(reference), correlator.prepare(target));
     let mut field = Vec::with_capacity(points.len());
-    correlator.correlate(&reference, &target, &points, Start::Search, &mut field);
+    correlator.correlate(&reference, &target, &points, Start::Neighbor, &mut field);
     Ok(field)
 }
 

@@ -63,9 +63,9 @@ impl Taps<'_> {
             let taps = &self.rows[row * self.stride..][..2 * LANES];
             let mut sum = V::splat(0.0);
             for (column, weight) in weights_x.iter().enumerate() {
-                sum = sum.add(weight.mul(V::load(&taps[column..])));
+                sum = sum.plus_product(*weight, V::load(&taps[column..]));
             }
-            total = total.add(weight.mul(sum));
+            total = total.plus_product(*weight, sum);
         }
         total
     }
@@ -103,7 +103,7 @@ impl<'a, V: Vector> ShiftedColumn<'a, V> {
         let taps = &self.rows[..2 * LANES];
         let mut sum = V::splat(0.0);
         for (column, weight) in self.weights_x.iter().enumerate() {
-            sum = sum.add(weight.mul(V::load(&taps[column..])));
+            sum = sum.plus_product(*weight, V::load(&taps[column..]));
         }
         self.rows = &self.rows[self.stride..];
         sum
@@ -116,7 +116,7 @@ impl<'a, V: Vector> ShiftedColumn<'a, V> {
         let f = self.filtered;
         let mut total = V::splat(0.0);
         for (weight, row) in self.weights_y.iter().zip([f[0], f[1], f[2], f[3], f[4], newest]) {
-            total = total.add(weight.mul(row));
+            total = total.plus_product(*weight, row);
         }
         self.filtered = [f[1], f[2], f[3], f[4], newest];
         total

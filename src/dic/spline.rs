@@ -93,7 +93,7 @@ impl Kernel {
 /// c0 + c1 x + c2 x^2.
 #[inline(always)]
 fn quadratic<V: Vector>(c: &[f32; 3], x: V) -> V {
-    V::splat(c[0]).add(x.mul(V::splat(c[1]).add(x.mul(V::splat(c[2])))))
+    V::splat(c[0]).plus_product(x, V::splat(c[1]).plus_product(x, V::splat(c[2])))
 }
 
 /// The prefilter's impulse response at distances 0 to [`REACH`].
@@ -214,7 +214,7 @@ fn filter_rows_with<V: Vector>(levels: &Plane, response: &[f32; REACH + 1], out:
             let mut sum = V::load(&near[REACH..]).mul(V::splat(response[0]));
             for k in 1..=REACH {
                 let pair = V::load(&near[REACH - k..]).add(V::load(&near[REACH + k..]));
-                sum = sum.add(pair.mul(V::splat(response[k])));
+                sum = sum.plus_product(pair, V::splat(response[k]));
             }
             sum.store(&mut target[MARGIN + x..]);
         }
@@ -261,7 +261,7 @@ fn filter_strip<V: Vector, const N: usize>(
         let mut state = [V::splat(0.0); N];
         for (y, factor) in tail {
             for (k, state) in state.iter_mut().enumerate() {
-                *state = state.add(V::load(&rows[y * stride + k * LANES..]).mul(V::splat(*factor)));
+                *state = state.plus_product(V::load(&rows[y * stride + k * LANES..]), V::splat(*factor));
             }
         }
         let mut before = state;
@@ -270,7 +270,7 @@ fn filter_strip<V: Vector, const N: usize>(
                 let at = &mut rows[y * stride + k * LANES..];
                 if y > 0 {
                     before[k] = state[k];
-                    state[k] = V::load(at).add(z.mul(state[k]));
+                    state[k] = V::load(at).plus_product(z, state[k]);
                 }
                 state[k].store(at);
             }

@@ -1,8 +1,8 @@
 //! Eight numbers in a register: the innermost arithmetic, once for AVX2 and once for any machine.
 //!
 //! Arrays alone are not enough here: the compiler packs them into half registers
-//! or not at all once the taps are unrolled. Both forms multiply and add in
-//! separate roundings and in the same order, so that they agree to the last bit.
+//! or not at all once the taps are unrolled. Both forms round in the same
+//! places and add in the same order, so that they agree to the last bit.
 
 use super::lanes::{LANES, Lanes};
 
@@ -28,6 +28,8 @@ pub(super) trait Vector: Copy {
     fn sub(self, other: Self) -> Self;
     /// Product.
     fn mul(self, other: Self) -> Self;
+    /// `self` + `a` `b`, rounded once.
+    fn plus_product(self, a: Self, b: Self) -> Self;
     /// All bits set where `self >= other`, else none; only for [`Self::select`] and [`Self::and`].
     fn at_least(self, other: Self) -> Self;
     /// `self` where the mask is set, else zero.
@@ -111,6 +113,15 @@ impl Vector for Portable {
     }
 
     #[inline(always)]
+    fn plus_product(self, a: Self, b: Self) -> Self {
+        let mut out = self.0;
+        for (out, (a, b)) in out.iter_mut().zip(a.0.into_iter().zip(b.0)) {
+            *out = fused(a, b, *out);
+        }
+        Self(out)
+    }
+
+    #[inline(always)]
     fn at_least(self, other: Self) -> Self {
         self.each(other, |a, b| f32::from_bits(if a >= b { u32::MAX } else { 0 }))
     }
@@ -130,10 +141,37 @@ impl Vector for Portable {
     }
 }
 
-/// Whether this machine has AVX2.
+/// a b + c, rounded once, on machines that have no instruction for it.
+///
+/// The product of two singles is exact in double precision. Its sum with `c` is rounded to odd, so that
+/// rounding it again to single precision is as if it had been done once (S. Boldo, G. Melquiond, IEEE Trans.
+/// Comput. 57 (2008) 462, <https://doi.org/10.1109/TC.2007.70819>).
+#[inline(always)]
+#[cfg(not(any(target_arch = "aarch64", target_feature = "fma")))]
+fn fused(a: f32, b: f32, c: f32) -> f32 {
+    let (product, c) = (f64::from(a) * f64::from(b), f64::from(c));
+    let sum = product + c;
+    // What the sum lost (D. Knuth's two-sum).
+    let part = sum - product;
+    let lost = (product - (sum - part)) + (c - part);
+    let bits = sum.to_bits();
+    let away = (lost > 0.0) == (sum > 0.0);
+    let odd = if away { bits | 1 } else { (bits.wrapping_sub(1)) | 1 };
+    let is_even = bits & 1 == 0;
+    f64::from_bits(if lost != 0.0 && is_even { odd } else { bits }) as f32
+}
+
+/// a b + c, rounded once.
+#[inline(always)]
+#[cfg(any(target_arch = "aarch64", target_feature = "fma"))]
+fn fused(a: f32, b: f32, c: f32) -> f32 {
+    a.mul_add(b, c)
+}
+
+/// Whether this machine has AVX2 and multiplies and adds in one rounding, as every one with AVX2 does.
 #[cfg(target_arch = "x86_64")]
 pub(super) fn has_avx2() -> bool {
-    std::arch::is_x86_feature_detected!("avx2")
+    std::arch::is_x86_feature_detected!("avx2") && std::arch::is_x86_feature_detected!("fma")
 }
 
 #[cfg(target_arch = "x86_64")]
@@ -146,7 +184,7 @@ macro_rules! vectorized {
         fn $name($($arg: $type),*) $(-> $result)? {
             #[cfg(target_arch = "x86_64")]
             {
-                #[target_feature(enable = "avx2")]
+                #[target_feature(enable = "avx2,fma")]
                 fn compiled($($arg: $type),*) $(-> $result)? {
                     $generic::<$crate::dic::vector::Avx2>($($arg),*)
                 }
@@ -168,9 +206,9 @@ mod avx2 {
     #![expect(unsafe_code, reason = "vector instructions are unsafe to name outside functions compiled for them")]
 
     use std::arch::x86_64::{
-        __m256, _CMP_GE_OQ, _mm256_add_ps, _mm256_and_ps, _mm256_blendv_ps, _mm256_cmp_ps, _mm256_loadu_ps,
-        _mm256_mul_ps, _mm256_permute2f128_ps, _mm256_set1_ps, _mm256_shuffle_ps, _mm256_storeu_ps, _mm256_sub_ps,
-        _mm256_unpackhi_ps, _mm256_unpacklo_ps,
+        __m256, _CMP_GE_OQ, _mm256_add_ps, _mm256_and_ps, _mm256_blendv_ps, _mm256_cmp_ps, _mm256_fmadd_ps,
+        _mm256_loadu_ps, _mm256_mul_ps, _mm256_permute2f128_ps, _mm256_set1_ps, _mm256_shuffle_ps, _mm256_storeu_ps,
+        _mm256_sub_ps, _mm256_unpackhi_ps, _mm256_unpacklo_ps,
     };
 
     use super::{LANES, Lanes, Vector};
@@ -276,6 +314,12 @@ mod avx2 {
         }
 
         #[inline(always)]
+        fn plus_product(self, a: Self, b: Self) -> Self {
+            // SAFETY: see above.
+            Self(unsafe { _mm256_fmadd_ps(a.0, b.0, self.0) })
+        }
+
+        #[inline(always)]
         fn at_least(self, other: Self) -> Self {
             // SAFETY: see above.
             Self(unsafe { _mm256_cmp_ps::<_CMP_GE_OQ>(self.0, other.0) })
@@ -291,6 +335,32 @@ mod avx2 {
         fn select(mask: Self, high: Self, low: Self) -> Self {
             // SAFETY: see above.
             Self(unsafe { _mm256_blendv_ps(low.0, high.0, mask.0) })
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::fused;
+
+    /// Also where the double sum lies halfway between two singles, and where everything cancels.
+    #[test]
+    fn a_product_and_a_sum_are_rounded_once() {
+        let mut state = 1_u32;
+        let mut random = || {
+            state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            let scale = 2_f32.powi((state >> 27) as i32 - 16);
+            ((state >> 3) as f32 / 2e8 - 1.0) * scale
+        };
+        for _ in 0..200_000 {
+            let (a, b, c) = (random(), random(), random());
+            assert_eq!(fused(a, b, c).to_bits(), a.mul_add(b, c).to_bits(), "{a} {b} {c}");
+            assert_eq!(fused(a, b, -a * b).to_bits(), a.mul_add(b, -a * b).to_bits(), "{a} {b}");
+        }
+        let tie = 1.0 + f32::EPSILON;
+        for (a, b, c) in [(tie, tie, 1e-20), (tie, tie, -1e-20), (tie, -tie, 1e-20), (0.0, 1.0, -0.0), (1.0, 2.0, -2.0)]
+        {
+            assert_eq!(fused(a, b, c).to_bits(), a.mul_add(b, c).to_bits(), "{a} {b} {c}");
         }
     }
 }

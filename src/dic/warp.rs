@@ -63,6 +63,11 @@ impl Warp {
         })
     }
 
+    /// Whether no gradient is larger than `limit`.
+    pub(super) fn is_within(&self, limit: f64) -> bool {
+        [self.ux, self.uy, self.vx, self.vy].into_iter().all(|gradient| gradient.abs() <= limit)
+    }
+
     /// How much of the step `before` is in this one, with the gradients taken at `half` px.
     pub(super) fn ratio(&self, before: &Self, half: f64) -> f64 {
         let product = |a: &Self, b: &Self| {
