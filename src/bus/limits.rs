@@ -5,8 +5,8 @@
 pub struct Limits {
     /// Correlation workers.
     pub workers: u32,
-    /// Bodies that are measured.
-    pub bodies: u32,
+    /// Fields that are measured of a frame: bodies times intervals.
+    pub fields: u32,
     /// Frames every reader's queue can hold: the pre-trigger ring.
     pub ring_frames: usize,
     /// Frames the recorder may hold on top while it writes.
@@ -28,7 +28,7 @@ impl Limits {
 
     /// Entries a reader's queue of field messages can hold.
     pub fn field_depth(&self) -> usize {
-        (self.ring_frames + self.held_frames) * self.bodies as usize + 64
+        (self.ring_frames + self.held_frames) * self.fields as usize + 64
     }
 
     /// Entries a reader's queue of small messages can hold.

@@ -2,8 +2,26 @@
 
 use super::check::{Bounds, Table};
 use super::error::ConfigError;
-use super::raw::RawCorrelation;
+use super::raw::{OneOrMore, RawCorrelation};
 use crate::dic::{CorrelationParams, Interpolation, Method, Shape, WindowShape};
+
+/// Most intervals at once.
+const MOST_INTERVALS: usize = 4;
+
+/// `interval_frames`: one number, or several that rise.
+pub(super) fn intervals(table: &Table<'_>, raw: &RawCorrelation) -> Result<Vec<u32>, ConfigError> {
+    let given = match &raw.interval_frames {
+        None => return Ok(vec![1]),
+        Some(OneOrMore::One(interval)) => vec![*interval],
+        Some(OneOrMore::More(intervals)) => intervals.clone(),
+    };
+    let rises = given.is_sorted_by(|a, b| a < b) && (1..=MOST_INTERVALS).contains(&given.len());
+    let intervals: Vec<u32> = given.iter().filter(|i| (1..=255).contains(*i)).map(|i| *i as u32).collect();
+    if rises && intervals.len() == given.len() {
+        return Ok(intervals);
+    }
+    Err(table.refuse("interval_frames", "1 to 255 frames, or a rising list of at most 4 such numbers"))
+}
 
 pub(super) fn correlation(
     table: &Table<'_>,
@@ -22,9 +40,6 @@ pub(super) fn correlation(
         step_px: table.whole("step_px", raw.step_px, 1..=255, "px")?.unwrap_or(default.step_px),
         spline_points: table.whole("spline_points", raw.spline_points, 0..=20, "")?.unwrap_or(default.spline_points),
         search_px: table.whole("search_px", raw.search_px, 1..=1024, "px")?.unwrap_or(default.search_px),
-        interval_frames: table
-            .whole("interval_frames", raw.interval_frames, 1..=255, "frames")?
-            .unwrap_or(default.interval_frames),
         min_zncc: table.number("min_zncc", raw.min_zncc, zncc)?.unwrap_or(default.min_zncc),
         interpolation: table
             .word("interpolation", raw.interpolation.as_deref(), &Interpolation::WORDS)?

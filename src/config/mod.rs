@@ -74,9 +74,12 @@ pub struct Config {
     /// `[[body]]`: what is followed, 1 to 16; a ball named `ball` when the file has none.
     pub bodies: Vec<Body>,
     /// `[correlation]`: how displacements are found. Ranges: `subset_size_px` odd, 9 to 255; `step_px` 1 to 255;
-    /// `spline_points` 0 to 20; `search_px` 1 to 1024; `interval_frames` 1 to 255; `min_zncc` 0 to 1. Which methods,
+    /// `spline_points` 0 to 20; `search_px` 1 to 1024; `min_zncc` 0 to 1. Which methods,
     /// shapes and windows can be used is decided where the correlator is planned.
     pub correlation: CorrelationParams,
+    /// `[correlation] interval_frames`: from reference to target, rising, each 1 to 255 frames, default `[1]`. The
+    /// first leads from frame to frame, longer ones keep the sum of its steps from drifting.
+    pub intervals_frames: Vec<u32>,
     /// `[velocity]`: how positions become velocities.
     pub velocity: Velocity,
     /// `[trigger]`: what starts a shot.
@@ -134,6 +137,7 @@ impl Config {
             scale: geometry::scale(&Table::new(&file, "scale"), &raw.scale)?,
             surface: geometry::surface(&Table::new(&file, "surface"), &raw.surface)?,
             bodies: body::bodies(&file, raw.body, image_px)?,
+            intervals_frames: correlation::intervals(&Table::new(&file, "correlation"), &raw.correlation)?,
             correlation: correlation::correlation(&Table::new(&file, "correlation"), &raw.correlation, image_px)?,
             velocity: geometry::velocity(&Table::new(&file, "velocity"), &raw.velocity)?,
             trigger: capture::trigger(&Table::new(&file, "trigger"), &raw.trigger, image_px)?,

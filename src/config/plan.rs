@@ -5,7 +5,7 @@ use super::text::Text;
 use super::{Body, Config};
 use crate::ball::BallParams;
 use crate::dic::CorrelationParams;
-use crate::motion::{MotionParams, PAIRWISE_WALK_SHARE, Scale};
+use crate::motion::{MotionParams, Scale, walk_share};
 
 /// Radii looked for around the predicted one: room for a wrong lens or a ball nearer than the scale's plane.
 const RADIUS_TOLERANCE: (f64, f64) = (0.8, 1.25);
@@ -67,8 +67,8 @@ impl Config {
             gravity_angle_deg: self.velocity.gravity_angle_deg,
             window_frames: self.velocity.window_frames,
             order: self.velocity.order,
-            interval_frames: self.correlation.interval_frames,
-            walk_share: PAIRWISE_WALK_SHARE,
+            interval_frames: self.intervals_frames[0],
+            walk_share: walk_share(&self.intervals_frames),
             exposure_ns: 1.0e3 * self.camera.exposure_us.unwrap_or(0.0),
             frame_period_ns: 1.0e9 / frame_rate_hz,
         }

@@ -79,6 +79,14 @@ pub(super) struct RawBody {
     pub center_px: Option<Vec<f64>>,
 }
 
+/// A number or a list of them.
+#[derive(Debug, Deserialize)]
+#[serde(untagged, expecting = "a whole number or a list of them")]
+pub(super) enum OneOrMore {
+    One(i64),
+    More(Vec<i64>),
+}
+
 #[derive(Debug, Default, Deserialize)]
 #[serde(deny_unknown_fields, default, expecting = "a table")]
 pub(super) struct RawCorrelation {
@@ -89,7 +97,7 @@ pub(super) struct RawCorrelation {
     pub step_px: Option<i64>,
     pub spline_points: Option<i64>,
     pub search_px: Option<i64>,
-    pub interval_frames: Option<i64>,
+    pub interval_frames: Option<OneOrMore>,
     pub min_zncc: Option<f64>,
     pub interpolation: Option<String>,
 }

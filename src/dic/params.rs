@@ -66,8 +66,6 @@ pub struct CorrelationParams {
     pub spline_points: u32,
     /// Largest displacement looked for without a start value, px.
     pub search_px: u32,
-    /// From reference to target, frames.
-    pub interval_frames: u32,
     /// Matches under this are refused, 0 to 1.
     pub min_zncc: f64,
     /// How the target is interpolated.
@@ -84,7 +82,6 @@ impl Default for CorrelationParams {
             step_px: 10,
             spline_points: 2,
             search_px: 16,
-            interval_frames: 1,
             min_zncc: 0.7,
             interpolation: Interpolation::Optimised,
         }
@@ -133,9 +130,6 @@ impl CorrelationParams {
         }
         if self.spline_points > 20 {
             return refuse("spline_points", self.spline_points.to_string(), "0 to 20");
-        }
-        if self.interval_frames < 1 {
-            return refuse("interval_frames", self.interval_frames.to_string(), "1 or more");
         }
         if !(0.0..=1.0).contains(&self.min_zncc) {
             return refuse("min_zncc", self.min_zncc.to_string(), "0 to 1");

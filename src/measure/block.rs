@@ -16,6 +16,8 @@ const FEWEST_POINTS: u32 = 3;
 pub struct MeasureParams {
     /// How subsets are correlated.
     pub correlation: CorrelationParams,
+    /// From reference to target, frames; the shortest first.
+    pub intervals_frames: Vec<u32>,
     /// Where each body may be.
     pub bodies: Vec<BallParams>,
     /// Frames of a block; blocks begin at sequence numbers divisible by it.
@@ -87,7 +89,7 @@ pub enum MeasureError {
 /// Measures blocks of frames.
 ///
 /// The step of a frame is a function of the frames of its own block up to
-/// `interval_frames` after it, and of nothing else: not of frames before the
+/// the longest interval after it, and of nothing else: not of frames before the
 /// block, not of who else measures, not of when. At the start of a block every
 /// body is looked for from scratch; within it each frame starts from the last.
 pub struct Measurer {
@@ -112,6 +114,8 @@ struct Reference {
     block: u64,
     prepared: Prepared,
     circles: Vec<Option<Circle>>,
+    /// By body and interval; `None` until the target came, or did not.
+    done: Vec<Option<Measured>>,
 }
 
 impl Measurer {
@@ -146,10 +150,10 @@ impl Measurer {
 
     /// Whether a frame is needed here at all: it belongs to a block of this share, or is a target of one.
     pub fn wants(&self, sequence: u64) -> bool {
-        let interval = u64::from(self.params.correlation.interval_frames);
         let block_frames = u64::from(self.params.block_frames);
         let owns = |sequence: u64| self.share.holds(sequence / block_frames);
-        owns(sequence) || sequence.checked_sub(interval).is_some_and(owns)
+        let is_target_over = |interval: &u32| sequence.checked_sub(u64::from(*interval)).is_some_and(owns);
+        owns(sequence) || self.params.intervals_frames.iter().any(is_target_over)
     }
 
     /// Takes the next frame of the stream; appends what became known, in order.
@@ -168,21 +172,17 @@ impl Measurer {
         frame.unpack(&mut self.image).map_err(|source| MeasureError::Frame { sequence: meta.sequence, source })?;
         let mut prepared = self.spare.pop().unwrap_or_else(|| self.correlator.prepare(self.image.view()));
         self.correlator.prepare_into(self.image.view(), &mut prepared);
-        let interval = u64::from(self.params.correlation.interval_frames);
-        while let Some(reference) = self.open.front() {
-            let target = reference.meta.sequence + interval;
-            if target > meta.sequence {
-                break;
-            }
-            let Some(reference) = self.open.pop_front() else { break };
-            let target = (target == meta.sequence).then_some((&prepared, meta.sequence));
-            self.measure(&reference, target, measured);
-            self.spare.push(reference.prepared);
+        let mut open = std::mem::take(&mut self.open);
+        for reference in &mut open {
+            self.measure(reference, Some((&prepared, meta.sequence)));
         }
+        self.open = open;
+        self.give_out(measured);
         let block = meta.sequence / u64::from(self.params.block_frames);
         if self.share.holds(block) {
             let circles = (0..self.finders.len()).map(|body| self.find(body, &meta, block)).collect();
-            self.open.push_back(Reference { meta, block, prepared, circles });
+            let done = vec![None; self.finders.len() * self.params.intervals_frames.len()];
+            self.open.push_back(Reference { meta, block, prepared, circles, done });
         } else {
             self.spare.push(prepared);
         }
@@ -191,10 +191,12 @@ impl Measurer {
 
     /// The stream is over: tells the frames that have no target.
     pub fn finish(&mut self, measured: &mut Vec<Measured>) {
-        while let Some(reference) = self.open.pop_front() {
-            self.measure(&reference, None, measured);
-            self.spare.push(reference.prepared);
+        let mut open = std::mem::take(&mut self.open);
+        for reference in &mut open {
+            self.measure(reference, None);
         }
+        self.open = open;
+        self.give_out(measured);
         self.last.fill(None);
     }
 
@@ -211,8 +213,7 @@ impl Measurer {
     fn find(&mut self, body: usize, meta: &FrameMeta, block: u64) -> Option<Circle> {
         let expected = self.before[body].filter(|(known, _, _)| *known == block).map(|(_, sequence, circle)| {
             let frames = (meta.sequence - sequence) as f64;
-            let step = self.last[body].filter(|(known, _)| *known == block).map(|(_, step)| step);
-            carried(&circle, step.as_ref(), frames)
+            carried(&circle, self.last_in(block, body).as_ref(), frames)
         });
         let finder = &mut self.finders[body];
         let view = self.image.view();
@@ -226,19 +227,37 @@ impl Measurer {
         found
     }
 
-    fn measure(&mut self, reference: &Reference, target: Option<(&Prepared, u64)>, measured: &mut Vec<Measured>) {
-        for body in 0..self.finders.len() {
-            measured.push(self.measure_body(reference, body, target));
+    /// Measures what leads to this target, and what led to targets that did not come; everything with no target.
+    fn measure(&mut self, reference: &mut Reference, target: Option<(&Prepared, u64)>) {
+        for slot in 0..reference.done.len() {
+            let due = reference.meta.sequence
+                + u64::from(self.params.intervals_frames[slot % self.params.intervals_frames.len()]);
+            let is_due = target.is_none_or(|(_, sequence)| sequence >= due);
+            if reference.done[slot].is_none() && is_due {
+                let target = target.filter(|(_, sequence)| *sequence == due);
+                reference.done[slot] = Some(self.measure_body(reference, slot, target));
+            }
         }
     }
 
-    fn measure_body(&mut self, reference: &Reference, body: usize, target: Option<(&Prepared, u64)>) -> Measured {
+    /// The frames that are measured with all their targets, oldest first.
+    fn give_out(&mut self, measured: &mut Vec<Measured>) {
+        while self.open.front().is_some_and(|reference| reference.done.iter().all(Option::is_some)) {
+            let Some(reference) = self.open.pop_front() else { return };
+            measured.extend(reference.done.into_iter().flatten());
+            self.spare.push(reference.prepared);
+        }
+    }
+
+    fn measure_body(&mut self, reference: &Reference, slot: usize, target: Option<(&Prepared, u64)>) -> Measured {
+        let intervals = self.params.intervals_frames.len();
+        let (body, place) = (slot / intervals, slot % intervals);
         let circle = reference.circles[body];
         let mut step = BodyStep {
             frame: reference.meta.sequence,
             stamp_ns: reference.meta.stamp_ns,
             body: u32::try_from(body).unwrap_or(u32::MAX),
-            interval_frames: self.params.correlation.interval_frames,
+            interval_frames: self.params.intervals_frames[place],
             circle,
             step: None,
             status: if circle.is_some() { PointStatus::Valid } else { PointStatus::Lost },
@@ -248,43 +267,35 @@ impl Measurer {
         };
         let mut field =
             PairField { frame: step.frame, target_frame, stamp_ns: step.stamp_ns, body: step.body, points: Vec::new() };
-        let start = self.start(reference.block, body, &circle);
+        let frames = f64::from(step.interval_frames);
+        // Longer ones start from the frame's own shortest step, whatever was measured since.
+        let own = reference.done[slot - place].as_ref().and_then(|shortest| shortest.step.step);
+        let known = if place == 0 { self.last_in(reference.block, body) } else { own };
+        let start = known.map_or(Start::Search, |step| start(&step, &circle, frames));
         let correlation = &self.params.correlation;
         let radius_px = circle.radius_px * (1.0 - RIM_CLEARANCE);
         let (width, height) = self.size;
         let (step_px, subset_px) = (correlation.step_px, correlation.subset_size_px);
         let points = grid::disc(circle.x_px, circle.y_px, radius_px, step_px, subset_px, width, height);
         self.correlator.correlate(&reference.prepared, target, &points, start, &mut field.points);
-        step.step = self.rigid_step(&mut field, &circle);
-        match step.step {
-            Some(motion) => self.last[body] = Some((reference.block, motion)),
-            None => {
-                self.last[body] = None;
-                step.status = why_not(&field);
-            }
+        step.step = self.rigid_step(&mut field, &circle, frames);
+        if step.step.is_none() {
+            step.status = why_not(&field);
+        }
+        if place == 0 {
+            self.last[body] = step.step.map(|motion| (reference.block, motion));
         }
         Measured { step, field: Some(field) }
     }
 
-    /// The last motion measured within the block, for as many frames as a step spans.
-    fn start(&self, block: u64, body: usize, circle: &Circle) -> Start {
-        let frames = f64::from(self.params.correlation.interval_frames);
-        match self.last[body] {
-            Some((known, step)) if known == block => Start::Motion {
-                x_px: circle.x_px,
-                y_px: circle.y_px,
-                u_px: frames * step.dx_px,
-                v_px: frames * step.dy_px,
-                angle_deg: frames * step.dtheta_deg,
-            },
-            _ => Start::Search,
-        }
+    /// The last motion measured within the block.
+    fn last_in(&self, block: u64, body: usize) -> Option<RigidStep> {
+        self.last[body].filter(|(known, _)| *known == block).map(|(_, step)| step)
     }
 
     /// Motion of the centre and rotation, from every valid subset.
-    fn rigid_step(&self, field: &mut PairField, circle: &Circle) -> Option<RigidStep> {
+    fn rigid_step(&self, field: &mut PairField, circle: &Circle, frames: f64) -> Option<RigidStep> {
         let motion = rigid_fit(&mut field.points, circle.x_px, circle.y_px, self.params.correlation.subset_size_px)?;
-        let frames = f64::from(self.params.correlation.interval_frames);
         (motion.points >= FEWEST_POINTS).then_some(RigidStep {
             dx_px: motion.u_px / frames,
             dy_px: motion.v_px / frames,
@@ -294,6 +305,17 @@ impl Measurer {
             sigma_dtheta_deg: motion.sigma_angle_deg / frames,
             points: motion.points,
         })
+    }
+}
+
+/// Where subsets are looked for when the body goes on as it moves, for as many frames as a step spans.
+fn start(step: &RigidStep, circle: &Circle, frames: f64) -> Start {
+    Start::Motion {
+        x_px: circle.x_px,
+        y_px: circle.y_px,
+        u_px: frames * step.dx_px,
+        v_px: frames * step.dy_px,
+        angle_deg: frames * step.dtheta_deg,
     }
 }
 

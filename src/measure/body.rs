@@ -96,6 +96,11 @@ impl BodyTracker {
         self.tell(event, node.time_frames, impacts);
     }
 
+    /// Takes a step over a longer interval.
+    pub fn link(&mut self, step: &BodyStep) {
+        self.chain.link(step);
+    }
+
     /// The stream has ended.
     pub fn finish(&mut self, impacts: &mut Vec<Impact>) {
         self.tell_again(f64::INFINITY, true, impacts);

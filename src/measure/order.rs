@@ -14,6 +14,8 @@ use crate::results::{BodyStep, PointStatus};
 #[derive(Debug, Clone)]
 pub struct Order {
     bodies: u32,
+    /// Of the steps of one body and frame, in the order in which they are given out.
+    intervals_frames: Vec<u32>,
     patience_frames: u64,
     next: Option<(u64, u32)>,
     waiting: BTreeMap<(u64, u32), BodyStep>,
@@ -26,10 +28,12 @@ pub struct Order {
 }
 
 impl Order {
-    /// For steps of `bodies` bodies, waiting at most until something `patience_frames` newer has come.
-    pub fn new(bodies: u32, patience_frames: u64) -> Self {
+    /// For steps of `bodies` bodies over one interval or several, waiting at most until something `patience_frames`
+    /// newer has come.
+    pub fn new(bodies: u32, intervals_frames: Vec<u32>, patience_frames: u64) -> Self {
         Self {
             bodies,
+            intervals_frames,
             patience_frames,
             next: None,
             waiting: BTreeMap::new(),
@@ -52,10 +56,12 @@ impl Order {
     /// Takes a step. One that is late, or there already, is dropped and counted as late.
     ///
     /// # Panics
-    /// If the step's body is none of the configured ones.
+    /// If the step's body or interval is none of the configured ones.
     pub fn push(&mut self, step: BodyStep) {
+        let place = self.intervals_frames.iter().position(|interval| *interval == step.interval_frames);
         assert!(step.body < self.bodies, "body {} of {}", step.body, self.bodies);
-        let key = (step.frame, step.body);
+        let Some(place) = place else { panic!("interval {} of {:?}", step.interval_frames, self.intervals_frames) };
+        let key = (step.frame, step.body * self.intervals() + place as u32);
         if self.next.is_some_and(|next| key < next) || self.waiting.contains_key(&key) {
             self.late += 1;
             return;
@@ -89,7 +95,8 @@ impl Order {
                 }
                 None => return None,
             };
-            self.next = Some(if next.1 + 1 < self.bodies { (next.0, next.1 + 1) } else { (next.0 + 1, 0) });
+            self.next =
+                Some(if next.1 + 1 < self.bodies * self.intervals() { (next.0, next.1 + 1) } else { (next.0 + 1, 0) });
             if let Some(step) = row {
                 self.remember(step);
                 return Some(step);
@@ -117,6 +124,10 @@ impl Order {
         self.waiting.len()
     }
 
+    fn intervals(&self) -> u32 {
+        self.intervals_frames.len() as u32
+    }
+
     fn is_given_up(&self, frame: u64) -> bool {
         frame < self.give_up_before || frame.saturating_add(self.patience_frames) <= self.newest_frame
     }
@@ -129,7 +140,7 @@ impl Order {
     }
 
     /// A row for what never came; `None` where nothing tells its time.
-    fn lost_row(&self, (frame, body): (u64, u32)) -> Option<BodyStep> {
+    fn lost_row(&self, (frame, slot): (u64, u32)) -> Option<BodyStep> {
         let mut ahead = self.waiting.values().filter(|s| s.frame >= frame);
         let first = ahead.next().copied();
         let second = first.and_then(|f| ahead.find(|s| s.frame > f.frame).copied());
@@ -145,9 +156,9 @@ impl Order {
         };
         Some(BodyStep {
             frame,
-            body,
+            body: slot / self.intervals(),
             stamp_ns: stamp_at(frame, &a, &b),
-            interval_frames: a.interval_frames,
+            interval_frames: self.intervals_frames[(slot % self.intervals()) as usize],
             circle: None,
             step: None,
             status: PointStatus::Lost,
@@ -192,7 +203,7 @@ mod tests {
             for i in (1..shuffled.len()).rev() {
                 shuffled.swap(i, random(i + 1));
             }
-            let mut order = Order::new(3, 1_000);
+            let mut order = Order::new(3, vec![1], 1_000);
             order.start_at(5);
             let mut out = Vec::new();
             for s in shuffled {
@@ -206,7 +217,7 @@ mod tests {
 
     #[test]
     fn a_missing_frame_is_waited_for_and_then_lost_with_an_interpolated_stamp() {
-        let mut order = Order::new(1, 4);
+        let mut order = Order::new(1, vec![1], 4);
         order.start_at(0);
         for frame in [0, 1, 3, 4, 5] {
             order.push(step(frame, 0));
@@ -223,7 +234,7 @@ mod tests {
 
     #[test]
     fn the_stream_ends_complete_whatever_is_missing() {
-        let mut order = Order::new(2, 1_000);
+        let mut order = Order::new(2, vec![1], 1_000);
         order.start_at(10);
         order.push(step(11, 1));
         order.push(step(12, 0));
@@ -239,7 +250,7 @@ mod tests {
 
     #[test]
     fn nothing_comes_out_before_the_start_is_known() {
-        let mut order = Order::new(1, 2);
+        let mut order = Order::new(1, vec![1], 2);
         order.push(step(7, 0));
         order.push(step(8, 0));
         assert!(order.pop().is_none());
@@ -250,7 +261,7 @@ mod tests {
 
     #[test]
     fn a_worker_that_died_is_given_up_at_once_when_told_so() {
-        let mut order = Order::new(1, 1_000_000);
+        let mut order = Order::new(1, vec![1], 1_000_000);
         order.start_at(0);
         order.push(step(0, 0));
         order.push(step(9, 0));
@@ -261,7 +272,7 @@ mod tests {
 
     #[test]
     fn a_frame_with_no_neighbour_in_time_is_only_counted() {
-        let mut order = Order::new(1, 10);
+        let mut order = Order::new(1, vec![1], 10);
         order.start_at(3);
         order.finish(5);
         assert!(order.pop().is_none());

@@ -11,8 +11,17 @@ use crate::results::{BodyStep, Impact, TrackSample, VelocitySample};
 pub struct TrackerParams {
     /// One a body, in the order of the configuration.
     pub motion: Vec<MotionParams>,
+    /// Intervals besides that of `motion` over which steps are measured, all longer, frames.
+    pub longer_frames: Vec<u32>,
     /// Whether there is a surface to collide with; without, there are no phases and no impacts.
     pub contact: bool,
+}
+
+impl TrackerParams {
+    /// Every interval, the shortest first, frames.
+    pub fn intervals_frames(&self) -> impl Iterator<Item = u32> {
+        self.motion.iter().take(1).map(|motion| motion.interval_frames).chain(self.longer_frames.iter().copied())
+    }
 }
 
 /// Rows that became final, in the order they did. The tracker appends, the caller takes them out.
@@ -36,6 +45,7 @@ pub struct TrackerRows {
 pub struct Tracker {
     bodies: Vec<BodyTracker>,
     lag_frames: u64,
+    shortest_frames: u32,
     origin_ns: Option<u64>,
     pending: VecDeque<BodyStep>,
 }
@@ -45,14 +55,20 @@ impl Tracker {
     pub fn new(params: &TrackerParams) -> Self {
         let bodies = (0_u32..).zip(&params.motion).map(|(i, m)| BodyTracker::new(i, m, params.contact)).collect();
         let lag_frames = params.motion.iter().map(lag_frames).max().unwrap_or(0);
-        Self { bodies, lag_frames, origin_ns: None, pending: VecDeque::new() }
+        let shortest_frames = params.intervals_frames().next().unwrap_or(1);
+        Self { bodies, lag_frames, shortest_frames, origin_ns: None, pending: VecDeque::new() }
     }
 
-    /// Takes the next step in frame order, all bodies of a frame before the next frame.
+    /// Takes the next step in frame order, all bodies of a frame before the next frame, and of a body the step over
+    /// the shortest interval before the longer ones.
     ///
     /// # Panics
     /// If the step's body is none of the configured ones.
     pub fn push(&mut self, step: &BodyStep, rows: &mut TrackerRows) {
+        if step.interval_frames != self.shortest_frames {
+            self.bodies[step.body as usize].link(step);
+            return;
+        }
         let lag = self.lag_frames;
         self.give_out(|oldest| oldest.frame.saturating_add(lag) < step.frame, rows);
         let origin_ns = *self.origin_ns.get_or_insert(step.stamp_ns);

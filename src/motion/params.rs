@@ -11,13 +11,35 @@ pub enum Scale {
     BallDiameterMm(f64),
 }
 
-/// `walk_share` of steps measured from frame to frame.
+/// [`walk_share`] of steps measured from frame to frame.
 ///
 /// Positions are sums of steps, and every step is measured over subsets of its own: a little of its error is not that
 /// of the frames it shares with its neighbours, and adds up. On rendered balls successive steps correlate by -0.47
 /// instead of -0.5, at noise of 0.5 to 4 grey levels. Over a flight of 40 frames this makes up nearly all of the
 /// velocity's uncertainty.
-pub const PAIRWISE_WALK_SHARE: f64 = 0.36;
+const PAIRWISE_WALK_SHARE: f64 = 0.36;
+
+/// How far a pose follows the step that led to it over a longer interval, from where shorter steps led: 0 to 1.
+///
+/// 0 drifts as the shorter steps alone, 1 lets neighbouring frames drift apart; from 0.3 to 0.85 velocities are
+/// about equally sure.
+pub(super) const TRUST_IN_LONGER: f64 = 0.5;
+
+/// `walk_share` of steps measured over one interval or several at once, the shortest first.
+///
+/// Sums of steps drift, and each longer interval ties a pose to one further back. With trust g in a step over n times
+/// as many frames, errors of the pose follow E(i) = (1 - g) (E(i-1) + a(i)) + g (E(i-n) + b(i)), whose part that
+/// never fades moves by [(1 - g) a + g b] / [1 - g + g n] a frame; a and b are alike, whatever the interval.
+pub fn walk_share(intervals_frames: &[u32]) -> f64 {
+    let shortest = intervals_frames.first().map_or(1.0, |interval| f64::from((*interval).max(1)));
+    let g = TRUST_IN_LONGER;
+    let mut variance = 1.0;
+    for interval in intervals_frames.iter().skip(1) {
+        let n = f64::from(*interval) / shortest;
+        variance = ((1.0 - g).powi(2) * variance + g * g) / (1.0 - g + g * n).powi(2);
+    }
+    PAIRWISE_WALK_SHARE * variance.sqrt()
+}
 
 /// Everything the motion of a body is computed with.
 #[derive(Debug, Clone, PartialEq)]
@@ -34,7 +56,7 @@ pub struct MotionParams {
     pub window_frames: Option<u32>,
     /// Order of the local fit to the positions: 1 to 4.
     pub order: u32,
-    /// The interval each step was measured over, frames.
+    /// The interval each step was measured over, frames; the shortest of several.
     pub interval_frames: u32,
     /// Noise of a step that the next step does not take back, as a share of the white noise of a pose.
     pub walk_share: f64,

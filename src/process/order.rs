@@ -17,7 +17,7 @@ impl OrderedTracker {
     /// From frame `first` on; a frame is given up as lost when one `patience_frames` newer was measured.
     pub(super) fn new(params: &TrackerParams, first: u64, patience_frames: u64) -> Self {
         let bodies = u32::try_from(params.motion.len()).unwrap_or(u32::MAX);
-        let mut order = Order::new(bodies, patience_frames);
+        let mut order = Order::new(bodies, params.intervals_frames().collect(), patience_frames);
         order.start_at(first);
         Self { order, tracker: Tracker::new(params), rows: TrackerRows::default(), taken: 0 }
     }

@@ -186,7 +186,7 @@ pub(super) fn limits(config: &Config, format: &StreamFormat) -> Limits {
     });
     Limits {
         workers: config.workers.count,
-        bodies: config.bodies.len() as u32,
+        fields: (config.bodies.len() * config.intervals_frames.len()) as u32,
         ring_frames,
         held_frames,
         field_points: points.max().unwrap_or(1),
@@ -214,10 +214,14 @@ pub fn analysis_params(config: &Config, format: &StreamFormat) -> (MeasureParams
     let bodies = 0..config.bodies.len();
     let measure = MeasureParams {
         correlation: config.correlation(),
+        intervals_frames: config.intervals_frames.clone(),
         bodies: bodies.clone().map(|body| config.ball(body, format.width_px, format.height_px)).collect(),
         block_frames: config.workers.block_frames,
     };
-    let tracker =
-        TrackerParams { motion: bodies.map(|body| config.motion(body, format.frame_rate_hz)).collect(), contact: true };
+    let tracker = TrackerParams {
+        motion: bodies.map(|body| config.motion(body, format.frame_rate_hz)).collect(),
+        longer_frames: config.intervals_frames[1..].to_vec(),
+        contact: true,
+    };
     (measure, tracker)
 }

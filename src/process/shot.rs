@@ -31,6 +31,8 @@ pub struct Extent {
 pub struct Shot {
     writer: RecordingWriter,
     ordered: OrderedTracker,
+    /// The interval whose displacements are drawn, frames.
+    shortest_frames: u32,
     extent: Extent,
     keep_frames: bool,
     truth: Option<World>,
@@ -63,6 +65,7 @@ impl Shot {
         Ok(Self {
             writer: RecordingWriter::create(path, info, &options)?,
             ordered: OrderedTracker::new(params, extent.first, extent.patience_frames),
+            shortest_frames: params.intervals_frames().next().unwrap_or(1),
             extent,
             keep_frames: record.is_some_and(|record| record.raw_frames),
             truth: None,
@@ -128,7 +131,9 @@ impl Shot {
         if let Some(field) = &field {
             self.writer.field(field)?;
         }
-        self.writer.annotations(step.stamp_ns, &annotations(&step, field.as_ref()))?;
+        if step.interval_frames == self.shortest_frames {
+            self.writer.annotations(step.stamp_ns, &annotations(&step, field.as_ref()))?;
+        }
         let rows = std::mem::take(self.ordered.push(step));
         self.write(&rows)?;
         Ok(true)

@@ -7,6 +7,7 @@ use ricochet::image::Frame;
 use ricochet::measure::{MeasureParams, Measurer, Share, Tracker, TrackerRows};
 use ricochet::results::{Impact, RigidStep};
 use ricochet::synth::{Scenario, World};
+use std::collections::BTreeMap;
 
 const FRAMES: u64 = 16;
 
@@ -16,6 +17,7 @@ fn measure(scenario: &Scenario) -> Vec<(RigidStep, RigidStep)> {
     let (width, height) = (world.width_px() as usize, world.height_px() as usize);
     let params = MeasureParams {
         correlation: CorrelationParams::default(),
+        intervals_frames: vec![1],
         bodies: vec![BallParams::new(50.0, 70.0)],
         block_frames: 16,
     };
@@ -81,8 +83,10 @@ fn a_ball_turns_by_what_was_drawn_to_two_hundredths_of_a_degree() {
 }
 
 /// A simulated drop, from frames to its impact, and the truth.
-fn drop_of(seed: u64) -> (Impact, Impact) {
-    let config = Config::parse(include_str!("../../config/lacrosse.toml"), "lacrosse.toml").unwrap();
+fn drop_of(seed: u64, intervals: &str) -> (Impact, Impact) {
+    let text = include_str!("../../config/lacrosse.toml");
+    let text = text.replace("[correlation]", &format!("[correlation]\ninterval_frames = {intervals}"));
+    let config = Config::parse(&text, "lacrosse.toml").unwrap();
     let scenario = Scenario { seed, ..Scenario::built_in("lacrosse").unwrap() };
     let world = World::new(&scenario).unwrap();
     let format = ricochet::camera::simulated::stream_format(&world);
@@ -102,9 +106,10 @@ fn drop_of(seed: u64) -> (Impact, Impact) {
     (*rows.impacts.last().unwrap(), world.impact().unwrap())
 }
 
-#[test]
-fn uncertainties_of_an_impact_are_neither_too_small_nor_much_too_large() {
-    let drops: Vec<(Impact, Impact)> = (0..12).map(|seed| drop_of(4000 + seed)).collect();
+/// Measures some drops; gives the root mean square error of each number.
+fn judge_impacts(intervals: &str) -> BTreeMap<&'static str, f64> {
+    let drops: Vec<(Impact, Impact)> = (0..12).map(|seed| drop_of(4000 + seed, intervals)).collect();
+    let mut errors_of = BTreeMap::new();
     for (index, (name, _)) in drops[0].1.numbers().iter().enumerate() {
         let errors: Vec<(f64, f64)> = drops
             .iter()
@@ -120,5 +125,21 @@ fn uncertainties_of_an_impact_are_neither_too_small_nor_much_too_large() {
         println!("{name}: bias {mean:.2e}, rms {rms:.2e}, max {largest:.2e}, pulls {pulls:.2}");
         assert_eq!(errors.len(), drops.len(), "{name} is missing in some");
         assert!((0.15..1.5).contains(&pulls), "{name}: errors are {pulls} of their uncertainties");
+        errors_of.insert(*name, rms);
+    }
+    errors_of
+}
+
+#[test]
+fn uncertainties_of_an_impact_are_neither_too_small_nor_much_too_large() {
+    judge_impacts("1");
+}
+
+#[test]
+fn a_longer_interval_beside_the_shortest_makes_long_fits_surer() {
+    let (one, both) = (judge_impacts("1"), judge_impacts("[1, 5]"));
+    // Flights of many frames and the whole of a contact; short flights are as sure as their frames.
+    for name in ["deepest_s", "vn_after_m_s", "omega_after_rad_s", "acceleration_max_m_s2"] {
+        assert!(both[name] < 0.8 * one[name], "{name}: {} and {}", both[name], one[name]);
     }
 }

@@ -12,7 +12,7 @@ fn rig_name() -> String {
     format!("test-bus-{}-{}", std::process::id(), RIGS.fetch_add(1, Ordering::Relaxed))
 }
 
-const LIMITS: Limits = Limits { workers: 2, bodies: 1, ring_frames: 32, held_frames: 16, field_points: 64 };
+const LIMITS: Limits = Limits { workers: 2, fields: 1, ring_frames: 32, held_frames: 16, field_points: 64 };
 
 fn meta(sequence: u64) -> FrameMeta {
     FrameMeta {

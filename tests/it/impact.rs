@@ -8,7 +8,8 @@ use crate::bounce::{Experiment, Law, Noise, Truth, lacrosse, rod, steps, tennis}
 
 pub fn track(steps: &[BodyStep], params: &MotionParams) -> TrackerRows {
     let mut rows = TrackerRows::default();
-    let mut tracker = Tracker::new(&TrackerParams { motion: vec![params.clone()], contact: true });
+    let mut tracker =
+        Tracker::new(&TrackerParams { motion: vec![params.clone()], longer_frames: vec![], contact: true });
     for step in steps {
         tracker.push(step, &mut rows);
     }
@@ -297,7 +298,8 @@ fn revisions_come_in_time_and_get_sharper() {
     for experiment in [lacrosse(true), tennis(false), rod(true)] {
         let truth = Experiment { after_frames: 100, ..experiment }.simulate(0.6);
         let steps = truth.steps(1, &mut Noise::new(77));
-        let mut tracker = Tracker::new(&TrackerParams { motion: vec![experiment.params()], contact: true });
+        let mut tracker =
+            Tracker::new(&TrackerParams { motion: vec![experiment.params()], longer_frames: vec![], contact: true });
         let mut rows = TrackerRows::default();
         let mut told = Vec::new();
         for step in &steps {
@@ -353,7 +355,8 @@ fn a_tilted_surface_changes_nothing_but_the_axes() {
 fn without_a_surface_there_are_no_phases_and_no_impacts() {
     let truth = lacrosse(true).simulate(0.5);
     let mut rows = TrackerRows::default();
-    let mut tracker = Tracker::new(&TrackerParams { motion: vec![truth.experiment.params()], contact: false });
+    let mut tracker =
+        Tracker::new(&TrackerParams { motion: vec![truth.experiment.params()], longer_frames: vec![], contact: false });
     truth.steps(1, &mut Noise::new(1)).iter().for_each(|s| tracker.push(s, &mut rows));
     tracker.finish(&mut rows);
     assert!(rows.impacts.is_empty());

@@ -27,7 +27,7 @@ pub(super) fn write_all(options: &ExportOptions, directory: &Path) -> Result<u64
             tracks.entry(sample.frame).or_default().push(sample);
         }
     }
-    let gain = if topic == "field" { gain(&recording)? } else { 1.0 };
+    let (gain, interval) = if topic == "field" { gain(&recording)? } else { (1.0, 0) };
     let mut fields = recording.fields()?.peekable();
     let first = recording.first_frame()?;
     std::fs::create_dir_all(directory).map_err(failed)?;
@@ -41,7 +41,7 @@ pub(super) fn write_all(options: &ExportOptions, directory: &Path) -> Result<u64
             && fields.peek().is_some_and(|f| f.as_ref().map_or(true, |f| f.stamp_ns <= meta.stamp_ns))
         {
             let Some(field) = fields.next().transpose()? else { break };
-            if field.frame == meta.sequence {
+            if field.frame == meta.sequence && field.target_frame.saturating_sub(field.frame) == interval {
                 canvas.arrows(&field, gain);
             }
         }
@@ -53,16 +53,25 @@ pub(super) fn write_all(options: &ExportOptions, directory: &Path) -> Result<u64
     Ok(count)
 }
 
-/// How much displacements are enlarged, the same in all frames: the longest spans about the distance of two subsets.
-fn gain(recording: &Recording) -> Result<f32, RecordingError> {
-    let (mut longest, mut step) = (0.0_f32, f32::INFINITY);
+/// How much displacements over the shortest interval are enlarged, the same in all frames: the longest spans about
+/// the distance of two subsets. And that interval, frames.
+fn gain(recording: &Recording) -> Result<(f32, u64), RecordingError> {
+    let (mut longest, mut step, mut interval) = (0.0_f32, f32::INFINITY, u64::MAX);
     for field in recording.fields()? {
-        let points = field?.points;
+        let field = field?;
+        let frames = field.target_frame.saturating_sub(field.frame);
+        if frames > interval {
+            continue;
+        }
+        if frames < interval {
+            (longest, interval) = (0.0, frames);
+        }
+        let points = field.points;
         longest = points.iter().filter_map(|p| p.displacement).map(|d| d.u_px.hypot(d.v_px)).fold(longest, f32::max);
         let apart = points.windows(2).map(|pair| (pair[0].x_px - pair[1].x_px).hypot(pair[0].y_px - pair[1].y_px));
         step = apart.filter(|apart| *apart > 0.0).fold(step, f32::min);
     }
-    Ok(if longest > 0.0 && step.is_finite() { 2.0 * step / longest } else { 1.0 })
+    Ok((if longest > 0.0 && step.is_finite() { 2.0 * step / longest } else { 1.0 }, interval))
 }
 
 struct Canvas {

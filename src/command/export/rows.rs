@@ -189,6 +189,8 @@ fn field(recording: &Recording, table: &mut dyn Sink) -> Result<(), ExportError>
 
 fn write_fields(origin: Origin, fields: &mut Vec<PairField>, table: &mut dyn Sink) -> Result<(), ExportError> {
     fields.sort_by_key(|field| (field.frame, field.body, field.target_frame));
+    // The table has no column for the interval: it holds the shortest one.
+    fields.dedup_by_key(|field| (field.frame, field.body));
     for field in fields.drain(..) {
         let frame = origin.frame(field.frame);
         for point in &field.points {

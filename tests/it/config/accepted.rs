@@ -29,7 +29,7 @@ fn a_camera_alone_is_a_whole_rig_with_the_documented_defaults() {
 pub const FULL: &str = r#"rig = { name = "drop_1" }
 scale = { ball_diameter_mm = 40 }
 surface = { angle_deg = 19.5 }
-correlation = { method = "peak-spline", shape = "rigid", window = "circle", subset_size_px = 9, step_px = 255, spline_points = 20, search_px = 1024, interval_frames = 255, min_zncc = 0, interpolation = "bicubic" }
+correlation = { method = "peak-spline", shape = "rigid", window = "circle", subset_size_px = 9, step_px = 255, spline_points = 20, search_px = 1024, interval_frames = [2, 255], min_zncc = 0, interpolation = "bicubic" }
 rotation = { method = "field" }
 velocity = { window_frames = 3, order = 1, gravity_m_s2 = 0, gravity_angle_deg = -71 }
 trigger = { mode = "motion", threshold_dn = 7, roi_px = [1, 2, 3, 4], pre_s = 0, post_s = 2, rearm = false }
@@ -95,11 +95,10 @@ fn every_key_of_the_measurement_arrives_where_it_belongs() {
         step_px: 255,
         spline_points: 20,
         search_px: 1024,
-        interval_frames: 255,
         min_zncc: 0.0,
         interpolation: Interpolation::Bicubic,
     };
-    assert_eq!(config.correlation(), correlation);
+    assert_eq!((config.correlation(), config.intervals_frames.as_slice()), (correlation, [2, 255].as_slice()));
     assert_eq!((config.trigger.mode, config.trigger.threshold_dn), (TriggerMode::Motion, 7.0));
     assert_eq!((config.trigger.roi_px, config.trigger.post_s, config.trigger.rearm), (Some([1, 2, 3, 4]), 2.0, false));
     let record = config.record.as_ref().unwrap();

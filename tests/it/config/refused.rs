@@ -73,7 +73,15 @@ fn numbers_out_of_range_are_refused_with_the_range_and_its_unit() {
         ("[correlation]\nsearch_px = 0", ", line 4: correlation.search_px = 0: must be 1 to 1024 px"),
         (
             "[correlation]\ninterval_frames = 256",
-            ", line 4: correlation.interval_frames = 256: must be 1 to 255 frames",
+            ", line 4: correlation.interval_frames = 256: must be 1 to 255 frames, or a rising list of at most 4 such numbers",
+        ),
+        (
+            "[correlation]\ninterval_frames = [4, 1]",
+            ", line 4: correlation.interval_frames = [4, 1]: must be 1 to 255 frames, or a rising list of at most 4 such numbers",
+        ),
+        (
+            "[correlation]\ninterval_frames = []",
+            ", line 4: correlation.interval_frames = []: must be 1 to 255 frames, or a rising list of at most 4 such numbers",
         ),
         ("[correlation]\nmin_zncc = 1.01", ", line 4: correlation.min_zncc = 1.01: must be 0 to 1"),
         ("[velocity]\nwindow_frames = 1", ", line 4: velocity.window_frames = 1: must be 3 to 1001 frames, odd"),
