@@ -52,9 +52,9 @@ pub(super) fn surface(table: &Table<'_>, raw: &RawSurface) -> Result<Surface, Co
 
 /// The spin is found from the field; other ways and what they need are refused.
 pub(super) fn rotation(table: &Table<'_>, raw: &RawRotation) -> Result<(), ConfigError> {
-    match table.word("method", raw.method.as_deref(), &[("field", true), ("ring", false), ("rigid", false)])? {
-        Some(false) => return Err(table.text.not_offered(&table.key("method"), "allowed: \"field\"")),
-        Some(true) | None => {}
+    let words = [("field", true), ("ring", false), ("rigid", false)];
+    if table.word("method", raw.method.as_deref(), &words)? == Some(false) {
+        return Err(table.text.not_offered(&table.key("method"), "allowed: \"field\""));
     }
     let radii = [("ring_inner_px", raw.ring_inner_px), ("ring_outer_px", raw.ring_outer_px)];
     match radii.iter().find(|(_, radius)| radius.is_some()) {

@@ -17,8 +17,8 @@ use super::window::Window;
 use crate::image::ImageView;
 use crate::results::{Displacement, FieldPoint, PointStatus};
 
-/// ZNCC from which on a start from the neighbour is trusted.
-const NEIGHBOR_ZNCC: f64 = 0.9;
+/// ZNCC from which on a start from the neighbour, or from the frame before, is trusted.
+const TRUSTED_ZNCC: f64 = 0.9;
 
 /// Share of its pixels that a subset must keep inside the region.
 const LEAST_SHARE: f64 = 0.5;
@@ -212,7 +212,8 @@ impl Correlator {
             }
         }
         (self.subset, self.cut, self.pooled) = (subset, cut, pooled);
-        self.finish(points, field);
+        self.fill(points, field);
+        self.median_test.mark(points, self.params.step_px, field);
     }
 
     /// Keeps a frame and its subsets, to compare many frames with.
@@ -245,6 +246,35 @@ impl Correlator {
         start: Start,
         field: &mut Vec<FieldPoint>,
     ) {
+        self.solve_kept(kept, target, |correlator, index| correlator.guess(&kept.points, index, start));
+        self.fill(&kept.points, field);
+        self.median_test.mark(&kept.points, self.params.step_px, field);
+    }
+
+    /// As [`Self::correlate_kept`], each subset with a start of its own, and no test for outliers.
+    pub(super) fn correlate_from(
+        &mut self,
+        kept: &KeptReference,
+        target: &Prepared,
+        starts: &[Option<Warp>],
+        field: &mut Vec<FieldPoint>,
+    ) {
+        self.solve_kept(kept, target, |_, index| (starts[index], TRUSTED_ZNCC));
+        self.fill(&kept.points, field);
+    }
+
+    /// The warps of the last field, where there is a valid answer.
+    pub(super) fn warps(&self) -> impl Iterator<Item = Option<Warp>> {
+        let valid = |solution: &&Solution| solution.status == PointStatus::Valid;
+        self.solutions.iter().map(move |solution| Some(solution).filter(valid)?.found.map(|found| found.warp))
+    }
+
+    fn solve_kept(
+        &mut self,
+        kept: &KeptReference,
+        target: &Prepared,
+        guess: impl Fn(&Self, usize) -> (Option<Warp>, f64),
+    ) {
         self.check_size(&kept.frame);
         self.check_size(target);
         self.solutions.clear();
@@ -253,7 +283,7 @@ impl Correlator {
             let solution = match subset {
                 Err(status) => Solution::failed(*status),
                 Ok((subset, window)) => {
-                    let (guess, least) = self.guess(&kept.points, index, start);
+                    let (guess, least) = guess(self, index);
                     matcher(&self.params, window, subset, pair, *point).solve(&mut self.searches, guess, least)
                 }
             };
@@ -267,7 +297,6 @@ impl Correlator {
             }
         }
         self.pooled = pooled;
-        self.finish(&kept.points, field);
     }
 
     fn check_size(&self, frame: &Prepared) {
@@ -315,7 +344,7 @@ impl Correlator {
             let (dx, warp) = (f64::from(point.x) - f64::from(neighbor.x), found.warp);
             Warp { u: warp.u + warp.ux * dx, v: warp.v + warp.vx * dx, ..warp }
         });
-        (carried, NEIGHBOR_ZNCC)
+        (carried, TRUSTED_ZNCC)
     }
 
     /// Some good matches, spread over the field, in memory that goes back to `pooled`.
@@ -329,8 +358,8 @@ impl Correlator {
         pooled
     }
 
-    /// Writes the solutions as field points and marks outliers.
-    fn finish(&mut self, points: &[GridPoint], field: &mut Vec<FieldPoint>) {
+    /// Writes the solutions as field points.
+    fn fill(&mut self, points: &[GridPoint], field: &mut Vec<FieldPoint>) {
         let factor = self.pool.factor();
         field.clear();
         field.extend(points.iter().zip(&self.solutions).map(|(point, solution)| {
@@ -350,7 +379,6 @@ impl Correlator {
                 status: solution.status,
             }
         }));
-        self.median_test.mark(points, self.params.step_px, field);
     }
 }
 
