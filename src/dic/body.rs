@@ -77,7 +77,11 @@ impl RigidBody {
         }
         let mut subset = Subset::default();
         match subset.fill(reference, &window, Shape::Rigid, at) {
-            Ok(()) => Ok(Self { subset, window, at, residual: Vec::new(), pool: Pool::default() }),
+            Ok(()) => {
+                let mut pool = Pool::default();
+                pool.add_texture(&subset, &window);
+                Ok(Self { subset, window, at, residual: Vec::new(), pool })
+            }
             Err(Unusable::OutOfFrame) => Err(PointStatus::OutOfFrame),
             Err(Unusable::LowContrast) => Err(PointStatus::LowContrast),
         }
@@ -143,10 +147,7 @@ impl RigidBody {
     fn motion(&mut self, target: &Prepared, found: &Match, (dx, dy): (f64, f64)) -> RigidMotion {
         let mut residual = std::mem::take(&mut self.residual);
         self.refiner(target).residual(&found.warp, &mut residual);
-        self.pool.clear();
-        if !residual.is_empty() {
-            self.pool.add(&self.subset, &self.window, &residual);
-        }
+        self.pool.set_residual(&self.window, &residual);
         self.residual = residual;
         let free = (self.window.pixels as f64 - 5.0).max(1.0);
         let variance = 2.0 * self.subset.energy * (1.0 - found.zncc) / free;

@@ -55,13 +55,27 @@ impl Pool {
 
     /// Adds one window with its residual (packed like the subset).
     pub(super) fn add(&mut self, subset: &Subset, window: &Window, residual: &[Lanes]) {
-        let Self { residual: sums, pairs, gradient_x, gradient_y, dense } = self;
-        for (sums, values) in [
-            (sums, residual),
-            (pairs, &window.mask[..]),
-            (gradient_x, &subset.gradient_x[..]),
-            (gradient_y, &subset.gradient_y[..]),
-        ] {
+        self.add_texture(subset, window);
+        let side = unpack(window, residual, &mut self.dense);
+        add_lags(&self.dense, side, &mut self.residual);
+    }
+
+    /// Another residual of the one window whose texture was added; none when it is empty.
+    pub(super) fn set_residual(&mut self, window: &Window, residual: &[Lanes]) {
+        self.residual.fill(0.0);
+        if residual.is_empty() {
+            return;
+        }
+        let side = unpack(window, residual, &mut self.dense);
+        add_lags(&self.dense, side, &mut self.residual);
+    }
+
+    /// Adds what does not depend on the target.
+    pub(super) fn add_texture(&mut self, subset: &Subset, window: &Window) {
+        let Self { pairs, gradient_x, gradient_y, dense, .. } = self;
+        for (sums, values) in
+            [(pairs, &window.mask[..]), (gradient_x, &subset.gradient_x[..]), (gradient_y, &subset.gradient_y[..])]
+        {
             let side = unpack(window, values, dense);
             add_lags(dense, side, sums);
         }
