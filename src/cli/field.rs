@@ -61,7 +61,7 @@ fn words<T: Copy + Send + Sync + 'static>(words: &'static [(&'static str, T)]) -
 
 /// Four numbers with commas between them.
 #[derive(Debug, Clone, Copy)]
-struct Region([u32; 4]);
+pub(super) struct Region(pub(super) [u32; 4]);
 
 impl std::str::FromStr for Region {
     type Err = String;

@@ -19,7 +19,7 @@ fn options(reference: &Path, target: &Path) -> FieldOptions {
 }
 
 /// A smooth random pattern, shifted.
-fn write_pair(directory: &Path, shift: (i32, i32)) -> (PathBuf, PathBuf) {
+pub fn write_pair(directory: &Path, shift: (i32, i32)) -> (PathBuf, PathBuf) {
     let random = |x: i32, y: i32| {
         let mut state = (x as u32).wrapping_mul(0x9E37_79B1) ^ (y as u32).wrapping_mul(0x85EB_CA77);
         for _ in 0..3 {
