@@ -4,7 +4,7 @@ use clap::Args;
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use std::path::PathBuf;
 
-use crate::command::field::FieldOptions;
+use crate::command::field::{FieldOptions, Quantity};
 use crate::config::{Config, ConfigError};
 use crate::dic::{CorrelationParams, Interpolation, Method, Shape, WindowShape};
 
@@ -48,6 +48,9 @@ pub struct Field {
     /// A PNG of the vectors over the reference.
     #[arg(long)]
     picture: Option<PathBuf>,
+    /// Show this in colours in the picture, in place of the vectors.
+    #[arg(long, value_parser = words(&Quantity::WORDS), requires = "picture")]
+    map: Option<Quantity>,
     /// Print JSON.
     #[arg(long)]
     json: bool,
@@ -88,7 +91,7 @@ impl Field {
         params.window = self.window.unwrap_or(params.window);
         params.interpolation = self.interpolation.unwrap_or(params.interpolation);
         let roi_px = self.roi.map(|roi| roi.0);
-        let Field { reference, target, output, picture, json, .. } = self;
-        Ok(FieldOptions { reference, target, params, roi_px, output, json, picture })
+        let Field { reference, target, output, picture, json, map, .. } = self;
+        Ok(FieldOptions { reference, target, params, roi_px, output, json, picture, map })
     }
 }

@@ -1,5 +1,7 @@
 //! `ricochet field`: the displacement field between two still images.
 
+mod digits;
+mod map;
 mod picture;
 pub(super) mod stills;
 
@@ -11,6 +13,8 @@ use super::export::is_same_file;
 use crate::dic::{CorrelationError, CorrelationParams, Correlator, Start};
 use crate::image::ImageView;
 use crate::results::{FieldPoint, PointStatus};
+
+pub use map::Quantity;
 
 /// What `ricochet field` was asked to do.
 #[derive(Debug, Clone)]
@@ -27,8 +31,10 @@ pub struct FieldOptions {
     pub output: Option<PathBuf>,
     /// Rows as JSON lines instead of CSV.
     pub json: bool,
-    /// A PNG of the reference with the vectors over it.
+    /// A PNG of the reference with the vectors, or a map, over it.
     pub picture: Option<PathBuf>,
+    /// What the picture shows in colours, in place of the vectors.
+    pub map: Option<Quantity>,
 }
 
 /// Why no field could be measured.
@@ -94,13 +100,32 @@ pub fn run(options: &FieldOptions) -> Result<(), FieldError> {
         None => write_table(&field, options.json, BufWriter::new(std::io::stdout().lock()))
             .map_err(|error| FieldError::write(Path::new("standard output"), error))?,
     }
-    if let Some(path) = &options.picture {
-        picture::arrows(a, &field, options.params.step_px)
-            .save(path)
-            .map_err(|error| FieldError::write(path, error))?;
-    }
-    eprintln!("{}", summary(&field));
+    let legend = match &options.picture {
+        Some(path) => save_picture(options, a, &field, path)?,
+        None => None,
+    };
+    let told: Vec<String> = [Some(summary(&field)), legend].into_iter().flatten().collect();
+    eprintln!("{}", told.join("; "));
     Ok(())
+}
+
+/// Draws the vectors or the map; gives the map's legend.
+fn save_picture(
+    options: &FieldOptions,
+    reference: ImageView<'_>,
+    field: &[FieldPoint],
+    path: &Path,
+) -> Result<Option<String>, FieldError> {
+    let step_px = options.params.step_px;
+    let (drawn, legend) = match options.map {
+        None => (picture::arrows(reference, field, step_px), None),
+        Some(quantity) => {
+            let map = map::map(reference, field, quantity, step_px);
+            (map.picture, Some(map.legend))
+        }
+    };
+    drawn.save(path).map_err(|error| FieldError::write(path, error))?;
+    Ok(legend)
 }
 
 /// Correlates the two images over the region asked for.

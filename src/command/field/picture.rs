@@ -3,13 +3,18 @@
 use crate::image::ImageView;
 use crate::results::FieldPoint;
 
-/// The reference in grey with an arrow for each vector, enlarged so that the longest spans one step.
-pub(super) fn arrows(image: ImageView<'_>, field: &[FieldPoint], step_px: u32) -> image::RgbImage {
+/// An image in grey, its highest level white.
+pub(super) fn grey(image: ImageView<'_>) -> image::RgbImage {
     let high = image.data().iter().fold(1.0_f32, |high, level| high.max(*level));
-    let mut picture = image::RgbImage::from_fn(image.width() as u32, image.height() as u32, |x, y| {
+    image::RgbImage::from_fn(image.width() as u32, image.height() as u32, |x, y| {
         let level = image.at(x as usize, y as usize).unwrap_or(0.0);
         image::Rgb([(255.0 * level / high) as u8; 3])
-    });
+    })
+}
+
+/// The reference in grey with an arrow for each vector, enlarged so that the longest spans one step.
+pub(super) fn arrows(image: ImageView<'_>, field: &[FieldPoint], step_px: u32) -> image::RgbImage {
+    let mut picture = grey(image);
     let longest = field.iter().filter_map(|p| p.displacement).map(|d| d.u_px.hypot(d.v_px)).fold(0.0, f32::max);
     let gain = if longest > 0.0 { step_px as f32 / longest } else { 0.0 };
     for point in field {
