@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use ricochet::command::field::{FieldOptions, Quantity, run};
+use ricochet::command::field::{Begin, FieldOptions, Quantity, run};
 use ricochet::dic::{CorrelationParams, Correlator, Interpolation, Region, find_at_any_angle};
 use ricochet::image::Image;
 
@@ -16,6 +16,7 @@ fn options(reference: &Path, target: &Path) -> FieldOptions {
         json: false,
         picture: None,
         map: None,
+        begin: Begin::Neighbor,
     }
 }
 

@@ -39,3 +39,4 @@ mod study;
 mod support;
 mod synth;
 mod tidy;
+mod turned;

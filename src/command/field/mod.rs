@@ -3,6 +3,7 @@
 mod digits;
 mod map;
 mod picture;
+mod start;
 pub(super) mod stills;
 
 use std::fs::File;
@@ -10,11 +11,12 @@ use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
 
 use super::export::is_same_file;
-use crate::dic::{CorrelationError, CorrelationParams, Correlator, Start};
+use crate::dic::{CorrelationError, CorrelationParams, Correlator};
 use crate::image::ImageView;
 use crate::results::{FieldPoint, PointStatus};
 
 pub use map::Quantity;
+pub use start::Begin;
 
 /// What `ricochet field` was asked to do.
 #[derive(Debug, Clone)]
@@ -35,6 +37,8 @@ pub struct FieldOptions {
     pub picture: Option<PathBuf>,
     /// What the picture shows in colours, in place of the vectors.
     pub map: Option<Quantity>,
+    /// Where the search for the subsets begins.
+    pub begin: Begin,
 }
 
 /// Why no field could be measured.
@@ -90,7 +94,7 @@ pub fn run(options: &FieldOptions) -> Result<(), FieldError> {
     }
     let (reference, target) = stills::read_pair(&options.reference, &options.target)?;
     let (a, b) = (reference.view(), target.view());
-    let field = measure(options, a, b)?;
+    let (field, start) = measure(options, a, b)?;
     match &options.output {
         Some(path) => {
             let file = File::create(path).map_err(|error| FieldError::write(path, error))?;
@@ -104,7 +108,7 @@ pub fn run(options: &FieldOptions) -> Result<(), FieldError> {
         Some(path) => save_picture(options, a, &field, path)?,
         None => None,
     };
-    let told: Vec<String> = [Some(summary(&field)), legend].into_iter().flatten().collect();
+    let told: Vec<String> = [Some(summary(&field)), start, legend].into_iter().flatten().collect();
     eprintln!("{}", told.join("; "));
     Ok(())
 }
@@ -128,19 +132,21 @@ fn save_picture(
     Ok(legend)
 }
 
-/// Correlates the two images over the region asked for.
+/// Correlates the two images over the region asked for; gives the start as well, where one was looked for.
 fn measure(
     options: &FieldOptions,
     reference: ImageView<'_>,
     target: ImageView<'_>,
-) -> Result<Vec<FieldPoint>, FieldError> {
+) -> Result<(Vec<FieldPoint>, Option<String>), FieldError> {
+    start::check(options)?;
     let (width, height) = (reference.width(), reference.height());
     let mut correlator = Correlator::new(&options.params, width, height)?;
     let points = stills::points(&options.reference, (width, height), options.roi_px, &options.params)?;
     let (reference, target) = (correlator.prepare(reference), correlator.prepare(target));
     let mut field = Vec::with_capacity(points.len());
-    correlator.correlate(&reference, &target, &points, Start::Neighbor, &mut field);
-    Ok(field)
+    let found = start::find(options, &reference, &target)?;
+    correlator.correlate(&reference, &target, &points, found.start, &mut field);
+    Ok((field, found.told))
 }
 
 /// One line: how many vectors, how large, how sure.
