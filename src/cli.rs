@@ -17,11 +17,13 @@ use crate::command::{self, Outcome, control, status};
 use crate::message::{Command as Request, Role};
 use crate::process::Stop;
 mod field;
+mod study;
 
 use clap::error::ErrorKind;
 use clap::{Args, Parser, Subcommand};
 use field::Field;
 use std::path::PathBuf;
+use study::Study;
 
 /// Films an impact with a high-speed camera and measures it while it happens.
 #[derive(Debug, Parser)]
@@ -103,6 +105,9 @@ pub enum Command {
     /// Draw a simulated impact into a recording, with the truth beside it.
     #[command(after_help = "Example: ricochet simulate lacrosse -o lacrosse.mcap")]
     Simulate(Simulate),
+    /// Show what a setting of the method does to its answers: convergence.
+    #[command(after_help = "Example: ricochet study convergence --json")]
+    Study(Study),
 }
 
 /// Arguments of a command.
@@ -390,6 +395,7 @@ pub fn run(command: Command, stop: &Stop) -> anyhow::Result<Outcome> {
         Command::Simulate(Simulate { scenario, output, json }) => {
             simulate::run(&SimulateOptions { scenario, output, json })
         }
+        Command::Study(line) => line.run(stop),
         other => inspect(other),
     }
 }

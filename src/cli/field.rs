@@ -4,7 +4,7 @@ use clap::Args;
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use std::path::PathBuf;
 
-use crate::command::field::FieldOptions;
+use crate::command::field::{Begin, FieldOptions, Quantity};
 use crate::config::{Config, ConfigError};
 use crate::dic::{CorrelationParams, Interpolation, Method, Shape, WindowShape};
 
@@ -45,9 +45,15 @@ pub struct Field {
     /// Largest displacement looked for, px.
     #[arg(long, value_name = "PX")]
     search: Option<u32>,
+    /// Where the search begins; any-angle looks for the whole region first, at every angle and in the whole target.
+    #[arg(long, value_parser = words(&Begin::WORDS), default_value = "neighbor")]
+    start: Begin,
     /// A PNG of the vectors over the reference.
     #[arg(long)]
     picture: Option<PathBuf>,
+    /// Show this in colours in the picture, in place of the vectors.
+    #[arg(long, value_parser = words(&Quantity::WORDS), requires = "picture")]
+    map: Option<Quantity>,
     /// Print JSON.
     #[arg(long)]
     json: bool,
@@ -61,7 +67,7 @@ fn words<T: Copy + Send + Sync + 'static>(words: &'static [(&'static str, T)]) -
 
 /// Four numbers with commas between them.
 #[derive(Debug, Clone, Copy)]
-struct Region([u32; 4]);
+pub(super) struct Region(pub(super) [u32; 4]);
 
 impl std::str::FromStr for Region {
     type Err = String;
@@ -88,7 +94,7 @@ impl Field {
         params.window = self.window.unwrap_or(params.window);
         params.interpolation = self.interpolation.unwrap_or(params.interpolation);
         let roi_px = self.roi.map(|roi| roi.0);
-        let Field { reference, target, output, picture, json, .. } = self;
-        Ok(FieldOptions { reference, target, params, roi_px, output, json, picture })
+        let Field { reference, target, output, picture, json, map, start: begin, .. } = self;
+        Ok(FieldOptions { reference, target, params, roi_px, output, json, picture, map, begin })
     }
 }

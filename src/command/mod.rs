@@ -18,6 +18,7 @@ pub mod report;
 pub mod rig;
 pub mod simulate;
 pub mod status;
+pub mod study;
 
 use crate::process::Summary;
 use std::io::Write;

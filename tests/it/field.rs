@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use ricochet::command::field::{FieldOptions, run};
+use ricochet::command::field::{Begin, FieldOptions, Quantity, run};
 use ricochet::dic::{CorrelationParams, Correlator, Interpolation, Region, find_at_any_angle};
 use ricochet::image::Image;
 
@@ -15,11 +15,13 @@ fn options(reference: &Path, target: &Path) -> FieldOptions {
         output: None,
         json: false,
         picture: None,
+        map: None,
+        begin: Begin::Neighbor,
     }
 }
 
 /// A smooth random pattern, shifted.
-fn write_pair(directory: &Path, shift: (i32, i32)) -> (PathBuf, PathBuf) {
+pub fn write_pair(directory: &Path, shift: (i32, i32)) -> (PathBuf, PathBuf) {
     let random = |x: i32, y: i32| {
         let mut state = (x as u32).wrapping_mul(0x9E37_79B1) ^ (y as u32).wrapping_mul(0x85EB_CA77);
         for _ in 0..3 {
@@ -71,6 +73,43 @@ fn a_shift_right_and_up_is_written_with_its_signs_and_columns() {
     }
     let drawn = image::open(&picture).unwrap();
     assert_eq!((drawn.width(), drawn.height()), (96, 80));
+}
+
+#[test]
+fn a_map_takes_the_place_of_the_arrows_and_needs_a_picture() {
+    let rig = crate::support::Rig::new();
+    let (reference, target) = write_pair(rig.path("").as_path(), (2, -1));
+    let (pictures, output) = ([rig.path("u.png"), rig.path("arrows.png")], rig.path("field.csv"));
+    for (map, picture) in [Some(Quantity::U), None].into_iter().zip(&pictures) {
+        let options = FieldOptions {
+            map,
+            picture: Some(picture.clone()),
+            output: Some(output.clone()),
+            ..options(&reference, &target)
+        };
+        run(&options).unwrap();
+    }
+    let [map, arrows] = pictures.each_ref().map(|path| image::open(path).unwrap().to_rgb8());
+    assert!(map.height() > arrows.height(), "the bar comes below");
+    let row = table(&output).into_iter().skip(1).find(|row| row[8] == "valid").unwrap();
+    let at: [u32; 2] = [row[0].parse().unwrap(), row[1].parse().unwrap()];
+    let is_grey = |pixel: &image::Rgb<u8>| pixel.0[0] == pixel.0[1] && pixel.0[1] == pixel.0[2];
+    // A whole square of one colour, and an arrow with grey beside it.
+    let around = |picture: &image::RgbImage| {
+        let square = (0..100).map(|k| *picture.get_pixel(at[0] - 5 + k % 10, at[1] - 5 + k / 10));
+        square.collect::<std::collections::HashSet<_>>()
+    };
+    assert_eq!(around(&map).len(), 1);
+    assert!(!around(&map).iter().any(is_grey) && around(&arrows).iter().any(is_grey));
+    let words = ["field", reference.to_str().unwrap(), target.to_str().unwrap(), "--map", "u"];
+    let refused = crate::support::run(words);
+    let told = String::from_utf8(refused.stderr).unwrap();
+    assert!(refused.status.code() == Some(2) && told.contains("--picture"), "{told}");
+    let picture = rig.path("sigma.png");
+    let drawn =
+        crate::support::run(words[..4].iter().copied().chain(["sigma", "--picture", picture.to_str().unwrap()]));
+    let told = String::from_utf8(drawn.stderr).unwrap();
+    assert!(told.lines().count() == 1 && told.contains("; map of sigma from 0.0"), "{told}");
 }
 
 #[test]

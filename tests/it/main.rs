@@ -35,6 +35,8 @@ mod recordings;
 mod report;
 mod simulated_camera;
 mod slots;
+mod study;
 mod support;
 mod synth;
 mod tidy;
+mod turned;

@@ -1,0 +1,162 @@
+//! Where the search for the subsets begins.
+
+use super::{FieldError, FieldOptions};
+use crate::dic::{BodyMotion, Method, Prepared, Region, Shape, Start, find_at_any_angle};
+use crate::results::PointStatus;
+
+/// Where the search for the subsets begins.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Begin {
+    /// At the answer of the neighbour, or anywhere within the search range where there is none.
+    Neighbor,
+    /// Anywhere within the search range.
+    Search,
+    /// At the motion of the whole region, which is looked for at every angle and in the whole target first.
+    AnyAngle,
+}
+
+impl Begin {
+    /// What each is called on the command line.
+    pub const WORDS: [(&str, Self); 3] =
+        [("neighbor", Self::Neighbor), ("search", Self::Search), ("any-angle", Self::AnyAngle)];
+}
+
+/// Smallest radius of a disc that is looked for, px: a smaller one may be matched by chance.
+const LEAST_RADIUS_PX: f64 = 20.0;
+
+/// Edge of the picture that is left out where no region is given, px.
+const MARGIN_PX: f64 = 8.0;
+
+/// ZNCC from which on no further part of the region is tried.
+const SURE_ZNCC: f64 = 0.9;
+
+/// A start, and what was found for it, in words.
+pub(super) struct Found {
+    pub(super) start: Start,
+    pub(super) told: Option<String>,
+}
+
+/// Refuses a start at any angle for subsets that cannot turn.
+///
+/// # Errors
+///
+/// One line naming the method or the shape.
+pub(super) fn check(options: &FieldOptions) -> Result<(), FieldError> {
+    let params = &options.params;
+    let refuse = |key: &str, word: &str, range: &str| {
+        Err(FieldError::Usage(format!(
+            "--start any-angle: {key} is {word}, whose subsets do not turn, allowed: {range}"
+        )))
+    };
+    if options.begin != Begin::AnyAngle {
+        return Ok(());
+    }
+    if params.method != Method::IcGn {
+        let word = Method::WORDS.iter().find(|(_, method)| *method == params.method).map_or("", |(word, _)| word);
+        return refuse("the method", word, "ic-gn");
+    }
+    if params.shape == Shape::Translation {
+        return refuse("the shape", "translation", "rigid, affine, quadratic");
+    }
+    Ok(())
+}
+
+/// The start that was asked for.
+///
+/// # Errors
+///
+/// One line when the region is nowhere in the target.
+pub(super) fn find(options: &FieldOptions, reference: &Prepared, target: &Prepared) -> Result<Found, FieldError> {
+    match options.begin {
+        Begin::Neighbor => Ok(Found { start: Start::Neighbor, told: None }),
+        Begin::Search => Ok(Found { start: Start::Search, told: None }),
+        Begin::AnyAngle => at_any_angle(options, reference, target),
+    }
+}
+
+fn at_any_angle(options: &FieldOptions, reference: &Prepared, target: &Prepared) -> Result<Found, FieldError> {
+    let (width, height) = (reference.width() as f64, reference.height() as f64);
+    let rectangle = match options.roi_px {
+        Some(roi) => roi.map(f64::from),
+        None => [MARGIN_PX, MARGIN_PX, width - 2.0 * MARGIN_PX, height - 2.0 * MARGIN_PX],
+    };
+    let [x_px, y_px] = center(rectangle);
+    let (mut best, mut why): (Option<BodyMotion>, Option<PointStatus>) = (None, None);
+    for region in regions(rectangle) {
+        match find_at_any_angle(reference, target, &region, (x_px, y_px)) {
+            Ok(found) if best.is_none_or(|best| found.zncc > best.zncc) => best = Some(found),
+            Ok(_) => {}
+            // That it is ambiguous says more than that a part was out of frame.
+            Err(status) => {
+                why = Some(if why == Some(PointStatus::Ambiguous) { PointStatus::Ambiguous } else { status })
+            }
+        }
+        if best.is_some_and(|best| best.zncc >= SURE_ZNCC) {
+            break;
+        }
+    }
+    let least = options.params.min_zncc;
+    let Some(BodyMotion { motion, zncc }) = best.filter(|best| best.zncc >= least) else {
+        let why = match (best, why) {
+            (Some(best), _) => format!("the best match has a ZNCC of {:.3}, less than {least}", best.zncc),
+            (None, Some(status)) => status.word().to_owned(),
+            (None, None) => format!("the region is smaller than {} px", 2.0 * LEAST_RADIUS_PX),
+        };
+        return Err(FieldError::Usage(format!(
+            "--start any-angle: the region of {} is not found in {}: {why}",
+            options.reference.display(),
+            options.target.display()
+        )));
+    };
+    let (u_px, v_px, angle_deg) = (motion.u_px, motion.v_px, motion.angle_deg);
+    let told = format!(
+        "start: turned {angle_deg:.3} deg, ({x_px:.1}, {y_px:.1}) moved u {u_px:.3} px, v {v_px:.3} px, ZNCC {zncc:.3}"
+    );
+    Ok(Found { start: Start::Motion { x_px, y_px, u_px, v_px, angle_deg }, told: Some(told) })
+}
+
+/// Centre of the pixels of a rectangle (x, y, width, height).
+fn center([x, y, width, height]: [f64; 4]) -> [f64; 2] {
+    [x + 0.5 * (width - 1.0), y + 0.5 * (height - 1.0)]
+}
+
+/// The rectangle and parts of it, the largest first.
+///
+/// All of it settles the angle best, but has room in the picture at few angles only; discs turn freely, and
+/// small ones are still seen when a part has left the picture.
+fn regions(rectangle: [f64; 4]) -> Vec<Region> {
+    let [x, y, width, height] = rectangle;
+    let (left, top, right, bottom) = (x - 0.5, y - 0.5, x + width - 0.5, y + height - 0.5);
+    let outline_px = vec![[left, top], [right, top], [right, bottom], [left, bottom]];
+    let [cx, cy] = center(rectangle);
+    let large = 0.5 * (width.min(height) - 1.0);
+    let disc = |x_px: f64, y_px: f64, radius_px: f64| Region::Disc { x_px, y_px, radius_px };
+    let (right, down) = (0.5 * (width - 1.0), 0.5 * (height - 1.0));
+    let corners = |radius_px: f64| {
+        [(-1.0, -1.0), (1.0, -1.0), (-1.0, 1.0), (1.0, 1.0)]
+            .map(|(a, b)| disc(cx + a * (right - radius_px), cy + b * (down - radius_px), radius_px))
+    };
+    let discs = [disc(cx, cy, large)].into_iter().chain(corners(0.7 * large));
+    let discs = discs.chain([disc(cx, cy, 0.5 * large)]).chain(corners(0.5 * large));
+    let is_large = |region: &Region| !matches!(region, Region::Disc { radius_px, .. } if *radius_px < LEAST_RADIUS_PX);
+    let all = (large >= LEAST_RADIUS_PX).then_some(Region::Polygon { outline_px, holes_px: Vec::new() });
+    all.into_iter().chain(discs.filter(is_large)).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_part_lies_in_the_rectangle_and_none_is_too_small() {
+        let parts = regions([10.0, 20.0, 200.0, 100.0]);
+        assert_eq!(parts.len(), 11);
+        for part in &parts {
+            let [left, top, right, bottom] = part.bounds_px().unwrap();
+            assert!(left >= 9.5 && top >= 19.5 && right <= 209.5 && bottom <= 119.5, "{part:?}");
+            assert!(right - left >= 2.0 * LEAST_RADIUS_PX, "{part:?}");
+        }
+        assert_eq!(regions([0.0, 0.0, 60.0, 60.0]).len(), 6, "half of it is too small");
+        assert!(regions([0.0, 0.0, 30.0, 200.0]).is_empty());
+    }
+}

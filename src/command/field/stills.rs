@@ -1,0 +1,77 @@
+//! Two still images and the subsets on them.
+
+use std::path::Path;
+
+use super::FieldError;
+use crate::dic::{CorrelationParams, GridPoint, grid};
+use crate::image::Image;
+
+/// Reads two images of one size.
+///
+/// # Errors
+///
+/// One line naming the file that cannot be read, or both sizes.
+pub(in crate::command) fn read_pair(reference: &Path, target: &Path) -> Result<(Image, Image), FieldError> {
+    let (a, b) = (read_still(reference)?, read_still(target)?);
+    let (before, after) = (a.view(), b.view());
+    if (before.width(), before.height()) != (after.width(), after.height()) {
+        return Err(FieldError::Usage(format!(
+            "{} is {} x {} px, {} is {} x {} px: both images need one size",
+            reference.display(),
+            before.width(),
+            before.height(),
+            target.display(),
+            after.width(),
+            after.height()
+        )));
+    }
+    Ok((a, b))
+}
+
+/// The subsets of an image, or of a region of it; at least one.
+///
+/// # Errors
+///
+/// One line when the region reaches over the edge or has no room for a subset.
+pub(in crate::command) fn points(
+    name: &Path,
+    (width, height): (usize, usize),
+    roi_px: Option<[u32; 4]>,
+    params: &CorrelationParams,
+) -> Result<Vec<GridPoint>, FieldError> {
+    let name = name.display();
+    let roi = roi_px.unwrap_or([0, 0, width as u32, height as u32]);
+    let inside = |start: u32, extent: u32, size: usize| u64::from(start) + u64::from(extent) <= size as u64;
+    if !(inside(roi[0], roi[2], width) && inside(roi[1], roi[3], height)) {
+        return Err(FieldError::Usage(format!("--roi {roi:?}: not within {name} of {width} x {height} px")));
+    }
+    let points = grid::rectangle(roi, params.step_px, params.subset_size_px);
+    if points.is_empty() {
+        let ([_, _, width, height], subset_px) = (roi, params.subset_size_px);
+        return Err(FieldError::Usage(format!(
+            "{name}: {width} x {height} px have no room for a subset of {subset_px} px"
+        )));
+    }
+    Ok(points)
+}
+
+/// Reads a BMP, PNG, TIFF or PGM image of 8 or 16 bit; colours become luma, and that is said.
+fn read_still(path: &Path) -> Result<Image, FieldError> {
+    let refuse = |error: std::io::Error| FieldError::read(path, error);
+    let reader = image::ImageReader::open(path).map_err(refuse)?.with_guessed_format().map_err(refuse)?;
+    let picture = reader.decode().map_err(|error| {
+        FieldError::read(path, format!("not a BMP, PNG, TIFF or PGM image that can be read: {error}"))
+    })?;
+    let color = picture.color();
+    // Grey images with a palette are decoded as colours; those with equal channels are none.
+    if color.has_color() && picture.to_rgb16().pixels().any(|p| p.0[0] != p.0[1] || p.0[1] != p.0[2]) {
+        eprintln!("{}: colours turned into grey (ITU-R BT.709 luma)", path.display());
+    }
+    let (width, height) = (picture.width() as usize, picture.height() as usize);
+    let data: Vec<f32> = if color.bytes_per_pixel() > color.channel_count() {
+        picture.to_luma16().into_raw().into_iter().map(f32::from).collect()
+    } else {
+        picture.to_luma8().into_raw().into_iter().map(f32::from).collect()
+    };
+    Image::from_vec(data, width, height).map_err(|error| FieldError::read(path, error))
+}

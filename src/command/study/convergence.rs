@@ -1,0 +1,315 @@
+//! `ricochet study convergence`: how the answers of `spline-fft` settle with more spline points between the pixels.
+
+use std::fs::File;
+use std::path::PathBuf;
+use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
+use std::time::{Duration, Instant};
+
+use super::pairs::{self, Subject};
+use super::settle::{Answers, Change, Deviation, change, deviation, mean};
+use super::tell;
+use crate::command::field::FieldError;
+use crate::command::{Outcome, UsageError, progress};
+use crate::dic::{CorrelationParams, Correlator, Method, Prepared, Start};
+use crate::process::Stop;
+
+pub use super::pairs::Files;
+
+/// Numbers of spline points between two pixels that are tried, in this order.
+pub const SPLINE_POINTS: [u32; 9] = [0, 1, 2, 3, 5, 7, 10, 14, 20];
+
+/// How often a stop is looked for while a field is being measured.
+const LOOK: Duration = Duration::from_millis(100);
+
+/// What `ricochet study convergence` was asked to do.
+#[derive(Debug, Clone)]
+pub struct ConvergenceOptions {
+    /// The images; a drawn pattern with known displacements when there are none.
+    pub files: Option<Files>,
+    /// Full width of a subset, odd, px: 9 to 255.
+    pub subset_size_px: u32,
+    /// From one subset to the next, px: 1 to 255.
+    pub step_px: u32,
+    /// Largest displacement looked for, px.
+    pub search_px: u32,
+    /// Settled is where 99 % of the answers change by less, px; more than 0, at most 1.
+    pub tolerance_px: f64,
+    /// A CSV file for the table.
+    pub output: Option<PathBuf>,
+    /// Print one JSON object.
+    pub json: bool,
+}
+
+impl ConvergenceOptions {
+    /// The parameters of one way to measure.
+    fn params(&self, way: Way) -> CorrelationParams {
+        let (method, spline_points) = match way {
+            Way::Spline { spline_points, .. } => (Method::SplineFft, spline_points),
+            Way::IcGn => (Method::IcGn, 0),
+        };
+        CorrelationParams {
+            method,
+            spline_points,
+            subset_size_px: self.subset_size_px,
+            step_px: self.step_px,
+            search_px: self.search_px,
+            ..CorrelationParams::default()
+        }
+    }
+}
+
+/// One way to measure.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Way {
+    /// `spline-fft`.
+    Spline {
+        /// Points between two pixels.
+        spline_points: u32,
+        /// Whether the correlation peak is fitted.
+        peak: Peak,
+    },
+    /// `ic-gn`, for comparison.
+    IcGn,
+}
+
+/// What becomes of the highest grid point of a correlation peak.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Peak {
+    /// The top of a fit around it is the answer.
+    Fitted,
+    /// It is the answer itself.
+    Highest,
+}
+
+/// What one way to measure gave.
+#[derive(Debug, Clone)]
+pub(super) struct Row {
+    pub(super) way: Way,
+    /// Subsets of all pairs.
+    pub(super) subsets: usize,
+    /// Those with a valid answer.
+    pub(super) valid: usize,
+    /// Against the number of points before.
+    pub(super) change: Option<Change>,
+    /// Against `ic-gn`.
+    pub(super) from_ic_gn: Option<Change>,
+    /// Against the truth, where it is known.
+    pub(super) error: Option<Deviation>,
+    /// Mean displacement, px; of a single pair.
+    pub(super) mean_px: Option<[f64; 2]>,
+    /// Time of all fields, s.
+    pub(super) time_s: f64,
+}
+
+/// Runs the study and prints its table.
+///
+/// # Errors
+///
+/// One line naming the option, the file or both sizes.
+pub fn run(options: &ConvergenceOptions, stop: &Stop) -> anyhow::Result<Outcome> {
+    if !(options.tolerance_px > 0.0 && options.tolerance_px <= 1.0) {
+        return Err(UsageError(format!("--tolerance-px {}: more than 0, at most 1", options.tolerance_px)).into());
+    }
+    let subject = subject(options)?;
+    let output = match &options.output {
+        Some(path) if pairs::is_input(options.files.as_ref(), path) => {
+            let told = format!("{}: is one of the images, and would be overwritten", path.display());
+            return Err(UsageError(told).into());
+        }
+        // Opened before the work, so that a wrong path is told at once.
+        Some(path) => Some((path, File::create(path).map_err(|error| FieldError::write(path, error))?)),
+        None => None,
+    };
+    let ways = ways();
+    let rows = measure(options, subject, &ways, stop)?;
+    let (missing, study) = (ways.len() - rows.len(), tell::Study { options, rows: &rows });
+    if let Some((path, file)) = output {
+        study.write_csv(file).map_err(|error| FieldError::write(path, error))?;
+    }
+    if options.json {
+        study.say_json()
+    } else {
+        study.say_table()
+    }
+    Ok(match missing {
+        0 => Outcome::Clean,
+        count => Outcome::Lost { count: count as u64, cause: Some("stopped before every row was measured".into()) },
+    })
+}
+
+/// What is measured: the files, or the drawn pattern.
+fn subject(options: &ConvergenceOptions) -> anyhow::Result<Subject> {
+    let params = options.params(Way::IcGn);
+    // Planned for any size that has room: settings out of range are told before anything is read or drawn.
+    Correlator::new(&params, 1 << 10, 1 << 10)?;
+    let subject = match &options.files {
+        Some(files) => pairs::read(files, &params)?,
+        None => pairs::draw(&pairs::DRAWN_PX, &params)?,
+    };
+    Ok(subject)
+}
+
+/// Every way to measure, in the order of the table: `ic-gn` first, since all others are compared with it.
+fn ways() -> Vec<Way> {
+    let spline = |peak: Peak| SPLINE_POINTS.map(|spline_points| Way::Spline { spline_points, peak });
+    [Way::IcGn].into_iter().chain(spline(Peak::Fitted)).chain(spline(Peak::Highest)).collect()
+}
+
+/// About how long a way takes, in any unit: the area to transform grows with the square of the points.
+fn cost(way: Way) -> u64 {
+    match way {
+        Way::IcGn => 1,
+        Way::Spline { spline_points, .. } => 1 + u64::from(spline_points + 1).pow(2),
+    }
+}
+
+/// Measures in a thread of its own, so that a stop need not wait for the end of a field; gives the rows it came to.
+fn measure(options: &ConvergenceOptions, subject: Subject, ways: &[Way], stop: &Stop) -> anyhow::Result<Vec<Row>> {
+    let (width, height) = subject.size();
+    let plan = |way: &Way| Ok((*way, plan(options, *way, (width, height))?));
+    let planned = ways.iter().map(plan).collect::<anyhow::Result<Vec<_>>>()?;
+    let (sender, receiver) = channel();
+    let worker = std::thread::spawn(move || work(planned, &subject, &sender));
+    let bar = progress::parts(ways.iter().map(|way| cost(*way)).sum(), "study");
+    bar.enable_steady_tick(LOOK);
+    let mut rows = Vec::new();
+    let is_stopped = collect(&receiver, stop, |row| {
+        bar.inc(cost(row.way));
+        rows.push(row);
+    });
+    bar.finish_and_clear();
+    // After a stop the worker ends with the process: it holds nothing but memory.
+    if !is_stopped && worker.join().is_err() {
+        return Err(anyhow::anyhow!("the thread that measures panicked"));
+    }
+    Ok(rows)
+}
+
+/// Takes rows until there are no more, or a stop; tells whether it was a stop.
+fn collect(receiver: &Receiver<Row>, stop: &Stop, mut take: impl FnMut(Row)) -> bool {
+    loop {
+        match receiver.recv_timeout(LOOK) {
+            Ok(row) => take(row),
+            Err(RecvTimeoutError::Disconnected) => return false,
+            Err(RecvTimeoutError::Timeout) => {}
+        }
+        if stop.requested() {
+            return true;
+        }
+    }
+}
+
+fn plan(options: &ConvergenceOptions, way: Way, (width, height): (usize, usize)) -> anyhow::Result<Correlator> {
+    let correlator = Correlator::new(&options.params(way), width, height)?;
+    Ok(match way {
+        Way::Spline { peak: Peak::Highest, .. } => correlator.without_peak_fit(),
+        _ => correlator,
+    })
+}
+
+/// Sends a row for each way, until nobody takes them.
+fn work(planned: Vec<(Way, Correlator)>, subject: &Subject, rows: &Sender<Row>) {
+    let truth_px: Option<Vec<_>> = subject.pairs.iter().map(|pair| pair.truth_px).collect();
+    let (mut ic_gn, mut before): (Option<Answers>, Option<(Way, Answers)>) = (None, None);
+    for (way, mut correlator) in planned {
+        let (answers, time_s) = correlate(&mut correlator, subject);
+        let follows = before.as_ref().filter(|(earlier, _)| is_next(*earlier, way));
+        let row = Row {
+            way,
+            subsets: answers.len(),
+            valid: answers.iter().flatten().count(),
+            change: follows.and_then(|(_, earlier)| change(earlier, &answers)),
+            from_ic_gn: ic_gn.as_ref().and_then(|ic_gn| change(ic_gn, &answers)),
+            error: truth_px.as_ref().and_then(|truth_px| deviation(&answers, truth_px)),
+            mean_px: mean(&answers).filter(|_| subject.pairs.len() == 1),
+            time_s,
+        };
+        if way == Way::IcGn {
+            ic_gn = Some(answers);
+        } else {
+            before = Some((way, answers));
+        }
+        if rows.send(row).is_err() {
+            return;
+        }
+    }
+}
+
+/// Whether two ways differ in their number of points only.
+fn is_next(before: Way, way: Way) -> bool {
+    matches!((before, way), (Way::Spline { peak: a, .. }, Way::Spline { peak: b, .. }) if a == b)
+}
+
+/// The answers of every pair, one after the other, and the time the fields took, s.
+#[expect(clippy::disallowed_methods, reason = "a study of cost reads the clock")]
+fn correlate(correlator: &mut Correlator, subject: &Subject) -> (Answers, f64) {
+    let (mut answers, mut field) = (Answers::new(), Vec::new());
+    let (mut reference, mut target) = (Prepared::default(), Prepared::default());
+    let mut time_s = 0.0;
+    for pair in &subject.pairs {
+        correlator.prepare_into(pair.reference.view(), &mut reference);
+        correlator.prepare_into(pair.target.view(), &mut target);
+        let began = Instant::now();
+        correlator.correlate(&reference, &target, &subject.points, Start::Search, &mut field);
+        time_s += began.elapsed().as_secs_f64();
+        let answer = |point: &crate::results::FieldPoint| {
+            point.displacement.map(|found| [f64::from(found.u_px), f64::from(found.v_px)])
+        };
+        answers.extend(field.iter().map(answer));
+    }
+    (answers, time_s)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn options() -> ConvergenceOptions {
+        ConvergenceOptions {
+            files: None,
+            subset_size_px: 21,
+            step_px: 24,
+            search_px: 4,
+            tolerance_px: 0.001,
+            output: None,
+            json: false,
+        }
+    }
+
+    fn row(options: &ConvergenceOptions, displacement_px: [f64; 2], way: Way) -> Row {
+        let subject = pairs::draw(&[displacement_px], &options.params(Way::IcGn)).unwrap();
+        measure(options, subject, &[way], &Stop::default()).unwrap().remove(0)
+    }
+
+    #[test]
+    fn without_the_peak_fit_a_small_shift_reads_zero_and_with_it_it_is_found() {
+        let way = |peak: Peak| Way::Spline { spline_points: 5, peak };
+        let highest = row(&options(), [0.06, -0.05], way(Peak::Highest));
+        assert_eq!(highest.mean_px, Some([0.0, 0.0]), "every answer is the grid point 0");
+        let fitted = row(&options(), [0.06, -0.05], way(Peak::Fitted));
+        let [u, v] = fitted.mean_px.unwrap();
+        assert!((u - 0.06).abs() < 0.01 && (v + 0.05).abs() < 0.01, "{u} {v}");
+        assert!(fitted.error.unwrap().rms_px < 0.5 * highest.error.unwrap().rms_px);
+    }
+
+    #[test]
+    fn without_the_peak_fit_answers_are_multiples_of_the_grid_step() {
+        let (options, way) = (options(), Way::Spline { spline_points: 2, peak: Peak::Highest });
+        let subject = pairs::draw(&[[0.56, -0.89]], &options.params(way)).unwrap();
+        let mut correlator = plan(&options, way, subject.size()).unwrap();
+        let (answers, _) = correlate(&mut correlator, &subject);
+        assert!(answers.iter().flatten().count() >= 10);
+        for part in answers.iter().flatten().flatten() {
+            assert!((3.0 * part - (3.0 * part).round()).abs() < 1e-5, "{part}");
+        }
+    }
+
+    #[test]
+    fn a_stop_ends_the_study_with_the_rows_it_came_to() {
+        let (stop, options) = (Stop::default(), options());
+        stop.request();
+        let subject = subject(&options).unwrap();
+        let rows = measure(&options, subject, &ways(), &stop).unwrap();
+        assert!(rows.len() < ways().len(), "{} rows", rows.len());
+    }
+}

@@ -1,0 +1,6 @@
+//! `ricochet study`: what the method's settings do to its answers, one file a study.
+
+pub mod convergence;
+mod pairs;
+mod settle;
+mod tell;

@@ -1,0 +1,142 @@
+//! Pairs of frames to study: two files, or a drawn pattern whose displacement is known.
+
+use std::path::{Path, PathBuf};
+
+use crate::command::UsageError;
+use crate::command::field::stills;
+use crate::dic::{CorrelationParams, GridPoint, grid};
+use crate::image::{Frame, Image};
+use crate::synth::{MotionSetup, Scenario, World};
+
+/// Displacements of the drawn pattern, px: one pair of frames each.
+///
+/// All lie 0.01 px and more off the grids that the spline points of the study make: on such a grid the
+/// highest grid point would look perfect.
+pub(super) const DRAWN_PX: [[f64; 2]; 5] = [[0.02, -0.31], [0.22, 0.69], [0.56, -0.89], [0.78, -1.22], [1.44, 1.7]];
+
+/// Side of the drawn frames, px.
+const SIDE_PX: u32 = 192;
+
+/// Diameter of the drawn ball, px.
+const DIAMETER_PX: f64 = 150.0;
+
+/// Centre of the drawn ball in the first frame, off the pixel grid.
+const CENTER_PX: [f64; 2] = [95.63, 95.29];
+
+/// Two files instead of the drawn pattern.
+#[derive(Debug, Clone)]
+pub struct Files {
+    /// The image before.
+    pub reference: PathBuf,
+    /// The image after.
+    pub target: PathBuf,
+    /// Only this part of the reference: x, y, width, height.
+    pub roi_px: Option<[u32; 4]>,
+}
+
+/// Two frames of one size.
+#[derive(Debug)]
+pub(super) struct Pair {
+    pub(super) reference: Image,
+    pub(super) target: Image,
+    /// The displacement it was drawn with, the same everywhere.
+    pub(super) truth_px: Option<[f64; 2]>,
+}
+
+/// What a study correlates: the same subsets on every pair.
+#[derive(Debug)]
+pub(super) struct Subject {
+    pub(super) pairs: Vec<Pair>,
+    pub(super) points: Vec<GridPoint>,
+}
+
+impl Subject {
+    /// Width and height of all frames, px.
+    pub(super) fn size(&self) -> (usize, usize) {
+        self.pairs.first().map_or((0, 0), |pair| (pair.reference.view().width(), pair.reference.view().height()))
+    }
+}
+
+/// One pair of files, with the subsets on it.
+///
+/// # Errors
+///
+/// One line naming the file, both sizes, or the region.
+pub(super) fn read(files: &Files, params: &CorrelationParams) -> anyhow::Result<Subject> {
+    let (reference, target) = stills::read_pair(&files.reference, &files.target)?;
+    let size = (reference.view().width(), reference.view().height());
+    let points = stills::points(&files.reference, size, files.roi_px, params)?;
+    Ok(Subject { pairs: vec![Pair { reference, target, truth_px: None }], points })
+}
+
+/// A ball with speckles, drawn without any interpolation, with 2 grey levels of noise: a pair for each displacement.
+///
+/// # Errors
+///
+/// When the subsets are too large for it.
+pub(super) fn draw(displacements_px: &[[f64; 2]], params: &CorrelationParams) -> anyhow::Result<Subject> {
+    let ([x, y], side) = (CENTER_PX, SIDE_PX as usize);
+    let points = grid::disc(x, y, 0.5 * DIAMETER_PX, params.step_px, params.subset_size_px, side, side);
+    if points.is_empty() {
+        return Err(UsageError(format!(
+            "--subset {}: has no room on the drawn ball of {DIAMETER_PX} px: at most 105",
+            params.subset_size_px
+        ))
+        .into());
+    }
+    let pairs = displacements_px.iter().map(|displacement_px| draw_pair(*displacement_px));
+    Ok(Subject { pairs: pairs.collect::<anyhow::Result<_>>()?, points })
+}
+
+fn draw_pair([u, v]: [f64; 2]) -> anyhow::Result<Pair> {
+    let mut scenario = Scenario::translation(u, v, 0.0);
+    (scenario.camera.width_px, scenario.camera.height_px, scenario.camera.frames) = (SIDE_PX, SIDE_PX, 2);
+    scenario.body.diameter_mm = DIAMETER_PX * scenario.scale.mm_per_px;
+    scenario.motion =
+        MotionSetup::Constant { vx_px_frame: u, vy_px_frame: v, omega_deg_frame: 0.0, start_px: CENTER_PX };
+    let world = World::new(&scenario)?;
+    let mut bytes = vec![0; world.frame_bytes()];
+    let mut frame = |index: u64| -> anyhow::Result<Image> {
+        world.render(index, &mut bytes);
+        let mut image = Image::default();
+        Frame { meta: crate::camera::simulated::meta(&world, index), bytes: &bytes }.unpack(&mut image)?;
+        Ok(image)
+    };
+    Ok(Pair { reference: frame(0)?, target: frame(1)?, truth_px: Some([u, v]) })
+}
+
+/// Whether a path is one of the files.
+pub(super) fn is_input(files: Option<&Files>, path: &Path) -> bool {
+    let inputs = files.map_or([None, None], |files| [Some(&files.reference), Some(&files.target)]);
+    inputs.into_iter().flatten().any(|input| crate::command::export::is_same_file(path, input))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::command::study::convergence::SPLINE_POINTS;
+
+    #[test]
+    fn no_drawn_displacement_is_near_a_grid_of_spline_points() {
+        for component in DRAWN_PX.iter().flatten() {
+            for points in SPLINE_POINTS {
+                let fine = component * f64::from(points + 1);
+                let apart_px = (fine - fine.round()).abs() / f64::from(points + 1);
+                assert!(apart_px > 0.0099, "{component} px is {apart_px} px off the grid of {points} points");
+            }
+        }
+    }
+
+    #[test]
+    fn drawn_pairs_share_their_subsets_and_differ_by_noise_and_shift() {
+        let params = CorrelationParams { step_px: 20, ..CorrelationParams::default() };
+        let subject = draw(&[[0.0, 0.0]], &params).unwrap();
+        let (a, b) = (subject.pairs[0].reference.view(), subject.pairs[0].target.view());
+        let differences = a.data().iter().zip(b.data()).map(|(a, b)| f64::from(a - b).powi(2));
+        let rms = (differences.sum::<f64>() / a.data().len() as f64).sqrt();
+        // Two frames with a noise of 2 grey levels each, rounded.
+        assert!((rms - 2.86).abs() < 0.1, "{rms}");
+        assert!(subject.points.len() >= 20, "{}", subject.points.len());
+        assert!(draw(&[[0.0, 0.0]], &CorrelationParams { subset_size_px: 107, ..params }).is_err());
+    }
+}

@@ -1,0 +1,184 @@
+//! The table of a study, for people and for programs.
+
+use std::io::Write;
+
+use serde_json::{Value, json};
+
+use super::convergence::{ConvergenceOptions, Peak, Row, Way};
+use super::pairs::DRAWN_PX;
+use super::settle::{Stage, settled};
+use crate::command::{say, table};
+
+/// What was asked and what came out.
+pub(super) struct Study<'a> {
+    pub(super) options: &'a ConvergenceOptions,
+    pub(super) rows: &'a [Row],
+}
+
+/// One cell of the table: its name and its value.
+type Cell = (&'static str, Value);
+
+impl Row {
+    /// Everything that is known of it; what is missing is null.
+    fn cells(&self) -> Vec<Cell> {
+        let (method, spline_points, peak_fit) = match self.way {
+            Way::IcGn => ("ic-gn", None, None),
+            Way::Spline { spline_points, peak } => ("spline-fft", Some(spline_points), Some(peak == Peak::Fitted)),
+        };
+        let (change, from) = (self.change, self.from_ic_gn);
+        vec![
+            ("method", json!(method)),
+            ("spline_points", json!(spline_points)),
+            ("peak_fit", json!(peak_fit)),
+            ("subsets", json!(self.subsets)),
+            ("valid", json!(self.valid)),
+            ("compared", json!(change.map(|change| change.compared))),
+            ("change_median_u_px", json!(change.map(|change| change.median_px[0]))),
+            ("change_median_v_px", json!(change.map(|change| change.median_px[1]))),
+            ("change_p99_u_px", json!(change.map(|change| change.most_px[0]))),
+            ("change_p99_v_px", json!(change.map(|change| change.most_px[1]))),
+            ("ic_gn_median_u_px", json!(from.map(|from| from.median_px[0]))),
+            ("ic_gn_median_v_px", json!(from.map(|from| from.median_px[1]))),
+            ("mean_u_px", json!(self.mean_px.map(|mean| mean[0]))),
+            ("mean_v_px", json!(self.mean_px.map(|mean| mean[1]))),
+            ("bias_px", json!(self.error.map(|error| error.bias_px))),
+            ("rms_px", json!(self.error.map(|error| error.rms_px))),
+            ("max_px", json!(self.error.map(|error| error.max_px))),
+            ("time_s", json!(self.time_s)),
+        ]
+    }
+
+    /// The displacement, or how far it is from the truth, in words.
+    fn answer(&self) -> String {
+        match (self.error, self.mean_px) {
+            (Some(error), _) => format!("bias {:.4}, rms {:.4} px", error.bias_px, error.rms_px),
+            (None, Some([u, v])) => format!("mean u {u:.4}, v {v:.4} px"),
+            (None, None) => "no valid subset".to_owned(),
+        }
+    }
+}
+
+impl Study<'_> {
+    /// The rows of one kind of peak.
+    fn of(&self, wanted: Peak) -> Vec<(u32, &Row)> {
+        let points = |row: &Row| match row.way {
+            Way::Spline { spline_points, peak } if peak == wanted => Some(spline_points),
+            _ => None,
+        };
+        self.rows.iter().filter_map(|row| Some((points(row)?, row))).collect()
+    }
+
+    /// The number of points that settled.
+    fn settled(&self, peak: Peak) -> Option<u32> {
+        let stage = |(spline_points, row): (u32, &Row)| Stage {
+            spline_points,
+            valid: row.valid,
+            change: row.change,
+            on_grid: peak == Peak::Highest,
+        };
+        let stages: Vec<Stage> = self.of(peak).into_iter().map(stage).collect();
+        settled(&stages, self.options.tolerance_px)
+    }
+
+    /// What came of one kind of peak, in one line.
+    fn verdict(&self, peak: Peak) -> String {
+        let (rows, settled) = (self.of(peak), self.settled(peak));
+        let name = match peak {
+            Peak::Fitted => "with the peak fit",
+            Peak::Highest => "without the peak fit",
+        };
+        let Some((last, row)) = rows.iter().rfind(|(points, _)| settled.is_none_or(|settled| *points == settled))
+        else {
+            return format!("{name}: not measured");
+        };
+        let tolerance_px = self.options.tolerance_px;
+        let ic_gn = self.rows.iter().find(|row| row.way == Way::IcGn).map_or_else(String::new, Row::answer);
+        let verdict = match settled {
+            Some(points) => {
+                format!("settled at {points} points (99 % change by less than {tolerance_px} px from there on)")
+            }
+            None => format!("did not settle to {tolerance_px} px within {last} points"),
+        };
+        format!("{name}: {verdict}, {}; ic-gn: {ic_gn}", row.answer())
+    }
+
+    /// Prints the table and the verdicts.
+    pub(super) fn say_table(&self) {
+        let truth = self.options.files.is_none();
+        let px = |value: Option<f64>| value.map_or_else(|| "-".to_owned(), |value| format!("{value:.5}"));
+        let last = if truth { ["bias", "rms", "max"] } else { ["mean u", "mean v", ""] };
+        let head =
+            ["points", "peak fit", "valid", "|du|", "|dv|", "99 % |du|", "99 % |dv|", "ic-gn |du|", "ic-gn |dv|"];
+        let mut lines = vec![head.into_iter().chain(last).chain(["s"]).map(str::to_owned).collect::<Vec<_>>()];
+        for row in self.rows {
+            let (points, fit) = match row.way {
+                Way::IcGn => ("ic-gn".to_owned(), ""),
+                Way::Spline { spline_points, peak: Peak::Fitted } => (spline_points.to_string(), "yes"),
+                Way::Spline { spline_points, peak: Peak::Highest } => (spline_points.to_string(), "no"),
+            };
+            let axis = |change: Option<[f64; 2]>| [px(change.map(|px| px[0])), px(change.map(|px| px[1]))];
+            let mut line = vec![points, fit.to_owned(), format!("{}/{}", row.valid, row.subsets)];
+            line.extend(axis(row.change.map(|change| change.median_px)));
+            line.extend(axis(row.change.map(|change| change.most_px)));
+            line.extend(axis(row.from_ic_gn.map(|change| change.median_px)));
+            if truth {
+                line.extend([px(row.error.map(|e| e.bias_px)), px(row.error.map(|e| e.rms_px))]);
+                line.push(px(row.error.map(|e| e.max_px)));
+            } else {
+                line.extend(axis(row.mean_px));
+                line.push(String::new());
+            }
+            line.push(format!("{:.2}", row.time_s));
+            lines.push(line);
+        }
+        say("lengths in px; |du|, |dv|: median change against the row before, and against ic-gn");
+        say(&table(&lines));
+        say(&self.verdict(Peak::Fitted));
+        say(&self.verdict(Peak::Highest));
+    }
+
+    /// Prints everything as one JSON object.
+    pub(super) fn say_json(&self) {
+        let options = self.options;
+        let rows: Vec<Value> =
+            self.rows.iter().map(|row| Value::Object(row.cells().into_iter().map(named).collect())).collect();
+        let files = options.files.as_ref();
+        say(&json!({
+            "study": "convergence",
+            "reference": files.map(|files| &files.reference),
+            "target": files.map(|files| &files.target),
+            "roi_px": files.and_then(|files| files.roi_px),
+            "displacements_px": files.is_none().then_some(DRAWN_PX),
+            "subset_size_px": options.subset_size_px,
+            "step_px": options.step_px,
+            "search_px": options.search_px,
+            "tolerance_px": options.tolerance_px,
+            "settled_points": self.settled(Peak::Fitted),
+            "settled_points_without_peak_fit": self.settled(Peak::Highest),
+            "rows": rows,
+        })
+        .to_string());
+    }
+
+    /// Writes the table; what is missing is an empty cell.
+    pub(super) fn write_csv(&self, out: impl Write) -> anyhow::Result<()> {
+        let mut csv = csv::Writer::from_writer(out);
+        for (index, row) in self.rows.iter().enumerate() {
+            let cells = row.cells();
+            if index == 0 {
+                csv.write_record(cells.iter().map(|(name, _)| name))?;
+            }
+            csv.write_record(cells.iter().map(|(_, value)| match value {
+                Value::Null => String::new(),
+                Value::String(text) => text.clone(),
+                other => other.to_string(),
+            }))?;
+        }
+        csv.flush()?;
+        Ok(())
+    }
+}
+
+fn named((name, value): Cell) -> (String, Value) {
+    (name.to_owned(), value)
+}
