@@ -18,6 +18,9 @@ const THRESHOLD: f32 = 2.0;
 /// Fewest predictions a verdict rests on.
 const FEWEST: usize = 3;
 
+/// A vector that no neighbour can vouch for, most having failed, must match at least this well.
+const LONE_ZNCC: f32 = 0.9;
+
 /// The eight directions to neighbours; the first four are the opposites of the last four.
 const DIRECTIONS: [(i64, i64); 8] = [(1, 0), (0, 1), (1, 1), (1, -1), (-1, 0), (0, -1), (-1, -1), (-1, 1)];
 
@@ -79,13 +82,17 @@ impl MedianTest {
         (on && column < self.columns && row < self.rows).then(|| row * self.columns + column)
     }
 
-    /// Whether the predictions from the neighbours contradict the point.
+    /// Whether the predictions from the neighbours contradict the point, or most neighbours failed and it is poor.
     fn contradicted(&self, point: &GridPoint, step_px: u32, index: usize, field: &[FieldPoint]) -> bool {
         let step = step_px.max(1);
         let at = |(dx, dy): (i64, i64), times: i64| {
             let reach = i64::from(step) * times;
             let cell = self.cell(i64::from(point.x) + dx * reach, i64::from(point.y) + dy * reach, step)?;
-            let displacement = field.get(self.lattice[cell] as usize)?.displacement?;
+            field.get(self.lattice[cell] as usize)
+        };
+        let tried = DIRECTIONS.into_iter().filter_map(|direction| at(direction, 1)).count();
+        let at = |direction, times| {
+            let displacement = at(direction, times)?.displacement?;
             Some((displacement.u_px, displacement.v_px))
         };
         let Some(own) = field[index].displacement else { return false };
@@ -107,7 +114,11 @@ impl MedianTest {
                 predict(0.5 * (near.0 + opposite.0), 0.5 * (near.1 + opposite.1));
             }
         }
-        count >= FEWEST && (strays(own.u_px, &mut us[..count]) || strays(own.v_px, &mut vs[..count]))
+        if count >= FEWEST {
+            return strays(own.u_px, &mut us[..count]) || strays(own.v_px, &mut vs[..count]);
+        }
+        let found = DIRECTIONS.into_iter().filter(|direction| at(*direction, 1).is_some()).count();
+        2 * found < tried && field[index].zncc.is_some_and(|zncc| zncc < LONE_ZNCC)
     }
 }
 
@@ -146,6 +157,23 @@ mod tests {
             status: PointStatus::Valid,
         };
         points.iter().map(point).collect()
+    }
+
+    #[test]
+    fn a_poor_vector_among_failures_is_an_outlier_and_a_good_one_is_not() {
+        for (zncc, status) in [(0.75, PointStatus::Outlier), (0.97, PointStatus::Valid)] {
+            let points = rectangle([0, 0, 120, 120], 10, 31);
+            let mut field = turned(&points);
+            let alone = points.len() / 2;
+            for (index, point) in field.iter_mut().enumerate().filter(|(index, _)| *index != alone) {
+                assert_ne!(index, alone);
+                (point.displacement, point.status) = (None, PointStatus::LowCorrelation);
+            }
+            field[alone].zncc = Some(zncc);
+            MedianTest::default().mark(&points, 10, &mut field);
+            assert_eq!(field[alone].status, status, "ZNCC {zncc}");
+            assert_eq!(field[alone].displacement.is_some(), status == PointStatus::Valid);
+        }
     }
 
     #[test]
