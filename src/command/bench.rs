@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 
 use serde_json::json;
 
-use crate::dic::{CorrelationParams, Correlator, Method, Region, RigidBody, Shape, Start, grid};
+use crate::dic::{CorrelationParams, Correlator, GridPoint, Method, Parts, Region, RigidBody, Shape, Start, grid};
 use crate::image::Image;
 
 /// Side of the test images, px.
@@ -98,10 +98,35 @@ pub fn windows(options: &WindowsOptions) -> anyhow::Result<()> {
             rows.push(Row { name: case.name, threads, points_per_s: measure(&case, threads, &frames, duration)? });
         }
     }
-    print(&rows, options.json)
+    print(&rows, &parts(&frames, duration), options.json)
 }
 
-fn print(rows: &[Row], as_json: bool) -> anyhow::Result<()> {
+/// Microseconds that each part of a match takes on one thread.
+fn parts(frames: &(Image, Image), duration: Duration) -> [(&'static str, f64); 5] {
+    // Turned by 1 deg, so that no iteration is the simple one of a mere shift.
+    let mut parts = Parts::new(frames.0.view(), frames.1.view(), (SHIFT.0, SHIFT.1, 1.0));
+    let points = grid::rectangle([8, 8, SIDE as u32 - 16, SIDE as u32 - 16], STEP_PX, 31);
+    let (second, mut next) = (frames.1.view(), points.iter().copied().cycle());
+    let mut time = |part: &mut dyn FnMut(&mut Parts, GridPoint) -> bool| {
+        let mut call = |at| std::hint::black_box(part(&mut parts, at));
+        1e6 / rate(duration, || next.by_ref().take(64).map(&mut call).count())
+    };
+    [
+        (
+            "prepare a frame of 512 x 512 px",
+            time(&mut |parts, _| {
+                parts.prepare(second);
+                true
+            }),
+        ),
+        ("subset: mean, gradients, Hessian", time(&mut |parts, at| parts.subset_of(at))),
+        ("FFT correlation 32 x 32 and its peak", time(&mut |parts, at| parts.peak(at))),
+        ("affine iteration, 31 x 31", time(&mut |parts, at| parts.iterate(at))),
+        ("rigid iteration, ball of 8800 px", time(&mut |parts, _| parts.iterate_disc())),
+    ]
+}
+
+fn print(rows: &[Row], parts: &[(&str, f64)], as_json: bool) -> anyhow::Result<()> {
     let mut out = std::io::stdout().lock();
     if as_json {
         let row = |row: &Row| {
@@ -114,13 +139,18 @@ fn print(rows: &[Row], as_json: bool) -> anyhow::Result<()> {
             })
         };
         let rows: Vec<_> = rows.iter().map(row).collect();
-        writeln!(out, "{}", serde_json::to_string_pretty(&json!({ "windows": rows }))?)?;
+        let parts: Vec<_> = parts.iter().map(|(name, us)| json!({ "part": name, "us": us })).collect();
+        writeln!(out, "{}", serde_json::to_string_pretty(&json!({ "windows": rows, "parts": parts }))?)?;
         return Ok(());
     }
     writeln!(out, "{:36} {:>7} {:>12} {:>14}", "31 x 31 subsets", "threads", "points/s", "us/point/core")?;
     for row in rows {
         let us = 1e6 * row.threads as f64 / row.points_per_s;
         writeln!(out, "{:36} {:>7} {:>12.0} {us:>14.2}", row.name, row.threads, row.points_per_s)?;
+    }
+    writeln!(out, "\n{:36} {:>14}", "parts, one thread", "us")?;
+    for (name, us) in parts {
+        writeln!(out, "{name:36} {us:>14.2}")?;
     }
     Ok(())
 }

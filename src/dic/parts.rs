@@ -1,0 +1,92 @@
+//! The parts of a match on their own, for benchmarks.
+
+use super::GridPoint;
+use super::fft::Search;
+use super::params::{CorrelationParams, Interpolation, Shape};
+use super::prepared::Prepared;
+use super::refine::Refiner;
+use super::subset::Subset;
+use super::warp::Warp;
+use super::window::Window;
+use crate::image::ImageView;
+
+/// Subsets of 31 x 31 pixels, and a disc of 53 px radius (8800 px), of one pair of frames.
+///
+/// Each part does what it does within [`Correlator::correlate`](super::Correlator::correlate), once.
+pub struct Parts {
+    frames: (Prepared, Prepared),
+    window: Window,
+    search: Search,
+    subset: Subset,
+    disc: Window,
+    body: Subset,
+    warp: Warp,
+}
+
+/// Radius of the disc, px.
+const DISC_PX: i32 = 53;
+
+impl Parts {
+    /// Takes a pair of frames of one size, at least 128 x 128 px, the second moved and turned by about `warp`: u and v
+    /// in px, the angle in deg.
+    ///
+    /// # Panics
+    ///
+    /// If the frames are smaller.
+    pub fn new(first: ImageView<'_>, second: ImageView<'_>, (u_px, v_px, angle_deg): (f64, f64, f64)) -> Self {
+        assert!(first.width() >= 128 && first.height() >= 128, "frames of a benchmark have room for the disc");
+        let params = CorrelationParams::default();
+        let mut parts = Self {
+            frames: (Prepared::default(), Prepared::default()),
+            window: Window::new(params.window, params.subset_size_px),
+            search: Search::new(params.subset_size_px as usize, params.search_px as usize),
+            subset: Subset::default(),
+            disc: Window::from_test(DISC_PX as u32, |dx, dy| dx * dx + dy * dy <= DISC_PX * DISC_PX),
+            body: Subset::default(),
+            warp: Warp::rigid(u_px, v_px, angle_deg.to_radians()),
+        };
+        parts.prepare(first);
+        std::mem::swap(&mut parts.frames.0, &mut parts.frames.1);
+        parts.prepare(second);
+        let at = parts.middle();
+        parts.subset_of(at);
+        let Self { body, disc, frames, .. } = &mut parts;
+        let _ = body.fill(&frames.0, disc, Shape::Rigid, (at.x, at.y));
+        parts
+    }
+
+    fn middle(&self) -> GridPoint {
+        GridPoint { x: self.frames.0.width() as u32 / 2, y: self.frames.0.height() as u32 / 2 }
+    }
+
+    /// Grey levels, gradients and spline coefficients of a frame.
+    pub fn prepare(&mut self, frame: ImageView<'_>) {
+        self.frames.1.fill(frame, Interpolation::Optimised);
+    }
+
+    /// Mean, energy, gradients and Hessian of a subset; whether it is usable.
+    pub fn subset_of(&mut self, at: GridPoint) -> bool {
+        self.subset.fill(&self.frames.0, &self.window, Shape::Affine, (at.x, at.y)).is_ok()
+    }
+
+    /// FFT correlation of the last subset with the same 32 x 32 pixels of the target, and its sub-pixel peak.
+    pub fn peak(&mut self, at: GridPoint) -> bool {
+        self.search.find_near(&self.subset, &self.window, &self.frames.1.levels, (at.x, at.y)).is_some()
+    }
+
+    /// One exact affine iteration of the last subset, deformed.
+    pub fn iterate(&mut self, at: GridPoint) -> bool {
+        self.refiner(false, at).step(&self.warp).is_ok()
+    }
+
+    /// One rigid iteration of the disc, turned.
+    pub fn iterate_disc(&mut self) -> bool {
+        self.refiner(true, self.middle()).step(&self.warp).is_ok()
+    }
+
+    fn refiner(&self, disc: bool, at: GridPoint) -> Refiner<'_> {
+        let (subset, window, shape) =
+            if disc { (&self.body, &self.disc, Shape::Rigid) } else { (&self.subset, &self.window, Shape::Affine) };
+        Refiner { subset, window, shape, target: &self.frames.1.splined, at: (at.x, at.y) }
+    }
+}
