@@ -7,7 +7,7 @@ use crate::config::Record;
 use crate::image::{Frame, FrameMeta};
 use crate::measure::{MeasureError, MeasureParams, Measured, Measurer, Share};
 use crate::process::{Extent, Shot, Stop, analysis_params, recording_info};
-use crate::recording::{Recording, RecordingError};
+use crate::recording::{Recording, RecordingError, part_path};
 use crate::report;
 use crate::results::{Estimate, Impact};
 use std::path::{Path, PathBuf};
@@ -103,7 +103,7 @@ fn measure(film: Film, output: &Path, stop: &Stop) -> anyhow::Result<(PathBuf, u
     let mut shot = Shot::create(output, &config, &info, &tracker_params, extent)?;
     let bar = progress::frames(count, "analyze");
     let mut unread = 0;
-    std::thread::scope(|scope| -> anyhow::Result<()> {
+    let whole = std::thread::scope(|scope| -> anyhow::Result<()> {
         let (answers, results) = channel();
         let mut workers = Vec::new();
         for index in 0..config.workers.count {
@@ -128,8 +128,14 @@ fn measure(film: Film, output: &Path, stop: &Stop) -> anyhow::Result<(PathBuf, u
         }
         drop(workers);
         results.iter().try_for_each(|answer| take(&mut shot, answer))
-    })?;
+    });
     bar.finish_and_clear();
+    if let Err(error) = whole {
+        // What failed can be measured again; nobody shall take a part of it for the result.
+        drop(shot);
+        let _ = std::fs::remove_file(part_path(output));
+        return Err(error);
+    }
     let (missing, end) = (shot.lost + unread, shot.next_frame());
     let (finished, _) = shot.finish(end)?;
     Ok((finished.path, missing))

@@ -126,6 +126,7 @@ fn an_image_whose_bytes_do_not_fill_it_is_refused_by_its_numbers() {
     );
     let told = refused(2, ["analyze", text(&changes), "--config", text(&config), "-o", text(&rig.path("a.mcap"))]);
     assert_eq!(told, "frame 2 is 48 x 64 px in a stream of 64 x 48");
+    assert!(!rig.path("a.mcap.part").exists(), "a part of the results is left behind");
 }
 
 #[test]
