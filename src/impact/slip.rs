@@ -56,14 +56,29 @@ pub fn slip_end(nodes: &[SurfaceNode], sliding: &Sliding, pushed: impl Fn(&Surfa
     let beyond = &speeds[crossing + 1..];
     let is_back = |s: &(f64, Estimate)| s.1.value < -BACKWARD.1 * s.1.sigma;
     if beyond.windows(BACKWARD.0).any(|w| w.iter().all(is_back)) {
-        let ((t0, s0), (t1, s1)) = (speeds[crossing], speeds[crossing + 1]);
-        let slope = (s0.value - s1.value) / (t1 - t0);
-        return Some(Estimate { value: t0 + s0.value / slope, sigma: (s0.sigma / slope).max(STEP_FRAMES / 2.0) });
+        let smooth = zero(speeds[crossing], speeds[crossing + 1]);
+        return Some(sharper(&points, smooth, half).unwrap_or(smooth));
     }
     let until = (speeds[crossing].0 + half).min(end + half);
     let count = points.partition_point(|p| p.time_frames <= until);
     let push: Vec<f64> = around[..count].iter().map(pushed).collect();
     kink(&points[..count], &push, start)
+}
+
+/// Where the line through two speeds is zero.
+fn zero((t0, s0): (f64, Estimate), (t1, s1): (f64, Estimate)) -> Estimate {
+    let slope = (s0.value - s1.value) / (t1 - t0);
+    Estimate { value: t0 + s0.value / slope, sigma: (s0.sigma / slope).abs().max(STEP_FRAMES / 2.0) }
+}
+
+/// The zero by fits half as wide, nearest to that by wider ones; friction that ends at the stop leaves a kink there,
+/// which wide fits round off. How far the two lie apart is part of the uncertainty.
+fn sharper(points: &[Sample], smooth: Estimate, half: f64) -> Option<Estimate> {
+    let narrow = speeds(points, smooth.value - half, smooth.value + half, half / 2.0);
+    let crossings = narrow.windows(2).filter(|w| w[0].1.value > 0.0 && w[1].1.value <= 0.0);
+    let zeros = crossings.map(|w| zero(w[0], w[1]));
+    let nearest = zeros.min_by(|a, b| (a.value - smooth.value).abs().total_cmp(&(b.value - smooth.value).abs()))?;
+    Some(Estimate { value: nearest.value, sigma: nearest.sigma.hypot(nearest.value - smooth.value) })
 }
 
 /// Speed of the contact point at every node in contact.
