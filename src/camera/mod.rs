@@ -21,6 +21,8 @@ pub struct StreamFormat {
     pub format: PixelFormat,
     /// Frames a second the camera was set to.
     pub frame_rate_hz: f64,
+    /// How long a frame is exposed, us; 0 when it is not known.
+    pub exposure_us: f64,
 }
 
 impl StreamFormat {

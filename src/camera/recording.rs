@@ -69,8 +69,13 @@ impl RecordingCamera {
         let told = recording.metadata().get("frame_rate_hz").and_then(|text| text.parse().ok());
         let told = told.filter(|rate_hz: &f64| rate_hz.is_finite() && *rate_hz > 0.0);
         let frame_rate_hz = told.or_else(|| recording.frame_rate_hz().ok().flatten()).unwrap_or(0.0);
-        let format =
-            StreamFormat { width_px: first.width_px, height_px: first.height_px, format: first.format, frame_rate_hz };
+        let format = StreamFormat {
+            width_px: first.width_px,
+            height_px: first.height_px,
+            format: first.format,
+            frame_rate_hz,
+            exposure_us: recording.exposure_us(),
+        };
         let frames = recording.frames()?;
         Ok(Self {
             recording,

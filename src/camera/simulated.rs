@@ -38,6 +38,7 @@ pub fn stream_format(world: &World) -> StreamFormat {
         height_px: world.height_px(),
         format: world.format(),
         frame_rate_hz: world.frame_rate_hz(),
+        exposure_us: world.scenario().camera.exposure_us,
     }
 }
 

@@ -61,7 +61,13 @@ impl Film {
             return Err(UsageError(format!("{path}: no frame rate can be told; give one with --fps")).into());
         };
         Ok(Self {
-            format: format(&meta, frame_rate_hz),
+            format: StreamFormat {
+                width_px: meta.width_px,
+                height_px: meta.height_px,
+                format: meta.format,
+                frame_rate_hz,
+                exposure_us: recording.exposure_us(),
+            },
             count: recording.frame_count(),
             metadata: recording.metadata().clone(),
             truncated: recording.truncated().map(str::to_owned),
@@ -88,6 +94,7 @@ impl Film {
                 height_px: footage.height_px,
                 format: footage.format,
                 frame_rate_hz: footage.frame_rate_hz,
+                exposure_us: 0.0,
             },
             count: footage.count,
             metadata: footage.description.clone(),
@@ -102,8 +109,4 @@ impl Film {
 fn restamped(meta: FrameMeta, first: &FrameMeta, fps: f64) -> FrameMeta {
     let since_ns = meta.sequence.saturating_sub(first.sequence) as f64 * 1e9 / fps;
     FrameMeta { stamp_ns: first.stamp_ns.saturating_add(since_ns.round() as u64), ..meta }
-}
-
-fn format(meta: &FrameMeta, frame_rate_hz: f64) -> StreamFormat {
-    StreamFormat { width_px: meta.width_px, height_px: meta.height_px, format: meta.format, frame_rate_hz }
 }

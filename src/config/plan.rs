@@ -50,12 +50,13 @@ impl Config {
         }
     }
 
-    /// What the motion of one body is computed with, at this nominal frame rate in Hz.
+    /// What the motion of one body is computed with, at this nominal frame rate in Hz; `exposure_us` is the camera's
+    /// own, used where the file gives none.
     ///
     /// # Panics
     ///
     /// If there is no body of this index.
-    pub fn motion(&self, body: usize, frame_rate_hz: f64) -> MotionParams {
+    pub fn motion(&self, body: usize, frame_rate_hz: f64, exposure_us: f64) -> MotionParams {
         let scale = match (self.scale.unwrap_or(Scale::Unknown), self.bodies[body].diameter_mm) {
             (Scale::BallDiameterMm(_), Some(diameter_mm)) => Scale::BallDiameterMm(diameter_mm),
             (scale, _) => scale,
@@ -69,7 +70,7 @@ impl Config {
             order: self.velocity.order,
             interval_frames: self.intervals_frames[0],
             walk_share: walk_share(&self.intervals_frames),
-            exposure_ns: 1.0e3 * self.camera.exposure_us.unwrap_or(0.0),
+            exposure_ns: 1.0e3 * self.camera.exposure_us.unwrap_or(exposure_us),
             frame_period_ns: 1.0e9 / frame_rate_hz,
         }
     }

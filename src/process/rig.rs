@@ -204,7 +204,8 @@ pub(super) fn expected_format(config: &Config) -> Result<StreamFormat, CameraErr
         (camera.source, camera.image_px(), camera.frame_rate_hz)
     {
         let format = camera.pixel_format.unwrap_or_default();
-        return Ok(StreamFormat { width_px, height_px, format, frame_rate_hz });
+        let exposure_us = camera.exposure_us.unwrap_or(0.0);
+        return Ok(StreamFormat { width_px, height_px, format, frame_rate_hz, exposure_us });
     }
     Ok(open_camera(config)?.format())
 }
@@ -219,7 +220,7 @@ pub fn analysis_params(config: &Config, format: &StreamFormat) -> (MeasureParams
         block_frames: config.workers.block_frames,
     };
     let tracker = TrackerParams {
-        motion: bodies.map(|body| config.motion(body, format.frame_rate_hz)).collect(),
+        motion: bodies.map(|body| config.motion(body, format.frame_rate_hz, format.exposure_us)).collect(),
         longer_frames: config.intervals_frames[1..].to_vec(),
         contact: true,
     };

@@ -219,6 +219,7 @@ pub fn recording_info(config: &Config, format: &StreamFormat, camera: &CameraIde
         ("camera", camera.model.clone()),
         ("serial", camera.serial.clone()),
         ("frame_rate_hz", format.frame_rate_hz.to_string()),
+        ("exposure_us", config.camera.exposure_us.unwrap_or(format.exposure_us).to_string()),
         ("scale", scale),
         ("host", host.trim().to_owned()),
         ("trigger", trigger.to_owned()),

@@ -36,7 +36,9 @@ pub fn apply(device: &Device, settings: &GenicamSettings) -> Result<StreamFormat
         let value = device.integer(name).map_err(|reason| setting(name, "its current value", reason))?;
         u32::try_from(value).map_err(|_| setting(name, value, "no size"))
     };
-    let stream = StreamFormat { width_px: size("Width")?, height_px: size("Height")?, format, frame_rate_hz };
+    let exposure_us = settings.exposure_us.unwrap_or(0.0);
+    let stream =
+        StreamFormat { width_px: size("Width")?, height_px: size("Height")?, format, frame_rate_hz, exposure_us };
     check_region(settings, &stream)?;
     check_payload(device, &stream)?;
     Ok(stream)

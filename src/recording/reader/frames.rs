@@ -102,6 +102,12 @@ impl Recording {
         let (frames, ns) = (last.sequence - first.sequence, last.stamp_ns - first.stamp_ns);
         Ok(Some(frames as f64 * 1e9 / ns as f64))
     }
+
+    /// How long a frame was exposed, us, as the metadata say it; 0 when they do not.
+    pub fn exposure_us(&self) -> f64 {
+        let told = self.metadata().get("exposure_us").and_then(|text| text.parse().ok());
+        told.filter(|exposure_us: &f64| exposure_us.is_finite() && *exposure_us >= 0.0).unwrap_or(0.0)
+    }
 }
 
 /// How an image topic is encoded.

@@ -156,18 +156,19 @@ fn radii_follow_from_diameter_and_scale_or_from_the_image() {
 
 #[test]
 fn motion_is_planned_from_the_file_and_needs_a_scale() {
-    assert_eq!(parse(SIMULATED).motion(0, 1000.0).scale, Scale::Unknown);
+    assert_eq!(parse(SIMULATED).motion(0, 1000.0, 0.0).scale, Scale::Unknown);
     let config = parse(&format!(
         "{SIMULATED}[scale]\nball_diameter_mm = 40\n[surface]\nangle_deg = 19\n[velocity]\ngravity_angle_deg = -71\nwindow_frames = 21\norder = 3\n[correlation]\ninterval_frames = 5\n[[body]]\nname = \"a\"\n[[body]]\nname = \"b\"\ndiameter_mm = 63.25\n"
     ));
-    let params = config.motion(0, 10_000.0);
+    let params = config.motion(0, 10_000.0, 20.0);
     assert_eq!(
         (params.scale, params.surface_angle_deg, params.gravity_angle_deg),
         (Scale::BallDiameterMm(40.0), 19.0, -71.0)
     );
     assert_eq!((params.gravity_m_s2, params.window_frames, params.order), (9.806_65, Some(21), 3));
     assert_eq!((params.interval_frames, params.frame_period_ns), (5, 100_000.0));
-    assert_eq!(config.motion(1, 10_000.0).scale, Scale::BallDiameterMm(63.25));
+    assert_eq!(params.exposure_ns, 20_000.0, "the camera's own, as the file gives none");
+    assert_eq!(config.motion(1, 10_000.0, 0.0).scale, Scale::BallDiameterMm(63.25));
 }
 
 #[test]
