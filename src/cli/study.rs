@@ -22,9 +22,7 @@ enum Name {
     ///
     /// Numbers of points from 0 to 20, with the fit of the correlation peak and without it. Without images, on a
     /// drawn ball moved by known amounts that lie on none of the grids; then errors are told as well.
-    #[command(
-        after_help = "Example: ricochet study convergence before.bmp after.bmp --roi 40,40,120,120 -o settle.csv"
-    )]
+    #[command(after_help = "Example: ricochet study convergence before.bmp after.bmp --roi 40,40,120,120 -o settle")]
     Convergence(Convergence),
 }
 
@@ -51,8 +49,8 @@ struct Convergence {
     /// Settled is where 99 % of the answers change by less, px; at most 1.
     #[arg(long, value_name = "PX", default_value_t = 0.001)]
     tolerance_px: f64,
-    /// The table as a CSV file.
-    #[arg(short, long)]
+    /// A directory for convergence.csv and convergence.svg; made when it is not there.
+    #[arg(short, long, value_name = "DIR")]
     output: Option<PathBuf>,
     /// Print JSON.
     #[arg(long)]

@@ -3,21 +3,62 @@
 use crate::support::{Rig, run, succeed};
 use serde_json::Value;
 
-/// The study of the drawn pattern, coarse enough to be quick.
-fn drawn(rig: &Rig) -> (Value, Vec<Vec<String>>) {
-    let output = rig.path("settle.csv");
+/// The study of the drawn pattern, coarse enough to be quick: what was told, the table, the figure.
+fn drawn(rig: &Rig) -> (Value, Vec<Vec<String>>, String) {
+    let output = rig.path("made/settle");
     let told = succeed(["study", "convergence", "--step", "26", "--json", "-o", output.to_str().unwrap()]);
-    let mut reader = csv::ReaderBuilder::new().has_headers(false).from_path(output).unwrap();
+    let mut reader = csv::ReaderBuilder::new().has_headers(false).from_path(output.join("convergence.csv")).unwrap();
     let table = reader.records().map(|row| row.unwrap().iter().map(str::to_owned).collect()).collect();
-    (serde_json::from_str(&told).unwrap(), table)
+    let figure = std::fs::read_to_string(output.join("convergence.svg")).unwrap();
+    (serde_json::from_str(&told).unwrap(), table, figure)
+}
+
+/// The places of the marks that look like this, left to right.
+fn marks(figure: &str, start: &str, names: [&str; 2]) -> Vec<[f64; 2]> {
+    let number = |line: &str, name: &str| {
+        let from = line.split_once(&format!(" {name}=\"")).unwrap().1;
+        from.split_once('"').unwrap().0.parse::<f64>().unwrap()
+    };
+    figure.lines().filter(|line| line.starts_with(start)).map(|line| names.map(|name| number(line, name))).collect()
+}
+
+/// Two curves, each with a mark for every number of points, in two panels; in the first there is nothing for 0 points.
+fn figure_shows(figure: &str, rows: &[Value]) {
+    assert!(figure.starts_with("<svg ") && figure.trim_end().ends_with("</svg>"));
+    assert!(!figure.contains("href") && !figure.contains("url("), "it needs nothing else");
+    for text in ["with the peak fit", "without it", "tolerance 0.001 px", "ic-gn", "rms error, px", ">20</text>"] {
+        assert!(figure.contains(text), "{text}");
+    }
+    let discs = marks(figure, "<circle class=\"a dot\"", ["cx", "cy"]);
+    let squares = marks(figure, "<rect class=\"b dot\"", ["x", "y"]);
+    // One of each is in the legend of a panel.
+    assert_eq!((discs.len(), squares.len()), (8 + 9 + 2, 8 + 9 + 2));
+    let errors = |fit: bool| {
+        let rows = rows.iter().filter(move |row| row["peak_fit"] == fit);
+        rows.map(|row| row["rms_px"].as_f64().unwrap().log10()).collect::<Vec<_>>()
+    };
+    // Equal distances on the page are equal ratios of the numbers, the same ones for both curves.
+    let drawn =
+        |marks: &[[f64; 2]]| marks[marks.len() - 10..marks.len() - 1].iter().map(|at| at[1]).collect::<Vec<_>>();
+    let (y, logs) = (drawn(&discs), errors(true));
+    let (bare_y, bare_logs) = (drawn(&squares), errors(false));
+    // Of the curve that spans more: places are written to a tenth.
+    let per_decade = (bare_y[0] - bare_y[8]) / (bare_logs[0] - bare_logs[8]);
+    assert!(per_decade < -20.0, "more error is higher: {per_decade} px a decade");
+    let places = y.iter().copied().chain(bare_y.iter().map(|y| y + 3.5));
+    for (y, log) in places.zip(logs.iter().chain(&bare_logs)) {
+        let expected = bare_y[0] + 3.5 + per_decade * (log - bare_logs[0]);
+        assert!((y - expected).abs() < 0.4, "{y} px for 10^{log}, not {expected}");
+    }
 }
 
 #[test]
 fn the_peak_fit_settles_within_three_thousandths_of_the_truth_and_the_bare_grid_does_not_settle() {
-    let (study, table) = drawn(&Rig::new());
+    let (study, table, figure) = drawn(&Rig::new());
     let rows = study["rows"].as_array().unwrap();
     assert_eq!(rows.len(), 19, "ic-gn, and nine numbers of points with and without the fit");
     assert_eq!(table.len(), rows.len() + 1);
+    figure_shows(&figure, rows);
     let row = |points: u64, fit: bool| {
         let found = rows.iter().find(|row| row["spline_points"] == points && row["peak_fit"] == fit);
         found.unwrap_or_else(|| panic!("no row for {points} points"))
@@ -63,6 +104,20 @@ fn two_files_are_studied_beside_their_ic_gn_displacement() {
         assert!((u - 2.0).abs() < 0.01 && (v + 1.0).abs() < 0.01, "{row}");
         assert_eq!(row["rms_px"], Value::Null, "the truth of files is not known");
     }
+    // An earlier table in the directory is replaced.
+    let output = rig.path("settle");
+    std::fs::create_dir(&output).unwrap();
+    std::fs::write(output.join("convergence.csv"), "earlier\n".repeat(10_000)).unwrap();
+    let told = succeed(line(&["--subset", "21"]).into_iter().chain(["-o".into(), output.to_str().unwrap().to_owned()]));
+    assert!(told.contains("with the peak fit: settled"), "{told}");
+    let table = std::fs::read_to_string(output.join("convergence.csv")).unwrap();
+    assert!(table.starts_with("method,") && !table.contains("earlier"));
+    let figure = std::fs::read_to_string(output.join("convergence.svg")).unwrap();
+    assert!(figure.contains("reference.png to ") && figure.contains("target.bmp"), "says of what");
+    assert!(!figure.contains("rms error"), "one panel where the truth is not known");
+    // Every shift of the bare grid is the same whole number: no change, which is a mark at 0 and no line.
+    assert_eq!(marks(&figure, "<rect class=\"b dot\"", ["x", "y"]).len(), 8 + 1);
+    assert!(figure.contains(">0</text>\n"));
 }
 
 #[test]
@@ -85,7 +140,12 @@ fn what_cannot_be_studied_is_one_line() {
     refused(2, &["--subset", "30"], "subset_size_px is 30");
     refused(2, &["--subset", "107"], "--subset 107: has no room");
     refused(2, &[reference, target, "--roi", "90,0,40,40"], "not within");
-    refused(2, &[reference, target, "-o", target], "would be overwritten");
+    refused(2, &[reference, target, "-o", target], "target.bmp: is a file, a directory is needed");
+    let input = rig.path("convergence.csv");
+    std::fs::copy(target, &input).unwrap();
+    let folder = rig.path("").to_str().unwrap().to_owned();
+    refused(2, &[reference, input.to_str().unwrap(), "-o", &folder], "would be overwritten");
+    assert_eq!(std::fs::read(input).unwrap(), std::fs::read(target).unwrap());
     refused(5, &["missing.png", target], "missing.png");
-    refused(5, &["-o", "missing/settle.csv"], "write missing/settle.csv");
+    refused(5, &["-o", "/dev/null/settle"], "write /dev/null/settle");
 }

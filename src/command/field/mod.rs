@@ -1,6 +1,7 @@
 //! `ricochet field`: the displacement field between two still images.
 
 mod digits;
+pub(super) mod folder;
 mod map;
 mod picture;
 mod start;

@@ -1,14 +1,13 @@
 //! `ricochet study convergence`: how the answers of `spline-fft` settle with more spline points between the pixels.
 
-use std::fs::File;
 use std::path::PathBuf;
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
 use std::time::{Duration, Instant};
 
+use super::output::Output;
 use super::pairs::{self, Subject};
 use super::settle::{Answers, Change, Deviation, change, deviation, mean};
 use super::tell;
-use crate::command::field::FieldError;
 use crate::command::{Outcome, UsageError, progress};
 use crate::dic::{CorrelationParams, Correlator, Method, Prepared, Start};
 use crate::process::Stop;
@@ -34,7 +33,7 @@ pub struct ConvergenceOptions {
     pub search_px: u32,
     /// Settled is where 99 % of the answers change by less, px; more than 0, at most 1.
     pub tolerance_px: f64,
-    /// A CSV file for the table.
+    /// A directory for the table and the figure, made when it is not there.
     pub output: Option<PathBuf>,
     /// Print one JSON object.
     pub json: bool,
@@ -111,20 +110,13 @@ pub fn run(options: &ConvergenceOptions, stop: &Stop) -> anyhow::Result<Outcome>
         return Err(UsageError(format!("--tolerance-px {}: more than 0, at most 1", options.tolerance_px)).into());
     }
     let subject = subject(options)?;
-    let output = match &options.output {
-        Some(path) if pairs::is_input(options.files.as_ref(), path) => {
-            let told = format!("{}: is one of the images, and would be overwritten", path.display());
-            return Err(UsageError(told).into());
-        }
-        // Opened before the work, so that a wrong path is told at once.
-        Some(path) => Some((path, File::create(path).map_err(|error| FieldError::write(path, error))?)),
-        None => None,
-    };
+    // Opened before the work, so that a wrong path is told at once.
+    let output = options.output.as_ref().map(|path| Output::open(path, options.files.as_ref())).transpose()?;
     let ways = ways();
     let rows = measure(options, subject, &ways, stop)?;
     let (missing, study) = (ways.len() - rows.len(), tell::Study { options, rows: &rows });
-    if let Some((path, file)) = output {
-        study.write_csv(file).map_err(|error| FieldError::write(path, error))?;
+    if let Some(output) = output {
+        output.write(&study)?;
     }
     if options.json {
         study.say_json()

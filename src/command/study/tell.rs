@@ -1,10 +1,12 @@
 //! The table of a study, for people and for programs.
 
 use std::io::Write;
+use std::path::Path;
 
 use serde_json::{Value, json};
 
-use super::convergence::{ConvergenceOptions, Peak, Row, Way};
+use super::convergence::{ConvergenceOptions, Peak, Row, SPLINE_POINTS, Way};
+use super::figure::{self, Curve, Look, Panel};
 use super::pairs::DRAWN_PX;
 use super::settle::{Stage, settled};
 use crate::command::{say, table};
@@ -100,6 +102,73 @@ impl Study<'_> {
             None => format!("did not settle to {tolerance_px} px within {last} points"),
         };
         format!("{name}: {verdict}, {}; ic-gn: {ic_gn}", row.answer())
+    }
+
+    /// The curves of the figure.
+    pub(super) fn figure(&self) -> String {
+        let options = self.options;
+        let (subset_px, step_px) = (options.subset_size_px, options.step_px);
+        let of = match &options.files {
+            Some(files) => {
+                let name = |path: &Path| path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+                format!("{} to {}", name(&files.reference), name(&files.target))
+            }
+            None => format!("a drawn ball moved by {} known displacements", DRAWN_PX.len()),
+        };
+        let of = format!("{of}; subsets of {subset_px} px, {step_px} px apart");
+        let settled = |peak: Peak| match self.settled(peak) {
+            Some(points) => format!("settled at {points} points (ring)"),
+            None => "did not settle".to_owned(),
+        };
+        let verdict = format!("With the peak fit: {}. Without it: {}.", settled(Peak::Fitted), settled(Peak::Highest));
+        let mut panels = vec![self.changes()];
+        if options.files.is_none() {
+            panels.push(self.errors());
+        }
+        figure::draw(&["How spline-fft settles with more spline points".to_owned(), of, verdict], &panels)
+    }
+
+    fn changes(&self) -> Panel {
+        let change_px = |row: &Row| row.change.map(|change| change.most_px[0].max(change.most_px[1]));
+        let bound_px = |points: u32| Some(0.5 / f64::from(points + 1));
+        let tolerance_px = self.options.tolerance_px;
+        let mut curves = self.curves(change_px);
+        let line = |look: Look, name: String, values_px| Curve { look, name, values_px, ring: None };
+        curves.push(line(
+            Look::Broken,
+            format!("tolerance {tolerance_px} px"),
+            [Some(tolerance_px); SPLINE_POINTS.len()],
+        ));
+        curves.push(line(Look::Dotted, "half a grid step".to_owned(), SPLINE_POINTS.map(bound_px)));
+        Panel {
+            title: "Change of the answers from the number of points before; the larger of u and v".to_owned(),
+            label: "99 % change by less, px".to_owned(),
+            curves,
+        }
+    }
+
+    fn errors(&self) -> Panel {
+        let mut curves = self.curves(|row| row.error.map(|error| error.rms_px));
+        let ic_gn = self.rows.iter().find(|row| row.way == Way::IcGn).and_then(|row| row.error);
+        let values_px = [ic_gn.map(|error| error.rms_px); SPLINE_POINTS.len()];
+        curves.push(Curve { look: Look::Broken, name: "ic-gn".to_owned(), values_px, ring: None });
+        Panel { title: "Error against the truth".to_owned(), label: "rms error, px".to_owned(), curves }
+    }
+
+    /// A curve with and one without the peak fit; a ring where it settled.
+    fn curves(&self, value_px: impl Fn(&Row) -> Option<f64>) -> Vec<Curve> {
+        let curve = |(look, peak, name): (Look, Peak, &str)| {
+            let rows = self.of(peak);
+            let row = |wanted: u32| rows.iter().find(|(points, _)| *points == wanted);
+            Curve {
+                look,
+                name: name.to_owned(),
+                values_px: SPLINE_POINTS.map(|points| row(points).and_then(|(_, row)| value_px(row))),
+                ring: self.settled(peak).and_then(|settled| SPLINE_POINTS.iter().position(|p| *p == settled)),
+            }
+        };
+        let looks = [(Look::Discs, Peak::Fitted, "with the peak fit"), (Look::Squares, Peak::Highest, "without it")];
+        looks.into_iter().map(curve).collect()
     }
 
     /// Prints the table and the verdicts.
