@@ -81,7 +81,7 @@ pub enum Command {
     /// Measure a recording offline.
     #[command(after_help = "Example: ricochet analyze recordings/lacrosse.mcap -o results.mcap")]
     Analyze(Analyze),
-    /// Displacement field of two still images.
+    /// Displacement field of two still images, or of a series against its first.
     #[command(after_help = "Example: ricochet field before.bmp after.bmp -o field.csv --picture field.png")]
     Field(Field),
     /// Tell how fast this machine measures, part by part.
@@ -395,6 +395,7 @@ pub fn run(command: Command, stop: &Stop) -> anyhow::Result<Outcome> {
         Command::Simulate(Simulate { scenario, output, json }) => {
             simulate::run(&SimulateOptions { scenario, output, json })
         }
+        Command::Field(line) => Ok(command::field::run(&line.options()?, stop)?),
         Command::Study(line) => line.run(stop),
         other => inspect(other),
     }
@@ -406,7 +407,6 @@ fn inspect(command: Command) -> anyhow::Result<Outcome> {
         Command::Cameras(Cameras { features, json }) => {
             cameras::run(&CamerasOptions { json, features_of: features })?;
         }
-        Command::Field(line) => command::field::run(&line.options()?)?,
         Command::Bench(Bench { threads, seconds, json, .. }) => {
             bench::windows(&WindowsOptions { json, threads, seconds })?;
         }

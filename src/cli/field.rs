@@ -15,6 +15,9 @@ pub struct Field {
     reference: PathBuf,
     /// The image after.
     target: PathBuf,
+    /// More images after it: all of them are a series in this order, and --output and --picture name directories.
+    #[arg(value_name = "TARGET")]
+    later: Vec<PathBuf>,
     /// A rig file whose [correlation] table is used.
     #[arg(long)]
     config: Option<PathBuf>,
@@ -94,7 +97,7 @@ impl Field {
         params.window = self.window.unwrap_or(params.window);
         params.interpolation = self.interpolation.unwrap_or(params.interpolation);
         let roi_px = self.roi.map(|roi| roi.0);
-        let Field { reference, target, output, picture, json, map, start: begin, .. } = self;
-        Ok(FieldOptions { reference, target, params, roi_px, output, json, picture, map, begin })
+        let Field { reference, target, later, output, picture, json, map, start: begin, .. } = self;
+        Ok(FieldOptions { reference, target, later, params, roi_px, output, json, picture, map, begin })
     }
 }

@@ -2,14 +2,17 @@
 
 use std::path::{Path, PathBuf};
 
-use ricochet::command::field::{Begin, FieldOptions, Quantity, run};
+use ricochet::command::Outcome;
+use ricochet::command::field::{Begin, FieldError, FieldOptions, Quantity};
 use ricochet::dic::{CorrelationParams, Correlator, Interpolation, Region, find_at_any_angle};
 use ricochet::image::Image;
+use ricochet::process::Stop;
 
 fn options(reference: &Path, target: &Path) -> FieldOptions {
     FieldOptions {
         reference: reference.to_owned(),
         target: target.to_owned(),
+        later: Vec::new(),
         params: CorrelationParams::default(),
         roi_px: None,
         output: None,
@@ -18,6 +21,10 @@ fn options(reference: &Path, target: &Path) -> FieldOptions {
         map: None,
         begin: Begin::Neighbor,
     }
+}
+
+fn run(options: &FieldOptions) -> Result<Outcome, FieldError> {
+    ricochet::command::field::run(options, &Stop::default())
 }
 
 /// A smooth random pattern, shifted.

@@ -1,8 +1,10 @@
 //! `ricochet field --start any-angle`: bodies that turned far and moved half the picture.
 
 use crate::support::{Rig, run};
-use ricochet::command::field::{Begin, FieldOptions, run as measure};
+use ricochet::command::Outcome;
+use ricochet::command::field::{Begin, FieldError, FieldOptions};
 use ricochet::dic::{CorrelationParams, Shape, rigid_fit};
+use ricochet::process::Stop;
 use ricochet::results::{Displacement, FieldPoint, PointStatus};
 use ricochet::synth::{MotionSetup, Scenario, World};
 use std::path::{Path, PathBuf};
@@ -13,10 +15,10 @@ const CENTER_PX: [f64; 2] = [84.4, 104.7];
 const RADIUS_PX: f64 = 60.0;
 const ROI_PX: [u32; 4] = [43, 63, 83, 83];
 
-/// A ball before and after a turn, drawn without interpolation.
-fn write_pair(rig: &Rig, shift_px: [f64; 2], angle_deg: f64) -> (PathBuf, PathBuf) {
+/// A ball that moves and turns by this much from frame to frame, drawn without interpolation.
+pub fn write_frames(rig: &Rig, shift_px: [f64; 2], angle_deg: f64, frames: u64) -> Vec<PathBuf> {
     let mut scenario = Scenario::translation(0.0, 0.0, 0.0);
-    (scenario.camera.width_px, scenario.camera.height_px, scenario.camera.frames) = (SIZE_PX.0, SIZE_PX.1, 2);
+    (scenario.camera.width_px, scenario.camera.height_px, scenario.camera.frames) = (SIZE_PX.0, SIZE_PX.1, frames);
     scenario.body.diameter_mm = 2.0 * RADIUS_PX * scenario.scale.mm_per_px;
     scenario.motion = MotionSetup::Constant {
         vx_px_frame: shift_px[0],
@@ -32,13 +34,24 @@ fn write_pair(rig: &Rig, shift_px: [f64; 2], angle_deg: f64) -> (PathBuf, PathBu
         image::GrayImage::from_raw(SIZE_PX.0, SIZE_PX.1, bytes.clone()).unwrap().save(&path).unwrap();
         path
     };
-    (save(0), save(1))
+    (0..frames).map(&mut save).collect()
+}
+
+/// Before and after a turn.
+fn write_pair(rig: &Rig, shift_px: [f64; 2], angle_deg: f64) -> (PathBuf, PathBuf) {
+    let frames = write_frames(rig, shift_px, angle_deg, 2);
+    (frames[0].clone(), frames[1].clone())
+}
+
+fn measure(options: &FieldOptions) -> Result<Outcome, FieldError> {
+    ricochet::command::field::run(options, &Stop::default())
 }
 
 fn options(pair: &(PathBuf, PathBuf), output: &Path) -> FieldOptions {
     FieldOptions {
         reference: pair.0.clone(),
         target: pair.1.clone(),
+        later: Vec::new(),
         params: CorrelationParams { subset_size_px: 25, step_px: 8, ..CorrelationParams::default() },
         roi_px: Some(ROI_PX),
         output: Some(output.to_owned()),
@@ -49,7 +62,7 @@ fn options(pair: &(PathBuf, PathBuf), output: &Path) -> FieldOptions {
     }
 }
 
-fn rows(path: &Path) -> Vec<FieldPoint> {
+pub fn rows(path: &Path) -> Vec<FieldPoint> {
     let mut reader = csv::Reader::from_path(path).unwrap();
     let row = |row: csv::StringRecord| {
         let number = |column: usize| row[column].parse::<f32>().ok();
@@ -74,7 +87,7 @@ fn moved((x, y): (f64, f64), shift_px: [f64; 2], angle_deg: f64) -> (f64, f64) {
 }
 
 /// Largest distance of a displacement from the truth, px.
-fn farthest(field: &[FieldPoint], shift_px: [f64; 2], angle_deg: f64) -> f64 {
+pub fn farthest(field: &[FieldPoint], shift_px: [f64; 2], angle_deg: f64) -> f64 {
     let error = |point: &FieldPoint| {
         let found = point.displacement?;
         let (x, y) = (f64::from(point.x_px), f64::from(point.y_px));

@@ -1,23 +1,27 @@
-//! `ricochet field`: the displacement field between two still images.
+//! `ricochet field`: the displacement field between two still images, or through a series of them.
 
 mod digits;
 pub(super) mod folder;
 mod map;
 mod picture;
+mod series;
 mod start;
 pub(super) mod stills;
+mod table;
 
-use std::fs::File;
-use std::io::{BufWriter, Write};
+use std::io::BufWriter;
 use std::path::{Path, PathBuf};
 
+use super::Outcome;
 use super::export::is_same_file;
 use crate::dic::{CorrelationError, CorrelationParams, Correlator};
 use crate::image::ImageView;
+use crate::process::Stop;
 use crate::results::{FieldPoint, PointStatus};
 
 pub use map::Quantity;
 pub use start::Begin;
+use table::Layout;
 
 /// What `ricochet field` was asked to do.
 #[derive(Debug, Clone)]
@@ -26,6 +30,9 @@ pub struct FieldOptions {
     pub reference: PathBuf,
     /// The image after.
     pub target: PathBuf,
+    /// Images after that one: with any, all of them are a series in this order, and `output` and `picture` are
+    /// directories that get a file for each.
+    pub later: Vec<PathBuf>,
     /// How to correlate.
     pub params: CorrelationParams,
     /// Only this part of the reference: x, y, width, height.
@@ -79,15 +86,21 @@ impl FieldError {
     }
 }
 
-/// Columns of the table.
-const COLUMNS: [&str; 9] = ["x_px", "y_px", "u_px", "v_px", "sigma_u_px", "sigma_v_px", "zncc", "peak_ratio", "status"];
-
-/// Measures the field and writes the table, the picture and one line of summary.
+/// Measures the field, or those of a series, and writes tables, pictures and one line of summary for each.
 ///
 /// # Errors
 ///
 /// One line naming the file, the key or both sizes.
-pub fn run(options: &FieldOptions) -> Result<(), FieldError> {
+pub fn run(options: &FieldOptions, stop: &Stop) -> Result<Outcome, FieldError> {
+    if !options.later.is_empty() {
+        return series::run(options, stop);
+    }
+    pair(options)?;
+    Ok(Outcome::Clean)
+}
+
+/// Two images.
+fn pair(options: &FieldOptions) -> Result<(), FieldError> {
     let inputs = [&options.reference, &options.target];
     let outputs = [&options.output, &options.picture].into_iter().flatten();
     if let Some(path) = outputs.into_iter().find(|path| inputs.iter().any(|input| is_same_file(path, input))) {
@@ -96,14 +109,14 @@ pub fn run(options: &FieldOptions) -> Result<(), FieldError> {
     let (reference, target) = stills::read_pair(&options.reference, &options.target)?;
     let (a, b) = (reference.view(), target.view());
     let (field, start) = measure(options, a, b)?;
+    let layout = Layout { json: options.json, named: false };
     match &options.output {
-        Some(path) => {
-            let file = File::create(path).map_err(|error| FieldError::write(path, error))?;
-            let written = write_table(&field, options.json, BufWriter::new(file));
-            written.map_err(|error| FieldError::write(path, error))?;
+        Some(path) => layout.write_file(path, &field)?,
+        None => {
+            let mut out = BufWriter::new(std::io::stdout().lock());
+            let written = layout.head(&mut out).and_then(|()| layout.rows(&field, &options.target, &mut out));
+            written.map_err(to_standard_output)?;
         }
-        None => write_table(&field, options.json, BufWriter::new(std::io::stdout().lock()))
-            .map_err(|error| FieldError::write(Path::new("standard output"), error))?,
     }
     let legend = match &options.picture {
         Some(path) => save_picture(options, a, &field, path)?,
@@ -112,6 +125,10 @@ pub fn run(options: &FieldOptions) -> Result<(), FieldError> {
     let told: Vec<String> = [Some(summary(&field)), start, legend].into_iter().flatten().collect();
     eprintln!("{}", told.join("; "));
     Ok(())
+}
+
+fn to_standard_output(reason: impl std::fmt::Display) -> FieldError {
+    FieldError::write(Path::new("standard output"), reason)
 }
 
 /// Draws the vectors or the map; gives the map's legend.
@@ -172,43 +189,4 @@ fn summary(field: &[FieldPoint]) -> String {
         }
     }
     line
-}
-
-/// The values of one row; missing ones are `None`.
-fn row(point: &FieldPoint) -> [Option<f32>; 8] {
-    let displacement = point.displacement;
-    [
-        Some(point.x_px),
-        Some(point.y_px),
-        displacement.map(|d| d.u_px),
-        displacement.map(|d| d.v_px),
-        displacement.map(|d| d.sigma_u_px),
-        displacement.map(|d| d.sigma_v_px),
-        point.zncc,
-        point.peak_ratio,
-    ]
-}
-
-/// Writes the table: CSV with empty cells, or JSON lines with nulls, where a number is missing.
-fn write_table(field: &[FieldPoint], json: bool, mut out: impl Write) -> anyhow::Result<()> {
-    if json {
-        for point in field {
-            let mut object = serde_json::Map::new();
-            for (name, value) in COLUMNS.into_iter().zip(row(point)) {
-                object.insert(name.to_owned(), serde_json::json!(value));
-            }
-            object.insert("status".to_owned(), serde_json::json!(point.status.word()));
-            writeln!(out, "{}", serde_json::Value::Object(object))?;
-        }
-    } else {
-        let mut table = csv::Writer::from_writer(&mut out);
-        table.write_record(COLUMNS)?;
-        for point in field {
-            let cells = row(point).map(|value| value.map_or(String::new(), |value| value.to_string()));
-            table.write_record(cells.iter().map(String::as_str).chain([point.status.word()]))?;
-        }
-        table.flush()?;
-    }
-    out.flush()?;
-    Ok(())
 }

@@ -1,7 +1,7 @@
 //! Where the search for the subsets begins.
 
 use super::{FieldError, FieldOptions};
-use crate::dic::{BodyMotion, Method, Prepared, Region, Shape, Start, find_at_any_angle};
+use crate::dic::{BodyMotion, CorrelationParams, Method, Prepared, Region, Shape, Start, find_at_any_angle};
 use crate::results::PointStatus;
 
 /// Where the search for the subsets begins.
@@ -42,15 +42,21 @@ pub(super) struct Found {
 ///
 /// One line naming the method or the shape.
 pub(super) fn check(options: &FieldOptions) -> Result<(), FieldError> {
-    let params = &options.params;
-    let refuse = |key: &str, word: &str, range: &str| {
-        Err(FieldError::Usage(format!(
-            "--start any-angle: {key} is {word}, whose subsets do not turn, allowed: {range}"
-        )))
-    };
-    if options.begin != Begin::AnyAngle {
-        return Ok(());
+    match options.begin {
+        Begin::AnyAngle => check_turns("--start any-angle", &options.params),
+        Begin::Neighbor | Begin::Search => Ok(()),
     }
+}
+
+/// Refuses subsets that cannot turn, for something that needs them to.
+///
+/// # Errors
+///
+/// One line naming what needs it, and the method or the shape.
+pub(super) fn check_turns(needed: &str, params: &CorrelationParams) -> Result<(), FieldError> {
+    let refuse = |key: &str, word: &str, range: &str| {
+        Err(FieldError::Usage(format!("{needed}: {key} is {word}, whose subsets do not turn, allowed: {range}")))
+    };
     if params.method != Method::IcGn {
         let word = Method::WORDS.iter().find(|(_, method)| *method == params.method).map_or("", |(word, _)| word);
         return refuse("the method", word, "ic-gn");

@@ -1,5 +1,7 @@
 //! Two still images and the subsets on them.
 
+use std::fs::File;
+use std::io::BufReader;
 use std::path::Path;
 
 use super::FieldError;
@@ -13,19 +15,42 @@ use crate::image::Image;
 /// One line naming the file that cannot be read, or both sizes.
 pub(in crate::command) fn read_pair(reference: &Path, target: &Path) -> Result<(Image, Image), FieldError> {
     let (a, b) = (read_still(reference)?, read_still(target)?);
-    let (before, after) = (a.view(), b.view());
-    if (before.width(), before.height()) != (after.width(), after.height()) {
-        return Err(FieldError::Usage(format!(
-            "{} is {} x {} px, {} is {} x {} px: both images need one size",
-            reference.display(),
-            before.width(),
-            before.height(),
-            target.display(),
-            after.width(),
-            after.height()
-        )));
-    }
+    let size = |image: &Image| (image.view().width(), image.view().height());
+    check_size((reference, size(&a)), (target, size(&b)))?;
     Ok((a, b))
+}
+
+/// Refuses a target of another size than the reference's.
+///
+/// # Errors
+///
+/// One line with both sizes.
+pub(super) fn check_size(
+    (reference, before): (&Path, (usize, usize)),
+    (target, after): (&Path, (usize, usize)),
+) -> Result<(), FieldError> {
+    if before == after {
+        return Ok(());
+    }
+    Err(FieldError::Usage(format!(
+        "{} is {} x {} px, {} is {} x {} px: both images need one size",
+        reference.display(),
+        before.0,
+        before.1,
+        target.display(),
+        after.0,
+        after.1
+    )))
+}
+
+/// Width and height of an image, px, as its head has them.
+///
+/// # Errors
+///
+/// One line naming the file that cannot be read.
+pub(super) fn size_px(path: &Path) -> Result<(usize, usize), FieldError> {
+    let (width, height) = open(path)?.into_dimensions().map_err(|error| unreadable(path, &error))?;
+    Ok((width as usize, height as usize))
 }
 
 /// The subsets of an image, or of a region of it; at least one.
@@ -56,12 +81,8 @@ pub(in crate::command) fn points(
 }
 
 /// Reads a BMP, PNG, TIFF or PGM image of 8 or 16 bit; colours become luma, and that is said.
-fn read_still(path: &Path) -> Result<Image, FieldError> {
-    let refuse = |error: std::io::Error| FieldError::read(path, error);
-    let reader = image::ImageReader::open(path).map_err(refuse)?.with_guessed_format().map_err(refuse)?;
-    let picture = reader.decode().map_err(|error| {
-        FieldError::read(path, format!("not a BMP, PNG, TIFF or PGM image that can be read: {error}"))
-    })?;
+pub(super) fn read_still(path: &Path) -> Result<Image, FieldError> {
+    let picture = open(path)?.decode().map_err(|error| unreadable(path, &error))?;
     let color = picture.color();
     // Grey images with a palette are decoded as colours; those with equal channels are none.
     if color.has_color() && picture.to_rgb16().pixels().any(|p| p.0[0] != p.0[1] || p.0[1] != p.0[2]) {
@@ -74,4 +95,13 @@ fn read_still(path: &Path) -> Result<Image, FieldError> {
         picture.to_luma8().into_raw().into_iter().map(f32::from).collect()
     };
     Image::from_vec(data, width, height).map_err(|error| FieldError::read(path, error))
+}
+
+fn open(path: &Path) -> Result<image::ImageReader<BufReader<File>>, FieldError> {
+    let refuse = |error: std::io::Error| FieldError::read(path, error);
+    image::ImageReader::open(path).map_err(refuse)?.with_guessed_format().map_err(refuse)
+}
+
+fn unreadable(path: &Path, error: &image::ImageError) -> FieldError {
+    FieldError::read(path, format!("not a BMP, PNG, TIFF or PGM image that can be read: {error}"))
 }
