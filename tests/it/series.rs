@@ -69,12 +69,12 @@ fn windows_that_left_the_picture_are_lost_and_have_no_numbers() {
     let tables = rig.path("tables");
     succeed(line(&frames, &["-o", text(&tables)]));
     let (mut before, mut sum) = (0, 0);
-    for k in 1..=5 {
+    for k in 1..=5_u32 {
         let field = rows(&tables.join(format!("field_{k:04}.csv")));
         let lost: Vec<_> = field.iter().filter(|point| point.status == PointStatus::Lost).collect();
         assert!(lost.iter().all(|point| point.displacement.is_none() && point.zncc.is_none()), "picture {k}");
         assert!(lost.len() >= before, "what is lost stays lost");
-        let off = farthest(&field, shift_px.map(|step| step * k as f64), angle_deg * k as f64);
+        let off = farthest(&field, shift_px.map(|step| step * f64::from(k)), angle_deg * f64::from(k));
         println!("picture {k}: {} of {} lost, farthest {off:.4} px", lost.len(), field.len());
         assert!(off < 0.05, "picture {k}: {off} px");
         (before, sum) = (lost.len(), field.iter().filter(|point| point.status == PointStatus::Valid).count());
