@@ -14,7 +14,7 @@ const ABOVE: f64 = 50.0;
 const PLOT: f64 = 250.0;
 const BELOW: f64 = 62.0;
 /// Height of the strip for what is zero, px.
-const STRIP: f64 = 22.0;
+const STRIP: f64 = 34.0;
 
 /// Below, a length is nothing but rounding in single precision and is drawn as zero, px.
 const LEAST_PX: f64 = 1e-7;

@@ -120,7 +120,11 @@ impl Study<'_> {
             Some(points) => format!("settled at {points} points (ring)"),
             None => "did not settle".to_owned(),
         };
-        let verdict = format!("With the peak fit: {}. Without it: {}.", settled(Peak::Fitted), settled(Peak::Highest));
+        let verdict = format!(
+            "With the peak fit: {}. Without it: {}; answers are known to half a grid step.",
+            settled(Peak::Fitted),
+            settled(Peak::Highest)
+        );
         let mut panels = vec![self.changes()];
         if options.files.is_none() {
             panels.push(self.errors());
