@@ -17,6 +17,9 @@ const RENEW_DEG: f64 = 3.0;
 /// Median ZNCC below which the reference is renewed.
 const RENEW_ZNCC: f64 = 0.9;
 
+/// Share of the points still followed that a picture must show for it to say where they are looked for next.
+const LEAST_FOUND: f64 = 0.5;
+
 /// Share of a match's variance that a renewal leaves for good.
 ///
 /// The noise of the picture that becomes the reference enters before and after with opposite signs and nearly
@@ -39,7 +42,7 @@ struct Carried {
 /// Every picture is compared with a reference that is kept: errors do not add
 /// up from picture to picture. It is renewed by the newest picture when that has
 /// turned by more than 3 deg against it, or correlates with a median ZNCC under
-/// 0.9; displacements are then added, with the fraction of a pixel between the
+/// 0.9, and shows at least half of the points; displacements are then added, with the fraction of a pixel between the
 /// material's place and the new subset's centre carried by the subset's own
 /// gradients. Subsets are looked for from where they were found in the picture
 /// before.
@@ -99,7 +102,11 @@ impl Series {
         let warps: Vec<Option<Warp>> = correlator.warps().collect();
         let mut field: Vec<FieldPoint> = (0..self.grid.len()).map(|index| self.total(index, &warps)).collect();
         self.median_test.mark(&self.grid, self.correlator.params().step_px, &mut field);
-        if self.is_worn_out(&warps) {
+        let followed = self.carried.iter().flatten().count() as f64;
+        let found = field.iter().filter(|point| point.displacement.is_some()).count() as f64;
+        if found < LEAST_FOUND * followed {
+            // A picture of something else, or too dark: the next one is compared as if this had not been.
+        } else if self.is_worn_out(&warps) {
             self.renew(target, &field);
         } else {
             // A subset that was not found begins where it was found last.
@@ -235,6 +242,24 @@ mod tests {
         let (worst, pulls, lost, renewals) = follow(20, [20, 100, 80, 80], shift);
         assert!(worst < 0.01 && (0.8..1.2).contains(&pulls) && lost == 0, "{worst} {pulls} {lost}");
         assert_eq!(renewals, 0);
+    }
+
+    #[test]
+    fn a_picture_of_something_else_is_passed_over() {
+        let params = CorrelationParams { step_px: 16, ..CorrelationParams::default() };
+        let points = grid::rectangle([60, 60, 80, 80], params.step_px, params.subset_size_px);
+        let own = |x: f64| Speckle::standard(5, SIDE as f64).moved(|_, _| (x, 0.0)).draw(SIDE, SIDE);
+        let other = Speckle::standard(6, SIDE as f64).draw(SIDE, SIDE);
+        let mut series = Series::new(Correlator::new(&params, SIDE, SIDE).unwrap(), own(0.0).view(), &points);
+        for (picture, moved) in [(own(0.4), Some(0.4)), (other, None), (own(1.1), Some(1.1))] {
+            let found = series.push(record(&picture, 1.0, 9).view());
+            let valid: Vec<f32> = found.iter().filter_map(|point| point.displacement).map(|d| d.u_px).collect();
+            match moved {
+                Some(moved) => assert!(valid.len() == points.len() && valid.iter().all(|u| (u - moved).abs() < 0.02)),
+                None => assert!(valid.len() * 4 < points.len(), "{} of {}", valid.len(), points.len()),
+            }
+        }
+        assert_eq!(series.renewals(), 0);
     }
 
     #[test]
