@@ -83,7 +83,7 @@ pub enum Command {
     Analyze(Analyze),
     /// Displacement field of two still images, or of a series against its first.
     #[command(after_help = "Example: ricochet field before.bmp after.bmp -o field.csv --picture field.png")]
-    Field(Field),
+    Field(Box<Field>),
     /// Tell how fast this machine measures, part by part.
     #[command(after_help = "Example: ricochet bench windows --json")]
     Bench(Bench),

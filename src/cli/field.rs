@@ -6,7 +6,7 @@ use std::path::PathBuf;
 
 use crate::command::field::{Begin, FieldOptions, Quantity};
 use crate::config::{Config, ConfigError};
-use crate::dic::{CorrelationParams, Interpolation, Method, Shape, WindowShape};
+use crate::dic::{self, CorrelationParams, Interpolation, Method, Shape, WindowShape};
 
 /// Arguments of a command.
 #[derive(Debug, Args)]
@@ -27,6 +27,12 @@ pub struct Field {
     /// Region of interest: x,y,width,height in px.
     #[arg(long, value_name = "X,Y,W,H")]
     roi: Option<Region>,
+    /// Region of interest: three corners or more, x,y in px, with spaces between them; in place of --roi.
+    #[arg(long, value_name = "X,Y X,Y X,Y...", conflicts_with = "roi")]
+    polygon: Option<Corners>,
+    /// A hole in the polygon; as often as needed.
+    #[arg(long, value_name = "X,Y X,Y X,Y...", requires = "polygon")]
+    hole: Vec<Corners>,
     /// Subset size, odd, px.
     #[arg(long, value_name = "PX")]
     subset: Option<u32>,
@@ -82,6 +88,27 @@ impl std::str::FromStr for Region {
     }
 }
 
+/// Corners of a polygon.
+#[derive(Debug, Clone)]
+struct Corners(Vec<[f64; 2]>);
+
+impl std::str::FromStr for Corners {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let corner = |corner: &str| {
+            let (x, y) = corner.split_once(',')?;
+            let number = |text: &str| text.parse().ok().filter(|px: &f64| px.abs() <= 65_536.0);
+            Some([number(x)?, number(y)?])
+        };
+        let corners: Option<Vec<[f64; 2]>> = text.split_whitespace().map(corner).collect();
+        let corners = corners.filter(|corners| corners.len() >= 3);
+        corners
+            .map(Self)
+            .ok_or_else(|| "three corners or more, x,y in px, each within 65536, spaces between".to_owned())
+    }
+}
+
 impl Field {
     /// What was asked for: the rig file's settings, and over them those of the self.
     pub(super) fn options(self) -> Result<FieldOptions, ConfigError> {
@@ -97,7 +124,9 @@ impl Field {
         params.window = self.window.unwrap_or(params.window);
         params.interpolation = self.interpolation.unwrap_or(params.interpolation);
         let roi_px = self.roi.map(|roi| roi.0);
+        let holes_px = self.hole.into_iter().map(|hole| hole.0).collect();
+        let region = self.polygon.map(|outline| dic::Region::Polygon { outline_px: outline.0, holes_px });
         let Field { reference, target, later, output, picture, json, map, start: begin, .. } = self;
-        Ok(FieldOptions { reference, target, later, params, roi_px, output, json, picture, map, begin })
+        Ok(FieldOptions { reference, target, later, params, roi_px, region, output, json, picture, map, begin })
     }
 }

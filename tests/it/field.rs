@@ -15,6 +15,7 @@ fn options(reference: &Path, target: &Path) -> FieldOptions {
         later: Vec::new(),
         params: CorrelationParams::default(),
         roi_px: None,
+        region: None,
         output: None,
         json: false,
         picture: None,
@@ -120,6 +121,49 @@ fn a_map_takes_the_place_of_the_arrows_and_needs_a_picture() {
 }
 
 #[test]
+fn a_polygon_with_a_hole_holds_only_what_lies_in_it_and_moves_alike() {
+    let directory = tempfile::tempdir().unwrap();
+    let (reference, target) = write_pair(directory.path(), (2, -1));
+    let output = directory.path().join("field.csv");
+    let names = [&reference, &target, &output].map(|path| path.to_str().unwrap().to_owned());
+    let told = crate::support::run([
+        "field",
+        &names[0],
+        &names[1],
+        "-o",
+        &names[2],
+        "--subset",
+        "15",
+        "--step",
+        "4",
+        "--polygon",
+        "10,10 85,10 85,70 10,70",
+        "--hole",
+        "40,30 60,30 60,50 40,50",
+    ]);
+    assert!(told.status.success(), "{}", String::from_utf8_lossy(&told.stderr));
+    let rows = table(&output);
+    let inside = |x: f64, y: f64| (10.0..85.0).contains(&x) && (10.0..70.0).contains(&y);
+    let hole = |x: f64, y: f64| (40.0..60.0).contains(&x) && (30.0..50.0).contains(&y);
+    let mut valid = 0;
+    for row in &rows[1..] {
+        let (x, y): (f64, f64) = (row[0].parse().unwrap(), row[1].parse().unwrap());
+        assert!(inside(x, y) && !hole(x, y), "{row:?}");
+        if row[8] == "valid" {
+            let (u, v): (f64, f64) = (row[2].parse().unwrap(), row[3].parse().unwrap());
+            assert!((u - 2.0).abs() < 0.05 && (v + 1.0).abs() < 0.05, "{row:?}");
+            valid += 1;
+        }
+    }
+    assert!(valid > 150, "{valid} of {}", rows.len());
+    let told = crate::support::run(["field", &names[0], &names[1], "--polygon", "10,10 85,10"]);
+    assert_eq!(told.status.code(), Some(2));
+    let away = crate::support::run(["field", &names[0], &names[1], "--polygon", "200,200 300,200 300,300"]);
+    let line = String::from_utf8(away.stderr).unwrap();
+    assert!(away.status.code() == Some(2) && line.contains("no subset of"), "{line}");
+}
+
+#[test]
 fn wrong_input_is_one_line_with_the_file_and_the_sizes() {
     let directory = tempfile::tempdir().unwrap();
     let (reference, target) = write_pair(directory.path(), (0, 0));
@@ -172,6 +216,7 @@ fn compare(folder: &Path, interpolation: Interpolation) -> Comparison {
     let options = FieldOptions {
         params,
         roi_px: Some([14, 14, 231, 631]),
+        region: None,
         output: Some(output.clone()),
         ..options(&folder.join("oht_cfrp_0.bmp"), &folder.join("oht_cfrp_4.bmp"))
     };

@@ -146,6 +146,7 @@ fn a_stop_ends_a_series_and_tells_how_many_are_missing() {
         later: frames[2..].to_vec(),
         params: CorrelationParams::default(),
         roi_px: None,
+        region: None,
         output: Some(rig.path("tables")),
         json: false,
         picture: None,

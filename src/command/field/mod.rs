@@ -14,7 +14,7 @@ use std::path::{Path, PathBuf};
 
 use super::Outcome;
 use super::export::is_same_file;
-use crate::dic::{CorrelationError, CorrelationParams, Correlator};
+use crate::dic::{CorrelationError, CorrelationParams, Correlator, Region};
 use crate::image::ImageView;
 use crate::process::Stop;
 use crate::results::{FieldPoint, PointStatus};
@@ -37,6 +37,8 @@ pub struct FieldOptions {
     pub params: CorrelationParams,
     /// Only this part of the reference: x, y, width, height.
     pub roi_px: Option<[u32; 4]>,
+    /// Only what lies in this polygon and not in its holes; in place of `roi_px`.
+    pub region: Option<Region>,
     /// The table; standard output when there is none.
     pub output: Option<PathBuf>,
     /// Rows as JSON lines instead of CSV.
@@ -159,7 +161,8 @@ fn measure(
     start::check(options)?;
     let (width, height) = (reference.width(), reference.height());
     let mut correlator = Correlator::new(&options.params, width, height)?;
-    let points = stills::points(&options.reference, (width, height), options.roi_px, &options.params)?;
+    let points = stills::points_of(options, (width, height))?;
+    correlator.set_region(options.region.clone());
     let (reference, target) = (correlator.prepare(reference), correlator.prepare(target));
     let mut field = Vec::with_capacity(points.len());
     let found = start::find(options, &reference, &target)?;

@@ -22,8 +22,9 @@ pub(super) fn run(options: &FieldOptions, stop: &Stop) -> Result<Outcome, FieldE
         stills::check_size(reference, (target, stills::size_px(target)?))?;
     }
     let (width, height) = reference.1;
-    let correlator = Correlator::new(&options.params, width, height)?;
-    let points = stills::points(&options.reference, (width, height), options.roi_px, &options.params)?;
+    let mut correlator = Correlator::new(&options.params, width, height)?;
+    let points = stills::points_of(options, (width, height))?;
+    correlator.set_region(options.region.clone());
     let outputs = Outputs::make(options, &targets)?;
     let first = stills::read_still(&options.reference)?;
     let mut series = Series::new(correlator, first.view(), &points);

@@ -82,13 +82,15 @@ pub(super) fn find(options: &FieldOptions, reference: &Prepared, target: &Prepar
 
 fn at_any_angle(options: &FieldOptions, reference: &Prepared, target: &Prepared) -> Result<Found, FieldError> {
     let (width, height) = (reference.width() as f64, reference.height() as f64);
-    let rectangle = match options.roi_px {
-        Some(roi) => roi.map(f64::from),
-        None => [MARGIN_PX, MARGIN_PX, width - 2.0 * MARGIN_PX, height - 2.0 * MARGIN_PX],
+    let bounds = options.region.as_ref().and_then(Region::bounds_px);
+    let rectangle = match (options.roi_px, bounds) {
+        (_, Some([left, top, right, bottom])) => [left, top, right - left + 1.0, bottom - top + 1.0],
+        (Some(roi), None) => roi.map(f64::from),
+        (None, None) => [MARGIN_PX, MARGIN_PX, width - 2.0 * MARGIN_PX, height - 2.0 * MARGIN_PX],
     };
     let [x_px, y_px] = center(rectangle);
     let (mut best, mut why): (Option<BodyMotion>, Option<PointStatus>) = (None, None);
-    for region in regions(rectangle) {
+    for region in options.region.iter().cloned().chain(regions(rectangle)) {
         match find_at_any_angle(reference, target, &region, (x_px, y_px)) {
             Ok(found) if best.is_none_or(|best| found.zncc > best.zncc) => best = Some(found),
             Ok(_) => {}

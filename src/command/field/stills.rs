@@ -4,7 +4,7 @@ use std::fs::File;
 use std::io::BufReader;
 use std::path::Path;
 
-use super::FieldError;
+use super::{FieldError, FieldOptions};
 use crate::dic::{CorrelationParams, GridPoint, grid};
 use crate::image::Image;
 
@@ -78,6 +78,22 @@ pub(in crate::command) fn points(
         )));
     }
     Ok(points)
+}
+
+/// The subsets that were asked for: of the polygon, else of the rectangle, else of the whole image.
+///
+/// # Errors
+///
+/// As [`points`]; when no subset has its centre in the polygon.
+pub(super) fn points_of(options: &FieldOptions, (width, height): (usize, usize)) -> Result<Vec<GridPoint>, FieldError> {
+    let (name, params) = (&options.reference, &options.params);
+    let Some(region) = &options.region else { return points(name, (width, height), options.roi_px, params) };
+    let mut found = points(name, (width, height), None, params)?;
+    found.retain(|point| region.contains(f64::from(point.x), f64::from(point.y)));
+    if found.is_empty() {
+        return Err(FieldError::Usage(format!("--polygon: no subset of {} has its centre in it", name.display())));
+    }
+    Ok(found)
 }
 
 /// Reads a BMP, PNG, TIFF or PGM image of 8 or 16 bit; colours become luma, and that is said.
