@@ -192,9 +192,15 @@ pub struct Replay {
     /// `max`, or how many times real time.
     #[arg(long, default_value = "1")]
     rate: Rate,
-    /// Start again at the end, until stopped.
-    #[arg(long = "loop")]
-    looped: bool,
+    /// Play it this many times; without a number until stopped.
+    #[arg(long = "loop", value_name = "N", require_equals = true, value_parser = clap::value_parser!(u32).range(1..))]
+    looped: Option<Option<u32>>,
+    /// Begin here, seconds from the first frame.
+    #[arg(long, value_name = "S")]
+    from: Option<f64>,
+    /// End before this, seconds from the first frame.
+    #[arg(long, value_name = "S")]
+    to: Option<f64>,
     /// The rig file; the attached one when absent.
     #[arg(long)]
     config: Option<PathBuf>,
@@ -221,6 +227,12 @@ pub struct Analyze {
     /// Frame rate, Hz; takes the place of the file's own, for those that tell none or that of their playback.
     #[arg(long)]
     fps: Option<f64>,
+    /// Begin here, seconds from the first frame.
+    #[arg(long, value_name = "S")]
+    from: Option<f64>,
+    /// End before this, seconds from the first frame.
+    #[arg(long, value_name = "S")]
+    to: Option<f64>,
     /// The results file; beside the recording when absent.
     #[arg(short, long)]
     output: Option<PathBuf>,
@@ -257,7 +269,7 @@ pub struct Export {
     /// velocity, field, track, impact, truth or events.
     #[arg(long)]
     topic: String,
-    /// csv, parquet or png (topics frames, track and field: a directory of pictures).
+    /// csv, parquet, npz (NumPy) or png (topics frames, track and field: a directory of pictures).
     #[arg(long, default_value = "csv")]
     format: String,
     /// The table or the directory to write; of csv, standard output when absent.
@@ -299,7 +311,7 @@ pub struct Recover {
 /// Arguments of a command.
 #[derive(Debug, Args)]
 pub struct Import {
-    /// One Photron or Phantom file, or the images of one sequence, in order.
+    /// One Photron, Phantom or NumPy (.npy) file, or the images of one sequence, in order.
     #[arg(required = true)]
     inputs: Vec<PathBuf>,
     /// Frame rate, Hz; takes the place of the file's own.
@@ -386,11 +398,9 @@ pub fn run(command: Command, stop: &Stop) -> anyhow::Result<Outcome> {
         Command::Listen(Listen { topic, rig, json, count, wait }) => {
             listen::run(&ListenOptions { topic, rig, json, count, wait_s: wait }, stop)
         }
-        Command::Replay(Replay { file, rate, looped, config, output, rig, workers }) => {
-            replay::run(&ReplayOptions { file, config, rate, looped, output, rig, workers }, stop)
-        }
-        Command::Analyze(Analyze { inputs, config, fps, output, workers, json }) => {
-            analyze::run(&AnalyzeOptions { inputs, config, fps, output, workers, json }, stop)
+        Command::Replay(line) => replay::run(&line.into(), stop),
+        Command::Analyze(Analyze { inputs, config, fps, from: from_s, to: to_s, output, workers, json }) => {
+            analyze::run(&AnalyzeOptions { inputs, config, fps, from_s, to_s, output, workers, json }, stop)
         }
         Command::Simulate(Simulate { scenario, output, json }) => {
             simulate::run(&SimulateOptions { scenario, output, json })
@@ -433,6 +443,14 @@ fn inspect(command: Command) -> anyhow::Result<Outcome> {
         _ => {}
     }
     Ok(Outcome::Clean)
+}
+
+impl From<Replay> for ReplayOptions {
+    fn from(line: Replay) -> Self {
+        let Replay { file, rate, looped, from: from_s, to: to_s, config, output, rig, workers } = line;
+        let passes = looped.unwrap_or(Some(1));
+        Self { file, config, rate, passes, from_s, to_s, output, rig, workers }
+    }
 }
 
 impl From<RoleLine> for RoleOptions {

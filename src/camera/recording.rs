@@ -4,6 +4,7 @@ use super::{Camera, CameraError, CameraIdentity, Next, Pace, Slot, StreamFormat}
 use crate::image::FrameMeta;
 use crate::recording::{Frames, Recording, RecordingError};
 use bytes::Bytes;
+use std::cmp::Ordering;
 use std::collections::VecDeque;
 use std::path::Path;
 use std::time::{Duration, Instant};
@@ -27,6 +28,32 @@ pub enum Repeat {
     Forever,
 }
 
+/// A part of a recording: from `from_s` on and before `to_s`, seconds from its first frame.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Span {
+    /// Where it begins.
+    pub from_s: f64,
+    /// Where it ends; the frame there no longer belongs to it.
+    pub to_s: f64,
+}
+
+impl Span {
+    /// The whole recording.
+    pub const ALL: Self = Self { from_s: 0.0, to_s: f64::INFINITY };
+
+    /// Whether a frame comes before, within or after it; `first_ns` is the stamp of the recording's first frame.
+    pub fn place(&self, first_ns: u64, stamp_ns: u64) -> Ordering {
+        // Compared in whole nanoseconds, so that 0.003 s is the frame at 3 ms.
+        let since_ns = stamp_ns.saturating_sub(first_ns);
+        let ns = |seconds: f64| (seconds * 1e9).round() as u64;
+        match () {
+            () if since_ns < ns(self.from_s) => Ordering::Less,
+            () if since_ns < ns(self.to_s) => Ordering::Equal,
+            () => Ordering::Greater,
+        }
+    }
+}
+
 /// Plays a recording with its original stamps and sequence numbers.
 #[derive(Debug)]
 pub struct RecordingCamera {
@@ -35,6 +62,9 @@ pub struct RecordingCamera {
     format: StreamFormat,
     rate: PlaybackRate,
     repeat: Repeat,
+    span: Span,
+    /// Stamp of the recording's first frame.
+    first_ns: u64,
     slots: VecDeque<Slot>,
     /// Read, but not yet due or without a slot.
     pending: Option<(FrameMeta, Bytes)>,
@@ -83,12 +113,33 @@ impl RecordingCamera {
             format,
             rate,
             repeat,
+            span: Span::ALL,
+            first_ns: first.stamp_ns,
             slots: VecDeque::new(),
             pending: None,
             origin: None,
             epoch_base: 0,
             epoch_highest: 0,
         })
+    }
+
+    /// The same, playing only this part.
+    pub fn within(self, span: Span) -> Self {
+        Self { span, ..self }
+    }
+
+    /// The next frame of the part that is played.
+    fn next_within(&mut self) -> Option<Result<(FrameMeta, Bytes), RecordingError>> {
+        loop {
+            let frame = self.frames.next_shared()?;
+            let place =
+                frame.as_ref().map_or(Ordering::Equal, |(meta, _)| self.span.place(self.first_ns, meta.stamp_ns));
+            match place {
+                Ordering::Less => {}
+                Ordering::Equal => return Some(frame),
+                Ordering::Greater => return None,
+            }
+        }
     }
 
     /// The recording being played, for its configuration and truth.
@@ -101,12 +152,12 @@ impl RecordingCamera {
         if self.pending.is_some() {
             return Ok(true);
         }
-        let mut next = self.frames.next_shared();
+        let mut next = self.next_within();
         if next.is_none() && self.repeat == Repeat::Forever {
             self.frames = self.recording.frames()?;
             self.epoch_base = self.epoch_highest.saturating_add(1);
             self.origin = None;
-            next = self.frames.next_shared();
+            next = self.next_within();
         }
         let Some(frame) = next else { return Ok(false) };
         let (mut meta, pixels) = frame?;

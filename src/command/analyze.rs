@@ -1,6 +1,6 @@
 //! `ricochet analyze`: measures a recording offline.
 
-use super::film::Film;
+use super::film::{Film, span};
 use super::{Outcome, UsageError, progress, say, table};
 use crate::camera::{CameraIdentity, StreamFormat};
 use crate::config::Record;
@@ -26,6 +26,10 @@ pub struct AnalyzeOptions {
     pub config: Option<PathBuf>,
     /// Frame rate in place of the file's own, Hz.
     pub fps: Option<f64>,
+    /// Where to begin, seconds from the first frame.
+    pub from_s: Option<f64>,
+    /// Where to end, seconds from the first frame; the frame there is no longer measured.
+    pub to_s: Option<f64>,
     /// Where the results go; beside the recording when absent.
     pub output: Option<PathBuf>,
     /// Number of workers; the results do not depend on it.
@@ -40,7 +44,8 @@ pub struct AnalyzeOptions {
 ///
 /// When the film or the rig file cannot be used, or the results cannot be written.
 pub fn run(options: &AnalyzeOptions, stop: &Stop) -> anyhow::Result<Outcome> {
-    let mut film = Film::open(&options.inputs, options.config.as_deref(), options.fps)?;
+    let span = span(options.from_s, options.to_s)?;
+    let mut film = Film::open(&options.inputs, options.config.as_deref(), options.fps)?.within(span);
     if let Some(count) = options.workers {
         film.config.workers.count = count;
     }

@@ -2,10 +2,12 @@
 
 use super::{UsageError, replay::rig_config};
 use crate::camera::StreamFormat;
+use crate::camera::recording::Span;
 use crate::config::Config;
 use crate::image::FrameMeta;
 use crate::import;
 use crate::recording::{Recording, RecordingError};
+use std::cmp::Ordering;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
@@ -29,6 +31,24 @@ pub(super) struct Film {
 }
 
 impl Film {
+    /// The same film, but only this part of it.
+    pub(super) fn within(mut self, span: Span) -> Self {
+        if span == Span::ALL {
+            return self;
+        }
+        let mut first_ns = None;
+        let mut place = move |frame: &anyhow::Result<(FrameMeta, Vec<u8>)>| {
+            let Ok((meta, _)) = frame else { return Ordering::Equal };
+            span.place(*first_ns.get_or_insert(meta.stamp_ns), meta.stamp_ns)
+        };
+        let placed = self.frames.map(move |frame| (place(&frame), frame));
+        let inside = placed.skip_while(|(place, _)| place.is_lt()).take_while(|(place, _)| !place.is_gt());
+        self.frames = Box::new(inside.map(|(_, frame)| frame));
+        let most = (span.to_s - span.from_s) * self.format.frame_rate_hz;
+        self.count = self.count.min(most.ceil() as u64);
+        self
+    }
+
     /// Opens a recording, or one other file, or images that make a sequence in the order given.
     ///
     /// `config` takes the place of the attached rig file, `fps` that of the file's frame rate.
@@ -103,6 +123,34 @@ impl Film {
             frames: Box::new(footage.map(|frame| Ok(frame?))),
         })
     }
+}
+
+/// The part of a film that was asked for, or why it cannot be one.
+pub(super) fn span(from_s: Option<f64>, to_s: Option<f64>) -> Result<Span, UsageError> {
+    let known = |name: &str, seconds: Option<f64>| match seconds {
+        Some(s) if !(0.0..=1.0e6).contains(&s) => {
+            Err(UsageError(format!("{name} {s}: not a number of seconds from 0 to 1000000")))
+        }
+        seconds => Ok(seconds),
+    };
+    let (from_s, to_s) = (known("--from", from_s)?.unwrap_or(0.0), known("--to", to_s)?.unwrap_or(f64::INFINITY));
+    if to_s <= from_s {
+        return Err(UsageError(format!("--to {to_s}: not behind --from, {from_s} s")));
+    }
+    Ok(Span { from_s, to_s })
+}
+
+/// Refuses a part that begins behind the last frame.
+pub(super) fn check_span(recording: &Recording, span: Span) -> anyhow::Result<()> {
+    if span.from_s <= 0.0 {
+        return Ok(());
+    }
+    let (first_ns, last_ns) = (recording.first_frame()?.stamp_ns, recording.last_frame()?.stamp_ns);
+    if span.place(first_ns, last_ns).is_lt() {
+        let last_s = last_ns.saturating_sub(first_ns) as f64 * 1e-9;
+        return Err(UsageError(format!("--from {}: the last frame lies at {last_s} s", span.from_s)).into());
+    }
+    Ok(())
 }
 
 /// A frame with the stamp that a rate from the person who asks gives it, in place of the file's own.

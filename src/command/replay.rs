@@ -1,5 +1,6 @@
 //! `ricochet replay`: a recording's frames on the live topics.
 
+use super::film::{check_span, span};
 use super::{Outcome, UsageError, progress, say};
 use crate::config::Config;
 use crate::message::Role;
@@ -37,8 +38,12 @@ pub struct ReplayOptions {
     pub config: Option<PathBuf>,
     /// How fast.
     pub rate: Rate,
-    /// Start again at the end, until stopped.
-    pub looped: bool,
+    /// How many times; `None` until stopped.
+    pub passes: Option<u32>,
+    /// Where to begin, seconds from the first frame.
+    pub from_s: Option<f64>,
+    /// Where to end, seconds from the first frame.
+    pub to_s: Option<f64>,
     /// Directory to record the results into.
     pub output: Option<PathBuf>,
     /// Name of the rig, so that it does not meet the one that made the recording.
@@ -54,13 +59,14 @@ pub struct ReplayOptions {
 /// When the recording cannot be read, or the rig cannot be run.
 pub fn run(options: &ReplayOptions, stop: &Stop) -> anyhow::Result<Outcome> {
     let recording = Recording::open(&options.file)?;
+    check_span(&recording, span(options.from_s, options.to_s)?)?;
     let base = rig_config(&recording, options.config.as_deref())?;
     let config = base.fed_from(&options.file, &changes(options, &base))?;
     let total = recording.frame_count();
     let bar = progress::frames(total, "replay");
     let tracker = Child { role: Role::Track, index: 0 };
     let mut lost = 0;
-    loop {
+    for pass in 1_u32.. {
         // Each pass is a run of its own: stamps and sequence numbers begin again, and nothing spans two passes.
         let summary = process::supervise(&config, stop, |told| {
             if let Some(status) = told.get(&tracker) {
@@ -71,7 +77,7 @@ pub fn run(options: &ReplayOptions, stop: &Stop) -> anyhow::Result<Outcome> {
         for path in &summary.recordings {
             say(&path.display().to_string());
         }
-        if !options.looped || stop.requested() {
+        if stop.requested() || options.passes.is_some_and(|passes| pass >= passes) {
             break;
         }
     }
@@ -84,6 +90,8 @@ fn changes<'a>(options: &ReplayOptions, base: &Config) -> Vec<(&'a str, toml_edi
     if let Rate::Times(times) = options.rate {
         changes.push(("camera.playback_rate", times.into()));
     }
+    let ends = [("camera.from_s", options.from_s), ("camera.to_s", options.to_s)];
+    changes.extend(ends.into_iter().filter_map(|(key, given)| Some((key, given?.into()))));
     let name = options.rig.clone().unwrap_or_else(|| replay_name(&base.rig.name));
     changes.push(("rig.name", name.into()));
     if let Some(workers) = options.workers {

@@ -44,7 +44,8 @@ pub fn run(rig: &str, json: bool) -> anyhow::Result<Outcome> {
 fn name(status: &StatusMessage) -> String {
     match Role::from_number(status.role) {
         Some(Role::Correlate) => format!("correlate {}", status.index),
-        Some(Role::Record) if status.state == 1 => "record (armed)".into(),
+        Some(Role::Record) if status.state & 2 != 0 => "record (no room)".into(),
+        Some(Role::Record) if status.state & 1 != 0 => "record (armed)".into(),
         Some(role) => role.word().into(),
         None => "?".into(),
     }

@@ -72,6 +72,11 @@ pub struct Camera {
     pub paced: bool,
     /// How many times real time a paced `recording` is played, 0.001 to 1000, default 1.
     pub playback_rate: f64,
+    /// Where playing a `recording` begins, 0 to 1000000 s from its first frame, default 0.
+    pub from_s: f64,
+    /// Where playing a `recording` ends, above `from_s` and at most 1000000 s from its first frame; the frame there is
+    /// no longer played. Left out, at its end.
+    pub to_s: Option<f64>,
     /// Pixels a row, 16 to 65535 px. `genicam` needs it; a simulated camera takes it from its scenario when left
     /// out, a recording knows its own.
     pub width_px: Option<u32>,
@@ -112,6 +117,7 @@ impl Camera {
 const SIZE_PX: std::ops::RangeInclusive<i64> = 16..=65_535;
 const OFFSET_PX: std::ops::RangeInclusive<i64> = 0..=65_535;
 const PLAYBACK_RATE: Bounds = Bounds::closed(0.001, 1000.0, "times real time");
+const SPAN_S: f64 = 1.0e6;
 const RATE: Bounds = Bounds::above(0.0, 1.0e6, "Hz");
 const EXPOSURE: Bounds = Bounds::above(0.0, 1.0e7, "us");
 
@@ -128,6 +134,8 @@ pub(super) fn camera(table: &Table<'_>, raw: RawCamera) -> Result<Camera, Config
         id: table.filled("id", raw.id)?,
         paced: raw.paced.unwrap_or(true),
         playback_rate: table.number("playback_rate", raw.playback_rate, PLAYBACK_RATE)?.unwrap_or(1.0),
+        from_s: table.number("from_s", raw.from_s, Bounds::closed(0.0, SPAN_S, "s"))?.unwrap_or(0.0),
+        to_s: table.number("to_s", raw.to_s, Bounds::above(raw.from_s.unwrap_or(0.0), SPAN_S, "s"))?,
         width_px: table.whole("width_px", raw.width_px, SIZE_PX, "px")?,
         height_px: table.whole("height_px", raw.height_px, SIZE_PX, "px")?,
         offset_x_px: table.whole("offset_x_px", raw.offset_x_px, OFFSET_PX, "px")?,
@@ -159,11 +167,13 @@ fn source(table: &Table<'_>, word: Option<&str>) -> Result<Source, ConfigError> 
 /// Refuses keys that the chosen source has no use for, rather than ignoring them.
 fn refuse_strangers(table: &Table<'_>, source: Source, raw: &RawCamera) -> Result<(), ConfigError> {
     use Source::{Genicam, Recording, Simulated};
-    let keys: [(&str, bool, &[Source]); 14] = [
+    let keys: [(&str, bool, &[Source]); 16] = [
         ("id", raw.id.is_some(), &[Recording, Genicam]),
         ("scenario", raw.scenario.is_some(), &[Simulated]),
         ("paced", raw.paced.is_some(), &[Simulated, Recording]),
         ("playback_rate", raw.playback_rate.is_some(), &[Recording]),
+        ("from_s", raw.from_s.is_some(), &[Recording]),
+        ("to_s", raw.to_s.is_some(), &[Recording]),
         ("width_px", raw.width_px.is_some(), &[Simulated, Genicam]),
         ("height_px", raw.height_px.is_some(), &[Simulated, Genicam]),
         ("offset_x_px", raw.offset_x_px.is_some(), &[Genicam]),

@@ -39,6 +39,8 @@ pub(super) struct RawCamera {
     pub scenario: Option<String>,
     pub paced: Option<bool>,
     pub playback_rate: Option<f64>,
+    pub from_s: Option<f64>,
+    pub to_s: Option<f64>,
     pub width_px: Option<i64>,
     pub height_px: Option<i64>,
     pub offset_x_px: Option<i64>,

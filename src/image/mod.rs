@@ -2,8 +2,10 @@
 
 mod format;
 mod frame;
+mod grey;
 mod view;
 
 pub use format::PixelFormat;
 pub use frame::{Frame, FrameMeta};
+pub use grey::grey_pixels;
 pub use view::{Image, ImageView, ShapeError};

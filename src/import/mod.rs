@@ -1,10 +1,11 @@
-//! Other people's files: image sequences, Photron and Phantom recordings.
+//! Other people's files: image sequences, NumPy stacks, Photron and Phantom recordings.
 //!
 //! Every importer gives the same [`Footage`]: grey frames with their stamps, one
 //! after the other. A frame rate comes from the file or from the user, and is
 //! never guessed.
 
 mod error;
+mod numpy;
 mod phantom;
 mod photron;
 mod sequence;
@@ -91,10 +92,13 @@ impl Iterator for Footage {
 
 /// Whether [`open`] knows what to do with a file of this name.
 pub fn is_importable(path: &Path) -> bool {
-    matches!(extension(path).as_str(), "png" | "tif" | "tiff" | "bmp" | "pgm" | "cih" | "cihx" | "mraw" | "cine")
+    matches!(
+        extension(path).as_str(),
+        "png" | "tif" | "tiff" | "bmp" | "pgm" | "cih" | "cihx" | "mraw" | "cine" | "npy"
+    )
 }
 
-/// Opens footage: one Photron or Phantom file, or images that make a sequence in the order given.
+/// Opens footage: one Photron, Phantom or NumPy file, or images that make a sequence in the order given.
 ///
 /// `fps` takes the place of the file's own frame rate; images have none. Where
 /// a file does not tell when it was filmed, stamps count from 0.
@@ -109,8 +113,9 @@ pub fn open(inputs: &[PathBuf], fps: Option<f64>) -> Result<Footage, ImportError
     let first = inputs.first().ok_or(ImportError::Nothing)?;
     match (extension(first).as_str(), inputs.len()) {
         ("cine", 1) => phantom::open(first, fps),
+        ("npy", 1) => numpy::open(first, fps),
         ("cihx" | "cih" | "mraw", 1) => photron::open(first, fps),
-        ("cine" | "cihx" | "cih" | "mraw", _) => {
+        ("cine" | "cihx" | "cih" | "mraw" | "npy", _) => {
             Err(ImportError::invalid(first, "such a file is a whole recording; give one at a time"))
         }
         ("png" | "tif" | "tiff" | "bmp" | "pgm", _) => sequence::open(inputs, fps),

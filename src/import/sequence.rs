@@ -1,8 +1,8 @@
 //! Sequences of still images: PNG, TIFF, BMP and PGM, 8 and 16 bit.
 
 use super::{Footage, ImportError, Stamps, extension, frame_bytes, frame_rate};
-use crate::image::PixelFormat;
-use image::{DynamicImage, ImageReader, Limits};
+use crate::image::{PixelFormat, grey_pixels};
+use image::{ImageReader, Limits};
 use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::{BufReader, Read, Seek, SeekFrom};
@@ -96,18 +96,7 @@ fn read(path: &Path) -> Result<Still, ImportError> {
     reader.limits(limits);
     let image = reader.decode().map_err(|error| ImportError::invalid(path, error.to_string()))?;
     let size = (image.width(), image.height());
-    let grey = match image {
-        DynamicImage::ImageLuma8(image) => Some((PixelFormat::Mono8, image.into_raw())),
-        DynamicImage::ImageLuma16(image) => {
-            Some((PixelFormat::Mono16, image.into_raw().into_iter().flat_map(u16::to_le_bytes).collect()))
-        }
-        // Grey bitmaps with a palette decode to three equal channels.
-        DynamicImage::ImageRgb8(image) => {
-            let is_grey = image.pixels().all(|pixel| pixel.0[0] == pixel.0[1] && pixel.0[1] == pixel.0[2]);
-            is_grey.then(|| (PixelFormat::Mono8, image.pixels().map(|pixel| pixel.0[0]).collect()))
-        }
-        _ => None,
-    };
+    let grey = grey_pixels(image);
     let (format, bytes) = grey.ok_or_else(|| ImportError::invalid(path, "not a grey image of 8 or 16 bit"))?;
     frame_bytes(path, size.0.into(), size.1.into(), format)?;
     Ok((size, format, bytes))

@@ -31,11 +31,13 @@ pub enum EventKind {
     Camera = 10,
     /// Every result up to `sequence` was published.
     Tracked = 11,
+    /// The folder of the recordings: too little room, cannot be written, or all right again.
+    Storage = 12,
 }
 
 impl EventKind {
     /// Every kind.
-    pub const ALL: [Self; 11] = [
+    pub const ALL: [Self; 12] = [
         Self::Prepared,
         Self::Started,
         Self::Ended,
@@ -47,6 +49,7 @@ impl EventKind {
         Self::Restarted,
         Self::Camera,
         Self::Tracked,
+        Self::Storage,
     ];
 
     /// The word used in tables.
@@ -63,6 +66,7 @@ impl EventKind {
             Self::Restarted => "restarted",
             Self::Camera => "camera",
             Self::Tracked => "tracked",
+            Self::Storage => "storage",
         }
     }
 

@@ -13,6 +13,7 @@ mod report;
 mod rig;
 mod shot;
 mod stop;
+mod storage;
 mod stream;
 mod summary;
 mod supervise;

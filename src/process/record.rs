@@ -4,11 +4,14 @@
 //! buffer, which costs no time and no copy. At a trigger it takes the whole queue
 //! at once, holds the frames in place and writes them out one by one.
 
+mod failure;
+
 use super::clock::{Every, Patience};
 use super::report::Reporter;
 use super::rig::{SUCCESSION, analysis_params, expected_format, limits, truth_world};
 use super::shot::{Extent, Shot, free_path, recording_info};
 use super::stop::Stop;
+use super::storage::{Storage, prepare_directory};
 use super::stream::Stream;
 use super::summary::Summary;
 use crate::bus::{Bus, ControlServer, Ear, FieldSubscriber, FrameSample, FrameSubscriber, Limits};
@@ -17,7 +20,7 @@ use crate::config::{Config, Record, TriggerMode};
 use crate::image::Frame;
 use crate::measure::TrackerParams;
 use crate::message::{Command, Event, EventKind, Reply, ReplyCode, Role};
-use crate::recording::{EventRow, RecordingError};
+use crate::recording::EventRow;
 use std::collections::VecDeque;
 use std::time::Duration;
 
@@ -29,16 +32,22 @@ const SILENCE: Duration = Duration::from_secs(5);
 
 /// Records shots (or the whole stream) until the stream ends.
 ///
-/// `resumed` says that another recorder was there before and died.
+/// A disk that is full, gone or read-only ends the recording, not the recorder: what was written stays, the loss is
+/// told and counted, and the next shot is tried anew. `resumed` says that another recorder was there before and died.
 ///
 /// # Errors
 ///
-/// When a recording cannot be written, or shared memory cannot be used.
+/// When the folder cannot be used from the start, or shared memory cannot be used.
 pub fn run(config: &Config, resumed: bool, stop: &Stop) -> anyhow::Result<Summary> {
     let Some(record) = &config.record else {
         anyhow::bail!("{}: there is no [record] table, so there is nothing to record", config.origin);
     };
-    prepare_directory(record)?;
+    if let Err(error) = prepare_directory(record) {
+        if !resumed {
+            return Err(error.into());
+        }
+        log::warn!("{error}");
+    }
     let format = expected_format(config)?;
     config.check_ring(format.slot_bytes(), format.frame_rate_hz)?;
     let limits = limits(config, &format);
@@ -51,6 +60,9 @@ pub fn run(config: &Config, resumed: bool, stop: &Stop) -> anyhow::Result<Summar
         params: analysis_params(config, &format).1,
         held: VecDeque::new(),
         shot: None,
+        storage: Storage::new(config, record, &format, &limits),
+        pause: None,
+        failures: 0,
         armed: config.trigger.mode != TriggerMode::Off,
         greet: Every::new(GREET),
         summary: Summary::default(),
@@ -68,15 +80,6 @@ pub fn run(config: &Config, resumed: bool, stop: &Stop) -> anyhow::Result<Summar
     Ok(recorder.summary)
 }
 
-/// Makes the folder of the recordings and sees that files can be written into it.
-pub(super) fn prepare_directory(record: &Record) -> Result<(), RecordingError> {
-    use rustix::fs::{Access, access};
-    let path = &record.directory;
-    let fail = |action, source| RecordingError::Io { action, path: path.clone(), source };
-    std::fs::create_dir_all(path).map_err(|source| fail("create", source))?;
-    access(path, Access::WRITE_OK | Access::EXEC_OK).map_err(|error| fail("write into", error.into()))
-}
-
 struct Recorder<'a> {
     frames: FrameSubscriber,
     fields: FieldSubscriber,
@@ -85,6 +88,11 @@ struct Recorder<'a> {
     params: TrackerParams,
     held: VecDeque<FrameSample>,
     shot: Option<Active>,
+    storage: Storage,
+    /// Since when a stream goes unrecorded because its recording failed.
+    pause: Option<Patience>,
+    /// Recordings in a row that failed before a frame of them was safe.
+    failures: u32,
     armed: bool,
     greet: Every,
     summary: Summary,
@@ -124,6 +132,7 @@ impl Recorder<'_> {
             {
                 break;
             }
+            self.look_at_storage()?;
             self.tell()?;
             if !busy {
                 ear.wait(WAIT);
@@ -206,7 +215,10 @@ impl Recorder<'_> {
             }
             if let (Some(active), Some(kind)) = (&mut self.shot, event.kind()) {
                 let text = format!("frame {}: {}", event.sequence, event.text());
-                active.shot.event(&EventRow { stamp_ns: event.stamp_ns, kind: kind.word().into(), text })?;
+                let row = EventRow { stamp_ns: event.stamp_ns, kind: kind.word().into(), text };
+                if let Err(error) = active.shot.event(&row) {
+                    self.abandon(&error)?;
+                }
             }
         }
         Ok(())
@@ -238,10 +250,21 @@ impl Recorder<'_> {
         let info = recording_info(self.config, &self.format, &self.camera, cause);
         let patience_frames = (self.limits.ring_frames + self.limits.held_frames) as u64 + 512;
         let extent = Extent { first, last, patience_frames };
-        let mut shot = Shot::create(&path, self.config, &info, &self.params, extent)?;
-        shot.set_truth(truth_world(self.config)?)?;
-        self.shot =
-            Some(Active { shot, end: last.map(|last| last + 1), silence: Patience::new(SILENCE), drained: false });
+        let truth = truth_world(self.config)?;
+        // The folder may have gone since the last shot.
+        let created = prepare_directory(self.record)
+            .and_then(|()| Shot::create(&path, self.config, &info, &self.params, extent))
+            .and_then(|mut shot| shot.set_truth(truth).map(|()| shot));
+        let end = last.map(|last| last + 1);
+        match created {
+            Ok(shot) => self.shot = Some(Active { shot, end, silence: Patience::new(SILENCE), drained: false }),
+            // Of a stream, the frames that pass by unrecorded are counted one by one.
+            Err(error) => {
+                self.failures += 1;
+                self.give_up(&error, end.map_or(0, |end| end - first))?;
+                self.rearm()?;
+            }
+        }
         Ok(())
     }
 
@@ -265,6 +288,9 @@ impl Recorder<'_> {
     /// Goes on with the shot; `true` when there is more to do at once.
     fn advance(&mut self, stream: &Stream) -> anyhow::Result<bool> {
         if self.config.trigger.mode == TriggerMode::Off && self.shot.is_none() && stream.first.is_some() {
+            if self.is_paused()? {
+                return self.pass_by();
+            }
             self.begin_stream(stream)?;
         }
         if self.shot.is_none() {
@@ -287,28 +313,35 @@ impl Recorder<'_> {
         let Some(sample) = self.held.front() else { return Ok(()) };
         let (seen, stamp_ns) = (sample.header().sequence, sample.header().stamp_ns);
         let first = if self.resumed { seen.next_multiple_of(block) } else { stream.first.unwrap_or(seen) };
-        self.begin(first, None, stamp_ns, "none: the whole stream")
+        self.begin(first, None, stamp_ns, "none: the whole stream")?;
+        if self.shot.is_some() {
+            self.summary.lost += first.saturating_sub(seen);
+        }
+        Ok(())
     }
 
     fn write_one(&mut self) -> anyhow::Result<bool> {
         let Some(active) = &mut self.shot else { return Ok(false) };
-        let Some(sample) = self.held.front() else { return Ok(false) };
-        let header = *sample.header();
-        if active.end.is_some_and(|end| header.sequence >= end) {
-            // It belongs to what comes after this shot.
+        // What lies beyond the end belongs to what comes after this shot.
+        let end = active.end.unwrap_or(u64::MAX);
+        if self.held.front().is_none_or(|sample| sample.header().sequence >= end) {
             return Ok(false);
         }
+        let Some(sample) = self.held.pop_front() else { return Ok(false) };
+        let header = *sample.header();
         if let Some(meta) = header.meta()
             && header.sequence >= active.shot.next_frame()
         {
-            active.shot.frame(&Frame { meta, bytes: sample.bytes() })?;
+            if let Err(error) = active.shot.frame(&Frame { meta, bytes: sample.bytes() }) {
+                self.abandon(&error)?;
+                return Ok(true);
+            }
             self.summary.taken += 1;
             self.newest = (header.sequence, header.stamp_ns);
             if self.config.trigger.mode == TriggerMode::Off {
                 self.reporter.progress(header.sequence + 1, false)?;
             }
         }
-        self.held.pop_front();
         Ok(true)
     }
 
@@ -319,11 +352,14 @@ impl Recorder<'_> {
                 continue;
             }
             // Steps of what comes after the shot are no sign that its own will still come.
-            if let Some(step) = header.step()
-                && active.shot.step(step, field)?
-            {
-                active.silence.renew();
-                self.summary.given += 1;
+            let Some(step) = header.step() else { continue };
+            match active.shot.step(step, field) {
+                Ok(true) => {
+                    active.silence.renew();
+                    self.summary.given += 1;
+                }
+                Ok(false) => {}
+                Err(error) => return self.abandon(&error),
             }
         }
         Ok(())
@@ -341,16 +377,27 @@ impl Recorder<'_> {
             && let Some(end) = active.end
         {
             self.close(active, end)?;
-            if self.config.trigger.mode != TriggerMode::Off {
-                self.arm(self.config.trigger.rearm)?;
-            }
+            self.rearm()?;
         }
         Ok(())
     }
 
+    /// After a shot: waits for the next, or not.
+    fn rearm(&mut self) -> anyhow::Result<()> {
+        match self.config.trigger.mode {
+            TriggerMode::Off => Ok(()),
+            _ => self.arm(self.config.trigger.rearm),
+        }
+    }
+
     fn close(&mut self, active: Active, end: u64) -> anyhow::Result<()> {
         let lost = active.shot.lost + end.saturating_sub(active.shot.next_frame());
-        let (finished, missing) = active.shot.finish(end)?;
+        let unsafe_frames = active.shot.missing_before(end).max(1);
+        let (finished, missing) = match active.shot.finish(end) {
+            Ok(finished) => finished,
+            Err(error) => return self.give_up(&error, unsafe_frames),
+        };
+        self.failures = 0;
         self.summary.lost += lost;
         self.summary.dropped += missing;
         if lost + missing > 0 {
@@ -377,7 +424,8 @@ impl Recorder<'_> {
     }
 
     fn tell(&mut self) -> anyhow::Result<()> {
-        self.reporter.set_state(u32::from(self.armed));
+        let is_troubled = self.pause.is_some() || self.storage.is_troubled();
+        self.reporter.set_state(u32::from(self.armed) | u32::from(is_troubled) << 1);
         self.reporter.set_queue(self.held.len() as u64, self.limits.ring_frames as u64);
         Ok(self.reporter.status(&self.summary, self.newest.0, self.newest.1)?)
     }

@@ -2,7 +2,7 @@
 
 use crate::bus::Limits;
 use crate::camera::genicam::{GenicamCamera, GenicamSettings};
-use crate::camera::recording::{PlaybackRate, RecordingCamera, Repeat};
+use crate::camera::recording::{PlaybackRate, RecordingCamera, Repeat, Span};
 use crate::camera::simulated::{SimulatedCamera, load_scenario};
 use crate::camera::{Camera, CameraError, CameraIdentity, Next, Pace, Slot, StreamFormat};
 use crate::config::{self, Config};
@@ -127,7 +127,8 @@ pub fn open_camera(config: &Config) -> Result<Box<dyn Camera>, CameraError> {
         config::Source::Recording => {
             let path = std::path::PathBuf::from(camera.id.clone().unwrap_or_default());
             let rate = if camera.paced { PlaybackRate::Times(camera.playback_rate) } else { PlaybackRate::Max };
-            let recording = RecordingCamera::open(&path, rate, Repeat::Once)?;
+            let span = Span { from_s: camera.from_s, to_s: camera.to_s.unwrap_or(f64::INFINITY) };
+            let recording = RecordingCamera::open(&path, rate, Repeat::Once)?.within(span);
             if recording.format().frame_rate_hz <= 0.0 {
                 let reason = "its frames tell no frame rate; `ricochet analyze` takes one with --fps".to_owned();
                 return Err(RecordingError::Invalid { path, reason }.into());

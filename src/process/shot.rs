@@ -113,6 +113,11 @@ impl Shot {
         self.next_frame
     }
 
+    /// How many of the frames before `end` may be missing in the file if nothing more can be written.
+    pub fn missing_before(&self, end: u64) -> u64 {
+        end.saturating_sub(self.extent.first).saturating_sub(self.writer.safe_frames())
+    }
+
     /// A measured step and its field, in any order; those outside the recording are ignored, and `false` says so.
     ///
     /// # Errors

@@ -1,10 +1,10 @@
 //! Starting the processes of a rig, watching them, starting again what dies, stopping them in order.
 
 use super::clock::{Every, Patience};
-use super::record::prepare_directory;
 use super::report::Reporter;
 use super::rig::{expected_format, limits};
 use super::stop::Stop;
+use super::storage::prepare_directory;
 use super::summary::Summary;
 use crate::bus::{Bus, Subscriber};
 use crate::config::Config;

@@ -2,7 +2,52 @@
 
 use super::RecordingError;
 use std::fs::{self, File, OpenOptions};
+use std::io::{self, ErrorKind, Seek, SeekFrom, Write};
+use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
+
+/// The open part file. After a write that failed it takes nothing more: what lies in it has no hole.
+pub(super) struct PartFile {
+    file: File,
+    is_broken: bool,
+}
+
+impl PartFile {
+    pub(super) fn new(file: File) -> Self {
+        Self { file, is_broken: false }
+    }
+
+    fn attempt<T>(&mut self, action: impl FnOnce(&mut File) -> io::Result<T>) -> io::Result<T> {
+        if self.is_broken {
+            return Err(io::Error::other("an earlier write failed"));
+        }
+        let outcome = action(&mut self.file);
+        self.is_broken = outcome.as_ref().is_err_and(|error| error.kind() != ErrorKind::Interrupted);
+        outcome
+    }
+}
+
+impl Write for PartFile {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        self.attempt(|file| file.write(bytes))
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        self.attempt(File::flush)
+    }
+}
+
+impl Seek for PartFile {
+    fn seek(&mut self, to: SeekFrom) -> io::Result<u64> {
+        self.attempt(|file| file.seek(to))
+    }
+}
+
+/// Whether the name still leads to the open file; a removed file goes on taking bytes that no one will see.
+pub(super) fn is_in_place(part: &Path, handle: &File) -> bool {
+    let same = |named: fs::Metadata, open: fs::Metadata| (named.dev(), named.ino()) == (open.dev(), open.ino());
+    part.symlink_metadata().is_ok_and(|named| handle.metadata().is_ok_and(|open| same(named, open)))
+}
 
 /// The name a recording has until it is finished: `shot.mcap` is written as `shot.mcap.part`.
 pub fn part_path(path: &Path) -> PathBuf {

@@ -1,6 +1,7 @@
 //! Writing a recording.
 
 use super::batch::Batch;
+use super::part::PartFile;
 use super::rows::{EventRow, Row, StatusRow};
 use super::schema::{Topic, proto};
 use super::{Annotations, RecordingError, part};
@@ -84,13 +85,15 @@ pub struct FinishedRecording {
 pub struct RecordingWriter {
     path: PathBuf,
     part: PathBuf,
-    mcap: Option<mcap::Writer<BufWriter<File>>>,
+    mcap: Option<mcap::Writer<BufWriter<PartFile>>>,
     handle: File,
     channels: [Option<u16>; Topic::ALL.len()],
     rows: Batch,
     fields: Batch,
     scratch: Vec<u8>,
     frames: u64,
+    /// Of these, those the system has taken whole.
+    safe_frames: u64,
     unsynced_bytes: u64,
     /// Stamp of the frame after which the file was last forced to the disk.
     synced_ns: Option<u64>,
@@ -116,8 +119,14 @@ impl RecordingWriter {
     pub fn create(path: &Path, info: &RecordingInfo, options: &WriterOptions) -> Result<Self, RecordingError> {
         let mut writer = Self::start(path, part::part_path(path), options)?;
         // Before any channel: afterwards they would cut off a chunk without messages, which some readers refuse.
-        writer.describe(info)?;
-        Ok(writer)
+        match writer.describe(info) {
+            Ok(()) => Ok(writer),
+            Err(error) => {
+                // Made here and still without a message: nothing is lost with it.
+                let _ = std::fs::remove_file(&writer.part);
+                Err(error)
+            }
+        }
     }
 
     /// Starts a recording that says nothing of itself yet.
@@ -125,7 +134,7 @@ impl RecordingWriter {
         let file = part::create(path, &part)?;
         let handle = file.try_clone().map_err(|error| RecordingError::io("open", &part, error))?;
         let mcap = write_options(options)
-            .create(BufWriter::with_capacity(64 << 10, file))
+            .create(BufWriter::with_capacity(64 << 10, PartFile::new(file)))
             .map_err(|error| failure(&part, error))?;
         Ok(Self {
             path: path.to_path_buf(),
@@ -137,6 +146,7 @@ impl RecordingWriter {
             fields: Batch::default(),
             scratch: Vec::new(),
             frames: 0,
+            safe_frames: 0,
             unsynced_bytes: 0,
             synced_ns: None,
         })
@@ -154,7 +164,7 @@ impl RecordingWriter {
         for (name, media_type, content) in &info.attachments {
             self.attach(name, media_type, content)?;
         }
-        self.call(mcap::Writer::flush)
+        self.flush()
     }
 
     pub(super) fn metadata(&mut self, name: &str, entries: BTreeMap<String, String>) -> Result<(), RecordingError> {
@@ -271,15 +281,21 @@ impl RecordingWriter {
         self.frames
     }
 
+    /// How many of them can be read in the part file whatever happens to this process.
+    pub fn safe_frames(&self) -> u64 {
+        if part::is_in_place(&self.part, &self.handle) { self.safe_frames } else { 0 }
+    }
+
     /// Writes everything that is held back and forces it to the disk.
     ///
     /// # Errors
     ///
-    /// [`RecordingError::Io`] when the disk is full or gone.
+    /// [`RecordingError::Io`] when the disk is full or gone, or the file was removed.
     pub fn sync(&mut self) -> Result<(), RecordingError> {
         self.write_batches()?;
-        self.call(mcap::Writer::flush)?;
+        self.flush()?;
         self.unsynced_bytes = 0;
+        self.check_place()?;
         self.handle.sync_data().map_err(|error| RecordingError::io("sync", &self.part, error))
     }
 
@@ -294,6 +310,7 @@ impl RecordingWriter {
         if let Some(mcap) = self.mcap.take() {
             std::io::Write::flush(&mut mcap.into_inner()).map_err(|error| failure(&self.part, error.into()))?;
         }
+        self.check_place()?;
         let io = |error| RecordingError::io("sync", &self.part, error);
         self.handle.sync_all().map_err(io)?;
         let bytes = self.handle.metadata().map_err(io)?.len();
@@ -320,14 +337,29 @@ impl RecordingWriter {
             if batch.is_empty() {
                 continue;
             }
-            self.call(mcap::Writer::flush)?;
+            self.flush()?;
             for (topic, log_time_ns, message) in batch.iter() {
                 self.message(topic, 0, log_time_ns, message)?;
             }
-            self.call(mcap::Writer::flush)?;
+            self.flush()?;
             batch.clear();
         }
         Ok(())
+    }
+
+    /// Ends the chunk and hands it to the system.
+    fn flush(&mut self) -> Result<(), RecordingError> {
+        self.call(mcap::Writer::flush)?;
+        self.safe_frames = self.frames;
+        Ok(())
+    }
+
+    fn check_place(&self) -> Result<(), RecordingError> {
+        if part::is_in_place(&self.part, &self.handle) {
+            return Ok(());
+        }
+        let gone = std::io::Error::new(std::io::ErrorKind::NotFound, "the file was removed while it was written");
+        Err(RecordingError::io("write", &self.part, gone))
     }
 
     fn message(&mut self, topic: Topic, sequence: u64, time_ns: u64, message: &[u8]) -> Result<(), RecordingError> {
@@ -366,7 +398,7 @@ impl RecordingWriter {
 
     pub(super) fn call<T>(
         &mut self,
-        action: impl FnOnce(&mut mcap::Writer<BufWriter<File>>) -> Result<T, McapError>,
+        action: impl FnOnce(&mut mcap::Writer<BufWriter<PartFile>>) -> Result<T, McapError>,
     ) -> Result<T, RecordingError> {
         match &mut self.mcap {
             Some(mcap) => action(mcap).map_err(|error| failure(&self.part, error)),

@@ -231,7 +231,7 @@ fn an_unknown_topic_or_format_is_answered_with_the_known_ones() {
     let told = refused(2, ["export", text(&path), "--topic", "speed"]);
     assert_eq!(told, "--topic speed: not one of velocity, field, track, impact, truth, truth_impact, events");
     let told = refused(2, ["export", text(&path), "--topic", "truth", "--format", "xls"]);
-    assert_eq!(told, "--format xls: not one of csv, parquet, png");
+    assert_eq!(told, "--format xls: not one of csv, parquet, npz, png");
     let told = refused(2, ["listen", "speed"]);
     assert_eq!(told, "topic \"speed\" is not one of field, track, velocity, impact, status, events");
 }
@@ -375,4 +375,20 @@ fn a_closed_standard_output_is_no_reason_to_panic() {
     let output = Command::new("bash").args(["-c", &script]).output().unwrap();
     let told = String::from_utf8(output.stderr).unwrap();
     assert!(!told.contains("panicked"), "{told}");
+}
+
+#[test]
+fn a_part_of_a_film_that_cannot_be_is_refused() {
+    let rig = Rig::new();
+    let film = film(&rig);
+    for command in ["replay", "analyze"] {
+        let told = refused(2, [command, text(&film), "--from", "0.3", "--to", "0.2"]);
+        assert_eq!(told, "--to 0.2: not behind --from, 0.3 s");
+        let told = refused(2, [command, text(&film), "--from", "nan"]);
+        assert_eq!(told, "--from NaN: not a number of seconds from 0 to 1000000");
+    }
+    let told = refused(2, ["replay", text(&film), "--from", "1000"]);
+    assert!(told.starts_with("--from 1000: the last frame lies at "), "{told}");
+    refused(2, ["analyze", text(&film), "--from", "1000"]);
+    refused(2, ["replay", text(&film), "--loop=0"]);
 }

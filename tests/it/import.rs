@@ -294,6 +294,88 @@ fn a_phantom_file_cut_off_anywhere_is_refused_in_one_line() {
     }
 }
 
+/// A NumPy array of these bytes.
+fn npy(kind: &str, order: &str, shape: &str, data: &[u8]) -> Vec<u8> {
+    let mut text = format!("{{'descr': '{kind}', 'fortran_order': {order}, 'shape': {shape}, }}");
+    text.extend(std::iter::repeat_n(' ', 127 - 10 - text.len()));
+    text.push('\n');
+    [b"\x93NUMPY\x01\0", &(text.len() as u16).to_le_bytes()[..], text.as_bytes(), data].concat()
+}
+
+#[test]
+fn a_numpy_stack_comes_out_frame_by_frame() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = [folder.path().join("stack.npy")];
+    let bytes: Vec<u8> = (0..2 * 3 * 4 * 2).map(|k| (k * 5) as u8).collect();
+    let swapped: Vec<u8> = bytes.chunks(2).flat_map(|pair| [pair[1], pair[0]]).collect();
+    let cases = [
+        ("|u1", "(4, 3, 4)", &bytes, PixelFormat::Mono8, 12),
+        ("<u2", "(2, 3, 4)", &bytes, PixelFormat::Mono16, 24),
+        (">u2", "(2, 3, 4)", &swapped, PixelFormat::Mono16, 24),
+    ];
+    for (kind, shape, data, format, frame_bytes) in cases {
+        fs::write(&path[0], npy(kind, "False", shape, data)).unwrap();
+        let read = frames(&path, Some(2000.0));
+        assert_eq!(read.len(), bytes.len() / frame_bytes, "{kind}");
+        for (k, (meta, pixels)) in read.iter().enumerate() {
+            assert_eq!((meta.width_px, meta.height_px, meta.format), (4, 3, format));
+            assert_eq!((meta.sequence, meta.stamp_ns), (k as u64, k as u64 * 500_000));
+            assert_eq!(pixels, &bytes[k * frame_bytes..][..frame_bytes], "{kind}");
+        }
+    }
+    assert!(refusal(&path, None).contains("--fps"));
+}
+
+#[test]
+fn a_numpy_array_that_is_no_stack_of_frames_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = [folder.path().join("stack.npy")];
+    let data = [7; 24];
+    let bad = [
+        (npy("<f4", "False", "(2, 3, 4)", &data), "'<f4'"),
+        (npy("|u1", "True", "(2, 3, 4)", &data), "C order"),
+        (npy("|u1", "False", "(6, 4)", &data), "(6, 4)"),
+        (npy("|u1", "False", "(2, 3, 4, 1)", &data), "(2, 3, 4, 1)"),
+        (npy("|u1", "False", "(0, 3, 4)", &[]), "0 frames"),
+        (npy("|u1", "False", "(2, 0, 4)", &[]), "4x0"),
+        (npy("|u1", "False", "(2, 3, 4)", &[7; 23]), "23 bytes"),
+        (npy("|u1", "False", "(2, 3, 4)", &[7; 25]), "25 bytes"),
+        (npy("|u1", "False", "(18446744073709551615, 3, 4)", &data), "18446744073709551615 frames"),
+        (npy("|u1", "False", "(2, 4294967296, 4294967296)", &data), "4294967296x4294967296"),
+        (npy("|u1", "False", "(1, 1, 8589934592)", &data), "8589934592x1"),
+        (npy("|u1", "False", "(2, -3, 4)", &data), "(2, -3, 4)"),
+        (npy("|u1", "False", "2", &data), "of shape 2"),
+        (npy("|u1", "No", "(2, 3, 4)", &data), "C order"),
+        (b"\x93NUMPY\x09\0".to_vec(), "version 9"),
+        (b"\x93NUMPY\x02\0\xff\xff\xff\xff".to_vec(), "4294967295 bytes"),
+        (b"not an array".to_vec(), "magic"),
+    ];
+    for (bytes, told) in bad {
+        fs::write(&path[0], bytes).unwrap();
+        let line = refusal(&path, Some(1.0));
+        assert!(line.contains("stack.npy") && line.contains(told), "{line}");
+    }
+    let whole = npy("|u1", "False", "(2, 3, 4)", &data);
+    for length in 0..whole.len() {
+        fs::write(&path[0], &whole[..length]).unwrap();
+        assert!(refusal(&path, Some(1.0)).contains("stack.npy"), "cut at {length}");
+    }
+}
+
+#[test]
+fn a_stack_that_numpy_saved_has_its_pixels() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("stack.npy");
+    let script =
+        "import numpy, sys; a = numpy.arange(5 * 6 * 7, dtype='u2').reshape(5, 6, 7) * 300; numpy.save(sys.argv[1], a)";
+    if crate::support::python(script, &[&path]).is_none() {
+        return;
+    }
+    let pixels: Vec<u8> = frames(&[path], Some(1.0)).into_iter().flat_map(|(_, pixels)| pixels).collect();
+    let expected: Vec<u8> = (0..5 * 6 * 7_u16).flat_map(|k| k.wrapping_mul(300).to_le_bytes()).collect();
+    assert_eq!(pixels, expected);
+}
+
 #[test]
 fn mutated_files_never_panic() {
     let folder = tempfile::tempdir().unwrap();
@@ -302,10 +384,11 @@ fn mutated_files_never_panic() {
     let still = folder.path().join("still.tif");
     GrayImage::new(6, 4).save(&still).unwrap();
     let cihx_path = header.clone();
-    let seeds: [(PathBuf, Vec<u8>); 3] = [
+    let seeds: [(PathBuf, Vec<u8>); 4] = [
         (folder.path().join("shot.cine"), cine(8, 3, 8, 8, &[vec![1; 24], vec![2; 24]])),
         (cihx_path, cihx(8, 4, 3, [8, 8], "Lower").into_bytes()),
         (still.clone(), fs::read(&still).unwrap()),
+        (folder.path().join("stack.npy"), npy("<u2", "False", "(2, 3, 4)", &[7; 48])),
     ];
     let mut state = 0x9e37_79b9_7f4a_7c15_u64;
     let mut random = move |below: usize| {

@@ -139,6 +139,76 @@ fn a_rate_given_by_hand_takes_the_place_of_the_stamps() {
 }
 
 #[test]
+fn a_part_of_a_film_is_replayed_like_it_is_analysed_at_any_rate() {
+    let rig = Rig::new();
+    let config = drifting(&rig, "", "[workers]\nblock_frames = 8");
+    let frames = film(&rig);
+    let path = rig.path("whole.mcap");
+    write(&path, &config, &frames);
+    // From within a block, to within another: frames 5 to 29.
+    let part = rig.path("part.mcap");
+    write(&part, &config, &frames[5..30]);
+    let (code, cut) = analysis(&rig, &part, "1");
+    assert_eq!((code, cut[0].lines().count()), (Some(0), 26));
+    let span = ["--from", "0.005", "--to", "0.03"];
+    let results = rig.path("span.mcap");
+    let arguments = ["analyze", path.to_str().unwrap(), "--workers", "3", "-o", results.to_str().unwrap()];
+    succeed(arguments.into_iter().chain(span));
+    assert!(tables(&results) == cut, "analysis of the part");
+    for rate in ["max", "0.25", "4"] {
+        let shots = rig.path(&format!("shots-{rate}"));
+        let replay = ["replay", path.to_str().unwrap(), "--rate", rate, "--workers", "2", "--rig", &rig.name];
+        let printed = succeed(replay.into_iter().chain(span).chain(["-o", shots.to_str().unwrap()]));
+        assert!(tables(Path::new(printed.trim())) == cut, "replay at {rate}");
+    }
+}
+
+#[test]
+fn a_film_played_twice_gives_the_same_twice() {
+    let rig = Rig::new();
+    let config = drifting(&rig, "", "");
+    let path = rig.path("whole.mcap");
+    write(&path, &config, &film(&rig));
+    let replay = ["replay", path.to_str().unwrap(), "--rate", "max", "--loop=2", "--rig", &rig.name];
+    let printed = succeed(replay.into_iter().chain(["-o", rig.path("shots").to_str().unwrap()]));
+    let paths: Vec<&Path> = printed.lines().map(Path::new).collect();
+    let (_, once) = analysis(&rig, &path, "1");
+    assert_eq!(paths.len(), 2, "{printed}");
+    assert!(paths.iter().all(|path| tables(path) == once));
+}
+
+#[test]
+fn a_film_of_compressed_images_is_measured_like_the_one_it_came_from() {
+    use foxglove::Encode;
+    use foxglove::messages::CompressedImage;
+    let rig = Rig::new();
+    let config = drifting(&rig, "", "");
+    let frames = film(&rig);
+    let path = rig.path("png.mcap");
+    let mut writer = mcap::Writer::new(std::fs::File::create(&path).unwrap()).unwrap();
+    let schema = CompressedImage::get_schema().unwrap();
+    let schema = writer.add_schema(&schema.name, &schema.encoding, &schema.data).unwrap();
+    let channel_id = writer.add_channel(schema, "/cam", "protobuf", &Default::default()).unwrap();
+    for (meta, pixels) in &frames {
+        let mut png = std::io::Cursor::new(Vec::new());
+        let picture = image::GrayImage::from_raw(meta.width_px, meta.height_px, pixels.clone()).unwrap();
+        picture.write_to(&mut png, image::ImageFormat::Png).unwrap();
+        let message = CompressedImage { data: png.into_inner().into(), ..CompressedImage::default() };
+        let (log_time, publish_time) = (meta.stamp_ns, meta.stamp_ns);
+        let header = mcap::records::MessageHeader { channel_id, sequence: 0, log_time, publish_time };
+        writer.write_to_known_channel(&header, &prost::Message::encode_to_vec(&message)).unwrap();
+    }
+    writer.finish().unwrap();
+    let measured = |film: &Path, name: &str| {
+        let results = rig.path(name);
+        let arguments = ["analyze", film.to_str().unwrap(), "--config", config.to_str().unwrap(), "-o"];
+        succeed(arguments.into_iter().chain([results.to_str().unwrap()]));
+        tables(&results)
+    };
+    assert!(measured(&path, "png-results.mcap") == measured(&rig.path("film.mcap"), "film-results.mcap"));
+}
+
+#[test]
 fn two_bodies_are_measured_side_by_side() {
     let rig = Rig::new();
     let bodies = "[[body]]\nname = \"left\"\nroi_px = [0, 0, 160, 144]\ndiameter_mm = 36\n\

@@ -36,6 +36,7 @@ mod report;
 mod series;
 mod simulated_camera;
 mod slots;
+mod storage;
 mod study;
 mod support;
 mod synth;

@@ -1,5 +1,6 @@
 //! `ricochet export`: the tables of a recording, and its frames as pictures.
 
+mod npz;
 mod parquet;
 mod picture;
 mod rows;
@@ -19,6 +20,8 @@ pub enum Format {
     Csv,
     /// Apache Parquet, the same columns with their types.
     Parquet,
+    /// A NumPy archive, an array a column.
+    Npz,
     /// A directory of PNG pictures, what was measured drawn over them.
     Png,
 }
@@ -33,8 +36,9 @@ impl Format {
         match word {
             "csv" => Ok(Self::Csv),
             "parquet" => Ok(Self::Parquet),
+            "npz" => Ok(Self::Npz),
             "png" => Ok(Self::Png),
-            other => Err(ExportError::Usage(format!("--format {other}: not one of csv, parquet, png"))),
+            other => Err(ExportError::Usage(format!("--format {other}: not one of csv, parquet, npz, png"))),
         }
     }
 
@@ -42,6 +46,7 @@ impl Format {
         match self {
             Self::Csv => "csv",
             Self::Parquet => "parquet",
+            Self::Npz => "npz",
             Self::Png => "png",
         }
     }
@@ -56,7 +61,7 @@ pub struct ExportOptions {
     pub topic: String,
     /// As what.
     pub format: Format,
-    /// Where to; standard output when there is none, which pictures and Parquet do not take.
+    /// Where to; standard output when there is none, which only CSV takes.
     pub output: Option<PathBuf>,
 }
 
@@ -133,6 +138,11 @@ fn write(options: &ExportOptions) -> Result<u64, ExportError> {
             let path = output()?;
             let recording = Recording::open(&options.file)?;
             parquet::write(&recording, topic, create(path)?, &path.display().to_string())
+        }
+        Format::Npz => {
+            let path = output()?;
+            let recording = Recording::open(&options.file)?;
+            npz::write(&recording, topic, create(path)?, &path.display().to_string())
         }
         Format::Csv => {
             let recording = Recording::open(&options.file)?;

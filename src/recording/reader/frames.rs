@@ -1,7 +1,7 @@
 //! The frames of a recording.
 
 use super::messages::{Message, Messages};
-use super::{Inner, Recording, ros2};
+use super::{Inner, Recording, compressed, ros2};
 use crate::image::{FrameMeta, PixelFormat};
 use crate::recording::schema::proto;
 use crate::recording::{RecordingError, Topic};
@@ -117,6 +117,10 @@ enum Kind {
     Foxglove,
     /// `sensor_msgs/msg/Image` in CDR.
     Ros2,
+    /// `foxglove.CompressedImage` in protobuf.
+    FoxgloveCompressed,
+    /// `sensor_msgs/msg/CompressedImage` in CDR.
+    Ros2Compressed,
 }
 
 impl Inner {
@@ -125,6 +129,8 @@ impl Inner {
         match (channel.encoding.as_str(), self.schema_name(channel.schema)) {
             ("protobuf", schema) if schema == Topic::Image.schema_name() => Some(Kind::Foxglove),
             ("cdr", ros2::SCHEMA_NAME) => Some(Kind::Ros2),
+            ("protobuf", compressed::SCHEMA_NAME) => Some(Kind::FoxgloveCompressed),
+            ("cdr", ros2::COMPRESSED_SCHEMA_NAME) => Some(Kind::Ros2Compressed),
             _ => None,
         }
     }
@@ -141,9 +147,8 @@ impl Inner {
             let mut held: Vec<_> = topics.map(|c| format!("{} ({})", c.topic, self.schema_name(c.schema))).collect();
             held.sort();
             let held = if held.is_empty() { "no topics".into() } else { held.join(", ") };
-            return Err(
-                self.invalid(format!("no image topic (foxglove.RawImage or sensor_msgs/msg/Image); it holds {held}"))
-            );
+            let known = "foxglove.RawImage, sensor_msgs/msg/Image or CompressedImage of either";
+            return Err(self.invalid(format!("no image topic ({known}); it holds {held}")));
         };
         if images.iter().any(|(_, c)| c.topic != first.topic) {
             let mut topics: Vec<_> = images.iter().map(|(_, c)| c.topic.as_str()).collect();
@@ -195,6 +200,8 @@ impl Frames {
         let named = |reason: String| format!("frame {index}: {reason}");
         let image = match self.messages.inner().kind(message.channel) {
             Some(Kind::Ros2) => ros2::image(&message.data),
+            Some(Kind::FoxgloveCompressed) => compressed::image(message.data.clone()),
+            Some(Kind::Ros2Compressed) => ros2::compressed_image(&message.data),
             _ => RawImage::decode(message.data.clone()).map_err(|error| error.to_string()),
         };
         let image = image.map_err(|reason| named(format!("does not decode: {reason}")))?;

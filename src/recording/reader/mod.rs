@@ -5,6 +5,7 @@
 //! and nothing is allocated on the word of the file alone; so a hostile file
 //! can be refused, but cannot crash the reader or eat the memory.
 
+mod compressed;
 mod frames;
 mod messages;
 mod record;

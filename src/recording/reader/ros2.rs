@@ -1,21 +1,43 @@
 //! Images of ROS 2 recordings.
 
+use super::compressed;
 use bytes::Bytes;
 use foxglove::messages::{RawImage, Timestamp};
 
 pub(super) const SCHEMA_NAME: &str = "sensor_msgs/msg/Image";
+pub(super) const COMPRESSED_SCHEMA_NAME: &str = "sensor_msgs/msg/CompressedImage";
 
 /// Bytes of the encapsulation header; alignment counts from behind it.
 const ENCAPSULATION_BYTES: usize = 4;
 
 /// Reads a `sensor_msgs/msg/Image` in little-endian CDR (OMG DDS-XTypes 1.3, section 7.4.3).
 pub(super) fn image(message: &Bytes) -> Result<RawImage, String> {
+    read(message, parse)
+}
+
+/// Reads a `sensor_msgs/msg/CompressedImage` in the same encoding.
+pub(super) fn compressed_image(message: &Bytes) -> Result<RawImage, String> {
+    read(message, parse_compressed)
+}
+
+fn read(
+    message: &Bytes,
+    parse: impl FnOnce(&mut Cdr<'_>) -> Option<Result<RawImage, String>>,
+) -> Result<RawImage, String> {
     match message.get(..2) {
         Some([0, 1]) => {}
         _ => return Err("not little-endian CDR".into()),
     }
     let mut cdr = Cdr { bytes: message, at: ENCAPSULATION_BYTES };
     parse(&mut cdr).ok_or_else(|| format!("the message ends within its fields, at byte {}", cdr.at))?
+}
+
+fn parse_compressed(cdr: &mut Cdr<'_>) -> Option<Result<RawImage, String>> {
+    let (seconds, nanoseconds) = (cdr.u32()?, cdr.u32()?);
+    let (_frame_id, _format) = (cdr.text()?, cdr.text()?);
+    let count = cdr.u32()? as usize;
+    let payload = cdr.take(count)?;
+    Some(compressed::decode(payload, Some(Timestamp::new(seconds, nanoseconds))))
 }
 
 fn parse(cdr: &mut Cdr<'_>) -> Option<Result<RawImage, String>> {

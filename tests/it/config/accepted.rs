@@ -12,6 +12,7 @@ fn a_camera_alone_is_a_whole_rig_with_the_documented_defaults() {
     assert_eq!(config.rig.name, "rig");
     assert_eq!((config.camera.source, config.camera.scenario.as_deref()), (Source::Simulated, Some("lacrosse")));
     assert_eq!((config.camera.paced, config.camera.playback_rate), (true, 1.0));
+    assert_eq!((config.camera.from_s, config.camera.to_s), (0.0, None));
     assert_eq!((config.camera.image_px(), config.camera.pixel_format, config.camera.frame_rate_hz), (None, None, None));
     assert_eq!((config.scale, config.record.as_ref()), (None, None));
     assert_eq!((config.bodies.len(), config.bodies[0].name.as_str()), (1, "ball"));

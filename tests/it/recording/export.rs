@@ -1,9 +1,10 @@
 //! Tables and summaries of a recording.
 
 use super::samples;
+use crate::support::python;
 use ricochet::command::{export, info};
 use ricochet::image::{Frame, PixelFormat};
-use ricochet::recording::{Recording, RecordingWriter, WriterOptions};
+use ricochet::recording::{EventRow, Recording, RecordingWriter, WriterOptions};
 use ricochet::results::Estimate;
 
 fn table(recording: &Recording, topic: &str) -> Vec<Vec<String>> {
@@ -240,7 +241,7 @@ fn pictures_show_the_frame_and_what_was_measured_over_it() {
 
 #[test]
 fn pictures_and_parquet_want_to_know_where_to() {
-    for format in [export::Format::Png, export::Format::Parquet] {
+    for format in [export::Format::Png, export::Format::Parquet, export::Format::Npz] {
         let options =
             export::ExportOptions { output: None, ..options("shot.mcap".as_ref(), "field", format, "x".as_ref()) };
         let error = export::run(&options).unwrap_err();
@@ -248,4 +249,28 @@ fn pictures_and_parquet_want_to_know_where_to() {
     }
     let velocity = options("shot.mcap".as_ref(), "velocity", export::Format::Png, "x".as_ref());
     assert!(matches!(export::run(&velocity).unwrap_err(), export::ExportError::Usage(_)));
+}
+
+#[test]
+fn numpy_reads_the_columns_of_the_csv() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("shot.mcap");
+    let mut writer = samples::write(&path, &WriterOptions::default(), 8, [8, 8]);
+    for text in ["disarmed", "Gr\u{f6}\u{df}e \u{1d6fc}", ""] {
+        let event = EventRow { stamp_ns: u64::MAX - 1, kind: "storage".into(), text: text.into() };
+        writer.event(&event).unwrap();
+    }
+    writer.finish().unwrap();
+    for (topic, rows) in
+        [("velocity", 8), ("field", 0), ("track", 8), ("impact", 1), ("events", 3), ("truth_impact", 0)]
+    {
+        let [npz, csv] = ["npz", "csv"].map(|ending| folder.path().join(format!("{topic}.{ending}")));
+        for (format, output) in [(export::Format::Npz, &npz), (export::Format::Csv, &csv)] {
+            let (file, topic, output) = (path.clone(), topic.to_owned(), Some(output.clone()));
+            export::run(&export::ExportOptions { file, topic, format, output }).unwrap();
+        }
+        let Some(told) = python(include_str!("read_npz.py"), &[&npz, &csv]) else { return };
+        let count: usize = told.trim().parse().unwrap();
+        assert!(count >= rows, "{topic}: {count} rows");
+    }
 }

@@ -1,6 +1,7 @@
 //! Recordings: what goes in comes out, whatever happens to the file in between.
 
 mod camera;
+mod compressed;
 mod damage;
 mod export;
 pub mod foreign;

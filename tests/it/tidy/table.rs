@@ -60,7 +60,7 @@ const BELOW_COMMAND: &[&str] = &[
 /// The rooms in the order of src/lib.rs.
 pub const ROOMS: &[Room] = &[
     pure("results", &[], &[]),
-    pure("image", &["results"], &["thiserror"]),
+    pure("image", &["results"], &["image", "thiserror"]),
     pure("dic", &["results", "image"], &["multiversion", "nalgebra", "realfft", "rustfft", "thiserror"]),
     pure("ball", &["results", "image"], &["multiversion", "nalgebra", "thiserror"]),
     pure("motion", &["results"], &["nalgebra", "thiserror"]),
@@ -77,6 +77,7 @@ pub const ROOMS: &[Room] = &[
             "bytes",
             "crc32fast",
             "foxglove",
+            "image",
             "log",
             "lz4",
             "mcap",
@@ -102,6 +103,7 @@ pub const ROOMS: &[Room] = &[
         BELOW_COMMAND,
         &[
             "anyhow",
+            "crc32fast",
             "csv",
             "env_logger",
             "image",

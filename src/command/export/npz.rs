@@ -1,0 +1,185 @@
+//! Tables as NumPy archives: a zip file with an array (`.npy`) for each column.
+//!
+//! Layouts: "A simple file format for NumPy arrays" (NumPy Enhancement Proposal 1); PKWARE APPNOTE 6.3, stored entries.
+
+use super::sink::{Cell, Column, Kind, Sink};
+use super::{ExportError, rows};
+use crate::recording::Recording;
+use std::collections::BTreeMap;
+use std::fs::File;
+use std::io::{self, BufWriter, Write};
+
+/// Arrays begin at a multiple of this, bytes.
+const ALIGNMENT: usize = 64;
+/// 1 January 1980, the first day of the format: the same table gives the same file.
+const DATE: u16 = 1 << 5 | 1;
+
+/// Writes a table; returns its rows. The columns are in memory until then.
+pub(super) fn write(recording: &Recording, topic: &str, file: File, name: &str) -> Result<u64, ExportError> {
+    let mut table = Table { name, columns: Vec::new(), rows: 0 };
+    rows::send(recording, topic, &mut table)?;
+    let failure = |source| ExportError::Write { to: name.into(), source };
+    let mut archive = Archive { to: BufWriter::new(file), written: 0, directory: Vec::new(), entries: 0 };
+    for (name, values) in &table.columns {
+        archive.add(&format!("{name}.npy"), &values.array(table.rows)).map_err(failure)?;
+    }
+    archive.finish().map_err(failure)?;
+    Ok(table.rows)
+}
+
+struct Table<'a> {
+    name: &'a str,
+    columns: Vec<(String, Values)>,
+    rows: u64,
+}
+
+/// A column, little-endian as its array will be; a missing number is NaN.
+enum Values {
+    /// Numbers of this type, NumPy's word for it.
+    Numbers(&'static str, Vec<u8>),
+    /// Words, each once, and which of them stands in each row.
+    Words(BTreeMap<String, usize>, Vec<usize>),
+}
+
+impl Sink for Table<'_> {
+    fn header(&mut self, columns: &[Column]) -> Result<(), ExportError> {
+        let values = |kind| match kind {
+            Kind::Integer => Values::Numbers("<i8", Vec::new()),
+            Kind::Stamp => Values::Numbers("<u8", Vec::new()),
+            Kind::Double => Values::Numbers("<f8", Vec::new()),
+            Kind::Single => Values::Numbers("<f4", Vec::new()),
+            Kind::Text => Values::Words(BTreeMap::new(), Vec::new()),
+        };
+        self.columns = columns.iter().map(|column| (column.name.clone(), values(column.kind))).collect();
+        Ok(())
+    }
+
+    fn row(&mut self, cells: Vec<Cell>) -> Result<(), ExportError> {
+        self.rows += 1;
+        for ((_, values), cell) in self.columns.iter_mut().zip(cells) {
+            let pushed = values.push(cell);
+            pushed.map_err(|source| ExportError::Write { to: self.name.into(), source })?;
+        }
+        Ok(())
+    }
+}
+
+impl Values {
+    fn push(&mut self, cell: Cell) -> io::Result<()> {
+        match (self, cell) {
+            (Self::Words(known, rows), Cell::Text(word)) => {
+                let next = known.len();
+                rows.push(*known.entry(word).or_insert(next));
+            }
+            (Self::Numbers(_, bytes), Cell::Integer(number)) => {
+                let whole = i64::try_from(number).map_err(io::Error::other)?;
+                bytes.extend(whole.to_le_bytes());
+            }
+            (Self::Numbers(_, bytes), Cell::Stamp(stamp_ns)) => bytes.extend(stamp_ns.to_le_bytes()),
+            (Self::Numbers(_, bytes), Cell::Double(number)) => {
+                let number = number.filter(|number| number.is_finite()).unwrap_or(f64::NAN);
+                bytes.extend(number.to_le_bytes());
+            }
+            (Self::Numbers(_, bytes), Cell::Single(number)) => {
+                let number = number.filter(|number| number.is_finite()).unwrap_or(f32::NAN);
+                bytes.extend(number.to_le_bytes());
+            }
+            (_, cell) => return Err(io::Error::other(format!("{cell:?} is not of its column's kind"))),
+        }
+        Ok(())
+    }
+
+    /// The whole array: header, then the values.
+    fn array(&self, rows: u64) -> Vec<u8> {
+        match self {
+            Self::Numbers(kind, bytes) => {
+                let mut array = header(kind, rows);
+                array.extend(bytes);
+                array
+            }
+            Self::Words(known, places) => {
+                // Fixed width: each word as long as the longest, in UTF-32.
+                let longest = known.keys().map(|word| word.chars().count()).max().unwrap_or(0).max(1);
+                let mut array = header(&format!("<U{longest}"), rows);
+                let mut encoded = vec![Vec::new(); known.len()];
+                for (word, place) in known {
+                    let mut bytes: Vec<u8> = word.chars().flat_map(|letter| u32::from(letter).to_le_bytes()).collect();
+                    bytes.resize(4 * longest, 0);
+                    encoded[*place] = bytes;
+                }
+                places.iter().for_each(|place| array.extend(&encoded[*place]));
+                array
+            }
+        }
+    }
+}
+
+fn header(kind: &str, rows: u64) -> Vec<u8> {
+    let mut text = format!("{{'descr': '{kind}', 'fortran_order': False, 'shape': ({rows},), }}");
+    let before = 10 + text.len() + 1;
+    text.extend(std::iter::repeat_n(' ', before.next_multiple_of(ALIGNMENT) - before));
+    text.push('\n');
+    let length = (text.len() as u16).to_le_bytes();
+    [b"\x93NUMPY\x01\x00", &length[..], text.as_bytes()].concat()
+}
+
+/// A zip file whose entries are stored as they are.
+struct Archive<W: Write> {
+    to: W,
+    written: usize,
+    /// What will stand at its end.
+    directory: Vec<u8>,
+    entries: u16,
+}
+
+impl<W: Write> Archive<W> {
+    fn add(&mut self, name: &str, content: &[u8]) -> io::Result<()> {
+        let offset = size(self.written)?;
+        // What the header of an entry and its line in the directory have in common.
+        let mut common = Vec::new();
+        let version_to_read = 20_u16;
+        [version_to_read, 0, 0, 0, DATE].iter().for_each(|field| common.extend(field.to_le_bytes()));
+        [crc32fast::hash(content), size(content.len())?, size(content.len())?]
+            .iter()
+            .for_each(|field| common.extend(field.to_le_bytes()));
+        [size(name.len())? as u16, 0].iter().for_each(|field| common.extend(field.to_le_bytes()));
+
+        self.put(b"PK\x03\x04")?;
+        self.put(&common)?;
+        self.put(name.as_bytes())?;
+        self.put(content)?;
+
+        self.directory.extend(b"PK\x01\x02");
+        self.directory.extend(version_to_read.to_le_bytes());
+        self.directory.extend(common);
+        // Comment, disk, kind and rights: none.
+        self.directory.extend([0; 10]);
+        self.directory.extend(offset.to_le_bytes());
+        self.directory.extend(name.as_bytes());
+        self.entries += 1;
+        Ok(())
+    }
+
+    fn finish(mut self) -> io::Result<()> {
+        let (offset, directory) = (size(self.written)?, std::mem::take(&mut self.directory));
+        self.put(&directory)?;
+        self.put(b"PK\x05\x06")?;
+        for field in [0, 0, self.entries, self.entries] {
+            self.put(&field.to_le_bytes())?;
+        }
+        self.put(&size(directory.len())?.to_le_bytes())?;
+        self.put(&offset.to_le_bytes())?;
+        self.put(&0_u16.to_le_bytes())?;
+        self.to.flush()
+    }
+
+    fn put(&mut self, bytes: &[u8]) -> io::Result<()> {
+        self.written += bytes.len();
+        self.to.write_all(bytes)
+    }
+}
+
+/// A size or place as the format holds it.
+fn size(bytes: usize) -> io::Result<u32> {
+    u32::try_from(bytes).map_err(|_| io::Error::other("an npz file holds at most 4 GiB; use --format parquet"))
+}

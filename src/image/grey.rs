@@ -1,0 +1,21 @@
+//! Grey levels out of decoded pictures.
+
+use super::PixelFormat;
+use image::DynamicImage;
+
+/// Layout and packed little-endian pixels of a grey picture of 8 or 16 bit; `None` for one in colour.
+///
+/// Three equal channels count as grey: bitmaps with a grey palette and many cameras' JPEG decode to them.
+pub fn grey_pixels(picture: DynamicImage) -> Option<(PixelFormat, Vec<u8>)> {
+    match picture {
+        DynamicImage::ImageLuma8(picture) => Some((PixelFormat::Mono8, picture.into_raw())),
+        DynamicImage::ImageLuma16(picture) => {
+            Some((PixelFormat::Mono16, picture.into_raw().into_iter().flat_map(u16::to_le_bytes).collect()))
+        }
+        DynamicImage::ImageRgb8(picture) => {
+            let is_grey = picture.pixels().all(|pixel| pixel.0[0] == pixel.0[1] && pixel.0[1] == pixel.0[2]);
+            is_grey.then(|| (PixelFormat::Mono8, picture.pixels().map(|pixel| pixel.0[0]).collect()))
+        }
+        _ => None,
+    }
+}

@@ -1,0 +1,129 @@
+//! Stacks of frames as NumPy arrays: frames x height x width, unsigned 8 or 16 bit, in C order.
+//!
+//! Layout: "A simple file format for NumPy arrays" (NumPy Enhancement Proposal 1).
+
+use super::{Footage, ImportError, Stamps, frame_bytes, frame_rate};
+use crate::image::PixelFormat;
+use std::collections::BTreeMap;
+use std::fs::File;
+use std::os::unix::fs::FileExt;
+use std::path::Path;
+
+const MAGIC: &[u8; 6] = b"\x93NUMPY";
+/// Longest header read; one that describes three axes has about a hundred bytes.
+const HEADER_BYTES: u64 = 1 << 16;
+
+pub(super) fn open(path: &Path, fps: Option<f64>) -> Result<Footage, ImportError> {
+    let invalid = |reason: String| ImportError::invalid(path, reason);
+    let file = File::open(path).map_err(|error| ImportError::io("open", path, error))?;
+    let file_bytes = file.metadata().map_err(|error| ImportError::io("open", path, error))?.len();
+    let (header, start) = header(&file, path, file_bytes)?;
+    let array = Array::parse(&header).map_err(invalid)?;
+    let [count, height_px, width_px] = array.shape;
+    let format = if array.is_wide { PixelFormat::Mono16 } else { PixelFormat::Mono8 };
+    let bytes = frame_bytes(path, width_px, height_px, format)?;
+    let (Ok(width_px), Ok(height_px)) = (u32::try_from(width_px), u32::try_from(height_px)) else {
+        return Err(invalid(format!("frames of {width_px}x{height_px} pixels")));
+    };
+    let end = count.checked_mul(bytes).and_then(|all| all.checked_add(start));
+    if count == 0 || end != Some(file_bytes) {
+        let rest = file_bytes - start;
+        return Err(invalid(format!("{rest} bytes behind the header do not make {count} frames of {bytes} bytes")));
+    }
+    let frame_rate_hz = frame_rate(path, fps, None)?;
+    let path = path.to_path_buf();
+    let frames = (0..count).map(move |number| {
+        let mut pixels = vec![0; bytes as usize];
+        let read = file.read_exact_at(&mut pixels, start + number * bytes);
+        read.map_err(|error| ImportError::io("read", &path, error))?;
+        if array.is_big_endian {
+            pixels.chunks_exact_mut(2).for_each(<[u8]>::reverse);
+        }
+        Ok((number, pixels))
+    });
+    Ok(Footage {
+        width_px,
+        height_px,
+        format,
+        frame_rate_hz,
+        count,
+        description: BTreeMap::new(),
+        warnings: Vec::new(),
+        frames: Box::new(frames),
+        stamps: Stamps { first_ns: 0, frame_rate_hz },
+    })
+}
+
+/// The header's text, and where the pixels begin.
+fn header(file: &File, path: &Path, file_bytes: u64) -> Result<(String, u64), ImportError> {
+    let read = |at: u64, count: u64| {
+        if at + count > file_bytes {
+            return Err(ImportError::invalid(path, format!("cut off within its header, at byte {file_bytes}")));
+        }
+        let mut bytes = vec![0; count as usize];
+        file.read_exact_at(&mut bytes, at).map_err(|error| ImportError::io("read", path, error))?;
+        Ok(bytes)
+    };
+    let start = read(0, 8)?;
+    if start[..6] != *MAGIC {
+        return Err(ImportError::invalid(path, "not a NumPy array: the magic bytes are missing at byte 0"));
+    }
+    let (length_bytes, length) = match start[6] {
+        1 => (2, read(8, 2).map(|b| u64::from(u16::from_le_bytes([b[0], b[1]])))?),
+        2 | 3 => (4, read(8, 4).map(|b| u64::from(u32::from_le_bytes([b[0], b[1], b[2], b[3]])))?),
+        other => return Err(ImportError::invalid(path, format!("version {other} of the format; 1 to 3 are read"))),
+    };
+    if length > HEADER_BYTES {
+        return Err(ImportError::invalid(path, format!("a header of {length} bytes, at most {HEADER_BYTES}")));
+    }
+    let text = read(8 + length_bytes, length)?;
+    Ok((String::from_utf8_lossy(&text).into_owned(), 8 + length_bytes + length))
+}
+
+/// What the header says, a Python dictionary with three entries.
+struct Array {
+    is_wide: bool,
+    is_big_endian: bool,
+    /// Frames, rows, pixels a row.
+    shape: [u64; 3],
+}
+
+impl Array {
+    fn parse(header: &str) -> Result<Self, String> {
+        let (is_wide, is_big_endian) = match quoted(value(header, "descr")?) {
+            Some("|u1" | "<u1" | ">u1") => (false, false),
+            Some("<u2") => (true, false),
+            Some(">u2") => (true, true),
+            _ => return Err(format!("{}; unsigned numbers of 8 or 16 bit are read", brief(value(header, "descr")?))),
+        };
+        if !value(header, "fortran_order")?.starts_with("False") {
+            return Err("not in C order; save numpy.ascontiguousarray of it".into());
+        }
+        let shape = value(header, "shape")?;
+        let axes = shape.strip_prefix('(').and_then(|rest| rest.split_once(')')).map(|(axes, _)| axes);
+        let axes: Option<Vec<u64>> = axes.and_then(|axes| {
+            let axes = axes.trim().trim_end_matches(',');
+            axes.split(',').map(|axis| axis.trim().parse().ok()).collect()
+        });
+        match axes.as_deref() {
+            Some([frames, height, width]) => Ok(Self { is_wide, is_big_endian, shape: [*frames, *height, *width] }),
+            _ => Err(format!("of shape {}; frames x height x width is read", brief(shape))),
+        }
+    }
+}
+
+/// The text behind a key of the dictionary.
+fn value<'a>(header: &'a str, key: &str) -> Result<&'a str, String> {
+    let missing = || format!("its header has no {key:?}");
+    let (_, rest) = header.split_once(&format!("'{key}'")).ok_or_else(missing)?;
+    Ok(rest.trim_start().strip_prefix(':').ok_or_else(missing)?.trim_start())
+}
+
+fn quoted(value: &str) -> Option<&str> {
+    Some(value.strip_prefix('\'')?.split_once('\'')?.0)
+}
+
+/// Enough of a value to name it, in one line.
+fn brief(value: &str) -> String {
+    value.chars().filter(|letter| !letter.is_control()).take(30).collect()
+}

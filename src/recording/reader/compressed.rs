@@ -1,0 +1,38 @@
+//! Compressed images of other people's recordings: PNG and JPEG.
+
+use crate::image::{PixelFormat, grey_pixels};
+use bytes::Bytes;
+use foxglove::messages::{CompressedImage, RawImage, Timestamp};
+use image::{ImageFormat, ImageReader, Limits};
+use prost::Message as _;
+use std::io::Cursor;
+
+pub(super) const SCHEMA_NAME: &str = "foxglove.CompressedImage";
+
+/// Largest picture unpacked, bytes: a few of a file may announce far more than they hold.
+const PICTURE_BYTES: u64 = 256 << 20;
+
+/// Reads a `foxglove.CompressedImage`.
+pub(super) fn image(message: Bytes) -> Result<RawImage, String> {
+    let image = CompressedImage::decode(message).map_err(|error| error.to_string())?;
+    decode(&image.data, image.timestamp)
+}
+
+/// Unpacks a picture by what it is, whatever the message calls it.
+pub(super) fn decode(payload: &[u8], timestamp: Option<Timestamp>) -> Result<RawImage, String> {
+    let format = image::guess_format(payload).ok();
+    let Some(format @ (ImageFormat::Png | ImageFormat::Jpeg)) = format else {
+        return Err("neither PNG nor JPEG, the only compressed images that are read".into());
+    };
+    let mut reader = ImageReader::with_format(Cursor::new(payload), format);
+    let mut limits = Limits::default();
+    limits.max_alloc = Some(PICTURE_BYTES);
+    reader.limits(limits);
+    let picture = reader.decode().map_err(|error| error.to_string())?;
+    let (width, height) = (picture.width(), picture.height());
+    let (format, pixels) = grey_pixels(picture).ok_or("not a grey image of 8 or 16 bit")?;
+    let encoding = if format == PixelFormat::Mono8 { "mono8" } else { "mono16" };
+    let step = u32::try_from(u64::from(width) * format.bytes_per_pixel() as u64).map_err(|error| error.to_string())?;
+    let (encoding, data) = (encoding.to_owned(), pixels.into());
+    Ok(RawImage { timestamp, frame_id: String::new(), width, height, encoding, step, data })
+}
