@@ -86,7 +86,8 @@ impl Loop {
     fn attach(&mut self, stream: &Stream) -> Result<(), BusError> {
         // A camera process that died told no end: what is known of its run is let out before the next begins.
         self.let_out(self.seen)?;
-        self.seen = 0;
+        // Else the status would tell a frame of the run before as one of this.
+        (self.seen, self.newest) = (0, (0, 0));
         self.fields.greet();
         self.ordered = None;
         self.reporter.set_run(stream.run_id.unwrap_or(0));

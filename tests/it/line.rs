@@ -182,7 +182,8 @@ fn a_film_of_compressed_images_is_measured_like_the_one_it_came_from() {
     use foxglove::Encode;
     use foxglove::messages::CompressedImage;
     let rig = Rig::new();
-    let config = drifting(&rig, "", "");
+    // A recording of ours knows its exposure, one of others does not.
+    let config = drifting(&rig, "exposure_us = 20", "");
     let frames = film(&rig);
     let path = rig.path("png.mcap");
     let mut writer = mcap::Writer::new(std::fs::File::create(&path).unwrap()).unwrap();
