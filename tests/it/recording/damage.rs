@@ -60,7 +60,7 @@ fn a_killed_writer_loses_no_frame_it_had_taken() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("shot.mcap");
     let mut writer = RecordingWriter::create(&path, &samples::info(), &WriterOptions::default()).unwrap();
-    // 23 frames of 90 kB: the last chunk is open, its header a placeholder.
+    // 23 frames of 90 kB: the last chunk is open, its header does not know its length yet.
     for sequence in 0..23 {
         let (meta, bytes) = samples::frame(sequence, PixelFormat::Mono8, [300, 300], 0);
         writer.frame(&Frame { meta, bytes: &bytes }).unwrap();
