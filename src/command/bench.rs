@@ -1,6 +1,7 @@
 //! `ricochet bench windows`: how many subsets a second this machine correlates.
 
 use std::io::Write;
+use std::sync::Barrier;
 use std::time::{Duration, Instant};
 
 use serde_json::json;
@@ -48,6 +49,8 @@ enum Kind {
     Kept,
     /// One rigid match of a whole ball.
     Body,
+    /// Fused multiply-adds on registers alone: what more threads gain on this machine at best.
+    Arithmetic,
 }
 
 #[derive(Clone, Copy, PartialEq)]
@@ -61,9 +64,14 @@ struct Row {
     name: &'static str,
     threads: usize,
     points_per_s: f64,
+    /// Times the rate of one thread.
+    speedup: f64,
 }
 
-const CASES: [Case; 9] = [
+/// How often the numbers of threads take turns, so that a machine whose speed drifts is fair to all.
+const TURNS: u32 = 7;
+
+const CASES: [Case; 10] = [
     case("ic-gn affine, cold", Kind::Cold(Start::Search), Method::IcGn, Shape::Affine, Points::Field),
     case("ic-gn affine, from neighbours", Kind::Cold(Start::Neighbor), Method::IcGn, Shape::Affine, Points::Field),
     case("ic-gn translation, cold", Kind::Cold(Start::Search), Method::IcGn, Shape::Translation, Points::Field),
@@ -73,6 +81,7 @@ const CASES: [Case; 9] = [
     case("peak-gaussian", Kind::Cold(Start::Search), Method::PeakGaussian, Shape::Translation, Points::Field),
     case("spline-fft, 2 points", Kind::Cold(Start::Search), Method::SplineFft, Shape::Translation, Points::Few),
     case("whole ball of 8800 px, rigid", Kind::Body, Method::IcGn, Shape::Rigid, Points::Few),
+    case("limit: arithmetic on registers", Kind::Arithmetic, Method::IcGn, Shape::Translation, Points::Few),
 ];
 
 const fn case(name: &'static str, kind: Kind, method: Method, shape: Shape, points: Points) -> Case {
@@ -94,8 +103,16 @@ pub fn windows(options: &WindowsOptions) -> anyhow::Result<()> {
     let duration = Duration::from_secs_f64(options.seconds.clamp(0.01, 60.0));
     let mut rows = Vec::new();
     for case in CASES {
-        for threads in counts.iter().copied() {
-            rows.push(Row { name: case.name, threads, points_per_s: measure(&case, threads, &frames, duration)? });
+        let mut rates = vec![Vec::new(); counts.len()];
+        for _ in 0..TURNS {
+            for (threads, rates) in counts.iter().zip(&mut rates) {
+                rates.push(measure(&case, *threads, &frames, duration / TURNS)?);
+            }
+        }
+        for (threads, own) in counts.iter().zip(&rates) {
+            let speedups = own.iter().zip(&rates[0]).map(|(own, one)| own / one);
+            let (points_per_s, speedup) = (median(own.iter().copied()), median(speedups));
+            rows.push(Row { name: case.name, threads: *threads, points_per_s, speedup });
         }
     }
     print(&rows, &parts(&frames, duration), options.json)
@@ -136,6 +153,7 @@ fn print(rows: &[Row], parts: &[(&str, f64)], as_json: bool) -> anyhow::Result<(
                 "threads": row.threads,
                 "points_per_s": row.points_per_s,
                 "points_per_s_per_core": row.points_per_s / row.threads as f64,
+                "speedup": row.speedup,
             })
         };
         let rows: Vec<_> = rows.iter().map(row).collect();
@@ -143,10 +161,15 @@ fn print(rows: &[Row], parts: &[(&str, f64)], as_json: bool) -> anyhow::Result<(
         writeln!(out, "{}", serde_json::to_string_pretty(&json!({ "windows": rows, "parts": parts }))?)?;
         return Ok(());
     }
-    writeln!(out, "{:36} {:>7} {:>12} {:>14}", "31 x 31 subsets", "threads", "points/s", "us/point/core")?;
+    writeln!(
+        out,
+        "{:36} {:>7} {:>12} {:>14} {:>8}",
+        "31 x 31 subsets", "threads", "points/s", "us/point/core", "speed-up"
+    )?;
     for row in rows {
         let us = 1e6 * row.threads as f64 / row.points_per_s;
-        writeln!(out, "{:36} {:>7} {:>12.0} {us:>14.2}", row.name, row.threads, row.points_per_s)?;
+        let (name, threads, rate, speedup) = (row.name, row.threads, row.points_per_s, row.speedup);
+        writeln!(out, "{name:36} {threads:>7} {rate:>12.0} {us:>14.2} {speedup:>8.2}")?;
     }
     writeln!(out, "\n{:36} {:>14}", "parts, one thread", "us")?;
     for (name, us) in parts {
@@ -157,8 +180,9 @@ fn print(rows: &[Row], parts: &[(&str, f64)], as_json: bool) -> anyhow::Result<(
 
 /// Points a second of all threads together.
 fn measure(case: &Case, threads: usize, frames: &(Image, Image), duration: Duration) -> anyhow::Result<f64> {
+    let ready = Barrier::new(threads);
     std::thread::scope(|scope| {
-        let workers: Vec<_> = (0..threads).map(|_| scope.spawn(|| work(case, frames, duration))).collect();
+        let workers: Vec<_> = (0..threads).map(|_| scope.spawn(|| work(case, frames, duration, &ready))).collect();
         let mut sum = 0.0;
         for worker in workers {
             sum += worker.join().map_err(|_| anyhow::anyhow!("a worker of the benchmark panicked"))??;
@@ -167,8 +191,8 @@ fn measure(case: &Case, threads: usize, frames: &(Image, Image), duration: Durat
     })
 }
 
-/// Points a second of one thread.
-fn work(case: &Case, frames: &(Image, Image), duration: Duration) -> anyhow::Result<f64> {
+/// Points a second of one thread, from the moment that all are ready.
+fn work(case: &Case, frames: &(Image, Image), duration: Duration, ready: &Barrier) -> anyhow::Result<f64> {
     let params =
         CorrelationParams { method: case.method, shape: case.shape, step_px: STEP_PX, ..CorrelationParams::default() };
     let mut correlator = Correlator::new(&params, SIDE, SIDE)?;
@@ -195,11 +219,32 @@ fn work(case: &Case, frames: &(Image, Image), duration: Duration) -> anyhow::Res
                 correlator.correlate_kept(&kept, &b, near, field);
                 points.len()
             }
+            Kind::Arithmetic => arithmetic(),
             Kind::Body => usize::from(body.find(&b, center, (SHIFT.0 - 0.02, SHIFT.1 + 0.03, 0.05)).is_ok()),
         }
     };
     round(&mut field);
+    ready.wait();
     Ok(rate(duration, || round(&mut field)))
+}
+
+/// A thousand rounds of arithmetic that touches no memory.
+fn arithmetic() -> usize {
+    let mut lanes = [1.0_f32; 64];
+    for _ in 0..1000 {
+        for lane in &mut lanes {
+            *lane = *lane * 0.999 + 0.001;
+        }
+    }
+    std::hint::black_box(lanes);
+    1
+}
+
+/// The middle one of some figures.
+fn median(figures: impl Iterator<Item = f64>) -> f64 {
+    let mut figures: Vec<f64> = figures.collect();
+    figures.sort_by(f64::total_cmp);
+    figures[figures.len() / 2]
 }
 
 /// Points a second over the given time.

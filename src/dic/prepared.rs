@@ -92,7 +92,7 @@ impl Prepared {
 /// The gradient along one row.
 fn gradient_along(row: &[f32], gradient: &mut [f32]) {
     let width = row.len();
-    for x in (0..width).filter(|x| *x < 2 || *x + 2 >= width) {
+    for x in (0..width.min(2)).chain(width.saturating_sub(2)..width) {
         let (left, right) = (x.saturating_sub(1), (x + 1).min(width - 1));
         gradient[x] = (row[right] - row[left]) / (right - left).max(1) as f32;
     }

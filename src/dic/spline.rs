@@ -208,16 +208,35 @@ fn filter_rows_with<V: Vector>(levels: &Plane, response: &[f32; REACH + 1], out:
     for y in 0..levels.height() {
         let row = &levels.data()[levels.index(-(MARGIN as isize), y as isize)..];
         let target = out.padded_row_mut(y);
+        let mut x = 0;
         // The last eight may spill into the margin, which is filled later.
-        for x in (0..width).step_by(LANES) {
-            let near = &row[MARGIN + x - REACH..][..2 * REACH + LANES];
-            let mut sum = V::load(&near[REACH..]).mul(V::splat(response[0]));
-            for k in 1..=REACH {
-                let pair = V::load(&near[REACH - k..]).add(V::load(&near[REACH + k..]));
-                sum = sum.plus_product(pair, V::splat(response[k]));
+        while x < width {
+            let near = &row[MARGIN + x - REACH..];
+            if width - x >= 2 * LANES {
+                convolve::<V, 2>(near, response, &mut target[MARGIN + x..]);
+                x += 2 * LANES;
+            } else {
+                convolve::<V, 1>(near, response, &mut target[MARGIN + x..]);
+                x += LANES;
             }
-            sum.store(&mut target[MARGIN + x..]);
         }
+    }
+}
+
+/// `8 N` samples of a row, in N sums that do not wait for each other.
+#[inline(always)]
+fn convolve<V: Vector, const N: usize>(near: &[f32], response: &[f32; REACH + 1], out: &mut [f32]) {
+    let (near, center) = (&near[..2 * REACH + N * LANES], V::splat(response[0]));
+    let mut sums: [V; N] = std::array::from_fn(|n| V::load(&near[REACH + n * LANES..]).mul(center));
+    for (before, weight) in response[1..].iter().rev().enumerate() {
+        let (left, right) = (&near[before..][..N * LANES], &near[2 * REACH - before..][..N * LANES]);
+        let weight = V::splat(*weight);
+        for (n, sum) in sums.iter_mut().enumerate() {
+            *sum = sum.plus_product(V::load(&left[n * LANES..]).add(V::load(&right[n * LANES..])), weight);
+        }
+    }
+    for (n, sum) in sums.into_iter().enumerate() {
+        sum.store(&mut out[n * LANES..]);
     }
 }
 
