@@ -33,6 +33,9 @@ pub struct Field {
     /// A hole in the polygon; as often as needed.
     #[arg(long, value_name = "X,Y X,Y X,Y...", requires = "polygon")]
     hole: Vec<Corners>,
+    /// Also subsets that the edge of the picture or of the region cuts, as long as half of their pixels are left.
+    #[arg(long)]
+    partial: bool,
     /// Subset size, odd, px.
     #[arg(long, value_name = "PX")]
     subset: Option<u32>,
@@ -126,7 +129,20 @@ impl Field {
         let roi_px = self.roi.map(|roi| roi.0);
         let holes_px = self.hole.into_iter().map(|hole| hole.0).collect();
         let region = self.polygon.map(|outline| dic::Region::Polygon { outline_px: outline.0, holes_px });
-        let Field { reference, target, later, output, picture, json, map, start: begin, .. } = self;
-        Ok(FieldOptions { reference, target, later, params, roi_px, region, output, json, picture, map, begin })
+        let Field { reference, target, later, output, picture, json, map, start: begin, partial, .. } = self;
+        Ok(FieldOptions {
+            reference,
+            target,
+            later,
+            params,
+            roi_px,
+            region,
+            partial,
+            output,
+            json,
+            picture,
+            map,
+            begin,
+        })
     }
 }

@@ -6,7 +6,9 @@ use std::time::{Duration, Instant};
 
 use serde_json::json;
 
-use crate::dic::{CorrelationParams, Correlator, GridPoint, Method, Parts, Region, RigidBody, Shape, Start, grid};
+use crate::dic::{
+    CorrelationParams, Correlator, GridPoint, Method, Parts, Region, RigidBody, Shape, Start, grid, instruction_set,
+};
 use crate::image::Image;
 
 /// Side of the test images, px.
@@ -158,9 +160,16 @@ fn print(rows: &[Row], parts: &[(&str, f64)], as_json: bool) -> anyhow::Result<(
         };
         let rows: Vec<_> = rows.iter().map(row).collect();
         let parts: Vec<_> = parts.iter().map(|(name, us)| json!({ "part": name, "us": us })).collect();
-        writeln!(out, "{}", serde_json::to_string_pretty(&json!({ "windows": rows, "parts": parts }))?)?;
+        writeln!(
+            out,
+            "{}",
+            serde_json::to_string_pretty(
+                &json!({ "instructions": instruction_set(), "windows": rows, "parts": parts })
+            )?
+        )?;
         return Ok(());
     }
+    writeln!(out, "instructions: {}", instruction_set())?;
     writeln!(
         out,
         "{:36} {:>7} {:>12} {:>14} {:>8}",

@@ -21,18 +21,21 @@ impl Correlation {
         Self { data: transform.memory(), product: transform.memory(), transform }
     }
 
-    /// The subset into the imaginary part, its square's corner at the origin; what does not fit is left out.
+    /// The subset into the imaginary part, its rectangle's corner at the origin; what does not fit is left out.
     pub(super) fn load_subset(&mut self, subset: &Subset, window: &Window) {
-        let (stride, size, half) = (self.transform.stride(), self.transform.size(), window.half as i32);
+        let (stride, size) = (self.transform.stride(), self.transform.size());
+        let width = window.extent.sides().0.min(size);
         self.data.im.fill(0.0);
         for block in &window.blocks {
-            let x = (half + block.dx) as usize;
-            let last = LANES.min((2 * window.half as usize + 1).min(size).saturating_sub(x));
-            let top = (half + block.dy) as usize;
+            // Lanes before the rectangle hold no pixel.
+            let skipped = (window.extent.left - block.dx).max(0) as usize;
+            let x = (block.dx - window.extent.left).max(0) as usize;
+            let last = LANES.min(skipped + width.saturating_sub(x)).max(skipped);
+            let top = (block.dy - window.extent.top) as usize;
             for row in 0..block.rows.min(size.saturating_sub(top)) {
                 let first = (top + row) * stride + x;
-                let levels = &subset.levels[block.start + row].0[..last];
-                self.data.im[first..first + last].copy_from_slice(levels);
+                let levels = &subset.levels[block.start + row].0[skipped..last];
+                self.data.im[first..first + last - skipped].copy_from_slice(levels);
             }
         }
     }
@@ -103,8 +106,8 @@ fn product_of(a: f32, b: f32, c: f32, d: f32) -> (f32, f32) {
 
 /// What a normalised surface covers.
 pub(super) struct Shifts {
-    /// Side of the subset's square.
-    pub(super) side: usize,
+    /// Width and height of the subset's rectangle.
+    pub(super) sides: (usize, usize),
     /// Shifts along x.
     pub(super) columns: usize,
     /// Shifts along y.
@@ -155,7 +158,7 @@ impl Contrast {
     /// Divides each shift's correlation by the contrast of what it covers.
     ///
     /// `energy` is the subset's sum of squares; `share` how many times larger its
-    /// square is than itself: a round subset is judged by the contrast of its square.
+    /// rectangle is than itself: a round subset is judged by the contrast of its square.
     pub(super) fn normalise(
         &self,
         correlation: &Correlation,
@@ -163,16 +166,16 @@ impl Contrast {
         (energy, share): (f64, f64),
         surface: &mut [f32],
     ) {
-        let Shifts { side, columns, rows } = *shifts;
+        let Shifts { sides: (width, height), columns, rows } = *shifts;
         let (size, line_length) = (correlation.transform.size(), correlation.transform.stride());
-        let stride = columns + side;
-        let pixels = (side * side) as f64;
+        let stride = columns + width;
+        let pixels = (width * height) as f64;
         let scale = share / (size * size) as f64;
         for y in 0..rows {
             for x in 0..columns {
                 let over = |sums: &[f64]| {
-                    sums[(y + side) * stride + x + side] - sums[y * stride + x + side] - sums[(y + side) * stride + x]
-                        + sums[y * stride + x]
+                    let (above, below) = (y * stride + x, (y + height) * stride + x);
+                    sums[below + width] - sums[above + width] - sums[below] + sums[above]
                 };
                 let sum = over(&self.sums);
                 let contrast = over(&self.squares) - sum * sum / pixels;

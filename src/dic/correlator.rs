@@ -23,6 +23,11 @@ const TRUSTED_ZNCC: f64 = 0.9;
 /// Share of its pixels that a subset must keep inside the region.
 const LEAST_SHARE: f64 = 0.5;
 
+/// Pixels this near the image's edge are left out of a subset that reaches over it, px.
+///
+/// Their gradients are one-sided, and what moves a little outwards still has its other pixels in the picture.
+const EDGE_PX: f64 = 3.0;
+
 /// Where the search for each subset begins.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Start {
@@ -133,9 +138,9 @@ impl Correlator {
 
     /// Correlates only pixels of the reference that belong to `region`; all of them with `None`.
     ///
-    /// Subsets that reach over its edge are cut there; those with less than half of
-    /// their pixels left are out of frame. The correlation-peak methods know whole
-    /// subsets only, so any cut makes those out of frame.
+    /// Subsets that reach over its edge, or over that of the image, are cut there; those
+    /// with less than half of their pixels left are out of frame. The correlation-peak
+    /// methods know whole subsets only, so any cut makes those out of frame.
     pub fn set_region(&mut self, region: Option<Region>) {
         self.region = region;
     }
@@ -311,15 +316,15 @@ impl Correlator {
         subset: &mut Subset,
         cut: &mut Window,
     ) -> Result<bool, PointStatus> {
-        let is_cut = match &self.region {
-            Some(region) => {
-                let belongs = |dx: i32, dy: i32| {
-                    region.contains(f64::from(point.x) + f64::from(dx), f64::from(point.y) + f64::from(dy))
-                };
-                self.window.cut(belongs, cut)
-            }
-            None => false,
+        let (width, height) = (self.width_px, self.height_px);
+        let whole = self.window.extent.fits((point.x as isize, point.y as isize), (width, height));
+        let belongs = |dx: i32, dy: i32| {
+            let (x, y) = (f64::from(point.x) + f64::from(dx), f64::from(point.y) + f64::from(dy));
+            let inner = |at: f64, extent: usize| at >= EDGE_PX && at <= extent as f64 - 1.0 - EDGE_PX;
+            (whole || (inner(x, width) && inner(y, height)))
+                && self.region.as_ref().is_none_or(|region| region.contains(x, y))
         };
+        let is_cut = (!whole || self.region.is_some()) && self.window.cut(belongs, cut);
         let share = cut.pixels as f64 / self.window.pixels as f64;
         if is_cut && (share < LEAST_SHARE || self.params.method != Method::IcGn) {
             return Err(PointStatus::OutOfFrame);

@@ -89,14 +89,13 @@ impl Search {
         target: &Plane,
         at: (u32, u32),
     ) -> Option<Found> {
-        let (half, side) = (window.half as isize, 2 * window.half as usize + 1);
-        let corner = (at.0 as isize - half, at.1 as isize - half);
+        let (extent, size) = (window.extent, self.quick.transform.size());
+        let corner = (at.0 as isize + extent.left as isize, at.1 as isize + extent.top as isize);
+        let (width, height) = extent.sides();
         self.quick.load_subset(subset, window);
-        let covered = side.min(self.quick.transform.size());
-        self.quick.load_area(target, corner, (covered, covered), subset.mean);
+        self.quick.load_area(target, corner, (width.min(size), height.min(size)), subset.mean);
         self.quick.run();
         // Shift zero to the middle, with one wrapped line around.
-        let size = self.quick.transform.size();
         let (stride, columns, before) = (self.quick.transform.stride(), size + 2, size / 2 + 1);
         for (line, row) in self.surface.chunks_exact_mut(columns).take(columns).zip(size - before..) {
             let from = &self.quick.data.re[row % size * stride..][..size];
@@ -140,27 +139,27 @@ impl Search {
         at: (u32, u32),
         around: (i32, i32),
     ) -> Option<Found> {
-        let (half, range) = (i64::from(window.half), self.range as i64);
-        let shifts = |center: i64, extent: usize| {
-            let low = (center - range).max(half);
-            let high = (center + range).min(extent as i64 - 1 - half);
+        let (extent, range) = (window.extent, self.range as i64);
+        let shifts = |center: i64, (first, last): (i32, i32), length: usize| {
+            let low = (center - range).max(-i64::from(first));
+            let high = (center + range).min(length as i64 - 1 - i64::from(last));
             (low <= high).then_some((low, high))
         };
         let center = (i64::from(at.0) + i64::from(around.0), i64::from(at.1) + i64::from(around.1));
-        let (left, right) = shifts(center.0, target.width())?;
-        let (top, bottom) = shifts(center.1, target.height())?;
-        let corner = ((left - half) as isize, (top - half) as isize);
+        let (left, right) = shifts(center.0, (extent.left, extent.right), target.width())?;
+        let (top, bottom) = shifts(center.1, (extent.top, extent.bottom), target.height())?;
+        let corner = ((left + i64::from(extent.left)) as isize, (top + i64::from(extent.top)) as isize);
         let (columns, rows) = ((right - left + 1) as usize, (bottom - top + 1) as usize);
         self.shifts = (columns, rows);
-        let edge = 2 * window.half as usize;
-        let area = (columns + edge, rows + edge);
+        let sides = extent.sides();
+        let area = (columns + sides.0 - 1, rows + sides.1 - 1);
         self.full.load_subset(subset, window);
         self.full.load_area(target, corner, area, subset.mean);
         self.contrast.add_up(&self.full, area);
         self.full.run();
-        let square = ((edge + 1) * (edge + 1)) as f64 / window.pixels as f64;
-        let shape = Shifts { side: edge + 1, columns, rows };
-        self.contrast.normalise(&self.full, &shape, (subset.energy, square), &mut self.surface);
+        let share = (sides.0 * sides.1) as f64 / window.pixels as f64;
+        let shape = Shifts { sides, columns, rows };
+        self.contrast.normalise(&self.full, &shape, (subset.energy, share), &mut self.surface);
         let surface = Surface { data: &self.surface[..columns * rows], columns };
         let highest = surface.highest()?;
         let origin = ((left - i64::from(at.0)) as i32, (top - i64::from(at.1)) as i32);

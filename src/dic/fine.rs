@@ -85,7 +85,7 @@ impl FineSearch {
         self.contrast.add_up(&self.correlation, (area, area));
         self.correlation.run();
         let count = area - side + 1;
-        let shifts = Shifts { side, columns: count, rows: count };
+        let shifts = Shifts { sides: (side, side), columns: count, rows: count };
         let share = (side * side) as f64 / self.count.max(1) as f64;
         self.contrast.normalise(&self.correlation, &shifts, (energy, share), &mut self.surface);
         let surface = Surface { data: &self.surface, columns: count };

@@ -25,6 +25,13 @@ pub fn rectangle(roi: [u32; 4], step_px: u32, subset_size_px: u32) -> Vec<GridPo
     along(roi[1], roi[3]).flat_map(|y| along(roi[0], roi[2]).map(move |x| GridPoint { x, y })).collect()
 }
 
+/// As [`rectangle`], carried on to the centres whose subsets reach over its edge.
+pub fn partial(roi: [u32; 4], step_px: u32, subset_size_px: u32) -> Vec<GridPoint> {
+    let step = step_px.max(1);
+    let along = |start: u32, extent: u32| (start + subset_size_px / 2 % step..start + extent).step_by(step as usize);
+    along(roi[1], roi[3]).flat_map(|y| along(roi[0], roi[2]).map(move |x| GridPoint { x, y })).collect()
+}
+
 /// Centres whose square subsets lie wholly inside a disc and inside the image, row by row.
 ///
 /// The grid is anchored at the disc's centre, rounded to a whole pixel.
@@ -73,6 +80,15 @@ mod tests {
         assert_eq!(points.iter().map(|p| p.y).max(), Some(35));
         assert!(rectangle([0, 0, 30, 100], 10, 31).is_empty());
         assert_eq!(rectangle([0, 0, 31, 31], 10, 31), [GridPoint { x: 15, y: 15 }]);
+    }
+
+    #[test]
+    fn partial_subsets_carry_the_same_grid_on() {
+        let (whole, all) = (rectangle([10, 20, 61, 35], 10, 31), partial([10, 20, 61, 35], 10, 31));
+        assert!(whole.iter().all(|point| all.contains(point)));
+        let xs: Vec<u32> = all.iter().filter(|p| p.y == 35).map(|p| p.x).collect();
+        assert_eq!(xs, [15, 25, 35, 45, 55, 65]);
+        assert_eq!(all.iter().map(|p| p.y).max(), Some(45));
     }
 
     #[test]

@@ -99,8 +99,17 @@ impl Matcher<'_> {
         solution
     }
 
-    /// By the guess if it leads to a ZNCC of `least`, else by the quick search, else by the full one.
+    /// By the guess if it leads to a ZNCC of `least`, else by search.
     fn solve_first_order(&self, search: &mut Search, guess: Option<Warp>, least: f64) -> Solution {
+        let solution = self.solve_anew(search, guess, least);
+        // What should lie outside and is found nowhere else has left.
+        let left =
+            solution.status == PointStatus::LowCorrelation && guess.is_some_and(|warp| !self.refiner().inside(&warp));
+        if left { solution.without_answer(PointStatus::OutOfFrame) } else { solution }
+    }
+
+    /// By the guess, else by the quick search, else by the full one.
+    fn solve_anew(&self, search: &mut Search, guess: Option<Warp>, least: f64) -> Solution {
         if let Some(warp) = guess
             && let Ok(found) = self.refiner().refine(warp)
             && found.zncc >= least.max(self.params.min_zncc)

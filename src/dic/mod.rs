@@ -59,4 +59,5 @@ pub use prepared::Prepared;
 pub use region::Region;
 pub use rigid_fit::{RigidMotion, rigid_fit};
 pub use series::Series;
+pub use vector::instruction_set;
 pub use zncc::zncc;

@@ -168,11 +168,11 @@ impl Refiner<'_> {
 
     /// Whether the warped subset lies wholly in the target.
     pub(super) fn inside(&self, warp: &Warp) -> bool {
-        let (reach_x, reach_y) = self.window.reach(warp);
-        let (x, y) = (f64::from(self.at.0) + warp.u, f64::from(self.at.1) + warp.v);
-        let (right, bottom) = (self.target.width() as f64 - 1.0, self.target.height() as f64 - 1.0);
+        let [left, top, right, bottom] = self.window.reach(warp);
+        let (x, y) = (f64::from(self.at.0), f64::from(self.at.1));
+        let (width, height) = (self.target.width() as f64, self.target.height() as f64);
         // Written so that NaN is outside.
-        x - reach_x >= 0.0 && x + reach_x <= right && y - reach_y >= 0.0 && y + reach_y <= bottom
+        x + left >= 0.0 && x + right <= width - 1.0 && y + top >= 0.0 && y + bottom <= height - 1.0
     }
 
     /// Samples the warped target once, in tiles or exactly, and sums it against the reference.

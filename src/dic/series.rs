@@ -58,6 +58,10 @@ pub struct Series {
     incremental: Vec<FieldPoint>,
     median_test: MedianTest,
     renewals: u32,
+    /// Memory for the newest picture, and for where its subsets were found.
+    target: Prepared,
+    warps: Vec<Option<Warp>>,
+    sorted: Vec<f64>,
 }
 
 impl Series {
@@ -80,6 +84,9 @@ impl Series {
             incremental: Vec::new(),
             median_test: MedianTest::default(),
             renewals: 0,
+            target: Prepared::default(),
+            warps: Vec::new(),
+            sorted: Vec::new(),
         }
     }
 
@@ -90,33 +97,38 @@ impl Series {
 
     /// Displacements from the first picture to this one, one point per grid point, in the first picture's places.
     ///
-    /// Points whose material was not found when the reference was renewed are lost for good.
+    /// `field` is cleared first. Points whose material was not found when the reference was renewed are lost for good.
     ///
     /// # Panics
     ///
     /// If the picture has another size than planned.
-    pub fn push(&mut self, picture: ImageView<'_>) -> Vec<FieldPoint> {
-        let target = self.correlator.prepare(picture);
-        let Self { correlator, kept, starts, incremental, .. } = self;
-        correlator.correlate_from(kept, &target, starts, incremental);
-        let warps: Vec<Option<Warp>> = correlator.warps().collect();
-        let mut field: Vec<FieldPoint> = (0..self.grid.len()).map(|index| self.total(index, &warps)).collect();
-        self.median_test.mark(&self.grid, self.correlator.params().step_px, &mut field);
+    ///
+    /// # Cost
+    ///
+    /// Allocates for the first picture, and when the reference is renewed.
+    pub fn push(&mut self, picture: ImageView<'_>, field: &mut Vec<FieldPoint>) {
+        let Self { correlator, kept, starts, incremental, target, warps, .. } = self;
+        correlator.prepare_into(picture, target);
+        correlator.correlate_from(kept, target, starts, incremental);
+        warps.clear();
+        warps.extend(correlator.warps());
+        field.clear();
+        field.extend((0..self.grid.len()).map(|index| self.total(index)));
+        self.median_test.mark(&self.grid, self.correlator.params().step_px, field);
         let followed = self.carried.iter().flatten().count() as f64;
         let found = field.iter().filter(|point| point.displacement.is_some()).count() as f64;
         if found < LEAST_FOUND * followed {
             // A picture of something else, or too dark: the next one is compared as if this had not been.
-        } else if self.is_worn_out(&warps) {
-            self.renew(target, &field);
+        } else if self.is_worn_out() {
+            self.renew(field);
         } else {
             // A subset that was not found begins where it was found last.
-            self.starts.iter_mut().zip(warps).for_each(|(start, warp)| *start = warp.or(*start));
+            self.starts.iter_mut().zip(&self.warps).for_each(|(start, warp)| *start = warp.or(*start));
         }
-        field
     }
 
     /// What has become of one point since the first picture.
-    fn total(&self, index: usize, warps: &[Option<Warp>]) -> FieldPoint {
+    fn total(&self, index: usize) -> FieldPoint {
         let (x_px, y_px) = (self.grid[index].x as f32, self.grid[index].y as f32);
         let (Some(carried), Some(place)) = (self.carried[index], self.places[index]) else {
             return FieldPoint {
@@ -129,7 +141,7 @@ impl Series {
             };
         };
         let found = &self.incremental[place];
-        let displacement = warps[place].zip(found.displacement).map(|(warp, step)| {
+        let displacement = self.warps[place].zip(found.displacement).map(|(warp, step)| {
             let (dx, dy) = carried.offset;
             let sigma = |variance: f64, sigma: f32| (variance + f64::from(sigma).powi(2)).sqrt() as f32;
             Displacement {
@@ -143,15 +155,16 @@ impl Series {
     }
 
     /// Whether the reference no longer serves.
-    fn is_worn_out(&self, warps: &[Option<Warp>]) -> bool {
+    fn is_worn_out(&mut self) -> bool {
         let turn = |warp: &Warp| (0.5 * (warp.uy - warp.vx)).atan().abs().to_degrees();
-        let turns: Vec<f64> = warps.iter().flatten().map(turn).collect();
-        let znccs: Vec<f64> = self.incremental.iter().filter_map(|point| point.zncc.map(f64::from)).collect();
-        median(turns).is_some_and(|turn| turn > RENEW_DEG) || median(znccs).is_some_and(|zncc| zncc < RENEW_ZNCC)
+        let turns = self.warps.iter().flatten().map(turn);
+        let is_turned = median(turns, &mut self.sorted).is_some_and(|turn| turn > RENEW_DEG);
+        let znccs = self.incremental.iter().filter_map(|point| point.zncc.map(f64::from));
+        is_turned || median(znccs, &mut self.sorted).is_some_and(|zncc| zncc < RENEW_ZNCC)
     }
 
     /// Takes the newest picture as the reference, with subsets where the material is now.
-    fn renew(&mut self, picture: Prepared, field: &[FieldPoint]) {
+    fn renew(&mut self, field: &[FieldPoint]) {
         let mut points = Vec::new();
         for (index, point) in field.iter().enumerate() {
             self.carried[index] = point.displacement.and_then(|step| {
@@ -166,6 +179,7 @@ impl Series {
             });
             self.places[index] = self.carried[index].map(|_| points.len() - 1);
         }
+        let picture = std::mem::take(&mut self.target);
         self.kept = self.correlator.keep(picture, &points);
         self.starts = vec![Some(Warp::default()); points.len()];
         self.renewals += 1;
@@ -177,9 +191,12 @@ fn whole(place: f64) -> Option<u32> {
     (place >= 0.0 && place < f64::from(u32::MAX)).then(|| place.round() as u32)
 }
 
-fn median(mut values: Vec<f64>) -> Option<f64> {
-    let middle = values.len() / 2;
-    (!values.is_empty()).then(|| *values.select_nth_unstable_by(middle, f64::total_cmp).1)
+/// The middle one of some values, put in order in `sorted`.
+fn median(values: impl Iterator<Item = f64>, sorted: &mut Vec<f64>) -> Option<f64> {
+    sorted.clear();
+    sorted.extend(values);
+    let middle = sorted.len() / 2;
+    (!sorted.is_empty()).then(|| *sorted.select_nth_unstable_by(middle, f64::total_cmp).1)
 }
 
 #[cfg(test)]
@@ -207,8 +224,10 @@ mod tests {
         };
         let mut series = Series::new(Correlator::new(&params, SIDE, SIDE).unwrap(), picture(0).view(), &points);
         let (mut worst, mut pulls, mut count, mut lost) = (0.0_f64, 0.0, 0, 0);
+        let mut field = Vec::new();
         for frame in 1..=frames {
-            for (point, found) in points.iter().zip(series.push(picture(frame).view())) {
+            series.push(picture(frame).view(), &mut field);
+            for (point, found) in points.iter().zip(&field) {
                 let Some(found) = found.displacement else {
                     lost += 1;
                     continue;
@@ -252,7 +271,8 @@ mod tests {
         let other = Speckle::standard(6, SIDE as f64).draw(SIDE, SIDE);
         let mut series = Series::new(Correlator::new(&params, SIDE, SIDE).unwrap(), own(0.0).view(), &points);
         for (picture, moved) in [(own(0.4), Some(0.4)), (other, None), (own(1.1), Some(1.1))] {
-            let found = series.push(record(&picture, 1.0, 9).view());
+            let mut found = Vec::new();
+            series.push(record(&picture, 1.0, 9).view(), &mut found);
             let valid: Vec<f32> = found.iter().filter_map(|point| point.displacement).map(|d| d.u_px).collect();
             match moved {
                 Some(moved) => assert!(valid.len() == points.len() && valid.iter().all(|u| (u - moved).abs() < 0.02)),

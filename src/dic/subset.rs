@@ -68,9 +68,7 @@ impl Subset {
         at: (u32, u32),
     ) -> Result<(), Unusable> {
         let (x, y) = (at.0 as isize, at.1 as isize);
-        let half = window.half as isize;
-        let (width, height) = (reference.width() as isize, reference.height() as isize);
-        if x < half || y < half || x + half >= width || y + half >= height {
+        if !window.extent.fits((x, y), (reference.width(), reference.height())) {
             return Err(Unusable::OutOfFrame);
         }
         self.fill_levels(reference, window, (x, y))?;

@@ -174,6 +174,34 @@ pub(super) fn has_avx2() -> bool {
     std::arch::is_x86_feature_detected!("avx2") && std::arch::is_x86_feature_detected!("fma")
 }
 
+/// Whether this machine has the AVX-512 forms of AVX2's instructions, with twice as many registers.
+///
+/// The numbers stay eight wide, and every result the same to the last bit: what bounds the passes is that sixteen
+/// registers do not hold the weights of the taps.
+#[cfg(target_arch = "x86_64")]
+pub(super) fn has_avx512() -> bool {
+    std::arch::is_x86_feature_detected!("avx512f")
+        && std::arch::is_x86_feature_detected!("avx512vl")
+        && std::arch::is_x86_feature_detected!("avx512dq")
+        && has_avx2()
+}
+
+/// What the hot passes are run with on this machine.
+pub fn instruction_set() -> &'static str {
+    #[cfg(target_arch = "x86_64")]
+    {
+        match (has_avx512(), has_avx2()) {
+            (true, _) => "AVX-512VL",
+            (_, true) => "AVX2",
+            _ => "SSE2",
+        }
+    }
+    #[cfg(not(target_arch = "x86_64"))]
+    {
+        std::env::consts::ARCH
+    }
+}
+
 #[cfg(target_arch = "x86_64")]
 pub(super) use avx2::Avx2;
 
@@ -187,6 +215,15 @@ macro_rules! vectorized {
                 #[target_feature(enable = "avx2,fma")]
                 fn compiled($($arg: $type),*) $(-> $result)? {
                     $generic::<$crate::dic::vector::Avx2>($($arg),*)
+                }
+                #[target_feature(enable = "avx512f,avx512vl,avx512dq,avx2,fma")]
+                fn compiled_for_more_registers($($arg: $type),*) $(-> $result)? {
+                    $generic::<$crate::dic::vector::Avx2>($($arg),*)
+                }
+                if $crate::dic::vector::has_avx512() {
+                    #[expect(unsafe_code, reason = "the way into a function compiled for AVX-512")]
+                    // SAFETY: this machine has AVX-512F, VL and DQ, by the line above.
+                    return unsafe { compiled_for_more_registers($($arg),*) };
                 }
                 if $crate::dic::vector::has_avx2() {
                     #[expect(unsafe_code, reason = "the way into a function compiled for AVX2")]

@@ -17,6 +17,30 @@ pub(super) struct Block {
     pub(super) start: usize,
 }
 
+/// The rectangle around the pixels of a subset: first and last offsets from the centre, px.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub(super) struct Extent {
+    pub(super) left: i32,
+    pub(super) top: i32,
+    pub(super) right: i32,
+    pub(super) bottom: i32,
+}
+
+impl Extent {
+    /// Pixels along x and y.
+    pub(super) fn sides(&self) -> (usize, usize) {
+        ((self.right - self.left + 1).max(0) as usize, (self.bottom - self.top + 1).max(0) as usize)
+    }
+
+    /// Whether all of it lies in an image when the centre is at `at`.
+    pub(super) fn fits(&self, (x, y): (isize, isize), (width, height): (usize, usize)) -> bool {
+        x + self.left as isize >= 0
+            && y + self.top as isize >= 0
+            && x + (self.right as isize) < width as isize
+            && y + (self.bottom as isize) < height as isize
+    }
+}
+
 /// Which pixels around a centre belong to a subset.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub(super) struct Window {
@@ -25,8 +49,10 @@ pub(super) struct Window {
     pub(super) mask: Vec<Lanes>,
     /// Pixels that belong.
     pub(super) pixels: usize,
-    /// Largest offset along x or y, px.
+    /// Largest offset along x or y that a pixel may have, px.
     pub(super) half: u32,
+    /// The rectangle around the pixels that belong.
+    pub(super) extent: Extent,
     /// Largest distance from the centre, px.
     radius: f64,
 }
@@ -52,7 +78,8 @@ impl Window {
     /// The pixels within `half` of the centre for which `belongs(dx, dy)`.
     pub(super) fn from_test(half: u32, belongs: impl Fn(i32, i32) -> bool) -> Self {
         let reach = half as i32;
-        let mut window = Self { blocks: Vec::new(), mask: Vec::new(), pixels: 0, half, radius: 0.0 };
+        let mut window =
+            Self { blocks: Vec::new(), mask: Vec::new(), pixels: 0, half, radius: 0.0, extent: Extent::default() };
         let inside = |dx: i32, dy: i32| dx.abs() <= reach && dy.abs() <= reach && belongs(dx, dy);
         for dx in (-reach..=reach).step_by(LANES) {
             let used = |dy: &i32| (0..LANES as i32).any(|lane| inside(dx + lane, *dy));
@@ -70,22 +97,58 @@ impl Window {
                 window.mask.push(row);
             }
         }
+        window.measure();
         window
     }
 
-    /// This window without the pixels that do not belong, into `out`; tells whether there are any.
-    pub(super) fn cut(&self, belongs: impl Fn(i32, i32) -> bool, out: &mut Self) -> bool {
-        out.clone_from(self);
+    /// Finds the rectangle around the pixels.
+    fn measure(&mut self) {
+        let mut extent = Extent { left: i32::MAX, top: i32::MAX, right: i32::MIN, bottom: i32::MIN };
         for block in &self.blocks {
-            for row in 0..block.rows {
-                for (dx, value) in (block.dx..).zip(&mut out.mask[block.start + row].0) {
-                    if *value > 0.5 && !belongs(dx, block.dy + row as i32) {
-                        *value = 0.0;
-                        out.pixels -= 1;
-                    }
+            for (dy, row) in (block.dy..).zip(&self.mask[block.start..block.start + block.rows]) {
+                for (dx, _) in (block.dx..).zip(&row.0).filter(|(_, value)| **value > 0.5) {
+                    extent.left = extent.left.min(dx);
+                    extent.right = extent.right.max(dx);
+                    extent.top = extent.top.min(dy);
+                    extent.bottom = extent.bottom.max(dy);
                 }
             }
         }
+        self.extent = if self.pixels > 0 { extent } else { Extent::default() };
+    }
+
+    /// This window without the pixels that do not belong, into `out`; tells whether there are any.
+    ///
+    /// Rows without any pixel at the ends of a block are left out, so that nothing far outside is read.
+    pub(super) fn cut(&self, belongs: impl Fn(i32, i32) -> bool, out: &mut Self) -> bool {
+        out.blocks.clear();
+        out.mask.clear();
+        (out.pixels, out.half, out.radius) = (0, self.half, self.radius);
+        for block in &self.blocks {
+            let start = out.mask.len();
+            let mut first = None;
+            let mut end = start;
+            for (dy, mask) in (block.dy..).zip(&self.mask[block.start..block.start + block.rows]) {
+                let mut row = *mask;
+                for (dx, value) in (block.dx..).zip(&mut row.0).filter(|(_, value)| **value > 0.5) {
+                    *value = if belongs(dx, dy) { 1.0 } else { 0.0 };
+                }
+                let pixels = row.0.iter().filter(|value| **value > 0.5).count();
+                out.pixels += pixels;
+                if pixels > 0 || first.is_some() {
+                    first.get_or_insert(dy);
+                    out.mask.push(row);
+                }
+                if pixels > 0 {
+                    end = out.mask.len();
+                }
+            }
+            out.mask.truncate(end);
+            if let Some(dy) = first {
+                out.blocks.push(Block { dx: block.dx, dy, rows: end - start, start });
+            }
+        }
+        out.measure();
         out.pixels < self.pixels
     }
 
@@ -99,10 +162,19 @@ impl Window {
         })
     }
 
-    /// How far the warped subset reaches at most from its displaced centre along x and y, px.
-    pub(super) fn reach(&self, warp: &Warp) -> (f64, f64) {
-        let along = |a: f64, b: f64| (f64::from(self.half) * (a.abs() + b.abs())).min(self.radius * a.hypot(b));
-        (along(1.0 + warp.ux, warp.uy), along(warp.vx, 1.0 + warp.vy))
+    /// From where to where the warped subset reaches from its centre's old place: left, top, right, bottom, px.
+    pub(super) fn reach(&self, warp: &Warp) -> [f64; 4] {
+        let Extent { left, top, right, bottom } = self.extent;
+        let along = |shift: f64, a: f64, b: f64| {
+            let (across, down) =
+                ((a * f64::from(left), a * f64::from(right)), (b * f64::from(top), b * f64::from(bottom)));
+            let radius = self.radius * a.hypot(b);
+            let low = (across.0.min(across.1) + down.0.min(down.1)).max(-radius);
+            let high = (across.0.max(across.1) + down.0.max(down.1)).min(radius);
+            (shift + low, shift + high)
+        };
+        let (x, y) = (along(warp.u, 1.0 + warp.ux, warp.uy), along(warp.v, 1.0 + warp.vy, warp.vx));
+        [x.0, y.0, x.1, y.1]
     }
 }
 

@@ -16,6 +16,7 @@ fn options(reference: &Path, target: &Path) -> FieldOptions {
         params: CorrelationParams::default(),
         roi_px: None,
         region: None,
+        partial: false,
         output: None,
         json: false,
         picture: None,
@@ -164,6 +165,31 @@ fn a_polygon_with_a_hole_holds_only_what_lies_in_it_and_moves_alike() {
 }
 
 #[test]
+fn partial_subsets_reach_the_edge_of_the_picture_and_move_alike() {
+    let directory = tempfile::tempdir().unwrap();
+    let (reference, target) = write_pair(directory.path(), (2, -1));
+    let params = CorrelationParams { subset_size_px: 21, step_px: 3, ..CorrelationParams::default() };
+    let measured = |partial: bool, roi_px: Option<[u32; 4]>| {
+        let output = Some(directory.path().join("partial.csv"));
+        run(&FieldOptions { params: params.clone(), partial, roi_px, output, ..options(&reference, &target) }).unwrap();
+        let rows = table(&directory.path().join("partial.csv"));
+        let valid = rows.into_iter().skip(1).filter(|row| row[8] == "valid");
+        valid.map(|row| [0, 1, 2, 3].map(|column| row[column].parse::<f64>().unwrap())).collect::<Vec<_>>()
+    };
+    let (whole, partial) = (measured(false, None), measured(true, None));
+    let least = |rows: &[[f64; 4]], axis: usize| rows.iter().map(|row| row[axis]).fold(f64::INFINITY, f64::min);
+    // They move right and up: what is cut on the left stays in the picture, what is cut at the bottom too.
+    assert_eq!((least(&whole, 0), least(&partial, 0)), (10.0, 4.0));
+    assert!(partial.len() > whole.len() + 20, "{} and {}", partial.len(), whole.len());
+    for [x, y, u, v] in partial {
+        assert!((u - 2.0).abs() < 0.05 && (v + 1.0).abs() < 0.05, "{x} {y}: {u} {v}");
+    }
+    let (whole, partial) = (measured(false, Some([20, 20, 40, 40])), measured(true, Some([20, 20, 40, 40])));
+    assert_eq!((least(&whole, 0), least(&partial, 0)), (30.0, 21.0));
+    assert!(partial.iter().all(|[_, _, u, v]| (u - 2.0).abs() < 0.05 && (v + 1.0).abs() < 0.05));
+}
+
+#[test]
 fn wrong_input_is_one_line_with_the_file_and_the_sizes() {
     let directory = tempfile::tempdir().unwrap();
     let (reference, target) = write_pair(directory.path(), (0, 0));
@@ -217,6 +243,7 @@ fn compare(folder: &Path, interpolation: Interpolation) -> Comparison {
         params,
         roi_px: Some([14, 14, 231, 631]),
         region: None,
+        partial: false,
         output: Some(output.clone()),
         ..options(&folder.join("oht_cfrp_0.bmp"), &folder.join("oht_cfrp_4.bmp"))
     };

@@ -147,6 +147,7 @@ fn a_stop_ends_a_series_and_tells_how_many_are_missing() {
         params: CorrelationParams::default(),
         roi_px: None,
         region: None,
+        partial: false,
         output: Some(rig.path("tables")),
         json: false,
         picture: None,

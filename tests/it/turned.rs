@@ -55,6 +55,7 @@ fn options(pair: &(PathBuf, PathBuf), output: &Path) -> FieldOptions {
         params: CorrelationParams { subset_size_px: 25, step_px: 8, ..CorrelationParams::default() },
         roi_px: Some(ROI_PX),
         region: None,
+        partial: false,
         output: Some(output.to_owned()),
         json: false,
         picture: None,

@@ -39,6 +39,8 @@ pub struct FieldOptions {
     pub roi_px: Option<[u32; 4]>,
     /// Only what lies in this polygon and not in its holes; in place of `roi_px`.
     pub region: Option<Region>,
+    /// Also subsets that an edge cuts.
+    pub partial: bool,
     /// The table; standard output when there is none.
     pub output: Option<PathBuf>,
     /// Rows as JSON lines instead of CSV.
@@ -152,6 +154,21 @@ fn save_picture(
     Ok(legend)
 }
 
+impl FieldOptions {
+    /// What the subsets are cut to.
+    fn cut(&self) -> Option<Region> {
+        let rectangle = |[x, y, width, height]: [u32; 4]| {
+            let (left, top) = (f64::from(x) - 0.5, f64::from(y) - 0.5);
+            let (right, bottom) = (left + f64::from(width), top + f64::from(height));
+            Region::Polygon {
+                outline_px: vec![[left, top], [right, top], [right, bottom], [left, bottom]],
+                holes_px: Vec::new(),
+            }
+        };
+        self.region.clone().or_else(|| self.roi_px.filter(|_| self.partial).map(rectangle))
+    }
+}
+
 /// Correlates the two images over the region asked for; gives the start as well, where one was looked for.
 fn measure(
     options: &FieldOptions,
@@ -162,7 +179,7 @@ fn measure(
     let (width, height) = (reference.width(), reference.height());
     let mut correlator = Correlator::new(&options.params, width, height)?;
     let points = stills::points_of(options, (width, height))?;
-    correlator.set_region(options.region.clone());
+    correlator.set_region(options.cut());
     let (reference, target) = (correlator.prepare(reference), correlator.prepare(target));
     let mut field = Vec::with_capacity(points.len());
     let found = start::find(options, &reference, &target)?;

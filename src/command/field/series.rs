@@ -24,10 +24,11 @@ pub(super) fn run(options: &FieldOptions, stop: &Stop) -> Result<Outcome, FieldE
     let (width, height) = reference.1;
     let mut correlator = Correlator::new(&options.params, width, height)?;
     let points = stills::points_of(options, (width, height))?;
-    correlator.set_region(options.region.clone());
+    correlator.set_region(options.cut());
     let outputs = Outputs::make(options, &targets)?;
     let first = stills::read_still(&options.reference)?;
     let mut series = Series::new(correlator, first.view(), &points);
+    let mut field = Vec::new();
     let bar = progress::frames(targets.len() as u64, "field");
     for (index, target) in targets.iter().enumerate() {
         if stop.requested() {
@@ -38,7 +39,7 @@ pub(super) fn run(options: &FieldOptions, stop: &Stop) -> Result<Outcome, FieldE
         let view = picture.view();
         stills::check_size(reference, (target, (view.width(), view.height())))?;
         let renewals = series.renewals();
-        let field = series.push(view);
+        series.push(view, &mut field);
         let is_renewed = series.renewals() > renewals;
         bar.suspend(|| -> Result<(), FieldError> {
             let legend = outputs.write(index, target, first.view(), &field)?;

@@ -64,20 +64,27 @@ pub(in crate::command) fn points(
     roi_px: Option<[u32; 4]>,
     params: &CorrelationParams,
 ) -> Result<Vec<GridPoint>, FieldError> {
+    let roi = checked_roi(name, (width, height), roi_px)?;
+    let points = grid::rectangle(roi, params.step_px, params.subset_size_px);
+    if points.is_empty() {
+        let ([_, _, width, height], subset_px) = (roi, params.subset_size_px);
+        return Err(FieldError::Usage(format!(
+            "{}: {width} x {height} px have no room for a subset of {subset_px} px",
+            name.display()
+        )));
+    }
+    Ok(points)
+}
+
+/// The rectangle asked for, else the whole image.
+fn checked_roi(name: &Path, (width, height): (usize, usize), roi_px: Option<[u32; 4]>) -> Result<[u32; 4], FieldError> {
     let name = name.display();
     let roi = roi_px.unwrap_or([0, 0, width as u32, height as u32]);
     let inside = |start: u32, extent: u32, size: usize| u64::from(start) + u64::from(extent) <= size as u64;
     if !(inside(roi[0], roi[2], width) && inside(roi[1], roi[3], height)) {
         return Err(FieldError::Usage(format!("--roi {roi:?}: not within {name} of {width} x {height} px")));
     }
-    let points = grid::rectangle(roi, params.step_px, params.subset_size_px);
-    if points.is_empty() {
-        let ([_, _, width, height], subset_px) = (roi, params.subset_size_px);
-        return Err(FieldError::Usage(format!(
-            "{name}: {width} x {height} px have no room for a subset of {subset_px} px"
-        )));
-    }
-    Ok(points)
+    Ok(roi)
 }
 
 /// The subsets that were asked for: of the polygon, else of the rectangle, else of the whole image.
@@ -87,8 +94,15 @@ pub(in crate::command) fn points(
 /// As [`points`]; when no subset has its centre in the polygon.
 pub(super) fn points_of(options: &FieldOptions, (width, height): (usize, usize)) -> Result<Vec<GridPoint>, FieldError> {
     let (name, params) = (&options.reference, &options.params);
-    let Some(region) = &options.region else { return points(name, (width, height), options.roi_px, params) };
-    let mut found = points(name, (width, height), None, params)?;
+    let all = |roi_px| {
+        let whole = points(name, (width, height), roi_px, params)?;
+        if !options.partial {
+            return Ok(whole);
+        }
+        Ok(grid::partial(checked_roi(name, (width, height), roi_px)?, params.step_px, params.subset_size_px))
+    };
+    let Some(region) = &options.region else { return all(options.roi_px) };
+    let mut found = all(None)?;
     found.retain(|point| region.contains(f64::from(point.x), f64::from(point.y)));
     if found.is_empty() {
         return Err(FieldError::Usage(format!("--polygon: no subset of {} has its centre in it", name.display())));
