@@ -10,6 +10,7 @@ use super::prepared::Prepared;
 use super::refine::{Lost, Match, Refiner};
 use super::region::Region;
 use super::rigid_fit::RigidMotion;
+use super::sight::Sight;
 use super::sigma::{Factor, Pool};
 use super::subset::{Subset, Unusable};
 use super::warp::Warp;
@@ -36,6 +37,7 @@ pub struct RigidBody {
     at: (u32, u32),
     residual: Vec<Lanes>,
     pool: Pool,
+    sight: Sight,
 }
 
 /// Where a body went.
@@ -43,8 +45,10 @@ pub struct RigidBody {
 pub struct BodyMotion {
     /// The motion, with the displacement of the point asked for; `points` counts pixels.
     pub motion: RigidMotion,
-    /// Zero-mean normalised cross-correlation of all pixels, -1 to 1.
+    /// Zero-mean normalised cross-correlation of the pixels compared, -1 to 1.
     pub zncc: f64,
+    /// Share of the reference's pixels that are in sight, 0 to 1.
+    pub visible_fraction: f64,
 }
 
 impl BodyMotion {
@@ -80,7 +84,7 @@ impl RigidBody {
             Ok(()) => {
                 let mut pool = Pool::default();
                 pool.add_texture(&subset, &window);
-                Ok(Self { subset, window, at, residual: Vec::new(), pool })
+                Ok(Self { subset, window, at, residual: Vec::new(), pool, sight: Sight::default() })
             }
             Err(Unusable::OutOfFrame) => Err(PointStatus::OutOfFrame),
             Err(Unusable::LowContrast) => Err(PointStatus::LowContrast),
@@ -116,21 +120,66 @@ impl RigidBody {
         (x_px, y_px): (f64, f64),
         near: (f64, f64, f64),
     ) -> Result<BodyMotion, PointStatus> {
-        let (u_px, v_px, angle_deg) = near;
+        let (start, offset) = self.start((x_px, y_px), near);
+        let found = self.refine(target, start)?;
+        Ok(self.told(target, &found, offset))
+    }
+
+    /// As [`Self::find`], by those pixels alone that something else in the target does not hide.
+    ///
+    /// What hides need not be known, be dark, or keep still; but what is in the reference already and moves as the
+    /// body does is taken for the body.
+    ///
+    /// # Errors
+    ///
+    /// As [`Self::find`]; [`PointStatus::Occluded`] when less than a seventh of the body is in sight.
+    pub fn find_visible(
+        &mut self,
+        target: &Prepared,
+        (x_px, y_px): (f64, f64),
+        near: (f64, f64, f64),
+    ) -> Result<BodyMotion, PointStatus> {
+        let (start, offset) = self.start((x_px, y_px), near);
+        let plain = self.refine(target, start);
+        let mut sight = std::mem::take(&mut self.sight);
+        let found = match plain {
+            Ok(found) if sight.is_whole(&self.refiner(target), &found) => Ok(self.told(target, &found, offset)),
+            _ => {
+                let refiner = self.refiner(target);
+                // What hides half of the body may have led the plain match astray.
+                let searched = match plain {
+                    Ok(found) => {
+                        sight.find(&refiner, found.warp, found.zncc).or_else(|_| sight.find(&refiner, start, 0.0))
+                    }
+                    Err(_) => sight.find(&refiner, start, 0.0),
+                };
+                searched.map(|found| sight.told(&self.refiner(target), &found, offset))
+            }
+        };
+        self.sight = sight;
+        found
+    }
+
+    /// A start near a motion of a point, and where the point lies from the centre.
+    fn start(&self, (x_px, y_px): (f64, f64), (u_px, v_px, angle_deg): (f64, f64, f64)) -> (Warp, (f64, f64)) {
         let turn = Warp::rigid(u_px, v_px, angle_deg.to_radians());
         let (cx, cy) = self.center_px();
         let (dx, dy) = (cx - x_px, cy - y_px);
         let (x, y) = turn.apply(dx, dy);
-        let found = self.refine(target, Warp { u: x - dx, v: y - dy, ..turn })?;
-        Ok(BodyMotion { motion: self.motion(target, &found, (-dx, -dy)), zncc: found.zncc })
+        (Warp { u: x - dx, v: y - dy, ..turn }, (-dx, -dy))
+    }
+
+    /// What a match of all pixels says.
+    fn told(&mut self, target: &Prepared, found: &Match, offset: (f64, f64)) -> BodyMotion {
+        let Self { subset, window, at, residual, pool, .. } = self;
+        let refiner = Refiner { subset, window, shape: Shape::Rigid, target: &target.splined, at: *at };
+        let motion = motion(&refiner, found, offset, (pool, residual));
+        BodyMotion { motion, zncc: found.zncc, visible_fraction: 1.0 }
     }
 
     /// The match from a start on.
     pub(super) fn refine(&self, target: &Prepared, start: Warp) -> Result<Match, PointStatus> {
-        self.refiner(target).refine(start).map_err(|lost| match lost {
-            Lost::OutOfFrame => PointStatus::OutOfFrame,
-            Lost::NotConverged => PointStatus::LowCorrelation,
-        })
+        self.refiner(target).refine(start).map_err(status_of)
     }
 
     fn refiner<'a>(&'a self, target: &'a Prepared) -> Refiner<'a> {
@@ -142,39 +191,51 @@ impl RigidBody {
             at: self.at,
         }
     }
+}
 
-    /// The motion and its uncertainty at an offset from the centre.
-    fn motion(&mut self, target: &Prepared, found: &Match, (dx, dy): (f64, f64)) -> RigidMotion {
-        let mut residual = std::mem::take(&mut self.residual);
-        self.refiner(target).residual(&found.warp, &mut residual);
-        self.pool.set_residual(&self.window, &residual);
-        self.residual = residual;
-        let free = (self.window.pixels as f64 - 5.0).max(1.0);
-        let variance = 2.0 * self.subset.energy * (1.0 - found.zncc) / free;
-        let warp = found.warp;
-        let angle = warp.uy.atan2(1.0 + warp.ux);
-        let (x, y) = warp.apply(dx, dy);
-        // How u and v at the offset depend on (u, v, angle) of the centre.
-        let (sin, cos) = angle.sin_cos();
-        let along_u = [1.0, 0.0, -sin * dx + cos * dy];
-        let along_v = [0.0, 1.0, -cos * dx - sin * dy];
-        let along_angle = [0.0, 0.0, 1.0];
-        let inverse = &self.subset.inverse;
-        let spread =
-            |a: &[f64; 3]| -> f64 { (0..3).map(|i| (0..3).map(|j| a[i] * inverse[i][j] * a[j]).sum::<f64>()).sum() };
-        let factor = self.pool.factor();
-        let (var_u, var_v) = factor.variances(variance, (spread(&along_u), spread(&along_v)));
-        let mean = 0.5 * (factor.x + factor.y);
-        let (var_angle, _) = Factor { x: mean, y: mean }.variances(variance, (spread(&along_angle), 0.0));
-        RigidMotion {
-            u_px: x - dx,
-            v_px: y - dy,
-            angle_deg: angle.to_degrees(),
-            sigma_u_px: var_u.sqrt(),
-            sigma_v_px: var_v.sqrt(),
-            sigma_angle_deg: var_angle.sqrt().to_degrees(),
-            points: self.window.pixels as u32,
-        }
+/// Why a body was not found.
+pub(super) fn status_of(lost: Lost) -> PointStatus {
+    match lost {
+        Lost::OutOfFrame => PointStatus::OutOfFrame,
+        Lost::NotConverged => PointStatus::LowCorrelation,
+    }
+}
+
+/// The motion and its uncertainty at an offset from the centre; `pool` holds the texture of what is compared.
+pub(super) fn motion(
+    refiner: &Refiner<'_>,
+    found: &Match,
+    (dx, dy): (f64, f64),
+    (pool, residual): (&mut Pool, &mut Vec<Lanes>),
+) -> RigidMotion {
+    let (subset, pixels) = (refiner.subset, refiner.window.pixels);
+    refiner.residual(&found.warp, residual);
+    pool.set_residual(refiner.window, residual);
+    let free = (pixels as f64 - 5.0).max(1.0);
+    let variance = 2.0 * subset.energy * (1.0 - found.zncc) / free;
+    let warp = found.warp;
+    let angle = warp.uy.atan2(1.0 + warp.ux);
+    let (x, y) = warp.apply(dx, dy);
+    // How u and v at the offset depend on (u, v, angle) of the centre.
+    let (sin, cos) = angle.sin_cos();
+    let along_u = [1.0, 0.0, -sin * dx + cos * dy];
+    let along_v = [0.0, 1.0, -cos * dx - sin * dy];
+    let along_angle = [0.0, 0.0, 1.0];
+    let inverse = &subset.inverse;
+    let spread =
+        |a: &[f64; 3]| -> f64 { (0..3).map(|i| (0..3).map(|j| a[i] * inverse[i][j] * a[j]).sum::<f64>()).sum() };
+    let factor = pool.factor();
+    let (var_u, var_v) = factor.variances(variance, (spread(&along_u), spread(&along_v)));
+    let mean = 0.5 * (factor.x + factor.y);
+    let (var_angle, _) = Factor { x: mean, y: mean }.variances(variance, (spread(&along_angle), 0.0));
+    RigidMotion {
+        u_px: x - dx,
+        v_px: y - dy,
+        angle_deg: angle.to_degrees(),
+        sigma_u_px: var_u.sqrt(),
+        sigma_v_px: var_v.sqrt(),
+        sigma_angle_deg: var_angle.sqrt().to_degrees(),
+        points: pixels as u32,
     }
 }
 

@@ -255,12 +255,22 @@ impl Refiner<'_> {
     /// The difference reference less gain-matched target, packed like the subset;
     /// empty when the warped subset leaves the image.
     pub(super) fn residual(&self, warp: &Warp, out: &mut Vec<Lanes>) {
+        self.residual_of(self, warp, out);
+    }
+
+    /// As [`Self::residual`], of `whole`, of which this is a part; gain and mean are those of the part.
+    pub(super) fn residual_of(&self, whole: &Refiner<'_>, warp: &Warp, out: &mut Vec<Lanes>) {
         out.clear();
         let Ok(sums) = self.pass(warp, false) else { return };
+        if !whole.inside(warp) {
+            return;
+        }
         let mean = sums.levels / self.window.pixels as f64;
         let gain = (self.subset.energy / (sums.energy - sums.levels * mean)).sqrt();
-        out.resize(self.window.mask.len(), Lanes::splat(0.0));
-        differences(self, warp, (self.subset.mean + mean as f32, gain as f32), out);
+        out.resize(whole.window.mask.len(), Lanes::splat(0.0));
+        // The means of both references are off their levels.
+        let apart = f64::from(whole.subset.mean - self.subset.mean) / gain;
+        differences(whole, warp, (self.subset.mean + (mean + apart) as f32, gain as f32), out);
     }
 }
 

@@ -3,6 +3,7 @@
 
 use super::Shape;
 use super::lanes::{LANES, Lanes};
+use super::plane::Plane;
 use super::prepared::Prepared;
 use super::solve::invert;
 use super::vector::{Vector, vectorized};
@@ -71,8 +72,35 @@ impl Subset {
         if !window.extent.fits((x, y), (reference.width(), reference.height())) {
             return Err(Unusable::OutOfFrame);
         }
-        self.fill_levels(reference, window, (x, y))?;
-        let hessian = self.fill_gradients(reference, window, (x, y));
+        self.load(reference, window, (x, y))?;
+        self.finish(window, shape)
+    }
+
+    /// Takes the pixels of `whole` that `window` still holds; the two have the same blocks.
+    pub(super) fn keep(&mut self, whole: &Self, window: &Window, shape: Shape) -> Result<(), Unusable> {
+        for (out, from) in [
+            (&mut self.levels, &whole.levels),
+            (&mut self.gradient_x, &whole.gradient_x),
+            (&mut self.gradient_y, &whole.gradient_y),
+        ] {
+            out.clear();
+            out.extend(from.iter().zip(&window.mask).map(|(value, mask)| *value * *mask));
+        }
+        // The mean was taken off, so the sum is that of the difference between the two means.
+        let sum: f64 = self.levels.iter().map(|row| row.sum()).sum();
+        let difference = (sum / window.pixels.max(1) as f64) as f32;
+        self.mean = whole.mean + difference;
+        self.center(window, difference);
+        self.finish(window, shape)
+    }
+
+    /// Everything that follows from grey levels and gradients.
+    fn finish(&mut self, window: &Window, shape: Shape) -> Result<(), Unusable> {
+        let contrast = (self.energy / window.pixels as f64).sqrt();
+        if contrast.is_nan() || contrast < LEAST_CONTRAST {
+            return Err(Unusable::LowContrast);
+        }
+        let hessian = self.sum_gradients(window);
         let (projected, count) = project_matrix(shape, &hessian);
         self.inverse = invert(&projected, count).ok_or(Unusable::LowContrast)?;
         let (xx, xy, yy) = (hessian[0][0], hessian[0][3], hessian[3][3]);
@@ -91,18 +119,10 @@ impl Subset {
         Ok(())
     }
 
-    /// Grey levels, their mean and energy.
-    fn fill_levels(&mut self, reference: &Prepared, window: &Window, at: (isize, isize)) -> Result<(), Unusable> {
-        let plane = &reference.levels;
+    /// Grey levels, their mean and energy, and gradients.
+    fn load(&mut self, reference: &Prepared, window: &Window, at: (isize, isize)) -> Result<(), Unusable> {
         let pixels = window.pixels as f64;
-        self.levels.resize(window.mask.len(), Lanes::splat(0.0));
-        let mut sum = 0.0;
-        for block in &window.blocks {
-            let first = plane.index(at.0 + block.dx as isize, at.1 + block.dy as isize);
-            let rows = block.start..block.start + block.rows;
-            let source = (&plane.data()[first..], plane.stride());
-            sum += pack(source, &window.mask[rows.clone()], &mut self.levels[rows]);
-        }
+        let sum = take(&reference.levels, window, at, &mut self.levels);
         if reference.saturation.is_finite() {
             let saturation = reference.saturation - 0.5;
             let over = |(levels, mask): (&Lanes, &Lanes)| {
@@ -114,32 +134,28 @@ impl Subset {
             }
         }
         self.mean = (sum / pixels) as f32;
-        self.energy = 0.0;
-        for block in &window.blocks {
-            let rows = block.start..block.start + block.rows;
-            self.energy += center(&mut self.levels[rows.clone()], &window.mask[rows], self.mean);
-        }
-        let contrast = (self.energy / pixels).sqrt();
-        if contrast.is_nan() || contrast < LEAST_CONTRAST {
-            return Err(Unusable::LowContrast);
-        }
+        self.center(window, self.mean);
+        take(&reference.gradient_x, window, at, &mut self.gradient_x);
+        take(&reference.gradient_y, window, at, &mut self.gradient_y);
         Ok(())
     }
 
-    /// Gradients and the sums over J; gives the sum of J J^T.
-    fn fill_gradients(&mut self, reference: &Prepared, window: &Window, at: (isize, isize)) -> [[f64; 6]; 6] {
-        let (plane_x, plane_y) = (&reference.gradient_x, &reference.gradient_y);
-        self.gradient_x.resize(window.mask.len(), Lanes::splat(0.0));
-        self.gradient_y.resize(window.mask.len(), Lanes::splat(0.0));
+    /// Takes a mean off the grey levels, and sums their squares.
+    fn center(&mut self, window: &Window, mean: f32) {
+        self.energy = 0.0;
+        for block in &window.blocks {
+            let rows = block.start..block.start + block.rows;
+            self.energy += center(&mut self.levels[rows.clone()], &window.mask[rows], mean);
+        }
+    }
+
+    /// The sums over J; gives the sum of J J^T.
+    fn sum_gradients(&mut self, window: &Window) -> [[f64; 6]; 6] {
         self.jacobian_sum = [0.0; 6];
         self.jacobian_levels = [0.0; 6];
         let mut moments = [[0.0; 6]; 3];
         for block in &window.blocks {
-            let first = plane_x.index(at.0 + block.dx as isize, at.1 + block.dy as isize);
             let rows = block.start..block.start + block.rows;
-            let mask = &window.mask[rows.clone()];
-            pack((&plane_x.data()[first..], plane_x.stride()), mask, &mut self.gradient_x[rows.clone()]);
-            pack((&plane_y.data()[first..], plane_y.stride()), mask, &mut self.gradient_y[rows.clone()]);
             let (gx, gy) = (&self.gradient_x[rows.clone()], &self.gradient_y[rows.clone()]);
             let mut sums = GradientSums::default();
             second_moments(gx, gy, block.dy, &mut sums);
@@ -148,6 +164,18 @@ impl Subset {
         }
         hessian_from_moments(&moments)
     }
+}
+
+/// The pixels of a window out of a plane, 0 off the mask; gives their sum.
+fn take(plane: &Plane, window: &Window, at: (isize, isize), out: &mut Vec<Lanes>) -> f64 {
+    out.resize(window.mask.len(), Lanes::splat(0.0));
+    let mut sum = 0.0;
+    for block in &window.blocks {
+        let first = plane.index(at.0 + block.dx as isize, at.1 + block.dy as isize);
+        let rows = block.start..block.start + block.rows;
+        sum += pack((&plane.data()[first..], plane.stride()), &window.mask[rows.clone()], &mut out[rows]);
+    }
+    sum
 }
 
 /// Sums over the rows of one block, lane by lane.

@@ -152,6 +152,16 @@ impl Window {
         out.pixels < self.pixels
     }
 
+    /// This window without the pixels where `kept`, packed like its mask, is 0; into `out`, with the same blocks.
+    pub(super) fn keep(&self, kept: &[Lanes], out: &mut Self) {
+        out.blocks.clone_from(&self.blocks);
+        out.mask.clear();
+        out.mask.extend(self.mask.iter().zip(kept).map(|(mask, kept)| *mask * *kept));
+        (out.half, out.radius) = (self.half, self.radius);
+        out.pixels = out.mask.iter().map(|row| row.0.iter().filter(|value| **value > 0.5).count()).sum();
+        out.measure();
+    }
+
     /// Whether the pixel at an offset from the centre belongs.
     pub(super) fn holds(&self, dx: i32, dy: i32) -> bool {
         let block = self.blocks.iter().find(|block| (block.dx..block.dx + LANES as i32).contains(&dx));

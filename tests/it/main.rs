@@ -33,6 +33,7 @@ mod python;
 mod recording;
 mod recordings;
 mod report;
+mod rigid;
 mod series;
 mod simulated_camera;
 mod slots;

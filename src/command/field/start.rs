@@ -104,7 +104,7 @@ fn at_any_angle(options: &FieldOptions, reference: &Prepared, target: &Prepared)
         }
     }
     let least = options.params.min_zncc;
-    let Some(BodyMotion { motion, zncc }) = best.filter(|best| best.zncc >= least) else {
+    let Some(BodyMotion { motion, zncc, .. }) = best.filter(|best| best.zncc >= least) else {
         let why = match (best, why) {
             (Some(best), _) => format!("the best match has a ZNCC of {:.3}, less than {least}", best.zncc),
             (None, Some(status)) => status.word().to_owned(),

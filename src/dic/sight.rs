@@ -1,0 +1,149 @@
+//! A body that something hides in part: which of its pixels are in sight, and where they went.
+
+use super::body::{BodyMotion, motion, status_of};
+use super::lanes::Lanes;
+use super::likeness::Likeness;
+use super::refine::{Match, Refiner};
+use super::sigma::Pool;
+use super::subset::Subset;
+use super::warp::Warp;
+use super::window::Window;
+use crate::results::PointStatus;
+
+/// ZNCC from which on a match of all pixels was hardly misled by what hides some.
+///
+/// Below, the fit of gain and offset may have spread a strange half over all of the residual.
+const WHOLE_ZNCC: f64 = 0.9;
+
+/// Steps with the first mask, which a start some way off does not mislead.
+const COARSE_ROUNDS: u32 = 4;
+
+/// Rounds with the second mask at most; two or three settle it.
+const FINE_ROUNDS: u32 = 8;
+
+/// A round that moves the rim by less than this is the last, px.
+const SETTLED_PX: f64 = 0.0005;
+
+/// Smallest share of a body in sight that it is found by.
+const LEAST_SHARE: f64 = 0.15;
+
+/// Smallest ZNCC of what is in sight that counts as found.
+const LEAST_ZNCC: f64 = 0.6;
+
+/// Noise of the difference of two frames is not taken for less: rounding alone leaves this, DN.
+const LEAST_NOISE: f32 = 0.45;
+
+/// What of a body is in sight, and memory to find out.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Sight {
+    likeness: Likeness,
+    residual: Vec<Lanes>,
+    /// 1 where a pixel is in sight, packed like the body's mask.
+    kept: Vec<Lanes>,
+    window: Window,
+    subset: Subset,
+}
+
+/// How pixels in sight are told.
+#[derive(Clone, Copy, PartialEq)]
+enum Mask {
+    Zncc,
+    Residual,
+}
+
+impl Sight {
+    /// Whether every pixel of the body looks as it should after a match of all of them.
+    pub(super) fn is_whole(&mut self, body: &Refiner<'_>, found: &Match) -> bool {
+        if found.zncc < WHOLE_ZNCC {
+            return false;
+        }
+        self.take_all(body);
+        let is_even = self.look(body, &found.warp, Mask::Residual);
+        is_even && self.window.pixels == body.window.pixels
+    }
+
+    /// Finds what is in sight, from a start about 1 px and 1 deg off at most, or from a match of all pixels.
+    pub(super) fn find(&mut self, body: &Refiner<'_>, start: Warp, zncc: f64) -> Result<Match, PointStatus> {
+        if !body.inside(&start) {
+            return Err(PointStatus::OutOfFrame);
+        }
+        let mut warp = start;
+        self.take_all(body);
+        let coarse = if zncc < WHOLE_ZNCC { COARSE_ROUNDS } else { 0 };
+        let (rim_px, last) = (f64::from(body.window.half), coarse + FINE_ROUNDS);
+        for round in 0..last {
+            self.look(body, &warp, if round < coarse { Mask::Zncc } else { Mask::Residual });
+            if self.share(body) < LEAST_SHARE {
+                return Err(PointStatus::Occluded);
+            }
+            self.subset.keep(body.subset, &self.window, body.shape).map_err(|_| PointStatus::LowContrast)?;
+            let (step, _) = self.refiner(body).step(&warp).map_err(status_of)?;
+            let length = step.length(rim_px);
+            if length.is_nan() || length >= rim_px {
+                return Err(PointStatus::LowCorrelation);
+            }
+            warp = warp.after_inverse(&step).ok_or(PointStatus::LowCorrelation)?;
+            if !body.inside(&warp) {
+                return Err(PointStatus::OutOfFrame);
+            }
+            if round > coarse && length < SETTLED_PX {
+                break;
+            }
+        }
+        let found = self.refiner(body).refine(warp).map_err(status_of)?;
+        // Where it went astray the residual is no noise, or a small part of the body fits by chance.
+        let sound = self.look(body, &found.warp, Mask::Residual) && found.zncc >= LEAST_ZNCC;
+        if sound { Ok(found) } else { Err(PointStatus::LowCorrelation) }
+    }
+
+    /// What a match by [`Self::find`] says of the body.
+    pub(super) fn told(&mut self, body: &Refiner<'_>, found: &Match, offset: (f64, f64)) -> BodyMotion {
+        let mut pool = Pool::default();
+        pool.add_texture(&self.subset, &self.window);
+        let mut residual = std::mem::take(&mut self.residual);
+        let motion = motion(&self.refiner(body), found, offset, (&mut pool, &mut residual));
+        self.residual = residual;
+        let noise = self.noise(body);
+        let pixels = self.likeness.in_sight(body.window, noise, &self.kept);
+        BodyMotion { motion, zncc: found.zncc, visible_fraction: pixels as f64 / body.window.pixels as f64 }
+    }
+
+    /// Share of the body's pixels in sight.
+    fn share(&self, body: &Refiner<'_>) -> f64 {
+        self.window.pixels as f64 / body.window.pixels as f64
+    }
+
+    /// Begins with everything in sight.
+    fn take_all(&mut self, body: &Refiner<'_>) {
+        self.window.clone_from(body.window);
+        self.subset.clone_from(body.subset);
+        self.kept.clone_from(&body.window.mask);
+    }
+
+    /// The pixels in sight, compared by the body and by what of it was in sight before.
+    fn refiner<'a>(&'a self, body: &Refiner<'a>) -> Refiner<'a> {
+        Refiner { subset: &self.subset, window: &self.window, ..*body }
+    }
+
+    /// Tells the pixels in sight at `warp`; gain and offset are those of the pixels in sight before.
+    ///
+    /// True when the residual in sight is that of noise alone.
+    fn look(&mut self, body: &Refiner<'_>, warp: &Warp, mask: Mask) -> bool {
+        let mut residual = std::mem::take(&mut self.residual);
+        self.refiner(body).residual_of(body, warp, &mut residual);
+        self.likeness.load(body.window, &body.subset.levels, &residual);
+        self.residual = residual;
+        let noise = self.noise(body);
+        match mask {
+            Mask::Residual => self.likeness.by_residual(body.window, noise, &mut self.kept),
+            Mask::Zncc => self.likeness.by_zncc(body.window, &mut self.kept),
+        }
+        body.window.keep(&self.kept, &mut self.window);
+        self.likeness.is_even(body.window, noise, &self.kept)
+    }
+
+    /// Noise of the residual of what was in sight last, DN.
+    fn noise(&mut self, body: &Refiner<'_>) -> f32 {
+        self.likeness.noise(body.window, &self.kept).map_or(LEAST_NOISE, |noise| noise.max(LEAST_NOISE))
+    }
+}

@@ -1,0 +1,123 @@
+//! A whole ball at once, in full sight and behind something, against known truth.
+
+use ricochet::dic::{CorrelationParams, Correlator, Prepared, Region, RigidBody};
+use ricochet::image::Frame;
+use ricochet::synth::{MotionSetup, OccluderSetup, Scenario, World};
+
+/// Radius of the ball drawn, and of the region compared, px.
+const RADIUS_PX: f64 = 57.0;
+const REGION_PX: f64 = 54.5;
+
+const START_PX: [f64; 2] = [110.3, 112.7];
+
+/// A ball of 114 px that moves and turns, in side light, on a textured ground.
+fn scenario(seed: u64, (vx, vy, spin_deg): (f64, f64, f64)) -> Scenario {
+    let mut scenario = Scenario::translation(vx, vy, spin_deg);
+    scenario.seed = seed;
+    (scenario.camera.frames, scenario.camera.width_px, scenario.camera.height_px) = (2, 230, 230);
+    scenario.body.diameter_mm = 2.0 * RADIUS_PX * scenario.scale.mm_per_px;
+    (scenario.light.side, scenario.light.limb, scenario.light.gradient_x) = (0.1, 0.1, 0.1);
+    if let MotionSetup::Constant { start_px, .. } = &mut scenario.motion {
+        *start_px = START_PX;
+    }
+    scenario
+}
+
+/// A textured half-plane before `hidden` of the ball's diameter in the second frame.
+fn hide(mut scenario: Scenario, (vx, vy): (f64, f64), hidden: f64, angle_deg: f64) -> Scenario {
+    let (sin, cos) = angle_deg.to_radians().sin_cos();
+    let reach = RADIUS_PX * (1.0 - 2.0 * hidden);
+    let point_px = Some([START_PX[0] + vx - reach * cos, START_PX[1] + vy + reach * sin]);
+    let (shade, texture, normal_deg, speed_px_frame) = (0.4, 0.04, Some(angle_deg), 0.0);
+    scenario.occluder = Some(OccluderSetup { shade, texture, point_px, normal_deg, speed_px_frame });
+    scenario
+}
+
+fn prepared(correlator: &Correlator, scenario: &Scenario, index: u64) -> Prepared {
+    let world = World::new(scenario).unwrap();
+    let mut bytes = vec![0; world.frame_bytes()];
+    world.render(index, &mut bytes);
+    let meta = ricochet::camera::simulated::meta(&world, index);
+    let mut image = ricochet::image::Image::new(230, 230);
+    Frame { meta, bytes: &bytes }.unpack(&mut image).unwrap();
+    correlator.prepare(image.view())
+}
+
+/// Share of the compared region that lies before the edge.
+fn visible(hidden: f64) -> f64 {
+    let half_angle = (RADIUS_PX * (1.0 - 2.0 * hidden) / REGION_PX).clamp(-1.0, 1.0).acos();
+    1.0 - (half_angle - half_angle.sin() * half_angle.cos()) / std::f64::consts::PI
+}
+
+/// Bias and scatter over pairs: px, deg; the pulls of both; the worst error of the visible share; how many were lost.
+struct Judged {
+    bias: (f64, f64),
+    rms: (f64, f64),
+    pulls: (f64, f64),
+    share: f64,
+    lost: usize,
+}
+
+fn judge(hidden: f64, rounds: u64) -> Judged {
+    let motions = [(0.13, 0.31, 0.35), (0.37, -0.21, 0.9), (0.77, 0.53, 1.7), (1.23, -0.87, 2.9), (1.9, 1.1, -0.53)];
+    let correlator = Correlator::new(&CorrelationParams::default(), 230, 230).unwrap();
+    let (mut errors, mut pulls, mut share, mut lost) = (Vec::new(), [0.0; 2], 0.0_f64, 0);
+    for (case, motion) in motions.into_iter().enumerate() {
+        for round in 0..rounds {
+            let clear = scenario(100 * case as u64 + round + 1, motion);
+            let reference = prepared(&correlator, &clear, 0);
+            let angle_deg = 37.0 * (case as f64 + 5.0 * round as f64) % 360.0;
+            let hidden_scene = if hidden > 0.0 { hide(clear, (motion.0, motion.1), hidden, angle_deg) } else { clear };
+            let target = prepared(&correlator, &hidden_scene, 1);
+            let region = Region::Disc { x_px: START_PX[0], y_px: START_PX[1], radius_px: REGION_PX };
+            let mut body = RigidBody::new(&reference, &region).unwrap();
+            let near = (motion.0 + 0.6, motion.1 - 0.5, motion.2 - 0.7);
+            let Ok(found) = body.find_visible(&target, (START_PX[0], START_PX[1]), near) else {
+                lost += 1;
+                continue;
+            };
+            let moved = found.motion;
+            errors.push([moved.u_px - motion.0, moved.v_px - motion.1, moved.angle_deg - motion.2]);
+            let [u, v, angle] = errors[errors.len() - 1];
+            pulls[0] += 0.5 * ((u / moved.sigma_u_px).powi(2) + (v / moved.sigma_v_px).powi(2));
+            pulls[1] += (angle / moved.sigma_angle_deg).powi(2);
+            share = share.max((found.visible_fraction - visible(hidden)).abs());
+        }
+    }
+    let count = errors.len() as f64;
+    let mean = |k: usize| errors.iter().map(|error| error[k]).sum::<f64>() / count;
+    let rms = |k: usize| (errors.iter().map(|error| error[k] * error[k]).sum::<f64>() / count).sqrt();
+    let judged = Judged {
+        bias: (mean(0).abs().max(mean(1).abs()), mean(2).abs()),
+        rms: (rms(0).hypot(rms(1)) / 2.0_f64.sqrt(), rms(2)),
+        pulls: ((pulls[0] / count).sqrt(), (pulls[1] / count).sqrt()),
+        share,
+        lost,
+    };
+    println!(
+        "{hidden:.2} hidden: bias {:.5} px {:.5} deg, rms {:.5} px {:.5} deg, pulls {:.2} {:.2}, share off by {share:.4}, {lost} lost",
+        judged.bias.0, judged.bias.1, judged.rms.0, judged.rms.1, judged.pulls.0, judged.pulls.1
+    );
+    judged
+}
+
+#[test]
+fn a_ball_in_full_sight_is_matched_at_the_bound_of_its_pixels() {
+    let judged = judge(0.0, 12);
+    assert_eq!(judged.lost, 0);
+    assert!(judged.rms.0 <= 1.15 * 0.0011 && judged.rms.1 <= 1.15 * 0.0017);
+    assert!(judged.bias.0 <= 0.0005 && judged.bias.1 <= 0.0005);
+    assert!((0.8..1.25).contains(&judged.pulls.0) && (0.75..1.3).contains(&judged.pulls.1));
+}
+
+#[test]
+fn a_ball_behind_something_is_matched_by_what_is_in_sight() {
+    for (hidden, px, deg) in [(0.2, 0.0017, 0.0025), (0.35, 0.002, 0.003), (0.5, 0.003, 0.005)] {
+        let judged = judge(hidden, 8);
+        assert_eq!(judged.lost, 0, "{hidden}");
+        assert!(judged.rms.0 <= px && judged.rms.1 <= deg, "{hidden}");
+        assert!(judged.bias.0 <= 0.0008 && judged.bias.1 <= 0.0015, "{hidden}");
+        assert!(judged.share <= 0.02, "{hidden}");
+        assert!((0.7..1.35).contains(&judged.pulls.0) && (0.7..1.35).contains(&judged.pulls.1), "{hidden}");
+    }
+}
