@@ -4,7 +4,7 @@ use super::body::DIAMETER;
 use super::check::{Bounds, Table};
 use super::error::ConfigError;
 use super::raw::{RawRotation, RawScale, RawSurface, RawVelocity};
-use crate::motion::Scale;
+use crate::motion::{Rotation, Scale};
 
 /// `[surface]`: what the bodies strike.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -50,16 +50,16 @@ pub(super) fn surface(table: &Table<'_>, raw: &RawSurface) -> Result<Surface, Co
     }
 }
 
-/// The spin is found from the field; other ways and what they need are refused.
-pub(super) fn rotation(table: &Table<'_>, raw: &RawRotation) -> Result<(), ConfigError> {
-    let words = [("field", true), ("ring", false), ("rigid", false)];
-    if table.word("method", raw.method.as_deref(), &words)? == Some(false) {
-        return Err(table.text.not_offered(&table.key("method"), "allowed: \"field\""));
-    }
+/// What motion and spin are taken from; the ring and what it needs are refused.
+pub(super) fn rotation(table: &Table<'_>, raw: &RawRotation) -> Result<Rotation, ConfigError> {
+    let words = [("rigid", Some(Rotation::Rigid)), ("field", Some(Rotation::Field)), ("ring", None)];
+    let Some(method) = table.word("method", raw.method.as_deref(), &words)?.unwrap_or(Some(Rotation::default())) else {
+        return Err(table.text.not_offered(&table.key("method"), "allowed: \"rigid\", \"field\""));
+    };
     let radii = [("ring_inner_px", raw.ring_inner_px), ("ring_outer_px", raw.ring_outer_px)];
     match radii.iter().find(|(_, radius)| radius.is_some()) {
         Some((key, _)) => Err(table.text.not_offered(&table.key(key), "leave it out")),
-        None => Ok(()),
+        None => Ok(method),
     }
 }
 

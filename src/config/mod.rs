@@ -37,7 +37,7 @@ mod raw;
 mod text;
 
 pub use crate::dic::CorrelationParams;
-pub use crate::motion::Scale;
+pub use crate::motion::{Rotation, Scale};
 pub use body::{Body, BodyKind};
 pub use camera::{Camera, FeatureValue, Source};
 pub use capture::{Compression, Record, Trigger, TriggerMode, Workers};
@@ -80,6 +80,8 @@ pub struct Config {
     /// `[correlation] interval_frames`: from reference to target, rising, each 1 to 255 frames, default `[1]`. The
     /// first leads from frame to frame, longer ones keep the sum of its steps from drifting.
     pub intervals_frames: Vec<u32>,
+    /// `[rotation] method`: what motion and spin are taken from, default `rigid`.
+    pub rotation: Rotation,
     /// `[velocity]`: how positions become velocities.
     pub velocity: Velocity,
     /// `[trigger]`: what starts a shot.
@@ -128,7 +130,6 @@ impl Config {
                 return Err(file.not_offered(path, "leave it out"));
             }
         }
-        geometry::rotation(&Table::new(&file, "rotation"), &raw.rotation)?;
         let camera = camera::camera(&Table::new(&file, "camera"), raw.camera)?;
         let image_px = camera.image_px();
         let record = raw.record.map(|record| capture::record(&Table::new(&file, "record"), record)).transpose()?;
@@ -139,6 +140,7 @@ impl Config {
             bodies: body::bodies(&file, raw.body, image_px)?,
             intervals_frames: correlation::intervals(&Table::new(&file, "correlation"), &raw.correlation)?,
             correlation: correlation::correlation(&Table::new(&file, "correlation"), &raw.correlation, image_px)?,
+            rotation: geometry::rotation(&Table::new(&file, "rotation"), &raw.rotation)?,
             velocity: geometry::velocity(&Table::new(&file, "velocity"), &raw.velocity)?,
             trigger: capture::trigger(&Table::new(&file, "trigger"), &raw.trigger, image_px)?,
             workers: capture::workers(&Table::new(&file, "workers"), &raw.workers)?,

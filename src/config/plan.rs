@@ -69,7 +69,7 @@ impl Config {
             window_frames: self.velocity.window_frames,
             order: self.velocity.order,
             interval_frames: self.intervals_frames[0],
-            walk_share: walk_share(&self.intervals_frames),
+            walk_share: walk_share(self.rotation, &self.intervals_frames),
             exposure_ns: 1.0e3 * self.camera.exposure_us.unwrap_or(exposure_us),
             frame_period_ns: 1.0e9 / frame_rate_hz,
         }

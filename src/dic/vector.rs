@@ -198,7 +198,7 @@ pub fn instruction_set() -> &'static str {
     }
     #[cfg(not(target_arch = "x86_64"))]
     {
-        std::env::consts::ARCH
+        if cfg!(target_arch = "aarch64") { "NEON" } else { "portable" }
     }
 }
 

@@ -33,6 +33,8 @@ pub struct World {
     pub gravity_px: [f64; 2],
     /// Radius of a ball, px.
     pub radius_px: Option<Estimate>,
+    /// Standard uncertainty of where the centre is, px: of a body that spins, it moves the point whose speed is told.
+    pub center_sigma_px: f64,
 }
 
 /// Flights on both sides of the contact interval.
@@ -207,7 +209,7 @@ fn contact_point(interval: &Interval, flights: &Flights, world: &World) -> Optio
     let radius = world.radius_px?;
     let speed = |flight: &[Polynomial; 3], at: Estimate| {
         let (v, omega) = (rate_at(&flight[TANGENTIAL], at), rate_at(&flight[ANGLE], at));
-        let turn = (omega.sigma * radius.value).hypot(omega.value * radius.sigma);
+        let turn = (omega.sigma * radius.value).hypot(omega.value * radius.sigma.hypot(world.center_sigma_px));
         Estimate { value: v.value + omega.value * radius.value, sigma: v.sigma.hypot(turn) }
     };
     Some([speed(&flights.before, interval.start), speed(&flights.after, interval.end)])
@@ -231,8 +233,13 @@ fn assemble(interval: &Interval, flights: &Flights, verdict: Option<&Verdict>, w
     let relative = world.metres_per_px.sigma / world.metres_per_px.value;
     let speed = |x: Estimate| scaled(x, world.metres_per_px.value / world.period_s, relative);
     let seconds = |x: Estimate| scaled(x, world.period_s, 0.0);
-    let before = |k: usize| rate_at(&flights.before[k], interval.start);
-    let after = |k: usize| rate_at(&flights.after[k], interval.end);
+    let rate = |flight: &[Polynomial; 3], k: usize, at: Estimate| {
+        let (rate, spin) = (rate_at(&flight[k], at), rate_at(&flight[ANGLE], at).value);
+        let whirl = if k == ANGLE { 0.0 } else { spin * world.center_sigma_px };
+        Estimate { sigma: rate.sigma.hypot(whirl), ..rate }
+    };
+    let before = |k: usize| rate(&flights.before, k, interval.start);
+    let after = |k: usize| rate(&flights.after, k, interval.end);
     let turn = |x: Estimate| scaled(x, 1.0 / world.period_s, 0.0);
     let duration = minus(interval.end, interval.start);
     let impulse = |k: usize| {

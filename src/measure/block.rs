@@ -1,15 +1,22 @@
 //! Blocks of frames to steps and fields.
 
+use super::whole::{WholeStep, Wholes};
 use crate::ball::{BallError, BallFinder, BallParams};
 use crate::dic::{CorrelationError, CorrelationParams, Correlator, Prepared, Start, grid, rigid_fit};
 use crate::image::{Frame, FrameMeta, Image, ShapeError};
+use crate::motion::Rotation;
 use crate::results::{BodyStep, Circle, PairField, PointStatus, RigidStep};
 use std::collections::VecDeque;
 
 /// Share of the radius that subsets keep clear of the rim, where the outline is blurred and light falls off.
-const RIM_CLEARANCE: f64 = 0.04;
+pub(super) const RIM_CLEARANCE: f64 = 0.04;
 /// Fewest subsets a rigid motion is believed from.
 const FEWEST_POINTS: u32 = 3;
+
+/// How far apart the whole body's step and its subsets' may be at least, px, px and deg.
+///
+/// Beyond this and eight sigma one of the two follows something else.
+const MOST_APART: [f64; 3] = [0.05, 0.05, 0.1];
 
 /// What the frames of a rig are measured with.
 #[derive(Debug, Clone, PartialEq)]
@@ -18,6 +25,8 @@ pub struct MeasureParams {
     pub correlation: CorrelationParams,
     /// From reference to target, frames; the shortest first.
     pub intervals_frames: Vec<u32>,
+    /// What the motion of a body is taken from.
+    pub rotation: Rotation,
     /// Where each body may be.
     pub bodies: Vec<BallParams>,
     /// Frames of a block; blocks begin at sequence numbers divisible by it.
@@ -106,6 +115,7 @@ pub struct Measurer {
     last: Vec<Option<(u64, RigidStep)>>,
     /// Per body, the newest outline: its block and frame.
     before: Vec<Option<(u64, u64, Circle)>>,
+    wholes: Wholes,
 }
 
 /// A frame that waits for its target.
@@ -137,6 +147,7 @@ impl Measurer {
             spare: Vec::new(),
             last: vec![None; params.bodies.len()],
             before: vec![None; params.bodies.len()],
+            wholes: Wholes::default(),
             params: params.clone(),
         })
     }
@@ -146,6 +157,7 @@ impl Measurer {
         self.spare.extend(self.open.drain(..).map(|reference| reference.prepared));
         self.last.fill(None);
         self.before.fill(None);
+        self.wholes.clear();
     }
 
     /// Whether a frame is needed here at all: it belongs to a block of this share, or is a target of one.
@@ -180,7 +192,15 @@ impl Measurer {
         self.give_out(measured);
         let block = meta.sequence / u64::from(self.params.block_frames);
         if self.share.holds(block) {
-            let circles = (0..self.finders.len()).map(|body| self.find(body, &meta, block)).collect();
+            let circles: Vec<_> = (0..self.finders.len()).map(|body| self.find(body, &meta, block)).collect();
+            self.wholes.forget_before(self.open.front().map_or(block, |reference| reference.block));
+            if self.params.rotation == Rotation::Rigid {
+                for (body, circle) in circles.iter().enumerate() {
+                    if let Some(circle) = circle {
+                        self.wholes.begin((body, block), meta.sequence, &prepared, circle);
+                    }
+                }
+            }
             let done = vec![None; self.finders.len() * self.params.intervals_frames.len()];
             self.open.push_back(Reference { meta, block, prepared, circles, done });
         } else {
@@ -271,6 +291,9 @@ impl Measurer {
         // Longer ones start from the frame's own shortest step, whatever was measured since.
         let own = reference.done[slot - place].as_ref().and_then(|shortest| shortest.step.step);
         let known = if place == 0 { self.last_in(reference.block, body) } else { own };
+        let span = (reference, (target_frame, target), body);
+        let mut whole = known.and_then(|rate| self.whole_step(span, &circle, &rate));
+        let known = whole.map(|whole| whole.step).or(known);
         let start = known.map_or(Start::Search, |step| start(&step, &circle, frames));
         let correlation = &self.params.correlation;
         let radius_px = circle.radius_px * (1.0 - RIM_CLEARANCE);
@@ -279,6 +302,19 @@ impl Measurer {
         let points = grid::disc(circle.x_px, circle.y_px, radius_px, step_px, subset_px, width, height);
         self.correlator.correlate(&reference.prepared, target, &points, start, &mut field.points);
         step.step = self.rigid_step(&mut field, &circle, frames);
+        if let (None, Some(rate)) = (whole, step.step) {
+            whole = self.whole_step(span, &circle, &rate);
+        }
+        if let Some(whole) = whole {
+            if step.step.is_none_or(|field| agree(&whole.step, &field)) {
+                step.step = Some(whole.step);
+                if let (Some(circle), Some(share)) = (&mut step.circle, whole.visible_fraction) {
+                    circle.visible_fraction = share;
+                }
+            } else {
+                self.wholes.forget(body, reference.block);
+            }
+        }
         if step.step.is_none() {
             step.status = why_not(&field);
         }
@@ -286,6 +322,17 @@ impl Measurer {
             self.last[body] = step.step.map(|motion| (reference.block, motion));
         }
         Measured { step, field: Some(field) }
+    }
+
+    /// The motion of the whole body, near a rate a frame.
+    fn whole_step(
+        &mut self,
+        (reference, (target_frame, target), body): (&Reference, (u64, &Prepared), usize),
+        circle: &Circle,
+        rate: &RigidStep,
+    ) -> Option<WholeStep> {
+        let from = (reference.meta.sequence, &reference.prepared);
+        self.wholes.step((body, reference.block), from, (target_frame, target), circle, rate)
     }
 
     /// The last motion measured within the block.
@@ -306,6 +353,17 @@ impl Measurer {
             points: motion.points,
         })
     }
+}
+
+/// Whether the whole body moved as its subsets did.
+fn agree(whole: &RigidStep, field: &RigidStep) -> bool {
+    let apart = [whole.dx_px - field.dx_px, whole.dy_px - field.dy_px, whole.dtheta_deg - field.dtheta_deg];
+    let sigma = [
+        whole.sigma_dx_px.hypot(field.sigma_dx_px),
+        whole.sigma_dy_px.hypot(field.sigma_dy_px),
+        whole.sigma_dtheta_deg.hypot(field.sigma_dtheta_deg),
+    ];
+    apart.iter().zip(sigma).zip(MOST_APART).all(|((apart, sigma), most)| apart.abs() <= most.max(8.0 * sigma))
 }
 
 /// Where subsets are looked for when the body goes on as it moves, for as many frames as a step spans.

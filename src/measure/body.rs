@@ -189,7 +189,14 @@ impl BodyTracker {
             Scale::MmPerPx(_) => self.radius.radius_px(),
         };
         let period_s = self.params.frame_period_ns * 1e-9;
-        Some(World { metres_per_px, period_s, gravity_px: [gravity.normal, gravity.tangential], radius_px })
+        let center = self.nodes.last().and_then(|node| self.anchor.center(node));
+        Some(World {
+            metres_per_px,
+            period_s,
+            gravity_px: [gravity.normal, gravity.tangential],
+            radius_px,
+            center_sigma_px: center.map_or(0.0, |center| center.sigma_px),
+        })
     }
 
     /// Measures the last collision with what is known up to `time_frames`.

@@ -10,6 +10,7 @@ mod block;
 mod body;
 mod order;
 mod tracker;
+mod whole;
 
 pub use block::{MeasureError, MeasureParams, Measured, Measurer, Share};
 pub use order::Order;

@@ -154,7 +154,7 @@ impl Chain {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::motion::walk_share;
+    use crate::motion::{Rotation, walk_share};
     use crate::results::PointStatus;
 
     /// Normal numbers, near enough: sums of twelve even ones.
@@ -206,7 +206,8 @@ mod tests {
         let alone = drift(&[1]);
         assert!((alone / 4000_f64.sqrt() - 1.0).abs() < 0.1, "{alone}");
         for intervals in [&[1, 4][..], &[1, 10], &[1, 3, 9]] {
-            let (found, stated) = (drift(intervals) / alone, walk_share(intervals) / walk_share(&[1]));
+            let (found, stated) =
+                (drift(intervals) / alone, walk_share(Rotation::Field, intervals) / walk_share(Rotation::Field, &[1]));
             assert!((found / stated - 1.0).abs() < 0.2, "{intervals:?}: {found}, stated {stated}");
         }
     }

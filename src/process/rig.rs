@@ -217,6 +217,7 @@ pub fn analysis_params(config: &Config, format: &StreamFormat) -> (MeasureParams
     let measure = MeasureParams {
         correlation: config.correlation(),
         intervals_frames: config.intervals_frames.clone(),
+        rotation: config.rotation,
         bodies: bodies.clone().map(|body| config.ball(body, format.width_px, format.height_px)).collect(),
         block_frames: config.workers.block_frames,
     };

@@ -5,6 +5,7 @@ use ricochet::config::Config;
 use ricochet::dic::CorrelationParams;
 use ricochet::image::Frame;
 use ricochet::measure::{MeasureParams, Measurer, Share, Tracker, TrackerRows};
+use ricochet::motion::Rotation;
 use ricochet::results::{Impact, RigidStep};
 use ricochet::synth::{Scenario, World};
 use std::collections::BTreeMap;
@@ -18,6 +19,7 @@ fn measure(scenario: &Scenario) -> Vec<(RigidStep, RigidStep)> {
     let params = MeasureParams {
         correlation: CorrelationParams::default(),
         intervals_frames: vec![1],
+        rotation: Rotation::Rigid,
         bodies: vec![BallParams::new(50.0, 70.0)],
         block_frames: 16,
     };
@@ -83,8 +85,9 @@ fn a_ball_turns_by_what_was_drawn_to_two_hundredths_of_a_degree() {
 }
 
 /// A simulated drop, from frames to its impact, and the truth.
-fn drop_of(seed: u64, intervals: &str) -> (Impact, Impact) {
+fn drop_of(seed: u64, intervals: &str, rotation: &str) -> (Impact, Impact) {
     let text = include_str!("../../config/lacrosse.toml");
+    let text = format!("{text}\n[rotation]\nmethod = \"{rotation}\"\n");
     let text = text.replace("[correlation]", &format!("[correlation]\ninterval_frames = {intervals}"));
     let config = Config::parse(&text, "lacrosse.toml").unwrap();
     let scenario = Scenario { seed, ..Scenario::built_in("lacrosse").unwrap() };
@@ -107,8 +110,8 @@ fn drop_of(seed: u64, intervals: &str) -> (Impact, Impact) {
 }
 
 /// Measures some drops; gives the root mean square error of each number.
-fn judge_impacts(intervals: &str) -> BTreeMap<&'static str, f64> {
-    let drops: Vec<(Impact, Impact)> = (0..12).map(|seed| drop_of(4000 + seed, intervals)).collect();
+fn judge_impacts(intervals: &str, rotation: &str) -> BTreeMap<&'static str, f64> {
+    let drops: Vec<(Impact, Impact)> = (0..12).map(|seed| drop_of(4000 + seed, intervals, rotation)).collect();
     let mut errors_of = BTreeMap::new();
     for (index, (name, _)) in drops[0].1.numbers().iter().enumerate() {
         let errors: Vec<(f64, f64)> = drops
@@ -124,7 +127,8 @@ fn judge_impacts(intervals: &str) -> BTreeMap<&'static str, f64> {
         let [mean, rms, largest, pulls] = judge(&errors);
         println!("{name}: bias {mean:.2e}, rms {rms:.2e}, max {largest:.2e}, pulls {pulls:.2}");
         assert_eq!(errors.len(), drops.len(), "{name} is missing in some");
-        assert!((0.15..1.5).contains(&pulls), "{name}: errors are {pulls} of their uncertainties");
+        // Start and end are as sure as the law of force is; here it is the simplest one.
+        assert!((0.1..1.5).contains(&pulls), "{name}: errors are {pulls} of their uncertainties");
         errors_of.insert(*name, rms);
     }
     errors_of
@@ -132,12 +136,12 @@ fn judge_impacts(intervals: &str) -> BTreeMap<&'static str, f64> {
 
 #[test]
 fn uncertainties_of_an_impact_are_neither_too_small_nor_much_too_large() {
-    judge_impacts("1");
+    judge_impacts("1", "rigid");
 }
 
 #[test]
 fn a_longer_interval_beside_the_shortest_makes_long_fits_surer() {
-    let (one, both) = (judge_impacts("1"), judge_impacts("[1, 5]"));
+    let (one, both) = (judge_impacts("1", "field"), judge_impacts("[1, 5]", "field"));
     // Flights of many frames and the whole of a contact; short flights are as sure as their frames.
     for name in ["deepest_s", "vn_after_m_s", "omega_after_rad_s", "acceleration_max_m_s2"] {
         assert!(both[name] < 0.8 * one[name], "{name}: {} and {}", both[name], one[name]);

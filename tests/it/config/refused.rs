@@ -127,7 +127,7 @@ fn words_that_mean_nothing_are_refused_with_the_ones_that_do() {
         ),
         (
             "[rotation]\nmethod = \"hough\"",
-            ", line 4: rotation.method = \"hough\": must be \"field\", \"ring\", \"rigid\"",
+            ", line 4: rotation.method = \"hough\": must be \"rigid\", \"field\", \"ring\"",
         ),
         ("[trigger]\nmode = \"on\"", ", line 4: trigger.mode = \"on\": must be \"off\", \"software\", \"motion\""),
         (
@@ -154,7 +154,7 @@ fn what_this_version_does_not_offer_is_refused_by_name() {
         ),
         (
             "[rotation]\nmethod = \"ring\"",
-            ", line 4: rotation.method = \"ring\" is not offered by this version; allowed: \"field\"",
+            ", line 4: rotation.method = \"ring\" is not offered by this version; allowed: \"rigid\", \"field\"",
         ),
         (
             "[rotation]\nring_inner_px = 6",

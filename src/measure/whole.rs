@@ -1,0 +1,195 @@
+//! Bodies matched as wholes, against a reference that their block keeps.
+//!
+//! Poses against one reference do not add up errors from frame to frame: the
+//! step between two frames is the difference of their poses, and the noise of
+//! the reference is in neither.
+
+use crate::dic::{BodyMotion, Prepared, Region, RigidBody};
+use crate::results::{Circle, RigidStep};
+
+use super::block::RIM_CLEARANCE;
+
+/// Rotation against the reference from which on one that hides something is renewed all the same, deg.
+const RENEW_HIDDEN_DEG: f64 = 10.0;
+/// Share in sight from which on a body counts as unhidden.
+const WHOLE: f64 = 0.97;
+
+/// Where the reference's centre is in a frame, and how the body is turned.
+#[derive(Debug, Clone, Copy)]
+struct Pose {
+    frame: u64,
+    x_px: f64,
+    y_px: f64,
+    angle_deg: f64,
+    /// Of x, y and the angle.
+    sigma: [f64; 3],
+    pixels: u32,
+    /// Share of the reference in sight; `None` for the reference itself.
+    share: Option<f64>,
+}
+
+/// One body in one block.
+#[derive(Debug)]
+struct Kept {
+    body: usize,
+    block: u64,
+    reference: RigidBody,
+    /// The reference's own pose.
+    origin: Pose,
+    radius_px: f64,
+    /// Whether nothing hid the body in the reference.
+    is_whole: bool,
+    /// In the order of their frames.
+    poses: Vec<Pose>,
+}
+
+/// What a match of the whole body says of a step.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct WholeStep {
+    /// The motion of the circle's centre, per frame.
+    pub(super) step: RigidStep,
+    /// Share of the body in sight in the first of the two frames, if that is known.
+    pub(super) visible_fraction: Option<f64>,
+}
+
+/// The references of all bodies in the blocks at hand.
+#[derive(Debug, Default)]
+pub(super) struct Wholes {
+    kept: Vec<Kept>,
+}
+
+impl Wholes {
+    /// Forgets everything.
+    pub(super) fn clear(&mut self) {
+        self.kept.clear();
+    }
+
+    /// Forgets the blocks before this one.
+    pub(super) fn forget_before(&mut self, block: u64) {
+        self.kept.retain(|kept| kept.block >= block);
+    }
+
+    /// Forgets one body in one block: something is wrong with its reference.
+    pub(super) fn forget(&mut self, body: usize, block: u64) {
+        self.kept.retain(|kept| (kept.body, kept.block) != (body, block));
+    }
+
+    /// Takes a frame as the reference of a body in a block that has none.
+    pub(super) fn begin(&mut self, (body, block): (usize, u64), frame: u64, prepared: &Prepared, circle: &Circle) {
+        if self.kept.iter().any(|kept| (kept.body, kept.block) == (body, block)) {
+            return;
+        }
+        let radius_px = circle.radius_px * (1.0 - RIM_CLEARANCE);
+        let region = Region::Disc { x_px: circle.x_px, y_px: circle.y_px, radius_px };
+        // Without texture, or at the edge of the picture, there is none: subsets are measured alone then.
+        let Ok(reference) = RigidBody::new(prepared, &region) else { return };
+        let pixels = reference.pixels() as u32;
+        let (x_px, y_px) = (circle.x_px, circle.y_px);
+        let origin = Pose { frame, x_px, y_px, angle_deg: 0.0, sigma: [0.0; 3], pixels, share: None };
+        let is_whole = circle.visible_fraction >= WHOLE;
+        self.kept.push(Kept { body, block, reference, origin, radius_px, is_whole, poses: vec![origin] });
+    }
+
+    /// The step of a body from one frame of a block to a later one, looked for near `rate` a frame.
+    pub(super) fn step(
+        &mut self,
+        (body, block): (usize, u64),
+        (from, prepared): (u64, &Prepared),
+        (to, target): (u64, &Prepared),
+        circle: &Circle,
+        rate: &RigidStep,
+    ) -> Option<WholeStep> {
+        let kept = self.kept.iter_mut().find(|kept| (kept.body, kept.block) == (body, block))?;
+        let first = match kept.pose(from) {
+            Some(pose) => pose,
+            None => {
+                let nearest = *kept.poses.iter().rev().find(|pose| pose.frame < from)?;
+                kept.find(prepared, from, nearest.moved(circle, rate, (from - nearest.frame) as f64))?
+            }
+        };
+        let frames = (to - from) as f64;
+        let second = match kept.pose(to) {
+            Some(pose) => pose,
+            None => kept.find(target, to, first.moved(circle, rate, frames))?,
+        };
+        Some(WholeStep {
+            step: first.step_to(&second, circle, frames),
+            visible_fraction: first.share.filter(|_| kept.is_whole),
+        })
+    }
+}
+
+impl Kept {
+    fn pose(&self, frame: u64) -> Option<Pose> {
+        self.poses.iter().rev().find(|pose| pose.frame == frame).copied()
+    }
+
+    /// Matches a frame near a pose; renews the reference by it when that no longer serves.
+    fn find(&mut self, target: &Prepared, frame: u64, guess: Pose) -> Option<Pose> {
+        let origin = self.origin;
+        let near = (guess.x_px - origin.x_px, guess.y_px - origin.y_px, guess.angle_deg - origin.angle_deg);
+        let found = self.reference.find_visible(target, (origin.x_px, origin.y_px), near).ok()?;
+        let BodyMotion { motion, visible_fraction, .. } = found;
+        let pose = Pose {
+            frame,
+            x_px: origin.x_px + motion.u_px,
+            y_px: origin.y_px + motion.v_px,
+            angle_deg: origin.angle_deg + motion.angle_deg,
+            sigma: [motion.sigma_u_px, motion.sigma_v_px, motion.sigma_angle_deg],
+            pixels: motion.points,
+            share: Some(visible_fraction),
+        };
+        let place = self.poses.partition_point(|other| other.frame < frame);
+        self.poses.insert(place, pose);
+        let is_hidden = visible_fraction < WHOLE;
+        // Something in the reference that moves as the body does would be taken for it.
+        if found.is_stale() && (!is_hidden || motion.angle_deg.abs() > RENEW_HIDDEN_DEG) {
+            let region = Region::Disc { x_px: pose.x_px, y_px: pose.y_px, radius_px: self.radius_px };
+            if let Ok(reference) = RigidBody::new(target, &region) {
+                (self.reference, self.origin) = (reference, pose);
+                self.is_whole = self.is_whole && !is_hidden;
+            }
+        }
+        Some(pose)
+    }
+}
+
+impl Pose {
+    /// Where a body whose circle has this rate is after some frames.
+    fn moved(&self, circle: &Circle, rate: &RigidStep, frames: f64) -> Self {
+        let angle_deg = frames * rate.dtheta_deg;
+        let (dx, dy) = turned((self.x_px - circle.x_px, self.y_px - circle.y_px), angle_deg);
+        Self {
+            x_px: circle.x_px + frames * rate.dx_px + dx,
+            y_px: circle.y_px + frames * rate.dy_px + dy,
+            angle_deg: self.angle_deg + angle_deg,
+            ..*self
+        }
+    }
+
+    /// The step of the circle's centre to a later pose, per frame.
+    fn step_to(&self, later: &Self, circle: &Circle, frames: f64) -> RigidStep {
+        let angle_deg = later.angle_deg - self.angle_deg;
+        let (dx, dy) = turned((circle.x_px - self.x_px, circle.y_px - self.y_px), angle_deg);
+        // The reference's noise is in both poses, unless one is its own.
+        let sigma = |k: usize| match (self.share, later.share) {
+            (Some(_), Some(_)) => (0.5 * (self.sigma[k].powi(2) + later.sigma[k].powi(2))).sqrt(),
+            _ => self.sigma[k].max(later.sigma[k]),
+        };
+        RigidStep {
+            dx_px: (later.x_px + dx - circle.x_px) / frames,
+            dy_px: (later.y_px + dy - circle.y_px) / frames,
+            dtheta_deg: angle_deg / frames,
+            sigma_dx_px: sigma(0) / frames,
+            sigma_dy_px: sigma(1) / frames,
+            sigma_dtheta_deg: sigma(2) / frames,
+            points: self.pixels.min(later.pixels),
+        }
+    }
+}
+
+/// An offset turned counter-clockwise on the screen.
+fn turned((dx, dy): (f64, f64), angle_deg: f64) -> (f64, f64) {
+    let (sin, cos) = angle_deg.to_radians().sin_cos();
+    (dx * cos + dy * sin, dy * cos - dx * sin)
+}
