@@ -52,6 +52,10 @@ struct Candidate {
 /// when two quite different motions explain the images about equally well, and
 /// whatever [`RigidBody::new`] says of the region.
 ///
+/// # Panics
+///
+/// If only a part of either frame was made ready.
+///
 /// # Cost
 ///
 /// Some tenths of a second: meant for the first frame and for lost bodies. Allocates.
@@ -61,6 +65,7 @@ pub fn find_at_any_angle(
     region: &Region,
     (x_px, y_px): (f64, f64),
 ) -> Result<BodyMotion, PointStatus> {
+    assert!(reference.is_whole() && target.is_whole(), "a body is looked for in the whole frame");
     let mut body = RigidBody::new(reference, region)?;
     let factor = coarse_factor(reference, &body);
     let coarse = |frame: &Prepared| {

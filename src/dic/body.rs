@@ -172,7 +172,7 @@ impl RigidBody {
     /// What a match of all pixels says.
     fn told(&mut self, target: &Prepared, found: &Match, offset: (f64, f64)) -> BodyMotion {
         let Self { subset, window, at, residual, pool, .. } = self;
-        let refiner = Refiner { subset, window, shape: Shape::Rigid, target: &target.splined, at: *at };
+        let refiner = Refiner { subset, window, shape: Shape::Rigid, target: &target.splined, at: target.local(*at) };
         let motion = motion(&refiner, found, offset, (pool, residual));
         BodyMotion { motion, zncc: found.zncc, visible_fraction: 1.0 }
     }
@@ -188,7 +188,7 @@ impl RigidBody {
             window: &self.window,
             shape: Shape::Rigid,
             target: &target.splined,
-            at: self.at,
+            at: target.local(self.at),
         }
     }
 }

@@ -171,6 +171,18 @@ impl Correlator {
         prepared.fill(image, self.params.interpolation);
     }
 
+    /// As [`Self::prepare_into`], but only a part of the frame: x, y, width and height, clipped to the frame.
+    ///
+    /// What reaches over the edge of the part is out of frame; leave room for whatever is looked for.
+    ///
+    /// # Panics
+    ///
+    /// If the image has another size than planned.
+    pub fn prepare_part_into(&self, image: ImageView<'_>, part: [u32; 4], prepared: &mut Prepared) {
+        assert_eq!((image.width(), image.height()), (self.width_px, self.height_px), "planned for another size");
+        prepared.fill_part(image, part, self.params.interpolation);
+    }
+
     /// Measures how far each subset moved from `reference` to `target`.
     ///
     /// `field` is cleared first and then holds one point per grid point, in the

@@ -81,14 +81,18 @@ impl Search {
 
     /// Looks for `subset`, centred at `at` in the reference, in the same place of the target.
     ///
-    /// `None` when the peak lies beyond the range.
+    /// `None` when the peak lies beyond the range, or the place beyond the target.
     pub(super) fn find_near(
         &mut self,
         subset: &Subset,
         window: &Window,
         target: &Plane,
-        at: (u32, u32),
+        at: (i32, i32),
     ) -> Option<Found> {
+        let place = (at.0 as isize, at.1 as isize);
+        if !window.extent.fits(place, (target.width(), target.height())) {
+            return None;
+        }
         let (extent, size) = (window.extent, self.quick.transform.size());
         let corner = (at.0 as isize + extent.left as isize, at.1 as isize + extent.top as isize);
         let (width, height) = extent.sides();
@@ -136,7 +140,7 @@ impl Search {
         subset: &Subset,
         window: &Window,
         target: &Plane,
-        at: (u32, u32),
+        at: (i32, i32),
         around: (i32, i32),
     ) -> Option<Found> {
         let (extent, range) = (window.extent, self.range as i64);
@@ -221,13 +225,13 @@ mod tests {
         let mut subset = Subset::default();
         let at = (44, 40);
         subset.fill(&f, &window, Shape::Translation, at).unwrap();
-        let found = search.find(&subset, &window, &g.levels, at, (0, 0)).unwrap();
+        let found = search.find(&subset, &window, &g.levels, g.local(at), (0, 0)).unwrap();
         let slow = slow_surface(&reference, &target, (44, 40), 10, 7);
         let difference = slow.iter().zip(&search.surface).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
         assert!(difference < 2e-5, "largest difference {difference}");
         let (u, v) = found.displacement(&found.best);
         assert!((u - 3.4).abs() < 0.05 && (v + 2.2).abs() < 0.05, "{u} {v}");
-        let near = search.find_near(&subset, &window, &g.levels, at).unwrap();
+        let near = search.find_near(&subset, &window, &g.levels, g.local(at)).unwrap();
         let (u, v) = near.displacement(&near.best);
         assert!((u - 3.4).abs() < 0.6 && (v + 2.2).abs() < 0.6, "circular: {u} {v}");
     }

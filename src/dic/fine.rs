@@ -58,7 +58,7 @@ impl FineSearch {
         }
     }
 
-    /// The displacement of the subset centred at `at`, near a whole-pixel one; px.
+    /// The displacement of the subset centred at `at`, in reference and target, near a whole-pixel one; px.
     ///
     /// With `fit` the top of the peak, else its highest grid point. `None` when
     /// the subset has no contrast.
@@ -66,7 +66,7 @@ impl FineSearch {
         &mut self,
         (reference, target): (&Splined, &Splined),
         window: &Window,
-        at: (u32, u32),
+        (at, at_target): ((i32, i32), (i32, i32)),
         near: (i32, i32),
         fit: bool,
     ) -> Option<(f64, f64)> {
@@ -76,6 +76,7 @@ impl FineSearch {
         upsample(reference, (x - half, y - half), side, self.factor, (&mut self.rows, &mut self.subset));
         let energy = self.center();
         let margin = MARGIN_PX as isize;
+        let (x, y) = (at_target.0 as isize, at_target.1 as isize);
         let corner = (x + near.0 as isize - half - margin, y + near.1 as isize - half - margin);
         let area = side + 2 * MARGIN_PX * self.factor;
         upsample(target, corner, area, self.factor, (&mut self.rows, &mut self.area));

@@ -118,14 +118,17 @@ impl Matcher<'_> {
         }
         let around = guess.map_or((0, 0), |warp| self.search_center(&warp));
         if around == (0, 0)
-            && let Some(peaks) = search.find_near(self.subset, self.window, &self.target.levels, self.at)
+            && let Some(peaks) =
+                search.find_near(self.subset, self.window, &self.target.levels, self.target.local(self.at))
             && peaks.second.is_none_or(|second| second.height < CLEAR * peaks.best.height)
             && let Ok(found) = self.refine_peak(&peaks, &peaks.best)
             && found.zncc >= SURE.max(self.params.min_zncc)
         {
             return self.judge(found, peaks.ratio());
         }
-        let Some(peaks) = search.find(self.subset, self.window, &self.target.levels, self.at, around) else {
+        let Some(peaks) =
+            search.find(self.subset, self.window, &self.target.levels, self.target.local(self.at), around)
+        else {
             return Solution::failed(PointStatus::OutOfFrame);
         };
         let solution = self.refine_peaks(&peaks);
@@ -140,7 +143,8 @@ impl Matcher<'_> {
     /// Near the edge of the image the true match may have left it; then one of a
     /// regular pattern's repetitions would pass for it.
     fn repeats_itself(&self, search: &mut Search) -> bool {
-        let own = search.find(self.subset, self.window, &self.reference.levels, self.at, (0, 0));
+        let at = self.reference.local(self.at);
+        let own = search.find(self.subset, self.window, &self.reference.levels, at, (0, 0));
         own.is_some_and(|own| own.second.is_some_and(|second| second.height > RIVAL_HEIGHT * own.best.height))
     }
 
@@ -148,13 +152,16 @@ impl Matcher<'_> {
     fn solve_peak(&self, searches: &mut Searches, guess: Option<&Warp>) -> Solution {
         let Searches { pixel: search, fine, peak_fit } = searches;
         let around = guess.map_or((0, 0), |warp| (warp.u.round() as i32, warp.v.round() as i32));
-        let Some(peaks) = search.find(self.subset, self.window, &self.target.levels, self.at, around) else {
+        let Some(peaks) =
+            search.find(self.subset, self.window, &self.target.levels, self.target.local(self.at), around)
+        else {
             return Solution::failed(PointStatus::OutOfFrame);
         };
         let displacement = match (self.params.method, fine) {
             (Method::SplineFft, Some(fine)) => {
                 let frames = (&self.reference.splined, &self.target.splined);
-                fine.find(frames, self.window, self.at, peaks.whole(), *peak_fit)
+                let at = (self.reference.local(self.at), self.target.local(self.at));
+                fine.find(frames, self.window, at, peaks.whole(), *peak_fit)
             }
             (Method::PeakSpline, _) => Some(peaks.offset(search.spline_top(&peaks))),
             _ => Some(peaks.offset(search.gaussian_top(&peaks))),
@@ -206,7 +213,7 @@ impl Matcher<'_> {
     /// The refinement of this subset.
     pub(super) fn refiner(&self) -> Refiner<'_> {
         let (subset, window, shape) = (self.subset, self.window, self.params.refined_shape());
-        Refiner { subset, window, shape, target: &self.target.splined, at: self.at }
+        Refiner { subset, window, shape, target: &self.target.splined, at: self.target.local(self.at) }
     }
 
     /// Refines one peak.

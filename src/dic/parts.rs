@@ -71,7 +71,9 @@ impl Parts {
 
     /// FFT correlation of the last subset with the same 32 x 32 pixels of the target, and its sub-pixel peak.
     pub fn peak(&mut self, at: GridPoint) -> bool {
-        self.search.find_near(&self.subset, &self.window, &self.frames.1.levels, (at.x, at.y)).is_some()
+        self.search
+            .find_near(&self.subset, &self.window, &self.frames.1.levels, self.frames.1.local((at.x, at.y)))
+            .is_some()
     }
 
     /// One exact affine iteration of the last subset, deformed.
@@ -87,6 +89,6 @@ impl Parts {
     fn refiner(&self, disc: bool, at: GridPoint) -> Refiner<'_> {
         let (subset, window, shape) =
             if disc { (&self.body, &self.disc, Shape::Rigid) } else { (&self.subset, &self.window, Shape::Affine) };
-        Refiner { subset, window, shape, target: &self.frames.1.splined, at: (at.x, at.y) }
+        Refiner { subset, window, shape, target: &self.frames.1.splined, at: self.frames.1.local((at.x, at.y)) }
     }
 }

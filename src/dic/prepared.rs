@@ -26,23 +26,46 @@ pub struct Prepared {
     pub(super) offset: f32,
     /// The level at which the frame is saturated, offset taken off; infinite if it is not.
     pub(super) saturation: f32,
+    /// Where the part of the frame that is ready begins, px.
+    origin: (u32, u32),
+    /// Size of the whole frame, px.
+    size: (usize, usize),
 }
 
 impl Prepared {
-    /// Pixels a row.
+    /// Pixels a row of the whole frame.
     pub fn width(&self) -> usize {
-        self.levels.width()
+        self.size.0
     }
 
-    /// Rows.
+    /// Rows of the whole frame.
     pub fn height(&self) -> usize {
-        self.levels.height()
+        self.size.1
+    }
+
+    /// Whether all of the frame is ready, not just a part.
+    pub(super) fn is_whole(&self) -> bool {
+        self.size == (self.levels.width(), self.levels.height())
+    }
+
+    /// Where a pixel of the frame lies in the part that is ready.
+    pub(super) fn local(&self, (x, y): (u32, u32)) -> (i32, i32) {
+        (x as i32 - self.origin.0 as i32, y as i32 - self.origin.1 as i32)
     }
 
     /// Makes `image` ready in this memory.
     pub(super) fn fill(&mut self, image: ImageView<'_>, interpolation: Interpolation) {
-        let (width, height) = (image.width(), image.height());
-        let (highest, sum) = highest_and_sum(image);
+        self.fill_part(image, [0, 0, image.width() as u32, image.height() as u32], interpolation);
+    }
+
+    /// Makes a part of `image` ready in this memory: x, y, width and height, clipped to the image.
+    pub(super) fn fill_part(&mut self, image: ImageView<'_>, part: [u32; 4], interpolation: Interpolation) {
+        self.size = (image.width(), image.height());
+        let (left, top) = ((part[0] as usize).min(self.size.0), (part[1] as usize).min(self.size.1));
+        let (width, height) = ((part[2] as usize).min(self.size.0 - left), (part[3] as usize).min(self.size.1 - top));
+        self.origin = (left as u32, top as u32);
+        let row = |y: usize| &image.row(top + y)[left..left + width];
+        let (highest, sum) = highest_and_sum((0..height).map(row));
         self.offset = (sum / (width * height).max(1) as f64).round() as f32;
         let saturated = SATURATED_LEVELS.iter().any(|level| (level - highest).abs() < 0.5);
         self.saturation = if saturated { highest - self.offset } else { f32::INFINITY };
@@ -54,7 +77,7 @@ impl Prepared {
         }
         for y in 0..height {
             let offset = self.offset;
-            self.levels.row_mut(y).iter_mut().zip(image.row(y)).for_each(|(level, pixel)| *level = pixel - offset);
+            self.levels.row_mut(y).iter_mut().zip(row(y)).for_each(|(level, pixel)| *level = pixel - offset);
         }
         self.levels.mirror_margin();
         self.fill_gradients();
@@ -113,26 +136,28 @@ fn difference(samples: [&[f32]; 4], out: &mut [f32]) {
 }
 
 /// The highest grey level and the sum of all.
+fn highest_and_sum<'a>(rows: impl Iterator<Item = &'a [f32]>) -> (f32, f64) {
+    rows.map(highest_and_sum_of).fold((f32::NEG_INFINITY, 0.0), |(highest, sum), row| (highest.max(row.0), sum + row.1))
+}
+
+/// The highest grey level and the sum of one row.
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512dq+avx512vl", "x86_64+avx2"))]
-fn highest_and_sum(image: ImageView<'_>) -> (f32, f64) {
-    let (mut highest, mut sum) = ([f32::NEG_INFINITY; LANES], 0.0);
-    for y in 0..image.height() {
-        let chunks = image.row(y).chunks_exact(LANES);
-        let rest = chunks.remainder();
-        let mut sums = [0.0_f32; LANES];
-        for chunk in chunks {
-            for lane in 0..LANES {
-                sums[lane] += chunk[lane];
-                highest[lane] = if chunk[lane] > highest[lane] { chunk[lane] } else { highest[lane] };
-            }
+fn highest_and_sum_of(row: &[f32]) -> (f32, f64) {
+    let (mut highest, mut sums) = ([f32::NEG_INFINITY; LANES], [0.0_f32; LANES]);
+    let chunks = row.chunks_exact(LANES);
+    let rest = chunks.remainder();
+    for chunk in chunks {
+        for lane in 0..LANES {
+            sums[lane] += chunk[lane];
+            highest[lane] = if chunk[lane] > highest[lane] { chunk[lane] } else { highest[lane] };
         }
-        for value in rest {
-            sums[0] += value;
-            highest[0] = highest[0].max(*value);
-        }
-        sum += sums.iter().map(|value| f64::from(*value)).sum::<f64>();
     }
-    (highest.into_iter().fold(f32::NEG_INFINITY, f32::max), sum)
+    for value in rest {
+        sums[0] += value;
+        highest[0] = highest[0].max(*value);
+    }
+    let highest = highest.into_iter().fold(f32::NEG_INFINITY, f32::max);
+    (highest, sums.iter().map(|value| f64::from(*value)).sum())
 }
 
 #[cfg(test)]

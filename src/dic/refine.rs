@@ -84,8 +84,8 @@ pub(super) struct Refiner<'a> {
     pub(super) shape: Shape,
     /// The target, interpolated.
     pub(super) target: &'a Splined,
-    /// Centre of the subset in the reference, px.
-    pub(super) at: (u32, u32),
+    /// Centre of the subset in the reference, px from the corner of the target's part that is ready.
+    pub(super) at: (i32, i32),
 }
 
 impl Refiner<'_> {
@@ -415,7 +415,13 @@ mod tests {
         let mut subset = Subset::default();
         let at = (45, 44);
         subset.fill(&reference, &window, Shape::Affine, at).unwrap();
-        let refiner = Refiner { subset: &subset, window: &window, shape: Shape::Affine, target: &target.splined, at };
+        let refiner = Refiner {
+            subset: &subset,
+            window: &window,
+            shape: Shape::Affine,
+            target: &target.splined,
+            at: target.local(at),
+        };
         let found = refiner.refine(Warp::shift(1.0, 0.0)).unwrap();
         let offsets: Vec<(i32, i32)> = (0..31 * 31).map(|k| (k % 31 - 15, k / 31 - 15)).collect();
         let pixel = |(dx, dy): &(i32, i32)| image.view().at((45 + dx) as usize, (44 + dy) as usize).unwrap();

@@ -68,8 +68,9 @@ impl Subset {
         shape: Shape,
         at: (u32, u32),
     ) -> Result<(), Unusable> {
-        let (x, y) = (at.0 as isize, at.1 as isize);
-        if !window.extent.fits((x, y), (reference.width(), reference.height())) {
+        let (x, y) = reference.local(at);
+        let (x, y) = (x as isize, y as isize);
+        if !window.extent.fits((x, y), (reference.levels.width(), reference.levels.height())) {
             return Err(Unusable::OutOfFrame);
         }
         self.load(reference, window, (x, y))?;

@@ -1,5 +1,6 @@
 //! Blocks of frames to steps and fields.
 
+use super::part::Part;
 use super::whole::{WholeStep, Wholes};
 use crate::ball::{BallError, BallFinder, BallParams};
 use crate::dic::{CorrelationError, CorrelationParams, Correlator, Prepared, Start, grid, rigid_fit};
@@ -111,11 +112,19 @@ pub struct Measurer {
     /// Frames whose motion is not measured yet, oldest first.
     open: VecDeque<Reference>,
     spare: Vec<Prepared>,
-    /// Per body, the last motion measured within the block it names.
-    last: Vec<Option<(u64, RigidStep)>>,
-    /// Per body, the newest outline: its block and frame.
-    before: Vec<Option<(u64, u64, Circle)>>,
+    known: Vec<Known>,
     wholes: Wholes,
+}
+
+/// What is known of one body within one block.
+#[derive(Debug, Clone, Copy)]
+struct Known {
+    body: usize,
+    block: u64,
+    /// The newest outline and its frame.
+    circle: Option<(u64, Circle)>,
+    /// The last motion measured.
+    motion: Option<RigidStep>,
 }
 
 /// A frame that waits for its target.
@@ -145,8 +154,7 @@ impl Measurer {
             image: Image::new(width_px, height_px),
             open: VecDeque::new(),
             spare: Vec::new(),
-            last: vec![None; params.bodies.len()],
-            before: vec![None; params.bodies.len()],
+            known: Vec::new(),
             wholes: Wholes::default(),
             params: params.clone(),
         })
@@ -155,8 +163,7 @@ impl Measurer {
     /// Forgets every frame, for another stream.
     pub fn reset(&mut self) {
         self.spare.extend(self.open.drain(..).map(|reference| reference.prepared));
-        self.last.fill(None);
-        self.before.fill(None);
+        self.known.clear();
         self.wholes.clear();
     }
 
@@ -182,31 +189,78 @@ impl Measurer {
         }
         self.check_size(&meta)?;
         frame.unpack(&mut self.image).map_err(|source| MeasureError::Frame { sequence: meta.sequence, source })?;
-        let mut prepared = self.spare.pop().unwrap_or_else(|| self.correlator.prepare(self.image.view()));
-        self.correlator.prepare_into(self.image.view(), &mut prepared);
-        let mut open = std::mem::take(&mut self.open);
-        for reference in &mut open {
-            self.measure(reference, Some((&prepared, meta.sequence)));
-        }
-        self.open = open;
-        self.give_out(measured);
         let block = meta.sequence / u64::from(self.params.block_frames);
+        let own = self.measure_open(&meta, block);
+        self.give_out(measured);
         if self.share.holds(block) {
-            let circles: Vec<_> = (0..self.finders.len()).map(|body| self.find(body, &meta, block)).collect();
-            self.wholes.forget_before(self.open.front().map_or(block, |reference| reference.block));
-            if self.params.rotation == Rotation::Rigid {
-                for (body, circle) in circles.iter().enumerate() {
-                    if let Some(circle) = circle {
-                        self.wholes.begin((body, block), meta.sequence, &prepared, circle);
-                    }
-                }
-            }
-            let done = vec![None; self.finders.len() * self.params.intervals_frames.len()];
-            self.open.push_back(Reference { meta, block, prepared, circles, done });
+            self.open_reference(meta, block, own);
         } else {
-            self.spare.push(prepared);
+            self.spare.extend(own.map(|(prepared, _)| prepared));
         }
         Ok(())
+    }
+
+    /// Measures what leads to the frame at hand; gives the frame as it was made ready for `block`, and the part that was.
+    ///
+    /// Every block has the frame made ready for itself, where its own frames say that the bodies are: what is measured
+    /// in one block depends on no other.
+    fn measure_open(&mut self, meta: &FrameMeta, block: u64) -> Option<(Prepared, Part)> {
+        let mut open = std::mem::take(&mut self.open);
+        let mut own = None;
+        let mut first = 0;
+        while let Some(of) = open.get(first).map(|reference| reference.block) {
+            let last = open.partition_point(|reference| reference.block <= of);
+            let part = self.part_of(of, meta.sequence);
+            let mut prepared = self.spare.pop().unwrap_or_default();
+            self.correlator.prepare_part_into(self.image.view(), part.rectangle(), &mut prepared);
+            for reference in open.range_mut(first..last) {
+                self.measure(reference, Some((&prepared, meta.sequence)));
+            }
+            match of == block {
+                true => own = Some((prepared, part)),
+                false => self.spare.push(prepared),
+            }
+            first = last;
+        }
+        self.open = open;
+        own
+    }
+
+    /// Finds the bodies in the frame at hand, and keeps it until its targets have come.
+    fn open_reference(&mut self, meta: FrameMeta, block: u64, own: Option<(Prepared, Part)>) {
+        let circles: Vec<_> = (0..self.finders.len()).map(|body| self.find(body, &meta, block)).collect();
+        let mut needed = Part::default();
+        circles.iter().flatten().for_each(|circle| needed.add(circle, 0.0));
+        let (mut prepared, part) = own.unwrap_or_else(|| (self.spare.pop().unwrap_or_default(), Part::default()));
+        if part.is_empty() || !part.holds(&needed) {
+            self.correlator.prepare_part_into(self.image.view(), needed.rectangle(), &mut prepared);
+        }
+        let oldest = self.open.front().map_or(block, |reference| reference.block);
+        self.known.retain(|known| known.block >= oldest);
+        self.wholes.forget_before(oldest);
+        if self.params.rotation == Rotation::Rigid {
+            for (body, circle) in circles.iter().enumerate() {
+                if let Some(circle) = circle {
+                    self.wholes.begin((body, block), meta.sequence, &prepared, circle);
+                }
+            }
+        }
+        let done = vec![None; self.finders.len() * self.params.intervals_frames.len()];
+        self.open.push_back(Reference { meta, block, prepared, circles, done });
+    }
+
+    /// Where the bodies of a block may be in a frame, and what is looked for around them.
+    fn part_of(&self, block: u64, sequence: u64) -> Part {
+        let mut part = Part::default();
+        for known in self.known.iter().filter(|known| known.block == block) {
+            let Some((seen, circle)) = known.circle else { continue };
+            let range = f64::from(self.params.correlation.search_px);
+            part.add(&circle, range);
+            if let Some(motion) = &known.motion {
+                part.add(&carried(&circle, Some(motion), (sequence - seen) as f64).0, range);
+            }
+        }
+        part
     }
 
     /// The stream is over: tells the frames that have no target.
@@ -217,7 +271,7 @@ impl Measurer {
         }
         self.open = open;
         self.give_out(measured);
-        self.last.fill(None);
+        self.known.clear();
     }
 
     fn check_size(&self, meta: &FrameMeta) -> Result<(), MeasureError> {
@@ -231,10 +285,10 @@ impl Measurer {
 
     /// The outline of one body in the frame at hand: near where it must be, or from scratch.
     fn find(&mut self, body: usize, meta: &FrameMeta, block: u64) -> Option<Circle> {
-        let expected = self.before[body].filter(|(known, _, _)| *known == block).map(|(_, sequence, circle)| {
-            let frames = (meta.sequence - sequence) as f64;
-            carried(&circle, self.last_in(block, body).as_ref(), frames)
-        });
+        let known = *self.known(body, block);
+        let expected = known
+            .circle
+            .map(|(sequence, circle)| carried(&circle, known.motion.as_ref(), (meta.sequence - sequence) as f64));
         let finder = &mut self.finders[body];
         let view = self.image.view();
         let found = match expected {
@@ -243,7 +297,7 @@ impl Measurer {
             None => None,
         };
         let found = found.or_else(|| finder.find(view));
-        self.before[body] = found.map(|circle| (block, meta.sequence, circle));
+        self.known(body, block).circle = found.map(|circle| (meta.sequence, circle));
         found
     }
 
@@ -290,7 +344,7 @@ impl Measurer {
         let frames = f64::from(step.interval_frames);
         // Longer ones start from the frame's own shortest step, whatever was measured since.
         let own = reference.done[slot - place].as_ref().and_then(|shortest| shortest.step.step);
-        let known = if place == 0 { self.last_in(reference.block, body) } else { own };
+        let known = if place == 0 { self.known(body, reference.block).motion } else { own };
         let span = (reference, (target_frame, target), body);
         let mut whole = known.and_then(|rate| self.whole_step(span, &circle, &rate));
         let known = whole.map(|whole| whole.step).or(known);
@@ -319,7 +373,7 @@ impl Measurer {
             step.status = why_not(&field);
         }
         if place == 0 {
-            self.last[body] = step.step.map(|motion| (reference.block, motion));
+            self.known(body, reference.block).motion = step.step;
         }
         Measured { step, field: Some(field) }
     }
@@ -335,9 +389,14 @@ impl Measurer {
         self.wholes.step((body, reference.block), from, (target_frame, target), circle, rate)
     }
 
-    /// The last motion measured within the block.
-    fn last_in(&self, block: u64, body: usize) -> Option<RigidStep> {
-        self.last[body].filter(|(known, _)| *known == block).map(|(_, step)| step)
+    /// What is known of a body within a block.
+    fn known(&mut self, body: usize, block: u64) -> &mut Known {
+        let place = self.known.iter().position(|known| (known.body, known.block) == (body, block));
+        let place = place.unwrap_or_else(|| {
+            self.known.push(Known { body, block, circle: None, motion: None });
+            self.known.len() - 1
+        });
+        &mut self.known[place]
     }
 
     /// Motion of the centre and rotation, from every valid subset.

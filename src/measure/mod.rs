@@ -9,6 +9,7 @@
 mod block;
 mod body;
 mod order;
+mod part;
 mod tracker;
 mod whole;
 
