@@ -1,7 +1,7 @@
 //! The command line; the only room that names clap.
 
 use crate::command::analyze::{self, AnalyzeOptions};
-use crate::command::bench::{self, WindowsOptions};
+use crate::command::bench::{self, LiveOptions, WindowsOptions};
 use crate::command::cameras::{self, CamerasOptions};
 use crate::command::demo::{self, DemoOptions};
 use crate::command::export::{self, ExportOptions};
@@ -247,10 +247,10 @@ pub struct Analyze {
 /// Arguments of a command.
 #[derive(Debug, Args)]
 pub struct Bench {
-    /// windows: subsets a second, by method and number of threads.
-    #[arg(default_value = "windows", value_parser = ["windows"])]
+    /// windows: subsets a second, by method and number of threads; live: what a frame takes on one core.
+    #[arg(default_value = "windows", value_parser = ["live", "windows"])]
     part: String,
-    /// Largest number of threads; as many as this machine runs at once when absent.
+    /// windows: largest number of threads; as many as this machine runs at once when absent.
     #[arg(long)]
     threads: Option<usize>,
     /// How long each row is measured, s.
@@ -417,9 +417,10 @@ fn inspect(command: Command) -> anyhow::Result<Outcome> {
         Command::Cameras(Cameras { features, json }) => {
             cameras::run(&CamerasOptions { json, features_of: features })?;
         }
-        Command::Bench(Bench { threads, seconds, json, .. }) => {
-            bench::windows(&WindowsOptions { json, threads, seconds })?;
-        }
+        Command::Bench(Bench { part, threads, seconds, json }) => match part.as_str() {
+            "live" => bench::live(&LiveOptions { json, seconds })?,
+            _ => bench::windows(&WindowsOptions { json, threads, seconds })?,
+        },
         Command::Export(Export { file, topic, format, output }) => {
             let format = export::Format::from_word(&format)?;
             let exported = export::run(&ExportOptions { file: file.clone(), topic, format, output })?;

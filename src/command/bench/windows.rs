@@ -2,10 +2,11 @@
 
 use std::io::Write;
 use std::sync::Barrier;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use serde_json::json;
 
+use super::rate;
 use crate::dic::{
     CorrelationParams, Correlator, GridPoint, Method, Parts, Region, RigidBody, Shape, Start, grid, instruction_set,
 };
@@ -254,16 +255,6 @@ fn median(figures: impl Iterator<Item = f64>) -> f64 {
     let mut figures: Vec<f64> = figures.collect();
     figures.sort_by(f64::total_cmp);
     figures[figures.len() / 2]
-}
-
-/// Points a second over the given time.
-#[expect(clippy::disallowed_methods, reason = "a benchmark reads the clock")]
-fn rate(duration: Duration, mut round: impl FnMut() -> usize) -> f64 {
-    let (start, mut points) = (Instant::now(), 0);
-    while start.elapsed() < duration {
-        points += round();
-    }
-    points as f64 / start.elapsed().as_secs_f64()
 }
 
 /// Speckle discs of 3 to 6 px with soft rims, shifted, with some noise.

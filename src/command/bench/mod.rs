@@ -1,0 +1,19 @@
+//! `ricochet bench`: how fast this machine measures.
+
+mod live;
+mod windows;
+
+use std::time::{Duration, Instant};
+
+pub use live::{LiveOptions, live};
+pub use windows::{WindowsOptions, windows};
+
+/// Calls a second, each weighed by what it gives, over the given time.
+#[expect(clippy::disallowed_methods, reason = "a benchmark reads the clock")]
+fn rate(duration: Duration, mut round: impl FnMut() -> usize) -> f64 {
+    let (start, mut points) = (Instant::now(), 0);
+    while start.elapsed() < duration {
+        points += round();
+    }
+    points as f64 / start.elapsed().as_secs_f64()
+}
