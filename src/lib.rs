@@ -19,6 +19,8 @@ pub mod dic;
 
 pub mod ball;
 
+pub mod rod;
+
 pub mod motion;
 
 pub mod trigger;

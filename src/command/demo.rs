@@ -2,14 +2,15 @@
 
 use super::analyze::last_revisions;
 use super::{Outcome, UsageError, progress, say, table};
-use crate::config::Config;
+use crate::config::{BodyKind, Config};
 use crate::message::Role;
 use crate::process::{self, Child, Stop};
 use crate::recording::Recording;
 use crate::results::{Estimate, Impact};
 use std::path::{Path, PathBuf};
 
-const BUILT_IN: [(&str, &str); 1] = [("lacrosse", include_str!("../../config/lacrosse.toml"))];
+const BUILT_IN: [(&str, &str); 2] =
+    [("lacrosse", include_str!("../../config/lacrosse.toml")), ("rod", include_str!("../../config/rod.toml"))];
 
 /// The rig file of a built-in experiment.
 pub(super) fn built_in_config(name: &str) -> Option<&'static str> {
@@ -36,6 +37,8 @@ enum Tolerance {
     Share(f64),
     /// This many frames.
     Frames(f64),
+    /// This much, in the column's unit.
+    Amount(f64),
     /// Told, not judged.
     Free,
 }
@@ -56,6 +59,19 @@ const LINES: [Line; 12] = [
     ("end_s", "contact ends", "ms", 1e3, Tolerance::Frames(1.0)),
     ("contact_time_s", "contact lasts", "ms", 1e3, Tolerance::Frames(2.0)),
     ("compression_max_mm", "compressed by", "mm", 1.0, Tolerance::Free),
+];
+
+/// A rod has no spin, and nothing moves it along the flat.
+const ROD_LINES: [Line; 9] = [
+    ("vn_before_m_s", "normal speed before", "m/s", 1.0, Tolerance::Share(0.0015)),
+    ("vn_after_m_s", "normal speed after", "m/s", 1.0, Tolerance::Share(0.003)),
+    ("restitution", "restitution", "", 1.0, Tolerance::Amount(0.002)),
+    ("start_s", "contact starts", "ms", 1e3, Tolerance::Frames(0.5)),
+    ("deepest_s", "deepest", "ms", 1e3, Tolerance::Frames(0.1)),
+    ("end_s", "contact ends", "ms", 1e3, Tolerance::Frames(0.5)),
+    ("contact_time_s", "contact lasts", "ms", 1e3, Tolerance::Frames(1.0)),
+    ("compression_max_mm", "compressed by", "mm", 1.0, Tolerance::Free),
+    ("acceleration_max_m_s2", "acceleration at most", "m/s^2", 1.0, Tolerance::Free),
 ];
 
 /// Runs a simulated rig with all its processes and prints what it measured beside the truth.
@@ -80,7 +96,8 @@ pub fn run(options: &DemoOptions, stop: &Stop) -> anyhow::Result<Outcome> {
     let Some(path) = summary.recordings.last() else {
         anyhow::bail!("the rig ended without a recording");
     };
-    let agrees = compare(path, options.json)?;
+    let is_rod = config.bodies.iter().all(|body| body.kind == BodyKind::Rod);
+    let agrees = compare(path, if is_rod { &ROD_LINES } else { &LINES }, options.json)?;
     if !agrees {
         anyhow::bail!("the measurement is off by more than it may be; the recording is {}", path.display());
     }
@@ -106,7 +123,7 @@ fn config(options: &DemoOptions) -> anyhow::Result<Config> {
 }
 
 /// Prints the table; `true` when everything judged is within its tolerance.
-fn compare(path: &Path, json: bool) -> anyhow::Result<bool> {
+fn compare(path: &Path, lines: &[Line], json: bool) -> anyhow::Result<bool> {
     let recording = Recording::open(path)?;
     let measured = last_revisions(&recording)?;
     let truths = recording.truth_impacts()?.collect::<Result<Vec<_>, _>>()?;
@@ -118,7 +135,7 @@ fn compare(path: &Path, json: bool) -> anyhow::Result<bool> {
     };
     let rate_hz = recording.metadata().get("frame_rate_hz").and_then(|text| text.parse::<f64>().ok());
     let frame_s = 1.0 / rate_hz.unwrap_or(f64::NAN);
-    let compared: Vec<Compared> = LINES.iter().map(|line| Compared::new(line, measured, truth, frame_s)).collect();
+    let compared: Vec<Compared> = lines.iter().map(|line| Compared::new(line, measured, truth, frame_s)).collect();
     if json {
         let rows: Vec<_> = compared.iter().map(Compared::as_json).collect();
         say(&serde_json::json!({ "recording": path, "compared": rows }).to_string());
@@ -152,6 +169,7 @@ impl Compared {
         let allowed = truth.map(|truth| match tolerance {
             Tolerance::Share(share) => share * truth.abs(),
             Tolerance::Frames(frames) => frames * frame_s,
+            Tolerance::Amount(amount) => amount,
             Tolerance::Free => f64::INFINITY,
         });
         let within = match (error, allowed) {

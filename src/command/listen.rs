@@ -1,6 +1,6 @@
 //! `ricochet listen`: prints a live topic.
 
-use super::{Outcome, UsageError, say};
+use super::{Outcome, UsageError, rod, say};
 use crate::bus::{Bus, BusError, Subscriber, Topic};
 use crate::message::{
     Event, EventKind, FieldHeader, ImpactMessage, Number, Role, StatusMessage, TrackMessage, VelocityMessage,
@@ -190,10 +190,12 @@ fn status_word(status: u32) -> Value {
 }
 
 fn track(message: &TrackMessage) -> Map<String, Value> {
-    row([
+    let place = [
         ("frame", json!(message.sequence)),
         ("body", json!(message.body)),
         ("stamp_ns", json!(message.stamp_ns)),
+    ];
+    let rest = [
         ("center_x_px", number(message.center_x_px)),
         ("center_y_px", number(message.center_y_px)),
         ("angle_deg", number(message.angle_deg)),
@@ -202,7 +204,13 @@ fn track(message: &TrackMessage) -> Map<String, Value> {
         ("sigma_angle_deg", number(message.sigma_angle_deg)),
         ("visible_fraction", number(message.visible_fraction)),
         ("status", status_word(message.status)),
-    ])
+    ];
+    let of_rod = message.rod.rod().map(|told| {
+        let numbers = rod::numbers(Some(&told)).into_iter().map(|(name, number)| (name, json!(number)));
+        let statuses = rod::statuses(Some(&told)).into_iter();
+        numbers.chain(statuses.map(|(name, status)| (name, json!(status.map(PointStatus::word)))))
+    });
+    row(place.into_iter().chain(of_rod.into_iter().flatten()).chain(rest))
 }
 
 fn velocity(message: &VelocityMessage) -> Map<String, Value> {

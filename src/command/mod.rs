@@ -16,6 +16,7 @@ pub mod recover;
 pub mod replay;
 pub mod report;
 pub mod rig;
+mod rod;
 pub mod simulate;
 pub mod status;
 pub mod study;

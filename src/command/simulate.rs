@@ -75,8 +75,12 @@ fn config(scenario: &Scenario, name: &str) -> anyhow::Result<Config> {
     if let Some(text) = super::demo::built_in_config(name) {
         return Ok(Config::parse(text, &built_in)?);
     }
+    let body = match scenario.body.rod {
+        Some(_) => "\n[[body]]\nkind = \"rod\"\n\n[correlation]\nsubset_size_px = 25\nstep_px = 5\nshape = \"translation\"\n",
+        None => "",
+    };
     let text = format!(
-        "[rig]\nname = \"simulated\"\n\n[camera]\nsource = \"simulated\"\nscenario = {}\npaced = false\n\n[scale]\nmm_per_px = {:?}\n",
+        "[rig]\nname = \"simulated\"\n\n[camera]\nsource = \"simulated\"\nscenario = {}\npaced = false\n\n[scale]\nmm_per_px = {:?}\n{body}",
         toml_edit::Value::from(name),
         scenario.scale.mm_per_px,
     );

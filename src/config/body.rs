@@ -4,22 +4,25 @@ use super::check::{Bounds, Table};
 use super::error::ConfigError;
 use super::raw::RawBody;
 use super::text::Text;
+use crate::results::ROD_EDGES;
 
 /// What kind of thing a body is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum BodyKind {
     /// A speckled ball: its outline is a circle.
     Ball,
+    /// An upright rod with two tapes around it, one of them speckled.
+    Rod,
 }
 
 /// `[[body]]`: one thing that is followed.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Body {
-    /// What results call it: 1 to 32 of `a-z A-Z 0-9 _ -`, no two alike. Default `ball` for the only body.
+    /// What results call it: 1 to 32 of `a-z A-Z 0-9 _ -`, no two alike. Default its kind for the only body.
     pub name: String,
     /// What it is, default `ball`.
     pub kind: BodyKind,
-    /// True diameter, above 0 and at most 10000 mm. With `scale.mm_per_px` it narrows the radii looked for; with
+    /// True diameter, above 0 and at most 10000 mm. With `scale.mm_per_px` it narrows the radii (widths) looked for; with
     /// `scale.ball_diameter_mm` it takes that value's place for this body. Left out: not known.
     pub diameter_mm: Option<f64>,
     /// Smallest radius looked for, 2 to 32768 px, less than `max_radius_px`. Left out: 0.8 times the radius that
@@ -28,6 +31,9 @@ pub struct Body {
     /// Largest radius looked for, 2 to 32768 px. Left out: 1.25 times the predicted radius, else 0.45 of the
     /// image's smaller side.
     pub max_radius_px: Option<f64>,
+    /// Edges of tapes that are followed on a rod, from the top downwards, 2 to 4, default 4: all of them must be in
+    /// sight for the rod to be found.
+    pub edges: u32,
     /// Region searched, `[x, y, width, height]` in px, inside the image; left out, the whole image.
     pub roi_px: Option<[u32; 4]>,
 }
@@ -40,12 +46,14 @@ impl Body {
             diameter_mm: None,
             min_radius_px: None,
             max_radius_px: None,
+            edges: EDGES_DEFAULT,
             roi_px: None,
         }
     }
 }
 
 const BODIES_MAX: usize = 16;
+const EDGES_DEFAULT: u32 = ROD_EDGES as u32;
 const RADIUS: Bounds = Bounds::closed(2.0, 32_768.0, "px");
 pub(super) const DIAMETER: Bounds = Bounds::above(0.0, 10_000.0, "mm");
 
@@ -81,14 +89,24 @@ fn body(table: &Table<'_>, raw: RawBody, alone: bool, image_px: Option<(u32, u32
         ("center_px", raw.center_px.is_some()),
     ];
     if let Some((key, _)) = patch_keys.iter().find(|(_, given)| *given) {
-        return Err(table.text.out_of_place(&table.key(key), "kind = \"ball\"", "kind = \"patch\""));
+        return Err(table.text.out_of_place(&table.key(key), with(kind), "kind = \"patch\""));
+    }
+    let of_balls = [("min_radius_px", raw.min_radius_px.is_some()), ("max_radius_px", raw.max_radius_px.is_some())];
+    let of_rods = [("edges", raw.edges.is_some())];
+    let (foreign, owner) = match kind {
+        BodyKind::Ball => (&of_rods[..], BodyKind::Rod),
+        BodyKind::Rod => (&of_balls[..], BodyKind::Ball),
+    };
+    if let Some((key, _)) = foreign.iter().find(|(_, given)| *given) {
+        return Err(table.text.out_of_place(&table.key(key), with(kind), with(owner)));
     }
     let body = Body {
-        name: name(table, raw.name, alone)?,
+        name: name(table, raw.name, alone.then_some(kind))?,
         kind,
         diameter_mm: table.number("diameter_mm", raw.diameter_mm, DIAMETER)?,
         min_radius_px: table.number("min_radius_px", raw.min_radius_px, RADIUS)?,
         max_radius_px: table.number("max_radius_px", raw.max_radius_px, RADIUS)?,
+        edges: table.whole("edges", raw.edges, 2..=ROD_EDGES as i64, "")?.unwrap_or(EDGES_DEFAULT),
         roi_px: table.region("roi_px", raw.roi_px.as_deref(), image_px)?,
     };
     match body.min_radius_px.zip(body.max_radius_px) {
@@ -101,16 +119,28 @@ fn body(table: &Table<'_>, raw: RawBody, alone: bool, image_px: Option<(u32, u32
 
 fn kind(table: &Table<'_>, word: Option<&str>) -> Result<BodyKind, ConfigError> {
     match word {
-        Some("rod" | "patch") => Err(table.text.not_offered(&table.key("kind"), "allowed: \"ball\"")),
-        word => Ok(table.word("kind", word, &[("ball", BodyKind::Ball)])?.unwrap_or(BodyKind::Ball)),
+        Some("patch") => Err(table.text.not_offered(&table.key("kind"), "allowed: \"ball\", \"rod\"")),
+        word => {
+            let kinds = [("ball", BodyKind::Ball), ("rod", BodyKind::Rod)];
+            Ok(table.word("kind", word, &kinds)?.unwrap_or(BodyKind::Ball))
+        }
     }
 }
 
-fn name(table: &Table<'_>, name: Option<String>, alone: bool) -> Result<String, ConfigError> {
+/// The setting that makes a body one of this kind.
+fn with(kind: BodyKind) -> &'static str {
+    match kind {
+        BodyKind::Ball => "kind = \"ball\"",
+        BodyKind::Rod => "kind = \"rod\"",
+    }
+}
+
+fn name(table: &Table<'_>, name: Option<String>, alone: Option<BodyKind>) -> Result<String, ConfigError> {
     let letter = |byte: u8| byte.is_ascii_alphanumeric() || b"_-".contains(&byte);
-    match name {
-        None if alone => Ok("ball".into()),
-        Some(name) if (1..=32).contains(&name.len()) && name.bytes().all(letter) => Ok(name),
+    match (name, alone) {
+        (None, Some(BodyKind::Ball)) => Ok("ball".into()),
+        (None, Some(BodyKind::Rod)) => Ok("rod".into()),
+        (Some(name), _) if (1..=32).contains(&name.len()) && name.bytes().all(letter) => Ok(name),
         _ => Err(table.refuse("name", "1 to 32 of the characters a-z A-Z 0-9 _ -")),
     }
 }

@@ -2,10 +2,11 @@
 
 use super::error::ConfigError;
 use super::text::Text;
-use super::{Body, Config};
+use super::{Body, BodyKind, Config};
 use crate::ball::BallParams;
 use crate::dic::CorrelationParams;
-use crate::motion::{MotionParams, Scale, walk_share};
+use crate::motion::{Form, MotionParams, Scale, walk_share};
+use crate::rod::{LEAST_WIDTH_PX, RodParams};
 
 /// Radii looked for around the predicted one: room for a wrong lens or a ball nearer than the scale's plane.
 const RADIUS_TOLERANCE: (f64, f64) = (0.8, 1.25);
@@ -43,6 +44,23 @@ impl Config {
         BallParams { min_radius_px, max_radius_px, roi_px: body.roi_px }
     }
 
+    /// What the rod finder of one body is planned with.
+    ///
+    /// # Panics
+    ///
+    /// If there is no body of this index.
+    pub fn rod(&self, body: usize) -> RodParams {
+        let body = &self.bodies[body];
+        let any = RodParams { roi_px: body.roi_px, ..RodParams::new(body.edges) };
+        match self.predicted_radius_px(body) {
+            None => any,
+            Some(radius_px) => {
+                let least = (2.0 * RADIUS_TOLERANCE.0 * radius_px).max(LEAST_WIDTH_PX);
+                RodParams { width_px: [least, (2.0 * RADIUS_TOLERANCE.1 * radius_px).max(1.5 * least)], ..any }
+            }
+        }
+    }
+
     fn predicted_radius_px(&self, body: &Body) -> Option<f64> {
         match (self.scale, body.diameter_mm) {
             (Some(Scale::MmPerPx(mm_per_px)), Some(diameter_mm)) => Some(diameter_mm / 2.0 / mm_per_px),
@@ -68,6 +86,10 @@ impl Config {
             gravity_angle_deg: self.velocity.gravity_angle_deg,
             window_frames: self.velocity.window_frames,
             order: self.velocity.order,
+            form: match self.bodies[body].kind {
+                BodyKind::Ball => Form::Ball,
+                BodyKind::Rod => Form::Rod,
+            },
             interval_frames: self.intervals_frames[0],
             walk_share: walk_share(self.rotation, &self.intervals_frames),
             exposure_ns: 1.0e3 * self.camera.exposure_us.unwrap_or(exposure_us),

@@ -75,6 +75,7 @@ pub(super) struct RawBody {
     pub diameter_mm: Option<f64>,
     pub min_radius_px: Option<f64>,
     pub max_radius_px: Option<f64>,
+    pub edges: Option<i64>,
     pub roi_px: Option<Vec<i64>>,
     pub polygon_px: Option<Vec<Vec<f64>>>,
     pub holes_px: Option<Vec<Vec<Vec<f64>>>>,

@@ -1,16 +1,16 @@
 //! Blocks of frames to steps and fields.
 
+use super::outline::{BodyParams, Finder, Outline};
 use super::part::Part;
 use super::whole::{WholeStep, Wholes};
-use crate::ball::{BallError, BallFinder, BallParams};
-use crate::dic::{CorrelationError, CorrelationParams, Correlator, Prepared, Start, grid, rigid_fit};
+use crate::ball::BallError;
+use crate::dic::{CorrelationError, CorrelationParams, Correlator, Prepared, Start, rigid_fit};
 use crate::image::{Frame, FrameMeta, Image, ShapeError};
 use crate::motion::Rotation;
-use crate::results::{BodyStep, Circle, PairField, PointStatus, RigidStep};
+use crate::results::{BodyStep, PairField, PointStatus, RigidStep};
+use crate::rod::RodError;
 use std::collections::VecDeque;
 
-/// Share of the radius that subsets keep clear of the rim, where the outline is blurred and light falls off.
-pub(super) const RIM_CLEARANCE: f64 = 0.04;
 /// Fewest subsets a rigid motion is believed from.
 const FEWEST_POINTS: u32 = 3;
 
@@ -26,10 +26,10 @@ pub struct MeasureParams {
     pub correlation: CorrelationParams,
     /// From reference to target, frames; the shortest first.
     pub intervals_frames: Vec<u32>,
-    /// What the motion of a body is taken from.
+    /// What the motion of a ball is taken from; that of a rod always comes from its subsets.
     pub rotation: Rotation,
-    /// Where each body may be.
-    pub bodies: Vec<BallParams>,
+    /// What each body is and where it may be.
+    pub bodies: Vec<BodyParams>,
     /// Frames of a block; blocks begin at sequence numbers divisible by it.
     pub block_frames: u32,
 }
@@ -70,6 +70,9 @@ pub enum MeasureError {
     /// The ball finder refuses its settings.
     #[error(transparent)]
     Ball(#[from] BallError),
+    /// The rod finder refuses its settings.
+    #[error(transparent)]
+    Rod(#[from] RodError),
     /// A frame has fewer bytes than its header says.
     #[error("frame {sequence}: {source}")]
     Frame {
@@ -104,7 +107,7 @@ pub enum MeasureError {
 /// body is looked for from scratch; within it each frame starts from the last.
 pub struct Measurer {
     correlator: Correlator,
-    finders: Vec<BallFinder>,
+    finders: Vec<Finder>,
     params: MeasureParams,
     share: Share,
     size: (usize, usize),
@@ -122,7 +125,7 @@ struct Known {
     body: usize,
     block: u64,
     /// The newest outline and its frame.
-    circle: Option<(u64, Circle)>,
+    outline: Option<(u64, Outline)>,
     /// The last motion measured.
     motion: Option<RigidStep>,
 }
@@ -132,7 +135,7 @@ struct Reference {
     meta: FrameMeta,
     block: u64,
     prepared: Prepared,
-    circles: Vec<Option<Circle>>,
+    outlines: Vec<Result<Outline, PointStatus>>,
     /// By body and interval; `None` until the target came, or did not.
     done: Vec<Option<Measured>>,
 }
@@ -145,7 +148,7 @@ impl Measurer {
     /// When a setting is out of range or cannot be measured with.
     pub fn new(params: &MeasureParams, share: Share, width_px: usize, height_px: usize) -> Result<Self, MeasureError> {
         let finders =
-            params.bodies.iter().map(|ball| BallFinder::new(ball, width_px, height_px)).collect::<Result<_, _>>()?;
+            params.bodies.iter().map(|body| Finder::new(body, width_px, height_px)).collect::<Result<_, _>>()?;
         Ok(Self {
             correlator: Correlator::new(&params.correlation, width_px, height_px)?,
             finders,
@@ -228,9 +231,10 @@ impl Measurer {
 
     /// Finds the bodies in the frame at hand, and keeps it until its targets have come.
     fn open_reference(&mut self, meta: FrameMeta, block: u64, own: Option<(Prepared, Part)>) {
-        let circles: Vec<_> = (0..self.finders.len()).map(|body| self.find(body, &meta, block)).collect();
+        let outlines: Vec<_> = (0..self.finders.len()).map(|body| self.find(body, &meta, block)).collect();
         let mut needed = Part::default();
-        circles.iter().flatten().for_each(|circle| needed.add(circle, 0.0));
+        let subset_px = self.params.correlation.subset_size_px;
+        outlines.iter().flatten().for_each(|outline| needed.add(&outline.around(subset_px), 0.0));
         let (mut prepared, part) = own.unwrap_or_else(|| (self.spare.pop().unwrap_or_default(), Part::default()));
         if part.is_empty() || !part.holds(&needed) {
             self.correlator.prepare_part_into(self.image.view(), needed.rectangle(), &mut prepared);
@@ -239,25 +243,27 @@ impl Measurer {
         self.known.retain(|known| known.block >= oldest);
         self.wholes.forget_before(oldest);
         if self.params.rotation == Rotation::Rigid {
-            for (body, circle) in circles.iter().enumerate() {
-                if let Some(circle) = circle {
+            for (body, outline) in outlines.iter().enumerate() {
+                if let Ok(Outline::Ball(circle)) = outline {
                     self.wholes.begin((body, block), meta.sequence, &prepared, circle);
                 }
             }
         }
         let done = vec![None; self.finders.len() * self.params.intervals_frames.len()];
-        self.open.push_back(Reference { meta, block, prepared, circles, done });
+        self.open.push_back(Reference { meta, block, prepared, outlines, done });
     }
 
     /// Where the bodies of a block may be in a frame, and what is looked for around them.
     fn part_of(&self, block: u64, sequence: u64) -> Part {
         let mut part = Part::default();
         for known in self.known.iter().filter(|known| known.block == block) {
-            let Some((seen, circle)) = known.circle else { continue };
-            let range = f64::from(self.params.correlation.search_px);
-            part.add(&circle, range);
+            let Some((seen, outline)) = known.outline else { continue };
+            let correlation = &self.params.correlation;
+            let range = f64::from(correlation.search_px);
+            part.add(&outline.around(correlation.subset_size_px), range);
             if let Some(motion) = &known.motion {
-                part.add(&carried(&circle, Some(motion), (sequence - seen) as f64).0, range);
+                let moved = outline.carried(Some(motion), (sequence - seen) as f64).0;
+                part.add(&moved.around(correlation.subset_size_px), range);
             }
         }
         part
@@ -284,20 +290,23 @@ impl Measurer {
     }
 
     /// The outline of one body in the frame at hand: near where it must be, or from scratch.
-    fn find(&mut self, body: usize, meta: &FrameMeta, block: u64) -> Option<Circle> {
+    fn find(&mut self, body: usize, meta: &FrameMeta, block: u64) -> Result<Outline, PointStatus> {
         let known = *self.known(body, block);
         let expected = known
-            .circle
-            .map(|(sequence, circle)| carried(&circle, known.motion.as_ref(), (meta.sequence - sequence) as f64));
+            .outline
+            .map(|(sequence, outline)| outline.carried(known.motion.as_ref(), (meta.sequence - sequence) as f64));
         let finder = &mut self.finders[body];
         let view = self.image.view();
         let found = match expected {
             // The motion is known far better than an outline is: where the outline cannot be told, it carries the centre.
-            Some((near, is_measured)) => finder.follow(view, &near).or(is_measured.then_some(near)),
-            None => None,
+            Some((near, is_measured)) => {
+                let carried = || is_measured.then(|| near.by_motion_alone()).ok_or(PointStatus::Lost);
+                finder.follow(view, &near).or_else(|_| carried())
+            }
+            None => Err(PointStatus::Lost),
         };
-        let found = found.or_else(|| finder.find(view));
-        self.known(body, block).circle = found.map(|circle| (meta.sequence, circle));
+        let found = found.or_else(|_| finder.find(view));
+        self.known(body, block).outline = found.ok().map(|outline| (meta.sequence, outline));
         found
     }
 
@@ -326,19 +335,20 @@ impl Measurer {
     fn measure_body(&mut self, reference: &Reference, slot: usize, target: Option<(&Prepared, u64)>) -> Measured {
         let intervals = self.params.intervals_frames.len();
         let (body, place) = (slot / intervals, slot % intervals);
-        let circle = reference.circles[body];
+        let outline = reference.outlines[body];
         let mut step = BodyStep {
             frame: reference.meta.sequence,
             stamp_ns: reference.meta.stamp_ns,
             body: u32::try_from(body).unwrap_or(u32::MAX),
             interval_frames: self.params.intervals_frames[place],
-            circle,
+            circle: None,
+            rod: None,
             step: None,
-            status: if circle.is_some() { PointStatus::Valid } else { PointStatus::Lost },
+            status: outline.err().unwrap_or_default(),
         };
-        let (Some(circle), Some((target, target_frame))) = (circle, target) else {
-            return Measured { step, field: None };
-        };
+        let Ok(outline) = outline else { return Measured { step, field: None } };
+        outline.tell(&mut step);
+        let Some((target, target_frame)) = target else { return Measured { step, field: None } };
         let mut field =
             PairField { frame: step.frame, target_frame, stamp_ns: step.stamp_ns, body: step.body, points: Vec::new() };
         let frames = f64::from(step.interval_frames);
@@ -346,18 +356,16 @@ impl Measurer {
         let own = reference.done[slot - place].as_ref().and_then(|shortest| shortest.step.step);
         let known = if place == 0 { self.known(body, reference.block).motion } else { own };
         let span = (reference, (target_frame, target), body);
-        let mut whole = known.and_then(|rate| self.whole_step(span, &circle, &rate));
+        let mut whole = known.and_then(|rate| self.whole_step(span, &outline, &rate));
         let known = whole.map(|whole| whole.step).or(known);
-        let start = known.map_or(Start::Search, |step| start(&step, &circle, frames));
+        let start = known.map_or(Start::Search, |step| start(&step, outline.center_px(), frames));
         let correlation = &self.params.correlation;
-        let radius_px = circle.radius_px * (1.0 - RIM_CLEARANCE);
-        let (width, height) = self.size;
-        let (step_px, subset_px) = (correlation.step_px, correlation.subset_size_px);
-        let points = grid::disc(circle.x_px, circle.y_px, radius_px, step_px, subset_px, width, height);
+        let points = outline.points(correlation, self.size);
+        self.correlator.set_region(outline.region(correlation));
         self.correlator.correlate(&reference.prepared, target, &points, start, &mut field.points);
-        step.step = self.rigid_step(&mut field, &circle, frames);
+        step.step = self.rigid_step(&mut field, outline.center_px(), frames);
         if let (None, Some(rate)) = (whole, step.step) {
-            whole = self.whole_step(span, &circle, &rate);
+            whole = self.whole_step(span, &outline, &rate);
         }
         if let Some(whole) = whole {
             if step.step.is_none_or(|field| agree(&whole.step, &field)) {
@@ -382,9 +390,10 @@ impl Measurer {
     fn whole_step(
         &mut self,
         (reference, (target_frame, target), body): (&Reference, (u64, &Prepared), usize),
-        circle: &Circle,
+        outline: &Outline,
         rate: &RigidStep,
     ) -> Option<WholeStep> {
+        let Outline::Ball(circle) = outline else { return None };
         let from = (reference.meta.sequence, &reference.prepared);
         self.wholes.step((body, reference.block), from, (target_frame, target), circle, rate)
     }
@@ -393,15 +402,15 @@ impl Measurer {
     fn known(&mut self, body: usize, block: u64) -> &mut Known {
         let place = self.known.iter().position(|known| (known.body, known.block) == (body, block));
         let place = place.unwrap_or_else(|| {
-            self.known.push(Known { body, block, circle: None, motion: None });
+            self.known.push(Known { body, block, outline: None, motion: None });
             self.known.len() - 1
         });
         &mut self.known[place]
     }
 
     /// Motion of the centre and rotation, from every valid subset.
-    fn rigid_step(&self, field: &mut PairField, circle: &Circle, frames: f64) -> Option<RigidStep> {
-        let motion = rigid_fit(&mut field.points, circle.x_px, circle.y_px, self.params.correlation.subset_size_px)?;
+    fn rigid_step(&self, field: &mut PairField, (x_px, y_px): (f64, f64), frames: f64) -> Option<RigidStep> {
+        let motion = rigid_fit(&mut field.points, x_px, y_px, self.params.correlation.subset_size_px)?;
         (motion.points >= FEWEST_POINTS).then_some(RigidStep {
             dx_px: motion.u_px / frames,
             dy_px: motion.v_px / frames,
@@ -426,27 +435,14 @@ fn agree(whole: &RigidStep, field: &RigidStep) -> bool {
 }
 
 /// Where subsets are looked for when the body goes on as it moves, for as many frames as a step spans.
-fn start(step: &RigidStep, circle: &Circle, frames: f64) -> Start {
+fn start(step: &RigidStep, (x_px, y_px): (f64, f64), frames: f64) -> Start {
     Start::Motion {
-        x_px: circle.x_px,
-        y_px: circle.y_px,
+        x_px,
+        y_px,
         u_px: frames * step.dx_px,
         v_px: frames * step.dy_px,
         angle_deg: frames * step.dtheta_deg,
     }
-}
-
-/// An outline moved on by `frames` frames, and whether a motion measured from it says so.
-fn carried(circle: &Circle, step: Option<&RigidStep>, frames: f64) -> (Circle, bool) {
-    let Some(step) = step else { return (*circle, false) };
-    let sigma_px = circle.sigma_center_px.hypot(frames * step.sigma_dx_px.max(step.sigma_dy_px));
-    let moved = Circle {
-        x_px: circle.x_px + frames * step.dx_px,
-        y_px: circle.y_px + frames * step.dy_px,
-        sigma_center_px: sigma_px,
-        ..*circle
-    };
-    (moved, true)
 }
 
 /// The most frequent reason why the subsets of a field give no motion.
@@ -454,6 +450,6 @@ fn why_not(field: &PairField) -> PointStatus {
     let count = |status: PointStatus| field.points.iter().filter(|point| point.status == status).count();
     let invalid = PointStatus::ALL.into_iter().filter(|status| *status != PointStatus::Valid);
     let most = invalid.max_by_key(|status| count(*status)).filter(|status| count(*status) > 0);
-    // No subset fits into the ball at all.
+    // No subset fits into the body at all.
     most.unwrap_or(PointStatus::OutOfFrame)
 }

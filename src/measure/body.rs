@@ -1,8 +1,9 @@
 //! One body's part of the tracker.
 
+use super::outline::seen;
 use crate::impact::{Contact, Detector, Event, SurfaceNode, World, solve};
 use crate::motion::{
-    Anchor, Axes, Center, Chain, MotionParams, Node, Regime, RunningRadius, Scale, gravity_px, lag_frames, physical,
+    Anchor, Axes, Center, Chain, Form, MotionParams, Node, Regime, RunningRadius, Scale, gravity_px, lag_frames, physical,
     smooth,
 };
 use crate::results::{BodyStep, Estimate, Impact, Phase, PointStatus, TrackSample, VelocitySample};
@@ -74,7 +75,8 @@ impl BodyTracker {
     /// Takes the next step of this body; impacts that became known go to `impacts`.
     pub fn push(&mut self, step: &BodyStep, origin_ns: u64, impacts: &mut Vec<Impact>) {
         self.origin_ns = origin_ns;
-        if let Some(circle) = &step.circle {
+        let outline = seen(step);
+        if let Some(circle) = &outline {
             self.radius.push(circle);
         }
         let since_ns = (i128::from(step.stamp_ns) - i128::from(origin_ns)) as f64 + 0.5 * self.params.exposure_ns;
@@ -85,12 +87,12 @@ impl BodyTracker {
         let node_on_surface = SurfaceNode::new(&node, self.axes);
         let event = self.detector.as_mut().map_or(Event::None, |detector| {
             let suspicious = detector.is_suspicious();
-            if let Some(circle) = step.circle.filter(|_| !suspicious) {
+            if let Some(circle) = outline.filter(|_| !suspicious) {
                 self.anchor.push(&node, &circle);
             }
             detector.push(node_on_surface, gravity)
         });
-        if let (None, Some(circle)) = (&self.detector, &step.circle) {
+        if let (None, Some(circle)) = (&self.detector, &outline) {
             self.anchor.push(&node, circle);
         }
         self.tell(event, node.time_frames, impacts);
@@ -184,6 +186,7 @@ impl BodyTracker {
         let [x, y] = gravity_px(&self.params, metres_per_px.value);
         let gravity = self.axes.surface(x, y);
         let radius_px = match self.params.scale {
+            _ if self.params.form == Form::Rod => None,
             Scale::Unknown => None,
             Scale::BallDiameterMm(mm) => Some(Estimate { value: mm * 5e-4 / metres_per_px.value, sigma: 0.0 }),
             Scale::MmPerPx(_) => self.radius.radius_px(),
@@ -216,6 +219,7 @@ impl BodyTracker {
             telling.sigma = sigma;
             let (number, revision) = (telling.number, telling.revision);
             telling.revision += 1;
+            let impact = if self.params.form == Form::Rod { without_spin(impact) } else { impact };
             impacts.push(Impact { body: self.body, number, revision, origin_ns: self.origin_ns, ..impact });
         }
     }
@@ -236,7 +240,8 @@ impl BodyTracker {
         let node = node.filter(|_| !gone);
         let circle = step.circle.filter(|_| !gone);
         let carried = node.and_then(|n| self.anchor.center(&n));
-        let center = carried.or(circle.map(|c| Center { x_px: c.x_px, y_px: c.y_px, sigma_px: c.sigma_center_px }));
+        let outline = seen(step).filter(|_| !gone);
+        let center = carried.or(outline.map(|c| Center { x_px: c.x_px, y_px: c.y_px, sigma_px: c.sigma_center_px }));
         let angle = node.filter(|n| n.bridged[2].is_finite());
         let sigma_angle =
             |n: &Node| (n.sigma[2].powi(2) + self.first_sigma_deg.unwrap_or(0.0).powi(2) + n.bridged[2]).sqrt();
@@ -251,6 +256,7 @@ impl BodyTracker {
             sigma_center_px: center.map(|c| c.sigma_px),
             sigma_angle_deg: angle.as_ref().map(sigma_angle),
             visible_fraction: circle.map(|c| c.visible_fraction),
+            rod: step.rod.filter(|_| !gone),
             status: step.status,
         };
         let (regime, phase) = self.detector.as_ref().map_or((Regime::Unknown, Phase::Unknown), |d| {
@@ -273,4 +279,9 @@ impl BodyTracker {
         };
         (track, velocity)
     }
+}
+
+/// An upright rod has no spin to tell of, whatever its tilt does.
+fn without_spin(impact: Impact) -> Impact {
+    Impact { omega_before_rad_s: None, omega_after_rad_s: None, ..impact }
 }

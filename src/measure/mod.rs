@@ -9,10 +9,12 @@
 mod block;
 mod body;
 mod order;
+mod outline;
 mod part;
 mod tracker;
 mod whole;
 
 pub use block::{MeasureError, MeasureParams, Measured, Measurer, Share};
 pub use order::Order;
+pub use outline::BodyParams;
 pub use tracker::{Tracker, TrackerParams, TrackerRows};

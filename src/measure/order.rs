@@ -160,6 +160,7 @@ impl Order {
             stamp_ns: stamp_at(frame, &a, &b),
             interval_frames: self.intervals_frames[(slot % self.intervals()) as usize],
             circle: None,
+            rod: None,
             step: None,
             status: PointStatus::Lost,
         })
@@ -183,7 +184,8 @@ mod tests {
 
     fn step(frame: u64, body: u32) -> BodyStep {
         let stamp_ns = 1_000 + 100 * frame;
-        BodyStep { frame, stamp_ns, body, interval_frames: 1, circle: None, step: None, status: PointStatus::Valid }
+        let (circle, rod, step, status) = (None, None, None, PointStatus::Valid);
+        BodyStep { frame, stamp_ns, body, interval_frames: 1, circle, rod, step, status }
     }
 
     fn drain(order: &mut Order) -> Vec<BodyStep> {

@@ -7,7 +7,7 @@
 use crate::dic::{BodyMotion, Prepared, Region, RigidBody};
 use crate::results::{Circle, RigidStep};
 
-use super::block::RIM_CLEARANCE;
+use super::outline::RIM_CLEARANCE;
 
 /// Rotation against the reference from which on one that hides something is renewed all the same, deg.
 const RENEW_HIDDEN_DEG: f64 = 10.0;

@@ -1,12 +1,12 @@
 //! Displacement fields: a header for the body and its step, and a slice of points.
 
-use super::Number;
+use super::{Number, RodMessage};
 use crate::results::{BodyStep, Circle, Displacement, FieldPoint, PairField, PointStatus, RigidStep};
 use iceoryx2::prelude::ZeroCopySend;
 
 /// One body in one frame, its outline and its motion to the next frame.
 #[derive(Debug, Clone, Copy, PartialEq, Default, ZeroCopySend)]
-#[type_name("ricochet.FieldHeader.v1")]
+#[type_name("ricochet.FieldHeader.v2")]
 #[repr(C)]
 pub struct FieldHeader {
     /// Which start of the acquire process the frames belong to.
@@ -57,6 +57,8 @@ pub struct FieldHeader {
     pub sigma_dy_px: f64,
     /// Standard uncertainty of `dtheta_deg`.
     pub sigma_dtheta_deg: f64,
+    /// The rod, where the body is one.
+    pub rod: RodMessage,
 }
 
 impl FieldHeader {
@@ -71,6 +73,7 @@ impl FieldHeader {
             interval_frames: step.interval_frames,
             status: step.status as u32,
             worker,
+            rod: step.rod.into(),
             ..Self::default()
         };
         if let Some(circle) = step.circle {
@@ -120,6 +123,7 @@ impl FieldHeader {
             body: self.body,
             interval_frames: self.interval_frames,
             circle,
+            rod: self.rod.rod(),
             step,
             status: PointStatus::from_number(self.status)?,
         })

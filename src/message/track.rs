@@ -1,12 +1,12 @@
 //! The `track` topic.
 
-use super::Number;
+use super::{Number, RodMessage};
 use crate::results::TrackSample;
 use iceoryx2::prelude::ZeroCopySend;
 
 /// One body's place in one frame.
 #[derive(Debug, Clone, Copy, PartialEq, Default, ZeroCopySend)]
-#[type_name("ricochet.Track.v1")]
+#[type_name("ricochet.Track.v2")]
 #[repr(C)]
 pub struct TrackMessage {
     /// Which start of the acquire process the frame belongs to.
@@ -33,6 +33,8 @@ pub struct TrackMessage {
     pub sigma_angle_deg: Number,
     /// Share of the body that is not hidden.
     pub visible_fraction: Number,
+    /// The rod, where the body is one.
+    pub rod: RodMessage,
 }
 
 impl TrackMessage {
@@ -51,6 +53,7 @@ impl TrackMessage {
             sigma_center_px: sample.sigma_center_px.into(),
             sigma_angle_deg: sample.sigma_angle_deg.into(),
             visible_fraction: sample.visible_fraction.into(),
+            rod: sample.rod.into(),
         }
     }
 }

@@ -96,7 +96,7 @@ pub fn physical(rates: &PixelRates, scale: MetresPerPixel, params: &MotionParams
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::motion::Scale;
+    use crate::motion::{Form, Scale};
 
     fn params(surface_angle_deg: f64) -> MotionParams {
         MotionParams {
@@ -106,6 +106,7 @@ mod tests {
             gravity_angle_deg: -90.0,
             window_frames: None,
             order: 2,
+            form: Form::Ball,
             interval_frames: 1,
             walk_share: 0.0,
             exposure_ns: 0.0,

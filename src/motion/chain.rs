@@ -182,8 +182,8 @@ mod tests {
             sigma_dtheta_deg: sigma,
             points: 9,
         };
-        let (circle, status) = (None, PointStatus::Valid);
-        BodyStep { frame, stamp_ns: frame, body: 0, interval_frames, circle, step: Some(step), status }
+        let (circle, rod, status) = (None, None, PointStatus::Valid);
+        BodyStep { frame, stamp_ns: frame, body: 0, interval_frames, circle, rod, step: Some(step), status }
     }
 
     /// How far a chain of erring steps has drifted after 4000 frames, root mean square over runs.

@@ -21,6 +21,15 @@ pub enum Rotation {
     Field,
 }
 
+/// What kind of body it is, as far as its motion goes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Form {
+    /// It spins, and touches the surface at a radius from its centre.
+    Ball,
+    /// It stays upright and strikes with its end: it has no spin and no radius.
+    Rod,
+}
+
 /// [`walk_share`] of steps measured from frame to frame.
 ///
 /// Positions are sums of steps, and every step is measured over subsets of its own: a little of its error is not that
@@ -78,6 +87,8 @@ pub struct MotionParams {
     pub window_frames: Option<u32>,
     /// Order of the local fit to the positions: 1 to 4.
     pub order: u32,
+    /// Whether it is a ball or a rod.
+    pub form: Form,
     /// The interval each step was measured over, frames; the shortest of several.
     pub interval_frames: u32,
     /// Noise of a step that the next step does not take back, as a share of the white noise of a pose.

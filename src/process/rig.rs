@@ -7,7 +7,7 @@ use crate::camera::simulated::{SimulatedCamera, load_scenario};
 use crate::camera::{Camera, CameraError, CameraIdentity, Next, Pace, Slot, StreamFormat};
 use crate::config::{self, Config};
 use crate::image::PixelFormat;
-use crate::measure::{MeasureParams, TrackerParams};
+use crate::measure::{BodyParams, MeasureParams, TrackerParams};
 use crate::recording::RecordingError;
 use crate::synth::{Scenario, World};
 use std::time::Duration;
@@ -181,9 +181,14 @@ pub(super) fn limits(config: &Config, format: &StreamFormat) -> Limits {
     // A trigger takes the whole queue at once; the ring goes on behind it however slowly that is written.
     let held_frames = if waits { ring_frames } else { 64 };
     let points = (0..config.bodies.len()).map(|body| {
-        let most_px = 2.0 * config.ball(body, format.width_px, format.height_px).max_radius_px;
-        let across = (most_px / f64::from(config.correlation.step_px)).ceil() as usize + 1;
-        across * across
+        let along = |extent_px: f64| (extent_px / f64::from(config.correlation.step_px)).ceil() as usize + 1;
+        match config.bodies[body].kind {
+            config::BodyKind::Ball => {
+                let most_px = 2.0 * config.ball(body, format.width_px, format.height_px).max_radius_px;
+                along(most_px) * along(most_px)
+            }
+            config::BodyKind::Rod => along(f64::from(format.width_px)) * along(f64::from(format.height_px)),
+        }
     });
     Limits {
         workers: config.workers.count,
@@ -218,7 +223,13 @@ pub fn analysis_params(config: &Config, format: &StreamFormat) -> (MeasureParams
         correlation: config.correlation(),
         intervals_frames: config.intervals_frames.clone(),
         rotation: config.rotation,
-        bodies: bodies.clone().map(|body| config.ball(body, format.width_px, format.height_px)).collect(),
+        bodies: bodies
+            .clone()
+            .map(|body| match config.bodies[body].kind {
+                config::BodyKind::Ball => BodyParams::Ball(config.ball(body, format.width_px, format.height_px)),
+                config::BodyKind::Rod => BodyParams::Rod(config.rod(body)),
+            })
+            .collect(),
         block_frames: config.workers.block_frames,
     };
     let tracker = TrackerParams {

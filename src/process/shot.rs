@@ -190,7 +190,8 @@ impl Shot {
 impl BodyStep {
     /// The same body in the same frame, its motion unknown: what is measured of the last frames of a recording.
     pub(super) fn without_motion(self) -> Self {
-        let status = if self.circle.is_some() { PointStatus::Valid } else { PointStatus::Lost };
+        let is_seen = self.circle.is_some() || self.rod.is_some();
+        let status = if is_seen { PointStatus::Valid } else { self.status };
         Self { step: None, status, ..self }
     }
 }

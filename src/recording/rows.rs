@@ -1,5 +1,7 @@
 //! Rows of results to messages and back; every number survives to the last bit.
 
+mod rod;
+
 use super::schema::proto;
 use crate::results::{
     BodyVelocity, Displacement, Estimate, FieldPoint, ForceLaw, Impact, PairField, Phase, PointStatus, RigidStep,
@@ -63,6 +65,7 @@ impl Row for TrackSample {
             sigma_angle_deg: self.sigma_angle_deg,
             visible_fraction: self.visible_fraction,
             status: self.status.word().into(),
+            rod: self.rod.as_ref().map(rod::to_message),
         }
     }
 
@@ -78,6 +81,7 @@ impl Row for TrackSample {
             sigma_center_px: message.sigma_center_px,
             sigma_angle_deg: message.sigma_angle_deg,
             visible_fraction: message.visible_fraction,
+            rod: message.rod.map(|message| rod::from_message(&message)).transpose()?,
             status: status(&message.status)?,
         })
     }

@@ -5,6 +5,7 @@
 
 mod field;
 mod impact;
+mod rod;
 mod status;
 mod step;
 mod track;
@@ -12,6 +13,7 @@ mod velocity;
 
 pub use field::{Displacement, FieldPoint, PairField};
 pub use impact::{Estimate, ForceLaw, Impact};
+pub use rod::{ROD_EDGES, Rod, RodEdge};
 pub use status::{Phase, PointStatus};
 pub use step::{BodyStep, Circle, RigidStep};
 pub use track::TrackSample;

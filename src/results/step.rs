@@ -1,6 +1,6 @@
 //! What one pair of frames says of one body.
 
-use super::PointStatus;
+use super::{PointStatus, Rod};
 
 /// A ball's outline in one frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -51,8 +51,10 @@ pub struct BodyStep {
     pub body: u32,
     /// The interval the motion was measured over, frames.
     pub interval_frames: u32,
-    /// The outline found in this frame.
+    /// The outline found in this frame, where the body is a ball.
     pub circle: Option<Circle>,
+    /// The rod found in this frame, where the body is one.
+    pub rod: Option<Rod>,
     /// The motion from this frame on; `None` in the last frames of a stream and where it could not be measured.
     pub step: Option<RigidStep>,
     /// What became of it.

@@ -1,6 +1,6 @@
 //! Where a body is.
 
-use super::PointStatus;
+use super::{PointStatus, Rod};
 
 /// One body's place in one frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -25,6 +25,8 @@ pub struct TrackSample {
     pub sigma_angle_deg: Option<f64>,
     /// Share of the body that is not hidden, 0 to 1.
     pub visible_fraction: Option<f64>,
+    /// The rod, where the body is one.
+    pub rod: Option<Rod>,
     /// What became of it.
     pub status: PointStatus,
 }

@@ -20,7 +20,7 @@ fn measure(scenario: &Scenario) -> Vec<(RigidStep, RigidStep)> {
         correlation: CorrelationParams::default(),
         intervals_frames: vec![1],
         rotation: Rotation::Rigid,
-        bodies: vec![BallParams::new(50.0, 70.0)],
+        bodies: vec![BallParams::new(50.0, 70.0).into()],
         block_frames: 16,
     };
     let mut measurer = Measurer::new(&params, Share::ALL, width, height).unwrap();

@@ -2,7 +2,7 @@
 //!
 //! Own integration in SI units (Runge-Kutta, 400 steps a frame), nothing shared with the measured code.
 
-use ricochet::motion::{MotionParams, Scale};
+use ricochet::motion::{Form, MotionParams, Scale};
 use ricochet::results::{BodyStep, Circle, PointStatus, RigidStep};
 
 /// Gaussian noise with a constant seed.
@@ -276,6 +276,7 @@ impl Experiment {
             gravity_angle_deg: self.surface_angle_deg - 90.0,
             window_frames: None,
             order: 2,
+            form: Form::Ball,
             interval_frames: 1,
             walk_share: 0.0,
             exposure_ns: 0.0,
@@ -349,6 +350,7 @@ pub fn steps(
                 sigma_radius_px: 0.02,
                 visible_fraction: 1.0,
             }),
+            rod: None,
             step: step(i),
             status: PointStatus::Valid,
         })

@@ -4,7 +4,8 @@ use super::ExportError;
 use super::sink::{Cell, Column, Kind, Sink, named};
 use crate::recording::{EventRow, Recording, RecordingError};
 use crate::report::last_revisions;
-use crate::results::{Estimate, FieldPoint, Impact, PairField, TrackSample, VelocitySample};
+use crate::command::rod;
+use crate::results::{Estimate, FieldPoint, Impact, PairField, PointStatus, TrackSample, VelocitySample};
 
 /// Sends the rows of one of the tables to a sink.
 pub(super) fn send(recording: &Recording, topic: &str, table: &mut dyn Sink) -> Result<(), ExportError> {
@@ -133,16 +134,30 @@ columns!(
     "status" Text,
 );
 
+/// How many of the columns of `track` say which row it is: frame, body and time.
+const PLACE_COLUMNS: usize = 3;
+
 fn track(recording: &Recording, table: &mut dyn Sink) -> Result<(), ExportError> {
     let mut rows: Vec<TrackSample> = recording.tracks()?.collect::<Result<_, _>>()?;
     rows.sort_by_key(|row| (row.frame, row.body));
     let origin = Origin::of(recording, rows.first().map(|row| (row.frame, row.stamp_ns)))?;
-    table.header(&named(TRACK))?;
+    // Rods have columns of their own; where there is none, nor are they.
+    let has_rods = rows.iter().any(|row| row.rod.is_some());
+    let (place, rest) = TRACK.split_at(PLACE_COLUMNS);
+    let columns = [named(place), if has_rods { rod_columns() } else { Vec::new() }, named(rest)];
+    table.header(&columns.concat())?;
     for row in &rows {
-        table.row(vec![
+        let mut cells = vec![
             Cell::Integer(origin.frame(row.frame)),
             Cell::Text(recording.body_name(row.body)),
             Cell::Double(Some(origin.seconds(row.stamp_ns))),
+        ];
+        if has_rods {
+            cells.extend(rod::numbers(row.rod.as_ref()).into_iter().map(|(_, number)| Cell::Double(number)));
+            let word = |status: Option<PointStatus>| status.map_or("", PointStatus::word);
+            cells.extend(rod::statuses(row.rod.as_ref()).into_iter().map(|(_, s)| Cell::Text(word(s).into())));
+        }
+        cells.extend([
             Cell::Double(row.center_x_px),
             Cell::Double(row.center_y_px),
             Cell::Double(row.angle_deg),
@@ -151,9 +166,16 @@ fn track(recording: &Recording, table: &mut dyn Sink) -> Result<(), ExportError>
             Cell::Double(row.sigma_angle_deg),
             Cell::Double(row.visible_fraction),
             Cell::Text(row.status.word().into()),
-        ])?;
+        ]);
+        table.row(cells)?;
     }
     Ok(())
+}
+
+fn rod_columns() -> Vec<Column> {
+    let numbers = rod::numbers(None).into_iter().map(|(name, _)| Column { name: name.into(), kind: Kind::Double });
+    let statuses = rod::statuses(None).into_iter().map(|(name, _)| Column { name: name.into(), kind: Kind::Text });
+    numbers.chain(statuses).collect()
 }
 
 columns!(

@@ -1,0 +1,197 @@
+//! What is looked for in a frame, and what was seen of it: the difference between a ball and a rod.
+
+use super::MeasureError;
+use crate::ball::{BallFinder, BallParams};
+use crate::dic::{CorrelationParams, GridPoint, Method, Region, grid};
+use crate::image::ImageView;
+use crate::results::{BodyStep, Circle, PointStatus, RigidStep, Rod};
+use crate::rod::{RodFinder, RodParams, Sight};
+
+/// Share of the radius that subsets keep clear of the rim, where the outline is blurred and light falls off.
+pub(super) const RIM_CLEARANCE: f64 = 0.04;
+
+/// What a body is and where it may be.
+#[derive(Debug, Clone, PartialEq)]
+pub enum BodyParams {
+    /// A ball.
+    Ball(BallParams),
+    /// An upright rod with tapes around it.
+    Rod(RodParams),
+}
+
+/// What was seen of a body in one frame.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) enum Outline {
+    Ball(Circle),
+    Rod(Sight),
+}
+
+/// Finds one body.
+#[derive(Debug)]
+pub(super) enum Finder {
+    Ball(Box<BallFinder>),
+    Rod(RodFinder),
+}
+
+impl Finder {
+    pub(super) fn new(body: &BodyParams, width_px: usize, height_px: usize) -> Result<Self, MeasureError> {
+        Ok(match body {
+            BodyParams::Ball(ball) => Self::Ball(Box::new(BallFinder::new(ball, width_px, height_px)?)),
+            BodyParams::Rod(rod) => Self::Rod(RodFinder::new(rod, width_px, height_px)?),
+        })
+    }
+
+    /// Looks for it from nothing.
+    pub(super) fn find(&mut self, image: ImageView<'_>) -> Result<Outline, PointStatus> {
+        match self {
+            Self::Ball(finder) => finder.find(image).map(Outline::Ball).ok_or(PointStatus::Lost),
+            Self::Rod(finder) => finder.find(image).map(Outline::Rod),
+        }
+    }
+
+    /// Looks for it where it must be.
+    pub(super) fn follow(&mut self, image: ImageView<'_>, near: &Outline) -> Result<Outline, PointStatus> {
+        match (self, near) {
+            (Self::Ball(finder), Outline::Ball(near)) => {
+                finder.follow(image, near).map(Outline::Ball).ok_or(PointStatus::Lost)
+            }
+            (Self::Rod(finder), Outline::Rod(near)) => finder.follow(image, near).map(Outline::Rod),
+            (finder, _) => finder.find(image),
+        }
+    }
+}
+
+impl Outline {
+    /// The point whose motion is told, px.
+    pub(super) fn center_px(&self) -> (f64, f64) {
+        match self {
+            Self::Ball(circle) => (circle.x_px, circle.y_px),
+            Self::Rod(sight) => (sight.rod.x_px.value, sight.rod.y_px.value),
+        }
+    }
+
+    /// Moved on by `frames` frames, and whether a motion measured from it says so.
+    pub(super) fn carried(&self, step: Option<&RigidStep>, frames: f64) -> (Self, bool) {
+        let Some(step) = step else { return (*self, false) };
+        let sigma_px = frames * step.sigma_dx_px.max(step.sigma_dy_px);
+        let (dx_px, dy_px) = (frames * step.dx_px, frames * step.dy_px);
+        let moved = match self {
+            Self::Ball(circle) => Self::Ball(Circle {
+                x_px: circle.x_px + dx_px,
+                y_px: circle.y_px + dy_px,
+                sigma_center_px: circle.sigma_center_px.hypot(sigma_px),
+                ..*circle
+            }),
+            Self::Rod(sight) => Self::Rod(sight.moved(dx_px, dy_px, sigma_px)),
+        };
+        (moved, true)
+    }
+
+    /// What may be told of it where only its motion says where it is.
+    pub(super) fn by_motion_alone(self) -> Self {
+        match self {
+            Self::Ball(_) => self,
+            Self::Rod(sight) => Self::Rod(sight.unseen()),
+        }
+    }
+
+    /// A circle around whatever is matched of it, with subsets of this size.
+    pub(super) fn around(&self, subset_px: u32) -> Circle {
+        match self {
+            Self::Ball(circle) => *circle,
+            Self::Rod(sight) => {
+                let [left, top, right, bottom] = sight.tape_px();
+                let half = 0.5 * f64::from(subset_px);
+                // A subset wider than the tape reaches over it.
+                let reach = |from: f64, to: f64| from.abs().max(to.abs()).max(0.5 * (from + to).abs() + half);
+                let radius_px = reach(left, right).hypot(reach(top, bottom));
+                Circle { radius_px, ..circle_of(&sight.rod) }
+            }
+        }
+    }
+
+    /// Centres of the subsets on it.
+    pub(super) fn points(&self, params: &CorrelationParams, (width, height): (usize, usize)) -> Vec<GridPoint> {
+        match self {
+            Self::Ball(circle) => {
+                let radius_px = circle.radius_px * (1.0 - RIM_CLEARANCE);
+                let (step_px, subset_px) = (params.step_px, params.subset_size_px);
+                grid::disc(circle.x_px, circle.y_px, radius_px, step_px, subset_px, width, height)
+            }
+            Self::Rod(sight) => rod_points(sight, params, (width, height)),
+        }
+    }
+
+    /// Which pixels may be correlated; all of the subsets' where `None`.
+    pub(super) fn region(&self, params: &CorrelationParams) -> Option<Region> {
+        match self {
+            // The correlation-peak methods know whole subsets only.
+            Self::Rod(sight) if params.method == Method::IcGn => Some(Region::Polygon {
+                outline_px: corners(sight).to_vec(),
+                holes_px: Vec::new(),
+            }),
+            Self::Ball(_) | Self::Rod(_) => None,
+        }
+    }
+
+    /// Writes it into the row of its frame.
+    pub(super) fn tell(&self, step: &mut BodyStep) {
+        match self {
+            Self::Ball(circle) => step.circle = Some(*circle),
+            Self::Rod(sight) => step.rod = Some(sight.rod),
+        }
+    }
+}
+
+/// The corners of the tape to be correlated, px.
+fn corners(sight: &Sight) -> [[f64; 2]; 4] {
+    let [left, top, right, bottom] = sight.tape_px();
+    let (x, y) = (sight.rod.x_px.value, sight.rod.y_px.value);
+    let (sin, cos) = sight.rod.tilt_deg.value.to_radians().sin_cos();
+    [[left, top], [right, top], [right, bottom], [left, bottom]]
+        .map(|[dx, dy]| [x + dx * cos + dy * sin, y - dx * sin + dy * cos])
+}
+
+/// Subset centres on the tape: whole subsets where it has room for them, else in its middle.
+fn rod_points(sight: &Sight, params: &CorrelationParams, (width, height): (usize, usize)) -> Vec<GridPoint> {
+    let half = f64::from(params.subset_size_px / 2);
+    let [left, top, right, bottom] = sight.tape_px();
+    let (x, y) = (sight.rod.x_px.value, sight.rod.y_px.value);
+    let along = |from: f64, to: f64, limit: usize| -> Vec<u32> {
+        let (first, last) = ((from + half).ceil(), (to - half).floor());
+        let (first, last) =
+            if first <= last { (first, last) } else { ((0.5 * (from + to)).round(), (0.5 * (from + to)).round()) };
+        let steps = ((last - first) / f64::from(params.step_px)).floor().max(0.0);
+        // The grid in the middle of what it does not fill.
+        let start = (first + 0.5 * (last - first - steps * f64::from(params.step_px))).round();
+        let places = (0..=steps as u32).map(|step| start + f64::from(step * params.step_px));
+        let fits = |place: &f64| place - half >= 0.0 && place + half <= limit as f64 - 1.0;
+        places.filter(fits).map(|place| place as u32).collect()
+    };
+    let columns = along(x + left, x + right, width);
+    let rows = along(y + top, y + bottom, height);
+    rows.into_iter().flat_map(|y| columns.iter().map(move |x| GridPoint { x: *x, y })).collect()
+}
+
+/// A rod as the circle that touches both its sides.
+fn circle_of(rod: &Rod) -> Circle {
+    Circle {
+        x_px: rod.x_px.value,
+        y_px: rod.y_px.value,
+        radius_px: rod.half_width_px.value,
+        sigma_center_px: rod.x_px.sigma.hypot(rod.y_px.sigma) * std::f64::consts::FRAC_1_SQRT_2,
+        sigma_radius_px: rod.half_width_px.sigma,
+        visible_fraction: 1.0,
+    }
+}
+
+/// Where a body was seen and how large.
+pub(super) fn seen(step: &BodyStep) -> Option<Circle> {
+    step.circle.or_else(|| step.rod.as_ref().map(circle_of))
+}
+
+impl From<BallParams> for BodyParams {
+    fn from(ball: BallParams) -> Self {
+        Self::Ball(ball)
+    }
+}

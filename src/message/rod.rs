@@ -1,0 +1,105 @@
+//! A rod, as part of the messages on `field` and `track`.
+
+use crate::results::{Estimate, PointStatus, ROD_EDGES, Rod, RodEdge};
+use iceoryx2::prelude::ZeroCopySend;
+
+/// A rod as it was seen in one frame.
+#[derive(Debug, Clone, Copy, PartialEq, Default, ZeroCopySend)]
+#[type_name("ricochet.Rod.v1")]
+#[repr(C)]
+pub struct RodMessage {
+    /// 1 when a rod was seen; nothing below holds otherwise.
+    pub known: u32,
+    /// Edges that are followed, from the top downwards; entries of the arrays beyond them are zero.
+    pub edges: u32,
+    /// For each edge, number of its `PointStatus`.
+    pub edge_status: [u32; ROD_EDGES],
+    /// For each edge, 1 when its place was measured.
+    pub edge_known: [u32; ROD_EDGES],
+    /// Where each edge crosses the middle of the rod, px (down).
+    pub edge_px: [f64; ROD_EDGES],
+    /// Standard uncertainty of each.
+    pub sigma_edge_px: [f64; ROD_EDGES],
+    /// Middle between the sides, px.
+    pub x_px: f64,
+    /// Standard uncertainty of `x_px`.
+    pub sigma_x_px: f64,
+    /// The point that moves with it, px (down).
+    pub y_px: f64,
+    /// Standard uncertainty of `y_px`.
+    pub sigma_y_px: f64,
+    /// Half the distance between the sides, px.
+    pub half_width_px: f64,
+    /// Standard uncertainty of `half_width_px`.
+    pub sigma_half_width_px: f64,
+    /// How far it leans from upright, counter-clockwise on the screen, deg.
+    pub tilt_deg: f64,
+    /// Standard uncertainty of `tilt_deg`.
+    pub sigma_tilt_deg: f64,
+}
+
+impl From<Option<Rod>> for RodMessage {
+    fn from(rod: Option<Rod>) -> Self {
+        let Some(rod) = rod else { return Self::default() };
+        let place = |index: usize| rod.edges[index].and_then(|edge| edge.y_px);
+        Self {
+            known: 1,
+            edges: rod.edges.iter().flatten().count() as u32,
+            edge_status: rod.edges.map(|edge| edge.map_or(0, |edge| edge.status as u32)),
+            edge_known: std::array::from_fn(|index| u32::from(place(index).is_some())),
+            edge_px: std::array::from_fn(|index| place(index).map_or(0.0, |y| y.value)),
+            sigma_edge_px: std::array::from_fn(|index| place(index).map_or(0.0, |y| y.sigma)),
+            x_px: rod.x_px.value,
+            sigma_x_px: rod.x_px.sigma,
+            y_px: rod.y_px.value,
+            sigma_y_px: rod.y_px.sigma,
+            half_width_px: rod.half_width_px.value,
+            sigma_half_width_px: rod.half_width_px.sigma,
+            tilt_deg: rod.tilt_deg.value,
+            sigma_tilt_deg: rod.tilt_deg.sigma,
+        }
+    }
+}
+
+impl RodMessage {
+    /// The rod it tells; `None` when there is none.
+    pub fn rod(&self) -> Option<Rod> {
+        let estimate = |value, sigma| Estimate { value, sigma };
+        let edge = |index: usize| RodEdge {
+            y_px: (self.edge_known[index] == 1).then(|| estimate(self.edge_px[index], self.sigma_edge_px[index])),
+            status: PointStatus::from_number(self.edge_status[index]).unwrap_or(PointStatus::Lost),
+        };
+        (self.known == 1).then(|| Rod {
+            x_px: estimate(self.x_px, self.sigma_x_px),
+            y_px: estimate(self.y_px, self.sigma_y_px),
+            half_width_px: estimate(self.half_width_px, self.sigma_half_width_px),
+            tilt_deg: estimate(self.tilt_deg, self.sigma_tilt_deg),
+            edges: std::array::from_fn(|index| (index < self.edges as usize).then(|| edge(index))),
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_rod_survives_the_bus() {
+        let estimate = |value| Estimate { value, sigma: 0.01 * value };
+        let edge = |y_px, status| Some(RodEdge { y_px, status });
+        let rod = Rod {
+            x_px: estimate(31.4),
+            y_px: estimate(56.25),
+            half_width_px: estimate(15.0),
+            tilt_deg: estimate(-0.5),
+            edges: [
+                edge(Some(estimate(31.25)), PointStatus::Valid),
+                edge(None, PointStatus::OutOfFrame),
+                edge(Some(estimate(101.5)), PointStatus::Valid),
+                None,
+            ],
+        };
+        assert_eq!(RodMessage::from(Some(rod)).rod(), Some(rod));
+        assert_eq!(RodMessage::from(None).rod(), None);
+    }
+}

@@ -1,0 +1,450 @@
+//! Finds a rod: by the sums of black and white, then to a fraction of a pixel.
+
+use super::edge::{Course, Edge, Expected, fit};
+use super::params::{RodError, RodParams};
+use super::sums::{Line, TwoTone, lines};
+use crate::image::ImageView;
+use crate::results::{Estimate, PointStatus, ROD_EDGES, Rod, RodEdge};
+
+/// Black and white must differ by so many times the noise.
+const LEAST_SIGMAS: f32 = 6.0;
+/// Two lines are at least so far apart, px.
+const APART_PX: usize = 4;
+/// Lines that may be the rod's sides.
+const SIDES_TRIED: usize = 12;
+/// Standard deviation of what is known to a whole pixel, px.
+const PIXEL_SIGMA: f64 = 0.29;
+/// Fewest rows over which a side changes from black to white, less those that change back.
+const LEAST_SIDE: i32 = 8;
+/// An edge changes at least this share of the columns between the sides.
+const LEAST_EDGE: f64 = 0.3;
+/// With one line too many that has this share of the weakest edge, which are the edges is not known.
+const RIVAL: f64 = 0.75;
+/// A line that goes on beside the rod with this share of its strength is not the rod's.
+const GOES_ON: f64 = 0.5;
+/// Bare rod: so many rows beside an edge with less than this share of pixels of the other shade.
+const BARE_ROWS: usize = 3;
+const BARE_SHARE: f64 = 0.1;
+/// Columns kept clear of the sides, px.
+const INSET_PX: f64 = 3.0;
+/// Profiles reach so far to either side, and no less than the second, px.
+const REACH_PX: usize = 5;
+const LEAST_REACH_PX: usize = 3;
+/// Rows kept clear of the edges where texture is looked for, px.
+const CLEAR_PX: f64 = 3.0;
+/// A stretch lower than this holds no subset, px.
+const LEAST_STRETCH_PX: f64 = 9.0;
+/// The rod's own paint beyond the speckled tape that is correlated with it, px.
+const MARGIN_PX: f64 = 3.0;
+
+/// A rod as seen, with what is needed to see it again.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Sight {
+    /// What was measured.
+    pub rod: Rod,
+    /// Upper and lower end of the speckled tape, from `rod.y_px`, px.
+    span_px: [f64; 2],
+    /// Each edge's place from `rod.y_px`, px.
+    offsets_px: [f64; ROD_EDGES],
+    /// Whose mean `rod.y_px` is.
+    anchors: [bool; ROD_EDGES],
+    /// 1 where it gets lighter downwards, -1 where it gets darker, 0 beyond the number of edges.
+    signs: [f64; ROD_EDGES],
+    /// The same of the left and of the right side, to the right.
+    side_signs: [f64; 2],
+}
+
+impl Sight {
+    /// The same rod moved by so many px, its uncertainties `sigma_px` wider.
+    pub fn moved(&self, dx_px: f64, dy_px: f64, sigma_px: f64) -> Self {
+        let mut moved = *self;
+        let by = |estimate: Estimate, shift: f64| Estimate {
+            value: estimate.value + shift,
+            sigma: estimate.sigma.hypot(sigma_px),
+        };
+        moved.rod.x_px = by(self.rod.x_px, dx_px);
+        moved.rod.y_px = by(self.rod.y_px, dy_px);
+        for edge in moved.rod.edges.iter_mut().flatten() {
+            edge.y_px = edge.y_px.map(|y| by(y, dy_px));
+        }
+        moved
+    }
+
+    /// The same place with no edge in sight.
+    pub fn unseen(mut self) -> Self {
+        for edge in self.rod.edges.iter_mut().flatten() {
+            *edge = RodEdge { y_px: None, status: PointStatus::Lost };
+        }
+        self
+    }
+
+    /// What is to be correlated: the speckled tape between the sides, with a little of the rod above and below.
+    ///
+    /// Left, top, right and bottom from the point (`x_px`, `y_px`) of the rod, px, before it is tilted.
+    pub fn tape_px(&self) -> [f64; 4] {
+        let half = (self.rod.half_width_px.value - INSET_PX + 1.0).max(0.0);
+        [-half, self.span_px[0] - MARGIN_PX, half, self.span_px[1] + MARGIN_PX]
+    }
+}
+
+/// Finds one upright rod per image, the edges of its tapes and its sides.
+///
+/// A pure function of the image, and of where the rod should be.
+#[derive(Debug, Clone)]
+pub struct RodFinder {
+    params: RodParams,
+    shape: (usize, usize),
+    /// Left, top, width, height.
+    region: [usize; 4],
+}
+
+/// Where edges and sides should be.
+struct Prediction {
+    sides_px: [f64; 2],
+    side_signs: [f64; 2],
+    edges_px: Vec<f64>,
+    signs: [f64; ROD_EDGES],
+    /// Columns a row, the rod leaning.
+    lean: f64,
+}
+
+impl Prediction {
+    fn middle(&self) -> f64 {
+        0.5 * (self.sides_px[0] + self.sides_px[1])
+    }
+}
+
+impl RodFinder {
+    /// Plans a finder for images of `width_px` x `height_px` pixels.
+    ///
+    /// # Errors
+    ///
+    /// [`RodError::Range`] when a parameter is out of its range.
+    pub fn new(params: &RodParams, width_px: usize, height_px: usize) -> Result<Self, RodError> {
+        params.check(width_px, height_px)?;
+        let region = params.region(width_px, height_px);
+        Ok(Self { params: params.clone(), shape: (width_px, height_px), region })
+    }
+
+    /// Finds the rod anywhere in the searched region, upright to about 5 deg.
+    ///
+    /// # Errors
+    ///
+    /// Why there is none: [`PointStatus::LowContrast`] where nothing stands out from the noise,
+    /// [`PointStatus::Lost`] without two sides or with too few edges, [`PointStatus::Ambiguous`] with too many, and
+    /// what became of the edges that tell its place.
+    ///
+    /// # Panics
+    ///
+    /// If `image` has another shape than the finder was planned for.
+    pub fn find(&self, image: ImageView<'_>) -> Result<Sight, PointStatus> {
+        self.check_shape(image);
+        let prediction = self.by_sums(image)?;
+        let edges = self.fit_edges(image, &prediction);
+        let stretch = self.speckled(image, &prediction).ok_or(PointStatus::Lost)?;
+        let anchors: [bool; ROD_EDGES] = std::array::from_fn(|index| match stretch {
+            Stretch::Between(upper) => index == upper || index == upper + 1,
+            Stretch::Above | Stretch::Below => index < edges.len(),
+        });
+        if edges.iter().all(Result::is_err) {
+            return Err(edges.iter().find_map(|edge| edge.err()).unwrap_or(PointStatus::Lost));
+        }
+        // An edge that cannot be placed finely is still known to a whole pixel.
+        let places: Vec<Estimate> = (0..edges.len())
+            .map(|index| {
+                let coarse = Estimate { value: prediction.edges_px[index], sigma: PIXEL_SIGMA };
+                edges[index].map_or(coarse, |edge| edge.at)
+            })
+            .collect();
+        let anchored = places.iter().zip(anchors).filter(|(_, counts)| *counts).map(|(place, _)| *place);
+        let y = mean(anchored);
+        let place = |index: usize| places[index].value;
+        let [_, top, _, height] = self.region.map(|number| number as f64);
+        let span = match stretch {
+            Stretch::Between(upper) => [place(upper), place(upper + 1)],
+            Stretch::Above => [top + MARGIN_PX, place(0)],
+            Stretch::Below => [place(edges.len() - 1), top + height - 1.0 - MARGIN_PX],
+        };
+        let mut offsets_px = [0.0; ROD_EDGES];
+        (0..edges.len()).for_each(|index| offsets_px[index] = place(index) - y.value);
+        let span_px = span.map(|end| end - y.value);
+        let rod = self.compose(image, &prediction, &edges, y, span)?;
+        let (signs, side_signs) = (prediction.signs, prediction.side_signs);
+        Ok(Sight { rod, span_px, offsets_px, anchors, signs, side_signs })
+    }
+
+    /// Finds the rod near where it should be, to about 2 px, also when not all of its edges are in sight.
+    ///
+    /// # Errors
+    ///
+    /// Why it is not there: what became of the edges, when none of them was found, or of the sides.
+    ///
+    /// # Panics
+    ///
+    /// If `image` has another shape than the finder was planned for.
+    pub fn follow(&self, image: ImageView<'_>, near: &Sight) -> Result<Sight, PointStatus> {
+        self.check_shape(image);
+        let (x, y, half) = (near.rod.x_px.value, near.rod.y_px.value, near.rod.half_width_px.value);
+        let prediction = Prediction {
+            sides_px: [x - half, x + half],
+            side_signs: near.side_signs,
+            edges_px: (0..self.params.edges as usize).map(|index| y + near.offsets_px[index]).collect(),
+            signs: near.signs,
+            lean: near.rod.tilt_deg.value.to_radians().tan(),
+        };
+        let edges = self.fit_edges(image, &prediction);
+        // Each edge that was found says where the point is; all that tell it must agree on the same point.
+        let says = |index: usize| {
+            let place = edges[index].ok().map(|edge| edge.at)?;
+            Some(Estimate { value: place.value - near.offsets_px[index], ..place })
+        };
+        let all: Vec<Estimate> = (0..edges.len()).filter_map(says).collect();
+        if all.is_empty() {
+            return Err(edges.iter().find_map(|edge| edge.err()).unwrap_or(PointStatus::Lost));
+        }
+        let anchored = edges.iter().zip(near.anchors).filter(|(_, counts)| *counts);
+        let anchored: Result<Vec<Estimate>, _> = anchored.map(|(edge, _)| edge.map(|edge| edge.at)).collect();
+        let y = anchored.map_or_else(
+            |_| {
+                let carried = mean(all.iter().copied());
+                Estimate { sigma: carried.sigma.hypot(near.rod.y_px.sigma), ..carried }
+            },
+            |anchored| mean(anchored.into_iter()),
+        );
+        let span = near.span_px.map(|end| end + y.value);
+        let rod = self.compose(image, &prediction, &edges, y, span)?;
+        Ok(Sight { rod, ..*near })
+    }
+
+    fn check_shape(&self, image: ImageView<'_>) {
+        assert_eq!((image.width(), image.height()), self.shape, "planned for another size");
+    }
+
+    /// Sides and edges to whole pixels.
+    fn by_sums(&self, image: ImageView<'_>) -> Result<Prediction, PointStatus> {
+        let tone = TwoTone::new(image, self.region).ok_or(PointStatus::LowContrast)?;
+        let [black, white] = tone.means_dn;
+        if white - black < LEAST_SIGMAS * noise_dn(image, self.region) {
+            return Err(PointStatus::LowContrast);
+        }
+        let [left, right] = self.sides(&tone).ok_or(PointStatus::Lost)?;
+        let inside = left.at + 1 + INSET_PX as usize..(right.at + 1).saturating_sub(INSET_PX as usize);
+        let edges = self.edges(&tone, inside, [left.at, right.at])?;
+        // Entry k of the sums is the line between k and k + 1.
+        let line_px = |at: usize, from: usize| (at + from) as f64 + 0.5;
+        let mut signs = [0.0; ROD_EDGES];
+        signs.iter_mut().zip(&edges).for_each(|(sign, edge)| *sign = f64::from(edge.strength.signum()));
+        Ok(Prediction {
+            sides_px: [left.at, right.at].map(|at| line_px(at, tone.left)),
+            side_signs: [left, right].map(|side| f64::from(side.strength.signum())),
+            edges_px: edges.iter().map(|edge| line_px(edge.at, tone.top)).collect(),
+            signs,
+            lean: 0.0,
+        })
+    }
+
+    /// The strongest two lines of opposite sign as far apart as the rod may be wide.
+    fn sides(&self, tone: &TwoTone) -> Option<[Line; 2]> {
+        let mut tried = lines(&tone.across(), APART_PX);
+        tried.truncate(SIDES_TRIED);
+        let mut best: Option<(i32, [Line; 2])> = None;
+        for left in &tried {
+            for right in &tried {
+                let width_px = right.at as f64 - left.at as f64;
+                let [least, most] = self.params.width_px;
+                let weaker = left.strength.abs().min(right.strength.abs());
+                let may_be = (least..=most).contains(&width_px) && left.strength.signum() != right.strength.signum();
+                if may_be && weaker >= LEAST_SIDE && best.is_none_or(|(strength, _)| weaker > strength) {
+                    best = Some((weaker, [*left, *right]));
+                }
+            }
+        }
+        best.map(|(_, pair)| pair)
+    }
+
+    /// As many edges as are followed, from the top downwards.
+    fn edges(
+        &self,
+        tone: &TwoTone,
+        inside: std::ops::Range<usize>,
+        sides: [usize; 2],
+    ) -> Result<Vec<Line>, PointStatus> {
+        let width = inside.len() as f64;
+        let beside = [0..sides[0].saturating_sub(2), (sides[1] + 3).min(tone.width)..tone.width];
+        let outside: Vec<(f64, Vec<i32>)> = beside
+            .into_iter()
+            .filter(|columns| columns.len() >= APART_PX)
+            .map(|columns| (columns.len() as f64, tone.down(columns)))
+            .collect();
+        let goes_on = |line: &Line| {
+            let share = f64::from(line.strength) / width;
+            outside.iter().any(|(columns, sums)| {
+                let near = sums[line.at.saturating_sub(1)..(line.at + 2).min(sums.len())].iter().sum::<i32>();
+                f64::from(near) / columns / share >= GOES_ON
+            })
+        };
+        let white = tone.white_share(inside.clone());
+        let mut found = lines(&tone.down(inside), APART_PX);
+        found.retain(|line| {
+            f64::from(line.strength.abs()) >= LEAST_EDGE * width && !goes_on(line) && has_bare_side(&white, line.at)
+        });
+        let count = self.params.edges as usize;
+        if found.len() < count {
+            return Err(PointStatus::Lost);
+        }
+        let rival = found.get(count).map_or(0.0, |line| f64::from(line.strength.abs()));
+        found.truncate(count);
+        let weakest = found.last().map_or(0.0, |line| f64::from(line.strength.abs()));
+        found.sort_by_key(|line| line.at);
+        let alternates = found.windows(2).all(|pair| pair[0].strength.signum() != pair[1].strength.signum());
+        if rival >= RIVAL * weakest || !alternates { Err(PointStatus::Ambiguous) } else { Ok(found) }
+    }
+
+    fn fit_edges(&self, image: ImageView<'_>, prediction: &Prediction) -> Vec<Result<Edge, PointStatus>> {
+        let [_, top, _, height] = self.region;
+        let [from, to] = prediction.sides_px;
+        let along = [(from + INSET_PX).ceil().max(0.0) as usize, (to - INSET_PX).floor().max(0.0) as usize + 1];
+        let places = &prediction.edges_px;
+        let one = |index: usize| {
+            let gap = |other: Option<&f64>| other.map_or(f64::INFINITY, |other| (other - places[index]).abs());
+            let nearest = gap(index.checked_sub(1).and_then(|above| places.get(above))).min(gap(places.get(index + 1)));
+            let expected = Expected {
+                course: Course::Rows,
+                along,
+                middle: prediction.middle(),
+                near: places[index],
+                slope: -prediction.lean,
+                reach: ((0.5 * nearest) as usize).clamp(LEAST_REACH_PX, REACH_PX),
+                room: [top, top + height - 1],
+                sign: prediction.signs[index],
+            };
+            fit(image, &expected)
+        };
+        (0..places.len()).map(one).collect()
+    }
+
+    /// The stretch with the most texture along the rows.
+    fn speckled(&self, image: ImageView<'_>, prediction: &Prediction) -> Option<Stretch> {
+        let [_, top, _, height] = self.region.map(|number| number as f64);
+        let places = &prediction.edges_px;
+        let mut stretches: Vec<(Stretch, [f64; 2])> =
+            places.windows(2).enumerate().map(|(upper, pair)| (Stretch::Between(upper), [pair[0], pair[1]])).collect();
+        if places.len() % 2 == 1 {
+            // One tape shows a single edge: it lies above the first or below the last.
+            stretches.push((Stretch::Above, [top, places[0]]));
+            stretches.push((Stretch::Below, [places[places.len() - 1], top + height - 1.0]));
+        }
+        let columns = prediction.sides_px.map(|side| side.max(0.0) as usize);
+        let columns = columns[0] + INSET_PX as usize + 1..columns[1].saturating_sub(INSET_PX as usize);
+        let texture = |[from, to]: [f64; 2]| {
+            let rows = (from + CLEAR_PX).ceil() as usize..((to - CLEAR_PX).floor().max(0.0)) as usize;
+            let count = (rows.len() * columns.len()).max(1) as f64;
+            let squares = |y: usize| {
+                let row = image.row(y);
+                columns.clone().map(|x| f64::from(row[x + 1] - row[x - 1]).powi(2)).sum::<f64>()
+            };
+            rows.map(squares).sum::<f64>() / count
+        };
+        let tall = stretches.into_iter().filter(|(_, [from, to])| to - from >= LEAST_STRETCH_PX);
+        tall.map(|(stretch, rows)| (stretch, texture(rows))).max_by(|a, b| a.1.total_cmp(&b.1)).map(|best| best.0)
+    }
+
+    /// Everything that is told of the rod.
+    fn compose(
+        &self,
+        image: ImageView<'_>,
+        prediction: &Prediction,
+        edges: &[Result<Edge, PointStatus>],
+        y_px: Estimate,
+        span: [f64; 2],
+    ) -> Result<Rod, PointStatus> {
+        let [left, top, width, height] = self.region;
+        let ends = edges.iter().flatten().map(|edge| edge.at.value).chain(span);
+        let (first, last) = ends.fold((f64::INFINITY, 0.0_f64), |(low, high), y| (low.min(y), high.max(y)));
+        let rows = [(first.max(top as f64)) as usize, (last as usize + 1).min(top + height)];
+        let middle = y_px.value;
+        let side = |index: usize| {
+            let expected = Expected {
+                course: Course::Columns,
+                along: rows,
+                middle,
+                near: prediction.sides_px[index],
+                slope: prediction.lean,
+                reach: REACH_PX,
+                room: [left, left + width - 1],
+                sign: prediction.side_signs[index],
+            };
+            fit(image, &expected)
+        };
+        let sides = [side(0)?, side(1)?];
+        let slopes = edges.iter().flatten().map(|edge| Estimate { value: -edge.slope.value, ..edge.slope });
+        let lean = weighted(slopes.chain(sides.map(|side| side.slope)));
+        let [a, b] = sides.map(|side| side.at);
+        let half = |value: f64| Estimate { value, sigma: 0.5 * a.sigma.hypot(b.sigma) };
+        let tilt = lean.value.atan();
+        let told = |edge: &Result<Edge, PointStatus>| match edge {
+            Ok(edge) => RodEdge { y_px: Some(edge.at), status: PointStatus::Valid },
+            Err(status) => RodEdge { y_px: None, status: *status },
+        };
+        Ok(Rod {
+            x_px: half(0.5 * (a.value + b.value)),
+            y_px,
+            half_width_px: half(0.5 * (b.value - a.value) * tilt.cos()),
+            tilt_deg: Estimate { value: tilt.to_degrees(), sigma: lean.sigma.to_degrees() },
+            edges: std::array::from_fn(|index| edges.get(index).map(told)),
+        })
+    }
+}
+
+/// Whether the rows on one side of a line are all of one shade: an edge of a tape has the bare rod beside it, a line
+/// between speckles does not.
+fn has_bare_side(white: &[f64], at: usize) -> bool {
+    let is_bare = |rows: std::ops::Range<usize>| {
+        let share = |limit: fn(f64) -> bool| rows.clone().all(|row| white.get(row).copied().is_none_or(limit));
+        share(|white| white <= BARE_SHARE) || share(|white| white >= 1.0 - BARE_SHARE)
+    };
+    is_bare(at.saturating_sub(BARE_ROWS)..at) || is_bare(at + 2..at + 2 + BARE_ROWS)
+}
+
+/// Where the speckled tape is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Stretch {
+    /// Between this edge and the next.
+    Between(usize),
+    /// Above the first edge.
+    Above,
+    /// Below the last.
+    Below,
+}
+
+/// Plain mean of places.
+fn mean(places: impl Iterator<Item = Estimate> + Clone) -> Estimate {
+    let count = places.clone().count().max(1) as f64;
+    Estimate {
+        value: places.clone().map(|place| place.value).sum::<f64>() / count,
+        sigma: places.map(|place| place.sigma.powi(2)).sum::<f64>().sqrt() / count,
+    }
+}
+
+/// Weighted mean, its uncertainty widened where the numbers scatter more than theirs.
+fn weighted(numbers: impl Iterator<Item = Estimate> + Clone) -> Estimate {
+    let weight = |x: &Estimate| x.sigma.max(1e-6).powi(-2);
+    let total: f64 = numbers.clone().map(|x| weight(&x)).sum();
+    let value = numbers.clone().map(|x| weight(&x) * x.value).sum::<f64>() / total;
+    let chi2: f64 = numbers.clone().map(|x| weight(&x) * (x.value - value).powi(2)).sum();
+    let freedom = (numbers.count() as f64 - 1.0).max(1.0);
+    Estimate { value, sigma: ((chi2 / freedom).max(1.0) / total).sqrt() }
+}
+
+/// Noise of single pixels, from the median difference of neighbours.
+fn noise_dn(image: ImageView<'_>, [left, top, width, height]: [usize; 4]) -> f32 {
+    let rows = (top..top + height).map(|y| &image.row(y)[left..left + width]);
+    let mut differences: Vec<f32> = rows.flat_map(|row| row.windows(2).map(|pair| (pair[1] - pair[0]).abs())).collect();
+    if differences.is_empty() {
+        return 0.0;
+    }
+    let middle = differences.len() / 2;
+    let (_, median, _) = differences.select_nth_unstable_by(middle, f32::total_cmp);
+    // Of a difference of two normal numbers, in standard deviations of one.
+    *median / (0.6745 * std::f32::consts::SQRT_2)
+}

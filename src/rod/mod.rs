@@ -1,0 +1,14 @@
+//! Rods: the edges of their tapes, their sides and their tilt in one image.
+//!
+//! An upright rod with two tapes around it, one of them speckled. [`sums`] holds
+//! the black-and-white row and column sums of the method's Eq. 5, which give its
+//! edges to whole pixels; [`RodFinder`] starts from them and fits a blurred step
+//! to the grey levels, which gives the same edges to some thousandths.
+
+mod edge;
+mod finder;
+mod params;
+pub mod sums;
+
+pub use finder::{RodFinder, Sight};
+pub use params::{LEAST_WIDTH_PX, RodError, RodParams};
