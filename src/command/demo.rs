@@ -9,8 +9,11 @@ use crate::recording::Recording;
 use crate::results::{Estimate, Impact};
 use std::path::{Path, PathBuf};
 
-const BUILT_IN: [(&str, &str); 2] =
-    [("lacrosse", include_str!("../../config/lacrosse.toml")), ("rod", include_str!("../../config/rod.toml"))];
+const BUILT_IN: [(&str, &str); 3] = [
+    ("lacrosse", include_str!("../../config/lacrosse.toml")),
+    ("tennis", include_str!("../../config/tennis.toml")),
+    ("rod", include_str!("../../config/rod.toml")),
+];
 
 /// The rig file of a built-in experiment.
 pub(super) fn built_in_config(name: &str) -> Option<&'static str> {

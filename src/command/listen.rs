@@ -190,11 +190,8 @@ fn status_word(status: u32) -> Value {
 }
 
 fn track(message: &TrackMessage) -> Map<String, Value> {
-    let place = [
-        ("frame", json!(message.sequence)),
-        ("body", json!(message.body)),
-        ("stamp_ns", json!(message.stamp_ns)),
-    ];
+    let place =
+        [("frame", json!(message.sequence)), ("body", json!(message.body)), ("stamp_ns", json!(message.stamp_ns))];
     let rest = [
         ("center_x_px", number(message.center_x_px)),
         ("center_y_px", number(message.center_y_px)),

@@ -20,6 +20,9 @@ pub struct SimulateOptions {
     pub json: bool,
 }
 
+/// Built-in scenarios that differ from a built-in experiment in their physics only.
+const VARIANTS: [(&str, &str); 2] = [("tennis-physical", "tennis"), ("rod-ringing", "rod")];
+
 /// Draws every frame of a scenario into a recording, with the truth beside it.
 ///
 /// # Errors
@@ -75,8 +78,15 @@ fn config(scenario: &Scenario, name: &str) -> anyhow::Result<Config> {
     if let Some(text) = super::demo::built_in_config(name) {
         return Ok(Config::parse(text, &built_in)?);
     }
+    // A variant of a built-in experiment is measured as the experiment is.
+    let experiment = VARIANTS.iter().find(|(variant, _)| *variant == name);
+    if let Some(text) = experiment.and_then(|(_, experiment)| super::demo::built_in_config(experiment)) {
+        return Ok(Config::parse(text, &built_in)?.with(&[("camera.scenario", name.into())])?);
+    }
     let body = match scenario.body.rod {
-        Some(_) => "\n[[body]]\nkind = \"rod\"\n\n[correlation]\nsubset_size_px = 25\nstep_px = 5\nshape = \"translation\"\n",
+        Some(_) => {
+            "\n[[body]]\nkind = \"rod\"\n\n[correlation]\nsubset_size_px = 25\nstep_px = 5\nshape = \"translation\"\n"
+        }
         None => "",
     };
     let text = format!(

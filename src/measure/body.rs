@@ -3,8 +3,8 @@
 use super::outline::seen;
 use crate::impact::{Contact, Detector, Event, SurfaceNode, World, solve};
 use crate::motion::{
-    Anchor, Axes, Center, Chain, Form, MotionParams, Node, Regime, RunningRadius, Scale, gravity_px, lag_frames, physical,
-    smooth,
+    Anchor, Axes, Center, Chain, Form, MotionParams, Node, Regime, RunningRadius, Scale, gravity_px, lag_frames,
+    physical, smooth,
 };
 use crate::results::{BodyStep, Estimate, Impact, Phase, PointStatus, TrackSample, VelocitySample};
 

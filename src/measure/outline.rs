@@ -126,10 +126,9 @@ impl Outline {
     pub(super) fn region(&self, params: &CorrelationParams) -> Option<Region> {
         match self {
             // The correlation-peak methods know whole subsets only.
-            Self::Rod(sight) if params.method == Method::IcGn => Some(Region::Polygon {
-                outline_px: corners(sight).to_vec(),
-                holes_px: Vec::new(),
-            }),
+            Self::Rod(sight) if params.method == Method::IcGn => {
+                Some(Region::Polygon { outline_px: corners(sight).to_vec(), holes_px: Vec::new() })
+            }
             Self::Ball(_) | Self::Rod(_) => None,
         }
     }

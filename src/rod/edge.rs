@@ -1,34 +1,50 @@
 //! A straight edge to a fraction of a pixel: one blurred step through many profiles of grey levels.
 
+mod paint;
+
+use self::paint::{LEAST_PAINT, Level, Paint, one_paint, quantile};
 use crate::image::ImageView;
 use crate::results::{Estimate, PointStatus};
+use nalgebra::{SMatrix, SVector};
 
 /// Fewest profiles an edge rests on.
 const LEAST_PROFILES: usize = 5;
 /// And at least this share of those that were looked at.
 const LEAST_SHARE: f64 = 0.12;
-/// A profile with less than this share of the good ones' contrast has something else in it, a speckle mostly.
-const LEAST_CONTRAST: f64 = 0.8;
-/// What the good ones are: this share of profiles has less contrast, of levels lie less far out.
-const GOOD: f64 = 0.85;
-/// Nearer to the edge than this, levels are not the paint's, px.
+/// Share of levels that lie less far out than the paint of a side, speckles lying nearer to the other side's.
+const PAINT: f64 = 0.85;
+/// Nearer to the edge than this, and than so many times the blur, levels are not the paint's.
 const BLURRED_PX: f64 = 2.0;
-/// Levels beyond that may differ from the paint's by this share of the contrast, or by so many times the noise.
+const BLURRED_SIGMAS: f64 = 3.2;
+/// Levels that are taken for paint may differ from it by this share of the contrast at first, then by so many sigmas.
 const PAINT_SHARE: f64 = 0.1;
-const PAINT_SIGMAS: f64 = 3.5;
-/// An edge whose contrast is less than so many times what is left over the step is not told from noise.
+const PAINT_SIGMAS: f64 = 3.0;
+/// The level of speckled paint is known to this share of the contrast, or, where a clean tape of about the same level
+/// is in the picture, to the second; that may be further out by these shares.
+const FREE_PAINT: f64 = 0.05;
+const ALIKE_PAINT: f64 = 0.01;
+const ALIKE: std::ops::RangeInclusive<f64> = -0.03..=0.12;
+/// What is known is tied so firmly.
+const FIXED: f64 = 1e9;
+/// Levels nearer to the edge than this place it, and so many times the blur.
+const CORE_PX: f64 = 2.0;
+const CORE_SIGMAS: f64 = 2.2;
+/// A profile has something else in it if one of those is off by so many sigmas, and by this share of the contrast in
+/// each round of choosing.
+const OFF_SIGMAS: f64 = 3.5;
+const OFF_SHARES: [f64; 4] = [0.4, 0.12, 0.06, 0.05];
+/// An edge whose contrast is less than so many times the noise is not told from it.
 const LEAST_SIGMAS: f64 = 8.0;
-/// A profile with so many times the median misfit has something else in it.
-const MOST_MISFIT: f64 = 2.0;
+/// Profiles reach at least so far to either side, and an edge is no further from where it should be, px.
+const LEAST_DEPTH_PX: f64 = 5.0;
+const ASTRAY_PX: f64 = 3.0;
 /// Standard deviations of the blur that are tried, px; an edge at the upper end is too soft to be placed.
-const BLUR_PX: [f64; 2] = [0.25, 2.5];
+const BLUR_PX: [f64; 2] = [0.25, 1.8];
 /// Where the search for the blur begins, px.
 const START_BLUR_PX: f64 = 0.8;
 /// Steps of one solution at most, and the change under which it is found, px.
 const STEPS: usize = 20;
 const SETTLED_PX: f64 = 1e-5;
-/// Rounds of choosing profiles anew.
-const ROUNDS: usize = 4;
 /// Tukey's constant.
 const TUKEY: f64 = 4.685;
 /// What a real edge differs from the model, common to all its profiles, px.
@@ -55,12 +71,23 @@ pub(super) struct Expected {
     pub(super) near: f64,
     /// How far it goes across for each pixel along.
     pub(super) slope: f64,
-    /// How far profiles reach to either side.
-    pub(super) reach: usize,
+    /// How far profiles reach before and behind it, where there is room.
+    pub(super) depth: [usize; 2],
     /// First and last place across that may be looked at.
     pub(super) room: [usize; 2],
     /// 1 where it gets lighter across, -1 where it gets darker.
     pub(super) sign: f64,
+    /// What clean edges of the same picture have told.
+    pub(super) known: Option<Known>,
+}
+
+/// What edges without speckles tell those with them, whose place, blur and paint are hard to tell apart.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Known {
+    /// Standard deviation of the blur, px: the lens blurs all edges alike.
+    pub(super) blur_px: f64,
+    /// The darker and the lighter paint, DN: tapes are of one material.
+    pub(super) paints_dn: [f64; 2],
 }
 
 /// An edge that was found.
@@ -70,6 +97,12 @@ pub(super) struct Edge {
     pub(super) at: Estimate,
     /// How far it goes across for each pixel along.
     pub(super) slope: Estimate,
+    /// Standard deviation of the blur, px.
+    pub(super) blur_px: f64,
+    /// The darker and the lighter paint, DN.
+    pub(super) paints_dn: [f64; 2],
+    /// Whether there are speckles on one side.
+    pub(super) is_speckled: bool,
 }
 
 /// Grey levels across the edge.
@@ -79,30 +112,17 @@ struct Profile {
     /// Place of the first level across.
     first: f64,
     levels: Vec<f64>,
-    /// Nothing but paint on either side.
-    is_clean: bool,
     weight: f64,
 }
 
-/// Place, slope and blur under iteration.
+/// Place, slope and blur under iteration, and both paints.
 #[derive(Clone, Copy)]
 struct Step {
     at: f64,
     slope: f64,
     blur: f64,
-}
-
-/// What a step leaves over in one profile.
-struct Leftover {
-    contrast: f64,
-    /// Sum of the squared residuals.
-    squares: f64,
-    /// Residuals times and derivatives times derivatives, by place and blur, levels eliminated.
-    by_place: f64,
-    by_blur: f64,
-    place_place: f64,
-    place_blur: f64,
-    blur_blur: f64,
+    is_blur_known: bool,
+    paints: [Paint; 2],
 }
 
 /// Integral and density of the normal distribution.
@@ -116,55 +136,55 @@ fn normal(x: f64) -> (f64, f64) {
     (if x >= 0.0 { 1.0 - tail } else { tail }, bell / std::f64::consts::TAU.sqrt())
 }
 
-impl Profile {
-    /// The levels B + A P((y - place)/blur) that fit best, and what they leave over.
-    fn leftover(&self, step: &Step) -> Leftover {
-        let place = step.at + step.slope * self.along;
-        let count = self.levels.len() as f64;
-        let z = |index: usize| (self.first + index as f64 - place) / step.blur;
-        let (mut p1, mut pp, mut v1, mut pv) = (0.0, 0.0, 0.0, 0.0);
-        for (index, level) in self.levels.iter().enumerate() {
-            let (p, _) = normal(z(index));
-            (p1, pp, v1, pv) = (p1 + p, pp + p * p, v1 + level, pv + p * level);
+impl Step {
+    /// How far a level of a profile is behind the edge, px.
+    fn behind(&self, profile: &Profile, index: usize) -> f64 {
+        profile.first + index as f64 - self.at - self.slope * profile.along
+    }
+
+    fn contrast(&self) -> f64 {
+        self.paints[1].at(0.0) - self.paints[0].at(0.0)
+    }
+
+    /// The noise of a level near the edge: that of the side with more of it.
+    fn noise(&self) -> f64 {
+        self.paints[0].noise.max(self.paints[1].noise)
+    }
+
+    /// How firmly the paint of a side ties its level, in terms of the levels near the edge.
+    fn tie(&self, side: usize) -> f64 {
+        (self.noise() / self.paints[side].sigma).powi(2)
+    }
+
+    /// Levels of a profile that place the edge: what is left of each over the model, and its derivatives by place,
+    /// slope, blur and the levels of both sides.
+    fn core<'p>(&'p self, profile: &'p Profile) -> impl Iterator<Item = (f64, Vector)> + 'p {
+        let reach = CORE_PX.max(CORE_SIGMAS * self.blur);
+        let [before, after] = self.paints.map(|paint| paint.at(profile.along));
+        profile.levels.iter().enumerate().filter_map(move |(index, level)| {
+            let behind = self.behind(profile, index);
+            let (p, density) = normal(behind / self.blur);
+            let by_place = -(after - before) * density / self.blur;
+            let by_blur = by_place * behind / self.blur;
+            let left = level - before - (after - before) * p;
+            let derivatives = Vector::from([by_place, by_place * profile.along, by_blur, 1.0 - p, p]);
+            (behind.abs() <= reach).then_some((left, derivatives))
+        })
+    }
+
+    /// How far the edge of one profile is from the common one, px.
+    fn off(&self, profile: &Profile) -> f64 {
+        let (mut right, mut normal) = (0.0, 0.0);
+        for (left, derivatives) in self.core(profile) {
+            right += left * derivatives[0];
+            normal += derivatives[0] * derivatives[0];
         }
-        let spread = (pp - p1 * p1 / count).max(1e-9);
-        let contrast = (pv - p1 * v1 / count) / spread;
-        let (p_mean, v_mean) = (p1 / count, v1 / count);
-        // The derivatives lose what a change of the levels could do as well.
-        let (mut sums, mut own) = ([0.0; 2], [0.0; 2]);
-        for index in 0..self.levels.len() {
-            let (p, density) = normal(z(index));
-            let by_place = -contrast * density / step.blur;
-            for (k, derivative) in [by_place, by_place * z(index)].into_iter().enumerate() {
-                sums[k] += derivative;
-                own[k] += derivative * (p - p_mean);
-            }
-        }
-        let mut left = Leftover {
-            contrast,
-            squares: 0.0,
-            by_place: 0.0,
-            by_blur: 0.0,
-            place_place: 0.0,
-            place_blur: 0.0,
-            blur_blur: 0.0,
-        };
-        for (index, level) in self.levels.iter().enumerate() {
-            let (p, density) = normal(z(index));
-            let residual = level - v_mean - contrast * (p - p_mean);
-            let by_place = -contrast * density / step.blur;
-            let free = |k: usize, derivative: f64| derivative - sums[k] / count - own[k] / spread * (p - p_mean);
-            let (dp, db) = (free(0, by_place), free(1, by_place * z(index)));
-            left.squares += residual * residual;
-            left.by_place += residual * dp;
-            left.by_blur += residual * db;
-            left.place_place += dp * dp;
-            left.place_blur += dp * db;
-            left.blur_blur += db * db;
-        }
-        left
+        right / normal.max(1e-9)
     }
 }
+
+type Vector = SVector<f64, 5>;
+type Matrix = SMatrix<f64, 5, 5>;
 
 /// Fits the edge that should be there.
 ///
@@ -175,27 +195,28 @@ impl Profile {
 /// [`PointStatus::LowCorrelation`] where its profiles do not agree.
 pub(super) fn fit(image: ImageView<'_>, expected: &Expected) -> Result<Edge, PointStatus> {
     let mut profiles = profiles(image, expected)?;
-    let looked_at = profiles.len();
-    choose_by_paint(&mut profiles, expected)?;
-    let mut step = Step { at: expected.near, slope: expected.slope, blur: START_BLUR_PX };
-    for _ in 0..ROUNDS {
+    let paints = [Paint::default(); 2];
+    let known = expected.known;
+    let blur = known.map_or(START_BLUR_PX, |known| known.blur_px);
+    let mut step = Step { at: expected.near, slope: expected.slope, blur, is_blur_known: known.is_some(), paints };
+    for share in OFF_SHARES {
+        step.paints = paint(&profiles, &step, expected)?;
+        reweigh(&mut profiles, &step, share);
+        let kept = profiles.iter().filter(|profile| profile.weight > 0.0).count();
+        if kept < LEAST_PROFILES || (kept as f64) < LEAST_SHARE * profiles.len() as f64 {
+            return Err(PointStatus::LowCorrelation);
+        }
         step = solve(&profiles, step)?;
-        reweigh(&mut profiles, &step, expected.sign);
-    }
-    step = solve(&profiles, step)?;
-    let kept = profiles.iter().filter(|profile| profile.weight > 0.0).count();
-    if kept < LEAST_PROFILES || (kept as f64) < LEAST_SHARE * looked_at as f64 {
-        return Err(PointStatus::LowCorrelation);
-    }
-    if (step.at - expected.near).abs() > expected.reach as f64 {
-        return Err(PointStatus::Lost);
+        if (step.at - expected.near).abs() > ASTRAY_PX {
+            return Err(PointStatus::Lost);
+        }
     }
     judged(&profiles, &step)
 }
 
 /// The profiles about the expected edge, those that leave the room left out.
 fn profiles(image: ImageView<'_>, expected: &Expected) -> Result<Vec<Profile>, PointStatus> {
-    let reach = expected.reach as f64;
+    let [before, behind] = expected.depth.map(|depth| depth as f64);
     let [first, last] = expected.room.map(|place| place as f64);
     let level = |along: usize, across: usize| match expected.course {
         Course::Rows => image.at(along, across),
@@ -204,12 +225,13 @@ fn profiles(image: ImageView<'_>, expected: &Expected) -> Result<Vec<Profile>, P
     let one = |along: usize| {
         let from_middle = along as f64 - expected.middle;
         let center = (expected.near + expected.slope * from_middle).round();
-        if !(center - reach >= first && center + reach <= last) {
+        if !(center - LEAST_DEPTH_PX >= first && center + LEAST_DEPTH_PX <= last) {
             return None;
         }
-        let start = (center - reach) as usize;
-        let levels = (start..=start + 2 * expected.reach).map(|across| level(along, across).map(f64::from));
-        Some(Profile { along: from_middle, first: start as f64, levels: levels.collect::<Option<_>>()?, is_clean: true, weight: 1.0 })
+        let start = (center - before).max(first) as usize;
+        let end = (center + behind).min(last) as usize;
+        let levels = (start..=end).map(|across| level(along, across).map(f64::from));
+        Some(Profile { along: from_middle, first: start as f64, levels: levels.collect::<Option<_>>()?, weight: 1.0 })
     };
     let all = expected.along[1].saturating_sub(expected.along[0]);
     let profiles: Vec<Profile> = (expected.along[0]..expected.along[1]).filter_map(one).collect();
@@ -219,65 +241,81 @@ fn profiles(image: ImageView<'_>, expected: &Expected) -> Result<Vec<Profile>, P
     Ok(profiles)
 }
 
-/// The level that this share of all of them is under.
-fn quantile(sorted: &[f64], share: f64) -> f64 {
-    sorted[((sorted.len() - 1) as f64 * share).round() as usize]
-}
-
-/// Keeps the profiles with nothing but paint on both sides of the edge.
+/// The paint of both sides.
 ///
 /// Speckles are nearer in shade to what lies across the edge than the paint they are on, so the paint of a side is
-/// what is furthest out; the side without speckles tells the noise.
-fn choose_by_paint(profiles: &mut [Profile], expected: &Expected) -> Result<(), PointStatus> {
-    let distance = |profile: &Profile, index: usize| {
-        profile.first + index as f64 - expected.near - expected.slope * profile.along
+/// what is furthest out; the side without speckles tells how much it varies.
+fn paint(profiles: &[Profile], step: &Step, expected: &Expected) -> Result<[Paint; 2], PointStatus> {
+    let sign = expected.sign;
+    let clear = BLURRED_PX.max(BLURRED_SIGMAS * step.blur);
+    let side = |of: f64| -> Vec<Level> {
+        let levels = |profile: &Profile| {
+            let along = profile.along;
+            let all = profile.levels.iter().enumerate();
+            let placed = all.map(|(index, level)| Level { along, behind: step.behind(profile, index), level: *level });
+            placed.filter(|level| of * level.behind >= clear).collect::<Vec<_>>()
+        };
+        profiles.iter().flat_map(levels).collect()
     };
-    let side = |of: f64| {
-        let mut levels: Vec<f64> = profiles
-            .iter()
-            .flat_map(|profile| profile.levels.iter().enumerate().map(move |(index, level)| (profile, index, *level)))
-            .filter(|(profile, index, _)| of * distance(profile, *index) >= BLURRED_PX)
-            .map(|(_, _, level)| level)
-            .collect();
+    let sides = [side(-1.0), side(1.0)];
+    if sides.iter().any(|levels| levels.len() < LEAST_PAINT) {
+        return Err(PointStatus::OutOfFrame);
+    }
+    let sorted = sides.each_ref().map(|levels| {
+        let mut levels: Vec<f64> = levels.iter().map(|level| level.level).collect();
         levels.sort_by(f64::total_cmp);
-        if levels.is_empty() { Err(PointStatus::OutOfFrame) } else { Ok(levels) }
-    };
-    let sides = [side(-1.0)?, side(1.0)?];
-    // Before it is dark and behind it light where the sign is 1.
-    let paint: [f64; 2] = std::array::from_fn(|k| {
-        let is_light = (k == 1) == (expected.sign > 0.0);
-        quantile(&sides[k], if is_light { GOOD } else { 1.0 - GOOD })
+        levels
     });
-    let contrast = expected.sign * (paint[1] - paint[0]);
+    // Before the edge it is dark and behind it light where the sign is 1.
+    let start: [f64; 2] = std::array::from_fn(|k| {
+        let is_light = (k == 1) == (sign > 0.0);
+        quantile(&sorted[k], if is_light { PAINT } else { 1.0 - PAINT })
+    });
+    let contrast = sign * (start[1] - start[0]);
     if contrast <= 0.0 {
         return Err(PointStatus::Lost);
     }
-    let noise = sides.map(|levels| 0.7413 * (quantile(&levels, 0.75) - quantile(&levels, 0.25)));
+    let noise = sorted.each_ref().map(|levels| 0.7413 * (quantile(levels, 0.75) - quantile(levels, 0.25)));
     let tolerance = (PAINT_SHARE * contrast).max(PAINT_SIGMAS * noise[0].min(noise[1]));
-    for profile in profiles.iter_mut() {
-        let is_paint = |(index, level): (usize, &f64)| {
-            let distance = distance(profile, index);
-            distance.abs() < BLURRED_PX || (level - paint[usize::from(distance > 0.0)]).abs() <= tolerance
-        };
-        profile.is_clean = profile.levels.iter().enumerate().all(is_paint);
-        profile.weight = f64::from(u8::from(profile.is_clean));
+    let outward = |k: usize| if (k == 1) == (sign > 0.0) { 1.0 } else { -1.0 };
+    let mut paints = [Paint::default(); 2];
+    for (k, paint) in paints.iter_mut().enumerate() {
+        *paint = one_paint(&sides[k], start[k], tolerance, outward(k))?;
+        if let Some(known) = expected.known.filter(|_| paint.is_speckled) {
+            let other = known.paints_dn[usize::from(outward(k) > 0.0)];
+            let further = outward(k) * (other - paint.at(0.0)) / contrast;
+            // Speckles pull what is seen of the paint towards the other side; else it is another paint.
+            if ALIKE.contains(&further) {
+                *paint = Paint { coefficients: [other, 0.0, 0.0, 0.0], sigma: ALIKE_PAINT * contrast, ..*paint };
+            } else {
+                paint.sigma = paint.sigma.max(FREE_PAINT * contrast);
+            }
+        }
     }
-    Ok(())
+    Ok(paints)
 }
 
-/// Gauss-Newton steps over place, slope and blur.
+/// Gauss-Newton steps over place, slope, blur and the levels of both sides, which their paint ties.
 fn solve(profiles: &[Profile], start: Step) -> Result<Step, PointStatus> {
     let mut step = start;
+    let mut shift = [0.0; 2];
     for _ in 0..STEPS {
-        let (normal, right, _) = equations(profiles, &step);
-        let inverse = invert(&normal).ok_or(PointStatus::Lost)?;
-        let change: [f64; 3] = std::array::from_fn(|i| (0..3).map(|j| inverse[i][j] * right[j]).sum());
+        let (normal, mut right, _) = equations(profiles, &step);
+        for (k, shift) in shift.iter().enumerate() {
+            // What the levels have moved already counts against their paint.
+            right[3 + k] -= shift * step.tie(k);
+        }
+        let change = normal.try_inverse().ok_or(PointStatus::Lost)? * right;
         if !change.iter().all(|x| x.is_finite()) {
             return Err(PointStatus::Lost);
         }
         step.at += change[0].clamp(-1.0, 1.0);
         step.slope += change[1].clamp(-0.05, 0.05);
         step.blur = (step.blur + change[2].clamp(-0.4, 0.4)).clamp(BLUR_PX[0], BLUR_PX[1]);
+        for k in 0..2 {
+            shift[k] += change[3 + k];
+            step.paints[k].coefficients[0] += change[3 + k];
+        }
         if change[0].abs() < SETTLED_PX && change[1].abs() < 0.1 * SETTLED_PX {
             break;
         }
@@ -285,40 +323,23 @@ fn solve(profiles: &[Profile], start: Step) -> Result<Step, PointStatus> {
     Ok(step)
 }
 
-type Matrix = [[f64; 3]; 3];
-
-/// Normal equations by place, slope and blur, and the sum of squared residuals.
-fn equations(profiles: &[Profile], step: &Step) -> (Matrix, [f64; 3], f64) {
-    let (mut normal, mut right, mut squares) = ([[0.0; 3]; 3], [0.0; 3], 0.0);
+/// Normal equations of one pass, and the sum of squared residuals.
+fn equations(profiles: &[Profile], step: &Step) -> (Matrix, Vector, f64) {
+    let (mut normal, mut right, mut squares) = (Matrix::zeros(), Vector::zeros(), 0.0);
     for profile in profiles.iter().filter(|profile| profile.weight > 0.0) {
-        let left = profile.leftover(step);
-        let (w, a) = (profile.weight, profile.along);
-        let row = [
-            [left.place_place, a * left.place_place, left.place_blur],
-            [a * left.place_place, a * a * left.place_place, a * left.place_blur],
-            [left.place_blur, a * left.place_blur, left.blur_blur],
-        ];
-        for (to, from) in normal.iter_mut().flatten().zip(row.iter().flatten()) {
-            *to += w * from;
+        for (left, derivatives) in step.core(profile) {
+            normal += derivatives * derivatives.transpose() * profile.weight;
+            right += derivatives * (profile.weight * left);
+            squares += profile.weight * left * left;
         }
-        for (to, from) in right.iter_mut().zip([left.by_place, a * left.by_place, left.by_blur]) {
-            *to += w * from;
-        }
-        squares += w * left.squares;
+    }
+    for k in 0..2 {
+        normal[(3 + k, 3 + k)] += step.tie(k);
+    }
+    if step.is_blur_known {
+        normal[(2, 2)] += FIXED * normal[(0, 0)];
     }
     (normal, right, squares)
-}
-
-fn invert(m: &Matrix) -> Option<Matrix> {
-    let cofactor = |i: usize, j: usize| {
-        let (a, b, c, d) = ((i + 1) % 3, (i + 2) % 3, (j + 1) % 3, (j + 2) % 3);
-        m[a][c] * m[b][d] - m[a][d] * m[b][c]
-    };
-    let determinant: f64 = (0..3).map(|j| m[0][j] * cofactor(0, j)).sum();
-    let scale = (m[0][0] * m[1][1] * m[2][2]).abs();
-    // Also false for NaN.
-    let is_regular = determinant.abs() > 1e-9 * scale;
-    is_regular.then(|| std::array::from_fn(|i| std::array::from_fn(|j| cofactor(j, i) / determinant)))
 }
 
 fn median(mut numbers: Vec<f64>) -> f64 {
@@ -326,28 +347,18 @@ fn median(mut numbers: Vec<f64>) -> f64 {
     numbers.get(numbers.len() / 2).copied().unwrap_or(0.0)
 }
 
-/// Weights of the profiles anew, by contrast, misfit and distance from the common line.
-fn reweigh(profiles: &mut [Profile], step: &Step, sign: f64) {
-    let left: Vec<Leftover> = profiles.iter().map(|profile| profile.leftover(step)).collect();
-    let clean = left.iter().zip(profiles.iter()).filter(|(_, profile)| profile.is_clean);
-    let mut contrasts: Vec<f64> = clean.map(|(left, _)| sign * left.contrast).collect();
-    if contrasts.is_empty() {
-        return;
-    }
-    let of_used = |value: &dyn Fn(&Leftover) -> f64, profiles: &[Profile]| {
-        median(left.iter().zip(profiles).filter(|(_, p)| p.weight > 0.0).map(|(l, _)| value(l)).collect())
-    };
-    let misfit = of_used(&|left| left.squares, profiles);
-    let off = |left: &Leftover| left.by_place / left.place_place.max(1e-9);
-    let scatter = 1.4826 * of_used(&|left| off(left).abs(), profiles);
-    contrasts.sort_by(f64::total_cmp);
-    let good = quantile(&contrasts, GOOD);
-    for (profile, left) in profiles.iter_mut().zip(&left) {
-        let is_whole = profile.is_clean
-            && sign * left.contrast >= LEAST_CONTRAST * good
-            && left.squares <= MOST_MISFIT.powi(2) * misfit;
-        let far = off(left) / (TUKEY * scatter.max(1e-4));
-        profile.weight = if is_whole && far.abs() < 1.0 { (1.0 - far * far).powi(2) } else { 0.0 };
+/// Weights of the profiles anew: by what does not fit the model, and by their distance from the common line.
+fn reweigh(profiles: &mut [Profile], step: &Step, share: f64) {
+    let limit = (share * step.contrast().abs()).max(OFF_SIGMAS * step.noise());
+    let is_clean: Vec<bool> =
+        profiles.iter().map(|profile| step.core(profile).all(|(left, _)| left.abs() <= limit)).collect();
+    let off: Vec<f64> = profiles.iter().map(|profile| step.off(profile)).collect();
+    let of_clean = off.iter().zip(&is_clean).filter(|(_, clean)| **clean).map(|(off, _)| *off);
+    let middle = median(of_clean.clone().collect());
+    let scatter = 1.4826 * median(of_clean.map(|off| (off - middle).abs()).collect());
+    for ((profile, off), clean) in profiles.iter_mut().zip(off).zip(is_clean) {
+        let far = (off - middle) / (TUKEY * scatter.max(1e-4));
+        profile.weight = if clean && far.abs() < 1.0 { (1.0 - far * far).powi(2) } else { 0.0 };
     }
 }
 
@@ -355,22 +366,29 @@ fn reweigh(profiles: &mut [Profile], step: &Step, sign: f64) {
 fn judged(profiles: &[Profile], step: &Step) -> Result<Edge, PointStatus> {
     let used: Vec<&Profile> = profiles.iter().filter(|profile| profile.weight > 0.0).collect();
     let (normal, _, squares) = equations(profiles, step);
-    let inverse = invert(&normal).ok_or(PointStatus::Lost)?;
-    let levels: f64 = used.iter().map(|profile| profile.weight * (profile.levels.len() as f64 - 2.0)).sum();
-    let variance = squares / (levels - 3.0).max(1.0);
-    let left: Vec<Leftover> = used.iter().map(|profile| profile.leftover(step)).collect();
-    let contrast = median(left.iter().map(|left| left.contrast.abs()).collect());
-    let is_soft = step.blur >= 0.98 * BLUR_PX[1];
-    if contrast < LEAST_SIGMAS * variance.sqrt() || is_soft {
+    let count: f64 = used.iter().map(|profile| profile.weight * step.core(profile).count() as f64).sum();
+    let variance = (squares / (count - 5.0).max(1.0)).max(1e-9);
+    if step.contrast().abs() < LEAST_SIGMAS * variance.sqrt() || step.blur >= 0.98 * BLUR_PX[1] {
         return Err(PointStatus::LowContrast);
     }
+    let inverse = normal.try_inverse().ok_or(PointStatus::Lost)?;
     // Texture along the edge is no noise of single pixels: the profiles' own scatter counts where it is larger.
-    let chi2: f64 = left.iter().zip(&used).map(|(l, p)| p.weight * l.by_place.powi(2) / l.place_place).sum();
-    let excess = (chi2 / variance.max(1e-12) / (used.len() as f64 - 2.0).max(1.0)).max(1.0);
-    let sigma = |k: usize| (variance * excess * inverse[k][k]).max(0.0).sqrt();
+    let chi2: f64 = used
+        .iter()
+        .map(|profile| {
+            let information: f64 = step.core(profile).map(|(_, derivatives)| derivatives[0].powi(2)).sum();
+            profile.weight * step.off(profile).powi(2) * information
+        })
+        .sum();
+    let excess = (chi2 / variance / (used.len() as f64 - 2.0).max(1.0)).max(1.0);
+    let levels = step.paints.map(|paint| paint.at(0.0));
+    let sigma = |k: usize| (variance * excess * inverse[(k, k)]).max(0.0).sqrt();
     Ok(Edge {
         at: Estimate { value: step.at, sigma: sigma(0).hypot(MODEL_PX) },
         slope: Estimate { value: step.slope, sigma: sigma(1) },
+        blur_px: step.blur,
+        paints_dn: if step.contrast() > 0.0 { levels } else { [levels[1], levels[0]] },
+        is_speckled: step.paints.iter().any(|paint| paint.is_speckled),
     })
 }
 

@@ -1,7 +1,9 @@
 //! Finds a rod: by the sums of black and white, then to a fraction of a pixel.
 
-use super::edge::{Course, Edge, Expected, fit};
+use super::axis::{Axis, compose};
+use super::edge::{Course, Edge, Expected, Known, fit};
 use super::params::{RodError, RodParams};
+use super::sight::Sight;
 use super::sums::{Line, TwoTone, lines};
 use crate::image::ImageView;
 use crate::results::{Estimate, PointStatus, ROD_EDGES, Rod, RodEdge};
@@ -12,6 +14,8 @@ const LEAST_SIGMAS: f32 = 6.0;
 const APART_PX: usize = 4;
 /// Lines that may be the rod's sides.
 const SIDES_TRIED: usize = 12;
+/// Uncertainty of a side beyond the scatter of its rows, px.
+const SIDE_PX: f64 = 0.015;
 /// Standard deviation of what is known to a whole pixel, px.
 const PIXEL_SIGMA: f64 = 0.29;
 /// Fewest rows over which a side changes from black to white, less those that change back.
@@ -26,66 +30,18 @@ const GOES_ON: f64 = 0.5;
 const BARE_ROWS: usize = 3;
 const BARE_SHARE: f64 = 0.1;
 /// Columns kept clear of the sides, px.
-const INSET_PX: f64 = 3.0;
-/// Profiles reach so far to either side, and no less than the second, px.
-const REACH_PX: usize = 5;
-const LEAST_REACH_PX: usize = 3;
+pub(super) const INSET_PX: f64 = 3.0;
+/// Profiles reach so far from an edge, and so near to the next, px.
+const DEEP_PX: f64 = 24.0;
+const BLURRED_PX: f64 = 3.0;
+/// And so far from a side, px.
+const BESIDE_PX: usize = 8;
 /// Rows kept clear of the edges where texture is looked for, px.
 const CLEAR_PX: f64 = 3.0;
 /// A stretch lower than this holds no subset, px.
 const LEAST_STRETCH_PX: f64 = 9.0;
 /// The rod's own paint beyond the speckled tape that is correlated with it, px.
-const MARGIN_PX: f64 = 3.0;
-
-/// A rod as seen, with what is needed to see it again.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Sight {
-    /// What was measured.
-    pub rod: Rod,
-    /// Upper and lower end of the speckled tape, from `rod.y_px`, px.
-    span_px: [f64; 2],
-    /// Each edge's place from `rod.y_px`, px.
-    offsets_px: [f64; ROD_EDGES],
-    /// Whose mean `rod.y_px` is.
-    anchors: [bool; ROD_EDGES],
-    /// 1 where it gets lighter downwards, -1 where it gets darker, 0 beyond the number of edges.
-    signs: [f64; ROD_EDGES],
-    /// The same of the left and of the right side, to the right.
-    side_signs: [f64; 2],
-}
-
-impl Sight {
-    /// The same rod moved by so many px, its uncertainties `sigma_px` wider.
-    pub fn moved(&self, dx_px: f64, dy_px: f64, sigma_px: f64) -> Self {
-        let mut moved = *self;
-        let by = |estimate: Estimate, shift: f64| Estimate {
-            value: estimate.value + shift,
-            sigma: estimate.sigma.hypot(sigma_px),
-        };
-        moved.rod.x_px = by(self.rod.x_px, dx_px);
-        moved.rod.y_px = by(self.rod.y_px, dy_px);
-        for edge in moved.rod.edges.iter_mut().flatten() {
-            edge.y_px = edge.y_px.map(|y| by(y, dy_px));
-        }
-        moved
-    }
-
-    /// The same place with no edge in sight.
-    pub fn unseen(mut self) -> Self {
-        for edge in self.rod.edges.iter_mut().flatten() {
-            *edge = RodEdge { y_px: None, status: PointStatus::Lost };
-        }
-        self
-    }
-
-    /// What is to be correlated: the speckled tape between the sides, with a little of the rod above and below.
-    ///
-    /// Left, top, right and bottom from the point (`x_px`, `y_px`) of the rod, px, before it is tilted.
-    pub fn tape_px(&self) -> [f64; 4] {
-        let half = (self.rod.half_width_px.value - INSET_PX + 1.0).max(0.0);
-        [-half, self.span_px[0] - MARGIN_PX, half, self.span_px[1] + MARGIN_PX]
-    }
-}
+pub(super) const MARGIN_PX: f64 = 3.0;
 
 /// Finds one upright rod per image, the edges of its tapes and its sides.
 ///
@@ -104,6 +60,8 @@ struct Prediction {
     side_signs: [f64; 2],
     edges_px: Vec<f64>,
     signs: [f64; ROD_EDGES],
+    /// The row at which the sides are there.
+    at_row: f64,
     /// Columns a row, the rod leaning.
     lean: f64,
 }
@@ -140,7 +98,8 @@ impl RodFinder {
     pub fn find(&self, image: ImageView<'_>) -> Result<Sight, PointStatus> {
         self.check_shape(image);
         let prediction = self.by_sums(image)?;
-        let edges = self.fit_edges(image, &prediction);
+        let axis = self.axis(image, &prediction)?;
+        let edges = self.fit_edges(image, &prediction, &axis);
         let stretch = self.speckled(image, &prediction).ok_or(PointStatus::Lost)?;
         let anchors: [bool; ROD_EDGES] = std::array::from_fn(|index| match stretch {
             Stretch::Between(upper) => index == upper || index == upper + 1,
@@ -168,7 +127,7 @@ impl RodFinder {
         let mut offsets_px = [0.0; ROD_EDGES];
         (0..edges.len()).for_each(|index| offsets_px[index] = place(index) - y.value);
         let span_px = span.map(|end| end - y.value);
-        let rod = self.compose(image, &prediction, &edges, y, span)?;
+        let rod = compose(&axis, &edges, y);
         let (signs, side_signs) = (prediction.signs, prediction.side_signs);
         Ok(Sight { rod, span_px, offsets_px, anchors, signs, side_signs })
     }
@@ -190,9 +149,11 @@ impl RodFinder {
             side_signs: near.side_signs,
             edges_px: (0..self.params.edges as usize).map(|index| y + near.offsets_px[index]).collect(),
             signs: near.signs,
+            at_row: y,
             lean: near.rod.tilt_deg.value.to_radians().tan(),
         };
-        let edges = self.fit_edges(image, &prediction);
+        let axis = self.axis(image, &prediction)?;
+        let edges = self.fit_edges(image, &prediction, &axis);
         // Each edge that was found says where the point is; all that tell it must agree on the same point.
         let says = |index: usize| {
             let place = edges[index].ok().map(|edge| edge.at)?;
@@ -211,9 +172,7 @@ impl RodFinder {
             },
             |anchored| mean(anchored.into_iter()),
         );
-        let span = near.span_px.map(|end| end + y.value);
-        let rod = self.compose(image, &prediction, &edges, y, span)?;
-        Ok(Sight { rod, ..*near })
+        Ok(Sight { rod: compose(&axis, &edges, y), ..*near })
     }
 
     fn check_shape(&self, image: ImageView<'_>) {
@@ -239,6 +198,7 @@ impl RodFinder {
             side_signs: [left, right].map(|side| f64::from(side.strength.signum())),
             edges_px: edges.iter().map(|edge| line_px(edge.at, tone.top)).collect(),
             signs,
+            at_row: 0.0,
             lean: 0.0,
         })
     }
@@ -284,11 +244,17 @@ impl RodFinder {
             })
         };
         let white = tone.white_share(inside.clone());
-        let mut found = lines(&tone.down(inside), APART_PX);
-        found.retain(|line| {
-            f64::from(line.strength.abs()) >= LEAST_EDGE * width && !goes_on(line) && has_bare_side(&white, line.at)
-        });
+        let mut all = lines(&tone.down(inside), APART_PX);
+        all.retain(|line| f64::from(line.strength.abs()) >= LEAST_EDGE * width && !goes_on(line));
         let count = self.params.edges as usize;
+        // A rod is black or white between its tapes; the one that shows the stronger edges.
+        let of_shade = |shade: Shade| -> Vec<Line> {
+            all.iter().filter(|line| has_bare_side(&white, line, shade)).copied().collect()
+        };
+        let strength = |lines: &[Line]| lines[..count].iter().map(|line| line.strength.abs()).sum::<i32>();
+        let mut shades = [of_shade(Shade::White), of_shade(Shade::Black)];
+        shades.sort_by_key(|lines| if lines.len() < count { 0 } else { strength(lines) });
+        let [_, mut found] = shades;
         if found.len() < count {
             return Err(PointStatus::Lost);
         }
@@ -300,27 +266,51 @@ impl RodFinder {
         if rival >= RIVAL * weakest || !alternates { Err(PointStatus::Ambiguous) } else { Ok(found) }
     }
 
-    fn fit_edges(&self, image: ImageView<'_>, prediction: &Prediction) -> Vec<Result<Edge, PointStatus>> {
+    fn fit_edges(&self, image: ImageView<'_>, prediction: &Prediction, axis: &Axis) -> Vec<Result<Edge, PointStatus>> {
+        let alone: Vec<Result<Edge, PointStatus>> =
+            (0..prediction.edges_px.len()).map(|index| self.fit_edge(image, prediction, axis, index, None)).collect();
+        let clean: Vec<&Edge> = alone.iter().flatten().filter(|edge| !edge.is_speckled).collect();
+        let mean = |of: &dyn Fn(&Edge) -> f64| clean.iter().map(|edge| of(edge)).sum::<f64>() / clean.len() as f64;
+        let known = (!clean.is_empty()).then(|| Known {
+            blur_px: mean(&|edge| edge.blur_px),
+            paints_dn: [0, 1].map(|shade| mean(&|edge| edge.paints_dn[shade])),
+        });
+        let again = |index: usize| match &alone[index] {
+            Ok(edge) if known.is_none() || !edge.is_speckled => Ok(*edge),
+            Err(PointStatus::OutOfFrame) => Err(PointStatus::OutOfFrame),
+            _ => self.fit_edge(image, prediction, axis, index, known),
+        };
+        (0..alone.len()).map(again).collect()
+    }
+
+    fn fit_edge(
+        &self,
+        image: ImageView<'_>,
+        prediction: &Prediction,
+        axis: &Axis,
+        index: usize,
+        known: Option<Known>,
+    ) -> Result<Edge, PointStatus> {
         let [_, top, _, height] = self.region;
         let [from, to] = prediction.sides_px;
         let along = [(from + INSET_PX).ceil().max(0.0) as usize, (to - INSET_PX).floor().max(0.0) as usize + 1];
         let places = &prediction.edges_px;
-        let one = |index: usize| {
-            let gap = |other: Option<&f64>| other.map_or(f64::INFINITY, |other| (other - places[index]).abs());
-            let nearest = gap(index.checked_sub(1).and_then(|above| places.get(above))).min(gap(places.get(index + 1)));
-            let expected = Expected {
-                course: Course::Rows,
-                along,
-                middle: prediction.middle(),
-                near: places[index],
-                slope: -prediction.lean,
-                reach: ((0.5 * nearest) as usize).clamp(LEAST_REACH_PX, REACH_PX),
-                room: [top, top + height - 1],
-                sign: prediction.signs[index],
-            };
-            fit(image, &expected)
+        let middle = prediction.middle();
+        let gap = |other: Option<&f64>| other.map_or(f64::INFINITY, |other| (other - places[index]).abs());
+        let gaps = [gap(index.checked_sub(1).and_then(|above| places.get(above))), gap(places.get(index + 1))];
+        let expected = Expected {
+            course: Course::Rows,
+            along,
+            middle,
+            near: places[index],
+            slope: -axis.lean(),
+            depth: gaps.map(|gap| (gap - BLURRED_PX).clamp(0.0, DEEP_PX) as usize),
+            room: [top, top + height - 1],
+            sign: prediction.signs[index],
+            known,
         };
-        (0..places.len()).map(one).collect()
+        let edge = fit(image, &expected)?;
+        Ok(Edge { at: Estimate { value: axis.crossing(&edge, middle), ..edge.at }, ..edge })
     }
 
     /// The stretch with the most texture along the rows.
@@ -349,61 +339,53 @@ impl RodFinder {
         tall.map(|(stretch, rows)| (stretch, texture(rows))).max_by(|a, b| a.1.total_cmp(&b.1)).map(|best| best.0)
     }
 
-    /// Everything that is told of the rod.
-    fn compose(
-        &self,
-        image: ImageView<'_>,
-        prediction: &Prediction,
-        edges: &[Result<Edge, PointStatus>],
-        y_px: Estimate,
-        span: [f64; 2],
-    ) -> Result<Rod, PointStatus> {
+    /// Both sides, over the rows with tapes.
+    fn axis(&self, image: ImageView<'_>, prediction: &Prediction) -> Result<Axis, PointStatus> {
         let [left, top, width, height] = self.region;
-        let ends = edges.iter().flatten().map(|edge| edge.at.value).chain(span);
-        let (first, last) = ends.fold((f64::INFINITY, 0.0_f64), |(low, high), y| (low.min(y), high.max(y)));
-        let rows = [(first.max(top as f64)) as usize, (last as usize + 1).min(top + height)];
-        let middle = y_px.value;
+        let places = &prediction.edges_px;
+        let (first, last) = match places.len() % 2 {
+            // A tape reaches beyond the outermost edge on one side.
+            1 => (top as f64, (top + height) as f64),
+            _ => (places[0], places[places.len() - 1] + 1.0),
+        };
+        let rows = [first, last].map(|row| (row.max(top as f64) as usize).min(top + height));
+        let middle = 0.5 * (rows[0] + rows[1]) as f64;
         let side = |index: usize| {
             let expected = Expected {
                 course: Course::Columns,
                 along: rows,
                 middle,
-                near: prediction.sides_px[index],
+                near: prediction.sides_px[index] + prediction.lean * (middle - prediction.at_row),
                 slope: prediction.lean,
-                reach: REACH_PX,
+                depth: [BESIDE_PX, BESIDE_PX],
                 room: [left, left + width - 1],
                 sign: prediction.side_signs[index],
+                known: None,
             };
             fit(image, &expected)
         };
-        let sides = [side(0)?, side(1)?];
-        let slopes = edges.iter().flatten().map(|edge| Estimate { value: -edge.slope.value, ..edge.slope });
-        let lean = weighted(slopes.chain(sides.map(|side| side.slope)));
-        let [a, b] = sides.map(|side| side.at);
-        let half = |value: f64| Estimate { value, sigma: 0.5 * a.sigma.hypot(b.sigma) };
-        let tilt = lean.value.atan();
-        let told = |edge: &Result<Edge, PointStatus>| match edge {
-            Ok(edge) => RodEdge { y_px: Some(edge.at), status: PointStatus::Valid },
-            Err(status) => RodEdge { y_px: None, status: *status },
-        };
-        Ok(Rod {
-            x_px: half(0.5 * (a.value + b.value)),
-            y_px,
-            half_width_px: half(0.5 * (b.value - a.value) * tilt.cos()),
-            tilt_deg: Estimate { value: tilt.to_degrees(), sigma: lean.sigma.to_degrees() },
-            edges: std::array::from_fn(|index| edges.get(index).map(told)),
-        })
+        // What is beside a rod is not as even as its own paint, and common to all rows.
+        let honest = |side: Edge| Edge { at: Estimate { sigma: side.at.sigma.hypot(SIDE_PX), ..side.at }, ..side };
+        Ok(Axis { sides: [honest(side(0)?), honest(side(1)?)], middle })
     }
 }
 
-/// Whether the rows on one side of a line are all of one shade: an edge of a tape has the bare rod beside it, a line
-/// between speckles does not.
-fn has_bare_side(white: &[f64], at: usize) -> bool {
-    let is_bare = |rows: std::ops::Range<usize>| {
-        let share = |limit: fn(f64) -> bool| rows.clone().all(|row| white.get(row).copied().is_none_or(limit));
-        share(|white| white <= BARE_SHARE) || share(|white| white >= 1.0 - BARE_SHARE)
-    };
-    is_bare(at.saturating_sub(BARE_ROWS)..at) || is_bare(at + 2..at + 2 + BARE_ROWS)
+/// What a rod is made of.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Shade {
+    Black,
+    White,
+}
+
+/// Whether the rows on the rod's side of a line are all of its shade: an edge of a tape has the bare rod beside it, a
+/// line between speckles does not.
+fn has_bare_side(white: &[f64], line: &Line, rod: Shade) -> bool {
+    let is_above = (line.strength > 0) == (rod == Shade::Black);
+    let rows = if is_above { line.at.saturating_sub(BARE_ROWS)..line.at } else { line.at + 2..line.at + 2 + BARE_ROWS };
+    rows.into_iter().all(|row| {
+        let other = white.get(row).map_or(0.0, |white| if rod == Shade::Black { *white } else { 1.0 - white });
+        other <= BARE_SHARE
+    })
 }
 
 /// Where the speckled tape is.
@@ -424,16 +406,6 @@ fn mean(places: impl Iterator<Item = Estimate> + Clone) -> Estimate {
         value: places.clone().map(|place| place.value).sum::<f64>() / count,
         sigma: places.map(|place| place.sigma.powi(2)).sum::<f64>().sqrt() / count,
     }
-}
-
-/// Weighted mean, its uncertainty widened where the numbers scatter more than theirs.
-fn weighted(numbers: impl Iterator<Item = Estimate> + Clone) -> Estimate {
-    let weight = |x: &Estimate| x.sigma.max(1e-6).powi(-2);
-    let total: f64 = numbers.clone().map(|x| weight(&x)).sum();
-    let value = numbers.clone().map(|x| weight(&x) * x.value).sum::<f64>() / total;
-    let chi2: f64 = numbers.clone().map(|x| weight(&x) * (x.value - value).powi(2)).sum();
-    let freedom = (numbers.count() as f64 - 1.0).max(1.0);
-    Estimate { value, sigma: ((chi2 / freedom).max(1.0) / total).sqrt() }
 }
 
 /// Noise of single pixels, from the median difference of neighbours.

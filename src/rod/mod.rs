@@ -5,10 +5,13 @@
 //! edges to whole pixels; [`RodFinder`] starts from them and fits a blurred step
 //! to the grey levels, which gives the same edges to some thousandths.
 
+mod axis;
 mod edge;
 mod finder;
 mod params;
+mod sight;
 pub mod sums;
 
-pub use finder::{RodFinder, Sight};
+pub use finder::RodFinder;
 pub use params::{LEAST_WIDTH_PX, RodError, RodParams};
+pub use sight::Sight;

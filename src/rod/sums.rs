@@ -129,6 +129,14 @@ pub fn lines(sums: &[i32], apart: usize) -> Vec<Line> {
             kept.push(line);
         }
     }
+    // The middle of what was added up.
+    for line in &mut kept {
+        let from = line.at.saturating_sub(1);
+        let near = &sums[from..(line.at + 2).min(sums.len())];
+        let moment: i32 = near.iter().zip(0..).map(|(sum, step): (_, i32)| sum * step).sum();
+        let middle = f64::from(moment) / f64::from(line.strength);
+        line.at = from + middle.round().clamp(0.0, near.len() as f64 - 1.0) as usize;
+    }
     kept
 }
 

@@ -34,6 +34,7 @@ mod recording;
 mod recordings;
 mod report;
 mod rigid;
+mod rod;
 mod series;
 mod simulated_camera;
 mod slots;

@@ -2,9 +2,9 @@
 
 use super::ExportError;
 use super::sink::{Cell, Column, Kind, Sink, named};
+use crate::command::rod;
 use crate::recording::{EventRow, Recording, RecordingError};
 use crate::report::last_revisions;
-use crate::command::rod;
 use crate::results::{Estimate, FieldPoint, Impact, PairField, PointStatus, TrackSample, VelocitySample};
 
 /// Sends the rows of one of the tables to a sink.

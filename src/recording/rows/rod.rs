@@ -12,14 +12,14 @@ pub(super) fn to_message(rod: &Rod) -> proto::Rod {
     };
     proto::Rod {
         edges: rod.edges.iter().flatten().map(edge).collect(),
-        x_px: rod.x_px.value,
-        sigma_x_px: rod.x_px.sigma,
-        y_px: rod.y_px.value,
-        sigma_y_px: rod.y_px.sigma,
-        half_width_px: rod.half_width_px.value,
-        sigma_half_width_px: rod.half_width_px.sigma,
-        tilt_deg: rod.tilt_deg.value,
-        sigma_tilt_deg: rod.tilt_deg.sigma,
+        x_px: Some(rod.x_px.value),
+        sigma_x_px: Some(rod.x_px.sigma),
+        y_px: Some(rod.y_px.value),
+        sigma_y_px: Some(rod.y_px.sigma),
+        half_width_px: Some(rod.half_width_px.value),
+        sigma_half_width_px: Some(rod.half_width_px.sigma),
+        tilt_deg: Some(rod.tilt_deg.value),
+        sigma_tilt_deg: Some(rod.tilt_deg.sigma),
     }
 }
 
@@ -27,17 +27,20 @@ pub(super) fn from_message(message: &proto::Rod) -> Result<Rod, String> {
     if message.edges.len() > ROD_EDGES {
         return Err(format!("a rod with {} edges; at most {ROD_EDGES} are known", message.edges.len()));
     }
-    let estimate = |value, sigma| Estimate { value, sigma };
+    let estimate = |value: Option<f64>, sigma: Option<f64>| match (value, sigma) {
+        (Some(value), Some(sigma)) => Ok(Estimate { value, sigma }),
+        _ => Err("a rod without its place, width or tilt".to_owned()),
+    };
     let mut edges = [None; ROD_EDGES];
     for (to, from) in edges.iter_mut().zip(&message.edges) {
-        let y_px = from.y_px.zip(from.sigma_y_px).map(|(value, sigma)| estimate(value, sigma));
+        let y_px = from.y_px.zip(from.sigma_y_px).map(|(value, sigma)| Estimate { value, sigma });
         *to = Some(RodEdge { y_px, status: status(&from.status)? });
     }
     Ok(Rod {
-        x_px: estimate(message.x_px, message.sigma_x_px),
-        y_px: estimate(message.y_px, message.sigma_y_px),
-        half_width_px: estimate(message.half_width_px, message.sigma_half_width_px),
-        tilt_deg: estimate(message.tilt_deg, message.sigma_tilt_deg),
+        x_px: estimate(message.x_px, message.sigma_x_px)?,
+        y_px: estimate(message.y_px, message.sigma_y_px)?,
+        half_width_px: estimate(message.half_width_px, message.sigma_half_width_px)?,
+        tilt_deg: estimate(message.tilt_deg, message.sigma_tilt_deg)?,
         edges,
     })
 }

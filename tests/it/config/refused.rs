@@ -165,12 +165,8 @@ fn what_this_version_does_not_offer_is_refused_by_name() {
             ", line 4: surface.edge = [[0, 0], [10, 0]] is not offered by this version; leave it out",
         ),
         (
-            "[[body]]\nkind = \"rod\"",
-            ", line 4: body[0].kind = \"rod\" is not offered by this version; allowed: \"ball\"",
-        ),
-        (
             "[[body]]\nkind = \"patch\"",
-            ", line 4: body[0].kind = \"patch\" is not offered by this version; allowed: \"ball\"",
+            ", line 4: body[0].kind = \"patch\" is not offered by this version; allowed: \"ball\", \"rod\"",
         ),
         (
             "[serve]\nhttp = \"127.0.0.1:8080\"",
@@ -196,6 +192,15 @@ fn keys_of_another_setting_are_refused_and_not_ignored() {
             "features = { Gain = 1 }",
             ", line 3: camera.features = { Gain = 1 }: does not go with source = \"simulated\"; it belongs to source = \"genicam\"",
         ),
+        (
+            "[[body]]\nedges = 3",
+            ", line 4: body[0].edges = 3: does not go with kind = \"ball\"; it belongs to kind = \"rod\"",
+        ),
+        (
+            "[[body]]\nkind = \"rod\"\nmin_radius_px = 9",
+            ", line 5: body[0].min_radius_px = 9: does not go with kind = \"rod\"; it belongs to kind = \"ball\"",
+        ),
+        ("[[body]]\nkind = \"rod\"\nedges = 5", ", line 5: body[0].edges = 5: must be 2 to 4"),
         (
             "[[body]]\ncenter_px = [1, 2]",
             ", line 4: body[0].center_px = [1, 2]: does not go with kind = \"ball\"; it belongs to kind = \"patch\"",

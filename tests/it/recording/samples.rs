@@ -3,8 +3,8 @@
 use ricochet::image::{Frame, FrameMeta, PixelFormat};
 use ricochet::recording::{Annotations, EventRow, RecordingInfo, RecordingWriter, StatusRow, WriterOptions};
 use ricochet::results::{
-    BodyVelocity, Displacement, Estimate, FieldPoint, ForceLaw, Impact, PairField, Phase, PointStatus, RigidStep,
-    TrackSample, VelocitySample,
+    BodyVelocity, Displacement, Estimate, FieldPoint, ForceLaw, Impact, PairField, Phase, PointStatus, RigidStep, Rod,
+    RodEdge, TrackSample, VelocitySample,
 };
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -91,7 +91,23 @@ pub fn track(frame: u64) -> TrackSample {
         sigma_center_px: n(4),
         sigma_angle_deg: n(5),
         visible_fraction: n(6),
+        rod: frame.is_multiple_of(2).then(|| rod(frame)),
         status: PointStatus::ALL[frame as usize % 8],
+    }
+}
+
+fn rod(frame: u64) -> Rod {
+    let estimate = |k: u64| Estimate { value: number(frame + k), sigma: number(frame + k + 1) };
+    let edge = |k: u64| RodEdge {
+        y_px: (!(frame + k).is_multiple_of(3)).then(|| estimate(k)),
+        status: PointStatus::ALL[(frame + k) as usize % 8],
+    };
+    Rod {
+        x_px: estimate(20),
+        y_px: estimate(22),
+        half_width_px: estimate(24),
+        tilt_deg: estimate(26),
+        edges: [Some(edge(0)), Some(edge(1)), Some(edge(2)), (frame.is_multiple_of(4)).then(|| edge(3))],
     }
 }
 

@@ -65,7 +65,7 @@ pub const ROOMS: &[Room] = &[
     pure("image", &["results"], &["image", "thiserror"]),
     pure("dic", &["results", "image"], &["multiversion", "nalgebra", "realfft", "rustfft", "thiserror"]),
     pure("ball", &["results", "image"], &["multiversion", "nalgebra", "thiserror"]),
-    pure("rod", &["results", "image"], &["thiserror"]),
+    pure("rod", &["results", "image"], &["nalgebra", "thiserror"]),
     pure("motion", &["results"], &["nalgebra", "thiserror"]),
     pure("trigger", &["image"], &[]),
     pure("impact", &["results", "motion"], &["nalgebra", "thiserror"]),
