@@ -113,7 +113,7 @@ pub enum Command {
 /// Arguments of a command.
 #[derive(Debug, Args)]
 pub struct Demo {
-    /// The experiment.
+    /// The experiment: lacrosse, tennis or rod.
     #[arg(default_value = "lacrosse")]
     experiment: String,
     /// Directory of the recording.

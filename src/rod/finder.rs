@@ -6,7 +6,7 @@ use super::params::{RodError, RodParams};
 use super::sight::Sight;
 use super::sums::{Line, TwoTone, lines};
 use crate::image::ImageView;
-use crate::results::{Estimate, PointStatus, ROD_EDGES, Rod, RodEdge};
+use crate::results::{Estimate, PointStatus, ROD_EDGES};
 
 /// Black and white must differ by so many times the noise.
 const LEAST_SIGMAS: f32 = 6.0;

@@ -31,6 +31,19 @@ fn demo_measures_the_truth_and_keeps_it() {
 }
 
 #[test]
+fn demo_tennis_agrees_with_the_truth() {
+    let rig = Rig::new();
+    let shots = rig.path("shots");
+    let printed = succeed(["demo".as_ref(), "tennis".as_ref(), "--json".as_ref(), "-o".as_ref(), shots.as_os_str()]);
+    let told: serde_json::Value = serde_json::from_str(&printed).unwrap();
+    for row in told["compared"].as_array().unwrap() {
+        println!("{}: {} +- {}, true {}", row["name"], row["measured"], row["sigma"], row["true"]);
+        assert_eq!(row["within"], true, "{row}");
+    }
+    assert_eq!(Recording::open(&rig.recordings()[0]).unwrap().frame_count(), 150);
+}
+
+#[test]
 fn live_topic_recording_and_analysis_give_the_same_bytes() {
     let rig = Rig::new();
     let config = rig.config(
