@@ -21,6 +21,10 @@ pub enum BodyParams {
 
 /// What was seen of a body in one frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[expect(
+    clippy::large_enum_variant,
+    reason = "one a body and frame, copied about as often; nothing is gained by a box"
+)]
 pub(super) enum Outline {
     Ball(Circle),
     Rod(Sight),

@@ -8,6 +8,7 @@ use crate::measure::{TrackerParams, TrackerRows};
 use crate::recording::{self, Annotations, EventRow, FinishedRecording, RecordingError, RecordingInfo};
 use crate::recording::{RecordingWriter, WriterOptions};
 use crate::results::{BodyStep, PairField, PointStatus};
+use crate::rod;
 use crate::synth::World;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -205,9 +206,11 @@ fn annotations(step: &BodyStep, field: Option<&PairField>) -> Annotations {
         let tip = [x + MAGNIFICATION * f64::from(motion.u_px), y + MAGNIFICATION * f64::from(motion.v_px)];
         Some([[x, y], tip])
     };
+    let outline = step.rod.iter().flat_map(rod::segments);
+    let arrows = field.into_iter().flat_map(|field| field.points.iter().filter_map(vector));
     Annotations {
         circles: step.circle.iter().map(|circle| [circle.x_px, circle.y_px, circle.radius_px]).collect(),
-        vectors: field.map(|field| field.points.iter().filter_map(vector).collect()).unwrap_or_default(),
+        vectors: outline.chain(arrows).collect(),
     }
 }
 

@@ -8,10 +8,12 @@
 mod axis;
 mod edge;
 mod finder;
+mod outline;
 mod params;
 mod sight;
 pub mod sums;
 
 pub use finder::RodFinder;
+pub use outline::{Segment, segments};
 pub use params::{LEAST_WIDTH_PX, RodError, RodParams};
 pub use sight::Sight;

@@ -4,6 +4,7 @@ use super::{ExportError, ExportOptions};
 use crate::image::{Frame, FrameMeta, Image};
 use crate::recording::{Recording, RecordingError};
 use crate::results::{PairField, TrackSample};
+use crate::rod::segments;
 use image::{Rgb, RgbImage};
 use std::collections::BTreeMap;
 use std::io;
@@ -111,6 +112,9 @@ impl Canvas {
     }
 
     fn outline(&mut self, sample: &TrackSample) {
+        for [from, to] in sample.rod.iter().flat_map(segments) {
+            self.line(from.map(|at| at as f32), to.map(|at| at as f32), OUTLINE);
+        }
         let (Some(x), Some(y), Some(radius)) = (sample.center_x_px, sample.center_y_px, sample.radius_px) else {
             return;
         };

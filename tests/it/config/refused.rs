@@ -134,7 +134,7 @@ fn words_that_mean_nothing_are_refused_with_the_ones_that_do() {
             "[record]\ndirectory = \"a\"\ncompression = \"lz4\"",
             ", line 5: record.compression = \"lz4\": must be \"none\", \"zstd\"",
         ),
-        ("[[body]]\nkind = \"cube\"", ", line 4: body[0].kind = \"cube\": must be \"ball\""),
+        ("[[body]]\nkind = \"cube\"", ", line 4: body[0].kind = \"cube\": must be \"ball\", \"rod\""),
     ]);
     let source = refusal("[camera]\nsource = \"usb\"\n");
     assert_eq!(source, "rig.toml, line 2: camera.source = \"usb\": must be \"simulated\", \"recording\", \"genicam\"");

@@ -221,6 +221,8 @@ pub const DIMENSIONLESS: &[&str] = &[
     "done",
     "dropped",
     "edge",
+    "edge_status",
+    "edges",
     "epoch",
     "force_law",
     "frame",
