@@ -3,6 +3,7 @@
 use super::ExportError;
 use super::sink::{Cell, Column, Kind, Sink, named};
 use crate::command::rod;
+use crate::config::{BodyKind, Config};
 use crate::recording::{EventRow, Recording, RecordingError};
 use crate::report::last_revisions;
 use crate::results::{Estimate, FieldPoint, Impact, PairField, PointStatus, TrackSample, VelocitySample};
@@ -141,8 +142,7 @@ fn track(recording: &Recording, table: &mut dyn Sink) -> Result<(), ExportError>
     let mut rows: Vec<TrackSample> = recording.tracks()?.collect::<Result<_, _>>()?;
     rows.sort_by_key(|row| (row.frame, row.body));
     let origin = Origin::of(recording, rows.first().map(|row| (row.frame, row.stamp_ns)))?;
-    // Rods have columns of their own; where there is none, nor are they.
-    let has_rods = rows.iter().any(|row| row.rod.is_some());
+    let has_rods = has_rods(recording) || rows.iter().any(|row| row.rod.is_some());
     let (place, rest) = TRACK.split_at(PLACE_COLUMNS);
     let columns = [named(place), if has_rods { rod_columns() } else { Vec::new() }, named(rest)];
     table.header(&columns.concat())?;
@@ -170,6 +170,12 @@ fn track(recording: &Recording, table: &mut dyn Sink) -> Result<(), ExportError>
         table.row(cells)?;
     }
     Ok(())
+}
+
+/// Whether the rig follows rods, which have columns of their own, seen or not.
+fn has_rods(recording: &Recording) -> bool {
+    let config = recording.config_toml().and_then(|text| Config::parse(text, "config.toml").ok());
+    config.is_some_and(|config| config.bodies.iter().any(|body| body.kind == BodyKind::Rod))
 }
 
 fn rod_columns() -> Vec<Column> {
