@@ -80,7 +80,8 @@ pub struct Config {
     /// `[correlation] interval_frames`: from reference to target, rising, each 1 to 255 frames, default `[1]`. The
     /// first leads from frame to frame, longer ones keep the sum of its steps from drifting.
     pub intervals_frames: Vec<u32>,
-    /// `[rotation] method`: what motion and spin are taken from, default `rigid`.
+    /// `[rotation] method`: what motion and spin of balls are taken from, default `rigid`. A rod's motion always comes
+    /// from its subsets: where all bodies are rods, `rigid` is refused.
     pub rotation: Rotation,
     /// `[velocity]`: how positions become velocities.
     pub velocity: Velocity,
@@ -149,6 +150,10 @@ impl Config {
             text: text.into(),
             origin: origin.into(),
         };
+        let only_rods = config.bodies.iter().all(|body| body.kind == BodyKind::Rod);
+        if only_rods && raw.rotation.method.as_deref() == Some("rigid") {
+            return Err(file.out_of_place("rotation.method", "kind = \"rod\"", "kind = \"ball\""));
+        }
         config.check_ring_if_known()?;
         Ok(config)
     }

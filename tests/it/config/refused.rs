@@ -193,6 +193,10 @@ fn keys_of_another_setting_are_refused_and_not_ignored() {
             ", line 3: camera.features = { Gain = 1 }: does not go with source = \"simulated\"; it belongs to source = \"genicam\"",
         ),
         (
+            "[[body]]\nkind = \"rod\"\n[rotation]\nmethod = \"rigid\"",
+            ", line 6: rotation.method = \"rigid\": does not go with kind = \"rod\"; it belongs to kind = \"ball\"",
+        ),
+        (
             "[[body]]\nedges = 3",
             ", line 4: body[0].edges = 3: does not go with kind = \"ball\"; it belongs to kind = \"rod\"",
         ),
