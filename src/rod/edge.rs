@@ -33,6 +33,8 @@ const CORE_SIGMAS: f64 = 2.2;
 /// each round of choosing.
 const OFF_SIGMAS: f64 = 3.5;
 const OFF_SHARES: [f64; 4] = [0.4, 0.12, 0.06, 0.05];
+/// With this share of profiles that look like an edge no better place is looked for.
+const ENOUGH_SHARE: f64 = 0.3;
 /// An edge whose contrast is less than so many times the noise is not told from it.
 const LEAST_SIGMAS: f64 = 8.0;
 /// Profiles reach at least so far to either side, and an edge is no further from where it should be, px.
@@ -364,7 +366,7 @@ fn reweigh(profiles: &mut [Profile], step: &Step, share: f64) {
     }
 }
 
-/// The place about the expected one where most profiles look like an edge; of several alike the nearest.
+/// The nearest place about the expected one where enough profiles look like an edge; else that with the most.
 fn nearer(profiles: &[Profile], step: &Step) -> f64 {
     const SHIFTS_PX: [f64; 9] = [0.0, -0.5, 0.5, -1.0, 1.0, -1.5, 1.5, -2.0, 2.0];
     let limit = OFF_SHARES[0] * step.contrast().abs();
@@ -372,8 +374,10 @@ fn nearer(profiles: &[Profile], step: &Step) -> f64 {
         let moved = Step { at: step.at + shift, ..*step };
         profiles.iter().filter(|profile| moved.core(profile).all(|(left, _)| left.abs() <= limit)).count()
     };
-    let best = SHIFTS_PX.into_iter().map(|shift| (likely(shift), shift));
-    step.at + best.fold((0, 0.0), |best, next| if next.0 > best.0 { next } else { best }).1
+    let enough = (ENOUGH_SHARE * profiles.len() as f64).max(LEAST_PROFILES as f64) as usize;
+    let tried = SHIFTS_PX.map(|shift| (likely(shift), shift));
+    let most = tried.iter().fold((0, 0.0), |best, next| if next.0 > best.0 { *next } else { best });
+    step.at + tried.iter().find(|(count, _)| *count >= enough).unwrap_or(&most).1
 }
 
 /// Refuses an edge that is too faint or too soft; else its place with what its profiles scatter.
