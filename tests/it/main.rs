@@ -37,6 +37,7 @@ mod rigid;
 mod series;
 mod simulated_camera;
 mod slots;
+mod speckle;
 mod storage;
 mod study;
 mod support;
