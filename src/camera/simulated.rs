@@ -25,7 +25,7 @@ pub fn load_scenario(name: &str) -> Result<Scenario, ScenarioError> {
     }
     let text = std::fs::read_to_string(name).map_err(|error| ScenarioError::Unreadable {
         name: name.to_owned(),
-        known: Scenario::BUILT_IN.join(", "),
+        known: format!("{}, pattern-a-I to pattern-f-II", Scenario::BUILT_IN.join(", ")),
         reason: error.to_string(),
     })?;
     Scenario::from_toml(&text)

@@ -64,8 +64,8 @@ impl PictureMover {
         image
     }
 
-    /// The interpolated grey level at a place.
-    fn at(&self, x_px: f64, y_px: f64) -> f64 {
+    /// The interpolated grey level at a place, px; outside the picture that of its edge.
+    pub fn at(&self, x_px: f64, y_px: f64) -> f64 {
         let (column, across) = place(x_px, self.width);
         let (row, down) = place(y_px, self.height);
         (0..4)

@@ -4,7 +4,7 @@ use super::blur::seen_sigma_px;
 use super::draw::{Ball, Moment, Patch};
 use super::motion::{Path, Pose, into_surface, tangent};
 use super::physics::Collision;
-use super::random::{Stream, key};
+use super::random::{Stream, key, scramble};
 use super::rod::Rod;
 use super::scenario::{MotionSetup, Scenario, ScenarioError};
 use super::scene::Scene;
@@ -30,6 +30,8 @@ pub struct World {
     body: Body,
     sensor: Sensor,
     scene: Scene,
+    /// Which film of the same ball it is: each has noise of its own.
+    take: u64,
 }
 
 /// What is filmed.
@@ -77,7 +79,25 @@ impl World {
         let body = Body::new(scenario, sensor.full_dn())?;
         let scene = Scene::new(scenario, sensor.full_dn());
         let path = Path::new(scenario)?;
-        Ok(Self { scenario: scenario.clone(), format, path, body, sensor, scene })
+        Ok(Self { scenario: scenario.clone(), format, path, body, sensor, scene, take: 0 })
+    }
+
+    /// Films the same ball once more, with the same camera in the same light: another motion and other noise.
+    ///
+    /// Far quicker than a world of its own: nothing is strewn or blurred anew. Equal takes have equal noise;
+    /// take 0 has that of the first film.
+    ///
+    /// # Errors
+    ///
+    /// [`ScenarioError`] when the scenario cannot be filmed with this motion.
+    pub fn retake(&self, motion: MotionSetup, take: u64) -> Result<Self, ScenarioError> {
+        let scenario = Scenario { motion, ..self.scenario.clone() };
+        scenario.check()?;
+        let path = Path::new(&scenario)?;
+        // An edge that the motion places is where this motion has it.
+        let scene =
+            if scenario.occluder.is_some() { Scene::new(&scenario, self.sensor.full_dn()) } else { self.scene.clone() };
+        Ok(Self { scenario, path, scene, take, ..self.clone() })
     }
 
     /// The scenario it was made from.
@@ -127,7 +147,8 @@ impl World {
     /// If `bytes` has not [`frame_bytes`](Self::frame_bytes) bytes.
     pub fn render(&self, index: u64, bytes: &mut [u8]) {
         assert_eq!(bytes.len(), self.frame_bytes(), "bytes of a frame");
-        let noise = key(self.scenario.seed, NOISE, index);
+        // The first take has the noise that every film of this scenario had before there were takes.
+        let noise = key(self.scenario.seed.wrapping_add(scramble(self.take)), NOISE, index);
         let row_bytes = self.width_px() as usize * self.format.bytes_per_pixel();
         self.draw(index, |row, light| {
             self.sensor.expose(noise, row, light, &mut bytes[row * row_bytes..(row + 1) * row_bytes]);
@@ -317,5 +338,47 @@ fn impact(collision: &Collision, start_s: f64, radius_m: f64) -> Impact {
         slip_end_s: outcome.slip_end_s.and_then(|slip_end_s| exact(start_s + slip_end_s)),
         status: PointStatus::Valid,
         ..Impact::unknown(0, 0, 0)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn motion(vx_px_frame: f64, start_px: [f64; 2]) -> MotionSetup {
+        MotionSetup::Constant { vx_px_frame, vy_px_frame: 0.0, omega_deg_frame: 1.0, start_px }
+    }
+
+    fn world() -> World {
+        let mut scenario = Scenario::translation(0.0, 0.0, 0.0);
+        (scenario.camera.width_px, scenario.camera.height_px) = (150, 150);
+        scenario.motion = motion(0.0, [74.2, 74.6]);
+        World::new(&scenario).unwrap()
+    }
+
+    fn frame(world: &World, index: u64) -> Vec<u8> {
+        let mut bytes = vec![0; world.frame_bytes()];
+        world.render(index, &mut bytes);
+        bytes
+    }
+
+    #[test]
+    fn a_retake_is_the_film_that_a_world_of_its_own_draws_with_noise_of_its_own() {
+        let first = world();
+        let moved = motion(0.7, [73.1, 75.4]);
+        let own = World::new(&Scenario { motion: moved.clone(), ..first.scenario().clone() }).unwrap();
+        let again = first.retake(moved.clone(), 0).unwrap();
+        assert_eq!(frame(&again, 2), frame(&own, 2), "take 0 has the first film's noise");
+        let other = first.retake(moved.clone(), 1).unwrap();
+        assert_eq!(other.render_light(2), own.render_light(2));
+        assert_eq!(other.truth(2), own.truth(2));
+        assert_ne!(frame(&other, 2), frame(&own, 2));
+        assert_ne!(frame(&other, 2), frame(&first.retake(moved, 2).unwrap(), 2));
+    }
+
+    #[test]
+    fn a_retake_is_checked_as_a_scenario_is() {
+        let error = world().retake(motion(f64::NAN, [74.0; 2]), 1).unwrap_err().to_string();
+        assert!(error.starts_with("motion.vx_px_frame = NaN is out of range"), "{error}");
     }
 }

@@ -38,6 +38,7 @@ mod rod;
 mod series;
 mod simulated_camera;
 mod slots;
+mod speckle;
 mod storage;
 mod study;
 mod support;

@@ -354,6 +354,10 @@ fn bad_scenarios_get_one_clear_line_each() {
             "body.diameter_mm = NaN is out of range: allowed is at least 8 px",
         ),
         ("width_px = 256", "width_px = 0", "camera.width_px = 0 is out of range: allowed is 16 to 8192"),
+        ("width_px = 256", "width_px = -1", "camera.width_px = -1 is out of range: allowed is 16 to 8192"),
+        ("frames = 100", "frames = -3", "camera.frames = -3 is out of range: allowed is 1 to 100000000"),
+        ("height_px = 192", "height_px = 5000000000", "camera.height_px = 5000000000 is out of range: allowed is 16"),
+        ("noise_dn = 2.0", "noise_dn = -2.0", "camera.noise_dn = -2 is out of range: allowed is 0 to 64"),
         (
             "frame_rate_hz = 10000.0",
             "frame_rate_hz = 0.0",

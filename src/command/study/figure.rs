@@ -215,11 +215,11 @@ impl Look {
     }
 }
 
-fn text(svg: &mut String, (x, y): (f64, f64), how: &str, words: &str) {
+pub(super) fn text(svg: &mut String, (x, y): (f64, f64), how: &str, words: &str) {
     let _ = writeln!(svg, "<text x=\"{x:.1}\" y=\"{y:.1}\" {how}>{words}</text>");
 }
 
-fn power_of_ten(power: i32) -> String {
+pub(super) fn power_of_ten(power: i32) -> String {
     match power {
         -4..=3 => format!("{:.*}", (-power).max(0) as usize, 10_f64.powi(power)),
         _ => format!("1e{power}"),
@@ -227,7 +227,7 @@ fn power_of_ten(power: i32) -> String {
 }
 
 /// Text that XML takes.
-fn plain(text: &str) -> String {
+pub(super) fn plain(text: &str) -> String {
     let letter = |letter: char| match letter {
         '&' => "&amp;".to_owned(),
         '<' => "&lt;".to_owned(),

@@ -166,6 +166,29 @@ impl ImpactSetup {
     }
 }
 
+/// Keys that hold whole numbers, with what each may be.
+const WHOLE: [(&str, i64, i64); 6] = [
+    ("seed", 0, i64::MAX),
+    ("camera.width_px", 16, 8192),
+    ("camera.height_px", 16, 8192),
+    ("camera.frames", 1, 100_000_000),
+    ("camera.start_ns", 0, 9_000_000_000_000_000_000),
+    ("body.pattern.lines", 0, 20),
+];
+
+/// Refuses whole numbers out of range, before their types do.
+pub(super) fn whole_numbers(scenario: &toml::Table) -> Result<(), ScenarioError> {
+    for (key, low, high) in WHOLE {
+        let mut words = key.split('.');
+        let first = words.next().and_then(|word| scenario.get(word));
+        let value = words.fold(first, |value, word| value.and_then(|value| value.get(word)));
+        if let Some(value) = value.and_then(toml::Value::as_integer).filter(|value| !(low..=high).contains(value)) {
+            return Err(out_of_range(key, value, format!("{low} to {high}")));
+        }
+    }
+    Ok(())
+}
+
 fn out_of_range(key: &'static str, value: impl ToString, range: impl Into<String>) -> ScenarioError {
     ScenarioError::OutOfRange { key, value: value.to_string(), range: range.into() }
 }

@@ -288,8 +288,10 @@ impl Scenario {
     ///
     /// [`ScenarioError`] with the key, its value and what is allowed.
     pub fn from_toml(text: &str) -> Result<Self, ScenarioError> {
-        let scenario: Self =
-            toml::from_str(text).map_err(|error| ScenarioError::Syntax(error.to_string().trim_end().to_owned()))?;
+        let syntax = |error: toml::de::Error| ScenarioError::Syntax(error.to_string().trim_end().to_owned());
+        // First, so that a number too small or too large for its type is told with its key and its range.
+        check::whole_numbers(&toml::from_str(text).map_err(syntax)?)?;
+        let scenario: Self = toml::from_str(text).map_err(syntax)?;
         scenario.check()?;
         Ok(scenario)
     }

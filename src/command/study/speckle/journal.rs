@@ -1,0 +1,142 @@
+//! The table of films on the disk, written film by film, and taken up where it was left.
+//!
+//! Films are written in the order of the plan, each with one call, so that what an interruption leaves is a
+//! beginning of the whole table and perhaps a part of one film more. That part is cut off.
+
+use std::fs::{File, OpenOptions};
+use std::io::{Seek, SeekFrom, Write};
+use std::path::{Path, PathBuf};
+
+use serde_json::Value;
+
+use super::plan::Film;
+use super::row::Row;
+use super::way::Way;
+use crate::command::UsageError;
+use crate::command::field::{FieldError, folder};
+
+/// What the rows of a study are of.
+#[derive(Debug, Clone)]
+pub(super) struct Contents<'a> {
+    pub(super) films: &'a [Film],
+    pub(super) ways: &'a [Way],
+    /// Frames a film.
+    pub(super) frames: u64,
+}
+
+impl Contents<'_> {
+    /// Rows of one film.
+    pub(super) fn rows(&self) -> usize {
+        self.ways.len() * (self.frames as usize - 1)
+    }
+
+    /// Whether these are the rows of a film, all of them and in order.
+    fn are_of(&self, film: &Film, rows: &[Row]) -> bool {
+        let wanted = (0..self.frames - 1).flat_map(|frame| self.ways.iter().map(move |way| (frame, *way)));
+        rows.iter().zip(wanted).all(|(row, (frame, way))| row.is_of(film, frame, way))
+    }
+}
+
+/// An open table of films.
+#[derive(Debug)]
+pub(super) struct Journal {
+    path: PathBuf,
+    file: File,
+    has_header: bool,
+}
+
+impl Journal {
+    /// Opens or makes the table in a directory, and gives the rows of the films that are there already.
+    ///
+    /// # Errors
+    ///
+    /// One line when the directory is a file, when its table was made with other settings or is not that of this
+    /// study, or when a file cannot be read or written.
+    pub(super) fn open(
+        directory: &Path,
+        name: &str,
+        settings: &Value,
+        contents: &Contents<'_>,
+    ) -> anyhow::Result<(Self, Vec<Row>)> {
+        folder::make("--output", directory)?;
+        let path = directory.join(format!("{name}_films.csv"));
+        check_settings(&directory.join(format!("{name}_settings.json")), &path, settings)?;
+        let open = OpenOptions::new().read(true).write(true).create(true).truncate(false).open(&path);
+        let mut file = open.map_err(|error| FieldError::write(&path, error))?;
+        let bytes = std::fs::read(&path).map_err(|error| FieldError::write(&path, error))?;
+        let (rows, whole) = take_up(&path, &bytes, contents)?;
+        file.set_len(whole).map_err(|error| FieldError::write(&path, error))?;
+        file.seek(SeekFrom::End(0)).map_err(|error| FieldError::write(&path, error))?;
+        Ok((Self { path, file, has_header: whole > 0 }, rows))
+    }
+
+    /// Adds the rows of one film.
+    ///
+    /// # Errors
+    ///
+    /// One line when the file cannot be written.
+    pub(super) fn add(&mut self, rows: &[Row]) -> anyhow::Result<()> {
+        let mut csv = csv::WriterBuilder::new().has_headers(!self.has_header).from_writer(Vec::new());
+        rows.iter().try_for_each(|row| csv.serialize(row))?;
+        let bytes = csv.into_inner().map_err(|error| anyhow::anyhow!("{error}"))?;
+        self.file.write_all(&bytes).map_err(|error| FieldError::write(&self.path, error))?;
+        self.has_header = true;
+        Ok(())
+    }
+}
+
+/// Compares the settings of a table that is there with these, or writes them beside a new one.
+fn check_settings(path: &Path, table: &Path, settings: &Value) -> anyhow::Result<()> {
+    if !table.exists() {
+        let text = format!("{settings:#}\n");
+        return Ok(std::fs::write(path, text).map_err(|error| FieldError::write(path, error))?);
+    }
+    let another = "choose another directory, or remove both files to begin anew";
+    let text = std::fs::read_to_string(path).map_err(|error| {
+        UsageError(format!("{}: has no settings beside it ({}: {error}); {another}", table.display(), path.display()))
+    })?;
+    let before: Value = serde_json::from_str(&text)
+        .map_err(|error| UsageError(format!("{}: is not what a study wrote: {error}; {another}", path.display())))?;
+    let keys = settings.as_object().into_iter().flatten().map(|(key, _)| key);
+    match keys.into_iter().find(|key| before[key.as_str()] != settings[key.as_str()]) {
+        None => Ok(()),
+        Some(key) => Err(UsageError(format!(
+            "{}: {key} is {} there, {} now; {another}",
+            path.display(),
+            before[key.as_str()],
+            settings[key.as_str()]
+        ))
+        .into()),
+    }
+}
+
+/// The rows of the whole films at the beginning of a table, and how many bytes they take.
+fn take_up(path: &Path, bytes: &[u8], contents: &Contents<'_>) -> anyhow::Result<(Vec<Row>, u64)> {
+    let strange = |line: u64| {
+        let told = "is not a row of this study; remove the file to begin anew";
+        UsageError(format!("{}: line {line} {told}", path.display()))
+    };
+    // What follows the last end of a line was being written when the study ended.
+    let written = bytes.iter().rposition(|byte| *byte == b'\n').map_or(0, |last| last + 1);
+    let mut reader = csv::Reader::from_reader(&bytes[..written]);
+    let mut ends = Vec::new();
+    let mut rows: Vec<Row> = Vec::new();
+    let headers = reader.headers().map_err(|_| strange(1))?.clone();
+    let mut record = csv::StringRecord::new();
+    while reader.read_record(&mut record).map_err(|_| strange(rows.len() as u64 + 2))? {
+        let row = record.deserialize(Some(&headers)).map_err(|_| strange(rows.len() as u64 + 2))?;
+        rows.push(row);
+        ends.push(reader.position().byte());
+    }
+    let each = contents.rows();
+    let films = rows.len() / each;
+    for (number, rows) in rows.chunks(each).enumerate() {
+        let is_known = contents.films.get(number).is_some_and(|film| contents.are_of(film, rows));
+        if !is_known {
+            return Err(strange((number * each) as u64 + 2).into());
+        }
+    }
+    rows.truncate(films * each);
+    let whole = rows.len().checked_sub(1).map_or(0, |last| ends[last]);
+    Ok((rows, whole))
+}

@@ -1,0 +1,439 @@
+//! The methods that are compared, each from two frames to the motion of the ball's centre.
+
+use super::plain::Plain;
+use crate::ball::{BallFinder, BallParams};
+use crate::command::UsageError;
+use crate::dic::{
+    CorrelationParams, Correlator, GridPoint, Method, Prepared, Region, RigidBody, RigidMotion, Start, grid, rigid_fit,
+};
+use crate::image::ImageView;
+use crate::results::{Circle, FieldPoint, PointStatus};
+
+/// Spline points between two pixels, as in the paper.
+const SPLINE_POINTS: u32 = 5;
+
+/// Largest displacement looked for, px: twice the fastest film's, and what a spin adds at the rim.
+const SEARCH_PX: u32 = 8;
+
+/// Share of the radius that windows keep clear of the rim, as in a measurement.
+const RIM_CLEARANCE: f64 = 0.04;
+
+/// Radii of balls that are looked for, px.
+const RADII_PX: [f64; 2] = [48.0, 72.0];
+
+/// Fewest windows that a motion is believed from.
+const FEWEST: usize = 3;
+
+/// One method.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Way {
+    /// The paper's as it reads: windows splined with 5 points, the highest grid point of their correlation.
+    Paper,
+    /// The same with a fit of the peak.
+    PaperFit,
+    /// Plain windows, and a spline through the normalised correlation's peak.
+    PeakSpline,
+    /// Plain windows, correlated as Eq. 4 reads, without regard to how much they overlap; 5 points on the peak.
+    PeakPlain,
+    /// Windows refined by IC-GN, and the rigid motion that fits them best.
+    IcGn,
+    /// The whole ball at once.
+    Rigid,
+}
+
+impl Way {
+    /// What each is called on the command line and in tables.
+    pub(super) const WORDS: [(&str, Self); 6] = [
+        ("paper", Self::Paper),
+        ("paper-fit", Self::PaperFit),
+        ("peak-spline", Self::PeakSpline),
+        ("peak-plain", Self::PeakPlain),
+        ("ic-gn", Self::IcGn),
+        ("rigid", Self::Rigid),
+    ];
+
+    pub(super) fn word(self) -> &'static str {
+        Self::WORDS.iter().find(|(_, way)| *way == self).map_or("", |(word, _)| word)
+    }
+
+    /// In a legend.
+    pub(super) fn title(self) -> &'static str {
+        match self {
+            Self::Paper => "paper: splined windows, highest point",
+            Self::PaperFit => "splined windows, peak fitted",
+            Self::PeakSpline => "peak splined, normalised",
+            Self::PeakPlain => "peak splined, as Eq. 4",
+            Self::IcGn => "IC-GN windows",
+            Self::Rigid => "whole ball, rigid",
+        }
+    }
+}
+
+/// Size and spacing of the windows, px.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Windows {
+    pub(super) subset_size_px: u32,
+    pub(super) step_px: u32,
+}
+
+/// What one method says of one pair of frames.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Answer {
+    /// Displacement of the ball's centre along x and y, px, and rotation, deg; `None` where there is none.
+    pub(super) step: Option<[f64; 3]>,
+    /// Their standard uncertainties, where the method knows them.
+    pub(super) sigma: Option<[f64; 3]>,
+    /// Windows, or pixels, that it rests on.
+    pub(super) points: u32,
+    pub(super) status: PointStatus,
+}
+
+/// Everything one thread needs to measure, planned once.
+pub(super) struct Bench {
+    ways: Vec<(Way, Engine)>,
+    finder: BallFinder,
+    windows: Windows,
+    side_px: usize,
+    field: Vec<FieldPoint>,
+    frames: [Prepared; 2],
+}
+
+/// How a way finds windows.
+enum Engine {
+    Correlator(Box<Correlator>),
+    Plain(Plain),
+}
+
+impl Bench {
+    /// Plans the methods for square frames.
+    ///
+    /// # Errors
+    ///
+    /// When a window's size or step is out of range, or there is no room for one.
+    pub(super) fn new(ways: &[Way], windows: Windows, side_px: u32) -> anyhow::Result<Self> {
+        let side_px = side_px as usize;
+        let engine = |way: &Way| -> anyhow::Result<(Way, Engine)> { Ok((*way, engine(*way, windows, side_px)?)) };
+        Ok(Self {
+            ways: ways.iter().map(engine).collect::<anyhow::Result<_>>()?,
+            finder: BallFinder::new(&BallParams::new(RADII_PX[0], RADII_PX[1]), side_px, side_px)?,
+            windows,
+            side_px,
+            field: Vec::new(),
+            frames: Default::default(),
+        })
+    }
+
+    /// Refuses windows of which too few fit into a ball.
+    ///
+    /// # Errors
+    ///
+    /// One line naming the options.
+    pub(super) fn check_room(&self, diameter_px: f64) -> Result<(), UsageError> {
+        let middle = 0.5 * self.side_px as f64;
+        let radius_px = 0.5 * diameter_px;
+        let circle = Circle {
+            x_px: middle,
+            y_px: middle,
+            radius_px,
+            sigma_center_px: 0.0,
+            sigma_radius_px: 0.0,
+            visible_fraction: 1.0,
+        };
+        let Windows { subset_size_px, step_px } = self.windows;
+        let count = points(&circle, self.windows, self.side_px).len();
+        if count > FEWEST {
+            return Ok(());
+        }
+        Err(UsageError(format!(
+            "--subset {subset_size_px} --step {step_px}: {count} windows fit into a ball of {diameter_px} px, more than \
+             {FEWEST} are needed"
+        )))
+    }
+
+    /// What every method says of two frames, in the order planned.
+    ///
+    /// The ball is found in the first of them; nothing is known beforehand but a range of its radius.
+    pub(super) fn measure(&mut self, before: ImageView<'_>, after: ImageView<'_>) -> Vec<Answer> {
+        let Some(circle) = self.finder.find(before) else {
+            let lost = Answer { step: None, sigma: None, points: 0, status: PointStatus::Lost };
+            return vec![lost; self.ways.len()];
+        };
+        let Self { ways, windows, field, frames, side_px, .. } = self;
+        let [reference, target] = frames;
+        // The interpolation is the same for all.
+        for (image, frame) in [(before, &mut *reference), (after, &mut *target)] {
+            let prepared = ways.iter().find_map(|(_, engine)| match engine {
+                Engine::Correlator(correlator) => Some(correlator),
+                Engine::Plain(_) => None,
+            });
+            if let Some(correlator) = prepared {
+                correlator.prepare_into(image, frame);
+            }
+        }
+        let points = points(&circle, *windows, *side_px);
+        let images = (before, after);
+        let answer = |(way, engine): &mut (Way, Engine)| {
+            match engine {
+                Engine::Correlator(correlator) => {
+                    correlator.correlate(reference, target, &points, Start::Search, field);
+                }
+                Engine::Plain(plain) => {
+                    let vectors: Vec<Vector> =
+                        points.iter().filter_map(|at| plain.vector(images, *at, &circle)).collect();
+                    return as_the_paper(&vectors, windows.step_px, PointStatus::LowCorrelation);
+                }
+            }
+            match way {
+                Way::IcGn => fitted(field, &circle, windows.subset_size_px),
+                Way::Rigid => whole(reference, target, field, &circle, windows.subset_size_px),
+                _ => {
+                    let vectors: Vec<Vector> = field.iter().filter_map(|point| Vector::of(point, &circle)).collect();
+                    as_the_paper(&vectors, windows.step_px, why_not(field))
+                }
+            }
+        };
+        ways.iter_mut().map(answer).collect()
+    }
+
+    /// Correlates the windows of one method alone, on frames measured last; gives their number.
+    pub(super) fn again(&mut self, place: usize, (before, after): (ImageView<'_>, ImageView<'_>)) -> usize {
+        let Some(circle) = self.finder.find(before) else { return 0 };
+        let points = points(&circle, self.windows, self.side_px);
+        match &mut self.ways[place].1 {
+            Engine::Correlator(correlator) => {
+                correlator.correlate(&self.frames[0], &self.frames[1], &points, Start::Search, &mut self.field);
+            }
+            Engine::Plain(plain) => {
+                let found = points.iter().filter_map(|at| plain.vector((before, after), *at, &circle));
+                std::hint::black_box(found.count());
+            }
+        }
+        points.len()
+    }
+}
+
+fn engine(way: Way, windows: Windows, side_px: usize) -> anyhow::Result<Engine> {
+    let method = match way {
+        Way::Paper | Way::PaperFit => Method::SplineFft,
+        Way::PeakSpline | Way::PeakPlain => Method::PeakSpline,
+        // A whole ball starts from what its windows say.
+        Way::IcGn | Way::Rigid => Method::IcGn,
+    };
+    let params = CorrelationParams {
+        method,
+        spline_points: if method == Method::SplineFft { SPLINE_POINTS } else { 0 },
+        subset_size_px: windows.subset_size_px,
+        step_px: windows.step_px,
+        search_px: SEARCH_PX,
+        ..CorrelationParams::default()
+    };
+    let correlator = Correlator::new(&params, side_px, side_px)?;
+    Ok(match way {
+        Way::PeakPlain => Engine::Plain(Plain::new(windows.subset_size_px, SPLINE_POINTS)),
+        Way::Paper => Engine::Correlator(Box::new(correlator.without_peak_fit())),
+        _ => Engine::Correlator(Box::new(correlator)),
+    })
+}
+
+/// The windows on a ball.
+fn points(circle: &Circle, windows: Windows, side_px: usize) -> Vec<GridPoint> {
+    let radius_px = circle.radius_px * (1.0 - RIM_CLEARANCE);
+    grid::disc(circle.x_px, circle.y_px, radius_px, windows.step_px, windows.subset_size_px, side_px, side_px)
+}
+
+/// The rigid motion that fits a field best, weighted by the vectors' uncertainties.
+fn fitted(field: &mut [FieldPoint], circle: &Circle, subset_size_px: u32) -> Answer {
+    let status = why_not(field);
+    rigid_fit(field, circle.x_px, circle.y_px, subset_size_px).map_or_else(|| none(status), |motion| of(&motion))
+}
+
+/// Every pixel of the ball in one match, from the motion of the windows on.
+fn whole(
+    reference: &Prepared,
+    target: &Prepared,
+    field: &mut [FieldPoint],
+    circle: &Circle,
+    subset_size_px: u32,
+) -> Answer {
+    let status = why_not(field);
+    let Some(near) = rigid_fit(field, circle.x_px, circle.y_px, subset_size_px) else { return none(status) };
+    let radius_px = circle.radius_px * (1.0 - RIM_CLEARANCE);
+    let region = Region::Disc { x_px: circle.x_px, y_px: circle.y_px, radius_px };
+    let found = RigidBody::new(reference, &region)
+        .and_then(|mut body| body.find(target, (circle.x_px, circle.y_px), (near.u_px, near.v_px, near.angle_deg)));
+    found.map_or_else(none, |found| of(&found.motion))
+}
+
+/// As the paper reads: the field interpolated at the ball's centre, and the mean of the windows' rotations about it.
+///
+/// `otherwise` is told when there are too few vectors for either.
+fn as_the_paper(valid: &[Vector], step_px: u32, otherwise: PointStatus) -> Answer {
+    let Some(center) = at_center(valid, f64::from(step_px)).filter(|_| valid.len() >= FEWEST) else {
+        return none(otherwise);
+    };
+    // A window on the centre itself does not show how it turns.
+    let turning = valid.iter().filter(|vector| vector.x.hypot(vector.y) > 0.75 * f64::from(step_px));
+    let angles: Vec<f64> = turning.map(|vector| vector.angle_deg(center)).collect();
+    if angles.is_empty() {
+        return none(otherwise);
+    }
+    let angle_deg = angles.iter().sum::<f64>() / angles.len() as f64;
+    Answer {
+        step: Some([center[0], center[1], angle_deg]),
+        sigma: None,
+        points: u32::try_from(valid.len()).unwrap_or(u32::MAX),
+        status: PointStatus::Valid,
+    }
+}
+
+/// A valid vector, its place counted from the ball's centre, px.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Vector {
+    pub(super) x: f64,
+    pub(super) y: f64,
+    pub(super) u: f64,
+    pub(super) v: f64,
+}
+
+impl Vector {
+    fn of(point: &FieldPoint, circle: &Circle) -> Option<Self> {
+        let displacement = point.displacement.filter(|_| point.status == PointStatus::Valid)?;
+        Some(Self {
+            x: f64::from(point.x_px) - circle.x_px,
+            y: f64::from(point.y_px) - circle.y_px,
+            u: f64::from(displacement.u_px),
+            v: f64::from(displacement.v_px),
+        })
+    }
+
+    /// How far it turned about a centre that moved so, counter-clockwise on the screen, deg.
+    fn angle_deg(&self, center: [f64; 2]) -> f64 {
+        let (x, y) = (self.x + self.u - center[0], self.y + self.v - center[1]);
+        // y is down.
+        (self.y * x - self.x * y).atan2(self.x * x + self.y * y).to_degrees()
+    }
+}
+
+/// The field at the centre: bilinear between the four windows around it, or a plane through its neighbours.
+fn at_center(vectors: &[Vector], step_px: f64) -> Option<[f64; 2]> {
+    let share = |vector: &Vector| (1.0 - vector.x.abs() / step_px).max(0.0) * (1.0 - vector.y.abs() / step_px).max(0.0);
+    let total: f64 = vectors.iter().map(share).sum();
+    // The shares of all four make 1; where one is missing and counts, they do not.
+    if total > 0.999 {
+        let mean = |part: fn(&Vector) -> f64| vectors.iter().map(|v| share(v) * part(v)).sum::<f64>() / total;
+        return Some([mean(|v| v.u), mean(|v| v.v)]);
+    }
+    let near: Vec<&Vector> =
+        vectors.iter().filter(|vector| vector.x.abs().max(vector.y.abs()) < 1.6 * step_px).collect();
+    plane(&near)
+}
+
+/// The value at the origin of the planes that fit u and v best; `None` where the vectors do not span one.
+fn plane(vectors: &[&Vector]) -> Option<[f64; 2]> {
+    let sum = |part: &dyn Fn(&Vector) -> f64| vectors.iter().map(|vector| part(vector)).sum::<f64>();
+    let count = vectors.len() as f64;
+    let (x, y) = (sum(&|v| v.x), sum(&|v| v.y));
+    let (xx, xy, yy) = (sum(&|v| v.x * v.x), sum(&|v| v.x * v.y), sum(&|v| v.y * v.y));
+    let minors = [xx * yy - xy * xy, xy * y - x * yy, x * xy - xx * y];
+    let determinant = count * minors[0] + x * minors[1] + y * minors[2];
+    // Vectors on a line span no plane.
+    if vectors.len() < FEWEST || determinant < 1e-6 * count * xx.max(1.0) * yy.max(1.0) {
+        return None;
+    }
+    let value = |part: fn(&Vector) -> f64| {
+        let sums = [sum(&part), sum(&|v| v.x * part(v)), sum(&|v| v.y * part(v))];
+        (0..3).map(|k| minors[k] * sums[k]).sum::<f64>() / determinant
+    };
+    Some([value(|v| v.u), value(|v| v.v)])
+}
+
+fn of(motion: &RigidMotion) -> Answer {
+    Answer {
+        step: Some([motion.u_px, motion.v_px, motion.angle_deg]),
+        sigma: Some([motion.sigma_u_px, motion.sigma_v_px, motion.sigma_angle_deg]),
+        points: motion.points,
+        status: PointStatus::Valid,
+    }
+}
+
+fn none(status: PointStatus) -> Answer {
+    Answer { step: None, sigma: None, points: 0, status }
+}
+
+/// What most windows without an answer have.
+fn why_not(field: &[FieldPoint]) -> PointStatus {
+    let count = |status: PointStatus| field.iter().filter(|point| point.status == status).count();
+    let failures = PointStatus::ALL.into_iter().filter(|status| *status != PointStatus::Valid);
+    failures.max_by_key(|status| count(*status)).filter(|status| count(*status) > 0).unwrap_or(PointStatus::Lost)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const STEP_PX: f64 = 12.0;
+
+    /// Vectors of a body that turned by `angle_deg` about its centre and moved.
+    fn body(shift: [f64; 2], angle_deg: f64, leave_out: impl Fn(i32, i32) -> bool) -> Vec<Vector> {
+        let (sin, cos) = angle_deg.to_radians().sin_cos();
+        let places = (-3..=3).flat_map(|row| (-3..=3).map(move |column| (column, row)));
+        let vector = |(column, row): (i32, i32)| {
+            // The centre lies beside the windows' grid.
+            let (x, y) = (STEP_PX * f64::from(column) + 0.3, STEP_PX * f64::from(row) - 0.2);
+            let (u, v) = (shift[0] + x * (cos - 1.0) + y * sin, shift[1] - x * sin + y * (cos - 1.0));
+            Vector { x, y, u, v }
+        };
+        places.filter(|(column, row)| !leave_out(*column, *row)).map(vector).collect()
+    }
+
+    #[test]
+    fn the_papers_estimator_is_exact_on_an_exact_field_with_and_without_the_window_at_the_centre() {
+        for leave_out in [false, true] {
+            let vectors = body([0.7, -1.2], 2.4, |column, row| leave_out && (column, row) == (0, 0));
+            let answer = as_the_paper(&vectors, 12, PointStatus::Lost);
+            let [u, v, angle_deg] = answer.step.unwrap();
+            assert!((u - 0.7).abs() < 1e-9 && (v + 1.2).abs() < 1e-9 && (angle_deg - 2.4).abs() < 1e-9, "{answer:?}");
+            assert_eq!(answer.points, if leave_out { 48 } else { 49 });
+        }
+    }
+
+    #[test]
+    fn too_few_vectors_or_none_around_the_centre_are_no_answer() {
+        let none = as_the_paper(&body([0.0; 2], 0.0, |_, row| row != 0), 12, PointStatus::LowContrast);
+        assert_eq!((none.step, none.status), (None, PointStatus::LowContrast), "a line of windows spans no plane");
+        let far = body([0.0; 2], 0.0, |column, row| column.abs() < 2 && row.abs() < 2);
+        assert_eq!(as_the_paper(&far, 12, PointStatus::Lost).step, None);
+    }
+
+    #[test]
+    fn a_picture_without_a_ball_is_lost_by_every_method() {
+        let ways = Way::WORDS.map(|(_, way)| way);
+        let mut bench = Bench::new(&ways, Windows { subset_size_px: 25, step_px: 12 }, 160).unwrap();
+        let image = crate::image::Image::new(160, 160);
+        let answers = bench.measure(image.view(), image.view());
+        assert_eq!(answers.len(), ways.len());
+        assert!(answers.iter().all(|answer| answer.status == PointStatus::Lost && answer.step.is_none()));
+    }
+
+    #[test]
+    fn only_the_papers_method_as_it_reads_takes_a_slow_ball_for_a_resting_one() {
+        use super::super::film::{self, Filming, SIDE_PX};
+        use super::super::plan::{Case, Film, Speeds, Velocity};
+        let filming = Filming { frames: 2, noise_dn: 2.0, blur_px: 0.7, seed: 1 };
+        let velocity = Velocity { px_frame: [0.06, 0.06], deg_frame: 0.0 };
+        let plan = Film { pattern: 13, speeds: Speeds::OffGrid, number: 3, case: Case::TwoAxes, velocity, level: 0 };
+        let reel = film::film(&film::ball(13, &filming).unwrap(), &plan, &filming).unwrap();
+        let (mut bytes, mut images) = (Vec::new(), [crate::image::Image::default(), crate::image::Image::default()]);
+        for (index, image) in images.iter_mut().enumerate() {
+            reel.draw(index as u64, &mut bytes, image).unwrap();
+        }
+        let ways = [Way::Paper, Way::PaperFit, Way::IcGn, Way::Rigid];
+        let mut bench = Bench::new(&ways, Windows { subset_size_px: 25, step_px: 20 }, SIDE_PX).unwrap();
+        let answers = bench.measure(images[0].view(), images[1].view());
+        let steps: Vec<[f64; 3]> = answers.iter().map(|answer| answer.step.unwrap()).collect();
+        assert!(steps[0].iter().all(|part| part.abs() < 1e-12), "the grid's nearest point is 0: {steps:?}");
+        for (step, most_px) in steps[1..].iter().zip([0.015, 0.005, 0.004]) {
+            assert!((step[0] - 0.06).abs() < most_px && (step[1] - 0.06).abs() < most_px, "{steps:?}");
+        }
+    }
+}
