@@ -245,7 +245,8 @@ mod tests {
         likeness.load(&window, &packed(&window, speckle), &residual);
         likeness.by_zncc(&window, &mut kept);
         let wrong = kept.iter().zip(packed(&window, |dx, _| if dx > 8 { 0.0 } else { 1.0 }));
-        let wrong: usize = wrong.map(|(a, b)| a.0.iter().zip(&b.0).filter(|(a, b)| (*a - *b).abs() > 0.5).count()).sum();
+        let wrong: usize =
+            wrong.map(|(a, b)| a.0.iter().zip(&b.0).filter(|(a, b)| (*a - *b).abs() > 0.5).count()).sum();
         // Only along the edge, where neighbourhoods see both.
         assert!(wrong < 5 * 61, "{wrong} of {}", window.pixels);
     }

@@ -10,7 +10,7 @@ use crate::ball::{BallFinder, BallParams};
 use crate::camera::simulated;
 use crate::dic::{CorrelationParams, Correlator, GridPoint, Prepared, Region, RigidBody, Shape, Start, grid};
 use crate::image::{Frame, FrameMeta, Image};
-use crate::measure::{MeasureParams, Measured, Measurer, Share};
+use crate::measure::{BodyParams, MeasureParams, Measured, Measurer, Share};
 use crate::motion::Rotation;
 use crate::results::Circle;
 use crate::synth::{Scenario, World};
@@ -84,7 +84,7 @@ impl Film {
             correlation: CorrelationParams { step_px: STEP_PX, ..CorrelationParams::default() },
             intervals_frames: vec![1],
             rotation,
-            bodies: vec![self.ball.clone()],
+            bodies: vec![BodyParams::Ball(self.ball.clone())],
             block_frames: 16,
         };
         let mut measurer = Measurer::new(&params, Share::ALL, 512, 512)?;
