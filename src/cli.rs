@@ -105,7 +105,7 @@ pub enum Command {
     /// Draw a simulated impact into a recording, with the truth beside it.
     #[command(after_help = "Example: ricochet simulate lacrosse -o lacrosse.mcap")]
     Simulate(Simulate),
-    /// Show what a setting of the method does to its answers: convergence.
+    /// Study what settings, speckle patterns and methods do to the answers.
     #[command(after_help = "Example: ricochet study convergence --json")]
     Study(Study),
 }
