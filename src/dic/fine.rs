@@ -27,6 +27,8 @@ pub(super) struct FineSearch {
     subset: Vec<f32>,
     area: Vec<f32>,
     rows: Vec<f32>,
+    /// Weights of the taps at each fine step after a pixel.
+    phases: Vec<[f32; 6]>,
     contrast: Contrast,
     surface: Vec<f32>,
 }
@@ -53,6 +55,7 @@ impl FineSearch {
             subset: vec![0.0; side * side],
             area: vec![0.0; area * area],
             rows: vec![0.0; (pixels + 2 * MARGIN_PX + 6) * area],
+            phases: vec![[0.0; 6]; factor],
             contrast: Contrast::new(area),
             surface: vec![0.0; shifts * shifts],
         }
@@ -73,13 +76,16 @@ impl FineSearch {
         let half = window.half as isize;
         let (x, y) = (at.0 as isize, at.1 as isize);
         let side = 2 * window.half as usize * self.factor + 1;
-        upsample(reference, (x - half, y - half), side, self.factor, (&mut self.rows, &mut self.subset));
+        for (phase, weights) in self.phases.iter_mut().enumerate() {
+            *weights = reference.weights(phase as f32 / self.factor as f32);
+        }
+        upsample(reference, (x - half, y - half), side, &self.phases, (&mut self.rows, &mut self.subset));
         let energy = self.center();
         let margin = MARGIN_PX as isize;
         let (x, y) = (at_target.0 as isize, at_target.1 as isize);
         let corner = (x + near.0 as isize - half - margin, y + near.1 as isize - half - margin);
         let area = side + 2 * MARGIN_PX * self.factor;
-        upsample(target, corner, area, self.factor, (&mut self.rows, &mut self.area));
+        upsample(target, corner, area, &self.phases, (&mut self.rows, &mut self.area));
         let mean = self.area.iter().map(|value| f64::from(*value)).sum::<f64>() / self.area.len() as f64;
         self.area.iter_mut().for_each(|value| *value -= mean as f32);
         self.correlation.load_squares((&self.area, area), (&self.subset, side));
@@ -115,16 +121,16 @@ impl FineSearch {
     }
 }
 
-/// Interpolates `side` x `side` points, `factor` to a pixel, from a whole pixel on.
+/// Interpolates `side` x `side` points, as many to a pixel as there are phases, from a whole pixel on.
 fn upsample(
     picture: &Splined,
     corner: (isize, isize),
     side: usize,
-    factor: usize,
+    phases: &[[f32; 6]],
     (rows, out): (&mut [f32], &mut [f32]),
 ) {
+    let factor = phases.len();
     let lines = (side - 1) / factor + 6;
-    let phases: Vec<[f32; 6]> = (0..factor).map(|phase| picture.weights(phase as f32 / factor as f32)).collect();
     for line in 0..lines {
         let (taps, _) = picture.taps(corner.0, corner.1 + line as isize);
         for (fine, value) in rows[line * side..(line + 1) * side].iter_mut().enumerate() {

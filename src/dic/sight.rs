@@ -42,6 +42,7 @@ pub(super) struct Sight {
     kept: Vec<Lanes>,
     window: Window,
     subset: Subset,
+    pool: Pool,
 }
 
 /// How pixels in sight are told.
@@ -98,11 +99,11 @@ impl Sight {
 
     /// What a match by [`Self::find`] says of the body.
     pub(super) fn told(&mut self, body: &Refiner<'_>, found: &Match, offset: (f64, f64)) -> BodyMotion {
-        let mut pool = Pool::default();
+        let (mut pool, mut residual) = (std::mem::take(&mut self.pool), std::mem::take(&mut self.residual));
+        pool.clear();
         pool.add_texture(&self.subset, &self.window);
-        let mut residual = std::mem::take(&mut self.residual);
         let motion = motion(&self.refiner(body), found, offset, (&mut pool, &mut residual));
-        self.residual = residual;
+        (self.pool, self.residual) = (pool, residual);
         let noise = self.noise(body);
         let pixels = self.likeness.in_sight(body.window, noise, &self.kept);
         BodyMotion { motion, zncc: found.zncc, visible_fraction: pixels as f64 / body.window.pixels as f64 }
