@@ -121,6 +121,25 @@ fn another_image_is_low_correlation_and_a_subset_that_left_is_out_of_frame() {
 }
 
 #[test]
+fn a_subset_that_a_known_motion_leads_out_of_the_image_is_out_of_frame() {
+    let speckle = Speckle::standard(1, 140.0);
+    let moved = speckle.moved(|_, _| (-30.0, 0.0));
+    let params = CorrelationParams::default();
+    let mut correlator = Correlator::new(&params, 100, 100).unwrap();
+    let points = rectangle([0, 10, 100, 80], params.step_px, params.subset_size_px);
+    let reference = correlator.prepare(record(&speckle.draw(100, 100), 1.0, 1).view());
+    let target = correlator.prepare(record(&moved.draw(100, 100), 1.0, 2).view());
+    let start = Start::Motion { x_px: 50.0, y_px: 50.0, u_px: -30.1, v_px: 0.1, angle_deg: 0.0 };
+    let mut field = Vec::new();
+    correlator.correlate(&reference, &target, &points, start, &mut field);
+    assert!(field.iter().any(|point| point.x_px < 45.0) && field.iter().any(|point| point.x_px > 46.0));
+    for point in &field {
+        let expected = if point.x_px < 45.0 { PointStatus::OutOfFrame } else { PointStatus::Valid };
+        assert!(point.status == expected || (45.0..46.0).contains(&point.x_px), "{point:?}");
+    }
+}
+
+#[test]
 fn sixteen_bit_images_and_any_gain_give_the_same_field() {
     let speckle = Speckle::standard(1, 100.0);
     let a = record(&speckle.draw(100, 100), 1.0, 1);
