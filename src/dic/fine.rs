@@ -132,7 +132,7 @@ fn upsample(
     let factor = phases.len();
     let lines = (side - 1) / factor + 6;
     for line in 0..lines {
-        let (taps, _) = picture.taps(corner.0, corner.1 + line as isize);
+        let (taps, _) = picture.taps::<6>(corner.0, corner.1 + line as isize);
         for (fine, value) in rows[line * side..(line + 1) * side].iter_mut().enumerate() {
             let taps = &taps[fine / factor..][..6];
             *value = taps.iter().zip(&phases[fine % factor]).map(|(tap, weight)| tap * weight).sum();

@@ -110,10 +110,8 @@ impl Matcher<'_> {
 
     /// By the guess, else by the quick search, else by the full one.
     fn solve_anew(&self, search: &mut Search, guess: Option<Warp>, least: f64) -> Solution {
-        if let Some(warp) = guess
-            && let Ok(found) = self.refiner().refine(warp)
-            && found.zncc >= least.max(self.params.min_zncc)
-        {
+        let guessed = guess.and_then(|warp| self.refiner().refine(warp).ok());
+        if let Some(found) = guessed.filter(|found| found.zncc >= least.max(self.params.min_zncc)) {
             return self.judge(found, None);
         }
         let around = guess.map_or((0, 0), |warp| self.search_center(&warp));
@@ -122,7 +120,8 @@ impl Matcher<'_> {
                 search.find_near(self.subset, self.window, &self.target.levels, self.target.local(self.at))
             && peaks.second.is_none_or(|second| second.height < CLEAR * peaks.best.height)
             && let Ok(found) = self.refine_peak(&peaks, &peaks.best)
-            && found.zncc >= SURE.max(self.params.min_zncc)
+            && (found.zncc >= SURE || guessed.is_some_and(|guessed| guessed.is_near(&found)))
+            && found.zncc >= self.params.min_zncc
         {
             return self.judge(found, peaks.ratio());
         }

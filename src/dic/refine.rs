@@ -28,7 +28,7 @@ const SERIES_PX: f64 = 0.01;
 const STEADY: f64 = 0.3;
 
 /// Iterations after which a subset is given up; sound ones take 3 to 6.
-const MOST_ITERATIONS: u32 = 25;
+const MOST_ITERATIONS: u32 = 12;
 
 /// A step this short ends the quick iterations, px.
 const APPROACHED_PX: f64 = 0.02;
@@ -44,6 +44,9 @@ const GENTLE: f64 = 0.12;
 
 /// Most rows of a tile.
 const TILE_ROWS: usize = 8;
+
+/// Matches from different starts this near to each other are one, px.
+const SAME_PX: f64 = 0.1;
 
 /// Why a subset was not found in the target.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -65,6 +68,13 @@ pub(super) struct Match {
     pub(super) zncc: f64,
     /// Iterations taken.
     pub(super) iterations: u32,
+}
+
+impl Match {
+    /// Whether both are the same match, found from different starts.
+    pub(super) fn is_near(&self, other: &Self) -> bool {
+        (self.warp.u - other.warp.u).hypot(self.warp.v - other.warp.v) < SAME_PX
+    }
 }
 
 /// What one pass over the warped target yields.
@@ -183,17 +193,17 @@ impl Refiner<'_> {
         Ok(if tiled { tiled_sums_of(self, warp) } else { sums_of(self, warp) })
     }
 
-    /// Sums over all blocks.
+    /// Sums over all blocks; of a kernel of `N` taps, `M` is one more.
     #[inline(always)]
-    fn sums_with<V: Vector>(&self, warp: &Warp) -> Sums {
+    fn sums_with<V: Vector, const N: usize, const M: usize>(&self, warp: &Warp) -> Sums {
         let mut sums = Sums::default();
         let shift = *warp == Warp::shift(warp.u, warp.v);
         for block in &self.window.blocks {
             if shift {
                 let start = self.place(warp, block.dx, block.dy);
-                self.add_block(&mut sums, block, ShiftedColumn::<V>::new(self.target, start));
+                self.add_block(&mut sums, block, ShiftedColumn::<V, N>::new(self.target, start));
             } else {
-                let column = WarpedColumn { refiner: self, warp, dx: block.dx, dy: block.dy };
+                let column = WarpedColumn::<N, M> { refiner: self, warp, dx: block.dx, dy: block.dy };
                 self.add_block::<V>(&mut sums, block, column);
             }
         }
@@ -202,10 +212,10 @@ impl Refiner<'_> {
 
     /// Sums over all blocks, in tiles.
     #[inline(always)]
-    fn tiled_sums_with<V: Vector>(&self, warp: &Warp) -> Sums {
+    fn tiled_sums_with<V: Vector, const N: usize>(&self, warp: &Warp) -> Sums {
         let mut sums = Sums::default();
         for block in &self.window.blocks {
-            self.add_block(&mut sums, block, TiledColumn::<V>::new(self, warp, block));
+            self.add_block(&mut sums, block, TiledColumn::<V, N>::new(self, warp, block));
         }
         sums
     }
@@ -287,7 +297,7 @@ fn differences_with<V: Vector>(refiner: &Refiner<'_>, warp: &Warp, (mean, gain):
         let rows = refiner.subset.levels[packed.clone()].iter().zip(&refiner.window.mask[packed.clone()]);
         for (dy, ((level, mask), out)) in (block.dy..).zip(rows.zip(&mut out[packed])) {
             let start = refiner.place(warp, block.dx, dy);
-            let value = sample_lanes::<V>(refiner.target, start, warp.ux, warp.vx).sub(mean).mul(V::from_lanes(mask));
+            let value = sample_lanes::<V, 6, 7>(refiner.target, start, warp.ux, warp.vx).sub(mean).mul(V::from_lanes(mask));
             *out = V::from_lanes(level).sub(value.mul(gain)).to_lanes();
         }
     }
@@ -298,7 +308,7 @@ trait Rows<V> {
     fn next(&mut self) -> V;
 }
 
-impl<V: Vector> Rows<V> for ShiftedColumn<'_, V> {
+impl<V: Vector, const N: usize> Rows<V> for ShiftedColumn<'_, V, N> {
     #[inline(always)]
     fn next(&mut self) -> V {
         self.next_row()
@@ -306,17 +316,17 @@ impl<V: Vector> Rows<V> for ShiftedColumn<'_, V> {
 }
 
 /// A block of a target in tiles, each shifted as its middle is.
-struct TiledColumn<'a, V> {
+struct TiledColumn<'a, V, const N: usize> {
     refiner: &'a Refiner<'a>,
     warp: &'a Warp,
     dx: i32,
     dy: i32,
     rows: usize,
     left: usize,
-    tile: ShiftedColumn<'a, V>,
+    tile: ShiftedColumn<'a, V, N>,
 }
 
-impl<'a, V: Vector> TiledColumn<'a, V> {
+impl<'a, V: Vector, const N: usize> TiledColumn<'a, V, N> {
     #[inline(always)]
     fn new(refiner: &'a Refiner<'a>, warp: &'a Warp, block: &Block) -> Self {
         // Tiles of about one size: a last one of a single row would cost as much as a whole one.
@@ -326,7 +336,7 @@ impl<'a, V: Vector> TiledColumn<'a, V> {
     }
 
     #[inline(always)]
-    fn tile(refiner: &Refiner<'a>, warp: &Warp, (dx, dy): (i32, i32), rows: usize) -> ShiftedColumn<'a, V> {
+    fn tile(refiner: &Refiner<'a>, warp: &Warp, (dx, dy): (i32, i32), rows: usize) -> ShiftedColumn<'a, V, N> {
         let middle = (0.5 * (LANES as f64 - 1.0), 0.5 * (rows as f64 - 1.0));
         let (x, y) = warp.apply(f64::from(dx) + middle.0, f64::from(dy) + middle.1);
         let (x, y) = (f64::from(refiner.at.0) + x - middle.0, f64::from(refiner.at.1) + y - middle.1);
@@ -334,7 +344,7 @@ impl<'a, V: Vector> TiledColumn<'a, V> {
     }
 }
 
-impl<V: Vector> Rows<V> for TiledColumn<'_, V> {
+impl<V: Vector, const N: usize> Rows<V> for TiledColumn<'_, V, N> {
     #[inline(always)]
     fn next(&mut self) -> V {
         if self.left == 0 {
@@ -348,19 +358,19 @@ impl<V: Vector> Rows<V> for TiledColumn<'_, V> {
 }
 
 /// A block of a target that is deformed: each pixel has weights of its own.
-struct WarpedColumn<'a> {
+struct WarpedColumn<'a, const N: usize, const M: usize> {
     refiner: &'a Refiner<'a>,
     warp: &'a Warp,
     dx: i32,
     dy: i32,
 }
 
-impl<V: Vector> Rows<V> for WarpedColumn<'_> {
+impl<V: Vector, const N: usize, const M: usize> Rows<V> for WarpedColumn<'_, N, M> {
     #[inline(always)]
     fn next(&mut self) -> V {
         let start = self.refiner.place(self.warp, self.dx, self.dy);
         self.dy += 1;
-        sample_lanes(self.refiner.target, start, self.warp.ux, self.warp.vx)
+        sample_lanes::<V, N, M>(self.refiner.target, start, self.warp.ux, self.warp.vx)
     }
 }
 
@@ -371,7 +381,10 @@ vectorized! {
 
 #[inline(always)]
 fn sums_with<V: Vector>(refiner: &Refiner<'_>, warp: &Warp) -> Sums {
-    refiner.sums_with::<V>(warp)
+    match refiner.target.tap_count() {
+        4 => refiner.sums_with::<V, 4, 5>(warp),
+        _ => refiner.sums_with::<V, 6, 7>(warp),
+    }
 }
 
 vectorized! {
@@ -381,7 +394,10 @@ vectorized! {
 
 #[inline(always)]
 fn tiled_sums_with<V: Vector>(refiner: &Refiner<'_>, warp: &Warp) -> Sums {
-    refiner.tiled_sums_with::<V>(warp)
+    match refiner.target.tap_count() {
+        4 => refiner.tiled_sums_with::<V, 4>(warp),
+        _ => refiner.tiled_sums_with::<V, 6>(warp),
+    }
 }
 
 #[cfg(test)]
@@ -461,8 +477,8 @@ mod tests {
             let target = &target.splined;
             let refiner = Refiner { subset: &subset, window: &window, shape: Shape::Affine, target, at: (45, 44) };
             let warps = [Warp::shift(0.3, -1.7), Warp::rigid(0.6, -0.3, 0.03), Warp::rigid(0.6, -0.3, 0.3)];
-            let exact = warps.map(|warp| (sums_of(&refiner, &warp), refiner.sums_with::<Portable>(&warp)));
-            let tiled = warps.map(|warp| (tiled_sums_of(&refiner, &warp), refiner.tiled_sums_with::<Portable>(&warp)));
+            let exact = warps.map(|warp| (sums_of(&refiner, &warp), sums_with::<Portable>(&refiner, &warp)));
+            let tiled = warps.map(|warp| (tiled_sums_of(&refiner, &warp), tiled_sums_with::<Portable>(&refiner, &warp)));
             for (fast, plain) in exact.into_iter().chain(tiled) {
                 assert_eq!(fast.levels.to_bits(), plain.levels.to_bits());
                 assert_eq!(fast.energy.to_bits(), plain.energy.to_bits());

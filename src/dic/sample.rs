@@ -11,8 +11,15 @@ use super::vector::Vector;
 /// y. So one contiguous load per tap serves all lanes; lanes one cell further
 /// get their weights shifted by one tap. Stronger deformation (8 degrees and
 /// more) is sampled lane by lane.
+///
+/// `N` is the number of taps of the target's kernel, `M` one more.
 #[inline(always)]
-pub(super) fn sample_lanes<V: Vector>(target: &Splined, (x, y): (f64, f64), ux: f64, vx: f64) -> V {
+pub(super) fn sample_lanes<V: Vector, const N: usize, const M: usize>(
+    target: &Splined,
+    (x, y): (f64, f64),
+    ux: f64,
+    vx: f64,
+) -> V {
     let last = (LANES - 1) as f64;
     if (last * ux).abs() >= 1.0 || (last * vx).abs() >= 1.0 {
         return V::from_lanes(&sample_scattered(target, (x, y), ux, vx));
@@ -20,15 +27,15 @@ pub(super) fn sample_lanes<V: Vector>(target: &Splined, (x, y): (f64, f64), ux: 
     let (end_x, end_y) = (x + last * ux, y + last * vx);
     let (cell_x, cell_y) = (x.min(end_x).floor(), y.min(end_y).floor());
     let (along_x, along_y) = (along::<V>(x - cell_x, ux), along::<V>(y - cell_y, vx));
-    let (rows, stride) = target.taps(cell_x as isize, cell_y as isize);
+    let (rows, stride) = target.taps::<N>(cell_x as isize, cell_y as isize);
     let taps = Taps { rows, stride };
     // A little early: a lane that rounds up to 1 must find its second cell.
     let (wide_x, wide_y) = (x.max(end_x) - cell_x >= 0.999_999, y.max(end_y) - cell_y >= 0.999_999);
     match (wide_x, wide_y) {
-        (false, false) => taps.sum(&target.lane_weights(along_x), &target.lane_weights(along_y)),
-        (false, true) => taps.sum(&target.lane_weights(along_x), &widened(target, along_y)),
-        (true, false) => taps.sum(&widened(target, along_x), &target.lane_weights(along_y)),
-        (true, true) => taps.sum(&widened(target, along_x), &widened(target, along_y)),
+        (false, false) => taps.sum(&target.lane_weights::<V, N>(along_x), &target.lane_weights::<V, N>(along_y)),
+        (false, true) => taps.sum(&target.lane_weights::<V, N>(along_x), &widened::<V, N, M>(target, along_y)),
+        (true, false) => taps.sum(&widened::<V, N, M>(target, along_x), &target.lane_weights::<V, N>(along_y)),
+        (true, true) => taps.sum(&widened::<V, N, M>(target, along_x), &widened::<V, N, M>(target, along_y)),
     }
 }
 
@@ -73,25 +80,26 @@ impl Taps<'_> {
 
 /// A column of blocks of a target that is only shifted: all pixels share their weights.
 ///
-/// Each row is filtered along x once and kept for the six rows that need it.
-pub(super) struct ShiftedColumn<'a, V> {
+/// Each row is filtered along x once and kept for the `N` rows that need it.
+pub(super) struct ShiftedColumn<'a, V, const N: usize> {
     rows: &'a [f32],
     stride: usize,
-    weights_x: [V; 6],
-    weights_y: [V; 6],
-    filtered: [V; 5],
+    weights_x: [V; N],
+    weights_y: [V; N],
+    /// The last rows, filtered along x; what the first holds is not needed any more.
+    filtered: [V; N],
 }
 
-impl<'a, V: Vector> ShiftedColumn<'a, V> {
+impl<'a, V: Vector, const N: usize> ShiftedColumn<'a, V, N> {
     /// Begins at (x, y), the first lane of the first row.
     #[inline(always)]
     pub(super) fn new(target: &'a Splined, (x, y): (f64, f64)) -> Self {
         let (cell_x, cell_y) = (x.floor(), y.floor());
-        let (rows, stride) = target.taps(cell_x as isize, cell_y as isize);
+        let (rows, stride) = target.taps::<N>(cell_x as isize, cell_y as isize);
         let weights_x = target.lane_weights(V::splat((x - cell_x) as f32));
         let weights_y = target.lane_weights(V::splat((y - cell_y) as f32));
-        let mut column = Self { rows, stride, weights_x, weights_y, filtered: [V::splat(0.0); 5] };
-        for row in 0..5 {
+        let mut column = Self { rows, stride, weights_x, weights_y, filtered: [V::splat(0.0); N] };
+        for row in 1..N {
             column.filtered[row] = column.filter_next();
         }
         column
@@ -112,33 +120,32 @@ impl<'a, V: Vector> ShiftedColumn<'a, V> {
     /// The eight pixels of the next row.
     #[inline(always)]
     pub(super) fn next_row(&mut self) -> V {
-        let newest = self.filter_next();
-        let f = self.filtered;
+        for row in 1..N {
+            self.filtered[row - 1] = self.filtered[row];
+        }
+        self.filtered[N - 1] = self.filter_next();
         let mut total = V::splat(0.0);
-        for (weight, row) in self.weights_y.iter().zip([f[0], f[1], f[2], f[3], f[4], newest]) {
+        for (weight, row) in self.weights_y.iter().zip(self.filtered) {
             total = total.plus_product(*weight, row);
         }
-        self.filtered = [f[1], f[2], f[3], f[4], newest];
         total
     }
 }
 
-/// Weights of seven taps when some lanes lie in the second cell.
+/// Weights of one tap more, when some lanes lie in the second cell.
 #[inline(always)]
-fn widened<V: Vector>(target: &Splined, fraction: V) -> [V; 7] {
+fn widened<V: Vector, const N: usize, const M: usize>(target: &Splined, fraction: V) -> [V; M] {
     let one = V::splat(1.0);
     let second = fraction.at_least(one);
-    let w = target.lane_weights(fraction.sub(one.and(second)));
+    let weights = target.lane_weights::<V, N>(fraction.sub(one.and(second)));
     let none = V::splat(0.0);
-    [
-        V::select(second, none, w[0]),
-        V::select(second, w[0], w[1]),
-        V::select(second, w[1], w[2]),
-        V::select(second, w[2], w[3]),
-        V::select(second, w[3], w[4]),
-        V::select(second, w[4], w[5]),
-        V::select(second, w[5], none),
-    ]
+    // Not by a closure: it would not be compiled for the instructions that its caller may use.
+    let mut wide = [V::select(second, none, weights[0]); M];
+    for tap in 1..N {
+        wide[tap] = V::select(second, weights[tap - 1], weights[tap]);
+    }
+    wide[N] = V::select(second, weights[N - 1], none);
+    wide
 }
 
 #[cfg(test)]
@@ -167,7 +174,7 @@ mod tests {
         for case in 0..400 {
             let (ux, vx) = (f64::from(case % 20 - 10) * 0.017, f64::from(case / 20 - 10) * 0.016);
             let at = (20.0 + f64::from(case) * 0.013, 22.0 - f64::from(case) * 0.017);
-            let found = sample_lanes::<Portable>(&target, at, ux, vx).to_lanes();
+            let found = sample_lanes::<Portable, 6, 7>(&target, at, ux, vx).to_lanes();
             for lane in 0..LANES {
                 let offset = lane as f64;
                 let expected = target.at(at.0 + offset * (1.0 + ux), at.1 + offset * vx);
@@ -181,9 +188,9 @@ mod tests {
         let target = waves();
         for case in 0..50 {
             let (x, y) = (17.0 + f64::from(case) * 0.173, 15.0 - f64::from(case) * 0.091);
-            let mut column = ShiftedColumn::<Portable>::new(&target, (x, y));
+            let mut column = ShiftedColumn::<Portable, 6>::new(&target, (x, y));
             for row in 0..9 {
-                let expected = sample_lanes::<Portable>(&target, (x, y + f64::from(row)), 0.0, 0.0).to_lanes();
+                let expected = sample_lanes::<Portable, 6, 7>(&target, (x, y + f64::from(row)), 0.0, 0.0).to_lanes();
                 let found = column.next_row().to_lanes();
                 for lane in 0..LANES {
                     assert!((found.0[lane] - expected.0[lane]).abs() < 1e-3, "{x} {y} row {row} lane {lane}");

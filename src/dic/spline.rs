@@ -24,6 +24,8 @@ const REACH: usize = 14;
 /// Weights of six taps as polynomials of the fraction.
 #[derive(Debug, PartialEq)]
 struct Kernel {
+    /// Taps that weigh anything: 6 or 4.
+    taps: usize,
     /// Even part of the weights of taps 1, 2, 3 (mirrored: 0, -1, -2), by powers of (t - 1/2)^2.
     even: [[f32; 3]; 3],
     /// Odd part, by powers of (t - 1/2)^2, to be multiplied by t - 1/2.
@@ -33,6 +35,7 @@ struct Kernel {
 /// The fitted kernel; goes with the quintic prefilter.
 #[expect(clippy::excessive_precision, reason = "the digits of the fit; rounding them would hide where they come from")]
 static OPTIMISED: Kernel = Kernel {
+    taps: 6,
     even: [
         [4.398_384_2e-1, -2.389_174e-1, 5.168_988_8e-2],
         [5.800_446_4e-2, 2.384_522e-1, -8.206_977e-2],
@@ -50,6 +53,7 @@ static OPTIMISED: Kernel = Kernel {
 /// Z. Pan, W. Chen, Z. Jiang, L. Tang, Y. Liu, Z. Liu, Theor. Appl. Mech. Lett. 6 (2016) 126,
 /// <https://doi.org/10.1016/j.taml.2016.04.003>.
 static BICUBIC: Kernel = Kernel {
+    taps: 4,
     even: [[19.0 / 32.0, -3.0 / 8.0, 0.0], [-3.0 / 32.0, 3.0 / 8.0, 0.0], [0.0; 3]],
     odd: [[9.0 / 7.0, -8.0 / 7.0, 0.0], [-3.0 / 28.0, 3.0 / 7.0, 0.0], [0.0; 3]],
 };
@@ -153,10 +157,16 @@ impl Splined {
         self.plane.height()
     }
 
-    /// What the taps are put on, from the first tap of the cell at (x, y) on; and the length of a row.
+    /// How many taps the kernel has along each axis: 6, or 4 where the outermost weigh nothing.
+    pub(super) fn tap_count(&self) -> usize {
+        self.kernel.taps
+    }
+
+    /// What `N` taps are put on, from the first tap of the cell at (x, y) on; and the length of a row.
     #[inline(always)]
-    pub(super) fn taps(&self, x: isize, y: isize) -> (&[f32], usize) {
-        (&self.plane.data()[self.plane.index(x - 2, y - 2)..], self.plane.stride())
+    pub(super) fn taps<const N: usize>(&self, x: isize, y: isize) -> (&[f32], usize) {
+        let before = (N / 2 - 1) as isize;
+        (&self.plane.data()[self.plane.index(x - before, y - before)..], self.plane.stride())
     }
 
     /// Weights of the six taps for a position `t` (0 to 1) after the third.
@@ -165,10 +175,13 @@ impl Splined {
         self.kernel.weights(t)
     }
 
-    /// [`Self::weights`] for eight positions.
+    /// The inner `N` of [`Self::weights`] for eight positions.
     #[inline(always)]
-    pub(super) fn lane_weights<V: Vector>(&self, t: V) -> [V; 6] {
-        self.kernel.lane_weights(t)
+    pub(super) fn lane_weights<V: Vector, const N: usize>(&self, t: V) -> [V; N] {
+        let weights = self.kernel.lane_weights(t);
+        let mut inner = [weights[0]; N];
+        inner.copy_from_slice(&weights[(6 - N) / 2..][..N]);
+        inner
     }
 
     /// The value at (x, y) px, which lies in the image or a few pixels off it.
@@ -176,7 +189,7 @@ impl Splined {
     pub(super) fn at(&self, x: f64, y: f64) -> f32 {
         let (cell_x, cell_y) = (x.floor(), y.floor());
         let (weights_x, weights_y) = (self.weights((x - cell_x) as f32), self.weights((y - cell_y) as f32));
-        let (taps, stride) = self.taps(cell_x as isize, cell_y as isize);
+        let (taps, stride) = self.taps::<6>(cell_x as isize, cell_y as isize);
         let mut sum = 0.0;
         for (row, weight) in weights_y.iter().enumerate() {
             let taps = &taps[row * stride..row * stride + 6];
