@@ -240,7 +240,10 @@ fn filter_rows_with<V: Vector>(levels: &Plane, response: &[f32; REACH + 1], out:
 #[inline(always)]
 fn convolve<V: Vector, const N: usize>(near: &[f32], response: &[f32; REACH + 1], out: &mut [f32]) {
     let (near, center) = (&near[..2 * REACH + N * LANES], V::splat(response[0]));
-    let mut sums: [V; N] = std::array::from_fn(|n| V::load(&near[REACH + n * LANES..]).mul(center));
+    let mut sums = [V::splat(0.0); N];
+    for (n, sum) in sums.iter_mut().enumerate() {
+        *sum = V::load(&near[REACH + n * LANES..]).mul(center);
+    }
     for (before, weight) in response[1..].iter().rev().enumerate() {
         let (left, right) = (&near[before..][..N * LANES], &near[2 * REACH - before..][..N * LANES]);
         let weight = V::splat(*weight);

@@ -72,7 +72,7 @@ struct Row {
 }
 
 /// How often the numbers of threads take turns, so that a machine whose speed drifts is fair to all.
-const TURNS: u32 = 7;
+const TURNS: u32 = 15;
 
 const CASES: [Case; 10] = [
     case("ic-gn affine, cold", Kind::Cold(Start::Search), Method::IcGn, Shape::Affine, Points::Field),
