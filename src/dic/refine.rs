@@ -297,7 +297,8 @@ fn differences_with<V: Vector>(refiner: &Refiner<'_>, warp: &Warp, (mean, gain):
         let rows = refiner.subset.levels[packed.clone()].iter().zip(&refiner.window.mask[packed.clone()]);
         for (dy, ((level, mask), out)) in (block.dy..).zip(rows.zip(&mut out[packed])) {
             let start = refiner.place(warp, block.dx, dy);
-            let value = sample_lanes::<V, 6, 7>(refiner.target, start, warp.ux, warp.vx).sub(mean).mul(V::from_lanes(mask));
+            let value =
+                sample_lanes::<V, 6, 7>(refiner.target, start, warp.ux, warp.vx).sub(mean).mul(V::from_lanes(mask));
             *out = V::from_lanes(level).sub(value.mul(gain)).to_lanes();
         }
     }
@@ -478,7 +479,8 @@ mod tests {
             let refiner = Refiner { subset: &subset, window: &window, shape: Shape::Affine, target, at: (45, 44) };
             let warps = [Warp::shift(0.3, -1.7), Warp::rigid(0.6, -0.3, 0.03), Warp::rigid(0.6, -0.3, 0.3)];
             let exact = warps.map(|warp| (sums_of(&refiner, &warp), sums_with::<Portable>(&refiner, &warp)));
-            let tiled = warps.map(|warp| (tiled_sums_of(&refiner, &warp), tiled_sums_with::<Portable>(&refiner, &warp)));
+            let tiled =
+                warps.map(|warp| (tiled_sums_of(&refiner, &warp), tiled_sums_with::<Portable>(&refiner, &warp)));
             for (fast, plain) in exact.into_iter().chain(tiled) {
                 assert_eq!(fast.levels.to_bits(), plain.levels.to_bits());
                 assert_eq!(fast.energy.to_bits(), plain.energy.to_bits());

@@ -1,5 +1,6 @@
 //! Blocks of frames to steps and fields.
 
+use super::confirm::{self, Evidence};
 use super::outline::{BodyParams, Finder, Outline};
 use super::part::Part;
 use super::whole::{WholeStep, Wholes};
@@ -13,11 +14,6 @@ use std::collections::VecDeque;
 
 /// Fewest subsets a rigid motion is believed from.
 const FEWEST_POINTS: u32 = 3;
-
-/// How far apart the whole body's step and its subsets' may be at least, px, px and deg.
-///
-/// Beyond this and eight sigma one of the two follows something else.
-const MOST_APART: [f64; 3] = [0.05, 0.05, 0.1];
 
 /// What the frames of a rig are measured with.
 #[derive(Debug, Clone, PartialEq)]
@@ -128,6 +124,8 @@ struct Known {
     outline: Option<(u64, Outline)>,
     /// The last motion measured.
     motion: Option<RigidStep>,
+    /// Whether what was measured contradicted itself: something else is in the picture, and may be taken for the body.
+    confused: bool,
 }
 
 /// A frame that waits for its target.
@@ -136,8 +134,12 @@ struct Reference {
     block: u64,
     prepared: Prepared,
     outlines: Vec<Result<Outline, PointStatus>>,
+    /// By body: whether the outline was seen in this frame, not carried to it.
+    seen: Vec<bool>,
     /// By body and interval; `None` until the target came, or did not.
     done: Vec<Option<Measured>>,
+    /// What speaks for each of them.
+    evidence: Vec<Evidence>,
 }
 
 impl Measurer {
@@ -194,12 +196,13 @@ impl Measurer {
         frame.unpack(&mut self.image).map_err(|source| MeasureError::Frame { sequence: meta.sequence, source })?;
         let block = meta.sequence / u64::from(self.params.block_frames);
         let own = self.measure_open(&meta, block);
-        self.give_out(measured);
         if self.share.holds(block) {
             self.open_reference(meta, block, own);
+            self.confirm();
         } else {
             self.spare.extend(own.map(|(prepared, _)| prepared));
         }
+        self.give_out(measured);
         Ok(())
     }
 
@@ -231,7 +234,8 @@ impl Measurer {
 
     /// Finds the bodies in the frame at hand, and keeps it until its targets have come.
     fn open_reference(&mut self, meta: FrameMeta, block: u64, own: Option<(Prepared, Part)>) {
-        let outlines: Vec<_> = (0..self.finders.len()).map(|body| self.find(body, &meta, block)).collect();
+        let (outlines, seen): (Vec<_>, Vec<_>) =
+            (0..self.finders.len()).map(|body| self.find(body, &meta, block)).unzip();
         let mut needed = Part::default();
         let subset_px = self.params.correlation.subset_size_px;
         outlines.iter().flatten().for_each(|outline| needed.add(&outline.around(subset_px), 0.0));
@@ -249,8 +253,44 @@ impl Measurer {
                 }
             }
         }
-        let done = vec![None; self.finders.len() * self.params.intervals_frames.len()];
-        self.open.push_back(Reference { meta, block, prepared, outlines, done });
+        let slots = self.finders.len() * self.params.intervals_frames.len();
+        let (done, evidence) = (vec![None; slots], vec![Evidence::default(); slots]);
+        self.open.push_back(Reference { meta, block, prepared, outlines, seen, done, evidence });
+    }
+
+    /// Holds the motions to the newest frame against what was seen there; withdraws those that cannot be.
+    fn confirm(&mut self) {
+        let Some(target) = self.open.pop_back() else { return };
+        for at in 0..self.open.len() {
+            let reference = &mut self.open[at];
+            let frames = target.meta.sequence - reference.meta.sequence;
+            let Some(place) = self.params.intervals_frames.iter().position(|interval| u64::from(*interval) == frames)
+            else {
+                continue;
+            };
+            if reference.block != target.block {
+                continue;
+            }
+            for body in 0..self.finders.len() {
+                let slot = body * self.params.intervals_frames.len() + place;
+                let Some(Measured { step, .. }) = &mut reference.done[slot] else { continue };
+                let outlines = (&reference.outlines[body], &target.outlines[body]);
+                let seen = reference.seen[body] && target.seen[body];
+                if step.step.is_none_or(|step| confirm::holds(&step, frames, outlines, seen, &reference.evidence[slot]))
+                {
+                    continue;
+                }
+                (step.step, step.status) = (None, PointStatus::Ambiguous);
+                if place == 0 {
+                    let block = reference.block;
+                    self.wholes.forget(body, block);
+                    let known = self.known(body, block);
+                    (known.motion, known.confused) = (None, true);
+                    break;
+                }
+            }
+        }
+        self.open.push_back(target);
     }
 
     /// Where the bodies of a block may be in a frame, and what is looked for around them.
@@ -290,24 +330,28 @@ impl Measurer {
     }
 
     /// The outline of one body in the frame at hand: near where it must be, or from scratch.
-    fn find(&mut self, body: usize, meta: &FrameMeta, block: u64) -> Result<Outline, PointStatus> {
+    ///
+    /// And whether it was seen there, not carried by its motion.
+    fn find(&mut self, body: usize, meta: &FrameMeta, block: u64) -> (Result<Outline, PointStatus>, bool) {
         let known = *self.known(body, block);
+        if known.confused {
+            return (Err(PointStatus::Ambiguous), false);
+        }
         let expected = known
             .outline
             .map(|(sequence, outline)| outline.carried(known.motion.as_ref(), (meta.sequence - sequence) as f64));
         let finder = &mut self.finders[body];
         let view = self.image.view();
-        let found = match expected {
-            // The motion is known far better than an outline is: where the outline cannot be told, it carries the centre.
-            Some((near, is_measured)) => {
-                let carried = || is_measured.then(|| near.by_motion_alone()).ok_or(PointStatus::Lost);
-                finder.follow(view, &near).or_else(|_| carried())
-            }
-            None => Err(PointStatus::Lost),
+        let followed = expected.and_then(|(near, _)| finder.follow(view, &near).ok());
+        // The motion is known far better than an outline is: where the outline cannot be told, it carries the centre.
+        let carried = expected.filter(|(_, is_measured)| *is_measured).map(|(near, _)| near.by_motion_alone());
+        let (found, seen) = match (followed, carried) {
+            (Some(outline), _) => (Ok(outline), true),
+            (None, Some(outline)) => (Ok(outline), false),
+            (None, None) => (finder.find(view), true),
         };
-        let found = found.or_else(|_| finder.find(view));
         self.known(body, block).outline = found.ok().map(|outline| (meta.sequence, outline));
-        found
+        (found, seen)
     }
 
     /// Measures what leads to this target, and what led to targets that did not come; everything with no target.
@@ -318,7 +362,10 @@ impl Measurer {
             let is_due = target.is_none_or(|(_, sequence)| sequence >= due);
             if reference.done[slot].is_none() && is_due {
                 let target = target.filter(|(_, sequence)| *sequence == due);
-                reference.done[slot] = Some(self.measure_body(reference, slot, target));
+                let before = self.known(slot / self.params.intervals_frames.len(), reference.block).motion;
+                let (measured, is_whole) = self.measure_body(reference, slot, target);
+                reference.evidence[slot] = Evidence { is_whole, before };
+                reference.done[slot] = Some(measured);
             }
         }
     }
@@ -332,7 +379,13 @@ impl Measurer {
         }
     }
 
-    fn measure_body(&mut self, reference: &Reference, slot: usize, target: Option<(&Prepared, u64)>) -> Measured {
+    /// The motion of one body from a frame, and whether the whole body was matched.
+    fn measure_body(
+        &mut self,
+        reference: &Reference,
+        slot: usize,
+        target: Option<(&Prepared, u64)>,
+    ) -> (Measured, bool) {
         let intervals = self.params.intervals_frames.len();
         let (body, place) = (slot / intervals, slot % intervals);
         let outline = reference.outlines[body];
@@ -346,9 +399,9 @@ impl Measurer {
             step: None,
             status: outline.err().unwrap_or_default(),
         };
-        let Ok(outline) = outline else { return Measured { step, field: None } };
+        let Ok(outline) = outline else { return (Measured { step, field: None }, false) };
         outline.tell(&mut step);
-        let Some((target, target_frame)) = target else { return Measured { step, field: None } };
+        let Some((target, target_frame)) = target else { return (Measured { step, field: None }, false) };
         let mut field =
             PairField { frame: step.frame, target_frame, stamp_ns: step.stamp_ns, body: step.body, points: Vec::new() };
         let frames = f64::from(step.interval_frames);
@@ -367,14 +420,17 @@ impl Measurer {
         if let (None, Some(rate)) = (whole, step.step) {
             whole = self.whole_step(span, &outline, &rate);
         }
-        if let Some(whole) = whole {
-            if step.step.is_none_or(|field| agree(&whole.step, &field)) {
-                step.step = Some(whole.step);
-                if let (Some(circle), Some(share)) = (&mut step.circle, whole.visible_fraction) {
-                    circle.visible_fraction = share;
-                }
-            } else {
+        let whole = whole.filter(|whole| {
+            let agrees = step.step.is_none_or(|field| confirm::agree(&whole.step, &field));
+            if !agrees {
                 self.wholes.forget(body, reference.block);
+            }
+            agrees
+        });
+        if let Some(whole) = whole {
+            step.step = Some(whole.step);
+            if let (Some(circle), Some(share)) = (&mut step.circle, whole.visible_fraction) {
+                circle.visible_fraction = share;
             }
         }
         if step.step.is_none() {
@@ -383,7 +439,7 @@ impl Measurer {
         if place == 0 {
             self.known(body, reference.block).motion = step.step;
         }
-        Measured { step, field: Some(field) }
+        (Measured { step, field: Some(field) }, whole.is_some())
     }
 
     /// The motion of the whole body, near a rate a frame.
@@ -402,7 +458,7 @@ impl Measurer {
     fn known(&mut self, body: usize, block: u64) -> &mut Known {
         let place = self.known.iter().position(|known| (known.body, known.block) == (body, block));
         let place = place.unwrap_or_else(|| {
-            self.known.push(Known { body, block, outline: None, motion: None });
+            self.known.push(Known { body, block, outline: None, motion: None, confused: false });
             self.known.len() - 1
         });
         &mut self.known[place]
@@ -421,17 +477,6 @@ impl Measurer {
             points: motion.points,
         })
     }
-}
-
-/// Whether the whole body moved as its subsets did.
-fn agree(whole: &RigidStep, field: &RigidStep) -> bool {
-    let apart = [whole.dx_px - field.dx_px, whole.dy_px - field.dy_px, whole.dtheta_deg - field.dtheta_deg];
-    let sigma = [
-        whole.sigma_dx_px.hypot(field.sigma_dx_px),
-        whole.sigma_dy_px.hypot(field.sigma_dy_px),
-        whole.sigma_dtheta_deg.hypot(field.sigma_dtheta_deg),
-    ];
-    apart.iter().zip(sigma).zip(MOST_APART).all(|((apart, sigma), most)| apart.abs() <= most.max(8.0 * sigma))
 }
 
 /// Where subsets are looked for when the body goes on as it moves, for as many frames as a step spans.

@@ -1,5 +1,6 @@
 //! One body's part of the tracker.
 
+use super::belief::Belief;
 use super::outline::seen;
 use crate::impact::{Contact, Detector, Event, SurfaceNode, World, solve};
 use crate::motion::{
@@ -44,6 +45,7 @@ pub struct BodyTracker {
     params: MotionParams,
     origin_ns: u64,
     axes: Axes,
+    belief: Belief,
     chain: Chain,
     anchor: Anchor,
     radius: RunningRadius,
@@ -61,6 +63,7 @@ impl BodyTracker {
             params: params.clone(),
             origin_ns: 0,
             axes: Axes::new(params.surface_angle_deg),
+            belief: Belief::default(),
             chain: Chain::new(params.walk_share),
             anchor: Anchor::new(),
             radius: RunningRadius::new(),
@@ -73,7 +76,15 @@ impl BodyTracker {
     }
 
     /// Takes the next step of this body; impacts that became known go to `impacts`.
-    pub fn push(&mut self, step: &BodyStep, origin_ns: u64, impacts: &mut Vec<Impact>) {
+    ///
+    /// Gives the step as it may be believed, which is what [`Self::rows`] wants to see.
+    pub fn push(&mut self, step: &BodyStep, origin_ns: u64, impacts: &mut Vec<Impact>) -> BodyStep {
+        let believed = self.belief.vet(step);
+        self.take(&believed, origin_ns, impacts);
+        believed
+    }
+
+    fn take(&mut self, step: &BodyStep, origin_ns: u64, impacts: &mut Vec<Impact>) {
         self.origin_ns = origin_ns;
         let outline = seen(step);
         if let Some(circle) = &outline {
@@ -100,7 +111,9 @@ impl BodyTracker {
 
     /// Takes a step over a longer interval.
     pub fn link(&mut self, step: &BodyStep) {
-        self.chain.link(step);
+        if !self.belief.doubts(step.frame) {
+            self.chain.link(step);
+        }
     }
 
     /// The stream has ended.
@@ -235,7 +248,9 @@ impl BodyTracker {
 
     /// The rows of a frame whose step was pushed, with everything pushed so far.
     pub fn rows(&self, step: &BodyStep) -> (TrackSample, VelocitySample) {
-        let gone = matches!(step.status, PointStatus::Lost | PointStatus::Occluded | PointStatus::OutOfFrame);
+        let unseen = seen(step).is_none();
+        let gone = matches!(step.status, PointStatus::Lost | PointStatus::Occluded | PointStatus::OutOfFrame)
+            || (unseen && step.status == PointStatus::Ambiguous);
         let node = self.nodes.binary_search_by_key(&step.frame, |n| n.frame).ok().map(|i| self.nodes[i]);
         let node = node.filter(|_| !gone);
         let circle = step.circle.filter(|_| !gone);
@@ -264,6 +279,7 @@ impl BodyTracker {
         });
         let rates = node.and_then(|n| smooth(&self.nodes, n.frame, regime, &self.params, self.gravity()));
         let scale = self.radius.metres_per_px(self.params.scale);
+        let center_sigma_px = center.map_or(0.0, |center| center.sigma_px);
         let velocity = VelocitySample {
             frame: step.frame,
             body: step.body,
@@ -271,8 +287,10 @@ impl BodyTracker {
             center_x_px: track.center_x_px,
             center_y_px: track.center_y_px,
             radius_px: track.radius_px,
-            step: step.step.filter(|_| !gone),
-            velocity: rates.zip(scale).map(|(rates, scale)| physical(&rates, scale, &self.params)),
+            step: step.step.filter(|_| !gone).map(|step| step.about(center_sigma_px)),
+            velocity: rates
+                .zip(scale)
+                .map(|(rates, scale)| physical(&rates.about(center_sigma_px), scale, &self.params)),
             visible_fraction: track.visible_fraction,
             phase,
             status: step.status,

@@ -6,8 +6,10 @@
 //! recorder runs over a shot and what offline analysis runs. Both are pure, so
 //! that the same frames give the same rows everywhere.
 
+mod belief;
 mod block;
 mod body;
+mod confirm;
 mod order;
 mod outline;
 mod part;

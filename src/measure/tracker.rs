@@ -73,8 +73,8 @@ impl Tracker {
         self.give_out(|oldest| oldest.frame.saturating_add(lag) < step.frame, rows);
         let origin_ns = *self.origin_ns.get_or_insert(step.stamp_ns);
         let body = &mut self.bodies[step.body as usize];
-        body.push(step, origin_ns, &mut rows.impacts);
-        self.pending.push_back(*step);
+        let believed = body.push(step, origin_ns, &mut rows.impacts);
+        self.pending.push_back(believed);
     }
 
     /// The stream has ended: everything held back becomes final.

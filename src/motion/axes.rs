@@ -72,6 +72,16 @@ pub struct PixelRates {
     pub order: u32,
 }
 
+impl PixelRates {
+    /// The same of a body whose centre is known to `center_sigma_px` only: a point beside the centre of a body that
+    /// turns has another velocity.
+    pub fn about(self, center_sigma_px: f64) -> Self {
+        let whirl = self.theta.value.to_radians() * center_sigma_px;
+        let widened = |rate: Estimate| Estimate { sigma: rate.sigma.hypot(whirl), ..rate };
+        Self { x: widened(self.x), y: widened(self.y), ..self }
+    }
+}
+
 /// Turns rates in pixels and frames into physical velocities.
 pub fn physical(rates: &PixelRates, scale: MetresPerPixel, params: &MotionParams) -> BodyVelocity {
     let period_s = params.frame_period_ns * 1e-9;
@@ -144,6 +154,15 @@ mod tests {
     fn gravity_points_down_the_image() {
         let [x, y] = gravity_px(&params(0.0), 5e-4);
         assert!(x.abs() < 1e-15 && (y - 9.81e-8 / 5e-4).abs() < 1e-12);
+    }
+
+    #[test]
+    fn an_uncertain_centre_widens_the_velocity_of_a_ball_that_turns() {
+        let still = rates(0.3, 0.4, 0.0).about(0.02);
+        let turning = rates(0.3, 0.4, 1.8).about(0.02);
+        assert_eq!(still, rates(0.3, 0.4, 0.0));
+        assert!((turning.x.sigma - 0.001_f64.hypot(0.02 * 1.8_f64.to_radians())).abs() < 1e-12);
+        assert_eq!((turning.y.sigma, turning.theta), (turning.x.sigma, rates(0.3, 0.4, 1.8).theta));
     }
 
     #[test]

@@ -40,6 +40,15 @@ pub struct RigidStep {
     pub points: u32,
 }
 
+impl RigidStep {
+    /// The same about a centre that is known to `center_sigma_px` only.
+    #[must_use]
+    pub fn about(self, center_sigma_px: f64) -> Self {
+        let whirl = self.dtheta_deg.to_radians() * center_sigma_px;
+        Self { sigma_dx_px: self.sigma_dx_px.hypot(whirl), sigma_dy_px: self.sigma_dy_px.hypot(whirl), ..self }
+    }
+}
+
 /// One body in one frame, and its motion to the next.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct BodyStep {

@@ -24,6 +24,7 @@ mod genicam_rate;
 mod genicam_settings;
 mod gige_line;
 mod golden;
+mod honest;
 mod impact;
 mod import;
 mod line;

@@ -1,0 +1,161 @@
+//! Films that are hard: what is told is right, or flagged; never silently wrong.
+
+use ricochet::ball::BallParams;
+use ricochet::config::Config;
+use ricochet::image::Frame;
+use ricochet::measure::{MeasureParams, Measurer, Share, Tracker, TrackerRows};
+use ricochet::results::VelocitySample;
+use ricochet::synth::{MotionSetup, Scenario, World};
+
+/// One frame of a film: what it shows, where the ball is and how it moves on.
+struct Shot {
+    bytes: Vec<u8>,
+    truth: VelocitySample,
+}
+
+/// Frames of a world, from `from` on.
+fn shots(world: &World) -> Vec<Shot> {
+    let shot = |index| {
+        let mut bytes = vec![0; world.frame_bytes()];
+        world.render(index, &mut bytes);
+        Shot { bytes, truth: world.truth(index) }
+    };
+    (0..world.frames()).map(shot).collect()
+}
+
+fn moving(seed: u64, frames: u64, start_px: [f64; 2], (vx, vy, spin): (f64, f64, f64)) -> Scenario {
+    let mut scenario = Scenario::translation(vx, vy, spin);
+    scenario.seed = seed;
+    (scenario.camera.frames, scenario.camera.width_px, scenario.camera.height_px) = (frames, 256, 256);
+    scenario.shade.ground_texture = 0.03;
+    scenario.motion = MotionSetup::Constant { vx_px_frame: vx, vy_px_frame: vy, omega_deg_frame: spin, start_px };
+    scenario
+}
+
+/// What a rig tells of the film.
+fn measure(film: &[Shot], like: &Scenario) -> TrackerRows {
+    let world = World::new(like).unwrap();
+    let text = "[rig]\nname = \"honest\"\n[camera]\nsource = \"simulated\"\n";
+    let text = format!(
+        "{text}[scale]\nmm_per_px = {}\n[surface]\nangle_deg = 0.0\n[[body]]\nname = \"ball\"\nkind = \"ball\"\n",
+        like.scale.mm_per_px
+    );
+    let text = format!("{text}min_radius_px = 50\nmax_radius_px = 70\n");
+    let config = Config::parse(&text, "honest.toml").unwrap();
+    let format = ricochet::camera::simulated::stream_format(&world);
+    let (measure, track) = ricochet::process::analysis_params(&config, &format);
+    let measure = MeasureParams { bodies: vec![BallParams::new(50.0, 70.0).into()], ..measure };
+    let mut measurer = Measurer::new(&measure, Share::ALL, 256, 256).unwrap();
+    let mut measured = Vec::new();
+    for (index, shot) in (0..).zip(film) {
+        let meta = ricochet::camera::simulated::meta(&world, index);
+        measurer.push(&Frame { meta, bytes: &shot.bytes }, &mut measured).unwrap();
+    }
+    measurer.finish(&mut measured);
+    let (mut tracker, mut rows) = (Tracker::new(&track), TrackerRows::default());
+    measured.iter().for_each(|row| tracker.push(&row.step, &mut rows));
+    tracker.finish(&mut rows);
+    rows
+}
+
+/// What a film's rows say against the truth.
+#[derive(Debug, Default)]
+struct Verdict {
+    /// Rows with a velocity.
+    told: usize,
+    /// Rows with a number further off than this many of its sigmas.
+    wrong: Vec<String>,
+}
+
+/// How many sigmas off a number may be.
+const MOST_SIGMAS: f64 = 6.0;
+
+fn judge(film: &[Shot], rows: &TrackerRows) -> Verdict {
+    let mut verdict = Verdict::default();
+    for ((shot, row), track) in film.iter().zip(&rows.velocities).zip(&rows.tracks) {
+        let truth = &shot.truth;
+        let mut check = |name: &str, found: Option<f64>, truth: Option<f64>, sigma: Option<f64>| {
+            let Some(((found, truth), sigma)) = found.zip(truth).zip(sigma) else { return };
+            if (found - truth).abs() > MOST_SIGMAS * sigma {
+                let line = format!("frame {}: {name} is {found:.5}, truth {truth:.5}, sigma {sigma:.5}", row.frame);
+                verdict.wrong.push(line);
+            }
+        };
+        check("x", track.center_x_px, truth.center_x_px, track.sigma_center_px);
+        check("y", track.center_y_px, truth.center_y_px, track.sigma_center_px);
+        if let Some((step, true_step)) = row.step.zip(truth.step) {
+            check("dx", Some(step.dx_px), Some(true_step.dx_px), Some(step.sigma_dx_px));
+            check("dy", Some(step.dy_px), Some(true_step.dy_px), Some(step.sigma_dy_px));
+            check("turn", Some(step.dtheta_deg), Some(true_step.dtheta_deg), Some(step.sigma_dtheta_deg));
+        }
+        if let Some((v, t)) = row.velocity.zip(truth.velocity) {
+            check("vx", Some(v.vx_m_s), Some(t.vx_m_s), Some(v.sigma_v_m_s));
+            check("vy", Some(v.vy_m_s), Some(t.vy_m_s), Some(v.sigma_v_m_s));
+            check("omega", Some(v.omega_rad_s), Some(t.omega_rad_s), Some(v.sigma_omega_rad_s));
+        }
+        verdict.told += usize::from(row.velocity.is_some());
+    }
+    for line in &verdict.wrong {
+        println!("{line}");
+    }
+    println!("{} of {} frames told, {} numbers wrong", verdict.told, film.len(), verdict.wrong.len());
+    verdict
+}
+
+#[test]
+fn a_ball_that_leaves_and_comes_back_is_told_only_while_it_is_there() {
+    let out = moving(5, 64, [150.3, 120.7], (3.37, 0.41, 0.9));
+    let back = moving(5, 64, [330.3, 140.7], (-3.37, -0.41, -0.9));
+    let mut film = shots(&World::new(&out).unwrap());
+    film.extend(shots(&World::new(&back).unwrap()));
+    let rows = measure(&film, &out);
+    let verdict = judge(&film, &rows);
+    assert!(verdict.wrong.is_empty());
+}
+
+#[test]
+fn a_ball_blurred_by_a_long_exposure_is_right() {
+    for (speed, spin) in [(2.9, 0.4), (5.3, 1.7)] {
+        let mut blurred = moving(6, 32, [80.3, 110.7], (speed, 0.3, spin));
+        blurred.camera.exposure_us = 0.9e6 / blurred.camera.frame_rate_hz;
+        let film = shots(&World::new(&blurred).unwrap());
+        let verdict = judge(&film, &measure(&film, &blurred));
+        assert!(verdict.wrong.is_empty() && verdict.told > 24);
+    }
+}
+
+#[test]
+fn a_lamp_that_flickers_changes_nothing_but_the_light() {
+    for (share, hz) in [(0.1, 100.0), (0.4, 1200.0)] {
+        let mut flickering = moving(7, 48, [100.3, 110.7], (1.13, 0.37, 0.6));
+        (flickering.light.flicker, flickering.light.flicker_hz) = (share, hz);
+        let film = shots(&World::new(&flickering).unwrap());
+        let verdict = judge(&film, &measure(&film, &flickering));
+        assert!(verdict.wrong.is_empty() && verdict.told > 40);
+    }
+}
+
+/// Puts what a second film shows of its ball before the first one's frames.
+fn before(film: &mut [Shot], other: &Scenario) {
+    let (radius, width) = (other.radius_px() + 0.5, other.camera.width_px as usize);
+    for (shot, second) in film.iter_mut().zip(shots(&World::new(other).unwrap())) {
+        let (x, y) = (second.truth.center_x_px.unwrap(), second.truth.center_y_px.unwrap());
+        for (place, (byte, over)) in shot.bytes.iter_mut().zip(&second.bytes).enumerate() {
+            let (column, row) = ((place % width) as f64, (place / width) as f64);
+            if (column - x).hypot(row - y) < radius {
+                *byte = *over;
+            }
+        }
+    }
+}
+
+#[test]
+fn a_second_ball_that_passes_is_not_taken_for_the_first() {
+    for (start_px, motion) in [([-80.3, 90.7], (7.3, 1.1, 0.9)), ([300.3, 60.7], (-4.7, 0.3, -1.3))] {
+        let like = moving(8, 64, [90.3, 150.7], (0.63, -0.21, 0.5));
+        let mut film = shots(&World::new(&like).unwrap());
+        before(&mut film, &moving(9, 64, start_px, motion));
+        let verdict = judge(&film, &measure(&film, &like));
+        assert!(verdict.wrong.is_empty());
+    }
+}
