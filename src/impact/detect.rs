@@ -317,7 +317,7 @@ impl Detector {
             None => Regime::Flight { from: 0, to },
             Some(b) => match b.to {
                 Some(end) if frame >= end => Regime::Flight { from: end, to },
-                _ => Regime::Contact { speed_px: b.speed, acceleration_px: b.acceleration },
+                _ => Regime::Contact { speed_px: b.speed, acceleration_px: b.acceleration, from: b.from, to: b.to },
             },
         }
     }

@@ -19,6 +19,8 @@ const EARLY_FRAMES: f64 = 4.0;
 const TURNING_FRAMES: f64 = 0.002;
 /// Nodes the deepest moment is fitted to where no law is accepted.
 const DEEPEST_NODES: usize = 9;
+/// A contact has turned when the moment is known to so many frames.
+const CERTAIN_TURN_FRAMES: f64 = 0.5;
 /// Hindsight alone tells start and end to about so many frames.
 const HINDSIGHT_FRAMES: f64 = 1.0;
 
@@ -104,6 +106,14 @@ fn by_hindsight(nodes: &[SurfaceNode], contact: &Contact, end: f64) -> Interval 
         // Noticed by force that is small, not gone: the first half of a short flight may still be bent.
         after_from: end + (0.5 * (newest - end)).clamp(0.0, EARLY_FRAMES),
     }
+}
+
+/// When a contact that may still last was deepest, frames; `None` until so many nodes are past it that it is certain.
+pub fn deepest_so_far(nodes: &[SurfaceNode], contact: &Contact) -> Option<Estimate> {
+    let contact = between(nodes, contact.start_frames, f64::INFINITY);
+    let (at, _) = contact.iter().enumerate().min_by(|a, b| a.1.value[NORMAL].total_cmp(&b.1.value[NORMAL]))?;
+    let is_past = at > 0 && at + DEEPEST_NODES / 2 < contact.len();
+    is_past.then(|| turning_point(contact)).flatten().filter(|turn| turn.sigma < CERTAIN_TURN_FRAMES)
 }
 
 /// When the normal velocity crosses zero, by a cubic through the nodes about the deepest one.

@@ -2,12 +2,13 @@
 
 use super::belief::Belief;
 use super::outline::seen;
-use crate::impact::{Contact, Detector, Event, SurfaceNode, World, solve};
+use super::tracker::TrackerRows;
+use crate::impact::{Contact, Detector, Event, SurfaceNode, World, deepest_so_far, solve};
 use crate::motion::{
     Anchor, Axes, Center, Chain, Form, MotionParams, Node, Regime, RunningRadius, Scale, gravity_px, lag_frames,
     physical, smooth,
 };
-use crate::results::{BodyStep, Estimate, Impact, Phase, PointStatus, TrackSample, VelocitySample};
+use crate::results::{Alarm, AlarmKind, BodyStep, Estimate, Impact, Phase, PointStatus, TrackSample, VelocitySample};
 
 /// An impact is told again when so many frames after its end are known; the last is final.
 const REVISIONS_FRAMES: [f64; 2] = [16.0, 64.0];
@@ -52,6 +53,8 @@ pub struct BodyTracker {
     nodes: Vec<Node>,
     first_sigma_deg: Option<f64>,
     detector: Option<Detector>,
+    /// Whether it was told that the contact that lasts was deepest.
+    turned: bool,
     telling: Option<Telling>,
     collisions: u32,
 }
@@ -70,21 +73,22 @@ impl BodyTracker {
             nodes: Vec::new(),
             first_sigma_deg: None,
             detector: contact.then(Detector::new),
+            turned: false,
             telling: None,
             collisions: 0,
         }
     }
 
-    /// Takes the next step of this body; impacts that became known go to `impacts`.
+    /// Takes the next step of this body; impacts and alarms go to `rows`.
     ///
     /// Gives the step as it may be believed, which is what [`Self::rows`] wants to see.
-    pub fn push(&mut self, step: &BodyStep, origin_ns: u64, impacts: &mut Vec<Impact>) -> BodyStep {
+    pub fn push(&mut self, step: &BodyStep, origin_ns: u64, rows: &mut TrackerRows) -> BodyStep {
         let believed = self.belief.vet(step);
-        self.take(&believed, origin_ns, impacts);
+        self.take(&believed, origin_ns, rows);
         believed
     }
 
-    fn take(&mut self, step: &BodyStep, origin_ns: u64, impacts: &mut Vec<Impact>) {
+    fn take(&mut self, step: &BodyStep, origin_ns: u64, rows: &mut TrackerRows) {
         self.origin_ns = origin_ns;
         let outline = seen(step);
         if let Some(circle) = &outline {
@@ -106,7 +110,31 @@ impl BodyTracker {
         if let (None, Some(circle)) = (&self.detector, &outline) {
             self.anchor.push(&node, circle);
         }
-        self.tell(event, node.time_frames, impacts);
+        self.tell(event, node.time_frames, &mut rows.impacts);
+        rows.alarms.extend(self.alarm(event, step.frame));
+    }
+
+    /// What is to be told at once.
+    fn alarm(&mut self, event: Event, frame: u64) -> Option<Alarm> {
+        let period_s = self.params.frame_period_ns * 1e-9;
+        let alarm = |kind, at: Estimate| {
+            let at_s = Estimate { value: at.value * period_s, sigma: at.sigma * period_s };
+            Alarm { body: self.body, kind, frame, at_s }
+        };
+        let detector = self.detector.as_ref()?;
+        match (event, detector.contact().filter(|contact| contact.end_frames.is_none())) {
+            (Event::Began, Some(contact)) => {
+                self.turned = false;
+                Some(alarm(AlarmKind::Began, Estimate { value: contact.start_frames, sigma: 1.0 }))
+            }
+            (Event::Dismissed, _) => Some(alarm(AlarmKind::Withdrawn, Estimate { value: frame as f64, sigma: 1.0 })),
+            (_, Some(contact)) if !self.turned => {
+                let turn = deepest_so_far(detector.trail(), contact)?;
+                self.turned = true;
+                Some(alarm(AlarmKind::Turned, turn))
+            }
+            _ => None,
+        }
     }
 
     /// Takes a step over a longer interval.

@@ -4,7 +4,7 @@ use std::collections::VecDeque;
 
 use super::body::BodyTracker;
 use crate::motion::{MotionParams, lag_frames};
-use crate::results::{BodyStep, Impact, TrackSample, VelocitySample};
+use crate::results::{Alarm, BodyStep, Impact, TrackSample, VelocitySample};
 
 /// What the tracker computes with.
 #[derive(Debug, Clone, PartialEq)]
@@ -33,6 +33,8 @@ pub struct TrackerRows {
     pub velocities: Vec<VelocitySample>,
     /// One or several a collision; of one `body` and `number` the highest `revision` counts.
     pub impacts: Vec<Impact>,
+    /// What is noticed of a collision before it is over.
+    pub alarms: Vec<Alarm>,
 }
 
 /// Turns steps into tracks, velocities and impacts.
@@ -73,7 +75,7 @@ impl Tracker {
         self.give_out(|oldest| oldest.frame.saturating_add(lag) < step.frame, rows);
         let origin_ns = *self.origin_ns.get_or_insert(step.stamp_ns);
         let body = &mut self.bodies[step.body as usize];
-        let believed = body.push(step, origin_ns, &mut rows.impacts);
+        let believed = body.push(step, origin_ns, rows);
         self.pending.push_back(believed);
     }
 

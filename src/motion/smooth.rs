@@ -18,6 +18,9 @@ const SAME_ACCELERATION: f64 = 3.5;
 /// How much stronger the fifth derivative of a contact is than that of half a sine: contacts begin and end more sharply.
 const SHARPNESS: f64 = 10.0;
 
+/// What the order-4 window errs by where the force sets in or ends, as a share of the strongest acceleration, frames.
+const KINK: f64 = 0.04;
+
 /// What is known of the motion around a frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Regime {
@@ -36,6 +39,10 @@ pub enum Regime {
         speed_px: f64,
         /// Strongest acceleration so far, px/frame^2.
         acceleration_px: f64,
+        /// First frame.
+        from: u64,
+        /// First frame after it; `None` while that is not known.
+        to: Option<u64>,
     },
 }
 
@@ -129,10 +136,15 @@ pub fn smooth(
             let (back, ahead) = (from.max(frame.saturating_sub(FLIGHT_BACK)), to.min(frame + FLIGHT_AHEAD));
             in_flight(between(nodes, back, ahead), at.time_frames, gravity).or_else(fallback)
         }
-        Regime::Contact { speed_px, acceleration_px } => {
+        Regime::Contact { speed_px, acceleration_px, from, to } => {
             let sigma = (at.sigma[0] + at.sigma[1]) / 2.0;
             let half = contact_half_width(sigma, speed_px, acceleration_px);
-            plain(2 * half + n, CONTACT_ORDER, AUTO_AHEAD_FRAMES)
+            let to_end = to.map_or(u64::MAX, |to| to.abs_diff(frame));
+            let near = 1.0 - frame.abs_diff(from).min(to_end) as f64 / half as f64;
+            let bias_px = contact_bias(half, speed_px, acceleration_px).hypot(KINK * acceleration_px * near.max(0.0));
+            let rates = plain(2 * half + n, CONTACT_ORDER, AUTO_AHEAD_FRAMES)?;
+            let biased = |rate: Estimate| Estimate { sigma: rate.sigma.hypot(bias_px), ..rate };
+            Some(PixelRates { x: biased(rates.x), y: biased(rates.y), ..rates })
         }
     }
 }
@@ -161,11 +173,15 @@ fn in_flight(nodes: &[Node], at_frames: f64, gravity: Option<[f64; 2]>) -> Optio
 
 /// Half width of the order-4 window with the smallest noise^2 + bias^2.
 fn contact_half_width(sigma: f64, speed_px: f64, acceleration_px: f64) -> u64 {
-    let omega = (acceleration_px / speed_px.max(1e-9)).clamp(0.0, 1.0);
-    let fifth = SHARPNESS * speed_px * omega.powi(4) * std::f64::consts::FRAC_1_SQRT_2;
     let cost = |half: u64| {
-        let h = half as f64;
-        (9.375 * sigma * sigma / h.powi(3)) + (fifth * h.powi(4) / 504.0).powi(2)
+        9.375 * sigma * sigma / (half as f64).powi(3) + contact_bias(half, speed_px, acceleration_px).powi(2)
     };
     (4..=12).min_by(|a, b| cost(*a).total_cmp(&cost(*b))).unwrap_or(6)
+}
+
+/// What the order-4 window leaves out inside a contact, px/frame.
+fn contact_bias(half: u64, speed_px: f64, acceleration_px: f64) -> f64 {
+    let omega = (acceleration_px / speed_px.max(1e-9)).clamp(0.0, 1.0);
+    let fifth = SHARPNESS * speed_px * omega.powi(4) * std::f64::consts::FRAC_1_SQRT_2;
+    fifth * (half as f64).powi(4) / 504.0
 }

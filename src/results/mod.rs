@@ -3,6 +3,7 @@
 //! Plain values without behaviour. A number that could not be measured is
 //! `None` and a status says why; there is no NaN and no zero in its place.
 
+mod alarm;
 mod field;
 mod impact;
 mod rod;
@@ -11,6 +12,7 @@ mod step;
 mod track;
 mod velocity;
 
+pub use alarm::{Alarm, AlarmKind};
 pub use field::{Displacement, FieldPoint, PairField};
 pub use impact::{Estimate, ForceLaw, Impact};
 pub use rod::{ROD_EDGES, Rod, RodEdge};
