@@ -5,7 +5,7 @@ use super::text::Text;
 use super::{Body, BodyKind, Config};
 use crate::ball::BallParams;
 use crate::dic::CorrelationParams;
-use crate::motion::{Form, MotionParams, Rotation, Scale, walk_share};
+use crate::motion::{Form, MotionParams, Scale, WalkShare};
 use crate::rod::{LEAST_WIDTH_PX, RodParams};
 
 /// Radii looked for around the predicted one: room for a wrong lens or a ball nearer than the scale's plane.
@@ -69,12 +69,6 @@ impl Config {
     }
 
     /// A rod is not matched as a whole.
-    fn rotation_of(&self, body: usize) -> Rotation {
-        match self.bodies[body].kind {
-            BodyKind::Ball => self.rotation,
-            BodyKind::Rod => Rotation::Field,
-        }
-    }
 
     /// What the motion of one body is computed with, at this nominal frame rate in Hz; `exposure_us` is the camera's
     /// own, used where the file gives none.
@@ -99,7 +93,7 @@ impl Config {
                 BodyKind::Rod => Form::Rod,
             },
             interval_frames: self.intervals_frames[0],
-            walk_share: walk_share(self.rotation_of(body), &self.intervals_frames),
+            walk_share: WalkShare::of(&self.intervals_frames),
             exposure_ns: 1.0e3 * self.camera.exposure_us.unwrap_or(exposure_us),
             frame_period_ns: 1.0e9 / frame_rate_hz,
         }

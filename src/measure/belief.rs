@@ -113,7 +113,17 @@ mod tests {
         };
         let status = PointStatus::Valid;
         let (circle, step) = (Some(circle), Some(step));
-        BodyStep { frame, stamp_ns: frame, body: 0, interval_frames: 1, circle, rod: None, step, status }
+        BodyStep {
+            is_whole: true,
+            frame,
+            stamp_ns: frame,
+            body: 0,
+            interval_frames: 1,
+            circle,
+            rod: None,
+            step,
+            status,
+        }
     }
 
     fn gone(frame: u64) -> BodyStep {

@@ -1,6 +1,6 @@
 //! Blocks of frames to steps and fields.
 
-use super::confirm::{self, Evidence};
+use super::confirm;
 use super::outline::{BodyParams, Finder, Outline};
 use super::part::Part;
 use super::whole::{WholeStep, Wholes};
@@ -28,6 +28,13 @@ pub struct MeasureParams {
     pub bodies: Vec<BodyParams>,
     /// Frames of a block; blocks begin at sequence numbers divisible by it.
     pub block_frames: u32,
+}
+
+impl MeasureParams {
+    /// Whether the interval at `place` is so many frames.
+    fn is_interval(&self, place: usize, frames: u64) -> bool {
+        u64::from(self.intervals_frames[place]) == frames
+    }
 }
 
 /// Which blocks are measured here.
@@ -138,8 +145,8 @@ struct Reference {
     seen: Vec<bool>,
     /// By body and interval; `None` until the target came, or did not.
     done: Vec<Option<Measured>>,
-    /// What speaks for each of them.
-    evidence: Vec<Evidence>,
+    /// The motion before each of them.
+    before: Vec<Option<RigidStep>>,
 }
 
 impl Measurer {
@@ -254,43 +261,44 @@ impl Measurer {
             }
         }
         let slots = self.finders.len() * self.params.intervals_frames.len();
-        let (done, evidence) = (vec![None; slots], vec![Evidence::default(); slots]);
-        self.open.push_back(Reference { meta, block, prepared, outlines, seen, done, evidence });
+        let (done, before) = (vec![None; slots], vec![None; slots]);
+        self.open.push_back(Reference { meta, block, prepared, outlines, seen, done, before });
     }
 
     /// Holds the motions to the newest frame against what was seen there; withdraws those that cannot be.
     fn confirm(&mut self) {
         let Some(target) = self.open.pop_back() else { return };
-        for at in 0..self.open.len() {
-            let reference = &mut self.open[at];
+        let intervals = self.params.intervals_frames.len();
+        let mut open = std::mem::take(&mut self.open);
+        for reference in open.iter_mut().filter(|reference| reference.block == target.block) {
             let frames = target.meta.sequence - reference.meta.sequence;
-            let Some(place) = self.params.intervals_frames.iter().position(|interval| u64::from(*interval) == frames)
-            else {
-                continue;
-            };
-            if reference.block != target.block {
-                continue;
-            }
-            for body in 0..self.finders.len() {
-                let slot = body * self.params.intervals_frames.len() + place;
-                let Some(Measured { step, .. }) = &mut reference.done[slot] else { continue };
+            for slot in 0..reference.done.len() {
+                let (body, place) = (slot / intervals, slot % intervals);
+                let Some(measured) = reference.done[slot].as_mut().filter(|_| self.params.is_interval(place, frames))
+                else {
+                    continue;
+                };
                 let outlines = (&reference.outlines[body], &target.outlines[body]);
                 let seen = reference.seen[body] && target.seen[body];
-                if step.step.is_none_or(|step| confirm::holds(&step, frames, outlines, seen, &reference.evidence[slot]))
-                {
+                if confirm::holds(&measured.step, reference.before[slot].as_ref(), outlines, seen) {
                     continue;
                 }
-                (step.step, step.status) = (None, PointStatus::Ambiguous);
+                (measured.step.step, measured.step.is_whole) = (None, false);
+                measured.step.status = PointStatus::Ambiguous;
                 if place == 0 {
-                    let block = reference.block;
-                    self.wholes.forget(body, block);
-                    let known = self.known(body, block);
-                    (known.motion, known.confused) = (None, true);
-                    break;
+                    self.confuse(body, target.block);
                 }
             }
         }
+        self.open = open;
         self.open.push_back(target);
+    }
+
+    /// Follows a body no more within a block: something else may be taken for it.
+    fn confuse(&mut self, body: usize, block: u64) {
+        self.wholes.forget(body, block);
+        let known = self.known(body, block);
+        (known.motion, known.confused) = (None, true);
     }
 
     /// Where the bodies of a block may be in a frame, and what is looked for around them.
@@ -363,8 +371,8 @@ impl Measurer {
             if reference.done[slot].is_none() && is_due {
                 let target = target.filter(|(_, sequence)| *sequence == due);
                 let before = self.known(slot / self.params.intervals_frames.len(), reference.block).motion;
-                let (measured, is_whole) = self.measure_body(reference, slot, target);
-                reference.evidence[slot] = Evidence { is_whole, before };
+                let measured = self.measure_body(reference, slot, target);
+                reference.before[slot] = before;
                 reference.done[slot] = Some(measured);
             }
         }
@@ -379,17 +387,13 @@ impl Measurer {
         }
     }
 
-    /// The motion of one body from a frame, and whether the whole body was matched.
-    fn measure_body(
-        &mut self,
-        reference: &Reference,
-        slot: usize,
-        target: Option<(&Prepared, u64)>,
-    ) -> (Measured, bool) {
+    /// The motion of one body from a frame.
+    fn measure_body(&mut self, reference: &Reference, slot: usize, target: Option<(&Prepared, u64)>) -> Measured {
         let intervals = self.params.intervals_frames.len();
         let (body, place) = (slot / intervals, slot % intervals);
         let outline = reference.outlines[body];
         let mut step = BodyStep {
+            is_whole: false,
             frame: reference.meta.sequence,
             stamp_ns: reference.meta.stamp_ns,
             body: u32::try_from(body).unwrap_or(u32::MAX),
@@ -399,9 +403,9 @@ impl Measurer {
             step: None,
             status: outline.err().unwrap_or_default(),
         };
-        let Ok(outline) = outline else { return (Measured { step, field: None }, false) };
+        let Ok(outline) = outline else { return Measured { step, field: None } };
         outline.tell(&mut step);
-        let Some((target, target_frame)) = target else { return (Measured { step, field: None }, false) };
+        let Some((target, target_frame)) = target else { return Measured { step, field: None } };
         let mut field =
             PairField { frame: step.frame, target_frame, stamp_ns: step.stamp_ns, body: step.body, points: Vec::new() };
         let frames = f64::from(step.interval_frames);
@@ -428,18 +432,18 @@ impl Measurer {
             agrees
         });
         if let Some(whole) = whole {
-            step.step = Some(whole.step);
+            (step.step, step.is_whole) = (Some(whole.step), true);
             if let (Some(circle), Some(share)) = (&mut step.circle, whole.visible_fraction) {
                 circle.visible_fraction = share;
             }
         }
         if step.step.is_none() {
-            step.status = why_not(&field);
+            step.status = confirm::why_not(&field);
         }
         if place == 0 {
             self.known(body, reference.block).motion = step.step;
         }
-        (Measured { step, field: Some(field) }, whole.is_some())
+        Measured { step, field: Some(field) }
     }
 
     /// The motion of the whole body, near a rate a frame.
@@ -488,13 +492,4 @@ fn start(step: &RigidStep, (x_px, y_px): (f64, f64), frames: f64) -> Start {
         v_px: frames * step.dy_px,
         angle_deg: frames * step.dtheta_deg,
     }
-}
-
-/// The most frequent reason why the subsets of a field give no motion.
-fn why_not(field: &PairField) -> PointStatus {
-    let count = |status: PointStatus| field.points.iter().filter(|point| point.status == status).count();
-    let invalid = PointStatus::ALL.into_iter().filter(|status| *status != PointStatus::Valid);
-    let most = invalid.max_by_key(|status| count(*status)).filter(|status| count(*status) > 0);
-    // No subset fits into the body at all.
-    most.unwrap_or(PointStatus::OutOfFrame)
 }

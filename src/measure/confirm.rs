@@ -1,7 +1,7 @@
-//! Whether a motion that was measured is that of the body that was seen.
+//! Whether a motion that was measured is that of the body that was seen; why there is none.
 
 use super::outline::Outline;
-use crate::results::{PointStatus, RigidStep};
+use crate::results::{BodyStep, PairField, PointStatus, RigidStep};
 
 /// Two outlines of one body are not further from its motion than this, px; deformed balls in contact reach half of it.
 const MOST_APART_PX: f64 = 1.5;
@@ -17,33 +17,23 @@ const MOST_SUDDEN_PX: f64 = 1.0;
 /// Beyond this and eight sigma one of the two follows something else.
 const WHOLE_APART: [f64; 3] = [0.05, 0.05, 0.1];
 
-/// What speaks for a motion besides the subsets it may come from.
-#[derive(Debug, Clone, Copy, Default)]
-pub(super) struct Evidence {
-    /// It is a match of the whole body with a picture of it kept from before.
-    pub(super) is_whole: bool,
-    /// The motion before it.
-    pub(super) before: Option<RigidStep>,
-}
-
 /// Whether the body that was seen in both frames can have moved so.
 ///
 /// Subsets follow whatever is in front of most of them. Where both outlines were `seen`, they must have moved as far;
-/// where not, the body must have been matched as a whole, or go on much as it did.
+/// where not, the body must have been matched as a whole, or go on much as it did `before`.
 pub(super) fn holds(
-    step: &RigidStep,
-    frames: u64,
+    measured: &BodyStep,
+    before: Option<&RigidStep>,
     (from, to): (&Result<Outline, PointStatus>, &Result<Outline, PointStatus>),
     seen: bool,
-    evidence: &Evidence,
 ) -> bool {
-    let (Ok(Outline::Ball(from)), Ok(Outline::Ball(to))) = (from, to) else { return true };
+    let (Ok(Outline::Ball(from)), Ok(Outline::Ball(to)), Some(step)) = (from, to, &measured.step) else { return true };
     if seen {
-        let moved = frames as f64;
-        let apart = (to.x_px - from.x_px - moved * step.dx_px).hypot(to.y_px - from.y_px - moved * step.dy_px);
+        let frames = f64::from(measured.interval_frames);
+        let apart = (to.x_px - from.x_px - frames * step.dx_px).hypot(to.y_px - from.y_px - frames * step.dy_px);
         return apart <= MOST_APART_PX.max(MOST_SIGMAS * from.sigma_center_px.hypot(to.sigma_center_px));
     }
-    evidence.is_whole || evidence.before.is_some_and(|before| goes_on(&before, step))
+    measured.is_whole || before.is_some_and(|before| goes_on(before, step))
 }
 
 /// Whether a motion is much like the one before it.
@@ -61,6 +51,15 @@ pub(super) fn agree(whole: &RigidStep, field: &RigidStep) -> bool {
         whole.sigma_dtheta_deg.hypot(field.sigma_dtheta_deg),
     ];
     apart.iter().zip(sigma).zip(WHOLE_APART).all(|((apart, sigma), most)| apart.abs() <= most.max(8.0 * sigma))
+}
+
+/// The most frequent reason why the subsets of a field give no motion.
+pub(super) fn why_not(field: &PairField) -> PointStatus {
+    let count = |status: PointStatus| field.points.iter().filter(|point| point.status == status).count();
+    let invalid = PointStatus::ALL.into_iter().filter(|status| *status != PointStatus::Valid);
+    let most = invalid.max_by_key(|status| count(*status)).filter(|status| count(*status) > 0);
+    // No subset fits into the body at all.
+    most.unwrap_or(PointStatus::OutOfFrame)
 }
 
 #[cfg(test)]
@@ -91,22 +90,25 @@ mod tests {
         }
     }
 
+    fn moved(is_whole: bool, interval_frames: u32) -> BodyStep {
+        let (circle, rod, step, status) = (None, None, Some(step(7.8)), PointStatus::Valid);
+        BodyStep { is_whole, frame: 3, stamp_ns: 3, body: 0, interval_frames, circle, rod, step, status }
+    }
+
     #[test]
     fn a_motion_that_outlines_do_not_share_is_not_the_bodys() {
-        let nothing = Evidence::default();
-        assert!(holds(&step(7.8), 1, (&at(100.0), &at(107.9)), true, &nothing));
-        assert!(holds(&step(7.8), 3, (&at(100.0), &at(123.3)), true, &nothing));
-        assert!(!holds(&step(7.8), 1, (&at(100.0), &at(100.6)), true, &nothing));
+        assert!(holds(&moved(false, 1), None, (&at(100.0), &at(107.9)), true));
+        assert!(holds(&moved(false, 3), None, (&at(100.0), &at(123.3)), true));
+        assert!(!holds(&moved(true, 1), Some(&step(7.8)), (&at(100.0), &at(100.6)), true));
     }
 
     #[test]
     fn a_motion_between_outlines_that_were_not_seen_needs_other_evidence() {
         let pair = (&at(100.0), &at(107.8));
-        assert!(!holds(&step(7.8), 1, pair, false, &Evidence::default()));
-        assert!(!holds(&step(7.8), 1, pair, false, &Evidence { is_whole: false, before: Some(step(0.6)) }));
-        assert!(holds(&step(7.8), 1, pair, false, &Evidence { is_whole: false, before: Some(step(7.1)) }));
-        assert!(holds(&step(7.8), 1, pair, false, &Evidence { is_whole: true, before: None }));
-        let out = Err(PointStatus::Lost);
-        assert!(holds(&step(7.8), 1, (&at(100.0), &out), false, &Evidence::default()), "nothing contradicts it");
+        assert!(!holds(&moved(false, 1), None, pair, false));
+        assert!(!holds(&moved(false, 1), Some(&step(0.6)), pair, false));
+        assert!(holds(&moved(false, 1), Some(&step(7.1)), pair, false));
+        assert!(holds(&moved(true, 1), None, pair, false));
+        assert!(holds(&moved(false, 1), None, (&at(100.0), &Err(PointStatus::Lost)), false), "nothing contradicts it");
     }
 }

@@ -155,6 +155,7 @@ impl Order {
             (None, None, _, _) => return None,
         };
         Some(BodyStep {
+            is_whole: false,
             frame,
             body: slot / self.intervals(),
             stamp_ns: stamp_at(frame, &a, &b),
@@ -185,7 +186,7 @@ mod tests {
     fn step(frame: u64, body: u32) -> BodyStep {
         let stamp_ns = 1_000 + 100 * frame;
         let (circle, rod, step, status) = (None, None, None, PointStatus::Valid);
-        BodyStep { frame, stamp_ns, body, interval_frames: 1, circle, rod, step, status }
+        BodyStep { is_whole: false, frame, stamp_ns, body, interval_frames: 1, circle, rod, step, status }
     }
 
     fn drain(order: &mut Order) -> Vec<BodyStep> {

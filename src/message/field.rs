@@ -29,7 +29,7 @@ pub struct FieldHeader {
     pub worker: u32,
     /// 1 when the circle below was measured.
     pub circle_known: u32,
-    /// 1 when the step below was measured.
+    /// When the step below was measured: 1 from subsets, 2 as a match of the whole body with a kept reference.
     pub step_known: u32,
     /// Zero.
     pub reserved: u32,
@@ -86,7 +86,7 @@ impl FieldHeader {
             header.visible_fraction = circle.visible_fraction;
         }
         if let Some(motion) = step.step {
-            header.step_known = 1;
+            header.step_known = 1 + u32::from(step.is_whole);
             header.dx_px = motion.dx_px;
             header.dy_px = motion.dy_px;
             header.dtheta_deg = motion.dtheta_deg;
@@ -108,7 +108,7 @@ impl FieldHeader {
             sigma_radius_px: self.sigma_radius_px,
             visible_fraction: self.visible_fraction,
         });
-        let step = (self.step_known == 1).then_some(RigidStep {
+        let step = matches!(self.step_known, 1 | 2).then_some(RigidStep {
             dx_px: self.dx_px,
             dy_px: self.dy_px,
             dtheta_deg: self.dtheta_deg,
@@ -118,6 +118,7 @@ impl FieldHeader {
             points: self.points,
         });
         Some(BodyStep {
+            is_whole: self.step_known == 2,
             frame: self.sequence,
             stamp_ns: self.stamp_ns,
             body: self.body,

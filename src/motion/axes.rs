@@ -106,7 +106,7 @@ pub fn physical(rates: &PixelRates, scale: MetresPerPixel, params: &MotionParams
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::motion::{Form, Scale};
+    use crate::motion::{Form, Scale, WalkShare};
 
     fn params(surface_angle_deg: f64) -> MotionParams {
         MotionParams {
@@ -118,7 +118,7 @@ mod tests {
             order: 2,
             form: Form::Ball,
             interval_frames: 1,
-            walk_share: 0.0,
+            walk_share: WalkShare::default(),
             exposure_ns: 0.0,
             frame_period_ns: 100_000.0,
         }

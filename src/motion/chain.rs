@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use super::params::TRUST_IN_LONGER;
+use super::params::{TRUST_IN_LONGER, WalkShare};
 use crate::results::{BodyStep, RigidStep};
 
 /// Longest gap the carried pose is extrapolated over, frames.
@@ -39,7 +39,7 @@ pub struct Node {
 /// Adds up the steps of one body.
 #[derive(Debug, Clone)]
 pub struct Chain {
-    walk_share: f64,
+    walk_share: WalkShare,
     components: u32,
     /// Poses that steps lead to, by frame and interval.
     arrivals: BTreeMap<(u64, u32), Node>,
@@ -55,7 +55,7 @@ fn sound(step: &RigidStep) -> bool {
 
 impl Chain {
     /// An empty chain of steps of which `walk_share` of a pose's sigma is not taken back by the next.
-    pub fn new(walk_share: f64) -> Self {
+    pub fn new(walk_share: WalkShare) -> Self {
         Self { walk_share, components: 0, arrivals: BTreeMap::new(), newest: None, last: None }
     }
 
@@ -75,7 +75,7 @@ impl Chain {
                 let sigma = std::array::from_fn(|k| ((node.sigma[k].powi(2) + out[k].powi(2)) / 2.0).sqrt());
                 Node { sigma, ..node }
             }
-            (None, Some(sigma)) => self.begin(time_frames, sigma),
+            (None, Some(sigma)) => self.begin(time_frames, sigma, self.share(step)),
         };
         node.frame = step.frame;
         node.time_frames = time_frames;
@@ -84,7 +84,8 @@ impl Chain {
             let rates = [out.dx_px, out.dy_px, out.dtheta_deg];
             let pose = std::array::from_fn(|k| node.pose[k] + n * rates[k]);
             let target = step.frame + u64::from(step.interval_frames.max(1));
-            self.arrivals.insert((target, step.interval_frames), Node { pose, sigma, ..node });
+            let arriving = Node { pose, sigma, walk_share: self.share(step), ..node };
+            self.arrivals.insert((target, step.interval_frames), arriving);
             let before = self.last.map_or(rates, |(_, rates, _)| rates);
             self.last = Some((node, rates, before));
         }
@@ -122,20 +123,16 @@ impl Chain {
         arrived
     }
 
+    fn share(&self, step: &BodyStep) -> f64 {
+        if step.is_whole { self.walk_share.whole } else { self.walk_share.subsets }
+    }
+
     /// A node of a new component, extrapolated from the newest node there is.
-    fn begin(&mut self, time_frames: f64, sigma: [f64; 3]) -> Node {
+    fn begin(&mut self, time_frames: f64, sigma: [f64; 3], walk_share: f64) -> Node {
         let component = self.components;
         self.components += 1;
         let Some((last, rates, before)) = self.last else {
-            return Node {
-                frame: 0,
-                time_frames,
-                component,
-                pose: [0.0; 3],
-                sigma,
-                bridged: [0.0; 3],
-                walk_share: self.walk_share,
-            };
+            return Node { frame: 0, time_frames, component, pose: [0.0; 3], sigma, bridged: [0.0; 3], walk_share };
         };
         let dt = time_frames - last.time_frames;
         let pose = std::array::from_fn(|k| last.pose[k] + dt * rates[k]);
@@ -147,14 +144,13 @@ impl Chain {
             let rate = 2.0 * last.sigma[k].powi(2) + (0.5 * dt * (rates[k] - before[k])).powi(2);
             last.bridged[k] + dt * dt * rate
         });
-        Node { frame: 0, time_frames, component, pose, sigma, bridged, walk_share: self.walk_share }
+        Node { frame: 0, time_frames, component, pose, sigma, bridged, walk_share }
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::motion::{Rotation, walk_share};
     use crate::results::PointStatus;
 
     /// Normal numbers, near enough: sums of twelve even ones.
@@ -183,14 +179,15 @@ mod tests {
             points: 9,
         };
         let (circle, rod, status) = (None, None, PointStatus::Valid);
-        BodyStep { frame, stamp_ns: frame, body: 0, interval_frames, circle, rod, step: Some(step), status }
+        let (is_whole, step) = (false, Some(step));
+        BodyStep { is_whole, frame, stamp_ns: frame, body: 0, interval_frames, circle, rod, step, status }
     }
 
     /// How far a chain of erring steps has drifted after 4000 frames, root mean square over runs.
     fn drift(intervals: &[u32]) -> f64 {
         let (mut noise, mut sum, runs) = (Noise(7), 0.0, 200);
         for _ in 0..runs {
-            let mut chain = Chain::new(1.0);
+            let mut chain = Chain::new(WalkShare { subsets: 1.0, whole: 0.0 });
             let mut last = 0.0;
             for frame in 0..4000 {
                 last = chain.push(&step(frame, intervals[0], noise.next()), frame as f64).unwrap().pose[0];
@@ -202,19 +199,29 @@ mod tests {
     }
 
     #[test]
+    fn a_pose_drifts_as_the_step_that_led_to_it() {
+        let mut chain = Chain::new(WalkShare { subsets: 0.36, whole: 0.1 });
+        let shares = (0..5).map(|frame| {
+            let step = BodyStep { is_whole: frame == 1 || frame == 2, ..step(frame, 1, 0.0) };
+            chain.push(&step, frame as f64).unwrap().walk_share
+        });
+        assert_eq!(shares.collect::<Vec<_>>(), [0.36, 0.36, 0.1, 0.1, 0.36]);
+    }
+
+    #[test]
     fn longer_intervals_keep_the_sum_from_drifting_by_as_much_as_its_share_says() {
         let alone = drift(&[1]);
         assert!((alone / 4000_f64.sqrt() - 1.0).abs() < 0.1, "{alone}");
         for intervals in [&[1, 4][..], &[1, 10], &[1, 3, 9]] {
             let (found, stated) =
-                (drift(intervals) / alone, walk_share(Rotation::Field, intervals) / walk_share(Rotation::Field, &[1]));
+                (drift(intervals) / alone, WalkShare::of(intervals).subsets / WalkShare::of(&[1]).subsets);
             assert!((found / stated - 1.0).abs() < 0.2, "{intervals:?}: {found}, stated {stated}");
         }
     }
 
     #[test]
     fn a_missing_step_is_bridged_by_a_longer_one() {
-        let mut chain = Chain::new(0.36);
+        let mut chain = Chain::new(WalkShare { subsets: 0.36, whole: 0.1 });
         for frame in 0..20 {
             let mut one = step(frame, 1, 0.5);
             one.step = one.step.filter(|_| frame != 9);

@@ -30,7 +30,7 @@ pub enum Form {
     Rod,
 }
 
-/// [`walk_share`] of steps measured from frame to frame.
+/// [`WalkShare`] of steps measured from frame to frame.
 ///
 /// Positions are sums of steps, and every step is measured over subsets of its own: a little of its error is not that
 /// of the frames it shares with its neighbours, and adds up. On rendered balls successive steps correlate by -0.47
@@ -38,7 +38,7 @@ pub enum Form {
 /// velocity's uncertainty.
 const PAIRWISE_WALK_SHARE: f64 = 0.36;
 
-/// [`walk_share`] of steps that are differences of poses against one reference: 0, but for its renewals.
+/// [`WalkShare`] of steps that are differences of poses against one reference: 0, but for its renewals.
 ///
 /// Each leaves 0.26 of the white noise of a pose for good, seen on rendered balls over 320 frames at 0 to 1 deg/frame,
 /// with 5 to 107 renewals. One every eight frames is assumed: a block has 16 by default, and 3 deg turn a reference
@@ -51,25 +51,32 @@ const KEPT_WALK_SHARE: f64 = 0.26 * 0.353_553_39;
 /// about equally sure.
 pub(super) const TRUST_IN_LONGER: f64 = 0.5;
 
-/// `walk_share` of steps measured over one interval or several at once, the shortest first.
-///
-/// Of steps between frames; poses against a kept reference drift less whatever the intervals.
-///
-/// Sums of steps drift, and each longer interval ties a pose to one further back. With trust g in a step over n times
-/// as many frames, errors of the pose follow E(i) = (1 - g) (E(i-1) + a(i)) + g (E(i-n) + b(i)), whose part that
-/// never fades moves by [(1 - g) a + g b] / [1 - g + g n] a frame; a and b are alike, whatever the interval.
-pub fn walk_share(rotation: Rotation, intervals_frames: &[u32]) -> f64 {
-    if rotation == Rotation::Rigid {
-        return KEPT_WALK_SHARE;
+/// Noise of a step that the next step does not take back, as a share of the white noise of a pose.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct WalkShare {
+    /// Of steps whose subsets are taken from frame to frame.
+    pub subsets: f64,
+    /// Of steps that match the whole body with a reference that is kept.
+    pub whole: f64,
+}
+
+impl WalkShare {
+    /// That of steps measured over one interval or several at once, the shortest first.
+    ///
+    /// Sums of steps drift, and each longer interval ties a pose to one further back. With trust g in a step over n
+    /// times as many frames, errors of the pose follow E(i) = (1 - g) (E(i-1) + a(i)) + g (E(i-n) + b(i)), whose part
+    /// that never fades moves by [(1 - g) a + g b] / [1 - g + g n] a frame; a and b are alike, whatever the interval.
+    /// Poses against a kept reference drift less whatever the intervals.
+    pub fn of(intervals_frames: &[u32]) -> Self {
+        let shortest = intervals_frames.first().map_or(1.0, |interval| f64::from((*interval).max(1)));
+        let g = TRUST_IN_LONGER;
+        let mut variance = 1.0;
+        for interval in intervals_frames.iter().skip(1) {
+            let n = f64::from(*interval) / shortest;
+            variance = ((1.0 - g).powi(2) * variance + g * g) / (1.0 - g + g * n).powi(2);
+        }
+        Self { subsets: PAIRWISE_WALK_SHARE * variance.sqrt(), whole: KEPT_WALK_SHARE }
     }
-    let shortest = intervals_frames.first().map_or(1.0, |interval| f64::from((*interval).max(1)));
-    let g = TRUST_IN_LONGER;
-    let mut variance = 1.0;
-    for interval in intervals_frames.iter().skip(1) {
-        let n = f64::from(*interval) / shortest;
-        variance = ((1.0 - g).powi(2) * variance + g * g) / (1.0 - g + g * n).powi(2);
-    }
-    PAIRWISE_WALK_SHARE * variance.sqrt()
 }
 
 /// Everything the motion of a body is computed with.
@@ -91,8 +98,8 @@ pub struct MotionParams {
     pub form: Form,
     /// The interval each step was measured over, frames; the shortest of several.
     pub interval_frames: u32,
-    /// Noise of a step that the next step does not take back, as a share of the white noise of a pose.
-    pub walk_share: f64,
+    /// Noise of a step that the next step does not take back.
+    pub walk_share: WalkShare,
     /// How long a frame was exposed, ns; what a frame shows is the moment half of it after its stamp. 0 when unknown.
     pub exposure_ns: f64,
     /// Nominal time from frame to frame, ns; only for gaps, times come from the stamps.

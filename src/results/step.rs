@@ -52,6 +52,8 @@ impl RigidStep {
 /// One body in one frame, and its motion to the next.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct BodyStep {
+    /// Whether `step` is a match of the whole body with a reference that was kept, not of its subsets from frame to frame.
+    pub is_whole: bool,
     /// Sequence number of the frame.
     pub frame: u64,
     /// Exposure start of the frame, ns since the Unix epoch.

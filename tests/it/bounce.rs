@@ -2,7 +2,7 @@
 //!
 //! Own integration in SI units (Runge-Kutta, 400 steps a frame), nothing shared with the measured code.
 
-use ricochet::motion::{Form, MotionParams, Scale};
+use ricochet::motion::{Form, MotionParams, Scale, WalkShare};
 use ricochet::results::{BodyStep, Circle, PointStatus, RigidStep};
 
 /// Gaussian noise with a constant seed.
@@ -278,7 +278,7 @@ impl Experiment {
             order: 2,
             form: Form::Ball,
             interval_frames: 1,
-            walk_share: 0.0,
+            walk_share: WalkShare::default(),
             exposure_ns: 0.0,
             frame_period_ns: 1e9 / self.frame_rate_hz,
         }
@@ -338,6 +338,7 @@ pub fn steps(
     };
     (0..poses.len())
         .map(|i| BodyStep {
+            is_whole: false,
             frame: i as u64,
             stamp_ns: 1_700_000_000_000_000_000 + (i as f64 * period_ns).round() as u64,
             body: 0,

@@ -200,6 +200,7 @@ fn rows_come_one_a_step_in_order_behind_the_stated_lag_and_depend_on_nothing_new
         all.tracks.append(&mut rows.tracks);
         all.velocities.append(&mut rows.velocities);
         all.impacts.append(&mut rows.impacts);
+        all.alarms.append(&mut rows.alarms);
     }
     tracker.finish(&mut all);
     assert_eq!(all, track(&steps, &motion), "drained or not");
