@@ -45,4 +45,5 @@ mod study;
 mod support;
 mod synth;
 mod tidy;
+mod triggers;
 mod turned;

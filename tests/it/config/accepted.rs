@@ -80,7 +80,7 @@ fn every_key_of_the_camera_arrives_where_it_belongs() {
     assert_eq!(camera.features["Gain"], FeatureValue::Float(1.5));
     assert_eq!(camera.features["Mode"], FeatureValue::Text("Off".into()));
     assert_eq!(config.scale, Some(Scale::BallDiameterMm(40.0)));
-    assert_eq!(config.surface, Surface { angle_deg: 19.5 });
+    assert_eq!(config.surface, Surface { angle_deg: 19.5, edge: None });
 }
 
 #[test]
