@@ -66,7 +66,8 @@ pub(super) fn surface(table: &Table<'_>, raw: &RawSurface) -> Result<Surface, Co
     let apart_deg = |angle_deg: f64| (angle_deg - edge_deg + 90.0).rem_euclid(180.0) - 90.0;
     match angle_deg {
         Some(angle_deg) if apart_deg(angle_deg).abs() > EDGE_APART_DEG => {
-            let allowed = format!("within {EDGE_APART_DEG} deg of surface.angle_deg = {angle_deg}, and is at {edge_deg:.1} deg");
+            let allowed =
+                format!("within {EDGE_APART_DEG} deg of surface.angle_deg = {angle_deg}, and is at {edge_deg:.1} deg");
             Err(table.refuse("edge", allowed))
         }
         angle_deg => Ok(Surface { angle_deg: angle_deg.unwrap_or(edge_deg), edge: Some([first, second]) }),

@@ -110,7 +110,9 @@ pub(super) fn trigger(table: &Table<'_>, raw: RawTrigger, around: &Surroundings<
     refuse_strangers(table, mode, &raw)?;
     let trigger = Trigger {
         mode,
-        threshold_dn: table.number("threshold_dn", raw.threshold_dn, Bounds::above(0.0, 65_535.0, "DN"))?.unwrap_or(5.0),
+        threshold_dn: table
+            .number("threshold_dn", raw.threshold_dn, Bounds::above(0.0, 65_535.0, "DN"))?
+            .unwrap_or(5.0),
         roi_px: table.region("roi_px", raw.roi_px.as_deref(), around.image_px)?,
         body: table.filled("body", raw.body)?,
         speed_m_s: table.number("speed_m_s", raw.speed_m_s, Bounds::above(0.0, 1.0e5, "m/s"))?,

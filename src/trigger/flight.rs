@@ -136,7 +136,9 @@ impl Flight {
                 right[axis][1] += weight * t * free;
             }
             // The last place's own step leads to a frame that is not told yet.
-            let Some((rate, sigma, interval)) = place.step.filter(|(.., interval)| t + interval <= 0.0) else { continue };
+            let Some((rate, sigma, interval)) = place.step.filter(|(.., interval)| t + interval <= 0.0) else {
+                continue;
+            };
             let weight = sigma.powi(-2);
             normal[2] += weight;
             for axis in 0..2 {

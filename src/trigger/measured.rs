@@ -244,7 +244,8 @@ impl Body {
     fn enter(&mut self, step: &BodyStep, roi_px: Option<[u32; 4]>) -> Option<Decision> {
         let is_in = |at_px: [f64; 2]| {
             roi_px.is_none_or(|[x, y, width, height]| {
-                let within = |at: f64, start: u32, size: u32| at >= f64::from(start) && at < f64::from(start) + f64::from(size);
+                let within =
+                    |at: f64, start: u32, size: u32| at >= f64::from(start) && at < f64::from(start) + f64::from(size);
                 within(at_px[0], x, width) && within(at_px[1], y, height)
             })
         };
@@ -287,8 +288,8 @@ impl Body {
     }
 
     fn contact(&mut self, step: &BodyStep, fit: &Fit, near: &Near, gravity: [f64; 2], lead: f64) -> Option<Decision> {
-        let is_clear = near.rate.abs() > APPROACH_SIGMAS * fit.sigma_rate_px
-            && near.rate.abs() * fit.frames as f64 > APPROACH_PX;
+        let is_clear =
+            near.rate.abs() > APPROACH_SIGMAS * fit.sigma_rate_px && near.rate.abs() * fit.frames as f64 > APPROACH_PX;
         if near.rate > 0.0 && is_clear {
             self.ready = true;
         }

@@ -19,7 +19,8 @@ impl Quiet {
     ///
     /// A stamp before the last one's is that of another run or of a camera whose clock stepped back: it passes.
     pub fn passes(&mut self, stamp_ns: u64) -> bool {
-        let too_soon = self.last_ns.and_then(|last_ns| stamp_ns.checked_sub(last_ns)).is_some_and(|ns| ns < self.least_ns);
+        let too_soon =
+            self.last_ns.and_then(|last_ns| stamp_ns.checked_sub(last_ns)).is_some_and(|ns| ns < self.least_ns);
         if !too_soon {
             self.last_ns = Some(stamp_ns);
         }

@@ -4,6 +4,8 @@ use crate::results::{Phase, VelocitySample};
 
 /// A body falls when its speed towards the surface exceeds so many of its sigmas.
 const FALL_SIGMAS: f64 = 5.0;
+/// One that falls does so until its speed is below so many.
+const STILL_FALLS_SIGMAS: f64 = 2.5;
 
 /// What a rig is doing.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -119,13 +121,13 @@ impl States {
 
     /// What was measured of a body in a frame.
     pub fn measured(&mut self, row: &VelocitySample) {
-        let falls = |row: &VelocitySample| {
-            row.velocity.is_some_and(|velocity| velocity.vn_m_s < -FALL_SIGMAS * velocity.sigma_v_m_s)
-        };
+        let fell = self.bodies.get(row.body as usize) == Some(&Doing::Falling);
+        let sigmas = if fell { STILL_FALLS_SIGMAS } else { FALL_SIGMAS };
+        let falls = row.velocity.is_some_and(|velocity| velocity.vn_m_s < -sigmas * velocity.sigma_v_m_s);
         if let Some(doing) = self.bodies.get_mut(row.body as usize) {
             *doing = match row.phase {
                 Phase::Contact => Doing::Touching,
-                Phase::Flight | Phase::Rebound | Phase::Unknown if falls(row) => Doing::Falling,
+                Phase::Flight | Phase::Rebound | Phase::Unknown if falls => Doing::Falling,
                 _ => Doing::Nothing,
             };
         }
@@ -203,10 +205,7 @@ mod tests {
         step(&|states| states.armed(true));
         step(&|states| states.ended());
         let words: Vec<&str> = told.iter().map(|state| state.word()).collect();
-        assert_eq!(
-            words,
-            ["idle", "preparing", "armed", "falling", "impact", "writing", "done", "armed", "done"]
-        );
+        assert_eq!(words, ["idle", "preparing", "armed", "falling", "impact", "writing", "done", "armed", "done"]);
     }
 
     #[test]

@@ -71,7 +71,11 @@ pub const ROOMS: &[Room] = &[
     pure("impact", &["results", "motion"], &["nalgebra", "thiserror"]),
     pure("measure", &["results", "image", "dic", "ball", "rod", "motion", "impact"], &["nalgebra", "thiserror"]),
     pure("synth", &["results", "image", "motion"], &["nalgebra", "serde", "thiserror", "toml"]),
-    open("config", &["results", "image", "dic", "ball", "rod", "motion", "trigger"], &["serde", "thiserror", "toml", "toml_edit"]),
+    open(
+        "config",
+        &["results", "image", "dic", "ball", "rod", "motion", "trigger"],
+        &["serde", "thiserror", "toml", "toml_edit"],
+    ),
     open("message", &["results", "image"], &["thiserror"]),
     open(
         "recording",
