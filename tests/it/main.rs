@@ -13,6 +13,7 @@ mod ball;
 mod bounce;
 mod bus;
 mod camera_contract;
+mod check;
 mod cli;
 mod config;
 mod examples;
