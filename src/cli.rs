@@ -3,6 +3,7 @@
 use crate::command::analyze::{self, AnalyzeOptions};
 use crate::command::bench::{self, LiveOptions, WindowsOptions};
 use crate::command::cameras::{self, CamerasOptions};
+use crate::command::check::{self, CheckOptions};
 use crate::command::demo::{self, DemoOptions};
 use crate::command::export::{self, ExportOptions};
 use crate::command::import::{self, ImportOptions};
@@ -60,6 +61,9 @@ pub enum Command {
     /// List the cameras in reach, their formats and rates.
     #[command(after_help = "Example: ricochet cameras --features 192.168.1.20")]
     Cameras(Cameras),
+    /// Tell whether a rig is ready for a drop: noise floor, light, pattern, focus, lost frames.
+    #[command(after_help = "Example: ricochet check rig.toml -o check.html")]
+    Check(Check),
     /// Tell how the processes of a running rig are doing.
     #[command(after_help = "Example: ricochet status --rig lacrosse")]
     Status(Rig),
@@ -149,6 +153,22 @@ pub struct Cameras {
     /// Print the feature tree of this camera.
     #[arg(long, value_name = "ID")]
     features: Option<String>,
+    /// Print JSON.
+    #[arg(long)]
+    json: bool,
+}
+
+/// Arguments of a command.
+#[derive(Debug, Args)]
+pub struct Check {
+    /// The rig file.
+    config: PathBuf,
+    /// How long the camera is watched, s.
+    #[arg(long, default_value_t = 1.0)]
+    seconds: f64,
+    /// The HTML page to write.
+    #[arg(short, long)]
+    output: Option<PathBuf>,
     /// Print JSON.
     #[arg(long)]
     json: bool,
@@ -388,6 +408,9 @@ pub fn run(command: Command, stop: &Stop) -> anyhow::Result<Outcome> {
         Command::Correlate(line) => rig::role(Role::Correlate, &line.into(), stop),
         Command::Track(line) => rig::role(Role::Track, &line.into(), stop),
         Command::Record(line) => rig::role(Role::Record, &line.into(), stop),
+        Command::Check(Check { config, seconds, output, json }) => {
+            check::run(&CheckOptions { config, seconds, output, json }, stop)
+        }
         Command::Status(line) => status::run(&line.rig, line.json),
         Command::Arm(line) => control::run(&line.rig, Request::Arm, line.json),
         Command::Disarm(line) => control::run(&line.rig, Request::Disarm, line.json),

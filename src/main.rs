@@ -33,6 +33,9 @@ fn code_of(cause: &(dyn std::error::Error + 'static)) -> Option<u8> {
             _ => 3,
         });
     }
+    if cause.is::<command::check::NotReady>() {
+        return Some(3);
+    }
     if let Some(error) = cause.downcast_ref::<command::export::ExportError>() {
         return Some(if matches!(error, command::export::ExportError::Usage(_)) { 2 } else { 5 });
     }

@@ -3,6 +3,7 @@
 pub mod analyze;
 pub mod bench;
 pub mod cameras;
+pub mod check;
 pub mod control;
 pub mod demo;
 pub mod export;

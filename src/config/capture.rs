@@ -1,41 +1,9 @@
-//! `[trigger]`, `[record]`, `[workers]`: what is kept, and who does the work.
+//! `[record]`, `[workers]`: what is kept, and who does the work.
 
-use super::check::{Bounds, Table, listed};
+use super::check::Table;
 use super::error::ConfigError;
-use super::raw::{RawRecord, RawTrigger, RawWorkers};
+use super::raw::{RawRecord, RawWorkers};
 use std::path::PathBuf;
-
-/// What starts a shot.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum TriggerMode {
-    /// Nothing: with a `[record]` table the whole stream becomes one recording.
-    Off,
-    /// The command `ricochet trigger`, or a program that asks for it.
-    Software,
-    /// Something moves in the picture.
-    Motion,
-}
-
-/// `[trigger]`: what starts a shot and how much of the stream belongs to it.
-///
-/// With mode `off` the other values are checked and otherwise unused.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Trigger {
-    /// Default `off`.
-    pub mode: TriggerMode,
-    /// Mean absolute change of the grey level from a frame to the next, over `roi_px`, that counts as motion: above
-    /// 0 and at most 65535 DN, default 5 (noise of standard deviation s alone changes the level by 1.13 s). For
-    /// mode `motion`.
-    pub threshold_dn: f64,
-    /// Region watched, `[x, y, width, height]` in px, inside the image; left out, the whole image. For mode `motion`.
-    pub roi_px: Option<[u32; 4]>,
-    /// Time kept from before the trigger, 0 to 60 s, default 0.05; the ring of frames must hold it.
-    pub pre_s: f64,
-    /// Time kept from the trigger on, above 0 and at most 3600 s, default 0.1.
-    pub post_s: f64,
-    /// Whether the rig arms itself again after a shot, default true; otherwise it waits for `ricochet arm`.
-    pub rearm: bool,
-}
 
 /// How the image chunks of a recording are packed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -72,35 +40,7 @@ pub struct Workers {
     pub block_frames: u32,
 }
 
-const TRIGGER_WORDS: [(&str, TriggerMode); 3] =
-    [("off", TriggerMode::Off), ("software", TriggerMode::Software), ("motion", TriggerMode::Motion)];
 const WORKERS_MAX: u32 = 64;
-
-pub(super) fn trigger(
-    table: &Table<'_>,
-    raw: &RawTrigger,
-    image_px: Option<(u32, u32)>,
-) -> Result<Trigger, ConfigError> {
-    let threshold = Bounds::above(0.0, 65_535.0, "DN");
-    Ok(Trigger {
-        mode: trigger_mode(table, raw.mode.as_deref())?,
-        threshold_dn: table.number("threshold_dn", raw.threshold_dn, threshold)?.unwrap_or(5.0),
-        roi_px: table.region("roi_px", raw.roi_px.as_deref(), image_px)?,
-        pre_s: table.number("pre_s", raw.pre_s, Bounds::closed(0.0, 60.0, "s"))?.unwrap_or(0.05),
-        post_s: table.number("post_s", raw.post_s, Bounds::above(0.0, 3600.0, "s"))?.unwrap_or(0.1),
-        rearm: raw.rearm.unwrap_or(true),
-    })
-}
-
-fn trigger_mode(table: &Table<'_>, word: Option<&str>) -> Result<TriggerMode, ConfigError> {
-    match word {
-        Some("hardware" | "predicted-contact") => {
-            let words = listed(TRIGGER_WORDS.iter().map(|(word, _)| *word));
-            Err(table.text.not_offered(&table.key("mode"), format!("allowed: {words}")))
-        }
-        word => Ok(table.word("mode", word, &TRIGGER_WORDS)?.unwrap_or(TriggerMode::Off)),
-    }
-}
 
 pub(super) fn record(table: &Table<'_>, raw: RawRecord) -> Result<Record, ConfigError> {
     let directory = table.filled("directory", raw.directory)?;

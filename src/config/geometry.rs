@@ -11,7 +11,12 @@ use crate::motion::{Rotation, Scale};
 pub struct Surface {
     /// Direction of its tangent in the picture, counter-clockwise from x, -180 to 180 deg, default 0 (level, and the
     /// body above it). The outward normal is a quarter turn further counter-clockwise.
+    /// Left out with `edge` given: the edge's own direction, from its first point to its second.
     pub angle_deg: f64,
+    /// Two points of the edge that bodies touch, `[[x, y], [x, y]]` in px, -65535 to 65535, at least 1 px apart, within
+    /// 2 deg of `angle_deg`. Triggers on the gap or a predicted contact need it; a contact counts only between the
+    /// two points.
+    pub edge: Option<[[f64; 2]; 2]>,
 }
 
 /// `[velocity]`: how positions become velocities.
@@ -30,6 +35,8 @@ pub struct Velocity {
 
 const MM_PER_PX: Bounds = Bounds::closed(1.0e-6, 1.0e3, "mm/px");
 const ANGLE: Bounds = Bounds::closed(-180.0, 180.0, "deg");
+/// How far the edge's direction may be from the angle given beside it, deg.
+const EDGE_APART_DEG: f64 = 2.0;
 const ORDER_DEFAULT: u32 = 2;
 
 pub(super) fn scale(table: &Table<'_>, raw: &RawScale) -> Result<Option<Scale>, ConfigError> {
@@ -43,10 +50,27 @@ pub(super) fn scale(table: &Table<'_>, raw: &RawScale) -> Result<Option<Scale>, 
 }
 
 pub(super) fn surface(table: &Table<'_>, raw: &RawSurface) -> Result<Surface, ConfigError> {
-    let angle_deg = table.number("angle_deg", raw.angle_deg, ANGLE)?.unwrap_or(0.0);
-    match &raw.edge {
-        Some(_) => Err(table.text.not_offered(&table.key("edge"), "leave it out")),
-        None => Ok(Surface { angle_deg }),
+    let angle_deg = table.number("angle_deg", raw.angle_deg, ANGLE)?;
+    let Some(edge) = &raw.edge else { return Ok(Surface { angle_deg: angle_deg.unwrap_or(0.0), edge: None }) };
+    let refusal = || table.refuse("edge", "two points [[x, y], [x, y]] in px, -65535 to 65535, at least 1 px apart");
+    let point = |point: &Vec<f64>| <[f64; 2]>::try_from(point.as_slice()).map_err(|_| refusal());
+    let points = edge.iter().map(point).collect::<Result<Vec<_>, _>>()?;
+    let [first, second] = <[[f64; 2]; 2]>::try_from(points).map_err(|_| refusal())?;
+    let along = [second[0] - first[0], second[1] - first[1]];
+    let sound = first.iter().chain(&second).all(|x| x.abs() <= 65_535.0) && along[0].hypot(along[1]) >= 1.0;
+    if !sound {
+        return Err(refusal());
+    }
+    // The image's y points down.
+    let edge_deg = (-along[1]).atan2(along[0]).to_degrees();
+    let apart_deg = |angle_deg: f64| (angle_deg - edge_deg + 90.0).rem_euclid(180.0) - 90.0;
+    match angle_deg {
+        Some(angle_deg) if apart_deg(angle_deg).abs() > EDGE_APART_DEG => {
+            let allowed =
+                format!("within {EDGE_APART_DEG} deg of surface.angle_deg = {angle_deg}, and is at {edge_deg:.1} deg");
+            Err(table.refuse("edge", allowed))
+        }
+        angle_deg => Ok(Surface { angle_deg: angle_deg.unwrap_or(edge_deg), edge: Some([first, second]) }),
     }
 }
 

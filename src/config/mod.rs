@@ -35,14 +35,16 @@ mod geometry;
 mod plan;
 mod raw;
 mod text;
+mod trigger;
 
 pub use crate::dic::CorrelationParams;
 pub use crate::motion::{Rotation, Scale};
 pub use body::{Body, BodyKind};
 pub use camera::{Camera, FeatureValue, Source};
-pub use capture::{Compression, Record, Trigger, TriggerMode, Workers};
+pub use capture::{Compression, Record, Workers};
 pub use error::ConfigError;
 pub use geometry::{Surface, Velocity};
+pub use trigger::{Trigger, TriggerMode};
 
 use check::Table;
 use std::io::Read;
@@ -134,16 +136,27 @@ impl Config {
         let camera = camera::camera(&Table::new(&file, "camera"), raw.camera)?;
         let image_px = camera.image_px();
         let record = raw.record.map(|record| capture::record(&Table::new(&file, "record"), record)).transpose()?;
+        let rig = rig(&Table::new(&file, "rig"), raw.rig.name)?;
+        let scale = geometry::scale(&Table::new(&file, "scale"), &raw.scale)?;
+        let surface = geometry::surface(&Table::new(&file, "surface"), &raw.surface)?;
+        let bodies = body::bodies(&file, raw.body, image_px)?;
+        let around = trigger::Surroundings {
+            image_px,
+            bodies: &bodies,
+            has_scale: scale.is_some(),
+            has_edge: surface.edge.is_some(),
+            rig: &rig.name,
+        };
         let config = Self {
-            rig: rig(&Table::new(&file, "rig"), raw.rig.name)?,
-            scale: geometry::scale(&Table::new(&file, "scale"), &raw.scale)?,
-            surface: geometry::surface(&Table::new(&file, "surface"), &raw.surface)?,
-            bodies: body::bodies(&file, raw.body, image_px)?,
+            trigger: trigger::trigger(&Table::new(&file, "trigger"), raw.trigger, &around)?,
+            rig,
+            scale,
+            surface,
+            bodies,
             intervals_frames: correlation::intervals(&Table::new(&file, "correlation"), &raw.correlation)?,
             correlation: correlation::correlation(&Table::new(&file, "correlation"), &raw.correlation, image_px)?,
             rotation: geometry::rotation(&Table::new(&file, "rotation"), &raw.rotation)?,
             velocity: geometry::velocity(&Table::new(&file, "velocity"), &raw.velocity)?,
-            trigger: capture::trigger(&Table::new(&file, "trigger"), &raw.trigger, image_px)?,
             workers: capture::workers(&Table::new(&file, "workers"), &raw.workers)?,
             camera,
             record,

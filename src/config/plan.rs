@@ -2,11 +2,12 @@
 
 use super::error::ConfigError;
 use super::text::Text;
-use super::{Body, BodyKind, Config};
+use super::{Body, BodyKind, Config, TriggerMode};
 use crate::ball::BallParams;
 use crate::dic::CorrelationParams;
 use crate::motion::{Form, MotionParams, Scale, WalkShare};
 use crate::rod::{LEAST_WIDTH_PX, RodParams};
+use crate::trigger::{BodyWatch, Condition, MeasuredTrigger};
 
 /// Radii looked for around the predicted one: room for a wrong lens or a ball nearer than the scale's plane.
 const RADIUS_TOLERANCE: (f64, f64) = (0.8, 1.25);
@@ -99,11 +100,33 @@ impl Config {
         }
     }
 
+    /// What decides from measured motion, at this nominal frame rate in Hz; `None` in modes that do not. `exposure_us`
+    /// as in [`motion`](Self::motion).
+    pub fn measured_trigger(&self, frame_rate_hz: f64, exposure_us: f64) -> Option<MeasuredTrigger> {
+        let trigger = &self.trigger;
+        let condition = match trigger.mode {
+            TriggerMode::Off | TriggerMode::Software | TriggerMode::Motion => return None,
+            TriggerMode::Enter => Condition::Enter { roi_px: trigger.roi_px },
+            TriggerMode::Speed => Condition::Speed { speed_m_s: trigger.speed_m_s? },
+            TriggerMode::Gap => Condition::Gap { gap_mm: trigger.gap_mm? },
+            TriggerMode::PredictedContact => Condition::Contact { lead_s: trigger.lead_s },
+        };
+        let strikes = matches!(trigger.mode, TriggerMode::Gap | TriggerMode::PredictedContact);
+        let watch = |(index, body): (usize, &Body)| BodyWatch {
+            name: body.name.clone(),
+            motion: self.motion(index, frame_rate_hz, exposure_us),
+            is_watched: trigger.body.as_ref().is_none_or(|name| *name == body.name)
+                && !(strikes && body.kind == BodyKind::Rod),
+        };
+        let bodies = self.bodies.iter().enumerate().map(watch).collect();
+        Some(MeasuredTrigger::new(condition, bodies, self.surface.edge))
+    }
+
     /// Frames the ring must hold so that nothing from before a trigger is lost, at this rate in Hz.
     ///
     /// 0 when no trigger is awaited or nothing is kept.
     pub fn pre_trigger_frames(&self, frame_rate_hz: f64) -> u64 {
-        if self.record.is_none() || self.trigger.mode == super::TriggerMode::Off {
+        if self.record.is_none() || self.trigger.mode == TriggerMode::Off {
             return 0;
         }
         // Within range: pre_s is at most 60 s and the rate at most 1 MHz.

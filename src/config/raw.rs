@@ -128,9 +128,17 @@ pub(super) struct RawTrigger {
     pub mode: Option<String>,
     pub threshold_dn: Option<f64>,
     pub roi_px: Option<Vec<i64>>,
+    pub body: Option<String>,
+    pub speed_m_s: Option<f64>,
+    pub gap_mm: Option<f64>,
+    pub lead_s: Option<f64>,
     pub pre_s: Option<f64>,
     pub post_s: Option<f64>,
+    pub quiet_s: Option<f64>,
     pub rearm: Option<bool>,
+    pub command: Option<Vec<String>>,
+    pub url: Option<String>,
+    pub other_rig: Option<String>,
 }
 
 #[derive(Debug, Default, Deserialize)]

@@ -33,11 +33,19 @@ pub enum EventKind {
     Tracked = 11,
     /// The folder of the recordings: too little room, cannot be written, or all right again.
     Storage = 12,
+    /// What the trigger waits for was seen; `sequence` is the frame it belongs to, which may be one to come. Whether it
+    /// starts a shot is told by `Triggered`.
+    Decided = 13,
+    /// What the rig as a whole does has changed; the text is `idle`, `preparing`, `armed`, `falling`, `impact`,
+    /// `writing` or `done`.
+    State = 14,
+    /// What a trigger set off has ended: a program, a call of a web service, the trigger of another rig.
+    Action = 15,
 }
 
 impl EventKind {
     /// Every kind.
-    pub const ALL: [Self; 12] = [
+    pub const ALL: [Self; 15] = [
         Self::Prepared,
         Self::Started,
         Self::Ended,
@@ -50,6 +58,9 @@ impl EventKind {
         Self::Camera,
         Self::Tracked,
         Self::Storage,
+        Self::Decided,
+        Self::State,
+        Self::Action,
     ];
 
     /// The word used in tables.
@@ -67,6 +78,9 @@ impl EventKind {
             Self::Camera => "camera",
             Self::Tracked => "tracked",
             Self::Storage => "storage",
+            Self::Decided => "decided",
+            Self::State => "state",
+            Self::Action => "action",
         }
     }
 

@@ -31,8 +31,8 @@ pub struct FieldHeader {
     pub circle_known: u32,
     /// When the step below was measured: 1 from subsets, 2 as a match of the whole body with a kept reference.
     pub step_known: u32,
-    /// Zero.
-    pub reserved: u32,
+    /// How long the frame was exposed, ns; 0 when that is not known.
+    pub exposure_ns: u32,
     /// Centre, px.
     pub center_x_px: f64,
     /// Centre, px (down).

@@ -27,15 +27,17 @@ pub struct FrameHeader {
     pub pixel_format: u32,
     /// Raised each time the camera is opened anew.
     pub epoch: u32,
+    /// How long the frame was exposed, ns; 0 when the camera does not tell. The largest value stands for more.
+    pub exposure_ns: u32,
     /// Zero.
-    pub reserved: [u32; 3],
+    pub reserved: [u32; 2],
 }
 
 const _: () = assert!(size_of::<FrameHeader>() == 64 && align_of::<FrameHeader>() == 64);
 
 impl FrameHeader {
-    /// The header of a frame of this run.
-    pub fn new(meta: &FrameMeta, run_id: u64) -> Self {
+    /// The header of a frame of this run, exposed for so long (0: not known).
+    pub fn new(meta: &FrameMeta, run_id: u64, exposure_us: f64) -> Self {
         Self {
             sequence: meta.sequence,
             stamp_ns: meta.stamp_ns,
@@ -46,7 +48,9 @@ impl FrameHeader {
             stride_bytes: meta.stride_bytes,
             pixel_format: meta.format as u32,
             epoch: meta.epoch,
-            reserved: [0; 3],
+            // A conversion from a float saturates.
+            exposure_ns: (1.0e3 * exposure_us).round() as u32,
+            reserved: [0; 2],
         }
     }
 

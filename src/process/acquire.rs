@@ -1,6 +1,9 @@
 //! Camera to ring.
 
-use super::clock::{Every, Patience, host_ns};
+use super::action::Cause;
+use super::clock::{Every, Patience, host_ns, now};
+use super::conclude::Alone;
+use super::pace::Latencies;
 use super::report::Reporter;
 use super::rig::{SUCCESSION, Source, limits};
 use super::stop::Stop;
@@ -50,6 +53,9 @@ struct Loop {
     reporter: Reporter,
     readers: Readers,
     trigger: Option<MotionTrigger>,
+    /// How long the trigger looked at each frame.
+    decisions: Latencies,
+    alone: Option<Alone>,
     summary: Summary,
     queued: usize,
     /// Torn frames since the last whole one.
@@ -80,6 +86,8 @@ impl Loop {
             bell: bus.bell("frames")?,
             reporter,
             readers: Readers::new(bus, &limits, config)?,
+            decisions: Latencies::default(),
+            alone: trigger.as_ref().and_then(|_| Alone::new(config)),
             trigger,
             source,
             summary: Summary::default(),
@@ -150,8 +158,9 @@ impl Loop {
         self.queued -= 1;
         meta.sequence += self.offset;
         meta.epoch = meta.epoch.max(self.epoch);
-        let moved = self.trigger.as_mut().is_some_and(|trigger| trigger.push(&meta, slot.bytes_mut()));
-        self.ring.send(slot, FrameHeader::new(&meta, self.reporter.run_id()))?;
+        let decided = self.decide(&meta, &mut slot);
+        let exposure_us = self.source.format().exposure_us;
+        self.ring.send(slot, FrameHeader::new(&meta, self.reporter.run_id(), exposure_us))?;
         self.bell.ring();
         self.summary.taken += 1;
         self.summary.given += 1;
@@ -170,10 +179,25 @@ impl Loop {
         self.next = meta.sequence + 1;
         self.torn = 0;
         self.stamp_ns = meta.stamp_ns;
-        if moved {
-            self.reporter.event(EventKind::Triggered, meta.sequence, meta.stamp_ns, "motion")?;
+        if let Some(took) = decided {
+            let text = format!("motion; decided {} us after the frame came", took.as_micros());
+            self.reporter.event(EventKind::Decided, meta.sequence, meta.stamp_ns, &text)?;
+            if let Some(alone) = &mut self.alone {
+                let cause = Cause { frame: meta.sequence, stamp_ns: meta.stamp_ns, text: "motion".into() };
+                alone.trigger(&cause, &self.reporter)?;
+            }
         }
-        Ok(())
+        self.alone.as_mut().map_or(Ok(()), |alone| alone.tell(&self.reporter, false))
+    }
+
+    /// Shows a frame to the trigger; how long it looked, when it fires.
+    fn decide(&mut self, meta: &FrameMeta, slot: &mut Slot) -> Option<Duration> {
+        let trigger = self.trigger.as_mut()?;
+        let came = now();
+        let fires = trigger.push(meta, slot.bytes_mut());
+        let took = came.elapsed();
+        self.decisions.add(took);
+        fires.then_some(took)
     }
 
     fn torn(&mut self, slot: Slot, cause: &str) {
@@ -213,7 +237,14 @@ impl Loop {
     fn end(&mut self) -> Result<(), BusError> {
         self.source.close();
         self.summary.lost += self.torn;
-        self.reporter.event(EventKind::Ended, self.next, self.stamp_ns, "last frame")?;
+        if let Some(alone) = &mut self.alone {
+            alone.tell(&self.reporter, true)?;
+        }
+        let text = match self.decisions.words() {
+            None => "last frame".to_owned(),
+            Some(words) => format!("last frame; motion was looked for in {words}"),
+        };
+        self.reporter.event(EventKind::Ended, self.next, self.stamp_ns, &text)?;
         let patience = Patience::new(LINGER);
         while !patience.is_over() && !self.readers.all_done(self.reporter.run_id())? {
             self.ring.greet();

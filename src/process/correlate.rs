@@ -45,6 +45,7 @@ pub fn run(config: &Config, index: u32, mut resumed: bool, stop: &Stop) -> anyho
         is_late: false,
         from: 0,
         stamp_ns: 0,
+        exposure_ns: 0,
     };
     let mut recorded = Recorded { progress: bus.subscriber(&limits)?, done: None, expected: config.record.is_some() };
     let ear = bus.ear("frames")?;
@@ -92,6 +93,7 @@ struct Worker {
     /// Frames before this one belong to a block whose beginning was missed.
     from: u64,
     stamp_ns: u64,
+    exposure_ns: u32,
 }
 
 impl Worker {
@@ -125,6 +127,7 @@ impl Worker {
             }
             self.next = Some(meta.sequence + 1);
             self.stamp_ns = meta.stamp_ns;
+            self.exposure_ns = header.exposure_ns;
             self.summary.taken += 1;
             // A block measured from its middle on would not be what a replay measures.
             if meta.sequence >= self.from {
@@ -148,7 +151,9 @@ impl Worker {
 
     fn publish(&mut self) -> Result<(), BusError> {
         for measured in self.measured.drain(..) {
-            let header = FieldHeader::new(&measured.step, measured.field.as_ref(), self.reporter.run_id(), self.index);
+            let mut header =
+                FieldHeader::new(&measured.step, measured.field.as_ref(), self.reporter.run_id(), self.index);
+            header.exposure_ns = self.exposure_ns;
             self.fields.send(&header, measured.field.as_ref())?;
             self.summary.given += 1;
             self.bell.ring();

@@ -5,9 +5,12 @@
 //! asked to stop, and returns a [`Summary`] of what it took, gave and lost.
 
 mod acquire;
+mod action;
 mod clock;
+mod conclude;
 mod correlate;
 mod order;
+mod pace;
 mod record;
 mod report;
 mod rig;

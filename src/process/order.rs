@@ -24,8 +24,13 @@ impl OrderedTracker {
 
     /// Takes a step in whatever order it arrives; gives the rows that became final.
     pub(super) fn push(&mut self, step: BodyStep) -> &mut TrackerRows {
+        self.push_seen(step, |_| {})
+    }
+
+    /// As [`push`](Self::push), and shows every step as soon as its turn has come.
+    pub(super) fn push_seen(&mut self, step: BodyStep, see: impl FnMut(&BodyStep)) -> &mut TrackerRows {
         self.order.push(step);
-        self.advance()
+        self.advance(see)
     }
 
     /// Nothing more will come, up to frame `end` (one past the last).
@@ -33,7 +38,7 @@ impl OrderedTracker {
         if let Some(last) = end.checked_sub(1) {
             self.order.finish(last);
         }
-        self.advance();
+        self.advance(|_| {});
         self.tracker.finish(&mut self.rows);
         &mut self.rows
     }
@@ -48,8 +53,9 @@ impl OrderedTracker {
         (self.order.lost(), self.order.late())
     }
 
-    fn advance(&mut self) -> &mut TrackerRows {
+    fn advance(&mut self, mut see: impl FnMut(&BodyStep)) -> &mut TrackerRows {
         while let Some(step) = self.order.pop() {
+            see(&step);
             self.tracker.push(&step, &mut self.rows);
             self.taken += 1;
         }

@@ -6,9 +6,10 @@
 
 mod failure;
 
+use super::action::{Actions, Cause};
 use super::clock::{Every, Patience};
 use super::report::Reporter;
-use super::rig::{SUCCESSION, analysis_params, expected_format, limits, truth_world};
+use super::rig::{SUCCESSION, analysis_params, expected_format, learn_exposure, limits, truth_world};
 use super::shot::{Extent, Shot, free_path, recording_info};
 use super::stop::Stop;
 use super::storage::{Storage, prepare_directory};
@@ -21,6 +22,7 @@ use crate::image::Frame;
 use crate::measure::TrackerParams;
 use crate::message::{Command, Event, EventKind, Reply, ReplyCode, Role};
 use crate::recording::EventRow;
+use crate::trigger::Quiet;
 use std::collections::VecDeque;
 use std::time::Duration;
 
@@ -65,6 +67,8 @@ pub fn run(config: &Config, resumed: bool, stop: &Stop) -> anyhow::Result<Summar
         failures: 0,
         armed: config.trigger.mode != TriggerMode::Off,
         greet: Every::new(GREET),
+        quiet: Quiet::new(config.trigger.quiet_s),
+        actions: Actions::new(config),
         summary: Summary::default(),
         camera: CameraIdentity::default(),
         newest: (0, 0),
@@ -95,6 +99,8 @@ struct Recorder<'a> {
     failures: u32,
     armed: bool,
     greet: Every,
+    quiet: Quiet,
+    actions: Actions,
     summary: Summary,
     camera: CameraIdentity,
     newest: (u64, u64),
@@ -133,6 +139,9 @@ impl Recorder<'_> {
                 break;
             }
             self.look_at_storage()?;
+            while let Some(ended) = self.actions.ended() {
+                self.reporter.action(&ended)?;
+            }
             self.tell()?;
             if !busy {
                 ear.wait(WAIT);
@@ -143,6 +152,9 @@ impl Recorder<'_> {
             self.close(active, end)?;
         }
         self.reporter.progress(stream.end.unwrap_or(0), true)?;
+        for ended in self.actions.last() {
+            self.reporter.action(&ended)?;
+        }
         self.reporter.status_now(&self.summary, self.newest.0, self.newest.1)?;
         Ok(())
     }
@@ -206,10 +218,9 @@ impl Recorder<'_> {
                     let (model, serial) = text.split_once('\n').unwrap_or((&text, ""));
                     self.camera = CameraIdentity { model: model.to_owned(), serial: serial.to_owned() };
                 }
-                Some(EventKind::Triggered)
-                    if self.config.trigger.mode == TriggerMode::Motion && self.armed && self.shot.is_none() =>
-                {
-                    self.trigger(Some(event.sequence), "motion")?;
+                Some(EventKind::Decided) if self.armed && self.shot.is_none() && self.quiet.passes(event.stamp_ns) => {
+                    let text = event.text();
+                    self.trigger(Some(event.sequence), text.split_once("; ").map_or(text.as_str(), |(what, _)| what))?;
                 }
                 _ => {}
             }
@@ -242,6 +253,7 @@ impl Recorder<'_> {
         // A trigger within the stream's first block has its first frame still to come.
         let start_ns = self.held.front().map_or(stamp_ns, |sample| sample.header().stamp_ns);
         self.reporter.event(EventKind::Triggered, at, stamp_ns, cause)?;
+        self.actions.fire(&Cause { frame: at, stamp_ns, text: cause.to_owned() });
         self.begin(first, Some((at + post).max(first)), start_ns, &format!("{cause} at frame {at}"))
     }
 
@@ -279,6 +291,9 @@ impl Recorder<'_> {
         while self.held.len() < most && !is_whole(&self.held) {
             let Some(sample) = self.frames.take()? else { break };
             if sample.header().run_id == self.reporter.run_id() {
+                if learn_exposure(self.config, &mut self.format, sample.header().exposure_ns) {
+                    self.params = analysis_params(self.config, &self.format).1;
+                }
                 self.held.push_back(sample);
             }
         }

@@ -1,5 +1,6 @@
 //! Telling how a process is doing: a few times a second on `status`, after every piece of work on `progress`.
 
+use super::action::Ended;
 use super::clock::{Every, host_ns, now};
 use super::summary::Summary;
 use crate::bus::{Bus, BusError, Limits, Publisher};
@@ -83,6 +84,14 @@ impl Reporter {
             matches!(kind, EventKind::Prepared | EventKind::Started | EventKind::Ended | EventKind::Tracked);
         let publisher = if milestone { &self.milestones } else { &self.events };
         publisher.send(&Event::new(kind, self.told.run_id, sequence, stamp_ns, text))
+    }
+
+    /// Tells how something that a trigger set off has ended.
+    pub(super) fn action(&self, ended: &Ended) -> Result<(), BusError> {
+        if ended.failed {
+            log::warn!("{}", ended.text);
+        }
+        self.event(EventKind::Action, ended.cause.frame, ended.cause.stamp_ns, &ended.text)
     }
 
     /// Tells the counts, when it is time again.

@@ -216,6 +216,15 @@ pub(super) fn expected_format(config: &Config) -> Result<StreamFormat, CameraErr
     Ok(open_camera(config)?.format())
 }
 
+/// Takes the exposure out of a frame's header where neither the rig file nor the camera's name told it; `true` when it did.
+pub(super) fn learn_exposure(config: &Config, format: &mut StreamFormat, exposure_ns: u32) -> bool {
+    let learns = config.camera.exposure_us.is_none() && format.exposure_us <= 0.0 && exposure_ns > 0;
+    if learns {
+        format.exposure_us = f64::from(exposure_ns) * 1e-3;
+    }
+    learns
+}
+
 /// What the measurement is planned with, for frames of this shape.
 pub fn analysis_params(config: &Config, format: &StreamFormat) -> (MeasureParams, TrackerParams) {
     let bodies = 0..config.bodies.len();
@@ -238,4 +247,33 @@ pub fn analysis_params(config: &Config, format: &StreamFormat) -> (MeasureParams
         contact: true,
     };
     (measure, tracker)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const GENICAM: &str =
+        "[camera]\nsource = \"genicam\"\nid = \"a\"\nwidth_px = 64\nheight_px = 64\nframe_rate_hz = 100\n";
+
+    /// Exposures that tracks are computed with, ns: before and after a frame's header told one.
+    fn exposures_ns(text: &str, told_ns: u32) -> (f64, f64) {
+        let config = Config::parse(text, "rig.toml").unwrap();
+        let mut format = expected_format(&config).unwrap();
+        let before = analysis_params(&config, &format).1.motion[0].exposure_ns;
+        learn_exposure(&config, &mut format, told_ns);
+        (before, analysis_params(&config, &format).1.motion[0].exposure_ns)
+    }
+
+    #[test]
+    fn the_exposure_that_the_camera_was_left_with_comes_with_the_frames() {
+        assert_eq!(exposures_ns(GENICAM, 4_000_000), (0.0, 4.0e6));
+        assert_eq!(exposures_ns(GENICAM, 0), (0.0, 0.0));
+        assert_eq!(
+            exposures_ns(&format!("{GENICAM}exposure_us = 30\n"), 4_000_000),
+            (3.0e4, 3.0e4),
+            "the file goes first"
+        );
+        assert_eq!(exposures_ns("[camera]\nsource = \"simulated\"\n", 5), (2.0e4, 2.0e4), "what is known stays");
+    }
 }

@@ -1,15 +1,17 @@
 //! Fields in any order to tracks, velocities and impacts in frame order.
 
-use super::clock::Patience;
+use super::clock::{Patience, now};
+use super::conclude::Conclusions;
 use super::order::OrderedTracker;
 use super::report::Reporter;
-use super::rig::{SUCCESSION, analysis_params, expected_format, limits};
+use super::rig::{SUCCESSION, analysis_params, expected_format, learn_exposure, limits};
 use super::stop::Stop;
 use super::stream::Stream;
 use super::summary::Summary;
 use crate::bus::{Bell, Bus, BusError, FieldSubscriber, Limits, Publisher};
+use crate::camera::StreamFormat;
 use crate::config::Config;
-use crate::measure::{TrackerParams, TrackerRows};
+use crate::measure::TrackerRows;
 use crate::message::{EventKind, ImpactMessage, Role, TrackMessage, VelocityMessage};
 use std::time::Duration;
 
@@ -36,8 +38,10 @@ pub fn run(config: &Config, resumed: Option<u64>, stop: &Stop) -> anyhow::Result
         velocities: bus.publisher(&limits)?,
         impacts: bus.publisher(&limits)?,
         bell: bus.bell("velocity")?,
-        params: analysis_params(config, &format).1,
+        conclusions: Conclusions::new(config),
         ordered: None,
+        config,
+        format,
         reporter,
         summary: Summary::default(),
         resumed,
@@ -48,7 +52,9 @@ pub fn run(config: &Config, resumed: Option<u64>, stop: &Stop) -> anyhow::Result
     let ear = bus.ear("field")?;
     let mut stream = Stream::new(&bus, &limits)?;
     while !stop.requested() {
-        if stream.update()? {
+        let begins = stream.update()?;
+        loop_.conclusions.hear(&stream.take(), &loop_.reporter)?;
+        if begins {
             loop_.attach(&stream)?;
         }
         let progressed = loop_.drain(&stream)?;
@@ -56,6 +62,7 @@ pub fn run(config: &Config, resumed: Option<u64>, stop: &Stop) -> anyhow::Result
             loop_.end(&stream, end, stop)?;
             break;
         }
+        loop_.conclusions.tell(loop_.newest, &loop_.reporter)?;
         loop_.reporter.status(&loop_.summary, loop_.newest.0, loop_.newest.1)?;
         if !progressed {
             ear.wait(WAIT);
@@ -65,13 +72,15 @@ pub fn run(config: &Config, resumed: Option<u64>, stop: &Stop) -> anyhow::Result
     Ok(loop_.summary)
 }
 
-struct Loop {
+struct Loop<'a> {
     fields: FieldSubscriber,
     tracks: Publisher<TrackMessage>,
     velocities: Publisher<VelocityMessage>,
     impacts: Publisher<ImpactMessage>,
     bell: Bell,
-    params: TrackerParams,
+    conclusions: Conclusions,
+    config: &'a Config,
+    format: StreamFormat,
     ordered: Option<OrderedTracker>,
     reporter: Reporter,
     summary: Summary,
@@ -82,7 +91,7 @@ struct Loop {
     newest: (u64, u64),
 }
 
-impl Loop {
+impl Loop<'_> {
     fn attach(&mut self, stream: &Stream) -> Result<(), BusError> {
         // A camera process that died told no end: what is known of its run is let out before the next begins.
         self.let_out(self.seen)?;
@@ -106,12 +115,16 @@ impl Loop {
             let Some(step) = header.step() else { continue };
             progressed = true;
             if self.ordered.is_none() {
+                learn_exposure(self.config, &mut self.format, header.exposure_ns);
                 self.begin(first, step.frame);
             }
             self.seen = self.seen.max(step.frame + 1);
             if let Some(ordered) = &mut self.ordered {
-                let rows = std::mem::take(ordered.push(step));
+                let (conclusions, came) = (&mut self.conclusions, now());
+                let rows = std::mem::take(ordered.push_seen(step, |step| conclusions.see(step, came)));
                 self.publish(&rows)?;
+                // A decision is told before the next step is taken.
+                self.conclusions.tell(self.newest, &self.reporter)?;
             }
         }
         Ok(progressed)
@@ -128,10 +141,13 @@ impl Loop {
         };
         // A worker can be behind by no more than its queue holds.
         let patience_frames = self.limits.ring_frames as u64 + 512;
-        self.ordered = Some(OrderedTracker::new(&self.params, start, patience_frames));
+        let params = analysis_params(self.config, &self.format).1;
+        self.ordered = Some(OrderedTracker::new(&params, start, patience_frames));
+        self.conclusions.begin(self.config, self.format.frame_rate_hz, self.format.exposure_us);
     }
 
     fn publish(&mut self, rows: &TrackerRows) -> Result<(), BusError> {
+        self.conclusions.rows(&rows.velocities);
         let run_id = self.reporter.run_id();
         for sample in &rows.tracks {
             self.tracks.send(&TrackMessage::new(sample, run_id))?;
@@ -183,6 +199,7 @@ impl Loop {
             self.begin(first, first);
         }
         self.let_out(end)?;
+        self.conclusions.end(self.newest, &self.reporter)?;
         self.reporter.event(EventKind::Tracked, end, self.newest.1, "every result was published")?;
         self.reporter.progress(end, true)
     }

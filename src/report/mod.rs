@@ -9,6 +9,7 @@
 
 mod base64;
 mod chart;
+mod check;
 mod curves;
 mod number;
 mod page;
@@ -18,6 +19,7 @@ mod shot;
 mod snapshot;
 mod spread;
 
+pub use check::{CheckPicture, CheckRow, check_page};
 pub use shot::{Shot, last_revisions};
 
 /// The page of these recordings: the story of one, or how well several repeat.

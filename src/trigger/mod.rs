@@ -1,5 +1,12 @@
-//! What starts a shot.
+//! What starts a shot, and what a rig is doing.
 
+mod flight;
+mod measured;
 mod motion;
+mod quiet;
+mod state;
 
+pub use measured::{BodyWatch, Condition, Decision, MeasuredTrigger};
 pub use motion::MotionTrigger;
+pub use quiet::Quiet;
+pub use state::{RigState, States};

@@ -4,22 +4,22 @@ use crate::image::FrameMeta;
 
 /// Fires when the mean absolute change of grey level from one frame to the next exceeds a threshold.
 ///
-/// It looks at every second pixel of every second row of its region: a body that
-/// matters covers hundreds of pixels, and the answer must come before the next frame.
+/// It looks at every second row of its region: a body that matters covers
+/// hundreds of pixels, and the answer must come before the next frame.
 #[derive(Debug)]
 pub struct MotionTrigger {
     threshold_dn: f64,
     roi_px: Option<[u32; 4]>,
-    before: Vec<u16>,
-    now: Vec<u16>,
-    shape: (u32, u32),
+    /// The rows of the frame before, byte by byte.
+    before: Vec<u8>,
+    shape: (u32, u32, usize),
     above: bool,
 }
 
 impl MotionTrigger {
     /// A trigger for changes above `threshold_dn` digital numbers within `roi_px` (x, y, width, height; `None` = all).
     pub fn new(threshold_dn: f64, roi_px: Option<[u32; 4]>) -> Self {
-        Self { threshold_dn, roi_px, before: Vec::new(), now: Vec::new(), shape: (0, 0), above: false }
+        Self { threshold_dn, roi_px, before: Vec::new(), shape: (0, 0, 0), above: false }
     }
 
     /// Looks at the next frame; `true` when motion begins in it.
@@ -27,37 +27,49 @@ impl MotionTrigger {
     /// It fires once for each time the change rises above the threshold. The
     /// first frame, and the first of another shape, only serve for comparison.
     pub fn push(&mut self, meta: &FrameMeta, bytes: &[u8]) -> bool {
-        self.sample(meta, bytes);
-        let comparable = self.shape == (meta.width_px, meta.height_px) && self.before.len() == self.now.len();
-        let change = if comparable { mean_change(&self.before, &self.now) } else { 0.0 };
-        self.shape = (meta.width_px, meta.height_px);
-        std::mem::swap(&mut self.before, &mut self.now);
-        let above = change > self.threshold_dn;
+        let size = meta.format.bytes_per_pixel();
+        let shape = (meta.width_px, meta.height_px, size);
+        if std::mem::replace(&mut self.shape, shape) != shape {
+            self.before.clear();
+        }
+        let above = self.change(meta, bytes, size) > self.threshold_dn;
         let fires = above && !self.above;
         self.above = above;
         fires
     }
 
-    fn sample(&mut self, meta: &FrameMeta, bytes: &[u8]) {
+    /// Mean absolute change since the frame before, DN; 0 where the two cannot be compared.
+    fn change(&mut self, meta: &FrameMeta, bytes: &[u8], size: usize) -> f64 {
         let [x, y, width, height] = self.roi_px.unwrap_or([0, 0, meta.width_px, meta.height_px]);
-        let columns = x..(x + width).min(meta.width_px);
-        let size = meta.format.bytes_per_pixel();
-        self.now.clear();
+        let columns = x.min(meta.width_px) as usize * size..(x + width).min(meta.width_px) as usize * size;
+        let (mut sum, mut at) = (0_u64, 0);
         for row in (y..(y + height).min(meta.height_px)).step_by(2) {
             let start = row as usize * meta.stride_bytes as usize;
-            let Some(line) = bytes.get(start..start + meta.width_px as usize * size) else { break };
-            self.now.extend(columns.clone().step_by(2).map(|column| match size {
-                1 => u16::from(line[column as usize]),
-                _ => u16::from_le_bytes([line[2 * column as usize], line[2 * column as usize + 1]]),
-            }));
+            let Some(line) = bytes.get(start + columns.start..start + columns.end) else { break };
+            match self.before.get_mut(at..at + line.len()) {
+                Some(before) => {
+                    sum += if size == 1 { change_of_bytes(before, line) } else { change_of_pairs(before, line) };
+                    before.copy_from_slice(line);
+                }
+                None => self.before.extend_from_slice(line),
+            }
+            at += line.len();
         }
+        let is_whole = at == self.before.len();
+        self.before.truncate(at);
+        if is_whole { sum as f64 / (at / size).max(1) as f64 } else { 0.0 }
     }
 }
 
-/// Mean absolute difference, 0 for nothing.
-fn mean_change(before: &[u16], now: &[u16]) -> f64 {
-    let sum: u64 = before.iter().zip(now).map(|(before, now)| u64::from(before.abs_diff(*now))).sum();
-    sum as f64 / before.len().max(1) as f64
+fn change_of_bytes(before: &[u8], now: &[u8]) -> u64 {
+    // A row has at most 65535 pixels, whose differences fit 32 bits.
+    u64::from(before.iter().zip(now).map(|(before, now)| u32::from(before.abs_diff(*now))).sum::<u32>())
+}
+
+fn change_of_pairs(before: &[u8], now: &[u8]) -> u64 {
+    let level = |pair: &[u8]| u16::from_le_bytes([pair[0], pair[1]]);
+    let pairs = before.chunks_exact(2).zip(now.chunks_exact(2));
+    pairs.map(|(before, now)| u64::from(level(before).abs_diff(level(now)))).sum()
 }
 
 #[cfg(test)]
@@ -87,6 +99,18 @@ mod tests {
         let mut trigger = MotionTrigger::new(5.0, None);
         assert!(!trigger.push(&meta(), &[10; 64]));
         assert!(!trigger.push(&meta(), &[14; 64]));
+    }
+
+    #[test]
+    fn two_bytes_a_pixel_are_compared_as_one_number() {
+        let meta = FrameMeta { stride_bytes: 16, format: crate::image::PixelFormat::Mono12, ..meta() };
+        // From 255 to 256: the low byte changes by 255, the grey level by 1.
+        let (before, after) = ([255, 0].repeat(64), [0, 1].repeat(64));
+        let fires = |threshold_dn: f64| {
+            let mut trigger = MotionTrigger::new(threshold_dn, None);
+            trigger.push(&meta, &before) || trigger.push(&meta, &after)
+        };
+        assert!(fires(0.9) && !fires(1.1));
     }
 
     #[test]

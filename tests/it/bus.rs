@@ -35,7 +35,7 @@ fn frames_arrive_bit_exact_in_order_and_aligned() {
     for sequence in 0..20_u64 {
         let mut slot = ring.lend().unwrap().unwrap();
         slot.bytes_mut().iter_mut().enumerate().for_each(|(index, byte)| *byte = (index as u64 * 7 + sequence) as u8);
-        ring.send(slot, FrameHeader::new(&meta(sequence), 1)).unwrap();
+        ring.send(slot, FrameHeader::new(&meta(sequence), 1, 20.0)).unwrap();
     }
     for sequence in 0..20_u64 {
         let sample = reader.take().unwrap().unwrap();
@@ -54,7 +54,7 @@ fn a_reader_that_sleeps_keeps_the_newest_and_never_stops_the_writer() {
     let reader = bus.frame_subscriber(&LIMITS).unwrap();
     for sequence in 0..1000 {
         let slot = ring.lend().unwrap().unwrap();
-        ring.send(slot, FrameHeader::new(&meta(sequence), 1)).unwrap();
+        ring.send(slot, FrameHeader::new(&meta(sequence), 1, 20.0)).unwrap();
     }
     let mut seen = Vec::new();
     while let Some(sample) = reader.take().unwrap() {
@@ -72,7 +72,7 @@ fn a_reader_that_holds_everything_costs_slots_not_time() {
     let mut refused = 0;
     for sequence in 0..1000 {
         match ring.lend().unwrap() {
-            Some(slot) => ring.send(slot, FrameHeader::new(&meta(sequence), 1)).unwrap(),
+            Some(slot) => ring.send(slot, FrameHeader::new(&meta(sequence), 1, 20.0)).unwrap(),
             None => refused += 1,
         }
         if held.len() < LIMITS.ring_frames + LIMITS.held_frames - 1 {

@@ -89,3 +89,43 @@ fn succeed_or_lossy(arguments: &[&std::ffi::OsStr], lost: u64) {
         assert_eq!(crate::support::run(arguments).status.code(), Some(6));
     }
 }
+
+#[test]
+fn the_exposure_the_camera_was_left_with_is_measured_with_and_kept() {
+    let world = {
+        let mut scenario = Scenario::built_in("lacrosse").unwrap();
+        (scenario.camera.width_px, scenario.camera.height_px) = (256, 192);
+        World::new(&scenario).unwrap()
+    };
+    let draw = move |index: u64, pixels: &mut [u8]| world.render(index % FRAMES, pixels);
+    let Some(camera) = FakeGige::plug_in(Wiring::Software, FRAMES, draw) else { return };
+    camera.write(0x120, 4000);
+    let rig = Rig::new();
+    let source = |more: &str| {
+        format!("source = \"genicam\"\nid = \"{ADDRESS}\"\nwidth_px = 256\nheight_px = 192\nframe_rate_hz = 50{more}")
+    };
+    let config = rig.config(&source(""), "[scale]\nmm_per_px = 0.5142\n[workers]\ncount = 1");
+    let service = Background::start(ricochet(["run".as_ref(), config.as_os_str()]));
+    wait_until("all frames were sent", || (camera.sent() == FRAMES).then_some(()));
+    service.signal(15);
+    service.end();
+    let recording = &rig.recordings()[0];
+    assert_eq!(ricochet::recording::Recording::open(recording).unwrap().exposure_us(), 4000.0);
+    let impacts = |config: Option<&std::path::Path>, name: &str| {
+        let results = rig.path(name);
+        let mut arguments = vec!["analyze".as_ref(), recording.as_os_str(), "-o".as_ref(), results.as_os_str()];
+        arguments.extend(config.into_iter().flat_map(|config| ["--config".as_ref(), config.as_os_str()]));
+        crate::support::run(arguments);
+        csv(&results, "impact")
+    };
+    let live = csv(recording, "impact");
+    assert_eq!(impacts(None, "again.mcap"), live, "analysis uses the exposure that the recording tells");
+    let start_s = |table: &str| table.lines().nth(1).and_then(|row| row.split(',').nth(1)?.parse::<f64>().ok());
+    let short = rig.file(
+        "short.toml",
+        &std::fs::read_to_string(&config).unwrap().replace("[record]", "exposure_us = 0.001\n[record]"),
+    );
+    let (with, without) = (start_s(&live), start_s(&impacts(Some(&short), "short.mcap")));
+    let (Some(with), Some(without)) = (with, without) else { panic!("an impact: {live}") };
+    assert!((with - without - 2.0e-3).abs() < 1.0e-5, "half of 4 ms later: {with} s, {without} s");
+}

@@ -36,7 +36,10 @@ pub fn apply(device: &Device, settings: &GenicamSettings) -> Result<StreamFormat
         let value = device.integer(name).map_err(|reason| setting(name, "its current value", reason))?;
         u32::try_from(value).map_err(|_| setting(name, value, "no size"))
     };
-    let exposure_us = settings.exposure_us.unwrap_or(0.0);
+    let exposure_us = match settings.exposure_us {
+        Some(exposure_us) => exposure_us,
+        None => exposure(device),
+    };
     let stream =
         StreamFormat { width_px: size("Width")?, height_px: size("Height")?, format, frame_rate_hz, exposure_us };
     check_region(settings, &stream)?;
@@ -105,6 +108,15 @@ fn set_format(device: &Device, settings: &GenicamSettings) -> Result<PixelFormat
         let word = device.text("PixelFormat").unwrap_or_else(|_| format!("{code:#010x}"));
         setting("PixelFormat", word, format!("choose one of {}", ours.join(", ")))
     })
+}
+
+/// What the camera was left to expose for, us; 0 where it does not tell, or changes it by itself.
+fn exposure(device: &Device) -> f64 {
+    let is_automatic = ["ExposureAuto", "ExposureMode"]
+        .into_iter()
+        .any(|name| device.text(name).is_ok_and(|word| !matches!(word.as_str(), "Off" | "Timed")));
+    let told = device.ask(device.aravis.arv_camera_get_exposure_time).ok();
+    told.filter(|exposure_us| !is_automatic && exposure_us.is_finite() && *exposure_us > 0.0).unwrap_or(0.0)
 }
 
 fn set_exposure(device: &Device, settings: &GenicamSettings) -> Result<(), CameraError> {

@@ -80,7 +80,7 @@ fn every_key_of_the_camera_arrives_where_it_belongs() {
     assert_eq!(camera.features["Gain"], FeatureValue::Float(1.5));
     assert_eq!(camera.features["Mode"], FeatureValue::Text("Off".into()));
     assert_eq!(config.scale, Some(Scale::BallDiameterMm(40.0)));
-    assert_eq!(config.surface, Surface { angle_deg: 19.5 });
+    assert_eq!(config.surface, Surface { angle_deg: 19.5, edge: None });
 }
 
 #[test]
@@ -106,6 +106,23 @@ fn every_key_of_the_measurement_arrives_where_it_belongs() {
     assert_eq!((record.directory.as_path(), record.compression), (Path::new("a/b"), Compression::Zstd));
     assert_eq!((record.raw_frames, record.ring_bytes_max), (false, Some(1 << 20)));
     assert_eq!((config.workers.count, config.workers.block_frames), (64, 256));
+}
+
+#[test]
+fn an_edge_says_the_angle_and_triggers_on_it_are_told_apart() {
+    let config = parse(&format!(
+        "{SIMULATED}[scale]\nmm_per_px = 0.5\n[surface]\nedge = [[0, 100], [100, 0]]\n[trigger]\n\
+         mode = \"predicted-contact\"\nbody = \"ball\"\nlead_s = 0.5\nquiet_s = 3\ncommand = [\"a\", \"b\"]\n\
+         url = \"http://host:81/x\"\nother_rig = \"side\"\n"
+    ));
+    assert_eq!(config.surface, Surface { angle_deg: 45.0, edge: Some([[0.0, 100.0], [100.0, 0.0]]) });
+    let trigger = &config.trigger;
+    assert_eq!((trigger.mode, trigger.lead_s, trigger.quiet_s), (TriggerMode::PredictedContact, 0.5, 3.0));
+    assert_eq!((trigger.body.as_deref(), trigger.other_rig.as_deref()), (Some("ball"), Some("side")));
+    assert_eq!(
+        (trigger.command.as_slice(), trigger.url.as_deref()),
+        (["a", "b"].map(String::from).as_slice(), Some("http://host:81/x"))
+    );
 }
 
 #[test]

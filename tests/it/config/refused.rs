@@ -1,6 +1,6 @@
 //! Keys, words and numbers that are refused, and the sentence each gets.
 
-use super::{GENICAM, refusal, refused_on_a_simulated_rig};
+use super::{GENICAM, SIMULATED, refusal, refused_on_a_simulated_rig};
 
 #[test]
 fn an_unknown_key_is_refused_and_the_nearest_known_one_named() {
@@ -129,7 +129,10 @@ fn words_that_mean_nothing_are_refused_with_the_ones_that_do() {
             "[rotation]\nmethod = \"hough\"",
             ", line 4: rotation.method = \"hough\": must be \"rigid\", \"field\", \"ring\"",
         ),
-        ("[trigger]\nmode = \"on\"", ", line 4: trigger.mode = \"on\": must be \"off\", \"software\", \"motion\""),
+        (
+            "[trigger]\nmode = \"on\"",
+            ", line 4: trigger.mode = \"on\": must be \"off\", \"software\", \"motion\", \"enter\", \"speed\", \"gap\", \"predicted-contact\"",
+        ),
         (
             "[record]\ndirectory = \"a\"\ncompression = \"lz4\"",
             ", line 5: record.compression = \"lz4\": must be \"none\", \"zstd\"",
@@ -141,16 +144,68 @@ fn words_that_mean_nothing_are_refused_with_the_ones_that_do() {
 }
 
 #[test]
+fn a_trigger_without_what_it_is_decided_from_is_refused() {
+    let edge = "[scale]\nmm_per_px = 0.5\n[surface]\nedge = [[0, 10], [9, 10]]\n";
+    let missing = |addition: &str, wanted: &str| {
+        assert_eq!(refusal(&format!("{SIMULATED}{addition}\n")), format!("rig.toml{wanted}"));
+    };
+    missing(
+        "[trigger]\nmode = \"speed\"\nspeed_m_s = 1",
+        ": scale.mm_per_px is missing: must be given, or ball_diameter_mm in its place, for mode = \"speed\"",
+    );
+    missing(
+        &format!("{edge}[trigger]\nmode = \"speed\""),
+        ": trigger.speed_m_s is missing: must be above 0 and at most 100000 m/s for mode = \"speed\"",
+    );
+    missing(
+        &format!("{edge}[trigger]\nmode = \"gap\""),
+        ": trigger.gap_mm is missing: must be 0 to 100000 mm for mode = \"gap\"",
+    );
+    missing(
+        "[scale]\nmm_per_px = 0.5\n[trigger]\nmode = \"predicted-contact\"",
+        ": surface.edge is missing: must be two points of the edge, [[x, y], [x, y]] in px, for mode = \"predicted-contact\"",
+    );
+    missing(
+        &format!("{edge}[[body]]\nkind = \"rod\"\n[trigger]\nmode = \"predicted-contact\""),
+        ", line 10: trigger.mode = \"predicted-contact\": does not go with kind = \"rod\"; it belongs to kind = \"ball\"",
+    );
+    missing(
+        "[trigger]\nmode = \"enter\"\nbody = \"bal\"",
+        ", line 5: trigger.body = \"bal\": must be the name of a body: \"ball\"",
+    );
+    missing(
+        "[trigger]\nmode = \"motion\"\nlead_s = 0.1",
+        ", line 5: trigger.lead_s = 0.1: does not go with mode = \"motion\"; it belongs to mode = \"predicted-contact\"",
+    );
+    missing(
+        "[trigger]\nurl = \"https://a/b\"",
+        ", line 4: trigger.url = \"https://a/b\": must be http://host[:port][/path]",
+    );
+    missing(
+        "[trigger]\ncommand = []",
+        ", line 4: trigger.command = []: must be a program and its arguments, 1 to 64 texts",
+    );
+    missing(
+        "[trigger]\nother_rig = \"rig\"",
+        ", line 4: trigger.other_rig = \"rig\": must be the name of another rig than this one",
+    );
+    missing(
+        "[surface]\nangle_deg = 10\nedge = [[0, 10], [9, 10]]",
+        ", line 5: surface.edge = [[0, 10], [9, 10]]: must be within 2 deg of surface.angle_deg = 10, and is at -0.0 deg",
+    );
+    missing(
+        "[surface]\nedge = [[0, 10], [0.5, 10]]",
+        ", line 4: surface.edge = [[0, 10], [0.5, 10]]: must be two points [[x, y], [x, y]] in px, -65535 to 65535, at least 1 px apart",
+    );
+}
+
+#[test]
 fn what_this_version_does_not_offer_is_refused_by_name() {
-    let modes = "allowed: \"off\", \"software\", \"motion\"";
+    let modes = "allowed: \"off\", \"software\", \"motion\", \"enter\", \"speed\", \"gap\", \"predicted-contact\"";
     refused_on_a_simulated_rig(&[
         (
             "[trigger]\nmode = \"hardware\"",
             &format!(", line 4: trigger.mode = \"hardware\" is not offered by this version; {modes}"),
-        ),
-        (
-            "[trigger]\nmode = \"predicted-contact\"",
-            &format!(", line 4: trigger.mode = \"predicted-contact\" is not offered by this version; {modes}"),
         ),
         (
             "[rotation]\nmethod = \"ring\"",
@@ -159,10 +214,6 @@ fn what_this_version_does_not_offer_is_refused_by_name() {
         (
             "[rotation]\nring_inner_px = 6",
             ", line 4: rotation.ring_inner_px = 6 is not offered by this version; leave it out",
-        ),
-        (
-            "[surface]\nedge = [[0, 0], [10, 0]]",
-            ", line 4: surface.edge = [[0, 0], [10, 0]] is not offered by this version; leave it out",
         ),
         (
             "[[body]]\nkind = \"patch\"",

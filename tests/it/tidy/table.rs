@@ -67,11 +67,15 @@ pub const ROOMS: &[Room] = &[
     pure("ball", &["results", "image"], &["multiversion", "nalgebra", "thiserror"]),
     pure("rod", &["results", "image"], &["nalgebra", "thiserror"]),
     pure("motion", &["results"], &["nalgebra", "thiserror"]),
-    pure("trigger", &["image"], &[]),
+    pure("trigger", &["results", "image", "motion"], &[]),
     pure("impact", &["results", "motion"], &["nalgebra", "thiserror"]),
     pure("measure", &["results", "image", "dic", "ball", "rod", "motion", "impact"], &["nalgebra", "thiserror"]),
     pure("synth", &["results", "image", "motion"], &["nalgebra", "serde", "thiserror", "toml"]),
-    open("config", &["results", "image", "dic", "ball", "rod", "motion"], &["serde", "thiserror", "toml", "toml_edit"]),
+    open(
+        "config",
+        &["results", "image", "dic", "ball", "rod", "motion", "trigger"],
+        &["serde", "thiserror", "toml", "toml_edit"],
+    ),
     open("message", &["results", "image"], &["thiserror"]),
     open(
         "recording",

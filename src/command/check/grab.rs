@@ -1,0 +1,140 @@
+//! Frames of a rig's camera, without its other processes.
+
+use crate::bus::{Bus, Limits};
+use crate::camera::{CameraError, CameraIdentity, Next, Pace, StreamFormat};
+use crate::config::Config;
+use crate::image::FrameMeta;
+use crate::process::{Source, Stop};
+use std::time::{Duration, Instant};
+
+/// Frames kept and looked at: two blocks of the default length and the one their last pair leads to.
+pub(super) const KEPT: usize = 33;
+/// Most frames taken from a source that waits for its taker.
+const ON_DEMAND_MOST: usize = 1000;
+/// How long a camera may be silent.
+const SILENCE: Duration = Duration::from_secs(5);
+const WAIT: Duration = Duration::from_millis(50);
+/// Of how many rows one is looked at for the brightness of a frame.
+const ROW_STEP: usize = 4;
+
+/// What the camera delivered.
+pub(super) struct Grabbed {
+    pub(super) format: StreamFormat,
+    pub(super) camera: CameraIdentity,
+    /// The first frames.
+    pub(super) frames: Vec<(FrameMeta, Vec<u8>)>,
+    /// Stamp and mean grey level of every frame, s from the first and DN.
+    pub(super) means: Vec<(f64, f64)>,
+    /// Frames missing among those that came, torn ones included.
+    pub(super) lost: u64,
+    /// Whether the camera sets the pace.
+    pub(super) is_live: bool,
+}
+
+impl Grabbed {
+    /// Frames a second, by the stamps.
+    pub(super) fn rate_hz(&self) -> Option<f64> {
+        let (last, count) = (self.means.last()?.0, self.means.len() as u64 - 1 + self.lost);
+        (last > 0.0).then(|| count as f64 / last)
+    }
+}
+
+/// Films for so many seconds.
+pub(super) fn grab(config: &Config, seconds: f64, stop: &Stop) -> anyhow::Result<Grabbed> {
+    let mut source = Source::open(config)?;
+    let format = source.format();
+    let bus = Bus::take_part(&format!("check-{}", std::process::id()), "check", Duration::ZERO)?;
+    let limits = Limits { workers: 1, fields: 1, ring_frames: 1, held_frames: 1, field_points: 1 };
+    let mut ring = bus.frame_publisher(&limits, format.slot_bytes())?;
+    let is_live = source.pace() == Pace::Live;
+    let mut grabbed =
+        Grabbed { format, camera: source.identity().clone(), frames: Vec::new(), means: Vec::new(), lost: 0, is_live };
+    let (mut queued, mut next, mut torn, mut first_ns) = (0, None, 0, None);
+    let mut began = now();
+    let mut heard = began;
+    let mut started = false;
+    while !stop.requested() {
+        while queued < source.camera().slots().min(Limits::CAMERA_SLOTS) {
+            let Some(slot) = ring.lend()? else { break };
+            source.camera().queue(slot);
+            queued += 1;
+        }
+        if !std::mem::replace(&mut started, true) {
+            source.camera().start()?;
+            (began, heard) = (now(), now());
+        }
+        match source.camera().next(WAIT)? {
+            Next::Frame(mut slot, meta) => {
+                let from = *first_ns.get_or_insert(meta.stamp_ns);
+                grabbed.take(&meta, slot.bytes_mut(), from);
+                grabbed.lost += meta.sequence.saturating_sub(next.unwrap_or(meta.sequence));
+                next = Some(meta.sequence + 1);
+                torn = 0;
+                ring.take_back(slot);
+                queued -= 1;
+                heard = now();
+            }
+            Next::Torn(slot, _) => {
+                // The gap in the count tells of it, unless no whole frame follows.
+                torn += 1;
+                ring.take_back(slot);
+                queued -= 1;
+            }
+            Next::Nothing => {}
+            Next::End => break,
+        }
+        let enough =
+            if is_live { began.elapsed().as_secs_f64() >= seconds } else { grabbed.means.len() >= ON_DEMAND_MOST };
+        if enough && grabbed.means.len() >= KEPT {
+            break;
+        }
+        if heard.elapsed() > SILENCE {
+            break;
+        }
+    }
+    source.close();
+    grabbed.lost += torn;
+    if grabbed.frames.len() < 3 {
+        let id = config.camera.id.clone().or(config.camera.scenario.clone()).unwrap_or_default();
+        let came = grabbed.frames.len();
+        let waits = match &config.camera.trigger_source {
+            Some(trigger) => format!("; it waits for a trigger on {trigger}"),
+            None => String::new(),
+        };
+        return Err(CameraError::NotFound { id, reason: format!("{came} frames came, and 3 are needed{waits}") }.into());
+    }
+    Ok(grabbed)
+}
+
+impl Grabbed {
+    fn take(&mut self, meta: &FrameMeta, bytes: &[u8], first_ns: u64) {
+        let since_s = meta.stamp_ns.saturating_sub(first_ns) as f64 * 1e-9;
+        self.means.push((since_s, mean_dn(meta, bytes)));
+        if self.frames.len() < KEPT {
+            // Numbered from 0, so that blocks begin where they are looked for.
+            let renumbered = FrameMeta { sequence: self.frames.len() as u64, ..*meta };
+            let size = meta.stride_bytes as usize * meta.height_px as usize;
+            self.frames.push((renumbered, bytes[..size.min(bytes.len())].to_vec()));
+        }
+    }
+}
+
+fn mean_dn(meta: &FrameMeta, bytes: &[u8]) -> f64 {
+    let (width, size) = (meta.width_px as usize, meta.format.bytes_per_pixel());
+    let rows = (0..meta.height_px as usize).step_by(ROW_STEP);
+    let lines = rows.filter_map(|row| bytes.get(row * meta.stride_bytes as usize..)?.get(..width * size));
+    let (mut sum, mut count) = (0_u64, 0_u64);
+    for line in lines {
+        sum += match size {
+            1 => line.iter().map(|byte| u64::from(*byte)).sum::<u64>(),
+            _ => line.chunks_exact(2).map(|pair| u64::from(u16::from_le_bytes([pair[0], pair[1]]))).sum(),
+        };
+        count += width as u64;
+    }
+    sum as f64 / count.max(1) as f64
+}
+
+#[expect(clippy::disallowed_methods, reason = "how long is filmed, and when a camera is silent")]
+pub(super) fn now() -> Instant {
+    Instant::now()
+}

@@ -1,0 +1,83 @@
+//! Whether the light is steady.
+
+/// Most frames a swing is looked for in, and most frequencies.
+const FRAMES_MOST: usize = 2048;
+const FREQUENCIES_MOST: usize = 1024;
+/// Swings of brightness that are told with a frequency, as a share.
+const CLEAR: f64 = 0.003;
+/// Periods that must have been seen for that.
+const PERIODS: f64 = 1.5;
+
+/// How the brightness swings.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Flicker {
+    /// Half of the difference between the brightest and the darkest frame, as a share of the mean.
+    pub(super) share: f64,
+    /// How often, Hz, when that can be told.
+    pub(super) frequency_hz: Option<f64>,
+    /// How long it was looked for, s.
+    pub(super) seen_s: f64,
+}
+
+/// Reads the swing from stamps (s) and mean grey levels; `None` of fewer than three frames or of black ones.
+pub(super) fn flicker(means: &[(f64, f64)]) -> Option<Flicker> {
+    let mean = means.iter().map(|(_, level)| level).sum::<f64>() / means.len() as f64;
+    if means.len() < 3 || mean <= 0.0 {
+        return None;
+    }
+    let (low, high) = means.iter().fold((f64::INFINITY, 0.0_f64), |(low, high), (_, v)| (low.min(*v), high.max(*v)));
+    let share = 0.5 * (high - low) / mean;
+    let seen_s = means[means.len() - 1].0 - means[0].0;
+    let frequency_hz = (share > CLEAR && seen_s > 0.0).then(|| strongest(means, mean, seen_s)).flatten();
+    Some(Flicker { share, frequency_hz, seen_s })
+}
+
+/// The frequency of the strongest swing, from one and a half periods up to half the frame rate.
+fn strongest(means: &[(f64, f64)], mean: f64, seen_s: f64) -> Option<f64> {
+    let means = &means[..means.len().min(FRAMES_MOST)];
+    let highest = 0.5 * (means.len() - 1) as f64 / (means[means.len() - 1].0 - means[0].0);
+    let lowest = PERIODS / seen_s;
+    let count = ((4.0 * (highest - lowest) * seen_s).ceil().max(1.0) as usize).min(FREQUENCIES_MOST);
+    let power = |hz: f64| {
+        let (mut cos, mut sin) = (0.0, 0.0);
+        for (at, level) in means {
+            let turn = std::f64::consts::TAU * hz * at;
+            cos += (level / mean - 1.0) * turn.cos();
+            sin += (level / mean - 1.0) * turn.sin();
+        }
+        cos.hypot(sin)
+    };
+    let at = |k: usize| lowest + (highest - lowest) * k as f64 / count as f64;
+    let best = (0..=count).max_by(|a, b| power(at(*a)).total_cmp(&power(at(*b))))?;
+    // The strongest at the lower end is a swing too slow to be told.
+    (highest > lowest && best > 0).then(|| at(best))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn lamp(rate_hz: f64, frames: u32, share: f64, hz: f64) -> Vec<(f64, f64)> {
+        let at = |k: u32| f64::from(k) / rate_hz;
+        (0..frames).map(|k| (at(k), 100.0 * (1.0 + share * (std::f64::consts::TAU * hz * at(k)).sin()))).collect()
+    }
+
+    #[test]
+    fn a_lamp_on_the_mains_is_told_with_swing_and_frequency() {
+        let flicker = flicker(&lamp(1000.0, 300, 0.08, 100.0)).unwrap();
+        assert!((flicker.share - 0.08).abs() < 0.005, "{flicker:?}");
+        assert!((flicker.frequency_hz.unwrap() - 100.0).abs() < 2.0, "{flicker:?}");
+    }
+
+    #[test]
+    fn a_swing_seen_for_less_than_a_period_has_no_such_frequency() {
+        let flicker = flicker(&lamp(10_000.0, 30, 0.08, 100.0)).unwrap();
+        assert_eq!(flicker.frequency_hz, None);
+    }
+
+    #[test]
+    fn a_steady_lamp_does_not_swing() {
+        let flicker = flicker(&lamp(1000.0, 100, 0.0, 1.0)).unwrap();
+        assert_eq!((flicker.share, flicker.frequency_hz), (0.0, None));
+    }
+}

@@ -1,0 +1,179 @@
+//! `ricochet check`: whether a rig is ready, before the drop.
+
+mod displacement;
+mod finding;
+mod grab;
+mod light;
+mod region;
+mod texture;
+
+pub use finding::{Finding, Verdict};
+
+use super::{Outcome, UsageError, say, table};
+use crate::config::Config;
+use crate::image::FrameMeta;
+use crate::process::Stop;
+use crate::report;
+use displacement::Floor;
+use finding::Seen;
+use grab::Grabbed;
+use region::{Region, Stack};
+use serde_json::json;
+use std::path::PathBuf;
+
+/// Longest film, s.
+const SECONDS_MOST: f64 = 600.0;
+
+/// What to check, and how.
+#[derive(Debug, Clone, PartialEq)]
+pub struct CheckOptions {
+    /// The rig file.
+    pub config: PathBuf,
+    /// How long the camera is watched, s.
+    pub seconds: f64,
+    /// The page to write, when one is wanted.
+    pub output: Option<PathBuf>,
+    /// Print JSON.
+    pub json: bool,
+}
+
+/// The rig cannot measure as it stands.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("rig {rig:?} is not ready: {what}")]
+pub struct NotReady {
+    /// Name of the rig.
+    pub rig: String,
+    /// What is bad.
+    pub what: String,
+}
+
+/// Films with the rig's camera, tells what stands in the way of a good measurement, and writes a page about it.
+///
+/// # Errors
+///
+/// [`NotReady`] when something is bad; when the rig file, the camera or the page's file cannot be used.
+pub fn run(options: &CheckOptions, stop: &Stop) -> anyhow::Result<Outcome> {
+    if !(options.seconds > 0.0 && options.seconds <= SECONDS_MOST) {
+        return Err(UsageError(format!("--seconds {}: not above 0 and at most {SECONDS_MOST}", options.seconds)).into());
+    }
+    if let Some(output) = options.output.as_ref().filter(|output| output.exists()) {
+        return Err(UsageError(format!("{}: the file exists already", output.display())).into());
+    }
+    let config = Config::load(&options.config)?;
+    let grabbed = grab::grab(&config, options.seconds, stop)?;
+    let floor = displacement::floor(&config, &grabbed)?;
+    let (findings, stack, region) = look(&config, &grabbed, &floor)?;
+    tell(&config, &grabbed, &findings, options.json);
+    if let Some(output) = &options.output {
+        let page = page(&config, &grabbed, &findings, (&stack, &region));
+        std::fs::write(output, page).map_err(|error| UsageError(format!("{}: {error}", output.display())))?;
+        if !options.json {
+            say(&output.display().to_string());
+        }
+    }
+    let bad = |finding: &&Finding| finding.verdict == Verdict::Bad && finding.name != "lost-frames";
+    let what = findings.iter().filter(bad).map(|finding| finding.name).collect::<Vec<_>>().join(", ");
+    if !what.is_empty() {
+        return Err(NotReady { rig: config.rig.name.clone(), what }.into());
+    }
+    Ok(Outcome::of_losses(grabbed.lost))
+}
+
+fn look(config: &Config, grabbed: &Grabbed, floor: &Floor) -> anyhow::Result<(Vec<Finding>, Stack, Region)> {
+    let format = grabbed.format;
+    let subset_px = config.correlation.subset_size_px;
+    let (width, height) = (format.width_px as usize, format.height_px as usize);
+    let region = Region::of(&floor.first_fields(), subset_px, width, height);
+    let stack = Stack::of(grabbed, floor.moves.is_some())?;
+    let full_dn = f64::from((1_u32 << format.format.bits()) - 1);
+    let levels = texture::levels(&stack, &region, full_dn);
+    let noise_dn = levels.noise_dn.unwrap_or(0.0);
+    let slope = texture::slope_dn_px(&stack, &region, noise_dn);
+    let seen = Seen {
+        config,
+        grabbed,
+        floor,
+        levels,
+        speckles: texture::speckles(&stack, &region, noise_dn, subset_px as usize),
+        blur_px: texture::blur_px(&stack, &region),
+        flicker: light::flicker(&grabbed.means),
+        // Two noisy pictures, one sum of squared slopes (Pan et al. 2008, doi:10.1364/OE.16.007037).
+        expected_px: (slope > 0.0)
+            .then_some(levels.noise_dn)
+            .flatten()
+            .map(|noise_dn| std::f64::consts::SQRT_2 * noise_dn / (slope * f64::from(subset_px))),
+        full_dn,
+    };
+    let findings = seen.findings();
+    Ok((findings, stack, region))
+}
+
+/// A number as people read it.
+fn shown(finding: &Finding) -> String {
+    match finding.value {
+        None => "-".into(),
+        Some(value) if finding.unit == "Hz" => format!("{value:.0} Hz"),
+        Some(value) if finding.unit.is_empty() && finding.name != "lost-frames" => format!("{:.2} %", 100.0 * value),
+        Some(value) if finding.unit.is_empty() => format!("{value}"),
+        Some(value) if finding.unit == "DN" => format!("{value:.2} DN"),
+        Some(value) => format!("{value:.4} {}", finding.unit),
+    }
+}
+
+fn tell(config: &Config, grabbed: &Grabbed, findings: &[Finding], json: bool) {
+    if json {
+        let rows = findings.iter().map(|finding| {
+            json!({
+                "name": finding.name, "value": finding.value, "unit": finding.unit,
+                "verdict": finding.verdict.word(), "text": finding.words,
+            })
+        });
+        let worst = findings.iter().map(|finding| finding.verdict).max().unwrap_or(Verdict::Unknown);
+        let told = json!({
+            "rig": config.rig.name, "camera": grabbed.camera.model, "serial": grabbed.camera.serial,
+            "frames": grabbed.means.len(), "ready": worst != Verdict::Bad, "findings": rows.collect::<Vec<_>>(),
+        });
+        return say(&told.to_string());
+    }
+    let cells = |finding: &Finding| vec![finding.name.to_owned(), shown(finding), finding.verdict.word().to_owned()];
+    let rows: Vec<Vec<String>> = findings.iter().map(cells).collect();
+    for (line, finding) in table(&rows).lines().zip(findings) {
+        say(&format!("{line}  {}", finding.words));
+    }
+}
+
+fn page(config: &Config, grabbed: &Grabbed, findings: &[Finding], (stack, region): (&Stack, &Region)) -> String {
+    let format = grabbed.format;
+    let row = |finding: &Finding| report::CheckRow {
+        name: finding.name.replace('-', " "),
+        value: shown(finding),
+        verdict: finding.verdict.word(),
+        words: finding.words.clone(),
+    };
+    let mut pictures = Vec::new();
+    if let Some((meta, bytes)) = grabbed.frames.first() {
+        let [x0, y0, x1, y1] = region.bounds();
+        let whole = [0, 0, format.width_px as usize, format.height_px as usize];
+        let picture = |crop, caption: &str| report::CheckPicture {
+            meta: *meta,
+            bytes: bytes.clone(),
+            crop,
+            caption: caption.into(),
+        };
+        pictures.push(picture(whole, "The first frame"));
+        pictures.push(picture([x0, y0, x1 - x0, y1 - y0], "What is measured"));
+        if !stack.noise.is_empty() {
+            let most = stack.noise.iter().fold(f32::MIN_POSITIVE, |most, noise| most.max(*noise));
+            let grey = stack.noise.iter().map(|noise| (255.0 * noise / most) as u8).collect();
+            let meta = FrameMeta { stride_bytes: meta.width_px, format: crate::image::PixelFormat::Mono8, ..*meta };
+            let caption = format!("Noise from frame to frame; white is {most:.1} DN");
+            pictures.push(report::CheckPicture { meta, bytes: grey, crop: whole, caption });
+        }
+    }
+    let facts = [
+        format!("{} {}", grabbed.camera.model, grabbed.camera.serial),
+        format!("{} x {} px, {}", format.width_px, format.height_px, format.format.word()),
+        format!("{} frames at {} Hz", grabbed.means.len(), format.frame_rate_hz),
+    ];
+    report::check_page(&config.rig.name, &facts, &findings.iter().map(row).collect::<Vec<_>>(), &pictures)
+}

@@ -1,0 +1,224 @@
+//! What a still picture says: grey levels, edges, speckles.
+
+use super::region::{Region, Stack, quantile};
+
+/// Overlap of a disc with itself falls to one half when it is shifted by this share of its diameter.
+const HALF_OVERLAP: f64 = 0.404;
+/// Steepest share of pixels, which edges are judged by.
+const STEEP_SHARE: f64 = 0.98;
+/// Half side of the square in which an edge's two sides are looked for, px.
+const SIDE_PX: usize = 3;
+/// Blurs that are told apart, standard deviation, px.
+const BLUR_PX: [f64; 2] = [0.3, 5.0];
+
+/// Grey levels within a region.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Levels {
+    /// Levels that 1 % and 99 % of the pixels stay under, DN.
+    pub(super) low_dn: f64,
+    pub(super) high_dn: f64,
+    /// Share of pixels at the largest level in some frame.
+    pub(super) saturated: f64,
+    /// Share of pixels at 0 in some frame.
+    pub(super) black: f64,
+    /// Root mean square of the noise from frame to frame, DN; `None` of a scene that moves.
+    pub(super) noise_dn: Option<f64>,
+}
+
+/// Reads the grey levels.
+pub(super) fn levels(stack: &Stack, region: &Region, full_dn: f64) -> Levels {
+    let mut means: Vec<f32> = region.values(stack.mean.view().data()).collect();
+    let count = means.len().max(1) as f64;
+    let share =
+        |data: &[f32], is: &dyn Fn(f32) -> bool| region.values(data).filter(|value| is(*value)).count() as f64 / count;
+    let squares: Vec<f64> = if stack.noise.is_empty() {
+        Vec::new()
+    } else {
+        // Pixels at an end of the scale have lost their noise.
+        let clipped = |at: usize| f64::from(stack.highest[at]) >= full_dn || stack.lowest[at] <= 0.0;
+        let inside = (0..region.mask.len()).filter(|at| region.mask[*at] && !clipped(*at));
+        inside.map(|at| f64::from(stack.noise[at]).powi(2)).collect()
+    };
+    Levels {
+        low_dn: quantile(&mut means, 0.01),
+        high_dn: quantile(&mut means, 0.99),
+        saturated: share(&stack.highest, &|value| f64::from(value) >= full_dn),
+        black: share(&stack.lowest, &|value| value <= 0.0),
+        noise_dn: (!squares.is_empty()).then(|| (squares.iter().sum::<f64>() / squares.len() as f64).sqrt()),
+    }
+}
+
+/// Root mean square of the slope of the grey level along x and y, DN/px.
+pub(super) fn slope_dn_px(stack: &Stack, region: &Region, noise_dn: f64) -> f64 {
+    let data = stack.mean.view().data();
+    let (mut sum, mut count) = (0.0, 0.0);
+    for at in region.inner() {
+        let (x, y) = slopes(data, at, region.width);
+        sum += (x * x + y * y) / 2.0;
+        count += 1.0;
+    }
+    // What noise is left in the mean has slopes of its own.
+    let of_noise = noise_dn * noise_dn / stack.frames as f64 / 2.0;
+    (sum / f64::max(count, 1.0) - of_noise).max(0.0).sqrt()
+}
+
+fn slopes(data: &[f32], at: usize, width: usize) -> (f64, f64) {
+    let half = |after: f32, before: f32| 0.5 * f64::from(after - before);
+    (half(data[at + 1], data[at - 1]), half(data[at + width], data[at - width]))
+}
+
+/// Blur of the sharpest edges as the standard deviation of a Gaussian, px; `None` without edges.
+///
+/// The slope in the middle of a blurred step, held against its height.
+pub(super) fn blur_px(stack: &Stack, region: &Region) -> Option<f64> {
+    let data = stack.mean.view().data();
+    let steep: Vec<(usize, f64)> = region
+        .inner()
+        .map(|at| {
+            let (x, y) = slopes(data, at, region.width);
+            (at, x.hypot(y))
+        })
+        .collect();
+    let mut all: Vec<f32> = steep.iter().map(|(_, slope)| *slope as f32).collect();
+    let least = quantile(&mut all, STEEP_SHARE);
+    let mut blurs: Vec<f32> = steep
+        .iter()
+        .filter(|(_, slope)| *slope >= least && *slope > 0.0)
+        .map(|(at, slope)| blur_of(slope / height(data, *at, region)) as f32)
+        .collect();
+    (!blurs.is_empty()).then(|| quantile(&mut blurs, 0.5))
+}
+
+/// Difference of the levels on both sides of an edge.
+fn height(data: &[f32], at: usize, region: &Region) -> f64 {
+    let (x, y) = (at % region.width, at / region.width);
+    let columns = x.saturating_sub(SIDE_PX)..(x + SIDE_PX + 1).min(region.width);
+    let rows = y.saturating_sub(SIDE_PX)..(y + SIDE_PX + 1).min(region.height);
+    let near = || rows.clone().flat_map(|y| &data[y * region.width..][columns.clone()]);
+    let (low, high) = near().fold((f32::INFINITY, 0.0_f32), |(low, high), v| (low.min(*v), high.max(*v)));
+    f64::from(high - low).max(f64::MIN_POSITIVE)
+}
+
+/// The blur whose step has this slope, by central differences, as a share of its height.
+fn blur_of(share: f64) -> f64 {
+    let [mut low, mut high] = BLUR_PX;
+    for _ in 0..40 {
+        let middle = 0.5 * (low + high);
+        if 0.5 * erf(1.0 / (middle * std::f64::consts::SQRT_2)) > share { low = middle } else { high = middle }
+    }
+    0.5 * (low + high)
+}
+
+/// The error function to 1.5e-7 (Abramowitz & Stegun 7.1.26), for numbers from 0 on.
+fn erf(x: f64) -> f64 {
+    let t = 1.0 / (1.0 + 0.327_591_1 * x);
+    let sum =
+        t * (0.254_829_592 + t * (-0.284_496_736 + t * (1.421_413_741 + t * (-1.453_152_027 + t * 1.061_405_429))));
+    1.0 - sum * (-x * x).exp()
+}
+
+/// Speckles within a region.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Speckles {
+    /// Diameter of discs whose pattern resembles itself as far, px; `None` without a pattern.
+    pub(super) size_px: Option<f64>,
+    /// Share of the area that the rarer of dark and bright covers.
+    pub(super) coverage: f64,
+}
+
+/// Reads size and density of the speckles. `reach_px` is how far the pattern is held against itself.
+pub(super) fn speckles(stack: &Stack, region: &Region, noise_dn: f64, reach_px: usize) -> Speckles {
+    let data = stack.mean.view().data();
+    let values: Vec<f32> = region.values(data).collect();
+    let middle = otsu(&values);
+    let bright = values.iter().filter(|value| **value > middle).count() as f64 / values.len().max(1) as f64;
+    let mean = values.iter().map(|v| f64::from(*v)).sum::<f64>() / values.len().max(1) as f64;
+    let likeness: Vec<f64> = (0..=reach_px).map(|lag| covariance(data, region, mean, lag)).collect();
+    let floor_from = reach_px / 2;
+    let floor = likeness[floor_from..].iter().sum::<f64>() / (likeness.len() - floor_from) as f64;
+    let whole = likeness[0] - noise_dn * noise_dn / stack.frames as f64 - floor;
+    let half = |lag: usize| (likeness[lag] - floor) / whole - 0.5;
+    let crossing = (1..=floor_from).find(|lag| half(*lag) <= 0.0).filter(|_| whole > 0.0);
+    let size = crossing.map(|lag| {
+        let before = if lag == 1 { 0.5 } else { half(lag - 1) };
+        (lag as f64 - 1.0 + before / (before - half(lag))) / HALF_OVERLAP
+    });
+    Speckles { size_px: size, coverage: bright.min(1.0 - bright) }
+}
+
+/// Covariance of the grey levels of pixels so far apart along x or y.
+fn covariance(data: &[f32], region: &Region, mean: f64, lag: usize) -> f64 {
+    let (mut sum, mut count) = (0.0, 0.0);
+    for y in 0..region.height {
+        for x in 0..region.width {
+            let at = y * region.width + x;
+            if !region.mask[at] {
+                continue;
+            }
+            let own = f64::from(data[at]) - mean;
+            for (fits, other) in
+                [(x + lag < region.width, at + lag), (y + lag < region.height, at + lag * region.width)]
+            {
+                if fits && region.mask[other] {
+                    sum += own * (f64::from(data[other]) - mean);
+                    count += 1.0;
+                }
+            }
+        }
+    }
+    sum / f64::max(count, 1.0)
+}
+
+/// The level that parts dark from bright with the least spread on both sides (Otsu 1979, doi:10.1109/TSMC.1979.4310076).
+fn otsu(values: &[f32]) -> f32 {
+    let (low, high) = values.iter().fold((f32::INFINITY, 0.0_f32), |(low, high), v| (low.min(*v), high.max(*v)));
+    if high <= low || values.is_empty() {
+        return high;
+    }
+    let mut counts = [0.0_f64; 256];
+    for value in values {
+        counts[(255.0 * (value - low) / (high - low)) as usize] += 1.0;
+    }
+    let total = values.len() as f64;
+    let moment: f64 = counts.iter().enumerate().map(|(bin, count)| bin as f64 * count).sum();
+    let (mut below, mut below_moment, mut best) = (0.0, 0.0, (0.0, 0));
+    for (bin, count) in counts.iter().enumerate() {
+        below += count;
+        below_moment += bin as f64 * count;
+        if below > 0.0 && below < total {
+            let apart = below_moment / below - (moment - below_moment) / (total - below);
+            let between = below * (total - below) * apart * apart;
+            if between > best.0 {
+                best = (between, bin);
+            }
+        }
+    }
+    low + (high - low) * (best.1 as f32 + 1.0) / 256.0
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_blur_is_read_from_the_slope_of_its_step() {
+        for blur in [0.5, 1.0, 2.5] {
+            let share = 0.5 * erf(1.0 / (blur * std::f64::consts::SQRT_2));
+            assert!((blur_of(share) - blur).abs() < 1e-3, "{blur}");
+        }
+    }
+
+    #[test]
+    fn the_error_function_is_that_of_the_tables() {
+        for (x, value) in [(0.0, 0.0), (0.5, 0.520_499_88), (1.0, 0.842_700_79), (2.0, 0.995_322_27)] {
+            assert!((erf(x) - value).abs() < 2e-7, "{x}");
+        }
+    }
+
+    #[test]
+    fn dark_and_bright_are_parted_between_them() {
+        let values: Vec<f32> = (0..100).map(|k| if k % 4 == 0 { 20.0 } else { 200.0 }).collect();
+        let middle = otsu(&values);
+        assert!((20.0..200.0).contains(&middle), "{middle}");
+    }
+}

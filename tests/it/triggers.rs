@@ -1,0 +1,249 @@
+//! Triggers on measured motion: drops, and what is none.
+
+use crate::support::{Background, Rig, ricochet, wait_until};
+use ricochet::camera::simulated::{meta, stream_format};
+use ricochet::config::Config;
+use ricochet::image::Frame;
+use ricochet::measure::{Measurer, Order, Share};
+use ricochet::process::analysis_params;
+use ricochet::recording::Recording;
+use ricochet::synth::{MotionSetup, Scenario, World};
+use ricochet::trigger::Decision;
+use std::io::{Read, Write};
+
+/// Even numbers from 0 to 1.
+struct Dice(u64);
+
+impl Dice {
+    fn between(&mut self, low: f64, high: f64) -> f64 {
+        self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        low + (high - low) * ((self.0 >> 11) as f64 / (1_u64 << 53) as f64)
+    }
+}
+
+/// What the trigger decided over a whole film.
+fn decide(world: &World, config: &Config) -> Vec<Decision> {
+    let format = stream_format(world);
+    let (measure, tracker) = analysis_params(config, &format);
+    let mut measurer =
+        Measurer::new(&measure, Share::ALL, format.width_px as usize, format.height_px as usize).unwrap();
+    let mut order = Order::new(1, tracker.intervals_frames().collect(), u64::MAX);
+    order.start_at(0);
+    let mut trigger = config.measured_trigger(format.frame_rate_hz, format.exposure_us).unwrap();
+    let (mut measured, mut bytes, mut decisions) = (Vec::new(), vec![0; world.frame_bytes()], Vec::new());
+    for index in 0..world.frames() {
+        world.render(index, &mut bytes);
+        measurer.push(&Frame { meta: meta(world, index), bytes: &bytes }, &mut measured).unwrap();
+        if index + 1 == world.frames() {
+            measurer.finish(&mut measured);
+        }
+        measured.drain(..).for_each(|measured| order.push(measured.step));
+        decisions.extend(std::iter::from_fn(|| order.pop()).filter_map(|step| trigger.push(&step)));
+    }
+    decisions
+}
+
+fn rig(edge: [[f64; 2]; 2], angle_deg: f64, trigger: &str) -> Config {
+    let text = format!(
+        "[camera]\nsource = \"simulated\"\n[scale]\nmm_per_px = 0.5142\n[surface]\nangle_deg = {angle_deg}\nedge = {edge:?}\n\
+         [[body]]\ndiameter_mm = 63.25\n[velocity]\ngravity_angle_deg = -71\n[trigger]\n{trigger}\n"
+    );
+    Config::parse(&text, "rig.toml").unwrap()
+}
+
+/// A drop on a level flat, noise of 2 grey levels, in the light of a lamp on the mains.
+fn drop_scenario(dice: &mut Dice, number: u64) -> Scenario {
+    let mut scenario = Scenario::built_in("lacrosse").unwrap();
+    scenario.seed = number;
+    scenario.light.flicker = 0.08;
+    scenario.light.flicker_hz = 120.0;
+    let MotionSetup::Impact(impact) = &mut scenario.motion else { panic!("a drop") };
+    impact.vn_m_s = -dice.between(0.8, 4.0);
+    impact.vt_m_s = dice.between(-0.6, 0.6);
+    impact.omega_rad_s = dice.between(-40.0, 40.0);
+    // The ball is in the picture from the first frame on.
+    let fall_s = (0.0178 / -impact.vn_m_s).min(6.0e-3);
+    impact.contact_start_s = fall_s * dice.between(0.8, 1.0);
+    impact.contact_center_px = [dice.between(100.0, 150.0), dice.between(99.0, 104.0)];
+    scenario.camera.frames = (impact.contact_start_s * scenario.camera.frame_rate_hz).ceil() as u64 + 30;
+    scenario
+}
+
+/// The edge that the ball of a drop touches.
+fn edge(scenario: &Scenario) -> [[f64; 2]; 2] {
+    let MotionSetup::Impact(impact) = &scenario.motion else { panic!("a drop") };
+    let y_px = impact.contact_center_px[1] + scenario.radius_px();
+    [[0.0, y_px], [255.0, y_px]]
+}
+
+/// One drop: how far the frame told is from the true one, and how many frames ahead it was told.
+fn drop_once(number: u64) -> (f64, i64) {
+    let scenario = drop_scenario(&mut Dice(1000 * number + 5), number);
+    let MotionSetup::Impact(impact) = &scenario.motion else { panic!("a drop") };
+    let seen_s = impact.contact_start_s - 0.5e-6 * scenario.camera.exposure_us;
+    let config = rig(edge(&scenario), 0.0, "mode = \"predicted-contact\"");
+    let decisions = decide(&World::new(&scenario).unwrap(), &config);
+    assert_eq!(decisions.len(), 1, "drop {number} at {} m/s: {decisions:#?}", impact.vn_m_s);
+    let error = decisions[0].frame as f64 - seen_s * scenario.camera.frame_rate_hz;
+    println!("drop {number}: {:.2} m/s, {} off by {error:.2}", impact.vn_m_s, decisions[0].what);
+    (error, decisions[0].frame as i64 - decisions[0].newest_frame as i64)
+}
+
+#[test]
+fn predicted_contact_fires_within_two_frames_of_the_contact_in_a_hundred_drops() {
+    let drops = std::thread::scope(|scope| {
+        let share = |index: u64| scope.spawn(move || (index..100).step_by(2).map(drop_once).collect::<Vec<_>>());
+        [0, 1].map(share).into_iter().flat_map(|thread| thread.join().unwrap()).collect::<Vec<_>>()
+    });
+    let worst = drops.iter().fold(0.0_f64, |worst, (error, _)| worst.max(error.abs()));
+    let mut leads: Vec<i64> = drops.iter().map(|(_, lead)| *lead).collect();
+    leads.sort_unstable();
+    println!(
+        "100 drops, worst {worst:.2} frames, told {} to {} frames ahead, median {}",
+        leads[0], leads[99], leads[50]
+    );
+    assert!(drops.len() == 100 && worst <= 2.0, "{worst} frames");
+    assert!(leads[50] >= 5, "most are told well ahead: median {}", leads[50]);
+}
+
+/// The ball of the drops, moving evenly from `start_px` by `step_px` a frame, without anything it could strike.
+fn even(start_px: [f64; 2], step_px: [f64; 2], frames: u64) -> World {
+    let mut scenario = Scenario::built_in("lacrosse").unwrap();
+    (scenario.camera.width_px, scenario.camera.height_px, scenario.camera.frames) = (320, 288, frames);
+    (scenario.light.flicker, scenario.light.flicker_hz) = (0.08, 120.0);
+    scenario.occluder = None;
+    scenario.motion =
+        MotionSetup::Constant { vx_px_frame: step_px[0], vy_px_frame: step_px[1], omega_deg_frame: 0.2, start_px };
+    World::new(&scenario).unwrap()
+}
+
+#[test]
+fn what_does_not_touch_the_surface_predicts_no_contact() {
+    let floor = [[0.0, 220.3], [319.0, 220.3]];
+    let none = |what: &str, edge, world: &World| {
+        let decisions = decide(world, &rig(edge, 0.0, "mode = \"predicted-contact\""));
+        assert_eq!(decisions, [], "{what}");
+    };
+    none("a ball at rest on the surface", floor, &even([150.0, 158.6], [0.0, 0.0], 60));
+    none("a ball at rest above it", floor, &even([150.0, 100.0], [0.0, 0.0], 60));
+    none("a ball that passes along it", floor, &even([80.0, 156.0], [1.5, 0.0], 60));
+    none("a ball that rises from it", floor, &even([150.0, 158.0], [0.0, -0.8], 60));
+    none("a ball that falls beside its end", [[0.0, 220.3], [100.0, 220.3]], &even([180.0, 90.0], [0.0, 1.2], 70));
+    let falls = even([150.0, 90.0], [0.0, 1.2], 70);
+    assert_eq!(decide(&falls, &rig(floor, 0.0, "mode = \"predicted-contact\"")).len(), 1, "the same, over it");
+}
+
+#[test]
+fn a_surface_of_any_angle_is_touched_where_it_is() {
+    // The ball moves right, towards a wall whose normal points left.
+    let wall = [[250.0, 287.0], [250.0, 0.0]];
+    let world = even([90.0, 140.0], [1.3, 0.0], 80);
+    let decisions = decide(&world, &rig(wall, 90.0, "mode = \"predicted-contact\"\nlead_s = 0.001"));
+    let touch = (250.0 - 90.0 - 0.5 * 63.25 / 0.5142) / 1.3;
+    assert_eq!(decisions.len(), 1);
+    assert!((decisions[0].frame as f64 - touch).abs() <= 1.0, "{touch}: {decisions:?}");
+    assert!(decisions[0].frame - decisions[0].newest_frame <= 10, "no more than a millisecond ahead: {decisions:?}");
+}
+
+#[test]
+fn a_body_that_enters_fires_once_in_the_frame_it_enters() {
+    let edge = [[0.0, 280.0], [319.0, 280.0]];
+    let trigger = "mode = \"enter\"\nroi_px = [160, 0, 100, 288]";
+    // Its centre is at 100 + 1.5 n: inside from frame 40 to frame 106, then outside again.
+    let decisions = decide(&even([100.0, 140.0], [1.5, 0.0], 110), &rig(edge, 0.0, trigger));
+    assert_eq!(decisions.iter().map(|decision| decision.frame).collect::<Vec<_>>(), [40]);
+    let inside = decide(&even([200.0, 140.0], [0.1, 0.0], 40), &rig(edge, 0.0, trigger));
+    assert_eq!(inside, [], "one that is there from the start has not entered");
+}
+
+#[test]
+fn a_speed_is_crossed_and_a_gap_undershot_where_they_are() {
+    let edge = [[0.0, 250.3], [319.0, 250.3]];
+    // 0.5142 mm a px at 10 kHz: 1.2 px a frame are 6.17 m/s.
+    let falls = even([150.0, 90.0], [0.0, 1.2], 80);
+    let speed = |m_s: f64| decide(&falls, &rig(edge, 0.0, &format!("mode = \"speed\"\nspeed_m_s = {m_s}"))).len();
+    assert_eq!((speed(5.9), speed(6.5)), (1, 0));
+    // The gap is 250.3 - 90 - 61.503 - 1.2 n = 98.797 - 1.2 n px; 10 mm are 19.448 px, from frame 66.1 on.
+    let gap = decide(&falls, &rig(edge, 0.0, "mode = \"gap\"\ngap_mm = 10"));
+    assert_eq!(gap.len(), 1, "{gap:?}");
+    assert!((66..=68).contains(&gap[0].frame), "{gap:?}");
+}
+
+/// The events that a listener printed, as (kind, text).
+fn events(printed: &str) -> Vec<(String, String)> {
+    let word = |line: &serde_json::Value, key: &str| line[key].as_str().unwrap_or_default().to_owned();
+    let lines = printed.lines().map(|line| serde_json::from_str::<serde_json::Value>(line).unwrap());
+    lines.map(|line| (word(&line, "kind"), word(&line, "text"))).collect()
+}
+
+#[test]
+fn a_drop_is_kept_around_its_predicted_contact_and_sets_off_what_the_rig_file_says() {
+    let rig = Rig::new();
+    let mut scenario = drop_scenario(&mut Dice(3), 3);
+    let MotionSetup::Impact(impact) = &mut scenario.motion else { panic!("a drop") };
+    (impact.vn_m_s, impact.contact_start_s) = (-2.0, 8.0e-3);
+    scenario.camera.frames = 260;
+    let [[x0, y0], [x1, y1]] = edge(&scenario);
+    let film = rig.file("drop.toml", &toml::to_string(&scenario).unwrap());
+    let told = rig.path("told");
+    let server = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
+    let address = server.local_addr().unwrap();
+    let request = std::thread::spawn(move || {
+        let (mut stream, _) = server.accept().unwrap();
+        let (mut text, mut bytes) = (String::new(), [0; 4096]);
+        while !text.contains("stamp_ns") {
+            let count = stream.read(&mut bytes).unwrap();
+            text.push_str(std::str::from_utf8(&bytes[..count]).unwrap());
+        }
+        stream.write_all(b"HTTP/1.1 204 No Content\r\n\r\n").unwrap();
+        text
+    });
+    let config = rig.config(
+        &format!("source = \"simulated\"\nscenario = \"{}\"\npaced = false", film.display()),
+        &format!(
+            "[scale]\nmm_per_px = 0.5142\n[surface]\nedge = [[{x0}, {y0}], [{x1}, {y1}]]\n[[body]]\ndiameter_mm = 63.25\n\
+             [trigger]\nmode = \"predicted-contact\"\npre_s = 0.003\npost_s = 0.004\nquiet_s = 10\nother_rig = \"no-such-rig\"\n\
+             command = [\"/bin/sh\", \"-c\", \"echo $RICOCHET_FRAME > {}\"]\nurl = \"http://{address}/drop?x=1\"\n\
+             [workers]\ncount = 1",
+            told.display()
+        ),
+    );
+    let listener =
+        Background::start(ricochet(["listen", "events", "--rig", rig.name.as_str(), "--json", "--wait", "60"]));
+    let service = Background::start(ricochet(["run".as_ref(), config.as_os_str()]));
+    let (code, _, complaints) = service.end();
+    assert_eq!(code, Some(0), "an action that fails is no loss: {complaints}");
+    let events = events(&listener.end().1);
+    let texts =
+        |kind: &str| events.iter().filter(|(k, _)| k == kind).map(|(_, text)| text.as_str()).collect::<Vec<_>>();
+
+    let (decided, triggered) = (texts("decided"), texts("triggered"));
+    assert_eq!((decided.len(), triggered.len()), (1, 1), "{events:#?}");
+    assert!(decided[0].contains("contact at frame 79.") || decided[0].contains("contact at frame 80."), "{decided:?}");
+    assert!(decided[0].contains("; decided ") && decided[0].contains(" us after frame "), "{decided:?}");
+    let mut states = texts("state").into_iter();
+    for wanted in ["preparing", "armed", "falling", "impact", "done"] {
+        assert!(states.any(|state| state == wanted), "{wanted} in its place among {:?}", texts("state"));
+    }
+
+    let recording = Recording::open(&rig.recordings()[0]).unwrap();
+    let trigger = recording.metadata()["trigger"].clone();
+    assert!(trigger.starts_with("ball: contact at frame ") && trigger.ends_with(" at frame 80"), "{trigger}");
+    let first = recording.first_frame().unwrap().sequence;
+    let last = recording.last_frame().unwrap().sequence;
+    assert_eq!((first, last), (48, 120), "3 ms before and 4 ms after, from the start of a block");
+
+    let frame =
+        wait_until("the command ran", || std::fs::read_to_string(&told).ok().filter(|text| text.ends_with('\n')));
+    assert_eq!(frame, "80\n");
+    let request = request.join().unwrap();
+    assert!(request.starts_with("POST /drop?x=1 HTTP/1.1\r\n"), "{request}");
+    let body: serde_json::Value = serde_json::from_str(request.split("\r\n\r\n").nth(1).unwrap()).unwrap();
+    assert_eq!((body["rig"].as_str(), body["frame"].as_u64()), (Some(rig.name.as_str()), Some(80)));
+    let actions = texts("action");
+    let said = |start: &str| actions.iter().any(|text| text.starts_with(start));
+    assert!(
+        said("command /bin/sh: ended with 0 after ") && said(&format!("url http://{address}/drop?x=1: answered 204"))
+    );
+    assert!(said("rig no-such-rig: "), "{actions:?}");
+}
