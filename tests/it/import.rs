@@ -390,13 +390,7 @@ fn mutated_files_never_panic() {
         (still.clone(), fs::read(&still).unwrap()),
         (folder.path().join("stack.npy"), npy("<u2", "False", "(2, 3, 4)", &[7; 48])),
     ];
-    let mut state = 0x9e37_79b9_7f4a_7c15_u64;
-    let mut random = move |below: usize| {
-        state ^= state << 13;
-        state ^= state >> 7;
-        state ^= state << 17;
-        (state % below as u64) as usize
-    };
+    let mut random = crate::recording::recover::xorshift(0x9e37_79b9_7f4a_7c15);
     let mut read = 0;
     for round in 0..6000 {
         let (path, seed) = &seeds[round % seeds.len()];

@@ -1,5 +1,6 @@
 //! Files that were cut off, damaged, or made to break the reader.
 
+use super::recover::xorshift;
 use super::samples;
 use ricochet::command::info;
 use ricochet::image::{Frame, PixelFormat};
@@ -149,13 +150,7 @@ fn mutated_files_neither_panic_nor_take_more_memory_than_a_limit() {
     };
     let folder = tempfile::tempdir().unwrap();
     let seeds = seeds(folder.path());
-    let mut state = 0x2545_f491_4f6c_dd1d_u64;
-    let mut random = move |below: usize| {
-        state ^= state << 13;
-        state ^= state >> 7;
-        state ^= state << 17;
-        (state % below.max(1) as u64) as usize
-    };
+    let mut random = xorshift(0x2545_f491_4f6c_dd1d);
     let path = folder.path().join("mutated.mcap");
     let mut read = 0;
     for round in 0..rounds {
