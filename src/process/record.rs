@@ -5,6 +5,7 @@
 //! at once, holds the frames in place and writes them out one by one.
 
 mod failure;
+mod retention;
 
 use super::clock::{Every, Patience};
 use super::report::Reporter;
@@ -21,6 +22,7 @@ use crate::image::Frame;
 use crate::measure::TrackerParams;
 use crate::message::{Command, Event, EventKind, Reply, ReplyCode, Role};
 use crate::recording::EventRow;
+use retention::Retention;
 use std::collections::VecDeque;
 use std::time::Duration;
 
@@ -61,6 +63,7 @@ pub fn run(config: &Config, resumed: bool, stop: &Stop) -> anyhow::Result<Summar
         held: VecDeque::new(),
         shot: None,
         storage: Storage::new(config, record, &format, &limits),
+        retention: Retention::new(record, &config.rig.name),
         pause: None,
         failures: 0,
         armed: config.trigger.mode != TriggerMode::Off,
@@ -89,6 +92,7 @@ struct Recorder<'a> {
     held: VecDeque<FrameSample>,
     shot: Option<Active>,
     storage: Storage,
+    retention: Retention,
     /// Since when a stream goes unrecorded because its recording failed.
     pause: Option<Patience>,
     /// Recordings in a row that failed before a frame of them was safe.
@@ -133,6 +137,7 @@ impl Recorder<'_> {
                 break;
             }
             self.look_at_storage()?;
+            self.look_at_retention()?;
             self.tell()?;
             if !busy {
                 ear.wait(WAIT);
@@ -405,8 +410,10 @@ impl Recorder<'_> {
             self.reporter.event(EventKind::Lost, end, self.newest.1, &text)?;
         }
         self.reporter.event(EventKind::Recorded, end, self.newest.1, &finished.path.display().to_string())?;
+        self.retention.add(&finished.path);
         self.summary.recordings.push(finished.path);
-        Ok(())
+        let told = self.retention.enforce(0);
+        self.tell_removed(told)
     }
 
     /// The camera stopped before frame `end`; `true` when nothing is left to do.

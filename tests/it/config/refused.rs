@@ -95,6 +95,14 @@ fn numbers_out_of_range_are_refused_with_the_range_and_its_unit() {
             "[record]\ndirectory = \"a\"\nring_bytes_max = 5",
             ", line 5: record.ring_bytes_max = 5: must be 1048576 to 1099511627776 bytes",
         ),
+        (
+            "[record]\ndirectory = \"a\"\nkeep_last = 0",
+            ", line 5: record.keep_last = 0: must be 1 to 1000000 recordings",
+        ),
+        (
+            "[record]\ndirectory = \"a\"\nmax_bytes = 1000",
+            ", line 5: record.max_bytes = 1000: must be 1048576 to 1125899906842624 bytes",
+        ),
         ("[workers]\ncount = 0", ", line 4: workers.count = 0: must be 1 to 64"),
         ("[workers]\ncount = 65", ", line 4: workers.count = 65: must be 1 to 64"),
         ("[workers]\nblock_frames = 3", ", line 4: workers.block_frames = 3: must be 4 to 256 frames"),
