@@ -230,6 +230,7 @@ pub const DIMENSIONLESS: &[&str] = &[
     "impulse_ratio",
     "index",
     "interval",
+    "keep_last",
     "kind",
     "known",
     "line",
