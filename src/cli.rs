@@ -311,7 +311,8 @@ pub struct Recover {
 /// Arguments of a command.
 #[derive(Debug, Args)]
 pub struct Import {
-    /// One Photron, Phantom or NumPy (.npy) file, or the images of one sequence, in order.
+    /// One Photron, Phantom or NumPy (.npy) file, film (AVI, MP4, MOV, MKV, with an installed ffmpeg) or TIFF of several
+    /// pages, or the images of one sequence, in order.
     #[arg(required = true)]
     inputs: Vec<PathBuf>,
     /// Frame rate, Hz; takes the place of the file's own.
