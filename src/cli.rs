@@ -1,7 +1,7 @@
 //! The command line; the only room that names clap.
 
 use crate::command::analyze::{self, AnalyzeOptions};
-use crate::command::bench::{self, LiveOptions, WindowsOptions};
+use crate::command::bench::{self, LiveOptions, RecordOptions, WindowsOptions};
 use crate::command::cameras::{self, CamerasOptions};
 use crate::command::demo::{self, DemoOptions};
 use crate::command::export::{self, ExportOptions};
@@ -247,8 +247,9 @@ pub struct Analyze {
 /// Arguments of a command.
 #[derive(Debug, Args)]
 pub struct Bench {
-    /// windows: subsets a second, by method and number of threads; live: what a frame takes on one core.
-    #[arg(default_value = "windows", value_parser = ["live", "windows"])]
+    /// windows: subsets a second, by method and number of threads; live: what a frame takes on one core; record: how
+    /// fast recordings are written, beside a plain write of the same bytes.
+    #[arg(default_value = "windows", value_parser = ["live", "windows", "record"])]
     part: String,
     /// windows: largest number of threads; as many as this machine runs at once when absent.
     #[arg(long)]
@@ -256,6 +257,9 @@ pub struct Bench {
     /// How long each row is measured, s.
     #[arg(long, default_value_t = 0.5)]
     seconds: f64,
+    /// record: the folder to write into; the files are removed again.
+    #[arg(long, default_value = ".")]
+    directory: PathBuf,
     /// Print JSON.
     #[arg(long)]
     json: bool,
@@ -418,13 +422,14 @@ fn inspect(command: Command) -> anyhow::Result<Outcome> {
         Command::Cameras(Cameras { features, json }) => {
             cameras::run(&CamerasOptions { json, features_of: features })?;
         }
-        Command::Bench(Bench { part, threads, seconds, json }) => match part.as_str() {
+        Command::Bench(Bench { part, threads, seconds, directory, json }) => match part.as_str() {
             "live" => bench::live(&LiveOptions { json, seconds })?,
             _ => bench::windows(&WindowsOptions { json, threads, seconds })?,
         },
         Command::Export(Export { file, topic, format, output }) => {
             let format = export::Format::from_word(&format)?;
             let exported = export::run(&ExportOptions { file: file.clone(), topic, format, output })?;
+            "record" => bench::record(&RecordOptions { json, seconds, directory })?,
             return Ok(Outcome::of_file(0, &file, exported.truncated.as_deref()));
         }
         Command::Report(Report { files, output }) => return report::run(&ReportOptions { files, output }),
