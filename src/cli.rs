@@ -218,7 +218,7 @@ pub struct Replay {
 /// Arguments of a command.
 #[derive(Debug, Args)]
 pub struct Analyze {
-    /// The recording.
+    /// A recording, the parts of one stream, other people's footage, or the images of one sequence.
     #[arg(required = true)]
     inputs: Vec<PathBuf>,
     /// The rig file; the attached one when absent.
