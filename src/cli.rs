@@ -270,15 +270,20 @@ pub struct Bench {
 pub struct Export {
     /// The recording.
     file: PathBuf,
-    /// velocity, field, track, impact, truth or events.
+    /// Tables: velocity, field, track, impact, truth or events. Pictures and films: frames, track or field. mcap:
+    /// results. ros2: frames.
     #[arg(long)]
     topic: String,
-    /// csv, parquet, npz (NumPy) or png (topics frames, track and field: a directory of pictures).
+    /// Tables: csv, parquet or npz (NumPy). Pictures: png (a directory of them). Films: mp4 or gif, with an installed
+    /// ffmpeg. Recordings: mcap (everything but the frames) or ros2 (the frames as sensor_msgs/msg/Image).
     #[arg(long, default_value = "csv")]
     format: String,
-    /// The table or the directory to write; of csv, standard output when absent.
+    /// The file or the directory to write; of csv, standard output when absent.
     #[arg(short, long)]
     output: Option<PathBuf>,
+    /// Frames that a film shows in a second.
+    #[arg(long, default_value_t = 25.0, value_name = "HZ")]
+    fps: f64,
 }
 
 /// Arguments of a command.
@@ -424,12 +429,12 @@ fn inspect(command: Command) -> anyhow::Result<Outcome> {
         }
         Command::Bench(Bench { part, threads, seconds, directory, json }) => match part.as_str() {
             "live" => bench::live(&LiveOptions { json, seconds })?,
+            "record" => bench::record(&RecordOptions { json, seconds, directory })?,
             _ => bench::windows(&WindowsOptions { json, threads, seconds })?,
         },
-        Command::Export(Export { file, topic, format, output }) => {
+        Command::Export(Export { file, topic, format, output, fps: playback_hz }) => {
             let format = export::Format::from_word(&format)?;
-            let exported = export::run(&ExportOptions { file: file.clone(), topic, format, output })?;
-            "record" => bench::record(&RecordOptions { json, seconds, directory })?,
+            let exported = export::run(&ExportOptions { file: file.clone(), topic, format, output, playback_hz })?;
             return Ok(Outcome::of_file(0, &file, exported.truncated.as_deref()));
         }
         Command::Report(Report { files, output }) => return report::run(&ReportOptions { files, output }),

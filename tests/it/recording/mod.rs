@@ -4,6 +4,8 @@ mod camera;
 mod compressed;
 mod damage;
 mod export;
+mod extract;
+pub mod film;
 pub mod foreign;
 mod killed;
 mod python;
