@@ -176,7 +176,7 @@ fn mutated_recordings_are_read_or_refused() {
 fn mutated_imports_are_read_or_refused() {
     match Budget::told() {
         Some(budget) => read_imports("imports", &budget),
-        None => limited("mutated_imports_are_read_or_refused", "12000"),
+        None => limited("mutated_imports_are_read_or_refused", "6000"),
     }
 }
 
