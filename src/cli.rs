@@ -1,7 +1,7 @@
 //! The command line; the only room that names clap.
 
 use crate::command::analyze::{self, AnalyzeOptions};
-use crate::command::bench::{self, LiveOptions, WindowsOptions};
+use crate::command::bench::{self, LiveOptions, RecordOptions, WindowsOptions};
 use crate::command::cameras::{self, CamerasOptions};
 use crate::command::check::{self, CheckOptions};
 use crate::command::demo::{self, DemoOptions};
@@ -238,7 +238,7 @@ pub struct Replay {
 /// Arguments of a command.
 #[derive(Debug, Args)]
 pub struct Analyze {
-    /// The recording.
+    /// A recording, the parts of one stream, other people's footage, or the images of one sequence.
     #[arg(required = true)]
     inputs: Vec<PathBuf>,
     /// The rig file; the attached one when absent.
@@ -267,8 +267,9 @@ pub struct Analyze {
 /// Arguments of a command.
 #[derive(Debug, Args)]
 pub struct Bench {
-    /// windows: subsets a second, by method and number of threads; live: what a frame takes on one core.
-    #[arg(default_value = "windows", value_parser = ["live", "windows"])]
+    /// windows: subsets a second, by method and number of threads; live: what a frame takes on one core; record: how
+    /// fast recordings are written, beside a plain write of the same bytes.
+    #[arg(default_value = "windows", value_parser = ["live", "windows", "record"])]
     part: String,
     /// windows: largest number of threads; as many as this machine runs at once when absent.
     #[arg(long)]
@@ -276,6 +277,9 @@ pub struct Bench {
     /// How long each row is measured, s.
     #[arg(long, default_value_t = 0.5)]
     seconds: f64,
+    /// record: the folder to write into; the files are removed again.
+    #[arg(long, default_value = ".")]
+    directory: PathBuf,
     /// Print JSON.
     #[arg(long)]
     json: bool,
@@ -286,15 +290,20 @@ pub struct Bench {
 pub struct Export {
     /// The recording.
     file: PathBuf,
-    /// velocity, field, track, impact, truth or events.
+    /// Tables: velocity, field, track, impact, truth or events. Pictures and films: frames, track or field. mcap:
+    /// results. ros2: frames.
     #[arg(long)]
     topic: String,
-    /// csv, parquet, npz (NumPy) or png (topics frames, track and field: a directory of pictures).
+    /// Tables: csv, parquet or npz (NumPy). Pictures: png (a directory of them). Films: mp4 or gif, with an installed
+    /// ffmpeg. Recordings: mcap (everything but the frames) or ros2 (the frames as sensor_msgs/msg/Image).
     #[arg(long, default_value = "csv")]
     format: String,
-    /// The table or the directory to write; of csv, standard output when absent.
+    /// The file or the directory to write; of csv, standard output when absent.
     #[arg(short, long)]
     output: Option<PathBuf>,
+    /// Frames that a film shows in a second.
+    #[arg(long, default_value_t = 25.0, value_name = "HZ")]
+    fps: f64,
 }
 
 /// Arguments of a command.
@@ -331,7 +340,8 @@ pub struct Recover {
 /// Arguments of a command.
 #[derive(Debug, Args)]
 pub struct Import {
-    /// One Photron, Phantom or NumPy (.npy) file, or the images of one sequence, in order.
+    /// One Photron, Phantom or NumPy (.npy) file, film (AVI, MP4, MOV, MKV, with an installed ffmpeg) or TIFF of several
+    /// pages, or the images of one sequence, in order.
     #[arg(required = true)]
     inputs: Vec<PathBuf>,
     /// Frame rate, Hz; takes the place of the file's own.
@@ -440,13 +450,14 @@ fn inspect(command: Command) -> anyhow::Result<Outcome> {
         Command::Cameras(Cameras { features, json }) => {
             cameras::run(&CamerasOptions { json, features_of: features })?;
         }
-        Command::Bench(Bench { part, threads, seconds, json }) => match part.as_str() {
+        Command::Bench(Bench { part, threads, seconds, directory, json }) => match part.as_str() {
             "live" => bench::live(&LiveOptions { json, seconds })?,
+            "record" => bench::record(&RecordOptions { json, seconds, directory })?,
             _ => bench::windows(&WindowsOptions { json, threads, seconds })?,
         },
-        Command::Export(Export { file, topic, format, output }) => {
+        Command::Export(Export { file, topic, format, output, fps: playback_hz }) => {
             let format = export::Format::from_word(&format)?;
-            let exported = export::run(&ExportOptions { file: file.clone(), topic, format, output })?;
+            let exported = export::run(&ExportOptions { file: file.clone(), topic, format, output, playback_hz })?;
             return Ok(Outcome::of_file(0, &file, exported.truncated.as_deref()));
         }
         Command::Report(Report { files, output }) => return report::run(&ReportOptions { files, output }),

@@ -67,6 +67,8 @@ fn results_record() -> Record {
         compression: crate::config::Compression::None,
         raw_frames: false,
         ring_bytes_max: None,
+        keep_last: None,
+        max_bytes: None,
     }
 }
 

@@ -6,9 +6,10 @@ use crate::camera::recording::Span;
 use crate::config::Config;
 use crate::image::FrameMeta;
 use crate::import;
-use crate::recording::{Recording, RecordingError};
+use crate::recording::{self, Recording, RecordingError};
 use std::cmp::Ordering;
 use std::collections::BTreeMap;
+use std::iter::Peekable;
 use std::path::{Path, PathBuf};
 
 /// One frame after the other, with their stamps.
@@ -49,7 +50,7 @@ impl Film {
         self
     }
 
-    /// Opens a recording, or one other file, or images that make a sequence in the order given.
+    /// Opens a recording or the parts of one, or one other file, or images that make a sequence in the order given.
     ///
     /// `config` takes the place of the attached rig file, `fps` that of the file's frame rate.
     pub(super) fn open(inputs: &[PathBuf], config: Option<&Path>, fps: Option<f64>) -> anyhow::Result<Self> {
@@ -58,26 +59,25 @@ impl Film {
         }
         match inputs {
             [first, ..] if import::is_importable(first) => Self::footage(inputs, config, fps),
-            [recording] => Self::recording(recording, config, fps),
-            _ => Err(UsageError("give one recording, or the images of one sequence".into()).into()),
+            _ => Self::recordings(inputs, config, fps),
         }
     }
 
-    fn recording(path: &Path, config: Option<&Path>, fps: Option<f64>) -> anyhow::Result<Self> {
-        let recording = Recording::open(path)?;
-        let mut frames = recording.frames()?.peekable();
-        let meta = match frames.peek() {
-            Some(Ok((meta, _))) => *meta,
-            _ => {
-                let reason = "no frame of it can be read".to_owned();
-                let none = || RecordingError::Invalid { path: path.to_owned(), reason };
-                return Err(frames.next().and_then(Result::err).unwrap_or_else(none).into());
-            }
+    /// One recording, or the parts of a stream that was recorded into several.
+    fn recordings(paths: &[PathBuf], config: Option<&Path>, fps: Option<f64>) -> anyhow::Result<Self> {
+        let mut parts = paths.iter().map(|path| Part::open(path)).collect::<anyhow::Result<Vec<_>>>()?;
+        parts.sort_by_key(|part| part.first.stamp_ns);
+        for pair in parts.windows(2) {
+            pair[1].check_follows(&pair[0], config)?;
+        }
+        let Some(Part { recording, first, .. }) = parts.first() else {
+            return Err(UsageError("no recording given".into()).into());
         };
+        let (meta, recording) = (*first, recording.clone());
         let told = recording.metadata().get("frame_rate_hz").and_then(|text| text.parse().ok());
         let told = told.filter(|rate_hz: &f64| rate_hz.is_finite() && *rate_hz > 0.0);
         let Some(frame_rate_hz) = fps.or(told).or(recording.frame_rate_hz()?) else {
-            let path = path.display();
+            let path = recording.path().display();
             return Err(UsageError(format!("{path}: no frame rate can be told; give one with --fps")).into());
         };
         Ok(Self {
@@ -88,11 +88,11 @@ impl Film {
                 frame_rate_hz,
                 exposure_us: recording.exposure_us(),
             },
-            count: recording.frame_count(),
+            count: parts.iter().map(|part| part.recording.frame_count()).sum(),
             metadata: recording.metadata().clone(),
-            truncated: recording.truncated().map(str::to_owned),
+            truncated: parts.iter().find_map(|part| part.recording.truncated().map(str::to_owned)),
             config: rig_config(&recording, config)?,
-            frames: Box::new(frames.map(move |frame| {
+            frames: Box::new(parts.into_iter().flat_map(|part| part.frames).map(move |frame| {
                 let (next, bytes) = frame?;
                 Ok((fps.map_or(next, |fps| restamped(next, &meta, fps)), bytes))
             })),
@@ -122,6 +122,46 @@ impl Film {
             config: Config::load(config)?,
             frames: Box::new(footage.map(|frame| Ok(frame?))),
         })
+    }
+}
+
+/// One recording of several that make a film.
+struct Part {
+    recording: Recording,
+    first: FrameMeta,
+    frames: Peekable<recording::Frames>,
+}
+
+impl Part {
+    fn open(path: &Path) -> anyhow::Result<Self> {
+        let recording = Recording::open(path)?;
+        let mut frames = recording.frames()?.peekable();
+        let first = match frames.peek() {
+            Some(Ok((meta, _))) => *meta,
+            _ => {
+                let reason = "no frame of it can be read".to_owned();
+                let none = || RecordingError::Invalid { path: path.to_owned(), reason };
+                return Err(frames.next().and_then(Result::err).unwrap_or_else(none).into());
+            }
+        };
+        Ok(Self { recording, first, frames })
+    }
+
+    /// Refuses what is no later part of the same stream.
+    fn check_follows(&self, before: &Self, config: Option<&Path>) -> anyhow::Result<()> {
+        let [name, name_before] = [self, before].map(|part| part.recording.path().display().to_string());
+        let shape = |meta: &FrameMeta| (meta.width_px, meta.height_px, meta.format);
+        let last = before.recording.last_frame()?;
+        let reason = if shape(&self.first) != shape(&before.first) {
+            "its frames have another shape"
+        } else if last.sequence >= self.first.sequence || last.stamp_ns >= self.first.stamp_ns {
+            "its frames do not come after the last of those"
+        } else if config.is_none() && self.recording.config_toml() != before.recording.config_toml() {
+            "another config.toml is attached; give one with --config"
+        } else {
+            return Ok(());
+        };
+        Err(UsageError(format!("{name}: no later part of the recording in {name_before}: {reason}")).into())
     }
 }
 

@@ -8,7 +8,7 @@ use std::path::PathBuf;
 /// What to import, and where to.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ImportOptions {
-    /// One Photron, Phantom or NumPy file, or images that make a sequence in this order.
+    /// One Photron, Phantom or NumPy file, film or TIFF of several pages, or images that make a sequence in this order.
     pub inputs: Vec<PathBuf>,
     /// Frames a second; takes the place of the file's own.
     pub fps: Option<f64>,

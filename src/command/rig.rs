@@ -55,7 +55,8 @@ pub fn role(role: Role, options: &RoleOptions, stop: &Stop) -> anyhow::Result<Ou
 pub fn run(config: &Path, stop: &Stop) -> anyhow::Result<Outcome> {
     let config = load(config, None)?;
     let summary = process::supervise(&config, stop, |_| ())?;
-    for path in &summary.recordings {
+    // Those that had to make room for newer ones are no longer there.
+    for path in summary.recordings.iter().filter(|path| path.exists()) {
         super::say(&path.display().to_string());
     }
     Ok(outcome(&summary))

@@ -27,6 +27,14 @@ pub struct Record {
     /// Largest size of the ring of frames in memory, 1048576 (1 MiB) to 1099511627776 bytes (1 TiB). `trigger.pre_s`
     /// that does not fit is refused. Left out: no bound but the machine's memory.
     pub ring_bytes_max: Option<u64>,
+    /// How many finished recordings of this rig stay in the folder, 1 to 1000000: when one more is finished, the
+    /// oldest is removed. Left out: all.
+    pub keep_last: Option<u32>,
+    /// Bytes that the recordings of this rig may take in the folder, the one being written included, 1048576 (1 MiB)
+    /// to 1125899906842624 (1 PiB): the oldest are removed until the rest fits. The newest finished one stays
+    /// whatever its size. Other files, results of `analyze` and unfinished recordings are never removed and do not
+    /// count. Left out: no bound but the disk.
+    pub max_bytes: Option<u64>,
 }
 
 /// `[workers]`: how the measuring is shared out.
@@ -50,6 +58,8 @@ pub(super) fn record(table: &Table<'_>, raw: RawRecord) -> Result<Record, Config
         compression: table.word("compression", raw.compression.as_deref(), &words)?.unwrap_or(Compression::None),
         raw_frames: raw.raw_frames.unwrap_or(true),
         ring_bytes_max: table.whole("ring_bytes_max", raw.ring_bytes_max, 1 << 20..=1 << 40, "bytes")?,
+        keep_last: table.whole("keep_last", raw.keep_last, 1..=1_000_000, "recordings")?,
+        max_bytes: table.whole("max_bytes", raw.max_bytes, 1 << 20..=1 << 50, "bytes")?,
     })
 }
 

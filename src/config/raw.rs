@@ -148,6 +148,8 @@ pub(super) struct RawRecord {
     pub compression: Option<String>,
     pub raw_frames: Option<bool>,
     pub ring_bytes_max: Option<i64>,
+    pub keep_last: Option<i64>,
+    pub max_bytes: Option<i64>,
 }
 
 #[derive(Debug, Default, Deserialize)]

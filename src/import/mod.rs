@@ -1,4 +1,4 @@
-//! Other people's files: image sequences, NumPy stacks, Photron and Phantom recordings.
+//! Other people's files: image sequences, NumPy stacks, Photron and Phantom recordings, films.
 //!
 //! Every importer gives the same [`Footage`]: grey frames with their stamps, one
 //! after the other. A frame rate comes from the file or from the user, and is
@@ -6,9 +6,11 @@
 
 mod error;
 mod numpy;
+mod pages;
 mod phantom;
 mod photron;
 mod sequence;
+mod video;
 
 pub use error::ImportError;
 
@@ -95,10 +97,16 @@ pub fn is_importable(path: &Path) -> bool {
     matches!(
         extension(path).as_str(),
         "png" | "tif" | "tiff" | "bmp" | "pgm" | "cih" | "cihx" | "mraw" | "cine" | "npy"
-    )
+    ) || is_film(path)
 }
 
-/// Opens footage: one Photron, Phantom or NumPy file, or images that make a sequence in the order given.
+/// Whether the name is that of a film, which ffmpeg reads.
+fn is_film(path: &Path) -> bool {
+    matches!(extension(path).as_str(), "avi" | "mp4" | "m4v" | "mov" | "mkv")
+}
+
+/// Opens footage: one Photron, Phantom or NumPy file, film or TIFF file of pages, or images that make a sequence in the
+/// order given.
 ///
 /// `fps` takes the place of the file's own frame rate; images have none. Where
 /// a file does not tell when it was filmed, stamps count from 0.
@@ -115,7 +123,8 @@ pub fn open(inputs: &[PathBuf], fps: Option<f64>) -> Result<Footage, ImportError
         ("cine", 1) => phantom::open(first, fps),
         ("npy", 1) => numpy::open(first, fps),
         ("cihx" | "cih" | "mraw", 1) => photron::open(first, fps),
-        ("cine" | "cihx" | "cih" | "mraw" | "npy", _) => {
+        (_, 1) if is_film(first) => video::open(first, fps),
+        ("cine" | "cihx" | "cih" | "mraw" | "npy" | "avi" | "mp4" | "m4v" | "mov" | "mkv", _) => {
             Err(ImportError::invalid(first, "such a file is a whole recording; give one at a time"))
         }
         ("png" | "tif" | "tiff" | "bmp" | "pgm", _) => sequence::open(inputs, fps),

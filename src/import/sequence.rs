@@ -1,27 +1,40 @@
-//! Sequences of still images: PNG, TIFF, BMP and PGM, 8 and 16 bit.
+//! Sequences of still images: PNG, TIFF, BMP and PGM, 8 and 16 bit; also as the pages of one TIFF file.
 
+use super::pages::{self, Page};
 use super::{Footage, ImportError, Stamps, extension, frame_bytes, frame_rate};
 use crate::image::{PixelFormat, grey_pixels};
-use image::{ImageReader, Limits};
+use image::{ImageFormat, ImageReader, Limits};
 use std::collections::BTreeMap;
 use std::fs::File;
-use std::io::{BufReader, Read, Seek, SeekFrom};
+use std::io::{BufRead, BufReader, Seek};
 use std::path::{Path, PathBuf};
 
 /// Gaps told one by one; the rest is counted.
 const GAPS: usize = 10;
+/// A decoded image may take twice the file's size and this much more.
+const SPARE_BYTES: u64 = 64 << 20;
 
 pub(super) fn open(inputs: &[PathBuf], fps: Option<f64>) -> Result<Footage, ImportError> {
     let first = inputs.first().ok_or(ImportError::Nothing)?;
     let frame_rate_hz = frame_rate(first, fps, None)?;
-    let (size, format, _) = read(first)?;
-    let (numbers, warnings) = numbers(inputs);
-    let files = inputs.to_vec();
-    let frames = files.into_iter().zip(numbers).map(move |(path, number)| {
-        let (this_size, this_format, bytes) = read(&path)?;
+    let places: Vec<(PathBuf, Option<u64>)> = match (directories(first)?, inputs) {
+        (pages, [file]) if pages.len() > 1 => pages.into_iter().map(|at| (file.clone(), Some(at))).collect(),
+        _ => inputs.iter().map(|path| (path.clone(), None)).collect(),
+    };
+    let (numbers, warnings) =
+        if places.len() == inputs.len() { numbers(inputs) } else { ((0..places.len() as u64).collect(), Vec::new()) };
+    let count = places.len() as u64;
+    let still = |(path, place): &(PathBuf, Option<u64>)| match place {
+        Some(directory) => page(path, *directory),
+        None => read(path),
+    };
+    let first = places.first().ok_or(ImportError::Nothing)?;
+    let (size, format, _) = still(first)?;
+    let frames = places.into_iter().zip(numbers).map(move |(place, number)| {
+        let (this_size, this_format, bytes) = still(&place)?;
         if (this_size, this_format) != (size, format) {
             let reason = format!("{this_size:?} {}, the first image {size:?} {}", this_format.word(), format.word());
-            return Err(ImportError::invalid(&path, reason));
+            return Err(ImportError::invalid(&place.0, reason));
         }
         Ok((number, bytes))
     });
@@ -30,7 +43,7 @@ pub(super) fn open(inputs: &[PathBuf], fps: Option<f64>) -> Result<Footage, Impo
         height_px: size.1,
         format,
         frame_rate_hz,
-        count: inputs.len() as u64,
+        count,
         description: BTreeMap::new(),
         warnings,
         frames: Box::new(frames),
@@ -85,14 +98,41 @@ fn numbers_in_names(inputs: &[PathBuf]) -> Option<Vec<u64>> {
 type Still = ((u32, u32), PixelFormat, Vec<u8>);
 
 fn read(path: &Path) -> Result<Still, ImportError> {
-    let mut file = BufReader::new(File::open(path).map_err(|error| ImportError::io("open", path, error))?);
-    if matches!(extension(path).as_str(), "tif" | "tiff") && has_more_pages(&mut file).unwrap_or(false) {
-        return Err(ImportError::invalid(path, "more than one page; give one image a file"));
+    match directories(path)?[..] {
+        [] => {
+            let (file, file_bytes) = open_file(path)?;
+            let reader = ImageReader::new(BufReader::new(file)).with_guessed_format();
+            decode(path, file_bytes, reader.map_err(|error| ImportError::io("read", path, error))?)
+        }
+        [directory] => page(path, directory),
+        _ => Err(ImportError::invalid(path, "more than one page; such a file is a whole sequence, give it alone")),
     }
-    file.rewind().map_err(|error| ImportError::io("read", path, error))?;
-    let mut reader = ImageReader::new(file).with_guessed_format().map_err(|e| ImportError::io("read", path, e))?;
+}
+
+fn open_file(path: &Path) -> Result<(File, u64), ImportError> {
+    let file = File::open(path).map_err(|error| ImportError::io("open", path, error))?;
+    let bytes = file.metadata().map_err(|error| ImportError::io("open", path, error))?.len();
+    Ok((file, bytes))
+}
+
+/// Where the pages of a TIFF file begin; empty for other files.
+fn directories(path: &Path) -> Result<Vec<u64>, ImportError> {
+    if !matches!(extension(path).as_str(), "tif" | "tiff") {
+        return Ok(Vec::new());
+    }
+    let mut file = BufReader::new(open_file(path)?.0);
+    pages::directories(&mut file).map_err(|error| ImportError::invalid(path, format!("its pages: {error}")))
+}
+
+fn page(path: &Path, directory: u64) -> Result<Still, ImportError> {
+    let (file, file_bytes) = open_file(path)?;
+    let page = Page::new(file, directory).map_err(|error| ImportError::io("read", path, error))?;
+    decode(path, file_bytes, ImageReader::with_format(BufReader::new(page), ImageFormat::Tiff))
+}
+
+fn decode(path: &Path, file_bytes: u64, mut reader: ImageReader<impl BufRead + Seek>) -> Result<Still, ImportError> {
     let mut limits = Limits::default();
-    limits.max_alloc = Some(super::FRAME_BYTES);
+    limits.max_alloc = Some(file_bytes.saturating_mul(2).saturating_add(SPARE_BYTES).min(super::FRAME_BYTES));
     reader.limits(limits);
     let image = reader.decode().map_err(|error| ImportError::invalid(path, error.to_string()))?;
     let size = (image.width(), image.height());
@@ -100,21 +140,4 @@ fn read(path: &Path) -> Result<Still, ImportError> {
     let (format, bytes) = grey.ok_or_else(|| ImportError::invalid(path, "not a grey image of 8 or 16 bit"))?;
     frame_bytes(path, size.0.into(), size.1.into(), format)?;
     Ok((size, format, bytes))
-}
-
-/// Whether a TIFF file's first page is followed by another (TIFF 6.0, section 2).
-fn has_more_pages(file: &mut (impl Read + Seek)) -> Option<bool> {
-    let mut header = [0; 8];
-    file.read_exact(&mut header).ok()?;
-    let is_little = header[..2] == *b"II";
-    let u32_of = |bytes: [u8; 4]| if is_little { u32::from_le_bytes(bytes) } else { u32::from_be_bytes(bytes) };
-    let directory = u32_of([header[4], header[5], header[6], header[7]]);
-    let mut count = [0; 2];
-    file.seek(SeekFrom::Start(directory.into())).ok()?;
-    file.read_exact(&mut count).ok()?;
-    let entries = if is_little { u16::from_le_bytes(count) } else { u16::from_be_bytes(count) };
-    let mut next = [0; 4];
-    file.seek(SeekFrom::Current(i64::from(entries) * 12)).ok()?;
-    file.read_exact(&mut next).ok()?;
-    Some(u32_of(next) != 0)
 }

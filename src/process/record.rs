@@ -5,6 +5,7 @@
 //! at once, holds the frames in place and writes them out one by one.
 
 mod failure;
+mod retention;
 
 use super::action::{Actions, Cause};
 use super::clock::{Every, Patience};
@@ -23,6 +24,7 @@ use crate::measure::TrackerParams;
 use crate::message::{Command, Event, EventKind, Reply, ReplyCode, Role};
 use crate::recording::EventRow;
 use crate::trigger::Quiet;
+use retention::Retention;
 use std::collections::VecDeque;
 use std::time::Duration;
 
@@ -63,6 +65,7 @@ pub fn run(config: &Config, resumed: bool, stop: &Stop) -> anyhow::Result<Summar
         held: VecDeque::new(),
         shot: None,
         storage: Storage::new(config, record, &format, &limits),
+        retention: Retention::new(record, &config.rig.name),
         pause: None,
         failures: 0,
         armed: config.trigger.mode != TriggerMode::Off,
@@ -93,6 +96,7 @@ struct Recorder<'a> {
     held: VecDeque<FrameSample>,
     shot: Option<Active>,
     storage: Storage,
+    retention: Retention,
     /// Since when a stream goes unrecorded because its recording failed.
     pause: Option<Patience>,
     /// Recordings in a row that failed before a frame of them was safe.
@@ -142,6 +146,7 @@ impl Recorder<'_> {
             while let Some(ended) = self.actions.ended() {
                 self.reporter.action(&ended)?;
             }
+            self.look_at_retention()?;
             self.tell()?;
             if !busy {
                 ear.wait(WAIT);
@@ -420,8 +425,10 @@ impl Recorder<'_> {
             self.reporter.event(EventKind::Lost, end, self.newest.1, &text)?;
         }
         self.reporter.event(EventKind::Recorded, end, self.newest.1, &finished.path.display().to_string())?;
+        self.retention.add(&finished.path);
         self.summary.recordings.push(finished.path);
-        Ok(())
+        let told = self.retention.enforce(0);
+        self.tell_removed(told)
     }
 
     /// The camera stopped before frame `end`; `true` when nothing is left to do.

@@ -109,6 +109,11 @@ impl Shot {
         Ok(())
     }
 
+    /// The file while it is written.
+    pub fn part(&self) -> &Path {
+        self.writer.part()
+    }
+
     /// One past the newest frame.
     pub fn next_frame(&self) -> u64 {
         self.next_frame

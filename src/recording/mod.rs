@@ -7,7 +7,9 @@
 
 mod annotations;
 mod batch;
+mod copier;
 mod error;
+mod extract;
 mod part;
 mod reader;
 mod recover;
@@ -17,6 +19,7 @@ mod writer;
 
 pub use annotations::Annotations;
 pub use error::RecordingError;
+pub use extract::{copy_as_ros2, copy_results};
 pub use part::part_path;
 pub use reader::{Attachment, Frames, Recording, Rows, TopicSummary};
 pub use recover::{Recovered, recover};

@@ -1,8 +1,8 @@
 //! A whole file again out of what is left of one.
 
-use super::reader::{Channel, Message, Schema};
+use super::copier::Copier;
+use super::reader::Message;
 use super::schema::proto;
-use super::writer::Copied;
 use super::{RECOVERED_NAME, Recording, RecordingError, RecordingWriter, Topic, WriterOptions, part};
 use foxglove::messages::RawImage;
 use prost::Message as _;
@@ -36,11 +36,11 @@ pub fn recover(from: &Path, to: &Path) -> Result<Recovered, RecordingError> {
     let mut writer = RecordingWriter::start(to, part::recovering_path(to), &WriterOptions::default())?;
     let mut skipped: Vec<String> = recording.truncated().map(str::to_owned).into_iter().collect();
     describe(&recording, &mut writer, &mut skipped)?;
-    let mut copier = Copier { recording: &recording, writer, channels: BTreeMap::new(), info: None, messages: 0 };
+    let mut sieve = Sieve { copier: Copier::new(&recording, &mut writer), info: None };
     for number in 0..recording.section_count() {
         let mut torn = 0;
         let damage = recording.visit_section(number, |message| {
-            let is_saved = copier.message(message)?;
+            let is_saved = sieve.message(message)?;
             torn += u64::from(!is_saved);
             Ok(())
         })?;
@@ -48,12 +48,11 @@ pub fn recover(from: &Path, to: &Path) -> Result<Recovered, RecordingError> {
         if torn > 0 {
             skipped.push(format!("{torn} messages that are incomplete or fail their checksum"));
         }
-        // A chunk for a chunk keeps frames and rows apart.
-        copier.writer.call(mcap::Writer::flush)?;
-        copier.info = None;
+        sieve.copier.end_chunk()?;
+        sieve.info = None;
     }
-    let messages = copier.messages;
-    let finished = copier.writer.finish()?;
+    let messages = sieve.copier.messages();
+    let finished = writer.finish()?;
     Ok(Recovered { path: finished.path, frames: finished.frames, messages, skipped })
 }
 
@@ -78,63 +77,30 @@ fn describe(
     Ok(())
 }
 
-struct Copier<'a> {
-    recording: &'a Recording,
-    writer: RecordingWriter,
-    /// Channels of the old file to those of the new one.
-    channels: BTreeMap<u16, u16>,
+/// Sorts out which messages can be trusted.
+struct Sieve<'a> {
+    copier: Copier<'a>,
     /// Frame information that waits for its image.
     info: Option<Message>,
-    messages: u64,
 }
 
-impl Copier<'_> {
+impl Sieve<'_> {
     /// Copies a message; whether it could be trusted.
     fn message(&mut self, message: Message) -> Result<bool, RecordingError> {
-        let Some(channel) = self.recording.channels().get(&message.channel) else { return Ok(false) };
-        let topic = |topic: Topic| channel.topic == topic.name() && self.recording.is_ours();
+        let recording = self.copier.recording();
+        let Some(channel) = recording.channels().get(&message.channel) else { return Ok(false) };
+        let topic = |topic: Topic| channel.topic == topic.name() && recording.is_ours();
         if !message.is_checked && topic(Topic::FrameInfo) {
             self.info = Some(message);
             return Ok(true);
         }
-        let is_frame = self.recording.is_image(message.channel);
+        let is_frame = recording.is_image(message.channel);
         if !message.is_checked && topic(Topic::Image) {
             let Some(info) = self.info.take().filter(|info| belongs(info, &message)) else { return Ok(false) };
-            self.write(&info, false)?;
+            self.copier.write(&info, false)?;
         }
-        self.write(&message, is_frame)?;
+        self.copier.write(&message, is_frame)?;
         Ok(true)
-    }
-
-    fn write(&mut self, message: &Message, is_frame: bool) -> Result<(), RecordingError> {
-        let channel = self.channel(message.channel)?;
-        self.messages += 1;
-        let copied = Copied {
-            sequence: message.sequence,
-            log_time_ns: message.log_time_ns,
-            publish_time_ns: message.publish_time_ns,
-            data: &message.data,
-            is_frame,
-        };
-        self.writer.copy(channel, &copied)
-    }
-
-    fn channel(&mut self, old: u16) -> Result<u16, RecordingError> {
-        if let Some(new) = self.channels.get(&old) {
-            return Ok(*new);
-        }
-        let empty = (Channel::default(), Schema::default());
-        let channel = self.recording.channels().get(&old).unwrap_or(&empty.0);
-        let schema = self.recording.schemas().get(&channel.schema);
-        let new = self.writer.call(|mcap| {
-            let schema = match schema {
-                Some(schema) => mcap.add_schema(&schema.name, &schema.encoding, &schema.data)?,
-                None => 0,
-            };
-            mcap.add_channel(schema, &channel.topic, &channel.encoding, &channel.metadata)
-        })?;
-        self.channels.insert(old, new);
-        Ok(new)
     }
 }
 

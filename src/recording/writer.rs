@@ -276,6 +276,11 @@ impl RecordingWriter {
         self.write_due(stamp_ns)
     }
 
+    /// The file while it is written.
+    pub fn part(&self) -> &Path {
+        &self.part
+    }
+
     /// Frames added so far.
     pub fn frames(&self) -> u64 {
         self.frames
@@ -429,7 +434,7 @@ fn write_options(options: &WriterOptions) -> WriteOptions {
         .library(concat!("ricochet ", env!("CARGO_PKG_VERSION")))
 }
 
-fn failure(part: &Path, error: McapError) -> RecordingError {
+pub(super) fn failure(part: &Path, error: McapError) -> RecordingError {
     match error {
         McapError::Io(source) => RecordingError::io("write", part, source),
         other => RecordingError::refused(part, other.to_string()),

@@ -231,7 +231,7 @@ fn an_unknown_topic_or_format_is_answered_with_the_known_ones() {
     let told = refused(2, ["export", text(&path), "--topic", "speed"]);
     assert_eq!(told, "--topic speed: not one of velocity, field, track, impact, truth, truth_impact, events");
     let told = refused(2, ["export", text(&path), "--topic", "truth", "--format", "xls"]);
-    assert_eq!(told, "--format xls: not one of csv, parquet, npz, png");
+    assert_eq!(told, "--format xls: not one of csv, parquet, npz, png, mp4, gif, mcap, ros2");
     let told = refused(2, ["listen", "speed"]);
     assert_eq!(told, "topic \"speed\" is not one of field, track, velocity, impact, status, events");
 }

@@ -8,6 +8,10 @@ use ricochet::recording::Recording;
 use std::fs;
 use std::path::{Path, PathBuf};
 
+mod pages;
+
+use pages::{Kind, page_of, tiff};
+
 fn frames(inputs: &[PathBuf], fps: Option<f64>) -> Vec<(FrameMeta, Vec<u8>)> {
     import::open(inputs, fps).unwrap().map(Result::unwrap).collect()
 }
@@ -77,14 +81,12 @@ fn what_cannot_be_measured_is_refused() {
     GrayImage::new(4, 4).save(at("small.png")).unwrap();
     GrayImage::new(8, 4).save(at("large.png")).unwrap();
     fs::write(at("text.png"), "not an image").unwrap();
-    // A second page, announced behind the first page's directory.
-    GrayImage::new(4, 4).save(at("pages.tif")).unwrap();
-    let mut pages = fs::read(at("pages.tif")).unwrap();
-    let directory = u32::from_le_bytes(pages[4..8].try_into().unwrap()) as usize;
-    let next = directory + 2 + 12 * usize::from(u16::from_le_bytes([pages[directory], pages[directory + 1]]));
-    pages[next] = 8;
-    fs::write(at("pages.tif"), pages).unwrap();
-    assert!(refusal(&[at("pages.tif")], Some(1.0)).contains("more than one page"));
+    fs::write(at("pages.tif"), tiff(Kind::Little, &[page_of(4, 4, 0), page_of(4, 4, 1)])).unwrap();
+    assert!(refusal(&[at("pages.tif"), at("small.png")], Some(1.0)).contains("more than one page"));
+    assert!(refusal(&[at("small.png"), at("pages.tif")], Some(1.0)).contains("more than one page"));
+    let unequal = tiff(Kind::Little, &[page_of(4, 4, 0), page_of(5, 4, 1)]);
+    fs::write(at("unequal.tif"), unequal).unwrap();
+    assert!(refusal(&[at("unequal.tif")], Some(1.0)).contains("(5, 4)"));
     assert!(refusal(&[at("colour.png")], Some(1.0)).contains("grey"));
     assert!(refusal(&[at("small.png"), at("large.png")], Some(1.0)).contains("large.png"));
     assert!(refusal(&[at("text.png")], Some(1.0)).contains("text.png"));
@@ -376,46 +378,27 @@ fn a_stack_that_numpy_saved_has_its_pixels() {
     assert_eq!(pixels, expected);
 }
 
-#[test]
-fn mutated_files_never_panic() {
+/// A small file of every kind, with the ending of its name.
+pub fn seeds() -> Vec<(&'static str, Vec<u8>)> {
     let folder = tempfile::tempdir().unwrap();
-    let (header, pixels) = (folder.path().join("shot.cihx"), folder.path().join("shot.mraw"));
-    fs::write(&pixels, [7; 96]).unwrap();
-    let still = folder.path().join("still.tif");
-    GrayImage::new(6, 4).save(&still).unwrap();
-    let cihx_path = header.clone();
-    let seeds: [(PathBuf, Vec<u8>); 4] = [
-        (folder.path().join("shot.cine"), cine(8, 3, 8, 8, &[vec![1; 24], vec![2; 24]])),
-        (cihx_path, cihx(8, 4, 3, [8, 8], "Lower").into_bytes()),
-        (still.clone(), fs::read(&still).unwrap()),
-        (folder.path().join("stack.npy"), npy("<u2", "False", "(2, 3, 4)", &[7; 48])),
-    ];
-    let mut state = 0x9e37_79b9_7f4a_7c15_u64;
-    let mut random = move |below: usize| {
-        state ^= state << 13;
-        state ^= state >> 7;
-        state ^= state << 17;
-        (state % below as u64) as usize
+    let still = |ending: &'static str| {
+        let path = folder.path().join(format!("still{ending}"));
+        GrayImage::from_fn(6, 4, |x, y| Luma([(x * 9 + y) as u8])).save(&path).unwrap();
+        (ending, fs::read(&path).unwrap())
     };
-    let mut read = 0;
-    for round in 0..6000 {
-        let (path, seed) = &seeds[round % seeds.len()];
-        let mut bytes = seed.clone();
-        for _ in 0..=random(3) {
-            let at = random(bytes.len());
-            match random(4) {
-                0 => bytes[at] ^= 1 << random(8),
-                1 => bytes[at] = [0, 0xff, b'0', b'9', 0x80][random(5)],
-                2 if bytes.len() > at + 4 => bytes[at..at + 4].copy_from_slice(&[0xff; 4]),
-                _ => bytes.truncate(at.max(1)),
-            }
-        }
-        fs::write(path, &bytes).unwrap();
-        if let Ok(footage) = import::open(std::slice::from_ref(path), Some(100.0)) {
-            read += footage.take(8).filter(Result::is_ok).count();
-        }
-    }
-    assert!(read > 1000, "most mutations leave something readable: {read}");
+    let mut packed = cine(8, 3, 16, 12, &[pack(&[500; 24], 10)]);
+    packed[44 + 16..44 + 20].copy_from_slice(&256_u32.to_le_bytes());
+    let mut seeds: Vec<_> = [".png", ".tif", ".bmp", ".pgm"].into_iter().map(still).collect();
+    let pages = [pages::page_of(4, 4, 0), pages::page_of(4, 4, 1)];
+    seeds.extend(pages::KINDS.map(|kind| (".tif", pages::tiff(kind, &pages))));
+    seeds.extend([
+        (".cine", cine(8, 3, 8, 8, &[vec![1; 24], vec![2; 24]])),
+        (".cine", packed),
+        (".cihx", cihx(8, 4, 3, [8, 8], "Lower").into_bytes()),
+        (".cihx", cihx(8, 4, 2, [12, 12], "Lower").into_bytes()),
+        (".npy", npy("<u2", "False", "(2, 3, 4)", &[7; 48])),
+    ]);
+    seeds
 }
 
 /// The folder of real recordings, if it was named.

@@ -30,6 +30,7 @@ mod impact;
 mod import;
 mod line;
 mod motion;
+mod parts;
 mod pipeline;
 mod python;
 mod recording;

@@ -243,3 +243,48 @@ fn a_read_only_folder_costs_the_shot_and_not_the_next() {
     assert!(storage[0].contains("cannot be written into") && storage[1].ends_with("again"), "{storage:?}");
     assert_eq!(texts("lost").len(), 1, "{events:?}");
 }
+
+#[test]
+fn old_recordings_make_room_and_their_names_are_told() {
+    let rig = Rig::new();
+    let scenario = rig.file("long.toml", &drift(20_000, RATE_HZ));
+    let camera = format!("source = \"simulated\"\nscenario = \"{}\"\npaced = true", scenario.display());
+    let rest = "keep_last = 2\n[scale]\nmm_per_px = 0.5\n[workers]\ncount = 1\n\
+                [trigger]\nmode = \"software\"\npre_s = 0.05\npost_s = 0.1";
+    let config = rig.config(&camera, rest);
+    let mine = rig.file("mine.txt", "kept");
+    let service = Background::start(ricochet(["run".as_ref(), config.as_os_str()]));
+    let listener = ["listen", "events", "--rig", rig.name.as_str(), "--json", "--wait", "60"];
+    let listener = Background::start(ricochet(listener));
+    wait_for(&rig, "it measures", |status| number(status, "track", "sequence") > 60);
+    std::fs::rename(mine, rig.path("shots").join("mine.mcap")).unwrap();
+    let mut all: Vec<PathBuf> = Vec::new();
+    for shot in 1..=4 {
+        succeed(["trigger", "--rig", rig.name.as_str()]);
+        let own = |path: &PathBuf| !all.contains(path) && !path.ends_with("mine.mcap");
+        let new = wait_until("the shot is written", || rig.recordings().into_iter().find(own));
+        all.push(new);
+        let left = wait_until("an old one is gone", || {
+            let left = rig.recordings();
+            (left.len() == shot.min(2) + 1).then_some(left)
+        });
+        assert!(all.iter().rev().take(2).all(|path| left.contains(path)), "{left:?} of {all:?}");
+        wait_for(&rig, "it is armed again", |status| number(status, "record", "state") & 1 == 1);
+    }
+    service.signal(2);
+    let (code, printed, told) = service.end();
+    assert_eq!(code, Some(0), "nothing was lost: {told}");
+    let named: Vec<PathBuf> = printed.lines().map(PathBuf::from).collect();
+    assert_eq!(named, all[2..], "only those that are there");
+    let (_, events, _) = listener.end();
+    let events: Vec<Value> = events.lines().map(|line| serde_json::from_str(line).unwrap()).collect();
+    let texts: Vec<&str> =
+        events.iter().filter(|e| e["kind"] == "storage").map(|e| e["text"].as_str().unwrap()).collect();
+    assert_eq!(texts.len(), 2, "{texts:?}");
+    for (text, path) in texts.iter().zip(&all) {
+        assert!(
+            text.contains(path.file_name().unwrap().to_str().unwrap()) && text.ends_with("keep_last = 2"),
+            "{text}"
+        );
+    }
+}

@@ -1,11 +1,13 @@
-//! `ricochet bench`: how fast this machine measures.
+//! `ricochet bench`: how fast this machine measures and records.
 
 mod live;
+mod record;
 mod windows;
 
 use std::time::{Duration, Instant};
 
 pub use live::{LiveOptions, live};
+pub use record::{RecordOptions, record};
 pub use windows::{WindowsOptions, windows};
 
 /// Calls a second, each weighed by what it gives, over the given time.

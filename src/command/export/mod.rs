@@ -1,12 +1,13 @@
-//! `ricochet export`: the tables of a recording, and its frames as pictures.
+//! `ricochet export`: the tables of a recording, its frames as pictures or a film, and parts of it as recordings.
 
 mod npz;
 mod parquet;
 mod picture;
 mod rows;
 mod sink;
+mod video;
 
-use crate::recording::{Recording, RecordingError};
+use crate::recording::{self, Recording, RecordingError};
 use sink::Csv;
 use std::fs::File;
 use std::io::{self, BufWriter, Write};
@@ -24,7 +25,27 @@ pub enum Format {
     Npz,
     /// A directory of PNG pictures, what was measured drawn over them.
     Png,
+    /// The same as a film in H.264.
+    Mp4,
+    /// The same as an animation that any page shows.
+    Gif,
+    /// Everything but the frames, as a recording.
+    Mcap,
+    /// The frames as a ROS 2 recording.
+    Ros2,
 }
+
+/// Every format and its name.
+const FORMATS: [(&str, Format); 8] = [
+    ("csv", Format::Csv),
+    ("parquet", Format::Parquet),
+    ("npz", Format::Npz),
+    ("png", Format::Png),
+    ("mp4", Format::Mp4),
+    ("gif", Format::Gif),
+    ("mcap", Format::Mcap),
+    ("ros2", Format::Ros2),
+];
 
 impl Format {
     /// The format of this name.
@@ -33,36 +54,39 @@ impl Format {
     ///
     /// [`ExportError::Usage`] listing the formats there are.
     pub fn from_word(word: &str) -> Result<Self, ExportError> {
-        match word {
-            "csv" => Ok(Self::Csv),
-            "parquet" => Ok(Self::Parquet),
-            "npz" => Ok(Self::Npz),
-            "png" => Ok(Self::Png),
-            other => Err(ExportError::Usage(format!("--format {other}: not one of csv, parquet, npz, png"))),
-        }
+        let found = FORMATS.iter().find(|(name, _)| *name == word).map(|(_, format)| *format);
+        let names: Vec<&str> = FORMATS.iter().map(|(name, _)| *name).collect();
+        found.ok_or_else(|| ExportError::Usage(format!("--format {word}: not one of {}", names.join(", "))))
     }
 
     fn word(self) -> &'static str {
+        FORMATS.iter().find(|(_, format)| *format == self).map_or("", |(name, _)| name)
+    }
+
+    /// What can be exported so.
+    fn topics(self) -> &'static [&'static str] {
         match self {
-            Self::Csv => "csv",
-            Self::Parquet => "parquet",
-            Self::Npz => "npz",
-            Self::Png => "png",
+            Self::Csv | Self::Parquet | Self::Npz => &TABLES,
+            Self::Png | Self::Mp4 | Self::Gif => &PICTURES,
+            Self::Mcap => &["results"],
+            Self::Ros2 => &["frames"],
         }
     }
 }
 
 /// What to export, and where to.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct ExportOptions {
     /// The recording.
     pub file: PathBuf,
-    /// Which table: one of [`TABLES`]; of pictures, one of [`PICTURES`].
+    /// Which table: one of [`TABLES`]; of pictures and films, one of [`PICTURES`]; `results` or `frames` of recordings.
     pub topic: String,
     /// As what.
     pub format: Format,
     /// Where to; standard output when there is none, which only CSV takes.
     pub output: Option<PathBuf>,
+    /// Frames of the recording that a film shows in a second, above 0 and at most 1000.
+    pub playback_hz: f64,
 }
 
 /// The tables a recording can hold.
@@ -93,7 +117,7 @@ pub enum ExportError {
 /// What was exported.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Exported {
-    /// Rows of the table, or pictures.
+    /// Rows of the table, pictures, or messages.
     pub rows: u64,
     /// Why the recording ends too early, when it does: rows are missing then.
     pub truncated: Option<String>,
@@ -120,9 +144,13 @@ pub(super) fn is_same_file(a: &Path, b: &Path) -> bool {
 /// Writes the table or the pictures; returns their number.
 fn write(options: &ExportOptions) -> Result<u64, ExportError> {
     let topic = options.topic.as_str();
-    let known: &[&str] = if options.format == Format::Png { &PICTURES } else { &TABLES };
+    let known = options.format.topics();
     if !known.contains(&topic) {
         return Err(ExportError::Usage(format!("--topic {topic}: not one of {}", known.join(", "))));
+    }
+    if !(options.playback_hz > 0.0 && options.playback_hz <= 1000.0) {
+        let playback_hz = options.playback_hz;
+        return Err(ExportError::Usage(format!("--fps {playback_hz}: not a number above 0 and at most 1000")));
     }
     let output = || {
         let path = options.output.as_deref();
@@ -134,6 +162,9 @@ fn write(options: &ExportOptions) -> Result<u64, ExportError> {
     // What is missing on the command line is told before a recording is read or a file is made.
     match options.format {
         Format::Png => picture::write_all(options, output()?),
+        Format::Mp4 | Format::Gif => video::write(options, output()?),
+        Format::Mcap => Ok(recording::copy_results(&options.file, output()?)?),
+        Format::Ros2 => Ok(recording::copy_as_ros2(&options.file, output()?)?),
         Format::Parquet => {
             let path = output()?;
             let recording = Recording::open(&options.file)?;

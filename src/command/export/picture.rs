@@ -20,7 +20,26 @@ pub(super) fn write_all(options: &ExportOptions, directory: &Path) -> Result<u64
     let to = directory.display().to_string();
     let failed = |source| ExportError::Write { to: to.clone(), source };
     let recording = Recording::open(&options.file)?;
-    let topic = options.topic.as_str();
+    let first = recording.first_frame()?;
+    std::fs::create_dir_all(directory).map_err(failed)?;
+    let mut count = 0;
+    draw(&recording, &options.topic, |sequence, picture| {
+        let picture = picture.map_err(failed)?;
+        let number = sequence.saturating_sub(first.sequence);
+        let path = directory.join(format!("{}_{number:06}.png", options.topic));
+        picture.save(&path).map_err(|error| failed(io::Error::other(error)))?;
+        count += 1;
+        Ok(())
+    })?;
+    Ok(count)
+}
+
+/// Draws every frame, in order, with what belongs to one of [`PICTURES`](super::PICTURES).
+pub(super) fn draw(
+    recording: &Recording,
+    topic: &str,
+    mut take: impl FnMut(u64, io::Result<RgbImage>) -> Result<(), ExportError>,
+) -> Result<(), ExportError> {
     let mut tracks: BTreeMap<u64, Vec<TrackSample>> = BTreeMap::new();
     if topic != "frames" {
         for sample in recording.tracks()? {
@@ -28,14 +47,14 @@ pub(super) fn write_all(options: &ExportOptions, directory: &Path) -> Result<u64
             tracks.entry(sample.frame).or_default().push(sample);
         }
     }
-    let (gain, interval) = if topic == "field" { gain(&recording)? } else { (1.0, 0) };
+    let (gain, interval) = if topic == "field" { gain(recording)? } else { (1.0, 0) };
     let mut fields = recording.fields()?.peekable();
-    let first = recording.first_frame()?;
-    std::fs::create_dir_all(directory).map_err(failed)?;
-    let mut count = 0;
     for frame in recording.frames()? {
         let (meta, bytes) = frame?;
-        let mut canvas = Canvas::of(meta, &bytes).map_err(failed)?;
+        let mut canvas = match Canvas::of(meta, &bytes) {
+            Ok(canvas) => canvas,
+            Err(error) => return take(meta.sequence, Err(error)),
+        };
         tracks.get(&meta.sequence).into_iter().flatten().for_each(|sample| canvas.outline(sample));
         // Fields and frames both come in the order of their time: only those of this frame are held.
         while topic == "field"
@@ -46,12 +65,9 @@ pub(super) fn write_all(options: &ExportOptions, directory: &Path) -> Result<u64
                 canvas.arrows(&field, gain);
             }
         }
-        let number = meta.sequence.saturating_sub(first.sequence);
-        let path = directory.join(format!("{topic}_{number:06}.png"));
-        canvas.picture.save(&path).map_err(|error| failed(io::Error::other(error)))?;
-        count += 1;
+        take(meta.sequence, Ok(canvas.picture))?;
     }
-    Ok(count)
+    Ok(())
 }
 
 /// How much displacements over the shortest interval are enlarged, the same in all frames: the longest spans about
@@ -75,6 +91,17 @@ fn gain(recording: &Recording) -> Result<(f32, u64), RecordingError> {
     Ok((if longest > 0.0 && step.is_finite() { 2.0 * step / longest } else { 1.0 }, interval))
 }
 
+/// The frame's pixels as 8-bit grey, black to white over the full range of its format; rows packed.
+pub(super) fn grey_levels(meta: FrameMeta, bytes: &[u8]) -> io::Result<Vec<u8>> {
+    let mut image = Image::default();
+    Frame { meta, bytes }.unpack(&mut image).map_err(io::Error::other)?;
+    let view = image.view();
+    let white = ((1_u32 << meta.format.bits()) - 1) as f32;
+    let places = (0..meta.height_px as usize).flat_map(|y| (0..meta.width_px as usize).map(move |x| (x, y)));
+    let levels = places.map(|(x, y)| view.at(x, y).unwrap_or(0.0));
+    Ok(levels.map(|level| (255.0 * level / white).round().min(255.0) as u8).collect())
+}
+
 struct Canvas {
     picture: RgbImage,
     scale: f32,
@@ -83,14 +110,10 @@ struct Canvas {
 impl Canvas {
     /// The frame in grey over its full range, so that brightness is the same in all pictures.
     fn of(meta: FrameMeta, bytes: &[u8]) -> Result<Self, io::Error> {
-        let mut image = Image::default();
-        Frame { meta, bytes }.unpack(&mut image).map_err(io::Error::other)?;
-        let view = image.view();
         let scale = WIDTH_PX.div_ceil(meta.width_px.max(1)).clamp(1, 4);
-        let white = ((1_u32 << meta.format.bits()) - 1) as f32;
+        let levels = grey_levels(meta, bytes)?;
         let picture = RgbImage::from_fn(meta.width_px * scale, meta.height_px * scale, |x, y| {
-            let level = view.at((x / scale) as usize, (y / scale) as usize).unwrap_or(0.0);
-            Rgb([(255.0 * level / white).round().min(255.0) as u8; 3])
+            Rgb([levels[(y / scale * meta.width_px + x / scale) as usize]; 3])
         });
         Ok(Self { picture, scale: scale as f32 })
     }

@@ -166,6 +166,17 @@ impl Frames {
         self.messages.len()
     }
 
+    /// Goes on with the frame this many frames further on, without reading those between.
+    ///
+    /// Reads one chunk when the next frame is asked for; behind the end there are none.
+    pub fn skip_frames(&mut self, count: u64) {
+        // A frame of ours is a pair of messages.
+        let messages = if self.info_channels.is_empty() { 1 } else { 2 };
+        self.messages.skip_next(usize::try_from(count).unwrap_or(usize::MAX).saturating_mul(messages));
+        self.index = self.index.saturating_add(count);
+        self.info = None;
+    }
+
     /// The next frame, its pixels shared with the chunk they came from.
     pub(crate) fn next_shared(&mut self) -> Option<Result<(FrameMeta, Bytes), RecordingError>> {
         loop {

@@ -87,6 +87,13 @@ impl Messages {
         }
     }
 
+    /// Skips the next `count`.
+    pub(super) fn skip_next(&mut self, count: usize) {
+        if count > 0 {
+            self.entries.nth(count - 1);
+        }
+    }
+
     pub(super) fn inner(&self) -> &Inner {
         &self.inner
     }
@@ -145,6 +152,12 @@ impl Recording {
     /// How many stretches of messages the file has.
     pub(in super::super) fn section_count(&self) -> usize {
         self.inner.structure.sections.len()
+    }
+
+    /// The channels one stretch holds messages of, where the file has an index for it.
+    pub(in super::super) fn section_channels(&self, number: usize) -> Option<Vec<u16>> {
+        let index = &self.inner.structure.sections.get(number)?.index;
+        (!index.is_empty()).then(|| index.iter().map(|entry| entry.channel).collect())
     }
 
     /// Visits every message of one stretch that can be trusted, in the order of the file.

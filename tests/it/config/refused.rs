@@ -40,6 +40,24 @@ fn a_value_of_the_wrong_type_is_refused_in_plain_words() {
 }
 
 #[test]
+fn bounds_of_recordings_out_of_range_are_refused() {
+    refused_on_a_simulated_rig(&[
+        (
+            "[record]\ndirectory = \"a\"\nring_bytes_max = 5",
+            ", line 5: record.ring_bytes_max = 5: must be 1048576 to 1099511627776 bytes",
+        ),
+        (
+            "[record]\ndirectory = \"a\"\nkeep_last = 0",
+            ", line 5: record.keep_last = 0: must be 1 to 1000000 recordings",
+        ),
+        (
+            "[record]\ndirectory = \"a\"\nmax_bytes = 1000",
+            ", line 5: record.max_bytes = 1000: must be 1048576 to 1125899906842624 bytes",
+        ),
+    ]);
+}
+
+#[test]
 fn numbers_out_of_range_are_refused_with_the_range_and_its_unit() {
     refused_on_a_simulated_rig(&[
         ("width_px = 15", ", line 3: camera.width_px = 15: must be 16 to 65535 px"),
@@ -91,10 +109,6 @@ fn numbers_out_of_range_are_refused_with_the_range_and_its_unit() {
         ("[trigger]\nthreshold_dn = 0", ", line 4: trigger.threshold_dn = 0: must be above 0 and at most 65535 DN"),
         ("[trigger]\npre_s = -0.1", ", line 4: trigger.pre_s = -0.1: must be 0 to 60 s"),
         ("[trigger]\npost_s = 0", ", line 4: trigger.post_s = 0: must be above 0 and at most 3600 s"),
-        (
-            "[record]\ndirectory = \"a\"\nring_bytes_max = 5",
-            ", line 5: record.ring_bytes_max = 5: must be 1048576 to 1099511627776 bytes",
-        ),
         ("[workers]\ncount = 0", ", line 4: workers.count = 0: must be 1 to 64"),
         ("[workers]\ncount = 65", ", line 4: workers.count = 65: must be 1 to 64"),
         ("[workers]\nblock_frames = 3", ", line 4: workers.block_frames = 3: must be 4 to 256 frames"),

@@ -128,6 +128,7 @@ fn an_unknown_table_or_format_is_a_usage_error() {
         topic: "speed".into(),
         format: export::Format::Csv,
         output: None,
+        playback_hz: 25.0,
     };
     let error = export::run(&options).unwrap_err();
     assert!(matches!(error, export::ExportError::Usage(_)) && error.to_string().contains("velocity"), "{error}");
@@ -164,7 +165,8 @@ fn options(
     format: export::Format,
     output: &std::path::Path,
 ) -> export::ExportOptions {
-    export::ExportOptions { file: file.into(), topic: topic.into(), format, output: Some(output.into()) }
+    let (file, topic, output) = (file.into(), topic.into(), Some(output.into()));
+    export::ExportOptions { file, topic, format, output, playback_hz: 25.0 }
 }
 
 /// A Parquet file's rows as the texts that the CSV file has, read by the crate's own reader.
@@ -267,7 +269,7 @@ fn numpy_reads_the_columns_of_the_csv() {
         let [npz, csv] = ["npz", "csv"].map(|ending| folder.path().join(format!("{topic}.{ending}")));
         for (format, output) in [(export::Format::Npz, &npz), (export::Format::Csv, &csv)] {
             let (file, topic, output) = (path.clone(), topic.to_owned(), Some(output.clone()));
-            export::run(&export::ExportOptions { file, topic, format, output }).unwrap();
+            export::run(&export::ExportOptions { file, topic, format, output, playback_hz: 25.0 }).unwrap();
         }
         let Some(told) = python(include_str!("read_npz.py"), &[&npz, &csv]) else { return };
         let count: usize = told.trim().parse().unwrap();

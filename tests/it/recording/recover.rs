@@ -10,6 +10,17 @@ use std::process::{Command, Stdio};
 
 const SIZE: [u32; 2] = [300, 300];
 
+/// Numbers below a bound, from a seed.
+pub fn xorshift(seed: u64) -> impl FnMut(usize) -> usize {
+    let mut state = seed;
+    move |below| {
+        state ^= state << 13;
+        state ^= state >> 7;
+        state ^= state << 17;
+        (state % below.max(1) as u64) as usize
+    }
+}
+
 fn frames(recording: &Recording) -> Vec<u64> {
     let frame = |frame: Result<_, _>| {
         let (meta, bytes): (ricochet::image::FrameMeta, Vec<u8>) = frame.unwrap();

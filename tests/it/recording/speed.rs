@@ -15,7 +15,7 @@ fn cpu_s() -> f64 {
 }
 
 /// Bytes this thread has asked the system for.
-fn bytes_read() -> u64 {
+pub fn bytes_read() -> u64 {
     let text = std::fs::read_to_string("/proc/thread-self/io").unwrap();
     text.lines().find_map(|line| line.strip_prefix("rchar: ")).unwrap().parse().unwrap()
 }
@@ -63,6 +63,17 @@ fn figures_of_512x512_frames() {
             assert_eq!(recording.velocities().unwrap().count() as u64, FRAMES);
             let share = (bytes_read() - before) as f64 / recording.bytes() as f64 * 100.0;
             println!("/velocity alone, opening included: {:?}, {share:.2} % of the file", start.elapsed());
+            let mut seeks: Vec<_> = (0..64)
+                .map(|k| {
+                    let mut frames = recording.frames().unwrap();
+                    let start = Instant::now();
+                    frames.skip_frames(k * 397 % FRAMES);
+                    assert_eq!(frames.next().unwrap().unwrap().0.sequence, k * 397 % FRAMES);
+                    start.elapsed()
+                })
+                .collect();
+            seeks.sort();
+            println!("a frame anywhere: {:?} in the median, {:?} at most", seeks[32], seeks[63]);
             std::fs::remove_file(&path).unwrap();
         }
     }

@@ -234,6 +234,7 @@ pub const DIMENSIONLESS: &[&str] = &[
     "impulse_ratio",
     "index",
     "interval",
+    "keep_last",
     "kind",
     "known",
     "line",

@@ -1,0 +1,195 @@
+//! `ricochet bench record`: how fast recordings are written, beside a plain write of the same bytes.
+
+use crate::image::{Frame, FrameMeta, PixelFormat};
+use crate::recording::{RecordingInfo, RecordingWriter, WriterOptions, part_path};
+use serde_json::json;
+use std::fs::File;
+use std::io::Write;
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+const SIDE_PX: u32 = 512;
+const FRAME_BYTES: usize = (SIDE_PX * SIDE_PX) as usize;
+/// Frames written in one go, 134 MB of them.
+const FRAMES: u64 = 512;
+/// Different frames among them.
+const POOL: usize = 16;
+/// The recorder forces its file to the disk this often; so does the plain write.
+const SYNC_FRAMES: u64 = 256;
+/// Turns of both, at least and at most.
+const TURNS: std::ops::Range<usize> = 3..200;
+
+/// What `ricochet bench record` was asked to do.
+#[derive(Debug, Clone)]
+pub struct RecordOptions {
+    /// Machine-readable output.
+    pub json: bool,
+    /// How long it goes on, s; three turns at least.
+    pub seconds: f64,
+    /// The folder written into, and cleaned up.
+    pub directory: PathBuf,
+}
+
+/// What one way of writing took.
+#[derive(Debug, Clone, Copy)]
+struct Taken {
+    wall_s: f64,
+    /// Processor time of the writing thread, the system's part included.
+    cpu_s: f64,
+}
+
+/// Writes frames of 512 x 512 px as plain bytes and as a recording, in turns, and prints the medians.
+///
+/// # Errors
+///
+/// When the folder cannot be written into, or the result cannot be written.
+pub fn record(options: &RecordOptions) -> anyhow::Result<()> {
+    let pool: Vec<Vec<u8>> = (1..=POOL as u32).map(noise).collect();
+    let files = Files::new(&options.directory);
+    let (mut plain, mut recorded) = (Vec::new(), Vec::new());
+    let start = now();
+    while plain.len() < TURNS.start || (start.elapsed().as_secs_f64() < options.seconds && plain.len() < TURNS.end) {
+        // Each way goes first in every other turn: what was written before still fills the disk's queue.
+        if plain.len() % 2 == 0 {
+            plain.push(files.plain(&pool)?);
+            recorded.push(files.recording(&pool)?);
+        } else {
+            recorded.push(files.recording(&pool)?);
+            plain.push(files.plain(&pool)?);
+        }
+    }
+    tell(options, &plain, &recorded)
+}
+
+fn tell(options: &RecordOptions, plain: &[Taken], recorded: &[Taken]) -> anyhow::Result<()> {
+    let rate = |taken: &Taken| FRAMES as f64 / taken.wall_s;
+    let cpu_us = |taken: &Taken| taken.cpu_s * 1e6 / FRAMES as f64;
+    let rates = [median(plain.iter().map(rate)), median(recorded.iter().map(rate))];
+    let cpus = [median(plain.iter().map(cpu_us)), median(recorded.iter().map(cpu_us))];
+    // Turn by turn, so that what slows the machine down for a while slows both.
+    let ratio = median(plain.iter().zip(recorded).map(|(plain, recorded)| plain.wall_s / recorded.wall_s));
+    let above_us = median(plain.iter().zip(recorded).map(|(plain, recorded)| cpu_us(recorded) - cpu_us(plain)));
+    let mut out = std::io::stdout().lock();
+    if options.json {
+        let row = |at: usize| json!({ "frames_per_s": rates[at], "cpu_us_per_frame": cpus[at] });
+        let told = json!({
+            "frame_bytes": FRAME_BYTES,
+            "turns": plain.len(),
+            "plain_write": row(0),
+            "recording": row(1),
+            "rate_ratio": ratio,
+            "cpu_us_per_frame_above_plain": above_us,
+        });
+        writeln!(out, "{}", serde_json::to_string_pretty(&told)?)?;
+        return Ok(());
+    }
+    let title = format!("512 x 512 px, {} turns of {FRAMES} frames", plain.len());
+    writeln!(out, "{title:44} {:>10} {:>8} {:>14}", "frames/s", "MB/s", "CPU us/frame")?;
+    for (at, name) in ["plain write", "recording"].into_iter().enumerate() {
+        let megabytes = rates[at] * FRAME_BYTES as f64 / 1e6;
+        writeln!(out, "{name:44} {:>10.0} {megabytes:>8.0} {:>14.1}", rates[at], cpus[at])?;
+    }
+    writeln!(out, "{:44} {ratio:>10.2} {:>8} {above_us:>14.1}", "ratio of the rates; CPU above plain", "")?;
+    Ok(())
+}
+
+/// The files of the benchmark; removed when it ends.
+struct Files {
+    plain: PathBuf,
+    recording: PathBuf,
+}
+
+impl Files {
+    fn new(directory: &Path) -> Self {
+        let name = |ending: &str| directory.join(format!(".ricochet-bench-{}.{ending}", std::process::id()));
+        Self { plain: name("raw"), recording: name("mcap") }
+    }
+
+    fn plain(&self, pool: &[Vec<u8>]) -> anyhow::Result<Taken> {
+        let taken = taken(|| {
+            let mut file = File::create(&self.plain)?;
+            for number in 0..FRAMES {
+                file.write_all(&pool[number as usize % pool.len()])?;
+                if (number + 1) % SYNC_FRAMES == 0 {
+                    file.sync_data()?;
+                }
+            }
+            Ok(file.sync_all()?)
+        });
+        self.remove();
+        taken
+    }
+
+    fn recording(&self, pool: &[Vec<u8>]) -> anyhow::Result<Taken> {
+        let taken = taken(|| {
+            let options = WriterOptions::default();
+            let mut writer = RecordingWriter::create(&self.recording, &RecordingInfo::default(), &options)?;
+            for sequence in 0..FRAMES {
+                // 10 000 frames a second: rows are batched as they are at that rate.
+                let meta = FrameMeta {
+                    sequence,
+                    stamp_ns: sequence * 100_000,
+                    width_px: SIDE_PX,
+                    height_px: SIDE_PX,
+                    stride_bytes: SIDE_PX,
+                    format: PixelFormat::Mono8,
+                    ..FrameMeta::default()
+                };
+                writer.frame(&Frame { meta, bytes: &pool[sequence as usize % pool.len()] })?;
+            }
+            writer.finish()?;
+            Ok(())
+        });
+        self.remove();
+        taken
+    }
+
+    fn remove(&self) {
+        for path in [&self.plain, &self.recording, &part_path(&self.recording)] {
+            // Most of them do not exist.
+            let _ = std::fs::remove_file(path);
+        }
+    }
+}
+
+impl Drop for Files {
+    fn drop(&mut self) {
+        self.remove();
+    }
+}
+
+fn taken(write: impl FnOnce() -> anyhow::Result<()>) -> anyhow::Result<Taken> {
+    let (start, cpu_s) = (now(), thread_cpu_s()?);
+    write()?;
+    Ok(Taken { wall_s: start.elapsed().as_secs_f64(), cpu_s: thread_cpu_s()? - cpu_s })
+}
+
+#[expect(clippy::disallowed_methods, reason = "a benchmark reads the clock")]
+fn now() -> Instant {
+    Instant::now()
+}
+
+/// Processor time of this thread, as the scheduler counts it.
+fn thread_cpu_s() -> anyhow::Result<f64> {
+    let text = std::fs::read_to_string("/proc/thread-self/schedstat")?;
+    let ns: f64 = text.split_whitespace().next().unwrap_or_default().parse()?;
+    Ok(ns * 1e-9)
+}
+
+/// A frame that does not compress (Marsaglia's xorshift).
+fn noise(seed: u32) -> Vec<u8> {
+    let mut state = seed;
+    let mut next = || {
+        state ^= state << 13;
+        state ^= state >> 17;
+        state ^= state << 5;
+        state.to_le_bytes()
+    };
+    (0..FRAME_BYTES / 4).flat_map(|_| next()).collect()
+}
+
+fn median(values: impl Iterator<Item = f64>) -> f64 {
+    let mut values: Vec<f64> = values.collect();
+    values.sort_by(f64::total_cmp);
+    values.get(values.len() / 2).copied().unwrap_or(0.0)
+}

@@ -1,0 +1,144 @@
+//! Frames as a film for people to watch, made by an installed ffmpeg.
+
+use super::picture::{draw, grey_levels};
+use super::{ExportError, ExportOptions, Format};
+use crate::recording::Recording;
+use std::ffi::OsString;
+use std::io::{self, ErrorKind, Read, Write};
+use std::path::Path;
+use std::process::{Child, ChildStdin, Command, Stdio};
+use std::thread::JoinHandle;
+
+/// Bytes kept of what ffmpeg says when it fails.
+const TOLD_BYTES: u64 = 64 << 10;
+
+/// Writes the frames as a film; returns how many. Nothing lies on the disk but the film itself.
+pub(super) fn write(options: &ExportOptions, to: &Path) -> Result<u64, ExportError> {
+    let recording = Recording::open(&options.file)?;
+    let failed = |source| ExportError::Write { to: to.display().to_string(), source };
+    let mut film: Option<Film> = None;
+    let mut count = 0;
+    let mut take = |[width, height]: [u32; 2], kind: &'static str, pixels: &[u8]| {
+        let film = match &mut film {
+            Some(film) => film,
+            none => none.insert(Film::start(options, to, [width, height], kind)?),
+        };
+        if film.size != [width, height] {
+            return Err(failed(io::Error::other(format!("frame {count} has another size than the first one"))));
+        }
+        count += 1;
+        film.push(pixels).map_err(failed)
+    };
+    if options.topic == "frames" {
+        for frame in recording.frames()? {
+            let (meta, bytes) = frame?;
+            let levels = grey_levels(meta, &bytes).map_err(failed)?;
+            take([meta.width_px, meta.height_px], "gray", &levels)?;
+        }
+    } else {
+        draw(&recording, &options.topic, |_, picture| {
+            let picture = picture.map_err(failed)?;
+            take([picture.width(), picture.height()], "rgb24", picture.as_raw())
+        })?;
+    }
+    film.map_or(Ok(()), Film::finish).map_err(failed)?;
+    Ok(count)
+}
+
+/// A film being made.
+struct Film {
+    size: [u32; 2],
+    ffmpeg: Child,
+    /// Gone once ffmpeg went away.
+    frames: Option<ChildStdin>,
+    told: JoinHandle<String>,
+}
+
+impl Film {
+    fn start(options: &ExportOptions, to: &Path, size: [u32; 2], kind: &str) -> Result<Self, ExportError> {
+        let word = options.format.word();
+        let spawned = Command::new("ffmpeg")
+            .args(arguments(options, size, kind))
+            .arg(file_address(to))
+            .stdin(Stdio::piped())
+            .stdout(Stdio::null())
+            .stderr(Stdio::piped())
+            .spawn();
+        let mut ffmpeg = spawned.map_err(|error| match error.kind() {
+            ErrorKind::NotFound => {
+                let reason = "needs the program ffmpeg, which is not installed (Debian, Ubuntu: apt install ffmpeg)";
+                ExportError::Usage(format!("--format {word}: {reason}"))
+            }
+            _ => ExportError::Write { to: "ffmpeg".into(), source: error },
+        })?;
+        let mut stderr = ffmpeg.stderr.take();
+        let told = std::thread::spawn(move || {
+            let mut text = Vec::new();
+            if let Some(pipe) = &mut stderr {
+                let _ = pipe.take(TOLD_BYTES).read_to_end(&mut text);
+                let _ = io::copy(pipe, &mut io::sink());
+            }
+            String::from_utf8_lossy(&text).into_owned()
+        });
+        Ok(Self { size, frames: ffmpeg.stdin.take(), ffmpeg, told })
+    }
+
+    fn push(&mut self, pixels: &[u8]) -> io::Result<()> {
+        let Some(frames) = &mut self.frames else { return Ok(()) };
+        match frames.write_all(pixels) {
+            // It has gone, and says why at the end.
+            Err(error) if error.kind() == ErrorKind::BrokenPipe => self.frames = None,
+            written => written?,
+        }
+        Ok(())
+    }
+
+    fn finish(mut self) -> io::Result<()> {
+        let is_whole = self.frames.take().is_some();
+        let status = self.ffmpeg.wait()?;
+        let told = self.told.join().unwrap_or_default();
+        if status.success() && is_whole {
+            return Ok(());
+        }
+        let line = told.lines().map(str::trim).rfind(|line| !line.is_empty()).unwrap_or("it did not say why");
+        Err(io::Error::other(format!("ffmpeg ended with {status}: {line}")))
+    }
+}
+
+/// Raw frames from standard input, as a film that common players show.
+fn arguments(options: &ExportOptions, [width, height]: [u32; 2], kind: &str) -> Vec<OsString> {
+    let (size, rate) = (format!("{width}x{height}"), options.playback_hz.to_string());
+    let mut words: Vec<&str> = "-nostdin -hide_banner -loglevel error -f rawvideo -pixel_format".split(' ').collect();
+    words.extend([kind, "-video_size", &size, "-framerate", &rate, "-i", "pipe:0"]);
+    match (options.format, kind) {
+        // Grey has 256 levels, as many as a GIF has colours.
+        (Format::Gif, "gray") => words.extend(["-pix_fmt", "gray", "-f", "gif"]),
+        (Format::Gif, _) => {
+            words.extend(["-filter_complex", "split[a][b];[a]palettegen[p];[b][p]paletteuse=dither=none", "-f", "gif"]);
+        }
+        // Players want 4:2:0, which halves both sides of the colours.
+        _ => words.extend([
+            "-vf",
+            "pad=ceil(iw/2)*2:ceil(ih/2)*2",
+            "-pix_fmt",
+            "yuv420p",
+            "-c:v",
+            "libx264",
+            "-crf",
+            "12",
+            "-movflags",
+            "+faststart",
+            "-f",
+            "mp4",
+        ]),
+    }
+    words.push("-y");
+    words.into_iter().map(OsString::from).collect()
+}
+
+/// The file, whatever its name begins with.
+fn file_address(path: &Path) -> OsString {
+    let mut address = OsString::from("file:");
+    address.push(path);
+    address
+}

@@ -1,0 +1,69 @@
+//! Messages of one file into another, exactly as they are.
+
+use super::reader::{Channel, Message, Schema};
+use super::writer::Copied;
+use super::{Recording, RecordingError, RecordingWriter};
+use std::collections::BTreeMap;
+
+/// Copies messages, and the channels and schemas they need.
+pub(super) struct Copier<'a> {
+    recording: &'a Recording,
+    writer: &'a mut RecordingWriter,
+    /// Channels of the old file to those of the new one.
+    channels: BTreeMap<u16, u16>,
+    messages: u64,
+}
+
+impl<'a> Copier<'a> {
+    /// From a recording into a new one.
+    pub(super) fn new(recording: &'a Recording, writer: &'a mut RecordingWriter) -> Self {
+        Self { recording, writer, channels: BTreeMap::new(), messages: 0 }
+    }
+
+    /// The recording copied from.
+    pub(super) fn recording(&self) -> &'a Recording {
+        self.recording
+    }
+
+    /// How many messages were copied.
+    pub(super) fn messages(&self) -> u64 {
+        self.messages
+    }
+
+    /// Ends the chunk: a chunk for a chunk keeps frames and rows apart.
+    pub(super) fn end_chunk(&mut self) -> Result<(), RecordingError> {
+        self.writer.call(mcap::Writer::flush)
+    }
+
+    /// Copies a message.
+    pub(super) fn write(&mut self, message: &Message, is_frame: bool) -> Result<(), RecordingError> {
+        let channel = self.channel(message.channel)?;
+        self.messages += 1;
+        let copied = Copied {
+            sequence: message.sequence,
+            log_time_ns: message.log_time_ns,
+            publish_time_ns: message.publish_time_ns,
+            data: &message.data,
+            is_frame,
+        };
+        self.writer.copy(channel, &copied)
+    }
+
+    fn channel(&mut self, old: u16) -> Result<u16, RecordingError> {
+        if let Some(new) = self.channels.get(&old) {
+            return Ok(*new);
+        }
+        let empty = (Channel::default(), Schema::default());
+        let channel = self.recording.channels().get(&old).unwrap_or(&empty.0);
+        let schema = self.recording.schemas().get(&channel.schema);
+        let new = self.writer.call(|mcap| {
+            let schema = match schema {
+                Some(schema) => mcap.add_schema(&schema.name, &schema.encoding, &schema.data)?,
+                None => 0,
+            };
+            mcap.add_channel(schema, &channel.topic, &channel.encoding, &channel.metadata)
+        })?;
+        self.channels.insert(old, new);
+        Ok(new)
+    }
+}

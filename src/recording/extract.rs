@@ -1,0 +1,178 @@
+//! Parts of a recording as files of their own: its results alone, or its frames for ROS 2.
+
+use super::copier::Copier;
+use super::part::{self, PartFile};
+use super::{Compression, Recording, RecordingError, RecordingWriter, Topic, WriterOptions};
+use crate::image::{FrameMeta, PixelFormat};
+use mcap::WriteOptions;
+use mcap::records::MessageHeader;
+use std::collections::BTreeMap;
+use std::io::{BufWriter, Write as _};
+use std::path::Path;
+
+/// Small messages compress well, and a chunk is what a reader loads at once.
+const RESULTS: WriterOptions = WriterOptions { compression: Compression::Zstd1, chunk_bytes: 1 << 20 };
+const ROS2_CHUNK_BYTES: u64 = 4 << 20;
+/// The topic that camera drivers of ROS publish on.
+const ROS2_TOPIC: &str = "/camera/image_raw";
+const ROS2_SCHEMA_NAME: &str = "sensor_msgs/msg/Image";
+/// The message and those it is made of, as ROS 2 bags describe them.
+const ROS2_SCHEMA: &str = "\
+std_msgs/Header header
+uint32 height
+uint32 width
+string encoding
+uint8 is_bigendian
+uint32 step
+uint8[] data
+================================================================================
+MSG: std_msgs/Header
+builtin_interfaces/Time stamp
+string frame_id
+================================================================================
+MSG: builtin_interfaces/Time
+int32 sec
+uint32 nanosec
+";
+
+/// Copies everything but the frames into a new recording, compressed; returns the number of messages.
+///
+/// Metadata and attachments come along, and chunks stay what they were, so that a reader of one topic loads no other.
+///
+/// # Errors
+///
+/// [`RecordingError`] when the old file cannot be opened or is damaged, or the new one not written.
+pub fn copy_results(from: &Path, to: &Path) -> Result<u64, RecordingError> {
+    let recording = Recording::open(from)?;
+    let mut writer = RecordingWriter::start(to, part::part_path(to), &RESULTS)?;
+    match copy(&recording, &mut writer) {
+        Ok(messages) => {
+            writer.finish()?;
+            Ok(messages)
+        }
+        Err(error) => {
+            drop(writer);
+            Err(give_up(to, error))
+        }
+    }
+}
+
+fn copy(recording: &Recording, writer: &mut RecordingWriter) -> Result<u64, RecordingError> {
+    for (name, entries) in recording.metadata_records() {
+        writer.metadata(name, entries.clone())?;
+    }
+    for attachment in recording.attachments() {
+        let content = recording.attachment(&attachment.name)?;
+        writer.attach(&attachment.name, &attachment.media_type, &content)?;
+    }
+    let mut copier = Copier::new(recording, writer);
+    let is_of_frames = |channel: u16| {
+        let named = recording.channels().get(&channel).is_some_and(|c| c.topic == Topic::FrameInfo.name());
+        recording.is_image(channel) || named && recording.is_ours()
+    };
+    for number in 0..recording.section_count() {
+        // A chunk of nothing but frames is not worth loading.
+        if recording.section_channels(number).is_some_and(|channels| channels.into_iter().all(is_of_frames)) {
+            continue;
+        }
+        let damage = recording.visit_section(number, |message| match is_of_frames(message.channel) {
+            true => Ok(()),
+            false => copier.write(&message, false),
+        })?;
+        if let Some(reason) = damage {
+            return Err(RecordingError::invalid(recording.path(), reason));
+        }
+        copier.end_chunk()?;
+    }
+    Ok(copier.messages())
+}
+
+/// Writes the frames as `sensor_msgs/msg/Image` in CDR, as ROS 2 records them; returns how many.
+///
+/// # Errors
+///
+/// [`RecordingError`] when the old file cannot be read, or the new one not written.
+pub fn copy_as_ros2(from: &Path, to: &Path) -> Result<u64, RecordingError> {
+    let frames = Recording::open(from)?.frames()?;
+    let part = part::part_path(to);
+    let file = part::create(to, &part)?;
+    let written = write_ros2(file, &part, frames);
+    match written.and_then(|count| part::publish(to, &part).map(|()| count)) {
+        Ok(count) => Ok(count),
+        Err(error) => Err(give_up(to, error)),
+    }
+}
+
+/// Takes away what was begun: it can be made again.
+fn give_up(to: &Path, error: RecordingError) -> RecordingError {
+    let _ = std::fs::remove_file(part::part_path(to));
+    error
+}
+
+fn write_ros2(file: std::fs::File, part: &Path, frames: super::Frames) -> Result<u64, RecordingError> {
+    let failure = |error| super::writer::failure(part, error);
+    let io = |error| RecordingError::io("write", part, error);
+    let handle = file.try_clone().map_err(io)?;
+    let options = WriteOptions::new()
+        .profile("ros2")
+        .compression(None)
+        .chunk_size(Some(ROS2_CHUNK_BYTES))
+        .library(concat!("ricochet ", env!("CARGO_PKG_VERSION")));
+    let mut mcap = options.create(BufWriter::new(PartFile::new(file))).map_err(failure)?;
+    let schema = mcap.add_schema(ROS2_SCHEMA_NAME, "ros2msg", ROS2_SCHEMA.as_bytes()).map_err(failure)?;
+    let channel_id = mcap.add_channel(schema, ROS2_TOPIC, "cdr", &BTreeMap::new()).map_err(failure)?;
+    let mut message = Vec::new();
+    let mut count = 0;
+    for frame in frames {
+        let (meta, pixels) = frame?;
+        encode(&meta, &pixels, &mut message).map_err(|reason| RecordingError::refused(part, reason))?;
+        // The header has room for the low half of the number.
+        let sequence = (meta.sequence & u64::from(u32::MAX)) as u32;
+        let header = MessageHeader { channel_id, sequence, log_time: meta.stamp_ns, publish_time: meta.stamp_ns };
+        mcap.write_to_known_channel(&header, &message).map_err(failure)?;
+        count += 1;
+    }
+    mcap.finish().map_err(failure)?;
+    mcap.into_inner().flush().map_err(io)?;
+    handle.sync_all().map_err(io)?;
+    Ok(count)
+}
+
+/// An image in little-endian CDR (OMG DDS-XTypes 1.3, section 7.4.3): numbers are aligned to their size, counted from
+/// behind the first four bytes.
+fn encode(meta: &FrameMeta, pixels: &[u8], message: &mut Vec<u8>) -> Result<(), String> {
+    let seconds = i32::try_from(meta.stamp_ns / 1_000_000_000)
+        .map_err(|_| format!("frame {}: its time does not fit the 32-bit seconds of ROS", meta.sequence))?;
+    let count = u32::try_from(pixels.len()).map_err(|_| format!("frame {}: too large", meta.sequence))?;
+    let encoding = match meta.format {
+        PixelFormat::Mono8 => "mono8",
+        PixelFormat::Mono10 | PixelFormat::Mono12 | PixelFormat::Mono16 => "mono16",
+    };
+    message.clear();
+    message.extend([0, 1, 0, 0]);
+    message.extend(seconds.to_le_bytes());
+    number((meta.stamp_ns % 1_000_000_000) as u32, message);
+    text("camera", message);
+    number(meta.height_px, message);
+    number(meta.width_px, message);
+    text(encoding, message);
+    // Little-endian pixels.
+    message.push(0);
+    number(meta.stride_bytes, message);
+    number(count, message);
+    message.extend_from_slice(pixels);
+    Ok(())
+}
+
+fn number(value: u32, message: &mut Vec<u8>) {
+    // The first four bytes do not count, and are four.
+    message.resize(message.len().next_multiple_of(4), 0);
+    message.extend(value.to_le_bytes());
+}
+
+/// A string: its length with the closing zero, the bytes, the zero.
+fn text(value: &str, message: &mut Vec<u8>) {
+    number(value.len() as u32 + 1, message);
+    message.extend(value.as_bytes());
+    message.push(0);
+}

@@ -1,0 +1,193 @@
+//! Files changed at random: each reader refuses them or reads them, without a panic and within its memory.
+
+use super::damage::{SMALL, read_all};
+use super::recover::xorshift;
+use super::samples;
+use crate::import;
+use ricochet::recording::{Compression, Recording, WriterOptions, copy_as_ros2, copy_results, recover};
+use std::cell::Cell;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::path::{Path, PathBuf};
+use std::process::Command;
+use std::time::{Duration, Instant};
+
+/// All memory of the process, kB: 64 MiB for a reader, as the files have a few kB, and 32 MiB for everything else.
+const MEMORY_KB: u32 = 96 << 10;
+/// Set in the process that does the work: rounds, or seconds with an `s` behind them.
+const BUDGET: &str = "RICOCHET_MUTATE";
+/// How long the ignored tests go on, s.
+const SECONDS: &str = "RICOCHET_MUTATE_SECONDS";
+
+/// How long to go on.
+enum Budget {
+    Rounds(usize),
+    Time(Duration),
+}
+
+impl Budget {
+    /// `None` in the process that only starts the one that works.
+    fn told() -> Option<Self> {
+        let text = std::env::var(BUDGET).ok()?;
+        Some(match text.strip_suffix('s') {
+            Some(seconds) => Self::Time(Duration::from_secs_f64(seconds.parse().unwrap())),
+            None => Self::Rounds(text.parse().unwrap()),
+        })
+    }
+
+    fn is_left(&self, round: usize, start: Instant) -> bool {
+        match self {
+            Self::Rounds(rounds) => round < *rounds,
+            Self::Time(time) => start.elapsed() < *time,
+        }
+    }
+}
+
+/// Runs a test of this module in a process of its own, with a limit on its memory.
+fn limited(test: &str, budget: &str) {
+    let status = Command::new("sh")
+        .args(["-c", &format!("ulimit -d {MEMORY_KB}; exec \"$0\" \"$@\"")])
+        .arg(std::env::current_exe().unwrap())
+        .args(["--exact", &format!("recording::mutation::{test}"), "--test-threads=1", "--nocapture"])
+        .env(BUDGET, budget)
+        // Without memory a backtrace waits for ever.
+        .env("RUST_BACKTRACE", "0")
+        .status()
+        .unwrap();
+    assert!(status.success(), "{status}; the file is the newest in {}", env!("CARGO_TARGET_TMPDIR"));
+}
+
+/// The ignored tests' budget.
+fn long() -> String {
+    format!("{}s", std::env::var(SECONDS).unwrap_or_else(|_| "600".into()))
+}
+
+/// Where the file of a failed round stays.
+fn kept(test: &str, ending: &str) -> PathBuf {
+    Path::new(env!("CARGO_TARGET_TMPDIR")).join(format!("mutated-{test}{ending}"))
+}
+
+/// Changes seeds and reads them; `read` gives how many frames there were.
+fn mutate_and_read(test: &str, seeds: &[(&str, Vec<u8>)], budget: &Budget, read: impl Fn(&Path) -> usize) {
+    let mut random = xorshift(0x2545_f491_4f6c_dd1d);
+    let (start, mut round, mut frames) = (Instant::now(), 0, 0);
+    while budget.is_left(round, start) {
+        let (ending, seed) = &seeds[round % seeds.len()];
+        let mut bytes = seed.clone();
+        for _ in 0..=random(4) {
+            mutate(&mut bytes, &mut random);
+        }
+        let path = kept(test, ending);
+        std::fs::write(&path, &bytes).unwrap();
+        match catch_unwind(AssertUnwindSafe(|| read(&path))) {
+            Ok(count) => frames += count,
+            Err(_) => panic!("round {round}: {}", path.display()),
+        }
+        round += 1;
+    }
+    for (ending, _) in seeds {
+        let _ = std::fs::remove_file(kept(test, ending));
+    }
+    println!("{test}: {round} files, {frames} frames read");
+    assert!(8 * frames > round, "many mutations leave frames to read: {frames} in {round} files");
+}
+
+fn mutate(bytes: &mut Vec<u8>, random: &mut impl FnMut(usize) -> usize) {
+    if bytes.len() < 16 {
+        return;
+    }
+    let at = random(bytes.len() - 8);
+    match random(7) {
+        0 => bytes[at] ^= 1 << random(8),
+        1 => bytes[at] = [0, 1, 0x7f, 0x80, 0xff, b'0', b'9'][random(7)],
+        2 => bytes[at..at + 8].copy_from_slice(&[u64::MAX, 1 << 31, 1 << 40, 9, 0][random(5)].to_le_bytes()),
+        3 => bytes[at..at + 4].copy_from_slice(&[u32::MAX, 1 << 30, 16, 0][random(4)].to_le_bytes()),
+        4 => bytes[at..at + 4].copy_from_slice(&[1_u32 << 28, 65_535, 256, 8][random(4)].to_be_bytes()),
+        5 => bytes.truncate(at),
+        _ => {
+            let piece = bytes[at..(at + 1 + random(200)).min(bytes.len())].to_vec();
+            let to = random(bytes.len());
+            bytes.splice(to..to, piece);
+        }
+    }
+}
+
+fn recordings(folder: &Path) -> Vec<(&'static str, Vec<u8>)> {
+    let mut seeds = Vec::new();
+    for (index, compression) in [Compression::None, Compression::Zstd1].into_iter().enumerate() {
+        let path = folder.join(format!("seed-{index}.mcap"));
+        samples::write(&path, &WriterOptions { compression, ..SMALL }, 3, [8, 4]).finish().unwrap();
+        seeds.push((".mcap", std::fs::read(&path).unwrap()));
+    }
+    for (compression, chunks) in [(None, false), (Some(mcap::Compression::Lz4), true)] {
+        let options = mcap::WriteOptions::new().compression(compression).use_chunks(chunks);
+        let images = [super::foreign::image("mono8", 4, 2, 4, 8); 2];
+        seeds.push((".mcap", super::foreign::file(options, &images)));
+    }
+    let (shot, bag) = (folder.join("seed-0.mcap"), folder.join("seed-ros2.mcap"));
+    copy_as_ros2(&shot, &bag).unwrap();
+    seeds.push((".mcap", std::fs::read(bag).unwrap()));
+    seeds
+}
+
+fn read_recordings(test: &str, budget: &Budget) {
+    let folder = tempfile::tempdir().unwrap();
+    let to = folder.path().join("whole.mcap");
+    let round = Cell::new(0);
+    mutate_and_read(test, &recordings(folder.path()), budget, |path| {
+        let Ok(recording) = Recording::open(path) else { return 0 };
+        let frames = read_all(&recording).len();
+        // Each copy waits for the disk.
+        round.set(round.get() + 1);
+        if round.get() % 16 != 0 {
+            return frames;
+        }
+        for copy in [
+            |from: &Path, to: &Path| recover(from, to).is_ok(),
+            |from: &Path, to: &Path| copy_results(from, to).is_ok(),
+            |from: &Path, to: &Path| copy_as_ros2(from, to).is_ok(),
+        ] {
+            let is_copied = copy(path, &to);
+            assert_eq!(is_copied, to.exists());
+            let _ = (std::fs::remove_file(&to), std::fs::remove_file(to.with_extension("mcap.recovering")));
+        }
+        frames
+    });
+}
+
+fn read_imports(test: &str, budget: &Budget) {
+    // The pixels of the Photron header among the seeds.
+    std::fs::write(kept(test, ".mraw"), [7; 96]).unwrap();
+    mutate_and_read(test, &import::seeds(), budget, |path| {
+        let Ok(footage) = ricochet::import::open(&[path.to_path_buf()], Some(100.0)) else { return 0 };
+        footage.take(8).filter(Result::is_ok).count()
+    });
+    let _ = std::fs::remove_file(kept(test, ".mraw"));
+}
+
+#[test]
+fn mutated_recordings_are_read_or_refused() {
+    match Budget::told() {
+        Some(budget) => read_recordings("recordings", &budget),
+        None => limited("mutated_recordings_are_read_or_refused", "3000"),
+    }
+}
+
+#[test]
+fn mutated_imports_are_read_or_refused() {
+    match Budget::told() {
+        Some(budget) => read_imports("imports", &budget),
+        None => limited("mutated_imports_are_read_or_refused", "6000"),
+    }
+}
+
+#[test]
+#[ignore = "ten minutes, or RICOCHET_MUTATE_SECONDS"]
+fn mutated_recordings_are_read_or_refused_for_long() {
+    limited("mutated_recordings_are_read_or_refused", &long());
+}
+
+#[test]
+#[ignore = "ten minutes, or RICOCHET_MUTATE_SECONDS"]
+fn mutated_imports_are_read_or_refused_for_long() {
+    limited("mutated_imports_are_read_or_refused", &long());
+}
