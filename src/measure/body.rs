@@ -111,15 +111,16 @@ impl BodyTracker {
             self.anchor.push(&node, circle);
         }
         self.tell(event, node.time_frames, &mut rows.impacts);
-        rows.alarms.extend(self.alarm(event, step.frame));
+        rows.alarms.extend(self.alarm(event, step.frame, node.time_frames));
     }
 
     /// What is to be told at once.
-    fn alarm(&mut self, event: Event, frame: u64) -> Option<Alarm> {
+    fn alarm(&mut self, event: Event, frame: u64, time_frames: f64) -> Option<Alarm> {
         let period_s = self.params.frame_period_ns * 1e-9;
         let alarm = |kind, at: Estimate| {
             let at_s = Estimate { value: at.value * period_s, sigma: at.sigma * period_s };
-            Alarm { body: self.body, kind, frame, at_s }
+            let stamp_ns = self.origin_ns.saturating_add_signed((1e9 * at_s.value).round() as i64);
+            Alarm { body: self.body, kind, frame, at_s, stamp_ns }
         };
         let detector = self.detector.as_ref()?;
         match (event, detector.contact().filter(|contact| contact.end_frames.is_none())) {
@@ -127,7 +128,7 @@ impl BodyTracker {
                 self.turned = false;
                 Some(alarm(AlarmKind::Began, Estimate { value: contact.start_frames, sigma: 1.0 }))
             }
-            (Event::Dismissed, _) => Some(alarm(AlarmKind::Withdrawn, Estimate { value: frame as f64, sigma: 1.0 })),
+            (Event::Dismissed, _) => Some(alarm(AlarmKind::Withdrawn, Estimate { value: time_frames, sigma: 1.0 })),
             (_, Some(contact)) if !self.turned => {
                 let turn = deepest_so_far(detector.trail(), contact)?;
                 self.turned = true;

@@ -41,11 +41,17 @@ pub enum EventKind {
     State = 14,
     /// What a trigger set off has ended: a program, a call of a web service, the trigger of another rig.
     Action = 15,
+    /// A body touches the surface; `stamp_ns` is the moment it began to, `sequence` the frame by which it was noticed.
+    Contact = 16,
+    /// A body that touches the surface is thrown back; `stamp_ns` is the deepest moment.
+    Deepest = 17,
+    /// What was told as contact was none.
+    Withdrawn = 18,
 }
 
 impl EventKind {
     /// Every kind.
-    pub const ALL: [Self; 15] = [
+    pub const ALL: [Self; 18] = [
         Self::Prepared,
         Self::Started,
         Self::Ended,
@@ -61,6 +67,9 @@ impl EventKind {
         Self::Decided,
         Self::State,
         Self::Action,
+        Self::Contact,
+        Self::Deepest,
+        Self::Withdrawn,
     ];
 
     /// The word used in tables.
@@ -81,6 +90,9 @@ impl EventKind {
             Self::Decided => "decided",
             Self::State => "state",
             Self::Action => "action",
+            Self::Contact => "contact",
+            Self::Deepest => "deepest",
+            Self::Withdrawn => "withdrawn",
         }
     }
 

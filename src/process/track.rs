@@ -13,6 +13,7 @@ use crate::camera::StreamFormat;
 use crate::config::Config;
 use crate::measure::TrackerRows;
 use crate::message::{EventKind, ImpactMessage, Role, TrackMessage, VelocityMessage};
+use crate::results::{Alarm, AlarmKind};
 use std::time::Duration;
 
 const WAIT: Duration = Duration::from_millis(2);
@@ -146,6 +147,18 @@ impl Loop<'_> {
         self.conclusions.begin(self.config, self.format.frame_rate_hz, self.format.exposure_us);
     }
 
+    /// Tells what is noticed of a collision while it lasts.
+    fn alarm(&self, alarm: &Alarm) -> Result<(), BusError> {
+        let name = self.config.bodies.get(alarm.body as usize).map_or("", |body| body.name.as_str());
+        let ms = 1e3 * alarm.at_s.value;
+        let (kind, text) = match alarm.kind {
+            AlarmKind::Began => (EventKind::Contact, format!("{name} touches the surface since {ms:.3} ms")),
+            AlarmKind::Turned => (EventKind::Deepest, format!("{name} was deepest at {ms:.3} ms")),
+            AlarmKind::Withdrawn => (EventKind::Withdrawn, format!("{name} did not touch the surface after all")),
+        };
+        self.reporter.event(kind, alarm.frame, alarm.stamp_ns, &text)
+    }
+
     fn publish(&mut self, rows: &TrackerRows) -> Result<(), BusError> {
         self.conclusions.rows(&rows.velocities);
         let run_id = self.reporter.run_id();
@@ -155,6 +168,9 @@ impl Loop<'_> {
         }
         for sample in &rows.velocities {
             self.velocities.send(&VelocityMessage::new(sample, run_id))?;
+        }
+        for alarm in &rows.alarms {
+            self.alarm(alarm)?;
         }
         for impact in &rows.impacts {
             self.impacts.send(&ImpactMessage::new(impact, run_id))?;

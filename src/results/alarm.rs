@@ -24,4 +24,6 @@ pub struct Alarm {
     pub frame: u64,
     /// When it happened, s after the first frame; as well as is known at once.
     pub at_s: Estimate,
+    /// The same, ns since the Unix epoch.
+    pub stamp_ns: u64,
 }

@@ -221,6 +221,10 @@ fn a_drop_is_kept_around_its_predicted_contact_and_sets_off_what_the_rig_file_sa
     assert_eq!((decided.len(), triggered.len()), (1, 1), "{events:#?}");
     assert!(decided[0].contains("contact at frame 79.") || decided[0].contains("contact at frame 80."), "{decided:?}");
     assert!(decided[0].contains("; decided ") && decided[0].contains(" us after frame "), "{decided:?}");
+    let (contact, deepest) = (texts("contact"), texts("deepest"));
+    let since: f64 = contact[0].split(' ').rev().nth(1).unwrap().parse().unwrap();
+    assert!(contact.len() == 1 && (since - 8.0).abs() < 0.2, "{contact:?}");
+    assert!(deepest.len() == 1 && deepest[0].starts_with("ball was deepest at "), "{deepest:?}");
     let mut states = texts("state").into_iter();
     for wanted in ["preparing", "armed", "falling", "impact", "done"] {
         assert!(states.any(|state| state == wanted), "{wanted} in its place among {:?}", texts("state"));
