@@ -225,6 +225,7 @@ mod tests {
         let mut states = States::new(1, true, false);
         states.prepared();
         states.started();
+        assert_eq!(states.changed(), Some(RigState::Armed));
         states.armed(false);
         assert_eq!(states.changed(), Some(RigState::Idle));
     }

@@ -78,7 +78,7 @@ fn edge(scenario: &Scenario) -> [[f64; 2]; 2] {
 
 /// One drop: how far the frame told is from the true one, and how many frames ahead it was told.
 fn drop_once(number: u64) -> (f64, i64) {
-    let scenario = drop_scenario(&mut Dice(1000 * number + 5), number);
+    let scenario = drop_scenario(&mut Dice((number + 1).wrapping_mul(0x9E37_79B9_7F4A_7C15)), number);
     let MotionSetup::Impact(impact) = &scenario.motion else { panic!("a drop") };
     let seen_s = impact.contact_start_s - 0.5e-6 * scenario.camera.exposure_us;
     let config = rig(edge(&scenario), 0.0, "mode = \"predicted-contact\"");
@@ -167,6 +167,62 @@ fn a_speed_is_crossed_and_a_gap_undershot_where_they_are() {
     let gap = decide(&falls, &rig(edge, 0.0, "mode = \"gap\"\ngap_mm = 10"));
     assert_eq!(gap.len(), 1, "{gap:?}");
     assert!((66..=68).contains(&gap[0].frame), "{gap:?}");
+}
+
+#[test]
+fn a_flight_too_short_to_be_sure_of_is_told_when_the_contact_is_there() {
+    for (before_frames, vn_m_s) in [(5.2, -3.0), (6.7, -1.2), (13.8, -1.69)] {
+        let mut scenario = Scenario::built_in("lacrosse").unwrap();
+        let MotionSetup::Impact(impact) = &mut scenario.motion else { panic!("a drop") };
+        (impact.contact_start_s, impact.vn_m_s) = (before_frames * 1e-4 + 1e-5, vn_m_s);
+        scenario.camera.frames = 50;
+        let decisions =
+            decide(&World::new(&scenario).unwrap(), &rig(edge(&scenario), 0.0, "mode = \"predicted-contact\""));
+        assert_eq!(decisions.len(), 1, "{before_frames} frames: {decisions:#?}");
+        let error = decisions[0].frame as f64 - before_frames;
+        println!("{before_frames} frames before: {} off by {error:.2}", decisions[0].what);
+        assert!(error.abs() <= 2.0, "{before_frames} frames: {error}");
+    }
+}
+
+#[test]
+fn without_a_recorder_the_one_who_decides_triggers_and_keeps_the_quiet_time() {
+    let rig = Rig::new();
+    let mut scenario = Scenario::translation(0.0, 0.0, 0.0);
+    (scenario.camera.width_px, scenario.camera.height_px) = (160, 144);
+    (scenario.camera.frames, scenario.camera.frame_rate_hz) = (200, 400.0);
+    (scenario.light.flicker, scenario.light.flicker_hz) = (0.4, 50.0);
+    scenario.body.diameter_mm = 36.0;
+    scenario.motion =
+        MotionSetup::Constant { vx_px_frame: 0.0, vy_px_frame: 0.0, omega_deg_frame: 0.0, start_px: [80.0, 72.0] };
+    let film = rig.file("lamp.toml", &toml::to_string(&scenario).unwrap());
+    let told = rig.path("told");
+    let config = rig.file(
+        "rig.toml",
+        &format!(
+            "[rig]\nname = \"{}\"\n[camera]\nsource = \"simulated\"\nscenario = \"{}\"\npaced = false\n[trigger]\n\
+             mode = \"motion\"\nthreshold_dn = 9\nquiet_s = 0.3\ncommand = [\"/bin/sh\", \"-c\", \"echo x >> {}\"]\n\
+             [workers]\ncount = 1\n",
+            rig.name,
+            film.display(),
+            told.display()
+        ),
+    );
+    let listener =
+        Background::start(ricochet(["listen", "events", "--rig", rig.name.as_str(), "--json", "--wait", "60"]));
+    let (code, _, complaints) = Background::start(ricochet(["run".as_ref(), config.as_os_str()])).end();
+    assert_eq!(code, Some(0), "{complaints}");
+    let events = events(&listener.end().1);
+    let count = |kind: &str| events.iter().filter(|(k, _)| k == kind).count();
+    assert!(count("decided") >= 10, "{events:#?}");
+    // Half a second of film has room for two triggers that are 0.3 s apart.
+    assert_eq!((count("triggered"), count("action")), (2, 2), "{events:#?}");
+    assert_eq!(std::fs::read_to_string(&told).unwrap().lines().count(), 2);
+    let decided = events.iter().find(|(kind, _)| kind == "decided").unwrap();
+    assert!(
+        decided.1.starts_with("motion; decided ") && decided.1.ends_with(" us after the frame came"),
+        "{decided:?}"
+    );
 }
 
 /// The events that a listener printed, as (kind, text).

@@ -5,6 +5,8 @@ const FRAMES_MOST: usize = 2048;
 const FREQUENCIES_MOST: usize = 1024;
 /// Swings of brightness that are told with a frequency, as a share.
 const CLEAR: f64 = 0.003;
+/// Share of the whole swing that the one at that frequency must make up.
+const MOST_OF_IT: f64 = 0.7;
 /// Periods that must have been seen for that.
 const PERIODS: f64 = 1.5;
 
@@ -28,14 +30,15 @@ pub(super) fn flicker(means: &[(f64, f64)]) -> Option<Flicker> {
     let (low, high) = means.iter().fold((f64::INFINITY, 0.0_f64), |(low, high), (_, v)| (low.min(*v), high.max(*v)));
     let share = 0.5 * (high - low) / mean;
     let seen_s = means[means.len() - 1].0 - means[0].0;
-    let frequency_hz = (share > CLEAR && seen_s > 0.0).then(|| strongest(means, mean, seen_s)).flatten();
+    let frequency_hz = (share > CLEAR && seen_s > 0.0).then(|| strongest(means, mean, share)).flatten();
     Some(Flicker { share, frequency_hz, seen_s })
 }
 
 /// The frequency of the strongest swing, from one and a half periods up to half the frame rate.
-fn strongest(means: &[(f64, f64)], mean: f64, seen_s: f64) -> Option<f64> {
+fn strongest(means: &[(f64, f64)], mean: f64, share: f64) -> Option<f64> {
     let means = &means[..means.len().min(FRAMES_MOST)];
-    let highest = 0.5 * (means.len() - 1) as f64 / (means[means.len() - 1].0 - means[0].0);
+    let seen_s = means[means.len() - 1].0 - means[0].0;
+    let highest = 0.5 * (means.len() - 1) as f64 / seen_s;
     let lowest = PERIODS / seen_s;
     let count = ((4.0 * (highest - lowest) * seen_s).ceil().max(1.0) as usize).min(FREQUENCIES_MOST);
     let power = |hz: f64| {
@@ -49,8 +52,9 @@ fn strongest(means: &[(f64, f64)], mean: f64, seen_s: f64) -> Option<f64> {
     };
     let at = |k: usize| lowest + (highest - lowest) * k as f64 / count as f64;
     let best = (0..=count).max_by(|a, b| power(at(*a)).total_cmp(&power(at(*b))))?;
-    // The strongest at the lower end is a swing too slow to be told.
-    (highest > lowest && best > 0).then(|| at(best))
+    // The strongest at the lower end, or one that is little of the whole, is a swing too slow to be told.
+    let explains = 2.0 * power(at(best)) / means.len() as f64 >= MOST_OF_IT * share;
+    (highest > lowest && best > 0 && explains).then(|| at(best))
 }
 
 #[cfg(test)]
