@@ -155,11 +155,14 @@ pub fn frames(path: &Path) -> Vec<(ricochet::image::FrameMeta, Vec<u8>)> {
 
 /// Runs a Python script with the packages that read recordings; says that it was left out where they are missing.
 pub fn python(script: &str, arguments: &[&Path]) -> Option<String> {
-    let importable = Command::new("python3").args(["-c", "import mcap, mcap_protobuf, numpy"]).output();
+    let importable = Command::new("python3").args(["-c", "import mcap, mcap_protobuf, mcap_ros2, numpy"]).output();
     if !importable.is_ok_and(|output| output.status.success()) {
         let required = std::env::var_os("RICOCHET_REQUIRE_PYTHON").is_some_and(|value| value == "1");
-        assert!(!required, "python3 with mcap, mcap-protobuf-support and numpy is required and not there");
-        eprintln!("left out: python3 with the packages mcap, mcap-protobuf-support and numpy is not there");
+        assert!(
+            !required,
+            "python3 with mcap, mcap-protobuf-support, mcap-ros2-support and numpy is required and not there"
+        );
+        eprintln!("left out: python3 with mcap, mcap-protobuf-support, mcap-ros2-support and numpy is not there");
         return None;
     }
     let output = Command::new("python3").arg("-c").arg(script).args(arguments).output().unwrap();

@@ -131,7 +131,9 @@ fn is_name(name: &str, rig: &str) -> bool {
 
 /// Whether the file says itself that this rig recorded it.
 fn is_from(path: &Path, rig: &str) -> bool {
-    Recording::open(path).is_ok_and(|recording| recording.metadata().get("rig").is_some_and(|name| name == rig))
+    // Every second while a stream is written: the front of each file is all that may be read.
+    let metadata = Recording::peek_metadata(path).ok().flatten();
+    metadata.is_some_and(|entries| entries.get("rig").is_some_and(|name| name == rig))
 }
 
 impl Recorder<'_> {
@@ -260,5 +262,22 @@ mod tests {
         assert_eq!(left(0), "1234");
         assert_eq!(left(150_000), "34");
         assert_eq!(left(10_000_000), "4");
+    }
+
+    #[test]
+    fn a_recording_under_way_drives_old_ones_out_as_it_grows() {
+        let folder = tempfile::tempdir().unwrap();
+        let at = folder.path();
+        let mut retention = Retention::new(&record(at, None, Some(450_000)), "a");
+        for k in 0..3 {
+            retention.add(&recording(at, &format!("a-2026112{k}-000000-000.mcap"), "a", 100_000));
+        }
+        let part = at.join("a-20261125-000000-000.mcap.part");
+        fs::write(&part, vec![0; 200_000]).unwrap();
+        let told = retention.look(&part);
+        assert!(told.len() == 1 && told[0].contains("a-20261120-000000-000.mcap"), "{told:?}");
+        fs::write(&part, vec![0; 10_000_000]).unwrap();
+        assert_eq!(retention.look(&part), Vec::<String>::new(), "not before it is time again");
+        assert!(part.exists() && names(at).len() == 3);
     }
 }

@@ -98,6 +98,18 @@ impl Recording {
         Ok(Self { inner: Arc::new(inner) })
     }
 
+    /// What a recording of ours says of itself, read from the front of the file alone; `None` for other files.
+    ///
+    /// # Errors
+    ///
+    /// [`RecordingError::Io`] when there is no such file or the system refuses.
+    pub fn peek_metadata(path: &Path) -> Result<Option<BTreeMap<String, String>>, RecordingError> {
+        let io = |error| RecordingError::io("open", path, error);
+        let file = File::open(path).map_err(io)?;
+        let bytes = file.metadata().map_err(io)?.len();
+        walk::leading_metadata(&file, bytes, METADATA_NAME).map_err(|error| RecordingError::io("read", path, error))
+    }
+
     /// The file.
     pub fn path(&self) -> &Path {
         &self.inner.path

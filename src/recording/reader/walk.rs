@@ -123,6 +123,39 @@ pub(super) fn walk(file: &File, file_bytes: u64) -> io::Result<Result<Structure,
     Ok(Ok(structure))
 }
 
+/// The first metadata record of this name, looked for in front of the messages only.
+pub(super) fn leading_metadata(
+    file: &File,
+    file_bytes: u64,
+    name: &str,
+) -> io::Result<Option<BTreeMap<String, String>>> {
+    let source = Source::File { offset: 0, bytes: file_bytes };
+    let mut window = Window::new(file, &source);
+    if window.peek(0, record::MAGIC.len())? != record::MAGIC {
+        return Ok(None);
+    }
+    let mut structure = Structure::default();
+    let mut at = record::MAGIC.len() as u64;
+    while let Some((opcode, length)) = prefix(window.peek(at, PREFIX_BYTES as usize)?) {
+        let body = at + PREFIX_BYTES;
+        if length > file_bytes - body || !matches!(opcode, op::HEADER | op::METADATA | op::ATTACHMENT) {
+            break;
+        }
+        if opcode == op::METADATA {
+            if structure.admit(length).is_err() {
+                break;
+            }
+            let bytes = window.peek(body, clamp(length, usize::MAX))?;
+            structure.describe(opcode, bytes);
+            if let Some((_, entries)) = structure.metadata.pop().filter(|(found, _)| found == name) {
+                return Ok(Some(entries));
+            }
+        }
+        at = body + length;
+    }
+    Ok(None)
+}
+
 /// Opcode and length of the record that begins with these bytes.
 pub(super) fn prefix(bytes: &[u8]) -> Option<(u8, u64)> {
     let (opcode, length) = bytes.split_first()?;

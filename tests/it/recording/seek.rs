@@ -40,6 +40,21 @@ fn the_velocities_of_a_large_file_are_read_without_its_frames() {
 }
 
 #[test]
+fn what_a_recording_says_of_itself_is_read_from_its_front() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("shot.mcap");
+    samples::write(&path, &WriterOptions::default(), 40, [300, 300]).finish().unwrap();
+    let before = bytes_read();
+    let metadata = Recording::peek_metadata(&path).unwrap().unwrap();
+    let read = bytes_read() - before;
+    assert_eq!(&metadata, Recording::open(&path).unwrap().metadata());
+    assert_eq!(metadata["camera"], "simulated");
+    assert!(read <= 16_384, "{read} bytes");
+    std::fs::write(&path, "frame,body").unwrap();
+    assert_eq!(Recording::peek_metadata(&path).unwrap(), None);
+}
+
+#[test]
 fn any_frame_is_found_by_reading_one_chunk() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("shot.mcap");
