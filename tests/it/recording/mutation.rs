@@ -11,8 +11,9 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::time::{Duration, Instant};
 
-/// All memory of the process, kB: 64 MiB for a reader, as the files have a few kB, and 32 MiB for everything else.
-const MEMORY_KB: u32 = 96 << 10;
+/// All memory of the process, kB: 64 MiB for what is read and as much for what its decoder holds, as the files have a
+/// few kB, and 16 MiB for everything else.
+const MEMORY_KB: u32 = 144 << 10;
 /// Set in the process that does the work: rounds, or seconds with an `s` behind them.
 const BUDGET: &str = "RICOCHET_MUTATE";
 /// How long the ignored tests go on, s.
