@@ -69,8 +69,6 @@ impl Config {
         }
     }
 
-    /// A rod is not matched as a whole.
-
     /// What the motion of one body is computed with, at this nominal frame rate in Hz; `exposure_us` is the camera's
     /// own, used where the file gives none.
     ///
