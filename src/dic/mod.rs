@@ -56,7 +56,7 @@ pub use correlator::{Correlator, KeptReference, Start};
 pub use error::CorrelationError;
 pub use grid::GridPoint;
 pub use params::{CorrelationParams, Interpolation, Method, Shape, WindowShape};
-pub use parts::Parts;
+pub use parts::{Parts, arithmetic};
 pub use prepared::Prepared;
 pub use region::Region;
 pub use rigid_fit::{RigidMotion, rigid_fit};

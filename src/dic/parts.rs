@@ -6,6 +6,7 @@ use super::params::{CorrelationParams, Interpolation, Shape};
 use super::prepared::Prepared;
 use super::refine::Refiner;
 use super::subset::Subset;
+use super::vector::{Vector, vectorized};
 use super::warp::Warp;
 use super::window::Window;
 use crate::image::ImageView;
@@ -21,6 +22,36 @@ pub struct Parts {
     disc: Window,
     body: Subset,
     warp: Warp,
+}
+
+/// Sums that do not wait for each other: as many as the pipes of a core hold at once.
+const SUMS: usize = 10;
+
+/// A thousand rounds of fused multiply-adds that touch no memory and leave no pipe of a core idle.
+///
+/// What more threads gain of it is what the machine has to give: two that share one core gain nothing.
+pub fn arithmetic(start: f32) -> f32 {
+    multiply_add(start)
+}
+
+vectorized! {
+    /// [`arithmetic`].
+    fn multiply_add(start: f32) -> f32 = multiply_add_with
+}
+
+#[inline(always)]
+fn multiply_add_with<V: Vector>(start: f32) -> f32 {
+    let (shrink, mut sums) = (V::splat(0.999), [V::splat(start); SUMS]);
+    for _ in 0..1000 {
+        for sum in &mut sums {
+            *sum = shrink.plus_product(*sum, shrink);
+        }
+    }
+    let mut total = sums[0];
+    for sum in &sums[1..] {
+        total = total.add(*sum);
+    }
+    total.to_lanes().sum() as f32
 }
 
 /// Radius of the disc, px.
