@@ -14,6 +14,9 @@ const GAINED_PX: f64 = 1.0;
 /// ... and by so many times its speed: it may be thrown back.
 const GAINED_SPEEDS: f64 = 2.0;
 
+/// While something else is taken for it, by this much a frame only, px: rather no number than another ball's.
+const GAINED_CONFUSED_PX: f64 = 0.1;
+
 /// A body that was gone for so many frames may come back anywhere.
 const ABSENT_FRAMES: u32 = 8;
 
@@ -41,6 +44,8 @@ pub(super) struct Belief {
     absent: u32,
     doubted: u32,
     doubted_frame: Option<u64>,
+    /// Whether something else was taken for it since it was believed last.
+    confused: bool,
 }
 
 impl Belief {
@@ -49,6 +54,7 @@ impl Belief {
         let Some(circle) = step.circle else {
             let gone = matches!(step.status, PointStatus::Lost | PointStatus::Occluded | PointStatus::OutOfFrame);
             self.absent += u32::from(gone);
+            self.confused |= step.status == PointStatus::Ambiguous;
             if self.absent >= ABSENT_FRAMES {
                 *self = Self { absent: ABSENT_FRAMES, ..Self::default() };
             }
@@ -56,14 +62,15 @@ impl Belief {
         };
         self.absent = 0;
         let (at_px, sigma_px) = ([circle.x_px, circle.y_px], circle.sigma_center_px);
-        if self.last.is_some_and(|last| !last.leads_to(step.frame, at_px, sigma_px)) {
+        if self.last.is_some_and(|last| !last.leads_to(step.frame, at_px, sigma_px, self.confused)) {
             self.doubted += 1;
+            self.confused = true;
             if self.doubted < DOUBTED_FRAMES {
                 self.doubted_frame = Some(step.frame);
                 return BodyStep { circle: None, step: None, status: PointStatus::Ambiguous, ..*step };
             }
         }
-        self.doubted = 0;
+        (self.doubted, self.confused) = (0, false);
         let measured = step.step.map(|step| [step.dx_px, step.dy_px]);
         let rate_px = measured.or(self.last.map(|last| last.rate_px)).unwrap_or_default();
         self.last = Some(Place { frame: step.frame, at_px, sigma_px, rate_px, is_led: measured.is_some() });
@@ -78,12 +85,12 @@ impl Belief {
 
 impl Place {
     /// Whether a ball that was here can be there.
-    fn leads_to(&self, frame: u64, at_px: [f64; 2], sigma_px: f64) -> bool {
+    fn leads_to(&self, frame: u64, at_px: [f64; 2], sigma_px: f64, confused: bool) -> bool {
         let frames = frame.saturating_sub(self.frame) as f64;
         let apart: [f64; 2] = std::array::from_fn(|k| at_px[k] - self.at_px[k] - frames * self.rate_px[k]);
         let speed_px = self.rate_px[0].hypot(self.rate_px[1]);
         let unmeasured = if self.is_led { frames - 1.0 } else { frames };
-        let gained_px = unmeasured * (GAINED_PX + GAINED_SPEEDS * speed_px);
+        let gained_px = unmeasured * if confused { GAINED_CONFUSED_PX } else { GAINED_PX + GAINED_SPEEDS * speed_px };
         apart[0].hypot(apart[1]) <= MOST_APART_PX.max(MOST_SIGMAS * sigma_px.hypot(self.sigma_px)) + gained_px
     }
 }

@@ -3,8 +3,11 @@
 use super::outline::Outline;
 use crate::results::{BodyStep, PairField, PointStatus, RigidStep};
 
-/// Two outlines of one body are not further from its motion than this, px; deformed balls in contact reach half of it.
-const MOST_APART_PX: f64 = 1.5;
+/// Two outlines of one body are not further from the motion of its subsets than this, px.
+const MOST_APART_PX: f64 = 0.5;
+
+/// Nor from that of a match of the whole body, which cannot be another's, px: here only the outlines may err.
+const WHOLE_MOST_APART_PX: f64 = 1.5;
 
 /// Nor than so many of their uncertainties.
 const MOST_SIGMAS: f64 = 8.0;
@@ -31,7 +34,8 @@ pub(super) fn holds(
     if seen {
         let frames = f64::from(measured.interval_frames);
         let apart = (to.x_px - from.x_px - frames * step.dx_px).hypot(to.y_px - from.y_px - frames * step.dy_px);
-        return apart <= MOST_APART_PX.max(MOST_SIGMAS * from.sigma_center_px.hypot(to.sigma_center_px));
+        let most = if measured.is_whole { WHOLE_MOST_APART_PX } else { MOST_APART_PX };
+        return apart <= most.max(MOST_SIGMAS * from.sigma_center_px.hypot(to.sigma_center_px));
     }
     measured.is_whole || before.is_some_and(|before| goes_on(before, step))
 }

@@ -1,10 +1,10 @@
 //! The whole measurement against known truth, at speeds off every 1/n grid.
 
+use crate::film::{level_rig, rows_of};
 use ricochet::ball::BallParams;
-use ricochet::config::Config;
 use ricochet::dic::CorrelationParams;
 use ricochet::image::Frame;
-use ricochet::measure::{MeasureParams, Measurer, Share, Tracker, TrackerRows};
+use ricochet::measure::{MeasureParams, Measurer, Share};
 use ricochet::motion::Rotation;
 use ricochet::results::{AlarmKind, Impact, RigidStep};
 use ricochet::synth::{Scenario, World};
@@ -94,7 +94,7 @@ fn the_velocity_of_a_ball_that_turns_is_as_sure_as_it_says() {
             let mut film = scenario(0.63 * cos, 0.63 * sin, spin);
             (film.seed, film.camera.frames) = (20 + seed as u64, 32);
             let world = World::new(&film).unwrap();
-            let row = rows_of(&world, "level.toml", &level_rig(film.scale.mm_per_px)).velocities[16];
+            let row = rows_of(&world, &level_rig(film.scale.mm_per_px)).velocities[16];
             let (found, truth) = (row.velocity.unwrap(), world.truth(16).velocity.unwrap());
             for (pull, apart) in pulls.iter_mut().zip([found.vx_m_s - truth.vx_m_s, found.vy_m_s - truth.vy_m_s]) {
                 *pull += (apart / found.sigma_v_m_s).powi(2) / 8.0;
@@ -106,32 +106,6 @@ fn the_velocity_of_a_ball_that_turns_is_as_sure_as_it_says() {
     }
 }
 
-/// A rig without a surface.
-fn level_rig(mm_per_px: f64) -> String {
-    let rig = format!("[rig]\nname = \"level\"\n[camera]\nsource = \"simulated\"\n[scale]\nmm_per_px = {mm_per_px}\n");
-    rig + "[[body]]\nname = \"ball\"\nkind = \"ball\"\nmin_radius_px = 50\nmax_radius_px = 70\n"
-}
-
-/// What a rig tells of a film.
-fn rows_of(world: &World, name: &str, rig: &str) -> TrackerRows {
-    let config = Config::parse(rig, name).unwrap();
-    let format = ricochet::camera::simulated::stream_format(world);
-    let (measure, track) = ricochet::process::analysis_params(&config, &format);
-    let (width, height) = (world.width_px() as usize, world.height_px() as usize);
-    let mut measurer = Measurer::new(&measure, Share::ALL, width, height).unwrap();
-    let (mut measured, mut bytes) = (Vec::new(), vec![0; world.frame_bytes()]);
-    for index in 0..world.frames() {
-        world.render(index, &mut bytes);
-        let meta = ricochet::camera::simulated::meta(world, index);
-        measurer.push(&Frame { meta, bytes: &bytes }, &mut measured).unwrap();
-    }
-    measurer.finish(&mut measured);
-    let (mut tracker, mut rows) = (Tracker::new(&track), TrackerRows::default());
-    measured.iter().for_each(|row| tracker.push(&row.step, &mut rows));
-    tracker.finish(&mut rows);
-    rows
-}
-
 /// A simulated drop, from frames to its impact, and the truth.
 fn drop_of(seed: u64, intervals: &str, rotation: &str) -> (Impact, Impact) {
     let text = include_str!("../../config/lacrosse.toml");
@@ -139,7 +113,7 @@ fn drop_of(seed: u64, intervals: &str, rotation: &str) -> (Impact, Impact) {
     let text = text.replace("[correlation]", &format!("[correlation]\ninterval_frames = {intervals}"));
     let scenario = Scenario { seed, ..Scenario::built_in("lacrosse").unwrap() };
     let world = World::new(&scenario).unwrap();
-    let rows = rows_of(&world, "lacrosse.toml", &text);
+    let rows = rows_of(&world, &text);
     (*rows.impacts.last().unwrap(), world.impact().unwrap())
 }
 
@@ -190,7 +164,7 @@ fn a_collision_is_told_while_it_lasts() {
         let world = World::new(&Scenario { seed: 5000 + seed, ..Scenario::built_in("lacrosse").unwrap() }).unwrap();
         let truth = world.impact().unwrap();
         let frames = |at_s: Option<ricochet::results::Estimate>| at_s.unwrap().value * world.frame_rate_hz();
-        let rows = rows_of(&world, "lacrosse.toml", text);
+        let rows = rows_of(&world, text);
         let alarm = |kind| rows.alarms.iter().find(|alarm| alarm.kind == kind).unwrap();
         assert_eq!(rows.alarms.len(), 2, "{:?}", rows.alarms);
         // A step is known when the frame after it has come.

@@ -20,6 +20,7 @@ mod examples;
 mod fake_gige;
 mod faults;
 mod field;
+mod film;
 mod genicam;
 mod genicam_rate;
 mod genicam_settings;

@@ -1,9 +1,8 @@
 //! A rod: its edges, its motion and its impact against simulated truth.
 
 use crate::support::{Rig, csv, run, succeed};
-use ricochet::config::Config;
 use ricochet::image::{Frame, Image};
-use ricochet::measure::{Measurer, Share, Tracker, TrackerRows};
+use ricochet::measure::TrackerRows;
 use ricochet::results::{Phase, PointStatus, Rod, VelocitySample};
 use ricochet::rod::{RodFinder, RodParams, sums};
 use ricochet::synth::{MotionSetup, Scenario, World, physics::NormalLaw};
@@ -194,22 +193,7 @@ fn an_edge_that_leaves_the_picture_is_told_and_the_others_go_on() {
 
 /// Everything that is measured of a film with `config/rod.toml`.
 fn measure(world: &World) -> TrackerRows {
-    let config = Config::parse(include_str!("../../config/rod.toml"), "rod.toml").unwrap();
-    let format = ricochet::camera::simulated::stream_format(world);
-    let (measure, track) = ricochet::process::analysis_params(&config, &format);
-    let (width, height) = (world.width_px() as usize, world.height_px() as usize);
-    let mut measurer = Measurer::new(&measure, Share::ALL, width, height).unwrap();
-    let (mut measured, mut bytes) = (Vec::new(), vec![0; world.frame_bytes()]);
-    for index in 0..world.frames() {
-        world.render(index, &mut bytes);
-        let meta = ricochet::camera::simulated::meta(world, index);
-        measurer.push(&Frame { meta, bytes: &bytes }, &mut measured).unwrap();
-    }
-    measurer.finish(&mut measured);
-    let (mut tracker, mut rows) = (Tracker::new(&track), TrackerRows::default());
-    measured.iter().for_each(|row| tracker.push(&row.step, &mut rows));
-    tracker.finish(&mut rows);
-    rows
+    crate::film::rows_of(world, include_str!("../../config/rod.toml"))
 }
 
 /// Root mean square and largest error of the normal velocity in one phase of the truth, percent of the approach.

@@ -1,0 +1,41 @@
+//! What a rig tells of a film, without a rig.
+
+use ricochet::config::Config;
+use ricochet::image::Frame;
+use ricochet::measure::{Measurer, Share, Tracker, TrackerRows};
+use ricochet::synth::World;
+
+/// Everything that is measured of a world's frames with a rig file.
+pub fn rows_of(world: &World, rig: &str) -> TrackerRows {
+    let picture = |index| {
+        let mut bytes = vec![0; world.frame_bytes()];
+        world.render(index, &mut bytes);
+        bytes
+    };
+    rows_of_pictures((0..world.frames()).map(picture), world, rig)
+}
+
+/// The same of other pictures, taken as the world's camera would.
+pub fn rows_of_pictures(pictures: impl Iterator<Item = Vec<u8>>, world: &World, rig: &str) -> TrackerRows {
+    let config = Config::parse(rig, "film.toml").unwrap();
+    let format = ricochet::camera::simulated::stream_format(world);
+    let (measure, track) = ricochet::process::analysis_params(&config, &format);
+    let (width, height) = (world.width_px() as usize, world.height_px() as usize);
+    let mut measurer = Measurer::new(&measure, Share::ALL, width, height).unwrap();
+    let mut measured = Vec::new();
+    for (index, bytes) in (0..).zip(pictures) {
+        let meta = ricochet::camera::simulated::meta(world, index);
+        measurer.push(&Frame { meta, bytes: &bytes }, &mut measured).unwrap();
+    }
+    measurer.finish(&mut measured);
+    let (mut tracker, mut rows) = (Tracker::new(&track), TrackerRows::default());
+    measured.iter().for_each(|row| tracker.push(&row.step, &mut rows));
+    tracker.finish(&mut rows);
+    rows
+}
+
+/// A rig file for simulated balls of 50 to 70 px radius, without a surface.
+pub fn level_rig(mm_per_px: f64) -> String {
+    let rig = format!("[rig]\nname = \"level\"\n[camera]\nsource = \"simulated\"\n[scale]\nmm_per_px = {mm_per_px}\n");
+    rig + "[[body]]\nname = \"ball\"\nkind = \"ball\"\nmin_radius_px = 50\nmax_radius_px = 70\n"
+}
