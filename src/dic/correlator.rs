@@ -82,7 +82,8 @@ pub struct Correlator {
 pub struct KeptReference {
     frame: Prepared,
     points: Vec<GridPoint>,
-    subsets: Vec<Result<(Subset, Window), PointStatus>>,
+    /// Each with its part of the window, where the region or the edge cuts it.
+    subsets: Vec<Result<(Subset, Option<Window>), PointStatus>>,
 }
 
 impl KeptReference {
@@ -243,7 +244,7 @@ impl Correlator {
         let keep_one = |point: &GridPoint| {
             let (mut subset, mut cut) = (Subset::default(), self.window.clone());
             let is_cut = self.take(&reference, *point, &mut subset, &mut cut)?;
-            Ok((subset, if is_cut { cut } else { self.window.clone() }))
+            Ok((subset, is_cut.then_some(cut)))
         };
         let subsets = points.iter().map(keep_one).collect();
         KeptReference { points: points.to_vec(), subsets, frame: reference }
@@ -299,7 +300,8 @@ impl Correlator {
         for (index, (point, subset)) in kept.points.iter().zip(&kept.subsets).enumerate() {
             let solution = match subset {
                 Err(status) => Solution::failed(*status),
-                Ok((subset, window)) => {
+                Ok((subset, cut)) => {
+                    let window = cut.as_ref().unwrap_or(&self.window);
                     let (guess, least) = guess(self, index);
                     matcher(&self.params, window, subset, pair, *point).solve(&mut self.searches, guess, least)
                 }
@@ -308,7 +310,8 @@ impl Correlator {
         }
         let pooled = self.choose_pooled();
         for index in pooled.iter().copied() {
-            if let Ok((subset, window)) = &kept.subsets[index] {
+            if let Ok((subset, cut)) = &kept.subsets[index] {
+                let window = cut.as_ref().unwrap_or(&self.window);
                 let matcher = matcher(&self.params, window, subset, pair, kept.points[index]);
                 pool_residual(&matcher, &self.solutions[index], &mut self.residual, &mut self.pool);
             }

@@ -201,10 +201,15 @@ impl Refiner<'_> {
         for block in &self.window.blocks {
             if shift {
                 let start = self.place(warp, block.dx, block.dy);
-                self.add_block(&mut sums, block, ShiftedColumn::<V, N>::new(self.target, start));
+                let column = ShiftedColumn::<V, N>::new(self.target, start);
+                if self.shape == Shape::Translation {
+                    self.add_block::<V, false>(&mut sums, block, column);
+                } else {
+                    self.add_block::<V, true>(&mut sums, block, column);
+                }
             } else {
                 let column = WarpedColumn::<N, M> { refiner: self, warp, dx: block.dx, dy: block.dy };
-                self.add_block::<V>(&mut sums, block, column);
+                self.add_block::<V, true>(&mut sums, block, column);
             }
         }
         sums
@@ -215,7 +220,7 @@ impl Refiner<'_> {
     fn tiled_sums_with<V: Vector, const N: usize>(&self, warp: &Warp) -> Sums {
         let mut sums = Sums::default();
         for block in &self.window.blocks {
-            self.add_block(&mut sums, block, TiledColumn::<V, N>::new(self, warp, block));
+            self.add_block::<V, true>(&mut sums, block, TiledColumn::<V, N>::new(self, warp, block));
         }
         sums
     }
@@ -227,9 +232,9 @@ impl Refiner<'_> {
         (f64::from(self.at.0) + x, f64::from(self.at.1) + y)
     }
 
-    /// Adds one block of columns.
+    /// Adds one block of columns; a mere shift needs no `LEVERS`, the sums weighted with the place.
     #[inline(always)]
-    fn add_block<V: Vector>(&self, sums: &mut Sums, block: &Block, mut column: impl Rows<V>) {
+    fn add_block<V: Vector, const LEVERS: bool>(&self, sums: &mut Sums, block: &Block, mut column: impl Rows<V>) {
         let packed = block.start..block.start + block.rows;
         let (mask, reference) = (&self.window.mask[packed.clone()], &self.subset.levels[packed.clone()]);
         let gradients = (&self.subset.gradient_x[packed.clone()], &self.subset.gradient_y[packed]);
@@ -248,8 +253,10 @@ impl Refiner<'_> {
             let (term_x, term_y) = (value.mul(V::from_lanes(gradient_x)), value.mul(V::from_lanes(gradient_y)));
             along_x = along_x.add(term_x);
             along_y = along_y.add(term_y);
-            lever_x = lever_x.plus_product(term_x, dy);
-            lever_y = lever_y.plus_product(term_y, dy);
+            if LEVERS {
+                lever_x = lever_x.plus_product(term_x, dy);
+                lever_y = lever_y.plus_product(term_y, dy);
+            }
         }
         sums.levels += levels.to_lanes().sum();
         sums.energy += energy.to_lanes().sum();

@@ -124,6 +124,10 @@ impl MedianTest {
 
 /// Whether `own` lies further from the median of the predictions than their scatter explains.
 fn strays(own: f32, predictions: &mut [f32]) -> bool {
+    // The median is no further off than the farthest; most vectors need no sorting.
+    if predictions.iter().all(|prediction| (own - prediction).abs() <= THRESHOLD * FLOOR_PX) {
+        return false;
+    }
     let center = median(predictions);
     predictions.iter_mut().for_each(|value| *value = (*value - center).abs());
     (own - center).abs() > THRESHOLD * (median(predictions) + FLOOR_PX)
