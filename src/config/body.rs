@@ -25,6 +25,8 @@ pub struct Body {
     /// True diameter, above 0 and at most 10000 mm. With `scale.mm_per_px` it narrows the radii (widths) looked for; with
     /// `scale.ball_diameter_mm` it takes that value's place for this body. Left out: not known.
     pub diameter_mm: Option<f64>,
+    /// Mass, above 0 and at most 1000 kg: turns accelerations into forces and speeds into energies. Left out: not known.
+    pub mass_kg: Option<f64>,
     /// Smallest radius looked for, 2 to 32768 px, less than `max_radius_px`. Left out: 0.8 times the radius that
     /// `diameter_mm` and `scale.mm_per_px` predict, else 0.04 of the image's smaller side.
     pub min_radius_px: Option<f64>,
@@ -44,6 +46,7 @@ impl Body {
             name: "ball".into(),
             kind: BodyKind::Ball,
             diameter_mm: None,
+            mass_kg: None,
             min_radius_px: None,
             max_radius_px: None,
             edges: EDGES_DEFAULT,
@@ -55,6 +58,7 @@ impl Body {
 const BODIES_MAX: usize = 16;
 const EDGES_DEFAULT: u32 = ROD_EDGES as u32;
 const RADIUS: Bounds = Bounds::closed(2.0, 32_768.0, "px");
+const MASS: Bounds = Bounds::above(0.0, 1000.0, "kg");
 pub(super) const DIAMETER: Bounds = Bounds::above(0.0, 10_000.0, "mm");
 
 pub(super) fn bodies(
@@ -104,6 +108,7 @@ fn body(table: &Table<'_>, raw: RawBody, alone: bool, image_px: Option<(u32, u32
         name: name(table, raw.name, alone.then_some(kind))?,
         kind,
         diameter_mm: table.number("diameter_mm", raw.diameter_mm, DIAMETER)?,
+        mass_kg: table.number("mass_kg", raw.mass_kg, MASS)?,
         min_radius_px: table.number("min_radius_px", raw.min_radius_px, RADIUS)?,
         max_radius_px: table.number("max_radius_px", raw.max_radius_px, RADIUS)?,
         edges: table.whole("edges", raw.edges, 2..=ROD_EDGES as i64, "")?.unwrap_or(EDGES_DEFAULT),

@@ -87,6 +87,7 @@ impl Config {
             gravity_angle_deg: self.velocity.gravity_angle_deg,
             window_frames: self.velocity.window_frames,
             order: self.velocity.order,
+            mass_kg: self.bodies[body].mass_kg,
             form: match self.bodies[body].kind {
                 BodyKind::Ball => Form::Ball,
                 BodyKind::Rod => Form::Rod,

@@ -73,6 +73,7 @@ pub(super) struct RawBody {
     pub name: Option<String>,
     pub kind: Option<String>,
     pub diameter_mm: Option<f64>,
+    pub mass_kg: Option<f64>,
     pub min_radius_px: Option<f64>,
     pub max_radius_px: Option<f64>,
     pub edges: Option<i64>,

@@ -95,7 +95,7 @@ impl Speckle {
                     for k in 0..9 {
                         let (dx, dy) = (x as f64 + nodes[k % 3] - disc.x, y as f64 + nodes[k / 3] - disc.y);
                         let cover =
-                            0.5 * (1.0 - erf((dx.hypot(dy) - disc.radius) / (self.edge * std::f64::consts::SQRT_2)));
+                            0.5 * libm::erfc((dx.hypot(dy) - disc.radius) / (self.edge * std::f64::consts::SQRT_2));
                         clear[(y * width + x) * 9 + k] *= 1.0 - cover;
                     }
                 }
@@ -116,23 +116,4 @@ pub(super) fn record(clean: &Image, sigma: f64, seed: u64) -> Image {
     let level = |value: &f32| (f64::from(*value) + sigma * sequence.normal()).round().clamp(0.0, 255.0) as f32;
     let view = clean.view();
     Image::from_vec(view.data().iter().map(level).collect(), view.width(), view.height()).unwrap()
-}
-
-/// The error function (Abramowitz and Stegun 7.1.26 has too large an error here; this series and
-/// continued fraction are exact to 1e-12).
-pub(super) fn erf(x: f64) -> f64 {
-    let size = x.abs();
-    if size > 6.0 {
-        return x.signum();
-    }
-    if size < 2.5 {
-        let (mut term, mut sum) = (x, x);
-        for n in 1..60 {
-            term *= -x * x / f64::from(n);
-            sum += term / f64::from(2 * n + 1);
-        }
-        return sum * 2.0 / std::f64::consts::PI.sqrt();
-    }
-    let fraction = (1..=40).rev().fold(size, |below, k| size + 0.5 * f64::from(k) / below);
-    x.signum() * (1.0 - (-size * size).exp() / (fraction * std::f64::consts::PI.sqrt()))
 }

@@ -1,5 +1,7 @@
 //! Which law, and what all of them together say.
 
+use std::f64::consts::SQRT_2;
+
 use super::fit::{LawFit, fit_law};
 use super::law::{Family, Findings, Parameters, Units};
 use crate::motion::Sample;
@@ -9,6 +11,13 @@ const CLOSE_SIGMAS: f64 = 3.0;
 
 /// Share of the greatest depth at which the force of a y^1.5 contact passes 2 % of its peak: 0.02^(2/3).
 const UNSEEN: f64 = 0.074;
+
+/// Share of a normal distribution within one sigma.
+const ONE_SIGMA: f64 = 0.682_7;
+
+/// A stiffness left free knows the moments of 2 % force to about this share of how well it knows start and end (the
+/// same ripples).
+const FREE_FAINT: f64 = 0.3;
 
 /// A stiffness left free follows the peak of the force to about this share (simulated ripples of 25 % over the stroke).
 const FREE_PEAK: f64 = 0.01;
@@ -76,17 +85,37 @@ pub fn judge(guess: &FirstGuess, samples: &[Sample], excess: f64) -> Option<Verd
     let best = passed.iter().min_by(|a, b| criterion(a).total_cmp(&criterion(b)))?;
     let weights: Vec<f64> = passed.iter().map(|f| (0.5 * (criterion(best) - criterion(f))).exp()).collect();
     let total: f64 = weights.iter().sum();
-    let mean = |of: &dyn Fn(&LawFit) -> f64| passed.iter().zip(&weights).map(|(f, w)| w / total * of(f)).sum::<f64>();
-    let findings: Findings = std::array::from_fn(|k| mean(&|f| f.findings[k]));
-    let sigmas = std::array::from_fn(|k| mean(&|f| own_variance(f, k) + (f.findings[k] - findings[k]).powi(2)).sqrt());
+    let weighed = || passed.iter().zip(&weights).map(|(f, w)| (*f, w / total));
+    let findings: Findings = std::array::from_fn(|k| weighed().map(|(f, w)| w * f.findings[k]).sum());
+    let sigmas = std::array::from_fn(|k| {
+        let laws: Vec<_> =
+            weighed().map(|(f, w)| [w, f.findings[k] - findings[k], own_variance(f, k).sqrt()]).collect();
+        spread(&laws)
+    });
     Some(Verdict { best: best.family, weight: 1.0 / total, findings, sigmas })
 }
 
-/// What a family's parameters cost: two each, and ln N each for a stiffness polynomial, which noise alone would too
-/// often prefer, start and end being then hardly known.
+/// Half the width of the interval about zero that holds 68.3 % of a mixture of normal distributions, each given by
+/// `[weight, mean, sigma]`, the weights' sum 1.
+///
+/// A law with a small weight and far less sure of the moment would rule the standard deviation and nothing else.
+fn spread(laws: &[[f64; 3]]) -> f64 {
+    let farthest = laws.iter().map(|[_, mean, sigma]| mean.abs() + 4.0 * sigma).fold(0.0, f64::max);
+    let held = |half: f64| -> f64 {
+        let below = |x: f64, sigma: f64| 0.5 * libm::erfc(-x / (sigma.max(f64::MIN_POSITIVE) * SQRT_2));
+        laws.iter().map(|[w, mean, sigma]| w * (below(half - mean, *sigma) - below(-half - mean, *sigma))).sum()
+    };
+    let (mut low, mut high) = (0.0, farthest);
+    for _ in 0..40 {
+        let middle = 0.5 * (low + high);
+        if held(middle) < ONE_SIGMA { low = middle } else { high = middle }
+    }
+    high
+}
+
+/// What a family's parameters cost.
 fn cost(family: Family, samples: usize) -> f64 {
-    let free = family.count().saturating_sub(Family::TwoExponents.count());
-    2.0 * (family.count() - free) as f64 + (samples as f64).ln() * free as f64
+    (samples as f64).ln() * family.count() as f64
 }
 
 fn passes(f: &LawFit, excess: f64) -> bool {
@@ -100,9 +129,12 @@ fn own_variance(f: &LawFit, k: usize) -> f64 {
     // of the force, over which a y^1.5 contact takes UNSEEN of its depth; the depth is counted from the start.
     let [start, _, end, first, last, before, after, depth, peak] = f.findings;
     let begins = (first - start).max(UNSEEN * depth / before);
+    let ends = (end - last).max(UNSEEN * depth / after.abs());
     let unknown = match (f.family, k) {
         (Family::Stiffness { .. }, 0) => begins,
-        (Family::Stiffness { .. }, 2) => (end - last).max(UNSEEN * depth / after.abs()),
+        (Family::Stiffness { .. }, 2) => ends,
+        (Family::Stiffness { .. }, 3) => FREE_FAINT * begins,
+        (Family::Stiffness { .. }, 4) => FREE_FAINT * ends,
         (Family::Stiffness { .. }, 7) => before * begins,
         (Family::Stiffness { .. }, 8) => FREE_PEAK * peak,
         _ => 0.0,

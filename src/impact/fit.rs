@@ -31,7 +31,7 @@ pub struct LawFit {
     pub freedom: f64,
     /// What it says.
     pub findings: Findings,
-    /// Standard uncertainties of that, by propagation, the samples' sigmas taken as they are.
+    /// Standard uncertainties of that, by propagation, the samples' sigmas and walks taken as they are.
     pub sigmas: Findings,
 }
 
@@ -70,6 +70,20 @@ impl<'a> Data<'a> {
             values[i] = (values[i] - mean[self.group[i]]) / s.sigma;
         }
         values
+    }
+}
+
+impl Data<'_> {
+    /// Variance of a number that is a sum of the whitened values with these weights, from what each step adds to all
+    /// positions after it.
+    fn walk_variance(&self, weights: &DVector<f64>) -> f64 {
+        let mut later = vec![0.0; self.weight.len()];
+        let mut variance = 0.0;
+        for (i, sample) in self.samples.iter().enumerate().rev() {
+            later[self.group[i]] += weights[i] / sample.sigma;
+            variance += (sample.walk * later[self.group[i]]).powi(2);
+        }
+        variance
     }
 }
 
@@ -206,7 +220,9 @@ impl Problem<'_> {
         let mut sigmas = outcome.findings;
         for (i, sigma) in sigmas.iter_mut().enumerate() {
             let row = DVector::from_fn(normal.nrows(), |k, _| gradients[(i, k)] * scale[k]);
-            *sigma = row.dot(&(&inverse * &row)).max(0.0).sqrt();
+            let weights = &inverse * &row;
+            let per_row = DVector::from_fn(normal.nrows(), |k, _| weights[k] * scale[k]);
+            *sigma = (row.dot(&weights).max(0.0) + self.data.walk_variance(&(&jacobian * per_row))).sqrt();
         }
         let rows = jacobian.nrows() as f64;
         let freedom = rows - self.data.weight.len() as f64 - self.family.count() as f64;

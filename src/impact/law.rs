@@ -79,9 +79,11 @@ struct State {
 /// The motion through one contact; times since its start, depths along the inward normal.
 #[derive(Debug, Clone)]
 pub struct Passage {
+    /// The law, A in place of its logarithm.
+    law: Parameters,
+    units: Units,
     states: Vec<State>,
     step: f64,
-    gravity: f64,
 }
 
 /// What a law says of a contact: start, deepest, end, 2 % start, 2 % end (frames), speed before and after
@@ -128,7 +130,7 @@ impl Passage {
             }
             if next.speed < 0.0 && is_over(&next) {
                 states.push(last_moment(p, units, state, step));
-                return Some(Self { states, step, gravity: units.gravity });
+                return Some(Self { law: *p, units: *units, states, step });
             }
             if next.depth < 0.0 {
                 return None;
@@ -146,7 +148,7 @@ impl Passage {
     pub fn depth(&self, time: f64) -> f64 {
         let fall = |from: &State| {
             let dt = time - from.time;
-            from.depth + from.speed * dt + 0.5 * self.gravity * dt * dt
+            from.depth + from.speed * dt + 0.5 * self.units.gravity * dt * dt
         };
         let end = self.end();
         if time <= 0.0 {
@@ -175,16 +177,15 @@ impl Passage {
         let share = a.speed / (a.speed - b.speed);
         let deepest = a.time + share * (b.time - a.time);
         let faint = 0.02 * strongest;
-        let cross = |a: &State, b: &State| a.time + (faint - a.force) / (b.force - a.force) * (b.time - a.time);
         let pairs = || self.states.windows(2);
         let rise = if self.states[0].force >= faint {
             0.0
         } else {
-            pairs().find(|w| w[1].force >= faint).map_or(0.0, |w| cross(&w[0], &w[1]))
+            pairs().find(|w| w[1].force >= faint).map_or(0.0, |w| self.passes(faint, &w[0], &w[1]))
         };
-        let fall = pairs().rev().find(|w| w[0].force >= faint).map_or(end.time, |w| cross(&w[0], &w[1]));
+        let fall = pairs().rev().find(|w| w[0].force >= faint).map_or(end.time, |w| self.passes(faint, &w[0], &w[1]));
         let depth = self.depth(deepest);
-        let acceleration = self.strongest() - self.gravity;
+        let acceleration = self.strongest() - self.units.gravity;
         [
             start,
             start + deepest,
@@ -196,6 +197,20 @@ impl Passage {
             depth,
             acceleration,
         ]
+    }
+
+    /// When the force is `level`, between two neighbouring states (false position; forces bend strongly near nothing).
+    fn passes(&self, level: f64, a: &State, b: &State) -> f64 {
+        let (mut low, mut high) = ((a.time, a.force - level), (b.time, b.force - level));
+        for _ in 0..6 {
+            let at = low.0 - low.1 * (high.0 - low.0) / (high.1 - low.1);
+            if !at.is_finite() {
+                break;
+            }
+            let value = advance(&self.law, &self.units, *a, at - a.time).force - level;
+            if (value < 0.0) == (low.1 < 0.0) { low = (at, value) } else { high = (at, value) }
+        }
+        if low.1.abs() < high.1.abs() { low.0 } else { high.0 }
     }
 
     /// The greatest force, by a parabola through the three states about it.

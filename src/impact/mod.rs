@@ -6,6 +6,7 @@
 
 mod departure;
 mod detect;
+mod fall;
 mod family;
 mod fit;
 mod law;

@@ -2,6 +2,7 @@
 
 use super::departure::plausible_curves;
 use super::detect::Contact;
+use super::fall::fall;
 use super::family::{FirstGuess, Verdict, judge};
 use super::law::Family;
 use super::slip::{Sliding, slip_end};
@@ -35,6 +36,8 @@ pub struct World {
     pub gravity_px: [f64; 2],
     /// Radius of a ball, px.
     pub radius_px: Option<Estimate>,
+    /// Mass of the body, kg, where it is known.
+    pub mass_kg: Option<f64>,
     /// Standard uncertainty of where the centre is, px: of a body that spins, it moves the point whose speed is told.
     pub center_sigma_px: f64,
 }
@@ -82,8 +85,32 @@ pub fn solve(nodes: &[SurfaceNode], contact: &Contact, known_to_frames: f64, wor
         None => flights,
     };
     let mut impact = assemble(&interval, &flights, verdict.as_ref(), world);
+    let sides =
+        [between(nodes, f64::NEG_INFINITY, interval.before_to), between(nodes, interval.after_from, f64::INFINITY)];
+    impact.gravity_m_s2 = fall(&sides, world.gravity_px).map(|a| world.acceleration(a));
     impact.slip_end_s = slip(nodes, &interval, &flights, world).map(|t| scaled(t, world.period_s, 0.0));
     Some(impact)
+}
+
+impl World {
+    /// An acceleration in px/frame^2, in m/s^2.
+    fn acceleration(&self, a: Estimate) -> Estimate {
+        let relative = self.metres_per_px.sigma / self.metres_per_px.value;
+        scaled(a, self.metres_per_px.value / self.period_s.powi(2), relative)
+    }
+}
+
+/// What the centre's motion lost of its kinetic energy, J: of each component the speed before and after, m/s, whose
+/// sigmas hold the scale's, of this relative size.
+fn energy_lost(mass_kg: f64, components: &[[Estimate; 2]; 2], relative: f64) -> Estimate {
+    let (mut value, mut variance) = (0.0, 0.0);
+    for [before, after] in components {
+        value += 0.5 * mass_kg * (before.value.powi(2) - after.value.powi(2));
+        // One scale for all speeds: its share is taken once, for the difference.
+        let own = |v: &Estimate| (v.sigma.powi(2) - (v.value * relative).powi(2)).max(0.0);
+        variance += mass_kg.powi(2) * (before.value.powi(2) * own(before) + after.value.powi(2) * own(after));
+    }
+    Estimate { value, sigma: variance.sqrt().hypot(2.0 * value * relative) }
 }
 
 fn by_hindsight(nodes: &[SurfaceNode], contact: &Contact, end: f64) -> Interval {
@@ -263,6 +290,10 @@ fn assemble(interval: &Interval, flights: &Flights, verdict: Option<&Verdict>, w
         .map(|e| Estimate { value: -e.value, ..e });
     let found = |k: usize| verdict.map(|v| Estimate { value: v.findings[k], sigma: v.sigmas[k] });
     let metres = world.metres_per_px.value;
+    let moment = |k: usize| found(k).map(seconds);
+    // The surface carries the weight as well.
+    let push = found(8).map(|a| world.acceleration(Estimate { value: a.value - world.gravity_px[NORMAL], ..a }));
+    let [vn, vt] = [NORMAL, TANGENTIAL].map(|k| [speed(before(k)), speed(after(k))]);
     Impact {
         start_s: Some(seconds(interval.start)),
         deepest_s: interval.deepest.map(|at| seconds(Estimate { sigma: at.sigma.hypot(TURNING_FRAMES), ..at })),
@@ -278,7 +309,11 @@ fn assemble(interval: &Interval, flights: &Flights, verdict: Option<&Verdict>, w
         impulse_ratio: ratio(impulse(TANGENTIAL), impulse(NORMAL)),
         contact_time_s: Some(seconds(duration)),
         compression_max_mm: found(7).map(|depth| scaled(depth, metres * 1e3, relative)),
-        acceleration_max_m_s2: found(8).map(|a| scaled(a, metres / world.period_s.powi(2), relative)),
+        acceleration_max_m_s2: found(8).map(|a| world.acceleration(a)),
+        force_start_s: moment(3),
+        force_end_s: moment(4),
+        force_max_n: push.zip(world.mass_kg).map(|(a, mass_kg)| scaled(a, mass_kg, 0.0)),
+        energy_lost_j: world.mass_kg.map(|mass_kg| energy_lost(mass_kg, &[vn, vt], relative)),
         force_law: verdict.map_or(ForceLaw::None, |v| word(v.best)),
         status: PointStatus::Valid,
         ..Impact::unknown(0, 0, 0)

@@ -240,6 +240,7 @@ impl BodyTracker {
             period_s,
             gravity_px: [gravity.normal, gravity.tangential],
             radius_px,
+            mass_kg: self.params.mass_kg,
             center_sigma_px: center.map_or(0.0, |center| center.sigma_px),
         })
     }

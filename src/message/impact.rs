@@ -1,6 +1,6 @@
 //! The `impact` topic.
 
-use crate::results::{Estimate, Impact};
+use crate::results::{Estimate, IMPACT_NUMBERS, Impact};
 use iceoryx2::prelude::ZeroCopySend;
 
 /// A number that may be missing, with its standard uncertainty.
@@ -24,7 +24,7 @@ impl From<Option<Estimate>> for EstimateMessage {
 
 /// One collision of one body; told again with a higher revision when it is known better.
 #[derive(Debug, Clone, Copy, PartialEq, Default, ZeroCopySend)]
-#[type_name("ricochet.Impact.v1")]
+#[type_name("ricochet.Impact.v2")]
 #[repr(C)]
 pub struct ImpactMessage {
     /// Which start of the acquire process the frames belong to.
@@ -45,8 +45,9 @@ pub struct ImpactMessage {
     pub reserved: u32,
     /// In this order: start, deepest, end (s), normal speed before, after, tangential before, after (m/s),
     /// spin before, after (rad/s), restitution, tangential restitution, impulse ratio, contact time (s),
-    /// peak compression (mm), peak acceleration (m/s^2), end of slip (s).
-    pub numbers: [EstimateMessage; 16],
+    /// peak compression (mm), peak acceleration (m/s^2), end of slip (s), force at 2 % of its peak, rising and falling
+    /// (s), peak force (N), energy lost (J), gravity as seen in flight (m/s^2).
+    pub numbers: [EstimateMessage; IMPACT_NUMBERS],
 }
 
 impl ImpactMessage {

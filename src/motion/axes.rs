@@ -116,6 +116,7 @@ mod tests {
             gravity_angle_deg: -90.0,
             window_frames: None,
             order: 2,
+            mass_kg: None,
             form: Form::Ball,
             interval_frames: 1,
             walk_share: WalkShare::default(),

@@ -94,6 +94,8 @@ pub struct MotionParams {
     pub window_frames: Option<u32>,
     /// Order of the local fit to the positions: 1 to 4.
     pub order: u32,
+    /// Mass of the body, kg, where it is known.
+    pub mass_kg: Option<f64>,
     /// Whether it is a ball or a rod.
     pub form: Form,
     /// The interval each step was measured over, frames; the shortest of several.

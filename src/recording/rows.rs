@@ -217,6 +217,11 @@ impact_numbers!(
     compression_max_mm sigma_compression_max_mm,
     acceleration_max_m_s2 sigma_acceleration_max_m_s2,
     slip_end_s sigma_slip_end_s,
+    force_start_s sigma_force_start_s,
+    force_end_s sigma_force_end_s,
+    force_max_n sigma_force_max_n,
+    energy_lost_j sigma_energy_lost_j,
+    gravity_m_s2 sigma_gravity_m_s2,
 );
 
 fn estimate(value: Option<f64>, sigma: Option<f64>) -> Option<Estimate> {

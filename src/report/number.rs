@@ -50,8 +50,13 @@ pub(super) const GROUPS: [(&str, &[Quantity]); 4] = [
             quantity("end_s", "ends", "ms", 1e3),
             quantity("contact_time_s", "lasts", "ms", 1e3),
             quantity("slip_end_s", "slipping stops", "ms", 1e3),
+            quantity("force_start_s", "force above 2 % from", "ms", 1e3),
+            quantity("force_end_s", "force above 2 % until", "ms", 1e3),
             quantity("compression_max_mm", "compressed by", "mm", 1.0),
             quantity("acceleration_max_m_s2", "highest acceleration", "m/s²", 1.0),
+            quantity("force_max_n", "highest force", "N", 1.0),
+            quantity("energy_lost_j", "energy lost", "J", 1.0),
+            quantity("gravity_m_s2", "gravity in flight", "m/s²", 1.0),
         ],
     ),
 ];

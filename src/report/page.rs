@@ -88,8 +88,10 @@ fn header(html: &mut String, shot: &Shot, rig: &str) {
 fn numbers(shot: &Shot, impact: &Impact) -> BTreeMap<&'static str, Estimate> {
     let shift_s = shot.shift_s(impact);
     let shifted = |name: &'static str, number: Estimate| {
-        let is_moment = matches!(name, "start_s" | "deepest_s" | "end_s" | "slip_end_s");
-        (name, Estimate { value: if is_moment { number.value + shift_s } else { number.value }, ..number })
+        (
+            name,
+            Estimate { value: if Impact::is_moment(name) { number.value + shift_s } else { number.value }, ..number },
+        )
     };
     impact.numbers().into_iter().filter_map(|(name, number)| Some(shifted(name, number?))).collect()
 }

@@ -8,9 +8,6 @@ use crate::results::{Estimate, Impact};
 use std::collections::BTreeSet;
 use std::fmt::Write as _;
 
-/// Durations and sizes repeat; moments depend on when the camera started and are not compared.
-const MOMENTS: [&str; 4] = ["start_s", "deepest_s", "end_s", "slip_end_s"];
-
 /// The page.
 pub(super) fn of_several(shots: &[Shot]) -> String {
     let mut rigs: Vec<&str> = shots.iter().filter_map(|shot| shot.metadata.get("rig").map(String::as_str)).collect();
@@ -55,7 +52,8 @@ fn spread_table(html: &mut String, impacts: &[Option<&Impact>]) {
     );
     let mut has_outliers = false;
     for (name, group) in GROUPS {
-        for quantity in group.iter().filter(|quantity| !MOMENTS.contains(&quantity.column)) {
+        // Durations and sizes repeat; moments depend on when the camera started.
+        for quantity in group.iter().filter(|quantity| !Impact::is_moment(quantity.column)) {
             has_outliers |= spread_row(html, name, quantity, impacts);
         }
     }

@@ -51,6 +51,9 @@ impl ForceLaw {
     }
 }
 
+/// How many numbers an [`Impact`] has.
+pub const IMPACT_NUMBERS: usize = 21;
+
 /// One collision of one body.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Impact {
@@ -94,6 +97,16 @@ pub struct Impact {
     pub acceleration_max_m_s2: Option<Estimate>,
     /// The contact point stops slipping.
     pub slip_end_s: Option<Estimate>,
+    /// The force passes 2 % of its peak on its way up.
+    pub force_start_s: Option<Estimate>,
+    /// And on its way down.
+    pub force_end_s: Option<Estimate>,
+    /// Highest normal force, where the mass is known.
+    pub force_max_n: Option<Estimate>,
+    /// Kinetic energy that the centre's motion lost, where the mass is known; that of the spin is not in it.
+    pub energy_lost_j: Option<Estimate>,
+    /// Acceleration of the free flights on both sides along gravity: beside gravity itself, a check of the scale.
+    pub gravity_m_s2: Option<Estimate>,
     /// The contact law behind the times.
     pub force_law: ForceLaw,
     /// What became of it.
@@ -124,13 +137,23 @@ impl Impact {
             compression_max_mm: None,
             acceleration_max_m_s2: None,
             slip_end_s: None,
+            force_start_s: None,
+            force_end_s: None,
+            force_max_n: None,
+            energy_lost_j: None,
+            gravity_m_s2: None,
             force_law: ForceLaw::None,
             status: PointStatus::Lost,
         }
     }
 
+    /// Whether a number of this name is a moment, which counts from [`Impact::origin_ns`], and no duration.
+    pub fn is_moment(name: &str) -> bool {
+        matches!(name, "start_s" | "deepest_s" | "end_s" | "slip_end_s" | "force_start_s" | "force_end_s")
+    }
+
     /// Every measured number with its column name, in the order of the table.
-    pub fn numbers(&self) -> [(&'static str, Option<Estimate>); 16] {
+    pub fn numbers(&self) -> [(&'static str, Option<Estimate>); IMPACT_NUMBERS] {
         [
             ("start_s", self.start_s),
             ("deepest_s", self.deepest_s),
@@ -148,6 +171,11 @@ impl Impact {
             ("compression_max_mm", self.compression_max_mm),
             ("acceleration_max_m_s2", self.acceleration_max_m_s2),
             ("slip_end_s", self.slip_end_s),
+            ("force_start_s", self.force_start_s),
+            ("force_end_s", self.force_end_s),
+            ("force_max_n", self.force_max_n),
+            ("energy_lost_j", self.energy_lost_j),
+            ("gravity_m_s2", self.gravity_m_s2),
         ]
     }
 }

@@ -14,7 +14,7 @@ mod velocity;
 
 pub use alarm::{Alarm, AlarmKind};
 pub use field::{Displacement, FieldPoint, PairField};
-pub use impact::{Estimate, ForceLaw, Impact};
+pub use impact::{Estimate, ForceLaw, IMPACT_NUMBERS, Impact};
 pub use rod::{ROD_EDGES, Rod, RodEdge};
 pub use status::{Phase, PointStatus};
 pub use step::{BodyStep, Circle, RigidStep};

@@ -6,7 +6,7 @@ use super::motion::{Path, Pose, into_surface, tangent};
 use super::physics::Collision;
 use super::random::{Stream, key, scramble};
 use super::rod::Rod;
-use super::scenario::{MotionSetup, Scenario, ScenarioError};
+use super::scenario::{ImpactSetup, MotionSetup, Scenario, ScenarioError};
 use super::scene::Scene;
 use super::sensor::Sensor;
 use super::speckle::{Field, Pattern};
@@ -216,7 +216,7 @@ impl World {
         let (MotionSetup::Impact(setup), Path::Impact { collision, .. }) = (&self.scenario.motion, &self.path) else {
             return None;
         };
-        let mut impact = impact(collision, setup.contact_start_s, 0.5e-3 * self.scenario.body.diameter_mm);
+        let mut impact = impact(collision, setup, 0.5e-3 * self.scenario.body.diameter_mm);
         impact.origin_ns = self.scenario.camera.start_ns;
         impact.force_law = setup.law.force_law();
         Some(impact)
@@ -312,10 +312,12 @@ fn velocity(pose: &Pose, tangent: [f64; 2]) -> BodyVelocity {
     }
 }
 
-fn impact(collision: &Collision, start_s: f64, radius_m: f64) -> Impact {
+fn impact(collision: &Collision, setup: &ImpactSetup, radius_m: f64) -> Impact {
+    let (start_s, mass_kg) = (setup.contact_start_s, setup.mass_kg);
     let (before, outcome) = (collision.at(0.0), collision.outcome());
     let after = outcome.after;
     let exact = |value: f64| Some(Estimate { value, sigma: 0.0 });
+    let squared = |motion: &super::physics::Motion| motion.velocity_m_s.iter().map(|v| v * v).sum::<f64>();
     let slide = |motion: &super::physics::Motion| motion.velocity_m_s[0] + motion.omega_rad_s * radius_m;
     let slide_before = slide(&before);
     Impact {
@@ -336,6 +338,10 @@ fn impact(collision: &Collision, start_s: f64, radius_m: f64) -> Impact {
         compression_max_mm: exact(outcome.compression_max_m * 1e3),
         acceleration_max_m_s2: exact(outcome.acceleration_max_m_s2),
         slip_end_s: outcome.slip_end_s.and_then(|slip_end_s| exact(start_s + slip_end_s)),
+        force_start_s: exact(start_s + outcome.force_s[0]),
+        force_end_s: exact(start_s + outcome.force_s[1]),
+        force_max_n: exact(outcome.force_max_n),
+        energy_lost_j: exact(0.5 * mass_kg * (squared(&before) - squared(&after))),
         status: PointStatus::Valid,
         ..Impact::unknown(0, 0, 0)
     }

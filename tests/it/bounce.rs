@@ -134,6 +134,10 @@ pub struct Truth {
     pub after: [f64; 3],
     pub depth_mm: f64,
     pub acceleration: f64,
+    /// Frames at which the force passes 2 % of its peak, rising and falling.
+    pub faint: [f64; 2],
+    /// Time and force of every substep of the first contact.
+    pub forces: Vec<[f64; 2]>,
     /// Start frame, end frame and restitution of every contact.
     pub bounces: Vec<[f64; 3]>,
 }
@@ -205,6 +209,8 @@ impl Experiment {
             after: [0.0; 3],
             depth_mm: 0.0,
             acceleration: 0.0,
+            faint: [0.0; 2],
+            forces: vec![[start, self.force(0.0, -self.vn_m_s)]],
             bounces: Vec::new(),
         };
         for frame in 0..=self.before_frames {
@@ -221,6 +227,7 @@ impl Experiment {
         loop {
             let time = start + steps as f64 / SUBSTEPS as f64;
             if truth.end > 0.0 && next_frame > last_frame(truth.end) {
+                truth.faint = faint(&truth.forces);
                 return truth;
             }
             let n = if over { self.fly(&s, h) } else { self.step(&s, h) };
@@ -259,6 +266,9 @@ impl Experiment {
         if truth.slip_end.is_none() && a > 0.0 && b <= 0.0 {
             truth.slip_end = Some(time + a / (a - b) / SUBSTEPS as f64);
         }
+        if truth.bounces.is_empty() {
+            truth.forces.push([time + 1.0 / SUBSTEPS as f64, self.force(n[0], n[1])]);
+        }
         truth.acceleration = truth.acceleration.max(self.force(n[0], n[1]) / self.mass_kg - 9.81);
     }
 
@@ -276,6 +286,7 @@ impl Experiment {
             gravity_angle_deg: self.surface_angle_deg - 90.0,
             window_frames: None,
             order: 2,
+            mass_kg: Some(self.mass_kg),
             form: Form::Ball,
             interval_frames: 1,
             walk_share: WalkShare::default(),
@@ -283,6 +294,14 @@ impl Experiment {
             frame_period_ns: 1e9 / self.frame_rate_hz,
         }
     }
+}
+
+/// The first and the last moment at 2 % of the highest force.
+fn faint(forces: &[[f64; 2]]) -> [f64; 2] {
+    let limit = 0.02 * forces.iter().map(|[_, force]| *force).fold(0.0, f64::max);
+    let strong = |at: &[f64; 2]| at[1] >= limit;
+    let ends = [forces.iter().find(|at| strong(at)), forces.iter().rfind(|at| strong(at))];
+    ends.map(|at| at.unwrap()[0])
 }
 
 impl Truth {

@@ -251,38 +251,47 @@ fn impact(recording: &Recording, rows: Vec<Impact>, table: &mut dyn Sink) -> Res
     for row in &rows {
         let shift_s = origin.seconds(row.origin_ns);
         let numbers = row.numbers().map(|(name, number)| (name, number.map(|n| shifted(name, n, shift_s))));
+        let (first, later) = numbers.split_at(FIRST_NUMBERS);
         let mut cells = vec![Cell::Text(recording.body_name(row.body))];
-        for (name, number) in numbers {
-            if name == "slip_end_s" {
+        for (name, number) in first {
+            if *name == "slip_end_s" {
                 cells.push(Cell::Text(row.force_law.word().into()));
             }
             cells.push(Cell::Double(number.map(|n| n.value)));
         }
         cells.push(Cell::Text(row.status.word().into()));
-        cells.extend(numbers.map(|(_, number)| Cell::Double(number.map(|n| n.sigma))));
+        cells.extend(first.iter().map(|(_, number)| Cell::Double(number.map(|n| n.sigma))));
+        for (_, number) in later {
+            cells.extend([Cell::Double(number.map(|n| n.value)), Cell::Double(number.map(|n| n.sigma))]);
+        }
         table.row(cells)?;
     }
     Ok(())
 }
 
+/// Numbers before `status`, their sigmas behind it. Numbers added since stand last, so that no column moves.
+const FIRST_NUMBERS: usize = 16;
+
 fn impact_columns() -> Vec<Column> {
     let names = Impact::unknown(0, 0, 0).numbers().map(|(name, _)| name);
+    let (first, later) = names.split_at(FIRST_NUMBERS);
+    let double = |name: String| Column { name, kind: Kind::Double };
     let mut columns = named(&[("body", Kind::Text)]);
-    for name in names {
-        if name == "slip_end_s" {
+    for name in first {
+        if *name == "slip_end_s" {
             columns.push(Column { name: "force_law".into(), kind: Kind::Text });
         }
-        columns.push(Column { name: name.into(), kind: Kind::Double });
+        columns.push(double((*name).into()));
     }
     columns.push(Column { name: "status".into(), kind: Kind::Text });
-    columns.extend(names.map(|name| Column { name: format!("sigma_{name}"), kind: Kind::Double }));
+    columns.extend(first.iter().map(|name| double(format!("sigma_{name}"))));
+    columns.extend(later.iter().flat_map(|name| [double((*name).into()), double(format!("sigma_{name}"))]));
     columns
 }
 
 /// Moments count from the recording's first frame; durations stay as they are.
 fn shifted(name: &str, number: Estimate, shift_s: f64) -> Estimate {
-    let is_moment = matches!(name, "start_s" | "deepest_s" | "end_s" | "slip_end_s");
-    Estimate { value: if is_moment { number.value + shift_s } else { number.value }, sigma: number.sigma }
+    Estimate { value: if Impact::is_moment(name) { number.value + shift_s } else { number.value }, sigma: number.sigma }
 }
 
 fn events(recording: &Recording, table: &mut dyn Sink) -> Result<(), ExportError> {

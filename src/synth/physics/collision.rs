@@ -87,6 +87,8 @@ pub struct Outcome {
     pub force_max_n: f64,
     /// Highest normal acceleration, gravity included, m/s^2.
     pub acceleration_max_m_s2: f64,
+    /// The force passes 2 % of its peak on its way up and on its way down.
+    pub force_s: [f64; 2],
     /// Impulse of the contact force (tangential, normal), N s.
     pub impulse_n_s: [f64; 2],
     /// Motion at the end of contact.
@@ -289,6 +291,22 @@ impl Integration {
         0.5 * (moving + turning + patch) + falling + setup.law.stored_j(-state[Y])
     }
 
+    /// When the force passes 2 % of its peak, rising and falling; it is straight enough from knot to knot.
+    fn force_s(&self) -> [f64; 2] {
+        let faint = 0.02 * self.force_max_n;
+        let knots: Vec<[f64; 2]> = self.knots.iter().map(|knot| [knot.time_s, self.force_n(&knot.state)]).collect();
+        let crossed = |a: &[f64; 2], b: &[f64; 2]| a[0] + (faint - a[1]) / (b[1] - a[1]) * (b[0] - a[0]);
+        let rises = |pair: &&[[f64; 2]]| pair[0][1] < faint && pair[1][1] >= faint;
+        let falls = |pair: &&[[f64; 2]]| pair[0][1] >= faint && pair[1][1] < faint;
+        let (first, last) = (knots[0], knots[knots.len() - 1]);
+        let rise = knots.windows(2).find(rises).filter(|_| first[1] < faint);
+        let fall = knots.windows(2).rev().find(falls);
+        [
+            rise.map_or(first[0], |pair| crossed(&pair[0], &pair[1])),
+            fall.map_or(last[0], |pair| crossed(&pair[0], &pair[1])),
+        ]
+    }
+
     fn finish(mut self) -> Collision {
         let part_s = self.crossing(|state| if state[Y] >= 0.0 { 1.0 } else { -self.force_n(state) });
         let end_s = self.time_s() + part_s;
@@ -302,6 +320,7 @@ impl Integration {
             compression_max_m,
             force_max_n: self.force_max_n,
             acceleration_max_m_s2: self.force_max_n / self.setup.mass_kg + self.setup.gravity_m_s2[1],
+            force_s: self.force_s(),
             impulse_n_s: [self.state[JX], self.state[JY]],
             after: motion(&self.state),
         };

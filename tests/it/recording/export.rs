@@ -44,7 +44,7 @@ fn the_columns_are_those_of_the_contract() {
         ),
         "{impact}"
     );
-    assert_eq!(impact.matches("sigma_").count(), 16);
+    assert_eq!(impact.matches("sigma_").count(), 21);
 }
 
 #[test]
