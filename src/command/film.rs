@@ -65,7 +65,8 @@ impl Film {
 
     /// One recording, or the parts of a stream that was recorded into several.
     fn recordings(paths: &[PathBuf], config: Option<&Path>, fps: Option<f64>) -> anyhow::Result<Self> {
-        let mut parts = paths.iter().map(|path| Part::open(path)).collect::<anyhow::Result<Vec<_>>>()?;
+        let parts = Recording::open_all(paths)?.into_iter().map(Part::open);
+        let mut parts = parts.collect::<anyhow::Result<Vec<_>>>()?;
         parts.sort_by_key(|part| part.first.stamp_ns);
         for pair in parts.windows(2) {
             pair[1].check_follows(&pair[0], config)?;
@@ -133,14 +134,13 @@ struct Part {
 }
 
 impl Part {
-    fn open(path: &Path) -> anyhow::Result<Self> {
-        let recording = Recording::open(path)?;
+    fn open(recording: Recording) -> anyhow::Result<Self> {
         let mut frames = recording.frames()?.peekable();
         let first = match frames.peek() {
             Some(Ok((meta, _))) => *meta,
             _ => {
                 let reason = "no frame of it can be read".to_owned();
-                let none = || RecordingError::Invalid { path: path.to_owned(), reason };
+                let none = || RecordingError::Invalid { path: recording.path().to_owned(), reason };
                 return Err(frames.next().and_then(Result::err).unwrap_or_else(none).into());
             }
         };

@@ -150,6 +150,7 @@ pub(super) struct RawRecord {
     pub ring_bytes_max: Option<i64>,
     pub keep_last: Option<i64>,
     pub max_bytes: Option<i64>,
+    pub split_bytes: Option<i64>,
 }
 
 #[derive(Debug, Default, Deserialize)]
