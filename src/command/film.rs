@@ -180,19 +180,6 @@ pub(super) fn span(from_s: Option<f64>, to_s: Option<f64>) -> Result<Span, Usage
     Ok(Span { from_s, to_s })
 }
 
-/// Refuses a part that begins behind the last frame.
-pub(super) fn check_span(recording: &Recording, span: Span) -> anyhow::Result<()> {
-    if span.from_s <= 0.0 {
-        return Ok(());
-    }
-    let (first_ns, last_ns) = (recording.first_frame()?.stamp_ns, recording.last_frame()?.stamp_ns);
-    if span.place(first_ns, last_ns).is_lt() {
-        let last_s = last_ns.saturating_sub(first_ns) as f64 * 1e-9;
-        return Err(UsageError(format!("--from {}: the last frame lies at {last_s} s", span.from_s)).into());
-    }
-    Ok(())
-}
-
 /// A frame with the stamp that a rate from the person who asks gives it, in place of the file's own.
 fn restamped(meta: FrameMeta, first: &FrameMeta, fps: f64) -> FrameMeta {
     let since_ns = meta.sequence.saturating_sub(first.sequence) as f64 * 1e9 / fps;

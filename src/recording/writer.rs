@@ -1,6 +1,7 @@
 //! Writing a recording.
 
 use super::batch::Batch;
+use super::copier::Copied;
 use super::part::PartFile;
 use super::rows::{EventRow, Row, StatusRow};
 use super::schema::Topic;
@@ -100,15 +101,6 @@ pub struct RecordingWriter {
     pub(super) split: Option<Split>,
     /// Whether the present file has any.
     pub(super) has_messages: bool,
-}
-
-/// A message of another file.
-pub(super) struct Copied<'a> {
-    pub(super) sequence: u32,
-    pub(super) log_time_ns: u64,
-    pub(super) publish_time_ns: u64,
-    pub(super) data: &'a [u8],
-    pub(super) is_frame: bool,
 }
 
 impl RecordingWriter {

@@ -65,7 +65,7 @@ impl Recording {
     /// Whether that makes sense is for the caller to say.
     pub fn joined(recordings: Vec<Self>) -> Option<Self> {
         let missing = recordings.iter().find_map(|recording| recording.rest.truncated.clone());
-        let singles = recordings.iter().flat_map(Self::inners).map(|inner| Self::single(inner)).collect::<Vec<_>>();
+        let singles = recordings.iter().flat_map(Self::singles).collect::<Vec<_>>();
         (!singles.is_empty()).then(|| Self::of_files(singles, missing))
     }
 
