@@ -1,7 +1,7 @@
 //! Several files that are one recording: one that was split by size, or the parts of one stream.
 
 use super::{Inner, Recording};
-use crate::recording::{CONTINUED_NAME, RecordingError, split};
+use crate::recording::{CONTINUED_NAME, RecordingError, part_path, split};
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -38,7 +38,7 @@ impl Recording {
             let belongs = known.is_some_and(|entries| split::is_part(&entries, number, &name));
             if !belongs {
                 let next = next.file_name().unwrap_or_default().to_string_lossy().into_owned();
-                let is_cut = split::numbered(path, number).with_extension("mcap.part").exists();
+                let is_cut = part_path(&split::numbered(path, number)).exists();
                 let found = if is_cut { "unfinished; `ricochet recover` completes it" } else { "not there" };
                 missing = Some(format!("it goes on in {next}, which is {found}"));
                 break;
