@@ -10,7 +10,6 @@ use crate::command::import::{self, ImportOptions};
 use crate::command::info::{self, InfoOptions};
 use crate::command::listen::{self, ListenOptions};
 use crate::command::recover::{self, RecoverOptions};
-use crate::command::replay::{self, Rate, ReplayOptions};
 use crate::command::report::{self, ReportOptions};
 use crate::command::rig::{self, RoleOptions};
 use crate::command::simulate::{self, SimulateOptions};
@@ -18,11 +17,13 @@ use crate::command::{self, Outcome, control, status};
 use crate::message::{Command as Request, Role};
 use crate::process::Stop;
 mod field;
+mod replay;
 mod study;
 
 use clap::error::ErrorKind;
 use clap::{Args, Parser, Subcommand};
 use field::Field;
+use replay::Replay;
 use std::path::PathBuf;
 use study::Study;
 
@@ -202,37 +203,6 @@ pub struct Listen {
     /// Wait this long for a rig that does not run yet, s.
     #[arg(long, default_value_t = 0.0, value_name = "SECONDS")]
     wait: f64,
-}
-
-/// Arguments of a command.
-#[derive(Debug, Args)]
-pub struct Replay {
-    /// The recording.
-    file: PathBuf,
-    /// `max`, or how many times real time.
-    #[arg(long, default_value = "1")]
-    rate: Rate,
-    /// Play it this many times; without a number until stopped.
-    #[arg(long = "loop", value_name = "N", require_equals = true, value_parser = clap::value_parser!(u32).range(1..))]
-    looped: Option<Option<u32>>,
-    /// Begin here, seconds from the first frame.
-    #[arg(long, value_name = "S")]
-    from: Option<f64>,
-    /// End before this, seconds from the first frame.
-    #[arg(long, value_name = "S")]
-    to: Option<f64>,
-    /// The rig file; the attached one when absent.
-    #[arg(long)]
-    config: Option<PathBuf>,
-    /// Directory to record the results into.
-    #[arg(short, long)]
-    output: Option<PathBuf>,
-    /// Name of the rig; `replay-` and the recording's own when absent.
-    #[arg(long)]
-    rig: Option<String>,
-    /// Number of correlation workers.
-    #[arg(long, value_parser = clap::value_parser!(u32).range(1..=64))]
-    workers: Option<u32>,
 }
 
 /// Arguments of a command.
@@ -431,7 +401,7 @@ pub fn run(command: Command, stop: &Stop) -> anyhow::Result<Outcome> {
         Command::Listen(Listen { topic, rig, json, count, wait }) => {
             listen::run(&ListenOptions { topic, rig, json, count, wait_s: wait }, stop)
         }
-        Command::Replay(line) => replay::run(&line.into(), stop),
+        Command::Replay(line) => command::replay::run(&line.into(), stop),
         Command::Analyze(Analyze { inputs, config, fps, from: from_s, to: to_s, output, workers, json }) => {
             analyze::run(&AnalyzeOptions { inputs, config, fps, from_s, to_s, output, workers, json }, stop)
         }
@@ -478,14 +448,6 @@ fn inspect(command: Command) -> anyhow::Result<Outcome> {
         _ => {}
     }
     Ok(Outcome::Clean)
-}
-
-impl From<Replay> for ReplayOptions {
-    fn from(line: Replay) -> Self {
-        let Replay { file, rate, looped, from: from_s, to: to_s, config, output, rig, workers } = line;
-        let passes = looped.unwrap_or(Some(1));
-        Self { file, config, rate, passes, from_s, to_s, output, rig, workers }
-    }
 }
 
 impl From<RoleLine> for RoleOptions {

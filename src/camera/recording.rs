@@ -7,6 +7,7 @@ use bytes::Bytes;
 use std::cmp::Ordering;
 use std::collections::VecDeque;
 use std::path::Path;
+use std::sync::mpsc::{self, Receiver, RecvTimeoutError};
 use std::time::{Duration, Instant};
 
 /// How fast a recording is played.
@@ -73,6 +74,11 @@ pub struct RecordingCamera {
     /// Added to the recorded epochs.
     epoch_base: u32,
     epoch_highest: u32,
+    /// Added to the recorded stamps.
+    shift_ns: i64,
+    is_stepped: bool,
+    /// A word for each frame that may go, once started.
+    steps: Option<Receiver<()>>,
 }
 
 impl RecordingCamera {
@@ -86,13 +92,21 @@ impl RecordingCamera {
     /// [`CameraError::Recording`] when the file cannot be read or holds no
     /// frames; [`CameraError::Setting`] when the rate is not a positive number.
     pub fn open(path: &Path, rate: PlaybackRate, repeat: Repeat) -> Result<Self, CameraError> {
+        Self::play(Recording::open(path)?, rate, repeat)
+    }
+
+    /// As [`open`](Self::open), of a recording that is open.
+    ///
+    /// # Errors
+    ///
+    /// As [`open`](Self::open).
+    pub fn play(recording: Recording, rate: PlaybackRate, repeat: Repeat) -> Result<Self, CameraError> {
         if let PlaybackRate::Times(times) = rate
             && !(times.is_finite() && times > 0.0)
         {
             let (feature, reason) = ("rate".into(), "a positive number, or max".into());
             return Err(CameraError::Setting { feature, value: times.to_string(), reason });
         }
-        let recording = Recording::open(path)?;
         let first = recording.first_frame()?;
         // What the camera was set to, as analysis takes it; stamps tell it only to the nanosecond. An unreadable last
         // frame is told when playing gets there.
@@ -120,7 +134,20 @@ impl RecordingCamera {
             origin: None,
             epoch_base: 0,
             epoch_highest: 0,
+            shift_ns: 0,
+            is_stepped: false,
+            steps: None,
         })
+    }
+
+    /// The same, each stamp later by this much.
+    pub fn shifted(self, shift_ns: i64) -> Self {
+        Self { shift_ns, ..self }
+    }
+
+    /// The same, each frame waiting for a line on standard input, with whose end the film ends too.
+    pub fn stepped(self) -> Self {
+        Self { is_stepped: true, ..self }
     }
 
     /// The same, playing only this part.
@@ -179,6 +206,7 @@ impl RecordingCamera {
         }
         meta.epoch = meta.epoch.saturating_add(self.epoch_base);
         self.epoch_highest = self.epoch_highest.max(meta.epoch);
+        meta.stamp_ns = meta.stamp_ns.saturating_add_signed(self.shift_ns);
         self.pending = Some((meta, pixels));
         Ok(true)
     }
@@ -187,6 +215,9 @@ impl RecordingCamera {
     #[expect(clippy::disallowed_methods, reason = "playing at a given pace is what a camera's clock does")]
     fn wait(&mut self, stamp_ns: u64, timeout: Duration) -> bool {
         let PlaybackRate::Times(times) = self.rate else { return true };
+        if self.is_stepped {
+            return true;
+        }
         let now = Instant::now();
         let (start, first_ns) = *self.origin.get_or_insert((now, stamp_ns));
         let ahead_s = stamp_ns.saturating_sub(first_ns) as f64 * 1e-9 / times;
@@ -195,6 +226,17 @@ impl RecordingCamera {
         std::thread::sleep(left.min(timeout));
         left <= timeout
     }
+}
+
+/// Tells of every line on standard input; hangs up at its end.
+fn lines() -> Receiver<()> {
+    let (sender, receiver) = mpsc::channel();
+    std::thread::spawn(move || {
+        let lines = std::io::stdin().lines().map_while(Result::ok);
+        // Nobody listens any more once the camera is gone.
+        let _ = lines.map(|_| ()).try_for_each(|()| sender.send(()));
+    });
+    receiver
 }
 
 /// Copies rows, leaving out what a row has beyond its pixels when the slot has no room for it.
@@ -226,6 +268,7 @@ impl Camera for RecordingCamera {
 
     fn pace(&self) -> Pace {
         match self.rate {
+            _ if self.is_stepped => Pace::OnDemand,
             PlaybackRate::Max => Pace::OnDemand,
             PlaybackRate::Times(_) => Pace::Live,
         }
@@ -241,6 +284,9 @@ impl Camera for RecordingCamera {
 
     fn start(&mut self) -> Result<(), CameraError> {
         self.origin = None;
+        if self.is_stepped && self.steps.is_none() {
+            self.steps = Some(lines());
+        }
         Ok(())
     }
 
@@ -251,6 +297,11 @@ impl Camera for RecordingCamera {
         let Some(stamp_ns) = self.pending.as_ref().map(|(meta, _)| meta.stamp_ns) else { return Ok(Next::End) };
         if self.slots.is_empty() || !self.wait(stamp_ns, timeout) {
             return Ok(Next::Nothing);
+        }
+        match self.steps.as_ref().map(|steps| steps.recv_timeout(timeout)) {
+            None | Some(Ok(())) => {}
+            Some(Err(RecvTimeoutError::Timeout)) => return Ok(Next::Nothing),
+            Some(Err(RecvTimeoutError::Disconnected)) => return Ok(Next::End),
         }
         let Some(((mut meta, pixels), mut slot)) = self.pending.take().zip(self.slots.pop_front()) else {
             return Ok(Next::Nothing);

@@ -69,6 +69,7 @@ fn results_record() -> Record {
         ring_bytes_max: None,
         keep_last: None,
         max_bytes: None,
+        split_bytes: None,
     }
 }
 

@@ -65,7 +65,8 @@ impl Film {
 
     /// One recording, or the parts of a stream that was recorded into several.
     fn recordings(paths: &[PathBuf], config: Option<&Path>, fps: Option<f64>) -> anyhow::Result<Self> {
-        let mut parts = paths.iter().map(|path| Part::open(path)).collect::<anyhow::Result<Vec<_>>>()?;
+        let parts = Recording::open_all(paths)?.into_iter().map(Part::open);
+        let mut parts = parts.collect::<anyhow::Result<Vec<_>>>()?;
         parts.sort_by_key(|part| part.first.stamp_ns);
         for pair in parts.windows(2) {
             pair[1].check_follows(&pair[0], config)?;
@@ -133,14 +134,13 @@ struct Part {
 }
 
 impl Part {
-    fn open(path: &Path) -> anyhow::Result<Self> {
-        let recording = Recording::open(path)?;
+    fn open(recording: Recording) -> anyhow::Result<Self> {
         let mut frames = recording.frames()?.peekable();
         let first = match frames.peek() {
             Some(Ok((meta, _))) => *meta,
             _ => {
                 let reason = "no frame of it can be read".to_owned();
-                let none = || RecordingError::Invalid { path: path.to_owned(), reason };
+                let none = || RecordingError::Invalid { path: recording.path().to_owned(), reason };
                 return Err(frames.next().and_then(Result::err).unwrap_or_else(none).into());
             }
         };
@@ -178,19 +178,6 @@ pub(super) fn span(from_s: Option<f64>, to_s: Option<f64>) -> Result<Span, Usage
         return Err(UsageError(format!("--to {to_s}: not behind --from, {from_s} s")));
     }
     Ok(Span { from_s, to_s })
-}
-
-/// Refuses a part that begins behind the last frame.
-pub(super) fn check_span(recording: &Recording, span: Span) -> anyhow::Result<()> {
-    if span.from_s <= 0.0 {
-        return Ok(());
-    }
-    let (first_ns, last_ns) = (recording.first_frame()?.stamp_ns, recording.last_frame()?.stamp_ns);
-    if span.place(first_ns, last_ns).is_lt() {
-        let last_s = last_ns.saturating_sub(first_ns) as f64 * 1e-9;
-        return Err(UsageError(format!("--from {}: the last frame lies at {last_s} s", span.from_s)).into());
-    }
-    Ok(())
 }
 
 /// A frame with the stamp that a rate from the person who asks gives it, in place of the file's own.

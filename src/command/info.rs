@@ -22,9 +22,11 @@ pub struct InfoOptions {
 /// Everything `info` finds out.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Info {
-    /// The file.
+    /// The file; the first one when it was split.
     pub file: PathBuf,
-    /// Its size.
+    /// The files it goes on in.
+    pub later_files: Vec<PathBuf>,
+    /// Its size, all files together.
     pub bytes: u64,
     /// The program that wrote it.
     pub library: String,
@@ -124,6 +126,7 @@ pub fn look(recording: &Recording) -> Result<Info, RecordingError> {
     let topics = recording.topics().into_iter();
     Ok(Info {
         file: recording.path().to_path_buf(),
+        later_files: recording.files().skip(1).map(Into::into).collect(),
         bytes: recording.bytes(),
         library: recording.library().into(),
         truncated: recording.truncated().map(Into::into),
@@ -214,6 +217,9 @@ fn table(info: &Info) -> String {
         let _ = writeln!(text, "{name:<14}{value}");
     };
     line("file", info.file.display().to_string());
+    for file in &info.later_files {
+        line("goes on in", file.display().to_string());
+    }
     line("size", format!("{} bytes", info.bytes));
     line("written by", info.library.clone());
     line("complete", info.truncated.clone().map_or("yes".into(), |reason| format!("NO, {reason}")));

@@ -1,10 +1,14 @@
-//! `ricochet replay`: a recording's frames on the live topics.
+//! `ricochet replay`: the frames of recordings on the live topics.
 
-use super::film::{check_span, span};
+mod lead;
+mod stream;
+
+use super::film::span;
 use super::{Outcome, UsageError, progress, say};
+use crate::camera::recording::Span;
 use crate::config::Config;
 use crate::message::Role;
-use crate::process::{self, Child, Stop};
+use crate::process::{self, Child, Stop, Summary};
 use crate::recording::Recording;
 use std::path::{Path, PathBuf};
 
@@ -29,15 +33,32 @@ impl std::str::FromStr for Rate {
     }
 }
 
+/// What lets the frames go.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Tempo {
+    /// Their own times, or who takes them.
+    Rate(Rate),
+    /// A line on standard input for each.
+    Step,
+}
+
+impl From<Rate> for Tempo {
+    fn from(rate: Rate) -> Self {
+        Self::Rate(rate)
+    }
+}
+
 /// What to play, and how.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ReplayOptions {
-    /// The recording.
-    pub file: PathBuf,
-    /// The rig to play it on; the attached one when absent.
+    /// The recordings.
+    pub files: Vec<PathBuf>,
+    /// The rig to play them on; the attached one when absent.
     pub config: Option<PathBuf>,
     /// How fast.
-    pub rate: Rate,
+    pub tempo: Tempo,
+    /// When the frames' times begin, ns since the Unix epoch: `Some(None)` for now, `None` for their own times.
+    pub shift_times: Option<Option<u64>>,
     /// How many times; `None` until stopped.
     pub passes: Option<u32>,
     /// Where to begin, seconds from the first frame.
@@ -52,48 +73,106 @@ pub struct ReplayOptions {
     pub workers: Option<u32>,
 }
 
-/// Plays a recording through a rig until it ends or is stopped.
+/// A stream and the rig that it is played on.
+struct Played {
+    recording: Recording,
+    config: Config,
+    span: Span,
+}
+
+/// Plays recordings through a rig each until they end or are stopped.
+///
+/// Recordings that go on one from the other are one stream. Streams of several cameras, and those that overlap in
+/// time, have a rig each; frames of all are published in the order of their times.
 ///
 /// # Errors
 ///
-/// When the recording cannot be read, or the rig cannot be run.
+/// When a recording cannot be read, or a rig cannot be run.
 pub fn run(options: &ReplayOptions, stop: &Stop) -> anyhow::Result<Outcome> {
-    let recording = Recording::open(&options.file)?;
-    check_span(&recording, span(options.from_s, options.to_s)?)?;
-    let base = rig_config(&recording, options.config.as_deref())?;
-    let config = base.fed_from(&options.file, &changes(options, &base))?;
-    let total = recording.frame_count();
-    let bar = progress::frames(total, "replay");
-    let tracker = Child { role: Role::Track, index: 0 };
+    let whole = span(options.from_s, options.to_s)?;
+    let streams = stream::within(stream::streams(&options.files)?, whole)?;
     let mut lost = 0;
     for pass in 1_u32.. {
         // Each pass is a run of its own: stamps and sequence numbers begin again, and nothing spans two passes.
-        let summary = process::supervise(&config, stop, |told| {
-            if let Some(status) = told.get(&tracker) {
-                bar.set_position(status.given.min(total));
+        let played = rigs(options, &streams)?;
+        let (summaries, is_over) = match (options.tempo, played.as_slice()) {
+            (Tempo::Rate(_), [alone]) => (vec![play(alone, stop)?], false),
+            _ => lead::play(&played, options.tempo, stop)?,
+        };
+        for summary in &summaries {
+            lost += summary.losses();
+            for path in &summary.recordings {
+                say(&path.display().to_string());
             }
-        })?;
-        lost += summary.losses();
-        for path in &summary.recordings {
-            say(&path.display().to_string());
         }
-        if stop.requested() || options.passes.is_some_and(|passes| pass >= passes) {
+        if is_over || stop.requested() || options.passes.is_some_and(|passes| pass >= passes) {
             break;
         }
     }
-    bar.finish_and_clear();
-    Ok(Outcome::of_file(lost, &options.file, recording.truncated()))
+    let cut = streams.iter().find(|(recording, _)| recording.truncated().is_some()).or(streams.first());
+    let Some((recording, _)) = cut else { return Ok(Outcome::of_losses(lost)) };
+    Ok(Outcome::of_file(lost, recording.path(), recording.truncated()))
 }
 
-fn changes<'a>(options: &ReplayOptions, base: &Config) -> Vec<(&'a str, toml_edit::Value)> {
-    let mut changes: Vec<(&str, toml_edit::Value)> = vec![("camera.paced", (options.rate != Rate::Max).into())];
-    if let Rate::Times(times) = options.rate {
+/// One stream, at the pace of its camera.
+fn play(played: &Played, stop: &Stop) -> anyhow::Result<Summary> {
+    let total = played.recording.frame_count();
+    let bar = progress::frames(total, "replay");
+    let tracker = Child { role: Role::Track, index: 0 };
+    let summary = process::supervise(&played.config, stop, |told| {
+        if let Some(status) = told.get(&tracker) {
+            bar.set_position(status.given.min(total));
+        }
+    })?;
+    bar.finish_and_clear();
+    Ok(summary)
+}
+
+/// A rig for each stream, all names different.
+fn rigs(options: &ReplayOptions, streams: &[(Recording, Span)]) -> anyhow::Result<Vec<Played>> {
+    let is_led = streams.len() > 1 || options.tempo == Tempo::Step;
+    let first_ns = stream::first_ns(streams)?;
+    let shift_ns = match options.shift_times {
+        None => 0,
+        Some(to_ns) => {
+            let to_ns = to_ns.unwrap_or_else(process::host_ns);
+            i64::try_from(i128::from(to_ns) - i128::from(first_ns))
+                .map_err(|_| UsageError(format!("--shift-times={to_ns}: too far from the recorded times")))?
+        }
+    };
+    let mut names = Vec::<String>::new();
+    let mut played = Vec::new();
+    for (recording, span) in streams {
+        let base = rig_config(recording, options.config.as_deref())?;
+        let name = free_name(&options.rig.clone().unwrap_or_else(|| replay_name(&base.rig.name)), &names);
+        let mut changes = changes(options, is_led);
+        changes.push(("rig.name", name.as_str().into()));
+        changes.push(("camera.from_s", span.from_s.into()));
+        if span.to_s.is_finite() {
+            changes.push(("camera.to_s", span.to_s.into()));
+        }
+        if shift_ns != 0 {
+            changes.push(("camera.shift_ns", shift_ns.into()));
+        }
+        let parts: Vec<String> = recording.files().skip(1).map(|path| path.display().to_string()).collect();
+        if !parts.is_empty() {
+            changes.push(("camera.parts", parts.into_iter().collect::<toml_edit::Array>().into()));
+        }
+        let config = base.fed_from(recording.path(), &changes)?;
+        names.push(name);
+        played.push(Played { recording: recording.clone(), config, span: *span });
+    }
+    Ok(played)
+}
+
+fn changes(options: &ReplayOptions, is_led: bool) -> Vec<(&'static str, toml_edit::Value)> {
+    let paced = !is_led && options.tempo != Tempo::Rate(Rate::Max);
+    let mut changes: Vec<(&str, toml_edit::Value)> = vec![("camera.paced", paced.into())];
+    if is_led {
+        changes.push(("camera.stepped", true.into()));
+    } else if let Tempo::Rate(Rate::Times(times)) = options.tempo {
         changes.push(("camera.playback_rate", times.into()));
     }
-    let ends = [("camera.from_s", options.from_s), ("camera.to_s", options.to_s)];
-    changes.extend(ends.into_iter().filter_map(|(key, given)| Some((key, given?.into()))));
-    let name = options.rig.clone().unwrap_or_else(|| replay_name(&base.rig.name));
-    changes.push(("rig.name", name.into()));
     if let Some(workers) = options.workers {
         changes.push(("workers.count", i64::from(workers).into()));
     }
@@ -101,6 +180,16 @@ fn changes<'a>(options: &ReplayOptions, base: &Config) -> Vec<(&'a str, toml_edi
         changes.push(("record.directory", directory.display().to_string().into()));
     }
     changes
+}
+
+/// This name, numbered when another rig has it.
+fn free_name(name: &str, taken: &[String]) -> String {
+    let numbered = |number: usize| {
+        let ending = format!("-{number}");
+        name.chars().take(32 - ending.len()).collect::<String>() + &ending
+    };
+    let mut names = std::iter::once(name.to_owned()).chain((2..).map(numbered));
+    names.find(|name| !taken.contains(name)).unwrap_or_else(|| name.to_owned())
 }
 
 fn replay_name(rig: &str) -> String {

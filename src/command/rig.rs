@@ -4,7 +4,7 @@ use super::Outcome;
 use crate::config::Config;
 use crate::message::Role;
 use crate::process::{self, Stop, Summary};
-use std::io::Read;
+use std::io::BufRead;
 use std::path::{Path, PathBuf};
 
 /// What one process of a rig is started with.
@@ -70,7 +70,9 @@ fn load(path: &Path, origin: Option<&str>) -> anyhow::Result<Config> {
     if path != Path::new("-") {
         return Ok(Config::load(path)?);
     }
-    let mut text = String::new();
-    std::io::stdin().read_to_string(&mut text)?;
+    let mut bytes = Vec::new();
+    std::io::stdin().lock().read_until(process::END_OF_CONFIG, &mut bytes)?;
+    bytes.pop_if(|last| *last == process::END_OF_CONFIG);
+    let text = String::from_utf8(bytes)?;
     Ok(Config::parse(&text, origin.unwrap_or("standard input"))?)
 }

@@ -77,6 +77,13 @@ pub struct Camera {
     /// Where playing a `recording` ends, above `from_s` and at most 1000000 s from its first frame; the frame there is
     /// no longer played. Left out, at its end.
     pub to_s: Option<f64>,
+    /// Further recordings of the stream that `id` begins (`recording` only): their frames follow in the order of time.
+    pub parts: Vec<String>,
+    /// Added to the stamp of every frame of a `recording`, whole ns, default 0.
+    pub shift_ns: i64,
+    /// Whether each frame of a `recording` waits for a line on standard input, default false; the end of the input is
+    /// the end of the stream. `paced` and `playback_rate` then say nothing.
+    pub stepped: bool,
     /// Pixels a row, 16 to 65535 px. `genicam` needs it; a simulated camera takes it from its scenario when left
     /// out, a recording knows its own.
     pub width_px: Option<u32>,
@@ -136,6 +143,9 @@ pub(super) fn camera(table: &Table<'_>, raw: RawCamera) -> Result<Camera, Config
         playback_rate: table.number("playback_rate", raw.playback_rate, PLAYBACK_RATE)?.unwrap_or(1.0),
         from_s: table.number("from_s", raw.from_s, Bounds::closed(0.0, SPAN_S, "s"))?.unwrap_or(0.0),
         to_s: table.number("to_s", raw.to_s, Bounds::above(raw.from_s.unwrap_or(0.0), SPAN_S, "s"))?,
+        parts: raw.parts.clone().unwrap_or_default(),
+        shift_ns: raw.shift_ns.unwrap_or(0),
+        stepped: raw.stepped.unwrap_or(false),
         width_px: table.whole("width_px", raw.width_px, SIZE_PX, "px")?,
         height_px: table.whole("height_px", raw.height_px, SIZE_PX, "px")?,
         offset_x_px: table.whole("offset_x_px", raw.offset_x_px, OFFSET_PX, "px")?,
@@ -167,13 +177,16 @@ fn source(table: &Table<'_>, word: Option<&str>) -> Result<Source, ConfigError> 
 /// Refuses keys that the chosen source has no use for, rather than ignoring them.
 fn refuse_strangers(table: &Table<'_>, source: Source, raw: &RawCamera) -> Result<(), ConfigError> {
     use Source::{Genicam, Recording, Simulated};
-    let keys: [(&str, bool, &[Source]); 16] = [
+    let keys: [(&str, bool, &[Source]); 19] = [
         ("id", raw.id.is_some(), &[Recording, Genicam]),
         ("scenario", raw.scenario.is_some(), &[Simulated]),
         ("paced", raw.paced.is_some(), &[Simulated, Recording]),
         ("playback_rate", raw.playback_rate.is_some(), &[Recording]),
         ("from_s", raw.from_s.is_some(), &[Recording]),
         ("to_s", raw.to_s.is_some(), &[Recording]),
+        ("parts", raw.parts.is_some(), &[Recording]),
+        ("shift_ns", raw.shift_ns.is_some(), &[Recording]),
+        ("stepped", raw.stepped.is_some(), &[Recording]),
         ("width_px", raw.width_px.is_some(), &[Simulated, Genicam]),
         ("height_px", raw.height_px.is_some(), &[Simulated, Genicam]),
         ("offset_x_px", raw.offset_x_px.is_some(), &[Genicam]),

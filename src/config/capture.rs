@@ -35,6 +35,10 @@ pub struct Record {
     /// whatever its size. Other files, results of `analyze` and unfinished recordings are never removed and do not
     /// count. Left out: no bound but the disk.
     pub max_bytes: Option<u64>,
+    /// Largest size of one file, 1048576 (1 MiB) to 1125899906842624 bytes (1 PiB): a recording that is larger goes on
+    /// in a next file, `NAME.mcap` in `NAME_0001.mcap` and so on, each whole by itself. They count as one recording.
+    /// Left out: one file.
+    pub split_bytes: Option<u64>,
 }
 
 /// `[workers]`: how the measuring is shared out.
@@ -60,6 +64,7 @@ pub(super) fn record(table: &Table<'_>, raw: RawRecord) -> Result<Record, Config
         ring_bytes_max: table.whole("ring_bytes_max", raw.ring_bytes_max, 1 << 20..=1 << 40, "bytes")?,
         keep_last: table.whole("keep_last", raw.keep_last, 1..=1_000_000, "recordings")?,
         max_bytes: table.whole("max_bytes", raw.max_bytes, 1 << 20..=1 << 50, "bytes")?,
+        split_bytes: table.whole("split_bytes", raw.split_bytes, 1 << 20..=1 << 50, "bytes")?,
     })
 }
 

@@ -41,6 +41,9 @@ pub(super) struct RawCamera {
     pub playback_rate: Option<f64>,
     pub from_s: Option<f64>,
     pub to_s: Option<f64>,
+    pub parts: Option<Vec<String>>,
+    pub shift_ns: Option<i64>,
+    pub stepped: Option<bool>,
     pub width_px: Option<i64>,
     pub height_px: Option<i64>,
     pub offset_x_px: Option<i64>,
@@ -151,6 +154,7 @@ pub(super) struct RawRecord {
     pub ring_bytes_max: Option<i64>,
     pub keep_last: Option<i64>,
     pub max_bytes: Option<i64>,
+    pub split_bytes: Option<i64>,
 }
 
 #[derive(Debug, Default, Deserialize)]

@@ -4,6 +4,7 @@ use super::action::Cause;
 use super::clock::{Every, Patience, host_ns, now};
 use super::conclude::Alone;
 use super::pace::Latencies;
+use super::reins;
 use super::report::Reporter;
 use super::rig::{SUCCESSION, Source, limits};
 use super::stop::Stop;
@@ -56,6 +57,8 @@ struct Loop {
     /// How long the trigger looked at each frame.
     decisions: Latencies,
     alone: Option<Alone>,
+    /// Whether every frame is asked for, and told of.
+    is_stepped: bool,
     summary: Summary,
     queued: usize,
     /// Torn frames since the last whole one.
@@ -89,6 +92,7 @@ impl Loop {
             decisions: Latencies::default(),
             alone: trigger.as_ref().and_then(|_| Alone::new(config)),
             trigger,
+            is_stepped: config.camera.stepped,
             source,
             summary: Summary::default(),
             queued: 0,
@@ -125,6 +129,9 @@ impl Loop {
     fn stream(&mut self, config: &Config, stop: &Stop) -> anyhow::Result<()> {
         self.lend()?;
         self.source.camera().start()?;
+        if self.is_stepped {
+            reins::tell("ready: each line on standard input plays a frame");
+        }
         while !stop.requested() {
             self.reporter.status(&self.summary, self.next.saturating_sub(1), self.stamp_ns)?;
             self.lend()?;
@@ -162,6 +169,9 @@ impl Loop {
         let exposure_us = self.source.format().exposure_us;
         self.ring.send(slot, FrameHeader::new(&meta, self.reporter.run_id(), exposure_us))?;
         self.bell.ring();
+        if self.is_stepped {
+            reins::tell(&format!("frame {} of {} ns", meta.sequence, meta.stamp_ns));
+        }
         self.summary.taken += 1;
         self.summary.given += 1;
         if self.first.is_none() {

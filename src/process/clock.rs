@@ -10,7 +10,7 @@ pub(super) fn now() -> Instant {
 
 /// Now in ns since the Unix epoch, for latencies and for telling one run from another.
 #[expect(clippy::disallowed_methods, reason = "latencies compare the host's clock with frame stamps")]
-pub(super) fn host_ns() -> u64 {
+pub fn host_ns() -> u64 {
     SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |since| u64::try_from(since.as_nanos()).unwrap_or(u64::MAX))
 }
 

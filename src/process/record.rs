@@ -427,7 +427,7 @@ impl Recorder<'_> {
         self.reporter.event(EventKind::Recorded, end, self.newest.1, &finished.path.display().to_string())?;
         self.retention.add(&finished.path);
         self.summary.recordings.push(finished.path);
-        let told = self.retention.enforce(0);
+        let told = self.retention.enforce(None);
         self.tell_removed(told)
     }
 

@@ -8,8 +8,9 @@ use crate::camera::{Camera, CameraError, CameraIdentity, Next, Pace, Slot, Strea
 use crate::config::{self, Config};
 use crate::image::PixelFormat;
 use crate::measure::{BodyParams, MeasureParams, TrackerParams};
-use crate::recording::RecordingError;
+use crate::recording::{Recording, RecordingError};
 use crate::synth::{Scenario, World};
+use std::path::PathBuf;
 use std::time::Duration;
 
 /// Frames the ring holds when no trigger asks for more: what a burst may bring before the workers catch up.
@@ -125,10 +126,15 @@ pub fn open_camera(config: &Config) -> Result<Box<dyn Camera>, CameraError> {
             Box::new(SimulatedCamera::film(world, camera.paced)?)
         }
         config::Source::Recording => {
-            let path = std::path::PathBuf::from(camera.id.clone().unwrap_or_default());
+            let path = PathBuf::from(camera.id.clone().unwrap_or_default());
             let rate = if camera.paced { PlaybackRate::Times(camera.playback_rate) } else { PlaybackRate::Max };
             let span = Span { from_s: camera.from_s, to_s: camera.to_s.unwrap_or(f64::INFINITY) };
-            let recording = RecordingCamera::open(&path, rate, Repeat::Once)?.within(span);
+            let files: Vec<PathBuf> =
+                std::iter::once(path.clone()).chain(camera.parts.iter().map(Into::into)).collect();
+            let film = Recording::joined(Recording::open_all(&files)?);
+            let film = film.ok_or_else(|| RecordingError::invalid(&path, "no recording"))?;
+            let recording = RecordingCamera::play(film, rate, Repeat::Once)?.within(span).shifted(camera.shift_ns);
+            let recording = if camera.stepped { recording.stepped() } else { recording };
             if recording.format().frame_rate_hz <= 0.0 {
                 let reason = "its frames tell no frame rate; `ricochet analyze` takes one with --fps".to_owned();
                 return Err(RecordingError::Invalid { path, reason }.into());

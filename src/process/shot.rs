@@ -62,7 +62,8 @@ impl Shot {
             Some(Compression::Zstd) => recording::Compression::Zstd1,
             _ => recording::Compression::None,
         };
-        let options = WriterOptions { compression, ..WriterOptions::default() };
+        let split_bytes = record.and_then(|record| record.split_bytes);
+        let options = WriterOptions { compression, split_bytes, ..WriterOptions::default() };
         Ok(Self {
             writer: RecordingWriter::create(path, info, &options)?,
             ordered: OrderedTracker::new(params, extent.first, extent.patience_frames),
@@ -109,9 +110,14 @@ impl Shot {
         Ok(())
     }
 
-    /// The file while it is written.
-    pub fn part(&self) -> &Path {
-        self.writer.part()
+    /// Its name; of the first file when it is split.
+    pub fn path(&self) -> &Path {
+        self.writer.path()
+    }
+
+    /// What its files take so far, bytes.
+    pub fn written_bytes(&self) -> u64 {
+        self.writer.written_bytes()
     }
 
     /// One past the newest frame.

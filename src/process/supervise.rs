@@ -1,6 +1,7 @@
 //! Starting the processes of a rig, watching them, starting again what dies, stopping them in order.
 
 use super::clock::{Every, Patience};
+use super::reins::{self, END_OF_CONFIG, Reins};
 use super::report::Reporter;
 use super::rig::{expected_format, limits};
 use super::stop::Stop;
@@ -16,6 +17,7 @@ use std::io::Write;
 use std::os::unix::process::CommandExt;
 use std::path::PathBuf;
 use std::process::{Child as Process, Command, ExitStatus, Stdio};
+use std::sync::mpsc::Sender;
 use std::time::Duration;
 
 const WATCH: Duration = Duration::from_millis(20);
@@ -57,6 +59,7 @@ pub struct Fleet<'a> {
     clean: Every,
     summary: Summary,
     restarts: u64,
+    leader: Option<Sender<Reins>>,
     _services: Vec<Box<dyn Any>>,
 }
 
@@ -70,9 +73,23 @@ pub struct Fleet<'a> {
 pub fn run(
     config: &Config,
     stop: &Stop,
+    watch: impl FnMut(&BTreeMap<Child, StatusMessage>),
+) -> anyhow::Result<Summary> {
+    run_led(config, stop, None, watch)
+}
+
+/// As [`run`]; the reins of a stepped camera go to `leader`, standard input leads it when there is none.
+///
+/// # Errors
+///
+/// As [`run`].
+pub fn run_led(
+    config: &Config,
+    stop: &Stop,
+    leader: Option<Sender<Reins>>,
     mut watch: impl FnMut(&BTreeMap<Child, StatusMessage>),
 ) -> anyhow::Result<Summary> {
-    let mut fleet = Fleet::start(config)?;
+    let mut fleet = Fleet::start(config, leader)?;
     let outcome = fleet.watch(stop, &mut watch);
     fleet.stop_all();
     fleet.listen()?;
@@ -98,7 +115,7 @@ impl<'a> Fleet<'a> {
     /// # Errors
     ///
     /// When a process cannot be started, or shared memory cannot be used.
-    pub fn start(config: &'a Config) -> anyhow::Result<Self> {
+    pub fn start(config: &'a Config, leader: Option<Sender<Reins>>) -> anyhow::Result<Self> {
         let format = expected_format(config)?;
         if let Some(record) = &config.record {
             prepare_directory(record)?;
@@ -123,6 +140,7 @@ impl<'a> Fleet<'a> {
             clean: Every::new(CLEAN),
             summary: Summary::default(),
             restarts: 0,
+            leader,
             _services: services,
         };
         for child in workers.chain(recorder).chain(others) {
@@ -145,10 +163,20 @@ impl<'a> Fleet<'a> {
             command.args(["--resume", &sequence.to_string()]);
         }
         // A group of its own: an interrupt from the terminal reaches the supervisor, which stops the rig in order.
-        command.arg("--supervised").stdin(Stdio::piped()).stdout(Stdio::null()).process_group(0);
+        let is_stepped = child.role == Role::Acquire && self.config.camera.stepped;
+        let stdout = match &self.leader {
+            _ if !is_stepped => Stdio::null(),
+            Some(_) => Stdio::piped(),
+            None => Stdio::inherit(),
+        };
+        command.arg("--supervised").stdin(Stdio::piped()).stdout(stdout).process_group(0);
         let mut process = command.spawn()?;
         if let Some(mut stdin) = process.stdin.take() {
             stdin.write_all(self.config.text.as_bytes())?;
+            if is_stepped {
+                stdin.write_all(&[END_OF_CONFIG])?;
+                reins::hand_over(stdin, process.stdout.take(), self.leader.as_ref());
+            }
         }
         Ok(process)
     }

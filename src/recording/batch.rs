@@ -29,6 +29,11 @@ impl Batch {
         self.messages.is_empty()
     }
 
+    /// At most what it takes in a file.
+    pub(super) fn expected_bytes(&self) -> u64 {
+        self.bytes.len() as u64 + self.messages.len() as u64 * super::split::MESSAGE_BYTES
+    }
+
     /// Every message in the order it came: topic, log time, bytes.
     pub(super) fn iter(&self) -> impl Iterator<Item = (Topic, u64, &[u8])> {
         let starts = std::iter::once(0).chain(self.messages.iter().map(|(_, _, end)| *end));

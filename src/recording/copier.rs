@@ -1,9 +1,17 @@
 //! Messages of one file into another, exactly as they are.
 
 use super::reader::{Channel, Message, Schema};
-use super::writer::Copied;
 use super::{Recording, RecordingError, RecordingWriter};
 use std::collections::BTreeMap;
+
+/// A message of another file.
+pub(super) struct Copied<'a> {
+    pub(super) sequence: u32,
+    pub(super) log_time_ns: u64,
+    pub(super) publish_time_ns: u64,
+    pub(super) data: &'a [u8],
+    pub(super) is_frame: bool,
+}
 
 /// Copies messages, and the channels and schemas they need.
 pub(super) struct Copier<'a> {

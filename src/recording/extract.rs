@@ -2,7 +2,7 @@
 
 use super::copier::Copier;
 use super::part::{self, PartFile};
-use super::{Compression, Recording, RecordingError, RecordingWriter, Topic, WriterOptions};
+use super::{CONTINUED_NAME, Compression, Recording, RecordingError, RecordingWriter, Topic, WriterOptions, split};
 use crate::image::{FrameMeta, PixelFormat};
 use mcap::WriteOptions;
 use mcap::records::MessageHeader;
@@ -11,7 +11,8 @@ use std::io::{BufWriter, Write as _};
 use std::path::Path;
 
 /// Small messages compress well, and a chunk is what a reader loads at once.
-const RESULTS: WriterOptions = WriterOptions { compression: Compression::Zstd1, chunk_bytes: 1 << 20 };
+const RESULTS: WriterOptions =
+    WriterOptions { compression: Compression::Zstd1, chunk_bytes: 1 << 20, split_bytes: None };
 const ROS2_CHUNK_BYTES: u64 = 4 << 20;
 /// The topic that camera drivers of ROS publish on.
 const ROS2_TOPIC: &str = "/camera/image_raw";
@@ -58,13 +59,20 @@ pub fn copy_results(from: &Path, to: &Path) -> Result<u64, RecordingError> {
 }
 
 fn copy(recording: &Recording, writer: &mut RecordingWriter) -> Result<u64, RecordingError> {
-    for (name, entries) in recording.metadata_records() {
-        writer.metadata(name, entries.clone())?;
+    for (name, entries) in recording.metadata_records().iter().filter(|(name, _)| name != CONTINUED_NAME) {
+        let mut entries = entries.clone();
+        // The copy is one file.
+        split::SPLIT_KEYS.iter().for_each(|key| drop(entries.remove(*key)));
+        writer.metadata(name, entries)?;
     }
     for attachment in recording.attachments() {
         let content = recording.attachment(&attachment.name)?;
         writer.attach(&attachment.name, &attachment.media_type, &content)?;
     }
+    recording.singles().map(|file| copy_rows(&file, writer)).sum()
+}
+
+fn copy_rows(recording: &Recording, writer: &mut RecordingWriter) -> Result<u64, RecordingError> {
     let mut copier = Copier::new(recording, writer);
     let is_of_frames = |channel: u16| {
         let named = recording.channels().get(&channel).is_some_and(|c| c.topic == Topic::FrameInfo.name());

@@ -8,6 +8,7 @@
 mod annotations;
 mod batch;
 mod copier;
+mod encode;
 mod error;
 mod extract;
 mod part;
@@ -15,6 +16,7 @@ mod reader;
 mod recover;
 mod rows;
 mod schema;
+mod split;
 mod writer;
 
 pub use annotations::Annotations;
@@ -25,11 +27,14 @@ pub use reader::{Attachment, Frames, Recording, Rows, TopicSummary};
 pub use recover::{Recovered, recover};
 pub use rows::{EventRow, StatusRow};
 pub use schema::Topic;
+pub use split::files_of;
 pub use writer::{Compression, FinishedRecording, RecordingInfo, RecordingWriter, WriterOptions};
 
 /// Name of the metadata record every recording of ours has.
 const METADATA_NAME: &str = "ricochet";
 /// Name of the attached configuration.
 const CONFIG_NAME: &str = "config.toml";
+/// Name of the metadata record at the end of a file that goes on in a next one.
+const CONTINUED_NAME: &str = "continued";
 /// Name of the metadata record a recovered recording has besides.
 const RECOVERED_NAME: &str = "recovered";

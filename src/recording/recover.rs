@@ -32,7 +32,7 @@ pub struct Recovered {
 ///
 /// [`RecordingError`] when the old file cannot be opened or the new one not written.
 pub fn recover(from: &Path, to: &Path) -> Result<Recovered, RecordingError> {
-    let recording = Recording::open(from)?;
+    let recording = Recording::open_one(from)?;
     let mut writer = RecordingWriter::start(to, part::recovering_path(to), &WriterOptions::default())?;
     let mut skipped: Vec<String> = recording.truncated().map(str::to_owned).into_iter().collect();
     describe(&recording, &mut writer, &mut skipped)?;

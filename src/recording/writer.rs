@@ -1,17 +1,16 @@
 //! Writing a recording.
 
 use super::batch::Batch;
+use super::copier::Copied;
 use super::part::PartFile;
 use super::rows::{EventRow, Row, StatusRow};
-use super::schema::{Topic, proto};
-use super::{Annotations, RecordingError, part};
-use crate::image::{Frame, PixelFormat};
+use super::schema::Topic;
+use super::split::Split;
+use super::{Annotations, RecordingError, encode, part};
+use crate::image::Frame;
 use crate::results::{Impact, PairField, TrackSample, VelocitySample};
-use foxglove::messages::{RawImage, Timestamp};
 use mcap::records::{MessageHeader, Metadata};
 use mcap::{McapError, WriteOptions};
-use prost::Message;
-use prost::encoding::{WireType, encode_key, encode_varint};
 use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::BufWriter;
@@ -25,8 +24,8 @@ const SYNC_NS: u64 = 1_000_000_000;
 const BATCH_NS: u64 = 100_000_000;
 const ROWS_BYTES: usize = 1 << 20;
 const FIELDS_BYTES: usize = 4 << 20;
-/// Field number of `data` in `foxglove.RawImage`.
-const DATA_TAG: u32 = 6;
+
+type Mcap = mcap::Writer<BufWriter<PartFile>>;
 
 /// Whether chunks are compressed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -45,11 +44,13 @@ pub struct WriterOptions {
     pub compression: Compression,
     /// Size at which a chunk is closed, bytes; a reader that seeks reads one chunk.
     pub chunk_bytes: u64,
+    /// Size at which the recording goes on in a next file, bytes; no file becomes larger unless one message is.
+    pub split_bytes: Option<u64>,
 }
 
 impl Default for WriterOptions {
     fn default() -> Self {
-        Self { compression: Compression::None, chunk_bytes: 4 << 20 }
+        Self { compression: Compression::None, chunk_bytes: 4 << 20, split_bytes: None }
     }
 }
 
@@ -69,11 +70,11 @@ pub struct RecordingInfo {
 /// What became of a finished recording.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct FinishedRecording {
-    /// Its final name.
+    /// Its final name; of the first file when it was split.
     pub path: PathBuf,
     /// Frames in it.
     pub frames: u64,
-    /// Its size.
+    /// Its size, all files together.
     pub bytes: u64,
 }
 
@@ -85,7 +86,7 @@ pub struct FinishedRecording {
 pub struct RecordingWriter {
     path: PathBuf,
     part: PathBuf,
-    mcap: Option<mcap::Writer<BufWriter<PartFile>>>,
+    mcap: Option<Mcap>,
     handle: File,
     channels: [Option<u16>; Topic::ALL.len()],
     rows: Batch,
@@ -97,15 +98,9 @@ pub struct RecordingWriter {
     unsynced_bytes: u64,
     /// Stamp of the frame after which the file was last forced to the disk.
     synced_ns: Option<u64>,
-}
-
-/// A message of another file.
-pub(super) struct Copied<'a> {
-    pub(super) sequence: u32,
-    pub(super) log_time_ns: u64,
-    pub(super) publish_time_ns: u64,
-    pub(super) data: &'a [u8],
-    pub(super) is_frame: bool,
+    pub(super) split: Option<Split>,
+    /// Whether the present file has any.
+    pub(super) has_messages: bool,
 }
 
 impl RecordingWriter {
@@ -118,24 +113,14 @@ impl RecordingWriter {
     /// the system refuses.
     pub fn create(path: &Path, info: &RecordingInfo, options: &WriterOptions) -> Result<Self, RecordingError> {
         let mut writer = Self::start(path, part::part_path(path), options)?;
-        // Before any channel: afterwards they would cut off a chunk without messages, which some readers refuse.
-        match writer.describe(info) {
-            Ok(()) => Ok(writer),
-            Err(error) => {
-                // Made here and still without a message: nothing is lost with it.
-                let _ = std::fs::remove_file(&writer.part);
-                Err(error)
-            }
-        }
+        writer.split = options.split_bytes.map(|bytes| Split::new(path, bytes, info, options));
+        let told = writer.split.as_ref().map(Split::info);
+        writer.describe(told.as_ref().unwrap_or(info)).map(|()| writer)
     }
 
     /// Starts a recording that says nothing of itself yet.
     pub(super) fn start(path: &Path, part: PathBuf, options: &WriterOptions) -> Result<Self, RecordingError> {
-        let file = part::create(path, &part)?;
-        let handle = file.try_clone().map_err(|error| RecordingError::io("open", &part, error))?;
-        let mcap = write_options(options)
-            .create(BufWriter::with_capacity(64 << 10, PartFile::new(file)))
-            .map_err(|error| failure(&part, error))?;
+        let (mcap, handle) = open(path, &part, options)?;
         Ok(Self {
             path: path.to_path_buf(),
             part,
@@ -149,10 +134,32 @@ impl RecordingWriter {
             safe_frames: 0,
             unsynced_bytes: 0,
             synced_ns: None,
+            split: None,
+            has_messages: false,
         })
     }
 
-    fn describe(&mut self, info: &RecordingInfo) -> Result<(), RecordingError> {
+    /// Takes up a next file in place of the one that is complete.
+    pub(super) fn begin(&mut self, path: &Path, part: PathBuf, options: &WriterOptions) -> Result<(), RecordingError> {
+        let (mcap, handle) = open(path, &part, options)?;
+        (self.mcap, self.handle, self.part) = (Some(mcap), handle, part);
+        self.path = path.to_path_buf();
+        (self.channels, self.has_messages) = ([None; Topic::ALL.len()], false);
+        Ok(())
+    }
+
+    /// Says first what the file is of.
+    pub(super) fn describe(&mut self, info: &RecordingInfo) -> Result<(), RecordingError> {
+        // Before any channel: afterwards they would cut off a chunk without messages, which some readers refuse.
+        let described = self.describe_all(info);
+        if described.is_err() {
+            // Made here and still without a message: nothing is lost with it.
+            let _ = std::fs::remove_file(&self.part);
+        }
+        described
+    }
+
+    fn describe_all(&mut self, info: &RecordingInfo) -> Result<(), RecordingError> {
         let mut entries = info.metadata.clone();
         for (index, body) in info.bodies.iter().enumerate() {
             entries.insert(format!("body.{index}"), body.clone());
@@ -207,11 +214,12 @@ impl RecordingWriter {
             ));
         }
         self.write_due(meta.stamp_ns)?;
+        self.make_room(encode::expected_bytes(frame))?;
         let mut message = std::mem::take(&mut self.scratch);
-        encode_info(frame, &mut message);
+        encode::info(frame, &mut message);
         let mut result = self.message(Topic::FrameInfo, meta.sequence, meta.stamp_ns, &message);
         if result.is_ok() {
-            encode_image(frame, &mut message);
+            encode::image(frame, &mut message);
             result = self.message(Topic::Image, meta.sequence, meta.stamp_ns, &message);
         }
         self.scratch = message;
@@ -281,6 +289,17 @@ impl RecordingWriter {
         &self.part
     }
 
+    /// What the files take so far, bytes; what is held back does not count.
+    pub fn written_bytes(&self) -> u64 {
+        let finished = self.split.as_ref().map_or(0, |split| split.finished_bytes);
+        finished + self.handle.metadata().map_or(0, |about| about.len())
+    }
+
+    /// The name the recording will have; of its first file when it is split.
+    pub fn path(&self) -> &Path {
+        self.split.as_ref().map_or(&self.path, |split| split.first())
+    }
+
     /// Frames added so far.
     pub fn frames(&self) -> u64 {
         self.frames
@@ -288,7 +307,8 @@ impl RecordingWriter {
 
     /// How many of them can be read in the part file whatever happens to this process.
     pub fn safe_frames(&self) -> u64 {
-        if part::is_in_place(&self.part, &self.handle) { self.safe_frames } else { 0 }
+        let finished = self.split.as_ref().map_or(0, |split| split.finished_frames);
+        if part::is_in_place(&self.part, &self.handle) { self.safe_frames } else { finished }
     }
 
     /// Writes everything that is held back and forces it to the disk.
@@ -311,20 +331,31 @@ impl RecordingWriter {
     /// [`RecordingError`] naming the step that failed; the part file stays.
     pub fn finish(mut self) -> Result<FinishedRecording, RecordingError> {
         self.write_batches()?;
+        let last = self.complete()?;
+        let (path, bytes) = match &self.split {
+            Some(split) => (split.first().to_path_buf(), split.finished_bytes + last),
+            None => (self.path.clone(), last),
+        };
+        Ok(FinishedRecording { path, frames: self.frames, bytes })
+    }
+}
+
+impl RecordingWriter {
+    /// Completes the present file; its size.
+    pub(super) fn complete(&mut self) -> Result<u64, RecordingError> {
         self.call(mcap::Writer::finish)?;
         if let Some(mcap) = self.mcap.take() {
             std::io::Write::flush(&mut mcap.into_inner()).map_err(|error| failure(&self.part, error.into()))?;
         }
         self.check_place()?;
+        self.unsynced_bytes = 0;
         let io = |error| RecordingError::io("sync", &self.part, error);
         self.handle.sync_all().map_err(io)?;
         let bytes = self.handle.metadata().map_err(io)?.len();
         part::publish(&self.path, &self.part)?;
-        Ok(FinishedRecording { path: self.path.clone(), frames: self.frames, bytes })
+        Ok(bytes)
     }
-}
 
-impl RecordingWriter {
     fn row<R: Row>(&mut self, topic: Topic, log_time_ns: u64, row: &R) -> Result<(), RecordingError> {
         self.rows.push(topic, log_time_ns, &row.to_message());
         self.write_due(log_time_ns)
@@ -342,6 +373,7 @@ impl RecordingWriter {
             if batch.is_empty() {
                 continue;
             }
+            self.make_room(batch.expected_bytes())?;
             self.flush()?;
             for (topic, log_time_ns, message) in batch.iter() {
                 self.message(topic, 0, log_time_ns, message)?;
@@ -353,7 +385,7 @@ impl RecordingWriter {
     }
 
     /// Ends the chunk and hands it to the system.
-    fn flush(&mut self) -> Result<(), RecordingError> {
+    pub(super) fn flush(&mut self) -> Result<(), RecordingError> {
         self.call(mcap::Writer::flush)?;
         self.safe_frames = self.frames;
         Ok(())
@@ -373,6 +405,10 @@ impl RecordingWriter {
         let sequence = (sequence & u64::from(u32::MAX)) as u32;
         let header = MessageHeader { channel_id, sequence, log_time: time_ns, publish_time: time_ns };
         self.unsynced_bytes += message.len() as u64;
+        self.has_messages = true;
+        if let Some(split) = &mut self.split {
+            split.add(message.len());
+        }
         self.call(|mcap| mcap.write_to_known_channel(&header, message))
     }
 
@@ -380,8 +416,13 @@ impl RecordingWriter {
         if let Some(id) = self.channels[topic as usize] {
             return Ok(id);
         }
+        let schema = topic.schema_data();
+        if let Some(split) = &mut self.split {
+            // Once in front, once more at the end.
+            split.add(2 * schema.len());
+        }
         let id = self.call(|mcap| {
-            let schema = mcap.add_schema(topic.schema_name(), "protobuf", &topic.schema_data())?;
+            let schema = mcap.add_schema(topic.schema_name(), "protobuf", &schema)?;
             mcap.add_channel(schema, topic.name(), "protobuf", &BTreeMap::new())
         })?;
         self.channels[topic as usize] = Some(id);
@@ -403,7 +444,7 @@ impl RecordingWriter {
 
     pub(super) fn call<T>(
         &mut self,
-        action: impl FnOnce(&mut mcap::Writer<BufWriter<PartFile>>) -> Result<T, McapError>,
+        action: impl FnOnce(&mut Mcap) -> Result<T, McapError>,
     ) -> Result<T, RecordingError> {
         match &mut self.mcap {
             Some(mcap) => action(mcap).map_err(|error| failure(&self.part, error)),
@@ -419,6 +460,13 @@ impl Drop for RecordingWriter {
             let _ = self.write_batches();
         }
     }
+}
+
+fn open(path: &Path, part: &Path, options: &WriterOptions) -> Result<(Mcap, File), RecordingError> {
+    let file = part::create(path, part)?;
+    let handle = file.try_clone().map_err(|error| RecordingError::io("open", part, error))?;
+    let buffered = BufWriter::with_capacity(64 << 10, PartFile::new(file));
+    Ok((write_options(options).create(buffered).map_err(|error| failure(part, error))?, handle))
 }
 
 fn write_options(options: &WriterOptions) -> WriteOptions {
@@ -439,50 +487,6 @@ pub(super) fn failure(part: &Path, error: McapError) -> RecordingError {
         McapError::Io(source) => RecordingError::io("write", part, source),
         other => RecordingError::refused(part, other.to_string()),
     }
-}
-
-fn encode_info(frame: &Frame<'_>, message: &mut Vec<u8>) {
-    let meta = &frame.meta;
-    message.clear();
-    message.extend(
-        proto::FrameInfo {
-            sequence: meta.sequence,
-            epoch: meta.epoch,
-            stamp_ns: meta.stamp_ns,
-            device_ns: meta.device_ns,
-            pixel_format: meta.format as u32,
-            pixels_crc32: crc32fast::hash(frame.bytes),
-        }
-        .encode_to_vec(),
-    );
-}
-
-/// The image message with the pixels last, so that they are copied once.
-fn encode_image(frame: &Frame<'_>, message: &mut Vec<u8>) {
-    let meta = &frame.meta;
-    let encoding = match meta.format {
-        PixelFormat::Mono8 => "mono8",
-        PixelFormat::Mono10 | PixelFormat::Mono12 | PixelFormat::Mono16 => "mono16",
-    };
-    let header = RawImage {
-        timestamp: Some(timestamp(meta.stamp_ns)),
-        frame_id: "camera".into(),
-        width: meta.width_px,
-        height: meta.height_px,
-        encoding: encoding.into(),
-        step: meta.stride_bytes,
-        data: Default::default(),
-    };
-    message.clear();
-    message.extend(header.encode_to_vec());
-    encode_key(DATA_TAG, WireType::LengthDelimited, message);
-    encode_varint(frame.bytes.len() as u64, message);
-    message.extend_from_slice(frame.bytes);
-}
-
-pub(super) fn timestamp(stamp_ns: u64) -> Timestamp {
-    let seconds = u32::try_from(stamp_ns / 1_000_000_000).unwrap_or(u32::MAX);
-    Timestamp::new(seconds, (stamp_ns % 1_000_000_000) as u32)
 }
 
 /// When a collision is logged: at its start, or where its times count from while that is not known.

@@ -9,19 +9,19 @@ use std::path::{Path, PathBuf};
 
 const TABLES: [&str; 4] = ["velocity", "field", "track", "impact"];
 
-fn tables(path: &Path) -> [String; 4] {
+pub fn tables(path: &Path) -> [String; 4] {
     TABLES.map(|topic| csv(path, topic))
 }
 
 /// A rig file for a slow drift of 40 frames; `camera` and `rest` are added.
-fn drifting(rig: &Rig, camera: &str, rest: &str) -> PathBuf {
+pub fn drifting(rig: &Rig, camera: &str, rest: &str) -> PathBuf {
     let scenario = rig.file("drift.toml", &drift(40, 1000.0));
     let camera = format!("source = \"simulated\"\nscenario = \"{}\"\n{camera}", scenario.display());
     rig.config(&camera, &format!("[scale]\nmm_per_px = 0.5\n{rest}"))
 }
 
 /// Analyses with this many workers; whatever the exit code, which is given too.
-fn analysis(rig: &Rig, film: &Path, workers: &str) -> (Option<i32>, [String; 4]) {
+pub fn analysis(rig: &Rig, film: &Path, workers: &str) -> (Option<i32>, [String; 4]) {
     let results = rig.path(&format!("analysis-{workers}-{}", film.file_name().unwrap().to_str().unwrap()));
     let arguments = ["analyze".as_ref(), film.as_os_str(), "--workers".as_ref(), workers.as_ref(), "-o".as_ref()];
     let output = run(arguments.into_iter().chain([results.as_os_str()]));
@@ -62,7 +62,7 @@ fn every_interval_gives_the_same_live_and_analysed_whatever_the_workers() {
 }
 
 /// Writes these frames as a recording of ours with this rig file.
-fn write(path: &Path, config: &Path, frames: &[(FrameMeta, Vec<u8>)]) {
+pub fn write(path: &Path, config: &Path, frames: &[(FrameMeta, Vec<u8>)]) {
     let metadata = [("frame_rate_hz".to_owned(), "1000".to_owned())].into();
     let config_toml = std::fs::read_to_string(config).unwrap();
     let info = RecordingInfo { config_toml, metadata, ..RecordingInfo::default() };
@@ -73,7 +73,7 @@ fn write(path: &Path, config: &Path, frames: &[(FrameMeta, Vec<u8>)]) {
     writer.finish().unwrap();
 }
 
-fn film(rig: &Rig) -> Vec<(FrameMeta, Vec<u8>)> {
+pub fn film(rig: &Rig) -> Vec<(FrameMeta, Vec<u8>)> {
     let path = rig.path("film.mcap");
     let scenario = rig.path("drift.toml");
     succeed(["simulate".as_ref(), scenario.as_os_str(), "-o".as_ref(), path.as_os_str()]);

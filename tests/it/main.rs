@@ -11,6 +11,7 @@
 mod accuracy;
 mod ball;
 mod bounce;
+mod browser;
 mod bus;
 mod camera_contract;
 mod check;
@@ -36,6 +37,7 @@ mod pipeline;
 mod python;
 mod recording;
 mod recordings;
+mod replay;
 mod report;
 mod rigid;
 mod rod;

@@ -1,5 +1,6 @@
 //! The page that tells a shot, and the one that tells how well several repeat.
 
+use crate::browser;
 use crate::recording::samples;
 use crate::support::{Rig, run, succeed};
 use ricochet::image::{Frame, PixelFormat};
@@ -7,7 +8,6 @@ use ricochet::recording::{Recording, RecordingInfo, RecordingWriter, WriterOptio
 use ricochet::report::{self, Shot};
 use ricochet::results::{Estimate, Impact, PointStatus};
 use std::path::{Path, PathBuf};
-use std::process::Command;
 
 const SIZE_MAX: usize = 3 << 20;
 
@@ -23,25 +23,6 @@ fn requests(page: &str) -> Vec<&str> {
         found.extend(after.filter(|text| !text.starts_with("href=\"data:image/png;base64,")));
     }
     found
-}
-
-/// The page as headless Chromium shows it, or says that it was left out.
-fn rendered(page: &Path) -> Option<String> {
-    let program = ["chromium", "chromium-browser", "google-chrome"]
-        .into_iter()
-        .find(|name| Command::new(name).arg("--version").output().is_ok_and(|output| output.status.success()));
-    let Some(program) = program else {
-        eprintln!("left out: no Chromium to render the page with");
-        return None;
-    };
-    let profile = tempfile::tempdir().unwrap();
-    let options = ["--headless", "--no-sandbox", "--disable-gpu", "--dump-dom", "--window-size=1200,2400"];
-    let mut command = Command::new(program);
-    command.args(options).arg(format!("--user-data-dir={}", profile.path().display()));
-    // Whatever the page asked for would fail and show.
-    let output = command.arg("--proxy-server=127.0.0.1:9").arg(format!("file://{}", page.display())).output().unwrap();
-    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
-    Some(String::from_utf8(output.stdout).unwrap())
 }
 
 /// A measured shot of the simulated ball.
@@ -73,10 +54,30 @@ fn the_page_of_a_shot_holds_its_numbers_and_asks_for_nothing() {
         assert!(!html.contains(word), "{word} is on the page");
     }
     assert!(html.matches("class=\"chart\"").count() == 6, "six curves");
-    if let Some(dom) = rendered(&page) {
-        assert_eq!(dom.matches("class=\"chart\"").count(), 6);
-        assert!(dom.contains("Settings (config.toml)") && dom.contains("Normal velocity"));
+    let Some(shown) = browser::show(&page, ".chart, figure svg, table:not(details *)") else { return };
+    assert_eq!((shown.requests.len(), shown.console.len()), (0, 0), "{:?} {:?}", shown.requests, shown.console);
+    let [width_px, height_px] = shown.content_px;
+    assert!(width_px <= f64::from(browser::SIZE_PX[0]), "{width_px} px wide: something sticks out");
+    assert!((1500.0..f64::from(browser::SIZE_PX[1])).contains(&height_px), "{height_px} px high");
+    let seen: Vec<[f64; 4]> = shown.boxes.iter().copied().filter(|[_, _, width, _]| *width > 0.0).collect();
+    assert!(seen.len() >= 6 + 3 + 4, "curves, pictures, tables: {:?}", shown.boxes);
+    for place in seen {
+        let (colours, part) = shown.drawn(place);
+        assert!(colours >= 8 && part > 0.02, "{place:?}: {colours} colours, {part} of it drawn");
     }
+    let margin = [0.0, 0.0, 20.0, height_px];
+    assert_eq!(shown.drawn(margin), (1, 0.0), "the margin is blank");
+}
+
+#[test]
+fn a_page_that_asks_for_something_or_fails_would_be_seen() {
+    let rig = Rig::new();
+    let text = "<img src=\"http://example.invalid/x.png\"><script>console.error(\"oops\")</script>";
+    let page = rig.file("bad.html", &format!("<html><body>{text}</body></html>"));
+    let Some(shown) = browser::show(&page, "img") else { return };
+    assert_eq!(shown.requests, ["http://example.invalid/x.png"]);
+    assert!(shown.console.len() == 1 && shown.console[0].contains("oops"), "{:?}", shown.console);
+    assert_eq!(shown.boxes.len(), 1);
 }
 
 /// A recording of `frames` frames of 128 x 96 px with one collision of this restitution.

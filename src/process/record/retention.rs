@@ -4,7 +4,7 @@ use super::Recorder;
 use crate::config::Record;
 use crate::message::EventKind;
 use crate::process::clock::Every;
-use crate::recording::Recording;
+use crate::recording::{Recording, files_of};
 use std::collections::BTreeSet;
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -32,8 +32,21 @@ pub(super) struct Retention {
 /// A finished recording of this rig.
 #[derive(Debug)]
 struct Kept {
+    /// Its first file.
     path: PathBuf,
+    /// The files it goes on in.
+    later: Vec<PathBuf>,
+    /// What all of them take.
     bytes: u64,
+}
+
+/// A recording that is being written.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct UnderWay<'a> {
+    /// Its first file, which is finished when it was split.
+    pub(super) path: &'a Path,
+    /// What its files take so far.
+    pub(super) bytes: u64,
 }
 
 impl Retention {
@@ -54,14 +67,16 @@ impl Retention {
         self.made.push(path.to_path_buf());
     }
 
-    /// Removes what is too much, beside `written_bytes` of a recording under way; one line for each file.
+    /// Removes what is too much, beside a recording under way; one line for each recording.
     ///
     /// The newest finished recording stays, whatever its size.
-    pub(super) fn enforce(&mut self, written_bytes: u64) -> Vec<String> {
+    pub(super) fn enforce(&mut self, under_way: Option<UnderWay<'_>>) -> Vec<String> {
         if self.keep_last.is_none() && self.max_bytes.is_none() {
             return Vec::new();
         }
-        let kept = self.finished();
+        let mut kept = self.finished();
+        kept.retain(|kept| under_way.is_none_or(|under_way| under_way.path != kept.path));
+        let written_bytes = under_way.map_or(0, |under_way| under_way.bytes);
         let mut count = kept.len();
         let mut bytes = kept.iter().fold(written_bytes, |sum, kept| sum.saturating_add(kept.bytes));
         let mut told = Vec::new();
@@ -76,7 +91,9 @@ impl Retention {
             bytes -= oldest.bytes;
             // An event has room for 200 bytes; the folder is that of the rig file.
             let name = oldest.path.file_name().unwrap_or_default().to_string_lossy();
-            match fs::remove_file(&oldest.path) {
+            // The first goes last: while it is there, so is what leads to the others.
+            let mut files = oldest.later.iter().rev().chain([&oldest.path]);
+            match files.try_for_each(fs::remove_file) {
                 Ok(()) => {
                     told.push(format!("removed {name}, {} bytes: {reason}", oldest.bytes));
                     self.made.retain(|path| *path != oldest.path);
@@ -93,11 +110,11 @@ impl Retention {
     }
 
     /// As [`enforce`](Self::enforce), when it is time again.
-    pub(super) fn look(&mut self, part: &Path) -> Vec<String> {
+    pub(super) fn look(&mut self, under_way: UnderWay<'_>) -> Vec<String> {
         if self.max_bytes.is_none() || !self.every.due() {
             return Vec::new();
         }
-        self.enforce(part.metadata().map_or(0, |about| about.len()))
+        self.enforce(Some(under_way))
     }
 
     /// The finished recordings of this rig, oldest first.
@@ -112,7 +129,12 @@ impl Retention {
                 let of_this_rig = is_name(entry.file_name().to_str()?, &self.rig) && is_from(&path, &self.rig);
                 let rank = self.made.iter().position(|made| *made == path).map_or(0, |at| at + 1);
                 let modified = about.modified().unwrap_or(SystemTime::UNIX_EPOCH);
-                of_this_rig.then(|| ((rank, modified, path.clone()), Kept { path, bytes: about.len() }))
+                of_this_rig.then(|| {
+                    let later: Vec<PathBuf> = files_of(&path).into_iter().skip(1).collect();
+                    let of_later = |path: &PathBuf| fs::symlink_metadata(path).map_or(0, |about| about.len());
+                    let bytes = about.len() + later.iter().map(of_later).sum::<u64>();
+                    ((rank, modified, path.clone()), Kept { path, later, bytes })
+                })
             })
             .collect();
         kept.sort_by(|a, b| a.0.cmp(&b.0));
@@ -148,7 +170,8 @@ impl Recorder<'_> {
     /// Sees that a recording under way leaves the folder within its bounds.
     pub(super) fn look_at_retention(&mut self) -> anyhow::Result<()> {
         let Some(active) = &self.shot else { return Ok(()) };
-        let told = self.retention.look(active.shot.part());
+        let under_way = UnderWay { path: active.shot.path(), bytes: active.shot.written_bytes() };
+        let told = self.retention.look(under_way);
         self.tell_removed(told)
     }
 }
@@ -157,6 +180,7 @@ impl Recorder<'_> {
 mod tests {
     use super::*;
     use crate::config::Compression;
+    use crate::image::{Frame, FrameMeta};
     use crate::recording::{RecordingInfo, RecordingWriter, WriterOptions};
     use std::collections::BTreeMap;
 
@@ -168,6 +192,7 @@ mod tests {
             ring_bytes_max: None,
             keep_last,
             max_bytes,
+            split_bytes: None,
         }
     }
 
@@ -234,7 +259,7 @@ mod tests {
         recording(at, "a-20200101-000000-002.mcap", "b", 0);
         let target = recording(at, "target", "a", 0);
         std::os::unix::fs::symlink(&target, at.join("a-20200101-000000-003.mcap")).unwrap();
-        let told = retention.enforce(0);
+        let told = retention.enforce(None);
         assert_eq!(told.len(), 2, "{told:?}");
         assert!(told[0].contains("a-20261124-000000-000.mcap") && told[0].ends_with("keep_last = 2"), "{told:?}");
         let left = names(at);
@@ -242,7 +267,7 @@ mod tests {
             assert!(left.contains(&(*name).to_owned()), "{name} of {left:?}");
         }
         assert_eq!(left.len(), 9, "{left:?}");
-        assert_eq!(retention.enforce(0), Vec::<String>::new());
+        assert_eq!(retention.enforce(None), Vec::<String>::new());
     }
 
     #[test]
@@ -256,12 +281,61 @@ mod tests {
             fs::File::options().append(true).open(path).unwrap().set_modified(time).unwrap();
         }
         let left = |written_bytes: u64| {
-            Retention::new(&record(at, None, Some(450_000)), "a").enforce(written_bytes);
+            let under_way = UnderWay { path: Path::new("shot"), bytes: written_bytes };
+            Retention::new(&record(at, None, Some(450_000)), "a").enforce(Some(under_way));
             names(at).into_iter().map(|name| name[9..10].to_owned()).collect::<String>()
         };
         assert_eq!(left(0), "1234");
         assert_eq!(left(150_000), "34");
         assert_eq!(left(10_000_000), "4");
+    }
+
+    /// A recording of this rig that was split into files of at most 100 kB.
+    fn split(directory: &Path, name: &str) -> Vec<PathBuf> {
+        let path = directory.join(name);
+        let metadata = BTreeMap::from([("rig".to_owned(), "a".to_owned())]);
+        let options = WriterOptions { split_bytes: Some(100_000), ..WriterOptions::default() };
+        let info = RecordingInfo { metadata, ..RecordingInfo::default() };
+        let mut writer = RecordingWriter::create(&path, &info, &options).unwrap();
+        for sequence in 0..4 {
+            let meta = FrameMeta {
+                sequence,
+                stamp_ns: sequence,
+                width_px: 100,
+                height_px: 200,
+                stride_bytes: 100,
+                ..FrameMeta::default()
+            };
+            writer.frame(&Frame { meta, bytes: &[7; 20_000] }).unwrap();
+        }
+        writer.finish().unwrap();
+        files_of(&path)
+    }
+
+    #[test]
+    fn a_split_recording_counts_and_goes_as_one() {
+        let folder = tempfile::tempdir().unwrap();
+        let at = folder.path();
+        let mut retention = Retention::new(&record(at, Some(2), None), "a");
+        let first = split(at, "a-20261121-000000-000.mcap");
+        assert!(first.len() > 2 && first.iter().all(|path| path.metadata().unwrap().len() < 100_000), "{first:?}");
+        let second = split(at, "a-20261122-000000-000.mcap");
+        let third = recording(at, "a-20261123-000000-000.mcap", "a", 0);
+        for path in [&first[0], &second[0], &third] {
+            retention.add(path);
+        }
+        // The files of a recording that is being written are not touched, however many there are.
+        let told = retention.enforce(Some(UnderWay { path: &first[0], bytes: 0 }));
+        assert_eq!(told, Vec::<String>::new());
+        assert_eq!(retention.enforce(None).len(), 1);
+        assert!(first.iter().all(|path| !path.exists()) && second.iter().all(|path| path.exists()));
+        let bytes = |paths: &[PathBuf]| paths.iter().map(|path| path.metadata().unwrap().len()).sum::<u64>();
+        let both = bytes(&second) + bytes(std::slice::from_ref(&third));
+        let mut tight = Retention::new(&record(at, None, Some(both)), "a");
+        assert_eq!(tight.enforce(None), Vec::<String>::new(), "all its files count, none twice");
+        let mut tighter = Retention::new(&record(at, None, Some(both - 1)), "a");
+        assert_eq!(tighter.enforce(None).len(), 1);
+        assert_eq!(names(at).len(), 1);
     }
 
     #[test]
@@ -274,10 +348,10 @@ mod tests {
         }
         let part = at.join("a-20261125-000000-000.mcap.part");
         fs::write(&part, vec![0; 200_000]).unwrap();
-        let told = retention.look(&part);
+        let told = retention.look(UnderWay { path: &part, bytes: 200_000 });
         assert!(told.len() == 1 && told[0].contains("a-20261120-000000-000.mcap"), "{told:?}");
-        fs::write(&part, vec![0; 10_000_000]).unwrap();
-        assert_eq!(retention.look(&part), Vec::<String>::new(), "not before it is time again");
+        let grown = UnderWay { path: &part, bytes: 10_000_000 };
+        assert_eq!(retention.look(grown), Vec::<String>::new(), "not before it is time again");
         assert!(part.exists() && names(at).len() == 3);
     }
 }

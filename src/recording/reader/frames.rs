@@ -18,7 +18,8 @@ use std::sync::Arc;
 #[derive(Debug)]
 pub struct Frames {
     messages: Messages,
-    info_channels: Vec<u16>,
+    /// Of each file.
+    info_channels: Vec<Vec<u16>>,
     info: Option<(u32, u64, proto::FrameInfo)>,
     index: u64,
 }
@@ -31,8 +32,7 @@ impl Recording {
 
     /// How many frames it holds, 0 when it has no (single) image topic.
     pub fn frame_count(&self) -> u64 {
-        let channels = self.inner.image_channels().unwrap_or_default();
-        channels.iter().filter_map(|id| self.inner.counts.get(id)).sum()
+        self.inners().map(|inner| inner.frame_count()).sum()
     }
 
     /// The frames.
@@ -44,16 +44,26 @@ impl Recording {
     /// damaged, or a frame's size or encoding is not one that can be measured.
     pub fn frames(&self) -> Result<Frames, RecordingError> {
         let inner = &self.inner;
-        let mut channels = inner.image_channels()?;
+        let mut files = Vec::new();
+        let mut info_channels = Vec::new();
+        for inner in self.inners() {
+            let mut channels = match inner.image_channels() {
+                Ok(channels) => channels,
+                // Of several files one may hold rows alone.
+                Err(_) if inner.frame_count() < self.frame_count() => Vec::new(),
+                Err(error) => return Err(error),
+            };
+            // Only our own files have the pair; elsewhere a topic of that name means something else.
+            let info = if inner.is_ours() { inner.channels_of(Topic::FrameInfo)? } else { Vec::new() };
+            channels.extend(&info);
+            files.push((Arc::clone(inner), channels));
+            info_channels.push(info);
+        }
         if self.frame_count() == 0 {
             let cut = self.truncated().map(|reason| format!(" ({reason})")).unwrap_or_default();
             return Err(inner.invalid(format!("holds no frames{cut}")));
         }
-        // Only our own files have the pair; elsewhere a topic of that name means something else.
-        let info_channels = if inner.is_ours() { inner.channels_of(Topic::FrameInfo)? } else { Vec::new() };
-        channels.extend(&info_channels);
-        let messages = Messages::new(Arc::clone(inner), channels)?;
-        Ok(Frames { messages, info_channels, info: None, index: 0 })
+        Ok(Frames { messages: Messages::new(files)?, info_channels, info: None, index: 0 })
     }
 
     /// What is known of the first frame.
@@ -73,8 +83,7 @@ impl Recording {
     /// As [`frames`](Self::frames).
     pub fn last_frame(&self) -> Result<FrameMeta, RecordingError> {
         let mut frames = self.frames()?;
-        // A frame of ours is a pair of messages.
-        let messages = if frames.info_channels.is_empty() { 1 } else { 2 };
+        let messages = frames.messages_a_frame();
         frames.index = (frames.messages.len() as u64 / messages).saturating_sub(1);
         if self.truncated().is_some() {
             // The last pair may be half a one: of two pairs the last whole one.
@@ -124,6 +133,12 @@ enum Kind {
 }
 
 impl Inner {
+    /// How many frames are in this file.
+    pub(super) fn frame_count(&self) -> u64 {
+        let channels = self.image_channels().unwrap_or_default();
+        channels.iter().filter_map(|id| self.counts.get(id)).sum()
+    }
+
     fn kind(&self, channel: u16) -> Option<Kind> {
         let channel = self.structure.channels.get(&channel)?;
         match (channel.encoding.as_str(), self.schema_name(channel.schema)) {
@@ -161,6 +176,11 @@ impl Inner {
 }
 
 impl Frames {
+    /// A frame of ours is a pair of messages.
+    fn messages_a_frame(&self) -> u64 {
+        if self.info_channels.iter().all(Vec::is_empty) { 1 } else { 2 }
+    }
+
     /// Upper bound of the frames left.
     pub fn left(&self) -> usize {
         self.messages.len()
@@ -170,9 +190,8 @@ impl Frames {
     ///
     /// Reads one chunk when the next frame is asked for; behind the end there are none.
     pub fn skip_frames(&mut self, count: u64) {
-        // A frame of ours is a pair of messages.
-        let messages = if self.info_channels.is_empty() { 1 } else { 2 };
-        self.messages.skip_next(usize::try_from(count).unwrap_or(usize::MAX).saturating_mul(messages));
+        let messages = self.messages_a_frame().saturating_mul(count);
+        self.messages.skip_next(usize::try_from(messages).unwrap_or(usize::MAX));
         self.index = self.index.saturating_add(count);
         self.info = None;
     }
@@ -184,12 +203,13 @@ impl Frames {
                 Ok(message) => message,
                 Err(error) => return Some(Err(error)),
             };
-            let frame = if self.info_channels.contains(&message.channel) {
+            let file = message.file;
+            let frame = if self.info_channels[file as usize].contains(&message.channel) {
                 self.keep_info(message).map(|()| None)
             } else {
                 self.frame(message)
             };
-            match frame.map_err(|reason| self.messages.inner().invalid(reason)) {
+            match frame.map_err(|reason| self.messages.inner(file).invalid(reason)) {
                 Ok(None) => {}
                 Ok(Some(frame)) => return Some(Ok(frame)),
                 Err(error) => return Some(Err(error)),
@@ -209,7 +229,8 @@ impl Frames {
         let index = self.index;
         self.index += 1;
         let named = |reason: String| format!("frame {index}: {reason}");
-        let image = match self.messages.inner().kind(message.channel) {
+        let file = message.file;
+        let image = match self.messages.inner(file).kind(message.channel) {
             Some(Kind::Ros2) => ros2::image(&message.data),
             Some(Kind::FoxgloveCompressed) => compressed::image(message.data.clone()),
             Some(Kind::Ros2Compressed) => ros2::compressed_image(&message.data),
@@ -217,15 +238,15 @@ impl Frames {
         };
         let image = image.map_err(|reason| named(format!("does not decode: {reason}")))?;
         let mut meta = shape(&image).map_err(named)?;
-        if self.info_channels.is_empty() {
+        if self.info_channels[file as usize].is_empty() {
             meta.sequence = index;
             meta.stamp_ns = stamp_ns(&image).unwrap_or(message.log_time_ns);
             return Ok(Some((meta, image.data)));
         }
         let info = self.info.take().filter(|(low, time, _)| (*low, *time) == (message.sequence, message.log_time_ns));
-        let is_cut = self.messages.len() == 0 && self.messages.inner().structure.truncated.is_some();
+        let is_cut = |messages: &Messages| messages.inner(file).structure.truncated.is_some() && messages.is_over(file);
         let (_, _, info) = match info {
-            None if is_cut => return Ok(None),
+            None if is_cut(&self.messages) => return Ok(None),
             info => info.ok_or_else(|| named("its frame information is missing".into()))?,
         };
         meta.format = PixelFormat::from_code(info.pixel_format)

@@ -13,10 +13,11 @@ const ENTRY_BYTES: u64 = size_of::<Entry>() as u64;
 /// An index may take twice the file's size and this much more.
 const SPARE_BYTES: u64 = 32 << 20;
 
-/// Where a message is; ordered by time, then by place in the file.
+/// Where a message is; ordered by time, then by file and place in it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 struct Entry {
     log_time_ns: u64,
+    file: u32,
     section: u32,
     offset: u64,
 }
@@ -24,6 +25,8 @@ struct Entry {
 /// A message as it stands in the file.
 #[derive(Debug, Clone)]
 pub(crate) struct Message {
+    /// Which of several files it is from.
+    pub(crate) file: u32,
     pub(crate) channel: u16,
     pub(crate) sequence: u32,
     pub(crate) log_time_ns: u64,
@@ -38,23 +41,33 @@ pub(crate) struct Message {
 /// A damaged chunk gives one error; the messages after it follow.
 #[derive(Debug)]
 pub(crate) struct Messages {
-    inner: Arc<Inner>,
-    channels: Vec<u16>,
+    /// Files and the channels read of each.
+    files: Vec<(Arc<Inner>, Vec<u16>)>,
     entries: std::vec::IntoIter<Entry>,
-    loaded: Option<(u32, Source)>,
-    failed: Option<u32>,
+    loaded: Option<([u32; 2], Source)>,
+    failed: Option<[u32; 2]>,
 }
 
 impl Messages {
-    /// Looks up where the messages of `channels` are.
-    pub(super) fn new(inner: Arc<Inner>, channels: Vec<u16>) -> Result<Self, RecordingError> {
+    /// Looks up where the messages of these channels of these files are.
+    pub(super) fn new(files: Vec<(Arc<Inner>, Vec<u16>)>) -> Result<Self, RecordingError> {
+        let mut entries = Vec::new();
+        for (number, (inner, channels)) in (0..).zip(&files) {
+            Self::look_up(inner, number, channels, &mut entries)?;
+        }
+        entries.sort_unstable();
+        Ok(Self { files, entries: entries.into_iter(), loaded: None, failed: None })
+    }
+
+    fn look_up(inner: &Inner, file: u32, channels: &[u16], all: &mut Vec<Entry>) -> Result<(), RecordingError> {
         let mut entries = Vec::new();
         for (number, section) in (0..).zip(&inner.structure.sections) {
             let before = entries.len();
+            let at = [file, number];
             let found = if section.index.is_empty() {
-                scanned(&inner, section, number, &channels, &mut entries)
+                scanned(inner, section, at, channels, &mut entries)
             } else {
-                indexed(&inner, section, number, &channels, &mut entries)
+                indexed(inner, section, at, channels, &mut entries)
             };
             match found {
                 Ok(()) => {}
@@ -63,15 +76,15 @@ impl Messages {
                     // Kept in its place, so that reading on to here tells of it.
                     entries.truncate(before);
                     let log_time_ns = entries.last().map_or(0, |entry: &Entry| entry.log_time_ns);
-                    entries.push(Entry { log_time_ns, section: number, offset: UNREADABLE });
+                    entries.push(Entry { log_time_ns, file, section: number, offset: UNREADABLE });
                 }
             }
             if entries.len() as u64 * ENTRY_BYTES > 2 * inner.file_bytes + SPARE_BYTES {
                 return Err(inner.invalid(format!("{} messages in so small a file", entries.len())));
             }
         }
-        entries.sort_unstable();
-        Ok(Self { inner, channels, entries: entries.into_iter(), loaded: None, failed: None })
+        all.append(&mut entries);
+        Ok(())
     }
 
     /// Messages left to read.
@@ -94,23 +107,30 @@ impl Messages {
         }
     }
 
-    pub(super) fn inner(&self) -> &Inner {
-        &self.inner
+    /// One of the files.
+    pub(super) fn inner(&self, file: u32) -> &Inner {
+        &self.files[file as usize].0
+    }
+
+    /// Whether nothing is left to read of this file.
+    pub(super) fn is_over(&self, file: u32) -> bool {
+        self.entries.as_slice().iter().all(|entry| entry.file != file)
     }
 
     fn read(&mut self, entry: Entry) -> Result<Message, Unreadable> {
-        let inner = &*self.inner;
+        let (inner, channels) = &self.files[entry.file as usize];
         let section = &inner.structure.sections[entry.section as usize];
-        if self.loaded.as_ref().is_none_or(|(number, _)| *number != entry.section) {
+        let place = [entry.file, entry.section];
+        if self.loaded.as_ref().is_none_or(|(loaded, _)| *loaded != place) {
             self.loaded = None;
-            self.loaded = Some((entry.section, section::load(&inner.file, inner.file_bytes, section)?));
+            self.loaded = Some((place, section::load(&inner.file, inner.file_bytes, section)?));
         }
         let found = match &self.loaded {
             Some((_, records)) => section::message(&inner.file, records, entry.offset)?,
             None => None,
         };
         let (header, data) = found
-            .filter(|(header, _)| header.log_time_ns == entry.log_time_ns && self.channels.contains(&header.channel))
+            .filter(|(header, _)| header.log_time_ns == entry.log_time_ns && channels.contains(&header.channel))
             .ok_or_else(|| {
                 Unreadable::Damaged(format!(
                     "the chunk whose records begin at byte {}: its index points at byte {} where no such message is",
@@ -118,6 +138,7 @@ impl Messages {
                 ))
             })?;
         Ok(Message {
+            file: entry.file,
             channel: header.channel,
             sequence: header.sequence,
             log_time_ns: header.log_time_ns,
@@ -134,14 +155,15 @@ impl Iterator for Messages {
     fn next(&mut self) -> Option<Self::Item> {
         loop {
             let entry = self.entries.next()?;
-            if self.failed == Some(entry.section) {
+            let place = [entry.file, entry.section];
+            if self.failed == Some(place) {
                 continue;
             }
             return Some(self.read(entry).map_err(|error| {
-                self.failed = Some(entry.section);
+                self.failed = Some(place);
                 match error {
-                    Unreadable::Io(error) => self.inner.io(error),
-                    Unreadable::Damaged(reason) => self.inner.invalid(reason),
+                    Unreadable::Io(error) => self.inner(entry.file).io(error),
+                    Unreadable::Damaged(reason) => self.inner(entry.file).invalid(reason),
                 }
             }));
         }
@@ -180,6 +202,7 @@ impl Recording {
             let Found::Message { at, .. } = found else { return Ok(()) };
             let visited = match section::message(&inner.file, &records, at) {
                 Ok(Some((header, data))) => visit(Message {
+                    file: 0,
                     channel: header.channel,
                     sequence: header.sequence,
                     log_time_ns: header.log_time_ns,
@@ -210,7 +233,7 @@ impl Recording {
 fn indexed(
     inner: &Inner,
     section: &Section,
-    number: u32,
+    [file, number]: [u32; 2],
     channels: &[u16],
     entries: &mut Vec<Entry>,
 ) -> Result<(), Unreadable> {
@@ -220,7 +243,7 @@ fn indexed(
         entries.extend(bytes.chunks_exact(16).map(|pair| {
             let mut fields = super::record::Fields(pair);
             let log_time_ns = fields.u64().unwrap_or(0);
-            Entry { log_time_ns, section: number, offset: fields.u64().unwrap_or(UNREADABLE) }
+            Entry { log_time_ns, file, section: number, offset: fields.u64().unwrap_or(UNREADABLE) }
         }));
     }
     Ok(())
@@ -229,7 +252,7 @@ fn indexed(
 fn scanned(
     inner: &Inner,
     section: &Section,
-    number: u32,
+    [file, number]: [u32; 2],
     channels: &[u16],
     entries: &mut Vec<Entry>,
 ) -> Result<(), Unreadable> {
@@ -238,7 +261,7 @@ fn scanned(
         if let Found::Message { at, header } = found
             && channels.contains(&header.channel)
         {
-            entries.push(Entry { log_time_ns: header.log_time_ns, section: number, offset: at });
+            entries.push(Entry { log_time_ns: header.log_time_ns, file, section: number, offset: at });
         }
         Ok(())
     })?;

@@ -11,6 +11,7 @@ mod messages;
 mod record;
 mod ros2;
 mod section;
+mod set;
 mod source;
 mod topics;
 mod walk;
@@ -43,10 +44,14 @@ pub struct Attachment {
     pub bytes: u64,
 }
 
-/// A recording opened for reading; cheap to clone.
+/// A recording opened for reading, of one file or of several that go on one from the other; cheap to clone.
+///
+/// What it says of itself (metadata, configuration, attachments) is what the first file says.
 #[derive(Debug, Clone)]
 pub struct Recording {
+    /// The first file.
     inner: Arc<Inner>,
+    rest: Arc<set::Rest>,
 }
 
 #[derive(Debug)]
@@ -64,15 +69,12 @@ struct Inner {
 }
 
 impl Recording {
-    /// Opens a recording and finds its way around in it, without reading the frames.
-    ///
-    /// A file that was cut off opens too, as far as it reaches; see [`truncated`](Self::truncated).
+    /// Opens this file alone, whatever it goes on in.
     ///
     /// # Errors
     ///
-    /// [`RecordingError::Io`] when there is no such file or the system refuses;
-    /// [`RecordingError::Invalid`] when it is not an MCAP file.
-    pub fn open(path: &Path) -> Result<Self, RecordingError> {
+    /// As [`open`](Self::open).
+    pub fn open_one(path: &Path) -> Result<Self, RecordingError> {
         let io = |error| RecordingError::io("open", path, error);
         let file = File::open(path).map_err(io)?;
         let about = file.metadata().map_err(io)?;
@@ -95,7 +97,7 @@ impl Recording {
         };
         inner.learn()?;
         inner.describe()?;
-        Ok(Self { inner: Arc::new(inner) })
+        Ok(Self { inner: Arc::new(inner), rest: Arc::default() })
     }
 
     /// What a recording of ours says of itself, read from the front of the file alone; `None` for other files.
@@ -115,9 +117,9 @@ impl Recording {
         &self.inner.path
     }
 
-    /// Size of the file, bytes.
+    /// Size of its files, bytes.
     pub fn bytes(&self) -> u64 {
-        self.inner.file_bytes
+        self.inners().map(|inner| inner.file_bytes).sum()
     }
 
     /// The program that wrote it, in its own words.
@@ -127,12 +129,12 @@ impl Recording {
 
     /// Where and why the file stops being readable; `None` when it is whole.
     pub fn truncated(&self) -> Option<&str> {
-        self.inner.structure.truncated.as_deref()
+        self.rest.truncated.as_deref().or(self.inner.structure.truncated.as_deref())
     }
 
     /// What was found damaged while opening; [`verify`](Self::verify) looks at everything.
     pub fn damage(&self) -> &[String] {
-        &self.inner.damage
+        if self.rest.files.is_empty() { &self.inner.damage } else { &self.rest.damage }
     }
 
     /// Whether this program wrote it.
@@ -192,7 +194,17 @@ impl Recording {
     ///
     /// [`RecordingError::Io`] when the system refuses.
     pub fn verify(&self) -> Result<Vec<String>, RecordingError> {
-        let inner = &*self.inner;
+        let mut damage = Vec::new();
+        for inner in self.inners() {
+            damage.extend(inner.verify()?.into_iter().map(|reason| self.named(inner, &reason)));
+        }
+        Ok(damage)
+    }
+}
+
+impl Inner {
+    fn verify(&self) -> Result<Vec<String>, RecordingError> {
+        let inner = self;
         let mut damage = inner.damage.clone();
         for section in &inner.structure.sections {
             match section::load(&inner.file, inner.file_bytes, section) {
@@ -216,9 +228,7 @@ impl Recording {
         }
         Ok(damage)
     }
-}
 
-impl Inner {
     fn is_ours(&self) -> bool {
         self.structure.metadata.iter().any(|(name, _)| name == METADATA_NAME)
     }

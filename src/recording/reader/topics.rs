@@ -43,7 +43,9 @@ impl<T: Row> Iterator for Rows<T> {
         let row = T::Message::decode(message.data).map_err(|error| error.to_string()).and_then(T::from_message);
         Some(row.map_err(|reason| {
             let at = message.log_time_ns;
-            self.messages.inner().invalid(format!("{} message at {at} ns does not decode: {reason}", self.topic))
+            self.messages
+                .inner(message.file)
+                .invalid(format!("{} message at {at} ns does not decode: {reason}", self.topic))
         }))
     }
 }
@@ -52,10 +54,12 @@ impl Recording {
     /// Every topic with its schema and how many messages it holds, by name.
     pub fn topics(&self) -> Vec<TopicSummary> {
         let mut topics = BTreeMap::new();
-        for (id, channel) in &self.inner.structure.channels {
-            let schema = self.inner.schema_name(channel.schema).to_owned();
-            let messages = self.inner.counts.get(id).copied().unwrap_or(0);
-            *topics.entry((channel.topic.clone(), schema, channel.encoding.clone())).or_insert(0) += messages;
+        for inner in self.inners() {
+            for (id, channel) in &inner.structure.channels {
+                let schema = inner.schema_name(channel.schema).to_owned();
+                let messages = inner.counts.get(id).copied().unwrap_or(0);
+                *topics.entry((channel.topic.clone(), schema, channel.encoding.clone())).or_insert(0) += messages;
+            }
         }
         let summary = |((topic, schema, encoding), messages)| TopicSummary { topic, schema, encoding, messages };
         topics.into_iter().map(summary).collect()
@@ -136,8 +140,8 @@ impl Recording {
     }
 
     fn rows<T>(&self, topic: Topic) -> Result<Rows<T>, RecordingError> {
-        let channels = self.inner.channels_of(topic)?;
-        let messages = Messages::new(Arc::clone(&self.inner), channels)?;
+        let of_file = |inner: &Arc<Inner>| Ok((Arc::clone(inner), inner.channels_of(topic)?));
+        let messages = Messages::new(self.inners().map(of_file).collect::<Result<_, RecordingError>>()?)?;
         Ok(Rows { messages, topic: topic.name(), row: PhantomData })
     }
 }

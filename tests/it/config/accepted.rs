@@ -34,7 +34,7 @@ correlation = { method = "peak-spline", shape = "rigid", window = "circle", subs
 rotation = { method = "field" }
 velocity = { window_frames = 3, order = 1, gravity_m_s2 = 0, gravity_angle_deg = -71 }
 trigger = { mode = "motion", threshold_dn = 7, roi_px = [1, 2, 3, 4], pre_s = 0, post_s = 2, rearm = false }
-record = { directory = "a/b", compression = "zstd", raw_frames = false, ring_bytes_max = 1048576, keep_last = 3, max_bytes = 1048576 }
+record = { directory = "a/b", compression = "zstd", raw_frames = false, ring_bytes_max = 1048576, keep_last = 3, max_bytes = 1048576, split_bytes = 1048576 }
 workers = { count = 64, block_frames = 256 }
 [camera]
 source = "genicam"
@@ -105,7 +105,7 @@ fn every_key_of_the_measurement_arrives_where_it_belongs() {
     let record = config.record.as_ref().unwrap();
     assert_eq!((record.directory.as_path(), record.compression), (Path::new("a/b"), Compression::Zstd));
     assert_eq!((record.raw_frames, record.ring_bytes_max), (false, Some(1 << 20)));
-    assert_eq!((record.keep_last, record.max_bytes), (Some(3), Some(1 << 20)));
+    assert_eq!((record.keep_last, record.max_bytes, record.split_bytes), (Some(3), Some(1 << 20), Some(1 << 20)));
     assert_eq!((config.workers.count, config.workers.block_frames), (64, 256));
 }
 

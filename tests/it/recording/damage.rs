@@ -7,7 +7,7 @@ use ricochet::recording::{
     Compression, Recording, RecordingError, RecordingInfo, RecordingWriter, WriterOptions, part_path,
 };
 
-pub const SMALL: WriterOptions = WriterOptions { compression: Compression::None, chunk_bytes: 1500 };
+pub const SMALL: WriterOptions = WriterOptions { compression: Compression::None, chunk_bytes: 1500, split_bytes: None };
 
 /// Reads everything there is; returns the readable frames.
 pub fn read_all(recording: &Recording) -> Vec<Vec<u8>> {

@@ -16,3 +16,4 @@ mod roundtrip;
 pub mod samples;
 mod seek;
 mod speed;
+mod split;

@@ -63,7 +63,7 @@ fn every_complete_frame_of_a_file_cut_at_random_is_recovered() {
     for compression in [Compression::None, Compression::Zstd1] {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("shot.mcap");
-        let options = WriterOptions { compression, chunk_bytes: 300_000 };
+        let options = WriterOptions { compression, chunk_bytes: 300_000, split_bytes: None };
         samples::write(&path, &options, 20, SIZE).finish().unwrap();
         let whole = fs::read(&path).unwrap();
         for cut in (1..12).map(|k| whole.len() * k / 12 + 12_345 * k % 1000) {

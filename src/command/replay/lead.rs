@@ -1,0 +1,174 @@
+//! Several rigs, or one frame by frame: who lets the frames go.
+
+use super::{Played, Rate, Tempo};
+use crate::camera::recording::Span;
+use crate::image::FrameMeta;
+use crate::process::{self, Reins, Stop, Summary};
+use crate::recording::{Frames, RecordingError};
+use std::io::{BufRead, Write};
+use std::sync::mpsc::{self, Receiver};
+use std::thread;
+use std::time::{Duration, Instant};
+
+/// How long a pause may last before it is seen whether to stop.
+const NAP: Duration = Duration::from_millis(50);
+/// How long the last word of who leads is waited for after all rigs have ended.
+const PATIENCE: Duration = Duration::from_secs(2);
+
+/// Runs a rig for each and lets their frames go in the order of time; the second says that who leads wants no more.
+pub(super) fn play(played: &[Played], tempo: Tempo, stop: &Stop) -> anyhow::Result<(Vec<Summary>, bool)> {
+    let mut runs = Vec::new();
+    let mut players = Vec::new();
+    for one in played {
+        let (leader, reins) = mpsc::channel();
+        players.push(Player::new(one, reins)?);
+        let (config, stop) = (one.config.clone(), stop.clone());
+        runs.push(thread::spawn(move || {
+            let summary = process::supervise_led(&config, &stop, Some(leader), |_| ());
+            if summary.is_err() {
+                stop.request();
+            }
+            summary
+        }));
+    }
+    let (done, outcome) = mpsc::channel();
+    let stopped = stop.clone();
+    // Not waited for: it may sit at a terminal where nobody types.
+    thread::spawn(move || {
+        let ended = Leader { tempo, ahead: 0, origin: None }.lead(players, &stopped);
+        done.send(ended)
+    });
+    let mut summaries = Vec::new();
+    for run in runs {
+        summaries.push(run.join().map_err(|_| anyhow::anyhow!("a supervisor panicked"))??);
+    }
+    // Who leads knows of the end before the rigs do, unless it still asks whoever sits at the terminal.
+    let patience = if stop.requested() { Duration::ZERO } else { PATIENCE };
+    Ok((summaries, outcome.recv_timeout(patience).unwrap_or(Ok(true))?))
+}
+
+/// The frames of a rig that are still to be published.
+struct Player {
+    name: String,
+    frames: Frames,
+    span: Span,
+    first_ns: u64,
+    reins: Receiver<Reins>,
+}
+
+impl Player {
+    fn new(played: &Played, reins: Receiver<Reins>) -> Result<Self, RecordingError> {
+        Ok(Self {
+            name: played.config.rig.name.clone(),
+            frames: played.recording.frames()?,
+            span: played.span,
+            first_ns: played.recording.first_frame()?.stamp_ns,
+            reins,
+        })
+    }
+
+    fn next(&mut self) -> Result<Option<FrameMeta>, RecordingError> {
+        while let Some(frame) = self.frames.next_shared() {
+            let (meta, _) = frame?;
+            let place = self.span.place(self.first_ns, meta.stamp_ns);
+            if !place.is_lt() {
+                return Ok(place.is_eq().then_some(meta));
+            }
+        }
+        Ok(None)
+    }
+}
+
+/// A rig that is ready, and its next frame.
+struct Ready {
+    player: Player,
+    reins: Reins,
+    next: FrameMeta,
+}
+
+struct Leader {
+    tempo: Tempo,
+    /// Frames that may go before the next question.
+    ahead: u64,
+    /// When the first frame went, and its stamp.
+    origin: Option<(Instant, u64)>,
+}
+
+impl Leader {
+    /// Lets all frames go; `true` when it was ended before the last.
+    fn lead(mut self, players: Vec<Player>, stop: &Stop) -> Result<bool, RecordingError> {
+        let mut rigs = Vec::new();
+        for mut player in players {
+            let Ok(mut reins) = player.reins.recv() else { continue };
+            if let (true, Some(next)) = (reins.is_ready(), player.next()?) {
+                rigs.push(Ready { player, reins, next });
+            }
+        }
+        let first_ns = rigs.iter().map(|rig| rig.next.stamp_ns).min().unwrap_or(0);
+        // The earliest; of several at one time the one that comes first.
+        while let Some(at) = (0..rigs.len()).min_by_key(|at| rigs[*at].next.stamp_ns) {
+            let rig = &mut rigs[at];
+            if !self.may_go(rig, first_ns, stop) {
+                return Ok(true);
+            }
+            let next = if rig.reins.step() { rig.player.next()? } else { None };
+            match next {
+                Some(next) => rig.next = next,
+                None => drop(rigs.remove(at)),
+            }
+        }
+        Ok(false)
+    }
+
+    /// Waits until a frame may go; `false` to end here.
+    fn may_go(&mut self, rig: &Ready, first_ns: u64, stop: &Stop) -> bool {
+        match self.tempo {
+            Tempo::Rate(Rate::Max) => {}
+            Tempo::Rate(Rate::Times(times)) => self.wait(rig.next.stamp_ns, times, stop),
+            Tempo::Step if self.ahead > 0 => {}
+            Tempo::Step => match ask(rig, first_ns) {
+                Some(count) => self.ahead = count,
+                None => return false,
+            },
+        }
+        self.ahead = self.ahead.saturating_sub(1);
+        !stop.requested()
+    }
+
+    #[expect(clippy::disallowed_methods, reason = "playing at a given pace is what a clock is for")]
+    fn wait(&mut self, stamp_ns: u64, times: f64, stop: &Stop) {
+        let (start, first_ns) = *self.origin.get_or_insert((Instant::now(), stamp_ns));
+        let ahead_s = stamp_ns.saturating_sub(first_ns) as f64 * 1e-9 / times;
+        let due = Duration::try_from_secs_f64(ahead_s).unwrap_or(Duration::MAX);
+        while !stop.requested() {
+            let left = due.saturating_sub(start.elapsed());
+            if left.is_zero() {
+                break;
+            }
+            thread::sleep(left.min(NAP));
+        }
+    }
+}
+
+/// Asks whoever sits there how many frames may go; `None` to end.
+fn ask(rig: &Ready, first_ns: u64) -> Option<u64> {
+    let at_s = rig.next.stamp_ns.saturating_sub(first_ns) as f64 * 1e-9;
+    let mut told = std::io::stderr();
+    loop {
+        let (name, sequence) = (&rig.player.name, rig.next.sequence);
+        let _ = write!(told, "{name}: frame {sequence} at {at_s:.6} s; Enter plays it, a number so many, q ends: ");
+        let mut line = String::new();
+        let read = std::io::stdin().lock().read_line(&mut line);
+        match line.trim() {
+            _ if !read.is_ok_and(|bytes| bytes > 0) => return None,
+            "" => return Some(1),
+            "q" => return None,
+            text => match text.parse::<u64>().ok().filter(|count| *count > 0) {
+                Some(count) => return Some(count),
+                None => {
+                    let _ = writeln!(told, "{text:?} is neither empty, nor a number from 1 on, nor q");
+                }
+            },
+        }
+    }
+}

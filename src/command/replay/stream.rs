@@ -1,0 +1,87 @@
+//! Which recordings are one stream.
+
+use crate::camera::recording::Span;
+use crate::command::UsageError;
+use crate::image::FrameMeta;
+use crate::recording::{Recording, RecordingError};
+use std::path::PathBuf;
+
+/// The recordings that go on one from the other as one each, in the order of their times.
+pub(super) fn streams(files: &[PathBuf]) -> Result<Vec<Recording>, RecordingError> {
+    let mut parts = Vec::new();
+    for recording in Recording::open_all(files)? {
+        parts.push(Part { first: recording.first_frame()?, last: recording.last_frame()?, recording });
+    }
+    // Stable: of two that begin at one time, the one that was named first comes first.
+    parts.sort_by_key(|part| part.first.stamp_ns);
+    let mut streams: Vec<Vec<Part>> = Vec::new();
+    for part in parts {
+        let before = streams.iter_mut().find(|stream| stream.last().is_some_and(|last| part.follows(last)));
+        match before {
+            Some(stream) => stream.push(part),
+            None => streams.push(vec![part]),
+        }
+    }
+    let joined = |stream: Vec<Part>| Recording::joined(stream.into_iter().map(|part| part.recording).collect());
+    Ok(streams.into_iter().filter_map(joined).collect())
+}
+
+struct Part {
+    recording: Recording,
+    first: FrameMeta,
+    last: FrameMeta,
+}
+
+impl Part {
+    /// Whether it is a later part of the stream that the other is of.
+    fn follows(&self, before: &Self) -> bool {
+        let shape = |meta: &FrameMeta| (meta.width_px, meta.height_px, meta.format);
+        let about = |part: &Self| {
+            let entry = |key: &str| part.recording.metadata().get(key).cloned();
+            (entry("rig"), entry("camera"), entry("serial"), part.recording.config_toml().map(str::to_owned))
+        };
+        // Files of others number their frames from 0: nothing tells that one goes on from the other.
+        self.recording.is_ours()
+            && about(self) == about(before)
+            && shape(&self.first) == shape(&before.first)
+            && before.last.sequence < self.first.sequence
+            && before.last.stamp_ns < self.first.stamp_ns
+            && before.last.epoch <= self.first.epoch
+    }
+}
+
+/// When the first frame of all was taken.
+pub(super) fn first_ns(streams: &[(Recording, Span)]) -> Result<u64, RecordingError> {
+    let mut first_ns = u64::MAX;
+    for (recording, _) in streams {
+        first_ns = first_ns.min(recording.first_frame()?.stamp_ns);
+    }
+    Ok(first_ns)
+}
+
+/// The streams that have frames in a part of the whole, and that part in seconds from the first frame of each.
+pub(super) fn within(streams: Vec<Recording>, whole: Span) -> anyhow::Result<Vec<(Recording, Span)>> {
+    let all: Vec<(Recording, Span)> = streams.into_iter().map(|recording| (recording, Span::ALL)).collect();
+    let origin_ns = first_ns(&all)?;
+    let mut latest_ns = origin_ns;
+    let mut inside = Vec::new();
+    for (recording, _) in all {
+        let (first_ns, last_ns) = (recording.first_frame()?.stamp_ns, recording.last_frame()?.stamp_ns);
+        latest_ns = latest_ns.max(last_ns);
+        if whole.place(origin_ns, last_ns).is_lt() || whole.place(origin_ns, first_ns).is_gt() {
+            continue;
+        }
+        let later_s = (first_ns - origin_ns) as f64 * 1e-9;
+        let span = if later_s > 0.0 {
+            Span { from_s: (whole.from_s - later_s).max(0.0), to_s: whole.to_s - later_s }
+        } else {
+            whole
+        };
+        inside.push((recording, span));
+    }
+    if inside.is_empty() {
+        let last_s = latest_ns.saturating_sub(origin_ns) as f64 * 1e-9;
+        return Err(UsageError(format!("--from {}: the last frame lies at {last_s} s", whole.from_s)).into());
+    }
+    Ok(inside)
+}

@@ -1,0 +1,62 @@
+//! Frames as messages.
+
+use super::schema::proto;
+use crate::image::{Frame, PixelFormat};
+use foxglove::messages::{RawImage, Timestamp};
+use prost::Message;
+use prost::encoding::{WireType, encode_key, encode_varint};
+
+/// Field number of `data` in `foxglove.RawImage`.
+const DATA_TAG: u32 = 6;
+
+/// What is known of the frame beside its pixels.
+pub(super) fn info(frame: &Frame<'_>, message: &mut Vec<u8>) {
+    let meta = &frame.meta;
+    message.clear();
+    message.extend(
+        proto::FrameInfo {
+            sequence: meta.sequence,
+            epoch: meta.epoch,
+            stamp_ns: meta.stamp_ns,
+            device_ns: meta.device_ns,
+            pixel_format: meta.format as u32,
+            pixels_crc32: crc32fast::hash(frame.bytes),
+        }
+        .encode_to_vec(),
+    );
+}
+
+/// The image message with the pixels last, so that they are copied once.
+pub(super) fn image(frame: &Frame<'_>, message: &mut Vec<u8>) {
+    let meta = &frame.meta;
+    let encoding = match meta.format {
+        PixelFormat::Mono8 => "mono8",
+        PixelFormat::Mono10 | PixelFormat::Mono12 | PixelFormat::Mono16 => "mono16",
+    };
+    let header = RawImage {
+        timestamp: Some(timestamp(meta.stamp_ns)),
+        frame_id: "camera".into(),
+        width: meta.width_px,
+        height: meta.height_px,
+        encoding: encoding.into(),
+        step: meta.stride_bytes,
+        data: Default::default(),
+    };
+    message.clear();
+    message.extend(header.encode_to_vec());
+    encode_key(DATA_TAG, WireType::LengthDelimited, message);
+    encode_varint(frame.bytes.len() as u64, message);
+    message.extend_from_slice(frame.bytes);
+}
+
+pub(super) fn timestamp(stamp_ns: u64) -> Timestamp {
+    let seconds = u32::try_from(stamp_ns / 1_000_000_000).unwrap_or(u32::MAX);
+    Timestamp::new(seconds, (stamp_ns % 1_000_000_000) as u32)
+}
+
+/// At most what a frame takes in a file.
+pub(super) fn expected_bytes(frame: &Frame<'_>) -> u64 {
+    /// Both messages beside the pixels.
+    const HEADERS_BYTES: u64 = 256;
+    frame.bytes.len() as u64 + HEADERS_BYTES + 2 * super::split::MESSAGE_BYTES
+}

@@ -1,0 +1,121 @@
+//! Several files that are one recording: one that was split by size, or the parts of one stream.
+
+use super::{Inner, Recording};
+use crate::recording::{CONTINUED_NAME, RecordingError, part_path, split};
+use std::collections::BTreeSet;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+/// What a recording has beside its first file.
+#[derive(Debug, Default)]
+pub(super) struct Rest {
+    pub(super) files: Vec<Arc<Inner>>,
+    /// Why a later file, or the row of them, ends too early.
+    pub(super) truncated: Option<String>,
+    /// Damage of all files, each with its name.
+    pub(super) damage: Vec<String>,
+}
+
+impl Recording {
+    /// Opens a recording and finds its way around in it, without reading the frames.
+    ///
+    /// With the first file of a recording that was split by size come those it goes on in. A file that was cut off
+    /// opens too, as far as it reaches; see [`truncated`](Self::truncated), also for a file that is missing.
+    ///
+    /// # Errors
+    ///
+    /// [`RecordingError::Io`] when there is no such file or the system refuses;
+    /// [`RecordingError::Invalid`] when it is not an MCAP file.
+    pub fn open(path: &Path) -> Result<Self, RecordingError> {
+        let mut files = vec![Self::open_one(path)?];
+        let mut missing = None;
+        let Some(name) = files[0].split_name() else { return Ok(files.remove(0)) };
+        let (name, mut number) = (name.to_owned(), 0);
+        while files.last().is_some_and(Self::is_continued) {
+            number += 1;
+            let next = split::numbered(path, number);
+            let known = Self::peek_metadata(&next).ok().flatten();
+            let belongs = known.is_some_and(|entries| split::is_part(&entries, number, &name));
+            if !belongs {
+                let next = next.file_name().unwrap_or_default().to_string_lossy().into_owned();
+                let is_cut = part_path(&split::numbered(path, number)).exists();
+                let found = if is_cut { "unfinished; `ricochet recover` completes it" } else { "not there" };
+                missing = Some(format!("it goes on in {next}, which is {found}"));
+                break;
+            }
+            files.push(Self::open_one(&next)?);
+        }
+        Ok(Self::of_files(files, missing))
+    }
+
+    /// Opens several; a later file of a split recording, given beside its first, belongs to that one.
+    ///
+    /// # Errors
+    ///
+    /// As [`open`](Self::open).
+    pub fn open_all(paths: &[PathBuf]) -> Result<Vec<Self>, RecordingError> {
+        let all = paths.iter().map(|path| Self::open(path)).collect::<Result<Vec<_>, _>>()?;
+        let place = |path: &Path| path.canonicalize().unwrap_or_else(|_| path.to_path_buf());
+        let later = all.iter().flat_map(|recording| recording.files().skip(1).map(place)).collect::<BTreeSet<_>>();
+        Ok(all.into_iter().filter(|recording| !later.contains(&place(recording.path()))).collect())
+    }
+
+    /// Several recordings as one, their messages in the order of their time.
+    ///
+    /// Whether that makes sense is for the caller to say.
+    pub fn joined(recordings: Vec<Self>) -> Option<Self> {
+        let missing = recordings.iter().find_map(|recording| recording.rest.truncated.clone());
+        let singles = recordings.iter().flat_map(Self::singles).collect::<Vec<_>>();
+        (!singles.is_empty()).then(|| Self::of_files(singles, missing))
+    }
+
+    /// Its files, the first one first.
+    pub fn files(&self) -> impl Iterator<Item = &Path> {
+        self.inners().map(|inner| inner.path.as_path())
+    }
+
+    /// Each of its files alone.
+    pub(in super::super) fn singles(&self) -> impl Iterator<Item = Self> {
+        self.inners().map(Self::single)
+    }
+
+    pub(super) fn inners(&self) -> impl Iterator<Item = &Arc<Inner>> {
+        std::iter::once(&self.inner).chain(&self.rest.files)
+    }
+
+    /// What is said of one file of several, with its name.
+    pub(super) fn named(&self, inner: &Inner, text: &str) -> String {
+        let name = inner.path.file_name().unwrap_or_default().to_string_lossy();
+        if self.rest.files.is_empty() { text.to_owned() } else { format!("{name}: {text}") }
+    }
+
+    fn single(inner: &Arc<Inner>) -> Self {
+        Self { inner: Arc::clone(inner), rest: Arc::default() }
+    }
+
+    fn of_files(files: Vec<Self>, missing: Option<String>) -> Self {
+        let mut inners = files.into_iter().map(|file| file.inner).collect::<Vec<_>>();
+        let inner = inners.remove(0);
+        let whole = Self { inner, rest: Arc::new(Rest { files: inners, ..Rest::default() }) };
+        let told = |of: fn(&Inner) -> Vec<String>| -> Vec<String> {
+            let named = |inner: &Arc<Inner>| of(inner).into_iter().map(|text| whole.named(inner, &text)).collect();
+            whole.inners().flat_map::<Vec<String>, _>(named).collect()
+        };
+        let cut = told(|inner| inner.structure.truncated.iter().cloned().collect());
+        let rest = Rest {
+            truncated: cut.into_iter().next().or(missing),
+            damage: told(|inner| inner.damage.clone()),
+            files: whole.rest.files.clone(),
+        };
+        Self { inner: whole.inner, rest: Arc::new(rest) }
+    }
+
+    /// The name that the files of a split recording share, when this is the first of them.
+    fn split_name(&self) -> Option<&str> {
+        split::first_name(self.metadata())
+    }
+
+    fn is_continued(&self) -> bool {
+        self.metadata_records().iter().any(|(name, _)| name == CONTINUED_NAME)
+    }
+}
