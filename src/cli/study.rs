@@ -7,6 +7,7 @@ use std::path::PathBuf;
 use super::field::Region;
 use crate::command::Outcome;
 use crate::command::study::convergence::{self, ConvergenceOptions, Files};
+use crate::command::study::design::{self, DesignOptions};
 use crate::command::study::speckle::{self, SpeckleOptions, SpeckleStudy};
 use crate::process::Stop;
 
@@ -50,6 +51,33 @@ enum Name {
     /// Every method over the frame rate: the same motion in up to 32 times smaller steps.
     #[command(after_help = "Example: ricochet study rate --methods ic-gn,rigid -o studies")]
     Rate(Speckle),
+    /// What a rig is going to be off by, and what to change first.
+    ///
+    /// A few pictures are drawn as the rig would take them: its ball, scale, rate, exposure, noise and pattern. The
+    /// noise bound of their texture goes through the rig's own fits of velocities, flights and contact. Changes are
+    /// then tried one by one, and told by what they leave of the scatter.
+    #[command(after_help = "Example: ricochet study design --config rig.toml --scenario lacrosse --noise-dn 2.5")]
+    Design(Design),
+}
+
+/// Arguments of a design.
+#[derive(Debug, Args)]
+struct Design {
+    /// The rig file.
+    #[arg(long, value_name = "RIG")]
+    config: PathBuf,
+    /// What is going to be filmed: a built-in scenario or a scenario file; the rig's own, or lacrosse, when left out.
+    #[arg(long, value_name = "NAME|FILE")]
+    scenario: Option<String>,
+    /// Noise of a pixel at half of full scale, grey levels; the scenario's when left out (`ricochet check` measures it).
+    #[arg(long, value_name = "DN")]
+    noise_dn: Option<f64>,
+    /// Tell the scatter only.
+    #[arg(long)]
+    no_advice: bool,
+    /// Print JSON.
+    #[arg(long)]
+    json: bool,
 }
 
 /// Arguments of a speckle study.
@@ -137,6 +165,19 @@ impl Study {
             Name::Noise(line) => line.run(SpeckleStudy::Noise, stop),
             Name::Blur(line) => line.run(SpeckleStudy::Blur, stop),
             Name::Rate(line) => line.run(SpeckleStudy::Rate, stop),
+            Name::Design(line) => design::run(&line.options(), stop),
+        }
+    }
+}
+
+impl Design {
+    fn options(self) -> DesignOptions {
+        DesignOptions {
+            config: self.config,
+            scenario: self.scenario,
+            noise_dn: self.noise_dn,
+            without_advice: self.no_advice,
+            json: self.json,
         }
     }
 }

@@ -2,11 +2,13 @@
 
 use super::analyze::last_revisions;
 use super::{Outcome, UsageError, progress, say, table};
-use crate::config::{BodyKind, Config};
+use crate::config::{BodyKind, Config, Scale};
 use crate::message::Role;
 use crate::process::{self, Child, Stop};
 use crate::recording::Recording;
+use crate::report::{self, Experiment, Figure, Shot};
 use crate::results::{Estimate, Impact};
+use anyhow::Context as _;
 use std::path::{Path, PathBuf};
 
 const BUILT_IN: [(&str, &str); 3] = [
@@ -100,7 +102,8 @@ pub fn run(options: &DemoOptions, stop: &Stop) -> anyhow::Result<Outcome> {
         anyhow::bail!("the rig ended without a recording");
     };
     let is_rod = config.bodies.iter().all(|body| body.kind == BodyKind::Rod);
-    let agrees = compare(path, if is_rod { &ROD_LINES } else { &LINES }, options.json)?;
+    let figures = figures(&config, &options.experiment, path)?;
+    let agrees = compare(path, &figures, if is_rod { &ROD_LINES } else { &LINES }, options.json)?;
     if !agrees {
         anyhow::bail!("the measurement is off by more than it may be; the recording is {}", path.display());
     }
@@ -125,8 +128,25 @@ fn config(options: &DemoOptions) -> anyhow::Result<Config> {
     Ok(config.with(&changes)?)
 }
 
+/// Draws the paper's figures of the experiment beside its recording; tells where they are.
+fn figures(config: &Config, experiment: &str, path: &Path) -> anyhow::Result<Vec<PathBuf>> {
+    let shot = Shot::read(&Recording::open(path)?)?;
+    let mm_per_px = match config.scale {
+        Some(Scale::MmPerPx(mm_per_px)) => mm_per_px,
+        _ => anyhow::bail!("{}: scale.mm_per_px is needed to draw positions", config.origin),
+    };
+    let experiment = Experiment { name: experiment, mm_per_px, surface_angle_deg: config.surface.angle_deg };
+    let stem = path.file_stem().map_or_else(|| "demo".into(), |stem| stem.to_string_lossy().into_owned());
+    let write = |figure: Figure| {
+        let file = path.with_file_name(format!("{stem}-{}.svg", figure.name));
+        std::fs::write(&file, figure.svg).with_context(|| format!("write {}", file.display()))?;
+        Ok(file)
+    };
+    report::figures(&shot, &experiment).into_iter().map(write).collect()
+}
+
 /// Prints the table; `true` when everything judged is within its tolerance.
-fn compare(path: &Path, lines: &[Line], json: bool) -> anyhow::Result<bool> {
+fn compare(path: &Path, figures: &[PathBuf], lines: &[Line], json: bool) -> anyhow::Result<bool> {
     let recording = Recording::open(path)?;
     let measured = last_revisions(&recording)?;
     let truths = recording.truth_impacts()?.collect::<Result<Vec<_>, _>>()?;
@@ -141,12 +161,13 @@ fn compare(path: &Path, lines: &[Line], json: bool) -> anyhow::Result<bool> {
     let compared: Vec<Compared> = lines.iter().map(|line| Compared::new(line, measured, truth, frame_s)).collect();
     if json {
         let rows: Vec<_> = compared.iter().map(Compared::as_json).collect();
-        say(&serde_json::json!({ "recording": path, "compared": rows }).to_string());
+        say(&serde_json::json!({ "recording": path, "figures": figures, "compared": rows }).to_string());
     } else {
         let header = ["", "measured", "+-", "true", "error", "", ""].map(str::to_owned).to_vec();
         let rows: Vec<_> = std::iter::once(header).chain(compared.iter().map(Compared::as_row)).collect();
         say(&table(&rows));
         say(&format!("\nrecording: {}", path.display()));
+        figures.iter().for_each(|figure| say(&format!("figure: {}", figure.display())));
     }
     Ok(compared.iter().all(|compared| compared.within))
 }

@@ -21,7 +21,7 @@ use crate::results::PointStatus;
 const FEWEST_PIXELS: usize = 81;
 
 /// Rotation from which on a reference should be renewed, deg.
-const STALE_DEG: f64 = 3.0;
+pub const STALE_DEG: f64 = 3.0;
 
 /// ZNCC under which a reference should be renewed.
 const STALE_ZNCC: f64 = 0.8;
@@ -99,6 +99,19 @@ impl RigidBody {
     /// Centre of the reference pixels, px.
     pub fn center_px(&self) -> (f64, f64) {
         (f64::from(self.at.0), f64::from(self.at.1))
+    }
+
+    /// Standard uncertainty to be expected of a match with a frame as noisy as this one: that of the displacement of
+    /// a point along x and y, px, and of the angle, deg.
+    ///
+    /// `noise_dn` is the standard deviation of each frame's white noise. The bound of least squares, sqrt(2) noise
+    /// over the root of the gradient energy where nothing turns (Pan et al. 2008,
+    /// doi:10.1364/OE.16.007037); what a match says of itself comes from its residual instead.
+    pub fn expected_sigma(&self, (x_px, y_px): (f64, f64), noise_dn: f64) -> [f64; 3] {
+        let (cx, cy) = self.center_px();
+        let variances = spreads(&self.subset.inverse, 0.0, (x_px - cx, y_px - cy));
+        let [u, v, angle] = variances.map(|spread| (2.0 * spread).sqrt() * noise_dn);
+        [u, v, angle.to_degrees()]
     }
 
     /// Its pixels, about [`Self::center_px`].
@@ -201,6 +214,14 @@ pub(super) fn status_of(lost: Lost) -> PointStatus {
     }
 }
 
+/// How the inverse Hessian spreads to u and v at an offset from the centre, and to the angle (rad).
+fn spreads(inverse: &[[f64; 6]; 6], angle: f64, (dx, dy): (f64, f64)) -> [f64; 3] {
+    // How u and v at the offset depend on (u, v, angle) of the centre.
+    let (sin, cos) = angle.sin_cos();
+    let rows = [[1.0, 0.0, -sin * dx + cos * dy], [0.0, 1.0, -cos * dx - sin * dy], [0.0, 0.0, 1.0]];
+    rows.map(|a| (0..3).map(|i| (0..3).map(|j| a[i] * inverse[i][j] * a[j]).sum::<f64>()).sum())
+}
+
 /// The motion and its uncertainty at an offset from the centre; `pool` holds the texture of what is compared.
 pub(super) fn motion(
     refiner: &Refiner<'_>,
@@ -216,18 +237,11 @@ pub(super) fn motion(
     let warp = found.warp;
     let angle = warp.uy.atan2(1.0 + warp.ux);
     let (x, y) = warp.apply(dx, dy);
-    // How u and v at the offset depend on (u, v, angle) of the centre.
-    let (sin, cos) = angle.sin_cos();
-    let along_u = [1.0, 0.0, -sin * dx + cos * dy];
-    let along_v = [0.0, 1.0, -cos * dx - sin * dy];
-    let along_angle = [0.0, 0.0, 1.0];
-    let inverse = &subset.inverse;
-    let spread =
-        |a: &[f64; 3]| -> f64 { (0..3).map(|i| (0..3).map(|j| a[i] * inverse[i][j] * a[j]).sum::<f64>()).sum() };
+    let [along_u, along_v, along_angle] = spreads(&subset.inverse, angle, (dx, dy));
     let factor = pool.factor();
-    let (var_u, var_v) = factor.variances(variance, (spread(&along_u), spread(&along_v)));
+    let (var_u, var_v) = factor.variances(variance, (along_u, along_v));
     let mean = 0.5 * (factor.x + factor.y);
-    let (var_angle, _) = Factor { x: mean, y: mean }.variances(variance, (spread(&along_angle), 0.0));
+    let (var_angle, _) = Factor { x: mean, y: mean }.variances(variance, (along_angle, 0.0));
     RigidMotion {
         u_px: x - dx,
         v_px: y - dy,
@@ -269,6 +283,9 @@ mod tests {
         let reference = speckle.draw(140, 132);
         let region = Region::Disc { x_px: 70.0, y_px: 66.0, radius_px: 53.0 };
         let (mut errors, mut reported, mut count) = ([0.0; 3], [0.0; 3], 0.0);
+        // Rounding to whole grey levels is noise too.
+        let noise_dn = (2.0_f64.powi(2) + 1.0 / 12.0).sqrt();
+        let expected = RigidBody::new(&prepared(&reference), &region).unwrap().expected_sigma((70.0, 66.0), noise_dn);
         for (case, truth) in [(0.13, -0.37, 0.07), (0.77, 0.21, -0.6), (1.23, -1.9, 2.9)].into_iter().enumerate() {
             let target = turned(&speckle, truth);
             for round in 0..8 {
@@ -293,6 +310,9 @@ mod tests {
         assert!(rms[0] < 0.0014 && rms[1] < 0.0014 && rms[2] < 0.0022, "{rms:?}");
         // 24 matches: the scatter itself is known to 15 %.
         assert!(ratio.iter().all(|ratio| (0.7..1.5).contains(ratio)), "{ratio:?}");
+        let foreseen: [f64; 3] = std::array::from_fn(|k| expected[k] / rms[k]);
+        eprintln!("foreseen/actual {foreseen:?}");
+        assert!(foreseen.iter().all(|ratio| (0.75..1.33).contains(ratio)), "{foreseen:?}");
     }
 
     #[test]

@@ -51,7 +51,7 @@ mod patterns;
 mod speckle;
 
 pub use angle::find_at_any_angle;
-pub use body::{BodyMotion, RigidBody};
+pub use body::{BodyMotion, RigidBody, STALE_DEG};
 pub use correlator::{Correlator, KeptReference, Start};
 pub use error::CorrelationError;
 pub use grid::GridPoint;

@@ -20,3 +20,4 @@ pub use block::{MeasureError, MeasureParams, Measured, Measurer, Share};
 pub use order::Order;
 pub use outline::BodyParams;
 pub use tracker::{Tracker, TrackerParams, TrackerRows};
+pub use whole::whole_region;

@@ -14,6 +14,11 @@ const RENEW_HIDDEN_DEG: f64 = 10.0;
 /// Share in sight from which on a body counts as unhidden.
 const WHOLE: f64 = 0.97;
 
+/// The pixels that a ball is matched by as a whole: all but its rim.
+pub fn whole_region(circle: &Circle) -> Region {
+    Region::Disc { x_px: circle.x_px, y_px: circle.y_px, radius_px: circle.radius_px * (1.0 - RIM_CLEARANCE) }
+}
+
 /// Where the reference's centre is in a frame, and how the body is turned.
 #[derive(Debug, Clone, Copy)]
 struct Pose {
@@ -79,8 +84,7 @@ impl Wholes {
         if self.kept.iter().any(|kept| (kept.body, kept.block) == (body, block)) {
             return;
         }
-        let radius_px = circle.radius_px * (1.0 - RIM_CLEARANCE);
-        let region = Region::Disc { x_px: circle.x_px, y_px: circle.y_px, radius_px };
+        let (region, radius_px) = (whole_region(circle), circle.radius_px * (1.0 - RIM_CLEARANCE));
         // Without texture, or at the edge of the picture, there is none: subsets are measured alone then.
         let Ok(reference) = RigidBody::new(prepared, &region) else { return };
         let pixels = reference.pixels() as u32;

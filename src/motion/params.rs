@@ -36,7 +36,7 @@ pub enum Form {
 /// of the frames it shares with its neighbours, and adds up. On rendered balls successive steps correlate by -0.47
 /// instead of -0.5, at noise of 0.5 to 4 grey levels. Over a flight of 40 frames this makes up nearly all of the
 /// velocity's uncertainty.
-const PAIRWISE_WALK_SHARE: f64 = 0.36;
+pub const PAIRWISE_WALK_SHARE: f64 = 0.36;
 
 /// [`WalkShare`] of steps that are differences of poses against one reference: 0, but for its renewals.
 ///

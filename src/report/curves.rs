@@ -8,18 +8,7 @@ use std::fmt::Write as _;
 
 /// Every chart of a body, one under the other on one time axis.
 pub(super) fn section(shot: &Shot, body: u32) -> String {
-    let rows: Vec<&VelocitySample> = shot.velocities.iter().filter(|row| row.body == body).collect();
-    let truth: Vec<&VelocitySample> = shot.truth.iter().filter(|row| row.body == body).collect();
-    let (Some(first), Some(last)) = (rows.first(), rows.last()) else { return String::new() };
-    let contacts = shot.impacts.iter().filter(|impact| impact.body == body).map(|impact| {
-        let shift_s = shot.shift_s(impact);
-        [impact.start_s, impact.deepest_s, impact.end_s].map(|moment| moment.map(|m| 1e3 * (m.value + shift_s)))
-    });
-    let time = Timeline {
-        span: [1e3 * shot.seconds(first.stamp_ns), 1e3 * shot.seconds(last.stamp_ns)],
-        contacts: contacts.collect(),
-    };
-    let drawer = Drawer { shot, rows, truth, time };
+    let Some(drawer) = Drawer::new(shot, body) else { return String::new() };
     let mut html = String::from("<div class=\"curves\">");
     html.push_str(&drawer.legend());
     for (title, unit, number, sigma) in VELOCITIES {
@@ -46,14 +35,36 @@ const VELOCITIES: [(&str, &str, OfVelocity, OfVelocity); 3] = [
     ("Spin <i>ω</i>, counter-clockwise", "rad/s", |v| v.omega_rad_s, |v| v.sigma_omega_rad_s),
 ];
 
-struct Drawer<'a> {
+/// Draws the rows of one body.
+pub(super) struct Drawer<'a> {
     shot: &'a Shot,
     rows: Vec<&'a VelocitySample>,
     truth: Vec<&'a VelocitySample>,
     time: Timeline,
 }
 
-impl Drawer<'_> {
+impl<'a> Drawer<'a> {
+    /// `None` of a body without rows.
+    pub(super) fn new(shot: &'a Shot, body: u32) -> Option<Self> {
+        let rows: Vec<&VelocitySample> = shot.velocities.iter().filter(|row| row.body == body).collect();
+        let truth = shot.truth.iter().filter(|row| row.body == body).collect();
+        let (first, last) = (rows.first()?, rows.last()?);
+        let contacts = shot.impacts.iter().filter(|impact| impact.body == body).map(|impact| {
+            let shift_s = shot.shift_s(impact);
+            [impact.start_s, impact.deepest_s, impact.end_s].map(|moment| moment.map(|m| 1e3 * (m.value + shift_s)))
+        });
+        let time = Timeline {
+            span: [1e3 * shot.seconds(first.stamp_ns), 1e3 * shot.seconds(last.stamp_ns)],
+            contacts: contacts.collect(),
+        };
+        Some(Self { shot, rows, truth, time })
+    }
+
+    /// The time that all its charts span.
+    pub(super) fn time(&self) -> &Timeline {
+        &self.time
+    }
+
     fn legend(&self) -> String {
         let mut html = String::from("<p class=\"legend\"><span class=\"key a\"></span>measured, band ±2<i>σ</i>");
         if !self.truth.is_empty() {
@@ -113,7 +124,7 @@ impl Drawer<'_> {
     }
 
     /// Measured over true.
-    fn pair(&self, number: impl Fn(&VelocitySample) -> Option<(f64, f64)>) -> Vec<Curve> {
+    pub(super) fn pair(&self, number: impl Fn(&VelocitySample) -> Option<(f64, f64)>) -> Vec<Curve> {
         let truth = self.stretches(&self.truth, |row| number(row).map(|(y, _)| (y, 0.0)));
         vec![
             Curve { class: "a", label: "", stretches: self.stretches(&self.rows, &number) },

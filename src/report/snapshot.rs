@@ -57,7 +57,7 @@ pub(super) fn strip(shot: &Shot, impact: &Impact) -> String {
 }
 
 /// How much arrows are enlarged: the longest of all pictures spans not quite two subsets' distance.
-fn gain(shown: &[&Snapshot]) -> f64 {
+pub(super) fn gain(shown: &[&Snapshot]) -> f64 {
     let (mut longest, mut step) = (0.0_f64, f64::INFINITY);
     for field in shown.iter().filter_map(|snapshot| snapshot.field.as_ref()) {
         let motions = field.points.iter().filter_map(|point| point.displacement);
@@ -71,7 +71,8 @@ fn gain(shown: &[&Snapshot]) -> f64 {
     [5.0, 4.0, 3.0, 2.0, 1.0].into_iter().map(|k| k * power).find(|round| *round <= exact).unwrap_or(power)
 }
 
-fn draw(snapshot: &Snapshot, crop: Crop, png: &[u8], gain: f64) -> String {
+/// A picture with what was measured over it; arrows are enlarged by `gain`.
+pub(super) fn draw(snapshot: &Snapshot, crop: Crop, png: &[u8], gain: f64) -> String {
     let Crop { x, y, width, height } = crop;
     // The pixel (0, 0) is centred on (0, 0): the picture begins half a pixel before.
     let (left, top) = (x as f64 - 0.5, y as f64 - 0.5);

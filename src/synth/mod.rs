@@ -23,6 +23,7 @@ mod world;
 mod twin;
 
 pub use mover::PictureMover;
+pub(crate) use random::{Stream, key};
 pub use scenario::{
     BodySetup, CameraSetup, ImpactSetup, LightSetup, MotionSetup, OccluderSetup, PatternSetup, RingingSetup, RodSetup,
     ScaleSetup, Scenario, ScenarioError, ShadeSetup, SurfaceSetup,

@@ -1,5 +1,6 @@
 //! The whole line in real processes: demo, live topics, replay, analysis.
 
+use crate::figures;
 use crate::support::{Background, Rig, csv, frames, ricochet, run, succeed, wait_until};
 use ricochet::recording::Recording;
 
@@ -28,6 +29,15 @@ fn demo_measures_the_truth_and_keeps_it() {
     let recording = Recording::open(&rig.recordings()[0]).unwrap();
     assert_eq!(recording.frame_count(), 100);
     assert_eq!(recording.truncated(), None);
+    let listed = told["figures"].as_array().unwrap();
+    assert!(listed.iter().all(|path| std::path::Path::new(path.as_str().unwrap()).is_file()), "{listed:?}");
+    let expected: [(&str, &[&str], usize); 4] = [
+        ("fig19-position", &["normal position, mm", "tangential position, mm", "time, ms", "truth"], 2),
+        ("fig20-velocity", &["normal velocity, m/s", "tangential velocity, m/s", "class=\"contact\""], 2),
+        ("fig21-spin", &["spin, rad/s", "class=\"band a\""], 1),
+        ("fig18-field", &["Contact starts", "Deepest", "Contact ends"], 0),
+    ];
+    figures::check(&shots, 100, &expected);
 }
 
 #[test]
@@ -41,6 +51,13 @@ fn demo_tennis_agrees_with_the_truth() {
         assert_eq!(row["within"], true, "{row}");
     }
     assert_eq!(Recording::open(&rig.recordings()[0]).unwrap().frame_count(), 150);
+    let expected: [(&str, &[&str], usize); 4] = [
+        ("fig14-position", &["normal position, mm", "tangential position, mm"], 2),
+        ("fig15-velocity", &["normal velocity, m/s", "tangential velocity, m/s"], 2),
+        ("fig16-spin", &["spin, rad/s"], 1),
+        ("fig13-field", &["Contact starts", "Deepest", "Contact ends"], 0),
+    ];
+    figures::check(&shots, 150, &expected);
 }
 
 #[test]

@@ -316,6 +316,12 @@ fn demo_rod_agrees_with_the_truth_and_its_recording_with_every_number_of_workers
     let shots = rig.path("shots");
     let printed = succeed(["demo".as_ref(), "rod".as_ref(), "-o".as_ref(), shots.as_os_str()]);
     assert!(printed.contains("restitution") && !printed.contains("spin") && !printed.contains("off\n"), "{printed}");
+    assert!(printed.contains("fig10-position.svg") && printed.contains("fig11-velocity.svg"), "{printed}");
+    let expected: [(&str, &[&str], usize); 2] = [
+        ("fig10-position", &["normal position, mm", "the mark on the rod"], 1),
+        ("fig11-velocity", &["normal velocity, m/s"], 1),
+    ];
+    crate::figures::check(&shots, 240, &expected);
     let recording = &rig.recordings()[0];
     let track = csv(recording, "track");
     let header = track.lines().next().unwrap();

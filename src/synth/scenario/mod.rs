@@ -259,6 +259,16 @@ pub struct ImpactSetup {
     pub ringing: Option<RingingSetup>,
 }
 
+impl CameraSetup {
+    /// Variance of a pixel that sees `light_dn`, DN^2: read and shot noise, the pixels' own gain and offset, and
+    /// rounding to whole levels.
+    pub fn noise_variance_dn2(&self, light_dn: f64) -> f64 {
+        let half_dn = 0.5 * (2f64.powi(self.bits as i32) - 1.0);
+        let noise = self.noise_dn * self.noise_dn * (1.0 - self.shot_share + self.shot_share * light_dn / half_dn);
+        noise + (self.gain_spread * light_dn).powi(2) + self.offset_spread_dn.powi(2) + 1.0 / 12.0
+    }
+}
+
 impl Default for ShadeSetup {
     fn default() -> Self {
         Self { ball: 0.75, speckle: 0.2, ground: 0.12, ground_texture: 0.0 }

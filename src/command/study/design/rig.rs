@@ -1,0 +1,176 @@
+//! The rig that is foreseen: its settings, and what it is going to film.
+
+use crate::camera::{StreamFormat, simulated};
+use crate::command::UsageError;
+use crate::config::{BodyKind, Config, Scale, Source};
+use crate::image::PixelFormat;
+use crate::process;
+use crate::synth::{MotionSetup, Scenario, World};
+
+/// Share of its radius that a body may move while the shutter is open.
+const BLUR_SHARE: f64 = 0.25;
+
+/// Settings, and a film made with them.
+#[derive(Debug, Clone)]
+pub(super) struct Rig {
+    pub(super) config: Config,
+    pub(super) scenario: Scenario,
+}
+
+impl Rig {
+    /// The rig of a file. What it films is its own scenario, or `scenario`, seen by the rig's camera.
+    ///
+    /// # Errors
+    ///
+    /// One line when nothing can be foreseen: the rig measures a file, or does not say how large things look.
+    pub(super) fn new(mut config: Config, scenario: Option<&str>, noise_dn: Option<f64>) -> anyhow::Result<Self> {
+        let origin = config.origin.clone();
+        let refuse = |why: &str| UsageError(format!("{origin}: {why}"));
+        if config.bodies.len() != 1 {
+            return Err(refuse(&format!("one body can be foreseen, this rig has {}", config.bodies.len())).into());
+        }
+        let mut scenario = match config.camera.source {
+            Source::Recording => {
+                return Err(
+                    refuse("source = \"recording\" is filmed already: measure it with `ricochet analyze`").into()
+                );
+            }
+            Source::Simulated => {
+                if let Some(name) = scenario {
+                    config.camera.scenario = Some(name.to_owned());
+                }
+                match process::truth_world(&config).map_err(|error| UsageError(error.to_string()))? {
+                    Some(world) => world.scenario().clone(),
+                    None => return Err(refuse("there is nothing simulated to foresee").into()),
+                }
+            }
+            Source::Genicam => {
+                let name = scenario.unwrap_or("lacrosse");
+                let film = simulated::load_scenario(name).map_err(|error| UsageError(error.to_string()))?;
+                seen_by(&config, film).map_err(|why| refuse(&why))?
+            }
+        };
+        if let Some(noise_dn) = noise_dn {
+            scenario.camera.noise_dn = noise_dn;
+        }
+        let rig = Self { config, scenario };
+        rig.check()?;
+        Ok(rig)
+    }
+
+    /// Draws what it films.
+    ///
+    /// # Errors
+    ///
+    /// One line when the scenario cannot be filmed.
+    pub(super) fn world(&self) -> anyhow::Result<World> {
+        World::new(&self.scenario).map_err(|error| UsageError(format!("{}: {error}", self.config.origin)).into())
+    }
+
+    /// Frames as its camera delivers them.
+    pub(super) fn format(&self) -> StreamFormat {
+        let camera = &self.scenario.camera;
+        let format = match camera.bits {
+            10 => PixelFormat::Mono10,
+            12 => PixelFormat::Mono12,
+            16 => PixelFormat::Mono16,
+            _ => PixelFormat::Mono8,
+        };
+        StreamFormat {
+            width_px: camera.width_px,
+            height_px: camera.height_px,
+            format,
+            frame_rate_hz: camera.frame_rate_hz,
+            exposure_us: camera.exposure_us,
+        }
+    }
+
+    /// Speed of the body's fastest point, px/s.
+    pub(super) fn speed_px_s(&self) -> f64 {
+        let Scenario { camera, scale, motion, .. } = &self.scenario;
+        match motion {
+            MotionSetup::Constant { vx_px_frame, vy_px_frame, omega_deg_frame, .. } => {
+                let rim = omega_deg_frame.to_radians().abs() * self.scenario.radius_px();
+                (vx_px_frame.hypot(*vy_px_frame) + rim) * camera.frame_rate_hz
+            }
+            MotionSetup::Impact(impact) => {
+                let rim = impact.omega_rad_s.abs() * self.scenario.radius_px();
+                impact.vn_m_s.hypot(impact.vt_m_s) * 1e3 / scale.mm_per_px + rim
+            }
+        }
+    }
+
+    /// Refuses what cannot be filmed, or not be followed.
+    ///
+    /// # Errors
+    ///
+    /// One line with the numbers that are at odds.
+    pub(super) fn check(&self) -> anyhow::Result<()> {
+        let Self { config, scenario } = self;
+        let refuse = |why: String| Err(UsageError(format!("{}: {why}", config.origin)).into());
+        if let Err(error) = scenario.check() {
+            return refuse(error.to_string());
+        }
+        let (camera, radius_px) = (&scenario.camera, scenario.radius_px());
+        let (blur_px, most_px) = (self.speed_px_s() * 1e-6 * camera.exposure_us, BLUR_SHARE * radius_px);
+        if blur_px > most_px {
+            return refuse(format!(
+                "the body moves {blur_px:.1} px while the shutter is open for {} us, more than a quarter of its \
+                 radius: expose for at most {:.0} us",
+                camera.exposure_us,
+                camera.exposure_us * most_px / blur_px
+            ));
+        }
+        let (step_px, search_px) = (self.speed_px_s() / camera.frame_rate_hz, config.correlation.search_px);
+        let step_px = step_px * f64::from(config.intervals_frames[0]);
+        if step_px > f64::from(search_px) {
+            return refuse(format!(
+                "the body moves {step_px:.1} px from frame to frame, and correlation.search_px = {search_px}: \
+                 search further, or film at {:.0} Hz",
+                (camera.frame_rate_hz * step_px / f64::from(search_px)).ceil()
+            ));
+        }
+        let is_rod = config.bodies[0].kind == BodyKind::Rod;
+        match is_rod == scenario.body.rod.is_some() {
+            true => Ok(()),
+            false if is_rod => refuse(format!("the rig follows a rod, scenario {:?} films a ball", scenario.name)),
+            false => refuse(format!("the rig follows a ball, scenario {:?} films a rod", scenario.name)),
+        }
+    }
+}
+
+/// A film of another camera as this rig's camera would take it.
+fn seen_by(config: &Config, mut scenario: Scenario) -> Result<Scenario, String> {
+    let Some(Scale::MmPerPx(mm_per_px)) = config.scale else {
+        return Err("scale.mm_per_px is needed to foresee how large the body looks".into());
+    };
+    let (camera, was) = (&config.camera, scenario.camera.clone());
+    let setup = &mut scenario.camera;
+    (setup.width_px, setup.height_px) = camera.image_px().unwrap_or((was.width_px, was.height_px));
+    setup.frame_rate_hz = camera.frame_rate_hz.unwrap_or(was.frame_rate_hz);
+    setup.exposure_us = camera.exposure_us.unwrap_or(was.exposure_us);
+    setup.bits = camera.pixel_format.map_or(was.bits, PixelFormat::bits);
+    // Levels of another depth.
+    setup.noise_dn = was.noise_dn * 2f64.powi(setup.bits as i32 - was.bits as i32);
+    setup.frames = (was.frames as f64 * setup.frame_rate_hz / was.frame_rate_hz).round().max(2.0) as u64;
+    let middle_px = [setup.width_px, setup.height_px].map(|length| 0.5 * f64::from(length));
+    scenario.body.diameter_mm = config.bodies[0].diameter_mm.unwrap_or(scenario.body.diameter_mm);
+    scenario.surface.angle_deg = config.surface.angle_deg;
+    let finer = scenario.scale.mm_per_px / mm_per_px;
+    scenario.scale.mm_per_px = mm_per_px;
+    match &mut scenario.motion {
+        MotionSetup::Constant { vx_px_frame, vy_px_frame, omega_deg_frame, start_px } => {
+            let longer = was.frame_rate_hz / scenario.camera.frame_rate_hz;
+            [&mut *vx_px_frame, vy_px_frame].into_iter().for_each(|speed| *speed *= finer * longer);
+            *omega_deg_frame *= longer;
+            let half = 0.5 * (scenario.camera.frames - 1) as f64;
+            *start_px = [middle_px[0] - half * *vx_px_frame, middle_px[1] - half * *vy_px_frame];
+        }
+        MotionSetup::Impact(impact) => {
+            impact.contact_center_px = middle_px;
+            let (sin, cos) = config.velocity.gravity_angle_deg.to_radians().sin_cos();
+            impact.gravity_m_s2 = [cos, sin].map(|part| config.velocity.gravity_m_s2 * part);
+        }
+    }
+    Ok(scenario)
+}

@@ -1,0 +1,123 @@
+//! What is printed.
+
+use super::advice::Advice;
+use super::rig::Rig;
+use super::spread::{Expected, Foreseen};
+use super::{FILMS, FILMS_OF_A_CHANGE};
+use crate::command::{say, table};
+use serde_json::json;
+
+/// Everything that was found of a rig.
+pub(super) struct Told<'a> {
+    pub(super) rig: &'a Rig,
+    pub(super) foreseen: &'a Foreseen,
+    pub(super) advice: &'a [Advice],
+}
+
+impl Told<'_> {
+    pub(super) fn json(&self) {
+        let Self { rig, foreseen, advice } = self;
+        let camera = &rig.scenario.camera;
+        let [x, y, angle] = foreseen.noise.pose;
+        let rows: Vec<_> = foreseen.rows.iter().map(row).collect();
+        let advice = advice.iter().map(|advice| {
+            let shares: serde_json::Map<_, _> =
+                advice.shares.iter().map(|(name, share)| (name.clone(), json!(share))).collect();
+            json!({ "change": advice.words, "mean_share": advice.mean, "shares": shares })
+        });
+        let told = json!({
+            "rig": rig.config.origin, "scenario": rig.scenario.name,
+            "frame_rate_hz": camera.frame_rate_hz, "exposure_us": camera.exposure_us, "noise_dn": camera.noise_dn,
+            "diameter_px": 2.0 * rig.scenario.radius_px(), "motion_blur_px": self.blur_px(),
+            "pixel_noise_dn": foreseen.noise.pixel_dn, "is_whole": foreseen.noise.step.is_whole,
+            "sigma_x_px": x, "sigma_y_px": y, "sigma_angle_deg": angle,
+            "films": FILMS, "films_of_a_change": FILMS_OF_A_CHANGE,
+            "expected": rows, "advice": advice.collect::<Vec<_>>(),
+        });
+        say(&told.to_string());
+    }
+
+    fn blur_px(&self) -> f64 {
+        1e-6 * self.rig.scenario.camera.exposure_us * self.rig.speed_px_s()
+    }
+
+    pub(super) fn table(&self) {
+        let Self { rig, foreseen, .. } = self;
+        let (camera, noise) = (&rig.scenario.camera, &foreseen.noise);
+        let [x, y, angle] = noise.pose;
+        say(&format!(
+            "{}: {} of {:.1} px, {} Hz, {} us ({:.2} px of motion), noise {} of {} grey levels",
+            rig.config.origin,
+            if rig.scenario.body.rod.is_some() { "rod" } else { "ball" },
+            2.0 * rig.scenario.radius_px(),
+            camera.frame_rate_hz,
+            camera.exposure_us,
+            self.blur_px(),
+            camera.noise_dn,
+            2u32.pow(camera.bits)
+        ));
+        let how = if noise.step.is_whole { "all pixels in one match" } else { "from subsets" };
+        say(&format!("a pose, {how}: {x:.5} px, {y:.5} px, {angle:.5} deg (1 sigma)\n"));
+        let header = ["expected", "true", "scatter (1 sigma)", "of it", "mean error", ""].map(str::to_owned).to_vec();
+        let rows: Vec<_> = std::iter::once(header).chain(foreseen.rows.iter().map(cells)).collect();
+        say(&table(&rows));
+        self.say_advice();
+    }
+
+    fn say_advice(&self) {
+        if self.advice.is_empty() {
+            return;
+        }
+        say("\nwhat to change first, with what is left of the scatter:");
+        let helpful: Vec<&Advice> = self.advice.iter().filter(|advice| advice.helps()).collect();
+        if helpful.is_empty() {
+            say("nothing that was tried helps by more than 3 %");
+            return;
+        }
+        let names = helpful[0].shares.iter().map(|(name, _)| name.clone());
+        let header = ["".to_owned(), "mean".to_owned()].into_iter().chain(names).collect();
+        let line = |(place, advice): (usize, &&Advice)| {
+            let shares = advice.shares.iter().map(|(_, share)| percent(*share));
+            [(place + 1).to_string(), percent(advice.mean)].into_iter().chain(shares).collect()
+        };
+        let rows: Vec<Vec<String>> = std::iter::once(header).chain(helpful.iter().enumerate().map(line)).collect();
+        for (row, words) in
+            table(&rows).lines().zip(std::iter::once("").chain(helpful.iter().map(|a| a.words.as_str())))
+        {
+            say(format!("{row}   {words}").trim_end());
+        }
+    }
+}
+
+fn row(expected: &Expected) -> serde_json::Value {
+    json!({
+        "name": expected.name, "unit": expected.unit, "true": expected.truth, "sigma": expected.sigma,
+        "mean_error": expected.offset, "told": expected.told,
+    })
+}
+
+fn percent(share: f64) -> String {
+    format!("{:.0} %", 100.0 * share)
+}
+
+/// Three significant digits, times in ms.
+fn cells(expected: &Expected) -> Vec<String> {
+    let (factor, unit) = if expected.unit == "s" { (1e3, "ms") } else { (1.0, expected.unit) };
+    let digits = |value: f64| {
+        let leading = (value.abs().max(1e-12)).log10().floor();
+        format!("{value:.*}", (2.0 - leading).clamp(0.0, 9.0) as usize)
+    };
+    let share = if expected.truth.abs() > expected.sigma {
+        format!("{:.2} %", 100.0 * expected.sigma / expected.truth.abs())
+    } else {
+        "-".into()
+    };
+    vec![
+        expected.name.clone(),
+        format!("{:.4}", factor * expected.truth),
+        digits(factor * expected.sigma),
+        share,
+        digits(factor * expected.offset),
+        unit.to_owned(),
+    ]
+}

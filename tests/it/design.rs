@@ -1,0 +1,188 @@
+//! `ricochet study design`: what it foresees is what films of the rig then show.
+
+use crate::film::rows_of;
+use crate::support::{Rig, run, succeed};
+use ricochet::command::study::design::{Expected, foresee, spread};
+use ricochet::config::Config;
+use ricochet::measure::TrackerRows;
+use ricochet::process::{Stop, truth_world};
+use ricochet::synth::{LightSetup, MotionSetup, PatternSetup, Scenario};
+use serde_json::Value;
+
+/// What films of the rig show: each drawn with noise of its own, and measured as any film is.
+fn shown(config: &Config, films: u64) -> Vec<Expected> {
+    let world = truth_world(config).unwrap().unwrap();
+    let motion: MotionSetup = world.scenario().motion.clone();
+    let measure = |take| rows_of(&world.retake(motion.clone(), take).unwrap(), &config.text);
+    let films: Vec<TrackerRows> = std::thread::scope(|scope| {
+        let half = |first| scope.spawn(move || (first..films).step_by(2).map(measure).collect::<Vec<_>>());
+        let halves = [half(0), half(1)];
+        halves.into_iter().flat_map(|half| half.join().unwrap()).collect()
+    });
+    let truth: Vec<_> = (0..world.frames()).map(|index| world.truth(index)).collect();
+    spread(&truth, world.impact().as_ref(), &films, world.scenario().body.rod.is_some())
+}
+
+/// Foreseen scatter over that shown, by name.
+fn ratios(config: &Config, films: u64) -> Vec<(String, f64)> {
+    let foreseen = foresee(config, &Stop::default()).unwrap();
+    let shown = shown(config, films);
+    let ratio = |expected: &Expected| {
+        let found = shown.iter().find(|found| found.name == expected.name)?;
+        let ratio = expected.sigma / found.sigma;
+        eprintln!(
+            "{:24} foreseen {:.7} shown {:.7} {} ratio {ratio:.3}; mean error foreseen {:.7} shown {:.7}",
+            expected.name, expected.sigma, found.sigma, expected.unit, expected.offset, found.offset
+        );
+        Some((expected.name.clone(), ratio))
+    };
+    foreseen.iter().filter_map(ratio).collect()
+}
+
+/// A rig that films this scenario.
+fn rig(place: &Rig, scenario: &Scenario, more: &str) -> Config {
+    let path = place.path("scenario.toml");
+    std::fs::write(&path, toml::to_string(scenario).unwrap()).unwrap();
+    let text = format!(
+        "[rig]\nname = \"design\"\n[camera]\nsource = \"simulated\"\nscenario = {:?}\npaced = false\n\
+         [scale]\nmm_per_px = {}\n[surface]\nangle_deg = {}\n[[body]]\nname = \"ball\"\nkind = \"ball\"\n\
+         diameter_mm = {}\n{more}",
+        path.to_str().unwrap(),
+        scenario.scale.mm_per_px,
+        scenario.surface.angle_deg,
+        scenario.body.diameter_mm
+    );
+    Config::parse(&text, "rig.toml").unwrap()
+}
+
+/// The scatter of these numbers is foreseen within 20 %; that of so many films is known to 1 in sqrt(2 films).
+fn within_a_fifth(config: &Config, films: u64, names: &[&str]) {
+    let ratios = ratios(config, films);
+    for name in names {
+        let ratio = ratios.iter().find(|(known, _)| known == name).unwrap_or_else(|| panic!("no {name}")).1;
+        assert!((0.8..1.25).contains(&ratio), "{name}: {ratio}");
+    }
+}
+
+/// A small ball of 80 px with few speckles and much noise, 12 bits, that flies past: a wide window of its own.
+fn passing() -> Scenario {
+    let mut scenario = Scenario::translation(0.0, 0.0, 0.0);
+    let camera = &mut scenario.camera;
+    (camera.width_px, camera.height_px, camera.frames, camera.frame_rate_hz) = (176, 144, 64, 2000.0);
+    (camera.bits, camera.noise_dn, camera.shot_share, camera.exposure_us) = (12, 90.0, 0.3, 60.0);
+    scenario.body.diameter_mm = 40.0;
+    scenario.body.pattern = PatternSetup::paper("b-I").unwrap();
+    scenario.motion =
+        MotionSetup::Constant { vx_px_frame: 0.77, vy_px_frame: -0.13, omega_deg_frame: 0.37, start_px: [62.3, 77.6] };
+    scenario
+}
+
+/// A ball of 100 px that strikes a flat, at speeds off every grid, with fine speckles and little noise.
+fn striking() -> Scenario {
+    let mut scenario = Scenario::built_in("lacrosse").unwrap();
+    (scenario.camera.width_px, scenario.camera.height_px, scenario.camera.frames) = (176, 160, 88);
+    scenario.camera.noise_dn = 3.0;
+    scenario.scale.mm_per_px = 0.6325;
+    scenario.body.pattern = PatternSetup::paper("a-III").unwrap();
+    scenario.light = LightSetup::default();
+    let MotionSetup::Impact(impact) = &mut scenario.motion else { panic!("an impact") };
+    (impact.contact_center_px, impact.vn_m_s, impact.vt_m_s) = ([86.3, 86.6], -1.73, 0.41);
+    scenario
+}
+
+#[test]
+fn the_scatter_of_speed_and_spin_of_a_ball_that_passes_is_foreseen_within_a_fifth() {
+    let place = Rig::new();
+    let config = rig(&place, &passing(), "[velocity]\nwindow_frames = 15\ngravity_m_s2 = 0\n");
+    within_a_fifth(&config, 60, &["motion.vn_m_s", "motion.vt_m_s", "motion.omega_rad_s"]);
+}
+
+#[test]
+fn the_scatter_of_speeds_spin_and_contact_times_of_a_ball_that_strikes_is_foreseen_within_a_fifth() {
+    let place = Rig::new();
+    let config = rig(&place, &striking(), "[velocity]\ngravity_angle_deg = -71\n");
+    let names = [
+        "flight.vn_m_s",
+        "flight.vt_m_s",
+        "flight.omega_rad_s",
+        "contact.vn_m_s",
+        "contact.omega_rad_s",
+        "rebound.vn_m_s",
+        "rebound.omega_rad_s",
+        "start_s",
+        "end_s",
+        "restitution",
+    ];
+    within_a_fifth(&config, 60, &names);
+}
+
+fn told(config: &Config, place: &Rig, more: &[&str]) -> Value {
+    let path = place.path("rig.toml");
+    std::fs::write(&path, &config.text).unwrap();
+    let line = ["study", "design", "--json", "--config", path.to_str().unwrap()];
+    serde_json::from_str(&succeed(line.iter().chain(more))).unwrap()
+}
+
+fn sigma(told: &Value, name: &str) -> f64 {
+    let rows = told["expected"].as_array().unwrap();
+    rows.iter().find(|row| row["name"] == name).unwrap()["sigma"].as_f64().unwrap()
+}
+
+#[test]
+fn twice_the_noise_is_twice_the_scatter_and_changes_are_told_best_first() {
+    let place = Rig::new();
+    let mut scenario = passing();
+    // Far more noise is worse than in proportion: what a renewed reference leaves grows with its square.
+    (scenario.camera.frames, scenario.camera.noise_dn) = (24, 30.0);
+    let config = rig(&place, &scenario, "[velocity]\nwindow_frames = 9\n");
+    let (plain, noisy) = (told(&config, &place, &[]), told(&config, &place, &["--noise-dn", "60", "--no-advice"]));
+    for name in ["motion.vn_m_s", "motion.omega_rad_s"] {
+        let ratio = sigma(&noisy, name) / sigma(&plain, name);
+        assert!((1.9..2.1).contains(&ratio), "{name}: {ratio}");
+    }
+    let advice = plain["advice"].as_array().unwrap();
+    let left: Vec<f64> = advice.iter().map(|advice| advice["mean_share"].as_f64().unwrap()).collect();
+    assert!(left.is_sorted() && left.len() >= 8, "{left:?}");
+    let change = |word: &str| {
+        let of = |advice: &&Value| advice["change"].as_str().unwrap().contains(word);
+        advice.iter().find(of).unwrap()["mean_share"].as_f64().unwrap()
+    };
+    assert!((change("half the noise") - 0.5).abs() < 0.05, "{}", change("half the noise"));
+    assert!(change("contrast") < 0.95);
+    assert_eq!(noisy["advice"].as_array().unwrap().len(), 0);
+}
+
+#[test]
+fn rigs_that_cannot_film_or_follow_are_refused_in_one_line() {
+    let place = Rig::new();
+    let refused = |config: &Config, edit: &dyn Fn(String) -> String, more: &[&str]| {
+        let path = place.path("rig.toml");
+        std::fs::write(&path, edit(config.text.clone())).unwrap();
+        let line = ["study", "design", "--no-advice", "--config", path.to_str().unwrap()];
+        let output = run(line.iter().chain(more));
+        let told = String::from_utf8(output.stderr).unwrap();
+        assert!(!output.status.success() && output.stdout.is_empty(), "{told}");
+        assert_eq!(told.trim().lines().count(), 1, "{told}");
+        told
+    };
+    let plain = rig(&place, &passing(), "");
+    let genicam = "[camera]\nsource = \"genicam\"\nid = \"a\"\nwidth_px = 100\nheight_px = 100\nframe_rate_hz = 1000\n";
+    let large = refused(&plain, &|_| format!("{genicam}[scale]\nmm_per_px = 0.2\n[[body]]\ndiameter_mm = 40\n"), &[]);
+    assert!(large.contains("larger than the picture of 100 x 100 px"), "{large}");
+    let bare = refused(&plain, &|_| genicam.to_owned(), &[]);
+    assert!(bare.contains("scale.mm_per_px is needed"), "{bare}");
+    let long = refused(&plain, &|text| text.replace("paced", "exposure_us = 600\npaced"), &[]);
+    assert!(long.contains("camera.exposure_us = 600 is out of range"), "{long}");
+    let slow = format!("{}[scale]\nmm_per_px = 1\n[[body]]\ndiameter_mm = 40\n", genicam.replace("1000", "100"));
+    let far = refused(&plain, &|_| slow.clone(), &[]);
+    assert!(far.contains("px from frame to frame"), "{far}");
+    let blurred = slow.replace("frame_rate_hz = 100", "frame_rate_hz = 100\nexposure_us = 9000");
+    let blur = refused(&plain, &|_| blurred.clone(), &[]);
+    assert!(blur.contains("more than a quarter of its radius: expose for at most"), "{blur}");
+    let filmed = refused(&plain, &|_| "[camera]\nsource = \"recording\"\nid = \"a.mcap\"\n".into(), &[]);
+    assert!(filmed.contains("`ricochet analyze`"), "{filmed}");
+    let rod = refused(&plain, &|text| text, &["--scenario", "rod"]);
+    assert!(rod.contains("scenario \"rod\" films a rod"), "{rod}");
+    let noise = refused(&plain, &|text| text, &["--noise-dn=-1"]);
+    assert!(noise.contains("--noise-dn"), "{noise}");
+}
