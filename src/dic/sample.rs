@@ -46,11 +46,15 @@ fn along<V: Vector>(start: f64, drift: f64) -> V {
 }
 
 /// Lane by lane, for any deformation.
+///
+/// Lanes off the mask may lie anywhere beside the picture; what they read does not count.
 #[inline(never)]
 fn sample_scattered(target: &Splined, (x, y): (f64, f64), ux: f64, vx: f64) -> Lanes {
+    let (right, bottom) = (target.width() as f64 - 1.0, target.height() as f64 - 1.0);
     let mut lanes = Lanes::splat(0.0);
     for (lane, value) in lanes.0.iter_mut().enumerate() {
-        *value = target.at(x + lane as f64 * (1.0 + ux), y + lane as f64 * vx);
+        let (x, y) = (x + lane as f64 * (1.0 + ux), y + lane as f64 * vx);
+        *value = target.at(x.clamp(0.0, right), y.clamp(0.0, bottom));
     }
     lanes
 }
@@ -180,6 +184,16 @@ mod tests {
                 let expected = target.at(at.0 + offset * (1.0 + ux), at.1 + offset * vx);
                 assert!((found.0[lane] - expected).abs() < 2e-3, "{ux} {vx} {at:?} lane {lane}");
             }
+        }
+    }
+
+    #[test]
+    fn lanes_far_beside_the_picture_do_not_spoil_those_within() {
+        let target = waves();
+        for (at, ux, vx) in [((50.0, 45.0), 0.9, 1.4), ((3.0, 2.0), -2.5, -1.7), ((58.0, 48.0), 3.0, 3.0)] {
+            let found = sample_lanes::<Portable, 6, 7>(&target, at, ux, vx).to_lanes();
+            assert!((found.0[0] - target.at(at.0, at.1)).abs() < 1e-3, "{at:?}: {found:?}");
+            assert!(found.0.iter().all(|value| value.is_finite()));
         }
     }
 
