@@ -183,7 +183,7 @@ impl Window {
             let high = (across.0.max(across.1) + down.0.max(down.1)).min(radius);
             (shift + low, shift + high)
         };
-        let (x, y) = (along(warp.u, 1.0 + warp.ux, warp.uy), along(warp.v, 1.0 + warp.vy, warp.vx));
+        let (x, y) = (along(warp.u, 1.0 + warp.ux, warp.uy), along(warp.v, warp.vx, 1.0 + warp.vy));
         [x.0, y.0, x.1, y.1]
     }
 }
