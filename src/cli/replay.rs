@@ -1,6 +1,6 @@
 //! The command line of `ricochet replay`.
 
-use crate::command::replay::{Rate, ReplayOptions, Tempo};
+use crate::command::replay::{Rate, ReplayOptions, Tempo, Times};
 use clap::Args;
 use std::path::PathBuf;
 
@@ -48,6 +48,11 @@ impl From<Replay> for ReplayOptions {
             line;
         let passes = looped.unwrap_or(Some(1));
         let tempo = if step { Tempo::Step } else { rate.into() };
-        Self { files, config, tempo, shift_times, passes, from_s, to_s, output, rig, workers }
+        let times = match shift_times {
+            None => Times::Recorded,
+            Some(None) => Times::Present,
+            Some(Some(ns)) => Times::From(ns),
+        };
+        Self { files, config, tempo, times, passes, from_s, to_s, output, rig, workers }
     }
 }

@@ -48,6 +48,17 @@ impl From<Rate> for Tempo {
     }
 }
 
+/// The times that replayed frames carry.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Times {
+    /// Those recorded.
+    Recorded,
+    /// The same distances, from this moment on.
+    Present,
+    /// The same distances, from here on, ns since the Unix epoch.
+    From(u64),
+}
+
 /// What to play, and how.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ReplayOptions {
@@ -57,8 +68,8 @@ pub struct ReplayOptions {
     pub config: Option<PathBuf>,
     /// How fast.
     pub tempo: Tempo,
-    /// When the frames' times begin, ns since the Unix epoch: `Some(None)` for now, `None` for their own times.
-    pub shift_times: Option<Option<u64>>,
+    /// Which times the frames carry.
+    pub times: Times,
     /// How many times; `None` until stopped.
     pub passes: Option<u32>,
     /// Where to begin, seconds from the first frame.
@@ -132,14 +143,13 @@ fn play(played: &Played, stop: &Stop) -> anyhow::Result<Summary> {
 fn rigs(options: &ReplayOptions, streams: &[(Recording, Span)]) -> anyhow::Result<Vec<Played>> {
     let is_led = streams.len() > 1 || options.tempo == Tempo::Step;
     let first_ns = stream::first_ns(streams)?;
-    let shift_ns = match options.shift_times {
-        None => 0,
-        Some(to_ns) => {
-            let to_ns = to_ns.unwrap_or_else(process::host_ns);
-            i64::try_from(i128::from(to_ns) - i128::from(first_ns))
-                .map_err(|_| UsageError(format!("--shift-times={to_ns}: too far from the recorded times")))?
-        }
+    let begin_ns = match options.times {
+        Times::Recorded => first_ns,
+        Times::Present => process::host_ns(),
+        Times::From(ns) => ns,
     };
+    let shift_ns = i64::try_from(i128::from(begin_ns) - i128::from(first_ns))
+        .map_err(|_| UsageError(format!("--shift-times={begin_ns}: too far from the recorded times")))?;
     let mut names = Vec::<String>::new();
     let mut played = Vec::new();
     for (recording, span) in streams {

@@ -1,7 +1,13 @@
 //! Images and parameters that must end in a status or an error.
 
 use super::grid::rectangle;
+use super::lanes::Lanes;
+use super::prepared::Prepared;
+use super::refine::Refiner;
 use super::speckle::{Disc, Sequence, Speckle, record};
+use super::subset::Subset;
+use super::warp::Warp;
+use super::window::Window;
 use super::*;
 use crate::image::Image;
 use crate::results::{FieldPoint, PointStatus};
@@ -256,4 +262,51 @@ fn subsets_with_texture_in_one_corner_have_low_contrast() {
     correlator.correlate(&a, &b, &[GridPoint { x: 45, y: 45 }, GridPoint { x: 20, y: 20 }], Start::Search, &mut field);
     assert_eq!(field[0].status, PointStatus::LowContrast);
     assert_eq!(field[1].status, PointStatus::Valid);
+}
+
+/// Wild warps come of weak matches; whatever they ask for is sampled within the image or refused.
+#[test]
+fn any_warp_of_any_window_anywhere_is_sampled_or_refused() {
+    let (mut reference, mut target) = (Prepared::default(), Prepared::default());
+    reference.fill(speckled(1).view(), Interpolation::Optimised);
+    target.fill(speckled(2).view(), Interpolation::Optimised);
+    let mut random = Sequence::new(5);
+    let (mut sampled, mut residual) = (0, Vec::new());
+    for case in 0..6000 {
+        let shape = [WindowShape::Square, WindowShape::Circle, WindowShape::Ring][case % 3];
+        let whole = Window::new(shape, [15, 31, 45][case / 3 % 3]);
+        let (a, b) = (random.normal(), random.normal());
+        let (mut window, mut subset) = (whole.clone(), Subset::default());
+        if case % 4 > 1 {
+            let belongs = |dx: i32, dy: i32| f64::from(dx) * a + f64::from(dy) * b < 6.0;
+            if case % 4 == 2 {
+                whole.cut(belongs, &mut window);
+            } else {
+                let kept: Vec<Lanes> =
+                    whole.mask.iter().map(|row| *row * Lanes::splat(random.normal() as f32)).collect();
+                let kept: Vec<Lanes> =
+                    kept.iter().map(|row| Lanes(row.0.map(|v| f32::from(u8::from(v > 0.8))))).collect();
+                whole.keep(&kept, &mut window);
+            }
+        }
+        let at = (
+            (45.0 + 25.0 * random.normal()).clamp(0.0, 89.0) as u32,
+            (45.0 + 25.0 * random.normal()).clamp(0.0, 89.0) as u32,
+        );
+        if subset.fill(&reference, &window, Shape::Affine, at).is_err() {
+            continue;
+        }
+        let mut bend = || 0.4 * random.normal();
+        let [ux, uy, vx, vy] = [bend(), bend(), bend(), bend()];
+        let warp = Warp { u: 25.0 * bend(), v: 25.0 * bend(), ux, uy, vx, vy };
+        let at = target.local(at);
+        let refiner = Refiner { subset: &subset, window: &window, shape: Shape::Affine, target: &target.splined, at };
+        for warp in [warp, Warp::shift(warp.u, warp.v), Warp::rigid(warp.u, warp.v, 3.0 * ux)] {
+            sampled += i32::from(refiner.step(&warp).is_ok());
+            let _ = refiner.refine(warp);
+            refiner.residual(&warp, &mut residual);
+            assert!(residual.iter().all(|row| row.0.iter().all(|value| value.is_finite())));
+        }
+    }
+    assert!(sampled > 1000, "{sampled} were sampled");
 }

@@ -153,13 +153,15 @@ impl Window {
     }
 
     /// This window without the pixels where `kept`, packed like its mask, is 0; into `out`, with the same blocks.
+    ///
+    /// All rows of the blocks are read, so all of the rectangle must stay in the image.
     pub(super) fn keep(&self, kept: &[Lanes], out: &mut Self) {
         out.blocks.clone_from(&self.blocks);
         out.mask.clear();
         out.mask.extend(self.mask.iter().zip(kept).map(|(mask, kept)| *mask * *kept));
         (out.half, out.radius) = (self.half, self.radius);
         out.pixels = out.mask.iter().map(|row| row.0.iter().filter(|value| **value > 0.5).count()).sum();
-        out.measure();
+        out.extent = self.extent;
     }
 
     /// Whether the pixel at an offset from the centre belongs.
@@ -200,6 +202,29 @@ mod tests {
         let area = std::f64::consts::PI * 15.5 * 15.5;
         assert!((circle / area - 1.0).abs() < 0.02, "{circle}");
         assert!((ring / (0.75 * area) - 1.0).abs() < 0.03, "{ring}");
+    }
+
+    #[test]
+    fn every_pixel_of_a_window_cut_anywhere_lies_within_its_reach() {
+        let (whole, mut cut) = (Window::new(WindowShape::Square, 31), Window::default());
+        let warps = [
+            Warp { u: 3.0, ux: 0.2, uy: -0.6, v: -2.0, vx: 0.9, vy: -0.3 },
+            Warp::rigid(1.0, 2.0, 1.4),
+            Warp::shift(0.5, -0.25),
+        ];
+        for (left, top, right, bottom) in [(-15, -15, 2, 15), (-3, -15, 15, 4), (6, -15, 15, -9)] {
+            assert!(whole.cut(|dx, dy| (left..=right).contains(&dx) && (top..=bottom).contains(&dy), &mut cut));
+            for warp in &warps {
+                let corners = [(left, top), (right, top), (left, bottom), (right, bottom)];
+                let at = corners.map(|(dx, dy)| warp.apply(f64::from(dx), f64::from(dy)));
+                let low = |pick: fn(&(f64, f64)) -> f64| at.iter().map(pick).fold(f64::INFINITY, f64::min);
+                let high = |pick: fn(&(f64, f64)) -> f64| at.iter().map(pick).fold(f64::NEG_INFINITY, f64::max);
+                let expected = [low(|p| p.0), low(|p| p.1), high(|p| p.0), high(|p| p.1)];
+                for (found, expected) in cut.reach(warp).iter().zip(expected) {
+                    assert!((found - expected).abs() < 1e-9, "{:?} {warp:?}: {found} {expected}", cut.extent);
+                }
+            }
+        }
     }
 
     #[test]

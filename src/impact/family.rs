@@ -127,7 +127,7 @@ fn own_variance(f: &LawFit, k: usize) -> f64 {
     let own = f.sigmas[k].powi(2) * (f.chi2 / f.freedom).max(1.0);
     // Where the stiffness is free, start and end are what its polynomial makes of the unseen first and last two percents
     // of the force, over which a y^1.5 contact takes UNSEEN of its depth; the depth is counted from the start.
-    let [start, _, end, first, last, before, after, depth, peak] = f.findings;
+    let [start, _, end, first, last, before, after, depth, peak, _] = f.findings;
     let begins = (first - start).max(UNSEEN * depth / before);
     let ends = (end - last).max(UNSEEN * depth / after.abs());
     let unknown = match (f.family, k) {
@@ -137,6 +137,8 @@ fn own_variance(f: &LawFit, k: usize) -> f64 {
         (Family::Stiffness { .. }, 4) => FREE_FAINT * ends,
         (Family::Stiffness { .. }, 7) => before * begins,
         (Family::Stiffness { .. }, 8) => FREE_PEAK * peak,
+        // Both ends are off inwards or outwards together.
+        (Family::Stiffness { .. }, 9) => begins + ends,
         _ => 0.0,
     };
     own + unknown.powi(2)

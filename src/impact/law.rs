@@ -87,8 +87,10 @@ pub struct Passage {
 }
 
 /// What a law says of a contact: start, deepest, end, 2 % start, 2 % end (frames), speed before and after
-/// (px/frame, inwards positive), greatest depth (px), greatest acceleration outwards (px/frame^2).
-pub type Findings = [f64; 9];
+/// (px/frame, inwards positive), greatest depth (px), greatest acceleration outwards (px/frame^2), duration (frames).
+///
+/// The duration stands for itself, since the errors of start and end are not independent.
+pub type Findings = [f64; 10];
 
 /// `p[2]` is A here, not its logarithm.
 fn force(p: &Parameters, units: &Units, depth: f64, speed: f64) -> f64 {
@@ -196,6 +198,7 @@ impl Passage {
             end.speed,
             depth,
             acceleration,
+            end.time,
         ]
     }
 
@@ -279,7 +282,7 @@ mod tests {
         // F/m = w^2 y with w = 0.1 a frame, written with y0 = v0/w.
         let units = Units { depth: 5.0, speed: 0.5, gravity: 0.0 };
         let p = [0.0, 0.5, 0.05_f64.ln(), 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0];
-        let [start, deepest, end, _, _, before, after, depth, acceleration] =
+        let [start, deepest, end, _, _, before, after, depth, acceleration, _] =
             Passage::new(&p, &units).unwrap().findings(7.0);
         let half = std::f64::consts::PI / 0.1;
         assert!((start - 7.0).abs() < 1e-12 && (end - 7.0 - half).abs() < 1e-5, "{end}");

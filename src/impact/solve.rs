@@ -161,8 +161,7 @@ fn turning_point(contact: &[SurfaceNode]) -> Option<Estimate> {
 }
 
 fn by_law(v: &Verdict) -> Interval {
-    let [start, deepest, end, ..] =
-        std::array::from_fn::<Estimate, 9, _>(|k| Estimate { value: v.findings[k], sigma: v.sigmas[k] });
+    let [start, deepest, end] = [0, 1, 2].map(|k| Estimate { value: v.findings[k], sigma: v.sigmas[k] });
     Interval {
         start,
         deepest: Some(deepest),
@@ -278,7 +277,8 @@ fn assemble(interval: &Interval, flights: &Flights, verdict: Option<&Verdict>, w
     let before = |k: usize| rate(&flights.before, k, interval.start);
     let after = |k: usize| rate(&flights.after, k, interval.end);
     let turn = |x: Estimate| scaled(x, 1.0 / world.period_s, 0.0);
-    let duration = minus(interval.end, interval.start);
+    let found = |k: usize| verdict.map(|v| Estimate { value: v.findings[k], sigma: v.sigmas[k] });
+    let duration = found(9).unwrap_or_else(|| minus(interval.end, interval.start));
     let impulse = |k: usize| {
         let fall =
             Estimate { value: world.gravity_px[k] * duration.value, sigma: world.gravity_px[k] * duration.sigma };
@@ -288,7 +288,6 @@ fn assemble(interval: &Interval, flights: &Flights, verdict: Option<&Verdict>, w
     let tangential = contact_point(interval, flights, world)
         .and_then(|[first, last]| ratio(last, first))
         .map(|e| Estimate { value: -e.value, ..e });
-    let found = |k: usize| verdict.map(|v| Estimate { value: v.findings[k], sigma: v.sigmas[k] });
     let metres = world.metres_per_px.value;
     let moment = |k: usize| found(k).map(seconds);
     // The surface carries the weight as well.

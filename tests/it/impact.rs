@@ -52,7 +52,7 @@ impl Errors {
     }
 }
 
-const NAMES: [&str; 16] = [
+const NAMES: [&str; 17] = [
     "start",
     "deepest",
     "end",
@@ -69,9 +69,10 @@ const NAMES: [&str; 16] = [
     "force",
     "energy",
     "gravity",
+    "lasts",
 ];
 
-fn compare(errors: &mut [Errors; 16], impact: &Impact, truth: &Truth) {
+fn compare(errors: &mut [Errors; 17], impact: &Impact, truth: &Truth) {
     let period = 1.0 / truth.experiment.frame_rate_hz;
     let [vn, vt, omega] = truth.before;
     let gravity = 9.81 * (truth.end - truth.start) * period;
@@ -97,15 +98,16 @@ fn compare(errors: &mut [Errors; 16], impact: &Impact, truth: &Truth) {
     push(&mut errors[13], impact.force_max_n, force_n, force_n / 100.0);
     push(&mut errors[14], impact.energy_lost_j, lost_j, lost_j / 100.0);
     push(&mut errors[15], impact.gravity_m_s2, 9.81, 1.0);
+    push(&mut errors[16], impact.contact_time_s, (truth.end - truth.start) * period, period);
 }
 
 struct Study {
-    errors: [Errors; 16],
+    errors: [Errors; 17],
     laws: Vec<ForceLaw>,
 }
 
 fn study(experiment: &Experiment, seeds: u64, interval: usize) -> Study {
-    let mut errors: [Errors; 16] = Default::default();
+    let mut errors: [Errors; 17] = Default::default();
     let mut laws = Vec::new();
     for seed in 0..seeds {
         let mut noise = Noise::new(seed + 5_000);
@@ -165,7 +167,7 @@ fn assert_study(experiment: &Experiment, limits: &Limits) {
         // uncertainty allows for it.
         assert!((0.2..=1.4).contains(&pull), "{name}: {} has error over sigma of {pull} rms", NAMES[k]);
     }
-    for k in [0, 1, 2, 8, 9, 11, 12, 13, 14, 15] {
+    for k in [0, 1, 2, 8, 9, 11, 12, 13, 14, 15, 16] {
         let (one, two) = (errors[k].covered(1.0), errors[k].covered(2.0));
         assert!(one >= 0.55 && two >= 0.88, "{name}: {} covered {one}, {two}", NAMES[k]);
     }
@@ -237,7 +239,7 @@ fn a_law_outside_the_fitted_family_moves_the_ends_and_little_else() {
 #[test]
 fn missing_steps_in_contact_cost_little() {
     for experiment in [lacrosse(true), tennis(false)] {
-        let mut errors: [Errors; 16] = Default::default();
+        let mut errors: [Errors; 17] = Default::default();
         for seed in 0..20 {
             let mut noise = Noise::new(seed + 700);
             let truth = experiment.simulate(noise.uniform());
