@@ -6,7 +6,7 @@ use crate::camera::{CameraIdentity, StreamFormat};
 use crate::config::Record;
 use crate::image::{Frame, FrameMeta};
 use crate::measure::{MeasureError, MeasureParams, Measured, Measurer, Share};
-use crate::process::{Extent, Shot, Stop, analysis_params, recording_info};
+use crate::process::{Extent, Shot, Stop, analysis_params, recording_info, reference};
 use crate::recording::{Recording, RecordingError, part_path};
 use crate::report;
 use crate::results::{Estimate, Impact};
@@ -86,7 +86,8 @@ type Answer = Result<Vec<Measured>, MeasureError>;
 
 /// Measures every frame; gives the results file and how many frames are missing.
 fn measure(film: Film, output: &Path, stop: &Stop) -> anyhow::Result<(PathBuf, u64)> {
-    let Film { format, config, metadata, count, frames, .. } = film;
+    let Film { format, config, metadata, count, frames, reference, .. } = film;
+    config.check_calibration(format.width_px, format.height_px)?;
     let (measure_params, tracker_params) = analysis_params(&config, &format);
     let mut info = recording_info(&config, &format, &CameraIdentity::default(), "none: analysed offline");
     for key in ["camera", "serial", "host", "trigger"] {
@@ -94,6 +95,7 @@ fn measure(film: Film, output: &Path, stop: &Stop) -> anyhow::Result<(PathBuf, u
             info.metadata.insert(key.to_owned(), value.clone());
         }
     }
+    info.attachments.extend(reference.as_ref().and_then(reference::attachment));
     let mut frames = frames.peekable();
     let meta = match frames.peek() {
         Some(Ok((meta, _))) => *meta,
@@ -116,7 +118,8 @@ fn measure(film: Film, output: &Path, stop: &Stop) -> anyhow::Result<(PathBuf, u
         let mut workers = Vec::new();
         for index in 0..config.workers.count {
             let (jobs, todo) = sync_channel(WAITING);
-            let measurer = plan(&measure_params, index, config.workers.count, &format)?;
+            let mut measurer = plan(&measure_params, index, config.workers.count, &format)?;
+            reference.iter().try_for_each(|picture| measurer.set_reference(picture))?;
             let answers = answers.clone();
             scope.spawn(move || work(measurer, &todo, &answers));
             workers.push(jobs);

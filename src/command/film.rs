@@ -4,8 +4,9 @@ use super::{UsageError, replay::rig_config};
 use crate::camera::StreamFormat;
 use crate::camera::recording::Span;
 use crate::config::Config;
-use crate::image::FrameMeta;
+use crate::image::{Frame, FrameMeta, Image};
 use crate::import;
+use crate::process::reference;
 use crate::recording::{self, Recording, RecordingError};
 use std::cmp::Ordering;
 use std::collections::BTreeMap;
@@ -27,6 +28,8 @@ pub(super) struct Film {
     pub(super) truncated: Option<String>,
     /// The rig it is measured with.
     pub(super) config: Config,
+    /// The picture in which its patches were drawn, where it has any.
+    pub(super) reference: Option<Image>,
     /// The frames.
     pub(super) frames: Frames,
 }
@@ -75,6 +78,7 @@ impl Film {
             return Err(UsageError("no recording given".into()).into());
         };
         let (meta, recording) = (*first, recording.clone());
+        let config = rig_config(&recording, config)?;
         let told = recording.metadata().get("frame_rate_hz").and_then(|text| text.parse().ok());
         let told = told.filter(|rate_hz: &f64| rate_hz.is_finite() && *rate_hz > 0.0);
         let Some(frame_rate_hz) = fps.or(told).or(recording.frame_rate_hz()?) else {
@@ -92,7 +96,8 @@ impl Film {
             count: parts.iter().map(|part| part.recording.frame_count()).sum(),
             metadata: recording.metadata().clone(),
             truncated: parts.iter().find_map(|part| part.recording.truncated().map(str::to_owned)),
-            config: rig_config(&recording, config)?,
+            reference: reference::of_recording(&recording, &config)?,
+            config,
             frames: Box::new(parts.into_iter().flat_map(|part| part.frames).map(move |frame| {
                 let (next, bytes) = frame?;
                 Ok((fps.map_or(next, |fps| restamped(next, &meta, fps)), bytes))
@@ -109,19 +114,26 @@ impl Film {
         for warning in &footage.warnings {
             log::warn!("{warning}");
         }
+        let format = StreamFormat {
+            width_px: footage.width_px,
+            height_px: footage.height_px,
+            format: footage.format,
+            frame_rate_hz: footage.frame_rate_hz,
+            exposure_us: 0.0,
+        };
+        let (count, metadata, config) = (footage.count, footage.description.clone(), Config::load(config)?);
+        let mut frames = footage.peekable();
+        let first = frames.peek().and_then(|first| first.as_ref().ok());
+        let reference =
+            first.and_then(|(meta, bytes)| reference::of_first_frame(&Frame { meta: *meta, bytes }, &config));
         Ok(Self {
-            format: StreamFormat {
-                width_px: footage.width_px,
-                height_px: footage.height_px,
-                format: footage.format,
-                frame_rate_hz: footage.frame_rate_hz,
-                exposure_us: 0.0,
-            },
-            count: footage.count,
-            metadata: footage.description.clone(),
+            format,
+            count,
+            metadata,
             truncated: None,
-            config: Config::load(config)?,
-            frames: Box::new(footage.map(|frame| Ok(frame?))),
+            reference,
+            config,
+            frames: Box::new(frames.map(|frame| Ok(frame?))),
         })
     }
 }

@@ -38,7 +38,7 @@ pub fn role(role: Role, options: &RoleOptions, stop: &Stop) -> anyhow::Result<Ou
     }
     let resumed = options.resume.is_some();
     let summary = match role {
-        Role::Acquire => process::acquire(&config, stop)?,
+        Role::Acquire => process::acquire(&config, resumed, stop)?,
         Role::Correlate => process::correlate(&config, options.worker, resumed, stop)?,
         Role::Track => process::track(&config, options.resume, stop)?,
         Role::Record => process::record(&config, resumed, stop)?,

@@ -4,6 +4,7 @@ use super::check::{Bounds, Table};
 use super::error::ConfigError;
 use super::raw::RawBody;
 use super::text::Text;
+use crate::dic::Patch;
 use crate::results::ROD_EDGES;
 
 /// What kind of thing a body is.
@@ -13,6 +14,8 @@ pub enum BodyKind {
     Ball,
     /// An upright rod with two tapes around it, one of them speckled.
     Rod,
+    /// The pixels inside a polygon, drawn in the stream's first picture.
+    Patch,
 }
 
 /// `[[body]]`: one thing that is followed.
@@ -38,6 +41,9 @@ pub struct Body {
     pub edges: u32,
     /// Region searched, `[x, y, width, height]` in px, inside the image; left out, the whole image.
     pub roi_px: Option<[u32; 4]>,
+    /// A patch: `polygon_px` of 3 to 256 corners `[x, y]` in the stream's first picture, `holes_px`, polygons too, and
+    /// `center_px`, the point that is told, default the centroid.
+    pub patch: Option<Patch>,
 }
 
 impl Body {
@@ -51,11 +57,15 @@ impl Body {
             max_radius_px: None,
             edges: EDGES_DEFAULT,
             roi_px: None,
+            patch: None,
         }
     }
 }
 
 const BODIES_MAX: usize = 16;
+const CORNERS_MAX: usize = 256;
+/// The smallest patch that is a subset's equal, px^2.
+const AREA_MIN_PX2: f64 = 150.0;
 const EDGES_DEFAULT: u32 = ROD_EDGES as u32;
 const RADIUS: Bounds = Bounds::closed(2.0, 32_768.0, "px");
 const MASS: Bounds = Bounds::above(0.0, 1000.0, "kg");
@@ -92,18 +102,20 @@ fn body(table: &Table<'_>, raw: RawBody, alone: bool, image_px: Option<(u32, u32
         ("holes_px", raw.holes_px.is_some()),
         ("center_px", raw.center_px.is_some()),
     ];
-    if let Some((key, _)) = patch_keys.iter().find(|(_, given)| *given) {
+    if let (Some((key, _)), true) = (patch_keys.iter().find(|(_, given)| *given), kind != BodyKind::Patch) {
         return Err(table.text.out_of_place(&table.key(key), with(kind), "kind = \"patch\""));
     }
-    let of_balls = [("min_radius_px", raw.min_radius_px.is_some()), ("max_radius_px", raw.max_radius_px.is_some())];
-    let of_rods = [("edges", raw.edges.is_some())];
-    let (foreign, owner) = match kind {
-        BodyKind::Ball => (&of_rods[..], BodyKind::Rod),
-        BodyKind::Rod => (&of_balls[..], BodyKind::Ball),
-    };
-    if let Some((key, _)) = foreign.iter().find(|(_, given)| *given) {
-        return Err(table.text.out_of_place(&table.key(key), with(kind), with(owner)));
+    let given = [
+        ("min_radius_px", raw.min_radius_px.is_some(), &[BodyKind::Ball][..]),
+        ("max_radius_px", raw.max_radius_px.is_some(), &[BodyKind::Ball]),
+        ("edges", raw.edges.is_some(), &[BodyKind::Rod]),
+        ("diameter_mm", raw.diameter_mm.is_some(), &[BodyKind::Ball, BodyKind::Rod]),
+        ("roi_px", raw.roi_px.is_some(), &[BodyKind::Ball, BodyKind::Rod]),
+    ];
+    if let Some((key, _, owners)) = given.iter().find(|(_, given, owners)| *given && !owners.contains(&kind)) {
+        return Err(table.text.out_of_place(&table.key(key), with(kind), with(owners[0])));
     }
+    let patch = (kind == BodyKind::Patch).then(|| patch(table, &raw, image_px)).transpose()?;
     let body = Body {
         name: name(table, raw.name, alone.then_some(kind))?,
         kind,
@@ -113,6 +125,7 @@ fn body(table: &Table<'_>, raw: RawBody, alone: bool, image_px: Option<(u32, u32
         max_radius_px: table.number("max_radius_px", raw.max_radius_px, RADIUS)?,
         edges: table.whole("edges", raw.edges, 2..=ROD_EDGES as i64, "")?.unwrap_or(EDGES_DEFAULT),
         roi_px: table.region("roi_px", raw.roi_px.as_deref(), image_px)?,
+        patch,
     };
     match body.min_radius_px.zip(body.max_radius_px) {
         Some((min_px, max_px)) if min_px >= max_px => {
@@ -123,13 +136,42 @@ fn body(table: &Table<'_>, raw: RawBody, alone: bool, image_px: Option<(u32, u32
 }
 
 fn kind(table: &Table<'_>, word: Option<&str>) -> Result<BodyKind, ConfigError> {
-    match word {
-        Some("patch") => Err(table.text.not_offered(&table.key("kind"), "allowed: \"ball\", \"rod\"")),
-        word => {
-            let kinds = [("ball", BodyKind::Ball), ("rod", BodyKind::Rod)];
-            Ok(table.word("kind", word, &kinds)?.unwrap_or(BodyKind::Ball))
-        }
+    let kinds = [("ball", BodyKind::Ball), ("rod", BodyKind::Rod), ("patch", BodyKind::Patch)];
+    Ok(table.word("kind", word, &kinds)?.unwrap_or(BodyKind::Ball))
+}
+
+/// The polygon of a patch.
+fn patch(table: &Table<'_>, raw: &RawBody, image_px: Option<(u32, u32)>) -> Result<Patch, ConfigError> {
+    let (right, bottom) = image_px.map_or((65_535.0, 65_535.0), |(w, h)| (f64::from(w) - 1.0, f64::from(h) - 1.0));
+    let polygon = |corners: &[Vec<f64>]| -> Option<Vec<[f64; 2]>> {
+        let inside = |[x, y]: &[f64; 2]| (0.0..=right).contains(x) && (0.0..=bottom).contains(y);
+        let corners: Option<Vec<[f64; 2]>> =
+            corners.iter().map(|corner| <[f64; 2]>::try_from(corner.as_slice()).ok().filter(inside)).collect();
+        corners.filter(|corners| (3..=CORNERS_MAX).contains(&corners.len()))
+    };
+    let words = format!("3 to {CORNERS_MAX} corners [x, y], 0 to {right} and 0 to {bottom} px");
+    let outline_px = polygon(raw.polygon_px.as_deref().unwrap_or_default());
+    let outline_px = outline_px.ok_or_else(|| table.refuse("polygon_px", words.as_str()))?;
+    let holes = raw.holes_px.iter().flatten().map(|hole| polygon(hole)).collect::<Option<Vec<_>>>();
+    let holes_px = holes.ok_or_else(|| table.refuse("holes_px", format!("polygons, each {words}")))?;
+    let center = |given: &Vec<f64>| {
+        let center = <[f64; 2]>::try_from(given.as_slice()).ok();
+        center.filter(|center| center.iter().all(|x| x.abs() <= 65_535.0))
+    };
+    let center_px = raw.center_px.as_ref().map(center);
+    if center_px == Some(None) {
+        return Err(table.refuse("center_px", "a point [x, y] in px, -65535 to 65535"));
     }
+    let patch = Patch { outline_px, holes_px, center_px: center_px.flatten() };
+    let area_px2 = patch.area_and_centroid().0;
+    // Written so that NaN is refused.
+    if !(area_px2 >= AREA_MIN_PX2) {
+        return Err(table.refuse(
+            "polygon_px",
+            format!("of at least {AREA_MIN_PX2} px^2 without its holes, and is of {area_px2:.0}"),
+        ));
+    }
+    Ok(patch)
 }
 
 /// The setting that makes a body one of this kind.
@@ -137,6 +179,7 @@ fn with(kind: BodyKind) -> &'static str {
     match kind {
         BodyKind::Ball => "kind = \"ball\"",
         BodyKind::Rod => "kind = \"rod\"",
+        BodyKind::Patch => "kind = \"patch\"",
     }
 }
 
@@ -145,6 +188,7 @@ fn name(table: &Table<'_>, name: Option<String>, alone: Option<BodyKind>) -> Res
     match (name, alone) {
         (None, Some(BodyKind::Ball)) => Ok("ball".into()),
         (None, Some(BodyKind::Rod)) => Ok("rod".into()),
+        (None, Some(BodyKind::Patch)) => Ok("patch".into()),
         (Some(name), _) if (1..=32).contains(&name.len()) && name.bytes().all(letter) => Ok(name),
         _ => Err(table.refuse("name", "1 to 32 of the characters a-z A-Z 0-9 _ -")),
     }

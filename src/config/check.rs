@@ -24,7 +24,7 @@ impl Bounds {
         Self { low, high, low_is_allowed: false, unit }
     }
 
-    fn hold(self, value: f64) -> bool {
+    pub(super) fn hold(self, value: f64) -> bool {
         let high_enough = if self.low_is_allowed { value >= self.low } else { value > self.low };
         high_enough && value <= self.high
     }

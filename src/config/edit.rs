@@ -30,7 +30,15 @@ impl Config {
         self.edited(|document| {
             // Moments lie half an exposure after the stamps, whoever delivers the frames.
             let exposure = document.get("camera").and_then(|camera| camera.get("exposure_us")).cloned();
+            let corner = ["offset_x_px", "offset_y_px"]
+                .map(|key| document.get("camera").and_then(|camera| camera.get(key)).and_then(Item::as_integer));
             document.insert("camera", Item::Table(Table::new()));
+            // A recording does not say which window of the sensor it shows.
+            if let ([Some(x), Some(y)], Some(calibration)) = (corner, document.get_mut("calibration"))
+                && let Some(table) = calibration.as_table_like_mut().filter(|table| !table.contains_key("offset_px"))
+            {
+                table.insert("offset_px", value([x, y].into_iter().collect::<toml_edit::Array>()));
+            }
             if let Some(Item::Value(exposure)) = exposure {
                 set(document, "camera.exposure_us", exposure);
             }

@@ -4,7 +4,8 @@ use super::body::DIAMETER;
 use super::check::{Bounds, Table};
 use super::error::ConfigError;
 use super::raw::{RawRotation, RawScale, RawSurface, RawVelocity};
-use crate::motion::{Rotation, Scale};
+use super::text::Text;
+use crate::motion::{Rectifier, RingLimits, Rotation, Scale};
 
 /// `[surface]`: what the bodies strike.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -37,11 +38,25 @@ const MM_PER_PX: Bounds = Bounds::closed(1.0e-6, 1.0e3, "mm/px");
 const ANGLE: Bounds = Bounds::closed(-180.0, 180.0, "deg");
 /// How far the edge's direction may be from the angle given beside it, deg.
 const EDGE_APART_DEG: f64 = 2.0;
+const RING: Bounds = Bounds::closed(1.0, 32_768.0, "px");
+/// A thinner ring tells nothing.
+const LEAST_RING_PX: f64 = 4.0;
 const ORDER_DEFAULT: u32 = 2;
 
-pub(super) fn scale(table: &Table<'_>, raw: &RawScale) -> Result<Option<Scale>, ConfigError> {
+pub(super) fn scale(
+    table: &Table<'_>,
+    raw: &RawScale,
+    calibration: Option<&Rectifier>,
+) -> Result<Option<Scale>, ConfigError> {
     let mm_per_px = table.number("mm_per_px", raw.mm_per_px, MM_PER_PX)?;
     let diameter_mm = table.number("ball_diameter_mm", raw.ball_diameter_mm, DIAMETER)?;
+    if let Some(plane) = calibration.and_then(Rectifier::mm_per_px) {
+        let given = [("mm_per_px", mm_per_px), ("ball_diameter_mm", diameter_mm)];
+        return match given.iter().find(|(_, given)| given.is_some()) {
+            Some((key, _)) => Err(table.refuse(key, "left out, because calibration.homography_mm gives the scale")),
+            None => Ok(Some(Scale::MmPerPx(plane))),
+        };
+    }
     match (mm_per_px, diameter_mm) {
         (Some(_), Some(_)) => Err(table.refuse("ball_diameter_mm", "left out, because mm_per_px is given too")),
         (Some(mm_per_px), None) => Ok(Some(Scale::MmPerPx(mm_per_px))),
@@ -74,16 +89,38 @@ pub(super) fn surface(table: &Table<'_>, raw: &RawSurface) -> Result<Surface, Co
     }
 }
 
-/// What motion and spin are taken from; the ring and what it needs are refused.
+/// Refuses an edge that lies where the calibration says nothing.
+pub(super) fn check_edge(
+    file: &Text<'_>,
+    surface: &Surface,
+    calibration: Option<&Rectifier>,
+) -> Result<(), ConfigError> {
+    let (Some(edge), Some(calibration)) = (surface.edge, calibration) else { return Ok(()) };
+    if edge.iter().all(|end| calibration.place(*end).is_some()) {
+        return Ok(());
+    }
+    Err(file.refuse("surface.edge", "two points where the calibration holds"))
+}
+
+/// What motion and spin are taken from.
 pub(super) fn rotation(table: &Table<'_>, raw: &RawRotation) -> Result<Rotation, ConfigError> {
-    let words = [("rigid", Some(Rotation::Rigid)), ("field", Some(Rotation::Field)), ("ring", None)];
-    let Some(method) = table.word("method", raw.method.as_deref(), &words)?.unwrap_or(Some(Rotation::default())) else {
-        return Err(table.text.not_offered(&table.key("method"), "allowed: \"rigid\", \"field\""));
+    let ring = RingLimits {
+        inner_px: table.number("ring_inner_px", raw.ring_inner_px, RING)?,
+        outer_px: table.number("ring_outer_px", raw.ring_outer_px, RING)?,
     };
-    let radii = [("ring_inner_px", raw.ring_inner_px), ("ring_outer_px", raw.ring_outer_px)];
-    match radii.iter().find(|(_, radius)| radius.is_some()) {
-        Some((key, _)) => Err(table.text.not_offered(&table.key(key), "leave it out")),
-        None => Ok(method),
+    let words = [("rigid", Rotation::Rigid), ("field", Rotation::Field), ("ring", Rotation::Ring(ring))];
+    let method = table.word("method", raw.method.as_deref(), &words)?.unwrap_or_default();
+    let given = [("ring_inner_px", ring.inner_px), ("ring_outer_px", ring.outer_px)];
+    if let (Rotation::Rigid | Rotation::Field, Some((key, _))) = (method, given.iter().find(|(_, px)| px.is_some())) {
+        let with = if method == Rotation::Field { "method = \"field\"" } else { "method = \"rigid\"" };
+        return Err(table.text.out_of_place(&table.key(key), with, "method = \"ring\""));
+    }
+    match ring.inner_px.zip(ring.outer_px) {
+        Some((inner_px, outer_px)) if outer_px - inner_px < LEAST_RING_PX => {
+            Err(table
+                .refuse("ring_outer_px", format!("at least {LEAST_RING_PX} px more than ring_inner_px = {inner_px}")))
+        }
+        _ => Ok(method),
     }
 }
 

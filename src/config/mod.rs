@@ -25,6 +25,7 @@
 //! ```
 
 mod body;
+mod calibration;
 mod camera;
 mod capture;
 mod check;
@@ -38,7 +39,7 @@ mod text;
 mod trigger;
 
 pub use crate::dic::CorrelationParams;
-pub use crate::motion::{Rotation, Scale};
+pub use crate::motion::{Rectifier, Rotation, Scale};
 pub use body::{Body, BodyKind};
 pub use camera::{Camera, FeatureValue, Source};
 pub use capture::{Compression, Record, Workers};
@@ -69,8 +70,13 @@ pub struct Config {
     /// `[camera]`: where the frames come from.
     pub camera: Camera,
     /// `[scale]`: either `mm_per_px` (0.000001 to 1000 mm/px) or `ball_diameter_mm` (above 0, at most 10000 mm;
-    /// then the scale follows from the measured radius). `None` when neither is given: pixels only.
+    /// then the scale follows from the measured radius), or that of the calibrated plane. `None` without: pixels only.
     pub scale: Option<Scale>,
+    /// `[calibration]`: the camera's lens (`camera_matrix`, `distortion_model`, `distortion`), the plane that bodies move
+    /// in (`homography_mm`, from undistorted pixels), or both, of a picture of `image_px` in which the recorded one
+    /// begins at `offset_px`; or the `file` that holds them, whose numbers take its place in `text`. `None` when the file
+    /// has no such table: then a pixel is equally large everywhere.
+    pub calibration: Option<Rectifier>,
     /// `[surface]`: what the bodies strike.
     pub surface: Surface,
     /// `[[body]]`: what is followed, 1 to 16; a ball named `ball` when the file has none.
@@ -82,8 +88,9 @@ pub struct Config {
     /// `[correlation] interval_frames`: from reference to target, rising, each 1 to 255 frames, default `[1]`. The
     /// first leads from frame to frame, longer ones keep the sum of its steps from drifting.
     pub intervals_frames: Vec<u32>,
-    /// `[rotation] method`: what motion and spin of balls are taken from, default `rigid`. A rod's motion always comes
-    /// from its subsets: where all bodies are rods, `rigid` is refused.
+    /// `[rotation]`: what motion and spin of balls are taken from, `method` default `rigid`. A `ring` lies between
+    /// `ring_inner_px` and `ring_outer_px`, each 1 to 32768 px and at least 4 px apart; left out, 0.35 and 0.96 of the
+    /// ball's radius. A rod's motion always comes from its subsets: where all bodies are rods, only `field` is taken.
     pub rotation: Rotation,
     /// `[velocity]`: how positions become velocities.
     pub velocity: Velocity,
@@ -93,7 +100,7 @@ pub struct Config {
     pub record: Option<Record>,
     /// `[workers]`: how the measuring is shared out.
     pub workers: Workers,
-    /// The file, letter by letter; attached to every recording.
+    /// The file, letter by letter, but for the numbers of a calibration file; attached to every recording.
     pub text: String,
     /// What errors call the file.
     pub origin: String,
@@ -107,16 +114,19 @@ impl Config {
     /// When the file cannot be read, is larger than 1 MiB, is not UTF-8, or [`parse`](Self::parse) refuses it.
     pub fn load(path: impl AsRef<Path>) -> Result<Self, ConfigError> {
         let origin = path.as_ref().display().to_string();
-        let mut text = String::new();
-        let read = std::fs::File::open(path)
-            .and_then(|file| file.take(FILE_BYTES_MAX + 1).read_to_string(&mut text))
-            .map_err(|error| error.to_string());
-        let reason = match read {
-            Ok(bytes) if bytes as u64 > FILE_BYTES_MAX => format!("larger than {FILE_BYTES_MAX} bytes"),
-            Ok(_) => return Self::parse(&text, &origin),
-            Err(reason) => reason,
-        };
-        Err(ConfigError::Unreadable { origin, reason })
+        match read_small(path.as_ref()) {
+            Ok(text) => Self::parse_with_files(&text, &origin),
+            Err(reason) => Err(ConfigError::Unreadable { origin, reason }),
+        }
+    }
+
+    /// As [`parse`](Self::parse), after the numbers of the calibration file were put in the place of its name.
+    fn parse_with_files(text: &str, origin: &str) -> Result<Self, ConfigError> {
+        match calibration::embedded(text, |name| read_small(Path::new(name))) {
+            None => Self::parse(text, origin),
+            Some(Ok(text)) => Self::parse(&text, origin),
+            Some(Err(reason)) => Err(Text::new(text, origin)?.refuse("calibration.file", reason)),
+        }
     }
 
     /// Checks the text of a rig file; `origin` is what errors call it.
@@ -137,8 +147,14 @@ impl Config {
         let image_px = camera.image_px();
         let record = raw.record.map(|record| capture::record(&Table::new(&file, "record"), record)).transpose()?;
         let rig = rig(&Table::new(&file, "rig"), raw.rig.name)?;
-        let scale = geometry::scale(&Table::new(&file, "scale"), &raw.scale)?;
+        let corner_px = camera.offset_x_px.zip(camera.offset_y_px).map(<[u32; 2]>::from);
+        let calibration = match &raw.calibration {
+            None => None,
+            Some(raw) => Some(calibration::calibration(&Table::new(&file, "calibration"), raw, corner_px)?),
+        };
+        let scale = geometry::scale(&Table::new(&file, "scale"), &raw.scale, calibration.as_ref())?;
         let surface = geometry::surface(&Table::new(&file, "surface"), &raw.surface)?;
+        geometry::check_edge(&file, &surface, calibration.as_ref())?;
         let bodies = body::bodies(&file, raw.body, image_px)?;
         let around = trigger::Surroundings {
             image_px,
@@ -160,15 +176,34 @@ impl Config {
             workers: capture::workers(&Table::new(&file, "workers"), &raw.workers)?,
             camera,
             record,
+            calibration,
             text: text.into(),
             origin: origin.into(),
         };
-        let only_rods = config.bodies.iter().all(|body| body.kind == BodyKind::Rod);
-        if only_rods && raw.rotation.method.as_deref() == Some("rigid") {
+        let has = |kind: BodyKind| config.bodies.iter().any(|body| body.kind == kind);
+        if let (true, Some(Scale::BallDiameterMm(_))) = (has(BodyKind::Patch), config.scale) {
+            return Err(file.out_of_place("scale.ball_diameter_mm", "kind = \"patch\"", "kind = \"ball\""));
+        }
+        if let (false, Rotation::Ring(_)) = (has(BodyKind::Ball), config.rotation) {
+            return Err(file.refuse("rotation.method", "\"rigid\" or \"field\", since no body is a ball"));
+        }
+        let only_rods = !has(BodyKind::Ball) && !has(BodyKind::Patch);
+        if only_rods && raw.rotation.method.as_deref().is_some_and(|method| method != "field") {
             return Err(file.out_of_place("rotation.method", "kind = \"rod\"", "kind = \"ball\""));
         }
         config.check_ring_if_known()?;
         Ok(config)
+    }
+}
+
+/// A small file's text; why not, otherwise.
+fn read_small(path: &Path) -> Result<String, String> {
+    let mut text = String::new();
+    let read = std::fs::File::open(path).and_then(|file| file.take(FILE_BYTES_MAX + 1).read_to_string(&mut text));
+    match read {
+        Ok(bytes) if bytes as u64 > FILE_BYTES_MAX => Err(format!("larger than {FILE_BYTES_MAX} bytes")),
+        Ok(_) => Ok(text),
+        Err(error) => Err(error.to_string()),
     }
 }
 

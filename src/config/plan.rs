@@ -5,7 +5,7 @@ use super::text::Text;
 use super::{Body, BodyKind, Config, TriggerMode};
 use crate::ball::BallParams;
 use crate::dic::CorrelationParams;
-use crate::motion::{Form, MotionParams, Scale, WalkShare};
+use crate::motion::{Form, MotionParams, Rectifier, Scale, WalkShare};
 use crate::rod::{LEAST_WIDTH_PX, RodParams};
 use crate::trigger::{BodyWatch, Condition, MeasuredTrigger};
 
@@ -82,6 +82,7 @@ impl Config {
         };
         MotionParams {
             scale,
+            rectifier: self.calibration.clone(),
             surface_angle_deg: self.surface.angle_deg,
             gravity_m_s2: self.velocity.gravity_m_s2,
             gravity_angle_deg: self.velocity.gravity_angle_deg,
@@ -91,6 +92,7 @@ impl Config {
             form: match self.bodies[body].kind {
                 BodyKind::Ball => Form::Ball,
                 BodyKind::Rod => Form::Rod,
+                BodyKind::Patch => Form::Patch,
             },
             interval_frames: self.intervals_frames[0],
             walk_share: WalkShare::of(&self.intervals_frames),
@@ -115,7 +117,7 @@ impl Config {
             name: body.name.clone(),
             motion: self.motion(index, frame_rate_hz, exposure_us),
             is_watched: trigger.body.as_ref().is_none_or(|name| *name == body.name)
-                && !(strikes && body.kind == BodyKind::Rod),
+                && !(strikes && body.kind != BodyKind::Ball),
         };
         let bodies = self.bodies.iter().enumerate().map(watch).collect();
         Some(MeasuredTrigger::new(condition, bodies, self.surface.edge))
@@ -149,6 +151,26 @@ impl Config {
         let pre_s = self.trigger.pre_s;
         let allowed = format!("at least {needed} bytes to hold trigger.pre_s = {pre_s} s at {frame_rate_hz} Hz");
         Err(Text::new(&self.text, &self.origin)?.refuse("record.ring_bytes_max", allowed))
+    }
+
+    /// Refuses a calibration of another picture than this one, px.
+    ///
+    /// # Errors
+    ///
+    /// When the picture does not lie in the calibrated one, or is smaller and nothing says where it begins.
+    pub fn check_calibration(&self, width_px: u32, height_px: u32) -> Result<(), ConfigError> {
+        let Some(calibration) = self.calibration.as_ref().map(Rectifier::calibration) else { return Ok(()) };
+        let [x, y] = calibration.offset_px;
+        let [width, height] = calibration.image_px;
+        let is_whole = [x, y] == [0, 0] && [width_px, height_px] == [width, height];
+        let is_part = [x, y] != [0, 0] && x + width_px <= width && y + height_px <= height;
+        if is_whole || is_part {
+            return Ok(());
+        }
+        let allowed = format!(
+            "those of a picture that the recorded one of {width_px} x {height_px} px is, or lies in from calibration.offset_px = [{x}, {y}] on"
+        );
+        Err(Text::new(&self.text, &self.origin)?.refuse("calibration.image_px", allowed))
     }
 
     pub(super) fn check_ring_if_known(&self) -> Result<(), ConfigError> {

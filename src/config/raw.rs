@@ -14,6 +14,7 @@ pub(super) struct RawConfig {
     pub camera: RawCamera,
     pub scale: RawScale,
     pub surface: RawSurface,
+    pub calibration: Option<RawCalibration>,
     pub body: Vec<RawBody>,
     pub correlation: RawCorrelation,
     pub rotation: RawRotation,
@@ -61,6 +62,18 @@ pub(super) struct RawCamera {
 pub(super) struct RawScale {
     pub mm_per_px: Option<f64>,
     pub ball_diameter_mm: Option<f64>,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields, default, expecting = "a table")]
+pub(super) struct RawCalibration {
+    pub file: Option<String>,
+    pub image_px: Option<Vec<i64>>,
+    pub offset_px: Option<Vec<i64>>,
+    pub camera_matrix: Option<Vec<f64>>,
+    pub distortion_model: Option<String>,
+    pub distortion: Option<Vec<f64>>,
+    pub homography_mm: Option<Vec<f64>>,
 }
 
 #[derive(Debug, Default, Deserialize)]

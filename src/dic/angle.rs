@@ -65,37 +65,95 @@ pub fn find_at_any_angle(
     region: &Region,
     (x_px, y_px): (f64, f64),
 ) -> Result<BodyMotion, PointStatus> {
-    assert!(reference.is_whole() && target.is_whole(), "a body is looked for in the whole frame");
     let mut body = RigidBody::new(reference, region)?;
-    let factor = coarse_factor(reference, &body);
-    let coarse = |frame: &Prepared| {
-        let mut prepared = Prepared::default();
-        prepared.fill(shrunk(&frame.levels, factor).view(), Interpolation::Optimised);
-        prepared
-    };
-    let (coarse_reference, coarse_target) = (coarse(reference), coarse(target));
-    let coarse_body = RigidBody::new(&coarse_reference, &scaled(region, factor))?;
-    let candidates = all_angles(&coarse_body, &coarse_reference, &coarse_target);
-    let matches = refined(&coarse_body, &coarse_target, &candidates);
+    let coarse = Coarse::new(reference, target, region, &body)?;
+    let candidates = all_angles(&coarse.body, &coarse.reference, &coarse.target, std::f64::consts::PI);
+    let matches = refined(&coarse.body, &coarse.target, &candidates);
     let best = matches.first().filter(|found| found.zncc >= LEAST_ZNCC).ok_or(PointStatus::LowCorrelation)?;
     let rival = matches.iter().find(|other| differs(best, other));
     if rival.is_some_and(|other| 1.0 - other.zncc < 2.0 * (1.0 - best.zncc) + 0.02) {
         return Err(PointStatus::Ambiguous);
     }
-    // The coarse warp, in full pixels, about the body's own centre.
-    let scale = factor as f64;
-    let shift = 0.5 * (scale - 1.0);
-    let full = |coarse: f64| coarse * scale + shift;
-    let (cx, cy) = coarse_body.center_px();
-    let (bx, by) = body.center_px();
-    let (dx, dy) = (bx - full(cx), by - full(cy));
-    let turn = Warp { u: 0.0, v: 0.0, ..best.warp };
-    let (tx, ty) = turn.apply(dx, dy);
-    let (u, v) = (best.warp.u * scale + tx - dx, best.warp.v * scale + ty - dy);
-    let angle_deg = best.warp.uy.atan2(1.0 + best.warp.ux).to_degrees();
-    let found = body.find(target, (bx, by), (u, v, angle_deg))?;
+    let center = body.center_px();
+    let found = body.find(target, center, coarse.full(&best.warp, center))?;
     let motion = found.motion;
-    body.find(target, (x_px, y_px), at_point(motion.u_px, motion.v_px, motion.angle_deg, (x_px - bx, y_px - by)))
+    let offset = (x_px - center.0, y_px - center.1);
+    body.find(target, (x_px, y_px), at_point(motion.u_px, motion.v_px, motion.angle_deg, offset))
+}
+
+/// As [`find_at_any_angle`] of a body that something may hide in part, and among rotations of at most `most_deg` either
+/// way, which takes as much less time: the match with most of it in sight.
+///
+/// # Errors
+///
+/// As [`find_at_any_angle`].
+///
+/// # Panics
+///
+/// If only a part of either frame was made ready.
+pub fn find_hidden_within_angle(
+    reference: &Prepared,
+    target: &Prepared,
+    region: &Region,
+    point_px: (f64, f64),
+    most_deg: f64,
+) -> Result<BodyMotion, PointStatus> {
+    let mut body = RigidBody::new(reference, region)?;
+    let mut coarse = Coarse::new(reference, target, region, &body)?;
+    let (center, coarse_center) = (body.center_px(), coarse.body.center_px());
+    let mut found: Vec<BodyMotion> = Vec::new();
+    for candidate in all_angles(&coarse.body, &coarse.reference, &coarse.target, most_deg.to_radians()) {
+        let (u, v) = (candidate.center.0 - coarse_center.0, candidate.center.1 - coarse_center.1);
+        let near = (u, v, candidate.angle_rad.to_degrees());
+        let Ok(rough) = coarse.body.find_visible(&coarse.target, coarse_center, near) else { continue };
+        let warp = Warp::rigid(rough.motion.u_px, rough.motion.v_px, rough.motion.angle_deg.to_radians());
+        let (u, v, angle_deg) = coarse.full(&warp, center);
+        let offset = (point_px.0 - center.0, point_px.1 - center.1);
+        found.extend(body.find_visible(target, point_px, at_point(u, v, angle_deg, offset)));
+    }
+    let weight = |motion: &BodyMotion| motion.visible_fraction * motion.zncc;
+    found.sort_by(|a, b| weight(b).total_cmp(&weight(a)));
+    let best = *found.first().filter(|best| best.zncc >= LEAST_ZNCC).ok_or(PointStatus::LowCorrelation)?;
+    let apart = |other: &BodyMotion| {
+        let (a, b) = (best.motion, other.motion);
+        (a.u_px - b.u_px).hypot(a.v_px - b.v_px) > 2.0 || (a.angle_deg - b.angle_deg).abs() > 5.0
+    };
+    let is_ambiguous = found.iter().any(|other| apart(other) && weight(other) > 0.7 * weight(&best));
+    if is_ambiguous { Err(PointStatus::Ambiguous) } else { Ok(best) }
+}
+
+/// Both frames and the body with fewer pixels.
+struct Coarse {
+    factor: usize,
+    reference: Prepared,
+    target: Prepared,
+    body: RigidBody,
+}
+
+impl Coarse {
+    fn new(reference: &Prepared, target: &Prepared, region: &Region, body: &RigidBody) -> Result<Self, PointStatus> {
+        assert!(reference.is_whole() && target.is_whole(), "a body is looked for in the whole frame");
+        let factor = coarse_factor(reference, body);
+        let coarse = |frame: &Prepared| {
+            let mut prepared = Prepared::default();
+            prepared.fill(shrunk(&frame.levels, factor).view(), Interpolation::Optimised);
+            prepared
+        };
+        let (reference, target) = (coarse(reference), coarse(target));
+        let body = RigidBody::new(&reference, &scaled(region, factor))?;
+        Ok(Self { factor, reference, target, body })
+    }
+
+    /// A warp of the coarse body as the motion, in full pixels and deg, of the full body's centre.
+    fn full(&self, warp: &Warp, (bx, by): (f64, f64)) -> (f64, f64, f64) {
+        let scale = self.factor as f64;
+        let full = |coarse: f64| coarse * scale + 0.5 * (scale - 1.0);
+        let (cx, cy) = self.body.center_px();
+        let (dx, dy) = (bx - full(cx), by - full(cy));
+        let (tx, ty) = Warp { u: 0.0, v: 0.0, ..*warp }.apply(dx, dy);
+        let angle_deg = warp.uy.atan2(1.0 + warp.ux).to_degrees();
+        (warp.u * scale + tx - dx, warp.v * scale + ty - dy, angle_deg)
+    }
 }
 
 /// The motion of the point at an offset from where (u, v) was measured.
@@ -149,13 +207,15 @@ fn scaled(region: &Region, factor: usize) -> Region {
     }
 }
 
-/// The best place at each of the angles that are better than their neighbours, best first.
-fn all_angles(body: &RigidBody, reference: &Prepared, target: &Prepared) -> Vec<Candidate> {
+/// The best place at each of the angles up to `most_rad` that are better than their neighbours, best first.
+fn all_angles(body: &RigidBody, reference: &Prepared, target: &Prepared, most_rad: f64) -> Vec<Candidate> {
     let radius = f64::from(body.window().half);
     let count = ((std::f64::consts::TAU * radius / RIM_STEP).ceil() as usize).clamp(12, 720);
     let mut search = MaskedSearch::new(target);
     let angle = |k: usize| std::f64::consts::TAU * k as f64 / count as f64;
-    let found: Vec<Option<Candidate>> = (0..count).map(|k| search.best(body, reference, angle(k))).collect();
+    let is_tried = |k: &usize| angle(*k).min(std::f64::consts::TAU - angle(*k)) <= most_rad;
+    let search = |k: usize| Some(k).filter(is_tried).and_then(|k| search.best(body, reference, angle(k)));
+    let found: Vec<Option<Candidate>> = (0..count).map(search).collect();
     let score = |k: usize| found[k % count].map_or(f32::NEG_INFINITY, |candidate| candidate.score);
     let peaks = (0..count).filter(|k| score(*k) >= score(k + 1) && score(*k) > score(k + count - 1));
     let mut candidates: Vec<Candidate> = peaks.filter_map(|k| found[k]).collect();

@@ -1,59 +1,19 @@
 //! Blocks of frames to steps and fields.
 
 use super::confirm;
-use super::outline::{BodyParams, Finder, Outline};
+use super::error::MeasureError;
+use super::field::{rigid_step, start};
+use super::known::Memory;
+use super::outline::{Finder, Outline};
+use super::params::{MeasureParams, Share};
 use super::part::Part;
+use super::turn::Turns;
 use super::whole::{WholeStep, Wholes};
-use crate::ball::BallError;
-use crate::dic::{CorrelationError, CorrelationParams, Correlator, Prepared, Start, rigid_fit};
-use crate::image::{Frame, FrameMeta, Image, ShapeError};
+use crate::dic::{Correlator, Prepared, Start};
+use crate::image::{Frame, FrameMeta, Image};
 use crate::motion::Rotation;
 use crate::results::{BodyStep, PairField, PointStatus, RigidStep};
-use crate::rod::RodError;
 use std::collections::VecDeque;
-
-/// Fewest subsets a rigid motion is believed from.
-const FEWEST_POINTS: u32 = 3;
-
-/// What the frames of a rig are measured with.
-#[derive(Debug, Clone, PartialEq)]
-pub struct MeasureParams {
-    /// How subsets are correlated.
-    pub correlation: CorrelationParams,
-    /// From reference to target, frames; the shortest first.
-    pub intervals_frames: Vec<u32>,
-    /// What the motion of a ball is taken from; that of a rod always comes from its subsets.
-    pub rotation: Rotation,
-    /// What each body is and where it may be.
-    pub bodies: Vec<BodyParams>,
-    /// Frames of a block; blocks begin at sequence numbers divisible by it.
-    pub block_frames: u32,
-}
-
-impl MeasureParams {
-    /// Whether the interval at `place` is so many frames.
-    fn is_interval(&self, place: usize, frames: u64) -> bool {
-        u64::from(self.intervals_frames[place]) == frames
-    }
-}
-
-/// Which blocks are measured here.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Share {
-    /// Every block whose number leaves this remainder ...
-    pub index: u32,
-    /// ... when divided by this.
-    pub of: u32,
-}
-
-impl Share {
-    /// All of them.
-    pub const ALL: Self = Self { index: 0, of: 1 };
-
-    fn holds(self, block: u64) -> bool {
-        block % u64::from(self.of) == u64::from(self.index)
-    }
-}
 
 /// One body in one frame: its step and the field the step came from.
 #[derive(Debug, Clone, PartialEq)]
@@ -62,44 +22,6 @@ pub struct Measured {
     pub step: BodyStep,
     /// The displacement field behind the motion.
     pub field: Option<PairField>,
-}
-
-/// Why frames cannot be measured.
-#[derive(Debug, Clone, PartialEq, thiserror::Error)]
-pub enum MeasureError {
-    /// The correlator refuses its settings.
-    #[error(transparent)]
-    Correlation(#[from] CorrelationError),
-    /// The ball finder refuses its settings.
-    #[error(transparent)]
-    Ball(#[from] BallError),
-    /// The rod finder refuses its settings.
-    #[error(transparent)]
-    Rod(#[from] RodError),
-    /// A frame has fewer bytes than its header says.
-    #[error("frame {sequence}: {source}")]
-    Frame {
-        /// The frame.
-        sequence: u64,
-        /// What is wrong with it.
-        source: ShapeError,
-    },
-    /// A frame has another size than the stream.
-    #[error(
-        "frame {sequence} is {width_px} x {height_px} px in a stream of {expected_width_px} x {expected_height_px}"
-    )]
-    Size {
-        /// The frame.
-        sequence: u64,
-        /// Its width.
-        width_px: u32,
-        /// Its height.
-        height_px: u32,
-        /// The stream's width.
-        expected_width_px: usize,
-        /// The stream's height.
-        expected_height_px: usize,
-    },
 }
 
 /// Measures blocks of frames.
@@ -118,21 +40,9 @@ pub struct Measurer {
     /// Frames whose motion is not measured yet, oldest first.
     open: VecDeque<Reference>,
     spare: Vec<Prepared>,
-    known: Vec<Known>,
+    known: Memory,
     wholes: Wholes,
-}
-
-/// What is known of one body within one block.
-#[derive(Debug, Clone, Copy)]
-struct Known {
-    body: usize,
-    block: u64,
-    /// The newest outline and its frame.
-    outline: Option<(u64, Outline)>,
-    /// The last motion measured.
-    motion: Option<RigidStep>,
-    /// Whether what was measured contradicted itself: something else is in the picture, and may be taken for the body.
-    confused: bool,
+    turns: Turns,
 }
 
 /// A frame that waits for its target.
@@ -166,10 +76,40 @@ impl Measurer {
             image: Image::new(width_px, height_px),
             open: VecDeque::new(),
             spare: Vec::new(),
-            known: Vec::new(),
+            known: Memory::default(),
             wholes: Wholes::default(),
+            turns: Turns::default(),
             params: params.clone(),
         })
+    }
+
+    /// Whether a picture is needed in which patches were drawn.
+    pub fn needs_reference(&self) -> bool {
+        self.finders.iter().any(|finder| matches!(finder, Finder::Patch(_)))
+    }
+
+    /// Takes the picture in which patches were drawn, the stream's first; without one they are lost.
+    ///
+    /// # Errors
+    ///
+    /// When it is of another size than planned.
+    pub fn set_reference(&mut self, picture: &Image) -> Result<(), MeasureError> {
+        let view = picture.view();
+        let (width, height) = (view.width(), view.height());
+        if (width, height) != self.size {
+            let (expected_width_px, expected_height_px) = self.size;
+            let (width_px, height_px) = (width as u32, height as u32);
+            return Err(MeasureError::Size { sequence: 0, width_px, height_px, expected_width_px, expected_height_px });
+        }
+        let mut prepared = self.spare.pop().unwrap_or_default();
+        self.correlator.prepare_part_into(view, [0, 0, width as u32, height as u32], &mut prepared);
+        for finder in &mut self.finders {
+            if let Finder::Patch(finder) = finder {
+                finder.set_reference(&prepared);
+            }
+        }
+        self.spare.push(prepared);
+        Ok(())
     }
 
     /// Forgets every frame, for another stream.
@@ -251,8 +191,9 @@ impl Measurer {
             self.correlator.prepare_part_into(self.image.view(), needed.rectangle(), &mut prepared);
         }
         let oldest = self.open.front().map_or(block, |reference| reference.block);
-        self.known.retain(|known| known.block >= oldest);
+        self.known.forget_before(oldest);
         self.wholes.forget_before(oldest);
+        self.finders.iter_mut().for_each(|finder| finder.forget_before(oldest));
         if self.params.rotation == Rotation::Rigid {
             for (body, outline) in outlines.iter().enumerate() {
                 if let Ok(Outline::Ball(circle)) = outline {
@@ -271,6 +212,7 @@ impl Measurer {
         let intervals = self.params.intervals_frames.len();
         let mut open = std::mem::take(&mut self.open);
         for reference in open.iter_mut().filter(|reference| reference.block == target.block) {
+            self.try_again(reference, &target);
             let frames = target.meta.sequence - reference.meta.sequence;
             for slot in 0..reference.done.len() {
                 let (body, place) = (slot / intervals, slot % intervals);
@@ -294,17 +236,42 @@ impl Measurer {
         self.open.push_back(target);
     }
 
+    /// Measures balls that turned too far to be matched, now that they were seen in the newest frame.
+    fn try_again(&mut self, reference: &mut Reference, target: &Reference) {
+        let intervals = self.params.intervals_frames.len();
+        let frames = target.meta.sequence - reference.meta.sequence;
+        for body in 0..self.finders.len() {
+            let slot = body * intervals;
+            let seen = reference.seen[body] && target.seen[body] && self.params.is_interval(0, frames);
+            let is_lost = |measured: &Measured| measured.step.step.is_none() && measured.field.is_some();
+            if !seen || !reference.done[slot].as_ref().is_some_and(is_lost) {
+                continue;
+            }
+            let (Ok(Outline::Ball(from)), Ok(Outline::Ball(to))) = (&reference.outlines[body], &target.outlines[body])
+            else {
+                continue;
+            };
+            let pair = (&reference.prepared, &target.prepared);
+            let Some(rate) = self.turns.between(from, to, pair, frames as f64) else { continue };
+            self.known.of(body, reference.block).motion = Some(rate);
+            let again = self.measure_body(reference, slot, Some((&target.prepared, target.meta.sequence)));
+            if again.step.step.is_some() {
+                reference.done[slot] = Some(again);
+            }
+        }
+    }
+
     /// Follows a body no more within a block: something else may be taken for it.
     fn confuse(&mut self, body: usize, block: u64) {
         self.wholes.forget(body, block);
-        let known = self.known(body, block);
+        let known = self.known.of(body, block);
         (known.motion, known.confused) = (None, true);
     }
 
     /// Where the bodies of a block may be in a frame, and what is looked for around them.
     fn part_of(&self, block: u64, sequence: u64) -> Part {
         let mut part = Part::default();
-        for known in self.known.iter().filter(|known| known.block == block) {
+        for known in self.known.of_block(block) {
             let Some((seen, outline)) = known.outline else { continue };
             let correlation = &self.params.correlation;
             let range = f64::from(correlation.search_px);
@@ -341,7 +308,10 @@ impl Measurer {
     ///
     /// And whether it was seen there, not carried by its motion.
     fn find(&mut self, body: usize, meta: &FrameMeta, block: u64) -> (Result<Outline, PointStatus>, bool) {
-        let known = *self.known(body, block);
+        if matches!(self.finders[body], Finder::Patch(_)) {
+            return (self.find_patch(body, meta, block), true);
+        }
+        let known = *self.known.of(body, block);
         if known.confused {
             return (Err(PointStatus::Ambiguous), false);
         }
@@ -358,8 +328,34 @@ impl Measurer {
             (None, Some(outline)) => (Ok(outline), false),
             (None, None) => (finder.find(view), true),
         };
-        self.known(body, block).outline = found.ok().map(|outline| (meta.sequence, outline));
+        self.known.of(body, block).outline = found.ok().map(|outline| (meta.sequence, outline));
         (found, seen)
+    }
+
+    /// A patch in the frame at hand: as the motion to it said, or from scratch.
+    fn find_patch(&mut self, body: usize, meta: &FrameMeta, block: u64) -> Result<Outline, PointStatus> {
+        let of = (block, meta.sequence);
+        let Finder::Patch(finder) = &mut self.finders[body] else { return Err(PointStatus::Lost) };
+        let found = match finder.known(of.0, of.1) {
+            Some(Ok(pose)) => Ok(pose),
+            before => {
+                let thorough = !self.known.of(body, block).searched;
+                let (width, height) = (self.size.0 as u32, self.size.1 as u32);
+                let mut whole = self.spare.pop().unwrap_or_default();
+                self.correlator.prepare_part_into(self.image.view(), [0, 0, width, height], &mut whole);
+                let found = finder.find(of, &whole, thorough);
+                self.spare.push(whole);
+                // What hides it is known better from where it was followed to.
+                let is_hidden = matches!(before, Some(Err(PointStatus::Occluded)));
+                found.map_err(|_| if is_hidden { PointStatus::Occluded } else { PointStatus::Lost })
+            }
+        };
+        let known = self.known.of(body, block);
+        (known.searched, known.outline) = (true, found.ok().map(|pose| (meta.sequence, Outline::Patch(pose))));
+        if found.is_err() {
+            known.motion = None;
+        }
+        found.map(Outline::Patch)
     }
 
     /// Measures what leads to this target, and what led to targets that did not come; everything with no target.
@@ -370,7 +366,7 @@ impl Measurer {
             let is_due = target.is_none_or(|(_, sequence)| sequence >= due);
             if reference.done[slot].is_none() && is_due {
                 let target = target.filter(|(_, sequence)| *sequence == due);
-                let before = self.known(slot / self.params.intervals_frames.len(), reference.block).motion;
+                let before = self.known.of(slot / self.params.intervals_frames.len(), reference.block).motion;
                 let measured = self.measure_body(reference, slot, target);
                 reference.before[slot] = before;
                 reference.done[slot] = Some(measured);
@@ -411,18 +407,28 @@ impl Measurer {
         let frames = f64::from(step.interval_frames);
         // Longer ones start from the frame's own shortest step, whatever was measured since.
         let own = reference.done[slot - place].as_ref().and_then(|shortest| shortest.step.step);
-        let known = if place == 0 { self.known(body, reference.block).motion } else { own };
+        let known = if place == 0 { self.known.of(body, reference.block).motion } else { own };
         let span = (reference, (target_frame, target), body);
         let mut whole = known.and_then(|rate| self.whole_step(span, &outline, &rate));
         let known = whole.map(|whole| whole.step).or(known);
         let start = known.map_or(Start::Search, |step| start(&step, outline.center_px(), frames));
         let correlation = &self.params.correlation;
-        let points = outline.points(correlation, self.size);
-        self.correlator.set_region(outline.region(correlation));
+        let points = self.finders[body].points(&outline, correlation, self.size);
+        self.correlator.set_region(self.finders[body].region(&outline, correlation));
         self.correlator.correlate(&reference.prepared, target, &points, start, &mut field.points);
-        step.step = self.rigid_step(&mut field, outline.center_px(), frames);
+        step.step = rigid_step(&mut field, outline.center_px(), frames, correlation.subset_size_px);
+        if let (Rotation::Ring(limits), Some(found), Some(circle)) =
+            (self.params.rotation, &mut step.step, &step.circle)
+        {
+            self.turns.replace(found, circle, (&reference.prepared, target), limits, frames);
+        }
         if let (None, Some(rate)) = (whole, step.step) {
             whole = self.whole_step(span, &outline, &rate);
+        }
+        if let Outline::Patch(_) = outline {
+            // Subsets follow whatever is before the patch; where they led astray, it may be where it was.
+            whole = whole.or_else(|| self.whole_step(span, &outline, &RigidStep::STILL));
+            step.step = None;
         }
         let whole = whole.filter(|whole| {
             let agrees = step.step.is_none_or(|field| confirm::agree(&whole.step, &field));
@@ -441,7 +447,7 @@ impl Measurer {
             step.status = confirm::why_not(&field);
         }
         if place == 0 {
-            self.known(body, reference.block).motion = step.step;
+            self.known.of(body, reference.block).motion = step.step;
         }
         Measured { step, field: Some(field) }
     }
@@ -453,43 +459,17 @@ impl Measurer {
         outline: &Outline,
         rate: &RigidStep,
     ) -> Option<WholeStep> {
-        let Outline::Ball(circle) = outline else { return None };
-        let from = (reference.meta.sequence, &reference.prepared);
-        self.wholes.step((body, reference.block), from, (target_frame, target), circle, rate)
-    }
-
-    /// What is known of a body within a block.
-    fn known(&mut self, body: usize, block: u64) -> &mut Known {
-        let place = self.known.iter().position(|known| (known.body, known.block) == (body, block));
-        let place = place.unwrap_or_else(|| {
-            self.known.push(Known { body, block, outline: None, motion: None, confused: false });
-            self.known.len() - 1
-        });
-        &mut self.known[place]
-    }
-
-    /// Motion of the centre and rotation, from every valid subset.
-    fn rigid_step(&self, field: &mut PairField, (x_px, y_px): (f64, f64), frames: f64) -> Option<RigidStep> {
-        let motion = rigid_fit(&mut field.points, x_px, y_px, self.params.correlation.subset_size_px)?;
-        (motion.points >= FEWEST_POINTS).then_some(RigidStep {
-            dx_px: motion.u_px / frames,
-            dy_px: motion.v_px / frames,
-            dtheta_deg: motion.angle_deg / frames,
-            sigma_dx_px: motion.sigma_u_px / frames,
-            sigma_dy_px: motion.sigma_v_px / frames,
-            sigma_dtheta_deg: motion.sigma_angle_deg / frames,
-            points: motion.points,
-        })
-    }
-}
-
-/// Where subsets are looked for when the body goes on as it moves, for as many frames as a step spans.
-fn start(step: &RigidStep, (x_px, y_px): (f64, f64), frames: f64) -> Start {
-    Start::Motion {
-        x_px,
-        y_px,
-        u_px: frames * step.dx_px,
-        v_px: frames * step.dy_px,
-        angle_deg: frames * step.dtheta_deg,
+        let frames = (target_frame - reference.meta.sequence) as f64;
+        match (outline, &mut self.finders[body]) {
+            (Outline::Ball(circle), _) => {
+                let from = (reference.meta.sequence, &reference.prepared);
+                self.wholes.step((body, reference.block), from, (target_frame, target), circle, rate)
+            }
+            (Outline::Patch(pose), Finder::Patch(finder)) => {
+                let found = finder.follow((reference.block, target_frame), target, &pose.moved(rate, frames)).ok()?;
+                Some(WholeStep { step: pose.step_to(&found, frames), visible_fraction: None })
+            }
+            _ => None,
+        }
     }
 }

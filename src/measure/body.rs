@@ -84,7 +84,7 @@ impl BodyTracker {
     /// Gives the step as it may be believed, which is what [`Self::rows`] wants to see.
     pub fn push(&mut self, step: &BodyStep, origin_ns: u64, rows: &mut TrackerRows) -> BodyStep {
         let believed = self.belief.vet(step);
-        self.take(&believed, origin_ns, rows);
+        self.take(&self.params.rectified(&believed), origin_ns, rows);
         believed
     }
 
@@ -141,7 +141,7 @@ impl BodyTracker {
     /// Takes a step over a longer interval.
     pub fn link(&mut self, step: &BodyStep) {
         if !self.belief.doubts(step.frame) {
-            self.chain.link(step);
+            self.chain.link(&self.params.rectified(step));
         }
     }
 
@@ -228,7 +228,7 @@ impl BodyTracker {
         let [x, y] = gravity_px(&self.params, metres_per_px.value);
         let gravity = self.axes.surface(x, y);
         let radius_px = match self.params.scale {
-            _ if self.params.form == Form::Rod => None,
+            _ if self.params.form != Form::Ball => None,
             Scale::Unknown => None,
             Scale::BallDiameterMm(mm) => Some(Estimate { value: mm * 5e-4 / metres_per_px.value, sigma: 0.0 }),
             Scale::MmPerPx(_) => self.radius.radius_px(),
@@ -284,7 +284,7 @@ impl BodyTracker {
         let node = self.nodes.binary_search_by_key(&step.frame, |n| n.frame).ok().map(|i| self.nodes[i]);
         let node = node.filter(|_| !gone);
         let circle = step.circle.filter(|_| !gone);
-        let carried = node.and_then(|n| self.anchor.center(&n));
+        let carried = node.and_then(|n| self.anchor.center(&n)).and_then(|center| self.params.recorded(center));
         let outline = seen(step).filter(|_| !gone);
         let center = carried.or(outline.map(|c| Center { x_px: c.x_px, y_px: c.y_px, sigma_px: c.sigma_center_px }));
         let angle = node.filter(|n| n.bridged[2].is_finite());

@@ -1,8 +1,9 @@
 //! What is looked for in a frame, and what was seen of it: the difference between a ball and a rod.
 
 use super::MeasureError;
+use super::patch::{PatchFinder, PatchPose};
 use crate::ball::{BallFinder, BallParams};
-use crate::dic::{CorrelationParams, GridPoint, Method, Region, grid};
+use crate::dic::{CorrelationParams, GridPoint, Method, Patch, Region, grid};
 use crate::image::ImageView;
 use crate::results::{BodyStep, Circle, PointStatus, RigidStep, Rod};
 use crate::rod::{RodFinder, RodParams, Sight};
@@ -17,6 +18,8 @@ pub enum BodyParams {
     Ball(BallParams),
     /// An upright rod with tapes around it.
     Rod(RodParams),
+    /// The pixels inside a polygon, drawn in the stream's first picture.
+    Patch(Patch),
 }
 
 /// What was seen of a body in one frame.
@@ -28,6 +31,7 @@ pub enum BodyParams {
 pub(super) enum Outline {
     Ball(Circle),
     Rod(Sight),
+    Patch(PatchPose),
 }
 
 /// Finds one body.
@@ -35,6 +39,7 @@ pub(super) enum Outline {
 pub(super) enum Finder {
     Ball(Box<BallFinder>),
     Rod(RodFinder),
+    Patch(Box<PatchFinder>),
 }
 
 impl Finder {
@@ -42,6 +47,7 @@ impl Finder {
         Ok(match body {
             BodyParams::Ball(ball) => Self::Ball(Box::new(BallFinder::new(ball, width_px, height_px)?)),
             BodyParams::Rod(rod) => Self::Rod(RodFinder::new(rod, width_px, height_px)?),
+            BodyParams::Patch(patch) => Self::Patch(Box::new(PatchFinder::new(patch))),
         })
     }
 
@@ -50,6 +56,15 @@ impl Finder {
         match self {
             Self::Ball(finder) => finder.find(image).map(Outline::Ball).ok_or(PointStatus::Lost),
             Self::Rod(finder) => finder.find(image).map(Outline::Rod),
+            // Found by its pixels, not by an outline.
+            Self::Patch(_) => Err(PointStatus::Lost),
+        }
+    }
+
+    /// Forgets what was found in the blocks before this one.
+    pub(super) fn forget_before(&mut self, block: u64) {
+        if let Self::Patch(finder) = self {
+            finder.forget_before(block);
         }
     }
 
@@ -63,6 +78,24 @@ impl Finder {
             (finder, _) => finder.find(image),
         }
     }
+
+    /// Centres of the subsets on it.
+    pub(super) fn points(&self, outline: &Outline, params: &CorrelationParams, size: (usize, usize)) -> Vec<GridPoint> {
+        match (self, outline) {
+            (Self::Patch(finder), Outline::Patch(pose)) => patch_points(&finder.region_at(pose), params, size),
+            _ => outline.points(params, size),
+        }
+    }
+
+    /// Which pixels may be correlated; all of the subsets' where `None`.
+    pub(super) fn region(&self, outline: &Outline, params: &CorrelationParams) -> Option<Region> {
+        match (self, outline) {
+            (Self::Patch(finder), Outline::Patch(pose)) if params.method == Method::IcGn => {
+                Some(finder.region_at(pose))
+            }
+            _ => outline.region(params),
+        }
+    }
 }
 
 impl Outline {
@@ -71,6 +104,7 @@ impl Outline {
         match self {
             Self::Ball(circle) => (circle.x_px, circle.y_px),
             Self::Rod(sight) => (sight.rod.x_px.value, sight.rod.y_px.value),
+            Self::Patch(pose) => pose.center_px(),
         }
     }
 
@@ -87,6 +121,7 @@ impl Outline {
                 ..*circle
             }),
             Self::Rod(sight) => Self::Rod(sight.moved(dx_px, dy_px, sigma_px)),
+            Self::Patch(pose) => Self::Patch(pose.moved(step, frames)),
         };
         (moved, true)
     }
@@ -94,7 +129,7 @@ impl Outline {
     /// What may be told of it where only its motion says where it is.
     pub(super) fn by_motion_alone(self) -> Self {
         match self {
-            Self::Ball(_) => self,
+            Self::Ball(_) | Self::Patch(_) => self,
             Self::Rod(sight) => Self::Rod(sight.unseen()),
         }
     }
@@ -103,6 +138,7 @@ impl Outline {
     pub(super) fn around(&self, subset_px: u32) -> Circle {
         match self {
             Self::Ball(circle) => *circle,
+            Self::Patch(pose) => pose.around(),
             Self::Rod(sight) => {
                 let [left, top, right, bottom] = sight.tape_px();
                 let half = 0.5 * f64::from(subset_px);
@@ -115,7 +151,7 @@ impl Outline {
     }
 
     /// Centres of the subsets on it.
-    pub(super) fn points(&self, params: &CorrelationParams, (width, height): (usize, usize)) -> Vec<GridPoint> {
+    fn points(&self, params: &CorrelationParams, (width, height): (usize, usize)) -> Vec<GridPoint> {
         match self {
             Self::Ball(circle) => {
                 let radius_px = circle.radius_px * (1.0 - RIM_CLEARANCE);
@@ -123,17 +159,18 @@ impl Outline {
                 grid::disc(circle.x_px, circle.y_px, radius_px, step_px, subset_px, width, height)
             }
             Self::Rod(sight) => rod_points(sight, params, (width, height)),
+            Self::Patch(_) => Vec::new(),
         }
     }
 
     /// Which pixels may be correlated; all of the subsets' where `None`.
-    pub(super) fn region(&self, params: &CorrelationParams) -> Option<Region> {
+    fn region(&self, params: &CorrelationParams) -> Option<Region> {
         match self {
             // The correlation-peak methods know whole subsets only.
             Self::Rod(sight) if params.method == Method::IcGn => {
                 Some(Region::Polygon { outline_px: corners(sight).to_vec(), holes_px: Vec::new() })
             }
-            Self::Ball(_) | Self::Rod(_) => None,
+            Self::Ball(_) | Self::Rod(_) | Self::Patch(_) => None,
         }
     }
 
@@ -142,6 +179,7 @@ impl Outline {
         match self {
             Self::Ball(circle) => step.circle = Some(*circle),
             Self::Rod(sight) => step.rod = Some(sight.rod),
+            Self::Patch(pose) => step.circle = Some(pose.circle()),
         }
     }
 }
@@ -174,6 +212,21 @@ fn rod_points(sight: &Sight, params: &CorrelationParams, (width, height): (usize
     let columns = along(x + left, x + right, width);
     let rows = along(y + top, y + bottom, height);
     rows.into_iter().flat_map(|y| columns.iter().map(move |x| GridPoint { x: *x, y })).collect()
+}
+
+/// Subset centres within a polygon, on a grid that begins in the middle of it.
+fn patch_points(region: &Region, params: &CorrelationParams, (width, height): (usize, usize)) -> Vec<GridPoint> {
+    let Some([left, top, right, bottom]) = region.bounds_px() else { return Vec::new() };
+    let (half, step) = (f64::from(params.subset_size_px / 2), f64::from(params.step_px));
+    let places = |low: f64, high: f64, limit: usize| -> Vec<u32> {
+        let middle = (0.5 * (low + high)).round();
+        let reach = ((high - low) / (2.0 * step)).floor().clamp(0.0, 4096.0) as i32;
+        let fits = |place: &f64| place - half >= 0.0 && place + half <= limit as f64 - 1.0;
+        (-reach..=reach).map(|k| middle + f64::from(k) * step).filter(fits).map(|place| place as u32).collect()
+    };
+    let (columns, rows) = (places(left, right, width), places(top, bottom, height));
+    let points = rows.into_iter().flat_map(|y| columns.iter().map(move |x| GridPoint { x: *x, y }));
+    points.filter(|point| region.contains(f64::from(point.x), f64::from(point.y))).collect()
 }
 
 /// A rod as the circle that touches both its sides.

@@ -111,6 +111,7 @@ mod tests {
     fn params(surface_angle_deg: f64) -> MotionParams {
         MotionParams {
             scale: Scale::MmPerPx(0.5),
+            rectifier: None,
             surface_angle_deg,
             gravity_m_s2: 9.81,
             gravity_angle_deg: -90.0,

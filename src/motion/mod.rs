@@ -7,15 +7,19 @@
 mod anchor;
 mod axes;
 mod chain;
+mod lens;
 mod params;
 mod polynomial;
 mod radius;
+mod rectifier;
 mod smooth;
 
 pub use anchor::{Anchor, Center};
 pub use axes::{Axes, MetresPerPixel, PixelRates, Surface, gravity_px, physical};
 pub use chain::{Chain, Node};
-pub use params::{Form, MotionParams, PAIRWISE_WALK_SHARE, Rotation, Scale, WalkShare};
+pub use lens::{Distortion, Lens};
+pub use params::{Form, MotionParams, PAIRWISE_WALK_SHARE, RingLimits, Rotation, Scale, WalkShare};
 pub use polynomial::{MAX_ORDER, Polynomial, Sample};
 pub use radius::RunningRadius;
+pub use rectifier::{Calibration, Rectifier, RectifierError};
 pub use smooth::{AUTO_AHEAD_FRAMES, Regime, lag_frames, local_fit, smooth};

@@ -1,5 +1,8 @@
 //! What the motion of a body is computed with.
 
+use super::{Center, Rectifier};
+use crate::results::BodyStep;
+
 /// How many millimetres a pixel is.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Scale {
@@ -12,13 +15,24 @@ pub enum Scale {
 }
 
 /// What the motion of a body, its rotation and that of its centre, is taken from.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub enum Rotation {
     /// One match of all its pixels in sight against a reference that is kept; the subsets where that fails.
     #[default]
     Rigid,
     /// The displacement field: least squares over all valid subsets.
     Field,
+    /// A ring of pixels around the centre, unwrapped and correlated along the angle; the centre is carried by the field.
+    Ring(RingLimits),
+}
+
+/// Radii between which a ring lies; those left out follow from the ball's.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct RingLimits {
+    /// Inner radius, px.
+    pub inner_px: Option<f64>,
+    /// Outer radius, px; never more than the ball's.
+    pub outer_px: Option<f64>,
 }
 
 /// What kind of body it is, as far as its motion goes.
@@ -28,6 +42,8 @@ pub enum Form {
     Ball,
     /// It stays upright and strikes with its end: it has no spin and no radius.
     Rod,
+    /// It turns, but where it touches is not known: it has no radius.
+    Patch,
 }
 
 /// [`WalkShare`] of steps measured from frame to frame.
@@ -84,6 +100,9 @@ impl WalkShare {
 pub struct MotionParams {
     /// Pixels to millimetres.
     pub scale: Scale,
+    /// From the recorded picture to one without lens and perspective, where the camera was calibrated; scale, surface and
+    /// gravity are those of that picture.
+    pub rectifier: Option<Rectifier>,
     /// Direction of the struck surface's tangent, counter-clockwise from x, deg.
     pub surface_angle_deg: f64,
     /// Strength of gravity, m/s^2; 0 switches it off.
@@ -106,4 +125,24 @@ pub struct MotionParams {
     pub exposure_ns: f64,
     /// Nominal time from frame to frame, ns; only for gaps, times come from the stamps.
     pub frame_period_ns: f64,
+}
+
+impl MotionParams {
+    /// What was measured in the recorded picture, as the rectified one shows it; without numbers beyond the calibration.
+    pub fn rectified(&self, step: &BodyStep) -> BodyStep {
+        let Some(rectifier) = &self.rectifier else { return *step };
+        rectifier.step(step, self.form == Form::Ball).unwrap_or(BodyStep {
+            circle: None,
+            rod: None,
+            step: None,
+            ..*step
+        })
+    }
+
+    /// Where a centre in the rectified picture lies in the recorded one.
+    pub fn recorded(&self, center: Center) -> Option<Center> {
+        let Some(rectifier) = &self.rectifier else { return Some(center) };
+        let [x_px, y_px] = rectifier.pixel([center.x_px, center.y_px])?;
+        Some(Center { x_px, y_px, ..center })
+    }
 }

@@ -4,6 +4,7 @@ use super::action::Cause;
 use super::clock::{Every, Patience, host_ns, now};
 use super::conclude::Alone;
 use super::pace::Latencies;
+use super::reference;
 use super::reins;
 use super::report::Reporter;
 use super::rig::{SUCCESSION, Source, limits};
@@ -29,12 +30,17 @@ const WAIT: Duration = Duration::from_millis(50);
 
 /// Runs the camera of this rig until it ends or is stopped.
 ///
+/// `resumed` says that another was there before and died.
+///
 /// # Errors
 ///
 /// When the camera cannot be opened or goes away for good, or shared memory cannot be used.
-pub fn run(config: &Config, stop: &Stop) -> anyhow::Result<Summary> {
+pub fn run(config: &Config, resumed: bool, stop: &Stop) -> anyhow::Result<Summary> {
     let source = Source::open(config)?;
     let bus = Bus::take_part(&config.rig.name, Role::Acquire.word(), SUCCESSION)?;
+    if !resumed {
+        reference::begin(config)?;
+    }
     let limits = limits(config, &source.format());
     let ring = bus.frame_publisher(&limits, source.format().slot_bytes())?;
     let mut loop_ = Loop::new(&bus, config, limits, ring, source)?;

@@ -1,6 +1,7 @@
 //! Blocks of frames to displacement fields.
 
 use super::clock::{Patience, now};
+use super::reference;
 use super::report::Reporter;
 use super::rig::{SUCCESSION, analysis_params, expected_format, limits};
 use super::stop::Stop;
@@ -32,6 +33,7 @@ pub fn run(config: &Config, index: u32, mut resumed: bool, stop: &Stop) -> anyho
     let mut reporter = Reporter::new(&bus, &limits, Role::Correlate, index)?;
     reporter.set_queue(0, limits.ring_frames as u64);
     let mut worker = Worker {
+        config,
         frames: bus.frame_subscriber(&limits)?,
         fields: bus.field_publisher(&limits)?,
         bell: bus.bell("field")?,
@@ -40,6 +42,7 @@ pub fn run(config: &Config, index: u32, mut resumed: bool, stop: &Stop) -> anyho
         summary: Summary::default(),
         measured: Vec::new(),
         index,
+        wants_reference: false,
         next: None,
         block_frames: u64::from(config.workers.block_frames),
         is_late: false,
@@ -47,6 +50,7 @@ pub fn run(config: &Config, index: u32, mut resumed: bool, stop: &Stop) -> anyho
         stamp_ns: 0,
         exposure_ns: 0,
     };
+    worker.wants_reference = worker.measurer.needs_reference();
     let mut recorded = Recorded { progress: bus.subscriber(&limits)?, done: None, expected: config.record.is_some() };
     let ear = bus.ear("frames")?;
     let mut stream = Stream::new(&bus, &limits)?;
@@ -76,7 +80,8 @@ fn plan(config: &Config, index: u32, format: &StreamFormat) -> anyhow::Result<Me
     Ok(Measurer::new(&params, share, format.width_px as usize, format.height_px as usize)?)
 }
 
-struct Worker {
+struct Worker<'a> {
+    config: &'a Config,
     frames: FrameSubscriber,
     fields: FieldPublisher,
     bell: Bell,
@@ -85,6 +90,8 @@ struct Worker {
     summary: Summary,
     measured: Vec<Measured>,
     index: u32,
+    /// Whether the picture in which patches were drawn is still to come.
+    wants_reference: bool,
     next: Option<u64>,
     /// Frames of a block.
     block_frames: u64,
@@ -96,7 +103,7 @@ struct Worker {
     exposure_ns: u32,
 }
 
-impl Worker {
+impl Worker<'_> {
     /// Maps the ring of a run that was announced and tells that frames may come.
     fn attach(&mut self, stream: &Stream, resumed: bool) -> Result<(), BusError> {
         self.frames.greet();
@@ -119,6 +126,7 @@ impl Worker {
                 continue;
             }
             let Some(meta) = header.meta() else { continue };
+            let is_first = self.next.is_none() && !self.is_late;
             if let Some(next) = self.next {
                 self.summary.lost += meta.sequence.saturating_sub(next);
             }
@@ -129,6 +137,10 @@ impl Worker {
             self.stamp_ns = meta.stamp_ns;
             self.exposure_ns = header.exposure_ns;
             self.summary.taken += 1;
+            if std::mem::take(&mut self.wants_reference) {
+                let frame = Frame { meta, bytes: sample.bytes() };
+                self.refer(&frame, is_first)?;
+            }
             // A block measured from its middle on would not be what a replay measures.
             if meta.sequence >= self.from {
                 self.measurer.push(&Frame { meta, bytes: sample.bytes() }, &mut self.measured)?;
@@ -145,6 +157,15 @@ impl Worker {
         }
         if let Some(next) = self.next {
             self.reporter.progress(next, false)?;
+        }
+        Ok(())
+    }
+
+    /// Takes the picture in which patches were drawn, if it can be had by now.
+    fn refer(&mut self, frame: &Frame<'_>, is_first: bool) -> anyhow::Result<()> {
+        match reference::obtain(self.config, frame, is_first) {
+            Some(picture) => self.measurer.set_reference(&picture)?,
+            None => self.wants_reference = true,
         }
         Ok(())
     }

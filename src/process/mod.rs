@@ -12,6 +12,7 @@ mod correlate;
 mod order;
 mod pace;
 mod record;
+pub mod reference;
 mod reins;
 mod report;
 mod rig;

@@ -9,6 +9,7 @@ mod retention;
 
 use super::action::{Actions, Cause};
 use super::clock::{Every, Patience};
+use super::reference;
 use super::report::Reporter;
 use super::rig::{SUCCESSION, analysis_params, expected_format, learn_exposure, limits, truth_world};
 use super::shot::{Extent, Shot, free_path, recording_info};
@@ -264,7 +265,8 @@ impl Recorder<'_> {
 
     fn begin(&mut self, first: u64, last: Option<u64>, stamp_ns: u64, cause: &str) -> anyhow::Result<()> {
         let path = free_path(&self.record.directory, &self.config.rig.name, stamp_ns);
-        let info = recording_info(self.config, &self.format, &self.camera, cause);
+        let mut info = recording_info(self.config, &self.format, &self.camera, cause);
+        info.attachments.extend(reference::kept(self.config).map(reference::attached));
         let patience_frames = (self.limits.ring_frames + self.limits.held_frames) as u64 + 512;
         let extent = Extent { first, last, patience_frames };
         let truth = truth_world(self.config)?;

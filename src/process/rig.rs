@@ -193,7 +193,9 @@ pub(super) fn limits(config: &Config, format: &StreamFormat) -> Limits {
                 let most_px = 2.0 * config.ball(body, format.width_px, format.height_px).max_radius_px;
                 along(most_px) * along(most_px)
             }
-            config::BodyKind::Rod => along(f64::from(format.width_px)) * along(f64::from(format.height_px)),
+            config::BodyKind::Rod | config::BodyKind::Patch => {
+                along(f64::from(format.width_px)) * along(f64::from(format.height_px))
+            }
         }
     });
     Limits {
@@ -240,9 +242,10 @@ pub fn analysis_params(config: &Config, format: &StreamFormat) -> (MeasureParams
         rotation: config.rotation,
         bodies: bodies
             .clone()
-            .map(|body| match config.bodies[body].kind {
-                config::BodyKind::Ball => BodyParams::Ball(config.ball(body, format.width_px, format.height_px)),
-                config::BodyKind::Rod => BodyParams::Rod(config.rod(body)),
+            .map(|body| match (&config.bodies[body].patch, config.bodies[body].kind) {
+                (Some(patch), _) => BodyParams::Patch(patch.clone()),
+                (None, config::BodyKind::Rod) => BodyParams::Rod(config.rod(body)),
+                (None, _) => BodyParams::Ball(config.ball(body, format.width_px, format.height_px)),
             })
             .collect(),
         block_frames: config.workers.block_frames,

@@ -1,6 +1,7 @@
 //! Starting the processes of a rig, watching them, starting again what dies, stopping them in order.
 
 use super::clock::{Every, Patience};
+use super::reference;
 use super::reins::{self, END_OF_CONFIG, Reins};
 use super::report::Reporter;
 use super::rig::{expected_format, limits};
@@ -117,6 +118,7 @@ impl<'a> Fleet<'a> {
     /// When a process cannot be started, or shared memory cannot be used.
     pub fn start(config: &'a Config, leader: Option<Sender<Reins>>) -> anyhow::Result<Self> {
         let format = expected_format(config)?;
+        config.check_calibration(format.width_px, format.height_px)?;
         if let Some(record) = &config.record {
             prepare_directory(record)?;
             config.check_ring(format.slot_bytes(), format.frame_rate_hz)?;
@@ -323,6 +325,7 @@ impl<'a> Fleet<'a> {
             let _ = process.wait();
         }
         self.bus.clean_up_dead();
+        reference::forget(self.config);
     }
 }
 

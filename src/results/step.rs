@@ -2,7 +2,7 @@
 
 use super::{PointStatus, Rod};
 
-/// A ball's outline in one frame.
+/// A ball's outline in one frame; of a patch, a disc of its area about the point that is told.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Circle {
     /// Centre, px.
@@ -41,6 +41,17 @@ pub struct RigidStep {
 }
 
 impl RigidStep {
+    /// No motion, of which nothing is known.
+    pub const STILL: Self = Self {
+        dx_px: 0.0,
+        dy_px: 0.0,
+        dtheta_deg: 0.0,
+        sigma_dx_px: 0.0,
+        sigma_dy_px: 0.0,
+        sigma_dtheta_deg: 0.0,
+        points: 0,
+    };
+
     /// The same about a centre that is known to `center_sigma_px` only.
     #[must_use]
     pub fn about(self, center_sigma_px: f64) -> Self {
@@ -62,7 +73,7 @@ pub struct BodyStep {
     pub body: u32,
     /// The interval the motion was measured over, frames.
     pub interval_frames: u32,
-    /// The outline found in this frame, where the body is a ball.
+    /// The outline found in this frame, where the body is a ball or a patch.
     pub circle: Option<Circle>,
     /// The rod found in this frame, where the body is one.
     pub rod: Option<Rod>,

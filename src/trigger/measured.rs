@@ -111,6 +111,9 @@ impl MeasuredTrigger {
     pub fn new(condition: Condition, bodies: Vec<BodyWatch>, edge_px: Option<[[f64; 2]; 2]>) -> Self {
         let back_frames = if matches!(condition, Condition::Speed { .. }) { SPEED_FRAMES } else { FLIGHT_FRAMES };
         let angle_deg = bodies.first().map_or(0.0, |body| body.motion.surface_angle_deg);
+        let rectifier = bodies.first().and_then(|body| body.motion.rectifier.clone());
+        let place = |end: [f64; 2]| rectifier.as_ref().and_then(|rectifier| rectifier.place(end)).unwrap_or(end);
+        let edge_px = edge_px.map(|ends| ends.map(place));
         // A body that is near the surface when it is first seen has not come near it.
         let ready = !matches!(condition, Condition::Gap { .. });
         let body = |watch| Body {
@@ -135,6 +138,7 @@ impl MeasuredTrigger {
         if let Condition::Enter { roi_px } = condition {
             return body.enter(step, roi_px);
         }
+        let step = &body.watch.motion.rectified(step);
         let scale = body.metres_per_px(step);
         let gravity = scale.map_or([0.0; 2], |scale| gravity_px(&body.watch.motion, scale));
         if !body.flight.push(step, gravity) {

@@ -280,6 +280,7 @@ impl Experiment {
     pub fn params(&self) -> MotionParams {
         MotionParams {
             scale: Scale::MmPerPx(self.mm_per_px),
+            rectifier: None,
             surface_angle_deg: self.surface_angle_deg,
             gravity_m_s2: 9.81,
             // Gravity stays against the surface's normal, so that a tilt of the surface tilts the whole experiment.

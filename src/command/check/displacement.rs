@@ -4,7 +4,7 @@ use super::grab::{Grabbed, now};
 use crate::config::Config;
 use crate::image::Frame;
 use crate::measure::{Measured, Measurer, Share};
-use crate::process::analysis_params;
+use crate::process::{analysis_params, reference};
 use crate::results::{PairField, PointStatus};
 
 /// A body stands still when its mean motion stays under so many standard errors, or under `STILL_PX`.
@@ -50,6 +50,9 @@ pub(super) fn floor(config: &Config, grabbed: &Grabbed) -> anyhow::Result<Floor>
     let (params, _) = analysis_params(config, &format);
     let shortest = params.intervals_frames[0];
     let mut measurer = Measurer::new(&params, Share::ALL, format.width_px as usize, format.height_px as usize)?;
+    let first = grabbed.frames.first();
+    let picture = first.and_then(|(meta, bytes)| reference::of_first_frame(&Frame { meta: *meta, bytes }, config));
+    picture.iter().try_for_each(|picture| measurer.set_reference(picture))?;
     let mut measured = Vec::new();
     let began = now();
     for (meta, bytes) in &grabbed.frames {

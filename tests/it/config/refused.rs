@@ -151,7 +151,7 @@ fn words_that_mean_nothing_are_refused_with_the_ones_that_do() {
             "[record]\ndirectory = \"a\"\ncompression = \"lz4\"",
             ", line 5: record.compression = \"lz4\": must be \"none\", \"zstd\"",
         ),
-        ("[[body]]\nkind = \"cube\"", ", line 4: body[0].kind = \"cube\": must be \"ball\", \"rod\""),
+        ("[[body]]\nkind = \"cube\"", ", line 4: body[0].kind = \"cube\": must be \"ball\", \"rod\", \"patch\""),
     ]);
     let source = refusal("[camera]\nsource = \"usb\"\n");
     assert_eq!(source, "rig.toml, line 2: camera.source = \"usb\": must be \"simulated\", \"recording\", \"genicam\"");
@@ -222,18 +222,6 @@ fn what_this_version_does_not_offer_is_refused_by_name() {
             &format!(", line 4: trigger.mode = \"hardware\" is not offered by this version; {modes}"),
         ),
         (
-            "[rotation]\nmethod = \"ring\"",
-            ", line 4: rotation.method = \"ring\" is not offered by this version; allowed: \"rigid\", \"field\"",
-        ),
-        (
-            "[rotation]\nring_inner_px = 6",
-            ", line 4: rotation.ring_inner_px = 6 is not offered by this version; leave it out",
-        ),
-        (
-            "[[body]]\nkind = \"patch\"",
-            ", line 4: body[0].kind = \"patch\" is not offered by this version; allowed: \"ball\", \"rod\"",
-        ),
-        (
             "[serve]\nhttp = \"127.0.0.1:8080\"",
             ", line 3: the table [serve] is not offered by this version; leave it out",
         ),
@@ -256,6 +244,14 @@ fn keys_of_another_setting_are_refused_and_not_ignored() {
         (
             "features = { Gain = 1 }",
             ", line 3: camera.features = { Gain = 1 }: does not go with source = \"simulated\"; it belongs to source = \"genicam\"",
+        ),
+        (
+            "[rotation]\nring_inner_px = 6",
+            ", line 4: rotation.ring_inner_px = 6: does not go with method = \"rigid\"; it belongs to method = \"ring\"",
+        ),
+        (
+            "[rotation]\nmethod = \"ring\"\nring_inner_px = 20\nring_outer_px = 23",
+            ", line 6: rotation.ring_outer_px = 23: must be at least 4 px more than ring_inner_px = 20",
         ),
         (
             "[[body]]\nkind = \"rod\"\n[rotation]\nmethod = \"rigid\"",

@@ -63,7 +63,7 @@ const BELOW_COMMAND: &[&str] = &[
 pub const ROOMS: &[Room] = &[
     pure("results", &[], &[]),
     pure("image", &["results"], &["image", "thiserror"]),
-    pure("dic", &["results", "image"], &["libm", "multiversion", "nalgebra", "realfft", "rustfft", "thiserror"]),
+    pure("dic", &["results", "image"], &["libm", "multiversion", "nalgebra", "realfft", "thiserror"]),
     pure("ball", &["results", "image"], &["multiversion", "nalgebra", "thiserror"]),
     pure("rod", &["results", "image"], &["nalgebra", "thiserror"]),
     pure("motion", &["results"], &["nalgebra", "thiserror"]),
@@ -74,7 +74,7 @@ pub const ROOMS: &[Room] = &[
     open(
         "config",
         &["results", "image", "dic", "ball", "rod", "motion", "trigger"],
-        &["serde", "thiserror", "toml", "toml_edit"],
+        &["serde", "serde_json", "thiserror", "toml", "toml_edit"],
     ),
     open("message", &["results", "image"], &["thiserror"]),
     open(
@@ -162,7 +162,6 @@ pub const OUTSIDE: &[&str] = &[
     "prost",
     "prost_types",
     "realfft",
-    "rustfft",
     "rustix",
     "serde",
     "serde_json",
@@ -221,10 +220,12 @@ pub const DIMENSIONLESS: &[&str] = &[
     "armed",
     "block",
     "body",
+    "camera_matrix",
     "capacity",
     "code",
     "command",
     "count",
+    "distortion",
     "done",
     "dropped",
     "edge",

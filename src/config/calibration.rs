@@ -1,0 +1,146 @@
+//! `[calibration]`: the camera's lens, and the plane that bodies move in.
+
+mod file;
+
+use super::check::{Bounds, Table};
+use super::error::ConfigError;
+use super::raw::RawCalibration;
+use crate::motion::{Calibration, Distortion, Lens, Rectifier};
+use toml_edit::{Array, DocumentMut, Value, value};
+
+/// Most coefficients a model has here.
+const MOST: usize = 8;
+const FOCAL: Bounds = Bounds::closed(1.0, 1.0e6, "px");
+
+/// How a lens bends rays, by the names that OpenCV, ROS and Foxglove have for it.
+#[derive(Clone, Copy)]
+enum Model {
+    Brown,
+    Equidistant,
+}
+
+const MODELS: [(&str, Model); 5] = [
+    ("plumb_bob", Model::Brown),
+    ("rational_polynomial", Model::Brown),
+    ("equidistant", Model::Equidistant),
+    ("fisheye", Model::Equidistant),
+    ("kannala_brandt", Model::Equidistant),
+];
+
+/// Puts the numbers of the file that a rig file names into its text, so that the text needs no other file.
+///
+/// `directory` is where the rig file lies. `None` when it names none.
+///
+/// # Errors
+///
+/// Why the file cannot be used, to follow "must be".
+pub(super) fn embedded(
+    text: &str,
+    read: impl FnOnce(&str) -> Result<String, String>,
+) -> Option<Result<String, String>> {
+    let mut document = text.parse::<DocumentMut>().ok()?;
+    let table = document.get_mut("calibration")?.as_table_like_mut()?;
+    let name = table.get("file")?.as_str()?.to_owned();
+    let numbers = match read(&name).and_then(|content| file::numbers(&content)) {
+        Ok(numbers) => numbers,
+        Err(reason) => {
+            return Some(Err(format!(
+                "a camera calibration (OpenCV YAML or JSON, ROS camera_info or foxglove.CameraCalibration): {reason}"
+            )));
+        }
+    };
+    table.remove("file");
+    let list = |numbers: &[f64]| value(Value::Array(numbers.iter().copied().collect::<Array>()));
+    if let Some(size) = numbers.image_px {
+        table.insert("image_px", value(Value::Array(size.iter().map(|px| i64::from(*px)).collect::<Array>())));
+    }
+    let lists = [
+        ("camera_matrix", numbers.camera_matrix.as_deref()),
+        ("distortion", numbers.distortion.as_deref()),
+        ("homography_mm", numbers.homography_mm.as_deref()),
+    ];
+    for (key, numbers) in lists {
+        // What the rig file says itself holds.
+        if let (Some(numbers), false) = (numbers, table.contains_key(key)) {
+            table.insert(key, list(numbers));
+        }
+    }
+    if let Some(model) = numbers.model.filter(|_| !table.contains_key("distortion_model")) {
+        table.insert("distortion_model", value(model));
+    }
+    Some(Ok(document.to_string()))
+}
+
+/// The calibration, made ready; `offset_px` is the corner of the camera's window where the table says nothing.
+pub(super) fn calibration(
+    table: &Table<'_>,
+    raw: &RawCalibration,
+    offset_px: Option<[u32; 2]>,
+) -> Result<Rectifier, ConfigError> {
+    if raw.file.is_some() {
+        return Err(table.refuse("file", "left out here: only a rig file that is read from disk can name another"));
+    }
+    let pair = |key: &str, given: &Option<Vec<i64>>, range: std::ops::RangeInclusive<i64>| {
+        let refusal = || table.refuse(key, format!("[x, y], each {} to {} px", range.start(), range.end()));
+        let Some(given) = given else { return Ok(None) };
+        let numbers: Vec<u32> = given.iter().filter(|px| range.contains(px)).map(|px| *px as u32).collect();
+        <[u32; 2]>::try_from(numbers).map(Some).map_err(|_| refusal())
+    };
+    let image_px = pair("image_px", &raw.image_px, 16..=65_535)?
+        .ok_or_else(|| table.refuse("image_px", "[width, height] of the calibrated picture in px"))?;
+    let offset_px = pair("offset_px", &raw.offset_px, 0..=65_535)?.or(offset_px).unwrap_or_default();
+    let lens = lens(table, raw)?;
+    let homography = match &raw.homography_mm {
+        None => None,
+        Some(numbers) => Some(square(numbers).ok_or_else(|| table.refuse("homography_mm", SQUARE))?),
+    };
+    let calibration = Calibration { image_px, offset_px, lens, homography };
+    Rectifier::new(calibration).map_err(|error| {
+        let key = if raw.homography_mm.is_some() { "homography_mm" } else { "camera_matrix" };
+        table.refuse(key, format!("part of a usable calibration, and this one {error}"))
+    })
+}
+
+const SQUARE: &str = "3 x 3 finite numbers, row by row";
+
+/// Nine finite numbers as rows.
+fn square(numbers: &[f64]) -> Option<[[f64; 3]; 3]> {
+    let sound = numbers.len() == 9 && numbers.iter().all(|x| x.is_finite());
+    sound.then(|| std::array::from_fn(|row| std::array::from_fn(|column| numbers[3 * row + column])))
+}
+
+fn lens(table: &Table<'_>, raw: &RawCalibration) -> Result<Option<Lens>, ConfigError> {
+    let model = table.word("distortion_model", raw.distortion_model.as_deref(), &MODELS)?.unwrap_or(Model::Brown);
+    let Some(numbers) = &raw.camera_matrix else {
+        let given = [("distortion", raw.distortion.is_some()), ("distortion_model", raw.distortion_model.is_some())];
+        return match given.iter().find(|(_, given)| *given) {
+            Some((key, _)) => Err(table.refuse(key, "left out, because there is no camera_matrix")),
+            None => Ok(None),
+        };
+    };
+    let matrix = square(numbers).filter(|[first, second, third]| {
+        let is_pinhole = first[1] == 0.0 && second[0] == 0.0 && *third == [0.0, 0.0, 1.0];
+        is_pinhole && FOCAL.hold(first[0]) && FOCAL.hold(second[1])
+    });
+    let [[fx, _, cx], [_, fy, cy], _] = matrix.ok_or_else(|| {
+        table.refuse("camera_matrix", "[fx, 0, cx, 0, fy, cy, 0, 0, 1] with focal lengths of 1 to 1000000 px")
+    })?;
+    let most = match model {
+        Model::Brown => MOST,
+        Model::Equidistant => 4,
+    };
+    let given = raw.distortion.as_deref().unwrap_or_default();
+    // Longer lists are of models that bend otherwise, unless the rest is 0.
+    let (known, rest) = given.split_at(given.len().min(most));
+    if rest.iter().any(|x| *x != 0.0) || known.iter().any(|x| !x.is_finite()) {
+        return Err(
+            table.refuse("distortion", format!("at most {most} finite numbers: thin prisms and tilts are not known"))
+        );
+    }
+    let coefficient = |k: usize| known.get(k).copied().unwrap_or(0.0);
+    let distortion = match model {
+        Model::Brown => Distortion::Brown(std::array::from_fn(coefficient)),
+        Model::Equidistant => Distortion::Equidistant(std::array::from_fn(coefficient)),
+    };
+    Ok(Some(Lens { focal_px: [fx, fy], center_px: [cx, cy], distortion }))
+}

@@ -1,0 +1,37 @@
+//! From a motion to the field that is looked for, and back.
+
+use crate::dic::{Start, rigid_fit};
+use crate::results::{PairField, RigidStep};
+
+/// Fewest subsets a rigid motion is believed from.
+const FEWEST_POINTS: u32 = 3;
+
+/// Motion of the centre and rotation a frame, from every valid subset.
+pub(super) fn rigid_step(
+    field: &mut PairField,
+    (x_px, y_px): (f64, f64),
+    frames: f64,
+    subset_size_px: u32,
+) -> Option<RigidStep> {
+    let motion = rigid_fit(&mut field.points, x_px, y_px, subset_size_px)?;
+    (motion.points >= FEWEST_POINTS).then_some(RigidStep {
+        dx_px: motion.u_px / frames,
+        dy_px: motion.v_px / frames,
+        dtheta_deg: motion.angle_deg / frames,
+        sigma_dx_px: motion.sigma_u_px / frames,
+        sigma_dy_px: motion.sigma_v_px / frames,
+        sigma_dtheta_deg: motion.sigma_angle_deg / frames,
+        points: motion.points,
+    })
+}
+
+/// Where subsets are looked for when the body goes on as it moves, for as many frames as a step spans.
+pub(super) fn start(step: &RigidStep, (x_px, y_px): (f64, f64), frames: f64) -> Start {
+    Start::Motion {
+        x_px,
+        y_px,
+        u_px: frames * step.dx_px,
+        v_px: frames * step.dy_px,
+        angle_deg: frames * step.dtheta_deg,
+    }
+}

@@ -1,0 +1,211 @@
+//! A patch: pixels inside a polygon that was drawn in one picture, followed as a rigid whole.
+//!
+//! Every pose is a match with that picture, so that nothing adds up from frame to frame, and pixels that something hides
+//! are left out of each match alone.
+
+use crate::dic::{BodyMotion, Patch, Prepared, Region, RigidBody, find_hidden_within_angle};
+use crate::results::{Circle, PointStatus, RigidStep};
+
+/// Rotations among which a patch that was lost is looked for in every frame, deg; among all once a block.
+const LITTLE_DEG: f64 = 6.0;
+
+/// Lowest ZNCC of the pixels in sight that counts as found.
+const LEAST_ZNCC: f64 = 0.6;
+
+/// Least share in sight of a patch that is found where it was drawn: a few pixels may be alike by chance.
+const COLD_VISIBLE: f64 = 0.4;
+
+/// Where a patch is in one frame.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct PatchPose {
+    /// Place of the point told, px, and rotation since the reference picture, deg.
+    pose: [f64; 3],
+    sigma: [f64; 3],
+    visible_fraction: f64,
+    pixels: u32,
+    /// Radius of a disc of the same area, px.
+    radius_px: f64,
+    /// Distance from the point told to the farthest corner, px.
+    reach_px: f64,
+}
+
+impl PatchPose {
+    pub(super) fn center_px(&self) -> (f64, f64) {
+        (self.pose[0], self.pose[1])
+    }
+
+    /// A disc of its area about the point told.
+    pub(super) fn circle(&self) -> Circle {
+        Circle {
+            x_px: self.pose[0],
+            y_px: self.pose[1],
+            radius_px: self.radius_px,
+            sigma_center_px: self.sigma[0].hypot(self.sigma[1]) * std::f64::consts::FRAC_1_SQRT_2,
+            sigma_radius_px: 0.0,
+            visible_fraction: self.visible_fraction,
+        }
+    }
+
+    /// A disc that holds all of it.
+    pub(super) fn around(&self) -> Circle {
+        Circle { radius_px: self.reach_px, ..self.circle() }
+    }
+
+    /// Moved on by some frames of a motion.
+    pub(super) fn moved(&self, rate: &RigidStep, frames: f64) -> Self {
+        let [x, y, angle] = self.pose;
+        let pose = [x + frames * rate.dx_px, y + frames * rate.dy_px, angle + frames * rate.dtheta_deg];
+        let grown = |sigma: f64, rate: f64| sigma.hypot(frames * rate);
+        let sigma = [
+            grown(self.sigma[0], rate.sigma_dx_px),
+            grown(self.sigma[1], rate.sigma_dy_px),
+            grown(self.sigma[2], rate.sigma_dtheta_deg),
+        ];
+        Self { pose, sigma, ..*self }
+    }
+
+    /// The motion to a later pose, per frame; the reference's noise is in both.
+    pub(super) fn step_to(&self, later: &Self, frames: f64) -> RigidStep {
+        let turn_deg = later.pose[2] - self.pose[2];
+        // A patch found anew may have its angle told a whole turn off.
+        let turn_deg = turn_deg - 360.0 * (turn_deg / 360.0).round();
+        let sigma = |k: usize| (0.5 * (self.sigma[k].powi(2) + later.sigma[k].powi(2))).sqrt() / frames;
+        RigidStep {
+            dx_px: (later.pose[0] - self.pose[0]) / frames,
+            dy_px: (later.pose[1] - self.pose[1]) / frames,
+            dtheta_deg: turn_deg / frames,
+            sigma_dx_px: sigma(0),
+            sigma_dy_px: sigma(1),
+            sigma_dtheta_deg: sigma(2),
+            points: self.pixels.min(later.pixels),
+        }
+    }
+}
+
+/// Follows one patch.
+#[derive(Debug)]
+pub(super) struct PatchFinder {
+    patch: Patch,
+    center_px: (f64, f64),
+    radius_px: f64,
+    reach_px: f64,
+    /// The picture it was drawn in; why there is none, otherwise.
+    reference: Result<(Prepared, Box<RigidBody>), PointStatus>,
+    /// What was found in frames of the blocks at hand, by block and frame.
+    found: Vec<(u64, u64, Result<PatchPose, PointStatus>)>,
+}
+
+impl PatchFinder {
+    pub(super) fn new(patch: &Patch) -> Self {
+        let (area, centroid) = patch.area_and_centroid();
+        let center = patch.center_px.unwrap_or(centroid);
+        let reach = |[x, y]: &[f64; 2]| (x - center[0]).hypot(y - center[1]);
+        Self {
+            patch: patch.clone(),
+            center_px: center.into(),
+            radius_px: (area / std::f64::consts::PI).sqrt(),
+            reach_px: patch.outline_px.iter().map(reach).fold(0.0, f64::max),
+            reference: Err(PointStatus::Lost),
+            found: Vec::new(),
+        }
+    }
+
+    /// Takes the picture that the polygon was drawn in.
+    pub(super) fn set_reference(&mut self, reference: &Prepared) {
+        let body = RigidBody::new(reference, &self.patch.region());
+        self.reference = body.map(|body| (reference.clone(), Box::new(body)));
+    }
+
+    /// The polygon at a pose.
+    pub(super) fn region_at(&self, pose: &PatchPose) -> Region {
+        let [x, y, angle_deg] = pose.pose;
+        let (sin, cos) = angle_deg.to_radians().sin_cos();
+        let moved = |corners: &Vec<[f64; 2]>| -> Vec<[f64; 2]> {
+            let place = |[px, py]: &[f64; 2]| {
+                let (dx, dy) = (px - self.center_px.0, py - self.center_px.1);
+                [x + dx * cos + dy * sin, y + dy * cos - dx * sin]
+            };
+            corners.iter().map(place).collect()
+        };
+        let holes_px = self.patch.holes_px.iter().map(moved).collect();
+        Region::Polygon { outline_px: moved(&self.patch.outline_px), holes_px }
+    }
+
+    /// Forgets the blocks before this one.
+    pub(super) fn forget_before(&mut self, block: u64) {
+        self.found.retain(|(of, _, _)| *of >= block);
+    }
+
+    /// What was found in a frame of a block, if it was looked for.
+    pub(super) fn known(&self, block: u64, frame: u64) -> Option<Result<PatchPose, PointStatus>> {
+        self.found.iter().rev().find(|(of, at, _)| (*of, *at) == (block, frame)).map(|(_, _, found)| *found)
+    }
+
+    /// Looks for it near where it must be.
+    pub(super) fn follow(
+        &mut self,
+        (block, frame): (u64, u64),
+        target: &Prepared,
+        near: &PatchPose,
+    ) -> Result<PatchPose, PointStatus> {
+        if let Some(Ok(known)) = self.known(block, frame) {
+            return Ok(known);
+        }
+        let found = self.match_near(target, near.pose);
+        self.keep(block, frame, found);
+        found
+    }
+
+    fn keep(&mut self, block: u64, frame: u64, found: Result<PatchPose, PointStatus>) {
+        self.found.retain(|(of, at, _)| (*of, *at) != (block, frame));
+        self.found.push((block, frame, found));
+    }
+
+    /// Looks for it in a whole frame from nothing: where it was drawn, anywhere little turned, and if `thorough` at any
+    /// angle.
+    pub(super) fn find(
+        &mut self,
+        (block, frame): (u64, u64),
+        target: &Prepared,
+        thorough: bool,
+    ) -> Result<PatchPose, PointStatus> {
+        let (x, y) = self.center_px;
+        let mut found = self.match_near(target, [x, y, 0.0]);
+        if found.is_ok_and(|pose| pose.visible_fraction < COLD_VISIBLE) {
+            found = Err(PointStatus::LowCorrelation);
+        }
+        if let (Err(_), Ok((reference, _))) = (&found, &self.reference) {
+            let (region, center) = (self.patch.region(), self.center_px);
+            let mut start = find_hidden_within_angle(reference, target, &region, center, LITTLE_DEG);
+            if start.is_err() && thorough {
+                start = find_hidden_within_angle(reference, target, &region, center, 180.0);
+            }
+            let start = start.and_then(|found| {
+                if found.visible_fraction < COLD_VISIBLE { Err(PointStatus::LowCorrelation) } else { Ok(found) }
+            });
+            found = start.and_then(|BodyMotion { motion, .. }| {
+                self.match_near(target, [x + motion.u_px, y + motion.v_px, motion.angle_deg])
+            });
+        }
+        self.keep(block, frame, found);
+        found
+    }
+
+    fn match_near(&mut self, target: &Prepared, [x, y, angle_deg]: [f64; 3]) -> Result<PatchPose, PointStatus> {
+        let (cx, cy) = self.center_px;
+        let (_, body) = self.reference.as_mut().map_err(|status| *status)?;
+        let BodyMotion { motion, zncc, visible_fraction } =
+            body.find_visible(target, (cx, cy), (x - cx, y - cy, angle_deg))?;
+        if zncc < LEAST_ZNCC {
+            return Err(PointStatus::LowCorrelation);
+        }
+        Ok(PatchPose {
+            pose: [cx + motion.u_px, cy + motion.v_px, motion.angle_deg],
+            sigma: [motion.sigma_u_px, motion.sigma_v_px, motion.sigma_angle_deg],
+            visible_fraction,
+            pixels: motion.points,
+            radius_px: self.radius_px,
+            reach_px: self.reach_px,
+        })
+    }
+}

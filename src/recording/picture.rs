@@ -1,0 +1,60 @@
+//! Pictures that are attached: grey levels as a PNG file, and back.
+
+use crate::image::{Image, PixelFormat, grey_pixels};
+use image::{ExtendedColorType, ImageEncoder, ImageFormat};
+use std::io::Cursor;
+
+/// Most that reading one may need, bytes.
+const PICTURE_BYTES: u64 = 1 << 30;
+
+/// A picture of whole grey levels of 0 to 65535 as PNG, of 8 bit where they fit; `None` if it cannot be encoded.
+pub fn to_png(picture: &Image) -> Option<Vec<u8>> {
+    let view = picture.view();
+    let (width, height) = (u32::try_from(view.width()).ok()?, u32::try_from(view.height()).ok()?);
+    let levels =
+        || (0..view.height()).flat_map(|y| view.row(y).iter().map(|level| level.round().clamp(0.0, 65_535.0) as u16));
+    let mut png = Vec::new();
+    let encoder = image::codecs::png::PngEncoder::new(&mut png);
+    let written = if levels().all(|level| level <= 255) {
+        let pixels: Vec<u8> = levels().map(|level| level as u8).collect();
+        encoder.write_image(&pixels, width, height, ExtendedColorType::L8)
+    } else {
+        // The encoder takes the machine's own byte order.
+        let pixels: Vec<u8> = levels().flat_map(u16::to_ne_bytes).collect();
+        encoder.write_image(&pixels, width, height, ExtendedColorType::L16)
+    };
+    written.ok().map(|()| png)
+}
+
+/// The grey levels of a PNG; `None` if it is none, or has colours.
+pub fn from_png(png: &[u8]) -> Option<Image> {
+    let mut reader = image::ImageReader::with_format(Cursor::new(png), ImageFormat::Png);
+    let mut limits = image::Limits::default();
+    limits.max_alloc = Some(PICTURE_BYTES);
+    reader.limits(limits);
+    let picture = reader.decode().ok()?;
+    let (width, height) = (picture.width() as usize, picture.height() as usize);
+    let (format, bytes) = grey_pixels(picture)?;
+    let levels = match format {
+        PixelFormat::Mono8 => bytes.iter().map(|level| f32::from(*level)).collect(),
+        _ => bytes.chunks_exact(2).map(|pair| f32::from(u16::from_le_bytes([pair[0], pair[1]]))).collect(),
+    };
+    Image::from_vec(levels, width, height).ok()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn pictures_of_8_and_16_bit_come_back_as_they_were() {
+        for most in [255, 4095, 65_535] {
+            let levels: Vec<f32> = (0..35 * 21).map(|k| (k * 977 % (most + 1)) as f32).collect();
+            let picture = Image::from_vec(levels, 35, 21).unwrap();
+            let png = to_png(&picture).unwrap();
+            let back = from_png(&png).unwrap();
+            assert!((0..21).all(|y| back.view().row(y) == picture.view().row(y)), "{most}");
+        }
+        assert!(from_png(b"no picture").is_none() && from_png(&[]).is_none());
+    }
+}

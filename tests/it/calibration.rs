@@ -1,0 +1,175 @@
+//! A lens and a plane seen aslant, taken out of what is measured.
+
+use ricochet::config::{Config, ConfigError};
+use ricochet::motion::Rectifier;
+use ricochet::synth::{MotionSetup, Scenario, World};
+use std::path::Path;
+
+use crate::film::{level_rig, rows_of_pictures};
+
+const SIDE: usize = 420;
+
+const LENS: &str = "image_px = [420, 420]\ncamera_matrix = [560, 0, 214, 0, 560, 205, 0, 0, 1]\n\
+    distortion = [-0.12, 0.03, 0.0005, -0.0003]\n";
+
+/// 0.5142 mm a pixel in the middle, and much less to the right.
+const PLANE: &str = "homography_mm = [0.5, 0, -100, 0, 0.5, -100, -8e-5, 0, 1]\n";
+
+fn rectifier(table: &str) -> Rectifier {
+    Config::parse(&format!("{}[calibration]\n{table}", bare_rig()), "rig.toml").unwrap().calibration.unwrap()
+}
+
+fn bare_rig() -> String {
+    level_rig(0.5142).replace("[scale]\nmm_per_px = 0.5142\n", "")
+}
+
+/// A ball that crosses the picture from the lower left to the upper right and turns.
+fn world() -> World {
+    let mut scenario = Scenario::translation(3.17, -2.41, 1.3);
+    scenario.scale.mm_per_px = 0.5142;
+    (scenario.camera.frames, scenario.camera.width_px, scenario.camera.height_px) = (64, SIDE as u32, SIDE as u32);
+    scenario.body.diameter_mm = 114.0 * scenario.scale.mm_per_px;
+    scenario.camera.noise_dn = 1.0;
+    if let MotionSetup::Constant { start_px, .. } = &mut scenario.motion {
+        *start_px = [110.0, 290.0];
+    }
+    World::new(&scenario).unwrap()
+}
+
+/// Weights of four samples around a place between the middle two (Keys' cubic).
+fn weights(t: f64) -> [f64; 4] {
+    let near = |d: f64| (1.5 * d - 2.5) * d * d + 1.0;
+    let far = |d: f64| ((-0.5 * d + 2.5) * d - 4.0) * d + 2.0;
+    [far(1.0 + t), near(t), near(1.0 - t), far(2.0 - t)]
+}
+
+/// The picture that shows at every pixel what another shows at its rectified place.
+fn through(rectifier: &Rectifier, picture: &[u8]) -> Vec<u8> {
+    let level = |x: i64, y: i64| f64::from(picture[y as usize * SIDE + x as usize]);
+    let at = |k: usize| {
+        let [x, y] = rectifier.place([(k % SIDE) as f64, (k / SIDE) as f64])?;
+        let (cell_x, cell_y) = (x.floor(), y.floor());
+        let inside = |cell: f64| cell >= 1.0 && cell + 2.0 < SIDE as f64;
+        if !(inside(cell_x) && inside(cell_y)) {
+            return None;
+        }
+        let (along, down) = (weights(x - cell_x), weights(y - cell_y));
+        let row = |j: usize| {
+            (0..4).map(|i| along[i] * level(cell_x as i64 - 1 + i as i64, cell_y as i64 - 1 + j as i64)).sum::<f64>()
+        };
+        Some((0..4).map(|j| down[j] * row(j)).sum::<f64>().round().clamp(0.0, 255.0) as u8)
+    };
+    (0..SIDE * SIDE).map(|k| at(k).unwrap_or(40)).collect()
+}
+
+/// Largest error of the velocity, as a share of the speed, and of the spin, as a share of itself; and how many there are.
+fn judge(world: &World, seen_through: &Rectifier, rig: &str, mm_per_px: f64) -> (f64, f64, usize) {
+    let picture = |index| {
+        let mut bytes = vec![0; world.frame_bytes()];
+        world.render(index, &mut bytes);
+        through(seen_through, &bytes)
+    };
+    let rows = rows_of_pictures((0..world.frames()).map(picture), world, rig);
+    let metres = mm_per_px * 1e-3 * 1e4;
+    let truth = [3.17 * metres, 2.41 * metres, 1.3_f64.to_radians() * 1e4];
+    let velocities: Vec<_> = rows.velocities.iter().filter_map(|row| row.velocity).collect();
+    let speed = truth[0].hypot(truth[1]);
+    let worst = |of: &dyn Fn(&ricochet::results::BodyVelocity) -> f64| velocities.iter().map(of).fold(0.0, f64::max);
+    let off = |v: &ricochet::results::BodyVelocity| (v.vx_m_s - truth[0]).hypot(v.vy_m_s - truth[1]);
+    let pull = worst(&|v| off(v) / v.sigma_v_m_s);
+    let of_speed = worst(&|v| off(v) / speed);
+    let of_spin = worst(&|v| (v.omega_rad_s / truth[2] - 1.0).abs());
+    println!(
+        "{} velocities, worst {of_speed:.4} of the speed, {pull:.1} sigmas, {of_spin:.4} of the spin",
+        velocities.len()
+    );
+    (of_speed, of_spin, velocities.len())
+}
+
+#[test]
+fn a_lens_that_bends_speeds_by_percents_leaves_none_of_it() {
+    let (world, lens) = (world(), rectifier(LENS));
+    let plain = judge(&world, &lens, &level_rig(0.5142), 0.5142);
+    let told = judge(&world, &lens, &format!("{}[calibration]\n{LENS}", level_rig(0.5142)), 0.5142);
+    println!("lens: without {plain:?}, with {told:?}");
+    assert!(plain.0 > 0.01 && told.0 < 0.004 && told.1 < 0.01, "{plain:?} {told:?}");
+    assert!(told.2 >= 60);
+}
+
+#[test]
+fn a_plane_seen_aslant_gives_the_scale_and_leaves_no_perspective() {
+    let table = format!("image_px = [420, 420]\n{PLANE}");
+    let (world, both) = (world(), rectifier(&table));
+    let mm_per_px = both.mm_per_px().unwrap();
+    let plain = judge(&world, &both, &level_rig(mm_per_px), mm_per_px);
+    let told = judge(&world, &both, &format!("{}[calibration]\n{table}", bare_rig()), mm_per_px);
+    println!("plane: without {plain:?}, with {told:?}, {mm_per_px} mm/px");
+    assert!(plain.0 > 0.008 && told.0 < 0.004 && told.1 < 0.02 && told.2 >= 60, "{plain:?} {told:?}");
+}
+
+/// A directory for one test, emptied.
+fn directory(name: &str) -> std::path::PathBuf {
+    let directory = Path::new(env!("CARGO_TARGET_TMPDIR")).join(name);
+    let _ = std::fs::remove_dir_all(&directory);
+    std::fs::create_dir_all(&directory).unwrap();
+    directory
+}
+
+#[test]
+fn a_calibration_file_becomes_numbers_in_the_text_that_recordings_keep() {
+    let directory = directory("calibration");
+    let (lens, rig) = (directory.join("lens.yaml"), directory.join("rig.toml"));
+    let matrix = |name: &str, data: &str| {
+        format!("{name}: !!opencv-matrix\n   rows: 1\n   cols: 9\n   dt: d\n   data: [ {data} ]\n")
+    };
+    let yaml = format!(
+        "%YAML:1.0\n---\nimage_width: 420\nimage_height: 420\n{}{}",
+        matrix("camera_matrix", "560., 0., 214., 0., 560., 205., 0., 0., 1."),
+        matrix("distortion_coefficients", "-0.12, 0.03, 0.0005,\n      -0.0003")
+    );
+    std::fs::write(&lens, yaml).unwrap();
+    std::fs::write(&rig, format!("{}[calibration]\nfile = {:?}\n", level_rig(0.5), lens)).unwrap();
+    let config = Config::load(&rig).unwrap();
+    assert_eq!(config.calibration, Some(rectifier(LENS)));
+    std::fs::remove_file(&lens).unwrap();
+    let again = Config::parse(&config.text, "recording").unwrap();
+    assert_eq!(again.calibration, config.calibration);
+    assert!(!config.text.contains("lens.yaml"));
+    let missing = Config::load(&rig).unwrap_err().to_string();
+    assert!(missing.contains("calibration.file = ") && missing.contains("No such file"), "{missing}");
+}
+
+#[test]
+fn calibrations_that_cannot_be_meant_are_refused_by_name() {
+    let refused =
+        |table: &str| Config::parse(&format!("{}[calibration]\n{table}", level_rig(0.5)), "rig.toml").unwrap_err();
+    let cases = [
+        ("camera_matrix = [560, 0, 214, 0, 560, 205, 0, 0, 1]", "calibration.image_px"),
+        ("image_px = [420, 420]", "calibration.camera_matrix"),
+        ("image_px = [420, 420]\ncamera_matrix = [560, 0, 214]", "calibration.camera_matrix"),
+        ("image_px = [420, 420]\ncamera_matrix = [560, 0.1, 214, 0, 560, 205, 0, 0, 1]", "calibration.camera_matrix"),
+        ("image_px = [420, 420]\ndistortion = [0.1]", "calibration.distortion"),
+        (&format!("{LENS}distortion_model = \"thin\""), "calibration.distortion_model"),
+        (&LENS.replace("-0.12,", "-9.0,"), "calibration.camera_matrix"),
+        (&LENS.replace("-0.0003]", "0, 0, 0, 0, 0, 0.1]"), "calibration.distortion"),
+        (&format!("{LENS}{PLANE}"), "scale.mm_per_px"),
+        ("file = \"lens.yaml\"", "calibration.file"),
+    ];
+    for (table, key) in cases {
+        let error = refused(table).to_string();
+        assert!(error.contains(key) && !error.contains('\n'), "{table}: {error}");
+    }
+}
+
+#[test]
+fn a_calibration_of_another_picture_is_refused_unless_it_says_where_this_one_lies() {
+    let config =
+        |more: &str| Config::parse(&format!("{}[calibration]\n{LENS}{more}", level_rig(0.5)), "rig.toml").unwrap();
+    let check = |more: &str, width_px, height_px| -> Result<(), ConfigError> {
+        config(more).check_calibration(width_px, height_px)
+    };
+    assert!(check("", 420, 420).is_ok());
+    assert!(check("", 400, 420).unwrap_err().to_string().contains("calibration.image_px"));
+    assert!(check("offset_px = [10, 20]\n", 400, 400).is_ok());
+    assert!(check("offset_px = [10, 30]\n", 400, 400).is_err());
+}
