@@ -43,6 +43,7 @@ mod replay;
 mod report;
 mod rigid;
 mod rod;
+mod scenes;
 mod series;
 mod simulated_camera;
 mod slots;
