@@ -17,6 +17,11 @@ const STILL_PX: f64 = 0.003;
 /// Blur of a lens in focus, where the search for the blur starts, px.
 const USUAL_BLUR_PX: f32 = 0.8;
 const BLUR_RANGE_PX: std::ops::RangeInclusive<f32> = 0.35..=2.0;
+/// Up to this blur speckle beside the rim pulls edges by no more than the limits below allow for; beyond it by as much
+/// more as the picture is blurred more, px.
+const SHARP_BLUR_PX: f32 = 0.9;
+/// Share of the rim that must agree before a blurred one may scatter more: blotched ground is blurred, too.
+const LEAST_AGREEING_WHEN_SOFT: f64 = 0.15;
 /// An outline that moves farther than this was not the ball's, px.
 const FARTHEST_PX: f64 = 4.0;
 /// An edge this near to the circle agrees with it, px.
@@ -100,7 +105,7 @@ impl Refine {
             blur = self.better_blur(blur);
             side_light(&self.rim, &self.edges, &self.gates.used, outline.radius, &mut self.slope);
         }
-        self.judge(image, outline, last?)
+        self.judge(image, outline, last?, blur)
     }
 
     /// Gathers the pixels around `outline`; edges and light are kept when the bins stay the same.
@@ -143,22 +148,25 @@ impl Refine {
     }
 
     /// Accepts the fit, or not.
-    fn judge(&mut self, image: ImageView<'_>, outline: Outline, fitted: Correction) -> Option<Measured> {
+    fn judge(&mut self, image: ImageView<'_>, outline: Outline, fitted: Correction, blur: f32) -> Option<Measured> {
         let agreeing = self.fit.close(AGREEING_PX);
         let used = self.gates.used.iter().filter(|used| **used).count() as f64;
         let inside = (0..self.rim.bins()).filter(|&bin| self.rim.count(bin) > 0).count().max(1) as f64;
         let share = agreeing as f64 / inside;
         let enough = agreeing as f64 >= FEWEST_AGREEING + LEAST_AGREEING * inside;
         let many = agreeing >= MANY_AGREEING;
+        let soft = f64::from(blur / SHARP_BLUR_PX).max(1.0);
+        let may_scatter = if many && agreeing as f64 >= LEAST_AGREEING_WHEN_SOFT * inside { soft } else { 1.0 };
         let of_used = if many { LEAST_AGREEING_OF_USED_WHEN_MANY } else { LEAST_AGREEING_OF_USED };
-        if !enough || agreeing as f64 <= of_used * used || self.fit.scatter_px()? > MOST_SCATTER_PX {
+        if !enough || agreeing as f64 <= of_used * used || self.fit.scatter_px()? > MOST_SCATTER_PX * may_scatter {
             return None;
         }
         let c = self.fit.covariance(&self.rim, &fitted)?;
-        let sigma = |variance: f64| (SIGMA_FACTOR.powi(2) * variance + SIGMA_FLOOR_PX.powi(2)).sqrt();
+        let sigma = |variance: f64| ((SIGMA_FACTOR * soft).powi(2) * variance + SIGMA_FLOOR_PX.powi(2)).sqrt();
         let sigma_center_px = sigma(0.5 * (c[(0, 0)] + c[(1, 1)]));
         let sigma_radius_px = sigma(c[(2, 2)]);
-        if !(sigma_center_px < MOST_SIGMA_PX && sigma_radius_px < MOST_SIGMA_PX) {
+        let most_px = MOST_SIGMA_PX * may_scatter;
+        if !(sigma_center_px < most_px && sigma_radius_px < most_px) {
             return None;
         }
         let circle = Circle {

@@ -206,7 +206,7 @@ impl Camera for SimulatedCamera {
     }
 
     fn truth(&self, sequence: u64) -> Vec<VelocitySample> {
-        if sequence < self.world.frames() { vec![self.world.truth(sequence)] } else { Vec::new() }
+        if sequence < self.world.frames() { self.world.truths(sequence) } else { Vec::new() }
     }
 }
 

@@ -75,6 +75,9 @@ struct Design {
     /// Tell the scatter only.
     #[arg(long)]
     no_advice: bool,
+    /// A directory for design.csv and design_advice.csv; made when it is not there.
+    #[arg(short, long, value_name = "DIR")]
+    output: Option<PathBuf>,
     /// Print JSON.
     #[arg(long)]
     json: bool,
@@ -177,6 +180,7 @@ impl Design {
             scenario: self.scenario,
             noise_dn: self.noise_dn,
             without_advice: self.no_advice,
+            output: self.output,
             json: self.json,
         }
     }

@@ -6,7 +6,7 @@ use crate::config::Config;
 use crate::image::Frame;
 use crate::process::recording_info;
 use crate::recording::{RecordingWriter, WriterOptions};
-use crate::synth::{Scenario, ScenarioError, World};
+use crate::synth::{ScenarioError, World};
 use std::path::PathBuf;
 
 /// What to draw, and where to.
@@ -21,7 +21,10 @@ pub struct SimulateOptions {
 }
 
 /// Built-in scenarios that differ from a built-in experiment in their physics only.
-const VARIANTS: [(&str, &str); 2] = [("tennis-physical", "tennis"), ("rod-ringing", "rod")];
+const VARIANTS: [(&str, &str); 3] =
+    [("lacrosse-sphere", "lacrosse"), ("tennis-physical", "tennis"), ("rod-ringing", "rod")];
+/// Room around the way of a ball that is looked for among two, px.
+const ROOM_PX: f64 = 8.0;
 
 /// Draws every frame of a scenario into a recording, with the truth beside it.
 ///
@@ -35,7 +38,7 @@ pub fn run(options: &SimulateOptions) -> anyhow::Result<Outcome> {
     };
     let scenario = simulated::load_scenario(&options.scenario).map_err(named)?;
     let world = World::new(&scenario).map_err(named)?;
-    let config = config(&scenario, &options.scenario)?;
+    let config = config(&world, &options.scenario)?;
     let format = simulated::stream_format(&world);
     let camera = CameraIdentity { model: "simulated".into(), serial: options.scenario.clone() };
     let mut info = recording_info(&config, &format, &camera, "none: simulated");
@@ -45,7 +48,7 @@ pub fn run(options: &SimulateOptions) -> anyhow::Result<Outcome> {
         return Err(UsageError(format!("{}: the file exists already", options.output.display())).into());
     }
     let mut writer = RecordingWriter::create(&options.output, &info, &WriterOptions::default())?;
-    if let Some(impact) = world.impact() {
+    for impact in world.impacts() {
         writer.truth_impact(&impact)?;
     }
     draw(&world, &format, &mut writer)?;
@@ -65,7 +68,9 @@ fn draw(world: &World, format: &StreamFormat, writer: &mut RecordingWriter) -> a
     for index in 0..world.frames() {
         world.render(index, &mut bytes);
         writer.frame(&Frame { meta: simulated::meta(world, index), bytes: &bytes })?;
-        writer.truth(&world.truth(index))?;
+        for row in world.truths(index) {
+            writer.truth(&row)?;
+        }
         bar.inc(1);
     }
     bar.finish_and_clear();
@@ -73,7 +78,8 @@ fn draw(world: &World, format: &StreamFormat, writer: &mut RecordingWriter) -> a
 }
 
 /// The rig that would have filmed it: what measures the recording when nothing else is said.
-fn config(scenario: &Scenario, name: &str) -> anyhow::Result<Config> {
+fn config(world: &World, name: &str) -> anyhow::Result<Config> {
+    let scenario = world.scenario();
     let built_in = format!("{name}.toml");
     if let Some(text) = super::demo::built_in_config(name) {
         return Ok(Config::parse(text, &built_in)?);
@@ -83,11 +89,13 @@ fn config(scenario: &Scenario, name: &str) -> anyhow::Result<Config> {
     if let Some(text) = experiment.and_then(|(_, experiment)| super::demo::built_in_config(experiment)) {
         return Ok(Config::parse(text, &built_in)?.with(&[("camera.scenario", name.into())])?);
     }
-    let body = match scenario.body.rod {
-        Some(_) => {
+    let body = match (&scenario.body.rod, &scenario.other) {
+        (Some(_), _) => {
             "\n[[body]]\nkind = \"rod\"\n\n[correlation]\nsubset_size_px = 25\nstep_px = 5\nshape = \"translation\"\n"
+                .to_owned()
         }
-        None => "",
+        (None, Some(_)) => both(world),
+        (None, None) => String::new(),
     };
     let text = format!(
         "[rig]\nname = \"simulated\"\n\n[camera]\nsource = \"simulated\"\nscenario = {}\npaced = false\n\n[scale]\nmm_per_px = {:?}\n{body}",
@@ -95,4 +103,38 @@ fn config(scenario: &Scenario, name: &str) -> anyhow::Result<Config> {
         scenario.scale.mm_per_px,
     );
     Ok(Config::parse(&text, &built_in)?)
+}
+
+/// Tables of two balls: each is looked for by its size, where its way leads.
+fn both(world: &World) -> String {
+    let scenario = world.scenario();
+    let diameters = [Some(scenario.body.diameter_mm), scenario.other.as_ref().map(|other| other.body.diameter_mm)];
+    let table = |(number, diameter_mm): (usize, f64)| {
+        let mut span = [[f64::INFINITY, f64::NEG_INFINITY]; 2];
+        for index in 0..world.frames() {
+            let Some(truth) = world.truths(index).into_iter().nth(number) else { continue };
+            let (Some(x), Some(y), Some(radius)) = (truth.center_x_px, truth.center_y_px, truth.radius_px) else {
+                continue;
+            };
+            for (span, place) in span.iter_mut().zip([x, y]) {
+                *span = [span[0].min(place - radius), span[1].max(place + radius)];
+            }
+        }
+        let [x, y] = [(span[0], world.width_px()), (span[1], world.height_px())].map(|([low, high], length)| {
+            let length = f64::from(length);
+            // A ball that is never in the picture is looked for everywhere.
+            let first = (low - ROOM_PX).floor().clamp(0.0, length);
+            let end = (high + ROOM_PX).ceil().clamp(0.0, length);
+            if end - first < 16.0 { [0.0, length] } else { [first, end - first] }
+        });
+        format!(
+            "\n[[body]]\nname = \"ball-{}\"\ndiameter_mm = {diameter_mm:?}\nroi_px = [{}, {}, {}, {}]\n",
+            number + 1,
+            x[0],
+            y[0],
+            x[1],
+            y[1]
+        )
+    };
+    diameters.into_iter().flatten().enumerate().map(table).collect()
 }

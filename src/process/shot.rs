@@ -83,7 +83,7 @@ impl Shot {
     ///
     /// When the file cannot be written.
     pub fn set_truth(&mut self, world: Option<World>) -> Result<(), RecordingError> {
-        if let Some(impact) = world.as_ref().and_then(World::impact) {
+        for impact in world.iter().flat_map(World::impacts) {
             self.writer.truth_impact(&impact)?;
         }
         self.truth = world;
@@ -105,7 +105,9 @@ impl Shot {
         if let Some(world) = &self.truth
             && frame.meta.sequence < world.frames()
         {
-            self.writer.truth(&world.truth(frame.meta.sequence))?;
+            for row in world.truths(frame.meta.sequence) {
+                self.writer.truth(&row)?;
+            }
         }
         Ok(())
     }

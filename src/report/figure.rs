@@ -1,11 +1,11 @@
 //! The paper's figures of an experiment, drawn from a recording: files that need nothing else.
 
-use super::chart::{self, Chart, Curve};
+use super::chart::{self, Chart, Curve, Point};
 use super::curves::Drawer;
 use super::number::{escape, fixed, short};
 use super::shot::{Shot, Snapshot};
 use super::snapshot;
-use crate::results::{BodyVelocity, VelocitySample};
+use crate::results::{BodyVelocity, ROD_EDGES, TrackSample, VelocitySample};
 use std::fmt::Write as _;
 
 /// Width of a figure, px.
@@ -25,7 +25,7 @@ const STYLE: &str = "text{font:13px system-ui,sans-serif;fill:#14181f}.head{font
     .zero,.axis{stroke:#5c6675;fill:none}.contact{fill:#fbe9c8}path.edge{stroke:#c9a45a;fill:none}\
     path.deepest{stroke:#c9a45a;fill:none;stroke-dasharray:2 3}.line{fill:none;stroke-width:1.9}\
     .line.a{stroke:#0b62c4}.line.truth{stroke:#d9730d;stroke-width:1.5;stroke-dasharray:5 4}\
-    .band{opacity:.28;fill:#0b62c4}.dot.a{fill:#0b62c4}.label.a{fill:#0b62c4}.label.truth{fill:#d9730d}\
+    .line.b{stroke:#1b7f4b}.dot.b{fill:#1b7f4b}.label.b{fill:#1b7f4b}.band.b{fill:#1b7f4b}.band{opacity:.28;fill:#0b62c4}.dot.a{fill:#0b62c4}.label.a{fill:#0b62c4}.label.truth{fill:#d9730d}\
     .outline{fill:none;stroke:#35e06f;stroke-width:1.6px;vector-effect:non-scaling-stroke}\
     .arrow,.casing{fill:none;stroke:#ffd21f;stroke-width:1.5px;vector-effect:non-scaling-stroke}\
     .casing{stroke:#000;stroke-width:3.6px;opacity:.6}image{image-rendering:pixelated}";
@@ -75,19 +75,25 @@ pub fn figures(shot: &Shot, experiment: &Experiment<'_>) -> Vec<Figure> {
     let (along_normal, along_tangent) =
         (|row: &VelocitySample| place.of(row, 0), |row: &VelocitySample| place.of(row, 1));
     let rod = experiment.name == "rod";
-    let both = |panels: [(&'static str, Number<'_>); 2], title: &str| {
-        plots(&drawer, title, &panels[..if rod { 1 } else { 2 }])
+    let panel = |label: &'static str, number: Number<'_>| (label, pair(&drawer, number));
+    // A rod does not move along the flat; its tapes' edges are what the paper follows.
+    let (beside, more) = if rod {
+        (Some(("edges of the tapes, mm above where the lowest began", edges(shot, experiment))), None)
+    } else {
+        (Some(panel("tangential position, mm", &along_tangent)), Some(panel("tangential velocity, m/s", &tangential)))
     };
     let drawings = [
-        both(
-            [("normal position, mm", &along_normal), ("tangential position, mm", &along_tangent)],
+        plots(
+            &drawer,
             &format!("Position of {subject}"),
+            [panel("normal position, mm", &along_normal)].into_iter().chain(beside).collect(),
         ),
-        both(
-            [("normal velocity, m/s", &normal), ("tangential velocity, m/s", &tangential)],
+        plots(
+            &drawer,
             &format!("Velocity of {subject}"),
+            [panel("normal velocity, m/s", &normal)].into_iter().chain(more).collect(),
         ),
-        plots(&drawer, "Angular velocity of the ball, counter-clockwise", &[("spin, rad/s", &spin)]),
+        plots(&drawer, "Angular velocity of the ball, counter-clockwise", vec![panel("spin, rad/s", &spin)]),
         pictures(shot, experiment.name),
     ];
     let named = names.into_iter().zip(drawings).filter(|(name, svg)| !name.is_empty() && !svg.is_empty());
@@ -129,16 +135,47 @@ fn open(svg: &mut String, height: f64, title: &str, note: &str) {
     );
 }
 
+/// What was measured over what is true.
+fn pair(drawer: &Drawer<'_>, number: Number<'_>) -> Vec<Curve> {
+    let named = |curve: Curve| Curve { label: if curve.class == "truth" { "truth" } else { "measured" }, ..curve };
+    drawer.pair(number).into_iter().map(named).collect()
+}
+
+/// Heights of the edges of a rod's tapes.
+fn edges(shot: &Shot, experiment: &Experiment<'_>) -> Vec<Curve> {
+    const LABELS: [&str; ROD_EDGES] = ["edge 1", "edge 2", "edge 3", "edge 4"];
+    let place = |row: &TrackSample, edge: usize| row.rod?.edges[edge]?.y_px;
+    let first = (0..ROD_EDGES).filter_map(|edge| shot.rods.iter().find_map(|row| place(row, edge)));
+    let lowest_px = first.map(|place| place.value).fold(f64::NEG_INFINITY, f64::max);
+    let curve = |edge: usize| {
+        let mut stretches: Vec<Vec<Point>> = Vec::new();
+        let mut last_frame = None;
+        for row in &shot.rods {
+            let Some(place) = place(row, edge) else { continue };
+            let point = Point {
+                x: 1e3 * shot.seconds(row.stamp_ns),
+                y: experiment.mm_per_px * (lowest_px - place.value),
+                sigma: experiment.mm_per_px * place.sigma,
+            };
+            match stretches.last_mut() {
+                Some(stretch) if last_frame == Some(row.frame.wrapping_sub(1)) => stretch.push(point),
+                _ => stretches.push(vec![point]),
+            }
+            last_frame = Some(row.frame);
+        }
+        Curve { class: "b", label: LABELS[edge], stretches }
+    };
+    (0..ROD_EDGES).map(curve).filter(|curve| !curve.stretches.is_empty()).collect()
+}
+
 /// One plot under the other; empty when one of them has nothing to show.
-fn plots(drawer: &Drawer<'_>, title: &str, panels: &[(&'static str, Number<'_>)]) -> String {
+fn plots(drawer: &Drawer<'_>, title: &str, panels: Vec<(&'static str, Vec<Curve>)>) -> String {
     let each = TITLE + PLOT + AXIS;
     let mut svg = String::new();
     let note = "blue: measured, with a band of 2 sigma; orange: truth; shaded: contact from start to end, dotted where deepest";
     open(&mut svg, HEADING + each * panels.len() as f64, title, note);
-    for (index, (label, number)) in panels.iter().enumerate() {
-        let named = |curve: Curve| Curve { label: if curve.class == "truth" { "truth" } else { "measured" }, ..curve };
-        let curves = drawer.pair(number).into_iter().map(named).collect();
-        let chart = Chart { title: (*label).to_owned(), curves, height: PLOT, has_axis: true };
+    for (index, (label, curves)) in panels.into_iter().enumerate() {
+        let chart = Chart { title: label.to_owned(), curves, height: PLOT, has_axis: true };
         let drawn = chart::draw(&chart, drawer.time());
         if drawn.is_empty() {
             return String::new();

@@ -3,7 +3,7 @@
 use super::picture::{self, Crop};
 use crate::image::FrameMeta;
 use crate::recording::{EventRow, Recording, RecordingError};
-use crate::results::{Impact, PairField, VelocitySample};
+use crate::results::{Impact, PairField, TrackSample, VelocitySample};
 use std::collections::BTreeMap;
 
 /// Collisions that get pictures; the numbers of all are told.
@@ -29,6 +29,8 @@ pub struct Shot {
     pub(super) origin_ns: u64,
     pub(super) velocities: Vec<VelocitySample>,
     pub(super) truth: Vec<VelocitySample>,
+    /// Rows of the first body that see a rod, by frame.
+    pub(super) rods: Vec<TrackSample>,
     pub(super) impacts: Vec<Impact>,
     pub(super) truth_impacts: Vec<Impact>,
     pub(super) events: Vec<EventRow>,
@@ -77,6 +79,9 @@ impl Shot {
         velocities.sort_by_key(|row| (row.body, row.frame));
         let mut truth = recording.truth()?.collect::<Result<Vec<_>, _>>()?;
         truth.sort_by_key(|row| (row.body, row.frame));
+        let mut rods = recording.tracks()?.collect::<Result<Vec<_>, _>>()?;
+        rods.retain(|row| row.body == 0 && row.rod.is_some());
+        rods.sort_by_key(|row| row.frame);
         let impacts = last_revisions(recording.impacts()?.collect::<Result<_, _>>()?);
         let mut bodies: Vec<u32> =
             velocities.iter().map(|row| row.body).chain(impacts.iter().map(|i| i.body)).collect();
@@ -94,6 +99,7 @@ impl Shot {
             snapshots: snapshots(&impacts, &velocities),
             velocities,
             truth,
+            rods,
             impacts,
             truth_impacts: last_revisions(recording.truth_impacts()?.collect::<Result<_, _>>()?),
             events: recording.events()?.collect::<Result<_, _>>()?,

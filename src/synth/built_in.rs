@@ -2,8 +2,8 @@
 
 use super::physics::{Friction, NormalLaw};
 use super::scenario::{
-    BodySetup, CameraSetup, ImpactSetup, LightSetup, MotionSetup, OccluderSetup, PatternSetup, RingingSetup, RodSetup,
-    ScaleSetup, Scenario, ShadeSetup, SurfaceSetup,
+    BodySetup, CameraSetup, ImpactSetup, LightSetup, MotionSetup, OccluderSetup, OtherSetup, PartSetup, PatternSetup,
+    RingingSetup, RodSetup, ScaleSetup, Scenario, ShadeSetup, Shape, SurfaceSetup,
 };
 
 /// Standard gravity, m/s^2.
@@ -11,21 +11,33 @@ const GRAVITY_M_S2: f64 = 9.806_65;
 
 impl Scenario {
     /// Names of the built-in experiments; [`PatternSetup::PAPER`] has those of the patterns.
-    pub const BUILT_IN: [&'static str; 5] = ["lacrosse", "tennis", "tennis-physical", "rod", "rod-ringing"];
+    pub const BUILT_IN: [&'static str; 8] =
+        ["lacrosse", "lacrosse-sphere", "tennis", "tennis-physical", "rod", "rod-ringing", "pair", "passing"];
 
     /// The built-in scenario of this name.
     ///
     /// - `lacrosse`: the paper's lacrosse ball on a flat tilted by 19 deg.
+    /// - `lacrosse-sphere`: the same with its speckles on a sphere.
     /// - `tennis`: its tennis ball on a racket at 45 deg with the spin that the
     ///   paper reports, 5 rad/s, which takes next to no friction.
     /// - `tennis-physical`: the same with the friction that strings have.
     /// - `rod`: its steel rod dropped on a printed flat, with two tapes around it.
     /// - `rod-ringing`: the same with the sound that runs up and down in it.
+    /// - `pair`: two balls that strike each other in the air and lose some of their speed.
+    /// - `passing`: a small ball that passes in front of a larger one, both spheres; the larger one turns faster and
+    ///   about another axis from the middle of the film on.
     /// - `pattern-a-I` to `pattern-f-II`: an even motion off every grid, with a
     ///   pattern of the paper's speckle study.
     pub fn built_in(name: &str) -> Option<Self> {
         match name {
             "lacrosse" => Some(lacrosse()),
+            "lacrosse-sphere" => {
+                let flat = lacrosse();
+                let body = BodySetup { shape: Shape::Sphere, ..flat.body };
+                Some(Self { name: name.to_owned(), body, ..flat })
+            }
+            "pair" => Some(pair()),
+            "passing" => Some(passing()),
             "tennis" => Some(tennis(name, 0.016)),
             "tennis-physical" => Some(tennis(name, 0.3)),
             "rod" => Some(rod(name, None)),
@@ -54,11 +66,12 @@ impl Scenario {
             camera: CameraSetup { width_px: 512, height_px: 512, exposure_us: 0.0, shot_share: 0.0, ..film(frames) },
             scale: ScaleSetup { mm_per_px: 0.5 },
             surface: SurfaceSetup::default(),
-            body: BodySetup { diameter_mm: 60.0, pattern: fine_mixed(), rod: None },
+            body: BodySetup { diameter_mm: 60.0, shape: Shape::Disc, pattern: fine_mixed(), rod: None },
             shade: ShadeSetup::default(),
             light: LightSetup::default(),
             occluder: None,
             motion: MotionSetup::Constant { vx_px_frame, vy_px_frame, omega_deg_frame, start_px },
+            other: None,
         }
     }
 }
@@ -130,7 +143,7 @@ fn lacrosse() -> Scenario {
         camera: film(100),
         scale: ScaleSetup { mm_per_px: 0.5142 },
         surface: SurfaceSetup { angle_deg: 0.0 },
-        body: BodySetup { diameter_mm: 63.25, pattern: fine_mixed(), rod: None },
+        body: BodySetup { diameter_mm: 63.25, shape: Shape::Disc, pattern: fine_mixed(), rod: None },
         shade: ShadeSetup { ball: 0.75, speckle: 0.2, ground: 0.12, ground_texture: 0.008 },
         light: LightSetup {
             gradient_x: 0.06,
@@ -160,6 +173,7 @@ fn lacrosse() -> Scenario {
             friction: Some(Friction { stiffness_n_m: 1e5, damping_n_s_m: 20.0, coefficient: 0.070 }),
             ringing: None,
         }),
+        other: None,
     }
 }
 
@@ -174,7 +188,7 @@ fn tennis(name: &str, coefficient: f64) -> Scenario {
         scale: ScaleSetup { mm_per_px: 0.5877 },
         // The racket falls to the right: a ball from above goes on along the tangent.
         surface: SurfaceSetup { angle_deg: -45.0 },
-        body: BodySetup { diameter_mm: 67.0, pattern, rod: None },
+        body: BodySetup { diameter_mm: 67.0, shape: Shape::Disc, pattern, rod: None },
         shade: ShadeSetup { ball: 0.65, speckle: 0.15, ground: 0.1, ground_texture: 0.008 },
         light: LightSetup { gradient_x: -0.05, side: 0.1, side_angle_deg: 100.0, ..LightSetup::default() },
         occluder: Some(OccluderSetup {
@@ -197,6 +211,7 @@ fn tennis(name: &str, coefficient: f64) -> Scenario {
             friction: Some(Friction { stiffness_n_m: 2e4, damping_n_s_m: 100.0, coefficient }),
             ringing: None,
         }),
+        other: None,
     }
 }
 
@@ -216,7 +231,7 @@ fn rod(name: &str, ringing: Option<RingingSetup>) -> Scenario {
         camera: film,
         scale: ScaleSetup { mm_per_px: 0.3 },
         surface: SurfaceSetup { angle_deg: 0.0 },
-        body: BodySetup { diameter_mm: 9.0, pattern, rod: Some(tapes) },
+        body: BodySetup { diameter_mm: 9.0, shape: Shape::Disc, pattern, rod: Some(tapes) },
         shade: ShadeSetup { ball: 0.7, speckle: 0.15, ground: 0.25, ground_texture: 0.01 },
         light: LightSetup::default(),
         occluder: Some(OccluderSetup {
@@ -238,6 +253,76 @@ fn rod(name: &str, ringing: Option<RingingSetup>) -> Scenario {
             law: NormalLaw::KelvinVoigt { stiffness_n_m: 1.063e6, damping_n_s_m: 166.0 },
             friction: None,
             ringing,
+        }),
+        other: None,
+    }
+}
+
+/// A stretch in the picture's plane.
+fn part(frames: f64, [vx_px_frame, vy_px_frame]: [f64; 2], omega_deg_frame: f64) -> PartSetup {
+    PartSetup { frames, vx_px_frame, vy_px_frame, omega_deg_frame, tilt_deg_frame: [0.0; 2] }
+}
+
+/// Two equal balls of 63 px without friction; their blow is over between two frames.
+fn pair() -> Scenario {
+    const RESTITUTION: f64 = 0.8;
+    let (before, after) = (40.37, 80.0);
+    let body = BodySetup { diameter_mm: 63.25, shape: Shape::Disc, pattern: fine_mixed(), rod: None };
+    // Centres at the blow, 63.25 px apart, and the line from the first to the second.
+    let (sin, cos) = 20f64.to_radians().sin_cos();
+    let (line, struck_px) = ([cos, -sin], [96.3, 100.2]);
+    let other_px = [struck_px[0] + 63.25 * line[0], struck_px[1] + 63.25 * line[1]];
+    let (first, second): ([f64; 2], [f64; 2]) = ([0.93, 0.11], [-0.81, -0.06]);
+    let closing = (first[0] - second[0]) * line[0] + (first[1] - second[1]) * line[1];
+    // Equal masses share the impulse.
+    let kick = 0.5 * (1.0 + RESTITUTION) * closing;
+    let kicked = |speed: [f64; 2], kick: f64| [speed[0] + kick * line[0], speed[1] + kick * line[1]];
+    let moved = |place: [f64; 2], speed: [f64; 2], after: [f64; 2], spin: f64| MotionSetup::Piecewise {
+        start_px: [place[0] - before * speed[0], place[1] - before * speed[1]],
+        parts: vec![part(before, speed, spin), part(60.0, after, spin)],
+    };
+    Scenario {
+        name: "pair".to_owned(),
+        seed: 4,
+        camera: film((before + after) as u64),
+        scale: ScaleSetup { mm_per_px: 1.0 },
+        surface: SurfaceSetup::default(),
+        body: body.clone(),
+        shade: ShadeSetup::default(),
+        light: LightSetup { side: 0.1, side_angle_deg: 60.0, ..LightSetup::default() },
+        occluder: None,
+        motion: moved(struck_px, first, kicked(first, -kick), 0.31),
+        other: Some(OtherSetup {
+            body,
+            shade: ShadeSetup { ball: 0.65, ..ShadeSetup::default() },
+            motion: moved(other_px, second, kicked(second, kick), -0.23),
+        }),
+    }
+}
+
+/// A ball of 44 px before one of 76 px, which is darker: so the outline in front has one sign all around.
+fn passing() -> Scenario {
+    let pattern = PatternSetup { area_min_px2: 4.0, area_max_px2: 20.0, coverage: 0.27, lines: 0, line_width_px: 2.0 };
+    let ball = |diameter_mm: f64| BodySetup { diameter_mm, shape: Shape::Sphere, pattern: pattern.clone(), rod: None };
+    let tilted = PartSetup { tilt_deg_frame: [0.0, 0.4], ..part(70.0, [0.07, -0.05], 0.63) };
+    Scenario {
+        name: "passing".to_owned(),
+        seed: 5,
+        camera: film(140),
+        scale: ScaleSetup { mm_per_px: 1.0 },
+        surface: SurfaceSetup::default(),
+        body: ball(76.0),
+        shade: ShadeSetup { ball: 0.4, speckle: 0.12, ground: 0.05, ground_texture: 0.0 },
+        light: LightSetup { side: 0.1, side_angle_deg: 60.0, ..LightSetup::default() },
+        occluder: None,
+        motion: MotionSetup::Piecewise {
+            start_px: [128.3, 84.6],
+            parts: vec![part(70.0, [0.07, -0.05], 0.27), tilted],
+        },
+        other: Some(OtherSetup {
+            body: ball(44.0),
+            shade: ShadeSetup { ball: 0.8, ..ShadeSetup::default() },
+            motion: MotionSetup::Piecewise { start_px: [30.4, 118.2], parts: vec![part(140.0, [1.37, -0.04], -0.8)] },
         }),
     }
 }

@@ -1,9 +1,11 @@
 //! Draws the ball into a picture that holds what stands still.
 
 use super::blur::{BlurredDisc, EdgedDisc, REACH_SIGMA, bivariate_cdf, gauss_legendre, normal_cdf, seen_sigma_px};
+use super::cover::{Axes, Cover, Round, disc_chord, share, visible_chords};
 use super::motion::Pose;
 use super::scenario::{LightSetup, Scenario};
 use super::speckle::{Line, Pattern, Speckle};
+use super::sphere::Globe;
 
 /// Farther than this many standard deviations from its edge a half-plane is whole or nothing.
 pub(crate) const EDGE_SIGMA: f64 = 4.5;
@@ -23,12 +25,6 @@ impl HalfPlane {
         (x_px - self.point_px[0]) * self.normal[0] + (y_px - self.point_px[1]) * self.normal[1]
     }
 
-    /// The same edge, for places that count from another corner.
-    fn seen_from(&self, corner_px: [f64; 2]) -> Self {
-        let [x, y] = self.point_px;
-        Self { point_px: [x - corner_px[0], y - corner_px[1]], ..*self }
-    }
-
     /// Share of a disc that it leaves visible.
     pub(crate) fn visible_fraction(&self, center_px: [f64; 2], radius_px: f64) -> f64 {
         let part = (self.distance_px(center_px[0], center_px[1]) / radius_px).clamp(-1.0, 1.0);
@@ -41,6 +37,25 @@ impl HalfPlane {
 pub(crate) struct Moment {
     pub(crate) pose: Pose,
     pub(crate) occluder: Option<HalfPlane>,
+    /// Another ball in front of this one.
+    pub(crate) front: Option<Round>,
+}
+
+impl Moment {
+    /// What is in front of the ball, for places that count from a corner.
+    fn covers(&self, corner_px: [f64; 2]) -> Vec<Cover> {
+        let covers = self.occluder.map(Cover::Edge).into_iter().chain(self.front.map(Cover::Ball));
+        covers.map(|cover| cover.seen_from(corner_px)).collect()
+    }
+}
+
+/// What a ball carries.
+#[derive(Debug, Clone)]
+pub(crate) enum Coat {
+    /// Speckles and lines on a flat disc.
+    Flat(Pattern),
+    /// Speckles on a sphere.
+    Round(Globe),
 }
 
 /// Everything about the ball that does not change from frame to frame.
@@ -49,7 +64,7 @@ pub(crate) struct Ball {
     radius_px: f64,
     sigma_px: f64,
     rim: BlurredDisc,
-    pattern: Pattern,
+    coat: Coat,
     ball_dn: f32,
     /// Share of the ball's light that a speckle takes; negative when it is brighter.
     ink: f32,
@@ -101,7 +116,7 @@ pub(crate) struct Patch {
 }
 
 impl Ball {
-    pub(crate) fn new(scenario: &Scenario, pattern: Pattern, full_dn: f32) -> Self {
+    pub(crate) fn new(scenario: &Scenario, coat: Coat, full_dn: f32) -> Self {
         let radius_px = scenario.radius_px();
         let sigma_px = seen_sigma_px(scenario.camera.blur_px);
         let shade = &scenario.shade;
@@ -109,7 +124,7 @@ impl Ball {
             radius_px,
             sigma_px,
             rim: BlurredDisc::new(radius_px, sigma_px),
-            pattern,
+            coat,
             ball_dn: full_dn * shade.ball as f32,
             ink: if shade.ball > 0.0 { (1.0 - shade.speckle / shade.ball) as f32 } else { 0.0 },
             light: BallLight::new(&scenario.light, radius_px),
@@ -127,8 +142,9 @@ impl Ball {
             ink.fill(0.0);
             self.strew(moment, &patch, &mut ink);
             self.light(&moment.pose, &ink, weight, &mut patch);
-            if let Some(occluder) = moment.occluder {
-                self.hide(&moment.pose, &occluder, weight, &mut patch);
+            let covers = moment.covers([0.0; 2]);
+            if !covers.is_empty() {
+                self.hide(&moment.pose, &covers, weight, &mut patch);
             }
         }
         patch
@@ -153,24 +169,29 @@ impl Ball {
     /// Adds up the share of each pixel that speckles and lines cover.
     fn strew(&self, moment: &Moment, patch: &Patch, ink: &mut [f32]) {
         let pose = &moment.pose;
+        let corner = [patch.left as f64, patch.top as f64];
+        let center = [pose.center_px[0] - corner[0], pose.center_px[1] - corner[1]];
+        let covers = moment.covers(corner);
+        let pattern = match &self.coat {
+            Coat::Flat(pattern) => pattern,
+            Coat::Round(globe) => return globe.strew_ink(&pose.attitude, center, &covers, (patch, ink)),
+        };
         let (sin, cos) = pose.angle_rad.sin_cos();
-        let center = [pose.center_px[0] - patch.left as f64, pose.center_px[1] - patch.top as f64];
         // Counter-clockwise on the screen, with y down.
         let turned = |[x, y]: [f64; 2]| [x * cos + y * sin, y * cos - x * sin];
-        let edge = moment.occluder.map(|plane| plane.seen_from([patch.left as f64, patch.top as f64]));
-        for speckle in &self.pattern.speckles {
+        for speckle in &pattern.speckles {
             let [x, y] = turned([speckle.x_px, speckle.y_px]);
-            self.stamp(speckle, [center[0] + x, center[1] + y], center, edge, (patch, ink));
+            self.stamp((pattern, speckle), [center[0] + x, center[1] + y], center, &covers, (patch, ink));
         }
-        for line in &self.pattern.lines {
+        for line in &pattern.lines {
             let [x, y] = turned(line.middle_px);
             let line = Line { middle_px: [center[0] + x, center[1] + y], along: turned(line.along), ..*line };
-            self.rule(&line, edge, patch, ink);
+            self.rule(&line, &covers, patch, ink);
         }
     }
 
-    /// Adds the visible part of one line to the ink; where the occluder's edge cuts it, both are taken as crossing squarely.
-    fn rule(&self, line: &Line, edge: Option<HalfPlane>, patch: &Patch, ink: &mut [f32]) {
+    /// Adds the visible part of one line to the ink; where an edge cuts it, both are taken as crossing squarely.
+    fn rule(&self, line: &Line, covers: &[Cover], patch: &Patch, ink: &mut [f32]) {
         let strip = |distance: f64, half: f64| {
             if distance.abs() < half - EDGE_SIGMA * self.sigma_px {
                 return 1.0;
@@ -186,7 +207,8 @@ impl Ball {
                 return 0.0;
             }
             let along = dx * line.along[0] + dy * line.along[1];
-            let free = edge.map_or(1.0, |edge| normal_cdf(edge.distance_px(x + dx, y + dy) / self.sigma_px));
+            let free = covers.iter().map(|cover| normal_cdf(cover.outside(x + dx, y + dy).0 / self.sigma_px));
+            let free = free.product::<f64>();
             (strip(across, line.half_width_px) * strip(along, line.half_length_px) * free) as f32
         });
     }
@@ -194,35 +216,47 @@ impl Ball {
     /// Adds the visible part of one speckle to the ink; places count from the patch's corner.
     fn stamp(
         &self,
-        speckle: &Speckle,
+        (pattern, speckle): (&Pattern, &Speckle),
         place_px: [f64; 2],
         center_px: [f64; 2],
-        edge: Option<HalfPlane>,
+        covers: &[Cover],
         (patch, ink): (&Patch, &mut [f32]),
     ) {
-        let radius_px = self.pattern.radii_px[speckle.size];
-        let outside_px = edge.map_or(f64::INFINITY, |edge| edge.distance_px(place_px[0], place_px[1]));
-        if outside_px <= -radius_px {
+        let radius_px = pattern.radii_px[speckle.size];
+        let outside_px = |cover: &Cover| cover.outside(place_px[0], place_px[1]).0;
+        if covers.iter().any(|cover| outside_px(cover) <= -radius_px) {
             return;
         }
-        // A speckle that the edge does not reach is seen whole, however close it is.
-        let cut = edge.filter(|_| outside_px < radius_px);
+        // A speckle that no edge reaches is seen whole, however close it is.
+        let cuts: Vec<Cover> = covers.iter().filter(|cover| outside_px(cover) < radius_px).copied().collect();
         let to_center = [center_px[0] - place_px[0], center_px[1] - place_px[1]];
-        if let Some(edge) = cut {
+        let reach = radius_px + REACH_SIGMA * self.sigma_px;
+        if let [Cover::Edge(edge)] = &cuts[..] {
             let turned =
                 |[x, y]: [f64; 2]| [x * edge.normal[0] + y * edge.normal[1], x * edge.normal[1] - y * edge.normal[0]];
+            let outside_px = edge.distance_px(place_px[0], place_px[1]);
             let disc =
                 EdgedDisc { radius_px, edge_px: -outside_px, rim_center_px: turned(to_center), rim_px: self.radius_px };
             let rule = if speckle.crosses_rim { &self.fine_rule[..] } else { &self.rule };
-            spread(place_px, radius_px + REACH_SIGMA * self.sigma_px, patch, ink, |dx, dy| {
+            spread(place_px, reach, patch, ink, |dx, dy| {
                 disc.share(turned([f64::from(dx), f64::from(dy)]), self.sigma_px, rule) as f32
             });
-        } else if let (true, Some(disc)) = (speckle.crosses_rim, &self.pattern.cut_discs[speckle.size]) {
+        } else if !cuts.is_empty() {
+            let axes = Axes::new(place_px, [1.0, 0.0]);
+            let left = visible_chords(radius_px, self.sigma_px, &axes, &cuts, |across| {
+                let [left, right] = disc_chord(radius_px, across);
+                let rim = disc_chord(self.radius_px, across - to_center[1]).map(|end| end + to_center[0]);
+                Some(if speckle.crosses_rim { [left.max(rim[0]), right.min(rim[1])] } else { [left, right] })
+            });
+            spread(place_px, reach, patch, ink, |dx, dy| {
+                share(&left, f64::from(dx), f64::from(dy), self.sigma_px) as f32
+            });
+        } else if let (true, Some(disc)) = (speckle.crosses_rim, &pattern.cut_discs[speckle.size]) {
             let distance = to_center[0].hypot(to_center[1]);
             let [ex, ey] = to_center.map(|part| (-part / distance) as f32);
             spread(place_px, disc.reach_px(), patch, ink, |dx, dy| disc.at(dx * ex + dy * ey, dy * ex - dx * ey));
         } else {
-            let disc = &self.pattern.discs[speckle.size];
+            let disc = &pattern.discs[speckle.size];
             spread(place_px, disc.reach_px(), patch, ink, |dx, dy| disc.at(dx * dx + dy * dy));
         }
     }
@@ -244,29 +278,39 @@ impl Ball {
         }
     }
 
-    /// Takes back what the half-plane hides of the plain ball.
-    fn hide(&self, pose: &Pose, occluder: &HalfPlane, weight: f32, patch: &mut Patch) {
+    /// Takes back what the covers hide of the plain ball.
+    fn hide(&self, pose: &Pose, covers: &[Cover], weight: f32, patch: &mut Patch) {
         let edge_px = EDGE_SIGMA * self.sigma_px;
+        let axes = Axes::new(pose.center_px, [1.0, 0.0]);
+        // A straight edge and a rim cross so plainly that their angle says all.
+        let is_straight = matches!(covers, [Cover::Edge(_)]);
+        let ends = |across: f64| Some(disc_chord(self.radius_px, across));
+        let chords =
+            if is_straight { Vec::new() } else { visible_chords(self.radius_px, self.sigma_px, &axes, covers, ends) };
         for index in 0..patch.share.len() {
             let (x, y) = ((patch.left + index % patch.width) as f64, (patch.top + index / patch.width) as f64);
-            let outside_px = occluder.distance_px(x, y);
-            if outside_px > edge_px {
-                continue;
-            }
             let (dx, dy) = (x - pose.center_px[0], y - pose.center_px[1]);
+            let mut near = covers.iter().filter(|cover| cover.outside(x, y).0 <= edge_px);
+            let Some(cover) = near.next() else { continue };
             let seen = self.rim.at((dx * dx + dy * dy) as f32);
             if seen <= 0.0 {
                 continue;
             }
-            let left = if outside_px < -edge_px { 0.0 } else { self.seen_beside(dx, dy, outside_px, occluder) };
+            let (outside_px, normal) = cover.outside(x, y);
+            let many = near.next().is_some() || self.radius_px - dx.hypot(dy) < edge_px + 1.0;
+            let left = match () {
+                () if covers.iter().any(|cover| cover.outside(x, y).0 < -edge_px) => 0.0,
+                () if many && !is_straight => share(&chords, dx, dy, self.sigma_px).clamp(0.0, f64::from(seen)),
+                () => self.seen_beside(dx, dy, outside_px + cover.bend_px(self.sigma_px), normal),
+            };
             let hidden = weight * (seen - left as f32);
             patch.share[index] -= hidden;
             patch.light_dn[index] -= hidden * self.ball_dn * self.light.at(dx as f32, dy as f32);
         }
     }
 
-    /// Share of a pixel that shows the ball near the occluder's edge: the blurred overlap of disc and free half-plane.
-    fn seen_beside(&self, dx: f64, dy: f64, outside_px: f64, occluder: &HalfPlane) -> f64 {
+    /// Share of a pixel that shows the ball near an edge in front: the blurred overlap of disc and free half-plane.
+    fn seen_beside(&self, dx: f64, dy: f64, outside_px: f64, normal: [f64; 2]) -> f64 {
         let free = outside_px / self.sigma_px;
         let distance = dx.hypot(dy).max(1e-9);
         // The rim's curvature takes this much from a straight edge.
@@ -274,7 +318,7 @@ impl Ball {
         if inside > EDGE_SIGMA {
             return normal_cdf(free);
         }
-        let cosine = -(dx * occluder.normal[0] + dy * occluder.normal[1]) / distance;
+        let cosine = -(dx * normal[0] + dy * normal[1]) / distance;
         bivariate_cdf(inside, free, cosine, &self.rule)
     }
 }

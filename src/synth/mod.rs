@@ -4,8 +4,11 @@
 //! from it draws any frame, in any order, and tells the truth behind it. Both
 //! are pure functions of the scenario: no clock, no file, no hidden state.
 
+mod attitude;
 mod blur;
 mod built_in;
+mod cap;
+mod cover;
 mod draw;
 mod motion;
 mod mover;
@@ -16,6 +19,7 @@ mod scenario;
 mod scene;
 mod sensor;
 mod speckle;
+mod sphere;
 mod texture;
 mod world;
 
@@ -25,7 +29,7 @@ mod twin;
 pub use mover::PictureMover;
 pub(crate) use random::{Stream, key};
 pub use scenario::{
-    BodySetup, CameraSetup, ImpactSetup, LightSetup, MotionSetup, OccluderSetup, PatternSetup, RingingSetup, RodSetup,
-    ScaleSetup, Scenario, ScenarioError, ShadeSetup, SurfaceSetup,
+    BodySetup, CameraSetup, ImpactSetup, LightSetup, MotionSetup, OccluderSetup, OtherSetup, PartSetup, PatternSetup,
+    RingingSetup, RodSetup, ScaleSetup, Scenario, ScenarioError, ShadeSetup, Shape, SurfaceSetup,
 };
 pub use world::World;

@@ -1,7 +1,8 @@
 //! Where the ball is in the picture, at any time.
 
+use super::attitude::Attitude;
 use super::physics::{Collision, CollisionSetup};
-use super::scenario::{ImpactSetup, MotionSetup, RingingSetup, Scenario, ScenarioError};
+use super::scenario::{ImpactSetup, MotionSetup, PartSetup, RingingSetup, Scenario, ScenarioError};
 
 /// The ball at one moment.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -10,6 +11,8 @@ pub(crate) struct Pose {
     pub(crate) center_px: [f64; 2],
     /// Turned, counter-clockwise on the screen, rad.
     pub(crate) angle_rad: f64,
+    /// Turned in space, for a sphere; an angle that is all in the picture's plane is the same turn.
+    pub(crate) attitude: Attitude,
     /// Velocity (x right, y up), m/s.
     pub(crate) velocity_m_s: [f64; 2],
     /// Spin, counter-clockwise, rad/s.
@@ -21,6 +24,8 @@ pub(crate) struct Pose {
 pub(crate) enum Path {
     /// Constant velocity and spin.
     Even { start_px: [f64; 2], start_s: f64, px_s: [f64; 2], rad_s: f64, m_per_px: f64 },
+    /// Stretches of constant velocity and spin, each from where the one before it ends.
+    Piecewise { stretches: Vec<Stretch>, m_per_px: f64 },
     /// One collision.
     Impact {
         collision: Box<Collision>,
@@ -31,6 +36,59 @@ pub(crate) enum Path {
         ringing: Option<RingingSetup>,
         m_per_px: f64,
     },
+}
+
+/// A stretch of constant velocity and spin.
+#[derive(Debug, Clone)]
+pub(crate) struct Stretch {
+    start_s: f64,
+    center_px: [f64; 2],
+    angle_rad: f64,
+    attitude: Attitude,
+    px_s: [f64; 2],
+    /// About x, y (up) and z (towards the camera).
+    rad_s: [f64; 3],
+}
+
+impl Stretch {
+    /// Centre, angle and turn at a time after the first frame's stamp.
+    fn at(&self, time_s: f64) -> ([f64; 2], f64, Attitude) {
+        let since_s = time_s - self.start_s;
+        (
+            [self.center_px[0] + self.px_s[0] * since_s, self.center_px[1] + self.px_s[1] * since_s],
+            self.angle_rad + self.rad_s[2] * since_s,
+            Attitude::about(self.rad_s.map(|rad_s| rad_s * since_s)).after(&self.attitude),
+        )
+    }
+}
+
+/// The stretch of a time; before the first one begins, it has begun: the shutter opens half an exposure earlier.
+fn begun(stretches: &[Stretch], time_s: f64) -> &Stretch {
+    let begun = stretches.partition_point(|stretch| stretch.start_s <= time_s);
+    &stretches[begun.max(1) - 1]
+}
+
+/// Strings the parts together.
+fn stretches(start_px: [f64; 2], start_s: f64, rate_hz: f64, parts: &[PartSetup]) -> Vec<Stretch> {
+    let mut stretches: Vec<Stretch> = Vec::new();
+    let mut from = (start_s, start_px, 0.0, Attitude::in_plane(0.0));
+    for part in parts {
+        let (start_s, center_px, angle_rad, attitude) = from;
+        let [about_x, about_y] = part.tilt_deg_frame;
+        let stretch = Stretch {
+            start_s,
+            center_px,
+            angle_rad,
+            attitude,
+            px_s: [part.vx_px_frame * rate_hz, part.vy_px_frame * rate_hz],
+            rad_s: [about_x, about_y, part.omega_deg_frame].map(|deg| deg.to_radians() * rate_hz),
+        };
+        let end_s = start_s + part.frames / rate_hz;
+        let (center_px, angle_rad, attitude) = stretch.at(end_s);
+        from = (end_s, center_px, angle_rad, attitude);
+        stretches.push(stretch);
+    }
+    stretches
 }
 
 impl Path {
@@ -44,6 +102,10 @@ impl Path {
                 start_s: 0.5e-6 * scenario.camera.exposure_us,
                 px_s: [vx_px_frame * rate_hz, vy_px_frame * rate_hz],
                 rad_s: omega_deg_frame.to_radians() * rate_hz,
+                m_per_px,
+            }),
+            MotionSetup::Piecewise { start_px, parts } => Ok(Self::Piecewise {
+                stretches: stretches(*start_px, 0.5e-6 * scenario.camera.exposure_us, rate_hz, parts),
                 m_per_px,
             }),
             MotionSetup::Impact(impact) => {
@@ -66,6 +128,17 @@ impl Path {
         }
     }
 
+    /// How fast it turns about axes in the picture's plane, rad/s.
+    pub(crate) fn tilt_rad_s(&self, time_s: f64) -> f64 {
+        match self {
+            Self::Piecewise { stretches, .. } => {
+                let [about_x, about_y, _] = begun(stretches, time_s).rad_s;
+                about_x.hypot(about_y)
+            }
+            Self::Even { .. } | Self::Impact { .. } => 0.0,
+        }
+    }
+
     /// The ball at a time after the first frame's stamp.
     pub(crate) fn at(&self, time_s: f64) -> Pose {
         match self {
@@ -74,8 +147,20 @@ impl Path {
                 Pose {
                     center_px: [start_px[0] + px_s[0] * since_s, start_px[1] + px_s[1] * since_s],
                     angle_rad: rad_s * since_s,
+                    attitude: Attitude::in_plane(rad_s * since_s),
                     velocity_m_s: [px_s[0] * m_per_px, -px_s[1] * m_per_px],
                     omega_rad_s: *rad_s,
+                }
+            }
+            Self::Piecewise { stretches, m_per_px } => {
+                let stretch = begun(stretches, time_s);
+                let (center_px, angle_rad, attitude) = stretch.at(time_s);
+                Pose {
+                    center_px,
+                    angle_rad,
+                    attitude,
+                    velocity_m_s: [stretch.px_s[0] * m_per_px, -stretch.px_s[1] * m_per_px],
+                    omega_rad_s: stretch.rad_s[2],
                 }
             }
             Self::Impact { collision, start_s, center_px, tangent, ringing, m_per_px } => {
@@ -89,6 +174,7 @@ impl Path {
                 Pose {
                     center_px: [center_px[0] + shift_m[0] / m_per_px, center_px[1] - shift_m[1] / m_per_px],
                     angle_rad: motion.angle_rad,
+                    attitude: Attitude::in_plane(motion.angle_rad),
                     velocity_m_s: out_of(motion.velocity_m_s, *tangent),
                     omega_rad_s: motion.omega_rad_s,
                 }

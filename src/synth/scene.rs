@@ -1,7 +1,7 @@
 //! What the ball moves in: ground, lamp, lens, and the half-plane in front.
 
 use super::blur::{normal_cdf, seen_sigma_px};
-use super::draw::{EDGE_SIGMA, HalfPlane, Moment, Patch};
+use super::draw::{EDGE_SIGMA, HalfPlane, Patch};
 use super::motion::tangent;
 use super::random::{Stream, key};
 use super::rod::Rod;
@@ -87,34 +87,36 @@ impl Scene {
         (1.0 + self.flicker * smear * (TAU * self.flicker_hz * (start_s + 0.5 * exposure_s)).sin()) as f32
     }
 
-    /// One row of the picture: what stands still, what moves in front, and the ball, DN.
-    pub(crate) fn row(&self, moments: &[Moment], patch: &Patch, row: usize, light: &mut [f32]) {
+    /// One row of the picture: what stands still, what moves in front, and the balls, DN.
+    pub(crate) fn row(&self, occluders: &[Option<HalfPlane>], patches: &[Patch], row: usize, light: &mut [f32]) {
         let start = row * self.width;
         light.copy_from_slice(&self.still_dn[start..start + self.width]);
         if let Some(occluder) = self.occluder.filter(Occluder::moves) {
-            self.cover(&occluder, moments, row, light);
+            self.cover(&occluder, occluders, row, light);
         }
-        if row < patch.top || row >= patch.top + patch.height {
-            return;
-        }
-        let cells = (row - patch.top) * patch.width..(row - patch.top + 1) * patch.width;
-        let place = start + patch.left..start + patch.left + patch.width;
-        let ball = patch.share[cells.clone()].iter().zip(&patch.light_dn[cells]);
-        let still = self.room[place.clone()].iter().zip(&self.ground_dn[place]);
-        for ((light, (share, light_dn)), (room, ground_dn)) in
-            light[patch.left..patch.left + patch.width].iter_mut().zip(ball).zip(still)
-        {
-            *light += light_dn * room - share * ground_dn;
+        for patch in patches {
+            if row < patch.top || row >= patch.top + patch.height {
+                continue;
+            }
+            let cells = (row - patch.top) * patch.width..(row - patch.top + 1) * patch.width;
+            let place = start + patch.left..start + patch.left + patch.width;
+            let ball = patch.share[cells.clone()].iter().zip(&patch.light_dn[cells]);
+            let still = self.room[place.clone()].iter().zip(&self.ground_dn[place]);
+            for ((light, (share, light_dn)), (room, ground_dn)) in
+                light[patch.left..patch.left + patch.width].iter_mut().zip(ball).zip(still)
+            {
+                *light += light_dn * room - share * ground_dn;
+            }
         }
     }
 
     /// Lays a moving occluder over the ground: the mean over the exposure's moments.
-    fn cover(&self, occluder: &Occluder, moments: &[Moment], row: usize, light: &mut [f32]) {
+    fn cover(&self, occluder: &Occluder, moments: &[Option<HalfPlane>], row: usize, light: &mut [f32]) {
         let weight = 1.0 / moments.len() as f32;
         for (column, light) in light.iter_mut().enumerate() {
             let hidden: f32 = moments
                 .iter()
-                .filter_map(|moment| moment.occluder)
+                .flatten()
                 .map(|plane| {
                     let outside = plane.distance_px(column as f64, row as f64) / self.sigma_px;
                     match outside {
@@ -149,7 +151,7 @@ fn half_plane(scenario: &Scenario) -> Option<HalfPlane> {
     let point_px = match (&occluder.point_px, &scenario.motion) {
         (Some(point_px), _) => *point_px,
         (None, MotionSetup::Impact(impact)) => touch(impact.contact_center_px),
-        (None, MotionSetup::Constant { .. }) => return None,
+        (None, MotionSetup::Constant { .. } | MotionSetup::Piecewise { .. }) => return None,
     };
     Some(HalfPlane { point_px, normal })
 }

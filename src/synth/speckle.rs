@@ -8,7 +8,7 @@ use std::f64::consts::{PI, TAU};
 /// Different sizes that are drawn; a table of blurred light is kept for each.
 const SIZES: usize = 24;
 /// Places tried for one speckle.
-const TRIALS: usize = 3000;
+pub(crate) const TRIALS: usize = 3000;
 
 /// What carries the speckles.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -115,10 +115,8 @@ impl Pattern {
         sigma_px: f64,
         mut stream: Stream,
     ) -> Result<Self, ScenarioError> {
-        let sizes = if setup.area_max_px2 > setup.area_min_px2 { SIZES } else { 1 };
-        let ratio = setup.area_max_px2 / setup.area_min_px2;
-        let areas: Vec<f64> =
-            (0..sizes).map(|size| setup.area_min_px2 * ratio.powf((size as f64 + 0.5) / sizes as f64)).collect();
+        let areas = areas_px2(setup);
+        let sizes = areas.len();
         let radii_px: Vec<f64> = areas.iter().map(|area| (area / PI).sqrt()).collect();
         let mut board = Board::new(field, radii_px.clone(), setup.coverage);
         board.rule(setup, &mut stream)?;
@@ -148,8 +146,15 @@ impl Pattern {
     }
 }
 
+/// Areas of the speckles that are drawn, from the smallest upwards.
+pub(crate) fn areas_px2(setup: &PatternSetup) -> Vec<f64> {
+    let sizes = if setup.area_max_px2 > setup.area_min_px2 { SIZES } else { 1 };
+    let ratio = setup.area_max_px2 / setup.area_min_px2;
+    (0..sizes).map(|size| setup.area_min_px2 * ratio.powf((size as f64 + 0.5) / sizes as f64)).collect()
+}
+
 /// Sizes, evenly spread over the areas, that together cover `wanted_px2`.
-fn draw_sizes(areas: &[f64], wanted_px2: f64, stream: &mut Stream) -> Vec<usize> {
+pub(crate) fn draw_sizes(areas: &[f64], wanted_px2: f64, stream: &mut Stream) -> Vec<usize> {
     let (low, high) = (areas[0], areas[areas.len() - 1]);
     let mut sizes = Vec::new();
     let mut sum = 0.0;

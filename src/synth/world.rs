@@ -1,15 +1,17 @@
 //! A scenario, ready to be filmed.
 
 use super::blur::seen_sigma_px;
-use super::draw::{Ball, Moment, Patch};
+use super::cover::{Cover, Round, visible_fraction};
+use super::draw::{Ball, Coat, HalfPlane, Moment, Patch};
 use super::motion::{Path, Pose, into_surface, tangent};
 use super::physics::Collision;
 use super::random::{Stream, key, scramble};
 use super::rod::Rod;
-use super::scenario::{ImpactSetup, MotionSetup, Scenario, ScenarioError};
+use super::scenario::{ImpactSetup, MotionSetup, Scenario, ScenarioError, Shape};
 use super::scene::Scene;
 use super::sensor::Sensor;
 use super::speckle::{Field, Pattern};
+use super::sphere::Globe;
 use crate::image::{Image, PixelFormat};
 use crate::results::{BodyVelocity, Estimate, Impact, Phase, PointStatus, RigidStep, VelocitySample};
 
@@ -26,8 +28,8 @@ const PANEL_PX: f64 = 0.5;
 pub struct World {
     scenario: Scenario,
     format: PixelFormat,
-    path: Path,
-    body: Body,
+    /// From the back to the front: one, or two balls.
+    actors: Vec<Actor>,
     sensor: Sensor,
     scene: Scene,
     /// Which film of the same ball it is: each has noise of its own.
@@ -42,13 +44,16 @@ enum Body {
 }
 
 impl Body {
-    fn new(scenario: &Scenario, full_dn: f32) -> Result<Self, ScenarioError> {
-        let speckles = Stream::new(key(scenario.seed, SPECKLES, 0));
+    fn new(scenario: &Scenario, number: u64, full_dn: f32) -> Result<Self, ScenarioError> {
+        let speckles = Stream::new(key(scenario.seed, SPECKLES, number));
         let sigma_px = seen_sigma_px(scenario.camera.blur_px);
-        let strew = |field: Field| Pattern::strew(&scenario.body.pattern, field, sigma_px, speckles);
-        Ok(match &scenario.body.rod {
-            None => Self::Ball(Box::new(Ball::new(scenario, strew(Field::Disc(scenario.radius_px()))?, full_dn))),
-            Some(rod) => Self::Rod(Box::new(Rod::new(scenario, rod, strew(Rod::field(scenario, rod))?, full_dn))),
+        let (pattern, radius_px) = (&scenario.body.pattern, scenario.radius_px());
+        let strew = |field: Field| Pattern::strew(pattern, field, sigma_px, speckles.clone());
+        let ball = |coat: Coat| Self::Ball(Box::new(Ball::new(scenario, coat, full_dn)));
+        Ok(match (&scenario.body.rod, scenario.body.shape) {
+            (Some(rod), _) => Self::Rod(Box::new(Rod::new(scenario, rod, strew(Rod::field(scenario, rod))?, full_dn))),
+            (None, Shape::Disc) => ball(Coat::Flat(strew(Field::Disc(radius_px))?)),
+            (None, Shape::Sphere) => ball(Coat::Round(Globe::strew(pattern, radius_px, sigma_px, speckles)?)),
         })
     }
 
@@ -57,6 +62,34 @@ impl Body {
             Self::Ball(ball) => ball.draw(moments, width, height),
             Self::Rod(rod) => rod.draw(moments, width, height),
         }
+    }
+}
+
+/// A body and its way.
+#[derive(Debug, Clone)]
+struct Actor {
+    /// The scenario as if it were alone.
+    scenario: Scenario,
+    path: Path,
+    body: Body,
+}
+
+impl Actor {
+    fn new(scenario: Scenario, number: u64, full_dn: f32) -> Result<Self, ScenarioError> {
+        let (path, body) = (Path::new(&scenario)?, Body::new(&scenario, number, full_dn)?);
+        Ok(Self { scenario, path, body })
+    }
+
+    /// Way of its fastest point while the shutter is open, px.
+    fn moved_px(&self, start_s: f64, exposure_s: f64) -> f64 {
+        let (open, shut) = (self.path.at(start_s), self.path.at(start_s + exposure_s));
+        let shift_px = (shut.center_px[0] - open.center_px[0]).hypot(shut.center_px[1] - open.center_px[1]);
+        let turned_px = (shut.angle_rad - open.angle_rad).abs() * self.scenario.radius_px();
+        shift_px + turned_px + self.path.tilt_rad_s(start_s) * exposure_s * self.scenario.radius_px()
+    }
+
+    fn round(&self, pose: &Pose) -> Round {
+        Round { center_px: pose.center_px, radius_px: self.scenario.radius_px() }
     }
 }
 
@@ -76,13 +109,17 @@ impl World {
             _ => PixelFormat::Mono8,
         };
         let sensor = Sensor::new(camera, format, scenario.seed);
-        let body = Body::new(scenario, sensor.full_dn())?;
+        let mut actors = vec![Actor::new(scenario.clone(), 0, sensor.full_dn())?];
+        if let Some(other) = &scenario.other {
+            let other = Actor::new(scenario.alone(other), 1, sensor.full_dn());
+            actors.push(other.map_err(|error| ScenarioError::Other(Box::new(error)))?);
+        }
         let scene = Scene::new(scenario, sensor.full_dn());
-        let path = Path::new(scenario)?;
-        Ok(Self { scenario: scenario.clone(), format, path, body, sensor, scene, take: 0 })
+        Ok(Self { scenario: scenario.clone(), format, actors, sensor, scene, take: 0 })
     }
 
     /// Films the same ball once more, with the same camera in the same light: another motion and other noise.
+    /// A second ball moves as it did.
     ///
     /// Far quicker than a world of its own: nothing is strewn or blurred anew. Equal takes have equal noise;
     /// take 0 has that of the first film.
@@ -93,11 +130,12 @@ impl World {
     pub fn retake(&self, motion: MotionSetup, take: u64) -> Result<Self, ScenarioError> {
         let scenario = Scenario { motion, ..self.scenario.clone() };
         scenario.check()?;
-        let path = Path::new(&scenario)?;
+        let mut actors = self.actors.clone();
+        (actors[0].path, actors[0].scenario) = (Path::new(&scenario)?, scenario.clone());
         // An edge that the motion places is where this motion has it.
         let scene =
             if scenario.occluder.is_some() { Scene::new(&scenario, self.sensor.full_dn()) } else { self.scene.clone() };
-        Ok(Self { scenario, path, scene, take, ..self.clone() })
+        Ok(Self { scenario, actors, scene, take, ..self.clone() })
     }
 
     /// The scenario it was made from.
@@ -168,56 +206,99 @@ impl World {
     fn draw(&self, index: u64, mut take: impl FnMut(usize, &mut [f32])) {
         assert!(index < self.frames(), "frame {index} of a film of {}", self.frames());
         let (width, height) = (self.width_px() as usize, self.height_px() as usize);
-        let moments = self.exposed(index);
-        let patch = self.body.draw(&moments, width, height);
+        let times = self.exposed(index);
+        let draw = |(number, actor): (usize, &Actor)| {
+            let moments: Vec<Moment> = times.iter().map(|time_s| self.moment(number, *time_s)).collect();
+            actor.body.draw(&moments, width, height)
+        };
+        let patches: Vec<Patch> = self.actors.iter().enumerate().map(draw).collect();
+        let occluders: Vec<Option<HalfPlane>> = times.iter().map(|time_s| self.scene.occluder_at(*time_s)).collect();
         let lamp = self.scene.lamp(self.opens_s(index), self.exposure_s());
         let mut light = vec![0.0; width];
         for row in 0..height {
-            self.scene.row(&moments, &patch, row, &mut light);
+            self.scene.row(&occluders, &patches, row, &mut light);
             light.iter_mut().for_each(|light| *light *= lamp);
             take(row, &mut light);
         }
     }
 
-    /// The truth of a frame, as a row of the `velocity` table with all uncertainties 0.
+    /// The truth of a frame about the first body, as a row of the `velocity` table with all uncertainties 0.
     ///
     /// Everything is told of the middle of the exposure, which is the moment the
     /// picture shows; `stamp_ns` is the exposure's start, as a camera reports it.
     /// The last frame has no step.
     pub fn truth(&self, index: u64) -> VelocitySample {
-        let pose = self.pose(index);
-        let radius_px = self.scenario.radius_px();
-        let occluder = self.scene.occluder_at(self.seen_s(index));
-        // A rod's mark is above the flat, which covers the rod's end.
-        let hiding = occluder.filter(|_| self.scenario.body.rod.is_none());
-        let visible = hiding.map_or(1.0, |plane| plane.visible_fraction(pose.center_px, radius_px));
+        self.truth_of(0, index)
+    }
+
+    /// The truth of a frame about every body, as [`truth`](Self::truth).
+    pub fn truths(&self, index: u64) -> Vec<VelocitySample> {
+        (0..self.actors.len()).map(|number| self.truth_of(number, index)).collect()
+    }
+
+    fn truth_of(&self, number: usize, index: u64) -> VelocitySample {
+        let Actor { scenario, path, .. } = &self.actors[number];
+        let (seen_s, radius_px) = (self.seen_s(index), scenario.radius_px());
+        let pose = path.at(seen_s);
+        let visible = self.visible_fraction(number, seen_s);
+        let next = (index + 1 < self.frames()).then(|| path.at(self.seen_s(index + 1)));
         VelocitySample {
             frame: index,
-            body: 0,
+            body: number as u32,
             stamp_ns: self.stamp_ns(index),
             center_x_px: Some(pose.center_px[0]),
             center_y_px: Some(pose.center_px[1]),
-            radius_px: self.scenario.body.rod.is_none().then_some(radius_px),
-            step: (index + 1 < self.frames()).then(|| step(&pose, &self.pose(index + 1))),
-            velocity: Some(velocity(&pose, tangent(&self.scenario))),
+            radius_px: scenario.body.rod.is_none().then_some(radius_px),
+            step: next.map(|next| step(&pose, &next)),
+            velocity: Some(velocity(&pose, tangent(scenario))),
             visible_fraction: Some(visible),
-            phase: self.phase(index),
-            status: self.status(&pose, visible),
+            phase: phase(path, seen_s),
+            status: status(scenario, &pose, visible),
         }
     }
 
-    /// Turned since the first frame, counter-clockwise, deg.
-    pub fn angle_deg(&self, index: u64) -> f64 {
-        (self.pose(index).angle_rad - self.pose(0).angle_rad).to_degrees()
+    /// Share of a body's outline that nothing hides.
+    fn visible_fraction(&self, number: usize, time_s: f64) -> f64 {
+        let actor = &self.actors[number];
+        if actor.scenario.body.rod.is_some() {
+            // A rod's mark is above the flat, which covers the rod's end.
+            return 1.0;
+        }
+        let Moment { pose, occluder, front } = self.moment(number, time_s);
+        match (occluder, front) {
+            (plane, Some(front)) => {
+                let covers: Vec<Cover> = plane.map(Cover::Edge).into_iter().chain([Cover::Ball(front)]).collect();
+                visible_fraction(&actor.round(&pose), &covers)
+            }
+            (Some(plane), None) => plane.visible_fraction(pose.center_px, actor.scenario.radius_px()),
+            (None, None) => 1.0,
+        }
     }
 
-    /// The truth of the collision, all uncertainties 0; times count from the first frame's stamp.
+    /// Turned since the first frame, counter-clockwise, deg: the first body.
+    pub fn angle_deg(&self, index: u64) -> f64 {
+        let angle = |index: u64| self.actors[0].path.at(self.seen_s(index)).angle_rad;
+        (angle(index) - angle(0)).to_degrees()
+    }
+
+    /// The truth of the first body's collision, all uncertainties 0; times count from the first frame's stamp.
     pub fn impact(&self) -> Option<Impact> {
-        let (MotionSetup::Impact(setup), Path::Impact { collision, .. }) = (&self.scenario.motion, &self.path) else {
+        self.impact_of(0)
+    }
+
+    /// The truth of every body's collision, as [`impact`](Self::impact).
+    pub fn impacts(&self) -> Vec<Impact> {
+        (0..self.actors.len()).filter_map(|number| self.impact_of(number)).collect()
+    }
+
+    fn impact_of(&self, number: usize) -> Option<Impact> {
+        let Actor { scenario, path, .. } = &self.actors[number];
+        let (MotionSetup::Impact(setup), Path::Impact { collision, .. }) = (&scenario.motion, path) else {
             return None;
         };
-        let mut impact = impact(collision, setup, 0.5e-3 * self.scenario.body.diameter_mm);
-        impact.origin_ns = self.scenario.camera.start_ns;
+        let mut impact = impact(collision, setup, 0.5e-3 * scenario.body.diameter_mm);
+        impact.body = number as u32;
+        impact.origin_ns = scenario.camera.start_ns;
         impact.force_law = setup.law.force_law();
         Some(impact)
     }
@@ -236,52 +317,49 @@ impl World {
         1e-6 * self.scenario.camera.exposure_us
     }
 
-    fn moment(&self, time_s: f64) -> Moment {
-        Moment { pose: self.path.at(time_s), occluder: self.scene.occluder_at(time_s) }
+    fn moment(&self, number: usize, time_s: f64) -> Moment {
+        let front = self.actors.get(number + 1).map(|actor| actor.round(&actor.path.at(time_s)));
+        Moment { pose: self.actors[number].path.at(time_s), occluder: self.scene.occluder_at(time_s), front }
     }
 
-    fn pose(&self, index: u64) -> Pose {
-        self.path.at(self.seen_s(index))
-    }
-
-    fn phase(&self, index: u64) -> Phase {
-        let Path::Impact { collision, start_s, .. } = &self.path else { return Phase::Unknown };
-        let since_s = self.seen_s(index) - start_s;
-        match since_s {
-            _ if since_s < 0.0 => Phase::Flight,
-            _ if since_s < collision.outcome().end_s => Phase::Contact,
-            _ => Phase::Rebound,
-        }
-    }
-
-    fn status(&self, pose: &Pose, visible: f64) -> PointStatus {
-        let wide = self.scenario.radius_px();
-        let high = self.scenario.body.rod.as_ref().map_or(wide, |rod| 0.5 * (rod.patch_px[1] - rod.patch_px[0]));
-        let fits = |place: f64, half: f64, length: u32| place - half >= -0.5 && place + half <= f64::from(length) - 0.5;
-        let [x, y] = pose.center_px;
-        match () {
-            () if !(fits(x, wide, self.width_px()) && fits(y, high, self.height_px())) => PointStatus::OutOfFrame,
-            () if visible <= 0.0 => PointStatus::Occluded,
-            () => PointStatus::Valid,
-        }
-    }
-
-    /// Moments whose mean picture is the exposure's: two Gauss points for each half pixel of motion.
-    fn exposed(&self, index: u64) -> Vec<Moment> {
+    /// Times whose mean picture is the exposure's: two Gauss points for each half pixel of motion.
+    fn exposed(&self, index: u64) -> Vec<f64> {
         let (start_s, exposure_s) = (self.opens_s(index), self.exposure_s());
-        let (open, shut) = (self.path.at(start_s), self.path.at(start_s + exposure_s));
-        let shift_px = (shut.center_px[0] - open.center_px[0]).hypot(shut.center_px[1] - open.center_px[1]);
-        let turned_px = (shut.angle_rad - open.angle_rad).abs() * self.scenario.radius_px();
-        let moved_px = shift_px + turned_px + self.scene.occluder_px_s().abs() * exposure_s;
+        let moved_px = self.actors.iter().map(|actor| actor.moved_px(start_s, exposure_s)).fold(0.0, f64::max)
+            + self.scene.occluder_px_s().abs() * exposure_s;
         if moved_px < STILL_PX {
-            return vec![self.moment(self.seen_s(index))];
+            return vec![self.seen_s(index)];
         }
         let panels = (moved_px / PANEL_PX).ceil() as usize;
         let panel_s = exposure_s / panels as f64;
         (0..panels)
             .flat_map(|panel| [-1.0, 1.0].map(|side| panel as f64 + 0.5 + side / 12f64.sqrt()))
-            .map(|part| self.moment(start_s + part * panel_s))
+            .map(|part| start_s + part * panel_s)
             .collect()
+    }
+}
+
+fn phase(path: &Path, time_s: f64) -> Phase {
+    let Path::Impact { collision, start_s, .. } = path else { return Phase::Unknown };
+    let since_s = time_s - start_s;
+    match since_s {
+        _ if since_s < 0.0 => Phase::Flight,
+        _ if since_s < collision.outcome().end_s => Phase::Contact,
+        _ => Phase::Rebound,
+    }
+}
+
+fn status(scenario: &Scenario, pose: &Pose, visible: f64) -> PointStatus {
+    let wide = scenario.radius_px();
+    let high = scenario.body.rod.as_ref().map_or(wide, |rod| 0.5 * (rod.patch_px[1] - rod.patch_px[0]));
+    let fits = |place: f64, half: f64, length: u32| place - half >= -0.5 && place + half <= f64::from(length) - 0.5;
+    let [x, y] = pose.center_px;
+    match () {
+        () if !(fits(x, wide, scenario.camera.width_px) && fits(y, high, scenario.camera.height_px)) => {
+            PointStatus::OutOfFrame
+        }
+        () if visible <= 0.0 => PointStatus::Occluded,
+        () => PointStatus::Valid,
     }
 }
 

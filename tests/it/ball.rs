@@ -247,6 +247,42 @@ fn search_empty_images(seeds: std::ops::Range<u64>) {
 }
 
 #[test]
+fn balls_out_of_focus_are_found_and_their_uncertainty_grows_with_the_blur() {
+    use ricochet::synth::{MotionSetup, PatternSetup, Scenario, World};
+    let mut finder = BallFinder::new(&BallParams::new(50.0, 70.0), 192, 192).unwrap();
+    for (pattern, blur_px, least) in [("e-II", 1.4, 10), ("e-I", 1.4, 12), ("f-I", 2.0, 14), ("b-I", 2.0, 16)] {
+        let (mut found, mut squares, mut pulls) = (0, 0.0, 0.0);
+        for seed in 0..4 {
+            let mut scenario = Scenario::translation(0.0, 0.0, 0.0);
+            scenario.seed = seed;
+            (scenario.camera.width_px, scenario.camera.height_px, scenario.camera.blur_px) = (192, 192, blur_px);
+            scenario.body.diameter_mm = 57.0;
+            scenario.body.pattern = PatternSetup::paper(pattern).unwrap();
+            let start_px = [94.2, 95.6];
+            scenario.motion =
+                MotionSetup::Constant { vx_px_frame: 0.37, vy_px_frame: 0.21, omega_deg_frame: 7.1, start_px };
+            let world = World::new(&scenario).unwrap();
+            for index in 0..4 {
+                let mut bytes = vec![0; world.frame_bytes()];
+                world.render(index, &mut bytes);
+                let pixels: Vec<f32> = bytes.into_iter().map(f32::from).collect();
+                let Some(circle) = finder.find(ImageView::new(&pixels, 192, 192).unwrap()) else { continue };
+                let truth = world.truth(index);
+                let off = (circle.x_px - truth.center_x_px.unwrap()).hypot(circle.y_px - truth.center_y_px.unwrap());
+                assert!(off < 0.5 && (circle.radius_px - 57.0).abs() < 0.4, "{pattern}: {off} px, {circle:?}");
+                found += 1;
+                squares += off * off;
+                pulls += 0.5 * (off / circle.sigma_center_px).powi(2);
+            }
+        }
+        let (rms, pull) = (f64::sqrt(squares / f64::from(found)), f64::sqrt(pulls / f64::from(found)));
+        println!("{pattern} at {blur_px} px of blur: {found} of 16, {rms:.3} px rms, {pull:.2} sigma");
+        assert!(found >= least, "{pattern}: {found} of 16");
+        assert!(pull < 1.4, "{pattern}: {pull} sigma");
+    }
+}
+
+#[test]
 fn black_white_and_noisy_images_hold_no_ball() {
     let mut finder = finder(20.0, 110.0, &Scene::plain(1.0, 0.0));
     let mut r = Random(7);

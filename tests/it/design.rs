@@ -116,6 +116,14 @@ fn the_scatter_of_speeds_spin_and_contact_times_of_a_ball_that_strikes_is_forese
     within_a_fifth(&config, 60, &names);
 }
 
+#[test]
+fn the_scatter_of_a_ball_followed_by_its_field_is_foreseen_within_a_fifth() {
+    let place = Rig::new();
+    let more = "[rotation]\nmethod = \"field\"\n[velocity]\nwindow_frames = 15\ngravity_m_s2 = 0\n";
+    let config = rig(&place, &passing(), more);
+    within_a_fifth(&config, 60, &["motion.vn_m_s", "motion.vt_m_s", "motion.omega_rad_s"]);
+}
+
 fn told(config: &Config, place: &Rig, more: &[&str]) -> Value {
     let path = place.path("rig.toml");
     std::fs::write(&path, &config.text).unwrap();
@@ -135,7 +143,11 @@ fn twice_the_noise_is_twice_the_scatter_and_changes_are_told_best_first() {
     // Far more noise is worse than in proportion: what a renewed reference leaves grows with its square.
     (scenario.camera.frames, scenario.camera.noise_dn) = (24, 30.0);
     let config = rig(&place, &scenario, "[velocity]\nwindow_frames = 9\n");
-    let (plain, noisy) = (told(&config, &place, &[]), told(&config, &place, &["--noise-dn", "60", "--no-advice"]));
+    let tables = place.path("made/tables");
+    let (plain, noisy) = (
+        told(&config, &place, &["-o", tables.to_str().unwrap()]),
+        told(&config, &place, &["--noise-dn", "60", "--no-advice"]),
+    );
     for name in ["motion.vn_m_s", "motion.omega_rad_s"] {
         let ratio = sigma(&noisy, name) / sigma(&plain, name);
         assert!((1.9..2.1).contains(&ratio), "{name}: {ratio}");
@@ -150,6 +162,16 @@ fn twice_the_noise_is_twice_the_scatter_and_changes_are_told_best_first() {
     assert!((change("half the noise") - 0.5).abs() < 0.05, "{}", change("half the noise"));
     assert!(change("contrast") < 0.95);
     assert_eq!(noisy["advice"].as_array().unwrap().len(), 0);
+    // The tables hold what is told.
+    let rows =
+        |name: &str| csv::Reader::from_path(tables.join(name)).unwrap().into_records().map(Result::unwrap).collect();
+    let (numbers, changes): (Vec<csv::StringRecord>, Vec<csv::StringRecord>) =
+        (rows("design.csv"), rows("design_advice.csv"));
+    assert_eq!((numbers.len(), changes.len()), (plain["expected"].as_array().unwrap().len(), advice.len()));
+    for (row, expected) in numbers.iter().zip(plain["expected"].as_array().unwrap()) {
+        assert_eq!((&row[0], row[3].parse().ok()), (expected["name"].as_str().unwrap(), expected["sigma"].as_f64()));
+    }
+    assert_eq!(&changes[0][0], advice[0]["change"].as_str().unwrap());
 }
 
 #[test]

@@ -46,6 +46,7 @@ mod report;
 mod rigid;
 mod ring;
 mod rod;
+mod scenes;
 mod series;
 mod simulated_camera;
 mod slots;

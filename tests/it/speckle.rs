@@ -155,7 +155,20 @@ fn a_table_of_another_study_is_neither_gone_on_with_nor_touched() {
     refused(&["--noise-dn", "3"], "rotation_settings.json: noise_dn is 2.0 there, 3.0 now; choose another directory");
     refused(&["--seed", "2"], "seed is 1 there, 2 now");
     refused(&["--frames", "4"], "frames is 3 there, 4 now");
+    let methods = run(into(&SMALL, &directory).iter().chain(&["--methods", "ic-gn,rigid"]));
+    let told = String::from_utf8(methods.stderr).unwrap();
+    assert!(
+        methods.status.code() == Some(2) && told.contains("methods is [\"ic-gn\"] there, [\"ic-gn\",\"rigid\"] now"),
+        "{told}"
+    );
     assert_eq!(std::fs::read(&films).unwrap(), before);
+    // Half a table whose last film another program measured otherwise.
+    let text = String::from_utf8(before.clone()).unwrap();
+    let ends: Vec<usize> = text.match_indices('\n').map(|(at, _)| at + 1).collect();
+    let half = text[..ends[2]].replacen(",valid\n", ",lost\n", 2);
+    std::fs::write(&films, &half).unwrap();
+    refused(&[], "rotation_films.csv: film 1 was measured otherwise than this program does; choose another directory");
+    assert_eq!(std::fs::read_to_string(&films).unwrap(), half);
     // A row that is not in the plan.
     let changed = String::from_utf8(before).unwrap().replacen("off-grid,spin,2,", "off-grid,spin,1,", 1);
     std::fs::write(&films, &changed).unwrap();

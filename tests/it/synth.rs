@@ -386,7 +386,11 @@ fn bad_scenarios_get_one_clear_line_each() {
         ),
         ("speckle = 0.2", "speckles = 0.2", "unknown field `speckles`, expected one of `ball`, `speckle`"),
         ("vn_m_s = -1.69", "vn_m_s = -1.69\nvz_m_s = 1.0", "unknown field `vz_m_s`"),
-        ("kind = \"impact\"", "kind = \"bounce\"", "unknown variant `bounce`, expected `constant` or `impact`"),
+        (
+            "kind = \"impact\"",
+            "kind = \"bounce\"",
+            "unknown variant `bounce`, expected one of `constant`, `piecewise`, `impact`",
+        ),
         ("bits = 8", "bits = \"many\"", "invalid type: string \"many\", expected u32"),
     ] {
         let error = refused(old, new);

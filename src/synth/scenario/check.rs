@@ -1,6 +1,6 @@
 //! The range of every number.
 
-use super::{ImpactSetup, MotionSetup, Scenario, ScenarioError};
+use super::{ImpactSetup, MotionSetup, PartSetup, Scenario, ScenarioError, Shape};
 use crate::synth::physics::NormalLaw;
 
 impl Scenario {
@@ -15,19 +15,42 @@ impl Scenario {
         within("surface.angle_deg", self.surface.angle_deg, -360.0, 360.0)?;
         self.check_body()?;
         self.check_light()?;
+        self.check_motion()?;
+        let Some(other) = &self.other else { return Ok(()) };
+        if self.body.rod.is_some() || other.body.rod.is_some() {
+            return Err(ScenarioError::Misplaced { key: "other", why: "a rod is filmed alone" });
+        }
+        let alone = self.alone(other);
+        let checked = alone.check_body().and_then(|()| alone.check_light()).and_then(|()| alone.check_motion());
+        checked.map_err(|error| ScenarioError::Other(Box::new(error)))
+    }
+
+    fn check_motion(&self) -> Result<(), ScenarioError> {
+        let edge_is_placed = || match &self.occluder {
+            Some(occluder) if occluder.point_px.is_none() => Err(ScenarioError::OccluderPlace),
+            _ => Ok(()),
+        };
         match &self.motion {
             MotionSetup::Constant { vx_px_frame, vy_px_frame, omega_deg_frame, start_px } => {
                 within("motion.vx_px_frame", *vx_px_frame, -1e4, 1e4)?;
                 within("motion.vy_px_frame", *vy_px_frame, -1e4, 1e4)?;
                 within("motion.omega_deg_frame", *omega_deg_frame, -180.0, 180.0)?;
                 place("motion.start_px", *start_px)?;
-                if self.occluder.as_ref().is_some_and(|occluder| occluder.point_px.is_none()) {
-                    return Err(ScenarioError::OccluderPlace);
-                }
+                edge_is_placed()
             }
-            MotionSetup::Impact(impact) => impact.check()?,
+            MotionSetup::Piecewise { start_px, parts } => {
+                place("motion.start_px", *start_px)?;
+                within("motion.parts (how many)", parts.len() as f64, 1.0, 1000.0)?;
+                parts.iter().try_for_each(PartSetup::check)?;
+                let tilts = parts.iter().any(|part| part.tilt_deg_frame.iter().any(|tilt| tilt.abs() > 0.0));
+                if tilts && self.body.shape != Shape::Sphere {
+                    let why = "it takes body.shape = \"sphere\", a disc faces the camera";
+                    return Err(ScenarioError::Misplaced { key: "motion.parts.tilt_deg_frame", why });
+                }
+                edge_is_placed()
+            }
+            MotionSetup::Impact(impact) => impact.check(),
         }
-        Ok(())
     }
 
     fn check_camera(&self) -> Result<(), ScenarioError> {
@@ -69,6 +92,9 @@ impl Scenario {
         within("body.pattern.area_max_px2", pattern.area_max_px2, pattern.area_min_px2, largest)?;
         within("body.pattern.coverage", pattern.coverage, 0.0, 0.6)?;
         within("body.pattern.lines", f64::from(pattern.lines), 0.0, 20.0)?;
+        if pattern.lines > 0 && self.body.shape == Shape::Sphere {
+            return Err(ScenarioError::LinesOnSphere(pattern.lines));
+        }
         within("body.pattern.line_width_px", pattern.line_width_px, 0.5, 10.0)
     }
 
@@ -91,10 +117,12 @@ impl Scenario {
         within("body.rod.shade", rod.shade, 0.0, 1.0)?;
         let (turns, slides) = match &self.motion {
             MotionSetup::Constant { omega_deg_frame, .. } => (omega_deg_frame.abs() > 0.0, false),
+            MotionSetup::Piecewise { parts, .. } => (parts.iter().any(|part| part.omega_deg_frame.abs() > 0.0), false),
             MotionSetup::Impact(impact) => (impact.omega_rad_s.abs() > 0.0, impact.friction.is_some()),
         };
         let edge = self.occluder.as_ref();
         for (wrong, why) in [
+            (self.body.shape != Shape::Disc, "body.shape must be left out"),
             (turns, "its spin must be 0"),
             (slides, "motion.friction must be left out"),
             (self.surface.angle_deg.abs() > 0.0, "surface.angle_deg must be 0"),
@@ -128,6 +156,17 @@ impl Scenario {
         within("occluder.speed_px_frame", occluder.speed_px_frame, -1e4, 1e4)?;
         within("occluder.normal_deg", occluder.normal_deg.unwrap_or(0.0), -360.0, 360.0)?;
         place("occluder.point_px", occluder.point_px.unwrap_or_default())
+    }
+}
+
+impl PartSetup {
+    fn check(&self) -> Result<(), ScenarioError> {
+        within("motion.parts.frames", self.frames, 1e-6, 1e8)?;
+        within("motion.parts.vx_px_frame", self.vx_px_frame, -1e4, 1e4)?;
+        within("motion.parts.vy_px_frame", self.vy_px_frame, -1e4, 1e4)?;
+        within("motion.parts.omega_deg_frame", self.omega_deg_frame, -180.0, 180.0)?;
+        within("motion.parts.tilt_deg_frame", self.tilt_deg_frame[0], -180.0, 180.0)?;
+        within("motion.parts.tilt_deg_frame", self.tilt_deg_frame[1], -180.0, 180.0)
     }
 }
 
@@ -167,13 +206,14 @@ impl ImpactSetup {
 }
 
 /// Keys that hold whole numbers, with what each may be.
-const WHOLE: [(&str, i64, i64); 6] = [
+const WHOLE: [(&str, i64, i64); 7] = [
     ("seed", 0, i64::MAX),
     ("camera.width_px", 16, 8192),
     ("camera.height_px", 16, 8192),
     ("camera.frames", 1, 100_000_000),
     ("camera.start_ns", 0, 9_000_000_000_000_000_000),
     ("body.pattern.lines", 0, 20),
+    ("other.body.pattern.lines", 0, 20),
 ];
 
 /// Refuses whole numbers out of range, before their types do.

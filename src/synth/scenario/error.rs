@@ -76,6 +76,22 @@ pub enum ScenarioError {
     /// A rod that does something only a ball can do.
     #[error("body.rod stands upright and does not turn: {0}")]
     RodOnly(&'static str),
+    /// Straight lines on a sphere.
+    #[error(
+        "body.pattern.lines = {0} is out of range: allowed is 0 with body.shape = \"sphere\", on which nothing is straight"
+    )]
+    LinesOnSphere(u32),
+    /// What does not go with the rest of the scenario.
+    #[error("{key} is out of place: {why}")]
+    Misplaced {
+        /// Name of the key, with its tables.
+        key: &'static str,
+        /// What stands against it.
+        why: &'static str,
+    },
+    /// Something is wrong with the second ball.
+    #[error("other: {0}")]
+    Other(Box<ScenarioError>),
     /// An edge that nothing places.
     #[error("occluder.point_px is missing: only motion.kind = \"impact\" has a point of first touch to take its place")]
     OccluderPlace,

@@ -37,6 +37,25 @@ pub struct Scenario {
     pub occluder: Option<OccluderSetup>,
     /// How the ball moves.
     pub motion: MotionSetup,
+    /// A second ball in front of the first, behind the occluder; left out, there is none.
+    #[serde(default)]
+    pub other: Option<OtherSetup>,
+}
+
+/// A second ball, as large as it likes and with a motion of its own; nothing else knows of it.
+///
+/// Where both meet in the picture it hides the first. Each moves as its own motion
+/// says: that two bounce off each other is written into both motions.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct OtherSetup {
+    /// The ball.
+    pub body: BodySetup,
+    /// Its grey levels; those of the ground are the scenario's.
+    #[serde(default)]
+    pub shade: ShadeSetup,
+    /// How it moves.
+    pub motion: MotionSetup,
 }
 
 /// The camera of a scenario.
@@ -99,11 +118,26 @@ pub struct SurfaceSetup {
 pub struct BodySetup {
     /// Diameter, mm; at least 8 px and no larger than the picture.
     pub diameter_mm: f64,
+    /// Where a ball carries its speckles, `disc` when left out.
+    #[serde(default)]
+    pub shape: Shape,
     /// The speckles: over the ball, or on the rod's patch.
     pub pattern: PatternSetup,
     /// Makes it an upright rod of this diameter; left out, it is a ball.
     #[serde(default)]
     pub rod: Option<RodSetup>,
+}
+
+/// What a ball's speckles are painted on. Its outline, its light and its motion in the picture are the same.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Shape {
+    /// A flat disc that faces the camera: every speckle is round, as in pictures moved by a video generator.
+    #[default]
+    Disc,
+    /// A sphere, seen from far away: speckles are narrower towards the rim, and a spin about an axis in the
+    /// picture's plane ([`PartSetup::tilt_deg_frame`]) carries them over the rim.
+    Sphere,
 }
 
 /// A dark upright rod that reaches out of the picture, with two bright tapes around it.
@@ -223,8 +257,34 @@ pub enum MotionSetup {
         /// Centre in the first frame.
         start_px: [f64; 2],
     },
+    /// Stretches of constant velocity and spin, one after the other; place and angle do not jump between them.
+    Piecewise {
+        /// Centre in the first frame.
+        start_px: [f64; 2],
+        /// 1 to 1000 stretches.
+        parts: Vec<PartSetup>,
+    },
     /// One collision with the surface.
     Impact(ImpactSetup),
+}
+
+/// A stretch of constant velocity and spin.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct PartSetup {
+    /// How long it lasts, in frames and their fractions, above 0; the last one goes on to the end of the film.
+    pub frames: f64,
+    /// Along x, px/frame.
+    pub vx_px_frame: f64,
+    /// Along y (**down**), px/frame.
+    pub vy_px_frame: f64,
+    /// Spin, counter-clockwise, deg/frame.
+    #[serde(default)]
+    pub omega_deg_frame: f64,
+    /// Spin about the axes x and y (**up**) of the picture, deg/frame: the side that faces the camera goes down with the
+    /// first and to the right with the second. Spheres only.
+    #[serde(default)]
+    pub tilt_deg_frame: [f64; 2],
 }
 
 /// A collision.
@@ -269,6 +329,30 @@ impl CameraSetup {
     }
 }
 
+impl MotionSetup {
+    fn rescale(&mut self, length: f64, time: f64) {
+        match self {
+            Self::Constant { vx_px_frame, vy_px_frame, omega_deg_frame, start_px } => {
+                [vx_px_frame, vy_px_frame].into_iter().for_each(|speed| *speed *= length * time);
+                *omega_deg_frame *= time;
+                start_px.iter_mut().for_each(|at| *at *= length);
+            }
+            Self::Piecewise { start_px, parts } => {
+                start_px.iter_mut().for_each(|at| *at *= length);
+                for part in parts {
+                    part.frames /= time;
+                    [&mut part.vx_px_frame, &mut part.vy_px_frame]
+                        .into_iter()
+                        .for_each(|speed| *speed *= length * time);
+                    let [about_x, about_y] = &mut part.tilt_deg_frame;
+                    [about_x, about_y, &mut part.omega_deg_frame].into_iter().for_each(|spin| *spin *= time);
+                }
+            }
+            Self::Impact(impact) => impact.contact_center_px.iter_mut().for_each(|at| *at *= length),
+        }
+    }
+}
+
 impl Default for ShadeSetup {
     fn default() -> Self {
         Self { ball: 0.75, speckle: 0.2, ground: 0.12, ground_texture: 0.0 }
@@ -309,5 +393,30 @@ impl Scenario {
     /// Radius of the ball, or half the width of the rod, in the picture, px.
     pub fn radius_px(&self) -> f64 {
         0.5 * self.body.diameter_mm / self.scale.mm_per_px
+    }
+
+    /// Makes every length in the picture `length` times and every frame `time` times as long; balls and pictures keep
+    /// their sizes.
+    pub(crate) fn rescale_motion(&mut self, length: f64, time: f64) {
+        self.motion.rescale(length, time);
+        if let Some(other) = &mut self.other {
+            other.motion.rescale(length, time);
+        }
+    }
+
+    /// The second ball as the only one of a film with the same camera, lamp and surface, and without an occluder.
+    pub(crate) fn alone(&self, other: &OtherSetup) -> Self {
+        Self {
+            body: other.body.clone(),
+            shade: ShadeSetup {
+                ground: self.shade.ground,
+                ground_texture: self.shade.ground_texture,
+                ..other.shade.clone()
+            },
+            motion: other.motion.clone(),
+            occluder: None,
+            other: None,
+            ..self.clone()
+        }
     }
 }

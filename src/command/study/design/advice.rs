@@ -160,9 +160,7 @@ fn faster(rig: &Rig) -> (String, Rig) {
     let (rate_hz, exposure_us) = (camera.frame_rate_hz, camera.exposure_us.min(1e6 / camera.frame_rate_hz));
     changed.config.camera.frame_rate_hz = Some(rate_hz);
     set_exposure(&mut changed, exposure_us);
-    if let MotionSetup::Constant { vx_px_frame, vy_px_frame, omega_deg_frame, .. } = &mut changed.scenario.motion {
-        [vx_px_frame, vy_px_frame, omega_deg_frame].into_iter().for_each(|speed| *speed *= 0.5);
-    }
+    changed.scenario.rescale_motion(1.0, 0.5);
     let shorter = exposure_us < rig.scenario.camera.exposure_us;
     let exposed =
         if shorter { format!(", exposed for {exposure_us:.0} us with as much more light") } else { String::new() };
@@ -175,7 +173,7 @@ fn longer(rig: &Rig) -> Option<(String, Rig)> {
     let camera = &mut changed.scenario.camera;
     let film_s = camera.frames as f64 / camera.frame_rate_hz;
     match &mut changed.scenario.motion {
-        MotionSetup::Constant { .. } => camera.frames *= 2,
+        MotionSetup::Constant { .. } | MotionSetup::Piecewise { .. } => camera.frames *= 2,
         MotionSetup::Impact(impact) => {
             let flight_s = impact.contact_start_s;
             impact.contact_start_s *= 2.0;
@@ -222,13 +220,8 @@ fn larger(rig: &Rig) -> Option<(String, Rig)> {
         occluder.point_px = occluder.point_px.map(|point| point.map(|at| at * LARGER));
         occluder.speed_px_frame *= LARGER;
     }
-    match &mut scenario.motion {
-        MotionSetup::Constant { vx_px_frame, vy_px_frame, start_px, .. } => {
-            let [x, y] = start_px;
-            [vx_px_frame, vy_px_frame, x, y].into_iter().for_each(|length| *length *= LARGER);
-        }
-        MotionSetup::Impact(impact) => impact.contact_center_px = impact.contact_center_px.map(|at| at * LARGER),
-    }
+    scenario.rescale_motion(LARGER, 1.0);
+    let camera = &scenario.camera;
     (config.camera.width_px, config.camera.height_px) = (Some(camera.width_px), Some(camera.height_px));
     if let Some(Scale::MmPerPx(mm_per_px)) = &mut config.scale {
         *mm_per_px /= LARGER;

@@ -12,6 +12,7 @@ use std::path::PathBuf;
 
 use self::rig::Rig;
 use self::spread::Foreseen;
+use crate::command::field::folder;
 use crate::command::{Outcome, UsageError, progress};
 use crate::config::Config;
 use crate::process::Stop;
@@ -36,6 +37,8 @@ pub struct DesignOptions {
     pub noise_dn: Option<f64>,
     /// Whether changes are left out.
     pub without_advice: bool,
+    /// A directory for the tables, made when it is not there.
+    pub output: Option<PathBuf>,
     /// Print one JSON object.
     pub json: bool,
 }
@@ -60,6 +63,9 @@ pub fn run(options: &DesignOptions, stop: &Stop) -> anyhow::Result<Outcome> {
         return Err(UsageError(format!("--noise-dn {noise_dn}: 0 to a quarter of full scale")).into());
     }
     let config = Config::load(&options.config)?;
+    if let Some(directory) = &options.output {
+        folder::make("--output", directory)?;
+    }
     let rig = Rig::new(config, options.scenario.as_deref(), options.noise_dn)?;
     let stopped = || Outcome::Lost { count: 1, cause: Some("stopped before everything was foreseen".into()) };
     let bar = progress::parts(if options.without_advice { 1 } else { 1 + advice::count(&rig) }, "design");
@@ -72,6 +78,9 @@ pub fn run(options: &DesignOptions, stop: &Stop) -> anyhow::Result<Outcome> {
     bar.finish_and_clear();
     let Some(advice) = advice else { return Ok(stopped()) };
     let told = tell::Told { rig: &rig, foreseen: &foreseen, advice: &advice };
+    if let Some(directory) = &options.output {
+        told.write(directory)?;
+    }
     if options.json {
         told.json()
     } else {

@@ -5,7 +5,7 @@ use crate::command::UsageError;
 use crate::config::{BodyKind, Config, Scale, Source};
 use crate::image::PixelFormat;
 use crate::process;
-use crate::synth::{MotionSetup, Scenario, World};
+use crate::synth::{MotionSetup, PartSetup, Scenario, World};
 
 /// Share of its radius that a body may move while the shutter is open.
 const BLUR_SHARE: f64 = 0.25;
@@ -93,6 +93,15 @@ impl Rig {
                 let rim = omega_deg_frame.to_radians().abs() * self.scenario.radius_px();
                 (vx_px_frame.hypot(*vy_px_frame) + rim) * camera.frame_rate_hz
             }
+            MotionSetup::Piecewise { parts, .. } => {
+                let speed = |part: &PartSetup| {
+                    let [about_x, about_y] = part.tilt_deg_frame;
+                    let spin = [about_x, about_y, part.omega_deg_frame].map(f64::to_radians);
+                    let rim = spin.iter().map(|part| part * part).sum::<f64>().sqrt() * self.scenario.radius_px();
+                    (part.vx_px_frame.hypot(part.vy_px_frame) + rim) * camera.frame_rate_hz
+                };
+                parts.iter().map(speed).fold(0.0, f64::max)
+            }
             MotionSetup::Impact(impact) => {
                 let rim = impact.omega_rad_s.abs() * self.scenario.radius_px();
                 impact.vn_m_s.hypot(impact.vt_m_s) * 1e3 / scale.mm_per_px + rim
@@ -158,14 +167,14 @@ fn seen_by(config: &Config, mut scenario: Scenario) -> Result<Scenario, String> 
     scenario.surface.angle_deg = config.surface.angle_deg;
     let finer = scenario.scale.mm_per_px / mm_per_px;
     scenario.scale.mm_per_px = mm_per_px;
+    let half = 0.5 * (scenario.camera.frames - 1) as f64;
+    scenario.rescale_motion(finer, was.frame_rate_hz / scenario.camera.frame_rate_hz);
     match &mut scenario.motion {
-        MotionSetup::Constant { vx_px_frame, vy_px_frame, omega_deg_frame, start_px } => {
-            let longer = was.frame_rate_hz / scenario.camera.frame_rate_hz;
-            [&mut *vx_px_frame, vy_px_frame].into_iter().for_each(|speed| *speed *= finer * longer);
-            *omega_deg_frame *= longer;
-            let half = 0.5 * (scenario.camera.frames - 1) as f64;
+        MotionSetup::Constant { vx_px_frame, vy_px_frame, start_px, .. } => {
             *start_px = [middle_px[0] - half * *vx_px_frame, middle_px[1] - half * *vy_px_frame];
         }
+        // Where it goes is the scenario's: only its first place is made fit.
+        MotionSetup::Piecewise { start_px, .. } => *start_px = middle_px,
         MotionSetup::Impact(impact) => {
             impact.contact_center_px = middle_px;
             let (sin, cos) = config.velocity.gravity_angle_deg.to_radians().sin_cos();

@@ -4,8 +4,10 @@ use super::advice::Advice;
 use super::rig::Rig;
 use super::spread::{Expected, Foreseen};
 use super::{FILMS, FILMS_OF_A_CHANGE};
+use crate::command::field::FieldError;
 use crate::command::{say, table};
 use serde_json::json;
+use std::path::Path;
 
 /// Everything that was found of a rig.
 pub(super) struct Told<'a> {
@@ -35,6 +37,28 @@ impl Told<'_> {
             "expected": rows, "advice": advice.collect::<Vec<_>>(),
         });
         say(&told.to_string());
+    }
+
+    /// Writes `design.csv`, a row a number, and `design_advice.csv`, a row a change; files of these names are replaced.
+    ///
+    /// # Errors
+    ///
+    /// One line naming the file that cannot be written.
+    pub(super) fn write(&self, directory: &Path) -> anyhow::Result<()> {
+        let expected = self.foreseen.rows.iter().map(|row| {
+            let numbers = [row.truth, row.sigma, row.offset, row.told].map(|number| number.to_string());
+            [vec![row.name.clone(), row.unit.to_owned()], numbers.to_vec()].concat()
+        });
+        let header = ["name", "unit", "true", "sigma", "mean_error", "told"].map(str::to_owned).to_vec();
+        file(&directory.join("design.csv"), header, expected)?;
+        let names =
+            self.advice.first().into_iter().flat_map(|advice| advice.shares.iter().map(|(name, _)| name.clone()));
+        let header = ["change".to_owned(), "mean_share".to_owned()].into_iter().chain(names).collect();
+        let advice = self.advice.iter().map(|advice| {
+            let shares = advice.shares.iter().map(|(_, share)| share.to_string());
+            [advice.words.clone(), advice.mean.to_string()].into_iter().chain(shares).collect()
+        });
+        file(&directory.join("design_advice.csv"), header, advice)
     }
 
     fn blur_px(&self) -> f64 {
@@ -87,6 +111,13 @@ impl Told<'_> {
             say(format!("{row}   {words}").trim_end());
         }
     }
+}
+
+fn file(path: &Path, header: Vec<String>, rows: impl Iterator<Item = Vec<String>>) -> anyhow::Result<()> {
+    let mut csv = csv::Writer::from_writer(Vec::new());
+    std::iter::once(header).chain(rows).try_for_each(|row| csv.write_record(row))?;
+    let bytes = csv.into_inner().map_err(|error| anyhow::anyhow!("{error}"))?;
+    Ok(std::fs::write(path, bytes).map_err(|error| FieldError::write(path, error))?)
 }
 
 fn row(expected: &Expected) -> serde_json::Value {

@@ -1,7 +1,8 @@
 //! The table of films on the disk, written film by film, and taken up where it was left.
 //!
 //! Films are written in the order of the plan, each with one call, so that what an interruption leaves is a
-//! beginning of the whole table and perhaps a part of one film more. That part is cut off.
+//! beginning of the whole table and perhaps a part of one film more. That part is cut off. The last whole film is
+//! measured anew: what another program measured otherwise is not gone on with.
 
 use std::fs::{File, OpenOptions};
 use std::io::{Seek, SeekFrom, Write};
@@ -14,6 +15,9 @@ use super::row::Row;
 use super::way::Way;
 use crate::command::UsageError;
 use crate::command::field::{FieldError, folder};
+
+/// What to do about a table that is not gone on with.
+const ANOTHER: &str = "choose another directory, or remove both files to begin anew";
 
 /// What the rows of a study are of.
 #[derive(Debug, Clone)]
@@ -70,6 +74,15 @@ impl Journal {
         Ok((Self { path, file, has_header: whole > 0 }, rows))
     }
 
+    /// That the last film kept is not what this program measures of it.
+    pub(super) fn measured_otherwise(&self, film: usize) -> UsageError {
+        UsageError(format!(
+            "{}: film {} was measured otherwise than this program does; {ANOTHER}",
+            self.path.display(),
+            film + 1
+        ))
+    }
+
     /// Adds the rows of one film.
     ///
     /// # Errors
@@ -91,17 +104,16 @@ fn check_settings(path: &Path, table: &Path, settings: &Value) -> anyhow::Result
         let text = format!("{settings:#}\n");
         return Ok(std::fs::write(path, text).map_err(|error| FieldError::write(path, error))?);
     }
-    let another = "choose another directory, or remove both files to begin anew";
     let text = std::fs::read_to_string(path).map_err(|error| {
-        UsageError(format!("{}: has no settings beside it ({}: {error}); {another}", table.display(), path.display()))
+        UsageError(format!("{}: has no settings beside it ({}: {error}); {ANOTHER}", table.display(), path.display()))
     })?;
     let before: Value = serde_json::from_str(&text)
-        .map_err(|error| UsageError(format!("{}: is not what a study wrote: {error}; {another}", path.display())))?;
+        .map_err(|error| UsageError(format!("{}: is not what a study wrote: {error}; {ANOTHER}", path.display())))?;
     let keys = settings.as_object().into_iter().flatten().map(|(key, _)| key);
     match keys.into_iter().find(|key| before[key.as_str()] != settings[key.as_str()]) {
         None => Ok(()),
         Some(key) => Err(UsageError(format!(
-            "{}: {key} is {} there, {} now; {another}",
+            "{}: {key} is {} there, {} now; {ANOTHER}",
             path.display(),
             before[key.as_str()],
             settings[key.as_str()]

@@ -92,6 +92,13 @@ pub fn run(options: &SpeckleOptions, stop: &Stop) -> anyhow::Result<Outcome> {
     let (mut journal, mut rows) =
         opened.transpose()?.map_or((None, Vec::new()), |(journal, rows)| (Some(journal), rows));
     let done = rows.len() / contents.rows();
+    if let (Some(journal), Some(last)) = (&journal, done.checked_sub(1).filter(|_| done < job.films.len())) {
+        // A program that measures otherwise must not go on with what another one began.
+        let kept = &rows[last * contents.rows()..];
+        if *kept != job.only(last)?[..] {
+            return Err(journal.measured_otherwise(last).into());
+        }
+    }
     let bar = progress::parts(job.films.len() as u64, "study");
     bar.set_position(done as u64);
     let threads = options.threads.or_else(|| std::thread::available_parallelism().ok()).map_or(1, NonZeroUsize::get);

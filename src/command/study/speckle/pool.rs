@@ -64,6 +64,17 @@ impl Job {
         })
     }
 
+    /// The rows of one film.
+    ///
+    /// # Errors
+    ///
+    /// What the film fails with.
+    pub(super) fn only(&self, number: usize) -> anyhow::Result<Vec<Row>> {
+        let film = &self.films[number];
+        let ball = film::ball(film.pattern, &self.filming_of(film))?;
+        self.measure(&mut Bench::new(&self.ways, self.windows, SIDE_PX)?, &ball, film)
+    }
+
     /// The ball of each pattern before each camera that is still needed.
     fn balls(&self, first: usize) -> anyhow::Result<Balls> {
         let mut balls = Balls::new();

@@ -1,0 +1,199 @@
+//! Speckles on a sphere: all around it, so that it can turn about any axis.
+
+use super::attitude::Attitude;
+use super::cap::{Cap, CapTable};
+use super::cover::{Axes, Cover, share, visible_chords};
+use super::draw::{Patch, spread};
+use super::random::Stream;
+use super::scenario::{PatternSetup, ScenarioError};
+use super::speckle::{TRIALS, areas_px2, draw_sizes};
+use std::f64::consts::{FRAC_PI_2, PI, TAU};
+
+/// One speckle on the sphere.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Spot {
+    /// Its middle from the ball's centre, in the ball's own axes: x right, y up, z towards the camera at angle 0.
+    pub(crate) direction: [f64; 3],
+    /// Which of the sizes.
+    pub(crate) size: usize,
+}
+
+/// A speckled sphere; no two speckles overlap.
+#[derive(Debug, Clone)]
+pub(crate) struct Globe {
+    pub(crate) spots: Vec<Spot>,
+    pub(crate) tables: Vec<CapTable>,
+    ball_px: f64,
+    sigma_px: f64,
+}
+
+impl Globe {
+    /// Strews speckles over the whole sphere until they cover the share asked for.
+    pub(crate) fn strew(
+        setup: &PatternSetup,
+        ball_px: f64,
+        sigma_px: f64,
+        mut stream: Stream,
+    ) -> Result<Self, ScenarioError> {
+        let areas = areas_px2(setup);
+        let caps: Vec<Cap> = areas.iter().map(|area| Cap { ball_px, radius_px: (area / PI).sqrt() }).collect();
+        let whole_px2 = 4.0 * PI * ball_px * ball_px;
+        let wanted_px2 = setup.coverage * whole_px2;
+        let mut board = Board::new(&caps);
+        let mut usable = caps.len();
+        while board.covered_px2 < wanted_px2 {
+            if usable == 0 {
+                return Err(ScenarioError::TooDense { wanted: setup.coverage, reached: board.covered_px2 / whole_px2 });
+            }
+            let mut batch = draw_sizes(&areas[..usable], wanted_px2 - board.covered_px2, &mut stream);
+            // Large ones first: small ones still fit between them.
+            batch.sort_unstable_by(|left, right| right.cmp(left));
+            for size in batch {
+                if size < usable && !board.place(size, &mut stream) {
+                    usable = size;
+                }
+            }
+        }
+        let spots = board.spots;
+        let tables = caps.iter().map(|cap| CapTable::new(*cap, sigma_px)).collect();
+        Ok(Self { spots, tables, ball_px, sigma_px })
+    }
+
+    /// Adds the visible part of every speckle to the ink; places count from the patch's corner.
+    pub(crate) fn strew_ink(
+        &self,
+        attitude: &Attitude,
+        center_px: [f64; 2],
+        covers: &[Cover],
+        (patch, ink): (&Patch, &mut [f32]),
+    ) {
+        for spot in &self.spots {
+            let [x, y, z] = attitude.of(spot.direction);
+            let table = &self.tables[spot.size];
+            let cap = table.cap();
+            let tilt_rad = z.clamp(-1.0, 1.0).acos();
+            if tilt_rad >= FRAC_PI_2 + cap.opening_rad() {
+                continue;
+            }
+            let flat = x.hypot(y);
+            let outward = if flat > 0.0 { [x / flat, -y / flat] } else { [1.0, 0.0] };
+            let reach = cap.origin_px(tilt_rad);
+            let place = [center_px[0] + reach * outward[0], center_px[1] + reach * outward[1]];
+            self.stamp(table, tilt_rad, &Axes::new(place, outward), covers, (patch, ink));
+        }
+    }
+
+    fn stamp(
+        &self,
+        table: &CapTable,
+        tilt_rad: f64,
+        axes: &Axes,
+        covers: &[Cover],
+        (patch, ink): (&Patch, &mut [f32]),
+    ) {
+        let (cap, [x, y]) = (table.cap(), axes.origin_px);
+        // The visible part of one on the rim lies a little off its origin.
+        let extent = cap.radius_px * (1.0 + cap.radius_px / self.ball_px);
+        let outside = covers.iter().map(|cover| cover.outside(x, y).0).fold(f64::INFINITY, f64::min);
+        if outside <= -extent {
+            return;
+        }
+        let turned = |dx: f32, dy: f32, [ex, ey]: [f64; 2]| dx * ex as f32 + dy * ey as f32;
+        if outside < extent {
+            let left = visible_chords(cap.half_px(tilt_rad), self.sigma_px, axes, covers, |across| {
+                cap.ends_px(tilt_rad, across)
+            });
+            spread([x, y], table.reach_px(), patch, ink, |dx, dy| {
+                let (along, across) = (turned(dx, dy, axes.along), turned(dx, dy, axes.across));
+                share(&left, f64::from(along), f64::from(across), self.sigma_px) as f32
+            });
+        } else {
+            let view = table.tilted(tilt_rad);
+            spread([x, y], table.reach_px(), patch, ink, |dx, dy| {
+                view.at(turned(dx, dy, axes.along), turned(dx, dy, axes.across))
+            });
+        }
+    }
+}
+
+/// The sphere while it is being covered, cut into slices of equal height to find neighbours by.
+struct Board<'a> {
+    caps: &'a [Cap],
+    slices: Vec<Vec<usize>>,
+    /// Slices that a neighbour may be away.
+    near: usize,
+    spots: Vec<Spot>,
+    covered_px2: f64,
+}
+
+impl<'a> Board<'a> {
+    fn new(caps: &'a [Cap]) -> Self {
+        let widest = caps.iter().map(Cap::opening_rad).fold(0.0, f64::max);
+        // Heights of two touching spots differ by no more than the angle between them.
+        let slices = ((1.0 / widest).ceil() as usize).clamp(1, 10_000);
+        let near = (widest * slices as f64).ceil() as usize + 1;
+        Self { caps, slices: vec![Vec::new(); slices], near, spots: Vec::new(), covered_px2: 0.0 }
+    }
+
+    fn slice(&self, direction: &[f64; 3]) -> usize {
+        ((0.5 * (direction[2] + 1.0) * self.slices.len() as f64) as usize).min(self.slices.len() - 1)
+    }
+
+    fn place(&mut self, size: usize, stream: &mut Stream) -> bool {
+        let cap = &self.caps[size];
+        for _ in 0..TRIALS {
+            let (z, around) = (stream.between(-1.0, 1.0), stream.between(0.0, TAU));
+            let flat = (1.0 - z * z).max(0.0).sqrt();
+            let spot = Spot { direction: [flat * around.cos(), flat * around.sin(), z], size };
+            if !self.is_free(&spot) {
+                continue;
+            }
+            // Area of the cap itself, not of its plane.
+            self.covered_px2 += TAU * cap.ball_px * cap.ball_px * (1.0 - cap.opening_rad().cos());
+            let slice = self.slice(&spot.direction);
+            self.slices[slice].push(self.spots.len());
+            self.spots.push(spot);
+            return true;
+        }
+        false
+    }
+
+    fn is_free(&self, spot: &Spot) -> bool {
+        let slice = self.slice(&spot.direction);
+        let opening = self.caps[spot.size].opening_rad();
+        let slices = slice.saturating_sub(self.near)..(slice + self.near + 1).min(self.slices.len());
+        self.slices[slices].iter().flatten().all(|index| {
+            let other = &self.spots[*index];
+            let cosine: f64 = spot.direction.iter().zip(&other.direction).map(|(left, right)| left * right).sum();
+            cosine <= (opening + self.caps[other.size].opening_rad()).cos()
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn speckles_cover_the_share_asked_for_on_every_side_and_never_overlap() {
+        let setup = PatternSetup { area_min_px2: 4.0, area_max_px2: 80.0, coverage: 0.5, lines: 0, line_width_px: 2.0 };
+        let globe = Globe::strew(&setup, 40.0, 0.76, Stream::new(7)).unwrap();
+        let area = |spot: &Spot| TAU * (1.0 - globe.tables[spot.size].cap().opening_rad().cos());
+        for axis in 0..3 {
+            for side in [-1.0, 1.0] {
+                let there = |spot: &&Spot| side * spot.direction[axis] > 0.0;
+                let share = globe.spots.iter().filter(there).map(area).sum::<f64>() / TAU;
+                assert!((share - 0.5).abs() < 0.04, "axis {axis}, side {side}: {share}");
+            }
+        }
+        for (index, left) in globe.spots.iter().enumerate() {
+            for right in &globe.spots[..index] {
+                let cosine: f64 = left.direction.iter().zip(&right.direction).map(|(l, r)| l * r).sum();
+                let apart = [left, right].map(|spot| globe.tables[spot.size].cap().opening_rad());
+                assert!(cosine.clamp(-1.0, 1.0).acos() >= apart[0] + apart[1] - 1e-9);
+            }
+        }
+        let packed = PatternSetup { area_min_px2: 240.0, area_max_px2: 240.0, coverage: 0.6, ..setup };
+        assert!(matches!(Globe::strew(&packed, 40.0, 0.76, Stream::new(7)), Err(ScenarioError::TooDense { .. })));
+    }
+}
