@@ -45,8 +45,25 @@ pub struct State {
     pub memory: u32,
     /// Buffers with the driver: number, address and size of the user's memory.
     pub owned: VecDeque<(u32, u64, u32)>,
-    ready: VecDeque<sys::v4l2_buffer>,
+    ready: VecDeque<Filled>,
     pub buffers: u32,
+}
+
+/// A buffer that the imitated driver has filled.
+#[derive(Debug)]
+struct Filled {
+    index: u32,
+    sequence: u32,
+    flags: u32,
+    bytes: u32,
+}
+
+impl Filled {
+    fn as_buffer(&self) -> sys::v4l2_buffer {
+        let Self { index, sequence, flags, bytes: bytesused } = *self;
+        let timestamp = sys::timeval { tv_sec: 100, tv_usec: i64::from(sequence) * 10 };
+        sys::v4l2_buffer { index, sequence, flags, bytesused, timestamp, ..Default::default() }
+    }
 }
 
 /// The imitated driver of a camera of 4 x 2 grey pixels.
@@ -94,11 +111,8 @@ impl Mock {
         } else {
             self.file.write_all_at(&pixels, u64::from(index * BUFFER_ROOM)).unwrap();
         }
-        let time = sys::timeval { tv_sec: 100, tv_usec: i64::from(sequence) * 10 };
         let flags = flags | sys::V4L2_BUF_FLAG_TIMESTAMP_MONOTONIC | sys::V4L2_BUF_FLAG_TSTAMP_SRC_SOE;
-        let filled =
-            sys::v4l2_buffer { index, sequence, flags, bytesused: bytes, timestamp: time, ..Default::default() };
-        state.ready.push_back(filled);
+        state.ready.push_back(Filled { index, sequence, flags, bytes });
         true
     }
 }
@@ -133,7 +147,7 @@ impl Kernel for Mock {
                 sys::REQUEST_QBUF => state.enqueue(as_mut(argument)),
                 sys::REQUEST_DQBUF => match state.ready.pop_front() {
                     Some(filled) => {
-                        *as_mut(argument) = filled;
+                        *as_mut(argument) = filled.as_buffer();
                         Ok(())
                     }
                     None => refuse(libc::EAGAIN),
