@@ -3,22 +3,30 @@
 use super::control::setting;
 use super::device::Device;
 use super::layout::{LAYOUTS, Layout, Shape, word};
-use super::offer::{interval_of_rate, rate_hz};
+use super::offer::{interval_of_rate, is_rate, rate_hz};
 use super::settings::V4l2Settings;
 use super::sys;
 use crate::camera::CameraError;
 use crate::config::FeatureValue;
 use std::io;
 
-/// A rate read back this near, relative, is the one that was set.
-const RATE_ROUNDING: f64 = 0.001;
-/// The same of an exposure.
+/// An exposure read back this near, relative, is the one that was set.
 const EXPOSURE_ROUNDING: f64 = 0.01;
 /// Unit of `V4L2_CID_EXPOSURE_ABSOLUTE`, us.
 const EXPOSURE_UNIT_US: f64 = 100.0;
 
-/// Writes every setting, reads every one back, and answers with what the driver delivers then and at what rate.
-pub(super) fn apply(device: &Device, settings: &V4l2Settings) -> Result<(Shape, f64), CameraError> {
+/// What the driver delivers after its settings.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Applied {
+    pub shape: Shape,
+    /// 0 when nobody knows.
+    pub frame_rate_hz: f64,
+    /// 0 when the driver does not tell, or changes it by itself.
+    pub exposure_us: f64,
+}
+
+/// Writes every setting, reads every one back, and answers with what the driver delivers then.
+pub(super) fn apply(device: &Device, settings: &V4l2Settings) -> Result<Applied, CameraError> {
     let layout = choose(device, settings)?;
     let shape = set_format(device, settings, layout)?;
     set_rate(device, settings, &shape)?;
@@ -32,21 +40,43 @@ pub(super) fn apply(device: &Device, settings: &V4l2Settings) -> Result<(Shape, 
     if let (Some(wanted), Some(kept)) = (settings.frame_rate_hz, kept) {
         check_rate(wanted, kept)?;
     }
-    Ok((shape, kept.or(settings.frame_rate_hz).unwrap_or(0.0)))
+    let frame_rate_hz = kept.or(settings.frame_rate_hz).unwrap_or(0.0);
+    let exposure_us = settings.exposure_us.or_else(|| exposure_us(device)).unwrap_or(0.0);
+    Ok(Applied { shape, frame_rate_hz, exposure_us })
 }
 
-/// The best of the driver's formats that gives the pixels wanted.
+/// How long a driver exposes that was told how long; nothing when it decides by itself or does not tell.
+fn exposure_us(device: &Device) -> Option<f64> {
+    let is_manual = device.number(sys::V4L2_CID_EXPOSURE_AUTO).is_none_or(|mode| {
+        let fixed = [sys::V4L2_EXPOSURE_MANUAL, sys::V4L2_EXPOSURE_SHUTTER_PRIORITY];
+        fixed.into_iter().any(|place| i64::from(place) == mode)
+    });
+    let units = device.number(sys::V4L2_CID_EXPOSURE_ABSOLUTE).filter(|units| is_manual && *units > 0)?;
+    Some(units as f64 * EXPOSURE_UNIT_US)
+}
+
+/// The best of the driver's formats that gives the pixels wanted, if one can at this size and rate.
 fn choose(device: &Device, settings: &V4l2Settings) -> Result<Layout, CameraError> {
     let offered = device.formats();
     let offers = |layout: &&Layout| offered.iter().any(|(fourcc, _)| *fourcc == layout.fourcc);
     let wanted = |layout: &&Layout| settings.pixel_format.is_none_or(|format| format == layout.format);
-    LAYOUTS.iter().filter(offers).find(wanted).copied().ok_or_else(|| {
+    let usable: Vec<_> = LAYOUTS.iter().filter(offers).filter(wanted).collect();
+    // With none that can, the first is set, and refused with what it can.
+    let best = usable.iter().find(|layout| reaches(device, settings, layout.fourcc)).or(usable.first());
+    best.map(|layout| **layout).ok_or_else(|| {
         let value = settings.pixel_format.map_or("any", |format| format.word());
         let words: Vec<_> = offered.iter().map(|(fourcc, _)| word(*fourcc)).collect();
         let usable: Vec<_> = LAYOUTS.iter().map(|layout| word(layout.fourcc)).collect();
         let reason = format!("the camera offers {}; {} can be read", words.join(", "), usable.join(", "));
         setting("pixel_format", value, reason)
     })
+}
+
+/// Whether the driver says that it has this format in the size and at the rate wanted, or leaves it open.
+fn reaches(device: &Device, settings: &V4l2Settings, fourcc: u32) -> bool {
+    let Some(size) = settings.width_px.zip(settings.height_px) else { return true };
+    let has_rate = |rate_hz| device.rates(fourcc, size).may_be(rate_hz);
+    device.sizes(fourcc).may_be(size) && settings.frame_rate_hz.is_none_or(has_rate)
 }
 
 fn set_format(device: &Device, settings: &V4l2Settings, layout: Layout) -> Result<Shape, CameraError> {
@@ -107,7 +137,7 @@ fn set_rate(device: &Device, settings: &V4l2Settings, shape: &Shape) -> Result<(
 }
 
 fn check_rate(wanted: f64, kept: f64) -> Result<(), CameraError> {
-    if (wanted - kept).abs() <= RATE_ROUNDING * wanted {
+    if is_rate(wanted, kept) {
         return Ok(());
     }
     Err(setting("frame_rate_hz", wanted, format!("the camera keeps {kept:.3} after its other settings")))

@@ -260,6 +260,31 @@ impl Device {
         })
     }
 
+    /// The value of a control that holds a number or a place in a menu; none where there is none.
+    pub(super) fn number(&self, id: u32) -> Option<i64> {
+        let mut one = sys::v4l2_ext_control { id, ..Default::default() };
+        self.transfer(sys::REQUEST_G_EXT_CTRLS, &mut one).ok()?;
+        // SAFETY: whoever asks by number knows that the control has 32 bits.
+        Some(i64::from(unsafe { one.__bindgen_anon_1.value }))
+    }
+
+    /// Names of what the camera adjusts by itself: automatic controls that are on, and an exposure that is not manual.
+    pub(super) fn automatic(&self) -> Vec<String> {
+        let is_on = |control: &Control| match control.kind {
+            sys::V4L2_CTRL_TYPE_BOOLEAN => {
+                control.name.split('_').any(|word| matches!(word, "auto" | "automatic"))
+                    && self.value(control).is_some_and(|value| value == "true")
+            }
+            _ if control.id == sys::V4L2_CID_EXPOSURE_AUTO => {
+                self.number(control.id).is_some_and(|mode| mode != i64::from(sys::V4L2_EXPOSURE_MANUAL))
+            }
+            _ => false,
+        };
+        let locked = sys::V4L2_CTRL_FLAG_DISABLED | sys::V4L2_CTRL_FLAG_READ_ONLY;
+        let controls = self.controls().into_iter().filter(|control| !control.has(locked) && is_on(control));
+        controls.map(|control| control.name).collect()
+    }
+
     fn verify(&self, control: &Control, wanted: &FeatureValue) -> Result<(), String> {
         match self.value(control) {
             Some(kept) if kept.trim_end() != wanted.to_string().trim_end() => Err(format!("the camera keeps {kept}")),

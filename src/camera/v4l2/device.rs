@@ -1,5 +1,6 @@
 //! An open video device: each ioctl as a call with types.
 
+use super::find;
 use super::kernel::{Kernel, Mapping, Node};
 use super::offer::{LIST_MAX, Rates, Sizes};
 use super::sys;
@@ -54,7 +55,7 @@ impl Device {
     pub(super) fn open(path: &Path) -> Result<Self, CameraError> {
         let id = path.display().to_string();
         let not_found = |reason: String| CameraError::NotFound { id: id.clone(), reason };
-        let node = Node::open(path).map_err(|error| not_found(error.to_string()))?;
+        let node = Node::open(path).map_err(|error| not_found(find::words(&error)))?;
         let device = Self { kernel: Box::new(node), id: id.clone() };
         let capability = device.capability().map_err(|error| not_found(format!("no video device: {error}")))?;
         match capability.refusal() {

@@ -1,6 +1,7 @@
 //! V4L2 cameras in reach, and opening one of them.
 
 use super::device::{Capability, Device};
+use super::kernel::Node;
 use super::layout::{LAYOUTS, word};
 use super::offer::{Rates, Sizes};
 use crate::camera::genicam::FeatureLine;
@@ -10,6 +11,8 @@ use std::path::{Path, PathBuf};
 
 /// Where the kernel lists its video devices.
 const CLASS: &str = "/sys/class/video4linux";
+/// The serial number of the USB device behind a node, from there.
+const SERIAL: &str = "device/../serial";
 
 /// One camera of the kernel.
 #[derive(Debug, Clone, PartialEq)]
@@ -22,6 +25,8 @@ pub struct CameraListing {
     pub serial: String,
     /// What it delivers.
     pub formats: Vec<FormatOffer>,
+    /// Why nothing more than its name is known of it, if so.
+    pub closed: Option<String>,
 }
 
 /// One pixel format of a camera.
@@ -35,37 +40,67 @@ pub struct FormatOffer {
     pub becomes: Option<PixelFormat>,
     /// Sizes of the pictures.
     pub sizes: Sizes,
-    /// Rates at the first of these sizes, or at the largest of a range.
-    pub rates: Rates,
+    /// Rates at each of these (width, height), px, or at both ends of a range.
+    pub rates: Vec<((u32, u32), Rates)>,
 }
 
 /// The cameras of this machine's kernel, by the number of their device file.
 ///
-/// Devices that cannot be opened, or take no pictures, are left out.
+/// Devices that take no pictures are left out; one that cannot be opened is told with the reason.
 pub fn list() -> Vec<CameraListing> {
-    let describe = |path: PathBuf| {
-        let device = Device::open(&path).ok()?;
-        let capability = device.capability().ok()?;
-        let formats = device.formats().into_iter().map(|(fourcc, description)| offer(&device, fourcc, description));
-        Some(CameraListing { serial: serial_of(&path), capability, formats: formats.collect(), path })
-    };
     nodes().into_iter().filter_map(describe).collect()
 }
 
-/// The controls of a camera.
+fn describe(path: PathBuf) -> Option<CameraListing> {
+    let node = match Node::open(&path) {
+        Ok(node) => node,
+        // Unplugged in the meantime.
+        Err(error) if matches!(error.raw_os_error(), Some(libc::ENODEV | libc::ENXIO | libc::ENOENT)) => return None,
+        Err(error) => {
+            let card = attribute(&path, "name");
+            let (capability, serial) = (Capability { card, ..Capability::default() }, attribute(&path, SERIAL));
+            return Some(CameraListing { path, capability, serial, formats: Vec::new(), closed: Some(words(&error)) });
+        }
+    };
+    let device = Device { kernel: Box::new(node), id: path.display().to_string() };
+    let capability = device.capability().ok().filter(|capability| capability.refusal().is_none())?;
+    let formats = device.formats().into_iter().map(|(fourcc, description)| offer(&device, fourcc, description));
+    Some(CameraListing { serial: attribute(&path, SERIAL), capability, formats: formats.collect(), closed: None, path })
+}
+
+/// The camera that is meant by an `id`, as [`list`] tells it, and its controls.
 ///
 /// # Errors
 ///
-/// [`CameraError::NotFound`] when it cannot be opened.
-pub fn features(id: &str) -> Result<Vec<FeatureLine>, CameraError> {
-    Ok(Device::find(id)?.feature_lines())
+/// [`CameraError::NotFound`] when there is none, several are called so, or it cannot be opened.
+pub fn features(id: &str) -> Result<(CameraListing, Vec<FeatureLine>), CameraError> {
+    let path = path_of(id)?;
+    let lines = Device::open(&path)?.feature_lines();
+    let gone = || CameraError::NotFound { id: id.into(), reason: "it was unplugged".into() };
+    Ok((describe(path).ok_or_else(gone)?, lines))
+}
+
+/// Whether an `id` means a camera of the kernel: a device file, or what one of them is called.
+pub fn is_ours(id: &str) -> bool {
+    let is_file = id.starts_with('/') || id.strip_prefix("video").is_some_and(|number| number.parse::<u32>().is_ok());
+    is_file || !id.is_empty() && choose(&list(), id).is_ok()
 }
 
 fn offer(device: &Device, fourcc: u32, description: String) -> FormatOffer {
     let sizes = device.sizes(fourcc);
-    let rates = sizes.any().map_or_else(|| Rates::List(Vec::new()), |size| device.rates(fourcc, size));
     let becomes = LAYOUTS.iter().find(|layout| layout.fourcc == fourcc).map(|layout| layout.format);
+    let told = if becomes.is_some() { sizes.told() } else { Vec::new() };
+    let rates = told.into_iter().map(|size| (size, device.rates(fourcc, size))).collect();
     FormatOffer { code: word(fourcc), description, becomes, sizes, rates }
+}
+
+/// What the kernel says of an error on opening a device, with what to do about it.
+pub(super) fn words(error: &std::io::Error) -> String {
+    match error.raw_os_error() {
+        Some(libc::EACCES) => format!("{error}; members of the file's group, mostly `video`, may open it"),
+        Some(libc::EBUSY) => "another program uses it".into(),
+        _ => error.to_string(),
+    }
 }
 
 /// Device files of video devices, in the order of their numbers.
@@ -77,11 +112,19 @@ fn nodes() -> Vec<PathBuf> {
     numbers.into_iter().map(|number| PathBuf::from(format!("/dev/video{number}"))).collect()
 }
 
-/// The serial number of the USB device behind a node, if it is one.
-fn serial_of(path: &Path) -> String {
-    let name = path.canonicalize().ok().and_then(|path| Some(path.file_name()?.to_owned())).unwrap_or_default();
-    let serial = Path::new(CLASS).join(name).join("device/../serial");
-    std::fs::read_to_string(serial).map(|text| text.trim().to_owned()).unwrap_or_default()
+/// What the kernel tells of a node besides its file; empty where it tells nothing.
+fn attribute(path: &Path, name: &str) -> String {
+    let node = path.canonicalize().ok().and_then(|path| Some(path.file_name()?.to_owned())).unwrap_or_default();
+    let told = std::fs::read_to_string(Path::new(CLASS).join(node).join(name));
+    told.map(|text| text.trim().to_owned()).unwrap_or_default()
+}
+
+/// The device file of the camera that a rig file means.
+fn path_of(id: &str) -> Result<PathBuf, CameraError> {
+    if id.starts_with('/') {
+        return Ok(PathBuf::from(id));
+    }
+    choose(&list(), id).map_err(|reason| CameraError::NotFound { id: id.into(), reason })
 }
 
 impl Device {
@@ -91,18 +134,15 @@ impl Device {
     ///
     /// [`CameraError::NotFound`] when there is none, or several are called so.
     pub(super) fn find(id: &str) -> Result<Self, CameraError> {
-        if id.starts_with('/') {
-            return Self::open(Path::new(id));
-        }
-        let path = choose(&list(), id).map_err(|reason| CameraError::NotFound { id: id.into(), reason })?;
-        let device = Self::open(&path)?;
+        let device = Self::open(&path_of(id)?)?;
         Ok(Self { id: id.into(), ..device })
     }
 
     /// Name and serial number; its place on the bus where it has none.
     pub(super) fn identity(&self, path: Option<&Path>) -> CameraIdentity {
         let capability = self.capability().unwrap_or_default();
-        let serial = path.map(serial_of).filter(|serial| !serial.is_empty()).unwrap_or(capability.bus);
+        let serial =
+            path.map(|path| attribute(path, SERIAL)).filter(|serial| !serial.is_empty()).unwrap_or(capability.bus);
         CameraIdentity { model: capability.card, serial }
     }
 }
@@ -139,7 +179,7 @@ mod tests {
 
     fn camera(path: &str, card: &str, bus: &str, serial: &str) -> CameraListing {
         let capability = Capability { driver: "d".into(), card: card.into(), bus: bus.into(), flags: 0 };
-        CameraListing { path: path.into(), capability, serial: serial.into(), formats: Vec::new() }
+        CameraListing { path: path.into(), capability, serial: serial.into(), formats: Vec::new(), closed: None }
     }
 
     #[test]
@@ -160,6 +200,19 @@ mod tests {
         let cameras = [camera("/dev/video0", "Cam", "usb-1", ""), camera("/dev/video2", "Cam", "usb-2", "")];
         assert!(choose(&cameras, "Cam").unwrap_err().starts_with("several cameras are called so: /dev/video0"));
         assert!(choose(&[], "Cam").unwrap_err().starts_with("the kernel has no camera"));
+    }
+
+    #[test]
+    fn a_camera_that_may_not_be_opened_is_told_with_what_to_do() {
+        let denied = words(&std::io::Error::from_raw_os_error(libc::EACCES));
+        assert_eq!(denied, "Permission denied (os error 13); members of the file's group, mostly `video`, may open it");
+    }
+
+    #[test]
+    fn a_device_file_is_told_from_an_address_or_a_serial_number() {
+        for (id, is) in [("/dev/video0", true), ("video12", true), ("192.168.1.10", false), ("video-7A", false)] {
+            assert_eq!(is_ours(id), is, "{id}");
+        }
     }
 
     #[test]

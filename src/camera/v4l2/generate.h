@@ -26,3 +26,6 @@ const unsigned int FOURCC_Y12 = V4L2_PIX_FMT_Y12;
 const unsigned int FOURCC_Y16 = V4L2_PIX_FMT_Y16;
 const unsigned int FOURCC_YUYV = V4L2_PIX_FMT_YUYV;
 const unsigned int FOURCC_UYVY = V4L2_PIX_FMT_UYVY;
+const unsigned int FOURCC_NV12 = V4L2_PIX_FMT_NV12;
+const unsigned int FOURCC_MJPG = V4L2_PIX_FMT_MJPEG;
+const unsigned int FOURCC_JPEG = V4L2_PIX_FMT_JPEG;

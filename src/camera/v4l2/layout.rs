@@ -1,6 +1,6 @@
 //! Where the grey levels lie in a driver's buffer.
 
-use super::sys;
+use super::{jpeg, sys};
 use crate::image::PixelFormat;
 
 /// How one of the kernel's pixel formats holds grey levels.
@@ -10,25 +10,42 @@ pub(super) struct Layout {
     pub fourcc: u32,
     /// What becomes of it.
     pub format: PixelFormat,
-    /// Where the first pixel's grey level begins in a row.
-    first_bytes: usize,
-    /// From one grey level to the next.
-    step_bytes: usize,
+    packing: Packing,
 }
 
-const fn layout(fourcc: u32, format: PixelFormat, first_bytes: usize, step_bytes: usize) -> Layout {
-    Layout { fourcc, format, first_bytes, step_bytes }
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Packing {
+    /// Grey levels row by row; what colour there is lies behind all of them.
+    Plane,
+    /// Bytes of grey and of colour in turn, the first grey one at this place.
+    Pairs(usize),
+    /// A JPEG file.
+    Jpeg,
 }
 
-/// Every format that is read, the better ones first: grey ones need no copy.
-pub(super) const LAYOUTS: [Layout; 6] = [
-    layout(sys::FOURCC_GREY, PixelFormat::Mono8, 0, 1),
-    layout(sys::FOURCC_Y10, PixelFormat::Mono10, 0, 2),
-    layout(sys::FOURCC_Y12, PixelFormat::Mono12, 0, 2),
-    layout(sys::FOURCC_Y16, PixelFormat::Mono16, 0, 2),
-    layout(sys::FOURCC_YUYV, PixelFormat::Mono8, 0, 2),
-    layout(sys::FOURCC_UYVY, PixelFormat::Mono8, 1, 2),
+const fn layout(fourcc: u32, format: PixelFormat, packing: Packing) -> Layout {
+    Layout { fourcc, format, packing }
+}
+
+/// Every format that is read, the better ones first: grey ones need no copy, and compressed ones have lost something.
+pub(super) const LAYOUTS: [Layout; 9] = [
+    layout(sys::FOURCC_GREY, PixelFormat::Mono8, Packing::Plane),
+    layout(sys::FOURCC_Y10, PixelFormat::Mono10, Packing::Plane),
+    layout(sys::FOURCC_Y12, PixelFormat::Mono12, Packing::Plane),
+    layout(sys::FOURCC_Y16, PixelFormat::Mono16, Packing::Plane),
+    layout(sys::FOURCC_NV12, PixelFormat::Mono8, Packing::Plane),
+    layout(sys::FOURCC_YUYV, PixelFormat::Mono8, Packing::Pairs(0)),
+    layout(sys::FOURCC_UYVY, PixelFormat::Mono8, Packing::Pairs(1)),
+    layout(sys::FOURCC_MJPG, PixelFormat::Mono8, Packing::Jpeg),
+    layout(sys::FOURCC_JPEG, PixelFormat::Mono8, Packing::Jpeg),
 ];
+
+impl Layout {
+    /// Whether pictures are compressed, and not as the sensor saw them.
+    pub fn is_compressed(&self) -> bool {
+        self.packing == Packing::Jpeg
+    }
+}
 
 /// The frames of one stream in the driver's buffers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -55,28 +72,40 @@ impl Shape {
 
     /// Whether a driver's buffer is byte for byte what the ring wants.
     pub fn is_plain(&self) -> bool {
-        self.layout.step_bytes == self.layout.format.bytes_per_pixel()
+        self.layout.packing == Packing::Plane
             && self.stride_bytes as usize == self.row_bytes()
             && self.image_bytes as usize == self.slot_bytes()
     }
 
-    /// Bytes a whole frame has in the driver's buffer; padding behind its last row may be left out.
+    /// Bytes a whole frame has in the driver's buffer at least; padding and colour behind its last row may be left out.
     pub fn whole_bytes(&self) -> usize {
-        let row = self.width_px as usize * self.layout.step_bytes;
+        let row = match self.layout.packing {
+            Packing::Plane => self.row_bytes(),
+            Packing::Pairs(_) => 2 * self.row_bytes(),
+            Packing::Jpeg => return jpeg::LEAST_BYTES,
+        };
         self.stride_bytes as usize * (self.height_px as usize - 1) + row
     }
 
     /// Takes the grey levels out of a driver's buffer of at least [`whole_bytes`](Self::whole_bytes).
-    pub fn copy(&self, from: &[u8], to: &mut [u8]) {
-        let Layout { first_bytes, step_bytes, format, .. } = self.layout;
+    ///
+    /// # Errors
+    ///
+    /// What is wrong with a compressed picture.
+    pub fn copy(&self, from: &[u8], to: &mut [u8]) -> Result<(), String> {
+        let to = &mut to[..self.slot_bytes()];
+        if self.layout.packing == Packing::Jpeg {
+            return jpeg::luma(from, (self.width_px as usize, self.height_px as usize), to);
+        }
         let rows = from.chunks(self.stride_bytes as usize).zip(to.chunks_exact_mut(self.row_bytes()));
-        for (from, to) in rows.take(self.height_px as usize) {
-            if step_bytes == format.bytes_per_pixel() {
-                to.copy_from_slice(&from[..to.len()]);
+        for (from, to) in rows {
+            if let Packing::Pairs(first) = self.layout.packing {
+                to.iter_mut().zip(from[first..].iter().step_by(2)).for_each(|(to, from)| *to = *from);
             } else {
-                to.iter_mut().zip(from[first_bytes..].iter().step_by(step_bytes)).for_each(|(to, from)| *to = *from);
+                to.copy_from_slice(&from[..to.len()]);
             }
         }
+        Ok(())
     }
 }
 
@@ -97,7 +126,7 @@ mod tests {
 
     fn taken(shape: &Shape, from: &[u8]) -> Vec<u8> {
         let mut to = vec![0; shape.slot_bytes()];
-        shape.copy(from, &mut to);
+        shape.copy(from, &mut to).unwrap();
         to
     }
 
@@ -119,6 +148,13 @@ mod tests {
     }
 
     #[test]
+    fn colour_behind_the_grey_plane_is_left_behind() {
+        let shape = Shape { image_bytes: 12, ..shape(sys::FOURCC_NV12, 4) };
+        assert!(!shape.is_plain());
+        assert_eq!(taken(&shape, &[1, 2, 3, 4, 5, 6, 7, 8, 99, 99, 99, 99]), [1, 2, 3, 4, 5, 6, 7, 8]);
+    }
+
+    #[test]
     fn only_grey_without_padding_is_plain() {
         assert!(shape(sys::FOURCC_GREY, 4).is_plain());
         assert!(shape(sys::FOURCC_Y12, 8).is_plain());
@@ -128,6 +164,7 @@ mod tests {
 
     #[test]
     fn codes_are_told_by_their_letters() {
-        assert_eq!(LAYOUTS.map(|layout| word(layout.fourcc)), ["GREY", "Y10", "Y12", "Y16", "YUYV", "UYVY"]);
+        let words = ["GREY", "Y10", "Y12", "Y16", "NV12", "YUYV", "UYVY", "MJPG", "JPEG"];
+        assert_eq!(LAYOUTS.map(|layout| word(layout.fourcc)), words);
     }
 }

@@ -34,6 +34,8 @@ pub struct State {
     pub size: (u32, u32),
     pub padding_bytes: u32,
     pub interval: (u32, u32),
+    /// Format, (width, height) and rate, Hz, of each mode; empty for a driver that lists none and keeps what it has.
+    pub modes: Vec<(u32, (u32, u32), u32)>,
     /// Whether memory of the user is taken: at all, and at the first buffer.
     pub takes_user: (bool, bool),
     /// Every call fails with this error.
@@ -125,6 +127,11 @@ unsafe fn as_mut<'a, T>(argument: Argument) -> &'a mut T {
     unsafe { &mut *argument.cast() }
 }
 
+/// The end of a list.
+fn nothing() -> io::Error {
+    io::Error::from_raw_os_error(libc::EINVAL)
+}
+
 fn refuse(code: i32) -> io::Result<()> {
     Err(io::Error::from_raw_os_error(code))
 }
@@ -162,16 +169,40 @@ impl Kernel for Mock {
                 }
                 sys::REQUEST_ENUM_FMT => {
                     let raw: &mut sys::v4l2_fmtdesc = as_mut(argument);
-                    raw.pixelformat = state.fourcc;
-                    if raw.index == 0 { Ok(()) } else { refuse(libc::EINVAL) }
+                    let place = raw.index as usize;
+                    state.formats().get(place).map(|fourcc| raw.pixelformat = *fourcc).ok_or_else(nothing)
+                }
+                sys::REQUEST_ENUM_FRAMESIZES => {
+                    let raw: &mut sys::v4l2_frmsizeenum = as_mut(argument);
+                    let sizes = state.sizes(raw.pixel_format);
+                    let (width, height) = *sizes.get(raw.index as usize).ok_or_else(nothing)?;
+                    raw.type_ = sys::V4L2_FRMSIZE_TYPE_DISCRETE;
+                    raw.__bindgen_anon_1.discrete = sys::v4l2_frmsize_discrete { width, height };
+                    Ok(())
+                }
+                sys::REQUEST_ENUM_FRAMEINTERVALS => {
+                    let raw: &mut sys::v4l2_frmivalenum = as_mut(argument);
+                    let rates = state.rates(raw.pixel_format, (raw.width, raw.height));
+                    let denominator = *rates.get(raw.index as usize).ok_or_else(nothing)?;
+                    raw.type_ = sys::V4L2_FRMIVAL_TYPE_DISCRETE;
+                    raw.__bindgen_anon_1.discrete = sys::v4l2_fract { numerator: 1, denominator };
+                    Ok(())
                 }
                 sys::REQUEST_G_FMT | sys::REQUEST_S_FMT => {
                     let raw: &mut sys::v4l2_format = as_mut(argument);
+                    if request == sys::REQUEST_S_FMT {
+                        state.choose(&raw.fmt.pix);
+                    }
                     raw.fmt.pix = state.format();
                     Ok(())
                 }
                 sys::REQUEST_G_PARM | sys::REQUEST_S_PARM => {
                     let raw: &mut sys::v4l2_streamparm = as_mut(argument);
+                    let wanted = raw.parm.capture.timeperframe;
+                    let rates = state.rates(state.fourcc, state.size);
+                    if request == sys::REQUEST_S_PARM && wanted.numerator == 1 && rates.contains(&wanted.denominator) {
+                        state.interval = (1, wanted.denominator);
+                    }
                     let (numerator, denominator) = state.interval;
                     raw.parm.capture.capability = sys::V4L2_CAP_TIMEPERFRAME;
                     raw.parm.capture.timeperframe = sys::v4l2_fract { numerator, denominator };
@@ -195,6 +226,34 @@ impl Kernel for Mock {
 impl State {
     pub fn image_bytes(&self) -> u32 {
         self.stride_bytes() * self.size.1
+    }
+
+    fn formats(&self) -> Vec<u32> {
+        let mut formats: Vec<u32> = self.modes.iter().map(|(fourcc, ..)| *fourcc).collect();
+        formats.dedup();
+        if formats.is_empty() { vec![self.fourcc] } else { formats }
+    }
+
+    fn sizes(&self, wanted: u32) -> Vec<(u32, u32)> {
+        let mut sizes: Vec<_> =
+            self.modes.iter().filter(|(fourcc, ..)| *fourcc == wanted).map(|(_, size, _)| *size).collect();
+        sizes.dedup();
+        sizes
+    }
+
+    fn rates(&self, wanted: u32, wanted_size: (u32, u32)) -> Vec<u32> {
+        let modes = self.modes.iter().filter(|(fourcc, size, _)| (*fourcc, *size) == (wanted, wanted_size));
+        modes.map(|(.., rate)| *rate).collect()
+    }
+
+    /// Turns to the mode asked for; of a format without this size to its first one, as drivers do.
+    fn choose(&mut self, pix: &sys::v4l2_pix_format) {
+        let wanted = (pix.pixelformat, (pix.width, pix.height));
+        let of_format = |(fourcc, ..): &&(u32, (u32, u32), u32)| *fourcc == wanted.0;
+        let exact = self.modes.iter().find(|(fourcc, size, _)| (*fourcc, *size) == wanted);
+        if let Some((fourcc, size, rate)) = exact.or_else(|| self.modes.iter().find(of_format)) {
+            (self.fourcc, self.size, self.interval) = (*fourcc, *size, (1, *rate));
+        }
     }
 
     fn stride_bytes(&self) -> u32 {

@@ -1,16 +1,19 @@
 //! Cameras of the kernel (Video4Linux 2): webcams, frame grabbers, sensors on a board.
 //!
 //! The bindings come from the kernel's own header and are committed. Grey formats
-//! (`GREY`, `Y10`, `Y12`, `Y16`) arrive as `Mono8` to `Mono16`, bit for bit; of `YUYV`
-//! and `UYVY` the luma is taken as the driver gives it (most cameras keep it within
-//! 16 to 235). Compressed pictures (`MJPG`) are not read: what they lose is what
-//! correlation lives on.
+//! (`GREY`, `Y10`, `Y12`, `Y16`) arrive as `Mono8` to `Mono16`, bit for bit; of `NV12`,
+//! `YUYV` and `UYVY` the luma is taken as the driver gives it (most cameras keep it
+//! within 16 to 235). Of compressed pictures (`MJPG`) the luma is decoded as it was
+//! encoded; they are taken only where nothing else has the size and rate wanted, since
+//! what they lose is what correlation lives on.
 #![expect(unsafe_code, reason = "the kernel is spoken to through structures of C")]
 
+mod advice;
 mod apply;
 mod control;
 mod device;
 mod find;
+mod jpeg;
 mod kernel;
 mod layout;
 #[cfg(test)]
@@ -33,12 +36,13 @@ mod stamp;
 pub mod sys;
 
 pub use device::{Capability, Device};
-pub use find::{CameraListing, FormatOffer, features, list};
+pub use find::{CameraListing, FormatOffer, features, is_ours, list};
 pub use offer::{Rates, Sizes};
 pub use settings::V4l2Settings;
 
 use crate::camera::{Camera, CameraError, CameraIdentity, Next, Pace, Slot, StreamFormat};
 use crate::image::FrameMeta;
+use apply::Applied;
 use layout::Shape;
 use queue::{BUFFERS_MAX, BUFFERS_MIN, Info, Out, Queue};
 use stamp::{HostClock, Sequences, monotonic_ns};
@@ -90,12 +94,17 @@ impl V4l2Camera {
     }
 
     fn with_device(device: Device, settings: &V4l2Settings) -> Result<Self, CameraError> {
-        let (shape, frame_rate_hz) = apply::apply(&device, settings)?;
+        let applied = apply::apply(&device, settings)?;
+        let Applied { shape, frame_rate_hz, exposure_us } = applied;
+        for advice in advice::advice(&device, &applied) {
+            log::warn!("{}: {advice}", device.id);
+        }
         let format = StreamFormat {
             width_px: shape.width_px,
             height_px: shape.height_px,
             format: shape.layout.format,
             frame_rate_hz,
+            exposure_us,
         };
         let path = Path::new(&device.id);
         Ok(Self {
@@ -119,10 +128,22 @@ impl V4l2Camera {
         let reason = match error.raw_os_error() {
             Some(libc::ENODEV | libc::ENXIO) => "it was unplugged".into(),
             Some(libc::EIO) => "its driver gave up the stream".into(),
-            Some(libc::EBUSY) => "another program uses it".into(),
             _ => error.to_string(),
         };
         CameraError::Vanished { id: self.device.id.clone(), reason }
+    }
+
+    /// Why a stream cannot be started.
+    fn refused(&self, error: &io::Error) -> CameraError {
+        let reason = match error.raw_os_error() {
+            Some(libc::ENODEV | libc::ENXIO) => return self.vanished(error),
+            Some(libc::EBUSY) => "another program uses it".into(),
+            Some(libc::ENOSPC) => "the USB has no room left for its stream: take a smaller picture, a lower rate or a \
+                                   port of another controller, or unplug other cameras"
+                .into(),
+            _ => format!("start its stream: {error}"),
+        };
+        CameraError::NotFound { id: self.device.id.clone(), reason }
     }
 
     /// A buffer out of the queue, accepted only when it holds a whole frame with a place and a time.
@@ -135,6 +156,9 @@ impl V4l2Camera {
         let whole = self.shape.whole_bytes();
         if info.bytes < whole {
             return torn(slot, &format!("{} bytes of {whole}", info.bytes));
+        }
+        if let Some(damage) = &info.damage {
+            return torn(slot, damage);
         }
         let Some(sequence) = sequence else { return torn(slot, "not later than the one before") };
         let stamps = self.clock.stamps(info, monotonic_ns());
@@ -179,7 +203,7 @@ impl Camera for V4l2Camera {
     }
 
     fn start(&mut self) -> Result<(), CameraError> {
-        self.queue.start(&self.device).map_err(|error| self.vanished(&error))?;
+        self.queue.start(&self.device).map_err(|error| self.refused(&error))?;
         let how = if self.copies() { "copied from buffers of the driver" } else { "written to the ring by the driver" };
         log::info!("{}: frames are {how}", self.device.id);
         Ok(())

@@ -6,6 +6,9 @@ use std::fmt;
 /// Longest list that is read: drivers are made by others and may never end one.
 pub(super) const LIST_MAX: u32 = 256;
 
+/// A rate read back this near, relative, is the one that was set.
+const RATE_ROUNDING: f64 = 0.001;
+
 /// Sizes of pictures.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Sizes {
@@ -40,11 +43,24 @@ impl Sizes {
         Self::List(sizes)
     }
 
-    /// A size of the list or the range, for what depends on one.
-    pub(super) fn any(&self) -> Option<(u32, u32)> {
+    /// The sizes of the list, or the ends of the range: those for which rates are asked.
+    pub(super) fn told(&self) -> Vec<(u32, u32)> {
         match self {
-            Self::List(sizes) => sizes.first().copied(),
-            Self::Range([_, most, _]) => Some(*most),
+            Self::List(sizes) => sizes.clone(),
+            Self::Range([least, most, _]) => vec![*least, *most],
+        }
+    }
+
+    /// Whether this size is among them, or may be because the driver does not say.
+    pub(super) fn may_be(&self, size: (u32, u32)) -> bool {
+        match self {
+            Self::List(sizes) => sizes.is_empty() || sizes.contains(&size),
+            Self::Range([least, most, step]) => {
+                let fits = |value: u32, least: u32, most: u32, step: u32| {
+                    (least..=most).contains(&value) && (value - least).is_multiple_of(step)
+                };
+                fits(size.0, least.0, most.0, step.0) && fits(size.1, least.1, most.1, step.1)
+            }
         }
     }
 }
@@ -64,6 +80,21 @@ impl Rates {
         }
         Self::List(rates)
     }
+
+    /// Whether this rate is among them, or may be because the driver does not say.
+    pub(super) fn may_be(&self, rate_hz: f64) -> bool {
+        match self {
+            Self::List(rates) => rates.is_empty() || rates.iter().any(|rate| is_rate(rate_hz, *rate)),
+            Self::Range(least, most) => {
+                (*least..=*most).contains(&rate_hz) || is_rate(rate_hz, *least) || is_rate(rate_hz, *most)
+            }
+        }
+    }
+}
+
+/// Whether a rate is the one that was wanted, but for what is lost in a fraction.
+pub(super) fn is_rate(wanted_hz: f64, kept_hz: f64) -> bool {
+    (wanted_hz - kept_hz).abs() <= RATE_ROUNDING * wanted_hz
 }
 
 /// Frames a second of an interval given as a fraction of a second; 0 for no interval.
@@ -137,6 +168,16 @@ mod tests {
             let back = rate_hz(interval_of_rate(rate));
             assert!((back - rate).abs() <= 1e-4 * rate, "{rate} Hz became {back} Hz");
         }
+    }
+
+    #[test]
+    fn a_size_or_a_rate_is_there_when_it_is_listed_or_nothing_is() {
+        let list = Sizes::List(vec![(640, 480)]);
+        assert!(list.may_be((640, 480)) && !list.may_be((640, 481)) && Sizes::List(Vec::new()).may_be((1, 1)));
+        let range = Sizes::Range([(16, 16), (64, 32), (8, 1)]);
+        assert!(range.may_be((24, 31)) && !range.may_be((25, 31)) && !range.may_be((72, 31)));
+        assert!(Rates::List(vec![29.97]).may_be(29.970_03) && !Rates::List(vec![29.97]).may_be(30.0));
+        assert!(Rates::Range(1.0, 60.0).may_be(60.000_01) && !Rates::Range(1.0, 60.0).may_be(61.0));
     }
 
     #[test]

@@ -23,13 +23,15 @@ const REFUSALS_MAX: usize = 64;
 const PAUSE: Duration = Duration::from_millis(1);
 
 /// What the driver says of a buffer.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct Info {
     pub sequence: u32,
     /// `V4L2_BUF_FLAG_...`.
     pub flags: u32,
     pub stamp_ns: u64,
     pub bytes: usize,
+    /// Why the pixels could not be taken out of it.
+    pub damage: Option<String>,
 }
 
 /// What came out of the queue.
@@ -221,6 +223,7 @@ impl Queue {
             flags: buffer.flags,
             stamp_ns: nanoseconds(&buffer.timestamp),
             bytes: buffer.bytesused as usize,
+            damage: None,
         };
         self.refusals = 0;
         if self.memory == Memory::User {
@@ -235,7 +238,7 @@ impl Queue {
         info.bytes = info.bytes.min(mapping.len());
         let whole = self.shape.whole_bytes();
         if info.flags & sys::V4L2_BUF_FLAG_ERROR == 0 && info.bytes >= whole {
-            self.shape.copy(mapping.bytes(info.bytes), slot.bytes_mut());
+            info.damage = self.shape.copy(mapping.bytes(info.bytes), slot.bytes_mut()).err();
         }
         self.free.push(buffer.index);
         self.feed(device);

@@ -98,7 +98,7 @@ mod tests {
     const CLOCK: HostClock = HostClock { epoch_of_monotonic_ns: 1_700_000_000_000_000_000, frame_ns: 1_000_000 };
 
     fn info(flags: u32, stamp_ns: u64) -> Info {
-        Info { sequence: 0, flags, stamp_ns, bytes: 0 }
+        Info { sequence: 0, flags, stamp_ns, bytes: 0, damage: None }
     }
 
     #[test]

@@ -18,6 +18,7 @@ impl<T: Copy + Default, const N: usize> Default for __BindgenOpaqueArray8<[T; N]
 }
 pub const V4L2_CID_EXPOSURE_AUTO: u32 = 10094849;
 pub const V4L2_CID_EXPOSURE_ABSOLUTE: u32 = 10094850;
+pub const V4L2_CID_EXPOSURE_AUTO_PRIORITY: u32 = 10094851;
 pub const V4L2_CAP_VIDEO_CAPTURE: u32 = 1;
 pub const V4L2_CAP_VIDEO_CAPTURE_MPLANE: u32 = 4096;
 pub const V4L2_CAP_STREAMING: u32 = 67108864;
@@ -1370,3 +1371,6 @@ pub const FOURCC_Y12: ::std::os::raw::c_uint = 540160345;
 pub const FOURCC_Y16: ::std::os::raw::c_uint = 540422489;
 pub const FOURCC_YUYV: ::std::os::raw::c_uint = 1448695129;
 pub const FOURCC_UYVY: ::std::os::raw::c_uint = 1498831189;
+pub const FOURCC_NV12: ::std::os::raw::c_uint = 842094158;
+pub const FOURCC_MJPG: ::std::os::raw::c_uint = 1196444237;
+pub const FOURCC_JPEG: ::std::os::raw::c_uint = 1195724874;

@@ -191,7 +191,8 @@ fn controls_are_set_and_read_back_and_wrong_ones_are_refused_with_the_range() {
         ("integer_menu", FeatureValue::Integer(42)),
     ];
     V4l2Camera::open(&vivid(PixelFormat::Mono8, &wanted)).unwrap();
-    let lines = features(VIVID).unwrap();
+    let (camera, lines) = features(VIVID).unwrap();
+    assert_eq!((camera.path.to_str(), camera.closed), (Some(VIVID), None));
     for (name, value) in &wanted {
         let line = lines.iter().find(|line| line.name == *name).unwrap();
         assert_eq!(line.value.as_deref().map(str::trim), Some(value.to_string().as_str()), "{line:?}");
@@ -224,7 +225,9 @@ fn sizes_rates_and_formats_that_are_not_there_are_refused_and_listed() {
     let grey = vivid.formats.iter().find(|format| format.code == "GREY").unwrap();
     assert_eq!(grey.becomes, Some(PixelFormat::Mono8));
     assert!(grey.sizes.to_string().starts_with("320x180, "), "{}", grey.sizes);
-    assert!(grey.rates.to_string().contains("60"), "{}", grey.rates);
+    let (size, rates) = &grey.rates[0];
+    assert_eq!(*size, SIZE);
+    assert!(rates.to_string().contains("60"), "{rates}");
     for id in ["video0", "vivid", vivid.capability.bus.as_str()] {
         V4l2Camera::open(&V4l2Settings { id: id.into(), ..V4l2Settings::default() }).unwrap();
     }

@@ -1,5 +1,6 @@
 //! Settings and controls against an imitated driver.
 
+use super::super::advice::advice;
 use super::super::mock::{Mock, MockControl};
 use super::*;
 use crate::image::PixelFormat;
@@ -114,7 +115,7 @@ fn formats_sizes_and_rates_a_camera_does_not_keep_are_refused() {
     let format = V4l2Settings { pixel_format: Some(PixelFormat::Mono12), ..V4l2Settings::default() };
     assert_eq!(
         refusal(&format),
-        "set camera feature pixel_format to Mono12: the camera offers GREY; GREY, Y10, Y12, Y16, YUYV, UYVY can be read"
+        "set camera feature pixel_format to Mono12: the camera offers GREY; GREY, Y10, Y12, Y16, NV12, YUYV, UYVY, MJPG, JPEG can be read"
     );
     let size = V4l2Settings { width_px: Some(512), ..V4l2Settings::default() };
     assert_eq!(refusal(&size), "set camera feature width_px to 512: the camera keeps 4; sizes as GREY: not told");
@@ -127,5 +128,80 @@ fn formats_sizes_and_rates_a_camera_does_not_keep_are_refused() {
 
 #[test]
 fn the_rate_told_is_the_one_the_driver_keeps() {
-    assert_eq!(apply(&mock().device(), &V4l2Settings::default()).unwrap().1.to_bits(), 100.0_f64.to_bits());
+    assert_eq!(apply(&mock().device(), &V4l2Settings::default()).unwrap().frame_rate_hz.to_bits(), 100.0_f64.to_bits());
+}
+
+/// A webcam that has its largest picture at a useful rate only compressed.
+fn webcam() -> Mock {
+    let mock = mock();
+    mock.state().modes = vec![
+        (sys::FOURCC_MJPG, (640, 480), 30),
+        (sys::FOURCC_MJPG, (1280, 720), 30),
+        (sys::FOURCC_YUYV, (640, 480), 30),
+        (sys::FOURCC_YUYV, (1280, 720), 10),
+        (sys::FOURCC_NV12, (320, 240), 30),
+    ];
+    mock
+}
+
+fn mode(width_px: u32, height_px: u32, frame_rate_hz: f64) -> V4l2Settings {
+    let (width_px, height_px, frame_rate_hz) = (Some(width_px), Some(height_px), Some(frame_rate_hz));
+    V4l2Settings { width_px, height_px, frame_rate_hz, pixel_format: Some(PixelFormat::Mono8), ..Default::default() }
+}
+
+#[test]
+fn the_least_damaged_format_with_the_size_and_rate_is_taken() {
+    for (wanted, code) in [
+        (mode(320, 240, 30.0), "NV12"),
+        (mode(640, 480, 30.0), "YUYV"),
+        (mode(1280, 720, 10.0), "YUYV"),
+        (mode(1280, 720, 30.0), "MJPG"),
+    ] {
+        let mock = webcam();
+        let applied = apply(&mock.device(), &wanted).unwrap();
+        assert_eq!(word(applied.shape.layout.fourcc), code);
+        assert_eq!(Some(applied.frame_rate_hz), wanted.frame_rate_hz);
+        assert_eq!(Some((applied.shape.width_px, applied.shape.height_px)), wanted.width_px.zip(wanted.height_px));
+    }
+    let rate = apply(&webcam().device(), &mode(320, 240, 60.0)).unwrap_err().to_string();
+    assert_eq!(rate, "set camera feature frame_rate_hz to 60: the camera keeps 30.000; rates at this size: 30 Hz");
+    let size = apply(&webcam().device(), &mode(512, 512, 30.0)).unwrap_err().to_string();
+    assert!(size.contains("sizes as NV12: 320x240"), "{size}");
+}
+
+#[test]
+fn an_exposure_is_told_where_it_is_fixed_and_only_there() {
+    let told = |settings: &V4l2Settings, mock: &Mock| apply(&mock.device(), settings).unwrap().exposure_us;
+    let mock = mock();
+    let plain = V4l2Settings::default();
+    assert_eq!(told(&plain, &mock).to_bits(), 0.0_f64.to_bits(), "the camera chooses it anew for each frame");
+    assert_eq!(told(&with(&[("auto_exposure", text("Manual Mode"))]), &mock).to_bits(), 15_600.0_f64.to_bits());
+    assert_eq!(told(&V4l2Settings { exposure_us: Some(500.0), ..plain }, &mock).to_bits(), 500.0_f64.to_bits());
+}
+
+#[test]
+fn what_the_camera_does_by_itself_is_told_until_it_is_switched_off() {
+    let told = |mock: &Mock, settings: &V4l2Settings| {
+        let device = mock.device();
+        let applied = apply(&device, settings).unwrap();
+        advice(&device, &applied)
+    };
+    let mock = webcam();
+    mock.state().controls.push(MockControl {
+        id: sys::V4L2_CID_EXPOSURE_AUTO_PRIORITY,
+        name: "Exposure, Dynamic Framerate",
+        kind: sys::V4L2_CTRL_TYPE_BOOLEAN,
+        range: (0, 1, 1),
+        words: &[],
+        value: 1,
+        ruled_by: None,
+    });
+    let advice = told(&mock, &mode(1280, 720, 30.0));
+    assert_eq!(advice.len(), 3);
+    assert!(advice[0].starts_with("pictures come compressed (MJPG)"), "{advice:?}");
+    assert!(advice[1].starts_with("the camera adjusts gain_automatic, auto_exposure by itself"), "{advice:?}");
+    assert!(advice[2].starts_with("in the dark the camera takes fewer frames"), "{advice:?}");
+    let fixed = V4l2Settings { exposure_us: Some(1000.0), ..with(&[("gain_automatic", FeatureValue::Bool(false))]) };
+    mock.state().fourcc = sys::FOURCC_YUYV;
+    assert_eq!(told(&mock, &V4l2Settings { width_px: Some(640), height_px: Some(480), ..fixed }), [""; 0]);
 }
