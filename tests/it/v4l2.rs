@@ -3,9 +3,15 @@
 
 mod drivers;
 mod inside;
+mod rig;
+#[path = "../../src/camera/v4l2/jpeg/sample.rs"]
+mod sample;
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
+
+/// Where the tests for the virtual machine are.
+const INSIDE: [&str; 2] = ["v4l2::inside::", "v4l2::rig::"];
 
 /// What `tests/vm/prepare.sh` laid out, or what is missing.
 fn machine() -> Result<(), String> {
@@ -24,6 +30,15 @@ fn machine() -> Result<(), String> {
     if complete.exists() { Ok(()) } else { Err("tests/vm/prepare.sh was not run".into()) }
 }
 
+/// How many tests are for the virtual machine.
+fn tests_inside() -> usize {
+    let list =
+        Command::new(std::env::current_exe().unwrap()).args(INSIDE).args(["--ignored", "--list"]).output().unwrap();
+    let count = String::from_utf8_lossy(&list.stdout).lines().filter(|line| line.ends_with(": test")).count();
+    assert!(count > 5, "{count}");
+    count
+}
+
 #[test]
 fn cameras_of_the_kernel_do_all_that_is_claimed_in_a_virtual_machine() {
     if let Err(reason) = machine() {
@@ -37,15 +52,17 @@ fn cameras_of_the_kernel_do_all_that_is_claimed_in_a_virtual_machine() {
     let boot = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/vm/boot.sh");
     let started = std::time::Instant::now();
     let output = Command::new(boot)
+        .args(["--with", env!("CARGO_BIN_EXE_ricochet")])
         .arg(std::env::current_exe().unwrap())
-        .args(["v4l2::inside::", "--ignored", "--test-threads=1", "--nocapture"])
+        .args(INSIDE)
+        .args(["--ignored", "--test-threads=1", "--nocapture"])
         .output()
         .unwrap();
     let console = String::from_utf8_lossy(&output.stdout);
     let errors = String::from_utf8_lossy(&output.stderr);
     println!("{console}{errors}in {:.1} s", started.elapsed().as_secs_f64());
     assert!(console.lines().any(|line| line.trim() == "RESULT 0"), "the machine told no success");
-    let passed = format!("test result: ok. {} passed", inside::TESTS);
+    let passed = format!("test result: ok. {} passed", tests_inside());
     assert!(console.contains(&passed), "not all of its tests ran");
 }
 

@@ -1,27 +1,38 @@
 #!/usr/bin/env bash
 # Boots the virtual machine that `prepare.sh` laid out and runs a program in it.
 #
-#   tests/vm/boot.sh PROGRAM [ARGUMENT...]     prints its console
+#   tests/vm/boot.sh [--with FILE] PROGRAM [ARGUMENT...]     prints its console
 #
 # The program runs as it is, with the shared libraries of this machine beside it,
 # once the virtual cameras are there: vivid as the first video device, the
-# loop-back camera as /dev/video10. The last line is "RESULT" and its exit code.
-# No KVM is needed; VM_LIMIT_S (240) ends a machine that hangs. Wants qemu-system-x86_64, busybox (static) and cpio.
+# loop-back camera as /dev/video10. FILE is another program that it starts, found
+# there where it is here. The last line is "RESULT" and the exit code. No KVM is
+# needed; VM_LIMIT_S (240) ends a machine that hangs. Wants qemu-system-x86_64,
+# busybox (static) and cpio.
 set -euo pipefail
 
 cache=${XDG_CACHE_HOME:-$HOME/.cache}/ricochet-vm/current
+other=
+if [[ $1 == --with ]]; then
+    other=$(realpath "$2")
+    shift 2
+fi
 program=$1
 shift
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
 
 tree=$work/tree
-mkdir -p "$tree"/{bin,dev,proc,sys,run,modules,lib64}
+mkdir -p "$tree"/{bin,dev,proc,sys,run,tmp,modules,lib64}
 cp "$(command -v busybox)" "$tree/bin/busybox"
 cp "$cache"/*.ko "$tree/modules/"
 strip -o "$tree/program" "$program"
+if [[ -n $other ]]; then
+    mkdir -p "$tree/$(dirname "$other")"
+    strip -o "$tree/$other" "$other"
+fi
 # The loader looks where its cache says, and here there is none: by name, in one folder.
-ldd "$program" | sed -n 's/.*\(=> \|^\t\)\(\/[^ ]*\) (.*/\2/p' | while read -r library; do
+ldd "$program" ${other:+"$other"} | sed -n 's/.*\(=> \|^\t\)\(\/[^ ]*\) (.*/\2/p' | while read -r library; do
     cp -L "$library" "$tree/lib64/"
 done
 
@@ -30,6 +41,7 @@ done
     echo 'export PATH=/bin LD_LIBRARY_PATH=/lib64 HOME=/run TMPDIR=/run RUST_BACKTRACE=0'
     echo '/bin/busybox --install -s /bin'
     echo 'mount -t proc proc /proc; mount -t sysfs sys /sys; mount -t devtmpfs dev /dev; mount -t tmpfs run /run'
+    echo 'mkdir -p /dev/shm; mount -t tmpfs shm /dev/shm'
     # Kernel messages that reach the console in the middle of a line break it.
     echo 'echo 1 >/proc/sys/kernel/printk'
     while read -r module; do

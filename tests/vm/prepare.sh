@@ -7,9 +7,10 @@
 # Debian 12 on x86-64; fetches apt's lists where there are none. Packages are downloaded and
 # taken apart, not installed; what is needed of them (10 MB) is kept by version
 # under ${XDG_CACHE_HOME:-~/.cache}/ricochet-vm. Building the loop-back module
-# wants gcc and make.
+# wants gcc, make and libelf1.
 set -euo pipefail
 
+self=$(realpath "$0")
 depends() { apt-cache depends --important "$1" | sed -n "s/^ *Depends: \($2\)$/\1/p" | head -1; }
 version() { apt-cache policy "$1" | sed -n 's/^ *Candidate: //p'; }
 
@@ -36,7 +37,14 @@ headers=linux-headers-$release
 common=linux-headers-${release%-amd64}-common
 kbuild=linux-kbuild-$(cut -d. -f1,2 <<<"$release")
 # apt drops its rights where it can, and says so where this folder is out of their reach.
-apt-get download -q "$image" "$headers" "$common" "$kbuild" $loopback >&2
+if ! apt-get download -q "$image" "$headers" "$common" "$kbuild" $loopback >&2; then
+    # Lists from before the last security update name what is no longer there.
+    [[ ${1-} != again ]] || exit 1
+    apt-get update -q >&2
+    cd /
+    rm -rf "$work"
+    exec "$self" again
+fi
 
 mkdir kernel made
 dpkg-deb --fsys-tarfile "$image"_*.deb |

@@ -6,7 +6,7 @@ use super::offer::{LIST_MAX, Rates, Sizes};
 use super::sys;
 use crate::camera::CameraError;
 use std::io;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 const CAPTURE: u32 = sys::V4L2_BUF_TYPE_VIDEO_CAPTURE;
@@ -17,6 +17,8 @@ pub struct Device {
     pub(super) kernel: Box<dyn Kernel>,
     /// What a person calls it.
     pub(super) id: String,
+    /// Its device file.
+    pub(super) path: PathBuf,
 }
 
 /// What a device is.
@@ -56,7 +58,7 @@ impl Device {
         let id = path.display().to_string();
         let not_found = |reason: String| CameraError::NotFound { id: id.clone(), reason };
         let node = Node::open(path).map_err(|error| not_found(find::words(&error)))?;
-        let device = Self { kernel: Box::new(node), id: id.clone() };
+        let device = Self { kernel: Box::new(node), id: id.clone(), path: path.into() };
         let capability = device.capability().map_err(|error| not_found(format!("no video device: {error}")))?;
         match capability.refusal() {
             None => Ok(device),

@@ -62,7 +62,7 @@ fn describe(path: PathBuf) -> Option<CameraListing> {
             return Some(CameraListing { path, capability, serial, formats: Vec::new(), closed: Some(words(&error)) });
         }
     };
-    let device = Device { kernel: Box::new(node), id: path.display().to_string() };
+    let device = Device { kernel: Box::new(node), id: path.display().to_string(), path: path.clone() };
     let capability = device.capability().ok().filter(|capability| capability.refusal().is_none())?;
     let formats = device.formats().into_iter().map(|(fourcc, description)| offer(&device, fourcc, description));
     Some(CameraListing { serial: attribute(&path, SERIAL), capability, formats: formats.collect(), closed: None, path })
@@ -139,10 +139,9 @@ impl Device {
     }
 
     /// Name and serial number; its place on the bus where it has none.
-    pub(super) fn identity(&self, path: Option<&Path>) -> CameraIdentity {
+    pub(super) fn identity(&self) -> CameraIdentity {
         let capability = self.capability().unwrap_or_default();
-        let serial =
-            path.map(|path| attribute(path, SERIAL)).filter(|serial| !serial.is_empty()).unwrap_or(capability.bus);
+        let serial = Some(attribute(&self.path, SERIAL)).filter(|serial| !serial.is_empty()).unwrap_or(capability.bus);
         CameraIdentity { model: capability.card, serial }
     }
 }

@@ -92,7 +92,7 @@ impl Mock {
     }
 
     pub fn device(&self) -> Device {
-        Device { kernel: Box::new(self.clone()), id: "mock".into() }
+        Device { kernel: Box::new(self.clone()), id: "mock".into(), path: std::path::PathBuf::new() }
     }
 
     /// The driver fills its oldest buffer with this byte; false when it has none.

@@ -20,6 +20,7 @@ mod layout;
 mod mock;
 mod offer;
 mod queue;
+mod rhythm;
 mod settings;
 mod stamp;
 #[rustfmt::skip]
@@ -45,9 +46,9 @@ use crate::image::FrameMeta;
 use apply::Applied;
 use layout::Shape;
 use queue::{BUFFERS_MAX, BUFFERS_MIN, Info, Out, Queue};
+use rhythm::Rhythm;
 use stamp::{HostClock, Sequences, monotonic_ns};
 use std::io;
-use std::path::Path;
 use std::time::Duration;
 
 /// For how long the taker may be late at the camera's rate.
@@ -79,6 +80,7 @@ pub struct V4l2Camera {
     identity: CameraIdentity,
     sequences: Sequences,
     clock: HostClock,
+    rhythm: Rhythm,
     last_ns: u64,
 }
 
@@ -106,12 +108,12 @@ impl V4l2Camera {
             frame_rate_hz,
             exposure_us,
         };
-        let path = Path::new(&device.id);
         Ok(Self {
-            identity: device.identity(path.is_absolute().then_some(path)),
+            identity: device.identity(),
             queue: Queue::new(shape),
             clock: HostClock::new(frame_rate_hz),
             sequences: Sequences::default(),
+            rhythm: Rhythm::new(frame_rate_hz),
             last_ns: 0,
             device,
             shape,
@@ -166,6 +168,9 @@ impl V4l2Camera {
             return torn(slot, "its time is not later than that of the one before");
         }
         self.last_ns = stamps.stamp_ns;
+        for advice in self.rhythm.see(sequence, stamps.stamp_ns) {
+            log::warn!("{}: {advice}", self.device.id);
+        }
         let meta = FrameMeta {
             sequence,
             epoch: 0,

@@ -14,6 +14,9 @@ pub const VIVID: &str = "/dev/video0";
 /// The camera that shows what a program writes to it.
 pub const LOOPBACK: &str = "/dev/video10";
 
+/// Pause between two frames of the loop-back camera.
+const PERIOD: Duration = Duration::from_millis(4);
+
 /// What can be done to vivid; its drivers' documentation calls these error injection.
 #[derive(Debug, Clone, Copy)]
 pub enum Fault {
@@ -50,38 +53,48 @@ pub struct Writer {
 }
 
 impl Writer {
-    /// Sets the size, and returns once the first frame is written: only then can the camera be read.
+    /// Sets format and size, and returns once the first frame is written: only then can the camera be read.
+    ///
+    /// `draw(number)` gives the bytes of a frame, which has at most `frame_bytes`.
     pub fn start(
         (width, height): (u32, u32),
         fourcc: u32,
-        period: Duration,
-        draw: impl Fn(u64, &mut [u8]) + Send + 'static,
+        frame_bytes: u32,
+        draw: impl Fn(u64) -> Vec<u8> + Send + 'static,
     ) -> Self {
         let mut file = open(LOOPBACK);
         let mut format = sys::v4l2_format { type_: sys::V4L2_BUF_TYPE_VIDEO_OUTPUT, ..Default::default() };
-        let pixel_bytes = if fourcc == sys::FOURCC_GREY { 1 } else { 2 };
         format.fmt.pix = sys::v4l2_pix_format {
             width,
             height,
             pixelformat: fourcc,
             field: sys::V4L2_FIELD_NONE,
-            bytesperline: width * pixel_bytes,
-            sizeimage: width * height * pixel_bytes,
+            bytesperline: frame_bytes / height,
+            sizeimage: frame_bytes,
             ..Default::default()
         };
         call(&file, sys::REQUEST_S_FMT, &mut format);
-        let mut pixels = vec![0; (width * height * pixel_bytes) as usize];
-        draw(0, &mut pixels);
-        file.write_all(&pixels).unwrap();
+        // SAFETY: the kernel filled in `pix`.
+        let kept = unsafe { format.fmt.pix };
+        assert_eq!(
+            (kept.width, kept.height, kept.pixelformat),
+            (width, height, fourcc),
+            "the driver keeps another format"
+        );
+        let mut write = move |number| {
+            let frame = draw(number);
+            assert!(frame.len() <= frame_bytes as usize);
+            assert_eq!(file.write(&frame).unwrap(), frame.len());
+        };
+        write(0);
         let stop = Arc::new(AtomicBool::new(false));
         let told = Arc::clone(&stop);
         let thread = std::thread::spawn(move || {
             let mut number = 0;
             while !told.load(Ordering::Relaxed) {
                 number += 1;
-                draw(number, &mut pixels);
-                file.write_all(&pixels).unwrap();
-                std::thread::sleep(period);
+                write(number);
+                std::thread::sleep(PERIOD);
             }
         });
         Self { stop, thread: Some(thread) }
