@@ -36,6 +36,8 @@ pub struct State {
     pub interval: (u32, u32),
     /// Format, (width, height) and rate, Hz, of each mode; empty for a driver that lists none and keeps what it has.
     pub modes: Vec<(u32, (u32, u32), u32)>,
+    /// Stamp of the frames, s on the kernel's monotonic clock.
+    pub stamp_s: i64,
     /// Whether memory of the user is taken: at all, and at the first buffer.
     pub takes_user: (bool, bool),
     /// Every call fails with this error.
@@ -58,12 +60,13 @@ struct Filled {
     sequence: u32,
     flags: u32,
     bytes: u32,
+    stamp_s: i64,
 }
 
 impl Filled {
     fn as_buffer(&self) -> sys::v4l2_buffer {
-        let Self { index, sequence, flags, bytes: bytesused } = *self;
-        let timestamp = sys::timeval { tv_sec: 100, tv_usec: i64::from(sequence) * 10 };
+        let Self { index, sequence, flags, bytes: bytesused, stamp_s } = *self;
+        let timestamp = sys::timeval { tv_sec: stamp_s, tv_usec: i64::from(sequence) * 10 };
         sys::v4l2_buffer { index, sequence, flags, bytesused, timestamp, ..Default::default() }
     }
 }
@@ -82,6 +85,8 @@ impl Mock {
             size: (4, 2),
             interval: (1, 100),
             takes_user: (true, true),
+            // Later than any machine that runs this was started.
+            stamp_s: 4_000_000_000,
             ..State::default()
         };
         Self { state: Arc::new(Mutex::new(state)), file: Arc::new(tempfile::tempfile().unwrap()) }
@@ -113,8 +118,9 @@ impl Mock {
         } else {
             self.file.write_all_at(&pixels, u64::from(index * BUFFER_ROOM)).unwrap();
         }
+        let stamp_s = state.stamp_s;
         let flags = flags | sys::V4L2_BUF_FLAG_TIMESTAMP_MONOTONIC | sys::V4L2_BUF_FLAG_TSTAMP_SRC_SOE;
-        state.ready.push_back(Filled { index, sequence, flags, bytes });
+        state.ready.push_back(Filled { index, sequence, flags, bytes, stamp_s });
         true
     }
 }

@@ -150,6 +150,10 @@ impl V4l2Camera {
 
     /// A buffer out of the queue, accepted only when it holds a whole frame with a place and a time.
     fn judge(&mut self, slot: Slot, info: &Info) -> Next {
+        if self.queue.is_stale(info) {
+            self.queue.push(&self.device, slot);
+            return Next::Nothing;
+        }
         let sequence = self.sequences.unwrap_count(info.sequence);
         let torn = |slot, reason: &str| Next::Torn(slot, format!("frame {}: {reason}", info.sequence));
         if info.flags & sys::V4L2_BUF_FLAG_ERROR != 0 {

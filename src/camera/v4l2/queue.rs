@@ -7,6 +7,7 @@
 use super::device::{Device, Memory};
 use super::kernel::Mapping;
 use super::layout::Shape;
+use super::stamp::{has_stamp, monotonic_ns};
 use super::sys;
 use crate::camera::Slot;
 use std::collections::VecDeque;
@@ -61,6 +62,8 @@ pub(super) struct Queue {
     refused: VecDeque<(Slot, String)>,
     refusals: usize,
     started: bool,
+    /// When the stream was started, ns on the kernel's monotonic clock.
+    began_ns: u64,
 }
 
 impl Queue {
@@ -75,12 +78,20 @@ impl Queue {
             refused: VecDeque::new(),
             refusals: 0,
             started: false,
+            began_ns: 0,
         }
     }
 
     /// Whether frames are copied from buffers of the driver.
     pub fn copies(&self) -> bool {
         self.memory == Memory::Mapped
+    }
+
+    /// Whether a frame with this stamp was there before the stream was started.
+    ///
+    /// A driver that many programs share may hand such a one out, with a count that is not its own.
+    pub fn is_stale(&self, info: &Info) -> bool {
+        has_stamp(info) && info.stamp_ns < self.began_ns
     }
 
     /// Takes a slot of at least the shape's `slot_bytes`.
@@ -102,6 +113,7 @@ impl Queue {
         if !(self.shape.is_plain() && self.lend_slots(device, count)) {
             self.map_buffers(device, count)?;
         }
+        self.began_ns = monotonic_ns();
         device.stream_on()?;
         self.started = true;
         Ok(())

@@ -69,14 +69,19 @@ impl HostClock {
     /// it began where the sensor is read out all the time. A stamp of another clock,
     /// or none, is replaced by the arrival.
     pub fn stamps(&self, info: &Info, arrival_ns: u64) -> Stamps {
-        let clock = info.flags & sys::V4L2_BUF_FLAG_TIMESTAMP_MASK;
-        if clock != sys::V4L2_BUF_FLAG_TIMESTAMP_MONOTONIC || info.stamp_ns == 0 {
+        if !has_stamp(info) {
             return Stamps { stamp_ns: self.epoch_of_monotonic_ns + arrival_ns, device_ns: 0 };
         }
         let at_start = info.flags & sys::V4L2_BUF_FLAG_TSTAMP_SRC_MASK == sys::V4L2_BUF_FLAG_TSTAMP_SRC_SOE;
         let start_ns = if at_start { info.stamp_ns } else { info.stamp_ns.saturating_sub(self.frame_ns) };
         Stamps { stamp_ns: self.epoch_of_monotonic_ns.saturating_add(start_ns), device_ns: info.stamp_ns }
     }
+}
+
+/// Whether a buffer is stamped, and by the kernel's monotonic clock.
+pub(super) fn has_stamp(info: &Info) -> bool {
+    let clock = info.flags & sys::V4L2_BUF_FLAG_TIMESTAMP_MASK;
+    clock == sys::V4L2_BUF_FLAG_TIMESTAMP_MONOTONIC && info.stamp_ns > 0
 }
 
 /// Now on the kernel's monotonic clock, ns.

@@ -110,6 +110,27 @@ fn a_wait_in_vain_gives_no_buffer_back_and_the_stream_goes_on() {
 }
 
 #[test]
+fn a_frame_from_before_the_start_is_no_frame_and_its_count_says_nothing() {
+    for takes_user in [(true, true), (false, false)] {
+        let mock = Mock::new();
+        mock.state().takes_user = takes_user;
+        let mut memories = Memories::new(6);
+        let mut camera = started(&mock, &mut memories);
+        let owned = mock.state().owned.len();
+        // A second after the machine was started.
+        let stamp_s = std::mem::replace(&mut mock.state().stamp_s, 1);
+        mock.fill(0, 7, 0);
+        assert!(matches!(camera.next(SHORT).unwrap(), Next::Nothing));
+        assert_eq!(mock.state().owned.len(), owned, "its buffer is with the driver again");
+        mock.state().stamp_s = stamp_s;
+        for (count, sequence) in [(40, 0), (41, 1)] {
+            mock.fill(count, 7, 0);
+            assert_eq!(frame(&mut camera).1, sequence);
+        }
+    }
+}
+
+#[test]
 fn a_gap_in_the_drivers_count_is_a_gap_in_the_sequence() {
     let mock = Mock::new();
     let mut memories = Memories::new(6);
