@@ -203,15 +203,7 @@ impl Kernel for Mock {
                     Ok(())
                 }
                 sys::REQUEST_G_PARM | sys::REQUEST_S_PARM => {
-                    let raw: &mut sys::v4l2_streamparm = as_mut(argument);
-                    let wanted = raw.parm.capture.timeperframe;
-                    let rates = state.rates(state.fourcc, state.size);
-                    if request == sys::REQUEST_S_PARM && wanted.numerator == 1 && rates.contains(&wanted.denominator) {
-                        state.interval = (1, wanted.denominator);
-                    }
-                    let (numerator, denominator) = state.interval;
-                    raw.parm.capture.capability = sys::V4L2_CAP_TIMEPERFRAME;
-                    raw.parm.capture.timeperframe = sys::v4l2_fract { numerator, denominator };
+                    state.pace(request == sys::REQUEST_S_PARM, as_mut(argument));
                     Ok(())
                 }
                 _ => state.control_call(request, argument),
@@ -250,6 +242,20 @@ impl State {
     fn rates(&self, wanted: u32, wanted_size: (u32, u32)) -> Vec<u32> {
         let modes = self.modes.iter().filter(|(fourcc, size, _)| (*fourcc, *size) == (wanted, wanted_size));
         modes.map(|(.., rate)| *rate).collect()
+    }
+
+    /// Turns to the rate asked for, if it has it, and tells the one it has.
+    fn pace(&mut self, is_asked: bool, raw: &mut sys::v4l2_streamparm) {
+        // SAFETY: plain numbers; whoever asks filled them in.
+        let wanted = unsafe { raw.parm.capture.timeperframe };
+        let has = wanted.numerator == 1 && self.rates(self.fourcc, self.size).contains(&wanted.denominator);
+        if is_asked && has {
+            self.interval = (1, wanted.denominator);
+        }
+        let (numerator, denominator) = self.interval;
+        let timeperframe = sys::v4l2_fract { numerator, denominator };
+        raw.parm.capture =
+            sys::v4l2_captureparm { capability: sys::V4L2_CAP_TIMEPERFRAME, timeperframe, ..Default::default() };
     }
 
     /// Turns to the mode asked for; of a format without this size to its first one, as drivers do.

@@ -32,6 +32,7 @@ mod stamp;
     dead_code,
     clippy::all,
     clippy::undocumented_unsafe_blocks,
+    clippy::allow_attributes_without_reason,
     reason = "generated"
 )]
 pub mod sys;

@@ -11,11 +11,11 @@ const ROOM: usize = 16;
 const SHORT: Duration = Duration::from_millis(1);
 
 /// Memory for slots; made first, so that it goes last.
-struct Memories(Vec<Box<[u8; ROOM]>>);
+struct Memories(Vec<[u8; ROOM]>);
 
 impl Memories {
     fn new(count: usize) -> Self {
-        Self((0..count).map(|_| Box::new([0xa5; ROOM])).collect())
+        Self(vec![[0xa5; ROOM]; count])
     }
 
     fn lend_all(&mut self, camera: &mut V4l2Camera) {
