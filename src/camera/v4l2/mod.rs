@@ -48,7 +48,7 @@ use apply::Applied;
 use layout::Shape;
 use queue::{BUFFERS_MAX, BUFFERS_MIN, Info, Out, Queue};
 use rhythm::Rhythm;
-use stamp::{HostClock, Sequences, monotonic_ns};
+use stamp::{HostClock, Sequences, is_stale, monotonic_ns};
 use std::io;
 use std::time::Duration;
 
@@ -151,7 +151,7 @@ impl V4l2Camera {
 
     /// A buffer out of the queue, accepted only when it holds a whole frame with a place and a time.
     fn judge(&mut self, slot: Slot, info: &Info) -> Next {
-        if self.queue.is_stale(info) {
+        if is_stale(info, self.queue.began_ns()) {
             self.queue.push(&self.device, slot);
             return Next::Nothing;
         }

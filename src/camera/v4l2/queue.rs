@@ -7,7 +7,7 @@
 use super::device::{Device, Memory};
 use super::kernel::Mapping;
 use super::layout::Shape;
-use super::stamp::{has_stamp, monotonic_ns};
+use super::stamp::monotonic_ns;
 use super::sys;
 use crate::camera::Slot;
 use std::collections::VecDeque;
@@ -87,11 +87,9 @@ impl Queue {
         self.memory == Memory::Mapped
     }
 
-    /// Whether a frame with this stamp was there before the stream was started.
-    ///
-    /// A driver that many programs share may hand such a one out, with a count that is not its own.
-    pub fn is_stale(&self, info: &Info) -> bool {
-        has_stamp(info) && info.stamp_ns < self.began_ns
+    /// When the stream was started, ns on the kernel's monotonic clock.
+    pub fn began_ns(&self) -> u64 {
+        self.began_ns
     }
 
     /// Takes a slot of at least the shape's `slot_bytes`.

@@ -78,8 +78,22 @@ impl HostClock {
     }
 }
 
+/// Stamps that do not say their clock may be of the monotonic one when they are this near to it.
+const NEAR_NS: u64 = 10_000_000_000;
+
+/// Whether a frame was there before the stream was started at `began_ns`.
+///
+/// A driver that several programs share (v4l2loopback) hands such a one out first,
+/// with a count that it set to 0 and a stamp whose clock it does not tell.
+pub(super) fn is_stale(info: &Info, began_ns: u64) -> bool {
+    let clock = info.flags & sys::V4L2_BUF_FLAG_TIMESTAMP_MASK;
+    let is_before = info.stamp_ns > 0 && info.stamp_ns < began_ns;
+    let is_near = began_ns.saturating_sub(info.stamp_ns) < NEAR_NS;
+    is_before && (has_stamp(info) || (clock == sys::V4L2_BUF_FLAG_TIMESTAMP_UNKNOWN && is_near))
+}
+
 /// Whether a buffer is stamped, and by the kernel's monotonic clock.
-pub(super) fn has_stamp(info: &Info) -> bool {
+fn has_stamp(info: &Info) -> bool {
     let clock = info.flags & sys::V4L2_BUF_FLAG_TIMESTAMP_MASK;
     clock == sys::V4L2_BUF_FLAG_TIMESTAMP_MONOTONIC && info.stamp_ns > 0
 }
@@ -121,6 +135,25 @@ mod tests {
         assert_eq!(start, Stamps { stamp_ns: 1_700_000_000_005_000_000, device_ns: 5_000_000 });
         let end = CLOCK.stamps(&info(monotonic | sys::V4L2_BUF_FLAG_TSTAMP_SRC_EOF, 5_000_000), 9_000_000);
         assert_eq!(end, Stamps { stamp_ns: 1_700_000_000_004_000_000, device_ns: 5_000_000 });
+    }
+
+    #[test]
+    fn what_was_there_before_the_start_is_told_by_any_stamp_that_may_be_of_the_kernels_clock() {
+        let (monotonic, unknown) = (sys::V4L2_BUF_FLAG_TIMESTAMP_MONOTONIC, sys::V4L2_BUF_FLAG_TIMESTAMP_UNKNOWN);
+        let began_ns = 100_000_000_000;
+        for (flags, stamp_ns, is) in [
+            (monotonic, 1, true),
+            (monotonic, began_ns - 1, true),
+            (monotonic, began_ns, false),
+            (unknown, began_ns - 1, true),
+            // A clock of its own.
+            (unknown, 1, false),
+            (unknown, 0, false),
+            (unknown, 1_700_000_000_000_000_000, false),
+            (sys::V4L2_BUF_FLAG_TIMESTAMP_COPY, began_ns - 1, false),
+        ] {
+            assert_eq!(is_stale(&info(flags, stamp_ns), began_ns), is, "{flags:#x}, {stamp_ns}");
+        }
     }
 
     #[test]
