@@ -151,7 +151,7 @@ pub struct RoleLine {
 /// Arguments of a command.
 #[derive(Debug, Args)]
 pub struct Cameras {
-    /// Print the feature tree of this camera.
+    /// Print what the camera of this address, name or device file can be set to.
     #[arg(long, value_name = "ID")]
     features: Option<String>,
     /// Print JSON.

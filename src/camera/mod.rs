@@ -4,6 +4,7 @@ pub mod genicam;
 pub mod recording;
 pub mod simulated;
 mod slot;
+pub mod v4l2;
 
 pub use slot::Slot;
 

@@ -1,8 +1,8 @@
 //! `ricochet cameras`: the cameras in reach and what they can do.
 
 use super::say;
-use crate::camera::CameraError;
 use crate::camera::genicam::{CameraDetails, CameraListing, FeatureLine, Kind, describe, features, list};
+use crate::camera::{CameraError, v4l2};
 use serde_json::{Value, json};
 
 /// What to tell.
@@ -10,34 +10,125 @@ use serde_json::{Value, json};
 pub struct CamerasOptions {
     /// One JSON document instead of text.
     pub json: bool,
-    /// Id, address or serial number of the camera whose features are told instead of the list.
+    /// Id, address, serial number or device file of the camera whose features are told instead of the list.
     pub features_of: Option<String>,
 }
 
 /// Prints the cameras in reach, or the features of one.
 ///
+/// Without the GenICam library the kernel's cameras are told all the same.
+///
 /// # Errors
 ///
-/// [`CameraError`] when the camera library is missing or the camera does not answer.
+/// [`CameraError`] when there is no camera and the GenICam library is missing, or the one meant does not answer.
 pub fn run(options: &CamerasOptions) -> anyhow::Result<()> {
     if let Some(id) = &options.features_of {
-        let lines = features(id)?;
-        match options.json {
-            true => say(&Value::from(lines.iter().map(feature_as_json).collect::<Vec<_>>()).to_string()),
-            false => lines.iter().for_each(|line| say(&feature_as_text(line))),
-        }
-        return Ok(());
+        return tell_features(id, options.json);
     }
-    let cameras: Vec<_> = list()?.into_iter().map(|camera| (describe(&camera), camera)).collect();
+    let kernels = v4l2::list();
+    let genicam = match list() {
+        Ok(cameras) => cameras,
+        Err(error) if kernels.is_empty() => return Err(error.into()),
+        Err(error) => {
+            log::warn!("GenICam cameras are left out: {error}");
+            Vec::new()
+        }
+    };
+    let genicam: Vec<_> = genicam.into_iter().map(|camera| (describe(&camera), camera)).collect();
     if options.json {
-        let cameras: Vec<_> = cameras.iter().map(|(details, camera)| camera_as_json(camera, details)).collect();
+        let cameras = genicam.iter().map(|(details, camera)| camera_as_json(camera, details));
+        let cameras: Vec<_> = cameras.chain(kernels.iter().map(kernel_camera_as_json)).collect();
         say(&json!({ "cameras": cameras }).to_string());
-    } else if cameras.is_empty() {
-        say("no camera answers on any network card or USB port");
+    } else if genicam.is_empty() && kernels.is_empty() {
+        say("no camera answers on any network card or USB port, and the kernel has none");
     } else {
-        cameras.iter().for_each(|(details, camera)| say(&camera_as_text(camera, details)));
+        genicam.iter().for_each(|(details, camera)| say(&camera_as_text(camera, details)));
+        kernels.iter().for_each(|camera| say(&kernel_camera_as_text(camera)));
     }
     Ok(())
+}
+
+/// Prints what one camera can be set to; of one of the kernel also its formats, sizes and rates.
+fn tell_features(id: &str, as_json: bool) -> anyhow::Result<()> {
+    let (camera, lines) = match v4l2::is_ours(id) {
+        true => v4l2::features(id).map(|(camera, lines)| (Some(camera), lines))?,
+        false => (None, features(id)?),
+    };
+    if as_json {
+        let lines = Value::from(lines.iter().map(feature_as_json).collect::<Vec<_>>());
+        let told = camera.map_or_else(
+            || lines.clone(),
+            |camera| {
+                let mut told = kernel_camera_as_json(&camera);
+                told["features"] = lines.clone();
+                told
+            },
+        );
+        say(&told.to_string());
+        return Ok(());
+    }
+    if let Some(camera) = camera {
+        say(&kernel_camera_as_text(&camera));
+    }
+    lines.iter().for_each(|line| say(&feature_as_text(line)));
+    Ok(())
+}
+
+/// A camera of the kernel in a few lines, what to write in a configuration first.
+fn kernel_camera_as_text(camera: &v4l2::CameraListing) -> String {
+    let serial = if camera.serial.is_empty() { "none" } else { &camera.serial };
+    let mut lines = vec![
+        camera.path.display().to_string(),
+        format!("  model    {}, serial number {serial}", camera.capability.card),
+    ];
+    if let Some(reason) = &camera.closed {
+        lines.push(format!("  {reason}"));
+        return lines.join("\n");
+    }
+    lines.push(format!("  address  {} (V4L2, driver {})", camera.capability.bus, camera.capability.driver));
+    for format in &camera.formats {
+        let becomes = format.becomes.map_or("cannot be read", |format| format.word());
+        lines.push(format!("  format   {} ({}), {becomes}", format.code, format.description));
+        if format.becomes.is_some() {
+            if let v4l2::Sizes::Range(_) = format.sizes {
+                lines.push(format!("    {} px", format.sizes));
+            }
+            lines.extend(
+                format.rates.iter().map(|((width, height), rates)| format!("    {width}x{height} px: {rates} Hz")),
+            );
+        }
+    }
+    lines.join("\n")
+}
+
+fn kernel_camera_as_json(camera: &v4l2::CameraListing) -> Value {
+    let sizes = |sizes: &v4l2::Sizes| match sizes {
+        v4l2::Sizes::List(sizes) => json!(sizes),
+        v4l2::Sizes::Range([least, most, step]) => json!({ "least": least, "most": most, "step": step }),
+    };
+    let rates = |(size, rates): &((u32, u32), v4l2::Rates)| {
+        let rates = match rates {
+            v4l2::Rates::List(rates) => json!(rates),
+            v4l2::Rates::Range(least, most) => json!({ "least": least, "most": most }),
+        };
+        json!({ "size_px": size, "rates_hz": rates })
+    };
+    let format = |format: &v4l2::FormatOffer| {
+        json!({
+            "code": format.code, "description": format.description,
+            "becomes": format.becomes.map(|format| format.word()),
+            "sizes_px": sizes(&format.sizes), "modes": format.rates.iter().map(rates).collect::<Vec<_>>(),
+        })
+    };
+    let mut value = json!({
+        "id": camera.path.display().to_string(), "vendor": camera.capability.driver, "model": camera.capability.card,
+        "serial": camera.serial, "address": camera.capability.bus, "protocol": "V4L2",
+        "formats": camera.formats.iter().map(format).collect::<Vec<_>>(),
+    });
+    if let Some(reason) = &camera.closed {
+        value["error"] = json!(reason);
+    }
+    value
 }
 
 /// A camera in a few lines, what to write in a configuration first.
@@ -146,5 +237,45 @@ mod tests {
         let gone = Err(CameraError::NotFound { id: text("10.0.0.1"), reason: text("silence") });
         assert!(camera_as_text(&camera, &gone).ends_with("  open camera \"10.0.0.1\": silence"));
         assert_eq!(camera_as_json(&camera, &gone)["error"], "open camera \"10.0.0.1\": silence");
+    }
+
+    fn webcam() -> v4l2::CameraListing {
+        let rates = vec![((640, 480), v4l2::Rates::List(vec![30.0, 15.0]))];
+        let format = |code: &str, becomes, rates| v4l2::FormatOffer {
+            code: code.into(),
+            description: "words".into(),
+            becomes,
+            sizes: v4l2::Sizes::List(vec![(640, 480)]),
+            rates,
+        };
+        let capability = v4l2::Capability {
+            driver: "uvcvideo".into(),
+            card: "Webcam".into(),
+            bus: "usb-1".into(),
+            ..v4l2::Capability::default()
+        };
+        let formats =
+            vec![format("YUYV", Some(crate::image::PixelFormat::Mono8), rates), format("H264", None, Vec::new())];
+        v4l2::CameraListing { path: "/dev/video0".into(), capability, serial: String::new(), formats, closed: None }
+    }
+
+    #[test]
+    fn a_camera_of_the_kernel_is_told_with_what_each_format_becomes() {
+        assert_eq!(
+            kernel_camera_as_text(&webcam()),
+            "/dev/video0\n  model    Webcam, serial number none\n  address  usb-1 (V4L2, driver uvcvideo)\n  \
+             format   YUYV (words), Mono8\n    640x480 px: 30, 15 Hz\n  format   H264 (words), cannot be read"
+        );
+        let json = kernel_camera_as_json(&webcam());
+        assert_eq!(json["formats"][0]["modes"][0], json!({ "size_px": [640, 480], "rates_hz": [30.0, 15.0] }));
+        assert_eq!(json.get("error"), None);
+    }
+
+    #[test]
+    fn a_camera_of_the_kernel_that_may_not_be_opened_is_listed_with_the_reason() {
+        let closed = v4l2::CameraListing { closed: Some("Permission denied".into()), ..webcam() };
+        let text = kernel_camera_as_text(&closed);
+        assert_eq!(text, "/dev/video0\n  model    Webcam, serial number none\n  Permission denied");
+        assert_eq!(kernel_camera_as_json(&closed)["error"], "Permission denied");
     }
 }

@@ -16,11 +16,17 @@ pub enum Source {
     Recording,
     /// A GigE Vision or USB3 Vision camera.
     Genicam,
+    /// A camera of the Linux kernel.
+    V4l2,
 }
 
 impl Source {
-    const WORDS: [(&'static str, Self); 3] =
-        [("simulated", Self::Simulated), ("recording", Self::Recording), ("genicam", Self::Genicam)];
+    const WORDS: [(&'static str, Self); 4] = [
+        ("simulated", Self::Simulated),
+        ("recording", Self::Recording),
+        ("genicam", Self::Genicam),
+        ("v4l2", Self::V4l2),
+    ];
 
     /// The word used in configurations.
     pub fn word(self) -> &'static str {
@@ -28,16 +34,22 @@ impl Source {
             Self::Simulated => "simulated",
             Self::Recording => "recording",
             Self::Genicam => "genicam",
+            Self::V4l2 => "v4l2",
         }
+    }
+
+    /// Whether it is a camera of glass and silicon: set up by the rig, and live.
+    pub fn is_device(self) -> bool {
+        matches!(self, Self::Genicam | Self::V4l2)
     }
 }
 
-/// The value of a GenICam feature.
+/// The value of a GenICam feature or a V4L2 control.
 #[derive(Debug, Clone, PartialEq)]
 pub enum FeatureValue {
     /// `true` or `false`, for boolean features; `true` executes a command.
     Bool(bool),
-    /// A whole number, for integer features (and float ones: the camera's description decides).
+    /// A whole number, for integer features (and float ones: the camera's description decides) and integer controls.
     Integer(i64),
     /// A finite number, for float features.
     Float(f64),
@@ -61,8 +73,9 @@ impl std::fmt::Display for FeatureValue {
 pub struct Camera {
     /// Who delivers the frames; must be given.
     pub source: Source,
-    /// Which one: an address, serial number or device name (`genicam`), or the path of an MCAP file
-    /// (`recording`; a relative path starts at the working directory). Both need it, `simulated` has none.
+    /// Which one: an address, serial number or device name (`genicam`), a device file, or place, serial number or
+    /// name of a camera (`v4l2`), or the path of an MCAP file (`recording`; a relative path starts at the working
+    /// directory). All three need it, `simulated` has none.
     pub id: Option<String>,
     /// What is simulated (`simulated` only): the name of a built-in scenario or the path of a scenario's TOML
     /// (relative to the working directory). Default `lacrosse`; `None` for other sources.
@@ -84,8 +97,8 @@ pub struct Camera {
     /// Whether each frame of a `recording` waits for a line on standard input, default false; the end of the input is
     /// the end of the stream. `paced` and `playback_rate` then say nothing.
     pub stepped: bool,
-    /// Pixels a row, 16 to 65535 px. `genicam` needs it; a simulated camera takes it from its scenario when left
-    /// out, a recording knows its own.
+    /// Pixels a row, 16 to 65535 px. `genicam` and `v4l2` need it; a simulated camera takes it from its scenario
+    /// when left out, a recording knows its own.
     pub width_px: Option<u32>,
     /// Rows, 16 to 65535 px; needed as `width_px` is.
     pub height_px: Option<u32>,
@@ -93,14 +106,15 @@ pub struct Camera {
     pub offset_x_px: Option<u32>,
     /// Upper edge of that window, 0 to 65535 px.
     pub offset_y_px: Option<u32>,
-    /// Layout of the pixels: `Mono8`, `Mono10`, `Mono12`, `Mono16`. `genicam`: default `Mono8`; `simulated`: the
-    /// scenario's when left out; a recording knows its own.
+    /// Layout of the pixels: `Mono8`, `Mono10`, `Mono12`, `Mono16`. `genicam` and `v4l2`: default `Mono8`;
+    /// `simulated`: the scenario's when left out; a recording knows its own.
     pub pixel_format: Option<PixelFormat>,
     /// Frames a second, above 0 and at most 1000000 Hz; needed as `width_px` is. With `trigger_source` it is the
-    /// highest rate of triggers expected.
+    /// highest rate of triggers expected; a `v4l2` driver that sets no rates delivers at its own, and the key tells
+    /// the rig what to expect.
     pub frame_rate_hz: Option<f64>,
     /// Exposure, above 0 and at most 10000000 us, no longer than a frame lasts at `frame_rate_hz`; left out, the
-    /// camera's or the scenario's own.
+    /// camera's or the scenario's own. `v4l2` has steps of 100 us.
     pub exposure_us: Option<f64>,
     /// Each frame waits for this trigger (`genicam` only), a GenICam name such as `Line1` or `Software`; left out,
     /// the camera runs freely.
@@ -108,8 +122,8 @@ pub struct Camera {
     /// Largest network packet (`genicam` over Ethernet only), 576 to 65535 bytes; left out, as large as network card
     /// and camera allow.
     pub packet_size_bytes: Option<u32>,
-    /// Any other feature of the camera by its GenICam name (`genicam` only), or `Name[Selector=Word]` for one of
-    /// several behind a selector. Their order does not matter: what the camera refuses at first is tried again once
+    /// Any other feature of the camera by its GenICam name (`genicam`), or `Name[Selector=Word]` for one of several
+    /// behind a selector; any control of the driver by its name (`v4l2`), lower-case with `_`. Their order does not matter: what the camera refuses at first is tried again once
     /// the others are set.
     pub features: BTreeMap<String, FeatureValue>,
 }
@@ -136,7 +150,7 @@ pub(super) fn camera(table: &Table<'_>, raw: RawCamera) -> Result<Camera, Config
         source,
         scenario: match source {
             Source::Simulated => table.filled("scenario", raw.scenario)?.or_else(|| Some("lacrosse".into())),
-            Source::Recording | Source::Genicam => None,
+            Source::Recording | Source::Genicam | Source::V4l2 => None,
         },
         id: table.filled("id", raw.id)?,
         paced: raw.paced.unwrap_or(true),
@@ -159,26 +173,22 @@ pub(super) fn camera(table: &Table<'_>, raw: RawCamera) -> Result<Camera, Config
     };
     refuse_gaps(table, &camera)?;
     refuse_long_exposure(table, &camera)?;
-    Ok(Camera {
-        pixel_format: camera.pixel_format.or((source == Source::Genicam).then_some(PixelFormat::Mono8)),
-        ..camera
-    })
+    Ok(Camera { pixel_format: camera.pixel_format.or(source.is_device().then_some(PixelFormat::Mono8)), ..camera })
 }
 
 fn source(table: &Table<'_>, word: Option<&str>) -> Result<Source, ConfigError> {
     let words = listed(Source::WORDS.iter().map(|(word, _)| *word));
     match word {
         None => Err(table.refuse("source", words)),
-        Some("v4l2") => Err(table.text.not_offered(&table.key("source"), format!("allowed: {words}"))),
         word => table.word("source", word, &Source::WORDS)?.ok_or_else(|| table.refuse("source", words)),
     }
 }
 
 /// Refuses keys that the chosen source has no use for, rather than ignoring them.
 fn refuse_strangers(table: &Table<'_>, source: Source, raw: &RawCamera) -> Result<(), ConfigError> {
-    use Source::{Genicam, Recording, Simulated};
+    use Source::{Genicam, Recording, Simulated, V4l2};
     let keys: [(&str, bool, &[Source]); 19] = [
-        ("id", raw.id.is_some(), &[Recording, Genicam]),
+        ("id", raw.id.is_some(), &[Recording, Genicam, V4l2]),
         ("scenario", raw.scenario.is_some(), &[Simulated]),
         ("paced", raw.paced.is_some(), &[Simulated, Recording]),
         ("playback_rate", raw.playback_rate.is_some(), &[Recording]),
@@ -187,16 +197,16 @@ fn refuse_strangers(table: &Table<'_>, source: Source, raw: &RawCamera) -> Resul
         ("parts", raw.parts.is_some(), &[Recording]),
         ("shift_ns", raw.shift_ns.is_some(), &[Recording]),
         ("stepped", raw.stepped.is_some(), &[Recording]),
-        ("width_px", raw.width_px.is_some(), &[Simulated, Genicam]),
-        ("height_px", raw.height_px.is_some(), &[Simulated, Genicam]),
+        ("width_px", raw.width_px.is_some(), &[Simulated, Genicam, V4l2]),
+        ("height_px", raw.height_px.is_some(), &[Simulated, Genicam, V4l2]),
         ("offset_x_px", raw.offset_x_px.is_some(), &[Genicam]),
         ("offset_y_px", raw.offset_y_px.is_some(), &[Genicam]),
-        ("pixel_format", raw.pixel_format.is_some(), &[Simulated, Genicam]),
-        ("frame_rate_hz", raw.frame_rate_hz.is_some(), &[Simulated, Genicam]),
-        ("exposure_us", raw.exposure_us.is_some(), &[Simulated, Recording, Genicam]),
+        ("pixel_format", raw.pixel_format.is_some(), &[Simulated, Genicam, V4l2]),
+        ("frame_rate_hz", raw.frame_rate_hz.is_some(), &[Simulated, Genicam, V4l2]),
+        ("exposure_us", raw.exposure_us.is_some(), &[Simulated, Recording, Genicam, V4l2]),
         ("trigger_source", raw.trigger_source.is_some(), &[Genicam]),
         ("packet_size_bytes", raw.packet_size_bytes.is_some(), &[Genicam]),
-        ("features", !raw.features.is_empty(), &[Genicam]),
+        ("features", !raw.features.is_empty(), &[Genicam, V4l2]),
     ];
     match keys.iter().find(|(_, given, sources)| *given && !sources.contains(&source)) {
         None => Ok(()),
@@ -211,12 +221,14 @@ fn refuse_gaps(table: &Table<'_>, camera: &Camera) -> Result<(), ConfigError> {
     if camera.id.is_none() && camera.source == Source::Recording {
         return Err(table.refuse("id", "the path of an MCAP file for source = \"recording\""));
     }
-    if camera.source != Source::Genicam {
+    if !camera.source.is_device() {
         return Ok(());
     }
-    let needed = |what: &str| format!("{what} for source = \"genicam\"");
+    let needed = |what: &str| format!("{what} for source = {:?}", camera.source.word());
     if camera.id.is_none() {
-        return Err(table.refuse("id", needed("the address, serial number or name of a camera")));
+        let genicam = camera.source == Source::Genicam;
+        let place = if genicam { "the address, serial number" } else { "the device file, place, serial number" };
+        return Err(table.refuse("id", needed(&format!("{place} or name of a camera"))));
     }
     for (key, value) in [("width_px", camera.width_px), ("height_px", camera.height_px)] {
         if value.is_none() {

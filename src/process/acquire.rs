@@ -230,23 +230,40 @@ impl Loop {
             anyhow::bail!("read a frame: {error}");
         }
         self.reporter.event(EventKind::Camera, self.next, self.stamp_ns, &error.to_string())?;
-        self.source.close();
-        self.ring.take_all_back();
-        self.queued = 0;
+        self.let_go();
         let mut every = Every::new(Duration::from_millis(500));
         while !stop.requested() {
             self.reporter.status(&self.summary, self.next.saturating_sub(1), self.stamp_ns)?;
-            if every.due() && self.source.reopen(config).is_ok() {
-                self.epoch += 1;
-                // The frames between are unknown in number: at least one is missing.
-                self.offset = self.next + 1;
-                self.lend()?;
-                self.source.camera().start()?;
+            if every.due() && self.come_back(config)? {
                 return Ok(self.reporter.event(EventKind::Camera, self.next, self.stamp_ns, "the camera is back")?);
             }
             std::thread::sleep(Duration::from_millis(10));
         }
         Ok(())
+    }
+
+    /// Closes the camera and takes every slot back that it had.
+    fn let_go(&mut self) {
+        self.source.close();
+        self.ring.take_all_back();
+        self.queued = 0;
+    }
+
+    /// Opens the camera again and starts it; `false` when it does not answer yet, or is gone again.
+    fn come_back(&mut self, config: &Config) -> Result<bool, BusError> {
+        if self.source.reopen(config).is_err() {
+            return Ok(false);
+        }
+        self.lend()?;
+        if let Err(error) = self.source.camera().start() {
+            log::debug!("start the camera again: {error}");
+            self.let_go();
+            return Ok(false);
+        }
+        self.epoch += 1;
+        // The frames between are unknown in number: at least one is missing.
+        self.offset = self.next + 1;
+        Ok(true)
     }
 
     /// Tells the end and keeps the ring until its readers are done.

@@ -4,7 +4,7 @@ use super::action::{Actions, Cause};
 use super::clock::{host_ns, now};
 use super::report::Reporter;
 use crate::bus::BusError;
-use crate::config::{Config, Source, TriggerMode};
+use crate::config::{Config, TriggerMode};
 use crate::message::{Event, EventKind};
 use crate::results::{BodyStep, VelocitySample};
 use crate::trigger::{Decision, MeasuredTrigger, Quiet, States};
@@ -64,7 +64,7 @@ impl Conclusions {
             trigger: None,
             alone: Alone::new(config),
             states: States::new(config.bodies.len(), mode != TriggerMode::Off, streams),
-            live: config.camera.source == Source::Genicam,
+            live: config.camera.source.is_device(),
             exposure_ns: 0,
             decided: Vec::new(),
         }

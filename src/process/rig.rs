@@ -4,6 +4,7 @@ use crate::bus::Limits;
 use crate::camera::genicam::{GenicamCamera, GenicamSettings};
 use crate::camera::recording::{PlaybackRate, RecordingCamera, Repeat, Span};
 use crate::camera::simulated::{SimulatedCamera, load_scenario};
+use crate::camera::v4l2::{V4l2Camera, V4l2Settings};
 use crate::camera::{Camera, CameraError, CameraIdentity, Next, Pace, Slot, StreamFormat};
 use crate::config::{self, Config};
 use crate::image::PixelFormat;
@@ -38,7 +39,7 @@ impl Source {
     /// When it does not answer or refuses a setting.
     pub fn open(config: &Config) -> Result<Self, CameraError> {
         let camera = open_camera(config)?;
-        let live = config.camera.source == config::Source::Genicam;
+        let live = config.camera.source.is_device();
         Ok(Self { format: camera.format(), identity: camera.identity(), pace: camera.pace(), camera, live })
     }
 
@@ -142,6 +143,7 @@ pub fn open_camera(config: &Config) -> Result<Box<dyn Camera>, CameraError> {
             Box::new(recording)
         }
         config::Source::Genicam => Box::new(GenicamCamera::open(&GenicamSettings::from(camera))?),
+        config::Source::V4l2 => Box::new(V4l2Camera::open(&V4l2Settings::from(camera))?),
     })
 }
 
@@ -214,8 +216,8 @@ pub(super) fn limits(config: &Config, format: &StreamFormat) -> Limits {
 /// When the camera would have to be asked and does not answer.
 pub(super) fn expected_format(config: &Config) -> Result<StreamFormat, CameraError> {
     let camera = &config.camera;
-    if let (config::Source::Genicam, Some((width_px, height_px)), Some(frame_rate_hz)) =
-        (camera.source, camera.image_px(), camera.frame_rate_hz)
+    if let (true, Some((width_px, height_px)), Some(frame_rate_hz)) =
+        (camera.source.is_device(), camera.image_px(), camera.frame_rate_hz)
     {
         let format = camera.pixel_format.unwrap_or_default();
         let exposure_us = camera.exposure_us.unwrap_or(0.0);

@@ -58,3 +58,4 @@ mod synth;
 mod tidy;
 mod triggers;
 mod turned;
+mod v4l2;

@@ -154,7 +154,10 @@ fn words_that_mean_nothing_are_refused_with_the_ones_that_do() {
         ("[[body]]\nkind = \"cube\"", ", line 4: body[0].kind = \"cube\": must be \"ball\", \"rod\", \"patch\""),
     ]);
     let source = refusal("[camera]\nsource = \"usb\"\n");
-    assert_eq!(source, "rig.toml, line 2: camera.source = \"usb\": must be \"simulated\", \"recording\", \"genicam\"");
+    assert_eq!(
+        source,
+        "rig.toml, line 2: camera.source = \"usb\": must be \"simulated\", \"recording\", \"genicam\", \"v4l2\""
+    );
 }
 
 #[test]
@@ -227,11 +230,6 @@ fn what_this_version_does_not_offer_is_refused_by_name() {
         ),
         ("[bridge]\nzenoh = {}", ", line 3: the table [bridge] is not offered by this version; leave it out"),
     ]);
-    let v4l2 = refusal("[camera]\nsource = \"v4l2\"\n");
-    assert_eq!(
-        v4l2,
-        "rig.toml, line 2: camera.source = \"v4l2\" is not offered by this version; allowed: \"simulated\", \"recording\", \"genicam\""
-    );
 }
 
 #[test]
@@ -239,11 +237,11 @@ fn keys_of_another_setting_are_refused_and_not_ignored() {
     refused_on_a_simulated_rig(&[
         (
             "id = \"a\"",
-            ", line 3: camera.id = \"a\": does not go with source = \"simulated\"; it belongs to source = \"recording\", \"genicam\"",
+            ", line 3: camera.id = \"a\": does not go with source = \"simulated\"; it belongs to source = \"recording\", \"genicam\", \"v4l2\"",
         ),
         (
             "features = { Gain = 1 }",
-            ", line 3: camera.features = { Gain = 1 }: does not go with source = \"simulated\"; it belongs to source = \"genicam\"",
+            ", line 3: camera.features = { Gain = 1 }: does not go with source = \"simulated\"; it belongs to source = \"genicam\", \"v4l2\"",
         ),
         (
             "[rotation]\nring_inner_px = 6",
@@ -279,13 +277,36 @@ fn keys_of_another_setting_are_refused_and_not_ignored() {
     let width = refusal("[camera]\nsource = \"recording\"\nid = \"a.mcap\"\nwidth_px = 512\n");
     assert_eq!(
         width,
-        "rig.toml, line 4: camera.width_px = 512: does not go with source = \"recording\"; it belongs to source = \"simulated\", \"genicam\""
+        "rig.toml, line 4: camera.width_px = 512: does not go with source = \"recording\"; it belongs to source = \"simulated\", \"genicam\", \"v4l2\""
+    );
+}
+
+#[test]
+fn keys_of_a_network_camera_are_refused_for_one_of_the_kernel() {
+    let v4l2 = "[camera]\nsource = \"v4l2\"\nid = \"video0\"\nwidth_px = 640\nheight_px = 480\nframe_rate_hz = 60\n";
+    for key in ["offset_x_px = 1", "offset_y_px = 1", "trigger_source = \"Line1\"", "packet_size_bytes = 1500"] {
+        let name = key.split(' ').next().unwrap();
+        assert_eq!(
+            refusal(&format!("{v4l2}{key}\n")),
+            format!(
+                "rig.toml, line 7: camera.{key}: does not go with source = \"v4l2\"; it belongs to source = \"genicam\""
+            ),
+            "{name}"
+        );
+    }
+    let nameless = v4l2.replace("id = \"video0\"\n", "");
+    assert_eq!(
+        refusal(&nameless),
+        "rig.toml: camera.id is missing: must be the device file, place, serial number or name of a camera for source = \"v4l2\""
     );
 }
 
 #[test]
 fn missing_keys_are_named() {
-    assert_eq!(refusal(""), "rig.toml: camera.source is missing: must be \"simulated\", \"recording\", \"genicam\"");
+    assert_eq!(
+        refusal(""),
+        "rig.toml: camera.source is missing: must be \"simulated\", \"recording\", \"genicam\", \"v4l2\""
+    );
     let recording = refusal("[camera]\nsource = \"recording\"\n");
     assert_eq!(
         recording,

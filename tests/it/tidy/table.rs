@@ -101,7 +101,7 @@ pub const ROOMS: &[Room] = &[
     open(
         "camera",
         &["results", "image", "synth", "config", "message", "recording"],
-        &["bytes", "libc", "libloading", "log", "thiserror"],
+        &["bytes", "libc", "libloading", "log", "thiserror", "zune_jpeg"],
     ),
     open("bus", &["results", "image", "config", "message", "camera"], &["iceoryx2", "log", "rustix", "thiserror"]),
     open("process", BELOW_PROCESS, &["anyhow", "log", "rustix", "serde", "serde_json", "signal_hook", "thiserror"]),
@@ -170,6 +170,7 @@ pub const OUTSIDE: &[&str] = &[
     "toml",
     "toml_edit",
     "zstd",
+    "zune_jpeg",
 ];
 
 /// What a pure room may not name of the standard library.

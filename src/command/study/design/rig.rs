@@ -44,7 +44,7 @@ impl Rig {
                     None => return Err(refuse("there is nothing simulated to foresee").into()),
                 }
             }
-            Source::Genicam => {
+            Source::Genicam | Source::V4l2 => {
                 let name = scenario.unwrap_or("lacrosse");
                 let film = simulated::load_scenario(name).map_err(|error| UsageError(error.to_string()))?;
                 seen_by(&config, film).map_err(|why| refuse(&why))?

@@ -1,0 +1,37 @@
+//! What a camera does by itself that a measurement would rather not have, told once.
+
+use super::apply::Applied;
+use super::device::Device;
+use super::layout::word;
+use super::sys;
+
+/// What to know of a camera that is set up, each a sentence.
+pub(super) fn advice(device: &Device, applied: &Applied) -> Vec<String> {
+    let mut advice = Vec::new();
+    let layout = applied.shape.layout;
+    if layout.is_compressed() {
+        advice.push(format!(
+            "pictures come compressed ({}), since no other format has this size and rate: what is lost of the speckles \
+             is scatter of the displacements; smaller or slower pictures may come whole",
+            word(layout.fourcc)
+        ));
+    }
+    let automatic = device.automatic();
+    if !automatic.is_empty() {
+        let exposure = device.number(sys::V4L2_CID_EXPOSURE_AUTO).map_or("", |_| "; exposure_us sets a fixed exposure");
+        advice.push(format!(
+            "the camera adjusts {} by itself, in the middle of a shot too: set what it offers for fixed values under \
+             [camera.features]{exposure}",
+            automatic.join(", ")
+        ));
+    }
+    let is_manual = device.number(sys::V4L2_CID_EXPOSURE_AUTO) == Some(i64::from(sys::V4L2_EXPOSURE_MANUAL));
+    if !is_manual && device.number(sys::V4L2_CID_EXPOSURE_AUTO_PRIORITY) == Some(1) {
+        advice.push(
+            "in the dark the camera takes fewer frames than it was set to: set exposure_us, or \
+             exposure_dynamic_framerate = false under [camera.features]"
+                .into(),
+        );
+    }
+    advice
+}

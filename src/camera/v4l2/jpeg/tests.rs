@@ -1,0 +1,57 @@
+//! Pictures with known levels, whole and damaged.
+
+use super::luma;
+use super::sample::picture;
+
+const SIZE: (usize, usize) = (48, 24);
+
+fn level(column: usize, row: usize) -> u8 {
+    ((column * 41 + row * 97) % 256) as u8
+}
+
+fn sample() -> Vec<u8> {
+    picture((48, 24), level)
+}
+
+fn decoded(file: &[u8]) -> Result<Vec<u8>, String> {
+    let mut pixels = vec![0; SIZE.0 * SIZE.1];
+    luma(file, SIZE, &mut pixels).map(|()| pixels)
+}
+
+#[test]
+fn luma_comes_out_as_it_went_in_without_tables_and_whatever_the_colour() {
+    let pixels = decoded(&sample()).unwrap();
+    for (at, pixel) in pixels.iter().enumerate() {
+        assert_eq!(*pixel, level(at % 48 / 8, at / 48 / 8), "at {}, {}", at % 48, at / 48);
+    }
+}
+
+#[test]
+fn what_a_camera_fills_its_packet_up_with_is_left_behind() {
+    let mut file = sample();
+    file.extend([0; 100]);
+    assert_eq!(decoded(&file), decoded(&sample()));
+}
+
+#[test]
+fn a_picture_cut_off_anywhere_is_no_picture() {
+    let file = sample();
+    for length in 0..file.len() {
+        assert!(decoded(&file[..length]).is_err(), "cut at {length}");
+        // Cut in the middle, with an end put behind.
+        let mut closed = file[..length.max(2)].to_vec();
+        closed.extend([0xff, 0xd9]);
+        let is_whole = length + 2 >= file.len();
+        assert!(is_whole || decoded(&closed).is_err(), "cut at {length} and closed");
+    }
+}
+
+#[test]
+fn pictures_of_another_size_and_other_files_are_told() {
+    let mut pixels = vec![0; 32 * 32];
+    assert_eq!(luma(&sample(), (32, 32), &mut pixels).unwrap_err(), "a JPEG of 48 x 24 px, not 32 x 32");
+    assert_eq!(decoded(b"\x89PNG and so on").unwrap_err(), "it does not begin as a JPEG");
+    let mut odd = sample();
+    odd[3] = 0x01;
+    assert!(decoded(&odd).unwrap_err().starts_with("a damaged JPEG: "));
+}
