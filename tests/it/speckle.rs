@@ -249,7 +249,6 @@ fn what_a_study_cannot_do_is_one_line_with_the_option_its_value_and_what_is_allo
     refused(2, &["--patterns", "g-I"], "--patterns \"g-I\": allowed is a-I, a-II, a-III, b-I");
     refused(2, &["--patterns", "e-I,e-I"], "--patterns \"e-I\": is there twice");
     refused(2, &["--methods", "hough"], "--methods \"hough\": allowed is paper, paper-fit, peak-spline");
-    refused(2, &["--methods", "ring"], "--methods \"ring\": is not part of the studies");
     refused(2, &["--speeds", "fast"], "--speeds \"fast\": allowed is paper, off-grid");
     refused(2, &["--frames", "1"], "--frames 1: allowed is 2 to 12");
     refused(2, &["--noise-dn", "nan"], "--noise-dn NaN: allowed is 0 to 64");
@@ -285,4 +284,19 @@ fn the_page_on_the_studies_shows_small_figures_that_are_there() {
         shown += 1;
     }
     assert!(shown >= 5, "{shown} figures");
+}
+
+#[test]
+fn the_ring_is_a_method_of_the_studies() {
+    let rig = Rig::new();
+    let directory = rig.path("ring");
+    let line = [&SMALL[..], &["--methods", "ring"]].concat();
+    succeed(into(&line, &directory));
+    let (head, rows) = table(&directory.join("rotation_films.csv"));
+    assert_eq!(rows.len(), 3 * 2);
+    for row in &rows {
+        let of = |name: &str| number(&head, row, name).unwrap();
+        let error_deg = (of("dtheta_deg") - of("omega_deg_frame")).abs();
+        assert!(error_deg < 0.01 && of("sigma_dtheta_deg") < 0.005, "{row:?}");
+    }
 }

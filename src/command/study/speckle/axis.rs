@@ -23,6 +23,7 @@ pub(super) fn colour(way: Way) -> &'static str {
         Way::PeakSpline => "#009e73",
         Way::PeakPlain => "#cc79a7",
         Way::IcGn => "#56b4e9",
+        Way::Ring => "#f0e442",
         Way::Rigid => "#0072b2",
     }
 }

@@ -138,9 +138,6 @@ fn job(options: &SpeckleOptions) -> Result<Job, UsageError> {
         &["paper", "paper-fit", "ic-gn", "rigid"]
     };
     let methods = words(&options.methods, methods);
-    if methods.iter().any(|method| method == "ring") {
-        return Err(UsageError("--methods \"ring\": is not part of the studies".to_owned()));
-    }
     if !study.levels().is_empty() && !options.speeds.is_empty() {
         return Err(UsageError(format!("--speeds: the study of {} has speeds of its own", study.word())));
     }

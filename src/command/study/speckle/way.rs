@@ -4,7 +4,8 @@ use super::plain::Plain;
 use crate::ball::{BallFinder, BallParams};
 use crate::command::UsageError;
 use crate::dic::{
-    CorrelationParams, Correlator, GridPoint, Method, Prepared, Region, RigidBody, RigidMotion, Start, grid, rigid_fit,
+    CorrelationParams, Correlator, GridPoint, Method, Prepared, Region, RigidBody, RigidMotion, Ring, Start, grid,
+    rigid_fit,
 };
 use crate::image::ImageView;
 use crate::results::{Circle, FieldPoint, PointStatus};
@@ -17,6 +18,9 @@ const SEARCH_PX: u32 = 8;
 
 /// Share of the radius that windows keep clear of the rim, as in a measurement.
 const RIM_CLEARANCE: f64 = 0.04;
+
+/// Inner radius of the ring, as a share of the ball's, as in a measurement.
+const RING_SHARE: f64 = 0.35;
 
 /// Radii of balls that are looked for, px.
 const RADII_PX: [f64; 2] = [48.0, 72.0];
@@ -37,18 +41,21 @@ pub(super) enum Way {
     PeakPlain,
     /// Windows refined by IC-GN, and the rigid motion that fits them best.
     IcGn,
+    /// The centre by IC-GN windows, the rotation from a ring of pixels around it.
+    Ring,
     /// The whole ball at once.
     Rigid,
 }
 
 impl Way {
     /// What each is called on the command line and in tables.
-    pub(super) const WORDS: [(&str, Self); 6] = [
+    pub(super) const WORDS: [(&str, Self); 7] = [
         ("paper", Self::Paper),
         ("paper-fit", Self::PaperFit),
         ("peak-spline", Self::PeakSpline),
         ("peak-plain", Self::PeakPlain),
         ("ic-gn", Self::IcGn),
+        ("ring", Self::Ring),
         ("rigid", Self::Rigid),
     ];
 
@@ -64,6 +71,7 @@ impl Way {
             Self::PeakSpline => "peak splined, normalised",
             Self::PeakPlain => "peak splined, as Eq. 4",
             Self::IcGn => "IC-GN windows",
+            Self::Ring => "ring around the centre",
             Self::Rigid => "whole ball, rigid",
         }
     }
@@ -96,6 +104,7 @@ pub(super) struct Bench {
     side_px: usize,
     field: Vec<FieldPoint>,
     frames: [Prepared; 2],
+    ring: Ring,
 }
 
 /// How a way finds windows.
@@ -120,6 +129,7 @@ impl Bench {
             side_px,
             field: Vec::new(),
             frames: Default::default(),
+            ring: Ring::default(),
         })
     }
 
@@ -158,7 +168,7 @@ impl Bench {
             let lost = Answer { step: None, sigma: None, points: 0, status: PointStatus::Lost };
             return vec![lost; self.ways.len()];
         };
-        let Self { ways, windows, field, frames, side_px, .. } = self;
+        let Self { ways, windows, field, frames, side_px, ring, .. } = self;
         let [reference, target] = frames;
         // The interpolation is the same for all.
         for (image, frame) in [(before, &mut *reference), (after, &mut *target)] {
@@ -185,6 +195,7 @@ impl Bench {
             }
             match way {
                 Way::IcGn => fitted(field, &circle, windows.subset_size_px),
+                Way::Ring => ringed(ring, (reference, target), field, &circle, windows.subset_size_px),
                 Way::Rigid => whole(reference, target, field, &circle, windows.subset_size_px),
                 _ => {
                     let vectors: Vec<Vector> = field.iter().filter_map(|point| Vector::of(point, &circle)).collect();
@@ -217,7 +228,7 @@ fn engine(way: Way, windows: Windows, side_px: usize) -> anyhow::Result<Engine> 
         Way::Paper | Way::PaperFit => Method::SplineFft,
         Way::PeakSpline | Way::PeakPlain => Method::PeakSpline,
         // A whole ball starts from what its windows say.
-        Way::IcGn | Way::Rigid => Method::IcGn,
+        Way::IcGn | Way::Ring | Way::Rigid => Method::IcGn,
     };
     let params = CorrelationParams {
         method,
@@ -245,6 +256,24 @@ fn points(circle: &Circle, windows: Windows, side_px: usize) -> Vec<GridPoint> {
 fn fitted(field: &mut [FieldPoint], circle: &Circle, subset_size_px: u32) -> Answer {
     let status = why_not(field);
     rigid_fit(field, circle.x_px, circle.y_px, subset_size_px).map_or_else(|| none(status), |motion| of(&motion))
+}
+
+/// The windows' motion of the centre, and the rotation of the ring around it.
+fn ringed(
+    ring: &mut Ring,
+    (reference, target): (&Prepared, &Prepared),
+    field: &mut [FieldPoint],
+    circle: &Circle,
+    subset_size_px: u32,
+) -> Answer {
+    let status = why_not(field);
+    let Some(near) = rigid_fit(field, circle.x_px, circle.y_px, subset_size_px) else { return none(status) };
+    let (from, to) = ((circle.x_px, circle.y_px), (circle.x_px + near.u_px, circle.y_px + near.v_px));
+    let radii_px = (RING_SHARE * circle.radius_px, circle.radius_px * (1.0 - RIM_CLEARANCE));
+    let turn = ring.turn((reference, from), (target, to), radii_px, Some(near.angle_deg));
+    turn.map_or_else(none, |turn| {
+        of(&RigidMotion { angle_deg: turn.angle_deg, sigma_angle_deg: turn.sigma_deg, ..near })
+    })
 }
 
 /// Every pixel of the ball in one match, from the motion of the windows on.
