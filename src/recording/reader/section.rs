@@ -1,6 +1,6 @@
 //! The records inside a section.
 
-use super::record::{self, MessageHeader, PREFIX_BYTES, op};
+use crate::recording::record::{self, MessageHeader, PREFIX_BYTES, op};
 use super::source::{Source, Window};
 use super::walk::{Coding, Section, prefix};
 use bytes::Bytes;

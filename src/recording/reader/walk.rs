@@ -1,6 +1,6 @@
 //! The structure of a file: which records stand where, up to its end or to where it was cut off.
 
-use super::record::{self, Channel, Fields, PREFIX_BYTES, Schema, op};
+use crate::recording::record::{self, Channel, Fields, PREFIX_BYTES, Schema, op};
 use super::source::{Source, Window};
 use std::collections::BTreeMap;
 use std::fs::File;

@@ -2,6 +2,7 @@
 
 mod camera;
 mod compressed;
+mod container;
 mod damage;
 mod export;
 mod extract;
