@@ -125,8 +125,7 @@ fn write_ros2(file: std::fs::File, part: &Path, frames: super::Frames) -> Result
     let data = ROS2_SCHEMA.as_bytes().to_vec();
     let schema = Schema { name: ROS2_SCHEMA_NAME.into(), encoding: "ros2msg".into(), data };
     let schema = container.schema(&schema).map_err(failure)?;
-    let channel =
-        Channel { schema, topic: ROS2_TOPIC.into(), encoding: "cdr".into(), metadata: BTreeMap::new() };
+    let channel = Channel { schema, topic: ROS2_TOPIC.into(), encoding: "cdr".into(), metadata: BTreeMap::new() };
     let channel = container.channel(&channel).map_err(failure)?;
     let mut message = Vec::new();
     let mut count = 0;

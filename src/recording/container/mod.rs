@@ -190,11 +190,7 @@ impl Container {
     }
 
     /// Writes a record that stands in no chunk: where, and its length with its prefix.
-    fn outside(
-        &mut self,
-        opcode: u8,
-        fill: impl FnOnce(&mut Vec<u8>) -> io::Result<()>,
-    ) -> io::Result<(u64, u64)> {
+    fn outside(&mut self, opcode: u8, fill: impl FnOnce(&mut Vec<u8>) -> io::Result<()>) -> io::Result<(u64, u64)> {
         self.end_chunk()?;
         let mut bytes = Vec::new();
         record(&mut bytes, opcode, fill)?;

@@ -19,7 +19,6 @@ pub use frames::Frames;
 pub(super) use messages::Message;
 pub use topics::{Rows, TopicSummary};
 
-
 use super::{CONFIG_NAME, METADATA_NAME, RecordingError};
 use section::{Found, Unreadable};
 use source::Source;

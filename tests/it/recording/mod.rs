@@ -13,6 +13,7 @@ mod mutation;
 mod node;
 mod python;
 pub mod recover;
+mod rerun;
 mod roundtrip;
 pub mod samples;
 mod seek;
