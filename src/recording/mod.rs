@@ -20,6 +20,7 @@ mod recover;
 mod rows;
 mod schema;
 mod split;
+mod syncer;
 mod writer;
 
 pub use annotations::Annotations;

@@ -9,6 +9,7 @@ use super::part::PartFile;
 use super::record::{Channel, MessageHeader, Schema};
 use super::schema::Topic;
 use super::split::Split;
+use super::syncer::Syncer;
 use super::{RecordingError, encode, part};
 use crate::image::Frame;
 use std::collections::BTreeMap;
@@ -89,6 +90,7 @@ pub struct RecordingWriter {
     /// Whether frames are handed to the system before their chunk ends.
     is_direct: bool,
     handle: File,
+    syncer: Syncer,
     channels: [Option<u16>; Topic::ALL.len()],
     rows: Batch,
     fields: Batch,
@@ -128,6 +130,7 @@ impl RecordingWriter {
             container: Some(container),
             is_direct: options.compression == Compression::None,
             handle,
+            syncer: Syncer::default(),
             channels: [None; Topic::ALL.len()],
             rows: Batch::default(),
             fields: Batch::default(),
@@ -145,7 +148,7 @@ impl RecordingWriter {
     pub(super) fn begin(&mut self, path: &Path, part: PathBuf, options: &WriterOptions) -> Result<(), RecordingError> {
         let (container, handle) = open(path, &part, options)?;
         (self.container, self.handle, self.part) = (Some(container), handle, part);
-        self.path = path.to_path_buf();
+        (self.path, self.syncer) = (path.to_path_buf(), Syncer::default());
         (self.channels, self.has_messages) = ([None; Topic::ALL.len()], false);
         Ok(())
     }
@@ -225,7 +228,7 @@ impl RecordingWriter {
         let synced_ns = *self.synced_ns.get_or_insert(meta.stamp_ns);
         if self.unsynced_bytes >= SYNC_BYTES || meta.stamp_ns.saturating_sub(synced_ns) >= SYNC_NS {
             self.synced_ns = Some(meta.stamp_ns);
-            return self.sync();
+            return self.sync_beside();
         }
         Ok(())
     }
@@ -257,17 +260,27 @@ impl RecordingWriter {
         if part::is_in_place(&self.part, &self.handle) { self.safe_frames } else { finished }
     }
 
+    /// Hands to the system what waits of the frames so far, where nothing else is to be written at once.
+    ///
+    /// Of each frame a part waits for the next one, so that writes are as large and as well placed as they can be.
+    ///
+    /// # Errors
+    ///
+    /// [`RecordingError::Io`] when the disk is full or gone.
+    pub fn hand_over(&mut self) -> Result<(), RecordingError> {
+        self.call(Container::hand_over)?;
+        self.count_safe(0);
+        Ok(())
+    }
+
     /// Writes everything that is held back and forces it to the disk.
     ///
     /// # Errors
     ///
     /// [`RecordingError::Io`] when the disk is full or gone, or the file was removed.
     pub fn sync(&mut self) -> Result<(), RecordingError> {
-        self.write_batches()?;
-        self.flush()?;
-        self.unsynced_bytes = 0;
-        self.check_place()?;
-        self.handle.sync_data().map_err(|error| RecordingError::io("sync", &self.part, error))
+        self.sync_beside()?;
+        self.syncer.wait().map_err(|error| RecordingError::io("sync", &self.part, error))
     }
 
     /// Completes the file: index, footer, sync, final name, sync of the directory.
@@ -295,10 +308,19 @@ impl RecordingWriter {
         self.check_place()?;
         self.unsynced_bytes = 0;
         let io = |error| RecordingError::io("sync", &self.part, error);
-        self.handle.sync_all().map_err(io)?;
+        self.syncer.wait().and_then(|()| self.handle.sync_all()).map_err(io)?;
         let bytes = self.handle.metadata().map_err(io)?.len();
         part::publish(&self.path, &self.part)?;
         Ok(bytes)
+    }
+
+    /// As [`sync`](Self::sync), but the disk is waited for at the next one; its error is told then.
+    fn sync_beside(&mut self) -> Result<(), RecordingError> {
+        self.write_batches()?;
+        self.flush()?;
+        self.unsynced_bytes = 0;
+        self.check_place()?;
+        self.syncer.ask(&self.handle).map_err(|error| RecordingError::io("sync", &self.part, error))
     }
 
     fn write_due(&mut self, now_ns: u64) -> Result<(), RecordingError> {

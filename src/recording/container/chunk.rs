@@ -154,7 +154,7 @@ fn head(about: &Head) -> io::Result<Vec<u8>> {
         Ok(())
     })?;
     // The records that follow are part of it.
-    let length = ((out.len() - 9) as u64).checked_add(about.stored_bytes).unwrap_or(u64::MAX);
+    let length = ((out.len() - 9) as u64).saturating_add(about.stored_bytes);
     out[1..9].copy_from_slice(&length.to_le_bytes());
     Ok(out)
 }

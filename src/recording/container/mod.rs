@@ -56,8 +56,8 @@ impl<'a> Payload<'a> {
 
 /// An MCAP file being written.
 ///
-/// Unless it is compressed, messages are handed to the system as they come, in an open chunk too. After an error nothing
-/// more can be written. Dropped without [`finish`](Self::finish) it has no footer, and so says that it is not whole.
+/// Unless it is compressed, messages are handed to the system as they come, in an open chunk too, but for the last part
+/// of the last one. After an error nothing more can be written. Dropped without [`finish`](Self::finish) it has no footer, and so says that it is not whole.
 pub(super) struct Container {
     sink: Sink,
     settings: Settings,
@@ -165,6 +165,11 @@ impl Container {
     /// How many of the last bytes the system has not got yet; what a chunk waits to compress does not count.
     pub(super) fn waiting_bytes(&self) -> usize {
         self.sink.waiting_bytes()
+    }
+
+    /// Hands to the system what waits; the chunk goes on.
+    pub(super) fn hand_over(&mut self) -> io::Result<()> {
+        self.sink.flush()
     }
 
     /// Ends the chunk and hands everything to the system.

@@ -122,6 +122,7 @@ fn victim_that_writes_frames() {
         let (meta, bytes) = samples::frame(sequence, PixelFormat::Mono8, SIZE, 0);
         writer.frame(&Frame { meta, bytes: &bytes }).unwrap();
         writer.track(&samples::track(sequence)).unwrap();
+        writer.hand_over().unwrap();
         writeln!(out, "taken {sequence}").unwrap();
     }
 }

@@ -119,6 +119,7 @@ pub const ROOMS: &[Room] = &[
             "libm",
             "log",
             "parquet",
+            "rustix",
             "serde",
             "serde_json",
             "signal_hook",
