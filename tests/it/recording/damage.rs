@@ -65,6 +65,7 @@ fn a_killed_writer_loses_no_frame_it_had_taken() {
         let (meta, bytes) = samples::frame(sequence, PixelFormat::Mono8, [300, 300], 0);
         writer.frame(&Frame { meta, bytes: &bytes }).unwrap();
     }
+    writer.hand_over().unwrap();
     std::mem::forget(writer);
     let recording = Recording::open(&part_path(&path)).unwrap();
     assert!(recording.truncated().is_some());

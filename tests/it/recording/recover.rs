@@ -43,6 +43,7 @@ fn a_killed_recording_is_whole_again_with_every_frame_and_attachment() {
             writer.sync().unwrap();
         }
     }
+    writer.hand_over().unwrap();
     std::mem::forget(writer);
     let before = fs::read(part_path(&path)).unwrap();
 
