@@ -282,6 +282,9 @@ pub struct Report {
     /// One recording, or several of the same experiment.
     #[arg(required = true)]
     files: Vec<PathBuf>,
+    /// The film that results alone were measured from: the page shows its frames.
+    #[arg(long)]
+    film: Option<PathBuf>,
     /// The HTML page to write; beside the first recording when absent.
     #[arg(short, long)]
     output: Option<PathBuf>,
@@ -430,7 +433,9 @@ fn inspect(command: Command) -> anyhow::Result<Outcome> {
             let exported = export::run(&ExportOptions { file: file.clone(), topic, format, output, playback_hz })?;
             return Ok(Outcome::of_file(0, &file, exported.truncated.as_deref()));
         }
-        Command::Report(Report { files, output }) => return report::run(&ReportOptions { files, output }),
+        Command::Report(Report { files, film, output }) => {
+            return report::run(&ReportOptions { files, film, output });
+        }
         Command::Info(Info { file, json }) => {
             let info = info::run(&InfoOptions { file, json })?;
             let gone = info.frames.as_ref().and_then(|frames| frames.lost).unwrap_or(0);

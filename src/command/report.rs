@@ -11,6 +11,8 @@ use std::path::{Path, PathBuf};
 pub struct ReportOptions {
     /// The recordings.
     pub files: Vec<PathBuf>,
+    /// Where the frames are, when the one recording holds results alone.
+    pub film: Option<PathBuf>,
     /// The page; beside the first recording when absent.
     pub output: Option<PathBuf>,
 }
@@ -29,9 +31,16 @@ pub fn run(options: &ReportOptions) -> anyhow::Result<Outcome> {
     if options.files.iter().any(same) {
         return Err(UsageError(format!("{}: the page would take the place of a recording", output.display())).into());
     }
+    if options.film.is_some() && options.files.len() > 1 {
+        return Err(UsageError("--film: give one recording of results with it".into()).into());
+    }
     let mut shots = Vec::with_capacity(options.files.len());
     for file in &options.files {
-        shots.push(Shot::read(&Recording::open(file)?)?);
+        let recording = Recording::open(file)?;
+        shots.push(match &options.film {
+            Some(film) => Shot::read_with(&recording, &Recording::open(film)?)?,
+            None => Shot::read(&recording)?,
+        });
     }
     std::fs::write(&output, report::page(&shots)).with_context(|| format!("write {}", output.display()))?;
     say(&output.display().to_string());

@@ -15,6 +15,8 @@ const GAPS: usize = 10;
 const SPARE_BYTES: u64 = 64 << 20;
 
 pub(super) fn open(inputs: &[PathBuf], fps: Option<f64>) -> Result<Footage, ImportError> {
+    let (inputs, told) = by_number(inputs);
+    let inputs = &inputs[..];
     let first = inputs.first().ok_or(ImportError::Nothing)?;
     let frame_rate_hz = frame_rate(first, fps, None)?;
     let places: Vec<(PathBuf, Option<u64>)> = match (directories(first)?, inputs) {
@@ -23,6 +25,7 @@ pub(super) fn open(inputs: &[PathBuf], fps: Option<f64>) -> Result<Footage, Impo
     };
     let (numbers, warnings) =
         if places.len() == inputs.len() { numbers(inputs) } else { ((0..places.len() as u64).collect(), Vec::new()) };
+    let warnings = told.into_iter().chain(warnings).collect();
     let count = places.len() as u64;
     let still = |(path, place): &(PathBuf, Option<u64>)| match place {
         Some(directory) => page(path, *directory),
@@ -49,6 +52,20 @@ pub(super) fn open(inputs: &[PathBuf], fps: Option<f64>) -> Result<Footage, Impo
         frames: Box::new(frames),
         stamps: Stamps { first_ns: 0, frame_rate_hz },
     })
+}
+
+/// The images in the order they were given, unless that is how a shell lists numbers of unequal length: 1, 10, 2.
+fn by_number(inputs: &[PathBuf]) -> (Vec<PathBuf>, Option<String>) {
+    let given = inputs.to_vec();
+    let Some(named) = numbers_in_names(inputs) else { return (given, None) };
+    let is_listed = inputs.windows(2).all(|pair| pair[0].as_os_str() < pair[1].as_os_str());
+    if !is_listed || named.is_sorted() {
+        return (given, None);
+    }
+    let mut numbered: Vec<(u64, PathBuf)> = named.into_iter().zip(given).collect();
+    numbered.sort();
+    let sorted = numbered.into_iter().map(|(_, path)| path).collect();
+    (sorted, Some("the images are taken in the order of the numbers in their names, 2 before 10".into()))
 }
 
 /// Sequence numbers, from the numbers in the names where these tell of missing images.

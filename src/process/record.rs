@@ -326,7 +326,14 @@ impl Recorder<'_> {
         let wrote = self.write_one()?;
         self.take_steps()?;
         self.close_if_complete()?;
-        Ok(wrote && !self.held.is_empty())
+        let goes_on = wrote && !self.held.is_empty();
+        if !goes_on
+            && let Some(active) = &mut self.shot
+            && let Err(error) = active.shot.hand_over()
+        {
+            self.abandon(&error)?;
+        }
+        Ok(goes_on)
     }
 
     fn begin_stream(&mut self, stream: &Stream) -> anyhow::Result<()> {

@@ -112,6 +112,15 @@ impl Shot {
         Ok(())
     }
 
+    /// Hands to the system what waits of the frames so far, as nothing else is to be written at once.
+    ///
+    /// # Errors
+    ///
+    /// When the file cannot be written.
+    pub fn hand_over(&mut self) -> Result<(), RecordingError> {
+        self.writer.hand_over()
+    }
+
     /// Its name; of the first file when it is split.
     pub fn path(&self) -> &Path {
         self.writer.path()

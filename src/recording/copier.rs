@@ -1,6 +1,7 @@
 //! Messages of one file into another, exactly as they are.
 
-use super::reader::{Channel, Message, Schema};
+use super::reader::Message;
+use super::record::{Channel, Schema};
 use super::{Recording, RecordingError, RecordingWriter};
 use std::collections::BTreeMap;
 
@@ -40,7 +41,7 @@ impl<'a> Copier<'a> {
 
     /// Ends the chunk: a chunk for a chunk keeps frames and rows apart.
     pub(super) fn end_chunk(&mut self) -> Result<(), RecordingError> {
-        self.writer.call(mcap::Writer::flush)
+        self.writer.flush()
     }
 
     /// Copies a message.
@@ -61,15 +62,11 @@ impl<'a> Copier<'a> {
         if let Some(new) = self.channels.get(&old) {
             return Ok(*new);
         }
-        let empty = (Channel::default(), Schema::default());
-        let channel = self.recording.channels().get(&old).unwrap_or(&empty.0);
-        let schema = self.recording.schemas().get(&channel.schema);
-        let new = self.writer.call(|mcap| {
-            let schema = match schema {
-                Some(schema) => mcap.add_schema(&schema.name, &schema.encoding, &schema.data)?,
-                None => 0,
-            };
-            mcap.add_channel(schema, &channel.topic, &channel.encoding, &channel.metadata)
+        let channel = self.recording.channels().get(&old).cloned().unwrap_or_default();
+        let schema: Option<&Schema> = self.recording.schemas().get(&channel.schema);
+        let new = self.writer.call(|container| {
+            let schema = schema.map_or(Ok(0), |schema| container.schema(schema))?;
+            container.channel(&Channel { schema, ..channel })
         })?;
         self.channels.insert(old, new);
         Ok(new)

@@ -9,8 +9,8 @@ use prost::encoding::{WireType, encode_key, encode_varint};
 /// Field number of `data` in `foxglove.RawImage`.
 const DATA_TAG: u32 = 6;
 
-/// What is known of the frame beside its pixels.
-pub(super) fn info(frame: &Frame<'_>, message: &mut Vec<u8>) {
+/// What is known of the frame beside its pixels, whose CRC-32 this is.
+pub(super) fn info(frame: &Frame<'_>, pixels_crc32: u32, message: &mut Vec<u8>) {
     let meta = &frame.meta;
     message.clear();
     message.extend(
@@ -20,13 +20,13 @@ pub(super) fn info(frame: &Frame<'_>, message: &mut Vec<u8>) {
             stamp_ns: meta.stamp_ns,
             device_ns: meta.device_ns,
             pixel_format: meta.format as u32,
-            pixels_crc32: crc32fast::hash(frame.bytes),
+            pixels_crc32,
         }
         .encode_to_vec(),
     );
 }
 
-/// The image message with the pixels last, so that they are copied once.
+/// The image message up to its pixels, which come last so that they need not be copied.
 pub(super) fn image(frame: &Frame<'_>, message: &mut Vec<u8>) {
     let meta = &frame.meta;
     let encoding = match meta.format {
@@ -46,7 +46,6 @@ pub(super) fn image(frame: &Frame<'_>, message: &mut Vec<u8>) {
     message.extend(header.encode_to_vec());
     encode_key(DATA_TAG, WireType::LengthDelimited, message);
     encode_varint(frame.bytes.len() as u64, message);
-    message.extend_from_slice(frame.bytes);
 }
 
 pub(super) fn timestamp(stamp_ns: u64) -> Timestamp {

@@ -1,13 +1,13 @@
 //! Parts of a recording as files of their own: its results alone, or its frames for ROS 2.
 
+use super::container::{Container, Payload, Settings};
 use super::copier::Copier;
 use super::part::{self, PartFile};
+use super::record::{Channel, MessageHeader, Schema};
 use super::{CONTINUED_NAME, Compression, Recording, RecordingError, RecordingWriter, Topic, WriterOptions, split};
 use crate::image::{FrameMeta, PixelFormat};
-use mcap::WriteOptions;
-use mcap::records::MessageHeader;
 use std::collections::BTreeMap;
-use std::io::{BufWriter, Write as _};
+use std::io;
 use std::path::Path;
 
 /// Small messages compress well, and a chunk is what a reader loads at once.
@@ -118,40 +118,39 @@ fn give_up(to: &Path, error: RecordingError) -> RecordingError {
 }
 
 fn write_ros2(file: std::fs::File, part: &Path, frames: super::Frames) -> Result<u64, RecordingError> {
-    let failure = |error| super::writer::failure(part, error);
-    let io = |error| RecordingError::io("write", part, error);
-    let handle = file.try_clone().map_err(io)?;
-    let options = WriteOptions::new()
-        .profile("ros2")
-        .compression(None)
-        .chunk_size(Some(ROS2_CHUNK_BYTES))
-        .library(concat!("ricochet ", env!("CARGO_PKG_VERSION")));
-    let mut mcap = options.create(BufWriter::new(PartFile::new(file))).map_err(failure)?;
-    let schema = mcap.add_schema(ROS2_SCHEMA_NAME, "ros2msg", ROS2_SCHEMA.as_bytes()).map_err(failure)?;
-    let channel_id = mcap.add_channel(schema, ROS2_TOPIC, "cdr", &BTreeMap::new()).map_err(failure)?;
+    let failure = |error: io::Error| RecordingError::io("write", part, error);
+    let handle = file.try_clone().map_err(failure)?;
+    let settings = Settings { profile: "ros2", compression: Compression::None, chunk_bytes: ROS2_CHUNK_BYTES };
+    let mut container = Container::create(PartFile::new(file), settings).map_err(failure)?;
+    let data = ROS2_SCHEMA.as_bytes().to_vec();
+    let schema = Schema { name: ROS2_SCHEMA_NAME.into(), encoding: "ros2msg".into(), data };
+    let schema = container.schema(&schema).map_err(failure)?;
+    let channel = Channel { schema, topic: ROS2_TOPIC.into(), encoding: "cdr".into(), metadata: BTreeMap::new() };
+    let channel = container.channel(&channel).map_err(failure)?;
     let mut message = Vec::new();
     let mut count = 0;
     for frame in frames {
         let (meta, pixels) = frame?;
-        encode(&meta, &pixels, &mut message).map_err(|reason| RecordingError::refused(part, reason))?;
+        encode(&meta, pixels.len(), &mut message).map_err(|reason| RecordingError::refused(part, reason))?;
         // The header has room for the low half of the number.
         let sequence = (meta.sequence & u64::from(u32::MAX)) as u32;
-        let header = MessageHeader { channel_id, sequence, log_time: meta.stamp_ns, publish_time: meta.stamp_ns };
-        mcap.write_to_known_channel(&header, &message).map_err(failure)?;
+        let (log_time_ns, publish_time_ns) = (meta.stamp_ns, meta.stamp_ns);
+        let header = MessageHeader { channel, sequence, log_time_ns, publish_time_ns };
+        let image = Payload { head: &message, body: &pixels, body_crc: crc32fast::hash(&pixels) };
+        container.message(&header, &image).map_err(failure)?;
         count += 1;
     }
-    mcap.finish().map_err(failure)?;
-    mcap.into_inner().flush().map_err(io)?;
-    handle.sync_all().map_err(io)?;
+    container.finish().map_err(failure)?;
+    handle.sync_all().map_err(|error| RecordingError::io("sync", part, error))?;
     Ok(count)
 }
 
-/// An image in little-endian CDR (OMG DDS-XTypes 1.3, section 7.4.3): numbers are aligned to their size, counted from
+/// An image up to its pixels in little-endian CDR (OMG DDS-XTypes 1.3, section 7.4.3): numbers are aligned to their size, counted from
 /// behind the first four bytes.
-fn encode(meta: &FrameMeta, pixels: &[u8], message: &mut Vec<u8>) -> Result<(), String> {
+fn encode(meta: &FrameMeta, pixels_bytes: usize, message: &mut Vec<u8>) -> Result<(), String> {
     let seconds = i32::try_from(meta.stamp_ns / 1_000_000_000)
         .map_err(|_| format!("frame {}: its time does not fit the 32-bit seconds of ROS", meta.sequence))?;
-    let count = u32::try_from(pixels.len()).map_err(|_| format!("frame {}: too large", meta.sequence))?;
+    let count = u32::try_from(pixels_bytes).map_err(|_| format!("frame {}: too large", meta.sequence))?;
     let encoding = match meta.format {
         PixelFormat::Mono8 => "mono8",
         PixelFormat::Mono10 | PixelFormat::Mono12 | PixelFormat::Mono16 => "mono16",
@@ -168,7 +167,6 @@ fn encode(meta: &FrameMeta, pixels: &[u8], message: &mut Vec<u8>) -> Result<(), 
     message.push(0);
     number(meta.stride_bytes, message);
     number(count, message);
-    message.extend_from_slice(pixels);
     Ok(())
 }
 

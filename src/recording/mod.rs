@@ -7,6 +7,7 @@
 
 mod annotations;
 mod batch;
+mod container;
 mod copier;
 mod encode;
 mod error;
@@ -14,10 +15,12 @@ mod extract;
 mod part;
 mod picture;
 mod reader;
+mod record;
 mod recover;
 mod rows;
 mod schema;
 mod split;
+mod syncer;
 mod writer;
 
 pub use annotations::Annotations;

@@ -1,20 +1,43 @@
 //! The file while it is being written: a name of its own until it is whole.
 
 use super::RecordingError;
+use rustix::fs::{FallocateFlags, fallocate};
 use std::fs::{self, File, OpenOptions};
-use std::io::{self, ErrorKind, Seek, SeekFrom, Write};
-use std::os::unix::fs::MetadataExt;
+use std::io::{self, ErrorKind, IoSlice, Write};
+use std::ops::RangeInclusive;
+use std::os::unix::fs::{FileExt, MetadataExt};
 use std::path::{Path, PathBuf};
+
+/// Room is asked for in steps of what a file has already, in these bounds, bytes.
+const STEPS_BYTES: RangeInclusive<u64> = 1 << 20..=64 << 20;
 
 /// The open part file. After a write that failed it takes nothing more: what lies in it has no hole.
 pub(super) struct PartFile {
     file: File,
     is_broken: bool,
+    /// Bytes appended.
+    length: u64,
+    /// Bytes that have room on the disk already; `None` where that cannot be had.
+    reserved: Option<u64>,
 }
 
 impl PartFile {
     pub(super) fn new(file: File) -> Self {
-        Self { file, is_broken: false }
+        Self { file, is_broken: false, length: 0, reserved: Some(0) }
+    }
+
+    /// Has room made for what comes, which is not part of the file yet.
+    ///
+    /// Then a write need not look for room block by block, which takes it a quarter of its time. Where the disk has too
+    /// little room, or the file system cannot do it, writes go on without.
+    fn reserve(&mut self, bytes: usize) {
+        let Some(reserved) = self.reserved else { return };
+        let wanted = self.length + bytes as u64;
+        if wanted > reserved {
+            let step = reserved.clamp(*STEPS_BYTES.start(), *STEPS_BYTES.end()).max(wanted - reserved);
+            let made = fallocate(&self.file, FallocateFlags::KEEP_SIZE, reserved, step);
+            self.reserved = made.is_ok().then_some(reserved + step);
+        }
     }
 
     fn attempt<T>(&mut self, action: impl FnOnce(&mut File) -> io::Result<T>) -> io::Result<T> {
@@ -27,19 +50,41 @@ impl PartFile {
     }
 }
 
-impl Write for PartFile {
-    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
-        self.attempt(|file| file.write(bytes))
+impl PartFile {
+    /// Appends two pieces, the second from where it is, in one call of the system where it takes both.
+    pub(super) fn append(&mut self, head: &[u8], body: &[u8]) -> io::Result<()> {
+        self.reserve(head.len() + body.len());
+        let mut pieces = [IoSlice::new(head), IoSlice::new(body)];
+        let mut pieces = &mut pieces[..];
+        // Empty ones go.
+        IoSlice::advance_slices(&mut pieces, 0);
+        while !pieces.is_empty() {
+            let written = self.attempt(|file| match file.write_vectored(pieces) {
+                Ok(0) => Err(ErrorKind::WriteZero.into()),
+                outcome => outcome,
+            });
+            match written {
+                Ok(count) => {
+                    self.length += count as u64;
+                    IoSlice::advance_slices(&mut pieces, count);
+                }
+                Err(error) if error.kind() == ErrorKind::Interrupted => {}
+                Err(error) => return Err(error),
+            }
+        }
+        Ok(())
     }
 
-    fn flush(&mut self) -> io::Result<()> {
-        self.attempt(File::flush)
+    /// Writes over bytes that are there already.
+    pub(super) fn replace(&mut self, bytes: &[u8], at: u64) -> io::Result<()> {
+        self.attempt(|file| file.write_all_at(bytes, at))
     }
 }
 
-impl Seek for PartFile {
-    fn seek(&mut self, to: SeekFrom) -> io::Result<u64> {
-        self.attempt(|file| file.seek(to))
+impl Drop for PartFile {
+    /// Gives back the room that was not needed.
+    fn drop(&mut self) {
+        let _ = self.file.set_len(self.length);
     }
 }
 

@@ -1,19 +1,20 @@
 //! Writing a recording.
 
+mod rows;
+
 use super::batch::Batch;
+use super::container::{Container, Payload, Settings};
 use super::copier::Copied;
 use super::part::PartFile;
-use super::rows::{EventRow, Row, StatusRow};
+use super::record::{Channel, MessageHeader, Schema};
 use super::schema::Topic;
 use super::split::Split;
-use super::{Annotations, RecordingError, encode, part};
+use super::syncer::Syncer;
+use super::{RecordingError, encode, part};
 use crate::image::Frame;
-use crate::results::{Impact, PairField, TrackSample, VelocitySample};
-use mcap::records::{MessageHeader, Metadata};
-use mcap::{McapError, WriteOptions};
 use std::collections::BTreeMap;
 use std::fs::File;
-use std::io::BufWriter;
+use std::io;
 use std::path::{Path, PathBuf};
 
 /// Bytes written before they are forced to the disk.
@@ -24,8 +25,6 @@ const SYNC_NS: u64 = 1_000_000_000;
 const BATCH_NS: u64 = 100_000_000;
 const ROWS_BYTES: usize = 1 << 20;
 const FIELDS_BYTES: usize = 4 << 20;
-
-type Mcap = mcap::Writer<BufWriter<PartFile>>;
 
 /// Whether chunks are compressed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -86,8 +85,12 @@ pub struct FinishedRecording {
 pub struct RecordingWriter {
     path: PathBuf,
     part: PathBuf,
-    mcap: Option<Mcap>,
+    /// `None` when it is complete.
+    container: Option<Container>,
+    /// Whether frames are handed to the system before their chunk ends.
+    is_direct: bool,
     handle: File,
+    syncer: Syncer,
     channels: [Option<u16>; Topic::ALL.len()],
     rows: Batch,
     fields: Batch,
@@ -120,12 +123,14 @@ impl RecordingWriter {
 
     /// Starts a recording that says nothing of itself yet.
     pub(super) fn start(path: &Path, part: PathBuf, options: &WriterOptions) -> Result<Self, RecordingError> {
-        let (mcap, handle) = open(path, &part, options)?;
+        let (container, handle) = open(path, &part, options)?;
         Ok(Self {
             path: path.to_path_buf(),
             part,
-            mcap: Some(mcap),
+            container: Some(container),
+            is_direct: options.compression == Compression::None,
             handle,
+            syncer: Syncer::default(),
             channels: [None; Topic::ALL.len()],
             rows: Batch::default(),
             fields: Batch::default(),
@@ -141,9 +146,9 @@ impl RecordingWriter {
 
     /// Takes up a next file in place of the one that is complete.
     pub(super) fn begin(&mut self, path: &Path, part: PathBuf, options: &WriterOptions) -> Result<(), RecordingError> {
-        let (mcap, handle) = open(path, &part, options)?;
-        (self.mcap, self.handle, self.part) = (Some(mcap), handle, part);
-        self.path = path.to_path_buf();
+        let (container, handle) = open(path, &part, options)?;
+        (self.container, self.handle, self.part) = (Some(container), handle, part);
+        (self.path, self.syncer) = (path.to_path_buf(), Syncer::default());
         (self.channels, self.has_messages) = ([None; Topic::ALL.len()], false);
         Ok(())
     }
@@ -175,19 +180,11 @@ impl RecordingWriter {
     }
 
     pub(super) fn metadata(&mut self, name: &str, entries: BTreeMap<String, String>) -> Result<(), RecordingError> {
-        let record = Metadata { name: name.into(), metadata: entries };
-        self.call(|mcap| mcap.write_metadata(&record))
+        self.call(|container| container.metadata(name, &entries))
     }
 
     pub(super) fn attach(&mut self, name: &str, media_type: &str, content: &[u8]) -> Result<(), RecordingError> {
-        let attachment = mcap::Attachment {
-            log_time: 0,
-            create_time: 0,
-            name: name.into(),
-            media_type: media_type.into(),
-            data: content.into(),
-        };
-        self.call(|mcap| mcap.attach(&attachment))
+        self.call(|container| container.attach(name, media_type, content))
     }
 
     /// Adds a frame.
@@ -216,72 +213,24 @@ impl RecordingWriter {
         self.write_due(meta.stamp_ns)?;
         self.make_room(encode::expected_bytes(frame))?;
         let mut message = std::mem::take(&mut self.scratch);
-        encode::info(frame, &mut message);
-        let mut result = self.message(Topic::FrameInfo, meta.sequence, meta.stamp_ns, &message);
+        let body_crc = crc32fast::hash(frame.bytes);
+        encode::info(frame, body_crc, &mut message);
+        let mut result = self.message(Topic::FrameInfo, meta.sequence, meta.stamp_ns, &Payload::of(&message));
         if result.is_ok() {
             encode::image(frame, &mut message);
-            result = self.message(Topic::Image, meta.sequence, meta.stamp_ns, &message);
+            let image = Payload { head: &message, body: frame.bytes, body_crc };
+            result = self.message(Topic::Image, meta.sequence, meta.stamp_ns, &image);
         }
         self.scratch = message;
         result?;
         self.frames += 1;
+        self.count_safe(frame.bytes.len());
         let synced_ns = *self.synced_ns.get_or_insert(meta.stamp_ns);
         if self.unsynced_bytes >= SYNC_BYTES || meta.stamp_ns.saturating_sub(synced_ns) >= SYNC_NS {
             self.synced_ns = Some(meta.stamp_ns);
-            return self.sync();
+            return self.sync_beside();
         }
         Ok(())
-    }
-
-    /// Adds a displacement field.
-    ///
-    /// # Errors
-    ///
-    /// [`RecordingError::Io`] when the disk is full or gone; as for every row below.
-    pub fn field(&mut self, field: &PairField) -> Result<(), RecordingError> {
-        self.fields.push(Topic::Field, field.stamp_ns, &field.to_message());
-        self.write_due(field.stamp_ns)
-    }
-
-    /// Adds a place. Errors as [`field`](Self::field).
-    pub fn track(&mut self, sample: &TrackSample) -> Result<(), RecordingError> {
-        self.row(Topic::Track, sample.stamp_ns, sample)
-    }
-
-    /// Adds a velocity. Errors as [`field`](Self::field).
-    pub fn velocity(&mut self, sample: &VelocitySample) -> Result<(), RecordingError> {
-        self.row(Topic::Velocity, sample.stamp_ns, sample)
-    }
-
-    /// Adds a true velocity of a simulated shot. Errors as [`field`](Self::field).
-    pub fn truth(&mut self, sample: &VelocitySample) -> Result<(), RecordingError> {
-        self.row(Topic::Truth, sample.stamp_ns, sample)
-    }
-
-    /// Adds a collision, logged at its start. Errors as [`field`](Self::field).
-    pub fn impact(&mut self, impact: &Impact) -> Result<(), RecordingError> {
-        self.row(Topic::Impact, impact_time_ns(impact), impact)
-    }
-
-    /// Adds a true collision of a simulated shot. Errors as [`field`](Self::field).
-    pub fn truth_impact(&mut self, impact: &Impact) -> Result<(), RecordingError> {
-        self.row(Topic::TruthImpact, impact_time_ns(impact), impact)
-    }
-
-    /// Adds an event. Errors as [`field`](Self::field).
-    pub fn event(&mut self, event: &EventRow) -> Result<(), RecordingError> {
-        self.row(Topic::Events, event.stamp_ns, event)
-    }
-
-    /// Adds how a process is doing. Errors as [`field`](Self::field).
-    pub fn status(&mut self, status: &StatusRow) -> Result<(), RecordingError> {
-        self.row(Topic::Status, status.stamp_ns, status)
-    }
-
-    /// Adds what viewers draw over the frame of this stamp. Errors as [`field`](Self::field).
-    pub fn annotations(&mut self, stamp_ns: u64, annotations: &Annotations) -> Result<(), RecordingError> {
-        self.fields.push(Topic::Annotations, stamp_ns, &annotations.to_message(stamp_ns));
-        self.write_due(stamp_ns)
     }
 
     /// The file while it is written.
@@ -311,17 +260,27 @@ impl RecordingWriter {
         if part::is_in_place(&self.part, &self.handle) { self.safe_frames } else { finished }
     }
 
+    /// Hands to the system what waits of the frames so far, where nothing else is to be written at once.
+    ///
+    /// Of each frame a part waits for the next one, so that writes are as large and as well placed as they can be.
+    ///
+    /// # Errors
+    ///
+    /// [`RecordingError::Io`] when the disk is full or gone.
+    pub fn hand_over(&mut self) -> Result<(), RecordingError> {
+        self.call(Container::hand_over)?;
+        self.count_safe(0);
+        Ok(())
+    }
+
     /// Writes everything that is held back and forces it to the disk.
     ///
     /// # Errors
     ///
     /// [`RecordingError::Io`] when the disk is full or gone, or the file was removed.
     pub fn sync(&mut self) -> Result<(), RecordingError> {
-        self.write_batches()?;
-        self.flush()?;
-        self.unsynced_bytes = 0;
-        self.check_place()?;
-        self.handle.sync_data().map_err(|error| RecordingError::io("sync", &self.part, error))
+        self.sync_beside()?;
+        self.syncer.wait().map_err(|error| RecordingError::io("sync", &self.part, error))
     }
 
     /// Completes the file: index, footer, sync, final name, sync of the directory.
@@ -343,22 +302,25 @@ impl RecordingWriter {
 impl RecordingWriter {
     /// Completes the present file; its size.
     pub(super) fn complete(&mut self) -> Result<u64, RecordingError> {
-        self.call(mcap::Writer::finish)?;
-        if let Some(mcap) = self.mcap.take() {
-            std::io::Write::flush(&mut mcap.into_inner()).map_err(|error| failure(&self.part, error.into()))?;
+        if let Some(container) = self.container.take() {
+            container.finish().map_err(|error| RecordingError::io("write", &self.part, error))?;
         }
         self.check_place()?;
         self.unsynced_bytes = 0;
         let io = |error| RecordingError::io("sync", &self.part, error);
-        self.handle.sync_all().map_err(io)?;
+        self.syncer.wait().and_then(|()| self.handle.sync_all()).map_err(io)?;
         let bytes = self.handle.metadata().map_err(io)?.len();
         part::publish(&self.path, &self.part)?;
         Ok(bytes)
     }
 
-    fn row<R: Row>(&mut self, topic: Topic, log_time_ns: u64, row: &R) -> Result<(), RecordingError> {
-        self.rows.push(topic, log_time_ns, &row.to_message());
-        self.write_due(log_time_ns)
+    /// As [`sync`](Self::sync), but the disk is waited for at the next one; its error is told then.
+    fn sync_beside(&mut self) -> Result<(), RecordingError> {
+        self.write_batches()?;
+        self.flush()?;
+        self.unsynced_bytes = 0;
+        self.check_place()?;
+        self.syncer.ask(&self.handle).map_err(|error| RecordingError::io("sync", &self.part, error))
     }
 
     fn write_due(&mut self, now_ns: u64) -> Result<(), RecordingError> {
@@ -376,7 +338,7 @@ impl RecordingWriter {
             self.make_room(batch.expected_bytes())?;
             self.flush()?;
             for (topic, log_time_ns, message) in batch.iter() {
-                self.message(topic, 0, log_time_ns, message)?;
+                self.message(topic, 0, log_time_ns, &Payload::of(message))?;
             }
             self.flush()?;
             batch.clear();
@@ -386,9 +348,21 @@ impl RecordingWriter {
 
     /// Ends the chunk and hands it to the system.
     pub(super) fn flush(&mut self) -> Result<(), RecordingError> {
-        self.call(mcap::Writer::flush)?;
+        self.call(Container::flush)?;
         self.safe_frames = self.frames;
         Ok(())
+    }
+
+    /// Takes note of how many frames are with the system after one of so many bytes.
+    fn count_safe(&mut self, bytes: usize) {
+        let waiting = self.container.as_ref().map_or(0, Container::waiting_bytes);
+        match waiting {
+            _ if !self.is_direct => {}
+            0 => self.safe_frames = self.frames,
+            // Only of the last one something waits.
+            waiting if waiting < bytes => self.safe_frames = self.frames - 1,
+            _ => {}
+        }
     }
 
     fn check_place(&self) -> Result<(), RecordingError> {
@@ -399,55 +373,66 @@ impl RecordingWriter {
         Err(RecordingError::io("write", &self.part, gone))
     }
 
-    fn message(&mut self, topic: Topic, sequence: u64, time_ns: u64, message: &[u8]) -> Result<(), RecordingError> {
-        let channel_id = self.channel(topic)?;
+    fn message(
+        &mut self,
+        topic: Topic,
+        sequence: u64,
+        time_ns: u64,
+        message: &Payload<'_>,
+    ) -> Result<(), RecordingError> {
+        let channel = self.channel(topic)?;
         // The header has room for the low half; frame_info holds the whole number.
         let sequence = (sequence & u64::from(u32::MAX)) as u32;
-        let header = MessageHeader { channel_id, sequence, log_time: time_ns, publish_time: time_ns };
+        let header = MessageHeader { channel, sequence, log_time_ns: time_ns, publish_time_ns: time_ns };
         self.unsynced_bytes += message.len() as u64;
         self.has_messages = true;
         if let Some(split) = &mut self.split {
             split.add(message.len());
         }
-        self.call(|mcap| mcap.write_to_known_channel(&header, message))
+        self.call(|container| container.message(&header, message))
     }
 
     fn channel(&mut self, topic: Topic) -> Result<u16, RecordingError> {
         if let Some(id) = self.channels[topic as usize] {
             return Ok(id);
         }
-        let schema = topic.schema_data();
+        let schema = Schema {
+            name: topic.schema_name().into(),
+            encoding: "protobuf".into(),
+            data: topic.schema_data().into_owned(),
+        };
         if let Some(split) = &mut self.split {
             // Once in front, once more at the end.
-            split.add(2 * schema.len());
+            split.add(2 * schema.data.len());
         }
-        let id = self.call(|mcap| {
-            let schema = mcap.add_schema(topic.schema_name(), "protobuf", &schema)?;
-            mcap.add_channel(schema, topic.name(), "protobuf", &BTreeMap::new())
+        let id = self.call(|container| {
+            let (topic, encoding) = (topic.name().into(), schema.encoding.clone());
+            let schema = container.schema(&schema)?;
+            container.channel(&Channel { schema, topic, encoding, metadata: BTreeMap::new() })
         })?;
         self.channels[topic as usize] = Some(id);
         Ok(id)
     }
 
     /// Adds a message exactly as it is, on a channel of [`call`](Self::call)'s making.
-    pub(super) fn copy(&mut self, channel_id: u16, message: &Copied<'_>) -> Result<(), RecordingError> {
+    pub(super) fn copy(&mut self, channel: u16, message: &Copied<'_>) -> Result<(), RecordingError> {
         let header = MessageHeader {
-            channel_id,
+            channel,
             sequence: message.sequence,
-            log_time: message.log_time_ns,
-            publish_time: message.publish_time_ns,
+            log_time_ns: message.log_time_ns,
+            publish_time_ns: message.publish_time_ns,
         };
         self.unsynced_bytes += message.data.len() as u64;
         self.frames += u64::from(message.is_frame);
-        self.call(|mcap| mcap.write_to_known_channel(&header, message.data))
+        self.call(|container| container.message(&header, &Payload::of(message.data)))
     }
 
     pub(super) fn call<T>(
         &mut self,
-        action: impl FnOnce(&mut Mcap) -> Result<T, McapError>,
+        action: impl FnOnce(&mut Container) -> io::Result<T>,
     ) -> Result<T, RecordingError> {
-        match &mut self.mcap {
-            Some(mcap) => action(mcap).map_err(|error| failure(&self.part, error)),
+        match &mut self.container {
+            Some(container) => action(container).map_err(|error| RecordingError::io("write", &self.part, error)),
             None => Err(RecordingError::refused(&self.path, "the recording is finished")),
         }
     }
@@ -456,41 +441,16 @@ impl RecordingWriter {
 impl Drop for RecordingWriter {
     /// Keeps what was held back; an error has no one left to tell.
     fn drop(&mut self) {
-        if self.mcap.is_some() {
-            let _ = self.write_batches();
+        if self.container.is_some() {
+            let _ = self.write_batches().and_then(|()| self.flush());
         }
     }
 }
 
-fn open(path: &Path, part: &Path, options: &WriterOptions) -> Result<(Mcap, File), RecordingError> {
+fn open(path: &Path, part: &Path, options: &WriterOptions) -> Result<(Container, File), RecordingError> {
     let file = part::create(path, part)?;
     let handle = file.try_clone().map_err(|error| RecordingError::io("open", part, error))?;
-    let buffered = BufWriter::with_capacity(64 << 10, PartFile::new(file));
-    Ok((write_options(options).create(buffered).map_err(|error| failure(part, error))?, handle))
-}
-
-fn write_options(options: &WriterOptions) -> WriteOptions {
-    let compression = match options.compression {
-        Compression::None => None,
-        Compression::Zstd1 => Some(mcap::Compression::Zstd),
-    };
-    WriteOptions::new()
-        .compression(compression)
-        .compression_level(1)
-        .compression_threads(0)
-        .chunk_size(Some(options.chunk_bytes))
-        .library(concat!("ricochet ", env!("CARGO_PKG_VERSION")))
-}
-
-pub(super) fn failure(part: &Path, error: McapError) -> RecordingError {
-    match error {
-        McapError::Io(source) => RecordingError::io("write", part, source),
-        other => RecordingError::refused(part, other.to_string()),
-    }
-}
-
-/// When a collision is logged: at its start, or where its times count from while that is not known.
-fn impact_time_ns(impact: &Impact) -> u64 {
-    let start_ns = impact.start_s.map_or(0.0, |start| (start.value * 1e9).max(0.0));
-    impact.origin_ns.saturating_add(start_ns as u64)
+    let settings = Settings { profile: "", compression: options.compression, chunk_bytes: options.chunk_bytes };
+    let container = Container::create(PartFile::new(file), settings);
+    Ok((container.map_err(|error| RecordingError::io("write", part, error))?, handle))
 }

@@ -75,6 +75,15 @@ impl Shot {
     /// [`RecordingError`] when the system refuses, or a table of it does not decode. Frames that are damaged are
     /// counted, not an error.
     pub fn read(recording: &Recording) -> Result<Self, RecordingError> {
+        Self::read_with(recording, recording)
+    }
+
+    /// As [`read`](Self::read), with the frames of the film whose results these are.
+    ///
+    /// # Errors
+    ///
+    /// As [`read`](Self::read), and when the film is another one.
+    pub fn read_with(recording: &Recording, film: &Recording) -> Result<Self, RecordingError> {
         let mut velocities = recording.velocities()?.collect::<Result<Vec<_>, _>>()?;
         velocities.sort_by_key(|row| (row.body, row.frame));
         let mut truth = recording.truth()?.collect::<Result<Vec<_>, _>>()?;
@@ -106,7 +115,7 @@ impl Shot {
             field_statuses: BTreeMap::new(),
         };
         shot.read_fields(recording)?;
-        shot.read_frames(recording)?;
+        shot.read_frames(film)?;
         shot.origin_ns = shot.first_stamp_ns();
         Ok(shot)
     }
@@ -150,6 +159,10 @@ impl Shot {
             self.frames.shape.get_or_insert(meta);
             last = Some(meta);
             for snapshot in self.snapshots.iter_mut().filter(|s| s.row.frame == meta.sequence && s.picture.is_none()) {
+                if snapshot.row.stamp_ns != meta.stamp_ns {
+                    let reason = format!("frame {} was taken at another time: this is another film", meta.sequence);
+                    return Err(RecordingError::Invalid { path: recording.path().to_path_buf(), reason });
+                }
                 let center = snapshot.row.center_x_px.zip(snapshot.row.center_y_px).map(|(x, y)| [x, y]);
                 let crop = Crop::about(center, snapshot.row.radius_px.unwrap_or(0.0) * CROP_RADII, &meta);
                 snapshot.picture = picture::png(meta, &bytes, crop).map(|png| (crop, png));

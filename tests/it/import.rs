@@ -74,6 +74,24 @@ fn missing_stills_are_told_and_keep_their_place_in_time() {
 }
 
 #[test]
+fn stills_listed_by_a_shell_are_taken_by_their_numbers() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |k: u8| folder.path().join(format!("drop_{k}.png"));
+    (8..=11).for_each(|k| GrayImage::from_pixel(4, 4, Luma([k])).save(at(k)).unwrap());
+    let levels = |order: [u8; 4]| {
+        let footage = import::open(&order.map(at), Some(1000.0)).unwrap();
+        let told = footage.warnings.join("\n");
+        (footage.map(|frame| frame.unwrap().1[0]).collect::<Vec<_>>(), told)
+    };
+    // As `drop_*.png` becomes it.
+    let (read, told) = levels([10, 11, 8, 9]);
+    assert_eq!(read, [8, 9, 10, 11]);
+    assert!(told.contains("2 before 10") && told.lines().count() == 1, "{told}");
+    assert_eq!(levels([8, 9, 10, 11]), (vec![8, 9, 10, 11], String::new()));
+    assert_eq!(levels([11, 10, 9, 8]).0, [11, 10, 9, 8], "an order that no shell gives is meant");
+}
+
+#[test]
 fn what_cannot_be_measured_is_refused() {
     let folder = tempfile::tempdir().unwrap();
     let at = |name: &str| folder.path().join(name);

@@ -9,6 +9,7 @@
 )]
 
 mod accuracy;
+mod allocation;
 mod ball;
 mod bounce;
 mod browser;
@@ -17,6 +18,7 @@ mod calibration;
 mod camera_contract;
 mod check;
 mod cli;
+mod clock;
 mod config;
 mod design;
 mod examples;
@@ -39,6 +41,7 @@ mod parts;
 mod patch;
 mod pipeline;
 mod polar;
+mod pretrigger;
 mod python;
 mod recording;
 mod recordings;

@@ -70,6 +70,41 @@ fn the_page_of_a_shot_holds_its_numbers_and_asks_for_nothing() {
 }
 
 #[test]
+fn results_alone_show_the_frames_of_their_film_and_of_no_other() {
+    let rig = Rig::new();
+    let (shot, page) = (measured(&rig), rig.path("page.html"));
+    let film = rig.path("film.mcap");
+    let report = |film: &Path| {
+        let arguments = ["report".as_ref(), shot.as_os_str(), "--film".as_ref(), film.as_os_str(), "-o".as_ref()];
+        run(arguments.into_iter().chain([page.as_os_str()]))
+    };
+    let pictures = || std::fs::read_to_string(&page).unwrap().matches("data:image/png").count();
+    succeed(["report".as_ref(), shot.as_os_str(), "-o".as_ref(), page.as_os_str()]);
+    assert_eq!(pictures(), 0, "results alone hold none");
+    assert!(report(&film).status.success());
+    assert_eq!(pictures(), 3, "start, deepest, end");
+
+    let other = rig.path("other.mcap");
+    synthetic(&other, 100, 0.8, None);
+    std::fs::remove_file(&page).unwrap();
+    let before = rig.path("before.mcap");
+    let mut writer = RecordingWriter::create(&before, &RecordingInfo::default(), &WriterOptions::default()).unwrap();
+    for frame in Recording::open(&film).unwrap().frames().unwrap() {
+        let (mut meta, bytes) = frame.unwrap();
+        meta.stamp_ns -= 1;
+        writer.frame(&Frame { meta, bytes: &bytes }).unwrap();
+    }
+    writer.finish().unwrap();
+    let output = report(&before);
+    let told = String::from_utf8(output.stderr).unwrap();
+    assert_eq!(output.status.code(), Some(5), "{told}");
+    assert!(told.contains("this is another film") && told.contains("before.mcap"), "{told}");
+    assert!(!page.exists());
+    let arguments = ["report".as_ref(), shot.as_os_str(), other.as_os_str(), "--film".as_ref(), film.as_os_str()];
+    assert_eq!(run(arguments).status.code(), Some(2));
+}
+
+#[test]
 fn a_page_that_asks_for_something_or_fails_would_be_seen() {
     let rig = Rig::new();
     let text = "<img src=\"http://example.invalid/x.png\"><script>console.error(\"oops\")</script>";

@@ -34,7 +34,7 @@ pub struct RecordOptions {
 #[derive(Debug, Clone, Copy)]
 struct Taken {
     wall_s: f64,
-    /// Processor time of the writing thread, the system's part included.
+    /// Processor time of the process, the system's part included.
     cpu_s: f64,
 }
 
@@ -159,9 +159,9 @@ impl Drop for Files {
 }
 
 fn taken(write: impl FnOnce() -> anyhow::Result<()>) -> anyhow::Result<Taken> {
-    let (start, cpu_s) = (now(), thread_cpu_s()?);
+    let (start, before_s) = (now(), cpu_s());
     write()?;
-    Ok(Taken { wall_s: start.elapsed().as_secs_f64(), cpu_s: thread_cpu_s()? - cpu_s })
+    Ok(Taken { wall_s: start.elapsed().as_secs_f64(), cpu_s: cpu_s() - before_s })
 }
 
 #[expect(clippy::disallowed_methods, reason = "a benchmark reads the clock")]
@@ -169,11 +169,10 @@ fn now() -> Instant {
     Instant::now()
 }
 
-/// Processor time of this thread, as the scheduler counts it.
-fn thread_cpu_s() -> anyhow::Result<f64> {
-    let text = std::fs::read_to_string("/proc/thread-self/schedstat")?;
-    let ns: f64 = text.split_whitespace().next().unwrap_or_default().parse()?;
-    Ok(ns * 1e-9)
+/// Processor time of this process, with that of the thread that waits for the disk.
+fn cpu_s() -> f64 {
+    let time = rustix::time::clock_gettime(rustix::time::ClockId::ProcessCPUTime);
+    time.tv_sec as f64 + time.tv_nsec as f64 * 1e-9
 }
 
 /// A frame that does not compress (Marsaglia's xorshift).

@@ -241,7 +241,7 @@ fn indexed(
         let stored = Source::File { offset: index.offset, bytes: index.entries * 16 };
         let bytes = stored.read(&inner.file, 0, stored.len())?;
         entries.extend(bytes.chunks_exact(16).map(|pair| {
-            let mut fields = super::record::Fields(pair);
+            let mut fields = crate::recording::record::Fields(pair);
             let log_time_ns = fields.u64().unwrap_or(0);
             Entry { log_time_ns, file, section: number, offset: fields.u64().unwrap_or(UNREADABLE) }
         }));

@@ -8,7 +8,6 @@
 mod compressed;
 mod frames;
 mod messages;
-mod record;
 mod ros2;
 mod section;
 mod set;
@@ -18,7 +17,6 @@ mod walk;
 
 pub use frames::Frames;
 pub(super) use messages::Message;
-pub(super) use record::{Channel, Schema};
 pub use topics::{Rows, TopicSummary};
 
 use super::{CONFIG_NAME, METADATA_NAME, RecordingError};

@@ -1,8 +1,8 @@
 //! The records inside a section.
 
-use super::record::{self, MessageHeader, PREFIX_BYTES, op};
 use super::source::{Source, Window};
 use super::walk::{Coding, Section, prefix};
+use crate::recording::record::{self, MessageHeader, PREFIX_BYTES, op};
 use bytes::Bytes;
 use std::fs::File;
 use std::io::{self, Read};

@@ -1,8 +1,8 @@
 //! The topics of a recording and their rows.
 
 use super::messages::Messages;
-use super::record::{Channel, Schema};
 use super::{Inner, Recording};
+use crate::recording::record::{Channel, Schema};
 use crate::recording::rows::Row;
 use crate::recording::{EventRow, RecordingError, StatusRow, Topic};
 use crate::results::{Impact, PairField, TrackSample, VelocitySample};

@@ -16,8 +16,8 @@ fn packed(picture: impl Into<DynamicImage>, format: ImageFormat) -> Vec<u8> {
     bytes.into_inner()
 }
 
-/// The one frame of a file with this message.
-fn read(schema: &str, encoding: &str, message: &[u8]) -> Read {
+/// A file with this message.
+fn file(schema: &str, encoding: &str, message: &[u8]) -> Vec<u8> {
     let mut bytes = Vec::new();
     let mut writer = mcap::Writer::new(Cursor::new(&mut bytes)).unwrap();
     let schema = writer.add_schema(schema, "any", b"...").unwrap();
@@ -26,17 +26,35 @@ fn read(schema: &str, encoding: &str, message: &[u8]) -> Read {
     writer.write_to_known_channel(&header, message).unwrap();
     writer.finish().unwrap();
     drop(writer);
+    bytes
+}
+
+/// The one frame of such a file.
+fn read(schema: &str, encoding: &str, message: &[u8]) -> Read {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("foreign.mcap");
-    std::fs::write(&path, bytes).unwrap();
+    std::fs::write(&path, file(schema, encoding, message)).unwrap();
     Recording::open(&path).unwrap().frames().unwrap().next().unwrap()
 }
 
 fn foxglove(payload: &[u8]) -> Read {
+    read("foxglove.CompressedImage", "protobuf", &foxglove_message(payload))
+}
+
+fn foxglove_message(payload: &[u8]) -> Vec<u8> {
     let timestamp = Some(Timestamp::new(3, 4));
     let (data, format) = (payload.to_vec().into(), "png".into());
-    let message = CompressedImage { timestamp, frame_id: "camera".into(), data, format };
-    read("foxglove.CompressedImage", "protobuf", &message.encode_to_vec())
+    CompressedImage { timestamp, frame_id: "camera".into(), data, format }.encode_to_vec()
+}
+
+/// Small files of both kinds.
+pub fn seeds() -> [Vec<u8>; 2] {
+    let picture = GrayImage::from_fn(8, 8, |x, y| Luma([shade(x, y)]));
+    let (png, jpeg) = (packed(picture.clone(), ImageFormat::Png), packed(picture, ImageFormat::Jpeg));
+    [
+        file("foxglove.CompressedImage", "protobuf", &foxglove_message(&png)),
+        file("sensor_msgs/msg/CompressedImage", "cdr", &ros2(&jpeg)),
+    ]
 }
 
 /// A `sensor_msgs/msg/CompressedImage` in little-endian CDR.

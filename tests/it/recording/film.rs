@@ -73,6 +73,19 @@ fn encode(to: &Path, kind: &str, rate: &str, codec: &[&str], frames: &[Vec<u8>])
     assert!(ffmpeg.wait().unwrap().success());
 }
 
+/// Small films, with the ending of their names.
+pub fn seeds() -> Vec<(&'static str, Vec<u8>)> {
+    let folder = tempfile::tempdir().unwrap();
+    let frames: Vec<Vec<u8>> = (0..3).map(pixels).collect();
+    let kinds = [(".avi", ["-c:v", "rawvideo"]), (".mkv", ["-c:v", "ffv1"]), (".mov", ["-c:v", "png"])];
+    let seed = |(ending, codec): (&'static str, [&str; 2])| {
+        let path = folder.path().join(format!("film{ending}"));
+        encode(&path, "gray", "25", &codec, &frames);
+        (ending, std::fs::read(path).unwrap())
+    };
+    kinds.map(seed).into()
+}
+
 fn imported(path: &Path, fps: Option<f64>) -> (Vec<String>, Vec<(FrameMeta, Vec<u8>)>) {
     let footage = import::open(&[path.to_path_buf()], fps).unwrap();
     let (count, warnings) = (footage.count, footage.warnings.clone());

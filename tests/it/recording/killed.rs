@@ -73,7 +73,9 @@ fn write_again(path: &Path, film: &Film, sequences: &[u64], like: &Path) {
 }
 
 fn velocity_of(film: &Path, to: &Path) -> String {
-    succeed(["analyze".as_ref(), film.as_os_str(), "-o".as_ref(), to.as_os_str()]);
+    let output = run(["analyze".as_ref(), film.as_os_str(), "-o".as_ref(), to.as_os_str()]);
+    // A busy machine may have lost frames while they were filmed; that is told, and is the same in both.
+    assert!(matches!(output.status.code(), Some(0 | 6)), "{}", String::from_utf8_lossy(&output.stderr));
     csv(to, "velocity")
 }
 

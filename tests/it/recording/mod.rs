@@ -2,6 +2,7 @@
 
 mod camera;
 mod compressed;
+mod container;
 mod damage;
 mod export;
 mod extract;
@@ -12,6 +13,7 @@ mod mutation;
 mod node;
 mod python;
 pub mod recover;
+mod rerun;
 mod roundtrip;
 pub mod samples;
 mod seek;

@@ -2,7 +2,8 @@
 
 use super::damage::{SMALL, read_all};
 use super::recover::xorshift;
-use super::samples;
+use super::{compressed, film, samples};
+use crate::allocation::largest_bytes;
 use crate::import;
 use ricochet::recording::{Compression, Recording, WriterOptions, copy_as_ros2, copy_results, recover};
 use std::cell::Cell;
@@ -11,8 +12,10 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::time::{Duration, Instant};
 
+/// The largest piece of memory that a reader may ask for beside twice the size of the file.
+const PIECE_BYTES: usize = 64 << 20;
 /// All memory of the process, kB: 64 MiB for what is read and as much for what its decoder holds, as the files have a
-/// few kB, and 16 MiB for everything else.
+/// few kB, and 16 MiB for everything else; memory that a library in C asks for by itself is in it.
 const MEMORY_KB: u32 = 144 << 10;
 /// Set in the process that does the work: rounds, or seconds with an `s` behind them.
 const BUDGET: &str = "RICOCHET_MUTATE";
@@ -70,7 +73,7 @@ fn kept(test: &str, ending: &str) -> PathBuf {
 /// Changes seeds and reads them; `read` gives how many frames there were.
 fn mutate_and_read(test: &str, seeds: &[(&str, Vec<u8>)], budget: &Budget, read: impl Fn(&Path) -> usize) {
     let mut random = xorshift(0x2545_f491_4f6c_dd1d);
-    let (start, mut round, mut frames) = (Instant::now(), 0, 0);
+    let (start, mut round, mut frames, mut largest) = (Instant::now(), 0, 0, 0);
     while budget.is_left(round, start) {
         let (ending, seed) = &seeds[round % seeds.len()];
         let mut bytes = seed.clone();
@@ -79,7 +82,10 @@ fn mutate_and_read(test: &str, seeds: &[(&str, Vec<u8>)], budget: &Budget, read:
         }
         let path = kept(test, ending);
         std::fs::write(&path, &bytes).unwrap();
-        match catch_unwind(AssertUnwindSafe(|| read(&path))) {
+        let (outcome, piece_bytes) = largest_bytes(|| catch_unwind(AssertUnwindSafe(|| read(&path))));
+        assert!(piece_bytes <= 2 * bytes.len() + PIECE_BYTES, "round {round}, {}: {piece_bytes}", path.display());
+        largest = largest.max(piece_bytes);
+        match outcome {
             Ok(count) => frames += count,
             Err(_) => panic!("round {round}: {}", path.display()),
         }
@@ -88,7 +94,7 @@ fn mutate_and_read(test: &str, seeds: &[(&str, Vec<u8>)], budget: &Budget, read:
     for (ending, _) in seeds {
         let _ = std::fs::remove_file(kept(test, ending));
     }
-    println!("{test}: {round} files, {frames} frames read");
+    println!("{test}: {round} files, {frames} frames read, {largest} bytes in one piece at most");
     assert!(8 * frames > round, "many mutations leave frames to read: {frames} in {round} files");
 }
 
@@ -127,6 +133,7 @@ fn recordings(folder: &Path) -> Vec<(&'static str, Vec<u8>)> {
     let (shot, bag) = (folder.join("seed-0.mcap"), folder.join("seed-ros2.mcap"));
     copy_as_ros2(&shot, &bag).unwrap();
     seeds.push((".mcap", std::fs::read(bag).unwrap()));
+    seeds.extend(compressed::seeds().map(|seed| (".mcap", seed)));
     seeds
 }
 
@@ -165,6 +172,13 @@ fn read_imports(test: &str, budget: &Budget) {
     let _ = std::fs::remove_file(kept(test, ".mraw"));
 }
 
+fn read_films(test: &str, budget: &Budget) {
+    mutate_and_read(test, &film::seeds(), budget, |path| {
+        let Ok(footage) = ricochet::import::open(&[path.to_path_buf()], Some(100.0)) else { return 0 };
+        footage.take(8).filter(Result::is_ok).count()
+    });
+}
+
 #[test]
 fn mutated_recordings_are_read_or_refused() {
     match Budget::told() {
@@ -179,6 +193,21 @@ fn mutated_imports_are_read_or_refused() {
         Some(budget) => read_imports("imports", &budget),
         None => limited("mutated_imports_are_read_or_refused", "6000"),
     }
+}
+
+#[test]
+fn mutated_films_are_read_or_refused() {
+    match Budget::told() {
+        Some(budget) => read_films("films", &budget),
+        None if film::has_ffmpeg() => limited("mutated_films_are_read_or_refused", "30"),
+        None => {}
+    }
+}
+
+#[test]
+#[ignore = "ten minutes, or RICOCHET_MUTATE_SECONDS"]
+fn mutated_films_are_read_or_refused_for_long() {
+    limited("mutated_films_are_read_or_refused", &long());
 }
 
 #[test]

@@ -43,6 +43,7 @@ fn a_killed_recording_is_whole_again_with_every_frame_and_attachment() {
             writer.sync().unwrap();
         }
     }
+    writer.hand_over().unwrap();
     std::mem::forget(writer);
     let before = fs::read(part_path(&path)).unwrap();
 
@@ -122,6 +123,7 @@ fn victim_that_writes_frames() {
         let (meta, bytes) = samples::frame(sequence, PixelFormat::Mono8, SIZE, 0);
         writer.frame(&Frame { meta, bytes: &bytes }).unwrap();
         writer.track(&samples::track(sequence)).unwrap();
+        writer.hand_over().unwrap();
         writeln!(out, "taken {sequence}").unwrap();
     }
 }

@@ -1,6 +1,6 @@
-//! Records of an MCAP file, parsed with every length checked.
+//! Records of an MCAP file: how they are told apart, and what those in front of messages hold.
 //!
-//! Layout: MCAP specification, <https://mcap.dev/spec>.
+//! Layout: MCAP specification, <https://mcap.dev/spec>. Every length is checked when a record is read.
 
 use std::collections::BTreeMap;
 
@@ -18,8 +18,13 @@ pub(super) mod op {
     pub(in super::super) const MESSAGE: u8 = 0x05;
     pub(in super::super) const CHUNK: u8 = 0x06;
     pub(in super::super) const MESSAGE_INDEX: u8 = 0x07;
+    pub(in super::super) const CHUNK_INDEX: u8 = 0x08;
     pub(in super::super) const ATTACHMENT: u8 = 0x09;
+    pub(in super::super) const ATTACHMENT_INDEX: u8 = 0x0a;
+    pub(in super::super) const STATISTICS: u8 = 0x0b;
     pub(in super::super) const METADATA: u8 = 0x0c;
+    pub(in super::super) const METADATA_INDEX: u8 = 0x0d;
+    pub(in super::super) const SUMMARY_OFFSET: u8 = 0x0e;
     pub(in super::super) const DATA_END: u8 = 0x0f;
 }
 

@@ -1,0 +1,170 @@
+//! A chunk: messages that are indexed, checked and compressed together.
+
+use super::layout::{number, record, text};
+use super::sink::Sink;
+use super::summary::ChunkIndex;
+use crate::recording::record::{MessageHeader, op};
+use crate::recording::writer::Compression;
+use crc32fast::Hasher;
+use std::collections::BTreeMap;
+use std::io;
+
+/// What the name of [`Compression::Zstd1`] says.
+const ZSTD_LEVEL: i32 = 1;
+
+/// A chunk that takes messages.
+pub(super) struct Chunk {
+    /// Where its record begins in the file.
+    start: u64,
+    /// Of the records in it.
+    crc: Hasher,
+    /// Log time and place of the messages, by channel.
+    places: BTreeMap<u16, Vec<(u64, u64)>>,
+    /// First and last log time.
+    times: Option<(u64, u64)>,
+    /// The records, where they wait to be compressed.
+    plain: Option<Vec<u8>>,
+}
+
+impl Chunk {
+    pub(super) fn begin(sink: &mut Sink, compression: Compression) -> io::Result<Self> {
+        let start = sink.position();
+        let plain = match compression {
+            Compression::Zstd1 => Some(Vec::new()),
+            // Its records follow as they come, so its sizes are filled in when it ends.
+            Compression::None => {
+                sink.put(&head(&Head::UNKNOWN)?)?;
+                None
+            }
+        };
+        Ok(Self { start, crc: Hasher::new(), places: BTreeMap::new(), times: None, plain })
+    }
+
+    /// Bytes of the records in it.
+    pub(super) fn bytes(&self) -> u64 {
+        self.crc.total_len()
+    }
+
+    /// Takes note of a message that is put next.
+    pub(super) fn index(&mut self, header: &MessageHeader) {
+        let time = header.log_time_ns;
+        let (first, last) = self.times.unwrap_or((time, time));
+        self.times = Some((first.min(time), last.max(time)));
+        let place = (time, self.bytes());
+        self.places.entry(header.channel).or_default().push(place);
+    }
+
+    /// Appends a record, or the part of it in front of its body.
+    pub(super) fn put(&mut self, sink: &mut Sink, bytes: &[u8]) -> io::Result<()> {
+        self.crc.update(bytes);
+        match &mut self.plain {
+            Some(plain) => plain.extend_from_slice(bytes),
+            None => sink.put(bytes)?,
+        }
+        Ok(())
+    }
+
+    /// Appends a body whose CRC-32 is known.
+    pub(super) fn put_body(&mut self, sink: &mut Sink, bytes: &[u8], crc: u32) -> io::Result<()> {
+        self.crc.combine(&Hasher::new_with_initial_len(crc, bytes.len() as u64));
+        match &mut self.plain {
+            Some(plain) => plain.extend_from_slice(bytes),
+            None => sink.put_through(bytes)?,
+        }
+        Ok(())
+    }
+
+    /// Completes the chunk and writes its index behind it; `file_crc` goes on over both.
+    pub(super) fn end(self, sink: &mut Sink, file_crc: &mut Hasher) -> io::Result<ChunkIndex> {
+        let (first, last) = self.times.unwrap_or((0, 0));
+        let plain_bytes = self.bytes();
+        let known = |compression, stored_bytes| Head {
+            times: [first, last],
+            plain_bytes,
+            crc: self.crc.clone().finalize(),
+            compression,
+            stored_bytes,
+        };
+        let about = match &self.plain {
+            Some(plain) => {
+                let stored = zstd::bulk::compress(plain, ZSTD_LEVEL)?;
+                let about = known("zstd", stored.len() as u64);
+                let head = head(&about)?;
+                file_crc.update(&head);
+                file_crc.update(&stored);
+                sink.put(&head)?;
+                sink.put_through(&stored)?;
+                about
+            }
+            None => {
+                let about = known("", plain_bytes);
+                let head = head(&about)?;
+                file_crc.update(&head);
+                file_crc.combine(&self.crc);
+                sink.replace(&head, self.start)?;
+                about
+            }
+        };
+        let end = sink.position();
+        let mut indexes = Vec::new();
+        let mut index_offsets = BTreeMap::new();
+        for (channel, places) in &self.places {
+            index_offsets.insert(*channel, end + indexes.len() as u64);
+            record(&mut indexes, op::MESSAGE_INDEX, |out| index(out, *channel, places))?;
+        }
+        file_crc.update(&indexes);
+        sink.put(&indexes)?;
+        Ok(ChunkIndex {
+            times: about.times,
+            start: self.start,
+            length: end - self.start,
+            index_offsets,
+            index_bytes: indexes.len() as u64,
+            compression: about.compression,
+            stored_bytes: about.stored_bytes,
+            plain_bytes,
+        })
+    }
+}
+
+/// What stands in front of a chunk's records.
+struct Head {
+    times: [u64; 2],
+    plain_bytes: u64,
+    crc: u32,
+    compression: &'static str,
+    stored_bytes: u64,
+}
+
+impl Head {
+    /// Until the chunk ends: no reader takes its lengths for true.
+    const UNKNOWN: Self =
+        Self { times: [0; 2], plain_bytes: u64::MAX, crc: u32::MAX, compression: "", stored_bytes: u64::MAX };
+}
+
+/// Prefix and head of a chunk's record.
+fn head(about: &Head) -> io::Result<Vec<u8>> {
+    let mut out = Vec::new();
+    record(&mut out, op::CHUNK, |out| {
+        about.times.iter().for_each(|time| out.extend(time.to_le_bytes()));
+        out.extend(about.plain_bytes.to_le_bytes());
+        out.extend(about.crc.to_le_bytes());
+        text(out, about.compression)?;
+        out.extend(about.stored_bytes.to_le_bytes());
+        Ok(())
+    })?;
+    // The records that follow are part of it.
+    let length = ((out.len() - 9) as u64).saturating_add(about.stored_bytes);
+    out[1..9].copy_from_slice(&length.to_le_bytes());
+    Ok(out)
+}
+
+fn index(out: &mut Vec<u8>, channel: u16, places: &[(u64, u64)]) -> io::Result<()> {
+    out.extend(channel.to_le_bytes());
+    out.extend(number::<u32>(places.len() * 16)?.to_le_bytes());
+    for (log_time_ns, offset) in places {
+        out.extend(log_time_ns.to_le_bytes());
+        out.extend(offset.to_le_bytes());
+    }
+    Ok(())
+}

@@ -1,0 +1,71 @@
+//! The rows of a recording, held back until they fill a chunk of their own.
+
+use super::RecordingWriter;
+use crate::recording::rows::{EventRow, Row, StatusRow};
+use crate::recording::schema::Topic;
+use crate::recording::{Annotations, RecordingError};
+use crate::results::{Impact, PairField, TrackSample, VelocitySample};
+
+impl RecordingWriter {
+    /// Adds a displacement field.
+    ///
+    /// # Errors
+    ///
+    /// [`RecordingError::Io`] when the disk is full or gone; as for every row below.
+    pub fn field(&mut self, field: &PairField) -> Result<(), RecordingError> {
+        self.fields.push(Topic::Field, field.stamp_ns, &field.to_message());
+        self.write_due(field.stamp_ns)
+    }
+
+    /// Adds a place. Errors as [`field`](Self::field).
+    pub fn track(&mut self, sample: &TrackSample) -> Result<(), RecordingError> {
+        self.row(Topic::Track, sample.stamp_ns, sample)
+    }
+
+    /// Adds a velocity. Errors as [`field`](Self::field).
+    pub fn velocity(&mut self, sample: &VelocitySample) -> Result<(), RecordingError> {
+        self.row(Topic::Velocity, sample.stamp_ns, sample)
+    }
+
+    /// Adds a true velocity of a simulated shot. Errors as [`field`](Self::field).
+    pub fn truth(&mut self, sample: &VelocitySample) -> Result<(), RecordingError> {
+        self.row(Topic::Truth, sample.stamp_ns, sample)
+    }
+
+    /// Adds a collision, logged at its start. Errors as [`field`](Self::field).
+    pub fn impact(&mut self, impact: &Impact) -> Result<(), RecordingError> {
+        self.row(Topic::Impact, impact_time_ns(impact), impact)
+    }
+
+    /// Adds a true collision of a simulated shot. Errors as [`field`](Self::field).
+    pub fn truth_impact(&mut self, impact: &Impact) -> Result<(), RecordingError> {
+        self.row(Topic::TruthImpact, impact_time_ns(impact), impact)
+    }
+
+    /// Adds an event. Errors as [`field`](Self::field).
+    pub fn event(&mut self, event: &EventRow) -> Result<(), RecordingError> {
+        self.row(Topic::Events, event.stamp_ns, event)
+    }
+
+    /// Adds how a process is doing. Errors as [`field`](Self::field).
+    pub fn status(&mut self, status: &StatusRow) -> Result<(), RecordingError> {
+        self.row(Topic::Status, status.stamp_ns, status)
+    }
+
+    /// Adds what viewers draw over the frame of this stamp. Errors as [`field`](Self::field).
+    pub fn annotations(&mut self, stamp_ns: u64, annotations: &Annotations) -> Result<(), RecordingError> {
+        self.fields.push(Topic::Annotations, stamp_ns, &annotations.to_message(stamp_ns));
+        self.write_due(stamp_ns)
+    }
+
+    fn row<R: Row>(&mut self, topic: Topic, log_time_ns: u64, row: &R) -> Result<(), RecordingError> {
+        self.rows.push(topic, log_time_ns, &row.to_message());
+        self.write_due(log_time_ns)
+    }
+}
+
+/// When a collision is logged: at its start, or where its times count from while that is not known.
+fn impact_time_ns(impact: &Impact) -> u64 {
+    let start_ns = impact.start_s.map_or(0.0, |start| (start.value * 1e9).max(0.0));
+    impact.origin_ns.saturating_add(start_ns as u64)
+}

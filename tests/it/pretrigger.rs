@@ -1,0 +1,144 @@
+//! The pre-trigger ring: free until it is needed, then written out whole.
+
+use crate::support::{Background, Rig, process, ricochet, status, succeed, wait_until};
+use ricochet::image::{Frame, FrameMeta};
+use ricochet::recording::{Recording, RecordingInfo, RecordingWriter, WriterOptions};
+use std::io::Write;
+use std::path::Path;
+use std::time::Instant;
+
+/// What is filmed: a ring of `pre` frames, triggered when it has been full for a while.
+struct Setup {
+    pre: u64,
+    post: u64,
+    side_px: u32,
+    rate_hz: u64,
+}
+
+impl Setup {
+    fn frames(&self) -> u64 {
+        // What passes before the trigger, and what may pass until the test has seen it.
+        2 * self.pre + 3 * self.post + 2 * self.rate_hz
+    }
+
+    fn meta(&self, sequence: u64) -> FrameMeta {
+        FrameMeta {
+            sequence,
+            stamp_ns: 1_767_225_600_000_000_000 + sequence * 1_000_000_000 / self.rate_hz,
+            width_px: self.side_px,
+            height_px: self.side_px,
+            stride_bytes: self.side_px,
+            ..FrameMeta::default()
+        }
+    }
+
+    /// Pixels that tell their frame.
+    fn paint(sequence: u64, bytes: &mut [u8]) {
+        bytes.chunks_exact_mut(8).step_by(64).for_each(|place| place.copy_from_slice(&sequence.to_le_bytes()));
+    }
+
+    fn film(&self, path: &Path) {
+        let mut writer = RecordingWriter::create(path, &RecordingInfo::default(), &WriterOptions::default()).unwrap();
+        let mut bytes = vec![90; (self.side_px * self.side_px) as usize];
+        for sequence in 0..self.frames() {
+            Self::paint(sequence, &mut bytes);
+            writer.frame(&Frame { meta: self.meta(sequence), bytes: &bytes }).unwrap();
+        }
+        writer.finish().unwrap();
+    }
+}
+
+/// Processor time of a process and its threads so far, s.
+fn cpu_s(pid: u64) -> f64 {
+    let tasks = std::fs::read_dir(format!("/proc/{pid}/task")).unwrap();
+    let ns = tasks.map(|task| {
+        let text = std::fs::read_to_string(task.unwrap().path().join("schedstat")).unwrap_or_default();
+        text.split_whitespace().next().map_or(0.0, |ns| ns.parse::<f64>().unwrap())
+    });
+    ns.sum::<f64>() * 1e-9
+}
+
+/// How long a plain write of the same bytes takes, forced to the disk as often, s.
+#[expect(clippy::disallowed_methods, reason = "it measures time")]
+fn plain_write_s(folder: &Path, setup: &Setup, frames: u64) -> f64 {
+    let mut bytes = vec![90; (setup.side_px * setup.side_px) as usize];
+    let path = folder.join("plain");
+    let start = Instant::now();
+    let mut file = std::fs::File::create(&path).unwrap();
+    for sequence in 0..frames {
+        Setup::paint(sequence, &mut bytes);
+        file.write_all(&bytes).unwrap();
+        if (sequence + 1) * bytes.len() as u64 % (64 << 20) < bytes.len() as u64 {
+            file.sync_data().unwrap();
+        }
+    }
+    file.sync_all().unwrap();
+    let taken = start.elapsed().as_secs_f64();
+    std::fs::remove_file(&path).unwrap();
+    taken
+}
+
+#[expect(clippy::disallowed_methods, reason = "it measures time")]
+fn fill_and_drain(setup: &Setup) {
+    let rig = Rig::new();
+    let film = rig.path("film.mcap");
+    setup.film(&film);
+    let camera = format!("source = \"recording\"\nid = \"{}\"\npaced = true", film.display());
+    let (pre_s, post_s) = (setup.pre as f64 / setup.rate_hz as f64, setup.post as f64 / setup.rate_hz as f64);
+    let rest = format!(
+        "[scale]\nmm_per_px = 0.5\n[workers]\ncount = 1\n[[body]]\nroi_px = [0, 0, 32, 32]\nmin_radius_px = 8\n\
+         max_radius_px = 12\n[trigger]\nmode = \"software\"\nrearm = false\npre_s = {pre_s}\npost_s = {post_s}"
+    );
+    let config = rig.config(&camera, &rest);
+    let service = Background::start(ricochet(["run".as_ref(), config.as_os_str()]));
+    let number =
+        |name: &str, key: &str| status(&rig.name).and_then(|told| process(&told, name, 0)?[key].as_u64()).unwrap_or(0);
+    wait_until("it films", || (number("acquire", "sequence") > 10).then_some(()));
+    let pid = number("record", "pid");
+    let (start, cpu_before_s) = (Instant::now(), cpu_s(pid));
+    wait_until("the ring is full", || (number("acquire", "sequence") > setup.pre + setup.post / 2).then_some(()));
+    let share = (cpu_s(pid) - cpu_before_s) / start.elapsed().as_secs_f64();
+    assert_eq!(number("record", "taken"), 0, "nothing was read yet");
+
+    let cpu_before_s = cpu_s(pid);
+    let triggered = Instant::now();
+    succeed(["trigger", "--rig", rig.name.as_str()]);
+    wait_until("the shot is written", || (number("record", "taken") > setup.pre + setup.post).then_some(()));
+    let (taken_s, cpu_drain_s) = (triggered.elapsed().as_secs_f64(), cpu_s(pid) - cpu_before_s);
+    wait_until("the shot has its name", || (rig.recordings().len() == 1).then_some(()));
+    assert_eq!(number("record", "lost"), 0);
+    service.signal(2);
+    service.end();
+
+    let recording = Recording::open(&rig.recordings()[0]).unwrap();
+    let (mut expected, mut bytes, mut count) = (None, vec![90; (setup.side_px * setup.side_px) as usize], 0);
+    for frame in recording.frames().unwrap() {
+        let (meta, pixels) = frame.unwrap();
+        let sequence = *expected.get_or_insert(meta.sequence);
+        assert_eq!(meta.sequence, sequence, "a gap");
+        Setup::paint(sequence, &mut bytes);
+        assert!(pixels == bytes, "frame {sequence} holds the pixels of another");
+        (expected, count) = (Some(sequence + 1), count + 1);
+    }
+    assert!(count > setup.pre + setup.post, "{count} frames");
+    println!(
+        "{count} frames: {:.2} % of a processor before the trigger; written in {taken_s:.2} s, {:.0} us of processor \
+         time a frame",
+        100.0 * share,
+        1e6 * cpu_drain_s / count as f64
+    );
+    assert!(share < 0.05, "{share} of a processor before the trigger");
+    std::fs::remove_file(&film).unwrap();
+    println!("a plain write takes {:.2} s", plain_write_s(&rig.path(""), setup, count));
+}
+
+#[test]
+fn a_ring_costs_nothing_before_the_trigger_and_is_drained_without_a_gap() {
+    fill_and_drain(&Setup { pre: 2000, post: 400, side_px: 64, rate_hz: 1000 });
+}
+
+#[test]
+#[ignore = "takes 11 GB of memory and 19 GB of disk"]
+fn a_ring_of_20_000_frames_of_512x512_px_costs_nothing_before_the_trigger_and_is_drained_without_a_gap() {
+    fill_and_drain(&Setup { pre: 20_000, post: 2000, side_px: 512, rate_hz: 2000 });
+}
