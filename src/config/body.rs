@@ -164,8 +164,7 @@ fn patch(table: &Table<'_>, raw: &RawBody, image_px: Option<(u32, u32)>) -> Resu
     }
     let patch = Patch { outline_px, holes_px, center_px: center_px.flatten() };
     let area_px2 = patch.area_and_centroid().0;
-    // Written so that NaN is refused.
-    if !(area_px2 >= AREA_MIN_PX2) {
+    if area_px2.is_nan() || area_px2 < AREA_MIN_PX2 {
         return Err(table.refuse(
             "polygon_px",
             format!("of at least {AREA_MIN_PX2} px^2 without its holes, and is of {area_px2:.0}"),

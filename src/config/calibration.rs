@@ -119,7 +119,7 @@ fn lens(table: &Table<'_>, raw: &RawCalibration) -> Result<Option<Lens>, ConfigE
         };
     };
     let matrix = square(numbers).filter(|[first, second, third]| {
-        let is_pinhole = first[1] == 0.0 && second[0] == 0.0 && *third == [0.0, 0.0, 1.0];
+        let is_pinhole = [first[1], second[0], third[0], third[1], third[2] - 1.0].iter().all(|x| x.abs() < 1e-12);
         is_pinhole && FOCAL.hold(first[0]) && FOCAL.hold(second[1])
     });
     let [[fx, _, cx], [_, fy, cy], _] = matrix.ok_or_else(|| {

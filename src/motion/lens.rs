@@ -66,8 +66,7 @@ impl Lens {
             let miss = [bent[0] - seen[0], bent[1] - seen[1]];
             let [[a, b], [c, d]] = derivative(|ray| self.distortion.bend(ray), ray, 1e-6);
             let det = a * d - b * c;
-            // Written so that NaN has no ray.
-            if !(det > 1e-6) {
+            if det.is_nan() || det <= 1e-6 {
                 return None;
             }
             let step = [(d * miss[0] - b * miss[1]) / det, (a * miss[1] - c * miss[0]) / det];
