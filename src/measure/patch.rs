@@ -12,8 +12,13 @@ const LITTLE_DEG: f64 = 6.0;
 /// Lowest ZNCC of the pixels in sight that counts as found.
 const LEAST_ZNCC: f64 = 0.6;
 
-/// Least share in sight of a patch that is found where it was drawn: a few pixels may be alike by chance.
-const COLD_VISIBLE: f64 = 0.4;
+/// Least share in sight of a patch that is found from nothing, or else so many pixels: few may be alike by chance.
+const COLD_VISIBLE: (f64, u32) = (0.4, 400);
+
+/// Whether what is in sight may be alike by chance.
+fn is_chance(visible_fraction: f64, pixels: u32) -> bool {
+    visible_fraction < COLD_VISIBLE.0 && pixels < COLD_VISIBLE.1
+}
 
 /// Where a patch is in one frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -171,7 +176,7 @@ impl PatchFinder {
     ) -> Result<PatchPose, PointStatus> {
         let (x, y) = self.center_px;
         let mut found = self.match_near(target, [x, y, 0.0]);
-        if found.is_ok_and(|pose| pose.visible_fraction < COLD_VISIBLE) {
+        if found.is_ok_and(|pose| is_chance(pose.visible_fraction, pose.pixels)) {
             found = Err(PointStatus::LowCorrelation);
         }
         if let (Err(_), Ok((reference, _))) = (&found, &self.reference) {
@@ -181,7 +186,8 @@ impl PatchFinder {
                 start = find_hidden_within_angle(reference, target, &region, center, 180.0);
             }
             let start = start.and_then(|found| {
-                if found.visible_fraction < COLD_VISIBLE { Err(PointStatus::LowCorrelation) } else { Ok(found) }
+                let is_chance = is_chance(found.visible_fraction, found.motion.points);
+                if is_chance { Err(PointStatus::LowCorrelation) } else { Ok(found) }
             });
             found = start.and_then(|BodyMotion { motion, .. }| {
                 self.match_near(target, [x + motion.u_px, y + motion.v_px, motion.angle_deg])

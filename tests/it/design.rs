@@ -205,6 +205,10 @@ fn rigs_that_cannot_film_or_follow_are_refused_in_one_line() {
     assert!(filmed.contains("`ricochet analyze`"), "{filmed}");
     let rod = refused(&plain, &|text| text, &["--scenario", "rod"]);
     assert!(rod.contains("scenario \"rod\" films a rod"), "{rod}");
+    let body = "[[body]]\nkind = \"patch\"\npolygon_px = [[80, 96], [123, 50], [166, 96]]\n";
+    let drawn = |text: String| format!("{}{body}", text.split("[[body]]").next().unwrap());
+    let patch = refused(&plain, &drawn, &[]);
+    assert!(patch.contains("is a patch"), "{patch}");
     let noise = refused(&plain, &|text| text, &["--noise-dn=-1"]);
     assert!(noise.contains("--noise-dn"), "{noise}");
 }

@@ -64,16 +64,19 @@ fn octagon([x, y]: [f64; 2], radius_px: f64) -> String {
 
 /// Errors of the place, px, and of the angle, deg, of a body in the frames it was found in; how many those are.
 fn judge(rows: &TrackerRows, body: u32, course: &Course, point: [f64; 2]) -> ([f64; 2], usize) {
-    let (mut square, mut count) = ([0.0; 2], 0);
+    let (mut square, mut count, mut turns) = ([0.0; 2], 0, 0);
     for track in rows.tracks.iter().filter(|track| track.body == body) {
-        let (Some(x), Some(y), Some(angle)) = (track.center_x_px, track.center_y_px, track.angle_deg) else { continue };
+        let (Some(x), Some(y)) = (track.center_x_px, track.center_y_px) else { continue };
         let truth = course.place(point, track.frame);
-        let turn = angle - course.rate[2] * track.frame as f64;
         square[0] += 0.5 * ((x - truth[0]).powi(2) + (y - truth[1]).powi(2));
-        square[1] += turn * turn;
         count += 1;
+        // How far it turned since its first frame is not known after a long absence.
+        if let Some(angle) = track.angle_deg {
+            square[1] += (angle - course.rate[2] * track.frame as f64).powi(2);
+            turns += 1;
+        }
     }
-    (square.map(|sum| (sum / count as f64).sqrt()), count)
+    ([(square[0] / count as f64).sqrt(), (square[1] / f64::from(turns)).sqrt()], count)
 }
 
 #[test]
@@ -119,15 +122,19 @@ fn crossing(back: &Course, front: &Course, frames: u64) -> (World, Vec<Vec<u8>>)
 #[test]
 fn patches_are_followed_through_mutual_occlusion_and_picked_up_again() {
     let back = Course { seed: 11, diameter_px: 80.0, start: [60.4, 120.2], rate: [2.13, 0.21, 0.9] };
-    for (name, offset_px) in [("half", 44.0), ("whole", 3.0)] {
+    for (name, offset_px, block_frames) in [("half", 44.0, 64), ("half", 44.0, 16), ("whole", 3.0, 16)] {
         let front =
             Course { seed: 12, diameter_px: 92.0, start: [200.3, 130.1 - offset_px], rate: [-2.31, 0.17, -1.1] };
         let (world, pictures) = crossing(&back, &front, 60);
         let bodies = [("back", octagon(back.start, 34.0)), ("front", octagon(front.start, 40.0))];
-        let rows = rows_of_pictures(pictures.into_iter(), &world, &rig(&bodies));
+        let rows = rows_of_pictures(
+            pictures.into_iter(),
+            &world,
+            &format!("{}[workers]\nblock_frames = {block_frames}\n", rig(&bodies)),
+        );
         let (of_back, of_front) = (judge(&rows, 0, &back, back.start), judge(&rows, 1, &front, front.start));
         let least = rows.tracks.iter().filter(|t| t.body == 0).filter_map(|t| t.visible_fraction).fold(1.0, f64::min);
-        println!("{name}: back {of_back:?}, least in sight {least:.2}; front {of_front:?}");
+        println!("{name}, blocks of {block_frames}: back {of_back:?}, least in sight {least:.2}; front {of_front:?}");
         assert!(of_front.1 == 60 && of_front.0[0] < 0.004 && of_front.0[1] < 0.006, "{name}: {of_front:?}");
         assert!(of_back.0[0] < 0.02 && of_back.0[1] < 0.03, "{name}: {of_back:?}");
         let last = rows.tracks.iter().rev().find(|track| track.body == 0).unwrap();
@@ -135,7 +142,12 @@ fn patches_are_followed_through_mutual_occlusion_and_picked_up_again() {
         let lost = 60 - of_back.1;
         let statuses: Vec<_> = rows.tracks.iter().filter(|t| t.body == 0).map(|t| t.status).collect();
         assert!(
-            if name == "half" { lost == 0 } else { (1..30).contains(&lost) },
+            match (name, block_frames) {
+                ("half", 64) => lost == 0,
+                // It may be hidden too far when a block begins.
+                ("half", _) => lost <= 16,
+                _ => (1..40).contains(&lost),
+            },
             "{name}: {lost} frames lost: {statuses:?}"
         );
     }

@@ -58,9 +58,9 @@ fn a_ring_shrinks_before_what_hides_the_ball() {
         let mut scenario = film(1, (0.13, 0.31, 0.91));
         // It comes in from the right, 2 px beside the ball at first.
         let point_px = Some([110.3 + 59.0, 112.7]);
-        let speed_px_frame = -(114.0 * hidden + 2.0) / 24.0;
+        let speed_px_frame = (114.0 * hidden + 2.0) / 24.0;
         scenario.occluder =
-            Some(OccluderSetup { shade: 0.1, texture: 0.0, point_px, normal_deg: Some(0.0), speed_px_frame });
+            Some(OccluderSetup { shade: 0.1, texture: 0.0, point_px, normal_deg: Some(180.0), speed_px_frame });
         let rows = rows_of(
             &World::new(&scenario).unwrap(),
             &rig(&scenario, "method = \"ring\"\n[workers]\nblock_frames = 64"),

@@ -139,6 +139,9 @@ impl Rig {
                 (camera.frame_rate_hz * step_px / f64::from(search_px)).ceil()
             ));
         }
+        if config.bodies[0].kind == BodyKind::Patch {
+            return refuse("the first body is a patch; what is foreseen is a ball or a rod".into());
+        }
         let is_rod = config.bodies[0].kind == BodyKind::Rod;
         match is_rod == scenario.body.rod.is_some() {
             true => Ok(()),
