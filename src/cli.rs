@@ -15,7 +15,7 @@ use crate::command::rig::{self, RoleOptions};
 use crate::command::simulate::{self, SimulateOptions};
 use crate::command::{self, Outcome, control, status};
 use crate::message::{Command as Request, Role};
-use crate::process::Stop;
+use crate::process::{Resume, Stop};
 mod field;
 mod replay;
 mod study;
@@ -137,13 +137,16 @@ pub struct Demo {
 pub struct RoleLine {
     /// The rig file; `-` reads it from standard input.
     config: PathBuf,
+    /// The camera that it works for, by the name of its [view]; the first when absent.
+    #[arg(long, value_name = "NAME")]
+    camera: Option<String>,
     /// Which correlation worker, from 0.
     #[arg(long, default_value_t = 0)]
     worker: u32,
     #[arg(long, hide = true)]
     origin: Option<String>,
     #[arg(long, hide = true)]
-    resume: Option<u64>,
+    resume: Option<Resume>,
     #[arg(long, hide = true)]
     supervised: bool,
 }
@@ -211,6 +214,9 @@ pub struct Analyze {
     /// A recording, the parts of one stream, other people's footage, or the images of one sequence.
     #[arg(required = true)]
     inputs: Vec<PathBuf>,
+    /// Which of several cameras, by the name of its view; the first when absent.
+    #[arg(long, value_name = "NAME")]
+    camera: Option<String>,
     /// The rig file; the attached one when absent.
     #[arg(long)]
     config: Option<PathBuf>,
@@ -268,6 +274,9 @@ pub struct Export {
     /// ffmpeg. Recordings: mcap (everything but the frames) or ros2 (the frames as sensor_msgs/msg/Image).
     #[arg(long, default_value = "csv")]
     format: String,
+    /// Which of several cameras, by the name of its view; the first when absent.
+    #[arg(long, value_name = "NAME")]
+    camera: Option<String>,
     /// The file or the directory to write; of csv, standard output when absent.
     #[arg(short, long)]
     output: Option<PathBuf>,
@@ -282,6 +291,9 @@ pub struct Report {
     /// One recording, or several of the same experiment.
     #[arg(required = true)]
     files: Vec<PathBuf>,
+    /// Which of several cameras, by the name of its view; the first when absent.
+    #[arg(long, value_name = "NAME")]
+    camera: Option<String>,
     /// The film that results alone were measured from: the page shows its frames.
     #[arg(long)]
     film: Option<PathBuf>,
@@ -405,8 +417,9 @@ pub fn run(command: Command, stop: &Stop) -> anyhow::Result<Outcome> {
             listen::run(&ListenOptions { topic, rig, json, count, wait_s: wait }, stop)
         }
         Command::Replay(line) => command::replay::run(&line.into(), stop),
-        Command::Analyze(Analyze { inputs, config, fps, from: from_s, to: to_s, output, workers, json }) => {
-            analyze::run(&AnalyzeOptions { inputs, config, fps, from_s, to_s, output, workers, json }, stop)
+        Command::Analyze(Analyze { inputs, camera, config, fps, from: from_s, to: to_s, output, workers, json }) => {
+            let options = AnalyzeOptions { inputs, camera, config, fps, from_s, to_s, output, workers, json };
+            analyze::run(&options, stop)
         }
         Command::Simulate(Simulate { scenario, output, json }) => {
             simulate::run(&SimulateOptions { scenario, output, json })
@@ -428,13 +441,14 @@ fn inspect(command: Command) -> anyhow::Result<Outcome> {
             "record" => bench::record(&RecordOptions { json, seconds, directory })?,
             _ => bench::windows(&WindowsOptions { json, threads, seconds })?,
         },
-        Command::Export(Export { file, topic, format, output, fps: playback_hz }) => {
+        Command::Export(Export { file, topic, format, camera, output, fps: playback_hz }) => {
             let format = export::Format::from_word(&format)?;
-            let exported = export::run(&ExportOptions { file: file.clone(), topic, format, output, playback_hz })?;
+            let options = ExportOptions { file: file.clone(), topic, format, camera, output, playback_hz };
+            let exported = export::run(&options)?;
             return Ok(Outcome::of_file(0, &file, exported.truncated.as_deref()));
         }
-        Command::Report(Report { files, film, output }) => {
-            return report::run(&ReportOptions { files, film, output });
+        Command::Report(Report { files, camera, film, output }) => {
+            return report::run(&ReportOptions { files, camera, film, output });
         }
         Command::Info(Info { file, json }) => {
             let info = info::run(&InfoOptions { file, json })?;
@@ -457,7 +471,7 @@ fn inspect(command: Command) -> anyhow::Result<Outcome> {
 
 impl From<RoleLine> for RoleOptions {
     fn from(line: RoleLine) -> Self {
-        let RoleLine { config, worker, origin, resume, .. } = line;
-        Self { config, origin, worker, resume }
+        let RoleLine { config, camera, worker, origin, resume, .. } = line;
+        Self { config, origin, camera, worker, resume }
     }
 }

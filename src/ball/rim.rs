@@ -44,6 +44,26 @@ pub(super) struct Rim {
     row: Vec<(f32, f32)>,
 }
 
+/// Distances of pixels from a circle, and which of them lie in the band.
+#[multiversion::multiversion(targets("x86_64+avx2+fma"))]
+fn measure_block(
+    (x, y): (&[Lane], &[Lane]),
+    shift: (f32, f32),
+    radius: f32,
+    (distance, weight): (&mut [Lane], &mut [Lane]),
+) {
+    for ((x, y), (distance, weight)) in x.iter().zip(y).zip(distance.iter_mut().zip(weight)) {
+        for i in 0..LANES {
+            let (dx, dy) = (x[i] - shift.0, y[i] - shift.1);
+            let d = (dx * dx + dy * dy).sqrt() - radius;
+            let near = d < BAND_PX as f32 && d > -(INNER_BAND_PX as f32);
+            // Slots without a pixel lie at the centre, a radius away.
+            weight[i] = if near { 1.0 } else { 0.0 };
+            distance[i] = if near { d } else { 0.0 };
+        }
+    }
+}
+
 impl Rim {
     /// Bins along the rim.
     pub fn bins(&self) -> usize {
@@ -95,18 +115,8 @@ impl Rim {
         let radius = outline.radius as f32;
         for block in 0..self.count.len() / LANES {
             let range = self.slots(block);
-            let positions = self.x[range.clone()].iter().zip(&self.y[range.clone()]);
-            let out = self.distance[range.clone()].iter_mut().zip(&mut self.weight[range]);
-            for ((x, y), (distance, weight)) in positions.zip(out) {
-                for i in 0..LANES {
-                    let (dx, dy) = (x[i] - shift.0, y[i] - shift.1);
-                    let d = (dx * dx + dy * dy).sqrt() - radius;
-                    let near = d < BAND_PX as f32 && d > -(INNER_BAND_PX as f32);
-                    // Slots without a pixel lie at the centre, a radius away.
-                    weight[i] = if near { 1.0 } else { 0.0 };
-                    distance[i] = if near { d } else { 0.0 };
-                }
-            }
+            let positions = (&self.x[range.clone()], &self.y[range.clone()]);
+            measure_block(positions, shift, radius, (&mut self.distance[range.clone()], &mut self.weight[range]));
         }
     }
 

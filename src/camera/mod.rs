@@ -2,6 +2,7 @@
 
 pub mod genicam;
 pub mod recording;
+mod setting;
 pub mod simulated;
 mod slot;
 pub mod v4l2;
@@ -153,6 +154,13 @@ pub trait Camera {
     ///
     /// When the camera is gone.
     fn next(&mut self, timeout: Duration) -> Result<Next, CameraError>;
+
+    /// Goes on with the frame of this number, where frames come from a film: what lies before it is not delivered.
+    ///
+    /// Called before [`start`](Self::start). `false`, and nothing else, from cameras that film.
+    fn go_to(&mut self, _sequence: u64) -> bool {
+        false
+    }
 
     /// Known truth of the frame with this sequence number, for simulated cameras.
     fn truth(&self, _sequence: u64) -> Vec<crate::results::VelocitySample> {

@@ -77,6 +77,8 @@ pub struct RecordingCamera {
     /// Added to the recorded stamps.
     shift_ns: i64,
     is_stepped: bool,
+    /// Frames before this one are passed over.
+    begin: u64,
     /// A word for each frame that may go, once started.
     steps: Option<Receiver<()>>,
 }
@@ -136,6 +138,7 @@ impl RecordingCamera {
             epoch_highest: 0,
             shift_ns: 0,
             is_stepped: false,
+            begin: 0,
             steps: None,
         })
     }
@@ -159,6 +162,9 @@ impl RecordingCamera {
     fn next_within(&mut self) -> Option<Result<(FrameMeta, Bytes), RecordingError>> {
         loop {
             let frame = self.frames.next_shared()?;
+            if frame.as_ref().is_ok_and(|(meta, _)| meta.sequence < self.begin) {
+                continue;
+            }
             let place =
                 frame.as_ref().map_or(Ordering::Equal, |(meta, _)| self.span.place(self.first_ns, meta.stamp_ns));
             match place {
@@ -311,6 +317,11 @@ impl Camera for RecordingCamera {
             return Ok(Next::Torn(slot, reason));
         }
         Ok(Next::Frame(slot, meta))
+    }
+
+    fn go_to(&mut self, sequence: u64) -> bool {
+        self.begin = sequence;
+        true
     }
 
     fn truth(&self, _sequence: u64) -> Vec<crate::results::VelocitySample> {

@@ -1,6 +1,7 @@
 //! A camera that films a simulated world.
 
 use super::{Camera, CameraError, CameraIdentity, Next, Pace, Slot, StreamFormat};
+use crate::config::Pulse;
 use crate::image::FrameMeta;
 use crate::results::{Impact, VelocitySample};
 use crate::synth::{Scenario, ScenarioError, World};
@@ -67,9 +68,13 @@ pub fn meta(world: &World, index: u64) -> FrameMeta {
 pub struct SimulatedCamera {
     world: World,
     pace: Pace,
+    /// The line it waits for.
+    pulse: Option<Pulse>,
     /// All frames, when drawing is too slow for the pace.
     film: Option<Vec<u8>>,
     started: Option<Instant>,
+    /// How much of the film had passed by when it was started.
+    passed: Duration,
     /// Each slot with the first frame that it can take.
     slots: VecDeque<(Slot, u64)>,
     index: u64,
@@ -99,7 +104,44 @@ impl SimulatedCamera {
     pub fn film(world: World, paced: bool) -> Result<Self, CameraError> {
         let film = if paced { film_if_slow(&world)? } else { None };
         let pace = if paced { Pace::Live } else { Pace::OnDemand };
-        Ok(Self { world, pace, film, started: None, slots: VecDeque::new(), index: 0 })
+        Ok(Self {
+            world,
+            pace,
+            pulse: None,
+            film,
+            started: None,
+            passed: Duration::ZERO,
+            slots: VecDeque::new(),
+            index: 0,
+        })
+    }
+
+    /// The same, with frames only when the imitated line has a pulse.
+    ///
+    /// # Errors
+    ///
+    /// [`CameraError::Setting`] when a pulse comes before the frames of the one before are over.
+    pub fn pulsed(self, pulse: Option<Pulse>) -> Result<Self, CameraError> {
+        if let Some(Pulse { period_s, burst_frames: frames }) = pulse {
+            let least_s = f64::from(frames) / self.world.frame_rate_hz();
+            if period_s < least_s {
+                let (feature, value) = ("camera.pulse_period_s".to_owned(), period_s.to_string());
+                let reason = format!("at least {least_s} s, as long as {frames} frames last");
+                return Err(CameraError::Setting { feature, value, reason });
+            }
+        }
+        Ok(Self { pulse, ..self })
+    }
+
+    /// When the exposure of a frame begins, s after the start, and how much of that the line was silent.
+    fn begins_s(&self, index: u64) -> (f64, f64) {
+        let period_s = 1.0 / self.world.frame_rate_hz();
+        let film_s = index as f64 * period_s;
+        let silent_s = self.pulse.map_or(0.0, |pulse| {
+            let (pulses, frames) = (index / u64::from(pulse.burst_frames), f64::from(pulse.burst_frames));
+            pulses as f64 * (pulse.period_s - frames * period_s)
+        });
+        (film_s + silent_s, silent_s)
     }
 
     /// The world it films.
@@ -115,13 +157,19 @@ impl SimulatedCamera {
     /// Time since the start; frame `n` is exposed at `n` periods.
     #[expect(clippy::disallowed_methods, reason = "the pace of a simulated camera is the wall clock's")]
     fn elapsed(&self) -> Duration {
-        self.started.map_or(Duration::ZERO, |started| Instant::now().duration_since(started))
+        self.started.map_or(Duration::ZERO, |started| self.passed + Instant::now().duration_since(started))
     }
 
     /// The first frame whose exposure has not begun.
     fn first_to_come(&self) -> u64 {
         match (self.pace, self.started) {
-            (Pace::Live, Some(_)) => (self.elapsed().as_secs_f64() * self.world.frame_rate_hz()).ceil() as u64,
+            (Pace::Live, Some(_)) => {
+                let (elapsed_s, rate_hz) = (self.elapsed().as_secs_f64(), self.world.frame_rate_hz());
+                let Some(pulse) = self.pulse else { return (elapsed_s * rate_hz).ceil() as u64 };
+                let pulses = (elapsed_s / pulse.period_s).floor();
+                let since = ((elapsed_s - pulses * pulse.period_s) * rate_hz).ceil() as u64;
+                pulses as u64 * u64::from(pulse.burst_frames) + since.min(u64::from(pulse.burst_frames))
+            }
             _ => 0,
         }
     }
@@ -129,7 +177,7 @@ impl SimulatedCamera {
     /// When a frame has been read out, after the start.
     fn due(&self, index: u64) -> Duration {
         let exposure_s = 1e-6 * self.world.scenario().camera.exposure_us;
-        Duration::from_secs_f64(index as f64 / self.world.frame_rate_hz() + exposure_s)
+        Duration::from_secs_f64(self.begins_s(index).0 + exposure_s)
     }
 
     /// Waits for a frame; whether it came within `timeout`.
@@ -202,7 +250,16 @@ impl Camera for SimulatedCamera {
         let Some((mut slot, _)) = self.slots.pop_front() else { return Ok(Next::Nothing) };
         self.fill(index, &mut slot);
         self.index = index + 1;
-        Ok(Next::Frame(slot, meta(&self.world, index)))
+        let mut meta = meta(&self.world, index);
+        let silent_ns = (self.begins_s(index).1 * 1e9).round() as u64;
+        (meta.stamp_ns, meta.device_ns) = (meta.stamp_ns + silent_ns, meta.device_ns + silent_ns);
+        Ok(Next::Frame(slot, meta))
+    }
+
+    fn go_to(&mut self, sequence: u64) -> bool {
+        self.index = sequence;
+        self.passed = Duration::from_secs_f64(self.begins_s(sequence).0);
+        true
     }
 
     fn truth(&self, sequence: u64) -> Vec<VelocitySample> {

@@ -22,6 +22,8 @@ const WAITING: usize = 16;
 pub struct AnalyzeOptions {
     /// The recording.
     pub inputs: Vec<PathBuf>,
+    /// Which of several cameras, by its name; the first when absent.
+    pub camera: Option<String>,
     /// The rig file; the attached one when absent.
     pub config: Option<PathBuf>,
     /// Frame rate in place of the file's own, Hz.
@@ -45,12 +47,18 @@ pub struct AnalyzeOptions {
 /// When the film or the rig file cannot be used, or the results cannot be written.
 pub fn run(options: &AnalyzeOptions, stop: &Stop) -> anyhow::Result<Outcome> {
     let span = span(options.from_s, options.to_s)?;
-    let mut film = Film::open(&options.inputs, options.config.as_deref(), options.fps)?.within(span);
+    let camera = options.camera.as_deref();
+    let mut film = Film::open(&options.inputs, camera, options.config.as_deref(), options.fps)?.within(span);
     if let Some(count) = options.workers {
         film.config.workers.count = count;
     }
+    if film.config.workers.count == 0 {
+        let (origin, input) = (&film.config.origin, options.inputs[0].display());
+        let reason = "0 workers, or no bodies; give a rig file with --config, or --workers";
+        return Err(UsageError(format!("{input}: nothing is measured by {origin}: {reason}")).into());
+    }
     film.config.record = Some(results_record());
-    let output = options.output.clone().unwrap_or_else(|| free_results_path(&options.inputs));
+    let output = options.output.clone().unwrap_or_else(|| free_results_path(&options.inputs, camera));
     if output.exists() {
         return Err(UsageError(format!("{}: the file exists already", output.display())).into());
     }
@@ -74,10 +82,11 @@ fn results_record() -> Record {
 }
 
 /// `shot.results-1.mcap` beside `shot.mcap`, or the next free number.
-fn free_results_path(inputs: &[PathBuf]) -> PathBuf {
+fn free_results_path(inputs: &[PathBuf], camera: Option<&str>) -> PathBuf {
     let input = inputs.first().map_or_else(|| Path::new("film"), PathBuf::as_path);
     let stem = input.file_stem().map_or_else(|| "recording".into(), |stem| stem.to_string_lossy().into_owned());
-    let numbered = |number: u32| input.with_file_name(format!("{stem}.results-{number}.mcap"));
+    let camera = camera.map_or_else(String::new, |camera| format!(".{camera}"));
+    let numbered = |number: u32| input.with_file_name(format!("{stem}{camera}.results-{number}.mcap"));
     (1..u32::MAX).map(numbered).find(|path| !path.exists()).unwrap_or_else(|| numbered(u32::MAX))
 }
 
@@ -110,7 +119,8 @@ fn measure(film: Film, output: &Path, stop: &Stop) -> anyhow::Result<(PathBuf, u
     info.metadata.insert("first_frame".into(), first.to_string());
     info.metadata.insert("first_stamp_ns".into(), stamp_ns.to_string());
     let extent = Extent { first, last: None, patience_frames: u64::MAX };
-    let mut shot = Shot::create(output, &config, &info, &tracker_params, extent)?;
+    let mut shot = Shot::create(output, &config, &info)?;
+    shot.begin(0, Some(&tracker_params), extent);
     let bar = progress::frames(count, "analyze");
     let mut unread = 0;
     let whole = std::thread::scope(|scope| -> anyhow::Result<()> {
@@ -128,11 +138,11 @@ fn measure(film: Film, output: &Path, stop: &Stop) -> anyhow::Result<(PathBuf, u
         for frame in frames {
             if stop.requested() {
                 // What is measured so far is whole; the rest counts as missing.
-                unread = count.saturating_sub(shot.frames).max(1);
+                unread = count.saturating_sub(shot.frames()).max(1);
                 break;
             }
             let (meta, bytes) = frame?;
-            shot.frame(&Frame { meta, bytes: &bytes })?;
+            shot.frame(0, &Frame { meta, bytes: &bytes })?;
             hand_out(&workers, &Arc::new((meta, bytes)));
             results.try_iter().try_for_each(|answer| take(&mut shot, answer))?;
             bar.inc(1);
@@ -147,8 +157,8 @@ fn measure(film: Film, output: &Path, stop: &Stop) -> anyhow::Result<(PathBuf, u
         let _ = std::fs::remove_file(part_path(output));
         return Err(error);
     }
-    let (missing, end) = (shot.lost + unread, shot.next_frame());
-    let (finished, _) = shot.finish(end)?;
+    let (missing, end) = (shot.lost(0) + unread, shot.next_frame(0));
+    let (finished, _) = shot.finish(&[end])?;
     Ok((finished.path, missing))
 }
 
@@ -180,7 +190,7 @@ fn work(mut measurer: Measurer, todo: &Receiver<Job>, answers: &Sender<Answer>) 
 
 fn take(shot: &mut Shot, answer: Answer) -> anyhow::Result<()> {
     for measured in answer? {
-        shot.step(measured.step, measured.field)?;
+        shot.step(0, measured.step, measured.field)?;
     }
     Ok(())
 }

@@ -88,7 +88,7 @@ pub fn run(options: &DemoOptions, stop: &Stop) -> anyhow::Result<Outcome> {
     let config = config(options)?;
     let total = process::truth_world(&config)?.map_or(0, |world| world.frames());
     let bar = progress::frames(total, "measure");
-    let tracker = Child { role: Role::Track, index: 0 };
+    let tracker = Child::first(Role::Track);
     let summary = process::supervise(&config, stop, |told| {
         if let Some(status) = told.get(&tracker) {
             bar.set_position(status.given.min(total));

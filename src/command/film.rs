@@ -55,20 +55,34 @@ impl Film {
 
     /// Opens a recording or the parts of one, or one other file, or images that make a sequence in the order given.
     ///
-    /// `config` takes the place of the attached rig file, `fps` that of the file's frame rate.
-    pub(super) fn open(inputs: &[PathBuf], config: Option<&Path>, fps: Option<f64>) -> anyhow::Result<Self> {
+    /// `camera` is one of several in it, by its name. `config` takes the place of the attached rig file, `fps` that of the file's frame rate.
+    pub(super) fn open(
+        inputs: &[PathBuf],
+        camera: Option<&str>,
+        config: Option<&Path>,
+        fps: Option<f64>,
+    ) -> anyhow::Result<Self> {
         if let Some(fps) = fps.filter(|fps| !(fps.is_finite() && *fps > 0.0)) {
             return Err(UsageError(format!("--fps {fps}: not a positive number")).into());
         }
         match inputs {
-            [first, ..] if import::is_importable(first) => Self::footage(inputs, config, fps),
-            _ => Self::recordings(inputs, config, fps),
+            [first, ..] if import::is_importable(first) => match camera {
+                Some(camera) => Err(UsageError(format!("--camera {camera}: {} has one", first.display())).into()),
+                None => Self::footage(inputs, config, fps),
+            },
+            _ => Self::recordings(inputs, camera, config, fps),
         }
     }
 
     /// One recording, or the parts of a stream that was recorded into several.
-    fn recordings(paths: &[PathBuf], config: Option<&Path>, fps: Option<f64>) -> anyhow::Result<Self> {
-        let parts = Recording::open_all(paths)?.into_iter().map(Part::open);
+    fn recordings(
+        paths: &[PathBuf],
+        camera: Option<&str>,
+        config: Option<&Path>,
+        fps: Option<f64>,
+    ) -> anyhow::Result<Self> {
+        let recordings = Recording::open_all(paths)?.into_iter().map(|recording| recording.of_camera(camera));
+        let parts = recordings.map(|recording| Part::open(recording?));
         let mut parts = parts.collect::<anyhow::Result<Vec<_>>>()?;
         parts.sort_by_key(|part| part.first.stamp_ns);
         for pair in parts.windows(2) {
@@ -78,7 +92,7 @@ impl Film {
             return Err(UsageError("no recording given".into()).into());
         };
         let (meta, recording) = (*first, recording.clone());
-        let config = rig_config(&recording, config)?;
+        let config = rig_config(&recording, camera, config)?;
         let told = recording.metadata().get("frame_rate_hz").and_then(|text| text.parse().ok());
         let told = told.filter(|rate_hz: &f64| rate_hz.is_finite() && *rate_hz > 0.0);
         let Some(frame_rate_hz) = fps.or(told).or(recording.frame_rate_hz()?) else {

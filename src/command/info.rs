@@ -1,5 +1,6 @@
 //! `ricochet info`: what a recording holds, and what is wrong with it.
 
+use crate::process::{Matcher, Matching};
 use crate::recording::{Recording, RecordingError};
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -38,6 +39,9 @@ pub struct Info {
     pub frames: Option<FramesInfo>,
     /// Why its frames cannot be read, or not all of them.
     pub frames_error: Option<String>,
+    /// The further cameras.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub cameras: Vec<CameraInfo>,
     /// Its topics.
     pub topics: Vec<TopicInfo>,
     /// Names of the bodies.
@@ -46,6 +50,37 @@ pub struct Info {
     pub metadata: BTreeMap<String, BTreeMap<String, String>>,
     /// Names and sizes of its attachments, bytes.
     pub attachments: BTreeMap<String, u64>,
+}
+
+/// A camera beside the first.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct CameraInfo {
+    /// Its name.
+    pub name: String,
+    /// Its frames, when it has any that can be read.
+    pub frames: Option<FramesInfo>,
+    /// Why its frames cannot be read, or not all of them.
+    pub frames_error: Option<String>,
+    /// Names of the bodies that were measured.
+    pub bodies: Vec<String>,
+    /// How its frames lie in time beside those of the first camera.
+    pub matching: MatchingInfo,
+}
+
+/// How the frames of a camera lie in time beside those of the first.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct MatchingInfo {
+    /// Frames that one of the first camera was taken within half a period of.
+    pub matched: u64,
+    /// Mean of how much later they were taken, ns.
+    pub mean_ns: f64,
+    /// Scatter of that about its mean (one sigma), ns.
+    pub scatter_ns: f64,
+    /// Largest distance in time, ns.
+    pub worst_ns: u64,
+    /// The same in words.
+    #[serde(skip)]
+    words: String,
 }
 
 /// A topic and how much it holds.
@@ -122,7 +157,9 @@ pub fn run(options: &InfoOptions) -> Result<Info, RecordingError> {
 ///
 /// [`RecordingError::Io`] when the system refuses.
 pub fn look(recording: &Recording) -> Result<Info, RecordingError> {
-    let (frames, frames_error) = frames(recording)?;
+    let (frames, frames_error, stamps) = frames(recording)?;
+    let half_period_ns = frames.as_ref().and_then(|frames| Some((0.5e9 / frames.frame_rate_hz?) as u64)).unwrap_or(0);
+    let camera = |name| camera(recording, name, &stamps, half_period_ns);
     let topics = recording.topics().into_iter();
     Ok(Info {
         file: recording.path().to_path_buf(),
@@ -133,6 +170,7 @@ pub fn look(recording: &Recording) -> Result<Info, RecordingError> {
         damage: recording.verify()?,
         frames,
         frames_error,
+        cameras: recording.views().into_iter().map(camera).collect::<Result<_, _>>()?,
         topics: topics
             .map(|t| TopicInfo { topic: t.topic, schema: t.schema, encoding: t.encoding, messages: t.messages })
             .collect(),
@@ -142,15 +180,45 @@ pub fn look(recording: &Recording) -> Result<Info, RecordingError> {
     })
 }
 
-fn frames(recording: &Recording) -> Result<(Option<FramesInfo>, Option<String>), RecordingError> {
+fn camera(
+    recording: &Recording,
+    name: String,
+    firsts: &[u64],
+    half_period_ns: u64,
+) -> Result<CameraInfo, RecordingError> {
+    let view = recording.view(&name)?;
+    let (frames, frames_error, others) = frames(&view)?;
+    let mut matcher = Matcher::new(half_period_ns);
+    let (mut firsts, mut others) = (firsts.iter().peekable(), others.iter().peekable());
+    while firsts.peek().is_some() || others.peek().is_some() {
+        // In the order of time, so that few wait for each other.
+        let is_first = others.peek().is_none_or(|other| firsts.peek().is_some_and(|first| first <= other));
+        match if is_first { firsts.next() } else { others.next() } {
+            Some(stamp_ns) if is_first => matcher.first(*stamp_ns),
+            Some(stamp_ns) => matcher.other(*stamp_ns),
+            None => {}
+        }
+    }
+    let matching = matcher.finish();
+    let words = matching.to_string();
+    let Matching { matched, mean_ns, scatter_ns, worst_ns, .. } = matching;
+    let matching = MatchingInfo { matched, mean_ns, scatter_ns, worst_ns, words };
+    Ok(CameraInfo { name, frames, frames_error, bodies: view.bodies().to_vec(), matching })
+}
+
+/// Frames, why not all of them, and their stamps.
+type Looked = (Option<FramesInfo>, Option<String>, Vec<u64>);
+
+fn frames(recording: &Recording) -> Result<Looked, RecordingError> {
     let frames = match recording.frames() {
         Ok(frames) => frames,
-        Err(error @ RecordingError::Invalid { .. }) => return Ok((None, Some(error.to_string()))),
+        Err(error @ RecordingError::Invalid { .. }) => return Ok((None, Some(error.to_string()), Vec::new())),
         Err(error) => return Err(error),
     };
     let mut info: Option<FramesInfo> = None;
     let mut problem = None;
     let mut epoch = 0;
+    let mut stamps = Vec::new();
     for frame in frames {
         let meta = match frame {
             Ok((meta, _)) => meta,
@@ -184,6 +252,7 @@ fn frames(recording: &Recording) -> Result<(Option<FramesInfo>, Option<String>),
             epoch = meta.epoch;
         }
         info.count += 1;
+        stamps.push(meta.stamp_ns);
         info.sequence[1] = meta.sequence;
         info.stamp_ns[1] = meta.stamp_ns;
     }
@@ -191,7 +260,7 @@ fn frames(recording: &Recording) -> Result<(Option<FramesInfo>, Option<String>),
         info.duration_s = info.stamp_ns[1].saturating_sub(info.stamp_ns[0]) as f64 / 1e9;
         info.frame_rate_hz = recording.frame_rate_hz().ok().flatten();
     }
-    Ok((info, problem))
+    Ok((info, problem, stamps))
 }
 
 impl FramesInfo {
@@ -232,6 +301,17 @@ fn table(info: &Info) -> String {
     }
     if let (Some(_), Some(problem)) = (&info.frames, &info.frames_error) {
         line("unreadable", problem.clone());
+    }
+    for camera in &info.cameras {
+        line("camera", camera.name.clone());
+        match (&camera.frames, &camera.frames_error) {
+            (Some(frames), _) => frame_lines(frames, &mut line),
+            (None, reason) => line("frames", format!("none: {}", reason.clone().unwrap_or_default())),
+        }
+        line("matching", camera.matching.words.clone());
+        if !camera.bodies.is_empty() {
+            line("bodies", camera.bodies.join(", "));
+        }
     }
     for topic in &info.topics {
         line("topic", format!("{:<22}{:>9}  {} ({})", topic.topic, topic.messages, topic.schema, topic.encoding));

@@ -22,6 +22,7 @@ pub mod simulate;
 pub mod status;
 pub mod study;
 
+use crate::config::Config;
 use crate::process::Summary;
 use std::io::Write;
 use std::path::Path;
@@ -69,6 +70,19 @@ impl Outcome {
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("{0}")]
 pub struct UsageError(pub String);
+
+/// The rig of the camera of this name, of the first where none is named.
+///
+/// # Errors
+///
+/// [`UsageError`] when there is no such camera.
+pub(crate) fn view_config(config: Config, camera: Option<&str>) -> Result<Config, UsageError> {
+    let Some(name) = camera else { return Ok(config) };
+    let views: Vec<&str> = config.views.iter().map(|view| view.name.as_str()).collect();
+    let known = if views.is_empty() { "it has one camera".into() } else { format!("it has {views:?}") };
+    let refusal = UsageError(format!("--camera {name}: {} has no such [view]: {known}", config.origin));
+    config.views.into_iter().find(|view| view.name == name).map(|view| view.config).ok_or(refusal)
+}
 
 /// Writes a line to standard output; a reader that went away is no error.
 pub fn say(line: &str) {

@@ -4,13 +4,14 @@ mod lead;
 mod stream;
 
 use super::film::span;
-use super::{Outcome, UsageError, progress, say};
+use super::{Outcome, UsageError, progress, say, view_config};
 use crate::camera::recording::Span;
 use crate::config::Config;
 use crate::message::Role;
 use crate::process::{self, Child, Stop, Summary};
 use crate::recording::Recording;
 use std::path::{Path, PathBuf};
+use stream::Streamed;
 
 /// How fast to play.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -120,8 +121,8 @@ pub fn run(options: &ReplayOptions, stop: &Stop) -> anyhow::Result<Outcome> {
             break;
         }
     }
-    let cut = streams.iter().find(|(recording, _)| recording.truncated().is_some()).or(streams.first());
-    let Some((recording, _)) = cut else { return Ok(Outcome::of_losses(lost)) };
+    let cut = streams.iter().find(|one| one.recording.truncated().is_some()).or(streams.first());
+    let Some(Streamed { recording, .. }) = cut else { return Ok(Outcome::of_losses(lost)) };
     Ok(Outcome::of_file(lost, recording.path(), recording.truncated()))
 }
 
@@ -129,7 +130,7 @@ pub fn run(options: &ReplayOptions, stop: &Stop) -> anyhow::Result<Outcome> {
 fn play(played: &Played, stop: &Stop) -> anyhow::Result<Summary> {
     let total = played.recording.frame_count();
     let bar = progress::frames(total, "replay");
-    let tracker = Child { role: Role::Track, index: 0 };
+    let tracker = Child::first(Role::Track);
     let summary = process::supervise(&played.config, stop, |told| {
         if let Some(status) = told.get(&tracker) {
             bar.set_position(status.given.min(total));
@@ -140,7 +141,7 @@ fn play(played: &Played, stop: &Stop) -> anyhow::Result<Summary> {
 }
 
 /// A rig for each stream, all names different.
-fn rigs(options: &ReplayOptions, streams: &[(Recording, Span)]) -> anyhow::Result<Vec<Played>> {
+fn rigs(options: &ReplayOptions, streams: &[Streamed]) -> anyhow::Result<Vec<Played>> {
     let is_led = streams.len() > 1 || options.tempo == Tempo::Step;
     let first_ns = stream::first_ns(streams)?;
     let begin_ns = match options.times {
@@ -152,14 +153,17 @@ fn rigs(options: &ReplayOptions, streams: &[(Recording, Span)]) -> anyhow::Resul
         .map_err(|_| UsageError(format!("--shift-times={begin_ns}: too far from the recorded times")))?;
     let mut names = Vec::<String>::new();
     let mut played = Vec::new();
-    for (recording, span) in streams {
-        let base = rig_config(recording, options.config.as_deref())?;
+    for Streamed { recording, camera, span } in streams {
+        let base = rig_config(recording, camera.as_deref(), options.config.as_deref())?;
         let name = free_name(&options.rig.clone().unwrap_or_else(|| replay_name(&base.rig.name)), &names);
         let mut changes = changes(options, is_led);
         changes.push(("rig.name", name.as_str().into()));
         changes.push(("camera.from_s", span.from_s.into()));
         if span.to_s.is_finite() {
             changes.push(("camera.to_s", span.to_s.into()));
+        }
+        if let Some(camera) = camera {
+            changes.push(("camera.view", camera.as_str().into()));
         }
         if shift_ns != 0 {
             changes.push(("camera.shift_ns", shift_ns.into()));
@@ -206,14 +210,16 @@ fn replay_name(rig: &str) -> String {
     if rig.starts_with("replay-") { rig.to_owned() } else { format!("replay-{rig}").chars().take(32).collect() }
 }
 
-/// The rig that a recording is measured with: the one given, else the one attached to it.
+/// The rig that a recording is measured with, or that of one of its cameras: the one given, else the one attached.
 ///
 /// # Errors
 ///
 /// When none is given and none attached, or it is wrong.
-pub fn rig_config(recording: &Recording, given: Option<&Path>) -> anyhow::Result<Config> {
+pub fn rig_config(recording: &Recording, camera: Option<&str>, given: Option<&Path>) -> anyhow::Result<Config> {
     if let Some(path) = given {
-        return Ok(Config::load(path)?);
+        let config = Config::load(path)?;
+        // One that knows several cameras says how each is measured; any other is meant for the one at hand.
+        return Ok(if config.views.is_empty() { config } else { view_config(config, camera)? });
     }
     let path = recording.path().display();
     match recording.config_toml() {

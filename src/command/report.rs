@@ -11,6 +11,8 @@ use std::path::{Path, PathBuf};
 pub struct ReportOptions {
     /// The recordings.
     pub files: Vec<PathBuf>,
+    /// Which of several cameras, by its name; the first when absent.
+    pub camera: Option<String>,
     /// Where the frames are, when the one recording holds results alone.
     pub film: Option<PathBuf>,
     /// The page; beside the first recording when absent.
@@ -36,9 +38,10 @@ pub fn run(options: &ReportOptions) -> anyhow::Result<Outcome> {
     }
     let mut shots = Vec::with_capacity(options.files.len());
     for file in &options.files {
-        let recording = Recording::open(file)?;
+        let open = |path| Recording::open(path)?.of_camera(options.camera.as_deref());
+        let recording = open(file)?;
         shots.push(match &options.film {
-            Some(film) => Shot::read_with(&recording, &Recording::open(film)?)?,
+            Some(film) => Shot::read_with(&recording, &open(film)?)?,
             None => Shot::read(&recording)?,
         });
     }

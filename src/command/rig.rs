@@ -3,7 +3,7 @@
 use super::Outcome;
 use crate::config::Config;
 use crate::message::Role;
-use crate::process::{self, Stop, Summary};
+use crate::process::{self, Resume, Stop, Summary};
 use std::io::BufRead;
 use std::path::{Path, PathBuf};
 
@@ -14,10 +14,12 @@ pub struct RoleOptions {
     pub config: PathBuf,
     /// What errors call a file from standard input.
     pub origin: Option<String>,
+    /// The camera that it works for; the first when absent.
+    pub camera: Option<String>,
     /// Which worker, from 0.
     pub worker: u32,
-    /// Newest frame that a dead predecessor told of.
-    pub resume: Option<u64>,
+    /// What a dead predecessor told of.
+    pub resume: Option<Resume>,
 }
 
 /// Runs one process of a rig until its stream ends or it is stopped.
@@ -27,7 +29,21 @@ pub struct RoleOptions {
 /// What the process meets.
 pub fn role(role: Role, options: &RoleOptions, stop: &Stop) -> anyhow::Result<Outcome> {
     let config = load(&options.config, options.origin.as_deref())?;
-    if options.worker >= config.workers.count {
+    let config = match &options.camera {
+        Some(_) if role == Role::Record => {
+            return Err(super::UsageError("--camera: the recorder is that of all cameras".into()).into());
+        }
+        camera => super::view_config(config, camera.as_deref())?,
+    };
+    let config = &config;
+    let is_measuring = matches!(role, Role::Correlate | Role::Track);
+    if is_measuring && config.workers.count == 0 {
+        let origin = &config.origin;
+        return Err(
+            super::UsageError(format!("{origin}: nothing is measured: there are 0 workers, or no bodies")).into()
+        );
+    }
+    if role == Role::Correlate && options.worker >= config.workers.count {
         let (worker, count) = (options.worker, config.workers.count);
         let most = count - 1;
         return Err(super::UsageError(format!("--worker {worker}: the rig has {count} workers, 0 to {most}")).into());
@@ -38,11 +54,11 @@ pub fn role(role: Role, options: &RoleOptions, stop: &Stop) -> anyhow::Result<Ou
     }
     let resumed = options.resume.is_some();
     let summary = match role {
-        Role::Acquire => process::acquire(&config, resumed, stop)?,
-        Role::Correlate => process::correlate(&config, options.worker, resumed, stop)?,
-        Role::Track => process::track(&config, options.resume, stop)?,
-        Role::Record => process::record(&config, resumed, stop)?,
-        Role::Supervise => process::supervise(&config, stop, |_| ())?,
+        Role::Acquire => process::acquire(config, options.resume, stop)?,
+        Role::Correlate => process::correlate(config, options.worker, resumed, stop)?,
+        Role::Track => process::track(config, options.resume, stop)?,
+        Role::Record => process::record(config, resumed, stop)?,
+        Role::Supervise => process::supervise(config, stop, |_| ())?,
     };
     Ok(outcome(&summary))
 }

@@ -174,7 +174,7 @@ fn patch(table: &Table<'_>, raw: &RawBody, image_px: Option<(u32, u32)>) -> Resu
 }
 
 /// The setting that makes a body one of this kind.
-fn with(kind: BodyKind) -> &'static str {
+pub(super) fn with(kind: BodyKind) -> &'static str {
     match kind {
         BodyKind::Ball => "kind = \"ball\"",
         BodyKind::Rod => "kind = \"rod\"",

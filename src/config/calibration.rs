@@ -6,7 +6,7 @@ use super::check::{Bounds, Table};
 use super::error::ConfigError;
 use super::raw::RawCalibration;
 use crate::motion::{Calibration, Distortion, Lens, Rectifier};
-use toml_edit::{Array, DocumentMut, Value, value};
+use toml_edit::{Array, DocumentMut, TableLike, Value, value};
 
 /// Most coefficients a model has here.
 const MOST: usize = 8;
@@ -27,19 +27,40 @@ const MODELS: [(&str, Model); 5] = [
     ("kannala_brandt", Model::Equidistant),
 ];
 
-/// Puts the numbers of the file that a rig file names into its text, so that the text needs no other file.
+/// Puts the numbers of the files that a rig file names into its text, so that the text needs no other file.
 ///
-/// `directory` is where the rig file lies. `None` when it names none.
+/// `None` when it names none.
 ///
 /// # Errors
 ///
-/// Why the file cannot be used, to follow "must be".
+/// The key and why its file cannot be used, to follow "must be".
 pub(super) fn embedded(
     text: &str,
-    read: impl FnOnce(&str) -> Result<String, String>,
-) -> Option<Result<String, String>> {
+    read: impl Fn(&str) -> Result<String, String>,
+) -> Option<Result<String, (String, String)>> {
     let mut document = text.parse::<DocumentMut>().ok()?;
-    let table = document.get_mut("calibration")?.as_table_like_mut()?;
+    let mut is_changed = false;
+    let views = document.get("view").and_then(|views| views.as_table_like());
+    let views: Vec<String> = views.into_iter().flat_map(|views| views.iter().map(|(key, _)| key.to_owned())).collect();
+    for view in std::iter::once(None).chain(views.iter().map(Some)) {
+        let within = match view {
+            None => document.get_mut("calibration"),
+            Some(view) => document.get_mut("view").and_then(|views| views.get_mut(view)?.get_mut("calibration")),
+        };
+        match within.and_then(|table| embed(table.as_table_like_mut()?, &read)) {
+            None => {}
+            Some(Ok(())) => is_changed = true,
+            Some(Err(reason)) => {
+                let key = view.map_or_else(String::new, |view| format!("view.{view}."));
+                return Some(Err((format!("{key}calibration.file"), reason)));
+            }
+        }
+    }
+    is_changed.then(|| Ok(document.to_string()))
+}
+
+/// Puts the numbers of the file that a table names into it; `None` when it names none.
+fn embed(table: &mut dyn TableLike, read: &impl Fn(&str) -> Result<String, String>) -> Option<Result<(), String>> {
     let name = table.get("file")?.as_str()?.to_owned();
     let numbers = match read(&name).and_then(|content| file::numbers(&content)) {
         Ok(numbers) => numbers,
@@ -68,7 +89,7 @@ pub(super) fn embedded(
     if let Some(model) = numbers.model.filter(|_| !table.contains_key("distortion_model")) {
         table.insert("distortion_model", value(model));
     }
-    Some(Ok(document.to_string()))
+    Some(Ok(()))
 }
 
 /// The calibration, made ready; `offset_px` is the corner of the camera's window where the table says nothing.

@@ -68,6 +68,15 @@ impl std::fmt::Display for FeatureValue {
     }
 }
 
+/// The imitated line of a simulated camera.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Pulse {
+    /// Time from a pulse to the next, s.
+    pub period_s: f64,
+    /// Frames that each pulse gives.
+    pub burst_frames: u32,
+}
+
 /// `[camera]`: where the frames come from and what they look like.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Camera {
@@ -92,6 +101,8 @@ pub struct Camera {
     pub to_s: Option<f64>,
     /// Further recordings of the stream that `id` begins (`recording` only): their frames follow in the order of time.
     pub parts: Vec<String>,
+    /// Which of several cameras in a `recording`, by the name of its view; left out, the first.
+    pub view: Option<String>,
     /// Added to the stamp of every frame of a `recording`, whole ns, default 0.
     pub shift_ns: i64,
     /// Whether each frame of a `recording` waits for a line on standard input, default false; the end of the input is
@@ -119,6 +130,9 @@ pub struct Camera {
     /// Each frame waits for this trigger (`genicam` only), a GenICam name such as `Line1` or `Software`; left out,
     /// the camera runs freely.
     pub trigger_source: Option<String>,
+    /// A line to imitate (`simulated` and paced only): each `pulse_period_s`, 0.001 to 3600 s, it gives `pulse_frames`,
+    /// 1 to 1000000, default 1, and the camera is silent between. Left out, the camera runs freely.
+    pub pulse: Option<Pulse>,
     /// Largest network packet (`genicam` over Ethernet only), 576 to 65535 bytes; left out, as large as network card
     /// and camera allow.
     pub packet_size_bytes: Option<u32>,
@@ -129,6 +143,11 @@ pub struct Camera {
 }
 
 impl Camera {
+    /// Whether each frame, or burst of frames, waits for a pulse.
+    pub fn is_pulsed(&self) -> bool {
+        self.trigger_source.is_some() || self.pulse.is_some()
+    }
+
     /// Width and height of the image where the file gives both, px.
     pub fn image_px(&self) -> Option<(u32, u32)> {
         self.width_px.zip(self.height_px)
@@ -158,6 +177,7 @@ pub(super) fn camera(table: &Table<'_>, raw: RawCamera) -> Result<Camera, Config
         from_s: table.number("from_s", raw.from_s, Bounds::closed(0.0, SPAN_S, "s"))?.unwrap_or(0.0),
         to_s: table.number("to_s", raw.to_s, Bounds::above(raw.from_s.unwrap_or(0.0), SPAN_S, "s"))?,
         parts: raw.parts.clone().unwrap_or_default(),
+        view: table.filled("view", raw.view.clone())?,
         shift_ns: raw.shift_ns.unwrap_or(0),
         stepped: raw.stepped.unwrap_or(false),
         width_px: table.whole("width_px", raw.width_px, SIZE_PX, "px")?,
@@ -168,12 +188,30 @@ pub(super) fn camera(table: &Table<'_>, raw: RawCamera) -> Result<Camera, Config
         frame_rate_hz: table.number("frame_rate_hz", raw.frame_rate_hz, RATE)?,
         exposure_us: table.number("exposure_us", raw.exposure_us, EXPOSURE)?,
         trigger_source: table.filled("trigger_source", raw.trigger_source)?,
+        pulse: pulse(table, raw.paced, raw.pulse_period_s, raw.pulse_frames)?,
         packet_size_bytes: table.whole("packet_size_bytes", raw.packet_size_bytes, 576..=65_535, "bytes")?,
         features: features(table, raw.features)?,
     };
     refuse_gaps(table, &camera)?;
     refuse_long_exposure(table, &camera)?;
     Ok(Camera { pixel_format: camera.pixel_format.or(source.is_device().then_some(PixelFormat::Mono8)), ..camera })
+}
+
+fn pulse(
+    table: &Table<'_>,
+    paced: Option<bool>,
+    period_s: Option<f64>,
+    frames: Option<i64>,
+) -> Result<Option<Pulse>, ConfigError> {
+    let period_s = table.number("pulse_period_s", period_s, Bounds::closed(0.001, 3600.0, "s"))?;
+    let frames = table.whole("pulse_frames", frames, 1..=1_000_000, "frames")?;
+    match period_s {
+        None if frames.is_some() => Err(table.refuse("pulse_period_s", "given with pulse_frames: 0.001 to 3600 s")),
+        Some(_) if paced == Some(false) => {
+            Err(table.text.out_of_place(&table.key("pulse_period_s"), "paced = false", "paced = true"))
+        }
+        period_s => Ok(period_s.map(|period_s| Pulse { period_s, burst_frames: frames.unwrap_or(1) })),
+    }
 }
 
 fn source(table: &Table<'_>, word: Option<&str>) -> Result<Source, ConfigError> {
@@ -187,7 +225,7 @@ fn source(table: &Table<'_>, word: Option<&str>) -> Result<Source, ConfigError> 
 /// Refuses keys that the chosen source has no use for, rather than ignoring them.
 fn refuse_strangers(table: &Table<'_>, source: Source, raw: &RawCamera) -> Result<(), ConfigError> {
     use Source::{Genicam, Recording, Simulated, V4l2};
-    let keys: [(&str, bool, &[Source]); 19] = [
+    let keys: [(&str, bool, &[Source]); 22] = [
         ("id", raw.id.is_some(), &[Recording, Genicam, V4l2]),
         ("scenario", raw.scenario.is_some(), &[Simulated]),
         ("paced", raw.paced.is_some(), &[Simulated, Recording]),
@@ -195,6 +233,7 @@ fn refuse_strangers(table: &Table<'_>, source: Source, raw: &RawCamera) -> Resul
         ("from_s", raw.from_s.is_some(), &[Recording]),
         ("to_s", raw.to_s.is_some(), &[Recording]),
         ("parts", raw.parts.is_some(), &[Recording]),
+        ("view", raw.view.is_some(), &[Recording]),
         ("shift_ns", raw.shift_ns.is_some(), &[Recording]),
         ("stepped", raw.stepped.is_some(), &[Recording]),
         ("width_px", raw.width_px.is_some(), &[Simulated, Genicam, V4l2]),
@@ -205,6 +244,8 @@ fn refuse_strangers(table: &Table<'_>, source: Source, raw: &RawCamera) -> Resul
         ("frame_rate_hz", raw.frame_rate_hz.is_some(), &[Simulated, Genicam, V4l2]),
         ("exposure_us", raw.exposure_us.is_some(), &[Simulated, Recording, Genicam, V4l2]),
         ("trigger_source", raw.trigger_source.is_some(), &[Genicam]),
+        ("pulse_period_s", raw.pulse_period_s.is_some(), &[Simulated]),
+        ("pulse_frames", raw.pulse_frames.is_some(), &[Simulated]),
         ("packet_size_bytes", raw.packet_size_bytes.is_some(), &[Genicam]),
         ("features", !raw.features.is_empty(), &[Genicam, V4l2]),
     ];

@@ -44,8 +44,8 @@ pub struct Record {
 /// `[workers]`: how the measuring is shared out.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Workers {
-    /// Number of correlation processes, 1 to 64; default: one less than the machine has processors, at least 1.
-    /// Results do not depend on it.
+    /// Number of correlation processes, 0 to 64; default: one less than the machine has processors, at least 1.
+    /// Results do not depend on it. With 0 nothing is measured: frames are only filmed and recorded.
     pub count: u32,
     /// Frames a worker measures in one go, 4 to 256 frames, default 16. Results depend on it, which is why it stands
     /// in the file: each block is measured on its own.
@@ -70,7 +70,7 @@ pub(super) fn record(table: &Table<'_>, raw: RawRecord) -> Result<Record, Config
 
 pub(super) fn workers(table: &Table<'_>, raw: &RawWorkers) -> Result<Workers, ConfigError> {
     Ok(Workers {
-        count: table.whole("count", raw.count, 1..=i64::from(WORKERS_MAX), "")?.unwrap_or_else(count_for_this_machine),
+        count: table.whole("count", raw.count, 0..=i64::from(WORKERS_MAX), "")?.unwrap_or_else(count_for_this_machine),
         block_frames: table.whole("block_frames", raw.block_frames, 4..=256, "frames")?.unwrap_or(16),
     })
 }

@@ -44,6 +44,7 @@ impl Config {
             }
             set(document, "camera.source", "recording".into());
             set(document, "camera.id", recording.display().to_string().into());
+            document.remove("view");
             document.remove("trigger");
             document.remove("record");
             for (path, new) in changes {

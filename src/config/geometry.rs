@@ -108,12 +108,19 @@ pub(super) fn rotation(table: &Table<'_>, raw: &RawRotation) -> Result<Rotation,
         inner_px: table.number("ring_inner_px", raw.ring_inner_px, RING)?,
         outer_px: table.number("ring_outer_px", raw.ring_outer_px, RING)?,
     };
-    let words = [("rigid", Rotation::Rigid), ("field", Rotation::Field), ("ring", Rotation::Ring(ring))];
+    let words = [
+        ("rigid", Rotation::Rigid),
+        ("field", Rotation::Field),
+        ("center", Rotation::Center),
+        ("ring", Rotation::Ring(ring)),
+    ];
     let method = table.word("method", raw.method.as_deref(), &words)?.unwrap_or_default();
     let given = [("ring_inner_px", ring.inner_px), ("ring_outer_px", ring.outer_px)];
-    if let (Rotation::Rigid | Rotation::Field, Some((key, _))) = (method, given.iter().find(|(_, px)| px.is_some())) {
-        let with = if method == Rotation::Field { "method = \"field\"" } else { "method = \"rigid\"" };
-        return Err(table.text.out_of_place(&table.key(key), with, "method = \"ring\""));
+    let is_ring = matches!(method, Rotation::Ring(_));
+    if let (false, Some((key, _))) = (is_ring, given.iter().find(|(_, px)| px.is_some())) {
+        let word = words.iter().find(|(_, of)| *of == method).map_or("", |(word, _)| word);
+        let with = format!("method = \"{word}\"");
+        return Err(table.text.out_of_place(&table.key(key), &with, "method = \"ring\""));
     }
     match ring.inner_px.zip(ring.outer_px) {
         Some((inner_px, outer_px)) if outer_px - inner_px < LEAST_RING_PX => {

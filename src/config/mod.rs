@@ -37,17 +37,20 @@ mod plan;
 mod raw;
 mod text;
 mod trigger;
+mod view;
 
 pub use crate::dic::CorrelationParams;
 pub use crate::motion::{Rectifier, Rotation, Scale};
 pub use body::{Body, BodyKind};
-pub use camera::{Camera, FeatureValue, Source};
+pub use camera::{Camera, FeatureValue, Pulse, Source};
 pub use capture::{Compression, Record, Workers};
 pub use error::ConfigError;
 pub use geometry::{Surface, Velocity};
 pub use trigger::{Trigger, TriggerMode};
+pub use view::View;
 
 use check::Table;
+use raw::RawView;
 use std::io::Read;
 use std::path::Path;
 use text::Text;
@@ -100,6 +103,8 @@ pub struct Config {
     pub record: Option<Record>,
     /// `[workers]`: how the measuring is shared out.
     pub workers: Workers,
+    /// `[view.NAME]`: further cameras, at most 8, in the order of their names.
+    pub views: Vec<View>,
     /// The file, letter by letter, but for the numbers of a calibration file; attached to every recording.
     pub text: String,
     /// What errors call the file.
@@ -125,7 +130,7 @@ impl Config {
         match calibration::embedded(text, |name| read_small(Path::new(name))) {
             None => Self::parse(text, origin),
             Some(Ok(text)) => Self::parse(&text, origin),
-            Some(Err(reason)) => Err(Text::new(text, origin)?.refuse("calibration.file", reason)),
+            Some(Err((key, reason))) => Err(Text::new(text, origin)?.refuse(&key, reason)),
         }
     }
 
@@ -143,56 +148,97 @@ impl Config {
                 return Err(file.not_offered(path, "leave it out"));
             }
         }
-        let camera = camera::camera(&Table::new(&file, "camera"), raw.camera)?;
-        let image_px = camera.image_px();
         let record = raw.record.map(|record| capture::record(&Table::new(&file, "record"), record)).transpose()?;
         let rig = rig(&Table::new(&file, "rig"), raw.rig.name)?;
-        let corner_px = camera.offset_x_px.zip(camera.offset_y_px).map(<[u32; 2]>::from);
-        let calibration = match &raw.calibration {
-            None => None,
-            Some(raw) => Some(calibration::calibration(&Table::new(&file, "calibration"), raw, corner_px)?),
-        };
-        let scale = geometry::scale(&Table::new(&file, "scale"), &raw.scale, calibration.as_ref())?;
-        let surface = geometry::surface(&Table::new(&file, "surface"), &raw.surface)?;
-        geometry::check_edge(&file, &surface, calibration.as_ref())?;
-        let bodies = body::bodies(&file, raw.body, image_px)?;
+        let (camera, scale, surface, calibration) = (raw.camera, raw.scale, raw.surface, raw.calibration);
+        let (correlation, rotation, velocity) = (raw.correlation, raw.rotation, raw.velocity);
+        let picture = RawView { camera, scale, surface, calibration, body: raw.body, correlation, rotation, velocity };
+        let picture = Picture::new(&file, picture)?;
         let around = trigger::Surroundings {
-            image_px,
-            bodies: &bodies,
-            has_scale: scale.is_some(),
-            has_edge: surface.edge.is_some(),
+            image_px: picture.camera.image_px(),
+            bodies: &picture.bodies,
+            has_scale: picture.scale.is_some(),
+            has_edge: picture.surface.edge.is_some(),
+            is_pulsed: picture.camera.is_pulsed(),
             rig: &rig.name,
         };
-        let config = Self {
+        let mut config = Self {
             trigger: trigger::trigger(&Table::new(&file, "trigger"), raw.trigger, &around)?,
             rig,
-            scale,
-            surface,
-            bodies,
-            intervals_frames: correlation::intervals(&Table::new(&file, "correlation"), &raw.correlation)?,
-            correlation: correlation::correlation(&Table::new(&file, "correlation"), &raw.correlation, image_px)?,
-            rotation: geometry::rotation(&Table::new(&file, "rotation"), &raw.rotation)?,
-            velocity: geometry::velocity(&Table::new(&file, "velocity"), &raw.velocity)?,
+            scale: picture.scale,
+            surface: picture.surface,
+            bodies: picture.bodies,
+            intervals_frames: picture.intervals_frames,
+            correlation: picture.correlation,
+            rotation: picture.rotation,
+            velocity: picture.velocity,
             workers: capture::workers(&Table::new(&file, "workers"), &raw.workers)?,
-            camera,
+            camera: picture.camera,
             record,
-            calibration,
+            calibration: picture.calibration,
+            views: Vec::new(),
             text: text.into(),
             origin: origin.into(),
         };
-        let has = |kind: BodyKind| config.bodies.iter().any(|body| body.kind == kind);
-        if let (true, Some(Scale::BallDiameterMm(_))) = (has(BodyKind::Patch), config.scale) {
+        config.views = view::views(&file, raw.view, &config)?;
+        config.check_ring_if_known()?;
+        Ok(config)
+    }
+}
+
+/// What belongs to one camera and its picture, checked.
+struct Picture {
+    camera: Camera,
+    scale: Option<Scale>,
+    surface: Surface,
+    calibration: Option<Rectifier>,
+    bodies: Vec<Body>,
+    correlation: CorrelationParams,
+    intervals_frames: Vec<u32>,
+    rotation: Rotation,
+    velocity: Velocity,
+}
+
+impl Picture {
+    fn new(file: &Text<'_>, raw: RawView) -> Result<Self, ConfigError> {
+        let camera = camera::camera(&Table::new(file, "camera"), raw.camera)?;
+        let image_px = camera.image_px();
+        let corner_px = camera.offset_x_px.zip(camera.offset_y_px).map(<[u32; 2]>::from);
+        let calibration = match &raw.calibration {
+            None => None,
+            Some(raw) => Some(calibration::calibration(&Table::new(file, "calibration"), raw, corner_px)?),
+        };
+        let surface = geometry::surface(&Table::new(file, "surface"), &raw.surface)?;
+        geometry::check_edge(file, &surface, calibration.as_ref())?;
+        let picture = Self {
+            scale: geometry::scale(&Table::new(file, "scale"), &raw.scale, calibration.as_ref())?,
+            surface,
+            bodies: body::bodies(file, raw.body, image_px)?,
+            correlation: correlation::correlation(&Table::new(file, "correlation"), &raw.correlation, image_px)?,
+            intervals_frames: correlation::intervals(&Table::new(file, "correlation"), &raw.correlation)?,
+            rotation: geometry::rotation(&Table::new(file, "rotation"), &raw.rotation)?,
+            velocity: geometry::velocity(&Table::new(file, "velocity"), &raw.velocity)?,
+            camera,
+            calibration,
+        };
+        picture.check_bodies(file, raw.rotation.method.as_deref())?;
+        Ok(picture)
+    }
+
+    /// Refuses what goes with none of the bodies.
+    fn check_bodies(&self, file: &Text<'_>, method: Option<&str>) -> Result<(), ConfigError> {
+        let has = |kind: BodyKind| self.bodies.iter().any(|body| body.kind == kind);
+        if let (true, Some(Scale::BallDiameterMm(_))) = (has(BodyKind::Patch), self.scale) {
             return Err(file.out_of_place("scale.ball_diameter_mm", "kind = \"patch\"", "kind = \"ball\""));
         }
-        if let (false, Rotation::Ring(_)) = (has(BodyKind::Ball), config.rotation) {
+        if let (false, Rotation::Ring(_) | Rotation::Center) = (has(BodyKind::Ball), self.rotation) {
             return Err(file.refuse("rotation.method", "\"rigid\" or \"field\", since no body is a ball"));
         }
         let only_rods = !has(BodyKind::Ball) && !has(BodyKind::Patch);
-        if only_rods && raw.rotation.method.as_deref().is_some_and(|method| method != "field") {
+        if only_rods && method.is_some_and(|method| method != "field") {
             return Err(file.out_of_place("rotation.method", "kind = \"rod\"", "kind = \"ball\""));
         }
-        config.check_ring_if_known()?;
-        Ok(config)
+        Ok(())
     }
 }
 

@@ -4,8 +4,8 @@ use super::error::ConfigError;
 use super::text::Text;
 use super::{Body, BodyKind, Config, TriggerMode};
 use crate::ball::BallParams;
-use crate::dic::CorrelationParams;
-use crate::motion::{Form, MotionParams, Rectifier, Scale, WalkShare};
+use crate::dic::{CorrelationParams, STALE_DEG};
+use crate::motion::{Form, MotionParams, Rectifier, Renewal, Scale, Walk};
 use crate::rod::{LEAST_WIDTH_PX, RodParams};
 use crate::trigger::{BodyWatch, Condition, MeasuredTrigger};
 
@@ -80,6 +80,9 @@ impl Config {
             (Scale::BallDiameterMm(_), Some(diameter_mm)) => Scale::BallDiameterMm(diameter_mm),
             (scale, _) => scale,
         };
+        // Patches are matched with the first picture for good.
+        let renewal = (self.bodies[body].kind != BodyKind::Patch)
+            .then_some(Renewal { block_frames: self.workers.block_frames, stale_deg: STALE_DEG });
         MotionParams {
             scale,
             rectifier: self.calibration.clone(),
@@ -95,7 +98,7 @@ impl Config {
                 BodyKind::Patch => Form::Patch,
             },
             interval_frames: self.intervals_frames[0],
-            walk_share: WalkShare::of(&self.intervals_frames),
+            walk: Walk::of(&self.intervals_frames, renewal),
             exposure_ns: 1.0e3 * self.camera.exposure_us.unwrap_or(exposure_us),
             frame_period_ns: 1.0e9 / frame_rate_hz,
         }
@@ -106,7 +109,7 @@ impl Config {
     pub fn measured_trigger(&self, frame_rate_hz: f64, exposure_us: f64) -> Option<MeasuredTrigger> {
         let trigger = &self.trigger;
         let condition = match trigger.mode {
-            TriggerMode::Off | TriggerMode::Software | TriggerMode::Motion => return None,
+            TriggerMode::Off | TriggerMode::Software | TriggerMode::Hardware | TriggerMode::Motion => return None,
             TriggerMode::Enter => Condition::Enter { roi_px: trigger.roi_px },
             TriggerMode::Speed => Condition::Speed { speed_m_s: trigger.speed_m_s? },
             TriggerMode::Gap => Condition::Gap { gap_mm: trigger.gap_mm? },
@@ -127,7 +130,7 @@ impl Config {
     ///
     /// 0 when no trigger is awaited or nothing is kept.
     pub fn pre_trigger_frames(&self, frame_rate_hz: f64) -> u64 {
-        if self.record.is_none() || self.trigger.mode == TriggerMode::Off {
+        if self.record.is_none() || matches!(self.trigger.mode, TriggerMode::Off | TriggerMode::Hardware) {
             return 0;
         }
         // Within range: pre_s is at most 60 s and the rate at most 1 MHz.

@@ -22,8 +22,23 @@ pub(super) struct RawConfig {
     pub trigger: RawTrigger,
     pub record: Option<RawRecord>,
     pub workers: RawWorkers,
+    pub view: BTreeMap<String, RawView>,
     pub serve: Option<RawServe>,
     pub bridge: Option<RawBridge>,
+}
+
+/// What belongs to one camera and its picture.
+#[derive(Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields, default, expecting = "tables")]
+pub(super) struct RawView {
+    pub camera: RawCamera,
+    pub scale: RawScale,
+    pub surface: RawSurface,
+    pub calibration: Option<RawCalibration>,
+    pub body: Vec<RawBody>,
+    pub correlation: RawCorrelation,
+    pub rotation: RawRotation,
+    pub velocity: RawVelocity,
 }
 
 #[derive(Debug, Default, Deserialize)]
@@ -43,6 +58,7 @@ pub(super) struct RawCamera {
     pub from_s: Option<f64>,
     pub to_s: Option<f64>,
     pub parts: Option<Vec<String>>,
+    pub view: Option<String>,
     pub shift_ns: Option<i64>,
     pub stepped: Option<bool>,
     pub width_px: Option<i64>,
@@ -53,6 +69,8 @@ pub(super) struct RawCamera {
     pub frame_rate_hz: Option<f64>,
     pub exposure_us: Option<f64>,
     pub trigger_source: Option<String>,
+    pub pulse_period_s: Option<f64>,
+    pub pulse_frames: Option<i64>,
     pub packet_size_bytes: Option<i64>,
     pub features: BTreeMap<String, toml::Value>,
 }
@@ -149,6 +167,7 @@ pub(super) struct RawTrigger {
     pub speed_m_s: Option<f64>,
     pub gap_mm: Option<f64>,
     pub lead_s: Option<f64>,
+    pub silence_s: Option<f64>,
     pub pre_s: Option<f64>,
     pub post_s: Option<f64>,
     pub quiet_s: Option<f64>,

@@ -9,6 +9,7 @@ use toml::de::{DeTable, DeValue};
 const SHOWN_CHARACTERS: usize = 60;
 
 /// One key, or one element of a list, and where it stands.
+#[derive(Clone)]
 struct Place {
     path: String,
     /// Where in `path` its own name begins.
@@ -22,6 +23,8 @@ pub(super) struct Text<'t> {
     text: &'t str,
     origin: &'t str,
     places: Vec<Place>,
+    /// What stands in front of every path that is asked for.
+    prefix: String,
 }
 
 impl<'t> Text<'t> {
@@ -34,7 +37,12 @@ impl<'t> Text<'t> {
         })?;
         let mut places = Vec::new();
         collect_table(table.get_ref(), "", &mut places);
-        Ok(Self { text, origin, places })
+        Ok(Self { text, origin, places, prefix: String::new() })
+    }
+
+    /// The same file, in which paths begin inside a table.
+    pub fn within(&self, prefix: &str) -> Self {
+        Self { places: self.places.clone(), prefix: prefix.to_owned(), ..*self }
     }
 
     /// Reads names and types.
@@ -44,8 +52,9 @@ impl<'t> Text<'t> {
 
     /// Refuses the value at `path`, or its absence; `allowed` completes the sentence "must be ...".
     pub fn refuse(&self, path: &str, allowed: impl Into<String>) -> ConfigError {
-        let (origin, key, allowed) = (self.origin.to_string(), path.to_string(), allowed.into());
-        match self.place(path) {
+        let path = self.full(path);
+        let (origin, key, allowed) = (self.origin.to_string(), path.clone(), allowed.into());
+        match self.place(&path) {
             Some(place) => {
                 ConfigError::Value { origin, line: self.line(place), key, value: self.shown(&place.value), allowed }
             }
@@ -55,11 +64,12 @@ impl<'t> Text<'t> {
 
     /// Refuses a key that belongs to another setting than the one it was met with.
     pub fn out_of_place(&self, path: &str, with: &str, belongs_to: &str) -> ConfigError {
-        let place = self.place(path);
+        let path = self.full(path);
+        let place = self.place(&path);
         ConfigError::OutOfPlace {
             origin: self.origin.into(),
             line: place.map_or(1, |place| self.line(place)),
-            key: path.into(),
+            key: path.clone(),
             value: place.map_or_else(String::new, |place| self.shown(&place.value)),
             settings: format!("{with}; it belongs to {belongs_to}"),
         }
@@ -67,16 +77,21 @@ impl<'t> Text<'t> {
 
     /// Refuses a value that this version cannot do.
     pub fn not_offered(&self, path: &str, instead: impl Into<String>) -> ConfigError {
-        let place = self.place(path);
+        let path = self.full(path);
+        let place = self.place(&path);
         let what = match place {
             Some(place) if self.text[place.value.clone()].starts_with(&format!("[{path}]")) => {
                 format!("the table [{path}]")
             }
             Some(place) => format!("{path} = {}", self.shown(&place.value)),
-            None => path.into(),
+            None => path.clone(),
         };
         let line = place.map_or(1, |place| self.line(place));
         ConfigError::NotOffered { origin: self.origin.into(), line, what, instead: instead.into() }
+    }
+
+    fn full(&self, path: &str) -> String {
+        format!("{}{path}", self.prefix)
     }
 
     /// Turns serde's words into ours.

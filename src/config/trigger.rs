@@ -1,6 +1,6 @@
 //! `[trigger]`: what starts a shot, how much of the stream belongs to it, and what else it sets off.
 
-use super::body::{Body, BodyKind};
+use super::body::{Body, BodyKind, with};
 use super::check::{Bounds, Table, listed};
 use super::error::ConfigError;
 use super::raw::RawTrigger;
@@ -12,6 +12,8 @@ pub enum TriggerMode {
     Off,
     /// The command `ricochet trigger`, or a program that asks for it.
     Software,
+    /// The camera's own line: it sends nothing until a pulse comes, and a shot is what it sends until it is silent.
+    Hardware,
     /// Something moves in the picture.
     Motion,
     /// A body comes into `roi_px`, or into sight.
@@ -25,9 +27,10 @@ pub enum TriggerMode {
 }
 
 impl TriggerMode {
-    const WORDS: [(&'static str, Self); 7] = [
+    const WORDS: [(&'static str, Self); 8] = [
         ("off", Self::Off),
         ("software", Self::Software),
+        ("hardware", Self::Hardware),
         ("motion", Self::Motion),
         ("enter", Self::Enter),
         ("speed", Self::Speed),
@@ -49,7 +52,7 @@ impl TriggerMode {
 /// `[trigger]`: what starts a shot, how much of the stream belongs to it, and what else it sets off.
 ///
 /// With mode `off` the other values are checked and otherwise unused. A shot may
-/// be asked for with `ricochet trigger` in every other mode.
+/// be asked for with `ricochet trigger` in every other mode but `hardware`.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Trigger {
     /// Default `off`.
@@ -72,9 +75,13 @@ pub struct Trigger {
     /// moment cannot be known to half a frame that early, and at the contact when it cannot be known before. For mode
     /// `predicted-contact`, which needs a `[scale]`.
     pub lead_s: f64,
-    /// Time kept from before the trigger, 0 to 60 s, default 0.05; the ring of frames must hold it.
+    /// Silence of the camera that ends a shot, 0.01 to 3600 s, default 0.2; the next frame begins another. For mode
+    /// `hardware`.
+    pub silence_s: f64,
+    /// Time kept from before the trigger, 0 to 60 s, default 0.05; the ring of frames must hold it. Not for mode
+    /// `hardware`.
     pub pre_s: f64,
-    /// Time kept from the trigger on, above 0 and at most 3600 s, default 0.1.
+    /// Time kept from the trigger on, above 0 and at most 3600 s, default 0.1. Not for mode `hardware`.
     pub post_s: f64,
     /// Least time from a trigger to the next, 0 to 86400 s, default 0; what meets the condition sooner is passed over.
     /// `ricochet trigger` does not wait for it.
@@ -95,18 +102,26 @@ pub(super) struct Surroundings<'a> {
     pub bodies: &'a [Body],
     pub has_scale: bool,
     pub has_edge: bool,
+    /// Whether the camera waits for pulses.
+    pub is_pulsed: bool,
     pub rig: &'a str,
 }
 
 const COMMAND_TEXTS_MAX: usize = 64;
 const LEAD_S: f64 = 0.01;
+const SILENCE_S: f64 = 0.2;
+/// Every mode that keeps what lies around a moment.
+const AROUND: [TriggerMode; 6] = [
+    TriggerMode::Software,
+    TriggerMode::Motion,
+    TriggerMode::Enter,
+    TriggerMode::Speed,
+    TriggerMode::Gap,
+    TriggerMode::PredictedContact,
+];
 
 pub(super) fn trigger(table: &Table<'_>, raw: RawTrigger, around: &Surroundings<'_>) -> Result<Trigger, ConfigError> {
-    let words = listed(TriggerMode::WORDS.iter().map(|(word, _)| *word));
-    let mode = match raw.mode.as_deref() {
-        Some("hardware") => return Err(table.text.not_offered(&table.key("mode"), format!("allowed: {words}"))),
-        word => table.word("mode", word, &TriggerMode::WORDS)?.unwrap_or(TriggerMode::Off),
-    };
+    let mode = table.word("mode", raw.mode.as_deref(), &TriggerMode::WORDS)?.unwrap_or(TriggerMode::Off);
     refuse_strangers(table, mode, &raw)?;
     let trigger = Trigger {
         mode,
@@ -118,6 +133,7 @@ pub(super) fn trigger(table: &Table<'_>, raw: RawTrigger, around: &Surroundings<
         speed_m_s: table.number("speed_m_s", raw.speed_m_s, Bounds::above(0.0, 1.0e5, "m/s"))?,
         gap_mm: table.number("gap_mm", raw.gap_mm, Bounds::closed(0.0, 1.0e5, "mm"))?,
         lead_s: table.number("lead_s", raw.lead_s, Bounds::closed(0.0, 10.0, "s"))?.unwrap_or(LEAD_S),
+        silence_s: table.number("silence_s", raw.silence_s, Bounds::closed(0.01, 3600.0, "s"))?.unwrap_or(SILENCE_S),
         pre_s: table.number("pre_s", raw.pre_s, Bounds::closed(0.0, 60.0, "s"))?.unwrap_or(0.05),
         post_s: table.number("post_s", raw.post_s, Bounds::above(0.0, 3600.0, "s"))?.unwrap_or(0.1),
         quiet_s: table.number("quiet_s", raw.quiet_s, Bounds::closed(0.0, 86_400.0, "s"))?.unwrap_or(0.0),
@@ -135,12 +151,15 @@ pub(super) fn trigger(table: &Table<'_>, raw: RawTrigger, around: &Surroundings<
 
 /// Refuses thresholds of another mode, rather than ignoring them.
 fn refuse_strangers(table: &Table<'_>, mode: TriggerMode, raw: &RawTrigger) -> Result<(), ConfigError> {
-    use TriggerMode::{Enter, Gap, Off, PredictedContact, Speed};
-    let keys: [(&str, bool, &[TriggerMode]); 4] = [
+    use TriggerMode::{Enter, Gap, Hardware, Off, PredictedContact, Speed};
+    let keys: [(&str, bool, &[TriggerMode]); 7] = [
         ("body", raw.body.is_some(), &[Enter, Speed, Gap, PredictedContact]),
         ("speed_m_s", raw.speed_m_s.is_some(), &[Speed]),
         ("gap_mm", raw.gap_mm.is_some(), &[Gap]),
         ("lead_s", raw.lead_s.is_some(), &[PredictedContact]),
+        ("silence_s", raw.silence_s.is_some(), &[Hardware]),
+        ("pre_s", raw.pre_s.is_some(), &AROUND),
+        ("post_s", raw.post_s.is_some(), &AROUND),
     ];
     match keys.iter().find(|(_, given, modes)| *given && mode != Off && !modes.contains(&mode)) {
         None => Ok(()),
@@ -153,7 +172,7 @@ fn refuse_strangers(table: &Table<'_>, mode: TriggerMode, raw: &RawTrigger) -> R
 
 /// Refuses a mode without what it is decided from.
 fn refuse_gaps(table: &Table<'_>, trigger: &Trigger, around: &Surroundings<'_>) -> Result<(), ConfigError> {
-    use TriggerMode::{Gap, PredictedContact, Speed};
+    use TriggerMode::{Gap, Hardware, PredictedContact, Speed};
     let mode = trigger.mode;
     let watched = |body: &&Body| trigger.body.as_ref().is_none_or(|name| *name == body.name);
     if trigger.body.is_some() && !around.bodies.iter().any(|body| watched(&body)) {
@@ -161,6 +180,10 @@ fn refuse_gaps(table: &Table<'_>, trigger: &Trigger, around: &Surroundings<'_>) 
         return Err(table.refuse("body", format!("the name of a body: {names}")));
     }
     let needed = |what: &str| format!("{what} for mode = {:?}", mode.word());
+    if mode == Hardware && !around.is_pulsed {
+        let what = "the line that the camera waits for (of a simulated one, camera.pulse_period_s)";
+        return Err(table.text.refuse("camera.trigger_source", needed(what)));
+    }
     if matches!(mode, Speed | Gap | PredictedContact) && !around.has_scale {
         return Err(table.text.refuse("scale.mm_per_px", needed("given, or ball_diameter_mm in its place,")));
     }
@@ -176,11 +199,12 @@ fn refuse_gaps(table: &Table<'_>, trigger: &Trigger, around: &Surroundings<'_>) 
     if !around.has_edge {
         return Err(table.text.refuse("surface.edge", needed("two points of the edge, [[x, y], [x, y]] in px,")));
     }
-    // Where a rod's end is, its tapes do not tell.
-    if !around.bodies.iter().filter(watched).any(|body| body.kind == BodyKind::Ball) {
-        return Err(table.text.out_of_place(&table.key("mode"), "kind = \"rod\"", "kind = \"ball\""));
+    // Where a rod's end is, its tapes do not tell; nor does a patch tell how far the body around it reaches.
+    let mut kinds = around.bodies.iter().filter(watched).map(|body| body.kind);
+    match (kinds.clone().any(|kind| kind == BodyKind::Ball), kinds.next()) {
+        (false, Some(kind)) => Err(table.text.out_of_place(&table.key("mode"), with(kind), with(BodyKind::Ball))),
+        _ => Ok(()),
     }
-    Ok(())
 }
 
 fn command(table: &Table<'_>, texts: Option<Vec<String>>) -> Result<Vec<String>, ConfigError> {

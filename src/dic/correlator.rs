@@ -339,7 +339,8 @@ impl Correlator {
             (whole || (inner(x, width) && inner(y, height)))
                 && self.region.as_ref().is_none_or(|region| region.contains(x, y))
         };
-        let is_cut = (!whole || self.region.is_some()) && self.window.cut(belongs, cut);
+        let is_inside = whole && self.region.as_ref().is_none_or(|region| region.holds(self.window.around(point)));
+        let is_cut = !is_inside && self.window.cut(belongs, cut);
         let share = cut.pixels as f64 / self.window.pixels as f64;
         if is_cut && (share < LEAST_SHARE || self.params.method != Method::IcGn) {
             return Err(PointStatus::OutOfFrame);

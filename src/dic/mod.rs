@@ -7,6 +7,7 @@
 
 mod angle;
 mod body;
+mod center;
 mod correlation;
 mod correlator;
 mod error;
@@ -54,6 +55,7 @@ mod speckle;
 
 pub use angle::{find_at_any_angle, find_hidden_within_angle};
 pub use body::{BodyMotion, RigidBody, STALE_DEG};
+pub use center::{CenterVector, center_fit};
 pub use correlator::{Correlator, KeptReference, Start};
 pub use error::CorrelationError;
 pub use grid::GridPoint;

@@ -36,15 +36,24 @@ impl Region {
     /// Whether the point (x, y), in px, belongs.
     pub fn contains(&self, x: f64, y: f64) -> bool {
         match self {
-            Self::Disc { x_px, y_px, radius_px } => (x - x_px).hypot(y - y_px) <= *radius_px,
+            Self::Disc { x_px, y_px, radius_px } => {
+                *radius_px >= 0.0 && square(x - x_px, y - y_px) <= radius_px * radius_px
+            }
             Self::Ring { x_px, y_px, inner_px, outer_px } => {
-                let radius = (x - x_px).hypot(y - y_px);
-                radius <= *outer_px && radius >= *inner_px
+                let reach = square(x - x_px, y - y_px);
+                *outer_px >= 0.0 && reach <= outer_px * outer_px && !(*inner_px > 0.0 && reach < inner_px * inner_px)
             }
             Self::Polygon { outline_px, holes_px } => {
                 encloses(outline_px, x, y) && !holes_px.iter().any(|hole| encloses(hole, x, y))
             }
         }
+    }
+
+    /// Whether every point of the rectangle left, top, right, bottom, in px, surely belongs.
+    pub fn holds(&self, [left, top, right, bottom]: [f64; 4]) -> bool {
+        // A disc is convex; elsewhere corners do not tell.
+        let corners = [(left, top), (right, top), (left, bottom), (right, bottom)];
+        matches!(self, Self::Disc { .. }) && corners.into_iter().all(|(x, y)| self.contains(x, y))
     }
 
     /// Left, top, right and bottom, px; `None` for a region without any extent.
@@ -61,6 +70,10 @@ impl Region {
         let sound = bounds.iter().all(|bound| bound.is_finite()) && bounds[0] <= bounds[2] && bounds[1] <= bounds[3];
         sound.then_some(bounds)
     }
+}
+
+fn square(x: f64, y: f64) -> f64 {
+    x * x + y * y
 }
 
 /// Whether a ray to the right of (x, y) crosses the closed line an odd number of times.
@@ -89,6 +102,14 @@ mod tests {
         assert!(!region.contains(5.0, 5.0) && !region.contains(10.5, 5.0) && !region.contains(5.0, -0.1));
         assert_eq!(region.bounds_px(), Some([0.0, 0.0, 10.0, 10.0]));
         assert_eq!(Region::Polygon { outline_px: vec![], holes_px: vec![] }.bounds_px(), None);
+    }
+
+    #[test]
+    fn a_disc_holds_what_its_corners_lie_in() {
+        let disc = Region::Disc { x_px: 5.0, y_px: 5.0, radius_px: 5.0 };
+        assert!(disc.holds([2.0, 1.0, 8.0, 9.0]) && !disc.holds([2.0, 0.9, 8.0, 9.0]));
+        let ring = Region::Ring { x_px: 5.0, y_px: 5.0, inner_px: 1.0, outer_px: 5.0 };
+        assert!(!ring.holds([2.0, 1.0, 8.0, 9.0]));
     }
 
     #[test]

@@ -231,24 +231,9 @@ fn uncertain(turn: &Turn, vectors: &[Vector], size: f64) -> Option<RigidMotion> 
             [along(0), along(1), along(2)]
         })
     };
-    let deviations: Vec<f64> = vectors.iter().map(|v| v.variance.sqrt()).collect();
     let influences: Vec<[[f64; 3]; 2]> = vectors.iter().map(influence).collect();
-    let mut variance = [0.0; 3];
-    for (i, a) in vectors.iter().enumerate() {
-        for (j, b) in vectors.iter().enumerate().skip(i) {
-            // The grid runs row by row, so nothing overlaps further down.
-            if b.y - a.y >= size {
-                break;
-            }
-            let shared = (1.0 - (a.x - b.x).abs() / size).max(0.0) * (1.0 - (a.y - b.y).abs() / size).max(0.0);
-            let both = if i == j { 1.0 } else { 2.0 };
-            let covariance = both * shared * deviations[i] * deviations[j];
-            for k in 0..3 {
-                variance[k] += covariance
-                    * (influences[i][0][k] * influences[j][0][k] + influences[i][1][k] * influences[j][1][k]);
-            }
-        }
-    }
+    let places: Vec<[f64; 3]> = vectors.iter().map(|v| [v.x, v.y, v.variance.sqrt()]).collect();
+    let variance = variances(&places, &influences, size);
     // What the residuals show beyond the vectors' own uncertainties.
     let squares: f64 = vectors.iter().map(|v| turn.distance(v).powi(2) / v.variance).sum();
     let freedom = (2 * vectors.len() - 3) as f64;
@@ -262,6 +247,28 @@ fn uncertain(turn: &Turn, vectors: &[Vector], size: f64) -> Option<RigidMotion> 
         sigma_angle_deg: variance[2].sqrt().to_degrees() * excess,
         points: vectors.len() as u32,
     })
+}
+
+/// Variances of three sums over vectors, row by row on a grid, each with its place and deviation: in every sum u and v of
+/// each count by its influence, and two subsets that share a part of their pixels share that part of their noise.
+pub(super) fn variances(places: &[[f64; 3]], influences: &[[[f64; 3]; 2]], size: f64) -> [f64; 3] {
+    let mut variances = [0.0; 3];
+    for (i, [ax, ay, a_deviation]) in places.iter().enumerate() {
+        for (j, [bx, by, b_deviation]) in places.iter().enumerate().skip(i) {
+            // Nothing overlaps further down.
+            if by - ay >= size {
+                break;
+            }
+            let shared = (1.0 - (ax - bx).abs() / size).max(0.0) * (1.0 - (ay - by).abs() / size).max(0.0);
+            let both = if i == j { 1.0 } else { 2.0 };
+            let covariance = both * shared * a_deviation * b_deviation;
+            for (k, variance) in variances.iter_mut().enumerate() {
+                *variance += covariance
+                    * (influences[i][0][k] * influences[j][0][k] + influences[i][1][k] * influences[j][1][k]);
+            }
+        }
+    }
+    variances
 }
 
 #[cfg(test)]

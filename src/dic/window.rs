@@ -1,8 +1,8 @@
 //! The pixels of a subset, in blocks of eight columns.
 
-use super::WindowShape;
 use super::lanes::{LANES, Lanes};
 use super::warp::Warp;
+use super::{GridPoint, WindowShape};
 
 /// Eight neighbouring columns of a subset and the rows in which they have pixels.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -162,6 +162,13 @@ impl Window {
         (out.half, out.radius) = (self.half, self.radius);
         out.pixels = out.mask.iter().map(|row| row.0.iter().filter(|value| **value > 0.5).count()).sum();
         out.extent = self.extent;
+    }
+
+    /// The rectangle around its pixels when the centre is at a point: left, top, right and bottom, px.
+    pub(super) fn around(&self, point: GridPoint) -> [f64; 4] {
+        let Extent { left, top, right, bottom } = self.extent;
+        let (x, y) = (f64::from(point.x), f64::from(point.y));
+        [x + f64::from(left), y + f64::from(top), x + f64::from(right), y + f64::from(bottom)]
     }
 
     /// Whether the pixel at an offset from the centre belongs.

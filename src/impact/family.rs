@@ -2,7 +2,7 @@
 
 use std::f64::consts::SQRT_2;
 
-use super::fit::{LawFit, fit_law};
+use super::fit::{LawFit, fit_law, fit_near};
 use super::law::{Family, Findings, Parameters, Units};
 use crate::motion::Sample;
 
@@ -19,8 +19,9 @@ const ONE_SIGMA: f64 = 0.682_7;
 /// same ripples).
 const FREE_FAINT: f64 = 0.3;
 
-/// A stiffness left free follows the peak of the force to about this share (simulated ripples of 25 % over the stroke).
-const FREE_PEAK: f64 = 0.01;
+/// A stiffness left free follows the peak of the force to about this share (simulated ripples of 25 % over the stroke,
+/// of springs and of rounded bodies: 0.4 to 4.3 %).
+const FREE_PEAK: f64 = 0.03;
 
 /// What two straight flights say of a contact: where the fits of the laws begin. Frames, px, inwards positive.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -156,20 +157,28 @@ fn fit_all(guess: &FirstGuess, samples: &[Sample]) -> Vec<LawFit> {
         None => from_guess(Family::Power, 1.3, 1.3, 1.5),
     };
     let two = two_exponents(&spring, &power, samples);
-    // The stiffness factor is a polynomial over the stroke, so its unit is the depth reached. Two free exponents may have
-    // gone far to follow what the factor should follow: nearer y^1.5 than a spring, it begins there.
+    // The simpler law that comes nearer says how the force begins, which the positions hardly show: begun at two free
+    // exponents, or at the other, the free stiffness may follow the same motion by a force that begins frames apart.
     let chi2 = |law: &Option<(LawFit, Units)>| law.as_ref().map_or(f64::INFINITY, |(fit, _)| fit.chi2);
-    let near = if chi2(&hertz) < chi2(&spring) { hertz.as_ref() } else { two.as_ref() };
-    let free = near.and_then(|(fit, units)| {
-        let (start, units) = rescale(&fit.parameters, units, fit.findings[7]);
-        let cubic = fit_law(Family::Stiffness { degree: 3 }, &start, &units, samples)?;
-        if passes(&cubic, 1.0) {
-            return Some((cubic, units));
-        }
-        let quintic = fit_law(Family::Stiffness { degree: 5 }, &cubic.parameters, &units, samples);
-        Some((quintic.unwrap_or(cubic), units))
-    });
+    let near = if chi2(&hertz) < chi2(&spring) { &hertz } else { &spring };
+    let free = near.as_ref().or(two.as_ref()).and_then(|near| free(near, samples));
     [spring, hertz, power, two, free].into_iter().flatten().map(|(fit, _)| fit).collect()
+}
+
+/// The law with its stiffness free, begun at a neighbour.
+fn free((fit, units): &(LawFit, Units), samples: &[Sample]) -> Option<(LawFit, Units)> {
+    // The factor is a polynomial over the stroke, so its unit is the depth reached.
+    let (mut start, units) = rescale(&fit.parameters, units, fit.findings[7]);
+    if fit.family == Family::KelvinVoigt {
+        start[5] = 0.1;
+    }
+    let exponents = [start[4], start[5]];
+    let cubic = fit_near(Family::Stiffness { degree: 3 }, &start, exponents, &units, samples)?;
+    if passes(&cubic, 1.0) {
+        return Some((cubic, units));
+    }
+    let quintic = fit_near(Family::Stiffness { degree: 5 }, &cubic.parameters, exponents, &units, samples);
+    Some((quintic.unwrap_or(cubic), units))
 }
 
 /// The law with two free exponents, begun at the better of its two neighbours, and if that does not do, at the other.

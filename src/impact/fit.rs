@@ -15,6 +15,9 @@ const LARGE_GAIN: f64 = 0.5;
 const SETTLED: [f64; 2] = [1e-3, 1e-2];
 /// Expected size of the stiffness factor's coefficients.
 const PRIOR: f64 = 0.3;
+/// How far the exponents of spring and dashpot may be from those expected, where the stiffness is free: the first
+/// percents of a force show too little to tell its exponent and its beginning apart.
+const NEAR: [f64; 2] = [0.15, 0.5];
 /// Bounds of both exponents.
 const EXPONENTS: (f64, f64) = (0.0, 4.0);
 
@@ -95,6 +98,8 @@ struct Outcome {
 
 struct Problem<'a> {
     family: Family,
+    /// Exponents expected where the stiffness is free.
+    exponents: [f64; 2],
     units: Units,
     data: Data<'a>,
 }
@@ -116,12 +121,19 @@ impl Problem<'_> {
         // The depth grows against the normal, so position plus depth is constant.
         let sum = self.data.samples.iter().zip(&outcome.depths).map(|(s, d)| s.value + d).collect();
         let mut rows = self.data.whiten(sum);
-        rows.extend(p[6..].iter().take(self.priors()).map(|b| b / PRIOR));
+        if self.priors() > 0 {
+            rows.extend([0, 1].map(|k| (p[4 + k] - self.exponents[k]) / NEAR[k]));
+            rows.extend(p[6..].iter().take(self.priors() - NEAR.len()).map(|b| b / PRIOR));
+        }
         DVector::from_vec(rows)
     }
 
+    /// Rows that say what is expected: only where the stiffness is free.
     fn priors(&self) -> usize {
-        self.family.count().saturating_sub(6)
+        match self.family {
+            Family::Stiffness { .. } => self.family.count() - 4,
+            _ => 0,
+        }
     }
 
     fn step_of(&self, parameter: usize) -> f64 {
@@ -154,8 +166,8 @@ impl Problem<'_> {
             for (i, x) in self.data.whiten(change).into_iter().enumerate() {
                 jacobian[(i, k)] = x;
             }
-            if priors > 0 && k >= 6 {
-                jacobian[(self.data.samples.len() + k - 6, k)] = 1.0 / PRIOR;
+            if priors > 0 && k >= 4 {
+                jacobian[(self.data.samples.len() + k - 4, k)] = 1.0 / NEAR.get(k - 4).unwrap_or(&PRIOR);
             }
             for (i, (a, b)) in outcome.findings.iter().zip(&at.findings).enumerate() {
                 gradients[(i, k)] = (a - b) / h;
@@ -238,8 +250,20 @@ impl Problem<'_> {
     }
 }
 
-/// Fits one family to positions along the outward normal, from `start`. `None` where it does not converge to a
+/// Fits one family to positions along the outward normal, from `start`; exponents near `exponents` are expected where
+/// the stiffness is free. `None` where it does not converge to a
 /// contact that ends, or the positions do not determine it.
+pub fn fit_near(
+    family: Family,
+    start: &Parameters,
+    exponents: [f64; 2],
+    units: &Units,
+    samples: &[Sample],
+) -> Option<LawFit> {
+    Problem { family, exponents, units: *units, data: Data::new(samples) }.solve(start)
+}
+
+/// As [`fit_near`], nothing being expected but what `start` has.
 pub fn fit_law(family: Family, start: &Parameters, units: &Units, samples: &[Sample]) -> Option<LawFit> {
-    Problem { family, units: *units, data: Data::new(samples) }.solve(start)
+    fit_near(family, start, [start[4], start[5]], units, samples)
 }

@@ -46,7 +46,7 @@ pub fn slip_end(nodes: &[SurfaceNode], sliding: &Sliding, pushed: impl Fn(&Surfa
         component: n.component,
         value: side * (n.value[TANGENTIAL] + radius * n.value[ANGLE]),
         sigma: n.sigma[TANGENTIAL].hypot(radius * n.sigma[ANGLE]),
-        walk: n.walk_share * n.sigma[TANGENTIAL].hypot(radius * n.sigma[ANGLE]),
+        walk: (n.walk_share[TANGENTIAL] * n.sigma[TANGENTIAL]).hypot(n.walk_share[ANGLE] * radius * n.sigma[ANGLE]),
     };
     let half = ((end - start) / 7.0).clamp(4.0, 12.0);
     let around = between(nodes, start - half, end + half);

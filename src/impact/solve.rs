@@ -18,6 +18,8 @@ const FLIGHT_MIN_NODES: usize = 4;
 const EARLY_FRAMES: f64 = 4.0;
 /// The deepest moment is not taken to be known better than this: what rendered collisions show of steps' small biases.
 const TURNING_FRAMES: f64 = 0.002;
+/// A stiffness left free errs about the deepest moment by about this share of the contact (simulated ripples of 25 %).
+const FREE_TURN: f64 = 0.002;
 /// Nodes the deepest moment is fitted to where no law is accepted.
 const DEEPEST_NODES: usize = 9;
 /// A contact has turned when the moment is known to so many frames.
@@ -78,7 +80,7 @@ pub fn solve(nodes: &[SurfaceNode], contact: &Contact, known_to_frames: f64, wor
         let excess = flights.before[NORMAL].excess().max(flights.after[NORMAL].excess());
         judge(&guess, &samples(nodes, NORMAL), excess)
     });
-    let interval = verdict.as_ref().map_or(hindsight, by_law);
+    let interval = verdict.as_ref().map_or(hindsight, |verdict| by_law(verdict, hindsight.deepest));
     let flights = match &verdict {
         // The law may see the end so late that there is no flight after it yet.
         Some(_) => self::flights(nodes, &interval, world)?,
@@ -160,8 +162,13 @@ fn turning_point(contact: &[SurfaceNode]) -> Option<Estimate> {
     })
 }
 
-fn by_law(v: &Verdict) -> Interval {
-    let [start, deepest, end] = [0, 1, 2].map(|k| Estimate { value: v.findings[k], sigma: v.sigmas[k] });
+fn by_law(v: &Verdict, turned: Option<Estimate>) -> Interval {
+    let [start, mut deepest, end] = [0, 1, 2].map(|k| Estimate { value: v.findings[k], sigma: v.sigmas[k] });
+    if matches!(v.best, Family::Stiffness { .. }) {
+        // No law holds here: the positions about the turn may tell more of it than a stiffness that follows all of them.
+        deepest.sigma = deepest.sigma.hypot(FREE_TURN * v.findings[9]);
+        deepest = turned.filter(|turned| turned.sigma < deepest.sigma).unwrap_or(deepest);
+    }
     Interval {
         start,
         deepest: Some(deepest),

@@ -15,8 +15,8 @@ pub struct SurfaceNode {
     pub value: [f64; 3],
     /// White standard uncertainty of each.
     pub sigma: [f64; 3],
-    /// What a step adds for good, as a share of `sigma`.
-    pub walk_share: f64,
+    /// What the step to it adds for good, as a share of `sigma`.
+    pub walk_share: [f64; 3],
 }
 
 /// Index of the normal coordinate.
@@ -48,7 +48,7 @@ impl SurfaceNode {
             component: self.component,
             value: self.value[coordinate],
             sigma: self.sigma[coordinate],
-            walk: self.walk_share * self.sigma[coordinate],
+            walk: self.walk_share[coordinate] * self.sigma[coordinate],
         }
     }
 }

@@ -122,6 +122,7 @@ mod tests {
         let (circle, step) = (Some(circle), Some(step));
         BodyStep {
             is_whole: true,
+            rim_fraction: None,
             frame,
             stamp_ns: frame,
             body: 0,

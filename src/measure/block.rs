@@ -2,7 +2,7 @@
 
 use super::confirm;
 use super::error::MeasureError;
-use super::field::{rigid_step, start};
+use super::field::{center_step, rigid_step, start};
 use super::known::Memory;
 use super::outline::{Finder, Outline};
 use super::params::{MeasureParams, Share};
@@ -225,8 +225,7 @@ impl Measurer {
                 if confirm::holds(&measured.step, reference.before[slot].as_ref(), outlines, seen) {
                     continue;
                 }
-                (measured.step.step, measured.step.is_whole) = (None, false);
-                measured.step.status = PointStatus::Ambiguous;
+                measured.step = BodyStep { status: PointStatus::Ambiguous, ..measured.step.without_motion() };
                 if place == 0 {
                     self.confuse(body, target.block);
                 }
@@ -390,6 +389,7 @@ impl Measurer {
         let outline = reference.outlines[body];
         let mut step = BodyStep {
             is_whole: false,
+            rim_fraction: None,
             frame: reference.meta.sequence,
             stamp_ns: reference.meta.stamp_ns,
             body: u32::try_from(body).unwrap_or(u32::MAX),
@@ -417,6 +417,9 @@ impl Measurer {
         self.correlator.set_region(self.finders[body].region(&outline, correlation));
         self.correlator.correlate(&reference.prepared, target, &points, start, &mut field.points);
         step.step = rigid_step(&mut field, outline.center_px(), frames, correlation.subset_size_px);
+        if let (Rotation::Center, Some(_)) = (self.params.rotation, &step.circle) {
+            step.step = step.step.and_then(|_| center_step(&field, outline.center_px(), frames, correlation));
+        }
         if let (Rotation::Ring(limits), Some(found), Some(circle)) =
             (self.params.rotation, &mut step.step, &step.circle)
         {
@@ -440,6 +443,7 @@ impl Measurer {
         if let Some(whole) = whole {
             (step.step, step.is_whole) = (Some(whole.step), true);
             if let (Some(circle), Some(share)) = (&mut step.circle, whole.visible_fraction) {
+                step.rim_fraction = Some(circle.visible_fraction);
                 circle.visible_fraction = share;
             }
         }

@@ -67,7 +67,7 @@ impl BodyTracker {
             origin_ns: 0,
             axes: Axes::new(params.surface_angle_deg),
             belief: Belief::default(),
-            chain: Chain::new(params.walk_share),
+            chain: Chain::new(params.walk),
             anchor: Anchor::new(),
             radius: RunningRadius::new(),
             nodes: Vec::new(),

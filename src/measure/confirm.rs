@@ -96,7 +96,8 @@ mod tests {
 
     fn moved(is_whole: bool, interval_frames: u32) -> BodyStep {
         let (circle, rod, step, status) = (None, None, Some(step(7.8)), PointStatus::Valid);
-        BodyStep { is_whole, frame: 3, stamp_ns: 3, body: 0, interval_frames, circle, rod, step, status }
+        let rim_fraction = None;
+        BodyStep { is_whole, rim_fraction, frame: 3, stamp_ns: 3, body: 0, interval_frames, circle, rod, step, status }
     }
 
     #[test]

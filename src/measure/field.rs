@@ -1,6 +1,6 @@
 //! From a motion to the field that is looked for, and back.
 
-use crate::dic::{Start, rigid_fit};
+use crate::dic::{CenterVector, CorrelationParams, RigidMotion, Start, center_fit, rigid_fit};
 use crate::results::{PairField, RigidStep};
 
 /// Fewest subsets a rigid motion is believed from.
@@ -14,7 +14,22 @@ pub(super) fn rigid_step(
     subset_size_px: u32,
 ) -> Option<RigidStep> {
     let motion = rigid_fit(&mut field.points, x_px, y_px, subset_size_px)?;
-    (motion.points >= FEWEST_POINTS).then_some(RigidStep {
+    (motion.points >= FEWEST_POINTS).then(|| a_frame(&motion, frames))
+}
+
+/// The same from the field at the centre and its subsets' rotations about it, of the subsets that follow the body.
+pub(super) fn center_step(
+    field: &PairField,
+    center_px: (f64, f64),
+    frames: f64,
+    params: &CorrelationParams,
+) -> Option<RigidStep> {
+    let vectors: Vec<_> = field.points.iter().filter_map(|point| CenterVector::of(point, center_px)).collect();
+    center_fit(&vectors, params.step_px, params.subset_size_px).map(|motion| a_frame(&motion, frames))
+}
+
+fn a_frame(motion: &RigidMotion, frames: f64) -> RigidStep {
+    RigidStep {
         dx_px: motion.u_px / frames,
         dy_px: motion.v_px / frames,
         dtheta_deg: motion.angle_deg / frames,
@@ -22,7 +37,7 @@ pub(super) fn rigid_step(
         sigma_dy_px: motion.sigma_v_px / frames,
         sigma_dtheta_deg: motion.sigma_angle_deg / frames,
         points: motion.points,
-    })
+    }
 }
 
 /// Where subsets are looked for when the body goes on as it moves, for as many frames as a step spans.

@@ -39,12 +39,14 @@ pub enum ReplyCode {
     Unknown = 5,
     /// Triggered before the first frame.
     NoFrames = 6,
+    /// Shots begin on the camera's own line.
+    Line = 7,
 }
 
 impl ReplyCode {
     /// The code with this number, if there is one.
     pub fn from_number(number: u32) -> Option<Self> {
-        [Self::Accepted, Self::NotArmed, Self::Busy, Self::NoTrigger, Self::Unknown, Self::NoFrames]
+        [Self::Accepted, Self::NotArmed, Self::Busy, Self::NoTrigger, Self::Unknown, Self::NoFrames, Self::Line]
             .into_iter()
             .find(|code| *code as u32 == number)
     }
@@ -57,6 +59,7 @@ impl ReplyCode {
             Self::Busy => "the rig is writing a shot; try again when it is done",
             Self::NoTrigger => "this rig has no trigger; set [trigger] mode",
             Self::Unknown => "the rig does not know this request",
+            Self::Line => "this rig's shots begin on the camera's line, [trigger] mode = \"hardware\"",
             Self::NoFrames => "no frame has come yet; try again when the camera delivers",
         }
     }

@@ -9,7 +9,8 @@ pub const EVENT_TEXT_BYTES: usize = 200;
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[repr(u32)]
 pub enum EventKind {
-    /// The ring exists; readers may attach. `sequence` is 0.
+    /// The ring exists; readers may attach. `sequence` is 0, or the earliest frame of a stream that goes on after its
+    /// camera's process died.
     Prepared = 1,
     /// The first frame was published.
     Started = 2,
@@ -47,11 +48,15 @@ pub enum EventKind {
     Deepest = 17,
     /// What was told as contact was none.
     Withdrawn = 18,
+    /// How the frames of a further camera lie in time beside those of the first, in one shot.
+    Matched = 19,
+    /// A camera that waits for its line has been silent: the shot ends before `sequence`.
+    Silent = 20,
 }
 
 impl EventKind {
     /// Every kind.
-    pub const ALL: [Self; 18] = [
+    pub const ALL: [Self; 20] = [
         Self::Prepared,
         Self::Started,
         Self::Ended,
@@ -70,6 +75,8 @@ impl EventKind {
         Self::Contact,
         Self::Deepest,
         Self::Withdrawn,
+        Self::Matched,
+        Self::Silent,
     ];
 
     /// The word used in tables.
@@ -93,6 +100,8 @@ impl EventKind {
             Self::Contact => "contact",
             Self::Deepest => "deepest",
             Self::Withdrawn => "withdrawn",
+            Self::Matched => "matched",
+            Self::Silent => "silent",
         }
     }
 

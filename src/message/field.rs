@@ -6,7 +6,7 @@ use iceoryx2::prelude::ZeroCopySend;
 
 /// One body in one frame, its outline and its motion to the next frame.
 #[derive(Debug, Clone, Copy, PartialEq, Default, ZeroCopySend)]
-#[type_name("ricochet.FieldHeader.v2")]
+#[type_name("ricochet.FieldHeader.v3")]
 #[repr(C)]
 pub struct FieldHeader {
     /// Which start of the acquire process the frames belong to.
@@ -27,7 +27,7 @@ pub struct FieldHeader {
     pub points: u32,
     /// Index of the worker that measured it.
     pub worker: u32,
-    /// 1 when the circle below was measured.
+    /// When the circle below was measured: 1, or 2 where the share in sight is not its rim's.
     pub circle_known: u32,
     /// When the step below was measured: 1 from subsets, 2 as a match of the whole body with a kept reference.
     pub step_known: u32,
@@ -45,6 +45,8 @@ pub struct FieldHeader {
     pub sigma_radius_px: f64,
     /// Share of the disc that is not hidden.
     pub visible_fraction: f64,
+    /// The same by the rim alone.
+    pub rim_fraction: f64,
     /// Motion of the centre along x, px/frame.
     pub dx_px: f64,
     /// Motion of the centre along y (down), px/frame.
@@ -77,7 +79,8 @@ impl FieldHeader {
             ..Self::default()
         };
         if let Some(circle) = step.circle {
-            header.circle_known = 1;
+            header.circle_known = 1 + u32::from(step.rim_fraction.is_some());
+            header.rim_fraction = step.rim_fraction.unwrap_or(circle.visible_fraction);
             header.center_x_px = circle.x_px;
             header.center_y_px = circle.y_px;
             header.radius_px = circle.radius_px;
@@ -100,7 +103,7 @@ impl FieldHeader {
 
     /// The step it tells; `None` when the status is not one of ours.
     pub fn step(&self) -> Option<BodyStep> {
-        let circle = (self.circle_known == 1).then_some(Circle {
+        let circle = matches!(self.circle_known, 1 | 2).then_some(Circle {
             x_px: self.center_x_px,
             y_px: self.center_y_px,
             radius_px: self.radius_px,
@@ -119,6 +122,7 @@ impl FieldHeader {
         });
         Some(BodyStep {
             is_whole: self.step_known == 2,
+            rim_fraction: (self.circle_known == 2).then_some(self.rim_fraction),
             frame: self.sequence,
             stamp_ns: self.stamp_ns,
             body: self.body,

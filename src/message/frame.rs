@@ -29,8 +29,11 @@ pub struct FrameHeader {
     pub epoch: u32,
     /// How long the frame was exposed, ns; 0 when the camera does not tell. The largest value stands for more.
     pub exposure_ns: u32,
+    /// Which shot of a camera that waits for its line, counted from 1; 0 of others. Nothing is measured from a shot to
+    /// the next.
+    pub shot: u32,
     /// Zero.
-    pub reserved: [u32; 2],
+    pub reserved: u32,
 }
 
 const _: () = assert!(size_of::<FrameHeader>() == 64 && align_of::<FrameHeader>() == 64);
@@ -50,7 +53,8 @@ impl FrameHeader {
             epoch: meta.epoch,
             // A conversion from a float saturates.
             exposure_ns: (1.0e3 * exposure_us).round() as u32,
-            reserved: [0; 2],
+            shot: 0,
+            reserved: 0,
         }
     }
 

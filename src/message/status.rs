@@ -52,7 +52,7 @@ pub struct StatusMessage {
     pub index: u32,
     /// Process id.
     pub pid: u32,
-    /// Recorder: 1 when armed, and 2 added when recordings would not fit or cannot be written. Supervisor: how many of its processes run.
+    /// Camera: the epoch of its frames. Recorder: 1 when armed, and 2 added when recordings would not fit or cannot be written. Supervisor: how many of its processes run.
     pub state: u32,
     /// Newest sequence number dealt with.
     pub sequence: u64,

@@ -106,7 +106,7 @@ pub fn physical(rates: &PixelRates, scale: MetresPerPixel, params: &MotionParams
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::motion::{Form, Scale, WalkShare};
+    use crate::motion::{Form, Scale, Walk};
 
     fn params(surface_angle_deg: f64) -> MotionParams {
         MotionParams {
@@ -120,7 +120,7 @@ mod tests {
             mass_kg: None,
             form: Form::Ball,
             interval_frames: 1,
-            walk_share: WalkShare::default(),
+            walk: Walk::default(),
             exposure_ns: 0.0,
             frame_period_ns: 100_000.0,
         }

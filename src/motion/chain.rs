@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use super::params::{TRUST_IN_LONGER, WalkShare};
+use super::walk::{Kept, TRUST_IN_LONGER, Walk};
 use crate::results::{BodyStep, RigidStep};
 
 /// Longest gap the carried pose is extrapolated over, frames.
@@ -32,14 +32,16 @@ pub struct Node {
     pub sigma: [f64; 3],
     /// Variance that extrapolation over gaps has added to each since the first node; infinite where a gap was too long.
     pub bridged: [f64; 3],
-    /// What a step adds to it and all later ones for good, as a share of `sigma`.
-    pub walk_share: f64,
+    /// What the step to it adds to it and all later ones for good, as a share of `sigma`.
+    pub walk_share: [f64; 3],
+    /// The reference that the whole body was matched with last on the way here.
+    pub kept: Option<Kept>,
 }
 
 /// Adds up the steps of one body.
 #[derive(Debug, Clone)]
 pub struct Chain {
-    walk_share: WalkShare,
+    walk: Walk,
     components: u32,
     /// Poses that steps lead to, by frame and interval.
     arrivals: BTreeMap<(u64, u32), Node>,
@@ -54,9 +56,9 @@ fn sound(step: &RigidStep) -> bool {
 }
 
 impl Chain {
-    /// An empty chain of steps of which `walk_share` of a pose's sigma is not taken back by the next.
-    pub fn new(walk_share: WalkShare) -> Self {
-        Self { walk_share, components: 0, arrivals: BTreeMap::new(), newest: None, last: None }
+    /// An empty chain of steps that leave `walk` for good.
+    pub fn new(walk: Walk) -> Self {
+        Self { walk, components: 0, arrivals: BTreeMap::new(), newest: None, last: None }
     }
 
     /// Takes the next step in frame order, the shortest of its frame; gives the frame's node unless no step leads to or from it.
@@ -75,16 +77,15 @@ impl Chain {
                 let sigma = std::array::from_fn(|k| ((node.sigma[k].powi(2) + out[k].powi(2)) / 2.0).sqrt());
                 Node { sigma, ..node }
             }
-            (None, Some(sigma)) => self.begin(time_frames, sigma, self.share(step)),
+            (None, Some(sigma)) => self.begin(time_frames, sigma),
         };
         node.frame = step.frame;
         node.time_frames = time_frames;
         self.newest = Some(node);
         if let (Some(out), Some(sigma)) = (outgoing, sigma_out) {
             let rates = [out.dx_px, out.dy_px, out.dtheta_deg];
-            let pose = std::array::from_fn(|k| node.pose[k] + n * rates[k]);
             let target = step.frame + u64::from(step.interval_frames.max(1));
-            let arriving = Node { pose, sigma, walk_share: self.share(step), ..node };
+            let arriving = Node { sigma, ..self.moved(&node, step.is_whole, rates.map(|rate| n * rate)) };
             self.arrivals.insert((target, step.interval_frames), arriving);
             let before = self.last.map_or(rates, |(_, rates, _)| rates);
             self.last = Some((node, rates, before));
@@ -97,10 +98,19 @@ impl Chain {
         let Some(from) = self.newest.filter(|node| node.frame == step.frame) else { return };
         let Some(out) = step.step.filter(sound) else { return };
         let n = f64::from(step.interval_frames.max(1));
-        let rates = [out.dx_px, out.dy_px, out.dtheta_deg];
-        let pose = std::array::from_fn(|k| from.pose[k] + n * rates[k]);
+        let moved = [out.dx_px, out.dy_px, out.dtheta_deg].map(|rate| n * rate);
         let target = step.frame + u64::from(step.interval_frames);
-        self.arrivals.insert((target, step.interval_frames), Node { pose, ..from });
+        self.arrivals.insert((target, step.interval_frames), self.moved(&from, step.is_whole, moved));
+    }
+
+    /// The node that a step leads to.
+    fn moved(&self, from: &Node, is_whole: bool, moved: [f64; 3]) -> Node {
+        let mut kept = from.kept;
+        let walk_share = match is_whole {
+            true => self.walk.whole(from.frame, from.pose[2], &mut kept),
+            false => self.walk.subsets(moved),
+        };
+        Node { pose: std::array::from_fn(|k| from.pose[k] + moved[k]), walk_share, kept, ..*from }
     }
 
     /// Where the steps to this frame lead, the longer ones tempering the shortest.
@@ -123,16 +133,24 @@ impl Chain {
         arrived
     }
 
-    fn share(&self, step: &BodyStep) -> f64 {
-        if step.is_whole { self.walk_share.whole } else { self.walk_share.subsets }
-    }
-
     /// A node of a new component, extrapolated from the newest node there is.
-    fn begin(&mut self, time_frames: f64, sigma: [f64; 3], walk_share: f64) -> Node {
+    fn begin(&mut self, time_frames: f64, sigma: [f64; 3]) -> Node {
+        // No step of its component leads to it.
+        let walk_share = [0.0; 3];
+        let kept = None;
         let component = self.components;
         self.components += 1;
         let Some((last, rates, before)) = self.last else {
-            return Node { frame: 0, time_frames, component, pose: [0.0; 3], sigma, bridged: [0.0; 3], walk_share };
+            return Node {
+                frame: 0,
+                time_frames,
+                component,
+                pose: [0.0; 3],
+                sigma,
+                bridged: [0.0; 3],
+                walk_share,
+                kept,
+            };
         };
         let dt = time_frames - last.time_frames;
         let pose = std::array::from_fn(|k| last.pose[k] + dt * rates[k]);
@@ -144,13 +162,14 @@ impl Chain {
             let rate = 2.0 * last.sigma[k].powi(2) + (0.5 * dt * (rates[k] - before[k])).powi(2);
             last.bridged[k] + dt * dt * rate
         });
-        Node { frame: 0, time_frames, component, pose, sigma, bridged, walk_share }
+        Node { frame: 0, time_frames, component, pose, sigma, bridged, walk_share, kept }
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::motion::{Renewal, subset_walk};
     use crate::results::PointStatus;
 
     /// Normal numbers, near enough: sums of twelve even ones.
@@ -180,14 +199,15 @@ mod tests {
         };
         let (circle, rod, status) = (None, None, PointStatus::Valid);
         let (is_whole, step) = (false, Some(step));
-        BodyStep { is_whole, frame, stamp_ns: frame, body: 0, interval_frames, circle, rod, step, status }
+        let rim_fraction = None;
+        BodyStep { is_whole, rim_fraction, frame, stamp_ns: frame, body: 0, interval_frames, circle, rod, step, status }
     }
 
     /// How far a chain of erring steps has drifted after 4000 frames, root mean square over runs.
     fn drift(intervals: &[u32]) -> f64 {
         let (mut noise, mut sum, runs) = (Noise(7), 0.0, 200);
         for _ in 0..runs {
-            let mut chain = Chain::new(WalkShare { subsets: 1.0, whole: 0.0 });
+            let mut chain = Chain::new(Walk::default());
             let mut last = 0.0;
             for frame in 0..4000 {
                 last = chain.push(&step(frame, intervals[0], noise.next()), frame as f64).unwrap().pose[0];
@@ -200,12 +220,29 @@ mod tests {
 
     #[test]
     fn a_pose_drifts_as_the_step_that_led_to_it() {
-        let mut chain = Chain::new(WalkShare { subsets: 0.36, whole: 0.1 });
-        let shares = (0..5).map(|frame| {
-            let step = BodyStep { is_whole: frame == 1 || frame == 2, ..step(frame, 1, 0.0) };
-            chain.push(&step, frame as f64).unwrap().walk_share
+        let mut chain = Chain::new(Walk::of(&[1], Some(Renewal { block_frames: 8, stale_deg: 3.0 })));
+        let shares = (0..6).map(|frame| {
+            let step = BodyStep { is_whole: frame == 1 || frame == 2, ..step(frame, 1, 0.5) };
+            chain.push(&step, frame as f64).unwrap().walk_share[0]
         });
-        assert_eq!(shares.collect::<Vec<_>>(), [0.36, 0.36, 0.1, 0.1, 0.36]);
+        let shares: Vec<f64> = shares.collect();
+        let subsets = subset_walk([0.5, 0.0, 0.0])[0];
+        let is = |k: usize, share: f64| (shares[k] - share).abs() < 1e-12;
+        assert!(is(0, 0.0) && is(1, subsets) && is(4, subsets), "{shares:?}");
+        assert!(shares[2] > 0.0 && is(3, 0.0), "only the first step with a reference leaves something: {shares:?}");
+    }
+
+    #[test]
+    fn each_of_several_interleaved_chains_has_the_renewal_in_it() {
+        let mut chain = Chain::new(Walk::of(&[3], Some(Renewal { block_frames: 6, stale_deg: 3.0 })));
+        let renewed = |frame: u64| {
+            let step = BodyStep { is_whole: true, ..step(frame, 3, 0.5) };
+            chain.push(&step, frame as f64).unwrap().walk_share[0] > 0.0
+        };
+        // Steps from the first three frames of a block lead on with its reference, those from the others keep it.
+        let renewed: Vec<u64> =
+            (0..15).zip((0..15).map(renewed)).filter(|(_, renewed)| *renewed).map(|(f, _)| f).collect();
+        assert_eq!(renewed, [3, 4, 5, 9, 10, 11]);
     }
 
     #[test]
@@ -213,15 +250,15 @@ mod tests {
         let alone = drift(&[1]);
         assert!((alone / 4000_f64.sqrt() - 1.0).abs() < 0.1, "{alone}");
         for intervals in [&[1, 4][..], &[1, 10], &[1, 3, 9]] {
-            let (found, stated) =
-                (drift(intervals) / alone, WalkShare::of(intervals).subsets / WalkShare::of(&[1]).subsets);
+            let share = |intervals: &[u32]| Walk::of(intervals, None).subsets([0.5, 0.0, 0.0])[0];
+            let (found, stated) = (drift(intervals) / alone, share(intervals) / share(&[1]));
             assert!((found / stated - 1.0).abs() < 0.2, "{intervals:?}: {found}, stated {stated}");
         }
     }
 
     #[test]
     fn a_missing_step_is_bridged_by_a_longer_one() {
-        let mut chain = Chain::new(WalkShare { subsets: 0.36, whole: 0.1 });
+        let mut chain = Chain::new(Walk::default());
         for frame in 0..20 {
             let mut one = step(frame, 1, 0.5);
             one.step = one.step.filter(|_| frame != 9);

@@ -13,13 +13,15 @@ mod polynomial;
 mod radius;
 mod rectifier;
 mod smooth;
+mod walk;
 
 pub use anchor::{Anchor, Center};
 pub use axes::{Axes, MetresPerPixel, PixelRates, Surface, gravity_px, physical};
 pub use chain::{Chain, Node};
 pub use lens::{Distortion, Lens};
-pub use params::{Form, MotionParams, PAIRWISE_WALK_SHARE, RingLimits, Rotation, Scale, WalkShare};
+pub use params::{Form, MotionParams, RingLimits, Rotation, Scale};
 pub use polynomial::{MAX_ORDER, Polynomial, Sample};
 pub use radius::RunningRadius;
 pub use rectifier::{Calibration, Rectifier, RectifierError};
 pub use smooth::{AUTO_AHEAD_FRAMES, Regime, lag_frames, local_fit, smooth};
+pub use walk::{Kept, Renewal, Walk, subset_walk};

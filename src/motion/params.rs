@@ -1,6 +1,6 @@
 //! What the motion of a body is computed with.
 
-use super::{Center, Rectifier};
+use super::{Center, Rectifier, Walk};
 use crate::results::BodyStep;
 
 /// How many millimetres a pixel is.
@@ -22,6 +22,8 @@ pub enum Rotation {
     Rigid,
     /// The displacement field: least squares over all valid subsets.
     Field,
+    /// The displacement field at the centre, and the mean of its subsets' rotations about it: the paper's way.
+    Center,
     /// A ring of pixels around the centre, unwrapped and correlated along the angle; the centre is carried by the field.
     Ring(RingLimits),
 }
@@ -44,55 +46,6 @@ pub enum Form {
     Rod,
     /// It turns, but where it touches is not known: it has no radius.
     Patch,
-}
-
-/// [`WalkShare`] of steps measured from frame to frame.
-///
-/// Positions are sums of steps, and every step is measured over subsets of its own: a little of its error is not that
-/// of the frames it shares with its neighbours, and adds up. On rendered balls successive steps correlate by -0.47
-/// instead of -0.5, at noise of 0.5 to 4 grey levels. Over a flight of 40 frames this makes up nearly all of the
-/// velocity's uncertainty.
-pub const PAIRWISE_WALK_SHARE: f64 = 0.36;
-
-/// [`WalkShare`] of steps that are differences of poses against one reference: 0, but for its renewals.
-///
-/// Each leaves 0.26 of the white noise of a pose for good, seen on rendered balls over 320 frames at 0 to 1 deg/frame,
-/// with 5 to 107 renewals. One every eight frames is assumed: a block has 16 by default, and 3 deg turn a reference
-/// stale.
-const KEPT_WALK_SHARE: f64 = 0.26 * 0.353_553_39;
-
-/// How far a pose follows the step that led to it over a longer interval, from where shorter steps led: 0 to 1.
-///
-/// 0 drifts as the shorter steps alone, 1 lets neighbouring frames drift apart; from 0.3 to 0.85 velocities are
-/// about equally sure.
-pub(super) const TRUST_IN_LONGER: f64 = 0.5;
-
-/// Noise of a step that the next step does not take back, as a share of the white noise of a pose.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct WalkShare {
-    /// Of steps whose subsets are taken from frame to frame.
-    pub subsets: f64,
-    /// Of steps that match the whole body with a reference that is kept.
-    pub whole: f64,
-}
-
-impl WalkShare {
-    /// That of steps measured over one interval or several at once, the shortest first.
-    ///
-    /// Sums of steps drift, and each longer interval ties a pose to one further back. With trust g in a step over n
-    /// times as many frames, errors of the pose follow E(i) = (1 - g) (E(i-1) + a(i)) + g (E(i-n) + b(i)), whose part
-    /// that never fades moves by [(1 - g) a + g b] / [1 - g + g n] a frame; a and b are alike, whatever the interval.
-    /// Poses against a kept reference drift less whatever the intervals.
-    pub fn of(intervals_frames: &[u32]) -> Self {
-        let shortest = intervals_frames.first().map_or(1.0, |interval| f64::from((*interval).max(1)));
-        let g = TRUST_IN_LONGER;
-        let mut variance = 1.0;
-        for interval in intervals_frames.iter().skip(1) {
-            let n = f64::from(*interval) / shortest;
-            variance = ((1.0 - g).powi(2) * variance + g * g) / (1.0 - g + g * n).powi(2);
-        }
-        Self { subsets: PAIRWISE_WALK_SHARE * variance.sqrt(), whole: KEPT_WALK_SHARE }
-    }
 }
 
 /// Everything the motion of a body is computed with.
@@ -120,7 +73,7 @@ pub struct MotionParams {
     /// The interval each step was measured over, frames; the shortest of several.
     pub interval_frames: u32,
     /// Noise of a step that the next step does not take back.
-    pub walk_share: WalkShare,
+    pub walk: Walk,
     /// How long a frame was exposed, ns; what a frame shows is the moment half of it after its stamp. 0 when unknown.
     pub exposure_ns: f64,
     /// Nominal time from frame to frame, ns; only for gaps, times come from the stamps.

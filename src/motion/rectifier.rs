@@ -423,6 +423,7 @@ mod tests {
                     };
                     let seen = BodyStep {
                         is_whole: true,
+                        rim_fraction: None,
                         frame: 3,
                         stamp_ns: 3,
                         body: 0,

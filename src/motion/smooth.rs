@@ -63,7 +63,7 @@ fn samples(nodes: &[Node], axis: usize) -> Vec<Sample> {
         component: n.component,
         value: n.pose[axis],
         sigma: n.sigma[axis],
-        walk: n.walk_share * n.sigma[axis],
+        walk: n.walk_share[axis] * n.sigma[axis],
     };
     nodes.iter().map(sample).collect()
 }

@@ -3,10 +3,12 @@
 use super::action::Cause;
 use super::clock::{Every, Patience, host_ns, now};
 use super::conclude::Alone;
+use super::line::Line;
 use super::pace::Latencies;
 use super::reference;
 use super::reins;
 use super::report::Reporter;
+use super::resume::Resume;
 use super::rig::{SUCCESSION, Source, limits};
 use super::stop::Stop;
 use super::summary::Summary;
@@ -18,7 +20,7 @@ use crate::message::{EventKind, FrameHeader, Progress, Role};
 use crate::trigger::MotionTrigger;
 use std::collections::BTreeMap;
 use std::ops::Range;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 /// How long the readers of the frames may take to get ready.
 const READY: Duration = Duration::from_secs(15);
@@ -27,29 +29,48 @@ const STUCK: Duration = Duration::from_secs(10);
 /// How long the ring stays after the last frame for readers that are still at work.
 const LINGER: Duration = Duration::from_secs(30);
 const WAIT: Duration = Duration::from_millis(50);
+/// How long a camera may take to let go of a process that died: GigE Vision cameras give it 3 s to show a sign of life.
+const LET_GO: Duration = Duration::from_secs(20);
 
 /// Runs the camera of this rig until it ends or is stopped.
 ///
-/// `resumed` says that another was there before and died.
+/// `resume` tells of another that was there before and died: a live camera's frames go on counting.
 ///
 /// # Errors
 ///
 /// When the camera cannot be opened or goes away for good, or shared memory cannot be used.
-pub fn run(config: &Config, resumed: bool, stop: &Stop) -> anyhow::Result<Summary> {
-    let source = Source::open(config)?;
+pub fn run(config: &Config, resume: Option<Resume>, stop: &Stop) -> anyhow::Result<Summary> {
+    let began = now();
+    let source = open(config, resume.is_some(), stop)?;
+    config.check_calibration(source.format().width_px, source.format().height_px)?;
     let bus = Bus::take_part(&config.rig.name, Role::Acquire.word(), SUCCESSION)?;
-    if !resumed {
+    if resume.is_none() {
         reference::begin(config)?;
     }
     let limits = limits(config, &source.format());
     let ring = bus.frame_publisher(&limits, source.format().slot_bytes())?;
     let mut loop_ = Loop::new(&bus, config, limits, ring, source)?;
+    loop_.take_over(resume, began);
     loop_.prepare(stop)?;
     let ended = loop_.stream(config, stop);
     let told = loop_.end();
     ended?;
     told?;
     Ok(loop_.summary)
+}
+
+/// Opens the camera; one whose process was killed may not know of it yet.
+fn open(config: &Config, is_resumed: bool, stop: &Stop) -> Result<Source, CameraError> {
+    let patience = Patience::new(LET_GO);
+    loop {
+        match Source::open(config) {
+            Err(error) if is_resumed && !patience.is_over() && !stop.requested() => {
+                log::info!("{error}; trying again");
+                std::thread::sleep(Duration::from_millis(200));
+            }
+            answer => return answer,
+        }
+    }
 }
 
 struct Loop {
@@ -60,11 +81,15 @@ struct Loop {
     reporter: Reporter,
     readers: Readers,
     trigger: Option<MotionTrigger>,
+    line: Option<Line>,
     /// How long the trigger looked at each frame.
     decisions: Latencies,
     alone: Option<Alone>,
     /// Whether every frame is asked for, and told of.
     is_stepped: bool,
+    /// Whether the camera waits for a pulse before each frame.
+    is_pulsed: bool,
+    block_frames: u32,
     summary: Summary,
     queued: usize,
     /// Torn frames since the last whole one.
@@ -75,6 +100,8 @@ struct Loop {
     /// What is added to the camera's count after it was opened anew.
     offset: u64,
     epoch: u32,
+    /// What the process before this one left, until the first frame, and when this one began.
+    resume: Option<(Resume, Instant)>,
 }
 
 impl Loop {
@@ -90,15 +117,19 @@ impl Loop {
         reporter.set_live(source.is_live());
         let trigger = (config.trigger.mode == TriggerMode::Motion)
             .then(|| MotionTrigger::new(config.trigger.threshold_dn, config.trigger.roi_px));
+        let line = Line::new(config);
         Ok(Self {
             ring,
             bell: bus.bell("frames")?,
             reporter,
             readers: Readers::new(bus, &limits, config)?,
             decisions: Latencies::default(),
-            alone: trigger.as_ref().and_then(|_| Alone::new(config)),
+            alone: (trigger.is_some() || line.is_some()).then(|| Alone::new(config)).flatten(),
+            line,
             trigger,
             is_stepped: config.camera.stepped,
+            is_pulsed: config.camera.is_pulsed(),
+            block_frames: config.workers.block_frames,
             source,
             summary: Summary::default(),
             queued: 0,
@@ -108,7 +139,36 @@ impl Loop {
             stamp_ns: 0,
             offset: 0,
             epoch: 0,
+            resume: None,
         })
+    }
+
+    /// Goes on where a process that died was; a source on demand, which lost nothing, begins again.
+    fn take_over(&mut self, resume: Option<Resume>, began: Instant) {
+        let Some(resume) = resume else { return };
+        self.epoch = resume.epoch;
+        self.reporter.set_state(self.epoch);
+        self.resume = (self.source.pace() == Pace::Live).then_some((resume, began));
+    }
+
+    /// A film goes on with the frame that is due by now.
+    fn go_to(&mut self, config: &Config) {
+        let Some((resume, began)) = self.resume else { return };
+        let (rate_hz, speed) = (self.source.format().frame_rate_hz, config.camera.playback_rate);
+        let due = resume.after(speed * began.elapsed().as_secs_f64(), rate_hz);
+        let first = due.first_frame(due.stamp_ns, rate_hz, config.workers.block_frames);
+        if self.source.camera().go_to(first) {
+            self.resume = None;
+        }
+    }
+
+    /// A camera of its own time counts from 0 again: its first frame tells how many nobody took.
+    fn go_on(&mut self, first: &FrameMeta) {
+        let Some((resume, _)) = self.resume.take() else { return };
+        // One that waits for pulses has no rate that would tell.
+        let rate_hz = if self.is_pulsed { 0.0 } else { self.source.format().frame_rate_hz };
+        let number = resume.first_frame(first.stamp_ns, rate_hz, self.block_frames);
+        self.offset = number.saturating_sub(first.sequence);
     }
 
     /// Touches the ring, announces it and waits until every reader has attached.
@@ -117,7 +177,8 @@ impl Loop {
         let run_id = self.reporter.run_id();
         let camera = self.source.identity();
         let identity = format!("{}\n{}", camera.model, camera.serial);
-        self.reporter.event(EventKind::Prepared, 0, 0, &identity)?;
+        let earliest = self.resume.map_or(0, |(resume, _)| resume.sequence + 1);
+        self.reporter.event(EventKind::Prepared, earliest, 0, &identity)?;
         let patience = Patience::new(READY);
         while !stop.requested() && !self.readers.all_attached(run_id)? {
             if patience.is_over() {
@@ -134,6 +195,7 @@ impl Loop {
 
     fn stream(&mut self, config: &Config, stop: &Stop) -> anyhow::Result<()> {
         self.lend()?;
+        self.go_to(config);
         self.source.camera().start()?;
         if self.is_stepped {
             reins::tell("ready: each line on standard input plays a frame");
@@ -148,7 +210,7 @@ impl Loop {
             match self.source.camera().next(WAIT) {
                 Ok(Next::Frame(slot, meta)) => self.publish(slot, meta)?,
                 Ok(Next::Torn(slot, cause)) => self.torn(slot, &cause),
-                Ok(Next::Nothing) => {}
+                Ok(Next::Nothing) => self.hush()?,
                 Ok(Next::End) => return Ok(()),
                 Err(error) => self.reopen(config, stop, &error)?,
             }
@@ -169,11 +231,14 @@ impl Loop {
     fn publish(&mut self, slot: Slot, mut meta: FrameMeta) -> Result<(), BusError> {
         let mut slot = slot;
         self.queued -= 1;
+        self.go_on(&meta);
         meta.sequence += self.offset;
         meta.epoch = meta.epoch.max(self.epoch);
         let decided = self.decide(&meta, &mut slot);
+        self.begin_shot(&meta)?;
         let exposure_us = self.source.format().exposure_us;
-        self.ring.send(slot, FrameHeader::new(&meta, self.reporter.run_id(), exposure_us))?;
+        let shot = self.line.as_ref().map_or(0, Line::shot);
+        self.ring.send(slot, FrameHeader { shot, ..FrameHeader::new(&meta, self.reporter.run_id(), exposure_us) })?;
         self.bell.ring();
         if self.is_stepped {
             reins::tell(&format!("frame {} of {} ns", meta.sequence, meta.stamp_ns));
@@ -183,8 +248,12 @@ impl Loop {
         if self.first.is_none() {
             self.first = Some(meta.sequence);
             // A live camera counts from its first id on, whole or torn; a recording may begin with any number.
-            self.next = if self.source.is_live() { 0 } else { meta.sequence };
+            self.next = if self.source.is_live() { self.offset } else { meta.sequence };
             self.reporter.event(EventKind::Started, meta.sequence, meta.stamp_ns, "first frame")?;
+            if self.epoch > 0 {
+                let text = format!("its process was started again; epoch {}", self.epoch);
+                self.reporter.event(EventKind::Camera, meta.sequence, meta.stamp_ns, &text)?;
+            }
         }
         let gap = meta.sequence.saturating_sub(self.next);
         if gap > 0 {
@@ -204,6 +273,26 @@ impl Loop {
             }
         }
         self.alone.as_mut().map_or(Ok(()), |alone| alone.tell(&self.reporter, false))
+    }
+
+    /// Tells of a shot that the camera's line begins, before anybody can see its first frame.
+    fn begin_shot(&mut self, meta: &FrameMeta) -> Result<(), BusError> {
+        let Some(text) = self.line.as_mut().and_then(Line::frame) else { return Ok(()) };
+        self.reporter.event(EventKind::Decided, meta.sequence, meta.stamp_ns, &text)?;
+        match &mut self.alone {
+            None => Ok(()),
+            Some(alone) => {
+                alone.trigger(&Cause { frame: meta.sequence, stamp_ns: meta.stamp_ns, text }, &self.reporter)
+            }
+        }
+    }
+
+    /// Tells of a shot that ends because the camera has been silent.
+    fn hush(&mut self) -> Result<(), BusError> {
+        if !self.line.as_mut().is_some_and(Line::nothing) {
+            return Ok(());
+        }
+        self.reporter.event(EventKind::Silent, self.next, self.stamp_ns, "no frame for trigger.silence_s")
     }
 
     /// Shows a frame to the trigger; how long it looked, when it fires.
@@ -261,6 +350,7 @@ impl Loop {
             return Ok(false);
         }
         self.epoch += 1;
+        self.reporter.set_state(self.epoch);
         // The frames between are unknown in number: at least one is missing.
         self.offset = self.next + 1;
         Ok(true)
@@ -304,7 +394,8 @@ impl Readers {
         let recorder = config.record.iter().map(|_| (Role::Record as u32, 0));
         let streaming = config.trigger.mode == TriggerMode::Off;
         let paced_by = workers.clone().chain(recorder.clone().filter(|_| streaming)).collect();
-        let expected = workers.chain(recorder).chain([(Role::Track as u32, 0)]).collect();
+        let tracker = (limits.workers > 0).then_some((Role::Track as u32, 0));
+        let expected = workers.chain(recorder).chain(tracker).collect();
         // A quarter of the ring in flight keeps every reader busy and every queue far from running over.
         let window = (limits.ring_frames as u64 / 4).max(8);
         Ok(Self { progress: bus.subscriber(limits)?, expected, paced_by, told: BTreeMap::new(), window })

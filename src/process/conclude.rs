@@ -50,6 +50,8 @@ pub(super) struct Conclusions {
     trigger: Option<MeasuredTrigger>,
     alone: Option<Alone>,
     states: States,
+    /// Whether the camera waits for its line.
+    is_pulsed: bool,
     /// Whether stamps are of now.
     live: bool,
     exposure_ns: u64,
@@ -64,6 +66,7 @@ impl Conclusions {
             trigger: None,
             alone: Alone::new(config),
             states: States::new(config.bodies.len(), mode != TriggerMode::Off, streams),
+            is_pulsed: mode == TriggerMode::Hardware,
             live: config.camera.source.is_device(),
             exposure_ns: 0,
             decided: Vec::new(),
@@ -96,6 +99,11 @@ impl Conclusions {
                 Some(EventKind::Armed) => self.states.armed(true),
                 Some(EventKind::Disarmed) => self.states.armed(false),
                 Some(EventKind::Triggered) if self.alone.is_none() => self.states.triggered(),
+                // The rows of a shot may all be out before its recording is whole, or the other way round.
+                Some(EventKind::Recorded) if self.is_pulsed => {
+                    self.states.silent();
+                    self.states.recorded();
+                }
                 Some(EventKind::Recorded) => self.states.recorded(),
                 _ => continue,
             }

@@ -28,6 +28,7 @@ const LINGER: Duration = Duration::from_secs(30);
 /// When the configuration cannot be measured with, or shared memory cannot be used.
 pub fn run(config: &Config, index: u32, mut resumed: bool, stop: &Stop) -> anyhow::Result<Summary> {
     let format = expected_format(config)?;
+    config.check_calibration(format.width_px, format.height_px)?;
     let limits = limits(config, &format);
     let bus = Bus::take_part(&config.rig.name, &format!("{}-{index}", Role::Correlate.word()), SUCCESSION)?;
     let mut reporter = Reporter::new(&bus, &limits, Role::Correlate, index)?;
@@ -44,6 +45,8 @@ pub fn run(config: &Config, index: u32, mut resumed: bool, stop: &Stop) -> anyho
         index,
         wants_reference: false,
         next: None,
+        shot: 0,
+        is_ended: true,
         block_frames: u64::from(config.workers.block_frames),
         is_late: false,
         from: 0,
@@ -56,11 +59,12 @@ pub fn run(config: &Config, index: u32, mut resumed: bool, stop: &Stop) -> anyho
     let mut stream = Stream::new(&bus, &limits)?;
     while !stop.requested() {
         if stream.update()? {
-            worker.attach(&stream, resumed)?;
+            worker.attach(&stream, resumed, stop)?;
             resumed = false;
         }
         let ended = stream.end.is_some();
         worker.drain(stop)?;
+        worker.end_shot(&stream)?;
         if ended {
             worker.finish(&stream)?;
             linger(&mut recorded, &mut stream, stop)?;
@@ -93,6 +97,9 @@ struct Worker<'a> {
     /// Whether the picture in which patches were drawn is still to come.
     wants_reference: bool,
     next: Option<u64>,
+    /// The shot that the newest frame belongs to, of a camera that waits for its line, and whether it was ended.
+    shot: u32,
+    is_ended: bool,
     /// Frames of a block.
     block_frames: u64,
     /// Whether the stream began without this worker.
@@ -105,16 +112,23 @@ struct Worker<'a> {
 
 impl Worker<'_> {
     /// Maps the ring of a run that was announced and tells that frames may come.
-    fn attach(&mut self, stream: &Stream, resumed: bool) -> Result<(), BusError> {
+    fn attach(&mut self, stream: &Stream, resumed: bool, stop: &Stop) -> anyhow::Result<()> {
+        if stream.goes_on && self.reporter.run_id() != 0 {
+            // What the camera's process that died left in the ring is measured to its end.
+            self.drain(stop)?;
+            self.measurer.finish(&mut self.measured);
+            self.publish()?;
+        }
         self.frames.greet();
         self.measurer.reset();
+        (self.shot, self.is_ended) = (0, true);
         self.next = None;
         self.is_late = resumed || stream.first.is_some();
         self.from = 0;
         self.reporter.set_run(stream.run_id.unwrap_or(0));
         // One that died left no trace of how far it was: nobody shall wait for what it will never do.
         let reached = if self.is_late { u64::MAX } else { 0 };
-        self.reporter.progress(reached, false)
+        Ok(self.reporter.progress(reached, false)?)
     }
 
     fn drain(&mut self, stop: &Stop) -> anyhow::Result<()> {
@@ -134,6 +148,11 @@ impl Worker<'_> {
                 self.from = meta.sequence.next_multiple_of(self.block_frames);
             }
             self.next = Some(meta.sequence + 1);
+            if header.shot != self.shot {
+                self.finish_shot()?;
+                self.shot = header.shot;
+            }
+            self.is_ended = false;
             self.stamp_ns = meta.stamp_ns;
             self.exposure_ns = header.exposure_ns;
             self.summary.taken += 1;
@@ -159,6 +178,23 @@ impl Worker<'_> {
             self.reporter.progress(next, false)?;
         }
         Ok(())
+    }
+
+    /// Measures a shot to its end when the camera has been silent after it.
+    fn end_shot(&mut self, stream: &Stream) -> Result<(), BusError> {
+        // One whose last frames passed by is ended by the next.
+        let is_over = self.next.is_some() && self.next == stream.silences.back().copied();
+        if is_over { self.finish_shot() } else { Ok(()) }
+    }
+
+    /// Nothing leads from this shot to the next.
+    fn finish_shot(&mut self) -> Result<(), BusError> {
+        if std::mem::replace(&mut self.is_ended, true) {
+            return Ok(());
+        }
+        self.measurer.finish(&mut self.measured);
+        self.measurer.reset();
+        self.publish()
     }
 
     /// Takes the picture in which patches were drawn, if it can be had by now.

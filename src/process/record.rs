@@ -4,27 +4,30 @@
 //! buffer, which costs no time and no copy. At a trigger it takes the whole queue
 //! at once, holds the frames in place and writes them out one by one.
 
+mod active;
 mod failure;
+mod feed;
+mod matching;
 mod retention;
+mod span;
 
 use super::action::{Actions, Cause};
 use super::clock::{Every, Patience};
 use super::reference;
-use super::report::Reporter;
-use super::rig::{SUCCESSION, analysis_params, expected_format, learn_exposure, limits, truth_world};
-use super::shot::{Extent, Shot, free_path, recording_info};
+use super::rig::truth_world;
+use super::shot::{Shot, free_path, recording_info};
 use super::stop::Stop;
 use super::storage::{Storage, prepare_directory};
-use super::stream::Stream;
 use super::summary::Summary;
-use crate::bus::{Bus, ControlServer, Ear, FieldSubscriber, FrameSample, FrameSubscriber, Limits};
-use crate::camera::{CameraIdentity, StreamFormat};
+use crate::bus::{ControlServer, Ear};
 use crate::config::{Config, Record, TriggerMode};
 use crate::image::Frame;
-use crate::measure::TrackerParams;
-use crate::message::{Command, Event, EventKind, Reply, ReplyCode, Role};
-use crate::recording::EventRow;
+use crate::message::{Command, Event, EventKind, Reply, ReplyCode};
+use crate::recording::{EventRow, RecordingInfo, ViewInfo};
 use crate::trigger::Quiet;
+use active::{Active, Window};
+use feed::Feed;
+pub use matching::{Matcher, Matching};
 use retention::Retention;
 use std::collections::VecDeque;
 use std::time::Duration;
@@ -34,6 +37,8 @@ const WAIT: Duration = Duration::from_millis(2);
 const GREET: Duration = Duration::from_millis(100);
 /// How long the workers may be silent before the rows of their frames count as lost.
 const SILENCE: Duration = Duration::from_secs(5);
+/// How long the recording of a stream waits for the first frame of every camera.
+const GATHER: Duration = Duration::from_secs(2);
 
 /// Records shots (or the whole stream) until the stream ends.
 ///
@@ -53,99 +58,80 @@ pub fn run(config: &Config, resumed: bool, stop: &Stop) -> anyhow::Result<Summar
         }
         log::warn!("{error}");
     }
-    let format = expected_format(config)?;
-    config.check_ring(format.slot_bytes(), format.frame_rate_hz)?;
-    let limits = limits(config, &format);
-    let bus = Bus::take_part(&config.rig.name, Role::Record.word(), SUCCESSION)?;
+    let (first, bus) = Feed::open("", config, resumed)?;
+    let mut feeds = vec![first];
+    let mut buses = Vec::new();
+    for view in &config.views {
+        let (feed, bus) = Feed::open(&view.name, &view.config, resumed)?;
+        feeds.push(feed);
+        // It has the role for as long as the recorder lives.
+        buses.push(bus);
+    }
     let mut recorder = Recorder {
-        frames: bus.frame_subscriber(&limits)?,
-        fields: bus.field_subscriber(&limits)?,
         control: bus.control_server()?,
-        reporter: Reporter::new(&bus, &limits, Role::Record, 0)?,
-        params: analysis_params(config, &format).1,
-        held: VecDeque::new(),
         shot: None,
-        storage: Storage::new(config, record, &format, &limits),
+        storage: Storage::new(config, record, feeds.iter().map(|feed| (&feed.format, &feed.limits))),
         retention: Retention::new(record, &config.rig.name),
         pause: None,
+        gather: None,
         failures: 0,
         armed: config.trigger.mode != TriggerMode::Off,
+        wish: None,
+        waiting: VecDeque::new(),
         greet: Every::new(GREET),
         quiet: Quiet::new(config.trigger.quiet_s),
         actions: Actions::new(config),
         summary: Summary::default(),
-        camera: CameraIdentity::default(),
-        newest: (0, 0),
+        feeds,
         config,
         record,
-        format,
-        limits,
-        resumed,
     };
-    let ear = bus.ear("frames")?;
-    let stream = Stream::new(&bus, &limits)?;
-    recorder.serve(stream, &ear, stop)?;
+    recorder.serve(&bus.ear("frames")?, stop)?;
     Ok(recorder.summary)
 }
 
 struct Recorder<'a> {
-    frames: FrameSubscriber,
-    fields: FieldSubscriber,
+    /// One a camera, the first one first.
+    feeds: Vec<Feed<'a>>,
     control: ControlServer,
-    reporter: Reporter,
-    params: TrackerParams,
-    held: VecDeque<FrameSample>,
     shot: Option<Active>,
     storage: Storage,
     retention: Retention,
     /// Since when a stream goes unrecorded because its recording failed.
     pause: Option<Patience>,
+    /// Since when the first frames of a stream are waited for.
+    gather: Option<Patience>,
     /// Recordings in a row that failed before a frame of them was safe.
     failures: u32,
     armed: bool,
+    /// What was asked for during a shot: to be armed after it, or not.
+    wish: Option<bool>,
+    /// Shots that the camera's line began while another was written: first frame, its stamp, cause.
+    waiting: VecDeque<(u64, u64, String)>,
     greet: Every,
     quiet: Quiet,
     actions: Actions,
     summary: Summary,
-    camera: CameraIdentity,
-    newest: (u64, u64),
     config: &'a Config,
     record: &'a Record,
-    format: StreamFormat,
-    limits: Limits,
-    resumed: bool,
-}
-
-/// A shot under way.
-struct Active {
-    shot: Shot,
-    /// One past its last frame, once that is known.
-    end: Option<u64>,
-    /// Since when no step has come.
-    silence: Patience,
-    /// No more frames will come.
-    drained: bool,
 }
 
 impl Recorder<'_> {
-    fn serve(&mut self, mut stream: Stream, ear: &Ear, stop: &Stop) -> anyhow::Result<()> {
+    fn serve(&mut self, ear: &Ear, stop: &Stop) -> anyhow::Result<()> {
         while !stop.requested() {
-            if stream.update()? {
-                self.attach(&stream)?;
+            self.attach()?;
+            self.answer()?;
+            for camera in 0..self.feeds.len() {
+                let events = self.feeds[camera].stream.take();
+                self.look_at(camera, &events)?;
             }
-            let events = stream.take();
-            self.answer(stream.first.is_some())?;
-            self.look_at(&events)?;
-            let ended = stream.end;
-            let busy = self.advance(&stream)?;
-            if let Some(end) = ended
-                && self.end(end)?
-            {
+            let busy = self.advance()?;
+            if self.is_over()? {
                 break;
             }
             self.look_at_storage()?;
             while let Some(ended) = self.actions.ended() {
-                self.reporter.action(&ended)?;
+                self.feeds[0].reporter.action(&ended)?;
             }
             self.look_at_retention()?;
             self.tell()?;
@@ -154,43 +140,60 @@ impl Recorder<'_> {
             }
         }
         if let Some(active) = self.shot.take() {
-            let end = active.end.unwrap_or(active.shot.next_frame());
-            self.close(active, end)?;
+            self.close(active)?;
         }
-        self.reporter.progress(stream.end.unwrap_or(0), true)?;
+        for feed in &mut self.feeds {
+            let end = feed.stream.end.unwrap_or(0);
+            feed.reporter.progress(end, true)?;
+        }
         for ended in self.actions.last() {
-            self.reporter.action(&ended)?;
+            self.feeds[0].reporter.action(&ended)?;
         }
-        self.reporter.status_now(&self.summary, self.newest.0, self.newest.1)?;
+        let summary = &self.summary;
+        self.feeds.iter_mut().try_for_each(|feed| feed.reporter.status_now(summary, feed.newest.0, feed.newest.1))?;
         Ok(())
     }
 
-    fn attach(&mut self, stream: &Stream) -> anyhow::Result<()> {
-        if let Some(active) = self.shot.take() {
-            let end = active.shot.next_frame();
-            self.close(active, end)?;
+    /// Takes up the runs that were announced; the cameras of a rig start together, once all are prepared.
+    fn attach(&mut self) -> anyhow::Result<()> {
+        for camera in 0..self.feeds.len() {
+            let feed = &mut self.feeds[camera];
+            if !feed.stream.update()? {
+                continue;
+            }
+            if camera == 0
+                && !feed.stream.goes_on
+                && let Some(active) = self.shot.take()
+            {
+                self.close(active)?;
+            }
+            let feed = &mut self.feeds[camera];
+            if let (Some(active), false) = (&mut self.shot, feed.stream.goes_on) {
+                active.courses[camera].drained = true;
+                let end = active.shot.next_frame(camera);
+                active.set_end(camera, end)?;
+            }
+            feed.attach();
         }
-        self.held.clear();
-        // Only the run it was started into has a predecessor's part.
-        self.resumed &= self.reporter.run_id() == 0;
-        self.frames.greet();
-        self.fields.greet();
-        self.reporter.set_run(stream.run_id.unwrap_or(0));
-        let paced = self.config.trigger.mode == TriggerMode::Off && !self.resumed;
-        Ok(self.reporter.progress(if paced { 0 } else { u64::MAX }, false)?)
+        if self.feeds.iter().all(Feed::is_prepared) {
+            self.feeds.iter_mut().try_for_each(Feed::greet)?;
+        }
+        Ok(())
     }
 
-    fn answer(&mut self, has_frames: bool) -> anyhow::Result<()> {
+    fn answer(&mut self) -> anyhow::Result<()> {
         let mut wanted = None;
         let (armed, busy) = (self.armed, self.shot.is_some());
         let off = self.config.trigger.mode == TriggerMode::Off;
+        let line = self.config.trigger.mode == TriggerMode::Hardware;
         let recordings = self.summary.recordings.len() as u64;
-        let sequence = self.newest.0;
+        let (sequence, has_frames) = (self.feeds[0].newest.0, self.feeds[0].stream.first.is_some());
         self.control.answer(|command| {
             let code = match command {
                 Some(Command::Status) => ReplyCode::Accepted,
                 None => ReplyCode::Unknown,
                 Some(_) if off => ReplyCode::NoTrigger,
+                Some(Command::Trigger) if line => ReplyCode::Line,
                 Some(Command::Trigger) if busy => ReplyCode::Busy,
                 Some(Command::Trigger) if !armed => ReplyCode::NotArmed,
                 Some(Command::Trigger) if !has_frames => ReplyCode::NoFrames,
@@ -202,36 +205,55 @@ impl Recorder<'_> {
             Reply { code: code as u32, armed: u32::from(armed), recordings, sequence }
         })?;
         match wanted {
-            Some(Command::Arm) => self.arm(true),
-            Some(Command::Disarm) => self.arm(false),
+            Some(Command::Arm) => self.ask_to_arm(true),
+            Some(Command::Disarm) => self.ask_to_arm(false),
             Some(Command::Trigger) => self.trigger(None, "software"),
             _ => Ok(()),
         }
     }
 
+    /// What is asked for while a shot is written holds after it, whatever `rearm` says.
+    fn ask_to_arm(&mut self, armed: bool) -> anyhow::Result<()> {
+        if self.shot.is_some() {
+            self.wish = Some(armed);
+        }
+        self.arm(armed)
+    }
+
     fn arm(&mut self, armed: bool) -> anyhow::Result<()> {
         self.armed = armed;
-        let (kind, text) = if armed { (EventKind::Armed, "armed") } else { (EventKind::Disarmed, "disarmed") };
-        Ok(self.reporter.event(kind, self.newest.0, self.newest.1, text)?)
+        let (kind, text) = match (armed, self.shot.is_some()) {
+            (true, false) => (EventKind::Armed, "armed"),
+            (true, true) => (EventKind::Armed, "armed; a shot is being written"),
+            (false, false) => (EventKind::Disarmed, "disarmed"),
+            (false, true) => (EventKind::Disarmed, "disarmed; a shot is being written"),
+        };
+        self.event(kind, text)
+    }
+
+    /// Tells something of the rig as a whole.
+    fn event(&self, kind: EventKind, text: &str) -> anyhow::Result<()> {
+        let feed = &self.feeds[0];
+        Ok(feed.reporter.event(kind, feed.newest.0, feed.newest.1, text)?)
     }
 
     /// Acts on triggers that others found, and keeps a shot's events with it.
-    fn look_at(&mut self, events: &[Event]) -> anyhow::Result<()> {
+    fn look_at(&mut self, camera: usize, events: &[Event]) -> anyhow::Result<()> {
         for event in events {
-            match event.kind() {
-                Some(EventKind::Prepared) => {
-                    let text = event.text();
-                    let (model, serial) = text.split_once('\n').unwrap_or((&text, ""));
-                    self.camera = CameraIdentity { model: model.to_owned(), serial: serial.to_owned() };
-                }
-                Some(EventKind::Decided) if self.armed && self.shot.is_none() && self.quiet.passes(event.stamp_ns) => {
-                    let text = event.text();
-                    self.trigger(Some(event.sequence), text.split_once("; ").map_or(text.as_str(), |(what, _)| what))?;
-                }
-                _ => {}
+            self.feeds[camera].learn(event);
+            let is_decided = camera == 0 && event.kind() == Some(EventKind::Decided);
+            let text = event.text();
+            let cause = text.split_once("; ").map_or(text.as_str(), |(what, _)| what);
+            if is_decided && self.config.trigger.mode == TriggerMode::Hardware {
+                // Whether it is armed is decided when its turn comes, so that it is not lost to the one before.
+                self.waiting.push_back((event.sequence, event.stamp_ns, cause.to_owned()));
+                self.next_line()?;
+            } else if is_decided && self.armed && self.shot.is_none() && self.quiet.passes(event.stamp_ns) {
+                self.trigger(Some(event.sequence), cause)?;
             }
+            let prefix = self.feeds[camera].prefix();
             if let (Some(active), Some(kind)) = (&mut self.shot, event.kind()) {
-                let text = format!("frame {}: {}", event.sequence, event.text());
+                let text = format!("{prefix}frame {}: {}", event.sequence, event.text());
                 let row = EventRow { stamp_ns: event.stamp_ns, kind: kind.word().into(), text };
                 if let Err(error) = active.shot.event(&row) {
                     self.abandon(&error)?;
@@ -241,92 +263,34 @@ impl Recorder<'_> {
         Ok(())
     }
 
-    /// Takes the whole queue as it stands and starts a shot around frame `at` (the newest when `None`).
-    fn trigger(&mut self, at: Option<u64>, cause: &str) -> anyhow::Result<()> {
-        self.hold(self.limits.ring_frames + self.limits.held_frames - 1)?;
-        let (Some(oldest), Some(newest)) = (self.held.front(), self.held.back()) else {
-            return Ok(());
-        };
-        let (oldest, stamp_ns) = (oldest.header().sequence, newest.header().stamp_ns);
-        let at = at.unwrap_or(newest.header().sequence);
-        let block = u64::from(self.config.workers.block_frames);
-        let pre = self.config.pre_trigger_frames(self.format.frame_rate_hz);
-        let post = (self.config.trigger.post_s * self.format.frame_rate_hz).ceil() as u64;
-        // Blocks are measured on their own, so a recording that begins with a block gives the same numbers again.
-        let wanted = at.saturating_sub(pre) / block * block;
-        let first = if wanted >= oldest { wanted } else { oldest.next_multiple_of(block) };
-        self.held.retain(|sample| sample.header().sequence >= first);
-        // A trigger within the stream's first block has its first frame still to come.
-        let start_ns = self.held.front().map_or(stamp_ns, |sample| sample.header().stamp_ns);
-        self.reporter.event(EventKind::Triggered, at, stamp_ns, cause)?;
-        self.actions.fire(&Cause { frame: at, stamp_ns, text: cause.to_owned() });
-        self.begin(first, Some((at + post).max(first)), start_ns, &format!("{cause} at frame {at}"))
-    }
-
-    fn begin(&mut self, first: u64, last: Option<u64>, stamp_ns: u64, cause: &str) -> anyhow::Result<()> {
-        let path = free_path(&self.record.directory, &self.config.rig.name, stamp_ns);
-        let mut info = recording_info(self.config, &self.format, &self.camera, cause);
-        info.attachments.extend(reference::kept(self.config).map(reference::attached));
-        let patience_frames = (self.limits.ring_frames + self.limits.held_frames) as u64 + 512;
-        let extent = Extent { first, last, patience_frames };
-        let truth = truth_world(self.config)?;
-        // The folder may have gone since the last shot.
-        let created = prepare_directory(self.record)
-            .and_then(|()| Shot::create(&path, self.config, &info, &self.params, extent))
-            .and_then(|mut shot| shot.set_truth(truth).map(|()| shot));
-        let end = last.map(|last| last + 1);
-        match created {
-            Ok(shot) => self.shot = Some(Active { shot, end, silence: Patience::new(SILENCE), drained: false }),
-            // Of a stream, the frames that pass by unrecorded are counted one by one.
-            Err(error) => {
-                self.failures += 1;
-                self.give_up(&error, end.map_or(0, |end| end - first))?;
-                self.rearm()?;
-            }
-        }
-        Ok(())
-    }
-
-    /// Takes the frames of this shot out of the queue without writing them, so that the camera cannot overwrite them.
-    ///
-    /// Beyond `most` held frames they stay in the queue: what it cannot keep is this recorder's loss, where a ring held
-    /// as a whole would leave the camera no slot.
-    fn hold(&mut self, most: usize) -> anyhow::Result<()> {
-        let end = self.shot.as_ref().and_then(|active| active.end).unwrap_or(u64::MAX);
-        let is_whole =
-            |held: &VecDeque<FrameSample>| held.back().is_some_and(|newest| newest.header().sequence + 1 >= end);
-        while self.held.len() < most && !is_whole(&self.held) {
-            let Some(sample) = self.frames.take()? else { break };
-            if sample.header().run_id == self.reporter.run_id() {
-                if learn_exposure(self.config, &mut self.format, sample.header().exposure_ns) {
-                    self.params = analysis_params(self.config, &self.format).1;
-                }
-                self.held.push_back(sample);
-            }
-        }
-        Ok(())
-    }
-
     /// Goes on with the shot; `true` when there is more to do at once.
-    fn advance(&mut self, stream: &Stream) -> anyhow::Result<bool> {
-        if self.config.trigger.mode == TriggerMode::Off && self.shot.is_none() && stream.first.is_some() {
+    fn advance(&mut self) -> anyhow::Result<bool> {
+        let streams = self.config.trigger.mode == TriggerMode::Off;
+        if streams && self.shot.is_none() && self.feeds.iter().any(|feed| feed.stream.first.is_some()) {
             if self.is_paused()? {
                 return self.pass_by();
             }
-            self.begin_stream(stream)?;
+            self.begin_stream()?;
         }
         if self.shot.is_none() {
             if self.greet.due() {
-                self.frames.greet();
-                self.fields.greet();
+                for feed in &self.feeds {
+                    feed.frames.greet();
+                    feed.fields.greet();
+                }
             }
             return Ok(false);
         }
-        self.hold(self.limits.held_frames)?;
-        let wrote = self.write_one()?;
-        self.take_steps()?;
+        let mut goes_on = false;
+        for camera in 0..self.feeds.len() {
+            self.hold(camera)?;
+            self.begin_take(camera)?;
+            self.end_line(camera)?;
+            let wrote = self.write_one(camera)?;
+            self.take_steps(camera)?;
+            goes_on |= wrote && !self.feeds[camera].held.is_empty();
+        }
         self.close_if_complete()?;
-        let goes_on = wrote && !self.held.is_empty();
         if !goes_on
             && let Some(active) = &mut self.shot
             && let Err(error) = active.shot.hand_over()
@@ -336,57 +300,57 @@ impl Recorder<'_> {
         Ok(goes_on)
     }
 
-    fn begin_stream(&mut self, stream: &Stream) -> anyhow::Result<()> {
-        self.hold(self.limits.held_frames)?;
-        let block = u64::from(self.config.workers.block_frames);
-        let Some(sample) = self.held.front() else { return Ok(()) };
-        let (seen, stamp_ns) = (sample.header().sequence, sample.header().stamp_ns);
-        let first = if self.resumed { seen.next_multiple_of(block) } else { stream.first.unwrap_or(seen) };
-        self.begin(first, None, stamp_ns, "none: the whole stream")?;
-        if self.shot.is_some() {
-            self.summary.lost += first.saturating_sub(seen);
-        }
-        Ok(())
-    }
-
-    fn write_one(&mut self) -> anyhow::Result<bool> {
+    fn write_one(&mut self, camera: usize) -> anyhow::Result<bool> {
         let Some(active) = &mut self.shot else { return Ok(false) };
+        let feed = &mut self.feeds[camera];
         // What lies beyond the end belongs to what comes after this shot.
-        let end = active.end.unwrap_or(u64::MAX);
-        if self.held.front().is_none_or(|sample| sample.header().sequence >= end) {
+        let end = active.courses[camera].end.unwrap_or(u64::MAX);
+        let has_begun = active.shot.has_begun(camera);
+        if !has_begun || feed.held.front().is_none_or(|sample| sample.header().sequence >= end) {
             return Ok(false);
         }
-        let Some(sample) = self.held.pop_front() else { return Ok(false) };
+        let Some(sample) = feed.held.pop_front() else { return Ok(false) };
         let header = *sample.header();
         if let Some(meta) = header.meta()
-            && header.sequence >= active.shot.next_frame()
+            && header.sequence >= active.shot.next_frame(camera)
         {
-            if let Err(error) = active.shot.frame(&Frame { meta, bytes: sample.bytes() }) {
+            if let Err(error) = active.shot.frame(camera, &Frame { meta, bytes: sample.bytes() }) {
                 self.abandon(&error)?;
                 return Ok(true);
             }
+            active.wrote(camera, header.stamp_ns);
             self.summary.taken += 1;
-            self.newest = (header.sequence, header.stamp_ns);
+            feed.newest = (header.sequence, header.stamp_ns);
             if self.config.trigger.mode == TriggerMode::Off {
-                self.reporter.progress(header.sequence + 1, false)?;
+                feed.reporter.progress(header.sequence + 1, false)?;
             }
         }
         Ok(true)
     }
 
-    fn take_steps(&mut self) -> anyhow::Result<()> {
+    fn take_steps(&mut self, camera: usize) -> anyhow::Result<()> {
         let Some(active) = &mut self.shot else { return Ok(()) };
-        while let Some((header, field)) = self.fields.take()? {
-            if header.run_id != self.reporter.run_id() {
+        let follows = self.config.trigger.mode == TriggerMode::Hardware;
+        let feed = &mut self.feeds[camera];
+        // Before the first frame it is not known which steps belong to the shot; they wait in the queue.
+        if !active.shot.has_begun(camera) {
+            return Ok(());
+        }
+        let newest = feed.held.back().map_or(0, |sample| sample.header().sequence + 1);
+        let seen = newest.max(active.shot.next_frame(camera));
+        let mut early = std::mem::take(&mut feed.early).into_iter();
+        while let Some((step, field)) = early.next().map_or_else(|| feed.next_step(), |step| Ok(Some(step)))? {
+            // A line may begin the next shot before this one is measured, or before its end was heard of.
+            if follows && step.frame >= active.courses[camera].end.unwrap_or(seen) {
+                feed.early.push((step, field));
                 continue;
             }
-            // Steps of what comes after the shot are no sign that its own will still come.
-            let Some(step) = header.step() else { continue };
-            match active.shot.step(step, field) {
+            match active.step((camera, feed.period_ns()), step, field) {
                 Ok(true) => {
-                    active.silence.renew();
+                    active.courses[camera].silence.renew();
                     self.summary.given += 1;
                 }
+                // Steps of what comes after the shot are no sign that its own will still come.
                 Ok(false) => {}
                 Err(error) => return self.abandon(&error),
             }
@@ -394,70 +358,72 @@ impl Recorder<'_> {
         Ok(())
     }
 
-    fn close_if_complete(&mut self) -> anyhow::Result<()> {
-        let complete = self.shot.as_ref().is_some_and(|active| {
-            let Some(end) = active.end else { return false };
-            let passed = self.held.front().is_some_and(|sample| sample.header().sequence >= end);
-            let whole = active.shot.next_frame() >= end || passed || active.drained;
-            whole && (active.shot.has_steps_before(end) || active.silence.is_over())
-        });
-        if complete
-            && let Some(active) = self.shot.take()
-            && let Some(end) = active.end
-        {
-            self.close(active, end)?;
-            self.rearm()?;
-        }
-        Ok(())
-    }
-
     /// After a shot: waits for the next, or not.
     fn rearm(&mut self) -> anyhow::Result<()> {
+        let wish = self.wish.take();
         match self.config.trigger.mode {
             TriggerMode::Off => Ok(()),
-            _ => self.arm(self.config.trigger.rearm),
+            _ => self.arm(wish.unwrap_or(self.config.trigger.rearm)),
         }
     }
 
-    fn close(&mut self, active: Active, end: u64) -> anyhow::Result<()> {
-        let lost = active.shot.lost + end.saturating_sub(active.shot.next_frame());
-        let unsafe_frames = active.shot.missing_before(end).max(1);
-        let (finished, missing) = match active.shot.finish(end) {
+    fn close(&mut self, active: Active) -> anyhow::Result<()> {
+        let ends = active.ends();
+        let unsafe_frames = active.shot.missing_before(ends[0]).max(1);
+        let lost: Vec<u64> = (ends.iter().enumerate())
+            .map(|(camera, end)| active.shot.lost(camera) + end.saturating_sub(active.shot.next_frame(camera)))
+            .collect();
+        let (mut shot, stamp_ns) = (active.shot, self.feeds[0].newest.1);
+        let mut told = Ok(());
+        for (feed, matcher) in self.feeds[1..].iter().zip(active.matchers) {
+            let text = format!("{}: {}", feed.name, matcher.finish());
+            feed.reporter.event(EventKind::Matched, feed.newest.0, feed.newest.1, &text)?;
+            self.event(EventKind::Matched, &text)?;
+            let kind = EventKind::Matched.word().into();
+            told = told.and_then(|()| shot.event(&EventRow { stamp_ns, kind, text }));
+        }
+        let (finished, missing) = match told.and_then(|()| shot.finish(&ends)) {
             Ok(finished) => finished,
             Err(error) => return self.give_up(&error, unsafe_frames),
         };
         self.failures = 0;
-        self.summary.lost += lost;
+        let all = lost.iter().sum::<u64>();
+        self.summary.lost += all;
         self.summary.dropped += missing;
-        if lost + missing > 0 {
-            let text = format!("{lost} frames and {missing} rows are missing in {}", finished.path.display());
-            self.reporter.event(EventKind::Lost, end, self.newest.1, &text)?;
+        if all + missing > 0 {
+            let text = format!("{} and {missing} rows are missing in {}", self.told(&lost), finished.path.display());
+            self.event_at(EventKind::Lost, ends[0], &text)?;
         }
-        self.reporter.event(EventKind::Recorded, end, self.newest.1, &finished.path.display().to_string())?;
+        self.event_at(EventKind::Recorded, ends[0], &finished.path.display().to_string())?;
         self.retention.add(&finished.path);
         self.summary.recordings.push(finished.path);
         let told = self.retention.enforce(None);
         self.tell_removed(told)
     }
 
-    /// The camera stopped before frame `end`; `true` when nothing is left to do.
-    fn end(&mut self, end: u64) -> anyhow::Result<bool> {
-        self.hold(self.limits.held_frames)?;
-        let Some(active) = &mut self.shot else {
-            return Ok(self.config.trigger.mode != TriggerMode::Off || self.held.is_empty());
+    /// How many frames of which camera.
+    fn told(&self, lost: &[u64]) -> String {
+        let of = |(feed, lost): (&Feed<'_>, &u64)| match feed.name.as_str() {
+            "" => format!("{lost} frames"),
+            name => format!("{lost} of {name}"),
         };
-        if self.held.is_empty() {
-            active.end = Some(active.end.map_or(end, |wanted| wanted.min(end)));
-            active.drained = true;
-            self.close_if_complete()?;
-        }
-        Ok(self.shot.is_none())
+        let cameras = self.feeds.iter().zip(lost);
+        cameras.filter(|(feed, lost)| feed.name.is_empty() || **lost > 0).map(of).collect::<Vec<_>>().join(", ")
+    }
+
+    fn event_at(&self, kind: EventKind, frame: u64, text: &str) -> anyhow::Result<()> {
+        let feed = &self.feeds[0];
+        Ok(feed.reporter.event(kind, frame, feed.newest.1, text)?)
     }
 
     fn tell(&mut self) -> anyhow::Result<()> {
         let is_troubled = self.pause.is_some() || self.storage.is_troubled();
-        self.reporter.set_state(u32::from(self.armed) | u32::from(is_troubled) << 1);
-        self.reporter.set_queue(self.held.len() as u64, self.limits.ring_frames as u64);
-        Ok(self.reporter.status(&self.summary, self.newest.0, self.newest.1)?)
+        let summary = &self.summary;
+        for feed in &mut self.feeds {
+            feed.reporter.set_state(u32::from(self.armed) | u32::from(is_troubled) << 1);
+            feed.reporter.set_queue(feed.held.len() as u64, feed.limits.ring_frames as u64);
+            feed.reporter.status(summary, feed.newest.0, feed.newest.1)?;
+        }
+        Ok(())
     }
 }

@@ -32,7 +32,9 @@ pub(super) fn begin(config: &Config) -> Result<(), CameraError> {
     if !is_needed(config) || config.camera.source != config::Source::Recording {
         return Ok(());
     }
-    let recording = Recording::open(Path::new(config.camera.id.as_deref().unwrap_or_default()))?;
+    let camera = &config.camera;
+    let recording = Recording::open(Path::new(camera.id.as_deref().unwrap_or_default()))?;
+    let recording = recording.of_camera(camera.view.as_deref())?;
     if let Some(picture) = of_recording(&recording, config)? {
         keep(config, &picture);
     }

@@ -124,7 +124,7 @@ pub fn open_camera(config: &Config) -> Result<Box<dyn Camera>, CameraError> {
     Ok(match camera.source {
         config::Source::Simulated => {
             let world = World::new(&scenario(config)?).map_err(|error| refused(config, &error))?;
-            Box::new(SimulatedCamera::film(world, camera.paced)?)
+            Box::new(SimulatedCamera::film(world, camera.paced)?.pulsed(camera.pulse)?)
         }
         config::Source::Recording => {
             let path = PathBuf::from(camera.id.clone().unwrap_or_default());
@@ -134,6 +134,7 @@ pub fn open_camera(config: &Config) -> Result<Box<dyn Camera>, CameraError> {
                 std::iter::once(path.clone()).chain(camera.parts.iter().map(Into::into)).collect();
             let film = Recording::joined(Recording::open_all(&files)?);
             let film = film.ok_or_else(|| RecordingError::invalid(&path, "no recording"))?;
+            let film = film.of_camera(camera.view.as_deref())?;
             let recording = RecordingCamera::play(film, rate, Repeat::Once)?.within(span).shifted(camera.shift_ns);
             let recording = if camera.stepped { recording.stepped() } else { recording };
             if recording.format().frame_rate_hz <= 0.0 {

@@ -1,17 +1,19 @@
 //! One recording being made: frames and steps in, a finished file out.
 
-use super::order::OrderedTracker;
+mod take;
+
 use crate::camera::{CameraIdentity, StreamFormat};
 use crate::config::{Compression, Config, Scale};
 use crate::image::Frame;
 use crate::measure::{TrackerParams, TrackerRows};
 use crate::recording::{self, Annotations, EventRow, FinishedRecording, RecordingError, RecordingInfo};
 use crate::recording::{RecordingWriter, WriterOptions};
-use crate::results::{BodyStep, PairField, PointStatus};
+use crate::results::{BodyStep, PairField, VelocitySample};
 use crate::rod;
 use crate::synth::World;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
+use take::Take;
 
 /// What is to be recorded.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -28,35 +30,22 @@ pub struct Extent {
 ///
 /// The rows it writes come from a tracker of its own that sees the steps of
 /// exactly the recorded frames, so that they are a function of the file's frames
-/// alone and offline analysis of the file gives the same bytes.
+/// alone and offline analysis of the file gives the same bytes. Each camera has a
+/// part of its own in it; 0 is the first.
 pub struct Shot {
     writer: RecordingWriter,
-    ordered: OrderedTracker,
-    /// The interval whose displacements are drawn, frames.
-    shortest_frames: u32,
-    extent: Extent,
     keep_frames: bool,
-    truth: Option<World>,
-    next_frame: u64,
-    /// Frames that are missing between the first and the newest.
-    pub lost: u64,
-    /// Frames written (or, without raw frames, passed by).
-    pub frames: u64,
+    /// One a camera; `None` until its first frame is known.
+    takes: Vec<Option<Take>>,
 }
 
 impl Shot {
-    /// Creates `<path>.part`.
+    /// Creates `<path>.part` for the first camera and those that `info` names.
     ///
     /// # Errors
     ///
     /// When the file cannot be written.
-    pub fn create(
-        path: &Path,
-        config: &Config,
-        info: &RecordingInfo,
-        params: &TrackerParams,
-        extent: Extent,
-    ) -> Result<Self, RecordingError> {
+    pub fn create(path: &Path, config: &Config, info: &RecordingInfo) -> Result<Self, RecordingError> {
         let record = config.record.as_ref();
         let compression = match record.map(|record| record.compression) {
             Some(Compression::Zstd) => recording::Compression::Zstd1,
@@ -66,47 +55,57 @@ impl Shot {
         let options = WriterOptions { compression, split_bytes, ..WriterOptions::default() };
         Ok(Self {
             writer: RecordingWriter::create(path, info, &options)?,
-            ordered: OrderedTracker::new(params, extent.first, extent.patience_frames),
-            shortest_frames: params.intervals_frames().next().unwrap_or(1),
-            extent,
             keep_frames: record.is_some_and(|record| record.raw_frames),
-            truth: None,
-            next_frame: extent.first,
-            lost: 0,
-            frames: 0,
+            takes: (0..=info.views.len()).map(|_| None).collect(),
         })
     }
 
-    /// Writes the truth of every frame beside it.
+    /// Begins the part of a camera; what is measured of it is computed with `params`, `None` when nothing is.
+    pub fn begin(&mut self, camera: usize, params: Option<&TrackerParams>, extent: Extent) {
+        self.takes[camera] = Some(Take::new(params, extent));
+    }
+
+    /// Says which frame a camera's part ends before.
+    pub fn set_end(&mut self, camera: usize, end: u64) {
+        if let Some(take) = &mut self.takes[camera] {
+            take.extent.last = Some(end.saturating_sub(1));
+        }
+    }
+
+    /// Writes the truth of every frame of a camera beside it.
     ///
     /// # Errors
     ///
     /// When the file cannot be written.
-    pub fn set_truth(&mut self, world: Option<World>) -> Result<(), RecordingError> {
+    pub fn set_truth(&mut self, camera: usize, world: Option<World>) -> Result<(), RecordingError> {
+        self.writer.turn_to(camera);
         for impact in world.iter().flat_map(World::impacts) {
             self.writer.truth_impact(&impact)?;
         }
-        self.truth = world;
+        if let Some(take) = &mut self.takes[camera] {
+            take.truth = world;
+        }
         Ok(())
     }
 
-    /// The next frame, in rising order.
+    /// The next frame of a camera, in rising order.
     ///
     /// # Errors
     ///
     /// When the file cannot be written.
-    pub fn frame(&mut self, frame: &Frame<'_>) -> Result<(), RecordingError> {
-        self.lost += frame.meta.sequence.saturating_sub(self.next_frame);
-        self.next_frame = frame.meta.sequence + 1;
-        self.frames += 1;
+    pub fn frame(&mut self, camera: usize, frame: &Frame<'_>) -> Result<(), RecordingError> {
+        let Some(take) = &mut self.takes[camera] else { return Ok(()) };
+        self.writer.turn_to(camera);
+        take.count(frame.meta.sequence);
         if self.keep_frames {
             self.writer.frame(frame)?;
         }
-        if let Some(world) = &self.truth
+        if let Some(world) = &take.truth
             && frame.meta.sequence < world.frames()
         {
             for row in world.truths(frame.meta.sequence) {
-                self.writer.truth(&row)?;
+                // Between pulses the camera's clock goes on, and the world's does not.
+                self.writer.truth(&VelocitySample { stamp_ns: frame.meta.stamp_ns, ..row })?;
             }
         }
         Ok(())
@@ -131,14 +130,41 @@ impl Shot {
         self.writer.written_bytes()
     }
 
-    /// One past the newest frame.
-    pub fn next_frame(&self) -> u64 {
-        self.next_frame
+    /// Whether a camera's part has begun.
+    pub fn has_begun(&self, camera: usize) -> bool {
+        self.takes[camera].is_some()
     }
 
-    /// How many of the frames before `end` may be missing in the file if nothing more can be written.
+    /// The first frame of a camera; 0 before its part has begun.
+    pub fn first_frame(&self, camera: usize) -> u64 {
+        self.takes[camera].as_ref().map_or(0, |take| take.extent.first)
+    }
+
+    /// One past the newest frame of a camera; 0 before its part has begun.
+    pub fn next_frame(&self, camera: usize) -> u64 {
+        self.takes[camera].as_ref().map_or(0, |take| take.next_frame)
+    }
+
+    /// Frames of a camera that are missing between the first and the newest.
+    pub fn lost(&self, camera: usize) -> u64 {
+        self.takes[camera].as_ref().map_or(0, |take| take.lost)
+    }
+
+    /// Frames written (or, without raw frames, passed by), of all cameras.
+    pub fn frames(&self) -> u64 {
+        self.takes.iter().flatten().map(|take| take.frames).sum()
+    }
+
+    /// How many of the first camera's frames before `end`, and of the others' so far, may be missing in the file if
+    /// nothing more can be written.
     pub fn missing_before(&self, end: u64) -> u64 {
-        end.saturating_sub(self.extent.first).saturating_sub(self.writer.safe_frames())
+        let due = |(camera, take): (usize, &Option<Take>)| match take {
+            Some(take) if camera == 0 => end.saturating_sub(take.extent.first),
+            Some(take) => take.frames,
+            None => 0,
+        };
+        let due: u64 = self.takes.iter().enumerate().map(due).sum();
+        due.saturating_sub(self.writer.safe_frames())
     }
 
     /// A measured step and its field, in any order; those outside the recording are ignored, and `false` says so.
@@ -146,24 +172,18 @@ impl Shot {
     /// # Errors
     ///
     /// When the file cannot be written.
-    pub fn step(&mut self, mut step: BodyStep, mut field: Option<PairField>) -> Result<bool, RecordingError> {
-        let target = step.frame + u64::from(step.interval_frames);
-        if step.frame < self.extent.first || self.extent.last.is_some_and(|last| step.frame > last) {
-            return Ok(false);
-        }
-        if self.extent.last.is_some_and(|last| target > last) {
-            // The recording does not hold the frame this motion leads to.
-            step = step.without_motion();
-            field = None;
-        }
+    pub fn step(&mut self, camera: usize, step: BodyStep, field: Option<PairField>) -> Result<bool, RecordingError> {
+        let Some(take) = &mut self.takes[camera] else { return Ok(false) };
+        let Some((step, field)) = take.within(step, field) else { return Ok(false) };
+        self.writer.turn_to(camera);
         if let Some(field) = &field {
             self.writer.field(field)?;
         }
-        if step.interval_frames == self.shortest_frames {
+        if step.interval_frames == take.shortest_frames {
             self.writer.annotations(step.stamp_ns, &annotations(&step, field.as_ref()))?;
         }
-        let rows = std::mem::take(self.ordered.push(step));
-        self.write(&rows)?;
+        let rows = take.ordered.as_mut().map(|ordered| std::mem::take(ordered.push(step))).unwrap_or_default();
+        self.write(camera, &rows)?;
         Ok(true)
     }
 
@@ -176,27 +196,33 @@ impl Shot {
         self.writer.event(event)
     }
 
-    /// Whether the steps of every frame before `end` have come.
-    pub fn has_steps_before(&self, end: u64) -> bool {
-        self.ordered.has_all_before(end)
+    /// Whether the steps of every frame of a camera before `end` have come, or none will.
+    pub fn has_steps_before(&self, camera: usize, end: u64) -> bool {
+        self.takes[camera].as_ref().is_none_or(|take| take.has_steps_before(end))
     }
 
-    /// Ends the recording before frame `end` and gives the file its name.
+    /// Ends each camera's part before its frame in `ends` and gives the file its name.
     ///
     /// Returns the file and how many rows had to be given up because their steps never came.
     ///
     /// # Errors
     ///
     /// When the file cannot be written.
-    pub fn finish(mut self, end: u64) -> Result<(FinishedRecording, u64), RecordingError> {
-        self.lost += end.saturating_sub(self.next_frame);
-        let rows = std::mem::take(self.ordered.finish(end));
-        self.write(&rows)?;
-        let (given_up, late) = self.ordered.losses();
-        Ok((self.writer.finish()?, given_up + late))
+    pub fn finish(mut self, ends: &[u64]) -> Result<(FinishedRecording, u64), RecordingError> {
+        let mut missing = 0;
+        for (camera, end) in ends.iter().enumerate() {
+            let Some(take) = &mut self.takes[camera] else { continue };
+            let Some(ordered) = &mut take.ordered else { continue };
+            let rows = std::mem::take(ordered.finish(*end));
+            let (given_up, late) = ordered.losses();
+            missing += given_up + late;
+            self.write(camera, &rows)?;
+        }
+        Ok((self.writer.finish()?, missing))
     }
 
-    fn write(&mut self, rows: &TrackerRows) -> Result<(), RecordingError> {
+    fn write(&mut self, camera: usize, rows: &TrackerRows) -> Result<(), RecordingError> {
+        self.writer.turn_to(camera);
         for sample in &rows.tracks {
             self.writer.track(sample)?;
         }
@@ -207,15 +233,6 @@ impl Shot {
             self.writer.impact(impact)?;
         }
         Ok(())
-    }
-}
-
-impl BodyStep {
-    /// The same body in the same frame, its motion unknown: what is measured of the last frames of a recording.
-    pub(super) fn without_motion(self) -> Self {
-        let is_seen = self.circle.is_some() || self.rod.is_some();
-        let status = if is_seen { PointStatus::Valid } else { self.status };
-        Self { step: None, status, ..self }
     }
 }
 
@@ -260,6 +277,7 @@ pub fn recording_info(config: &Config, format: &StreamFormat, camera: &CameraIde
         metadata: metadata.into_iter().map(|(key, value)| (key.to_owned(), value)).collect::<BTreeMap<_, _>>(),
         bodies: config.bodies.iter().map(|body| body.name.clone()).collect(),
         attachments: Vec::new(),
+        views: Vec::new(),
     }
 }
 

@@ -37,7 +37,7 @@ enum State {
 #[derive(Debug)]
 pub(super) struct Storage {
     directory: PathBuf,
-    /// Estimate from above, pixels as they are.
+    /// Of all cameras for each frame of the first; estimate from above, pixels as they are.
     frame_bytes: u64,
     /// Frames of a whole shot, its time before the trigger included; of a stream, of the next seconds.
     shot_frames: u64,
@@ -47,12 +47,24 @@ pub(super) struct Storage {
 }
 
 impl Storage {
-    pub(super) fn new(config: &Config, record: &Record, format: &StreamFormat, limits: &Limits) -> Self {
-        let pixels = if record.raw_frames { format.slot_bytes() as u64 } else { 0 };
-        let points = u64::from(limits.fields) * limits.field_points as u64;
-        let rate_hz = format.frame_rate_hz;
+    /// For these cameras, the first one first: what each delivers, and what is measured of it.
+    pub(super) fn new<'a>(
+        config: &Config,
+        record: &Record,
+        cameras: impl Iterator<Item = (&'a StreamFormat, &'a Limits)>,
+    ) -> Self {
+        let (mut rate_hz, mut bytes_a_second) = (0.0, 0.0);
+        for (format, limits) in cameras {
+            let pixels = if record.raw_frames { format.slot_bytes() as u64 } else { 0 };
+            let points = u64::from(limits.fields) * limits.field_points as u64;
+            if rate_hz <= 0.0 {
+                rate_hz = format.frame_rate_hz;
+            }
+            bytes_a_second += (pixels + FRAME_BYTES + POINT_BYTES * points) as f64 * format.frame_rate_hz;
+        }
         let shot_frames = match config.trigger.mode {
-            TriggerMode::Off => (STREAM_S * rate_hz).ceil() as u64,
+            // How long a line fires is not known.
+            TriggerMode::Off | TriggerMode::Hardware => (STREAM_S * rate_hz).ceil() as u64,
             // It begins with a block, so up to one more than asked for.
             _ => {
                 let post = (config.trigger.post_s * rate_hz).ceil() as u64;
@@ -61,7 +73,7 @@ impl Storage {
         };
         Self {
             directory: record.directory.clone(),
-            frame_bytes: pixels + FRAME_BYTES + POINT_BYTES * points,
+            frame_bytes: (bytes_a_second / rate_hz).ceil() as u64,
             shot_frames,
             frames_a_second: rate_hz.ceil() as u64,
             every: Every::new(PERIOD),

@@ -2,6 +2,10 @@
 
 use crate::bus::{Bus, BusError, Limits, Subscriber};
 use crate::message::{Event, EventKind};
+use std::collections::VecDeque;
+
+/// Ends of shots that are kept.
+const SILENCES: usize = 4096;
 
 /// The stream as told on `events`.
 #[derive(Debug)]
@@ -9,12 +13,17 @@ pub(super) struct Stream {
     events: Subscriber<Event>,
     /// The newest run announced.
     pub(super) run_id: Option<u64>,
+    /// Whether that run goes on where one that died was.
+    pub(super) goes_on: bool,
     /// First frame of that run, once it was published.
     pub(super) first: Option<u64>,
     /// One past the last frame of that run, once the camera stopped.
     pub(super) end: Option<u64>,
     /// Whether the tracker has published everything of that run.
     pub(super) tracked: bool,
+    /// One past the last frame of each shot of this run that ended with silence, the newest last; of a camera that waits
+    /// for its line.
+    pub(super) silences: VecDeque<u64>,
     /// Events not looked at yet by [`take`](Self::take).
     pending: Vec<Event>,
 }
@@ -22,7 +31,16 @@ pub(super) struct Stream {
 impl Stream {
     pub(super) fn new(bus: &Bus, limits: &Limits) -> Result<Self, BusError> {
         let events = bus.subscriber(limits)?;
-        Ok(Self { events, run_id: None, first: None, end: None, tracked: false, pending: Vec::new() })
+        Ok(Self {
+            events,
+            run_id: None,
+            goes_on: false,
+            first: None,
+            end: None,
+            tracked: false,
+            silences: VecDeque::new(),
+            pending: Vec::new(),
+        })
     }
 
     /// Reads what was told since; `true` when another run has begun.
@@ -35,6 +53,10 @@ impl Stream {
                 if self.run_id == Some(event.run_id) {
                     continue;
                 }
+                if event.sequence == 0 {
+                    self.silences.clear();
+                }
+                self.goes_on = self.run_id.is_some() && event.sequence > 0;
                 (self.run_id, self.first, self.end, self.tracked) = (Some(event.run_id), None, None, false);
                 return Ok(true);
             }
@@ -45,6 +67,12 @@ impl Stream {
                 Some(EventKind::Started) => self.first = Some(event.sequence),
                 Some(EventKind::Ended) => self.end = Some(event.sequence),
                 Some(EventKind::Tracked) => self.tracked = true,
+                Some(EventKind::Silent) => {
+                    self.silences.push_back(event.sequence);
+                    if self.silences.len() > SILENCES {
+                        self.silences.pop_front();
+                    }
+                }
                 _ => {}
             }
         }

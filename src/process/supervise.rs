@@ -1,9 +1,10 @@
 //! Starting the processes of a rig, watching them, starting again what dies, stopping them in order.
 
-use super::clock::{Every, Patience};
+use super::clock::{Every, Patience, now};
 use super::reference;
 use super::reins::{self, END_OF_CONFIG, Reins};
 use super::report::Reporter;
+use super::resume::Resume;
 use super::rig::{expected_format, limits};
 use super::stop::Stop;
 use super::storage::prepare_directory;
@@ -19,7 +20,7 @@ use std::os::unix::process::CommandExt;
 use std::path::PathBuf;
 use std::process::{Child as Process, Command, ExitStatus, Stdio};
 use std::sync::mpsc::Sender;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 const WATCH: Duration = Duration::from_millis(20);
 /// How often what the dead left behind is cleaned up.
@@ -34,10 +35,49 @@ const END: Duration = Duration::from_secs(3);
 /// One process of a rig.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Child {
+    /// Which camera it works for: 0 the first, then those of the views in their order.
+    pub camera: u32,
     /// Its role.
     pub role: Role,
     /// Which of several, from 0.
     pub index: u32,
+}
+
+impl Child {
+    /// The only, or first, of this role for the first camera.
+    pub const fn first(role: Role) -> Self {
+        Self { camera: 0, role, index: 0 }
+    }
+}
+
+/// What is watched of one camera: its part of the rig has a name of its own.
+struct Side<'a> {
+    /// What the camera is called; empty for the first.
+    name: &'a str,
+    config: &'a Config,
+    frame_rate_hz: f64,
+    status: Subscriber<StatusMessage>,
+    _bus: Bus,
+    _services: Vec<Box<dyn Any>>,
+}
+
+impl<'a> Side<'a> {
+    fn open(name: &'a str, config: &'a Config, bus: Bus) -> anyhow::Result<Self> {
+        let format = expected_format(config)?;
+        config.check_calibration(format.width_px, format.height_px)?;
+        config.check_ring(format.slot_bytes(), format.frame_rate_hz)?;
+        let limits = limits(config, &format);
+        let services = bus.hold(&limits)?;
+        let (frame_rate_hz, status) = (format.frame_rate_hz, bus.subscriber(&limits)?);
+        Ok(Self { name, config, frame_rate_hz, status, _bus: bus, _services: services })
+    }
+
+    /// Its processes, readers before the camera; the recorder is the whole rig's.
+    fn children(&self, camera: u32) -> Vec<Child> {
+        let workers = (0..self.config.workers.count).map(|index| Child { camera, role: Role::Correlate, index });
+        let tracker = workers.clone().next().map(|first| Child { role: Role::Track, ..first });
+        workers.chain(tracker).chain([Child { camera, role: Role::Acquire, index: 0 }]).collect()
+    }
 }
 
 struct Running {
@@ -49,19 +89,20 @@ struct Running {
 
 /// The processes of a rig.
 pub struct Fleet<'a> {
-    config: &'a Config,
     program: PathBuf,
     children: BTreeMap<Child, Running>,
-    status: Subscriber<StatusMessage>,
+    /// One a camera.
+    sides: Vec<Side<'a>>,
     events: Subscriber<Event>,
+    /// The newest status of each, and when it came.
     told: BTreeMap<Child, StatusMessage>,
+    heard: BTreeMap<Child, Instant>,
     reporter: Reporter,
     bus: Bus,
     clean: Every,
     summary: Summary,
     restarts: u64,
     leader: Option<Sender<Reins>>,
-    _services: Vec<Box<dyn Any>>,
 }
 
 /// Runs every process of a rig until its stream ends or it is asked to stop.
@@ -117,55 +158,54 @@ impl<'a> Fleet<'a> {
     ///
     /// When a process cannot be started, or shared memory cannot be used.
     pub fn start(config: &'a Config, leader: Option<Sender<Reins>>) -> anyhow::Result<Self> {
-        let format = expected_format(config)?;
-        config.check_calibration(format.width_px, format.height_px)?;
         if let Some(record) = &config.record {
             prepare_directory(record)?;
-            config.check_ring(format.slot_bytes(), format.frame_rate_hz)?;
         }
-        let limits = limits(config, &format);
         let bus = Bus::take_part(&config.rig.name, Role::Supervise.word(), Duration::ZERO)?;
         bus.clean_up_dead();
-        let services = bus.hold(&limits)?;
-        let workers = (0..config.workers.count).map(|index| Child { role: Role::Correlate, index });
-        let recorder = config.record.iter().map(|_| Child { role: Role::Record, index: 0 });
-        let others = [Role::Track, Role::Acquire].map(|role| Child { role, index: 0 });
+        let limits = limits(config, &expected_format(config)?);
+        let mut sides = vec![Side::open("", config, Bus::join(&config.rig.name, Role::Supervise.word())?)?];
+        for view in &config.views {
+            let bus = Bus::take_part(&view.config.rig.name, Role::Supervise.word(), Duration::ZERO)?;
+            sides.push(Side::open(&view.name, &view.config, bus)?);
+        }
         let mut fleet = Self {
-            config,
             program: std::env::current_exe()?,
             children: BTreeMap::new(),
-            status: bus.subscriber(&limits)?,
+            sides,
             events: bus.subscriber(&limits)?,
             told: BTreeMap::new(),
+            heard: BTreeMap::new(),
             reporter: Reporter::new(&bus, &limits, Role::Supervise, 0)?,
             bus,
             clean: Every::new(CLEAN),
             summary: Summary::default(),
             restarts: 0,
             leader,
-            _services: services,
         };
-        for child in workers.chain(recorder).chain(others) {
+        let recorder = config.record.iter().map(|_| Child::first(Role::Record));
+        let cameras = (0..).zip(&fleet.sides).flat_map(|(camera, side)| side.children(camera));
+        let children: Vec<Child> = recorder.chain(cameras).collect();
+        for child in children {
             let process = fleet.spawn(child, None)?;
             fleet.children.insert(child, Running { process: Some(process), deaths: 0, code: None });
         }
         Ok(fleet)
     }
 
-    /// Starts one process; `resume` is the newest frame that its dead predecessor told of.
-    fn spawn(&self, child: Child, resume: Option<u64>) -> anyhow::Result<Process> {
+    /// Starts one process; `resume` is what its dead predecessor told of.
+    fn spawn(&self, child: Child, resume: Option<Resume>) -> anyhow::Result<Process> {
+        let config = self.sides[child.camera as usize].config;
         let mut command = Command::new(&self.program);
-        command.arg(child.role.word()).arg("-").args(["--origin", &self.config.origin]);
+        command.arg(child.role.word()).arg("-").args(["--origin", &config.origin]);
         if child.role == Role::Correlate {
             command.args(["--worker", &child.index.to_string()]);
         }
-        if child.role != Role::Acquire
-            && let Some(sequence) = resume
-        {
-            command.args(["--resume", &sequence.to_string()]);
+        if let Some(resume) = resume {
+            command.args(["--resume", &resume.to_string()]);
         }
         // A group of its own: an interrupt from the terminal reaches the supervisor, which stops the rig in order.
-        let is_stepped = child.role == Role::Acquire && self.config.camera.stepped;
+        let is_stepped = child.role == Role::Acquire && config.camera.stepped;
         let stdout = match &self.leader {
             _ if !is_stepped => Stdio::null(),
             Some(_) => Stdio::piped(),
@@ -174,7 +214,7 @@ impl<'a> Fleet<'a> {
         command.arg("--supervised").stdin(Stdio::piped()).stdout(stdout).process_group(0);
         let mut process = command.spawn()?;
         if let Some(mut stdin) = process.stdin.take() {
-            stdin.write_all(self.config.text.as_bytes())?;
+            stdin.write_all(config.text.as_bytes())?;
             if is_stepped {
                 stdin.write_all(&[END_OF_CONFIG])?;
                 reins::hand_over(stdin, process.stdout.take(), self.leader.as_ref());
@@ -213,13 +253,18 @@ impl<'a> Fleet<'a> {
     }
 
     fn ended_by_itself(&self) -> bool {
-        self.children.iter().any(|(child, running)| child.role == Role::Acquire && running.code.is_some())
+        let mut cameras = self.children.iter().filter(|(child, _)| child.role == Role::Acquire);
+        cameras.all(|(_, running)| running.code.is_some())
     }
 
     fn listen(&mut self) -> anyhow::Result<()> {
-        while let Some(status) = self.status.take()? {
-            if let Some(role) = Role::from_number(status.role) {
-                self.told.insert(Child { role, index: status.index }, status);
+        for (camera, side) in (0..).zip(&self.sides) {
+            while let Some(status) = side.status.take()? {
+                if let Some(role) = Role::from_number(status.role) {
+                    let child = Child { camera, role, index: status.index };
+                    self.told.insert(child, status);
+                    self.heard.insert(child, now());
+                }
             }
         }
         while let Some(event) = self.events.take()? {
@@ -253,7 +298,7 @@ impl<'a> Fleet<'a> {
         let told = self.told.get(&child).map_or(0, |status| status.lost + status.dropped);
         if code == 6 {
             self.summary.lost += told.max(1);
-            self.summary.causes.push(format!("{} {} lost {}", child.role.word(), child.index, told.max(1)));
+            self.summary.causes.push(format!("{} lost {}", self.name(child), told.max(1)));
         }
     }
 
@@ -261,7 +306,7 @@ impl<'a> Fleet<'a> {
         let role = child.role.word();
         let told = self.told.get(&child).copied();
         self.summary.lost += 1;
-        self.summary.causes.push(format!("{role} {} ended with {status}", child.index));
+        self.summary.causes.push(format!("{} ended with {status}", self.name(child)));
         self.bus.clean_up_dead();
         let Some(running) = self.children.get_mut(&child) else { return Ok(()) };
         running.deaths += 1;
@@ -275,16 +320,39 @@ impl<'a> Fleet<'a> {
             self.signal_all(Signal::TERM);
             return Ok(());
         }
-        log::warn!("{role} {} ended with {status}; starting it again", child.index);
+        log::warn!("{} ended with {status}; starting it again", self.name(child));
         let sequence = told.map_or(0, |status| status.sequence);
         let stamp_ns = told.map_or(0, |status| status.stamp_ns);
-        let process = self.spawn(child, Some(sequence))?;
+        let process = self.spawn(child, self.resume(child))?;
         if let Some(running) = self.children.get_mut(&child) {
             running.process = Some(process);
         }
         self.restarts += 1;
-        let text = format!("{role} {} ended with {status} and was started again", child.index);
+        let text = format!("{} ended with {status} and was started again", self.name(child));
         Ok(self.reporter.event(EventKind::Restarted, sequence, stamp_ns, &text)?)
+    }
+
+    /// What a process is called.
+    fn name(&self, child: Child) -> String {
+        let name = format!("{} {}", child.role.word(), child.index);
+        match self.sides[child.camera as usize].name {
+            "" => name,
+            camera => format!("{name} of {camera}"),
+        }
+    }
+
+    /// Where the successor of a process that died goes on.
+    fn resume(&self, child: Child) -> Option<Resume> {
+        // A camera's process that never told of a frame left nothing to go on from.
+        let told = self.told.get(&child).filter(|told| child.role != Role::Acquire || told.taken > 0);
+        let (sequence, stamp_ns) = told.map_or((0, 0), |told| (told.sequence, told.stamp_ns));
+        if child.role != Role::Acquire {
+            return Some(Resume { sequence, stamp_ns, epoch: 0 });
+        }
+        let side = &self.sides[child.camera as usize];
+        let since_s = self.heard.get(&child).map_or(0.0, |heard| heard.elapsed().as_secs_f64());
+        let resume = Resume { sequence, stamp_ns, epoch: told?.state + 1 };
+        Some(resume.after(since_s * side.config.camera.playback_rate, side.frame_rate_hz))
     }
 
     fn tell(&mut self) -> anyhow::Result<()> {
@@ -325,7 +393,7 @@ impl<'a> Fleet<'a> {
             let _ = process.wait();
         }
         self.bus.clean_up_dead();
-        reference::forget(self.config);
+        self.sides.iter().for_each(|side| reference::forget(side.config));
     }
 }
 

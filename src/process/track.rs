@@ -4,16 +4,18 @@ use super::clock::{Patience, now};
 use super::conclude::Conclusions;
 use super::order::OrderedTracker;
 use super::report::Reporter;
+use super::resume::Resume;
 use super::rig::{SUCCESSION, analysis_params, expected_format, learn_exposure, limits};
 use super::stop::Stop;
 use super::stream::Stream;
 use super::summary::Summary;
 use crate::bus::{Bell, Bus, BusError, FieldSubscriber, Limits, Publisher};
 use crate::camera::StreamFormat;
-use crate::config::Config;
+use crate::config::{Config, TriggerMode};
 use crate::measure::TrackerRows;
-use crate::message::{EventKind, ImpactMessage, Role, TrackMessage, VelocityMessage};
+use crate::message::{Event, EventKind, ImpactMessage, Role, TrackMessage, VelocityMessage};
 use crate::results::{Alarm, AlarmKind};
+use std::collections::VecDeque;
 use std::time::Duration;
 
 const WAIT: Duration = Duration::from_millis(2);
@@ -22,13 +24,14 @@ const SILENCE: Duration = Duration::from_secs(5);
 
 /// Tracks every body until the stream ends.
 ///
-/// `resumed` is the newest frame that a tracker which died had told of.
+/// `resumed` is what a tracker which died had told of.
 ///
 /// # Errors
 ///
 /// When shared memory cannot be used.
-pub fn run(config: &Config, resumed: Option<u64>, stop: &Stop) -> anyhow::Result<Summary> {
+pub fn run(config: &Config, resumed: Option<Resume>, stop: &Stop) -> anyhow::Result<Summary> {
     let format = expected_format(config)?;
+    config.check_calibration(format.width_px, format.height_px)?;
     let limits = limits(config, &format);
     let bus = Bus::take_part(&config.rig.name, Role::Track.word(), SUCCESSION)?;
     let mut reporter = Reporter::new(&bus, &limits, Role::Track, 0)?;
@@ -45,7 +48,10 @@ pub fn run(config: &Config, resumed: Option<u64>, stop: &Stop) -> anyhow::Result
         format,
         reporter,
         summary: Summary::default(),
-        resumed,
+        resumed: resumed.map(|resume| resume.sequence),
+        shots: VecDeque::new(),
+        shot: None,
+        out: 0,
         seen: 0,
         limits,
         newest: (0, 0),
@@ -54,11 +60,14 @@ pub fn run(config: &Config, resumed: Option<u64>, stop: &Stop) -> anyhow::Result
     let mut stream = Stream::new(&bus, &limits)?;
     while !stop.requested() {
         let begins = stream.update()?;
-        loop_.conclusions.hear(&stream.take(), &loop_.reporter)?;
+        let events = stream.take();
+        loop_.conclusions.hear(&events, &loop_.reporter)?;
         if begins {
             loop_.attach(&stream)?;
         }
+        loop_.hear(&events);
         let progressed = loop_.drain(&stream)?;
+        loop_.end_shot(&stream)?;
         if let Some(end) = stream.end {
             loop_.end(&stream, end, stop)?;
             break;
@@ -86,6 +95,11 @@ struct Loop<'a> {
     reporter: Reporter,
     summary: Summary,
     resumed: Option<u64>,
+    /// First frames of shots to come, of a camera that waits for its line, and that of the shot at hand.
+    shots: VecDeque<u64>,
+    shot: Option<u64>,
+    /// One past the last frame of a shot that was let out.
+    out: u64,
     /// One past the newest frame of this run that was measured.
     seen: u64,
     limits: Limits,
@@ -98,6 +112,8 @@ impl Loop<'_> {
         self.let_out(self.seen)?;
         // Else the status would tell a frame of the run before as one of this.
         (self.seen, self.newest) = (0, (0, 0));
+        self.shots.clear();
+        (self.shot, self.out) = (None, 0);
         self.fields.greet();
         self.ordered = None;
         self.reporter.set_run(stream.run_id.unwrap_or(0));
@@ -115,9 +131,15 @@ impl Loop<'_> {
             }
             let Some(step) = header.step() else { continue };
             progressed = true;
+            while self.shots.front().is_some_and(|first| step.frame >= *first) {
+                // What was not measured of the shot before is given up: nothing leads from one to the next.
+                self.shot = self.shots.pop_front();
+                self.let_out(self.shot.unwrap_or(0))?;
+                self.ordered = None;
+            }
             if self.ordered.is_none() {
                 learn_exposure(self.config, &mut self.format, header.exposure_ns);
-                self.begin(first, step.frame);
+                self.begin(self.shot.unwrap_or(first), step.frame);
             }
             self.seen = self.seen.max(step.frame + 1);
             if let Some(ordered) = &mut self.ordered {
@@ -129,6 +151,27 @@ impl Loop<'_> {
             }
         }
         Ok(progressed)
+    }
+
+    /// Takes note of the shots that a camera's line begins.
+    fn hear(&mut self, events: &[Event]) {
+        let run_id = self.reporter.run_id();
+        let begins = |event: &&Event| event.kind() == Some(EventKind::Decided) && event.run_id == run_id;
+        if self.config.trigger.mode == TriggerMode::Hardware {
+            self.shots.extend(events.iter().filter(begins).map(|event| event.sequence));
+        }
+    }
+
+    /// Lets out a shot that has ended with silence, once all of it was measured.
+    fn end_shot(&mut self, stream: &Stream) -> Result<(), BusError> {
+        let Some(end) = stream.silences.back().copied() else { return Ok(()) };
+        let is_it = self.shot.is_some_and(|first| first < end);
+        if !is_it || !self.ordered.as_ref().is_some_and(|ordered| ordered.has_all_before(end)) {
+            return Ok(());
+        }
+        self.let_out(end)?;
+        (self.ordered, self.out) = (None, end);
+        Ok(())
     }
 
     /// Starts the order at the stream's first frame, or where one that died was taken over.
@@ -205,13 +248,15 @@ impl Loop<'_> {
             if self.drain(stream)? {
                 patience.renew();
             }
-            if end <= first || self.ordered.as_ref().is_some_and(|ordered| ordered.has_all_before(end)) {
+            let is_out = end <= first || self.out >= end;
+            if is_out || self.ordered.as_ref().is_some_and(|ordered| ordered.has_all_before(end)) {
                 break;
             }
             self.reporter.status(&self.summary, self.newest.0, self.newest.1)?;
             std::thread::sleep(WAIT);
         }
-        if self.ordered.is_none() && end > first {
+        if self.ordered.is_none() && end > first.max(self.out) {
+            let first = self.shots.pop_front().or(self.shot).unwrap_or(first);
             self.begin(first, first);
         }
         self.let_out(end)?;

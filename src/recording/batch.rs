@@ -9,15 +9,16 @@ use super::schema::Topic;
 #[derive(Debug, Default)]
 pub(super) struct Batch {
     bytes: Vec<u8>,
-    messages: Vec<(Topic, u64, usize)>,
+    /// Camera, topic, log time and where each ends.
+    messages: Vec<(usize, Topic, u64, usize)>,
     first_ns: Option<u64>,
 }
 
 impl Batch {
-    pub(super) fn push<M: prost::Message>(&mut self, topic: Topic, log_time_ns: u64, message: &M) {
+    pub(super) fn push<M: prost::Message>(&mut self, camera: usize, topic: Topic, log_time_ns: u64, message: &M) {
         self.first_ns.get_or_insert(log_time_ns);
         self.bytes.extend_from_slice(&message.encode_to_vec());
-        self.messages.push((topic, log_time_ns, self.bytes.len()));
+        self.messages.push((camera, topic, log_time_ns, self.bytes.len()));
     }
 
     /// Whether it holds `limit_bytes` or reaches back further than `limit_ns` from `now_ns`.
@@ -34,10 +35,14 @@ impl Batch {
         self.bytes.len() as u64 + self.messages.len() as u64 * super::split::MESSAGE_BYTES
     }
 
-    /// Every message in the order it came: topic, log time, bytes.
-    pub(super) fn iter(&self) -> impl Iterator<Item = (Topic, u64, &[u8])> {
-        let starts = std::iter::once(0).chain(self.messages.iter().map(|(_, _, end)| *end));
-        self.messages.iter().zip(starts).map(|((topic, time, end), start)| (*topic, *time, &self.bytes[start..*end]))
+    /// Every message in the order it came: camera, topic, log time, bytes.
+    pub(super) fn iter(&self) -> impl Iterator<Item = (usize, Topic, u64, &[u8])> {
+        let starts = std::iter::once(0).chain(self.messages.iter().map(|message| message.3));
+        let bytes = |start: usize, end: usize| &self.bytes[start..end];
+        self.messages
+            .iter()
+            .zip(starts)
+            .map(move |((camera, topic, time, end), start)| (*camera, *topic, *time, bytes(start, *end)))
     }
 
     pub(super) fn clear(&mut self) {

@@ -75,7 +75,7 @@ fn copy(recording: &Recording, writer: &mut RecordingWriter) -> Result<u64, Reco
 fn copy_rows(recording: &Recording, writer: &mut RecordingWriter) -> Result<u64, RecordingError> {
     let mut copier = Copier::new(recording, writer);
     let is_of_frames = |channel: u16| {
-        let named = recording.channels().get(&channel).is_some_and(|c| c.topic == Topic::FrameInfo.name());
+        let named = recording.channels().get(&channel).is_some_and(|c| Topic::FrameInfo.is_named_by(&c.topic));
         recording.is_image(channel) || named && recording.is_ours()
     };
     for number in 0..recording.section_count() {
@@ -99,9 +99,9 @@ fn copy_rows(recording: &Recording, writer: &mut RecordingWriter) -> Result<u64,
 ///
 /// # Errors
 ///
-/// [`RecordingError`] when the old file cannot be read, or the new one not written.
-pub fn copy_as_ros2(from: &Path, to: &Path) -> Result<u64, RecordingError> {
-    let frames = Recording::open(from)?.frames()?;
+/// [`RecordingError`] when the old one cannot be read, or the new one not written.
+pub fn copy_as_ros2(from: &Recording, to: &Path) -> Result<u64, RecordingError> {
+    let frames = from.frames()?;
     let part = part::part_path(to);
     let file = part::create(to, &part)?;
     let written = write_ros2(file, &part, frames);

@@ -33,7 +33,7 @@ pub use recover::{Recovered, recover};
 pub use rows::{EventRow, StatusRow};
 pub use schema::Topic;
 pub use split::files_of;
-pub use writer::{Compression, FinishedRecording, RecordingInfo, RecordingWriter, WriterOptions};
+pub use writer::{Compression, FinishedRecording, RecordingInfo, RecordingWriter, ViewInfo, WriterOptions};
 
 /// Name of the metadata record every recording of ours has.
 const METADATA_NAME: &str = "ricochet";

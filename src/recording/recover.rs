@@ -89,7 +89,7 @@ impl Sieve<'_> {
     fn message(&mut self, message: Message) -> Result<bool, RecordingError> {
         let recording = self.copier.recording();
         let Some(channel) = recording.channels().get(&message.channel) else { return Ok(false) };
-        let topic = |topic: Topic| channel.topic == topic.name() && recording.is_ours();
+        let topic = |topic: Topic| topic.is_named_by(&channel.topic) && recording.is_ours();
         if !message.is_checked && topic(Topic::FrameInfo) {
             self.info = Some(message);
             return Ok(true);

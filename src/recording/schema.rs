@@ -70,6 +70,12 @@ impl Topic {
         }
     }
 
+    /// Whether a channel of this name is this topic's, of whichever camera.
+    pub fn is_named_by(self, channel: &str) -> bool {
+        let camera = channel.strip_suffix(self.name());
+        camera.is_some_and(|camera| camera.is_empty() || (camera.starts_with('/') && !camera[1..].contains('/')))
+    }
+
     /// The name of its messages' schema.
     pub fn schema_name(self) -> &'static str {
         match self {

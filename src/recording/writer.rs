@@ -1,5 +1,6 @@
 //! Writing a recording.
 
+mod info;
 mod rows;
 
 use super::batch::Batch;
@@ -12,6 +13,7 @@ use super::split::Split;
 use super::syncer::Syncer;
 use super::{RecordingError, encode, part};
 use crate::image::Frame;
+pub use info::{RecordingInfo, ViewInfo};
 use std::collections::BTreeMap;
 use std::fs::File;
 use std::io;
@@ -25,6 +27,11 @@ const SYNC_NS: u64 = 1_000_000_000;
 const BATCH_NS: u64 = 100_000_000;
 const ROWS_BYTES: usize = 1 << 20;
 const FIELDS_BYTES: usize = 4 << 20;
+
+/// Channels of a camera of which nothing was written.
+const NONE_YET: [Option<u16>; Topic::ALL.len()] = [None; Topic::ALL.len()];
+/// Entries of the metadata record `ricochet`: the names of the further cameras.
+pub(super) const VIEW_KEY: &str = "view";
 
 /// Whether chunks are compressed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -49,21 +56,8 @@ pub struct WriterOptions {
 
 impl Default for WriterOptions {
     fn default() -> Self {
-        Self { compression: Compression::None, chunk_bytes: 4 << 20, split_bytes: None }
+        Self { compression: Compression::None, chunk_bytes: 1 << 20, split_bytes: None }
     }
-}
-
-/// What a recording says of itself, written first.
-#[derive(Debug, Clone, Default, PartialEq, Eq)]
-pub struct RecordingInfo {
-    /// The rig's configuration, attached as `config.toml`; empty for none.
-    pub config_toml: String,
-    /// Entries of the metadata record `ricochet`: version, camera, serial, scale, host, trigger.
-    pub metadata: BTreeMap<String, String>,
-    /// Names of the bodies, in the order of the configuration; entries `body.0`, `body.1`, ... of the metadata.
-    pub bodies: Vec<String>,
-    /// Further attachments: file name, media type, content.
-    pub attachments: Vec<(String, String, Vec<u8>)>,
 }
 
 /// What became of a finished recording.
@@ -91,7 +85,12 @@ pub struct RecordingWriter {
     is_direct: bool,
     handle: File,
     syncer: Syncer,
-    channels: [Option<u16>; Topic::ALL.len()],
+    /// Of each camera, those of its topics that were written.
+    channels: Vec<[Option<u16>; Topic::ALL.len()]>,
+    /// Names of the further cameras.
+    views: Vec<String>,
+    /// Whose frames and rows come: 0 the first camera's, then those of `views`.
+    camera: usize,
     rows: Batch,
     fields: Batch,
     scratch: Vec<u8>,
@@ -116,6 +115,8 @@ impl RecordingWriter {
     /// the system refuses.
     pub fn create(path: &Path, info: &RecordingInfo, options: &WriterOptions) -> Result<Self, RecordingError> {
         let mut writer = Self::start(path, part::part_path(path), options)?;
+        writer.views = info.views.iter().map(|view| view.name.clone()).collect();
+        writer.channels = vec![NONE_YET; 1 + info.views.len()];
         writer.split = options.split_bytes.map(|bytes| Split::new(path, bytes, info, options));
         let told = writer.split.as_ref().map(Split::info);
         writer.describe(told.as_ref().unwrap_or(info)).map(|()| writer)
@@ -131,7 +132,9 @@ impl RecordingWriter {
             is_direct: options.compression == Compression::None,
             handle,
             syncer: Syncer::default(),
-            channels: [None; Topic::ALL.len()],
+            channels: vec![NONE_YET],
+            views: Vec::new(),
+            camera: 0,
             rows: Batch::default(),
             fields: Batch::default(),
             scratch: Vec::new(),
@@ -149,7 +152,7 @@ impl RecordingWriter {
         let (container, handle) = open(path, &part, options)?;
         (self.container, self.handle, self.part) = (Some(container), handle, part);
         (self.path, self.syncer) = (path.to_path_buf(), Syncer::default());
-        (self.channels, self.has_messages) = ([None; Topic::ALL.len()], false);
+        (self.channels, self.has_messages) = (vec![NONE_YET; 1 + self.views.len()], false);
         Ok(())
     }
 
@@ -165,11 +168,17 @@ impl RecordingWriter {
     }
 
     fn describe_all(&mut self, info: &RecordingInfo) -> Result<(), RecordingError> {
-        let mut entries = info.metadata.clone();
-        for (index, body) in info.bodies.iter().enumerate() {
-            entries.insert(format!("body.{index}"), body.clone());
+        let mut entries = info::with_bodies(&info.metadata, &info.bodies);
+        for (index, view) in info.views.iter().enumerate() {
+            entries.insert(format!("{VIEW_KEY}.{index}"), view.name.clone());
         }
         self.metadata(super::METADATA_NAME, entries)?;
+        for view in &info.views {
+            let name = format!("{}/{}", super::METADATA_NAME, view.name);
+            self.metadata(&name, info::with_bodies(&view.metadata, &view.bodies))?;
+            let name = format!("{}/{}", view.name, super::CONFIG_NAME);
+            self.attach(&name, "application/toml", view.config_toml.as_bytes())?;
+        }
         if !info.config_toml.is_empty() {
             self.attach(super::CONFIG_NAME, "application/toml", info.config_toml.as_bytes())?;
         }
@@ -231,6 +240,16 @@ impl RecordingWriter {
             return self.sync_beside();
         }
         Ok(())
+    }
+
+    /// Whose frames and rows come from here on: 0 is the first camera, then the further ones in their order.
+    ///
+    /// # Panics
+    ///
+    /// When there are not so many.
+    pub fn turn_to(&mut self, camera: usize) {
+        assert!(camera <= self.views.len(), "camera {camera} of {}", 1 + self.views.len());
+        self.camera = camera;
     }
 
     /// The file while it is written.
@@ -337,9 +356,12 @@ impl RecordingWriter {
             }
             self.make_room(batch.expected_bytes())?;
             self.flush()?;
-            for (topic, log_time_ns, message) in batch.iter() {
+            let camera = self.camera;
+            for (of_camera, topic, log_time_ns, message) in batch.iter() {
+                self.camera = of_camera;
                 self.message(topic, 0, log_time_ns, &Payload::of(message))?;
             }
+            self.camera = camera;
             self.flush()?;
             batch.clear();
         }
@@ -393,7 +415,8 @@ impl RecordingWriter {
     }
 
     fn channel(&mut self, topic: Topic) -> Result<u16, RecordingError> {
-        if let Some(id) = self.channels[topic as usize] {
+        let camera = self.camera;
+        if let Some(id) = self.channels[camera][topic as usize] {
             return Ok(id);
         }
         let schema = Schema {
@@ -405,12 +428,13 @@ impl RecordingWriter {
             // Once in front, once more at the end.
             split.add(2 * schema.data.len());
         }
+        let prefix = camera.checked_sub(1).map_or_else(String::new, |view| format!("/{}", self.views[view]));
         let id = self.call(|container| {
-            let (topic, encoding) = (topic.name().into(), schema.encoding.clone());
+            let (topic, encoding) = (prefix + topic.name(), schema.encoding.clone());
             let schema = container.schema(&schema)?;
             container.channel(&Channel { schema, topic, encoding, metadata: BTreeMap::new() })
         })?;
-        self.channels[topic as usize] = Some(id);
+        self.channels[camera][topic as usize] = Some(id);
         Ok(id)
     }
 

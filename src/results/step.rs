@@ -65,6 +65,8 @@ impl RigidStep {
 pub struct BodyStep {
     /// Whether `step` is a match of the whole body with a reference that was kept, not of its subsets from frame to frame.
     pub is_whole: bool,
+    /// Share of the body in sight by its rim, where the circle has what a match of the whole body told.
+    pub rim_fraction: Option<f64>,
     /// Sequence number of the frame.
     pub frame: u64,
     /// Exposure start of the frame, ns since the Unix epoch.
@@ -81,4 +83,16 @@ pub struct BodyStep {
     pub step: Option<RigidStep>,
     /// What became of it.
     pub status: PointStatus,
+}
+
+impl BodyStep {
+    /// The same without its motion, and without what a match of the whole body told of the share in sight.
+    #[must_use]
+    pub fn without_motion(self) -> Self {
+        let by_rim = |circle: Circle| {
+            let visible_fraction = self.rim_fraction.unwrap_or(circle.visible_fraction);
+            Circle { visible_fraction, ..circle }
+        };
+        Self { circle: self.circle.map(by_rim), rim_fraction: None, is_whole: false, step: None, ..self }
+    }
 }

@@ -11,8 +11,8 @@ const GRAVITY_M_S2: f64 = 9.806_65;
 
 impl Scenario {
     /// Names of the built-in experiments; [`PatternSetup::PAPER`] has those of the patterns.
-    pub const BUILT_IN: [&'static str; 8] =
-        ["lacrosse", "lacrosse-sphere", "tennis", "tennis-physical", "rod", "rod-ringing", "pair", "passing"];
+    pub const BUILT_IN: [&'static str; 9] =
+        ["lacrosse", "lacrosse-sphere", "tennis", "tennis-physical", "rod", "rod-ringing", "pair", "passing", "plane"];
 
     /// The built-in scenario of this name.
     ///
@@ -26,6 +26,7 @@ impl Scenario {
     /// - `pair`: two balls that strike each other in the air and lose some of their speed.
     /// - `passing`: a small ball that passes in front of a larger one, both spheres; the larger one turns faster and
     ///   about another axis from the middle of the film on.
+    /// - `plane`: a speckled flat that fills the picture, drifts and turns.
     /// - `pattern-a-I` to `pattern-f-II`: an even motion off every grid, with a
     ///   pattern of the paper's speckle study.
     pub fn built_in(name: &str) -> Option<Self> {
@@ -38,6 +39,7 @@ impl Scenario {
             }
             "pair" => Some(pair()),
             "passing" => Some(passing()),
+            "plane" => Some(plane()),
             "tennis" => Some(tennis(name, 0.016)),
             "tennis-physical" => Some(tennis(name, 0.3)),
             "rod" => Some(rod(name, None)),
@@ -301,6 +303,19 @@ fn pair() -> Scenario {
 }
 
 /// A ball of 44 px before one of 76 px, which is darker: so the outline in front has one sign all around.
+fn plane() -> Scenario {
+    let even = Scenario::translation(0.37, -0.23, 0.11);
+    let camera = CameraSetup { width_px: 256, height_px: 192, frames: 40, ..even.camera };
+    let body = BodySetup { diameter_mm: 190.0, shape: Shape::Plane, ..even.body };
+    let motion = MotionSetup::Constant {
+        vx_px_frame: 0.37,
+        vy_px_frame: -0.23,
+        omega_deg_frame: 0.11,
+        start_px: [120.6, 100.3],
+    };
+    Scenario { name: "plane".to_owned(), camera, body, motion, ..even }
+}
+
 fn passing() -> Scenario {
     let pattern = PatternSetup { area_min_px2: 4.0, area_max_px2: 20.0, coverage: 0.27, lines: 0, line_width_px: 2.0 };
     let ball = |diameter_mm: f64| BodySetup { diameter_mm, shape: Shape::Sphere, pattern: pattern.clone(), rod: None };

@@ -3,6 +3,7 @@
 use super::blur::{gauss_legendre, normal_cdf};
 use super::draw::HalfPlane;
 use std::f64::consts::{FRAC_PI_2, TAU};
+use std::sync::LazyLock;
 
 /// A ball's outline in front of another ball.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -127,6 +128,8 @@ pub(crate) struct Chord {
     pub(crate) ends_px: [f64; 2],
 }
 
+static RULE: LazyLock<[(f64, f64); 16]> = LazyLock::new(gauss_legendre);
+
 /// Chords of a shape that reaches `half_px` to either side; `ends` has the ends of each.
 ///
 /// `splits` are places across the chords where the ends have a bend or a jump. Nodes lie denser where an ellipse's
@@ -137,7 +140,6 @@ pub(crate) fn chords(
     splits: &[f64],
     ends: impl Fn(f64) -> Option<[f64; 2]>,
 ) -> Vec<Chord> {
-    let rule = gauss_legendre::<16>();
     let mut bounds: Vec<f64> =
         splits.iter().filter(|split| split.abs() < half_px).map(|split| (split / half_px).asin()).collect();
     bounds.extend([-FRAC_PI_2, FRAC_PI_2]);
@@ -148,7 +150,7 @@ pub(crate) fn chords(
         let half = 0.5 * (pair[1] - pair[0]) / panels;
         for panel in 0..panels as usize {
             let middle = pair[0] + half * (2 * panel + 1) as f64;
-            for (node, weight) in &rule {
+            for (node, weight) in RULE.iter() {
                 let (sin, cos) = (middle + half * node).sin_cos();
                 let across_px = half_px * sin;
                 if let Some(ends_px) = ends(across_px).filter(|ends| ends[1] > ends[0]) {

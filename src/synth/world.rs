@@ -52,7 +52,7 @@ impl Body {
         let ball = |coat: Coat| Self::Ball(Box::new(Ball::new(scenario, coat, full_dn)));
         Ok(match (&scenario.body.rod, scenario.body.shape) {
             (Some(rod), _) => Self::Rod(Box::new(Rod::new(scenario, rod, strew(Rod::field(scenario, rod))?, full_dn))),
-            (None, Shape::Disc) => ball(Coat::Flat(strew(Field::Disc(radius_px))?)),
+            (None, Shape::Disc | Shape::Plane) => ball(Coat::Flat(strew(Field::Disc(radius_px))?)),
             (None, Shape::Sphere) => ball(Coat::Round(Globe::strew(pattern, radius_px, sigma_px, speckles)?)),
         })
     }
@@ -355,7 +355,9 @@ fn status(scenario: &Scenario, pose: &Pose, visible: f64) -> PointStatus {
     let fits = |place: f64, half: f64, length: u32| place - half >= -0.5 && place + half <= f64::from(length) - 0.5;
     let [x, y] = pose.center_px;
     match () {
-        () if !(fits(x, wide, scenario.camera.width_px) && fits(y, high, scenario.camera.height_px)) => {
+        () if scenario.body.shape != Shape::Plane
+            && !(fits(x, wide, scenario.camera.width_px) && fits(y, high, scenario.camera.height_px)) =>
+        {
             PointStatus::OutOfFrame
         }
         () if visible <= 0.0 => PointStatus::Occluded,

@@ -114,6 +114,11 @@ impl States {
         self.writing = true;
     }
 
+    /// A camera that waits for its line is silent: nothing is seen of the bodies.
+    pub fn silent(&mut self) {
+        self.bodies.fill(Doing::Nothing);
+    }
+
     /// A shot is complete, or had to be given up.
     pub fn recorded(&mut self) {
         (self.writing, self.recorded) = (false, true);

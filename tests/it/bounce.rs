@@ -2,7 +2,7 @@
 //!
 //! Own integration in SI units (Runge-Kutta, 400 steps a frame), nothing shared with the measured code.
 
-use ricochet::motion::{Form, MotionParams, Scale, WalkShare};
+use ricochet::motion::{Form, MotionParams, Scale, Walk};
 use ricochet::results::{BodyStep, Circle, PointStatus, RigidStep};
 
 /// Gaussian noise with a constant seed.
@@ -35,6 +35,12 @@ pub enum Law {
     HuntCrossley(f64, f64),
     /// Hunt-Crossley whose stiffness ripples by a quarter over the stroke (m): no fitted law contains it.
     Stranger(f64, f64, f64),
+    /// Kelvin-Voigt whose stiffness ripples likewise.
+    StrangeSpring(f64, f64, f64),
+}
+
+fn ripple(depth: f64) -> f64 {
+    1.0 + 0.25 * (std::f64::consts::TAU * depth).sin()
 }
 
 /// One of the three experiments.
@@ -154,10 +160,8 @@ impl Experiment {
         match self.law {
             Law::KelvinVoigt(k, c) => k * depth + c * speed,
             Law::HuntCrossley(k, c) => k * depth.powf(1.5) * (1.0 + c * speed),
-            Law::Stranger(k, c, stroke) => {
-                let ripple = 1.0 + 0.25 * (std::f64::consts::TAU * depth / stroke).sin();
-                k * depth.powf(1.5) * ripple * (1.0 + c * speed)
-            }
+            Law::Stranger(k, c, stroke) => k * depth.powf(1.5) * ripple(depth / stroke) * (1.0 + c * speed),
+            Law::StrangeSpring(k, c, stroke) => k * depth * ripple(depth / stroke) + c * speed,
         }
     }
 
@@ -290,7 +294,7 @@ impl Experiment {
             mass_kg: Some(self.mass_kg),
             form: Form::Ball,
             interval_frames: 1,
-            walk_share: WalkShare::default(),
+            walk: Walk::default(),
             exposure_ns: 0.0,
             frame_period_ns: 1e9 / self.frame_rate_hz,
         }
@@ -359,6 +363,7 @@ pub fn steps(
     (0..poses.len())
         .map(|i| BodyStep {
             is_whole: false,
+            rim_fraction: None,
             frame: i as u64,
             stamp_ns: 1_700_000_000_000_000_000 + (i as f64 * period_ns).round() as u64,
             body: 0,

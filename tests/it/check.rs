@@ -1,12 +1,12 @@
 //! The rig check on simulated rigs whose faults are known.
 
-use crate::support::{Rig, run, succeed};
+use crate::support::{Background, Rig, ricochet, run, succeed, wait_until};
 use ricochet::camera::simulated::{meta, stream_format};
 use ricochet::config::Config;
 use ricochet::image::Frame;
 use ricochet::measure::{Measurer, Share};
 use ricochet::process::analysis_params;
-use ricochet::synth::{Scenario, World};
+use ricochet::synth::{MotionSetup, Scenario, World};
 use serde_json::Value;
 use std::path::PathBuf;
 
@@ -123,6 +123,41 @@ fn a_sound_rig_is_good_throughout() {
     }
     assert_eq!(told["frames"], 200);
     println!("{told:#}");
+}
+
+/// A check that is held up while it films, as by a machine that has other things to do.
+#[test]
+fn frames_that_a_busy_machine_loses_are_counted_at_the_rate_that_was_wanted() {
+    let rig = Rig::new();
+    let mut scenario = still();
+    (scenario.camera.frames, scenario.camera.frame_rate_hz) = (2000, 500.0);
+    (scenario.camera.width_px, scenario.camera.height_px, scenario.body.diameter_mm) = (160, 144, 36.0);
+    let MotionSetup::Constant { start_px, .. } = &mut scenario.motion else { panic!("a ball at rest") };
+    *start_px = [80.0, 72.0];
+    let film = rig.file("film.toml", &toml::to_string(&scenario).unwrap());
+    let config = rig.config(
+        &format!("source = \"simulated\"\nscenario = \"{}\"\npaced = true", film.display()),
+        &BODY.replace("60", "36"),
+    );
+    let arguments = ["check".as_ref(), config.as_os_str(), "--json".as_ref(), "--seconds".as_ref(), "2.5".as_ref()];
+    let check = Background::start(ricochet(arguments));
+    let role = format!("@ricochet/check-{}/check", check.0.id());
+    wait_until("it films", || std::fs::read_to_string("/proc/net/unix").unwrap().contains(&role).then_some(()));
+    std::thread::sleep(std::time::Duration::from_millis(200));
+    check.signal(19);
+    // The camera has 64 slots, of an eighth of a second.
+    std::thread::sleep(std::time::Duration::from_millis(800));
+    check.signal(18);
+    let (code, printed, complaints) = check.end();
+    let told: Value = serde_json::from_str(&printed).unwrap_or_else(|error| panic!("{error}: {printed}{complaints}"));
+    let lost = value(&told, "lost-frames");
+    println!("{lost} of {} lost; {complaints}", told["frames"]);
+    assert_eq!((code, verdict(&told, "lost-frames")), (Some(6), "bad"), "{told:#}");
+    assert!(complaints.contains(&format!("data were lost: {lost}")), "{complaints}");
+    assert!((200.0..=400.0).contains(&lost), "{lost} frames of 0.8 s less the slots");
+    // Those that came and those that were lost make the rate that was wanted: none was counted twice or not at all.
+    let rate_hz = value(&told, "frame-rate");
+    assert!((rate_hz - 500.0).abs() < 1e-3, "{rate_hz} Hz");
 }
 
 #[test]

@@ -124,6 +124,23 @@ fn the_scatter_of_a_ball_followed_by_its_field_is_foreseen_within_a_fifth() {
     within_a_fifth(&config, 60, &["motion.vn_m_s", "motion.vt_m_s", "motion.omega_rad_s"]);
 }
 
+#[test]
+#[ignore = "takes minutes"]
+fn the_scatter_of_a_rod_that_strikes_is_foreseen_within_a_fifth() {
+    let text = include_str!("../../config/rod.toml");
+    let config = Config::parse(text, "rod.toml").unwrap();
+    let names = ["flight.vn_m_s", "contact.vn_m_s", "rebound.vn_m_s", "start_s", "end_s", "restitution"];
+    within_a_fifth(&config, 60, &names);
+}
+
+#[test]
+#[ignore = "takes minutes"]
+fn the_scatter_of_spin_in_a_short_flight_is_foreseen_within_a_fifth() {
+    let place = Rig::new();
+    let config = rig(&place, &striking(), "[velocity]\ngravity_angle_deg = -71\n");
+    within_a_fifth(&config, 240, &["rebound.omega_rad_s", "omega_after_rad_s", "vn_after_m_s"]);
+}
+
 fn told(config: &Config, place: &Rig, more: &[&str]) -> Value {
     let path = place.path("rig.toml");
     std::fs::write(&path, &config.text).unwrap();

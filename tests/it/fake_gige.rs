@@ -43,7 +43,8 @@ pub struct FakeGige {
     shared: *mut Shared,
     sent: Arc<AtomicU64>,
     description: NamedTempFile,
-    _port: MutexGuard<'static, ()>,
+    address: &'static str,
+    _port: Option<MutexGuard<'static, ()>>,
 }
 
 impl FakeGige {
@@ -61,6 +62,26 @@ impl FakeGige {
         static PORT: Mutex<()> = Mutex::new(());
         let aravis = aravis_or_leave_out()?;
         let port = PORT.lock().unwrap_or_else(PoisonError::into_inner);
+        Some(Self::at(aravis, ADDRESS, wiring, limit, source, Some(port)))
+    }
+
+    /// As [`plug_in`](Self::plug_in), at an address that nobody else uses.
+    pub fn plug_in_at(
+        address: &'static str,
+        limit: u64,
+        source: impl Fn(u64, &mut [u8]) + Send + Sync + 'static,
+    ) -> Option<Self> {
+        Some(Self::at(aravis_or_leave_out()?, address, Wiring::Software, limit, source, None))
+    }
+
+    fn at(
+        aravis: &'static sys::Aravis,
+        address: &'static str,
+        wiring: Wiring,
+        limit: u64,
+        source: impl Fn(u64, &mut [u8]) + Send + Sync + 'static,
+        port: Option<MutexGuard<'static, ()>>,
+    ) -> Self {
         let (line1, software) = if wiring == Wiring::Line1 { ("1", "2") } else { ("2", "1") };
         let text = include_str!("fake_camera.xml")
             .replace("<Value>LINE1</Value>", &format!("<Value>{line1}</Value>"))
@@ -71,9 +92,9 @@ impl FakeGige {
         let camera = AtomicPtr::new(ptr::null_mut());
         let shared =
             Box::into_raw(Box::new(Shared { source: Box::new(source), sent: Arc::clone(&sent), limit, camera }));
-        let mut gige = Self { aravis, gige: ptr::null_mut(), shared, sent, description, _port: port };
+        let mut gige = Self { aravis, gige: ptr::null_mut(), shared, sent, description, address, _port: port };
         gige.plug_back();
-        Some(gige)
+        gige
     }
 
     /// Takes the camera off the network, without a word to whoever uses it.
@@ -86,7 +107,7 @@ impl FakeGige {
     /// Plugs it in again, as new; its frames go on counting.
     pub fn plug_back(&mut self) {
         let path = CString::new(self.description.path().to_str().unwrap()).unwrap();
-        self.gige = start(self.aravis, &path);
+        self.gige = start(self.aravis, self.address, &path);
         let camera = self.camera();
         // SAFETY: `shared` is freed in drop, after the camera's thread has ended.
         unsafe {
@@ -164,8 +185,8 @@ pub fn aravis_or_leave_out() -> Option<&'static sys::Aravis> {
 }
 
 /// Waits its turn for the port when another process has a camera on it.
-fn start(aravis: &'static sys::Aravis, description: &CString) -> *mut sys::ArvGvFakeCamera {
-    let address = CString::new(ADDRESS).unwrap();
+fn start(aravis: &'static sys::Aravis, at: &str, description: &CString) -> *mut sys::ArvGvFakeCamera {
+    let address = CString::new(at).unwrap();
     let deadline = Instant::now() + Duration::from_secs(60);
     loop {
         // SAFETY: terminated strings; the reference is ours.
@@ -176,7 +197,7 @@ fn start(aravis: &'static sys::Aravis, description: &CString) -> *mut sys::ArvGv
             }
             aravis.g_object_unref(gige.cast());
         }
-        assert!(Instant::now() < deadline, "UDP port 3956 of {ADDRESS} stays taken");
+        assert!(Instant::now() < deadline, "UDP port 3956 of {at} stays taken");
         std::thread::sleep(Duration::from_millis(100));
     }
 }

@@ -116,3 +116,34 @@ fn a_killed_supervisor_takes_its_processes_with_it() {
         |pid: &u32| std::fs::read_to_string(format!("/proc/{pid}/stat")).map_or(true, |stat| stat.contains(") Z "));
     wait_until("they end", || pids.iter().all(gone).then_some(()));
 }
+
+#[test]
+fn a_camera_process_that_is_held_up_counts_the_frames_that_found_no_slot() {
+    let rig = Rig::new();
+    let scenario = rig.file("drift.toml", &drift(3000, 300.0));
+    let camera = format!("source = \"simulated\"\nscenario = \"{}\"\npaced = true", scenario.display());
+    let config = rig.config(&camera, "[workers]\ncount = 0");
+    let service = Background::start(ricochet(["run".as_ref(), config.as_os_str()]));
+    let before = wait_until("it films", || {
+        let status = status(&rig.name)?;
+        (number(&status, "record", "sequence") > 60).then_some(status)
+    });
+    let pid = u32::try_from(number(&before, "acquire", "pid")).unwrap();
+    kill(pid, 19);
+    // Twice what its 64 slots take.
+    std::thread::sleep(Duration::from_millis(430));
+    kill(pid, 18);
+    let after = wait_until("it goes on", || {
+        let status = status(&rig.name)?;
+        (number(&status, "acquire", "lost") > 0 && number(&status, "record", "sequence") > 300).then_some(status)
+    });
+    assert_eq!(number(&after, "acquire", "pid"), u64::from(pid));
+    service.signal(2);
+    let (code, printed, told) = service.end();
+    assert_eq!(code, Some(6), "{told}");
+    let film = frames(std::path::Path::new(printed.trim()));
+    let missing = film.last().unwrap().0.sequence + 1 - film.len() as u64;
+    println!("{missing} frames found no slot: {told}");
+    assert!(missing >= 30 && film.iter().all(|(meta, _)| meta.epoch == 0), "{missing} missing");
+    assert!(told.contains(&format!("acquire 0 lost {missing}")), "{told}");
+}

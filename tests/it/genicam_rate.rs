@@ -11,8 +11,9 @@ use std::ffi::CString;
 use std::ptr;
 use std::time::{Duration, Instant};
 
-const SPAN: Duration = Duration::from_secs(1);
-const TURNS: u32 = 4;
+/// Short turns in pairs, and medians: what else the machine does meets both alike.
+const SPAN: Duration = Duration::from_millis(300);
+const TURNS: usize = 15;
 const FRAME_BYTES: usize = 512 * 512;
 const BUFFERS: usize = 200;
 
@@ -90,6 +91,11 @@ unsafe extern "C" fn prefer(_: *mut std::ffi::c_void, kind: sys::ArvStreamCallba
     }
 }
 
+fn median(mut rates: Vec<f64>) -> f64 {
+    rates.sort_by(f64::total_cmp);
+    rates[rates.len() / 2]
+}
+
 #[test]
 #[ignore = "a measurement, to be run alone: cargo test --release --test it rate -- --ignored --nocapture"]
 fn flat_out_at_least_nine_tenths_of_the_frames_the_library_alone_gets_come_through() {
@@ -101,12 +107,20 @@ fn flat_out_at_least_nine_tenths_of_the_frames_the_library_alone_gets_come_throu
         return;
     };
     for packet_bytes in [1500, 9000, 16_000] {
-        let (mut alone, mut through) = (0.0, 0.0);
-        for _ in 0..TURNS {
-            alone += library_alone(aravis, packet_bytes) / f64::from(TURNS);
-            through += ours(packet_bytes.cast_unsigned()) / f64::from(TURNS);
-        }
-        println!("packets of {packet_bytes} bytes: library alone {alone:.0} frames/s, through the camera {through:.0}");
-        assert!(through >= 0.9 * alone);
+        // Whoever comes first in a pair comes second in the next.
+        let pair = |turn: usize| {
+            let first = turn.is_multiple_of(2).then(|| library_alone(aravis, packet_bytes));
+            let through = ours(packet_bytes.cast_unsigned());
+            (first.unwrap_or_else(|| library_alone(aravis, packet_bytes)), through)
+        };
+        let pairs: Vec<(f64, f64)> = (0..TURNS).map(pair).collect();
+        let alone = median(pairs.iter().map(|(alone, _)| *alone).collect());
+        let through = median(pairs.iter().map(|(_, through)| *through).collect());
+        let share = median(pairs.iter().map(|(alone, through)| through / alone).collect());
+        println!(
+            "packets of {packet_bytes} bytes: library alone {alone:.0} frames/s, through the camera {through:.0}, \
+             {share:.2} of it within a pair"
+        );
+        assert!(share >= 0.9);
     }
 }

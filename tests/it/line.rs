@@ -390,26 +390,40 @@ fn a_worker_that_hangs_does_not_hold_a_shot_for_ever() {
 }
 
 #[test]
-fn a_killed_camera_process_begins_a_run_of_its_own() {
+fn a_killed_camera_process_goes_on_in_the_same_recording_under_a_raised_epoch() {
     let rig = Rig::new();
-    let config = filming(&rig, 60.0, "[workers]\ncount = 1");
+    let config = filming(&rig, 120.0, "[workers]\ncount = 2");
     let service = Background::start(ricochet(["run".as_ref(), config.as_os_str()]));
-    let before = wait_for_frame(&rig, 50);
+    let before = wait_for_frame(&rig, 100);
     kill(u32::try_from(number(&before, "acquire", "pid")).unwrap(), 9);
-    wait_until("the next run is measured", || {
+    let after = wait_until("the next run is measured", || {
         let status = status(&rig.name)?;
         let tracked = process(&status, "track", 0)?;
-        (tracked["run_id"] != process(&before, "track", 0)?["run_id"] && number(&status, "track", "sequence") > 50)
-            .then_some(())
+        let goes_on = tracked["run_id"] != process(&before, "track", 0)?["run_id"];
+        (goes_on && number(&status, "track", "sequence") > number(&before, "acquire", "sequence") + 50)
+            .then_some(status)
     });
+    for role in ["correlate", "track", "record"] {
+        assert_eq!(number(&after, role, "pid"), number(&before, role, "pid"), "{role} went on");
+    }
     service.signal(2);
     let (code, printed, told) = service.end();
     assert_eq!(code, Some(6), "{told}");
-    assert_eq!(printed.lines().count(), 2, "a recording a run: {printed}");
-    for path in printed.lines() {
-        let sequences: Vec<u64> = frames(Path::new(path)).iter().map(|(meta, _)| meta.sequence).collect();
-        assert!(sequences.len() > 30 && sequences == (0..sequences.len() as u64).collect::<Vec<_>>(), "{sequences:?}");
-    }
+    assert_eq!(printed.lines().count(), 1, "{printed}");
+    let path = Path::new(printed.trim());
+    let film = frames(path);
+    let gaps: Vec<_> = film.windows(2).filter(|pair| pair[1].0.sequence != pair[0].0.sequence + 1).collect();
+    assert_eq!((film[0].0.sequence, gaps.len()), (0, 1));
+    let [(last, _), (next, _)] = [&gaps[0][0], &gaps[0][1]];
+    println!("{} frames missing, {} ns", next.sequence - last.sequence - 1, next.stamp_ns - last.stamp_ns);
+    assert_eq!((last.epoch, next.epoch, next.sequence % 16), (0, 1, 0));
+    assert!(next.stamp_ns - last.stamp_ns < 3_000_000_000, "it streams again within 3 s");
+    let events = csv(path, "events");
+    let told = format!("frame {}: its process was started again; epoch 1", next.sequence);
+    assert!(events.contains(&told) && events.contains("acquire 0 ended with signal: 9 (SIGKILL)"), "{events}");
+    let (code, analysed) = analysis(&rig, path, "1");
+    assert_eq!(code, Some(6));
+    assert!(analysed == tables(path), "the frames around the gap are measured live as they are afterwards");
 }
 
 #[test]

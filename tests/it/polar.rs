@@ -75,7 +75,7 @@ fn a_ring_shrinks_before_what_hides_the_ball() {
 #[test]
 fn a_ball_that_turns_by_tens_of_degrees_a_frame_is_followed_whatever_the_method() {
     for (seed, spin_deg) in [(1, 12.7), (2, -31.3), (3, 97.1)] {
-        for method in ["rigid", "field", "ring"] {
+        for method in ["rigid", "field", "center", "ring"] {
             let scenario = film(seed, (0.61, -0.37, spin_deg));
             let rows = rows_of(&World::new(&scenario).unwrap(), &rig(&scenario, &format!("method = \"{method}\"")));
             let (rms, pull, count) = judge(&rows, spin_deg);

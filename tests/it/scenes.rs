@@ -3,9 +3,9 @@
 use crate::film::rows_of;
 use crate::support::{Rig, csv, succeed};
 use ricochet::camera::simulated;
-use ricochet::dic::{CorrelationParams, Correlator, Prepared, Region, RigidBody};
+use ricochet::dic::{CorrelationParams, Correlator, Prepared, Region, RigidBody, Start, grid};
 use ricochet::recording::Recording;
-use ricochet::results::PointStatus;
+use ricochet::results::{PointStatus, VelocitySample};
 use ricochet::synth::{MotionSetup, PartSetup, PatternSetup, Scenario, Shape, World};
 
 fn built_in(name: &str) -> World {
@@ -20,7 +20,7 @@ fn checksum(world: &World, index: u64) -> u64 {
 }
 
 /// The first, a middle and the last frame of every experiment.
-const FILMS: [(&str, [u64; 3]); 8] = [
+const FILMS: [(&str, [u64; 3]); 9] = [
     ("lacrosse", [0x31e5_7fde_4fa3_3f96, 0x6629_4990_aa7f_8a15, 0xb917_4400_693a_9cf7]),
     ("lacrosse-sphere", [0xacd8_13d8_21bc_933b, 0x6e8f_bbd3_af7d_0cd9, 0xdcc3_406e_31c3_d15a]),
     ("tennis", [0xcbc9_7929_c81c_25f7, 0x741e_4180_3b80_5a89, 0x313b_e619_99df_4f09]),
@@ -29,6 +29,7 @@ const FILMS: [(&str, [u64; 3]); 8] = [
     ("rod-ringing", [0x7609_0675_7c72_ea09, 0x99c7_ddec_c68c_2572, 0x2155_5782_c6b3_d8ea]),
     ("pair", [0xc56c_7449_97ed_de42, 0xf6e8_47ef_37e7_477a, 0xfd06_6394_924a_8644]),
     ("passing", [0x3401_20cd_7884_bbad, 0x0108_c01a_9b71_ddd6, 0xca4c_3d5a_f954_308c]),
+    ("plane", [0x7a5b_069a_0663_81df, 0xb913_5c83_605d_28f7, 0x7432_a6bd_06f5_5d77]),
 ];
 
 /// The second frame of every pattern of the study.
@@ -327,7 +328,12 @@ fn refused(scenario: &Scenario, old: &str, new: &str) -> String {
 fn bad_scenes_get_one_clear_line_each() {
     let (pair, passing) = (Scenario::built_in("pair").unwrap(), Scenario::built_in("passing").unwrap());
     for (scenario, old, new, message) in [
-        (&pair, "shape = \"disc\"", "shape = \"cube\"", "unknown variant `cube`, expected `disc` or `sphere`"),
+        (
+            &pair,
+            "shape = \"disc\"",
+            "shape = \"cube\"",
+            "unknown variant `cube`, expected one of `disc`, `sphere`, `plane`",
+        ),
         (&pair, "frames = 40.37", "frames = 0.0", "motion.parts.frames = 0 is out of range: allowed is 0.000001 to"),
         (&pair, "frames = 40.37", "frames = -1.0", "motion.parts.frames = -1 is out of range"),
         (
@@ -381,4 +387,39 @@ fn the_scenarios_of_the_manual_can_be_filmed() {
         world.render(world.frames() / 2, &mut bytes);
         assert_eq!(simulated::stream_format(&world).width_px, scenario.camera.width_px);
     }
+}
+
+#[test]
+fn a_plane_is_speckled_from_edge_to_edge_and_moves_as_its_truth_says() {
+    let world = built_in("plane");
+    let params = CorrelationParams { step_px: 16, ..CorrelationParams::default() };
+    let (width, height) = (world.width_px() as usize, world.height_px() as usize);
+    let mut correlator = Correlator::new(&params, width, height).unwrap();
+    let prepared = |index| correlator.prepare(world.render_light(index).view());
+    let (from, to) = (prepared(10), prepared(30));
+    let points = grid::rectangle([0, 0, width as u32, height as u32], params.step_px, params.subset_size_px);
+    let mut field = Vec::new();
+    correlator.correlate(&from, &to, &points, Start::Search, &mut field);
+    let (here, there) = (world.truth(10), world.truth(30));
+    let at = |row: &VelocitySample| [row.center_x_px.unwrap(), row.center_y_px.unwrap()];
+    let ([x, y], [to_x, to_y]) = (at(&here), at(&there));
+    let (sin, cos) = (world.angle_deg(30) - world.angle_deg(10)).to_radians().sin_cos();
+    let mut found = 0;
+    for point in &field {
+        let Some(moved) = point.displacement else { continue };
+        let (dx, dy) = (f64::from(point.x_px) - x, f64::from(point.y_px) - y);
+        let off = [
+            f64::from(moved.u_px) - (to_x + dx * cos + dy * sin - x - dx),
+            f64::from(moved.v_px) - (to_y + dy * cos - dx * sin - y - dy),
+        ];
+        assert!(off.iter().all(|off| off.abs() < 0.01), "{point:?} is off by {off:?} px");
+        found += 1;
+    }
+    // What leaves the picture at the right and at the top is not found.
+    assert!(found * 10 >= field.len() * 8, "{found} of {}", field.len());
+    assert!((0..world.frames()).all(|index| world.truth(index).status == PointStatus::Valid));
+    let mut striking = Scenario::built_in("lacrosse").unwrap();
+    striking.body.shape = Shape::Plane;
+    let refused = World::new(&striking).unwrap_err().to_string();
+    assert!(refused.contains("motion.kind") && refused.contains("a plane strikes nothing"), "{refused}");
 }

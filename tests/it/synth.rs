@@ -2,7 +2,7 @@
 #![expect(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
 
 use ricochet::results::{ForceLaw, Phase, PointStatus};
-use ricochet::synth::{MotionSetup, PatternSetup, Scenario, World};
+use ricochet::synth::{MotionSetup, PatternSetup, Scenario, Shape, World};
 
 fn world(scenario: &Scenario) -> World {
     World::new(scenario).unwrap()
@@ -426,17 +426,24 @@ fn a_half_hidden_ball_is_half_visible() {
 #[ignore = "a speed is only worth asserting on a quiet machine"]
 #[expect(clippy::disallowed_methods, reason = "measures how long drawing takes")]
 fn at_least_300_frames_of_512_x_512_are_drawn_in_a_second_on_one_core() {
-    let world = world(&Scenario::translation(0.37, 0.13, 0.35));
-    let mut bytes = vec![0; world.frame_bytes()];
-    let best_s = (0..100)
-        .map(|round| {
-            let started = std::time::Instant::now();
-            world.render(round % world.frames(), &mut bytes);
-            started.elapsed().as_secs_f64()
-        })
-        .fold(f64::INFINITY, f64::min);
-    eprintln!("{:.0} frames/s", 1.0 / best_s);
-    assert!(best_s < 1.0 / 300.0, "{:.0} frames/s", 1.0 / best_s);
+    for shape in [Shape::Disc, Shape::Sphere] {
+        let mut scenario = Scenario::translation(0.37, 0.13, 0.35);
+        scenario.body.shape = shape;
+        let world = world(&scenario);
+        let mut bytes = vec![0; world.frame_bytes()];
+        let mut times_s: Vec<f64> = (0..100)
+            .map(|part| {
+                let started = std::time::Instant::now();
+                world.render(part * world.frames() / 100, &mut bytes);
+                started.elapsed().as_secs_f64()
+            })
+            .collect();
+        times_s.sort_by(f64::total_cmp);
+        let [best, median, worst] = [0, 50, 99].map(|at| 1.0 / times_s[at]);
+        eprintln!("{shape:?}: {median:.0} frames/s in the median, {best:.0} at best, {worst:.0} at worst");
+        // What else the machine does is not the drawing's fault.
+        assert!(best > 300.0, "{shape:?}: {best:.0} frames/s");
+    }
 }
 
 #[test]

@@ -307,3 +307,37 @@ fn a_drop_is_kept_around_its_predicted_contact_and_sets_off_what_the_rig_file_sa
     );
     assert!(said("rig no-such-rig: "), "{actions:?}");
 }
+
+#[test]
+fn what_is_asked_for_during_a_shot_is_told_at_once_and_holds_after_it() {
+    let rig = Rig::new();
+    let film = rig.file("drift.toml", &crate::pipeline::drift(4000, 250.0));
+    let camera = format!("source = \"simulated\"\nscenario = \"{}\"\npaced = true", film.display());
+    let trigger = "[trigger]\nmode = \"software\"\nrearm = false\npre_s = 0.1\npost_s = 1.0\n[workers]\ncount = 1";
+    let config = rig.config(&camera, trigger);
+    let name = rig.name.as_str();
+    let listener = Background::start(ricochet(["listen", "events", "--rig", name, "--json", "--wait", "60"]));
+    let service = Background::start(ricochet(["run".as_ref(), config.as_os_str()]));
+    let ask = |command: &str| ricochet([command, "--rig", name]).output().unwrap();
+    wait_until("it films", || ask("trigger").status.success().then_some(()));
+    assert!(ask("arm").status.success());
+    wait_until("the first shot is written", || (rig.recordings().len() == 1).then_some(()));
+    wait_until("the rig is armed, though it does not arm itself", || ask("trigger").status.success().then_some(()));
+    assert!(ask("arm").status.success() && ask("disarm").status.success());
+    wait_until("the second shot is written", || (rig.recordings().len() == 2).then_some(()));
+    let refused = ask("trigger");
+    let told = String::from_utf8(refused.stderr).unwrap();
+    assert!(refused.status.code() == Some(2) && told.contains("the rig is disarmed"), "{told}");
+    service.signal(2);
+    assert_eq!(service.end().0, Some(0));
+    let events = events(&listener.end().1);
+    let texts = |kinds: &[&str]| -> Vec<String> {
+        let told = events.iter().filter(|(kind, _)| kinds.contains(&kind.as_str()));
+        told.map(|(kind, text)| if text.contains('/') { kind.clone() } else { text.clone() }).collect()
+    };
+    let states = ["preparing", "armed", "writing", "done", "armed", "writing", "done", "idle", "done"];
+    assert_eq!(texts(&["state"]), states, "no shot goes without `writing`");
+    let (armed, disarmed) = ("armed; a shot is being written", "disarmed; a shot is being written");
+    let told = ["software", armed, "recorded", "armed", "software", armed, disarmed, "recorded", "disarmed"];
+    assert_eq!(texts(&["triggered", "armed", "disarmed", "recorded"]), told);
+}

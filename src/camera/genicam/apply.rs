@@ -1,13 +1,20 @@
 //! A rig's settings, written to the camera in the order cameras need.
 
 use super::device::Device;
-use super::feature::{check_real, is_near, setting};
+use super::feature::{check_real, is_near};
 use super::handle::{c_text, checked};
 use super::settings::GenicamSettings;
 use super::sys::ARV_AUTO_OFF;
+use crate::camera::setting::{set_until_none_is_left, setting};
 use crate::camera::{CameraError, StreamFormat};
 use crate::config::FeatureValue;
 use crate::image::PixelFormat;
+
+/// Longest side of a picture: no sensor has more, so that a camera which tells more tells nonsense.
+const MAX_SIDE_PX: u32 = 65_535;
+
+/// Most that a camera sends behind a picture.
+const MAX_CHUNKS_BYTES: usize = 64 << 10;
 
 /// Writes every setting and answers with what the camera delivers then.
 ///
@@ -28,13 +35,14 @@ pub fn apply(device: &Device, settings: &GenicamSettings) -> Result<StreamFormat
     set_exposure(device, settings)?;
     let frame_rate_hz = set_rate_and_trigger(device, settings, triggers.is_empty())?;
     pending.extend(triggers);
-    set_until_none_is_left(device, pending)?;
+    set_until_none_is_left(pending, |key, value| device.set_feature(key, value))?;
     for (key, value) in &settings.features {
         device.verify_feature(key, value)?;
     }
     let size = |name: &str| {
         let value = device.integer(name).map_err(|reason| setting(name, "its current value", reason))?;
-        u32::try_from(value).map_err(|_| setting(name, value, "no size"))
+        let pixels = u32::try_from(value).ok().filter(|pixels| (1..=MAX_SIDE_PX).contains(pixels));
+        pixels.ok_or_else(|| setting(name, value, format!("allowed 1 to {MAX_SIDE_PX}")))
     };
     let exposure_us = match settings.exposure_us {
         Some(exposure_us) => exposure_us,
@@ -43,28 +51,7 @@ pub fn apply(device: &Device, settings: &GenicamSettings) -> Result<StreamFormat
     let stream =
         StreamFormat { width_px: size("Width")?, height_px: size("Height")?, format, frame_rate_hz, exposure_us };
     check_region(settings, &stream)?;
-    check_payload(device, &stream)?;
     Ok(stream)
-}
-
-/// Sets what is left, over and over while one more succeeds: that may be what the next one waits for.
-fn set_until_none_is_left(device: &Device, mut pending: Vec<(&String, &FeatureValue)>) -> Result<(), CameraError> {
-    loop {
-        let before = pending.len();
-        let mut refused = None;
-        pending.retain(|(key, value)| match device.set_feature(key, value) {
-            Ok(()) => false,
-            Err(error) => {
-                refused.get_or_insert(error);
-                true
-            }
-        });
-        match refused {
-            None => return Ok(()),
-            Some(error) if pending.len() == before => return Err(error),
-            Some(_) => {}
-        }
-    }
 }
 
 /// Window: offsets to 0 first, since they bound the size.
@@ -220,17 +207,24 @@ fn set_trigger(device: &Device, source: &str) -> Result<(), String> {
     Ok(())
 }
 
-/// Slots are as large as the pixels: a camera that sends more with each frame cannot write into them.
-fn check_payload(device: &Device, stream: &StreamFormat) -> Result<(), CameraError> {
+/// Bytes that come with each frame: its pixels, and behind them only what chunk data is made of.
+///
+/// # Errors
+///
+/// [`CameraError::Setting`] when the camera sends something else.
+pub fn payload_bytes(device: &Device, stream: &StreamFormat, has_chunks: bool) -> Result<usize, CameraError> {
     let refused = |value: String, reason: String| setting("PayloadSize", value, reason);
     let payload = device
         .ask(device.aravis.arv_camera_get_payload)
         .map_err(|reason| refused("its current value".into(), reason))?;
-    if payload as usize == stream.slot_bytes() {
-        return Ok(());
+    let pixels = stream.slot_bytes();
+    match payload as usize {
+        bytes if bytes == pixels && !has_chunks => Ok(bytes),
+        bytes if (pixels + 1..=pixels + MAX_CHUNKS_BYTES).contains(&bytes) && has_chunks => Ok(bytes),
+        _ if has_chunks => {
+            let reason = format!("a frame has {pixels} bytes, and up to {MAX_CHUNKS_BYTES} of chunk data behind them");
+            Err(refused(payload.to_string(), reason))
+        }
+        _ => Err(refused(payload.to_string(), format!("a frame has {pixels} bytes: switch padding off"))),
     }
-    Err(refused(
-        payload.to_string(),
-        format!("a frame has {} bytes: switch chunk data and padding off", stream.slot_bytes()),
-    ))
 }

@@ -2,8 +2,8 @@
 
 use super::device::{Access, Device, Kind};
 use crate::camera::CameraError;
+use crate::camera::setting::{check_whole, setting, whole_range};
 use crate::config::FeatureValue;
-use std::fmt;
 
 /// Cameras round what they cannot keep: a read-back this near, relative, is what was set.
 const ROUNDING: f64 = 0.01;
@@ -74,6 +74,11 @@ impl Device {
         verify().map_err(|reason| setting(key, value, reason))
     }
 
+    /// The value that a boolean has while its selector is turned to this word.
+    pub(super) fn boolean_of(&self, name: &str, selector: &str, word: &str) -> Result<bool, String> {
+        Key { name, selector: Some((selector, word)) }.selected(self, || self.boolean(name))
+    }
+
     fn set_and_verify(&self, name: &str, value: &FeatureValue) -> Result<(), String> {
         let kind = self.kind(name).ok_or("the camera has no such feature")?;
         if !self.has(name) {
@@ -108,7 +113,9 @@ impl Device {
     pub(super) fn allowed(&self, name: &str, kind: Kind) -> String {
         let range = match kind {
             Kind::Enumeration => self.words(name).map(|words| words.join(", ")),
-            Kind::Integer => self.integer_range(name).map(whole_range),
+            Kind::Integer => {
+                self.integer_range(name).map(|(least, most, step)| whole_range(least, most, step.unsigned_abs()))
+            }
             Kind::Float => self.float_range(name).map(|(least, most)| format!("{least} to {most}")),
             _ => Ok(String::new()),
         };
@@ -117,9 +124,7 @@ impl Device {
 
     fn set_whole(&self, name: &str, value: i64) -> Result<(), String> {
         let (least, most, step) = self.integer_range(name)?;
-        if value < least || value > most || value.abs_diff(least) % step.unsigned_abs() != 0 {
-            return Err(format!("allowed {}", whole_range((least, most, step))));
-        }
+        check_whole(value, least, most, step.unsigned_abs())?;
         self.set_integer(name, value)
     }
 
@@ -159,12 +164,6 @@ impl Device {
     }
 }
 
-/// A range of whole numbers for a person.
-fn whole_range((least, most, step): (i64, i64, i64)) -> String {
-    let steps = if step == 1 { String::new() } else { format!(" in steps of {step}") };
-    format!("{least} to {most}{steps}")
-}
-
 /// Whether a camera's read-back is what was asked for, rounded to what it can keep.
 pub(super) fn is_near(wanted: f64, kept: f64) -> bool {
     (wanted - kept).abs() <= ROUNDING * wanted.abs().max(f64::MIN_POSITIVE)
@@ -177,9 +176,4 @@ pub(super) fn check_real(value: f64, least: f64, most: f64) -> Result<(), String
         return Ok(());
     }
     Err(format!("allowed {least} to {most}"))
-}
-
-/// The error for a setting that was refused.
-pub(super) fn setting(feature: &str, value: impl fmt::Display, reason: impl Into<String>) -> CameraError {
-    CameraError::Setting { feature: feature.into(), value: value.to_string(), reason: reason.into() }
 }

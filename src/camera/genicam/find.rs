@@ -2,12 +2,11 @@
 
 use super::device::Device;
 use super::handle::{Library, Object, c_text, checked, text};
-use super::library::library;
+use super::library::{library, one_at_a_time};
 use super::sys::{ARV_GV_PACKET_SIZE_ADJUSTMENT_NEVER, guint};
 use crate::camera::{CameraError, CameraIdentity};
 use std::ffi::c_char;
 use std::net::{Ipv4Addr, SocketAddr, UdpSocket};
-use std::sync::{Mutex, PoisonError};
 use std::time::Duration;
 
 /// One camera in reach.
@@ -33,10 +32,9 @@ pub struct CameraListing {
 ///
 /// [`CameraError::LibraryMissing`] when Aravis is not installed.
 pub fn list() -> Result<Vec<CameraListing>, CameraError> {
-    /// The library keeps one list for the process; its strings live until the next discovery.
-    static DISCOVERY: Mutex<()> = Mutex::new(());
     let aravis = Library(library()?);
-    let _one_at_a_time = DISCOVERY.lock().unwrap_or_else(PoisonError::into_inner);
+    // The strings of the list live until the next discovery.
+    let _turn = one_at_a_time();
     // SAFETY: no arguments, and nobody else is in here.
     let count = unsafe {
         aravis.arv_update_device_list();
@@ -97,9 +95,11 @@ impl Device {
             Err(_) => choose(&list()?, id).map_err(not_found)?,
         };
         let name = c_text(&name).map_err(not_found)?;
+        let turn = one_at_a_time();
         // SAFETY: a terminated name; a returned camera is ours.
         let camera =
             checked(aravis, |error| unsafe { aravis.arv_camera_new(name.as_ptr(), error) }).map_err(not_found)?;
+        drop(turn);
         // SAFETY: the library made it for us.
         let camera = unsafe { Object::owned(aravis, camera) }.ok_or_else(|| not_found("no camera".into()))?;
         let device = Self { aravis, camera };

@@ -45,6 +45,7 @@ functions="$functions|arv_stream_(start_thread|stop_thread|push_buffer|timeout_p
 functions="$functions|arv_stream_get_info_uint64_by_name|arv_gv_stream_get_port"
 functions="$functions|arv_buffer_new_full|arv_buffer_get_(status|payload_type|data|frame_id|timestamp|system_timestamp)"
 functions="$functions|arv_buffer_get_image_(pixel_format|region|padding|width|height)"
+functions="$functions|arv_camera_create_chunk_parser|arv_chunk_parser_get_integer_value"
 functions="$functions|arv_gv_fake_camera_(new_full|is_running|get_fake_camera)"
 functions="$functions|arv_fake_camera_(set_fill_pattern|set_trigger_frequency|(read|write)_register|get_payload)"
 functions="$functions|arv_fake_camera_(get_acquisition_status|get_control_channel_privilege|set_control_channel_privilege)"

@@ -2,7 +2,7 @@
 
 use super::sys::Aravis;
 use crate::camera::CameraError;
-use std::sync::OnceLock;
+use std::sync::{Mutex, MutexGuard, OnceLock, PoisonError};
 
 /// File name of the library, version of its interface included.
 const LIBRARY: &str = "libaravis-0.8.so.0";
@@ -22,6 +22,13 @@ pub fn library() -> Result<&'static Aravis, CameraError> {
     }
     let aravis = open_library(LIBRARY)?;
     Ok(OPENED.get_or_init(|| aravis))
+}
+
+/// The right to look for cameras and to read their descriptions, which the library cannot do on two threads at once:
+/// it keeps one list of cameras for the process, and its reader of descriptions falls over.
+pub fn one_at_a_time() -> MutexGuard<'static, ()> {
+    static TURN: Mutex<()> = Mutex::new(());
+    TURN.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 /// Opens the library of this file name and keeps it open for good: GLib cannot be unloaded.

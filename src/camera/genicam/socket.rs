@@ -1,22 +1,41 @@
-//! The socket that a stream arrives on: large enough before the first packet.
+//! The socket that a stream arrives on: found, and large enough before the first packet.
 
 use std::fs;
 use std::io;
 use std::mem;
-use std::net::Ipv4Addr;
+use std::net::{Ipv4Addr, SocketAddrV4};
 use std::os::fd::RawFd;
 
-/// The receive buffer of our own UDP socket bound to `port`, grown to hold `wanted_bytes`.
+/// Our own UDP socket bound to this port, at this address if one is given.
 ///
-/// Aravis sizes its socket only when the first packet has come, too late for the
-/// rest of that frame, and keeps the descriptor to itself; but it is one of ours.
+/// Aravis keeps the descriptor of its stream to itself; but it is one of ours.
 ///
 /// # Errors
 ///
-/// When no such socket is open, or the system refuses.
-pub fn grow_receive_buffer(port: u16, wanted_bytes: usize) -> io::Result<usize> {
-    let descriptor = find_udp(port)?
-        .ok_or_else(|| io::Error::new(io::ErrorKind::NotFound, format!("no UDP socket on port {port}")))?;
+/// When no such socket is open.
+pub fn find_udp(address: Option<Ipv4Addr>, port: u16) -> io::Result<RawFd> {
+    for entry in fs::read_dir("/proc/self/fd")? {
+        let name = entry?.file_name();
+        let Some(descriptor) = name.to_str().and_then(|name| name.parse::<RawFd>().ok()) else { continue };
+        let is_udp = option(descriptor, libc::SO_TYPE).is_ok_and(|kind| kind == libc::SOCK_DGRAM);
+        let is_bound =
+            |place: SocketAddrV4| place.port() == port && address.is_none_or(|address| address == *place.ip());
+        if is_udp && local_address(descriptor).is_some_and(is_bound) {
+            return Ok(descriptor);
+        }
+    }
+    Err(io::Error::new(io::ErrorKind::NotFound, format!("no UDP socket on port {port}")))
+}
+
+/// Grows the receive buffer of a socket to hold `wanted_bytes`; answers with what it holds.
+///
+/// Aravis sizes its socket only when the first packet has come, too late for the
+/// rest of that frame.
+///
+/// # Errors
+///
+/// When the system refuses.
+pub fn grow_receive_buffer(descriptor: RawFd, wanted_bytes: usize) -> io::Result<usize> {
     let size = i32::try_from(wanted_bytes).unwrap_or(i32::MAX);
     // The first needs a capability and knows no bound; the second is cut to net.core.rmem_max.
     if set_option(descriptor, libc::SO_RCVBUFFORCE, size).is_err() {
@@ -26,26 +45,15 @@ pub fn grow_receive_buffer(port: u16, wanted_bytes: usize) -> io::Result<usize> 
     Ok(usize::try_from(option(descriptor, libc::SO_RCVBUF)?).unwrap_or(0) / 2)
 }
 
-fn find_udp(port: u16) -> io::Result<Option<RawFd>> {
-    for entry in fs::read_dir("/proc/self/fd")? {
-        let name = entry?.file_name();
-        let Some(descriptor) = name.to_str().and_then(|name| name.parse::<RawFd>().ok()) else { continue };
-        let is_udp = option(descriptor, libc::SO_TYPE).is_ok_and(|kind| kind == libc::SOCK_DGRAM);
-        if is_udp && local_port(descriptor) == Some(port) {
-            return Ok(Some(descriptor));
-        }
-    }
-    Ok(None)
-}
-
-fn local_port(descriptor: RawFd) -> Option<u16> {
+fn local_address(descriptor: RawFd) -> Option<SocketAddrV4> {
     // SAFETY: all zeroes is a valid sockaddr_in.
     let mut address: libc::sockaddr_in = unsafe { mem::zeroed() };
     let mut size = mem::size_of::<libc::sockaddr_in>() as libc::socklen_t;
     // SAFETY: address and size are ours; longer addresses are cut to the size.
     let result = unsafe { libc::getsockname(descriptor, (&raw mut address).cast(), &raw mut size) };
     let is_ipv4 = libc::c_int::from(address.sin_family) == libc::AF_INET;
-    (result == 0 && is_ipv4).then(|| u16::from_be(address.sin_port))
+    let place = SocketAddrV4::new(u32::from_be(address.sin_addr.s_addr).into(), u16::from_be(address.sin_port));
+    (result == 0 && is_ipv4).then_some(place)
 }
 
 fn option(descriptor: RawFd, name: libc::c_int) -> io::Result<libc::c_int> {
@@ -95,22 +103,26 @@ pub fn mtu_of(address: Ipv4Addr) -> Option<u32> {
 mod tests {
     use super::*;
     use std::net::UdpSocket;
+    use std::os::fd::AsRawFd;
 
     #[test]
-    fn a_socket_of_ours_is_found_by_its_port_and_grows() {
-        let socket = UdpSocket::bind("127.0.0.1:0").unwrap();
+    fn a_socket_of_ours_is_found_by_its_place_and_grows() {
+        let socket = UdpSocket::bind("127.0.0.7:0").unwrap();
         let port = socket.local_addr().unwrap().port();
-        let small = grow_receive_buffer(port, 20_000).unwrap();
-        let large = grow_receive_buffer(port, 150_000).unwrap();
+        let descriptor = find_udp(Some(Ipv4Addr::new(127, 0, 0, 7)), port).unwrap();
+        assert_eq!(descriptor, socket.as_raw_fd());
+        let small = grow_receive_buffer(descriptor, 20_000).unwrap();
+        let large = grow_receive_buffer(descriptor, 150_000).unwrap();
         assert!(small >= 20_000 && large >= 150_000 && large > small, "{small}, {large}");
     }
 
     #[test]
-    fn a_port_nobody_has_is_said() {
-        let socket = UdpSocket::bind("127.0.0.1:0").unwrap();
+    fn a_port_nobody_has_at_this_address_is_said() {
+        let socket = UdpSocket::bind("127.0.0.7:0").unwrap();
         let port = socket.local_addr().unwrap().port();
+        let other = find_udp(Some(Ipv4Addr::new(127, 0, 0, 6)), port);
+        assert_eq!(other.unwrap_err().kind(), io::ErrorKind::NotFound);
         drop(socket);
-        assert_eq!(grow_receive_buffer(port, 1).unwrap_err().kind(), io::ErrorKind::NotFound);
     }
 
     #[test]

@@ -1,8 +1,12 @@
 //! The stream of a camera: slots go in, filled ones come out.
 //!
-//! The library writes packets straight into the slots' memory, from its own thread.
+//! The library writes packets straight into the slots' memory, from its own thread. Only where a camera sends
+//! something behind each picture, for which a slot has no room, they go to memory of the stream, and the picture is
+//! copied.
 
+use super::chunks::{Chunks, Told};
 use super::device::Device;
+use super::filter::Shape;
 use super::handle::{Library, Object, c_text, checked, text};
 use super::settings::GenicamSettings;
 use super::socket;
@@ -43,6 +47,8 @@ pub struct Arrival {
     pub received_bytes: usize,
     /// Width, height and pixel format in the frame's own header, when it has one.
     pub image: Option<(i32, i32, u32)>,
+    /// What the camera told behind the picture, of a whole frame of a camera that does.
+    pub told: Option<Result<Told, String>>,
 }
 
 /// Counts of the library, since the stream began.
@@ -65,9 +71,30 @@ pub struct StreamStatistics {
 pub struct Stream {
     // Dropped before the slots: the last reference ends the library's thread and frees its buffers.
     stream: Option<Object<ArvStream>>,
-    lent: Vec<(NonNull<ArvBuffer>, Slot)>,
+    lent: Vec<Lent>,
     aravis: Library,
-    payload_bytes: usize,
+    sizes: Sizes,
+    chunks: Option<Chunks>,
+    /// Memory for payloads that no buffer uses.
+    spare: Vec<Box<[u8]>>,
+}
+
+/// A slot in the library's hands.
+#[derive(Debug)]
+struct Lent {
+    buffer: NonNull<ArvBuffer>,
+    slot: Slot,
+    /// Where the payload goes when not into the slot.
+    payload: Option<Box<[u8]>>,
+}
+
+/// How much comes with each frame.
+#[derive(Debug, Clone, Copy)]
+pub struct Sizes {
+    /// Pixels.
+    pub image_bytes: usize,
+    /// Pixels and chunks.
+    pub payload_bytes: usize,
 }
 
 // SAFETY: buffers are reached through their addresses only here, and the library's queues lock themselves.
@@ -79,11 +106,17 @@ impl Stream {
     /// # Errors
     ///
     /// The library's words.
-    pub fn new(device: &Device, settings: &GenicamSettings, payload_bytes: usize) -> Result<Self, String> {
+    pub fn new(
+        device: &Device,
+        settings: &GenicamSettings,
+        sizes: Sizes,
+        chunks: Option<Chunks>,
+    ) -> Result<Self, String> {
         let aravis = device.aravis;
-        if device.is_gige() {
-            prepare_link(device, settings.packet_size_bytes)?;
-        }
+        let packet_bytes = match device.is_gige() {
+            true => Some(prepare_link(device, settings.packet_size_bytes)?),
+            false => None,
+        };
         let camera = device.camera.as_ptr();
         // SAFETY: an open camera; the callback takes no data and may run on any thread.
         let stream = checked(aravis, |error| unsafe {
@@ -91,10 +124,10 @@ impl Stream {
         })?;
         // SAFETY: the library made it for us.
         let stream = unsafe { Object::owned(aravis, stream) }.ok_or("the camera offers no stream")?;
-        if device.is_gige() {
-            prepare_socket(aravis, &stream, payload_bytes);
+        if let Some(packet_bytes) = packet_bytes {
+            prepare_socket(device, &stream, sizes.payload_bytes, packet_bytes);
         }
-        Ok(Self { stream: Some(stream), lent: Vec::new(), aravis, payload_bytes })
+        Ok(Self { stream: Some(stream), lent: Vec::new(), aravis, sizes, chunks, spare: Vec::new() })
     }
 
     fn as_ptr(&self) -> *mut ArvStream {
@@ -107,13 +140,16 @@ impl Stream {
     ///
     /// When the slot is smaller than a frame.
     pub fn push(&mut self, slot: Slot) {
-        assert!(slot.len() >= self.payload_bytes, "slot of {} bytes for {}", slot.len(), self.payload_bytes);
+        let Sizes { image_bytes, payload_bytes } = self.sizes;
+        assert!(slot.len() >= image_bytes, "slot of {} bytes for {image_bytes}", slot.len());
+        let mut payload =
+            self.chunks.is_some().then(|| self.spare.pop().unwrap_or_else(|| vec![0; payload_bytes].into()));
+        let memory = payload.as_mut().map_or(slot.as_ptr(), |payload| payload.as_mut_ptr());
         // A new buffer each time: a used one would carry the old frame's id into a torn frame.
-        // SAFETY: the slot's memory is exclusively ours and kept in `lent` for as long as the library has the buffer.
-        let buffer =
-            unsafe { self.aravis.arv_buffer_new_full(self.payload_bytes, slot.as_ptr().cast(), ptr::null_mut(), None) };
+        // SAFETY: the memory is exclusively ours and kept in `lent` for as long as the library has the buffer.
+        let buffer = unsafe { self.aravis.arv_buffer_new_full(payload_bytes, memory.cast(), ptr::null_mut(), None) };
         let Some(buffer) = NonNull::new(buffer) else { return };
-        self.lent.push((buffer, slot));
+        self.lent.push(Lent { buffer, slot, payload });
         // SAFETY: the stream takes the reference over.
         unsafe { self.aravis.arv_stream_push_buffer(self.as_ptr(), buffer.as_ptr()) };
     }
@@ -123,12 +159,31 @@ impl Stream {
         let timeout_us = u64::try_from(timeout.as_micros()).unwrap_or(u64::MAX);
         // SAFETY: a live stream; the reference of what comes out is ours.
         let buffer = NonNull::new(unsafe { self.aravis.arv_stream_timeout_pop_buffer(self.as_ptr(), timeout_us) })?;
-        let place = self.lent.iter().position(|(lent, _)| *lent == buffer)?;
-        let (_, slot) = self.lent.swap_remove(place);
-        let arrival = self.describe(buffer.as_ptr(), slot);
-        // SAFETY: popping gave us the reference; the memory stays with the slot.
+        let place = self.lent.iter().position(|lent| lent.buffer == buffer)?;
+        let Lent { slot, payload, .. } = self.lent.swap_remove(place);
+        let mut arrival = self.describe(buffer.as_ptr(), slot);
+        if let Some(payload) = payload {
+            self.take_apart(buffer.as_ptr(), &mut arrival, &payload);
+            self.spare.push(payload);
+        }
+        // SAFETY: popping gave us the reference; the memory stays with the slot, or is spare.
         unsafe { self.aravis.g_object_unref(buffer.as_ptr().cast()) };
         Some(arrival)
+    }
+
+    /// Reads the chunks of a whole frame and moves its picture into the slot.
+    fn take_apart(&self, buffer: *mut ArvBuffer, arrival: &mut Arrival, payload: &[u8]) {
+        let Some(chunks) = self.chunks.as_ref().filter(|_| arrival.status == sys::ARV_BUFFER_STATUS_SUCCESS) else {
+            return;
+        };
+        let payload = &payload[..arrival.received_bytes.min(payload.len())];
+        let image_bytes = self.sizes.image_bytes;
+        // SAFETY: a buffer out of the stream, filled, which nobody else touches.
+        let told = unsafe { chunks.read(buffer, payload, image_bytes, arrival.device_ns) };
+        if told.is_ok() {
+            arrival.slot.bytes_mut()[..image_bytes].copy_from_slice(&payload[..image_bytes]);
+        }
+        arrival.told = Some(told);
     }
 
     fn describe(&self, buffer: *mut ArvBuffer, slot: Slot) -> Arrival {
@@ -161,6 +216,7 @@ impl Stream {
                         aravis.arv_buffer_get_image_pixel_format(buffer),
                     )
                 }),
+                told: None,
             }
         }
     }
@@ -211,19 +267,16 @@ impl Drop for Stream {
     }
 }
 
-/// Packet size and way of receiving, before the stream is made.
-fn prepare_link(device: &Device, wanted_bytes: Option<u32>) -> Result<(), String> {
+/// Packet size and way of receiving, before the stream is made; answers with the size.
+fn prepare_link(device: &Device, wanted_bytes: Option<u32>) -> Result<u32, String> {
     let aravis = device.aravis;
     let address = interface_address(device);
-    if address.is_some_and(|address| address.is_loopback()) {
-        // Raw packet sockets see nothing of a loopback device that answers from another address.
-        // SAFETY: an open GigE Vision camera and a constant of the library.
-        unsafe {
-            aravis.arv_camera_gv_set_stream_options(
-                device.camera.as_ptr(),
-                sys::ARV_GV_STREAM_OPTION_PACKET_SOCKET_DISABLED,
-            );
-        }
+    // Raw packet sockets, which the library prefers where it may, see nothing of a loopback device that answers from
+    // another address; and nothing guards them.
+    // SAFETY: an open GigE Vision camera and a constant of the library.
+    unsafe {
+        aravis
+            .arv_camera_gv_set_stream_options(device.camera.as_ptr(), sys::ARV_GV_STREAM_OPTION_PACKET_SOCKET_DISABLED);
     }
     let bytes = match wanted_bytes {
         Some(bytes) => bytes,
@@ -242,15 +295,27 @@ fn prepare_link(device: &Device, wanted_bytes: Option<u32>) -> Result<(), String
         return Err(format!("packets of {bytes} bytes: the camera keeps {kept}"));
     }
     log::info!("packets of {kept} bytes");
-    Ok(())
+    Ok(kept)
 }
 
 /// Our own address on the way to the camera.
 fn interface_address(device: &Device) -> Option<Ipv4Addr> {
+    address(device, device.aravis.arv_gv_device_get_interface_address)
+}
+
+/// The camera's.
+fn device_address(device: &Device) -> Option<Ipv4Addr> {
+    address(device, device.aravis.arv_gv_device_get_device_address)
+}
+
+fn address(
+    device: &Device,
+    function: unsafe extern "C" fn(*mut sys::ArvGvDevice) -> *mut sys::GSocketAddress,
+) -> Option<Ipv4Addr> {
     let aravis = device.aravis;
     // SAFETY: an open GigE Vision device; addresses are borrowed from it, the string is ours to free.
     unsafe {
-        let address = aravis.arv_gv_device_get_interface_address(device.as_ptr().cast());
+        let address = function(device.as_ptr().cast());
         let address = aravis.g_inet_socket_address_get_address(address.cast());
         let string = aravis.g_inet_address_to_string(address);
         let address = text(string);
@@ -259,14 +324,25 @@ fn interface_address(device: &Device) -> Option<Ipv4Addr> {
     }
 }
 
-/// Sizes the socket now: the library would do it after the first packet, and smaller.
-fn prepare_socket(aravis: Library, stream: &Object<ArvStream>, payload_bytes: usize) {
+/// Guards the socket, and sizes it now: the library would do it after the first packet, and smaller.
+fn prepare_socket(device: &Device, stream: &Object<ArvStream>, payload_bytes: usize, packet_bytes: u32) {
+    let aravis = device.aravis;
     // FIXED with no size given: the library leaves the socket as we make it.
     set_int_property(aravis, stream, "socket-buffer", sys::ARV_GV_STREAM_SOCKET_BUFFER_FIXED.cast_signed());
     let wanted = (payload_bytes * SOCKET_FRAMES).clamp(MIN_SOCKET_BYTES, MAX_SOCKET_BYTES);
     // SAFETY: a live GigE Vision stream.
     let port = unsafe { aravis.arv_gv_stream_get_port(stream.as_ptr().cast()) };
-    match socket::grow_receive_buffer(port, wanted) {
+    let descriptor = match socket::find_udp(interface_address(device), port) {
+        Ok(descriptor) => descriptor,
+        Err(error) => return log::warn!("the stream's socket keeps its size, frames may be lost: {error}"),
+    };
+    if let Some(camera) = device_address(device) {
+        let shape = Shape { camera, payload_bytes: u32::try_from(payload_bytes).unwrap_or(u32::MAX), packet_bytes };
+        if let Err(error) = shape.guard(descriptor) {
+            log::warn!("the stream's socket takes packets from everywhere: {error}");
+        }
+    }
+    match socket::grow_receive_buffer(descriptor, wanted) {
         Ok(bytes) if bytes < wanted => log::warn!(
             "the stream's socket holds {bytes} bytes of the {wanted} wanted: frames may be lost; \
              sysctl net.core.rmem_max={wanted} raises the limit"

@@ -129,6 +129,12 @@ pub type ArvDevice = _ArvDevice;
 pub type ArvStream = _ArvStream;
 #[repr(C)]
 #[derive(Debug)]
+pub struct _ArvChunkParser {
+    _unused: [u8; 0],
+}
+pub type ArvChunkParser = _ArvChunkParser;
+#[repr(C)]
+#[derive(Debug)]
 pub struct _ArvGvDevice {
     _unused: [u8; 0],
 }
@@ -322,6 +328,12 @@ pub struct Aravis {
     pub g_inet_address_to_string: unsafe extern "C" fn(address: *mut GInetAddress) -> *mut gchar,
     pub g_inet_socket_address_get_address: unsafe extern "C" fn(address: *mut GInetSocketAddress) -> *mut GInetAddress,
     pub g_inet_socket_address_get_port: unsafe extern "C" fn(address: *mut GInetSocketAddress) -> guint16,
+    pub arv_chunk_parser_get_integer_value: unsafe extern "C" fn(
+        parser: *mut ArvChunkParser,
+        buffer: *mut ArvBuffer,
+        chunk: *const ::std::os::raw::c_char,
+        error: *mut *mut GError,
+    ) -> gint64,
     pub arv_device_read_register: unsafe extern "C" fn(
         device: *mut ArvDevice,
         address: guint64,
@@ -501,6 +513,7 @@ pub struct Aravis {
     pub arv_camera_gv_set_packet_size_adjustment:
         unsafe extern "C" fn(camera: *mut ArvCamera, adjustment: ArvGvPacketSizeAdjustment),
     pub arv_camera_gv_set_stream_options: unsafe extern "C" fn(camera: *mut ArvCamera, options: ArvGvStreamOption),
+    pub arv_camera_create_chunk_parser: unsafe extern "C" fn(camera: *mut ArvCamera) -> *mut ArvChunkParser,
     pub arv_fake_camera_read_register:
         unsafe extern "C" fn(camera: *mut ArvFakeCamera, address: guint32, value: *mut guint32) -> gboolean,
     pub arv_fake_camera_write_register:
@@ -621,6 +634,8 @@ impl Aravis {
             unsafe { __library.get(b"g_inet_socket_address_get_address\0") }.map(|sym| *sym)?;
         let g_inet_socket_address_get_port =
             unsafe { __library.get(b"g_inet_socket_address_get_port\0") }.map(|sym| *sym)?;
+        let arv_chunk_parser_get_integer_value =
+            unsafe { __library.get(b"arv_chunk_parser_get_integer_value\0") }.map(|sym| *sym)?;
         let arv_device_read_register = unsafe { __library.get(b"arv_device_read_register\0") }.map(|sym| *sym)?;
         let arv_device_get_genicam = unsafe { __library.get(b"arv_device_get_genicam\0") }.map(|sym| *sym)?;
         let arv_device_is_feature_available =
@@ -724,6 +739,8 @@ impl Aravis {
             unsafe { __library.get(b"arv_camera_gv_set_packet_size_adjustment\0") }.map(|sym| *sym)?;
         let arv_camera_gv_set_stream_options =
             unsafe { __library.get(b"arv_camera_gv_set_stream_options\0") }.map(|sym| *sym)?;
+        let arv_camera_create_chunk_parser =
+            unsafe { __library.get(b"arv_camera_create_chunk_parser\0") }.map(|sym| *sym)?;
         let arv_fake_camera_read_register =
             unsafe { __library.get(b"arv_fake_camera_read_register\0") }.map(|sym| *sym)?;
         let arv_fake_camera_write_register =
@@ -819,6 +836,7 @@ impl Aravis {
             g_inet_address_to_string,
             g_inet_socket_address_get_address,
             g_inet_socket_address_get_port,
+            arv_chunk_parser_get_integer_value,
             arv_device_read_register,
             arv_device_get_genicam,
             arv_device_is_feature_available,
@@ -881,6 +899,7 @@ impl Aravis {
             arv_camera_gv_get_packet_size,
             arv_camera_gv_set_packet_size_adjustment,
             arv_camera_gv_set_stream_options,
+            arv_camera_create_chunk_parser,
             arv_fake_camera_read_register,
             arv_fake_camera_write_register,
             arv_fake_camera_get_payload,
@@ -1092,6 +1111,15 @@ impl Aravis {
     }
     pub unsafe fn g_inet_socket_address_get_port(&self, address: *mut GInetSocketAddress) -> guint16 {
         unsafe { (self.g_inet_socket_address_get_port)(address) }
+    }
+    pub unsafe fn arv_chunk_parser_get_integer_value(
+        &self,
+        parser: *mut ArvChunkParser,
+        buffer: *mut ArvBuffer,
+        chunk: *const ::std::os::raw::c_char,
+        error: *mut *mut GError,
+    ) -> gint64 {
+        unsafe { (self.arv_chunk_parser_get_integer_value)(parser, buffer, chunk, error) }
     }
     pub unsafe fn arv_device_read_register(
         &self,
@@ -1498,6 +1526,9 @@ impl Aravis {
     }
     pub unsafe fn arv_camera_gv_set_stream_options(&self, camera: *mut ArvCamera, options: ArvGvStreamOption) {
         unsafe { (self.arv_camera_gv_set_stream_options)(camera, options) }
+    }
+    pub unsafe fn arv_camera_create_chunk_parser(&self, camera: *mut ArvCamera) -> *mut ArvChunkParser {
+        unsafe { (self.arv_camera_create_chunk_parser)(camera) }
     }
     pub unsafe fn arv_fake_camera_read_register(
         &self,

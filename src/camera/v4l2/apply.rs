@@ -1,12 +1,12 @@
 //! A rig's settings, written to the driver: format and size, then rate, then controls.
 
-use super::control::setting;
 use super::device::Device;
 use super::layout::{LAYOUTS, Layout, Shape, word};
 use super::offer::{interval_of_rate, is_rate, rate_hz};
 use super::settings::V4l2Settings;
 use super::sys;
 use crate::camera::CameraError;
+use crate::camera::setting::{set_until_none_is_left, setting};
 use crate::config::FeatureValue;
 use std::io;
 
@@ -30,7 +30,8 @@ pub(super) fn apply(device: &Device, settings: &V4l2Settings) -> Result<Applied,
     let layout = choose(device, settings)?;
     let shape = set_format(device, settings, layout)?;
     set_rate(device, settings, &shape)?;
-    set_controls(device, settings)?;
+    // An automatic control may lock those it rules.
+    set_until_none_is_left(&settings.features, |name, value| device.set_control(name, value))?;
     set_exposure(device, settings)?;
     for (name, value) in &settings.features {
         device.verify_control(name, value)?;
@@ -141,27 +142,6 @@ fn check_rate(wanted: f64, kept: f64) -> Result<(), CameraError> {
         return Ok(());
     }
     Err(setting("frame_rate_hz", wanted, format!("the camera keeps {kept:.3} after its other settings")))
-}
-
-/// Sets controls over and over while one more succeeds: an automatic one may lock those it rules.
-fn set_controls(device: &Device, settings: &V4l2Settings) -> Result<(), CameraError> {
-    let mut pending: Vec<_> = settings.features.iter().collect();
-    loop {
-        let before = pending.len();
-        let mut refused = None;
-        pending.retain(|(name, value)| match device.set_control(name, value) {
-            Ok(()) => false,
-            Err(error) => {
-                refused.get_or_insert(error);
-                true
-            }
-        });
-        match refused {
-            None => return Ok(()),
-            Some(error) if pending.len() == before => return Err(error),
-            Some(_) => {}
-        }
-    }
 }
 
 fn set_exposure(device: &Device, settings: &V4l2Settings) -> Result<(), CameraError> {

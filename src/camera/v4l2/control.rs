@@ -5,8 +5,8 @@ use super::offer::LIST_MAX;
 use super::sys;
 use crate::camera::CameraError;
 use crate::camera::genicam::{FeatureLine, Kind};
+use crate::camera::setting::{check_whole, setting, whole_range};
 use crate::config::FeatureValue;
-use std::fmt;
 use std::io;
 
 /// Longest text of a control that is read.
@@ -44,8 +44,7 @@ impl Control {
     }
 
     fn range(&self) -> String {
-        let steps = if self.step > 1 { format!(" in steps of {}", self.step) } else { String::new() };
-        format!("{} to {}{steps}", self.least, self.most)
+        whole_range(self.least, self.most, self.step)
     }
 }
 
@@ -53,10 +52,6 @@ impl Control {
 pub(super) fn spelled(name: &str) -> String {
     let words = name.split(|letter: char| !letter.is_ascii_alphanumeric()).filter(|word| !word.is_empty());
     words.collect::<Vec<_>>().join("_").to_ascii_lowercase()
-}
-
-pub(super) fn setting(feature: &str, value: impl fmt::Display, reason: impl Into<String>) -> CameraError {
-    CameraError::Setting { feature: feature.into(), value: value.to_string(), reason: reason.into() }
 }
 
 impl Device {
@@ -142,11 +137,7 @@ impl Device {
             (sys::V4L2_CTRL_TYPE_BOOLEAN, FeatureValue::Bool(value)) => whole(i64::from(*value)),
             (sys::V4L2_CTRL_TYPE_BUTTON, FeatureValue::Bool(true)) => whole(1),
             (sys::V4L2_CTRL_TYPE_INTEGER | sys::V4L2_CTRL_TYPE_INTEGER64, FeatureValue::Integer(value)) => {
-                let step = control.step.max(1);
-                let inside = (control.least..=control.most).contains(value);
-                if !inside || value.abs_diff(control.least) % step != 0 {
-                    return Err(format!("allowed {}", control.range()));
-                }
+                check_whole(*value, control.least, control.most, control.step)?;
                 whole(*value)
             }
             (sys::V4L2_CTRL_TYPE_BITMASK, FeatureValue::Integer(value)) => {
@@ -210,8 +201,8 @@ impl Device {
 
     fn write_text(&self, control: &Control, value: &str) -> Result<(), String> {
         let letters = i64::try_from(value.len()).unwrap_or(i64::MAX);
-        let fits = letters >= control.least && letters <= control.most;
-        if !fits || value.contains('\0') || letters.abs_diff(control.least) % control.step.max(1) != 0 {
+        let fits = check_whole(letters, control.least, control.most, control.step).is_ok();
+        if !fits || value.contains('\0') {
             return Err(format!("allowed {} bytes", control.range()));
         }
         let mut bytes = value.as_bytes().to_vec();

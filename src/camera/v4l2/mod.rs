@@ -42,6 +42,7 @@ pub use find::{CameraListing, FormatOffer, features, is_ours, list};
 pub use offer::{Rates, Sizes};
 pub use settings::V4l2Settings;
 
+use crate::camera::setting::slots_at;
 use crate::camera::{Camera, CameraError, CameraIdentity, Next, Pace, Slot, StreamFormat};
 use crate::image::FrameMeta;
 use apply::Applied;
@@ -52,8 +53,6 @@ use stamp::{HostClock, Sequences, is_stale, monotonic_ns};
 use std::io;
 use std::time::Duration;
 
-/// For how long the taker may be late at the camera's rate.
-const SLOTS_S: f64 = 0.05;
 /// Slots held at least.
 const MIN_SLOTS: usize = 2 * BUFFERS_MIN;
 
@@ -204,8 +203,7 @@ impl Camera for V4l2Camera {
     }
 
     fn slots(&self) -> usize {
-        let late = (self.format.frame_rate_hz * SLOTS_S).ceil();
-        (MIN_SLOTS + late as usize).min(BUFFERS_MAX)
+        slots_at(self.format.frame_rate_hz, MIN_SLOTS, BUFFERS_MAX)
     }
 
     fn queue(&mut self, slot: Slot) {

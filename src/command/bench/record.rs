@@ -2,6 +2,7 @@
 
 use crate::image::{Frame, FrameMeta, PixelFormat};
 use crate::recording::{RecordingInfo, RecordingWriter, WriterOptions, part_path};
+use anyhow::Context as _;
 use serde_json::json;
 use std::fs::File;
 use std::io::Write;
@@ -107,7 +108,7 @@ impl Files {
 
     fn plain(&self, pool: &[Vec<u8>]) -> anyhow::Result<Taken> {
         let taken = taken(|| {
-            let mut file = File::create(&self.plain)?;
+            let mut file = File::create(&self.plain).with_context(|| self.plain.display().to_string())?;
             for number in 0..FRAMES {
                 file.write_all(&pool[number as usize % pool.len()])?;
                 if (number + 1) % SYNC_FRAMES == 0 {

@@ -112,7 +112,7 @@ impl Seen<'_> {
             false => format!("as wanted, {wanted_hz} Hz"),
         };
         let processors = std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
-        let workers = processors.min(self.config.workers.count as usize);
+        let workers = processors.min(self.config.workers.count.max(1) as usize);
         let capacity_hz = self.floor.rate_hz * workers as f64;
         let slow = capacity_hz < wanted_hz;
         let words = match slow {

@@ -83,10 +83,19 @@ pub struct ExportOptions {
     pub topic: String,
     /// As what.
     pub format: Format,
+    /// Which of several cameras, by its name; the first when absent.
+    pub camera: Option<String>,
     /// Where to; standard output when there is none, which only CSV takes.
     pub output: Option<PathBuf>,
     /// Frames of the recording that a film shows in a second, above 0 and at most 1000.
     pub playback_hz: f64,
+}
+
+impl ExportOptions {
+    /// The recording, of the camera that is asked for.
+    fn recording(&self) -> Result<Recording, RecordingError> {
+        Recording::open(&self.file)?.of_camera(self.camera.as_deref())
+    }
 }
 
 /// The tables a recording can hold.
@@ -163,20 +172,23 @@ fn write(options: &ExportOptions) -> Result<u64, ExportError> {
     match options.format {
         Format::Png => picture::write_all(options, output()?),
         Format::Mp4 | Format::Gif => video::write(options, output()?),
+        Format::Mcap if options.camera.is_some() => {
+            Err(ExportError::Usage("--camera: --format mcap keeps what was measured of all cameras".into()))
+        }
         Format::Mcap => Ok(recording::copy_results(&options.file, output()?)?),
-        Format::Ros2 => Ok(recording::copy_as_ros2(&options.file, output()?)?),
+        Format::Ros2 => Ok(recording::copy_as_ros2(&options.recording()?, output()?)?),
         Format::Parquet => {
             let path = output()?;
-            let recording = Recording::open(&options.file)?;
+            let recording = options.recording()?;
             parquet::write(&recording, topic, create(path)?, &path.display().to_string())
         }
         Format::Npz => {
             let path = output()?;
-            let recording = Recording::open(&options.file)?;
+            let recording = options.recording()?;
             npz::write(&recording, topic, create(path)?, &path.display().to_string())
         }
         Format::Csv => {
-            let recording = Recording::open(&options.file)?;
+            let recording = options.recording()?;
             match &options.output {
                 None => write_table(&recording, topic, io::stdout().lock(), "standard output"),
                 Some(path) => {

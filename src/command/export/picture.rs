@@ -19,7 +19,7 @@ const ARROW: Rgb<u8> = Rgb([255, 210, 31]);
 pub(super) fn write_all(options: &ExportOptions, directory: &Path) -> Result<u64, ExportError> {
     let to = directory.display().to_string();
     let failed = |source| ExportError::Write { to: to.clone(), source };
-    let recording = Recording::open(&options.file)?;
+    let recording = options.recording()?;
     let first = recording.first_frame()?;
     std::fs::create_dir_all(directory).map_err(failed)?;
     let mut count = 0;

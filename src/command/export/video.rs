@@ -2,7 +2,6 @@
 
 use super::picture::{draw, grey_levels};
 use super::{ExportError, ExportOptions, Format};
-use crate::recording::Recording;
 use std::ffi::OsString;
 use std::io::{self, ErrorKind, Read, Write};
 use std::path::Path;
@@ -14,7 +13,7 @@ const TOLD_BYTES: u64 = 64 << 10;
 
 /// Writes the frames as a film; returns how many. Nothing lies on the disk but the film itself.
 pub(super) fn write(options: &ExportOptions, to: &Path) -> Result<u64, ExportError> {
-    let recording = Recording::open(&options.file)?;
+    let recording = options.recording()?;
     let failed = |source| ExportError::Write { to: to.display().to_string(), source };
     let mut film: Option<Film> = None;
     let mut count = 0;

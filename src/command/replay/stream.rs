@@ -6,11 +6,26 @@ use crate::image::FrameMeta;
 use crate::recording::{Recording, RecordingError};
 use std::path::PathBuf;
 
-/// The recordings that go on one from the other as one each, in the order of their times.
-pub(super) fn streams(files: &[PathBuf]) -> Result<Vec<Recording>, RecordingError> {
+/// A stream of one camera.
+pub(super) struct Streamed {
+    pub(super) recording: Recording,
+    /// Which of several cameras in one recording; `None` for the first.
+    pub(super) camera: Option<String>,
+    /// What of it is played, in seconds from its first frame.
+    pub(super) span: Span,
+}
+
+/// The recordings that go on one from the other as one each, in the order of their times; each camera's by itself.
+pub(super) fn streams(files: &[PathBuf]) -> Result<Vec<Streamed>, RecordingError> {
     let mut parts = Vec::new();
     for recording in Recording::open_all(files)? {
-        parts.push(Part { first: recording.first_frame()?, last: recording.last_frame()?, recording });
+        for camera in std::iter::once(None).chain(recording.views().into_iter().map(Some)) {
+            let recording = recording.clone().of_camera(camera.as_deref())?;
+            if camera.is_some() && recording.frame_count() == 0 {
+                continue;
+            }
+            parts.push(Part { first: recording.first_frame()?, last: recording.last_frame()?, recording, camera });
+        }
     }
     // Stable: of two that begin at one time, the one that was named first comes first.
     parts.sort_by_key(|part| part.first.stamp_ns);
@@ -22,12 +37,17 @@ pub(super) fn streams(files: &[PathBuf]) -> Result<Vec<Recording>, RecordingErro
             None => streams.push(vec![part]),
         }
     }
-    let joined = |stream: Vec<Part>| Recording::joined(stream.into_iter().map(|part| part.recording).collect());
+    let joined = |stream: Vec<Part>| {
+        let camera = stream.first().and_then(|part| part.camera.clone());
+        let recording = Recording::joined(stream.into_iter().map(|part| part.recording).collect())?;
+        Some(Streamed { recording, camera, span: Span::ALL })
+    };
     Ok(streams.into_iter().filter_map(joined).collect())
 }
 
 struct Part {
     recording: Recording,
+    camera: Option<String>,
     first: FrameMeta,
     last: FrameMeta,
 }
@@ -42,6 +62,7 @@ impl Part {
         };
         // Files of others number their frames from 0: nothing tells that one goes on from the other.
         self.recording.is_ours()
+            && self.camera == before.camera
             && about(self) == about(before)
             && shape(&self.first) == shape(&before.first)
             && before.last.sequence < self.first.sequence
@@ -51,22 +72,21 @@ impl Part {
 }
 
 /// When the first frame of all was taken.
-pub(super) fn first_ns(streams: &[(Recording, Span)]) -> Result<u64, RecordingError> {
+pub(super) fn first_ns(streams: &[Streamed]) -> Result<u64, RecordingError> {
     let mut first_ns = u64::MAX;
-    for (recording, _) in streams {
-        first_ns = first_ns.min(recording.first_frame()?.stamp_ns);
+    for stream in streams {
+        first_ns = first_ns.min(stream.recording.first_frame()?.stamp_ns);
     }
     Ok(first_ns)
 }
 
-/// The streams that have frames in a part of the whole, and that part in seconds from the first frame of each.
-pub(super) fn within(streams: Vec<Recording>, whole: Span) -> anyhow::Result<Vec<(Recording, Span)>> {
-    let all: Vec<(Recording, Span)> = streams.into_iter().map(|recording| (recording, Span::ALL)).collect();
-    let origin_ns = first_ns(&all)?;
+/// The streams that have frames in a part of the whole, and that part of each.
+pub(super) fn within(streams: Vec<Streamed>, whole: Span) -> anyhow::Result<Vec<Streamed>> {
+    let origin_ns = first_ns(&streams)?;
     let mut latest_ns = origin_ns;
     let mut inside = Vec::new();
-    for (recording, _) in all {
-        let (first_ns, last_ns) = (recording.first_frame()?.stamp_ns, recording.last_frame()?.stamp_ns);
+    for stream in streams {
+        let (first_ns, last_ns) = (stream.recording.first_frame()?.stamp_ns, stream.recording.last_frame()?.stamp_ns);
         latest_ns = latest_ns.max(last_ns);
         if whole.place(origin_ns, last_ns).is_lt() || whole.place(origin_ns, first_ns).is_gt() {
             continue;
@@ -77,7 +97,7 @@ pub(super) fn within(streams: Vec<Recording>, whole: Span) -> anyhow::Result<Vec
         } else {
             whole
         };
-        inside.push((recording, span));
+        inside.push(Streamed { span, ..stream });
     }
     if inside.is_empty() {
         let last_s = latest_ns.saturating_sub(origin_ns) as f64 * 1e-9;

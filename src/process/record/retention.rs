@@ -162,7 +162,7 @@ impl Recorder<'_> {
     /// Tells which recordings made room.
     pub(super) fn tell_removed(&mut self, told: Vec<String>) -> anyhow::Result<()> {
         for text in told {
-            self.reporter.event(EventKind::Storage, self.newest.0, self.newest.1, &text)?;
+            self.event(EventKind::Storage, &text)?;
         }
         Ok(())
     }

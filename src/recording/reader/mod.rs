@@ -13,6 +13,7 @@ mod section;
 mod set;
 mod source;
 mod topics;
+mod view;
 mod walk;
 
 pub use frames::Frames;

@@ -6,7 +6,7 @@ use std::io::{self, ErrorKind};
 use std::os::unix::fs::FileExt;
 
 /// Bytes looked at around a position; large records are stepped over, not read.
-const WINDOW_BYTES: usize = 8 << 10;
+const WINDOW_BYTES: usize = 2 << 10;
 
 /// A stretch of bytes: a part of the file, or a decompressed chunk.
 #[derive(Debug)]

@@ -69,7 +69,7 @@ pub(super) struct AttachmentRef {
 }
 
 /// Everything found on the way through a file.
-#[derive(Debug, Default)]
+#[derive(Debug, Clone, Default)]
 pub(super) struct Structure {
     pub(super) library: String,
     pub(super) schemas: BTreeMap<u16, Schema>,

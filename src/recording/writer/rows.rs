@@ -13,7 +13,7 @@ impl RecordingWriter {
     ///
     /// [`RecordingError::Io`] when the disk is full or gone; as for every row below.
     pub fn field(&mut self, field: &PairField) -> Result<(), RecordingError> {
-        self.fields.push(Topic::Field, field.stamp_ns, &field.to_message());
+        self.fields.push(self.camera, Topic::Field, field.stamp_ns, &field.to_message());
         self.write_due(field.stamp_ns)
     }
 
@@ -44,7 +44,9 @@ impl RecordingWriter {
 
     /// Adds an event. Errors as [`field`](Self::field).
     pub fn event(&mut self, event: &EventRow) -> Result<(), RecordingError> {
-        self.row(Topic::Events, event.stamp_ns, event)
+        // Of the rig as a whole.
+        self.rows.push(0, Topic::Events, event.stamp_ns, &event.to_message());
+        self.write_due(event.stamp_ns)
     }
 
     /// Adds how a process is doing. Errors as [`field`](Self::field).
@@ -54,12 +56,12 @@ impl RecordingWriter {
 
     /// Adds what viewers draw over the frame of this stamp. Errors as [`field`](Self::field).
     pub fn annotations(&mut self, stamp_ns: u64, annotations: &Annotations) -> Result<(), RecordingError> {
-        self.fields.push(Topic::Annotations, stamp_ns, &annotations.to_message(stamp_ns));
+        self.fields.push(self.camera, Topic::Annotations, stamp_ns, &annotations.to_message(stamp_ns));
         self.write_due(stamp_ns)
     }
 
     fn row<R: Row>(&mut self, topic: Topic, log_time_ns: u64, row: &R) -> Result<(), RecordingError> {
-        self.rows.push(topic, log_time_ns, &row.to_message());
+        self.rows.push(self.camera, topic, log_time_ns, &row.to_message());
         self.write_due(log_time_ns)
     }
 }

@@ -3,6 +3,9 @@
 use super::{ImpactSetup, MotionSetup, PartSetup, Scenario, ScenarioError, Shape};
 use crate::synth::physics::NormalLaw;
 
+/// Twice the diagonal of the largest picture.
+const MOST_PLANE_PX: f64 = 24_000.0;
+
 impl Scenario {
     /// Checks every number against its range.
     ///
@@ -49,6 +52,10 @@ impl Scenario {
                 }
                 edge_is_placed()
             }
+            MotionSetup::Impact(_) if self.body.shape == Shape::Plane => {
+                let why = "a plane strikes nothing: \"constant\" or \"piecewise\"";
+                Err(ScenarioError::Misplaced { key: "motion.kind", why })
+            }
             MotionSetup::Impact(impact) => impact.check(),
         }
     }
@@ -82,7 +89,9 @@ impl Scenario {
         }
         let (width_px, height_px) = (camera.width_px, camera.height_px);
         let diameter_px = 2.0 * self.radius_px();
-        if diameter_px > f64::from(width_px.min(height_px)) {
+        if self.body.shape == Shape::Plane {
+            within("body.diameter_mm / scale.mm_per_px", diameter_px, 8.0, MOST_PLANE_PX)?;
+        } else if diameter_px > f64::from(width_px.min(height_px)) {
             return Err(ScenarioError::BallTooLarge { diameter_mm, mm_per_px, diameter_px, width_px, height_px });
         }
         let pattern = &self.body.pattern;

@@ -138,6 +138,9 @@ pub enum Shape {
     /// A sphere, seen from far away: speckles are narrower towards the rim, and a spin about an axis in the
     /// picture's plane ([`PartSetup::tilt_deg_frame`]) carries them over the rim.
     Sphere,
+    /// A flat that faces the camera, a disc which may be larger than the picture: with its rim outside, the whole
+    /// picture is speckled.
+    Plane,
 }
 
 /// A dark upright rod that reaches out of the picture, with two bright tapes around it.

@@ -127,6 +127,26 @@ fn an_edge_says_the_angle_and_triggers_on_it_are_told_apart() {
 }
 
 #[test]
+fn a_view_is_a_rig_of_its_own_that_takes_nothing_of_the_first_camera() {
+    let text = "[rig]\nname = \"drop\"\n[camera]\nsource = \"simulated\"\n[scale]\nmm_per_px = 0.5\n[velocity]\norder = 3\n\
+                [trigger]\nmode = \"motion\"\npre_s = 0.2\n[record]\ndirectory = \"a\"\n[workers]\ncount = 3\nblock_frames = 8\n\
+                [view.top.camera]\nsource = \"genicam\"\nid = \"x\"\nwidth_px = 64\nheight_px = 64\nframe_rate_hz = 9\n\
+                [view.top.camera.features]\nGain = 1\n\
+                [view.side.camera]\nsource = \"simulated\"\n[[view.side.body]]\nname = \"disc\"\n";
+    let config = Config::parse(text, "rig.toml").unwrap();
+    let names: Vec<_> = config.views.iter().map(|view| (view.name.as_str(), view.config.rig.name.as_str())).collect();
+    assert_eq!(names, [("side", "drop-side"), ("top", "drop-top")]);
+    let [side, top] = [&config.views[0].config, &config.views[1].config];
+    assert_eq!((side.scale, side.velocity.order, side.bodies[0].name.as_str()), (None, 2, "disc"));
+    assert_eq!((side.workers.count, top.workers.count), (3, 0), "without bodies nothing is measured");
+    assert_eq!((top.workers.block_frames, top.trigger.mode, top.trigger.pre_s), (8, TriggerMode::Software, 0.2));
+    assert_eq!((top.camera.id.as_deref(), top.camera.features.len(), top.record.is_some()), (Some("x"), 1, true));
+    // What its processes are started with is the same again.
+    assert_eq!(Config::parse(&top.text, &top.origin).unwrap(), *top);
+    assert!(side.views.is_empty() && config.fed_from("film.mcap".as_ref(), &[]).unwrap().views.is_empty());
+}
+
+#[test]
 fn every_file_in_the_config_folder_loads() {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("config");
     let mut files: Vec<PathBuf> = std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path()).collect();

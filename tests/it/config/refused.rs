@@ -109,8 +109,8 @@ fn numbers_out_of_range_are_refused_with_the_range_and_its_unit() {
         ("[trigger]\nthreshold_dn = 0", ", line 4: trigger.threshold_dn = 0: must be above 0 and at most 65535 DN"),
         ("[trigger]\npre_s = -0.1", ", line 4: trigger.pre_s = -0.1: must be 0 to 60 s"),
         ("[trigger]\npost_s = 0", ", line 4: trigger.post_s = 0: must be above 0 and at most 3600 s"),
-        ("[workers]\ncount = 0", ", line 4: workers.count = 0: must be 1 to 64"),
-        ("[workers]\ncount = 65", ", line 4: workers.count = 65: must be 1 to 64"),
+        ("[workers]\ncount = -1", ", line 4: workers.count = -1: must be 0 to 64"),
+        ("[workers]\ncount = 65", ", line 4: workers.count = 65: must be 0 to 64"),
         ("[workers]\nblock_frames = 3", ", line 4: workers.block_frames = 3: must be 4 to 256 frames"),
         ("[workers]\nblock_frames = 257", ", line 4: workers.block_frames = 257: must be 4 to 256 frames"),
     ]);
@@ -141,11 +141,11 @@ fn words_that_mean_nothing_are_refused_with_the_ones_that_do() {
         ),
         (
             "[rotation]\nmethod = \"hough\"",
-            ", line 4: rotation.method = \"hough\": must be \"rigid\", \"field\", \"ring\"",
+            ", line 4: rotation.method = \"hough\": must be \"rigid\", \"field\", \"center\", \"ring\"",
         ),
         (
             "[trigger]\nmode = \"on\"",
-            ", line 4: trigger.mode = \"on\": must be \"off\", \"software\", \"motion\", \"enter\", \"speed\", \"gap\", \"predicted-contact\"",
+            ", line 4: trigger.mode = \"on\": must be \"off\", \"software\", \"hardware\", \"motion\", \"enter\", \"speed\", \"gap\", \"predicted-contact\"",
         ),
         (
             "[record]\ndirectory = \"a\"\ncompression = \"lz4\"",
@@ -217,13 +217,39 @@ fn a_trigger_without_what_it_is_decided_from_is_refused() {
 }
 
 #[test]
+fn a_line_and_a_view_without_what_they_need_are_refused_where_they_stand() {
+    let missing = |addition: &str, wanted: &str| {
+        assert_eq!(refusal(&format!("{SIMULATED}{addition}\n")), format!("rig.toml{wanted}"));
+    };
+    missing(
+        "[trigger]\nmode = \"hardware\"",
+        ": camera.trigger_source is missing: must be the line that the camera waits for (of a simulated one, camera.pulse_period_s) for mode = \"hardware\"",
+    );
+    missing(
+        "[trigger]\nmode = \"hardware\"\npre_s = 0.1",
+        ", line 5: trigger.pre_s = 0.1: does not go with mode = \"hardware\"; it belongs to mode = \"software\", \"motion\", \"enter\", \"speed\", \"gap\", \"predicted-contact\"",
+    );
+    missing(
+        "[view.side.camera]\nsource = \"simulated\"\nid = \"a\"",
+        ", line 5: view.side.camera.id = \"a\": does not go with source = \"simulated\"; it belongs to source = \"recording\", \"genicam\", \"v4l2\"",
+    );
+    missing(
+        "[view.side.camera]\nsource = \"simulated\"\n[view.side.scale]\nmm_per_px = -1",
+        ", line 6: view.side.scale.mm_per_px = -1: must be 0.000001 to 1000 mm/px",
+    );
+    missing(
+        "[view.side.scale]\nmm_per_px = 1",
+        ": view.side.camera.source is missing: must be \"simulated\", \"recording\", \"genicam\", \"v4l2\"",
+    );
+    missing(
+        "[view.Side.camera]\nsource = \"simulated\"",
+        ", line 3: view.Side = Side: must be named with 1 to 16 of the characters a-z 0-9 _ -, and at most 32 together with rig.name",
+    );
+}
+
+#[test]
 fn what_this_version_does_not_offer_is_refused_by_name() {
-    let modes = "allowed: \"off\", \"software\", \"motion\", \"enter\", \"speed\", \"gap\", \"predicted-contact\"";
     refused_on_a_simulated_rig(&[
-        (
-            "[trigger]\nmode = \"hardware\"",
-            &format!(", line 4: trigger.mode = \"hardware\" is not offered by this version; {modes}"),
-        ),
         (
             "[serve]\nhttp = \"127.0.0.1:8080\"",
             ", line 3: the table [serve] is not offered by this version; leave it out",

@@ -3,7 +3,7 @@
 use super::samples;
 use mcap::records::Record;
 use mcap::sans_io::linear_reader::{LinearReadEvent, LinearReader, LinearReaderOptions};
-use ricochet::recording::{Compression, WriterOptions, copy_as_ros2, copy_results, recover};
+use ricochet::recording::{Compression, Recording, WriterOptions, copy_as_ros2, copy_results, recover};
 use std::fs;
 use std::io::Cursor;
 
@@ -102,7 +102,7 @@ fn every_file_is_to_the_byte_what_the_mcap_crate_writes() {
     samples::write(&path("small.mcap"), &SMALL, 30, [40, 30]).finish().unwrap();
     samples::write(&path("large.mcap"), &WriterOptions::default(), 40, [400, 300]).finish().unwrap();
     samples::write(&path("none.mcap"), &WriterOptions::default(), 0, [8, 8]).finish().unwrap();
-    copy_as_ros2(&path("large.mcap"), &path("ros2.mcap")).unwrap();
+    copy_as_ros2(&Recording::open(&path("large.mcap")).unwrap(), &path("ros2.mcap")).unwrap();
     let whole = fs::read(path("large.mcap")).unwrap();
     fs::write(path("cut.mcap"), &whole[..whole.len() / 2]).unwrap();
     recover(&path("cut.mcap"), &path("recovered.mcap")).unwrap();

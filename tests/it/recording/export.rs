@@ -127,6 +127,7 @@ fn an_unknown_table_or_format_is_a_usage_error() {
         file: "missing.mcap".into(),
         topic: "speed".into(),
         format: export::Format::Csv,
+        camera: None,
         output: None,
         playback_hz: 25.0,
     };
@@ -166,7 +167,7 @@ fn options(
     output: &std::path::Path,
 ) -> export::ExportOptions {
     let (file, topic, output) = (file.into(), topic.into(), Some(output.into()));
-    export::ExportOptions { file, topic, format, output, playback_hz: 25.0 }
+    export::ExportOptions { file, topic, format, camera: None, output, playback_hz: 25.0 }
 }
 
 /// A Parquet file's rows as the texts that the CSV file has, read by the crate's own reader.
@@ -269,7 +270,8 @@ fn numpy_reads_the_columns_of_the_csv() {
         let [npz, csv] = ["npz", "csv"].map(|ending| folder.path().join(format!("{topic}.{ending}")));
         for (format, output) in [(export::Format::Npz, &npz), (export::Format::Csv, &csv)] {
             let (file, topic, output) = (path.clone(), topic.to_owned(), Some(output.clone()));
-            export::run(&export::ExportOptions { file, topic, format, output, playback_hz: 25.0 }).unwrap();
+            export::run(&export::ExportOptions { file, topic, format, camera: None, output, playback_hz: 25.0 })
+                .unwrap();
         }
         let Some(told) = python(include_str!("read_npz.py"), &[&npz, &csv]) else { return };
         let count: usize = told.trim().parse().unwrap();

@@ -53,7 +53,14 @@ fn recording(path: &Path) {
 }
 
 fn options(file: &Path, topic: &str, format: Format, output: &Path) -> ExportOptions {
-    ExportOptions { file: file.into(), topic: topic.into(), format, output: Some(output.into()), playback_hz: 25.0 }
+    ExportOptions {
+        file: file.into(),
+        topic: topic.into(),
+        camera: None,
+        format,
+        output: Some(output.into()),
+        playback_hz: 25.0,
+    }
 }
 
 /// Encodes raw frames with the program itself.

@@ -131,7 +131,7 @@ fn recordings(folder: &Path) -> Vec<(&'static str, Vec<u8>)> {
         seeds.push((".mcap", super::foreign::file(options, &images)));
     }
     let (shot, bag) = (folder.join("seed-0.mcap"), folder.join("seed-ros2.mcap"));
-    copy_as_ros2(&shot, &bag).unwrap();
+    copy_as_ros2(&Recording::open(&shot).unwrap(), &bag).unwrap();
     seeds.push((".mcap", std::fs::read(bag).unwrap()));
     seeds.extend(compressed::seeds().map(|seed| (".mcap", seed)));
     seeds
@@ -152,7 +152,7 @@ fn read_recordings(test: &str, budget: &Budget) {
         for copy in [
             |from: &Path, to: &Path| recover(from, to).is_ok(),
             |from: &Path, to: &Path| copy_results(from, to).is_ok(),
-            |from: &Path, to: &Path| copy_as_ros2(from, to).is_ok(),
+            |from: &Path, to: &Path| Recording::open(from).and_then(|from| copy_as_ros2(&from, to)).is_ok(),
         ] {
             let is_copied = copy(path, &to);
             assert_eq!(is_copied, to.exists());

@@ -181,6 +181,7 @@ pub fn info() -> RecordingInfo {
         metadata: BTreeMap::from([("version".into(), "0.1.0".into()), ("camera".into(), "simulated".into())]),
         bodies: vec!["ball".into(), "racket".into()],
         attachments: vec![("calibration.json".into(), "application/json".into(), b"{}".to_vec())],
+        views: Vec::new(),
     }
 }
 

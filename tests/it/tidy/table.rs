@@ -261,6 +261,7 @@ pub const DIMENSIONLESS: &[&str] = &[
     "revision",
     "role",
     "sequence",
+    "shot",
     "sigma",
     "playback_rate",
     "spline_points",

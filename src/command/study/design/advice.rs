@@ -194,7 +194,8 @@ fn by_method(rig: &Rig) -> Vec<(String, Rig)> {
         free.config.velocity.window_frames = None;
         changes.push(("velocity.window_frames left out: the fit chooses its window".into(), free));
     }
-    if rig.config.rotation == Rotation::Field && rig.config.bodies[0].kind == BodyKind::Ball {
+    if matches!(rig.config.rotation, Rotation::Field | Rotation::Center) && rig.config.bodies[0].kind == BodyKind::Ball
+    {
         let mut rigid = rig.clone();
         rigid.config.rotation = Rotation::Rigid;
         changes.push(("rotation.method = \"rigid\": every pixel in one match".into(), rigid));

@@ -7,6 +7,7 @@ use super::noise::Noise;
 use super::rig::Rig;
 use crate::dic::STALE_DEG;
 use crate::measure::{Tracker, TrackerParams, TrackerRows};
+use crate::motion::subset_walk;
 use crate::process::analysis_params;
 use crate::results::{BodyStep, Circle, Estimate, PointStatus, RigidStep, Rod, VelocitySample};
 use crate::synth::{Stream, World, key};
@@ -112,10 +113,16 @@ impl Course {
         }
         let ((here, angle), (there, turned)) = (&self.frames[index], &self.frames[to]);
         let truth = [there.center_x_px? - here.center_x_px?, there.center_y_px? - here.center_y_px?, turned - angle];
-        let is_walking = !self.noise.step.is_whole || self.renewed[index + 1..=to].contains(&true);
-        let walked = |k: usize| if is_walking { self.noise.walk[k] * walk[k] } else { 0.0 };
+        let left = match self.noise.step.is_whole {
+            true if self.renewed[index + 1..=to].contains(&true) => self.noise.renewal,
+            true => [0.0; 3],
+            false => {
+                let share = subset_walk(truth);
+                std::array::from_fn(|k| share[k] * self.noise.pose[k])
+            }
+        };
         let (first, second, frames) = (self.sigma(here), self.sigma(there), f64::from(interval));
-        let moved = |k: usize| (truth[k] + white[to][k] - white[index][k] + walked(k)) / frames;
+        let moved = |k: usize| (truth[k] + white[to][k] - white[index][k] + left[k] * walk[k]) / frames;
         let sigma = |k: usize| first[k].hypot(second[k]) / frames;
         Some(RigidStep {
             dx_px: moved(0),

@@ -7,7 +7,6 @@ use crate::command::UsageError;
 use crate::dic::{Correlator, Region, RigidBody};
 use crate::image::{Frame, Image};
 use crate::measure::{Measured, Measurer, Share, whole_region};
-use crate::motion::PAIRWISE_WALK_SHARE;
 use crate::process::analysis_params;
 use crate::results::{BodyStep, Circle, PointStatus};
 use crate::synth::World;
@@ -26,9 +25,8 @@ const WHOLE: f64 = 0.97;
 pub(super) struct Noise {
     /// Of a pose of the whole body: x px, y px, angle deg.
     pub(super) pose: [f64; 3],
-    /// What one step in the sum of all of them leaves for good, in the same units: where the reference is renewed when
-    /// the whole body is matched, everywhere when subsets are.
-    pub(super) walk: [f64; 3],
+    /// What the renewal of a reference leaves for good, in the same units, when the whole body is matched.
+    pub(super) renewal: [f64; 3],
     /// Noise of a pixel of the body, where its grey levels change, DN.
     pub(super) pixel_dn: f64,
     /// How the body was seen in the frame `seen`.
@@ -70,21 +68,18 @@ impl Noise {
         let center_px = [truth.center_x_px.unwrap_or_default(), truth.center_y_px.unwrap_or_default()];
         let light = world.render_light(first);
         let pixel_dn = pixel_noise_dn(rig, &light, center_px);
-        let (pose, walk) = match step.is_whole {
+        let (pose, renewal) = match step.is_whole {
             true => {
                 let last =
                     (first..first + RENEWED_FRAMES).take_while(|index| *index < world.frames() && is_seen(index));
                 let last = last.last().unwrap_or(first);
                 (bound(rig, &light, center_px, pixel_dn)?, renewal::walk(rig, world, (first, last))?)
             }
-            false => {
-                let pose = stated(&told);
-                (pose, pose.map(|sigma| PAIRWISE_WALK_SHARE * sigma))
-            }
+            false => (stated(&told), [0.0; 3]),
         };
         let place = step.circle.map(|c| [c.x_px, c.y_px]).or(step.rod.map(|rod| [rod.x_px.value, rod.y_px.value]));
         let off_px = place.map_or([0.0; 2], |place| [place[0] - center_px[0], place[1] - center_px[1]]);
-        Ok(Self { pose, walk, pixel_dn, step, off_px })
+        Ok(Self { pose, renewal, pixel_dn, step, off_px })
     }
 }
 

@@ -19,7 +19,7 @@ pub struct Expected {
     pub name: String,
     /// Its unit.
     pub unit: &'static str,
-    /// Standard deviation from film to film.
+    /// Standard deviation from film to film, without the odd ones.
     pub sigma: f64,
     /// Mean error: of a number in many frames, its root mean square over them.
     pub offset: f64,
@@ -27,6 +27,8 @@ pub struct Expected {
     pub truth: f64,
     /// Share of the films that tell it.
     pub told: f64,
+    /// Share of those that are farther off than their scatter explains, and left out of it and of the mean.
+    pub odd: f64,
 }
 
 /// A column of `velocity`: name, unit, number.
@@ -41,28 +43,40 @@ const VELOCITIES: [OfVelocity; 3] = [
 const PHASES: [(&str, Phase); 4] =
     [("motion", Phase::Unknown), ("flight", Phase::Flight), ("contact", Phase::Contact), ("rebound", Phase::Rebound)];
 
-/// Sums over films of one number.
-#[derive(Debug, Clone, Copy, Default)]
-struct Sums {
-    count: f64,
-    error: f64,
-    squares: f64,
+/// Films farther from the others than so many of their scatters are left out of it.
+const ODD_SIGMAS: f64 = 5.0;
+
+/// Share of a normal distribution within one sigma.
+const ONE_SIGMA: f64 = 0.682_7;
+
+/// Errors of one number in films.
+#[derive(Debug, Clone, Default)]
+struct Errors(Vec<f64>);
+
+/// What they come to.
+struct Scatter {
+    mean: f64,
+    variance: f64,
+    /// Share of the films left out.
+    odd: f64,
 }
 
-impl Sums {
-    fn take(&mut self, error: f64) {
-        self.count += 1.0;
-        self.error += error;
-        self.squares += error * error;
-    }
-
-    fn mean(&self) -> f64 {
-        self.error / self.count
-    }
-
-    fn variance(&self) -> Option<f64> {
-        let spread = self.squares - self.count * self.mean().powi(2);
-        (self.count >= 2.0).then(|| (spread / (self.count - 1.0)).max(0.0))
+impl Errors {
+    /// Mean and variance without the odd ones: now and then another contact law is taken, with a sigma to match, and a
+    /// single such film would make up most of a plain variance.
+    fn scatter(&self) -> Option<Scatter> {
+        let mut sorted = self.0.clone();
+        sorted.sort_by(f64::total_cmp);
+        let median = *sorted.get(sorted.len() / 2)?;
+        let mut apart: Vec<f64> = sorted.iter().map(|error| (error - median).abs()).collect();
+        apart.sort_by(f64::total_cmp);
+        let most = ODD_SIGMAS * apart[((apart.len() - 1) as f64 * ONE_SIGMA).round() as usize];
+        sorted.retain(|error| (error - median).abs() <= most);
+        let count = sorted.len() as f64;
+        let mean = sorted.iter().sum::<f64>() / count;
+        let squares: f64 = sorted.iter().map(|error| (error - mean).powi(2)).sum();
+        let odd = 1.0 - count / self.0.len() as f64;
+        (count >= 2.0).then(|| Scatter { mean, variance: squares / (count - 1.0), odd })
     }
 }
 
@@ -93,19 +107,18 @@ fn of_velocity(
     truth: &[VelocitySample],
     films: &[TrackerRows],
 ) -> Option<Expected> {
-    let (mut variance, mut offset, mut size, mut frames, mut told) = (0.0, 0.0, 0.0, 0.0, 0.0);
+    let (mut variance, mut offset, mut size, mut frames, mut told, mut odd) = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0);
     for (index, row) in truth.iter().enumerate().filter(|(_, row)| row.phase == phase) {
         let Some(exact) = row.velocity.as_ref().map(number) else { continue };
-        let mut sums = Sums::default();
-        for film in films {
-            let measured = film.velocities.get(index).and_then(|row| row.velocity.as_ref());
-            measured.into_iter().for_each(|velocity| sums.take(number(velocity) - exact));
-        }
-        let Some(own) = sums.variance().filter(|_| sums.count >= LEAST_TOLD * films.len() as f64) else { continue };
-        variance += own;
+        let measured = films.iter().filter_map(|film| film.velocities.get(index)?.velocity.as_ref());
+        let errors = Errors(measured.map(|velocity| number(velocity) - exact).collect());
+        let count = errors.0.len() as f64;
+        let Some(own) = errors.scatter().filter(|_| count >= LEAST_TOLD * films.len() as f64) else { continue };
+        variance += own.variance;
         // What is left of the noise in the mean over the films is no offset.
-        offset += (sums.mean().powi(2) - own / sums.count).max(0.0);
-        (size, frames, told) = (size + exact.abs(), frames + 1.0, told + sums.count / films.len() as f64);
+        offset += (own.mean.powi(2) - own.variance / count).max(0.0);
+        (size, frames, told, odd) =
+            (size + exact.abs(), frames + 1.0, told + count / films.len() as f64, odd + own.odd);
     }
     (frames > 0.0).then(|| Expected {
         name: format!("{word}.{name}"),
@@ -114,19 +127,27 @@ fn of_velocity(
         offset: f64::sqrt(offset / frames),
         truth: size / frames,
         told: told / frames,
+        odd: odd / frames,
     })
 }
 
 fn of_impact(name: &'static str, exact: f64, films: &[TrackerRows]) -> Option<Expected> {
-    let mut sums = Sums::default();
-    for film in films {
-        let last = film.impacts.iter().filter(|impact| impact.number == 0).max_by_key(|impact| impact.revision);
-        let told = last.and_then(|impact| impact.numbers().into_iter().find(|(column, _)| *column == name)?.1);
-        told.into_iter().for_each(|told| sums.take(told.value - exact));
-    }
-    let told = sums.count / films.len() as f64;
-    let sigma = sums.variance().filter(|_| told >= LEAST_TOLD)?.sqrt();
-    Some(Expected { name: name.into(), unit: unit(name), sigma, offset: sums.mean(), truth: exact, told })
+    let told = films.iter().filter_map(|film| {
+        let last = film.impacts.iter().filter(|impact| impact.number == 0).max_by_key(|impact| impact.revision)?;
+        last.numbers().into_iter().find(|(column, _)| *column == name)?.1
+    });
+    let errors = Errors(told.map(|told| told.value - exact).collect());
+    let told = errors.0.len() as f64 / films.len() as f64;
+    let Scatter { mean, variance, odd } = errors.scatter().filter(|_| told >= LEAST_TOLD)?;
+    Some(Expected {
+        name: name.into(),
+        unit: unit(name),
+        sigma: variance.sqrt(),
+        offset: mean,
+        truth: exact,
+        told,
+        odd,
+    })
 }
 
 /// The unit that ends the name of a column.
@@ -186,4 +207,20 @@ fn all(course: &Course, films: u64, stop: &Stop) -> anyhow::Result<Option<Vec<Tr
     measured.sort_by_key(|(film, _)| *film);
     let is_whole = measured.len() as u64 == films;
     Ok(is_whole.then(|| measured.into_iter().map(|(_, rows)| rows).collect()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn one_film_that_is_far_off_does_not_make_the_scatter() {
+        let mut errors: Vec<f64> = (0..99).map(|k| f64::from(k - 49) / 28.6).collect();
+        let plain = Errors(errors.clone()).scatter().unwrap();
+        assert!((plain.variance - 1.0).abs() < 0.05 && plain.odd.abs() < 1e-12, "{}", plain.variance);
+        errors.push(40.0);
+        let odd = Errors(errors).scatter().unwrap();
+        assert!((odd.variance - plain.variance).abs() < 0.02 && (odd.odd - 0.01).abs() < 1e-9);
+        assert!(Errors(vec![1.0]).scatter().is_none() && Errors(Vec::new()).scatter().is_none());
+    }
 }

@@ -46,10 +46,10 @@ impl Told<'_> {
     /// One line naming the file that cannot be written.
     pub(super) fn write(&self, directory: &Path) -> anyhow::Result<()> {
         let expected = self.foreseen.rows.iter().map(|row| {
-            let numbers = [row.truth, row.sigma, row.offset, row.told].map(|number| number.to_string());
+            let numbers = [row.truth, row.sigma, row.offset, row.told, row.odd].map(|number| number.to_string());
             [vec![row.name.clone(), row.unit.to_owned()], numbers.to_vec()].concat()
         });
-        let header = ["name", "unit", "true", "sigma", "mean_error", "told"].map(str::to_owned).to_vec();
+        let header = ["name", "unit", "true", "sigma", "mean_error", "told", "odd"].map(str::to_owned).to_vec();
         file(&directory.join("design.csv"), header, expected)?;
         let names =
             self.advice.first().into_iter().flat_map(|advice| advice.shares.iter().map(|(name, _)| name.clone()));
@@ -85,6 +85,10 @@ impl Told<'_> {
         let header = ["expected", "true", "scatter (1 sigma)", "of it", "mean error", ""].map(str::to_owned).to_vec();
         let rows: Vec<_> = std::iter::once(header).chain(foreseen.rows.iter().map(cells)).collect();
         say(&table(&rows));
+        if let Some(row) = foreseen.rows.iter().max_by(|a, b| a.odd.total_cmp(&b.odd)).filter(|row| row.odd > 0.0) {
+            let share = 100.0 * row.odd;
+            say(&format!("\nup to {share:.1} % of the films ({}) are far off the others, and left out", row.name));
+        }
         self.say_advice();
     }
 
@@ -123,7 +127,7 @@ fn file(path: &Path, header: Vec<String>, rows: impl Iterator<Item = Vec<String>
 fn row(expected: &Expected) -> serde_json::Value {
     json!({
         "name": expected.name, "unit": expected.unit, "true": expected.truth, "sigma": expected.sigma,
-        "mean_error": expected.offset, "told": expected.told,
+        "mean_error": expected.offset, "told": expected.told, "odd": expected.odd,
     })
 }
 

@@ -3,8 +3,7 @@
 //! The further a window is shifted, the less of it still overlaps, and the lower its sum gets: that draws the peak
 //! to zero. This is here to show how far; measurements divide by what overlaps.
 
-use super::way::Vector;
-use crate::dic::GridPoint;
+use crate::dic::{CenterVector, GridPoint};
 use crate::image::{Image, ImageView};
 use crate::results::Circle;
 use crate::synth::PictureMover;
@@ -43,13 +42,14 @@ impl Plain {
         (before, after): (ImageView<'_>, ImageView<'_>),
         at: GridPoint,
         circle: &Circle,
-    ) -> Option<Vector> {
+    ) -> Option<CenterVector> {
         for (window, image) in self.windows.iter_mut().zip([before, after]) {
             cut(image, at, self.subset_size_px, window)?;
         }
         self.correlate();
-        let [u, v] = self.top()?;
-        Some(Vector { x: f64::from(at.x) - circle.x_px, y: f64::from(at.y) - circle.y_px, u, v })
+        let [u_px, v_px] = self.top()?;
+        let (x_px, y_px) = (f64::from(at.x) - circle.x_px, f64::from(at.y) - circle.y_px);
+        Some(CenterVector { x_px, y_px, u_px, v_px, sigma_px: 0.0 })
     }
 
     /// The sum of products at every shift.
@@ -169,8 +169,8 @@ mod tests {
         };
         let mut plain = Plain::new(25, 5);
         let still = plain.vector((image.view(), image.view()), GridPoint { x: 32, y: 29 }, &circle).unwrap();
-        assert!(still.u.abs() < 1e-9 && still.v.abs() < 1e-9, "{still:?}");
-        assert!((still.x - 2.0).abs() < 1e-9 && (still.y + 1.0).abs() < 1e-9, "{still:?}");
+        assert!(still.u_px.abs() < 1e-9 && still.v_px.abs() < 1e-9, "{still:?}");
+        assert!((still.x_px - 2.0).abs() < 1e-9 && (still.y_px + 1.0).abs() < 1e-9, "{still:?}");
         assert!(plain.vector((image.view(), image.view()), GridPoint { x: 11, y: 29 }, &circle).is_none());
     }
 }

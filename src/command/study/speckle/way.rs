@@ -4,8 +4,8 @@ use super::plain::Plain;
 use crate::ball::{BallFinder, BallParams};
 use crate::command::UsageError;
 use crate::dic::{
-    CorrelationParams, Correlator, GridPoint, Method, Prepared, Region, RigidBody, RigidMotion, Ring, Start, grid,
-    rigid_fit,
+    CenterVector, CorrelationParams, Correlator, GridPoint, Method, Prepared, Region, RigidBody, RigidMotion, Ring,
+    Start, center_fit, grid, rigid_fit,
 };
 use crate::image::ImageView;
 use crate::results::{Circle, FieldPoint, PointStatus};
@@ -188,9 +188,9 @@ impl Bench {
                     correlator.correlate(reference, target, &points, Start::Search, field);
                 }
                 Engine::Plain(plain) => {
-                    let vectors: Vec<Vector> =
+                    let vectors: Vec<CenterVector> =
                         points.iter().filter_map(|at| plain.vector(images, *at, &circle)).collect();
-                    return as_the_paper(&vectors, windows.step_px, PointStatus::LowCorrelation);
+                    return as_the_paper(&vectors, *windows, PointStatus::LowCorrelation);
                 }
             }
             match way {
@@ -198,8 +198,9 @@ impl Bench {
                 Way::Ring => ringed(ring, (reference, target), field, &circle, windows.subset_size_px),
                 Way::Rigid => whole(reference, target, field, &circle, windows.subset_size_px),
                 _ => {
-                    let vectors: Vec<Vector> = field.iter().filter_map(|point| Vector::of(point, &circle)).collect();
-                    as_the_paper(&vectors, windows.step_px, why_not(field))
+                    let center = (circle.x_px, circle.y_px);
+                    let vectors: Vec<_> = field.iter().filter_map(|point| CenterVector::of(point, center)).collect();
+                    as_the_paper(&vectors, *windows, why_not(field))
                 }
             }
         };
@@ -296,84 +297,10 @@ fn whole(
 /// As the paper reads: the field interpolated at the ball's centre, and the mean of the windows' rotations about it.
 ///
 /// `otherwise` is told when there are too few vectors for either.
-fn as_the_paper(valid: &[Vector], step_px: u32, otherwise: PointStatus) -> Answer {
-    let Some(center) = at_center(valid, f64::from(step_px)).filter(|_| valid.len() >= FEWEST) else {
-        return none(otherwise);
-    };
-    // A window on the centre itself does not show how it turns.
-    let turning = valid.iter().filter(|vector| vector.x.hypot(vector.y) > 0.75 * f64::from(step_px));
-    let angles: Vec<f64> = turning.map(|vector| vector.angle_deg(center)).collect();
-    if angles.is_empty() {
-        return none(otherwise);
-    }
-    let angle_deg = angles.iter().sum::<f64>() / angles.len() as f64;
-    Answer {
-        step: Some([center[0], center[1], angle_deg]),
-        sigma: None,
-        points: u32::try_from(valid.len()).unwrap_or(u32::MAX),
-        status: PointStatus::Valid,
-    }
-}
-
-/// A valid vector, its place counted from the ball's centre, px.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Vector {
-    pub(super) x: f64,
-    pub(super) y: f64,
-    pub(super) u: f64,
-    pub(super) v: f64,
-}
-
-impl Vector {
-    fn of(point: &FieldPoint, circle: &Circle) -> Option<Self> {
-        let displacement = point.displacement.filter(|_| point.status == PointStatus::Valid)?;
-        Some(Self {
-            x: f64::from(point.x_px) - circle.x_px,
-            y: f64::from(point.y_px) - circle.y_px,
-            u: f64::from(displacement.u_px),
-            v: f64::from(displacement.v_px),
-        })
-    }
-
-    /// How far it turned about a centre that moved so, counter-clockwise on the screen, deg.
-    fn angle_deg(&self, center: [f64; 2]) -> f64 {
-        let (x, y) = (self.x + self.u - center[0], self.y + self.v - center[1]);
-        // y is down.
-        (self.y * x - self.x * y).atan2(self.x * x + self.y * y).to_degrees()
-    }
-}
-
-/// The field at the centre: bilinear between the four windows around it, or a plane through its neighbours.
-fn at_center(vectors: &[Vector], step_px: f64) -> Option<[f64; 2]> {
-    let share = |vector: &Vector| (1.0 - vector.x.abs() / step_px).max(0.0) * (1.0 - vector.y.abs() / step_px).max(0.0);
-    let total: f64 = vectors.iter().map(share).sum();
-    // The shares of all four make 1; where one is missing and counts, they do not.
-    if total > 0.999 {
-        let mean = |part: fn(&Vector) -> f64| vectors.iter().map(|v| share(v) * part(v)).sum::<f64>() / total;
-        return Some([mean(|v| v.u), mean(|v| v.v)]);
-    }
-    let near: Vec<&Vector> =
-        vectors.iter().filter(|vector| vector.x.abs().max(vector.y.abs()) < 1.6 * step_px).collect();
-    plane(&near)
-}
-
-/// The value at the origin of the planes that fit u and v best; `None` where the vectors do not span one.
-fn plane(vectors: &[&Vector]) -> Option<[f64; 2]> {
-    let sum = |part: &dyn Fn(&Vector) -> f64| vectors.iter().map(|vector| part(vector)).sum::<f64>();
-    let count = vectors.len() as f64;
-    let (x, y) = (sum(&|v| v.x), sum(&|v| v.y));
-    let (xx, xy, yy) = (sum(&|v| v.x * v.x), sum(&|v| v.x * v.y), sum(&|v| v.y * v.y));
-    let minors = [xx * yy - xy * xy, xy * y - x * yy, x * xy - xx * y];
-    let determinant = count * minors[0] + x * minors[1] + y * minors[2];
-    // Vectors on a line span no plane.
-    if vectors.len() < FEWEST || determinant < 1e-6 * count * xx.max(1.0) * yy.max(1.0) {
-        return None;
-    }
-    let value = |part: fn(&Vector) -> f64| {
-        let sums = [sum(&part), sum(&|v| v.x * part(v)), sum(&|v| v.y * part(v))];
-        (0..3).map(|k| minors[k] * sums[k]).sum::<f64>() / determinant
-    };
-    Some([value(|v| v.u), value(|v| v.v)])
+fn as_the_paper(valid: &[CenterVector], windows: Windows, otherwise: PointStatus) -> Answer {
+    // The paper states no uncertainty.
+    let answer = |motion: RigidMotion| Answer { sigma: None, ..of(&motion) };
+    center_fit(valid, windows.step_px, windows.subset_size_px).map_or_else(|| none(otherwise), answer)
 }
 
 fn of(motion: &RigidMotion) -> Answer {
@@ -399,40 +326,6 @@ fn why_not(field: &[FieldPoint]) -> PointStatus {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    const STEP_PX: f64 = 12.0;
-
-    /// Vectors of a body that turned by `angle_deg` about its centre and moved.
-    fn body(shift: [f64; 2], angle_deg: f64, leave_out: impl Fn(i32, i32) -> bool) -> Vec<Vector> {
-        let (sin, cos) = angle_deg.to_radians().sin_cos();
-        let places = (-3..=3).flat_map(|row| (-3..=3).map(move |column| (column, row)));
-        let vector = |(column, row): (i32, i32)| {
-            // The centre lies beside the windows' grid.
-            let (x, y) = (STEP_PX * f64::from(column) + 0.3, STEP_PX * f64::from(row) - 0.2);
-            let (u, v) = (shift[0] + x * (cos - 1.0) + y * sin, shift[1] - x * sin + y * (cos - 1.0));
-            Vector { x, y, u, v }
-        };
-        places.filter(|(column, row)| !leave_out(*column, *row)).map(vector).collect()
-    }
-
-    #[test]
-    fn the_papers_estimator_is_exact_on_an_exact_field_with_and_without_the_window_at_the_centre() {
-        for leave_out in [false, true] {
-            let vectors = body([0.7, -1.2], 2.4, |column, row| leave_out && (column, row) == (0, 0));
-            let answer = as_the_paper(&vectors, 12, PointStatus::Lost);
-            let [u, v, angle_deg] = answer.step.unwrap();
-            assert!((u - 0.7).abs() < 1e-9 && (v + 1.2).abs() < 1e-9 && (angle_deg - 2.4).abs() < 1e-9, "{answer:?}");
-            assert_eq!(answer.points, if leave_out { 48 } else { 49 });
-        }
-    }
-
-    #[test]
-    fn too_few_vectors_or_none_around_the_centre_are_no_answer() {
-        let none = as_the_paper(&body([0.0; 2], 0.0, |_, row| row != 0), 12, PointStatus::LowContrast);
-        assert_eq!((none.step, none.status), (None, PointStatus::LowContrast), "a line of windows spans no plane");
-        let far = body([0.0; 2], 0.0, |column, row| column.abs() < 2 && row.abs() < 2);
-        assert_eq!(as_the_paper(&far, 12, PointStatus::Lost).step, None);
-    }
 
     #[test]
     fn a_picture_without_a_ball_is_lost_by_every_method() {
