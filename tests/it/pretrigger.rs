@@ -17,8 +17,8 @@ struct Setup {
 
 impl Setup {
     fn frames(&self) -> u64 {
-        // What passes before the trigger, and what may pass until the test has seen it.
-        self.pre + 3 * self.post + 2 * self.rate_hz
+        // What passes before the trigger, what follows it, and what may pass until the test has seen it.
+        self.pre + 2 * self.post + self.rate_hz
     }
 
     fn meta(&self, sequence: u64) -> FrameMeta {
@@ -51,31 +51,44 @@ impl Setup {
 /// Processor time of a process and its threads so far, s; `None` when it has ended.
 fn cpu_s(pid: u64) -> Option<f64> {
     let tasks = std::fs::read_dir(format!("/proc/{pid}/task")).ok()?;
-    let ns = tasks.map(|task| {
-        let text = std::fs::read_to_string(task.unwrap().path().join("schedstat")).unwrap_or_default();
-        text.split_whitespace().next().map_or(0.0, |ns| ns.parse::<f64>().unwrap())
-    });
-    Some(ns.sum::<f64>() * 1e-9)
+    Some(tasks.map(|task| task_cpu_s(&task.unwrap().path())).sum())
 }
 
-/// Frames a second that a plain write of the same bytes takes, forced to the disk as often.
+/// Processor time of this thread so far, s.
+fn own_cpu_s() -> f64 {
+    task_cpu_s(Path::new("/proc/thread-self"))
+}
+
+fn task_cpu_s(task: &Path) -> f64 {
+    let text = std::fs::read_to_string(task.join("schedstat")).unwrap_or_default();
+    text.split_whitespace().next().map_or(0.0, |ns| ns.parse::<f64>().unwrap() * 1e-9)
+}
+
+/// What a write takes.
+struct Taken {
+    frames_per_s: f64,
+    cpu_us_a_frame: f64,
+}
+
+/// What a plain write takes of frames that lie in memory, as they do in the ring, forced to the disk as often.
 #[expect(clippy::disallowed_methods, reason = "it measures time")]
-fn plain_frames_per_s(folder: &Path, setup: &Setup, frames: u64) -> f64 {
-    let mut bytes = vec![90; (setup.side_px * setup.side_px) as usize];
+fn plain(folder: &Path, setup: &Setup, frames: u64) -> Taken {
+    let frame_bytes = (setup.side_px * setup.side_px) as usize;
+    let mut memory = vec![90; frame_bytes * frames as usize];
+    memory.chunks_exact_mut(frame_bytes).zip(0..).for_each(|(frame, sequence)| Setup::paint(sequence, frame));
     let path = folder.join("plain");
-    let start = Instant::now();
+    let (start, cpu_before_s) = (Instant::now(), own_cpu_s());
     let mut file = std::fs::File::create(&path).unwrap();
-    for sequence in 0..frames {
-        Setup::paint(sequence, &mut bytes);
-        file.write_all(&bytes).unwrap();
-        if (sequence + 1) * bytes.len() as u64 % (64 << 20) < bytes.len() as u64 {
+    for (frame, before) in memory.chunks_exact(frame_bytes).zip((0..).step_by(frame_bytes)) {
+        file.write_all(frame).unwrap();
+        if (before + frame_bytes) % (64 << 20) < frame_bytes {
             file.sync_data().unwrap();
         }
     }
     file.sync_all().unwrap();
-    let taken_s = start.elapsed().as_secs_f64();
+    let (taken_s, cpu_s) = (start.elapsed().as_secs_f64(), own_cpu_s() - cpu_before_s);
     std::fs::remove_file(&path).unwrap();
-    frames as f64 / taken_s
+    Taken { frames_per_s: frames as f64 / taken_s, cpu_us_a_frame: 1e6 * cpu_s / frames as f64 }
 }
 
 #[expect(clippy::disallowed_methods, reason = "it measures time")]
@@ -97,7 +110,7 @@ fn fill_and_drain(setup: &Setup) {
         |name: &str, key: &str| status(&rig.name).and_then(|told| process(&told, name, 0)?[key].as_u64()).unwrap_or(0);
     wait_until("it films", || (number("acquire", "sequence") > 10).then_some(()));
     // Beside the camera and the worker, as the shot is written later; the film lasts no longer than the ring and this.
-    let plain_beside = plain_frames_per_s(&rig.path(""), setup, setup.pre / 20);
+    let beside = plain(&rig.path(""), setup, setup.pre / 20);
     let pid = wait_until("the recorder tells its number", || Some(number("record", "pid")).filter(|pid| *pid > 0));
     let (start, cpu_before_s) = (Instant::now(), cpu_s(pid).unwrap());
     wait_until("the ring is full", || (number("acquire", "sequence") > setup.pre + setup.post / 2).then_some(()));
@@ -138,11 +151,15 @@ fn fill_and_drain(setup: &Setup) {
     );
     assert!(share < 0.05, "{share} of a processor before the trigger");
     std::fs::remove_file(&film).unwrap();
-    let (rate, plain_alone) = (count as f64 / taken_s, plain_frames_per_s(&rig.path(""), setup, count));
+    let (rate, alone) = (count as f64 / taken_s, plain(&rig.path(""), setup, count));
     println!(
-        "{rate:.0} frames/s, {:.2} of a plain write beside the camera and the worker ({plain_beside:.0} frames/s); one \
-         with nothing beside it: {plain_alone:.0} frames/s",
-        rate / plain_beside
+        "{rate:.0} frames/s: {:.2} of a plain write of as many with nothing beside it ({:.0} frames/s, {:.0} us of \
+         processor time), {:.2} of one of a few beside the camera and the worker ({:.0} frames/s)",
+        rate / alone.frames_per_s,
+        alone.frames_per_s,
+        alone.cpu_us_a_frame,
+        rate / beside.frames_per_s,
+        beside.frames_per_s
     );
 }
 

@@ -120,7 +120,9 @@ fn every_rig_file_that_needs_no_camera_runs() {
         }
         let output = ricochet(["run".as_ref(), copy.as_os_str()]).current_dir(home).output().unwrap();
         let told = String::from_utf8(output.stderr).unwrap();
-        assert_eq!((output.status.code(), told.as_str()), (Some(0), ""), "{}", path.display());
+        // How full this machine's disk is says nothing about the file.
+        let told: Vec<&str> = told.lines().filter(|line| !line.contains("bytes are free in")).collect();
+        assert_eq!((output.status.code(), told), (Some(0), vec![]), "{}", path.display());
         let printed = String::from_utf8(output.stdout).unwrap();
         let recordings: Vec<&str> = printed.lines().collect();
         assert_eq!(recordings.len(), usize::from(config.record.is_some()), "{}", path.display());

@@ -118,7 +118,7 @@ impl Course {
             true => [0.0; 3],
             false => {
                 let share = subset_walk(truth);
-                std::array::from_fn(|k| share[k] * self.noise.pose[k])
+                std::array::from_fn(|k| share[k] * self.noise.walk[k] * self.noise.pose[k])
             }
         };
         let (first, second, frames) = (self.sigma(here), self.sigma(there), f64::from(interval));

@@ -6,6 +6,7 @@ mod noise;
 mod renewal;
 mod rig;
 mod spread;
+mod subsets;
 mod tell;
 
 use std::path::PathBuf;

@@ -1,15 +1,16 @@
 //! How much a pose scatters, from the pictures that the rig is going to take.
 
-use super::renewal;
 use super::rig::Rig;
+use super::{renewal, subsets};
 use crate::camera::simulated;
 use crate::command::UsageError;
 use crate::dic::{Correlator, Region, RigidBody};
 use crate::image::{Frame, Image};
-use crate::measure::{Measured, Measurer, Share, whole_region};
+use crate::measure::{MeasureParams, Measured, Measurer, Share, whole_region};
 use crate::process::analysis_params;
 use crate::results::{BodyStep, Circle, PointStatus};
 use crate::synth::World;
+use std::ops::Range;
 
 /// Pictures that are drawn and measured to see how the body is followed.
 const PICTURES: u64 = 3;
@@ -27,6 +28,8 @@ pub(super) struct Noise {
     pub(super) pose: [f64; 3],
     /// What the renewal of a reference leaves for good, in the same units, when the whole body is matched.
     pub(super) renewal: [f64; 3],
+    /// How much more than assumed a step over subsets leaves for good, where it is not: x, y and angle.
+    pub(super) walk: [f64; 3],
     /// Noise of a pixel of the body, where its grey levels change, DN.
     pub(super) pixel_dn: f64,
     /// How the body was seen in the frame `seen`.
@@ -68,34 +71,48 @@ impl Noise {
         let center_px = [truth.center_x_px.unwrap_or_default(), truth.center_y_px.unwrap_or_default()];
         let light = world.render_light(first);
         let pixel_dn = pixel_noise_dn(rig, &light, center_px);
-        let (pose, renewal) = match step.is_whole {
+        let (pose, renewal, walk) = match step.is_whole {
             true => {
                 let last =
                     (first..first + RENEWED_FRAMES).take_while(|index| *index < world.frames() && is_seen(index));
                 let last = last.last().unwrap_or(first);
-                (bound(rig, &light, center_px, pixel_dn)?, renewal::walk(rig, world, (first, last))?)
+                let renewal = renewal::walk(rig, world, (first, last))?;
+                (bound(rig, &light, center_px, pixel_dn)?, renewal, [1.0; 3])
             }
-            false => (stated(&told), [0.0; 3]),
+            false => {
+                let pose = stated(&told);
+                (pose, [0.0; 3], subsets::ratio(rig, world, first, pose)?)
+            }
         };
         let place = step.circle.map(|c| [c.x_px, c.y_px]).or(step.rod.map(|rod| [rod.x_px.value, rod.y_px.value]));
         let off_px = place.map_or([0.0; 2], |place| [place[0] - center_px[0], place[1] - center_px[1]]);
-        Ok(Self { pose, renewal, pixel_dn, step, off_px })
+        Ok(Self { pose, renewal, walk, pixel_dn, step, off_px })
     }
 }
 
-/// Steps of a few frames, as the rig measures them.
-fn measured(rig: &Rig, world: &World, frames: std::ops::Range<u64>) -> anyhow::Result<Vec<BodyStep>> {
+/// Steps of a few frames over the shortest interval, as the rig measures them.
+fn measured(rig: &Rig, world: &World, frames: Range<u64>) -> anyhow::Result<Vec<BodyStep>> {
     let (params, _) = analysis_params(&rig.config, &rig.format());
-    let (width, height) = (world.width_px() as usize, world.height_px() as usize);
-    let mut measurer = Measurer::new(&params, Share::ALL, width, height)?;
-    let (mut rows, mut bytes): (Vec<Measured>, _) = (Vec::new(), vec![0; world.frame_bytes()]);
+    let mut rows = steps(&params, world, frames)?;
+    rows.retain(|step| step.interval_frames == rig.config.intervals_frames[0]);
+    Ok(rows)
+}
+
+/// Every step of a few frames of a film.
+///
+/// # Errors
+///
+/// When the settings cannot be measured with.
+pub(super) fn steps(params: &MeasureParams, film: &World, frames: Range<u64>) -> anyhow::Result<Vec<BodyStep>> {
+    let (width, height) = (film.width_px() as usize, film.height_px() as usize);
+    let mut measurer = Measurer::new(params, Share::ALL, width, height)?;
+    let (mut rows, mut bytes): (Vec<Measured>, _) = (Vec::new(), vec![0; film.frame_bytes()]);
     for index in frames {
-        world.render(index, &mut bytes);
-        measurer.push(&Frame { meta: simulated::meta(world, index), bytes: &bytes }, &mut rows)?;
+        film.render(index, &mut bytes);
+        measurer.push(&Frame { meta: simulated::meta(film, index), bytes: &bytes }, &mut rows)?;
     }
     measurer.finish(&mut rows);
-    let shortest = rig.config.intervals_frames[0];
-    Ok(rows.into_iter().map(|row| row.step).filter(|step| step.interval_frames == shortest).collect())
+    Ok(rows.into_iter().map(|row| row.step).collect())
 }
 
 /// The least scatter that the texture of the ball allows; half of a match's variance is the other frame's.
