@@ -13,6 +13,8 @@ const FARTHEST_PX: f64 = 0.7;
 const SCALE_RANK: f64 = 0.3;
 /// Normal quantile of that rank: |z| is below it in 30 of 100 draws.
 const SCALE_QUANTILE: f64 = 0.385_32;
+/// Reweighting that moves the circle by less than this has settled, px.
+const SETTLED_PX: f64 = 1e-4;
 /// Unevenness of a printed or painted rim that no noise model knows, px.
 const RIM_ROUGHNESS_PX: f64 = 0.03;
 /// Neighbouring bins whose residuals are taken to be alike.
@@ -39,7 +41,7 @@ pub(super) struct CircleFit {
 }
 
 impl CircleFit {
-    /// Fits the edges marked in `used` in `rounds` of reweighting; `noise` is the picture's, grey levels.
+    /// Fits the edges marked in `used` in at most `rounds` of reweighting; `noise` is the picture's, grey levels.
     ///
     /// `None` when there are too few of them to hold a circle.
     pub fn fit(&mut self, rim: &Rim, edges: &[Edge], used: &[bool], noise: f32, rounds: usize) -> Option<Correction> {
@@ -64,7 +66,10 @@ impl CircleFit {
                     right += row * (weight * f64::from(edge.shift));
                 }
             }
-            answer = normal.cholesky()?.solve(&right);
+            let before = std::mem::replace(&mut answer, normal.cholesky()?.solve(&right));
+            if (answer - before).amax() < SETTLED_PX {
+                break;
+            }
         }
         self.residuals(rim, edges, answer);
         Some(Correction { dx: answer[0], dy: answer[1], dr: answer[2], normal })

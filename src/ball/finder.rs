@@ -2,7 +2,8 @@
 
 use super::Polarity;
 use super::coarse::{Coarse, Marks, Place};
-use super::params::{BallError, BallParams};
+use super::marked::Marked;
+use super::params::{BallError, BallParams, OutlineMethod};
 use super::rays::{Guess, Look, Rays};
 use super::refine::{Measured, Refine};
 use crate::image::ImageView;
@@ -66,6 +67,7 @@ pub struct BallFinder {
     guesses: Vec<Guess>,
     rays: Rays,
     refine: Refine,
+    marked: Marked,
 }
 
 impl BallFinder {
@@ -85,6 +87,7 @@ impl BallFinder {
             guesses: Vec::new(),
             rays: Rays::default(),
             refine: Refine::default(),
+            marked: Marked::default(),
         })
     }
 
@@ -100,6 +103,12 @@ impl BallFinder {
         if image.width() < 8 || image.height() < 8 {
             return None;
         }
+        let circle = self.edges_anywhere(image)?;
+        self.told(image, circle)
+    }
+
+    /// The outline by its edges, wherever it is.
+    fn edges_anywhere(&mut self, image: ImageView<'_>) -> Option<Circle> {
         self.coarse.reduce(image);
         self.places.clear();
         self.coarse.plain(&mut self.places);
@@ -129,6 +138,12 @@ impl BallFinder {
         if image.width() < 8 || image.height() < 8 || !sane || near.2 < 3.0 {
             return None;
         }
+        let circle = self.edges_near(image, near)?;
+        self.told(image, circle)
+    }
+
+    /// The outline by its edges, near a prediction.
+    fn edges_near(&mut self, image: ImageView<'_>, near: (f32, f32, f32)) -> Option<Circle> {
         let look = Look { reach_px: FOLLOW_REACH_PX, tolerance_px: 0.7, draws: 60, rays: 120 };
         let guess = self.rays.look(image, near, look)?;
         if let Some(measured) = self.measure(image, &guess) {
@@ -139,6 +154,14 @@ impl BallFinder {
             let guess = Guess { x: near.0, y: near.1, radius: near.2, support: 1.0, polarity };
             self.measure(image, &guess).map(|m| m.circle)
         })
+    }
+
+    /// What is told of an outline found by its edges.
+    fn told(&mut self, image: ImageView<'_>, circle: Circle) -> Option<Circle> {
+        match self.params.outline {
+            OutlineMethod::Edges => Some(circle),
+            OutlineMethod::Marked => self.marked.circle(image, &circle),
+        }
     }
 
     fn check_shape(&self, image: ImageView<'_>) {

@@ -6,6 +6,7 @@ mod edge;
 mod finder;
 mod gates;
 mod light;
+mod marked;
 mod normal;
 mod params;
 mod rays;
@@ -15,7 +16,7 @@ mod shrink;
 mod visible;
 
 pub use finder::BallFinder;
-pub use params::{BallError, BallParams};
+pub use params::{BallError, BallParams, OutlineMethod};
 
 /// Whether a ball is brighter or darker than its ground.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -5,6 +5,16 @@ pub(super) const LEAST_RADIUS_PX: f64 = 6.0;
 /// Largest radius accepted, px; bounds the memory a finder plans.
 pub(super) const MOST_RADIUS_PX: f64 = 2000.0;
 
+/// How the outline of a ball is measured.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum OutlineMethod {
+    /// Edges along the rim to a fraction of a pixel, and a circle through them that outliers do not move.
+    #[default]
+    Edges,
+    /// The paper's (section 4.3): the boundary marked in whole pixels, the ball filtered, a Hough transform.
+    Marked,
+}
+
 /// Where and how large a ball may be.
 #[derive(Debug, Clone, PartialEq)]
 pub struct BallParams {
@@ -14,12 +24,14 @@ pub struct BallParams {
     pub max_radius_px: f64,
     /// Searched region: x, y, width, height, px; `None` is the whole image.
     pub roi_px: Option<[u32; 4]>,
+    /// How its outline is measured once it is found.
+    pub outline: OutlineMethod,
 }
 
 impl BallParams {
     /// Balls of `min_radius_px` to `max_radius_px` anywhere in the image.
     pub fn new(min_radius_px: f64, max_radius_px: f64) -> Self {
-        Self { min_radius_px, max_radius_px, roi_px: None }
+        Self { min_radius_px, max_radius_px, roi_px: None, outline: OutlineMethod::default() }
     }
 
     /// Refuses what cannot be searched for in an image of this shape.

@@ -280,7 +280,7 @@ fn votes(steps: &[Vec<f32>; STEPS], cos: &[f32], sin: &[f32], offset: Offset, sc
     sums.iter().sum()
 }
 
-fn within(image: ImageView<'_>, x: f32, y: f32) -> bool {
+pub(super) fn within(image: ImageView<'_>, x: f32, y: f32) -> bool {
     x >= 0.0 && y >= 0.0 && x < (image.width() - 1) as f32 && y < (image.height() - 1) as f32
 }
 

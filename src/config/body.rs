@@ -4,6 +4,7 @@ use super::check::{Bounds, Table};
 use super::error::ConfigError;
 use super::raw::RawBody;
 use super::text::Text;
+use crate::ball::OutlineMethod;
 use crate::dic::Patch;
 use crate::results::ROD_EDGES;
 
@@ -36,6 +37,9 @@ pub struct Body {
     /// Largest radius looked for, 2 to 32768 px. Left out: 1.25 times the predicted radius, else 0.45 of the
     /// image's smaller side.
     pub max_radius_px: Option<f64>,
+    /// How the outline of a ball is measured: `edges` (default), to a few hundredths of a pixel, or `marked`, the paper's
+    /// marked boundary and Hough transform, to some tenths.
+    pub outline: OutlineMethod,
     /// Edges of tapes that are followed on a rod, from the top downwards, 2 to 4, default 4: all of them must be in
     /// sight for the rod to be found.
     pub edges: u32,
@@ -55,6 +59,7 @@ impl Body {
             mass_kg: None,
             min_radius_px: None,
             max_radius_px: None,
+            outline: OutlineMethod::default(),
             edges: EDGES_DEFAULT,
             roi_px: None,
             patch: None,
@@ -108,6 +113,7 @@ fn body(table: &Table<'_>, raw: RawBody, alone: bool, image_px: Option<(u32, u32
     let given = [
         ("min_radius_px", raw.min_radius_px.is_some(), &[BodyKind::Ball][..]),
         ("max_radius_px", raw.max_radius_px.is_some(), &[BodyKind::Ball]),
+        ("outline", raw.outline.is_some(), &[BodyKind::Ball]),
         ("edges", raw.edges.is_some(), &[BodyKind::Rod]),
         ("diameter_mm", raw.diameter_mm.is_some(), &[BodyKind::Ball, BodyKind::Rod]),
         ("roi_px", raw.roi_px.is_some(), &[BodyKind::Ball, BodyKind::Rod]),
@@ -123,6 +129,7 @@ fn body(table: &Table<'_>, raw: RawBody, alone: bool, image_px: Option<(u32, u32
         mass_kg: table.number("mass_kg", raw.mass_kg, MASS)?,
         min_radius_px: table.number("min_radius_px", raw.min_radius_px, RADIUS)?,
         max_radius_px: table.number("max_radius_px", raw.max_radius_px, RADIUS)?,
+        outline: outline(table, raw.outline.as_deref())?,
         edges: table.whole("edges", raw.edges, 2..=ROD_EDGES as i64, "")?.unwrap_or(EDGES_DEFAULT),
         roi_px: table.region("roi_px", raw.roi_px.as_deref(), image_px)?,
         patch,
@@ -138,6 +145,11 @@ fn body(table: &Table<'_>, raw: RawBody, alone: bool, image_px: Option<(u32, u32
 fn kind(table: &Table<'_>, word: Option<&str>) -> Result<BodyKind, ConfigError> {
     let kinds = [("ball", BodyKind::Ball), ("rod", BodyKind::Rod), ("patch", BodyKind::Patch)];
     Ok(table.word("kind", word, &kinds)?.unwrap_or(BodyKind::Ball))
+}
+
+fn outline(table: &Table<'_>, word: Option<&str>) -> Result<OutlineMethod, ConfigError> {
+    let methods = [("edges", OutlineMethod::Edges), ("marked", OutlineMethod::Marked)];
+    Ok(table.word("outline", word, &methods)?.unwrap_or_default())
 }
 
 /// The polygon of a patch.

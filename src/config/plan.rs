@@ -42,7 +42,7 @@ impl Config {
             (None, Some(max_px)) => (lowest.min(max_px / RADIUS_RATIO), max_px),
             (Some(min_px), Some(max_px)) => (min_px, max_px),
         };
-        BallParams { min_radius_px, max_radius_px, roi_px: body.roi_px }
+        BallParams { min_radius_px, max_radius_px, roi_px: body.roi_px, outline: body.outline }
     }
 
     /// What the rod finder of one body is planned with.

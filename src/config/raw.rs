@@ -110,6 +110,7 @@ pub(super) struct RawBody {
     pub mass_kg: Option<f64>,
     pub min_radius_px: Option<f64>,
     pub max_radius_px: Option<f64>,
+    pub outline: Option<String>,
     pub edges: Option<i64>,
     pub roi_px: Option<Vec<i64>>,
     pub polygon_px: Option<Vec<Vec<f64>>>,

@@ -49,25 +49,35 @@ struct Vector {
 }
 
 /// A motion (u, v of the origin; angle in rad) under iteration.
-#[derive(Debug, Clone, Copy, Default)]
+#[derive(Debug, Clone, Copy)]
 struct Turn {
     u: f64,
     v: f64,
     angle: f64,
+    sin: f64,
+    cos: f64,
 }
 
 impl Turn {
+    fn new(u: f64, v: f64, angle: f64) -> Self {
+        let (sin, cos) = angle.sin_cos();
+        Self { u, v, angle, sin, cos }
+    }
+
     /// Measured less predicted displacement.
     fn residual(&self, vector: &Vector) -> (f64, f64) {
-        let (sin, cos) = self.angle.sin_cos();
-        let u = self.u + (cos - 1.0) * vector.x + sin * vector.y;
-        let v = self.v - sin * vector.x + (cos - 1.0) * vector.y;
+        let u = self.u + (self.cos - 1.0) * vector.x + self.sin * vector.y;
+        let v = self.v - self.sin * vector.x + (self.cos - 1.0) * vector.y;
         (vector.u - u, vector.v - v)
     }
 
-    fn distance(&self, vector: &Vector) -> f64 {
+    fn squared_distance(&self, vector: &Vector) -> f64 {
         let (u, v) = self.residual(vector);
-        u.hypot(v)
+        u * u + v * v
+    }
+
+    fn distance(&self, vector: &Vector) -> f64 {
+        self.squared_distance(vector).sqrt()
     }
 }
 
@@ -157,32 +167,34 @@ fn first_guess(vectors: &[Vector]) -> Option<Turn> {
     for _ in 0..TRIALS {
         let (a, b) = (vectors[pick()], vectors[pick()]);
         let (dx, dy) = (b.x - a.x, b.y - a.y);
-        if dx.hypot(dy) < 1.0 {
+        if dx * dx + dy * dy < 1.0 {
             continue;
         }
         let (ex, ey) = (dx + b.u - a.u, dy + b.v - a.v);
         let angle = (dy * ex - dx * ey).atan2(dx * ex + dy * ey);
-        let mut turn = Turn { u: 0.0, v: 0.0, angle };
+        let mut turn = Turn::new(0.0, 0.0, angle);
         let (ra, rb) = (turn.residual(&a), turn.residual(&b));
         (turn.u, turn.v) = (0.5 * (ra.0 + rb.0), 0.5 * (ra.1 + rb.1));
         distances.clear();
-        distances.extend(vectors.iter().map(|vector| turn.distance(vector)));
-        let middle = count / 2;
-        let (_, median, _) = distances.select_nth_unstable_by(middle, f64::total_cmp);
-        if best.as_ref().is_none_or(|(least, _)| *median < *least) {
-            best = Some((*median, turn));
+        distances.extend(vectors.iter().map(|vector| turn.squared_distance(vector)));
+        let (middle, least) = (count / 2, best.as_ref().map_or(f64::INFINITY, |(least, _)| *least));
+        // With so few nearer than the best pair's median, this pair's own is no smaller.
+        if distances.iter().filter(|distance| **distance < least).count() <= middle {
+            continue;
         }
+        let (_, median, _) = distances.select_nth_unstable_by(middle, f64::total_cmp);
+        best = Some((*median, turn));
     }
     best.map(|(_, turn)| turn)
 }
 
 /// Standard deviation of one residual component, from the median distance.
 fn robust_scatter(turn: &Turn, vectors: &[Vector]) -> f64 {
-    let mut distances: Vec<f64> = vectors.iter().map(|vector| turn.distance(vector)).collect();
+    let mut distances: Vec<f64> = vectors.iter().map(|vector| turn.squared_distance(vector)).collect();
     let middle = distances.len() / 2;
     let (_, median, _) = distances.select_nth_unstable_by(middle, f64::total_cmp);
     // The median length of a Gaussian vector is 1.1774 standard deviations of a component.
-    (*median / 1.1774).max(LEAST_SCATTER_PX)
+    (median.sqrt() / 1.1774).max(LEAST_SCATTER_PX)
 }
 
 /// Weighted least squares of the exact rigid motion (closed form in two dimensions).
@@ -203,13 +215,13 @@ fn weighted_fit(vectors: &[Vector]) -> Option<Turn> {
     let angle = across.atan2(along);
     let (sin, cos) = angle.sin_cos();
     // Where the origin goes.
-    Some(Turn { u: tx - (cos * x + sin * y), v: ty - (cos * y - sin * x), angle })
+    Some(Turn { u: tx - (cos * x + sin * y), v: ty - (cos * y - sin * x), angle, sin, cos })
 }
 
 /// The motion with its uncertainty: the weighted fit's influence of each vector
 /// through the covariance of all vectors.
 fn uncertain(turn: &Turn, vectors: &[Vector], size: f64) -> Option<RigidMotion> {
-    let (sin, cos) = turn.angle.sin_cos();
+    let Turn { sin, cos, .. } = *turn;
     // The derivative of (x', y') by the angle.
     let lever = |v: &Vector| (-sin * v.x + cos * v.y, -cos * v.x - sin * v.y);
     let mut normal = [[0.0; 3]; 3];
@@ -306,20 +318,20 @@ mod tests {
     #[test]
     fn any_angle_is_exact_and_counter_clockwise() {
         for angle_deg in [-170.0, -90.0, -3.0, 0.01, 45.0, 179.0] {
-            let turn = Turn { u: 3.0, v: -2.0, angle: f64::to_radians(angle_deg) };
+            let turn = Turn::new(3.0, -2.0, f64::to_radians(angle_deg));
             let motion = rigid_fit(&mut body(turn, 1e-6, 1), 100.0, 90.0, 31).unwrap();
             assert!((motion.angle_deg - angle_deg).abs() < 1e-4, "{motion:?}");
             assert!((motion.u_px - 3.0).abs() < 1e-4 && (motion.v_px + 2.0).abs() < 1e-4, "{motion:?}");
         }
         // A point right of the centre rises on the screen: its v is negative.
-        let turn = Turn { u: 0.0, v: 0.0, angle: 0.1 };
+        let turn = Turn::new(0.0, 0.0, 0.1);
         let right = body(turn, 1e-9, 1)[26].displacement.unwrap();
         assert!(right.v_px < 0.0, "{right:?}");
     }
 
     #[test]
     fn a_third_of_the_vectors_may_follow_something_else() {
-        let turn = Turn { u: 1.0, v: 0.5, angle: 0.01 };
+        let turn = Turn::new(1.0, 0.5, 0.01);
         let mut field = body(turn, 0.005, 3);
         for point in field.iter_mut().filter(|point| point.y_px < 70.0) {
             point.displacement = Some(Displacement { u_px: 0.2, v_px: 0.1, sigma_u_px: 0.005, sigma_v_px: 0.005 });
@@ -332,7 +344,7 @@ mod tests {
 
     #[test]
     fn two_vectors_are_no_body() {
-        let mut field = body(Turn::default(), 0.01, 1);
+        let mut field = body(Turn::new(0.0, 0.0, 0.0), 0.01, 1);
         field.truncate(2);
         assert!(rigid_fit(&mut field, 0.0, 0.0, 31).is_none());
     }

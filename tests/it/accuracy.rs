@@ -4,10 +4,11 @@ use crate::film::{level_rig, rows_of};
 use ricochet::ball::BallParams;
 use ricochet::dic::CorrelationParams;
 use ricochet::image::Frame;
-use ricochet::measure::{MeasureParams, Measurer, Share};
+use ricochet::measure::{MeasureParams, Measurer, Share, TrackerRows};
 use ricochet::motion::Rotation;
 use ricochet::results::{AlarmKind, Impact, RigidStep};
-use ricochet::synth::{Scenario, World};
+use ricochet::synth::physics::NormalLaw;
+use ricochet::synth::{MotionSetup, Scenario, World};
 use std::collections::BTreeMap;
 
 const FRAMES: u64 = 16;
@@ -146,6 +147,67 @@ fn uncertainties_of_an_impact_are_neither_too_small_nor_much_too_large() {
     judge_impacts("1", "rigid");
 }
 
+/// How often the truth of so many films of a built-in scenario lies within one and within two of the sigmas told.
+fn cover(name: &str, rig: &str, films: u64, law: Option<&NormalLaw>) -> Vec<(&'static str, f64, f64)> {
+    let measure = |seed: u64| {
+        let mut scenario = Scenario { seed: 7000 + seed, ..Scenario::built_in(name).unwrap() };
+        let MotionSetup::Impact(impact) = &mut scenario.motion else { panic!("{name} has no impact") };
+        // Pixels and moments off every grid, as they are in a laboratory.
+        impact.contact_center_px[0] += 0.37 * seed as f64 % 1.0;
+        impact.contact_start_s += 0.618 * seed as f64 % 1.0 / scenario.camera.frame_rate_hz;
+        impact.law = *law.unwrap_or(&impact.law);
+        let world = World::new(&scenario).unwrap();
+        (rows_of(&world, rig).impacts.last().copied(), world.impact().unwrap())
+    };
+    let drops: Vec<(Option<Impact>, Impact)> = std::thread::scope(|scope| {
+        let half = |first| scope.spawn(move || (first..films).step_by(2).map(measure).collect::<Vec<_>>());
+        let halves = [half(0), half(1)];
+        halves.into_iter().flat_map(|half| half.join().unwrap()).collect()
+    });
+    let lost = drops.iter().filter(|(measured, _)| measured.is_none()).count();
+    println!("{name}, {law:?}: {films} films, {lost} without an impact");
+    let pulls_of = |index: usize| {
+        let pull = |(measured, truth): &(Option<Impact>, Impact)| {
+            let (measured, truth) = (measured.as_ref()?.numbers()[index].1?, truth.numbers()[index].1?);
+            Some((measured.value - truth.value) / measured.sigma)
+        };
+        drops.iter().filter_map(pull).collect::<Vec<f64>>()
+    };
+    let names = drops[0].1.numbers();
+    let told = (0..names.len()).map(|index| (names[index].0, pulls_of(index))).filter(|(_, pulls)| pulls.len() > 10);
+    told.map(|(name, pulls)| {
+        let share = |sigmas: f64| pulls.iter().filter(|pull| pull.abs() <= sigmas).count() as f64 / pulls.len() as f64;
+        let mean = pulls.iter().sum::<f64>() / pulls.len() as f64;
+        let worst = pulls.iter().map(|pull| pull.abs()).fold(0.0, f64::max);
+        println!(
+            "  {name:24} told {:3}, within 1 sigma {:.3}, 2 sigma {:.3}; mean {mean:+.2}, worst {worst:.1} sigma",
+            pulls.len(),
+            share(1.0),
+            share(2.0)
+        );
+        (name, share(1.0), share(2.0))
+    })
+    .collect()
+}
+
+#[test]
+#[ignore = "takes minutes"]
+fn sigmas_cover_the_truth_in_200_films() {
+    let hunt = |stiffness_n_m15, damping_s_m| NormalLaw::HuntCrossley { stiffness_n_m15, damping_s_m };
+    let rigs = [
+        ("lacrosse", include_str!("../../config/lacrosse.toml"), hunt(1.743e6, 0.2224)),
+        ("tennis", include_str!("../../config/tennis.toml"), hunt(1.35e5, 0.113)),
+        ("rod", include_str!("../../config/rod.toml"), hunt(7.40e7, 0.783)),
+    ];
+    for (name, rig, hunt) in rigs {
+        for law in [None, Some(&hunt)] {
+            for (number, one, two) in cover(name, rig, 200, law) {
+                assert!(one >= 0.55 && two >= 0.9, "{name}, {law:?}: {number} covered {one}, {two}");
+            }
+        }
+    }
+}
+
 #[test]
 fn a_longer_interval_beside_the_shortest_makes_long_fits_surer() {
     let (one, both) = (judge_impacts("1", "field"), judge_impacts("[1, 5]", "field"));
@@ -153,6 +215,26 @@ fn a_longer_interval_beside_the_shortest_makes_long_fits_surer() {
     for name in ["deepest_s", "vn_after_m_s", "omega_after_rad_s", "acceleration_max_m_s2"] {
         assert!(both[name] < 0.8 * one[name], "{name}: {} and {}", both[name], one[name]);
     }
+}
+
+#[test]
+fn with_the_papers_outline_the_collision_is_the_same_one() {
+    let text = include_str!("../../config/lacrosse.toml");
+    let marked = text.replace("outline = \"edges\"", "outline = \"marked\"");
+    assert_ne!(marked, text);
+    let world = World::new(&Scenario::built_in("lacrosse").unwrap()).unwrap();
+    let truth = world.impact().unwrap().restitution.unwrap().value;
+    let [edges, marked] = [text, &marked].map(|rig| rows_of(&world, rig));
+    let off = |rows: &TrackerRows| {
+        let told = rows.impacts.last().unwrap().restitution.unwrap();
+        (told.value - truth) / told.sigma
+    };
+    let radius_px = |rows: &TrackerRows| rows.velocities[30].radius_px.unwrap();
+    println!("restitution is off by {:.2} and {:.2} sigma", off(&edges), off(&marked));
+    // How it moves comes from its surface in both.
+    assert!(off(&edges).abs() < 3.0 && off(&marked).abs() < 3.0);
+    let apart_px = (radius_px(&marked) - radius_px(&edges)).abs();
+    assert!((1e-3..0.5).contains(&apart_px), "{apart_px}");
 }
 
 #[test]

@@ -5,7 +5,7 @@
 #[path = "ball/scene.rs"]
 mod scene;
 
-use ricochet::ball::{BallFinder, BallParams};
+use ricochet::ball::{BallFinder, BallParams, OutlineMethod};
 use ricochet::image::ImageView;
 use ricochet::results::Circle;
 use scene::{Occluder, Random, Scene};
@@ -132,6 +132,32 @@ fn hard_scenes_are_measured_or_refused_never_wrong() {
         assert!(tally.worst() <= 1.0, "{}", tally.line());
         assert!(tally.refused() <= refusals, "{}", tally.line());
         assert!(mean(&tally.radius).abs() <= 0.1, "{}", tally.line());
+    }
+}
+
+#[test]
+fn the_papers_marked_boundary_is_found_to_some_tenths_of_a_pixel_and_says_so() {
+    let (low, high) = (50.0, 68.0);
+    let params = BallParams { outline: OutlineMethod::Marked, ..BallParams::new(low, high) };
+    let plain = Scene::plain(1.0, 0.0);
+    let (mut marked, mut edges) =
+        (BallFinder::new(&params, plain.width, plain.height).unwrap(), finder(low, high, &plain));
+    let mut tallies = Vec::new();
+    for (bright, hidden) in [(true, 0.0), (false, 0.0), (true, 0.2), (false, 0.2)] {
+        let (mut by_marks, mut by_edges) = (Tally::default(), Tally::default());
+        for seed in 1000..1020 {
+            let scene = Scene::hard(seed, bright, hidden);
+            by_marks.add(&scene, find(&mut marked, &scene));
+            by_edges.add(&scene, find(&mut edges, &scene));
+        }
+        println!("marked, bright {bright} hidden {hidden}: {}", by_marks.line());
+        tallies.push((by_marks, by_edges));
+    }
+    for (by_marks, by_edges) in tallies {
+        assert!(by_marks.refused() <= 10, "{}", by_marks.line());
+        assert!(by_marks.mean() < 0.25 && by_marks.worst() < 1.5, "{}", by_marks.line());
+        assert!(by_edges.mean() < 0.5 * by_marks.mean(), "whole pixels are no match for the edges");
+        assert!(by_marks.covered(1.0) > 0.5 && by_marks.covered(2.0) > 0.85, "{}", by_marks.line());
     }
 }
 

@@ -55,6 +55,7 @@ kind = "ball"
 diameter_mm = 63.25
 min_radius_px = 10
 max_radius_px = 20
+outline = "marked"
 roi_px = [0, 0, 640, 320]
 [[body]]
 name = "right"
@@ -88,6 +89,7 @@ fn every_key_of_the_measurement_arrives_where_it_belongs() {
     let config = parse(FULL);
     let names: Vec<&str> = config.bodies.iter().map(|body| body.name.as_str()).collect();
     assert_eq!((names, config.bodies[0].roi_px), (vec!["left", "right"], Some([0, 0, 640, 320])));
+    assert_eq!(config.ball(0, 640, 320).outline, ricochet::ball::OutlineMethod::Marked);
     let correlation = CorrelationParams {
         method: Method::PeakSpline,
         shape: Shape::Rigid,

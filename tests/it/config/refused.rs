@@ -151,6 +151,7 @@ fn words_that_mean_nothing_are_refused_with_the_ones_that_do() {
             "[record]\ndirectory = \"a\"\ncompression = \"lz4\"",
             ", line 5: record.compression = \"lz4\": must be \"none\", \"zstd\"",
         ),
+        ("[[body]]\noutline = \"painted\"", ", line 4: body[0].outline = \"painted\": must be \"edges\", \"marked\""),
         ("[[body]]\nkind = \"cube\"", ", line 4: body[0].kind = \"cube\": must be \"ball\", \"rod\", \"patch\""),
     ]);
     let source = refusal("[camera]\nsource = \"usb\"\n");
@@ -288,6 +289,10 @@ fn keys_of_another_setting_are_refused_and_not_ignored() {
         (
             "[[body]]\nkind = \"rod\"\nmin_radius_px = 9",
             ", line 5: body[0].min_radius_px = 9: does not go with kind = \"rod\"; it belongs to kind = \"ball\"",
+        ),
+        (
+            "[[body]]\nkind = \"rod\"\noutline = \"marked\"",
+            ", line 5: body[0].outline = \"marked\": does not go with kind = \"rod\"; it belongs to kind = \"ball\"",
         ),
         ("[[body]]\nkind = \"rod\"\nedges = 5", ", line 5: body[0].edges = 5: must be 2 to 4"),
         (
