@@ -48,16 +48,17 @@ pub(super) struct Rim {
 #[multiversion::multiversion(targets("x86_64+avx2+fma"))]
 fn measure_block(
     (x, y): (&[Lane], &[Lane]),
+    counts: &Lane,
     shift: (f32, f32),
     radius: f32,
     (distance, weight): (&mut [Lane], &mut [Lane]),
 ) {
-    for ((x, y), (distance, weight)) in x.iter().zip(y).zip(distance.iter_mut().zip(weight)) {
+    for (slot, ((x, y), (distance, weight))) in x.iter().zip(y).zip(distance.iter_mut().zip(weight)).enumerate() {
         for i in 0..LANES {
             let (dx, dy) = (x[i] - shift.0, y[i] - shift.1);
             let d = (dx * dx + dy * dy).sqrt() - radius;
-            let near = d < BAND_PX as f32 && d > -(INNER_BAND_PX as f32);
-            // Slots without a pixel lie at the centre, a radius away.
+            // Slots without a pixel hold what was there before.
+            let near = d < BAND_PX as f32 && d > -(INNER_BAND_PX as f32) && (slot as f32) < counts[i];
             weight[i] = if near { 1.0 } else { 0.0 };
             distance[i] = if near { d } else { 0.0 };
         }
@@ -116,7 +117,9 @@ impl Rim {
         for block in 0..self.count.len() / LANES {
             let range = self.slots(block);
             let positions = (&self.x[range.clone()], &self.y[range.clone()]);
-            measure_block(positions, shift, radius, (&mut self.distance[range.clone()], &mut self.weight[range]));
+            let counts = std::array::from_fn(|lane| self.count[block * LANES + lane] as f32);
+            let out = (&mut self.distance[range.clone()], &mut self.weight[range]);
+            measure_block(positions, &counts, shift, radius, out);
         }
     }
 
@@ -136,8 +139,9 @@ impl Rim {
             self.sin = (0..bins).map(|i| angle(i).sin()).collect();
         }
         let lanes = padded / LANES * SLOTS;
+        // What slots without a pixel hold is told by the counts, but for the grey levels, whose mean is taken over all.
+        self.grey.clear();
         for list in [&mut self.x, &mut self.y, &mut self.grey, &mut self.distance, &mut self.weight] {
-            list.clear();
             list.resize(lanes, [0.0; LANES]);
         }
         self.count.clear();

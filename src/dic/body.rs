@@ -135,7 +135,11 @@ impl RigidBody {
     ) -> Result<BodyMotion, PointStatus> {
         let (start, offset) = self.start((x_px, y_px), near);
         let found = self.refine(target, start)?;
-        Ok(self.told(target, &found, offset))
+        let mut residual = std::mem::take(&mut self.residual);
+        self.refiner(target).residual(&found.warp, &mut residual);
+        let told = self.told(target, &found, offset, &residual);
+        self.residual = residual;
+        Ok(told)
     }
 
     /// As [`Self::find`], by those pixels alone that something else in the target does not hide.
@@ -154,9 +158,11 @@ impl RigidBody {
     ) -> Result<BodyMotion, PointStatus> {
         let (start, offset) = self.start((x_px, y_px), near);
         let plain = self.refine(target, start);
-        let mut sight = std::mem::take(&mut self.sight);
+        let (mut sight, mut residual) = (std::mem::take(&mut self.sight), std::mem::take(&mut self.residual));
         let found = match plain {
-            Ok(found) if sight.is_whole(&self.refiner(target), &found) => Ok(self.told(target, &found, offset)),
+            Ok(found) if sight.is_whole(&self.refiner(target), &found, &mut residual) => {
+                Ok(self.told(target, &found, offset, &residual))
+            }
             _ => {
                 let refiner = self.refiner(target);
                 // What hides half of the body may have led the plain match astray.
@@ -169,7 +175,7 @@ impl RigidBody {
                 searched.map(|found| sight.told(&self.refiner(target), &found, offset))
             }
         };
-        self.sight = sight;
+        (self.sight, self.residual) = (sight, residual);
         found
     }
 
@@ -182,9 +188,9 @@ impl RigidBody {
         (Warp { u: x - dx, v: y - dy, ..turn }, (-dx, -dy))
     }
 
-    /// What a match of all pixels says.
-    fn told(&mut self, target: &Prepared, found: &Match, offset: (f64, f64)) -> BodyMotion {
-        let Self { subset, window, at, residual, pool, .. } = self;
+    /// What a match of all pixels says, and what it left.
+    fn told(&mut self, target: &Prepared, found: &Match, offset: (f64, f64), residual: &[Lanes]) -> BodyMotion {
+        let Self { subset, window, at, pool, .. } = self;
         let refiner = Refiner { subset, window, shape: Shape::Rigid, target: &target.splined, at: target.local(*at) };
         let motion = motion(&refiner, found, offset, (pool, residual));
         BodyMotion { motion, zncc: found.zncc, visible_fraction: 1.0 }
@@ -222,15 +228,15 @@ fn spreads(inverse: &[[f64; 6]; 6], angle: f64, (dx, dy): (f64, f64)) -> [f64; 3
     rows.map(|a| (0..3).map(|i| (0..3).map(|j| a[i] * inverse[i][j] * a[j]).sum::<f64>()).sum())
 }
 
-/// The motion and its uncertainty at an offset from the centre; `pool` holds the texture of what is compared.
+/// The motion and its uncertainty at an offset from the centre; `pool` holds the texture of what is compared, and
+/// `residual` is what the match left of it.
 pub(super) fn motion(
     refiner: &Refiner<'_>,
     found: &Match,
     (dx, dy): (f64, f64),
-    (pool, residual): (&mut Pool, &mut Vec<Lanes>),
+    (pool, residual): (&mut Pool, &[Lanes]),
 ) -> RigidMotion {
     let (subset, pixels) = (refiner.subset, refiner.window.pixels);
-    refiner.residual(&found.warp, residual);
     pool.set_residual(refiner.window, residual);
     let free = (pixels as f64 - 5.0).max(1.0);
     let variance = 2.0 * subset.energy * (1.0 - found.zncc) / free;

@@ -46,7 +46,7 @@ pub(super) struct Likeness {
 }
 
 impl Likeness {
-    /// Loads a reference and its residual, both packed like the window's mask.
+    /// Loads a reference, where it is needed, and its residual, both packed like the window's mask.
     pub(super) fn load(&mut self, window: &Window, reference: &[Lanes], residual: &[Lanes]) {
         let (width, height) = window.extent.sides();
         // Whole blocks: their lanes may reach over the rectangle to both sides.

@@ -53,14 +53,18 @@ enum Mask {
 }
 
 impl Sight {
-    /// Whether every pixel of the body looks as it should after a match of all of them.
-    pub(super) fn is_whole(&mut self, body: &Refiner<'_>, found: &Match) -> bool {
+    /// Whether every pixel of the body looks as it should after a match of all of them, which left `residual`.
+    pub(super) fn is_whole(&mut self, body: &Refiner<'_>, found: &Match, residual: &mut Vec<Lanes>) -> bool {
         if found.zncc < WHOLE_ZNCC {
             return false;
         }
-        self.take_all(body);
-        let is_even = self.look(body, &found.warp, Mask::Residual);
-        is_even && self.window.pixels == body.window.pixels
+        body.residual(&found.warp, residual);
+        let (window, likeness) = (body.window, &mut self.likeness);
+        likeness.load(window, &[], residual);
+        let noise = likeness.noise(window, &window.mask).map_or(LEAST_NOISE, |noise| noise.max(LEAST_NOISE));
+        likeness.by_residual(window, noise, &mut self.kept);
+        let pixels: f32 = self.kept.iter().flat_map(|row| row.0).sum();
+        pixels as usize == window.pixels && likeness.is_even(window, noise, &self.kept)
     }
 
     /// Finds what is in sight, from a start about 1 px and 1 deg off at most, or from a match of all pixels.
@@ -102,7 +106,9 @@ impl Sight {
         let (mut pool, mut residual) = (std::mem::take(&mut self.pool), std::mem::take(&mut self.residual));
         pool.clear();
         pool.add_texture(&self.subset, &self.window);
-        let motion = motion(&self.refiner(body), found, offset, (&mut pool, &mut residual));
+        let refiner = self.refiner(body);
+        refiner.residual(&found.warp, &mut residual);
+        let motion = motion(&refiner, found, offset, (&mut pool, &residual));
         (self.pool, self.residual) = (pool, residual);
         let noise = self.noise(body);
         let pixels = self.likeness.in_sight(body.window, noise, &self.kept);

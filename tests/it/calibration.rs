@@ -6,8 +6,12 @@ use ricochet::synth::{MotionSetup, Scenario, World};
 use std::path::Path;
 
 use crate::film::{level_rig, rows_of_pictures};
+use crate::support::{Background, Rig, ricochet, run};
 
 const SIDE: usize = 420;
+
+/// Pictures of 256 x 192 px.
+const CAMERA: &str = "source = \"simulated\"\nscenario = \"lacrosse\"\npaced = true";
 
 const LENS: &str = "image_px = [420, 420]\ncamera_matrix = [560, 0, 214, 0, 560, 205, 0, 0, 1]\n\
     distortion = [-0.12, 0.03, 0.0005, -0.0003]\n";
@@ -172,4 +176,24 @@ fn a_calibration_of_another_picture_is_refused_unless_it_says_where_this_one_lie
     assert!(check("", 400, 420).unwrap_err().to_string().contains("calibration.image_px"));
     assert!(check("offset_px = [10, 20]\n", 400, 400).is_ok());
     assert!(check("offset_px = [10, 30]\n", 400, 400).is_err());
+}
+
+#[test]
+fn roles_started_by_hand_refuse_a_calibration_of_another_picture() {
+    let rig = Rig::new();
+    let good = rig.config(CAMERA, "[scale]\nmm_per_px = 0.5\n");
+    let bad = rig.file("bad.toml", &format!("{}[calibration]\n{LENS}", std::fs::read_to_string(&good).unwrap()));
+    let refuses = |role: &str| {
+        let output = run([role.as_ref(), bad.as_os_str()]);
+        let told = String::from_utf8(output.stderr).unwrap();
+        assert_eq!(output.status.code(), Some(2), "{role}: {told}");
+        assert!(told.contains("calibration.image_px") && told.contains("256") && told.lines().count() == 1, "{told}");
+    };
+    refuses("run");
+    refuses("acquire");
+    // The others learn the size of the pictures from the camera.
+    let camera = Background::start(ricochet(["acquire".as_ref(), good.as_os_str()]));
+    ["correlate", "track", "record"].into_iter().for_each(refuses);
+    camera.signal(15);
+    camera.end();
 }
