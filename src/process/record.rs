@@ -13,6 +13,7 @@ mod span;
 
 use super::action::{Actions, Cause};
 use super::clock::{Every, Patience};
+use super::conclude::Conclusions;
 use super::reference;
 use super::rig::truth_world;
 use super::shot::{Shot, free_path, recording_info};
@@ -81,6 +82,7 @@ pub fn run(config: &Config, resumed: bool, stop: &Stop) -> anyhow::Result<Summar
         greet: Every::new(GREET),
         quiet: Quiet::new(config.trigger.quiet_s),
         actions: Actions::new(config),
+        conclusions: (!feeds[0].is_measured()).then(|| Conclusions::new(config)),
         summary: Summary::default(),
         feeds,
         config,
@@ -111,6 +113,8 @@ struct Recorder<'a> {
     greet: Every,
     quiet: Quiet,
     actions: Actions,
+    /// What the rig is doing, where no tracker tells it.
+    conclusions: Option<Conclusions>,
     summary: Summary,
     config: &'a Config,
     record: &'a Record,
@@ -123,6 +127,9 @@ impl Recorder<'_> {
             self.answer()?;
             for camera in 0..self.feeds.len() {
                 let events = self.feeds[camera].stream.take();
+                if let (0, Some(conclusions)) = (camera, &mut self.conclusions) {
+                    conclusions.hear(&events, &self.feeds[0].reporter)?;
+                }
                 self.look_at(camera, &events)?;
             }
             let busy = self.advance()?;
@@ -148,6 +155,13 @@ impl Recorder<'_> {
         }
         for ended in self.actions.last() {
             self.feeds[0].reporter.action(&ended)?;
+        }
+        if let Some(mut conclusions) = self.conclusions.take() {
+            // What it told itself of the last recording is part of the story.
+            let feed = &mut self.feeds[0];
+            feed.stream.update()?;
+            conclusions.hear(&feed.stream.take(), &feed.reporter)?;
+            conclusions.end(feed.newest, &feed.reporter)?;
         }
         let summary = &self.summary;
         self.feeds.iter_mut().try_for_each(|feed| feed.reporter.status_now(summary, feed.newest.0, feed.newest.1))?;
@@ -340,8 +354,13 @@ impl Recorder<'_> {
         let seen = newest.max(active.shot.next_frame(camera));
         let mut early = std::mem::take(&mut feed.early).into_iter();
         while let Some((step, field)) = early.next().map_or_else(|| feed.next_step(), |step| Ok(Some(step)))? {
-            // A line may begin the next shot before this one is measured, or before its end was heard of.
-            if follows && step.frame >= active.courses[camera].end.unwrap_or(seen) {
+            // The next shot may begin with frames that were measured before this one was whole; that of a line even before
+            // the end of this one was heard of.
+            let is_later = match active.courses[camera].end {
+                Some(end) => step.frame >= end,
+                None => follows && step.frame >= seen,
+            };
+            if is_later {
                 feed.early.push((step, field));
                 continue;
             }

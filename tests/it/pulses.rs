@@ -125,15 +125,36 @@ fn shots_of_an_imitated_line_are_measured_by_themselves_live_and_afterwards() {
     }
     let stamps: Vec<u64> = live.iter().map(|line| line["stamp_ns"].as_u64().unwrap()).collect();
     assert_eq!((stamps[1] - stamps[0], stamps[12] - stamps[0]), (5_000_000, 600_000_000), "the camera's clock goes on");
-    let events = events.end().1;
-    let states = events.lines().map(|line| serde_json::from_str::<serde_json::Value>(line).unwrap());
-    let states: Vec<String> = states
-        .filter(|event| event["kind"] == "state")
-        .map(|event| event["text"].as_str().unwrap().to_owned())
-        .collect();
+    let states = states(&events.end().1);
     let written = states.iter().filter(|state| *state == "writing").count();
     assert_eq!(written, 5, "{states:?}");
     assert!(states.iter().filter(|state| *state == "done").count() >= 4, "{states:?}");
+}
+
+/// What a rig told that it was doing, from the lines of a listener to its events.
+fn states(events: &str) -> Vec<String> {
+    let events = events.lines().map(|line| serde_json::from_str::<serde_json::Value>(line).unwrap());
+    let states = events.filter(|event| event["kind"] == "state");
+    states.map(|event| event["text"].as_str().unwrap().to_owned()).collect()
+}
+
+#[test]
+fn a_rig_that_only_films_tells_what_it_is_doing() {
+    let rig = Rig::new();
+    let film = rig.file("drift.toml", &drift(36, 200.0));
+    let source =
+        format!("source = \"simulated\"\nscenario = \"{}\"\npulse_period_s = 0.6\npulse_frames = 12", film.display());
+    let rest = "[scale]\nmm_per_px = 0.5\n[trigger]\nmode = \"hardware\"\nsilence_s = 0.2\n[workers]\ncount = 0";
+    let config = rig.config(&source, rest);
+    let events =
+        Background::start(ricochet(["listen", "events", "--rig", rig.name.as_str(), "--json", "--wait", "60"]));
+    let (code, printed, told) = Background::start(ricochet(["run".as_ref(), config.as_os_str()])).end();
+    assert_eq!((code, printed.lines().count()), (Some(0), 3), "{told}");
+    let states = states(&events.end().1);
+    let mut order = states.iter();
+    for wanted in ["preparing", "armed", "writing", "armed", "writing", "armed", "writing", "done"] {
+        assert!(order.any(|state| state == wanted), "{wanted} in its place among {states:?}");
+    }
 }
 
 #[test]

@@ -329,7 +329,8 @@ fn what_is_asked_for_during_a_shot_is_told_at_once_and_holds_after_it() {
     let told = String::from_utf8(refused.stderr).unwrap();
     assert!(refused.status.code() == Some(2) && told.contains("the rig is disarmed"), "{told}");
     service.signal(2);
-    assert_eq!(service.end().0, Some(0));
+    let (code, _, told) = service.end();
+    assert_eq!(code, Some(0), "{told}");
     let events = events(&listener.end().1);
     let texts = |kinds: &[&str]| -> Vec<String> {
         let told = events.iter().filter(|(kind, _)| kinds.contains(&kind.as_str()));
