@@ -27,8 +27,8 @@ const LEAST_MARKED: f64 = 0.25;
 const LEAST_AGREEING: f64 = 0.6;
 /// What a marked pixel is off by: whole pixels, and speckle beside the rim, px.
 const MARK_PX: f64 = 0.5;
-/// Neighbouring marks that are off together.
-const ALIKE_MARKS: f64 = 8.0;
+/// Neighbouring marks that are off together: speckle beside the rim moves a run of them.
+const ALIKE_MARKS: f64 = 20.0;
 
 /// Scratch of the transform.
 #[derive(Debug, Default)]
