@@ -2,7 +2,7 @@
 
 use std::f64::consts::SQRT_2;
 
-use super::fit::{LawFit, fit_law, fit_near};
+use super::fit::{Expected, LawFit, fit_law};
 use super::law::{Family, Findings, Parameters, Units};
 use crate::motion::Sample;
 
@@ -12,16 +12,31 @@ const CLOSE_SIGMAS: f64 = 3.0;
 /// Share of the greatest depth at which the force of a y^1.5 contact passes 2 % of its peak: 0.02^(2/3).
 const UNSEEN: f64 = 0.074;
 
+/// It knows start and end themselves to about this share of the time that the force is too small to be seen.
+const FREE_END: f64 = 0.75;
+
+/// With a dashpot of its own, start and end are known to about these shares of the contact.
+const DASHPOT: [f64; 2] = [0.0025, 0.007];
+
 /// Share of a normal distribution within one sigma.
 const ONE_SIGMA: f64 = 0.682_7;
 
 /// A stiffness left free knows the moments of 2 % force to about this share of how well it knows start and end (the
 /// same ripples).
-const FREE_FAINT: f64 = 0.3;
+const FREE_FAINT: f64 = 0.4;
 
 /// A stiffness left free follows the peak of the force to about this share (simulated ripples of 25 % over the stroke,
 /// of springs and of rounded bodies: 0.4 to 4.3 %).
-const FREE_PEAK: f64 = 0.03;
+const FREE_PEAK: f64 = 0.02;
+
+/// Exponents that any contact may have: those of a spring, of smooth bodies (3/2) and of cones (2) are in it.
+const ANY: [Expected; 2] = [[1.25, 0.25], [0.75, 0.75]];
+
+/// How far exponents may be from those of the nearest simple law, where the stiffness takes up what they do not.
+const NEAR: [f64; 2] = [0.05, 0.2];
+
+/// Degrees of a free stiffness.
+const DEGREES: [usize; 3] = [3, 5, 7];
 
 /// What two straight flights say of a contact: where the fits of the laws begin. Frames, px, inwards positive.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -64,7 +79,7 @@ impl FirstGuess {
         let size = 0.5 * (n + 1.0) * self.speed.powi(2) * root_e / depth;
         let damping = 1.5 * (1.0 - e) * if m > 0.5 { 1.0 } else { 0.4 };
         let start = self.deepest - ratio * depth / self.speed;
-        ([start, self.speed, size.ln(), damping, n, m, 0.0, 0.0, 0.0, 0.0, 0.0], units)
+        ([start, self.speed, size.ln(), damping, n, m, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0], units)
     }
 }
 
@@ -80,7 +95,7 @@ pub fn judge(guess: &FirstGuess, samples: &[Sample], excess: f64) -> Option<Verd
     if passed.is_empty() {
         // No law holds, but one with its stiffness free may follow the motion closely enough to tell times by.
         let close = |f: &&LawFit| f.chi2 / f.freedom <= (CLOSE_SIGMAS * excess).powi(2);
-        passed.extend(fits.iter().filter(|f| matches!(f.family, Family::Stiffness { .. })).find(close));
+        passed.extend(fits.iter().filter(|f| matches!(f.family, Family::Stiffness { .. })).filter(close));
     }
     let criterion = |f: &LawFit| f.chi2 / excess.powi(2) + cost(f.family, samples.len());
     let best = passed.iter().min_by(|a, b| criterion(a).total_cmp(&criterion(b)))?;
@@ -114,9 +129,14 @@ fn spread(laws: &[[f64; 3]]) -> f64 {
     high
 }
 
-/// What a family's parameters cost.
+/// What a family's parameters cost. Exponents that are merely fitted say no more of how the force begins than a stiffness
+/// that is: neither is preferred to the other for having fewer parameters.
 fn cost(family: Family, samples: usize) -> f64 {
-    (samples as f64).ln() * family.count() as f64
+    let least = match family {
+        Family::Power | Family::TwoExponents => Family::Stiffness { degree: DEGREES[0], dashpot: false }.count(),
+        _ => 0,
+    };
+    (samples as f64).ln() * family.count().max(least) as f64
 }
 
 fn passes(f: &LawFit, excess: f64) -> bool {
@@ -126,20 +146,29 @@ fn passes(f: &LawFit, excess: f64) -> bool {
 /// A law's own variance of one finding, its misfit and its freedom at both ends included.
 fn own_variance(f: &LawFit, k: usize) -> f64 {
     let own = f.sigmas[k].powi(2) * (f.chi2 / f.freedom).max(1.0);
-    // Where the stiffness is free, start and end are what its polynomial makes of the unseen first and last two percents
-    // of the force, over which a y^1.5 contact takes UNSEEN of its depth; the depth is counted from the start.
-    let [start, _, end, first, last, before, after, depth, peak, _] = f.findings;
-    let begins = (first - start).max(UNSEEN * depth / before);
-    let ends = (end - last).max(UNSEEN * depth / after.abs());
-    let unknown = match (f.family, k) {
-        (Family::Stiffness { .. }, 0) => begins,
-        (Family::Stiffness { .. }, 2) => ends,
-        (Family::Stiffness { .. }, 3) => FREE_FAINT * begins,
-        (Family::Stiffness { .. }, 4) => FREE_FAINT * ends,
-        (Family::Stiffness { .. }, 7) => before * begins,
-        (Family::Stiffness { .. }, 8) => FREE_PEAK * peak,
+    // Where exponents or the stiffness are free, start and end are what they make of the unseen first and last two
+    // percents of the force, over which a y^1.5 contact takes UNSEEN of its depth; the depth is counted from the start.
+    let [start, _, end, first, last, before, after, depth, peak, lasts] = f.findings;
+    let (begins, ends) = match f.family {
+        // A dashpot pushes at once and lets go at once.
+        Family::Stiffness { dashpot: true, .. } => (DASHPOT[0] * lasts, (end - last).max(DASHPOT[1] * lasts)),
+        _ => {
+            let unseen = |seen: f64, speed: f64| FREE_END * seen.max(UNSEEN * depth / speed.abs());
+            (unseen(first - start, before), unseen(end - last, after))
+        }
+    };
+    let faint = if matches!(f.family, Family::Stiffness { dashpot: true, .. }) { 1.0 } else { FREE_FAINT };
+    let is_known = matches!(f.family, Family::KelvinVoigt | Family::HuntCrossley);
+    let unknown = match k {
+        _ if is_known => 0.0,
+        0 => begins,
+        2 => ends,
+        3 => faint * begins,
+        4 => faint * ends,
+        7 => before * begins,
+        8 => FREE_PEAK * peak,
         // Both ends are off inwards or outwards together.
-        (Family::Stiffness { .. }, 9) => begins + ends,
+        9 => begins + ends,
         _ => 0.0,
     };
     own + unknown.powi(2)
@@ -148,12 +177,12 @@ fn own_variance(f: &LawFit, k: usize) -> f64 {
 fn fit_all(guess: &FirstGuess, samples: &[Sample]) -> Vec<LawFit> {
     let from_guess = |family, n, m, ratio| {
         let (start, units) = guess.parameters(n, m, ratio);
-        fit_law(family, &start, &units, samples).map(|fit| (fit, units))
+        fit_law(family, &start, ANY, &units, samples).map(|fit| (fit, units))
     };
     let spring = from_guess(Family::KelvinVoigt, 1.0, 0.0, 1.57);
     let hertz = from_guess(Family::HuntCrossley, 1.5, 1.5, 1.47);
     let power = match &hertz {
-        Some((fit, units)) => fit_law(Family::Power, &fit.parameters, units, samples).map(|fit| (fit, *units)),
+        Some((fit, units)) => fit_law(Family::Power, &fit.parameters, ANY, units, samples).map(|fit| (fit, *units)),
         None => from_guess(Family::Power, 1.3, 1.3, 1.5),
     };
     let two = two_exponents(&spring, &power, samples);
@@ -161,24 +190,26 @@ fn fit_all(guess: &FirstGuess, samples: &[Sample]) -> Vec<LawFit> {
     // exponents, or at the other, the free stiffness may follow the same motion by a force that begins frames apart.
     let chi2 = |law: &Option<(LawFit, Units)>| law.as_ref().map_or(f64::INFINITY, |(fit, _)| fit.chi2);
     let near = if chi2(&hertz) < chi2(&spring) { &hertz } else { &spring };
-    let free = near.as_ref().or(two.as_ref()).and_then(|near| free(near, samples));
-    [spring, hertz, power, two, free].into_iter().flatten().map(|(fit, _)| fit).collect()
+    let near = near.as_ref().or(two.as_ref());
+    let free = near.map_or_else(Vec::new, |near| free(near, samples));
+    [spring, hertz, power, two].into_iter().flatten().map(|(fit, _)| fit).chain(free).collect()
 }
 
-/// The law with its stiffness free, begun at a neighbour.
-fn free((fit, units): &(LawFit, Units), samples: &[Sample]) -> Option<(LawFit, Units)> {
+/// Laws with their stiffness free, begun at a neighbour: of one degree after the other until the motion is followed, two
+/// at least, so that what they disagree in is seen.
+fn free((fit, units): &(LawFit, Units), samples: &[Sample]) -> Vec<LawFit> {
     // The factor is a polynomial over the stroke, so its unit is the depth reached.
-    let (mut start, units) = rescale(&fit.parameters, units, fit.findings[7]);
-    if fit.family == Family::KelvinVoigt {
-        start[5] = 0.1;
+    let (start, units) = rescale(&fit.parameters, units, fit.findings[7]);
+    let dashpot = fit.family == Family::KelvinVoigt;
+    let exponents = [[start[4], NEAR[0]], [start[5], NEAR[1]]];
+    let mut fits: Vec<LawFit> = Vec::new();
+    for degree in DEGREES {
+        if fits.len() > 1 && fits.iter().any(|fit| passes(fit, 1.0)) {
+            break;
+        }
+        fits.extend(fit_law(Family::Stiffness { degree, dashpot }, &start, exponents, &units, samples));
     }
-    let exponents = [start[4], start[5]];
-    let cubic = fit_near(Family::Stiffness { degree: 3 }, &start, exponents, &units, samples)?;
-    if passes(&cubic, 1.0) {
-        return Some((cubic, units));
-    }
-    let quintic = fit_near(Family::Stiffness { degree: 5 }, &cubic.parameters, exponents, &units, samples);
-    Some((quintic.unwrap_or(cubic), units))
+    fits
 }
 
 /// The law with two free exponents, begun at the better of its two neighbours, and if that does not do, at the other.
@@ -198,7 +229,7 @@ fn two_exponents(
         if near.family == Family::KelvinVoigt {
             start[5] = 0.1;
         }
-        let fit = fit_law(Family::TwoExponents, &start, &units, samples);
+        let fit = fit_law(Family::TwoExponents, &start, ANY, &units, samples);
         let better = fit.filter(|f| best.as_ref().is_none_or(|(b, _)| f.chi2 < b.chi2));
         best = better.map(|f| (f, units)).or(best);
     }

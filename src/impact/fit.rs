@@ -13,11 +13,10 @@ const USUAL_ROUNDS: usize = 15;
 const LARGE_GAIN: f64 = 0.5;
 /// Converged: chi2 falls by less, a law with few parameters and one with many (its parameters replace each other).
 const SETTLED: [f64; 2] = [1e-3, 1e-2];
-/// Expected size of the stiffness factor's coefficients.
-const PRIOR: f64 = 0.3;
-/// How far the exponents of spring and dashpot may be from those expected, where the stiffness is free: the first
-/// percents of a force show too little to tell its exponent and its beginning apart.
-const NEAR: [f64; 2] = [0.15, 0.5];
+/// Expected size of the stiffness factor's coefficients: the finer a ripple, the smaller.
+const RIPPLES: [f64; 7] = [0.3, 0.2, 0.2, 0.1, 0.1, 0.05, 0.05];
+/// An exponent that is expected to be about so much, give or take so much.
+pub type Expected = [f64; 2];
 /// Bounds of both exponents.
 const EXPONENTS: (f64, f64) = (0.0, 4.0);
 
@@ -98,8 +97,8 @@ struct Outcome {
 
 struct Problem<'a> {
     family: Family,
-    /// Exponents expected where the stiffness is free.
-    exponents: [f64; 2],
+    /// Of spring and damping, for those that are free.
+    exponents: [Expected; 2],
     units: Units,
     data: Data<'a>,
 }
@@ -111,7 +110,7 @@ impl Problem<'_> {
         if !exponents || p[1] <= 0.0 || p.iter().any(|x| !x.is_finite()) {
             return None;
         }
-        let passage = Passage::new(&p, &self.units)?;
+        let passage = Passage::new(self.family, &p, &self.units)?;
         let depths = self.data.samples.iter().map(|s| passage.depth(s.time_frames - p[0])).collect();
         Some(Outcome { depths, findings: passage.findings(p[0]) })
     }
@@ -121,18 +120,19 @@ impl Problem<'_> {
         // The depth grows against the normal, so position plus depth is constant.
         let sum = self.data.samples.iter().zip(&outcome.depths).map(|(s, d)| s.value + d).collect();
         let mut rows = self.data.whiten(sum);
-        if self.priors() > 0 {
-            rows.extend([0, 1].map(|k| (p[4 + k] - self.exponents[k]) / NEAR[k]));
-            rows.extend(p[6..].iter().take(self.priors() - NEAR.len()).map(|b| b / PRIOR));
-        }
+        rows.extend((4..self.family.count()).map(|k| {
+            let [mean, size] = self.expected(k);
+            (p[k] - mean) / size
+        }));
         DVector::from_vec(rows)
     }
 
-    /// Rows that say what is expected: only where the stiffness is free.
-    fn priors(&self) -> usize {
-        match self.family {
-            Family::Stiffness { .. } => self.family.count() - 4,
-            _ => 0,
+    /// What a free parameter behind the fourth is expected to be: the first percents of a force show too little to tell
+    /// its exponent and its beginning apart.
+    fn expected(&self, parameter: usize) -> Expected {
+        match parameter {
+            4 | 5 => self.exponents[parameter - 4],
+            _ => [0.0, RIPPLES[parameter - 6]],
         }
     }
 
@@ -147,8 +147,7 @@ impl Problem<'_> {
     /// Derivatives of residuals and of findings, by forward differences.
     fn slopes(&self, p: &Parameters, at: &Outcome) -> Option<(DMatrix<f64>, DMatrix<f64>)> {
         let count = self.family.count();
-        let priors = self.priors();
-        let mut jacobian = DMatrix::zeros(self.data.samples.len() + priors, count);
+        let mut jacobian = DMatrix::zeros(self.data.samples.len() + count - 4, count);
         let mut gradients = DMatrix::zeros(at.findings.len(), count);
         for k in 0..count {
             let mut moved = *p;
@@ -166,8 +165,8 @@ impl Problem<'_> {
             for (i, x) in self.data.whiten(change).into_iter().enumerate() {
                 jacobian[(i, k)] = x;
             }
-            if priors > 0 && k >= 4 {
-                jacobian[(self.data.samples.len() + k - 4, k)] = 1.0 / NEAR.get(k - 4).unwrap_or(&PRIOR);
+            if k >= 4 {
+                jacobian[(self.data.samples.len() + k - 4, k)] = 1.0 / self.expected(k)[1];
             }
             for (i, (a, b)) in outcome.findings.iter().zip(&at.findings).enumerate() {
                 gradients[(i, k)] = (a - b) / h;
@@ -250,20 +249,14 @@ impl Problem<'_> {
     }
 }
 
-/// Fits one family to positions along the outward normal, from `start`; exponents near `exponents` are expected where
-/// the stiffness is free. `None` where it does not converge to a
-/// contact that ends, or the positions do not determine it.
-pub fn fit_near(
+/// Fits one family to positions along the outward normal, from `start`, the free ones of its exponents being expected
+/// near `exponents`. `None` where it does not converge to a contact that ends, or the positions do not determine it.
+pub fn fit_law(
     family: Family,
     start: &Parameters,
-    exponents: [f64; 2],
+    exponents: [Expected; 2],
     units: &Units,
     samples: &[Sample],
 ) -> Option<LawFit> {
     Problem { family, exponents, units: *units, data: Data::new(samples) }.solve(start)
-}
-
-/// As [`fit_near`], nothing being expected but what `start` has.
-pub fn fit_law(family: Family, start: &Parameters, units: &Units, samples: &[Sample]) -> Option<LawFit> {
-    fit_near(family, start, [start[4], start[5]], units, samples)
 }

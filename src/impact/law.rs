@@ -2,8 +2,9 @@
 
 /// A family of contact laws, from stiff to free.
 ///
-/// All are cases of F/m = A s(y) ((y/y0)^n + c (v/v0) (y/y0)^m) with the depth y, its rate v,
+/// All are cases of F/m = A (s(y) (y/y0)^n + c r(y) (v/v0) (y/y0)^m) with the depth y, its rate v,
 /// fixed units y0 and v0, and a stiffness factor s = 1 + b1 T1 + ... + bd Td (Chebyshev) of 2 y/y0 - 1.
+/// The damping is a share of the spring's force, r = s, or a dashpot of its own, r = 1.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Family {
     /// n = 1, m = 0.
@@ -16,13 +17,15 @@ pub enum Family {
     TwoExponents,
     /// n, m and s free.
     Stiffness {
-        /// Degree of s, at most 5.
+        /// Degree of s, at most 7.
         degree: usize,
+        /// Whether the damping is a dashpot of its own, m = 0.
+        dashpot: bool,
     },
 }
 
-/// Most parameters a law has: start, speed, ln A, c, n, m, b1 to b5.
-pub const MOST_PARAMETERS: usize = 11;
+/// Most parameters a law has: start, speed, ln A, c, n, m, b1 to b7.
+pub const MOST_PARAMETERS: usize = 13;
 
 /// Parameters in the order of [`MOST_PARAMETERS`]; the first [`Family::count`] are free, the rest follow.
 pub type Parameters = [f64; MOST_PARAMETERS];
@@ -39,7 +42,7 @@ impl Family {
             Self::KelvinVoigt | Self::HuntCrossley => 4,
             Self::Power => 5,
             Self::TwoExponents => 6,
-            Self::Stiffness { degree } => 6 + degree.min(5),
+            Self::Stiffness { degree, .. } => 6 + degree.min(MOST_PARAMETERS - 6),
         }
     }
 
@@ -50,6 +53,7 @@ impl Family {
             Self::KelvinVoigt => (p[4], p[5]) = (1.0, 0.0),
             Self::HuntCrossley => (p[4], p[5]) = (1.5, 1.5),
             Self::Power => p[5] = p[4],
+            Self::Stiffness { dashpot: true, .. } => p[5] = 0.0,
             Self::TwoExponents | Self::Stiffness { .. } => {}
         }
         p[self.count().max(6)..].fill(0.0);
@@ -76,12 +80,20 @@ struct State {
     force: f64,
 }
 
+/// A law with its numbers.
+#[derive(Debug, Clone, Copy)]
+struct Law {
+    /// A in place of its logarithm.
+    p: Parameters,
+    units: Units,
+    /// Whether the damping is a dashpot of its own.
+    dashpot: bool,
+}
+
 /// The motion through one contact; times since its start, depths along the inward normal.
 #[derive(Debug, Clone)]
 pub struct Passage {
-    /// The law, A in place of its logarithm.
-    law: Parameters,
-    units: Units,
+    law: Law,
     states: Vec<State>,
     step: f64,
 }
@@ -92,47 +104,22 @@ pub struct Passage {
 /// The duration stands for itself, since the errors of start and end are not independent.
 pub type Findings = [f64; 10];
 
-/// `p[2]` is A here, not its logarithm.
-fn force(p: &Parameters, units: &Units, depth: f64, speed: f64) -> f64 {
-    let y = (depth / units.depth).max(0.0);
-    let [_, _, size, damping, n, m, ..] = *p;
-    let (spring, dash) = if (n - 1.5).abs() < 1e-12 && (m - 1.5).abs() < 1e-12 {
-        let y15 = y * y.sqrt();
-        (y15, y15)
-    } else if (n - 1.0).abs() < 1e-12 && m.abs() < 1e-12 {
-        (y, 1.0)
-    } else {
-        let ln = y.max(1e-300).ln();
-        let spring = (n * ln).exp();
-        (spring, if (m - n).abs() < 1e-12 { spring } else { (m * ln).exp() })
-    };
-    let x = 2.0 * y - 1.0;
-    let (mut stiffness, mut lower, mut here) = (1.0, 1.0, x);
-    for b in &p[6..] {
-        stiffness += b * here;
-        (lower, here) = (here, 2.0 * x * here - lower);
-    }
-    size * stiffness * (spring + damping * dash * speed / units.speed)
-}
-
 impl Passage {
     /// Integrates y'' = gravity - F/m from the first touch until the force is back to zero (Runge-Kutta of order 4,
     /// 64 steps a `units.depth / units.speed * pi / 2`). `None` where it does not come back.
-    pub fn new(p: &Parameters, units: &Units) -> Option<Self> {
-        let mut p = *p;
-        p[2] = p[2].exp();
-        let p = &p;
+    pub fn new(family: Family, p: &Parameters, units: &Units) -> Option<Self> {
+        let law = Law::new(family, p, units);
         let step = std::f64::consts::FRAC_PI_2 * units.depth / units.speed / STEPS;
-        let mut state = State { time: 0.0, depth: 0.0, speed: p[1], force: force(p, units, 0.0, p[1]) };
+        let mut state = State { time: 0.0, depth: 0.0, speed: p[1], force: law.force(0.0, p[1]) };
         let mut states = vec![state];
         loop {
-            let next = advance(p, units, state, step);
+            let next = law.advance(state, step);
             if !(next.depth.is_finite() && next.speed.is_finite()) || next.time > LONGEST * STEPS * step {
                 return None;
             }
             if next.speed < 0.0 && is_over(&next) {
-                states.push(last_moment(p, units, state, step));
-                return Some(Self { law: *p, units: *units, states, step });
+                states.push(law.last_moment(state, step));
+                return Some(Self { law, states, step });
             }
             if next.depth < 0.0 {
                 return None;
@@ -150,7 +137,7 @@ impl Passage {
     pub fn depth(&self, time: f64) -> f64 {
         let fall = |from: &State| {
             let dt = time - from.time;
-            from.depth + from.speed * dt + 0.5 * self.units.gravity * dt * dt
+            from.depth + from.speed * dt + 0.5 * self.law.units.gravity * dt * dt
         };
         let end = self.end();
         if time <= 0.0 {
@@ -187,7 +174,7 @@ impl Passage {
         };
         let fall = pairs().rev().find(|w| w[0].force >= faint).map_or(end.time, |w| self.passes(faint, &w[0], &w[1]));
         let depth = self.depth(deepest);
-        let acceleration = self.strongest() - self.units.gravity;
+        let acceleration = self.strongest() - self.law.units.gravity;
         [
             start,
             start + deepest,
@@ -210,7 +197,7 @@ impl Passage {
             if !at.is_finite() {
                 break;
             }
-            let value = advance(&self.law, &self.units, *a, at - a.time).force - level;
+            let value = self.law.advance(*a, at - a.time).force - level;
             if (value < 0.0) == (low.1 < 0.0) { low = (at, value) } else { high = (at, value) }
         }
         if low.1.abs() < high.1.abs() { low.0 } else { high.0 }
@@ -233,44 +220,76 @@ fn is_over(s: &State) -> bool {
     s.force <= 0.0 || s.depth <= 0.0
 }
 
-fn advance(p: &Parameters, units: &Units, s: State, h: f64) -> State {
-    let pull = |depth: f64, speed: f64| units.gravity - force(p, units, depth, speed);
-    let (v1, a1) = (s.speed, units.gravity - s.force);
-    let (v2, a2) = (s.speed + 0.5 * h * a1, pull(s.depth + 0.5 * h * v1, s.speed + 0.5 * h * a1));
-    let (v3, a3) = (s.speed + 0.5 * h * a2, pull(s.depth + 0.5 * h * v2, s.speed + 0.5 * h * a2));
-    let (v4, a4) = (s.speed + h * a3, pull(s.depth + h * v3, s.speed + h * a3));
-    let depth = s.depth + h / 6.0 * (v1 + 2.0 * v2 + 2.0 * v3 + v4);
-    let speed = s.speed + h / 6.0 * (a1 + 2.0 * a2 + 2.0 * a3 + a4);
-    State { time: s.time + h, depth, speed, force: force(p, units, depth, speed) }
-}
-
-/// The moment within one step at which the force, or the depth, reaches zero (Illinois false position).
-fn last_moment(p: &Parameters, units: &Units, from: State, step: f64) -> State {
-    let whole = advance(p, units, from, step);
-    // Without depth there is no force, and its zero would be flat.
-    let left = |s: &State| if whole.force < 0.0 { s.force } else { s.depth };
-    let (mut low, mut high) = ((0.0, left(&from)), (step, left(&whole)));
-    let mut best = whole;
-    for _ in 0..30 {
-        let share = low.1 / (low.1 - high.1);
-        if !share.is_finite() || high.0 - low.0 < 1e-12 * step {
-            break;
-        }
-        let at = low.0 + share * (high.0 - low.0);
-        best = advance(p, units, from, at);
-        let value = left(&best);
-        if value.abs() < 1e-13 * left(&from) {
-            break;
-        }
-        if value > 0.0 {
-            low = (at, value);
-            high.1 *= 0.5;
-        } else {
-            high = (at, value);
-            low.1 *= 0.5;
-        }
+impl Law {
+    fn new(family: Family, p: &Parameters, units: &Units) -> Self {
+        let mut p = *p;
+        p[2] = p[2].exp();
+        Self { p, units: *units, dashpot: matches!(family, Family::Stiffness { dashpot: true, .. }) }
     }
-    best
+
+    fn force(&self, depth: f64, speed: f64) -> f64 {
+        let y = (depth / self.units.depth).max(0.0);
+        let [_, _, size, damping, n, m, ..] = self.p;
+        let (spring, dash) = if (n - 1.5).abs() < 1e-12 && (m - 1.5).abs() < 1e-12 {
+            let y15 = y * y.sqrt();
+            (y15, y15)
+        } else if (n - 1.0).abs() < 1e-12 && m.abs() < 1e-12 {
+            (y, 1.0)
+        } else {
+            let ln = y.max(1e-300).ln();
+            let spring = (n * ln).exp();
+            (spring, if (m - n).abs() < 1e-12 { spring } else { (m * ln).exp() })
+        };
+        let x = 2.0 * y - 1.0;
+        let (mut stiffness, mut lower, mut here) = (1.0, 1.0, x);
+        for b in &self.p[6..] {
+            stiffness += b * here;
+            (lower, here) = (here, 2.0 * x * here - lower);
+        }
+        let damped = if self.dashpot { 1.0 } else { stiffness };
+        size * (stiffness * spring + damped * damping * dash * speed / self.units.speed)
+    }
+
+    fn advance(&self, s: State, h: f64) -> State {
+        let gravity = self.units.gravity;
+        let pull = |depth: f64, speed: f64| gravity - self.force(depth, speed);
+        let (v1, a1) = (s.speed, gravity - s.force);
+        let (v2, a2) = (s.speed + 0.5 * h * a1, pull(s.depth + 0.5 * h * v1, s.speed + 0.5 * h * a1));
+        let (v3, a3) = (s.speed + 0.5 * h * a2, pull(s.depth + 0.5 * h * v2, s.speed + 0.5 * h * a2));
+        let (v4, a4) = (s.speed + h * a3, pull(s.depth + h * v3, s.speed + h * a3));
+        let depth = s.depth + h / 6.0 * (v1 + 2.0 * v2 + 2.0 * v3 + v4);
+        let speed = s.speed + h / 6.0 * (a1 + 2.0 * a2 + 2.0 * a3 + a4);
+        State { time: s.time + h, depth, speed, force: self.force(depth, speed) }
+    }
+
+    /// The moment within one step at which the force, or the depth, reaches zero (Illinois false position).
+    fn last_moment(&self, from: State, step: f64) -> State {
+        let whole = self.advance(from, step);
+        // Without depth there is no force, and its zero would be flat.
+        let left = |s: &State| if whole.force < 0.0 { s.force } else { s.depth };
+        let (mut low, mut high) = ((0.0, left(&from)), (step, left(&whole)));
+        let mut best = whole;
+        for _ in 0..30 {
+            let share = low.1 / (low.1 - high.1);
+            if !share.is_finite() || high.0 - low.0 < 1e-12 * step {
+                break;
+            }
+            let at = low.0 + share * (high.0 - low.0);
+            best = self.advance(from, at);
+            let value = left(&best);
+            if value.abs() < 1e-13 * left(&from) {
+                break;
+            }
+            if value > 0.0 {
+                low = (at, value);
+                high.1 *= 0.5;
+            } else {
+                high = (at, value);
+                low.1 *= 0.5;
+            }
+        }
+        best
+    }
 }
 
 #[cfg(test)]
@@ -281,9 +300,9 @@ mod tests {
     fn an_undamped_spring_takes_half_a_period() {
         // F/m = w^2 y with w = 0.1 a frame, written with y0 = v0/w.
         let units = Units { depth: 5.0, speed: 0.5, gravity: 0.0 };
-        let p = [0.0, 0.5, 0.05_f64.ln(), 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0];
+        let p = [0.0, 0.5, 0.05_f64.ln(), 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0];
         let [start, deepest, end, _, _, before, after, depth, acceleration, _] =
-            Passage::new(&p, &units).unwrap().findings(7.0);
+            Passage::new(Family::KelvinVoigt, &p, &units).unwrap().findings(7.0);
         let half = std::f64::consts::PI / 0.1;
         assert!((start - 7.0).abs() < 1e-12 && (end - 7.0 - half).abs() < 1e-5, "{end}");
         assert!((deepest - 7.0 - half / 2.0).abs() < 1e-4, "{deepest}");
@@ -296,9 +315,22 @@ mod tests {
         // Kelvin-Voigt with damping ratio z: force zero at e = exp(-z t/sqrt(1-z^2)) type restitution, still compressed.
         let (w, z): (f64, f64) = (0.1, 0.1);
         let units = Units { depth: 5.0, speed: 0.5, gravity: 0.0 };
-        let p =
-            [0.0, 0.5, (w * w * 5.0_f64).ln(), 2.0 * z * w * 0.5 / (w * w * 5.0), 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0];
-        let passage = Passage::new(&p, &units).unwrap();
+        let p = [
+            0.0,
+            0.5,
+            (w * w * 5.0_f64).ln(),
+            2.0 * z * w * 0.5 / (w * w * 5.0),
+            1.0,
+            0.0,
+            0.0,
+            0.0,
+            0.0,
+            0.0,
+            0.0,
+            0.0,
+            0.0,
+        ];
+        let passage = Passage::new(Family::KelvinVoigt, &p, &units).unwrap();
         let found = passage.findings(0.0);
         let root = (1.0 - z * z).sqrt();
         let expected = (-z / root * (root * 2.0 * z).atan2(2.0 * z * z - 1.0)).exp();
@@ -310,8 +342,8 @@ mod tests {
     fn a_hertz_contact_lasts_2_94_depths_over_speed() {
         let units = Units { depth: 4.0, speed: 0.3, gravity: 0.0 };
         // v^2/2 = A y0/(5/2) at y = y0.
-        let p = [0.0, 0.3, (1.25 * 0.09 / 4.0_f64).ln(), 0.0, 1.5, 1.5, 0.0, 0.0, 0.0, 0.0, 0.0];
-        let found = Passage::new(&p, &units).unwrap().findings(0.0);
+        let p = [0.0, 0.3, (1.25 * 0.09 / 4.0_f64).ln(), 0.0, 1.5, 1.5, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0];
+        let found = Passage::new(Family::HuntCrossley, &p, &units).unwrap().findings(0.0);
         assert!((found[7] - 4.0).abs() < 1e-5, "{}", found[7]);
         assert!((found[2] / (4.0 / 0.3) - 2.943_3).abs() < 1e-3, "{}", found[2] / (4.0 / 0.3));
     }

@@ -17,7 +17,7 @@ mod trail;
 
 pub use detect::{Contact, Detector, Event};
 pub use family::{FirstGuess, Verdict, judge};
-pub use fit::{LawFit, fit_law};
+pub use fit::{Expected, LawFit, fit_law};
 pub use law::{Family, Findings, Parameters, Passage, Units};
 pub use solve::{World, deepest_so_far, solve};
 pub use trail::{SurfaceNode, between};

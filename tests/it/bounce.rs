@@ -33,14 +33,32 @@ pub enum Law {
     KelvinVoigt(f64, f64),
     /// Stiffness N/m^1.5, damping s/m.
     HuntCrossley(f64, f64),
-    /// Hunt-Crossley whose stiffness ripples by a quarter over the stroke (m): no fitted law contains it.
-    Stranger(f64, f64, f64),
+    /// Hunt-Crossley whose stiffness ripples: no fitted law contains it.
+    Stranger(f64, f64, Ripple),
     /// Kelvin-Voigt whose stiffness ripples likewise.
-    StrangeSpring(f64, f64, f64),
+    StrangeSpring(f64, f64, Ripple),
 }
 
-fn ripple(depth: f64) -> f64 {
-    1.0 + 0.25 * (std::f64::consts::TAU * depth).sin()
+/// A stiffness that goes up and down by a quarter.
+#[derive(Clone, Copy)]
+pub struct Ripple {
+    /// m.
+    pub stroke: f64,
+    /// Over the stroke.
+    pub periods: f64,
+    /// Where it begins, periods.
+    pub phase: f64,
+}
+
+impl Ripple {
+    /// One period over the stroke, neither stiff nor soft where it begins.
+    pub fn over(stroke: f64) -> Self {
+        Self { stroke, periods: 1.0, phase: 0.0 }
+    }
+
+    fn at(&self, depth: f64) -> f64 {
+        1.0 + 0.25 * (std::f64::consts::TAU * (self.periods * depth / self.stroke + self.phase)).sin()
+    }
 }
 
 /// One of the three experiments.
@@ -160,8 +178,8 @@ impl Experiment {
         match self.law {
             Law::KelvinVoigt(k, c) => k * depth + c * speed,
             Law::HuntCrossley(k, c) => k * depth.powf(1.5) * (1.0 + c * speed),
-            Law::Stranger(k, c, stroke) => k * depth.powf(1.5) * ripple(depth / stroke) * (1.0 + c * speed),
-            Law::StrangeSpring(k, c, stroke) => k * depth * ripple(depth / stroke) + c * speed,
+            Law::Stranger(k, c, ripple) => k * depth.powf(1.5) * ripple.at(depth) * (1.0 + c * speed),
+            Law::StrangeSpring(k, c, ripple) => k * depth * ripple.at(depth) + c * speed,
         }
     }
 

@@ -4,7 +4,7 @@ use ricochet::measure::{Tracker, TrackerParams, TrackerRows};
 use ricochet::motion::MotionParams;
 use ricochet::results::{BodyStep, Estimate, ForceLaw, Impact, Phase, PointStatus};
 
-use crate::bounce::{Experiment, Law, Noise, Truth, lacrosse, rod, steps, tennis};
+use crate::bounce::{Experiment, Law, Noise, Ripple, Truth, lacrosse, rod, steps, tennis};
 
 pub fn track(steps: &[BodyStep], params: &MotionParams) -> TrackerRows {
     let mut rows = TrackerRows::default();
@@ -107,10 +107,16 @@ struct Study {
 }
 
 fn study(experiment: &Experiment, seeds: u64, interval: usize) -> Study {
+    study_of(|_| *experiment, seeds, interval)
+}
+
+/// As [`study`], each seed with an experiment of its own.
+fn study_of(make: impl Fn(&mut Noise) -> Experiment, seeds: u64, interval: usize) -> Study {
     let mut errors: [Errors; 17] = Default::default();
     let mut laws = Vec::new();
     for seed in 0..seeds {
         let mut noise = Noise::new(seed + 5_000);
+        let experiment = make(&mut noise);
         let truth = experiment.simulate(noise.uniform());
         let params = MotionParams { interval_frames: interval as u32, ..experiment.params() };
         let rows = track(&truth.steps(interval, &mut noise), &params);
@@ -125,7 +131,8 @@ fn study(experiment: &Experiment, seeds: u64, interval: usize) -> Study {
         compare(&mut errors, impact, &truth);
         laws.push(impact.force_law);
     }
-    eprintln!("{} interval {interval}: bias / rms / worst, covered at 1 and 2 sigma", experiment.name);
+    let name = make(&mut Noise::new(0)).name;
+    eprintln!("{name} interval {interval}: bias / rms / worst, covered at 1 and 2 sigma");
     for (name, e) in NAMES.iter().zip(&errors) {
         let cover = (e.covered(1.0), e.covered(2.0));
         eprintln!("  {name:10} {:8.4} {:8.4} {:8.4}   {:.2} {:.2}", e.bias(), e.rms(), e.worst(), cover.0, cover.1);
@@ -222,25 +229,62 @@ fn longer_intervals_measure_the_same_collision() {
     }
 }
 
+/// The experiments with a stiffness that ripples over the stroke, and how far.
+fn strangers() -> [(Experiment, f64); 6] {
+    let (lacrosse_m, tennis_m, rod_m) = (2.25e-3, 7.2e-3, 0.405e-3);
+    [
+        (lacrosse(true), lacrosse_m),
+        (tennis(true), tennis_m),
+        (rod(true), rod_m),
+        (lacrosse(false), lacrosse_m),
+        (tennis(false), tennis_m),
+        (rod(false), rod_m),
+    ]
+}
+
+fn rippled(base: Experiment, ripple: Ripple) -> Experiment {
+    let law = match base.law {
+        Law::HuntCrossley(k, c) => Law::Stranger(k, c, ripple),
+        Law::KelvinVoigt(k, c) => Law::StrangeSpring(k, c, ripple),
+        other => other,
+    };
+    Experiment { law, ..base }
+}
+
 #[test]
 fn a_law_outside_the_fitted_family_moves_the_ends_and_little_else() {
-    let rounded = [(lacrosse(true), 2.25e-3, 1.0), (tennis(true), 7.2e-3, 2.0), (rod(true), 0.405e-3, 2.0)];
-    let springs = [(lacrosse(false), 2.25e-3, 1.0), (tennis(false), 7.2e-3, 2.0), (rod(false), 0.405e-3, 2.0)];
-    for (base, stroke_m, frames) in rounded.into_iter().chain(springs) {
-        let law = match base.law {
-            Law::HuntCrossley(k, c) => Law::Stranger(k, c, stroke_m),
-            Law::KelvinVoigt(k, c) => Law::StrangeSpring(k, c, stroke_m),
-            other => other,
-        };
-        let Study { errors, .. } = study(&Experiment { law, ..base }, 25, 1);
+    for (base, stroke_m) in strangers() {
+        let Study { errors, .. } = study(&rippled(base, Ripple::over(stroke_m)), 25, 1);
         let name = base.name;
-        assert!(errors[0].rms() < frames && errors[2].rms() < frames, "{name}: ends");
+        assert!(errors[0].rms() < 0.4 && errors[2].rms() < 0.6, "{name}: ends");
         for k in [0, 1, 2, 8, 9, 11, 12, 13, 16] {
-            assert!(errors[k].covered(2.0) >= 0.75, "{name}: {} is not covered", NAMES[k]);
+            assert!(errors[k].covered(2.0) >= 0.9, "{name}: {} is not covered", NAMES[k]);
         }
         assert!(errors[1].worst() < 0.2, "{name}: deepest {}", errors[1].worst());
-        assert!(errors[3].rms() < 0.1 && errors[4].rms() < 0.1 && errors[5].rms() < 0.1, "{name}: speeds");
+        assert!(errors[3].rms() < 0.06 && errors[4].rms() < 0.06 && errors[5].rms() < 0.06, "{name}: speeds");
     }
+}
+
+#[test]
+fn sigmas_cover_the_ends_under_ripples_of_any_length_and_phase() {
+    let (mut one, mut two, mut numbers) = (0.0, 0.0, 0.0);
+    for (base, stroke) in strangers() {
+        let make = |noise: &mut Noise| {
+            let (periods, phase) = (0.5 + noise.uniform(), noise.uniform());
+            rippled(base, Ripple { stroke, periods, phase })
+        };
+        let Study { errors, .. } = study_of(make, 40, 1);
+        for k in [0, 2, 11, 12, 16] {
+            // The noise of the rod hides some ripples, and a simple law then takes them for its own.
+            let least = if base.name == "rod" { 0.65 } else { 0.85 };
+            let covered = errors[k].covered(2.0);
+            assert!(covered >= least, "{}: {} is covered in {covered}", base.name, NAMES[k]);
+            (one, two, numbers) = (one + errors[k].covered(1.0), two + covered, numbers + 1.0);
+        }
+    }
+    let (one, two) = (one / numbers, two / numbers);
+    eprintln!("all together: {one:.3} and {two:.3}");
+    assert!((0.6..0.85).contains(&one) && (0.9..0.99).contains(&two), "{one}, {two}");
 }
 
 #[test]
