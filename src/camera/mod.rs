@@ -1,6 +1,7 @@
 //! Cameras: whatever fills a slot of the ring with a frame.
 
 pub mod genicam;
+pub mod priority;
 pub mod recording;
 mod setting;
 pub mod simulated;
@@ -160,6 +161,11 @@ pub trait Camera {
     /// Called before [`start`](Self::start). `false`, and nothing else, from cameras that film.
     fn go_to(&mut self, _sequence: u64) -> bool {
         false
+    }
+
+    /// How long ago the frame given last was there to be taken; zero from cameras that cannot tell.
+    fn waited(&self) -> Duration {
+        Duration::ZERO
     }
 
     /// Known truth of the frame with this sequence number, for simulated cameras.

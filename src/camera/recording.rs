@@ -71,6 +71,8 @@ pub struct RecordingCamera {
     pending: Option<(FrameMeta, Bytes)>,
     /// When the first frame of this pass was due, and its stamp.
     origin: Option<(Instant, u64)>,
+    /// When the frame given last was due, at a pace of its own.
+    due: Option<Instant>,
     /// Added to the recorded epochs.
     epoch_base: u32,
     epoch_highest: u32,
@@ -134,6 +136,7 @@ impl RecordingCamera {
             slots: VecDeque::new(),
             pending: None,
             origin: None,
+            due: None,
             epoch_base: 0,
             epoch_highest: 0,
             shift_ns: 0,
@@ -218,20 +221,25 @@ impl RecordingCamera {
     }
 
     /// Sleeps until the frame is due, at most `timeout`; whether it is due then.
-    #[expect(clippy::disallowed_methods, reason = "playing at a given pace is what a camera's clock does")]
     fn wait(&mut self, stamp_ns: u64, timeout: Duration) -> bool {
         let PlaybackRate::Times(times) = self.rate else { return true };
         if self.is_stepped {
             return true;
         }
-        let now = Instant::now();
+        let now = now();
         let (start, first_ns) = *self.origin.get_or_insert((now, stamp_ns));
         let ahead_s = stamp_ns.saturating_sub(first_ns) as f64 * 1e-9 / times;
         let due = Duration::try_from_secs_f64(ahead_s).unwrap_or(Duration::MAX);
         let left = due.saturating_sub(now.saturating_duration_since(start));
+        self.due = start.checked_add(due);
         std::thread::sleep(left.min(timeout));
         left <= timeout
     }
+}
+
+#[expect(clippy::disallowed_methods, reason = "playing at a given pace is what a camera's clock does")]
+fn now() -> Instant {
+    Instant::now()
 }
 
 /// Tells of every line on standard input; hangs up at its end.
@@ -322,6 +330,10 @@ impl Camera for RecordingCamera {
     fn go_to(&mut self, sequence: u64) -> bool {
         self.begin = sequence;
         true
+    }
+
+    fn waited(&self) -> Duration {
+        self.due.map_or(Duration::ZERO, |due| now().saturating_duration_since(due))
     }
 
     fn truth(&self, _sequence: u64) -> Vec<crate::results::VelocitySample> {

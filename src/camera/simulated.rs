@@ -262,6 +262,13 @@ impl Camera for SimulatedCamera {
         true
     }
 
+    fn waited(&self) -> Duration {
+        match (self.pace, self.index.checked_sub(1)) {
+            (Pace::Live, Some(last)) => self.elapsed().saturating_sub(self.due(last)),
+            _ => Duration::ZERO,
+        }
+    }
+
     fn truth(&self, sequence: u64) -> Vec<VelocitySample> {
         if sequence < self.world.frames() { self.world.truths(sequence) } else { Vec::new() }
     }

@@ -13,7 +13,7 @@ use super::rig::{SUCCESSION, Source, limits};
 use super::stop::Stop;
 use super::summary::Summary;
 use crate::bus::{Bell, Bus, BusError, FramePublisher, Limits, Subscriber};
-use crate::camera::{CameraError, Next, Pace, Slot};
+use crate::camera::{CameraError, Next, Pace, Slot, priority};
 use crate::config::{Config, TriggerMode};
 use crate::image::FrameMeta;
 use crate::message::{EventKind, FrameHeader, Progress, Role};
@@ -82,7 +82,7 @@ struct Loop {
     readers: Readers,
     trigger: Option<MotionTrigger>,
     line: Option<Line>,
-    /// How long the trigger looked at each frame.
+    /// How long after each frame was there the trigger had looked at it.
     decisions: Latencies,
     alone: Option<Alone>,
     /// Whether every frame is asked for, and told of.
@@ -197,6 +197,11 @@ impl Loop {
         self.lend()?;
         self.go_to(config);
         self.source.camera().start()?;
+        if self.source.pace() == Pace::Live
+            && let Err(error) = priority::raise(priority::HANDING_ON)
+        {
+            log::info!("frames are handed on without real-time priority: {error}");
+        }
         if self.is_stepped {
             reins::tell("ready: each line on standard input plays a frame");
         }
@@ -295,12 +300,12 @@ impl Loop {
         self.reporter.event(EventKind::Silent, self.next, self.stamp_ns, "no frame for trigger.silence_s")
     }
 
-    /// Shows a frame to the trigger; how long it looked, when it fires.
+    /// Shows a frame to the trigger; how long after the frame was there it fires.
     fn decide(&mut self, meta: &FrameMeta, slot: &mut Slot) -> Option<Duration> {
         let trigger = self.trigger.as_mut()?;
-        let came = now();
+        let (taken, waited) = (now(), self.source.camera().waited());
         let fires = trigger.push(meta, slot.bytes_mut());
-        let took = came.elapsed();
+        let took = waited + taken.elapsed();
         self.decisions.add(took);
         fires.then_some(took)
     }
@@ -365,7 +370,7 @@ impl Loop {
         }
         let text = match self.decisions.words() {
             None => "last frame".to_owned(),
-            Some(words) => format!("last frame; motion was looked for in {words}"),
+            Some(words) => format!("last frame; from a frame to its decision: {words}"),
         };
         self.reporter.event(EventKind::Ended, self.next, self.stamp_ns, &text)?;
         let patience = Patience::new(LINGER);

@@ -20,6 +20,7 @@ mod check;
 mod cli;
 mod clock;
 mod config;
+mod decisions;
 mod design;
 mod examples;
 mod fake_gige;

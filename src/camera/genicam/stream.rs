@@ -11,7 +11,7 @@ use super::handle::{Library, Object, c_text, checked, text};
 use super::settings::GenicamSettings;
 use super::socket;
 use super::sys::{self, ArvBuffer, ArvStream, ArvStreamCallbackType, gpointer, guint64};
-use crate::camera::Slot;
+use crate::camera::{Slot, priority};
 use std::net::Ipv4Addr;
 use std::ptr::{self, NonNull};
 use std::sync::Once;
@@ -24,9 +24,6 @@ const MAX_PACKET_BYTES: u32 = 16_000;
 const SOCKET_FRAMES: usize = 32;
 const MIN_SOCKET_BYTES: usize = 4 << 20;
 const MAX_SOCKET_BYTES: usize = 64 << 20;
-
-/// Priority of the receiving thread among real-time threads, 1 to 99.
-const PRIORITY: libc::c_int = 20;
 
 /// What became of one buffer.
 #[derive(Debug)]
@@ -372,12 +369,8 @@ unsafe extern "C" fn on_stream(_data: gpointer, kind: ArvStreamCallbackType, _bu
     if kind != sys::ARV_STREAM_CALLBACK_TYPE_INIT {
         return;
     }
-    let parameter = libc::sched_param { sched_priority: PRIORITY };
-    // SAFETY: 0 means this thread; the parameter lives through the call.
-    if unsafe { libc::sched_setscheduler(0, libc::SCHED_RR, &raw const parameter) } != 0 {
-        TOLD.call_once(|| {
-            log::warn!("the receiving thread has no real-time priority: {}", std::io::Error::last_os_error());
-        });
+    if let Err(error) = priority::raise(priority::RECEIVING) {
+        TOLD.call_once(|| log::warn!("the receiving thread has no real-time priority: {error}"));
     }
 }
 
