@@ -12,22 +12,21 @@ const CLOSE_SIGMAS: f64 = 3.0;
 /// Share of the greatest depth at which the force of a y^1.5 contact passes 2 % of its peak: 0.02^(2/3).
 const UNSEEN: f64 = 0.074;
 
-/// It knows start and end themselves to about this share of the time that the force is too small to be seen.
-const FREE_END: f64 = 0.75;
-
-/// With a dashpot of its own, start and end are known to about these shares of the contact.
-const DASHPOT: [f64; 2] = [0.0025, 0.007];
-
 /// Share of a normal distribution within one sigma.
 const ONE_SIGMA: f64 = 0.682_7;
 
-/// A stiffness left free knows the moments of 2 % force to about this share of how well it knows start and end (the
-/// same ripples).
+/// Exponents or a stiffness left free know start and end to about this share of the time that the force is too small to
+/// be seen (simulated ripples of 25 % over the stroke, of any length and phase; so are the shares that follow).
+const FREE_END: f64 = 0.75;
+
+/// And the moments of 2 % force to about this share of how well they know start and end.
 const FREE_FAINT: f64 = 0.4;
 
-/// A stiffness left free follows the peak of the force to about this share (simulated ripples of 25 % over the stroke,
-/// of springs and of rounded bodies: 0.4 to 4.3 %).
+/// And the peak of the force to about this share.
 const FREE_PEAK: f64 = 0.02;
+
+/// With a dashpot of its own, start and end are known to about these shares of the contact.
+const DASHPOT: [f64; 2] = [0.0025, 0.007];
 
 /// Exponents that any contact may have: those of a spring, of smooth bodies (3/2) and of cones (2) are in it.
 const ANY: [Expected; 2] = [[1.25, 0.25], [0.75, 0.75]];
@@ -149,15 +148,14 @@ fn own_variance(f: &LawFit, k: usize) -> f64 {
     // Where exponents or the stiffness are free, start and end are what they make of the unseen first and last two
     // percents of the force, over which a y^1.5 contact takes UNSEEN of its depth; the depth is counted from the start.
     let [start, _, end, first, last, before, after, depth, peak, lasts] = f.findings;
-    let (begins, ends) = match f.family {
+    let (begins, ends, faint) = match f.family {
         // A dashpot pushes at once and lets go at once.
-        Family::Stiffness { dashpot: true, .. } => (DASHPOT[0] * lasts, (end - last).max(DASHPOT[1] * lasts)),
+        Family::Stiffness { dashpot: true, .. } => (DASHPOT[0] * lasts, (end - last).max(DASHPOT[1] * lasts), 1.0),
         _ => {
             let unseen = |seen: f64, speed: f64| FREE_END * seen.max(UNSEEN * depth / speed.abs());
-            (unseen(first - start, before), unseen(end - last, after))
+            (unseen(first - start, before), unseen(end - last, after), FREE_FAINT)
         }
     };
-    let faint = if matches!(f.family, Family::Stiffness { dashpot: true, .. }) { 1.0 } else { FREE_FAINT };
     let is_known = matches!(f.family, Family::KelvinVoigt | Family::HuntCrossley);
     let unknown = match k {
         _ if is_known => 0.0,

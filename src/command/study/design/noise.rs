@@ -73,11 +73,13 @@ impl Noise {
         let pixel_dn = pixel_noise_dn(rig, &light, center_px);
         let (pose, renewal, walk) = match step.is_whole {
             true => {
+                let bound = bound(rig, &light, center_px, pixel_dn)?;
                 let last =
                     (first..first + RENEWED_FRAMES).take_while(|index| *index < world.frames() && is_seen(index));
                 let last = last.last().unwrap_or(first);
-                let renewal = renewal::walk(rig, world, (first, last))?;
-                (bound(rig, &light, center_px, pixel_dn)?, renewal, [1.0; 3])
+                let matched = renewal::matched(rig, world, (first, last))?;
+                let share = matched.pose.map_or(1.0, |seen| share(&seen, &bound));
+                (bound.map(|sigma| share * sigma), matched.renewal, [1.0; 3])
             }
             false => {
                 let pose = stated(&told);
@@ -122,6 +124,12 @@ fn bound(rig: &Rig, light: &Image, [x_px, y_px]: [f64; 2], pixel_dn: f64) -> any
         UsageError(format!("{}: the body cannot be matched as a whole: {}", rig.config.origin, status.word()))
     })?;
     Ok(body.expected_sigma((x_px, y_px), pixel_dn).map(|sigma| sigma * std::f64::consts::FRAC_1_SQRT_2))
+}
+
+/// How much of the bound poses were seen to scatter by: one number for all, which is known better than each.
+fn share(seen: &[f64; 3], bound: &[f64; 3]) -> f64 {
+    let squares: f64 = seen.iter().zip(bound).map(|(seen, bound)| (seen / bound).powi(2)).sum();
+    (squares / seen.len() as f64).sqrt()
 }
 
 /// The pixels that the rig matches a ball by.

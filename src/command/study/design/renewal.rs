@@ -1,4 +1,4 @@
-//! What the renewal of a reference leaves for good.
+//! What matches of the whole body scatter by, and what the renewal of their reference leaves for good.
 //!
 //! A pose by way of a second reference is not quite that of the first: the noise of the frame between them was
 //! interpolated once and is taken as it is the other time. How much that comes to depends on how finely the pattern is
@@ -11,54 +11,89 @@ use crate::dic::{Correlator, Prepared, RigidBody};
 use crate::image::{Frame, Image};
 use crate::synth::World;
 
-/// How often the pictures are drawn: the scatter is known to 15 %.
+/// How often the pictures are drawn: what a renewal leaves is known to 15 %, the scatter of a pose to 4 %.
 const TAKES: u64 = 24;
 
 /// Last frames that are compared.
 const LAST: u64 = 4;
 
-/// Scatter of what a renewal in the middle of `first` to `last` leaves: x px, y px, angle deg.
+/// Where between first and last a reference is renewed, in sixteenths: by how far between whole pixels the body has gone
+/// by then counts.
+const RENEWED_AT: [u64; 3] = [5, 8, 11];
+
+/// What matches of the whole body were seen to do, of each x px, y px and angle deg.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Matched {
+    /// Scatter of what a renewal between them leaves.
+    pub(super) renewal: [f64; 3],
+    /// Scatter of a pose from frame to frame; `None` where there are too few frames to tell.
+    pub(super) pose: Option<[f64; 3]>,
+}
+
+/// One drawing of the pictures, of each the frames behind the first.
+struct Take {
+    /// By way of each renewed reference less straight on, to each of the last frames.
+    closures: Vec<Vec<[f64; 3]>>,
+    /// From the first frame to each.
+    straight: Vec<[f64; 3]>,
+}
+
+/// Scatter that all frames of a take share, and that of each by itself.
+struct Parts {
+    shared: f64,
+    own: Option<f64>,
+}
+
+/// Sees how poses from `first` to `last` scatter, and what a renewal between them leaves.
 ///
 /// Both ways from the first frame to a last one differ by what the renewal leaves in all later frames, and by how that
-/// last frame is interpolated, which is no more than its own noise: several last frames tell one from the other.
+/// last frame is interpolated, which is no more than its own noise: several last frames tell one from the other. A pose
+/// has less noise than its pixels where they are interpolated, more so the finer the pattern.
 ///
 /// # Errors
 ///
 /// When a film cannot be drawn or its settings cannot be measured with.
-pub(super) fn walk(rig: &Rig, world: &World, (first, last): (u64, u64)) -> anyhow::Result<[f64; 3]> {
+pub(super) fn matched(rig: &Rig, world: &World, (first, last): (u64, u64)) -> anyhow::Result<Matched> {
     let (width, height) = (world.width_px() as usize, world.height_px() as usize);
     let correlator = Correlator::new(&rig.config.correlation(), width, height)?;
-    let middle = first.midpoint(last);
-    let lasts = (last + 1).saturating_sub(LAST).max(middle + 1)..=last;
-    let frames: Vec<u64> = [first, middle].into_iter().chain(lasts).collect();
-    let mut takes = Vec::new();
+    let mut renewed = RENEWED_AT.map(|at| first + (at * (last - first) / 16).max(1)).to_vec();
+    renewed.dedup();
+    renewed.retain(|at| *at < last);
+    let lasts = (last + 1).saturating_sub(LAST).max(renewed.last().unwrap_or(&first) + 1)..=last;
+    let frames: Vec<u64> = [first].into_iter().chain(renewed.iter().copied()).chain(lasts).collect();
+    let (mut closures, mut straight) = (vec![Vec::new(); renewed.len()], Vec::new());
     for take in 1..=TAKES {
         let film = world.retake(rig.scenario.motion.clone(), take)?;
         let pictures = frames.iter().map(|index| picture(&film, &correlator, *index)).collect::<Result<Vec<_>, _>>()?;
-        takes.extend(closures(rig, &film, &frames, &pictures));
+        if let Some(take) = follow(rig, &film, &frames, &pictures, renewed.len()) {
+            closures.iter_mut().zip(take.closures).for_each(|(all, own)| all.push(own));
+            straight.push(take.straight);
+        }
     }
-    Ok([0, 1, 2].map(|k| lasting(&takes, k).sqrt()))
+    let [x, y, angle] = [0, 1, 2].map(|k| parts(&straight, k).own.map(f64::sqrt));
+    let pose = x.zip(y).zip(angle).map(|((x, y), angle)| [x, y, angle]);
+    let left = |k: usize| closures.iter().map(|takes| parts(takes, k).shared).sum::<f64>();
+    Ok(Matched { renewal: [0, 1, 2].map(|k| (left(k) / closures.len().max(1) as f64).sqrt()), pose })
 }
 
-/// Variance of the part that all last frames of a take share.
-fn lasting(takes: &[Vec<[f64; 3]>], k: usize) -> f64 {
-    let (count, lasts) = (takes.len(), takes.first().map_or(0, Vec::len));
-    if count < 2 || lasts == 0 {
-        return 0.0;
+/// Variances of what varies from take to take, what is the same in all of them left out.
+fn parts(takes: &[Vec<[f64; 3]>], k: usize) -> Parts {
+    let (count, frames) = (takes.len(), takes.first().map_or(0, Vec::len));
+    if count < 2 || frames == 0 {
+        return Parts { shared: 0.0, own: None };
     }
-    // What is the same in all takes is no noise.
-    let mean = |last: usize| takes.iter().map(|take| take[last][k]).sum::<f64>() / count as f64;
-    let means: Vec<f64> = (0..lasts).map(mean).collect();
+    let mean = |frame: usize| takes.iter().map(|take| take[frame][k]).sum::<f64>() / count as f64;
+    let means: Vec<f64> = (0..frames).map(mean).collect();
     let (mut between, mut within) = (0.0, 0.0);
     for take in takes {
-        let off = |last: usize| take[last][k] - means[last];
-        let shared = (0..lasts).map(off).sum::<f64>() / lasts as f64;
+        let off = |frame: usize| take[frame][k] - means[frame];
+        let shared = (0..frames).map(off).sum::<f64>() / frames as f64;
         between += shared * shared;
-        within += (0..lasts).map(|last| (off(last) - shared).powi(2)).sum::<f64>();
+        within += (0..frames).map(|frame| (off(frame) - shared).powi(2)).sum::<f64>();
     }
     let free = (count - 1) as f64;
-    let own = if lasts > 1 { within / (free * (lasts - 1) as f64) } else { 0.0 };
-    (between / free - own / lasts as f64).max(0.0)
+    let own = (frames > 1).then(|| within / (free * (frames - 1) as f64));
+    Parts { shared: (between / free - own.unwrap_or(0.0) / frames as f64).max(0.0), own }
 }
 
 fn picture(film: &World, correlator: &Correlator, index: u64) -> anyhow::Result<Prepared> {
@@ -68,8 +103,9 @@ fn picture(film: &World, correlator: &Correlator, index: u64) -> anyhow::Result<
     Ok(correlator.prepare(image.view()))
 }
 
-/// By way of the second frame less straight on, to each frame after it; `None` where a match fails.
-fn closures(rig: &Rig, film: &World, frames: &[u64], pictures: &[Prepared]) -> Option<Vec<[f64; 3]>> {
+/// Matches every frame with the first, and the last ones with each of the `renewed` that follow it; `None` where a match
+/// fails.
+fn follow(rig: &Rig, film: &World, frames: &[u64], pictures: &[Prepared], renewed: usize) -> Option<Take> {
     let pose = |index: &u64| {
         let truth = film.truth(*index);
         Some([truth.center_x_px?, truth.center_y_px?, film.angle_deg(*index)])
@@ -82,13 +118,18 @@ fn closures(rig: &Rig, film: &World, frames: &[u64], pictures: &[Prepared]) -> O
         let motion = body.find(&pictures[to], (x, y), (near[0], near[1], near[2])).ok()?.motion;
         Some([motion.u_px, motion.v_px, motion.angle_deg])
     };
-    let (mut first, mut second) = (body(0)?, body(1)?);
-    let between = step(&mut first, 0, 1)?;
-    let close = |to: usize| {
-        let (by_way, straight) = (step(&mut second, 1, to)?, step(&mut first, 0, to)?);
-        Some(std::array::from_fn(|k| between[k] + by_way[k] - straight[k]))
+    let mut first = body(0)?;
+    let straight = (1..frames.len()).map(|to| step(&mut first, 0, to)).collect::<Option<Vec<_>>>()?;
+    let close = |at: usize| {
+        let mut second = body(at)?;
+        let way = |to: usize| {
+            let by_way = step(&mut second, at, to)?;
+            Some(std::array::from_fn(|k| straight[at - 1][k] + by_way[k] - straight[to - 1][k]))
+        };
+        (renewed + 1..frames.len()).map(way).collect::<Option<Vec<_>>>()
     };
-    (2..frames.len()).map(close).collect()
+    let closures = (1..=renewed).map(close).collect::<Option<Vec<_>>>()?;
+    Some(Take { closures, straight })
 }
 
 #[cfg(test)]
@@ -104,8 +145,10 @@ mod tests {
         };
         for (shared, own) in [(0.3, 0.5), (0.5, 0.0), (0.0, 0.5)] {
             let takes: Vec<_> = (0..4000).map(|_| take(&mut stream, shared, own)).collect();
-            assert!((lasting(&takes, 0) - shared * shared).abs() < 0.01, "{shared}, {own}: {}", lasting(&takes, 0));
-            assert_eq!(lasting(&takes, 1).to_bits(), 0);
+            let [first, second] = [0, 1].map(|k| parts(&takes, k));
+            assert!((first.shared - shared * shared).abs() < 0.01, "{shared}, {own}: {}", first.shared);
+            assert!((first.own.unwrap() - own * own).abs() < 0.01, "{shared}, {own}: {:?}", first.own);
+            assert_eq!((second.shared.to_bits(), second.own), (0, Some(0.0)));
         }
     }
 }
