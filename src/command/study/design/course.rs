@@ -48,7 +48,7 @@ impl Course {
     /// Rows of one film more, with noise of its own.
     pub(super) fn rows(&self, run: u64) -> TrackerRows {
         let mut stream = Stream::new(key(1, STEPS, run));
-        let white: Vec<[f64; 3]> = self.frames.iter().map(|(truth, _)| self.white(truth, &mut stream)).collect();
+        let white: Vec<[f64; 3]> = (0..self.frames.len()).map(|index| self.white(index, &mut stream)).collect();
         let (mut tracker, mut rows) = (Tracker::new(&self.params), TrackerRows::default());
         for index in 0..self.frames.len() {
             let seen = self.seen(index, &mut stream);
@@ -62,13 +62,26 @@ impl Course {
     }
 
     /// Less of a hidden body is left to be matched.
-    fn sigma(&self, truth: &VelocitySample) -> [f64; 3] {
+    fn sigma(&self, index: usize) -> [f64; 3] {
+        let truth = &self.frames[index].0;
         let share = truth.visible_fraction.unwrap_or(1.0).max(0.05);
-        self.noise.pose.map(|sigma| sigma / share.sqrt())
+        // The frame whose picture this one is matched with.
+        let reference = self.renewed[..=index].iter().rposition(|renewed| *renewed).unwrap_or(0);
+        self.noise.pose_at(self.moved(reference, index)).map(|sigma| sigma / share.sqrt())
     }
 
-    fn white(&self, truth: &VelocitySample, stream: &mut Stream) -> [f64; 3] {
-        self.sigma(truth).map(|sigma| sigma * stream.normal())
+    /// How far the centre moves from frame to frame, px.
+    fn moved(&self, from: usize, to: usize) -> [f64; 2] {
+        let place = |at: usize| {
+            let truth = &self.frames[at].0;
+            [truth.center_x_px, truth.center_y_px].map(Option::unwrap_or_default)
+        };
+        let (here, there) = (place(from), place(to));
+        [there[0] - here[0], there[1] - here[1]]
+    }
+
+    fn white(&self, index: usize, stream: &mut Stream) -> [f64; 3] {
+        self.sigma(index).map(|sigma| sigma * stream.normal())
     }
 
     fn is_seen(&self, index: usize) -> bool {
@@ -121,7 +134,7 @@ impl Course {
                 std::array::from_fn(|k| share[k] * self.noise.walk[k] * self.noise.pose[k])
             }
         };
-        let (first, second, frames) = (self.sigma(here), self.sigma(there), f64::from(interval));
+        let (first, second, frames) = (self.sigma(index), self.sigma(to), f64::from(interval));
         let moved = |k: usize| (truth[k] + white[to][k] - white[index][k] + left[k] * walk[k]) / frames;
         let sigma = |k: usize| first[k].hypot(second[k]) / frames;
         Some(RigidStep {

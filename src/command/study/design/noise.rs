@@ -30,6 +30,8 @@ pub(super) struct Noise {
     pub(super) renewal: [f64; 3],
     /// How much more than assumed a step over subsets leaves for good, where it is not: x, y and angle.
     pub(super) walk: [f64; 3],
+    /// How much interpolation takes of the variance of a pose half-way between whole pixels, along each axis.
+    pub(super) smoothing: f64,
     /// Noise of a pixel of the body, where its grey levels change, DN.
     pub(super) pixel_dn: f64,
     /// How the body was seen in the frame `seen`.
@@ -38,7 +40,16 @@ pub(super) struct Noise {
     pub(super) off_px: [f64; 2],
 }
 
+/// No more of it is taken.
+const MOST_SMOOTHED: f64 = 0.4;
+
 impl Noise {
+    /// Scatter of a pose of a body that has moved so far from where its reference was taken, px.
+    pub(super) fn pose_at(&self, moved_px: [f64; 2]) -> [f64; 3] {
+        let left = (1.0 - self.smoothing * between_pixels(moved_px)).sqrt();
+        self.pose.map(|sigma| left * sigma)
+    }
+
     /// Of a rig, by the noise bound of its pattern where all pixels are matched at once, and by what subsets state of
     /// themselves where they are.
     ///
@@ -71,6 +82,7 @@ impl Noise {
         let center_px = [truth.center_x_px.unwrap_or_default(), truth.center_y_px.unwrap_or_default()];
         let light = world.render_light(first);
         let pixel_dn = pixel_noise_dn(rig, &light, center_px);
+        let mut smoothing = 0.0;
         let (pose, renewal, walk) = match step.is_whole {
             true => {
                 let bound = bound(rig, &light, center_px, pixel_dn)?;
@@ -78,8 +90,8 @@ impl Noise {
                     (first..first + RENEWED_FRAMES).take_while(|index| *index < world.frames() && is_seen(index));
                 let last = last.last().unwrap_or(first);
                 let matched = renewal::matched(rig, world, (first, last))?;
-                let share = matched.pose.map_or(1.0, |seen| share(&seen, &bound));
-                (bound.map(|sigma| share * sigma), matched.renewal, [1.0; 3])
+                smoothing = smoothed(&matched.poses, &bound);
+                (bound, matched.renewal, [1.0; 3])
             }
             false => {
                 let pose = stated(&told);
@@ -88,7 +100,7 @@ impl Noise {
         };
         let place = step.circle.map(|c| [c.x_px, c.y_px]).or(step.rod.map(|rod| [rod.x_px.value, rod.y_px.value]));
         let off_px = place.map_or([0.0; 2], |place| [place[0] - center_px[0], place[1] - center_px[1]]);
-        Ok(Self { pose, renewal, walk, pixel_dn, step, off_px })
+        Ok(Self { pose, renewal, walk, smoothing, pixel_dn, step, off_px })
     }
 }
 
@@ -126,10 +138,21 @@ fn bound(rig: &Rig, light: &Image, [x_px, y_px]: [f64; 2], pixel_dn: f64) -> any
     Ok(body.expected_sigma((x_px, y_px), pixel_dn).map(|sigma| sigma * std::f64::consts::FRAC_1_SQRT_2))
 }
 
-/// How much of the bound poses were seen to scatter by: one number for all, which is known better than each.
-fn share(seen: &[f64; 3], bound: &[f64; 3]) -> f64 {
-    let squares: f64 = seen.iter().zip(bound).map(|(seen, bound)| (seen / bound).powi(2)).sum();
-    (squares / seen.len() as f64).sqrt()
+/// How much interpolation takes of the variance of a pose half-way between whole pixels, along each axis; by least
+/// squares.
+fn smoothed(poses: &[([f64; 3], [f64; 2])], bound: &[f64; 3]) -> f64 {
+    let (mut squares, mut products) = (0.0, 0.0);
+    for (variances, moved) in poses {
+        let missing = 1.0 - variances.iter().zip(bound).map(|(seen, bound)| seen / bound.powi(2)).sum::<f64>() / 3.0;
+        let between = between_pixels(*moved);
+        (squares, products) = (squares + between * between, products + missing * between);
+    }
+    if squares > 0.0 { (products / squares).clamp(0.0, MOST_SMOOTHED) } else { 0.0 }
+}
+
+/// How far between whole pixels a displacement leads: 0 where both of its parts are whole, 2 where both are half-way.
+fn between_pixels(moved: [f64; 2]) -> f64 {
+    moved.iter().map(|part| (std::f64::consts::PI * part).sin().powi(2)).sum()
 }
 
 /// The pixels that the rig matches a ball by.

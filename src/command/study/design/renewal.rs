@@ -22,12 +22,12 @@ const LAST: u64 = 4;
 const RENEWED_AT: [u64; 3] = [5, 8, 11];
 
 /// What matches of the whole body were seen to do, of each x px, y px and angle deg.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone)]
 pub(super) struct Matched {
     /// Scatter of what a renewal between them leaves.
     pub(super) renewal: [f64; 3],
-    /// Scatter of a pose from frame to frame; `None` where there are too few frames to tell.
-    pub(super) pose: Option<[f64; 3]>,
+    /// Variance of a pose in each of several frames, and how far the body had moved by then, px.
+    pub(super) poses: Vec<([f64; 3], [f64; 2])>,
 }
 
 /// One drawing of the pictures, of each the frames behind the first.
@@ -41,7 +41,7 @@ struct Take {
 /// Scatter that all frames of a take share, and that of each by itself.
 struct Parts {
     shared: f64,
-    own: Option<f64>,
+    own: Vec<f64>,
 }
 
 /// Sees how poses from `first` to `last` scatter, and what a renewal between them leaves.
@@ -70,30 +70,39 @@ pub(super) fn matched(rig: &Rig, world: &World, (first, last): (u64, u64)) -> an
             straight.push(take.straight);
         }
     }
-    let [x, y, angle] = [0, 1, 2].map(|k| parts(&straight, k).own.map(f64::sqrt));
-    let pose = x.zip(y).zip(angle).map(|((x, y), angle)| [x, y, angle]);
+    let own = [0, 1, 2].map(|k| parts(&straight, k).own);
+    let place = |frame: u64| {
+        let truth = world.truth(frame);
+        [truth.center_x_px, truth.center_y_px].map(Option::unwrap_or_default)
+    };
+    let moved = |frame: u64| [0, 1].map(|k| place(frame)[k] - place(first)[k]);
+    let poses = (0..own[0].len()).map(|at| (own.each_ref().map(|own| own[at]), moved(frames[at + 1]))).collect();
     let left = |k: usize| closures.iter().map(|takes| parts(takes, k).shared).sum::<f64>();
-    Ok(Matched { renewal: [0, 1, 2].map(|k| (left(k) / closures.len().max(1) as f64).sqrt()), pose })
+    Ok(Matched { renewal: [0, 1, 2].map(|k| (left(k) / closures.len().max(1) as f64).sqrt()), poses })
 }
 
 /// Variances of what varies from take to take, what is the same in all of them left out.
 fn parts(takes: &[Vec<[f64; 3]>], k: usize) -> Parts {
     let (count, frames) = (takes.len(), takes.first().map_or(0, Vec::len));
     if count < 2 || frames == 0 {
-        return Parts { shared: 0.0, own: None };
+        return Parts { shared: 0.0, own: Vec::new() };
     }
     let mean = |frame: usize| takes.iter().map(|take| take[frame][k]).sum::<f64>() / count as f64;
     let means: Vec<f64> = (0..frames).map(mean).collect();
-    let (mut between, mut within) = (0.0, 0.0);
+    let (mut between, mut within) = (0.0, vec![0.0; frames]);
     for take in takes {
         let off = |frame: usize| take[frame][k] - means[frame];
         let shared = (0..frames).map(off).sum::<f64>() / frames as f64;
         between += shared * shared;
-        within += (0..frames).map(|frame| (off(frame) - shared).powi(2)).sum::<f64>();
+        within.iter_mut().enumerate().for_each(|(frame, sum)| *sum += (off(frame) - shared).powi(2));
     }
     let free = (count - 1) as f64;
-    let own = (frames > 1).then(|| within / (free * (frames - 1) as f64));
-    Parts { shared: (between / free - own.unwrap_or(0.0) / frames as f64).max(0.0), own }
+    if frames == 1 {
+        return Parts { shared: between / free, own: Vec::new() };
+    }
+    let own: Vec<f64> = within.iter().map(|sum| sum * frames as f64 / (free * (frames - 1) as f64)).collect();
+    let mean = own.iter().sum::<f64>() / frames as f64;
+    Parts { shared: (between / free - mean / frames as f64).max(0.0), own }
 }
 
 fn picture(film: &World, correlator: &Correlator, index: u64) -> anyhow::Result<Prepared> {
@@ -147,8 +156,8 @@ mod tests {
             let takes: Vec<_> = (0..4000).map(|_| take(&mut stream, shared, own)).collect();
             let [first, second] = [0, 1].map(|k| parts(&takes, k));
             assert!((first.shared - shared * shared).abs() < 0.01, "{shared}, {own}: {}", first.shared);
-            assert!((first.own.unwrap() - own * own).abs() < 0.01, "{shared}, {own}: {:?}", first.own);
-            assert_eq!((second.shared.to_bits(), second.own), (0, Some(0.0)));
+            assert!(first.own.iter().all(|seen| (seen - own * own).abs() < 0.03), "{shared}, {own}: {:?}", first.own);
+            assert_eq!((second.shared.to_bits(), second.own), (0, vec![0.0; 4]));
         }
     }
 }
