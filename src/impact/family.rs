@@ -61,8 +61,8 @@ pub struct Verdict {
     pub weight: f64,
     /// Means over the laws with Akaike weights.
     pub findings: Findings,
-    /// Their standard uncertainties: the laws' own, the spread between them, the laws' misfit, and for a stiffness left
-    /// free how little start and end are then known.
+    /// Their standard uncertainties: the laws' own, the spread between them, the laws' misfit, and for exponents or a
+    /// stiffness left free how little start and end are then known.
     pub sigmas: Findings,
 }
 
