@@ -1,5 +1,6 @@
 //! Cameras: whatever fills a slot of the ring with a frame.
 
+mod delivery;
 pub mod genicam;
 pub mod priority;
 pub mod recording;
@@ -163,7 +164,7 @@ pub trait Camera {
         false
     }
 
-    /// How long ago the frame given last was there to be taken; zero from cameras that cannot tell.
+    /// How long ago the frame given last was there, whole; zero from cameras that cannot tell.
     fn waited(&self) -> Duration {
         Duration::ZERO
     }

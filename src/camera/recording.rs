@@ -1,5 +1,6 @@
 //! A recording as a camera: its frames again, at any pace.
 
+use super::delivery::Delivery;
 use super::{Camera, CameraError, CameraIdentity, Next, Pace, Slot, StreamFormat};
 use crate::image::FrameMeta;
 use crate::recording::{Frames, Recording, RecordingError};
@@ -71,8 +72,10 @@ pub struct RecordingCamera {
     pending: Option<(FrameMeta, Bytes)>,
     /// When the first frame of this pass was due, and its stamp.
     origin: Option<(Instant, u64)>,
-    /// When the frame given last was due, at a pace of its own.
+    /// When the pending frame is due, at a pace of its own, and how long it took to read.
     due: Option<Instant>,
+    reading: Duration,
+    delivery: Delivery,
     /// Added to the recorded epochs.
     epoch_base: u32,
     epoch_highest: u32,
@@ -137,6 +140,8 @@ impl RecordingCamera {
             pending: None,
             origin: None,
             due: None,
+            reading: Duration::ZERO,
+            delivery: Delivery::default(),
             epoch_base: 0,
             epoch_highest: 0,
             shift_ns: 0,
@@ -188,6 +193,7 @@ impl RecordingCamera {
         if self.pending.is_some() {
             return Ok(true);
         }
+        let begun = now();
         let mut next = self.next_within();
         if next.is_none() && self.repeat == Repeat::Forever {
             self.frames = self.recording.frames()?;
@@ -217,6 +223,7 @@ impl RecordingCamera {
         self.epoch_highest = self.epoch_highest.max(meta.epoch);
         meta.stamp_ns = meta.stamp_ns.saturating_add_signed(self.shift_ns);
         self.pending = Some((meta, pixels));
+        self.reading = now().saturating_duration_since(begun);
         Ok(true)
     }
 
@@ -234,6 +241,14 @@ impl RecordingCamera {
         self.due = start.checked_add(due);
         std::thread::sleep(left.min(timeout));
         left <= timeout
+    }
+
+    /// A frame that was copied into its slot since `begun` is there.
+    fn delivered(&mut self, begun: Instant) {
+        let Some(due) = self.due else { return };
+        // What was read before it was due kept nobody waiting.
+        let reading = self.reading.min(begun.saturating_duration_since(due));
+        self.delivery.add(due, reading + now().saturating_duration_since(begun));
     }
 }
 
@@ -320,10 +335,12 @@ impl Camera for RecordingCamera {
         let Some(((mut meta, pixels), mut slot)) = self.pending.take().zip(self.slots.pop_front()) else {
             return Ok(Next::Nothing);
         };
+        let begun = now();
         if !copy(&mut meta, &pixels, slot.bytes_mut()) {
             let reason = format!("frame {} has {} bytes, the slot {}", meta.sequence, pixels.len(), slot.len());
             return Ok(Next::Torn(slot, reason));
         }
+        self.delivered(begun);
         Ok(Next::Frame(slot, meta))
     }
 
@@ -333,7 +350,7 @@ impl Camera for RecordingCamera {
     }
 
     fn waited(&self) -> Duration {
-        self.due.map_or(Duration::ZERO, |due| now().saturating_duration_since(due))
+        self.delivery.waited(now())
     }
 
     fn truth(&self, _sequence: u64) -> Vec<crate::results::VelocitySample> {

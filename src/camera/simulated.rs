@@ -1,5 +1,6 @@
 //! A camera that films a simulated world.
 
+use super::delivery::Delivery;
 use super::{Camera, CameraError, CameraIdentity, Next, Pace, Slot, StreamFormat};
 use crate::config::Pulse;
 use crate::image::FrameMeta;
@@ -73,6 +74,8 @@ pub struct SimulatedCamera {
     /// All frames, when drawing is too slow for the pace.
     film: Option<Vec<u8>>,
     started: Option<Instant>,
+    /// When frames were there, at a pace of its own.
+    delivery: Delivery,
     /// How much of the film had passed by when it was started.
     passed: Duration,
     /// Each slot with the first frame that it can take.
@@ -110,6 +113,7 @@ impl SimulatedCamera {
             pulse: None,
             film,
             started: None,
+            delivery: Delivery::default(),
             passed: Duration::ZERO,
             slots: VecDeque::new(),
             index: 0,
@@ -190,6 +194,14 @@ impl SimulatedCamera {
         missing <= timeout
     }
 
+    /// A frame was brought into its slot since `begun`.
+    fn delivered(&mut self, index: u64, begun: Duration) {
+        if let Some(started) = self.started.filter(|_| self.pace == Pace::Live) {
+            let took = self.elapsed().saturating_sub(begun);
+            self.delivery.add(started + self.due(index), took);
+        }
+    }
+
     fn fill(&self, index: u64, slot: &mut Slot) {
         let bytes = self.world.frame_bytes();
         let target = &mut slot.bytes_mut()[..bytes];
@@ -248,7 +260,9 @@ impl Camera for SimulatedCamera {
             return Ok(Next::Nothing);
         }
         let Some((mut slot, _)) = self.slots.pop_front() else { return Ok(Next::Nothing) };
+        let begun = self.elapsed();
         self.fill(index, &mut slot);
+        self.delivered(index, begun);
         self.index = index + 1;
         let mut meta = meta(&self.world, index);
         let silent_ns = (self.begins_s(index).1 * 1e9).round() as u64;
@@ -263,10 +277,7 @@ impl Camera for SimulatedCamera {
     }
 
     fn waited(&self) -> Duration {
-        match (self.pace, self.index.checked_sub(1)) {
-            (Pace::Live, Some(last)) => self.elapsed().saturating_sub(self.due(last)),
-            _ => Duration::ZERO,
-        }
+        self.started.map_or(Duration::ZERO, |started| self.delivery.waited(started + self.elapsed()))
     }
 
     fn truth(&self, sequence: u64) -> Vec<VelocitySample> {

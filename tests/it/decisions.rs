@@ -13,6 +13,8 @@ struct Delays {
     median: u64,
     high: u64,
     longest: u64,
+    /// How many of all took a millisecond or longer.
+    late: u64,
     /// As each decision that fired told it, in order.
     fired: Vec<u64>,
 }
@@ -30,9 +32,9 @@ impl Delays {
         let ended: Vec<&str> = texts("ended");
         let told = ended.iter().find(|text| text.contains("from a frame to its decision")).expect("the end is told");
         let told = numbers(told);
-        // "N frames, median M us, 99.9 % within H us, longest L us"
-        let [frames, median, 99, 9, high, longest] = told[..] else { panic!("{told:?}") };
-        Self { frames, median, high, longest, fired }
+        // "N frames, median M us, 99.9 % within H us, longest L us, K of 1 ms or longer"
+        let [frames, median, 99, 9, high, longest, late, 1] = told[..] else { panic!("{told:?}") };
+        Self { frames, median, high, longest, late, fired }
     }
 }
 
@@ -105,30 +107,30 @@ fn machine(busy: usize) -> u64 {
 }
 
 #[test]
-#[ignore = "measures time, for a minute"]
+#[ignore = "measures time, for some minutes"]
 fn motion_is_decided_on_within_a_millisecond_of_999_frames_in_1000() {
     for workers in [0, 1] {
-        let (mut high, mut own): (Vec<u64>, Vec<u64>) = (Vec::new(), Vec::new());
+        let (mut late, mut frames, mut own) = (0, 0, Vec::new());
         for _ in 0..5 {
             own.push(machine(1 + workers as usize));
             let delays = decisions(workers);
             let rank = |share: f64| delays.fired[((delays.fired.len() - 1) as f64 * share).round() as usize];
             eprintln!(
-                "{workers} workers: {} frames, median {} us, 99.9 % within {} us, longest {} us; {} that fired: median {} \
-                 us, 99.9 % within {} us; the machine itself wakes within {} us",
+                "{workers} workers: {} frames, median {} us, 99.9 % within {} us, longest {} us, {} of 1 ms or longer; {} \
+                 that fired: median {} us, 99.9 % within {} us; the machine itself wakes within {} us",
                 delays.frames,
                 delays.median,
                 delays.high,
                 delays.longest,
+                delays.late,
                 delays.fired.len(),
                 rank(0.5),
                 rank(0.999),
                 own[own.len() - 1]
             );
-            high.push(delays.high);
+            (late, frames) = (late + delays.late, frames + delays.frames);
         }
-        high.sort_unstable();
-        own.sort_unstable();
-        assert!(high[2] < 1000 + own[2], "{workers} workers: {high:?}, the machine itself: {own:?}");
+        eprintln!("{workers} workers: {late} of {frames} frames waited for a millisecond or longer");
+        assert!(late * 1000 < frames, "{workers} workers: {late} of {frames}, the machine itself: {own:?}");
     }
 }
