@@ -3,22 +3,31 @@
 use crate::fake_gige::{FakeGige, Wiring};
 use crate::slots::Slots;
 use ricochet::camera::genicam::GenicamCamera;
+use ricochet::camera::recording::{PlaybackRate, RecordingCamera, Repeat};
+use ricochet::camera::simulated::SimulatedCamera;
 use ricochet::camera::{Camera, Next, Pace};
-use ricochet::image::FrameMeta;
+use ricochet::image::{Frame, FrameMeta};
+use ricochet::recording::{RecordingInfo, RecordingWriter, WriterOptions};
+use ricochet::synth::{Scenario, World};
 use std::collections::BTreeSet;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 /// Waits without a frame after which a camera counts as stuck.
 const WAITS: usize = 200;
 
+/// How long the taker stays away a few times, beyond one frame.
+pub const AWAY: Duration = Duration::from_millis(40);
+
 /// Runs a camera over `frames` frames and checks all that its users rely on.
 ///
-/// `known(sequence, pixels)` draws what the frame of this number must be.
+/// `known(sequence, pixels)` draws what the frame of this number must be. Answers with
+/// the longest that a frame had waited for its taker, who stays [`AWAY`] five times, as the camera tells it.
 ///
 /// # Panics
 ///
 /// When the camera breaks the contract.
-pub fn check(camera: Box<dyn Camera>, frames: u64, known: &dyn Fn(u64, &mut [u8])) {
+#[expect(clippy::disallowed_methods, reason = "frames that wait, wait for some time")]
+pub fn check(camera: Box<dyn Camera>, frames: u64, known: &dyn Fn(u64, &mut [u8])) -> Duration {
     let format = camera.format();
     assert_eq!(camera.format(), format, "the format changed by itself");
     assert!(format.width_px > 0 && format.height_px > 0 && format.frame_rate_hz >= 0.0);
@@ -34,10 +43,16 @@ pub fn check(camera: Box<dyn Camera>, frames: u64, known: &dyn Fn(u64, &mut [u8]
     let mut held: BTreeSet<usize> = (0..count).collect();
     let mut last: Option<FrameMeta> = None;
     let mut expected = vec![0; format.slot_bytes()];
-    let (mut taken, mut waits) = (0, 0);
+    let (mut taken, mut waits, mut waited) = (0, 0, Duration::ZERO);
+    let started = Instant::now();
     while taken < frames {
+        if taken % (frames / 5).max(1) == 1 {
+            std::thread::sleep(AWAY + Duration::from_secs_f64(1.0 / format.frame_rate_hz.max(10.0)));
+        }
         match camera.next(Duration::from_millis(100)).unwrap() {
             Next::Frame(mut slot, meta) => {
+                assert!(camera.waited() <= started.elapsed(), "a frame of before the start");
+                waited = waited.max(camera.waited());
                 assert!(held.remove(&slot.token()), "slot {} came twice", slot.token());
                 check_meta(&meta, last.as_ref(), camera);
                 known(meta.sequence, &mut expected);
@@ -62,6 +77,8 @@ pub fn check(camera: Box<dyn Camera>, frames: u64, known: &dyn Fn(u64, &mut [u8]
         }
     }
     assert_eq!(held.len(), count);
+    assert!(camera.pace() == Pace::Live || waited.is_zero(), "a camera that waits for its taker");
+    waited
 }
 
 fn check_meta(meta: &FrameMeta, last: Option<&FrameMeta>, camera: &dyn Camera) {
@@ -81,5 +98,52 @@ fn check_meta(meta: &FrameMeta, last: Option<&FrameMeta>, camera: &dyn Camera) {
 fn a_genicam_camera_keeps_the_contract() {
     let Some(_gige) = FakeGige::plug_in(Wiring::Software, u64::MAX, crate::genicam::draw) else { return };
     let camera = GenicamCamera::open(&crate::genicam::settings(200.0)).unwrap();
-    check(Box::new(camera), 200, &crate::genicam::draw);
+    let waited = check(Box::new(camera), 200, &crate::genicam::draw);
+    assert!(waited >= AWAY / 2, "{waited:?}");
+}
+
+/// A moving ball in a small picture.
+fn small() -> Scenario {
+    let mut scenario = Scenario::translation(0.7, -0.3, 0.5);
+    let camera = &mut scenario.camera;
+    (camera.width_px, camera.height_px, camera.frames, camera.frame_rate_hz) = (128, 96, 60, 200.0);
+    scenario.body.diameter_mm = 25.0;
+    scenario
+}
+
+#[test]
+fn a_simulated_camera_keeps_the_contract() {
+    for paced in [false, true] {
+        let camera = SimulatedCamera::open(small(), paced).unwrap();
+        let world = World::new(&small()).unwrap();
+        let waited = check(Box::new(camera), 50, &|number, pixels| world.render(number, pixels));
+        assert_eq!(waited >= AWAY / 2, paced, "{waited:?}");
+    }
+}
+
+#[test]
+fn a_recording_keeps_the_contract_as_a_camera() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("film.mcap");
+    let world = World::new(&small()).unwrap();
+    let mut writer = RecordingWriter::create(&path, &RecordingInfo::default(), &WriterOptions::default()).unwrap();
+    for number in 0..60 {
+        let mut bytes = vec![0; world.frame_bytes()];
+        world.render(number, &mut bytes);
+        let meta = FrameMeta {
+            sequence: number,
+            stamp_ns: 1_700_000_000_000_000_000 + number * 5_000_000,
+            width_px: 128,
+            height_px: 96,
+            stride_bytes: 128,
+            ..FrameMeta::default()
+        };
+        writer.frame(&Frame { meta, bytes: &bytes }).unwrap();
+    }
+    writer.finish().unwrap();
+    for rate in [PlaybackRate::Max, PlaybackRate::Times(1.0)] {
+        let camera = RecordingCamera::open(&path, rate, Repeat::Once).unwrap();
+        let waited = check(Box::new(camera), 50, &|number, pixels| world.render(number, pixels));
+        assert_eq!(waited >= AWAY / 2, rate != PlaybackRate::Max, "{waited:?}");
+    }
 }

@@ -110,7 +110,7 @@ fn machine(busy: usize) -> u64 {
 #[ignore = "measures time, for some minutes"]
 fn motion_is_decided_on_within_a_millisecond_of_999_frames_in_1000() {
     for workers in [0, 1] {
-        let (mut late, mut frames, mut own) = (0, 0, Vec::new());
+        let (mut late, mut frames, mut high, mut own) = (0, 0, Vec::new(), Vec::new());
         for _ in 0..5 {
             own.push(machine(1 + workers as usize));
             let delays = decisions(workers);
@@ -129,8 +129,11 @@ fn motion_is_decided_on_within_a_millisecond_of_999_frames_in_1000() {
                 own[own.len() - 1]
             );
             (late, frames) = (late + delays.late, frames + delays.frames);
+            high.push(delays.high);
         }
         eprintln!("{workers} workers: {late} of {frames} frames waited for a millisecond or longer");
-        assert!(late * 1000 < frames, "{workers} workers: {late} of {frames}, the machine itself: {own:?}");
+        high.sort_unstable();
+        // A machine that is itself stolen for milliseconds spoils single films.
+        assert!(high[2] < 1000, "{workers} workers: {high:?}, the machine itself: {own:?}");
     }
 }

@@ -4,6 +4,7 @@
 mod apply;
 mod chunks;
 mod clock;
+mod completion;
 mod device;
 mod feature;
 mod features;
@@ -90,6 +91,8 @@ pub struct GenicamCamera {
     stale: u32,
     last: Option<Accepted>,
     clock: DeviceClock,
+    /// When the frame given last was whole; nothing when that was as it was taken.
+    completed: Option<Instant>,
     lost: Arc<AtomicBool>,
     started: bool,
 }
@@ -149,6 +152,7 @@ impl GenicamCamera {
             stale: 0,
             last: None,
             clock: DeviceClock::default(),
+            completed: None,
             lost,
             started: false,
             device,
@@ -286,6 +290,7 @@ impl Camera for GenicamCamera {
         loop {
             let left = deadline.saturating_duration_since(Instant::now());
             if let Some(arrival) = self.stream.pop(left.min(LOOK)) {
+                self.completed = arrival.completed;
                 return self.judge(arrival, Instant::now());
             }
             if self.lost.load(Ordering::Acquire) {
@@ -295,6 +300,10 @@ impl Camera for GenicamCamera {
                 return Ok(Next::Nothing);
             }
         }
+    }
+
+    fn waited(&self) -> Duration {
+        self.completed.map_or(Duration::ZERO, |completed| completed.elapsed())
     }
 }
 

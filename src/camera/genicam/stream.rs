@@ -5,6 +5,7 @@
 //! copied.
 
 use super::chunks::{Chunks, Told};
+use super::completion::Completions;
 use super::device::Device;
 use super::filter::Shape;
 use super::handle::{Library, Object, c_text, checked, text};
@@ -14,8 +15,8 @@ use super::sys::{self, ArvBuffer, ArvStream, ArvStreamCallbackType, gpointer, gu
 use crate::camera::{Slot, priority};
 use std::net::Ipv4Addr;
 use std::ptr::{self, NonNull};
-use std::sync::Once;
-use std::time::Duration;
+use std::sync::{Arc, Once};
+use std::time::{Duration, Instant};
 
 /// Largest packet chosen by ourselves: larger ones gain nothing and lose more at once.
 const MAX_PACKET_BYTES: u32 = 16_000;
@@ -46,6 +47,8 @@ pub struct Arrival {
     pub image: Option<(i32, i32, u32)>,
     /// What the camera told behind the picture, of a whole frame of a camera that does.
     pub told: Option<Result<Told, String>>,
+    /// When its last packet had come; nothing when that was just now.
+    pub completed: Option<Instant>,
 }
 
 /// Counts of the library, since the stream began.
@@ -72,6 +75,7 @@ pub struct Stream {
     aravis: Library,
     sizes: Sizes,
     chunks: Option<Chunks>,
+    completions: Arc<Completions>,
     /// Memory for payloads that no buffer uses.
     spare: Vec<Box<[u8]>>,
 }
@@ -115,16 +119,18 @@ impl Stream {
             false => None,
         };
         let camera = device.camera.as_ptr();
-        // SAFETY: an open camera; the callback takes no data and may run on any thread.
+        let completions = Arc::new(Completions::default());
+        let data = Arc::into_raw(Arc::clone(&completions)).cast_mut().cast();
+        // SAFETY: an open camera; the callback may run on any thread, and its data lives until the library lets it go.
         let stream = checked(aravis, |error| unsafe {
-            aravis.arv_camera_create_stream_full(camera, Some(on_stream), ptr::null_mut(), None, error)
+            aravis.arv_camera_create_stream_full(camera, Some(on_stream), data, Some(let_go), error)
         })?;
         // SAFETY: the library made it for us.
         let stream = unsafe { Object::owned(aravis, stream) }.ok_or("the camera offers no stream")?;
         if let Some(packet_bytes) = packet_bytes {
             prepare_socket(device, &stream, sizes.payload_bytes, packet_bytes);
         }
-        Ok(Self { stream: Some(stream), lent: Vec::new(), aravis, sizes, chunks, spare: Vec::new() })
+        Ok(Self { stream: Some(stream), lent: Vec::new(), aravis, sizes, chunks, completions, spare: Vec::new() })
     }
 
     fn as_ptr(&self) -> *mut ArvStream {
@@ -156,9 +162,10 @@ impl Stream {
         let timeout_us = u64::try_from(timeout.as_micros()).unwrap_or(u64::MAX);
         // SAFETY: a live stream; the reference of what comes out is ours.
         let buffer = NonNull::new(unsafe { self.aravis.arv_stream_timeout_pop_buffer(self.as_ptr(), timeout_us) })?;
+        let completed = self.completions.take();
         let place = self.lent.iter().position(|lent| lent.buffer == buffer)?;
         let Lent { slot, payload, .. } = self.lent.swap_remove(place);
-        let mut arrival = self.describe(buffer.as_ptr(), slot);
+        let mut arrival = Arrival { completed, ..self.describe(buffer.as_ptr(), slot) };
         if let Some(payload) = payload {
             self.take_apart(buffer.as_ptr(), &mut arrival, &payload);
             self.spare.push(payload);
@@ -214,6 +221,7 @@ impl Stream {
                     )
                 }),
                 told: None,
+                completed: None,
             }
         }
     }
@@ -364,14 +372,24 @@ fn set_int_property(aravis: Library, stream: &Object<ArvStream>, name: &str, val
 }
 
 /// Called by the library on its receiving thread.
-unsafe extern "C" fn on_stream(_data: gpointer, kind: ArvStreamCallbackType, _buffer: *mut ArvBuffer) {
+unsafe extern "C" fn on_stream(data: gpointer, kind: ArvStreamCallbackType, _buffer: *mut ArvBuffer) {
     static TOLD: Once = Once::new();
+    if kind == sys::ARV_STREAM_CALLBACK_TYPE_BUFFER_DONE {
+        // SAFETY: what the stream was made with, until `let_go`.
+        unsafe { &*data.cast::<Completions>() }.add();
+    }
     if kind != sys::ARV_STREAM_CALLBACK_TYPE_INIT {
         return;
     }
     if let Err(error) = priority::raise(priority::RECEIVING) {
         TOLD.call_once(|| log::warn!("the receiving thread has no real-time priority: {error}"));
     }
+}
+
+/// Called by the library when it calls `on_stream` no more.
+unsafe extern "C" fn let_go(data: gpointer) {
+    // SAFETY: out of `Arc::into_raw`, given back once.
+    drop(unsafe { Arc::from_raw(data.cast::<Completions>().cast_const()) });
 }
 
 /// Why a buffer holds no whole frame.

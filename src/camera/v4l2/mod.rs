@@ -82,6 +82,8 @@ pub struct V4l2Camera {
     clock: HostClock,
     rhythm: Rhythm,
     last_ns: u64,
+    /// When the frame given last was whole, ns on the kernel's monotonic clock, where the driver tells.
+    whole_ns: Option<u64>,
 }
 
 impl V4l2Camera {
@@ -115,6 +117,7 @@ impl V4l2Camera {
             sequences: Sequences::default(),
             rhythm: Rhythm::new(frame_rate_hz),
             last_ns: 0,
+            whole_ns: None,
             device,
             shape,
             format,
@@ -219,10 +222,17 @@ impl Camera for V4l2Camera {
 
     fn next(&mut self, timeout: Duration) -> Result<Next, CameraError> {
         match self.queue.next(&self.device, timeout).map_err(|error| self.vanished(&error))? {
-            Out::Filled(slot, info) => Ok(self.judge(slot, &info)),
+            Out::Filled(slot, info) => {
+                self.whole_ns = self.clock.whole_ns(&info);
+                Ok(self.judge(slot, &info))
+            }
             Out::Refused(slot, reason) => Ok(Next::Torn(slot, reason)),
             Out::Nothing => Ok(Next::Nothing),
         }
+    }
+
+    fn waited(&self) -> Duration {
+        self.whole_ns.map_or(Duration::ZERO, |whole_ns| Duration::from_nanos(monotonic_ns().saturating_sub(whole_ns)))
     }
 }
 

@@ -72,9 +72,16 @@ impl HostClock {
         if !has_stamp(info) {
             return Stamps { stamp_ns: self.epoch_of_monotonic_ns + arrival_ns, device_ns: 0 };
         }
-        let at_start = info.flags & sys::V4L2_BUF_FLAG_TSTAMP_SRC_MASK == sys::V4L2_BUF_FLAG_TSTAMP_SRC_SOE;
-        let start_ns = if at_start { info.stamp_ns } else { info.stamp_ns.saturating_sub(self.frame_ns) };
+        let start_ns = if is_of_start(info) { info.stamp_ns } else { info.stamp_ns.saturating_sub(self.frame_ns) };
         Stamps { stamp_ns: self.epoch_of_monotonic_ns.saturating_add(start_ns), device_ns: info.stamp_ns }
+    }
+
+    /// When a frame was whole, ns on the kernel's monotonic clock; nothing where the driver does not tell.
+    ///
+    /// A frame stamped at its start was whole one frame's length later.
+    pub fn whole_ns(&self, info: &Info) -> Option<u64> {
+        let after_ns = if is_of_start(info) { self.frame_ns } else { 0 };
+        has_stamp(info).then(|| info.stamp_ns.saturating_add(after_ns))
     }
 }
 
@@ -96,6 +103,11 @@ pub(super) fn is_stale(info: &Info, began_ns: u64) -> bool {
 fn has_stamp(info: &Info) -> bool {
     let clock = info.flags & sys::V4L2_BUF_FLAG_TIMESTAMP_MASK;
     clock == sys::V4L2_BUF_FLAG_TIMESTAMP_MONOTONIC && info.stamp_ns > 0
+}
+
+/// Whether a buffer's stamp is that of the frame's start, not of its end.
+fn is_of_start(info: &Info) -> bool {
+    info.flags & sys::V4L2_BUF_FLAG_TSTAMP_SRC_MASK == sys::V4L2_BUF_FLAG_TSTAMP_SRC_SOE
 }
 
 /// Now on the kernel's monotonic clock, ns.
@@ -133,6 +145,10 @@ mod tests {
         let monotonic = sys::V4L2_BUF_FLAG_TIMESTAMP_MONOTONIC;
         let start = CLOCK.stamps(&info(monotonic | sys::V4L2_BUF_FLAG_TSTAMP_SRC_SOE, 5_000_000), 9_000_000);
         assert_eq!(start, Stamps { stamp_ns: 1_700_000_000_005_000_000, device_ns: 5_000_000 });
+        let whole = |source| CLOCK.whole_ns(&info(monotonic | source, 5_000_000));
+        assert_eq!(whole(sys::V4L2_BUF_FLAG_TSTAMP_SRC_SOE), Some(6_000_000));
+        assert_eq!(whole(sys::V4L2_BUF_FLAG_TSTAMP_SRC_EOF), Some(5_000_000));
+        assert_eq!(CLOCK.whole_ns(&info(sys::V4L2_BUF_FLAG_TIMESTAMP_COPY, 5_000_000)), None);
         let end = CLOCK.stamps(&info(monotonic | sys::V4L2_BUF_FLAG_TSTAMP_SRC_EOF, 5_000_000), 9_000_000);
         assert_eq!(end, Stamps { stamp_ns: 1_700_000_000_004_000_000, device_ns: 5_000_000 });
     }

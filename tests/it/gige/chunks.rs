@@ -21,7 +21,8 @@ fn a_camera_with_chunks_keeps_the_contract() {
     std::thread::scope(|scope| {
         let checked = scope.spawn(|| {
             let camera = GenicamCamera::open(&with_chunks(&gige, &["FrameID", "Timestamp"])).unwrap();
-            camera_contract::check(Box::new(camera), 100, &crate::genicam::draw);
+            let waited = camera_contract::check(Box::new(camera), 100, &crate::genicam::draw);
+            assert!(waited >= camera_contract::AWAY / 2, "{waited:?}");
         });
         let mut index = 0;
         while !checked.is_finished() {
