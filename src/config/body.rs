@@ -43,6 +43,9 @@ pub struct Body {
     /// Edges of tapes that are followed on a rod, from the top downwards, 2 to 4, default 4: all of them must be in
     /// sight for the rod to be found.
     pub edges: u32,
+    /// From the lowest edge that is followed down to the end of a rod, 0 to 10000 mm; triggers on its gap or its predicted
+    /// contact need it, and `scale.mm_per_px`. Left out: not known.
+    pub end_mm: Option<f64>,
     /// Region searched, `[x, y, width, height]` in px, inside the image; left out, the whole image.
     pub roi_px: Option<[u32; 4]>,
     /// A patch: `polygon_px` of 3 to 256 corners `[x, y]` in the stream's first picture, `holes_px`, polygons too, and
@@ -51,6 +54,11 @@ pub struct Body {
 }
 
 impl Body {
+    /// Whether it is known how far the body reaches, so that it can be told when it touches something.
+    pub(super) fn has_rim(&self) -> bool {
+        self.kind == BodyKind::Ball || self.end_mm.is_some()
+    }
+
     fn only_ball() -> Self {
         Self {
             name: "ball".into(),
@@ -61,6 +69,7 @@ impl Body {
             max_radius_px: None,
             outline: OutlineMethod::default(),
             edges: EDGES_DEFAULT,
+            end_mm: None,
             roi_px: None,
             patch: None,
         }
@@ -73,6 +82,7 @@ const CORNERS_MAX: usize = 256;
 const AREA_MIN_PX2: f64 = 150.0;
 const EDGES_DEFAULT: u32 = ROD_EDGES as u32;
 const RADIUS: Bounds = Bounds::closed(2.0, 32_768.0, "px");
+const END: Bounds = Bounds::closed(0.0, 10_000.0, "mm");
 const MASS: Bounds = Bounds::above(0.0, 1000.0, "kg");
 pub(super) const DIAMETER: Bounds = Bounds::above(0.0, 10_000.0, "mm");
 
@@ -115,6 +125,7 @@ fn body(table: &Table<'_>, raw: RawBody, alone: bool, image_px: Option<(u32, u32
         ("max_radius_px", raw.max_radius_px.is_some(), &[BodyKind::Ball]),
         ("outline", raw.outline.is_some(), &[BodyKind::Ball]),
         ("edges", raw.edges.is_some(), &[BodyKind::Rod]),
+        ("end_mm", raw.end_mm.is_some(), &[BodyKind::Rod]),
         ("diameter_mm", raw.diameter_mm.is_some(), &[BodyKind::Ball, BodyKind::Rod]),
         ("roi_px", raw.roi_px.is_some(), &[BodyKind::Ball, BodyKind::Rod]),
     ];
@@ -131,6 +142,7 @@ fn body(table: &Table<'_>, raw: RawBody, alone: bool, image_px: Option<(u32, u32
         max_radius_px: table.number("max_radius_px", raw.max_radius_px, RADIUS)?,
         outline: outline(table, raw.outline.as_deref())?,
         edges: table.whole("edges", raw.edges, 2..=ROD_EDGES as i64, "")?.unwrap_or(EDGES_DEFAULT),
+        end_mm: table.number("end_mm", raw.end_mm, END)?,
         roi_px: table.region("roi_px", raw.roi_px.as_deref(), image_px)?,
         patch,
     };

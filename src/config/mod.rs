@@ -157,7 +157,7 @@ impl Config {
         let around = trigger::Surroundings {
             image_px: picture.camera.image_px(),
             bodies: &picture.bodies,
-            has_scale: picture.scale.is_some(),
+            scale: picture.scale,
             has_edge: picture.surface.edge.is_some(),
             is_pulsed: picture.camera.is_pulsed(),
             rig: &rig.name,

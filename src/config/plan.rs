@@ -119,8 +119,11 @@ impl Config {
         let watch = |(index, body): (usize, &Body)| BodyWatch {
             name: body.name.clone(),
             motion: self.motion(index, frame_rate_hz, exposure_us),
-            is_watched: trigger.body.as_ref().is_none_or(|name| *name == body.name)
-                && !(strikes && body.kind != BodyKind::Ball),
+            is_watched: trigger.body.as_ref().is_none_or(|name| *name == body.name) && (!strikes || body.has_rim()),
+            end_px: body.end_mm.filter(|_| strikes).zip(self.scale).and_then(|(end_mm, scale)| match scale {
+                Scale::MmPerPx(mm_per_px) => Some(end_mm / mm_per_px),
+                _ => None,
+            }),
         };
         let bodies = self.bodies.iter().enumerate().map(watch).collect();
         Some(MeasuredTrigger::new(condition, bodies, self.surface.edge))

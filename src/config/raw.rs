@@ -112,6 +112,7 @@ pub(super) struct RawBody {
     pub max_radius_px: Option<f64>,
     pub outline: Option<String>,
     pub edges: Option<i64>,
+    pub end_mm: Option<f64>,
     pub roi_px: Option<Vec<i64>>,
     pub polygon_px: Option<Vec<Vec<f64>>>,
     pub holes_px: Option<Vec<Vec<Vec<f64>>>>,

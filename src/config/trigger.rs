@@ -4,6 +4,7 @@ use super::body::{Body, BodyKind, with};
 use super::check::{Bounds, Table, listed};
 use super::error::ConfigError;
 use super::raw::RawTrigger;
+use crate::motion::Scale;
 
 /// What starts a shot.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -20,9 +21,9 @@ pub enum TriggerMode {
     Enter,
     /// A body's speed rises above `speed_m_s`.
     Speed,
-    /// The gap between a ball and the surface's edge becomes smaller than `gap_mm`.
+    /// The gap between a ball, or a rod's end, and the surface's edge becomes smaller than `gap_mm`.
     Gap,
-    /// A ball is about to touch the surface's edge.
+    /// A ball, or a rod's end, is about to touch the surface's edge.
     PredictedContact,
 }
 
@@ -69,7 +70,8 @@ pub struct Trigger {
     pub body: Option<String>,
     /// Speed that a body must exceed, above 0 and at most 100000 m/s; needed by mode `speed`, which needs a `[scale]`.
     pub speed_m_s: Option<f64>,
-    /// Gap between the ball's rim and `surface.edge`, 0 to 100000 mm; needed by mode `gap`, which needs a `[scale]`.
+    /// Gap between the ball's rim, or the rod's end, and `surface.edge`, 0 to 100000 mm; needed by mode `gap`, which needs
+    /// a `[scale]`.
     pub gap_mm: Option<f64>,
     /// How long before the contact it is told at most, 0 to 10 s, default 0.01. It is told later when the contact's
     /// moment cannot be known to half a frame that early, and at the contact when it cannot be known before. For mode
@@ -100,7 +102,7 @@ pub struct Trigger {
 pub(super) struct Surroundings<'a> {
     pub image_px: Option<(u32, u32)>,
     pub bodies: &'a [Body],
-    pub has_scale: bool,
+    pub scale: Option<Scale>,
     pub has_edge: bool,
     /// Whether the camera waits for pulses.
     pub is_pulsed: bool,
@@ -184,7 +186,7 @@ fn refuse_gaps(table: &Table<'_>, trigger: &Trigger, around: &Surroundings<'_>) 
         let what = "the line that the camera waits for (of a simulated one, camera.pulse_period_s)";
         return Err(table.text.refuse("camera.trigger_source", needed(what)));
     }
-    if matches!(mode, Speed | Gap | PredictedContact) && !around.has_scale {
+    if matches!(mode, Speed | Gap | PredictedContact) && around.scale.is_none() {
         return Err(table.text.refuse("scale.mm_per_px", needed("given, or ball_diameter_mm in its place,")));
     }
     if mode == Speed && trigger.speed_m_s.is_none() {
@@ -199,10 +201,20 @@ fn refuse_gaps(table: &Table<'_>, trigger: &Trigger, around: &Surroundings<'_>) 
     if !around.has_edge {
         return Err(table.text.refuse("surface.edge", needed("two points of the edge, [[x, y], [x, y]] in px,")));
     }
-    // Where a rod's end is, its tapes do not tell; nor does a patch tell how far the body around it reaches.
-    let mut kinds = around.bodies.iter().filter(watched).map(|body| body.kind);
-    match (kinds.clone().any(|kind| kind == BodyKind::Ball), kinds.next()) {
-        (false, Some(kind)) => Err(table.text.out_of_place(&table.key("mode"), with(kind), with(BodyKind::Ball))),
+    // A patch does not tell how far the body around it reaches.
+    if around.bodies.iter().filter(watched).all(|body| body.kind == BodyKind::Patch) {
+        return Err(table.text.out_of_place(&table.key("mode"), with(BodyKind::Patch), with(BodyKind::Ball)));
+    }
+    let mut rods = (0..).zip(around.bodies).filter(|(_, body)| watched(body) && body.kind == BodyKind::Rod);
+    match rods.next() {
+        // Nor do its tapes where a rod's end is.
+        Some((index, _)) if !around.bodies.iter().any(|body| watched(&body) && body.has_rim()) => {
+            let key: String = format!("body[{index}].end_mm");
+            Err(table.text.refuse(&key, needed("0 to 10000 mm from its lowest edge to its end")))
+        }
+        Some((_, rod)) if rod.end_mm.is_some() && !matches!(around.scale, Some(Scale::MmPerPx(_))) => {
+            Err(table.text.refuse("scale.mm_per_px", needed("given, for the end of a rod,")))
+        }
         _ => Ok(()),
     }
 }

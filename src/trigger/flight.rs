@@ -1,6 +1,6 @@
 //! Where a body will be: its newest places and steps, fitted in free flight.
 
-use crate::results::{BodyStep, PointStatus};
+use crate::results::{BodyStep, PointStatus, Rod};
 use std::collections::VecDeque;
 
 /// Outlines are not believed beyond this, px: their error stays the same from frame to frame.
@@ -61,15 +61,18 @@ impl Fit {
 pub(super) struct Flight {
     /// Frames the fit looks back at most.
     back_frames: usize,
+    /// How far a rod's end lies below its lowest edge, px; `None`: the body's centre flies.
+    end_px: Option<f64>,
     places: VecDeque<Place>,
     /// Newest places that lie off the flight before them.
     off: usize,
 }
 
 impl Flight {
-    /// Nothing seen yet; fits look back so many frames at most.
-    pub fn new(back_frames: usize) -> Self {
-        Self { back_frames, places: VecDeque::new(), off: 0 }
+    /// Nothing seen yet; fits look back so many frames at most. `end_px`: how far the end of a rod, whose flight it then
+    /// is, lies below its lowest edge.
+    pub fn new(back_frames: usize, end_px: Option<f64>) -> Self {
+        Self { back_frames, end_px, places: VecDeque::new(), off: 0 }
     }
 
     /// Forgets everything.
@@ -80,7 +83,7 @@ impl Flight {
 
     /// Takes the next frame's step; `false` where the body was not seen in it. `gravity_px` in px/frame^2, image axes.
     pub fn push(&mut self, step: &BodyStep, gravity_px: [f64; 2]) -> bool {
-        let Some(place) = place(step) else { return false };
+        let Some(place) = place(step, self.end_px) else { return false };
         let expected = self.fit_of(self.places.len() - self.off, gravity_px);
         let is_off = expected.is_some_and(|fit| {
             let ahead = (place.frame - fit.frame) as f64;
@@ -171,20 +174,32 @@ impl Flight {
 
 /// Where a body was seen.
 pub(super) fn center_px(step: &BodyStep) -> Option<[f64; 2]> {
-    place(step).map(|place| place.at_px)
+    place(step, None).map(|place| place.at_px)
 }
 
-fn place(step: &BodyStep) -> Option<Place> {
+fn place(step: &BodyStep, end_px: Option<f64>) -> Option<Place> {
     let gone = matches!(step.status, PointStatus::Lost | PointStatus::Occluded | PointStatus::OutOfFrame);
     let motion = step.step.map(|motion| {
         let sigma = motion.sigma_dx_px.max(motion.sigma_dy_px).max(STEP_FLOOR_PX);
         ([motion.dx_px, motion.dy_px], sigma, f64::from(step.interval_frames.max(1)))
     });
     let (at_px, sigma_px, radius_px) = match (&step.circle, &step.rod) {
+        (_, Some(rod)) if end_px.is_some() => {
+            let (at_px, sigma_px) = end(rod, end_px?)?;
+            (at_px, sigma_px, 0.0)
+        }
         (Some(circle), _) => ([circle.x_px, circle.y_px], circle.sigma_center_px, circle.radius_px),
         (None, Some(rod)) => ([rod.x_px.value, rod.y_px.value], rod.x_px.sigma.max(rod.y_px.sigma), 0.0),
         (None, None) => return None,
     };
     let sound = at_px.iter().all(|x| x.is_finite()) && !gone;
     sound.then_some(Place { frame: step.frame, at_px, sigma_px: sigma_px.max(PLACE_FLOOR_PX), radius_px, step: motion })
+}
+
+/// The end of a rod `below_px` below its lowest edge, and the sigma of it; `None` while that edge is not seen.
+fn end(rod: &Rod, below_px: f64) -> Option<([f64; 2], f64)> {
+    let edge = rod.edges.iter().flatten().last()?.y_px?;
+    let (sin, cos) = rod.tilt_deg.value.to_radians().sin_cos();
+    let x_px = rod.x_px.value + (edge.value - rod.y_px.value) * sin / cos;
+    Some(([x_px + below_px * sin, edge.value + below_px * cos], rod.x_px.sigma.max(edge.sigma)))
 }

@@ -61,6 +61,8 @@ pub struct BodyWatch {
     pub motion: MotionParams,
     /// Whether it may start a shot.
     pub is_watched: bool,
+    /// How far the end of a rod lies below its lowest edge, px; of the gap and the contact of a rod.
+    pub end_px: Option<f64>,
 }
 
 /// A condition was met.
@@ -116,9 +118,9 @@ impl MeasuredTrigger {
         let edge_px = edge_px.map(|ends| ends.map(place));
         // A body that is near the surface when it is first seen has not come near it.
         let ready = !matches!(condition, Condition::Gap { .. });
-        let body = |watch| Body {
+        let body = |watch: BodyWatch| Body {
+            flight: Flight::new(back_frames, watch.end_px),
             watch,
-            flight: Flight::new(back_frames),
             absent_frames: 0,
             inside: None,
             newest_inside: (false, 0),

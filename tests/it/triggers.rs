@@ -1,5 +1,7 @@
 //! Triggers on measured motion: drops, and what is none.
 
+mod rod;
+
 use crate::support::{Background, Rig, ricochet, wait_until};
 use ricochet::camera::simulated::{meta, stream_format};
 use ricochet::config::Config;

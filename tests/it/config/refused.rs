@@ -185,7 +185,16 @@ fn a_trigger_without_what_it_is_decided_from_is_refused() {
     );
     missing(
         &format!("{edge}[[body]]\nkind = \"rod\"\n[trigger]\nmode = \"predicted-contact\""),
-        ", line 10: trigger.mode = \"predicted-contact\": does not go with kind = \"rod\"; it belongs to kind = \"ball\"",
+        ": body[0].end_mm is missing: must be 0 to 10000 mm from its lowest edge to its end for mode = \"predicted-contact\"",
+    );
+    missing(
+        "[scale]\nball_diameter_mm = 9\n[surface]\nedge = [[0, 10], [9, 10]]\n[[body]]\nkind = \"rod\"\nend_mm = 5\n\
+         [trigger]\nmode = \"predicted-contact\"",
+        ": scale.mm_per_px is missing: must be given, for the end of a rod, for mode = \"predicted-contact\"",
+    );
+    missing(
+        &format!("{edge}[[body]]\nend_mm = 5"),
+        ", line 8: body[0].end_mm = 5: does not go with kind = \"ball\"; it belongs to kind = \"rod\"",
     );
     missing(
         "[trigger]\nmode = \"enter\"\nbody = \"bal\"",
