@@ -5,14 +5,12 @@ use super::coarse::{Coarse, Marks, Place};
 use super::marked::Marked;
 use super::params::{BallError, BallParams, OutlineMethod};
 use super::rays::{Guess, Look, Rays};
-use super::refine::{Measured, Refine};
+use super::refine::{CERTAIN_AGREEING, Measured, Refine};
 use crate::image::ImageView;
 use crate::results::Circle;
 
 /// Less of the rim than this is not worth measuring.
 const LEAST_SUPPORT: f32 = 0.22;
-/// With this much rim in agreement no other place can be the ball.
-const CERTAIN_AGREEING: f64 = 0.3;
 /// Circles nearer to one another than this are the same one, px.
 const SAME_PX: f32 = 3.0;
 /// Places that are looked at closely.

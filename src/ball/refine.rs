@@ -38,6 +38,10 @@ const LEAST_AGREEING_OF_USED_WHEN_MANY: f64 = 0.45;
 const MANY_AGREEING: usize = 30;
 /// Largest robust scatter of the usable edges about the circle, px.
 const MOST_SCATTER_PX: f64 = 0.28;
+/// With this share of the rim in agreement no other place can be the ball ...
+pub(super) const CERTAIN_AGREEING: f64 = 0.3;
+/// ... and speckle at the rest of it may scatter by so many times as much.
+const CERTAIN_SCATTER: f64 = 1.5;
 /// The covariance of the fit against the error seen: rim texture and light are alike over long arcs.
 const SIGMA_FACTOR: f64 = 2.0;
 const SIGMA_FLOOR_PX: f64 = 0.008;
@@ -158,7 +162,9 @@ impl Refine {
         let soft = f64::from(blur / SHARP_BLUR_PX).max(1.0);
         let may_scatter = if many && agreeing as f64 >= LEAST_AGREEING_WHEN_SOFT * inside { soft } else { 1.0 };
         let of_used = if many { LEAST_AGREEING_OF_USED_WHEN_MANY } else { LEAST_AGREEING_OF_USED };
-        if !enough || agreeing as f64 <= of_used * used || self.fit.scatter_px()? > MOST_SCATTER_PX * may_scatter {
+        let most_scatter_px =
+            MOST_SCATTER_PX * if share > CERTAIN_AGREEING { CERTAIN_SCATTER } else { 1.0 } * may_scatter;
+        if !enough || agreeing as f64 <= of_used * used || self.fit.scatter_px()? > most_scatter_px {
             return None;
         }
         let c = self.fit.covariance(&self.rim, &fitted)?;

@@ -13,6 +13,10 @@ use crate::image::PixelFormat;
 /// Longest side of a picture: no sensor has more, so that a camera which tells more tells nonsense.
 const MAX_SIDE_PX: u32 = 65_535;
 
+/// After so long without a sign of life a camera lets go of whoever controls it: twice the library's second between two
+/// of them, and a second less than cameras come with, so that a process that died is replaced the sooner.
+const HEARTBEAT_MS: i64 = 2000;
+
 /// Most that a camera sends behind a picture.
 const MAX_CHUNKS_BYTES: usize = 64 << 10;
 
@@ -24,6 +28,11 @@ const MAX_CHUNKS_BYTES: usize = 64 << 10;
 pub fn apply(device: &Device, settings: &GenicamSettings) -> Result<StreamFormat, CameraError> {
     // A camera still streaming for someone who died locks most features; one that is not, refuses this.
     let _ = device.ask(device.aravis.arv_camera_stop_acquisition);
+    if device.integer("GevHeartbeatTimeout").is_ok_and(|ms| ms > HEARTBEAT_MS)
+        && let Err(reason) = device.set_integer("GevHeartbeatTimeout", HEARTBEAT_MS)
+    {
+        log::debug!("GevHeartbeatTimeout stays as it is: {reason}");
+    }
     let mut features: Vec<_> = settings.features.iter().collect();
     // What the others mean depends on the selectors; otherwise the order of the names stays.
     features.sort_by_key(|(key, _)| !key.ends_with("Selector"));
