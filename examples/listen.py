@@ -1,0 +1,84 @@
+"""Prints the velocities of a running rig as they are measured: python3 listen.py RIG
+
+Needs: pip install iceoryx2==0.10.0 (the version ricochet speaks; it is part of the layout of shared memory).
+Reading costs the rig nothing: a reader that is too slow loses its own oldest messages and sees that in the
+sequence numbers.
+"""
+
+import ctypes
+import sys
+import time
+
+import iceoryx2 as iox2
+
+TRACKED = 11  # kind of the event that says that every result was published
+
+
+class Number(ctypes.Structure):
+    """A number, and whether it was measured at all."""
+
+    _fields_ = [("value", ctypes.c_double), ("known", ctypes.c_uint64)]
+
+
+class Velocity(ctypes.Structure):
+    """One body in one frame: ricochet.Velocity.v1."""
+
+    _fields_ = [(name, ctypes.c_uint64) for name in "run_id sequence stamp_ns".split()]
+    _fields_ += [(name, ctypes.c_uint32) for name in "body status phase points window_frames order".split()]
+    _fields_ += [
+        (name, Number)
+        for name in (
+            "center_x_px center_y_px radius_px dx_px dy_px dtheta_deg sigma_dx_px sigma_dy_px sigma_dtheta_deg "
+            "vx_m_s vy_m_s vn_m_s vt_m_s omega_rad_s sigma_v_m_s sigma_omega_rad_s visible_fraction"
+        ).split()
+    ]
+
+    @staticmethod
+    def type_name():
+        return "ricochet.Velocity.v1"
+
+
+class Event(ctypes.Structure):
+    """Something happened: ricochet.Event.v1."""
+
+    _fields_ = [(name, ctypes.c_uint64) for name in "run_id sequence stamp_ns".split()]
+    _fields_ += [("kind", ctypes.c_uint32), ("text_bytes", ctypes.c_uint32), ("text", ctypes.c_uint8 * 200)]
+
+    @staticmethod
+    def type_name():
+        return "ricochet.Event.v1"
+
+
+def wait_for(node, topic, message):
+    """Opens a topic, once the rig runs."""
+    name = iox2.ServiceName.new(f"ricochet/{sys.argv[1]}/{topic}")
+    while True:
+        try:
+            service = node.service_builder(name).publish_subscribe(message).open()
+            return service, service.subscriber_builder().buffer_size(4096).history_request(16).create()
+        except iox2.PublishSubscribeOpenError as error:
+            if "DoesNotExist" not in str(error):
+                raise
+            time.sleep(0.01)
+
+
+def take(subscriber):
+    """Every message that is there."""
+    while (sample := subscriber.receive()) is not None:
+        yield sample.payload().contents
+        sample.delete()
+
+
+iox2.set_log_level(iox2.LogLevel.Fatal)
+node = iox2.NodeBuilder.new().create(iox2.ServiceType.Ipc)
+velocity_service, velocities = wait_for(node, "velocity", Velocity)
+event_service, events = wait_for(node, "events", Event)
+over = False
+while not over:
+    # Asked before the last look at the velocities, so that none told before the end is missed.
+    for event in take(events):
+        over = event.kind == TRACKED
+    for row in take(velocities):
+        if row.vn_m_s.known:
+            print(row.sequence, row.vn_m_s.value, row.vt_m_s.value, row.omega_rad_s.value, flush=True)
+    time.sleep(0.001)
