@@ -197,3 +197,14 @@ fn roles_started_by_hand_refuse_a_calibration_of_another_picture() {
     camera.signal(15);
     camera.end();
 }
+
+#[test]
+fn the_end_of_a_rod_is_refused_with_a_calibration() {
+    // The edges of its tapes are told as the camera sees them: the end would lie beside the rectified surface.
+    let text = format!(
+        "[camera]\nsource = \"simulated\"\n[scale]\nmm_per_px = 0.5\n[surface]\nedge = [[0, 10], [9, 10]]\n\
+         [[body]]\nkind = \"rod\"\nend_mm = 5\n[trigger]\nmode = \"predicted-contact\"\n[calibration]\n{LENS}"
+    );
+    let told = Config::parse(&text, "rig.toml").unwrap_err().to_string();
+    assert!(told.contains("body[0].end_mm = 5: must be left out"), "{told}");
+}
