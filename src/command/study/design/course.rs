@@ -136,7 +136,7 @@ impl Course {
         };
         let (first, second, frames) = (self.sigma(index), self.sigma(to), f64::from(interval));
         let moved = |k: usize| (truth[k] + white[to][k] - white[index][k] + left[k] * walk[k]) / frames;
-        let sigma = |k: usize| first[k].hypot(second[k]) / frames;
+        let sigma = |k: usize| self.noise.stated[k] * first[k].hypot(second[k]) / frames;
         Some(RigidStep {
             dx_px: moved(0),
             dy_px: moved(1),

@@ -30,6 +30,8 @@ pub(super) struct Noise {
     pub(super) renewal: [f64; 3],
     /// How much more than assumed a step over subsets leaves for good, where it is not: x, y and angle.
     pub(super) walk: [f64; 3],
+    /// The sigma that a match states of a pose, over what it scatters by.
+    pub(super) stated: [f64; 3],
     /// How much interpolation takes of the variance of a pose half-way between whole pixels, along each axis.
     pub(super) smoothing: f64,
     /// Noise of a pixel of the body, where its grey levels change, DN.
@@ -50,8 +52,8 @@ impl Noise {
         self.pose.map(|sigma| left * sigma)
     }
 
-    /// Of a rig, by the noise bound of its pattern where all pixels are matched at once, and by what subsets state of
-    /// themselves where they are.
+    /// Of a rig, by the noise bound of its pattern where all pixels are matched at once, and by what steps over subsets
+    /// are seen to scatter where they are not.
     ///
     /// # Errors
     ///
@@ -83,7 +85,7 @@ impl Noise {
         let light = world.render_light(first);
         let pixel_dn = pixel_noise_dn(rig, &light, center_px);
         let mut smoothing = 0.0;
-        let (pose, renewal, walk) = match step.is_whole {
+        let (pose, renewal, walk, stated) = match step.is_whole {
             true => {
                 let bound = bound(rig, &light, center_px, pixel_dn)?;
                 let last =
@@ -91,16 +93,17 @@ impl Noise {
                 let last = last.last().unwrap_or(first);
                 let matched = renewal::matched(rig, world, (first, last))?;
                 smoothing = smoothed(&matched.poses, &bound);
-                (bound, matched.renewal, [1.0; 3])
+                (bound, matched.renewal, [1.0; 3], [1.0; 3])
             }
             false => {
-                let pose = stated(&told);
-                (pose, [0.0; 3], subsets::ratio(rig, world, first, pose)?)
+                let (stated, seen) = (stated(&told), subsets::stepped(rig, world, first)?);
+                let over = |k: usize| if seen.pose[k] > 0.0 { stated[k] / seen.pose[k] } else { 1.0 };
+                (seen.pose, [0.0; 3], seen.walk, [0, 1, 2].map(over))
             }
         };
         let place = step.circle.map(|c| [c.x_px, c.y_px]).or(step.rod.map(|rod| [rod.x_px.value, rod.y_px.value]));
         let off_px = place.map_or([0.0; 2], |place| [place[0] - center_px[0], place[1] - center_px[1]]);
-        Ok(Self { pose, renewal, walk, smoothing, pixel_dn, step, off_px })
+        Ok(Self { pose, renewal, walk, stated, smoothing, pixel_dn, step, off_px })
     }
 }
 
