@@ -158,7 +158,6 @@ impl Config {
             image_px: picture.camera.image_px(),
             bodies: &picture.bodies,
             scale: picture.scale,
-            is_calibrated: picture.calibration.is_some(),
             has_edge: picture.surface.edge.is_some(),
             is_pulsed: picture.camera.is_pulsed(),
             rig: &rig.name,

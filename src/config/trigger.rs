@@ -103,7 +103,6 @@ pub(super) struct Surroundings<'a> {
     pub image_px: Option<(u32, u32)>,
     pub bodies: &'a [Body],
     pub scale: Option<Scale>,
-    pub is_calibrated: bool,
     pub has_edge: bool,
     /// Whether the camera waits for pulses.
     pub is_pulsed: bool,
@@ -212,11 +211,6 @@ fn refuse_gaps(table: &Table<'_>, trigger: &Trigger, around: &Surroundings<'_>) 
         Some((index, _)) if !around.bodies.iter().any(|body| watched(&body) && body.has_rim()) => {
             let key = format!("body[{index}].end_mm");
             Err(table.text.refuse(&key, needed("0 to 10000 mm from its lowest edge to its end")))
-        }
-        // The edges of tapes are told as the camera sees them, the surface as the calibration has it.
-        Some((index, rod)) if rod.end_mm.is_some() && around.is_calibrated => {
-            let key = format!("body[{index}].end_mm");
-            Err(table.text.refuse(&key, "left out, because of [calibration]"))
         }
         Some((_, rod)) if rod.end_mm.is_some() && !matches!(around.scale, Some(Scale::MmPerPx(_))) => {
             Err(table.text.refuse("scale.mm_per_px", needed("given, for the end of a rod,")))

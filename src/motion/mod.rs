@@ -13,6 +13,7 @@ mod polynomial;
 mod radius;
 mod rectifier;
 mod smooth;
+mod tapes;
 mod walk;
 
 pub use anchor::{Anchor, Center};

@@ -5,7 +5,7 @@
 //! recorded one, with the same scale and direction, and everywhere its pixels are equally large.
 
 use super::lens::{Distortion, Lens, derivative};
-use crate::results::{BodyStep, Circle, Estimate, RigidStep, Rod};
+use crate::results::{BodyStep, Circle, RigidStep};
 
 /// How far apart derivatives are taken, px.
 const NEAR_PX: f64 = 1e-3;
@@ -149,13 +149,10 @@ impl Rectifier {
             sigma_radius_px: size * circle.sigma_radius_px,
             ..circle
         });
-        let scaled = |e: Estimate, by: f64| Estimate { value: by * e.value, sigma: by * e.sigma };
-        let rod = step.rod.map(|rod| Rod {
-            x_px: Estimate { value: x, sigma: mean * rod.x_px.sigma },
-            y_px: Estimate { value: y, sigma: mean * rod.y_px.sigma },
-            half_width_px: scaled(rod.half_width_px, size),
-            ..rod
-        });
+        let rod = match &step.rod {
+            Some(rod) => Some(self.rod(rod)?),
+            None => None,
+        };
         let frames = f64::from(step.interval_frames.max(1));
         let motion = match &step.step {
             Some(motion) => Some(self.motion(motion, (seen, center, radius_px), &jacobian, frames)?),
@@ -260,7 +257,7 @@ impl Rectifier {
         (scale.abs() > 1e-12).then(|| [row(0) / scale, row(1) / scale])
     }
 
-    fn jacobian(&self, at: [f64; 2]) -> Option<[[f64; 2]; 2]> {
+    pub(super) fn jacobian(&self, at: [f64; 2]) -> Option<[[f64; 2]; 2]> {
         self.slope(at, Self::place)
     }
 
@@ -285,11 +282,11 @@ fn moved([dx, dy, angle]: [f64; 3], about: [f64; 2], [x, y]: [f64; 2]) -> [f64; 
     [about[0] + dx + u * cos + v * sin, about[1] + dy + v * cos - u * sin]
 }
 
-fn determinant([[a, b], [c, d]]: &[[f64; 2]; 2]) -> f64 {
+pub(super) fn determinant([[a, b], [c, d]]: &[[f64; 2]; 2]) -> f64 {
     a * d - b * c
 }
 
-fn times([[a, b], [c, d]]: &[[f64; 2]; 2], [x, y]: [f64; 2]) -> [f64; 2] {
+pub(super) fn times([[a, b], [c, d]]: &[[f64; 2]; 2], [x, y]: [f64; 2]) -> [f64; 2] {
     [a * x + b * y, c * x + d * y]
 }
 
@@ -299,7 +296,7 @@ fn solve(matrix: &[[f64; 2]; 2], right: [f64; 2]) -> [f64; 2] {
 }
 
 /// By how much a map stretches least, and in the mean.
-fn stretch(matrix: &[[f64; 2]; 2]) -> (f64, f64) {
+pub(super) fn stretch(matrix: &[[f64; 2]; 2]) -> (f64, f64) {
     let squares: f64 = matrix.iter().flatten().map(|x| x * x).sum();
     let det = determinant(matrix).abs();
     let root = (0.25 * squares * squares - det * det).max(0.0).sqrt();

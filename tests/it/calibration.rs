@@ -5,7 +5,7 @@ use ricochet::motion::Rectifier;
 use ricochet::synth::{MotionSetup, Scenario, World};
 use std::path::Path;
 
-use crate::film::{level_rig, rows_of_pictures};
+use crate::film::{level_rig, rows_of_pictures, through};
 use crate::support::{Background, Rig, ricochet, run};
 
 const SIDE: usize = 420;
@@ -40,38 +40,12 @@ fn world() -> World {
     World::new(&scenario).unwrap()
 }
 
-/// Weights of four samples around a place between the middle two (Keys' cubic).
-fn weights(t: f64) -> [f64; 4] {
-    let near = |d: f64| (1.5 * d - 2.5) * d * d + 1.0;
-    let far = |d: f64| ((-0.5 * d + 2.5) * d - 4.0) * d + 2.0;
-    [far(1.0 + t), near(t), near(1.0 - t), far(2.0 - t)]
-}
-
-/// The picture that shows at every pixel what another shows at its rectified place.
-fn through(rectifier: &Rectifier, picture: &[u8]) -> Vec<u8> {
-    let level = |x: i64, y: i64| f64::from(picture[y as usize * SIDE + x as usize]);
-    let at = |k: usize| {
-        let [x, y] = rectifier.place([(k % SIDE) as f64, (k / SIDE) as f64])?;
-        let (cell_x, cell_y) = (x.floor(), y.floor());
-        let inside = |cell: f64| cell >= 1.0 && cell + 2.0 < SIDE as f64;
-        if !(inside(cell_x) && inside(cell_y)) {
-            return None;
-        }
-        let (along, down) = (weights(x - cell_x), weights(y - cell_y));
-        let row = |j: usize| {
-            (0..4).map(|i| along[i] * level(cell_x as i64 - 1 + i as i64, cell_y as i64 - 1 + j as i64)).sum::<f64>()
-        };
-        Some((0..4).map(|j| down[j] * row(j)).sum::<f64>().round().clamp(0.0, 255.0) as u8)
-    };
-    (0..SIDE * SIDE).map(|k| at(k).unwrap_or(40)).collect()
-}
-
 /// Largest error of the velocity, as a share of the speed, and of the spin, as a share of itself; and how many there are.
 fn judge(world: &World, seen_through: &Rectifier, rig: &str, mm_per_px: f64) -> (f64, f64, usize) {
     let picture = |index| {
         let mut bytes = vec![0; world.frame_bytes()];
         world.render(index, &mut bytes);
-        through(seen_through, &bytes)
+        through(seen_through, &bytes, [SIDE; 2])
     };
     let rows = rows_of_pictures((0..world.frames()).map(picture), world, rig);
     let metres = mm_per_px * 1e-3 * 1e4;
@@ -196,15 +170,4 @@ fn roles_started_by_hand_refuse_a_calibration_of_another_picture() {
     ["correlate", "track", "record"].into_iter().for_each(refuses);
     camera.signal(15);
     camera.end();
-}
-
-#[test]
-fn the_end_of_a_rod_is_refused_with_a_calibration() {
-    // The edges of its tapes are told as the camera sees them: the end would lie beside the rectified surface.
-    let text = format!(
-        "[camera]\nsource = \"simulated\"\n[scale]\nmm_per_px = 0.5\n[surface]\nedge = [[0, 10], [9, 10]]\n\
-         [[body]]\nkind = \"rod\"\nend_mm = 5\n[trigger]\nmode = \"predicted-contact\"\n[calibration]\n{LENS}"
-    );
-    let told = Config::parse(&text, "rig.toml").unwrap_err().to_string();
-    assert!(told.contains("body[0].end_mm = 5: must be left out"), "{told}");
 }

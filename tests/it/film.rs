@@ -3,6 +3,7 @@
 use ricochet::config::Config;
 use ricochet::image::Frame;
 use ricochet::measure::{Measurer, Share, Tracker, TrackerRows};
+use ricochet::motion::Rectifier;
 use ricochet::synth::World;
 
 /// Everything that is measured of a world's frames with a rig file.
@@ -44,4 +45,30 @@ pub fn rows_of_pictures(pictures: impl Iterator<Item = Vec<u8>>, world: &World, 
 pub fn level_rig(mm_per_px: f64) -> String {
     let rig = format!("[rig]\nname = \"level\"\n[camera]\nsource = \"simulated\"\n[scale]\nmm_per_px = {mm_per_px}\n");
     rig + "[[body]]\nname = \"ball\"\nkind = \"ball\"\nmin_radius_px = 50\nmax_radius_px = 70\n"
+}
+
+/// Weights of four samples around a place between the middle two (Keys' cubic).
+fn weights(t: f64) -> [f64; 4] {
+    let near = |d: f64| (1.5 * d - 2.5) * d * d + 1.0;
+    let far = |d: f64| ((-0.5 * d + 2.5) * d - 4.0) * d + 2.0;
+    [far(1.0 + t), near(t), near(1.0 - t), far(2.0 - t)]
+}
+
+/// The picture that shows at every pixel what another shows at its rectified place.
+pub fn through(rectifier: &Rectifier, picture: &[u8], [width, height]: [usize; 2]) -> Vec<u8> {
+    let level = |x: i64, y: i64| f64::from(picture[y as usize * width + x as usize]);
+    let at = |k: usize| {
+        let [x, y] = rectifier.place([(k % width) as f64, (k / width) as f64])?;
+        let (cell_x, cell_y) = (x.floor(), y.floor());
+        let inside = |cell: f64, side: usize| cell >= 1.0 && cell + 2.0 < side as f64;
+        if !(inside(cell_x, width) && inside(cell_y, height)) {
+            return None;
+        }
+        let (along, down) = (weights(x - cell_x), weights(y - cell_y));
+        let row = |j: usize| {
+            (0..4).map(|i| along[i] * level(cell_x as i64 - 1 + i as i64, cell_y as i64 - 1 + j as i64)).sum::<f64>()
+        };
+        Some((0..4).map(|j| down[j] * row(j)).sum::<f64>().round().clamp(0.0, 255.0) as u8)
+    };
+    (0..width * height).map(|k| at(k).unwrap_or(40)).collect()
 }

@@ -25,6 +25,11 @@ impl Dice {
 
 /// What the trigger decided over a whole film.
 fn decide(world: &World, config: &Config) -> Vec<Decision> {
+    decide_on(world, config, |_| ())
+}
+
+/// The same of pictures that are changed on their way.
+fn decide_on(world: &World, config: &Config, change: impl Fn(&mut Vec<u8>)) -> Vec<Decision> {
     let format = stream_format(world);
     let (measure, tracker) = analysis_params(config, &format);
     let mut measurer =
@@ -35,6 +40,7 @@ fn decide(world: &World, config: &Config) -> Vec<Decision> {
     let (mut measured, mut bytes, mut decisions) = (Vec::new(), vec![0; world.frame_bytes()], Vec::new());
     for index in 0..world.frames() {
         world.render(index, &mut bytes);
+        change(&mut bytes);
         measurer.push(&Frame { meta: meta(world, index), bytes: &bytes }, &mut measured).unwrap();
         if index + 1 == world.frames() {
             measurer.finish(&mut measured);

@@ -1,6 +1,7 @@
 //! Triggers on a rod, whose end is known from its lowest tape.
 
-use super::{Dice, decide};
+use super::{Dice, decide, decide_on};
+use crate::film::through;
 use ricochet::config::Config;
 use ricochet::synth::{MotionSetup, Scenario, World};
 
@@ -68,4 +69,45 @@ fn the_gap_below_a_rod_is_undershot_where_it_is_and_a_surface_out_of_reach_is_no
     assert!((gap[0].frame as f64 - (contact - 20.0)).abs() <= 3.0, "{contact}: {gap:?}");
     let far = decide(&world, &rig(edge_px + 15.0, "mode = \"gap\"\ngap_mm = 1"));
     assert_eq!(far, [], "never nearer than 4.5 mm, less what the contact yields");
+}
+
+/// A camera that looks up at the rod: its plane's pixels are a fifth larger at the top than at the foot.
+fn aslant(width_px: u32, height_px: u32, mm: f64) -> String {
+    let entries = [1.0, 0.0, -9.0, 0.0, 1.0, -20.0].map(|x| mm * x);
+    format!(
+        "[calibration]\nimage_px = [{width_px}, {height_px}]\nhomography_mm = [{}, {}, {}, {}, {}, {}, 0, 5e-4, 1]\n",
+        entries[0], entries[1], entries[2], entries[3], entries[4], entries[5]
+    )
+}
+
+#[test]
+fn the_contact_of_a_rod_seen_aslant_is_told_where_the_calibration_has_it() {
+    for number in 0..6 {
+        let (mut scenario, edge_px, contact) = drop_scenario(number);
+        let MotionSetup::Impact(impact) = &mut scenario.motion else { panic!("a drop") };
+        // The picture ends where the plane's does not.
+        impact.contact_center_px[0] = 30.0 + 0.37 * number as f64;
+        let world = World::new(&scenario).unwrap();
+        let calibrated = |mm: f64, edge: [[f64; 2]; 2], end_mm: f64| {
+            let text = format!(
+                "[camera]\nsource = \"simulated\"\n[surface]\nedge = {edge:?}\n\
+                 [[body]]\nkind = \"rod\"\ndiameter_mm = 9\nend_mm = {end_mm}\nroi_px = [3, 2, 55, 140]\n{}\
+                 [trigger]\nmode = \"predicted-contact\"\n",
+                aslant(world.width_px(), world.height_px(), mm)
+            );
+            Config::parse(&text, "rig.toml").unwrap()
+        };
+        // As large in its middle as the film is.
+        let rough = calibrated(1.0, [[0.0, 1.0], [9.0, 1.0]], 1.0).calibration.unwrap().mm_per_px().unwrap();
+        let mm = MM_PER_PX / rough;
+        let rectifier = calibrated(mm, [[0.0, 1.0], [9.0, 1.0]], 1.0).calibration.unwrap();
+        let edge = [[2.0, edge_px], [61.0, edge_px]].map(|at| rectifier.pixel(at).unwrap());
+        let config = calibrated(mm, edge, MM_PER_PX * BELOW_PX[1]);
+        let size = [world.width_px(), world.height_px()].map(|side| side as usize);
+        let decisions = decide_on(&world, &config, |bytes| *bytes = through(&rectifier, bytes, size));
+        assert_eq!(decisions.len(), 1, "drop {number}: {decisions:#?}");
+        let off = decisions[0].frame as f64 - contact;
+        println!("drop {number}: {} off by {off:.2}; the edge shows at {edge:?}, is at {edge_px}", decisions[0].what);
+        assert!(off.abs() <= 2.0, "drop {number}: off by {off} frames");
+    }
 }
