@@ -34,6 +34,9 @@ const ANY: [Expected; 2] = [[1.25, 0.25], [0.75, 0.75]];
 /// How far exponents may be from those of the nearest simple law, where the stiffness takes up what they do not.
 const NEAR: [f64; 2] = [0.05, 0.2];
 
+/// How much likelier a law without free exponents is than any other before the motion is looked at.
+const KNOWN_ODDS: f64 = 10.0;
+
 /// Degrees of a free stiffness.
 const DEGREES: [usize; 3] = [3, 5, 7];
 
@@ -57,9 +60,9 @@ pub struct FirstGuess {
 pub struct Verdict {
     /// The law with the largest weight.
     pub best: Family,
-    /// Its Akaike weight among those that passed, 0 to 1.
+    /// Its weight among those that passed, 0 to 1: how probable it is then.
     pub weight: f64,
-    /// Means over the laws with Akaike weights.
+    /// Means over the laws with these weights.
     pub findings: Findings,
     /// Their standard uncertainties: the laws' own, the spread between them, the laws' misfit, and for exponents or a
     /// stiffness left free how little start and end are then known.
@@ -82,8 +85,8 @@ impl FirstGuess {
     }
 }
 
-/// Fits every family and weighs them by Akaike's criterion (Akaike 1974, doi:10.1109/TAC.1974.1100705), the
-/// coefficients of a free stiffness by Schwarz's (1978, doi:10.1214/aos/1176344136).
+/// Fits every family and weighs them by their evidence in Laplace's approximation (Kass & Raftery 1995,
+/// doi:10.1080/01621459.1995.10476572): chi2, and what the positions narrow down of each law's free parameters.
 ///
 /// A law passes with chi2/freedom up to `excess^2` (1 + 4 sqrt(2/freedom)), `excess` being by how much the flights
 /// scatter more than their sigmas; among those that pass the criterion decides. If none does, the law with free
@@ -96,7 +99,9 @@ pub fn judge(guess: &FirstGuess, samples: &[Sample], excess: f64) -> Option<Verd
         let close = |f: &&LawFit| f.chi2 / f.freedom <= (CLOSE_SIGMAS * excess).powi(2);
         passed.extend(fits.iter().filter(|f| matches!(f.family, Family::Stiffness { .. })).filter(close));
     }
-    let criterion = |f: &LawFit| f.chi2 / excess.powi(2) + cost(f.family, samples.len());
+    let least = fits.iter().filter(|f| matches!(f.family, Family::Stiffness { .. })).map(|f| f.narrowing);
+    let least = least.fold(f64::INFINITY, f64::min);
+    let criterion = |f: &LawFit| f.chi2 / excess.powi(2) + cost(f, least);
     let best = passed.iter().min_by(|a, b| criterion(a).total_cmp(&criterion(b)))?;
     let weights: Vec<f64> = passed.iter().map(|f| (0.5 * (criterion(best) - criterion(f))).exp()).collect();
     let total: f64 = weights.iter().sum();
@@ -128,14 +133,15 @@ fn spread(laws: &[[f64; 3]]) -> f64 {
     high
 }
 
-/// What a family's parameters cost. Exponents that are merely fitted say no more of how the force begins than a stiffness
-/// that is: neither is preferred to the other for having fewer parameters.
-fn cost(family: Family, samples: usize) -> f64 {
-    let least = match family {
-        Family::Power | Family::TwoExponents => Family::Stiffness { degree: DEGREES[0], dashpot: false }.count(),
-        _ => 0,
-    };
-    (samples as f64).ln() * family.count().max(least) as f64
+/// What a law's free parameters cost, and that it is none of those that are known. Exponents that are merely fitted say no
+/// more of how the force begins than a stiffness that is, which costs at least `least`: neither is preferred to the other
+/// for having fewer parameters.
+fn cost(f: &LawFit, least: f64) -> f64 {
+    match f.family {
+        Family::KelvinVoigt | Family::HuntCrossley => 0.0,
+        Family::Power | Family::TwoExponents if least.is_finite() => f.narrowing.max(least) + 2.0 * KNOWN_ODDS.ln(),
+        _ => f.narrowing + 2.0 * KNOWN_ODDS.ln(),
+    }
 }
 
 fn passes(f: &LawFit, excess: f64) -> bool {

@@ -31,6 +31,9 @@ pub struct LawFit {
     pub chi2: f64,
     /// Degrees of freedom.
     pub freedom: f64,
+    /// What its free exponents and stiffness cost: twice the logarithm of how much the positions narrow down what was
+    /// expected of them (the Occam factor of Laplace's approximation of the evidence).
+    pub narrowing: f64,
     /// What it says.
     pub findings: Findings,
     /// Standard uncertainties of that, by propagation, the samples' sigmas and walks taken as they are.
@@ -228,6 +231,7 @@ impl Problem<'_> {
         }
         let scaled = DMatrix::from_fn(normal.nrows(), normal.nrows(), |i, j| normal[(i, j)] * scale[i] * scale[j]);
         let inverse = scaled.cholesky()?.inverse();
+        let narrowing = self.narrowing(&inverse, &scale)?;
         let mut sigmas = outcome.findings;
         for (i, sigma) in sigmas.iter_mut().enumerate() {
             let row = DVector::from_fn(normal.nrows(), |k, _| gradients[(i, k)] * scale[k]);
@@ -243,9 +247,23 @@ impl Problem<'_> {
             parameters: *p,
             chi2,
             freedom,
+            narrowing,
             findings: outcome.findings,
             sigmas,
         })
+    }
+}
+
+impl Problem<'_> {
+    /// See [`LawFit::narrowing`]; from the covariance of all parameters over `scale` on both sides.
+    fn narrowing(&self, inverse: &DMatrix<f64>, scale: &DVector<f64>) -> Option<f64> {
+        let free = self.family.count() - 4;
+        if free == 0 {
+            return Some(0.0);
+        }
+        let of = |k: usize| scale[k + 4] / self.expected(k + 4)[1];
+        let narrowed = DMatrix::from_fn(free, free, |i, j| inverse[(i + 4, j + 4)] * of(i) * of(j));
+        Some(-2.0 * narrowed.cholesky()?.l_dirty().diagonal().map(f64::ln).sum())
     }
 }
 
