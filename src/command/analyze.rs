@@ -229,6 +229,7 @@ fn as_json(impact: &Impact, results: &Recording) -> serde_json::Value {
         row.insert(format!("sigma_{name}"), estimate.map(|estimate| estimate.sigma).into());
     }
     row.insert("force_law".into(), impact.force_law.word().into());
+    row.insert("force_law_probability".into(), impact.force_law_probability.into());
     row.insert("status".into(), impact.status.word().into());
     serde_json::Value::Object(row)
 }

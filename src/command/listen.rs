@@ -251,6 +251,8 @@ fn impact(message: &ImpactMessage) -> Map<String, Value> {
         cells.insert(format!("sigma_{name}"), json!(known.then_some(estimate.sigma)));
     }
     cells.insert("force_law".into(), json!(ForceLaw::from_number(message.force_law).map(ForceLaw::word)));
+    let probability = f64::from(message.force_law_probability);
+    cells.insert("force_law_probability".into(), json!((probability > 0.0).then_some(probability)));
     cells.insert("status".into(), status_word(message.status));
     cells
 }

@@ -5,6 +5,7 @@ use std::f64::consts::SQRT_2;
 use super::fit::{Expected, LawFit, fit_law};
 use super::law::{Family, Findings, Parameters, Units};
 use crate::motion::Sample;
+use crate::results::ForceLaw;
 
 /// The freest law may still tell times if its residuals are not larger than so many sigmas.
 const CLOSE_SIGMAS: f64 = 3.0;
@@ -58,15 +59,37 @@ pub struct FirstGuess {
 /// What the laws that passed say together.
 #[derive(Debug, Clone)]
 pub struct Verdict {
-    /// The law with the largest weight.
+    /// The most probable law.
     pub best: Family,
-    /// Its weight among those that passed, 0 to 1: how probable it is then.
-    pub weight: f64,
+    /// How probable each of those that passed is, their sum 1.
+    pub probabilities: Vec<(Family, f64)>,
     /// Means over the laws with these weights.
     pub findings: Findings,
     /// Their standard uncertainties: the laws' own, the spread between them, the laws' misfit, and for exponents or a
     /// stiffness left free how little start and end are then known.
     pub sigmas: Findings,
+}
+
+impl Verdict {
+    /// What results call the most probable law.
+    pub fn law(&self) -> ForceLaw {
+        word(self.best)
+    }
+
+    /// How probable what is called so is, 0 to 1.
+    pub fn probability(&self) -> f64 {
+        let same = self.probabilities.iter().filter(|(family, _)| word(*family) == self.law());
+        same.map(|(_, probability)| probability).sum::<f64>().min(1.0)
+    }
+}
+
+fn word(family: Family) -> ForceLaw {
+    match family {
+        Family::KelvinVoigt => ForceLaw::KelvinVoigt,
+        Family::HuntCrossley => ForceLaw::HuntCrossley,
+        Family::Power | Family::TwoExponents => ForceLaw::PowerLaw,
+        Family::Stiffness { .. } => ForceLaw::None,
+    }
 }
 
 impl FirstGuess {
@@ -112,7 +135,8 @@ pub fn judge(guess: &FirstGuess, samples: &[Sample], excess: f64) -> Option<Verd
             weighed().map(|(f, w)| [w, f.findings[k] - findings[k], own_variance(f, k).sqrt()]).collect();
         spread(&laws)
     });
-    Some(Verdict { best: best.family, weight: 1.0 / total, findings, sigmas })
+    let probabilities = weighed().map(|(f, w)| (f.family, w)).collect();
+    Some(Verdict { best: best.family, probabilities, findings, sigmas })
 }
 
 /// Half the width of the interval about zero that holds 68.3 % of a mixture of normal distributions, each given by

@@ -320,17 +320,9 @@ fn assemble(interval: &Interval, flights: &Flights, verdict: Option<&Verdict>, w
         force_end_s: moment(4),
         force_max_n: push.zip(world.mass_kg).map(|(a, mass_kg)| scaled(a, mass_kg, 0.0)),
         energy_lost_j: world.mass_kg.map(|mass_kg| energy_lost(mass_kg, &[vn, vt], relative)),
-        force_law: verdict.map_or(ForceLaw::None, |v| word(v.best)),
+        force_law: verdict.map_or(ForceLaw::None, Verdict::law),
+        force_law_probability: verdict.map(Verdict::probability),
         status: PointStatus::Valid,
         ..Impact::unknown(0, 0, 0)
-    }
-}
-
-fn word(family: Family) -> ForceLaw {
-    match family {
-        Family::KelvinVoigt => ForceLaw::KelvinVoigt,
-        Family::HuntCrossley => ForceLaw::HuntCrossley,
-        Family::Power | Family::TwoExponents => ForceLaw::PowerLaw,
-        Family::Stiffness { .. } => ForceLaw::None,
     }
 }

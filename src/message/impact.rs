@@ -24,7 +24,7 @@ impl From<Option<Estimate>> for EstimateMessage {
 
 /// One collision of one body; told again with a higher revision when it is known better.
 #[derive(Debug, Clone, Copy, PartialEq, Default, ZeroCopySend)]
-#[type_name("ricochet.Impact.v2")]
+#[type_name("ricochet.Impact.v3")]
 #[repr(C)]
 pub struct ImpactMessage {
     /// Which start of the acquire process the frames belong to.
@@ -41,8 +41,8 @@ pub struct ImpactMessage {
     pub force_law: u32,
     /// Number of the `PointStatus`.
     pub status: u32,
-    /// Zero.
-    pub reserved: u32,
+    /// How probable that law is among those that follow the motion, 0 to 1; 0 where none was fitted.
+    pub force_law_probability: f32,
     /// In this order: start, deepest, end (s), normal speed before, after, tangential before, after (m/s),
     /// spin before, after (rad/s), restitution, tangential restitution, impulse ratio, contact time (s),
     /// peak compression (mm), peak acceleration (m/s^2), end of slip (s), force at 2 % of its peak, rising and falling
@@ -61,7 +61,7 @@ impl ImpactMessage {
             revision: impact.revision,
             force_law: impact.force_law as u32,
             status: impact.status as u32,
-            reserved: 0,
+            force_law_probability: impact.force_law_probability.unwrap_or_default() as f32,
             numbers: impact.numbers().map(|(_, estimate)| estimate.into()),
         }
     }

@@ -179,6 +179,7 @@ macro_rules! impact_numbers {
                     origin_ns: self.origin_ns,
                     $($number: self.$number.map(|e| e.value), $sigma: self.$number.map(|e| e.sigma),)+
                     force_law: self.force_law.word().into(),
+                    force_law_probability: self.force_law_probability,
                     status: self.status.word().into(),
                 }
             }
@@ -193,6 +194,7 @@ macro_rules! impact_numbers {
                     origin_ns: message.origin_ns,
                     $($number: estimate(message.$number, message.$sigma),)+
                     force_law,
+                    force_law_probability: message.force_law_probability,
                     status: status(&message.status)?,
                 })
             }

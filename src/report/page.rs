@@ -115,9 +115,13 @@ fn collision(html: &mut String, shot: &Shot, impact: &Impact) {
         html.push_str(&table(name, group, &measured, truth.as_ref()));
     }
     let law = impact.force_law.word();
+    let probable = impact
+        .force_law_probability
+        .map(|share| format!(" ({:.0} % probable of those that follow the motion)", 100.0 * share));
+    let probable = probable.unwrap_or_default();
     let _ = writeln!(
         html,
-        "</div><p class=\"note\">Contact law: {law}. Velocities along the outward normal and the tangent of the surface; times from the first frame.</p></section>"
+        "</div><p class=\"note\">Contact law: {law}{probable}. Velocities along the outward normal and the tangent of the surface; times from the first frame.</p></section>"
     );
 }
 

@@ -109,6 +109,8 @@ pub struct Impact {
     pub gravity_m_s2: Option<Estimate>,
     /// The contact law behind the times.
     pub force_law: ForceLaw,
+    /// How probable that law is among those that follow the motion, 0 to 1; `None` where none was fitted.
+    pub force_law_probability: Option<f64>,
     /// What became of it.
     pub status: PointStatus,
 }
@@ -143,6 +145,7 @@ impl Impact {
             energy_lost_j: None,
             gravity_m_s2: None,
             force_law: ForceLaw::None,
+            force_law_probability: None,
             status: PointStatus::Lost,
         }
     }

@@ -264,6 +264,7 @@ fn impact(recording: &Recording, rows: Vec<Impact>, table: &mut dyn Sink) -> Res
         for (_, number) in later {
             cells.extend([Cell::Double(number.map(|n| n.value)), Cell::Double(number.map(|n| n.sigma))]);
         }
+        cells.push(Cell::Double(row.force_law_probability));
         table.row(cells)?;
     }
     Ok(())
@@ -286,6 +287,7 @@ fn impact_columns() -> Vec<Column> {
     columns.push(Column { name: "status".into(), kind: Kind::Text });
     columns.extend(first.iter().map(|name| double(format!("sigma_{name}"))));
     columns.extend(later.iter().flat_map(|name| [double((*name).into()), double(format!("sigma_{name}"))]));
+    columns.push(double("force_law_probability".into()));
     columns
 }
 

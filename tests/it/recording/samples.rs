@@ -156,6 +156,7 @@ pub fn impact(number_of: u32, revision: u32) -> Impact {
         acceleration_max_m_s2: estimate(13),
         slip_end_s: None,
         force_law: ForceLaw::HuntCrossley,
+        force_law_probability: Some(number(14)),
         status: PointStatus::Valid,
         ..Impact::unknown(0, number_of, START_NS)
     }

@@ -235,6 +235,7 @@ pub const DIMENSIONLESS: &[&str] = &[
     "edges",
     "epoch",
     "force_law",
+    "force_law_probability",
     "frame",
     "given",
     "impulse_ratio",
