@@ -1,6 +1,7 @@
 //! The correlator: planned once, then one field a call.
 
 use super::GridPoint;
+use super::carried::Carried;
 use super::error::CorrelationError;
 use super::fft::Search;
 use super::fine::FineSearch;
@@ -9,7 +10,7 @@ use super::matcher::{Matcher, Searches, Solution};
 use super::params::{CorrelationParams, Method, Shape};
 use super::prepared::Prepared;
 use super::region::Region;
-use super::sigma::{POOLED, Pool};
+use super::sigma::{Lags, POOLED, Pool, pairs_of};
 use super::subset::{Subset, Unusable};
 use super::validate::MedianTest;
 use super::warp::Warp;
@@ -69,6 +70,9 @@ pub struct Correlator {
     subset: Subset,
     solutions: Vec<Solution>,
     residual: Vec<Lanes>,
+    carried: Carried,
+    /// Of the whole window.
+    pairs: Lags,
     pool: Pool,
     pooled: Vec<usize>,
     median_test: MedianTest,
@@ -116,6 +120,8 @@ impl Correlator {
             },
             cut: window.clone(),
             region: None,
+            carried: Carried::default(),
+            pairs: pairs_of(&window),
             window,
             params: params.clone(),
             width_px,
@@ -207,28 +213,39 @@ impl Correlator {
         self.check_size(reference);
         self.check_size(target);
         self.solutions.clear();
+        let mut carried = std::mem::take(&mut self.carried);
+        let starts = points.iter().map(|point| self.known_start(*point, start));
+        carried.draw((reference, target), points, &self.window, starts);
         let (mut subset, mut cut) = (std::mem::take(&mut self.subset), std::mem::take(&mut self.cut));
         for (index, point) in points.iter().enumerate() {
-            let solution = match self.take(reference, *point, &mut subset, &mut cut) {
-                Err(status) => Solution::failed(status),
-                Ok(is_cut) => {
-                    let window = if is_cut { &cut } else { &self.window };
-                    let pair = (reference, target);
-                    let (guess, least) = self.guess(points, index, start);
-                    let matcher = matcher(&self.params, window, &subset, pair, *point);
-                    matcher.solve(&mut self.searches, guess, least)
-                }
+            let whole = matcher(&self.params, &self.window, &subset, (reference, target), *point);
+            let solution = match carried.solve(&whole, index) {
+                Some(solution) => solution,
+                None => match self.take(reference, *point, &mut subset, &mut cut) {
+                    Err(status) => Solution::failed(status),
+                    Ok(is_cut) => {
+                        let window = if is_cut { &cut } else { &self.window };
+                        let (guess, least) = self.guess(points, index, start);
+                        let matcher = matcher(&self.params, window, &subset, (reference, target), *point);
+                        matcher.solve(&mut self.searches, guess, least)
+                    }
+                },
             };
             self.solutions.push(solution);
         }
         let pooled = self.choose_pooled();
         for index in pooled.iter().copied() {
-            if let Ok(is_cut) = self.take(reference, points[index], &mut subset, &mut cut) {
+            let pair = (reference, target);
+            if carried.found(index) {
+                let matcher = matcher(&self.params, &self.window, &subset, pair, points[index]);
+                carried.pool(&matcher, index, &self.pairs, &mut self.pool);
+            } else if let Ok(is_cut) = self.take(reference, points[index], &mut subset, &mut cut) {
                 let window = if is_cut { &cut } else { &self.window };
-                let matcher = matcher(&self.params, window, &subset, (reference, target), points[index]);
+                let matcher = matcher(&self.params, window, &subset, pair, points[index]);
                 pool_residual(&matcher, &self.solutions[index], &mut self.residual, &mut self.pool);
             }
         }
+        self.carried = carried;
         (self.subset, self.cut, self.pooled) = (subset, cut, pooled);
         self.fill(points, field);
         self.median_test.mark(points, self.params.step_px, field);
@@ -317,6 +334,15 @@ impl Correlator {
             }
         }
         self.pooled = pooled;
+    }
+
+    /// The warp that a known motion says, for a subset that nothing cuts and that may turn as a body does.
+    fn known_start(&self, point: GridPoint, start: Start) -> Option<Warp> {
+        let shape = self.params.refined_shape();
+        let is_free = self.window.extent.fits((point.x as isize, point.y as isize), (self.width_px, self.height_px))
+            && self.region.as_ref().is_none_or(|region| region.holds(self.window.around(point)));
+        let turns = self.params.method == Method::IcGn && matches!(shape, Shape::Affine | Shape::Rigid);
+        start.warp(point, shape).filter(|_| is_free && turns)
     }
 
     fn check_size(&self, frame: &Prepared) {

@@ -271,7 +271,7 @@ impl Matcher<'_> {
     }
 
     /// A good match: its residual, and whether the texture supports it in both directions.
-    fn judge(&self, found: Match, peak_ratio: Option<f64>) -> Solution {
+    pub(super) fn judge(&self, found: Match, peak_ratio: Option<f64>) -> Solution {
         let subset = self.subset;
         let (pixels, parameters) = (self.window.pixels as f64, self.params.refined_shape().parameters());
         let free = (pixels - parameters as f64 - 2.0).max(1.0);

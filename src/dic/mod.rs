@@ -7,6 +7,7 @@
 
 mod angle;
 mod body;
+mod carried;
 mod center;
 mod correlation;
 mod correlator;
@@ -17,6 +18,7 @@ pub mod grid;
 mod lanes;
 mod likeness;
 mod matcher;
+mod moments;
 mod params;
 mod parts;
 mod patch;

@@ -77,13 +77,13 @@ impl Match {
     }
 }
 
-/// What one pass over the warped target yields.
+/// What one pass over the warped target yields; the reference's mean is off the target's levels.
 #[derive(Debug, Clone, Copy, Default)]
-struct Sums {
-    levels: f64,
-    energy: f64,
-    product: f64,
-    jacobian: [f64; 6],
+pub(super) struct Sums {
+    pub(super) levels: f64,
+    pub(super) energy: f64,
+    pub(super) product: f64,
+    pub(super) jacobian: [f64; 6],
 }
 
 /// One reference subset being looked for in one target.
@@ -137,7 +137,7 @@ impl Refiner<'_> {
             if !warp.is_within(GENTLE) {
                 return Ok((warp, iterations));
             }
-            let (step, _) = self.step_of(self.pass(&warp, true)?)?;
+            let (step, ..) = self.step_of(self.pass(&warp, true)?)?;
             let length = step.length(half);
             if length.is_nan() || length >= half {
                 return Err(Lost::NotConverged);
@@ -152,10 +152,11 @@ impl Refiner<'_> {
 
     /// The step that the reference should take towards the target at `warp`, and the ZNCC there.
     pub(super) fn step(&self, warp: &Warp) -> Result<(Warp, f64), Lost> {
-        self.step_of(self.pass(warp, false)?)
+        self.step_of(self.pass(warp, false)?).map(|(step, zncc, _)| (step, zncc))
     }
 
-    fn step_of(&self, sums: Sums) -> Result<(Warp, f64), Lost> {
+    /// The step that sums say, the ZNCC, and by how much the step raises it.
+    pub(super) fn step_of(&self, sums: Sums) -> Result<(Warp, f64, f64), Lost> {
         let subset = self.subset;
         let pixels = self.window.pixels as f64;
         let mean = sums.levels / pixels;
@@ -169,20 +170,18 @@ impl Refiner<'_> {
             gain * (sums.jacobian[k] - mean * subset.jacobian_sum[k]) - subset.jacobian_levels[k]
         });
         let (right, count) = project(self.shape, &affine);
-        let mut step = [0.0; 6];
-        for (step, line) in step.iter_mut().zip(&subset.inverse).take(count) {
+        let (mut step, mut drop) = ([0.0; 6], 0.0);
+        for ((step, line), pull) in step.iter_mut().zip(&subset.inverse).zip(right).take(count) {
             *step = line.iter().zip(&right).take(count).map(|(a, b)| a * b).sum();
+            drop += *step * pull;
         }
-        Ok((Warp::from_step(self.shape, &step), zncc))
+        // Twice the energy times what the ZNCC lacks is the sum of squares that is left.
+        Ok((Warp::from_step(self.shape, &step), zncc, 0.5 * drop / subset.energy))
     }
 
     /// Whether the warped subset lies wholly in the target.
     pub(super) fn inside(&self, warp: &Warp) -> bool {
-        let [left, top, right, bottom] = self.window.reach(warp);
-        let (x, y) = (f64::from(self.at.0), f64::from(self.at.1));
-        let (width, height) = (self.target.width() as f64, self.target.height() as f64);
-        // Written so that NaN is outside.
-        x + left >= 0.0 && x + right <= width - 1.0 && y + top >= 0.0 && y + bottom <= height - 1.0
+        self.window.stays(warp, self.at, (self.target.width(), self.target.height()))
     }
 
     /// Samples the warped target once, in tiles or exactly, and sums it against the reference.

@@ -26,14 +26,25 @@ pub(super) const ROUNDING: f64 = 2.0 / 12.0;
 /// One of 31 x 31 pixels alone knows the factor to 5 %.
 pub(super) const POOLED: usize = 8;
 
+/// A sum for every lag.
+pub(super) type Lags = [f64; LAGS];
+
 /// Sums over the windows of one pair.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Pool {
-    residual: [f64; LAGS],
-    pairs: [f64; LAGS],
-    gradient_x: [f64; LAGS],
-    gradient_y: [f64; LAGS],
+    residual: Lags,
+    pairs: Lags,
+    gradient_x: Lags,
+    gradient_y: Lags,
     dense: Vec<f32>,
+}
+
+/// What is correlated with itself.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) enum Part {
+    Residual,
+    GradientX,
+    GradientY,
 }
 
 /// By how much short-range correlation changes the variance along x and y.
@@ -56,8 +67,23 @@ impl Pool {
     /// Adds one window with its residual (packed like the subset).
     pub(super) fn add(&mut self, subset: &Subset, window: &Window, residual: &[Lanes]) {
         self.add_texture(subset, window);
-        let side = unpack(window, residual, &mut self.dense);
-        add_lags(&self.dense, side, &mut self.residual);
+        self.add_part(Part::Residual, window, |row| residual[row]);
+    }
+
+    /// Adds the pairs of pixels at each lag of a window, from [`pairs_of`].
+    pub(super) fn add_pairs(&mut self, pairs: &Lags) {
+        self.pairs.iter_mut().zip(pairs).for_each(|(sum, pairs)| *sum += pairs);
+    }
+
+    /// Adds one part of a window, by rows of eight packed like the window's mask.
+    pub(super) fn add_part(&mut self, part: Part, window: &Window, row: impl Fn(usize) -> Lanes) {
+        let stride = unpack(window, row, &mut self.dense);
+        let sums = match part {
+            Part::Residual => &mut self.residual,
+            Part::GradientX => &mut self.gradient_x,
+            Part::GradientY => &mut self.gradient_y,
+        };
+        add_lags(&self.dense, stride, sums);
     }
 
     /// Another residual of the one window whose texture was added; none when it is empty.
@@ -66,24 +92,19 @@ impl Pool {
         if residual.is_empty() {
             return;
         }
-        let side = unpack(window, residual, &mut self.dense);
-        add_lags(&self.dense, side, &mut self.residual);
+        self.add_part(Part::Residual, window, |row| residual[row]);
     }
 
     /// Adds what does not depend on the target.
     pub(super) fn add_texture(&mut self, subset: &Subset, window: &Window) {
-        let Self { pairs, gradient_x, gradient_y, dense, .. } = self;
-        for (sums, values) in
-            [(pairs, &window.mask[..]), (gradient_x, &subset.gradient_x[..]), (gradient_y, &subset.gradient_y[..])]
-        {
-            let side = unpack(window, values, dense);
-            add_lags(dense, side, sums);
-        }
+        self.add_pairs(&pairs_of(window));
+        self.add_part(Part::GradientX, window, |row| subset.gradient_x[row]);
+        self.add_part(Part::GradientY, window, |row| subset.gradient_y[row]);
     }
 
     /// The factors of the windows added; one where there were none.
     pub(super) fn factor(&self) -> Factor {
-        let correlated = |gradient: &[f64; LAGS]| {
+        let correlated = |gradient: &Lags| {
             let zero = lag_index(0, 0);
             let variance = self.residual[zero] / self.pairs[zero].max(1.0);
             if !(variance > 0.0 && gradient[zero] > 0.0) {
@@ -110,56 +131,62 @@ fn lag_index(dx: isize, dy: usize) -> usize {
     dy * (2 * REACH + 1) + (dx + REACH as isize) as usize
 }
 
-/// Spreads packed values over the window's square, rows of [`LANES`] more than its width; gives that width.
-fn unpack(window: &Window, packed: &[Lanes], dense: &mut Vec<f32>) -> usize {
+/// The pairs of pixels at each lag of a window.
+pub(super) fn pairs_of(window: &Window) -> Lags {
+    let (mut dense, mut pairs) = (Vec::new(), [0.0; LAGS]);
+    let stride = unpack(window, |row| window.mask[row], &mut dense);
+    add_lags(&dense, stride, &mut pairs);
+    pairs
+}
+
+/// Spreads values packed like a window's mask over its square, row by row, each followed by zeros, and as many rows of
+/// zeros as lags reach; gives the length of a row.
+fn unpack(window: &Window, packed: impl Fn(usize) -> Lanes, dense: &mut Vec<f32>) -> usize {
     let side = 2 * window.half as usize + 1;
-    let stride = side + LANES;
+    let stride = (side + REACH).next_multiple_of(LANES);
     dense.clear();
-    dense.resize(side * stride, 0.0);
+    dense.resize((side + REACH) * stride + 2 * LANES, 0.0);
     for block in &window.blocks {
         for row in 0..block.rows {
             let y = (window.half as i32 + block.dy) as usize + row;
             let first = y * stride + (window.half as i32 + block.dx) as usize;
-            dense[first..first + LANES].copy_from_slice(&packed[block.start + row].0);
+            // A last block may reach over the square into the zeros, where its mask has zeros too.
+            let room = stride.min(first % stride + LANES) - first % stride;
+            dense[first..first + room].copy_from_slice(&packed(block.start + row).0[..room]);
         }
     }
     stride
 }
 
-/// Adds the products of all pairs of pixels at each lag.
-///
-/// Every row is followed by zeros, so a lag is one shift of the whole square.
-fn add_lags(dense: &[f32], stride: usize, sums: &mut [f64; LAGS]) {
-    for dy in 0..=REACH {
-        for dx in -(REACH as isize)..=REACH as isize {
-            if let Some(shift) = (dy * stride).checked_add_signed(dx) {
-                sums[lag_index(dx, dy)] += f64::from(dot(dense, &dense[shift..]));
-            }
-        }
-    }
-}
-
 vectorized! {
-    /// Sum of products, eight running sums side by side.
-    fn dot(a: &[f32], b: &[f32]) -> f32 = dot_with
+    /// Adds the products of all pairs of pixels at each lag.
+    ///
+    /// Every row is followed by zeros, so a lag is one shift of the whole square.
+    fn add_lags(dense: &[f32], stride: usize, sums: &mut Lags) = add_lags_with
 }
 
 #[inline(always)]
-fn dot_with<V: Vector>(a: &[f32], b: &[f32]) -> f32 {
-    let (a, rest_a) = a[..b.len()].as_chunks();
-    let (b, rest_b) = b.as_chunks();
-    let mut sums = [V::splat(0.0); 2];
-    let (pairs_a, pairs_b) = (a.chunks_exact(2), b.chunks_exact(2));
-    let odd = pairs_a.remainder().iter().zip(pairs_b.remainder());
-    for (a, b) in pairs_a.zip(pairs_b) {
-        sums[0] = sums[0].add(V::from_eight(&a[0]).mul(V::from_eight(&b[0])));
-        sums[1] = sums[1].add(V::from_eight(&a[1]).mul(V::from_eight(&b[1])));
+fn add_lags_with<V: Vector>(dense: &[f32], stride: usize, sums: &mut Lags) {
+    const WIDTH: usize = 2 * REACH + 1;
+    let last = dense.len() - REACH * stride - 2 * LANES;
+    let mut totals = [V::splat(0.0); LAGS];
+    for first in (0..last).step_by(LANES) {
+        let own = V::load(&dense[first..]);
+        for dx in 0..=REACH {
+            let total = &mut totals[REACH + dx];
+            *total = total.add(own.mul(V::load(&dense[first + dx..])));
+        }
+        for dy in 1..=REACH {
+            let row = &dense[first + dy * stride - REACH..][..WIDTH - 1 + LANES];
+            for dx in 0..WIDTH {
+                let total = &mut totals[dy * WIDTH + dx];
+                *total = total.add(own.mul(V::load(&row[dx..])));
+            }
+        }
     }
-    for (a, b) in odd {
-        sums[0] = sums[0].add(V::from_eight(a).mul(V::from_eight(b)));
+    for (sum, total) in sums.iter_mut().zip(totals) {
+        *sum += total.to_lanes().sum();
     }
-    let rest: f32 = rest_a.iter().zip(rest_b).map(|(a, b)| a * b).sum();
-    sums[0].add(sums[1]).to_lanes().0.iter().sum::<f32>() + rest
 }
 
 impl Factor {

@@ -3,6 +3,7 @@
 
 use super::Shape;
 use super::lanes::{LANES, Lanes};
+use super::moments::Moments;
 use super::plane::Plane;
 use super::prepared::Prepared;
 use super::solve::invert;
@@ -97,12 +98,31 @@ impl Subset {
 
     /// Everything that follows from grey levels and gradients.
     fn finish(&mut self, window: &Window, shape: Shape) -> Result<(), Unusable> {
-        let contrast = (self.energy / window.pixels as f64).sqrt();
-        if contrast.is_nan() || contrast < LEAST_CONTRAST {
-            return Err(Unusable::LowContrast);
-        }
+        self.check_contrast(window.pixels)?;
         let hessian = self.sum_gradients(window);
-        let (projected, count) = project_matrix(shape, &hessian);
+        self.judge(&hessian, window.pixels, shape)
+    }
+
+    /// Takes all that a step needs from sums over the pixels, and no pixels.
+    pub(super) fn take(&mut self, moments: &Moments, pixels: usize, shape: Shape) -> Result<(), Unusable> {
+        let mean = moments.reference / pixels as f64;
+        self.mean = mean as f32;
+        self.energy = moments.products[0] - moments.reference * mean;
+        self.jacobian_sum = moments.jacobian[0];
+        self.jacobian_levels = std::array::from_fn(|k| moments.jacobian[1][k] - mean * moments.jacobian[0][k]);
+        self.check_contrast(pixels)?;
+        self.judge(&hessian_from_moments(&moments.second), pixels, shape)
+    }
+
+    fn check_contrast(&self, pixels: usize) -> Result<(), Unusable> {
+        let contrast = (self.energy / pixels as f64).sqrt();
+        // Written so that NaN is refused.
+        if contrast >= LEAST_CONTRAST { Ok(()) } else { Err(Unusable::LowContrast) }
+    }
+
+    /// Whether texture of these gradients can be followed; all that follows from them.
+    fn judge(&mut self, hessian: &[[f64; 6]; 6], pixels: usize, shape: Shape) -> Result<(), Unusable> {
+        let (projected, count) = project_matrix(shape, hessian);
         self.inverse = invert(&projected, count).ok_or(Unusable::LowContrast)?;
         let (xx, xy, yy) = (hessian[0][0], hessian[0][3], hessian[3][3]);
         if count == 6 {
@@ -116,7 +136,7 @@ impl Subset {
         let weaker = 0.5 * (xx + yy) - (0.25 * (xx - yy) * (xx - yy) + xy * xy).sqrt();
         self.isotropy = weaker / (xx + yy);
         self.roughness = 0.5 * (xx + yy) / self.energy;
-        self.weak_gradient = weaker / window.pixels as f64;
+        self.weak_gradient = weaker / pixels as f64;
         Ok(())
     }
 

@@ -112,7 +112,9 @@ impl Vector for Portable {
         self.each(other, |a, b| a * b)
     }
 
-    #[inline(always)]
+    // Without an instruction for it, this is long: written out at every tap it would take minutes to compile.
+    #[cfg_attr(any(target_arch = "aarch64", target_feature = "fma"), inline(always))]
+    #[cfg_attr(not(any(target_arch = "aarch64", target_feature = "fma")), inline(never))]
     fn plus_product(self, a: Self, b: Self) -> Self {
         let mut out = self.0;
         for (out, (a, b)) in out.iter_mut().zip(a.0.into_iter().zip(b.0)) {

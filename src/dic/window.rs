@@ -181,6 +181,14 @@ impl Window {
         })
     }
 
+    /// Whether all of it lies in an image of this size when it is warped about `at`.
+    pub(super) fn stays(&self, warp: &Warp, at: (i32, i32), (width, height): (usize, usize)) -> bool {
+        let [left, top, right, bottom] = self.reach(warp);
+        let (x, y) = (f64::from(at.0), f64::from(at.1));
+        // Written so that NaN is outside.
+        x + left >= 0.0 && x + right <= width as f64 - 1.0 && y + top >= 0.0 && y + bottom <= height as f64 - 1.0
+    }
+
     /// From where to where the warped subset reaches from its centre's old place: left, top, right, bottom, px.
     pub(super) fn reach(&self, warp: &Warp) -> [f64; 4] {
         let Extent { left, top, right, bottom } = self.extent;
