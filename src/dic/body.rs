@@ -82,9 +82,9 @@ impl RigidBody {
         let mut subset = Subset::default();
         match subset.fill(reference, &window, Shape::Rigid, at) {
             Ok(()) => {
-                let mut pool = Pool::default();
+                let (mut pool, sight) = (Pool::default(), Sight::new(&window));
                 pool.add_texture(&subset, &window);
-                Ok(Self { subset, window, at, residual: Vec::new(), pool, sight: Sight::default() })
+                Ok(Self { subset, window, at, residual: Vec::new(), pool, sight })
             }
             Err(Unusable::OutOfFrame) => Err(PointStatus::OutOfFrame),
             Err(Unusable::LowContrast) => Err(PointStatus::LowContrast),
@@ -134,12 +134,11 @@ impl RigidBody {
         near: (f64, f64, f64),
     ) -> Result<BodyMotion, PointStatus> {
         let (start, offset) = self.start((x_px, y_px), near);
-        let found = self.refine(target, start)?;
         let mut residual = std::mem::take(&mut self.residual);
-        self.refiner(target).residual(&found.warp, &mut residual);
-        let told = self.told(target, &found, offset, &residual);
+        let found = self.refiner(target).refine_keeping(start, &mut residual).map_err(status_of);
+        let told = found.map(|found| self.told(target, &found, offset, &residual));
         self.residual = residual;
-        Ok(told)
+        told
     }
 
     /// As [`Self::find`], by those pixels alone that something else in the target does not hide.
@@ -157,10 +156,10 @@ impl RigidBody {
         near: (f64, f64, f64),
     ) -> Result<BodyMotion, PointStatus> {
         let (start, offset) = self.start((x_px, y_px), near);
-        let plain = self.refine(target, start);
         let (mut sight, mut residual) = (std::mem::take(&mut self.sight), std::mem::take(&mut self.residual));
+        let plain = self.refiner(target).refine_keeping(start, &mut residual).map_err(status_of);
         let found = match plain {
-            Ok(found) if sight.is_whole(&self.refiner(target), &found, &mut residual) => {
+            Ok(found) if sight.is_whole(&self.window, &found, &residual) => {
                 Ok(self.told(target, &found, offset, &residual))
             }
             _ => {

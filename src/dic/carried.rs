@@ -15,7 +15,7 @@ use super::moments::{Layers, Moments};
 use super::plane::Plane;
 use super::prepared::Prepared;
 use super::refine::Match;
-use super::sample::sample_lanes;
+use super::sample::{ShiftedColumn, sample_lanes};
 use super::sigma::{Lags, Part, Pool};
 use super::spline::Splined;
 use super::subset::Subset;
@@ -31,6 +31,9 @@ const GENTLE: f64 = 0.12;
 
 /// Gradients of fourth order read no less than this of those of eighth, in a texture that can be followed.
 const LEAST_SHARE: f64 = 0.75;
+
+/// Largest gradient of a motion for which the target is drawn in tiles, of which the parts are off by less than 0.05 px.
+const TILED: f64 = 0.01;
 
 /// From one row to the next of those whose gradients say how long a step should be.
 const ROW_STEP: usize = 3;
@@ -74,7 +77,9 @@ impl Carried {
         self.starts.clear();
         self.starts.extend(points.iter().zip(starts).map(|(point, warp)| {
             let (at, to) = (reference.local((point.x, point.y)), target.local((point.x, point.y)));
-            let is_sane = |warp: &Warp| warp.is_within(GENTLE) && window.stays(warp, to, (target.splined.width(), target.splined.height()));
+            let is_sane = |warp: &Warp| {
+                warp.is_within(GENTLE) && window.stays(warp, to, (target.splined.width(), target.splined.height()))
+            };
             warp.filter(|warp| is_sane(warp) && holds(at) && !saturated(reference, window, at))
         }));
         self.fits.clear();
@@ -95,8 +100,13 @@ impl Carried {
             let (dx, dy) = warp.apply(-f64::from(x), -f64::from(y));
             corner.get_or_insert(((f64::from(from_x) + dx, f64::from(from_y) + dy), *warp));
         }
-        if let Some((corner, warp)) = corner {
-            draw_rows(&target.splined, &self.spans, (corner, &warp), &mut self.plane);
+        if let Some(motion) = corner {
+            if motion.1.is_within(TILED) {
+                let gradients = (&reference.gradient_x, &reference.gradient_y);
+                draw_tiles(&target.splined, gradients, &self.spans, motion, &mut self.plane);
+            } else {
+                draw_rows(&target.splined, &self.spans, motion, &mut self.plane);
+            }
             self.share = share(reference, &self.spans);
         }
     }
@@ -222,14 +232,14 @@ fn add_gradients_with<V: Vector>(reference: &Prepared, first: usize, count: usiz
 
 vectorized! {
     /// Draws the rows of a target that a warp, the same everywhere, carries to `corner` and on.
-    fn draw_rows(target: &Splined, spans: &[(i32, i32)], motion: ((f64, f64), &Warp), out: &mut Plane) = draw_rows_with
+    fn draw_rows(target: &Splined, spans: &[(i32, i32)], motion: ((f64, f64), Warp), out: &mut Plane) = draw_rows_with
 }
 
 #[inline(always)]
 fn draw_rows_with<V: Vector>(
     target: &Splined,
     spans: &[(i32, i32)],
-    (corner, warp): ((f64, f64), &Warp),
+    (corner, warp): ((f64, f64), Warp),
     out: &mut Plane,
 ) {
     for (y, (left, right)) in spans.iter().enumerate().filter(|(_, span)| span.0 <= span.1) {
@@ -244,5 +254,175 @@ fn draw_rows_with<V: Vector>(
             };
             values.store(&mut row[x as usize..]);
         }
+    }
+}
+
+vectorized! {
+    /// As [`draw_rows`], in tiles that are shifted; what their parts move apart is made up for by the gradients.
+    fn draw_tiles(
+        target: &Splined,
+        gradients: (&Plane, &Plane),
+        spans: &[(i32, i32)],
+        motion: ((f64, f64), Warp),
+        out: &mut Plane,
+    ) = draw_tiles_with
+}
+
+#[inline(always)]
+fn draw_tiles_with<V: Vector>(
+    target: &Splined,
+    gradients: (&Plane, &Plane),
+    spans: &[(i32, i32)],
+    motion: ((f64, f64), Warp),
+    out: &mut Plane,
+) {
+    for (tile, spans) in spans.chunks(LANES).enumerate() {
+        let (left, right) = spans.iter().fold((i32::MAX, i32::MIN), |all, span| (all.0.min(span.0), all.1.max(span.1)));
+        if left > right {
+            continue;
+        }
+        for x in (left..=right).step_by(LANES) {
+            let place = (x, (tile * LANES) as i32);
+            match target.tap_count() {
+                4 => draw_tile::<V, 4>(target, gradients, (place, spans.len()), &motion, out),
+                _ => draw_tile::<V, 6>(target, gradients, (place, spans.len()), &motion, out),
+            }
+        }
+    }
+}
+
+#[inline(always)]
+fn draw_tile<V: Vector, const N: usize>(
+    target: &Splined,
+    gradients: (&Plane, &Plane),
+    ((left, top), rows): ((i32, i32), usize),
+    (corner, warp): &((f64, f64), Warp),
+    out: &mut Plane,
+) {
+    let middle = (0.5 * (LANES as f64 - 1.0), 0.5 * (rows as f64 - 1.0));
+    let (dx, dy) = warp.apply(f64::from(left) + middle.0, f64::from(top) + middle.1);
+    // The warp's own shift is in the corner.
+    let start = (corner.0 + dx - warp.u - middle.0, corner.1 + dy - warp.v - middle.1);
+    let mut column = ShiftedColumn::<V, N>::new(target, start);
+    let across = V::from_lanes(&Lanes::INDEX).sub(V::splat(middle.0 as f32));
+    let apart = (across.mul(V::splat(warp.ux as f32)), across.mul(V::splat(warp.vx as f32)));
+    let (first, stride) = (out.index(left as isize, top as isize), out.stride());
+    for row in 0..rows {
+        let down = row as f64 - middle.1;
+        let (dx, dy) = (V::splat((warp.uy * down) as f32), V::splat((warp.vy * down) as f32));
+        let place = first + row * stride;
+        let (gx, gy) = (V::load(&gradients.0.data()[place..]), V::load(&gradients.1.data()[place..]));
+        let value = column.next_row().plus_product(gx, apart.0.add(dx)).plus_product(gy, apart.1.add(dy));
+        value.store(&mut out.data_mut()[place..]);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::dic::speckle::{Speckle, record};
+    use crate::dic::vector::Portable;
+    use crate::dic::{CorrelationParams, Correlator, Interpolation, Start, grid};
+    use crate::image::Image;
+    use crate::results::{FieldPoint, PointStatus};
+
+    const CENTER: (f64, f64) = (70.0, 66.0);
+
+    /// A pattern, and the same turned about its centre, where its lower part moved on by itself.
+    fn pair(motion: (f64, f64, f64), lower: f64) -> (Image, Image) {
+        let speckle = Speckle::standard(31, 140.0);
+        let turn = Warp::rigid(motion.0, motion.1, motion.2.to_radians());
+        let moved = speckle.moved(|x, y| {
+            let (dx, dy) = (x - CENTER.0, y - CENTER.1);
+            let (tx, ty) = turn.apply(dx, dy);
+            (tx - dx + if dy > 20.0 { lower } else { 0.0 }, ty - dy)
+        });
+        (speckle.draw(140, 132), moved.draw(140, 132))
+    }
+
+    fn fields(images: &(Image, Image), motion: (f64, f64, f64), seed: u64) -> [Vec<FieldPoint>; 2] {
+        let params = CorrelationParams { step_px: 9, ..CorrelationParams::default() };
+        let mut correlator = Correlator::new(&params, 140, 132).unwrap();
+        let points = grid::disc(CENTER.0, CENTER.1, 56.0, 9, 31, 140, 132);
+        let reference = correlator.prepare(record(&images.0, 2.0, seed).view());
+        let target = correlator.prepare(record(&images.1, 2.0, seed + 1).view());
+        let (x_px, y_px) = CENTER;
+        let near = Start::Motion { x_px, y_px, u_px: motion.0 + 0.002, v_px: motion.1 - 0.001, angle_deg: motion.2 };
+        [Start::Search, near].map(|start| {
+            let mut field = Vec::new();
+            correlator.correlate(&reference, &target, &points, start, &mut field);
+            field
+        })
+    }
+
+    /// Root mean square of u and v about a motion.
+    fn scatter(field: &[FieldPoint], motion: (f64, f64, f64)) -> f64 {
+        let turn = Warp::rigid(motion.0, motion.1, motion.2.to_radians());
+        let square = |point: &FieldPoint| {
+            let (dx, dy) = (f64::from(point.x_px) - CENTER.0, f64::from(point.y_px) - CENTER.1);
+            let ((x, y), found) = (turn.apply(dx, dy), point.displacement.unwrap());
+            (f64::from(found.u_px) - (x - dx)).powi(2) + (f64::from(found.v_px) - (y - dy)).powi(2)
+        };
+        (field.iter().map(square).sum::<f64>() / (2 * field.len()) as f64).sqrt()
+    }
+
+    #[test]
+    fn one_look_is_as_good_as_a_search_and_tells_its_uncertainty_as_well() {
+        for motion in [(0.37, -0.21, 0.13), (-0.45, 0.73, -0.4), (1.3, 0.2, 1.7)] {
+            let images = pair(motion, 0.0);
+            let (mut sums, mut sigmas) = ([0.0; 2], [0.0; 2]);
+            for seed in 0..6 {
+                let fields = fields(&images, motion, 10 * seed);
+                for (k, field) in fields.iter().enumerate() {
+                    assert!(field.iter().all(|point| point.status == PointStatus::Valid));
+                    sums[k] += scatter(field, motion) / 6.0;
+                    let sigma = |point: &FieldPoint| f64::from(point.displacement.unwrap().sigma_u_px);
+                    sigmas[k] += field.iter().map(sigma).sum::<f64>() / (6 * field.len()) as f64;
+                }
+            }
+            eprintln!(
+                "{motion:?}: scatter {:.5} px after a search, {:.5} at one look; said {sigmas:.5?}",
+                sums[0], sums[1]
+            );
+            assert!(sums[1] < 1.03 * sums[0], "{motion:?}: {sums:?}");
+            assert!((sigmas[1] / sigmas[0] - 1.0).abs() < 0.05, "{motion:?}: {sigmas:?}");
+        }
+    }
+
+    #[test]
+    fn what_moves_otherwise_is_found_where_it_is() {
+        let motion = (0.37, -0.21, 0.13);
+        let [searched, carried] = fields(&pair(motion, 0.6), motion, 3);
+        for (a, b) in searched.iter().zip(&carried) {
+            let (a, b) = (a.displacement.unwrap(), b.displacement.unwrap());
+            assert!((a.u_px - b.u_px).abs() < 0.004 && (a.v_px - b.v_px).abs() < 0.004, "{a:?} {b:?}");
+        }
+        let moved = searched.iter().filter(|point| point.displacement.unwrap().u_px > 0.8).count();
+        assert!(moved > 5, "{moved}");
+    }
+
+    #[test]
+    fn the_target_is_drawn_alike_in_tiles_by_pixel_and_on_any_machine() {
+        let (reference, target) = pair((0.0, 0.0, 0.0), 0.0);
+        let (mut a, mut b) = (Prepared::default(), Prepared::default());
+        a.fill(reference.view(), Interpolation::Optimised);
+        b.fill(target.view(), Interpolation::Optimised);
+        // A third of a degree.
+        let warp = Warp::rigid(0.4, -0.3, 0.006);
+        let (spans, motion) = (vec![(20, 100); 132], ((-0.3, 0.7), warp));
+        let spans: Vec<_> = spans.iter().enumerate().map(|(y, s)| if y < 110 { *s } else { (1, 0) }).collect();
+        let gradients = (&b.gradient_x, &b.gradient_y);
+        let mut planes = [Plane::default(), Plane::default(), Plane::default(), Plane::default()];
+        planes.iter_mut().for_each(|plane| plane.reshape(140, 132));
+        let [rows, tiles, plain_rows, plain_tiles] = &mut planes;
+        draw_rows(&b.splined, &spans, motion, rows);
+        draw_tiles(&b.splined, gradients, &spans, motion, tiles);
+        draw_rows_with::<Portable>(&b.splined, &spans, motion, plain_rows);
+        draw_tiles_with::<Portable>(&b.splined, gradients, &spans, motion, plain_tiles);
+        assert!(*rows == *plain_rows && *tiles == *plain_tiles);
+        let apart = |y: usize| rows.row(y)[20..=100].iter().zip(&tiles.row(y)[20..=100]).map(|(a, b)| (a - b).powi(2));
+        let square: f32 = (4..106).flat_map(apart).sum::<f32>() / (81.0 * 102.0);
+        // The gradients are of another place by up to 0.7 px here; a subset's are of its own.
+        assert!(square.sqrt() < 1.0, "rms {} DN", square.sqrt());
     }
 }

@@ -8,6 +8,7 @@
 use multiversion::multiversion;
 
 use super::lanes::{LANES, Lanes};
+use super::vector::{Vector, vectorized};
 use super::window::Window;
 
 /// Half the side of the neighbourhood whose ZNCC is taken, px.
@@ -28,6 +29,12 @@ const OWN_RESIDUAL: f32 = 3.0;
 /// Times its median says that the root mean square of an even residual may be.
 const MOST_UNEVEN: f32 = 1.3;
 
+/// Squares this near in the order of their bits are the same: less than one part in a hundred.
+const EXACT_BITS: u32 = 65536;
+
+/// Stands for the pixels in the neighbourhood of one that does not belong: more than any residual is.
+const OFF_BODY: f32 = 1e30;
+
 /// Empty columns and rows around, so that neighbourhoods need no test.
 const PAD: usize = ZNCC_REACH;
 
@@ -43,14 +50,47 @@ pub(super) struct Likeness {
     /// Pixels, and sums of f, g, f f, g g and f g.
     sums: [Vec<f32>; 6],
     sorted: Vec<f32>,
+    /// By pixel of a body that is planned for: pixels in its neighbourhood, more than any number of them off the body.
+    neighbours: Vec<f32>,
 }
 
 impl Likeness {
+    /// For a body of these pixels.
+    pub(super) fn new(window: &Window) -> Self {
+        let mut own = Self::default();
+        own.load(window, &[], &[]);
+        let [count, ..] = &mut own.sums;
+        box_sums(&own.mask, own.stride, RESIDUAL_REACH, &mut own.columns, count);
+        own.neighbours =
+            count.iter().zip(&own.mask).map(|(count, mask)| if *mask > 0.5 { *count } else { OFF_BODY }).collect();
+        own
+    }
+
+    /// Whether a residual of the body that was planned for is noise all over: what the masks below would keep whole.
+    ///
+    /// `least` is the least noise there is.
+    pub(super) fn is_whole(&mut self, window: &Window, residual: &[Lanes], least: f32) -> bool {
+        let squares = sum_of_squares(residual);
+        let median = median_size(residual, window.pixels, squares / window.pixels as f64);
+        let noise = (1.4826 * median).max(least);
+        if squares > window.pixels as f64 * f64::from(MOST_UNEVEN * noise).powi(2) {
+            return false;
+        }
+        self.product.clear();
+        self.product.resize(self.neighbours.len(), 0.0);
+        for (first, row) in places(window, self.stride).zip(residual) {
+            self.product[first..first + LANES].copy_from_slice(&(*row * *row).0);
+        }
+        let most = (ALIKE_RESIDUAL * noise).powi(2);
+        self.columns.resize(self.columns.len().max(self.stride), 0.0);
+        are_within((&self.product, &self.neighbours), self.stride, most, &mut self.columns)
+    }
+
     /// Loads a reference, where it is needed, and its residual, both packed like the window's mask.
     pub(super) fn load(&mut self, window: &Window, reference: &[Lanes], residual: &[Lanes]) {
         let (width, height) = window.extent.sides();
         // Whole blocks: their lanes may reach over the rectangle to both sides.
-        self.stride = width + 2 * PAD + 2 * LANES;
+        self.stride = (width + 2 * PAD + 2 * LANES).next_multiple_of(LANES);
         let len = self.stride * (height + 2 * PAD);
         for (plane, packed) in
             [(&mut self.mask, &window.mask[..]), (&mut self.reference, reference), (&mut self.residual, residual)]
@@ -165,6 +205,94 @@ fn pick(window: &Window, stride: usize, alike: impl Fn(usize) -> bool, kept: &mu
     }));
 }
 
+/// The median of the sizes of as many residuals; more of them are 0, which no window holds.
+///
+/// `mean_square` is the mean of their squares.
+fn median_size(residual: &[Lanes], pixels: usize, mean_square: f64) -> f32 {
+    let rank = (residual.len() * LANES - pixels + pixels / 2) as f32;
+    let below = |bits: u32| count_below(residual, f32::from_bits(bits)) > rank;
+    // Squares are in the order of their bits; halving the range finds the one that so many are smaller than. That of
+    // noise is not far from half of the mean square; anything else takes longer.
+    let near = [0.3, 0.6].map(|share| (share * mean_square) as f32);
+    let (mut low, mut high) = match near.map(f32::to_bits) {
+        [low, high] if high < f32::INFINITY.to_bits() && !below(low) && below(high) => (low, high),
+        _ => (0, f32::MAX.to_bits()),
+    };
+    while high - low > EXACT_BITS {
+        let middle = low + (high - low) / 2;
+        if below(middle) { high = middle } else { low = middle }
+    }
+    f32::from_bits(low).sqrt()
+}
+
+vectorized! {
+    /// How many squares are smaller than a limit, exactly up to sixteen million.
+    fn count_below(residual: &[Lanes], limit: f32) -> f32 = count_below_with
+}
+
+#[inline(always)]
+fn count_below_with<V: Vector>(residual: &[Lanes], limit: f32) -> f32 {
+    let (one, limit) = (V::splat(1.0), V::splat(limit));
+    let mut counts = V::splat(0.0);
+    for row in residual {
+        let value = V::from_lanes(row);
+        counts = counts.add(one.and(value.mul(value).at_least(limit)));
+    }
+    (residual.len() * LANES) as f32 - counts.to_lanes().0.iter().sum::<f32>()
+}
+
+/// The sum of squares.
+#[multiversion(targets("x86_64+avx512f+avx512bw+avx512dq+avx512vl", "x86_64+avx2"))]
+fn sum_of_squares(residual: &[Lanes]) -> f64 {
+    let mut total = 0.0;
+    // Not all in single precision: a body may have a million pixels.
+    for part in residual.chunks(512) {
+        let mut sums = [0.0_f32; LANES];
+        for row in part {
+            sums.iter_mut().zip(row.0).for_each(|(sum, value)| *sum += value * value);
+        }
+        total += sums.iter().map(|sum| f64::from(*sum)).sum::<f64>();
+    }
+    total
+}
+
+vectorized! {
+    /// Whether every sum over a neighbourhood is less than `most` times its pixels.
+    fn are_within(planes: (&[f32], &[f32]), stride: usize, most: f32, columns: &mut [f32]) -> bool = are_within_with
+}
+
+#[inline(always)]
+fn are_within_with<V: Vector>(
+    (values, pixels): (&[f32], &[f32]),
+    stride: usize,
+    most: f32,
+    columns: &mut [f32],
+) -> bool {
+    const SIDE: usize = 2 * RESIDUAL_REACH + 1;
+    let (one, most) = (V::splat(1.0), V::splat(most));
+    let mut over = V::splat(0.0);
+    for row in 0..(values.len() / stride).saturating_sub(SIDE - 1) {
+        let rows = &values[row * stride..][..SIDE * stride];
+        for x in (0..stride / LANES * LANES).step_by(LANES) {
+            let mut sum = V::load(&rows[x..]);
+            for k in 1..SIDE {
+                sum = sum.add(V::load(&rows[k * stride + x..]));
+            }
+            sum.store(&mut columns[x..]);
+        }
+        let pixels = &pixels[(row + RESIDUAL_REACH) * stride + RESIDUAL_REACH..];
+        for x in (0..(stride - SIDE) / LANES * LANES).step_by(LANES) {
+            let near = &columns[x..][..SIDE - 1 + LANES];
+            let mut sum = V::load(near);
+            for k in 1..SIDE {
+                sum = sum.add(V::load(&near[k..]));
+            }
+            over = over.add(one.and(sum.at_least(most.mul(V::load(&pixels[x..])))));
+        }
+    }
+    over.to_lanes().sum() < 0.5
+}
+
 /// The sum of the square of side 2 `reach` + 1 around every value; nonsense within `reach` rows of the ends.
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512dq+avx512vl", "x86_64+avx2"))]
 fn box_sums(values: &[f32], stride: usize, reach: usize, columns: &mut Vec<f32>, out: &mut Vec<f32>) {
@@ -233,6 +361,25 @@ mod tests {
                 if square < 100.0 * count { 1.0 } else { 0.0 }
             });
             assert_eq!(kept, expected);
+        }
+    }
+
+    #[test]
+    fn a_body_is_whole_when_every_neighbourhood_is_as_noisy_as_all() {
+        let window = Window::new(WindowShape::Circle, 61);
+        let mut likeness = Likeness::new(&window);
+        for (spot, expected) in [(0.0, true), (12.0, false)] {
+            let residual =
+                packed(&window, |dx, dy| 0.02 * speckle(dx, dy) + if dx > 20 && dy > 12 { spot } else { 0.0 });
+            assert_eq!(likeness.is_whole(&window, &residual, 0.45), expected);
+            let mut kept = Vec::new();
+            let mut slow = Likeness::default();
+            slow.load(&window, &[], &residual);
+            let noise = slow.noise(&window, &window.mask).unwrap();
+            let squares = sum_of_squares(&residual) / window.pixels as f64;
+            assert!((1.4826 * median_size(&residual, window.pixels, squares) / noise - 1.0).abs() < 0.01);
+            slow.by_residual(&window, noise, &mut kept);
+            assert_eq!(kept == window.mask, expected);
         }
     }
 

@@ -66,7 +66,7 @@ pub use parts::{Parts, arithmetic};
 pub use patch::Patch;
 pub use prepared::Prepared;
 pub use region::Region;
-pub use rigid_fit::{RigidMotion, rigid_fit};
+pub use rigid_fit::{RigidMotion, rigid_fit, rigid_fit_near};
 pub use ring::{Ring, Turn};
 pub use series::Series;
 pub use vector::instruction_set;

@@ -73,11 +73,14 @@ impl Plane {
     /// Fills the margin with the mirrored interior (whole-sample symmetric).
     pub(super) fn mirror_margin(&mut self) {
         let (width, height, stride) = (self.width, self.height, self.stride());
+        // Where each column of the margin comes from, the same in every row.
+        let before: [usize; MARGIN] = std::array::from_fn(|k| MARGIN + mirror(k as isize - MARGIN as isize, width));
+        let after: [usize; MARGIN] = std::array::from_fn(|k| MARGIN + mirror((width + k) as isize, width));
         for y in 0..height {
             let row = self.padded_row_mut(y);
-            for k in 1..=MARGIN {
-                row[MARGIN - k] = row[MARGIN + mirror(-(k as isize), width)];
-                row[MARGIN + width - 1 + k] = row[MARGIN + mirror((width - 1 + k) as isize, width)];
+            for k in 0..MARGIN {
+                row[k] = row[before[k]];
+                row[MARGIN + width + k] = row[after[k]];
             }
         }
         for k in 1..=MARGIN {

@@ -45,6 +45,9 @@ const GENTLE: f64 = 0.12;
 /// Most rows of a tile.
 const TILE_ROWS: usize = 8;
 
+/// Variance under which a target holds nothing but rounding, DN^2.
+const LEAST_ENERGY: f64 = 1e-3;
+
 /// Matches from different starts this near to each other are one, px.
 const SAME_PX: f64 = 0.1;
 
@@ -101,11 +104,31 @@ pub(super) struct Refiner<'a> {
 impl Refiner<'_> {
     /// Finds the subset in the target, from `start` on.
     pub(super) fn refine(&self, start: Warp) -> Result<Match, Lost> {
+        self.refine_with(start, |warp| self.step(warp))
+    }
+
+    /// As [`Self::refine`], with the residual before the last step, which hardly changes it.
+    pub(super) fn refine_keeping(&self, start: Warp, residual: &mut Vec<Lanes>) -> Result<Match, Lost> {
+        let mut last = Sums::default();
+        let found = self.refine_with(start, |warp| {
+            last = self.sampled(warp, residual)?;
+            self.step_of(last).map(|(step, zncc, _)| (step, zncc))
+        })?;
+        self.subtract(self, last, residual);
+        Ok(found)
+    }
+
+    /// Takes exact steps as `step` says them, after quick ones.
+    fn refine_with(
+        &self,
+        start: Warp,
+        mut step_at: impl FnMut(&Warp) -> Result<(Warp, f64), Lost>,
+    ) -> Result<Match, Lost> {
         let half = f64::from(self.window.half);
         let (mut warp, quick) = self.approach(start)?;
         let mut before = None;
         for iterations in quick + 1..=quick + MOST_ITERATIONS {
-            let (step, zncc) = self.step(&warp)?;
+            let (step, zncc) = step_at(&warp)?;
             let length = step.length(half);
             if length.is_nan() || length >= half {
                 return Err(Lost::NotConverged);
@@ -161,7 +184,7 @@ impl Refiner<'_> {
         let pixels = self.window.pixels as f64;
         let mean = sums.levels / pixels;
         let energy = sums.energy - sums.levels * mean;
-        if energy.is_nan() || energy <= 1e-3 * pixels {
+        if energy.is_nan() || energy <= LEAST_ENERGY * pixels {
             return Err(Lost::NotConverged);
         }
         let zncc = (sums.product / (subset.energy * energy).sqrt()).clamp(-1.0, 1.0);
@@ -189,12 +212,22 @@ impl Refiner<'_> {
         if !self.inside(warp) {
             return Err(Lost::OutOfFrame);
         }
-        Ok(if tiled { tiled_sums_of(self, warp) } else { sums_of(self, warp) })
+        Ok(if tiled { tiled_sums_of(self, warp) } else { sums_of(self, warp, &mut []) })
+    }
+
+    /// As [`Self::pass`], exactly, and keeps what was sampled, the reference's mean taken off.
+    fn sampled(&self, warp: &Warp, values: &mut Vec<Lanes>) -> Result<Sums, Lost> {
+        values.clear();
+        if !self.inside(warp) {
+            return Err(Lost::OutOfFrame);
+        }
+        values.resize(self.window.mask.len(), Lanes::splat(0.0));
+        Ok(sums_of(self, warp, values))
     }
 
     /// Sums over all blocks; of a kernel of `N` taps, `M` is one more.
     #[inline(always)]
-    fn sums_with<V: Vector, const N: usize, const M: usize>(&self, warp: &Warp) -> Sums {
+    fn sums_with<V: Vector, const N: usize, const M: usize>(&self, warp: &Warp, values: &mut [Lanes]) -> Sums {
         let mut sums = Sums::default();
         let shift = *warp == Warp::shift(warp.u, warp.v);
         for block in &self.window.blocks {
@@ -202,13 +235,13 @@ impl Refiner<'_> {
                 let start = self.place(warp, block.dx, block.dy);
                 let column = ShiftedColumn::<V, N>::new(self.target, start);
                 if self.shape == Shape::Translation {
-                    self.add_block::<V, false>(&mut sums, block, column);
+                    self.add_block::<V, false>(&mut sums, block, column, values);
                 } else {
-                    self.add_block::<V, true>(&mut sums, block, column);
+                    self.add_block::<V, true>(&mut sums, block, column, values);
                 }
             } else {
                 let column = WarpedColumn::<N, M> { refiner: self, warp, dx: block.dx, dy: block.dy };
-                self.add_block::<V, true>(&mut sums, block, column);
+                self.add_block::<V, true>(&mut sums, block, column, values);
             }
         }
         sums
@@ -219,7 +252,7 @@ impl Refiner<'_> {
     fn tiled_sums_with<V: Vector, const N: usize>(&self, warp: &Warp) -> Sums {
         let mut sums = Sums::default();
         for block in &self.window.blocks {
-            self.add_block::<V, true>(&mut sums, block, TiledColumn::<V, N>::new(self, warp, block));
+            self.add_block::<V, true>(&mut sums, block, TiledColumn::<V, N>::new(self, warp, block), &mut []);
         }
         sums
     }
@@ -232,11 +265,20 @@ impl Refiner<'_> {
     }
 
     /// Adds one block of columns; a mere shift needs no `LEVERS`, the sums weighted with the place.
+    ///
+    /// Keeps the target's levels in `values` if there is room for them.
     #[inline(always)]
-    fn add_block<V: Vector, const LEVERS: bool>(&self, sums: &mut Sums, block: &Block, mut column: impl Rows<V>) {
+    fn add_block<V: Vector, const LEVERS: bool>(
+        &self,
+        sums: &mut Sums,
+        block: &Block,
+        mut column: impl Rows<V>,
+        values: &mut [Lanes],
+    ) {
         let packed = block.start..block.start + block.rows;
         let (mask, reference) = (&self.window.mask[packed.clone()], &self.subset.levels[packed.clone()]);
         let gradients = (&self.subset.gradient_x[packed.clone()], &self.subset.gradient_y[packed]);
+        let mut kept = values.get_mut(block.start..block.start + block.rows).unwrap_or_default().iter_mut();
         let zero = V::splat(0.0);
         let (mut levels, mut energy, mut product) = (zero, zero, zero);
         let (mut along_x, mut along_y, mut lever_x, mut lever_y) = (zero, zero, zero, zero);
@@ -245,6 +287,9 @@ impl Refiner<'_> {
         for (dy, ((mask, reference), (gradient_x, gradient_y))) in (block.dy..).zip(rows) {
             let sampled = column.next();
             let value = sampled.sub(mean).mul(V::from_lanes(mask));
+            if let Some(kept) = kept.next() {
+                *kept = value.to_lanes();
+            }
             levels = levels.add(value);
             energy = energy.plus_product(value, value);
             product = product.plus_product(value, V::from_lanes(reference));
@@ -276,38 +321,62 @@ impl Refiner<'_> {
 
     /// As [`Self::residual`], of `whole`, of which this is a part; gain and mean are those of the part.
     pub(super) fn residual_of(&self, whole: &Refiner<'_>, warp: &Warp, out: &mut Vec<Lanes>) {
-        out.clear();
-        let Ok(sums) = self.pass(warp, false) else { return };
-        if !whole.inside(warp) {
+        // The blocks are those of the whole, so its samples hold those of the part, at another mean.
+        let Ok(mut sums) = whole.sampled(warp, out) else {
+            out.clear();
+            return;
+        };
+        if !self.inside(warp) {
+            out.clear();
             return;
         }
+        if !std::ptr::eq(self, whole) {
+            sums = part_sums(out, &self.window.mask);
+        }
+        // What has no contrast is like nothing, and nothing says that it hides the body.
+        let contrast = sums.energy - sums.levels * sums.levels / self.window.pixels as f64;
+        if contrast.is_nan() || contrast <= LEAST_ENERGY * self.window.pixels as f64 {
+            out.clear();
+            return;
+        }
+        self.subtract(whole, sums, out);
+    }
+
+    /// Turns samples of `whole` into its difference to the gain-matched target; gain and mean are those of this part,
+    /// over which `sums` are.
+    fn subtract(&self, whole: &Refiner<'_>, sums: Sums, out: &mut [Lanes]) {
         let mean = sums.levels / self.window.pixels as f64;
         let gain = (self.subset.energy / (sums.energy - sums.levels * mean)).sqrt();
-        out.resize(whole.window.mask.len(), Lanes::splat(0.0));
         // The means of both references are off their levels.
         let apart = f64::from(whole.subset.mean - self.subset.mean) / gain;
-        differences(whole, warp, (self.subset.mean + (mean + apart) as f32, gain as f32), out);
+        let (mean, gain) = (Lanes::splat((mean + apart) as f32), Lanes::splat(gain as f32));
+        subtract(&whole.subset.levels, &whole.window.mask, (mean, gain), out);
     }
 }
 
 vectorized! {
-    /// Reference less `gain` (target - `mean`), on the mask.
-    fn differences(refiner: &Refiner<'_>, warp: &Warp, mean_and_gain: (f32, f32), out: &mut [Lanes]) = differences_with
+    /// Levels less gain (samples - mean), on the mask, in the place of the samples.
+    fn subtract(levels: &[Lanes], mask: &[Lanes], mean_and_gain: (Lanes, Lanes), out: &mut [Lanes]) = subtract_with
 }
 
 #[inline(always)]
-fn differences_with<V: Vector>(refiner: &Refiner<'_>, warp: &Warp, (mean, gain): (f32, f32), out: &mut [Lanes]) {
-    let (mean, gain) = (V::splat(mean), V::splat(gain));
-    for block in &refiner.window.blocks {
-        let packed = block.start..block.start + block.rows;
-        let rows = refiner.subset.levels[packed.clone()].iter().zip(&refiner.window.mask[packed.clone()]);
-        for (dy, ((level, mask), out)) in (block.dy..).zip(rows.zip(&mut out[packed])) {
-            let start = refiner.place(warp, block.dx, dy);
-            let value =
-                sample_lanes::<V, 6, 7>(refiner.target, start, warp.ux, warp.vx).sub(mean).mul(V::from_lanes(mask));
-            *out = V::from_lanes(level).sub(value.mul(gain)).to_lanes();
-        }
+fn subtract_with<V: Vector>(levels: &[Lanes], mask: &[Lanes], (mean, gain): (Lanes, Lanes), out: &mut [Lanes]) {
+    let (mean, gain) = (V::from_lanes(&mean), V::from_lanes(&gain));
+    for ((level, mask), out) in levels.iter().zip(mask).zip(out) {
+        let value = V::from_lanes(out).sub(mean.mul(V::from_lanes(mask)));
+        *out = V::from_lanes(level).sub(value.mul(gain)).to_lanes();
     }
+}
+
+/// Sum and sum of squares of samples on a mask.
+fn part_sums(samples: &[Lanes], mask: &[Lanes]) -> Sums {
+    let mut sums = Sums::default();
+    for (value, mask) in samples.iter().zip(mask) {
+        let value = *value * *mask;
+        sums.levels += value.sum();
+        sums.energy += (value * value).sum();
+    }
+    sums
 }
 
 /// The rows of a block of the target, one after the other.
@@ -383,14 +452,14 @@ impl<V: Vector, const N: usize, const M: usize> Rows<V> for WarpedColumn<'_, N, 
 
 vectorized! {
     /// [`Refiner::sums_with`].
-    fn sums_of(refiner: &Refiner<'_>, warp: &Warp) -> Sums = sums_with
+    fn sums_of(refiner: &Refiner<'_>, warp: &Warp, values: &mut [Lanes]) -> Sums = sums_with
 }
 
 #[inline(always)]
-fn sums_with<V: Vector>(refiner: &Refiner<'_>, warp: &Warp) -> Sums {
+fn sums_with<V: Vector>(refiner: &Refiner<'_>, warp: &Warp, values: &mut [Lanes]) -> Sums {
     match refiner.target.tap_count() {
-        4 => refiner.sums_with::<V, 4, 5>(warp),
-        _ => refiner.sums_with::<V, 6, 7>(warp),
+        4 => refiner.sums_with::<V, 4, 5>(warp, values),
+        _ => refiner.sums_with::<V, 6, 7>(warp, values),
     }
 }
 
@@ -408,91 +477,4 @@ fn tiled_sums_with<V: Vector>(refiner: &Refiner<'_>, warp: &Warp) -> Sums {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::dic::prepared::Prepared;
-    use crate::dic::speckle::{Speckle, record};
-    use crate::dic::vector::Portable;
-    use crate::dic::{Interpolation, WindowShape, zncc};
-    use crate::image::{Image, ImageView};
-
-    fn pair() -> (Image, Prepared, Prepared) {
-        let speckle = Speckle::standard(71, 90.0);
-        let turn = Warp::rigid(0.63, -0.31, 0.03);
-        let moved = speckle.moved(|x, y| {
-            let (tx, ty) = turn.apply(x - 45.0, y - 45.0);
-            (tx - (x - 45.0), ty - (y - 45.0))
-        });
-        let reference = record(&speckle.draw(90, 90), 1.0, 1);
-        let (mut a, mut b) = (Prepared::default(), Prepared::default());
-        a.fill(reference.view(), Interpolation::Optimised);
-        b.fill(record(&moved.draw(90, 90), 1.0, 2).view(), Interpolation::Optimised);
-        (reference, a, b)
-    }
-
-    /// The slow twin: the statistical correlation of the reference subset with the resampled target.
-    #[test]
-    fn the_answer_is_where_the_statistical_correlation_is_highest() {
-        let (image, reference, target) = pair();
-        let window = Window::new(WindowShape::Square, 31);
-        let mut subset = Subset::default();
-        let at = (45, 44);
-        subset.fill(&reference, &window, Shape::Affine, at).unwrap();
-        let refiner = Refiner {
-            subset: &subset,
-            window: &window,
-            shape: Shape::Affine,
-            target: &target.splined,
-            at: target.local(at),
-        };
-        let found = refiner.refine(Warp::shift(1.0, 0.0)).unwrap();
-        let offsets: Vec<(i32, i32)> = (0..31 * 31).map(|k| (k % 31 - 15, k / 31 - 15)).collect();
-        let pixel = |(dx, dy): &(i32, i32)| image.view().at((45 + dx) as usize, (44 + dy) as usize).unwrap();
-        let f: Vec<f32> = offsets.iter().map(pixel).collect();
-        let slow = |warp: &Warp| {
-            let sample = |(dx, dy): &(i32, i32)| {
-                let (x, y) = warp.apply(f64::from(*dx), f64::from(*dy));
-                target.splined.at(45.0 + x, 44.0 + y)
-            };
-            let g: Vec<f32> = offsets.iter().map(sample).collect();
-            zncc(ImageView::new(&f, 31, 31).unwrap(), ImageView::new(&g, 31, 31).unwrap()).unwrap()
-        };
-        let highest = slow(&found.warp);
-        assert!((highest - found.zncc).abs() < 1e-5, "{highest} {}", found.zncc);
-        let w = found.warp;
-        for (name, other) in [
-            ("u", Warp { u: w.u + 0.02, ..w }),
-            ("u", Warp { u: w.u - 0.02, ..w }),
-            ("v", Warp { v: w.v + 0.02, ..w }),
-            ("v", Warp { v: w.v - 0.02, ..w }),
-            ("ux", Warp { ux: w.ux + 0.003, ..w }),
-            ("vy", Warp { vy: w.vy - 0.003, ..w }),
-            ("uy", Warp { uy: w.uy + 0.003, ..w }),
-            ("vx", Warp { vx: w.vx - 0.003, ..w }),
-        ] {
-            assert!(slow(&other) < highest, "{name} is not at its best");
-        }
-    }
-
-    #[test]
-    fn sums_are_equal_to_the_last_bit_with_and_without_vector_instructions() {
-        let (_, reference, target) = pair();
-        for shape in [WindowShape::Square, WindowShape::Circle] {
-            let window = Window::new(shape, 27);
-            let mut subset = Subset::default();
-            subset.fill(&reference, &window, Shape::Affine, (45, 44)).unwrap();
-            let target = &target.splined;
-            let refiner = Refiner { subset: &subset, window: &window, shape: Shape::Affine, target, at: (45, 44) };
-            let warps = [Warp::shift(0.3, -1.7), Warp::rigid(0.6, -0.3, 0.03), Warp::rigid(0.6, -0.3, 0.3)];
-            let exact = warps.map(|warp| (sums_of(&refiner, &warp), sums_with::<Portable>(&refiner, &warp)));
-            let tiled =
-                warps.map(|warp| (tiled_sums_of(&refiner, &warp), tiled_sums_with::<Portable>(&refiner, &warp)));
-            for (fast, plain) in exact.into_iter().chain(tiled) {
-                assert_eq!(fast.levels.to_bits(), plain.levels.to_bits());
-                assert_eq!(fast.energy.to_bits(), plain.energy.to_bits());
-                assert_eq!(fast.product.to_bits(), plain.product.to_bits());
-                assert_eq!(fast.jacobian.map(f64::to_bits), plain.jacobian.map(f64::to_bits));
-            }
-        }
-    }
-}
+mod tests;

@@ -30,6 +30,13 @@ const REJECT: f64 = 5.0;
 /// Smallest scatter assumed when outliers are told from the rest, px.
 const LEAST_SCATTER_PX: f64 = 0.002;
 
+/// A vector within so many of its standard deviations of a foretold motion follows it, or within so many pixels.
+const SHARED_SIGMAS: f64 = 4.0;
+const SHARED_PX: f64 = 0.01;
+
+/// A round that moves nothing by more than this is the last, px and rad.
+const SETTLED: f64 = 1e-9;
+
 /// Pairs of points tried for the first guess.
 const TRIALS: usize = 60;
 
@@ -100,11 +107,22 @@ impl Turn {
 ///
 /// Grows with the number of points times the number of subsets that overlap one.
 pub fn rigid_fit(field: &mut [FieldPoint], x_px: f64, y_px: f64, subset_size_px: u32) -> Option<RigidMotion> {
-    let mut vectors = collect(field, (x_px, y_px));
+    rigid_fit_near(field, (x_px, y_px), subset_size_px, None)
+}
+
+/// As [`rigid_fit`], with a motion (u, v, px; angle, deg) that is the first guess where most vectors follow it.
+pub fn rigid_fit_near(
+    field: &mut [FieldPoint],
+    point_px: (f64, f64),
+    subset_size_px: u32,
+    near: Option<(f64, f64, f64)>,
+) -> Option<RigidMotion> {
+    let mut vectors = collect(field, point_px);
     if vectors.len() < 3 {
         return None;
     }
-    let mut turn = first_guess(&vectors)?;
+    let foretold = near.map(|(u_px, v_px, angle_deg)| Turn::new(u_px, v_px, angle_deg.to_radians()));
+    let mut turn = foretold.filter(|turn| is_shared(turn, &vectors)).or_else(|| first_guess(&vectors))?;
     let mut scatter = LEAST_SCATTER_PX;
     for _ in 0..ROUNDS {
         scatter = robust_scatter(&turn, &vectors);
@@ -113,7 +131,10 @@ pub fn rigid_fit(field: &mut [FieldPoint], x_px: f64, y_px: f64, subset_size_px:
             let biweight = if ratio < 1.0 { (1.0 - ratio * ratio).powi(2) } else { 0.0 };
             vector.weight = biweight / vector.variance;
         }
-        turn = weighted_fit(&vectors)?;
+        let before = std::mem::replace(&mut turn, weighted_fit(&vectors)?);
+        if [turn.u - before.u, turn.v - before.v, turn.angle - before.angle].iter().all(|step| step.abs() < SETTLED) {
+            break;
+        }
     }
     let follows = |vector: &Vector| turn.distance(vector) <= REJECT * scale(vector, scatter);
     for vector in vectors.iter().filter(|vector| !follows(vector)) {
@@ -125,6 +146,15 @@ pub fn rigid_fit(field: &mut [FieldPoint], x_px: f64, y_px: f64, subset_size_px:
         return None;
     }
     uncertain(&turn, &vectors, f64::from(subset_size_px))
+}
+
+/// Whether most vectors follow a motion, as near as subsets of one body do.
+fn is_shared(turn: &Turn, vectors: &[Vector]) -> bool {
+    let near = |vector: &&Vector| {
+        let most = (SHARED_SIGMAS * SHARED_SIGMAS * vector.variance).max(SHARED_PX * SHARED_PX);
+        turn.squared_distance(vector) <= most
+    };
+    4 * vectors.iter().filter(near).count() >= 3 * vectors.len()
 }
 
 /// The scatter expected of a vector: its own uncertainty, or the field's where that is larger.
@@ -340,6 +370,15 @@ mod tests {
         assert!((motion.u_px - 1.0).abs() < 0.005 && (motion.v_px - 0.5).abs() < 0.005, "{motion:?}");
         assert!(field.iter().all(|point| (point.status == PointStatus::Outlier) == (point.y_px < 70.0)));
         assert_eq!(motion.points, 35);
+    }
+
+    #[test]
+    fn a_motion_that_was_foretold_is_taken_only_where_the_vectors_share_it() {
+        let turn = Turn::new(1.0, 0.5, 0.01);
+        let fit = |near| rigid_fit_near(&mut body(turn, 0.005, 3), (100.0, 90.0), 31, near).unwrap();
+        let (free, near) = (fit(None), fit(Some((1.003, 0.498, 0.01_f64.to_degrees()))));
+        assert!((free.u_px - near.u_px).abs() < 1e-5 && (free.angle_deg - near.angle_deg).abs() < 1e-5);
+        assert_eq!(fit(Some((0.0, 0.0, 0.0))), free);
     }
 
     #[test]

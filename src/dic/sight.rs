@@ -53,18 +53,14 @@ enum Mask {
 }
 
 impl Sight {
+    /// For a body of these pixels.
+    pub(super) fn new(window: &Window) -> Self {
+        Self { likeness: Likeness::new(window), ..Self::default() }
+    }
+
     /// Whether every pixel of the body looks as it should after a match of all of them, which left `residual`.
-    pub(super) fn is_whole(&mut self, body: &Refiner<'_>, found: &Match, residual: &mut Vec<Lanes>) -> bool {
-        if found.zncc < WHOLE_ZNCC {
-            return false;
-        }
-        body.residual(&found.warp, residual);
-        let (window, likeness) = (body.window, &mut self.likeness);
-        likeness.load(window, &[], residual);
-        let noise = likeness.noise(window, &window.mask).map_or(LEAST_NOISE, |noise| noise.max(LEAST_NOISE));
-        likeness.by_residual(window, noise, &mut self.kept);
-        let pixels: f32 = self.kept.iter().flat_map(|row| row.0).sum();
-        pixels as usize == window.pixels && likeness.is_even(window, noise, &self.kept)
+    pub(super) fn is_whole(&mut self, window: &Window, found: &Match, residual: &[Lanes]) -> bool {
+        found.zncc >= WHOLE_ZNCC && self.likeness.is_whole(window, residual, LEAST_NOISE)
     }
 
     /// Finds what is in sight, from a start about 1 px and 1 deg off at most, or from a match of all pixels.

@@ -150,9 +150,14 @@ fn unpack(window: &Window, packed: impl Fn(usize) -> Lanes, dense: &mut Vec<f32>
         for row in 0..block.rows {
             let y = (window.half as i32 + block.dy) as usize + row;
             let first = y * stride + (window.half as i32 + block.dx) as usize;
+            let lanes = packed(block.start + row);
             // A last block may reach over the square into the zeros, where its mask has zeros too.
-            let room = stride.min(first % stride + LANES) - first % stride;
-            dense[first..first + room].copy_from_slice(&packed(block.start + row).0[..room]);
+            let room = stride - first % stride;
+            if room >= LANES {
+                dense[first..first + LANES].copy_from_slice(&lanes.0);
+            } else {
+                dense[first..first + room].copy_from_slice(&lanes.0[..room]);
+            }
         }
     }
     stride

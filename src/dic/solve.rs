@@ -6,6 +6,12 @@
 /// Scaled to a unit diagonal first, so that the test for singularity does not
 /// depend on units.
 pub(super) fn invert<const M: usize>(matrix: &[[f64; M]; M], n: usize) -> Option<[[f64; M]; M]> {
+    // Loops of a known length are several times faster.
+    if n == M { invert_leading(matrix, M) } else { invert_leading(matrix, n) }
+}
+
+#[inline(always)]
+fn invert_leading<const M: usize>(matrix: &[[f64; M]; M], n: usize) -> Option<[[f64; M]; M]> {
     let mut scale = [0.0; M];
     for k in 0..n {
         if !matrix[k][k].is_finite() || matrix[k][k] <= 0.0 {
@@ -31,11 +37,12 @@ pub(super) fn invert<const M: usize>(matrix: &[[f64; M]; M], n: usize) -> Option
             work[pivot][column] /= size;
             inverse[pivot][column] /= size;
         }
+        let (own, other) = (work[pivot], inverse[pivot]);
         for row in (0..n).filter(|row| *row != pivot) {
             let factor = work[row][pivot];
             for column in 0..n {
-                work[row][column] -= factor * work[pivot][column];
-                inverse[row][column] -= factor * inverse[pivot][column];
+                work[row][column] -= factor * own[column];
+                inverse[row][column] -= factor * other[column];
             }
         }
     }

@@ -346,6 +346,9 @@ pub(super) fn project(shape: Shape, affine: &[f64; 6]) -> ([f64; 6], usize) {
 
 /// [`project`] on both sides of a matrix.
 fn project_matrix(shape: Shape, affine: &[[f64; 6]; 6]) -> ([[f64; 6]; 6], usize) {
+    if matches!(shape, Shape::Affine | Shape::Quadratic) {
+        return (*affine, 6);
+    }
     let mut rows = [[0.0; 6]; 6];
     for (row, line) in affine.iter().enumerate() {
         rows[row] = project(shape, line).0;

@@ -81,6 +81,8 @@ impl Window {
         let mut window =
             Self { blocks: Vec::new(), mask: Vec::new(), pixels: 0, half, radius: 0.0, extent: Extent::default() };
         let inside = |dx: i32, dy: i32| dx.abs() <= reach && dy.abs() <= reach && belongs(dx, dy);
+        // Of the largest distance: half widths are under 10 000 px.
+        let mut square = 0;
         for dx in (-reach..=reach).step_by(LANES) {
             let used = |dy: &i32| (0..LANES as i32).any(|lane| inside(dx + lane, *dy));
             let Some(first) = (-reach..=reach).find(used) else { continue };
@@ -92,11 +94,12 @@ impl Window {
                 for (x, value) in (dx..).zip(&mut row.0).filter(|(x, _)| inside(*x, dy)) {
                     *value = 1.0;
                     window.pixels += 1;
-                    window.radius = window.radius.max(f64::from(x).hypot(f64::from(dy)));
+                    square = square.max(x * x + dy * dy);
                 }
                 window.mask.push(row);
             }
         }
+        window.radius = f64::from(square).sqrt();
         window.measure();
         window
     }
