@@ -34,6 +34,8 @@ pub(super) struct Correction {
 #[derive(Debug, Default)]
 pub(super) struct CircleFit {
     weight: Vec<f64>,
+    /// Square roots of the weights.
+    root: Vec<f64>,
     /// Tukey's share of every bin, 0 where it is not used.
     pub trust: Vec<f64>,
     residual: Vec<f64>,
@@ -52,20 +54,8 @@ impl CircleFit {
         for _ in 0..rounds {
             self.residuals(rim, edges, answer);
             let scale = self.scale()?;
-            let mut right = Vector3::zeros();
-            normal = Matrix3::zeros();
-            for (bin, edge) in edges.iter().enumerate() {
-                let z = self.residual[bin] * self.weight[bin].sqrt() / (TUKEY * scale);
-                let far = self.residual[bin] / FARTHEST_PX;
-                let near = self.weight[bin] > 0.0 && z.abs() < 1.0 && far.abs() < 1.0;
-                self.trust[bin] = if near { ((1.0 - z * z) * (1.0 - far * far)).powi(2) } else { 0.0 };
-                let weight = self.trust[bin] * self.weight[bin];
-                if weight > 0.0 {
-                    let row = row(rim, bin);
-                    normal += row * row.transpose() * weight;
-                    right += row * (weight * f64::from(edge.shift));
-                }
-            }
+            let right;
+            (normal, right) = self.equations(rim, edges, TUKEY * scale);
             let before = std::mem::replace(&mut answer, normal.cholesky()?.solve(&right));
             if (answer - before).amax() < SETTLED_PX {
                 break;
@@ -73,6 +63,25 @@ impl CircleFit {
         }
         self.residuals(rim, edges, answer);
         Some(Correction { dx: answer[0], dy: answer[1], dr: answer[2], normal })
+    }
+
+    /// Normal matrix and right side of the circle, each edge trusted by its last residual.
+    fn equations(&mut self, rim: &Rim, edges: &[Edge], most: f64) -> (Matrix3<f64>, Vector3<f64>) {
+        let (cos, sin) = rim.directions();
+        // cos cos, cos sin, sin sin, cos, sin, 1; and the shift times cos, sin, 1.
+        let mut sums = [0.0; 9];
+        for (bin, edge) in edges.iter().enumerate() {
+            let z = self.residual[bin] * self.root[bin] / most;
+            let far = self.residual[bin] / FARTHEST_PX;
+            let near = self.weight[bin] > 0.0 && z.abs() < 1.0 && far.abs() < 1.0;
+            self.trust[bin] = if near { ((1.0 - z * z) * (1.0 - far * far)).powi(2) } else { 0.0 };
+            let weight = self.trust[bin] * self.weight[bin];
+            let (x, y, shift) = (weight * cos[bin], weight * sin[bin], f64::from(edge.shift));
+            let terms = [x * cos[bin], x * sin[bin], y * sin[bin], x, y, weight, x * shift, y * shift, weight * shift];
+            sums.iter_mut().zip(terms).for_each(|(sum, term)| *sum += term);
+        }
+        let [xx, xy, yy, x, y, one, right @ ..] = sums;
+        (Matrix3::new(xx, xy, x, xy, yy, y, x, y, one), Vector3::from(right))
     }
 
     /// How many trusted edges lie within `limit_px` of the circle fitted last.
@@ -90,20 +99,25 @@ impl CircleFit {
             let blotch = f64::from(edge.rms / edge.contrast);
             1.0 / (sigma * sigma + RIM_ROUGHNESS_PX.powi(2) + blotch * blotch)
         }));
+        self.root.clear();
+        self.root.extend(self.weight.iter().map(|weight| weight.sqrt()));
         self.trust.clear();
         self.trust.resize(edges.len(), 0.0);
     }
 
     fn residuals(&mut self, rim: &Rim, edges: &[Edge], answer: Vector3<f64>) {
         self.residual.clear();
-        self.residual.extend(edges.iter().enumerate().map(|(bin, e)| f64::from(e.shift) - row(rim, bin).dot(&answer)));
+        let (cos, sin) = rim.directions();
+        let places = edges.iter().zip(cos.iter().zip(sin));
+        self.residual
+            .extend(places.map(|(e, (cos, sin))| f64::from(e.shift) - (cos * answer[0] + sin * answer[1] + answer[2])));
     }
 
     /// Robust standard deviation of the weighted residuals.
     fn scale(&mut self) -> Option<f64> {
         self.sorted.clear();
-        let pairs = self.residual.iter().zip(&self.weight).filter(|(_, w)| **w > 0.0);
-        self.sorted.extend(pairs.map(|(e, w)| e.abs() * w.sqrt()));
+        let pairs = self.residual.iter().zip(&self.root).filter(|(_, root)| **root > 0.0);
+        self.sorted.extend(pairs.map(|(e, root)| e.abs() * root));
         spread(&mut self.sorted).map(|scale| scale.max(1e-6))
     }
 
@@ -126,14 +140,18 @@ impl CircleFit {
         let bins = rim.bins();
         let score = |bin: usize| row(rim, bin) * (self.trust[bin] * self.weight[bin] * self.residual[bin]);
         let scores: Vec<Vector3<f64>> = (0..bins).map(score).collect();
+        let reach = ALIKE_BINS.min(bins / 4);
         let mut meat = Matrix3::zeros();
         for (bin, own) in scores.iter().enumerate() {
-            meat += own * own.transpose();
-            for lag in 1..=ALIKE_BINS.min(bins / 4) {
-                let share = 1.0 - lag as f64 / (ALIKE_BINS + 1) as f64;
-                let cross = own * scores[(bin + lag) % bins].transpose() * share;
-                meat += cross + cross.transpose();
+            // All that is like it and comes later, together.
+            let mut later = Vector3::zeros();
+            for lag in 1..=reach {
+                let place = bin + lag;
+                let place = if place < bins { place } else { place - bins };
+                later += scores[place] * (1.0 - lag as f64 / (ALIKE_BINS + 1) as f64);
             }
+            let cross = own * later.transpose();
+            meat += own * own.transpose() + cross + cross.transpose();
         }
         meat
     }

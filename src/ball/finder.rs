@@ -5,7 +5,8 @@ use super::coarse::{Coarse, Marks, Place};
 use super::marked::Marked;
 use super::params::{BallError, BallParams, OutlineMethod};
 use super::rays::{Guess, Look, Rays};
-use super::refine::{CERTAIN_AGREEING, Measured, Refine};
+use super::refine::{CERTAIN_AGREEING, FARTHEST_PX, Measured, Refine};
+use super::rim::{BAND_PX, INNER_BAND_PX};
 use crate::image::ImageView;
 use crate::results::Circle;
 
@@ -24,6 +25,9 @@ const WHOLE_RIMS: usize = 8;
 const REACH_PX: f32 = 7.0;
 /// A prediction is off by less than this, px.
 const FOLLOW_REACH_PX: f32 = 5.0;
+
+/// An outline this near to where it was foretold needs no search, px.
+const FORETOLD_PX: f64 = 1.0;
 
 const CLOSE: Look = Look { reach_px: 4.0, tolerance_px: 0.6, draws: 120, rays: 120 };
 
@@ -69,6 +73,11 @@ pub struct BallFinder {
 }
 
 impl BallFinder {
+    /// How far outside of the circle that a ball is followed from [`follow`](Self::follow) looks, px.
+    ///
+    /// The search and the refinement each move the centre and the radius by so much at most, and look a band farther.
+    pub const FOLLOW_RANGE_PX: f64 = 2.0 * (FOLLOW_REACH_PX as f64 + FARTHEST_PX) + 2.0 * BAND_PX + 4.0;
+
     /// Plans a finder for images of `width_px` x `height_px` pixels.
     ///
     /// # Errors
@@ -110,6 +119,11 @@ impl BallFinder {
         self.coarse.reduce(image);
         self.places.clear();
         self.coarse.plain(&mut self.places);
+        // Mostly marks need not be painted out.
+        self.rank(image, QUICK);
+        if let Some(circle) = self.beyond_doubt(image) {
+            return Some(circle);
+        }
         self.coarse.without_marks(Marks::Dark, &mut self.places);
         if let Some(circle) = self.best_of_places(image, QUICK) {
             return Some(circle);
@@ -142,6 +156,9 @@ impl BallFinder {
 
     /// The outline by its edges, near a prediction.
     fn edges_near(&mut self, image: ImageView<'_>, near: (f32, f32, f32)) -> Option<Circle> {
+        if let Some(circle) = self.edges_at(image, near) {
+            return Some(circle);
+        }
         let look = Look { reach_px: FOLLOW_REACH_PX, tolerance_px: 0.7, draws: 60, rays: 120 };
         let guess = self.rays.look(image, near, look)?;
         if let Some(measured) = self.measure(image, &guess) {
@@ -152,6 +169,17 @@ impl BallFinder {
             let guess = Guess { x: near.0, y: near.1, radius: near.2, support: 1.0, polarity };
             self.measure(image, &guess).map(|m| m.circle)
         })
+    }
+
+    /// The outline right where it was foretold, if its edges leave no doubt.
+    fn edges_at(&mut self, image: ImageView<'_>, (x, y, radius): (f32, f32, f32)) -> Option<Circle> {
+        let polarity = polarity(image, (x, y, radius))?;
+        let guess = Guess { x, y, radius, support: 1.0, polarity };
+        let Measured { circle, agreeing } =
+            self.refine.circle_at(image, &guess).filter(|m| self.is_sized(&m.circle))?;
+        let apart = [circle.x_px - f64::from(x), circle.y_px - f64::from(y), circle.radius_px - f64::from(radius)];
+        let is_near = apart.iter().all(|apart| apart.abs() <= FORETOLD_PX);
+        (agreeing > CERTAIN_AGREEING && is_near).then_some(circle)
     }
 
     /// What is told of an outline found by its edges.
@@ -166,8 +194,8 @@ impl BallFinder {
         assert_eq!((image.width(), image.height()), self.shape, "the finder was planned for another image shape");
     }
 
-    /// Ranks the places by their rim and measures the best.
-    fn best_of_places(&mut self, image: ImageView<'_>, effort: Effort) -> Option<Circle> {
+    /// Ranks the places by their rim.
+    fn rank(&mut self, image: ImageView<'_>, effort: Effort) {
         self.guesses.clear();
         self.places.sort_by(|a, b| b.score.total_cmp(&a.score));
         let places = if self.coarse.bands() > 1 { effort.places.1 } else { effort.places.0 };
@@ -177,15 +205,27 @@ impl BallFinder {
             self.guesses.extend(self.rays.look(image, (place.x, place.y, place.radius), look));
         }
         self.keep_finalists();
+    }
+
+    /// Looks closer at the guesses; mostly one of the first is the ball, and then nothing else needs a look.
+    fn beyond_doubt(&mut self, image: ImageView<'_>) -> Option<Circle> {
         for i in 0..self.guesses.len() {
             self.guesses[i] = self.closer(image, self.guesses[i]);
-            // Mostly the first one is the ball, beyond doubt: then nothing else needs a look.
             if i < 2
                 && let Some(measured) = self.measure(image, &self.guesses[i].clone())
                 && measured.agreeing > CERTAIN_AGREEING
             {
                 return Some(measured.circle);
             }
+        }
+        None
+    }
+
+    /// Ranks the places by their rim and measures the best.
+    fn best_of_places(&mut self, image: ImageView<'_>, effort: Effort) -> Option<Circle> {
+        self.rank(image, effort);
+        if let Some(circle) = self.beyond_doubt(image) {
+            return Some(circle);
         }
         if effort.whole_rims {
             self.guess_from_whole_rims(image);
@@ -260,8 +300,31 @@ impl BallFinder {
         if guess.support < LEAST_SUPPORT {
             return None;
         }
-        let measured = self.refine.circle(image, guess)?;
-        let range = self.params.min_radius_px - 1.0..=self.params.max_radius_px + 1.0;
-        range.contains(&measured.circle.radius_px).then_some(measured)
+        self.refine.circle(image, guess).filter(|measured| self.is_sized(&measured.circle))
     }
+
+    /// Whether a circle is as large as the ball may be.
+    fn is_sized(&self, circle: &Circle) -> bool {
+        let range = self.params.min_radius_px - 1.0..=self.params.max_radius_px + 1.0;
+        range.contains(&circle.radius_px)
+    }
+}
+
+/// Whether the inside of a circle's rim is brighter than the outside; `None` when hardly any of the rim is in sight.
+fn polarity(image: ImageView<'_>, (x, y, radius): (f32, f32, f32)) -> Option<Polarity> {
+    const DIRECTIONS: usize = 48;
+    let (mut difference, mut count) = (0.0, 0);
+    for k in 0..DIRECTIONS {
+        let (sin, cos) = (k as f32 * std::f32::consts::TAU / DIRECTIONS as f32).sin_cos();
+        let level = |reach: f32| {
+            let (x, y) = ((x + reach * cos).round(), (y + reach * sin).round());
+            if x < 0.0 || y < 0.0 { None } else { image.at(x as usize, y as usize) }
+        };
+        if let (Some(inside), Some(outside)) = (level(radius - INNER_BAND_PX as f32), level(radius + BAND_PX as f32)) {
+            difference += inside - outside;
+            count += 1;
+        }
+    }
+    let sign = if difference > 0.0 { Polarity::Brighter } else { Polarity::Darker };
+    (4 * count > DIRECTIONS).then_some(sign)
 }

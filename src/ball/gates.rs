@@ -9,6 +9,8 @@ const LEAST_CONTRAST: f32 = 8.0;
 const FARTHEST_PX: f32 = 2.5;
 /// Bins among which contrasts are compared.
 const NEIGHBOURS: usize = 41;
+/// Bins from one place where they are compared to the next.
+const STRIDE: usize = 4;
 /// Rank of the contrast that stands for clean rim among them.
 const CLEAN_RANK: f32 = 0.85;
 /// Share of the clean contrast that an edge of a brighter ball must reach.
@@ -21,6 +23,7 @@ pub(super) struct Gates {
     pub used: Vec<bool>,
     contrast: Vec<f32>,
     sorted: Vec<f32>,
+    clean: Vec<f32>,
 }
 
 impl Gates {
@@ -61,26 +64,44 @@ impl Gates {
     fn drop_speckle(&mut self) {
         let bins = self.used.len();
         let reach = NEIGHBOURS.min(bins) / 2;
-        let stride = 4;
-        let mut clean = Vec::with_capacity(bins.div_ceil(stride));
+        let stride = STRIDE;
+        self.clean.clear();
         for middle in (0..bins).step_by(stride) {
             self.sorted.clear();
-            for step in 0..=2 * reach {
-                let bin = (middle + bins + step - reach) % bins;
+            let mut bin = (middle + bins - reach) % bins;
+            for _ in 0..=2 * reach {
                 if self.used[bin] {
                     self.sorted.push(self.contrast[bin]);
                 }
+                bin = if bin + 1 < bins { bin + 1 } else { 0 };
             }
-            if self.sorted.is_empty() {
-                clean.push(0.0);
-                continue;
-            }
-            let rank = ((self.sorted.len() - 1) as f32 * CLEAN_RANK).round() as usize;
-            clean.push(*self.sorted.select_nth_unstable_by(rank, f32::total_cmp).1);
+            let rank = (self.sorted.len().saturating_sub(1) as f32 * CLEAN_RANK).round() as usize;
+            self.clean.push(nth_highest(&self.sorted, self.sorted.len() - rank.min(self.sorted.len())));
         }
         for bin in 0..bins {
-            let nearest = ((bin + stride / 2) / stride) % clean.len();
-            self.used[bin] &= self.contrast[bin] > CLEAN_SHARE * clean[nearest];
+            let nearest = ((bin + stride / 2) / stride) % self.clean.len();
+            self.used[bin] &= self.contrast[bin] > CLEAN_SHARE * self.clean[nearest];
         }
     }
+}
+
+/// The `rank`th highest of at most [`NEIGHBOURS`] values, from 1; 0 of none.
+///
+/// With so few of them the highest are soonest kept in order while they come.
+fn nth_highest(values: &[f32], rank: usize) -> f32 {
+    let mut highest = [f32::NEG_INFINITY; NEIGHBOURS];
+    let highest = &mut highest[..rank.min(NEIGHBOURS)];
+    for value in values {
+        // Most are not among the highest.
+        if highest.last().is_none_or(|least| value <= least) {
+            continue;
+        }
+        let mut value = *value;
+        // Every place keeps the higher of two and hands the other on.
+        for kept in highest.iter_mut() {
+            let (high, low) = if *kept < value { (value, *kept) } else { (*kept, value) };
+            (*kept, value) = (high, low);
+        }
+    }
+    highest.last().copied().filter(|_| !values.is_empty()).unwrap_or(0.0)
 }

@@ -14,6 +14,8 @@ use crate::results::Circle;
 const ROUNDS: usize = 6;
 /// A round that moves the outline less than this is the last, px.
 const STILL_PX: f64 = 0.003;
+/// Bins around an outline this near are as good as around the outline itself, px.
+const NEARLY_PX: f64 = 0.1;
 /// Blur of a lens in focus, where the search for the blur starts, px.
 const USUAL_BLUR_PX: f32 = 0.8;
 const BLUR_RANGE_PX: std::ops::RangeInclusive<f32> = 0.35..=2.0;
@@ -23,7 +25,7 @@ const SHARP_BLUR_PX: f32 = 0.9;
 /// Share of the rim that must agree before a blurred one may scatter more: blotched ground is blurred, too.
 const LEAST_AGREEING_WHEN_SOFT: f64 = 0.15;
 /// An outline that moves farther than this was not the ball's, px.
-const FARTHEST_PX: f64 = 4.0;
+pub(super) const FARTHEST_PX: f64 = 4.0;
 /// An edge this near to the circle agrees with it, px.
 const AGREEING_PX: f64 = 0.25;
 /// Least number of bins that must agree with the circle, and the share of the rim inside the image on top.
@@ -56,6 +58,20 @@ pub(super) struct Measured {
     pub agreeing: f64,
 }
 
+/// How much is done for a circle.
+#[derive(Debug, Clone, Copy)]
+struct Effort {
+    /// Steps of the edges and reweightings in the first round.
+    first: (usize, usize),
+    /// In each later one.
+    later: (usize, usize),
+    least_rounds: usize,
+    /// Pixels gathered around an outline this near are not gathered again, px.
+    nearly_px: f64,
+    /// Whether edges are where they are looked for.
+    is_near: bool,
+}
+
 fn distance(a: &Outline, b: &Outline) -> f64 {
     (a.x - b.x).hypot(a.y - b.y).max((a.radius - b.radius).abs())
 }
@@ -74,6 +90,17 @@ pub(super) struct Refine {
 impl Refine {
     /// The circle near `guess`, or `None` when its rim does not hold one.
     pub fn circle(&mut self, image: ImageView<'_>, guess: &Guess) -> Option<Measured> {
+        let effort = Effort { first: (4, 8), later: (2, 4), least_rounds: 4, nearly_px: 0.0, is_near: false };
+        self.circle_with(image, guess, effort)
+    }
+
+    /// As [`Self::circle`], near a guess that is hardly off.
+    pub fn circle_at(&mut self, image: ImageView<'_>, guess: &Guess) -> Option<Measured> {
+        let effort = Effort { first: (1, 4), later: (0, 4), least_rounds: 3, nearly_px: NEARLY_PX, is_near: true };
+        self.circle_with(image, guess, effort)
+    }
+
+    fn circle_with(&mut self, image: ImageView<'_>, guess: &Guess, effort: Effort) -> Option<Measured> {
         let start = Outline { x: guess.x.into(), y: guess.y.into(), radius: guess.radius.into() };
         let mut outline = start;
         let mut blur = USUAL_BLUR_PX;
@@ -83,15 +110,16 @@ impl Refine {
         self.restart(image, &start);
         let mut last = None;
         for round in 0..ROUNDS {
-            // The second gathering makes the bins independent of where the search came from.
-            if round == 2 || distance(&outline, &gathered) > SLACK_PX {
+            // The second gathering makes the bins independent of where the search came from, if that was far off.
+            let apart = distance(&outline, &gathered);
+            if (round == 2 && apart > effort.nearly_px) || apart > SLACK_PX {
                 self.restart(image, &outline);
                 gathered = outline;
             } else if round > 0 {
                 self.rim.measure(&outline);
             }
-            let (steps, reweightings) = if round == 0 { (4, 8) } else { (2, 4) };
-            fit_edges(&self.rim, Search { blur, light: &self.slope, steps }, &mut self.edges);
+            let (steps, reweightings) = if round == 0 { effort.first } else { effort.later };
+            fit_edges(&self.rim, Search { blur, light: &self.slope, steps, is_near: effort.is_near }, &mut self.edges);
             let noise = self.gates.choose(&self.edges, guess.polarity);
             let fitted = self.fit.fit(&self.rim, &self.edges, &self.gates.used, noise, reweightings)?;
             outline =
@@ -102,7 +130,7 @@ impl Refine {
                 return None;
             }
             last = Some(fitted);
-            if round >= 3 && fitted.dx.hypot(fitted.dy).max(fitted.dr.abs()) < STILL_PX {
+            if round + 1 >= effort.least_rounds && fitted.dx.hypot(fitted.dy).max(fitted.dr.abs()) < STILL_PX {
                 break;
             }
             self.move_edges(&fitted);

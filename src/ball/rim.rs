@@ -41,11 +41,11 @@ pub(super) struct Rim {
     count: Vec<u32>,
     cos: Vec<f64>,
     sin: Vec<f64>,
-    row: Vec<(f32, f32)>,
+    places: Vec<f32>,
 }
 
 /// Distances of pixels from a circle, and which of them lie in the band.
-#[multiversion::multiversion(targets("x86_64+avx2+fma"))]
+#[multiversion::multiversion(targets("x86_64+avx512f+avx512bw+avx512dq+avx512vl", "x86_64+avx2+fma"))]
 fn measure_block(
     (x, y): (&[Lane], &[Lane]),
     counts: &Lane,
@@ -57,8 +57,8 @@ fn measure_block(
         for i in 0..LANES {
             let (dx, dy) = (x[i] - shift.0, y[i] - shift.1);
             let d = (dx * dx + dy * dy).sqrt() - radius;
-            // Slots without a pixel hold what was there before.
-            let near = d < BAND_PX as f32 && d > -(INNER_BAND_PX as f32) && (slot as f32) < counts[i];
+            // Slots without a pixel hold what was there before. All three are looked at: branches would stop the lanes.
+            let near = (d < BAND_PX as f32) & (d > -(INNER_BAND_PX as f32)) & ((slot as f32) < counts[i]);
             weight[i] = if near { 1.0 } else { 0.0 };
             distance[i] = if near { d } else { 0.0 };
         }
@@ -74,6 +74,11 @@ impl Rim {
     /// Unit vector from the centre to the middle of a bin.
     pub fn direction(&self, bin: usize) -> (f64, f64) {
         (self.cos[bin], self.sin[bin])
+    }
+
+    /// Cosines and sines of the directions of all bins.
+    pub fn directions(&self) -> (&[f64], &[f64]) {
+        (&self.cos, &self.sin)
     }
 
     /// Pixels in a bin.
@@ -150,23 +155,27 @@ impl Rim {
 
     /// Sorts a run of pixels in, the first one at (`first`, `dy`) from the centre.
     fn push(&mut self, pixels: &[f32], first: f32, dy: f32) {
-        let per_radian = self.bins as f32 / std::f32::consts::TAU;
-        self.row.clear();
-        self.row.extend((0..pixels.len()).map(|k| {
-            let dx = first + k as f32;
-            (dx, angle(dx, dy) * per_radian)
-        }));
-        for (&(dx, place), &grey) in self.row.iter().zip(pixels) {
+        self.places.resize(pixels.len(), 0.0);
+        angles(first, dy, self.bins as f32 / std::f32::consts::TAU, &mut self.places);
+        for (k, (&place, &grey)) in self.places.iter().zip(pixels).enumerate() {
             let bin = (place as i32 as usize).min(self.bins - 1);
             let slot = self.count[bin] as usize;
             if slot < SLOTS {
                 let (at, lane) = (bin / LANES * SLOTS + slot, bin % LANES);
-                self.x[at][lane] = dx;
+                self.x[at][lane] = first + k as f32;
                 self.y[at][lane] = dy;
                 self.grey[at][lane] = grey;
                 self.count[bin] += 1;
             }
         }
+    }
+}
+
+/// The angles of a run of pixels, the first one at (`first`, `dy`) from the centre, in units of so many a radian.
+#[multiversion::multiversion(targets("x86_64+avx512f+avx512bw+avx512dq+avx512vl", "x86_64+avx2+fma"))]
+fn angles(first: f32, dy: f32, per_radian: f32, out: &mut [f32]) {
+    for (k, out) in out.iter_mut().enumerate() {
+        *out = angle(first + k as i32 as f32, dy) * per_radian;
     }
 }
 
@@ -178,6 +187,7 @@ fn clip(low: f64, high: f64, length: usize) -> std::ops::Range<usize> {
 }
 
 /// Angle of (`x`, `y`), 0 to 2 pi, to 1e-4 rad: good enough to choose a bin.
+#[inline(always)]
 fn angle(x: f32, y: f32) -> f32 {
     let (ax, ay) = (x.abs(), y.abs());
     let (small, large) = if ax < ay { (ax, ay) } else { (ay, ax) };

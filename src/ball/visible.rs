@@ -47,9 +47,10 @@ fn seen_outside(sights: &[Sight], (first, length): (usize, usize)) -> f64 {
 /// The run, as (first, length), with the most evidence of an occluder; length 0 when there is too little.
 fn likeliest_run(sights: &[Sight], seen: f64) -> (usize, usize) {
     let bins = sights.len();
+    let (rim, missing) = ((CHANCE_RIM / seen).ln(), ((1.0 - CHANCE_RIM) / (1.0 - seen)).ln());
     let gain = |sight: Sight| match sight {
-        Sight::Rim => (CHANCE_RIM / seen).ln(),
-        Sight::Missing => ((1.0 - CHANCE_RIM) / (1.0 - seen)).ln(),
+        Sight::Rim => rim,
+        Sight::Missing => missing,
         Sight::Outside => 0.0,
     };
     let (mut best, mut run) = (LEAST_EVIDENCE, (0, 0));
