@@ -48,22 +48,50 @@ impl Frame<'_> {
     ///
     /// [`ShapeError`] when there are fewer bytes than the header promises.
     pub fn unpack(&self, image: &mut Image) -> Result<(), ShapeError> {
-        let (width, height) = (self.meta.width_px as usize, self.meta.height_px as usize);
-        let row_bytes = width * self.meta.format.bytes_per_pixel();
-        let stride = self.meta.stride_bytes as usize;
-        if stride < row_bytes || self.bytes.len() < stride * height {
-            return Err(ShapeError { expected: row_bytes.max(stride) * height, actual: self.bytes.len() });
+        self.unpack_part([0, 0, self.meta.width_px, self.meta.height_px], image)
+    }
+
+    /// As [`Self::unpack`], but only a part of the frame: x, y, width and height, clipped to the frame.
+    ///
+    /// `image` is as large as the frame, and holds beside the part what it held before.
+    ///
+    /// # Errors
+    ///
+    /// As [`Self::unpack`].
+    pub fn unpack_part(&self, [x, y, width, height]: [u32; 4], image: &mut Image) -> Result<(), ShapeError> {
+        self.check()?;
+        let size = (self.meta.width_px as usize, self.meta.height_px as usize);
+        let (stride, bytes_per_pixel) = (self.meta.stride_bytes as usize, self.meta.format.bytes_per_pixel());
+        if (image.view().width(), image.view().height()) != size {
+            image.reshape(size.0, size.1);
         }
-        image.reshape(width, height);
-        for (row, target) in image.rows_mut().enumerate() {
-            let bytes = &self.bytes[row * stride..row * stride + row_bytes];
-            match self.meta.format.bytes_per_pixel() {
+        let (left, top) = ((x as usize).min(size.0), (y as usize).min(size.1));
+        let (right, bottom) = (left.saturating_add(width as usize).min(size.0), top.saturating_add(height as usize));
+        for (row, target) in image.rows_mut().enumerate().take(bottom).skip(top) {
+            let bytes = &self.bytes[row * stride + left * bytes_per_pixel..row * stride + right * bytes_per_pixel];
+            let target = &mut target[left..right];
+            match bytes_per_pixel {
                 1 => target.iter_mut().zip(bytes).for_each(|(pixel, byte)| *pixel = f32::from(*byte)),
                 _ => target
                     .iter_mut()
                     .zip(bytes.chunks_exact(2))
                     .for_each(|(pixel, pair)| *pixel = f32::from(u16::from_le_bytes([pair[0], pair[1]]))),
             }
+        }
+        Ok(())
+    }
+
+    /// Whether the bytes are those that the header promises.
+    ///
+    /// # Errors
+    ///
+    /// [`ShapeError`] when there are fewer.
+    pub fn check(&self) -> Result<(), ShapeError> {
+        let (width, height) = (self.meta.width_px as usize, self.meta.height_px as usize);
+        let row_bytes = width * self.meta.format.bytes_per_pixel();
+        let stride = self.meta.stride_bytes as usize;
+        if stride < row_bytes || self.bytes.len() < stride * height {
+            return Err(ShapeError { expected: row_bytes.max(stride) * height, actual: self.bytes.len() });
         }
         Ok(())
     }

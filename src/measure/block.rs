@@ -2,14 +2,16 @@
 
 use super::confirm;
 use super::error::MeasureError;
-use super::field::{center_step, rigid_step, start};
+use super::field::{center_step, rigid_step, some_of, start};
 use super::known::Memory;
 use super::outline::{Finder, Outline};
 use super::params::{MeasureParams, Share};
 use super::part::Part;
+use super::picture::Picture;
+use super::reference::Reference;
 use super::turn::Turns;
 use super::whole::{WholeStep, Wholes};
-use crate::dic::{Correlator, Prepared, Start};
+use crate::dic::{Correlator, GridPoint, Prepared, Start};
 use crate::image::{Frame, FrameMeta, Image};
 use crate::motion::Rotation;
 use crate::results::{BodyStep, PairField, PointStatus, RigidStep};
@@ -36,27 +38,13 @@ pub struct Measurer {
     params: MeasureParams,
     share: Share,
     size: (usize, usize),
-    image: Image,
+    picture: Picture,
     /// Frames whose motion is not measured yet, oldest first.
     open: VecDeque<Reference>,
     spare: Vec<Prepared>,
     known: Memory,
     wholes: Wholes,
     turns: Turns,
-}
-
-/// A frame that waits for its target.
-struct Reference {
-    meta: FrameMeta,
-    block: u64,
-    prepared: Prepared,
-    outlines: Vec<Result<Outline, PointStatus>>,
-    /// By body: whether the outline was seen in this frame, not carried to it.
-    seen: Vec<bool>,
-    /// By body and interval; `None` until the target came, or did not.
-    done: Vec<Option<Measured>>,
-    /// The motion before each of them.
-    before: Vec<Option<RigidStep>>,
 }
 
 impl Measurer {
@@ -73,7 +61,7 @@ impl Measurer {
             finders,
             share,
             size: (width_px, height_px),
-            image: Image::new(width_px, height_px),
+            picture: Picture::new(width_px, height_px),
             open: VecDeque::new(),
             spare: Vec::new(),
             known: Memory::default(),
@@ -140,11 +128,12 @@ impl Measurer {
             return Ok(());
         }
         self.check_size(&meta)?;
-        frame.unpack(&mut self.image).map_err(|source| MeasureError::Frame { sequence: meta.sequence, source })?;
+        frame.check().map_err(|source| MeasureError::Frame { sequence: meta.sequence, source })?;
+        self.picture.begin();
         let block = meta.sequence / u64::from(self.params.block_frames);
-        let own = self.measure_open(&meta, block);
+        let own = self.measure_open(frame, block);
         if self.share.holds(block) {
-            self.open_reference(meta, block, own);
+            self.open_reference(frame, block, own);
             self.confirm();
         } else {
             self.spare.extend(own.map(|(prepared, _)| prepared));
@@ -157,17 +146,18 @@ impl Measurer {
     ///
     /// Every block has the frame made ready for itself, where its own frames say that the bodies are: what is measured
     /// in one block depends on no other.
-    fn measure_open(&mut self, meta: &FrameMeta, block: u64) -> Option<(Prepared, Part)> {
+    fn measure_open(&mut self, frame: &Frame<'_>, block: u64) -> Option<(Prepared, Part)> {
         let mut open = std::mem::take(&mut self.open);
         let mut own = None;
         let mut first = 0;
         while let Some(of) = open.get(first).map(|reference| reference.block) {
             let last = open.partition_point(|reference| reference.block <= of);
-            let part = self.part_of(of, meta.sequence);
+            let part = self.part_of(of, frame.meta.sequence);
             let mut prepared = self.spare.pop().unwrap_or_default();
-            self.correlator.prepare_part_into(self.image.view(), part.rectangle(), &mut prepared);
+            let view = self.picture.part(frame, part.rectangle());
+            self.correlator.prepare_part_into(view, part.rectangle(), &mut prepared);
             for reference in open.range_mut(first..last) {
-                self.measure(reference, Some((&prepared, meta.sequence)));
+                self.measure(reference, Some((&prepared, frame.meta.sequence)));
             }
             match of == block {
                 true => own = Some((prepared, part)),
@@ -180,15 +170,17 @@ impl Measurer {
     }
 
     /// Finds the bodies in the frame at hand, and keeps it until its targets have come.
-    fn open_reference(&mut self, meta: FrameMeta, block: u64, own: Option<(Prepared, Part)>) {
+    fn open_reference(&mut self, frame: &Frame<'_>, block: u64, own: Option<(Prepared, Part)>) {
+        let meta = frame.meta;
         let (outlines, seen): (Vec<_>, Vec<_>) =
-            (0..self.finders.len()).map(|body| self.find(body, &meta, block)).unzip();
+            (0..self.finders.len()).map(|body| self.find(body, frame, block)).unzip();
         let mut needed = Part::default();
         let subset_px = self.params.correlation.subset_size_px;
         outlines.iter().flatten().for_each(|outline| needed.add(&outline.around(subset_px), 0.0));
         let (mut prepared, part) = own.unwrap_or_else(|| (self.spare.pop().unwrap_or_default(), Part::default()));
         if part.is_empty() || !part.holds(&needed) {
-            self.correlator.prepare_part_into(self.image.view(), needed.rectangle(), &mut prepared);
+            let view = self.picture.part(frame, needed.rectangle());
+            self.correlator.prepare_part_into(view, needed.rectangle(), &mut prepared);
         }
         let oldest = self.open.front().map_or(block, |reference| reference.block);
         self.known.forget_before(oldest);
@@ -306,10 +298,11 @@ impl Measurer {
     /// The outline of one body in the frame at hand: near where it must be, or from scratch.
     ///
     /// And whether it was seen there, not carried by its motion.
-    fn find(&mut self, body: usize, meta: &FrameMeta, block: u64) -> (Result<Outline, PointStatus>, bool) {
+    fn find(&mut self, body: usize, frame: &Frame<'_>, block: u64) -> (Result<Outline, PointStatus>, bool) {
         if matches!(self.finders[body], Finder::Patch(_)) {
-            return (self.find_patch(body, meta, block), true);
+            return (self.find_patch(body, frame, block), true);
         }
+        let meta = &frame.meta;
         let known = *self.known.of(body, block);
         if known.confused {
             return (Err(PointStatus::Ambiguous), false);
@@ -318,22 +311,27 @@ impl Measurer {
             .outline
             .map(|(sequence, outline)| outline.carried(known.motion.as_ref(), (meta.sequence - sequence) as f64));
         let finder = &mut self.finders[body];
-        let view = self.image.view();
-        let followed = expected.and_then(|(near, _)| finder.follow(view, &near).ok());
+        let followed = expected.and_then(|(near, _)| {
+            let view = match finder.part_around(&near) {
+                Some(part) => self.picture.part(frame, part.rectangle()),
+                None => self.picture.whole(frame),
+            };
+            finder.follow(view, &near).ok()
+        });
         // The motion is known far better than an outline is: where the outline cannot be told, it carries the centre.
         let carried = expected.filter(|(_, is_measured)| *is_measured).map(|(near, _)| near.by_motion_alone());
         let (found, seen) = match (followed, carried) {
             (Some(outline), _) => (Ok(outline), true),
             (None, Some(outline)) => (Ok(outline), false),
-            (None, None) => (finder.find(view), true),
+            (None, None) => (finder.find(self.picture.whole(frame)), true),
         };
         self.known.of(body, block).outline = found.ok().map(|outline| (meta.sequence, outline));
         (found, seen)
     }
 
     /// A patch in the frame at hand: as the motion to it said, or from scratch.
-    fn find_patch(&mut self, body: usize, meta: &FrameMeta, block: u64) -> Result<Outline, PointStatus> {
-        let of = (block, meta.sequence);
+    fn find_patch(&mut self, body: usize, frame: &Frame<'_>, block: u64) -> Result<Outline, PointStatus> {
+        let of = (block, frame.meta.sequence);
         let Finder::Patch(finder) = &mut self.finders[body] else { return Err(PointStatus::Lost) };
         let found = match finder.known(of.0, of.1) {
             Some(Ok(pose)) => Ok(pose),
@@ -341,7 +339,8 @@ impl Measurer {
                 let thorough = !self.known.of(body, block).searched;
                 let (width, height) = (self.size.0 as u32, self.size.1 as u32);
                 let mut whole = self.spare.pop().unwrap_or_default();
-                self.correlator.prepare_part_into(self.image.view(), [0, 0, width, height], &mut whole);
+                let view = self.picture.whole(frame);
+                self.correlator.prepare_part_into(view, [0, 0, width, height], &mut whole);
                 let found = finder.find(of, &whole, thorough);
                 self.spare.push(whole);
                 // What hides it is known better from where it was followed to.
@@ -350,7 +349,7 @@ impl Measurer {
             }
         };
         let known = self.known.of(body, block);
-        (known.searched, known.outline) = (true, found.ok().map(|pose| (meta.sequence, Outline::Patch(pose))));
+        (known.searched, known.outline) = (true, found.ok().map(|pose| (frame.meta.sequence, Outline::Patch(pose))));
         if found.is_err() {
             known.motion = None;
         }
@@ -409,14 +408,16 @@ impl Measurer {
         let own = reference.done[slot - place].as_ref().and_then(|shortest| shortest.step.step);
         let known = if place == 0 { self.known.of(body, reference.block).motion } else { own };
         let span = (reference, (target_frame, target), body);
-        let mut whole = known.and_then(|rate| self.whole_step(span, &outline, &rate));
+        let points = self.finders[body].points(&outline, &self.params.correlation, self.size);
+        self.correlator.set_region(self.finders[body].region(&outline, &self.params.correlation));
+        let mut whole = known
+            .or_else(|| self.first_look(span, &outline, &points))
+            .and_then(|rate| self.whole_step(span, &outline, &rate));
         let known = whole.map(|whole| whole.step).or(known);
         let start = known.map_or(Start::Search, |step| start(&step, outline.center_px(), frames));
         let correlation = &self.params.correlation;
-        let points = self.finders[body].points(&outline, correlation, self.size);
-        self.correlator.set_region(self.finders[body].region(&outline, correlation));
         self.correlator.correlate(&reference.prepared, target, &points, start, &mut field.points);
-        step.step = rigid_step(&mut field, outline.center_px(), frames, correlation.subset_size_px);
+        step.step = rigid_step(&mut field, outline.center_px(), frames, correlation.subset_size_px, start);
         if let (Rotation::Center, Some(_)) = (self.params.rotation, &step.circle) {
             step.step = step.step.and_then(|_| center_step(&field, outline.center_px(), frames, correlation));
         }
@@ -454,6 +455,22 @@ impl Measurer {
             self.known.of(body, reference.block).motion = step.step;
         }
         Measured { step, field: Some(field) }
+    }
+
+    /// About how a ball moves of which nothing is known, from some of its subsets: a match of the whole ball needs no more.
+    fn first_look(
+        &mut self,
+        (reference, (target_frame, target), _): (&Reference, (u64, &Prepared), usize),
+        outline: &Outline,
+        points: &[GridPoint],
+    ) -> Option<RigidStep> {
+        let is_enough = matches!(outline, Outline::Ball(_)) && self.params.rotation == Rotation::Rigid;
+        let some = some_of(points).filter(|_| is_enough)?;
+        let frame = reference.meta.sequence;
+        let mut field = PairField { frame, target_frame, stamp_ns: 0, body: 0, points: Vec::new() };
+        self.correlator.correlate(&reference.prepared, target, &some, Start::Search, &mut field.points);
+        let subset_px = self.params.correlation.subset_size_px;
+        rigid_step(&mut field, outline.center_px(), (target_frame - frame) as f64, subset_px, Start::Search)
     }
 
     /// The motion of the whole body, near a rate a frame.

@@ -1,19 +1,32 @@
 //! From a motion to the field that is looked for, and back.
 
-use crate::dic::{CenterVector, CorrelationParams, RigidMotion, Start, center_fit, rigid_fit};
+use crate::dic::{CenterVector, CorrelationParams, GridPoint, RigidMotion, Start, center_fit, rigid_fit_near};
 use crate::results::{PairField, RigidStep};
 
 /// Fewest subsets a rigid motion is believed from.
 const FEWEST_POINTS: u32 = 3;
 
-/// Motion of the centre and rotation a frame, from every valid subset.
+/// Subsets that are searched for where nothing is known of a ball's motion.
+const FIRST_LOOK: usize = 9;
+
+/// Some of the subsets, spread over all; `None` where there are hardly more.
+pub(super) fn some_of(points: &[GridPoint]) -> Option<Vec<GridPoint>> {
+    (points.len() >= 2 * FIRST_LOOK).then(|| points.iter().copied().step_by(points.len() / FIRST_LOOK).collect())
+}
+
+/// Motion of the centre and rotation a frame, from every valid subset; `near` is the motion they were looked for at.
 pub(super) fn rigid_step(
     field: &mut PairField,
-    (x_px, y_px): (f64, f64),
+    center_px: (f64, f64),
     frames: f64,
     subset_size_px: u32,
+    near: Start,
 ) -> Option<RigidStep> {
-    let motion = rigid_fit(&mut field.points, x_px, y_px, subset_size_px)?;
+    let near = match near {
+        Start::Motion { u_px, v_px, angle_deg, .. } => Some((u_px, v_px, angle_deg)),
+        Start::Search | Start::Neighbor => None,
+    };
+    let motion = rigid_fit_near(&mut field.points, center_px, subset_size_px, near)?;
     (motion.points >= FEWEST_POINTS).then(|| a_frame(&motion, frames))
 }
 

@@ -18,6 +18,8 @@ mod outline;
 mod params;
 mod part;
 mod patch;
+mod picture;
+mod reference;
 mod tracker;
 mod turn;
 mod whole;

@@ -1,6 +1,7 @@
 //! What is looked for in a frame, and what was seen of it: the difference between a ball and a rod.
 
 use super::MeasureError;
+use super::part::Part;
 use super::patch::{PatchFinder, PatchPose};
 use crate::ball::{BallFinder, BallParams};
 use crate::dic::{CorrelationParams, GridPoint, Method, Patch, Region, grid};
@@ -65,6 +66,18 @@ impl Finder {
     pub(super) fn forget_before(&mut self, block: u64) {
         if let Self::Patch(finder) = self {
             finder.forget_before(block);
+        }
+    }
+
+    /// The part of a frame that is looked at where it must be; all of it where `None`.
+    pub(super) fn part_around(&self, near: &Outline) -> Option<Part> {
+        match (self, near) {
+            (Self::Ball(_), Outline::Ball(near)) => {
+                let mut part = Part::default();
+                part.add(near, BallFinder::FOLLOW_RANGE_PX);
+                Some(part)
+            }
+            _ => None,
         }
     }
 

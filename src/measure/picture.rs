@@ -1,0 +1,70 @@
+//! The frame at hand, of which only the parts that are asked for are unpacked.
+
+use crate::image::{Frame, Image, ImageView};
+
+/// Grey levels of one frame at a time.
+pub(super) struct Picture {
+    image: Image,
+    /// Left, top, right and bottom of what is unpacked, the last two outside.
+    ready: [u32; 4],
+}
+
+impl Picture {
+    /// Memory for frames of this size.
+    pub(super) fn new(width_px: usize, height_px: usize) -> Self {
+        Self { image: Image::new(width_px, height_px), ready: [0; 4] }
+    }
+
+    /// Another frame: nothing is unpacked of it yet.
+    pub(super) fn begin(&mut self) {
+        self.ready = [0; 4];
+    }
+
+    /// The frame, unpacked in a rectangle at least: x, y, width and height, clipped to the frame.
+    ///
+    /// What else it shows may be of frames before: do not look there.
+    pub(super) fn part(&mut self, frame: &Frame<'_>, [x, y, width, height]: [u32; 4]) -> ImageView<'_> {
+        let (right, bottom) = (frame.meta.width_px, frame.meta.height_px);
+        let asked =
+            [x.min(right), y.min(bottom), x.saturating_add(width).min(right), y.saturating_add(height).min(bottom)];
+        let [left, top, right, bottom] = self.ready;
+        let holds = left <= asked[0] && top <= asked[1] && right >= asked[2] && bottom >= asked[3];
+        if !holds {
+            let is_first = left >= right || top >= bottom;
+            let both = [left.min(asked[0]), top.min(asked[1]), right.max(asked[2]), bottom.max(asked[3])];
+            self.ready = if is_first { asked } else { both };
+            let [left, top, right, bottom] = self.ready;
+            // Its size and its bytes were looked at when it came.
+            let _ = frame.unpack_part([left, top, right - left, bottom - top], &mut self.image);
+        }
+        self.image.view()
+    }
+
+    /// The frame, all of it.
+    pub(super) fn whole(&mut self, frame: &Frame<'_>) -> ImageView<'_> {
+        self.part(frame, [0, 0, u32::MAX, u32::MAX])
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::image::FrameMeta;
+
+    #[test]
+    fn what_is_asked_for_is_of_the_frame_at_hand() {
+        let meta = FrameMeta { width_px: 8, height_px: 6, stride_bytes: 8, ..FrameMeta::default() };
+        let mut picture = Picture::new(8, 6);
+        for round in 0..3_u8 {
+            let bytes: Vec<u8> = (0..48).map(|k| k + 50 * round).collect();
+            let frame = Frame { meta, bytes: &bytes };
+            picture.begin();
+            let level = |x: usize, y: usize| Some(f32::from(bytes[8 * y + x]));
+            assert_eq!(picture.part(&frame, [2, 1, 3, 2]).at(4, 2), level(4, 2));
+            let view = picture.part(&frame, [5, 4, 9, 9]);
+            assert_eq!((view.at(7, 5), view.at(2, 1)), (level(7, 5), level(2, 1)));
+            let view = picture.whole(&frame);
+            assert!((0..48).all(|k| view.at(k % 8, k / 8) == level(k % 8, k / 8)));
+        }
+    }
+}
