@@ -231,6 +231,36 @@ fn following_gives_the_circle_that_finding_gives() {
 }
 
 #[test]
+fn following_looks_no_farther_than_it_says() {
+    let params = |outline| BallParams { outline, ..BallParams::new(50.0, 68.0) };
+    let mut found = 0;
+    for seed in 0..60 {
+        let scene = Scene::hard(seed, seed.is_multiple_of(2), [0.0, 0.2, 0.4][(seed / 2 % 3) as usize]);
+        let (data, mut r) = (scene.render(), Random(seed));
+        let mut off = |most: f64| r.uniform(-most, most);
+        let (x_px, y_px, radius_px) = (scene.x + off(9.0), scene.y + off(9.0), scene.radius + off(6.0));
+        let near = Circle { x_px, y_px, radius_px, sigma_center_px: 0.1, sigma_radius_px: 0.1, visible_fraction: 1.0 };
+        let reach = radius_px + BallFinder::FOLLOW_RANGE_PX;
+        let mut elsewhere = data.clone();
+        for (k, level) in elsewhere.iter_mut().enumerate() {
+            let (x, y) = ((k % scene.width) as f64, (k / scene.width) as f64);
+            if (x - x_px).abs() > reach || (y - y_px).abs() > reach {
+                *level = r.uniform(0.0, 255.0) as f32;
+            }
+        }
+        for outline in [OutlineMethod::Edges, OutlineMethod::Marked] {
+            let mut finder = BallFinder::new(&params(outline), scene.width, scene.height).unwrap();
+            let [here, there] = [&data, &elsewhere]
+                .map(|data| finder.follow(ImageView::new(data, scene.width, scene.height).unwrap(), &near));
+            assert_eq!(here, there, "seed {seed}");
+            found += usize::from(here.is_some());
+        }
+    }
+    println!("{found} of 120 followed");
+    assert!(found > 40, "{found}");
+}
+
+#[test]
 fn the_same_image_gives_the_same_circle_whatever_came_before() {
     let (one, other) = (Scene::hard(3, true, 0.2), Scene::hard(4, false, 0.4));
     let mut used = finder(50.0, 68.0, &one);
