@@ -92,12 +92,12 @@ pub(super) fn fit_edges(rim: &Rim, search: Search<'_>, edges: &mut Vec<Edge>) {
 #[multiversion::multiversion(targets("x86_64+avx512f+avx512bw+avx512dq+avx512vl", "x86_64+avx2+fma"))]
 fn fit_block(distance: &[Lane], grey: &[Lane], weight: &[Lane], mut model: Model, steps: usize) -> [Edge; LANES] {
     for _ in 0..steps {
-        let s = place_sums(distance, grey, weight, model);
+        let s = sums::<false>(distance, grey, weight, model);
         for i in 0..LANES {
             model.shift[i] = Centred::new(&s, i).stepped(model.shift[i], model.blur);
         }
     }
-    let s = all_sums(distance, grey, weight, model);
+    let s = sums::<true>(distance, grey, weight, model);
     let mut edges = [Edge::default(); LANES];
     for (i, edge) in edges.iter_mut().enumerate() {
         let c = Centred::new(&s, i);
@@ -126,34 +126,9 @@ fn mean(grey: &[Lane]) -> f32 {
     filled / LANES as f32
 }
 
-/// The sums that place the edge.
+/// The sums that place the edge; with `ALL`, those too that tell its blur and what is left.
 #[inline(always)]
-fn place_sums(distance: &[Lane], grey: &[Lane], weight: &[Lane], model: Model) -> Sums {
-    let mut s = Sums::default();
-    let scale = 1.0 / model.blur;
-    for ((d, v), w) in distance.iter().zip(grey).zip(weight) {
-        for i in 0..LANES {
-            let (p, f) = normal((model.shift[i] - d[i]) * scale);
-            let w = w[i];
-            let (wp, wf) = (w * p, w * f);
-            let v = v[i] - model.level + model.slope[i] * d[i] * p;
-            s.n[i] += w;
-            s.p[i] += wp;
-            s.v[i] += w * v;
-            s.f[i] += wf;
-            s.pp[i] += wp * p;
-            s.pv[i] += wp * v;
-            s.ff[i] += wf * f;
-            s.fp[i] += wf * p;
-            s.fv[i] += wf * v;
-        }
-    }
-    s
-}
-
-/// The sums that place the edge, and those that tell its blur and what is left.
-#[inline(always)]
-fn all_sums(distance: &[Lane], grey: &[Lane], weight: &[Lane], model: Model) -> Sums {
+fn sums<const ALL: bool>(distance: &[Lane], grey: &[Lane], weight: &[Lane], model: Model) -> Sums {
     let mut s = Sums::default();
     let scale = 1.0 / model.blur;
     for ((d, v), w) in distance.iter().zip(grey).zip(weight) {
@@ -172,14 +147,16 @@ fn all_sums(distance: &[Lane], grey: &[Lane], weight: &[Lane], model: Model) -> 
             s.ff[i] += wf * f;
             s.fp[i] += wf * p;
             s.fv[i] += wf * v;
-            let g = t * f;
-            let wg = w * g;
-            s.g[i] += wg;
-            s.gg[i] += wg * g;
-            s.gp[i] += wg * p;
-            s.gf[i] += wg * f;
-            s.gv[i] += wg * v;
-            s.vv[i] += w * v * v;
+            if ALL {
+                let g = t * f;
+                let wg = w * g;
+                s.g[i] += wg;
+                s.gg[i] += wg * g;
+                s.gp[i] += wg * p;
+                s.gf[i] += wg * f;
+                s.gv[i] += wg * v;
+                s.vv[i] += w * v * v;
+            }
         }
     }
     s
