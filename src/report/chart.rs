@@ -27,7 +27,7 @@ pub(super) struct Point {
 /// A curve: what it is called at its end, and its unbroken stretches.
 #[derive(Debug, Clone)]
 pub(super) struct Curve {
-    /// Class of the style sheet: `a`, `b` or `truth`.
+    /// Class of the style sheet: `a`, `b`, `c` or `truth`.
     pub(super) class: &'static str,
     /// Written at its end.
     pub(super) label: &'static str,

@@ -26,6 +26,7 @@ const STYLE: &str = "text{font:13px system-ui,sans-serif;fill:#14181f}.head{font
     path.deepest{stroke:#c9a45a;fill:none;stroke-dasharray:2 3}.line{fill:none;stroke-width:1.9}\
     .line.a{stroke:#0b62c4}.line.truth{stroke:#d9730d;stroke-width:1.5;stroke-dasharray:5 4}\
     .line.b{stroke:#1b7f4b}.dot.b{fill:#1b7f4b}.label.b{fill:#1b7f4b}.band.b{fill:#1b7f4b}.band{opacity:.28;fill:#0b62c4}.dot.a{fill:#0b62c4}.label.a{fill:#0b62c4}.label.truth{fill:#d9730d}\
+    .line.c{stroke:#8a3ffc}.dot.c{fill:#8a3ffc}.label.c{fill:#8a3ffc}\
     .outline{fill:none;stroke:#35e06f;stroke-width:1.6px;vector-effect:non-scaling-stroke}\
     .arrow,.casing{fill:none;stroke:#ffd21f;stroke-width:1.5px;vector-effect:non-scaling-stroke}\
     .casing{stroke:#000;stroke-width:3.6px;opacity:.6}image{image-rendering:pixelated}";
@@ -48,7 +49,21 @@ pub struct Experiment<'a> {
     pub mm_per_px: f64,
     /// The surface's tangent, counter-clockwise from x, deg.
     pub surface_angle_deg: f64,
+    /// The normal velocity as others would measure it, m/s.
+    pub beside: &'a [Beside],
 }
+
+/// A number of the same film, measured in another way.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Beside {
+    /// What it is called at the end of its curve.
+    pub label: &'static str,
+    /// Moment, ns since the Unix epoch, and number.
+    pub points: Vec<(u64, f64)>,
+}
+
+/// Heading of the plot that has the normal velocity by the paper's settings.
+const BY_THE_PAPER: &str = "normal velocity by the paper's settings, m/s: 5 spline points, highest grid point";
 
 /// A number of a row with its uncertainty.
 type Number<'a> = &'a dyn Fn(&VelocitySample) -> Option<(f64, f64)>;
@@ -77,21 +92,25 @@ pub fn figures(shot: &Shot, experiment: &Experiment<'_>) -> Vec<Figure> {
     let rod = experiment.name == "rod";
     let panel = |label: &'static str, number: Number<'_>| (label, pair(&drawer, number));
     // A rod does not move along the flat; its tapes' edges are what the paper follows.
-    let (beside, more) = if rod {
+    let (second, more) = if rod {
         (Some(("edges of the tapes, mm above where the lowest began", edges(shot, experiment))), None)
     } else {
         (Some(panel("tangential position, mm", &along_tangent)), Some(panel("tangential velocity, m/s", &tangential)))
     };
+    let paper = (!experiment.beside.is_empty()).then(|| {
+        let truth = pair(&drawer, &normal).into_iter().filter(|curve| curve.class == "truth");
+        (BY_THE_PAPER, beside(shot, experiment).chain(truth).collect())
+    });
     let drawings = [
         plots(
             &drawer,
             &format!("Position of {subject}"),
-            [panel("normal position, mm", &along_normal)].into_iter().chain(beside).collect(),
+            [panel("normal position, mm", &along_normal)].into_iter().chain(second).collect(),
         ),
         plots(
             &drawer,
             &format!("Velocity of {subject}"),
-            [panel("normal velocity, m/s", &normal)].into_iter().chain(more).collect(),
+            [panel("normal velocity, m/s", &normal)].into_iter().chain(more).chain(paper).collect(),
         ),
         plots(&drawer, "Angular velocity of the ball, counter-clockwise", vec![panel("spin, rad/s", &spin)]),
         pictures(shot, experiment.name),
@@ -166,6 +185,17 @@ fn edges(shot: &Shot, experiment: &Experiment<'_>) -> Vec<Curve> {
         Curve { class: "b", label: LABELS[edge], stretches }
     };
     (0..ROD_EDGES).map(curve).filter(|curve| !curve.stretches.is_empty()).collect()
+}
+
+/// What others would measure of the same film.
+fn beside<'a>(shot: &'a Shot, experiment: &Experiment<'a>) -> impl Iterator<Item = Curve> + use<'a> {
+    const CLASSES: [&str; 2] = ["b", "c"];
+    let point = |(stamp_ns, y): &(u64, f64)| Point { x: 1e3 * shot.seconds(*stamp_ns), y: *y, sigma: 0.0 };
+    experiment.beside.iter().zip(CLASSES.into_iter().cycle()).map(move |(beside, class)| Curve {
+        class,
+        label: beside.label,
+        stretches: vec![beside.points.iter().map(point).collect()],
+    })
 }
 
 /// One plot under the other; empty when one of them has nothing to show.

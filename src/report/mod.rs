@@ -21,7 +21,7 @@ mod snapshot;
 mod spread;
 
 pub use check::{CheckPicture, CheckRow, check_page};
-pub use figure::{Experiment, Figure, figures};
+pub use figure::{Beside, Experiment, Figure, figures};
 pub use shot::{Shot, last_revisions};
 
 /// The page of these recordings: the story of one, or how well several repeat.

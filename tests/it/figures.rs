@@ -39,7 +39,8 @@ fn points(svg: &str, class: &str) -> usize {
 }
 
 /// The files that lie in `folder`, one for each of `expected`: the end of the name, the axes' words, and how many
-/// curves have a point for nearly each of `frames` frames, beside as many of the truth; 0 for three pictures.
+/// curves have a point for nearly each of `frames` frames, beside as many of the truth; 0 for three pictures. Where the
+/// paper's settings are shown, the truth is drawn once more with them.
 pub fn check(folder: &Path, frames: usize, expected: &[(&str, &[&str], usize)]) {
     let mut files: Vec<_> = std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path()).collect();
     files.retain(|file| file.extension().is_some_and(|end| end == "svg"));
@@ -56,7 +57,10 @@ pub fn check(folder: &Path, frames: usize, expected: &[(&str, &[&str], usize)]) 
             assert!(svg.contains(word), "{name}: no {word:?}");
         }
         let (measured, truth) = (points(&svg, "a"), points(&svg, "truth"));
-        assert_eq!(truth, curves * frames, "{name}: points of the truth");
+        let by_the_paper = [points(&svg, "b"), points(&svg, "c")];
+        let shown = svg.contains("by the paper's settings") || svg.contains("by the paper&#39;s settings");
+        assert_eq!(truth, (curves + usize::from(shown)) * frames, "{name}: points of the truth");
+        assert_eq!(by_the_paper, if shown { [frames - 5, frames - 15] } else { by_the_paper }, "{name}");
         assert!(measured <= curves * frames && measured + 8 * curves >= curves * frames, "{name}: {measured} points");
         if *curves == 0 {
             assert_eq!(svg.matches("data:image/png;base64,").count(), 3, "{name}");

@@ -319,7 +319,7 @@ fn demo_rod_agrees_with_the_truth_and_its_recording_with_every_number_of_workers
     assert!(printed.contains("fig10-position.svg") && printed.contains("fig11-velocity.svg"), "{printed}");
     let expected: [(&str, &[&str], usize); 2] = [
         ("fig10-position", &["normal position, mm", "the mark on the rod", "edges of the tapes", "edge 4</text>"], 1),
-        ("fig11-velocity", &["normal velocity, m/s"], 1),
+        ("fig11-velocity", &["normal velocity, m/s", "5 spline points", "5th next</text>", "15th next</text>"], 1),
     ];
     crate::figures::check(&shots, 240, &expected);
     let recording = &rig.recordings()[0];

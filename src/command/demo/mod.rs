@@ -1,5 +1,7 @@
 //! `ricochet demo`: the whole line with nothing attached, judged against the truth.
 
+mod paper;
+
 use super::analyze::last_revisions;
 use super::{Outcome, UsageError, progress, say, table};
 use crate::config::{BodyKind, Config, Scale};
@@ -9,12 +11,13 @@ use crate::recording::Recording;
 use crate::report::{self, Experiment, Figure, Shot};
 use crate::results::{Estimate, Impact};
 use anyhow::Context as _;
+use paper::Setup;
 use std::path::{Path, PathBuf};
 
 const BUILT_IN: [(&str, &str); 3] = [
-    ("lacrosse", include_str!("../../config/lacrosse.toml")),
-    ("tennis", include_str!("../../config/tennis.toml")),
-    ("rod", include_str!("../../config/rod.toml")),
+    ("lacrosse", include_str!("../../../config/lacrosse.toml")),
+    ("tennis", include_str!("../../../config/tennis.toml")),
+    ("rod", include_str!("../../../config/rod.toml")),
 ];
 
 /// The rig file of a built-in experiment.
@@ -130,12 +133,19 @@ fn config(options: &DemoOptions) -> anyhow::Result<Config> {
 
 /// Draws the paper's figures of the experiment beside its recording; tells where they are.
 fn figures(config: &Config, experiment: &str, path: &Path) -> anyhow::Result<Vec<PathBuf>> {
-    let shot = Shot::read(&Recording::open(path)?)?;
+    let recording = Recording::open(path)?;
+    let shot = Shot::read(&recording)?;
     let mm_per_px = match config.scale {
         Some(Scale::MmPerPx(mm_per_px)) => mm_per_px,
         _ => anyhow::bail!("{}: scale.mm_per_px is needed to draw positions", config.origin),
     };
-    let experiment = Experiment { name: experiment, mm_per_px, surface_angle_deg: config.surface.angle_deg };
+    let surface_angle_deg = config.surface.angle_deg;
+    let beside = if experiment == "rod" {
+        paper::velocities(&recording, &Setup { rod: &config.rod(0), mm_per_px, surface_angle_deg })?
+    } else {
+        Vec::new()
+    };
+    let experiment = Experiment { name: experiment, mm_per_px, surface_angle_deg, beside: &beside };
     let stem = path.file_stem().map_or_else(|| "demo".into(), |stem| stem.to_string_lossy().into_owned());
     let write = |figure: Figure| {
         let file = path.with_file_name(format!("{stem}-{}.svg", figure.name));
