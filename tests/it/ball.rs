@@ -18,6 +18,7 @@ struct Tally {
     radius: Vec<f64>,
     visible: Vec<f64>,
     ratios: Vec<f64>,
+    radius_ratios: Vec<f64>,
 }
 
 impl Tally {
@@ -29,6 +30,7 @@ impl Tally {
             self.ratios.push(e.abs() / c.sigma_center_px);
         }
         self.radius.push(c.radius_px - scene.radius);
+        self.radius_ratios.push((c.radius_px - scene.radius).abs() / c.sigma_radius_px);
         self.visible.push((c.visible_fraction - scene.visible()).abs());
     }
 
@@ -45,7 +47,11 @@ impl Tally {
     }
 
     fn covered(&self, sigmas: f64) -> f64 {
-        self.ratios.iter().filter(|r| **r < sigmas).count() as f64 / self.ratios.len().max(1) as f64
+        share_within(&self.ratios, sigmas)
+    }
+
+    fn radius_covered(&self, sigmas: f64) -> f64 {
+        share_within(&self.radius_ratios, sigmas)
     }
 
     fn line(&self) -> String {
@@ -53,7 +59,8 @@ impl Tally {
         sorted.sort_by(f64::total_cmp);
         let q95 = sorted.get(sorted.len() * 95 / 100).copied().unwrap_or(0.0);
         format!(
-            "mean {:.4} q95 {q95:.3} worst {:.3} px, radius {:+.3}, refused {} of {}, sigma {:.2} / {:.2}, visible {:.3}",
+            "mean {:.4} q95 {q95:.3} worst {:.3} px, radius {:+.3}, refused {} of {}, sigma {:.2} / {:.2}, \
+             of the radius {:.2} / {:.2}, visible {:.3}",
             self.mean(),
             self.worst(),
             mean(&self.radius),
@@ -61,9 +68,15 @@ impl Tally {
             self.frames,
             self.covered(1.0),
             self.covered(2.0),
+            self.radius_covered(1.0),
+            self.radius_covered(2.0),
             mean(&self.visible)
         )
     }
+}
+
+fn share_within(ratios: &[f64], sigmas: f64) -> f64 {
+    ratios.iter().filter(|ratio| **ratio < sigmas).count() as f64 / ratios.len().max(1) as f64
 }
 
 fn mean(values: &[f64]) -> f64 {
@@ -119,6 +132,7 @@ fn lacrosse(seed: u64, surface: f64) -> Scene {
 
 #[test]
 fn hard_scenes_are_measured_or_refused_never_wrong() {
+    let mut all = Tally::default();
     for (bright, hidden, limit, refusals) in [
         (true, 0.0, 0.025, 1),
         (true, 0.2, 0.04, 2),
@@ -132,7 +146,11 @@ fn hard_scenes_are_measured_or_refused_never_wrong() {
         assert!(tally.worst() <= 1.0, "{}", tally.line());
         assert!(tally.refused() <= refusals, "{}", tally.line());
         assert!(mean(&tally.radius).abs() <= 0.1, "{}", tally.line());
+        all.ratios.extend(tally.ratios);
+        all.radius_ratios.extend(tally.radius_ratios);
     }
+    assert!((0.62..0.8).contains(&all.covered(1.0)) && (0.9..0.99).contains(&all.covered(2.0)), "{}", all.line());
+    assert!(all.radius_covered(1.0) > 0.5 && all.radius_covered(2.0) > 0.85, "{}", all.line());
 }
 
 #[test]
@@ -456,11 +474,14 @@ fn clock() -> Option<f64> {
 fn statistics_of_hard_scenes() {
     for bright in [true, false] {
         for hidden in [0.0, 0.2, 0.4] {
-            let tally = hard_scenes(bright, hidden, 0..60);
+            let tally = hard_scenes(bright, hidden, 0..200);
             assert!(tally.mean() <= [0.025, 0.04, 0.06][(hidden * 5.0) as usize], "{}", tally.line());
             assert!(tally.worst() < 1.0, "{}", tally.line());
-            assert!((0.6..0.9).contains(&tally.covered(1.0)), "{}", tally.line());
-            assert!(tally.covered(2.0) > 0.9, "{}", tally.line());
+            assert!((0.65..0.8).contains(&tally.covered(1.0)), "{}", tally.line());
+            assert!((0.9..0.99).contains(&tally.covered(2.0)), "{}", tally.line());
+            // How a sphere darkens towards its limb moves the radius by more than the pictures scatter.
+            assert!((0.5..0.9).contains(&tally.radius_covered(1.0)), "{}", tally.line());
+            assert!(tally.radius_covered(2.0) > 0.9, "{}", tally.line());
         }
     }
 }

@@ -187,7 +187,8 @@ fn a_camera_process_that_is_killed_costs_its_own_camera_a_gap_and_the_other_noth
         wait_until("it films and measures", || {
             let status = status(name)?;
             let is_far = |who: &str| number(&status, who, "sequence") > frame;
-            (is_far("acquire") && is_far("track")).then_some(status)
+            let are_all_told = ["correlate", "record"].iter().all(|role| number(&status, role, "pid") > 0);
+            (is_far("acquire") && is_far("track") && are_all_told).then_some(status)
         })
     };
     let (first_before, before) = (filming(&rig.name, 100), filming(&side, 100));
