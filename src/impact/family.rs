@@ -23,6 +23,10 @@ const FREE_END: f64 = 0.75;
 /// And the moments of 2 % force to about this share of how well they know start and end.
 const FREE_FAINT: f64 = 0.4;
 
+/// What the noise hides of how the force begins it hides from the free stiffness, too: start and moment of 2 % force are
+/// off by so many of their own sigmas on top.
+const HIDDEN: [f64; 2] = [1.0, 2.0];
+
 /// And the peak of the force to about this share.
 const FREE_PEAK: f64 = 0.02;
 
@@ -178,20 +182,22 @@ fn own_variance(f: &LawFit, k: usize) -> f64 {
     // Where exponents or the stiffness are free, start and end are what they make of the unseen first and last two
     // percents of the force, over which a y^1.5 contact takes UNSEEN of its depth; the depth is counted from the start.
     let [start, _, end, first, last, before, after, depth, peak, lasts] = f.findings;
-    let (begins, ends, faint) = match f.family {
+    let (begins, ends, faint, hidden) = match f.family {
         // A dashpot pushes at once and lets go at once.
-        Family::Stiffness { dashpot: true, .. } => (DASHPOT[0] * lasts, (end - last).max(DASHPOT[1] * lasts), 1.0),
+        Family::Stiffness { dashpot: true, .. } => {
+            (DASHPOT[0] * lasts, (end - last).max(DASHPOT[1] * lasts), 1.0, [0.0; 2])
+        }
         _ => {
             let unseen = |seen: f64, speed: f64| FREE_END * seen.max(UNSEEN * depth / speed.abs());
-            (unseen(first - start, before), unseen(end - last, after), FREE_FAINT)
+            (unseen(first - start, before), unseen(end - last, after), FREE_FAINT, HIDDEN)
         }
     };
     let is_known = matches!(f.family, Family::KelvinVoigt | Family::HuntCrossley);
     let unknown = match k {
         _ if is_known => 0.0,
-        0 => begins,
+        0 => begins.hypot(hidden[0] * f.sigmas[0]),
         2 => ends,
-        3 => faint * begins,
+        3 => (faint * begins).hypot(hidden[1] * f.sigmas[3]),
         4 => faint * ends,
         7 => before * begins,
         8 => FREE_PEAK * peak,
