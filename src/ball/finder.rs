@@ -19,6 +19,12 @@ const FINALISTS: usize = 8;
 /// How much larger a circle is looked for around the best finalists as well: speckle near the rim can make a
 /// smaller one win.
 const GROWN_BY_PX: f32 = 5.0;
+/// With so many times the support of any other a guess is far ahead ...
+const FAR_AHEAD: f32 = 1.8;
+/// ... and this share of its rim in agreement leaves no doubt.
+const LEAST_AGREEING_WHEN_AHEAD: f64 = 0.2;
+/// Finalists among which the ball mostly is.
+const LIKELY: usize = 2;
 /// Places whose rim is looked at with small marks painted out.
 const WHOLE_RIMS: usize = 8;
 /// A place is off by less than this, px.
@@ -121,7 +127,9 @@ impl BallFinder {
         self.coarse.plain(&mut self.places);
         // Mostly marks need not be painted out.
         self.rank(image, QUICK);
-        if let Some(circle) = self.beyond_doubt(image) {
+        let least = if self.is_far_ahead() { LEAST_AGREEING_WHEN_AHEAD } else { CERTAIN_AGREEING };
+        self.guesses.truncate(LIKELY);
+        if let Some(circle) = self.beyond_doubt(image, least) {
             return Some(circle);
         }
         self.coarse.without_marks(Marks::Dark, &mut self.places);
@@ -207,13 +215,21 @@ impl BallFinder {
         self.keep_finalists();
     }
 
+    /// Whether no other guess comes near the first.
+    fn is_far_ahead(&self) -> bool {
+        let support = |guess: usize| self.guesses.get(guess).map_or(0.0, |guess| guess.support);
+        support(0) > FAR_AHEAD * support(1).max(LEAST_SUPPORT)
+    }
+
     /// Looks closer at the guesses; mostly one of the first is the ball, and then nothing else needs a look.
-    fn beyond_doubt(&mut self, image: ImageView<'_>) -> Option<Circle> {
+    ///
+    /// `least` is the share of the rim that must agree with it.
+    fn beyond_doubt(&mut self, image: ImageView<'_>, least: f64) -> Option<Circle> {
         for i in 0..self.guesses.len() {
             self.guesses[i] = self.closer(image, self.guesses[i]);
-            if i < 2
+            if i < LIKELY
                 && let Some(measured) = self.measure(image, &self.guesses[i].clone())
-                && measured.agreeing > CERTAIN_AGREEING
+                && measured.agreeing > least
             {
                 return Some(measured.circle);
             }
@@ -224,7 +240,7 @@ impl BallFinder {
     /// Ranks the places by their rim and measures the best.
     fn best_of_places(&mut self, image: ImageView<'_>, effort: Effort) -> Option<Circle> {
         self.rank(image, effort);
-        if let Some(circle) = self.beyond_doubt(image) {
+        if let Some(circle) = self.beyond_doubt(image, CERTAIN_AGREEING) {
             return Some(circle);
         }
         if effort.whole_rims {
