@@ -73,6 +73,8 @@ struct Effort {
     still_px: f64,
     /// Pixels gathered around an outline this near are not gathered again, px.
     nearly_px: f64,
+    /// An outline that moves farther than this was not the ball's, px.
+    farthest_px: f64,
     /// Whether edges are where they are looked for.
     is_near: bool,
 }
@@ -102,18 +104,20 @@ impl Refine {
             least_rounds: 4,
             still_px: STILL_PX,
             nearly_px: 0.0,
+            farthest_px: FARTHEST_PX,
             is_near: false,
         };
         self.circle_with(image, guess, effort)
     }
 
-    /// As [`Self::circle`], near a guess that is hardly off.
-    pub fn circle_at(&mut self, image: ImageView<'_>, guess: &Guess) -> Option<Measured> {
+    /// As [`Self::circle`], near a guess that is hardly off: by no more than `farthest_px`.
+    pub fn circle_at(&mut self, image: ImageView<'_>, guess: &Guess, farthest_px: f64) -> Option<Measured> {
         let effort = Effort {
             first: (1, 4),
             later: (0, 4),
             least_rounds: 2,
             still_px: NEARLY_STILL_PX,
+            farthest_px,
             nearly_px: NEARLY_PX,
             is_near: true,
         };
@@ -145,7 +149,7 @@ impl Refine {
             outline =
                 Outline { x: outline.x + fitted.dx, y: outline.y + fitted.dy, radius: outline.radius + fitted.dr };
             // NaN fails the comparison.
-            let near = distance(&outline, &start) <= FARTHEST_PX;
+            let near = distance(&outline, &start) <= effort.farthest_px;
             if !near {
                 return None;
             }
