@@ -178,14 +178,11 @@ impl Coarse {
         }
         self.gradients();
         self.cast(self.bands[band]);
-        let count = self.smooth.width * self.smooth.height;
         self.peaks.clear();
         let (width, height) = (self.smooth.width, self.smooth.height);
         for which in 0..3 {
             if which == 2 {
-                for i in 0..count {
-                    self.lighter[i] += self.darker[i];
-                }
+                self.lighter.iter_mut().zip(&self.darker).for_each(|(votes, more)| *votes += more);
             }
             let votes = if which == 1 { &self.darker } else { &self.lighter };
             sum_3x3(votes, width, height, &mut self.box_rows, &mut self.box_sum);
@@ -212,10 +209,7 @@ impl Coarse {
                 (&grey[row - width..row], &grey[row..row + width], &grey[row + width..row + 2 * width]);
             let (gx, gy, size) =
                 (&mut self.gx[row..row + width], &mut self.gy[row..row + width], &mut self.size[row..row + width]);
-            for x in 1..width - 1 {
-                let (dx, dy) = (here[x + 1] - here[x - 1], below[x] - above[x]);
-                (gx[x], gy[x], size[x]) = (dx, dy, (dx * dx + dy * dy).sqrt());
-            }
+            differences([above, here, below], gx, gy, size);
         }
         self.sample.clear();
         self.sample.extend(self.size.iter().step_by(if width * height > 4096 { 5 } else { 1 }));
@@ -356,25 +350,57 @@ fn sum_3x3(votes: &[f32], width: usize, height: usize, rows: &mut Vec<f32>, sums
     sums.clear();
     sums.resize(width * height, 0.0);
     for (row, out) in votes.chunks_exact(width).zip(rows.chunks_exact_mut(width)) {
-        for x in 1..width - 1 {
-            out[x] = row[x - 1] + row[x] + row[x + 1];
+        add_three([row, &row[1..], &row[2..]], &mut out[1..width - 1]);
+    }
+    // Rows lie behind one another, so all of them are one.
+    let inner = &mut sums[width..(height - 1) * width];
+    add_three([rows, &rows[width..], &rows[2 * width..]], inner);
+}
+
+/// Central differences along a row and across it, and their size.
+#[multiversion::multiversion(targets("x86_64+avx512f+avx512bw+avx512dq+avx512vl", "x86_64+avx2+fma"))]
+fn differences([above, here, below]: [&[f32]; 3], gx: &mut [f32], gy: &mut [f32], size: &mut [f32]) {
+    let inner = here.len() - 2;
+    let (left, right, above, below) = (&here[..inner], &here[2..], &above[1..][..inner], &below[1..][..inner]);
+    let (gx, gy, size) = (&mut gx[1..][..inner], &mut gy[1..][..inner], &mut size[1..][..inner]);
+    for x in 0..inner {
+        let (dx, dy) = (right[x] - left[x], below[x] - above[x]);
+        (gx[x], gy[x], size[x]) = (dx, dy, (dx * dx + dy * dy).sqrt());
+    }
+}
+
+#[multiversion::multiversion(targets("x86_64+avx512f+avx512bw+avx512dq+avx512vl", "x86_64+avx2+fma"))]
+fn add_three([a, b, c]: [&[f32]; 3], out: &mut [f32]) {
+    for (((out, a), b), c) in out.iter_mut().zip(a).zip(b).zip(c) {
+        *out = a + b + c;
+    }
+}
+
+/// The highest of some values, none of which is negative.
+#[multiversion::multiversion(targets("x86_64+avx512f+avx512bw+avx512dq+avx512vl", "x86_64+avx2+fma"))]
+fn highest(values: &[f32]) -> f32 {
+    const LANES: usize = 16;
+    let mut highest = [0.0_f32; LANES];
+    let (chunks, rest) = values.as_chunks::<LANES>();
+    for chunk in chunks {
+        for lane in 0..LANES {
+            highest[lane] = if chunk[lane] > highest[lane] { chunk[lane] } else { highest[lane] };
         }
     }
-    for y in 1..height - 1 {
-        let i = y * width;
-        for x in 0..width {
-            sums[i + x] = rows[i - width + x] + rows[i + x] + rows[i + width + x];
-        }
-    }
+    highest.iter().chain(rest).fold(0.0, |a, &b| if b > a { b } else { a })
 }
 
 /// Adds the highest peaks of `sums`, at least three cells from one another, as (x, y, height).
 fn pick_peaks(sums: &[f32], width: usize, height: usize, peaks: &mut Vec<(f32, f32, f32)>) {
     let first = peaks.len();
     // Votes of a ball may be fewer than those of an occluder's edge, but not by far.
-    let floor = 0.3 * sums.iter().fold(0.0_f32, |a, &b| if b > a { b } else { a });
+    let floor = 0.3 * highest(sums);
     for y in 1..height - 1 {
         let row = y * width;
+        // Most rows have no peak.
+        if highest(&sums[row..row + width]) <= floor {
+            continue;
+        }
         for x in 1..width - 1 {
             let here = sums[row + x];
             let full = peaks.len() - first >= PEAKS;

@@ -19,6 +19,12 @@ const FINALISTS: usize = 8;
 /// How much larger a circle is looked for around the best finalists as well: speckle near the rim can make a
 /// smaller one win.
 const GROWN_BY_PX: f32 = 5.0;
+/// With so many times the support of any other a guess is far ahead ...
+const FAR_AHEAD: f32 = 1.8;
+/// ... and this share of its rim in agreement leaves no doubt.
+const LEAST_AGREEING_WHEN_AHEAD: f64 = 0.2;
+/// Finalists among which the ball mostly is.
+const LIKELY: usize = 2;
 /// Places whose rim is looked at with small marks painted out.
 const WHOLE_RIMS: usize = 8;
 /// A place is off by less than this, px.
@@ -78,6 +84,9 @@ impl BallFinder {
     /// The search and the refinement each move the centre and the radius by so much at most, and look a band farther.
     pub const FOLLOW_RANGE_PX: f64 = 2.0 * (FOLLOW_REACH_PX as f64 + FARTHEST_PX) + 2.0 * BAND_PX + 4.0;
 
+    /// How far outside of the circle that a ball is foretold at [`follow_closely`](Self::follow_closely) looks, px.
+    pub const CLOSE_RANGE_PX: f64 = 2.0 * FORETOLD_PX + BAND_PX + 2.0;
+
     /// Plans a finder for images of `width_px` x `height_px` pixels.
     ///
     /// # Errors
@@ -121,7 +130,9 @@ impl BallFinder {
         self.coarse.plain(&mut self.places);
         // Mostly marks need not be painted out.
         self.rank(image, QUICK);
-        if let Some(circle) = self.beyond_doubt(image) {
+        let least = if self.is_far_ahead() { LEAST_AGREEING_WHEN_AHEAD } else { CERTAIN_AGREEING };
+        self.guesses.truncate(LIKELY);
+        if let Some(circle) = self.beyond_doubt(image, least) {
             return Some(circle);
         }
         self.coarse.without_marks(Marks::Dark, &mut self.places);
@@ -144,21 +155,41 @@ impl BallFinder {
     ///
     /// If `image` has another shape than the finder was planned for.
     pub fn follow(&mut self, image: ImageView<'_>, near: &Circle) -> Option<Circle> {
-        self.check_shape(image);
-        let near = (near.x_px as f32, near.y_px as f32, near.radius_px as f32);
-        let sane = near.0.is_finite() && near.1.is_finite() && near.2.is_finite();
-        if image.width() < 8 || image.height() < 8 || !sane || near.2 < 3.0 {
-            return None;
-        }
+        self.follow_closely(image, near).or_else(|| self.search_near(image, near))
+    }
+
+    /// As [`follow`](Self::follow), only where the ball must be to within a pixel, and only if its edges leave no doubt.
+    ///
+    /// # Panics
+    ///
+    /// If `image` has another shape than the finder was planned for.
+    pub fn follow_closely(&mut self, image: ImageView<'_>, near: &Circle) -> Option<Circle> {
+        let near = self.sane(image, near)?;
+        let circle = self.edges_at(image, near)?;
+        self.told(image, circle)
+    }
+
+    /// What [`follow`](Self::follow) does where [`follow_closely`](Self::follow_closely) finds nothing.
+    ///
+    /// # Panics
+    ///
+    /// If `image` has another shape than the finder was planned for.
+    pub fn search_near(&mut self, image: ImageView<'_>, near: &Circle) -> Option<Circle> {
+        let near = self.sane(image, near)?;
         let circle = self.edges_near(image, near)?;
         self.told(image, circle)
     }
 
+    /// Where a ball is followed from, if anything can be looked for there.
+    fn sane(&self, image: ImageView<'_>, near: &Circle) -> Option<(f32, f32, f32)> {
+        self.check_shape(image);
+        let near = (near.x_px as f32, near.y_px as f32, near.radius_px as f32);
+        let sane = near.0.is_finite() && near.1.is_finite() && near.2.is_finite();
+        (image.width() >= 8 && image.height() >= 8 && sane && near.2 >= 3.0).then_some(near)
+    }
+
     /// The outline by its edges, near a prediction.
     fn edges_near(&mut self, image: ImageView<'_>, near: (f32, f32, f32)) -> Option<Circle> {
-        if let Some(circle) = self.edges_at(image, near) {
-            return Some(circle);
-        }
         let look = Look { reach_px: FOLLOW_REACH_PX, tolerance_px: 0.7, draws: 60, rays: 120 };
         let guess = self.rays.look(image, near, look)?;
         if let Some(measured) = self.measure(image, &guess) {
@@ -175,11 +206,8 @@ impl BallFinder {
     fn edges_at(&mut self, image: ImageView<'_>, (x, y, radius): (f32, f32, f32)) -> Option<Circle> {
         let polarity = polarity(image, (x, y, radius))?;
         let guess = Guess { x, y, radius, support: 1.0, polarity };
-        let Measured { circle, agreeing } =
-            self.refine.circle_at(image, &guess).filter(|m| self.is_sized(&m.circle))?;
-        let apart = [circle.x_px - f64::from(x), circle.y_px - f64::from(y), circle.radius_px - f64::from(radius)];
-        let is_near = apart.iter().all(|apart| apart.abs() <= FORETOLD_PX);
-        (agreeing > CERTAIN_AGREEING && is_near).then_some(circle)
+        let measured = self.refine.circle_at(image, &guess, FORETOLD_PX)?;
+        (measured.agreeing > CERTAIN_AGREEING && self.is_sized(&measured.circle)).then_some(measured.circle)
     }
 
     /// What is told of an outline found by its edges.
@@ -207,13 +235,21 @@ impl BallFinder {
         self.keep_finalists();
     }
 
+    /// Whether no other guess comes near the first.
+    fn is_far_ahead(&self) -> bool {
+        let support = |guess: usize| self.guesses.get(guess).map_or(0.0, |guess| guess.support);
+        support(0) > FAR_AHEAD * support(1).max(LEAST_SUPPORT)
+    }
+
     /// Looks closer at the guesses; mostly one of the first is the ball, and then nothing else needs a look.
-    fn beyond_doubt(&mut self, image: ImageView<'_>) -> Option<Circle> {
+    ///
+    /// `least` is the share of the rim that must agree with it.
+    fn beyond_doubt(&mut self, image: ImageView<'_>, least: f64) -> Option<Circle> {
         for i in 0..self.guesses.len() {
             self.guesses[i] = self.closer(image, self.guesses[i]);
-            if i < 2
+            if i < LIKELY
                 && let Some(measured) = self.measure(image, &self.guesses[i].clone())
-                && measured.agreeing > CERTAIN_AGREEING
+                && measured.agreeing > least
             {
                 return Some(measured.circle);
             }
@@ -224,7 +260,7 @@ impl BallFinder {
     /// Ranks the places by their rim and measures the best.
     fn best_of_places(&mut self, image: ImageView<'_>, effort: Effort) -> Option<Circle> {
         self.rank(image, effort);
-        if let Some(circle) = self.beyond_doubt(image) {
+        if let Some(circle) = self.beyond_doubt(image, CERTAIN_AGREEING) {
             return Some(circle);
         }
         if effort.whole_rims {

@@ -2,6 +2,7 @@
 
 use super::Polarity;
 use super::edge::Edge;
+use super::rank::{MOST, nth_highest, nth_smallest};
 
 /// Least contrast of an edge, in units of the picture's noise.
 const LEAST_CONTRAST: f32 = 8.0;
@@ -23,6 +24,8 @@ pub(super) struct Gates {
     pub used: Vec<bool>,
     contrast: Vec<f32>,
     sorted: Vec<f32>,
+    /// The contrasts once more, from before the first bin to after the last.
+    around: Vec<f32>,
     clean: Vec<f32>,
 }
 
@@ -58,25 +61,27 @@ impl Gates {
         }
         let rank = self.sorted.len() / 4;
         // Rounding to whole grey levels is noise, too.
-        self.sorted.select_nth_unstable_by(rank, f32::total_cmp).1.max(0.3)
+        nth_smallest(&mut self.sorted, rank).max(0.3)
     }
 
     fn drop_speckle(&mut self) {
         let bins = self.used.len();
         let reach = NEIGHBOURS.min(bins) / 2;
         let stride = STRIDE;
+        // What is not used is lower than all that is.
+        self.around.clear();
+        self.around.extend(
+            (0..bins + 2 * reach)
+                .map(|place| (place + bins - reach) % bins)
+                .map(|bin| if self.used[bin] { self.contrast[bin] } else { f32::NEG_INFINITY }),
+        );
         self.clean.clear();
-        for middle in (0..bins).step_by(stride) {
-            self.sorted.clear();
-            let mut bin = (middle + bins - reach) % bins;
-            for _ in 0..=2 * reach {
-                if self.used[bin] {
-                    self.sorted.push(self.contrast[bin]);
-                }
-                bin = if bin + 1 < bins { bin + 1 } else { 0 };
-            }
-            let rank = (self.sorted.len().saturating_sub(1) as f32 * CLEAN_RANK).round() as usize;
-            self.clean.push(nth_highest(&self.sorted, self.sorted.len() - rank.min(self.sorted.len())));
+        for first in (0..bins).step_by(stride) {
+            let mut near = [f32::NEG_INFINITY; MOST];
+            near[..=2 * reach].copy_from_slice(&self.around[first..=first + 2 * reach]);
+            let count = near.iter().filter(|contrast| **contrast > f32::NEG_INFINITY).count();
+            let rank = (count.saturating_sub(1) as f32 * CLEAN_RANK).round() as usize;
+            self.clean.push(if count > 0 { nth_highest(&near, (count - rank) as u32) } else { 0.0 });
         }
         for bin in 0..bins {
             let nearest = ((bin + stride / 2) / stride) % self.clean.len();
@@ -85,23 +90,4 @@ impl Gates {
     }
 }
 
-/// The `rank`th highest of at most [`NEIGHBOURS`] values, from 1; 0 of none.
-///
-/// With so few of them the highest are soonest kept in order while they come.
-fn nth_highest(values: &[f32], rank: usize) -> f32 {
-    let mut highest = [f32::NEG_INFINITY; NEIGHBOURS];
-    let highest = &mut highest[..rank.min(NEIGHBOURS)];
-    for value in values {
-        // Most are not among the highest.
-        if highest.last().is_none_or(|least| value <= least) {
-            continue;
-        }
-        let mut value = *value;
-        // Every place keeps the higher of two and hands the other on.
-        for kept in highest.iter_mut() {
-            let (high, low) = if *kept < value { (value, *kept) } else { (*kept, value) };
-            (*kept, value) = (high, low);
-        }
-    }
-    highest.last().copied().filter(|_| !values.is_empty()).unwrap_or(0.0)
-}
+const _: () = assert!(NEIGHBOURS <= MOST);

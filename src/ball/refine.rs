@@ -4,7 +4,7 @@ use super::Polarity;
 use super::circle::{CircleFit, Correction};
 use super::edge::{Edge, Search, fit_edges};
 use super::gates::Gates;
-use super::light::side_light;
+use super::light::SideLight;
 use super::rays::Guess;
 use super::rim::{Outline, Rim, SLACK_PX};
 use super::visible::{Sight, share_in_image, unhidden_share};
@@ -15,6 +15,9 @@ use crate::results::Circle;
 const ROUNDS: usize = 6;
 /// A round that moves the outline less than this is the last, px.
 const STILL_PX: f64 = 0.003;
+/// The same near a guess that is hardly off; the next round would move it a quarter as far, an outline's noise is ten
+/// times that.
+const NEARLY_STILL_PX: f64 = 0.01;
 /// Bins around an outline this near are as good as around the outline itself, px.
 const NEARLY_PX: f64 = 0.1;
 /// Blur of a lens in focus, where the search for the blur starts, px.
@@ -28,7 +31,7 @@ const LEAST_AGREEING_WHEN_SOFT: f64 = 0.15;
 /// An outline that moves farther than this was not the ball's, px.
 pub(super) const FARTHEST_PX: f64 = 4.0;
 /// An edge this near to the circle agrees with it, px.
-const AGREEING_PX: f64 = 0.25;
+const AGREEING_PX: f32 = 0.25;
 /// Least number of bins that must agree with the circle, and the share of the rim inside the image on top.
 ///
 /// These limits were set on 420 circles of balls in hard scenes and 2300 around texture, speckle and occluders
@@ -73,8 +76,12 @@ struct Effort {
     /// In each later one.
     later: (usize, usize),
     least_rounds: usize,
+    /// A later round that moves the outline less than this is the last, px.
+    still_px: f64,
     /// Pixels gathered around an outline this near are not gathered again, px.
     nearly_px: f64,
+    /// An outline that moves farther than this was not the ball's, px.
+    farthest_px: f64,
     /// Whether edges are where they are looked for.
     is_near: bool,
 }
@@ -90,6 +97,7 @@ pub(super) struct Refine {
     edges: Vec<Edge>,
     gates: Gates,
     fit: CircleFit,
+    light: SideLight,
     slope: Vec<f32>,
     sights: Vec<Sight>,
 }
@@ -97,13 +105,29 @@ pub(super) struct Refine {
 impl Refine {
     /// The circle near `guess`, or `None` when its rim does not hold one.
     pub fn circle(&mut self, image: ImageView<'_>, guess: &Guess) -> Option<Measured> {
-        let effort = Effort { first: (4, 8), later: (2, 4), least_rounds: 4, nearly_px: 0.0, is_near: false };
+        let effort = Effort {
+            first: (4, 8),
+            later: (2, 4),
+            least_rounds: 4,
+            still_px: STILL_PX,
+            nearly_px: 0.0,
+            farthest_px: FARTHEST_PX,
+            is_near: false,
+        };
         self.circle_with(image, guess, effort)
     }
 
-    /// As [`Self::circle`], near a guess that is hardly off.
-    pub fn circle_at(&mut self, image: ImageView<'_>, guess: &Guess) -> Option<Measured> {
-        let effort = Effort { first: (1, 4), later: (0, 4), least_rounds: 3, nearly_px: NEARLY_PX, is_near: true };
+    /// As [`Self::circle`], near a guess that is hardly off: by no more than `farthest_px`.
+    pub fn circle_at(&mut self, image: ImageView<'_>, guess: &Guess, farthest_px: f64) -> Option<Measured> {
+        let effort = Effort {
+            first: (1, 4),
+            later: (0, 4),
+            least_rounds: 2,
+            still_px: NEARLY_STILL_PX,
+            farthest_px,
+            nearly_px: NEARLY_PX,
+            is_near: true,
+        };
         self.circle_with(image, guess, effort)
     }
 
@@ -132,17 +156,17 @@ impl Refine {
             outline =
                 Outline { x: outline.x + fitted.dx, y: outline.y + fitted.dy, radius: outline.radius + fitted.dr };
             // NaN fails the comparison.
-            let near = distance(&outline, &start) <= FARTHEST_PX;
+            let near = distance(&outline, &start) <= effort.farthest_px;
             if !near {
                 return None;
             }
             last = Some(fitted);
-            if round + 1 >= effort.least_rounds && fitted.dx.hypot(fitted.dy).max(fitted.dr.abs()) < STILL_PX {
+            if round + 1 >= effort.least_rounds && fitted.dx.hypot(fitted.dy).max(fitted.dr.abs()) < effort.still_px {
                 break;
             }
             self.move_edges(&fitted);
             blur = self.better_blur(blur);
-            side_light(&self.rim, &self.edges, &self.gates.used, outline.radius, &mut self.slope);
+            self.light.slope(&self.rim, &self.edges, &self.gates.used, outline.radius, &mut self.slope);
         }
         self.judge(image, guess.polarity, outline, (last?, blur))
     }
@@ -172,7 +196,7 @@ impl Refine {
     fn better_blur(&self, blur: f32) -> f32 {
         let (mut pull, mut weight) = (0.0_f32, 0.0_f32);
         for (bin, edge) in self.edges.iter().enumerate() {
-            let trust = self.fit.trust[bin] as f32;
+            let trust = self.fit.trust[bin];
             if trust > 0.0 {
                 // In units of the bin's own residual, so that texture does not speak for the lens.
                 let unit = trust / (edge.rms * edge.rms + 0.1);
@@ -205,7 +229,7 @@ impl Refine {
         let of_used = if many { LEAST_AGREEING_OF_USED_WHEN_MANY } else { LEAST_AGREEING_OF_USED };
         let most_scatter_px =
             MOST_SCATTER_PX * if share > CERTAIN_AGREEING { CERTAIN_SCATTER } else { 1.0 } * may_scatter;
-        if !enough || agreeing as f64 <= of_used * used || self.fit.scatter_px()? > most_scatter_px {
+        if !enough || agreeing as f64 <= of_used * used || f64::from(self.fit.scatter_px()?) > most_scatter_px {
             return None;
         }
         let c = self.fit.covariance(&self.rim, &fitted)?;

@@ -3,7 +3,9 @@
 use crate::image::ImageView;
 
 /// Bins worked on at a time, for vector instructions.
-pub(super) const LANES: usize = 8;
+pub(super) const LANES: usize = 16;
+/// Fewest bins, of the smallest balls.
+const LEAST_BINS: usize = 8;
 /// Most pixels remembered of a bin.
 pub(super) const SLOTS: usize = 24;
 /// Rim covered by one bin, px: short, so that some bins fit between speckles.
@@ -41,6 +43,8 @@ pub(super) struct Rim {
     count: Vec<u32>,
     cos: Vec<f64>,
     sin: Vec<f64>,
+    /// Cosines and sines once more, for vector instructions.
+    unit: [Vec<f32>; 2],
     places: Vec<f32>,
 }
 
@@ -76,9 +80,9 @@ impl Rim {
         (self.cos[bin], self.sin[bin])
     }
 
-    /// Cosines and sines of the directions of all bins.
-    pub fn directions(&self) -> (&[f64], &[f64]) {
-        (&self.cos, &self.sin)
+    /// Cosines and sines of the directions of all bins, and on to a multiple of [`LANES`].
+    pub fn directions(&self) -> [&[f32]; 2] {
+        [&self.unit[0], &self.unit[1]]
     }
 
     /// Pixels in a bin.
@@ -86,7 +90,7 @@ impl Rim {
         self.count[bin]
     }
 
-    /// The pixels of bins `8 block ..`: distance, grey level, weight (0 where there is none).
+    /// The pixels of bins `16 block ..`: distance, grey level, weight (0 where there is none).
     pub fn block(&self, block: usize) -> (&[Lane], &[Lane], &[Lane]) {
         let range = self.slots(block);
         (&self.distance[range.clone()], &self.grey[range.clone()], &self.weight[range])
@@ -135,13 +139,15 @@ impl Rim {
     }
 
     fn clear(&mut self, radius: f64) {
-        let bins = ((std::f64::consts::TAU * radius / BIN_PX).round() as usize).max(LANES);
+        let bins = ((std::f64::consts::TAU * radius / BIN_PX).round() as usize).max(LEAST_BINS);
         let padded = bins.next_multiple_of(LANES);
         if bins != self.bins {
             self.bins = bins;
             let angle = |i: usize| (i as f64 + 0.5) * std::f64::consts::TAU / bins as f64;
             self.cos = (0..bins).map(|i| angle(i).cos()).collect();
             self.sin = (0..bins).map(|i| angle(i).sin()).collect();
+            let padded = |list: &[f64]| list.iter().map(|v| *v as f32).chain(vec![0.0; padded - bins]).collect();
+            self.unit = [padded(&self.cos), padded(&self.sin)];
         }
         let lanes = padded / LANES * SLOTS;
         // What slots without a pixel hold is told by the counts, but for the grey levels, whose mean is taken over all.

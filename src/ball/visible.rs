@@ -38,10 +38,10 @@ pub(super) fn unhidden_share(sights: &[Sight]) -> f64 {
 
 /// How often the rim is seen outside a run of (first, length) bins.
 fn seen_outside(sights: &[Sight], (first, length): (usize, usize)) -> f64 {
-    let bins = sights.len();
-    let outside = || (length..bins).map(|i| sights[(first + i) % bins]).filter(|s| *s != Sight::Outside);
-    let seen = outside().filter(|s| *s == Sight::Rim).count();
-    seen as f64 / outside().count().max(1) as f64
+    let outside = sights.iter().chain(sights).skip(first + length).take(sights.len().saturating_sub(length));
+    let count = |sight: Sight| outside.clone().filter(|s| **s == sight).count();
+    let seen = count(Sight::Rim);
+    seen as f64 / (seen + count(Sight::Missing)).max(1) as f64
 }
 
 /// The run, as (first, length), with the most evidence of an occluder; length 0 when there is too little.
@@ -56,11 +56,11 @@ fn likeliest_run(sights: &[Sight], seen: f64) -> (usize, usize) {
     let (mut best, mut run) = (LEAST_EVIDENCE, (0, 0));
     let (mut sum, mut first) = (0.0, 0);
     // Twice around, so that a run across the first bin is seen whole.
-    for i in 0..2 * bins {
+    for (i, sight) in sights.iter().chain(sights).enumerate() {
         if sum <= 0.0 {
             (sum, first) = (0.0, i);
         }
-        sum += gain(sights[i % bins]);
+        sum += gain(*sight);
         if sum > best && i + 1 - first <= bins {
             (best, run) = (sum, (first % bins, i + 1 - first));
         }

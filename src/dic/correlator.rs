@@ -213,6 +213,7 @@ impl Correlator {
         self.check_size(reference);
         self.check_size(target);
         self.solutions.clear();
+        self.searches.pixel.is_used = false;
         let mut carried = std::mem::take(&mut self.carried);
         let starts = points.iter().map(|point| self.known_start(*point, start));
         carried.draw((reference, target), points, &self.window, starts);
@@ -249,6 +250,11 @@ impl Correlator {
         (self.subset, self.cut, self.pooled) = (subset, cut, pooled);
         self.fill(points, field);
         self.median_test.mark(points, self.params.step_px, field);
+    }
+
+    /// Whether any subset of the last [`Self::correlate`] was not where its start said, so that it was searched for.
+    pub fn has_searched(&self) -> bool {
+        self.searches.pixel.is_used
     }
 
     /// Keeps a frame and its subsets, to compare many frames with.

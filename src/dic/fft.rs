@@ -60,6 +60,8 @@ pub(super) struct Search {
     /// Columns and rows of the last full search's surface.
     shifts: (usize, usize),
     candidates: Vec<f32>,
+    /// Whether anything was searched for since this was last set back.
+    pub(super) is_used: bool,
 }
 
 impl Search {
@@ -76,6 +78,7 @@ impl Search {
             surface: vec![0.0; count * count],
             shifts: (0, 0),
             candidates: vec![0.0; count],
+            is_used: false,
         }
     }
 
@@ -89,6 +92,7 @@ impl Search {
         target: &Plane,
         at: (i32, i32),
     ) -> Option<Found> {
+        self.is_used = true;
         let place = (at.0 as isize, at.1 as isize);
         if !window.extent.fits(place, (target.width(), target.height())) {
             return None;
@@ -143,6 +147,7 @@ impl Search {
         at: (i32, i32),
         around: (i32, i32),
     ) -> Option<Found> {
+        self.is_used = true;
         let (extent, range) = (window.extent, self.range as i64);
         let shifts = |center: i64, (first, last): (i32, i32), length: usize| {
             let low = (center - range).max(-i64::from(first));

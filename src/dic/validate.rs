@@ -84,10 +84,12 @@ impl MedianTest {
 
     /// Whether the predictions from the neighbours contradict the point, or most neighbours failed and it is poor.
     fn contradicted(&self, point: &GridPoint, step_px: u32, index: usize, field: &[FieldPoint]) -> bool {
-        let step = step_px.max(1);
+        let own = self.cell(i64::from(point.x), i64::from(point.y), step_px.max(1));
+        let own = own.map(|cell| ((cell % self.columns) as i64, (cell / self.columns) as i64));
         let at = |(dx, dy): (i64, i64), times: i64| {
-            let reach = i64::from(step) * times;
-            let cell = self.cell(i64::from(point.x) + dx * reach, i64::from(point.y) + dy * reach, step)?;
+            let (column, row) = own.map(|(column, row)| (column + times * dx, row + times * dy))?;
+            let is_there = (0..self.columns as i64).contains(&column) && (0..self.rows as i64).contains(&row);
+            let cell = is_there.then_some(row as usize * self.columns + column as usize)?;
             field.get(self.lattice[cell] as usize)
         };
         let tried = DIRECTIONS.into_iter().filter_map(|direction| at(direction, 1)).count();

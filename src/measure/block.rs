@@ -9,6 +9,7 @@ use super::params::{MeasureParams, Share};
 use super::part::Part;
 use super::picture::Picture;
 use super::reference::Reference;
+use super::target::Target;
 use super::turn::Turns;
 use super::whole::{WholeStep, Wholes};
 use crate::dic::{Correlator, GridPoint, Prepared, Start};
@@ -152,12 +153,18 @@ impl Measurer {
         let mut first = 0;
         while let Some(of) = open.get(first).map(|reference| reference.block) {
             let last = open.partition_point(|reference| reference.block <= of);
-            let part = self.part_of(of, frame.meta.sequence);
+            let sequence = frame.meta.sequence;
             let mut prepared = self.spare.pop().unwrap_or_default();
-            let view = self.picture.part(frame, part.rectangle());
-            self.correlator.prepare_part_into(view, part.rectangle(), &mut prepared);
+            let narrow = self.known.narrow_part(of, sequence, &self.params.correlation, &self.wholes);
+            let mut part = narrow.unwrap_or_else(|| self.known.part(of, sequence, &self.params.correlation));
+            self.prepare(frame, part, &mut prepared);
+            let mut is_narrow = narrow.is_some();
             for reference in open.range_mut(first..last) {
-                self.measure(reference, Some((&prepared, frame.meta.sequence)));
+                if !self.measure(reference, Some(Target { sequence, prepared: &prepared, is_narrow })) {
+                    (part, is_narrow) = (self.known.part(of, sequence, &self.params.correlation), false);
+                    self.prepare(frame, part, &mut prepared);
+                    self.measure(reference, Some(Target { sequence, prepared: &prepared, is_narrow }));
+                }
             }
             match of == block {
                 true => own = Some((prepared, part)),
@@ -167,6 +174,12 @@ impl Measurer {
         }
         self.open = open;
         own
+    }
+
+    /// Makes a part of the frame at hand ready.
+    fn prepare(&mut self, frame: &Frame<'_>, part: Part, prepared: &mut Prepared) {
+        let view = self.picture.part(frame, part.rectangle());
+        self.correlator.prepare_part_into(view, part.rectangle(), prepared);
     }
 
     /// Finds the bodies in the frame at hand, and keeps it until its targets have come.
@@ -179,8 +192,7 @@ impl Measurer {
         outlines.iter().flatten().for_each(|outline| needed.add(&outline.around(subset_px), 0.0));
         let (mut prepared, part) = own.unwrap_or_else(|| (self.spare.pop().unwrap_or_default(), Part::default()));
         if part.is_empty() || !part.holds(&needed) {
-            let view = self.picture.part(frame, needed.rectangle());
-            self.correlator.prepare_part_into(view, needed.rectangle(), &mut prepared);
+            self.prepare(frame, needed, &mut prepared);
         }
         let oldest = self.open.front().map_or(block, |reference| reference.block);
         self.known.forget_before(oldest);
@@ -245,9 +257,10 @@ impl Measurer {
             let pair = (&reference.prepared, &target.prepared);
             let Some(rate) = self.turns.between(from, to, pair, frames as f64) else { continue };
             self.known.of(body, reference.block).motion = Some(rate);
-            let again = self.measure_body(reference, slot, Some((&target.prepared, target.meta.sequence)));
-            if again.step.step.is_some() {
-                reference.done[slot] = Some(again);
+            let whole = Target { sequence: target.meta.sequence, prepared: &target.prepared, is_narrow: false };
+            let again = self.measure_body(reference, slot, Some(whole));
+            if again.as_ref().is_some_and(|again| again.step.step.is_some()) {
+                reference.done[slot] = again;
             }
         }
     }
@@ -257,22 +270,6 @@ impl Measurer {
         self.wholes.forget(body, block);
         let known = self.known.of(body, block);
         (known.motion, known.confused) = (None, true);
-    }
-
-    /// Where the bodies of a block may be in a frame, and what is looked for around them.
-    fn part_of(&self, block: u64, sequence: u64) -> Part {
-        let mut part = Part::default();
-        for known in self.known.of_block(block) {
-            let Some((seen, outline)) = known.outline else { continue };
-            let correlation = &self.params.correlation;
-            let range = f64::from(correlation.search_px);
-            part.add(&outline.around(correlation.subset_size_px), range);
-            if let Some(motion) = &known.motion {
-                let moved = outline.carried(Some(motion), (sequence - seen) as f64).0;
-                part.add(&moved.around(correlation.subset_size_px), range);
-            }
-        }
-        part
     }
 
     /// The stream is over: tells the frames that have no target.
@@ -312,11 +309,11 @@ impl Measurer {
             .map(|(sequence, outline)| outline.carried(known.motion.as_ref(), (meta.sequence - sequence) as f64));
         let finder = &mut self.finders[body];
         let followed = expected.and_then(|(near, _)| {
-            let view = match finder.part_around(&near) {
-                Some(part) => self.picture.part(frame, part.rectangle()),
-                None => self.picture.whole(frame),
-            };
-            finder.follow(view, &near).ok()
+            let close = self.picture.some(frame, finder.part_around(&near, true));
+            finder.follow_closely(close, &near).or_else(|| {
+                let wider = self.picture.some(frame, finder.part_around(&near, false));
+                finder.follow(wider, &near).ok()
+            })
         });
         // The motion is known far better than an outline is: where the outline cannot be told, it carries the centre.
         let carried = expected.filter(|(_, is_measured)| *is_measured).map(|(near, _)| near.by_motion_alone());
@@ -357,19 +354,22 @@ impl Measurer {
     }
 
     /// Measures what leads to this target, and what led to targets that did not come; everything with no target.
-    fn measure(&mut self, reference: &mut Reference, target: Option<(&Prepared, u64)>) {
+    ///
+    /// Gives false when more of the target is needed to go on.
+    fn measure(&mut self, reference: &mut Reference, target: Option<Target<'_>>) -> bool {
         for slot in 0..reference.done.len() {
             let due = reference.meta.sequence
                 + u64::from(self.params.intervals_frames[slot % self.params.intervals_frames.len()]);
-            let is_due = target.is_none_or(|(_, sequence)| sequence >= due);
+            let is_due = target.is_none_or(|target| target.sequence >= due);
             if reference.done[slot].is_none() && is_due {
-                let target = target.filter(|(_, sequence)| *sequence == due);
+                let target = target.filter(|target| target.sequence == due);
                 let before = self.known.of(slot / self.params.intervals_frames.len(), reference.block).motion;
-                let measured = self.measure_body(reference, slot, target);
+                let Some(measured) = self.measure_body(reference, slot, target) else { return false };
                 reference.before[slot] = before;
                 reference.done[slot] = Some(measured);
             }
         }
+        true
     }
 
     /// The frames that are measured with all their targets, oldest first.
@@ -381,32 +381,26 @@ impl Measurer {
         }
     }
 
-    /// The motion of one body from a frame.
-    fn measure_body(&mut self, reference: &Reference, slot: usize, target: Option<(&Prepared, u64)>) -> Measured {
+    /// The motion of one body from a frame; `None` when more of the target is needed to tell it.
+    fn measure_body(&mut self, reference: &Reference, slot: usize, target: Option<Target<'_>>) -> Option<Measured> {
         let intervals = self.params.intervals_frames.len();
         let (body, place) = (slot / intervals, slot % intervals);
         let outline = reference.outlines[body];
-        let mut step = BodyStep {
-            is_whole: false,
-            rim_fraction: None,
-            frame: reference.meta.sequence,
-            stamp_ns: reference.meta.stamp_ns,
-            body: u32::try_from(body).unwrap_or(u32::MAX),
-            interval_frames: self.params.intervals_frames[place],
-            circle: None,
-            rod: None,
-            step: None,
-            status: outline.err().unwrap_or_default(),
-        };
-        let Ok(outline) = outline else { return Measured { step, field: None } };
+        let mut step = reference.untold(body, self.params.intervals_frames[place]);
+        let Ok(outline) = outline else { return Some(Measured { step, field: None }) };
         outline.tell(&mut step);
-        let Some((target, target_frame)) = target else { return Measured { step, field: None } };
+        let Some(Target { sequence: target_frame, prepared: target, is_narrow }) = target else {
+            return Some(Measured { step, field: None });
+        };
         let mut field =
             PairField { frame: step.frame, target_frame, stamp_ns: step.stamp_ns, body: step.body, points: Vec::new() };
         let frames = f64::from(step.interval_frames);
         // Longer ones start from the frame's own shortest step, whatever was measured since.
         let own = reference.done[slot - place].as_ref().and_then(|shortest| shortest.step.step);
         let known = if place == 0 { self.known.of(body, reference.block).motion } else { own };
+        if is_narrow && known.is_none() {
+            return None;
+        }
         let span = (reference, (target_frame, target), body);
         let points = self.finders[body].points(&outline, &self.params.correlation, self.size);
         self.correlator.set_region(self.finders[body].region(&outline, &self.params.correlation));
@@ -417,6 +411,9 @@ impl Measurer {
         let start = known.map_or(Start::Search, |step| start(&step, outline.center_px(), frames));
         let correlation = &self.params.correlation;
         self.correlator.correlate(&reference.prepared, target, &points, start, &mut field.points);
+        if is_narrow && (whole.is_none() || self.correlator.has_searched()) {
+            return None;
+        }
         step.step = rigid_step(&mut field, outline.center_px(), frames, correlation.subset_size_px, start);
         if let (Rotation::Center, Some(_)) = (self.params.rotation, &step.circle) {
             step.step = step.step.and_then(|_| center_step(&field, outline.center_px(), frames, correlation));
@@ -441,12 +438,8 @@ impl Measurer {
             }
             agrees
         });
-        if let Some(whole) = whole {
-            (step.step, step.is_whole) = (Some(whole.step), true);
-            if let (Some(circle), Some(share)) = (&mut step.circle, whole.visible_fraction) {
-                step.rim_fraction = Some(circle.visible_fraction);
-                circle.visible_fraction = share;
-            }
+        if let Some(whole) = &whole {
+            whole.tell(&mut step);
         }
         if step.step.is_none() {
             step.status = confirm::why_not(&field);
@@ -454,7 +447,7 @@ impl Measurer {
         if place == 0 {
             self.known.of(body, reference.block).motion = step.step;
         }
-        Measured { step, field: Some(field) }
+        Some(Measured { step, field: Some(field) })
     }
 
     /// About how a ball moves of which nothing is known, from some of its subsets: a match of the whole ball needs no more.

@@ -1,7 +1,13 @@
 //! What is known of the bodies while their blocks are measured.
 
 use super::outline::Outline;
+use super::part::Part;
+use super::whole::Wholes;
+use crate::dic::CorrelationParams;
 use crate::results::RigidStep;
+
+/// A body that goes on as it moved is off by less than this where it is foretold, px.
+const FORETOLD_PX: f64 = 2.0;
 
 /// What is known of one body within one block.
 #[derive(Debug, Clone, Copy)]
@@ -35,9 +41,41 @@ impl Memory {
         &mut self.known[place]
     }
 
-    /// Of all bodies within one block.
-    pub(super) fn of_block(&self, block: u64) -> impl Iterator<Item = &Known> {
-        self.known.iter().filter(move |known| known.block == block)
+    /// Where the bodies of a block may be in a frame, and what is looked for around them.
+    pub(super) fn part(&self, block: u64, sequence: u64, params: &CorrelationParams) -> Part {
+        let mut part = Part::default();
+        for (seen, outline, known) in self.seen_in(block) {
+            let range = f64::from(params.search_px);
+            part.add(&outline.around(params.subset_size_px), range);
+            if let Some(motion) = &known.motion {
+                let moved = outline.carried(Some(motion), (sequence - seen) as f64).0;
+                part.add(&moved.around(params.subset_size_px), range);
+            }
+        }
+        part
+    }
+
+    /// Where the bodies of a block are in a frame if they go on as they moved, and are matched as wholes; else `None`.
+    pub(super) fn narrow_part(
+        &self,
+        block: u64,
+        sequence: u64,
+        params: &CorrelationParams,
+        wholes: &Wholes,
+    ) -> Option<Part> {
+        let mut part = Part::default();
+        for (seen, outline, known) in self.seen_in(block) {
+            let motion = known.motion.as_ref().filter(|_| wholes.knows(known.body, block))?;
+            let moved = outline.carried(Some(motion), (sequence - seen) as f64).0;
+            part.add(&moved.around(params.subset_size_px), FORETOLD_PX);
+        }
+        (!part.is_empty()).then_some(part)
+    }
+
+    /// The bodies of a block whose outline is known, with the frame in which it was and the outline.
+    fn seen_in(&self, block: u64) -> impl Iterator<Item = (u64, Outline, &Known)> {
+        let known = self.known.iter().filter(move |known| known.block == block);
+        known.filter_map(|known| known.outline.map(|(seen, outline)| (seen, outline, known)))
     }
 
     /// Forgets the blocks before this one.

@@ -20,6 +20,7 @@ mod part;
 mod patch;
 mod picture;
 mod reference;
+mod target;
 mod tracker;
 mod turn;
 mod whole;

@@ -69,23 +69,31 @@ impl Finder {
         }
     }
 
-    /// The part of a frame that is looked at where it must be; all of it where `None`.
-    pub(super) fn part_around(&self, near: &Outline) -> Option<Part> {
+    /// The part of a frame that is looked at right where it was foretold, or else near there; all of it where `None`.
+    pub(super) fn part_around(&self, near: &Outline, closely: bool) -> Option<Part> {
         match (self, near) {
             (Self::Ball(_), Outline::Ball(near)) => {
                 let mut part = Part::default();
-                part.add(near, BallFinder::FOLLOW_RANGE_PX);
+                part.add_near(near, if closely { BallFinder::CLOSE_RANGE_PX } else { BallFinder::FOLLOW_RANGE_PX });
                 Some(part)
             }
             _ => None,
         }
     }
 
-    /// Looks for it where it must be.
+    /// Looks for a ball right where it was foretold; there is no quick way to find anything else.
+    pub(super) fn follow_closely(&mut self, image: ImageView<'_>, near: &Outline) -> Option<Outline> {
+        match (self, near) {
+            (Self::Ball(finder), Outline::Ball(near)) => finder.follow_closely(image, near).map(Outline::Ball),
+            _ => None,
+        }
+    }
+
+    /// Looks for it where it must be, a ball when it is not right there.
     pub(super) fn follow(&mut self, image: ImageView<'_>, near: &Outline) -> Result<Outline, PointStatus> {
         match (self, near) {
             (Self::Ball(finder), Outline::Ball(near)) => {
-                finder.follow(image, near).map(Outline::Ball).ok_or(PointStatus::Lost)
+                finder.search_near(image, near).map(Outline::Ball).ok_or(PointStatus::Lost)
             }
             (Self::Rod(finder), Outline::Rod(near)) => finder.follow(image, near).map(Outline::Rod),
             (finder, _) => finder.find(image),

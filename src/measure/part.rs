@@ -15,7 +15,12 @@ pub(super) struct Part {
 impl Part {
     /// Makes room for a body that is looked for within `range_px` of this place.
     pub(super) fn add(&mut self, circle: &Circle, range_px: f64) {
-        let reach = circle.radius_px + range_px + ROOM_PX;
+        self.add_near(circle, range_px + ROOM_PX);
+    }
+
+    /// Makes room for what lies within `range_px` of a circle.
+    pub(super) fn add_near(&mut self, circle: &Circle, range_px: f64) {
+        let reach = circle.radius_px + range_px;
         let [left, top, right, bottom] =
             [circle.x_px - reach, circle.y_px - reach, circle.x_px + reach + 1.0, circle.y_px + reach + 1.0];
         let old = self.bounds.unwrap_or([f64::INFINITY, f64::INFINITY, f64::NEG_INFINITY, f64::NEG_INFINITY]);

@@ -1,5 +1,6 @@
 //! The frame at hand, of which only the parts that are asked for are unpacked.
 
+use super::part::Part;
 use crate::image::{Frame, Image, ImageView};
 
 /// Grey levels of one frame at a time.
@@ -38,6 +39,14 @@ impl Picture {
             let _ = frame.unpack_part([left, top, right - left, bottom - top], &mut self.image);
         }
         self.image.view()
+    }
+
+    /// The frame, unpacked in a part at least; all of it with `None`.
+    pub(super) fn some(&mut self, frame: &Frame<'_>, part: Option<Part>) -> ImageView<'_> {
+        match part {
+            Some(part) => self.part(frame, part.rectangle()),
+            None => self.whole(frame),
+        }
     }
 
     /// The frame, all of it.

@@ -4,7 +4,7 @@ use super::block::Measured;
 use super::outline::Outline;
 use crate::dic::Prepared;
 use crate::image::FrameMeta;
-use crate::results::{PointStatus, RigidStep};
+use crate::results::{BodyStep, PointStatus, RigidStep};
 
 /// A frame that waits for its target.
 pub(super) struct Reference {
@@ -18,4 +18,22 @@ pub(super) struct Reference {
     pub(super) done: Vec<Option<Measured>>,
     /// The motion before each of them.
     pub(super) before: Vec<Option<RigidStep>>,
+}
+
+impl Reference {
+    /// The row of one of its bodies of which nothing is told yet.
+    pub(super) fn untold(&self, body: usize, interval_frames: u32) -> BodyStep {
+        BodyStep {
+            is_whole: false,
+            rim_fraction: None,
+            frame: self.meta.sequence,
+            stamp_ns: self.meta.stamp_ns,
+            body: u32::try_from(body).unwrap_or(u32::MAX),
+            interval_frames,
+            circle: None,
+            rod: None,
+            step: None,
+            status: self.outlines[body].err().unwrap_or_default(),
+        }
+    }
 }

@@ -5,7 +5,7 @@
 //! the reference is in neither.
 
 use crate::dic::{BodyMotion, Prepared, Region, RigidBody};
-use crate::results::{Circle, RigidStep};
+use crate::results::{BodyStep, Circle, RigidStep};
 
 use super::outline::RIM_CLEARANCE;
 
@@ -57,6 +57,17 @@ pub(super) struct WholeStep {
     pub(super) visible_fraction: Option<f64>,
 }
 
+impl WholeStep {
+    /// Puts it in the place of what subsets say.
+    pub(super) fn tell(&self, step: &mut BodyStep) {
+        (step.step, step.is_whole) = (Some(self.step), true);
+        if let (Some(circle), Some(share)) = (&mut step.circle, self.visible_fraction) {
+            step.rim_fraction = Some(circle.visible_fraction);
+            circle.visible_fraction = share;
+        }
+    }
+}
+
 /// The references of all bodies in the blocks at hand.
 #[derive(Debug, Default)]
 pub(super) struct Wholes {
@@ -79,9 +90,14 @@ impl Wholes {
         self.kept.retain(|kept| (kept.body, kept.block) != (body, block));
     }
 
+    /// Whether there is a reference of a body in a block.
+    pub(super) fn knows(&self, body: usize, block: u64) -> bool {
+        self.kept.iter().any(|kept| (kept.body, kept.block) == (body, block))
+    }
+
     /// Takes a frame as the reference of a body in a block that has none.
     pub(super) fn begin(&mut self, (body, block): (usize, u64), frame: u64, prepared: &Prepared, circle: &Circle) {
-        if self.kept.iter().any(|kept| (kept.body, kept.block) == (body, block)) {
+        if self.knows(body, block) {
             return;
         }
         let (region, radius_px) = (whole_region(circle), circle.radius_px * (1.0 - RIM_CLEARANCE));

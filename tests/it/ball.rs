@@ -258,14 +258,7 @@ fn following_looks_no_farther_than_it_says() {
         let mut off = |most: f64| r.uniform(-most, most);
         let (x_px, y_px, radius_px) = (scene.x + off(9.0), scene.y + off(9.0), scene.radius + off(6.0));
         let near = Circle { x_px, y_px, radius_px, sigma_center_px: 0.1, sigma_radius_px: 0.1, visible_fraction: 1.0 };
-        let reach = radius_px + BallFinder::FOLLOW_RANGE_PX;
-        let mut elsewhere = data.clone();
-        for (k, level) in elsewhere.iter_mut().enumerate() {
-            let (x, y) = ((k % scene.width) as f64, (k / scene.width) as f64);
-            if (x - x_px).abs() > reach || (y - y_px).abs() > reach {
-                *level = r.uniform(0.0, 255.0) as f32;
-            }
-        }
+        let elsewhere = changed_beyond(&scene, &data, &near, BallFinder::FOLLOW_RANGE_PX);
         for outline in [OutlineMethod::Edges, OutlineMethod::Marked] {
             let mut finder = BallFinder::new(&params(outline), scene.width, scene.height).unwrap();
             let [here, there] = [&data, &elsewhere]
@@ -276,6 +269,40 @@ fn following_looks_no_farther_than_it_says() {
     }
     println!("{found} of 120 followed");
     assert!(found > 40, "{found}");
+}
+
+#[test]
+fn following_closely_looks_no_farther_than_it_says() {
+    let mut found = 0;
+    for seed in 0..60 {
+        let scene = Scene::hard(seed, seed.is_multiple_of(2), 0.0);
+        let (data, mut r) = (scene.render(), Random(seed));
+        let mut off = |most: f64| r.uniform(-most, most);
+        let (x_px, y_px, radius_px) = (scene.x + off(0.9), scene.y + off(0.9), scene.radius + off(0.9));
+        let near = Circle { x_px, y_px, radius_px, sigma_center_px: 0.1, sigma_radius_px: 0.1, visible_fraction: 1.0 };
+        let elsewhere = changed_beyond(&scene, &data, &near, BallFinder::CLOSE_RANGE_PX);
+        for outline in [OutlineMethod::Edges, OutlineMethod::Marked] {
+            let params = BallParams { outline, ..BallParams::new(50.0, 68.0) };
+            let mut finder = BallFinder::new(&params, scene.width, scene.height).unwrap();
+            let [here, there] = [&data, &elsewhere]
+                .map(|data| finder.follow_closely(ImageView::new(data, scene.width, scene.height).unwrap(), &near));
+            assert_eq!(here, there, "seed {seed}");
+            found += usize::from(here.is_some());
+        }
+    }
+    println!("{found} of 120 followed closely");
+    assert!(found > 40, "{found}");
+}
+
+/// A picture that shows something else farther than this from a circle.
+fn changed_beyond(scene: &Scene, data: &[f32], near: &Circle, range_px: f64) -> Vec<f32> {
+    let (mut r, reach) = (Random(1), near.radius_px + range_px);
+    let level = |(k, level): (usize, &f32)| {
+        let (x, y) = ((k % scene.width) as f64, (k / scene.width) as f64);
+        let is_near = (x - near.x_px).abs() <= reach && (y - near.y_px).abs() <= reach;
+        if is_near { *level } else { r.uniform(0.0, 255.0) as f32 }
+    };
+    data.iter().enumerate().map(level).collect()
 }
 
 #[test]
