@@ -4,84 +4,14 @@
 
 #[path = "ball/scene.rs"]
 mod scene;
+#[path = "ball/tally.rs"]
+mod tally;
 
 use ricochet::ball::{BallFinder, BallParams, OutlineMethod};
 use ricochet::image::ImageView;
 use ricochet::results::Circle;
 use scene::{Occluder, Random, Scene};
-
-/// Errors of many frames.
-#[derive(Debug, Default)]
-struct Tally {
-    frames: usize,
-    center: Vec<f64>,
-    radius: Vec<f64>,
-    visible: Vec<f64>,
-    ratios: Vec<f64>,
-    radius_ratios: Vec<f64>,
-}
-
-impl Tally {
-    fn add(&mut self, scene: &Scene, circle: Option<Circle>) {
-        self.frames += 1;
-        let Some(c) = circle else { return };
-        for e in [c.x_px - scene.x, c.y_px - scene.y] {
-            self.center.push(e.abs());
-            self.ratios.push(e.abs() / c.sigma_center_px);
-        }
-        self.radius.push(c.radius_px - scene.radius);
-        self.radius_ratios.push((c.radius_px - scene.radius).abs() / c.sigma_radius_px);
-        self.visible.push((c.visible_fraction - scene.visible()).abs());
-    }
-
-    fn refused(&self) -> usize {
-        self.frames - self.radius.len()
-    }
-
-    fn mean(&self) -> f64 {
-        mean(&self.center)
-    }
-
-    fn worst(&self) -> f64 {
-        self.center.iter().copied().fold(0.0, f64::max)
-    }
-
-    fn covered(&self, sigmas: f64) -> f64 {
-        share_within(&self.ratios, sigmas)
-    }
-
-    fn radius_covered(&self, sigmas: f64) -> f64 {
-        share_within(&self.radius_ratios, sigmas)
-    }
-
-    fn line(&self) -> String {
-        let mut sorted = self.center.clone();
-        sorted.sort_by(f64::total_cmp);
-        let q95 = sorted.get(sorted.len() * 95 / 100).copied().unwrap_or(0.0);
-        format!(
-            "mean {:.4} q95 {q95:.3} worst {:.3} px, radius {:+.3}, refused {} of {}, sigma {:.2} / {:.2}, \
-             of the radius {:.2} / {:.2}, visible {:.3}",
-            self.mean(),
-            self.worst(),
-            mean(&self.radius),
-            self.refused(),
-            self.frames,
-            self.covered(1.0),
-            self.covered(2.0),
-            self.radius_covered(1.0),
-            self.radius_covered(2.0),
-            mean(&self.visible)
-        )
-    }
-}
-
-fn share_within(ratios: &[f64], sigmas: f64) -> f64 {
-    ratios.iter().filter(|ratio| **ratio < sigmas).count() as f64 / ratios.len().max(1) as f64
-}
-
-fn mean(values: &[f64]) -> f64 {
-    values.iter().sum::<f64>() / values.len().max(1) as f64
-}
+use tally::{Tally, mean};
 
 fn finder(low: f64, high: f64, scene: &Scene) -> BallFinder {
     BallFinder::new(&BallParams::new(low, high), scene.width, scene.height).unwrap()
