@@ -9,6 +9,7 @@
 //! back. By how much the texture itself says: its gradients of eighth order read right.
 
 use super::GridPoint;
+use super::columns::Columns;
 use super::lanes::{LANES, Lanes};
 use super::matcher::{Matcher, Solution};
 use super::moments::{Layers, Moments};
@@ -45,8 +46,11 @@ pub(super) struct Carried {
     plane: Plane,
     /// First and last column that subsets need of each row of the reference; the first is larger where there are none.
     spans: Vec<(i32, i32)>,
+    columns: Columns,
     /// By subset: the warp to begin with, where the target is drawn for it.
     starts: Vec<Option<Warp>>,
+    /// By subset: where its centre is in the reference, px.
+    centers: Vec<(i32, i32)>,
     /// By subset: how it fits, where it was found by one look.
     fits: Vec<Option<Fit>>,
     subset: Subset,
@@ -82,15 +86,17 @@ impl Carried {
             };
             warp.filter(|warp| is_sane(warp) && holds(at) && !saturated(reference, window, at))
         }));
+        self.centers.clear();
+        self.centers.extend(points.iter().map(|point| reference.local((point.x, point.y))));
+        self.columns.clear();
         self.fits.clear();
         self.fits.resize(points.len(), None);
         self.plane.reshape(width, height);
         self.spans.clear();
         self.spans.resize(height, (i32::MAX, i32::MIN));
         let mut corner = None;
-        for (point, warp) in points.iter().zip(&self.starts) {
+        for ((point, warp), (x, y)) in points.iter().zip(&self.starts).zip(self.centers.iter().copied()) {
             let Some(warp) = warp else { continue };
-            let (x, y) = reference.local((point.x, point.y));
             let extent = window.extent;
             for (left, right) in &mut self.spans[(y + extent.top) as usize..=(y + extent.bottom) as usize] {
                 (*left, *right) = ((*left).min(x + extent.left), (*right).max(x + extent.right));
@@ -121,7 +127,13 @@ impl Carried {
             gradient_y: &reference.gradient_y,
             target: &self.plane,
         };
-        let moments = Moments::of(layers, window, reference.local(matcher.at));
+        let at = self.centers[index];
+        let moments = if window.is_square() {
+            let right = self.last_beside(index).0 + window.extent.right;
+            self.columns.moments(layers, window, at, right)
+        } else {
+            Moments::of(layers, window, at)
+        };
         self.subset.take(&moments, window.pixels, matcher.params.refined_shape()).ok()?;
         let matcher = Matcher { subset: &self.subset, ..*matcher };
         let (step, zncc, gained) = matcher.refiner().step_of(moments.sums(window.pixels)).ok()?;
@@ -140,6 +152,13 @@ impl Carried {
         let energy = moments.products[1] - moments.target * moments.target / pixels;
         self.fits[index] = Some(Fit { means, gain: (self.subset.energy / energy).sqrt() as f32 });
         Some(matcher.judge(found, None))
+    }
+
+    /// The last of the subsets that follow in the same row.
+    fn last_beside(&self, index: usize) -> (i32, i32) {
+        let (x, y) = self.centers[index];
+        let beside = self.centers[index..].iter().zip(&self.starts[index..]).take_while(|(center, _)| center.1 == y);
+        beside.filter(|(_, start)| start.is_some()).map(|(center, _)| *center).last().unwrap_or((x, y))
     }
 
     /// Whether the subset was found by one look.

@@ -9,6 +9,7 @@ mod angle;
 mod body;
 mod carried;
 mod center;
+mod columns;
 mod correlation;
 mod correlator;
 mod error;

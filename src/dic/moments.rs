@@ -8,7 +8,7 @@ use super::window::{Block, Window};
 
 /// Sums over the pixels of a window; f is the reference's grey level, g the target's, J the Jacobian of the affine
 /// warp, (gx, gx dx, gx dy, gy, gy dx, gy dy).
-#[derive(Debug, Clone, Copy, Default)]
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub(super) struct Moments {
     /// Sum of f.
     pub(super) reference: f64,
@@ -58,15 +58,87 @@ impl Moments {
 }
 
 /// Vectors that are summed up at the end.
-const SUMS: usize = 48;
+pub(super) const SUMS: usize = 48;
+
+/// Sums down a column: of f, g, f f, g g and f g; twice each, the second a running sum, of gx, gy, gx f, gy f, gx g and
+/// gy g; and three each of gx gx, gx gy and gy gy. What is summed twice is weighted with the number of rows left.
+pub(super) const DOWN: usize = 5 + 2 * 6 + 3 * 3;
 
 #[inline(always)]
 fn moments_with<V: Vector>(layers: Layers<'_>, window: &Window, at: (i32, i32), out: &mut Moments) {
     let mut folded = [V::splat(0.0); SUMS];
     for block in &window.blocks {
         let mask = &window.mask[block.start..block.start + block.rows];
-        add_block(layers, block, mask, at, &mut folded);
+        let first = layers.reference.index((at.0 + block.dx) as isize, (at.1 + block.dy) as isize);
+        let sums = down(layers, first, block.rows, |row| V::from_lanes(&mask[row]));
+        fold(&sums, block, &mut folded);
     }
+    total(&folded, out);
+}
+
+/// Sums down eight columns from the pixel with index `first` on.
+#[inline(always)]
+pub(super) fn down<V: Vector>(layers: Layers<'_>, first: usize, rows: usize, mask: impl Fn(usize) -> V) -> [V; DOWN] {
+    let stride = layers.reference.stride();
+    let planes = [layers.reference, layers.gradient_x, layers.gradient_y, layers.target];
+    let [reference, gradient_x, gradient_y, target] = planes.map(|plane| &plane.data()[first..]);
+    let mut sums = [V::splat(0.0); DOWN];
+    for row in 0..rows {
+        let (here, mask) = (row * stride, mask(row));
+        let f = V::load(&reference[here..]).mul(mask);
+        let (gx, gy) = (V::load(&gradient_x[here..]).mul(mask), V::load(&gradient_y[here..]).mul(mask));
+        let g = V::load(&target[here..]).mul(mask);
+        for (sum, value) in sums.iter_mut().zip([f, g, f.mul(f), g.mul(g), f.mul(g)]) {
+            *sum = sum.add(value);
+        }
+        for (k, value) in [gx, gy, gx.mul(f), gy.mul(f), gx.mul(g), gy.mul(g)].into_iter().enumerate() {
+            let at = 5 + 2 * k;
+            sums[at] = sums[at].add(value);
+            sums[at + 1] = sums[at + 1].add(sums[at]);
+        }
+        for (k, value) in [gx.mul(gx), gx.mul(gy), gy.mul(gy)].into_iter().enumerate() {
+            let at = 17 + 3 * k;
+            sums[at] = sums[at].add(value);
+            sums[at + 1] = sums[at + 1].add(sums[at]);
+            sums[at + 2] = sums[at + 2].add(sums[at + 1]);
+        }
+    }
+    sums
+}
+
+/// Adds the sums down a block of columns.
+#[inline(always)]
+pub(super) fn fold<V: Vector>(sums: &[V; DOWN], block: &Block, folded: &mut [V; SUMS]) {
+    for (folded, sum) in folded.iter_mut().zip(&sums[..5]) {
+        *folded = folded.add(*sum);
+    }
+    let x = V::splat(block.dx as f32).add(V::from_lanes(&Lanes::INDEX));
+    // The row after the last one: rows left are counted up to it.
+    let end = V::splat((block.dy + block.rows as i32) as f32);
+    for k in 0..6 {
+        let (sum, running) = (sums[5 + 2 * k], sums[6 + 2 * k]);
+        let place = 5 + 6 * (k / 2) + 3 * (k % 2);
+        folded[place] = folded[place].add(sum);
+        folded[place + 1] = folded[place + 1].add(sum.mul(x));
+        folded[place + 2] = folded[place + 2].add(sum.mul(end).sub(running));
+    }
+    for k in 0..3 {
+        let (sum, running, again) = (sums[17 + 3 * k], sums[18 + 3 * k], sums[19 + 3 * k]);
+        let place = 23 + 6 * k;
+        let (by_x, by_y) = (sum.mul(x), sum.mul(end).sub(running));
+        // Squares of the rows left, from the triangular numbers.
+        let squares = again.add(again).sub(running);
+        let by_yy = end.mul(end.mul(sum).sub(running.add(running))).add(squares);
+        let powers = [sum, by_x, by_y, by_x.mul(x), by_y.mul(x), by_yy];
+        for (n, power) in powers.into_iter().enumerate() {
+            folded[place + n] = folded[place + n].add(power);
+        }
+    }
+}
+
+/// Adds up what was folded.
+#[inline(always)]
+pub(super) fn total<V: Vector>(folded: &[V; SUMS], out: &mut Moments) {
     let mut sums = [0.0; SUMS];
     for (folded, sums) in folded.chunks_exact(LANES).zip(sums.chunks_exact_mut(LANES)) {
         let mut group = [V::splat(0.0); LANES];
@@ -84,71 +156,13 @@ fn moments_with<V: Vector>(layers: Layers<'_>, window: &Window, at: (i32, i32), 
     }
 }
 
-/// Adds one block of columns.
-#[inline(always)]
-fn add_block<V: Vector>(layers: Layers<'_>, block: &Block, mask: &[Lanes], at: (i32, i32), folded: &mut [V; SUMS]) {
-    let stride = layers.reference.stride();
-    let first = layers.reference.index((at.0 + block.dx) as isize, (at.1 + block.dy) as isize);
-    let planes = [layers.reference, layers.gradient_x, layers.gradient_y, layers.target];
-    let [reference, gradient_x, gradient_y, target] = planes.map(|plane| &plane.data()[first..]);
-    let zero = V::splat(0.0);
-    let mut plain = [zero; 5];
-    // Each with its running sum: what is summed twice is weighted with the number of rows left.
-    let mut once = [[zero; 2]; 6];
-    let mut twice = [[zero; 3]; 3];
-    for (row, mask) in mask.iter().enumerate() {
-        let (here, mask) = (row * stride, V::from_lanes(mask));
-        let f = V::load(&reference[here..]).mul(mask);
-        let (gx, gy) = (V::load(&gradient_x[here..]).mul(mask), V::load(&gradient_y[here..]).mul(mask));
-        let g = V::load(&target[here..]).mul(mask);
-        let values = [f, g, f.mul(f), g.mul(g), f.mul(g)];
-        for k in 0..5 {
-            plain[k] = plain[k].add(values[k]);
-        }
-        let values = [gx, gy, gx.mul(f), gy.mul(f), gx.mul(g), gy.mul(g)];
-        for k in 0..6 {
-            once[k][0] = once[k][0].add(values[k]);
-            once[k][1] = once[k][1].add(once[k][0]);
-        }
-        let values = [gx.mul(gx), gx.mul(gy), gy.mul(gy)];
-        for k in 0..3 {
-            twice[k][0] = twice[k][0].add(values[k]);
-            twice[k][1] = twice[k][1].add(twice[k][0]);
-            twice[k][2] = twice[k][2].add(twice[k][1]);
-        }
-    }
-    for k in 0..5 {
-        folded[k] = folded[k].add(plain[k]);
-    }
-    let x = V::splat(block.dx as f32).add(V::from_lanes(&Lanes::INDEX));
-    // The row after the last one: rows left are counted up to it.
-    let end = V::splat((block.dy + block.rows as i32) as f32);
-    for (k, [sum, running]) in once.into_iter().enumerate() {
-        let place = 5 + 6 * (k / 2) + 3 * (k % 2);
-        folded[place] = folded[place].add(sum);
-        folded[place + 1] = folded[place + 1].add(sum.mul(x));
-        folded[place + 2] = folded[place + 2].add(sum.mul(end).sub(running));
-    }
-    for (k, [sum, running, again]) in twice.into_iter().enumerate() {
-        let place = 23 + 6 * k;
-        let (by_x, by_y) = (sum.mul(x), sum.mul(end).sub(running));
-        // Squares of the rows left, from the triangular numbers.
-        let squares = again.add(again).sub(running);
-        let by_yy = end.mul(end.mul(sum).sub(running.add(running))).add(squares);
-        let powers = [sum, by_x, by_y, by_x.mul(x), by_y.mul(x), by_yy];
-        for (n, power) in powers.into_iter().enumerate() {
-            folded[place + n] = folded[place + n].add(power);
-        }
-    }
-}
-
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     use super::*;
     use crate::dic::WindowShape;
     use crate::dic::vector::Portable;
 
-    fn plane(seed: u32) -> Plane {
+    pub(in crate::dic) fn plane(seed: u32) -> Plane {
         let mut plane = Plane::default();
         plane.reshape(60, 50);
         let mut state = seed;

@@ -23,8 +23,8 @@ pub(super) const ROUNDING: f64 = 2.0 / 12.0;
 
 /// Windows pooled at most.
 ///
-/// One of 31 x 31 pixels alone knows the factor to 5 %.
-pub(super) const POOLED: usize = 8;
+/// One of 31 x 31 pixels alone knows the factor to 5 %, all of them to half of that.
+pub(super) const POOLED: usize = 4;
 
 /// A sum for every lag.
 pub(super) type Lags = [f64; LAGS];

@@ -167,6 +167,11 @@ impl Window {
         out.extent = self.extent;
     }
 
+    /// Whether it is a whole square.
+    pub(super) fn is_square(&self) -> bool {
+        self.pixels == (2 * self.half as usize + 1).pow(2)
+    }
+
     /// The rectangle around its pixels when the centre is at a point: left, top, right and bottom, px.
     pub(super) fn around(&self, point: GridPoint) -> [f64; 4] {
         let Extent { left, top, right, bottom } = self.extent;

@@ -23,6 +23,10 @@ const MOTION: (f64, f64, f64) = (0.37, -0.21, 0.13);
 /// From one subset centre to the next, px: 60 subsets of 31 x 31 px on a ball of 120 px.
 const STEP_PX: u32 = 9;
 
+/// Around a ball that is foretold so many px are made ready, and around one that is searched for.
+const FORETOLD_PX: f64 = 8.0;
+const SEARCHED_PX: f64 = 22.0;
+
 /// Frames that a worker measures in one go: in the first of them the ball is looked for anywhere.
 const BLOCK_FRAMES: u32 = 16;
 
@@ -128,9 +132,12 @@ impl Film {
         let moved = Circle { x_px: circle.x_px + MOTION.0, y_px: circle.y_px + MOTION.1, ..circle };
         let cold = rate(duration, || usize::from(finder.find(second.view()).is_some()));
         let follow = rate(duration, || usize::from(finder.follow(second.view(), &moved).is_some()));
-        let mut pair = Pair::new(&circle, (&first, &second), Shape::Affine)?;
+        let images = (&first, &second);
+        let mut pair = Pair::new(&circle, images, Shape::Affine, FORETOLD_PX)?;
+        let mut anywhere = Pair::new(&circle, images, Shape::Affine, SEARCHED_PX)?;
+        let mut still = Pair::new(&circle, images, Shape::Translation, SEARCHED_PX)?;
         let subsets = pair.points.len();
-        let part = part_around(&circle);
+        let part = part_around(&circle, FORETOLD_PX);
         let (meta, bytes) = &self.frames[21];
         let unpack =
             rate(duration, || usize::from(Frame { meta: *meta, bytes }.unpack_part(part, &mut second).is_ok()));
@@ -140,13 +147,12 @@ impl Film {
         });
         let carried = rate(duration, || pair.subsets(pair.near));
         let fit = rate(duration, || pair.fit(&circle));
-        let neighbor = rate(duration, || pair.subsets(Start::Neighbor));
+        let neighbor = rate(duration, || anywhere.subsets(Start::Neighbor));
         let whole = rate(duration, || usize::from(pair.whole(&circle)));
-        let mut pair = Pair::new(&circle, (&first, &second), Shape::Translation)?;
-        let kept = pair.correlator.keep(pair.reference.clone(), &pair.points);
+        let kept = still.correlator.keep(still.reference.clone(), &still.points);
         let mut field = Vec::new();
         let translation = rate(duration, || {
-            pair.correlator.correlate_kept(&kept, &pair.target, pair.near, &mut field);
+            still.correlator.correlate_kept(&kept, &still.target, still.near, &mut field);
             1
         });
         let of_a_frame = [
@@ -179,14 +185,14 @@ struct Pair {
 }
 
 impl Pair {
-    fn new(circle: &Circle, (first, second): (&Image, &Image), shape: Shape) -> anyhow::Result<Self> {
+    fn new(circle: &Circle, (first, second): (&Image, &Image), shape: Shape, around_px: f64) -> anyhow::Result<Self> {
         let params = CorrelationParams { step_px: STEP_PX, shape, ..CorrelationParams::default() };
         let correlator = Correlator::new(&params, 512, 512)?;
         let (x_px, y_px) = (circle.x_px, circle.y_px);
         let radius_px = 0.96 * circle.radius_px;
         let points = grid::disc(x_px, y_px, radius_px, STEP_PX, params.subset_size_px, 512, 512);
         let (mut reference, mut target) = (Prepared::default(), Prepared::default());
-        let part = part_around(circle);
+        let part = part_around(circle, around_px);
         correlator.prepare_part_into(first.view(), part, &mut reference);
         correlator.prepare_part_into(second.view(), part, &mut target);
         let body = RigidBody::new(&reference, &Region::Disc { x_px, y_px, radius_px })
@@ -215,9 +221,9 @@ impl Pair {
     }
 }
 
-/// The part of a frame that holds a ball and 16 px around it.
-fn part_around(circle: &Circle) -> [u32; 4] {
-    let reach = circle.radius_px + 22.0;
+/// The part of a frame that holds a ball and so many px around it.
+fn part_around(circle: &Circle, around_px: f64) -> [u32; 4] {
+    let reach = circle.radius_px + around_px;
     let side = (2.0 * reach).ceil() as u32 + 1;
     [(circle.x_px - reach).floor() as u32, (circle.y_px - reach).floor() as u32, side, side]
 }
