@@ -389,9 +389,8 @@ impl Measurer {
         let mut step = reference.untold(body, self.params.intervals_frames[place]);
         let Ok(outline) = outline else { return Some(Measured { step, field: None }) };
         outline.tell(&mut step);
-        let Some(Target { sequence: target_frame, prepared: target, is_narrow }) = target else {
-            return Some(Measured { step, field: None });
-        };
+        let Some(target) = target else { return Some(Measured { step, field: None }) };
+        let Target { sequence: target_frame, prepared, is_narrow } = target;
         let mut field =
             PairField { frame: step.frame, target_frame, stamp_ns: step.stamp_ns, body: step.body, points: Vec::new() };
         let frames = f64::from(step.interval_frames);
@@ -401,7 +400,7 @@ impl Measurer {
         if is_narrow && known.is_none() {
             return None;
         }
-        let span = (reference, (target_frame, target), body);
+        let span = (reference, target, body);
         let points = self.finders[body].points(&outline, &self.params.correlation, self.size);
         self.correlator.set_region(self.finders[body].region(&outline, &self.params.correlation));
         let mut whole = known
@@ -410,7 +409,7 @@ impl Measurer {
         let known = whole.map(|whole| whole.step).or(known);
         let start = known.map_or(Start::Search, |step| start(&step, outline.center_px(), frames));
         let correlation = &self.params.correlation;
-        self.correlator.correlate(&reference.prepared, target, &points, start, &mut field.points);
+        self.correlator.correlate(&reference.prepared, prepared, &points, start, &mut field.points);
         if is_narrow && (whole.is_none() || self.correlator.has_searched()) {
             return None;
         }
@@ -421,7 +420,7 @@ impl Measurer {
         if let (Rotation::Ring(limits), Some(found), Some(circle)) =
             (self.params.rotation, &mut step.step, &step.circle)
         {
-            self.turns.replace(found, circle, (&reference.prepared, target), limits, frames);
+            self.turns.replace(found, circle, (&reference.prepared, prepared), limits, frames);
         }
         if let (None, Some(rate)) = (whole, step.step) {
             whole = self.whole_step(span, &outline, &rate);
@@ -453,15 +452,16 @@ impl Measurer {
     /// About how a ball moves of which nothing is known, from some of its subsets: a match of the whole ball needs no more.
     fn first_look(
         &mut self,
-        (reference, (target_frame, target), _): (&Reference, (u64, &Prepared), usize),
+        (reference, target, _): (&Reference, Target<'_>, usize),
         outline: &Outline,
         points: &[GridPoint],
     ) -> Option<RigidStep> {
         let is_enough = matches!(outline, Outline::Ball(_)) && self.params.rotation == Rotation::Rigid;
         let some = some_of(points).filter(|_| is_enough)?;
         let frame = reference.meta.sequence;
+        let target_frame = target.sequence;
         let mut field = PairField { frame, target_frame, stamp_ns: 0, body: 0, points: Vec::new() };
-        self.correlator.correlate(&reference.prepared, target, &some, Start::Search, &mut field.points);
+        self.correlator.correlate(&reference.prepared, target.prepared, &some, Start::Search, &mut field.points);
         let subset_px = self.params.correlation.subset_size_px;
         rigid_step(&mut field, outline.center_px(), (target_frame - frame) as f64, subset_px, Start::Search)
     }
@@ -469,18 +469,21 @@ impl Measurer {
     /// The motion of the whole body, near a rate a frame.
     fn whole_step(
         &mut self,
-        (reference, (target_frame, target), body): (&Reference, (u64, &Prepared), usize),
+        (reference, target, body): (&Reference, Target<'_>, usize),
         outline: &Outline,
         rate: &RigidStep,
     ) -> Option<WholeStep> {
-        let frames = (target_frame - reference.meta.sequence) as f64;
+        let frames = (target.sequence - reference.meta.sequence) as f64;
         match (outline, &mut self.finders[body]) {
             (Outline::Ball(circle), _) => {
-                let from = (reference.meta.sequence, &reference.prepared);
-                self.wholes.step((body, reference.block), from, (target_frame, target), circle, rate)
+                let (sequence, prepared) = (reference.meta.sequence, &reference.prepared);
+                let from = Target { sequence, prepared, is_narrow: false };
+                self.wholes.step((body, reference.block), from, target, circle, rate)
             }
             (Outline::Patch(pose), Finder::Patch(finder)) => {
-                let found = finder.follow((reference.block, target_frame), target, &pose.moved(rate, frames)).ok()?;
+                let found = finder
+                    .follow((reference.block, target.sequence), target.prepared, &pose.moved(rate, frames))
+                    .ok()?;
                 Some(WholeStep { step: pose.step_to(&found, frames), visible_fraction: None })
             }
             _ => None,

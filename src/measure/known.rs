@@ -7,7 +7,7 @@ use crate::dic::CorrelationParams;
 use crate::results::RigidStep;
 
 /// A body that goes on as it moved is off by less than this where it is foretold, px.
-const FORETOLD_PX: f64 = 2.0;
+pub(super) const FORETOLD_PX: f64 = 2.0;
 
 /// What is known of one body within one block.
 #[derive(Debug, Clone, Copy)]

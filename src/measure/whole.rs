@@ -7,7 +7,9 @@
 use crate::dic::{BodyMotion, Prepared, Region, RigidBody};
 use crate::results::{BodyStep, Circle, RigidStep};
 
+use super::known::FORETOLD_PX;
 use super::outline::RIM_CLEARANCE;
+use super::target::Target;
 
 /// Rotation against the reference from which on one that hides something is renewed all the same, deg.
 const RENEW_HIDDEN_DEG: f64 = 10.0;
@@ -114,23 +116,23 @@ impl Wholes {
     pub(super) fn step(
         &mut self,
         (body, block): (usize, u64),
-        (from, prepared): (u64, &Prepared),
-        (to, target): (u64, &Prepared),
+        from: Target<'_>,
+        to: Target<'_>,
         circle: &Circle,
         rate: &RigidStep,
     ) -> Option<WholeStep> {
         let kept = self.kept.iter_mut().find(|kept| (kept.body, kept.block) == (body, block))?;
-        let first = match kept.pose(from) {
+        let first = match kept.pose(from.sequence) {
             Some(pose) => pose,
             None => {
-                let nearest = *kept.poses.iter().rev().find(|pose| pose.frame < from)?;
-                kept.find(prepared, from, nearest.moved(circle, rate, (from - nearest.frame) as f64))?
+                let nearest = *kept.poses.iter().rev().find(|pose| pose.frame < from.sequence)?;
+                kept.find(from, nearest.moved(circle, rate, (from.sequence - nearest.frame) as f64))?
             }
         };
-        let frames = (to - from) as f64;
-        let second = match kept.pose(to) {
+        let frames = (to.sequence - from.sequence) as f64;
+        let second = match kept.pose(to.sequence) {
             Some(pose) => pose,
-            None => kept.find(target, to, first.moved(circle, rate, frames))?,
+            None => kept.find(to, first.moved(circle, rate, frames))?,
         };
         Some(WholeStep {
             step: first.step_to(&second, circle, frames),
@@ -145,7 +147,8 @@ impl Kept {
     }
 
     /// Matches a frame near a pose; renews the reference by it when that no longer serves.
-    fn find(&mut self, target: &Prepared, frame: u64, guess: Pose) -> Option<Pose> {
+    fn find(&mut self, target: Target<'_>, guess: Pose) -> Option<Pose> {
+        let Target { sequence: frame, prepared: target, is_narrow } = target;
         let origin = self.origin;
         let near = (guess.x_px - origin.x_px, guess.y_px - origin.y_px, guess.angle_deg - origin.angle_deg);
         let found = self.reference.find_visible(target, (origin.x_px, origin.y_px), near).ok()?;
@@ -159,6 +162,11 @@ impl Kept {
             pixels: motion.points,
             share: Some(visible_fraction),
         };
+        // Farther off, what lies outside of the part made ready would pass for hidden.
+        let is_foretold = (pose.x_px - guess.x_px).hypot(pose.y_px - guess.y_px) <= FORETOLD_PX;
+        if is_narrow && !is_foretold {
+            return None;
+        }
         let place = self.poses.partition_point(|other| other.frame < frame);
         self.poses.insert(place, pose);
         let is_hidden = visible_fraction < WHOLE;

@@ -4,11 +4,11 @@ use crate::film::{level_rig, rows_of};
 use ricochet::ball::BallParams;
 use ricochet::dic::CorrelationParams;
 use ricochet::image::Frame;
-use ricochet::measure::{MeasureParams, Measurer, Share, TrackerRows};
+use ricochet::measure::{MeasureParams, Measured, Measurer, Share, TrackerRows};
 use ricochet::motion::Rotation;
-use ricochet::results::{AlarmKind, Impact, RigidStep};
+use ricochet::results::{AlarmKind, Impact, PointStatus, RigidStep};
 use ricochet::synth::physics::NormalLaw;
-use ricochet::synth::{MotionSetup, Scenario, World};
+use ricochet::synth::{MotionSetup, OccluderSetup, PartSetup, Scenario, World};
 use std::collections::BTreeMap;
 
 const FRAMES: u64 = 16;
@@ -16,6 +16,13 @@ const FRAMES: u64 = 16;
 /// Every step of a simulated ball and its truth.
 fn measure(scenario: &Scenario) -> Vec<(RigidStep, RigidStep)> {
     let world = World::new(scenario).unwrap();
+    let truth = |frame: u64| world.truth(frame).step;
+    let rows = measured(&world);
+    rows.iter().filter_map(|row| Some((row.step.step?, truth(row.step.frame)?))).collect()
+}
+
+/// Everything that is measured of a simulated ball.
+fn measured(world: &World) -> Vec<Measured> {
     let (width, height) = (world.width_px() as usize, world.height_px() as usize);
     let params = MeasureParams {
         correlation: CorrelationParams::default(),
@@ -28,11 +35,10 @@ fn measure(scenario: &Scenario) -> Vec<(RigidStep, RigidStep)> {
     let (mut measured, mut bytes) = (Vec::new(), vec![0; world.frame_bytes()]);
     for index in 0..world.frames() {
         world.render(index, &mut bytes);
-        let meta = ricochet::camera::simulated::meta(&world, index);
+        let meta = ricochet::camera::simulated::meta(world, index);
         measurer.push(&Frame { meta, bytes: &bytes }, &mut measured).unwrap();
     }
-    let truth = |frame: u64| world.truth(frame).step;
-    measured.iter().filter_map(|row| Some((row.step.step?, truth(row.step.frame)?))).collect()
+    measured
 }
 
 fn scenario(vx_px: f64, vy_px: f64, omega_deg: f64) -> Scenario {
@@ -82,6 +88,48 @@ fn a_ball_turns_by_what_was_drawn_to_two_hundredths_of_a_degree() {
         println!("{spin} deg/frame: bias {mean:.5}, rms {rms:.5}, max {largest:.5} deg, pulls {pulls:.2}");
         assert!(mean.abs() <= 0.02 && rms <= 0.02, "{spin} deg/frame: {mean}, {rms}");
         assert!((0.5..1.6).contains(&pulls), "uncertainties are off by {pulls}");
+    }
+}
+
+/// Moves on as it did for 6 frames, then by this much a frame for 3, and on more slowly.
+fn struck(speed_px: f64, occluder: Option<OccluderSetup>) -> Scenario {
+    let part = |frames, vx_px_frame| PartSetup {
+        frames,
+        vx_px_frame,
+        vy_px_frame: 0.0,
+        omega_deg_frame: 0.0,
+        tilt_deg_frame: [0.0; 2],
+    };
+    let parts = vec![part(6.0, 0.3), part(3.0, speed_px), part(9.0, 0.2)];
+    let motion = MotionSetup::Piecewise { start_px: [110.3, 112.7], parts };
+    Scenario { motion, occluder, ..scenario(0.0, 0.0, 0.0) }
+}
+
+/// Within a block a ball is foretold to go on as it did, and only what is around there is looked at at first.
+#[test]
+fn of_a_ball_that_is_struck_no_more_is_told_to_be_hidden_than_is() {
+    let rising = OccluderSetup {
+        shade: 0.4,
+        texture: 0.0,
+        point_px: Some([110.0, 174.0]),
+        normal_deg: Some(90.0),
+        speed_px_frame: 3.0,
+    };
+    for occluder in [None, Some(rising)] {
+        for speed_px in [1.7, 2.6, 4.3, 6.4, 7.7, 9.2] {
+            let world = World::new(&struck(speed_px, occluder.clone())).unwrap();
+            for row in measured(&world).iter().filter(|row| row.step.frame + 1 < FRAMES) {
+                let (step, truth) = (row.step, world.truth(row.step.frame));
+                let (found, moved) = (step.step.unwrap(), truth.step.unwrap());
+                let off = (found.dx_px - moved.dx_px).hypot(found.dy_px - moved.dy_px);
+                let (share, exact) = (step.circle.unwrap().visible_fraction, truth.visible_fraction.unwrap());
+                let at = format!("{speed_px} px, frame {}: {off} px, {share} for {exact} in sight", step.frame);
+                assert!(off < 0.008 && (share - exact).abs() < 0.015, "{at}");
+                let points = &row.field.as_ref().unwrap().points;
+                let lost = points.iter().filter(|point| point.status != PointStatus::Valid).count();
+                assert!(occluder.is_some() || lost == 0, "{at}, {lost} subsets lost");
+            }
+        }
     }
 }
 

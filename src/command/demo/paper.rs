@@ -48,7 +48,7 @@ struct Still {
 ///
 /// # Errors
 ///
-/// When the recording cannot be read, or no rod can be followed in it.
+/// When the recording cannot be read, or no rod is found in any of its frames.
 pub(super) fn velocities(recording: &Recording, setup: &Setup<'_>) -> anyhow::Result<Vec<Beside>> {
     let mut film = Vec::new();
     let mut finder = None;
@@ -63,6 +63,9 @@ pub(super) fn velocities(recording: &Recording, setup: &Setup<'_>) -> anyhow::Re
         };
         let tape_px = finder.find(image.view()).ok().map(|sight| tape(&sight));
         film.push(Still { stamp_ns: meta.stamp_ns, image, tape_px });
+    }
+    if film.iter().all(|still| still.tape_px.is_none()) {
+        anyhow::bail!("{}: no rod is found in any frame", recording.path().display());
     }
     let bar = progress::frames((INTERVALS.len() * film.len()) as u64, "compare");
     let curves = INTERVALS.map(|(interval, label)| {
