@@ -11,8 +11,10 @@ const SLIDING_SIGMAS: f64 = 3.0;
 const BACKWARD: (usize, f64) = (3, 2.0);
 /// Order of the local fits.
 const ORDER: usize = 3;
-/// Finest step of the search for the kink, frames.
+/// Step of the search for the kink, frames.
 const STEP_FRAMES: f64 = 0.125;
+/// And around it.
+const FINE_FRAMES: f64 = STEP_FRAMES / 8.0;
 
 /// What is known of the contact before its slip is looked at; times in frames.
 #[derive(Debug, Clone, Copy)]
@@ -125,10 +127,19 @@ fn kink(points: &[Sample], pushed: &[f64], start: f64) -> Option<Estimate> {
     };
     let (first, last) = (start + 2.0, points.last()?.time_frames - 1.0);
     let steps = ((last - first) / STEP_FRAMES).floor().max(0.0) as usize;
-    let scan: Vec<(f64, f64)> =
-        (0..=steps).map(|i| first + i as f64 * STEP_FRAMES).filter_map(|stop| Some((stop, chi2(stop)?))).collect();
-    let best = scan.iter().min_by(|a, b| a.1.total_cmp(&b.1))?;
-    let inside: Vec<f64> = scan.iter().filter(|s| s.1 <= best.1 + 1.0).map(|s| s.0).collect();
-    let width = inside.last()? - inside.first()?;
-    Some(Estimate { value: best.0, sigma: (width / 2.0).max(STEP_FRAMES) })
+    let scan = |from: f64, steps: usize, step: f64| -> Vec<(f64, f64)> {
+        (0..=steps).map(|i| from + i as f64 * step).filter_map(|stop| Some((stop, chi2(stop)?))).collect()
+    };
+    let least = |scan: &[(f64, f64)]| scan.iter().copied().min_by(|a, b| a.1.total_cmp(&b.1));
+    let coarse = scan(first, steps, STEP_FRAMES);
+    let best = least(&coarse)?;
+    let near = coarse.iter().filter(|s| s.1 <= best.1 + 1.0).map(|s| s.0);
+    let (low, high) = near.fold((best.0, best.0), |(low, high), at| (low.min(at), high.max(at)));
+    // Once more where it may be, finely.
+    let from = (low - STEP_FRAMES).max(first);
+    let fine = scan(from, ((high + STEP_FRAMES - from) / FINE_FRAMES).round() as usize, FINE_FRAMES);
+    let best = least(&fine)?;
+    let inside = || fine.iter().filter(|s| s.1 <= best.1 + 1.0).map(|s| s.0);
+    let width = inside().next_back()? - inside().next()?;
+    Some(Estimate { value: best.0, sigma: (width / 2.0).max(FINE_FRAMES) })
 }
