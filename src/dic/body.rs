@@ -10,6 +10,7 @@ use super::prepared::Prepared;
 use super::refine::{Lost, Match, Refiner};
 use super::region::Region;
 use super::rigid_fit::RigidMotion;
+use super::share;
 use super::sight::Sight;
 use super::sigma::{Factor, Pool};
 use super::subset::{Subset, Unusable};
@@ -38,6 +39,8 @@ pub struct RigidBody {
     residual: Vec<Lanes>,
     pool: Pool,
     sight: Sight,
+    /// The part of a step that is right.
+    share: f64,
 }
 
 /// Where a body went.
@@ -84,7 +87,8 @@ impl RigidBody {
             Ok(()) => {
                 let (mut pool, sight) = (Pool::default(), Sight::new(&window));
                 pool.add_texture(&subset, &window);
-                Ok(Self { subset, window, at, residual: Vec::new(), pool, sight })
+                let share = share::of(reference, &window.spans(reference.local(at), reference.levels.height()));
+                Ok(Self { subset, window, at, residual: Vec::new(), pool, sight, share })
             }
             Err(Unusable::OutOfFrame) => Err(PointStatus::OutOfFrame),
             Err(Unusable::LowContrast) => Err(PointStatus::LowContrast),
@@ -157,7 +161,7 @@ impl RigidBody {
     ) -> Result<BodyMotion, PointStatus> {
         let (start, offset) = self.start((x_px, y_px), near);
         let (mut sight, mut residual) = (std::mem::take(&mut self.sight), std::mem::take(&mut self.residual));
-        let plain = self.refiner(target).refine_keeping(start, &mut residual).map_err(status_of);
+        let plain = self.refiner(target).refine_near(start, self.share, &mut residual).map_err(status_of);
         let found = match plain {
             Ok(found) if sight.is_whole(&self.window, &found, &residual) => {
                 Ok(self.told(target, &found, offset, &residual))

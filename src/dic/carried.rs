@@ -5,9 +5,6 @@
 //! same motion, so the target is interpolated once, as it would look had it not moved, and the sums of every
 //! subset are taken off that picture. A subset that turns out to be farther off is refined as any other.
 //!
-//! Gradients of fourth order read a few per cent low, so a step is that much too long; further steps would take it
-//! back. By how much the texture itself says: its gradients of eighth order read right.
-
 use super::GridPoint;
 use super::columns::Columns;
 use super::lanes::{LANES, Lanes};
@@ -17,6 +14,7 @@ use super::plane::Plane;
 use super::prepared::Prepared;
 use super::refine::Match;
 use super::sample::{ShiftedColumn, sample_lanes};
+use super::share;
 use super::sigma::{Lags, Part, Pool};
 use super::spline::Splined;
 use super::subset::Subset;
@@ -30,14 +28,8 @@ const NEAR_PX: f64 = 0.03;
 /// Largest gradient of a motion for which the target is drawn; what turns more is refined subset by subset.
 const GENTLE: f64 = 0.12;
 
-/// Gradients of fourth order read no less than this of those of eighth, in a texture that can be followed.
-const LEAST_SHARE: f64 = 0.75;
-
 /// Largest gradient of a motion for which the target is drawn in tiles, of which the parts are off by less than 0.05 px.
 const TILED: f64 = 0.01;
-
-/// From one row to the next of those whose gradients say how long a step should be.
-const ROW_STEP: usize = 3;
 
 /// The target of one pair, carried back by a motion.
 #[derive(Default)]
@@ -109,11 +101,12 @@ impl Carried {
         if let Some(motion) = corner {
             if motion.1.is_within(TILED) {
                 let gradients = (&reference.gradient_x, &reference.gradient_y);
-                draw_tiles(&target.splined, gradients, &self.spans, motion, &mut self.plane);
+                let gain = reference.gain_of(target);
+                draw_tiles((&target.splined, gain), gradients, &self.spans, motion, &mut self.plane);
             } else {
                 draw_rows(&target.splined, &self.spans, motion, &mut self.plane);
             }
-            self.share = share(reference, &self.spans);
+            self.share = share::of(reference, &self.spans);
         }
     }
 
@@ -210,45 +203,6 @@ fn saturated(reference: &Prepared, window: &Window, (x, y): (i32, i32)) -> bool 
     2 * over > window.pixels
 }
 
-/// The part of a step that is right: gradients of fourth order over those of eighth.
-fn share(reference: &Prepared, spans: &[(i32, i32)]) -> f64 {
-    let mut sums = [0.0; 2];
-    for (y, (left, right)) in spans.iter().enumerate().step_by(ROW_STEP).filter(|(_, span)| span.0 <= span.1) {
-        let first = reference.levels.index(*left as isize, y as isize);
-        let row = add_gradients(reference, first, (right - left + 1) as usize);
-        sums = [sums[0] + row[0], sums[1] + row[1]];
-    }
-    let share = sums[0] / sums[1];
-    // Without texture there is no share; nothing is found there anyway.
-    if (LEAST_SHARE..=1.0).contains(&share) { share } else { 1.0 }
-}
-
-vectorized! {
-    /// Sums of squares of the gradients of a row, and of their products with gradients of eighth order.
-    fn add_gradients(reference: &Prepared, first: usize, count: usize) -> [f64; 2] = add_gradients_with
-}
-
-#[inline(always)]
-fn add_gradients_with<V: Vector>(reference: &Prepared, first: usize, count: usize) -> [f64; 2] {
-    // B. Fornberg, Math. Comput. 51 (1988) 699, <https://doi.org/10.1090/S0025-5718-1988-0935077-0>, table 1.
-    const EIGHTH: [f32; 4] = [4.0 / 5.0, -1.0 / 5.0, 4.0 / 105.0, -1.0 / 280.0];
-    let (levels, stride) = (reference.levels.data(), reference.levels.stride());
-    let mut sums = [V::splat(0.0); 2];
-    // Whole vectors only: a few pixels at the end of a row do not matter.
-    for x in (first..first + count / LANES * LANES).step_by(LANES) {
-        for (gradient, step) in [(&reference.gradient_x, 1), (&reference.gradient_y, stride)] {
-            let mut eighth = V::splat(0.0);
-            for (k, weight) in (1..).zip(EIGHTH) {
-                let difference = V::load(&levels[x + k * step..]).sub(V::load(&levels[x - k * step..]));
-                eighth = eighth.add(difference.mul(V::splat(weight)));
-            }
-            let fourth = V::load(&gradient.data()[x..]);
-            sums = [sums[0].add(fourth.mul(fourth)), sums[1].add(fourth.mul(eighth))];
-        }
-    }
-    [sums[0].to_lanes().sum(), sums[1].to_lanes().sum()]
-}
-
 vectorized! {
     /// Draws the rows of a target that a warp, the same everywhere, carries to `corner` and on.
     fn draw_rows(target: &Splined, spans: &[(i32, i32)], motion: ((f64, f64), Warp), out: &mut Plane) = draw_rows_with
@@ -277,9 +231,10 @@ fn draw_rows_with<V: Vector>(
 }
 
 vectorized! {
-    /// As [`draw_rows`], in tiles that are shifted; what their parts move apart is made up for by the gradients.
+    /// As [`draw_rows`], in tiles that are shifted; what their parts move apart is made up for by the gradients, times how
+    /// much larger they are in the target.
     fn draw_tiles(
-        target: &Splined,
+        target: (&Splined, f32),
         gradients: (&Plane, &Plane),
         spans: &[(i32, i32)],
         motion: ((f64, f64), Warp),
@@ -289,7 +244,7 @@ vectorized! {
 
 #[inline(always)]
 fn draw_tiles_with<V: Vector>(
-    target: &Splined,
+    target: (&Splined, f32),
     gradients: (&Plane, &Plane),
     spans: &[(i32, i32)],
     motion: ((f64, f64), Warp),
@@ -302,7 +257,7 @@ fn draw_tiles_with<V: Vector>(
         }
         for x in (left..=right).step_by(LANES) {
             let place = (x, (tile * LANES) as i32);
-            match target.tap_count() {
+            match target.0.tap_count() {
                 4 => draw_tile::<V, 4>(target, gradients, (place, spans.len()), &motion, out),
                 _ => draw_tile::<V, 6>(target, gradients, (place, spans.len()), &motion, out),
             }
@@ -312,7 +267,7 @@ fn draw_tiles_with<V: Vector>(
 
 #[inline(always)]
 fn draw_tile<V: Vector, const N: usize>(
-    target: &Splined,
+    (target, gain): (&Splined, f32),
     gradients: (&Plane, &Plane),
     ((left, top), rows): ((i32, i32), usize),
     (corner, warp): &((f64, f64), Warp),
@@ -324,11 +279,11 @@ fn draw_tile<V: Vector, const N: usize>(
     let start = (corner.0 + dx - warp.u - middle.0, corner.1 + dy - warp.v - middle.1);
     let mut column = ShiftedColumn::<V, N>::new(target, start);
     let across = V::from_lanes(&Lanes::INDEX).sub(V::splat(middle.0 as f32));
-    let apart = (across.mul(V::splat(warp.ux as f32)), across.mul(V::splat(warp.vx as f32)));
+    let apart = (across.mul(V::splat(gain * warp.ux as f32)), across.mul(V::splat(gain * warp.vx as f32)));
     let (first, stride) = (out.index(left as isize, top as isize), out.stride());
     for row in 0..rows {
         let down = row as f64 - middle.1;
-        let (dx, dy) = (V::splat((warp.uy * down) as f32), V::splat((warp.vy * down) as f32));
+        let (dx, dy) = (V::splat(gain * (warp.uy * down) as f32), V::splat(gain * (warp.vy * down) as f32));
         let place = first + row * stride;
         let (gx, gy) = (V::load(&gradients.0.data()[place..]), V::load(&gradients.1.data()[place..]));
         let value = column.next_row().plus_product(gx, apart.0.add(dx)).plus_product(gy, apart.1.add(dy));
@@ -435,9 +390,9 @@ mod tests {
         planes.iter_mut().for_each(|plane| plane.reshape(140, 132));
         let [rows, tiles, plain_rows, plain_tiles] = &mut planes;
         draw_rows(&b.splined, &spans, motion, rows);
-        draw_tiles(&b.splined, gradients, &spans, motion, tiles);
+        draw_tiles((&b.splined, 1.0), gradients, &spans, motion, tiles);
         draw_rows_with::<Portable>(&b.splined, &spans, motion, plain_rows);
-        draw_tiles_with::<Portable>(&b.splined, gradients, &spans, motion, plain_tiles);
+        draw_tiles_with::<Portable>((&b.splined, 1.0), gradients, &spans, motion, plain_tiles);
         assert!(*rows == *plain_rows && *tiles == *plain_tiles);
         let apart = |y: usize| rows.row(y)[20..=100].iter().zip(&tiles.row(y)[20..=100]).map(|(a, b)| (a - b).powi(2));
         let square: f32 = (4..106).flat_map(apart).sum::<f32>() / (81.0 * 102.0);

@@ -73,15 +73,8 @@ impl Plane {
     /// Fills the margin with the mirrored interior (whole-sample symmetric).
     pub(super) fn mirror_margin(&mut self) {
         let (width, height, stride) = (self.width, self.height, self.stride());
-        // Where each column of the margin comes from, the same in every row.
-        let before: [usize; MARGIN] = std::array::from_fn(|k| MARGIN + mirror(k as isize - MARGIN as isize, width));
-        let after: [usize; MARGIN] = std::array::from_fn(|k| MARGIN + mirror((width + k) as isize, width));
         for y in 0..height {
-            let row = self.padded_row_mut(y);
-            for k in 0..MARGIN {
-                row[k] = row[before[k]];
-                row[MARGIN + width + k] = row[after[k]];
-            }
+            mirror_row(self.padded_row_mut(y), width);
         }
         for k in 1..=MARGIN {
             let above = (MARGIN + mirror(-(k as isize), height)) * stride;
@@ -90,6 +83,21 @@ impl Plane {
             self.data.copy_within(below..below + stride, (MARGIN + height - 1 + k) * stride);
         }
     }
+}
+
+/// Fills the margin of one row.
+fn mirror_row(row: &mut [f32], width: usize) {
+    if width <= MARGIN {
+        for k in 0..MARGIN {
+            row[k] = row[MARGIN + mirror(k as isize - MARGIN as isize, width)];
+            row[MARGIN + width + k] = row[MARGIN + mirror((width + k) as isize, width)];
+        }
+        return;
+    }
+    let (before, inner) = row.split_at_mut(MARGIN);
+    before.iter_mut().rev().zip(&inner[1..]).for_each(|(to, from)| *to = *from);
+    let (inner, after) = inner.split_at_mut(width);
+    after.iter_mut().zip(inner[..width - 1].iter().rev()).for_each(|(to, from)| *to = *from);
 }
 
 /// Reflects an index about the first and the last sample until it lies in `0..size`.

@@ -24,6 +24,8 @@ pub struct Prepared {
     pub(super) splined: Splined,
     /// Taken off every grey level, so that sums in single precision lose nothing, DN.
     pub(super) offset: f32,
+    /// Root mean square of the levels: how much brighter or darker one frame is than another, DN.
+    pub(super) contrast: f32,
     /// The level at which the frame is saturated, offset taken off; infinite if it is not.
     pub(super) saturation: f32,
     /// Where the part of the frame that is ready begins, px.
@@ -53,6 +55,11 @@ impl Prepared {
         (x as i32 - self.origin.0 as i32, y as i32 - self.origin.1 as i32)
     }
 
+    /// About by how much differences in `target` are larger than in this frame.
+    pub(super) fn gain_of(&self, target: &Self) -> f32 {
+        gain(self.contrast, target.contrast)
+    }
+
     /// Makes `image` ready in this memory.
     pub(super) fn fill(&mut self, image: ImageView<'_>, interpolation: Interpolation) {
         self.fill_part(image, [0, 0, image.width() as u32, image.height() as u32], interpolation);
@@ -75,13 +82,12 @@ impl Prepared {
         if width == 0 || height == 0 {
             return;
         }
-        for y in 0..height {
-            let offset = self.offset;
-            self.levels.row_mut(y).iter_mut().zip(row(y)).for_each(|(level, pixel)| *level = pixel - offset);
-        }
+        let squares: f64 = (0..height).map(|y| subtract(row(y), self.offset, self.levels.row_mut(y))).sum();
+        self.contrast = (squares / (width * height) as f64).sqrt() as f32;
         self.levels.mirror_margin();
         self.fill_gradients();
         self.splined.fill(&self.levels, interpolation);
+        self.splined.contrast = self.contrast;
     }
 
     /// Fourth-order central differences; second order one pixel from the edge, one-sided on it.
@@ -110,6 +116,28 @@ impl Prepared {
             }
         }
     }
+}
+
+/// The pixels less an offset; gives the sum of their squares.
+#[multiversion(targets("x86_64+avx512f+avx512bw+avx512dq+avx512vl", "x86_64+avx2"))]
+fn subtract(pixels: &[f32], offset: f32, out: &mut [f32]) -> f64 {
+    let mut sums = [0.0_f32; LANES];
+    let (chunks, rest) = pixels.as_chunks::<LANES>();
+    let (out, out_rest) = out[..pixels.len()].as_chunks_mut::<LANES>();
+    for (out, chunk) in out.iter_mut().zip(chunks) {
+        for lane in 0..LANES {
+            out[lane] = chunk[lane] - offset;
+            sums[lane] += out[lane] * out[lane];
+        }
+    }
+    out_rest.iter_mut().zip(rest).for_each(|(out, pixel)| *out = pixel - offset);
+    sums.iter().map(|sum| f64::from(*sum)).sum()
+}
+
+/// About by how much differences are larger at another contrast; 1 where that cannot be told.
+pub(super) fn gain(contrast: f32, of_target: f32) -> f32 {
+    let gain = of_target / contrast;
+    if gain.is_finite() { gain } else { 1.0 }
 }
 
 /// The gradient along one row.
@@ -144,8 +172,7 @@ fn highest_and_sum<'a>(rows: impl Iterator<Item = &'a [f32]>) -> (f32, f64) {
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512dq+avx512vl", "x86_64+avx2"))]
 fn highest_and_sum_of(row: &[f32]) -> (f32, f64) {
     let (mut highest, mut sums) = ([f32::NEG_INFINITY; LANES], [0.0_f32; LANES]);
-    let chunks = row.chunks_exact(LANES);
-    let rest = chunks.remainder();
+    let (chunks, rest) = row.as_chunks::<LANES>();
     for chunk in chunks {
         for lane in 0..LANES {
             sums[lane] += chunk[lane];

@@ -9,9 +9,11 @@
 //! <https://doi.org/10.1007/s11340-013-9717-6>.
 
 use super::Shape;
-use super::lanes::{LANES, Lanes};
+use super::lanes::Lanes;
+use super::prepared::gain;
 use super::quadratic::Second;
-use super::sample::{ShiftedColumn, sample_lanes};
+use super::rows::{Carrier, Rows, TiledColumn, TurnedColumn, WarpedColumn};
+use super::sample::ShiftedColumn;
 use super::spline::Splined;
 use super::subset::{Subset, project};
 use super::vector::{Vector, vectorized};
@@ -30,6 +32,9 @@ const STEADY: f64 = 0.3;
 /// Iterations after which a subset is given up; sound ones take 3 to 6.
 const MOST_ITERATIONS: u32 = 12;
 
+/// A first step this short needs no second, px: of one, some per cent are wrong.
+const NEAR_PX: f64 = 0.01;
+
 /// A step this short ends the quick iterations, px.
 const APPROACHED_PX: f64 = 0.02;
 
@@ -41,9 +46,6 @@ const MOST_QUICK: u32 = 4;
 
 /// Largest gradient with which tiles are a fair likeness.
 const GENTLE: f64 = 0.12;
-
-/// Most rows of a tile.
-const TILE_ROWS: usize = 8;
 
 /// Variance under which a target holds nothing but rounding, DN^2.
 const LEAST_ENERGY: f64 = 1e-3;
@@ -116,6 +118,18 @@ impl Refiner<'_> {
         })?;
         self.subtract(self, last, residual);
         Ok(found)
+    }
+
+    /// As [`Self::refine_keeping`], from a start that is mostly so near that one step is enough; of a step, `share` is right.
+    pub(super) fn refine_near(&self, start: Warp, share: f64, residual: &mut Vec<Lanes>) -> Result<Match, Lost> {
+        let sums = self.sampled(&start, residual)?;
+        let (step, zncc, gained) = self.step_of(sums)?;
+        let is_near = step.length(f64::from(self.window.half)) <= NEAR_PX;
+        let Some(warp) = start.after_inverse(&step.scaled(share)).filter(|_| is_near) else {
+            return self.refine_keeping(start, residual);
+        };
+        self.subtract(self, sums, residual);
+        Ok(Match { warp, second: [[0.0; 3]; 2], zncc: (zncc + gained).min(1.0), iterations: 1 })
     }
 
     /// Takes exact steps as `step` says them, after quick ones.
@@ -229,18 +243,23 @@ impl Refiner<'_> {
     #[inline(always)]
     fn sums_with<V: Vector, const N: usize, const M: usize>(&self, warp: &Warp, values: &mut [Lanes]) -> Sums {
         let mut sums = Sums::default();
+        let carrier = self.carrier(warp);
         let shift = *warp == Warp::shift(warp.u, warp.v);
+        let turned = TurnedColumn::<V, N, M>::follows(warp);
         for block in &self.window.blocks {
             if shift {
-                let start = self.place(warp, block.dx, block.dy);
+                let start = carrier.place(f64::from(block.dx), f64::from(block.dy));
                 let column = ShiftedColumn::<V, N>::new(self.target, start);
                 if self.shape == Shape::Translation {
                     self.add_block::<V, false>(&mut sums, block, column, values);
                 } else {
                     self.add_block::<V, true>(&mut sums, block, column, values);
                 }
+            } else if turned {
+                let column = TurnedColumn::<V, N, M>::new(carrier, block);
+                self.add_block::<V, true>(&mut sums, block, column, values);
             } else {
-                let column = WarpedColumn::<N, M> { refiner: self, warp, dx: block.dx, dy: block.dy };
+                let column = WarpedColumn::<N, M>::new(carrier, block);
                 self.add_block::<V, true>(&mut sums, block, column, values);
             }
         }
@@ -251,17 +270,17 @@ impl Refiner<'_> {
     #[inline(always)]
     fn tiled_sums_with<V: Vector, const N: usize>(&self, warp: &Warp) -> Sums {
         let mut sums = Sums::default();
+        let carrier = self.carrier(warp);
         for block in &self.window.blocks {
-            self.add_block::<V, true>(&mut sums, block, TiledColumn::<V, N>::new(self, warp, block), &mut []);
+            self.add_block::<V, true>(&mut sums, block, TiledColumn::<V, N>::new(carrier, block), &mut []);
         }
         sums
     }
 
-    /// Where an offset from the subset's centre lies in the target.
+    /// The target, at a warp.
     #[inline(always)]
-    fn place(&self, warp: &Warp, dx: i32, dy: i32) -> (f64, f64) {
-        let (x, y) = warp.apply(f64::from(dx), f64::from(dy));
-        (f64::from(self.at.0) + x, f64::from(self.at.1) + y)
+    fn carrier<'b>(&'b self, warp: &'b Warp) -> Carrier<'b> {
+        Carrier { target: self.target, at: self.at, warp, gain: gain(self.subset.contrast, self.target.contrast) }
     }
 
     /// Adds one block of columns; a mere shift needs no `LEVERS`, the sums weighted with the place.
@@ -285,7 +304,8 @@ impl Refiner<'_> {
         let mean = V::splat(self.subset.mean);
         let rows = mask.iter().zip(reference).zip(gradients.0.iter().zip(gradients.1));
         for (dy, ((mask, reference), (gradient_x, gradient_y))) in (block.dy..).zip(rows) {
-            let sampled = column.next();
+            let (gradient_x, gradient_y) = (V::from_lanes(gradient_x), V::from_lanes(gradient_y));
+            let sampled = column.next((gradient_x, gradient_y));
             let value = sampled.sub(mean).mul(V::from_lanes(mask));
             if let Some(kept) = kept.next() {
                 *kept = value.to_lanes();
@@ -294,7 +314,7 @@ impl Refiner<'_> {
             energy = energy.plus_product(value, value);
             product = product.plus_product(value, V::from_lanes(reference));
             let dy = V::splat(dy as f32);
-            let (term_x, term_y) = (value.mul(V::from_lanes(gradient_x)), value.mul(V::from_lanes(gradient_y)));
+            let (term_x, term_y) = (value.mul(gradient_x), value.mul(gradient_y));
             along_x = along_x.add(term_x);
             along_y = along_y.add(term_y);
             if LEVERS {
@@ -377,77 +397,6 @@ fn part_sums(samples: &[Lanes], mask: &[Lanes]) -> Sums {
         sums.energy += (value * value).sum();
     }
     sums
-}
-
-/// The rows of a block of the target, one after the other.
-trait Rows<V> {
-    fn next(&mut self) -> V;
-}
-
-impl<V: Vector, const N: usize> Rows<V> for ShiftedColumn<'_, V, N> {
-    #[inline(always)]
-    fn next(&mut self) -> V {
-        self.next_row()
-    }
-}
-
-/// A block of a target in tiles, each shifted as its middle is.
-struct TiledColumn<'a, V, const N: usize> {
-    refiner: &'a Refiner<'a>,
-    warp: &'a Warp,
-    dx: i32,
-    dy: i32,
-    rows: usize,
-    left: usize,
-    tile: ShiftedColumn<'a, V, N>,
-}
-
-impl<'a, V: Vector, const N: usize> TiledColumn<'a, V, N> {
-    #[inline(always)]
-    fn new(refiner: &'a Refiner<'a>, warp: &'a Warp, block: &Block) -> Self {
-        // Tiles of about one size: a last one of a single row would cost as much as a whole one.
-        let rows = block.rows.div_ceil(block.rows.div_ceil(TILE_ROWS));
-        let tile = Self::tile(refiner, warp, (block.dx, block.dy), rows);
-        Self { refiner, warp, dx: block.dx, dy: block.dy, rows, left: rows, tile }
-    }
-
-    #[inline(always)]
-    fn tile(refiner: &Refiner<'a>, warp: &Warp, (dx, dy): (i32, i32), rows: usize) -> ShiftedColumn<'a, V, N> {
-        let middle = (0.5 * (LANES as f64 - 1.0), 0.5 * (rows as f64 - 1.0));
-        let (x, y) = warp.apply(f64::from(dx) + middle.0, f64::from(dy) + middle.1);
-        let (x, y) = (f64::from(refiner.at.0) + x - middle.0, f64::from(refiner.at.1) + y - middle.1);
-        ShiftedColumn::new(refiner.target, (x, y))
-    }
-}
-
-impl<V: Vector, const N: usize> Rows<V> for TiledColumn<'_, V, N> {
-    #[inline(always)]
-    fn next(&mut self) -> V {
-        if self.left == 0 {
-            self.dy += self.rows as i32;
-            self.left = self.rows;
-            self.tile = Self::tile(self.refiner, self.warp, (self.dx, self.dy), self.rows);
-        }
-        self.left -= 1;
-        self.tile.next_row()
-    }
-}
-
-/// A block of a target that is deformed: each pixel has weights of its own.
-struct WarpedColumn<'a, const N: usize, const M: usize> {
-    refiner: &'a Refiner<'a>,
-    warp: &'a Warp,
-    dx: i32,
-    dy: i32,
-}
-
-impl<V: Vector, const N: usize, const M: usize> Rows<V> for WarpedColumn<'_, N, M> {
-    #[inline(always)]
-    fn next(&mut self) -> V {
-        let start = self.refiner.place(self.warp, self.dx, self.dy);
-        self.dy += 1;
-        sample_lanes::<V, N, M>(self.refiner.target, start, self.warp.ux, self.warp.vx)
-    }
 }
 
 vectorized! {

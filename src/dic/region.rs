@@ -34,6 +34,7 @@ pub enum Region {
 
 impl Region {
     /// Whether the point (x, y), in px, belongs.
+    #[inline]
     pub fn contains(&self, x: f64, y: f64) -> bool {
         match self {
             Self::Disc { x_px, y_px, radius_px } => {

@@ -41,7 +41,7 @@ pub(super) fn sample_lanes<V: Vector, const N: usize, const M: usize>(
 
 /// `start` and on by `drift` from lane to lane.
 #[inline(always)]
-fn along<V: Vector>(start: f64, drift: f64) -> V {
+pub(super) fn along<V: Vector>(start: f64, drift: f64) -> V {
     V::splat(start as f32).add(V::from_lanes(&Lanes::INDEX).mul(V::splat(drift as f32)))
 }
 
@@ -60,15 +60,22 @@ fn sample_scattered(target: &Splined, (x, y): (f64, f64), ux: f64, vx: f64) -> L
 }
 
 /// The coefficients from the first tap of a block of lanes on.
-struct Taps<'a> {
+pub(super) struct Taps<'a> {
     rows: &'a [f32],
     stride: usize,
 }
 
-impl Taps<'_> {
+impl<'a> Taps<'a> {
+    /// From the tap of this index on.
+    #[inline(always)]
+    pub(super) fn at(target: &'a Splined, first: usize) -> Self {
+        let (rows, stride) = target.taps_from(first);
+        Self { rows, stride }
+    }
+
     /// Sum of the taps with the weights of each lane.
     #[inline(always)]
-    fn sum<V: Vector, const X: usize, const Y: usize>(&self, weights_x: &[V; X], weights_y: &[V; Y]) -> V {
+    pub(super) fn sum<V: Vector, const X: usize, const Y: usize>(&self, weights_x: &[V; X], weights_y: &[V; Y]) -> V {
         let mut total = V::splat(0.0);
         for (row, weight) in weights_y.iter().enumerate() {
             let taps = &self.rows[row * self.stride..][..2 * LANES];
@@ -82,6 +89,9 @@ impl Taps<'_> {
     }
 }
 
+/// Filtered rows that are kept: as many as a kernel has taps, and a power of two.
+const RING: usize = 8;
+
 /// A column of blocks of a target that is only shifted: all pixels share their weights.
 ///
 /// Each row is filtered along x once and kept for the `N` rows that need it.
@@ -90,8 +100,10 @@ pub(super) struct ShiftedColumn<'a, V, const N: usize> {
     stride: usize,
     weights_x: [V; N],
     weights_y: [V; N],
-    /// The last rows, filtered along x; what the first holds is not needed any more.
-    filtered: [V; N],
+    /// The last rows, filtered along x, in turn: rows that were moved up would wait for their own stores.
+    filtered: [V; RING],
+    /// Rows filtered so far.
+    count: usize,
 }
 
 impl<'a, V: Vector, const N: usize> ShiftedColumn<'a, V, N> {
@@ -102,35 +114,34 @@ impl<'a, V: Vector, const N: usize> ShiftedColumn<'a, V, N> {
         let (rows, stride) = target.taps::<N>(cell_x as isize, cell_y as isize);
         let weights_x = target.lane_weights(V::splat((x - cell_x) as f32));
         let weights_y = target.lane_weights(V::splat((y - cell_y) as f32));
-        let mut column = Self { rows, stride, weights_x, weights_y, filtered: [V::splat(0.0); N] };
-        for row in 1..N {
-            column.filtered[row] = column.filter_next();
+        let mut column = Self { rows, stride, weights_x, weights_y, filtered: [V::splat(0.0); RING], count: 0 };
+        for _ in 1..N {
+            column.filter_next();
         }
         column
     }
 
-    /// The next row filtered along x.
+    /// Filters the next row along x.
     #[inline(always)]
-    fn filter_next(&mut self) -> V {
+    fn filter_next(&mut self) {
         let taps = &self.rows[..2 * LANES];
         let mut sum = V::splat(0.0);
         for (column, weight) in self.weights_x.iter().enumerate() {
             sum = sum.plus_product(*weight, V::load(&taps[column..]));
         }
         self.rows = &self.rows[self.stride..];
-        sum
+        self.filtered[self.count % RING] = sum;
+        self.count += 1;
     }
 
     /// The eight pixels of the next row.
     #[inline(always)]
     pub(super) fn next_row(&mut self) -> V {
-        for row in 1..N {
-            self.filtered[row - 1] = self.filtered[row];
-        }
-        self.filtered[N - 1] = self.filter_next();
+        self.filter_next();
+        let first = self.count - N;
         let mut total = V::splat(0.0);
-        for (weight, row) in self.weights_y.iter().zip(self.filtered) {
-            total = total.plus_product(*weight, row);
+        for (tap, weight) in self.weights_y.iter().enumerate() {
+            total = total.plus_product(*weight, self.filtered[(first + tap) % RING]);
         }
         total
     }
@@ -138,7 +149,7 @@ impl<'a, V: Vector, const N: usize> ShiftedColumn<'a, V, N> {
 
 /// Weights of one tap more, when some lanes lie in the second cell.
 #[inline(always)]
-fn widened<V: Vector, const N: usize, const M: usize>(target: &Splined, fraction: V) -> [V; M] {
+pub(super) fn widened<V: Vector, const N: usize, const M: usize>(target: &Splined, fraction: V) -> [V; M] {
     let one = V::splat(1.0);
     let second = fraction.at_least(one);
     let weights = target.lane_weights::<V, N>(fraction.sub(one.and(second)));

@@ -26,6 +26,9 @@ pub(super) const ROUNDING: f64 = 2.0 / 12.0;
 /// One of 31 x 31 pixels alone knows the factor to 5 %, all of them to half of that.
 pub(super) const POOLED: usize = 4;
 
+/// Rows of a window that tell how its pixels correlate.
+const ENOUGH_ROWS: usize = 32;
+
 /// A sum for every lag.
 pub(super) type Lags = [f64; LAGS];
 
@@ -163,8 +166,14 @@ fn unpack(window: &Window, packed: impl Fn(usize) -> Lanes, dense: &mut Vec<f32>
     stride
 }
 
+/// From one row to the next of those whose pixels are paired with those beside and below: large windows know their lags
+/// well enough from some of their rows.
+fn row_step(rows: usize) -> usize {
+    (rows / ENOUGH_ROWS).max(1)
+}
+
 vectorized! {
-    /// Adds the products of all pairs of pixels at each lag.
+    /// Adds the products of pairs of pixels at each lag.
     ///
     /// Every row is followed by zeros, so a lag is one shift of the whole square.
     fn add_lags(dense: &[f32], stride: usize, sums: &mut Lags) = add_lags_with
@@ -173,19 +182,21 @@ vectorized! {
 #[inline(always)]
 fn add_lags_with<V: Vector>(dense: &[f32], stride: usize, sums: &mut Lags) {
     const WIDTH: usize = 2 * REACH + 1;
-    let last = dense.len() - REACH * stride - 2 * LANES;
+    let rows = (dense.len() - 2 * LANES) / stride - REACH;
     let mut totals = [V::splat(0.0); LAGS];
-    for first in (0..last).step_by(LANES) {
-        let own = V::load(&dense[first..]);
-        for dx in 0..=REACH {
-            let total = &mut totals[REACH + dx];
-            *total = total.add(own.mul(V::load(&dense[first + dx..])));
-        }
-        for dy in 1..=REACH {
-            let row = &dense[first + dy * stride - REACH..][..WIDTH - 1 + LANES];
-            for dx in 0..WIDTH {
-                let total = &mut totals[dy * WIDTH + dx];
-                *total = total.add(own.mul(V::load(&row[dx..])));
+    for row in (0..rows).step_by(row_step(rows)) {
+        for first in (row * stride..(row + 1) * stride).step_by(LANES) {
+            let own = V::load(&dense[first..]);
+            for dx in 0..=REACH {
+                let total = &mut totals[REACH + dx];
+                *total = total.plus_product(own, V::load(&dense[first + dx..]));
+            }
+            for dy in 1..=REACH {
+                let row = &dense[first + dy * stride - REACH..][..WIDTH - 1 + LANES];
+                for dx in 0..WIDTH {
+                    let total = &mut totals[dy * WIDTH + dx];
+                    *total = total.plus_product(own, V::load(&row[dx..]));
+                }
             }
         }
     }

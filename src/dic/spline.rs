@@ -116,11 +116,13 @@ pub(super) struct Splined {
     /// What the taps of the kernel are put on.
     plane: Plane,
     kernel: &'static Kernel,
+    /// Root mean square of the levels, where it is known, DN.
+    pub(super) contrast: f32,
 }
 
 impl Default for Splined {
     fn default() -> Self {
-        Self { plane: Plane::default(), kernel: &OPTIMISED }
+        Self { plane: Plane::default(), kernel: &OPTIMISED, contrast: 0.0 }
     }
 }
 
@@ -165,8 +167,26 @@ impl Splined {
     /// What `N` taps are put on, from the first tap of the cell at (x, y) on; and the length of a row.
     #[inline(always)]
     pub(super) fn taps<const N: usize>(&self, x: isize, y: isize) -> (&[f32], usize) {
+        self.taps_from(self.first_tap::<N>(x, y))
+    }
+
+    /// The index of the first of `N` taps of the cell at (x, y).
+    #[inline(always)]
+    pub(super) fn first_tap<const N: usize>(&self, x: isize, y: isize) -> usize {
         let before = (N / 2 - 1) as isize;
-        (&self.plane.data()[self.plane.index(x - before, y - before)..], self.plane.stride())
+        self.plane.index(x - before, y - before)
+    }
+
+    /// Taps from one row to the next.
+    #[inline(always)]
+    pub(super) fn stride(&self) -> usize {
+        self.plane.stride()
+    }
+
+    /// As [`Self::taps`], from the tap of this index on.
+    #[inline(always)]
+    pub(super) fn taps_from(&self, first: usize) -> (&[f32], usize) {
+        (&self.plane.data()[first..], self.plane.stride())
     }
 
     /// Weights of the six taps for a position `t` (0 to 1) after the third.

@@ -44,6 +44,8 @@ pub(super) struct Subset {
     pub(super) gradient_y: Vec<Lanes>,
     /// Mean grey level, the frame's offset taken off.
     pub(super) mean: f32,
+    /// Root mean square of the levels of its frame, DN.
+    pub(super) contrast: f32,
     /// Sum of `levels` squared.
     pub(super) energy: f64,
     /// Sum of J.
@@ -74,6 +76,7 @@ impl Subset {
         if !window.extent.fits((x, y), (reference.levels.width(), reference.levels.height())) {
             return Err(Unusable::OutOfFrame);
         }
+        self.contrast = reference.contrast;
         self.load(reference, window, (x, y))?;
         self.finish(window, shape)
     }
@@ -88,6 +91,7 @@ impl Subset {
             out.clear();
             out.extend(from.iter().zip(&window.mask).map(|(value, mask)| *value * *mask));
         }
+        self.contrast = whole.contrast;
         // The mean was taken off, so the sum is that of the difference between the two means.
         let sum: f64 = self.levels.iter().map(|row| row.sum()).sum();
         let difference = (sum / window.pixels.max(1) as f64) as f32;

@@ -80,23 +80,34 @@ impl Window {
         let reach = half as i32;
         let mut window =
             Self { blocks: Vec::new(), mask: Vec::new(), pixels: 0, half, radius: 0.0, extent: Extent::default() };
-        let inside = |dx: i32, dy: i32| dx.abs() <= reach && dy.abs() <= reach && belongs(dx, dy);
         // Of the largest distance: half widths are under 10 000 px.
         let mut square = 0;
         for dx in (-reach..=reach).step_by(LANES) {
-            let used = |dy: &i32| (0..LANES as i32).any(|lane| inside(dx + lane, *dy));
-            let Some(first) = (-reach..=reach).find(used) else { continue };
-            let last = (-reach..=reach).rev().find(used).unwrap_or(first);
-            let rows = (last - first + 1) as usize;
-            window.blocks.push(Block { dx, dy: first, rows, start: window.mask.len() });
-            for dy in first..=last {
-                let mut row = Lanes::splat(0.0);
-                for (x, value) in (dx..).zip(&mut row.0).filter(|(x, _)| inside(*x, dy)) {
+            let mut block = Block { dx, dy: 0, rows: 0, start: window.mask.len() };
+            let mut used = block.start;
+            for dy in -reach..=reach {
+                let (mut row, mut pixels) = (Lanes::splat(0.0), 0);
+                for (x, value) in (dx..=reach).zip(&mut row.0).filter(|(x, _)| belongs(*x, dy)) {
                     *value = 1.0;
-                    window.pixels += 1;
+                    pixels += 1;
                     square = square.max(x * x + dy * dy);
                 }
-                window.mask.push(row);
+                if pixels > 0 && used == block.start {
+                    block.dy = dy;
+                }
+                // Rows without any before the first are left out, and those after the last taken back.
+                if pixels > 0 || used > block.start {
+                    window.mask.push(row);
+                }
+                if pixels > 0 {
+                    used = window.mask.len();
+                }
+                window.pixels += pixels;
+            }
+            window.mask.truncate(used);
+            block.rows = used - block.start;
+            if block.rows > 0 {
+                window.blocks.push(block);
             }
         }
         window.radius = f64::from(square).sqrt();
@@ -109,15 +120,30 @@ impl Window {
         let mut extent = Extent { left: i32::MAX, top: i32::MAX, right: i32::MIN, bottom: i32::MIN };
         for block in &self.blocks {
             for (dy, row) in (block.dy..).zip(&self.mask[block.start..block.start + block.rows]) {
-                for (dx, _) in (block.dx..).zip(&row.0).filter(|(_, value)| **value > 0.5) {
-                    extent.left = extent.left.min(dx);
-                    extent.right = extent.right.max(dx);
-                    extent.top = extent.top.min(dy);
-                    extent.bottom = extent.bottom.max(dy);
-                }
+                let Some((first, last)) = ends(row) else { continue };
+                extent.left = extent.left.min(block.dx + first);
+                extent.right = extent.right.max(block.dx + last);
+                extent.top = extent.top.min(dy);
+                extent.bottom = extent.bottom.max(dy);
             }
         }
         self.extent = if self.pixels > 0 { extent } else { Extent::default() };
+    }
+
+    /// First and last column that belong in each row of an image, when the centre is at `at`; the first is larger where
+    /// there are none.
+    pub(super) fn spans(&self, at: (i32, i32), rows: usize) -> Vec<(i32, i32)> {
+        let mut spans = vec![(i32::MAX, i32::MIN); rows];
+        for block in &self.blocks {
+            let mask = &self.mask[block.start..block.start + block.rows];
+            for (dy, mask) in (block.dy..).zip(mask) {
+                let Some((first, last)) = ends(mask) else { continue };
+                let (left, right) = &mut spans[(at.1 + dy) as usize];
+                let x = at.0 + block.dx;
+                (*left, *right) = ((*left).min(x + first), (*right).max(x + last));
+            }
+        }
+        spans
     }
 
     /// This window without the pixels that do not belong, into `out`; tells whether there are any.
@@ -213,6 +239,13 @@ impl Window {
     }
 }
 
+/// First and last lane that belong.
+fn ends(mask: &Lanes) -> Option<(i32, i32)> {
+    let first = mask.0.iter().position(|value| *value > 0.5)?;
+    let last = mask.0.iter().rposition(|value| *value > 0.5)?;
+    Some((first as i32, last as i32))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -247,6 +280,17 @@ mod tests {
                     assert!((found - expected).abs() < 1e-9, "{:?} {warp:?}: {found} {expected}", cut.extent);
                 }
             }
+        }
+    }
+
+    #[test]
+    fn the_span_of_a_row_goes_from_its_first_to_its_last_pixel() {
+        let window = Window::from_test(12, |dx, dy| dx * dx + 2 * dy * dy <= 100 && dx != 3);
+        let spans = window.spans((20, 9), 30);
+        for (y, span) in (0..).zip(spans) {
+            let belongs = |x: &i32| window.holds(x - 20, y - 9);
+            let (first, last) = ((0..40).find(belongs), (0..40).rfind(belongs));
+            assert_eq!(span, (first.unwrap_or(i32::MAX), last.unwrap_or(i32::MIN)), "row {y}");
         }
     }
 
