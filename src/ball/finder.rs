@@ -53,6 +53,8 @@ struct Effort {
 
 /// The ball is among the first 5 places in 96 of 100 hard scenes, among the first 20 when the radius is unknown.
 const QUICK: Effort = Effort { places: (8, 18), tolerance_px: 1.0, draws: 30, rays: 60, grown: 3, whole_rims: false };
+/// Before that: mostly the ball is among these.
+const FIRST: Effort = Effort { places: (3, 6), ..QUICK };
 /// When the quick look found nothing.
 const THOROUGH: Effort =
     Effort { places: (24, 48), tolerance_px: 0.7, draws: 60, rays: 120, grown: 8, whole_rims: true };
@@ -128,9 +130,15 @@ impl BallFinder {
         self.coarse.reduce(image);
         self.places.clear();
         self.coarse.plain(&mut self.places);
-        // Mostly marks need not be painted out.
+        // Mostly marks need not be painted out, and one of the first places is the ball.
+        self.rank(image, FIRST);
+        let least = self.least_agreeing(self.beyond(FIRST));
+        self.guesses.truncate(1);
+        if let Some(circle) = self.beyond_doubt(image, least) {
+            return Some(circle);
+        }
         self.rank(image, QUICK);
-        let least = if self.is_far_ahead() { LEAST_AGREEING_WHEN_AHEAD } else { CERTAIN_AGREEING };
+        let least = self.least_agreeing(0.0);
         self.guesses.truncate(LIKELY);
         if let Some(circle) = self.beyond_doubt(image, least) {
             return Some(circle);
@@ -207,7 +215,20 @@ impl BallFinder {
         let polarity = polarity(image, (x, y, radius))?;
         let guess = Guess { x, y, radius, support: 1.0, polarity };
         let measured = self.refine.circle_at(image, &guess, FORETOLD_PX)?;
-        (measured.agreeing > CERTAIN_AGREEING && self.is_sized(&measured.circle)).then_some(measured.circle)
+        self.certain(measured, CERTAIN_AGREEING)
+    }
+
+    /// The outline about where a guess is, if its edges leave no doubt.
+    fn certain_about(&mut self, image: ImageView<'_>, guess: &Guess, least: f64) -> Option<Circle> {
+        if guess.support < LEAST_SUPPORT {
+            return None;
+        }
+        let measured = self.refine.circle_about(image, guess, FORETOLD_PX)?;
+        self.certain(measured, least)
+    }
+
+    fn certain(&self, measured: Measured, least: f64) -> Option<Circle> {
+        (measured.agreeing > least && self.is_sized(&measured.circle)).then_some(measured.circle)
     }
 
     /// What is told of an outline found by its edges.
@@ -235,10 +256,19 @@ impl BallFinder {
         self.keep_finalists();
     }
 
-    /// Whether no other guess comes near the first.
-    fn is_far_ahead(&self) -> bool {
+    /// The score of the best place that was not looked at, over that of the best.
+    fn beyond(&self, effort: Effort) -> f32 {
+        let looked = if self.coarse.bands() > 1 { effort.places.1 } else { effort.places.0 };
+        let score = |place: usize| self.places.get(place).map_or(0.0, |place| place.score);
+        score(looked) / score(0)
+    }
+
+    /// The share of its rim that must agree with the first guess: less where nothing comes near it, neither another guess
+    /// nor a place that was not looked at, whose score is so much `beyond` that of the first.
+    fn least_agreeing(&self, beyond: f32) -> f64 {
         let support = |guess: usize| self.guesses.get(guess).map_or(0.0, |guess| guess.support);
-        support(0) > FAR_AHEAD * support(1).max(LEAST_SUPPORT)
+        let is_far_ahead = support(0) > FAR_AHEAD * support(1).max(LEAST_SUPPORT) && FAR_AHEAD * beyond < 1.0;
+        if is_far_ahead { LEAST_AGREEING_WHEN_AHEAD } else { CERTAIN_AGREEING }
     }
 
     /// Looks closer at the guesses; mostly one of the first is the ball, and then nothing else needs a look.
@@ -247,6 +277,9 @@ impl BallFinder {
     fn beyond_doubt(&mut self, image: ImageView<'_>, least: f64) -> Option<Circle> {
         for i in 0..self.guesses.len() {
             self.guesses[i] = self.closer(image, self.guesses[i]);
+            if let Some(circle) = self.certain_about(image, &self.guesses[i].clone(), least) {
+                return Some(circle);
+            }
             if i < LIKELY
                 && let Some(measured) = self.measure(image, &self.guesses[i].clone())
                 && measured.agreeing > least

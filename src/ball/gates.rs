@@ -31,7 +31,9 @@ pub(super) struct Gates {
 
 impl Gates {
     /// Marks the bins to use; returns the picture's noise, grey levels.
-    pub fn choose(&mut self, edges: &[Edge], polarity: Polarity) -> f32 {
+    ///
+    /// With `again`, what stands for clean rim is what it was when the same bins were looked at last.
+    pub fn choose(&mut self, edges: &[Edge], polarity: Polarity, again: bool) -> f32 {
         let noise = self.noise(edges);
         let sign = match polarity {
             Polarity::Brighter => 1.0,
@@ -47,6 +49,9 @@ impl Gates {
         // On a darker ball speckle and paint are both darker than the ground and both good edges;
         // on a brighter one the dark speckle has the wrong contrast or little of it.
         if polarity == Polarity::Brighter {
+            if !again || self.clean.len() != self.used.len().div_ceil(STRIDE) {
+                self.look_for_clean_rim();
+            }
             self.drop_speckle();
         }
         noise
@@ -64,10 +69,10 @@ impl Gates {
         nth_smallest(&mut self.sorted, rank).max(0.3)
     }
 
-    fn drop_speckle(&mut self) {
+    /// The contrast of clean rim all around.
+    fn look_for_clean_rim(&mut self) {
         let bins = self.used.len();
         let reach = NEIGHBOURS.min(bins) / 2;
-        let stride = STRIDE;
         // What is not used is lower than all that is.
         self.around.clear();
         self.around.extend(
@@ -76,15 +81,18 @@ impl Gates {
                 .map(|bin| if self.used[bin] { self.contrast[bin] } else { f32::NEG_INFINITY }),
         );
         self.clean.clear();
-        for first in (0..bins).step_by(stride) {
+        for first in (0..bins).step_by(STRIDE) {
             let mut near = [f32::NEG_INFINITY; MOST];
             near[..=2 * reach].copy_from_slice(&self.around[first..=first + 2 * reach]);
             let count = near.iter().filter(|contrast| **contrast > f32::NEG_INFINITY).count();
             let rank = (count.saturating_sub(1) as f32 * CLEAN_RANK).round() as usize;
             self.clean.push(if count > 0 { nth_highest(&near, (count - rank) as u32) } else { 0.0 });
         }
-        for bin in 0..bins {
-            let nearest = ((bin + stride / 2) / stride) % self.clean.len();
+    }
+
+    fn drop_speckle(&mut self) {
+        for bin in 0..self.used.len() {
+            let nearest = ((bin + STRIDE / 2) / STRIDE) % self.clean.len();
             self.used[bin] &= self.contrast[bin] > CLEAN_SHARE * self.clean[nearest];
         }
     }

@@ -33,11 +33,14 @@ pub(super) fn reweigh(
     trust: &mut [f32],
 ) -> [[f32; LANES]; 9] {
     let (weighted, plain) = (1.0 / limits.weighted, 1.0 / limits.plain);
+    // As arrays: the ends of slices would be looked for lane by lane.
+    let [value, weight, root, residual] = bins.map(|list| list.as_chunks::<LANES>().0);
+    let (cos, sin) = (cos.as_chunks::<LANES>().0, sin.as_chunks::<LANES>().0);
+    let bins = value.iter().zip(weight).zip(root.iter().zip(residual)).zip(cos.iter().zip(sin));
     let mut sums = [[0.0; LANES]; 9];
-    for (block, trust) in trust.chunks_exact_mut(LANES).enumerate() {
-        let at = block * LANES..(block + 1) * LANES;
-        let [value, weight, root, residual] = bins.map(|list| &list[at.clone()]);
-        let (cos, sin) = (&cos[at.clone()], &sin[at]);
+    for (trust, (((value, weight), (root, residual)), (cos, sin))) in
+        trust.as_chunks_mut::<LANES>().0.iter_mut().zip(bins)
+    {
         for i in 0..LANES {
             let (z, far) = (residual[i] * root[i] * weighted, residual[i] * plain);
             let (z, far) = (1.0 - z * z, 1.0 - far * far);

@@ -20,14 +20,9 @@ fn bits_of_rank(values: &[f32], rank: u32) -> u32 {
     let mut bits = 0;
     for place in (LEFT_OUT_BITS..31).rev() {
         let limit = bits + (1 << place);
-        let mut counts = [0_u32; LANES];
-        for chunk in values.chunks_exact(LANES) {
-            for lane in 0..LANES {
-                counts[lane] += u32::from(chunk[lane].to_bits() < limit);
-            }
-        }
+        let count: u32 = values.iter().map(|value| u32::from(value.to_bits() < limit)).sum();
         // Added or not without a branch.
-        bits += u32::from(counts.iter().sum::<u32>() <= rank) << place;
+        bits += u32::from(count <= rank) << place;
     }
     bits
 }
@@ -52,7 +47,13 @@ pub(super) fn nth_highest(values: &[f32; MOST], rank: u32) -> f32 {
             least[lane] = if value < least[lane] { value } else { least[lane] };
         }
     }
-    least.into_iter().fold(f32::INFINITY, |a, b| if b < a { b } else { a })
+    // By halves: one after the other, each would wait for the last.
+    for half in [8, 4, 2, 1] {
+        for lane in 0..half {
+            least[lane] = if least[lane + half] < least[lane] { least[lane + half] } else { least[lane] };
+        }
+    }
+    least[0]
 }
 
 #[cfg(test)]

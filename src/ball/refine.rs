@@ -86,6 +86,17 @@ struct Effort {
     is_near: bool,
 }
 
+/// Around a guess that is hardly off.
+const NEAR: Effort = Effort {
+    first: (1, 4),
+    later: (0, 4),
+    least_rounds: 2,
+    still_px: NEARLY_STILL_PX,
+    nearly_px: NEARLY_PX,
+    farthest_px: FARTHEST_PX,
+    is_near: true,
+};
+
 fn distance(a: &Outline, b: &Outline) -> f64 {
     (a.x - b.x).hypot(a.y - b.y).max((a.radius - b.radius).abs())
 }
@@ -119,16 +130,12 @@ impl Refine {
 
     /// As [`Self::circle`], near a guess that is hardly off: by no more than `farthest_px`.
     pub fn circle_at(&mut self, image: ImageView<'_>, guess: &Guess, farthest_px: f64) -> Option<Measured> {
-        let effort = Effort {
-            first: (1, 4),
-            later: (0, 4),
-            least_rounds: 2,
-            still_px: NEARLY_STILL_PX,
-            farthest_px,
-            nearly_px: NEARLY_PX,
-            is_near: true,
-        };
-        self.circle_with(image, guess, effort)
+        self.circle_with(image, guess, Effort { farthest_px, ..NEAR })
+    }
+
+    /// As [`Self::circle_at`], near a guess that may be off by more than an outline's noise.
+    pub fn circle_about(&mut self, image: ImageView<'_>, guess: &Guess, farthest_px: f64) -> Option<Measured> {
+        self.circle_with(image, guess, Effort { farthest_px, least_rounds: 3, still_px: STILL_PX, ..NEAR })
     }
 
     fn circle_with(&mut self, image: ImageView<'_>, guess: &Guess, effort: Effort) -> Option<Measured> {
@@ -151,7 +158,8 @@ impl Refine {
             }
             let (steps, reweightings) = if round == 0 { effort.first } else { effort.later };
             fit_edges(&self.rim, Search { blur, light: &self.slope, steps, is_near: effort.is_near }, &mut self.edges);
-            let noise = self.gates.choose(&self.edges, guess.polarity);
+            let again = effort.is_near && round > 0 && apart <= effort.nearly_px;
+            let noise = self.gates.choose(&self.edges, guess.polarity, again);
             let fitted = self.fit.fit(&self.rim, &self.edges, &self.gates.used, noise, reweightings)?;
             outline =
                 Outline { x: outline.x + fitted.dx, y: outline.y + fitted.dy, radius: outline.radius + fitted.dr };
