@@ -1,5 +1,7 @@
 //! One raw frame as the camera delivered it.
 
+use multiversion::multiversion;
+
 use super::{Image, PixelFormat, ShapeError};
 
 /// Everything known of a frame besides its pixels.
@@ -71,11 +73,8 @@ impl Frame<'_> {
             let bytes = &self.bytes[row * stride + left * bytes_per_pixel..row * stride + right * bytes_per_pixel];
             let target = &mut target[left..right];
             match bytes_per_pixel {
-                1 => target.iter_mut().zip(bytes).for_each(|(pixel, byte)| *pixel = f32::from(*byte)),
-                _ => target
-                    .iter_mut()
-                    .zip(bytes.chunks_exact(2))
-                    .for_each(|(pixel, pair)| *pixel = f32::from(u16::from_le_bytes([pair[0], pair[1]]))),
+                1 => widen_bytes(bytes, target),
+                _ => widen_pairs(bytes, target),
             }
         }
         Ok(())
@@ -95,4 +94,17 @@ impl Frame<'_> {
         }
         Ok(())
     }
+}
+
+/// Grey levels of one byte each.
+#[multiversion(targets("x86_64+avx512f+avx512bw+avx512dq+avx512vl", "x86_64+avx2"))]
+fn widen_bytes(bytes: &[u8], out: &mut [f32]) {
+    out.iter_mut().zip(bytes).for_each(|(out, byte)| *out = f32::from(*byte));
+}
+
+/// Grey levels of two bytes each, the lower one first.
+#[multiversion(targets("x86_64+avx512f+avx512bw+avx512dq+avx512vl", "x86_64+avx2"))]
+fn widen_pairs(bytes: &[u8], out: &mut [f32]) {
+    let pairs = bytes.as_chunks::<2>().0;
+    out.iter_mut().zip(pairs).for_each(|(out, pair)| *out = f32::from(u16::from_le_bytes(*pair)));
 }

@@ -62,7 +62,7 @@ const BELOW_COMMAND: &[&str] = &[
 /// The rooms in the order of src/lib.rs.
 pub const ROOMS: &[Room] = &[
     pure("results", &[], &[]),
-    pure("image", &["results"], &["image", "thiserror"]),
+    pure("image", &["results"], &["image", "multiversion", "thiserror"]),
     pure("dic", &["results", "image"], &["libm", "multiversion", "nalgebra", "realfft", "thiserror"]),
     pure("ball", &["results", "image"], &["multiversion", "nalgebra", "thiserror"]),
     pure("rod", &["results", "image"], &["nalgebra", "thiserror"]),
