@@ -88,17 +88,22 @@ pub(super) fn down<V: Vector>(layers: Layers<'_>, first: usize, rows: usize, mas
         let f = V::load(&reference[here..]).mul(mask);
         let (gx, gy) = (V::load(&gradient_x[here..]).mul(mask), V::load(&gradient_y[here..]).mul(mask));
         let g = V::load(&target[here..]).mul(mask);
-        for (sum, value) in sums.iter_mut().zip([f, g, f.mul(f), g.mul(g), f.mul(g)]) {
-            *sum = sum.add(value);
+        sums[0] = sums[0].add(f);
+        sums[1] = sums[1].add(g);
+        for (sum, (a, b)) in sums[2..5].iter_mut().zip([(f, f), (g, g), (f, g)]) {
+            *sum = sum.plus_product(a, b);
         }
-        for (k, value) in [gx, gy, gx.mul(f), gy.mul(f), gx.mul(g), gy.mul(g)].into_iter().enumerate() {
-            let at = 5 + 2 * k;
-            sums[at] = sums[at].add(value);
+        for (k, (gradient, at)) in [(gx, 5), (gy, 7)].into_iter().enumerate() {
+            sums[at] = sums[at].add(gradient);
             sums[at + 1] = sums[at + 1].add(sums[at]);
+            for (level, at) in [(f, 9 + 2 * k), (g, 13 + 2 * k)] {
+                sums[at] = sums[at].plus_product(gradient, level);
+                sums[at + 1] = sums[at + 1].add(sums[at]);
+            }
         }
-        for (k, value) in [gx.mul(gx), gx.mul(gy), gy.mul(gy)].into_iter().enumerate() {
+        for (k, (a, b)) in [(gx, gx), (gx, gy), (gy, gy)].into_iter().enumerate() {
             let at = 17 + 3 * k;
-            sums[at] = sums[at].add(value);
+            sums[at] = sums[at].plus_product(a, b);
             sums[at + 1] = sums[at + 1].add(sums[at]);
             sums[at + 2] = sums[at + 2].add(sums[at + 1]);
         }

@@ -11,7 +11,7 @@ use super::vector::{Vector, vectorized};
 const LEAST_SHARE: f64 = 0.75;
 
 /// From one row to the next of those whose gradients are looked at.
-const ROW_STEP: usize = 3;
+const ROW_STEP: usize = 5;
 
 /// The part of a step that is right, by the pixels between the first and the last column of every row; none where the
 /// first is larger.

@@ -86,11 +86,12 @@ impl Window {
             let mut block = Block { dx, dy: 0, rows: 0, start: window.mask.len() };
             let mut used = block.start;
             for dy in -reach..=reach {
-                let (mut row, mut pixels) = (Lanes::splat(0.0), 0);
-                for (x, value) in (dx..=reach).zip(&mut row.0).filter(|(x, _)| belongs(*x, dy)) {
-                    *value = 1.0;
-                    pixels += 1;
-                    square = square.max(x * x + dy * dy);
+                let lane = |x: i32| if x <= reach && belongs(x, dy) { 1.0 } else { 0.0 };
+                let row = Lanes(std::array::from_fn(|k| lane(dx + k as i32)));
+                let pixels = row.0.iter().sum::<f32>() as usize;
+                if let Some((first, last)) = ends(&row) {
+                    let farthest = (dx + first).abs().max((dx + last).abs());
+                    square = square.max(farthest * farthest + dy * dy);
                 }
                 if pixels > 0 && used == block.start {
                     block.dy = dy;
