@@ -23,6 +23,8 @@ const GROWN_BY_PX: f32 = 5.0;
 const FAR_AHEAD: f32 = 1.8;
 /// ... and this share of its rim in agreement leaves no doubt.
 const LEAST_AGREEING_WHEN_AHEAD: f64 = 0.2;
+/// With this support a guess is right to a pixel or two.
+const NEAR_SUPPORT: f32 = 0.5;
 /// Finalists among which the ball mostly is.
 const LIKELY: usize = 2;
 /// Places whose rim is looked at with small marks painted out.
@@ -325,7 +327,8 @@ impl BallFinder {
     /// The guess once more with all rays; without support when there is nothing.
     fn closer(&mut self, image: ImageView<'_>, guess: Guess) -> Guess {
         let wide = Look { reach_px: REACH_PX, tolerance_px: 0.7, ..CLOSE };
-        let better = self.rays.look_again(image, &guess, wide).unwrap_or(guess);
+        let is_near = guess.support > NEAR_SUPPORT;
+        let better = if is_near { guess } else { self.rays.look_again(image, &guess, wide).unwrap_or(guess) };
         self.rays.look_again(image, &better, CLOSE).unwrap_or(Guess { support: 0.0, ..guess })
     }
 
