@@ -19,7 +19,9 @@ const FINALISTS: usize = 8;
 /// How much larger a circle is looked for around the best finalists as well: speckle near the rim can make a
 /// smaller one win.
 const GROWN_BY_PX: f32 = 5.0;
-/// With so many times the support of any other a guess is far ahead ...
+/// With so many times the support of any other a guess is ahead.
+const AHEAD: f32 = 1.3;
+/// With so many it is far ahead ...
 const FAR_AHEAD: f32 = 1.8;
 /// ... and this share of its rim in agreement leaves no doubt.
 const LEAST_AGREEING_WHEN_AHEAD: f64 = 0.2;
@@ -133,14 +135,11 @@ impl BallFinder {
         self.places.clear();
         self.coarse.plain(&mut self.places);
         // Mostly marks need not be painted out, and one of the first places is the ball.
-        self.rank(image, FIRST);
-        let least = self.least_agreeing(self.beyond(FIRST));
-        self.guesses.truncate(1);
-        if let Some(circle) = self.beyond_doubt(image, least) {
+        if let Some(circle) = self.at_first_sight(image) {
             return Some(circle);
         }
         self.rank(image, QUICK);
-        let least = self.least_agreeing(0.0);
+        let least = if self.is_ahead(FAR_AHEAD) { LEAST_AGREEING_WHEN_AHEAD } else { CERTAIN_AGREEING };
         self.guesses.truncate(LIKELY);
         if let Some(circle) = self.beyond_doubt(image, least) {
             return Some(circle);
@@ -258,19 +257,22 @@ impl BallFinder {
         self.keep_finalists();
     }
 
-    /// The score of the best place that was not looked at, over that of the best.
-    fn beyond(&self, effort: Effort) -> f32 {
-        let looked = if self.coarse.bands() > 1 { effort.places.1 } else { effort.places.0 };
-        let score = |place: usize| self.places.get(place).map_or(0.0, |place| place.score);
-        score(looked) / score(0)
+    /// Whether the first guess has so many times the support of any other.
+    fn is_ahead(&self, times: f32) -> bool {
+        let support = |guess: usize| self.guesses.get(guess).map_or(0.0, |guess| guess.support);
+        support(0) > times * support(1).max(LEAST_SUPPORT)
     }
 
-    /// The share of its rim that must agree with the first guess: less where nothing comes near it, neither another guess
-    /// nor a place that was not looked at, whose score is so much `beyond` that of the first.
-    fn least_agreeing(&self, beyond: f32) -> f64 {
-        let support = |guess: usize| self.guesses.get(guess).map_or(0.0, |guess| guess.support);
-        let is_far_ahead = support(0) > FAR_AHEAD * support(1).max(LEAST_SUPPORT) && FAR_AHEAD * beyond < 1.0;
-        if is_far_ahead { LEAST_AGREEING_WHEN_AHEAD } else { CERTAIN_AGREEING }
+    /// The ball, if it is ahead among the first places and its edges leave no doubt.
+    fn at_first_sight(&mut self, image: ImageView<'_>) -> Option<Circle> {
+        self.rank(image, FIRST);
+        // Places that were not looked at may hold another guess, unless their scores are far behind, too.
+        let looked = if self.coarse.bands() > 1 { FIRST.places.1 } else { FIRST.places.0 };
+        let score = |place: usize| self.places.get(place).map_or(0.0, |place| place.score);
+        let is_alone = self.is_ahead(FAR_AHEAD) && score(0) > FAR_AHEAD * score(looked);
+        let guess = self.guesses.first().copied().filter(|_| self.is_ahead(AHEAD))?;
+        let guess = self.closer(image, guess);
+        self.certain_about(image, &guess, if is_alone { LEAST_AGREEING_WHEN_AHEAD } else { CERTAIN_AGREEING })
     }
 
     /// Looks closer at the guesses; mostly one of the first is the ball, and then nothing else needs a look.
@@ -279,9 +281,6 @@ impl BallFinder {
     fn beyond_doubt(&mut self, image: ImageView<'_>, least: f64) -> Option<Circle> {
         for i in 0..self.guesses.len() {
             self.guesses[i] = self.closer(image, self.guesses[i]);
-            if let Some(circle) = self.certain_about(image, &self.guesses[i].clone(), least) {
-                return Some(circle);
-            }
             if i < LIKELY
                 && let Some(measured) = self.measure(image, &self.guesses[i].clone())
                 && measured.agreeing > least
