@@ -4,7 +4,7 @@
 //! a pixel, and one step of the refinement finds it. Subsets overlap several times over and all begin from the
 //! same motion, so the target is interpolated once, as it would look had it not moved, and the sums of every
 //! subset are taken off that picture. A subset that turns out to be farther off is refined as any other.
-//!
+
 use super::GridPoint;
 use super::columns::Columns;
 use super::lanes::{LANES, Lanes};
