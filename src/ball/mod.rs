@@ -7,6 +7,7 @@ mod finder;
 mod gates;
 mod harmonic;
 mod light;
+mod limb;
 mod marked;
 mod normal;
 mod params;

@@ -1,15 +1,15 @@
 //! From a circle good to a pixel to one good to a few hundredths.
 
-use super::Polarity;
 use super::circle::{CircleFit, Correction};
 use super::edge::{Edge, Search, fit_edges};
 use super::gates::Gates;
 use super::light::SideLight;
+use super::limb::{Limb, SECTORS, Step, shift_px};
 use super::rays::Guess;
 use super::rim::{Outline, Rim, SLACK_PX};
 use super::visible::{Sight, share_in_image, unhidden_share};
 use crate::image::ImageView;
-use crate::results::Circle;
+use crate::results::{Circle, Estimate};
 
 /// Most rounds of gathering and fitting.
 const ROUNDS: usize = 6;
@@ -53,10 +53,8 @@ const CERTAIN_SCATTER: f64 = 1.5;
 const SIGMA_FACTOR: f64 = 1.5;
 const SIGMA_FACTOR_HIDDEN: f64 = 1.0;
 const SIGMA_FLOOR_PX: f64 = 0.008;
-/// A sphere that darkens towards its limb looks smaller on dark ground and larger on bright ground; how much it darkens
-/// cannot be told from its blur. Seen in the same scenes, which darken by 0 to 30 %, px.
-const LIMB_BRIGHTER_PX: f64 = 0.05;
-const LIMB_DARKER_PX: f64 = 0.015;
+/// A sector of a ball is in sight when this share of its rim is.
+const LEAST_SEEN: f64 = 0.15;
 /// An answer less certain than this, before these factors, is none, px.
 const MOST_SIGMA_PX: f64 = 0.05;
 
@@ -109,6 +107,7 @@ pub(super) struct Refine {
     gates: Gates,
     fit: CircleFit,
     light: SideLight,
+    limb: Limb,
     slope: Vec<f32>,
     sights: Vec<Sight>,
 }
@@ -176,7 +175,7 @@ impl Refine {
             blur = self.better_blur(blur);
             self.light.slope(&self.rim, &self.edges, &self.gates.used, outline.radius, &mut self.slope);
         }
-        self.judge(image, guess.polarity, outline, (last?, blur))
+        self.judge(image, outline, (last?, blur))
     }
 
     /// Gathers the pixels around `outline`; edges and light are kept when the bins stay the same.
@@ -219,13 +218,7 @@ impl Refine {
     }
 
     /// Accepts the fit, or not.
-    fn judge(
-        &mut self,
-        image: ImageView<'_>,
-        polarity: Polarity,
-        outline: Outline,
-        (fitted, blur): (Correction, f32),
-    ) -> Option<Measured> {
+    fn judge(&mut self, image: ImageView<'_>, outline: Outline, (fitted, blur): (Correction, f32)) -> Option<Measured> {
         let agreeing = self.fit.close(AGREEING_PX);
         let used = self.gates.used.iter().filter(|used| **used).count() as f64;
         let inside = (0..self.rim.bins()).filter(|&bin| self.rim.count(bin) > 0).count().max(1) as f64;
@@ -249,19 +242,32 @@ impl Refine {
         let visible_fraction = self.visible_fraction(image, outline);
         // Speckle pulls a blurred rim over longer arcs, too.
         let factor = (SIGMA_FACTOR + SIGMA_FACTOR_HIDDEN * (1.0 - visible_fraction)) * soft.sqrt();
-        let limb_px = match polarity {
-            Polarity::Brighter => LIMB_BRIGHTER_PX,
-            Polarity::Darker => LIMB_DARKER_PX,
-        };
+        let shift = self.shift(image, &outline, blur);
         let circle = Circle {
             x_px: outline.x,
             y_px: outline.y,
-            radius_px: outline.radius,
+            radius_px: outline.radius + shift.value,
             sigma_center_px: (factor * of_center).hypot(SIGMA_FLOOR_PX),
-            sigma_radius_px: (factor * of_radius).hypot(limb_px),
+            sigma_radius_px: (factor * of_radius).hypot(shift.sigma).hypot(SIGMA_FLOOR_PX),
             visible_fraction,
         };
         Some(Measured { circle, agreeing: share })
+    }
+
+    /// By how much the ball's rim lies farther out than its edges tell, px.
+    fn shift(&mut self, image: ImageView<'_>, outline: &Outline, blur: f32) -> Estimate {
+        let (bins, trust) = (self.edges.len(), &self.fit.trust[..self.edges.len()]);
+        let mut trusted = [0.0; SECTORS];
+        let (mut inside, mut contrast, mut total) = (0.0, 0.0, 0.0);
+        for (bin, (edge, trust)) in self.edges.iter().zip(trust).enumerate() {
+            trusted[bin * SECTORS / bins] += if *trust > 0.0 { (SECTORS as f64) / bins as f64 } else { 0.0 };
+            inside += trust * edge.inside;
+            contrast += trust * edge.contrast;
+            total += trust;
+        }
+        let darkening = self.limb.darkening(image, outline, trusted.map(|share| share > LEAST_SEEN));
+        let [inside, contrast] = [inside, contrast].map(|sum| f64::from(sum / total));
+        shift_px(darkening, outline.radius, Step { inside, contrast, blur_px: blur.into() })
     }
 
     fn visible_fraction(&mut self, image: ImageView<'_>, outline: Outline) -> f64 {

@@ -74,13 +74,13 @@ fn zero((t0, s0): (f64, Estimate), (t1, s1): (f64, Estimate)) -> Estimate {
 }
 
 /// The zero by fits half as wide, nearest to that by wider ones; friction that ends at the stop leaves a kink there,
-/// which wide fits round off. How far the two lie apart is part of the uncertainty.
+/// which wide fits round off. How far the two lie apart beyond their noise is part of the uncertainty.
 fn sharper(points: &[Sample], smooth: Estimate, half: f64) -> Option<Estimate> {
     let narrow = speeds(points, smooth.value - half, smooth.value + half, half / 2.0);
     let crossings = narrow.windows(2).filter(|w| w[0].1.value > 0.0 && w[1].1.value <= 0.0);
     let zeros = crossings.map(|w| zero(w[0], w[1]));
     let nearest = zeros.min_by(|a, b| (a.value - smooth.value).abs().total_cmp(&(b.value - smooth.value).abs()))?;
-    Some(Estimate { value: nearest.value, sigma: nearest.sigma.hypot(nearest.value - smooth.value) })
+    Some(Estimate { value: nearest.value, sigma: nearest.sigma.max((nearest.value - smooth.value).abs()) })
 }
 
 /// Speed of the contact point at every node in contact.

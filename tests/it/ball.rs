@@ -75,12 +75,26 @@ fn hard_scenes_are_measured_or_refused_never_wrong() {
         assert!(tally.mean() <= limit, "{}", tally.line());
         assert!(tally.worst() <= 1.0, "{}", tally.line());
         assert!(tally.refused() <= refusals, "{}", tally.line());
-        assert!(mean(&tally.radius).abs() <= 0.1, "{}", tally.line());
+        assert!(mean(&tally.radius).abs() <= 0.02, "{}", tally.line());
         all.ratios.extend(tally.ratios);
         all.radius_ratios.extend(tally.radius_ratios);
     }
     assert!((0.62..0.8).contains(&all.covered(1.0)) && (0.9..0.99).contains(&all.covered(2.0)), "{}", all.line());
     assert!(all.radius_covered(1.0) > 0.5 && all.radius_covered(2.0) > 0.85, "{}", all.line());
+}
+
+#[test]
+fn a_sphere_that_darkens_towards_its_limb_is_as_large_as_it_is() {
+    let mut finder = finder(50.0, 68.0, &Scene::plain(1.0, 0.0));
+    for (ball, ground) in [(190.0, 40.0), (120.0, 205.0)] {
+        for limb in [0.0, 0.15, 0.3] {
+            let scene = |seed: u64| Scene { limb, cover: 0.35, seed, ..Scene::plain(ball, ground) };
+            let off: Vec<f64> = (0..6).map(|k| find(&mut finder, &scene(k)).unwrap().radius_px - 57.2).collect();
+            println!("{ball} on {ground}, darkened by {limb}: radius {:+.4} px", mean(&off));
+            // Taken for flat it would look up to 0.1 px smaller, or 0.04 px larger.
+            assert!(mean(&off).abs() < 0.01, "{ball} on {ground}, darkened by {limb}: {off:?}");
+        }
+    }
 }
 
 #[test]
@@ -436,8 +450,8 @@ fn statistics_of_hard_scenes() {
             assert!(tally.worst() < 1.0, "{}", tally.line());
             assert!((0.65..0.8).contains(&tally.covered(1.0)), "{}", tally.line());
             assert!((0.9..0.99).contains(&tally.covered(2.0)), "{}", tally.line());
-            // How a sphere darkens towards its limb moves the radius by more than the pictures scatter.
-            assert!((0.5..0.9).contains(&tally.radius_covered(1.0)), "{}", tally.line());
+            assert!(mean(&tally.radius).abs() <= 0.015, "{}", tally.line());
+            assert!((0.6..0.85).contains(&tally.radius_covered(1.0)), "{}", tally.line());
             assert!(tally.radius_covered(2.0) > 0.9, "{}", tally.line());
         }
     }
