@@ -17,7 +17,7 @@ const FLIGHT_MIN_NODES: usize = 4;
 /// The end as noticed may be so many frames early.
 const EARLY_FRAMES: f64 = 4.0;
 /// The deepest moment is not taken to be known better than this: what rendered collisions show of steps' small biases.
-const TURNING_FRAMES: f64 = 0.0008;
+const TURNING_FRAMES: f64 = 0.001;
 /// A stiffness left free errs about the deepest moment by about this share of the contact (simulated ripples of 25 %).
 const FREE_TURN: f64 = 0.002;
 /// Nodes the deepest moment is fitted to where no law is accepted.

@@ -16,6 +16,9 @@ const TRIED: usize = 24;
 /// Points of a circle that stand for it.
 const AROUND: usize = 12;
 
+/// A circle fitted to an outline that is not round is off by about so many times as much as that is off a circle, rms.
+const UNROUND: f64 = 1.5;
+
 /// Rounds in which the recorded place of a rectified one is found.
 const ROUNDS: usize = 20;
 
@@ -135,7 +138,7 @@ impl Rectifier {
         let seen = step.circle.map(|c| [c.x_px, c.y_px]).or(step.rod.map(|rod| [rod.x_px.value, rod.y_px.value]));
         let Some(seen) = seen else { return Some(*step) };
         let radius_px = step.circle.map_or(0.0, |circle| circle.radius_px);
-        let center = if outlined { self.center(seen, radius_px)? } else { seen };
+        let (center, uneven) = if outlined { self.center(seen, radius_px)? } else { (seen, 0.0) };
         let [x, y] = self.place(center)?;
         let jacobian = self.jacobian(center)?;
         let (least, mean) = stretch(&jacobian);
@@ -145,8 +148,8 @@ impl Rectifier {
             x_px: x,
             y_px: y,
             radius_px: size * circle.radius_px,
-            sigma_center_px: mean * circle.sigma_center_px,
-            sigma_radius_px: size * circle.sigma_radius_px,
+            sigma_center_px: mean * circle.sigma_center_px.hypot(uneven * circle.radius_px),
+            sigma_radius_px: size * circle.sigma_radius_px.hypot(uneven * circle.radius_px),
             ..circle
         });
         let rod = match &step.rod {
@@ -161,19 +164,25 @@ impl Rectifier {
         Some(BodyStep { circle, rod, step: motion, ..*step })
     }
 
-    /// The pixel that shows the centre of a ball whose outline is fitted best by a circle.
+    /// The pixel that shows the centre of a ball whose outline is fitted best by a circle, and how unsure that leaves
+    /// it, in radii.
     ///
-    /// A lens does not leave the middle of a circle in its middle.
-    fn center(&self, seen: [f64; 2], radius_px: f64) -> Option<[f64; 2]> {
-        let Some(lens) = self.calibration.lens.filter(|_| radius_px > 0.0) else { return Some(seen) };
+    /// A lens does not leave the middle of a circle in its middle, nor a ball's outline round: which part of an outline
+    /// a circle follows that is not, its own scatter does not tell.
+    fn center(&self, seen: [f64; 2], radius_px: f64) -> Option<([f64; 2], f64)> {
+        let Some(lens) = self.calibration.lens.filter(|_| radius_px > 0.0) else { return Some((seen, 0.0)) };
         let offset = self.calibration.offset_px.map(f64::from);
-        let mut middle = [0.0; 2];
-        for [x, y] in around(seen, radius_px) {
-            let ray = lens.ray([x + offset[0], y + offset[1]])?;
-            middle = [middle[0] + ray[0] / AROUND as f64, middle[1] + ray[1] / AROUND as f64];
+        let mut rays = [[0.0; 2]; AROUND];
+        for (ray, [x, y]) in rays.iter_mut().zip(around(seen, radius_px)) {
+            *ray = lens.ray([x + offset[0], y + offset[1]])?;
         }
+        let mean = |of: &dyn Fn(&[f64; 2]) -> f64| rays.iter().map(of).sum::<f64>() / AROUND as f64;
+        let middle = [mean(&|ray| ray[0]), mean(&|ray| ray[1])];
+        let far = |ray: &[f64; 2]| (ray[0] - middle[0]).hypot(ray[1] - middle[1]);
+        let radius = mean(&far);
+        let uneven = mean(&|ray| (far(ray) / radius - 1.0).powi(2)).sqrt();
         let [x, y] = lens.pixel(middle);
-        Some([x - offset[0], y - offset[1]])
+        Some(([x - offset[0], y - offset[1]], UNROUND * uneven))
     }
 
     /// The rigid motion in the plane that shows in the recorded picture as the one measured over a disc about `seen`.
@@ -377,7 +386,7 @@ mod tests {
 
     /// The rigid motion that fits best what the recorded picture shows of every pixel of a disc of 50 px radius.
     fn recorded(rectifier: &Rectifier, seen: [f64; 2], (dx, dy, turn_deg): (f64, f64, f64)) -> RigidStep {
-        let from = rectifier.place(rectifier.center(seen, 50.0).unwrap()).unwrap();
+        let from = rectifier.place(rectifier.center(seen, 50.0).unwrap().0).unwrap();
         let mut pairs = Vec::new();
         for k in 0..101 * 101 {
             let offset = [f64::from(k % 101) - 50.0, f64::from(k / 101) - 50.0];

@@ -40,8 +40,9 @@ fn world() -> World {
     World::new(&scenario).unwrap()
 }
 
-/// Largest error of the velocity, as a share of the speed, and of the spin, as a share of itself; and how many there are.
-fn judge(world: &World, seen_through: &Rectifier, rig: &str, mm_per_px: f64) -> (f64, f64, usize) {
+/// Largest error of the velocity, as a share of the speed, and of the spin, as a share of itself; how many there are, and
+/// the largest error of the velocity in its sigmas.
+fn judge(world: &World, seen_through: &Rectifier, rig: &str, mm_per_px: f64) -> (f64, f64, usize, f64) {
     let picture = |index| {
         let mut bytes = vec![0; world.frame_bytes()];
         world.render(index, &mut bytes);
@@ -61,7 +62,7 @@ fn judge(world: &World, seen_through: &Rectifier, rig: &str, mm_per_px: f64) -> 
         "{} velocities, worst {of_speed:.4} of the speed, {pull:.1} sigmas, {of_spin:.4} of the spin",
         velocities.len()
     );
-    (of_speed, of_spin, velocities.len())
+    (of_speed, of_spin, velocities.len(), pull)
 }
 
 #[test]
@@ -70,7 +71,10 @@ fn a_lens_that_bends_speeds_by_percents_leaves_none_of_it() {
     let plain = judge(&world, &lens, &level_rig(0.5142), 0.5142);
     let told = judge(&world, &lens, &format!("{}[calibration]\n{LENS}", level_rig(0.5142)), 0.5142);
     println!("lens: without {plain:?}, with {told:?}");
-    assert!(plain.0 > 0.01 && told.0 < 0.004 && told.1 < 0.01, "{plain:?} {told:?}");
+    assert!(plain.0 > 0.01 && told.0 < 0.0045 && told.1 < 0.01, "{plain:?} {told:?}");
+    // An outline that the lens leaves unround is followed by a circle in parts; what that makes of a turning ball's
+    // centre is most of the uncertainty.
+    assert!(told.3 < 4.0, "{told:?}");
     assert!(told.2 >= 60);
 }
 
