@@ -73,6 +73,7 @@ struct Light {
 }
 
 impl Light {
+    #[inline(always)]
     fn at(&self, [x, y, shallow]: &[Lane; 3]) -> Lane {
         // Never quite dark: grey levels are divided by it.
         let least = DARKEST * self.middle;
@@ -160,33 +161,10 @@ impl Limb {
 
     /// The third highest and the third lowest grey level of each cell of a block; not numbers outside of the image.
     fn extremes(&self, image: ImageView<'_>, outline: &Outline, block: usize, light: Light) -> [Lane; 2] {
-        let mut high = [[f32::NEG_INFINITY; LANES]; 3];
-        let mut low = [[f32::INFINITY; LANES]; 3];
-        let (x, y, radius) = (outline.x as f32 + 0.5, outline.y as f32 + 0.5, outline.radius as f32);
-        let (right, bottom) = (image.width() as f32, image.height() as f32);
-        let (data, width) = (image.data(), image.width());
-        let middles = light.at(&self.means[block]);
-        for sample in &self.samples[block] {
-            let ([dx, dy, _], here) = (sample, light.at(sample));
-            let mut grey = [f32::NAN; LANES];
-            for lane in 0..LANES {
-                let (x, y) = (x + radius * dx[lane], y + radius * dy[lane]);
-                if x >= 0.0 && x < right && y >= 0.0 && y < bottom {
-                    grey[lane] = data.get(y as usize * width + x as usize).copied().unwrap_or(f32::NAN);
-                }
-            }
-            for lane in 0..LANES {
-                let level = grey[lane] * middles[lane] / here[lane];
-                let (mut top, mut bottom) = (level, level);
-                for rank in 0..3 {
-                    let (above, below) = (high[rank][lane], low[rank][lane]);
-                    // Not a number stays where it comes in, and spoils the cell.
-                    (high[rank][lane], top) = if top <= above { (above, top) } else { (top, above) };
-                    (low[rank][lane], bottom) = if bottom >= below { (below, bottom) } else { (bottom, below) };
-                }
-            }
-        }
-        [high[2], low[2]]
+        let circle = [outline.x as f32 + 0.5, outline.y as f32 + 0.5, outline.radius as f32];
+        let places = places(&self.samples[block], circle, image.width(), image.height());
+        let grey = places.map(|places| places.map(|at| image.data().get(at as usize).copied().unwrap_or(f32::NAN)));
+        rank(&grey, &self.samples[block], &self.means[block], light)
     }
 
     /// Reweighted least squares through the levels of all cells.
@@ -263,6 +241,48 @@ impl Limb {
         let middle = self.sorted.len() / 2;
         (!self.sorted.is_empty()).then(|| (FROM_MEDIAN * nth_smallest(&mut self.sorted, middle)).max(1e-3))
     }
+}
+
+/// Where in the image's data the samples lie; -1, which as a place is beyond all data, outside of it.
+#[multiversion::multiversion(targets("x86_64+avx512f+avx512bw+avx512dq+avx512vl", "x86_64+avx2+fma"))]
+fn places(samples: &[[Lane; 3]], [x, y, radius]: [f32; 3], width: usize, height: usize) -> [[i32; LANES]; SAMPLES] {
+    let (right, bottom, row) = (width as f32, height as f32, width as i32);
+    let mut places = [[-1; LANES]; SAMPLES];
+    for (places, [dx, dy, _]) in places.iter_mut().zip(samples) {
+        for i in 0..LANES {
+            let (x, y) = (x + radius * dx[i], y + radius * dy[i]);
+            // All four are looked at: branches would stop the lanes.
+            let is_inside = (x >= 0.0) & (x < right) & (y >= 0.0) & (y < bottom);
+            let at = (y as i32).wrapping_mul(row).wrapping_add(x as i32);
+            places[i] = if is_inside { at } else { -1 };
+        }
+    }
+    places
+}
+
+/// The third highest and the third lowest of the samples of each cell, each as it would be in the middle of its cell; not
+/// a number where one of them is none.
+#[multiversion::multiversion(targets("x86_64+avx512f+avx512bw+avx512dq+avx512vl", "x86_64+avx2+fma"))]
+fn rank(grey: &[Lane; SAMPLES], samples: &[[Lane; 3]], middle: &[Lane; 3], light: Light) -> [Lane; 2] {
+    let mut high = [[f32::NEG_INFINITY; LANES]; 3];
+    let mut low = [[f32::INFINITY; LANES]; 3];
+    let mut sum = [0.0; LANES];
+    let middles = light.at(middle);
+    for (grey, sample) in grey.iter().zip(samples) {
+        let here = light.at(sample);
+        for i in 0..LANES {
+            let level = grey[i] * middles[i] / here[i];
+            sum[i] += level;
+            let (mut top, mut bottom) = (level, level);
+            for rank in 0..3 {
+                let (above, below) = (high[rank][i], low[rank][i]);
+                (high[rank][i], top) = if top > above { (top, above) } else { (above, top) };
+                (low[rank][i], bottom) = if bottom < below { (bottom, below) } else { (below, bottom) };
+            }
+        }
+    }
+    // A sum with one in it that is no number is none.
+    [high[2], low[2]].map(|levels| std::array::from_fn(|i| if sum[i].is_finite() { levels[i] } else { f32::NAN }))
 }
 
 /// By how much the edge of a disc lies farther out than steps across its rim tell, px; the uncertainty holds that of the
