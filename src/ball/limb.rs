@@ -18,6 +18,8 @@ const RINGS: [[f64; 2]; 6] = [[0.15, 0.40], [0.42, 0.60], [0.61, 0.72], [0.73, 0
 const BLOCKS: usize = RINGS.len() * SECTORS / LANES;
 /// Pixels looked at in each cell.
 const SAMPLES: usize = 16;
+/// The highest and the lowest level of a cell are read at this rank.
+const RANK: usize = 3;
 /// Rounds of reweighting.
 const ROUNDS: usize = 3;
 /// Residuals beyond this many robust standard deviations count nothing (Tukey).
@@ -51,6 +53,9 @@ const OVER_BLUR: f64 = 0.91;
 const READ_PX: f64 = 1.5;
 /// Rims whose contrast the darkening takes away to less than this share of what is seen have no known shift.
 const LEAST_CONTRAST: f64 = 0.3;
+
+/// The pixels of the cells of a block.
+type Pixels = [Lane; SAMPLES];
 
 /// A step along the rim, on average.
 #[derive(Debug, Clone, Copy)]
@@ -128,29 +133,19 @@ impl Limb {
     /// high rank in every cell, or where the marks are brighter than the ball, at low. `is_seen` tells which sectors
     /// show the ball. `None` where too few do.
     pub fn darkening(&mut self, image: ImageView<'_>, outline: &Outline, is_seen: [bool; SECTORS]) -> Option<Estimate> {
+        let grey: [_; BLOCKS] = std::array::from_fn(|block| self.gather(image, outline, block));
+        let cells = usable(&grey, is_seen);
         let flat = Light { x: 0.0, y: 0.0, limb: 0.0, middle: 1.0 };
-        let (light, first) = self.look(image, outline, is_seen, flat)?;
+        let (light, first) = self.look(&grey, cells, flat)?;
         let is_uneven = light.x.hypot(light.y) > UNEVEN * light.middle;
         // Across an uneven cell the highest is where the light is: once more with that taken out.
-        if is_uneven { self.look(image, outline, is_seen, light).map(|(_, second)| second) } else { Some(first) }
+        if is_uneven { self.look(&grey, cells, light).map(|(_, second)| second) } else { Some(first) }
     }
 
     /// What the cells tell when each pixel counts as it would in the middle of its cell, in such a light.
-    fn look(
-        &mut self,
-        image: ImageView<'_>,
-        outline: &Outline,
-        is_seen: [bool; SECTORS],
-        light: Light,
-    ) -> Option<(Light, Estimate)> {
-        let mut levels = [[[0.0; LANES]; 2]; BLOCKS];
-        let mut cells = [[0.0; LANES]; BLOCKS];
-        for (block, (levels, cells)) in levels.iter_mut().zip(&mut cells).enumerate() {
-            *levels = self.extremes(image, outline, block, light);
-            for (lane, cell) in cells.iter_mut().enumerate() {
-                *cell = if is_seen[lane % SECTORS] && levels[0][lane].is_finite() { 1.0 } else { 0.0 };
-            }
-        }
+    fn look(&mut self, grey: &[Pixels; BLOCKS], cells: [Lane; BLOCKS], light: Light) -> Option<(Light, Estimate)> {
+        let levels: [[Lane; 2]; BLOCKS] =
+            std::array::from_fn(|block| rank(&grey[block], &self.samples[block], &self.means[block], light));
         let high = self.fit(&levels.map(|[high, _]| high), cells);
         if high.is_some_and(|(_, high)| high.sigma < CLEAR) {
             return high;
@@ -159,12 +154,11 @@ impl Limb {
         [high, low].into_iter().flatten().min_by(|a, b| a.1.sigma.total_cmp(&b.1.sigma))
     }
 
-    /// The third highest and the third lowest grey level of each cell of a block; not numbers outside of the image.
-    fn extremes(&self, image: ImageView<'_>, outline: &Outline, block: usize, light: Light) -> [Lane; 2] {
+    /// The grey levels of the samples of a block; not numbers outside of the image.
+    fn gather(&self, image: ImageView<'_>, outline: &Outline, block: usize) -> Pixels {
         let circle = [outline.x as f32 + 0.5, outline.y as f32 + 0.5, outline.radius as f32];
         let places = places(&self.samples[block], circle, image.width(), image.height());
-        let grey = places.map(|places| places.map(|at| image.data().get(at as usize).copied().unwrap_or(f32::NAN)));
-        rank(&grey, &self.samples[block], &self.means[block], light)
+        places.map(|places| places.map(|at| image.data().get(at as usize).copied().unwrap_or(f32::NAN)))
     }
 
     /// Reweighted least squares through the levels of all cells.
@@ -260,29 +254,45 @@ fn places(samples: &[[Lane; 3]], [x, y, radius]: [f32; 3], width: usize, height:
     places
 }
 
-/// The third highest and the third lowest of the samples of each cell, each as it would be in the middle of its cell; not
-/// a number where one of them is none.
+/// 1 for the cells that tell something, 0 for those out of sight, across the border of the image, or clipped.
+///
+/// Where the brightest pixels of a cell are all as bright as any on the ball, they may be as bright as a pixel can be:
+/// a clipped ball looks flat.
+fn usable(grey: &[Pixels; BLOCKS], is_seen: [bool; SECTORS]) -> [Lane; BLOCKS] {
+    let brightest = grey.iter().flatten().flatten().copied().fold(f32::NEG_INFINITY, f32::max);
+    grey.each_ref().map(|pixels| {
+        let (mut clipped, mut sum) = ([0.0_f32; LANES], [0.0_f32; LANES]);
+        for grey in pixels {
+            for i in 0..LANES {
+                clipped[i] += if grey[i] >= brightest { 1.0 } else { 0.0 };
+                sum[i] += grey[i];
+            }
+        }
+        // A sum with one in it that is no number is none.
+        let is_usable = |i: usize| is_seen[i % SECTORS] && sum[i].is_finite() && clipped[i] < RANK as f32;
+        std::array::from_fn(|i| if is_usable(i) { 1.0 } else { 0.0 })
+    })
+}
+
+/// The third highest and the third lowest of the pixels of each cell, each as it would be in the middle of its cell.
 #[multiversion::multiversion(targets("x86_64+avx512f+avx512bw+avx512dq+avx512vl", "x86_64+avx2+fma"))]
-fn rank(grey: &[Lane; SAMPLES], samples: &[[Lane; 3]], middle: &[Lane; 3], light: Light) -> [Lane; 2] {
-    let mut high = [[f32::NEG_INFINITY; LANES]; 3];
-    let mut low = [[f32::INFINITY; LANES]; 3];
-    let mut sum = [0.0; LANES];
+fn rank(grey: &Pixels, samples: &[[Lane; 3]], middle: &[Lane; 3], light: Light) -> [Lane; 2] {
+    let mut high = [[f32::NEG_INFINITY; LANES]; RANK];
+    let mut low = [[f32::INFINITY; LANES]; RANK];
     let middles = light.at(middle);
     for (grey, sample) in grey.iter().zip(samples) {
         let here = light.at(sample);
         for i in 0..LANES {
             let level = grey[i] * middles[i] / here[i];
-            sum[i] += level;
             let (mut top, mut bottom) = (level, level);
-            for rank in 0..3 {
+            for rank in 0..RANK {
                 let (above, below) = (high[rank][i], low[rank][i]);
                 (high[rank][i], top) = if top > above { (top, above) } else { (above, top) };
                 (low[rank][i], bottom) = if bottom < below { (bottom, below) } else { (below, bottom) };
             }
         }
     }
-    // A sum with one in it that is no number is none.
-    [high[2], low[2]].map(|levels| std::array::from_fn(|i| if sum[i].is_finite() { levels[i] } else { f32::NAN }))
+    [high[RANK - 1], low[RANK - 1]]
 }
 
 /// By how much the edge of a disc lies farther out than steps across its rim tell, px; the uncertainty holds that of the
@@ -342,6 +352,15 @@ mod tests {
                 let found = told(&ball(limb, through), SIDE, [true; SECTORS]).unwrap();
                 assert!((found.value - limb).abs() < 0.02 && found.sigma < 0.03, "{through}, {limb}: {found:?}");
             }
+        }
+    }
+
+    #[test]
+    fn a_clipped_ball_is_not_taken_for_a_flat_one() {
+        for exposure in [1.0, 1.2, 1.4, 1.6, 1.8, 2.0, 2.2, 2.5] {
+            let clipped: Vec<f32> = ball(0.3, 0.3).iter().map(|grey| (exposure * grey).min(255.0)).collect();
+            let found = told(&clipped, SIDE, [true; SECTORS]);
+            assert!(found.is_none_or(|found| (found.value - 0.3).abs() < 2.0 * found.sigma), "{exposure}: {found:?}");
         }
     }
 

@@ -161,10 +161,7 @@ impl Passage {
     pub fn findings(&self, start: f64) -> Findings {
         let end = self.end();
         let strongest = self.states.iter().map(|s| s.force).fold(0.0, f64::max);
-        let turn = self.states.partition_point(|s| s.speed > 0.0).clamp(1, self.states.len() - 1);
-        let (a, b) = (self.states[turn - 1], self.states[turn]);
-        let share = a.speed / (a.speed - b.speed);
-        let deepest = a.time + share * (b.time - a.time);
+        let turn = self.turn();
         let faint = 0.02 * strongest;
         let pairs = || self.states.windows(2);
         let rise = if self.states[0].force >= faint {
@@ -173,20 +170,31 @@ impl Passage {
             pairs().find(|w| w[1].force >= faint).map_or(0.0, |w| self.passes(faint, &w[0], &w[1]))
         };
         let fall = pairs().rev().find(|w| w[0].force >= faint).map_or(end.time, |w| self.passes(faint, &w[0], &w[1]));
-        let depth = self.depth(deepest);
         let acceleration = self.strongest() - self.law.units.gravity;
         [
             start,
-            start + deepest,
+            start + turn.time,
             start + end.time,
             start + rise,
             start + fall,
             self.states[0].speed,
             end.speed,
-            depth,
+            turn.depth,
             acceleration,
             end.time,
         ]
+    }
+
+    /// Where the speed is zero (Newton, from the line between the states about it).
+    fn turn(&self) -> State {
+        let turn = self.states.partition_point(|s| s.speed > 0.0).clamp(1, self.states.len() - 1);
+        let (a, b) = (self.states[turn - 1], self.states[turn]);
+        let mut state = self.law.advance(a, (b.time - a.time) * a.speed / (a.speed - b.speed));
+        for _ in 0..2 {
+            let at = state.time + state.speed / (state.force - self.law.units.gravity);
+            state = self.law.advance(a, at.clamp(a.time, b.time) - a.time);
+        }
+        state
     }
 
     /// When the force is `level`, between two neighbouring states (false position; forces bend strongly near nothing).
@@ -334,6 +342,9 @@ mod tests {
         let found = passage.findings(0.0);
         let root = (1.0 - z * z).sqrt();
         let expected = (-z / root * (root * 2.0 * z).atan2(2.0 * z * z - 1.0)).exp();
+        // The turn is where w0 sin(wd t) slows to nothing: tan(wd t) = sqrt(1 - z^2)/z.
+        let turn = (root / z).atan() / (w * root);
+        assert!((found[1] - turn).abs() < 1e-6, "{} against {turn}", found[1]);
         assert!((-found[6] / found[5] - expected).abs() < 1e-6, "{} against {expected}", -found[6] / found[5]);
         assert!(passage.depth(found[2]) > 0.1 * found[7]);
     }
