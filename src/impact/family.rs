@@ -36,6 +36,10 @@ const DASHPOT: [f64; 2] = [0.0025, 0.007];
 /// Displacements are off by about so much that no fit of theirs shows, px: what interpolation and uneven light leave.
 const UNTOLD_PX: f64 = 0.0004;
 
+/// And each step by about this share of what it leaves for good in the same sense as its neighbours: seen at the turn of
+/// rendered balls, the only moment that is told to a thousandth of a frame.
+const DRIFT: f64 = 0.25;
+
 /// Exponents that any contact may have: those of a spring, of smooth bodies (3/2) and of cones (2) are in it.
 const ANY: [Expected; 2] = [[1.25, 0.25], [0.75, 0.75]];
 
@@ -137,9 +141,10 @@ pub fn judge(guess: &FirstGuess, samples: &[Sample], excess: f64) -> Option<Verd
     let total: f64 = weights.iter().sum();
     let weighed = || passed.iter().zip(&weights).map(|(f, w)| (*f, w / total));
     let findings: Findings = std::array::from_fn(|k| weighed().map(|(f, w)| w * f.findings[k]).sum());
+    let drift_px = DRIFT * samples.iter().map(|s| s.walk).sum::<f64>() / samples.len() as f64;
     let sigmas = std::array::from_fn(|k| {
         let laws: Vec<_> =
-            weighed().map(|(f, w)| [w, f.findings[k] - findings[k], own_variance(f, k).sqrt()]).collect();
+            weighed().map(|(f, w)| [w, f.findings[k] - findings[k], own_variance(f, k, drift_px).sqrt()]).collect();
         spread(&laws)
     });
     let probabilities = weighed().map(|(f, w)| (f.family, w)).collect();
@@ -179,8 +184,9 @@ fn passes(f: &LawFit, excess: f64) -> bool {
     f.chi2 / f.freedom <= excess.powi(2) * (1.0 + 4.0 * (2.0 / f.freedom).sqrt())
 }
 
-/// A law's own variance of one finding, its misfit and its freedom at both ends included.
-fn own_variance(f: &LawFit, k: usize) -> f64 {
+/// A law's own variance of one finding, its misfit and its freedom at both ends included, where each step drifts by so
+/// much.
+fn own_variance(f: &LawFit, k: usize, drift_px: f64) -> f64 {
     let own = f.sigmas[k].powi(2) * (f.chi2 / f.freedom).max(1.0);
     // Where exponents or the stiffness are free, start and end are what they make of the unseen first and last two
     // percents of the force, over which a y^1.5 contact takes UNSEEN of its depth; the depth is counted from the start.
@@ -200,6 +206,8 @@ fn own_variance(f: &LawFit, k: usize) -> f64 {
     let (touches, leaves) = (UNTOLD_PX / before.abs(), UNTOLD_PX / after.abs());
     let untold = match k {
         0 | 3 => touches,
+        // From one end of the contact to the other.
+        1 => (UNTOLD_PX / lasts).hypot(drift_px) / peak,
         2 | 4 => leaves,
         7 => UNTOLD_PX,
         8 => 0.5 * UNTOLD_PX * peak / depth,

@@ -16,8 +16,6 @@ const FLIGHT_FRAMES: f64 = 128.0;
 const FLIGHT_MIN_NODES: usize = 4;
 /// The end as noticed may be so many frames early.
 const EARLY_FRAMES: f64 = 4.0;
-/// The deepest moment is not taken to be known better than this: what rendered collisions show of steps' small biases.
-const TURNING_FRAMES: f64 = 0.001;
 /// A stiffness left free errs about the deepest moment by about this share of the contact (simulated ripples of 25 %).
 const FREE_TURN: f64 = 0.002;
 /// Nodes the deepest moment is fitted to where no law is accepted.
@@ -297,12 +295,16 @@ fn assemble(interval: &Interval, flights: &Flights, verdict: Option<&Verdict>, w
         .map(|e| Estimate { value: -e.value, ..e });
     let metres = world.metres_per_px.value;
     let moment = |k: usize| found(k).map(seconds);
+    // A point beside the centre of a body that turns goes up and down with it.
+    let spin = 0.5 * (before(ANGLE).value + after(ANGLE).value);
+    let brake = found(8).map_or((after(NORMAL).value - before(NORMAL).value) / duration.value, |a| a.value);
+    let turning = spin * world.center_sigma_px / brake;
     // The surface carries the weight as well.
     let push = found(8).map(|a| world.acceleration(Estimate { value: a.value - world.gravity_px[NORMAL], ..a }));
     let [vn, vt] = [NORMAL, TANGENTIAL].map(|k| [speed(before(k)), speed(after(k))]);
     Impact {
         start_s: Some(seconds(interval.start)),
-        deepest_s: interval.deepest.map(|at| seconds(Estimate { sigma: at.sigma.hypot(TURNING_FRAMES), ..at })),
+        deepest_s: interval.deepest.map(|at| seconds(Estimate { sigma: at.sigma.hypot(turning), ..at })),
         end_s: Some(seconds(interval.end)),
         vn_before_m_s: Some(speed(before(NORMAL))),
         vn_after_m_s: Some(speed(after(NORMAL))),

@@ -433,6 +433,22 @@ fn a_tilted_surface_changes_nothing_but_the_axes() {
 }
 
 #[test]
+fn of_a_ball_that_turns_the_turning_point_is_less_sure_where_its_centre_is() {
+    let sigmas_s = |omega_rad_s: f64| {
+        let truth = Experiment { omega_rad_s, ..lacrosse(false) }.simulate(0.25);
+        [0.02, 1.0].map(|sigma_center_px| {
+            let mut steps = truth.steps(1, &mut Noise::new(3));
+            let circles = steps.iter_mut().filter_map(|step| step.circle.as_mut());
+            circles.for_each(|circle| circle.sigma_center_px = sigma_center_px);
+            let rows = track(&steps, &truth.experiment.params());
+            rows.impacts.last().and_then(|impact| impact.deepest_s).expect("a turning point").sigma
+        })
+    };
+    let [still, turning] = [0.0, 150.0].map(sigmas_s);
+    assert!(turning[1] > 10.0 * turning[0] && turning[1] > 5.0 * still[1], "{still:?} {turning:?}");
+}
+
+#[test]
 fn without_a_surface_there_are_no_phases_and_no_impacts() {
     let truth = lacrosse(true).simulate(0.5);
     let mut rows = TrackerRows::default();
