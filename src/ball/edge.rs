@@ -5,6 +5,8 @@ use super::rim::{BAND_PX, LANES, Lane, Rim};
 
 /// Fewest pixels a bin is fitted with.
 const LEAST_PIXELS: u32 = 8;
+/// And fewest of them within the band that are not clipped.
+const LEAST_UNCLIPPED: f32 = 5.0;
 
 /// The blurred step of one bin.
 ///
@@ -209,7 +211,7 @@ impl Centred {
 
     fn edge(&self, s: &Sums, i: usize, shift: f32, blur: f32) -> Edge {
         let contrast = self.contrast();
-        if !(self.pp > 1e-3 && self.stiffness() > 1e-4 && contrast.abs() > 0.0) {
+        if !(self.n >= LEAST_UNCLIPPED && self.pp > 1e-3 && self.stiffness() > 1e-4 && contrast.abs() > 0.0) {
             return Edge::default();
         }
         let (n, g, v) = (self.n, s.g[i] / self.n, s.v[i]);

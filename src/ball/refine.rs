@@ -55,6 +55,14 @@ const SIGMA_FACTOR_HIDDEN: f64 = 1.0;
 const SIGMA_FLOOR_PX: f64 = 0.008;
 /// A sector of a ball is in sight when this share of its rim is.
 const LEAST_SEEN: f64 = 0.15;
+/// Where the brighter side of a rim is beyond what a pixel can tell, by a share of the contrast, its edges are known by
+/// their other side: so many px of uncertainty of the centre and of the radius for each such share.
+const OVER_PX: [f64; 2] = [0.3, 1.3];
+/// Beyond this share the other side tells too little.
+const MOST_OVER: f64 = 0.3;
+/// What centre and radius are unsure by where clipped pixels are taken for what they look like: up to four times too
+/// long an exposure moves edges outwards from what is clipped by up to 1 px, px.
+const CLIPPED_PX: [f64; 2] = [0.15, 0.7];
 /// An answer less certain than this, before these factors, is none, px.
 const MOST_SIGMA_PX: f64 = 0.05;
 
@@ -137,7 +145,18 @@ impl Refine {
         self.circle_with(image, guess, Effort { farthest_px, least_rounds: 3, still_px: STILL_PX, ..NEAR })
     }
 
+    /// By the pixels that are not clipped, and if they do not hold a circle, by all.
     fn circle_with(&mut self, image: ImageView<'_>, guess: &Guess, effort: Effort) -> Option<Measured> {
+        self.rim.take_clipped(false);
+        let measured = self.attempt(image, guess, effort);
+        if measured.is_some() || self.rim.white().is_infinite() {
+            return measured;
+        }
+        self.rim.take_clipped(true);
+        self.attempt(image, guess, effort)
+    }
+
+    fn attempt(&mut self, image: ImageView<'_>, guess: &Guess, effort: Effort) -> Option<Measured> {
         let start = Outline { x: guess.x.into(), y: guess.y.into(), radius: guess.radius.into() };
         let mut outline = start;
         let mut blur = USUAL_BLUR_PX;
@@ -239,6 +258,7 @@ impl Refine {
         if !(of_center < most_px && of_radius < most_px) {
             return None;
         }
+        let clipped = self.unsure_of_clipped()?;
         let visible_fraction = self.visible_fraction(image, outline);
         // Speckle pulls a blurred rim over longer arcs, too.
         let factor = (SIGMA_FACTOR + SIGMA_FACTOR_HIDDEN * (1.0 - visible_fraction)) * soft.sqrt();
@@ -247,11 +267,30 @@ impl Refine {
             x_px: outline.x,
             y_px: outline.y,
             radius_px: outline.radius + shift.value,
-            sigma_center_px: (factor * of_center).hypot(SIGMA_FLOOR_PX),
-            sigma_radius_px: (factor * of_radius).hypot(shift.sigma).hypot(SIGMA_FLOOR_PX),
+            sigma_center_px: (factor * of_center).hypot(clipped[0]).hypot(SIGMA_FLOOR_PX),
+            sigma_radius_px: (factor * of_radius).hypot(clipped[1]).hypot(shift.sigma).hypot(SIGMA_FLOOR_PX),
             visible_fraction,
         };
         Some(Measured { circle, agreeing: share })
+    }
+
+    /// What clipped pixels leave unsure of centre and radius, px; `None` where the others tell too little.
+    fn unsure_of_clipped(&self) -> Option<[f64; 2]> {
+        let white = self.rim.white();
+        if white.is_infinite() {
+            return Some([0.0; 2]);
+        }
+        if self.rim.takes_clipped() {
+            return Some(CLIPPED_PX);
+        }
+        let (mut over, mut total) = (0.0, 0.0);
+        for (edge, trust) in self.edges.iter().zip(&self.fit.trust).filter(|(_, trust)| **trust > 0.0) {
+            let brighter = edge.inside.max(edge.inside - edge.contrast);
+            over += trust * (brighter - white).max(0.0) / edge.contrast.abs();
+            total += trust;
+        }
+        let over = f64::from(over / total);
+        (over <= MOST_OVER).then(|| OVER_PX.map(|each| each * over))
     }
 
     /// By how much the ball's rim lies farther out than its edges tell, px.

@@ -1,6 +1,6 @@
 //! The pixels of a rim, sorted into bins along it.
 
-use crate::image::ImageView;
+use crate::image::{ImageView, is_saturated};
 
 /// Bins worked on at a time, for vector instructions.
 pub(super) const LANES: usize = 16;
@@ -46,30 +46,62 @@ pub(super) struct Rim {
     /// Cosines and sines once more, for vector instructions.
     unit: [Vec<f32>; 2],
     places: Vec<f32>,
+    /// Pixels this bright are as bright as any can be; infinite where none is.
+    white: f32,
+    takes_clipped: bool,
 }
 
 /// Distances of pixels from a circle, and which of them lie in the band.
 #[multiversion::multiversion(targets("x86_64+avx512f+avx512bw+avx512dq+avx512vl", "x86_64+avx2+fma"))]
 fn measure_block(
-    (x, y): (&[Lane], &[Lane]),
+    [x, y, grey]: [&[Lane]; 3],
     counts: &Lane,
-    shift: (f32, f32),
-    radius: f32,
+    (shift, radius): ((f32, f32), f32),
+    white: f32,
     (distance, weight): (&mut [Lane], &mut [Lane]),
 ) {
-    for (slot, ((x, y), (distance, weight))) in x.iter().zip(y).zip(distance.iter_mut().zip(weight)).enumerate() {
+    let pixels = x.iter().zip(y).zip(grey).zip(distance.iter_mut().zip(weight)).enumerate();
+    for (slot, (((x, y), grey), (distance, weight))) in pixels {
         for i in 0..LANES {
             let (dx, dy) = (x[i] - shift.0, y[i] - shift.1);
             let d = (dx * dx + dy * dy).sqrt() - radius;
-            // Slots without a pixel hold what was there before. All three are looked at: branches would stop the lanes.
-            let near = (d < BAND_PX as f32) & (d > -(INNER_BAND_PX as f32)) & ((slot as f32) < counts[i]);
+            // Slots without a pixel hold what was there before. All are looked at: branches would stop the lanes.
+            let filled = ((slot as f32) < counts[i]) & (grey[i] < white);
+            let near = (d < BAND_PX as f32) & (d > -(INNER_BAND_PX as f32)) & filled;
             weight[i] = if near { 1.0 } else { 0.0 };
             distance[i] = if near { d } else { 0.0 };
         }
     }
 }
 
+/// The highest of all grey levels.
+#[multiversion::multiversion(targets("x86_64+avx512f+avx512bw+avx512dq+avx512vl", "x86_64+avx2+fma"))]
+fn highest(grey: &[Lane]) -> f32 {
+    let mut highest = [f32::NEG_INFINITY; LANES];
+    for grey in grey {
+        for i in 0..LANES {
+            highest[i] = if grey[i] > highest[i] { grey[i] } else { highest[i] };
+        }
+    }
+    highest.into_iter().fold(f32::NEG_INFINITY, f32::max)
+}
+
 impl Rim {
+    /// Whether pixels as bright as any can be count as what they look like; they are left out else.
+    pub fn take_clipped(&mut self, takes_clipped: bool) {
+        self.takes_clipped = takes_clipped;
+    }
+
+    /// As told to [`Self::take_clipped`].
+    pub fn takes_clipped(&self) -> bool {
+        self.takes_clipped
+    }
+
+    /// The level from which on pixels gathered last are clipped; infinite where none is.
+    pub fn white(&self) -> f32 {
+        self.white
+    }
+
     /// Bins along the rim.
     pub fn bins(&self) -> usize {
         self.bins
@@ -116,6 +148,8 @@ impl Rim {
                 self.push(&row[part], first, dy as f32);
             }
         }
+        let highest = highest(&self.grey);
+        self.white = if is_saturated(highest) { highest - 0.5 } else { f32::INFINITY };
         self.measure(outline);
     }
 
@@ -123,12 +157,13 @@ impl Rim {
     pub fn measure(&mut self, outline: &Outline) {
         let shift = ((outline.x - self.middle.x) as f32, (outline.y - self.middle.y) as f32);
         let radius = outline.radius as f32;
+        let white = if self.takes_clipped { f32::INFINITY } else { self.white };
         for block in 0..self.count.len() / LANES {
             let range = self.slots(block);
-            let positions = (&self.x[range.clone()], &self.y[range.clone()]);
+            let pixels = [&self.x, &self.y, &self.grey].map(|list| &list[range.clone()]);
             let counts = std::array::from_fn(|lane| self.count[block * LANES + lane] as f32);
             let out = (&mut self.distance[range.clone()], &mut self.weight[range]);
-            measure_block(positions, &counts, shift, radius, out);
+            measure_block(pixels, &counts, (shift, radius), white, out);
         }
     }
 

@@ -6,10 +6,7 @@ use super::lanes::LANES;
 use super::params::Interpolation;
 use super::plane::Plane;
 use super::spline::Splined;
-use crate::image::ImageView;
-
-/// Grey levels at which common sensors saturate, DN.
-const SATURATED_LEVELS: [f32; 5] = [255.0, 1023.0, 4095.0, 16383.0, 65535.0];
+use crate::image::{ImageView, is_saturated};
 
 /// A frame made ready: grey levels and gradients for use as reference, an
 /// interpolated picture for use as target.
@@ -74,8 +71,7 @@ impl Prepared {
         let row = |y: usize| &image.row(top + y)[left..left + width];
         let (highest, sum) = highest_and_sum((0..height).map(row));
         self.offset = (sum / (width * height).max(1) as f64).round() as f32;
-        let saturated = SATURATED_LEVELS.iter().any(|level| (level - highest).abs() < 0.5);
-        self.saturation = if saturated { highest - self.offset } else { f32::INFINITY };
+        self.saturation = if is_saturated(highest) { highest - self.offset } else { f32::INFINITY };
         for plane in [&mut self.levels, &mut self.gradient_x, &mut self.gradient_y] {
             plane.reshape(width, height);
         }

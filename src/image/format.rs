@@ -18,6 +18,14 @@ pub enum PixelFormat {
     Mono16 = 0x0110_0007,
 }
 
+/// Grey levels at which common sensors saturate, DN.
+const SATURATED_LEVELS: [f32; 5] = [255.0, 1023.0, 4095.0, 16383.0, 65535.0];
+
+/// Whether pixels of this level, the highest of a picture, are as bright as a camera tells: brighter ones look alike.
+pub fn is_saturated(highest: f32) -> bool {
+    SATURATED_LEVELS.iter().any(|level| (level - highest).abs() < 0.5)
+}
+
 impl PixelFormat {
     /// Every format this program reads.
     pub const ALL: [Self; 4] = [Self::Mono8, Self::Mono10, Self::Mono12, Self::Mono16];

@@ -5,7 +5,7 @@ mod frame;
 mod grey;
 mod view;
 
-pub use format::PixelFormat;
+pub use format::{PixelFormat, is_saturated};
 pub use frame::{Frame, FrameMeta};
 pub use grey::grey_pixels;
 pub use view::{Image, ImageView, ShapeError};

@@ -98,6 +98,25 @@ fn a_sphere_that_darkens_towards_its_limb_is_as_large_as_it_is() {
 }
 
 #[test]
+fn an_overexposed_ball_is_measured_by_what_is_not_clipped_and_says_what_that_does_not_tell() {
+    for bright in [true, false] {
+        for exposure in [1.2, 1.4, 2.0, 3.0] {
+            let mut finder = finder(50.0, 68.0, &Scene::plain(1.0, 0.0));
+            let mut tally = Tally::default();
+            for seed in 0..50 {
+                let scene = Scene::hard(seed, bright, 0.0);
+                let data: Vec<f32> = scene.render().iter().map(|grey| (exposure * grey).round().min(255.0)).collect();
+                tally.add(&scene, finder.find(ImageView::new(&data, scene.width, scene.height).unwrap()));
+            }
+            println!("bright {bright} exposure {exposure}: {}", tally.line());
+            assert!(exposure > 1.5 || (tally.mean() < 0.025 && mean(&tally.radius).abs() < 0.1), "{}", tally.line());
+            assert!(tally.worst() < 1.0 && tally.covered(2.0) > 0.9, "{}", tally.line());
+            assert!(tally.radius_covered(2.0) > 0.9, "{}", tally.line());
+        }
+    }
+}
+
+#[test]
 fn the_papers_marked_boundary_is_found_to_some_tenths_of_a_pixel_and_says_so() {
     let (low, high) = (50.0, 68.0);
     let params = BallParams { outline: OutlineMethod::Marked, ..BallParams::new(low, high) };
