@@ -265,6 +265,43 @@ fn a_longer_interval_beside_the_shortest_makes_long_fits_surer() {
     }
 }
 
+/// By which share the speed before is off on average, where the gains of the sensor's pixels differ by 1 %, and how many of
+/// its sigmas that is.
+fn off_by_pattern(name: &str, rig: &str, seeds: u64) -> [f64; 2] {
+    let off = |seed: u64| {
+        let mut scenario = Scenario { seed, ..Scenario::built_in(name).unwrap() };
+        scenario.camera.gain_spread = 0.01;
+        let world = World::new(&scenario).unwrap();
+        let speed = |impact: &Impact| impact.vn_before_m_s.unwrap();
+        let (told, truth) =
+            (speed(rows_of(&world, rig).impacts.last().unwrap()), speed(&world.impact().unwrap()).value);
+        [told.value / truth - 1.0, (told.value - truth) / told.sigma]
+    };
+    let all: Vec<[f64; 2]> = (0..seeds).map(off).collect();
+    [0, 1].map(|k| all.iter().map(|off| off[k]).sum::<f64>() / seeds as f64)
+}
+
+/// What pixels differ by does not move, so that steps of less than a pixel come out short; a kept reference and intervals
+/// of more than a pixel see past it.
+#[test]
+fn a_fixed_pattern_moves_speeds_least_by_a_kept_reference_or_a_long_interval() {
+    let (ball, rod) = (include_str!("../../config/lacrosse.toml"), include_str!("../../config/rod.toml"));
+    let field = format!("{ball}\n[rotation]\nmethod = \"field\"\n");
+    let interval = |text: &str| rod.replace("interval_frames = [1, 16]", &format!("interval_frames = {text}"));
+    let told = [
+        ("ball, rigid", off_by_pattern("lacrosse", ball, 4), 5e-4),
+        ("ball, field", off_by_pattern("lacrosse", &field, 4), 5e-3),
+        ("rod, 1 frame", off_by_pattern("rod", &interval("1"), 4), 5e-3),
+        ("rod, 1 and 8 frames", off_by_pattern("rod", &interval("[1, 8]"), 4), 3e-3),
+        ("rod, 1 and 16 frames", off_by_pattern("rod", rod, 4), 1e-3),
+        ("rod, 1 and 24 frames", off_by_pattern("rod", &interval("[1, 24]"), 4), 5e-4),
+    ];
+    for (how, [share, sigmas], most) in told {
+        println!("{how}: the speed is off by {:.3} %, {sigmas:.1} sigma", 100.0 * share);
+        assert!(share.abs() < most, "{how}: {share}");
+    }
+}
+
 #[test]
 fn with_the_papers_outline_the_collision_is_the_same_one() {
     let text = include_str!("../../config/lacrosse.toml");

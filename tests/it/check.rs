@@ -6,7 +6,7 @@ use ricochet::config::Config;
 use ricochet::image::Frame;
 use ricochet::measure::{Measurer, Share};
 use ricochet::process::analysis_params;
-use ricochet::synth::{MotionSetup, Scenario, World};
+use ricochet::synth::{CameraSetup, MotionSetup, Scenario, World};
 use serde_json::Value;
 use std::path::PathBuf;
 
@@ -109,6 +109,7 @@ fn a_sound_rig_is_good_throughout() {
         "black",
         "contrast",
         "noise",
+        "fixed-pattern",
         "flicker",
         "blur",
         "speckle-size",
@@ -197,6 +198,44 @@ fn a_flickering_lamp_is_told_with_its_swing_and_frequency() {
     assert!((hz - 100.0).abs() <= 2.0, "{words}");
     let noise = value(&told, "noise");
     assert!((noise / 2.02 - 1.0).abs() < 0.1, "flicker is not taken for noise: {noise} DN");
+}
+
+/// By which share steps of 0.37 px come out too short over subsets.
+fn short_by(camera: &CameraSetup) -> f64 {
+    let scenario = Scenario { camera: CameraSetup { frames: 40, ..camera.clone() }, ..still() };
+    let slow =
+        MotionSetup::Constant { start_px: [250.0, 250.0], vx_px_frame: 0.37, vy_px_frame: 0.0, omega_deg_frame: 0.0 };
+    let world = World::new(&Scenario { motion: slow, ..scenario }).unwrap();
+    let rig = format!("[camera]\nsource = \"simulated\"\n{BODY}\n[rotation]\nmethod = \"field\"\n");
+    let (params, _) = analysis_params(&Config::parse(&rig, "rig.toml").unwrap(), &stream_format(&world));
+    let size = (world.width_px() as usize, world.height_px() as usize);
+    let mut measurer = Measurer::new(&params, Share::ALL, size.0, size.1).unwrap();
+    let (mut measured, mut bytes) = (Vec::new(), vec![0; world.frame_bytes()]);
+    for index in 0..world.frames() {
+        world.render(index, &mut bytes);
+        measurer.push(&Frame { meta: meta(&world, index), bytes: &bytes }, &mut measured).unwrap();
+    }
+    let steps: Vec<f64> = measured.iter().filter_map(|row| Some(row.step.step?.dx_px)).collect();
+    1.0 - steps.iter().sum::<f64>() / steps.len() as f64 / 0.37
+}
+
+#[test]
+fn pixels_that_differ_from_one_another_are_told_with_what_they_do_to_slow_steps() {
+    for (offset_spread_dn, gain_spread) in [(1.0, 0.0), (2.0, 0.0), (0.0, 0.01), (0.0, 0.02)] {
+        let camera = CameraSetup { offset_spread_dn, gain_spread, ..still().camera };
+        let (_, told) = check(&Scenario { camera: camera.clone(), ..still() });
+        let (spread, words) =
+            (value(&told, "fixed-pattern"), finding(&told, "fixed-pattern")["text"].as_str().unwrap());
+        let short = short_by(&camera);
+        println!("offsets {offset_spread_dn}, gains {gain_spread}: {spread} DN, short by {short}: {words}");
+        assert!(
+            gain_spread > 0.0 || (spread / offset_spread_dn - 1.0).abs() < 0.25,
+            "{spread} of {offset_spread_dn} DN"
+        );
+        let foretold: f64 = words.split("up to ").nth(1).unwrap().split(' ').next().unwrap().parse().unwrap();
+        // Of gains it is told for the brightest.
+        assert!((0.8..2.3).contains(&(0.01 * foretold / short)), "{foretold} %, seen {short}");
+    }
 }
 
 #[test]

@@ -1,6 +1,7 @@
 //! What was found, what it means, and what to do about it.
 
 use super::displacement::Floor;
+use super::fixed::Fixed;
 use super::grab::Grabbed;
 use super::light::Flicker;
 use super::texture::{Levels, Speckles};
@@ -55,6 +56,7 @@ pub(super) struct Seen<'a> {
     pub(super) speckles: Speckles,
     pub(super) blur_px: Option<f64>,
     pub(super) flicker: Option<Flicker>,
+    pub(super) fixed: Option<Fixed>,
     pub(super) expected_px: Option<f64>,
     pub(super) full_dn: f64,
 }
@@ -168,8 +170,25 @@ impl Seen<'_> {
             finding("black", Some(levels.black), "", black, dark),
             finding("contrast", Some(contrast), "", flat, contrasty),
             finding("noise", levels.noise_dn, "DN", noisy, words_of_noise),
+            self.fixed_pattern(),
             finding("flicker", share, "", unsteady, &self.words_of_flicker(unsteady)),
         ]
+    }
+
+    fn fixed_pattern(&self) -> Finding {
+        let short = self.fixed.map_or(0.0, |fixed| fixed.short());
+        let verdict = rising(short, 1e-3, 1e-2);
+        let words = match (self.fixed, verdict) {
+            (None, _) => "not measured: the picture moves, or too little of it is seen".into(),
+            (_, Verdict::Good) => "pixels are alike enough".into(),
+            _ => format!(
+                "pixels differ from one another: steps of less than a pixel come out up to {:.1} % too short over subsets. Let \
+                 the camera take its black reference and correct its shading, bring more light, see interval_frames, \
+                 and measure balls by rotation.method = \"rigid\"",
+                100.0 * short
+            ),
+        };
+        finding("fixed-pattern", self.fixed.map(|fixed| fixed.dn), "DN", verdict, &words)
     }
 
     fn words_of_flicker(&self, verdict: Verdict) -> String {

@@ -2,6 +2,7 @@
 
 mod displacement;
 mod finding;
+mod fixed;
 mod grab;
 mod light;
 mod region;
@@ -16,6 +17,7 @@ use crate::process::Stop;
 use crate::report;
 use displacement::Floor;
 use finding::Seen;
+use fixed::Fixed;
 use grab::Grabbed;
 use region::{Region, Stack};
 use serde_json::json;
@@ -97,6 +99,7 @@ fn look(config: &Config, grabbed: &Grabbed, floor: &Floor) -> anyhow::Result<(Ve
         speckles: texture::speckles(&stack, &region, noise_dn, subset_px as usize),
         blur_px: texture::blur_px(&stack, &region),
         flicker: light::flicker(&grabbed.means),
+        fixed: fixed::fixed_dn(&stack, &region, levels.noise_dn, full_dn).map(|dn| Fixed { dn, slope_dn_px: slope }),
         // Two noisy pictures, one sum of squared slopes (Pan et al. 2008, doi:10.1364/OE.16.007037).
         expected_px: (slope > 0.0)
             .then_some(levels.noise_dn)
