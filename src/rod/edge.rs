@@ -3,7 +3,7 @@
 mod paint;
 
 use self::paint::{LEAST_PAINT, Level, Paint, one_paint, quantile};
-use crate::image::ImageView;
+use crate::image::{ImageView, is_saturated};
 use crate::results::{Estimate, PointStatus};
 use nalgebra::{SMatrix, SVector};
 
@@ -51,6 +51,11 @@ const SETTLED_PX: f64 = 1e-5;
 const TUKEY: f64 = 4.685;
 /// What a real edge differs from the model, common to all its profiles, px.
 const MODEL_PX: f64 = 0.002;
+/// And where the lighter paint is clipped: up to three times too long an exposure moves edges towards the dark by up to
+/// 0.7 px, px.
+const CLIPPED_PX: f64 = 0.5;
+/// Paint is, with some of its levels, from this share of the brightest level on.
+const CLIPPED_SHARE: f64 = 0.99;
 
 /// Which way an edge runs.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -401,13 +406,20 @@ fn judged(profiles: &[Profile], step: &Step) -> Result<Edge, PointStatus> {
     let excess = (chi2 / variance / (used.len() as f64 - 2.0).max(1.0)).max(1.0);
     let levels = step.paints.map(|paint| paint.at(0.0));
     let sigma = |k: usize| (variance * excess * inverse[(k, k)]).max(0.0).sqrt();
+    let model_px = if is_clipped(profiles, levels[0].max(levels[1]) + step.noise()) { CLIPPED_PX } else { MODEL_PX };
     Ok(Edge {
-        at: Estimate { value: step.at, sigma: sigma(0).hypot(MODEL_PX) },
+        at: Estimate { value: step.at, sigma: sigma(0).hypot(model_px) },
         slope: Estimate { value: step.slope, sigma: sigma(1) },
         blur_px: step.blur,
         paints_dn: if step.contrast() > 0.0 { levels } else { [levels[1], levels[0]] },
         is_speckled: step.paints.iter().any(|paint| paint.is_speckled),
     })
+}
+
+/// Whether paint of this level, its noise on top, is as bright as a pixel can be.
+fn is_clipped(profiles: &[Profile], paint_dn: f64) -> bool {
+    let highest = profiles.iter().flat_map(|profile| &profile.levels).copied().fold(0.0, f64::max);
+    is_saturated(highest as f32) && paint_dn > CLIPPED_SHARE * highest
 }
 
 #[cfg(test)]

@@ -86,6 +86,27 @@ fn edges_of_simulated_tapes_are_within_0_02_px_and_say_how_well() {
 }
 
 #[test]
+fn edges_of_overexposed_tapes_say_how_far_off_they_may_be() {
+    let world = film("rod", 11);
+    let finder = RodFinder::new(&params(), 64, 160).unwrap();
+    let mut bytes = vec![0; world.frame_bytes()];
+    for exposure in [1.2, 1.5, 2.0, 3.0] {
+        let mut pulls = Vec::new();
+        for index in (0..world.frames()).step_by(16) {
+            let mut image = picture(&world, index, &mut bytes);
+            image.data_mut().iter_mut().for_each(|grey| *grey = (*grey * exposure).round().min(255.0));
+            let Ok(found) = finder.find(image.view()) else { continue };
+            let middle_px = world.truth(index).center_y_px.unwrap();
+            let told = found.rod.edges.iter().zip(EDGES).filter_map(|(edge, offset)| Some(((*edge)?.y_px?, offset)));
+            pulls.extend(told.map(|(y_px, offset)| (y_px.value - middle_px - offset) / y_px.sigma));
+        }
+        let rms = (pulls.iter().map(|pull| pull * pull).sum::<f64>() / pulls.len() as f64).sqrt();
+        println!("exposure {exposure}: {} edges, off by {rms:.2} of their sigmas", pulls.len());
+        assert!(pulls.len() > 20 && rms < 2.0, "{exposure}: {rms} of {}", pulls.len());
+    }
+}
+
+#[test]
 fn the_flat_below_is_not_taken_for_the_rod() {
     // The whole picture is searched: the flat's edge is as strong as those of the tapes, and goes on beside the rod.
     let world = film("rod", 3);
