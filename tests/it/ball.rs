@@ -100,7 +100,7 @@ fn a_sphere_that_darkens_towards_its_limb_is_as_large_as_it_is() {
 #[test]
 fn an_overexposed_ball_is_measured_by_what_is_not_clipped_and_says_what_that_does_not_tell() {
     for bright in [true, false] {
-        for exposure in [1.2, 1.4, 2.0, 3.0] {
+        for exposure in [1.2, 1.4, 2.0, 3.0, 4.0] {
             let mut finder = finder(50.0, 68.0, &Scene::plain(1.0, 0.0));
             let mut tally = Tally::default();
             for seed in 0..50 {

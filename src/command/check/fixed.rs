@@ -30,7 +30,8 @@ impl Fixed {
     /// By which share at most steps over subsets come out too short while they are shorter than a pixel: where light is
     /// flattest it is often brightest, and gains differ by more there.
     ///
-    /// The pattern does not move: sum of squares of the slope times step, less what the pattern's own slope takes.
+    /// The pattern does not move. In the least squares of a match it speaks for no step by its own slope squared, about its
+    /// spread, as the speckles do for theirs by their slope.
     pub(super) fn short(&self) -> f64 {
         (self.dn / self.slope_dn_px).powi(2)
     }
