@@ -5,7 +5,7 @@ use super::text::Text;
 use super::{Body, BodyKind, Config, TriggerMode};
 use crate::ball::BallParams;
 use crate::dic::{CorrelationParams, STALE_DEG};
-use crate::motion::{Form, MotionParams, Rectifier, Renewal, Scale, Walk};
+use crate::motion::{Form, MotionParams, Rectifier, Renewal, Scale, Spans, Walk};
 use crate::rod::{LEAST_WIDTH_PX, RodParams};
 use crate::trigger::{BodyWatch, Condition, MeasuredTrigger};
 
@@ -99,6 +99,7 @@ impl Config {
             },
             interval_frames: self.intervals_frames[0],
             walk: Walk::of(&self.intervals_frames, renewal),
+            spans: Spans::of(&self.intervals_frames, renewal),
             exposure_ns: 1.0e3 * self.camera.exposure_us.unwrap_or(exposure_us),
             frame_period_ns: 1.0e9 / frame_rate_hz,
         }

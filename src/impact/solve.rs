@@ -7,7 +7,7 @@ use super::family::{FirstGuess, Verdict, judge};
 use super::law::Family;
 use super::slip::{Sliding, slip_end};
 use super::trail::{ANGLE, NORMAL, SurfaceNode, TANGENTIAL, between, samples};
-use crate::motion::{Polynomial, Sample};
+use crate::motion::{Polynomial, Sample, Shortening};
 use crate::results::{Estimate, ForceLaw, Impact, PointStatus};
 
 /// Longest flight used on either side, frames.
@@ -40,6 +40,8 @@ pub struct World {
     pub mass_kg: Option<f64>,
     /// Standard uncertainty of where the centre is, px: of a body that spins, it moves the point whose speed is told.
     pub center_sigma_px: f64,
+    /// By which share the motion of the body may be told too small.
+    pub shortening: Shortening,
 }
 
 /// Flights on both sides of the contact interval.
@@ -256,6 +258,20 @@ fn contact_point(interval: &Interval, flights: &Flights, world: &World) -> Optio
     Some([speed(&flights.before, interval.start), speed(&flights.after, interval.end)])
 }
 
+/// All rates of a flight at an uncertain moment, of a centre that is known no better than it is.
+fn rates_at(flight: &[Polynomial; 3], at: Estimate, world: &World) -> [Estimate; 3] {
+    let rates = [NORMAL, TANGENTIAL, ANGLE].map(|k| rate_at(&flight[k], at));
+    let whirl = rates[ANGLE].value * world.center_sigma_px;
+    let widened = |rate: Estimate| Estimate { sigma: rate.sigma.hypot(whirl), ..rate };
+    [widened(rates[NORMAL]), widened(rates[TANGENTIAL]), rates[ANGLE]]
+}
+
+/// By which share the motion of a flight may be told too small.
+fn shortening(rates: &[Estimate; 3], world: &World) -> f64 {
+    let [normal, tangential, angle] = [NORMAL, TANGENTIAL, ANGLE].map(|k| rates[k].value);
+    world.shortening.of([tangential, normal, angle.to_degrees()])
+}
+
 fn slip(nodes: &[SurfaceNode], interval: &Interval, flights: &Flights, world: &World) -> Option<Estimate> {
     let [before, after] = contact_point(interval, flights, world)?;
     let radius = world.radius_px?.value;
@@ -274,53 +290,52 @@ fn assemble(interval: &Interval, flights: &Flights, verdict: Option<&Verdict>, w
     let relative = world.metres_per_px.sigma / world.metres_per_px.value;
     let speed = |x: Estimate| scaled(x, world.metres_per_px.value / world.period_s, relative);
     let seconds = |x: Estimate| scaled(x, world.period_s, 0.0);
-    let rate = |flight: &[Polynomial; 3], k: usize, at: Estimate| {
-        let (rate, spin) = (rate_at(&flight[k], at), rate_at(&flight[ANGLE], at).value);
-        let whirl = if k == ANGLE { 0.0 } else { spin * world.center_sigma_px };
-        Estimate { sigma: rate.sigma.hypot(whirl), ..rate }
-    };
-    let before = |k: usize| rate(&flights.before, k, interval.start);
-    let after = |k: usize| rate(&flights.after, k, interval.end);
+    let before = rates_at(&flights.before, interval.start, world);
+    let after = rates_at(&flights.after, interval.end, world);
     let turn = |x: Estimate| scaled(x, 1.0 / world.period_s, 0.0);
     let found = |k: usize| verdict.map(|v| Estimate { value: v.findings[k], sigma: v.sigmas[k] });
     let duration = found(9).unwrap_or_else(|| minus(interval.end, interval.start));
     let impulse = |k: usize| {
         let fall =
             Estimate { value: world.gravity_px[k] * duration.value, sigma: world.gravity_px[k] * duration.sigma };
-        minus(minus(after(k), before(k)), fall)
+        minus(minus(after[k], before[k]), fall)
     };
-    let restitution = ratio(after(NORMAL), before(NORMAL)).map(|e| Estimate { value: -e.value, ..e });
+    let restitution = ratio(after[NORMAL], before[NORMAL]).map(|e| Estimate { value: -e.value, ..e });
     let tangential = contact_point(interval, flights, world)
         .and_then(|[first, last]| ratio(last, first))
         .map(|e| Estimate { value: -e.value, ..e });
     let metres = world.metres_per_px.value;
     let moment = |k: usize| found(k).map(seconds);
     // A point beside the centre of a body that turns goes up and down with it.
-    let spin = 0.5 * (before(ANGLE).value + after(ANGLE).value);
-    let brake = found(8).map_or((after(NORMAL).value - before(NORMAL).value) / duration.value, |a| a.value);
+    let spin = 0.5 * (before[ANGLE].value + after[ANGLE].value);
+    let brake = found(8).map_or((after[NORMAL].value - before[NORMAL].value) / duration.value, |a| a.value);
     let turning = spin * world.center_sigma_px / brake;
     // The surface carries the weight as well.
     let push = found(8).map(|a| world.acceleration(Estimate { value: a.value - world.gravity_px[NORMAL], ..a }));
-    let [vn, vt] = [NORMAL, TANGENTIAL].map(|k| [speed(before(k)), speed(after(k))]);
+    let short = [&before, &after].map(|rates| shortening(rates, world));
+    let [vn, vt] =
+        [NORMAL, TANGENTIAL].map(|k| [speed(before[k]).short_by(short[0]), speed(after[k]).short_by(short[1])]);
+    // What both are short by falls out of a quotient.
+    let differing = |x: Estimate| x.short_by(short[1] - short[0]);
     Impact {
         start_s: Some(seconds(interval.start)),
         deepest_s: interval.deepest.map(|at| seconds(Estimate { sigma: at.sigma.hypot(turning), ..at })),
         end_s: Some(seconds(interval.end)),
-        vn_before_m_s: Some(speed(before(NORMAL))),
-        vn_after_m_s: Some(speed(after(NORMAL))),
-        vt_before_m_s: Some(speed(before(TANGENTIAL))),
-        vt_after_m_s: Some(speed(after(TANGENTIAL))),
-        omega_before_rad_s: Some(turn(before(ANGLE))),
-        omega_after_rad_s: Some(turn(after(ANGLE))),
-        restitution,
-        restitution_tangential: tangential,
-        impulse_ratio: ratio(impulse(TANGENTIAL), impulse(NORMAL)),
+        vn_before_m_s: Some(vn[0]),
+        vn_after_m_s: Some(vn[1]),
+        vt_before_m_s: Some(vt[0]),
+        vt_after_m_s: Some(vt[1]),
+        omega_before_rad_s: Some(turn(before[ANGLE]).short_by(short[0])),
+        omega_after_rad_s: Some(turn(after[ANGLE]).short_by(short[1])),
+        restitution: restitution.map(differing),
+        restitution_tangential: tangential.map(differing),
+        impulse_ratio: ratio(impulse(TANGENTIAL), impulse(NORMAL)).map(differing),
         contact_time_s: Some(seconds(duration)),
-        compression_max_mm: found(7).map(|depth| scaled(depth, metres * 1e3, relative)),
-        acceleration_max_m_s2: found(8).map(|a| world.acceleration(a)),
+        compression_max_mm: found(7).map(|depth| scaled(depth, metres * 1e3, relative).short_by(short[0])),
+        acceleration_max_m_s2: found(8).map(|a| world.acceleration(a).short_by(short[0])),
         force_start_s: moment(3),
         force_end_s: moment(4),
-        force_max_n: push.zip(world.mass_kg).map(|(a, mass_kg)| scaled(a, mass_kg, 0.0)),
+        force_max_n: push.zip(world.mass_kg).map(|(a, mass_kg)| scaled(a, mass_kg, short[0])),
         energy_lost_j: world.mass_kg.map(|mass_kg| energy_lost(mass_kg, &[vn, vt], relative)),
         force_law: verdict.map_or(ForceLaw::None, Verdict::law),
         force_law_probability: verdict.map(Verdict::probability),

@@ -7,6 +7,7 @@ use super::known::Memory;
 use super::outline::{Finder, Outline};
 use super::params::{MeasureParams, Share};
 use super::part::Part;
+use super::pattern::Patterns;
 use super::picture::Picture;
 use super::reference::Reference;
 use super::target::Target;
@@ -46,6 +47,7 @@ pub struct Measurer {
     known: Memory,
     wholes: Wholes,
     turns: Turns,
+    patterns: Patterns,
 }
 
 impl Measurer {
@@ -68,6 +70,7 @@ impl Measurer {
             known: Memory::default(),
             wholes: Wholes::default(),
             turns: Turns::default(),
+            patterns: Patterns::new(params),
             params: params.clone(),
         })
     }
@@ -106,6 +109,7 @@ impl Measurer {
         self.spare.extend(self.open.drain(..).map(|reference| reference.prepared));
         self.known.clear();
         self.wholes.clear();
+        self.patterns.clear();
     }
 
     /// Whether a frame is needed here at all: it belongs to a block of this share, or is a target of one.
@@ -197,6 +201,7 @@ impl Measurer {
         let oldest = self.open.front().map_or(block, |reference| reference.block);
         self.known.forget_before(oldest);
         self.wholes.forget_before(oldest);
+        self.patterns.forget_before(oldest);
         self.finders.iter_mut().for_each(|finder| finder.forget_before(oldest));
         if self.params.rotation == Rotation::Rigid {
             for (body, outline) in outlines.iter().enumerate() {
@@ -445,6 +450,8 @@ impl Measurer {
         }
         if place == 0 {
             self.known.of(body, reference.block).motion = step.step;
+            let found = step.step.and_then(|_| self.patterns.share((body, reference), &outline));
+            step.fixed_share = found;
         }
         Some(Measured { step, field: Some(field) })
     }

@@ -5,8 +5,8 @@ use super::outline::seen;
 use super::tracker::TrackerRows;
 use crate::impact::{Contact, Detector, Event, SurfaceNode, World, deepest_so_far, solve};
 use crate::motion::{
-    Anchor, Axes, Center, Chain, Form, MotionParams, Node, Regime, RunningRadius, Scale, gravity_px, lag_frames,
-    physical, smooth,
+    Anchor, Axes, Center, Chain, Form, MotionParams, Node, PixelRates, Regime, RunningRadius, RunningShare, Scale,
+    Shortening, gravity_px, lag_frames, physical, smooth,
 };
 use crate::results::{Alarm, AlarmKind, BodyStep, Estimate, Impact, Phase, PointStatus, TrackSample, VelocitySample};
 
@@ -50,6 +50,9 @@ pub struct BodyTracker {
     chain: Chain,
     anchor: Anchor,
     radius: RunningRadius,
+    fixed: RunningShare,
+    /// Whether the newest step is a match of the whole body.
+    is_whole: bool,
     nodes: Vec<Node>,
     first_sigma_deg: Option<f64>,
     detector: Option<Detector>,
@@ -70,6 +73,8 @@ impl BodyTracker {
             chain: Chain::new(params.walk),
             anchor: Anchor::new(),
             radius: RunningRadius::new(),
+            fixed: RunningShare::default(),
+            is_whole: false,
             nodes: Vec::new(),
             first_sigma_deg: None,
             detector: contact.then(Detector::new),
@@ -93,6 +98,12 @@ impl BodyTracker {
         let outline = seen(step);
         if let Some(circle) = &outline {
             self.radius.push(circle);
+        }
+        if let Some(share) = step.fixed_share {
+            self.fixed.push(share);
+        }
+        if step.step.is_some() {
+            self.is_whole = step.is_whole;
         }
         let since_ns = (i128::from(step.stamp_ns) - i128::from(origin_ns)) as f64 + 0.5 * self.params.exposure_ns;
         let Some(node) = self.chain.push(step, since_ns / self.params.frame_period_ns) else { return };
@@ -223,6 +234,17 @@ impl BodyTracker {
         }
     }
 
+    /// By which share what is told of its motion may be too small.
+    fn shortening(&self) -> Shortening {
+        let radius_px = self.radius.radius_px().filter(|_| self.params.form != Form::Rod);
+        Shortening {
+            share: self.fixed.told(),
+            spans: self.params.spans,
+            is_whole: self.is_whole,
+            radius_px: radius_px.map_or(0.0, |radius| radius.value),
+        }
+    }
+
     fn world(&self) -> Option<World> {
         let metres_per_px = self.radius.metres_per_px(self.params.scale)?;
         let [x, y] = gravity_px(&self.params, metres_per_px.value);
@@ -242,6 +264,7 @@ impl BodyTracker {
             radius_px,
             mass_kg: self.params.mass_kg,
             center_sigma_px: center.map_or(0.0, |center| center.sigma_px),
+            shortening: self.shortening(),
         })
     }
 
@@ -274,6 +297,10 @@ impl BodyTracker {
             start_s: Some(Estimate { value: contact.start_frames * period_s, sigma: period_s }),
             ..Impact::unknown(self.body, self.collisions, self.origin_ns)
         }
+    }
+
+    fn unsure(&self, rates: PixelRates) -> PixelRates {
+        rates.short_by(self.shortening().of([rates.x.value, rates.y.value, rates.theta.value]))
     }
 
     /// The rows of a frame whose step was pushed, with everything pushed so far.
@@ -320,7 +347,7 @@ impl BodyTracker {
             step: step.step.filter(|_| !gone).map(|step| step.about(center_sigma_px)),
             velocity: rates
                 .zip(scale)
-                .map(|(rates, scale)| physical(&rates.about(center_sigma_px), scale, &self.params)),
+                .map(|(rates, scale)| physical(&self.unsure(rates.about(center_sigma_px)), scale, &self.params)),
             visible_fraction: track.visible_fraction,
             phase,
             status: step.status,

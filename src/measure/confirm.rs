@@ -96,8 +96,20 @@ mod tests {
 
     fn moved(is_whole: bool, interval_frames: u32) -> BodyStep {
         let (circle, rod, step, status) = (None, None, Some(step(7.8)), PointStatus::Valid);
-        let rim_fraction = None;
-        BodyStep { is_whole, rim_fraction, frame: 3, stamp_ns: 3, body: 0, interval_frames, circle, rod, step, status }
+        let (rim_fraction, fixed_share) = (None, None);
+        BodyStep {
+            is_whole,
+            rim_fraction,
+            fixed_share,
+            frame: 3,
+            stamp_ns: 3,
+            body: 0,
+            interval_frames,
+            circle,
+            rod,
+            step,
+            status,
+        }
     }
 
     #[test]

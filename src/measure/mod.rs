@@ -18,6 +18,7 @@ mod outline;
 mod params;
 mod part;
 mod patch;
+mod pattern;
 mod picture;
 mod reference;
 mod target;

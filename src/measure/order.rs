@@ -157,6 +157,7 @@ impl Order {
         Some(BodyStep {
             is_whole: false,
             rim_fraction: None,
+            fixed_share: None,
             frame,
             body: slot / self.intervals(),
             stamp_ns: stamp_at(frame, &a, &b),
@@ -187,8 +188,20 @@ mod tests {
     fn step(frame: u64, body: u32) -> BodyStep {
         let stamp_ns = 1_000 + 100 * frame;
         let (circle, rod, step, status) = (None, None, None, PointStatus::Valid);
-        let (is_whole, rim_fraction) = (false, None);
-        BodyStep { is_whole, rim_fraction, frame, stamp_ns, body, interval_frames: 1, circle, rod, step, status }
+        let (is_whole, rim_fraction, fixed_share) = (false, None, None);
+        BodyStep {
+            is_whole,
+            rim_fraction,
+            fixed_share,
+            frame,
+            stamp_ns,
+            body,
+            interval_frames: 1,
+            circle,
+            rod,
+            step,
+            status,
+        }
     }
 
     fn drain(order: &mut Order) -> Vec<BodyStep> {

@@ -12,6 +12,9 @@ use crate::rod::{RodFinder, RodParams, Sight};
 /// Share of the radius that subsets keep clear of the rim, where the outline is blurred and light falls off.
 pub(super) const RIM_CLEARANCE: f64 = 0.04;
 
+/// Pixels from the rim inwards in whose neighbourhood something else is seen, px.
+const BLURRED_PX: f64 = 4.0;
+
 /// What a body is and where it may be.
 #[derive(Debug, Clone, PartialEq)]
 pub enum BodyParams {
@@ -168,6 +171,31 @@ impl Outline {
                 let radius_px = reach(left, right).hypot(reach(top, bottom));
                 Circle { radius_px, ..circle_of(&sight.rod) }
             }
+        }
+    }
+
+    /// Pixels that surely show it, as rectangles of x, y, width and height, px; none of a patch, which is never matched
+    /// over a short way.
+    pub(super) fn inside(&self) -> Vec<[u32; 4]> {
+        match self {
+            Self::Ball(circle) => {
+                let radius_px = circle.radius_px * (1.0 - RIM_CLEARANCE) - BLURRED_PX;
+                let rows = (circle.y_px - radius_px).ceil().max(0.0) as u32..=(circle.y_px + radius_px).max(0.0) as u32;
+                let row = |y: u32| {
+                    let half = (radius_px.powi(2) - (f64::from(y) - circle.y_px).powi(2)).max(0.0).sqrt();
+                    let left = (circle.x_px - half).ceil().max(0.0) as u32;
+                    [left, y, ((circle.x_px + half).max(0.0) as u32).saturating_sub(left), 1]
+                };
+                rows.map(row).collect()
+            }
+            Self::Rod(sight) => {
+                let [left, top, right, bottom] = sight.tape_px();
+                let (x, y) = (sight.rod.x_px.value, sight.rod.y_px.value);
+                let [left, top, right, bottom] =
+                    [x + left, y + top, x + right, y + bottom].map(|at| at.max(0.0) as u32);
+                vec![[left, top, right.saturating_sub(left), bottom.saturating_sub(top)]]
+            }
+            Self::Patch(_) => Vec::new(),
         }
     }
 

@@ -6,7 +6,7 @@ use iceoryx2::prelude::ZeroCopySend;
 
 /// One body in one frame, its outline and its motion to the next frame.
 #[derive(Debug, Clone, Copy, PartialEq, Default, ZeroCopySend)]
-#[type_name("ricochet.FieldHeader.v3")]
+#[type_name("ricochet.FieldHeader.v4")]
 #[repr(C)]
 pub struct FieldHeader {
     /// Which start of the acquire process the frames belong to.
@@ -59,6 +59,8 @@ pub struct FieldHeader {
     pub sigma_dy_px: f64,
     /// Standard uncertainty of `dtheta_deg`.
     pub sigma_dtheta_deg: f64,
+    /// By which share the sensor's pattern makes short steps shorter, as this frame shows it.
+    pub fixed_share: Number,
     /// The rod, where the body is one.
     pub rod: RodMessage,
 }
@@ -75,6 +77,7 @@ impl FieldHeader {
             interval_frames: step.interval_frames,
             status: step.status as u32,
             worker,
+            fixed_share: step.fixed_share.into(),
             rod: step.rod.into(),
             ..Self::default()
         };
@@ -122,6 +125,7 @@ impl FieldHeader {
         });
         Some(BodyStep {
             is_whole: self.step_known == 2,
+            fixed_share: self.fixed_share.into(),
             rim_fraction: (self.circle_known == 2).then_some(self.rim_fraction),
             frame: self.sequence,
             stamp_ns: self.stamp_ns,
@@ -210,3 +214,37 @@ impl From<&FieldPointMessage> for FieldPoint {
 }
 
 const _: () = assert!(size_of::<Number>() == 16 && size_of::<FieldPointMessage>() == 36);
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn everything_that_a_step_tells_crosses_the_border() {
+        let circle = Circle {
+            x_px: 1.0,
+            y_px: 2.0,
+            radius_px: 3.0,
+            sigma_center_px: 0.1,
+            sigma_radius_px: 0.2,
+            visible_fraction: 0.7,
+        };
+        let motion = RigidStep { dx_px: 4.0, dy_px: 5.0, dtheta_deg: 6.0, points: 7, ..RigidStep::STILL };
+        let step = BodyStep {
+            is_whole: true,
+            rim_fraction: Some(0.9),
+            fixed_share: Some(-2.5e-4),
+            frame: 8,
+            stamp_ns: 9,
+            body: 10,
+            interval_frames: 11,
+            circle: Some(circle),
+            rod: None,
+            step: Some(motion),
+            status: PointStatus::Occluded,
+        };
+        for step in [step, BodyStep { is_whole: false, ..step }, step.without_motion()] {
+            assert_eq!(FieldHeader::new(&step, None, 12, 13).step(), Some(step));
+        }
+    }
+}

@@ -80,6 +80,12 @@ impl PixelRates {
         let widened = |rate: Estimate| Estimate { sigma: rate.sigma.hypot(whirl), ..rate };
         Self { x: widened(self.x), y: widened(self.y), ..self }
     }
+
+    /// The same where the true ones may be larger by a share of themselves.
+    pub fn short_by(self, share: f64) -> Self {
+        let [x, y, theta] = [self.x, self.y, self.theta].map(|rate| rate.short_by(share));
+        Self { x, y, theta, ..self }
+    }
 }
 
 /// Turns rates in pixels and frames into physical velocities.
@@ -106,7 +112,7 @@ pub fn physical(rates: &PixelRates, scale: MetresPerPixel, params: &MotionParams
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::motion::{Form, Scale, Walk};
+    use crate::motion::{Form, Scale, Spans, Walk};
 
     fn params(surface_angle_deg: f64) -> MotionParams {
         MotionParams {
@@ -121,6 +127,7 @@ mod tests {
             form: Form::Ball,
             interval_frames: 1,
             walk: Walk::default(),
+            spans: Spans::default(),
             exposure_ns: 0.0,
             frame_period_ns: 100_000.0,
         }

@@ -199,8 +199,20 @@ mod tests {
         };
         let (circle, rod, status) = (None, None, PointStatus::Valid);
         let (is_whole, step) = (false, Some(step));
-        let rim_fraction = None;
-        BodyStep { is_whole, rim_fraction, frame, stamp_ns: frame, body: 0, interval_frames, circle, rod, step, status }
+        let (rim_fraction, fixed_share) = (None, None);
+        BodyStep {
+            is_whole,
+            rim_fraction,
+            fixed_share,
+            frame,
+            stamp_ns: frame,
+            body: 0,
+            interval_frames,
+            circle,
+            rod,
+            step,
+            status,
+        }
     }
 
     /// How far a chain of erring steps has drifted after 4000 frames, root mean square over runs.

@@ -7,6 +7,7 @@
 mod anchor;
 mod axes;
 mod chain;
+mod fixed;
 mod lens;
 mod params;
 mod polynomial;
@@ -19,6 +20,7 @@ mod walk;
 pub use anchor::{Anchor, Center};
 pub use axes::{Axes, MetresPerPixel, PixelRates, Surface, gravity_px, physical};
 pub use chain::{Chain, Node};
+pub use fixed::{RunningShare, Shortening, Spans};
 pub use lens::{Distortion, Lens};
 pub use params::{Form, MotionParams, RingLimits, Rotation, Scale};
 pub use polynomial::{MAX_ORDER, Polynomial, Sample};

@@ -1,6 +1,6 @@
 //! What the motion of a body is computed with.
 
-use super::{Center, Rectifier, Walk};
+use super::{Center, Rectifier, Spans, Walk};
 use crate::results::BodyStep;
 
 /// How many millimetres a pixel is.
@@ -74,6 +74,8 @@ pub struct MotionParams {
     pub interval_frames: u32,
     /// Noise of a step that the next step does not take back.
     pub walk: Walk,
+    /// Over how many frames motion is measured.
+    pub spans: Spans,
     /// How long a frame was exposed, ns; what a frame shows is the moment half of it after its stamp. 0 when unknown.
     pub exposure_ns: f64,
     /// Nominal time from frame to frame, ns; only for gaps, times come from the stamps.

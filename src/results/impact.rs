@@ -11,6 +11,14 @@ pub struct Estimate {
     pub sigma: f64,
 }
 
+impl Estimate {
+    /// The same where the true number may differ by a share of it.
+    #[must_use]
+    pub fn short_by(self, share: f64) -> Self {
+        Self { sigma: self.sigma.hypot(share * self.value), ..self }
+    }
+}
+
 /// The contact law that described the collision best.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
 #[repr(u32)]

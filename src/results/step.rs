@@ -67,6 +67,9 @@ pub struct BodyStep {
     pub is_whole: bool,
     /// Share of the body in sight by its rim, where the circle has what a match of the whole body told.
     pub rim_fraction: Option<f64>,
+    /// By which share steps of far less than a pixel come out short because the sensor's pixels differ, as this frame
+    /// shows it beside an earlier one; it scatters about its mean, below zero as well. `None` where it was not looked for.
+    pub fixed_share: Option<f64>,
     /// Sequence number of the frame.
     pub frame: u64,
     /// Exposure start of the frame, ns since the Unix epoch.
@@ -93,6 +96,13 @@ impl BodyStep {
             let visible_fraction = self.rim_fraction.unwrap_or(circle.visible_fraction);
             Circle { visible_fraction, ..circle }
         };
-        Self { circle: self.circle.map(by_rim), rim_fraction: None, is_whole: false, step: None, ..self }
+        Self {
+            circle: self.circle.map(by_rim),
+            rim_fraction: None,
+            fixed_share: None,
+            is_whole: false,
+            step: None,
+            ..self
+        }
     }
 }

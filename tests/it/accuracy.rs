@@ -282,7 +282,7 @@ fn off_by_pattern(name: &str, rig: &str, seeds: u64) -> [f64; 2] {
 }
 
 /// What pixels differ by does not move, so that steps of less than a pixel come out short; a kept reference and intervals
-/// of more than a pixel see past it.
+/// of more than a pixel see past it, and the uncertainty of what does not has it in it.
 #[test]
 fn a_fixed_pattern_moves_speeds_least_by_a_kept_reference_or_a_long_interval() {
     let (ball, rod) = (include_str!("../../config/lacrosse.toml"), include_str!("../../config/rod.toml"));
@@ -298,7 +298,7 @@ fn a_fixed_pattern_moves_speeds_least_by_a_kept_reference_or_a_long_interval() {
     ];
     for (how, [share, sigmas], most) in told {
         println!("{how}: the speed is off by {:.3} %, {sigmas:.1} sigma", 100.0 * share);
-        assert!(share.abs() < most, "{how}: {share}");
+        assert!(share.abs() < most && sigmas.abs() < 2.0, "{how}: {share}, {sigmas} sigma");
     }
 }
 

@@ -2,7 +2,7 @@
 //!
 //! Own integration in SI units (Runge-Kutta, 400 steps a frame), nothing shared with the measured code.
 
-use ricochet::motion::{Form, MotionParams, Scale, Walk};
+use ricochet::motion::{Form, MotionParams, Scale, Spans, Walk};
 use ricochet::results::{BodyStep, Circle, PointStatus, RigidStep};
 
 /// Gaussian noise with a constant seed.
@@ -313,6 +313,7 @@ impl Experiment {
             form: Form::Ball,
             interval_frames: 1,
             walk: Walk::default(),
+            spans: Spans::default(),
             exposure_ns: 0.0,
             frame_period_ns: 1e9 / self.frame_rate_hz,
         }
@@ -382,6 +383,7 @@ pub fn steps(
         .map(|i| BodyStep {
             is_whole: false,
             rim_fraction: None,
+            fixed_share: None,
             frame: i as u64,
             stamp_ns: 1_700_000_000_000_000_000 + (i as f64 * period_ns).round() as u64,
             body: 0,

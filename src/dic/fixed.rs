@@ -1,0 +1,233 @@
+//! What stays where it is while a body moves over the sensor.
+
+use std::ops::Range;
+
+use multiversion::multiversion;
+
+use super::prepared::Prepared;
+
+/// Eighth differences, taken along x and y: they leave of a sharp picture's speckles less than noise does, and speckles
+/// that have not moved at all look like a pattern that biases steps by 0.02 % at most (0.12 % by fourth differences).
+const EIGHTH: [f32; 9] = [1.0, -8.0, 28.0, -56.0, 70.0, -56.0, 28.0, -8.0, 1.0];
+const REACH: isize = EIGHTH.len() as isize / 2;
+/// By how much they are larger than what pixels differ by: the sum of their squares along either, once for both.
+const GAIN: f64 = 12870.0;
+/// What speaks for no motion, over what pixels differ by squared: their slope by fourth-order differences, which the
+/// reference has, times that of what is interpolated between them, (-1)^n / n of a pixel n further.
+const SPEAKS: f64 = 2.0 * (8.0 / 12.0 + 1.0 / 24.0);
+/// Fewest pixels of a body in both frames.
+const LEAST_PIXELS: u32 = 256;
+
+/// How two frames of a moving body show what the sensor's pixels differ by.
+///
+/// Gains and offsets of single pixels stay while the body moves; matching two frames, they speak for no motion at all. In
+/// the least squares of a match they do so by the square of their own slope, as the speckles speak for the motion by the
+/// square of theirs: steps of less than a pixel come out short by the ratio. Differences of
+/// neighbouring pixels leave nothing of the light, noise is another one in each frame, and the speckles that the two
+/// frames show at a pixel are others: what eighth differences at the same pixels have in common is the pattern.
+#[derive(Debug, Clone, Default)]
+pub struct FixedPattern {
+    first: Differences,
+    later: Differences,
+    /// Mean square of the slope of the grey level along x and y, DN^2/px^2.
+    slope_squared: f64,
+}
+
+impl FixedPattern {
+    /// Takes the first frame: the pixels of the body in it, as rectangles of x, y, width and height, px.
+    pub fn begin(&mut self, first: &Prepared, body: &[[u32; 4]]) {
+        let (mut squares, mut pixels) = (0.0, 0_usize);
+        self.later.fill(first);
+        self.first.clear_as(&self.later);
+        for (row, columns) in rows(first, body) {
+            let from = row * self.later.width;
+            let places = from + columns.start..from + columns.end;
+            self.first.values[places.clone()].copy_from_slice(&self.later.values[places]);
+            let [along_x, along_y] =
+                [&first.gradient_x, &first.gradient_y].map(|plane| &plane.row(row)[columns.clone()]);
+            squares += along_x.iter().zip(along_y).map(|(x, y)| f64::from(x * x + y * y)).sum::<f64>();
+            pixels += columns.len();
+        }
+        self.slope_squared = 0.5 * squares / pixels.max(1) as f64;
+    }
+
+    /// By which share steps of far less than a pixel come out short, as a later frame shows it, whose body has these
+    /// pixels; it scatters about its mean, below zero as well. `None` where the two have too few pixels in common.
+    pub fn share(&mut self, later: &Prepared, body: &[[u32; 4]]) -> Option<f64> {
+        self.later.fill(later);
+        let (mut sum, mut pixels) = (0.0, 0);
+        let (right, down) = self.first.shift_to(&self.later);
+        for (row, columns) in rows(later, body) {
+            let values = &self.later.values[row * self.later.width..][columns.clone()];
+            for (column, value) in columns.zip(values) {
+                if let Some(first) = self.first.at(column as i64 + right, row as i64 + down) {
+                    sum += f64::from(first) * f64::from(*value);
+                    pixels += 1;
+                }
+            }
+        }
+        let share = SPEAKS * sum / (GAIN * GAIN * f64::from(pixels) * self.slope_squared);
+        (pixels >= LEAST_PIXELS && share.is_finite()).then_some(share)
+    }
+}
+
+/// The rows of rectangles, in the part of a frame that is ready.
+fn rows(frame: &Prepared, rectangles: &[[u32; 4]]) -> impl Iterator<Item = (usize, Range<usize>)> {
+    let (width, height) = (frame.levels.width() as i64, frame.levels.height() as i64);
+    rectangles.iter().flat_map(move |[x, y, columns, rows]| {
+        let (left, top) = frame.local((*x, *y));
+        let within = |from: i32, length: u32, limit: i64| {
+            let end = i64::from(from) + i64::from(length);
+            i64::from(from).clamp(0, limit) as usize..end.clamp(0, limit) as usize
+        };
+        let columns = within(left, *columns, width);
+        within(top, *rows, height).map(move |row| (row, columns.clone()))
+    })
+}
+
+/// Differences of neighbouring pixels over the part of a frame that is ready; not a number where they do not count.
+#[derive(Debug, Clone, Default)]
+struct Differences {
+    values: Vec<f32>,
+    width: usize,
+    height: usize,
+    /// Where its first pixel lies in the frame.
+    origin: (i64, i64),
+    down: Vec<f32>,
+}
+
+impl Differences {
+    fn fill(&mut self, frame: &Prepared) {
+        let levels = &frame.levels;
+        let zero = frame.local((0, 0));
+        self.origin = (-i64::from(zero.0), -i64::from(zero.1));
+        (self.width, self.height) = (levels.width(), levels.height());
+        self.values.resize(self.width * self.height, 0.0);
+        self.down.resize(self.width + 2 * REACH as usize, 0.0);
+        for y in 0..self.height {
+            let row = |k: usize| {
+                let from = levels.index(-REACH, y as isize + k as isize - REACH);
+                &levels.data()[from..from + self.width + 2 * REACH as usize]
+            };
+            combine(std::array::from_fn(row), &mut self.down);
+            let down = &self.down;
+            let across = std::array::from_fn(|k| &down[k..k + self.width]);
+            combine(across, &mut self.values[y * self.width..(y + 1) * self.width]);
+        }
+    }
+
+    /// As large as another, and empty.
+    fn clear_as(&mut self, other: &Self) {
+        (self.width, self.height, self.origin) = (other.width, other.height, other.origin);
+        self.values.clear();
+        self.values.resize(other.values.len(), f32::NAN);
+    }
+
+    /// What is added to a place in another's part for the same pixel in this one's.
+    fn shift_to(&self, other: &Self) -> (i64, i64) {
+        (other.origin.0 - self.origin.0, other.origin.1 - self.origin.1)
+    }
+
+    fn at(&self, x: i64, y: i64) -> Option<f32> {
+        let inside = (0..self.width as i64).contains(&x) && (0..self.height as i64).contains(&y);
+        inside.then(|| self.values[y as usize * self.width + x as usize]).filter(|value| !value.is_nan())
+    }
+}
+
+/// The eighth difference of nine rows.
+#[multiversion(targets("x86_64+avx512f+avx512bw+avx512dq+avx512vl", "x86_64+avx2"))]
+fn combine(rows: [&[f32]; EIGHTH.len()], out: &mut [f32]) {
+    let rows = rows.map(|row| &row[..out.len()]);
+    for x in 0..out.len() {
+        let both = |k: usize| EIGHTH[k] * (rows[k][x] + rows[EIGHTH.len() - 1 - k][x]);
+        out[x] = (both(0) + both(1)) + (both(2) + both(3)) + EIGHTH[4] * rows[4][x];
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::dic::grid::rectangle;
+    use crate::dic::speckle::{Sequence, Speckle, record};
+    use crate::dic::{CorrelationParams, Correlator, Start};
+    use crate::image::Image;
+
+    const SIDE: usize = 240;
+    const BODY: [u32; 4] = [40, 40, 160, 160];
+
+    /// Pictures of a pattern that moves over a sensor whose pixels differ.
+    struct Sensor {
+        speckle: Speckle,
+        offsets: Vec<f64>,
+    }
+
+    impl Sensor {
+        fn new(spread_dn: f64) -> Self {
+            let mut sequence = Sequence::new(77);
+            let offsets = (0..SIDE * SIDE).map(|_| spread_dn * sequence.normal()).collect();
+            Self { speckle: Speckle::standard(5, SIDE as f64), offsets }
+        }
+
+        fn frame(&self, moved: (f64, f64), seed: u64) -> Image {
+            let clean = self.speckle.moved(|_, _| moved).draw(SIDE, SIDE);
+            let uneven = clean.view().data().iter().zip(&self.offsets).map(|(light, off)| light + *off as f32);
+            record(&Image::from_vec(uneven.collect(), SIDE, SIDE).unwrap(), 2.0, seed)
+        }
+
+        /// The mean share that frames show which have moved on by more than a pixel each.
+        fn share(&self) -> f64 {
+            let correlator = Correlator::new(&CorrelationParams::default(), SIDE, SIDE).unwrap();
+            let frame =
+                |k: u32| correlator.prepare(self.frame((1.3 * f64::from(k), 0.4 * f64::from(k)), k.into()).view());
+            let mut pattern = FixedPattern::default();
+            pattern.begin(&frame(0), &[BODY]);
+            (1..9).map(|k| pattern.share(&frame(k), &[BODY]).unwrap()).sum::<f64>() / 8.0
+        }
+
+        /// By which share the mean of all subsets comes short of a step.
+        fn short(&self, (u, v): (f64, f64)) -> f64 {
+            let mut correlator = Correlator::new(&CorrelationParams::default(), SIDE, SIDE).unwrap();
+            let points = rectangle(BODY, 8, 31);
+            let mut sums = [0.0; 2];
+            for seed in 0..8 {
+                let place = (0.37 * seed as f64, -0.21 * seed as f64);
+                let [first, last] = [(place, 100 + seed), ((place.0 + u, place.1 + v), 200 + seed)]
+                    .map(|(moved, seed)| correlator.prepare(self.frame(moved, seed).view()));
+                let mut field = Vec::new();
+                correlator.correlate(&first, &last, &points, Start::Search, &mut field);
+                for motion in field.iter().map(|point| point.displacement.unwrap()) {
+                    sums[0] += f64::from(motion.u_px) * u + f64::from(motion.v_px) * v;
+                    sums[1] += u * u + v * v;
+                }
+            }
+            1.0 - sums[0] / sums[1]
+        }
+    }
+
+    #[test]
+    fn the_share_is_what_short_steps_come_out_short_by() {
+        let sensor = Sensor::new(3.0);
+        let (share, short) = (sensor.share(), sensor.short((0.12, 0.05)));
+        eprintln!("foretold {share:.5}, seen {short:.5}");
+        assert!(short > 2e-3 && (share / short - 1.0).abs() < 0.2, "foretold {share}, seen {short}");
+        let far = sensor.short((1.6, 0.7));
+        assert!(far.abs() < 0.1 * short, "over more than a pixel {far}");
+    }
+
+    #[test]
+    fn where_pixels_are_alike_there_is_nothing_to_be_told() {
+        let share = Sensor::new(0.0).share();
+        assert!(share.abs() < 2e-4, "{share}");
+    }
+
+    #[test]
+    fn frames_with_too_little_in_common_tell_nothing() {
+        let mut frame = Prepared::default();
+        frame.fill(Image::new(64, 64).view(), crate::dic::Interpolation::Optimised);
+        let mut pattern = FixedPattern::default();
+        pattern.begin(&frame, &[[0, 0, 20, 20]]);
+        assert_eq!(pattern.share(&frame, &[[10, 10, 20, 20]]), None, "a hundred pixels");
+        assert_eq!(pattern.share(&frame, &[[0, 0, 20, 20]]), None, "without any slope");
+        assert_eq!(pattern.share(&frame, &[[60, 60, u32::MAX, 9]]), None);
+    }
+}
