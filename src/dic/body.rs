@@ -247,7 +247,7 @@ pub(super) fn motion(
     let angle = warp.uy.atan2(1.0 + warp.ux);
     let (x, y) = warp.apply(dx, dy);
     let [along_u, along_v, along_angle] = spreads(&subset.inverse, angle, (dx, dy));
-    let factor = pool.factor();
+    let factor = pool.factor().where_it_slopes(subset, pixels, residual);
     let (var_u, var_v) = factor.variances(variance, (along_u, along_v));
     let mean = 0.5 * (factor.x + factor.y);
     let (var_angle, _) = Factor { x: mean, y: mean }.variances(variance, (along_angle, 0.0));

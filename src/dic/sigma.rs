@@ -205,7 +205,43 @@ fn add_lags_with<V: Vector>(dense: &[f32], stride: usize, sums: &mut Lags) {
     }
 }
 
+vectorized! {
+    /// Adds the squares of a residual, those of the slopes along x and y, and these times the former.
+    fn add_squares(gradients: [&[Lanes]; 2], residual: &[Lanes], sums: &mut [f64; 5]) = add_squares_with
+}
+
+#[inline(always)]
+fn add_squares_with<V: Vector>(gradients: [&[Lanes]; 2], residual: &[Lanes], sums: &mut [f64; 5]) {
+    let [along_x, along_y] = gradients;
+    let mut totals = [V::splat(0.0); 5];
+    for ((x, y), left) in along_x.iter().zip(along_y).zip(residual) {
+        let (x, y, left) = (V::from_lanes(x), V::from_lanes(y), V::from_lanes(left));
+        let (x_squared, y_squared, squared) = (x.mul(x), y.mul(y), left.mul(left));
+        totals[0] = totals[0].add(squared);
+        totals[1] = totals[1].add(x_squared);
+        totals[2] = totals[2].add(y_squared);
+        totals[3] = totals[3].plus_product(x_squared, squared);
+        totals[4] = totals[4].plus_product(y_squared, squared);
+    }
+    for (sum, total) in sums.iter_mut().zip(totals) {
+        *sum += total.to_lanes().sum();
+    }
+}
+
 impl Factor {
+    /// The same where light is not everywhere as noisy: by how much noisier than all the pixels those are that have the
+    /// slopes. Photons make bright paint noisier than dark speckles, and the slopes lie between them.
+    pub(super) fn where_it_slopes(self, subset: &Subset, pixels: usize, residual: &[Lanes]) -> Self {
+        let mut sums = [0.0; 5];
+        add_squares([&subset.gradient_x, &subset.gradient_y], residual, &mut sums);
+        let [squares, x_squared, y_squared, x_noisy, y_noisy] = sums;
+        let noisier = |noisy: f64, squared: f64| {
+            let ratio = noisy * pixels as f64 / (squared * squares);
+            if ratio.is_finite() { ratio.clamp(0.25, 4.0) } else { 1.0 }
+        };
+        Self { x: self.x * noisier(x_noisy, x_squared), y: self.y * noisier(y_noisy, y_squared) }
+    }
+
     /// Variance of u and v from the variance of the residual and the diagonal of the inverse Hessian.
     ///
     /// Not less than rounding leaves. Where the factor is so small that the pair
@@ -218,5 +254,23 @@ impl Factor {
             (residual * factor * doubt * doubt).max(ROUNDING) * inverse
         };
         (along(self.x, inverse.0), along(self.y, inverse.1))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn noise_counts_where_the_slopes_are() {
+        // Slopes along x where the residual is 1 DN, along y where it is 3 DN, nowhere at all where it is 5 DN.
+        let rows = |a: f32, b: f32, c: f32| vec![Lanes::splat(a), Lanes::splat(b), Lanes::splat(c)];
+        let subset = Subset { gradient_x: rows(7.0, 0.0, 0.0), gradient_y: rows(0.0, 4.0, 0.0), ..Subset::default() };
+        let mean = (1.0 + 9.0 + 25.0) / 3.0;
+        let factor = Factor { x: 2.0, y: 1.0 }.where_it_slopes(&subset, 3 * LANES, &rows(1.0, -3.0, 5.0));
+        assert!((factor.x - 2.0 * 0.25_f64.max(1.0 / mean)).abs() < 1e-6 && (factor.y - 9.0 / mean).abs() < 1e-6);
+        let flat = Subset { gradient_x: rows(0.0, 0.0, 0.0), gradient_y: rows(0.0, 0.0, 0.0), ..Subset::default() };
+        let factor = Factor { x: 0.7, y: 1.3 };
+        assert_eq!(factor.where_it_slopes(&flat, 3 * LANES, &rows(1.0, 1.0, 1.0)), factor);
     }
 }

@@ -123,7 +123,7 @@ mod tests {
         BodyStep {
             is_whole: true,
             rim_fraction: None,
-            fixed_share: None,
+            fixed_fraction: None,
             frame,
             stamp_ns: frame,
             body: 0,

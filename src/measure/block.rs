@@ -451,7 +451,7 @@ impl Measurer {
         if place == 0 {
             self.known.of(body, reference.block).motion = step.step;
             let found = step.step.and_then(|_| self.patterns.share((body, reference), &outline));
-            step.fixed_share = found;
+            step.fixed_fraction = found;
         }
         Some(Measured { step, field: Some(field) })
     }

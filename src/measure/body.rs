@@ -99,7 +99,7 @@ impl BodyTracker {
         if let Some(circle) = &outline {
             self.radius.push(circle);
         }
-        if let Some(share) = step.fixed_share {
+        if let Some(share) = step.fixed_fraction {
             self.fixed.push(share);
         }
         if step.step.is_some() {

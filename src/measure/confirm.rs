@@ -96,11 +96,11 @@ mod tests {
 
     fn moved(is_whole: bool, interval_frames: u32) -> BodyStep {
         let (circle, rod, step, status) = (None, None, Some(step(7.8)), PointStatus::Valid);
-        let (rim_fraction, fixed_share) = (None, None);
+        let (rim_fraction, fixed_fraction) = (None, None);
         BodyStep {
             is_whole,
             rim_fraction,
-            fixed_share,
+            fixed_fraction,
             frame: 3,
             stamp_ns: 3,
             body: 0,

@@ -157,7 +157,7 @@ impl Order {
         Some(BodyStep {
             is_whole: false,
             rim_fraction: None,
-            fixed_share: None,
+            fixed_fraction: None,
             frame,
             body: slot / self.intervals(),
             stamp_ns: stamp_at(frame, &a, &b),
@@ -188,11 +188,11 @@ mod tests {
     fn step(frame: u64, body: u32) -> BodyStep {
         let stamp_ns = 1_000 + 100 * frame;
         let (circle, rod, step, status) = (None, None, None, PointStatus::Valid);
-        let (is_whole, rim_fraction, fixed_share) = (false, None, None);
+        let (is_whole, rim_fraction, fixed_fraction) = (false, None, None);
         BodyStep {
             is_whole,
             rim_fraction,
-            fixed_share,
+            fixed_fraction,
             frame,
             stamp_ns,
             body,

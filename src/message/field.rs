@@ -60,7 +60,7 @@ pub struct FieldHeader {
     /// Standard uncertainty of `dtheta_deg`.
     pub sigma_dtheta_deg: f64,
     /// By which share the sensor's pattern makes short steps shorter, as this frame shows it.
-    pub fixed_share: Number,
+    pub fixed_fraction: Number,
     /// The rod, where the body is one.
     pub rod: RodMessage,
 }
@@ -77,7 +77,7 @@ impl FieldHeader {
             interval_frames: step.interval_frames,
             status: step.status as u32,
             worker,
-            fixed_share: step.fixed_share.into(),
+            fixed_fraction: step.fixed_fraction.into(),
             rod: step.rod.into(),
             ..Self::default()
         };
@@ -125,7 +125,7 @@ impl FieldHeader {
         });
         Some(BodyStep {
             is_whole: self.step_known == 2,
-            fixed_share: self.fixed_share.into(),
+            fixed_fraction: self.fixed_fraction.into(),
             rim_fraction: (self.circle_known == 2).then_some(self.rim_fraction),
             frame: self.sequence,
             stamp_ns: self.stamp_ns,
@@ -233,7 +233,7 @@ mod tests {
         let step = BodyStep {
             is_whole: true,
             rim_fraction: Some(0.9),
-            fixed_share: Some(-2.5e-4),
+            fixed_fraction: Some(-2.5e-4),
             frame: 8,
             stamp_ns: 9,
             body: 10,

@@ -199,11 +199,11 @@ mod tests {
         };
         let (circle, rod, status) = (None, None, PointStatus::Valid);
         let (is_whole, step) = (false, Some(step));
-        let (rim_fraction, fixed_share) = (None, None);
+        let (rim_fraction, fixed_fraction) = (None, None);
         BodyStep {
             is_whole,
             rim_fraction,
-            fixed_share,
+            fixed_fraction,
             frame,
             stamp_ns: frame,
             body: 0,

@@ -430,7 +430,7 @@ mod tests {
                     let seen = BodyStep {
                         is_whole: true,
                         rim_fraction: None,
-                        fixed_share: None,
+                        fixed_fraction: None,
                         frame: 3,
                         stamp_ns: 3,
                         body: 0,

@@ -69,7 +69,7 @@ pub struct BodyStep {
     pub rim_fraction: Option<f64>,
     /// By which share steps of far less than a pixel come out short because the sensor's pixels differ, as this frame
     /// shows it beside an earlier one; it scatters about its mean, below zero as well. `None` where it was not looked for.
-    pub fixed_share: Option<f64>,
+    pub fixed_fraction: Option<f64>,
     /// Sequence number of the frame.
     pub frame: u64,
     /// Exposure start of the frame, ns since the Unix epoch.
@@ -99,7 +99,7 @@ impl BodyStep {
         Self {
             circle: self.circle.map(by_rim),
             rim_fraction: None,
-            fixed_share: None,
+            fixed_fraction: None,
             is_whole: false,
             step: None,
             ..self

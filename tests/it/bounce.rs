@@ -383,7 +383,7 @@ pub fn steps(
         .map(|i| BodyStep {
             is_whole: false,
             rim_fraction: None,
-            fixed_share: None,
+            fixed_fraction: None,
             frame: i as u64,
             stamp_ns: 1_700_000_000_000_000_000 + (i as f64 * period_ns).round() as u64,
             body: 0,
