@@ -4,6 +4,7 @@ use std::ops::Range;
 
 use multiversion::multiversion;
 
+use super::lanes::LANES;
 use super::prepared::Prepared;
 
 /// Eighth differences, taken along x and y: they leave of a sharp picture's speckles less than noise does, and speckles
@@ -16,7 +17,7 @@ const GAIN: f64 = 12870.0;
 /// reference has, times that of what is interpolated between them, (-1)^n / n of a pixel n further.
 const SPEAKS: f64 = 2.0 * (8.0 / 12.0 + 1.0 / 24.0);
 /// Fewest pixels of a body in both frames.
-const LEAST_PIXELS: u32 = 256;
+const LEAST_PIXELS: usize = 256;
 
 /// How two frames of a moving body show what the sensor's pixels differ by.
 ///
@@ -27,111 +28,92 @@ const LEAST_PIXELS: u32 = 256;
 /// frames show at a pixel are others: what eighth differences at the same pixels have in common is the pattern.
 #[derive(Debug, Clone, Default)]
 pub struct FixedPattern {
-    first: Differences,
-    later: Differences,
-    /// Mean square of the slope of the grey level along x and y, DN^2/px^2.
+    /// Rows of the body in the first frame, downwards.
+    strips: Vec<Strip>,
+    /// Their eighth differences, one strip after another.
+    values: Vec<f32>,
+    /// Mean square of the slope of the grey level along x and y there, DN^2/px^2.
     slope_squared: f64,
+    memory: [Vec<f32>; 2],
+}
+
+/// A row of a body.
+#[derive(Debug, Clone)]
+struct Strip {
+    y: u32,
+    columns: Range<u32>,
+    /// Where its values begin.
+    from: usize,
 }
 
 impl FixedPattern {
-    /// Takes the first frame: the pixels of the body in it, as rectangles of x, y, width and height, px.
+    /// Takes the first frame: the pixels of the body in it, as rectangles of x, y, width and height, px, one below the
+    /// other.
     pub fn begin(&mut self, first: &Prepared, body: &[[u32; 4]]) {
-        let (mut squares, mut pixels) = (0.0, 0_usize);
-        self.later.fill(first);
-        self.first.clear_as(&self.later);
-        for (row, columns) in rows(first, body) {
-            let from = row * self.later.width;
-            let places = from + columns.start..from + columns.end;
-            self.first.values[places.clone()].copy_from_slice(&self.later.values[places]);
-            let [along_x, along_y] =
-                [&first.gradient_x, &first.gradient_y].map(|plane| &plane.row(row)[columns.clone()]);
-            squares += along_x.iter().zip(along_y).map(|(x, y)| f64::from(x * x + y * y)).sum::<f64>();
-            pixels += columns.len();
+        self.strips.clear();
+        self.values.clear();
+        let mut squares = 0.0;
+        for (y, columns) in rows(first, body) {
+            let strip = Strip { y, columns: columns.clone(), from: self.values.len() };
+            self.strips.push(strip);
+            self.values.extend_from_slice(eighths(first, y, &columns, &mut self.memory));
+            let (left, row) = first.local((columns.start, y));
+            let slopes = [&first.gradient_x, &first.gradient_y]
+                .map(|plane| &plane.row(row as usize)[left as usize..left as usize + columns.len()]);
+            squares += slopes.map(|slope| dot(slope, slope)).iter().sum::<f64>();
         }
-        self.slope_squared = 0.5 * squares / pixels.max(1) as f64;
+        self.slope_squared = 0.5 * squares / self.values.len().max(1) as f64;
     }
 
     /// By which share steps of far less than a pixel come out short, as a later frame shows it, whose body has these
     /// pixels; it scatters about its mean, below zero as well. `None` where the two have too few pixels in common.
     pub fn share(&mut self, later: &Prepared, body: &[[u32; 4]]) -> Option<f64> {
-        self.later.fill(later);
         let (mut sum, mut pixels) = (0.0, 0);
-        let (right, down) = self.first.shift_to(&self.later);
-        for (row, columns) in rows(later, body) {
-            let values = &self.later.values[row * self.later.width..][columns.clone()];
-            for (column, value) in columns.zip(values) {
-                if let Some(first) = self.first.at(column as i64 + right, row as i64 + down) {
-                    sum += f64::from(first) * f64::from(*value);
-                    pixels += 1;
-                }
+        for (y, columns) in rows(later, body) {
+            let strip = self.strips.binary_search_by_key(&y, |strip| strip.y).ok().map(|place| &self.strips[place]);
+            let Some(strip) = strip else { continue };
+            let both = columns.start.max(strip.columns.start)..columns.end.min(strip.columns.end);
+            if both.is_empty() {
+                continue;
             }
+            let from = strip.from + (both.start - strip.columns.start) as usize;
+            let first = &self.values[from..from + both.len()];
+            sum += dot(first, eighths(later, y, &both, &mut self.memory));
+            pixels += both.len();
         }
-        let share = SPEAKS * sum / (GAIN * GAIN * f64::from(pixels) * self.slope_squared);
+        let share = SPEAKS * sum / (GAIN * GAIN * pixels as f64 * self.slope_squared);
         (pixels >= LEAST_PIXELS && share.is_finite()).then_some(share)
     }
 }
 
-/// The rows of rectangles, in the part of a frame that is ready.
-fn rows(frame: &Prepared, rectangles: &[[u32; 4]]) -> impl Iterator<Item = (usize, Range<usize>)> {
-    let (width, height) = (frame.levels.width() as i64, frame.levels.height() as i64);
+/// The rows of rectangles, as far as they are in the part of a frame that is ready.
+fn rows(frame: &Prepared, rectangles: &[[u32; 4]]) -> impl Iterator<Item = (u32, Range<u32>)> {
+    let (left, top) = frame.local((0, 0));
+    let within = |from: u32, length: u32, before: i32, ready: usize| {
+        let first = before.unsigned_abs();
+        from.max(first)..from.saturating_add(length).min(first + ready as u32)
+    };
+    let (width, height) = (frame.levels.width(), frame.levels.height());
     rectangles.iter().flat_map(move |[x, y, columns, rows]| {
-        let (left, top) = frame.local((*x, *y));
-        let within = |from: i32, length: u32, limit: i64| {
-            let end = i64::from(from) + i64::from(length);
-            i64::from(from).clamp(0, limit) as usize..end.clamp(0, limit) as usize
-        };
-        let columns = within(left, *columns, width);
-        within(top, *rows, height).map(move |row| (row, columns.clone()))
+        let columns = within(*x, *columns, left, width);
+        let rows = if columns.is_empty() { 0..0 } else { within(*y, *rows, top, height) };
+        rows.map(move |y| (y, columns.clone()))
     })
 }
 
-/// Differences of neighbouring pixels over the part of a frame that is ready; not a number where they do not count.
-#[derive(Debug, Clone, Default)]
-struct Differences {
-    values: Vec<f32>,
-    width: usize,
-    height: usize,
-    /// Where its first pixel lies in the frame.
-    origin: (i64, i64),
-    down: Vec<f32>,
-}
-
-impl Differences {
-    fn fill(&mut self, frame: &Prepared) {
-        let levels = &frame.levels;
-        let zero = frame.local((0, 0));
-        self.origin = (-i64::from(zero.0), -i64::from(zero.1));
-        (self.width, self.height) = (levels.width(), levels.height());
-        self.values.resize(self.width * self.height, 0.0);
-        self.down.resize(self.width + 2 * REACH as usize, 0.0);
-        for y in 0..self.height {
-            let row = |k: usize| {
-                let from = levels.index(-REACH, y as isize + k as isize - REACH);
-                &levels.data()[from..from + self.width + 2 * REACH as usize]
-            };
-            combine(std::array::from_fn(row), &mut self.down);
-            let down = &self.down;
-            let across = std::array::from_fn(|k| &down[k..k + self.width]);
-            combine(across, &mut self.values[y * self.width..(y + 1) * self.width]);
-        }
-    }
-
-    /// As large as another, and empty.
-    fn clear_as(&mut self, other: &Self) {
-        (self.width, self.height, self.origin) = (other.width, other.height, other.origin);
-        self.values.clear();
-        self.values.resize(other.values.len(), f32::NAN);
-    }
-
-    /// What is added to a place in another's part for the same pixel in this one's.
-    fn shift_to(&self, other: &Self) -> (i64, i64) {
-        (other.origin.0 - self.origin.0, other.origin.1 - self.origin.1)
-    }
-
-    fn at(&self, x: i64, y: i64) -> Option<f32> {
-        let inside = (0..self.width as i64).contains(&x) && (0..self.height as i64).contains(&y);
-        inside.then(|| self.values[y as usize * self.width + x as usize]).filter(|value| !value.is_nan())
-    }
+/// The eighth differences of some pixels of a row, in the frame's own places.
+fn eighths<'a>(frame: &Prepared, y: u32, columns: &Range<u32>, [down, across]: &'a mut [Vec<f32>; 2]) -> &'a [f32] {
+    let (left, row) = frame.local((columns.start, y));
+    let wide = columns.len() + 2 * REACH as usize;
+    down.resize(wide, 0.0);
+    across.resize(columns.len(), 0.0);
+    let near = |k: usize| {
+        let from = frame.levels.index(left as isize - REACH, row as isize + k as isize - REACH);
+        &frame.levels.data()[from..from + wide]
+    };
+    combine(std::array::from_fn(near), down);
+    combine(std::array::from_fn(|k| &down[k..k + columns.len()]), across);
+    across
 }
 
 /// The eighth difference of nine rows.
@@ -142,6 +124,20 @@ fn combine(rows: [&[f32]; EIGHTH.len()], out: &mut [f32]) {
         let both = |k: usize| EIGHTH[k] * (rows[k][x] + rows[EIGHTH.len() - 1 - k][x]);
         out[x] = (both(0) + both(1)) + (both(2) + both(3)) + EIGHTH[4] * rows[4][x];
     }
+}
+
+/// The sum of the products of two rows.
+#[multiversion(targets("x86_64+avx512f+avx512bw+avx512dq+avx512vl", "x86_64+avx2"))]
+fn dot(a: &[f32], b: &[f32]) -> f64 {
+    let mut sums = [0.0_f64; LANES];
+    let ((a, a_rest), (b, b_rest)) = (a.as_chunks::<LANES>(), b.as_chunks::<LANES>());
+    for (a, b) in a.iter().zip(b) {
+        for lane in 0..LANES {
+            sums[lane] += f64::from(a[lane]) * f64::from(b[lane]);
+        }
+    }
+    let rest = a_rest.iter().zip(b_rest).map(|(a, b)| f64::from(*a) * f64::from(*b));
+    sums.iter().sum::<f64>() + rest.sum::<f64>()
 }
 
 #[cfg(test)]

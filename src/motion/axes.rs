@@ -81,6 +81,12 @@ impl PixelRates {
         Self { x: widened(self.x), y: widened(self.y), ..self }
     }
 
+    /// The same with what else each may be off by.
+    pub fn unsure_by(self, [x, y, theta]: [f64; 3]) -> Self {
+        let widened = |rate: Estimate, by: f64| Estimate { sigma: rate.sigma.hypot(by), ..rate };
+        Self { x: widened(self.x, x), y: widened(self.y, y), theta: widened(self.theta, theta), ..self }
+    }
+
     /// The same where the true ones may be larger by a share of themselves.
     pub fn short_by(self, share: f64) -> Self {
         let [x, y, theta] = [self.x, self.y, self.theta].map(|rate| rate.short_by(share));

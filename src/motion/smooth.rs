@@ -18,8 +18,17 @@ const SAME_ACCELERATION: f64 = 3.5;
 /// How much stronger the fifth derivative of a contact is than that of half a sine: contacts begin and end more sharply.
 const SHARPNESS: f64 = 10.0;
 
-/// What the order-4 window errs by where the force sets in or ends, as a share of the strongest acceleration, frames.
-const KINK: f64 = 0.04;
+/// Half width of the fit across the moment at which a force sets in or ends, frames.
+const ACROSS_FRAMES: u64 = 8;
+/// Inside of a contact, so many frames from there on the order-4 window errs by what that fit does, ever less,
+const INSIDE_FRAMES: f64 = 6.0;
+/// and at least by this share of the strongest acceleration, frames.
+const KINK: f64 = 0.02;
+/// Outside, the flight is off by a share of what the two are apart, over so many frames: a force that sets in is noticed
+/// at once,
+const BEFORE: (f64, f64) = (0.4, 1.5);
+/// the rest of one that ends is not.
+const AFTER: (f64, f64) = (0.6, 3.0);
 
 /// What is known of the motion around a frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -114,6 +123,9 @@ fn window(nodes: &[Node], frame: u64, width: u64, ahead: u64) -> &[Node] {
 ///   = |5th derivative| h^4 / 504 for a window of 2 h + 1 frames, the derivative being estimated from the approach speed
 ///   and the strongest acceleration seen;
 /// - otherwise order 2 over 9 frames.
+///
+/// Where the force sets in or ends, neither is right: the sigmas of frames near there have in them how far the two are
+/// apart.
 pub fn smooth(
     nodes: &[Node],
     frame: u64,
@@ -130,22 +142,76 @@ pub fn smooth(
         return plain(u64::from(width), params.order as usize, lag_frames(params));
     }
     let fallback = || plain(u64::from(DEFAULT.0) + n - 1, DEFAULT.1, AUTO_AHEAD_FRAMES);
-    match regime {
-        Regime::Unknown => fallback(),
+    let rates = match regime {
+        Regime::Unknown => return fallback(),
         Regime::Flight { from, to } => {
             let (back, ahead) = (from.max(frame.saturating_sub(FLIGHT_BACK)), to.min(frame + FLIGHT_AHEAD));
-            in_flight(between(nodes, back, ahead), at.time_frames, gravity).or_else(fallback)
+            in_flight(between(nodes, back, ahead), at.time_frames, gravity).or_else(fallback)?
         }
-        Regime::Contact { speed_px, acceleration_px, from, to } => {
+        Regime::Contact { speed_px, acceleration_px, .. } => {
             let sigma = (at.sigma[0] + at.sigma[1]) / 2.0;
             let half = contact_half_width(sigma, speed_px, acceleration_px);
-            let to_end = to.map_or(u64::MAX, |to| to.abs_diff(frame));
-            let near = 1.0 - frame.abs_diff(from).min(to_end) as f64 / half as f64;
-            let bias_px = contact_bias(half, speed_px, acceleration_px).hypot(KINK * acceleration_px * near.max(0.0));
             let rates = plain(2 * half + n, CONTACT_ORDER, AUTO_AHEAD_FRAMES)?;
-            let biased = |rate: Estimate| Estimate { sigma: rate.sigma.hypot(bias_px), ..rate };
-            Some(PixelRates { x: biased(rates.x), y: biased(rates.y), ..rates })
+            let bias_px = contact_bias(half, speed_px, acceleration_px);
+            rates.unsure_by([bias_px, bias_px, 0.0])
         }
+    };
+    let known = between(nodes, 0, frame + AUTO_AHEAD_FRAMES);
+    let widened = |rates: PixelRates, edge: &Edge| {
+        let apart = edge.apart(known, gravity).unwrap_or_default();
+        rates.unsure_by(std::array::from_fn(|k| edge.share * apart[k].hypot(edge.kink_px[k])))
+    };
+    Some(edges(frame, regime).iter().flatten().fold(rates, widened))
+}
+
+/// A moment near a frame at which a force sets in or ends.
+struct Edge {
+    /// The first frame after it.
+    frame: u64,
+    /// First and last frame of the flight beside it.
+    flight: (u64, u64),
+    /// How much of what is not known there is left in the frame asked for.
+    share: f64,
+    /// What that is at least, per frame.
+    kink_px: [f64; 3],
+}
+
+/// The moments before and after a frame that are near.
+fn edges(frame: u64, regime: Regime) -> [Option<Edge>; 2] {
+    let before = |edge: u64, from: u64| (edge.saturating_sub(FLIGHT_BACK).max(from), edge.saturating_sub(1));
+    let after = |edge: u64, to: u64| (edge, to.min(edge.saturating_add(FLIGHT_AHEAD)));
+    let both = match regime {
+        Regime::Unknown => [None, None],
+        Regime::Flight { from, to } => {
+            let share = |(most, frames): (f64, f64), away: u64| most * (1.0 - away as f64 / frames);
+            let edge = |frame: u64, flight: (u64, u64), share: f64| Edge { frame, flight, share, kink_px: [0.0; 3] };
+            let ends = to
+                .checked_add(1)
+                .map(|edge_at| edge(edge_at, before(edge_at, from), share(BEFORE, to.abs_diff(frame))));
+            [ends, (from > 0).then(|| edge(from, after(from, to), share(AFTER, frame.abs_diff(from))))]
+        }
+        Regime::Contact { acceleration_px, from, to, .. } => {
+            let kink_px = [KINK * acceleration_px, KINK * acceleration_px, 0.0];
+            let share = |away: u64| 1.0 - away as f64 / INSIDE_FRAMES;
+            let edge = |frame: u64, flight: (u64, u64), share: f64| Edge { frame, flight, share, kink_px };
+            let ends = to.map(|to| edge(to, after(to, u64::MAX), share(to.abs_diff(frame))));
+            [Some(edge(from, before(from, 0), share(frame.abs_diff(from)))), ends]
+        }
+    };
+    both.map(|edge| edge.filter(|edge| edge.share > 0.0))
+}
+
+impl Edge {
+    /// How far apart the flight and a fit across the moment are there, per frame: x, y and the angle.
+    ///
+    /// The one does not know of the force, the other draws it out over its window; the truth lies between them.
+    fn apart(&self, nodes: &[Node], gravity: Option<[f64; 2]>) -> Option<[f64; 3]> {
+        let at_frames = nodes[nodes.binary_search_by_key(&self.frame, |n| n.frame).ok()?].time_frames;
+        let flight = in_flight(between(nodes, self.flight.0, self.flight.1), at_frames, gravity)?;
+        let across = window(nodes, self.frame, 2 * ACROSS_FRAMES + 1, ACROSS_FRAMES);
+        let across = fit_rates(across, at_frames, CONTACT_ORDER, [0.0; 2])?;
+        let apart = |a: Estimate, b: Estimate| (a.value - b.value).abs();
+        Some([apart(flight.x, across.x), apart(flight.y, across.y), apart(flight.theta, across.theta)])
     }
 }
 
