@@ -1,6 +1,6 @@
 //! The velocity at one frame: a local fit to the carried poses.
 
-use super::{MotionParams, Node, PixelRates, Polynomial, Sample};
+use super::{MAX_ORDER, MotionParams, Node, PixelRates, Polynomial, Sample};
 use crate::results::Estimate;
 
 /// Newest data a sample waits for when the fit chooses its window, frames.
@@ -18,6 +18,8 @@ const SAME_ACCELERATION: f64 = 3.5;
 /// How much stronger the fifth derivative of a contact is than that of half a sine: contacts begin and end more sharply.
 const SHARPNESS: f64 = 10.0;
 
+/// Rates of two orders differ by more than their noise from so many sigmas on.
+const SURELY: f64 = 2.0;
 /// Half width of the fit across the moment at which a force sets in or ends, frames.
 const ACROSS_FRAMES: u64 = 8;
 /// Inside of a contact, so many frames from there on the order-4 window errs by what that fit does, ever less,
@@ -96,6 +98,22 @@ fn fit_rates(nodes: &[Node], at_frames: f64, order: usize, gravity: [f64; 2]) ->
     Some(PixelRates { x, y, theta, window_frames: u32::try_from(span).ok()?, order: u32::try_from(order).ok()? })
 }
 
+/// The same, and how far off the order is for the motion: by how much the rates of the next order whose rates differ are
+/// others, beyond their noise.
+fn fit_and_doubt(nodes: &[Node], at_frames: f64, order: usize) -> Option<PixelRates> {
+    let rates = fit_rates(nodes, at_frames, order, [0.0; 2])?;
+    // About the middle of a window, an even order has the rates of the odd one below.
+    let finer = fit_rates(nodes, at_frames, ((order + 1) | 1).min(MAX_ORDER), [0.0; 2])?;
+    if finer.order <= rates.order {
+        return Some(rates);
+    }
+    let apart = |rate: Estimate, finer: Estimate| {
+        let noise = (finer.sigma.powi(2) - rate.sigma.powi(2)).max(0.0);
+        ((finer.value - rate.value).powi(2) - SURELY.powi(2) * noise).max(0.0).sqrt()
+    };
+    Some(rates.unsure_by([apart(rates.x, finer.x), apart(rates.y, finer.y), apart(rates.theta, finer.theta)]))
+}
+
 fn between(nodes: &[Node], from: u64, to: u64) -> &[Node] {
     let first = nodes.partition_point(|n| n.frame < from);
     let end = nodes.partition_point(|n| n.frame <= to);
@@ -114,7 +132,8 @@ fn window(nodes: &[Node], frame: u64, width: u64, ahead: u64) -> &[Node] {
 
 /// The rates at the node of `frame`, from nodes no newer than `frame + ahead`.
 ///
-/// With a window in `params` it is the plain local fit of that window and order.
+/// With a window in `params` it is the plain local fit of that window and order, whose sigmas have in them by how much
+/// a higher order tells other rates.
 /// Without, the motion's regime chooses both:
 ///
 /// - in flight a straight line with known gravity over up to 55 frames of the same flight, after testing that the
@@ -135,9 +154,8 @@ pub fn smooth(
 ) -> Option<PixelRates> {
     let at = nodes[nodes.binary_search_by_key(&frame, |n| n.frame).ok()?];
     let n = u64::from(params.interval_frames.max(1));
-    let plain = |width: u64, order: usize, ahead: u64| {
-        fit_rates(window(nodes, frame, width, ahead), at.time_frames, order, [0.0; 2])
-    };
+    let plain =
+        |width: u64, order: usize, ahead: u64| fit_and_doubt(window(nodes, frame, width, ahead), at.time_frames, order);
     if let Some(width) = params.window_frames {
         return plain(u64::from(width), params.order as usize, lag_frames(params));
     }
@@ -151,7 +169,8 @@ pub fn smooth(
         Regime::Contact { speed_px, acceleration_px, .. } => {
             let sigma = (at.sigma[0] + at.sigma[1]) / 2.0;
             let half = contact_half_width(sigma, speed_px, acceleration_px);
-            let rates = plain(2 * half + n, CONTACT_ORDER, AUTO_AHEAD_FRAMES)?;
+            let across = window(nodes, frame, 2 * half + n, AUTO_AHEAD_FRAMES);
+            let rates = fit_rates(across, at.time_frames, CONTACT_ORDER, [0.0; 2])?;
             let bias_px = contact_bias(half, speed_px, acceleration_px);
             rates.unsure_by([bias_px, bias_px, 0.0])
         }
