@@ -5,7 +5,7 @@ use super::text::Text;
 use super::{Body, BodyKind, Config, TriggerMode};
 use crate::ball::BallParams;
 use crate::dic::{CorrelationParams, STALE_DEG};
-use crate::motion::{Form, MotionParams, Rectifier, Renewal, Scale, Spans, Walk};
+use crate::motion::{Form, MotionParams, Rectifier, Renewal, Scale, Spans, View, Walk};
 use crate::rod::{LEAST_WIDTH_PX, RodParams};
 use crate::trigger::{BodyWatch, Condition, MeasuredTrigger};
 
@@ -86,6 +86,7 @@ impl Config {
         MotionParams {
             scale,
             rectifier: self.calibration.clone(),
+            view: View::default(),
             surface_angle_deg: self.surface.angle_deg,
             gravity_m_s2: self.velocity.gravity_m_s2,
             gravity_angle_deg: self.velocity.gravity_angle_deg,

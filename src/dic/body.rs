@@ -118,6 +118,13 @@ impl RigidBody {
         [u, v, angle.to_degrees()]
     }
 
+    /// By how much a match of all its pixels is off for a body that grows by 1 in the picture: displacement along x and y,
+    /// px, and angle, deg. What has more edges on one side seems to move to that side as it grows.
+    pub fn growth_lever(&self) -> [f64; 3] {
+        let [u_px, v_px, angle] = self.subset.lever;
+        [u_px, v_px, angle.to_degrees()]
+    }
+
     /// Its pixels, about [`Self::center_px`].
     pub(super) fn window(&self) -> &Window {
         &self.window

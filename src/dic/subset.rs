@@ -54,6 +54,8 @@ pub(super) struct Subset {
     pub(super) jacobian_levels: [f64; 6],
     /// Inverse of the sum of J J^T, for the parameters of the shape.
     pub(super) inverse: [[f64; 6]; 6],
+    /// By how much u, v (px) and angle (rad) of a rigid match are off for a body that grows by 1: edges lie more to one side.
+    pub(super) lever: [f64; 3],
     /// Share of the gradient energy that the weaker direction has, 0 to 0.5.
     pub(super) isotropy: f64,
     /// Gradient energy over the energy of the grey levels: 0.9 for white noise, far less for speckle.
@@ -136,6 +138,10 @@ impl Subset {
             if self.inverse[0][0] > EXTRAPOLATED * known_u || self.inverse[3][3] > EXTRAPOLATED * known_v {
                 return Err(Unusable::LowContrast);
             }
+        }
+        if let Shape::Rigid = shape {
+            let (grown, _) = project(shape, &std::array::from_fn(|k| hessian[k][1] + hessian[k][5]));
+            self.lever = std::array::from_fn(|k| (0..3).map(|j| self.inverse[k][j] * grown[j]).sum());
         }
         let weaker = 0.5 * (xx + yy) - (0.25 * (xx - yy) * (xx - yy) + xy * xy).sqrt();
         self.isotropy = weaker / (xx + yy);

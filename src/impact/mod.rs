@@ -4,6 +4,7 @@
 //! once it has ended, from the flights on both sides and from contact laws
 //! fitted to the positions between.
 
+mod approach;
 mod departure;
 mod detect;
 mod fall;
@@ -15,6 +16,7 @@ mod slip;
 mod solve;
 mod trail;
 
+pub use approach::Approach;
 pub use detect::{Contact, Detector, Event};
 pub use family::{FirstGuess, Verdict, judge};
 pub use fit::{Expected, LawFit, fit_law};

@@ -11,7 +11,7 @@ use crate::motion::{Polynomial, Sample, Shortening};
 use crate::results::{Estimate, ForceLaw, Impact, PointStatus};
 
 /// Longest flight used on either side, frames.
-const FLIGHT_FRAMES: f64 = 128.0;
+pub(super) const FLIGHT_FRAMES: f64 = 128.0;
 /// Fewest nodes of a flight.
 const FLIGHT_MIN_NODES: usize = 4;
 /// The end as noticed may be so many frames early.

@@ -124,6 +124,7 @@ mod tests {
             is_whole: true,
             rim_fraction: None,
             fixed_fraction: None,
+            growth_fraction: None,
             frame,
             stamp_ns: frame,
             body: 0,

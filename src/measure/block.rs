@@ -2,7 +2,7 @@
 
 use super::confirm;
 use super::error::MeasureError;
-use super::field::{center_step, rigid_step, some_of, start};
+use super::field::{center_step, grown, rigid_step, some_of, start};
 use super::known::Memory;
 use super::outline::{Finder, Outline};
 use super::params::{MeasureParams, Share};
@@ -419,6 +419,7 @@ impl Measurer {
             return None;
         }
         step.step = rigid_step(&mut field, outline.center_px(), frames, correlation.subset_size_px, start);
+        step.growth_fraction = step.step.and_then(|found| grown(&field, &found, frames));
         if let (Rotation::Center, Some(_)) = (self.params.rotation, &step.circle) {
             step.step = step.step.and_then(|_| center_step(&field, outline.center_px(), frames, correlation));
         }
@@ -450,8 +451,7 @@ impl Measurer {
         }
         if place == 0 {
             self.known.of(body, reference.block).motion = step.step;
-            let found = step.step.and_then(|_| self.patterns.share((body, reference), &outline));
-            step.fixed_fraction = found;
+            step.fixed_fraction = step.step.and_then(|_| self.patterns.share((body, reference), &outline));
         }
         Some(Measured { step, field: Some(field) })
     }
@@ -491,7 +491,7 @@ impl Measurer {
                 let found = finder
                     .follow((reference.block, target.sequence), target.prepared, &pose.moved(rate, frames))
                     .ok()?;
-                Some(WholeStep { step: pose.step_to(&found, frames), visible_fraction: None })
+                Some(WholeStep { step: pose.step_to(&found, frames), visible_fraction: None, lever: None })
             }
             _ => None,
         }

@@ -3,10 +3,10 @@
 use super::belief::Belief;
 use super::outline::seen;
 use super::tracker::TrackerRows;
-use crate::impact::{Contact, Detector, Event, SurfaceNode, World, deepest_so_far, solve};
+use crate::impact::{Approach, Contact, Detector, Event, SurfaceNode, World, deepest_so_far, solve};
 use crate::motion::{
-    Anchor, Axes, Center, Chain, Form, MotionParams, Node, PixelRates, Regime, RunningRadius, RunningShare, Scale,
-    Shortening, gravity_px, lag_frames, physical, smooth,
+    Anchor, Axes, Center, Chain, Form, Growth, MotionParams, Node, PixelRates, Regime, RunningRadius, RunningShare,
+    Scale, Seen, Shortening, View, gravity_px, lag_frames, physical, smooth,
 };
 use crate::results::{Alarm, AlarmKind, BodyStep, Estimate, Impact, Phase, PointStatus, TrackSample, VelocitySample};
 
@@ -51,6 +51,9 @@ pub struct BodyTracker {
     anchor: Anchor,
     radius: RunningRadius,
     fixed: RunningShare,
+    growth: Growth,
+    /// Of a rod from the pose that its steps lead to, px.
+    rod_px: Option<[f64; 2]>,
     /// Whether the newest step is a match of the whole body.
     is_whole: bool,
     nodes: Vec<Node>,
@@ -74,6 +77,8 @@ impl BodyTracker {
             anchor: Anchor::new(),
             radius: RunningRadius::new(),
             fixed: RunningShare::default(),
+            growth: Growth::default(),
+            rod_px: None,
             is_whole: false,
             nodes: Vec::new(),
             first_sigma_deg: None,
@@ -106,9 +111,14 @@ impl BodyTracker {
             self.is_whole = step.is_whole;
         }
         let since_ns = (i128::from(step.stamp_ns) - i128::from(origin_ns)) as f64 + 0.5 * self.params.exposure_ns;
-        let Some(node) = self.chain.push(step, since_ns / self.params.frame_period_ns) else { return };
+        let time_frames = since_ns / self.params.frame_period_ns;
+        self.growth.push(step, time_frames);
+        let Some(node) = self.chain.push(step, time_frames) else { return };
         self.first_sigma_deg.get_or_insert(node.sigma[2]);
         self.keep(node);
+        if let Some(rod) = &step.rod {
+            self.rod_px = Some([rod.x_px.value - node.pose[0], rod.y_px.value - node.pose[1]]);
+        }
         let gravity = self.gravity().map(|g| self.axes.surface(g[0], g[1]).normal);
         let node_on_surface = SurfaceNode::new(&node, self.axes);
         let event = self.detector.as_mut().map_or(Event::None, |detector| {
@@ -246,14 +256,20 @@ impl BodyTracker {
     }
 
     fn world(&self) -> Option<World> {
+        // A median of radii is that of a moment amid those seen, whatever the radius was when it touched.
+        let half = 0.5 * self.growth.whole();
         let metres_per_px = self.radius.metres_per_px(self.params.scale)?;
+        let metres_per_px = match self.params.scale {
+            Scale::BallDiameterMm(_) => metres_per_px.short_by(half),
+            Scale::MmPerPx(_) | Scale::Unknown => metres_per_px,
+        };
         let [x, y] = gravity_px(&self.params, metres_per_px.value);
         let gravity = self.axes.surface(x, y);
         let radius_px = match self.params.scale {
             _ if self.params.form != Form::Ball => None,
             Scale::Unknown => None,
             Scale::BallDiameterMm(mm) => Some(Estimate { value: mm * 5e-4 / metres_per_px.value, sigma: 0.0 }),
-            Scale::MmPerPx(_) => self.radius.radius_px(),
+            Scale::MmPerPx(_) => self.radius.radius_px().map(|radius| radius.short_by(half)),
         };
         let period_s = self.params.frame_period_ns * 1e-9;
         let center = self.nodes.last().and_then(|node| self.anchor.center(node));
@@ -268,9 +284,22 @@ impl BodyTracker {
         })
     }
 
+    /// Where in the picture its pose counts from.
+    fn origin_px(&self) -> Option<[f64; 2]> {
+        let center = self.nodes.last().and_then(|node| Some((node.pose, self.anchor.center(node)?)));
+        center.map(|(pose, center)| [center.x_px - pose[0], center.y_px - pose[1]]).or(self.rod_px)
+    }
+
+    /// The same from where the camera looks straight ahead, along normal and tangent, px.
+    fn place(&self) -> Option<[f64; 2]> {
+        let (origin_px, [x, y]) = (self.origin_px()?, self.params.view.middle_px);
+        let place = self.axes.surface(origin_px[0] - x, origin_px[1] - y);
+        Some([place.normal, place.tangential])
+    }
+
     /// Measures the last collision with what is known up to `time_frames`.
     fn tell_again(&mut self, time_frames: f64, last: bool, impacts: &mut Vec<Impact>) {
-        let world = self.world();
+        let (world, place) = (self.world(), self.place());
         let (Some(telling), Some(detector), Some(world)) = (&mut self.telling, &self.detector, world) else { return };
         let newest = detector.trail().last().map_or(f64::NEG_INFINITY, |n| n.time_frames).min(time_frames);
         if newest.total_cmp(&telling.told_to_frames).is_eq() {
@@ -278,7 +307,14 @@ impl BodyTracker {
         }
         telling.told_to_frames = newest;
         telling.tried_frames = newest;
-        let measured = solve(detector.trail(), &telling.contact, newest, &world);
+        let trail = detector.trail();
+        let view = place.map(|place_px| (place_px, self.params.view.sigma_px));
+        let approach = view.and_then(|view| Approach::of(&self.growth, &telling.contact, newest, view));
+        let measured = match approach {
+            Some(approach) => solve(&approach.evened(trail), &telling.contact, newest, &world)
+                .map(|impact| approach.told(impact, trail, &world)),
+            None => solve(trail, &telling.contact, newest, &world),
+        };
         let sigma = measured.and_then(|i| i.restitution).map_or(f64::INFINITY, |e| e.sigma);
         // A later word replaces an earlier one if it knows better, and the last one does whatever it knows.
         if let Some(impact) = measured.filter(|_| sigma <= telling.sigma || last) {
@@ -297,6 +333,14 @@ impl BodyTracker {
             start_s: Some(Estimate { value: contact.start_frames * period_s, sigma: period_s }),
             ..Impact::unknown(self.body, self.collisions, self.origin_ns)
         }
+    }
+
+    /// The rates across the view.
+    fn across(&self, rates: PixelRates, regime: Regime, node: &Node) -> PixelRates {
+        let View { middle_px: [x, y], sigma_px } = self.params.view;
+        let Some(origin_px) = self.origin_px() else { return rates };
+        let place_px = [origin_px[0] + node.pose[0] - x, origin_px[1] + node.pose[1] - y];
+        self.growth.across(rates, regime, Seen { frame: node.frame, time_frames: node.time_frames, place_px, sigma_px })
     }
 
     fn unsure(&self, rates: PixelRates) -> PixelRates {
@@ -334,7 +378,10 @@ impl BodyTracker {
         let (regime, phase) = self.detector.as_ref().map_or((Regime::Unknown, Phase::Unknown), |d| {
             (d.regime(step.frame), if node.is_some() { d.phase(step.frame) } else { Phase::Unknown })
         });
-        let rates = node.and_then(|n| smooth(&self.nodes, n.frame, regime, &self.params, self.gravity()));
+        let rates = node.and_then(|n| {
+            let rates = smooth(&self.nodes, n.frame, regime, &self.params, self.gravity())?;
+            Some(self.across(rates, regime, &n))
+        });
         let scale = self.radius.metres_per_px(self.params.scale);
         let center_sigma_px = center.map_or(0.0, |center| center.sigma_px);
         let velocity = VelocitySample {

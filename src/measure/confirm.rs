@@ -101,6 +101,7 @@ mod tests {
             is_whole,
             rim_fraction,
             fixed_fraction,
+            growth_fraction: None,
             frame: 3,
             stamp_ns: 3,
             body: 0,

@@ -1,7 +1,7 @@
 //! From a motion to the field that is looked for, and back.
 
-use crate::dic::{CenterVector, CorrelationParams, GridPoint, RigidMotion, Start, center_fit, rigid_fit_near};
-use crate::results::{PairField, RigidStep};
+use crate::dic::{CenterVector, CorrelationParams, GridPoint, RigidMotion, Start, center_fit, growth, rigid_fit_near};
+use crate::results::{Estimate, PairField, RigidStep};
 
 /// Fewest subsets a rigid motion is believed from.
 const FEWEST_POINTS: u32 = 3;
@@ -28,6 +28,12 @@ pub(super) fn rigid_step(
     };
     let motion = rigid_fit_near(&mut field.points, center_px, subset_size_px, near)?;
     (motion.points >= FEWEST_POINTS).then(|| a_frame(&motion, frames))
+}
+
+/// By which share a frame the body grows in the picture; `step` is the rigid motion of its field.
+pub(super) fn grown(field: &PairField, step: &RigidStep, frames: f64) -> Option<Estimate> {
+    let grown = growth(&field.points)?;
+    Some(Estimate { value: grown / frames, sigma: step.sigma_dtheta_deg.to_radians() })
 }
 
 /// The same from the field at the centre and its subsets' rotations about it, of the subsets that follow the body.

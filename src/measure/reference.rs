@@ -27,6 +27,7 @@ impl Reference {
             is_whole: false,
             rim_fraction: None,
             fixed_fraction: None,
+            growth_fraction: None,
             frame: self.meta.sequence,
             stamp_ns: self.meta.stamp_ns,
             body: u32::try_from(body).unwrap_or(u32::MAX),

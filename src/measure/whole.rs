@@ -57,12 +57,20 @@ pub(super) struct WholeStep {
     pub(super) step: RigidStep,
     /// Share of the body in sight in the first of the two frames, if that is known.
     pub(super) visible_fraction: Option<f64>,
+    /// What growth by 1 adds to the motion, px, px and deg, where nothing hides the body.
+    pub(super) lever: Option<[f64; 3]>,
 }
 
 impl WholeStep {
     /// Puts it in the place of what subsets say.
     pub(super) fn tell(&self, step: &mut BodyStep) {
-        (step.step, step.is_whole) = (Some(self.step), true);
+        let [x, y, angle] = match (self.lever, step.growth_fraction) {
+            (Some(lever), Some(grown)) => lever.map(|lever| lever * grown.value),
+            _ => [0.0; 3],
+        };
+        let RigidStep { dx_px, dy_px, dtheta_deg, .. } = self.step;
+        let own = RigidStep { dx_px: dx_px - x, dy_px: dy_px - y, dtheta_deg: dtheta_deg - angle, ..self.step };
+        (step.step, step.is_whole) = (Some(own), true);
         if let (Some(circle), Some(share)) = (&mut step.circle, self.visible_fraction) {
             step.rim_fraction = Some(circle.visible_fraction);
             circle.visible_fraction = share;
@@ -134,9 +142,11 @@ impl Wholes {
             Some(pose) => pose,
             None => kept.find(to, first.moved(circle, rate, frames))?,
         };
+        let is_seen = kept.is_whole && [first, second].iter().all(|pose| pose.share.is_none_or(|share| share >= WHOLE));
         Some(WholeStep {
             step: first.step_to(&second, circle, frames),
             visible_fraction: first.share.filter(|_| kept.is_whole),
+            lever: is_seen.then(|| kept.reference.growth_lever()),
         })
     }
 }

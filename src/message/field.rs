@@ -1,12 +1,12 @@
 //! Displacement fields: a header for the body and its step, and a slice of points.
 
 use super::{Number, RodMessage};
-use crate::results::{BodyStep, Circle, Displacement, FieldPoint, PairField, PointStatus, RigidStep};
+use crate::results::{BodyStep, Circle, Displacement, Estimate, FieldPoint, PairField, PointStatus, RigidStep};
 use iceoryx2::prelude::ZeroCopySend;
 
 /// One body in one frame, its outline and its motion to the next frame.
 #[derive(Debug, Clone, Copy, PartialEq, Default, ZeroCopySend)]
-#[type_name("ricochet.FieldHeader.v4")]
+#[type_name("ricochet.FieldHeader.v5")]
 #[repr(C)]
 pub struct FieldHeader {
     /// Which start of the acquire process the frames belong to.
@@ -61,6 +61,10 @@ pub struct FieldHeader {
     pub sigma_dtheta_deg: f64,
     /// By which share the sensor's pattern makes short steps shorter, as this frame shows it.
     pub fixed_fraction: Number,
+    /// By which share a frame the body grows in the picture ...
+    pub growth_fraction: Number,
+    /// ... and its standard uncertainty.
+    pub sigma_growth_fraction: f64,
     /// The rod, where the body is one.
     pub rod: RodMessage,
 }
@@ -78,6 +82,8 @@ impl FieldHeader {
             status: step.status as u32,
             worker,
             fixed_fraction: step.fixed_fraction.into(),
+            growth_fraction: step.growth_fraction.map(|growth| growth.value).into(),
+            sigma_growth_fraction: step.growth_fraction.map_or(0.0, |growth| growth.sigma),
             rod: step.rod.into(),
             ..Self::default()
         };
@@ -126,6 +132,8 @@ impl FieldHeader {
         Some(BodyStep {
             is_whole: self.step_known == 2,
             fixed_fraction: self.fixed_fraction.into(),
+            growth_fraction: Option::<f64>::from(self.growth_fraction)
+                .map(|value| Estimate { value, sigma: self.sigma_growth_fraction }),
             rim_fraction: (self.circle_known == 2).then_some(self.rim_fraction),
             frame: self.sequence,
             stamp_ns: self.stamp_ns,
@@ -234,6 +242,7 @@ mod tests {
             is_whole: true,
             rim_fraction: Some(0.9),
             fixed_fraction: Some(-2.5e-4),
+            growth_fraction: Some(Estimate { value: 3e-5, sigma: 4e-6 }),
             frame: 8,
             stamp_ns: 9,
             body: 10,

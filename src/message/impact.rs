@@ -24,7 +24,7 @@ impl From<Option<Estimate>> for EstimateMessage {
 
 /// One collision of one body; told again with a higher revision when it is known better.
 #[derive(Debug, Clone, Copy, PartialEq, Default, ZeroCopySend)]
-#[type_name("ricochet.Impact.v3")]
+#[type_name("ricochet.Impact.v4")]
 #[repr(C)]
 pub struct ImpactMessage {
     /// Which start of the acquire process the frames belong to.
@@ -46,7 +46,8 @@ pub struct ImpactMessage {
     /// In this order: start, deepest, end (s), normal speed before, after, tangential before, after (m/s),
     /// spin before, after (rad/s), restitution, tangential restitution, impulse ratio, contact time (s),
     /// peak compression (mm), peak acceleration (m/s^2), end of slip (s), force at 2 % of its peak, rising and falling
-    /// (s), peak force (N), energy lost (J), gravity as seen in flight (m/s^2).
+    /// (s), peak force (N), energy lost (J), gravity as seen in flight (m/s^2), growth in the picture before and
+    /// after (1/s).
     pub numbers: [EstimateMessage; IMPACT_NUMBERS],
 }
 

@@ -123,6 +123,7 @@ mod tests {
     fn params(surface_angle_deg: f64) -> MotionParams {
         MotionParams {
             scale: Scale::MmPerPx(0.5),
+            view: crate::motion::View::default(),
             rectifier: None,
             surface_angle_deg,
             gravity_m_s2: 9.81,

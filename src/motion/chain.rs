@@ -204,6 +204,7 @@ mod tests {
             is_whole,
             rim_fraction,
             fixed_fraction,
+            growth_fraction: None,
             frame,
             stamp_ns: frame,
             body: 0,

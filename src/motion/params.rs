@@ -3,6 +3,12 @@
 use super::{Center, Rectifier, Spans, Walk};
 use crate::results::BodyStep;
 
+/// How far from a picture's middle a camera may look straight ahead, as a share of the picture: lenses sit a little beside
+/// it, and a part that is read out of the sensor need not be its middle.
+const UNSURE_MIDDLE: f64 = 0.05;
+/// The same of a calibrated lens.
+const CALIBRATED_MIDDLE: f64 = 0.005;
+
 /// How many millimetres a pixel is.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Scale {
@@ -48,6 +54,31 @@ pub enum Form {
     Patch,
 }
 
+/// Where the camera looks straight ahead: what comes nearer grows about it.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct View {
+    /// In the rectified picture, px.
+    pub middle_px: [f64; 2],
+    /// How well it is known, px.
+    pub sigma_px: f64,
+}
+
+impl View {
+    /// Of pictures of this size: their middle, where nothing else is known.
+    pub fn of([width_px, height_px]: [u32; 2], rectifier: Option<&Rectifier>) -> Self {
+        let size = [width_px, height_px].map(f64::from);
+        let longest_px = size[0].max(size[1]);
+        match rectifier {
+            None => Self { middle_px: size.map(|length| 0.5 * (length - 1.0)), sigma_px: UNSURE_MIDDLE * longest_px },
+            // What leaves a plane that is seen aslant grows about the foot of the camera, wherever that is.
+            Some(rectifier) if rectifier.mm_per_px().is_some() => {
+                Self { middle_px: rectifier.middle_px(), sigma_px: longest_px }
+            }
+            Some(rectifier) => Self { middle_px: rectifier.middle_px(), sigma_px: CALIBRATED_MIDDLE * longest_px },
+        }
+    }
+}
+
 /// Everything the motion of a body is computed with.
 #[derive(Debug, Clone, PartialEq)]
 pub struct MotionParams {
@@ -56,6 +87,8 @@ pub struct MotionParams {
     /// From the recorded picture to one without lens and perspective, where the camera was calibrated; scale, surface and
     /// gravity are those of that picture.
     pub rectifier: Option<Rectifier>,
+    /// Where the camera looks straight ahead.
+    pub view: View,
     /// Direction of the struck surface's tangent, counter-clockwise from x, deg.
     pub surface_angle_deg: f64,
     /// Strength of gravity, m/s^2; 0 switches it off.

@@ -5,7 +5,7 @@
 //! recorded one, with the same scale and direction, and everywhere its pixels are equally large.
 
 use super::lens::{Distortion, Lens, derivative};
-use crate::results::{BodyStep, Circle, RigidStep};
+use crate::results::{BodyStep, Circle, Estimate, RigidStep};
 
 /// How far apart derivatives are taken, px.
 const NEAR_PX: f64 = 1e-3;
@@ -107,6 +107,16 @@ impl Rectifier {
         self.mm_per_px
     }
 
+    /// Where the camera looks straight ahead, as a rectified place.
+    pub fn middle_px(&self) -> [f64; 2] {
+        let offset = self.calibration.offset_px.map(f64::from);
+        let ahead = self.calibration.lens.and_then(|lens| {
+            let [x, y] = lens.pixel([0.0; 2]);
+            self.place([x - offset[0], y - offset[1]])
+        });
+        ahead.unwrap_or(self.middle[0])
+    }
+
     /// The rectified place of a pixel.
     pub fn place(&self, at_px: [f64; 2]) -> Option<[f64; 2]> {
         let [x, y] = self.plane(at_px)?;
@@ -161,7 +171,12 @@ impl Rectifier {
             Some(motion) => Some(self.motion(motion, (seen, center, radius_px), &jacobian, frames)?),
             None => None,
         };
-        Some(BodyStep { circle, rod, step: motion, ..*step })
+        let growth_fraction = step.growth_fraction.zip(step.step).and_then(|(grown, motion)| {
+            let end = [center[0] + frames * motion.dx_px, center[1] + frames * motion.dy_px];
+            let larger = (stretch(&self.jacobian(end)?).1 / mean).ln() / frames;
+            Some(Estimate { value: grown.value + larger, ..grown })
+        });
+        Some(BodyStep { circle, rod, growth_fraction, step: motion, ..*step })
     }
 
     /// The pixel that shows the centre of a ball whose outline is fitted best by a circle, and how unsure that leaves
@@ -384,8 +399,9 @@ mod tests {
         assert!((mm * apart(place(a), place(b)) - apart(plane(a), plane(b))).abs() < 1e-9);
     }
 
-    /// The rigid motion that fits best what the recorded picture shows of every pixel of a disc of 50 px radius.
-    fn recorded(rectifier: &Rectifier, seen: [f64; 2], (dx, dy, turn_deg): (f64, f64, f64)) -> RigidStep {
+    /// The rigid motion that fits best what the recorded picture shows of every pixel of a disc of 50 px radius, and by
+    /// which share the disc grows.
+    fn recorded(rectifier: &Rectifier, seen: [f64; 2], (dx, dy, turn_deg): (f64, f64, f64)) -> (RigidStep, f64) {
         let from = rectifier.place(rectifier.center(seen, 50.0).unwrap().0).unwrap();
         let mut pairs = Vec::new();
         for k in 0..101 * 101 {
@@ -398,12 +414,13 @@ mod tests {
         }
         let count = pairs.len() as f64;
         let [x, y] = [0, 1].map(|k| pairs.iter().map(|(_, end)| end[k]).sum::<f64>() / count);
-        let (mut along, mut across) = (0.0, 0.0);
+        let (mut along, mut across, mut square) = (0.0_f64, 0.0, 0.0);
         for ([a, b], [u, v]) in &pairs {
             along += a * (u - x) + b * (v - y);
             across += b * (u - x) - a * (v - y);
+            square += a * a + b * b;
         }
-        RigidStep {
+        let step = RigidStep {
             dx_px: x - seen[0],
             dy_px: y - seen[1],
             dtheta_deg: across.atan2(along).to_degrees(),
@@ -411,7 +428,8 @@ mod tests {
             sigma_dy_px: 0.001,
             sigma_dtheta_deg: 0.002,
             points: 9,
-        }
+        };
+        (step, along.hypot(across) / square - 1.0)
     }
 
     #[test]
@@ -427,20 +445,25 @@ mod tests {
                         sigma_radius_px: 0.03,
                         visible_fraction: 1.0,
                     };
+                    let (step, grown) = recorded(&rectifier, center, truth);
                     let seen = BodyStep {
                         is_whole: true,
                         rim_fraction: None,
                         fixed_fraction: None,
+                        growth_fraction: Some(Estimate { value: grown, sigma: 4e-5 }),
                         frame: 3,
                         stamp_ns: 3,
                         body: 0,
                         interval_frames: 1,
                         circle: Some(circle),
                         rod: None,
-                        step: Some(recorded(&rectifier, center, truth)),
+                        step: Some(step),
                         status: PointStatus::Valid,
                     };
-                    let step = rectifier.step(&seen, true).unwrap().step.unwrap();
+                    let told = rectifier.step(&seen, true).unwrap();
+                    let (step, left) = (told.step.unwrap(), told.growth_fraction.unwrap().value);
+                    let most = 0.03 * grown.abs() + 1e-5 * (1.0 + truth.2.abs());
+                    assert!(left.abs() < most, "{center:?} {truth:?}: {left} of {grown}");
                     let wrong = [step.dx_px - truth.0, step.dy_px - truth.1, step.dtheta_deg - truth.2];
                     let most = 2e-4 * truth.0.hypot(truth.1) + 2e-4;
                     assert!(wrong[0].hypot(wrong[1]) < most, "{center:?} {truth:?}: {wrong:?}");

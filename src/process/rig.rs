@@ -9,6 +9,7 @@ use crate::camera::{Camera, CameraError, CameraIdentity, Next, Pace, Slot, Strea
 use crate::config::{self, Config};
 use crate::image::PixelFormat;
 use crate::measure::{BodyParams, MeasureParams, TrackerParams};
+use crate::motion::{MotionParams, View};
 use crate::recording::{Recording, RecordingError};
 use crate::synth::{Scenario, World};
 use std::path::PathBuf;
@@ -253,8 +254,12 @@ pub fn analysis_params(config: &Config, format: &StreamFormat) -> (MeasureParams
             .collect(),
         block_frames: config.workers.block_frames,
     };
+    let motion = |body: usize| {
+        let params = config.motion(body, format.frame_rate_hz, format.exposure_us);
+        MotionParams { view: View::of([format.width_px, format.height_px], params.rectifier.as_ref()), ..params }
+    };
     let tracker = TrackerParams {
-        motion: bodies.map(|body| config.motion(body, format.frame_rate_hz, format.exposure_us)).collect(),
+        motion: bodies.map(motion).collect(),
         longer_frames: config.intervals_frames[1..].to_vec(),
         contact: true,
     };

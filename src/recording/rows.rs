@@ -224,6 +224,8 @@ impact_numbers!(
     force_max_n sigma_force_max_n,
     energy_lost_j sigma_energy_lost_j,
     gravity_m_s2 sigma_gravity_m_s2,
+    growth_before_per_s sigma_growth_before_per_s,
+    growth_after_per_s sigma_growth_after_per_s,
 );
 
 fn estimate(value: Option<f64>, sigma: Option<f64>) -> Option<Estimate> {

@@ -57,6 +57,8 @@ pub(super) const GROUPS: [(&str, &[Quantity]); 4] = [
             quantity("force_max_n", "highest force", "N", 1.0),
             quantity("energy_lost_j", "energy lost", "J", 1.0),
             quantity("gravity_m_s2", "gravity in flight", "m/s²", 1.0),
+            quantity("growth_before_per_s", "growth in the picture before", "%/s", 1e2),
+            quantity("growth_after_per_s", "growth in the picture after", "%/s", 1e2),
         ],
     ),
 ];

@@ -60,7 +60,7 @@ impl ForceLaw {
 }
 
 /// How many numbers an [`Impact`] has.
-pub const IMPACT_NUMBERS: usize = 21;
+pub const IMPACT_NUMBERS: usize = 23;
 
 /// One collision of one body.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -115,6 +115,11 @@ pub struct Impact {
     pub energy_lost_j: Option<Estimate>,
     /// Acceleration of the free flights on both sides along gravity: beside gravity itself, a check of the scale.
     pub gravity_m_s2: Option<Estimate>,
+    /// By which share a second the body grew in the picture in the flight before: it came nearer to the camera, or went to
+    /// where the lens draws it larger. The numbers above are those of a body at the distance it has at first touch.
+    pub growth_before_per_s: Option<Estimate>,
+    /// And after.
+    pub growth_after_per_s: Option<Estimate>,
     /// The contact law behind the times.
     pub force_law: ForceLaw,
     /// How probable that law is among those that follow the motion, 0 to 1; `None` where none was fitted.
@@ -152,6 +157,8 @@ impl Impact {
             force_max_n: None,
             energy_lost_j: None,
             gravity_m_s2: None,
+            growth_before_per_s: None,
+            growth_after_per_s: None,
             force_law: ForceLaw::None,
             force_law_probability: None,
             status: PointStatus::Lost,
@@ -187,6 +194,8 @@ impl Impact {
             ("force_max_n", self.force_max_n),
             ("energy_lost_j", self.energy_lost_j),
             ("gravity_m_s2", self.gravity_m_s2),
+            ("growth_before_per_s", self.growth_before_per_s),
+            ("growth_after_per_s", self.growth_after_per_s),
         ]
     }
 }

@@ -1,6 +1,6 @@
 //! What one pair of frames says of one body.
 
-use super::{PointStatus, Rod};
+use super::{Estimate, PointStatus, Rod};
 
 /// A ball's outline in one frame; of a patch, a disc of its area about the point that is told.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -70,6 +70,9 @@ pub struct BodyStep {
     /// By which share steps of far less than a pixel come out short because the sensor's pixels differ, as this frame
     /// shows it beside an earlier one; it scatters about its mean, below zero as well. `None` where it was not looked for.
     pub fixed_fraction: Option<f64>,
+    /// By which share a frame the body grows in the picture from this frame on, as its subsets show it: it comes nearer to
+    /// the camera, or goes to where the lens draws it larger.
+    pub growth_fraction: Option<Estimate>,
     /// Sequence number of the frame.
     pub frame: u64,
     /// Exposure start of the frame, ns since the Unix epoch.
@@ -100,6 +103,7 @@ impl BodyStep {
             circle: self.circle.map(by_rim),
             rim_fraction: None,
             fixed_fraction: None,
+            growth_fraction: None,
             is_whole: false,
             step: None,
             ..self

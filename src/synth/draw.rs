@@ -133,6 +133,21 @@ impl Ball {
         }
     }
 
+    /// The same in a picture of another scale; speckles on a sphere keep their size.
+    pub(crate) fn zoomed(&self, zoom: f64) -> Self {
+        let radius_px = zoom * self.radius_px;
+        let coat = match &self.coat {
+            Coat::Flat(pattern) => Coat::Flat(pattern.zoomed(zoom, radius_px, self.sigma_px)),
+            Coat::Round(globe) => Coat::Round(globe.clone()),
+        };
+        let light = BallLight {
+            slope: self.light.slope.map(|slope| slope / zoom as f32),
+            per_radius2: self.light.per_radius2 / (zoom * zoom) as f32,
+            ..self.light
+        };
+        Self { radius_px, rim: BlurredDisc::new(radius_px, self.sigma_px), coat, light, ..self.clone() }
+    }
+
     /// Draws the mean over several moments of equal weight; all of them in a picture of this size.
     pub(crate) fn draw(&self, moments: &[Moment], width: usize, height: usize) -> Patch {
         let mut patch = self.frame(moments, width, height);

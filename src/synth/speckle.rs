@@ -144,6 +144,27 @@ impl Pattern {
             .collect();
         Ok(Self { speckles: board.speckles, lines: board.lines, discs, cut_discs, radii_px })
     }
+
+    /// The same in a picture of another scale, on a disc of `rim_px` there.
+    pub(crate) fn zoomed(&self, zoom: f64, rim_px: f64, sigma_px: f64) -> Self {
+        let radii_px: Vec<f64> = self.radii_px.iter().map(|radius| zoom * radius).collect();
+        let speckle = |speckle: &Speckle| Speckle { x_px: zoom * speckle.x_px, y_px: zoom * speckle.y_px, ..*speckle };
+        let line = |line: &Line| Line {
+            middle_px: line.middle_px.map(|at| zoom * at),
+            half_length_px: zoom * line.half_length_px,
+            half_width_px: zoom * line.half_width_px,
+            ..*line
+        };
+        let cut =
+            |(radius, cut): (&f64, &Option<CutDisc>)| cut.as_ref().map(|_| CutDisc::new(*radius, rim_px, sigma_px));
+        Self {
+            speckles: self.speckles.iter().map(speckle).collect(),
+            lines: self.lines.iter().map(line).collect(),
+            discs: radii_px.iter().map(|radius| BlurredDisc::new(*radius, sigma_px)).collect(),
+            cut_discs: radii_px.iter().zip(&self.cut_discs).map(cut).collect(),
+            radii_px,
+        }
+    }
 }
 
 /// Areas of the speckles that are drawn, from the smallest upwards.

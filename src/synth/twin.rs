@@ -24,7 +24,7 @@ const FRONT_DN: f64 = 140.25;
 fn scenario() -> Scenario {
     let pattern = PatternSetup { area_min_px2: 2.0, area_max_px2: 40.0, coverage: 0.4, lines: 0, line_width_px: 2.0 };
     Scenario {
-        scale: ScaleSetup { mm_per_px: 1.0 },
+        scale: ScaleSetup { mm_per_px: 1.0, nearer_per_s: 0.0 },
         body: BodySetup { diameter_mm: 46.0, shape: Shape::Disc, pattern, rod: None },
         ..Scenario::translation(0.0, 0.0, 0.0)
     }
@@ -262,6 +262,29 @@ fn agree(scenario: &Scenario, coat: &Coat, moment: &Moment, what: &str) -> [f64;
 
 const POSES: [(f64, f64, f64); 4] =
     [(31.5, 31.5, 0.0), (31.63, 31.88, 17.0), (32.02, 31.25, 63.0), (31.9, 32.4, -140.0)];
+
+#[test]
+fn a_ball_that_has_come_nearer_is_drawn_within_half_a_grey_level_and_not_shifted() {
+    let mut far = scenario();
+    far.body.pattern.lines = 1;
+    let Coat::Flat(pattern) = pattern(&far) else { panic!("a disc") };
+    for zoom in [0.8, 1.1] {
+        let near = Scenario {
+            body: BodySetup { diameter_mm: zoom * far.body.diameter_mm, ..far.body.clone() },
+            ..far.clone()
+        };
+        let sigma_px = seen_sigma_px(near.camera.blur_px);
+        let coat = Coat::Flat(pattern.zoomed(zoom, near.radius_px(), sigma_px));
+        let moment = alone(pose(31.63, 31.88, 17.0));
+        let shift = agree(&near, &coat, &moment, &format!("{zoom} times as large"));
+        assert!(shift.iter().all(|part| part.abs() < 2e-4), "{shift:?}");
+        let zoomed = Ball::new(&far, Coat::Flat(pattern.clone()), 255.0).zoomed(zoom).draw(&[moment], SIDE, SIDE);
+        let own = Ball::new(&near, coat, 255.0).draw(&[moment], SIDE, SIDE);
+        assert_eq!((zoomed.width, zoomed.share), (own.width, own.share));
+        let apart = zoomed.light_dn.iter().zip(&own.light_dn).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
+        assert!(apart < 1e-3, "{apart} DN");
+    }
+}
 
 #[test]
 fn lines_are_drawn_within_half_a_grey_level() {

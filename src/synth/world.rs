@@ -57,8 +57,10 @@ impl Body {
         })
     }
 
-    fn draw(&self, moments: &[Moment], width: usize, height: usize) -> Patch {
+    /// Draws it in a picture of another scale by `zoom`.
+    fn draw(&self, moments: &[Moment], zoom: f64, (width, height): (usize, usize)) -> Patch {
         match self {
+            Self::Ball(ball) if zoom.total_cmp(&1.0).is_ne() => ball.zoomed(zoom).draw(moments, width, height),
             Self::Ball(ball) => ball.draw(moments, width, height),
             Self::Rod(rod) => rod.draw(moments, width, height),
         }
@@ -80,16 +82,40 @@ impl Actor {
         Ok(Self { scenario, path, body })
     }
 
+    /// How much larger it is in the picture than the scale says, for how much nearer it has come.
+    fn zoom(&self, time_s: f64) -> f64 {
+        let even_s = match &self.scenario.motion {
+            MotionSetup::Impact(impact) => impact.contact_start_s,
+            MotionSetup::Constant { .. } | MotionSetup::Piecewise { .. } => 0.5e-6 * self.scenario.camera.exposure_us,
+        };
+        1.0 / (1.0 - self.scenario.scale.nearer_per_s * (time_s - even_s))
+    }
+
+    /// Where it is in the picture.
+    fn pose(&self, time_s: f64) -> Pose {
+        let (pose, zoom, camera) = (self.path.at(time_s), self.zoom(time_s), &self.scenario.camera);
+        let middle_px = [camera.width_px, camera.height_px].map(|length| 0.5 * f64::from(length - 1));
+        let place = |axis: usize| middle_px[axis] + zoom * (pose.center_px[axis] - middle_px[axis]);
+        // Bodies that keep their distance lie where they lay, to the bit.
+        let is_even = zoom.total_cmp(&1.0).is_eq();
+        if is_even { pose } else { Pose { center_px: [place(0), place(1)], ..pose } }
+    }
+
     /// Way of its fastest point while the shutter is open, px.
     fn moved_px(&self, start_s: f64, exposure_s: f64) -> f64 {
-        let (open, shut) = (self.path.at(start_s), self.path.at(start_s + exposure_s));
+        let (open, shut) = (self.pose(start_s), self.pose(start_s + exposure_s));
         let shift_px = (shut.center_px[0] - open.center_px[0]).hypot(shut.center_px[1] - open.center_px[1]);
         let turned_px = (shut.angle_rad - open.angle_rad).abs() * self.scenario.radius_px();
         shift_px + turned_px + self.path.tilt_rad_s(start_s) * exposure_s * self.scenario.radius_px()
     }
 
-    fn round(&self, pose: &Pose) -> Round {
-        Round { center_px: pose.center_px, radius_px: self.scenario.radius_px() }
+    /// Its radius in the picture, px.
+    fn radius_px(&self, time_s: f64) -> f64 {
+        self.zoom(time_s) * self.scenario.radius_px()
+    }
+
+    fn round(&self, time_s: f64) -> Round {
+        Round { center_px: self.pose(time_s).center_px, radius_px: self.radius_px(time_s) }
     }
 }
 
@@ -209,7 +235,7 @@ impl World {
         let times = self.exposed(index);
         let draw = |(number, actor): (usize, &Actor)| {
             let moments: Vec<Moment> = times.iter().map(|time_s| self.moment(number, *time_s)).collect();
-            actor.body.draw(&moments, width, height)
+            actor.body.draw(&moments, actor.zoom(self.seen_s(index)), (width, height))
         };
         let patches: Vec<Patch> = self.actors.iter().enumerate().map(draw).collect();
         let occluders: Vec<Option<HalfPlane>> = times.iter().map(|time_s| self.scene.occluder_at(*time_s)).collect();
@@ -237,11 +263,12 @@ impl World {
     }
 
     fn truth_of(&self, number: usize, index: u64) -> VelocitySample {
-        let Actor { scenario, path, .. } = &self.actors[number];
-        let (seen_s, radius_px) = (self.seen_s(index), scenario.radius_px());
-        let pose = path.at(seen_s);
+        let actor = &self.actors[number];
+        let Actor { scenario, path, .. } = actor;
+        let seen_s = self.seen_s(index);
+        let (pose, radius_px) = (actor.pose(seen_s), actor.radius_px(seen_s));
         let visible = self.visible_fraction(number, seen_s);
-        let next = (index + 1 < self.frames()).then(|| path.at(self.seen_s(index + 1)));
+        let next = (index + 1 < self.frames()).then(|| actor.pose(self.seen_s(index + 1)));
         VelocitySample {
             frame: index,
             body: number as u32,
@@ -268,9 +295,9 @@ impl World {
         match (occluder, front) {
             (plane, Some(front)) => {
                 let covers: Vec<Cover> = plane.map(Cover::Edge).into_iter().chain([Cover::Ball(front)]).collect();
-                visible_fraction(&actor.round(&pose), &covers)
+                visible_fraction(&actor.round(time_s), &covers)
             }
-            (Some(plane), None) => plane.visible_fraction(pose.center_px, actor.scenario.radius_px()),
+            (Some(plane), None) => plane.visible_fraction(pose.center_px, actor.radius_px(time_s)),
             (None, None) => 1.0,
         }
     }
@@ -318,8 +345,8 @@ impl World {
     }
 
     fn moment(&self, number: usize, time_s: f64) -> Moment {
-        let front = self.actors.get(number + 1).map(|actor| actor.round(&actor.path.at(time_s)));
-        Moment { pose: self.actors[number].path.at(time_s), occluder: self.scene.occluder_at(time_s), front }
+        let front = self.actors.get(number + 1).map(|actor| actor.round(time_s));
+        Moment { pose: self.actors[number].pose(time_s), occluder: self.scene.occluder_at(time_s), front }
     }
 
     /// Times whose mean picture is the exposure's: two Gauss points for each half pixel of motion.

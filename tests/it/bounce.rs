@@ -2,7 +2,7 @@
 //!
 //! Own integration in SI units (Runge-Kutta, 400 steps a frame), nothing shared with the measured code.
 
-use ricochet::motion::{Form, MotionParams, Scale, Spans, Walk};
+use ricochet::motion::{Form, MotionParams, Scale, Spans, View, Walk};
 use ricochet::results::{BodyStep, Circle, PointStatus, RigidStep};
 
 /// Gaussian noise with a constant seed.
@@ -303,6 +303,7 @@ impl Experiment {
         MotionParams {
             scale: Scale::MmPerPx(self.mm_per_px),
             rectifier: None,
+            view: View::default(),
             surface_angle_deg: self.surface_angle_deg,
             gravity_m_s2: 9.81,
             // Gravity stays against the surface's normal, so that a tilt of the surface tilts the whole experiment.
@@ -384,6 +385,7 @@ pub fn steps(
             is_whole: false,
             rim_fraction: None,
             fixed_fraction: None,
+            growth_fraction: None,
             frame: i as u64,
             stamp_ns: 1_700_000_000_000_000_000 + (i as f64 * period_ns).round() as u64,
             body: 0,

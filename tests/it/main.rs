@@ -41,6 +41,7 @@ mod impact;
 mod import;
 mod line;
 mod motion;
+mod nearer;
 mod parts;
 mod patch;
 mod pipeline;

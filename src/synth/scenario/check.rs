@@ -14,7 +14,7 @@ impl Scenario {
     /// [`ScenarioError`] for the first number that is out of range.
     pub fn check(&self) -> Result<(), ScenarioError> {
         self.check_camera()?;
-        within("scale.mm_per_px", self.scale.mm_per_px, 1e-6, 1e3)?;
+        self.check_scale()?;
         within("surface.angle_deg", self.surface.angle_deg, -360.0, 360.0)?;
         self.check_body()?;
         self.check_light()?;
@@ -26,6 +26,19 @@ impl Scenario {
         let alone = self.alone(other);
         let checked = alone.check_body().and_then(|()| alone.check_light()).and_then(|()| alone.check_motion());
         checked.map_err(|error| ScenarioError::Other(Box::new(error)))
+    }
+
+    fn check_scale(&self) -> Result<(), ScenarioError> {
+        let (scale, key) = (&self.scale, "scale.nearer_per_s");
+        within("scale.mm_per_px", scale.mm_per_px, 1e-6, 1e3)?;
+        within(key, scale.nearer_per_s, -1e3, 1e3)?;
+        let is_flat = self.body.shape != Shape::Sphere && self.body.rod.is_none() && self.other.is_none();
+        if scale.nearer_per_s.abs() > 0.0 && !is_flat {
+            return Err(ScenarioError::Misplaced { key, why: "spheres, rods and pairs of balls keep their distance" });
+        }
+        // Half as near and twice as near at most: all of the film is drawn with the speckles of one size.
+        let film_s = self.camera.frames as f64 / self.camera.frame_rate_hz;
+        within("scale.nearer_per_s x length of the film", scale.nearer_per_s * film_s, -0.5, 0.5)
     }
 
     fn check_motion(&self) -> Result<(), ScenarioError> {

@@ -100,8 +100,12 @@ pub struct CameraSetup {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ScaleSetup {
-    /// Scale, 1e-6 to 1000 mm/px.
+    /// Scale, 1e-6 to 1000 mm/px: of a body that comes nearer at first touch, or in the first frame where nothing touches.
     pub mm_per_px: f64,
+    /// Share of its distance from the camera by which the body comes nearer in a second, -1000 to 1000: it and its way in
+    /// the picture grow about the picture's middle. Flat balls only.
+    #[serde(default)]
+    pub nearer_per_s: f64,
 }
 
 /// The struck surface.

@@ -44,7 +44,7 @@ fn the_columns_are_those_of_the_contract() {
         ),
         "{impact}"
     );
-    assert_eq!(impact.matches("sigma_").count(), 21);
+    assert_eq!(impact.matches("sigma_").count(), 23);
     assert!(impact.ends_with(", force_law_probability"), "{impact}");
 }
 

@@ -111,6 +111,7 @@ impl Course {
             body: 0,
             circle: circle.filter(|_| is_seen),
             rod: rod.filter(|_| is_seen),
+            growth_fraction: None,
             step: None,
             status: truth.status,
             ..*like
