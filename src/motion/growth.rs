@@ -55,6 +55,15 @@ impl Growth {
         }
     }
 
+    /// How much larger it is than when it was first seen; `None` where its steps do not lead there.
+    fn since_first(&self, time_frames: f64) -> Option<Estimate> {
+        let first = self.seen.first()?;
+        let at = self.seen.partition_point(|size| size.time_frames < time_frames);
+        let here = self.seen.get(at).filter(|here| here.component == first.component)?;
+        let walked = here.walk * (at as f64).sqrt();
+        Some(Estimate { value: here.value - first.value, sigma: here.sigma.hypot(first.sigma).hypot(walked) })
+    }
+
     /// By which share it has surely grown since it was first seen: 0 or more.
     pub fn whole(&self) -> f64 {
         let (Some(first), Some(last)) = (self.seen.first(), self.seen.last()) else { return 0.0 };
@@ -100,12 +109,20 @@ impl Growth {
             Regime::Unknown => (seen.frame.saturating_sub(BACK), seen.frame + AHEAD),
         };
         let time = |frame: u64| seen.time_frames + frame as f64 - seen.frame as f64;
-        let Some(told) = self.rate(time(from) - 0.5, time(to) + 0.5).map(surely) else { return rates };
+        let told = self.rate(time(from) - 0.5, time(to) + 0.5).map(surely);
+        // A flight that has just begun says too little: what was before tells how much there may be of it.
+        let before = || {
+            let from = seen.frame.saturating_sub(AHEAD);
+            let before = self.rate(time(from) - 0.5, time(to) + 0.5).map(surely)?;
+            Some(Estimate { value: 0.0, sigma: before.value.hypot(before.sigma) })
+        };
+        let Some(told) = told.or_else(before) else { return rates };
         let since = self.seen.first().map_or(0.0, |first| seen.time_frames - first.time_frames);
+        let already = self.since_first(seen.time_frames).map_or(0.0, |size| surely(size).value);
         let across = |rate: Estimate, place_px: f64| {
             let value = rate.value - told.value * place_px;
             let place = (told.sigma * place_px).hypot(told.value * seen.sigma_px);
-            let larger = told.value.hypot(told.sigma) * since.max((BACK + AHEAD) as f64);
+            let larger = (told.value.hypot(told.sigma) * since.max((BACK + AHEAD) as f64)).hypot(already);
             Estimate { value, sigma: rate.sigma.hypot(place).hypot(larger * rate.value) }
         };
         let [x, y] = seen.place_px;
