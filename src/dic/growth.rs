@@ -1,47 +1,131 @@
-//! By how much a body grows between two pictures.
+//! By how much a body grows between two pictures, and its front turns.
 
+use super::solve::invert;
 use crate::results::{FieldPoint, PointStatus};
 
 /// Fewest subsets that tell it.
-const FEWEST_POINTS: usize = 6;
+const FEWEST_POINTS: usize = 8;
 /// And how far they are from their middle at least, root mean square, px.
 const LEAST_SPREAD_PX: f64 = 1.0;
+/// So many numbers say how what is flat moves and grows.
+const FLAT: usize = 4;
+/// A front that moves by so much is looked at from half way, px.
+const BENDS_PX: f64 = 0.1;
 
-/// By which share the valid subsets of a field have moved apart from each other: it comes nearer to the camera, or goes
-/// to where the lens draws it larger. `None` where they are too few, or all in one place.
+/// How a body changes its looks from one picture to another, beside its rigid motion.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Swell {
+    /// By which share its subsets have moved apart from each other: it comes nearer to the camera, or goes to where the
+    /// lens draws it larger.
+    pub growth: f64,
+    /// The motion of a ball's centre, which is also its outline's, px. Its front's is another where it turns about an axis
+    /// in the picture's plane.
+    pub center_px: Option<[f64; 2]>,
+    /// How much less sure than the rotation, in rad, both are: 1 and px.
+    pub levers: [f64; 2],
+}
+
+/// A ball in the picture.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Sphere {
+    /// Its centre, x and y, px.
+    pub center_px: [f64; 2],
+    /// Its radius, px.
+    pub radius_px: f64,
+    /// Edge of the subsets on it, px.
+    pub subset_px: f64,
+}
+
+impl Sphere {
+    /// How far before the centre its surface is, in the mean over the subset at a place, in radii.
+    fn depth(&self, place: [f64; 2]) -> f64 {
+        // Gauss' points: the mean of two by two is that of a cubic.
+        let apart = self.subset_px / 12.0_f64.sqrt();
+        let at = |dx: f64, dy: f64| {
+            let (x, y) = (place[0] + dx - self.center_px[0], place[1] + dy - self.center_px[1]);
+            (1.0 - (x * x + y * y) / (self.radius_px * self.radius_px)).max(0.0).sqrt()
+        };
+        0.25 * (at(-apart, -apart) + at(apart, -apart) + at(-apart, apart) + at(apart, apart))
+    }
+}
+
+/// What the valid subsets of a field show beside a rigid motion, of a ball where it is one. `None` where they are too few,
+/// or all in one place.
 ///
-/// The scale of the similarity that fits their displacements best, in closed form, each by its own uncertainty (S.
-/// Umeyama, IEEE Trans. Pattern Anal. Mach. Intell. 13 (1991) 376, <https://doi.org/10.1109/34.88573>). As its levers
-/// are those of the rotation, turned by a right angle, it is as sure as that is, in rad.
-pub fn growth(field: &[FieldPoint]) -> Option<f64> {
-    let (mut count, mut total) = (0, 0.0);
-    let (mut from, mut to) = ([0.0; 2], [0.0; 2]);
-    for (weight, place, moved) in vectors(field) {
+/// Displacements are u = t + p x + q y + a d, v = s + p y - q x + b d, of the depth d = sqrt(1 - r^2 / R^2) of a sphere:
+/// p and q together are rotation and growth, exactly, and a and b are what the front moves by beside the centre. Least
+/// squares, each subset by its own uncertainty.
+pub fn swell(field: &[FieldPoint], ball: Option<Sphere>) -> Option<Swell> {
+    let fit = Fit::of(field, ball, None)?;
+    let turns = fit.found[4].hypot(fit.found[5]) > BENDS_PX;
+    // Seen from half way there, what a turn bends is even.
+    let fit = if turns { Fit::of(field, ball, Some([fit.found[0], fit.found[1]]))? } else { fit };
+    let [t, s, along, across, ..] = fit.found;
+    let growth = along + across * across / (1.0 + along + (1.0 + along).hypot(across));
+    let is_told = [growth, t, s].iter().all(|number| number.is_finite());
+    let levers = [fit.levers[2], fit.levers[0].max(fit.levers[1])];
+    is_told.then_some(Swell { growth, center_px: ball.map(|_| [t, s]), levers })
+}
+
+/// The six numbers of [`swell`], and how much less sure than the rotation each is.
+struct Fit {
+    found: [f64; 6],
+    levers: [f64; 6],
+}
+
+impl Fit {
+    /// With the depth of each subset where it was found, or half way to where it is when the centre moves so.
+    fn of(field: &[FieldPoint], ball: Option<Sphere>, moved: Option<[f64; 2]>) -> Option<Self> {
+        let middle = middle(field)?;
+        let from = ball.map_or(middle, |ball| ball.center_px);
+        let (mut normal, mut right, mut square, mut total) = ([[0.0; 6]; 6], [0.0; 6], 0.0, 0.0);
+        let (mut count, mut moved_square) = (0.0, 0.0);
+        for (weight, place, [u, v]) in vectors(field) {
+            let half_way = moved.map_or(place, |[t, s]| [place[0] + 0.5 * (u - t), place[1] + 0.5 * (v - s)]);
+            let (x, y, d) = (place[0] - from[0], place[1] - from[1], ball.map_or(0.0, |ball| ball.depth(half_way)));
+            for (numbers, row, value) in [([0, 2, 3, 4], [1.0, x, y, d], u), ([1, 2, 3, 5], [1.0, y, -x, d], v)] {
+                for (i, of_i) in numbers.into_iter().zip(row) {
+                    right[i] += weight * of_i * value;
+                    numbers.into_iter().zip(row).for_each(|(j, of_j)| normal[i][j] += weight * of_i * of_j);
+                }
+            }
+            square += weight * ((place[0] - middle[0]).powi(2) + (place[1] - middle[1]).powi(2));
+            moved_square += weight * (u * u + v * v);
+            total += weight;
+            count += 2.0;
+        }
+        if square < LEAST_SPREAD_PX * LEAST_SPREAD_PX * total {
+            return None;
+        }
+        // What is left of the displacements by the leading numbers, for each that is free.
+        let solved = |numbers: usize| {
+            let inverse = invert(&normal, numbers)?;
+            let found: [f64; 6] = std::array::from_fn(|k| (0..numbers).map(|j| inverse[k][j] * right[j]).sum());
+            let left = moved_square - found.iter().zip(right).map(|(found, right)| found * right).sum::<f64>();
+            Some((inverse, found, left.max(0.0) / (count - numbers as f64)))
+        };
+        let (flat, flat_found, flat_left) = solved(FLAT)?;
+        let levers =
+            |inverse: &[[f64; 6]; 6], share: f64| std::array::from_fn(|k| share * (inverse[k][k] * square).sqrt());
+        if ball.is_none() {
+            return Some(Self { found: flat_found, levers: levers(&flat, 1.0) });
+        }
+        let (round, found, round_left) = solved(6)?;
+        // A front that turns is no noise.
+        let share = (round_left / flat_left).min(1.0).sqrt();
+        Some(Self { found, levers: levers(&round, share) })
+    }
+}
+
+/// The weighted mean place of the valid subsets; `None` of too few.
+fn middle(field: &[FieldPoint]) -> Option<[f64; 2]> {
+    let (mut count, mut total, mut sum) = (0, 0.0, [0.0; 2]);
+    for (weight, place, _) in vectors(field) {
         count += 1;
         total += weight;
-        for axis in 0..2 {
-            from[axis] += weight * place[axis];
-            to[axis] += weight * moved[axis];
-        }
+        sum = [sum[0] + weight * place[0], sum[1] + weight * place[1]];
     }
-    if count < FEWEST_POINTS {
-        return None;
-    }
-    let (from, to) = (from.map(|sum| sum / total), to.map(|sum| sum / total));
-    let (mut along, mut across, mut square) = (0.0, 0.0, 0.0);
-    for (weight, [x, y], [u, v]) in vectors(field) {
-        // Of the displacements alone: the places, which are far larger, would leave rounding.
-        let (x, y, u, v) = (x - from[0], y - from[1], u - to[0], v - to[1]);
-        along += weight * (x * u + y * v);
-        across += weight * (y * u - x * v);
-        square += weight * (x * x + y * y);
-    }
-    if square < LEAST_SPREAD_PX * LEAST_SPREAD_PX * total {
-        return None;
-    }
-    let (along, across) = (along / square, across / square);
-    let growth = along + across * across / (1.0 + along + (1.0 + along).hypot(across));
-    growth.is_finite().then_some(growth)
+    (count >= FEWEST_POINTS).then(|| sum.map(|sum| sum / total))
 }
 
 /// Weight, place and displacement of the valid subsets.
@@ -84,25 +168,80 @@ mod tests {
         (0..42).map(point).collect()
     }
 
+    const BALL: Sphere = Sphere { center_px: [53.0, 47.0], radius_px: 60.0, subset_px: 1.0 };
+
     #[test]
     fn what_grows_is_told_whatever_else_it_does() {
         for (motion, angle_deg) in [((0.0, 0.0), 0.0), ((3.7, -1.2), 0.0), ((0.4, 0.9), 2.9), ((-1.3, 0.2), -40.0)] {
             for truth in [0.0, 3e-5, -2e-3, 0.05] {
-                let found = growth(&field(motion, angle_deg, truth)).unwrap();
-                // Displacements are kept in single precision.
-                let rounding = 1e-7 * (1.0 + angle_deg.abs());
-                assert!((found - truth).abs() < rounding, "{motion:?} {angle_deg} deg: {found} for {truth}");
+                for ball in [None, Some(BALL)] {
+                    let found = swell(&field(motion, angle_deg, truth), ball).unwrap();
+                    // Displacements are kept in single precision.
+                    let rounding = 2e-7 * (1.0 + angle_deg.abs());
+                    assert!((found.growth - truth).abs() < rounding, "{motion:?} {angle_deg}: {found:?} for {truth}");
+                }
             }
         }
+    }
+
+    /// The same ball on its way (u, v) while it turns about axes in the picture's plane.
+    fn rolling(way: [f64; 2], [about_y, about_x]: [f64; 2]) -> Vec<FieldPoint> {
+        let mut field = field((0.0, 0.0), 0.0, 0.0);
+        let (Sphere { center_px: [cx, cy], radius_px, .. }, angle) = (BALL, about_y.hypot(about_x));
+        for point in &mut field {
+            let [x, y] = [f64::from(point.x_px) - cx, f64::from(point.y_px) - cy];
+            let z = (radius_px * radius_px - x * x - y * y).max(0.0).sqrt();
+            // Towards where its front goes it turns as a wheel does.
+            let (to_x, to_y) = (about_y / angle, about_x / angle);
+            let along = x * to_x + y * to_y;
+            let moved = along * angle.cos() + z * angle.sin() - along;
+            let displacement = point.displacement.as_mut().unwrap();
+            (displacement.u_px, displacement.v_px) = ((way[0] + moved * to_x) as f32, (way[1] + moved * to_y) as f32);
+        }
+        field
+    }
+
+    #[test]
+    fn the_centre_goes_its_way_whatever_its_front_does() {
+        for (turn_deg, close) in [([0.1, -0.07], 1e-4), ([1.0, 0.5], 2e-3), ([0.0, 2.9], 3e-2)] {
+            let found = swell(&rolling([0.7, -0.3], turn_deg.map(f64::to_radians)), Some(BALL)).unwrap();
+            let [x, y] = found.center_px.unwrap();
+            assert!((x - 0.7).abs() < close && (y + 0.3).abs() < close, "{turn_deg:?}: {found:?}");
+            assert!(found.growth.abs() < 0.01 * close, "{turn_deg:?}: {found:?}");
+        }
+        let flat = swell(&rolling([0.7, -0.3], [0.002, -0.001]), None).unwrap();
+        assert!(
+            flat.growth.abs() > 1e-5 && flat.center_px.is_none(),
+            "what nobody asks for passes for growth: {flat:?}"
+        );
+    }
+
+    #[test]
+    fn a_front_that_turns_is_no_noise() {
+        let noisy = |mut field: Vec<FieldPoint>| {
+            for (k, point) in field.iter_mut().enumerate() {
+                let displacement = point.displacement.as_mut().unwrap();
+                displacement.u_px += 0.004 * ((k * 37 % 17) as f32 - 8.0) / 5.0;
+                displacement.v_px += 0.004 * ((k * 29 % 13) as f32 - 6.0) / 4.0;
+            }
+            field
+        };
+        let still = noisy(field((0.7, -0.3), 0.0, 0.0));
+        let (flat, round) = (swell(&still, None).unwrap(), swell(&still, Some(BALL)).unwrap());
+        assert!((flat.levers[0] - 1.0).abs() < 1e-6 && (0.9..1.2).contains(&round.levers[0]), "{flat:?} {round:?}");
+        assert!((100.0..600.0).contains(&round.levers[1]), "{round:?}");
+        // The scatter about a rigid motion, which rotations are as unsure as, has the front's motion in it.
+        let rolls = swell(&noisy(rolling([0.7, -0.3], [0.02, -0.01])), Some(BALL)).unwrap();
+        assert!(rolls.levers[1] < 0.2 * round.levers[1], "{rolls:?}");
     }
 
     #[test]
     fn a_few_subsets_or_one_place_tell_nothing() {
         let mut few = field((0.3, 0.1), 0.2, 0.01);
         few.iter_mut().skip(5).for_each(|point| point.status = PointStatus::Outlier);
-        assert_eq!(growth(&few), None);
+        assert_eq!(swell(&few, None), None);
         let mut same = field((0.3, 0.1), 0.0, 0.01);
         same.iter_mut().for_each(|point| (point.x_px, point.y_px) = (60.0, 50.0));
-        assert_eq!(growth(&same), None);
+        assert_eq!(swell(&same, None), None);
     }
 }

@@ -67,7 +67,7 @@ pub use correlator::{Correlator, KeptReference, Start};
 pub use error::CorrelationError;
 pub use fixed::FixedPattern;
 pub use grid::GridPoint;
-pub use growth::growth;
+pub use growth::{Sphere, Swell, swell};
 pub use params::{CorrelationParams, Interpolation, Method, Shape, WindowShape};
 pub use parts::{Parts, arithmetic};
 pub use patch::Patch;

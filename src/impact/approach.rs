@@ -1,4 +1,5 @@
-//! A body that comes nearer to the camera, or goes away from it, while it strikes.
+//! A body that comes nearer to the camera, or goes away from it, or turns about an axis in the picture's plane, while it
+//! strikes.
 //!
 //! What is `nearer` by a share is larger by that share in the picture, and so is its way from the picture's middle. The
 //! speed in the picture is then not that across the view: it has in it the growth times the way from the middle, and it
@@ -7,7 +8,7 @@
 use super::detect::Contact;
 use super::solve::{FLIGHT_FRAMES, World};
 use super::trail::{NORMAL, SurfaceNode, TANGENTIAL, between};
-use crate::motion::{Growth, surely};
+use crate::motion::{Axes, Drift, Growth, surely};
 use crate::results::{Estimate, Impact};
 
 /// Behind the noticed end the force may last for so many frames.
@@ -21,6 +22,23 @@ const UNEVEN_RAD: f64 = 0.005;
 /// What is left of the growth over a contact in its duration, as a share of it.
 const LEFT: f64 = 0.05;
 
+const NONE: Estimate = Estimate { value: 0.0, sigma: 0.0 };
+
+/// What is seen of a body beside its poses.
+#[derive(Debug, Clone, Copy)]
+pub struct Beside<'a> {
+    /// How its size changes.
+    pub growth: &'a Growth,
+    /// How its outline leaves its poses.
+    pub drift: &'a Drift,
+    /// Of the surface.
+    pub axes: Axes,
+    /// Of the poses' origin from where the camera looks straight ahead, along normal and tangent, px.
+    pub place_px: [f64; 2],
+    /// How well that is known, px.
+    pub middle_sigma_px: f64,
+}
+
 /// By which share a frame a body grows before and after a contact, and where it is then.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Approach {
@@ -32,6 +50,8 @@ pub struct Approach {
     contact_frames: [f64; 2],
     /// Length of the flights.
     flight_frames: [f64; 2],
+    /// By how much a frame the centre leaves the pose before and after, along normal and tangent, px.
+    drift_px: [[Estimate; 2]; 2],
     /// Of the pose's origin from where the camera looks straight ahead, along normal and tangent, px.
     place_px: [f64; 2],
     /// How well it is known where the camera looks, px.
@@ -39,27 +59,31 @@ pub struct Approach {
 }
 
 impl Approach {
-    /// Of a contact that has ended, from the sizes seen up to `known_to_frames`. The pose's origin is at `place_px` along
-    /// normal and tangent from where the camera looks straight ahead, which is known to `middle_sigma_px`.
-    ///
-    /// `None` while it has not ended.
-    pub fn of(
-        growth: &Growth,
-        contact: &Contact,
-        known_to_frames: f64,
-        (place_px, middle_sigma_px): ([f64; 2], f64),
-    ) -> Option<Self> {
+    /// Of a contact that has ended, from what is seen up to `known_to_frames`; `None` while it has not ended.
+    pub fn of(beside: &Beside<'_>, contact: &Contact, known_to_frames: f64) -> Option<Self> {
         let (start, end) = (contact.start_frames, contact.end_frames?);
         let from = contact.flight_from_frames.max(start - FLIGHT_FRAMES);
         let to = known_to_frames.min(end + FLIGHT_FRAMES);
-        let seen = [growth.rate(from, contact.flight_to_frames), growth.rate(end + EARLY_FRAMES, to)];
+        let flights = [(from, contact.flight_to_frames), (end + EARLY_FRAMES, to)];
+        let seen = flights.map(|(from, to)| beside.growth.rate(from, to));
+        let drift_px = flights.map(|(from, to)| {
+            let [x, y] = beside.drift.surely(from, to)?;
+            let (value, sigma) = (beside.axes.surface(x.value, y.value), beside.axes.surface_sigma(x.sigma, y.sigma));
+            let along = |value: f64, sigma: f64| Estimate { value, sigma };
+            Some([along(value.normal, sigma.normal), along(value.tangential, sigma.tangential)])
+        });
+        // What is not seen yet of the flight after is what it was before, or anything up to that.
+        let [before, after] = drift_px;
+        let before = before.unwrap_or([NONE; 2]);
+        let after = after.unwrap_or(before.map(|drift| Estimate { sigma: drift.value.hypot(drift.sigma), ..drift }));
         Some(Self {
             seen,
             told: told(seen),
             contact_frames: [start, end],
             flight_frames: [start - from, to - end],
-            place_px,
-            middle_sigma_px,
+            drift_px: [before, after],
+            place_px: beside.place_px,
+            middle_sigma_px: beside.middle_sigma_px,
         })
     }
 
@@ -69,7 +93,8 @@ impl Approach {
             let larger = self.grown(node.time_frames).exp();
             let mut value = node.value;
             for k in [NORMAL, TANGENTIAL] {
-                value[k] = (self.place_px[k] + value[k]) / larger - self.place_px[k];
+                let center_px = value[k] + self.left(k, node.time_frames);
+                value[k] = (self.place_px[k] + center_px) / larger - self.place_px[k];
             }
             SurfaceNode { value, ..*node }
         };
@@ -78,8 +103,17 @@ impl Approach {
 
     /// How much larger than at first touch it is, as a logarithm. What it is flattened by is not in it.
     fn grown(&self, time_frames: f64) -> f64 {
+        self.summed(self.told.map(|told| told.value), time_frames)
+    }
+
+    /// How far the centre is beside the pose, beside what it was at first touch, px.
+    fn left(&self, k: usize, time_frames: f64) -> f64 {
+        self.summed(self.drift_px.map(|drift| drift[k].value), time_frames)
+    }
+
+    /// The sum since first touch of what is so much a frame before and after.
+    fn summed(&self, [before, after]: [f64; 2], time_frames: f64) -> f64 {
         let [start, end] = self.contact_frames;
-        let [before, after] = self.told.map(|told| told.value);
         let between = 0.5 * (before + after);
         match time_frames {
             t if t <= start => before * (t - start),
@@ -103,11 +137,13 @@ impl Approach {
             let far_px = (self.place_px[k] + touch_px[k]).abs();
             let way_px = told.map_or(0.0, |v| (v.value / speed).abs()) * self.flight_frames[side];
             let middle_px = self.middle_sigma_px.hypot(UNEVEN * world.radius_px.map_or(0.0, |radius| radius.value));
-            (sigma * (far_px + way_px)).hypot(value * middle_px) * speed
+            (sigma * (far_px + way_px)).hypot(value * middle_px).hypot(self.drift_px[side][k].sigma) * speed
         };
         let normal = [doubt(NORMAL, 0, impact.vn_before_m_s), doubt(NORMAL, 1, impact.vn_after_m_s)];
         let along = [doubt(TANGENTIAL, 0, impact.vt_before_m_s), doubt(TANGENTIAL, 1, impact.vt_after_m_s)];
-        widen(&mut impact, normal, along, world);
+        // When a spin about another axis changes within the contact is not seen.
+        let spun = 0.5 * (self.drift_px[1][NORMAL].value - self.drift_px[0][NORMAL].value).abs() * speed;
+        widen(&mut impact, (normal, spun), along, world);
         for (spin, told) in [&mut impact.omega_before_rad_s, &mut impact.omega_after_rad_s].into_iter().zip(self.told) {
             by(spin, UNEVEN_RAD * told.value / world.period_s);
         }
@@ -124,7 +160,6 @@ impl Approach {
 /// What both flights say is put together. Growth that turns with the body is no approach: the picture's scale differs from
 /// place to place.
 fn told(seen: [Option<Estimate>; 2]) -> [Estimate; 2] {
-    const NONE: Estimate = Estimate { value: 0.0, sigma: 0.0 };
     let [before, after] = seen.map(|seen| seen.map_or(NONE, surely));
     if before.value * after.value < 0.0 {
         return [before, after].map(|told| Estimate { value: 0.0, sigma: told.value.hypot(told.sigma) });
@@ -145,7 +180,7 @@ fn told(seen: [Option<Estimate>; 2]) -> [Estimate; 2] {
 }
 
 /// Adds what the speeds before and after may be off by to all that follows from them.
-fn widen(impact: &mut Impact, normal: [f64; 2], along: [f64; 2], world: &World) {
+fn widen(impact: &mut Impact, (normal, spun): ([f64; 2], f64), along: [f64; 2], world: &World) {
     let value = |number: Option<Estimate>| number.map_or(0.0, |number| number.value);
     let (vn, vt) = (
         [value(impact.vn_before_m_s), value(impact.vn_after_m_s)],
@@ -167,13 +202,14 @@ fn widen(impact: &mut Impact, normal: [f64; 2], along: [f64; 2], world: &World) 
     by(&mut impact.impulse_ratio, turned / (vn[1] - vn[0]).abs());
     let lost = |v: [f64; 2], doubt: [f64; 2]| (v[0] * doubt[0]).abs() + (v[1] * doubt[1]).abs();
     by(&mut impact.energy_lost_j, world.mass_kg.unwrap_or(0.0) * lost(vn, normal).hypot(lost(vt, along)));
-    let share = normal[0] / vn[0].abs();
+    let within = normal[0].hypot(spun);
+    let share = within / vn[0].abs();
     for number in [&mut impact.compression_max_mm, &mut impact.acceleration_max_m_s2, &mut impact.force_max_n] {
         by(number, share * value(*number));
     }
     // A speed that is off by something is zero at another time, and a flight leaves the contact elsewhere.
     let brake = (vn[1] - vn[0]) / value(impact.contact_time_s);
-    by(&mut impact.deepest_s, normal[0] / brake);
+    by(&mut impact.deepest_s, within / brake);
     let shift = share * value(impact.contact_time_s);
     for moment in [&mut impact.start_s, &mut impact.end_s, &mut impact.force_start_s, &mut impact.force_end_s] {
         by(moment, shift);
@@ -196,8 +232,6 @@ fn times(number: Estimate, factor: f64) -> Estimate {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    const NONE: Estimate = Estimate { value: 0.0, sigma: 0.0 };
 
     fn seen(value: f64) -> Option<Estimate> {
         Some(Estimate { value, sigma: 1e-6 })
@@ -232,6 +266,7 @@ mod tests {
             told: [Estimate { value: 1e-4, sigma: 0.0 }; 2],
             contact_frames: [20.0, 40.0],
             flight_frames: [20.0, 20.0],
+            drift_px: [[NONE; 2]; 2],
             place_px: [-60.0, 90.0],
             middle_sigma_px: 0.0,
         };

@@ -16,7 +16,7 @@ mod slip;
 mod solve;
 mod trail;
 
-pub use approach::Approach;
+pub use approach::{Approach, Beside};
 pub use detect::{Contact, Detector, Event};
 pub use family::{FirstGuess, Verdict, judge};
 pub use fit::{Expected, LawFit, fit_law};

@@ -71,7 +71,7 @@ impl Belief {
             }
         }
         (self.doubted, self.confused) = (0, false);
-        let measured = step.step.map(|step| [step.dx_px, step.dy_px]);
+        let measured = step.center_step().map(|step| [step.dx_px, step.dy_px]);
         let rate_px = measured.or(self.last.map(|last| last.rate_px)).unwrap_or_default();
         self.last = Some(Place { frame: step.frame, at_px, sigma_px, rate_px, is_led: measured.is_some() });
         *step
@@ -125,6 +125,8 @@ mod tests {
             rim_fraction: None,
             fixed_fraction: None,
             growth_fraction: None,
+            is_carried: false,
+            drift_px: None,
             frame,
             stamp_ns: frame,
             body: 0,

@@ -2,7 +2,7 @@
 
 use super::confirm;
 use super::error::MeasureError;
-use super::field::{center_step, grown, rigid_step, some_of, start};
+use super::field::{center_step, drift, first_look, rigid_step, start, swollen};
 use super::known::Memory;
 use super::outline::{Finder, Outline};
 use super::params::{MeasureParams, Share};
@@ -13,7 +13,7 @@ use super::reference::Reference;
 use super::target::Target;
 use super::turn::Turns;
 use super::whole::{WholeStep, Wholes};
-use crate::dic::{Correlator, GridPoint, Prepared, Start};
+use crate::dic::{Correlator, Prepared, Start};
 use crate::image::{Frame, FrameMeta, Image};
 use crate::motion::Rotation;
 use crate::results::{BodyStep, PairField, PointStatus, RigidStep};
@@ -26,6 +26,8 @@ pub struct Measured {
     pub step: BodyStep,
     /// The displacement field behind the motion.
     pub field: Option<PairField>,
+    /// Whether a match of the whole body speaks for the motion.
+    pub(super) is_matched: bool,
 }
 
 /// Measures blocks of frames.
@@ -231,7 +233,7 @@ impl Measurer {
                 };
                 let outlines = (&reference.outlines[body], &target.outlines[body]);
                 let seen = reference.seen[body] && target.seen[body];
-                if confirm::holds(&measured.step, reference.before[slot].as_ref(), outlines, seen) {
+                if confirm::holds(measured, reference.before[slot].as_ref(), outlines, seen) {
                     continue;
                 }
                 measured.step = BodyStep { status: PointStatus::Ambiguous, ..measured.step.without_motion() };
@@ -261,7 +263,8 @@ impl Measurer {
             };
             let pair = (&reference.prepared, &target.prepared);
             let Some(rate) = self.turns.between(from, to, pair, frames as f64) else { continue };
-            self.known.of(body, reference.block).motion = Some(rate);
+            let known = self.known.of(body, reference.block);
+            (known.motion, known.center) = (Some(rate), Some(rate));
             let whole = Target { sequence: target.meta.sequence, prepared: &target.prepared, is_narrow: false };
             let again = self.measure_body(reference, slot, Some(whole));
             if again.as_ref().is_some_and(|again| again.step.step.is_some()) {
@@ -309,9 +312,10 @@ impl Measurer {
         if known.confused {
             return (Err(PointStatus::Ambiguous), false);
         }
+        let carried_by = known.motion.and(known.center);
         let expected = known
             .outline
-            .map(|(sequence, outline)| outline.carried(known.motion.as_ref(), (meta.sequence - sequence) as f64));
+            .map(|(sequence, outline)| outline.carried(carried_by.as_ref(), (meta.sequence - sequence) as f64));
         let finder = &mut self.finders[body];
         let followed = expected.and_then(|(near, _)| {
             let close = self.picture.some(frame, finder.part_around(&near, true));
@@ -392,9 +396,9 @@ impl Measurer {
         let (body, place) = (slot / intervals, slot % intervals);
         let outline = reference.outlines[body];
         let mut step = reference.untold(body, self.params.intervals_frames[place]);
-        let Ok(outline) = outline else { return Some(Measured { step, field: None }) };
+        let Ok(outline) = outline else { return Some(Measured { step, field: None, is_matched: false }) };
         outline.tell(&mut step);
-        let Some(target) = target else { return Some(Measured { step, field: None }) };
+        let Some(target) = target else { return Some(Measured { step, field: None, is_matched: false }) };
         let Target { sequence: target_frame, prepared, is_narrow } = target;
         let mut field =
             PairField { frame: step.frame, target_frame, stamp_ns: step.stamp_ns, body: step.body, points: Vec::new() };
@@ -409,7 +413,7 @@ impl Measurer {
         let points = self.finders[body].points(&outline, &self.params.correlation, self.size);
         self.correlator.set_region(self.finders[body].region(&outline, &self.params.correlation));
         let mut whole = known
-            .or_else(|| self.first_look(span, &outline, &points))
+            .or_else(|| first_look(&mut self.correlator, &self.params, (reference, &target), &outline, &points))
             .and_then(|rate| self.whole_step(span, &outline, &rate));
         let known = whole.map(|whole| whole.step).or(known);
         let start = known.map_or(Start::Search, |step| start(&step, outline.center_px(), frames));
@@ -419,7 +423,7 @@ impl Measurer {
             return None;
         }
         step.step = rigid_step(&mut field, outline.center_px(), frames, correlation.subset_size_px, start);
-        step.growth_fraction = step.step.and_then(|found| grown(&field, &found, frames));
+        let moved = swollen(&field, &mut step, &outline, correlation.subset_size_px);
         if let (Rotation::Center, Some(_)) = (self.params.rotation, &step.circle) {
             step.step = step.step.and_then(|_| center_step(&field, outline.center_px(), frames, correlation));
         }
@@ -428,6 +432,7 @@ impl Measurer {
         {
             self.turns.replace(found, circle, (&reference.prepared, prepared), limits, frames);
         }
+        drift(&mut step, moved);
         if let (None, Some(rate)) = (whole, step.step) {
             whole = self.whole_step(span, &outline, &rate);
         }
@@ -437,40 +442,26 @@ impl Measurer {
             step.step = None;
         }
         let whole = whole.filter(|whole| {
-            let agrees = step.step.is_none_or(|field| confirm::agree(&whole.step, &field));
-            if !agrees {
+            let agrees = step.step.is_none_or(|field| confirm::agree(&whole.step, &field, step.drift_px));
+            // A pattern that moves over the body is not that of its reference for long.
+            if !agrees || step.drifts() {
                 self.wholes.forget(body, reference.block);
             }
             agrees
         });
-        if let Some(whole) = &whole {
+        if let Some(whole) = whole.as_ref().filter(|_| !step.drifts()) {
             whole.tell(&mut step);
         }
+        drift(&mut step, moved);
         if step.step.is_none() {
             step.status = confirm::why_not(&field);
         }
         if place == 0 {
-            self.known.of(body, reference.block).motion = step.step;
+            let known = self.known.of(body, reference.block);
+            (known.motion, known.center) = (step.step, step.center_step());
             step.fixed_fraction = step.step.and_then(|_| self.patterns.share((body, reference), &outline));
         }
-        Some(Measured { step, field: Some(field) })
-    }
-
-    /// About how a ball moves of which nothing is known, from some of its subsets: a match of the whole ball needs no more.
-    fn first_look(
-        &mut self,
-        (reference, target, _): (&Reference, Target<'_>, usize),
-        outline: &Outline,
-        points: &[GridPoint],
-    ) -> Option<RigidStep> {
-        let is_enough = matches!(outline, Outline::Ball(_)) && self.params.rotation == Rotation::Rigid;
-        let some = some_of(points).filter(|_| is_enough)?;
-        let frame = reference.meta.sequence;
-        let target_frame = target.sequence;
-        let mut field = PairField { frame, target_frame, stamp_ns: 0, body: 0, points: Vec::new() };
-        self.correlator.correlate(&reference.prepared, target.prepared, &some, Start::Search, &mut field.points);
-        let subset_px = self.params.correlation.subset_size_px;
-        rigid_step(&mut field, outline.center_px(), (target_frame - frame) as f64, subset_px, Start::Search)
+        Some(Measured { step, field: Some(field), is_matched: whole.is_some() })
     }
 
     /// The motion of the whole body, near a rate a frame.

@@ -3,10 +3,10 @@
 use super::belief::Belief;
 use super::outline::seen;
 use super::tracker::TrackerRows;
-use crate::impact::{Approach, Contact, Detector, Event, SurfaceNode, World, deepest_so_far, solve};
+use crate::impact::{Approach, Beside, Contact, Detector, Event, SurfaceNode, World, deepest_so_far, solve};
 use crate::motion::{
-    Anchor, Axes, Center, Chain, Form, Growth, MotionParams, Node, PixelRates, Regime, RunningRadius, RunningShare,
-    Scale, Seen, Shortening, View, gravity_px, lag_frames, physical, smooth,
+    Anchor, Axes, Center, Chain, Drift, Form, Growth, MotionParams, Node, PixelRates, Regime, RunningRadius,
+    RunningShare, Scale, Seen, Shortening, View, gravity_px, lag_frames, physical, smooth,
 };
 use crate::results::{Alarm, AlarmKind, BodyStep, Estimate, Impact, Phase, PointStatus, TrackSample, VelocitySample};
 
@@ -52,6 +52,7 @@ pub struct BodyTracker {
     radius: RunningRadius,
     fixed: RunningShare,
     growth: Growth,
+    drift: Drift,
     /// Of a rod from the pose that its steps lead to, px.
     rod_px: Option<[f64; 2]>,
     /// Whether the newest step is a match of the whole body.
@@ -78,6 +79,7 @@ impl BodyTracker {
             radius: RunningRadius::new(),
             fixed: RunningShare::default(),
             growth: Growth::default(),
+            drift: Drift::default(),
             rod_px: None,
             is_whole: false,
             nodes: Vec::new(),
@@ -113,9 +115,13 @@ impl BodyTracker {
         let since_ns = (i128::from(step.stamp_ns) - i128::from(origin_ns)) as f64 + 0.5 * self.params.exposure_ns;
         let time_frames = since_ns / self.params.frame_period_ns;
         self.growth.push(step, time_frames);
+        self.drift.push_step(time_frames, step);
         let Some(node) = self.chain.push(step, time_frames) else { return };
         self.first_sigma_deg.get_or_insert(node.sigma[2]);
         self.keep(node);
+        if let Some(circle) = outline.filter(|_| self.params.form == Form::Ball && !step.is_carried) {
+            self.drift.push(&node, &circle);
+        }
         if let Some(rod) = &step.rod {
             self.rod_px = Some([rod.x_px.value - node.pose[0], rod.y_px.value - node.pose[1]]);
         }
@@ -308,8 +314,10 @@ impl BodyTracker {
         telling.told_to_frames = newest;
         telling.tried_frames = newest;
         let trail = detector.trail();
-        let view = place.map(|place_px| (place_px, self.params.view.sigma_px));
-        let approach = view.and_then(|view| Approach::of(&self.growth, &telling.contact, newest, view));
+        let (growth, drift, axes) = (&self.growth, &self.drift, self.axes);
+        let middle_sigma_px = self.params.view.sigma_px;
+        let beside = place.map(|place_px| Beside { growth, drift, axes, place_px, middle_sigma_px });
+        let approach = beside.and_then(|beside| Approach::of(&beside, &telling.contact, newest));
         let measured = match approach {
             Some(approach) => solve(&approach.evened(trail), &telling.contact, newest, &world)
                 .map(|impact| approach.told(impact, trail, &world)),
@@ -335,8 +343,9 @@ impl BodyTracker {
         }
     }
 
-    /// The rates across the view.
+    /// The rates of the centre across the view.
     fn across(&self, rates: PixelRates, regime: Regime, node: &Node) -> PixelRates {
+        let rates = self.drift.taken(rates, regime, node);
         let View { middle_px: [x, y], sigma_px } = self.params.view;
         let Some(origin_px) = self.origin_px() else { return rates };
         let place_px = [origin_px[0] + node.pose[0] - x, origin_px[1] + node.pose[1] - y];
@@ -355,9 +364,13 @@ impl BodyTracker {
         let node = self.nodes.binary_search_by_key(&step.frame, |n| n.frame).ok().map(|i| self.nodes[i]);
         let node = node.filter(|_| !gone);
         let circle = step.circle.filter(|_| !gone);
-        let carried = node.and_then(|n| self.anchor.center(&n)).and_then(|center| self.params.recorded(center));
         let outline = seen(step).filter(|_| !gone);
-        let center = carried.or(outline.map(|c| Center { x_px: c.x_px, y_px: c.y_px, sigma_px: c.sigma_center_px }));
+        let (regime, phase) = self.detector.as_ref().map_or((Regime::Unknown, Phase::Unknown), |d| {
+            (d.regime(step.frame), if node.is_some() { d.phase(step.frame) } else { Phase::Unknown })
+        });
+        let outline = outline.map(|c| Center { x_px: c.x_px, y_px: c.y_px, sigma_px: c.sigma_center_px });
+        let by_pose = |n: Node| self.drift.center(&n, regime).or_else(|| self.anchor.center(&n));
+        let center = node.and_then(by_pose).and_then(|center| self.params.recorded(center)).or(outline);
         let angle = node.filter(|n| n.bridged[2].is_finite());
         let sigma_angle =
             |n: &Node| (n.sigma[2].powi(2) + self.first_sigma_deg.unwrap_or(0.0).powi(2) + n.bridged[2]).sqrt();
@@ -375,9 +388,6 @@ impl BodyTracker {
             rod: step.rod.filter(|_| !gone),
             status: step.status,
         };
-        let (regime, phase) = self.detector.as_ref().map_or((Regime::Unknown, Phase::Unknown), |d| {
-            (d.regime(step.frame), if node.is_some() { d.phase(step.frame) } else { Phase::Unknown })
-        });
         let rates = node.and_then(|n| {
             let rates = smooth(&self.nodes, n.frame, regime, &self.params, self.gravity())?;
             Some(self.across(rates, regime, &n))
@@ -391,7 +401,10 @@ impl BodyTracker {
             center_x_px: track.center_x_px,
             center_y_px: track.center_y_px,
             radius_px: track.radius_px,
-            step: step.step.filter(|_| !gone).map(|step| step.about(center_sigma_px)),
+            step: step
+                .step
+                .filter(|_| !gone)
+                .map(|step| node.map_or(step, |node| self.drift.stepped(step, regime, &node)).about(center_sigma_px)),
             velocity: rates
                 .zip(scale)
                 .map(|(rates, scale)| physical(&self.unsure(rates.about(center_sigma_px)), scale, &self.params)),

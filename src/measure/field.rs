@@ -1,7 +1,15 @@
 //! From a motion to the field that is looked for, and back.
 
-use crate::dic::{CenterVector, CorrelationParams, GridPoint, RigidMotion, Start, center_fit, growth, rigid_fit_near};
-use crate::results::{Estimate, PairField, RigidStep};
+use super::outline::Outline;
+use super::params::MeasureParams;
+use super::reference::Reference;
+use super::target::Target;
+use crate::dic::{
+    CenterVector, CorrelationParams, Correlator, GridPoint, RigidMotion, Sphere, Start, center_fit, rigid_fit_near,
+    swell,
+};
+use crate::motion::Rotation;
+use crate::results::{BodyStep, Circle, Estimate, PairField, RigidStep};
 
 /// Fewest subsets a rigid motion is believed from.
 const FEWEST_POINTS: u32 = 3;
@@ -10,7 +18,7 @@ const FEWEST_POINTS: u32 = 3;
 const FIRST_LOOK: usize = 9;
 
 /// Some of the subsets, spread over all; `None` where there are hardly more.
-pub(super) fn some_of(points: &[GridPoint]) -> Option<Vec<GridPoint>> {
+fn some_of(points: &[GridPoint]) -> Option<Vec<GridPoint>> {
     (points.len() >= 2 * FIRST_LOOK).then(|| points.iter().copied().step_by(points.len() / FIRST_LOOK).collect())
 }
 
@@ -30,10 +38,53 @@ pub(super) fn rigid_step(
     (motion.points >= FEWEST_POINTS).then(|| a_frame(&motion, frames))
 }
 
-/// By which share a frame the body grows in the picture; `step` is the rigid motion of its field.
-pub(super) fn grown(field: &PairField, step: &RigidStep, frames: f64) -> Option<Estimate> {
-    let grown = growth(&field.points)?;
-    Some(Estimate { value: grown / frames, sigma: step.sigma_dtheta_deg.to_radians() })
+/// Tells by which share a frame the body grows, and gives the motion of a ball's centre a frame; the body's step is the
+/// rigid motion of its field.
+pub(super) fn swollen(
+    field: &PairField,
+    told: &mut BodyStep,
+    outline: &Outline,
+    subset_px: u32,
+) -> Option<[Estimate; 2]> {
+    let ball = match outline {
+        Outline::Ball(Circle { x_px, y_px, radius_px, .. }) => {
+            Some(Sphere { center_px: [*x_px, *y_px], radius_px: *radius_px, subset_px: f64::from(subset_px) })
+        }
+        Outline::Rod(_) | Outline::Patch(_) => None,
+    };
+    let found = swell(&field.points, ball)?;
+    // Of the rotation a frame.
+    let sigma = found.levers.map(|lever| Some(lever * told.step?.sigma_dtheta_deg.to_radians()));
+    let frames = f64::from(told.interval_frames);
+    let a_frame = |value: f64, sigma: Option<f64>| Some(Estimate { value: value / frames, sigma: sigma? });
+    told.growth_fraction = a_frame(found.growth, sigma[0]);
+    let [x, y] = found.center_px?.map(|moved| a_frame(moved, sigma[1]));
+    Some([x?, y?])
+}
+
+/// Tells how much farther a frame than its step a centre moves that moves so.
+pub(super) fn drift(told: &mut BodyStep, moved: Option<[Estimate; 2]>) {
+    let beside = |(step, [x, y]): (RigidStep, [Estimate; 2])| {
+        [Estimate { value: x.value - step.dx_px, ..x }, Estimate { value: y.value - step.dy_px, ..y }]
+    };
+    told.drift_px = told.step.zip(moved).map(beside);
+}
+
+/// About how a ball moves of which nothing is known, from some of its subsets: a match of the whole ball needs no more.
+pub(super) fn first_look(
+    correlator: &mut Correlator,
+    params: &MeasureParams,
+    (reference, target): (&Reference, &Target<'_>),
+    outline: &Outline,
+    points: &[GridPoint],
+) -> Option<RigidStep> {
+    let is_enough = matches!(outline, Outline::Ball(_)) && params.rotation == Rotation::Rigid;
+    let some = some_of(points).filter(|_| is_enough)?;
+    let (frame, target_frame) = (reference.meta.sequence, target.sequence);
+    let mut field = PairField { frame, target_frame, stamp_ns: 0, body: 0, points: Vec::new() };
+    correlator.correlate(&reference.prepared, target.prepared, &some, Start::Search, &mut field.points);
+    let subset_px = params.correlation.subset_size_px;
+    rigid_step(&mut field, outline.center_px(), (target_frame - frame) as f64, subset_px, Start::Search)
 }
 
 /// The same from the field at the centre and its subsets' rotations about it, of the subsets that follow the body.

@@ -18,6 +18,8 @@ pub(super) struct Known {
     pub(super) outline: Option<(u64, Outline)>,
     /// The last motion measured.
     pub(super) motion: Option<RigidStep>,
+    /// The motion of its centre, where that is another.
+    pub(super) center: Option<RigidStep>,
     /// Whether what was measured contradicted itself: something else is in the picture, and may be taken for the body.
     pub(super) confused: bool,
     /// Whether a patch was looked for at every angle.
@@ -35,7 +37,15 @@ impl Memory {
     pub(super) fn of(&mut self, body: usize, block: u64) -> &mut Known {
         let place = self.known.iter().position(|known| (known.body, known.block) == (body, block));
         let place = place.unwrap_or_else(|| {
-            self.known.push(Known { body, block, outline: None, motion: None, confused: false, searched: false });
+            self.known.push(Known {
+                body,
+                block,
+                outline: None,
+                motion: None,
+                center: None,
+                confused: false,
+                searched: false,
+            });
             self.known.len() - 1
         });
         &mut self.known[place]

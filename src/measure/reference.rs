@@ -24,6 +24,8 @@ impl Reference {
     /// The row of one of its bodies of which nothing is told yet.
     pub(super) fn untold(&self, body: usize, interval_frames: u32) -> BodyStep {
         BodyStep {
+            is_carried: self.outlines[body].is_ok() && !self.seen[body],
+            drift_px: None,
             is_whole: false,
             rim_fraction: None,
             fixed_fraction: None,

@@ -33,7 +33,7 @@ impl Turns {
         let Ok(turn) = self.ring.turn((reference, from), (target, to), radii(circle, limits), near) else { return };
         let turned =
             RigidStep { dtheta_deg: turn.angle_deg / frames, sigma_dtheta_deg: turn.sigma_deg / frames, ..*step };
-        if confirm::agree(&turned, step) {
+        if confirm::agree(&turned, step, None) {
             *step = turned;
         }
     }

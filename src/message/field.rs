@@ -27,7 +27,8 @@ pub struct FieldHeader {
     pub points: u32,
     /// Index of the worker that measured it.
     pub worker: u32,
-    /// When the circle below was measured: 1, or 2 where the share in sight is not its rim's.
+    /// When the circle below was measured: 1, or 2 where the share in sight is not its rim's; 3 and 4 where it was carried
+    /// by its motion.
     pub circle_known: u32,
     /// When the step below was measured: 1 from subsets, 2 as a match of the whole body with a kept reference.
     pub step_known: u32,
@@ -65,6 +66,12 @@ pub struct FieldHeader {
     pub growth_fraction: Number,
     /// ... and its standard uncertainty.
     pub sigma_growth_fraction: f64,
+    /// By how much a frame a ball's centre moves beside what the step says along x, px, ...
+    pub drift_x_px: Number,
+    /// ... along y ...
+    pub drift_y_px: Number,
+    /// ... and the standard uncertainty of both.
+    pub sigma_drift_px: f64,
     /// The rod, where the body is one.
     pub rod: RodMessage,
 }
@@ -84,11 +91,14 @@ impl FieldHeader {
             fixed_fraction: step.fixed_fraction.into(),
             growth_fraction: step.growth_fraction.map(|growth| growth.value).into(),
             sigma_growth_fraction: step.growth_fraction.map_or(0.0, |growth| growth.sigma),
+            drift_x_px: step.drift_px.map(|front| front[0].value).into(),
+            drift_y_px: step.drift_px.map(|front| front[1].value).into(),
+            sigma_drift_px: step.drift_px.map_or(0.0, |front| front[0].sigma),
             rod: step.rod.into(),
             ..Self::default()
         };
         if let Some(circle) = step.circle {
-            header.circle_known = 1 + u32::from(step.rim_fraction.is_some());
+            header.circle_known = 1 + u32::from(step.rim_fraction.is_some()) + 2 * u32::from(step.is_carried);
             header.rim_fraction = step.rim_fraction.unwrap_or(circle.visible_fraction);
             header.center_x_px = circle.x_px;
             header.center_y_px = circle.y_px;
@@ -112,7 +122,7 @@ impl FieldHeader {
 
     /// The step it tells; `None` when the status is not one of ours.
     pub fn step(&self) -> Option<BodyStep> {
-        let circle = matches!(self.circle_known, 1 | 2).then_some(Circle {
+        let circle = matches!(self.circle_known, 1..=4).then_some(Circle {
             x_px: self.center_x_px,
             y_px: self.center_y_px,
             radius_px: self.radius_px,
@@ -130,11 +140,15 @@ impl FieldHeader {
             points: self.points,
         });
         Some(BodyStep {
+            is_carried: self.circle_known > 2,
             is_whole: self.step_known == 2,
             fixed_fraction: self.fixed_fraction.into(),
             growth_fraction: Option::<f64>::from(self.growth_fraction)
                 .map(|value| Estimate { value, sigma: self.sigma_growth_fraction }),
-            rim_fraction: (self.circle_known == 2).then_some(self.rim_fraction),
+            drift_px: Option::<f64>::from(self.drift_x_px)
+                .zip(self.drift_y_px.into())
+                .map(|(x, y)| [x, y].map(|value| Estimate { value, sigma: self.sigma_drift_px })),
+            rim_fraction: matches!(self.circle_known, 2 | 4).then_some(self.rim_fraction),
             frame: self.sequence,
             stamp_ns: self.stamp_ns,
             body: self.body,
@@ -239,10 +253,12 @@ mod tests {
         };
         let motion = RigidStep { dx_px: 4.0, dy_px: 5.0, dtheta_deg: 6.0, points: 7, ..RigidStep::STILL };
         let step = BodyStep {
+            is_carried: false,
             is_whole: true,
             rim_fraction: Some(0.9),
             fixed_fraction: Some(-2.5e-4),
             growth_fraction: Some(Estimate { value: 3e-5, sigma: 4e-6 }),
+            drift_px: Some([0.11, -0.07].map(|value| Estimate { value, sigma: 0.01 })),
             frame: 8,
             stamp_ns: 9,
             body: 10,
@@ -252,7 +268,10 @@ mod tests {
             step: Some(motion),
             status: PointStatus::Occluded,
         };
-        for step in [step, BodyStep { is_whole: false, ..step }, step.without_motion()] {
+        let carried = BodyStep { is_carried: true, ..step };
+        for step in
+            [step, BodyStep { is_whole: false, ..step }, step.without_motion(), carried, carried.without_motion()]
+        {
             assert_eq!(FieldHeader::new(&step, None, 12, 13).step(), Some(step));
         }
     }

@@ -205,6 +205,8 @@ mod tests {
             rim_fraction,
             fixed_fraction,
             growth_fraction: None,
+            is_carried: false,
+            drift_px: None,
             frame,
             stamp_ns: frame,
             body: 0,

@@ -152,6 +152,8 @@ mod tests {
             rim_fraction: None,
             fixed_fraction: None,
             growth_fraction: growth.map(|value| Estimate { value, sigma: 4e-5 / f64::from(interval_frames) }),
+            is_carried: false,
+            drift_px: None,
             frame,
             stamp_ns: frame,
             body: 0,

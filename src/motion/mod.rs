@@ -7,6 +7,7 @@
 mod anchor;
 mod axes;
 mod chain;
+mod drift;
 mod fixed;
 mod growth;
 mod lens;
@@ -21,6 +22,7 @@ mod walk;
 pub use anchor::{Anchor, Center};
 pub use axes::{Axes, MetresPerPixel, PixelRates, Surface, gravity_px, physical};
 pub use chain::{Chain, Node};
+pub use drift::Drift;
 pub use fixed::{RunningShare, Shortening, Spans};
 pub use growth::{Growth, Seen, surely};
 pub use lens::{Distortion, Lens};

@@ -176,7 +176,8 @@ impl Rectifier {
             let larger = (stretch(&self.jacobian(end)?).1 / mean).ln() / frames;
             Some(Estimate { value: grown.value + larger, ..grown })
         });
-        Some(BodyStep { circle, rod, growth_fraction, step: motion, ..*step })
+        // What a lens bends looks like a front that turns: its outlines alone tell that.
+        Some(BodyStep { circle, rod, growth_fraction, drift_px: None, step: motion, ..*step })
     }
 
     /// The pixel that shows the centre of a ball whose outline is fitted best by a circle, and how unsure that leaves
@@ -451,6 +452,8 @@ mod tests {
                         rim_fraction: None,
                         fixed_fraction: None,
                         growth_fraction: Some(Estimate { value: grown, sigma: 4e-5 }),
+                        is_carried: false,
+                        drift_px: None,
                         frame: 3,
                         stamp_ns: 3,
                         body: 0,

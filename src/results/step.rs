@@ -63,6 +63,8 @@ impl RigidStep {
 /// One body in one frame, and its motion to the next.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct BodyStep {
+    /// Whether the outline was not found in this frame but is where the motion leads.
+    pub is_carried: bool,
     /// Whether `step` is a match of the whole body with a reference that was kept, not of its subsets from frame to frame.
     pub is_whole: bool,
     /// Share of the body in sight by its rim, where the circle has what a match of the whole body told.
@@ -73,6 +75,9 @@ pub struct BodyStep {
     /// By which share a frame the body grows in the picture from this frame on, as its subsets show it: it comes nearer to
     /// the camera, or goes to where the lens draws it larger.
     pub growth_fraction: Option<Estimate>,
+    /// By how much a frame a ball's centre moves beside what `step` says along x and y, px: its pattern moves with its front,
+    /// which goes another way where the ball turns about an axis in the picture's plane.
+    pub drift_px: Option<[Estimate; 2]>,
     /// Sequence number of the frame.
     pub frame: u64,
     /// Exposure start of the frame, ns since the Unix epoch.
@@ -91,7 +96,30 @@ pub struct BodyStep {
     pub status: PointStatus,
 }
 
+/// A drift of more than so many sigmas is no chance.
+const SURE_SIGMAS: f64 = 5.0;
+
 impl BodyStep {
+    /// Whether the centre surely moves otherwise than the step says.
+    #[must_use]
+    pub fn drifts(&self) -> bool {
+        self.drift_px.is_some_and(|[x, y]| (x.value / x.sigma).hypot(y.value / y.sigma) > SURE_SIGMAS)
+    }
+
+    /// The motion of the centre a frame: the step's, with the drift where that is no chance.
+    #[must_use]
+    pub fn center_step(&self) -> Option<RigidStep> {
+        let step = self.step?;
+        let Some([x, y]) = self.drift_px.filter(|_| self.drifts()) else { return Some(step) };
+        Some(RigidStep {
+            dx_px: step.dx_px + x.value,
+            dy_px: step.dy_px + y.value,
+            sigma_dx_px: step.sigma_dx_px.hypot(x.sigma),
+            sigma_dy_px: step.sigma_dy_px.hypot(y.sigma),
+            ..step
+        })
+    }
+
     /// The same without its motion, and without what a match of the whole body told of the share in sight.
     #[must_use]
     pub fn without_motion(self) -> Self {
@@ -104,6 +132,7 @@ impl BodyStep {
             rim_fraction: None,
             fixed_fraction: None,
             growth_fraction: None,
+            drift_px: None,
             is_whole: false,
             step: None,
             ..self

@@ -386,6 +386,8 @@ pub fn steps(
             rim_fraction: None,
             fixed_fraction: None,
             growth_fraction: None,
+            is_carried: false,
+            drift_px: None,
             frame: i as u64,
             stamp_ns: 1_700_000_000_000_000_000 + (i as f64 * period_ns).round() as u64,
             body: 0,

@@ -67,5 +67,6 @@ mod support;
 mod synth;
 mod tidy;
 mod triggers;
+mod tumbling;
 mod turned;
 mod v4l2;
