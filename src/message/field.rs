@@ -6,7 +6,7 @@ use iceoryx2::prelude::ZeroCopySend;
 
 /// One body in one frame, its outline and its motion to the next frame.
 #[derive(Debug, Clone, Copy, PartialEq, Default, ZeroCopySend)]
-#[type_name("ricochet.FieldHeader.v5")]
+#[type_name("ricochet.FieldHeader.v6")]
 #[repr(C)]
 pub struct FieldHeader {
     /// Which start of the acquire process the frames belong to.
