@@ -11,10 +11,12 @@ use super::rim::{LANES, Rim};
 const TUKEY: f32 = 4.0;
 /// Residuals beyond this count nothing either: speckle at the rim can make half of the bins outliers, px.
 const FARTHEST_PX: f32 = 0.7;
+const FARTHEST_LINED_PX: f32 = 1.5;
 /// The scale of the residuals is read at this rank, below the usual half, for the same reason.
 const SCALE_RANK: f64 = 0.3;
 /// Normal quantile of that rank: |z| is below it in 30 of 100 draws.
 const SCALE_QUANTILE: f32 = 0.385_32;
+const LINED_SCALE: (f64, f32) = (0.5, 0.6745);
 /// Reweighting that moves the circle by less than this has settled, px.
 const SETTLED_PX: f32 = 1e-4;
 /// Unevenness of a printed or painted rim that no noise model knows, px.
@@ -41,6 +43,8 @@ pub(super) struct CircleFit {
     root: Vec<f32>,
     /// Tukey's share of every bin, 0 where it is not used.
     pub trust: Vec<f32>,
+    /// Whether marks line the rim.
+    pub is_lined: bool,
     residual: Vec<f32>,
     sorted: Vec<f32>,
 }
@@ -57,8 +61,9 @@ impl CircleFit {
         for _ in 0..rounds {
             self.residuals(rim, answer);
             let scale = self.scale()?;
+            let plain = if self.is_lined { FARTHEST_LINED_PX } else { FARTHEST_PX };
             let Self { shift, weight, root, trust, residual, .. } = self;
-            let limits = Limits { weighted: TUKEY * scale, plain: FARTHEST_PX };
+            let limits = Limits { weighted: TUKEY * scale, plain };
             let sums = reweigh([shift, weight, root, residual], rim.directions(), limits, trust);
             let right;
             (normal, right) = matrix(&sums);
@@ -106,7 +111,12 @@ impl CircleFit {
         self.sorted.clear();
         let pairs = self.residual.iter().zip(&self.root).filter(|(_, root)| **root > 0.0);
         self.sorted.extend(pairs.map(|(e, root)| e.abs() * root));
-        spread(&mut self.sorted).map(|scale| scale.max(1e-6))
+        let rank = self.rank();
+        spread(&mut self.sorted, rank).map(|scale| scale.max(1e-6))
+    }
+
+    fn rank(&self) -> (f64, f32) {
+        if self.is_lined { LINED_SCALE } else { (SCALE_RANK, SCALE_QUANTILE) }
     }
 
     /// Covariance of the correction fitted last, px^2.
@@ -120,7 +130,8 @@ impl CircleFit {
         self.sorted.clear();
         let pairs = self.residual.iter().zip(&self.weight).filter(|(_, w)| **w > 0.0);
         self.sorted.extend(pairs.map(|(e, _)| e.abs()));
-        spread(&mut self.sorted)
+        let rank = self.rank();
+        spread(&mut self.sorted, rank)
     }
 
     /// Covariance of the weighted sums, from the residuals' own likeness along the rim (Bartlett's window).
@@ -151,7 +162,7 @@ fn row(rim: &Rim, bin: usize) -> Vector3<f64> {
 }
 
 /// Robust standard deviation of residuals, from their sizes; `None` when there are too few.
-fn spread(sizes: &mut Vec<f32>) -> Option<f32> {
-    let rank = (sizes.len() as f64 * SCALE_RANK) as usize;
-    (sizes.len() >= 6).then(|| nth_smallest(sizes, rank) / SCALE_QUANTILE)
+fn spread(sizes: &mut Vec<f32>, (rank, quantile): (f64, f32)) -> Option<f32> {
+    let rank = (sizes.len() as f64 * rank) as usize;
+    (sizes.len() >= 6).then(|| nth_smallest(sizes, rank) / quantile)
 }

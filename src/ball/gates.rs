@@ -27,13 +27,15 @@ pub(super) struct Gates {
     /// The contrasts once more, from before the first bin to after the last.
     around: Vec<f32>,
     clean: Vec<f32>,
+    /// Bins in which something lies as the rim does.
+    pub alike: usize,
 }
 
 impl Gates {
     /// Marks the bins to use; returns the picture's noise, grey levels.
     ///
     /// With `again`, what stands for clean rim is what it was when the same bins were looked at last.
-    pub fn choose(&mut self, edges: &[Edge], polarity: Polarity, again: bool) -> f32 {
+    pub fn choose(&mut self, edges: &[Edge], polarity: Polarity, (again, is_lined): (bool, bool)) -> f32 {
         let noise = self.noise(edges);
         let sign = match polarity {
             Polarity::Brighter => 1.0,
@@ -48,7 +50,8 @@ impl Gates {
         );
         // On a darker ball speckle and paint are both darker than the ground and both good edges;
         // on a brighter one the dark speckle has the wrong contrast or little of it.
-        if polarity == Polarity::Brighter {
+        self.alike = self.used.iter().filter(|used| **used).count();
+        if polarity == Polarity::Brighter && !is_lined {
             if !again || self.clean.len() != self.used.len().div_ceil(STRIDE) {
                 self.look_for_clean_rim();
             }

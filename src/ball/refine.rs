@@ -5,6 +5,7 @@ use super::edge::{Edge, Search, fit_edges};
 use super::gates::Gates;
 use super::light::SideLight;
 use super::limb::{Limb, SECTORS, Step, shift_px};
+use super::rank::nth_smallest;
 use super::rays::Guess;
 use super::rim::{Outline, Rim, SLACK_PX};
 use super::visible::{Sight, share_in_image, unhidden_share};
@@ -66,12 +67,29 @@ const CLIPPED_PX: [f64; 2] = [0.15, 0.7];
 /// An answer less certain than this, before these factors, is none, px.
 const MOST_SIGMA_PX: f64 = 0.05;
 
+/// Clean parts of a rim that scatter by less than this are clean; beyond it marks line the rim, and all of it, less deep,
+/// tells more, px.
+const LEAST_LINED_PX: f64 = 0.15;
+/// Such a rim scatters by less than this, px.
+const MOST_LINED_PX: f64 = 0.5;
+/// Share of it where something must lie as the rim does.
+const LEAST_ALIKE: f64 = 0.5;
+/// Bins that must agree.
+const FEWEST_LINED: usize = 45;
+/// What is outside of it differs along it by less than this share of its contrast, between quartiles: circles in speckled
+/// paint have speckles outside, too.
+const MOST_UNEVEN: f32 = 0.2;
+/// The error seen of the radius of such a rim against the covariance of its fit.
+const SIGMA_FACTOR_LINED: f64 = 1.7;
+
 /// An accepted outline.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Measured {
     pub circle: Circle,
     /// Share of the rim inside the image that agrees with it, 0 to 1.
     pub agreeing: f64,
+    /// How much the edges scatter about it, px.
+    pub scatter_px: f64,
 }
 
 /// How much is done for a circle.
@@ -148,12 +166,32 @@ impl Refine {
     /// By the pixels that are not clipped, and if they do not hold a circle, by all.
     fn circle_with(&mut self, image: ImageView<'_>, guess: &Guess, effort: Effort) -> Option<Measured> {
         self.rim.take_clipped(false);
-        let measured = self.attempt(image, guess, effort);
+        let measured = self.attempts(image, guess, effort);
         if measured.is_some() || self.rim.white().is_infinite() {
             return measured;
         }
         self.rim.take_clipped(true);
-        self.attempt(image, guess, effort)
+        self.attempts(image, guess, effort)
+    }
+
+    /// By the clean parts of the rim, and if they disagree, by all of it.
+    fn attempts(&mut self, image: ImageView<'_>, guess: &Guess, effort: Effort) -> Option<Measured> {
+        self.take_lined(false);
+        self.gates.alike = 0;
+        let clean = self.attempt(image, guess, effort);
+        let alike = self.gates.alike as f64 / self.rim.bins().max(1) as f64;
+        let is_clipped = self.rim.white().is_finite() && !self.rim.takes_clipped();
+        if clean.is_some_and(|c| c.scatter_px < LEAST_LINED_PX) || alike < LEAST_ALIKE || is_clipped {
+            return clean;
+        }
+        self.take_lined(true);
+        let lined = self.attempt(image, guess, effort);
+        lined.or(clean)
+    }
+
+    fn take_lined(&mut self, is_lined: bool) {
+        self.rim.take_lined(is_lined);
+        self.fit.is_lined = is_lined;
     }
 
     fn attempt(&mut self, image: ImageView<'_>, guess: &Guess, effort: Effort) -> Option<Measured> {
@@ -177,7 +215,7 @@ impl Refine {
             let (steps, reweightings) = if round == 0 { effort.first } else { effort.later };
             fit_edges(&self.rim, Search { blur, light: &self.slope, steps, is_near: effort.is_near }, &mut self.edges);
             let again = effort.is_near && round > 0 && apart <= effort.nearly_px;
-            let noise = self.gates.choose(&self.edges, guess.polarity, again);
+            let noise = self.gates.choose(&self.edges, guess.polarity, (again, self.fit.is_lined));
             let fitted = self.fit.fit(&self.rim, &self.edges, &self.gates.used, noise, reweightings)?;
             outline =
                 Outline { x: outline.x + fitted.dx, y: outline.y + fitted.dy, radius: outline.radius + fitted.dr };
@@ -249,7 +287,13 @@ impl Refine {
         let of_used = if many { LEAST_AGREEING_OF_USED_WHEN_MANY } else { LEAST_AGREEING_OF_USED };
         let most_scatter_px =
             MOST_SCATTER_PX * if share > CERTAIN_AGREEING { CERTAIN_SCATTER } else { 1.0 } * may_scatter;
-        if !enough || agreeing as f64 <= of_used * used || f64::from(self.fit.scatter_px()?) > most_scatter_px {
+        let scatter_px = f64::from(self.fit.scatter_px()?);
+        let is_rim = if self.fit.is_lined {
+            used > LEAST_ALIKE * inside && agreeing >= FEWEST_LINED && scatter_px < MOST_LINED_PX && self.is_even()
+        } else {
+            enough && agreeing as f64 > of_used * used && scatter_px <= most_scatter_px
+        };
+        if !is_rim {
             return None;
         }
         let c = self.fit.covariance(&self.rim, &fitted)?;
@@ -262,16 +306,28 @@ impl Refine {
         let visible_fraction = self.visible_fraction(image, outline);
         // Speckle pulls a blurred rim over longer arcs, too.
         let factor = (SIGMA_FACTOR + SIGMA_FACTOR_HIDDEN * (1.0 - visible_fraction)) * soft.sqrt();
+        let lined = if self.fit.is_lined { SIGMA_FACTOR_LINED } else { 1.0 };
         let shift = self.shift(image, &outline, blur);
         let circle = Circle {
             x_px: outline.x,
             y_px: outline.y,
             radius_px: outline.radius + shift.value,
             sigma_center_px: (factor * of_center).hypot(clipped[0]).hypot(SIGMA_FLOOR_PX),
-            sigma_radius_px: (factor * of_radius).hypot(clipped[1]).hypot(shift.sigma).hypot(SIGMA_FLOOR_PX),
+            sigma_radius_px: (factor * lined * of_radius).hypot(clipped[1]).hypot(shift.sigma).hypot(SIGMA_FLOOR_PX),
             visible_fraction,
         };
-        Some(Measured { circle, agreeing: share })
+        Some(Measured { circle, agreeing: share, scatter_px })
+    }
+
+    /// Whether what surrounds the rim is much the same all along it.
+    fn is_even(&self) -> bool {
+        let trusted =
+            || self.edges.iter().zip(&self.fit.trust).filter(|(_, trust)| **trust > 0.0).map(|(edge, _)| edge);
+        let mut outside: Vec<f32> = trusted().map(|edge| edge.inside - edge.contrast).collect();
+        let mut contrast: Vec<f32> = trusted().map(|edge| edge.contrast.abs()).collect();
+        let Some(last) = outside.len().checked_sub(1) else { return false };
+        let [low, high] = [last / 4, last * 3 / 4].map(|rank| nth_smallest(&mut outside, rank));
+        (high - low) < MOST_UNEVEN * nth_smallest(&mut contrast, last / 2)
     }
 
     /// What clipped pixels leave unsure of centre and radius, px; `None` where the others tell too little.

@@ -15,6 +15,9 @@ pub(super) const BAND_PX: f64 = 3.0;
 /// The band reaches this far in, px: less, because speckle and shade begin there.
 pub(super) const INNER_BAND_PX: f64 = 2.5;
 
+/// As far in where marks line the rim, px.
+const LINED_BAND_PX: f64 = 1.5;
+
 /// The outline may move this far before its pixels have to be gathered again, px.
 pub(super) const SLACK_PX: f64 = 0.5;
 
@@ -49,6 +52,7 @@ pub(super) struct Rim {
     /// Pixels this bright are as bright as any can be; infinite where none is.
     white: f32,
     takes_clipped: bool,
+    is_lined: bool,
 }
 
 /// Distances of pixels from a circle, and which of them lie in the band.
@@ -57,7 +61,7 @@ fn measure_block(
     [x, y, grey]: [&[Lane]; 3],
     counts: &Lane,
     (shift, radius): ((f32, f32), f32),
-    white: f32,
+    (white, inner): (f32, f32),
     (distance, weight): (&mut [Lane], &mut [Lane]),
 ) {
     let pixels = x.iter().zip(y).zip(grey).zip(distance.iter_mut().zip(weight)).enumerate();
@@ -67,7 +71,7 @@ fn measure_block(
             let d = (dx * dx + dy * dy).sqrt() - radius;
             // Slots without a pixel hold what was there before. All are looked at: branches would stop the lanes.
             let filled = ((slot as f32) < counts[i]) & (grey[i] < white);
-            let near = (d < BAND_PX as f32) & (d > -(INNER_BAND_PX as f32)) & filled;
+            let near = (d < BAND_PX as f32) & (d > -inner) & filled;
             weight[i] = if near { 1.0 } else { 0.0 };
             distance[i] = if near { d } else { 0.0 };
         }
@@ -90,6 +94,11 @@ impl Rim {
     /// Whether pixels as bright as any can be count as what they look like; they are left out else.
     pub fn take_clipped(&mut self, takes_clipped: bool) {
         self.takes_clipped = takes_clipped;
+    }
+
+    /// Whether marks line the rim, as they do at that of a sphere: then less of what is inside of it counts.
+    pub fn take_lined(&mut self, is_lined: bool) {
+        self.is_lined = is_lined;
     }
 
     /// As told to [`Self::take_clipped`].
@@ -158,12 +167,13 @@ impl Rim {
         let shift = ((outline.x - self.middle.x) as f32, (outline.y - self.middle.y) as f32);
         let radius = outline.radius as f32;
         let white = if self.takes_clipped { f32::INFINITY } else { self.white };
+        let inner = if self.is_lined { LINED_BAND_PX } else { INNER_BAND_PX } as f32;
         for block in 0..self.count.len() / LANES {
             let range = self.slots(block);
             let pixels = [&self.x, &self.y, &self.grey].map(|list| &list[range.clone()]);
             let counts = std::array::from_fn(|lane| self.count[block * LANES + lane] as f32);
             let out = (&mut self.distance[range.clone()], &mut self.weight[range]);
-            measure_block(pixels, &counts, (shift, radius), white, out);
+            measure_block(pixels, &counts, (shift, radius), (white, inner), out);
         }
     }
 

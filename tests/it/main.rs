@@ -40,6 +40,7 @@ mod honest;
 mod impact;
 mod import;
 mod line;
+mod lined;
 mod motion;
 mod nearer;
 mod parts;
