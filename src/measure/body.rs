@@ -5,7 +5,7 @@ use super::outline::seen;
 use super::tracker::TrackerRows;
 use crate::impact::{Approach, Beside, Contact, Detector, Event, SurfaceNode, World, deepest_so_far, solve};
 use crate::motion::{
-    Anchor, Axes, Center, Chain, Drift, Form, Growth, MotionParams, Node, PixelRates, Regime, RunningRadius,
+    Anchor, Axes, Center, Chain, Drift, Form, Growth, Known, MotionParams, Node, PixelRates, Regime, RunningRadius,
     RunningShare, Scale, Seen, Shortening, View, gravity_px, lag_frames, physical, smooth,
 };
 use crate::results::{Alarm, AlarmKind, BodyStep, Estimate, Impact, Phase, PointStatus, TrackSample, VelocitySample};
@@ -58,6 +58,8 @@ pub struct BodyTracker {
     /// Whether the newest step is a match of the whole body.
     is_whole: bool,
     nodes: Vec<Node>,
+    /// The newest frame pushed, whether the body was seen in it or not.
+    newest_frame: u64,
     first_sigma_deg: Option<f64>,
     detector: Option<Detector>,
     /// Whether it was told that the contact that lasts was deepest.
@@ -83,6 +85,7 @@ impl BodyTracker {
             rod_px: None,
             is_whole: false,
             nodes: Vec::new(),
+            newest_frame: 0,
             first_sigma_deg: None,
             detector: contact.then(Detector::new),
             turned: false,
@@ -102,6 +105,7 @@ impl BodyTracker {
 
     fn take(&mut self, step: &BodyStep, origin_ns: u64, rows: &mut TrackerRows) {
         self.origin_ns = origin_ns;
+        self.newest_frame = step.frame;
         let outline = seen(step);
         if let Some(circle) = &outline {
             self.radius.push(circle);
@@ -389,7 +393,8 @@ impl BodyTracker {
             status: step.status,
         };
         let rates = node.and_then(|n| {
-            let rates = smooth(&self.nodes, n.frame, regime, &self.params, self.gravity())?;
+            let known = Known { nodes: &self.nodes, to_frame: self.newest_frame, gravity: self.gravity() };
+            let rates = smooth(known, n.frame, regime, &self.params)?;
             Some(self.across(rates, regime, &n))
         });
         let scale = self.radius.metres_per_px(self.params.scale);

@@ -30,5 +30,5 @@ pub use params::{Form, MotionParams, RingLimits, Rotation, Scale, View};
 pub use polynomial::{MAX_ORDER, Polynomial, Sample};
 pub use radius::RunningRadius;
 pub use rectifier::{Calibration, Rectifier, RectifierError};
-pub use smooth::{AUTO_AHEAD_FRAMES, Regime, lag_frames, local_fit, smooth};
+pub use smooth::{AUTO_AHEAD_FRAMES, Known, Regime, lag_frames, local_fit, smooth};
 pub use walk::{Kept, Renewal, Walk, subset_walk};

@@ -32,6 +32,22 @@ const BEFORE: (f64, f64) = (0.4, 1.5);
 /// the rest of one that ends is not.
 const AFTER: (f64, f64) = (0.6, 3.0);
 
+/// What may be unseen in the last frame before a body is lost, and the ones before, in units of a step's noise: so much
+/// weaker than that a force goes unnoticed.
+const UNSEEN: [f64; BRINK_FRAMES] = [2.5, 1.5, 0.7, 0.3];
+const BRINK_FRAMES: usize = 4;
+
+/// What is known of a body around a frame.
+#[derive(Debug, Clone, Copy)]
+pub struct Known<'a> {
+    /// Where it was, in order of frames.
+    pub nodes: &'a [Node],
+    /// The newest frame looked at: where no node is before it, the body was not seen.
+    pub to_frame: u64,
+    /// Gravity in the picture, px/frame^2.
+    pub gravity: Option<[f64; 2]>,
+}
+
 /// What is known of the motion around a frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Regime {
@@ -144,14 +160,9 @@ fn window(nodes: &[Node], frame: u64, width: u64, ahead: u64) -> &[Node] {
 /// - otherwise order 2 over 9 frames.
 ///
 /// Where the force sets in or ends, neither is right: the sigmas of frames near there have in them how far the two are
-/// apart.
-pub fn smooth(
-    nodes: &[Node],
-    frame: u64,
-    regime: Regime,
-    params: &MotionParams,
-    gravity: Option<[f64; 2]>,
-) -> Option<PixelRates> {
+/// apart, and those where a body is lost or seen again what its last steps leave open.
+pub fn smooth(known: Known<'_>, frame: u64, regime: Regime, params: &MotionParams) -> Option<PixelRates> {
+    let Known { nodes, gravity, .. } = known;
     let at = nodes[nodes.binary_search_by_key(&frame, |n| n.frame).ok()?];
     let n = u64::from(params.interval_frames.max(1));
     let plain =
@@ -164,7 +175,8 @@ pub fn smooth(
         Regime::Unknown => return fallback(),
         Regime::Flight { from, to } => {
             let (back, ahead) = (from.max(frame.saturating_sub(FLIGHT_BACK)), to.min(frame + FLIGHT_AHEAD));
-            in_flight(between(nodes, back, ahead), at.time_frames, gravity).or_else(fallback)?
+            let rates = in_flight(between(nodes, back, ahead), at.time_frames, gravity).or_else(fallback)?;
+            rates.unsure_by(unseen(known, frame, n))
         }
         Regime::Contact { speed_px, acceleration_px, .. } => {
             let sigma = (at.sigma[0] + at.sigma[1]) / 2.0;
@@ -175,9 +187,9 @@ pub fn smooth(
             rates.unsure_by([bias_px, bias_px, 0.0])
         }
     };
-    let known = between(nodes, 0, frame + AUTO_AHEAD_FRAMES);
+    let nodes = between(nodes, 0, frame + AUTO_AHEAD_FRAMES);
     let widened = |rates: PixelRates, edge: &Edge| {
-        let apart = edge.apart(known, gravity).unwrap_or_default();
+        let apart = edge.apart(nodes, gravity).unwrap_or_default();
         rates.unsure_by(std::array::from_fn(|k| edge.share * apart[k].hypot(edge.kink_px[k])))
     };
     Some(edges(frame, regime).iter().flatten().fold(rates, widened))
@@ -237,6 +249,24 @@ impl Edge {
 /// How far ahead of a frame [`smooth`] looks, frames.
 pub fn lag_frames(params: &MotionParams) -> u64 {
     params.window_frames.map_or(AUTO_AHEAD_FRAMES, |width| u64::from(width / 2).max(AUTO_AHEAD_FRAMES))
+}
+
+/// What a force that acts where the body is not seen may have made of the rates beside there already, per frame.
+///
+/// A body that is lost as a contact begins has hardly been decelerated before, and the flight does not tell: as much as its
+/// last steps leave open.
+fn unseen(known: Known<'_>, frame: u64, interval: u64) -> [f64; 3] {
+    let to_frame = known.to_frame.min(frame + AUTO_AHEAD_FRAMES);
+    let nodes = between(known.nodes, 0, to_frame);
+    let Ok(own) = nodes.binary_search_by_key(&frame, |node| node.frame) else { return [0.0; 3] };
+    let is_gap = |pair: &[Node]| pair[1].frame > pair[0].frame + 1;
+    let later = nodes[own..].windows(2).take(BRINK_FRAMES).position(is_gap);
+    let ends = || nodes.len() - 1 - own < BRINK_FRAMES && nodes.last().is_some_and(|last| last.frame < to_frame);
+    let later = later.or_else(|| ends().then(|| nodes.len() - 1 - own));
+    let earlier = nodes[..=own].windows(2).rev().take(BRINK_FRAMES).position(is_gap);
+    let Some(away) = later.into_iter().chain(earlier).min() else { return [0.0; 3] };
+    let noise = |axis: usize| nodes[own].sigma[axis] * f64::sqrt(2.0) / interval as f64;
+    std::array::from_fn(|axis| UNSEEN[away] * noise(axis))
 }
 
 /// A line with gravity (or none) where the measured acceleration agrees with it.

@@ -241,3 +241,32 @@ fn two_bodies_do_not_touch_each_other() {
         assert!(rows.impacts.iter().any(|i| i.body == body));
     }
 }
+
+/// A body that is lost as its contact begins, and seen again only when it ends: the last speeds before were those of the
+/// flight, off by up to 78 of their sigmas.
+#[test]
+fn what_is_lost_as_a_contact_begins_has_slowed_down_unseen() {
+    for experiment in [lacrosse(true), tennis(false), rod(true)] {
+        let (mut square, mut count, mut worst) = (0.0, 0.0, 0.0_f64);
+        for seed in 0..40 {
+            let mut noise = Noise::new(4_000 + seed);
+            let truth = experiment.simulate(noise.uniform());
+            let mut steps = truth.steps(1, &mut noise);
+            let first = truth.start as usize + 1 + (seed % 4) as usize;
+            let last = (truth.end as usize - 1).max(first + 4);
+            // The step of the frame before leads into one that is not seen.
+            steps[first - 1].step = None;
+            for step in &mut steps[first..last] {
+                (step.step, step.circle, step.rod, step.status) = (None, None, None, PointStatus::Lost);
+            }
+            let rows = track(&steps, &experiment.params());
+            for at in (first - 4..first).chain(last..last + 4) {
+                let (Some(told), rate) = (rows.velocities[at].velocity, &truth.rates[at]) else { continue };
+                let pull = (told.vn_m_s - rate[0]).abs() / told.sigma_v_m_s;
+                (square, count, worst) = (square + pull * pull, count + 1.0, worst.max(pull));
+            }
+        }
+        println!("{}: {:.2} sigmas rms, worst {worst:.1}", experiment.name, f64::sqrt(square / count));
+        assert!(worst < 4.0 && square / count < 1.5, "{}", experiment.name);
+    }
+}
