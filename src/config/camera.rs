@@ -127,6 +127,9 @@ pub struct Camera {
     /// Exposure, above 0 and at most 10000000 us, no longer than a frame lasts at `frame_rate_hz`; left out, the
     /// camera's or the scenario's own. `v4l2` has steps of 100 us.
     pub exposure_us: Option<f64>,
+    /// Exponent of the camera's tone curve, 0.2 to 5, default 1: its grey levels go as the light to this power, and the
+    /// light is measured. Cameras for measuring have none; those made for looking at have 0.45 or so.
+    pub gamma: f64,
     /// Each frame waits for this trigger (`genicam` only), a GenICam name such as `Line1` or `Software`; left out,
     /// the camera runs freely.
     pub trigger_source: Option<String>,
@@ -159,6 +162,7 @@ const OFFSET_PX: std::ops::RangeInclusive<i64> = 0..=65_535;
 const PLAYBACK_RATE: Bounds = Bounds::closed(0.001, 1000.0, "times real time");
 const SPAN_S: f64 = 1.0e6;
 const RATE: Bounds = Bounds::above(0.0, 1.0e6, "Hz");
+const GAMMA: Bounds = Bounds::closed(0.2, 5.0, "");
 const EXPOSURE: Bounds = Bounds::above(0.0, 1.0e7, "us");
 
 pub(super) fn camera(table: &Table<'_>, raw: RawCamera) -> Result<Camera, ConfigError> {
@@ -187,6 +191,7 @@ pub(super) fn camera(table: &Table<'_>, raw: RawCamera) -> Result<Camera, Config
         pixel_format: table.word("pixel_format", raw.pixel_format.as_deref(), &formats)?,
         frame_rate_hz: table.number("frame_rate_hz", raw.frame_rate_hz, RATE)?,
         exposure_us: table.number("exposure_us", raw.exposure_us, EXPOSURE)?,
+        gamma: table.number("gamma", raw.gamma, GAMMA)?.unwrap_or(1.0),
         trigger_source: table.filled("trigger_source", raw.trigger_source)?,
         pulse: pulse(table, raw.paced, raw.pulse_period_s, raw.pulse_frames)?,
         packet_size_bytes: table.whole("packet_size_bytes", raw.packet_size_bytes, 576..=65_535, "bytes")?,

@@ -3,9 +3,11 @@
 mod format;
 mod frame;
 mod grey;
+mod tone;
 mod view;
 
 pub use format::{PixelFormat, is_saturated};
 pub use frame::{Frame, FrameMeta};
 pub use grey::grey_pixels;
+pub use tone::Tone;
 pub use view::{Image, ImageView, ShapeError};

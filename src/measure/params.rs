@@ -2,6 +2,7 @@
 
 use super::outline::BodyParams;
 use crate::dic::CorrelationParams;
+use crate::image::Tone;
 use crate::motion::Rotation;
 
 /// What the frames of a rig are measured with.
@@ -15,6 +16,8 @@ pub struct MeasureParams {
     pub rotation: Rotation,
     /// What each body is and where it may be.
     pub bodies: Vec<BodyParams>,
+    /// Tone curve of the camera, where its grey levels are not light.
+    pub tone: Option<Tone>,
     /// Frames of a block; blocks begin at sequence numbers divisible by it.
     pub block_frames: u32,
 }

@@ -1,19 +1,20 @@
 //! The frame at hand, of which only the parts that are asked for are unpacked.
 
 use super::part::Part;
-use crate::image::{Frame, Image, ImageView};
+use crate::image::{Frame, Image, ImageView, Tone};
 
 /// Grey levels of one frame at a time.
 pub(super) struct Picture {
     image: Image,
+    tone: Option<Tone>,
     /// Left, top, right and bottom of what is unpacked, the last two outside.
     ready: [u32; 4],
 }
 
 impl Picture {
-    /// Memory for frames of this size.
-    pub(super) fn new(width_px: usize, height_px: usize) -> Self {
-        Self { image: Image::new(width_px, height_px), ready: [0; 4] }
+    /// Memory for frames of this size, of a camera with this tone curve.
+    pub(super) fn new(width_px: usize, height_px: usize, tone: Option<Tone>) -> Self {
+        Self { image: Image::new(width_px, height_px), tone, ready: [0; 4] }
     }
 
     /// Another frame: nothing is unpacked of it yet.
@@ -37,6 +38,9 @@ impl Picture {
             let [left, top, right, bottom] = self.ready;
             // Its size and its bytes were looked at when it came.
             let _ = frame.unpack_part([left, top, right - left, bottom - top], &mut self.image);
+            if let Some(tone) = &self.tone {
+                tone.straighten(&mut self.image, self.ready);
+            }
         }
         self.image.view()
     }
@@ -63,7 +67,7 @@ mod tests {
     #[test]
     fn what_is_asked_for_is_of_the_frame_at_hand() {
         let meta = FrameMeta { width_px: 8, height_px: 6, stride_bytes: 8, ..FrameMeta::default() };
-        let mut picture = Picture::new(8, 6);
+        let mut picture = Picture::new(8, 6, None);
         for round in 0..3_u8 {
             let bytes: Vec<u8> = (0..48).map(|k| k + 50 * round).collect();
             let frame = Frame { meta, bytes: &bytes };

@@ -7,7 +7,7 @@ use crate::camera::simulated::{SimulatedCamera, load_scenario};
 use crate::camera::v4l2::{V4l2Camera, V4l2Settings};
 use crate::camera::{Camera, CameraError, CameraIdentity, Next, Pace, Slot, StreamFormat};
 use crate::config::{self, Config};
-use crate::image::PixelFormat;
+use crate::image::{PixelFormat, Tone};
 use crate::measure::{BodyParams, MeasureParams, TrackerParams};
 use crate::motion::{MotionParams, View};
 use crate::recording::{Recording, RecordingError};
@@ -252,6 +252,7 @@ pub fn analysis_params(config: &Config, format: &StreamFormat) -> (MeasureParams
                 (None, _) => BodyParams::Ball(config.ball(body, format.width_px, format.height_px)),
             })
             .collect(),
+        tone: Tone::new(config.camera.gamma, format.format),
         block_frames: config.workers.block_frames,
     };
     let motion = |body: usize| {

@@ -29,6 +29,7 @@ fn measured(world: &World) -> Vec<Measured> {
         intervals_frames: vec![1],
         rotation: Rotation::Rigid,
         bodies: vec![BallParams::new(50.0, 70.0).into()],
+        tone: None,
         block_frames: 16,
     };
     let mut measurer = Measurer::new(&params, Share::ALL, width, height).unwrap();

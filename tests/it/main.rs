@@ -67,6 +67,7 @@ mod study;
 mod support;
 mod synth;
 mod tidy;
+mod tone;
 mod triggers;
 mod tumbling;
 mod turned;

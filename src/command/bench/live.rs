@@ -102,6 +102,7 @@ impl Film {
             intervals_frames: vec![1],
             rotation,
             bodies: vec![BodyParams::Ball(self.ball.clone())],
+            tone: None,
             block_frames: BLOCK_FRAMES,
         };
         let mut measurer = Measurer::new(&params, Share::ALL, 512, 512)?;

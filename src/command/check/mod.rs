@@ -12,7 +12,7 @@ pub use finding::{Finding, Verdict};
 
 use super::{Outcome, UsageError, say, table};
 use crate::config::Config;
-use crate::image::FrameMeta;
+use crate::image::{FrameMeta, Tone};
 use crate::process::Stop;
 use crate::report;
 use displacement::Floor;
@@ -86,7 +86,8 @@ fn look(config: &Config, grabbed: &Grabbed, floor: &Floor) -> anyhow::Result<(Ve
     let subset_px = config.correlation.subset_size_px;
     let (width, height) = (format.width_px as usize, format.height_px as usize);
     let region = Region::of(&floor.first_fields(), subset_px, width, height);
-    let stack = Stack::of(grabbed, floor.moves.is_some())?;
+    let tone = Tone::new(config.camera.gamma, format.format);
+    let stack = Stack::of(grabbed, floor.moves.is_some(), tone.as_ref())?;
     let full_dn = f64::from((1_u32 << format.format.bits()) - 1);
     let levels = texture::levels(&stack, &region, full_dn);
     let noise_dn = levels.noise_dn.unwrap_or(0.0);

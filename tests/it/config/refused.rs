@@ -71,6 +71,7 @@ fn numbers_out_of_range_are_refused_with_the_range_and_its_unit() {
         ("frame_rate_hz = nan", ", line 3: camera.frame_rate_hz = nan: must be above 0 and at most 1000000 Hz"),
         ("frame_rate_hz = inf", ", line 3: camera.frame_rate_hz = inf: must be above 0 and at most 1000000 Hz"),
         ("exposure_us = 0", ", line 3: camera.exposure_us = 0: must be above 0 and at most 10000000 us"),
+        ("gamma = 0.1", ", line 3: camera.gamma = 0.1: must be 0.2 to 5"),
         ("[scale]\nmm_per_px = 0", ", line 4: scale.mm_per_px = 0: must be 0.000001 to 1000 mm/px"),
         (
             "[scale]\nball_diameter_mm = -1",

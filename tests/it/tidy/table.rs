@@ -237,6 +237,7 @@ pub const DIMENSIONLESS: &[&str] = &[
     "force_law",
     "force_law_probability",
     "frame",
+    "gamma",
     "given",
     "impulse_ratio",
     "index",
