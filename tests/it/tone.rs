@@ -26,7 +26,7 @@ fn off(world: &World, gamma: f64, rig: &str) -> (f64, f64) {
     let radii = rows.tracks.iter().filter_map(|track| Some(track.radius_px? - world.truth(track.frame).radius_px?));
     let (sum, count) = radii.fold((0.0, 0.0), |(sum, count), off| (sum + off, count + 1.0));
     let (told, truth) = (rows.impacts.last().unwrap().numbers(), world.impact().unwrap().numbers());
-    let pulls = told.into_iter().zip(truth).filter(|((number, _), _)| number.to_string() == "restitution_tangential");
+    let pulls = told.into_iter().zip(truth).filter(|((number, _), _)| **number == *"restitution_tangential");
     let pull = pulls.filter_map(|((_, told), (_, truth))| Some((told?.value - truth?.value) / told?.sigma));
     (sum / count, pull.fold(0.0, |most, pull: f64| most.max(pull.abs())))
 }
