@@ -108,6 +108,18 @@ fn a_selector_among_the_features_is_turned_before_what_it_selects() {
 }
 
 #[test]
+fn a_tone_curve_in_use_is_seen() {
+    let Some(_gige) = FakeGige::plug_in(Wiring::Software, 0, draw) else { return };
+    let seen = |gamma: f64, is_on: bool| {
+        let features = [("Gamma", FeatureValue::Float(gamma)), ("GammaEnable", FeatureValue::Bool(is_on))];
+        let features = features.map(|(name, value)| (name.to_owned(), value)).into();
+        GenicamCamera::open(&GenicamSettings { features, ..settings(100.0) }).unwrap().device().gamma()
+    };
+    assert_eq!(seen(0.45, true), Some(0.45));
+    assert_eq!((seen(0.45, false), seen(1.0, true)), (None, None));
+}
+
+#[test]
 fn what_a_camera_cannot_be_set_to_is_refused_with_what_is_allowed() {
     let Some(_gige) = FakeGige::plug_in(Wiring::Software, 0, draw) else { return };
     let base = || settings(100.0);

@@ -60,6 +60,13 @@ pub fn apply(device: &Device, settings: &GenicamSettings) -> Result<StreamFormat
     let stream =
         StreamFormat { width_px: size("Width")?, height_px: size("Height")?, format, frame_rate_hz, exposure_us };
     check_region(settings, &stream)?;
+    if let Some(gamma) = device.gamma().filter(|_| !settings.is_tone_known) {
+        log::warn!(
+            "{}: its Gamma is {gamma}: grey levels are not light, and edges of bodies lie elsewhere; set Gamma = 1.0 under \
+             [camera.features], or tell camera.gamma",
+            settings.id
+        );
+    }
     Ok(stream)
 }
 

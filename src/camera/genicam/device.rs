@@ -8,6 +8,9 @@ use std::ptr;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
+/// A gamma this near to 1 is 1.
+const STRAIGHT: f64 = 0.005;
+
 /// What a feature holds.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Kind {
@@ -171,6 +174,13 @@ impl Device {
             free(self.aravis, list);
             Ok(words)
         }
+    }
+
+    /// Exponent of its tone curve, where it has one in use and grey levels are not light.
+    pub fn gamma(&self) -> Option<f64> {
+        let is_on = !self.has("GammaEnable") || self.boolean("GammaEnable").unwrap_or(true);
+        let gamma = self.has("Gamma").then(|| self.float("Gamma").ok()).flatten()?;
+        (is_on && gamma > 0.0 && (gamma - 1.0).abs() > STRAIGHT).then_some(gamma)
     }
 
     /// Executes a command.

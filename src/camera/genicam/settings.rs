@@ -26,6 +26,8 @@ pub struct GenicamSettings {
     pub frame_rate_hz: Option<f64>,
     /// Exposure time, us.
     pub exposure_us: Option<f64>,
+    /// Whether a tone curve of the camera is known, and taken out of what it delivers.
+    pub is_tone_known: bool,
     /// What starts a frame: `Software`, or a line such as `Line1`; none for the camera's own clock.
     pub trigger_source: Option<String>,
     /// Further features by their GenICam name, or `Name[Selector=Word]` for one of several behind a selector.
@@ -45,6 +47,7 @@ impl From<&config::Camera> for GenicamSettings {
             pixel_format: camera.pixel_format,
             frame_rate_hz: camera.frame_rate_hz,
             exposure_us: camera.exposure_us,
+            is_tone_known: camera.gamma.total_cmp(&1.0).is_ne(),
             trigger_source: camera.trigger_source.clone(),
             features: camera.features.clone(),
             packet_size_bytes: camera.packet_size_bytes,

@@ -3,10 +3,14 @@
 use super::apply::Applied;
 use super::device::Device;
 use super::layout::word;
+use super::settings::V4l2Settings;
 use super::sys;
 
+/// The control's value that leaves grey levels as they are, by the USB video class.
+const STRAIGHT: i64 = 100;
+
 /// What to know of a camera that is set up, each a sentence.
-pub(super) fn advice(device: &Device, applied: &Applied) -> Vec<String> {
+pub(super) fn advice(device: &Device, applied: &Applied, settings: &V4l2Settings) -> Vec<String> {
     let mut advice = Vec::new();
     let layout = applied.shape.layout;
     if layout.is_compressed() {
@@ -32,6 +36,13 @@ pub(super) fn advice(device: &Device, applied: &Applied) -> Vec<String> {
              exposure_dynamic_framerate = false under [camera.features]"
                 .into(),
         );
+    }
+    let gamma = device.number(sys::V4L2_CID_GAMMA).filter(|gamma| *gamma != STRAIGHT && !settings.is_tone_known);
+    if let Some(gamma) = gamma {
+        advice.push(format!(
+            "its control gamma stands at {gamma}, where {STRAIGHT} mostly leaves grey levels as they are: edges of bodies lie \
+             elsewhere then; set gamma = {STRAIGHT} under [camera.features], or the exponent as camera.gamma"
+        ));
     }
     advice
 }

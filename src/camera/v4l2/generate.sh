@@ -26,7 +26,7 @@ types="$types|v4l2_(frmsizetypes|frmivaltypes|exposure_auto_type)"
 variables='REQUEST_.*|FOURCC_.*|V4L2_CAP_(VIDEO_CAPTURE|VIDEO_CAPTURE_MPLANE|STREAMING|DEVICE_CAPS|TIMEPERFRAME)'
 variables="$variables|V4L2_BUF_FLAG_(ERROR|TIMESTAMP_.*|TSTAMP_SRC_.*)|V4L2_CTRL_WHICH_CUR_VAL"
 variables="$variables|V4L2_CTRL_FLAG_(DISABLED|GRABBED|READ_ONLY|WRITE_ONLY|INACTIVE|HAS_PAYLOAD|NEXT_CTRL|NEXT_COMPOUND)"
-variables="$variables|V4L2_CID_EXPOSURE_(AUTO|ABSOLUTE|AUTO_PRIORITY)"
+variables="$variables|V4L2_CID_(GAMMA|EXPOSURE_AUTO|EXPOSURE_ABSOLUTE|EXPOSURE_AUTO_PRIORITY)"
 
 # Unions of which no member is used stay bytes.
 opaque='v4l2_(window|vbi_format|sliced_vbi_format|sdr_format|meta_format|pix_format_mplane|clip|ctrl_.*)'

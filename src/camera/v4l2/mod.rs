@@ -100,7 +100,7 @@ impl V4l2Camera {
     fn with_device(device: Device, settings: &V4l2Settings) -> Result<Self, CameraError> {
         let applied = apply::apply(&device, settings)?;
         let Applied { shape, frame_rate_hz, exposure_us } = applied;
-        for advice in advice::advice(&device, &applied) {
+        for advice in advice::advice(&device, &applied, settings) {
             log::warn!("{}: {advice}", device.id);
         }
         let format = StreamFormat {

@@ -19,6 +19,8 @@ pub struct V4l2Settings {
     pub frame_rate_hz: Option<f64>,
     /// Exposure time, us, in steps of 100 us.
     pub exposure_us: Option<f64>,
+    /// Whether a tone curve of the camera is known, and taken out of what it delivers.
+    pub is_tone_known: bool,
     /// Further controls by name, lower-case with `_` between words.
     pub features: BTreeMap<String, FeatureValue>,
 }
@@ -32,6 +34,7 @@ impl From<&config::Camera> for V4l2Settings {
             pixel_format: camera.pixel_format,
             frame_rate_hz: camera.frame_rate_hz,
             exposure_us: camera.exposure_us,
+            is_tone_known: camera.gamma.total_cmp(&1.0).is_ne(),
             features: camera.features.clone(),
         }
     }

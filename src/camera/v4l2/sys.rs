@@ -16,6 +16,7 @@ impl<T: Copy + Default, const N: usize> Default for __BindgenOpaqueArray8<[T; N]
         Self([<T as Default>::default(); N])
     }
 }
+pub const V4L2_CID_GAMMA: u32 = 9963792;
 pub const V4L2_CID_EXPOSURE_AUTO: u32 = 10094849;
 pub const V4L2_CID_EXPOSURE_ABSOLUTE: u32 = 10094850;
 pub const V4L2_CID_EXPOSURE_AUTO_PRIORITY: u32 = 10094851;

@@ -184,7 +184,7 @@ fn what_the_camera_does_by_itself_is_told_until_it_is_switched_off() {
     let told = |mock: &Mock, settings: &V4l2Settings| {
         let device = mock.device();
         let applied = apply(&device, settings).unwrap();
-        advice(&device, &applied)
+        advice(&device, &applied, settings)
     };
     let mock = webcam();
     mock.state().controls.push(MockControl {
@@ -196,12 +196,29 @@ fn what_the_camera_does_by_itself_is_told_until_it_is_switched_off() {
         value: 1,
         ruled_by: None,
     });
+    // In the order of their numbers, as a driver lists them.
+    let gamma = MockControl {
+        id: sys::V4L2_CID_GAMMA,
+        name: "Gamma",
+        kind: sys::V4L2_CTRL_TYPE_INTEGER,
+        range: (1, 500, 1),
+        words: &[],
+        value: 220,
+        ruled_by: None,
+    };
+    mock.state().controls.insert(4, gamma);
     let advice = told(&mock, &mode(1280, 720, 30.0));
-    assert_eq!(advice.len(), 3);
+    assert_eq!(advice.len(), 4);
     assert!(advice[0].starts_with("pictures come compressed (MJPG)"), "{advice:?}");
     assert!(advice[1].starts_with("the camera adjusts gain_automatic, auto_exposure by itself"), "{advice:?}");
     assert!(advice[2].starts_with("in the dark the camera takes fewer frames"), "{advice:?}");
-    let fixed = V4l2Settings { exposure_us: Some(1000.0), ..with(&[("gain_automatic", FeatureValue::Bool(false))]) };
+    assert!(advice[3].starts_with("its control gamma stands at 220, where 100"), "{advice:?}");
+    let known = V4l2Settings { is_tone_known: true, ..mode(1280, 720, 30.0) };
+    assert_eq!(told(&mock, &known), advice[..3]);
+    let fixed = V4l2Settings {
+        exposure_us: Some(1000.0),
+        ..with(&[("gain_automatic", FeatureValue::Bool(false)), ("gamma", FeatureValue::Integer(100))])
+    };
     mock.state().fourcc = sys::FOURCC_YUYV;
     assert_eq!(told(&mock, &V4l2Settings { width_px: Some(640), height_px: Some(480), ..fixed }), [""; 0]);
 }
