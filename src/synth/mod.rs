@@ -21,6 +21,7 @@ mod sensor;
 mod speckle;
 mod sphere;
 mod texture;
+mod truth;
 mod world;
 
 #[cfg(test)]
