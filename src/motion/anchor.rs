@@ -9,8 +9,8 @@ const COMMON: f64 = 0.5;
 const DRIFT: f64 = 0.15;
 /// An outline further off than this is not believed, sigmas.
 const GATE: f64 = 6.0;
-/// So many disbelieved in a row and the carried pose is given up instead.
-const PATIENCE: u32 = 8;
+/// Disbelieved on end for so many frames and the carried pose is given up instead.
+const PATIENCE_FRAMES: f64 = 8.0;
 
 /// Where a centre is.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -32,15 +32,31 @@ pub struct Center {
 pub struct Anchor {
     offset: Option<[Estimate; 2]>,
     common: f64,
+    /// Of the node whose outline was believed last.
+    component: u32,
     bridged: [f64; 2],
     time_frames: f64,
-    disbelieved: u32,
+    /// Since when outlines are disbelieved.
+    disbelieved_frames: Option<f64>,
 }
 
 impl Anchor {
     /// Nothing seen yet.
     pub fn new() -> Self {
-        Self { offset: None, common: 0.0, bridged: [0.0; 2], time_frames: 0.0, disbelieved: 0 }
+        let disbelieved_frames = None;
+        Self { offset: None, common: 0.0, component: 0, bridged: [0.0; 2], time_frames: 0.0, disbelieved_frames }
+    }
+
+    /// Variance of what lies between a node and the one whose outline was believed last, along x and y, px^2.
+    fn gap(&self, node: &Node) -> [f64; 2] {
+        if node.component == self.component {
+            return [0.0; 2];
+        }
+        std::array::from_fn(|k| {
+            let gap = (node.bridged[k] - self.bridged[k]).abs();
+            // Behind a gap that cannot be bridged another one tells nothing of its own.
+            if gap.is_nan() { f64::INFINITY } else { gap }
+        })
     }
 
     /// Takes the outline found in a node's frame.
@@ -53,19 +69,21 @@ impl Anchor {
         let fresh = seen.map(|value| Estimate { value, sigma: variance.sqrt() });
         let old = self.offset.unwrap_or(fresh);
         let dt = node.time_frames - self.time_frames;
+        let gap = self.gap(node);
         let prior: [f64; 2] = std::array::from_fn(|k| {
-            let gap = (node.bridged[k] - self.bridged[k]).max(0.0);
             let drift = (DRIFT * node.sigma[k]).powi(2) * dt.max(0.0);
-            old[k].sigma.powi(2) + drift + if gap.is_nan() { 0.0 } else { gap }
+            old[k].sigma.powi(2) + drift + gap[k]
         });
         let believed = (0..2).all(|k| (seen[k] - old[k].value).powi(2) <= GATE.powi(2) * (prior[k] + variance));
-        let start = self.offset.is_none() || prior.iter().any(|p| p.is_infinite()) || self.disbelieved >= PATIENCE;
+        let is_given_up = self.disbelieved_frames.is_some_and(|since| node.time_frames - since >= PATIENCE_FRAMES);
+        let start = self.offset.is_none() || prior.iter().any(|p| p.is_infinite()) || is_given_up;
         if !believed && !start {
-            self.disbelieved += 1;
+            self.disbelieved_frames.get_or_insert(node.time_frames);
             return;
         }
-        self.disbelieved = 0;
+        self.disbelieved_frames = None;
         self.time_frames = node.time_frames;
+        self.component = node.component;
         self.bridged = [node.bridged[0], node.bridged[1]];
         self.common = if start { variance } else { self.common + 0.02 * (variance - self.common) };
         self.offset = Some(if start {
@@ -84,14 +102,8 @@ impl Anchor {
     /// The centre in a node's frame; `None` before the first outline and over a gap that cannot be bridged.
     pub fn center(&self, node: &Node) -> Option<Center> {
         let offset = self.offset?;
-        let variance: f64 = (0..2)
-            .map(|k| {
-                let gap = node.bridged[k] - self.bridged[k];
-                let gap = if gap.is_nan() { 0.0 } else { gap.abs() };
-                offset[k].sigma.powi(2) + node.sigma[k].powi(2) + gap
-            })
-            .sum::<f64>()
-            / 2.0
+        let gap = self.gap(node);
+        let variance: f64 = (0..2).map(|k| offset[k].sigma.powi(2) + node.sigma[k].powi(2) + gap[k]).sum::<f64>() / 2.0
             + COMMON * self.common;
         variance.is_finite().then(|| Center {
             x_px: node.pose[0] + offset[0].value,
@@ -104,5 +116,55 @@ impl Anchor {
 impl Default for Anchor {
     fn default() -> Self {
         Self::new()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn node(time_frames: f64, component: u32, bridged: f64) -> Node {
+        Node {
+            frame: time_frames as u64,
+            time_frames,
+            component,
+            pose: [0.5 * time_frames, 0.0, 0.0],
+            sigma: [1e-3; 3],
+            bridged: [bridged; 3],
+            walk_share: [0.0; 3],
+            kept: None,
+        }
+    }
+
+    fn circle(x_px: f64) -> Circle {
+        let (sigma_center_px, sigma_radius_px) = (0.02, 0.02);
+        Circle { x_px, y_px: 80.0, radius_px: 60.0, sigma_center_px, sigma_radius_px, visible_fraction: 1.0 }
+    }
+
+    #[test]
+    fn behind_each_gap_that_cannot_be_bridged_the_first_outline_is_believed() {
+        let mut anchor = Anchor::new();
+        let nodes = [node(3.0, 0, 0.0), node(40.0, 1, f64::INFINITY), node(90.0, 2, f64::INFINITY)];
+        for (node, x_px) in nodes.iter().zip([50.0, 70.0, 40.0]) {
+            anchor.push(node, &circle(x_px));
+            assert!((anchor.center(node).unwrap().x_px - x_px).abs() < 1e-9);
+        }
+        // What lay before is not where this offset leads to.
+        assert_eq!(anchor.center(&nodes[1]), None);
+    }
+
+    #[test]
+    fn a_pose_that_outlines_have_left_for_eight_frames_is_given_up() {
+        for every in [1, 4] {
+            let mut anchor = Anchor::new();
+            anchor.push(&node(0.0, 0, 0.0), &circle(50.0));
+            for frame in (4..=11).step_by(every) {
+                anchor.push(&node(f64::from(frame), 0, 0.0), &circle(90.0));
+            }
+            let last = node(12.0, 0, 0.0);
+            assert!((anchor.center(&last).unwrap().x_px - 56.0).abs() < 0.1);
+            anchor.push(&last, &circle(90.0));
+            assert!((anchor.center(&last).unwrap().x_px - 90.0).abs() < 0.1);
+        }
     }
 }
