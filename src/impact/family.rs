@@ -52,6 +52,10 @@ const KNOWN_ODDS: f64 = 10.0;
 /// Degrees of a free stiffness.
 const DEGREES: [usize; 3] = [3, 5, 7];
 
+/// Positions that scatter about a law by less than their sigmas were surer than these, down to this share of the variance:
+/// some 200 of them know it to a tenth.
+const LEAST_SCATTER: f64 = 0.8;
+
 /// What two straight flights say of a contact: where the fits of the laws begin. Frames, px, inwards positive.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct FirstGuess {
@@ -187,7 +191,7 @@ fn passes(f: &LawFit, excess: f64) -> bool {
 /// A law's own variance of one finding, its misfit and its freedom at both ends included, where each step drifts by so
 /// much.
 fn own_variance(f: &LawFit, k: usize, drift_px: f64) -> f64 {
-    let own = f.sigmas[k].powi(2) * (f.chi2 / f.freedom).max(1.0);
+    let own = f.sigmas[k].powi(2) * (f.chi2 / f.freedom).max(LEAST_SCATTER);
     // Where exponents or the stiffness are free, start and end are what they make of the unseen first and last two
     // percents of the force, over which a y^1.5 contact takes UNSEEN of its depth; the depth is counted from the start.
     let [start, _, end, first, last, before, after, depth, peak, lasts] = f.findings;

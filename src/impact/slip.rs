@@ -9,6 +9,8 @@ use crate::results::Estimate;
 const SLIDING_SIGMAS: f64 = 3.0;
 /// Backward motion after the stop: so many frames in a row beyond so many sigmas.
 const BACKWARD: (usize, f64) = (3, 2.0);
+/// Fits of two widths that lie further apart than so many sigmas do not by chance.
+const CHANCE_SIGMAS: f64 = 2.0;
 /// Order of the local fits.
 const ORDER: usize = 3;
 /// Step of the search for the kink, frames.
@@ -74,13 +76,16 @@ fn zero((t0, s0): (f64, Estimate), (t1, s1): (f64, Estimate)) -> Estimate {
 }
 
 /// The zero by fits half as wide, nearest to that by wider ones; friction that ends at the stop leaves a kink there,
-/// which wide fits round off. How far the two lie apart beyond their noise is part of the uncertainty.
+/// which wide fits round off. How far the two lie apart beyond what their noise may do is part of the uncertainty.
 fn sharper(points: &[Sample], smooth: Estimate, half: f64) -> Option<Estimate> {
     let narrow = speeds(points, smooth.value - half, smooth.value + half, half / 2.0);
     let crossings = narrow.windows(2).filter(|w| w[0].1.value > 0.0 && w[1].1.value <= 0.0);
     let zeros = crossings.map(|w| zero(w[0], w[1]));
     let nearest = zeros.min_by(|a, b| (a.value - smooth.value).abs().total_cmp(&(b.value - smooth.value).abs()))?;
-    Some(Estimate { value: nearest.value, sigma: nearest.sigma.max((nearest.value - smooth.value).abs()) })
+    // Both fits have the nodes of the narrow one; what these are off by moves it more.
+    let noise = (nearest.sigma.powi(2) - smooth.sigma.powi(2)).max(0.0).sqrt();
+    let beyond = ((nearest.value - smooth.value).abs() - CHANCE_SIGMAS * noise).max(0.0);
+    Some(Estimate { value: nearest.value, sigma: nearest.sigma.hypot(beyond) })
 }
 
 /// Speed of the contact point at every node in contact.
