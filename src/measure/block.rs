@@ -37,17 +37,17 @@ pub struct Measured {
 /// block, not of who else measures, not of when. At the start of a block every
 /// body is looked for from scratch; within it each frame starts from the last.
 pub struct Measurer {
-    correlator: Correlator,
-    finders: Vec<Finder>,
-    params: MeasureParams,
+    pub(super) correlator: Correlator,
+    pub(super) finders: Vec<Finder>,
+    pub(super) params: MeasureParams,
     share: Share,
-    size: (usize, usize),
-    picture: Picture,
+    pub(super) size: (usize, usize),
+    pub(super) picture: Picture,
     /// Frames whose motion is not measured yet, oldest first.
     open: VecDeque<Reference>,
-    spare: Vec<Prepared>,
-    known: Memory,
-    wholes: Wholes,
+    pub(super) spare: Vec<Prepared>,
+    pub(super) known: Memory,
+    pub(super) wholes: Wholes,
     turns: Turns,
     patterns: Patterns,
 }
@@ -195,7 +195,7 @@ impl Measurer {
     /// Finds the bodies in the frame at hand, and keeps it until its targets have come.
     fn open_reference(&mut self, frame: &Frame<'_>, block: u64, own: Option<(Prepared, Part)>) {
         let meta = frame.meta;
-        let (outlines, seen): (Vec<_>, Vec<_>) =
+        let (outlines, sources): (Vec<_>, Vec<_>) =
             (0..self.finders.len()).map(|body| self.find(body, frame, block)).unzip();
         let mut needed = Part::default();
         let subset_px = self.params.correlation.subset_size_px;
@@ -218,7 +218,7 @@ impl Measurer {
         }
         let slots = self.finders.len() * self.params.intervals_frames.len();
         let (done, before) = (vec![None; slots], vec![None; slots]);
-        self.open.push_back(Reference { meta, block, prepared, outlines, seen, done, before });
+        self.open.push_back(Reference { meta, block, prepared, outlines, sources, done, before });
     }
 
     /// Holds the motions to the newest frame against what was seen there; withdraws those that cannot be.
@@ -231,12 +231,12 @@ impl Measurer {
             let frames = target.meta.sequence - reference.meta.sequence;
             for slot in 0..reference.done.len() {
                 let (body, place) = (slot / intervals, slot % intervals);
+                let seen = reference.leads_to(&target, body);
                 let Some(measured) = reference.done[slot].as_mut().filter(|_| self.params.is_interval(place, frames))
                 else {
                     continue;
                 };
                 let outlines = (&reference.outlines[body], &target.outlines[body]);
-                let seen = reference.seen[body] && target.seen[body];
                 if confirm::holds(measured, reference.before[slot].as_ref(), outlines, seen) {
                     continue;
                 }
@@ -256,7 +256,7 @@ impl Measurer {
         let frames = target.meta.sequence - reference.meta.sequence;
         for body in 0..self.finders.len() {
             let slot = body * intervals;
-            let seen = reference.seen[body] && target.seen[body] && self.params.is_interval(0, frames);
+            let seen = reference.leads_to(target, body) && self.params.is_interval(0, frames);
             let is_lost = |measured: &Measured| measured.step.step.is_none() && measured.field.is_some();
             if !seen || !reference.done[slot].as_ref().is_some_and(is_lost) {
                 continue;
@@ -302,68 +302,6 @@ impl Measurer {
         }
         let FrameMeta { sequence, width_px, height_px, .. } = *meta;
         Err(MeasureError::Size { sequence, width_px, height_px, expected_width_px, expected_height_px })
-    }
-
-    /// The outline of one body in the frame at hand: near where it must be, or from scratch.
-    ///
-    /// And whether it was seen there, not carried by its motion.
-    fn find(&mut self, body: usize, frame: &Frame<'_>, block: u64) -> (Result<Outline, PointStatus>, bool) {
-        if matches!(self.finders[body], Finder::Patch(_)) {
-            return (self.find_patch(body, frame, block), true);
-        }
-        let meta = &frame.meta;
-        let known = *self.known.of(body, block);
-        if known.confused {
-            return (Err(PointStatus::Ambiguous), false);
-        }
-        let carried_by = known.motion.and(known.center);
-        let expected = known
-            .outline
-            .map(|(sequence, outline)| outline.carried(carried_by.as_ref(), (meta.sequence - sequence) as f64));
-        let finder = &mut self.finders[body];
-        let followed = expected.and_then(|(near, _)| {
-            let close = self.picture.some(frame, finder.part_around(&near, true));
-            finder.follow_closely(close, &near).or_else(|| {
-                let wider = self.picture.some(frame, finder.part_around(&near, false));
-                finder.follow(wider, &near).ok()
-            })
-        });
-        // The motion is known far better than an outline is: where the outline cannot be told, it carries the centre.
-        let carried = expected.filter(|(_, is_measured)| *is_measured).map(|(near, _)| near.by_motion_alone());
-        let (found, seen) = match (followed, carried) {
-            (Some(outline), _) => (Ok(outline), true),
-            (None, Some(outline)) => (Ok(outline), false),
-            (None, None) => (finder.find(self.picture.whole(frame)), true),
-        };
-        self.known.of(body, block).outline = found.ok().map(|outline| (meta.sequence, outline));
-        (found, seen)
-    }
-
-    /// A patch in the frame at hand: as the motion to it said, or from scratch.
-    fn find_patch(&mut self, body: usize, frame: &Frame<'_>, block: u64) -> Result<Outline, PointStatus> {
-        let of = (block, frame.meta.sequence);
-        let Finder::Patch(finder) = &mut self.finders[body] else { return Err(PointStatus::Lost) };
-        let found = match finder.known(of.0, of.1) {
-            Some(Ok(pose)) => Ok(pose),
-            before => {
-                let thorough = !self.known.of(body, block).searched;
-                let (width, height) = (self.size.0 as u32, self.size.1 as u32);
-                let mut whole = self.spare.pop().unwrap_or_default();
-                let view = self.picture.whole(frame);
-                self.correlator.prepare_part_into(view, [0, 0, width, height], &mut whole);
-                let found = finder.find(of, &whole, thorough);
-                self.spare.push(whole);
-                // What hides it is known better from where it was followed to.
-                let is_hidden = matches!(before, Some(Err(PointStatus::Occluded)));
-                found.map_err(|_| if is_hidden { PointStatus::Occluded } else { PointStatus::Lost })
-            }
-        };
-        let known = self.known.of(body, block);
-        (known.searched, known.outline) = (true, found.ok().map(|pose| (frame.meta.sequence, Outline::Patch(pose))));
-        if found.is_err() {
-            known.motion = None;
-        }
-        found.map(Outline::Patch)
     }
 
     /// Measures what leads to this target, and what led to targets that did not come; everything with no target.

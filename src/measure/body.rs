@@ -106,7 +106,8 @@ impl BodyTracker {
     fn take(&mut self, step: &BodyStep, origin_ns: u64, rows: &mut TrackerRows) {
         self.origin_ns = origin_ns;
         self.newest_frame = step.frame;
-        let outline = seen(step);
+        // What its motion led to says nothing of its own.
+        let outline = seen(step).filter(|_| !step.is_carried);
         if let Some(circle) = &outline {
             self.radius.push(circle);
         }
@@ -123,7 +124,7 @@ impl BodyTracker {
         let Some(node) = self.chain.push(step, time_frames) else { return };
         self.first_sigma_deg.get_or_insert(node.sigma[2]);
         self.keep(node);
-        if let Some(circle) = outline.filter(|_| self.params.form == Form::Ball && !step.is_carried) {
+        if let Some(circle) = outline.filter(|_| self.params.form == Form::Ball) {
             self.drift.push(&node, &circle);
         }
         if let Some(rod) = &step.rod {

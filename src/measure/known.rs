@@ -16,6 +16,8 @@ pub(super) struct Known {
     pub(super) block: u64,
     /// The newest outline and its frame.
     pub(super) outline: Option<(u64, Outline)>,
+    /// The newest frame in which it was looked for and seen.
+    pub(super) seen: Option<u64>,
     /// The last motion measured.
     pub(super) motion: Option<RigidStep>,
     /// The motion of its centre, where that is another.
@@ -41,6 +43,7 @@ impl Memory {
                 body,
                 block,
                 outline: None,
+                seen: None,
                 motion: None,
                 center: None,
                 confused: false,

@@ -13,6 +13,7 @@ mod confirm;
 mod error;
 mod field;
 mod known;
+mod look;
 mod order;
 mod outline;
 mod params;
@@ -28,6 +29,7 @@ mod whole;
 
 pub use block::{Measured, Measurer};
 pub use error::MeasureError;
+pub use look::OUTLINE_FRAMES;
 pub use order::Order;
 pub use outline::BodyParams;
 pub use params::{MeasureParams, Share};

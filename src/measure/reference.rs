@@ -6,14 +6,25 @@ use crate::dic::Prepared;
 use crate::image::FrameMeta;
 use crate::results::{BodyStep, PointStatus, RigidStep};
 
+/// How an outline is known.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Source {
+    /// It was found in the frame.
+    Seen,
+    /// It was not looked for: the whole body was in sight and moved there.
+    Spared,
+    /// It was not found; its motion leads there.
+    Carried,
+}
+
 /// A frame that waits for its target.
 pub(super) struct Reference {
     pub(super) meta: FrameMeta,
     pub(super) block: u64,
     pub(super) prepared: Prepared,
     pub(super) outlines: Vec<Result<Outline, PointStatus>>,
-    /// By body: whether the outline was seen in this frame, not carried to it.
-    pub(super) seen: Vec<bool>,
+    /// By body.
+    pub(super) sources: Vec<Source>,
     /// By body and interval; `None` until the target came, or did not.
     pub(super) done: Vec<Option<Measured>>,
     /// The motion before each of them.
@@ -21,10 +32,15 @@ pub(super) struct Reference {
 }
 
 impl Reference {
+    /// Whether a body's outline there can be held against that in a later frame, where it was seen.
+    pub(super) fn leads_to(&self, target: &Self, body: usize) -> bool {
+        self.sources[body] != Source::Carried && target.sources[body] == Source::Seen
+    }
+
     /// The row of one of its bodies of which nothing is told yet.
     pub(super) fn untold(&self, body: usize, interval_frames: u32) -> BodyStep {
         BodyStep {
-            is_carried: self.outlines[body].is_ok() && !self.seen[body],
+            is_carried: self.outlines[body].is_ok() && self.sources[body] != Source::Seen,
             drift_px: None,
             is_whole: false,
             rim_fraction: None,

@@ -105,6 +105,12 @@ impl Wholes {
         self.kept.iter().any(|kept| (kept.body, kept.block) == (body, block))
     }
 
+    /// Whether nothing hides a body in a frame that it was matched in.
+    pub(super) fn sees_all(&self, (body, block): (usize, u64), frame: u64) -> bool {
+        let kept = self.kept.iter().find(|kept| (kept.body, kept.block) == (body, block) && kept.is_whole);
+        kept.and_then(|kept| kept.pose(frame)).is_some_and(|pose| pose.share.is_some_and(|share| share >= WHOLE))
+    }
+
     /// Takes a frame as the reference of a body in a block that has none.
     pub(super) fn begin(&mut self, (body, block): (usize, u64), frame: u64, prepared: &Prepared, circle: &Circle) {
         if self.knows(body, block) {

@@ -63,7 +63,7 @@ impl RigidStep {
 /// One body in one frame, and its motion to the next.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct BodyStep {
-    /// Whether the outline was not found in this frame but is where the motion leads.
+    /// Whether the outline was not found in this frame, or not looked for, but is where the motion leads.
     pub is_carried: bool,
     /// Whether `step` is a match of the whole body with a reference that was kept, not of its subsets from frame to frame.
     pub is_whole: bool,

@@ -134,6 +134,40 @@ fn of_a_ball_that_is_struck_no_more_is_told_to_be_hidden_than_is() {
     }
 }
 
+/// A ball in full sight that is matched as a whole has its outline looked at once in four frames.
+#[test]
+fn centres_between_the_outlines_that_are_looked_at_are_as_sure_as_they_say() {
+    let rising = OccluderSetup {
+        shade: 0.4,
+        texture: 0.0,
+        point_px: Some([110.0, 190.0]),
+        normal_deg: Some(90.0),
+        speed_px_frame: 3.0,
+    };
+    for (occluder, least_carried) in [(None, 11), (Some(rising), 3)] {
+        let mut pulls = [(0.0, 0.0); 2];
+        for seed in 0..6 {
+            let film = Scenario { seed: 80 + seed, occluder: occluder.clone(), ..scenario(0.37, -0.23, 0.3) };
+            let world = World::new(&film).unwrap();
+            let rows = measured(&world);
+            let carried = rows.iter().filter(|row| row.step.is_carried).count();
+            assert!(carried >= least_carried, "{carried} outlines were not looked at");
+            for row in rows {
+                let (circle, truth) = (row.step.circle.unwrap(), world.truth(row.step.frame));
+                let hidden = 1.0 - truth.visible_fraction.unwrap();
+                assert!(!row.step.is_carried || hidden < 0.05, "frame {}: {hidden} hidden", row.step.frame);
+                let off = [circle.x_px - truth.center_x_px.unwrap(), circle.y_px - truth.center_y_px.unwrap()];
+                let (square, count) = &mut pulls[usize::from(row.step.is_carried)];
+                *square += off.iter().map(|off| (off / circle.sigma_center_px).powi(2)).sum::<f64>();
+                *count += 2.0;
+            }
+        }
+        let [seen, carried] = pulls.map(|(square, count): (f64, f64)| (square / count).sqrt());
+        println!("centres seen are off by {seen:.2} of their sigmas, centres carried by {carried:.2}");
+        assert!((0.3..1.6).contains(&carried) && carried < 1.15 * seen.max(0.6), "{seen}, {carried}");
+    }
+}
+
 #[test]
 fn the_velocity_of_a_ball_that_turns_is_as_sure_as_it_says() {
     // What its centre leaves unsure is most of it: a point beside the centre goes round.
