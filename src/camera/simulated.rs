@@ -180,8 +180,9 @@ impl SimulatedCamera {
 
     /// When a frame has been read out, after the start.
     fn due(&self, index: u64) -> Duration {
-        let exposure_s = 1e-6 * self.world.scenario().camera.exposure_us;
-        Duration::from_secs_f64(self.begins_s(index).0 + exposure_s)
+        let camera = &self.world.scenario().camera;
+        let rows_s = 1e-6 * camera.row_time_us.abs() * f64::from(camera.height_px - 1);
+        Duration::from_secs_f64(self.begins_s(index).0 + 1e-6 * camera.exposure_us + rows_s)
     }
 
     /// Waits for a frame; whether it came within `timeout`.

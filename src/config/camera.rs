@@ -130,6 +130,10 @@ pub struct Camera {
     /// Exponent of the camera's tone curve, 0.2 to 5, default 1: its grey levels go as the light to this power, and the
     /// light is measured. Cameras for measuring have none; those made for looking at have 0.45 or so.
     pub gamma: f64,
+    /// How much later the camera exposes each row of a frame than the one above it, -1000 to 1000 us and all rows within a
+    /// frame's time: the row time of a rolling shutter, by which speeds down the picture are off otherwise. Below 0 where it
+    /// rolls upwards, 0 where all rows are exposed at once, which is also what is taken when it is left out.
+    pub row_time_us: Option<f64>,
     /// Each frame waits for this trigger (`genicam` only), a GenICam name such as `Line1` or `Software`; left out,
     /// the camera runs freely.
     pub trigger_source: Option<String>,
@@ -163,6 +167,7 @@ const PLAYBACK_RATE: Bounds = Bounds::closed(0.001, 1000.0, "times real time");
 const SPAN_S: f64 = 1.0e6;
 const RATE: Bounds = Bounds::above(0.0, 1.0e6, "Hz");
 const GAMMA: Bounds = Bounds::closed(0.2, 5.0, "");
+const ROW_TIME: Bounds = Bounds::closed(-1000.0, 1000.0, "us");
 const EXPOSURE: Bounds = Bounds::above(0.0, 1.0e7, "us");
 
 pub(super) fn camera(table: &Table<'_>, raw: RawCamera) -> Result<Camera, ConfigError> {
@@ -192,6 +197,7 @@ pub(super) fn camera(table: &Table<'_>, raw: RawCamera) -> Result<Camera, Config
         frame_rate_hz: table.number("frame_rate_hz", raw.frame_rate_hz, RATE)?,
         exposure_us: table.number("exposure_us", raw.exposure_us, EXPOSURE)?,
         gamma: table.number("gamma", raw.gamma, GAMMA)?.unwrap_or(1.0),
+        row_time_us: table.number("row_time_us", raw.row_time_us, ROW_TIME)?,
         trigger_source: table.filled("trigger_source", raw.trigger_source)?,
         pulse: pulse(table, raw.paced, raw.pulse_period_s, raw.pulse_frames)?,
         packet_size_bytes: table.whole("packet_size_bytes", raw.packet_size_bytes, 576..=65_535, "bytes")?,
@@ -199,6 +205,7 @@ pub(super) fn camera(table: &Table<'_>, raw: RawCamera) -> Result<Camera, Config
     };
     refuse_gaps(table, &camera)?;
     refuse_long_exposure(table, &camera)?;
+    refuse_slow_rows(table, &camera)?;
     Ok(Camera { pixel_format: camera.pixel_format.or(source.is_device().then_some(PixelFormat::Mono8)), ..camera })
 }
 
@@ -295,6 +302,20 @@ fn refuse_long_exposure(table: &Table<'_>, camera: &Camera) -> Result<(), Config
         )),
         _ => Ok(()),
     }
+}
+
+/// A shutter has rolled over all rows before the next frame begins.
+fn refuse_slow_rows(table: &Table<'_>, camera: &Camera) -> Result<(), ConfigError> {
+    let (Some(row_time_us), Some(rate_hz), Some(rows)) = (camera.row_time_us, camera.frame_rate_hz, camera.height_px)
+    else {
+        return Ok(());
+    };
+    let most_us = 1.0e6 / rate_hz / f64::from(rows);
+    if row_time_us.abs() <= most_us {
+        return Ok(());
+    }
+    let frame = format!("so that {rows} rows take no longer than a frame at {rate_hz} Hz");
+    Err(table.refuse("row_time_us", format!("{:.3} to {most_us:.3} us, {frame}", -most_us)))
 }
 
 fn features(

@@ -4,6 +4,9 @@ use super::{Config, ConfigError};
 use std::path::Path;
 use toml_edit::{DocumentMut, Item, Table, Value, value};
 
+/// What is told of a camera's frames holds whoever delivers them.
+const TOLD_OF_FRAMES: [&str; 3] = ["exposure_us", "gamma", "row_time_us"];
+
 /// One value to set, by its path (`camera.source`).
 pub type Change<'a> = (&'a str, Value);
 
@@ -28,8 +31,7 @@ impl Config {
     /// When the changed file is not a valid rig file.
     pub fn fed_from(&self, recording: &Path, changes: &[Change<'_>]) -> Result<Self, ConfigError> {
         self.edited(|document| {
-            // Moments lie half an exposure after the stamps, whoever delivers the frames.
-            let exposure = document.get("camera").and_then(|camera| camera.get("exposure_us")).cloned();
+            let told = TOLD_OF_FRAMES.map(|key| document.get("camera").and_then(|camera| camera.get(key)).cloned());
             let corner = ["offset_x_px", "offset_y_px"]
                 .map(|key| document.get("camera").and_then(|camera| camera.get(key)).and_then(Item::as_integer));
             document.insert("camera", Item::Table(Table::new()));
@@ -39,10 +41,12 @@ impl Config {
             {
                 table.insert("offset_px", value([x, y].into_iter().collect::<toml_edit::Array>()));
             }
-            if let Some(Item::Value(exposure)) = exposure {
-                set(document, "camera.exposure_us", exposure);
-            }
             set(document, "camera.source", "recording".into());
+            for (key, told) in TOLD_OF_FRAMES.iter().zip(told) {
+                if let Some(Item::Value(told)) = told {
+                    set(document, &format!("camera.{key}"), told);
+                }
+            }
             set(document, "camera.id", recording.display().to_string().into());
             document.remove("view");
             document.remove("trigger");

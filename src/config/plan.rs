@@ -5,7 +5,7 @@ use super::text::Text;
 use super::{Body, BodyKind, Config, TriggerMode};
 use crate::ball::BallParams;
 use crate::dic::{CorrelationParams, STALE_DEG};
-use crate::motion::{Form, MotionParams, Rectifier, Renewal, Scale, Spans, View, Walk};
+use crate::motion::{Form, MotionParams, Rectifier, Renewal, Scale, Shutter, Spans, View, Walk};
 use crate::rod::{LEAST_WIDTH_PX, RodParams};
 use crate::trigger::{BodyWatch, Condition, MeasuredTrigger};
 
@@ -102,6 +102,10 @@ impl Config {
             walk: Walk::of(&self.intervals_frames, renewal),
             spans: Spans::of(&self.intervals_frames, renewal),
             exposure_ns: 1.0e3 * self.camera.exposure_us.unwrap_or(exposure_us),
+            shutter: Shutter {
+                row_time_frames: 1.0e-6 * self.camera.row_time_us.unwrap_or(0.0) * frame_rate_hz,
+                ..Shutter::default()
+            },
             frame_period_ns: 1.0e9 / frame_rate_hz,
         }
     }

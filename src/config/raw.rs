@@ -69,6 +69,7 @@ pub(super) struct RawCamera {
     pub frame_rate_hz: Option<f64>,
     pub exposure_us: Option<f64>,
     pub gamma: Option<f64>,
+    pub row_time_us: Option<f64>,
     pub trigger_source: Option<String>,
     pub pulse_period_s: Option<f64>,
     pub pulse_frames: Option<i64>,

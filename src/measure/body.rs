@@ -5,8 +5,8 @@ use super::outline::seen;
 use super::tracker::TrackerRows;
 use crate::impact::{Approach, Beside, Contact, Detector, Event, SurfaceNode, World, deepest_so_far, solve};
 use crate::motion::{
-    Anchor, Axes, Center, Chain, Drift, Form, Growth, Known, MotionParams, Node, PixelRates, Regime, RunningRadius,
-    RunningShare, Scale, Seen, Shortening, View, gravity_px, lag_frames, physical, smooth,
+    Anchor, Axes, Center, Chain, Drift, Form, Growth, Known, MotionParams, Node, PixelRates, Regime, Rolling,
+    RunningRadius, RunningShare, Scale, Seen, Shortening, View, gravity_px, lag_frames, physical, smooth,
 };
 use crate::results::{Alarm, AlarmKind, BodyStep, Estimate, Impact, Phase, PointStatus, TrackSample, VelocitySample};
 
@@ -53,6 +53,7 @@ pub struct BodyTracker {
     fixed: RunningShare,
     growth: Growth,
     drift: Drift,
+    rolling: Rolling,
     /// Of a rod from the pose that its steps lead to, px.
     rod_px: Option<[f64; 2]>,
     /// Whether the newest step is a match of the whole body.
@@ -82,6 +83,7 @@ impl BodyTracker {
             fixed: RunningShare::default(),
             growth: Growth::default(),
             drift: Drift::default(),
+            rolling: Rolling::new(params.shutter, params.form),
             rod_px: None,
             is_whole: false,
             nodes: Vec::new(),
@@ -99,12 +101,16 @@ impl BodyTracker {
     /// Gives the step as it may be believed, which is what [`Self::rows`] wants to see.
     pub fn push(&mut self, step: &BodyStep, origin_ns: u64, rows: &mut TrackerRows) -> BodyStep {
         let believed = self.belief.vet(step);
-        self.take(&self.params.rectified(&believed), origin_ns, rows);
-        believed
+        let later_frames = self.rolling.push(&believed);
+        let straight = self.rolling.straightened(&believed);
+        self.origin_ns = origin_ns;
+        let since_ns = (i128::from(step.stamp_ns) - i128::from(origin_ns)) as f64 + 0.5 * self.params.exposure_ns;
+        let time_frames = since_ns / self.params.frame_period_ns + later_frames;
+        self.take(&self.params.rectified(&straight), time_frames, rows);
+        straight
     }
 
-    fn take(&mut self, step: &BodyStep, origin_ns: u64, rows: &mut TrackerRows) {
-        self.origin_ns = origin_ns;
+    fn take(&mut self, step: &BodyStep, time_frames: f64, rows: &mut TrackerRows) {
         self.newest_frame = step.frame;
         // What its motion led to says nothing of its own.
         let outline = seen(step).filter(|_| !step.is_carried);
@@ -117,11 +123,10 @@ impl BodyTracker {
         if step.step.is_some() {
             self.is_whole = step.is_whole;
         }
-        let since_ns = (i128::from(step.stamp_ns) - i128::from(origin_ns)) as f64 + 0.5 * self.params.exposure_ns;
-        let time_frames = since_ns / self.params.frame_period_ns;
         self.growth.push(step, time_frames);
         self.drift.push_step(time_frames, step);
-        let Some(node) = self.chain.push(step, time_frames) else { return };
+        let Some(node) = self.chain.push(step, time_frames, self.rolling.periods()) else { return };
+        let node = self.rolling.unsheared(node);
         self.first_sigma_deg.get_or_insert(node.sigma[2]);
         self.keep(node);
         if let Some(circle) = outline.filter(|_| self.params.form == Form::Ball) {
@@ -173,7 +178,7 @@ impl BodyTracker {
     /// Takes a step over a longer interval.
     pub fn link(&mut self, step: &BodyStep) {
         if !self.belief.doubts(step.frame) {
-            self.chain.link(&self.params.rectified(step));
+            self.chain.link(&self.params.rectified(&self.rolling.straightened(step)));
         }
     }
 
@@ -208,6 +213,7 @@ impl BodyTracker {
                 if let Some(next) = contact {
                     self.tell_again(next.flight_to_frames, true, impacts);
                 }
+                self.rolling.touches();
                 self.telling = None;
             }
             Event::Ended => {
@@ -328,6 +334,7 @@ impl BodyTracker {
                 .map(|impact| approach.told(impact, trail, &world)),
             None => solve(trail, &telling.contact, newest, &world),
         };
+        let measured = measured.map(|impact| self.rolling.told(impact, world.period_s));
         let sigma = measured.and_then(|i| i.restitution).map_or(f64::INFINITY, |e| e.sigma);
         // A later word replaces an earlier one if it knows better, and the last one does whatever it knows.
         if let Some(impact) = measured.filter(|_| sigma <= telling.sigma || last) {
@@ -396,7 +403,7 @@ impl BodyTracker {
         let rates = node.and_then(|n| {
             let known = Known { nodes: &self.nodes, to_frame: self.newest_frame, gravity: self.gravity() };
             let rates = smooth(known, n.frame, regime, &self.params)?;
-            Some(self.across(rates, regime, &n))
+            Some(self.rolling.unsure(self.across(rates, regime, &n)))
         });
         let scale = self.radius.metres_per_px(self.params.scale);
         let center_sigma_px = center.map_or(0.0, |center| center.sigma_px);

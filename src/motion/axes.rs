@@ -118,7 +118,7 @@ pub fn physical(rates: &PixelRates, scale: MetresPerPixel, params: &MotionParams
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::motion::{Form, Scale, Spans, Walk};
+    use crate::motion::{Form, Scale, Shutter, Spans, Walk};
 
     fn params(surface_angle_deg: f64) -> MotionParams {
         MotionParams {
@@ -136,6 +136,7 @@ mod tests {
             walk: Walk::default(),
             spans: Spans::default(),
             exposure_ns: 0.0,
+            shutter: Shutter::default(),
             frame_period_ns: 100_000.0,
         }
     }

@@ -62,7 +62,9 @@ impl Chain {
     }
 
     /// Takes the next step in frame order, the shortest of its frame; gives the frame's node unless no step leads to or from it.
-    pub fn push(&mut self, step: &BodyStep, time_frames: f64) -> Option<Node> {
+    ///
+    /// `periods` are the nominal frame periods from when the frame shows the body to when the next one does.
+    pub fn push(&mut self, step: &BodyStep, time_frames: f64, periods: f64) -> Option<Node> {
         let arrived = self.arrive(step.frame);
         let outgoing = step.step.filter(sound);
         let n = f64::from(step.interval_frames.max(1));
@@ -87,6 +89,7 @@ impl Chain {
             let target = step.frame + u64::from(step.interval_frames.max(1));
             let arriving = Node { sigma, ..self.moved(&node, step.is_whole, rates.map(|rate| n * rate)) };
             self.arrivals.insert((target, step.interval_frames), arriving);
+            let rates = rates.map(|rate| rate / periods);
             let before = self.last.map_or(rates, |(_, rates, _)| rates);
             self.last = Some((node, rates, before));
         }
@@ -225,7 +228,7 @@ mod tests {
             let mut chain = Chain::new(Walk::default());
             let mut last = 0.0;
             for frame in 0..4000 {
-                last = chain.push(&step(frame, intervals[0], noise.next()), frame as f64).unwrap().pose[0];
+                last = chain.push(&step(frame, intervals[0], noise.next()), frame as f64, 1.0).unwrap().pose[0];
                 intervals[1..].iter().for_each(|interval| chain.link(&step(frame, *interval, noise.next())));
             }
             sum += last * last;
@@ -238,7 +241,7 @@ mod tests {
         let mut chain = Chain::new(Walk::of(&[1], Some(Renewal { block_frames: 8, stale_deg: 3.0 })));
         let shares = (0..6).map(|frame| {
             let step = BodyStep { is_whole: frame == 1 || frame == 2, ..step(frame, 1, 0.5) };
-            chain.push(&step, frame as f64).unwrap().walk_share[0]
+            chain.push(&step, frame as f64, 1.0).unwrap().walk_share[0]
         });
         let shares: Vec<f64> = shares.collect();
         let subsets = subset_walk([0.5, 0.0, 0.0])[0];
@@ -252,7 +255,7 @@ mod tests {
         let mut chain = Chain::new(Walk::of(&[3], Some(Renewal { block_frames: 6, stale_deg: 3.0 })));
         let renewed = |frame: u64| {
             let step = BodyStep { is_whole: true, ..step(frame, 3, 0.5) };
-            chain.push(&step, frame as f64).unwrap().walk_share[0] > 0.0
+            chain.push(&step, frame as f64, 1.0).unwrap().walk_share[0] > 0.0
         };
         // Steps from the first three frames of a block lead on with its reference, those from the others keep it.
         let renewed: Vec<u64> =
@@ -277,7 +280,7 @@ mod tests {
         for frame in 0..20 {
             let mut one = step(frame, 1, 0.5);
             one.step = one.step.filter(|_| frame != 9);
-            let node = chain.push(&one, frame as f64).unwrap();
+            let node = chain.push(&one, frame as f64, 1.0).unwrap();
             assert_eq!(node.component, 0, "frame {frame}");
             assert!((node.pose[0] - 0.5 * frame as f64).abs() < 1e-12);
             chain.link(&step(frame, 3, 1.5));

@@ -1,6 +1,6 @@
 //! What the motion of a body is computed with.
 
-use super::{Center, Rectifier, Spans, Walk};
+use super::{Center, Rectifier, Shutter, Spans, Walk};
 use crate::results::BodyStep;
 
 /// How far from a picture's middle a camera may look straight ahead, as a share of the picture: lenses sit a little beside
@@ -111,6 +111,8 @@ pub struct MotionParams {
     pub spans: Spans,
     /// How long a frame was exposed, ns; what a frame shows is the moment half of it after its stamp. 0 when unknown.
     pub exposure_ns: f64,
+    /// When the rows of a frame were exposed.
+    pub shutter: Shutter,
     /// Nominal time from frame to frame, ns; only for gaps, times come from the stamps.
     pub frame_period_ns: f64,
 }

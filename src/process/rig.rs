@@ -257,7 +257,11 @@ pub fn analysis_params(config: &Config, format: &StreamFormat) -> (MeasureParams
     };
     let motion = |body: usize| {
         let params = config.motion(body, format.frame_rate_hz, format.exposure_us);
-        MotionParams { view: View::of([format.width_px, format.height_px], params.rectifier.as_ref()), ..params }
+        MotionParams {
+            view: View::of([format.width_px, format.height_px], params.rectifier.as_ref()),
+            shutter: params.shutter.over([format.width_px, format.height_px]),
+            ..params
+        }
     };
     let tracker = TrackerParams {
         motion: bodies.map(motion).collect(),

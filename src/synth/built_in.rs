@@ -125,6 +125,7 @@ fn film(frames: u64) -> CameraSetup {
         height_px: 192,
         frame_rate_hz: 10_000.0,
         exposure_us: 20.0,
+        row_time_us: 0.0,
         frames,
         bits: 8,
         noise_dn: 2.0,

@@ -6,6 +6,7 @@ use super::motion::Pose;
 use super::scenario::{LightSetup, Scenario};
 use super::speckle::{Line, Pattern, Speckle};
 use super::sphere::Globe;
+use std::ops::Range;
 
 /// Farther than this many standard deviations from its edge a half-plane is whole or nothing.
 pub(crate) const EDGE_SIGMA: f64 = 4.5;
@@ -148,9 +149,9 @@ impl Ball {
         Self { radius_px, rim: BlurredDisc::new(radius_px, self.sigma_px), coat, light, ..self.clone() }
     }
 
-    /// Draws the mean over several moments of equal weight; all of them in a picture of this size.
-    pub(crate) fn draw(&self, moments: &[Moment], width: usize, height: usize) -> Patch {
-        let mut patch = self.frame(moments, width, height);
+    /// Draws the mean over several moments of equal weight, as far as it lies in these rows of a picture so wide.
+    pub(crate) fn draw(&self, moments: &[Moment], width: usize, rows: Range<usize>) -> Patch {
+        let mut patch = self.frame(moments, width, rows);
         let weight = 1.0 / moments.len() as f32;
         let mut ink = vec![0.0; patch.share.len()];
         for moment in moments {
@@ -166,17 +167,17 @@ impl Ball {
     }
 
     /// The empty rectangle around the ball at all moments.
-    fn frame(&self, moments: &[Moment], width: usize, height: usize) -> Patch {
+    fn frame(&self, moments: &[Moment], width: usize, rows: Range<usize>) -> Patch {
         let reach = self.rim.reach_px();
-        let span = |axis: usize, length: usize| {
+        let span = |axis: usize, within: Range<usize>| {
             let low = moments.iter().map(|moment| moment.pose.center_px[axis]).fold(f64::INFINITY, f64::min) - reach;
             let high =
                 moments.iter().map(|moment| moment.pose.center_px[axis]).fold(f64::NEG_INFINITY, f64::max) + reach;
-            let first = (low.floor().max(0.0) as usize).min(length);
-            let end = ((high.ceil() + 1.0).max(0.0) as usize).min(length);
+            let first = (low.floor().max(0.0) as usize).clamp(within.start, within.end);
+            let end = ((high.ceil() + 1.0).max(0.0) as usize).min(within.end);
             (first, end.saturating_sub(first))
         };
-        let ((left, columns), (top, rows)) = (span(0, width), span(1, height));
+        let ((left, columns), (top, rows)) = (span(0, 0..width), span(1, rows));
         let size = columns * rows;
         Patch { left, top, width: columns, height: rows, share: vec![0.0; size], light_dn: vec![0.0; size] }
     }

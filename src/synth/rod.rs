@@ -4,6 +4,7 @@ use super::blur::{REACH_SIGMA, normal_cdf, seen_sigma_px};
 use super::draw::{Moment, Patch, spread};
 use super::scenario::{RodSetup, Scenario};
 use super::speckle::{Field, Pattern};
+use std::ops::Range;
 
 /// Everything about the rod that does not change from frame to frame.
 #[derive(Debug, Clone)]
@@ -46,11 +47,12 @@ impl Rod {
         }
     }
 
-    /// Draws the mean over several moments of equal weight; all of them in a picture of this size.
-    pub(crate) fn draw(&self, moments: &[Moment], width: usize, height: usize) -> Patch {
+    /// Draws the mean over several moments of equal weight, as far as it lies in these rows of a picture so wide.
+    pub(crate) fn draw(&self, moments: &[Moment], width: usize, rows: Range<usize>) -> Patch {
+        let (top, height) = (rows.start, rows.len());
         let size = width * height;
         // The rod reaches out of the picture: so does its rectangle.
-        let mut patch = Patch { left: 0, top: 0, width, height, share: vec![0.0; size], light_dn: vec![0.0; size] };
+        let mut patch = Patch { left: 0, top, width, height, share: vec![0.0; size], light_dn: vec![0.0; size] };
         let weight = 1.0 / moments.len() as f32;
         let mut ink = vec![0.0; size];
         for moment in moments {
@@ -58,7 +60,7 @@ impl Rod {
             let [x, y] = moment.pose.center_px;
             for speckle in &self.pattern.speckles {
                 let disc = &self.pattern.discs[speckle.size];
-                let place = [x + speckle.x_px, y + speckle.y_px];
+                let place = [x + speckle.x_px, y + speckle.y_px - top as f64];
                 spread(place, disc.reach_px(), &patch, &mut ink, |dx, dy| disc.at(dx * dx + dy * dy));
             }
             self.paint(moment, &ink, weight, &mut patch);
@@ -77,9 +79,9 @@ impl Rod {
                 (below(x - self.half_width_px, column) - below(x + self.half_width_px, column)) as f32
             })
             .collect();
-        let last = (end + REACH_SIGMA * self.sigma_px).ceil().clamp(0.0, patch.height as f64) as usize;
-        for row in 0..last {
-            let place = row as f64;
+        let last = (end + REACH_SIGMA * self.sigma_px).ceil() - patch.top as f64;
+        for row in 0..last.clamp(0.0, patch.height as f64) as usize {
+            let place = (patch.top + row) as f64;
             let rod = 1.0 - below(end, place) as f32;
             let tape: f32 = self
                 .tapes_px

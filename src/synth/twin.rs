@@ -62,7 +62,7 @@ fn drawn(scenario: &Scenario, coat: &Coat, moment: &Moment) -> Vec<f64> {
             free * GROUND_DN + (1.0 - free) * FLAT_DN
         })
         .collect();
-    let mut patches = vec![Ball::new(scenario, coat.clone(), 255.0).draw(&[*moment], SIDE, SIDE)];
+    let mut patches = vec![Ball::new(scenario, coat.clone(), 255.0).draw(&[*moment], SIDE, 0..SIDE)];
     if let Some(front) = moment.front {
         let mut scenario = scenario.clone();
         scenario.body.diameter_mm = 2.0 * front.radius_px;
@@ -70,7 +70,7 @@ fn drawn(scenario: &Scenario, coat: &Coat, moment: &Moment) -> Vec<f64> {
         scenario.shade.ball = FRONT_DN / 255.0;
         let [x, y] = front.center_px;
         let before = Moment { pose: pose(x, y, 0.0), occluder: moment.occluder, front: None };
-        patches.push(Ball::new(&scenario, pattern(&scenario), 255.0).draw(&[before], SIDE, SIDE));
+        patches.push(Ball::new(&scenario, pattern(&scenario), 255.0).draw(&[before], SIDE, 0..SIDE));
     }
     for patch in &patches {
         for row in 0..patch.height {
@@ -278,8 +278,8 @@ fn a_ball_that_has_come_nearer_is_drawn_within_half_a_grey_level_and_not_shifted
         let moment = alone(pose(31.63, 31.88, 17.0));
         let shift = agree(&near, &coat, &moment, &format!("{zoom} times as large"));
         assert!(shift.iter().all(|part| part.abs() < 2e-4), "{shift:?}");
-        let zoomed = Ball::new(&far, Coat::Flat(pattern.clone()), 255.0).zoomed(zoom).draw(&[moment], SIDE, SIDE);
-        let own = Ball::new(&near, coat, 255.0).draw(&[moment], SIDE, SIDE);
+        let zoomed = Ball::new(&far, Coat::Flat(pattern.clone()), 255.0).zoomed(zoom).draw(&[moment], SIDE, 0..SIDE);
+        let own = Ball::new(&near, coat, 255.0).draw(&[moment], SIDE, 0..SIDE);
         assert_eq!((zoomed.width, zoomed.share), (own.width, own.share));
         let apart = zoomed.light_dn.iter().zip(&own.light_dn).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
         assert!(apart < 1e-3, "{apart} DN");

@@ -14,6 +14,7 @@ use super::sphere::Globe;
 use super::truth::{impact, phase, status, step, velocity};
 use crate::image::{Image, PixelFormat};
 use crate::results::{Impact, VelocitySample};
+use std::ops::Range;
 
 /// What each random stream is for.
 const SPECKLES: u64 = 1;
@@ -22,6 +23,8 @@ const NOISE: u64 = 4;
 const STILL_PX: f64 = 0.05;
 /// Longest stretch of motion during the exposure for a pair of pictures, px.
 const PANEL_PX: f64 = 0.5;
+/// Rounds in which the row is sought that shows a moving centre.
+const READ_ROUNDS: usize = 8;
 
 /// A film that can be drawn frame by frame, in any order, with the truth behind it.
 #[derive(Debug, Clone)]
@@ -57,12 +60,12 @@ impl Body {
         })
     }
 
-    /// Draws it in a picture of another scale by `zoom`.
-    fn draw(&self, moments: &[Moment], zoom: f64, (width, height): (usize, usize)) -> Patch {
+    /// Draws some rows of it in a picture of another scale by `zoom`.
+    fn draw(&self, moments: &[Moment], zoom: f64, width: usize, rows: Range<usize>) -> Patch {
         match self {
-            Self::Ball(ball) if zoom.total_cmp(&1.0).is_ne() => ball.zoomed(zoom).draw(moments, width, height),
-            Self::Ball(ball) => ball.draw(moments, width, height),
-            Self::Rod(rod) => rod.draw(moments, width, height),
+            Self::Ball(ball) if zoom.total_cmp(&1.0).is_ne() => ball.zoomed(zoom).draw(moments, width, rows),
+            Self::Ball(ball) => ball.draw(moments, width, rows),
+            Self::Rod(rod) => rod.draw(moments, width, rows),
         }
     }
 }
@@ -231,17 +234,28 @@ impl World {
     /// Draws a frame's light and hands it out row by row.
     fn draw(&self, index: u64, mut take: impl FnMut(usize, &mut [f32])) {
         assert!(index < self.frames(), "frame {index} of a film of {}", self.frames());
-        let (width, height) = (self.width_px() as usize, self.height_px() as usize);
-        let times = self.exposed(index);
+        let height = self.height_px() as usize;
+        let is_global = self.scenario.camera.row_time_us.total_cmp(&0.0).is_eq();
+        // A rolling shutter shows each row at a time of its own.
+        for first in (0..height).step_by(if is_global { height } else { 1 }) {
+            let rows = first..if is_global { height } else { first + 1 };
+            self.draw_rows(self.opens_s(index) + self.read_s(first as f64), rows, &mut take);
+        }
+    }
+
+    /// The same of rows that were exposed at once.
+    fn draw_rows(&self, start_s: f64, rows: Range<usize>, take: &mut impl FnMut(usize, &mut [f32])) {
+        let width = self.width_px() as usize;
+        let times = self.exposed(start_s);
         let draw = |(number, actor): (usize, &Actor)| {
             let moments: Vec<Moment> = times.iter().map(|time_s| self.moment(number, *time_s)).collect();
-            actor.body.draw(&moments, actor.zoom(self.seen_s(index)), (width, height))
+            actor.body.draw(&moments, actor.zoom(start_s + 0.5 * self.exposure_s()), width, rows.clone())
         };
         let patches: Vec<Patch> = self.actors.iter().enumerate().map(draw).collect();
         let occluders: Vec<Option<HalfPlane>> = times.iter().map(|time_s| self.scene.occluder_at(*time_s)).collect();
-        let lamp = self.scene.lamp(self.opens_s(index), self.exposure_s());
+        let lamp = self.scene.lamp(start_s, self.exposure_s());
         let mut light = vec![0.0; width];
-        for row in 0..height {
+        for row in rows {
             self.scene.row(&occluders, &patches, row, &mut light);
             light.iter_mut().for_each(|light| *light *= lamp);
             take(row, &mut light);
@@ -251,8 +265,8 @@ impl World {
     /// The truth of a frame about the first body, as a row of the `velocity` table with all uncertainties 0.
     ///
     /// Everything is told of the middle of the exposure, which is the moment the
-    /// picture shows; `stamp_ns` is the exposure's start, as a camera reports it.
-    /// The last frame has no step.
+    /// picture shows, where the shutter rolls the body's centre; `stamp_ns` is the
+    /// exposure's start, as a camera reports it. The last frame has no step.
     pub fn truth(&self, index: u64) -> VelocitySample {
         self.truth_of(0, index)
     }
@@ -265,10 +279,10 @@ impl World {
     fn truth_of(&self, number: usize, index: u64) -> VelocitySample {
         let actor = &self.actors[number];
         let Actor { scenario, path, .. } = actor;
-        let seen_s = self.seen_s(index);
+        let seen_s = self.seen_s(actor, index);
         let (pose, radius_px) = (actor.pose(seen_s), actor.radius_px(seen_s));
         let visible = self.visible_fraction(number, seen_s);
-        let next = (index + 1 < self.frames()).then(|| actor.pose(self.seen_s(index + 1)));
+        let next = (index + 1 < self.frames()).then(|| actor.pose(self.seen_s(actor, index + 1)));
         VelocitySample {
             frame: index,
             body: number as u32,
@@ -304,7 +318,8 @@ impl World {
 
     /// Turned since the first frame, counter-clockwise, deg: the first body.
     pub fn angle_deg(&self, index: u64) -> f64 {
-        let angle = |index: u64| self.actors[0].path.at(self.seen_s(index)).angle_rad;
+        let actor = &self.actors[0];
+        let angle = |index: u64| actor.path.at(self.seen_s(actor, index)).angle_rad;
         (angle(index) - angle(0)).to_degrees()
     }
 
@@ -330,9 +345,20 @@ impl World {
         Some(impact)
     }
 
-    /// Middle of a frame's exposure after the first frame's stamp, s.
-    fn seen_s(&self, index: u64) -> f64 {
-        self.opens_s(index) + 0.5 * self.exposure_s()
+    /// When a frame shows a body's centre: the middle of its exposure after the first frame's stamp, s.
+    fn seen_s(&self, actor: &Actor, index: u64) -> f64 {
+        let middle_s = self.opens_s(index) + 0.5 * self.exposure_s();
+        // The row that shows it is read while it moves on: each round is as much nearer as rows are read faster than that.
+        (0..READ_ROUNDS).fold(middle_s, |time_s, _| middle_s + self.read_s(actor.pose(time_s).center_px[1]))
+    }
+
+    /// How much later than the frame's stamp the shutter opens for a row, s.
+    ///
+    /// A shutter that rolls upwards begins with the last row.
+    fn read_s(&self, row_px: f64) -> f64 {
+        let camera = &self.scenario.camera;
+        let first_px = if camera.row_time_us < 0.0 { f64::from(camera.height_px - 1) } else { 0.0 };
+        1e-6 * camera.row_time_us * (row_px - first_px)
     }
 
     /// Start of a frame's exposure after the first frame's stamp, s.
@@ -350,12 +376,12 @@ impl World {
     }
 
     /// Times whose mean picture is the exposure's: two Gauss points for each half pixel of motion.
-    fn exposed(&self, index: u64) -> Vec<f64> {
-        let (start_s, exposure_s) = (self.opens_s(index), self.exposure_s());
+    fn exposed(&self, start_s: f64) -> Vec<f64> {
+        let exposure_s = self.exposure_s();
         let moved_px = self.actors.iter().map(|actor| actor.moved_px(start_s, exposure_s)).fold(0.0, f64::max)
             + self.scene.occluder_px_s().abs() * exposure_s;
         if moved_px < STILL_PX {
-            return vec![self.seen_s(index)];
+            return vec![start_s + 0.5 * exposure_s];
         }
         let panels = (moved_px / PANEL_PX).ceil() as usize;
         let panel_s = exposure_s / panels as f64;

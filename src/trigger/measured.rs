@@ -1,7 +1,7 @@
 //! Triggers on what was measured: a body enters, is fast, is near the surface, or is about to touch it.
 
 use super::flight::{Fit, Flight, center_px};
-use crate::motion::{Axes, MotionParams, Scale, gravity_px};
+use crate::motion::{Axes, MotionParams, Rolling, Scale, gravity_px};
 use crate::results::BodyStep;
 
 /// A body was not seen in so many frames in a row: it is gone, and the next sight of it is a new one.
@@ -99,6 +99,7 @@ pub struct MeasuredTrigger {
 struct Body {
     watch: BodyWatch,
     flight: Flight,
+    rolling: Rolling,
     absent_frames: u32,
     /// Whether it is inside, once that is known.
     inside: Option<bool>,
@@ -120,6 +121,7 @@ impl MeasuredTrigger {
         let ready = !matches!(condition, Condition::Gap { .. });
         let body = |watch: BodyWatch| Body {
             flight: Flight::new(back_frames, watch.end_px),
+            rolling: Rolling::new(watch.motion.shutter, watch.motion.form),
             watch,
             absent_frames: 0,
             inside: None,
@@ -140,7 +142,8 @@ impl MeasuredTrigger {
         if let Condition::Enter { roi_px } = condition {
             return body.enter(step, roi_px);
         }
-        let step = &body.watch.motion.rectified(step);
+        body.rolling.push(step);
+        let step = &body.watch.motion.rectified(&body.rolling.straightened(step));
         let scale = body.metres_per_px(step);
         let gravity = scale.map_or([0.0; 2], |scale| gravity_px(&body.watch.motion, scale));
         if !body.flight.push(step, gravity) {
@@ -268,7 +271,7 @@ impl Body {
     }
 
     fn speed(&mut self, step: &BodyStep, fit: &Fit, metres_per_px: f64, speed_m_s: f64) -> Option<Decision> {
-        let per_frame = metres_per_px * 1e9 / self.watch.motion.frame_period_ns;
+        let per_frame = metres_per_px * 1e9 / self.watch.motion.frame_period_ns / self.rolling.periods();
         let speed = fit.rate_px[0].hypot(fit.rate_px[1]) * per_frame;
         let sigma = fit.sigma_rate_px * per_frame;
         if speed < AGAIN_SHARE * speed_m_s {

@@ -2,7 +2,7 @@
 //!
 //! Own integration in SI units (Runge-Kutta, 400 steps a frame), nothing shared with the measured code.
 
-use ricochet::motion::{Form, MotionParams, Scale, Spans, View, Walk};
+use ricochet::motion::{Form, MotionParams, Scale, Shutter, Spans, View, Walk};
 use ricochet::results::{BodyStep, Circle, PointStatus, RigidStep};
 
 /// Gaussian noise with a constant seed.
@@ -316,6 +316,7 @@ impl Experiment {
             walk: Walk::default(),
             spans: Spans::default(),
             exposure_ns: 0.0,
+            shutter: Shutter::default(),
             frame_period_ns: 1e9 / self.frame_rate_hz,
         }
     }

@@ -56,6 +56,7 @@ mod replay;
 mod report;
 mod rigid;
 mod rod;
+mod rolling;
 mod scenes;
 mod series;
 mod several;

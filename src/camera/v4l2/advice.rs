@@ -44,5 +44,12 @@ pub(super) fn advice(device: &Device, applied: &Applied, settings: &V4l2Settings
              elsewhere then; set gamma = {STRAIGHT} under [camera.features], or the exponent as camera.gamma"
         ));
     }
+    if !settings.is_shutter_known {
+        advice.push(format!(
+            "the shutter of such a camera mostly rolls, row by row: what falls {:.0} px a frame is measured by up to 1 % too \
+             fast then, and what rises too slow; tell camera.row_time_us (0 of one that opens for all rows at once)",
+            0.01 * f64::from(applied.shape.height_px)
+        ));
+    }
     advice
 }

@@ -21,6 +21,8 @@ pub struct V4l2Settings {
     pub exposure_us: Option<f64>,
     /// Whether a tone curve of the camera is known, and taken out of what it delivers.
     pub is_tone_known: bool,
+    /// Whether it is known when the camera exposes each row, and taken out of what is measured.
+    pub is_shutter_known: bool,
     /// Further controls by name, lower-case with `_` between words.
     pub features: BTreeMap<String, FeatureValue>,
 }
@@ -35,6 +37,7 @@ impl From<&config::Camera> for V4l2Settings {
             frame_rate_hz: camera.frame_rate_hz,
             exposure_us: camera.exposure_us,
             is_tone_known: camera.gamma.total_cmp(&1.0).is_ne(),
+            is_shutter_known: camera.row_time_us.is_some(),
             features: camera.features.clone(),
         }
     }

@@ -79,6 +79,8 @@ impl Scenario {
         within("camera.height_px", f64::from(camera.height_px), 16.0, 8192.0)?;
         within("camera.frame_rate_hz", camera.frame_rate_hz, 1e-3, 1e7)?;
         within("camera.exposure_us", camera.exposure_us, 0.0, 1e6 / camera.frame_rate_hz)?;
+        let row_us = 1e6 / camera.frame_rate_hz / f64::from(camera.height_px);
+        within("camera.row_time_us", camera.row_time_us, -row_us.min(1000.0), row_us.min(1000.0))?;
         within("camera.frames", camera.frames as f64, 1.0, 1e8)?;
         if ![8, 10, 12, 16].contains(&camera.bits) {
             return Err(out_of_range("camera.bits", camera.bits, "8, 10, 12 or 16"));

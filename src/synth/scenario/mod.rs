@@ -71,6 +71,10 @@ pub struct CameraSetup {
     /// Time the shutter is open, us; at most the time between two frames. The picture shows the mean over it.
     #[serde(default)]
     pub exposure_us: f64,
+    /// How much later the shutter opens for each row than for the one above it, us: a rolling shutter; -1000 to 1000, and all
+    /// rows within a frame's time; below 0 where it rolls upwards. 0 is a global one.
+    #[serde(default)]
+    pub row_time_us: f64,
     /// Length of the film, 1 to 100 million.
     pub frames: u64,
     /// Significant bits: 8, 10, 12 or 16.

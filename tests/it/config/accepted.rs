@@ -46,6 +46,8 @@ offset_y_px = 4
 pixel_format = "Mono12"
 frame_rate_hz = 1e6
 exposure_us = 1
+gamma = 0.45
+row_time_us = -0.003
 trigger_source = "Line1"
 packet_size_bytes = 9000
 features = { Flag = true, Count = -3, Gain = 1.5, Mode = "Off" }
@@ -75,6 +77,7 @@ fn every_key_of_the_camera_arrives_where_it_belongs() {
         (Some(8), Some(4), Some(PixelFormat::Mono12))
     );
     assert_eq!((camera.frame_rate_hz, camera.exposure_us), (Some(1.0e6), Some(1.0)));
+    assert_eq!((camera.gamma, camera.row_time_us), (0.45, Some(-0.003)));
     assert_eq!((camera.trigger_source.as_deref(), camera.packet_size_bytes), (Some("Line1"), Some(9000)));
     assert_eq!(camera.features["Flag"], FeatureValue::Bool(true));
     assert_eq!(camera.features["Count"], FeatureValue::Integer(-3));
@@ -126,6 +129,15 @@ fn an_edge_says_the_angle_and_triggers_on_it_are_told_apart() {
         (trigger.command.as_slice(), trigger.url.as_deref()),
         (["a", "b"].map(String::from).as_slice(), Some("http://host:81/x"))
     );
+}
+
+#[test]
+fn what_is_told_of_a_cameras_frames_holds_for_a_recording_of_them() {
+    let camera = parse(FULL).fed_from("film.mcap".as_ref(), &[]).unwrap().camera;
+    assert_eq!((camera.source, camera.exposure_us), (Source::Recording, Some(1.0)));
+    assert_eq!((camera.gamma, camera.row_time_us), (0.45, Some(-0.003)));
+    let camera = parse(SIMULATED).fed_from("film.mcap".as_ref(), &[]).unwrap().camera;
+    assert_eq!((camera.exposure_us, camera.gamma, camera.row_time_us), (None, 1.0, None));
 }
 
 #[test]

@@ -71,6 +71,7 @@ fn numbers_out_of_range_are_refused_with_the_range_and_its_unit() {
         ("frame_rate_hz = nan", ", line 3: camera.frame_rate_hz = nan: must be above 0 and at most 1000000 Hz"),
         ("frame_rate_hz = inf", ", line 3: camera.frame_rate_hz = inf: must be above 0 and at most 1000000 Hz"),
         ("exposure_us = 0", ", line 3: camera.exposure_us = 0: must be above 0 and at most 10000000 us"),
+        ("row_time_us = -1001", ", line 3: camera.row_time_us = -1001: must be -1000 to 1000 us"),
         ("gamma = 0.1", ", line 3: camera.gamma = 0.1: must be 0.2 to 5"),
         ("[scale]\nmm_per_px = 0", ", line 4: scale.mm_per_px = 0: must be 0.000001 to 1000 mm/px"),
         (
@@ -399,6 +400,10 @@ fn values_at_odds_are_refused() {
         (
             "frame_rate_hz = 10000\nexposure_us = 101",
             ", line 4: camera.exposure_us = 101: must be at most 100 us, as long as a frame at 10000 Hz lasts",
+        ),
+        (
+            "height_px = 100\nframe_rate_hz = 1000\nrow_time_us = -11",
+            ", line 5: camera.row_time_us = -11: must be -10.000 to 10.000 us, so that 100 rows take no longer than a frame at 1000 Hz",
         ),
         (
             "width_px = 32\nheight_px = 20",

@@ -208,14 +208,16 @@ fn what_the_camera_does_by_itself_is_told_until_it_is_switched_off() {
     };
     mock.state().controls.insert(4, gamma);
     let advice = told(&mock, &mode(1280, 720, 30.0));
-    assert_eq!(advice.len(), 4);
+    assert_eq!(advice.len(), 5);
     assert!(advice[0].starts_with("pictures come compressed (MJPG)"), "{advice:?}");
     assert!(advice[1].starts_with("the camera adjusts gain_automatic, auto_exposure by itself"), "{advice:?}");
     assert!(advice[2].starts_with("in the dark the camera takes fewer frames"), "{advice:?}");
     assert!(advice[3].starts_with("its control gamma stands at 220, where 100"), "{advice:?}");
-    let known = V4l2Settings { is_tone_known: true, ..mode(1280, 720, 30.0) };
+    assert!(advice[4].contains("mostly rolls, row by row: what falls 7 px a frame"), "{advice:?}");
+    let known = V4l2Settings { is_tone_known: true, is_shutter_known: true, ..mode(1280, 720, 30.0) };
     assert_eq!(told(&mock, &known), advice[..3]);
     let fixed = V4l2Settings {
+        is_shutter_known: true,
         exposure_us: Some(1000.0),
         ..with(&[("gain_automatic", FeatureValue::Bool(false)), ("gamma", FeatureValue::Integer(100))])
     };

@@ -1,0 +1,290 @@
+//! Films of cameras that expose the rows of a frame one after another.
+
+use ricochet::camera::simulated::{meta, stream_format};
+use ricochet::config::Config;
+use ricochet::image::Frame;
+use ricochet::measure::{Measurer, Share, TrackerRows};
+use ricochet::process::analysis_params;
+use ricochet::synth::{MotionSetup, Scenario, World};
+
+use crate::film::{level_rig, rows_of_pictures};
+
+const LACROSSE: &str = include_str!("../../config/lacrosse.toml");
+const TENNIS: &str = include_str!("../../config/tennis.toml");
+const ROD: &str = include_str!("../../config/rod.toml");
+
+/// A film all of whose rows are read within this share of a frame's time, upwards below 0.
+struct Film {
+    world: World,
+    pictures: Vec<Vec<u8>>,
+    row_time_us: f64,
+}
+
+impl Film {
+    fn new(scenario: Scenario, share: f64) -> Self {
+        let mut scenario = scenario;
+        let camera = &mut scenario.camera;
+        camera.row_time_us = share * 1e6 / camera.frame_rate_hz / f64::from(camera.height_px);
+        let row_time_us = camera.row_time_us;
+        let world = World::new(&scenario).unwrap();
+        let picture = |index| {
+            let mut bytes = vec![0; world.frame_bytes()];
+            world.render(index, &mut bytes);
+            bytes
+        };
+        let pictures = (0..world.frames()).map(picture).collect();
+        Self { world, pictures, row_time_us }
+    }
+
+    fn built_in(name: &str, share: f64) -> Self {
+        Self::new(Scenario { seed: 71, ..Scenario::built_in(name).unwrap() }, share)
+    }
+
+    fn untold(&self, rig: &str) -> Off {
+        Off::of(&self.world, &rows_of_pictures(self.pictures.iter().cloned(), &self.world, rig))
+    }
+
+    fn told(&self, rig: &str) -> Off {
+        self.untold(&self.tells(rig))
+    }
+
+    fn tells(&self, rig: &str) -> String {
+        rig.replacen("[camera]", &format!("[camera]\nrow_time_us = {}", self.row_time_us), 1)
+    }
+}
+
+/// How far off a film's rows are.
+#[derive(Debug, Default)]
+struct Off {
+    /// Velocities, in their sigmas: root mean square and the worst.
+    rms: f64,
+    worst: f64,
+    /// Spins.
+    spin_rms: f64,
+    spin_worst: f64,
+    /// Centres.
+    center_worst: f64,
+    /// Radii, px: the mean.
+    radius_px: f64,
+    /// Numbers of the impact: the worst, and its name.
+    impact: f64,
+    name: String,
+    /// Velocities there are.
+    count: usize,
+}
+
+impl Off {
+    fn of(world: &World, rows: &TrackerRows) -> Self {
+        let (mut off, mut spins, mut radii, mut seen) = (Self::default(), 0, 0.0, 0.0);
+        for (row, track) in rows.velocities.iter().zip(&rows.tracks) {
+            let truth = world.truths(row.frame)[row.body as usize];
+            if let (Some(told), Some(truth)) = (row.velocity, truth.velocity) {
+                let pulls = [told.vx_m_s - truth.vx_m_s, told.vy_m_s - truth.vy_m_s].map(|off| off / told.sigma_v_m_s);
+                off.rms += 0.5 * pulls.iter().map(|pull| pull * pull).sum::<f64>();
+                off.worst = pulls.iter().fold(off.worst, |worst, pull| worst.max(pull.abs()));
+                off.count += 1;
+                if truth.omega_rad_s.abs() > 0.0 || world.truth(0).radius_px.is_some() {
+                    let pull = ((told.omega_rad_s - truth.omega_rad_s) / told.sigma_omega_rad_s).abs();
+                    off.spin_rms += pull * pull;
+                    off.spin_worst = off.spin_worst.max(pull);
+                    spins += 1;
+                }
+            }
+            if let (Some(told), Some(sigma), Some(truth)) =
+                (track.center_y_px, track.sigma_center_px, truth.center_y_px)
+            {
+                off.center_worst = off.center_worst.max(((told - truth) / sigma).abs());
+            }
+            if let (Some(told), Some(truth)) = (track.radius_px, truth.radius_px) {
+                radii += told - truth;
+                seen += 1.0;
+            }
+        }
+        off.rms = (off.rms / off.count.max(1) as f64).sqrt();
+        off.spin_rms = (off.spin_rms / f64::from(spins.max(1))).sqrt();
+        off.radius_px = radii / f64::max(seen, 1.0);
+        let truth = world.impact().map(|impact| impact.numbers());
+        let told = rows.impacts.last().map(|impact| impact.numbers());
+        for ((name, told), (_, truth)) in told.into_iter().flatten().zip(truth.into_iter().flatten()) {
+            let Some(pull) = told.zip(truth).map(|(told, truth)| (told.value - truth.value) / told.sigma) else {
+                continue;
+            };
+            if pull.abs() > off.impact {
+                (off.impact, off.name) = (pull.abs(), name.to_string());
+            }
+        }
+        off
+    }
+
+    fn say(&self, what: &str) {
+        println!(
+            "{what}: {} velocities off by {:.2} sigmas rms, {:.1} at most; spins {:.2}, {:.1}; centres {:.1} at most; \
+             radius {:+.3} px; impact {:.1} ({})",
+            self.count,
+            self.rms,
+            self.worst,
+            self.spin_rms,
+            self.spin_worst,
+            self.center_worst,
+            self.radius_px,
+            self.impact,
+            self.name
+        );
+    }
+
+    /// Whether sigmas tell how far off everything is.
+    fn is_honest(&self) -> bool {
+        self.rms < 1.3 && self.worst < 4.5 && self.spin_rms < 1.5 && self.center_worst < 4.0 && self.impact < 4.0
+    }
+}
+
+/// Untold, velocities were off by up to 114 sigmas and moments of impacts by up to 570.
+#[test]
+fn what_a_rolling_shutter_does_to_balls_that_strike_is_taken_out_once_it_is_told() {
+    for (name, rig, share) in [
+        ("lacrosse", LACROSSE, 0.1),
+        ("lacrosse", LACROSSE, 0.95),
+        ("lacrosse", LACROSSE, -0.6),
+        ("tennis", TENNIS, 0.3),
+        ("tennis", TENNIS, 0.95),
+    ] {
+        let film = Film::built_in(name, share);
+        let told = film.told(rig);
+        told.say(&format!("{name}, rows read in {share} of a frame, told"));
+        assert!(told.is_honest() && told.count == film.pictures.len(), "{told:?}");
+        assert!(told.radius_px.abs() < 0.03, "{told:?}");
+        if share > 0.9 {
+            let untold = film.untold(rig);
+            untold.say("untold");
+            assert!(untold.worst > 10.0, "{untold:?}");
+        }
+    }
+}
+
+#[test]
+fn a_rod_is_as_fast_as_if_all_rows_were_exposed_at_once() {
+    let still = Film::built_in("rod", 0.0).untold(ROD);
+    still.say("rod, rows read at once");
+    let film = Film::built_in("rod", 0.95);
+    let (told, untold) = (film.told(ROD), film.untold(ROD));
+    told.say("rod, rows read in 0.95 of a frame, told");
+    untold.say("untold");
+    assert!(told.rms < 1.3 && told.worst < still.worst.max(4.0) && told.impact < 4.0, "{told:?}");
+    assert!(untold.rms > 1.5 * told.rms && untold.impact > 20.0, "{untold:?}");
+}
+
+#[test]
+fn each_of_two_balls_is_timed_by_its_own_rows() {
+    let rig = "[camera]\nsource = \"simulated\"\n[scale]\nmm_per_px = 1.0\n[[body]]\nname = \"left\"\ndiameter_mm = 63.25\n\
+               roi_px = [0, 0, 140, 192]\n[[body]]\nname = \"right\"\ndiameter_mm = 63.25\nroi_px = [110, 0, 146, 192]\n\
+               [velocity]\ngravity_m_s2 = 0\n";
+    let still = Film::built_in("pair", 0.0).untold(rig);
+    still.say("pair, rows read at once");
+    let film = Film::built_in("pair", -0.9);
+    let (told, untold) = (film.told(rig), film.untold(rig));
+    told.say("pair, rows read upwards in 0.9 of a frame, told");
+    untold.say("untold");
+    // Rows of the frame in which they are kicked show both sides of it, of which nobody tells the fit: 5 sigmas, once.
+    assert!(told.rms < still.rms.max(1.0) && told.worst < 6.0, "{told:?} {still:?}");
+    assert!(told.count >= still.count && untold.rms > 4.0 * told.rms, "{told:?} {untold:?}");
+}
+
+/// Nothing falls.
+fn free_rig() -> String {
+    level_rig(0.5) + "[velocity]\ngravity_m_s2 = 0\n"
+}
+
+/// A ball that crosses the picture, turns, and leaves.
+fn spun(speed_px: [f64; 2], omega_deg_frame: f64, start_px: [f64; 2], frames: u64) -> Scenario {
+    let mut scenario = Scenario::translation(speed_px[0], speed_px[1], omega_deg_frame);
+    (scenario.camera.frames, scenario.camera.width_px, scenario.camera.height_px) = (frames, 280, 280);
+    scenario.seed = 5;
+    if let MotionSetup::Constant { start_px: start, .. } = &mut scenario.motion {
+        *start = start_px;
+    }
+    scenario
+}
+
+#[test]
+fn each_row_of_a_film_is_drawn_of_its_own_moment() {
+    let speed_px = [1.3, 4.1];
+    for share in [0.8, -0.8] {
+        let rolled = |start_px| {
+            let mut scenario = spun(speed_px, 0.0, start_px, 3);
+            scenario.camera.row_time_us = share * 100.0 / 280.0;
+            World::new(&scenario).unwrap().render_light(1)
+        };
+        let picture = rolled([140.0, 110.0]);
+        for row in [60, 110, 150] {
+            // A row that is exposed later shows what a ball further on its way shows at once.
+            let later = share / 280.0 * (row as f64 - if share < 0.0 { 279.0 } else { 0.0 });
+            let start_px = [140.0 + later * speed_px[0], 110.0 + later * speed_px[1]];
+            let at_once = World::new(&spun(speed_px, 0.0, start_px, 3)).unwrap().render_light(1);
+            let apart = |image: &ricochet::image::Image| {
+                let of = |x| (image.view().at(x, row).unwrap() - picture.view().at(x, row).unwrap()).abs();
+                (0..280).map(of).fold(0.0, f32::max)
+            };
+            let still = World::new(&spun(speed_px, 0.0, [140.0, 110.0], 3)).unwrap().render_light(1);
+            assert!(apart(&at_once) < 0.05 && apart(&still) > 5.0, "{row}: {} {}", apart(&at_once), apart(&still));
+        }
+    }
+}
+
+#[test]
+fn a_ball_that_turns_fast_and_leaves_is_told_neither_to_sink_nor_to_slow_down() {
+    let film = Film::new(spun([1.3, 4.1], 3.0, [110.0, 75.0], 44), 0.9);
+    let rig = free_rig();
+    let (told, untold) = (film.told(&rig), film.untold(&rig));
+    told.say("turns and leaves, told");
+    untold.say("untold");
+    // Over several intervals at once.
+    let several = film.told(&format!("{rig}[correlation]\ninterval_frames = [1, 3]\n"));
+    several.say("over one and three frames, told");
+    for told in [told, several] {
+        assert!(told.is_honest() && told.count > 36, "{told:?}");
+    }
+    assert!(untold.worst > 5.0, "{untold:?}");
+}
+
+/// Rows are those of the recorded picture, whatever a calibration makes of it.
+#[test]
+fn a_picture_that_is_turned_by_its_calibration_has_its_rows_where_they_were_read() {
+    let film = Film::new(spun([-2.3, 3.7], 0.7, [170.0, 80.0], 30), 0.9);
+    let table = "[calibration]\nimage_px = [280, 280]\nhomography_mm = [-0.5, 0, 139.5, 0, -0.5, 139.5, 0, 0, 1]\n";
+    let rig = free_rig().replace("[scale]\nmm_per_px = 0.5\n", "") + table;
+    let rows = rows_of_pictures(film.pictures.iter().cloned(), &film.world, &film.tells(&rig));
+    let mut pulls = Vec::new();
+    for row in &rows.velocities {
+        let (Some(told), Some(truth)) = (row.velocity, film.world.truth(row.frame).velocity) else { continue };
+        pulls
+            .extend([told.vx_m_s - truth.vx_m_s, told.vy_m_s - truth.vy_m_s].map(|off| (off / told.sigma_v_m_s).abs()));
+    }
+    let worst = pulls.iter().copied().fold(0.0, f64::max);
+    println!("turned upside down: {} velocities, {worst:.1} sigmas at most", pulls.len() / 2);
+    assert!(pulls.len() > 50 && worst < 4.5, "{pulls:?}");
+}
+
+#[test]
+fn a_trigger_on_speed_knows_how_fast_a_body_crosses_the_rows() {
+    let film = Film::new(spun([0.2, 2.5], 0.1, [140.3, 75.2], 20), 0.9);
+    let rig = free_rig() + "[trigger]\nmode = \"speed\"\nspeed_m_s = 10\n";
+    let format = stream_format(&film.world);
+    let told = |rig: &str| {
+        let config = Config::parse(rig, "rig.toml").unwrap();
+        let mut measurer = Measurer::new(&analysis_params(&config, &format).0, Share::ALL, 280, 280).unwrap();
+        let mut trigger = config.measured_trigger(format.frame_rate_hz, format.exposure_us).unwrap();
+        let mut steps = Vec::new();
+        for (index, bytes) in (0..).zip(&film.pictures) {
+            measurer.push(&Frame { meta: meta(&film.world, index), bytes }, &mut steps).unwrap();
+        }
+        measurer.finish(&mut steps);
+        let what = steps.iter().find_map(|row| trigger.push(&row.step)).unwrap().what;
+        println!("{what}");
+        let numbers: Vec<f64> = what.split([' ', ':']).filter_map(|word| word.parse().ok()).collect();
+        (numbers[0], numbers[1])
+    };
+    let truth = 0.2_f64.hypot(2.5) * 5.0;
+    let ((speed, sigma), (untold, _)) = (told(&film.tells(&rig)), told(&rig));
+    assert!((speed - truth).abs() < 4.0 * sigma.max(0.002), "{speed} for {truth}");
+    assert!(untold - truth > 0.006 * truth, "{untold} for {truth}");
+}
