@@ -6,7 +6,7 @@
 //! subset are taken off that picture. A subset that turns out to be farther off is refined as any other.
 
 use super::GridPoint;
-use super::columns::Columns;
+use super::columns::{Columns, Strip};
 use super::lanes::{LANES, Lanes};
 use super::matcher::{Matcher, Solution};
 use super::moments::{Layers, Moments};
@@ -36,9 +36,11 @@ const TILED: f64 = 0.01;
 pub(super) struct Carried {
     /// In the reference's place.
     plane: Plane,
-    /// First and last column that subsets need of each row of the reference; the first is larger where there are none.
+    /// First and last column of the strips in each row of the reference.
     spans: Vec<(i32, i32)>,
     columns: Columns,
+    /// Sums down the columns of one subset that is no square.
+    sums: Vec<f32>,
     /// By subset: the warp to begin with, where the target is drawn for it.
     starts: Vec<Option<Warp>>,
     /// By subset: where its centre is in the reference, px.
@@ -80,52 +82,39 @@ impl Carried {
         }));
         self.centers.clear();
         self.centers.extend(points.iter().map(|point| reference.local((point.x, point.y))));
-        self.columns.clear();
         self.fits.clear();
         self.fits.resize(points.len(), None);
         self.plane.reshape(width, height);
-        self.spans.clear();
-        self.spans.resize(height, (i32::MAX, i32::MIN));
-        let mut corner = None;
-        for ((point, warp), (x, y)) in points.iter().zip(&self.starts).zip(self.centers.iter().copied()) {
-            let Some(warp) = warp else { continue };
-            let extent = window.extent;
-            for (left, right) in &mut self.spans[(y + extent.top) as usize..=(y + extent.bottom) as usize] {
-                (*left, *right) = ((*left).min(x + extent.left), (*right).max(x + extent.right));
-            }
-            // Where the first pixel of the reference's part goes.
-            let (from_x, from_y) = target.local((point.x, point.y));
-            let (dx, dy) = warp.apply(-f64::from(x), -f64::from(y));
-            corner.get_or_insert(((f64::from(from_x) + dx, f64::from(from_y) + dy), *warp));
+        let carried = self.centers.iter().zip(&self.starts).filter_map(|(at, start)| start.map(|_| *at));
+        self.columns.plan(window, carried);
+        let first = points.iter().zip(&self.starts).find_map(|(point, warp)| Some(((point.x, point.y), (*warp)?)));
+        let Some((point, warp)) = first else { return };
+        // Where the first pixel of the reference's part goes.
+        let ((x, y), (from_x, from_y)) = (reference.local(point), target.local(point));
+        let (dx, dy) = warp.apply(-f64::from(x), -f64::from(y));
+        let motion = ((f64::from(from_x) + dx, f64::from(from_y) + dy), warp);
+        let strips = self.columns.strips();
+        if warp.is_within(TILED) {
+            let gradients = (&reference.gradient_x, &reference.gradient_y);
+            let gain = reference.gain_of(target);
+            draw_tiles((&target.splined, gain), gradients, strips, motion, &mut self.plane);
+        } else {
+            draw_rows(&target.splined, strips, motion, &mut self.plane);
         }
-        if let Some(motion) = corner {
-            if motion.1.is_within(TILED) {
-                let gradients = (&reference.gradient_x, &reference.gradient_y);
-                let gain = reference.gain_of(target);
-                draw_tiles((&target.splined, gain), gradients, &self.spans, motion, &mut self.plane);
-            } else {
-                draw_rows(&target.splined, &self.spans, motion, &mut self.plane);
-            }
-            self.share = share::of(reference, &self.spans);
-        }
+        span(strips, height, &mut self.spans);
+        self.share = share::of(reference, &self.spans);
     }
 
     /// The subset, if it is where the motion says: as if refined to the end.
     pub(super) fn solve(&mut self, matcher: &Matcher<'_>, index: usize) -> Option<Solution> {
         let warp = (*self.starts.get(index)?)?;
         let (reference, window) = (matcher.reference, matcher.window);
-        let layers = Layers {
-            reference: &reference.levels,
-            gradient_x: &reference.gradient_x,
-            gradient_y: &reference.gradient_y,
-            target: &self.plane,
-        };
         let at = self.centers[index];
+        let layers = layers(reference, &self.plane);
         let moments = if window.is_square() {
-            let right = self.last_beside(index).0 + window.extent.right;
-            self.columns.moments(layers, window, at, right)
+            self.columns.moments(layers, window, at)
         } else {
-            Moments::of(layers, window, at)
+            Moments::of(layers, window, at, &mut self.sums)
         };
         self.subset.take(&moments, window.pixels, matcher.params.refined_shape()).ok()?;
         let matcher = Matcher { subset: &self.subset, ..*matcher };
@@ -145,13 +134,6 @@ impl Carried {
         let energy = moments.products[1] - moments.target * moments.target / pixels;
         self.fits[index] = Some(Fit { means, gain: (self.subset.energy / energy).sqrt() as f32 });
         Some(matcher.judge(found, None))
-    }
-
-    /// The last of the subsets that follow in the same row.
-    fn last_beside(&self, index: usize) -> (i32, i32) {
-        let (x, y) = self.centers[index];
-        let beside = self.centers[index..].iter().zip(&self.starts[index..]).take_while(|(center, _)| center.1 == y);
-        beside.filter(|(_, start)| start.is_some()).map(|(center, _)| *center).last().unwrap_or((x, y))
     }
 
     /// Whether the subset was found by one look.
@@ -183,6 +165,23 @@ impl Carried {
     }
 }
 
+/// A reference and what was drawn in its place.
+fn layers<'a>(reference: &'a Prepared, target: &'a Plane) -> Layers<'a> {
+    let Prepared { levels, gradient_x, gradient_y, .. } = reference;
+    Layers { reference: levels, gradient_x, gradient_y, target }
+}
+
+/// First and last column of each of so many rows; the first is larger where there are none.
+fn span(strips: &[Strip], rows: usize, spans: &mut Vec<(i32, i32)>) {
+    spans.clear();
+    spans.resize(rows, (i32::MAX, i32::MIN));
+    for strip in strips {
+        for (left, right) in &mut spans[strip.top as usize..strip.end as usize] {
+            (*left, *right) = ((*left).min(strip.left), (*right).max(strip.left + LANES as i32 - 1));
+        }
+    }
+}
+
 /// Eight neighbouring values.
 fn load(values: &[f32], first: usize) -> Lanes {
     let mut lanes = Lanes::splat(0.0);
@@ -204,29 +203,21 @@ fn saturated(reference: &Prepared, window: &Window, (x, y): (i32, i32)) -> bool 
 }
 
 vectorized! {
-    /// Draws the rows of a target that a warp, the same everywhere, carries to `corner` and on.
-    fn draw_rows(target: &Splined, spans: &[(i32, i32)], motion: ((f64, f64), Warp), out: &mut Plane) = draw_rows_with
+    /// Draws the strips of a target that a warp, the same everywhere, carries to `corner` and on.
+    fn draw_rows(target: &Splined, strips: &[Strip], motion: ((f64, f64), Warp), out: &mut Plane) = draw_rows_with
 }
 
 #[inline(always)]
-fn draw_rows_with<V: Vector>(
-    target: &Splined,
-    spans: &[(i32, i32)],
-    (corner, warp): ((f64, f64), Warp),
-    out: &mut Plane,
-) {
-    for (y, (left, right)) in spans.iter().enumerate().filter(|(_, span)| span.0 <= span.1) {
-        let first = out.index(*left as isize, y as isize);
-        let row = &mut out.data_mut()[first..];
-        for x in (0..=right - left).step_by(LANES) {
-            let (dx, dy) = (f64::from(left + x), y as f64);
-            let place = (corner.0 + dx + warp.ux * dx + warp.uy * dy, corner.1 + dy + warp.vx * dx + warp.vy * dy);
-            let values = match target.tap_count() {
-                4 => sample_lanes::<V, 4, 5>(target, place, warp.ux, warp.vx),
-                _ => sample_lanes::<V, 6, 7>(target, place, warp.ux, warp.vx),
-            };
-            values.store(&mut row[x as usize..]);
-        }
+fn draw_rows_with<V: Vector>(target: &Splined, strips: &[Strip], (corner, warp): ((f64, f64), Warp), out: &mut Plane) {
+    for (left, y) in strips.iter().flat_map(|strip| (strip.top..strip.end).map(|y| (strip.left, y))) {
+        let (dx, dy) = (f64::from(left), f64::from(y));
+        let place = (corner.0 + dx + warp.ux * dx + warp.uy * dy, corner.1 + dy + warp.vx * dx + warp.vy * dy);
+        let values = match target.tap_count() {
+            4 => sample_lanes::<V, 4, 5>(target, place, warp.ux, warp.vx),
+            _ => sample_lanes::<V, 6, 7>(target, place, warp.ux, warp.vx),
+        };
+        let first = out.index(left as isize, y as isize);
+        values.store(&mut out.data_mut()[first..]);
     }
 }
 
@@ -236,7 +227,7 @@ vectorized! {
     fn draw_tiles(
         target: (&Splined, f32),
         gradients: (&Plane, &Plane),
-        spans: &[(i32, i32)],
+        strips: &[Strip],
         motion: ((f64, f64), Warp),
         out: &mut Plane,
     ) = draw_tiles_with
@@ -246,20 +237,16 @@ vectorized! {
 fn draw_tiles_with<V: Vector>(
     target: (&Splined, f32),
     gradients: (&Plane, &Plane),
-    spans: &[(i32, i32)],
+    strips: &[Strip],
     motion: ((f64, f64), Warp),
     out: &mut Plane,
 ) {
-    for (tile, spans) in spans.chunks(LANES).enumerate() {
-        let (left, right) = spans.iter().fold((i32::MAX, i32::MIN), |all, span| (all.0.min(span.0), all.1.max(span.1)));
-        if left > right {
-            continue;
-        }
-        for x in (left..=right).step_by(LANES) {
-            let place = (x, (tile * LANES) as i32);
+    for strip in strips {
+        for top in (strip.top..strip.end).step_by(LANES) {
+            let (place, rows) = ((strip.left, top), (strip.end - top).min(LANES as i32) as usize);
             match target.0.tap_count() {
-                4 => draw_tile::<V, 4>(target, gradients, (place, spans.len()), &motion, out),
-                _ => draw_tile::<V, 6>(target, gradients, (place, spans.len()), &motion, out),
+                4 => draw_tile::<V, 4>(target, gradients, (place, rows), &motion, out),
+                _ => draw_tile::<V, 6>(target, gradients, (place, rows), &motion, out),
             }
         }
     }
@@ -383,19 +370,19 @@ mod tests {
         b.fill(target.view(), Interpolation::Optimised);
         // A third of a degree.
         let warp = Warp::rigid(0.4, -0.3, 0.006);
-        let (spans, motion) = (vec![(20, 100); 132], ((-0.3, 0.7), warp));
-        let spans: Vec<_> = spans.iter().enumerate().map(|(y, s)| if y < 110 { *s } else { (1, 0) }).collect();
+        let motion = ((-0.3, 0.7), warp);
+        let strips: Vec<_> = (20..100).step_by(LANES).map(|left| Strip { left, top: 0, end: 110 }).collect();
         let gradients = (&b.gradient_x, &b.gradient_y);
         let mut planes = [Plane::default(), Plane::default(), Plane::default(), Plane::default()];
         planes.iter_mut().for_each(|plane| plane.reshape(140, 132));
         let [rows, tiles, plain_rows, plain_tiles] = &mut planes;
-        draw_rows(&b.splined, &spans, motion, rows);
-        draw_tiles((&b.splined, 1.0), gradients, &spans, motion, tiles);
-        draw_rows_with::<Portable>(&b.splined, &spans, motion, plain_rows);
-        draw_tiles_with::<Portable>((&b.splined, 1.0), gradients, &spans, motion, plain_tiles);
+        draw_rows(&b.splined, &strips, motion, rows);
+        draw_tiles((&b.splined, 1.0), gradients, &strips, motion, tiles);
+        draw_rows_with::<Portable>(&b.splined, &strips, motion, plain_rows);
+        draw_tiles_with::<Portable>((&b.splined, 1.0), gradients, &strips, motion, plain_tiles);
         assert!(*rows == *plain_rows && *tiles == *plain_tiles);
-        let apart = |y: usize| rows.row(y)[20..=100].iter().zip(&tiles.row(y)[20..=100]).map(|(a, b)| (a - b).powi(2));
-        let square: f32 = (4..106).flat_map(apart).sum::<f32>() / (81.0 * 102.0);
+        let apart = |y: usize| rows.row(y)[20..100].iter().zip(&tiles.row(y)[20..100]).map(|(a, b)| (a - b).powi(2));
+        let square: f32 = (4..106).flat_map(apart).sum::<f32>() / (80.0 * 102.0);
         // The gradients are of another place by up to 0.7 px here; a subset's are of its own.
         assert!(square.sqrt() < 1.0, "rms {} DN", square.sqrt());
     }

@@ -1,108 +1,233 @@
-//! Subsets side by side share most of their columns: what is summed down a column is summed once for all of them.
+//! Subsets over one another and side by side share most of their pixels: what is summed down a column is summed once
+//! for all of them.
+//!
+//! Down every column the sums run on from the first subset's first row. What a subset holds of them is the difference
+//! between what they are after its last row and what they were before its first.
 
 use super::lanes::LANES;
-use super::moments::{DOWN, Layers, Moments, SUMS, down, fold, total};
+use super::moments::{DOWN, Layers, Moments, gathered, less, with_rows};
 use super::vector::{Vector, vectorized};
 use super::window::Window;
+use std::ops::Range;
 
-/// Sums down the columns of a row of square subsets.
+/// Rows of subsets that are summed at a time: memory does not grow with the picture.
+const BAND: usize = 16;
+
+/// Eight columns of which some rows are asked for, px.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Strip {
+    /// First column.
+    pub(super) left: i32,
+    /// First row.
+    pub(super) top: i32,
+    /// Row after the last.
+    pub(super) end: i32,
+}
+
+/// Sums down the columns of subsets of one shape.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Columns {
-    /// First column and first row.
-    first: (i32, i32),
-    /// Columns; none while nothing is summed.
+    /// First column of all.
+    left: i32,
+    /// Columns, a multiple of eight.
     count: usize,
-    /// Of every column one sum after the other.
+    /// First rows of the subsets, rising.
+    tops: Vec<i32>,
+    /// Columns and rows of a subset.
+    sides: (usize, usize),
+    /// By eight columns and first row: whether a subset has them.
+    asked: Vec<bool>,
+    strips: Vec<Strip>,
+    /// First rows whose subsets are summed.
+    summed: Range<usize>,
+    /// By first row of a subset: of every column one sum after the other.
     sums: Vec<f32>,
+    /// What the sums were before the first row of each subset.
+    before: Vec<f32>,
+}
+
+/// First rows that are asked for of eight columns, and how many rows each stands for.
+struct Asked<'a> {
+    tops: &'a [i32],
+    is_asked: &'a [bool],
+    rows: i32,
 }
 
 vectorized! {
-    /// Sums down some columns, a multiple of eight, from the pixel `first` on; `size` is how many columns and rows.
-    fn sum_down(layers: Layers<'_>, first: (i32, i32), size: (usize, usize), sums: &mut [f32]) = sum_down_with
-}
-
-vectorized! {
-    /// The sums over a square window; `place` is the number of its first column, and of all columns.
-    fn gather(sums: &[f32], window: &Window, place: (usize, usize), out: &mut Moments) = gather_with
+    /// Sums down eight columns from `left` on, for all that is asked; `count` is the number of all columns.
+    fn sum_down(layers: Layers<'_>, left: i32, asked: &Asked<'_>, before: &mut [f32], out: (&mut [f32], usize)) =
+        sum_down_with
 }
 
 impl Columns {
-    /// Forgets the pictures.
-    pub(super) fn clear(&mut self) {
-        self.count = 0;
-    }
-
-    /// The sums over a square window about `at`, as [`Moments::of`] has them; the last column of the subsets beside it
-    /// that will be asked for is `right`.
-    pub(super) fn moments(&mut self, layers: Layers<'_>, window: &Window, at: (i32, i32), right: i32) -> Moments {
+    /// Plans the sums over subsets of the shape of `window` about these points.
+    pub(super) fn plan(&mut self, window: &Window, centers: impl Iterator<Item = (i32, i32)> + Clone) {
         let extent = window.extent;
-        let (left, top) = (at.0 + extent.left, at.1 + extent.top);
-        let end = self.first.0 + self.count as i32;
-        if top != self.first.1 || left < self.first.0 || at.0 + extent.right + LANES as i32 > end {
-            let columns = (right.max(at.0 + extent.right) - left + 1) as usize;
-            // The last block of a window is filled up to eight columns.
-            self.count = (columns + LANES).next_multiple_of(LANES);
-            self.first = (left, top);
-            self.sums.resize(DOWN * self.count, 0.0);
-            sum_down(layers, self.first, (self.count, extent.sides().1), &mut self.sums);
+        self.sides = extent.sides();
+        self.tops.clear();
+        self.tops.extend(centers.clone().map(|(_, y)| y + extent.top));
+        self.tops.sort_unstable();
+        self.tops.dedup();
+        let lefts = centers.clone().map(|(x, _)| x + extent.left);
+        let (first, last) = lefts.fold((i32::MAX, i32::MIN), |ends, x| (ends.0.min(x), ends.1.max(x)));
+        self.left = first;
+        self.strips.clear();
+        self.asked.clear();
+        self.summed = 0..0;
+        if first > last {
+            return;
         }
-        let mut out = Moments::default();
-        gather(&self.sums, window, ((left - self.first.0) as usize, self.count), &mut out);
-        out
+        // The last block of a window is filled up to eight columns.
+        self.count = ((last - first) as usize + self.sides.0 + LANES - 1).next_multiple_of(LANES);
+        self.asked.resize(self.count / LANES * self.tops.len(), false);
+        for (x, y) in centers {
+            let (from, top) = ((x + extent.left - first) as usize, self.place(y + extent.top));
+            for block in from / LANES..=(from + self.sides.0 - 1) / LANES {
+                self.asked[block * self.tops.len() + top] = true;
+            }
+        }
+        self.lay_strips();
+    }
+
+    /// Where the subsets with this first row are among the sums.
+    fn place(&self, top: i32) -> usize {
+        self.tops.partition_point(|other| *other < top)
+    }
+
+    /// Puts the rows of subsets that overlap together.
+    fn lay_strips(&mut self) {
+        for (block, asked) in self.asked.chunks_exact(self.tops.len()).enumerate() {
+            let left = self.left + (block * LANES) as i32;
+            for (top, _) in self.tops.iter().zip(asked).filter(|(_, asked)| **asked) {
+                let end = top + self.sides.1 as i32;
+                match self.strips.last_mut() {
+                    Some(strip) if strip.left == left && strip.end >= *top => strip.end = end,
+                    _ => self.strips.push(Strip { left, top: *top, end }),
+                }
+            }
+        }
+    }
+
+    /// All that the sums are over.
+    pub(super) fn strips(&self) -> &[Strip] {
+        &self.strips
+    }
+
+    /// The sums over a subset that was planned, a whole square, about `at`. Those in rows one after the other cost least.
+    pub(super) fn moments(&mut self, layers: Layers<'_>, window: &Window, at: (i32, i32)) -> Moments {
+        let (left, top) = (at.0 + window.extent.left, at.1 + window.extent.top);
+        let place = self.place(top);
+        if !self.summed.contains(&place) {
+            self.sum(layers, place..self.tops.len().min(place + BAND));
+        }
+        let sums = &self.sums[(place - self.summed.start) * DOWN * self.count..][..DOWN * self.count];
+        gathered(&sums[(left - self.left) as usize..], self.count, window)
+    }
+
+    fn sum(&mut self, layers: Layers<'_>, band: Range<usize>) {
+        self.sums.resize(self.sums.len().max(band.len() * DOWN * self.count), 0.0);
+        self.before.resize(self.before.len().max(band.len() * DOWN * LANES), 0.0);
+        let (tops, rows) = (&self.tops[band.clone()], self.sides.1 as i32);
+        for (block, is_asked) in self.asked.chunks_exact(self.tops.len()).enumerate() {
+            let asked = Asked { tops, is_asked: &is_asked[band.clone()], rows };
+            let out = (&mut self.sums[block * LANES..], self.count);
+            sum_down(layers, self.left + (block * LANES) as i32, &asked, &mut self.before, out);
+        }
+        self.summed = band;
     }
 }
 
 #[inline(always)]
-fn sum_down_with<V: Vector>(layers: Layers<'_>, first: (i32, i32), (count, rows): (usize, usize), sums: &mut [f32]) {
-    let start = layers.reference.index(first.0 as isize, first.1 as isize);
-    for column in (0..count).step_by(LANES) {
-        let found: [V; DOWN] = down(layers, start + column, rows, |_| V::splat(1.0));
-        for (k, sum) in found.into_iter().enumerate() {
-            sum.store(&mut sums[k * count + column..]);
+fn sum_down_with<V: Vector>(
+    layers: Layers<'_>,
+    left: i32,
+    asked: &Asked<'_>,
+    before: &mut [f32],
+    (out, count): (&mut [f32], usize),
+) {
+    const SIZE: usize = DOWN * LANES;
+    let Asked { tops, is_asked, rows } = *asked;
+    let (mut sums, mut row) = ([V::splat(0.0); DOWN], i32::MIN);
+    let next = |from: usize| (from..tops.len()).find(|k| is_asked[*k]).unwrap_or(tops.len());
+    let (mut opens, mut closes) = (next(0), next(0));
+    while closes < tops.len() {
+        let end = tops[closes] + rows;
+        let begins = tops.get(opens).filter(|top| **top < end).copied();
+        let to = begins.unwrap_or(end);
+        if opens == closes {
+            // Nothing is open: what comes begins anew.
+            (sums, row) = ([V::splat(0.0); DOWN], to);
+        }
+        let first = layers.reference.index(left as isize, row as isize);
+        sums = with_rows(sums, layers, first, (to - row) as usize, |_| None);
+        row = to;
+        if begins.is_some() {
+            for (sum, kept) in sums.iter().zip(before[opens * SIZE..].chunks_exact_mut(LANES)) {
+                sum.store(kept);
+            }
+            opens = next(opens + 1);
+        } else {
+            let mut own = [V::splat(0.0); DOWN];
+            for (own, kept) in own.iter_mut().zip(before[closes * SIZE..].chunks_exact(LANES)) {
+                *own = V::load(kept);
+            }
+            let own = less(&sums, &own, rows);
+            for (k, sum) in own.into_iter().enumerate() {
+                sum.store(&mut out[(closes * DOWN + k) * count..]);
+            }
+            closes = next(closes + 1);
         }
     }
-}
-
-#[inline(always)]
-fn gather_with<V: Vector>(sums: &[f32], window: &Window, (from, count): (usize, usize), out: &mut Moments) {
-    let mut folded = [V::splat(0.0); SUMS];
-    for block in &window.blocks {
-        let mask = V::from_lanes(&window.mask[block.start]);
-        let column = from + (block.dx - window.extent.left) as usize;
-        let mut found = [V::splat(0.0); DOWN];
-        for (k, sum) in found.iter_mut().enumerate() {
-            *sum = V::load(&sums[k * count + column..]).mul(mask);
-        }
-        fold(&found, block, &mut folded);
-    }
-    total(&folded, out);
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::dic::WindowShape;
-    use crate::dic::moments::tests::plane;
+    use crate::dic::moments::tests::{all, plane, slow};
     use crate::dic::vector::Portable;
 
     #[test]
-    fn the_sums_of_every_subset_of_a_row_are_its_own_to_the_bit() {
+    fn the_sums_of_every_subset_are_those_of_the_slow_twin() {
         let planes = [plane(1), plane(2), plane(3), plane(4)];
         let [reference, gradient_x, gradient_y, target] = &planes;
         let layers = Layers { reference, gradient_x, gradient_y, target };
-        for size in [9, 17, 31] {
+        for (size, step) in [(9, 4), (17, 5), (9, 14), (31, 6), (21, 1)] {
             let window = Window::new(WindowShape::Square, size);
-            assert!(window.is_square());
-            let (mut columns, half) = (Columns::default(), size as i32 / 2);
-            // Rows that follow one another, one subset alone, and one that was not foretold to be asked for.
-            for (y, xs, last) in [(half, 3, 2), (half + 2, 1, 0), (half + 2, 3, 1), (49 - half, 4, 3)] {
-                let right = half + 5 * last + half;
-                for x in (0..xs).map(|k| half + 5 * k) {
-                    assert_eq!(columns.moments(layers, &window, (x, y), right), Moments::of(layers, &window, (x, y)));
+            let half = size as i32 / 2;
+            // Rows and columns that do not all begin alike, some not asked for.
+            let places = |side: i32| (half..side - half).step_by(step);
+            let centers = places(50).flat_map(|y| places(60).map(move |x| (x + y % 2, y)));
+            let centers = centers.filter(|(x, y)| (x + 3 * y) % 4 != 0 && x + half < 60);
+            let mut columns = Columns::default();
+            columns.plan(&window, centers.clone());
+            for at in centers {
+                let found = all(&columns.moments(layers, &window, at));
+                let expected = all(&slow(&planes, &window, at));
+                for (found, expected) in found.iter().zip(expected) {
+                    let error = (found - expected).abs();
+                    assert!(error < 1e-5 * expected.abs() + 600.0, "{size} {at:?}: {found} {expected}");
                 }
             }
         }
-        assert!(!Window::new(WindowShape::Circle, 31).is_square());
+    }
+
+    #[test]
+    fn strips_hold_every_pixel_that_is_asked_for_and_no_row_between() {
+        let window = Window::new(WindowShape::Square, 9);
+        let centers = [(10, 10), (30, 12), (12, 40), (11, 19)];
+        let mut columns = Columns::default();
+        columns.plan(&window, centers.into_iter());
+        for (x, y) in (0..60).flat_map(|y| (0..60).map(move |x| (x, y))) {
+            let holds =
+                |strip: &Strip| (strip.left..strip.left + 8).contains(&x) && (strip.top..strip.end).contains(&y);
+            let found = columns.strips().iter().filter(|strip| holds(strip)).count();
+            let asked = centers.iter().any(|center| window.holds(x - center.0, y - center.1));
+            let row = centers.iter().any(|center| (center.1 - y).abs() <= 4);
+            assert!(found <= 1 && (found == 1 || !asked) && (found == 0 || row), "{x} {y}");
+        }
+        columns.plan(&window, [].into_iter());
+        assert!(columns.strips().is_empty());
     }
 
     #[test]
@@ -110,14 +235,11 @@ mod tests {
         let planes = [plane(5), plane(6), plane(7), plane(8)];
         let [reference, gradient_x, gradient_y, target] = &planes;
         let layers = Layers { reference, gradient_x, gradient_y, target };
-        let window = Window::new(WindowShape::Square, 21);
-        let mut sums = [vec![0.0; DOWN * 48], vec![0.0; DOWN * 48]];
-        sum_down(layers, (2, 3), (48, 21), &mut sums[0]);
-        sum_down_with::<Portable>(layers, (2, 3), (48, 21), &mut sums[1]);
+        let asked = Asked { tops: &[2, 5, 11, 40], is_asked: &[true, false, true, true], rows: 9 };
+        let mut sums = [vec![0.0; 4 * DOWN * 8], vec![0.0; 4 * DOWN * 8]];
+        let mut before = vec![0.0; 4 * DOWN * 8];
+        sum_down(layers, 3, &asked, &mut before, (&mut sums[0], 8));
+        sum_down_with::<Portable>(layers, 3, &asked, &mut before, (&mut sums[1], 8));
         assert_eq!(sums[0], sums[1]);
-        let mut found = [Moments::default(); 2];
-        gather(&sums[0], &window, (7, 48), &mut found[0]);
-        gather_with::<Portable>(&sums[0], &window, (7, 48), &mut found[1]);
-        assert_eq!(found[0], found[1]);
     }
 }

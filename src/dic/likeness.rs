@@ -54,6 +54,8 @@ pub(super) struct Likeness {
     neighbours: Vec<f32>,
     /// The least of these in [`STRIP`] rows at a time.
     least_neighbours: Vec<f32>,
+    /// Squares of the residual of that body; 0 off it.
+    squares: Vec<f32>,
 }
 
 impl Likeness {
@@ -66,6 +68,7 @@ impl Likeness {
         own.neighbours =
             count.iter().zip(&own.mask).map(|(count, mask)| if *mask > 0.5 { *count } else { OFF_BODY }).collect();
         own.least_neighbours = least_of_strips(&own.neighbours, own.stride);
+        own.squares = vec![0.0; own.neighbours.len()];
         own
     }
 
@@ -79,16 +82,15 @@ impl Likeness {
         if squares > window.pixels as f64 * f64::from(MOST_UNEVEN * noise).powi(2) {
             return false;
         }
-        self.product.clear();
-        self.product.resize(self.neighbours.len(), 0.0);
+        // Every residual of one body has the same places.
         for (first, row) in places(window, self.stride).zip(residual) {
-            self.product[first..first + LANES].copy_from_slice(&(*row * *row).0);
+            self.squares[first..first + LANES].copy_from_slice(&(*row * *row).0);
         }
         let most = (ALIKE_RESIDUAL * noise).powi(2);
         self.columns.resize(self.columns.len().max(self.stride), 0.0);
         // Mostly a look at fewer, larger neighbourhoods is enough.
-        are_strips_within((&self.product, &self.least_neighbours), self.stride, most, &mut self.columns)
-            || are_within((&self.product, &self.neighbours), self.stride, most, &mut self.columns)
+        are_strips_within((&self.squares, &self.least_neighbours), self.stride, most, &mut self.columns)
+            || are_within((&self.squares, &self.neighbours), self.stride, most, &mut self.columns)
     }
 
     /// Loads a reference, where it is needed, and its residual, both packed like the window's mask.
@@ -469,10 +471,10 @@ mod tests {
             let residual =
                 packed(&window, |dx, dy| 0.05 * speckle(dx, dy + case) + if is_spot(dx, dy) { spot } else { 0.0 });
             likeness.is_whole(&window, &residual, 0.45);
-            let Likeness { product, neighbours, least_neighbours, columns, .. } = &mut likeness;
+            let Likeness { squares, neighbours, least_neighbours, columns, .. } = &mut likeness;
             let most = 2.5_f32.powi(2) * 0.05_f32.powi(2) * 128.0_f32.powi(2) / 3.0;
-            let strips = are_strips_within((product, least_neighbours), stride, most, columns);
-            let each = are_within((product, neighbours), stride, most, columns);
+            let strips = are_strips_within((squares, least_neighbours), stride, most, columns);
+            let each = are_within((squares, neighbours), stride, most, columns);
             assert!(each || !strips, "case {case}");
             (passed, hidden) = (passed + i32::from(strips), hidden + i32::from(!each));
         }

@@ -4,7 +4,7 @@ use super::lanes::{LANES, Lanes};
 use super::plane::Plane;
 use super::refine::Sums;
 use super::vector::{Vector, vectorized};
-use super::window::{Block, Window};
+use super::window::Window;
 
 /// Sums over the pixels of a window; f is the reference's grey level, g the target's, J the Jacobian of the affine
 /// warp, (gx, gx dx, gx dy, gy, gy dx, gy dy).
@@ -32,16 +32,26 @@ pub(super) struct Layers<'a> {
 }
 
 vectorized! {
-    /// The sums over `window` about `at`, which must lie in the planes; what the planes hold off the mask must be finite.
-    fn moments(layers: Layers<'_>, window: &Window, at: (i32, i32), out: &mut Moments) = moments_with
+    /// Sums down the columns of `window` about `at`, which must lie in the planes; what these hold off the mask must be
+    /// finite. Of every column one sum after the other.
+    fn sum_window(layers: Layers<'_>, window: &Window, at: (i32, i32), sums: &mut [f32]) = sum_window_with
+}
+
+vectorized! {
+    /// The totals over a window of sums down columns, its first column first; `count` is from one sum to the next.
+    fn total(sums: &[f32], count: usize, window: &Window, out: &mut [f64; TOTALS]) = total_with
 }
 
 impl Moments {
     /// The sums over `window` about `at`, which must lie in the planes; what these hold off the mask must be finite.
-    pub(super) fn of(layers: Layers<'_>, window: &Window, at: (i32, i32)) -> Self {
-        let mut out = Self::default();
-        moments(layers, window, at, &mut out);
-        out
+    ///
+    /// `sums` is memory.
+    pub(super) fn of(layers: Layers<'_>, window: &Window, at: (i32, i32), sums: &mut Vec<f32>) -> Self {
+        let count = window.extent.sides().0.next_multiple_of(LANES) + LANES;
+        sums.clear();
+        sums.resize(DOWN * count, 0.0);
+        sum_window(layers, window, at, sums);
+        gathered(sums, count, window)
     }
 
     /// The sums over a target whose pixels have the mean of the reference taken off.
@@ -57,40 +67,45 @@ impl Moments {
     }
 }
 
-/// Vectors that are summed up at the end.
-pub(super) const SUMS: usize = 48;
-
 /// Sums down a column: of f, g, f f, g g and f g; twice each, the second a running sum, of gx, gy, gx f, gy f, gx g and
 /// gy g; and three each of gx gx, gx gy and gy gy. What is summed twice is weighted with the number of rows left.
-pub(super) const DOWN: usize = 5 + 2 * 6 + 3 * 3;
+pub(super) const DOWN: usize = PLAIN + 2 * PAIRS + 3 * TRIPLES;
 
-#[inline(always)]
-fn moments_with<V: Vector>(layers: Layers<'_>, window: &Window, at: (i32, i32), out: &mut Moments) {
-    let mut folded = [V::splat(0.0); SUMS];
-    for block in &window.blocks {
-        let mask = &window.mask[block.start..block.start + block.rows];
-        let first = layers.reference.index((at.0 + block.dx) as isize, (at.1 + block.dy) as isize);
-        let sums = down(layers, first, block.rows, |row| V::from_lanes(&mask[row]));
-        fold(&sums, block, &mut folded);
-    }
-    total(&folded, out);
-}
+/// Sums that no place weighs, those that x and y weigh, and those that their squares weigh.
+const PLAIN: usize = 5;
+const PAIRS: usize = 6;
+const TRIPLES: usize = 3;
 
-/// Sums down eight columns from the pixel with index `first` on.
+/// Totals over all columns: of every sum that no place weighs; of pairs the first, the same times x, and the second; of
+/// triples the first, times x and x^2, the second, times x, and the third. Filled up to eight.
+const TOTALS: usize = (PLAIN + 3 * PAIRS + 6 * TRIPLES).next_multiple_of(LANES);
+
+/// Blocks of a window whose weights are kept at a time.
+const BLOCKS: usize = 4;
+
+/// `sums` and those down eight columns, so many rows from the pixel with index `first` on; of a row only what its mask
+/// holds.
 #[inline(always)]
-pub(super) fn down<V: Vector>(layers: Layers<'_>, first: usize, rows: usize, mask: impl Fn(usize) -> V) -> [V; DOWN] {
+pub(super) fn with_rows<V: Vector>(
+    mut sums: [V; DOWN],
+    layers: Layers<'_>,
+    first: usize,
+    rows: usize,
+    mask: impl Fn(usize) -> Option<V>,
+) -> [V; DOWN] {
     let stride = layers.reference.stride();
     let planes = [layers.reference, layers.gradient_x, layers.gradient_y, layers.target];
     let [reference, gradient_x, gradient_y, target] = planes.map(|plane| &plane.data()[first..]);
-    let mut sums = [V::splat(0.0); DOWN];
     for row in 0..rows {
         let (here, mask) = (row * stride, mask(row));
-        let f = V::load(&reference[here..]).mul(mask);
-        let (gx, gy) = (V::load(&gradient_x[here..]).mul(mask), V::load(&gradient_y[here..]).mul(mask));
-        let g = V::load(&target[here..]).mul(mask);
+        let load = |plane: &[f32]| {
+            let value = V::load(&plane[here..]);
+            mask.map_or(value, |mask| value.mul(mask))
+        };
+        let (f, gx, gy, g) = (load(reference), load(gradient_x), load(gradient_y), load(target));
         sums[0] = sums[0].add(f);
         sums[1] = sums[1].add(g);
-        for (sum, (a, b)) in sums[2..5].iter_mut().zip([(f, f), (g, g), (f, g)]) {
+        for (sum, (a, b)) in sums[2..PLAIN].iter_mut().zip([(f, f), (g, g), (f, g)]) {
             *sum = sum.plus_product(a, b);
         }
         for (k, (gradient, at)) in [(gx, 5), (gy, 7)].into_iter().enumerate() {
@@ -102,7 +117,7 @@ pub(super) fn down<V: Vector>(layers: Layers<'_>, first: usize, rows: usize, mas
             }
         }
         for (k, (a, b)) in [(gx, gx), (gx, gy), (gy, gy)].into_iter().enumerate() {
-            let at = 17 + 3 * k;
+            let at = PLAIN + 2 * PAIRS + 3 * k;
             sums[at] = sums[at].plus_product(a, b);
             sums[at + 1] = sums[at + 1].add(sums[at]);
             sums[at + 2] = sums[at + 2].add(sums[at + 1]);
@@ -111,53 +126,110 @@ pub(super) fn down<V: Vector>(layers: Layers<'_>, first: usize, rows: usize, mas
     sums
 }
 
-/// Adds the sums down a block of columns.
+/// The sums down the last `rows` rows: those down all rows less those before.
 #[inline(always)]
-pub(super) fn fold<V: Vector>(sums: &[V; DOWN], block: &Block, folded: &mut [V; SUMS]) {
-    for (folded, sum) in folded.iter_mut().zip(&sums[..5]) {
-        *folded = folded.add(*sum);
+pub(super) fn less<V: Vector>(all: &[V; DOWN], before: &[V; DOWN], rows: i32) -> [V; DOWN] {
+    let mut own = [V::splat(0.0); DOWN];
+    for (k, own) in own.iter_mut().enumerate() {
+        *own = all[k].sub(before[k]);
     }
-    let x = V::splat(block.dx as f32).add(V::from_lanes(&Lanes::INDEX));
-    // The row after the last one: rows left are counted up to it.
-    let end = V::splat((block.dy + block.rows as i32) as f32);
-    for k in 0..6 {
-        let (sum, running) = (sums[5 + 2 * k], sums[6 + 2 * k]);
-        let place = 5 + 6 * (k / 2) + 3 * (k % 2);
-        folded[place] = folded[place].add(sum);
-        folded[place + 1] = folded[place + 1].add(sum.mul(x));
-        folded[place + 2] = folded[place + 2].add(sum.mul(end).sub(running));
+    // A running sum goes on with every row, the running sum of a running sum with the triangular numbers.
+    let (count, triangle) = (V::splat(-rows as f32), V::splat(-(rows * (rows + 1) / 2) as f32));
+    for at in (PLAIN..PLAIN + 2 * PAIRS).step_by(2) {
+        own[at + 1] = own[at + 1].plus_product(before[at], count);
     }
-    for k in 0..3 {
-        let (sum, running, again) = (sums[17 + 3 * k], sums[18 + 3 * k], sums[19 + 3 * k]);
-        let place = 23 + 6 * k;
-        let (by_x, by_y) = (sum.mul(x), sum.mul(end).sub(running));
-        // Squares of the rows left, from the triangular numbers.
-        let squares = again.add(again).sub(running);
-        let by_yy = end.mul(end.mul(sum).sub(running.add(running))).add(squares);
-        let powers = [sum, by_x, by_y, by_x.mul(x), by_y.mul(x), by_yy];
-        for (n, power) in powers.into_iter().enumerate() {
-            folded[place + n] = folded[place + n].add(power);
+    for at in (PLAIN + 2 * PAIRS..DOWN).step_by(3) {
+        own[at + 1] = own[at + 1].plus_product(before[at], count);
+        own[at + 2] = own[at + 2].plus_product(before[at + 1], count).plus_product(before[at], triangle);
+    }
+    own
+}
+
+#[inline(always)]
+fn sum_window_with<V: Vector>(layers: Layers<'_>, window: &Window, at: (i32, i32), out: &mut [f32]) {
+    let count = out.len() / DOWN;
+    for block in &window.blocks {
+        let mask = &window.mask[block.start..block.start + block.rows];
+        let first = layers.reference.index((at.0 + block.dx) as isize, (at.1 + block.dy) as isize);
+        // Rows left are counted to the last row of the window.
+        let rows = (window.extent.bottom - block.dy + 1) as usize;
+        let mask = |row: usize| Some(mask.get(row).map_or(V::splat(0.0), V::from_lanes));
+        let sums = with_rows([V::splat(0.0); DOWN], layers, first, rows, mask);
+        let column = (block.dx - window.blocks[0].dx) as usize;
+        for (k, sum) in sums.into_iter().enumerate() {
+            sum.store(&mut out[k * count + column..]);
         }
     }
 }
 
-/// Adds up what was folded.
+/// The sums over a window whose first column is that of `sums`; `count` is from one sum down a column to the next.
+pub(super) fn gathered(sums: &[f32], count: usize, window: &Window) -> Moments {
+    let mut totals = [0.0; TOTALS];
+    total(sums, count, window, &mut totals);
+    let (mut out, end) = (Moments::default(), f64::from(window.extent.bottom + 1));
+    (out.reference, out.target) = (totals[0], totals[1]);
+    out.products.copy_from_slice(&totals[2..PLAIN]);
+    let (pairs, triples) = totals[PLAIN..PLAIN + 3 * PAIRS + 6 * TRIPLES].split_at(3 * PAIRS);
+    // Rows left, counted from the row after the last one.
+    for (pair, list) in pairs.as_chunks().0.iter().zip(out.jacobian.as_flattened_mut().as_chunks_mut().0) {
+        let [sum, by_x, running] = *pair;
+        *list = [sum, by_x, end * sum - running];
+    }
+    for (triple, list) in triples.as_chunks().0.iter().zip(&mut out.second) {
+        let [sum, by_x, by_xx, running, running_x, again] = *triple;
+        // Squares of the rows left, from the triangular numbers.
+        let by_yy = end * (end * sum - 2.0 * running) + 2.0 * again - running;
+        *list = [sum, by_x, end * sum - running, by_xx, end * by_x - running_x, by_yy];
+    }
+    out
+}
+
+/// `sum` and the numbers of some blocks of a row, each times a power of its place.
 #[inline(always)]
-pub(super) fn total<V: Vector>(folded: &[V; SUMS], out: &mut Moments) {
-    let mut sums = [0.0; SUMS];
-    for (folded, sums) in folded.chunks_exact(LANES).zip(sums.chunks_exact_mut(LANES)) {
-        let mut group = [V::splat(0.0); LANES];
-        group.copy_from_slice(folded);
-        let [a, b, c, d, e, f, g, h] = V::transpose(group);
-        let total = a.add(b).add(c.add(d)).add(e.add(f).add(g.add(h))).to_lanes();
-        for (sum, value) in sums.iter_mut().zip(total.0) {
-            *sum = f64::from(value);
+fn weighted<V: Vector>(sum: V, row: &[f32], weights: &[(usize, [V; 3]); BLOCKS], power: usize) -> V {
+    weights.iter().fold(sum, |sum, (column, powers)| sum.plus_product(V::load(&row[*column..]), powers[power]))
+}
+
+#[inline(always)]
+fn total_with<V: Vector>(sums: &[f32], count: usize, window: &Window, out: &mut [f64; TOTALS]) {
+    let (Some(first), right) = (window.blocks.first(), V::splat(window.extent.right as f32)) else { return };
+    let mut totals = [V::splat(0.0); TOTALS];
+    for blocks in window.blocks.chunks(BLOCKS) {
+        // Where there are fewer blocks, the rest weigh nothing.
+        let mut weights = [(0, [V::splat(0.0); 3]); BLOCKS];
+        for (weights, block) in weights.iter_mut().zip(blocks) {
+            let x = V::splat(block.dx as f32).add(V::from_lanes(&Lanes::INDEX));
+            let belongs = right.at_least(x);
+            let powers = [V::splat(1.0), x, x.mul(x)].map(|power| power.and(belongs));
+            *weights = ((block.dx - first.dx) as usize, powers);
+        }
+        let rows = |at: usize| &sums[at * count..];
+        for (k, total) in totals[..PLAIN].iter_mut().enumerate() {
+            *total = weighted(*total, rows(k), &weights, 0);
+        }
+        let (pairs, triples) = totals[PLAIN..].split_at_mut(3 * PAIRS);
+        for (k, total) in pairs.as_chunks_mut::<3>().0.iter_mut().enumerate() {
+            let at = PLAIN + 2 * k;
+            for (total, (row, power)) in total.iter_mut().zip([(at, 0), (at, 1), (at + 1, 0)]) {
+                *total = weighted(*total, rows(row), &weights, power);
+            }
+        }
+        for (k, total) in triples.as_chunks_mut::<6>().0.iter_mut().take(TRIPLES).enumerate() {
+            let at = PLAIN + 2 * PAIRS + 3 * k;
+            let all = [(at, 0), (at, 1), (at, 2), (at + 1, 0), (at + 1, 1), (at + 2, 0)];
+            for (total, (row, power)) in total.iter_mut().zip(all) {
+                *total = weighted(*total, rows(row), &weights, power);
+            }
         }
     }
-    (out.reference, out.target) = (sums[0], sums[1]);
-    out.products.copy_from_slice(&sums[2..5]);
-    for (k, list) in out.jacobian.iter_mut().chain(&mut out.second).enumerate() {
-        list.copy_from_slice(&sums[5 + 6 * k..][..6]);
+    for (totals, out) in totals.chunks_exact(LANES).zip(out.chunks_exact_mut(LANES)) {
+        let mut group = [V::splat(0.0); LANES];
+        group.copy_from_slice(totals);
+        let [a, b, c, d, e, f, g, h] = V::transpose(group);
+        let total = a.add(b).add(c.add(d)).add(e.add(f).add(g.add(h))).to_lanes();
+        for (out, value) in out.iter_mut().zip(total.0) {
+            *out = f64::from(value);
+        }
     }
 }
 
@@ -181,7 +253,7 @@ pub(super) mod tests {
     }
 
     /// The slow twin, pixel by pixel in double precision.
-    fn slow(planes: &[Plane; 4], window: &Window, at: (i32, i32)) -> Moments {
+    pub(in crate::dic) fn slow(planes: &[Plane; 4], window: &Window, at: (i32, i32)) -> Moments {
         let mut out = Moments::default();
         for (dx, dy) in (-20..=20).flat_map(|dy| (-20..=20).map(move |dx| (dx, dy))) {
             if !window.holds(dx, dy) {
@@ -208,7 +280,7 @@ pub(super) mod tests {
         out
     }
 
-    fn all(m: &Moments) -> Vec<f64> {
+    pub(in crate::dic) fn all(m: &Moments) -> Vec<f64> {
         let lists = m.jacobian.iter().chain(&m.second).flatten();
         [m.reference, m.target].iter().chain(&m.products).chain(lists).copied().collect()
     }
@@ -221,10 +293,15 @@ pub(super) mod tests {
         for (shape, size) in [(WindowShape::Square, 31), (WindowShape::Circle, 29), (WindowShape::Ring, 21)] {
             let window = Window::new(shape, size);
             let at = (30, 24);
-            let found = Moments::of(layers, &window, at);
-            let mut plain = Moments::default();
-            moments_with::<Portable>(layers, &window, at, &mut plain);
-            assert_eq!(all(&found), all(&plain));
+            let mut memory = Vec::new();
+            let found = Moments::of(layers, &window, at, &mut memory);
+            let mut plain = vec![0.0; memory.len()];
+            sum_window_with::<Portable>(layers, &window, at, &mut plain);
+            assert!(memory == plain);
+            let (count, mut totals) = (plain.len() / DOWN, [[0.0; TOTALS]; 2]);
+            total(&plain, count, &window, &mut totals[0]);
+            total_with::<Portable>(&plain, count, &window, &mut totals[1]);
+            assert_eq!(totals[0], totals[1]);
             for (found, expected) in all(&found).iter().zip(all(&slow(&planes, &window, at))) {
                 // Random signs: sums are far smaller than what was added up, up to 128^2 15^2 a pixel.
                 assert!((found - expected).abs() < 1e-6 * expected.abs() + 60.0, "{found} {expected}");

@@ -95,7 +95,9 @@ impl Pool {
         if residual.is_empty() {
             return;
         }
-        self.add_part(Part::Residual, window, |row| residual[row]);
+        // What the window does not hold is zero already, from its texture.
+        let stride = spread(window, |row| residual[row], &mut self.dense);
+        add_lags(&self.dense, stride, &mut self.residual);
     }
 
     /// Adds what does not depend on the target.
@@ -145,9 +147,14 @@ pub(super) fn pairs_of(window: &Window) -> Lags {
 /// Spreads values packed like a window's mask over its square, row by row, each followed by zeros, and as many rows of
 /// zeros as lags reach; gives the length of a row.
 fn unpack(window: &Window, packed: impl Fn(usize) -> Lanes, dense: &mut Vec<f32>) -> usize {
+    dense.clear();
+    spread(window, packed, dense)
+}
+
+/// As [`unpack`], into memory that is empty or of the same window.
+fn spread(window: &Window, packed: impl Fn(usize) -> Lanes, dense: &mut Vec<f32>) -> usize {
     let side = 2 * window.half as usize + 1;
     let stride = (side + REACH).next_multiple_of(LANES);
-    dense.clear();
     dense.resize((side + REACH) * stride + 2 * LANES, 0.0);
     for block in &window.blocks {
         for row in 0..block.rows {

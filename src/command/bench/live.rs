@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use serde_json::json;
 
-use super::rate;
+use super::{rate, timed};
 use crate::ball::{BallFinder, BallParams};
 use crate::camera::simulated;
 use crate::dic::{
@@ -50,11 +50,13 @@ pub fn live(options: &LiveOptions) -> anyhow::Result<()> {
     let whole = film.frame_us(Rotation::Rigid, duration)?;
     let alone = film.frame_us(Rotation::Field, duration)?;
     let (subsets, parts) = film.parts_us(duration)?;
-    let mut rows = vec![("a frame, whole ball and subsets", whole)];
-    let rest = whole - parts.of_a_frame.iter().map(|(_, us)| us).sum::<f64>();
+    let mut rows = vec![("a frame, whole ball and subsets", whole.all)];
+    let rest = whole.all - parts.of_a_frame.iter().map(|(_, us)| us).sum::<f64>();
     rows.extend(parts.of_a_frame);
     rows.push(("  the rest", rest));
-    rows.push(("a frame, subsets alone", alone));
+    rows.push(("a frame in which the ball is followed", whole.following));
+    rows.push(("a frame in which it is looked for, one in 8", whole.finding));
+    rows.push(("a frame, subsets alone", alone.all));
     rows.extend(parts.other);
     let mut out = std::io::stdout().lock();
     if options.json {
@@ -67,6 +69,18 @@ pub fn live(options: &LiveOptions) -> anyhow::Result<()> {
         writeln!(out, "{name:48} {us:>10.1}")?;
     }
     Ok(())
+}
+
+/// Frames at the start of a block in which the ball is looked for: anywhere, and then how it moves.
+const FINDING_FRAMES: u64 = 2;
+
+/// Mean microseconds a frame.
+struct Frames {
+    all: f64,
+    /// Where the ball is known from the frames before.
+    following: f64,
+    /// In the first frames of a block.
+    finding: f64,
 }
 
 /// Microseconds of parts of the work.
@@ -96,7 +110,7 @@ impl Film {
     }
 
     /// Microseconds of everything that a worker does with a frame.
-    fn frame_us(&self, rotation: Rotation, duration: Duration) -> anyhow::Result<f64> {
+    fn frame_us(&self, rotation: Rotation, duration: Duration) -> anyhow::Result<Frames> {
         let params = MeasureParams {
             correlation: CorrelationParams { step_px: STEP_PX, ..CorrelationParams::default() },
             intervals_frames: vec![1],
@@ -108,17 +122,26 @@ impl Film {
         let mut measurer = Measurer::new(&params, Share::ALL, 512, 512)?;
         let mut failed = None;
         let mut measured: Vec<Measured> = Vec::new();
-        let frames = rate(duration, || {
+        // Seconds and frames, of those in which the ball is followed and of those in which it is looked for.
+        let (mut followed, mut found) = ((0.0, 0.0), (0.0, 0.0));
+        rate(duration, || {
             measurer.reset();
             for (meta, bytes) in &self.frames {
                 measured.clear();
-                failed = measurer.push(&Frame { meta: *meta, bytes }, &mut measured).err().or(failed.take());
+                let mut push = || measurer.push(&Frame { meta: *meta, bytes }, &mut measured);
+                let (result, seconds) = timed(&mut push);
+                failed = result.err().or(failed.take());
+                let is_finding = meta.sequence % u64::from(BLOCK_FRAMES) < FINDING_FRAMES;
+                let (spent, frames) = if is_finding { &mut found } else { &mut followed };
+                (*spent, *frames) = (*spent + seconds, *frames + 1.0);
             }
             self.frames.len()
         });
+        let us = |(seconds, frames): (f64, f64)| 1e6 * seconds / frames;
+        let all = us((followed.0 + found.0, followed.1 + found.1));
         match failed {
             Some(error) => Err(error.into()),
-            None => Ok(1e6 / frames),
+            None => Ok(Frames { all, following: us(followed), finding: us(found) }),
         }
     }
 
@@ -236,7 +259,8 @@ mod tests {
     #[test]
     fn every_part_of_a_frame_takes_its_time() {
         let film = Film::new().unwrap();
-        assert!(film.frame_us(Rotation::Rigid, Duration::from_millis(1)).unwrap() > 0.0);
+        let frame = film.frame_us(Rotation::Rigid, Duration::from_millis(1)).unwrap();
+        assert!(frame.following > 0.0 && (frame.following..frame.finding).contains(&frame.all));
         let (subsets, parts) = film.parts_us(Duration::from_millis(1)).unwrap();
         assert!((55..75).contains(&subsets), "{subsets}");
         let mut rows = parts.of_a_frame.iter().chain(&parts.other);
