@@ -14,8 +14,8 @@ use super::plane::Plane;
 use super::prepared::Prepared;
 use super::refine::Match;
 use super::sample::{ShiftedColumn, sample_lanes};
-use super::share;
-use super::sigma::{Lags, Part, Pool};
+use super::share::Sharpness;
+use super::sigma::{Lags, Pool};
 use super::spline::Splined;
 use super::subset::Subset;
 use super::vector::{Vector, vectorized};
@@ -50,6 +50,8 @@ pub(super) struct Carried {
     places: Vec<usize>,
     /// The part of a step that is right.
     share: f64,
+    /// Gradients along x and y and residual of one subset, by rows packed like a window's mask.
+    packed: [Vec<Lanes>; 3],
 }
 
 /// Mean levels of the reference and of the target in a subset, and the target's gain.
@@ -106,7 +108,7 @@ impl Carried {
             } else {
                 draw_rows(&target.splined, &self.spans, motion, &mut self.plane);
             }
-            self.share = share::of(reference, &self.spans);
+            self.share = Sharpness::of(reference, &self.spans).share();
         }
     }
 
@@ -170,16 +172,18 @@ impl Carried {
             let first = reference.levels.index((x + block.dx) as isize, (y + block.dy) as isize);
             self.places.extend((0..block.rows).map(|row| first + row * stride));
         }
-        let masked = |values: &[f32], row: usize| load(values, self.places[row]) * window.mask[row];
-        pool.add_pairs(pairs);
-        pool.add_part(Part::GradientX, window, |row| masked(reference.gradient_x.data(), row));
-        pool.add_part(Part::GradientY, window, |row| masked(reference.gradient_y.data(), row));
         let (mean, target_mean, gain) = (Lanes::splat(means.0), Lanes::splat(means.1), Lanes::splat(gain));
         let (levels, target) = (reference.levels.data(), self.plane.data());
-        pool.add_part(Part::Residual, window, |row| {
-            let (level, value) = (load(levels, self.places[row]), load(target, self.places[row]));
-            ((level - mean) - gain * (value - target_mean)) * window.mask[row]
-        });
+        let (along_x, along_y) = (reference.gradient_x.data(), reference.gradient_y.data());
+        self.packed.iter_mut().for_each(Vec::clear);
+        let [gradient_x, gradient_y, residual] = &mut self.packed;
+        for (place, mask) in self.places.iter().zip(&window.mask) {
+            gradient_x.push(load(along_x, *place) * *mask);
+            gradient_y.push(load(along_y, *place) * *mask);
+            let (level, value) = (load(levels, *place), load(target, *place));
+            residual.push(((level - mean) - gain * (value - target_mean)) * *mask);
+        }
+        pool.add_packed(window, pairs, [gradient_x, gradient_y], residual);
     }
 }
 
