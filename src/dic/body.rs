@@ -10,9 +10,9 @@ use super::prepared::Prepared;
 use super::refine::{Lost, Match, Refiner};
 use super::region::Region;
 use super::rigid_fit::RigidMotion;
-use super::share;
+use super::share::Sharpness;
 use super::sight::Sight;
-use super::sigma::{Factor, Pool};
+use super::sigma::{Factor, Pool, Slopes};
 use super::subset::{Subset, Unusable};
 use super::warp::Warp;
 use super::window::Window;
@@ -87,7 +87,8 @@ impl RigidBody {
             Ok(()) => {
                 let (mut pool, sight) = (Pool::default(), Sight::new(&window));
                 pool.add_texture(&subset, &window);
-                let share = share::of(reference, &window.spans(reference.local(at), reference.levels.height()));
+                let spans = window.spans(reference.local(at), reference.levels.height());
+                let share = Sharpness::of(reference, &spans).share();
                 Ok(Self { subset, window, at, residual: Vec::new(), pool, sight, share })
             }
             Err(Unusable::OutOfFrame) => Err(PointStatus::OutOfFrame),
@@ -110,11 +111,12 @@ impl RigidBody {
     ///
     /// `noise_dn` is the standard deviation of each frame's white noise. The bound of least squares, sqrt(2) noise
     /// over the root of the gradient energy where nothing turns (Pan et al. 2008,
-    /// doi:10.1364/OE.16.007037); what a match says of itself comes from its residual instead.
+    /// doi:10.1364/OE.16.007037), with gradients that read right; what a match says of itself comes from its residual
+    /// instead.
     pub fn expected_sigma(&self, (x_px, y_px): (f64, f64), noise_dn: f64) -> [f64; 3] {
         let (cx, cy) = self.center_px();
         let variances = spreads(&self.subset.inverse, 0.0, (x_px - cx, y_px - cy));
-        let [u, v, angle] = variances.map(|spread| (2.0 * spread).sqrt() * noise_dn);
+        let [u, v, angle] = variances.map(|spread| (2.0 * spread).sqrt() * noise_dn * self.share);
         [u, v, angle.to_degrees()]
     }
 
@@ -182,7 +184,11 @@ impl RigidBody {
                     }
                     Err(_) => sight.find(&refiner, start, 0.0),
                 };
-                searched.map(|found| sight.told(&self.refiner(target), &found, offset))
+                searched.map(|found| {
+                    let told = sight.told(&self.refiner(target), &found, offset);
+                    // Its pixels are some of the body's.
+                    BodyMotion { motion: told.motion.with_sigmas(self.share), ..told }
+                })
             }
         };
         (self.sight, self.residual) = (sight, residual);
@@ -202,7 +208,7 @@ impl RigidBody {
     fn told(&mut self, target: &Prepared, found: &Match, offset: (f64, f64), residual: &[Lanes]) -> BodyMotion {
         let Self { subset, window, at, pool, .. } = self;
         let refiner = Refiner { subset, window, shape: Shape::Rigid, target: &target.splined, at: target.local(*at) };
-        let motion = motion(&refiner, found, offset, (pool, residual));
+        let motion = motion(&refiner, found, offset, (pool, residual)).with_sigmas(self.share);
         BodyMotion { motion, zncc: found.zncc, visible_fraction: 1.0 }
     }
 
@@ -246,15 +252,15 @@ pub(super) fn motion(
     (dx, dy): (f64, f64),
     (pool, residual): (&mut Pool, &[Lanes]),
 ) -> RigidMotion {
-    let (subset, pixels) = (refiner.subset, refiner.window.pixels);
-    pool.set_residual(refiner.window, residual);
+    let (subset, window, pixels) = (refiner.subset, refiner.window, refiner.window.pixels);
+    pool.set_residual(window, residual);
     let free = (pixels as f64 - 5.0).max(1.0);
     let variance = 2.0 * subset.energy * (1.0 - found.zncc) / free;
     let warp = found.warp;
     let angle = warp.uy.atan2(1.0 + warp.ux);
     let (x, y) = warp.apply(dx, dy);
     let [along_u, along_v, along_angle] = spreads(&subset.inverse, angle, (dx, dy));
-    let factor = pool.factor().where_it_slopes(subset, pixels, residual);
+    let factor = pool.factor().where_it_slopes(&Slopes::of(subset, window, residual));
     let (var_u, var_v) = factor.variances(variance, (along_u, along_v));
     let mean = 0.5 * (factor.x + factor.y);
     let (var_angle, _) = Factor { x: mean, y: mean }.variances(variance, (along_angle, 0.0));

@@ -14,8 +14,8 @@ use super::plane::Plane;
 use super::prepared::Prepared;
 use super::refine::Match;
 use super::sample::{ShiftedColumn, sample_lanes};
-use super::share;
-use super::sigma::{Lags, Part, Pool};
+use super::share::Sharpness;
+use super::sigma::{Lags, Pool};
 use super::spline::Splined;
 use super::subset::Subset;
 use super::vector::{Vector, vectorized};
@@ -52,6 +52,8 @@ pub(super) struct Carried {
     places: Vec<usize>,
     /// The part of a step that is right.
     share: f64,
+    /// Gradients along x and y and residual of one subset, by rows packed like a window's mask.
+    packed: [Vec<Lanes>; 3],
 }
 
 /// Mean levels of the reference and of the target in a subset, and the target's gain.
@@ -101,8 +103,8 @@ impl Carried {
         } else {
             draw_rows(&target.splined, strips, motion, &mut self.plane);
         }
-        span(strips, height, &mut self.spans);
-        self.share = share::of(reference, &self.spans);
+        span(strips, (width, height), &mut self.spans);
+        self.share = Sharpness::of(reference, &self.spans).share();
     }
 
     /// The subset, if it is where the motion says: as if refined to the end.
@@ -152,16 +154,18 @@ impl Carried {
             let first = reference.levels.index((x + block.dx) as isize, (y + block.dy) as isize);
             self.places.extend((0..block.rows).map(|row| first + row * stride));
         }
-        let masked = |values: &[f32], row: usize| load(values, self.places[row]) * window.mask[row];
-        pool.add_pairs(pairs);
-        pool.add_part(Part::GradientX, window, |row| masked(reference.gradient_x.data(), row));
-        pool.add_part(Part::GradientY, window, |row| masked(reference.gradient_y.data(), row));
         let (mean, target_mean, gain) = (Lanes::splat(means.0), Lanes::splat(means.1), Lanes::splat(gain));
         let (levels, target) = (reference.levels.data(), self.plane.data());
-        pool.add_part(Part::Residual, window, |row| {
-            let (level, value) = (load(levels, self.places[row]), load(target, self.places[row]));
-            ((level - mean) - gain * (value - target_mean)) * window.mask[row]
-        });
+        let (along_x, along_y) = (reference.gradient_x.data(), reference.gradient_y.data());
+        self.packed.iter_mut().for_each(Vec::clear);
+        let [gradient_x, gradient_y, residual] = &mut self.packed;
+        for (place, mask) in self.places.iter().zip(&window.mask) {
+            gradient_x.push(load(along_x, *place) * *mask);
+            gradient_y.push(load(along_y, *place) * *mask);
+            let (level, value) = (load(levels, *place), load(target, *place));
+            residual.push(((level - mean) - gain * (value - target_mean)) * *mask);
+        }
+        pool.add_packed(window, pairs, [gradient_x, gradient_y], residual);
     }
 }
 
@@ -171,13 +175,14 @@ fn layers<'a>(reference: &'a Prepared, target: &'a Plane) -> Layers<'a> {
     Layers { reference: levels, gradient_x, gradient_y, target }
 }
 
-/// First and last column of each of so many rows; the first is larger where there are none.
-fn span(strips: &[Strip], rows: usize, spans: &mut Vec<(i32, i32)>) {
+/// First and last column of each row of a picture of so many columns and rows; the first is larger where there are none.
+fn span(strips: &[Strip], (width, height): (usize, usize), spans: &mut Vec<(i32, i32)>) {
     spans.clear();
-    spans.resize(rows, (i32::MAX, i32::MIN));
+    spans.resize(height, (i32::MAX, i32::MIN));
     for strip in strips {
+        let end = (strip.left + LANES as i32).min(width as i32);
         for (left, right) in &mut spans[strip.top as usize..strip.end as usize] {
-            (*left, *right) = ((*left).min(strip.left), (*right).max(strip.left + LANES as i32 - 1));
+            (*left, *right) = ((*left).min(strip.left), (*right).max(end - 1));
         }
     }
 }

@@ -86,7 +86,7 @@ pub fn center_fit(vectors: &[CenterVector], step_px: u32, subset_size_px: u32) -
     let influence =
         |(w, slope): (&f64, &[f64; 2])| [[*w, 0.0, slope[0] - w * all[0]], [0.0, *w, slope[1] - w * all[1]]];
     let influences: Vec<_> = weights.iter().zip(&slopes).map(influence).collect();
-    let places: Vec<[f64; 3]> = vectors.iter().map(|v| [v.x_px, v.y_px, v.sigma_px]).collect();
+    let places: Vec<[f64; 4]> = vectors.iter().map(|v| [v.x_px, v.y_px, v.sigma_px, v.sigma_px]).collect();
     let excess = excess(vectors, center, angle_rad);
     let [u, v, angle] = variances(&places, &influences, f64::from(subset_size_px)).map(|part| excess * part.sqrt());
     Some(RigidMotion {

@@ -10,6 +10,7 @@ use super::matcher::{Matcher, Searches, Solution};
 use super::params::{CorrelationParams, Method, Shape};
 use super::prepared::Prepared;
 use super::region::Region;
+use super::share::Sharpness;
 use super::sigma::{Lags, POOLED, Pool, pairs_of};
 use super::subset::{Subset, Unusable};
 use super::validate::MedianTest;
@@ -240,6 +241,7 @@ impl Correlator {
             if carried.found(index) {
                 let matcher = matcher(&self.params, &self.window, &subset, pair, points[index]);
                 carried.pool(&matcher, index, &self.pairs, &mut self.pool);
+                self.pool.add_sharpness(Sharpness::within(reference, &self.window, matcher.at));
             } else if let Ok(is_cut) = self.take(reference, points[index], &mut subset, &mut cut) {
                 let window = if is_cut { &cut } else { &self.window };
                 let matcher = matcher(&self.params, window, &subset, pair, points[index]);
@@ -413,7 +415,7 @@ impl Correlator {
 
     /// Writes the solutions as field points.
     fn fill(&mut self, points: &[GridPoint], field: &mut Vec<FieldPoint>) {
-        let factor = self.pool.factor();
+        let (factor, share) = (self.pool.factor(), self.pool.share());
         field.clear();
         field.extend(points.iter().zip(&self.solutions).map(|(point, solution)| {
             let (variance_u, variance_v) = factor.variances(solution.residual, solution.inverse);
@@ -424,8 +426,8 @@ impl Correlator {
                 displacement: valid.map(|found| Displacement {
                     u_px: found.warp.u as f32,
                     v_px: found.warp.v as f32,
-                    sigma_u_px: (variance_u + solution.doubt.0).sqrt() as f32,
-                    sigma_v_px: (variance_v + solution.doubt.1).sqrt() as f32,
+                    sigma_u_px: (share * share * variance_u + solution.doubt.0).sqrt() as f32,
+                    sigma_v_px: (share * share * variance_v + solution.doubt.1).sqrt() as f32,
                 }),
                 zncc: solution.found.map(|found| found.zncc as f32),
                 peak_ratio: solution.peak_ratio.map(|ratio| ratio as f32),
@@ -455,6 +457,7 @@ fn pool_residual(matcher: &Matcher<'_>, solution: &Solution, residual: &mut Vec<
     }
     if !residual.is_empty() {
         pool.add(matcher.subset, matcher.window, residual);
+        pool.add_sharpness(Sharpness::within(matcher.reference, matcher.window, matcher.at));
     }
 }
 

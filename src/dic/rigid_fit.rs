@@ -21,6 +21,18 @@ pub struct RigidMotion {
     pub points: u32,
 }
 
+impl RigidMotion {
+    /// The same with so many times its standard uncertainties.
+    pub(super) fn with_sigmas(self, share: f64) -> Self {
+        Self {
+            sigma_u_px: share * self.sigma_u_px,
+            sigma_v_px: share * self.sigma_v_px,
+            sigma_angle_deg: share * self.sigma_angle_deg,
+            ..self
+        }
+    }
+}
+
 /// Tukey's constant: 95 % efficient for Gaussian noise.
 const TUKEY: f64 = 4.685;
 
@@ -51,6 +63,9 @@ struct Vector {
     y: f64,
     u: f64,
     v: f64,
+    /// Standard uncertainties of `u` and `v`, px.
+    sigmas: [f64; 2],
+    /// Mean of their squares.
     variance: f64,
     weight: f64,
 }
@@ -174,6 +189,7 @@ fn collect(field: &[FieldPoint], (x, y): (f64, f64)) -> Vec<Vector> {
             y: f64::from(point.y_px) - y,
             u: f64::from(displacement.u_px),
             v: f64::from(displacement.v_px),
+            sigmas: [sigma_u, sigma_v].map(|sigma| sigma.max(1e-4)),
             variance: variance.max(1e-8),
             weight: 1.0,
         })
@@ -274,7 +290,7 @@ fn uncertain(turn: &Turn, vectors: &[Vector], size: f64) -> Option<RigidMotion> 
         })
     };
     let influences: Vec<[[f64; 3]; 2]> = vectors.iter().map(influence).collect();
-    let places: Vec<[f64; 3]> = vectors.iter().map(|v| [v.x, v.y, v.variance.sqrt()]).collect();
+    let places: Vec<[f64; 4]> = vectors.iter().map(|v| [v.x, v.y, v.sigmas[0], v.sigmas[1]]).collect();
     let variance = variances(&places, &influences, size);
     // What the residuals show beyond the vectors' own uncertainties.
     let squares: f64 = vectors.iter().map(|v| turn.distance(v).powi(2) / v.variance).sum();
@@ -291,22 +307,23 @@ fn uncertain(turn: &Turn, vectors: &[Vector], size: f64) -> Option<RigidMotion> 
     })
 }
 
-/// Variances of three sums over vectors, row by row on a grid, each with its place and deviation: in every sum u and v of
-/// each count by its influence, and two subsets that share a part of their pixels share that part of their noise.
-pub(super) fn variances(places: &[[f64; 3]], influences: &[[[f64; 3]; 2]], size: f64) -> [f64; 3] {
+/// Variances of three sums over vectors, row by row on a grid, each with its place and the deviations of u and v: in every
+/// sum u and v of each count by their influence, and two subsets that share a part of their pixels share that part of
+/// their noise.
+pub(super) fn variances(places: &[[f64; 4]], influences: &[[[f64; 3]; 2]], size: f64) -> [f64; 3] {
     let mut variances = [0.0; 3];
-    for (i, [ax, ay, a_deviation]) in places.iter().enumerate() {
-        for (j, [bx, by, b_deviation]) in places.iter().enumerate().skip(i) {
+    for (i, [ax, ay, a_u, a_v]) in places.iter().enumerate() {
+        for (j, [bx, by, b_u, b_v]) in places.iter().enumerate().skip(i) {
             // Nothing overlaps further down.
             if by - ay >= size {
                 break;
             }
             let shared = (1.0 - (ax - bx).abs() / size).max(0.0) * (1.0 - (ay - by).abs() / size).max(0.0);
             let both = if i == j { 1.0 } else { 2.0 };
-            let covariance = both * shared * a_deviation * b_deviation;
+            let (along_u, along_v) = (both * shared * a_u * b_u, both * shared * a_v * b_v);
             for (k, variance) in variances.iter_mut().enumerate() {
-                *variance += covariance
-                    * (influences[i][0][k] * influences[j][0][k] + influences[i][1][k] * influences[j][1][k]);
+                *variance += along_u * influences[i][0][k] * influences[j][0][k]
+                    + along_v * influences[i][1][k] * influences[j][1][k];
             }
         }
     }
@@ -325,7 +342,16 @@ mod tests {
         let mut field = Vec::new();
         for k in 0..49 {
             let (x, y) = (f64::from(k % 7) * 40.0, f64::from(k / 7) * 40.0);
-            let zero = Vector { index: 0, x: x - 100.0, y: y - 90.0, u: 0.0, v: 0.0, variance: 1.0, weight: 1.0 };
+            let zero = Vector {
+                index: 0,
+                x: x - 100.0,
+                y: y - 90.0,
+                u: 0.0,
+                v: 0.0,
+                sigmas: [1.0; 2],
+                variance: 1.0,
+                weight: 1.0,
+            };
             let (u, v) = turn.residual(&zero);
             let displacement = Displacement {
                 u_px: (noise * sequence.normal() - u) as f32,

@@ -5,9 +5,11 @@
 //! It is not when speckles are sampled coarsely: what interpolation leaves then
 //! alternates in sign and hardly moves the answer. The factor
 //! `q = sum over short lags of rho_residual rho_gradient` weighs that, pooled
-//! over windows of the pair.
+//! over windows of the pair. Nor is it alike everywhere: photons make bright paint
+//! noisier than dark speckles, and only the noise where grey levels slope moves the answer.
 
 use super::lanes::{LANES, Lanes};
+use super::share::Sharpness;
 use super::subset::Subset;
 use super::vector::{Vector, vectorized};
 use super::window::Window;
@@ -39,12 +41,23 @@ pub(super) struct Pool {
     pairs: Lags,
     gradient_x: Lags,
     gradient_y: Lags,
+    slopes: Slopes,
+    sharpness: Sharpness,
     dense: Vec<f32>,
+}
+
+/// How noisy the pixels are that have the slopes, and all of them.
+///
+/// Sums of squares of the residual, of those of the slopes along x and y, and of these times the former.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Slopes {
+    sums: [f64; 5],
+    pixels: f64,
 }
 
 /// What is correlated with itself.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) enum Part {
+enum Part {
     Residual,
     GradientX,
     GradientY,
@@ -65,22 +78,38 @@ impl Pool {
         for sums in [&mut self.residual, &mut self.pairs, &mut self.gradient_x, &mut self.gradient_y] {
             sums.fill(0.0);
         }
+        (self.slopes, self.sharpness) = (Slopes::default(), Sharpness::default());
     }
 
     /// Adds one window with its residual (packed like the subset).
     pub(super) fn add(&mut self, subset: &Subset, window: &Window, residual: &[Lanes]) {
-        self.add_texture(subset, window);
-        self.add_part(Part::Residual, window, |row| residual[row]);
+        self.add_packed(window, &pairs_of(window), [&subset.gradient_x, &subset.gradient_y], residual);
     }
 
-    /// Adds the pairs of pixels at each lag of a window, from [`pairs_of`].
-    pub(super) fn add_pairs(&mut self, pairs: &Lags) {
+    /// The same from its parts: the pairs of pixels at each lag, from [`pairs_of`], and gradients along x and y and
+    /// residual, packed like the window's mask.
+    pub(super) fn add_packed(&mut self, window: &Window, pairs: &Lags, gradients: [&[Lanes]; 2], residual: &[Lanes]) {
         self.pairs.iter_mut().zip(pairs).for_each(|(sum, pairs)| *sum += pairs);
+        self.add_part(Part::GradientX, window, gradients[0]);
+        self.add_part(Part::GradientY, window, gradients[1]);
+        self.add_part(Part::Residual, window, residual);
+        add_squares(gradients, residual, &mut self.slopes.sums);
+        self.slopes.pixels += window.pixels as f64;
     }
 
-    /// Adds one part of a window, by rows of eight packed like the window's mask.
-    pub(super) fn add_part(&mut self, part: Part, window: &Window, row: impl Fn(usize) -> Lanes) {
-        let stride = unpack(window, row, &mut self.dense);
+    /// Adds how far the gradients of the pixels of one window are to be trusted.
+    pub(super) fn add_sharpness(&mut self, sharpness: Sharpness) {
+        self.sharpness.add(sharpness);
+    }
+
+    /// The share of the inverse Hessian's standard uncertainties that is right.
+    pub(super) fn share(&self) -> f64 {
+        self.sharpness.share()
+    }
+
+    /// Adds one part of a window, packed like the window's mask.
+    fn add_part(&mut self, part: Part, window: &Window, rows: &[Lanes]) {
+        let stride = unpack(window, rows, &mut self.dense);
         let sums = match part {
             Part::Residual => &mut self.residual,
             Part::GradientX => &mut self.gradient_x,
@@ -96,15 +125,15 @@ impl Pool {
             return;
         }
         // What the window does not hold is zero already, from its texture.
-        let stride = spread(window, |row| residual[row], &mut self.dense);
+        let stride = spread(window, residual, &mut self.dense);
         add_lags(&self.dense, stride, &mut self.residual);
     }
 
     /// Adds what does not depend on the target.
     pub(super) fn add_texture(&mut self, subset: &Subset, window: &Window) {
-        self.add_pairs(&pairs_of(window));
-        self.add_part(Part::GradientX, window, |row| subset.gradient_x[row]);
-        self.add_part(Part::GradientY, window, |row| subset.gradient_y[row]);
+        self.pairs.iter_mut().zip(pairs_of(window)).for_each(|(sum, pairs)| *sum += pairs);
+        self.add_part(Part::GradientX, window, &subset.gradient_x);
+        self.add_part(Part::GradientY, window, &subset.gradient_y);
     }
 
     /// The factors of the windows added; one where there were none.
@@ -127,7 +156,7 @@ impl Pool {
             }
             sum.clamp(0.1, 10.0)
         };
-        Factor { x: correlated(&self.gradient_x), y: correlated(&self.gradient_y) }
+        Factor { x: correlated(&self.gradient_x), y: correlated(&self.gradient_y) }.where_it_slopes(&self.slopes)
     }
 }
 
@@ -139,20 +168,20 @@ fn lag_index(dx: isize, dy: usize) -> usize {
 /// The pairs of pixels at each lag of a window.
 pub(super) fn pairs_of(window: &Window) -> Lags {
     let (mut dense, mut pairs) = (Vec::new(), [0.0; LAGS]);
-    let stride = unpack(window, |row| window.mask[row], &mut dense);
+    let stride = unpack(window, &window.mask, &mut dense);
     add_lags(&dense, stride, &mut pairs);
     pairs
 }
 
 /// Spreads values packed like a window's mask over its square, row by row, each followed by zeros, and as many rows of
 /// zeros as lags reach; gives the length of a row.
-fn unpack(window: &Window, packed: impl Fn(usize) -> Lanes, dense: &mut Vec<f32>) -> usize {
+fn unpack(window: &Window, packed: &[Lanes], dense: &mut Vec<f32>) -> usize {
     dense.clear();
     spread(window, packed, dense)
 }
 
 /// As [`unpack`], into memory that is empty or of the same window.
-fn spread(window: &Window, packed: impl Fn(usize) -> Lanes, dense: &mut Vec<f32>) -> usize {
+fn spread(window: &Window, packed: &[Lanes], dense: &mut Vec<f32>) -> usize {
     let side = 2 * window.half as usize + 1;
     let stride = (side + REACH).next_multiple_of(LANES);
     dense.resize((side + REACH) * stride + 2 * LANES, 0.0);
@@ -160,7 +189,7 @@ fn spread(window: &Window, packed: impl Fn(usize) -> Lanes, dense: &mut Vec<f32>
         for row in 0..block.rows {
             let y = (window.half as i32 + block.dy) as usize + row;
             let first = y * stride + (window.half as i32 + block.dx) as usize;
-            let lanes = packed(block.start + row);
+            let lanes = packed[block.start + row];
             // A last block may reach over the square into the zeros, where its mask has zeros too.
             let room = stride - first % stride;
             if room >= LANES {
@@ -235,18 +264,31 @@ fn add_squares_with<V: Vector>(gradients: [&[Lanes]; 2], residual: &[Lanes], sum
     }
 }
 
-impl Factor {
-    /// The same where light is not everywhere as noisy: by how much noisier than all the pixels those are that have the
-    /// slopes. Photons make bright paint noisier than dark speckles, and the slopes lie between them.
-    pub(super) fn where_it_slopes(self, subset: &Subset, pixels: usize, residual: &[Lanes]) -> Self {
-        let mut sums = [0.0; 5];
-        add_squares([&subset.gradient_x, &subset.gradient_y], residual, &mut sums);
-        let [squares, x_squared, y_squared, x_noisy, y_noisy] = sums;
+impl Slopes {
+    /// Of one window with its residual.
+    pub(super) fn of(subset: &Subset, window: &Window, residual: &[Lanes]) -> Self {
+        let mut slopes = Self { sums: [0.0; 5], pixels: window.pixels as f64 };
+        add_squares([&subset.gradient_x, &subset.gradient_y], residual, &mut slopes.sums);
+        slopes
+    }
+
+    /// By how much noisier than all the pixels those are that slope along x and along y.
+    fn noisier(&self) -> (f64, f64) {
+        let [squares, x_squared, y_squared, x_noisy, y_noisy] = self.sums;
         let noisier = |noisy: f64, squared: f64| {
-            let ratio = noisy * pixels as f64 / (squared * squares);
+            let ratio = noisy * self.pixels / (squared * squares);
             if ratio.is_finite() { ratio.clamp(0.25, 4.0) } else { 1.0 }
         };
-        Self { x: self.x * noisier(x_noisy, x_squared), y: self.y * noisier(y_noisy, y_squared) }
+        (noisier(x_noisy, x_squared), noisier(y_noisy, y_squared))
+    }
+}
+
+impl Factor {
+    /// The same where light is not everywhere as noisy. Photons make bright paint noisier than dark speckles, and the slopes
+    /// lie between them.
+    pub(super) fn where_it_slopes(self, slopes: &Slopes) -> Self {
+        let (x, y) = slopes.noisier();
+        Self { x: self.x * x, y: self.y * y }
     }
 
     /// Variance of u and v from the variance of the residual and the diagonal of the inverse Hessian.
@@ -274,10 +316,13 @@ mod tests {
         let rows = |a: f32, b: f32, c: f32| vec![Lanes::splat(a), Lanes::splat(b), Lanes::splat(c)];
         let subset = Subset { gradient_x: rows(7.0, 0.0, 0.0), gradient_y: rows(0.0, 4.0, 0.0), ..Subset::default() };
         let mean = (1.0 + 9.0 + 25.0) / 3.0;
-        let factor = Factor { x: 2.0, y: 1.0 }.where_it_slopes(&subset, 3 * LANES, &rows(1.0, -3.0, 5.0));
+        let mut window = Window::new(crate::dic::WindowShape::Square, 3);
+        window.pixels = 3 * LANES;
+        let slopes = |subset: &Subset, residual: &[Lanes]| Slopes::of(subset, &window, residual);
+        let factor = Factor { x: 2.0, y: 1.0 }.where_it_slopes(&slopes(&subset, &rows(1.0, -3.0, 5.0)));
         assert!((factor.x - 2.0 * 0.25_f64.max(1.0 / mean)).abs() < 1e-6 && (factor.y - 9.0 / mean).abs() < 1e-6);
         let flat = Subset { gradient_x: rows(0.0, 0.0, 0.0), gradient_y: rows(0.0, 0.0, 0.0), ..Subset::default() };
         let factor = Factor { x: 0.7, y: 1.3 };
-        assert_eq!(factor.where_it_slopes(&flat, 3 * LANES, &rows(1.0, 1.0, 1.0)), factor);
+        assert_eq!(factor.where_it_slopes(&slopes(&flat, &rows(1.0, 1.0, 1.0))), factor);
     }
 }

@@ -5,7 +5,7 @@ use std::collections::VecDeque;
 use super::departure::{Departure, departure, plausible_curves, residual};
 use super::onset::{mirrored, onset};
 use super::trail::{NORMAL, SurfaceNode, between, samples};
-use crate::motion::{Polynomial, Regime};
+use crate::motion::{AUTO_AHEAD_FRAMES, Polynomial, Regime};
 use crate::results::{Estimate, Phase};
 
 /// A position further than this from the flight's curve is off it, sigmas.
@@ -79,6 +79,8 @@ struct Break {
     from: u64,
     /// First frame after a contact; `from` where the flight only starts anew.
     to: Option<u64>,
+    /// From here on frames were told to be after it before a later `to` was known.
+    told_after: Option<u64>,
     speed: f64,
     acceleration: f64,
 }
@@ -215,7 +217,7 @@ impl Detector {
         self.flight_from = from_frames;
         self.off = None;
         let from = self.frame_at(from_frames);
-        self.remember(Break { from, to: Some(from), speed: 0.0, acceleration: 0.0 });
+        self.remember(Break { from, to: Some(from), told_after: None, speed: 0.0, acceleration: 0.0 });
     }
 
     fn begin(&mut self, start_frames: f64, departed_frames: f64, approach: Estimate) {
@@ -232,7 +234,7 @@ impl Detector {
             end_frames: None,
         });
         let from = self.frame_at(start_frames);
-        self.remember(Break { from, to: None, speed: approach.value.abs(), acceleration: 0.0 });
+        self.remember(Break { from, to: None, told_after: None, speed: approach.value.abs(), acceleration: 0.0 });
     }
 
     fn watch_contact(&mut self, mut contact: Contact, gravity: f64) -> Event {
@@ -261,8 +263,11 @@ impl Detector {
 
     fn set_end(&mut self, end_frames: f64) {
         self.flight_from = end_frames;
-        let to = self.frame_at(end_frames);
+        let (to, newest) = (self.frame_at(end_frames), self.trail[self.trail.len() - 1].frame);
         if let Some(b) = self.breaks.back_mut() {
+            // Of frames so far back it was told already what they are.
+            let told = b.to.filter(|before| before + AUTO_AHEAD_FRAMES < newest);
+            b.told_after = b.told_after.or(told);
             b.to = Some(to.max(b.from + 1));
         }
         if let Some(contact) = &mut self.contact {
@@ -324,8 +329,11 @@ impl Detector {
 
     /// Flight, contact or rebound at a frame, as far as is known by now.
     pub fn phase(&self, frame: u64) -> Phase {
+        let newest = self.breaks.iter().rev().find(|b| b.from <= frame);
+        // Of a contact that has been told to be over it is not told again that it lasts.
+        let is_over = newest.and_then(|b| b.told_after).is_some_and(|after| after <= frame);
         match self.regime(frame) {
-            Regime::Contact { .. } => Phase::Contact,
+            Regime::Contact { .. } if !is_over => Phase::Contact,
             _ if self.breaks.iter().any(|b| b.is_contact() && b.from <= frame) => Phase::Rebound,
             _ => Phase::Flight,
         }
