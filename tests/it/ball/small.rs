@@ -36,7 +36,7 @@ fn no_small_ball_is_found_where_paint_makes_a_circle() {
     assert_eq!(found_in_paint(KNOWN.into_iter().chain(2000..2040)), 0);
 }
 
-/// One search in 300 found a ball in such pictures.
+/// One search in 240 found a ball in such pictures.
 #[test]
 #[ignore = "long"]
 fn no_small_ball_is_found_in_many_pictures_of_paint() {
