@@ -30,8 +30,6 @@ pub(super) struct Correction {
     pub dx: f64,
     pub dy: f64,
     pub dr: f64,
-    /// Normal matrix of the fit, 1 / px^2.
-    pub normal: Matrix3<f64>,
 }
 
 /// Scratch of the fit; lists go on to a multiple of [`LANES`], with edges that weigh nothing.
@@ -47,6 +45,10 @@ pub(super) struct CircleFit {
     pub is_lined: bool,
     residual: Vec<f32>,
     sorted: Vec<f32>,
+    /// Those of the fit done last.
+    limits: Limits,
+    /// Trust times weight times residual of every bin.
+    scores: Vec<f64>,
 }
 
 impl CircleFit {
@@ -57,23 +59,22 @@ impl CircleFit {
         self.weigh(edges, used, noise);
         // The outline itself is the start: it already stands where most rim of one sign is.
         let mut answer = Vector3::zeros();
-        let mut normal = Matrix3::identity();
         for _ in 0..rounds {
             self.residuals(rim, answer);
             let scale = self.scale()?;
             let plain = if self.is_lined { FARTHEST_LINED_PX } else { FARTHEST_PX };
-            let Self { shift, weight, root, trust, residual, .. } = self;
             let limits = Limits { weighted: TUKEY * scale, plain };
+            self.limits = limits;
+            let Self { shift, weight, root, trust, residual, .. } = self;
             let sums = reweigh([shift, weight, root, residual], rim.directions(), limits, trust);
-            let right;
-            (normal, right) = matrix(&sums);
+            let (normal, right) = matrix(&sums);
             let before = std::mem::replace(&mut answer, normal.cholesky()?.solve(&right));
             if (answer - before).amax() < f64::from(SETTLED_PX) {
                 break;
             }
         }
         self.residuals(rim, answer);
-        Some(Correction { dx: answer[0], dy: answer[1], dr: answer[2], normal })
+        Some(Correction { dx: answer[0], dy: answer[1], dr: answer[2] })
     }
 
     /// How many trusted edges lie within `limit_px` of the circle fitted last.
@@ -119,10 +120,63 @@ impl CircleFit {
         if self.is_lined { LINED_SCALE } else { (SCALE_RANK, SCALE_QUANTILE) }
     }
 
-    /// Covariance of the correction fitted last, px^2.
-    pub fn covariance(&self, rim: &Rim, fitted: &Correction) -> Option<Matrix3<f64>> {
-        let bread = fitted.normal.try_inverse()?;
-        Some(bread * self.correlated(rim) * bread)
+    /// Covariance of the correction fitted last, px^2: that of an M-estimate, for residuals alike along the rim.
+    ///
+    /// The fit answers to a residual by the slope of its influence: those half way to the limit, whose trust falls as
+    /// fast as they grow, hold the circle no longer. Taken for their trust they made it look a third too sure, the more
+    /// so the more marks there are at the rim. `None` where too few hold it. P. J. Huber, Ann. Math. Stat. 35 (1964) 73,
+    /// <https://doi.org/10.1214/aoms/1177703732>.
+    pub fn covariance(&mut self, rim: &Rim) -> Option<Matrix3<f64>> {
+        // Sums of the slopes, and of the squares of the scores, times cos cos, cos sin, cos, sin sin, sin and 1.
+        let mut sums = [[0.0_f64; 6]; 2];
+        self.scores.clear();
+        let mut used = 0.0;
+        for bin in 0..rim.bins() {
+            let [trust, weight, residual] =
+                [&self.trust, &self.weight, &self.residual].map(|list| f64::from(list[bin]));
+            let score = trust * weight * residual;
+            self.scores.push(score);
+            if trust > 0.0 {
+                let (cos, sin) = rim.direction(bin);
+                let row = [cos * cos, cos * sin, cos, sin * sin, sin, 1.0];
+                for (sums, weight) in sums.iter_mut().zip([weight * self.slope(trust, weight, residual), score * score])
+                {
+                    sums.iter_mut().zip(row).for_each(|(sum, each)| *sum += weight * each);
+                }
+                used += 1.0;
+            }
+        }
+        let [slopes, squares] = sums.map(|[xx, xy, x, yy, y, one]| Matrix3::new(xx, xy, x, xy, yy, y, x, y, one));
+        let bread = slopes.cholesky()?.inverse();
+        let alike = self.alike();
+        // Three of so many independent ones are spent on the circle.
+        let free = (used / alike - 3.0).max(1.0);
+        Some(bread * squares * bread * (alike * (free + 3.0) / free))
+    }
+
+    /// Derivative of a residual's trust times the residual.
+    fn slope(&self, trust: f64, weight: f64, residual: f64) -> f64 {
+        let (square, [weighted, plain]) =
+            (residual * residual, [self.limits.weighted, self.limits.plain].map(f64::from));
+        let (near, far) = (1.0 - square * weight / (weighted * weighted), 1.0 - square / (plain * plain));
+        let falls = weight / (weighted * weighted) * far + near / (plain * plain);
+        trust - 4.0 * square * near * far * falls
+    }
+
+    /// How many neighbouring scores are one, from their likeness along the rim (Bartlett's window).
+    fn alike(&mut self) -> f64 {
+        let bins = self.scores.len();
+        let reach = ALIKE_BINS.min(bins / 4);
+        let shares: [f64; ALIKE_BINS] = std::array::from_fn(|k| (ALIKE_BINS - k) as f64 / (ALIKE_BINS + 1) as f64);
+        // Once more behind the last: no bin has to be looked for round the rim.
+        self.scores.extend_from_within(..reach);
+        let (mut own, mut cross) = (0.0, 0.0);
+        for bin in 0..bins {
+            let (score, later) = (self.scores[bin], &self.scores[bin + 1..=bin + reach]);
+            own += score * score;
+            cross += 2.0 * score * later.iter().zip(shares).map(|(later, share)| later * share).sum::<f64>();
+        }
+        if own > 0.0 { (1.0 + cross / own).max(1.0) } else { 1.0 }
     }
 
     /// Robust standard deviation of the residuals of the circle fitted last, px.
@@ -133,32 +187,6 @@ impl CircleFit {
         let rank = self.rank();
         spread(&mut self.sorted, rank)
     }
-
-    /// Covariance of the weighted sums, from the residuals' own likeness along the rim (Bartlett's window).
-    fn correlated(&self, rim: &Rim) -> Matrix3<f64> {
-        let bins = rim.bins();
-        let score = |bin: usize| row(rim, bin) * f64::from(self.trust[bin] * self.weight[bin] * self.residual[bin]);
-        let scores: Vec<Vector3<f64>> = (0..bins).map(score).collect();
-        let reach = ALIKE_BINS.min(bins / 4);
-        let mut meat = Matrix3::zeros();
-        for (bin, own) in scores.iter().enumerate() {
-            // All that is like it and comes later, together.
-            let mut later = Vector3::zeros();
-            for lag in 1..=reach {
-                let place = bin + lag;
-                let place = if place < bins { place } else { place - bins };
-                later += scores[place] * (1.0 - lag as f64 / (ALIKE_BINS + 1) as f64);
-            }
-            let cross = own * later.transpose();
-            meat += own * own.transpose() + cross + cross.transpose();
-        }
-        meat
-    }
-}
-
-fn row(rim: &Rim, bin: usize) -> Vector3<f64> {
-    let (cos, sin) = rim.direction(bin);
-    Vector3::new(cos, sin, 1.0)
 }
 
 /// Robust standard deviation of residuals, from their sizes; `None` when there are too few.

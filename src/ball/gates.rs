@@ -7,7 +7,7 @@ use super::rank::{MOST, nth_highest, nth_smallest};
 /// Least contrast of an edge, in units of the picture's noise.
 const LEAST_CONTRAST: f32 = 8.0;
 /// An edge farther from the outline than this belongs to something else, px.
-const FARTHEST_PX: f32 = 2.5;
+pub(super) const FARTHEST_PX: f32 = 2.5;
 /// Bins among which contrasts are compared.
 const NEIGHBOURS: usize = 41;
 /// Bins from one place where they are compared to the next.
@@ -29,6 +29,10 @@ pub(super) struct Gates {
     clean: Vec<f32>,
     /// Bins in which something lies as the rim does.
     pub alike: usize,
+    /// Bins in which something lies as a rim of the other sign does.
+    pub against: usize,
+    /// Whether bins were left out for their contrast.
+    pub picks: bool,
 }
 
 impl Gates {
@@ -45,13 +49,15 @@ impl Gates {
         self.contrast.extend(edges.iter().map(|e| sign * e.contrast));
         self.used.clear();
         let contrast = &self.contrast;
-        self.used.extend(
-            edges.iter().zip(contrast).map(|(e, &c)| c > LEAST_CONTRAST * noise && e.shift.abs() < FARTHEST_PX),
-        );
+        let least = LEAST_CONTRAST * noise;
+        let near = || edges.iter().zip(contrast).map(|(e, &c)| (c, e.shift.abs() < FARTHEST_PX));
+        self.used.extend(near().map(|(c, is_near)| c > least && is_near));
+        self.against = near().map(|(c, is_near)| usize::from(c < -least && is_near)).sum();
         // On a darker ball speckle and paint are both darker than the ground and both good edges;
         // on a brighter one the dark speckle has the wrong contrast or little of it.
         self.alike = self.used.iter().filter(|used| **used).count();
-        if polarity == Polarity::Brighter && !is_lined {
+        self.picks = polarity == Polarity::Brighter && !is_lined;
+        if self.picks {
             if !again || self.clean.len() != self.used.len().div_ceil(STRIDE) {
                 self.look_for_clean_rim();
             }

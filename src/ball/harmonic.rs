@@ -5,7 +5,7 @@ use nalgebra::{Matrix3, Vector3};
 use super::rim::LANES;
 
 /// Beyond these sizes a residual counts nothing; infinite where there is no limit.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Limits {
     /// Times the root of its weight.
     pub weighted: f32,

@@ -26,6 +26,9 @@ const ROUNDS: usize = 3;
 const TUKEY: f32 = 4.0;
 /// Standard deviations in a median of sizes.
 const FROM_MEDIAN: f32 = 1.4826;
+/// Cells nearer to the rim than this tell of the ground, too: within so many blurs, and a pixel's half, px.
+const CLEAR_OF_BLUR: f64 = 2.0;
+const CLEAR_PX: f64 = 0.5;
 /// Fewest cells.
 const LEAST_CELLS: f64 = 12.0;
 /// Whole grey levels tell no more of a cell than this, grey levels.
@@ -65,6 +68,15 @@ pub(super) struct Step {
     /// Inside minus outside, grey levels.
     pub contrast: f64,
     /// Blur, px.
+    pub blur_px: f64,
+}
+
+/// Where a ball's surface may be read.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct InSight {
+    /// The sectors that show it.
+    pub sectors: [bool; SECTORS],
+    /// Blur of its rim, px.
     pub blur_px: f64,
 }
 
@@ -130,11 +142,12 @@ impl Limb {
     ///
     /// The brightness of bare ball is `A (1 + b x + c y - limb (1 - depth))`, depth being that of the sphere towards
     /// the camera: exact for an even light from any side on a matt sphere (Lambert). It is read between the marks: at
-    /// high rank in every cell, or where the marks are brighter than the ball, at low. `is_seen` tells which sectors
-    /// show the ball. `None` where too few do.
-    pub fn darkening(&mut self, image: ImageView<'_>, outline: &Outline, is_seen: [bool; SECTORS]) -> Option<Estimate> {
+    /// high rank in every cell, or where the marks are brighter than the ball, at low. `sight` tells where that may be.
+    /// `None` where too little of the ball is seen.
+    pub fn darkening(&mut self, image: ImageView<'_>, outline: &Outline, sight: InSight) -> Option<Estimate> {
         let grey: [_; BLOCKS] = std::array::from_fn(|block| self.gather(image, outline, block));
-        let cells = usable(&grey, is_seen);
+        let clear = 1.0 - (CLEAR_OF_BLUR * sight.blur_px + CLEAR_PX) / outline.radius;
+        let cells = usable(&grey, sight.sectors, RINGS.map(|[_, outer]| outer <= clear));
         let flat = Light { x: 0.0, y: 0.0, limb: 0.0, middle: 1.0 };
         let (light, first) = self.look(&grey, cells, flat)?;
         let is_uneven = light.x.hypot(light.y) > UNEVEN * light.middle;
@@ -254,13 +267,15 @@ fn places(samples: &[[Lane; 3]], [x, y, radius]: [f32; 3], width: usize, height:
     places
 }
 
-/// 1 for the cells that tell something, 0 for those out of sight, across the border of the image, or clipped.
+/// 1 for the cells that tell something, 0 for those out of sight, in the blur of the rim, across the border of the image,
+/// or clipped.
 ///
 /// Where the brightest pixels of a cell are all as bright as any on the ball, they may be as bright as a pixel can be:
 /// a clipped ball looks flat.
-fn usable(grey: &[Pixels; BLOCKS], is_seen: [bool; SECTORS]) -> [Lane; BLOCKS] {
+fn usable(grey: &[Pixels; BLOCKS], is_seen: [bool; SECTORS], is_clear: [bool; RINGS.len()]) -> [Lane; BLOCKS] {
     let brightest = grey.iter().flatten().flatten().copied().fold(f32::NEG_INFINITY, f32::max);
-    grey.each_ref().map(|pixels| {
+    std::array::from_fn(|block| {
+        let pixels = &grey[block];
         let (mut clipped, mut sum) = ([0.0_f32; LANES], [0.0_f32; LANES]);
         for grey in pixels {
             for i in 0..LANES {
@@ -269,7 +284,10 @@ fn usable(grey: &[Pixels; BLOCKS], is_seen: [bool; SECTORS]) -> [Lane; BLOCKS] {
             }
         }
         // A sum with one in it that is no number is none.
-        let is_usable = |i: usize| is_seen[i % SECTORS] && sum[i].is_finite() && clipped[i] < RANK as f32;
+        let is_usable = |i: usize| {
+            let is_open = is_seen[i % SECTORS] && is_clear[(block * LANES + i) / SECTORS];
+            is_open && sum[i].is_finite() && clipped[i] < RANK as f32
+        };
         std::array::from_fn(|i| if is_usable(i) { 1.0 } else { 0.0 })
     })
 }
@@ -342,7 +360,7 @@ mod tests {
 
     fn told(image: &[f32], width: usize, is_seen: [bool; SECTORS]) -> Option<Estimate> {
         let view = ImageView::new(image, width, image.len() / width).unwrap();
-        Limb::default().darkening(view, &OUTLINE, is_seen)
+        Limb::default().darkening(view, &OUTLINE, InSight { sectors: is_seen, blur_px: 0.7 })
     }
 
     #[test]

@@ -1,5 +1,6 @@
 //! Balls: their outline, centre and radius in one image.
 
+mod chance;
 mod circle;
 mod coarse;
 mod edge;

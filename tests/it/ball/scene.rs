@@ -38,6 +38,15 @@ pub struct Occluder {
     pub texture: f64,
 }
 
+/// What the speckle lies on.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Surface {
+    /// A disc: marks are as wide at the rim as in the middle.
+    Flat,
+    /// A sphere: marks grow narrow towards the rim.
+    Sphere,
+}
+
 /// A picture with (or without) a ball, and so its truth.
 #[derive(Debug, Clone)]
 pub struct Scene {
@@ -54,6 +63,7 @@ pub struct Scene {
     pub cover: f64,
     pub areas: (f64, f64),
     pub transmission: f64,
+    pub surface: Surface,
     /// Ground texture: rms and correlation length.
     pub texture: f64,
     pub correlation: f64,
@@ -80,6 +90,7 @@ impl Scene {
             cover: 0.0,
             areas: (4.0, 80.0),
             transmission: 0.3,
+            surface: Surface::Flat,
             texture: 0.0,
             correlation: 2.0,
             gradient: 0.0,
@@ -130,7 +141,10 @@ impl Scene {
         let (w, h) = (self.width * FINE, self.height * FINE);
         let ground = texture(&mut r, self.width, self.height, self.texture, self.correlation);
         let front = texture(&mut r, self.width, self.height, self.occluder.map_or(0.0, |o| o.texture), 2.5);
-        let speckle = self.speckle(&mut r);
+        let speckle = match self.surface {
+            Surface::Flat => self.speckle(&mut r),
+            Surface::Sphere => self.speckle_of_sphere(&mut r),
+        };
         let light = r.uniform(0.0, std::f64::consts::TAU);
         let mut fine = vec![0.0_f32; w * h];
         for (j, row) in fine.chunks_exact_mut(w).enumerate() {
@@ -200,6 +214,39 @@ impl Scene {
         radius.signum() * (radius.abs() - distance)
     }
 
+    /// Dark speckle, 0 to 1, on the fine grid: caps of a sphere that overlap and cross its limb.
+    fn speckle_of_sphere(&self, r: &mut Random) -> Vec<f32> {
+        let (w, h) = (self.width * FINE, self.height * FINE);
+        let mut mask = vec![0.0_f32; w * h];
+        // As of a flat ball, of the half of the sphere that is seen.
+        let wanted = -(1.0 - self.cover).ln() * std::f64::consts::TAU * self.radius.powi(2);
+        let mut laid = 0.0;
+        while laid < wanted {
+            let (height, turn) = (r.uniform(-0.2, 1.0), r.uniform(0.0, std::f64::consts::TAU));
+            let size = (r.uniform(self.areas.0, self.areas.1) / std::f64::consts::PI).sqrt();
+            if height > 0.0 {
+                laid += std::f64::consts::PI * size * size;
+            }
+            let out = (1.0 - height * height).sqrt();
+            let middle = [out * turn.cos(), out * turn.sin(), height];
+            let span = |at: f64, c: f64, limit: usize| {
+                let (low, high) = (at + c * self.radius - size - 1.0, at + c * self.radius + size + 2.0);
+                let whole = |edge: f64| ((edge * FINE as f64).max(0.0) as usize).min(limit);
+                whole(low)..whole(high)
+            };
+            for j in span(self.y, middle[1], h) {
+                for i in span(self.x, middle[0], w) {
+                    let (x, y) = ((place(i) - self.x) / self.radius, (place(j) - self.y) / self.radius);
+                    let depth = (1.0 - x * x - y * y).max(0.0).sqrt();
+                    let chord = (x - middle[0]).hypot(y - middle[1]).hypot(depth - middle[2]);
+                    let cover = ((size - self.radius * chord) * FINE as f64 + 0.5).clamp(0.0, 1.0) as f32;
+                    mask[j * w + i] = mask[j * w + i].max(cover);
+                }
+            }
+        }
+        mask
+    }
+
     /// Dark speckle, 0 to 1, on the fine grid: discs that overlap and cross the rim.
     fn speckle(&self, r: &mut Random) -> Vec<f32> {
         let (w, h) = (self.width * FINE, self.height * FINE);
@@ -262,7 +309,7 @@ fn sample(data: &[f32], w: usize, h: usize, x: f64, y: f64) -> f64 {
 }
 
 /// Gaussian blur, the border repeated.
-fn blur(data: &mut [f32], w: usize, h: usize, sigma: f64) {
+pub fn blur(data: &mut [f32], w: usize, h: usize, sigma: f64) {
     let reach = (4.0 * sigma).ceil() as usize;
     let taps: Vec<f32> =
         (0..=2 * reach).map(|k| (-0.5 * ((k as f64 - reach as f64) / sigma).powi(2)).exp() as f32).collect();
