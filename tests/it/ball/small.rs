@@ -107,7 +107,8 @@ fn a_small_ball_is_as_large_as_it_is() {
 #[test]
 #[ignore = "long"]
 fn statistics_of_hard_spheres() {
-    for (is_bright, least) in [(false, [0.65, 0.9]), (true, [0.58, 0.85])] {
+    // Dark marks at a bright rim all pull inwards: its radius is off by what its sigma can but roughly tell.
+    for (is_bright, least, most) in [(false, [0.65, 0.9], 0.8), (true, [0.58, 0.85], 0.85)] {
         for hidden in [0.0, 0.2, 0.4] {
             let mut finder = finder(50.0, 68.0, &Scene::plain(1.0, 0.0));
             let mut tally = Tally::default();
@@ -117,7 +118,7 @@ fn statistics_of_hard_spheres() {
             }
             println!("sphere, bright {is_bright} hidden {hidden}: {}", tally.line());
             for covered in [[1.0, 2.0].map(|k| tally.covered(k)), [1.0, 2.0].map(|k| tally.radius_covered(k))] {
-                assert!((least[0]..0.8).contains(&covered[0]), "{}", tally.line());
+                assert!((least[0]..most).contains(&covered[0]), "{}", tally.line());
                 assert!((least[1]..0.99).contains(&covered[1]), "{}", tally.line());
             }
         }
