@@ -82,7 +82,7 @@ const CLIPPED_PX: [f64; 2] = [0.15, 0.7];
 /// An answer less certain than this, before these factors, is none, px ...
 const MOST_SIGMA_PX: f64 = 0.09;
 /// ... and less where few bins agree; where most of the rim is in sight it may be a ball that is not round: at 0.09 px 51 of
-/// 60 balls stretched by 1.2 %, as by a shutter that rolls, had none, at this 5.
+/// 60 balls stretched by 1.2 %, as by a shutter that rolls, had none.
 const MOST_SIGMA_OF_FEW_PX: f64 = 0.07;
 const MOST_SIGMA_IN_SIGHT_PX: f64 = 0.15;
 const IN_SIGHT: f64 = 0.75;
