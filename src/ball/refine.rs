@@ -363,9 +363,7 @@ impl Refine {
             || self.edges.iter().zip(&self.fit.trust).filter(|(_, trust)| **trust > 0.0).map(|(edge, _)| edge);
         let mut outside: Vec<f32> = trusted().map(|edge| edge.inside - edge.contrast).collect();
         let mut contrast: Vec<f32> = trusted().map(|edge| edge.contrast.abs()).collect();
-        let Some(last) = outside.len().checked_sub(1) else {
-            return false;
-        };
+        let Some(last) = outside.len().checked_sub(1) else { return false };
         let [low, high] = [last / 4, last * 3 / 4].map(|rank| nth_smallest(&mut outside, rank));
         (high - low) < MOST_UNEVEN * nth_smallest(&mut contrast, last / 2)
     }

@@ -22,7 +22,7 @@ fn rate(duration: Duration, mut round: impl FnMut() -> usize) -> f64 {
 
 /// What a call gives, and the seconds it took.
 #[expect(clippy::disallowed_methods, reason = "a benchmark reads the clock")]
-fn timed<T>(call: &mut impl FnMut() -> T) -> (T, f64) {
+fn timed<T>(call: impl FnOnce() -> T) -> (T, f64) {
     let start = Instant::now();
     let result = call();
     (result, start.elapsed().as_secs_f64())
