@@ -184,7 +184,7 @@ fn sum_down_with<V: Vector>(
 mod tests {
     use super::*;
     use crate::dic::WindowShape;
-    use crate::dic::moments::tests::{all, plane, slow};
+    use crate::dic::moments::tests::{all, plane, plane_of, slow};
     use crate::dic::vector::Portable;
 
     #[test]
@@ -208,6 +208,30 @@ mod tests {
                     let error = (found - expected).abs();
                     assert!(error < 1e-5 * expected.abs() + 600.0, "{size} {at:?}: {found} {expected}");
                 }
+            }
+        }
+    }
+
+    /// Sixteen rows of subsets of 61 px that overlap by a third: the sums run on over 661 rows.
+    #[test]
+    fn sums_that_run_far_lose_nothing_that_a_displacement_shows() {
+        let planes = [1, 2, 3, 4].map(|seed| plane_of(seed, 80, 662));
+        let [reference, gradient_x, gradient_y, target] = &planes;
+        let layers = Layers { reference, gradient_x, gradient_y, target };
+        let window = Window::new(WindowShape::Square, 61);
+        let centers = (0..16).map(|k| (32, 30 + 40 * k));
+        let mut columns = Columns::default();
+        columns.plan(&window, centers.clone());
+        for at in centers {
+            let (found, exact) = (columns.moments(layers, &window, at), slow(&planes, &window, at));
+            // What errors of the pulls along u, ux and uy make of these, px and px a px, by sums of squares of gx, gx dx and
+            // gx dy.
+            let squares = [0, 3, 5].map(|k| exact.second[0][k]);
+            for k in 0..3 {
+                let error = (found.jacobian[2][k] - exact.jacobian[2][k]).abs() / squares[k];
+                assert!(error < 1e-6, "{at:?}: {k} off by {error}");
+                let share = found.second[0][[0, 3, 5][k]] / squares[k] - 1.0;
+                assert!(share.abs() < 1e-4, "{at:?}: {k} {share}");
             }
         }
     }

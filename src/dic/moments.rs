@@ -240,10 +240,14 @@ pub(super) mod tests {
     use crate::dic::vector::Portable;
 
     pub(in crate::dic) fn plane(seed: u32) -> Plane {
+        plane_of(seed, 60, 50)
+    }
+
+    pub(in crate::dic) fn plane_of(seed: u32, width: usize, height: usize) -> Plane {
         let mut plane = Plane::default();
-        plane.reshape(60, 50);
+        plane.reshape(width, height);
         let mut state = seed;
-        for y in 0..50 {
+        for y in 0..height {
             for value in plane.row_mut(y) {
                 state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
                 *value = (state >> 24) as f32 - 128.0;
@@ -255,7 +259,7 @@ pub(super) mod tests {
     /// The slow twin, pixel by pixel in double precision.
     pub(in crate::dic) fn slow(planes: &[Plane; 4], window: &Window, at: (i32, i32)) -> Moments {
         let mut out = Moments::default();
-        for (dx, dy) in (-20..=20).flat_map(|dy| (-20..=20).map(move |dx| (dx, dy))) {
+        for (dx, dy) in (-31..=31).flat_map(|dy| (-31..=31).map(move |dx| (dx, dy))) {
             if !window.holds(dx, dy) {
                 continue;
             }
