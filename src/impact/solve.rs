@@ -266,10 +266,11 @@ fn rates_at(flight: &[Polynomial; 3], at: Estimate, world: &World) -> [Estimate;
     [widened(rates[NORMAL]), widened(rates[TANGENTIAL]), rates[ANGLE]]
 }
 
-/// By which share the motion of a flight may be told too small.
-fn shortening(rates: &[Estimate; 3], world: &World) -> f64 {
+/// By which share the motion of a flight may be told too small, and by which it may be off either way.
+fn off(rates: &[Estimate; 3], world: &World) -> [f64; 2] {
     let [normal, tangential, angle] = [NORMAL, TANGENTIAL, ANGLE].map(|k| rates[k].value);
-    world.shortening.of([tangential, normal, angle.to_degrees()])
+    let rates = [tangential, normal, angle.to_degrees()];
+    [world.shortening.of(rates), world.shortening.interpolated(rates)]
 }
 
 fn slip(nodes: &[SurfaceNode], interval: &Interval, flights: &Flights, world: &World) -> Option<Estimate> {
@@ -312,11 +313,13 @@ fn assemble(interval: &Interval, flights: &Flights, verdict: Option<&Verdict>, w
     let turning = spin * world.center_sigma_px / brake;
     // The surface carries the weight as well.
     let push = found(8).map(|a| world.acceleration(Estimate { value: a.value - world.gravity_px[NORMAL], ..a }));
-    let short = [&before, &after].map(|rates| shortening(rates, world));
+    let off = [&before, &after].map(|rates| off(rates, world));
+    let whole = off.map(|[short, either]| short.hypot(either));
     let [vn, vt] =
-        [NORMAL, TANGENTIAL].map(|k| [speed(before[k]).short_by(short[0]), speed(after[k]).short_by(short[1])]);
+        [NORMAL, TANGENTIAL].map(|k| [speed(before[k]).short_by(whole[0]), speed(after[k]).short_by(whole[1])]);
     // What both are short by falls out of a quotient.
-    let differing = |x: Estimate| x.short_by(short[1] - short[0]);
+    let [differ, either] = [off[1][0] - off[0][0], off[0][1].hypot(off[1][1])];
+    let differing = |x: Estimate| x.short_by(differ).short_by(either);
     Impact {
         start_s: Some(seconds(interval.start)),
         deepest_s: interval.deepest.map(|at| seconds(Estimate { sigma: at.sigma.hypot(turning), ..at })),
@@ -325,17 +328,17 @@ fn assemble(interval: &Interval, flights: &Flights, verdict: Option<&Verdict>, w
         vn_after_m_s: Some(vn[1]),
         vt_before_m_s: Some(vt[0]),
         vt_after_m_s: Some(vt[1]),
-        omega_before_rad_s: Some(turn(before[ANGLE]).short_by(short[0])),
-        omega_after_rad_s: Some(turn(after[ANGLE]).short_by(short[1])),
+        omega_before_rad_s: Some(turn(before[ANGLE]).short_by(whole[0])),
+        omega_after_rad_s: Some(turn(after[ANGLE]).short_by(whole[1])),
         restitution: restitution.map(differing),
         restitution_tangential: tangential.map(differing),
         impulse_ratio: ratio(impulse(TANGENTIAL), impulse(NORMAL)).map(differing),
         contact_time_s: Some(seconds(duration)),
-        compression_max_mm: found(7).map(|depth| scaled(depth, metres * 1e3, relative).short_by(short[0])),
-        acceleration_max_m_s2: found(8).map(|a| world.acceleration(a).short_by(short[0])),
+        compression_max_mm: found(7).map(|depth| scaled(depth, metres * 1e3, relative).short_by(whole[0])),
+        acceleration_max_m_s2: found(8).map(|a| world.acceleration(a).short_by(whole[0])),
         force_start_s: moment(3),
         force_end_s: moment(4),
-        force_max_n: push.zip(world.mass_kg).map(|(a, mass_kg)| scaled(a, mass_kg, short[0])),
+        force_max_n: push.zip(world.mass_kg).map(|(a, mass_kg)| scaled(a, mass_kg, whole[0])),
         energy_lost_j: world.mass_kg.map(|mass_kg| energy_lost(mass_kg, &[vn, vt], relative)),
         force_law: verdict.map_or(ForceLaw::None, Verdict::law),
         force_law_probability: verdict.map(Verdict::probability),

@@ -261,7 +261,7 @@ impl BodyTracker {
         }
     }
 
-    /// By which share what is told of its motion may be too small.
+    /// By which share what is told of its motion may be off.
     fn shortening(&self) -> Shortening {
         let radius_px = self.radius.radius_px().filter(|_| self.params.form != Form::Rod);
         Shortening {
@@ -365,7 +365,8 @@ impl BodyTracker {
     }
 
     fn unsure(&self, rates: PixelRates) -> PixelRates {
-        rates.short_by(self.shortening().of([rates.x.value, rates.y.value, rates.theta.value]))
+        let (shortening, told) = (self.shortening(), [rates.x.value, rates.y.value, rates.theta.value]);
+        rates.short_by(shortening.of(told)).short_by(shortening.interpolated(told))
     }
 
     /// The rows of a frame whose step was pushed, with everything pushed so far.
