@@ -134,6 +134,10 @@ pub struct Camera {
     /// frame's time: the row time of a rolling shutter, by which speeds down the picture are off otherwise. Below 0 where it
     /// rolls upwards, 0 where all rows are exposed at once, which is also what is taken when it is left out.
     pub row_time_us: Option<f64>,
+    /// Pixels of the camera that show the same whatever is before them, hot or dead ones: column and row of each, 0 to 65534
+    /// and within the picture, at most 10000; `ricochet check` finds them. What is measured is filled in there from the pixels
+    /// around, and recordings keep what the camera delivered. Default none.
+    pub defective_px: Vec<[u32; 2]>,
     /// Each frame waits for this trigger (`genicam` only), a GenICam name such as `Line1` or `Software`; left out,
     /// the camera runs freely.
     pub trigger_source: Option<String>,
@@ -162,6 +166,8 @@ impl Camera {
 }
 
 const SIZE_PX: std::ops::RangeInclusive<i64> = 16..=65_535;
+const MOST_PX: u32 = 65_535;
+const DEFECTS_MOST: usize = 10_000;
 const OFFSET_PX: std::ops::RangeInclusive<i64> = 0..=65_535;
 const PLAYBACK_RATE: Bounds = Bounds::closed(0.001, 1000.0, "times real time");
 const SPAN_S: f64 = 1.0e6;
@@ -198,6 +204,7 @@ pub(super) fn camera(table: &Table<'_>, raw: RawCamera) -> Result<Camera, Config
         exposure_us: table.number("exposure_us", raw.exposure_us, EXPOSURE)?,
         gamma: table.number("gamma", raw.gamma, GAMMA)?.unwrap_or(1.0),
         row_time_us: table.number("row_time_us", raw.row_time_us, ROW_TIME)?,
+        defective_px: defective_px(table, raw.defective_px.as_deref().unwrap_or_default())?,
         trigger_source: table.filled("trigger_source", raw.trigger_source)?,
         pulse: pulse(table, raw.paced, raw.pulse_period_s, raw.pulse_frames)?,
         packet_size_bytes: table.whole("packet_size_bytes", raw.packet_size_bytes, 576..=65_535, "bytes")?,
@@ -206,7 +213,22 @@ pub(super) fn camera(table: &Table<'_>, raw: RawCamera) -> Result<Camera, Config
     refuse_gaps(table, &camera)?;
     refuse_long_exposure(table, &camera)?;
     refuse_slow_rows(table, &camera)?;
+    refuse_defects_outside(table, &camera)?;
     Ok(Camera { pixel_format: camera.pixel_format.or(source.is_device().then_some(PixelFormat::Mono8)), ..camera })
+}
+
+/// Column and row of each pixel that does not see.
+fn defective_px(table: &Table<'_>, raw: &[Vec<i64>]) -> Result<Vec<[u32; 2]>, ConfigError> {
+    let place = |at: &i64| u32::try_from(*at).ok().filter(|at| *at < MOST_PX);
+    let pixel = |pair: &Vec<i64>| match pair.as_slice() {
+        [x, y] => Some([place(x)?, place(y)?]),
+        _ => None,
+    };
+    let pixels: Option<Vec<_>> = raw.iter().map(pixel).collect();
+    pixels.filter(|pixels| pixels.len() <= DEFECTS_MOST).ok_or_else(|| {
+        let most = MOST_PX - 1;
+        table.refuse("defective_px", format!("at most {DEFECTS_MOST} pairs of column and row, each 0 to {most}"))
+    })
 }
 
 fn pulse(
@@ -316,6 +338,17 @@ fn refuse_slow_rows(table: &Table<'_>, camera: &Camera) -> Result<(), ConfigErro
     }
     let frame = format!("so that {rows} rows take no longer than a frame at {rate_hz} Hz");
     Err(table.refuse("row_time_us", format!("{:.3} to {most_us:.3} us, {frame}", -most_us)))
+}
+
+/// Where the picture's size is known; else the measurement refuses them.
+fn refuse_defects_outside(table: &Table<'_>, camera: &Camera) -> Result<(), ConfigError> {
+    let Some((width, height)) = camera.image_px() else { return Ok(()) };
+    match camera.defective_px.iter().find(|[x, y]| *x >= width || *y >= height) {
+        None => Ok(()),
+        Some([x, y]) => {
+            Err(table.refuse("defective_px", format!("pixels of the image of {width} x {height} px, not [{x}, {y}]")))
+        }
+    }
 }
 
 fn features(

@@ -5,7 +5,7 @@ use std::path::Path;
 use toml_edit::{DocumentMut, Item, Table, Value, value};
 
 /// What is told of a camera's frames holds whoever delivers them.
-const TOLD_OF_FRAMES: [&str; 3] = ["exposure_us", "gamma", "row_time_us"];
+const TOLD_OF_FRAMES: [&str; 4] = ["exposure_us", "gamma", "row_time_us", "defective_px"];
 
 /// One value to set, by its path (`camera.source`).
 pub type Change<'a> = (&'a str, Value);

@@ -70,6 +70,7 @@ pub(super) struct RawCamera {
     pub exposure_us: Option<f64>,
     pub gamma: Option<f64>,
     pub row_time_us: Option<f64>,
+    pub defective_px: Option<Vec<Vec<i64>>>,
     pub trigger_source: Option<String>,
     pub pulse_period_s: Option<f64>,
     pub pulse_frames: Option<i64>,

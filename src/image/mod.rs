@@ -1,11 +1,15 @@
 //! Pictures: raw camera frames and the grey-level images computed from them.
 
+mod correction;
+mod defects;
 mod format;
 mod frame;
 mod grey;
 mod tone;
 mod view;
 
+pub use correction::Correction;
+pub use defects::{DefectError, Defects};
 pub use format::{PixelFormat, is_saturated};
 pub use frame::{Frame, FrameMeta};
 pub use grey::grey_pixels;

@@ -66,7 +66,7 @@ impl Measurer {
             finders,
             share,
             size: (width_px, height_px),
-            picture: Picture::new(width_px, height_px, params.tone.clone()),
+            picture: Picture::new(width_px, height_px, params.correction(width_px, height_px)?),
             open: VecDeque::new(),
             spare: Vec::new(),
             known: Memory::default(),
@@ -96,9 +96,7 @@ impl Measurer {
             return Err(MeasureError::Size { sequence: 0, width_px, height_px, expected_width_px, expected_height_px });
         }
         let mut light = picture.clone();
-        if let Some(tone) = &self.params.tone {
-            tone.straighten(&mut light, [0, 0, width as u32, height as u32]);
-        }
+        self.picture.correct(&mut light);
         let mut prepared = self.spare.pop().unwrap_or_default();
         self.correlator.prepare_part_into(light.view(), [0, 0, width as u32, height as u32], &mut prepared);
         for finder in &mut self.finders {

@@ -2,7 +2,7 @@
 
 use crate::ball::BallError;
 use crate::dic::CorrelationError;
-use crate::image::ShapeError;
+use crate::image::{DefectError, ShapeError};
 use crate::rod::RodError;
 
 /// Why frames cannot be measured.
@@ -17,6 +17,9 @@ pub enum MeasureError {
     /// The rod finder refuses its settings.
     #[error(transparent)]
     Rod(#[from] RodError),
+    /// A pixel that does not see cannot be filled in.
+    #[error("camera.defective_px: {0}")]
+    Defect(#[from] DefectError),
     /// A frame has fewer bytes than its header says.
     #[error("frame {sequence}: {source}")]
     Frame {

@@ -2,7 +2,7 @@
 
 use super::outline::BodyParams;
 use crate::dic::CorrelationParams;
-use crate::image::Tone;
+use crate::image::{Correction, DefectError, Defects, Tone};
 use crate::motion::Rotation;
 
 /// What the frames of a rig are measured with.
@@ -18,11 +18,23 @@ pub struct MeasureParams {
     pub bodies: Vec<BodyParams>,
     /// Tone curve of the camera, where its grey levels are not light.
     pub tone: Option<Tone>,
+    /// Pixels of the camera that do not see: column and row.
+    pub defective_px: Vec<[u32; 2]>,
     /// Frames of a block; blocks begin at sequence numbers divisible by it.
     pub block_frames: u32,
 }
 
 impl MeasureParams {
+    /// What pictures of this size are corrected by.
+    ///
+    /// # Errors
+    ///
+    /// When a pixel that does not see is outside of them, or has no sound one near.
+    pub fn correction(&self, width_px: usize, height_px: usize) -> Result<Correction, DefectError> {
+        let defects = Defects::new(&self.defective_px, width_px, height_px)?;
+        Ok(Correction { tone: self.tone.clone(), defects })
+    }
+
     /// Whether the interval at `place` is so many frames.
     pub(super) fn is_interval(&self, place: usize, frames: u64) -> bool {
         u64::from(self.intervals_frames[place]) == frames

@@ -1,20 +1,25 @@
 //! The frame at hand, of which only the parts that are asked for are unpacked.
 
 use super::part::Part;
-use crate::image::{Frame, Image, ImageView, Tone};
+use crate::image::{Correction, Frame, Image, ImageView};
 
 /// Grey levels of one frame at a time.
 pub(super) struct Picture {
     image: Image,
-    tone: Option<Tone>,
+    correction: Correction,
     /// Left, top, right and bottom of what is unpacked, the last two outside.
     ready: [u32; 4],
 }
 
 impl Picture {
-    /// Memory for frames of this size, of a camera with this tone curve.
-    pub(super) fn new(width_px: usize, height_px: usize, tone: Option<Tone>) -> Self {
-        Self { image: Image::new(width_px, height_px), tone, ready: [0; 4] }
+    /// Memory for frames of this size, of a camera that is corrected like this.
+    pub(super) fn new(width_px: usize, height_px: usize, correction: Correction) -> Self {
+        Self { image: Image::new(width_px, height_px), correction, ready: [0; 4] }
+    }
+
+    /// A picture that was unpacked elsewhere, corrected as frames are.
+    pub(super) fn correct(&self, image: &mut Image) {
+        self.correction.correct(image);
     }
 
     /// Another frame: nothing is unpacked of it yet.
@@ -35,12 +40,8 @@ impl Picture {
             let is_first = left >= right || top >= bottom;
             let both = [left.min(asked[0]), top.min(asked[1]), right.max(asked[2]), bottom.max(asked[3])];
             self.ready = if is_first { asked } else { both };
-            let [left, top, right, bottom] = self.ready;
             // Its size and its bytes were looked at when it came.
-            let _ = frame.unpack_part([left, top, right - left, bottom - top], &mut self.image);
-            if let Some(tone) = &self.tone {
-                tone.straighten(&mut self.image, self.ready);
-            }
+            let _ = self.correction.unpack(frame, self.ready, &mut self.image);
         }
         self.image.view()
     }
@@ -67,7 +68,7 @@ mod tests {
     #[test]
     fn what_is_asked_for_is_of_the_frame_at_hand() {
         let meta = FrameMeta { width_px: 8, height_px: 6, stride_bytes: 8, ..FrameMeta::default() };
-        let mut picture = Picture::new(8, 6, None);
+        let mut picture = Picture::new(8, 6, Correction::default());
         for round in 0..3_u8 {
             let bytes: Vec<u8> = (0..48).map(|k| k + 50 * round).collect();
             let frame = Frame { meta, bytes: &bytes };

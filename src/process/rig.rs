@@ -253,6 +253,7 @@ pub fn analysis_params(config: &Config, format: &StreamFormat) -> (MeasureParams
             })
             .collect(),
         tone: Tone::new(config.camera.gamma, format.format),
+        defective_px: config.camera.defective_px.clone(),
         block_frames: config.workers.block_frames,
     };
     let motion = |body: usize| {

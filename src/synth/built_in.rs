@@ -132,6 +132,7 @@ fn film(frames: u64) -> CameraSetup {
         shot_share: 0.5,
         gain_spread: 0.0,
         offset_spread_dn: 0.0,
+        stuck_share: 0.0,
         blur_px: 0.7,
         start_ns: 1_700_000_000_000_000_000,
     }

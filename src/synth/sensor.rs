@@ -34,7 +34,7 @@ impl Sensor {
             read_variance_dn2: (variance * (1.0 - camera.shot_share)) as f32,
             shot_variance_dn: (variance * camera.shot_share / (0.5 * full_dn)) as f32,
             quantiles: quantiles(),
-            fixed: fixed_pattern(camera, seed),
+            fixed: fixed_pattern(camera, full_dn as f32, seed),
         }
     }
 
@@ -86,9 +86,9 @@ impl Sensor {
 }
 
 /// Gain and offset of every pixel; a property of the camera, the same in every frame.
-fn fixed_pattern(camera: &CameraSetup, seed: u64) -> Option<Vec<(f32, f32)>> {
+fn fixed_pattern(camera: &CameraSetup, full_dn: f32, seed: u64) -> Option<Vec<(f32, f32)>> {
     const PURPOSE: u64 = 5;
-    if camera.gain_spread <= 0.0 && camera.offset_spread_dn <= 0.0 {
+    if camera.gain_spread <= 0.0 && camera.offset_spread_dn <= 0.0 && camera.stuck_share <= 0.0 {
         return None;
     }
     let mut stream = Stream::new(key(seed, PURPOSE, 0));
@@ -97,7 +97,19 @@ fn fixed_pattern(camera: &CameraSetup, seed: u64) -> Option<Vec<(f32, f32)>> {
         let gain = 1.0 + camera.gain_spread * stream.normal();
         (gain as f32, (camera.offset_spread_dn * stream.normal()) as f32)
     };
-    Some((0..pixels).map(|_| pixel(&mut stream)).collect())
+    let mut fixed: Vec<_> = (0..pixels).map(|_| pixel(&mut stream)).collect();
+    stick(&mut fixed, camera.stuck_share, full_dn, seed);
+    Some(fixed)
+}
+
+/// Makes a share of the pixels show full scale or nothing, in turn.
+fn stick(fixed: &mut [(f32, f32)], share: f64, full_dn: f32, seed: u64) {
+    const PURPOSE: u64 = 6;
+    let mut stream = Stream::new(key(seed, PURPOSE, 0));
+    // Beyond what noise could bring back.
+    let ends = [3.0 * full_dn, -3.0 * full_dn];
+    let stuck = fixed.iter_mut().filter(|_| stream.uniform() < share);
+    stuck.zip(ends.into_iter().cycle()).for_each(|(pixel, end_dn)| *pixel = (0.0, end_dn));
 }
 
 /// Midpoints of equally likely slices of the normal distribution, scaled to a standard deviation of exactly 1.

@@ -30,6 +30,7 @@ fn measured(world: &World) -> Vec<Measured> {
         rotation: Rotation::Rigid,
         bodies: vec![BallParams::new(50.0, 70.0).into()],
         tone: None,
+        defective_px: Vec::new(),
         block_frames: 16,
     };
     let mut measurer = Measurer::new(&params, Share::ALL, width, height).unwrap();

@@ -21,6 +21,7 @@ mod cli;
 mod clock;
 mod config;
 mod decisions;
+mod defective;
 mod design;
 mod examples;
 mod fake_gige;

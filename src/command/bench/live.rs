@@ -117,6 +117,7 @@ impl Film {
             rotation,
             bodies: vec![BodyParams::Ball(self.ball.clone())],
             tone: None,
+            defective_px: Vec::new(),
             block_frames: BLOCK_FRAMES,
         };
         let mut measurer = Measurer::new(&params, Share::ALL, 512, 512)?;

@@ -7,6 +7,9 @@ use super::light::Flicker;
 use super::texture::{Levels, Speckles};
 use crate::config::Config;
 
+/// Pixels named in a line.
+const SHOWN_PIXELS: usize = 8;
+
 /// How a finding bears on the measurement.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Verdict {
@@ -56,6 +59,7 @@ pub(super) struct Seen<'a> {
     pub(super) speckles: Speckles,
     pub(super) blur_px: Option<f64>,
     pub(super) flicker: Option<Flicker>,
+    pub(super) defective_px: &'a [[u32; 2]],
     pub(super) fixed: Option<Fixed>,
     pub(super) expected_px: Option<f64>,
     pub(super) full_dn: f64,
@@ -171,6 +175,7 @@ impl Seen<'_> {
             finding("contrast", Some(contrast), "", flat, contrasty),
             finding("noise", levels.noise_dn, "DN", noisy, words_of_noise),
             self.fixed_pattern(),
+            self.defective(),
             finding("flicker", share, "", unsteady, &self.words_of_flicker(unsteady)),
         ]
     }
@@ -189,6 +194,24 @@ impl Seen<'_> {
             ),
         };
         finding("fixed-pattern", self.fixed.map(|fixed| fixed.dn), "DN", verdict, &words)
+    }
+
+    fn defective(&self) -> Finding {
+        let pixels = self.defective_px;
+        let shown: Vec<String> = pixels.iter().take(SHOWN_PIXELS).map(|[x, y]| format!("[{x}, {y}]")).collect();
+        let more = if pixels.len() > shown.len() { "; --json gives all of them" } else { "" };
+        let (verdict, words) = match pixels {
+            [] => (Verdict::Good, "no pixel stands out from its neighbours in every frame".into()),
+            _ => (
+                Verdict::Fair,
+                format!(
+                    "hot or dead, they stand still before what moves: camera.defective_px = [{}] has them filled in from \
+                     those around{more}",
+                    shown.join(", ")
+                ),
+            ),
+        };
+        finding("defective-pixels", Some(pixels.len() as f64), "", verdict, &words)
     }
 
     fn words_of_flicker(&self, verdict: Verdict) -> String {

@@ -1,5 +1,6 @@
 //! `ricochet check`: whether a rig is ready, before the drop.
 
+mod defects;
 mod displacement;
 mod finding;
 mod fixed;
@@ -12,8 +13,8 @@ pub use finding::{Finding, Verdict};
 
 use super::{Outcome, UsageError, say, table};
 use crate::config::Config;
-use crate::image::{FrameMeta, Tone};
-use crate::process::Stop;
+use crate::image::FrameMeta;
+use crate::process::{Stop, analysis_params};
 use crate::report;
 use displacement::Floor;
 use finding::Seen;
@@ -23,6 +24,8 @@ use region::{Region, Stack};
 use serde_json::json;
 use std::path::PathBuf;
 
+/// Findings that are counts, not shares.
+const COUNTS: [&str; 2] = ["lost-frames", "defective-pixels"];
 /// Longest film, s.
 const SECONDS_MOST: f64 = 600.0;
 
@@ -64,33 +67,43 @@ pub fn run(options: &CheckOptions, stop: &Stop) -> anyhow::Result<Outcome> {
     let config = Config::load(&options.config)?;
     let grabbed = grab::grab(&config, options.seconds, stop)?;
     let floor = displacement::floor(&config, &grabbed)?;
-    let (findings, stack, region) = look(&config, &grabbed, &floor)?;
-    tell(&config, &grabbed, &findings, options.json);
+    let looked = look(&config, &grabbed, &floor)?;
+    tell(&config, &grabbed, &looked, options.json);
     if let Some(output) = &options.output {
-        let page = page(&config, &grabbed, &findings, (&stack, &region));
+        let page = page(&config, &grabbed, &looked);
         std::fs::write(output, page).map_err(|error| UsageError(format!("{}: {error}", output.display())))?;
         if !options.json {
             say(&output.display().to_string());
         }
     }
     let bad = |finding: &&Finding| finding.verdict == Verdict::Bad && finding.name != "lost-frames";
-    let what = findings.iter().filter(bad).map(|finding| finding.name).collect::<Vec<_>>().join(", ");
+    let what = looked.findings.iter().filter(bad).map(|finding| finding.name).collect::<Vec<_>>().join(", ");
     if !what.is_empty() {
         return Err(NotReady { rig: config.rig.name.clone(), what }.into());
     }
     Ok(Outcome::of_losses(grabbed.lost))
 }
 
-fn look(config: &Config, grabbed: &Grabbed, floor: &Floor) -> anyhow::Result<(Vec<Finding>, Stack, Region)> {
+/// What was seen.
+struct Looked {
+    findings: Vec<Finding>,
+    stack: Stack,
+    region: Region,
+    /// Column and row of pixels that do not see.
+    defective_px: Vec<[u32; 2]>,
+}
+
+fn look(config: &Config, grabbed: &Grabbed, floor: &Floor) -> anyhow::Result<Looked> {
     let format = grabbed.format;
     let subset_px = config.correlation.subset_size_px;
     let (width, height) = (format.width_px as usize, format.height_px as usize);
     let region = Region::of(&floor.first_fields(), subset_px, width, height);
-    let tone = Tone::new(config.camera.gamma, format.format);
-    let stack = Stack::of(grabbed, floor.moves.is_some(), tone.as_ref())?;
+    let correction = analysis_params(config, &format).0.correction(width, height)?;
+    let stack = Stack::of(grabbed, floor.moves.is_some(), &correction)?;
     let full_dn = f64::from((1_u32 << format.format.bits()) - 1);
     let levels = texture::levels(&stack, &region, full_dn);
     let noise_dn = levels.noise_dn.unwrap_or(0.0);
+    let defective_px = defects::find(grabbed, &correction, noise_dn, full_dn)?;
     let slope = texture::slope_dn_px(&stack, &region, noise_dn);
     let seen = Seen {
         config,
@@ -100,6 +113,7 @@ fn look(config: &Config, grabbed: &Grabbed, floor: &Floor) -> anyhow::Result<(Ve
         speckles: texture::speckles(&stack, &region, noise_dn, subset_px as usize),
         blur_px: texture::blur_px(&stack, &region),
         flicker: light::flicker(&grabbed.means),
+        defective_px: &defective_px,
         fixed: fixed::fixed_dn(&stack, &region, levels.noise_dn, full_dn).map(|dn| Fixed { dn, slope_dn_px: slope }),
         // Two noisy pictures, one sum of squared slopes (Pan et al. 2008, doi:10.1364/OE.16.007037).
         expected_px: (slope > 0.0)
@@ -109,7 +123,7 @@ fn look(config: &Config, grabbed: &Grabbed, floor: &Floor) -> anyhow::Result<(Ve
         full_dn,
     };
     let findings = seen.findings();
-    Ok((findings, stack, region))
+    Ok(Looked { findings, stack, region, defective_px })
 }
 
 /// A number as people read it.
@@ -117,14 +131,15 @@ fn shown(finding: &Finding) -> String {
     match finding.value {
         None => "-".into(),
         Some(value) if finding.unit == "Hz" => format!("{value:.0} Hz"),
-        Some(value) if finding.unit.is_empty() && finding.name != "lost-frames" => format!("{:.2} %", 100.0 * value),
+        Some(value) if finding.unit.is_empty() && !COUNTS.contains(&finding.name) => format!("{:.2} %", 100.0 * value),
         Some(value) if finding.unit.is_empty() => format!("{value}"),
         Some(value) if finding.unit == "DN" => format!("{value:.2} DN"),
         Some(value) => format!("{value:.4} {}", finding.unit),
     }
 }
 
-fn tell(config: &Config, grabbed: &Grabbed, findings: &[Finding], json: bool) {
+fn tell(config: &Config, grabbed: &Grabbed, looked: &Looked, json: bool) {
+    let findings = &looked.findings;
     if json {
         let rows = findings.iter().map(|finding| {
             json!({
@@ -136,6 +151,7 @@ fn tell(config: &Config, grabbed: &Grabbed, findings: &[Finding], json: bool) {
         let told = json!({
             "rig": config.rig.name, "camera": grabbed.camera.model, "serial": grabbed.camera.serial,
             "frames": grabbed.means.len(), "ready": worst != Verdict::Bad, "findings": rows.collect::<Vec<_>>(),
+            "defective_px": looked.defective_px,
         });
         return say(&told.to_string());
     }
@@ -146,7 +162,8 @@ fn tell(config: &Config, grabbed: &Grabbed, findings: &[Finding], json: bool) {
     }
 }
 
-fn page(config: &Config, grabbed: &Grabbed, findings: &[Finding], (stack, region): (&Stack, &Region)) -> String {
+fn page(config: &Config, grabbed: &Grabbed, looked: &Looked) -> String {
+    let Looked { findings, stack, region, .. } = looked;
     let format = grabbed.format;
     let row = |finding: &Finding| report::CheckRow {
         name: finding.name.replace('-', " "),

@@ -1,7 +1,7 @@
 //! Which pixels are looked at, and what the pictures say there.
 
 use super::grab::Grabbed;
-use crate::image::{Frame, Image, Tone};
+use crate::image::{Correction, Frame, Image};
 use crate::results::PairField;
 
 /// Pixels of the bodies, or of the whole picture where no body was found.
@@ -73,16 +73,14 @@ pub(super) struct Stack {
 }
 
 impl Stack {
-    /// Puts the kept frames together, in light of a camera with this tone curve. Frames are brought to one brightness
+    /// Puts the kept frames together, corrected. Frames are brought to one brightness
     /// before they are compared.
-    pub(super) fn of(grabbed: &Grabbed, moves: bool, tone: Option<&Tone>) -> anyhow::Result<Self> {
+    pub(super) fn of(grabbed: &Grabbed, moves: bool, correction: &Correction) -> anyhow::Result<Self> {
         let mut images = Vec::new();
         for (meta, bytes) in grabbed.frames.iter().take(if moves { 1 } else { usize::MAX }) {
             let mut image = Image::default();
             Frame { meta: *meta, bytes }.unpack(&mut image)?;
-            if let Some(tone) = tone {
-                tone.straighten(&mut image, [0, 0, meta.width_px, meta.height_px]);
-            }
+            correction.correct(&mut image);
             images.push(image);
         }
         let (width, height) = (grabbed.format.width_px as usize, grabbed.format.height_px as usize);

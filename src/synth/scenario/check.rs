@@ -89,6 +89,7 @@ impl Scenario {
         within("camera.shot_share", camera.shot_share, 0.0, 1.0)?;
         within("camera.gain_spread", camera.gain_spread, 0.0, 0.1)?;
         within("camera.offset_spread_dn", camera.offset_spread_dn, 0.0, 2f64.powi(camera.bits as i32 - 4))?;
+        within("camera.stuck_share", camera.stuck_share, 0.0, 0.1)?;
         within("camera.blur_px", camera.blur_px, 0.3, 5.0)?;
         // The last stamp, at 1e8 frames of 1000 s, must still fit 64 bits.
         within("camera.start_ns", camera.start_ns as f64, 0.0, 9e18)?;

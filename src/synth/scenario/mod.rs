@@ -92,6 +92,9 @@ pub struct CameraSetup {
     /// Spread of the pixels' offset, standard deviation, DN; 0 to a sixteenth of full scale.
     #[serde(default)]
     pub offset_spread_dn: f64,
+    /// Share of the pixels that show full scale, every second of them nothing, whatever is before them; 0 to 0.1.
+    #[serde(default)]
+    pub stuck_share: f64,
     /// Blur of the lens, standard deviation, 0.3 to 5 px.
     #[serde(default = "lens_blur")]
     pub blur_px: f64,

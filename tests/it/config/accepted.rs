@@ -48,6 +48,7 @@ frame_rate_hz = 1e6
 exposure_us = 1
 gamma = 0.45
 row_time_us = -0.003
+defective_px = [[3, 4], [639, 319]]
 trigger_source = "Line1"
 packet_size_bytes = 9000
 features = { Flag = true, Count = -3, Gain = 1.5, Mode = "Off" }
@@ -78,6 +79,7 @@ fn every_key_of_the_camera_arrives_where_it_belongs() {
     );
     assert_eq!((camera.frame_rate_hz, camera.exposure_us), (Some(1.0e6), Some(1.0)));
     assert_eq!((camera.gamma, camera.row_time_us), (0.45, Some(-0.003)));
+    assert_eq!(camera.defective_px, [[3, 4], [639, 319]]);
     assert_eq!((camera.trigger_source.as_deref(), camera.packet_size_bytes), (Some("Line1"), Some(9000)));
     assert_eq!(camera.features["Flag"], FeatureValue::Bool(true));
     assert_eq!(camera.features["Count"], FeatureValue::Integer(-3));
@@ -136,8 +138,10 @@ fn what_is_told_of_a_cameras_frames_holds_for_a_recording_of_them() {
     let camera = parse(FULL).fed_from("film.mcap".as_ref(), &[]).unwrap().camera;
     assert_eq!((camera.source, camera.exposure_us), (Source::Recording, Some(1.0)));
     assert_eq!((camera.gamma, camera.row_time_us), (0.45, Some(-0.003)));
+    assert_eq!(camera.defective_px, [[3, 4], [639, 319]]);
     let camera = parse(SIMULATED).fed_from("film.mcap".as_ref(), &[]).unwrap().camera;
     assert_eq!((camera.exposure_us, camera.gamma, camera.row_time_us), (None, 1.0, None));
+    assert!(camera.defective_px.is_empty());
 }
 
 #[test]

@@ -72,6 +72,14 @@ fn numbers_out_of_range_are_refused_with_the_range_and_its_unit() {
         ("frame_rate_hz = inf", ", line 3: camera.frame_rate_hz = inf: must be above 0 and at most 1000000 Hz"),
         ("exposure_us = 0", ", line 3: camera.exposure_us = 0: must be above 0 and at most 10000000 us"),
         ("row_time_us = -1001", ", line 3: camera.row_time_us = -1001: must be -1000 to 1000 us"),
+        (
+            "defective_px = [[3, 4], [5]]",
+            ", line 3: camera.defective_px = [[3, 4], [5]]: must be at most 10000 pairs of column and row, each 0 to 65534",
+        ),
+        (
+            "defective_px = [[3, 65535]]",
+            ", line 3: camera.defective_px = [[3, 65535]]: must be at most 10000 pairs of column and row, each 0 to 65534",
+        ),
         ("gamma = 0.1", ", line 3: camera.gamma = 0.1: must be 0.2 to 5"),
         ("[scale]\nmm_per_px = 0", ", line 4: scale.mm_per_px = 0: must be 0.000001 to 1000 mm/px"),
         (

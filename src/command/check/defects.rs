@@ -1,0 +1,81 @@
+//! Pixels that show the same whatever is before them.
+
+use super::grab::Grabbed;
+use crate::image::{Correction, Image};
+
+/// A pixel stands out that is beyond its neighbours, all but one, by so many standard deviations of the noise ...
+const NOISES: f64 = 10.0;
+/// ... and by this share of full scale: what a lens shows is spread over more pixels than one or two.
+const SHARE: f64 = 0.06;
+/// In this share of the frames it does.
+const FRAMES_SHARE: f64 = 0.9;
+
+/// Column and row of the pixels that stand out from their neighbours in nearly every frame kept.
+pub(super) fn find(
+    grabbed: &Grabbed,
+    correction: &Correction,
+    noise_dn: f64,
+    full_dn: f64,
+) -> anyhow::Result<Vec<[u32; 2]>> {
+    let (width, height) = (grabbed.format.width_px as usize, grabbed.format.height_px as usize);
+    let least_dn = (NOISES * noise_dn).max(SHARE * full_dn) as f32;
+    let (mut image, mut counts) = (Image::default(), vec![0_u32; width * height]);
+    for (meta, bytes) in &grabbed.frames {
+        image.reshape(width, height);
+        correction.unpack(
+            &crate::image::Frame { meta: *meta, bytes },
+            [0, 0, meta.width_px, meta.height_px],
+            &mut image,
+        )?;
+        let data = image.view().data();
+        let places = counts.iter_mut().enumerate();
+        places.for_each(|(at, count)| *count += u32::from(stands_out(data, (at % width, at / width), width, least_dn)));
+    }
+    let least = FRAMES_SHARE * grabbed.frames.len() as f64;
+    let found = counts.iter().enumerate().filter(|(_, count)| **count > 0 && f64::from(**count) >= least);
+    Ok(found.map(|(at, _)| [(at % width) as u32, (at / width) as u32]).collect())
+}
+
+/// Whether a pixel is brighter, or darker, than its neighbours, all but one, by so much.
+fn stands_out(data: &[f32], (x, y): (usize, usize), width: usize, least_dn: f32) -> bool {
+    let height = data.len() / width;
+    let level = data[y * width + x];
+    // By the largest and the second largest of how much each neighbour exceeds it, and is exceeded.
+    let (mut brighter, mut darker) = ([f32::NEG_INFINITY; 2], [f32::NEG_INFINITY; 2]);
+    for row in y.saturating_sub(1)..(y + 2).min(height) {
+        for column in x.saturating_sub(1)..(x + 2).min(width) {
+            if (column, row) != (x, y) {
+                let near = data[row * width + column];
+                keep(&mut brighter, near - level);
+                keep(&mut darker, level - near);
+            }
+        }
+    }
+    brighter[1] < -least_dn || darker[1] < -least_dn
+}
+
+/// Keeps the two largest numbers.
+fn keep(largest: &mut [f32; 2], number: f32) {
+    if number > largest[0] {
+        *largest = [number, largest[0]];
+    } else {
+        largest[1] = largest[1].max(number);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn one_or_two_pixels_stand_out_and_specks_do_not() {
+        let mut data = vec![100.0; 12 * 9];
+        let mut set = |places: &[usize], level: f32| places.iter().for_each(|at| data[*at] = level);
+        set(&[0, 14, 15], 255.0);
+        set(&[40], 30.0);
+        set(&[68, 69, 80, 81], 255.0);
+        set(&[107], 105.0);
+        let out: Vec<usize> = (0..12 * 9).filter(|at| stands_out(&data, (at % 12, at / 12), 12, 20.0)).collect();
+        assert_eq!(out, [0, 14, 15, 40]);
+    }
+}
