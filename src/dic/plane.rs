@@ -85,8 +85,8 @@ impl Plane {
     }
 }
 
-/// Fills the margin of one row.
-fn mirror_row(row: &mut [f32], width: usize) {
+/// Fills the margin of one row, which it is longer by on both sides.
+pub(super) fn mirror_row(row: &mut [f32], width: usize) {
     if width <= MARGIN {
         for k in 0..MARGIN {
             row[k] = row[MARGIN + mirror(k as isize - MARGIN as isize, width)];

@@ -29,7 +29,7 @@ pub(super) const ROUNDING: f64 = 2.0 / 12.0;
 pub(super) const POOLED: usize = 4;
 
 /// Rows of a window that tell how its pixels correlate.
-const ENOUGH_ROWS: usize = 32;
+const ENOUGH_ROWS: usize = 16;
 
 /// A sum for every lag.
 pub(super) type Lags = [f64; LAGS];
@@ -186,13 +186,13 @@ fn spread(window: &Window, packed: &[Lanes], dense: &mut Vec<f32>) -> usize {
     let stride = (side + REACH).next_multiple_of(LANES);
     dense.resize((side + REACH) * stride + 2 * LANES, 0.0);
     for block in &window.blocks {
+        let (left, top) = ((window.half as i32 + block.dx) as usize, (window.half as i32 + block.dy) as usize);
+        // A last block may reach over the square into the zeros, where its mask has zeros too.
+        let room = (stride - left).min(LANES);
         for row in 0..block.rows {
-            let y = (window.half as i32 + block.dy) as usize + row;
-            let first = y * stride + (window.half as i32 + block.dx) as usize;
+            let first = (top + row) * stride + left;
             let lanes = packed[block.start + row];
-            // A last block may reach over the square into the zeros, where its mask has zeros too.
-            let room = stride - first % stride;
-            if room >= LANES {
+            if room == LANES {
                 dense[first..first + LANES].copy_from_slice(&lanes.0);
             } else {
                 dense[first..first + room].copy_from_slice(&lanes.0[..room]);

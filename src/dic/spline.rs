@@ -12,13 +12,13 @@
 
 use super::lanes::LANES;
 use super::params::Interpolation;
-use super::plane::{MARGIN, Plane, mirror};
+use super::plane::{MARGIN, Plane, mirror, mirror_row};
 use super::vector::{Vector, vectorized};
 
 /// Poles of the quintic B-spline's prefilter.
 const POLES: [f64; 2] = [-0.430_575_347_099_973_8, -0.043_096_288_203_264_65];
 
-/// Reach of the prefilter's impulse response that still matters (0.43^15 = 3e-6), px.
+/// Reach of a pole's impulse response that still matters (0.43^15 = 3e-6), px.
 const REACH: usize = 14;
 
 /// Weights of six taps as polynomials of the fraction.
@@ -98,16 +98,6 @@ impl Kernel {
 #[inline(always)]
 fn quadratic<V: Vector>(c: &[f32; 3], x: V) -> V {
     V::splat(c[0]).plus_product(x, V::splat(c[1]).plus_product(x, V::splat(c[2])))
-}
-
-/// The prefilter's impulse response at distances 0 to [`REACH`].
-fn impulse_response() -> [f32; REACH + 1] {
-    // Partial fractions of 120 / (z^2 + 26 z + 66 + 26 / z + 1 / z^2).
-    let [a, b] = POLES;
-    let gain = 120.0 * a * b;
-    let part = |p: f64, q: f64| gain / ((1.0 - p * p) * (1.0 - p * q) * (1.0 - q / p));
-    let (weight_a, weight_b) = (part(a, b), part(b, a));
-    std::array::from_fn(|k| (weight_a * a.powi(k as i32) + weight_b * b.powi(k as i32)) as f32)
 }
 
 /// A picture that has a value between its pixels.
@@ -223,56 +213,93 @@ impl Splined {
 ///
 /// Both planes have one shape; the margin of `levels` is mirrored, and so are the edges.
 fn prefilter(levels: &Plane, coefficients: &mut Plane) {
-    filter_rows(levels, &impulse_response(), coefficients);
+    filter_rows(levels, coefficients);
     if levels.height() > 1 {
         filter_columns(coefficients);
     }
     coefficients.mirror_margin();
 }
 
+/// The prefilter as three symmetric filters one after the other, by weights at distances 0, 1 ..; 0, 2 .. and 0, 8 px.
+///
+/// 1 / (1 - p z) = (1 + p z) (1 + p^2 z^2) (1 + p^4 z^4) ..., and the same backwards: each pair of factors has three taps.
+/// What is left out is the pole to the power of 16 or less, 1e-6.
+struct Cascade {
+    near: [f32; 5],
+    middle: [f32; 4],
+    far: [f32; 2],
+}
+
+impl Cascade {
+    fn new() -> Self {
+        let [a, b] = POLES;
+        let mut gain = 120.0 * a * b;
+        // The outer taps of a pair of factors, where the middle one is 1.
+        let mut outer = |pole: f64, distance: i32| {
+            let factor = pole.powi(distance);
+            gain *= 1.0 + factor * factor;
+            factor / (1.0 + factor * factor)
+        };
+        let [a1, a2, a4, a8] = [1, 2, 4, 8].map(|distance| outer(a, distance));
+        let [b1, b2] = [1, 2].map(|distance| outer(b, distance));
+        let near = symmetric_product(
+            symmetric_product([1.0, a1, 0.0, 0.0, 0.0], [1.0, b1, 0.0, 0.0, 0.0]),
+            [1.0, 0.0, b2, 0.0, 0.0],
+        );
+        let middle = symmetric_product([1.0, a2, 0.0, 0.0], [1.0, 0.0, a4, 0.0]);
+        Self {
+            near: near.map(|weight| (gain * weight) as f32),
+            middle: middle.map(|weight| weight as f32),
+            far: [1.0, a8 as f32],
+        }
+    }
+}
+
+/// Two symmetric filters as one, by the weights at distances 0, 1, 2 and so on.
+fn symmetric_product<const N: usize>(one: [f64; N], other: [f64; N]) -> [f64; N] {
+    let at = |filter: &[f64; N], distance: isize| filter.get(distance.unsigned_abs()).copied().unwrap_or(0.0);
+    let reach = N as isize;
+    std::array::from_fn(|d| (-reach..=reach).map(|k| at(&one, k) * at(&other, d as isize - k)).sum())
+}
+
 vectorized! {
     /// Along the rows by convolution: a recursion would go one pixel at a time.
-    fn filter_rows(levels: &Plane, response: &[f32; REACH + 1], out: &mut Plane) = filter_rows_with
+    fn filter_rows(levels: &Plane, out: &mut Plane) = filter_rows_with
 }
 
 #[inline(always)]
-fn filter_rows_with<V: Vector>(levels: &Plane, response: &[f32; REACH + 1], out: &mut Plane) {
-    let width = levels.width();
+fn filter_rows_with<V: Vector>(levels: &Plane, out: &mut Plane) {
+    let (width, cascade) = (levels.width(), Cascade::new());
+    let (near, middle, far) = (cascade.near.map(V::splat), cascade.middle.map(V::splat), cascade.far.map(V::splat));
+    // Rows with their margins; a last eight may spill over the end.
+    let (mut first, mut second) = (vec![0.0; levels.stride() + LANES], vec![0.0; levels.stride() + LANES]);
     for y in 0..levels.height() {
         let row = &levels.data()[levels.index(-(MARGIN as isize), y as isize)..];
-        let target = out.padded_row_mut(y);
-        let mut x = 0;
-        // The last eight may spill into the margin, which is filled later.
-        while x < width {
-            let near = &row[MARGIN + x - REACH..];
-            if width - x >= 2 * LANES {
-                convolve::<V, 2>(near, response, &mut target[MARGIN + x..]);
-                x += 2 * LANES;
-            } else {
-                convolve::<V, 1>(near, response, &mut target[MARGIN + x..]);
-                x += LANES;
-            }
-        }
+        symmetric::<V, 5, 1>(row, &near, &mut first, (MARGIN - LANES, width + 2 * LANES));
+        symmetric::<V, 4, 2>(&first, &middle, &mut second, (MARGIN, width));
+        // What is symmetric stays so.
+        mirror_row(&mut second[..levels.stride()], width);
+        // Into the margin, which is filled later.
+        symmetric::<V, 2, 8>(&second, &far, out.padded_row_mut(y), (MARGIN, width));
     }
 }
 
-/// `8 N` samples of a row, in N sums that do not wait for each other.
+/// A filter with `N` weights at distances 0, `STEP`, 2 `STEP` and so on to both sides: so many values from the first on.
 #[inline(always)]
-fn convolve<V: Vector, const N: usize>(near: &[f32], response: &[f32; REACH + 1], out: &mut [f32]) {
-    let (near, center) = (&near[..2 * REACH + N * LANES], V::splat(response[0]));
-    let mut sums = [V::splat(0.0); N];
-    for (n, sum) in sums.iter_mut().enumerate() {
-        *sum = V::load(&near[REACH + n * LANES..]).mul(center);
-    }
-    for (before, weight) in response[1..].iter().rev().enumerate() {
-        let (left, right) = (&near[before..][..N * LANES], &near[2 * REACH - before..][..N * LANES]);
-        let weight = V::splat(*weight);
-        for (n, sum) in sums.iter_mut().enumerate() {
-            *sum = sum.plus_product(V::load(&left[n * LANES..]).add(V::load(&right[n * LANES..])), weight);
+fn symmetric<V: Vector, const N: usize, const STEP: usize>(
+    from: &[f32],
+    weights: &[V; N],
+    to: &mut [f32],
+    (first, count): (usize, usize),
+) {
+    for x in (first..first + count).step_by(LANES) {
+        let near = &from[x - (N - 1) * STEP..][..2 * (N - 1) * STEP + LANES];
+        let mut sum = V::load(&near[(N - 1) * STEP..]).mul(weights[0]);
+        for (k, weight) in weights.iter().enumerate().skip(1) {
+            let (left, right) = (V::load(&near[(N - 1 - k) * STEP..]), V::load(&near[(N - 1 + k) * STEP..]));
+            sum = sum.plus_product(left.add(right), *weight);
         }
-    }
-    for (n, sum) in sums.into_iter().enumerate() {
-        sum.store(&mut out[n * LANES..]);
+        sum.store(&mut to[x..]);
     }
 }
 
