@@ -59,7 +59,7 @@ pub fn disc(
         for column in -steps..=steps {
             let (x, y) = (anchor_x + f64::from(column) * step, anchor_y + f64::from(row) * step);
             let (reach_x, reach_y) = ((x - x_px).abs() + half, (y - y_px).abs() + half);
-            let in_disc = reach_x.hypot(reach_y) <= radius_px;
+            let in_disc = reach_x * reach_x + reach_y * reach_y <= radius_px * radius_px;
             if in_disc && x - half >= 0.0 && y - half >= 0.0 && x + half <= right && y + half <= bottom {
                 points.push(GridPoint { x: x as u32, y: y as u32 });
             }

@@ -97,10 +97,6 @@ impl Turn {
         let (u, v) = self.residual(vector);
         u * u + v * v
     }
-
-    fn distance(&self, vector: &Vector) -> f64 {
-        self.squared_distance(vector).sqrt()
-    }
 }
 
 /// Fits one rigid motion to all valid vectors of a field.
@@ -142,8 +138,8 @@ pub fn rigid_fit_near(
     for _ in 0..ROUNDS {
         scatter = robust_scatter(&turn, &vectors);
         for vector in &mut vectors {
-            let ratio = turn.distance(vector) / (TUKEY * scale(vector, scatter));
-            let biweight = if ratio < 1.0 { (1.0 - ratio * ratio).powi(2) } else { 0.0 };
+            let ratio = turn.squared_distance(vector) / (TUKEY * TUKEY * spread(vector, scatter));
+            let biweight = if ratio < 1.0 { (1.0 - ratio).powi(2) } else { 0.0 };
             vector.weight = biweight / vector.variance;
         }
         let before = std::mem::replace(&mut turn, weighted_fit(&vectors)?);
@@ -151,12 +147,12 @@ pub fn rigid_fit_near(
             break;
         }
     }
-    let follows = |vector: &Vector| turn.distance(vector) <= REJECT * scale(vector, scatter);
+    let follows = |vector: &Vector| turn.squared_distance(vector) <= REJECT * REJECT * spread(vector, scatter);
     for vector in vectors.iter().filter(|vector| !follows(vector)) {
         field[vector.index].displacement = None;
         field[vector.index].status = PointStatus::Outlier;
     }
-    vectors.retain(|vector| vector.weight > 0.0 && turn.distance(vector) <= REJECT * scale(vector, scatter));
+    vectors.retain(|vector| vector.weight > 0.0 && follows(vector));
     if vectors.len() < 3 {
         return None;
     }
@@ -172,9 +168,9 @@ fn is_shared(turn: &Turn, vectors: &[Vector]) -> bool {
     4 * vectors.iter().filter(near).count() >= 3 * vectors.len()
 }
 
-/// The scatter expected of a vector: its own uncertainty, or the field's where that is larger.
-fn scale(vector: &Vector, scatter: f64) -> f64 {
-    (scatter * scatter).max(vector.variance).sqrt()
+/// The variance expected of a vector: its own, or the field's where that is larger.
+fn spread(vector: &Vector, scatter: f64) -> f64 {
+    (scatter * scatter).max(vector.variance)
 }
 
 /// The valid vectors, about (x, y).
@@ -293,7 +289,7 @@ fn uncertain(turn: &Turn, vectors: &[Vector], size: f64) -> Option<RigidMotion> 
     let places: Vec<[f64; 4]> = vectors.iter().map(|v| [v.x, v.y, v.sigmas[0], v.sigmas[1]]).collect();
     let variance = variances(&places, &influences, size);
     // What the residuals show beyond the vectors' own uncertainties.
-    let squares: f64 = vectors.iter().map(|v| turn.distance(v).powi(2) / v.variance).sum();
+    let squares: f64 = vectors.iter().map(|v| turn.squared_distance(v) / v.variance).sum();
     let freedom = (2 * vectors.len() - 3) as f64;
     let excess = (squares / freedom).max(1.0).sqrt();
     Some(RigidMotion {
@@ -318,7 +314,10 @@ pub(super) fn variances(places: &[[f64; 4]], influences: &[[[f64; 3]; 2]], size:
             if by - ay >= size {
                 break;
             }
-            let shared = (1.0 - (ax - bx).abs() / size).max(0.0) * (1.0 - (ay - by).abs() / size).max(0.0);
+            if (ax - bx).abs() >= size {
+                continue;
+            }
+            let shared = (1.0 - (ax - bx).abs() / size) * (1.0 - (ay - by).abs() / size);
             let both = if i == j { 1.0 } else { 2.0 };
             let (along_u, along_v) = (both * shared * a_u * b_u, both * shared * a_v * b_v);
             for (k, variance) in variances.iter_mut().enumerate() {
