@@ -25,7 +25,7 @@ pub(super) const ROUNDING: f64 = 2.0 / 12.0;
 
 /// Windows pooled at most.
 ///
-/// One of 31 x 31 pixels alone knows the factor to 5 %, all of them to half of that.
+/// Half of the rows of one of 31 x 31 pixels know the factor to some 7 %, those of all to half of that.
 pub(super) const POOLED: usize = 4;
 
 /// Rows of a window that tell how its pixels correlate.

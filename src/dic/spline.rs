@@ -223,7 +223,7 @@ fn prefilter(levels: &Plane, coefficients: &mut Plane) {
 /// The prefilter as three symmetric filters one after the other, by weights at distances 0, 1 ..; 0, 2 .. and 0, 8 px.
 ///
 /// 1 / (1 - p z) = (1 + p z) (1 + p^2 z^2) (1 + p^4 z^4) ..., and the same backwards: each pair of factors has three taps.
-/// What is left out is the pole to the power of 16 or less, 1e-6.
+/// What is left out is the larger pole to the power of 16, 1e-6, and the smaller to the power of 4, 3e-6.
 struct Cascade {
     near: [f32; 5],
     middle: [f32; 4],

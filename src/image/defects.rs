@@ -97,9 +97,14 @@ impl Defects {
             let at = pixel.y as usize * width + pixel.x as usize;
             let near = |(dx, dy, weight): &Tap| {
                 let place = at as isize + isize::from(*dy) * width as isize + isize::from(*dx);
-                levels[place as usize] * weight
+                (levels[place as usize], *weight)
             };
-            levels[at] = pixel.taps.iter().map(near).sum::<f32>().max(0.0);
+            let (mut value, mut lowest, mut highest) = (0.0, f32::INFINITY, f32::NEG_INFINITY);
+            for (level, weight) in pixel.taps.iter().map(near) {
+                (value, lowest, highest) = (value + level * weight, level.min(lowest), level.max(highest));
+            }
+            // Never beyond them: above full scale it would hide that they are saturated.
+            levels[at] = value.clamp(lowest, highest);
         }
     }
 }
@@ -168,6 +173,17 @@ mod tests {
         Defects::new(&stuck, SIZE, SIZE).unwrap().unwrap().fill(&mut image, [2, 2, 8, 8]);
         assert!(image.view().at(3, 3).unwrap() < 200.0);
         assert!(image.view().at(9, 3).unwrap() > 254.0 && image.view().at(3, 9).unwrap() > 254.0);
+    }
+
+    #[test]
+    fn nothing_is_filled_in_beyond_full_scale() {
+        let mut image = Image::new(SIZE, SIZE);
+        for (k, level) in image.data_mut().iter_mut().enumerate() {
+            let away = (k % SIZE).abs_diff(6) + (k / SIZE).abs_diff(6);
+            *level = if away < 2 { 255.0 } else { 40.0 };
+        }
+        Defects::new(&[[6, 6]], SIZE, SIZE).unwrap().unwrap().fill(&mut image, [0, 0, SIZE as u32, SIZE as u32]);
+        assert!((image.view().at(6, 6).unwrap() - 255.0).abs() < 1e-3);
     }
 
     #[test]

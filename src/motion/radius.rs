@@ -8,25 +8,11 @@ const KEPT: usize = 512;
 /// An outline hidden less than this tells the radius best.
 const WHOLE: f64 = 0.95;
 
-/// Share of an outline's variance that all outlines of a film have in common, however they scatter.
-const COMMON: f64 = 0.5;
-/// From the median distance from the median to a standard deviation.
-const MAD: f64 = 1.4826;
-/// So many outlines average nothing: neighbouring ones err alike.
-const FEW: f64 = 4.0;
-
 /// Robust running radius of a ball: the median over the outlines seen so far, the unhidden ones if there are any.
 #[derive(Debug, Clone)]
 pub struct RunningRadius {
     whole: Sorted,
     any: Sorted,
-}
-
-/// The median of some numbers.
-fn middle(mut numbers: Vec<f64>) -> f64 {
-    numbers.sort_by(f64::total_cmp);
-    let n = numbers.len();
-    0.5 * (numbers[(n - 1) / 2] + numbers[n / 2])
 }
 
 #[derive(Debug, Clone)]
@@ -54,12 +40,15 @@ impl Sorted {
             self.stride *= 2;
         }
         self.kept.push((radius, sigma));
-        let value = middle(self.kept.iter().map(|k| k.0).collect());
-        let single = middle(self.kept.iter().map(|k| k.1).collect());
-        let scatter = MAD * middle(self.kept.iter().map(|k| (k.0 - value).abs()).collect());
-        let averaged = (1.0 - FEW / self.kept.len() as f64).max(0.0) * scatter.powi(2);
-        let sigma = (single.powi(2) - averaged).max(COMMON * single.powi(2)).sqrt();
-        self.median = Some(Estimate { value, sigma });
+        let middle = |mut numbers: Vec<f64>| {
+            numbers.sort_by(f64::total_cmp);
+            let n = numbers.len();
+            0.5 * (numbers[(n - 1) / 2] + numbers[n / 2])
+        };
+        self.median = Some(Estimate {
+            value: middle(self.kept.iter().map(|k| k.0).collect()),
+            sigma: middle(self.kept.iter().map(|k| k.1).collect()),
+        });
     }
 }
 
@@ -78,8 +67,7 @@ impl RunningRadius {
         list.push(circle.radius_px, circle.sigma_radius_px.abs());
     }
 
-    /// The radius in px. Its sigma is a single outline's without what outlines of this film are seen to differ by: the
-    /// rest may be common to all of them.
+    /// The radius in px. Its sigma is a single outline's: the error of outlines of one film is mostly common.
     pub fn radius_px(&self) -> Option<Estimate> {
         self.whole.median.or(self.any.median)
     }

@@ -1,7 +1,7 @@
 //! Pixels that show the same whatever is before them.
 
 use super::grab::Grabbed;
-use crate::image::{Correction, Image};
+use crate::image::{Correction, Frame, Image};
 
 /// A pixel stands out that is beyond its neighbours, all but one, by so many standard deviations of the noise ...
 const NOISES: f64 = 10.0;
@@ -22,11 +22,7 @@ pub(super) fn find(
     let (mut image, mut counts) = (Image::default(), vec![0_u32; width * height]);
     for (meta, bytes) in &grabbed.frames {
         image.reshape(width, height);
-        correction.unpack(
-            &crate::image::Frame { meta: *meta, bytes },
-            [0, 0, meta.width_px, meta.height_px],
-            &mut image,
-        )?;
+        correction.unpack(&Frame { meta: *meta, bytes }, [0, 0, meta.width_px, meta.height_px], &mut image)?;
         let data = image.view().data();
         let places = counts.iter_mut().enumerate();
         places.for_each(|(at, count)| *count += u32::from(stands_out(data, (at % width, at / width), width, least_dn)));
