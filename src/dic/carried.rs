@@ -15,7 +15,7 @@ use super::prepared::Prepared;
 use super::refine::Match;
 use super::sample::{ShiftedColumn, sample_lanes};
 use super::share::Sharpness;
-use super::sigma::{Lags, Pool};
+use super::sigma::{Fit, Lags, Pool};
 use super::spline::Splined;
 use super::subset::Subset;
 use super::vector::{Vector, vectorized};
@@ -48,19 +48,8 @@ pub(super) struct Carried {
     /// By subset: how it fits, where it was found by one look.
     fits: Vec<Option<Fit>>,
     subset: Subset,
-    /// Where each row of a window lies in the planes.
-    places: Vec<usize>,
     /// The part of a step that is right.
     share: f64,
-    /// Gradients along x and y and residual of one subset, by rows packed like a window's mask.
-    packed: [Vec<Lanes>; 3],
-}
-
-/// Mean levels of the reference and of the target in a subset, and the target's gain.
-#[derive(Debug, Clone, Copy)]
-struct Fit {
-    means: (f32, f32),
-    gain: f32,
 }
 
 impl Carried {
@@ -145,27 +134,9 @@ impl Carried {
 
     /// Adds how the residual of a subset found by one look correlates from pixel to pixel.
     pub(super) fn pool(&mut self, matcher: &Matcher<'_>, index: usize, pairs: &Lags, pool: &mut Pool) {
-        let Some(Fit { means, gain }) = self.fits[index] else { return };
-        let (reference, window) = (matcher.reference, matcher.window);
-        let (x, y) = reference.local(matcher.at);
-        let stride = reference.levels.stride();
-        self.places.clear();
-        for block in &window.blocks {
-            let first = reference.levels.index((x + block.dx) as isize, (y + block.dy) as isize);
-            self.places.extend((0..block.rows).map(|row| first + row * stride));
-        }
-        let (mean, target_mean, gain) = (Lanes::splat(means.0), Lanes::splat(means.1), Lanes::splat(gain));
-        let (levels, target) = (reference.levels.data(), self.plane.data());
-        let (along_x, along_y) = (reference.gradient_x.data(), reference.gradient_y.data());
-        self.packed.iter_mut().for_each(Vec::clear);
-        let [gradient_x, gradient_y, residual] = &mut self.packed;
-        for (place, mask) in self.places.iter().zip(&window.mask) {
-            gradient_x.push(load(along_x, *place) * *mask);
-            gradient_y.push(load(along_y, *place) * *mask);
-            let (level, value) = (load(levels, *place), load(target, *place));
-            residual.push(((level - mean) - gain * (value - target_mean)) * *mask);
-        }
-        pool.add_packed(window, pairs, [gradient_x, gradient_y], residual);
+        let Some(fit) = self.fits[index] else { return };
+        let layers = layers(matcher.reference, &self.plane);
+        pool.add_layers(layers, matcher.window, pairs, (self.centers[index], fit));
     }
 }
 
@@ -185,13 +156,6 @@ fn span(strips: &[Strip], (width, height): (usize, usize), spans: &mut Vec<(i32,
             (*left, *right) = ((*left).min(strip.left), (*right).max(end - 1));
         }
     }
-}
-
-/// Eight neighbouring values.
-fn load(values: &[f32], first: usize) -> Lanes {
-    let mut lanes = Lanes::splat(0.0);
-    lanes.0.copy_from_slice(&values[first..first + LANES]);
-    lanes
 }
 
 /// Whether a subset may be saturated; which of them are is told when it is taken out.

@@ -5,7 +5,7 @@
 //! between what they are after its last row and what they were before its first.
 
 use super::lanes::LANES;
-use super::moments::{DOWN, Layers, Moments, gathered, less, with_rows};
+use super::moments::{DOWN, Layers, Moments, add_rows, gathered, less};
 use super::vector::{Vector, vectorized};
 use super::window::Window;
 use std::ops::Range;
@@ -156,10 +156,11 @@ fn sum_down_with<V: Vector>(
         let to = begins.unwrap_or(end);
         if opens == closes {
             // Nothing is open: what comes begins anew.
-            (sums, row) = ([V::splat(0.0); DOWN], to);
+            sums.fill(V::splat(0.0));
+            row = to;
         }
         let first = layers.reference.index(left as isize, row as isize);
-        sums = with_rows(sums, layers, first, (to - row) as usize, |_| None);
+        add_rows(&mut sums, layers, (first, (to - row) as usize), |_| None);
         row = to;
         if begins.is_some() {
             for (sum, kept) in sums.iter().zip(before[opens * SIZE..].chunks_exact_mut(LANES)) {
@@ -167,14 +168,9 @@ fn sum_down_with<V: Vector>(
             }
             opens = next(opens + 1);
         } else {
-            let mut own = [V::splat(0.0); DOWN];
-            for (own, kept) in own.iter_mut().zip(before[closes * SIZE..].chunks_exact(LANES)) {
-                *own = V::load(kept);
-            }
-            let own = less(&sums, &own, rows);
-            for (k, sum) in own.into_iter().enumerate() {
-                sum.store(&mut out[(closes * DOWN + k) * count..]);
-            }
+            less(&sums, &before[closes * SIZE..][..SIZE], rows, |k, own| {
+                own.store(&mut out[(closes * DOWN + k) * count..]);
+            });
             closes = next(closes + 1);
         }
     }

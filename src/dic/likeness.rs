@@ -29,6 +29,9 @@ const OWN_RESIDUAL: f32 = 3.0;
 /// Times its median says that the root mean square of an even residual may be.
 const MOST_UNEVEN: f32 = 1.3;
 
+/// Pixels that tell how noisy a body is: the median of so many is known to 2 %.
+const ENOUGH_PIXELS: usize = 2048;
+
 /// Squares this near in the order of their bits are the same: less than one part in a hundred.
 const EXACT_BITS: u32 = 65536;
 
@@ -56,6 +59,9 @@ pub(super) struct Likeness {
     least_neighbours: Vec<f32>,
     /// Squares of the residual of that body; 0 off it.
     squares: Vec<f32>,
+    /// From one row of that body to the next of those that tell how noisy it is, and the pixels in these.
+    sampled: (usize, usize),
+    sample: Vec<Lanes>,
 }
 
 impl Likeness {
@@ -69,6 +75,9 @@ impl Likeness {
             count.iter().zip(&own.mask).map(|(count, mask)| if *mask > 0.5 { *count } else { OFF_BODY }).collect();
         own.least_neighbours = least_of_strips(&own.neighbours, own.stride);
         own.squares = vec![0.0; own.neighbours.len()];
+        let step = (window.pixels / ENOUGH_PIXELS).max(1);
+        let pixels = |row: &Lanes| row.0.iter().filter(|mask| **mask > 0.5).count();
+        own.sampled = (step, window.mask.iter().step_by(step).map(pixels).sum());
         own
     }
 
@@ -77,7 +86,10 @@ impl Likeness {
     /// `least` is the least noise there is.
     pub(super) fn is_whole(&mut self, window: &Window, residual: &[Lanes], least: f32) -> bool {
         let squares = sum_of_squares(residual);
-        let median = median_size(residual, window.pixels, squares / window.pixels as f64);
+        let (step, pixels) = self.sampled;
+        self.sample.clear();
+        self.sample.extend(residual.iter().step_by(step));
+        let median = median_size(&self.sample, pixels, squares / window.pixels as f64);
         let noise = (1.4826 * median).max(least);
         if squares > window.pixels as f64 * f64::from(MOST_UNEVEN * noise).powi(2) {
             return false;

@@ -83,19 +83,20 @@ const TOTALS: usize = (PLAIN + 3 * PAIRS + 6 * TRIPLES).next_multiple_of(LANES);
 /// Blocks of a window whose weights are kept at a time.
 const BLOCKS: usize = 4;
 
-/// `sums` and those down eight columns, so many rows from the pixel with index `first` on; of a row only what its mask
+/// Adds to `sums` those down eight columns, so many rows from the pixel with index `first` on; of a row only what its mask
 /// holds.
 #[inline(always)]
-pub(super) fn with_rows<V: Vector>(
-    mut sums: [V; DOWN],
+pub(super) fn add_rows<V: Vector>(
+    all: &mut [V; DOWN],
     layers: Layers<'_>,
-    first: usize,
-    rows: usize,
+    (first, rows): (usize, usize),
     mask: impl Fn(usize) -> Option<V>,
-) -> [V; DOWN] {
+) {
+    // Of its own, so that some stay in registers.
+    let mut sums = *all;
     let stride = layers.reference.stride();
-    let planes = [layers.reference, layers.gradient_x, layers.gradient_y, layers.target];
-    let [reference, gradient_x, gradient_y, target] = planes.map(|plane| &plane.data()[first..]);
+    let (reference, gradient_x) = (&layers.reference.data()[first..], &layers.gradient_x.data()[first..]);
+    let (gradient_y, target) = (&layers.gradient_y.data()[first..], &layers.target.data()[first..]);
     for row in 0..rows {
         let (here, mask) = (row * stride, mask(row));
         let load = |plane: &[f32]| {
@@ -123,26 +124,31 @@ pub(super) fn with_rows<V: Vector>(
             sums[at + 2] = sums[at + 2].add(sums[at + 1]);
         }
     }
-    sums
+    *all = sums;
 }
 
-/// The sums down the last `rows` rows: those down all rows less those before.
+/// Takes from the sums down all rows what they were `before` the last `rows` rows, eight by eight; `out` gets the number
+/// of each and what is left.
 #[inline(always)]
-pub(super) fn less<V: Vector>(all: &[V; DOWN], before: &[V; DOWN], rows: i32) -> [V; DOWN] {
-    let mut own = [V::splat(0.0); DOWN];
-    for (k, own) in own.iter_mut().enumerate() {
-        *own = all[k].sub(before[k]);
+pub(super) fn less<V: Vector>(all: &[V; DOWN], before: &[f32], rows: i32, mut out: impl FnMut(usize, V)) {
+    let before = |k: usize| V::load(&before[k * LANES..]);
+    for (k, sum) in all.iter().enumerate().take(PLAIN) {
+        out(k, sum.sub(before(k)));
     }
     // A running sum goes on with every row, the running sum of a running sum with the triangular numbers.
     let (count, triangle) = (V::splat(-rows as f32), V::splat(-(rows * (rows + 1) / 2) as f32));
     for at in (PLAIN..PLAIN + 2 * PAIRS).step_by(2) {
-        own[at + 1] = own[at + 1].plus_product(before[at], count);
+        let first = before(at);
+        out(at, all[at].sub(first));
+        out(at + 1, all[at + 1].sub(before(at + 1)).plus_product(first, count));
     }
     for at in (PLAIN + 2 * PAIRS..DOWN).step_by(3) {
-        own[at + 1] = own[at + 1].plus_product(before[at], count);
-        own[at + 2] = own[at + 2].plus_product(before[at + 1], count).plus_product(before[at], triangle);
+        let (first, second) = (before(at), before(at + 1));
+        out(at, all[at].sub(first));
+        out(at + 1, all[at + 1].sub(second).plus_product(first, count));
+        let own = all[at + 2].sub(before(at + 2)).plus_product(second, count);
+        out(at + 2, own.plus_product(first, triangle));
     }
-    own
 }
 
 #[inline(always)]
@@ -154,7 +160,8 @@ fn sum_window_with<V: Vector>(layers: Layers<'_>, window: &Window, at: (i32, i32
         // Rows left are counted to the last row of the window.
         let rows = (window.extent.bottom - block.dy + 1) as usize;
         let mask = |row: usize| Some(mask.get(row).map_or(V::splat(0.0), V::from_lanes));
-        let sums = with_rows([V::splat(0.0); DOWN], layers, first, rows, mask);
+        let mut sums = [V::splat(0.0); DOWN];
+        add_rows(&mut sums, layers, (first, rows), mask);
         let column = (block.dx - window.blocks[0].dx) as usize;
         for (k, sum) in sums.into_iter().enumerate() {
             sum.store(&mut out[k * count + column..]);
@@ -225,9 +232,7 @@ fn total_with<V: Vector>(sums: &[f32], count: usize, window: &Window, out: &mut 
     for (totals, out) in totals.chunks_exact(LANES).zip(out.chunks_exact_mut(LANES)) {
         let mut group = [V::splat(0.0); LANES];
         group.copy_from_slice(totals);
-        let [a, b, c, d, e, f, g, h] = V::transpose(group);
-        let total = a.add(b).add(c.add(d)).add(e.add(f).add(g.add(h))).to_lanes();
-        for (out, value) in out.iter_mut().zip(total.0) {
+        for (out, value) in out.iter_mut().zip(V::sums(group).0) {
             *out = f64::from(value);
         }
     }

@@ -47,7 +47,7 @@ const SHARED_SIGMAS: f64 = 4.0;
 const SHARED_PX: f64 = 0.01;
 
 /// A round that moves nothing by more than this is the last, px and rad.
-const SETTLED: f64 = 1e-9;
+const SETTLED: f64 = 1e-7;
 
 /// Pairs of points tried for the first guess.
 const TRIALS: usize = 60;

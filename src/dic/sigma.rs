@@ -9,10 +9,12 @@
 //! noisier than dark speckles, and only the noise where grey levels slope moves the answer.
 
 use super::lanes::{LANES, Lanes};
+use super::moments::Layers;
+use super::plane::Plane;
 use super::share::Sharpness;
 use super::subset::Subset;
 use super::vector::{Vector, vectorized};
-use super::window::Window;
+use super::window::{Block, Window};
 
 /// Largest lag, px.
 const REACH: usize = 2;
@@ -44,6 +46,8 @@ pub(super) struct Pool {
     slopes: Slopes,
     sharpness: Sharpness,
     dense: Vec<f32>,
+    /// Gradients along x and y and residual of a window that planes hold.
+    layers: [Vec<f32>; 3],
 }
 
 /// How noisy the pixels are that have the slopes, and all of them.
@@ -53,6 +57,13 @@ pub(super) struct Pool {
 pub(super) struct Slopes {
     sums: [f64; 5],
     pixels: f64,
+}
+
+/// Mean levels of the reference and of the target in a window, and the target's gain.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Fit {
+    pub(super) means: (f32, f32),
+    pub(super) gain: f32,
 }
 
 /// What is correlated with itself.
@@ -83,18 +94,29 @@ impl Pool {
 
     /// Adds one window with its residual (packed like the subset).
     pub(super) fn add(&mut self, subset: &Subset, window: &Window, residual: &[Lanes]) {
-        self.add_packed(window, &pairs_of(window), [&subset.gradient_x, &subset.gradient_y], residual);
+        self.add_texture(subset, window);
+        self.add_part(Part::Residual, window, residual);
+        self.slopes.add(Slopes::of(subset, window, residual));
     }
 
-    /// The same from its parts: the pairs of pixels at each lag, from [`pairs_of`], and gradients along x and y and
-    /// residual, packed like the window's mask.
-    pub(super) fn add_packed(&mut self, window: &Window, pairs: &Lags, gradients: [&[Lanes]; 2], residual: &[Lanes]) {
+    /// The same of a window in planes about `at`, as it fits; `pairs` are those of [`pairs_of`]. All windows that a pool
+    /// is given so are alike.
+    pub(super) fn add_layers(
+        &mut self,
+        layers: Layers<'_>,
+        window: &Window,
+        pairs: &Lags,
+        (at, fit): ((i32, i32), Fit),
+    ) {
         self.pairs.iter_mut().zip(pairs).for_each(|(sum, pairs)| *sum += pairs);
-        self.add_part(Part::GradientX, window, gradients[0]);
-        self.add_part(Part::GradientY, window, gradients[1]);
-        self.add_part(Part::Residual, window, residual);
-        add_squares(gradients, residual, &mut self.slopes.sums);
+        let side = side_of(window);
+        self.layers.iter_mut().for_each(|dense| dense.resize(dense_len(side), 0.0));
+        spread_layers(layers, window, (at, fit), &mut self.layers, &mut self.slopes.sums);
         self.slopes.pixels += window.pixels as f64;
+        let [gradient_x, gradient_y, residual] = &self.layers;
+        add_lags(gradient_x, side, &mut self.gradient_x);
+        add_lags(gradient_y, side, &mut self.gradient_y);
+        add_lags(residual, side, &mut self.residual);
     }
 
     /// Adds how far the gradients of the pixels of one window are to be trusted.
@@ -109,13 +131,13 @@ impl Pool {
 
     /// Adds one part of a window, packed like the window's mask.
     fn add_part(&mut self, part: Part, window: &Window, rows: &[Lanes]) {
-        let stride = unpack(window, rows, &mut self.dense);
+        unpack(window, rows, &mut self.dense);
         let sums = match part {
             Part::Residual => &mut self.residual,
             Part::GradientX => &mut self.gradient_x,
             Part::GradientY => &mut self.gradient_y,
         };
-        add_lags(&self.dense, stride, sums);
+        add_lags(&self.dense, side_of(window), sums);
     }
 
     /// Another residual of the one window whose texture was added; none when it is empty.
@@ -125,8 +147,8 @@ impl Pool {
             return;
         }
         // What the window does not hold is zero already, from its texture.
-        let stride = spread(window, residual, &mut self.dense);
-        add_lags(&self.dense, stride, &mut self.residual);
+        spread(window, residual, &mut self.dense);
+        add_lags(&self.dense, side_of(window), &mut self.residual);
     }
 
     /// Adds what does not depend on the target.
@@ -168,60 +190,114 @@ fn lag_index(dx: isize, dy: usize) -> usize {
 /// The pairs of pixels at each lag of a window.
 pub(super) fn pairs_of(window: &Window) -> Lags {
     let (mut dense, mut pairs) = (Vec::new(), [0.0; LAGS]);
-    let stride = unpack(window, &window.mask, &mut dense);
-    add_lags(&dense, stride, &mut pairs);
+    unpack(window, &window.mask, &mut dense);
+    add_lags(&dense, side_of(window), &mut pairs);
     pairs
 }
 
-/// Spreads values packed like a window's mask over its square, row by row, each followed by zeros, and as many rows of
-/// zeros as lags reach; gives the length of a row.
-fn unpack(window: &Window, packed: &[Lanes], dense: &mut Vec<f32>) -> usize {
+/// Side of the square around a window, px.
+fn side_of(window: &Window) -> usize {
+    2 * window.half as usize + 1
+}
+
+/// From one row of a square to the next: each is followed by zeros, as far as lags reach.
+fn stride_of(side: usize) -> usize {
+    (side + REACH).next_multiple_of(LANES)
+}
+
+/// Values of a square of rows with their zeros, and as many rows of zeros as lags reach.
+fn dense_len(side: usize) -> usize {
+    (side + REACH) * stride_of(side) + 2 * LANES
+}
+
+/// Spreads values packed like a window's mask over its square.
+fn unpack(window: &Window, packed: &[Lanes], dense: &mut Vec<f32>) {
     dense.clear();
-    spread(window, packed, dense)
+    spread(window, packed, dense);
 }
 
 /// As [`unpack`], into memory that is empty or of the same window.
-fn spread(window: &Window, packed: &[Lanes], dense: &mut Vec<f32>) -> usize {
-    let side = 2 * window.half as usize + 1;
-    let stride = (side + REACH).next_multiple_of(LANES);
-    dense.resize((side + REACH) * stride + 2 * LANES, 0.0);
+fn spread(window: &Window, packed: &[Lanes], dense: &mut Vec<f32>) {
+    let side = side_of(window);
+    dense.resize(dense_len(side), 0.0);
     for block in &window.blocks {
-        let (left, top) = ((window.half as i32 + block.dx) as usize, (window.half as i32 + block.dy) as usize);
-        // A last block may reach over the square into the zeros, where its mask has zeros too.
-        let room = (stride - left).min(LANES);
-        for row in 0..block.rows {
-            let first = (top + row) * stride + left;
-            let lanes = packed[block.start + row];
-            if room == LANES {
-                dense[first..first + LANES].copy_from_slice(&lanes.0);
-            } else {
-                dense[first..first + room].copy_from_slice(&lanes.0[..room]);
-            }
+        let rows = &packed[block.start..block.start + block.rows];
+        for (lanes, first) in rows.iter().zip((first_of(window, block)..).step_by(stride_of(side))) {
+            dense[first..first + LANES].copy_from_slice(&lanes.0);
         }
     }
-    stride
 }
 
-/// From one row to the next of those whose pixels are paired with those beside and below: large windows know their lags
-/// well enough from some of their rows.
-fn row_step(rows: usize) -> usize {
-    (rows / ENOUGH_ROWS).max(1)
+/// Where the first row of a block begins in the square. A last block may reach over the square into the zeros, where its
+/// mask has zeros too.
+fn first_of(window: &Window, block: &Block) -> usize {
+    let (left, top) = ((window.half as i32 + block.dx) as usize, (window.half as i32 + block.dy) as usize);
+    top * stride_of(side_of(window)) + left
 }
 
 vectorized! {
-    /// Adds the products of pairs of pixels at each lag.
-    ///
-    /// Every row is followed by zeros, so a lag is one shift of the whole square.
-    fn add_lags(dense: &[f32], stride: usize, sums: &mut Lags) = add_lags_with
+    /// Spreads the gradients and the residual of a window in planes over squares; adds what [`add_squares`] adds.
+    fn spread_layers(
+        layers: Layers<'_>,
+        window: &Window,
+        fit: ((i32, i32), Fit),
+        dense: &mut [Vec<f32>; 3],
+        sums: &mut [f64; 5],
+    ) = spread_layers_with
 }
 
 #[inline(always)]
-fn add_lags_with<V: Vector>(dense: &[f32], stride: usize, sums: &mut Lags) {
+fn spread_layers_with<V: Vector>(
+    layers: Layers<'_>,
+    window: &Window,
+    ((x, y), fit): ((i32, i32), Fit),
+    dense: &mut [Vec<f32>; 3],
+    sums: &mut [f64; 5],
+) {
+    let (stride, dense_stride) = (layers.reference.stride(), stride_of(side_of(window)));
+    let (means, gain) = ((V::splat(fit.means.0), V::splat(fit.means.1)), V::splat(fit.gain));
+    let mut totals = [V::splat(0.0); 5];
+    for block in &window.blocks {
+        let mut from = layers.reference.index((x + block.dx) as isize, (y + block.dy) as isize);
+        let mut to = first_of(window, block);
+        for mask in &window.mask[block.start..block.start + block.rows] {
+            let load = |plane: &Plane| V::load(&plane.data()[from..]);
+            let mask = V::from_lanes(mask);
+            let (gx, gy) = (load(layers.gradient_x).mul(mask), load(layers.gradient_y).mul(mask));
+            let (level, value) = (load(layers.reference).sub(means.0), load(layers.target).sub(means.1));
+            let left = level.sub(gain.mul(value)).mul(mask);
+            add_row([gx, gy, left], &mut totals);
+            for (dense, value) in dense.iter_mut().zip([gx, gy, left]) {
+                value.store(&mut dense[to..]);
+            }
+            (from, to) = (from + stride, to + dense_stride);
+        }
+    }
+    for (sum, total) in sums.iter_mut().zip(totals) {
+        *sum += total.to_lanes().sum();
+    }
+}
+
+/// From one row to the next of those whose pixels are paired with those beside and below: half of the rows of a window of
+/// 31 px say enough, and fewer of a larger one.
+fn row_step(rows: usize) -> usize {
+    rows.div_ceil(ENOUGH_ROWS)
+}
+
+vectorized! {
+    /// Adds the products of pairs of pixels at each lag, of values that [`spread`] laid out.
+    ///
+    /// Every row is followed by zeros, so a lag is one shift of the whole square.
+    fn add_lags(dense: &[f32], side: usize, sums: &mut Lags) = add_lags_with
+}
+
+#[inline(always)]
+fn add_lags_with<V: Vector>(dense: &[f32], side: usize, sums: &mut Lags) {
     const WIDTH: usize = 2 * REACH + 1;
-    let rows = (dense.len() - 2 * LANES) / stride - REACH;
+    let stride = stride_of(side);
     let mut totals = [V::splat(0.0); LAGS];
-    for row in (0..rows).step_by(row_step(rows)) {
-        for first in (row * stride..(row + 1) * stride).step_by(LANES) {
+    for row in (0..side).step_by(row_step(side)) {
+        for first in (row * stride..row * stride + side).step_by(LANES) {
             let own = V::load(&dense[first..]);
             for dx in 0..=REACH {
                 let total = &mut totals[REACH + dx];
@@ -251,17 +327,22 @@ fn add_squares_with<V: Vector>(gradients: [&[Lanes]; 2], residual: &[Lanes], sum
     let [along_x, along_y] = gradients;
     let mut totals = [V::splat(0.0); 5];
     for ((x, y), left) in along_x.iter().zip(along_y).zip(residual) {
-        let (x, y, left) = (V::from_lanes(x), V::from_lanes(y), V::from_lanes(left));
-        let (x_squared, y_squared, squared) = (x.mul(x), y.mul(y), left.mul(left));
-        totals[0] = totals[0].add(squared);
-        totals[1] = totals[1].add(x_squared);
-        totals[2] = totals[2].add(y_squared);
-        totals[3] = totals[3].plus_product(x_squared, squared);
-        totals[4] = totals[4].plus_product(y_squared, squared);
+        add_row([V::from_lanes(x), V::from_lanes(y), V::from_lanes(left)], &mut totals);
     }
     for (sum, total) in sums.iter_mut().zip(totals) {
         *sum += total.to_lanes().sum();
     }
+}
+
+/// The squares of eight pixels' slopes along x and y and of what is left of them.
+#[inline(always)]
+fn add_row<V: Vector>([x, y, left]: [V; 3], totals: &mut [V; 5]) {
+    let (x_squared, y_squared, squared) = (x.mul(x), y.mul(y), left.mul(left));
+    totals[0] = totals[0].add(squared);
+    totals[1] = totals[1].add(x_squared);
+    totals[2] = totals[2].add(y_squared);
+    totals[3] = totals[3].plus_product(x_squared, squared);
+    totals[4] = totals[4].plus_product(y_squared, squared);
 }
 
 impl Slopes {
@@ -270,6 +351,12 @@ impl Slopes {
         let mut slopes = Self { sums: [0.0; 5], pixels: window.pixels as f64 };
         add_squares([&subset.gradient_x, &subset.gradient_y], residual, &mut slopes.sums);
         slopes
+    }
+
+    /// Adds those of other pixels.
+    fn add(&mut self, other: Self) {
+        self.sums.iter_mut().zip(other.sums).for_each(|(sum, other)| *sum += other);
+        self.pixels += other.pixels;
     }
 
     /// By how much noisier than all the pixels those are that slope along x and along y.

@@ -220,14 +220,14 @@ fn prefilter(levels: &Plane, coefficients: &mut Plane) {
     coefficients.mirror_margin();
 }
 
-/// The prefilter as three symmetric filters one after the other, by weights at distances 0, 1 ..; 0, 2 .. and 0, 8 px.
+/// The prefilter as three symmetric filters one after the other, by weights at distances 0, 1, 2; 0, 2, 4 and 0, 4 .. px.
 ///
 /// 1 / (1 - p z) = (1 + p z) (1 + p^2 z^2) (1 + p^4 z^4) ..., and the same backwards: each pair of factors has three taps.
 /// What is left out is the larger pole to the power of 16, 1e-6, and the smaller to the power of 4, 3e-6.
 struct Cascade {
-    near: [f32; 5],
-    middle: [f32; 4],
-    far: [f32; 2],
+    near: [f32; 3],
+    middle: [f32; 3],
+    far: [f32; 4],
 }
 
 impl Cascade {
@@ -242,15 +242,13 @@ impl Cascade {
         };
         let [a1, a2, a4, a8] = [1, 2, 4, 8].map(|distance| outer(a, distance));
         let [b1, b2] = [1, 2].map(|distance| outer(b, distance));
-        let near = symmetric_product(
-            symmetric_product([1.0, a1, 0.0, 0.0, 0.0], [1.0, b1, 0.0, 0.0, 0.0]),
-            [1.0, 0.0, b2, 0.0, 0.0],
-        );
-        let middle = symmetric_product([1.0, a2, 0.0, 0.0], [1.0, 0.0, a4, 0.0]);
+        let near = symmetric_product([1.0, a1, 0.0], [1.0, b1, 0.0]);
+        let middle = symmetric_product([1.0, a2, 0.0], [1.0, b2, 0.0]);
+        let far = symmetric_product([1.0, a4, 0.0, 0.0], [1.0, 0.0, a8, 0.0]);
         Self {
             near: near.map(|weight| (gain * weight) as f32),
             middle: middle.map(|weight| weight as f32),
-            far: [1.0, a8 as f32],
+            far: far.map(|weight| weight as f32),
         }
     }
 }
@@ -275,12 +273,12 @@ fn filter_rows_with<V: Vector>(levels: &Plane, out: &mut Plane) {
     let (mut first, mut second) = (vec![0.0; levels.stride() + LANES], vec![0.0; levels.stride() + LANES]);
     for y in 0..levels.height() {
         let row = &levels.data()[levels.index(-(MARGIN as isize), y as isize)..];
-        symmetric::<V, 5, 1>(row, &near, &mut first, (MARGIN - LANES, width + 2 * LANES));
-        symmetric::<V, 4, 2>(&first, &middle, &mut second, (MARGIN, width));
+        symmetric::<V, 3, 1>(row, &near, &mut first, (MARGIN - LANES, width + 2 * LANES));
+        symmetric::<V, 3, 2>(&first, &middle, &mut second, (MARGIN, width));
         // What is symmetric stays so.
         mirror_row(&mut second[..levels.stride()], width);
         // Into the margin, which is filled later.
-        symmetric::<V, 2, 8>(&second, &far, out.padded_row_mut(y), (MARGIN, width));
+        symmetric::<V, 4, 4>(&second, &far, out.padded_row_mut(y), (MARGIN, width));
     }
 }
 

@@ -20,6 +20,8 @@ pub(super) trait Vector: Copy {
     fn from_eight(values: &[f32; LANES]) -> Self;
     /// Rows to columns of eight times eight numbers.
     fn transpose(rows: [Self; LANES]) -> [Self; LANES];
+    /// The sum of each of eight times eight numbers: that of its halves, each of which is the sum of its pairs.
+    fn sums(rows: [Self; LANES]) -> Lanes;
     /// To memory.
     fn to_lanes(self) -> Lanes;
     /// Sum.
@@ -90,6 +92,11 @@ impl Vector for Portable {
             }
         }
         columns
+    }
+
+    #[inline(always)]
+    fn sums(rows: [Self; LANES]) -> Lanes {
+        Lanes(rows.map(|Self([a, b, c, d, e, f, g, h])| ((a + b) + (c + d)) + ((e + f) + (g + h))))
     }
 
     #[inline(always)]
@@ -259,6 +266,19 @@ mod avx2 {
     #[derive(Clone, Copy)]
     pub(in crate::dic) struct Avx2(__m256);
 
+    /// The sums of both halves of four rows: of the first halves, then of the second.
+    #[inline(always)]
+    fn sums_of_halves(a: __m256, b: __m256, c: __m256, d: __m256) -> __m256 {
+        // SAFETY: as of every block below.
+        unsafe {
+            let (ab, ab_high) = (_mm256_unpacklo_ps(a, b), _mm256_unpackhi_ps(a, b));
+            let (cd, cd_high) = (_mm256_unpacklo_ps(c, d), _mm256_unpackhi_ps(c, d));
+            let first = (_mm256_shuffle_ps::<0x44>(ab, cd), _mm256_shuffle_ps::<0xEE>(ab, cd));
+            let second = (_mm256_shuffle_ps::<0x44>(ab_high, cd_high), _mm256_shuffle_ps::<0xEE>(ab_high, cd_high));
+            _mm256_add_ps(_mm256_add_ps(first.0, first.1), _mm256_add_ps(second.0, second.1))
+        }
+    }
+
     // SAFETY of every block below: this type is only used inside functions compiled for AVX2 that
     // run after detection; loads and stores are bounded by the slice or array they go through.
     impl Vector for Avx2 {
@@ -325,6 +345,19 @@ mod avx2 {
                     Self(_mm256_permute2f128_ps::<0x31>(low[3], high[3])),
                 ]
             }
+        }
+
+        #[inline(always)]
+        fn sums(rows: [Self; LANES]) -> Lanes {
+            let [Self(a), Self(b), Self(c), Self(d), Self(e), Self(f), Self(g), Self(h)] = rows;
+            let (low, high) = (sums_of_halves(a, b, c, d), sums_of_halves(e, f, g, h));
+            // SAFETY: see above.
+            let sums = unsafe {
+                let firsts = _mm256_permute2f128_ps::<0x20>(low, high);
+                let seconds = _mm256_permute2f128_ps::<0x31>(low, high);
+                _mm256_add_ps(firsts, seconds)
+            };
+            Self(sums).to_lanes()
         }
 
         #[inline(always)]
