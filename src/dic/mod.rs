@@ -21,6 +21,7 @@ mod growth;
 mod lanes;
 mod likeness;
 mod matcher;
+mod median;
 mod moments;
 mod params;
 mod parts;

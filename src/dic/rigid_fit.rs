@@ -307,23 +307,29 @@ fn uncertain(turn: &Turn, vectors: &[Vector], size: f64) -> Option<RigidMotion> 
 /// sum u and v of each count by their influence, and two subsets that share a part of their pixels share that part of
 /// their noise.
 pub(super) fn variances(places: &[[f64; 4]], influences: &[[[f64; 3]; 2]], size: f64) -> [f64; 3] {
-    let mut variances = [0.0; 3];
-    for (i, [ax, ay, a_u, a_v]) in places.iter().enumerate() {
-        for (j, [bx, by, b_u, b_v]) in places.iter().enumerate().skip(i) {
+    let counted = places.iter().zip(influences).map(|([_, _, u, v], [by_u, by_v])| {
+        let ([a, b, c], [d, e, f]) = (by_u.map(|influence| u * influence), by_v.map(|influence| v * influence));
+        [a, b, c, d, e, f]
+    });
+    let counted: Vec<[f64; 6]> = counted.collect();
+    let (mut variances, a_pixel) = ([0.0; 3], 1.0 / size);
+    for (i, ([ax, ay, ..], own)) in places.iter().zip(&counted).enumerate() {
+        let mut sums = [0.0; 6];
+        for (j, ([bx, by, ..], other)) in places.iter().zip(&counted).enumerate().skip(i) {
             // Nothing overlaps further down.
             if by - ay >= size {
                 break;
             }
-            if (ax - bx).abs() >= size {
+            let (dx, dy) = ((ax - bx).abs(), (ay - by).abs());
+            if dx >= size {
                 continue;
             }
-            let shared = (1.0 - (ax - bx).abs() / size) * (1.0 - (ay - by).abs() / size);
             let both = if i == j { 1.0 } else { 2.0 };
-            let (along_u, along_v) = (both * shared * a_u * b_u, both * shared * a_v * b_v);
-            for (k, variance) in variances.iter_mut().enumerate() {
-                *variance += along_u * influences[i][0][k] * influences[j][0][k]
-                    + along_v * influences[i][1][k] * influences[j][1][k];
-            }
+            let shared = both * (1.0 - a_pixel * dx) * (1.0 - a_pixel * dy);
+            sums.iter_mut().zip(other).for_each(|(sum, other)| *sum += shared * other);
+        }
+        for (k, variance) in variances.iter_mut().enumerate() {
+            *variance += own[k] * sums[k] + own[3 + k] * sums[3 + k];
         }
     }
     variances
