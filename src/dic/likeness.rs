@@ -405,18 +405,23 @@ mod tests {
 
     #[test]
     fn a_body_is_whole_when_every_neighbourhood_is_as_noisy_as_all() {
-        let window = Window::new(WindowShape::Circle, 61);
-        let mut likeness = Likeness::new(&window);
-        for (spot, expected) in [(0.0, true), (12.0, false)] {
-            let residual =
-                packed(&window, |dx, dy| 0.02 * speckle(dx, dy) + if dx > 20 && dy > 12 { spot } else { 0.0 });
+        // Of the larger one every fifth row tells how noisy it is.
+        for (size, spot, expected) in [(61, 0.0, true), (61, 12.0, false), (115, 0.0, true), (115, 12.0, false)] {
+            let window = Window::new(WindowShape::Circle, size);
+            let mut likeness = Likeness::new(&window);
+            let third = size as i32 / 3;
+            let is_spot = |dx: i32, dy: i32| dx > third && dy > third - 8;
+            let residual = packed(&window, |dx, dy| 0.02 * speckle(dx, dy) + if is_spot(dx, dy) { spot } else { 0.0 });
             assert_eq!(likeness.is_whole(&window, &residual, 0.45), expected);
             let mut kept = Vec::new();
             let mut slow = Likeness::default();
             slow.load(&window, &[], &residual);
             let noise = slow.noise(&window, &window.mask).unwrap();
             let squares = sum_of_squares(&residual) / window.pixels as f64;
-            assert!((1.4826 * median_size(&residual, window.pixels, squares) / noise - 1.0).abs() < 0.01);
+            let of_all = 1.4826 * median_size(&residual, window.pixels, squares);
+            assert!((of_all / noise - 1.0).abs() < 0.01);
+            let of_sample = 1.4826 * median_size(&likeness.sample, likeness.sampled.1, squares);
+            assert!((of_sample / noise - 1.0).abs() < 0.05, "{of_sample} of {noise}");
             slow.by_residual(&window, noise, &mut kept);
             assert_eq!(kept == window.mask, expected);
         }

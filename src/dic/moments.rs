@@ -83,7 +83,7 @@ const TOTALS: usize = (PLAIN + 3 * PAIRS + 6 * TRIPLES).next_multiple_of(LANES);
 /// Blocks of a window whose weights are kept at a time.
 const BLOCKS: usize = 4;
 
-/// Adds to `sums` those down eight columns, so many rows from the pixel with index `first` on; of a row only what its mask
+/// Adds to `all` sums those down eight columns, so many rows from the pixel with index `first` on; of a row only what its mask
 /// holds.
 #[inline(always)]
 pub(super) fn add_rows<V: Vector>(
@@ -92,7 +92,7 @@ pub(super) fn add_rows<V: Vector>(
     (first, rows): (usize, usize),
     mask: impl Fn(usize) -> Option<V>,
 ) {
-    // Of its own, so that some stay in registers.
+    // A copy: sums behind a reference would go to memory with every row.
     let mut sums = *all;
     let stride = layers.reference.stride();
     let (reference, gradient_x) = (&layers.reference.data()[first..], &layers.gradient_x.data()[first..]);

@@ -396,6 +396,69 @@ impl Factor {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::dic::WindowShape;
+    use crate::dic::moments::tests::plane;
+    use crate::dic::vector::Portable;
+
+    /// Slopes and residual of a window in `planes` about (30, 24), packed like its mask.
+    fn packed<'a>(
+        [reference, gradient_x, gradient_y, target]: &[Plane; 4],
+        window: &'a Window,
+        fit: Fit,
+    ) -> [Vec<Lanes>; 3] {
+        let of = |value: &dyn Fn(usize) -> f32| -> Vec<Lanes> {
+            let row = |(block, row): (&Block, usize)| {
+                let first = reference.index((30 + block.dx) as isize, (24 + block.dy) as isize + row as isize);
+                Lanes(std::array::from_fn(|lane| value(first + lane))) * window.mask[block.start + row]
+            };
+            let rows = |block: &'a Block| (0..block.rows).map(move |row| (block, row));
+            window.blocks.iter().flat_map(rows).map(row).collect()
+        };
+        let left = |at| (reference.data()[at] - fit.means.0) - fit.gain * (target.data()[at] - fit.means.1);
+        [of(&|at| gradient_x.data()[at]), of(&|at| gradient_y.data()[at]), of(&left)]
+    }
+
+    #[test]
+    fn a_window_in_planes_adds_what_the_same_packed_does() {
+        let planes = [plane(1), plane(2), plane(3), plane(4)];
+        let [reference, gradient_x, gradient_y, target] = &planes;
+        let layers = Layers { reference, gradient_x, gradient_y, target };
+        let fit = Fit { means: (3.0, -2.0), gain: 0.9 };
+        for (shape, size) in [(WindowShape::Square, 31), (WindowShape::Circle, 29), (WindowShape::Square, 13)] {
+            let window = Window::new(shape, size);
+            let [gradient_x, gradient_y, residual] = packed(&planes, &window, fit);
+            let subset = Subset { gradient_x, gradient_y, ..Subset::default() };
+            let (mut one, mut other) = (Pool::default(), Pool::default());
+            for _ in 0..2 {
+                one.add(&subset, &window, &residual);
+                other.add_layers(layers, &window, &pairs_of(&window), ((30, 24), fit));
+            }
+            let (one, other) = (one.factor(), other.factor());
+            assert!((one.x - 1.0).abs() > 1e-4 && (one.x / other.x - 1.0).abs() < 1e-5, "{one:?} {other:?}");
+            assert!((one.y - 1.0).abs() > 1e-4 && (one.y / other.y - 1.0).abs() < 1e-5, "{one:?} {other:?}");
+        }
+    }
+
+    #[test]
+    fn sums_are_equal_on_every_machine() {
+        let planes = [plane(1), plane(2), plane(3), plane(4)];
+        let [reference, gradient_x, gradient_y, target] = &planes;
+        let layers = Layers { reference, gradient_x, gradient_y, target };
+        let at = ((30, 24), Fit { means: (3.0, -2.0), gain: 0.9 });
+        for (shape, size) in [(WindowShape::Square, 31), (WindowShape::Circle, 29)] {
+            let window = Window::new(shape, size);
+            let side = side_of(&window);
+            let memory: [Vec<f32>; 3] = std::array::from_fn(|_| vec![0.0; dense_len(side)]);
+            let (mut one, mut other) = ((memory.clone(), [0.0; 5]), (memory, [0.0; 5]));
+            spread_layers(layers, &window, at, &mut one.0, &mut one.1);
+            spread_layers_with::<Portable>(layers, &window, at, &mut other.0, &mut other.1);
+            assert_eq!(one, other);
+            let mut lags = [[0.0; LAGS]; 2];
+            add_lags(&one.0[2], side, &mut lags[0]);
+            add_lags_with::<Portable>(&one.0[2], side, &mut lags[1]);
+            assert_eq!(lags[0].map(f64::to_bits), lags[1].map(f64::to_bits));
+        }
+    }
 
     #[test]
     fn noise_counts_where_the_slopes_are() {
@@ -403,7 +466,7 @@ mod tests {
         let rows = |a: f32, b: f32, c: f32| vec![Lanes::splat(a), Lanes::splat(b), Lanes::splat(c)];
         let subset = Subset { gradient_x: rows(7.0, 0.0, 0.0), gradient_y: rows(0.0, 4.0, 0.0), ..Subset::default() };
         let mean = (1.0 + 9.0 + 25.0) / 3.0;
-        let mut window = Window::new(crate::dic::WindowShape::Square, 3);
+        let mut window = Window::new(WindowShape::Square, 3);
         window.pixels = 3 * LANES;
         let slopes = |subset: &Subset, residual: &[Lanes]| Slopes::of(subset, &window, residual);
         let factor = Factor { x: 2.0, y: 1.0 }.where_it_slopes(&slopes(&subset, &rows(1.0, -3.0, 5.0)));

@@ -68,6 +68,18 @@ mod tests {
     }
 
     #[test]
+    fn only_the_upper_half_of_the_leading_part_is_read() {
+        let nan = f64::NAN;
+        let larger = [[4.0, 1.0, 0.5, nan], [nan, 3.0, -1.0, nan], [nan, nan, 2.0, nan], [nan; 4]];
+        let inverse = invert(&larger, 3).unwrap();
+        let whole = invert(&[[4.0, 1.0, 0.5], [1.0, 3.0, -1.0], [0.5, -1.0, 2.0]], 3).unwrap();
+        let expected = whole.map(|[a, b, c]| [a, b, c, 0.0]);
+        let bits = |rows: &[[f64; 4]]| rows.as_flattened().iter().map(|value| value.to_bits()).collect::<Vec<_>>();
+        assert_eq!(bits(&inverse[..3]), bits(&expected));
+        assert_eq!(bits(&inverse[3..]), [0; 4]);
+    }
+
+    #[test]
     fn singular_matrices_have_no_inverse() {
         assert!(invert(&[[1.0, 1.0], [1.0, 1.0]], 2).is_none());
         assert!(invert(&[[0.0, 0.0], [0.0, 1.0]], 2).is_none());
