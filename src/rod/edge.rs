@@ -20,9 +20,9 @@ const BLURRED_SIGMAS: f64 = 3.2;
 const PAINT_SHARE: f64 = 0.1;
 const PAINT_SIGMAS: f64 = 3.0;
 /// The level of speckled paint is known to this share of the contrast, or, where a clean tape of about the same level
-/// is in the picture, to the second; that may be further out by these shares.
+/// is in the picture, to the second beyond what is known of that; it may be further out by these shares.
 const FREE_PAINT: f64 = 0.05;
-const ALIKE_PAINT: f64 = 0.01;
+const ALIKE_PAINT: f64 = 0.006;
 const ALIKE: std::ops::RangeInclusive<f64> = -0.03..=0.12;
 /// What is known is tied so firmly.
 const FIXED: f64 = 1e9;
@@ -51,6 +51,8 @@ const SETTLED_PX: f64 = 1e-5;
 const TUKEY: f64 = 4.685;
 /// What a real edge differs from the model, common to all its profiles, px.
 const MODEL_PX: f64 = 0.002;
+/// The same where what is left of speckles shades some of them, px.
+const SPECKLED_PX: f64 = 0.007;
 /// And where the lighter paint is clipped: up to three times too long an exposure moves edges towards the dark by up to
 /// 0.7 px, px.
 const CLIPPED_PX: f64 = 0.5;
@@ -93,8 +95,8 @@ pub(super) struct Expected {
 pub(super) struct Known {
     /// Standard deviation of the blur, px: the lens blurs all edges alike.
     pub(super) blur_px: f64,
-    /// The darker and the lighter paint, DN: tapes are of one material.
-    pub(super) paints_dn: [f64; 2],
+    /// The darker and the lighter paint at the edge, DN: tapes are of one material.
+    pub(super) paints_dn: [Estimate; 2],
 }
 
 /// An edge that was found.
@@ -107,7 +109,7 @@ pub(super) struct Edge {
     /// Standard deviation of the blur, px.
     pub(super) blur_px: f64,
     /// The darker and the lighter paint, DN.
-    pub(super) paints_dn: [f64; 2],
+    pub(super) paints_dn: [Estimate; 2],
     /// Whether there are speckles on one side.
     pub(super) is_speckled: bool,
 }
@@ -292,10 +294,11 @@ fn paint(profiles: &[Profile], step: &Step, expected: &Expected) -> Result<[Pain
         *paint = one_paint(&sides[k], start[k], tolerance, outward(k))?;
         if let Some(known) = expected.known.filter(|_| paint.is_speckled) {
             let other = known.paints_dn[usize::from(outward(k) > 0.0)];
-            let further = outward(k) * (other - paint.at(0.0)) / contrast;
+            let further = outward(k) * (other.value - paint.at(0.0)) / contrast;
             // Speckles pull what is seen of the paint towards the other side; else it is another paint.
             if ALIKE.contains(&further) {
-                *paint = Paint { coefficients: [other, 0.0, 0.0, 0.0], sigma: ALIKE_PAINT * contrast, ..*paint };
+                let sigma = other.sigma.hypot(ALIKE_PAINT * contrast);
+                *paint = Paint { coefficients: [other.value, 0.0, 0.0, 0.0], sigma, ..*paint };
             } else {
                 paint.sigma = paint.sigma.max(FREE_PAINT * contrast);
             }
@@ -406,13 +409,19 @@ fn judged(profiles: &[Profile], step: &Step) -> Result<Edge, PointStatus> {
     let excess = (chi2 / variance / (used.len() as f64 - 2.0).max(1.0)).max(1.0);
     let levels = step.paints.map(|paint| paint.at(0.0));
     let sigma = |k: usize| (variance * excess * inverse[(k, k)]).max(0.0).sqrt();
-    let model_px = if is_clipped(profiles, levels[0].max(levels[1]) + step.noise()) { CLIPPED_PX } else { MODEL_PX };
+    let paint = |k: usize| Estimate { value: levels[k], sigma: sigma(3 + k) };
+    let is_speckled = step.paints.iter().any(|paint| paint.is_speckled);
+    let model_px = match is_clipped(profiles, levels[0].max(levels[1]) + step.noise()) {
+        true => CLIPPED_PX,
+        false if is_speckled => SPECKLED_PX,
+        false => MODEL_PX,
+    };
     Ok(Edge {
         at: Estimate { value: step.at, sigma: sigma(0).hypot(model_px) },
         slope: Estimate { value: step.slope, sigma: sigma(1) },
         blur_px: step.blur,
-        paints_dn: if step.contrast() > 0.0 { levels } else { [levels[1], levels[0]] },
-        is_speckled: step.paints.iter().any(|paint| paint.is_speckled),
+        paints_dn: if step.contrast() > 0.0 { [paint(0), paint(1)] } else { [paint(1), paint(0)] },
+        is_speckled,
     })
 }
 

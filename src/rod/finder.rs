@@ -2,6 +2,7 @@
 
 use super::axis::{Axis, compose};
 use super::edge::{Course, Edge, Expected, Known, fit};
+use super::light::known_at;
 use super::params::{RodError, RodParams};
 use super::sight::Sight;
 use super::sums::{Line, TwoTone, lines};
@@ -270,15 +271,10 @@ impl RodFinder {
         let alone: Vec<Result<Edge, PointStatus>> =
             (0..prediction.edges_px.len()).map(|index| self.fit_edge(image, prediction, axis, index, None)).collect();
         let clean: Vec<&Edge> = alone.iter().flatten().filter(|edge| !edge.is_speckled).collect();
-        let mean = |of: &dyn Fn(&Edge) -> f64| clean.iter().map(|edge| of(edge)).sum::<f64>() / clean.len() as f64;
-        let known = (!clean.is_empty()).then(|| Known {
-            blur_px: mean(&|edge| edge.blur_px),
-            paints_dn: [0, 1].map(|shade| mean(&|edge| edge.paints_dn[shade])),
-        });
         let again = |index: usize| match &alone[index] {
-            Ok(edge) if known.is_none() || !edge.is_speckled => Ok(*edge),
+            Ok(edge) if clean.is_empty() || !edge.is_speckled => Ok(*edge),
             Err(PointStatus::OutOfFrame) => Err(PointStatus::OutOfFrame),
-            _ => self.fit_edge(image, prediction, axis, index, known),
+            _ => self.fit_edge(image, prediction, axis, index, known_at(&clean, prediction.edges_px[index])),
         };
         (0..alone.len()).map(again).collect()
     }

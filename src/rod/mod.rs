@@ -8,6 +8,7 @@
 mod axis;
 mod edge;
 mod finder;
+mod light;
 mod outline;
 mod params;
 mod sight;

@@ -170,7 +170,7 @@ fn a_rod_is_as_fast_as_if_all_rows_were_exposed_at_once() {
     told.say("rod, rows read in 0.95 of a frame, told");
     untold.say("untold");
     assert!(told.rms < 1.3 && told.worst < still.worst.max(4.0) && told.impact < 4.0, "{told:?}");
-    assert!(untold.rms > 1.5 * told.rms && untold.impact > 20.0, "{untold:?}");
+    assert!(untold.rms > 1.4 * told.rms && untold.impact > 20.0, "{untold:?}");
 }
 
 #[test]
