@@ -51,8 +51,10 @@ const SETTLED_PX: f64 = 1e-5;
 const TUKEY: f64 = 4.685;
 /// What a real edge differs from the model, common to all its profiles, px.
 const MODEL_PX: f64 = 0.002;
-/// The same where what is left of speckles shades some of them, px.
-const SPECKLED_PX: f64 = 0.007;
+/// The same where what is left of speckles shades some of them, px, and the share of what it makes of the paint: it
+/// pulls one way only.
+const SPECKLED_PX: f64 = 0.005;
+const SHADED_SHARE: f64 = 0.5;
 /// And where the lighter paint is clipped: up to three times too long an exposure moves edges towards the dark by up to
 /// 0.7 px, px.
 const CLIPPED_PX: f64 = 0.5;
@@ -132,6 +134,8 @@ struct Step {
     blur: f64,
     is_blur_known: bool,
     paints: [Paint; 2],
+    /// What the levels near the edge have moved the paints by, DN.
+    moved: [f64; 2],
 }
 
 /// Integral and density of the normal distribution.
@@ -207,7 +211,14 @@ pub(super) fn fit(image: ImageView<'_>, expected: &Expected) -> Result<Edge, Poi
     let paints = [Paint::default(); 2];
     let known = expected.known;
     let blur = known.map_or(START_BLUR_PX, |known| known.blur_px);
-    let mut step = Step { at: expected.near, slope: expected.slope, blur, is_blur_known: known.is_some(), paints };
+    let mut step = Step {
+        at: expected.near,
+        slope: expected.slope,
+        blur,
+        is_blur_known: known.is_some(),
+        paints,
+        moved: [0.0; 2],
+    };
     step.paints = paint(&profiles, &step, expected)?;
     step.at = nearer(&profiles, &step);
     for share in OFF_SHARES {
@@ -310,12 +321,12 @@ fn paint(profiles: &[Profile], step: &Step, expected: &Expected) -> Result<[Pain
 /// Gauss-Newton steps over place, slope, blur and the levels of both sides, which their paint ties.
 fn solve(profiles: &[Profile], start: Step) -> Result<Step, PointStatus> {
     let mut step = start;
-    let mut shift = [0.0; 2];
+    step.moved = [0.0; 2];
     for _ in 0..STEPS {
         let (normal, mut right, _) = equations(profiles, &step);
-        for (k, shift) in shift.iter().enumerate() {
+        for (k, moved) in step.moved.iter().enumerate() {
             // What the levels have moved already counts against their paint.
-            right[3 + k] -= shift * step.tie(k);
+            right[3 + k] -= moved * step.tie(k);
         }
         let change = normal.try_inverse().ok_or(PointStatus::Lost)? * right;
         if !change.iter().all(|x| x.is_finite()) {
@@ -325,7 +336,7 @@ fn solve(profiles: &[Profile], start: Step) -> Result<Step, PointStatus> {
         step.slope += change[1].clamp(-0.05, 0.05);
         step.blur = (step.blur + change[2].clamp(-0.4, 0.4)).clamp(BLUR_PX[0], BLUR_PX[1]);
         for k in 0..2 {
-            shift[k] += change[3 + k];
+            step.moved[k] += change[3 + k];
             step.paints[k].coefficients[0] += change[3 + k];
         }
         if change[0].abs() < SETTLED_PX && change[1].abs() < 0.1 * SETTLED_PX {
@@ -413,7 +424,7 @@ fn judged(profiles: &[Profile], step: &Step) -> Result<Edge, PointStatus> {
     let is_speckled = step.paints.iter().any(|paint| paint.is_speckled);
     let model_px = match is_clipped(profiles, levels[0].max(levels[1]) + step.noise()) {
         true => CLIPPED_PX,
-        false if is_speckled => SPECKLED_PX,
+        false if is_speckled => SPECKLED_PX.hypot(SHADED_SHARE * shaded(step, &inverse)),
         false => MODEL_PX,
     };
     Ok(Edge {
@@ -423,6 +434,11 @@ fn judged(profiles: &[Profile], step: &Step) -> Result<Edge, PointStatus> {
         paints_dn: if step.contrast() > 0.0 { [paint(0), paint(1)] } else { [paint(1), paint(0)] },
         is_speckled,
     })
+}
+
+/// How far off an edge is whose own levels tell its paint, if the paint is what it was taken for, px.
+fn shaded(step: &Step, inverse: &Matrix) -> f64 {
+    (0..2).map(|k| step.moved[k] * inverse[(0, 3 + k)] / inverse[(3 + k, 3 + k)]).sum()
 }
 
 /// Whether paint of this level, its noise on top, is as bright as a pixel can be.

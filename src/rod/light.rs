@@ -4,7 +4,7 @@ use super::edge::{Edge, Known};
 use crate::results::Estimate;
 
 /// Light does not fall off quite evenly: share of what it changes by from the clean edges' middle.
-const UNEVEN: f64 = 0.2;
+const UNEVEN: f64 = 0.1;
 
 /// What the edges of clean tapes tell an edge at `row`: a line through their paint, each by its uncertainty.
 ///

@@ -66,14 +66,8 @@ fn edges_of_simulated_tapes_are_within_0_02_px_and_say_how_well() {
                 "seed {seed}, edge {}: {n} of {count}, bias {bias:.4}, rms {rms:.4} px, pulls {pulls:.2}",
                 edge + 1
             );
-            // A clean tape's edges are surer; of the speckled one's some films leave but a few clear columns.
-            let limit = if edge >= 2 {
-                0.01
-            } else if seed == 3 {
-                0.02
-            } else {
-                0.025
-            };
+            // A clean tape's edges are surer.
+            let limit = if edge >= 2 { 0.01 } else { 0.02 };
             assert!(errors.is_empty() || rms <= limit, "edge {}: {rms} px", edge + 1);
             assert!(errors.is_empty() || (0.3..2.0).contains(&pulls), "edge {}: pulls {pulls}", edge + 1);
             assert!(edge < 2 || errors.len() == count, "a clean tape's edge is refused");
@@ -106,13 +100,13 @@ fn edges_of_a_speckled_tape_are_where_they_are_when_light_changes_along_the_rod(
             }
         }
         // With the paint of the clean tape as it is there, they were off by up to 0.040 and 0.027 px.
-        for (errors, limit) in errors.iter().zip([0.028, 0.018]) {
+        for (errors, limit) in errors.iter().zip([0.02, 0.015]) {
             let mean = |of: &dyn Fn(f64, f64) -> f64| {
                 errors.iter().map(|(error, sigma)| of(*error, *sigma)).sum::<f64>() / errors.len() as f64
             };
             let (rms, pulls) = (mean(&|e, _| e * e).sqrt(), mean(&|e, sigma| (e / sigma).powi(2)).sqrt());
             println!("light {gradient_y:+}: {} edges, rms {rms:.4} px, pulls {pulls:.2}", errors.len());
-            assert!(errors.len() > 60 && rms < limit && pulls < 1.8, "{gradient_y}: {rms} px, pulls {pulls}");
+            assert!(errors.len() > 60 && rms <= limit && pulls < 1.5, "{gradient_y}: {rms} px, pulls {pulls}");
         }
     }
 }
