@@ -82,6 +82,11 @@ impl CircleFit {
         self.residual.iter().zip(&self.trust).filter(|(e, trust)| **trust > 0.0 && e.abs() < limit_px).count()
     }
 
+    /// How many of the edges used lie more than `limit_px` outside the circle fitted last.
+    pub fn beyond(&self, limit_px: f32) -> usize {
+        self.residual.iter().zip(&self.weight).filter(|(e, weight)| **weight > 0.0 && **e > limit_px).count()
+    }
+
     fn weigh(&mut self, edges: &[Edge], used: &[bool], noise: f32) {
         let padded = edges.len().next_multiple_of(LANES);
         self.shift.clear();

@@ -11,7 +11,8 @@ const LEAST_UNCLIPPED: f32 = 5.0;
 /// The blurred step of one bin.
 ///
 /// Grey level = `outside + contrast * P`, P the share of the pixel's blurred
-/// neighbourhood inside the edge, `P = Phi((shift - distance) / blur)`.
+/// neighbourhood inside the edge, `P = Phi((shift - distance) / blur)`. Where the inside gets brighter inwards by `slope` a
+/// px, its blurred part is `- slope * (distance * P - blur * phi)`, phi the density that belongs to Phi.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub(super) struct Edge {
     /// Edge relative to the outline it was gathered around, outwards, px.
@@ -139,7 +140,7 @@ fn sums<const ALL: bool>(distance: &[Lane], grey: &[Lane], weight: &[Lane], mode
             let (p, f) = normal(t);
             let w = w[i];
             let (wp, wf) = (w * p, w * f);
-            let v = v[i] - model.level + model.slope[i] * d[i] * p;
+            let v = v[i] - model.level + model.slope[i] * (d[i] * p - model.blur * f);
             s.n[i] += w;
             s.p[i] += wp;
             s.v[i] += w * v;

@@ -19,6 +19,9 @@ const WIDEST_GAP_RAD: f64 = 2.3;
 /// Scratch of the fit; lists go on to a multiple of [`LANES`], with bins that weigh nothing.
 #[derive(Debug, Default)]
 pub(super) struct SideLight {
+    /// The inside is brighter by so much where the rim is farthest along x and along y, grey levels; nought where that is
+    /// not known.
+    pub across: [f64; 2],
     level: Vec<f32>,
     weight: Vec<f32>,
     residual: Vec<f32>,
@@ -35,11 +38,13 @@ impl SideLight {
     pub fn slope(&mut self, rim: &Rim, edges: &[Edge], used: &[bool], radius: f64, slope: &mut Vec<f32>) {
         slope.clear();
         slope.resize(rim.bins(), 0.0);
+        self.across = [0.0; 2];
         if widest_gap(used) * std::f64::consts::TAU / rim.bins() as f64 > WIDEST_GAP_RAD {
             return;
         }
         let Some(light) = self.harmonic(rim, edges, used) else { return };
-        let [x, y] = [light[0], light[1]].map(|v| (-v / radius) as f32);
+        self.across = [light[0], light[1]];
+        let [x, y] = self.across.map(|v| (-v / radius) as f32);
         let [cos, sin] = rim.directions();
         for (slope, (cos, sin)) in slope.iter_mut().zip(cos.iter().zip(sin)) {
             *slope = x * cos + y * sin;
@@ -48,7 +53,7 @@ impl SideLight {
 
     /// The brightness inside as `b cos + c sin + a`, by reweighted least squares.
     fn harmonic(&mut self, rim: &Rim, edges: &[Edge], used: &[bool]) -> Option<Vector3<f64>> {
-        let Self { level, weight, residual, trust, sorted } = self;
+        let Self { level, weight, residual, trust, sorted, .. } = self;
         let padded = edges.len().next_multiple_of(LANES);
         level.clear();
         level.extend(edges.iter().zip(used).map(|(edge, used)| if *used { edge.inside } else { 0.0 }));

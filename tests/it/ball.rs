@@ -102,6 +102,22 @@ fn a_sphere_that_darkens_towards_its_limb_is_as_large_as_it_is() {
 }
 
 #[test]
+fn light_from_a_side_does_not_carry_the_centre() {
+    for (ball, ground, radius) in [(190.0, 60.0, 57.2), (120.0, 205.0, 57.2), (120.0, 205.0, 10.4)] {
+        let mut finder = finder(0.9 * radius, 1.1 * radius, &Scene::plain(1.0, 0.0));
+        for limb in [0.0, 0.3] {
+            let lit = Scene { limb, radius, side_light: 0.2, side_light_rad: Some(0.0), ..Scene::plain(ball, ground) };
+            let off: Vec<f64> = (0..10)
+                .map(|seed| find(&mut finder, &Scene { seed, noise: 1.0, ..lit.clone() }).unwrap().x_px - lit.x)
+                .collect();
+            println!("{ball} on {ground}, radius {radius}, darkened by {limb}: {:+.4} px", mean(&off));
+            // Up to 0.04 px where the ramp's own blur is forgotten, and that the brighter limb darkens by more.
+            assert!(mean(&off).abs() < if radius < 20.0 { 0.008 } else { 0.004 }, "{off:?}");
+        }
+    }
+}
+
+#[test]
 fn an_overexposed_ball_is_measured_by_what_is_not_clipped_and_says_what_that_does_not_tell() {
     for bright in [true, false] {
         for exposure in [1.2, 1.4, 2.0, 3.0, 4.0] {

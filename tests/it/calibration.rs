@@ -71,10 +71,9 @@ fn a_lens_that_bends_speeds_by_percents_leaves_none_of_it() {
     let plain = judge(&world, &lens, &level_rig(0.5142), 0.5142);
     let told = judge(&world, &lens, &format!("{}[calibration]\n{LENS}", level_rig(0.5142)), 0.5142);
     println!("lens: without {plain:?}, with {told:?}");
-    assert!(plain.0 > 0.01 && told.0 < 0.0045 && told.1 < 0.01, "{plain:?} {told:?}");
-    // An outline that the lens leaves unround is followed by a circle in parts; what that makes of a turning ball's
-    // centre is most of the uncertainty.
-    assert!(told.3 < 4.0, "{told:?}");
+    // Outlines that the lens leaves unround are refused or unsure, so that even untold it does not carry velocities far off.
+    assert!(plain.0 > 1.5 * told.0 && told.0 < 0.003 && told.1 < 0.005, "{plain:?} {told:?}");
+    assert!(told.3 < 2.5, "{told:?}");
     assert!(told.2 >= 60);
     // A ball that is drawn larger elsewhere tells of the lens: what is not taken out is in the uncertainties.
     assert!(plain.3 < 2.5, "{plain:?}");

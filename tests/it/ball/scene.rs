@@ -69,6 +69,8 @@ pub struct Scene {
     pub correlation: f64,
     pub gradient: f64,
     pub side_light: f64,
+    /// Where it comes from, rad; by the seed where it is not told.
+    pub side_light_rad: Option<f64>,
     pub limb: f64,
     pub occluder: Option<Occluder>,
     pub noise: f64,
@@ -95,6 +97,7 @@ impl Scene {
             correlation: 2.0,
             gradient: 0.0,
             side_light: 0.0,
+            side_light_rad: None,
             limb: 0.0,
             occluder: None,
             noise: 2.0,
@@ -145,7 +148,8 @@ impl Scene {
             Surface::Flat => self.speckle(&mut r),
             Surface::Sphere => self.speckle_of_sphere(&mut r),
         };
-        let light = r.uniform(0.0, std::f64::consts::TAU);
+        let drawn = r.uniform(0.0, std::f64::consts::TAU);
+        let light = self.side_light_rad.unwrap_or(drawn);
         let mut fine = vec![0.0_f32; w * h];
         for (j, row) in fine.chunks_exact_mut(w).enumerate() {
             for (i, value) in row.iter_mut().enumerate() {

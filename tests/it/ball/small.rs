@@ -107,8 +107,7 @@ fn a_small_ball_is_as_large_as_it_is() {
 #[test]
 #[ignore = "long"]
 fn statistics_of_hard_spheres() {
-    // Dark marks at a bright rim all pull inwards: its radius is off by what its sigma can but roughly tell.
-    for (is_bright, least, most) in [(false, [0.65, 0.9], 0.8), (true, [0.58, 0.85], 0.85)] {
+    for is_bright in [false, true] {
         for hidden in [0.0, 0.2, 0.4] {
             let mut finder = finder(50.0, 68.0, &Scene::plain(1.0, 0.0));
             let mut tally = Tally::default();
@@ -117,10 +116,30 @@ fn statistics_of_hard_spheres() {
                 tally.add(&scene, find(&mut finder, &scene));
             }
             println!("sphere, bright {is_bright} hidden {hidden}: {}", tally.line());
-            for covered in [[1.0, 2.0].map(|k| tally.covered(k)), [1.0, 2.0].map(|k| tally.radius_covered(k))] {
-                assert!((least[0]..most).contains(&covered[0]), "{}", tally.line());
-                assert!((least[1]..0.99).contains(&covered[1]), "{}", tally.line());
+            // Dark marks at a bright rim all pull inwards: its radius is off by what its sigma can but roughly tell.
+            for (of, most) in
+                [([1.0, 2.0].map(|k| tally.covered(k)), 0.8), ([1.0, 2.0].map(|k| tally.radius_covered(k)), 0.85)]
+            {
+                assert!((0.62..most).contains(&of[0]) && (0.9..0.99).contains(&of[1]), "{}", tally.line());
             }
+            assert!(tally.worst() < 1.0, "{}", tally.line());
+        }
+    }
+}
+
+/// Marks of a sphere and a part of its rim lie on a circle inside of it: seen, and some 80 sigmas off, where nobody asked
+/// what lies farther out.
+#[test]
+fn no_circle_inside_of_a_marked_sphere_is_its_outline() {
+    let mut finder = finder(50.0, 68.0, &Scene::plain(1.0, 0.0));
+    for (hidden, seeds) in
+        [(0.0, [27, 719].as_slice()), (0.2, &[119, 334, 376, 639, 742, 1296]), (0.4, &[317, 517, 833])]
+    {
+        for &seed in seeds {
+            let scene = Scene { surface: Surface::Sphere, ..Scene::hard(seed, true, hidden) };
+            let Some(circle) = find(&mut finder, &scene) else { continue };
+            let off = (circle.x_px - scene.x).hypot(circle.y_px - scene.y);
+            assert!(off < 5.0 * circle.sigma_center_px, "seed {seed}: off by {off} px, {circle:?}");
         }
     }
 }
