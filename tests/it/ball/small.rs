@@ -74,7 +74,7 @@ fn small_balls([low, high]: [f64; 2], hidden: f64, is_speckled: bool) -> Tally {
 /// and 24 speckled ones were refused before.
 #[test]
 fn small_balls_are_found_and_never_somewhere_else() {
-    for (is_speckled, most) in [(false, [7, 16, 22, 1, 4, 7]), (true, [26, 35, 43, 15, 25, 27])] {
+    for (is_speckled, most) in [(false, [7, 16, 22, 1, 4, 7]), (true, [26, 35, 44, 15, 25, 27])] {
         for (radii, most) in [[8.0, 12.0], [12.0, 20.0]].into_iter().zip(most.chunks(3)) {
             for (hidden, most) in [0.0, 0.2, 0.4].into_iter().zip(most) {
                 let tally = small_balls(radii, hidden, is_speckled);
