@@ -313,11 +313,31 @@ fn rank(grey: &Pixels, samples: &[[Lane; 3]], middle: &[Lane; 3], light: Light) 
     [high[RANK - 1], low[RANK - 1]]
 }
 
-/// By how much the edge of a disc lies farther out than steps across its rim tell, px; the uncertainty holds that of the
-/// darkening.
-///
-/// Gaussian blur pulls the edge of a disc in by blur^2 / (2 radius).
-pub(super) fn shift_px(darkening: Option<Estimate>, radius_px: f64, step: Step) -> Estimate {
+/// By how much the edge of a disc lies farther out than steps across its rim tell.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Shift {
+    /// Of the radius, px; the uncertainty holds that of the darkening.
+    pub rim: Estimate,
+    /// What the darkening has of it, px.
+    told: Estimate,
+    /// By which share of that it changes for each grey level that the inside is brighter.
+    by_level: f64,
+}
+
+impl Shift {
+    /// Where the inside is brighter by so many grey levels at one side, and darker at the other: of the centre towards the
+    /// brighter one, px. What the next power would add is in the uncertainty.
+    pub fn center(&self, brighter: f64) -> Estimate {
+        let share = self.by_level * brighter;
+        Estimate {
+            value: self.told.value * share,
+            sigma: (self.told.sigma * share).hypot(self.told.value * share * share),
+        }
+    }
+}
+
+/// Gaussian blur pulls the edge of a disc in by blur^2 / (2 radius), besides what the darkening does.
+pub(super) fn shift_px(darkening: Option<Estimate>, radius_px: f64, step: Step) -> Shift {
     let bend_px = step.blur_px.powi(2) / (2.0 * radius_px);
     let seen = darkening.map_or(Estimate { value: 0.0, sigma: UNSEEN }, |seen| {
         let share = UNSEEN.powi(2) / (UNSEEN.powi(2) + seen.sigma.powi(2));
@@ -332,7 +352,9 @@ pub(super) fn shift_px(darkening: Option<Estimate>, radius_px: f64, step: Step) 
         (SHIFT[0] + SHIFT[1] * step.blur_px) / radius_px.sqrt() * bare / (step.contrast * left.max(LEAST_CONTRAST));
     let told_px = if left >= LEAST_CONTRAST { pull_px * limb } else { 0.0 };
     let doubt_px = if left >= LEAST_CONTRAST { SHIFT_SHARE * told_px } else { pull_px * limb };
-    Estimate { value: bend_px + told_px, sigma: (pull_px * seen.sigma).hypot(doubt_px) }
+    let told = Estimate { value: told_px, sigma: (pull_px * seen.sigma).hypot(doubt_px) };
+    let by_level = -outside / (step.inside.max(1.0) * step.contrast * left.max(LEAST_CONTRAST));
+    Shift { rim: Estimate { value: bend_px + told_px, ..told }, told, by_level }
 }
 
 #[cfg(test)]
@@ -403,14 +425,14 @@ mod tests {
     #[test]
     fn without_a_look_at_the_ball_the_shift_is_as_unsure_as_balls_differ() {
         let step = Step { inside: 150.0, contrast: 110.0, blur_px: 0.8 };
-        let (blind, seen) = (shift_px(None, 57.0, step), |limb| Some(Estimate { value: limb, sigma: 0.01 }));
-        let flat = shift_px(seen(0.0), 57.0, step);
-        let dark = shift_px(seen(0.3), 57.0, step);
+        let (blind, seen) = (shift_px(None, 57.0, step).rim, |limb| Some(Estimate { value: limb, sigma: 0.01 }));
+        let flat = shift_px(seen(0.0), 57.0, step).rim;
+        let dark = shift_px(seen(0.3), 57.0, step).rim;
         assert!((blind.value - flat.value).abs() < 1e-12 && blind.sigma > 10.0 * flat.sigma);
         assert!(dark.value > flat.value + 0.04 && dark.value < flat.value + 0.15, "{dark:?}");
         // Brighter ground than ball: the same pull, inwards.
-        let darker = shift_px(seen(0.3), 57.0, Step { contrast: -110.0, ..step });
+        let darker = shift_px(seen(0.3), 57.0, Step { contrast: -110.0, ..step }).rim;
         assert!(darker.value < flat.value, "{darker:?}");
-        assert!(shift_px(seen(0.3), 57.0, Step { contrast: 30.0, ..step }).sigma > dark.sigma);
+        assert!(shift_px(seen(0.3), 57.0, Step { contrast: 30.0, ..step }).rim.sigma > dark.sigma);
     }
 }

@@ -5,13 +5,13 @@ use super::circle::{CircleFit, Correction};
 use super::edge::{Edge, Search, fit_edges};
 use super::gates::{self, Gates};
 use super::light::SideLight;
-use super::limb::{InSight, Limb, SECTORS, Step, shift_px};
+use super::limb::{InSight, Limb, SECTORS, Shift, Step, shift_px};
 use super::rank::nth_smallest;
 use super::rays::Guess;
 use super::rim::{Outline, Rim, SLACK_PX};
 use super::visible::{Sight, share_in_image, unhidden_share};
 use crate::image::ImageView;
-use crate::results::{Circle, Estimate};
+use crate::results::Circle;
 
 /// Most rounds of gathering and fitting.
 const ROUNDS: usize = 6;
@@ -342,13 +342,17 @@ impl Refine {
             (RADIUS_FACTOR + RADIUS_FACTOR_HIDDEN * (1.0 - visible_fraction)) * marks[1],
         ]
         .map(|factor| factor * soft.sqrt());
-        let (shift, [x, y]) = self.shift(image, &outline, blur);
+        let shift = self.shift(image, &outline, blur);
+        // Lit from a side, the edges lie off by more where the limb is brighter.
+        let [across_x, across_y] = self.light.across;
+        let across = across_x.hypot(across_y).max(f64::MIN_POSITIVE);
+        let lit = shift.center(across);
         let circle = Circle {
-            x_px: outline.x + x,
-            y_px: outline.y + y,
-            radius_px: outline.radius + shift.value,
-            sigma_center_px: (center * of_center).hypot(clipped[0]).hypot(CENTER_FLOOR_PX),
-            sigma_radius_px: (radius * of_radius).hypot(clipped[1]).hypot(shift.sigma).hypot(RADIUS_FLOOR_PX),
+            x_px: outline.x + lit.value * across_x / across,
+            y_px: outline.y + lit.value * across_y / across,
+            radius_px: outline.radius + shift.rim.value,
+            sigma_center_px: (center * of_center).hypot(clipped[0]).hypot(lit.sigma).hypot(CENTER_FLOOR_PX),
+            sigma_radius_px: (radius * of_radius).hypot(clipped[1]).hypot(shift.rim.sigma).hypot(RADIUS_FLOOR_PX),
             visible_fraction,
         };
         Some(Measured { circle, agreeing: share, scatter_px })
@@ -406,8 +410,8 @@ impl Refine {
         (over <= MOST_OVER).then(|| OVER_PX.map(|each| each * over))
     }
 
-    /// By how much the ball's rim lies farther out than its edges tell, and how far they have pulled its centre, px.
-    fn shift(&mut self, image: ImageView<'_>, outline: &Outline, blur: f32) -> (Estimate, [f64; 2]) {
+    /// By how much the ball's rim lies farther out than its edges tell.
+    fn shift(&mut self, image: ImageView<'_>, outline: &Outline, blur: f32) -> Shift {
         let (bins, trust) = (self.edges.len(), &self.fit.trust[..self.edges.len()]);
         let mut trusted = [0.0; SECTORS];
         let (mut inside, mut contrast, mut total) = (0.0, 0.0, 0.0);
@@ -420,15 +424,7 @@ impl Refine {
         let sight = InSight { sectors: trusted.map(|share| share > LEAST_SEEN), blur_px: blur.into() };
         let darkening = self.limb.darkening(image, outline, sight);
         let [inside, contrast] = [inside, contrast].map(|sum| f64::from(sum / total));
-        let blur_px = blur.into();
-        let at = |more: f64| {
-            shift_px(darkening, outline.radius, Step { inside: inside + more, contrast: contrast + more, blur_px })
-        };
-        // Lit from a side it does so by more where it is brighter.
-        let across = self.light.across;
-        let most = across[0].hypot(across[1]).max(f64::MIN_POSITIVE);
-        let pulled_px = 0.5 * (at(most).value - at(-most).value);
-        (at(0.0), across.map(|each| pulled_px * each / most))
+        shift_px(darkening, outline.radius, Step { inside, contrast, blur_px: blur.into() })
     }
 
     fn visible_fraction(&mut self, image: ImageView<'_>, outline: Outline) -> f64 {
