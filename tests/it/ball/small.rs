@@ -143,3 +143,24 @@ fn no_circle_inside_of_a_marked_sphere_is_its_outline() {
         }
     }
 }
+
+/// On its dim side a faint ball may have no contrast left: what light from a side does to its centre, told from there,
+/// carried it off by up to 28 sigmas.
+#[test]
+fn a_faint_ball_lit_from_a_side_is_no_farther_off_than_it_says() {
+    for (radius, side_light, limb) in [(20.0, 0.2, 0.2), (57.2, 0.1, 0.4), (57.2, 0.2, 0.4)] {
+        let faint =
+            Scene { radius, side_light, limb, noise: 1.0, side_light_rad: Some(0.0), ..Scene::plain(120.0, 80.0) };
+        let mut finder = finder(0.9 * radius, 1.1 * radius, &faint);
+        for seed in 0..8 {
+            let scene = Scene { seed, ..faint.clone() };
+            let Some(circle) = find(&mut finder, &scene) else { continue };
+            let off = circle.x_px - scene.x;
+            println!(
+                "radius {radius}, light {side_light}, darkened by {limb}: {off:+.4} +- {:.4} px",
+                circle.sigma_center_px
+            );
+            assert!(off.abs() < 4.0 * circle.sigma_center_px, "seed {seed}: off by {off} px, {circle:?}");
+        }
+    }
+}
