@@ -118,8 +118,10 @@ impl Passage {
                 return None;
             }
             if next.speed < 0.0 && is_over(&next) {
-                states.push(law.last_moment(state, step));
-                return Some(Self { law, states, step });
+                let last = law.last_moment(state, step);
+                states.push(last);
+                // A contact that comes and goes within a step is none that these steps could follow.
+                return (last.time > state.time).then_some(Self { law, states, step });
             }
             if next.depth < 0.0 {
                 return None;
@@ -303,6 +305,21 @@ impl Law {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_contact_shorter_than_a_step_is_refused() {
+        let units = Units { depth: 5.0, speed: 0.5, gravity: 0.0 };
+        for size in (0..400).map(|k| 0.02 * 1.05_f64.powi(k)) {
+            for damping in [-3.0, -0.5, 0.0, 0.3, 2.0] {
+                let p = [0.0, 0.5, size.ln(), damping, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0];
+                for family in [Family::KelvinVoigt, Family::Power] {
+                    let Some(passage) = Passage::new(family, &family.complete(&p), &units) else { continue };
+                    let [start, deepest, end, ..] = passage.findings(7.0);
+                    assert!(start <= deepest && deepest <= end, "{size} {damping}: {start} {deepest} {end}");
+                }
+            }
+        }
+    }
 
     #[test]
     fn an_undamped_spring_takes_half_a_period() {
