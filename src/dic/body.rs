@@ -83,7 +83,7 @@ impl RigidBody {
             return Err(PointStatus::OutOfFrame);
         }
         let mut subset = Subset::default();
-        match subset.fill(reference, &window, Shape::Rigid, at) {
+        match subset.fill_lit(reference, &window, Shape::Rigid, at) {
             Ok(()) => {
                 let (mut pool, sight) = (Pool::default(), Sight::new(&window));
                 pool.add_texture(&subset, &window);
@@ -254,7 +254,7 @@ pub(super) fn motion(
 ) -> RigidMotion {
     let (subset, window, pixels) = (refiner.subset, refiner.window, refiner.window.pixels);
     pool.set_residual(window, residual);
-    let free = (pixels as f64 - 5.0).max(1.0);
+    let free = (pixels as f64 - 7.0).max(1.0);
     let variance = 2.0 * subset.energy * (1.0 - found.zncc) / free;
     let warp = found.warp;
     let angle = warp.uy.atan2(1.0 + warp.ux);

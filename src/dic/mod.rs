@@ -19,6 +19,7 @@ mod fixed;
 pub mod grid;
 mod growth;
 mod lanes;
+mod light;
 mod likeness;
 mod matcher;
 mod median;

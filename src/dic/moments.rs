@@ -60,6 +60,7 @@ impl Moments {
         let [_, squares, product] = self.products;
         Sums {
             levels: self.target - pixels * mean,
+            places: [0.0; 2],
             energy: squares - 2.0 * mean * self.target + pixels * mean * mean,
             product: product - mean * self.target,
             jacobian: std::array::from_fn(|k| self.jacobian[2][k] - mean * self.jacobian[0][k]),

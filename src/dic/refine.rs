@@ -10,6 +10,7 @@
 
 use super::Shape;
 use super::lanes::Lanes;
+use super::light;
 use super::prepared::gain;
 use super::quadratic::Second;
 use super::rows::{Carrier, Rows, TiledColumn, TurnedColumn, WarpedColumn};
@@ -86,6 +87,8 @@ impl Match {
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Sums {
     pub(super) levels: f64,
+    /// Levels times x and y.
+    pub(super) places: [f64; 2],
     pub(super) energy: f64,
     pub(super) product: f64,
     pub(super) jacobian: [f64; 6],
@@ -197,14 +200,17 @@ impl Refiner<'_> {
         let subset = self.subset;
         let pixels = self.window.pixels as f64;
         let mean = sums.levels / pixels;
-        let energy = sums.energy - sums.levels * mean;
+        let (slopes, energy) = self.lit(&sums, mean);
         if energy.is_nan() || energy <= LEAST_ENERGY * pixels {
             return Err(Lost::NotConverged);
         }
-        let zncc = (sums.product / (subset.energy * energy).sqrt()).clamp(-1.0, 1.0);
+        let light = subset.light.as_ref();
+        let product = sums.product - light.map_or(0.0, |light| light.product(slopes));
+        let zncc = (product / (subset.energy * energy).sqrt()).clamp(-1.0, 1.0);
         let gain = (subset.energy / energy).sqrt();
         let affine: [f64; 6] = std::array::from_fn(|k| {
-            gain * (sums.jacobian[k] - mean * subset.jacobian_sum[k]) - subset.jacobian_levels[k]
+            let even = mean * subset.jacobian_sum[k] + light.map_or(0.0, |light| light.pull(slopes, k));
+            gain * (sums.jacobian[k] - even) - subset.jacobian_levels[k]
         });
         let (right, count) = project(self.shape, &affine);
         let (mut step, mut drop) = ([0.0; 6], 0.0);
@@ -214,6 +220,15 @@ impl Refiner<'_> {
         }
         // Twice the energy times what the ZNCC lacks is the sum of squares that is left.
         Ok((Warp::from_step(self.shape, &step), zncc, 0.5 * drop / subset.energy))
+    }
+
+    /// Slopes of the plane that light makes of the target's levels, and the sum of squares without it and their mean.
+    fn lit(&self, sums: &Sums, mean: f64) -> ([f64; 2], f64) {
+        let energy = sums.energy - sums.levels * mean;
+        self.subset.light.as_ref().map_or(([0.0; 2], energy), |light| {
+            let slopes = light.plane(sums.levels, sums.places);
+            (slopes, energy - light.energy(slopes))
+        })
     }
 
     /// Whether the warped subset lies wholly in the target.
@@ -300,7 +315,7 @@ impl Refiner<'_> {
         let mut kept = values.get_mut(block.start..block.start + block.rows).unwrap_or_default().iter_mut();
         let zero = V::splat(0.0);
         let (mut levels, mut energy, mut product) = (zero, zero, zero);
-        let (mut along_x, mut along_y, mut lever_x, mut lever_y) = (zero, zero, zero, zero);
+        let (mut along_x, mut along_y, mut lever_x, mut lever_y, mut down) = (zero, zero, zero, zero, zero);
         let mean = V::splat(self.subset.mean);
         let rows = mask.iter().zip(reference).zip(gradients.0.iter().zip(gradients.1));
         for (dy, ((mask, reference), (gradient_x, gradient_y))) in (block.dy..).zip(rows) {
@@ -320,9 +335,13 @@ impl Refiner<'_> {
             if LEVERS {
                 lever_x = lever_x.plus_product(term_x, dy);
                 lever_y = lever_y.plus_product(term_y, dy);
+                down = down.plus_product(value, dy);
             }
         }
-        sums.levels += levels.to_lanes().sum();
+        let [levels, across, _] = levels.to_lanes().moments(f64::from(block.dx));
+        sums.levels += levels;
+        sums.places[0] += across;
+        sums.places[1] += down.to_lanes().sum();
         sums.energy += energy.to_lanes().sum();
         sums.product += product.to_lanes().sum();
         for (half, (plain, lever)) in [(along_x, lever_x), (along_y, lever_y)].into_iter().enumerate() {
@@ -351,10 +370,10 @@ impl Refiner<'_> {
             return;
         }
         if !std::ptr::eq(self, whole) {
-            sums = part_sums(out, &self.window.mask);
+            sums = part_sums(out, self.window);
         }
         // What has no contrast is like nothing, and nothing says that it hides the body.
-        let contrast = sums.energy - sums.levels * sums.levels / self.window.pixels as f64;
+        let contrast = self.lit(&sums, sums.levels / self.window.pixels as f64).1;
         if contrast.is_nan() || contrast <= LEAST_ENERGY * self.window.pixels as f64 {
             out.clear();
             return;
@@ -362,15 +381,27 @@ impl Refiner<'_> {
         self.subtract(whole, sums, out);
     }
 
-    /// Turns samples of `whole` into its difference to the gain-matched target; gain and mean are those of this part,
-    /// over which `sums` are.
+    /// Turns samples of `whole` into its difference to the gain-matched target; gain, mean and light are those of this
+    /// part, over which `sums` are.
     fn subtract(&self, whole: &Refiner<'_>, sums: Sums, out: &mut [Lanes]) {
         let mean = sums.levels / self.window.pixels as f64;
-        let gain = (self.subset.energy / (sums.energy - sums.levels * mean)).sqrt();
+        let (slopes, energy) = self.lit(&sums, mean);
+        let gain = (self.subset.energy / energy).sqrt();
         // The means of both references are off their levels.
         let apart = f64::from(whole.subset.mean - self.subset.mean) / gain;
-        let (mean, gain) = (Lanes::splat((mean + apart) as f32), Lanes::splat(gain as f32));
-        subtract(&whole.subset.levels, &whole.window.mask, (mean, gain), out);
+        let even = (Lanes::splat((mean + apart) as f32), Lanes::splat(gain as f32));
+        let Some(light) = &self.subset.light else {
+            subtract(&whole.subset.levels, &whole.window.mask, even, out);
+            return;
+        };
+        let beside: [f64; 2] = std::array::from_fn(|axis| slopes[axis] - light.slopes[axis] / gain);
+        for block in &whole.window.blocks {
+            let rows = block.start..block.start + block.rows;
+            let plane =
+                Tilted { first: light::row(beside, light.middle, (block.dx, block.dy)), down: beside[1] as f32 };
+            let layers = (&whole.subset.levels[rows.clone()], &whole.window.mask[rows.clone()]);
+            subtract_tilted(layers, even, plane, &mut out[rows]);
+        }
     }
 }
 
@@ -388,13 +419,48 @@ fn subtract_with<V: Vector>(levels: &[Lanes], mask: &[Lanes], (mean, gain): (Lan
     }
 }
 
-/// Sum and sum of squares of samples on a mask.
-fn part_sums(samples: &[Lanes], mask: &[Lanes]) -> Sums {
+/// A plane on eight columns: in their first row, and how much it rises from row to row.
+#[derive(Clone, Copy)]
+struct Tilted {
+    first: Lanes,
+    down: f32,
+}
+
+vectorized! {
+    /// As [`subtract`] of a block, with a plane beside the mean.
+    fn subtract_tilted(layers: (&[Lanes], &[Lanes]), mean_and_gain: (Lanes, Lanes), plane: Tilted, out: &mut [Lanes]) =
+        subtract_tilted_with
+}
+
+#[inline(always)]
+fn subtract_tilted_with<V: Vector>(
+    (levels, mask): (&[Lanes], &[Lanes]),
+    (mean, gain): (Lanes, Lanes),
+    plane: Tilted,
+    out: &mut [Lanes],
+) {
+    let (gain, first, down) = (V::from_lanes(&gain), V::from_lanes(&(mean + plane.first)), V::splat(plane.down));
+    for (row, ((level, mask), out)) in levels.iter().zip(mask).zip(out).enumerate() {
+        let mean = first.plus_product(down, V::splat(row as f32));
+        let value = V::from_lanes(out).sub(mean.mul(V::from_lanes(mask)));
+        *out = V::from_lanes(level).sub(value.mul(gain)).to_lanes();
+    }
+}
+
+/// Sums of samples on the mask of a window, without those that need its gradients.
+fn part_sums(samples: &[Lanes], window: &Window) -> Sums {
     let mut sums = Sums::default();
-    for (value, mask) in samples.iter().zip(mask) {
-        let value = *value * *mask;
-        sums.levels += value.sum();
-        sums.energy += (value * value).sum();
+    for block in &window.blocks {
+        let rows = block.start..block.start + block.rows;
+        for (dy, (value, mask)) in (block.dy..).zip(samples[rows.clone()].iter().zip(&window.mask[rows])) {
+            let value = *value * *mask;
+            // In double precision: whether there is any contrast is told by the difference of the two.
+            let [levels, across, _] = value.moments(f64::from(block.dx));
+            sums.levels += levels;
+            sums.places[0] += across;
+            sums.places[1] += levels * f64::from(dy);
+            sums.energy += (value * value).sum();
+        }
     }
     sums
 }

@@ -3,6 +3,7 @@
 
 use super::Shape;
 use super::lanes::{LANES, Lanes};
+use super::light::Light;
 use super::moments::Moments;
 use super::plane::Plane;
 use super::prepared::Prepared;
@@ -62,6 +63,9 @@ pub(super) struct Subset {
     pub(super) roughness: f64,
     /// Gradient energy per pixel in the weaker direction, DN^2/px^2.
     pub(super) weak_gradient: f64,
+    /// The plane that light makes of the levels, where it is left out: `energy`, `jacobian_levels` and `inverse` are then
+    /// without it.
+    pub(super) light: Option<Light>,
 }
 
 impl Subset {
@@ -80,7 +84,19 @@ impl Subset {
         }
         self.contrast = reference.contrast;
         self.load(reference, window, (x, y))?;
-        self.finish(window, shape)
+        self.finish(window, shape, false)
+    }
+
+    /// The same of a whole body, across which light may fall off.
+    pub(super) fn fill_lit(
+        &mut self,
+        reference: &Prepared,
+        window: &Window,
+        shape: Shape,
+        at: (u32, u32),
+    ) -> Result<(), Unusable> {
+        self.fill(reference, window, shape, at)?;
+        self.finish(window, shape, true)
     }
 
     /// Takes the pixels of `whole` that `window` still holds; the two have the same blocks.
@@ -99,13 +115,23 @@ impl Subset {
         let difference = (sum / window.pixels.max(1) as f64) as f32;
         self.mean = whole.mean + difference;
         self.center(window, difference);
-        self.finish(window, shape)
+        self.finish(window, shape, whole.light.is_some())
     }
 
-    /// Everything that follows from grey levels and gradients.
-    fn finish(&mut self, window: &Window, shape: Shape) -> Result<(), Unusable> {
+    /// Everything that follows from grey levels and gradients; without what light makes of them where it is `lit`.
+    fn finish(&mut self, window: &Window, shape: Shape, lit: bool) -> Result<(), Unusable> {
         self.check_contrast(window.pixels)?;
-        let hessian = self.sum_gradients(window);
+        let mut hessian = self.sum_gradients(window);
+        self.light = lit.then(|| Light::of(&self.levels, [&self.gradient_x, &self.gradient_y], window)).flatten();
+        if let Some(light) = &self.light {
+            light.take_out(&self.jacobian_sum, window.pixels, &mut hessian);
+            let slopes = light.slopes;
+            self.energy -= light.energy(slopes);
+            for (k, sum) in self.jacobian_levels.iter_mut().enumerate() {
+                *sum -= light.pull(slopes, k);
+            }
+            self.check_contrast(window.pixels)?;
+        }
         self.judge(&hessian, window.pixels, shape)
     }
 
@@ -298,7 +324,7 @@ fn second_moments_with<V: Vector>(gx: &[Lanes], gy: &[Lanes], dy: i32, sums: &mu
 
 /// Adds `value`, `value` dy and `value` dy^2.
 #[inline(always)]
-fn add_powers<V: Vector>(sums: &mut [V; 3], value: V, dy: V) {
+pub(super) fn add_powers<V: Vector>(sums: &mut [V; 3], value: V, dy: V) {
     let lever = value.mul(dy);
     sums[0] = sums[0].add(value);
     sums[1] = sums[1].add(lever);

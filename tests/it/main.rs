@@ -40,6 +40,7 @@ mod golden;
 mod honest;
 mod impact;
 mod import;
+mod light;
 mod line;
 mod lined;
 mod motion;
