@@ -66,8 +66,10 @@ impl Approach {
         let to = known_to_frames.min(end + FLIGHT_FRAMES);
         let flights = [(from, contact.flight_to_frames), (end + EARLY_FRAMES, to)];
         let seen = flights.map(|(from, to)| beside.growth.rate(from, to));
-        let drift_px = flights.map(|(from, to)| {
-            let [x, y] = beside.drift.surely(from, to)?;
+        let drifts =
+            [beside.drift.supposed(flights[0].0, flights[0].1), beside.drift.surely(flights[1].0, flights[1].1)];
+        let drift_px = drifts.map(|drift| {
+            let [x, y] = drift?;
             let (value, sigma) = (beside.axes.surface(x.value, y.value), beside.axes.surface_sigma(x.sigma, y.sigma));
             let along = |value: f64, sigma: f64| Estimate { value, sigma };
             Some([along(value.normal, sigma.normal), along(value.tangential, sigma.tangential)])

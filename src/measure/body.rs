@@ -364,6 +364,12 @@ impl BodyTracker {
         self.growth.across(rates, regime, Seen { frame: node.frame, time_frames: node.time_frames, place_px, sigma_px })
     }
 
+    /// The centre that its pose leads to.
+    fn carried(&self, node: &Node, regime: Regime) -> Option<Center> {
+        let astray = self.drift.astray(node, regime);
+        self.anchor.center(node).map(|center| Center { sigma_px: center.sigma_px.hypot(astray), ..center })
+    }
+
     fn unsure(&self, rates: PixelRates) -> PixelRates {
         let (shortening, told) = (self.shortening(), [rates.x.value, rates.y.value, rates.theta.value]);
         rates.short_by(shortening.of(told)).short_by(shortening.interpolated(told))
@@ -382,7 +388,10 @@ impl BodyTracker {
             (d.regime(step.frame), if node.is_some() { d.phase(step.frame) } else { Phase::Unknown })
         });
         let outline = outline.map(|c| Center { x_px: c.x_px, y_px: c.y_px, sigma_px: c.sigma_center_px });
-        let by_pose = |n: Node| self.drift.center(&n, regime).or_else(|| self.anchor.center(&n));
+        let by_pose = |n: Node| {
+            let center = self.drift.center(&n, regime).or_else(|| self.carried(&n, regime))?;
+            Some(self.drift.beside(&n, center))
+        };
         let center = node.and_then(by_pose).and_then(|center| self.params.recorded(center)).or(outline);
         let angle = node.filter(|n| n.bridged[2].is_finite());
         let sigma_angle =

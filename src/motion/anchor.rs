@@ -11,6 +11,10 @@ const DRIFT: f64 = 0.15;
 const GATE: f64 = 6.0;
 /// Disbelieved on end for so many frames and the carried pose is given up instead.
 const PATIENCE_FRAMES: f64 = 8.0;
+/// So many that were given up are kept: rows are told some frames later.
+const PAST: usize = 8;
+/// A pose that left its outlines may have done so at any time: so much of the way is not known.
+const UNSURE_WAY: f64 = 0.3;
 
 /// Where a centre is.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -27,24 +31,42 @@ pub struct Center {
 ///
 /// Steps give the centre's motion ten times better than outlines do, outlines
 /// its place: one offset, a scalar Kalman filter an axis with a slow drift for
-/// what summed steps may gather.
-#[derive(Debug, Clone)]
+/// what summed steps may gather. Where it begins anew, what it was holds for the
+/// nodes before.
+#[derive(Debug, Clone, Default)]
 pub struct Anchor {
-    offset: Option<[Estimate; 2]>,
+    hold: Option<Hold>,
+    /// Since when outlines are disbelieved, and what the newest of them says.
+    disbelieved: Option<(f64, Hold)>,
+    /// What was given up, the oldest first.
+    past: Vec<Past>,
+}
+
+/// An offset that outlines agree on.
+#[derive(Debug, Clone, Copy)]
+struct Hold {
+    offset: [Estimate; 2],
     common: f64,
     /// Of the node whose outline was believed last.
     component: u32,
     bridged: [f64; 2],
     time_frames: f64,
-    /// Since when outlines are disbelieved.
-    disbelieved_frames: Option<f64>,
 }
 
-impl Anchor {
-    /// Nothing seen yet.
-    pub fn new() -> Self {
-        let disbelieved_frames = None;
-        Self { offset: None, common: 0.0, component: 0, bridged: [0.0; 2], time_frames: 0.0, disbelieved_frames }
+/// An offset that was given up.
+#[derive(Debug, Clone, Copy)]
+struct Past {
+    hold: Hold,
+    /// When another one took its place.
+    until_frames: f64,
+    /// Whether the pose left it little by little, rather than the body was lost.
+    is_left: bool,
+}
+
+impl Hold {
+    fn new(node: &Node, offset: [Estimate; 2], variance: f64) -> Self {
+        let bridged = [node.bridged[0], node.bridged[1]];
+        Self { offset, common: variance, component: node.component, bridged, time_frames: node.time_frames }
     }
 
     /// Variance of what lies between a node and the one whose outline was believed last, along x and y, px^2.
@@ -59,6 +81,40 @@ impl Anchor {
         })
     }
 
+    /// Variance of the offset at a node.
+    fn prior(&self, node: &Node) -> [f64; 2] {
+        let (dt, gap) = ((node.time_frames - self.time_frames).max(0.0), self.gap(node));
+        std::array::from_fn(|k| self.offset[k].sigma.powi(2) + (DRIFT * node.sigma[k]).powi(2) * dt + gap[k])
+    }
+
+    /// The same with another outline that is believed.
+    fn with(&self, node: &Node, seen: [f64; 2], variance: f64) -> Self {
+        let prior = self.prior(node);
+        let offset = std::array::from_fn(|k| {
+            let (gain, old) = (prior[k] / (prior[k] + variance), self.offset[k].value);
+            Estimate { value: old + gain * (seen[k] - old), sigma: (prior[k] * (1.0 - gain)).sqrt() }
+        });
+        Self { common: self.common + 0.02 * (variance - self.common), ..Self::new(node, offset, variance) }
+    }
+
+    fn center(&self, node: &Node) -> Option<Center> {
+        let gap = self.gap(node);
+        let own = |k: usize| self.offset[k].sigma.powi(2) + node.sigma[k].powi(2) + gap[k];
+        let variance = (0..2).map(own).sum::<f64>() / 2.0 + COMMON * self.common;
+        variance.is_finite().then(|| Center {
+            x_px: node.pose[0] + self.offset[0].value,
+            y_px: node.pose[1] + self.offset[1].value,
+            sigma_px: variance.sqrt(),
+        })
+    }
+}
+
+impl Anchor {
+    /// Nothing seen yet.
+    pub fn new() -> Self {
+        Self::default()
+    }
+
     /// Takes the outline found in a node's frame.
     pub fn push(&mut self, node: &Node, circle: &Circle) {
         let seen = [circle.x_px - node.pose[0], circle.y_px - node.pose[1]];
@@ -66,56 +122,63 @@ impl Anchor {
         if !(seen.iter().all(|x| x.is_finite()) && variance.is_finite()) {
             return;
         }
-        let fresh = seen.map(|value| Estimate { value, sigma: variance.sqrt() });
-        let old = self.offset.unwrap_or(fresh);
-        let dt = node.time_frames - self.time_frames;
-        let gap = self.gap(node);
-        let prior: [f64; 2] = std::array::from_fn(|k| {
-            let drift = (DRIFT * node.sigma[k]).powi(2) * dt.max(0.0);
-            old[k].sigma.powi(2) + drift + gap[k]
-        });
-        let believed = (0..2).all(|k| (seen[k] - old[k].value).powi(2) <= GATE.powi(2) * (prior[k] + variance));
-        let is_given_up = self.disbelieved_frames.is_some_and(|since| node.time_frames - since >= PATIENCE_FRAMES);
-        let start = self.offset.is_none() || prior.iter().any(|p| p.is_infinite()) || is_given_up;
-        if !believed && !start {
-            self.disbelieved_frames.get_or_insert(node.time_frames);
+        let fresh = Hold::new(node, seen.map(|value| Estimate { value, sigma: variance.sqrt() }), variance);
+        let Some(hold) = self.hold else {
+            self.hold = Some(fresh);
+            return;
+        };
+        let prior = hold.prior(node);
+        let is_lost = prior.iter().any(|prior| prior.is_infinite());
+        let believed = (0..2).all(|k| (seen[k] - hold.offset[k].value).powi(2) <= GATE.powi(2) * (prior[k] + variance));
+        let is_left = self.disbelieved.is_some_and(|(since, _)| node.time_frames - since >= PATIENCE_FRAMES);
+        if is_lost || (!believed && is_left) {
+            if self.past.len() == PAST {
+                self.past.remove(0);
+            }
+            self.past.push(Past { hold, until_frames: node.time_frames, is_left: !is_lost });
+            self.hold = Some(fresh);
+        } else if believed {
+            self.hold = Some(hold.with(node, seen, variance));
+        } else {
+            let since = self.disbelieved.map_or(node.time_frames, |(since, _)| since);
+            self.disbelieved = Some((since, fresh));
             return;
         }
-        self.disbelieved_frames = None;
-        self.time_frames = node.time_frames;
-        self.component = node.component;
-        self.bridged = [node.bridged[0], node.bridged[1]];
-        self.common = if start { variance } else { self.common + 0.02 * (variance - self.common) };
-        self.offset = Some(if start {
-            fresh
-        } else {
-            std::array::from_fn(|k| {
-                let gain = prior[k] / (prior[k] + variance);
-                Estimate {
-                    value: old[k].value + gain * (seen[k] - old[k].value),
-                    sigma: (prior[k] * (1.0 - gain)).sqrt(),
-                }
-            })
-        });
+        self.disbelieved = None;
     }
 
     /// The centre in a node's frame; `None` before the first outline and over a gap that cannot be bridged.
     pub fn center(&self, node: &Node) -> Option<Center> {
-        let offset = self.offset?;
-        let gap = self.gap(node);
-        let variance: f64 = (0..2).map(|k| offset[k].sigma.powi(2) + node.sigma[k].powi(2) + gap[k]).sum::<f64>() / 2.0
-            + COMMON * self.common;
-        variance.is_finite().then(|| Center {
-            x_px: node.pose[0] + offset[0].value,
-            y_px: node.pose[1] + offset[1].value,
-            sigma_px: variance.sqrt(),
+        let leads_to = |past: &Past| past.hold.gap(node).iter().all(|gap| gap.is_finite());
+        let now = self.past.iter().position(|past| node.time_frames < past.until_frames && leads_to(past));
+        let Some(index) = now else { return self.newest(node) };
+        let past = &self.past[index];
+        let center = past.hold.center(node)?;
+        let began_frames = past.hold.time_frames;
+        if !past.is_left || node.time_frames <= began_frames {
+            return Some(center);
+        }
+        // On the way from one to the next.
+        let next = self.past.get(index + 1).map_or(self.hold, |next| Some(next.hold))?.center(node)?;
+        let share = (node.time_frames - began_frames) / (past.until_frames - began_frames);
+        let way = [next.x_px - center.x_px, next.y_px - center.y_px];
+        Some(Center {
+            x_px: center.x_px + share * way[0],
+            y_px: center.y_px + share * way[1],
+            sigma_px: center.sigma_px.max(next.sigma_px).hypot(UNSURE_WAY * way[0].hypot(way[1])),
         })
     }
-}
 
-impl Default for Anchor {
-    fn default() -> Self {
-        Self::new()
+    /// The centre by the newest offset. It may be as far off as outlines say that are not believed yet.
+    fn newest(&self, node: &Node) -> Option<Center> {
+        let hold = self.hold?;
+        let center = hold.center(node)?;
+        let Some((_, doubt)) = self.disbelieved.filter(|_| node.time_frames > hold.time_frames) else {
+            return Some(center);
+        };
+        let way = [0, 1].map(|k| doubt.offset[k].value - hold.offset[k].value);
+        let share = (node.time_frames - hold.time_frames) / (doubt.time_frames - hold.time_frames);
+        Some(Center { sigma_px: center.sigma_px.hypot(share.min(2.0) * way[0].hypot(way[1])), ..center })
     }
 }
 
@@ -149,8 +212,10 @@ mod tests {
             anchor.push(node, &circle(x_px));
             assert!((anchor.center(node).unwrap().x_px - x_px).abs() < 1e-9);
         }
-        // What lay before is not where this offset leads to.
-        assert_eq!(anchor.center(&nodes[1]), None);
+        // What lay before is not where this offset leads to, but where its own did.
+        assert!((anchor.center(&nodes[0]).unwrap().x_px - 50.0).abs() < 1e-9);
+        assert!((anchor.center(&node(50.0, 1, f64::INFINITY)).unwrap().x_px - 75.0).abs() < 1e-9);
+        assert!((anchor.center(&node(85.0, 2, f64::INFINITY)).unwrap().x_px - 37.5).abs() < 1e-9);
     }
 
     #[test]
@@ -162,9 +227,14 @@ mod tests {
                 anchor.push(&node(f64::from(frame), 0, 0.0), &circle(90.0));
             }
             let last = node(12.0, 0, 0.0);
+            assert!(anchor.center(&last).unwrap().sigma_px > 30.0, "outlines say that it is elsewhere");
             assert!((anchor.center(&last).unwrap().x_px - 56.0).abs() < 0.1);
             anchor.push(&last, &circle(90.0));
             assert!((anchor.center(&last).unwrap().x_px - 90.0).abs() < 0.1);
+            // It holds from there on; before, it was where it was, and in between nobody knows.
+            assert!((anchor.center(&node(0.0, 0, 0.0)).unwrap().x_px - 50.0).abs() < 0.1);
+            let between = anchor.center(&node(6.0, 0, 0.0)).unwrap();
+            assert!(between.x_px > 53.0 && between.x_px < 87.0 && between.sigma_px > 8.0, "{between:?}");
         }
     }
 }

@@ -10,8 +10,18 @@ const CHANCE_SIGMAS: f64 = 3.5;
 /// How far off the drift of steps may be: a share of it, and of the speed, which a lens bends.
 const UNEVEN: f64 = 0.01;
 const BENT: f64 = 0.001;
+/// Of balls so many turn about an axis in the picture's plane, if nothing is known of them.
+const TURNS: f64 = 0.1;
+/// What is seen to such a share of what is likely is believed to be none.
+const TOLD: f64 = 0.1;
+/// An exponent from which on nothing is left to weigh.
+const MOST_FIT: f64 = 50.0;
 /// From such a share on the outlines tell the centre, not the poses.
 const SURE_SHARE: f64 = 0.5;
+/// What is off by so many of its sigmas, rms, is not even: steps beside one drift, outlines beside a line.
+const UNEVEN_SIGMAS: f64 = 2.5;
+/// Those within so many frames are asked whatever they are off.
+const NARROW: f64 = 4.0;
 /// So many frames before and after a moment tell the drift there, in flight.
 const BACK: u64 = 128;
 const AHEAD: u64 = 14;
@@ -28,6 +38,15 @@ const MOST_ALIKE: f64 = 0.9;
 pub struct Drift {
     seen: Vec<[Sample; 2]>,
     steps: Vec<Moved>,
+    /// How far the surface of a ball moves a frame, by steps: on its way and by its spin.
+    way: Vec<Way>,
+    radius_px: f64,
+}
+
+#[derive(Debug, Clone, Copy)]
+struct Way {
+    time_frames: f64,
+    px: f64,
 }
 
 /// By how much a frame a centre moves beside its step.
@@ -46,15 +65,22 @@ impl Drift {
         if !(sigma > 0.0 && sigma.is_finite() && apart.iter().all(|apart| apart.is_finite())) {
             return;
         }
+        self.radius_px = circle.radius_px;
         let (time_frames, component) = (node.time_frames, node.component);
         keep(&mut self.seen, apart.map(|value| Sample { time_frames, component, value, sigma, walk: 0.0 }));
     }
 
     /// Takes what the step from a frame on shows of it.
     pub fn push_step(&mut self, time_frames: f64, step: &BodyStep) {
-        let Some((drift_px, step)) = step.drift_px.zip(step.step) else { return };
+        let Some(moved) = step.step else { return };
+        let speed_px = moved.dx_px.hypot(moved.dy_px);
+        let px = speed_px.hypot(self.radius_px * moved.dtheta_deg.to_radians());
+        if px.is_finite() && self.radius_px > 0.0 {
+            keep(&mut self.way, Way { time_frames, px });
+        }
+        let Some(drift_px) = step.drift_px else { return };
         if drift_px.iter().all(|drift| drift.value.is_finite() && drift.sigma > 0.0 && drift.sigma.is_finite()) {
-            keep(&mut self.steps, Moved { time_frames, drift_px, speed_px: step.dx_px.hypot(step.dy_px) });
+            keep(&mut self.steps, Moved { time_frames, drift_px, speed_px });
         }
     }
 
@@ -66,12 +92,26 @@ impl Drift {
         let speed_px =
             steps.iter().map(|step| step.speed_px).sum::<f64>() / (!steps.is_empty()).then_some(steps.len())? as f64;
         let along = |axis: usize| {
-            let weight: f64 = steps.iter().map(|step| step.drift_px[axis].sigma.powi(-2)).sum();
-            let weighted = |step: &Moved| step.drift_px[axis].value * step.drift_px[axis].sigma.powi(-2);
-            let value = steps.iter().map(weighted).sum::<f64>() / weight;
-            Estimate { value, sigma: weight.powf(-0.5).hypot(UNEVEN * value).hypot(BENT * speed_px) }
+            let mean = mean(steps, axis);
+            Estimate { sigma: mean.sigma.hypot(UNEVEN * mean.value).hypot(BENT * speed_px), ..mean }
         };
         Some([along(0), along(1)])
+    }
+
+    /// How far the drift of steps between two times scatters more than by their noise, rms along x and y, px.
+    fn scatter(&self, from_frames: f64, to_frames: f64) -> [f64; 2] {
+        let steps = within(&self.steps, from_frames, to_frames, |step| step.time_frames);
+        [0, 1].map(|axis| {
+            let mean = mean(steps, axis).value;
+            let (mut off, mut pull) = (0.0, 0.0);
+            for step in steps {
+                let Estimate { value, sigma } = step.drift_px[axis];
+                let noise = sigma.hypot(UNEVEN * mean).hypot(BENT * step.speed_px);
+                (off, pull) = (off + (value - mean).powi(2), pull + ((value - mean) / noise).powi(2));
+            }
+            let count = steps.len().max(1) as f64;
+            if pull > UNEVEN_SIGMAS.powi(2) * count { (off / count).sqrt() } else { 0.0 }
+        })
     }
 
     /// What outlines say of it.
@@ -110,20 +150,72 @@ impl Drift {
     /// chance. `None` where too little is seen.
     pub fn surely(&self, from_frames: f64, to_frames: f64) -> Option<[Estimate; 2]> {
         let (rates, share) = self.rates(from_frames, to_frames)?;
-        let told = |rate: Estimate| Estimate {
-            value: share * rate.value,
-            sigma: share.sqrt() * rate.sigma.hypot((1.0 - share) * rate.value),
+        let unseen = self.likely_px(from_frames, to_frames).map_or([0.0; 2], |likely_px| unseen(rates, likely_px));
+        Some(std::array::from_fn(|axis| {
+            let Estimate { value, sigma } = rates[axis];
+            let told = share.sqrt() * sigma.hypot((1.0 - share) * value);
+            Estimate { value: share * value, sigma: told.hypot((1.0 - share).sqrt() * unseen[axis]) }
+        }))
+    }
+
+    /// The same, or as unsure as balls turn where neither outlines nor steps tell.
+    pub fn supposed(&self, from_frames: f64, to_frames: f64) -> Option<[Estimate; 2]> {
+        let unseen = || {
+            let sigma = TURNS.sqrt() * self.likely_px(from_frames, to_frames)?;
+            Some([Estimate { value: 0.0, sigma }; 2])
         };
-        Some(rates.map(told))
+        self.surely(from_frames, to_frames).or_else(unseen)
+    }
+
+    /// By how much a frame a ball may leave its pose that turns as fast as it moves, px.
+    fn likely_px(&self, from_frames: f64, to_frames: f64) -> Option<f64> {
+        let way = within(&self.way, from_frames, to_frames, |way| way.time_frames);
+        (!way.is_empty()).then(|| way.iter().map(|way| way.px).sum::<f64>() / way.len() as f64)
+    }
+
+    /// How far a centre may be from where it is carried to, px: it is not seen how it drifts since its nearest outline.
+    pub fn astray(&self, node: &Node, regime: Regime) -> f64 {
+        let after = self.seen.partition_point(|seen| seen[0].time_frames < node.time_frames);
+        let near = [after.checked_sub(1), Some(after)].map(|at| self.seen.get(at?).map(|seen| seen[0].time_frames));
+        let away = near.iter().flatten().map(|time| (time - node.time_frames).abs()).fold(f64::INFINITY, f64::min);
+        let [x, y] = self.at(node, regime);
+        if away.is_finite() { away * x.sigma.max(y.sigma) } else { 0.0 }
+    }
+
+    /// From when to when one drift tells what happens at a node, and how far it is off even there, px.
+    ///
+    /// A body that was struck unseen turns about another axis from then on: steps that scatter tell nothing of a moment
+    /// far from them, and those about it are asked alone.
+    fn even(&self, node: &Node, regime: Regime) -> ((f64, f64), [f64; 2]) {
+        let (from, to) = window(node, regime);
+        if from > to {
+            return ((from, to), [0.0; 2]);
+        }
+        let (about, mut reach) = (node.time_frames.clamp(from, to), to - from);
+        loop {
+            let near = (from.max(about - reach), to.min(about + reach));
+            let scatter = self.scatter(near.0, near.1);
+            if scatter.iter().all(|off| *off <= 0.0) || reach < 2.0 * NARROW {
+                return (near, scatter);
+            }
+            reach *= 0.5;
+        }
     }
 
     /// The drift a frame at a node, as far as it is sure.
     fn at(&self, node: &Node, regime: Regime) -> [Estimate; 2] {
-        let (from, to) = window(node, regime);
+        let ((from, to), scatter) = self.even(node, regime);
         // A contact changes a spin, and how soon is not seen.
-        let changed = if matches!(regime, Regime::Contact { .. }) { 0.5 } else { 0.0 };
-        let unsure = |drift: Estimate| Estimate { sigma: drift.sigma.hypot(changed * drift.value), ..drift };
-        self.surely(from, to).unwrap_or([Estimate { value: 0.0, sigma: 0.0 }; 2]).map(unsure)
+        let is_touching = matches!(regime, Regime::Contact { .. });
+        let changed = if is_touching { 0.5 } else { 0.0 };
+        let told = self.supposed(from, to).unwrap_or([Estimate { value: 0.0, sigma: 0.0 }; 2]);
+        let about = node.time_frames;
+        let now = self.by_steps(about - 2.0 * NARROW, about + 2.0 * NARROW).filter(|_| is_touching);
+        std::array::from_fn(|axis| {
+            let Estimate { value, sigma } = told[axis];
+            let apart = now.map_or(0.0, |now| beyond(now[axis].value - value, now[axis].sigma));
+            Estimate { value, sigma: sigma.hypot(changed * value).hypot(scatter[axis]).hypot(apart) }
+        })
     }
 
     /// The rates of the centre, where those of the pose are others.
@@ -145,24 +237,62 @@ impl Drift {
     }
 
     /// The centre at a node, where it surely leaves the poses.
+    ///
+    /// Outlines that no line goes through tell nothing of a moment far from them, either.
     pub fn center(&self, node: &Node, regime: Regime) -> Option<Center> {
-        let (from, to) = window(node, regime);
-        let (_, share) = self.rates(from, to).filter(|(_, share)| *share >= SURE_SHARE)?;
-        let rates = self.at(node, regime).map(|rate| Estimate { value: rate.value / share, ..rate });
+        let ((from, to), scatter) = self.even(node, regime);
+        let share = self.rates(from, to)?.1;
+        if share < SURE_SHARE || from > to {
+            return None;
+        }
+        let (about, mut reach) = (node.time_frames.clamp(from, to), to - from);
+        loop {
+            let (center, off) = self.along(node, (from.max(about - reach), to.min(about + reach)))?;
+            let even = off <= UNEVEN_SIGMAS * center.sigma_px;
+            if even || reach < 2.0 * NARROW {
+                let sigma_px = if even { center.sigma_px } else { center.sigma_px.hypot(off) };
+                // When the drift changed between two outlines is not seen.
+                let unsure = NARROW * scatter[0].hypot(scatter[1]);
+                return Some(Center { sigma_px: sigma_px.hypot(unsure), ..center });
+            }
+            reach *= 0.5;
+        }
+    }
+
+    /// A centre at a node, as unsure as it is off the outline nearest to it.
+    pub fn beside(&self, node: &Node, center: Center) -> Center {
+        let after = self.seen.partition_point(|seen| seen[0].time_frames < node.time_frames);
+        let near = [after.checked_sub(1), Some(after)].into_iter().flatten().filter_map(|at| self.seen.get(at));
+        let away = |seen: &&[Sample; 2]| (seen[0].time_frames - node.time_frames).abs();
+        let near = near.filter(|seen| seen[0].component == node.component && away(seen) <= NARROW);
+        let Some([x, y]) = near.min_by(|a, b| away(a).total_cmp(&away(b))) else { return center };
+        let off = [center.x_px - node.pose[0] - x.value, center.y_px - node.pose[1] - y.value];
+        let off_px = beyond(off[0].hypot(off[1]), center.sigma_px.hypot(x.sigma));
+        Center { sigma_px: center.sigma_px.hypot(off_px), ..center }
+    }
+
+    /// The centre at a node by outlines between two times, and what these are off the line through them, rms, px.
+    fn along(&self, node: &Node, (from, to): (f64, f64)) -> Option<(Center, f64)> {
+        let rates = self.rates(from, to).map_or([Estimate { value: 0.0, sigma: 0.0 }; 2], |(rates, _)| rates);
         let before = self.seen.partition_point(|seen| seen[0].time_frames <= to);
         let near = match self.between(from, to) {
             [] => self.seen.get(before.checked_sub(1)?..before)?,
             near => near,
         };
         let count = near.len() as f64;
-        let away = node.time_frames - near.iter().map(|seen| seen[0].time_frames).sum::<f64>() / count;
+        let middle = near.iter().map(|seen| seen[0].time_frames).sum::<f64>() / count;
         let at = |axis: usize| {
-            let place = near.iter().map(|seen| seen[axis].value).sum::<f64>() / count + rates[axis].value * away;
+            let mean = near.iter().map(|seen| seen[axis].value).sum::<f64>() / count;
+            let left =
+                |seen: &[Sample; 2]| seen[axis].value - mean - rates[axis].value * (seen[axis].time_frames - middle);
+            let off = (near.iter().map(|seen| left(seen).powi(2)).sum::<f64>() / count).sqrt();
+            let away = node.time_frames - middle;
             // Outlines of a film err alike.
-            (place, near[0][axis].sigma.hypot(rates[axis].sigma * away))
+            (mean + rates[axis].value * away, near[0][axis].sigma.hypot(rates[axis].sigma * away), off)
         };
-        let ((x, sigma_x), (y, sigma_y)) = (at(0), at(1));
-        Some(Center { x_px: node.pose[0] + x, y_px: node.pose[1] + y, sigma_px: sigma_x.max(sigma_y) })
+        let ((x, sigma_x, off_x), (y, sigma_y, off_y)) = (at(0), at(1));
+        let center = Center { x_px: node.pose[0] + x, y_px: node.pose[1] + y, sigma_px: sigma_x.max(sigma_y) };
+        Some((center, off_x.max(off_y)))
     }
 }
 
@@ -183,6 +313,37 @@ fn within<T>(kept: &[T], from_frames: f64, to_frames: f64, time_frames: impl Fn(
 
 fn sum(a: Estimate, b: Estimate) -> Estimate {
     Estimate { value: a.value + b.value, sigma: a.sigma.hypot(b.sigma) }
+}
+
+/// What the drift may be, along x and y, where it is taken for none: of balls a share of [`TURNS`] turns, each as likely by
+/// less as by more than `likely_px`.
+fn unseen(rates: [Estimate; 2], likely_px: f64) -> [f64; 2] {
+    let likely = likely_px * likely_px;
+    // How much likelier they are to show this where it turns (Bayes' factor of normal priors).
+    let factor = rates.iter().fold(1.0, |factor, rate| {
+        let own = rate.sigma * rate.sigma;
+        let fits = 0.5 * rate.value * rate.value / own * likely / (own + likely);
+        factor * (own / (own + likely)).sqrt() * fits.min(MOST_FIT).exp()
+    });
+    let turns = TURNS * factor / (1.0 + TURNS * (factor - 1.0));
+    rates.map(|rate| {
+        let own = rate.sigma * rate.sigma;
+        let gain = likely / (own + likely);
+        let is_unseen = own / (own + TOLD * TOLD * likely);
+        (is_unseen * turns * (gain * own + (gain * rate.value).powi(2))).sqrt()
+    })
+}
+
+/// What is more than chance, else nothing.
+fn beyond(off: f64, sigma: f64) -> f64 {
+    if off.abs() > CHANCE_SIGMAS * sigma { off.abs() } else { 0.0 }
+}
+
+/// The mean of what steps show along an axis, by their noise.
+fn mean(steps: &[Moved], axis: usize) -> Estimate {
+    let weight: f64 = steps.iter().map(|step| step.drift_px[axis].sigma.powi(-2)).sum();
+    let weighted = |step: &Moved| step.drift_px[axis].value * step.drift_px[axis].sigma.powi(-2);
+    Estimate { value: steps.iter().map(weighted).sum::<f64>() / weight, sigma: weight.powf(-0.5) }
 }
 
 /// Two that say the same.
@@ -219,119 +380,4 @@ fn line(samples: &[Sample]) -> Option<(Polynomial, f64)> {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::results::PointStatus;
-
-    const FLIGHT: Regime = Regime::Flight { from: 0, to: u64::MAX };
-
-    fn node(frame: u64) -> Node {
-        Node {
-            frame,
-            time_frames: frame as f64,
-            component: 0,
-            pose: [1.5 * frame as f64, 0.0, 0.0],
-            sigma: [1e-3; 3],
-            bridged: [0.0; 3],
-            walk_share: [0.0; 3],
-            kept: None,
-        }
-    }
-
-    fn circle(frame: u64, [x, y]: [f64; 2]) -> Circle {
-        let (x_px, y_px) = (90.0 + 1.5 * frame as f64 + x, 80.0 + y);
-        Circle { x_px, y_px, radius_px: 57.0, sigma_center_px: 0.03, sigma_radius_px: 0.03, visible_fraction: 1.0 }
-    }
-
-    fn step(frame: u64, drift_px: [f64; 2]) -> BodyStep {
-        BodyStep {
-            is_carried: false,
-            is_whole: true,
-            rim_fraction: None,
-            fixed_fraction: None,
-            growth_fraction: None,
-            drift_px: Some(drift_px.map(|value| Estimate { value, sigma: 0.01 })),
-            frame,
-            stamp_ns: frame,
-            body: 0,
-            interval_frames: 1,
-            circle: None,
-            rod: None,
-            step: Some(RigidStep { dx_px: 1.5, ..RigidStep::STILL }),
-            status: PointStatus::Valid,
-        }
-    }
-
-    /// A scatter without a mean, up to 1.
-    fn scatter(frame: u64) -> f64 {
-        ((frame * 37 % 17) as f64 - 8.0) / 8.0
-    }
-
-    fn steps(drift_px: [f64; 2]) -> Drift {
-        let mut drift = Drift::default();
-        for frame in 0..100 {
-            drift.push_step(frame as f64, &step(frame, drift_px.map(|px| px + 0.015 * scatter(frame))));
-        }
-        drift
-    }
-
-    fn outlines(drift_px: [f64; 2], frames: u64) -> Drift {
-        let mut drift = Drift::default();
-        for frame in 0..frames {
-            let place = drift_px.map(|px| px * frame as f64 + 0.04 * scatter(frame));
-            drift.push(&node(frame), &circle(frame, place));
-        }
-        drift
-    }
-
-    #[test]
-    fn steps_and_outlines_alike_tell_how_a_centre_leaves_its_poses() {
-        for drift in [steps([-0.21, 0.05]), outlines([-0.21, 0.05], 100)] {
-            let [x, y] = drift.surely(0.0, 99.0).unwrap();
-            assert!((x.value + 0.21).abs() < 3.0 * x.sigma && x.sigma < 5e-3, "{x:?}");
-            assert!((y.value - 0.05).abs() < 3.0 * y.sigma && y.sigma < 5e-3, "{y:?}");
-        }
-        assert_eq!(Drift::default().surely(0.0, 99.0), None, "nothing is seen");
-    }
-
-    #[test]
-    fn what_may_be_chance_is_left_out() {
-        for drift in [steps([0.002, -0.001]), outlines([1e-4, -2e-4], 100)] {
-            let told = drift.surely(0.0, 99.0).unwrap();
-            assert!(told.iter().all(|drift| drift.value.abs() <= 0.0 && drift.sigma.abs() <= 0.0), "{told:?}");
-            assert_eq!(drift.center(&node(50), FLIGHT), None);
-        }
-    }
-
-    #[test]
-    fn outlines_that_err_alike_for_a_while_tell_less() {
-        let mut drift = Drift::default();
-        for frame in 0..100 {
-            let slow = 0.05 * (frame as f64 / 30.0).sin();
-            drift.push(&node(frame), &circle(frame, [slow, slow]));
-        }
-        let told = drift.surely(0.0, 40.0).unwrap();
-        assert!(told.iter().all(|drift| drift.value.abs() < 1e-3), "{told:?}");
-    }
-
-    #[test]
-    fn a_centre_goes_on_where_its_outline_is_not_seen() {
-        let mut drift = outlines([-0.2, 0.0], 40);
-        for frame in 0..100 {
-            drift.push_step(frame as f64, &step(frame, [-0.2, 0.0]));
-        }
-        for frame in [20, 60, 90] {
-            let center = drift.center(&node(frame), FLIGHT).unwrap();
-            let off = center.x_px - (90.0 + 1.3 * frame as f64);
-            assert!(off.abs() < 3.0 * center.sigma_px && center.sigma_px < 0.3, "{frame}: off {off}, {center:?}");
-        }
-        let contact = Regime::Contact { from: 60, to: Some(80), acceleration_px: 0.0, speed_px: 1.5 };
-        let still = |value: f64| Estimate { value, sigma: 1e-3 };
-        let rates = PixelRates { x: still(1.5), y: still(0.0), theta: still(0.1), window_frames: 9, order: 2 };
-        let (flies, touches) = (drift.taken(rates, FLIGHT, &node(50)), drift.taken(rates, contact, &node(70)));
-        assert!((flies.x.value - 1.3).abs() < 3.0 * flies.x.sigma && flies.x.sigma < 0.01, "{flies:?}");
-        assert!((touches.x.value - 1.3).abs() < 0.01 && touches.x.sigma > 0.09, "a contact turns it: {touches:?}");
-        let moved = drift.stepped(RigidStep { dx_px: 1.5, ..RigidStep::STILL }, FLIGHT, &node(50));
-        assert!((moved.dx_px - 1.3).abs() < 3.0 * moved.sigma_dx_px && moved.sigma_dx_px < 0.01, "{moved:?}");
-    }
-}
+mod tests;

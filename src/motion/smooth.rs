@@ -20,6 +20,10 @@ const SHARPNESS: f64 = 10.0;
 
 /// Rates of two orders differ by more than their noise from so many sigmas on.
 const SURELY: f64 = 2.0;
+/// How many nodes from a moment a blow is looked for, and how much of it is left there.
+const BLOWS: [(isize, f64); 5] = [(0, 1.0), (-1, 0.7), (1, 0.7), (-2, 0.4), (2, 0.4)];
+/// A scatter about a line so many times that of the samples' own sigmas is no noise that these do not know of.
+const MOST_EXCESS: f64 = 4.0;
 /// Half width of the fit across the moment at which a force sets in or ends, frames.
 const ACROSS_FRAMES: u64 = 8;
 /// Inside of a contact, so many frames from there on the order-4 window errs by what that fit does, ever less,
@@ -127,7 +131,33 @@ fn fit_and_doubt(nodes: &[Node], at_frames: f64, order: usize) -> Option<PixelRa
         let noise = (finer.sigma.powi(2) - rate.sigma.powi(2)).max(0.0);
         ((finer.value - rate.value).powi(2) - SURELY.powi(2) * noise).max(0.0).sqrt()
     };
-    Some(rates.unsure_by([apart(rates.x, finer.x), apart(rates.y, finer.y), apart(rates.theta, finer.theta)]))
+    let rates = rates.unsure_by([apart(rates.x, finer.x), apart(rates.y, finer.y), apart(rates.theta, finer.theta)]);
+    Some(rates.unsure_by(blow(nodes, at_frames, order)))
+}
+
+/// Half of what the speed seems to change by at once near a moment, beyond the noise: a blow between two frames bends no curve
+/// and so hides from a higher order.
+fn blow(nodes: &[Node], at_frames: f64, order: usize) -> [f64; 3] {
+    let fits =
+        |axis: usize| Polynomial::fit(&samples(nodes, axis), at_frames, order, 0.0).is_none_or(|f| f.excess() <= 1.0);
+    if (0..3).all(fits) {
+        return [0.0; 3];
+    }
+    let middle = nodes.partition_point(|node| node.time_frames < at_frames);
+    let mut most = [0.0_f64; 3];
+    for (away, share) in BLOWS {
+        let Some(split) = middle.checked_add_signed(away).filter(|split| *split < nodes.len()) else { continue };
+        let at_frames = nodes[split].time_frames;
+        let sides = [&nodes[..=split], &nodes[split..]].map(|side| fit_rates(side, at_frames, order, [0.0; 2]));
+        let [Some(before), Some(after)] = sides else { continue };
+        let axes = [(before.x, after.x), (before.y, after.y), (before.theta, after.theta)];
+        for (most, (before, after)) in most.iter_mut().zip(axes) {
+            let noise = SURELY * before.sigma.hypot(after.sigma);
+            let change = ((after.value - before.value).powi(2) - noise * noise).max(0.0).sqrt();
+            *most = most.max(0.5 * share * change);
+        }
+    }
+    most
 }
 
 fn between(nodes: &[Node], from: u64, to: u64) -> &[Node] {
@@ -274,6 +304,9 @@ fn in_flight(nodes: &[Node], at_frames: f64, gravity: Option<[f64; 2]>) -> Optio
     let (first, last) = (nodes.first()?, nodes.last()?);
     let middle = 0.5 * (first.time_frames + last.time_frames);
     let free = [0, 1].map(|axis| Polynomial::fit(&samples(nodes, axis), middle, 2, 0.0));
+    if free.iter().flatten().any(|fit| fit.excess() > MOST_EXCESS) {
+        return None;
+    }
     let agrees = |known: &[f64; 2]| {
         (0..2).all(|axis| {
             free[axis].as_ref().is_none_or(|fit| {

@@ -11,6 +11,7 @@
 mod accuracy;
 mod allocation;
 mod ball;
+mod blow;
 mod bounce;
 mod browser;
 mod bus;
