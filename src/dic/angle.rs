@@ -372,14 +372,8 @@ impl Template {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::dic::speckle::{Speckle, record};
+    use crate::dic::speckle::{Speckle, prepared, record};
     use crate::dic::{CorrelationParams, Correlator, Start, grid, rigid_fit};
-
-    fn prepared(image: &Image) -> Prepared {
-        let mut prepared = Prepared::default();
-        prepared.fill(image.view(), Interpolation::Optimised);
-        prepared
-    }
 
     #[test]
     fn a_ball_is_found_at_any_angle_and_half_an_image_away() {

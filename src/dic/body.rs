@@ -83,7 +83,7 @@ impl RigidBody {
             return Err(PointStatus::OutOfFrame);
         }
         let mut subset = Subset::default();
-        match subset.fill_lit(reference, &window, Shape::Rigid, at) {
+        match subset.fill_body(reference, &window, at) {
             Ok(()) => {
                 let (mut pool, sight) = (Pool::default(), Sight::new(&window));
                 pool.add_texture(&subset, &window);
@@ -278,15 +278,8 @@ pub(super) fn motion(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::dic::params::Interpolation;
-    use crate::dic::speckle::{Speckle, record};
+    use crate::dic::speckle::{Speckle, prepared, record};
     use crate::image::Image;
-
-    fn prepared(image: &Image) -> Prepared {
-        let mut prepared = Prepared::default();
-        prepared.fill(image.view(), Interpolation::Optimised);
-        prepared
-    }
 
     /// A pattern turned about (70, 66) and shifted.
     fn turned(speckle: &Speckle, (u, v, angle_deg): (f64, f64, f64)) -> Image {

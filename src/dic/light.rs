@@ -23,7 +23,7 @@ pub(super) struct Light {
     second: [[f64; 2]; 2],
     inverse: [[f64; 2]; 2],
     /// Sums of J times x and y about the middle.
-    pub(super) jacobian: [[f64; 6]; 2],
+    jacobian: [[f64; 6]; 2],
     /// Slopes of the plane, DN/px.
     pub(super) slopes: [f64; 2],
 }
@@ -121,18 +121,12 @@ pub(super) fn row(slopes: [f64; 2], about: [f64; 2], (dx, dy): (i32, i32)) -> La
     let first = slopes[0] * (f64::from(dx) - about[0]) + slopes[1] * (f64::from(dy) - about[1]);
     Lanes(std::array::from_fn::<f32, LANES, _>(|lane| (first + slopes[0] * lane as f64) as f32))
 }
+
 #[cfg(test)]
 mod tests {
-    use crate::dic::params::Interpolation;
-    use crate::dic::speckle::{Speckle, record};
-    use crate::dic::{Prepared, Region, RigidBody};
+    use crate::dic::speckle::{Speckle, prepared, record};
+    use crate::dic::{Region, RigidBody};
     use crate::image::Image;
-
-    fn prepared(image: &Image) -> Prepared {
-        let mut prepared = Prepared::default();
-        prepared.fill(image.view(), Interpolation::Optimised);
-        prepared
-    }
 
     /// A picture in light that falls off along a direction, DN/px.
     fn lit(image: &Image, slopes: [f32; 2]) -> Image {

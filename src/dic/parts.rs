@@ -82,7 +82,7 @@ impl Parts {
         let at = parts.middle();
         parts.subset_of(at);
         let Self { body, disc, frames, .. } = &mut parts;
-        let _ = body.fill_lit(&frames.0, disc, Shape::Rigid, (at.x, at.y));
+        let _ = body.fill_body(&frames.0, disc, (at.x, at.y));
         parts
     }
 

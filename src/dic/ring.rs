@@ -386,16 +386,9 @@ fn climb(cross: &[Complex<f64>], start: f64) -> Option<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::dic::params::Interpolation;
-    use crate::dic::speckle::{Sequence, Speckle, record};
+    use crate::dic::speckle::{Sequence, Speckle, prepared, record};
     use crate::dic::warp::Warp;
     use crate::image::Image;
-
-    fn prepared(image: &Image) -> Prepared {
-        let mut prepared = Prepared::default();
-        prepared.fill(image.view(), Interpolation::Optimised);
-        prepared
-    }
 
     /// A pattern turned about (70, 66) and shifted.
     fn turned_by(speckle: &Speckle, (u, v, angle_deg): (f64, f64, f64)) -> Image {

@@ -3,6 +3,8 @@
 //! No interpolation anywhere: a displaced image is drawn from displaced centres,
 //! each pixel integrated by 3 x 3 Gauss points.
 
+use super::params::Interpolation;
+use super::prepared::Prepared;
 use crate::image::Image;
 
 /// One disc: centre and radius, px.
@@ -116,4 +118,11 @@ pub(super) fn record(clean: &Image, sigma: f64, seed: u64) -> Image {
     let level = |value: &f32| (f64::from(*value) + sigma * sequence.normal()).round().clamp(0.0, 255.0) as f32;
     let view = clean.view();
     Image::from_vec(view.data().iter().map(level).collect(), view.width(), view.height()).unwrap()
+}
+
+/// A picture made ready.
+pub(super) fn prepared(image: &Image) -> Prepared {
+    let mut prepared = Prepared::default();
+    prepared.fill(image.view(), Interpolation::Optimised);
+    prepared
 }

@@ -77,26 +77,14 @@ impl Subset {
         shape: Shape,
         at: (u32, u32),
     ) -> Result<(), Unusable> {
-        let (x, y) = reference.local(at);
-        let (x, y) = (x as isize, y as isize);
-        if !window.extent.fits((x, y), (reference.levels.width(), reference.levels.height())) {
-            return Err(Unusable::OutOfFrame);
-        }
-        self.contrast = reference.contrast;
-        self.load(reference, window, (x, y))?;
+        self.load(reference, window, at)?;
         self.finish(window, shape, false)
     }
 
-    /// The same of a whole body, across which light may fall off.
-    pub(super) fn fill_lit(
-        &mut self,
-        reference: &Prepared,
-        window: &Window,
-        shape: Shape,
-        at: (u32, u32),
-    ) -> Result<(), Unusable> {
-        self.fill(reference, window, shape, at)?;
-        self.finish(window, shape, true)
+    /// Takes a whole rigid body, across which light may fall off.
+    pub(super) fn fill_body(&mut self, reference: &Prepared, window: &Window, at: (u32, u32)) -> Result<(), Unusable> {
+        self.load(reference, window, at)?;
+        self.finish(window, Shape::Rigid, true)
     }
 
     /// Takes the pixels of `whole` that `window` still holds; the two have the same blocks.
@@ -177,7 +165,13 @@ impl Subset {
     }
 
     /// Grey levels, their mean and energy, and gradients.
-    fn load(&mut self, reference: &Prepared, window: &Window, at: (isize, isize)) -> Result<(), Unusable> {
+    fn load(&mut self, reference: &Prepared, window: &Window, at: (u32, u32)) -> Result<(), Unusable> {
+        let (x, y) = reference.local(at);
+        let at = (x as isize, y as isize);
+        if !window.extent.fits(at, (reference.levels.width(), reference.levels.height())) {
+            return Err(Unusable::OutOfFrame);
+        }
+        self.contrast = reference.contrast;
         let pixels = window.pixels as f64;
         let sum = take(&reference.levels, window, at, &mut self.levels);
         if reference.saturation.is_finite() {
