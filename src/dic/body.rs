@@ -14,6 +14,7 @@ use super::share::Sharpness;
 use super::sight::Sight;
 use super::sigma::{Factor, Pool, Slopes};
 use super::subset::{Subset, Unusable};
+use super::veil::Veil;
 use super::warp::Warp;
 use super::window::Window;
 use crate::results::PointStatus;
@@ -170,6 +171,7 @@ impl RigidBody {
     ) -> Result<BodyMotion, PointStatus> {
         let (start, offset) = self.start((x_px, y_px), near);
         let (mut sight, mut residual) = (std::mem::take(&mut self.sight), std::mem::take(&mut self.residual));
+        sight.unveil();
         let plain = self.refiner(target).refine_near(start, self.share, &mut residual).map_err(status_of);
         let found = match plain {
             Ok(found) if sight.is_whole(&self.window, &found, &residual) => {
@@ -193,6 +195,11 @@ impl RigidBody {
         };
         (self.sight, self.residual) = (sight, residual);
         found
+    }
+
+    /// What hid the body, about [`Self::center_px`], from the match by [`Self::find_visible`] before; `None` where nothing did.
+    pub fn veil(&self) -> Option<Veil> {
+        self.sight.veil(&self.window)
     }
 
     /// A start near a motion of a point, and where the point lies from the centre.

@@ -21,8 +21,10 @@ pub struct Swell {
     /// The motion of a ball's centre, which is also its outline's, px. Its front's is another where it turns about an axis
     /// in the picture's plane.
     pub center_px: Option<[f64; 2]>,
-    /// How much less sure than the rotation, in rad, both are: 1 and px.
-    pub levers: [f64; 2],
+    /// By which it turns, counter-clockwise on the screen, deg, whatever its front does.
+    pub angle_deg: f64,
+    /// How much less sure than the rotation of what is flat, in rad, these are: 1, px and 1.
+    pub levers: [f64; 3],
 }
 
 /// A ball in the picture.
@@ -63,8 +65,9 @@ pub fn swell(field: &[FieldPoint], ball: Option<Sphere>) -> Option<Swell> {
     let [t, s, along, across, ..] = fit.found;
     let growth = along + across * across / (1.0 + along + (1.0 + along).hypot(across));
     let is_told = [growth, t, s].iter().all(|number| number.is_finite());
-    let levers = [fit.levers[2], fit.levers[0].max(fit.levers[1])];
-    is_told.then_some(Swell { growth, center_px: ball.map(|_| [t, s]), levers })
+    let levers = [fit.levers[2], fit.levers[0].max(fit.levers[1]), fit.levers[3]];
+    let angle_deg = across.atan2(1.0 + along).to_degrees();
+    is_told.then_some(Swell { growth, center_px: ball.map(|_| [t, s]), angle_deg, levers })
 }
 
 /// The six numbers of [`swell`], and how much less sure than the rotation each is.

@@ -156,10 +156,10 @@ impl Likeness {
         pick(window, stride, |at| square[at] < most * count[at].max(1.0), kept);
     }
 
-    /// Pixels in sight, those next to an occluder too, whose neighbourhoods see it.
+    /// Tells the pixels in sight, and how many they are, those next to an occluder too, whose neighbourhoods see it.
     ///
     /// A pixel within reach of one that is kept counts when its own residual is no more than noise.
-    pub(super) fn in_sight(&mut self, window: &Window, noise: f32, kept: &[Lanes]) -> usize {
+    pub(super) fn in_sight(&mut self, window: &Window, noise: f32, kept: &[Lanes], sight: &mut Vec<Lanes>) -> usize {
         let Self { residual, product, columns, sums, .. } = self;
         let stride = self.stride;
         product.clear();
@@ -170,10 +170,8 @@ impl Likeness {
         let near = &mut sums[0];
         box_sums(product, stride, RESIDUAL_REACH, columns, near);
         let seen = |at: usize| product[at] > 0.5 || (near[at] > 0.5 && residual[at].abs() < OWN_RESIDUAL * noise);
-        let lanes = |(first, mask): (usize, &Lanes)| {
-            (0..LANES).filter(|lane| mask.0[*lane] > 0.5 && seen(first + lane)).count()
-        };
-        places(window, stride).zip(&window.mask).map(lanes).sum()
+        pick(window, stride, seen, sight);
+        sight.iter().map(|row| row.0.iter().sum::<f32>() as usize).sum()
     }
 
     /// Standard deviation of the residual where `kept` is 1, from its median: a few strange pixels do not matter.

@@ -6,6 +6,7 @@ use super::likeness::Likeness;
 use super::refine::{Match, Refiner};
 use super::sigma::Pool;
 use super::subset::Subset;
+use super::veil::Veil;
 use super::warp::Warp;
 use super::window::Window;
 use crate::results::PointStatus;
@@ -43,6 +44,8 @@ pub(super) struct Sight {
     window: Window,
     subset: Subset,
     pool: Pool,
+    /// The same as `kept`, up to what hides the others; empty where all are in sight.
+    seen: Vec<Lanes>,
 }
 
 /// How pixels in sight are told.
@@ -107,8 +110,18 @@ impl Sight {
         let motion = motion(&refiner, found, offset, (&mut pool, &residual));
         (self.pool, self.residual) = (pool, residual);
         let noise = self.noise(body);
-        let pixels = self.likeness.in_sight(body.window, noise, &self.kept);
+        let pixels = self.likeness.in_sight(body.window, noise, &self.kept, &mut self.seen);
         BodyMotion { motion, zncc: found.zncc, visible_fraction: pixels as f64 / body.window.pixels as f64 }
+    }
+
+    /// Forgets what hid the body before.
+    pub(super) fn unveil(&mut self) {
+        self.seen.clear();
+    }
+
+    /// What hides the body, of these pixels, as [`Self::told`] found it; `None` where nothing does.
+    pub(super) fn veil(&self, window: &Window) -> Option<Veil> {
+        (!self.seen.is_empty()).then(|| Veil::new(window, &self.seen))
     }
 
     /// Share of the body's pixels in sight.

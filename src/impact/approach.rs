@@ -7,7 +7,7 @@
 
 use super::detect::Contact;
 use super::solve::{FLIGHT_FRAMES, World};
-use super::trail::{NORMAL, SurfaceNode, TANGENTIAL, between};
+use super::trail::{ANGLE, NORMAL, SurfaceNode, TANGENTIAL, between};
 use crate::motion::{Axes, Drift, Growth, surely};
 use crate::results::{Estimate, Impact};
 
@@ -22,6 +22,7 @@ const UNEVEN_RAD: f64 = 0.005;
 /// What is left of the growth over a contact in its duration, as a share of it.
 const LEFT: f64 = 0.05;
 
+const RAD: f64 = std::f64::consts::PI / 180.0;
 const NONE: Estimate = Estimate { value: 0.0, sigma: 0.0 };
 
 /// What is seen of a body beside its poses.
@@ -50,8 +51,8 @@ pub struct Approach {
     contact_frames: [f64; 2],
     /// Length of the flights.
     flight_frames: [f64; 2],
-    /// By how much a frame the centre leaves the pose before and after, along normal and tangent, px.
-    drift_px: [[Estimate; 2]; 2],
+    /// By how much a frame a ball leaves the pose before and after, along normal and tangent, px, and its angle, rad.
+    drift: [[Estimate; 3]; 2],
     /// Of the pose's origin from where the camera looks straight ahead, along normal and tangent, px.
     place_px: [f64; 2],
     /// How well it is known where the camera looks, px.
@@ -68,22 +69,22 @@ impl Approach {
         let seen = flights.map(|(from, to)| beside.growth.rate(from, to));
         let drifts =
             [beside.drift.supposed(flights[0].0, flights[0].1), beside.drift.surely(flights[1].0, flights[1].1)];
-        let drift_px = drifts.map(|drift| {
-            let [x, y] = drift?;
+        let drift = drifts.map(|drift| {
+            let [x, y, turn] = drift?;
             let (value, sigma) = (beside.axes.surface(x.value, y.value), beside.axes.surface_sigma(x.sigma, y.sigma));
             let along = |value: f64, sigma: f64| Estimate { value, sigma };
-            Some([along(value.normal, sigma.normal), along(value.tangential, sigma.tangential)])
+            Some([along(value.normal, sigma.normal), along(value.tangential, sigma.tangential), times(turn, RAD)])
         });
         // What is not seen yet of the flight after is what it was before, or anything up to that.
-        let [before, after] = drift_px;
-        let before = before.unwrap_or([NONE; 2]);
+        let [before, after] = drift;
+        let before = before.unwrap_or([NONE; 3]);
         let after = after.unwrap_or(before.map(|drift| Estimate { sigma: drift.value.hypot(drift.sigma), ..drift }));
         Some(Self {
             seen,
             told: told(seen),
             contact_frames: [start, end],
             flight_frames: [start - from, to - end],
-            drift_px: [before, after],
+            drift: [before, after],
             place_px: beside.place_px,
             middle_sigma_px: beside.middle_sigma_px,
         })
@@ -94,6 +95,7 @@ impl Approach {
         let even = |node: &SurfaceNode| {
             let larger = self.grown(node.time_frames).exp();
             let mut value = node.value;
+            value[ANGLE] += self.left(ANGLE, node.time_frames);
             for k in [NORMAL, TANGENTIAL] {
                 let center_px = value[k] + self.left(k, node.time_frames);
                 value[k] = (self.place_px[k] + center_px) / larger - self.place_px[k];
@@ -108,9 +110,9 @@ impl Approach {
         self.summed(self.told.map(|told| told.value), time_frames)
     }
 
-    /// How far the centre is beside the pose, beside what it was at first touch, px.
+    /// How far a ball is beside the pose, beside what it was at first touch, px, px and rad.
     fn left(&self, k: usize, time_frames: f64) -> f64 {
-        self.summed(self.drift_px.map(|drift| drift[k].value), time_frames)
+        self.summed(self.drift.map(|drift| drift[k].value), time_frames)
     }
 
     /// The sum since first touch of what is so much a frame before and after.
@@ -139,15 +141,16 @@ impl Approach {
             let far_px = (self.place_px[k] + touch_px[k]).abs();
             let way_px = told.map_or(0.0, |v| (v.value / speed).abs()) * self.flight_frames[side];
             let middle_px = self.middle_sigma_px.hypot(UNEVEN * world.radius_px.map_or(0.0, |radius| radius.value));
-            (sigma * (far_px + way_px)).hypot(value * middle_px).hypot(self.drift_px[side][k].sigma) * speed
+            (sigma * (far_px + way_px)).hypot(value * middle_px).hypot(self.drift[side][k].sigma) * speed
         };
         let normal = [doubt(NORMAL, 0, impact.vn_before_m_s), doubt(NORMAL, 1, impact.vn_after_m_s)];
         let along = [doubt(TANGENTIAL, 0, impact.vt_before_m_s), doubt(TANGENTIAL, 1, impact.vt_after_m_s)];
         // When a spin about another axis changes within the contact is not seen.
-        let spun = 0.5 * (self.drift_px[1][NORMAL].value - self.drift_px[0][NORMAL].value).abs() * speed;
-        widen(&mut impact, (normal, spun), along, world);
-        for (spin, told) in [&mut impact.omega_before_rad_s, &mut impact.omega_after_rad_s].into_iter().zip(self.told) {
-            by(spin, UNEVEN_RAD * told.value / world.period_s);
+        let spun = 0.5 * (self.drift[1][NORMAL].value - self.drift[0][NORMAL].value).abs() * speed;
+        let spins = [0, 1].map(|side| self.drift[side][ANGLE].sigma / world.period_s);
+        widen(&mut impact, (normal, spun), (along, spins), world);
+        for (side, spin) in [&mut impact.omega_before_rad_s, &mut impact.omega_after_rad_s].into_iter().enumerate() {
+            by(spin, (UNEVEN_RAD * self.told[side].value).hypot(self.drift[side][ANGLE].sigma) / world.period_s);
         }
         let [start, end] = self.contact_frames;
         let grown = 0.5 * (self.told[0].value + self.told[1].value) * (end - start);
@@ -182,7 +185,7 @@ fn told(seen: [Option<Estimate>; 2]) -> [Estimate; 2] {
 }
 
 /// Adds what the speeds before and after may be off by to all that follows from them.
-fn widen(impact: &mut Impact, (normal, spun): ([f64; 2], f64), along: [f64; 2], world: &World) {
+fn widen(impact: &mut Impact, (normal, spun): ([f64; 2], f64), (along, spins): ([f64; 2], [f64; 2]), world: &World) {
     let value = |number: Option<Estimate>| number.map_or(0.0, |number| number.value);
     let (vn, vt) = (
         [value(impact.vn_before_m_s), value(impact.vn_after_m_s)],
@@ -198,7 +201,8 @@ fn widen(impact: &mut Impact, (normal, spun): ([f64; 2], f64), along: [f64; 2], 
     let restitution = value(impact.restitution).abs();
     by(&mut impact.restitution, (normal[1] + restitution * normal[0]) / vn[0].abs());
     let tangential = value(impact.restitution_tangential).abs();
-    by(&mut impact.restitution_tangential, (along[1] + tangential * along[0]) / slide.abs());
+    let slides = [0, 1].map(|side| along[side].hypot(rim * spins[side]));
+    by(&mut impact.restitution_tangential, (slides[1] + tangential * slides[0]) / slide.abs());
     let ratio = value(impact.impulse_ratio).abs();
     let turned = along[0] + along[1] + ratio * (normal[0] + normal[1]);
     by(&mut impact.impulse_ratio, turned / (vn[1] - vn[0]).abs());
@@ -268,7 +272,7 @@ mod tests {
             told: [Estimate { value: 1e-4, sigma: 0.0 }; 2],
             contact_frames: [20.0, 40.0],
             flight_frames: [20.0, 20.0],
-            drift_px: [[NONE; 2]; 2],
+            drift: [[NONE; 3]; 2],
             place_px: [-60.0, 90.0],
             middle_sigma_px: 0.0,
         };

@@ -126,7 +126,7 @@ mod tests {
             fixed_fraction: None,
             growth_fraction: None,
             is_carried: false,
-            drift_px: None,
+            drift: None,
             frame,
             stamp_ns: frame,
             body: 0,

@@ -12,11 +12,11 @@ use super::picture::Picture;
 use super::reference::Reference;
 use super::target::Target;
 use super::turn::Turns;
-use super::whole::{WholeStep, Wholes};
+use super::whole::{WholeStep, Wholes, is_hidden};
 use crate::dic::{Correlator, Prepared, Start};
 use crate::image::{Frame, FrameMeta, Image};
 use crate::motion::Rotation;
-use crate::results::{BodyStep, PairField, PointStatus, RigidStep};
+use crate::results::{BodyStep, Estimate, PairField, PointStatus, RigidStep};
 use std::collections::VecDeque;
 
 /// One body in one frame: its step and the field the step came from.
@@ -207,11 +207,12 @@ impl Measurer {
         self.wholes.forget_before(oldest);
         self.patterns.forget_before(oldest);
         self.finders.iter_mut().for_each(|finder| finder.forget_before(oldest));
-        if self.params.rotation == Rotation::Rigid {
-            for (body, outline) in outlines.iter().enumerate() {
-                if let Ok(Outline::Ball(circle)) = outline {
-                    self.wholes.begin((body, block), meta.sequence, &prepared, circle);
-                }
+        for (body, outline) in outlines.iter().enumerate() {
+            // What hides a ball from its subsets is seen by a match of the whole of it, whatever tells its motion.
+            if let Ok(Outline::Ball(circle)) = outline
+                && (self.params.rotation == Rotation::Rigid || is_hidden(circle))
+            {
+                self.wholes.begin((body, block), meta.sequence, &prepared, circle);
             }
         }
         let slots = self.finders.len() * self.params.intervals_frames.len();
@@ -357,24 +358,18 @@ impl Measurer {
             .and_then(|rate| self.whole_step(span, &outline, &rate));
         let known = whole.map(|whole| whole.step).or(known);
         let start = known.map_or(Start::Search, |step| start(&step, outline.center_px(), frames));
-        let correlation = &self.params.correlation;
         self.correlator.correlate(&reference.prepared, prepared, &points, start, &mut field.points);
         if is_narrow && (whole.is_none() || self.correlator.has_searched()) {
             return None;
         }
-        step.step = rigid_step(&mut field, outline.center_px(), frames, correlation.subset_size_px, start);
-        let moved = swollen(&field, &mut step, &outline, correlation.subset_size_px);
-        if let (Rotation::Center, Some(_)) = (self.params.rotation, &step.circle) {
-            step.step = step.step.and_then(|_| center_step(&field, outline.center_px(), frames, correlation));
-        }
-        if let (Rotation::Ring(limits), Some(found), Some(circle)) =
-            (self.params.rotation, &mut step.step, &step.circle)
-        {
-            self.turns.replace(found, circle, (&reference.prepared, prepared), limits, frames);
-        }
-        drift(&mut step, moved);
+        self.leave_out(span, &mut field);
+        let mut moved = self.by_subsets((reference, target), &outline, &mut field, &mut step, start);
         if let (None, Some(rate)) = (whole, step.step) {
             whole = self.whole_step(span, &outline, &rate);
+            // What hides it is known now.
+            if self.leave_out(span, &mut field) {
+                moved = self.by_subsets((reference, target), &outline, &mut field, &mut step, start);
+            }
         }
         if let Outline::Patch(_) = outline {
             // Subsets follow whatever is before the patch; where they led astray, it may be where it was.
@@ -382,14 +377,15 @@ impl Measurer {
             step.step = None;
         }
         let whole = whole.filter(|whole| {
-            let agrees = step.step.is_none_or(|field| confirm::agree(&whole.step, &field, step.drift_px));
+            let agrees = step.step.is_none_or(|field| confirm::agree(&whole.step, &field, step.drift));
             // A pattern that moves over the body is not that of its reference for long.
             if !agrees || step.drifts() {
                 self.wholes.forget(body, reference.block);
             }
             agrees
         });
-        if let Some(whole) = whole.as_ref().filter(|_| !step.drifts()) {
+        let is_told = self.params.rotation == Rotation::Rigid || matches!(outline, Outline::Patch(_));
+        if let Some(whole) = whole.as_ref().filter(|_| is_told && !step.drifts()) {
             whole.tell(&mut step);
         }
         drift(&mut step, moved);
@@ -402,6 +398,37 @@ impl Measurer {
             step.fixed_fraction = step.step.and_then(|_| self.patterns.share((body, reference), &outline));
         }
         Some(Measured { step, field: Some(field), is_matched: whole.is_some() })
+    }
+
+    /// Leaves out the subsets that show what hides a body, where a match of the whole of it tells; tells whether there are any.
+    fn leave_out(&self, (reference, target, body): (&Reference, Target<'_>, usize), field: &mut PairField) -> bool {
+        let subset_px = self.params.correlation.subset_size_px;
+        let frames = (reference.meta.sequence, target.sequence);
+        self.wholes.leave_out((body, reference.block), frames, &mut field.points, subset_px)
+    }
+
+    /// Tells the step that subsets show, and gives the motion of a ball that turns about any axis.
+    fn by_subsets(
+        &mut self,
+        (reference, target): (&Reference, Target<'_>),
+        outline: &Outline,
+        field: &mut PairField,
+        step: &mut BodyStep,
+        start: Start,
+    ) -> Option<[Estimate; 3]> {
+        let (frames, correlation) = (f64::from(step.interval_frames), &self.params.correlation);
+        step.step = rigid_step(field, outline.center_px(), frames, correlation.subset_size_px, start);
+        let moved = swollen(field, step, outline, correlation.subset_size_px);
+        if let (Rotation::Center, Some(_)) = (self.params.rotation, &step.circle) {
+            step.step = step.step.and_then(|_| center_step(field, outline.center_px(), frames, correlation));
+        }
+        if let (Rotation::Ring(limits), Some(found), Some(circle)) =
+            (self.params.rotation, &mut step.step, &step.circle)
+        {
+            self.turns.replace(found, circle, (&reference.prepared, target.prepared), limits, frames);
+        }
+        drift(step, moved);
+        moved
     }
 
     /// The motion of the whole body, near a rate a frame.

@@ -71,6 +71,7 @@ pub struct BodyTracker {
 
 impl BodyTracker {
     pub fn new(body: u32, params: &MotionParams, contact: bool) -> Self {
+        let rolling = Rolling::new(params.shutter, params.form);
         Self {
             body,
             params: params.clone(),
@@ -82,8 +83,8 @@ impl BodyTracker {
             radius: RunningRadius::new(),
             fixed: RunningShare::default(),
             growth: Growth::default(),
-            drift: Drift::default(),
-            rolling: Rolling::new(params.shutter, params.form),
+            drift: Drift::new(rolling.rolls()),
+            rolling,
             rod_px: None,
             is_whole: false,
             nodes: Vec::new(),
@@ -124,7 +125,9 @@ impl BodyTracker {
             self.is_whole = step.is_whole;
         }
         self.growth.push(step, time_frames);
-        self.drift.push_step(time_frames, step);
+        if self.params.form == Form::Ball {
+            self.drift.push_step(time_frames, step);
+        }
         let Some(node) = self.chain.push(step, time_frames, self.rolling.periods()) else { return };
         let node = self.rolling.unsheared(node);
         self.first_sigma_deg.get_or_insert(node.sigma[2]);
@@ -427,7 +430,8 @@ impl BodyTracker {
             step: step
                 .step
                 .filter(|_| !gone)
-                .map(|step| node.map_or(step, |node| self.drift.stepped(step, regime, &node)).about(center_sigma_px)),
+                .map(|moved| node.map_or(moved, |node| self.drift.stepped(moved, step.drift, regime, &node)))
+                .map(|moved| moved.about(center_sigma_px)),
             velocity: rates
                 .zip(scale)
                 .map(|(rates, scale)| physical(&self.unsure(rates.about(center_sigma_px)), scale, &self.params)),

@@ -55,8 +55,8 @@ fn goes_on(before: &RigidStep, step: &RigidStep) -> bool {
 /// Whether the whole body moved as its subsets did.
 ///
 /// Of a front that turns they see other parts: they differ by a share of how much farther than the rim it moves.
-pub(super) fn agree(whole: &RigidStep, field: &RigidStep, drift_px: Option<[Estimate; 2]>) -> bool {
-    let turns = drift_px.map_or(0.0, |[x, y]| OTHER_PART * x.value.hypot(y.value));
+pub(super) fn agree(whole: &RigidStep, field: &RigidStep, drift: Option<[Estimate; 3]>) -> bool {
+    let turns = drift.map_or(0.0, |[x, y, _]| OTHER_PART * x.value.hypot(y.value));
     let most = [WHOLE_APART[0] + turns, WHOLE_APART[1] + turns, WHOLE_APART[2]];
     let apart = [whole.dx_px - field.dx_px, whole.dy_px - field.dy_px, whole.dtheta_deg - field.dtheta_deg];
     let sigma = [
@@ -113,7 +113,7 @@ mod tests {
             fixed_fraction,
             growth_fraction: None,
             is_carried: false,
-            drift_px: None,
+            drift: None,
             frame: 3,
             stamp_ns: 3,
             body: 0,
@@ -137,10 +137,10 @@ mod tests {
     fn a_centre_moves_with_its_outlines_whatever_its_pattern_does() {
         let mut turning = moved(false, 1);
         assert!(!holds(&turning, None, (&at(100.0), &at(107.1)), true));
-        turning.step.drift_px = Some([-0.7, 0.0].map(|value| Estimate { value, sigma: 0.02 }));
+        turning.step.drift = Some([-0.7, 0.0, 0.0].map(|value| Estimate { value, sigma: 0.02 }));
         assert!(holds(&turning, None, (&at(100.0), &at(107.1)), true));
         assert!(!holds(&turning, None, (&at(100.0), &at(107.8)), true));
-        assert!(!agree(&step(7.65), &step(7.8), None) && agree(&step(7.65), &step(7.8), turning.step.drift_px));
+        assert!(!agree(&step(7.65), &step(7.8), None) && agree(&step(7.65), &step(7.8), turning.step.drift));
     }
 
     #[test]

@@ -38,14 +38,14 @@ pub(super) fn rigid_step(
     (motion.points >= FEWEST_POINTS).then(|| a_frame(&motion, frames))
 }
 
-/// Tells by which share a frame the body grows, and gives the motion of a ball's centre a frame; the body's step is the
-/// rigid motion of its field.
+/// Tells by which share a frame the body grows, and gives the motion of a ball a frame whatever axis it turns about: of its
+/// centre, px, and its rotation, deg; the body's step is the rigid motion of its field.
 pub(super) fn swollen(
     field: &PairField,
     told: &mut BodyStep,
     outline: &Outline,
     subset_px: u32,
-) -> Option<[Estimate; 2]> {
+) -> Option<[Estimate; 3]> {
     let ball = match outline {
         Outline::Ball(Circle { x_px, y_px, radius_px, .. }) => {
             Some(Sphere { center_px: [*x_px, *y_px], radius_px: *radius_px, subset_px: f64::from(subset_px) })
@@ -59,15 +59,16 @@ pub(super) fn swollen(
     let a_frame = |value: f64, sigma: Option<f64>| Some(Estimate { value: value / frames, sigma: sigma? });
     told.growth_fraction = a_frame(found.growth, sigma[0]);
     let [x, y] = found.center_px?.map(|moved| a_frame(moved, sigma[1]));
-    Some([x?, y?])
+    Some([x?, y?, a_frame(found.angle_deg, sigma[2].map(f64::to_degrees))?])
 }
 
-/// Tells how much farther a frame than its step a centre moves that moves so.
-pub(super) fn drift(told: &mut BodyStep, moved: Option<[Estimate; 2]>) {
-    let beside = |(step, [x, y]): (RigidStep, [Estimate; 2])| {
-        [Estimate { value: x.value - step.dx_px, ..x }, Estimate { value: y.value - step.dy_px, ..y }]
+/// Tells how much farther a frame than its step a ball moves and turns that moves so.
+pub(super) fn drift(told: &mut BodyStep, moved: Option<[Estimate; 3]>) {
+    let beside = |(step, [x, y, turn]): (RigidStep, [Estimate; 3])| {
+        let less = |moved: Estimate, told: f64| Estimate { value: moved.value - told, ..moved };
+        [less(x, step.dx_px), less(y, step.dy_px), less(turn, step.dtheta_deg)]
     };
-    told.drift_px = told.step.zip(moved).map(beside);
+    told.drift = told.step.zip(moved).map(beside);
 }
 
 /// About how a ball moves of which nothing is known, from some of its subsets: a match of the whole ball needs no more.

@@ -41,7 +41,7 @@ impl Reference {
     pub(super) fn untold(&self, body: usize, interval_frames: u32) -> BodyStep {
         BodyStep {
             is_carried: self.outlines[body].is_ok() && self.sources[body] != Source::Seen,
-            drift_px: None,
+            drift: None,
             is_whole: false,
             rim_fraction: None,
             fixed_fraction: None,

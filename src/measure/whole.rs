@@ -4,8 +4,8 @@
 //! step between two frames is the difference of their poses, and the noise of
 //! the reference is in neither.
 
-use crate::dic::{BodyMotion, Prepared, Region, RigidBody};
-use crate::results::{BodyStep, Circle, RigidStep};
+use crate::dic::{BodyMotion, Prepared, Region, RigidBody, Veil};
+use crate::results::{BodyStep, Circle, FieldPoint, PointStatus, RigidStep};
 
 use super::known::FORETOLD_PX;
 use super::outline::RIM_CLEARANCE;
@@ -15,10 +15,17 @@ use super::target::Target;
 const RENEW_HIDDEN_DEG: f64 = 10.0;
 /// Share in sight from which on a body counts as unhidden.
 const WHOLE: f64 = 0.97;
+/// Share of a subset's pixels that may be out of sight.
+const MOST_HIDDEN: f64 = 0.01;
 
 /// The pixels that a ball is matched by as a whole: all but its rim.
 pub fn whole_region(circle: &Circle) -> Region {
     Region::Disc { x_px: circle.x_px, y_px: circle.y_px, radius_px: circle.radius_px * (1.0 - RIM_CLEARANCE) }
+}
+
+/// Whether something hides a part of a ball, by its rim.
+pub(super) fn is_hidden(circle: &Circle) -> bool {
+    circle.visible_fraction < WHOLE
 }
 
 /// Where the reference's centre is in a frame, and how the body is turned.
@@ -48,6 +55,17 @@ struct Kept {
     is_whole: bool,
     /// In the order of their frames.
     poses: Vec<Pose>,
+    /// What hid the body, in frames in which something did.
+    veils: Vec<Veiled>,
+}
+
+/// What hid a body in a frame, of its reference then.
+#[derive(Debug)]
+struct Veiled {
+    frame: u64,
+    origin: Pose,
+    center_px: (f64, f64),
+    veil: Veil,
 }
 
 /// What a match of the whole body says of a step.
@@ -111,6 +129,26 @@ impl Wholes {
         kept.and_then(|kept| kept.pose(frame)).is_some_and(|pose| pose.share.is_some_and(|share| share >= WHOLE))
     }
 
+    /// Marks the subsets that show what hid a body in one of two frames, which it was matched in; tells whether there are any.
+    pub(super) fn leave_out(
+        &self,
+        (body, block): (usize, u64),
+        (from, to): (u64, u64),
+        points: &mut [FieldPoint],
+        subset_px: u32,
+    ) -> bool {
+        let kept = self.kept.iter().find(|kept| (kept.body, kept.block) == (body, block) && !kept.veils.is_empty());
+        let Some(kept) = kept else { return false };
+        let (Some(from), Some(to)) = (kept.pose(from), kept.pose(to)) else { return false };
+        let mut any = false;
+        for point in points.iter_mut().filter(|point| point.displacement.is_some()) {
+            if kept.is_veiled([&from, &to], point, subset_px) {
+                (point.displacement, point.status, any) = (None, PointStatus::Occluded, true);
+            }
+        }
+        any
+    }
+
     /// Takes a frame as the reference of a body in a block that has none.
     pub(super) fn begin(&mut self, (body, block): (usize, u64), frame: u64, prepared: &Prepared, circle: &Circle) {
         if self.knows(body, block) {
@@ -122,8 +160,17 @@ impl Wholes {
         let pixels = reference.pixels() as u32;
         let (x_px, y_px) = (circle.x_px, circle.y_px);
         let origin = Pose { frame, x_px, y_px, angle_deg: 0.0, sigma: [0.0; 3], pixels, share: None };
-        let is_whole = circle.visible_fraction >= WHOLE;
-        self.kept.push(Kept { body, block, reference, origin, radius_px, is_whole, poses: vec![origin] });
+        let is_whole = !is_hidden(circle);
+        self.kept.push(Kept {
+            body,
+            block,
+            reference,
+            origin,
+            radius_px,
+            is_whole,
+            poses: vec![origin],
+            veils: Vec::new(),
+        });
     }
 
     /// The step of a body from one frame of a block to a later one, looked for near `rate` a frame.
@@ -185,6 +232,8 @@ impl Kept {
         }
         let place = self.poses.partition_point(|other| other.frame < frame);
         self.poses.insert(place, pose);
+        let center_px = self.reference.center_px();
+        self.veils.extend(self.reference.veil().map(|veil| Veiled { frame, origin, center_px, veil }));
         let is_hidden = visible_fraction < WHOLE;
         // Something in the reference that moves as the body does would be taken for it.
         if found.is_stale() && (!is_hidden || motion.angle_deg.abs() > RENEW_HIDDEN_DEG) {
@@ -195,6 +244,20 @@ impl Kept {
             }
         }
         Some(pose)
+    }
+}
+
+impl Kept {
+    /// Whether a subset of a frame shows something else than the body in that frame or another.
+    fn is_veiled(&self, [from, to]: [&Pose; 2], point: &FieldPoint, subset_px: u32) -> bool {
+        let apart = (f64::from(point.x_px) - from.x_px, f64::from(point.y_px) - from.y_px);
+        let most = MOST_HIDDEN * f64::from(subset_px).powi(2);
+        let mut near = self.veils.iter().filter(|veiled| [from.frame, to.frame].contains(&veiled.frame));
+        near.any(|Veiled { origin, center_px, veil, .. }| {
+            let (x, y) = turned(apart, origin.angle_deg - from.angle_deg);
+            let place = (origin.x_px + x - center_px.0, origin.y_px + y - center_px.1);
+            f64::from(veil.hidden(place, subset_px)) > most
+        })
     }
 }
 

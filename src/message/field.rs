@@ -6,7 +6,7 @@ use iceoryx2::prelude::ZeroCopySend;
 
 /// One body in one frame, its outline and its motion to the next frame.
 #[derive(Debug, Clone, Copy, PartialEq, Default, ZeroCopySend)]
-#[type_name("ricochet.FieldHeader.v6")]
+#[type_name("ricochet.FieldHeader.v7")]
 #[repr(C)]
 pub struct FieldHeader {
     /// Which start of the acquire process the frames belong to.
@@ -72,6 +72,10 @@ pub struct FieldHeader {
     pub drift_y_px: Number,
     /// ... and the standard uncertainty of both.
     pub sigma_drift_px: f64,
+    /// By how much a frame it turns beside that, deg, ...
+    pub drift_deg: Number,
+    /// ... and its standard uncertainty.
+    pub sigma_drift_deg: f64,
     /// The rod, where the body is one.
     pub rod: RodMessage,
 }
@@ -91,9 +95,11 @@ impl FieldHeader {
             fixed_fraction: step.fixed_fraction.into(),
             growth_fraction: step.growth_fraction.map(|growth| growth.value).into(),
             sigma_growth_fraction: step.growth_fraction.map_or(0.0, |growth| growth.sigma),
-            drift_x_px: step.drift_px.map(|front| front[0].value).into(),
-            drift_y_px: step.drift_px.map(|front| front[1].value).into(),
-            sigma_drift_px: step.drift_px.map_or(0.0, |front| front[0].sigma),
+            drift_x_px: step.drift.map(|drift| drift[0].value).into(),
+            drift_y_px: step.drift.map(|drift| drift[1].value).into(),
+            sigma_drift_px: step.drift.map_or(0.0, |drift| drift[0].sigma),
+            drift_deg: step.drift.map(|drift| drift[2].value).into(),
+            sigma_drift_deg: step.drift.map_or(0.0, |drift| drift[2].sigma),
             rod: step.rod.into(),
             ..Self::default()
         };
@@ -145,9 +151,7 @@ impl FieldHeader {
             fixed_fraction: self.fixed_fraction.into(),
             growth_fraction: Option::<f64>::from(self.growth_fraction)
                 .map(|value| Estimate { value, sigma: self.sigma_growth_fraction }),
-            drift_px: Option::<f64>::from(self.drift_x_px)
-                .zip(self.drift_y_px.into())
-                .map(|(x, y)| [x, y].map(|value| Estimate { value, sigma: self.sigma_drift_px })),
+            drift: self.drift(),
             rim_fraction: matches!(self.circle_known, 2 | 4).then_some(self.rim_fraction),
             frame: self.sequence,
             stamp_ns: self.stamp_ns,
@@ -158,6 +162,13 @@ impl FieldHeader {
             step,
             status: PointStatus::from_number(self.status)?,
         })
+    }
+
+    fn drift(&self) -> Option<[Estimate; 3]> {
+        let (x, y): (Option<f64>, Option<f64>) = (self.drift_x_px.into(), self.drift_y_px.into());
+        let (place, turn) = (self.sigma_drift_px, self.sigma_drift_deg);
+        let along = |value: Option<f64>, sigma: f64| value.map(|value| Estimate { value, sigma });
+        Some([along(x, place)?, along(y, place)?, along(self.drift_deg.into(), turn)?])
     }
 
     /// The field it heads; `None` when there is none.
@@ -258,7 +269,7 @@ mod tests {
             rim_fraction: Some(0.9),
             fixed_fraction: Some(-2.5e-4),
             growth_fraction: Some(Estimate { value: 3e-5, sigma: 4e-6 }),
-            drift_px: Some([0.11, -0.07].map(|value| Estimate { value, sigma: 0.01 })),
+            drift: Some([(0.11, 0.01), (-0.07, 0.01), (0.02, 0.003)].map(|(value, sigma)| Estimate { value, sigma })),
             frame: 8,
             stamp_ns: 9,
             body: 10,

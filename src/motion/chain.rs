@@ -209,7 +209,7 @@ mod tests {
             fixed_fraction,
             growth_fraction: None,
             is_carried: false,
-            drift_px: None,
+            drift: None,
             frame,
             stamp_ns: frame,
             body: 0,

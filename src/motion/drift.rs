@@ -1,7 +1,10 @@
 //! How the outline of a body leaves the pose that its pattern leads to.
 
-use super::{Center, Node, PixelRates, Polynomial, Regime, Sample};
+use self::prior::{TURNS, unseen};
+use super::{Center, Node, PixelRates, Polynomial, Regime, Sample, Sums};
 use crate::results::{BodyStep, Circle, Estimate, RigidStep};
+
+mod prior;
 
 /// Fewest outlines whose word is taken.
 const LEAST_SEEN: usize = 3;
@@ -10,12 +13,6 @@ const CHANCE_SIGMAS: f64 = 3.5;
 /// How far off the drift of steps may be: a share of it, and of the speed, which a lens bends.
 const UNEVEN: f64 = 0.01;
 const BENT: f64 = 0.001;
-/// Of balls so many turn about an axis in the picture's plane, if nothing is known of them.
-const TURNS: f64 = 0.1;
-/// What is seen to such a share of what is likely is believed to be none.
-const TOLD: f64 = 0.1;
-/// An exponent from which on nothing is left to weigh.
-const MOST_FIT: f64 = 50.0;
 /// From such a share on the outlines tell the centre, not the poses.
 const SURE_SHARE: f64 = 0.5;
 /// What is off by so many of its sigmas, rms, is not even: steps beside one drift, outlines beside a line.
@@ -29,6 +26,14 @@ const AHEAD: u64 = 14;
 const KEPT: usize = 4608;
 /// Outlines may be alike in their errors from frame to frame up to here.
 const MOST_ALIKE: f64 = 0.9;
+/// A ball of which a half is in sight, whose front moves by a share of the radius, seems to turn by so much of half of that.
+const LOPSIDED: f64 = 0.4;
+/// And so does one in full sight, whose paint is not even.
+const PATCHY: f64 = 0.03;
+/// What is off in all steps of a ball that is hidden, as a share of their sigmas: see `docs/studies.md`.
+const LEAN: f64 = 0.3;
+
+const NONE: Estimate = Estimate { value: 0.0, sigma: 0.0 };
 
 /// Centres of outlines beside carried poses.
 ///
@@ -37,27 +42,38 @@ const MOST_ALIKE: f64 = 0.9;
 #[derive(Debug, Clone, Default)]
 pub struct Drift {
     seen: Vec<[Sample; 2]>,
+    /// What steps say of it: each, and summed.
     steps: Vec<Moved>,
+    sums: Sums<3>,
     /// How far the surface of a ball moves a frame, by steps: on its way and by its spin.
     way: Vec<Way>,
     radius_px: f64,
+    /// What is off in all steps, as a share of their sigmas.
+    lean: f64,
 }
 
 #[derive(Debug, Clone, Copy)]
 struct Way {
     time_frames: f64,
     px: f64,
+    /// Share of the ball that was out of sight.
+    hidden: f64,
 }
 
-/// By how much a frame a centre moves beside its step.
+/// By how much a frame a ball moves and turns beside its step, px, px and deg.
 #[derive(Debug, Clone, Copy)]
 struct Moved {
     time_frames: f64,
-    drift_px: [Estimate; 2],
+    drift: [Estimate; 3],
     speed_px: f64,
 }
 
 impl Drift {
+    /// Of a ball that a camera films whose rows are exposed one after the other, or all at once.
+    pub fn new(is_rolling: bool) -> Self {
+        Self { lean: if is_rolling { 1.0 } else { 0.0 }, ..Self::default() }
+    }
+
     /// Takes the outline found in a node's frame.
     pub fn push(&mut self, node: &Node, circle: &Circle) {
         let sigma = circle.sigma_center_px;
@@ -74,44 +90,69 @@ impl Drift {
     pub fn push_step(&mut self, time_frames: f64, step: &BodyStep) {
         let Some(moved) = step.step else { return };
         let speed_px = moved.dx_px.hypot(moved.dy_px);
-        let px = speed_px.hypot(self.radius_px * moved.dtheta_deg.to_radians());
-        if px.is_finite() && self.radius_px > 0.0 {
-            keep(&mut self.way, Way { time_frames, px });
-        }
-        let Some(drift_px) = step.drift_px else { return };
-        if drift_px.iter().all(|drift| drift.value.is_finite() && drift.sigma > 0.0 && drift.sigma.is_finite()) {
-            keep(&mut self.steps, Moved { time_frames, drift_px, speed_px });
-        }
-    }
-
-    /// What steps say of the drift between two times.
-    ///
-    /// Their noise is taken for that of as many that know nothing of each other, which is more than it is.
-    fn by_steps(&self, from_frames: f64, to_frames: f64) -> Option<[Estimate; 2]> {
-        let steps = within(&self.steps, from_frames, to_frames, |step| step.time_frames);
-        let speed_px =
-            steps.iter().map(|step| step.speed_px).sum::<f64>() / (!steps.is_empty()).then_some(steps.len())? as f64;
-        let along = |axis: usize| {
-            let mean = mean(steps, axis);
-            Estimate { sigma: mean.sigma.hypot(UNEVEN * mean.value).hypot(BENT * speed_px), ..mean }
-        };
-        Some([along(0), along(1)])
-    }
-
-    /// How far the drift of steps between two times scatters more than by their noise, rms along x and y, px.
-    fn scatter(&self, from_frames: f64, to_frames: f64) -> [f64; 2] {
-        let steps = within(&self.steps, from_frames, to_frames, |step| step.time_frames);
-        [0, 1].map(|axis| {
-            let mean = mean(steps, axis).value;
-            let (mut off, mut pull) = (0.0, 0.0);
-            for step in steps {
-                let Estimate { value, sigma } = step.drift_px[axis];
-                let noise = sigma.hypot(UNEVEN * mean).hypot(BENT * step.speed_px);
-                (off, pull) = (off + (value - mean).powi(2), pull + ((value - mean) / noise).powi(2));
+        if let Some(circle) = &step.circle {
+            self.radius_px = circle.radius_px;
+            let px = speed_px.hypot(circle.radius_px * moved.dtheta_deg.to_radians());
+            let hidden = (1.0 - circle.visible_fraction).clamp(0.0, 1.0);
+            if px.is_finite() && hidden.is_finite() {
+                keep(&mut self.way, Way { time_frames, px, hidden });
             }
+        }
+        self.sums.push(step, time_frames, step.drift);
+        if let Some(drift) = step.drift {
+            keep(&mut self.steps, Moved { time_frames, drift, speed_px });
+        }
+    }
+
+    /// What steps say of the drift between two times, px, px and deg a frame.
+    fn by_steps(&self, from_frames: f64, to_frames: f64) -> Option<[Estimate; 3]> {
+        let bent = self.bent(from_frames, to_frames)?;
+        let steps = within(&self.steps, from_frames, to_frames, |step| step.time_frames);
+        let lean = self.lean.hypot(LEAN * self.hidden(from_frames, to_frames)) / steps.len().max(1) as f64;
+        let along = |axis: usize| {
+            let fit = self.fitted(axis, from_frames, to_frames)?.0;
+            let rate = fit.rate(from_frames);
+            let sigma = (rate.sigma * fit.excess()).hypot(UNEVEN * rate.value).hypot(bent[axis]);
+            Some(Estimate {
+                sigma: sigma.hypot(lean * steps.iter().map(|step| step.drift[axis].sigma).sum::<f64>()),
+                ..rate
+            })
+        };
+        Some([along(0)?, along(1)?, along(2)?])
+    }
+
+    /// A line through what steps sum up to along an axis, and the sums.
+    fn fitted(&self, axis: usize, from_frames: f64, to_frames: f64) -> Option<(Polynomial, Vec<Sample>)> {
+        let sums: Vec<Sample> = self.sums.between(from_frames, to_frames).iter().map(|sums| sums[axis]).collect();
+        let middle = 0.5 * (sums.first()?.time_frames + sums.last()?.time_frames);
+        Some((Polynomial::fit(&sums, middle, 1, 0.0)?, sums))
+    }
+
+    /// What a lens may make of a motion, px, px and deg a frame.
+    fn bent(&self, from_frames: f64, to_frames: f64) -> Option<[f64; 3]> {
+        let steps = within(&self.steps, from_frames, to_frames, |step| step.time_frames);
+        let count = (!steps.is_empty()).then_some(steps.len())? as f64;
+        let bent_px = BENT * steps.iter().map(|step| step.speed_px).sum::<f64>() / count;
+        Some([bent_px, bent_px, 0.0])
+    }
+
+    /// How far the drift of steps between two times scatters where it is not even, rms, px, px and deg.
+    fn scatter(&self, from_frames: f64, to_frames: f64) -> [f64; 3] {
+        let steps = within(&self.steps, from_frames, to_frames, |step| step.time_frames);
+        let off = |axis: usize| {
+            let bent = self.bent(from_frames, to_frames)?[axis];
+            let (fit, sums) = self.fitted(axis, from_frames, to_frames)?;
+            // A drift that changes by a share over the whole time bends their sum by an eighth of what that comes to.
+            let bends = 0.125 * (to_frames - from_frames) * bent.hypot(UNEVEN * fit.rate(from_frames).value);
+            let pull =
+                |sum: &Sample| fit.residual(sum).map_or(0.0, |(left, sigma)| (left / sigma.hypot(bends)).powi(2));
+            let is_even = sums.iter().map(pull).sum::<f64>() <= UNEVEN_SIGMAS.powi(2) * fit.freedom() as f64;
             let count = steps.len().max(1) as f64;
-            if pull > UNEVEN_SIGMAS.powi(2) * count { (off / count).sqrt() } else { 0.0 }
-        })
+            let mean = steps.iter().map(|step| step.drift[axis].value).sum::<f64>() / count;
+            let square = steps.iter().map(|step| (step.drift[axis].value - mean).powi(2)).sum::<f64>() / count;
+            Some(if is_even || fit.freedom() == 0 { 0.0 } else { square.sqrt() })
+        };
+        [0, 1, 2].map(|axis| off(axis).unwrap_or(0.0))
     }
 
     /// What outlines say of it.
@@ -139,32 +180,52 @@ impl Drift {
     fn rates(&self, from_frames: f64, to_frames: f64) -> Option<([Estimate; 2], f64)> {
         let rates = match (self.by_outlines(from_frames, to_frames), self.by_steps(from_frames, to_frames)) {
             (Some(outlines), Some(steps)) => std::array::from_fn(|axis| both(outlines[axis], steps[axis])),
-            (outlines, steps) => outlines.or(steps)?,
+            (outlines, steps) => outlines.or(steps.map(|[x, y, _]| [x, y]))?,
         };
         // Along both axes at once, as one length.
         let square: f64 = rates.iter().map(|rate| (rate.value / rate.sigma).powi(2)).sum();
         Some((rates, (1.0 - (CHANCE_SIGMAS * CHANCE_SIGMAS / square).powi(2)).max(0.0)))
     }
 
-    /// By how much a frame the outline surely leaves the pose between two times, along x and y, px: 0 where it may be
-    /// chance. `None` where too little is seen.
-    pub fn surely(&self, from_frames: f64, to_frames: f64) -> Option<[Estimate; 2]> {
+    /// By how much a frame a ball surely leaves its pose between two times, along x and y, px, and its angle, deg: 0 where it
+    /// may be chance. `None` where too little is seen.
+    pub fn surely(&self, from_frames: f64, to_frames: f64) -> Option<[Estimate; 3]> {
         let (rates, share) = self.rates(from_frames, to_frames)?;
-        let unseen = self.likely_px(from_frames, to_frames).map_or([0.0; 2], |likely_px| unseen(rates, likely_px));
-        Some(std::array::from_fn(|axis| {
-            let Estimate { value, sigma } = rates[axis];
+        let turn = self.by_steps(from_frames, to_frames).map(|[_, _, turn]| turn);
+        let likely_px = self.likely_px(from_frames, to_frames);
+        let unseen = likely_px.map_or([0.0; 2], |likely_px| unseen(rates, likely_px, turn.is_some()));
+        let told = |Estimate { value, sigma }: Estimate, unseen: f64| {
             let told = share.sqrt() * sigma.hypot((1.0 - share) * value);
-            Estimate { value: share * value, sigma: told.hypot((1.0 - share).sqrt() * unseen[axis]) }
-        }))
+            Estimate { value: share * value, sigma: told.hypot((1.0 - share).sqrt() * unseen) }
+        };
+        let turns_deg = |px: f64| self.turns_deg(px, from_frames, to_frames);
+        let outlined = || Estimate { value: 0.0, sigma: turns_deg(rates[0].value.hypot(rates[1].value)) };
+        let turn = told(turn.unwrap_or_else(outlined), turns_deg(unseen[0].hypot(unseen[1])));
+        Some([told(rates[0], unseen[0]), told(rates[1], unseen[1]), turn])
     }
 
     /// The same, or as unsure as balls turn where neither outlines nor steps tell.
-    pub fn supposed(&self, from_frames: f64, to_frames: f64) -> Option<[Estimate; 2]> {
+    pub fn supposed(&self, from_frames: f64, to_frames: f64) -> Option<[Estimate; 3]> {
         let unseen = || {
             let sigma = TURNS.sqrt() * self.likely_px(from_frames, to_frames)?;
-            Some([Estimate { value: 0.0, sigma }; 2])
+            Some(
+                [sigma, sigma, self.turns_deg(sigma, from_frames, to_frames)]
+                    .map(|sigma| Estimate { value: 0.0, sigma }),
+            )
         };
         self.surely(from_frames, to_frames).or_else(unseen)
+    }
+
+    /// By how much a ball seems to turn whose front moves by so many px, deg.
+    fn turns_deg(&self, drift_px: f64, from_frames: f64, to_frames: f64) -> f64 {
+        let lopsided = (LOPSIDED * self.hidden(from_frames, to_frames)).hypot(PATCHY);
+        if self.radius_px > 0.0 { (lopsided * drift_px / self.radius_px).to_degrees() } else { 0.0 }
+    }
+
+    /// Share of the ball that is out of sight between two times.
+    fn hidden(&self, from_frames: f64, to_frames: f64) -> f64 {
+        let way = within(&self.way, from_frames, to_frames, |way| way.time_frames);
+        way.iter().map(|way| way.hidden).sum::<f64>() / way.len().max(1) as f64
     }
 
     /// By how much a frame a ball may leave its pose that turns as fast as it moves, px.
@@ -178,7 +239,7 @@ impl Drift {
         let after = self.seen.partition_point(|seen| seen[0].time_frames < node.time_frames);
         let near = [after.checked_sub(1), Some(after)].map(|at| self.seen.get(at?).map(|seen| seen[0].time_frames));
         let away = near.iter().flatten().map(|time| (time - node.time_frames).abs()).fold(f64::INFINITY, f64::min);
-        let [x, y] = self.at(node, regime);
+        let [x, y, _] = self.at(node, regime);
         if away.is_finite() { away * x.sigma.max(y.sigma) } else { 0.0 }
     }
 
@@ -186,10 +247,10 @@ impl Drift {
     ///
     /// A body that was struck unseen turns about another axis from then on: steps that scatter tell nothing of a moment
     /// far from them, and those about it are asked alone.
-    fn even(&self, node: &Node, regime: Regime) -> ((f64, f64), [f64; 2]) {
+    fn even(&self, node: &Node, regime: Regime) -> ((f64, f64), [f64; 3]) {
         let (from, to) = window(node, regime);
         if from > to {
-            return ((from, to), [0.0; 2]);
+            return ((from, to), [0.0; 3]);
         }
         let (about, mut reach) = (node.time_frames.clamp(from, to), to - from);
         loop {
@@ -202,13 +263,13 @@ impl Drift {
         }
     }
 
-    /// The drift a frame at a node, as far as it is sure.
-    fn at(&self, node: &Node, regime: Regime) -> [Estimate; 2] {
+    /// The drift a frame at a node, as far as it is sure, px, px and deg.
+    fn at(&self, node: &Node, regime: Regime) -> [Estimate; 3] {
         let ((from, to), scatter) = self.even(node, regime);
         // A contact changes a spin, and how soon is not seen.
         let is_touching = matches!(regime, Regime::Contact { .. });
         let changed = if is_touching { 0.5 } else { 0.0 };
-        let told = self.supposed(from, to).unwrap_or([Estimate { value: 0.0, sigma: 0.0 }; 2]);
+        let told = self.supposed(from, to).unwrap_or([NONE; 3]);
         let about = node.time_frames;
         let now = self.by_steps(about - 2.0 * NARROW, about + 2.0 * NARROW).filter(|_| is_touching);
         std::array::from_fn(|axis| {
@@ -220,18 +281,27 @@ impl Drift {
 
     /// The rates of the centre, where those of the pose are others.
     pub fn taken(&self, rates: PixelRates, regime: Regime, node: &Node) -> PixelRates {
-        let [x, y] = self.at(node, regime);
-        PixelRates { x: sum(rates.x, x), y: sum(rates.y, y), ..rates }
+        let [x, y, theta] = self.at(node, regime);
+        PixelRates { x: sum(rates.x, x), y: sum(rates.y, y), theta: sum(rates.theta, theta), ..rates }
     }
 
-    /// The step of the centre from a node on, where that of the pose is another.
-    pub fn stepped(&self, step: RigidStep, regime: Regime, node: &Node) -> RigidStep {
-        let [x, y] = self.at(node, regime);
+    /// The step of the ball from a node on, where that of the pose is another.
+    ///
+    /// Where a blow falls into it, its own drift is none of those before and after.
+    pub fn stepped(&self, step: RigidStep, own: Option<[Estimate; 3]>, regime: Regime, node: &Node) -> RigidStep {
+        let told = self.at(node, regime);
+        let off = |own: &[Estimate; 3]| {
+            let pull = |axis: usize| (own[axis].value - told[axis].value) / own[axis].sigma.hypot(told[axis].sigma);
+            pull(0).hypot(pull(1)).hypot(pull(2)) > CHANCE_SIGMAS
+        };
+        let [x, y, turn] = own.filter(off).unwrap_or(told);
         RigidStep {
             dx_px: step.dx_px + x.value,
             dy_px: step.dy_px + y.value,
+            dtheta_deg: step.dtheta_deg + turn.value,
             sigma_dx_px: step.sigma_dx_px.hypot(x.sigma),
             sigma_dy_px: step.sigma_dy_px.hypot(y.sigma),
+            sigma_dtheta_deg: step.sigma_dtheta_deg.hypot(turn.sigma),
             ..step
         }
     }
@@ -273,7 +343,7 @@ impl Drift {
 
     /// The centre at a node by outlines between two times, and what these are off the line through them, rms, px.
     fn along(&self, node: &Node, (from, to): (f64, f64)) -> Option<(Center, f64)> {
-        let rates = self.rates(from, to).map_or([Estimate { value: 0.0, sigma: 0.0 }; 2], |(rates, _)| rates);
+        let rates = self.rates(from, to).map_or([NONE; 2], |(rates, _)| rates);
         let before = self.seen.partition_point(|seen| seen[0].time_frames <= to);
         let near = match self.between(from, to) {
             [] => self.seen.get(before.checked_sub(1)?..before)?,
@@ -315,35 +385,9 @@ fn sum(a: Estimate, b: Estimate) -> Estimate {
     Estimate { value: a.value + b.value, sigma: a.sigma.hypot(b.sigma) }
 }
 
-/// What the drift may be, along x and y, where it is taken for none: of balls a share of [`TURNS`] turns, each as likely by
-/// less as by more than `likely_px`.
-fn unseen(rates: [Estimate; 2], likely_px: f64) -> [f64; 2] {
-    let likely = likely_px * likely_px;
-    // How much likelier they are to show this where it turns (Bayes' factor of normal priors).
-    let factor = rates.iter().fold(1.0, |factor, rate| {
-        let own = rate.sigma * rate.sigma;
-        let fits = 0.5 * rate.value * rate.value / own * likely / (own + likely);
-        factor * (own / (own + likely)).sqrt() * fits.min(MOST_FIT).exp()
-    });
-    let turns = TURNS * factor / (1.0 + TURNS * (factor - 1.0));
-    rates.map(|rate| {
-        let own = rate.sigma * rate.sigma;
-        let gain = likely / (own + likely);
-        let is_unseen = own / (own + TOLD * TOLD * likely);
-        (is_unseen * turns * (gain * own + (gain * rate.value).powi(2))).sqrt()
-    })
-}
-
 /// What is more than chance, else nothing.
 fn beyond(off: f64, sigma: f64) -> f64 {
     if off.abs() > CHANCE_SIGMAS * sigma { off.abs() } else { 0.0 }
-}
-
-/// The mean of what steps show along an axis, by their noise.
-fn mean(steps: &[Moved], axis: usize) -> Estimate {
-    let weight: f64 = steps.iter().map(|step| step.drift_px[axis].sigma.powi(-2)).sum();
-    let weighted = |step: &Moved| step.drift_px[axis].value * step.drift_px[axis].sigma.powi(-2);
-    Estimate { value: steps.iter().map(weighted).sum::<f64>() / weight, sigma: weight.powf(-0.5) }
 }
 
 /// Two that say the same.

@@ -1,9 +1,6 @@
 //! How the size of a body in the picture changes.
 
-use std::collections::BTreeMap;
-
-use super::walk::subset_walk;
-use super::{PixelRates, Polynomial, Regime, Sample};
+use super::{PixelRates, Polynomial, Regime, Sample, Sums};
 use crate::results::{BodyStep, Estimate};
 
 /// Fewest frames whose word is taken.
@@ -13,71 +10,45 @@ const CHANCE_SIGMAS: f64 = 2.0;
 /// So many frames before and after a moment tell the growth there, in flight.
 const BACK: u64 = 40;
 const AHEAD: u64 = 14;
-/// Frames kept: the longest contact that is followed, and the flights beside it.
-const KEPT: usize = 4608;
 
 /// The size of a body, as the logarithm of what it was first, carried from frame to frame by its steps.
-///
-/// As with poses, the noise of successive steps is that of the frames they share, so that a size scatters no more after
-/// many steps than after one, but for what each leaves for good.
 #[derive(Debug, Clone, Default)]
 pub struct Growth {
-    seen: Vec<Sample>,
-    /// Sizes that steps lead to, by frame.
-    arrivals: BTreeMap<u64, Sample>,
-    components: u32,
+    sizes: Sums<1>,
 }
 
 impl Growth {
     /// Takes the next step in frame order, the shortest of its frame, at its time in nominal frame periods.
     pub fn push(&mut self, step: &BodyStep, time_frames: f64) {
-        self.arrivals = self.arrivals.split_off(&step.frame);
-        let arrived = self.arrivals.remove(&step.frame);
-        let grown = step.growth_fraction.filter(|grown| grown.value.is_finite() && grown.sigma > 0.0);
-        let n = f64::from(step.interval_frames.max(1));
-        let sigma = grown.map(|grown| grown.sigma * n * std::f64::consts::FRAC_1_SQRT_2);
-        let here = match (arrived, sigma) {
-            (None, None) => return,
-            (Some(arrived), _) => Sample { time_frames, ..arrived },
-            (None, Some(sigma)) => {
-                self.components += 1;
-                Sample { time_frames, component: self.components, value: 0.0, sigma, walk: 0.0 }
-            }
-        };
-        if self.seen.len() >= 2 * KEPT {
-            self.seen.drain(..KEPT);
-        }
-        self.seen.push(here);
-        if let (Some(grown), Some(sigma), Some(moved)) = (grown, sigma, &step.step) {
-            let [_, _, left] = subset_walk([n * moved.dx_px, n * moved.dy_px, n * moved.dtheta_deg]);
-            let there = Sample { value: here.value + n * grown.value, sigma, walk: left * sigma, ..here };
-            self.arrivals.insert(step.frame + u64::from(step.interval_frames.max(1)), there);
-        }
+        self.sizes.push(step, time_frames, step.growth_fraction.map(|grown| [grown]));
     }
 
     /// How much larger it is than when it was first seen; `None` where its steps do not lead there.
     fn since_first(&self, time_frames: f64) -> Option<Estimate> {
-        let first = self.seen.first()?;
-        let at = self.seen.partition_point(|size| size.time_frames < time_frames);
-        let here = self.seen.get(at).filter(|here| here.component == first.component)?;
+        let seen = self.sizes.seen();
+        let [first] = *seen.first()?;
+        let at = seen.partition_point(|[size]| size.time_frames < time_frames);
+        let [here] = *seen.get(at).filter(|[here]| here.component == first.component)?;
         let walked = here.walk * (at as f64).sqrt();
         Some(Estimate { value: here.value - first.value, sigma: here.sigma.hypot(first.sigma).hypot(walked) })
     }
 
     /// By which share it has surely grown since it was first seen: 0 or more.
     pub fn whole(&self) -> f64 {
-        let (Some(first), Some(last)) = (self.seen.first(), self.seen.last()) else { return 0.0 };
+        let seen = self.sizes.seen();
+        let (Some([first]), Some([last])) = (seen.first(), seen.last()) else { return 0.0 };
         let rate = self.rate(first.time_frames, last.time_frames).map(surely);
         rate.map_or(0.0, |rate| (rate.value * (last.time_frames - first.time_frames)).abs())
     }
 
     /// By which share a frame it grows between two times, both included; `None` where too little is seen.
     pub fn rate(&self, from_frames: f64, to_frames: f64) -> Option<Estimate> {
-        let first = self.seen.partition_point(|size| size.time_frames < from_frames);
-        let end = self.seen.partition_point(|size| size.time_frames <= to_frames);
-        let seen = self.seen.get(first..end).filter(|seen| seen.len() >= LEAST_SEEN)?;
+        let seen: Vec<Sample> = self.sizes.between(from_frames, to_frames).iter().map(|[size]| *size).collect();
+        if seen.len() < LEAST_SEEN {
+            return None;
+        }
         let middle = 0.5 * (seen[0].time_frames + seen[seen.len() - 1].time_frames);
-        let fit = Polynomial::fit(seen, middle, 1, 0.0)?;
+        let fit = Polynomial::fit(&seen, middle, 1, 0.0)?;
         let rate = fit.rate(middle);
         Some(Estimate { value: rate.value, sigma: rate.sigma * fit.excess() })
     }
@@ -117,7 +88,7 @@ impl Growth {
             Some(Estimate { value: 0.0, sigma: before.value.hypot(before.sigma) })
         };
         let Some(told) = told.or_else(before) else { return rates };
-        let since = self.seen.first().map_or(0.0, |first| seen.time_frames - first.time_frames);
+        let since = self.sizes.seen().first().map_or(0.0, |[first]| seen.time_frames - first.time_frames);
         let already = self.since_first(seen.time_frames).map_or(0.0, |size| surely(size).value);
         let across = |rate: Estimate, place_px: f64| {
             let value = rate.value - told.value * place_px;
@@ -153,7 +124,7 @@ mod tests {
             fixed_fraction: None,
             growth_fraction: growth.map(|value| Estimate { value, sigma: 4e-5 / f64::from(interval_frames) }),
             is_carried: false,
-            drift_px: None,
+            drift: None,
             frame,
             stamp_ns: frame,
             body: 0,

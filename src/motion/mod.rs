@@ -17,6 +17,7 @@ mod radius;
 mod rectifier;
 mod rolling;
 mod smooth;
+mod sums;
 mod tapes;
 mod walk;
 
@@ -33,4 +34,5 @@ pub use radius::RunningRadius;
 pub use rectifier::{Calibration, Rectifier, RectifierError};
 pub use rolling::{Rolling, Shutter};
 pub use smooth::{AUTO_AHEAD_FRAMES, Known, Regime, lag_frames, local_fit, smooth};
+pub use sums::Sums;
 pub use walk::{Kept, Renewal, Walk, subset_walk};

@@ -177,7 +177,7 @@ impl Rectifier {
             Some(Estimate { value: grown.value + larger, ..grown })
         });
         // What a lens bends looks like a front that turns: its outlines alone tell that.
-        Some(BodyStep { circle, rod, growth_fraction, drift_px: None, step: motion, ..*step })
+        Some(BodyStep { circle, rod, growth_fraction, drift: None, step: motion, ..*step })
     }
 
     /// The pixel that shows the centre of a ball whose outline is fitted best by a circle, and how unsure that leaves
@@ -453,7 +453,7 @@ mod tests {
                         fixed_fraction: None,
                         growth_fraction: Some(Estimate { value: grown, sigma: 4e-5 }),
                         is_carried: false,
-                        drift_px: None,
+                        drift: None,
                         frame: 3,
                         stamp_ns: 3,
                         body: 0,

@@ -223,7 +223,8 @@ impl Rolling {
         STRAINED * self.hidden * length(self.bent().0) * turn_rad
     }
 
-    fn rolls(&self) -> bool {
+    /// Whether rows are exposed one after the other.
+    pub fn rolls(&self) -> bool {
         self.shutter.row_time_frames.total_cmp(&0.0).is_ne()
     }
 
@@ -271,11 +272,11 @@ impl Rolling {
             sigma_dtheta_deg: seen.sigma_dtheta_deg.hypot(unsure_deg),
             ..seen
         };
-        let drift_px = step.drift_px.map(|[x, y]| {
+        let drift = step.drift.map(|[x, y, turn]| {
             let y = Estimate { value: y.value - FRONT * sinks_px, sigma: y.sigma.hypot(0.25 * FRONT * sinks_px) };
-            [x, y]
+            [x, y, turn]
         });
-        BodyStep { step: Some(straight), drift_px, ..step }
+        BodyStep { step: Some(straight), drift, ..step }
     }
 
     /// A rod at the moment that its middle was exposed.

@@ -214,7 +214,8 @@ pub fn smooth(known: Known<'_>, frame: u64, regime: Regime, params: &MotionParam
             let across = window(nodes, frame, 2 * half + n, AUTO_AHEAD_FRAMES);
             let rates = fit_rates(across, at.time_frames, CONTACT_ORDER, [0.0; 2])?;
             let bias_px = contact_bias(half, speed_px, acceleration_px);
-            rates.unsure_by([bias_px, bias_px, 0.0])
+            let [_, _, blow] = blow(across, at.time_frames, CONTACT_ORDER);
+            rates.unsure_by([bias_px, bias_px, blow])
         }
     };
     let nodes = between(nodes, 0, frame + AUTO_AHEAD_FRAMES);

@@ -75,9 +75,9 @@ pub struct BodyStep {
     /// By which share a frame the body grows in the picture from this frame on, as its subsets show it: it comes nearer to
     /// the camera, or goes to where the lens draws it larger.
     pub growth_fraction: Option<Estimate>,
-    /// By how much a frame a ball's centre moves beside what `step` says along x and y, px: its pattern moves with its front,
-    /// which goes another way where the ball turns about an axis in the picture's plane.
-    pub drift_px: Option<[Estimate; 2]>,
+    /// By how much a frame a ball moves beside what `step` says: its centre along x and y, px, and its rotation, deg. Its
+    /// pattern moves with its front, which goes another way where the ball turns about an axis in the picture's plane.
+    pub drift: Option<[Estimate; 3]>,
     /// Sequence number of the frame.
     pub frame: u64,
     /// Exposure start of the frame, ns since the Unix epoch.
@@ -103,19 +103,21 @@ impl BodyStep {
     /// Whether the centre surely moves otherwise than the step says.
     #[must_use]
     pub fn drifts(&self) -> bool {
-        self.drift_px.is_some_and(|[x, y]| (x.value / x.sigma).hypot(y.value / y.sigma) > SURE_SIGMAS)
+        self.drift.is_some_and(|[x, y, _]| (x.value / x.sigma).hypot(y.value / y.sigma) > SURE_SIGMAS)
     }
 
-    /// The motion of the centre a frame: the step's, with the drift where that is no chance.
+    /// The motion of the ball a frame: the step's, with the drift where that is no chance.
     #[must_use]
     pub fn center_step(&self) -> Option<RigidStep> {
         let step = self.step?;
-        let Some([x, y]) = self.drift_px.filter(|_| self.drifts()) else { return Some(step) };
+        let Some([x, y, turn]) = self.drift.filter(|_| self.drifts()) else { return Some(step) };
         Some(RigidStep {
             dx_px: step.dx_px + x.value,
             dy_px: step.dy_px + y.value,
             sigma_dx_px: step.sigma_dx_px.hypot(x.sigma),
             sigma_dy_px: step.sigma_dy_px.hypot(y.sigma),
+            dtheta_deg: step.dtheta_deg + turn.value,
+            sigma_dtheta_deg: step.sigma_dtheta_deg.hypot(turn.sigma),
             ..step
         })
     }
@@ -132,7 +134,7 @@ impl BodyStep {
             rim_fraction: None,
             fixed_fraction: None,
             growth_fraction: None,
-            drift_px: None,
+            drift: None,
             is_whole: false,
             step: None,
             ..self

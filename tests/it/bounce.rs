@@ -3,7 +3,11 @@
 //! Own integration in SI units (Runge-Kutta, 400 steps a frame), nothing shared with the measured code.
 
 use ricochet::motion::{Form, MotionParams, Scale, Shutter, Spans, View, Walk};
-use ricochet::results::{BodyStep, Circle, PointStatus, RigidStep};
+use ricochet::results::{BodyStep, Circle, Estimate, PointStatus, RigidStep};
+
+/// How much less sure than a rotation, in rad, it is where a ball's centre goes whatever its front does, px: that of a ball of
+/// some 60 px in radius in full sight.
+const LEVER_PX: f64 = 300.0;
 
 /// Gaussian noise with a constant seed.
 pub struct Noise(u64);
@@ -381,6 +385,13 @@ pub fn steps(
             points: 64,
         })
     };
+    // Nothing turns about another axis, and subsets see that to some hundred times what they see a turn to.
+    let unsure = [LEVER_PX * sigma_deg.to_radians(), LEVER_PX * sigma_deg.to_radians(), sigma_deg];
+    let off: Vec<[f64; 3]> = poses.iter().map(|_| unsure.map(|sigma| sigma * noise.gauss())).collect();
+    let beside = |i: usize, k: usize| {
+        let value = (off[(i + n).min(off.len() - 1)][k] - off[i][k]) / per;
+        Estimate { value, sigma: root2 * unsure[k] / per }
+    };
     (0..poses.len())
         .map(|i| BodyStep {
             is_whole: false,
@@ -388,7 +399,7 @@ pub fn steps(
             fixed_fraction: None,
             growth_fraction: None,
             is_carried: false,
-            drift_px: None,
+            drift: step(i).map(|_| std::array::from_fn(|k| beside(i, k))),
             frame: i as u64,
             stamp_ns: 1_700_000_000_000_000_000 + (i as f64 * period_ns).round() as u64,
             body: 0,

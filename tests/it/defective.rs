@@ -66,7 +66,7 @@ fn pixels_that_do_not_see_are_filled_in() {
                 pixels.len()
             );
             assert!(filled.0 < without.0.max(2.0) + 0.5, "{name} {seed}");
-            assert!(name != "tennis" || untold.0 > 3.0, "{name} {seed}: nothing to fill in");
+            assert!(name != "tennis" || untold.0 > 1.5 * filled.0, "{name} {seed}: nothing to fill in");
         }
     }
 }

@@ -441,7 +441,7 @@ fn of_a_ball_that_turns_the_turning_point_is_less_sure_where_its_centre_is() {
             let circles = steps.iter_mut().filter_map(|step| step.circle.as_mut());
             circles.for_each(|circle| circle.sigma_center_px = sigma_center_px);
             // That it turns about no other axis is seen by its field.
-            steps.iter_mut().for_each(|step| step.drift_px = Some([Estimate { value: 0.0, sigma: 2e-3 }; 2]));
+            steps.iter_mut().for_each(|step| step.drift = Some([Estimate { value: 0.0, sigma: 2e-3 }; 3]));
             let rows = track(&steps, &truth.experiment.params());
             rows.impacts.last().and_then(|impact| impact.deepest_s).expect("a turning point").sigma
         })

@@ -23,14 +23,15 @@ fn circle(frame: u64, [x, y]: [f64; 2]) -> Circle {
     Circle { x_px, y_px, radius_px: 57.0, sigma_center_px: 0.03, sigma_radius_px: 0.03, visible_fraction: 1.0 }
 }
 
-fn step(frame: u64, drift_px: [f64; 2]) -> BodyStep {
+fn step(frame: u64, [x, y]: [f64; 2]) -> BodyStep {
+    let along = |value: f64, sigma: f64| Estimate { value, sigma };
     BodyStep {
         is_carried: false,
         is_whole: true,
         rim_fraction: None,
         fixed_fraction: None,
         growth_fraction: None,
-        drift_px: Some(drift_px.map(|value| Estimate { value, sigma: 0.01 })),
+        drift: Some([along(x, 0.01), along(y, 0.01), along(0.0, 0.005)]),
         frame,
         stamp_ns: frame,
         body: 0,
@@ -67,7 +68,7 @@ fn outlines(drift_px: [f64; 2], frames: u64) -> Drift {
 #[test]
 fn steps_and_outlines_alike_tell_how_a_centre_leaves_its_poses() {
     for drift in [steps([-0.21, 0.05]), outlines([-0.21, 0.05], 100)] {
-        let [x, y] = drift.surely(0.0, 99.0).unwrap();
+        let [x, y, _] = drift.surely(0.0, 99.0).unwrap();
         assert!((x.value + 0.21).abs() < 3.0 * x.sigma && x.sigma < 5e-3, "{x:?}");
         assert!((y.value - 0.05).abs() < 3.0 * y.sigma && y.sigma < 5e-3, "{y:?}");
     }
@@ -79,10 +80,11 @@ fn a_ball_whose_drift_nobody_sees_is_as_unsure_as_balls_turn() {
     let mut drift = Drift::default();
     drift.push(&node(0), &circle(0, [0.0; 2]));
     for frame in 0..40 {
-        drift.push_step(frame as f64, &BodyStep { drift_px: None, ..step(frame, [0.0; 2]) });
+        let circle = Some(circle(frame, [0.0; 2]));
+        drift.push_step(frame as f64, &BodyStep { drift: None, circle, ..step(frame, [0.0; 2]) });
     }
     assert_eq!(drift.surely(0.0, 39.0), None);
-    let [x, _] = drift.supposed(0.0, 39.0).unwrap();
+    let [x, _, _] = drift.supposed(0.0, 39.0).unwrap();
     assert!(x.value.abs() <= 0.0 && (x.sigma - TURNS.sqrt() * 1.5).abs() < 1e-9, "{x:?}");
     let astray = drift.astray(&node(20), FLIGHT);
     assert!((astray - 20.0 * x.sigma).abs() < 1e-9, "{astray}");
@@ -132,7 +134,7 @@ fn a_centre_is_where_its_outlines_are_when_a_blow_makes_it_leave_its_poses() {
     assert!(drift.center(&node(80), FLIGHT).is_some());
     for frame in 0..100 {
         let true_px = if frame < 30 { [0.0; 2] } else { [0.09, 0.37] };
-        let moved = drift.stepped(RigidStep { dx_px: 1.5, ..RigidStep::STILL }, FLIGHT, &node(frame));
+        let moved = drift.stepped(RigidStep { dx_px: 1.5, ..RigidStep::STILL }, None, FLIGHT, &node(frame));
         let off = [moved.dx_px - 1.5 - true_px[0], moved.dy_px - true_px[1]];
         let sigma = [moved.sigma_dx_px, moved.sigma_dy_px];
         assert!((0..2).all(|k| off[k].abs() <= 3.0 * sigma[k] + 1e-9), "{frame}: off {off:?}, {sigma:?}");
@@ -157,6 +159,45 @@ fn a_centre_goes_on_where_its_outline_is_not_seen() {
     let (flies, touches) = (drift.taken(rates, FLIGHT, &node(50)), drift.taken(rates, contact, &node(70)));
     assert!((flies.x.value - 1.3).abs() < 3.0 * flies.x.sigma && flies.x.sigma < 0.01, "{flies:?}");
     assert!((touches.x.value - 1.3).abs() < 0.01 && touches.x.sigma > 0.09, "a contact turns it: {touches:?}");
-    let moved = drift.stepped(RigidStep { dx_px: 1.5, ..RigidStep::STILL }, FLIGHT, &node(50));
+    let moved = drift.stepped(RigidStep { dx_px: 1.5, ..RigidStep::STILL }, None, FLIGHT, &node(50));
     assert!((moved.dx_px - 1.3).abs() < 3.0 * moved.sigma_dx_px && moved.sigma_dx_px < 0.01, "{moved:?}");
+}
+
+#[test]
+fn the_noise_of_steps_that_share_a_frame_takes_itself_back() {
+    let mut drift = Drift::default();
+    for frame in 0..40 {
+        // What a frame errs by is in the step to it and, the other way, in that from it.
+        let noise = 0.007 * (scatter(frame + 1) - scatter(frame));
+        drift.push_step(frame as f64, &step(frame, [0.012 + noise, noise]));
+    }
+    let [x, y, turn] = drift.surely(0.0, 39.0).unwrap();
+    assert!((x.value - 0.012).abs() < 3.0 * x.sigma && x.sigma < 2e-3, "{x:?}");
+    assert!(y.value.abs() < 3.0 * y.sigma && turn.value.abs() < 3.0 * turn.sigma, "{y:?} {turn:?}");
+}
+
+#[test]
+fn what_turns_beside_its_steps_is_taken_out_where_it_surely_tumbles() {
+    let told = |drift_px: f64| {
+        let mut drift = Drift::default();
+        for frame in 0..40 {
+            let mut step = step(frame, [drift_px, 0.0]);
+            step.drift.as_mut().unwrap()[2].value = 0.03;
+            drift.push_step(frame as f64, &step);
+        }
+        let rates = PixelRates { x: NONE, y: NONE, theta: NONE, window_frames: 9, order: 2 };
+        drift.taken(rates, FLIGHT, &node(20)).theta
+    };
+    let (tumbles, flat) = (told(0.2), told(0.0));
+    assert!((tumbles.value - 0.03).abs() < 3.0 * tumbles.sigma && tumbles.sigma < 3e-3, "{tumbles:?}");
+    assert!(flat.value.abs() < 1e-9, "{flat:?}");
+}
+
+#[test]
+fn a_step_that_a_blow_falls_into_is_told_by_its_own_drift() {
+    let drift = steps([0.2, 0.0]);
+    let moved = RigidStep { dx_px: 1.5, ..RigidStep::STILL };
+    let own = step(50, [0.45, 0.0]).drift;
+    let [even, struck] = [None, own].map(|own| drift.stepped(moved, own, FLIGHT, &node(50)).dx_px);
+    assert!((even - 1.7).abs() < 0.01 && (struck - 1.95).abs() < 1e-9, "{even} {struck}");
 }

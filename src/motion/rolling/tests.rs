@@ -10,7 +10,7 @@ const STEP: BodyStep = BodyStep {
     rim_fraction: None,
     fixed_fraction: None,
     growth_fraction: None,
-    drift_px: None,
+    drift: None,
     frame: 0,
     stamp_ns: 0,
     body: 0,

@@ -112,7 +112,7 @@ impl Course {
             circle: circle.filter(|_| is_seen),
             rod: rod.filter(|_| is_seen),
             growth_fraction: None,
-            drift_px: None,
+            drift: None,
             step: None,
             status: truth.status,
             ..*like
