@@ -30,6 +30,10 @@ const ACCELERATION_NODES: usize = 7;
 const QUIET_SHARE: f64 = 0.02;
 /// Most nodes the end is judged by.
 const QUIET_NODES: usize = 40;
+/// Where these do not tell a share of it, so many nodes after what looked like a contact tell whether any force acts,
+const FORCELESS_NODES: usize = 16;
+/// when it is so many sigmas.
+const FORCE_SIGMAS: f64 = 3.0;
 /// The quiet stretch begins up to so many frames before the force is gone.
 const QUIET_EARLY_FRAMES: f64 = 4.0;
 /// The end is judged anew when so many frames have passed since the quiet stretch began.
@@ -247,7 +251,8 @@ impl Detector {
         if let Some(b) = self.breaks.back_mut() {
             b.acceleration = contact.acceleration_max;
         }
-        if let Some((from, rate)) = quiet(&since, gravity, contact.acceleration_max) {
+        let forceless = || forceless(between(&self.trail, contact.departed_frames, f64::INFINITY), gravity);
+        if let Some((from, rate)) = quiet(&since, gravity, contact.acceleration_max).unwrap_or_else(forceless) {
             if rate.value < -APPROACH_SIGMAS * rate.sigma {
                 // Free, and still on its way in: whatever that was, it was no collision.
                 return self.dismiss(from);
@@ -353,8 +358,8 @@ fn curvature(nodes: &[crate::motion::Sample]) -> Option<Estimate> {
     Some(Estimate { value: a.value, sigma: a.sigma * fit.excess() })
 }
 
-/// Whether the newest nodes are free of force; if so, since when and how fast.
-fn quiet(since: &[crate::motion::Sample], gravity: f64, strongest: f64) -> Option<(f64, Estimate)> {
+/// Whether the newest nodes are free of force; if so, since when and how fast. `None` where they do not tell.
+fn quiet(since: &[crate::motion::Sample], gravity: f64, strongest: f64) -> Option<Option<(f64, Estimate)>> {
     let mut width = 5;
     while width <= QUIET_NODES.min(since.len()) {
         let newest = &since[since.len() - width..];
@@ -364,9 +369,74 @@ fn quiet(since: &[crate::motion::Sample], gravity: f64, strongest: f64) -> Optio
             let middle = 0.5 * (newest[0].time_frames + newest[width - 1].time_frames);
             let fit = Polynomial::fit(newest, middle, 1, gravity)?;
             let rate = fit.rate(middle);
-            return still.then_some((newest[0].time_frames, rate));
+            return Some(still.then_some((newest[0].time_frames, rate)));
         }
         width += 1;
     }
     None
+}
+
+/// Whether no force can be told from none in the nodes since a departure; if so, since when and how fast.
+///
+/// A blow between two frames, or poses that wander, may look like the begin of a contact.
+fn forceless(since: &[SurfaceNode], gravity: f64) -> Option<(f64, Estimate)> {
+    let newest = samples(&since[since.len().saturating_sub(QUIET_NODES)..], NORMAL);
+    if newest.len() < FORCELESS_NODES {
+        return None;
+    }
+    let acceleration = curvature(&newest)?;
+    let middle = 0.5 * (newest[0].time_frames + newest[newest.len() - 1].time_frames);
+    let rate = Polynomial::fit(&newest, middle, 1, gravity)?.rate(middle);
+    (acceleration.value - gravity <= FORCE_SIGMAS * acceleration.sigma).then_some((newest[0].time_frames, rate))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// What a detector says of these positions, up to 4 sigmas of noise apart, and in which frame.
+    fn events(frames: u64, position: impl Fn(f64) -> f64) -> (Vec<(u64, Event)>, Detector) {
+        let (mut detector, sigma) = (Detector::new(), 1.3e-3);
+        let mut events = Vec::new();
+        for frame in 0..frames {
+            let noise = sigma * ((frame * 37 % 17) as f64 - 8.0) / 5.0;
+            let value = [position(frame as f64) + noise, 0.0, 0.0];
+            let node = SurfaceNode {
+                frame,
+                time_frames: frame as f64,
+                component: 0,
+                value,
+                sigma: [sigma; 3],
+                walk_share: [0.0; 3],
+            };
+            match detector.push(node, Some(0.0)) {
+                Event::None => (),
+                event => events.push((frame, event)),
+            }
+        }
+        (events, detector)
+    }
+
+    #[test]
+    fn a_blow_that_leaves_a_body_on_its_way_in_is_no_contact_for_good() {
+        // It is noticed late, when no force is left to be seen.
+        let creeps = |t: f64| -2.58 * t + 2e-5 * (t - 17.0).clamp(0.0, 9.0).powi(3) + 0.0044 * (t - 26.0).max(0.0);
+        let (told, detector) = events(80, creeps);
+        let [(began, Event::Began), (over, Event::Dismissed)] = told[..] else { panic!("{told:?}") };
+        assert!(over < began + 26 && detector.phase(79) == Phase::Flight, "{told:?}");
+    }
+
+    #[test]
+    fn a_contact_that_is_gentle_and_long_lasts_until_it_is_over() {
+        // Half a period of 300 frames from a speed of 0.5 px/frame on.
+        let omega = std::f64::consts::PI / 300.0;
+        let position = |t: f64| match t - 40.0 {
+            since if since <= 0.0 => -0.5 * since,
+            since if since <= 300.0 => -0.5 * (omega * since).sin() / omega,
+            since => 0.5 * (since - 300.0),
+        };
+        let (told, _) = events(400, position);
+        let [(began, Event::Began), (over, Event::Ended)] = told[..] else { panic!("{told:?}") };
+        assert!(began < 80 && (336..360).contains(&over), "{told:?}");
+    }
 }

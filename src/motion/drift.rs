@@ -10,6 +10,8 @@ mod prior;
 const LEAST_SEEN: usize = 3;
 /// Drift of fewer sigmas may be chance: outlines see light and ground, which a pattern does not.
 const CHANCE_SIGMAS: f64 = 3.5;
+/// A step whose own drift is off by so many is another: there are many steps.
+const STRUCK_SIGMAS: f64 = 5.0;
 /// How far off the drift of steps may be: a share of it, and of the speed, which a lens bends.
 const UNEVEN: f64 = 0.01;
 const BENT: f64 = 0.001;
@@ -292,7 +294,7 @@ impl Drift {
         let told = self.at(node, regime);
         let off = |own: &[Estimate; 3]| {
             let pull = |axis: usize| (own[axis].value - told[axis].value) / own[axis].sigma.hypot(told[axis].sigma);
-            pull(0).hypot(pull(1)).hypot(pull(2)) > CHANCE_SIGMAS
+            pull(0).hypot(pull(1)).hypot(pull(2)) > STRUCK_SIGMAS
         };
         let [x, y, turn] = own.filter(off).unwrap_or(told);
         RigidStep {

@@ -49,10 +49,10 @@ mod tests {
             unseen([Estimate { value, sigma }, Estimate { value: 0.0, sigma }], 1.0, by_subsets)[0]
         };
         // What is seen well is none; what is hardly seen is anything that some balls do.
-        assert!(of(0.0, 1e-3, true) < 1e-6 && (0.2..0.4).contains(&of(0.0, 10.0, true)));
+        assert!(of(0.0, 1e-3, true) < 1e-4 && (0.2..0.4).contains(&of(0.0, 10.0, true)));
         // Slow turns lie below what outlines see.
         let [outlines, subsets] = [false, true].map(|by_subsets| of(0.0, 5e-3, by_subsets));
-        assert!((3e-4..2e-3).contains(&outlines) && subsets < 0.1 * outlines, "{outlines} {subsets}");
+        assert!((3e-4..2e-3).contains(&outlines) && subsets < 0.3 * outlines, "{outlines} {subsets}");
         // What is likely none at three sigmas is likely some at six.
         assert!(of(0.015, 5e-3, false) < of(0.03, 5e-3, false));
     }
