@@ -182,6 +182,7 @@ mod tests {
                     // Displacements are kept in single precision.
                     let rounding = 2e-7 * (1.0 + angle_deg.abs());
                     assert!((found.growth - truth).abs() < rounding, "{motion:?} {angle_deg}: {found:?} for {truth}");
+                    assert!((found.angle_deg - angle_deg).abs() < 60.0 * rounding, "{angle_deg}: {found:?}");
                 }
             }
         }

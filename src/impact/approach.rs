@@ -299,4 +299,34 @@ mod tests {
             );
         }
     }
+
+    #[test]
+    fn places_and_angles_are_those_of_the_ball_not_of_its_pattern() {
+        // Along normal and tangent, px, and the angle, rad, a frame: by the pattern, and what is beside it.
+        let (pattern, beside) = ([-0.3, 0.1, 0.02], [0.05, -0.02, 0.003]);
+        let approach = Approach {
+            seen: [None; 2],
+            told: [NONE; 2],
+            contact_frames: [20.0, 40.0],
+            flight_frames: [20.0, 20.0],
+            drift: [beside.map(|value| Estimate { value, sigma: 0.0 }); 2],
+            place_px: [0.0; 2],
+            middle_sigma_px: 0.0,
+        };
+        let node = |frame: u64| SurfaceNode {
+            frame,
+            time_frames: frame as f64,
+            component: 0,
+            value: pattern.map(|rate| rate * frame as f64),
+            sigma: [1e-3; 3],
+            walk_share: [0.0; 3],
+        };
+        let even = approach.evened(&[node(5), node(30), node(55)]);
+        for (from, to) in [(0, 1), (1, 2)] {
+            for k in [NORMAL, TANGENTIAL, ANGLE] {
+                let rate = (even[to].value[k] - even[from].value[k]) / 25.0;
+                assert!((rate - pattern[k] - beside[k]).abs() < 1e-12, "{k}: {rate}");
+            }
+        }
+    }
 }

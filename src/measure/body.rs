@@ -5,7 +5,7 @@ use super::outline::seen;
 use super::tracker::TrackerRows;
 use crate::impact::{Approach, Beside, Contact, Detector, Event, SurfaceNode, World, deepest_so_far, solve};
 use crate::motion::{
-    Anchor, Axes, Center, Chain, Drift, Form, Growth, Known, MotionParams, Node, PixelRates, Regime, Rolling,
+    Anchor, Axes, Center, Chain, Drift, Form, Growth, Here, Known, MotionParams, Node, PixelRates, Regime, Rolling,
     RunningRadius, RunningShare, Scale, Seen, Shortening, View, gravity_px, lag_frames, physical, smooth,
 };
 use crate::results::{Alarm, AlarmKind, BodyStep, Estimate, Impact, Phase, PointStatus, TrackSample, VelocitySample};
@@ -359,8 +359,8 @@ impl BodyTracker {
     }
 
     /// The rates of the centre across the view.
-    fn across(&self, rates: PixelRates, regime: Regime, node: &Node) -> PixelRates {
-        let rates = self.drift.taken(rates, regime, node);
+    fn across(&self, rates: PixelRates, regime: Regime, node: &Node, here: &Here) -> PixelRates {
+        let rates = Drift::taken(rates, here);
         let View { middle_px: [x, y], sigma_px } = self.params.view;
         let Some(origin_px) = self.origin_px() else { return rates };
         let place_px = [origin_px[0] + node.pose[0] - x, origin_px[1] + node.pose[1] - y];
@@ -368,8 +368,8 @@ impl BodyTracker {
     }
 
     /// The centre that its pose leads to.
-    fn carried(&self, node: &Node, regime: Regime) -> Option<Center> {
-        let astray = self.drift.astray(node, regime);
+    fn carried(&self, node: &Node, here: &Here) -> Option<Center> {
+        let astray = self.drift.astray(node, here);
         self.anchor.center(node).map(|center| Center { sigma_px: center.sigma_px.hypot(astray), ..center })
     }
 
@@ -391,32 +391,35 @@ impl BodyTracker {
             (d.regime(step.frame), if node.is_some() { d.phase(step.frame) } else { Phase::Unknown })
         });
         let outline = outline.map(|c| Center { x_px: c.x_px, y_px: c.y_px, sigma_px: c.sigma_center_px });
-        let by_pose = |n: Node| {
-            let center = self.drift.center(&n, regime).or_else(|| self.carried(&n, regime))?;
-            Some(self.drift.beside(&n, center))
+        let here = node.map(|node| (node, self.drift.here(&node, regime)));
+        let by_pose = |(node, here): (Node, Here)| {
+            let center = self.drift.center(&node, &here).or_else(|| self.carried(&node, &here))?;
+            Some(self.drift.beside(&node, center))
         };
-        let center = node.and_then(by_pose).and_then(|center| self.params.recorded(center)).or(outline);
-        let angle = node.filter(|n| n.bridged[2].is_finite());
-        let sigma_angle =
-            |n: &Node| (n.sigma[2].powi(2) + self.first_sigma_deg.unwrap_or(0.0).powi(2) + n.bridged[2]).sqrt();
+        let center = here.and_then(by_pose).and_then(|center| self.params.recorded(center)).or(outline);
+        let angle = here.filter(|(n, _)| n.bridged[2].is_finite());
+        let sigma_angle = |(n, here): (Node, Here)| {
+            let noise = (n.sigma[2].powi(2) + self.first_sigma_deg.unwrap_or(0.0).powi(2) + n.bridged[2]).sqrt();
+            noise.hypot(self.drift.twisted(&n, &here))
+        };
         let track = TrackSample {
             frame: step.frame,
             body: step.body,
             stamp_ns: step.stamp_ns,
             center_x_px: center.map(|c| c.x_px),
             center_y_px: center.map(|c| c.y_px),
-            angle_deg: angle.map(|n| n.pose[2]),
+            angle_deg: angle.map(|(n, _)| n.pose[2]),
             radius_px: circle.map(|c| c.radius_px),
             sigma_center_px: center.map(|c| c.sigma_px),
-            sigma_angle_deg: angle.as_ref().map(sigma_angle),
+            sigma_angle_deg: angle.map(sigma_angle),
             visible_fraction: circle.map(|c| c.visible_fraction),
             rod: step.rod.filter(|_| !gone),
             status: step.status,
         };
-        let rates = node.and_then(|n| {
+        let rates = here.and_then(|(n, here)| {
             let known = Known { nodes: &self.nodes, to_frame: self.newest_frame, gravity: self.gravity() };
             let rates = smooth(known, n.frame, regime, &self.params)?;
-            Some(self.rolling.unsure(self.across(rates, regime, &n)))
+            Some(self.rolling.unsure(self.across(rates, regime, &n, &here)))
         });
         let scale = self.radius.metres_per_px(self.params.scale);
         let center_sigma_px = center.map_or(0.0, |center| center.sigma_px);
@@ -430,7 +433,7 @@ impl BodyTracker {
             step: step
                 .step
                 .filter(|_| !gone)
-                .map(|moved| node.map_or(moved, |node| self.drift.stepped(moved, step.drift, regime, &node)))
+                .map(|moved| here.map_or(moved, |(_, here)| Drift::stepped(moved, step.drift, &here)))
                 .map(|moved| moved.about(center_sigma_px)),
             velocity: rates
                 .zip(scale)

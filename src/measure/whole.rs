@@ -15,8 +15,10 @@ use super::target::Target;
 const RENEW_HIDDEN_DEG: f64 = 10.0;
 /// Share in sight from which on a body counts as unhidden.
 const WHOLE: f64 = 0.97;
-/// Share of a subset's pixels that may be out of sight.
-const MOST_HIDDEN: f64 = 0.01;
+/// Share of a subset's pixels that may be out of sight, and how many may be, since a pixel may be stuck. In the step from
+/// the reference's own frame only those are seen to be which an edge moves over.
+const MOST_HIDDEN: f64 = 0.003;
+const FEW_HIDDEN: f64 = 2.0;
 
 /// The pixels that a ball is matched by as a whole: all but its rim.
 pub fn whole_region(circle: &Circle) -> Region {
@@ -251,7 +253,7 @@ impl Kept {
     /// Whether a subset of a frame shows something else than the body in that frame or another.
     fn is_veiled(&self, [from, to]: [&Pose; 2], point: &FieldPoint, subset_px: u32) -> bool {
         let apart = (f64::from(point.x_px) - from.x_px, f64::from(point.y_px) - from.y_px);
-        let most = MOST_HIDDEN * f64::from(subset_px).powi(2);
+        let most = (MOST_HIDDEN * f64::from(subset_px).powi(2)).max(FEW_HIDDEN);
         let mut near = self.veils.iter().filter(|veiled| [from.frame, to.frame].contains(&veiled.frame));
         near.any(|Veiled { origin, center_px, veil, .. }| {
             let (x, y) = turned(apart, origin.angle_deg - from.angle_deg);

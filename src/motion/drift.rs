@@ -70,6 +70,33 @@ struct Moved {
     speed_px: f64,
 }
 
+/// Lines through what steps sum up to between two times, px, px and deg, and the sums.
+type Lines = [(Polynomial, Vec<Sample>); 3];
+
+/// The drift a frame between two times.
+#[derive(Debug, Clone, Copy)]
+struct Rates {
+    /// Along x and y, px, ...
+    px: [Estimate; 2],
+    /// ... and the share of it that is no chance.
+    share: f64,
+    /// Of the angle, deg, where steps tell it.
+    turn: Option<Estimate>,
+}
+
+/// What is known of the drift at a node.
+#[derive(Debug, Clone, Copy)]
+pub struct Here {
+    /// From when to when one drift tells it.
+    from_frames: f64,
+    to_frames: f64,
+    /// How far it is off even then, px, px and deg a frame.
+    scatter: [f64; 3],
+    rates: Option<Rates>,
+    /// As far as it is sure, px, px and deg a frame.
+    drift: [Estimate; 3],
+}
+
 impl Drift {
     /// Of a ball that a camera films whose rows are exposed one after the other, or all at once.
     pub fn new(is_rolling: bool) -> Self {
@@ -107,27 +134,27 @@ impl Drift {
     }
 
     /// What steps say of the drift between two times, px, px and deg a frame.
-    fn by_steps(&self, from_frames: f64, to_frames: f64) -> Option<[Estimate; 3]> {
+    fn by_steps(&self, from_frames: f64, to_frames: f64, lines: &Lines) -> Option<[Estimate; 3]> {
         let bent = self.bent(from_frames, to_frames)?;
         let steps = within(&self.steps, from_frames, to_frames, |step| step.time_frames);
         let lean = self.lean.hypot(LEAN * self.hidden(from_frames, to_frames)) / steps.len().max(1) as f64;
-        let along = |axis: usize| {
-            let fit = self.fitted(axis, from_frames, to_frames)?.0;
+        Some(std::array::from_fn(|axis| {
+            let fit = &lines[axis].0;
             let rate = fit.rate(from_frames);
             let sigma = (rate.sigma * fit.excess()).hypot(UNEVEN * rate.value).hypot(bent[axis]);
-            Some(Estimate {
-                sigma: sigma.hypot(lean * steps.iter().map(|step| step.drift[axis].sigma).sum::<f64>()),
-                ..rate
-            })
-        };
-        Some([along(0)?, along(1)?, along(2)?])
+            let off = lean * steps.iter().map(|step| step.drift[axis].sigma).sum::<f64>();
+            Estimate { sigma: sigma.hypot(off), ..rate }
+        }))
     }
 
-    /// A line through what steps sum up to along an axis, and the sums.
-    fn fitted(&self, axis: usize, from_frames: f64, to_frames: f64) -> Option<(Polynomial, Vec<Sample>)> {
-        let sums: Vec<Sample> = self.sums.between(from_frames, to_frames).iter().map(|sums| sums[axis]).collect();
-        let middle = 0.5 * (sums.first()?.time_frames + sums.last()?.time_frames);
-        Some((Polynomial::fit(&sums, middle, 1, 0.0)?, sums))
+    fn lines(&self, from_frames: f64, to_frames: f64) -> Option<Lines> {
+        let sums = self.sums.between(from_frames, to_frames);
+        let middle = 0.5 * (sums.first()?[0].time_frames + sums.last()?[0].time_frames);
+        let line = |axis: usize| {
+            let sums: Vec<Sample> = sums.iter().map(|sums| sums[axis]).collect();
+            Some((Polynomial::fit(&sums, middle, 1, 0.0)?, sums))
+        };
+        Some([line(0)?, line(1)?, line(2)?])
     }
 
     /// What a lens may make of a motion, px, px and deg a frame.
@@ -139,11 +166,11 @@ impl Drift {
     }
 
     /// How far the drift of steps between two times scatters where it is not even, rms, px, px and deg.
-    fn scatter(&self, from_frames: f64, to_frames: f64) -> [f64; 3] {
+    fn scatter(&self, from_frames: f64, to_frames: f64, lines: &Lines) -> [f64; 3] {
         let steps = within(&self.steps, from_frames, to_frames, |step| step.time_frames);
         let off = |axis: usize| {
             let bent = self.bent(from_frames, to_frames)?[axis];
-            let (fit, sums) = self.fitted(axis, from_frames, to_frames)?;
+            let (fit, sums) = &lines[axis];
             // A drift that changes by a share over the whole time bends their sum by an eighth of what that comes to.
             let bends = 0.125 * (to_frames - from_frames) * bent.hypot(UNEVEN * fit.rate(from_frames).value);
             let pull =
@@ -178,44 +205,48 @@ impl Drift {
         within(&self.seen, from_frames, to_frames, |seen| seen[0].time_frames)
     }
 
-    /// The drift a frame along x and y between two times, px, and the share of it that is no chance.
-    fn rates(&self, from_frames: f64, to_frames: f64) -> Option<([Estimate; 2], f64)> {
-        let rates = match (self.by_outlines(from_frames, to_frames), self.by_steps(from_frames, to_frames)) {
+    fn rates(&self, from_frames: f64, to_frames: f64, lines: Option<&Lines>) -> Option<Rates> {
+        let steps = lines.and_then(|lines| self.by_steps(from_frames, to_frames, lines));
+        let px = match (self.by_outlines(from_frames, to_frames), steps) {
             (Some(outlines), Some(steps)) => std::array::from_fn(|axis| both(outlines[axis], steps[axis])),
             (outlines, steps) => outlines.or(steps.map(|[x, y, _]| [x, y]))?,
         };
         // Along both axes at once, as one length.
-        let square: f64 = rates.iter().map(|rate| (rate.value / rate.sigma).powi(2)).sum();
-        Some((rates, (1.0 - (CHANCE_SIGMAS * CHANCE_SIGMAS / square).powi(2)).max(0.0)))
+        let square: f64 = px.iter().map(|rate| (rate.value / rate.sigma).powi(2)).sum();
+        let share = (1.0 - (CHANCE_SIGMAS * CHANCE_SIGMAS / square).powi(2)).max(0.0);
+        Some(Rates { px, share, turn: steps.map(|[_, _, turn]| turn) })
     }
 
     /// By how much a frame a ball surely leaves its pose between two times, along x and y, px, and its angle, deg: 0 where it
     /// may be chance. `None` where too little is seen.
     pub fn surely(&self, from_frames: f64, to_frames: f64) -> Option<[Estimate; 3]> {
-        let (rates, share) = self.rates(from_frames, to_frames)?;
-        let turn = self.by_steps(from_frames, to_frames).map(|[_, _, turn]| turn);
+        let rates = self.rates(from_frames, to_frames, self.lines(from_frames, to_frames).as_ref())?;
+        Some(self.told(from_frames, to_frames, &rates))
+    }
+
+    fn told(&self, from_frames: f64, to_frames: f64, rates: &Rates) -> [Estimate; 3] {
+        let Rates { px, share, turn } = *rates;
         let likely_px = self.likely_px(from_frames, to_frames);
-        let unseen = likely_px.map_or([0.0; 2], |likely_px| unseen(rates, likely_px, turn.is_some()));
+        let unseen = likely_px.map_or([0.0; 2], |likely_px| unseen(px, likely_px, turn.is_some()));
         let told = |Estimate { value, sigma }: Estimate, unseen: f64| {
             let told = share.sqrt() * sigma.hypot((1.0 - share) * value);
             Estimate { value: share * value, sigma: told.hypot((1.0 - share).sqrt() * unseen) }
         };
         let turns_deg = |px: f64| self.turns_deg(px, from_frames, to_frames);
-        let outlined = || Estimate { value: 0.0, sigma: turns_deg(rates[0].value.hypot(rates[1].value)) };
+        let outlined = || Estimate { value: 0.0, sigma: turns_deg(px[0].value.hypot(px[1].value)) };
         let turn = told(turn.unwrap_or_else(outlined), turns_deg(unseen[0].hypot(unseen[1])));
-        Some([told(rates[0], unseen[0]), told(rates[1], unseen[1]), turn])
+        [told(px[0], unseen[0]), told(px[1], unseen[1]), turn]
     }
 
     /// The same, or as unsure as balls turn where neither outlines nor steps tell.
     pub fn supposed(&self, from_frames: f64, to_frames: f64) -> Option<[Estimate; 3]> {
-        let unseen = || {
-            let sigma = TURNS.sqrt() * self.likely_px(from_frames, to_frames)?;
-            Some(
-                [sigma, sigma, self.turns_deg(sigma, from_frames, to_frames)]
-                    .map(|sigma| Estimate { value: 0.0, sigma }),
-            )
-        };
-        self.surely(from_frames, to_frames).or_else(unseen)
+        self.surely(from_frames, to_frames).or_else(|| self.likely(from_frames, to_frames))
+    }
+
+    fn likely(&self, from_frames: f64, to_frames: f64) -> Option<[Estimate; 3]> {
+        let sigma = TURNS.sqrt() * self.likely_px(from_frames, to_frames)?;
+        let turn = self.turns_deg(sigma, from_frames, to_frames);
+        Some([sigma, sigma, turn].map(|sigma| Estimate { value: 0.0, sigma }))
     }
 
     /// By how much a ball seems to turn whose front moves by so many px, deg.
@@ -237,61 +268,79 @@ impl Drift {
     }
 
     /// How far a centre may be from where it is carried to, px: it is not seen how it drifts since its nearest outline.
-    pub fn astray(&self, node: &Node, regime: Regime) -> f64 {
+    pub fn astray(&self, node: &Node, here: &Here) -> f64 {
         let after = self.seen.partition_point(|seen| seen[0].time_frames < node.time_frames);
         let near = [after.checked_sub(1), Some(after)].map(|at| self.seen.get(at?).map(|seen| seen[0].time_frames));
         let away = near.iter().flatten().map(|time| (time - node.time_frames).abs()).fold(f64::INFINITY, f64::min);
-        let [x, y, _] = self.at(node, regime);
+        let [x, y, _] = here.drift;
         if away.is_finite() { away * x.sigma.max(y.sigma) } else { 0.0 }
+    }
+
+    /// How far the angle of a node may be from the ball's own, deg: by what its steps surely turn beside it, since it was first
+    /// seen.
+    pub fn twisted(&self, node: &Node, here: &Here) -> f64 {
+        let seen = self.sums.seen();
+        let at = seen.partition_point(|sums| sums[0].time_frames < node.time_frames);
+        let (Some([_, _, turn]), Some(rates)) = (seen.get(at), here.rates) else { return 0.0 };
+        rates.share * beyond(turn.value, turn.sigma.hypot(turn.walk * (at as f64).sqrt()))
     }
 
     /// From when to when one drift tells what happens at a node, and how far it is off even there, px.
     ///
     /// A body that was struck unseen turns about another axis from then on: steps that scatter tell nothing of a moment
     /// far from them, and those about it are asked alone.
-    fn even(&self, node: &Node, regime: Regime) -> ((f64, f64), [f64; 3]) {
+    fn even(&self, node: &Node, regime: Regime) -> ((f64, f64), [f64; 3], Option<Lines>) {
         let (from, to) = window(node, regime);
         if from > to {
-            return ((from, to), [0.0; 3]);
+            return ((from, to), [0.0; 3], None);
         }
         let (about, mut reach) = (node.time_frames.clamp(from, to), to - from);
         loop {
             let near = (from.max(about - reach), to.min(about + reach));
-            let scatter = self.scatter(near.0, near.1);
+            let lines = self.lines(near.0, near.1);
+            let scatter = lines.as_ref().map_or([0.0; 3], |lines| self.scatter(near.0, near.1, lines));
             if scatter.iter().all(|off| *off <= 0.0) || reach < 2.0 * NARROW {
-                return (near, scatter);
+                return (near, scatter, lines);
             }
             reach *= 0.5;
         }
     }
 
-    /// The drift a frame at a node, as far as it is sure, px, px and deg.
-    fn at(&self, node: &Node, regime: Regime) -> [Estimate; 3] {
-        let ((from, to), scatter) = self.even(node, regime);
+    /// What is known of it at a node.
+    pub fn here(&self, node: &Node, regime: Regime) -> Here {
+        let ((from_frames, to_frames), scatter, lines) = self.even(node, regime);
+        let rates = self.rates(from_frames, to_frames, lines.as_ref());
+        let told = rates.map(|rates| self.told(from_frames, to_frames, &rates));
+        let told = told.or_else(|| self.likely(from_frames, to_frames)).unwrap_or([NONE; 3]);
         // A contact changes a spin, and how soon is not seen.
         let is_touching = matches!(regime, Regime::Contact { .. });
         let changed = if is_touching { 0.5 } else { 0.0 };
-        let told = self.supposed(from, to).unwrap_or([NONE; 3]);
-        let about = node.time_frames;
-        let now = self.by_steps(about - 2.0 * NARROW, about + 2.0 * NARROW).filter(|_| is_touching);
-        std::array::from_fn(|axis| {
+        let now = is_touching.then(|| self.now(node.time_frames)).flatten();
+        let drift = std::array::from_fn(|axis| {
             let Estimate { value, sigma } = told[axis];
             let apart = now.map_or(0.0, |now| beyond(now[axis].value - value, now[axis].sigma));
             Estimate { value, sigma: sigma.hypot(changed * value).hypot(scatter[axis]).hypot(apart) }
-        })
+        });
+        Here { from_frames, to_frames, scatter, rates, drift }
+    }
+
+    /// What the steps about a moment say.
+    fn now(&self, time_frames: f64) -> Option<[Estimate; 3]> {
+        let (from, to) = (time_frames - 2.0 * NARROW, time_frames + 2.0 * NARROW);
+        self.by_steps(from, to, &self.lines(from, to)?)
     }
 
     /// The rates of the centre, where those of the pose are others.
-    pub fn taken(&self, rates: PixelRates, regime: Regime, node: &Node) -> PixelRates {
-        let [x, y, theta] = self.at(node, regime);
+    pub fn taken(rates: PixelRates, here: &Here) -> PixelRates {
+        let [x, y, theta] = here.drift;
         PixelRates { x: sum(rates.x, x), y: sum(rates.y, y), theta: sum(rates.theta, theta), ..rates }
     }
 
     /// The step of the ball from a node on, where that of the pose is another.
     ///
     /// Where a blow falls into it, its own drift is none of those before and after.
-    pub fn stepped(&self, step: RigidStep, own: Option<[Estimate; 3]>, regime: Regime, node: &Node) -> RigidStep {
-        let told = self.at(node, regime);
+    pub fn stepped(step: RigidStep, own: Option<[Estimate; 3]>, here: &Here) -> RigidStep {
+        let told = here.drift;
         let off = |own: &[Estimate; 3]| {
             let pull = |axis: usize| (own[axis].value - told[axis].value) / own[axis].sigma.hypot(told[axis].sigma);
             pull(0).hypot(pull(1)).hypot(pull(2)) > STRUCK_SIGMAS
@@ -311,15 +360,16 @@ impl Drift {
     /// The centre at a node, where it surely leaves the poses.
     ///
     /// Outlines that no line goes through tell nothing of a moment far from them, either.
-    pub fn center(&self, node: &Node, regime: Regime) -> Option<Center> {
-        let ((from, to), scatter) = self.even(node, regime);
-        let share = self.rates(from, to)?.1;
-        if share < SURE_SHARE || from > to {
+    pub fn center(&self, node: &Node, here: &Here) -> Option<Center> {
+        let Here { from_frames: from, to_frames: to, scatter, .. } = *here;
+        let rates = here.rates?;
+        if rates.share < SURE_SHARE || from > to {
             return None;
         }
         let (about, mut reach) = (node.time_frames.clamp(from, to), to - from);
+        let (mut near, mut px) = ((from, to), rates.px);
         loop {
-            let (center, off) = self.along(node, (from.max(about - reach), to.min(about + reach)))?;
+            let (center, off) = self.along(node, near, px)?;
             let even = off <= UNEVEN_SIGMAS * center.sigma_px;
             if even || reach < 2.0 * NARROW {
                 let sigma_px = if even { center.sigma_px } else { center.sigma_px.hypot(off) };
@@ -328,6 +378,8 @@ impl Drift {
                 return Some(Center { sigma_px: sigma_px.hypot(unsure), ..center });
             }
             reach *= 0.5;
+            near = (from.max(about - reach), to.min(about + reach));
+            px = self.rates(near.0, near.1, self.lines(near.0, near.1).as_ref()).map_or([NONE; 2], |rates| rates.px);
         }
     }
 
@@ -343,9 +395,8 @@ impl Drift {
         Center { sigma_px: center.sigma_px.hypot(off_px), ..center }
     }
 
-    /// The centre at a node by outlines between two times, and what these are off the line through them, rms, px.
-    fn along(&self, node: &Node, (from, to): (f64, f64)) -> Option<(Center, f64)> {
-        let rates = self.rates(from, to).map_or([NONE; 2], |(rates, _)| rates);
+    /// The centre at a node by outlines between two times and the drift then, and what these are off the line through them, rms, px.
+    fn along(&self, node: &Node, (from, to): (f64, f64), rates: [Estimate; 2]) -> Option<(Center, f64)> {
         let before = self.seen.partition_point(|seen| seen[0].time_frames <= to);
         let near = match self.between(from, to) {
             [] => self.seen.get(before.checked_sub(1)?..before)?,

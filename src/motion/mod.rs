@@ -24,7 +24,7 @@ mod walk;
 pub use anchor::{Anchor, Center};
 pub use axes::{Axes, MetresPerPixel, PixelRates, Surface, gravity_px, physical};
 pub use chain::{Chain, Node};
-pub use drift::Drift;
+pub use drift::{Drift, Here};
 pub use fixed::{RunningShare, Shortening, Spans};
 pub use growth::{Growth, Seen, surely};
 pub use lens::{Distortion, Lens};

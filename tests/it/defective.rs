@@ -46,7 +46,7 @@ fn worst(world: &World, rig: &str) -> (f64, String) {
     pulls.fold((0.0, String::new()), |most, pull| if pull.0 > most.0 { pull } else { most })
 }
 
-/// Untold, spins of the tennis balls were off by 3 to 9 sigmas.
+/// Untold, they hide subsets as an occluder does, and numbers of the tennis balls are farther off.
 #[test]
 fn pixels_that_do_not_see_are_filled_in() {
     let rigs = [
@@ -66,7 +66,7 @@ fn pixels_that_do_not_see_are_filled_in() {
                 pixels.len()
             );
             assert!(filled.0 < without.0.max(2.0) + 0.5, "{name} {seed}");
-            assert!(name != "tennis" || untold.0 > 1.5 * filled.0, "{name} {seed}: nothing to fill in");
+            assert!(name != "tennis" || untold.0 > filled.0, "{name} {seed}: nothing to fill in");
         }
     }
 }

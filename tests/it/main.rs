@@ -38,6 +38,7 @@ mod gige_faults;
 mod gige_line;
 mod gige_pair;
 mod golden;
+mod hidden;
 mod honest;
 mod impact;
 mod import;

@@ -86,7 +86,7 @@ fn a_ball_whose_drift_nobody_sees_is_as_unsure_as_balls_turn() {
     assert_eq!(drift.surely(0.0, 39.0), None);
     let [x, _, _] = drift.supposed(0.0, 39.0).unwrap();
     assert!(x.value.abs() <= 0.0 && (x.sigma - TURNS.sqrt() * 1.5).abs() < 1e-9, "{x:?}");
-    let astray = drift.astray(&node(20), FLIGHT);
+    let astray = drift.astray(&node(20), &drift.here(&node(20), FLIGHT));
     assert!((astray - 20.0 * x.sigma).abs() < 1e-9, "{astray}");
 }
 
@@ -95,7 +95,7 @@ fn what_may_be_chance_is_left_out() {
     for drift in [steps([0.002, -0.001]), outlines([1e-4, -2e-4], 100)] {
         let told = drift.surely(0.0, 99.0).unwrap();
         assert!(told.iter().all(|drift| drift.value.abs() <= 0.0 && drift.sigma.abs() < 1e-5), "{told:?}");
-        assert_eq!(drift.center(&node(50), FLIGHT), None);
+        assert_eq!(drift.center(&node(50), &drift.here(&node(50), FLIGHT)), None);
     }
 }
 
@@ -122,7 +122,7 @@ fn a_centre_is_where_its_outlines_are_when_a_blow_makes_it_leave_its_poses() {
         }
     }
     for frame in 0..100 {
-        let Some(center) = drift.center(&node(frame), FLIGHT) else { continue };
+        let Some(center) = drift.center(&node(frame), &drift.here(&node(frame), FLIGHT)) else { continue };
         let off = [
             center.x_px - (90.0 + 1.5 * frame as f64 + 0.09 * since(frame)),
             center.y_px - (80.0 + 0.37 * since(frame)),
@@ -131,10 +131,11 @@ fn a_centre_is_where_its_outlines_are_when_a_blow_makes_it_leave_its_poses() {
         assert!(off.iter().all(|off| off.abs() < 3.0 * sigma) && sigma < 1.0, "{frame}: off {off:?}, {sigma}");
         assert!(frame.abs_diff(30) < 8 || off[1].abs() < 0.2, "{frame}: off {off:?}");
     }
-    assert!(drift.center(&node(80), FLIGHT).is_some());
+    assert!(drift.center(&node(80), &drift.here(&node(80), FLIGHT)).is_some());
     for frame in 0..100 {
         let true_px = if frame < 30 { [0.0; 2] } else { [0.09, 0.37] };
-        let moved = drift.stepped(RigidStep { dx_px: 1.5, ..RigidStep::STILL }, None, FLIGHT, &node(frame));
+        let moved =
+            Drift::stepped(RigidStep { dx_px: 1.5, ..RigidStep::STILL }, None, &drift.here(&node(frame), FLIGHT));
         let off = [moved.dx_px - 1.5 - true_px[0], moved.dy_px - true_px[1]];
         let sigma = [moved.sigma_dx_px, moved.sigma_dy_px];
         assert!((0..2).all(|k| off[k].abs() <= 3.0 * sigma[k] + 1e-9), "{frame}: off {off:?}, {sigma:?}");
@@ -149,17 +150,18 @@ fn a_centre_goes_on_where_its_outline_is_not_seen() {
         drift.push_step(frame as f64, &step(frame, [-0.2, 0.0]));
     }
     for frame in [20, 60, 90] {
-        let center = drift.center(&node(frame), FLIGHT).unwrap();
+        let center = drift.center(&node(frame), &drift.here(&node(frame), FLIGHT)).unwrap();
         let off = center.x_px - (90.0 + 1.3 * frame as f64);
         assert!(off.abs() < 3.0 * center.sigma_px && center.sigma_px < 0.3, "{frame}: off {off}, {center:?}");
     }
     let contact = Regime::Contact { from: 60, to: Some(80), acceleration_px: 0.0, speed_px: 1.5 };
     let still = |value: f64| Estimate { value, sigma: 1e-3 };
     let rates = PixelRates { x: still(1.5), y: still(0.0), theta: still(0.1), window_frames: 9, order: 2 };
-    let (flies, touches) = (drift.taken(rates, FLIGHT, &node(50)), drift.taken(rates, contact, &node(70)));
+    let (flies, touches) =
+        (Drift::taken(rates, &drift.here(&node(50), FLIGHT)), Drift::taken(rates, &drift.here(&node(70), contact)));
     assert!((flies.x.value - 1.3).abs() < 3.0 * flies.x.sigma && flies.x.sigma < 0.01, "{flies:?}");
     assert!((touches.x.value - 1.3).abs() < 0.01 && touches.x.sigma > 0.09, "a contact turns it: {touches:?}");
-    let moved = drift.stepped(RigidStep { dx_px: 1.5, ..RigidStep::STILL }, None, FLIGHT, &node(50));
+    let moved = Drift::stepped(RigidStep { dx_px: 1.5, ..RigidStep::STILL }, None, &drift.here(&node(50), FLIGHT));
     assert!((moved.dx_px - 1.3).abs() < 3.0 * moved.sigma_dx_px && moved.sigma_dx_px < 0.01, "{moved:?}");
 }
 
@@ -186,7 +188,7 @@ fn what_turns_beside_its_steps_is_taken_out_where_it_surely_tumbles() {
             drift.push_step(frame as f64, &step);
         }
         let rates = PixelRates { x: NONE, y: NONE, theta: NONE, window_frames: 9, order: 2 };
-        drift.taken(rates, FLIGHT, &node(20)).theta
+        Drift::taken(rates, &drift.here(&node(20), FLIGHT)).theta
     };
     let (tumbles, flat) = (told(0.2), told(0.0));
     assert!((tumbles.value - 0.03).abs() < 3.0 * tumbles.sigma && tumbles.sigma < 3e-3, "{tumbles:?}");
@@ -198,6 +200,20 @@ fn a_step_that_a_blow_falls_into_is_told_by_its_own_drift() {
     let drift = steps([0.2, 0.0]);
     let moved = RigidStep { dx_px: 1.5, ..RigidStep::STILL };
     let own = step(50, [0.45, 0.0]).drift;
-    let [even, struck] = [None, own].map(|own| drift.stepped(moved, own, FLIGHT, &node(50)).dx_px);
+    let [even, struck] = [None, own].map(|own| Drift::stepped(moved, own, &drift.here(&node(50), FLIGHT)).dx_px);
     assert!((even - 1.7).abs() < 0.01 && (struck - 1.95).abs() < 1e-9, "{even} {struck}");
+}
+
+#[test]
+fn an_angle_says_what_its_steps_turn_beside_it() {
+    let twisted = |drift_px: f64| {
+        let mut drift = Drift::default();
+        for frame in 0..40 {
+            let mut step = step(frame, [drift_px, 0.0]);
+            step.drift.as_mut().unwrap()[2].value = 0.03;
+            drift.push_step(frame as f64, &step);
+        }
+        drift.twisted(&node(30), &drift.here(&node(30), FLIGHT))
+    };
+    assert!((twisted(0.2) - 0.9).abs() < 0.01 && twisted(0.0).abs() < 1e-9, "{} {}", twisted(0.2), twisted(0.0));
 }
