@@ -230,12 +230,8 @@ fn total_with<V: Vector>(sums: &[f32], count: usize, window: &Window, out: &mut 
             }
         }
     }
-    for (totals, out) in totals.chunks_exact(LANES).zip(out.chunks_exact_mut(LANES)) {
-        let mut group = [V::splat(0.0); LANES];
-        group.copy_from_slice(totals);
-        for (out, value) in out.iter_mut().zip(V::sums(group).0) {
-            *out = f64::from(value);
-        }
+    for (group, out) in totals.as_chunks().0.iter().zip(out.chunks_exact_mut(LANES)) {
+        out.iter_mut().zip(V::sums(group).0).for_each(|(out, sum)| *out = f64::from(sum));
     }
 }
 

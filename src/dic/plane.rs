@@ -95,9 +95,17 @@ pub(super) fn mirror_row(row: &mut [f32], width: usize) {
         return;
     }
     let (before, inner) = row.split_at_mut(MARGIN);
-    before.iter_mut().rev().zip(&inner[1..]).for_each(|(to, from)| *to = *from);
+    copy_mirrored(&inner[1..], before);
     let (inner, after) = inner.split_at_mut(width);
-    after.iter_mut().zip(inner[..width - 1].iter().rev()).for_each(|(to, from)| *to = *from);
+    copy_mirrored(&inner[width - 1 - MARGIN..], after);
+}
+
+/// Copies the first numbers, as many as a margin has, the last of them first.
+fn copy_mirrored(from: &[f32], to: &mut [f32]) {
+    let mut mirrored = [0.0; MARGIN];
+    mirrored.copy_from_slice(&from[..MARGIN]);
+    mirrored.reverse();
+    to[..MARGIN].copy_from_slice(&mirrored);
 }
 
 /// Reflects an index about the first and the last sample until it lies in `0..size`.

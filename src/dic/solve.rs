@@ -30,12 +30,15 @@ fn invert_leading<const M: usize>(matrix: &[[f64; M]; M], n: usize) -> Option<[[
         for k in 0..n {
             own[k] = work[k.min(pivot)][k.max(pivot)];
         }
-        for row in (0..n).filter(|row| *row != pivot) {
+        // The lower half and the pivot's own row and column as well: a test for each number would take longer.
+        for row in 0..n {
             let factor = share * own[row];
-            for column in (row..n).filter(|column| *column != pivot) {
+            for column in 0..n {
                 work[row][column] -= factor * own[column];
             }
-            work[row.min(pivot)][row.max(pivot)] = factor;
+        }
+        for row in 0..n {
+            work[row.min(pivot)][row.max(pivot)] = share * own[row];
         }
         work[pivot][pivot] = -share;
     }

@@ -143,7 +143,8 @@ impl Subset {
     /// Whether texture of these gradients can be followed; all that follows from them.
     fn judge(&mut self, hessian: &[[f64; 6]; 6], pixels: usize, shape: Shape) -> Result<(), Unusable> {
         let (projected, count) = project_matrix(shape, hessian);
-        self.inverse = invert(&projected, count).ok_or(Unusable::LowContrast)?;
+        let Some(inverse) = invert(&projected, count) else { return Err(Unusable::LowContrast) };
+        self.inverse = inverse;
         let (xx, xy, yy) = (hessian[0][0], hessian[0][3], hessian[3][3]);
         if count == 6 {
             // Variances of u and v were the deformation known.

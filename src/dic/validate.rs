@@ -22,15 +22,19 @@ const FEWEST: usize = 3;
 const LONE_ZNCC: f32 = 0.9;
 
 /// The eight directions to neighbours; the first four are the opposites of the last four.
-const DIRECTIONS: [(i64, i64); 8] = [(1, 0), (0, 1), (1, 1), (1, -1), (-1, 0), (0, -1), (-1, -1), (-1, 1)];
+const DIRECTIONS: [(isize, isize); 8] = [(1, 0), (0, 1), (1, 1), (1, -1), (-1, 0), (0, -1), (-1, -1), (-1, 1)];
+
+/// Cells around the lattice in which there is no point: neighbours of neighbours need no test.
+const AROUND: usize = 2;
 
 /// Memory of the test.
 #[derive(Debug, Clone, Default)]
 pub(super) struct MedianTest {
+    /// Index of the point in each cell.
     lattice: Vec<u32>,
-    origin: (u32, u32),
     columns: usize,
-    rows: usize,
+    /// Cell of each point on the lattice.
+    cells: Vec<Option<usize>>,
     outliers: Vec<usize>,
 }
 
@@ -41,8 +45,8 @@ impl MedianTest {
     pub(super) fn mark(&mut self, points: &[GridPoint], step_px: u32, field: &mut [FieldPoint]) {
         self.map(points, step_px);
         self.outliers.clear();
-        for (index, point) in points.iter().enumerate() {
-            if field[index].displacement.is_some() && self.contradicted(point, step_px, index, field) {
+        for index in 0..points.len() {
+            if field[index].displacement.is_some() && self.contradicted(index, field) {
                 self.outliers.push(index);
             }
         }
@@ -55,41 +59,35 @@ impl MedianTest {
     /// Puts the points on a lattice of cells one step wide; points off the lattice have no neighbours.
     fn map(&mut self, points: &[GridPoint], step_px: u32) {
         self.lattice.clear();
-        (self.columns, self.rows) = (0, 0);
+        self.cells.clear();
         let Some(first) = points.first() else { return };
         let low = |pick: fn(&GridPoint) -> u32| points.iter().map(pick).min().unwrap_or(0);
         let high = |pick: fn(&GridPoint) -> u32| points.iter().map(pick).max().unwrap_or(0);
         let step = step_px.max(1);
         let ((left, right), (top, bottom)) = ((low(|p| p.x), high(|p| p.x)), (low(|p| p.y), high(|p| p.y)));
         // The lattice runs through the first point.
-        self.origin = (left + (first.x - left) % step, top + (first.y - top) % step);
-        let extent = |high: u32, origin: u32| (high.saturating_sub(origin) / step + 1) as usize;
-        (self.columns, self.rows) = (extent(right, self.origin.0), extent(bottom, self.origin.1));
-        self.lattice.resize(self.columns * self.rows, NONE);
-        for (index, point) in points.iter().enumerate() {
-            if let Some(cell) = self.cell(i64::from(point.x), i64::from(point.y), step) {
-                self.lattice[cell] = index as u32;
+        let origin = (left + (first.x - left) % step, top + (first.y - top) % step);
+        let extent = |high: u32, origin: u32| (high.saturating_sub(origin) / step + 1) as usize + 2 * AROUND;
+        let (columns, rows) = (extent(right, origin.0), extent(bottom, origin.1));
+        self.columns = columns;
+        self.lattice.resize(columns * rows, NONE);
+        self.cells.extend(points.iter().map(|point| {
+            let (x, y) = (point.x.checked_sub(origin.0)?, point.y.checked_sub(origin.1)?);
+            let (column, row) = ((x / step) as usize + AROUND, (y / step) as usize + AROUND);
+            (x % step == 0 && y % step == 0).then_some(row * columns + column)
+        }));
+        for (index, cell) in self.cells.iter().enumerate() {
+            if let Some(cell) = cell {
+                self.lattice[*cell] = index as u32;
             }
         }
     }
 
-    /// The cell of a pixel, if it is on the lattice.
-    fn cell(&self, x: i64, y: i64, step_px: u32) -> Option<usize> {
-        let step = i64::from(step_px);
-        let (x, y) = (x - i64::from(self.origin.0), y - i64::from(self.origin.1));
-        let on = x >= 0 && y >= 0 && x % step == 0 && y % step == 0;
-        let (column, row) = ((x / step) as usize, (y / step) as usize);
-        (on && column < self.columns && row < self.rows).then(|| row * self.columns + column)
-    }
-
     /// Whether the predictions from the neighbours contradict the point, or most neighbours failed and it is poor.
-    fn contradicted(&self, point: &GridPoint, step_px: u32, index: usize, field: &[FieldPoint]) -> bool {
-        let own = self.cell(i64::from(point.x), i64::from(point.y), step_px.max(1));
-        let own = own.map(|cell| ((cell % self.columns) as i64, (cell / self.columns) as i64));
-        let at = |(dx, dy): (i64, i64), times: i64| {
-            let (column, row) = own.map(|(column, row)| (column + times * dx, row + times * dy))?;
-            let is_there = (0..self.columns as i64).contains(&column) && (0..self.rows as i64).contains(&row);
-            let cell = is_there.then_some(row as usize * self.columns + column as usize)?;
+    fn contradicted(&self, index: usize, field: &[FieldPoint]) -> bool {
+        let columns = self.columns as isize;
+        let at = |(dx, dy): (isize, isize), times: isize| {
+            let cell = self.cells[index]?.wrapping_add_signed(times * (dy * columns + dx));
             field.get(self.lattice[cell] as usize)
         };
         let tried = DIRECTIONS.into_iter().filter_map(|direction| at(direction, 1)).count();

@@ -21,7 +21,7 @@ pub(super) trait Vector: Copy {
     /// Rows to columns of eight times eight numbers.
     fn transpose(rows: [Self; LANES]) -> [Self; LANES];
     /// The sum of each of eight times eight numbers: that of its halves, each of which is the sum of its pairs.
-    fn sums(rows: [Self; LANES]) -> Lanes;
+    fn sums(rows: &[Self; LANES]) -> Lanes;
     /// To memory.
     fn to_lanes(self) -> Lanes;
     /// Sum.
@@ -95,7 +95,7 @@ impl Vector for Portable {
     }
 
     #[inline(always)]
-    fn sums(rows: [Self; LANES]) -> Lanes {
+    fn sums(rows: &[Self; LANES]) -> Lanes {
         Lanes(rows.map(|Self([a, b, c, d, e, f, g, h])| ((a + b) + (c + d)) + ((e + f) + (g + h))))
     }
 
@@ -348,8 +348,8 @@ mod avx2 {
         }
 
         #[inline(always)]
-        fn sums(rows: [Self; LANES]) -> Lanes {
-            let [Self(a), Self(b), Self(c), Self(d), Self(e), Self(f), Self(g), Self(h)] = rows;
+        fn sums(rows: &[Self; LANES]) -> Lanes {
+            let [Self(a), Self(b), Self(c), Self(d), Self(e), Self(f), Self(g), Self(h)] = *rows;
             let (low, high) = (sums_of_halves(a, b, c, d), sums_of_halves(e, f, g, h));
             // SAFETY: see above.
             let sums = unsafe {
