@@ -178,15 +178,21 @@ fn the_noise_of_steps_that_share_a_frame_takes_itself_back() {
     assert!(y.value.abs() < 3.0 * y.sigma && turn.value.abs() < 3.0 * turn.sigma, "{y:?} {turn:?}");
 }
 
+/// Of a ball whose steps turn by 0.03 deg a frame beside it.
+fn turning(drift_px: f64) -> Drift {
+    let mut drift = Drift::default();
+    for frame in 0..40 {
+        let mut step = step(frame, [drift_px, 0.0]);
+        step.drift.as_mut().unwrap()[2].value = 0.03;
+        drift.push_step(frame as f64, &step);
+    }
+    drift
+}
+
 #[test]
 fn what_turns_beside_its_steps_is_taken_out_where_it_surely_tumbles() {
     let told = |drift_px: f64| {
-        let mut drift = Drift::default();
-        for frame in 0..40 {
-            let mut step = step(frame, [drift_px, 0.0]);
-            step.drift.as_mut().unwrap()[2].value = 0.03;
-            drift.push_step(frame as f64, &step);
-        }
+        let drift = turning(drift_px);
         let rates = PixelRates { x: NONE, y: NONE, theta: NONE, window_frames: 9, order: 2 };
         Drift::taken(rates, &drift.here(&node(20), FLIGHT)).theta
     };
@@ -206,14 +212,9 @@ fn a_step_that_a_blow_falls_into_is_told_by_its_own_drift() {
 
 #[test]
 fn an_angle_says_what_its_steps_turn_beside_it() {
-    let twisted = |drift_px: f64| {
-        let mut drift = Drift::default();
-        for frame in 0..40 {
-            let mut step = step(frame, [drift_px, 0.0]);
-            step.drift.as_mut().unwrap()[2].value = 0.03;
-            drift.push_step(frame as f64, &step);
-        }
+    let [tumbles, flat] = [0.2, 0.0].map(|drift_px| {
+        let drift = turning(drift_px);
         drift.twisted(&node(30), &drift.here(&node(30), FLIGHT))
-    };
-    assert!((twisted(0.2) - 0.9).abs() < 0.01 && twisted(0.0).abs() < 1e-9, "{} {}", twisted(0.2), twisted(0.0));
+    });
+    assert!((tumbles - 0.9).abs() < 0.01 && flat.abs() < 1e-9, "{tumbles} {flat}");
 }
