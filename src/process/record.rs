@@ -15,7 +15,6 @@ use super::action::{Actions, Cause};
 use super::clock::{Every, Patience};
 use super::conclude::Conclusions;
 use super::reference;
-use super::rig::truth_world;
 use super::shot::{Shot, free_path, recording_info};
 use super::stop::Stop;
 use super::storage::{Storage, prepare_directory};

@@ -13,6 +13,7 @@ use crate::rod;
 use crate::synth::World;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
+use std::rc::Rc;
 use take::Take;
 
 /// What is to be recorded.
@@ -77,9 +78,9 @@ impl Shot {
     /// # Errors
     ///
     /// When the file cannot be written.
-    pub fn set_truth(&mut self, camera: usize, world: Option<World>) -> Result<(), RecordingError> {
+    pub fn set_truth(&mut self, camera: usize, world: Option<Rc<World>>) -> Result<(), RecordingError> {
         self.writer.turn_to(camera);
-        for impact in world.iter().flat_map(World::impacts) {
+        for impact in world.iter().flat_map(|world| world.impacts()) {
             self.writer.truth_impact(&impact)?;
         }
         if let Some(take) = &mut self.takes[camera] {

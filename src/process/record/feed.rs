@@ -6,10 +6,12 @@ use crate::config::{Config, TriggerMode};
 use crate::measure::TrackerParams;
 use crate::message::{Event, EventKind, Role};
 use crate::process::report::Reporter;
-use crate::process::rig::{SUCCESSION, analysis_params, expected_format, learn_exposure, limits};
+use crate::process::rig::{SUCCESSION, analysis_params, expected_format, learn_exposure, limits, truth_world};
 use crate::process::stream::Stream;
 use crate::results::{BodyStep, PairField};
+use crate::synth::World;
 use std::collections::VecDeque;
+use std::rc::Rc;
 
 /// A camera's ring and what is measured of it.
 pub(super) struct Feed<'a> {
@@ -21,6 +23,8 @@ pub(super) struct Feed<'a> {
     pub(super) reporter: Reporter,
     pub(super) stream: Stream,
     pub(super) params: TrackerParams,
+    /// Of a simulated camera; made before frames come, as it takes a tenth of a second of a processor.
+    pub(super) truth: Option<Rc<World>>,
     pub(super) format: StreamFormat,
     pub(super) limits: Limits,
     pub(super) held: VecDeque<FrameSample>,
@@ -51,6 +55,7 @@ impl<'a> Feed<'a> {
             reporter: Reporter::new(&bus, &limits, Role::Record, 0)?,
             stream: Stream::new(&bus, &limits)?,
             params: analysis_params(config, &format).1,
+            truth: truth_world(config)?.map(Rc::new),
             held: VecDeque::new(),
             early: Vec::new(),
             identity: CameraIdentity::default(),

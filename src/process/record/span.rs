@@ -156,8 +156,7 @@ impl Recorder<'_> {
     }
 
     fn add_truth(&mut self, camera: usize) -> anyhow::Result<()> {
-        let truth = truth_world(self.feeds[camera].config)?;
-        let Some(active) = &mut self.shot else { return Ok(()) };
+        let (truth, Some(active)) = (self.feeds[camera].truth.clone(), &mut self.shot) else { return Ok(()) };
         match active.shot.set_truth(camera, truth) {
             Ok(()) => Ok(()),
             Err(error) => self.abandon(&error),

@@ -5,6 +5,7 @@ use crate::measure::TrackerParams;
 use crate::process::order::OrderedTracker;
 use crate::results::{BodyStep, PairField, PointStatus};
 use crate::synth::World;
+use std::rc::Rc;
 
 /// What is known of one camera's frames and steps so far.
 pub(super) struct Take {
@@ -13,7 +14,7 @@ pub(super) struct Take {
     /// The interval whose displacements are drawn, frames.
     pub(super) shortest_frames: u32,
     pub(super) extent: Extent,
-    pub(super) truth: Option<World>,
+    pub(super) truth: Option<Rc<World>>,
     pub(super) next_frame: u64,
     /// Frames that are missing between the first and the newest.
     pub(super) lost: u64,
