@@ -182,9 +182,10 @@ impl RigidBody {
                 // What hides half of the body may have led the plain match astray.
                 let searched = match plain {
                     Ok(found) => {
-                        sight.find(&refiner, found.warp, found.zncc).or_else(|_| sight.find(&refiner, start, 0.0))
+                        let matched = sight.find(&refiner, found.warp, (found.zncc, &residual));
+                        matched.or_else(|_| sight.find(&refiner, start, (0.0, &[])))
                     }
-                    Err(_) => sight.find(&refiner, start, 0.0),
+                    Err(_) => sight.find(&refiner, start, (0.0, &[])),
                 };
                 searched.map(|found| {
                     let told = sight.told(&self.refiner(target), &found, offset);

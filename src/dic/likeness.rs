@@ -7,9 +7,9 @@
 
 use multiversion::multiversion;
 
+use super::around::{RESIDUAL_REACH, add_around, are_strips_within, are_within, box_sums, least_of_strips};
 use super::lanes::{LANES, Lanes};
-use super::median::median_size;
-use super::vector::{Vector, vectorized};
+use super::median::{median_size, nth_smallest};
 use super::window::Window;
 
 /// Half the side of the neighbourhood whose ZNCC is taken, px.
@@ -17,9 +17,6 @@ const ZNCC_REACH: usize = 5;
 
 /// Local ZNCC above which a pixel looks alike.
 const ALIKE_ZNCC: f32 = 0.85;
-
-/// Half the side of the neighbourhood whose residual is taken, px.
-const RESIDUAL_REACH: usize = 3;
 
 /// Times the noise that the local residual of a pixel in sight may have.
 const ALIKE_RESIDUAL: f32 = 2.5;
@@ -50,10 +47,11 @@ pub(super) struct Likeness {
     columns: Vec<f32>,
     /// Pixels, and sums of f, g, f f, g g and f g.
     sums: [Vec<f32>; 6],
-    sorted: Vec<f32>,
+    /// Sizes of the residual of pixels that count, infinite of others.
+    sizes: Vec<Lanes>,
     /// By pixel of a body that is planned for: pixels in its neighbourhood, more than any number of them off the body.
     neighbours: Vec<f32>,
-    /// The least of these in [`STRIP`] rows at a time.
+    /// The least of these in some rows at a time.
     least_neighbours: Vec<f32>,
     /// Squares of the residual of that body; 0 off it.
     squares: Vec<f32>,
@@ -72,7 +70,11 @@ impl Likeness {
         own.neighbours =
             count.iter().zip(&own.mask).map(|(count, mask)| if *mask > 0.5 { *count } else { OFF_BODY }).collect();
         own.least_neighbours = least_of_strips(&own.neighbours, own.stride);
-        own.squares = vec![0.0; own.neighbours.len()];
+        let len = own.neighbours.len();
+        own.squares = vec![0.0; len];
+        for plane in [&mut own.product, &mut own.sums[0]] {
+            plane.resize(len, 0.0);
+        }
         let step = (window.pixels / ENOUGH_PIXELS).max(1);
         let pixels = |row: &Lanes| row.0.iter().filter(|mask| **mask > 0.5).count();
         own.sampled = (step, window.mask.iter().step_by(step).map(pixels).sum());
@@ -92,10 +94,7 @@ impl Likeness {
         if squares > window.pixels as f64 * f64::from(MOST_UNEVEN * noise).powi(2) {
             return false;
         }
-        // Every residual of one body has the same places.
-        for (first, row) in places(window, self.stride).zip(residual) {
-            self.squares[first..first + LANES].copy_from_slice(&(*row * *row).0);
-        }
+        self.square(window, residual);
         let most = (ALIKE_RESIDUAL * noise).powi(2);
         self.columns.resize(self.columns.len().max(self.stride), 0.0);
         // Mostly a look at fewer, larger neighbourhoods is enough.
@@ -103,8 +102,19 @@ impl Likeness {
             || are_within((&self.squares, &self.neighbours), self.stride, most, &mut self.columns)
     }
 
-    /// Loads a reference, where it is needed, and its residual, both packed like the window's mask.
-    pub(super) fn load(&mut self, window: &Window, reference: &[Lanes], residual: &[Lanes]) {
+    /// Loads the squares of a residual.
+    fn square(&mut self, window: &Window, residual: &[Lanes]) {
+        if residual.is_empty() {
+            self.squares.fill(0.0);
+        }
+        // Every residual of one body has the same places.
+        for (first, row) in places(window, self.stride).zip(residual) {
+            self.squares[first..first + LANES].copy_from_slice(&(*row * *row).0);
+        }
+    }
+
+    /// Loads a reference and its residual, both packed like the window's mask.
+    fn load(&mut self, window: &Window, reference: &[Lanes], residual: &[Lanes]) {
         let (width, height) = window.extent.sides();
         // Whole blocks: their lanes may reach over the rectangle to both sides.
         self.stride = (width + 2 * PAD + 2 * LANES).next_multiple_of(LANES);
@@ -121,7 +131,13 @@ impl Likeness {
     }
 
     /// 1 where the neighbourhood's ZNCC says that it is the same thing, else 0.
-    pub(super) fn by_zncc(&mut self, window: &Window, kept: &mut Vec<Lanes>) {
+    pub(super) fn by_zncc(
+        &mut self,
+        window: &Window,
+        (reference, residual): (&[Lanes], &[Lanes]),
+        kept: &mut Vec<Lanes>,
+    ) {
+        self.load(window, reference, residual);
         let Self { mask, reference, residual, product, columns, sums, .. } = self;
         let stride = self.stride;
         // The target, at the reference's gain: the reference less the residual.
@@ -144,62 +160,80 @@ impl Likeness {
     }
 
     /// 1 where the neighbourhood's residual is no more than noise, else 0.
-    pub(super) fn by_residual(&mut self, window: &Window, noise: f32, kept: &mut Vec<Lanes>) {
-        let Self { mask, residual, product, columns, sums, .. } = self;
-        let stride = self.stride;
-        product.clear();
-        product.extend(residual.iter().map(|r| r * r));
-        let [count, square, ..] = sums;
-        box_sums(mask, stride, RESIDUAL_REACH, columns, count);
-        box_sums(product, stride, RESIDUAL_REACH, columns, square);
+    pub(super) fn by_residual(&mut self, window: &Window, residual: &[Lanes], noise: f32, kept: &mut Vec<Lanes>) {
+        self.square(window, residual);
+        let Self { squares, neighbours, product, columns, stride, .. } = self;
         let most = (ALIKE_RESIDUAL * noise).powi(2);
-        pick(window, stride, |at| square[at] < most * count[at].max(1.0), kept);
+        add_around(squares, *stride, columns, product);
+        kept.clear();
+        kept.extend(places(window, *stride).zip(&window.mask).map(|(first, mask)| {
+            let (square, pixels) = (&product[first..][..LANES], &neighbours[first..][..LANES]);
+            Lanes(std::array::from_fn(|lane| if square[lane] < most * pixels[lane] { mask.0[lane] } else { 0.0 }))
+        }));
     }
 
     /// Tells the pixels in sight, and how many they are, those next to an occluder too, whose neighbourhoods see it.
     ///
-    /// A pixel within reach of one that is kept counts when its own residual is no more than noise.
-    pub(super) fn in_sight(&mut self, window: &Window, noise: f32, kept: &[Lanes], sight: &mut Vec<Lanes>) -> usize {
-        let Self { residual, product, columns, sums, .. } = self;
-        let stride = self.stride;
-        product.clear();
-        product.resize(residual.len(), 0.0);
-        for (first, row) in places(window, stride).zip(kept) {
+    /// A pixel within reach of one that is kept counts when its own residual is no more than noise; all of them where
+    /// there is no residual.
+    pub(super) fn in_sight(
+        &mut self,
+        window: &Window,
+        (residual, noise): (&[Lanes], f32),
+        kept: &[Lanes],
+        sight: &mut Vec<Lanes>,
+    ) -> usize {
+        let Self { product, columns, sums: [near, ..], stride, .. } = self;
+        product.fill(0.0);
+        for (first, row) in places(window, *stride).zip(kept) {
             product[first..first + LANES].copy_from_slice(&row.0);
         }
-        let near = &mut sums[0];
-        box_sums(product, stride, RESIDUAL_REACH, columns, near);
-        let seen = |at: usize| product[at] > 0.5 || (near[at] > 0.5 && residual[at].abs() < OWN_RESIDUAL * noise);
-        pick(window, stride, seen, sight);
-        sight.iter().map(|row| row.0.iter().sum::<f32>() as usize).sum()
+        add_around(product, *stride, columns, near);
+        let (most, nothing) = (OWN_RESIDUAL * noise, [Lanes::splat(0.0)]);
+        let residual = residual.iter().chain(nothing.iter().cycle());
+        sight.clear();
+        let rows = places(window, *stride).zip(&window.mask).zip(kept.iter().zip(residual));
+        sight.extend(rows.map(|((first, mask), (kept, residual))| {
+            let near = &near[first..][..LANES];
+            let is_seen = |lane: usize| kept.0[lane] > 0.5 || (near[lane] > 0.5 && residual.0[lane].abs() < most);
+            Lanes(std::array::from_fn(|lane| if is_seen(lane) { mask.0[lane] } else { 0.0 }))
+        }));
+        count(sight)
     }
 
     /// Standard deviation of the residual where `kept` is 1, from its median: a few strange pixels do not matter.
-    pub(super) fn noise(&mut self, window: &Window, kept: &[Lanes]) -> Option<f32> {
-        self.sorted.clear();
-        for (first, row) in places(window, self.stride).zip(kept) {
-            let lanes = row.0.iter().zip(&self.residual[first..first + LANES]);
-            self.sorted.extend(lanes.filter(|(kept, _)| **kept > 0.5).map(|(_, residual)| residual.abs()));
-        }
-        let middle = self.sorted.len() / 2;
-        let median =
-            *(!self.sorted.is_empty()).then(|| self.sorted.select_nth_unstable_by(middle, f32::total_cmp).1)?;
-        Some(1.4826 * median)
+    pub(super) fn noise(&mut self, residual: &[Lanes], kept: &[Lanes]) -> f32 {
+        let size = |(residual, kept): (&Lanes, &Lanes)| {
+            Lanes(std::array::from_fn(|lane| if kept.0[lane] > 0.5 { residual.0[lane].abs() } else { f32::INFINITY }))
+        };
+        self.sizes.clear();
+        self.sizes.extend(residual.iter().zip(kept).map(size));
+        let pixels = count(kept);
+        if residual.is_empty() || pixels == 0 { 0.0 } else { 1.4826 * nth_smallest(&self.sizes, pixels / 2) }
     }
+}
 
-    /// Whether the residual where `kept` is 1 is that of noise alone: of one strength all over.
-    ///
-    /// Where half of a body is hidden, the median is no longer that of what is in sight, and hides the rest.
-    pub(super) fn is_even(&self, window: &Window, noise: f32, kept: &[Lanes]) -> bool {
-        let (mut square, mut count) = (0.0_f64, 0.0_f64);
-        for (first, row) in places(window, self.stride).zip(kept) {
-            for (kept, residual) in row.0.iter().zip(&self.residual[first..first + LANES]) {
-                square += f64::from(kept * residual * residual);
-                count += f64::from(*kept);
-            }
+/// Whether a residual where `kept` is 1 is that of noise alone: of one strength all over.
+///
+/// Where half of a body is hidden, the median is no longer that of what is in sight, and hides the rest.
+pub(super) fn is_even(residual: &[Lanes], noise: f32, kept: &[Lanes]) -> bool {
+    let mut square = 0.0;
+    // Not all in single precision: a body may have a million pixels.
+    for (residual, kept) in residual.chunks(512).zip(kept.chunks(512)) {
+        let mut sums = Lanes::splat(0.0);
+        for (residual, kept) in residual.iter().zip(kept) {
+            sums += *kept * *residual * *residual;
         }
-        square <= count * f64::from(MOST_UNEVEN * noise).powi(2)
+        square += sums.sum();
     }
+    square <= count(kept) as f64 * f64::from(MOST_UNEVEN * noise).powi(2)
+}
+
+/// How many pixels are 1.
+fn count(kept: &[Lanes]) -> usize {
+    let mut sums = Lanes::splat(0.0);
+    kept.iter().for_each(|row| sums += *row);
+    sums.sum() as usize
 }
 
 /// Index of the first of each row of eight.
@@ -235,120 +269,6 @@ fn sum_of_squares(residual: &[Lanes]) -> f64 {
     total
 }
 
-vectorized! {
-    /// Whether every sum over a neighbourhood is less than `most` times its pixels.
-    fn are_within(planes: (&[f32], &[f32]), stride: usize, most: f32, columns: &mut [f32]) -> bool = are_within_with
-}
-
-#[inline(always)]
-fn are_within_with<V: Vector>(
-    (values, pixels): (&[f32], &[f32]),
-    stride: usize,
-    most: f32,
-    columns: &mut [f32],
-) -> bool {
-    const SIDE: usize = 2 * RESIDUAL_REACH + 1;
-    let (one, most) = (V::splat(1.0), V::splat(most));
-    let mut over = V::splat(0.0);
-    for row in 0..(values.len() / stride).saturating_sub(SIDE - 1) {
-        let rows = &values[row * stride..][..SIDE * stride];
-        for x in (0..stride / LANES * LANES).step_by(LANES) {
-            let mut sum = V::load(&rows[x..]);
-            for k in 1..SIDE {
-                sum = sum.add(V::load(&rows[k * stride + x..]));
-            }
-            sum.store(&mut columns[x..]);
-        }
-        let pixels = &pixels[(row + RESIDUAL_REACH) * stride + RESIDUAL_REACH..];
-        for x in (0..(stride - SIDE) / LANES * LANES).step_by(LANES) {
-            let near = &columns[x..][..SIDE - 1 + LANES];
-            let mut sum = V::load(near);
-            for k in 1..SIDE {
-                sum = sum.add(V::load(&near[k..]));
-            }
-            over = over.add(one.and(sum.at_least(most.mul(V::load(&pixels[x..])))));
-        }
-    }
-    over.to_lanes().sum() < 0.5
-}
-
-/// Rows of neighbourhoods that are looked at together.
-const STRIP: usize = 4;
-
-/// The least value of every column in strips of the rows that have a whole neighbourhood.
-fn least_of_strips(values: &[f32], stride: usize) -> Vec<f32> {
-    let rows = (values.len() / stride).saturating_sub(2 * RESIDUAL_REACH);
-    let mut least = vec![f32::INFINITY; rows.div_ceil(STRIP) * stride];
-    for row in 0..rows {
-        let from = &values[(row + RESIDUAL_REACH) * stride..][..stride];
-        let to = &mut least[row / STRIP * stride..][..stride];
-        to.iter_mut().zip(from).for_each(|(least, value)| *least = least.min(*value));
-    }
-    least
-}
-
-vectorized! {
-    /// Whether the sums over all rows that neighbourhoods of a strip hold are less than `most` times the fewest pixels of
-    /// one of them: then every neighbourhood is within.
-    fn are_strips_within(planes: (&[f32], &[f32]), stride: usize, most: f32, columns: &mut [f32]) -> bool =
-        are_strips_within_with
-}
-
-#[inline(always)]
-fn are_strips_within_with<V: Vector>(
-    (values, pixels): (&[f32], &[f32]),
-    stride: usize,
-    most: f32,
-    columns: &mut [f32],
-) -> bool {
-    const SIDE: usize = 2 * RESIDUAL_REACH + 1;
-    const ROWS: usize = SIDE - 1 + STRIP;
-    let (one, most) = (V::splat(1.0), V::splat(most));
-    let mut over = V::splat(0.0);
-    let count = values.len() / stride;
-    for (strip, pixels) in pixels.chunks_exact(stride).enumerate() {
-        // The last strip may have fewer rows.
-        let first = (strip * STRIP).min(count - ROWS.min(count));
-        let rows = &values[first * stride..][..ROWS.min(count) * stride];
-        for x in (0..stride / LANES * LANES).step_by(LANES) {
-            let mut sums = [V::splat(0.0); 2];
-            for (k, row) in rows.chunks_exact(stride).enumerate() {
-                sums[k % 2] = sums[k % 2].add(V::load(&row[x..]));
-            }
-            sums[0].add(sums[1]).store(&mut columns[x..]);
-        }
-        let pixels = &pixels[RESIDUAL_REACH..];
-        for x in (0..(stride - SIDE) / LANES * LANES).step_by(LANES) {
-            let near = &columns[x..][..SIDE - 1 + LANES];
-            let mut sum = V::load(near);
-            for k in 1..SIDE {
-                sum = sum.add(V::load(&near[k..]));
-            }
-            over = over.add(one.and(sum.at_least(most.mul(V::load(&pixels[x..])))));
-        }
-    }
-    over.to_lanes().sum() < 0.5
-}
-
-/// The sum of the square of side 2 `reach` + 1 around every value; nonsense within `reach` rows of the ends.
-#[multiversion(targets("x86_64+avx512f+avx512bw+avx512dq+avx512vl", "x86_64+avx2"))]
-fn box_sums(values: &[f32], stride: usize, reach: usize, columns: &mut Vec<f32>, out: &mut Vec<f32>) {
-    for plane in [&mut *columns, &mut *out] {
-        plane.clear();
-        plane.resize(values.len(), 0.0);
-    }
-    let inner = reach * stride..values.len().saturating_sub(reach * stride).max(reach * stride);
-    for shift in 0..=2 * reach {
-        let from = &values[shift * stride..][..inner.len()];
-        columns[inner.clone()].iter_mut().zip(from).for_each(|(sum, value)| *sum += value);
-    }
-    let inner = reach..values.len() - reach;
-    for shift in 0..=2 * reach {
-        let from = &columns[shift..][..inner.len()];
-        out[inner.clone()].iter_mut().zip(from).for_each(|(sum, value)| *sum += value);
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -378,15 +298,14 @@ mod tests {
     fn local_residuals_equal_those_summed_one_by_one_with_dirty_memory() {
         let window = Window::new(WindowShape::Circle, 31);
         let residual = packed(&window, |dx, dy| 0.05 * speckle(dx, dy) + if dx > 6 { 20.0 } else { 0.0 });
-        let mut likeness = Likeness::default();
+        let mut likeness = Likeness::new(&window);
         let mut kept = Vec::new();
         for dirty in [false, true] {
             if dirty {
-                likeness.sums.iter_mut().for_each(|plane| plane.fill(f32::NAN));
+                likeness.product.fill(f32::NAN);
                 likeness.columns.fill(f32::NAN);
             }
-            likeness.load(&window, &packed(&window, speckle), &residual);
-            likeness.by_residual(&window, 4.0, &mut kept);
+            likeness.by_residual(&window, &residual, 4.0, &mut kept);
             let expected = packed(&window, |dx, dy| {
                 let (mut square, mut count) = (0.0, 0.0);
                 for (x, y) in (-3..=3).flat_map(|y| (-3..=3).map(move |x| (dx + x, dy + y))) {
@@ -412,15 +331,14 @@ mod tests {
             let residual = packed(&window, |dx, dy| 0.02 * speckle(dx, dy) + if is_spot(dx, dy) { spot } else { 0.0 });
             assert_eq!(likeness.is_whole(&window, &residual, 0.45), expected);
             let mut kept = Vec::new();
-            let mut slow = Likeness::default();
-            slow.load(&window, &[], &residual);
-            let noise = slow.noise(&window, &window.mask).unwrap();
+            let mut slow = Likeness::new(&window);
+            let noise = slow.noise(&residual, &window.mask);
             let squares = sum_of_squares(&residual) / window.pixels as f64;
             let of_all = 1.4826 * median_size(&residual, window.pixels, squares);
             assert!((of_all / noise - 1.0).abs() < 0.01);
             let of_sample = 1.4826 * median_size(&likeness.sample, likeness.sampled.1, squares);
             assert!((of_sample / noise - 1.0).abs() < 0.05, "{of_sample} of {noise}");
-            slow.by_residual(&window, noise, &mut kept);
+            slow.by_residual(&window, &residual, noise, &mut kept);
             assert_eq!(kept == window.mask, expected);
         }
     }
@@ -455,9 +373,8 @@ mod tests {
         let window = Window::new(WindowShape::Circle, 61);
         let target = |dx: i32, dy: i32| if dx > 8 { speckle(dx + 900, dy) } else { 1.3 * speckle(dx, dy) + 20.0 };
         let residual = packed(&window, |dx, dy| speckle(dx, dy) - target(dx, dy));
-        let (mut likeness, mut kept) = (Likeness::default(), Vec::new());
-        likeness.load(&window, &packed(&window, speckle), &residual);
-        likeness.by_zncc(&window, &mut kept);
+        let (mut likeness, mut kept) = (Likeness::new(&window), Vec::new());
+        likeness.by_zncc(&window, (&packed(&window, speckle), &residual), &mut kept);
         let wrong = kept.iter().zip(packed(&window, |dx, _| if dx > 8 { 0.0 } else { 1.0 }));
         let wrong: usize =
             wrong.map(|(a, b)| a.0.iter().zip(&b.0).filter(|(a, b)| (*a - *b).abs() > 0.5).count()).sum();

@@ -26,6 +26,41 @@ pub(super) fn median_size(residual: &[Lanes], pixels: usize, mean_square: f64) -
     f32::from_bits(low).sqrt()
 }
 
+/// Values this near in the order of their bits are the same: one part in four thousand.
+const NEAR_BITS: u32 = 2048;
+
+/// The value that `rank` others are smaller than, of values none of which is negative; a little less than it is.
+pub(super) fn nth_smallest(values: &[Lanes], rank: usize) -> f32 {
+    let (rank, (mut low, mut high)) = (rank as f32, (0, f32::INFINITY.to_bits() + 1));
+    while high - low > NEAR_BITS {
+        let middle = low + (high - low) / 2;
+        if values_below(values, f32::from_bits(middle)) > rank { high = middle } else { low = middle }
+    }
+    f32::from_bits(low)
+}
+
+vectorized! {
+    /// How many values are smaller than a limit, exactly up to sixteen million.
+    fn values_below(values: &[Lanes], limit: f32) -> f32 = values_below_with
+}
+
+#[inline(always)]
+fn values_below_with<V: Vector>(values: &[Lanes], limit: f32) -> f32 {
+    let (one, limit) = (V::splat(1.0), V::splat(limit));
+    let mut counts = [V::splat(0.0); 4];
+    let rows = values.chunks_exact(counts.len());
+    for row in rows.remainder() {
+        counts[0] = counts[0].add(one.and(V::from_lanes(row).at_least(limit)));
+    }
+    for rows in rows {
+        for (count, row) in counts.iter_mut().zip(rows) {
+            *count = count.add(one.and(V::from_lanes(row).at_least(limit)));
+        }
+    }
+    let counts = counts[0].add(counts[1]).add(counts[2].add(counts[3]));
+    (values.len() * LANES) as f32 - counts.to_lanes().0.iter().sum::<f32>()
+}
+
 vectorized! {
     /// How many squares are smaller than a limit, exactly up to sixteen million.
     fn count_below(residual: &[Lanes], limit: f32) -> f32 = count_below_with

@@ -6,6 +6,7 @@
 //! motion of a rigid body.
 
 mod angle;
+mod around;
 mod body;
 mod carried;
 mod center;
@@ -33,6 +34,7 @@ mod prepared;
 mod quadratic;
 mod refine;
 mod region;
+mod residual;
 mod rigid_fit;
 mod ring;
 mod rows;

@@ -10,10 +10,9 @@
 
 use super::Shape;
 use super::lanes::Lanes;
-use super::light;
 use super::prepared::gain;
 use super::quadratic::Second;
-use super::rows::{Carrier, Rows, TiledColumn, TurnedColumn, WarpedColumn};
+use super::rows::{Carrier, KeptColumn, Rows, TiledColumn, TurnedColumn, WarpedColumn};
 use super::sample::ShiftedColumn;
 use super::spline::Splined;
 use super::subset::{Subset, project};
@@ -49,7 +48,7 @@ const MOST_QUICK: u32 = 4;
 const GENTLE: f64 = 0.12;
 
 /// Variance under which a target holds nothing but rounding, DN^2.
-const LEAST_ENERGY: f64 = 1e-3;
+pub(super) const LEAST_ENERGY: f64 = 1e-3;
 
 /// Matches from different starts this near to each other are one, px.
 const SAME_PX: f64 = 0.1;
@@ -195,6 +194,12 @@ impl Refiner<'_> {
         self.step_of(self.pass(warp, false)?).map(|(step, zncc, _)| (step, zncc))
     }
 
+    /// As [`Self::step`], of a part of `whole` and by what was [sampled](Self::sampled) of that; and by how much the step
+    /// raises the ZNCC.
+    pub(super) fn step_from(&self, whole: &Refiner<'_>, samples: &[Lanes]) -> Result<(Warp, f64, f64), Lost> {
+        self.step_of(kept_sums_of(self, whole.subset.mean, samples))
+    }
+
     /// The step that sums say, the ZNCC, and by how much the step raises it.
     pub(super) fn step_of(&self, sums: Sums) -> Result<(Warp, f64, f64), Lost> {
         let subset = self.subset;
@@ -223,7 +228,7 @@ impl Refiner<'_> {
     }
 
     /// Slopes of the plane that light makes of the target's levels, and the sum of squares without it and their mean.
-    fn lit(&self, sums: &Sums, mean: f64) -> ([f64; 2], f64) {
+    pub(super) fn lit(&self, sums: &Sums, mean: f64) -> ([f64; 2], f64) {
         let energy = sums.energy - sums.levels * mean;
         self.subset.light.as_ref().map_or(([0.0; 2], energy), |light| {
             let slopes = light.plane(sums.levels, sums.places);
@@ -245,7 +250,7 @@ impl Refiner<'_> {
     }
 
     /// As [`Self::pass`], exactly, and keeps what was sampled, the reference's mean taken off.
-    fn sampled(&self, warp: &Warp, values: &mut Vec<Lanes>) -> Result<Sums, Lost> {
+    pub(super) fn sampled(&self, warp: &Warp, values: &mut Vec<Lanes>) -> Result<Sums, Lost> {
         values.clear();
         if !self.inside(warp) {
             return Err(Lost::OutOfFrame);
@@ -288,6 +293,17 @@ impl Refiner<'_> {
         let carrier = self.carrier(warp);
         for block in &self.window.blocks {
             self.add_block::<V, true>(&mut sums, block, TiledColumn::<V, N>::new(carrier, block), &mut []);
+        }
+        sums
+    }
+
+    /// Sums over all blocks, of samples that were kept, off which a mean was taken.
+    #[inline(always)]
+    fn kept_sums_with<V: Vector>(&self, mean: f32, samples: &[Lanes]) -> Sums {
+        let mut sums = Sums::default();
+        for block in &self.window.blocks {
+            let column = KeptColumn::<V>::new(&samples[block.start..block.start + block.rows], mean);
+            self.add_block::<V, true>(&mut sums, block, column, &mut []);
         }
         sums
     }
@@ -351,118 +367,6 @@ impl Refiner<'_> {
             sums.jacobian[3 * half + 2] += lever.to_lanes().sum();
         }
     }
-
-    /// The difference reference less gain-matched target, packed like the subset;
-    /// empty when the warped subset leaves the image.
-    pub(super) fn residual(&self, warp: &Warp, out: &mut Vec<Lanes>) {
-        self.residual_of(self, warp, out);
-    }
-
-    /// As [`Self::residual`], of `whole`, of which this is a part; gain and mean are those of the part.
-    pub(super) fn residual_of(&self, whole: &Refiner<'_>, warp: &Warp, out: &mut Vec<Lanes>) {
-        // The blocks are those of the whole, so its samples hold those of the part, at another mean.
-        let Ok(mut sums) = whole.sampled(warp, out) else {
-            out.clear();
-            return;
-        };
-        if !self.inside(warp) {
-            out.clear();
-            return;
-        }
-        if !std::ptr::eq(self, whole) {
-            sums = part_sums(out, self.window);
-        }
-        // What has no contrast is like nothing, and nothing says that it hides the body.
-        let contrast = self.lit(&sums, sums.levels / self.window.pixels as f64).1;
-        if contrast.is_nan() || contrast <= LEAST_ENERGY * self.window.pixels as f64 {
-            out.clear();
-            return;
-        }
-        self.subtract(whole, sums, out);
-    }
-
-    /// Turns samples of `whole` into its difference to the gain-matched target; gain, mean and light are those of this
-    /// part, over which `sums` are.
-    fn subtract(&self, whole: &Refiner<'_>, sums: Sums, out: &mut [Lanes]) {
-        let mean = sums.levels / self.window.pixels as f64;
-        let (slopes, energy) = self.lit(&sums, mean);
-        let gain = (self.subset.energy / energy).sqrt();
-        // The means of both references are off their levels.
-        let apart = f64::from(whole.subset.mean - self.subset.mean) / gain;
-        let even = (Lanes::splat((mean + apart) as f32), Lanes::splat(gain as f32));
-        let Some(light) = &self.subset.light else {
-            subtract(&whole.subset.levels, &whole.window.mask, even, out);
-            return;
-        };
-        let beside: [f64; 2] = std::array::from_fn(|axis| slopes[axis] - light.slopes[axis] / gain);
-        for block in &whole.window.blocks {
-            let rows = block.start..block.start + block.rows;
-            let plane =
-                Tilted { first: light::row(beside, light.middle, (block.dx, block.dy)), down: beside[1] as f32 };
-            let layers = (&whole.subset.levels[rows.clone()], &whole.window.mask[rows.clone()]);
-            subtract_tilted(layers, even, plane, &mut out[rows]);
-        }
-    }
-}
-
-vectorized! {
-    /// Levels less gain (samples - mean), on the mask, in the place of the samples.
-    fn subtract(levels: &[Lanes], mask: &[Lanes], mean_and_gain: (Lanes, Lanes), out: &mut [Lanes]) = subtract_with
-}
-
-#[inline(always)]
-fn subtract_with<V: Vector>(levels: &[Lanes], mask: &[Lanes], (mean, gain): (Lanes, Lanes), out: &mut [Lanes]) {
-    let (mean, gain) = (V::from_lanes(&mean), V::from_lanes(&gain));
-    for ((level, mask), out) in levels.iter().zip(mask).zip(out) {
-        let value = V::from_lanes(out).sub(mean.mul(V::from_lanes(mask)));
-        *out = V::from_lanes(level).sub(value.mul(gain)).to_lanes();
-    }
-}
-
-/// A plane on eight columns: in their first row, and how much it rises from row to row.
-#[derive(Clone, Copy)]
-struct Tilted {
-    first: Lanes,
-    down: f32,
-}
-
-vectorized! {
-    /// As [`subtract`] of a block, with a plane beside the mean.
-    fn subtract_tilted(layers: (&[Lanes], &[Lanes]), mean_and_gain: (Lanes, Lanes), plane: Tilted, out: &mut [Lanes]) =
-        subtract_tilted_with
-}
-
-#[inline(always)]
-fn subtract_tilted_with<V: Vector>(
-    (levels, mask): (&[Lanes], &[Lanes]),
-    (mean, gain): (Lanes, Lanes),
-    plane: Tilted,
-    out: &mut [Lanes],
-) {
-    let (gain, first, down) = (V::from_lanes(&gain), V::from_lanes(&(mean + plane.first)), V::splat(plane.down));
-    for (row, ((level, mask), out)) in levels.iter().zip(mask).zip(out).enumerate() {
-        let mean = first.plus_product(down, V::splat(row as f32));
-        let value = V::from_lanes(out).sub(mean.mul(V::from_lanes(mask)));
-        *out = V::from_lanes(level).sub(value.mul(gain)).to_lanes();
-    }
-}
-
-/// Sums of samples on the mask of a window, without those that need its gradients.
-fn part_sums(samples: &[Lanes], window: &Window) -> Sums {
-    let mut sums = Sums::default();
-    for block in &window.blocks {
-        let rows = block.start..block.start + block.rows;
-        for (dy, (value, mask)) in (block.dy..).zip(samples[rows.clone()].iter().zip(&window.mask[rows])) {
-            let value = *value * *mask;
-            // In double precision: whether there is any contrast is told by the difference of the two.
-            let [levels, across, _] = value.moments(f64::from(block.dx));
-            sums.levels += levels;
-            sums.places[0] += across;
-            sums.places[1] += levels * f64::from(dy);
-            sums.energy += (value * value).sum();
-        }
-    }
-    sums
 }
 
 vectorized! {
@@ -481,6 +385,16 @@ fn sums_with<V: Vector>(refiner: &Refiner<'_>, warp: &Warp, values: &mut [Lanes]
 vectorized! {
     /// [`Refiner::tiled_sums_with`].
     fn tiled_sums_of(refiner: &Refiner<'_>, warp: &Warp) -> Sums = tiled_sums_with
+}
+
+vectorized! {
+    /// [`Refiner::kept_sums_with`].
+    fn kept_sums_of(refiner: &Refiner<'_>, mean: f32, samples: &[Lanes]) -> Sums = kept_sums_with
+}
+
+#[inline(always)]
+fn kept_sums_with<V: Vector>(refiner: &Refiner<'_>, mean: f32, samples: &[Lanes]) -> Sums {
+    refiner.kept_sums_with::<V>(mean, samples)
 }
 
 #[inline(always)]

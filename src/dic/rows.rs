@@ -25,6 +25,26 @@ pub(super) trait Rows<V> {
     fn next(&mut self, gradients: (V, V)) -> V;
 }
 
+/// Samples that were kept, off which a mean was taken.
+pub(super) struct KeptColumn<'a, V> {
+    samples: std::slice::Iter<'a, Lanes>,
+    mean: V,
+}
+
+impl<'a, V: Vector> KeptColumn<'a, V> {
+    #[inline(always)]
+    pub(super) fn new(samples: &'a [Lanes], mean: f32) -> Self {
+        Self { samples: samples.iter(), mean: V::splat(mean) }
+    }
+}
+
+impl<V: Vector> Rows<V> for KeptColumn<'_, V> {
+    #[inline(always)]
+    fn next(&mut self, _: (V, V)) -> V {
+        self.samples.next().map_or(self.mean, |row| V::from_lanes(row).add(self.mean))
+    }
+}
+
 /// A target and where a motion carries the subset about a centre.
 #[derive(Clone, Copy)]
 pub(super) struct Carrier<'a> {

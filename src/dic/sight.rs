@@ -2,7 +2,7 @@
 
 use super::body::{BodyMotion, motion, status_of};
 use super::lanes::Lanes;
-use super::likeness::Likeness;
+use super::likeness::{Likeness, is_even};
 use super::refine::{Match, Refiner};
 use super::sigma::Pool;
 use super::subset::Subset;
@@ -22,8 +22,8 @@ const COARSE_ROUNDS: u32 = 4;
 /// Rounds with the second mask at most; two or three settle it.
 const FINE_ROUNDS: u32 = 8;
 
-/// A round that moves the rim by less than this is the last, px.
-const SETTLED_PX: f64 = 0.0005;
+/// A round that moves the rim by less than this is the last, px: the next would move it by a twentieth of that.
+const SETTLED_PX: f64 = 0.002;
 
 /// Smallest share of a body in sight that it is found by.
 const LEAST_SHARE: f64 = 0.15;
@@ -38,6 +38,8 @@ const LEAST_NOISE: f32 = 0.45;
 #[derive(Debug, Clone, Default)]
 pub(super) struct Sight {
     likeness: Likeness,
+    /// What was looked at last: the target, the mean of the reference taken off, and what the pixels in sight before left.
+    samples: Vec<Lanes>,
     residual: Vec<Lanes>,
     /// 1 where a pixel is in sight, packed like the body's mask.
     kept: Vec<Lanes>,
@@ -66,8 +68,14 @@ impl Sight {
         found.zncc >= WHOLE_ZNCC && self.likeness.is_whole(window, residual, LEAST_NOISE)
     }
 
-    /// Finds what is in sight, from a start about 1 px and 1 deg off at most, or from a match of all pixels.
-    pub(super) fn find(&mut self, body: &Refiner<'_>, start: Warp, zncc: f64) -> Result<Match, PointStatus> {
+    /// Finds what is in sight, from a start about 1 px and 1 deg off at most, or from a match of all pixels and what that
+    /// left.
+    pub(super) fn find(
+        &mut self,
+        body: &Refiner<'_>,
+        start: Warp,
+        (zncc, residual): (f64, &[Lanes]),
+    ) -> Result<Match, PointStatus> {
         if !body.inside(&start) {
             return Err(PointStatus::OutOfFrame);
         }
@@ -75,13 +83,15 @@ impl Sight {
         self.take_all(body);
         let coarse = if zncc < WHOLE_ZNCC { COARSE_ROUNDS } else { 0 };
         let (rim_px, last) = (f64::from(body.window.half), coarse + FINE_ROUNDS);
+        let is_matched = coarse == 0 && !residual.is_empty();
+        if is_matched {
+            self.mask(body, residual, Mask::Residual);
+            self.keep(body)?;
+        }
         for round in 0..last {
-            self.look(body, &warp, if round < coarse { Mask::Zncc } else { Mask::Residual });
-            if self.share(body) < LEAST_SHARE {
-                return Err(PointStatus::Occluded);
-            }
-            self.subset.keep(body.subset, &self.window, body.shape).map_err(|_| PointStatus::LowContrast)?;
-            let (step, _) = self.refiner(body).step(&warp).map_err(status_of)?;
+            let noise = self.look(body, &warp, if round < coarse { Mask::Zncc } else { Mask::Residual });
+            self.keep(body)?;
+            let (step, zncc, gained) = self.refiner(body).step_from(body, &self.samples).map_err(status_of)?;
             let length = step.length(rim_px);
             if length.is_nan() || length >= rim_px {
                 return Err(PointStatus::LowCorrelation);
@@ -90,14 +100,20 @@ impl Sight {
             if !body.inside(&warp) {
                 return Err(PointStatus::OutOfFrame);
             }
-            if round > coarse && length < SETTLED_PX {
-                break;
+            if (is_matched || round > coarse) && length < SETTLED_PX {
+                let zncc = (zncc + gained).min(1.0);
+                return self.sound(Match { warp, second: [[0.0; 3]; 2], zncc, iterations: round + 1 }, noise);
             }
         }
         let found = self.refiner(body).refine(warp).map_err(status_of)?;
-        // Where it went astray the residual is no noise, or a small part of the body fits by chance.
-        let sound = self.look(body, &found.warp, Mask::Residual) && found.zncc >= LEAST_ZNCC;
-        if sound { Ok(found) } else { Err(PointStatus::LowCorrelation) }
+        let noise = self.look(body, &found.warp, Mask::Residual);
+        self.sound(found, noise)
+    }
+
+    /// A match, unless it went astray: the residual is no noise then, or a small part of the body fits by chance.
+    fn sound(&self, found: Match, noise: f32) -> Result<Match, PointStatus> {
+        let is_sound = found.zncc >= LEAST_ZNCC && is_even(&self.residual, noise, &self.kept);
+        if is_sound { Ok(found) } else { Err(PointStatus::LowCorrelation) }
     }
 
     /// What a match by [`Self::find`] says of the body.
@@ -106,11 +122,13 @@ impl Sight {
         pool.clear();
         pool.add_texture(&self.subset, &self.window);
         let refiner = self.refiner(body);
-        refiner.residual(&found.warp, &mut residual);
-        let motion = motion(&refiner, found, offset, (&mut pool, &residual));
+        // Before the last step, which hardly changes it.
+        refiner.residual_from(body, &self.samples, &mut residual);
+        let noise = self.likeness.noise(&residual, &self.kept).max(LEAST_NOISE);
+        let pixels = self.likeness.in_sight(body.window, (&residual, noise), &self.kept, &mut self.seen);
+        residual.iter_mut().zip(&self.window.mask).for_each(|(residual, mask)| *residual = *residual * *mask);
+        let motion = motion(&self.refiner(body), found, offset, (&mut pool, &residual));
         (self.pool, self.residual) = (pool, residual);
-        let noise = self.noise(body);
-        let pixels = self.likeness.in_sight(body.window, noise, &self.kept, &mut self.seen);
         BodyMotion { motion, zncc: found.zncc, visible_fraction: pixels as f64 / body.window.pixels as f64 }
     }
 
@@ -124,9 +142,12 @@ impl Sight {
         (!self.seen.is_empty()).then(|| Veil::new(window, &self.seen))
     }
 
-    /// Share of the body's pixels in sight.
-    fn share(&self, body: &Refiner<'_>) -> f64 {
-        self.window.pixels as f64 / body.window.pixels as f64
+    /// Goes on with the pixels in sight alone, if they are enough.
+    fn keep(&mut self, body: &Refiner<'_>) -> Result<(), PointStatus> {
+        if (self.window.pixels as f64) < LEAST_SHARE * body.window.pixels as f64 {
+            return Err(PointStatus::Occluded);
+        }
+        self.subset.keep(body.subset, &self.window, body.shape).map_err(|_| PointStatus::LowContrast)
     }
 
     /// Begins with everything in sight.
@@ -141,25 +162,27 @@ impl Sight {
         Refiner { subset: &self.subset, window: &self.window, ..*body }
     }
 
-    /// Tells the pixels in sight at `warp`; gain and offset are those of the pixels in sight before.
-    ///
-    /// True when the residual in sight is that of noise alone.
-    fn look(&mut self, body: &Refiner<'_>, warp: &Warp, mask: Mask) -> bool {
-        let mut residual = std::mem::take(&mut self.residual);
-        self.refiner(body).residual_of(body, warp, &mut residual);
-        self.likeness.load(body.window, &body.subset.levels, &residual);
-        self.residual = residual;
-        let noise = self.noise(body);
-        match mask {
-            Mask::Residual => self.likeness.by_residual(body.window, noise, &mut self.kept),
-            Mask::Zncc => self.likeness.by_zncc(body.window, &mut self.kept),
+    /// Tells the pixels in sight at `warp`, gain and offset being those of the pixels in sight before; gives the noise of
+    /// what these left, DN.
+    fn look(&mut self, body: &Refiner<'_>, warp: &Warp, mask: Mask) -> f32 {
+        let (mut samples, mut residual) = (std::mem::take(&mut self.samples), std::mem::take(&mut self.residual));
+        match body.sampled(warp, &mut samples) {
+            Ok(_) => self.refiner(body).residual_from(body, &samples, &mut residual),
+            Err(_) => residual.clear(),
         }
-        body.window.keep(&self.kept, &mut self.window);
-        self.likeness.is_even(body.window, noise, &self.kept)
+        let noise = self.mask(body, &residual, mask);
+        (self.samples, self.residual) = (samples, residual);
+        noise
     }
 
-    /// Noise of the residual of what was in sight last, DN.
-    fn noise(&mut self, body: &Refiner<'_>) -> f32 {
-        self.likeness.noise(body.window, &self.kept).map_or(LEAST_NOISE, |noise| noise.max(LEAST_NOISE))
+    /// Tells the pixels in sight by what those in sight before left; gives the noise of that, DN.
+    fn mask(&mut self, body: &Refiner<'_>, residual: &[Lanes], mask: Mask) -> f32 {
+        let noise = self.likeness.noise(residual, &self.kept).max(LEAST_NOISE);
+        match mask {
+            Mask::Residual => self.likeness.by_residual(body.window, residual, noise, &mut self.kept),
+            Mask::Zncc => self.likeness.by_zncc(body.window, (&body.subset.levels, residual), &mut self.kept),
+        }
+        body.window.keep(&self.kept, &mut self.window);
+        noise
     }
 }
