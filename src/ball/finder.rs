@@ -164,17 +164,18 @@ impl BallFinder {
     ///
     /// If `image` has another shape than the finder was planned for.
     pub fn follow(&mut self, image: ImageView<'_>, near: &Circle) -> Option<Circle> {
-        self.follow_closely(image, near).or_else(|| self.search_near(image, near))
+        self.follow_closely(image, near, false).or_else(|| self.search_near(image, near))
     }
 
-    /// As [`follow`](Self::follow), only where the ball must be to within a pixel, and only if its edges leave no doubt.
+    /// As [`follow`](Self::follow), only where the ball must be to within a pixel, and only if its edges leave no doubt:
+    /// with `is_there`, that of what they hold a circle of, else that there is no better one beside.
     ///
     /// # Panics
     ///
     /// If `image` has another shape than the finder was planned for.
-    pub fn follow_closely(&mut self, image: ImageView<'_>, near: &Circle) -> Option<Circle> {
+    pub fn follow_closely(&mut self, image: ImageView<'_>, near: &Circle, is_there: bool) -> Option<Circle> {
         let near = self.sane(image, near)?;
-        let circle = self.edges_at(image, near)?;
+        let circle = self.edges_at(image, near, if is_there { 0.0 } else { CERTAIN_AGREEING })?;
         self.told(image, circle)
     }
 
@@ -211,12 +212,12 @@ impl BallFinder {
         })
     }
 
-    /// The outline right where it was foretold, if its edges leave no doubt.
-    fn edges_at(&mut self, image: ImageView<'_>, (x, y, radius): (f32, f32, f32)) -> Option<Circle> {
+    /// The outline right where it was foretold, if more than this share of its rim agrees.
+    fn edges_at(&mut self, image: ImageView<'_>, (x, y, radius): (f32, f32, f32), least: f64) -> Option<Circle> {
         let polarity = polarity(image, (x, y, radius))?;
         let guess = Guess { x, y, radius, support: 1.0, polarity };
         let measured = self.refine.circle_at(image, &guess, FORETOLD_PX)?;
-        self.certain(measured, CERTAIN_AGREEING)
+        self.certain(measured, least)
     }
 
     /// The outline about where a guess is, if its edges leave no doubt.

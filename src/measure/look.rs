@@ -35,10 +35,12 @@ impl Measurer {
             self.known.of(body, block).outline = Some((meta.sequence, outline));
             return (Ok(outline), Source::Spared);
         }
+        // Where the whole body was matched, and seen a moment ago, no other circle is its outline.
+        let is_there = self.is_fresh(body, block, meta.sequence) && self.wholes.sees((body, block), meta.sequence);
         let finder = &mut self.finders[body];
         let followed = expected.and_then(|(near, _)| {
             let close = self.picture.some(frame, finder.part_around(&near, true));
-            finder.follow_closely(close, &near).or_else(|| {
+            finder.follow_closely(close, &near, is_there).or_else(|| {
                 let wider = self.picture.some(frame, finder.part_around(&near, false));
                 finder.follow(wider, &near).ok()
             })
@@ -64,11 +66,15 @@ impl Measurer {
     /// What outlines of neighbouring frames are off by is mostly the same, and motion leads from one to the next ten
     /// times better than they are known.
     fn is_spared(&mut self, body: usize, block: u64, frame: u64) -> bool {
-        let is_fresh = |seen: u64| frame - seen < OUTLINE_FRAMES;
         // Motion over several frames says less of the last of them.
         self.params.intervals_frames.first() == Some(&1)
-            && self.known.of(body, block).seen.is_some_and(is_fresh)
+            && self.is_fresh(body, block, frame)
             && self.wholes.sees_all((body, block), frame)
+    }
+
+    /// Whether an outline was looked at and seen a moment before a frame.
+    fn is_fresh(&mut self, body: usize, block: u64, frame: u64) -> bool {
+        self.known.of(body, block).seen.is_some_and(|seen| frame - seen < OUTLINE_FRAMES)
     }
 
     /// A patch in the frame at hand: as the motion to it said, or from scratch.

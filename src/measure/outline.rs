@@ -84,10 +84,13 @@ impl Finder {
         }
     }
 
-    /// Looks for a ball right where it was foretold; there is no quick way to find anything else.
-    pub(super) fn follow_closely(&mut self, image: ImageView<'_>, near: &Outline) -> Option<Outline> {
+    /// Looks for a ball right where it was foretold, and where it may be known to be; there is no quick way to find
+    /// anything else.
+    pub(super) fn follow_closely(&mut self, image: ImageView<'_>, near: &Outline, is_there: bool) -> Option<Outline> {
         match (self, near) {
-            (Self::Ball(finder), Outline::Ball(near)) => finder.follow_closely(image, near).map(Outline::Ball),
+            (Self::Ball(finder), Outline::Ball(near)) => {
+                finder.follow_closely(image, near, is_there).map(Outline::Ball)
+            }
             _ => None,
         }
     }

@@ -125,6 +125,12 @@ impl Wholes {
         self.kept.iter().any(|kept| (kept.body, kept.block) == (body, block))
     }
 
+    /// Whether a body was matched in a frame.
+    pub(super) fn sees(&self, (body, block): (usize, u64), frame: u64) -> bool {
+        let kept = self.kept.iter().find(|kept| (kept.body, kept.block) == (body, block));
+        kept.is_some_and(|kept| kept.pose(frame).is_some())
+    }
+
     /// Whether nothing hides a body in a frame that it was matched in.
     pub(super) fn sees_all(&self, (body, block): (usize, u64), frame: u64) -> bool {
         let kept = self.kept.iter().find(|kept| (kept.body, kept.block) == (body, block) && kept.is_whole);
