@@ -2,7 +2,8 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use super::law::{Family, Findings, Parameters, Passage, Units};
+use super::law::{Family, Findings, Parameters, SETS, Units};
+use super::passage::Passages;
 use crate::motion::Sample;
 
 /// Most rounds of one fit.
@@ -13,6 +14,9 @@ const USUAL_ROUNDS: usize = 15;
 const LARGE_GAIN: f64 = 0.5;
 /// Converged: chi2 falls by less, a law with few parameters and one with many (its parameters replace each other).
 const SETTLED: [f64; 2] = [1e-3, 1e-2];
+/// A law that misses by so many sigmas, and comes nearer by no more than this share of chi2 a round, is none of this contact.
+const HOPELESS_SIGMAS: f64 = 10.0;
+const HOPELESS_GAIN: f64 = 0.02;
 /// Expected size of the stiffness factor's coefficients: the finer a ripple, the smaller.
 const RIPPLES: [f64; 7] = [0.3, 0.2, 0.2, 0.1, 0.1, 0.05, 0.05];
 /// An exponent that is expected to be about so much, give or take so much.
@@ -96,6 +100,23 @@ impl Data<'_> {
 struct Outcome {
     depths: Vec<f64>,
     findings: Findings,
+    /// `None` where the motion cannot be told on either side.
+    slopes: Option<Slopes>,
+}
+
+/// How residuals and findings change with each parameter.
+struct Slopes {
+    jacobian: DMatrix<f64>,
+    gradients: DMatrix<f64>,
+}
+
+/// The motions at some parameters, and at those moved in one of them each.
+struct Motions {
+    /// At each sample.
+    depths: Vec<[f64; SETS]>,
+    findings: [Findings; SETS],
+    /// Which of them the law allows and come back.
+    sound: [bool; SETS],
 }
 
 struct Problem<'a> {
@@ -107,15 +128,42 @@ struct Problem<'a> {
 }
 
 impl Problem<'_> {
+    /// The motion at these parameters, with its slopes by forward differences, or backward where that leads to no motion.
     fn outcome(&self, p: &Parameters) -> Option<Outcome> {
         let p = self.family.complete(p);
-        let exponents = p[4..6].iter().all(|n| (EXPONENTS.0..=EXPONENTS.1).contains(n));
-        if !exponents || p[1] <= 0.0 || p.iter().any(|x| !x.is_finite()) {
-            return None;
+        let mut steps: Vec<f64> = (0..self.family.count()).map(|k| self.step_of(k)).collect();
+        let mut motions = self.allows(&p).then(|| self.motions(&p, &steps)).filter(|motions| motions.sound[0])?;
+        let is_sound = |motions: &Motions, k: usize| motions.sound[k + 1];
+        if !(0..steps.len()).all(|k| is_sound(&motions, k)) {
+            (0..steps.len()).filter(|k| !is_sound(&motions, *k)).for_each(|k| steps[k] = -steps[k]);
+            motions = self.motions(&p, &steps);
         }
-        let passage = Passage::new(self.family, &p, &self.units)?;
-        let depths = self.data.samples.iter().map(|s| passage.depth(s.time_frames - p[0])).collect();
-        Some(Outcome { depths, findings: passage.findings(p[0]) })
+        let slopes = (0..steps.len()).all(|k| is_sound(&motions, k)).then(|| self.slopes(&motions, &steps));
+        let depths = motions.depths.iter().map(|row| row[0]).collect();
+        Some(Outcome { depths, findings: motions.findings[0], slopes })
+    }
+
+    /// Whether the law makes sense with these parameters.
+    fn allows(&self, p: &Parameters) -> bool {
+        let exponents = p[4..6].iter().all(|n| (EXPONENTS.0..=EXPONENTS.1).contains(n));
+        exponents && p[1] > 0.0 && p.iter().all(|x| x.is_finite())
+    }
+
+    /// The motion at `p`, and with each of its parameters moved by a step.
+    fn motions(&self, p: &Parameters, steps: &[f64]) -> Motions {
+        let (mut sets, mut sound) = (vec![*p], [true; SETS]);
+        for (k, step) in steps.iter().enumerate() {
+            let mut moved = *p;
+            moved[k] += step;
+            let moved = self.family.complete(&moved);
+            sound[k + 1] = self.allows(&moved);
+            sets.push(if sound[k + 1] { moved } else { *p });
+        }
+        let passages = Passages::new(self.family, &sets, &self.units);
+        sound.iter_mut().enumerate().for_each(|(set, sound)| *sound &= passages.comes_back(set));
+        let starts = std::array::from_fn(|set| sets.get(set).unwrap_or(p)[0]);
+        let depths = |s: &Sample| passages.depths(&starts.map(|start: f64| s.time_frames - start));
+        Motions { depths: self.data.samples.iter().map(depths).collect(), findings: passages.findings(&starts), sound }
     }
 
     /// Residuals in sigmas, the priors behind.
@@ -147,35 +195,24 @@ impl Problem<'_> {
         }
     }
 
-    /// Derivatives of residuals and of findings, by forward differences.
-    fn slopes(&self, p: &Parameters, at: &Outcome) -> Option<(DMatrix<f64>, DMatrix<f64>)> {
-        let count = self.family.count();
-        let mut jacobian = DMatrix::zeros(self.data.samples.len() + count - 4, count);
-        let mut gradients = DMatrix::zeros(at.findings.len(), count);
-        for k in 0..count {
-            let mut moved = *p;
-            let mut h = self.step_of(k);
-            moved[k] += h;
-            let outcome = match self.outcome(&moved) {
-                Some(outcome) => outcome,
-                None => {
-                    h = -h;
-                    moved[k] = p[k] + h;
-                    self.outcome(&moved)?
-                }
-            };
-            let change = outcome.depths.iter().zip(&at.depths).map(|(a, b)| (a - b) / h).collect();
+    /// Differences of the motions over the steps.
+    fn slopes(&self, motions: &Motions, steps: &[f64]) -> Slopes {
+        let (samples, count) = (self.data.samples.len(), steps.len());
+        let mut jacobian = DMatrix::zeros(samples + count - 4, count);
+        let mut gradients = DMatrix::zeros(motions.findings[0].len(), count);
+        for (k, h) in steps.iter().enumerate() {
+            let change = motions.depths.iter().map(|row| (row[k + 1] - row[0]) / h).collect();
             for (i, x) in self.data.whiten(change).into_iter().enumerate() {
                 jacobian[(i, k)] = x;
             }
             if k >= 4 {
-                jacobian[(self.data.samples.len() + k - 4, k)] = 1.0 / self.expected(k)[1];
+                jacobian[(samples + k - 4, k)] = 1.0 / self.expected(k)[1];
             }
-            for (i, (a, b)) in outcome.findings.iter().zip(&at.findings).enumerate() {
+            for (i, (a, b)) in motions.findings[k + 1].iter().zip(&motions.findings[0]).enumerate() {
                 gradients[(i, k)] = (a - b) / h;
             }
         }
-        Some((jacobian, gradients))
+        Slopes { jacobian, gradients }
     }
 
     /// Levenberg-Marquardt (Marquardt 1963, doi:10.1137/0111030).
@@ -185,8 +222,8 @@ impl Problem<'_> {
         let mut residuals = self.residuals(&p, &outcome);
         let mut damping = 1e-3;
         for round in 0..ROUNDS {
-            let (jacobian, _) = self.slopes(&p, &outcome)?;
-            let normal = jacobian.tr_mul(&jacobian);
+            let Slopes { jacobian, .. } = outcome.slopes.as_ref()?;
+            let normal = jacobian.tr_mul(jacobian);
             let right = jacobian.tr_mul(&residuals);
             let before = residuals.norm_squared();
             let mut fell = 0.0;
@@ -213,7 +250,9 @@ impl Problem<'_> {
                 }
             }
             let settled = SETTLED[usize::from(self.family.count() > 5)];
-            if fell < if round < USUAL_ROUNDS { settled } else { LARGE_GAIN } {
+            let is_settled = fell < if round < USUAL_ROUNDS { settled } else { LARGE_GAIN };
+            let is_hopeless = before > HOPELESS_SIGMAS.powi(2) * self.data.samples.len() as f64;
+            if is_settled || (is_hopeless && fell < HOPELESS_GAIN * before) {
                 break;
             }
             damping = damping.max(1e-9);
@@ -222,8 +261,8 @@ impl Problem<'_> {
     }
 
     fn conclude(&self, p: &Parameters, outcome: &Outcome, chi2: f64) -> Option<LawFit> {
-        let (jacobian, gradients) = self.slopes(p, outcome)?;
-        let normal = jacobian.tr_mul(&jacobian);
+        let Slopes { jacobian, gradients } = outcome.slopes.as_ref()?;
+        let normal = jacobian.tr_mul(jacobian);
         // Parameters on the scale of their own effect, so that the inverse is well conditioned.
         let scale = DVector::from_fn(normal.nrows(), |k, _| normal[(k, k)].powf(-0.5));
         if scale.iter().any(|s| !s.is_finite()) {
@@ -237,7 +276,7 @@ impl Problem<'_> {
             let row = DVector::from_fn(normal.nrows(), |k, _| gradients[(i, k)] * scale[k]);
             let weights = &inverse * &row;
             let per_row = DVector::from_fn(normal.nrows(), |k, _| weights[k] * scale[k]);
-            *sigma = (row.dot(&weights).max(0.0) + self.data.walk_variance(&(&jacobian * per_row))).sqrt();
+            *sigma = (row.dot(&weights).max(0.0) + self.data.walk_variance(&(jacobian * per_row))).sqrt();
         }
         let rows = jacobian.nrows() as f64;
         let freedom = rows - self.data.weight.len() as f64 - self.family.count() as f64;

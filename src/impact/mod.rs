@@ -12,14 +12,17 @@ mod family;
 mod fit;
 mod law;
 mod onset;
+mod passage;
 mod slip;
 mod solve;
 mod trail;
+mod wide;
 
 pub use approach::{Approach, Beside};
 pub use detect::{Contact, Detector, Event};
 pub use family::{FirstGuess, Verdict, judge};
 pub use fit::{Expected, LawFit, fit_law};
-pub use law::{Family, Findings, Parameters, Passage, Units};
+pub use law::{Family, Findings, Parameters, SETS, Units};
+pub use passage::Passages;
 pub use solve::{World, deepest_so_far, solve};
 pub use trail::{SurfaceNode, between};

@@ -68,7 +68,7 @@ pub const ROOMS: &[Room] = &[
     pure("rod", &["results", "image"], &["nalgebra", "thiserror"]),
     pure("motion", &["results"], &["nalgebra", "thiserror"]),
     pure("trigger", &["results", "image", "motion"], &[]),
-    pure("impact", &["results", "motion"], &["libm", "nalgebra", "thiserror"]),
+    pure("impact", &["results", "motion"], &["libm", "multiversion", "nalgebra", "thiserror"]),
     pure("measure", &["results", "image", "dic", "ball", "rod", "motion", "impact"], &["nalgebra", "thiserror"]),
     pure("synth", &["results", "image", "motion"], &["nalgebra", "serde", "thiserror", "toml"]),
     open(
