@@ -78,15 +78,15 @@ fn are_within_with<V: Vector>(
 const STRIP: usize = 4;
 
 /// The least value of every column in strips of the rows that have a whole neighbourhood.
-pub(super) fn least_of_strips(values: &[f32], stride: usize) -> Vec<f32> {
+pub(super) fn least_of_strips(values: &[f32], stride: usize, least: &mut Vec<f32>) {
     let rows = (values.len() / stride).saturating_sub(2 * RESIDUAL_REACH);
-    let mut least = vec![f32::INFINITY; rows.div_ceil(STRIP) * stride];
+    least.clear();
+    least.resize(rows.div_ceil(STRIP) * stride, f32::INFINITY);
     for row in 0..rows {
         let from = &values[(row + RESIDUAL_REACH) * stride..][..stride];
         let to = &mut least[row / STRIP * stride..][..stride];
         to.iter_mut().zip(from).for_each(|(least, value)| *least = least.min(*value));
     }
-    least
 }
 
 vectorized! {

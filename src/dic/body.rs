@@ -32,7 +32,7 @@ const STALE_ZNCC: f64 = 0.8;
 ///
 /// Keeps what it needs of the frame, so the frame itself may go; any number of
 /// later frames can be compared with it.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Default)]
 pub struct RigidBody {
     subset: Subset,
     window: Window,
@@ -70,6 +70,17 @@ impl RigidBody {
     /// [`PointStatus::OutOfFrame`] when the region reaches over the edge or holds
     /// too few pixels, [`PointStatus::LowContrast`] when they have no texture.
     pub fn new(reference: &Prepared, region: &Region) -> Result<Self, PointStatus> {
+        let mut body = Self::default();
+        body.renew(reference, region)?;
+        Ok(body)
+    }
+
+    /// As [`Self::new`], in the memory of another.
+    ///
+    /// # Errors
+    ///
+    /// As [`Self::new`]; it must not be asked for anything then.
+    pub fn renew(&mut self, reference: &Prepared, region: &Region) -> Result<(), PointStatus> {
         let [left, top, right, bottom] = region.bounds_px().ok_or(PointStatus::OutOfFrame)?;
         let center = (0.5 * (left + right), 0.5 * (top + bottom));
         let half = (0.5 * (right - left).max(bottom - top)).ceil();
@@ -83,18 +94,18 @@ impl RigidBody {
         if window.pixels < FEWEST_PIXELS {
             return Err(PointStatus::OutOfFrame);
         }
-        let mut subset = Subset::default();
-        match subset.fill_body(reference, &window, at) {
-            Ok(()) => {
-                let (mut pool, sight) = (Pool::default(), Sight::new(&window));
-                pool.add_texture(&subset, &window);
-                let spans = window.spans(reference.local(at), reference.levels.height());
-                let share = Sharpness::of(reference, &spans).share();
-                Ok(Self { subset, window, at, residual: Vec::new(), pool, sight, share })
-            }
-            Err(Unusable::OutOfFrame) => Err(PointStatus::OutOfFrame),
-            Err(Unusable::LowContrast) => Err(PointStatus::LowContrast),
-        }
+        (self.at, self.window) = (at, window);
+        let Self { subset, window, pool, sight, .. } = self;
+        subset.fill_body(reference, window, at).map_err(|unusable| match unusable {
+            Unusable::OutOfFrame => PointStatus::OutOfFrame,
+            Unusable::LowContrast => PointStatus::LowContrast,
+        })?;
+        pool.clear();
+        pool.add_texture(subset, window);
+        sight.plan(window);
+        let spans = window.spans(reference.local(at), reference.levels.height());
+        self.share = Sharpness::of(reference, &spans).share();
+        Ok(())
     }
 
     /// Pixels of the body.

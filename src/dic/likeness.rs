@@ -7,7 +7,7 @@
 
 use multiversion::multiversion;
 
-use super::around::{RESIDUAL_REACH, add_around, are_strips_within, are_within, box_sums, least_of_strips};
+use super::around::{add_around, are_strips_within, are_within, box_sums, least_of_strips};
 use super::lanes::{LANES, Lanes};
 use super::median::{median_size, nth_smallest};
 use super::window::Window;
@@ -61,24 +61,22 @@ pub(super) struct Likeness {
 }
 
 impl Likeness {
-    /// For a body of these pixels.
-    pub(super) fn new(window: &Window) -> Self {
-        let mut own = Self::default();
-        own.load(window, &[], &[]);
-        let [count, ..] = &mut own.sums;
-        box_sums(&own.mask, own.stride, RESIDUAL_REACH, &mut own.columns, count);
-        own.neighbours =
-            count.iter().zip(&own.mask).map(|(count, mask)| if *mask > 0.5 { *count } else { OFF_BODY }).collect();
-        own.least_neighbours = least_of_strips(&own.neighbours, own.stride);
-        let len = own.neighbours.len();
-        own.squares = vec![0.0; len];
-        for plane in [&mut own.product, &mut own.sums[0]] {
+    /// Makes it ready for a body of these pixels.
+    pub(super) fn plan(&mut self, window: &Window) {
+        self.load(window, &[], &[]);
+        let (len, stride) = (self.mask.len(), self.stride);
+        for plane in [&mut self.squares, &mut self.product, &mut self.neighbours, &mut self.sums[0]] {
+            plane.clear();
             plane.resize(len, 0.0);
         }
+        self.columns.resize(len.max(stride), 0.0);
+        add_around(&self.mask, stride, &mut self.columns, &mut self.neighbours);
+        let off = self.neighbours.iter_mut().zip(&self.mask).filter(|(_, mask)| **mask < 0.5);
+        off.for_each(|(near, _)| *near = OFF_BODY);
+        least_of_strips(&self.neighbours, stride, &mut self.least_neighbours);
         let step = (window.pixels / ENOUGH_PIXELS).max(1);
         let pixels = |row: &Lanes| row.0.iter().filter(|mask| **mask > 0.5).count();
-        own.sampled = (step, window.mask.iter().step_by(step).map(pixels).sum());
-        own
+        self.sampled = (step, window.mask.iter().step_by(step).map(pixels).sum());
     }
 
     /// Whether a residual of the body that was planned for is noise all over: what the masks below would keep whole.
@@ -96,7 +94,6 @@ impl Likeness {
         }
         self.square(window, residual);
         let most = (ALIKE_RESIDUAL * noise).powi(2);
-        self.columns.resize(self.columns.len().max(self.stride), 0.0);
         // Mostly a look at fewer, larger neighbourhoods is enough.
         are_strips_within((&self.squares, &self.least_neighbours), self.stride, most, &mut self.columns)
             || are_within((&self.squares, &self.neighbours), self.stride, most, &mut self.columns)
@@ -165,11 +162,13 @@ impl Likeness {
         let Self { squares, neighbours, product, columns, stride, .. } = self;
         let most = (ALIKE_RESIDUAL * noise).powi(2);
         add_around(squares, *stride, columns, product);
-        kept.clear();
-        kept.extend(places(window, *stride).zip(&window.mask).map(|(first, mask)| {
+        kept.resize(window.mask.len(), Lanes::splat(0.0));
+        for ((first, mask), kept) in places(window, *stride).zip(&window.mask).zip(kept) {
             let (square, pixels) = (&product[first..][..LANES], &neighbours[first..][..LANES]);
-            Lanes(std::array::from_fn(|lane| if square[lane] < most * pixels[lane] { mask.0[lane] } else { 0.0 }))
-        }));
+            for lane in 0..LANES {
+                kept.0[lane] = if square[lane] < most * pixels[lane] { mask.0[lane] } else { 0.0 };
+            }
+        }
     }
 
     /// Tells the pixels in sight, and how many they are, those next to an occluder too, whose neighbourhoods see it.
@@ -191,23 +190,26 @@ impl Likeness {
         add_around(product, *stride, columns, near);
         let (most, nothing) = (OWN_RESIDUAL * noise, [Lanes::splat(0.0)]);
         let residual = residual.iter().chain(nothing.iter().cycle());
-        sight.clear();
-        let rows = places(window, *stride).zip(&window.mask).zip(kept.iter().zip(residual));
-        sight.extend(rows.map(|((first, mask), (kept, residual))| {
+        sight.resize(window.mask.len(), Lanes::splat(0.0));
+        let rows = window.mask.iter().zip(kept.iter().zip(residual)).zip(sight.iter_mut());
+        for (first, ((mask, (kept, residual)), sight)) in places(window, *stride).zip(rows) {
             let near = &near[first..][..LANES];
-            let is_seen = |lane: usize| kept.0[lane] > 0.5 || (near[lane] > 0.5 && residual.0[lane].abs() < most);
-            Lanes(std::array::from_fn(|lane| if is_seen(lane) { mask.0[lane] } else { 0.0 }))
-        }));
+            for (lane, sight) in sight.0.iter_mut().enumerate() {
+                let is_seen = kept.0[lane] > 0.5 || (near[lane] > 0.5 && residual.0[lane].abs() < most);
+                *sight = if is_seen { mask.0[lane] } else { 0.0 };
+            }
+        }
         count(sight)
     }
 
     /// Standard deviation of the residual where `kept` is 1, from its median: a few strange pixels do not matter.
     pub(super) fn noise(&mut self, residual: &[Lanes], kept: &[Lanes]) -> f32 {
-        let size = |(residual, kept): (&Lanes, &Lanes)| {
-            Lanes(std::array::from_fn(|lane| if kept.0[lane] > 0.5 { residual.0[lane].abs() } else { f32::INFINITY }))
-        };
-        self.sizes.clear();
-        self.sizes.extend(residual.iter().zip(kept).map(size));
+        self.sizes.resize(residual.len(), Lanes::splat(0.0));
+        for (size, (residual, kept)) in self.sizes.iter_mut().zip(residual.iter().zip(kept)) {
+            for lane in 0..LANES {
+                size.0[lane] = if kept.0[lane] > 0.5 { residual.0[lane].abs() } else { f32::INFINITY };
+            }
+        }
         let pixels = count(kept);
         if residual.is_empty() || pixels == 0 { 0.0 } else { 1.4826 * nth_smallest(&self.sizes, pixels / 2) }
     }
@@ -274,6 +276,12 @@ mod tests {
     use super::*;
     use crate::dic::WindowShape;
 
+    fn planned(window: &Window) -> Likeness {
+        let mut likeness = Likeness::default();
+        likeness.plan(window);
+        likeness
+    }
+
     fn packed(window: &Window, value: impl Fn(i32, i32) -> f32) -> Vec<Lanes> {
         let row = |block: &super::super::window::Block, row: usize| {
             let dy = block.dy + row as i32;
@@ -298,7 +306,7 @@ mod tests {
     fn local_residuals_equal_those_summed_one_by_one_with_dirty_memory() {
         let window = Window::new(WindowShape::Circle, 31);
         let residual = packed(&window, |dx, dy| 0.05 * speckle(dx, dy) + if dx > 6 { 20.0 } else { 0.0 });
-        let mut likeness = Likeness::new(&window);
+        let mut likeness = planned(&window);
         let mut kept = Vec::new();
         for dirty in [false, true] {
             if dirty {
@@ -325,13 +333,13 @@ mod tests {
         // Of the larger one every fifth row tells how noisy it is.
         for (size, spot, expected) in [(61, 0.0, true), (61, 12.0, false), (115, 0.0, true), (115, 12.0, false)] {
             let window = Window::new(WindowShape::Circle, size);
-            let mut likeness = Likeness::new(&window);
+            let mut likeness = planned(&window);
             let third = size as i32 / 3;
             let is_spot = |dx: i32, dy: i32| dx > third && dy > third - 8;
             let residual = packed(&window, |dx, dy| 0.02 * speckle(dx, dy) + if is_spot(dx, dy) { spot } else { 0.0 });
             assert_eq!(likeness.is_whole(&window, &residual, 0.45), expected);
             let mut kept = Vec::new();
-            let mut slow = Likeness::new(&window);
+            let mut slow = planned(&window);
             let noise = slow.noise(&residual, &window.mask);
             let squares = sum_of_squares(&residual) / window.pixels as f64;
             let of_all = 1.4826 * median_size(&residual, window.pixels, squares);
@@ -346,7 +354,7 @@ mod tests {
     #[test]
     fn larger_neighbourhoods_pass_only_where_each_of_theirs_does() {
         let window = Window::new(WindowShape::Circle, 57);
-        let mut likeness = Likeness::new(&window);
+        let mut likeness = planned(&window);
         let stride = likeness.stride;
         let (mut passed, mut hidden) = (0, 0);
         for case in 0..300 {
@@ -373,7 +381,7 @@ mod tests {
         let window = Window::new(WindowShape::Circle, 61);
         let target = |dx: i32, dy: i32| if dx > 8 { speckle(dx + 900, dy) } else { 1.3 * speckle(dx, dy) + 20.0 };
         let residual = packed(&window, |dx, dy| speckle(dx, dy) - target(dx, dy));
-        let (mut likeness, mut kept) = (Likeness::new(&window), Vec::new());
+        let (mut likeness, mut kept) = (planned(&window), Vec::new());
         likeness.by_zncc(&window, (&packed(&window, speckle), &residual), &mut kept);
         let wrong = kept.iter().zip(packed(&window, |dx, _| if dx > 8 { 0.0 } else { 1.0 }));
         let wrong: usize =

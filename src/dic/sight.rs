@@ -58,9 +58,10 @@ enum Mask {
 }
 
 impl Sight {
-    /// For a body of these pixels.
-    pub(super) fn new(window: &Window) -> Self {
-        Self { likeness: Likeness::new(window), ..Self::default() }
+    /// Makes it ready for a body of these pixels.
+    pub(super) fn plan(&mut self, window: &Window) {
+        self.likeness.plan(window);
+        self.seen.clear();
     }
 
     /// Whether every pixel of the body looks as it should after a match of all of them, which left `residual`.

@@ -2,7 +2,7 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use super::law::{Family, Findings, Parameters, SETS, Units};
+use super::law::{Family, Findings, MOST_PARAMETERS, Parameters, Units};
 use super::passage::Passages;
 use crate::motion::Sample;
 
@@ -23,6 +23,12 @@ const RIPPLES: [f64; 7] = [0.3, 0.2, 0.2, 0.1, 0.1, 0.05, 0.05];
 pub type Expected = [f64; 2];
 /// Bounds of both exponents.
 const EXPONENTS: (f64, f64) = (0.0, 4.0);
+
+/// Sets of parameters that are followed side by side, of laws that have few and of those that have many: vectors hold
+/// eight numbers at most.
+const FEW: usize = 8;
+const MANY: usize = 16;
+const _: () = assert!(MOST_PARAMETERS < MANY);
 
 /// A law fitted to one contact.
 #[derive(Debug, Clone)]
@@ -113,10 +119,10 @@ struct Slopes {
 /// The motions at some parameters, and at those moved in one of them each.
 struct Motions {
     /// At each sample.
-    depths: Vec<[f64; SETS]>,
-    findings: [Findings; SETS],
+    depths: Vec<[f64; MANY]>,
+    findings: Vec<Findings>,
     /// Which of them the law allows and come back.
-    sound: [bool; SETS],
+    sound: Vec<bool>,
 }
 
 struct Problem<'a> {
@@ -151,19 +157,32 @@ impl Problem<'_> {
 
     /// The motion at `p`, and with each of its parameters moved by a step.
     fn motions(&self, p: &Parameters, steps: &[f64]) -> Motions {
-        let (mut sets, mut sound) = (vec![*p], [true; SETS]);
+        let (mut sets, mut sound) = (vec![*p], vec![true]);
         for (k, step) in steps.iter().enumerate() {
             let mut moved = *p;
             moved[k] += step;
             let moved = self.family.complete(&moved);
-            sound[k + 1] = self.allows(&moved);
+            sound.push(self.allows(&moved));
             sets.push(if sound[k + 1] { moved } else { *p });
         }
-        let passages = Passages::new(self.family, &sets, &self.units);
-        sound.iter_mut().enumerate().for_each(|(set, sound)| *sound &= passages.comes_back(set));
-        let starts = std::array::from_fn(|set| sets.get(set).unwrap_or(p)[0]);
-        let depths = |s: &Sample| passages.depths(&starts.map(|start: f64| s.time_frames - start));
-        Motions { depths: self.data.samples.iter().map(depths).collect(), findings: passages.findings(&starts), sound }
+        let mut motions = Motions { depths: Vec::new(), findings: Vec::new(), sound };
+        match sets.len() <= FEW {
+            true => self.follow::<FEW>(&sets, &mut motions),
+            false => self.follow::<MANY>(&sets, &mut motions),
+        }
+        motions
+    }
+
+    fn follow<const SETS: usize>(&self, sets: &[Parameters], motions: &mut Motions) {
+        let passages = Passages::<SETS>::new(self.family, sets, &self.units);
+        motions.sound.iter_mut().enumerate().for_each(|(set, sound)| *sound &= passages.comes_back(set));
+        let starts: [f64; SETS] = std::array::from_fn(|set| sets[set.min(sets.len() - 1)][0]);
+        motions.findings.extend(passages.findings(&starts));
+        motions.depths.extend(self.data.samples.iter().map(|s| {
+            let mut row = [0.0; MANY];
+            row[..SETS].copy_from_slice(&passages.depths(&starts.map(|start| s.time_frames - start)));
+            row
+        }));
     }
 
     /// Residuals in sigmas, the priors behind.

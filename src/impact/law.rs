@@ -77,28 +77,25 @@ pub struct Units {
 /// The duration stands for itself, since the errors of start and end are not independent.
 pub type Findings = [f64; 10];
 
-/// Sets of parameters whose motions are followed side by side.
-pub const SETS: usize = 16;
-
-/// One number of each.
-pub(super) type Row = [f64; SETS];
+/// One number of each of some sets of parameters, whose motions are followed side by side.
+pub(super) type Row<const SETS: usize> = [f64; SETS];
 
 /// Where bodies are in their contacts: frames since its start, px, px/frame and px/frame^2.
 #[derive(Debug, Clone, Copy)]
 #[repr(align(64))]
-pub(super) struct States {
-    pub(super) time: Row,
-    pub(super) depth: Row,
-    pub(super) speed: Row,
-    pub(super) force: Row,
+pub(super) struct States<const SETS: usize> {
+    pub(super) time: Row<SETS>,
+    pub(super) depth: Row<SETS>,
+    pub(super) speed: Row<SETS>,
+    pub(super) force: Row<SETS>,
 }
 
 /// A law with several sets of its numbers, which may not differ by much.
 #[derive(Debug, Clone)]
-pub(super) struct Law {
+pub(super) struct Law<const SETS: usize> {
     form: u8,
     /// A in place of its logarithm.
-    p: [Row; MOST_PARAMETERS],
+    p: [Row<SETS>; MOST_PARAMETERS],
     pub(super) units: Units,
 }
 
@@ -113,7 +110,7 @@ const DASHPOT: u8 = 5;
 /// Least share of the unit of depth whose logarithm is taken.
 const LEAST: f64 = 1e-300;
 
-impl Law {
+impl<const SETS: usize> Law<SETS> {
     /// With as many sets as there are; the last of them stands for those that are not.
     ///
     /// # Panics
@@ -136,7 +133,7 @@ impl Law {
     }
 
     /// The first touch.
-    pub(super) fn start(&self) -> States {
+    pub(super) fn start(&self) -> States<SETS> {
         let zero = [0.0; SETS];
         let touch = States { time: zero, depth: zero, speed: self.p[1], force: zero };
         // A step of no length computes the force.
@@ -146,7 +143,7 @@ impl Law {
     }
 
     /// One step of Runge and Kutta of order 4 each, of these lengths in frames.
-    pub(super) fn advance(&self, from: &States, step: &Row, to: &mut States) {
+    pub(super) fn advance(&self, from: &States<SETS>, step: &Row<SETS>, to: &mut States<SETS>) {
         advance(self, from, step, to);
     }
 
@@ -172,7 +169,7 @@ impl Law {
     }
 
     #[inline(always)]
-    fn advance_by<const FORM: u8>(&self, from: &States, step: &Row, to: &mut States) {
+    fn advance_by<const FORM: u8>(&self, from: &States<SETS>, step: &Row<SETS>, to: &mut States<SETS>) {
         let gravity = self.units.gravity;
         let States { depth, speed, force, .. } = from;
         let mut speeds = [[0.0; SETS]; 3];
@@ -200,7 +197,7 @@ impl Law {
 }
 
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512dq+avx512vl", "x86_64+avx2"))]
-fn advance(law: &Law, from: &States, step: &Row, to: &mut States) {
+fn advance<const SETS: usize>(law: &Law<SETS>, from: &States<SETS>, step: &Row<SETS>, to: &mut States<SETS>) {
     match law.form {
         LINEAR => law.advance_by::<LINEAR>(from, step, to),
         HERTZ => law.advance_by::<HERTZ>(from, step, to),
@@ -213,7 +210,7 @@ fn advance(law: &Law, from: &States, step: &Row, to: &mut States) {
 
 /// 1 + b1 T1 + ... + b7 T7 of one set at `x`.
 #[inline(always)]
-fn chebyshev(b: &[Row; MOST_PARAMETERS - 6], set: usize, x: f64) -> f64 {
+fn chebyshev<const SETS: usize>(b: &[Row<SETS>; MOST_PARAMETERS - 6], set: usize, x: f64) -> f64 {
     let (mut sum, mut lower, mut here) = (1.0, 1.0, x);
     for row in b {
         sum += row[set] * here;

@@ -22,7 +22,7 @@ pub use approach::{Approach, Beside};
 pub use detect::{Contact, Detector, Event};
 pub use family::{FirstGuess, Verdict, judge};
 pub use fit::{Expected, LawFit, fit_law};
-pub use law::{Family, Findings, Parameters, SETS, Units};
+pub use law::{Family, Findings, Parameters, Units};
 pub use passage::Passages;
 pub use solve::{World, deepest_so_far, solve};
 pub use trail::{SurfaceNode, between};

@@ -2,32 +2,32 @@
 
 use std::f64::consts::FRAC_PI_2;
 
-use super::law::{Family, Findings, Law, Parameters, Row, SETS, States, Units};
+use super::law::{Family, Findings, Law, Parameters, Row, States, Units};
 
 /// Steps of the integration a time unit T is cut into.
 const STEPS: f64 = 64.0;
 /// Longest contact, time units.
 const LONGEST: f64 = 6.0;
 
-/// The motions through one contact by several sets of one law's parameters; times since its start, depths along the inward
+/// The motions through one contact by up to `SETS` sets of one law's parameters; times since its start, depths along the inward
 /// normal.
 #[derive(Debug, Clone)]
-pub struct Passages {
-    law: Law,
+pub struct Passages<const SETS: usize> {
+    law: Law<SETS>,
     /// A step apart, until every set has come back.
-    states: Vec<States>,
-    end: States,
+    states: Vec<States<SETS>>,
+    end: States<SETS>,
     /// Of each set, how many of the states are before its end; 0 where it does not come back.
     counts: [usize; SETS],
     step: f64,
 }
 
-impl Passages {
+impl<const SETS: usize> Passages<SETS> {
     /// Integrates y'' = gravity - F/m from the first touch until the force is back to zero (Runge-Kutta of order 4,
     /// 64 steps a `units.depth / units.speed * pi / 2`).
     ///
     /// # Panics
-    /// If there is none, or more than [`SETS`] of them.
+    /// If there is none, or more than `SETS` of them.
     pub fn new(family: Family, sets: &[Parameters], units: &Units) -> Self {
         assert!((1..=SETS).contains(&sets.len()), "{} sets of parameters", sets.len());
         let law = Law::new(family, sets, units);
@@ -68,7 +68,7 @@ impl Passages {
         let (from, steps) = (self.gather(|own, set| own.counts[set].max(1) - 1), [self.step; SETS]);
         let whole = self.advanced(&from, &steps);
         // Without depth there is no force, and its zero would be flat.
-        let left = |s: &States, set: usize| if whole.force[set] < 0.0 { s.force[set] } else { s.depth[set] };
+        let left = |s: &States<SETS>, set: usize| if whole.force[set] < 0.0 { s.force[set] } else { s.depth[set] };
         let mut low: [_; SETS] = std::array::from_fn(|set| (0.0, left(&from, set)));
         let mut high: [_; SETS] = std::array::from_fn(|set| (self.step, left(&whole, set)));
         let (mut best, mut open) = (whole, self.counts.map(|count| count > 0));
@@ -105,14 +105,14 @@ impl Passages {
         self.end = best;
     }
 
-    fn advanced(&self, from: &States, step: &Row) -> States {
+    fn advanced(&self, from: &States<SETS>, step: &Row<SETS>) -> States<SETS> {
         let mut to = *from;
         self.law.advance(from, step, &mut to);
         to
     }
 
     /// Of each set the state of some place in time; behind the last before its end comes this.
-    fn gather(&self, place: impl Fn(&Self, usize) -> usize) -> States {
+    fn gather(&self, place: impl Fn(&Self, usize) -> usize) -> States<SETS> {
         let mut out = self.end;
         for set in 0..SETS {
             let from = self.state(place(self, set), set);
@@ -124,7 +124,7 @@ impl Passages {
         out
     }
 
-    fn state(&self, place: usize, set: usize) -> &States {
+    fn state(&self, place: usize, set: usize) -> &States<SETS> {
         if place < self.counts[set].max(1) { &self.states[place] } else { &self.end }
     }
 
@@ -135,7 +135,7 @@ impl Passages {
 
     /// Depths at times since the starts, of each set at its own.
     pub fn depths(&self, times: &[f64; SETS]) -> [f64; SETS] {
-        let fall = |from: &States, set: usize| {
+        let fall = |from: &States<SETS>, set: usize| {
             let dt = times[set] - from.time[set];
             from.depth[set] + from.speed[set] * dt + 0.5 * self.law.units.gravity * dt * dt
         };
@@ -177,7 +177,7 @@ impl Passages {
     }
 
     /// Where the speed is zero (Newton, from the line between the states about it).
-    fn turn(&self) -> States {
+    fn turn(&self) -> States<SETS> {
         let turns: [usize; SETS] = std::array::from_fn(|set| {
             let count = self.counts[set].max(1);
             self.states[..count].partition_point(|s| s.speed[set] > 0.0).clamp(1, count)
@@ -196,12 +196,12 @@ impl Passages {
     }
 
     /// When the forces first and last are these.
-    fn faint(&self, levels: &Row) -> (Row, Row) {
+    fn faint(&self, levels: &Row<SETS>) -> (Row<SETS>, Row<SETS>) {
         let mut rises = [0; SETS];
         let mut falls = [0; SETS];
         for set in 0..SETS {
             let states = &self.states[..self.counts[set].max(1)];
-            let is_felt = |s: &States| s.force[set] >= levels[set];
+            let is_felt = |s: &States<SETS>| s.force[set] >= levels[set];
             rises[set] = states.iter().position(is_felt).unwrap_or(0);
             falls[set] = states.iter().rposition(is_felt).unwrap_or(0);
         }
@@ -219,12 +219,13 @@ impl Passages {
     }
 
     /// When the force is of a level, between two neighbouring states (false position; forces bend strongly near nothing).
-    fn passes(&self, levels: &Row, a: &States, b: &States) -> Row {
-        let ends =
-            |s: &States| -> [(f64, f64); SETS] { std::array::from_fn(|set| (s.time[set], s.force[set] - levels[set])) };
+    fn passes(&self, levels: &Row<SETS>, a: &States<SETS>, b: &States<SETS>) -> Row<SETS> {
+        let ends = |s: &States<SETS>| -> [(f64, f64); SETS] {
+            std::array::from_fn(|set| (s.time[set], s.force[set] - levels[set]))
+        };
         let (mut low, mut high) = (ends(a), ends(b));
         for _ in 0..6 {
-            let at: Row = std::array::from_fn(|set| {
+            let at: Row<SETS> = std::array::from_fn(|set| {
                 let ((t0, f0), (t1, f1)) = (low[set], high[set]);
                 t0 - f0 * (t1 - t0) / (f1 - f0)
             });
@@ -255,7 +256,7 @@ impl Passages {
 }
 
 /// Whether all are numbers, and nobody has come back.
-fn goes_on(s: &States) -> bool {
+fn goes_on<const SETS: usize>(s: &States<SETS>) -> bool {
     let mut all = true;
     for set in 0..SETS {
         all &= s.depth[set] > 0.0 && s.depth[set] < f64::MAX && (s.speed[set] >= 0.0 || s.force[set] > 0.0);
@@ -265,7 +266,7 @@ fn goes_on(s: &States) -> bool {
 
 /// The depth of a set between two of its states (Hermite).
 #[inline(always)]
-fn between(a: &States, b: &States, set: usize, time: f64) -> f64 {
+fn between<const SETS: usize>(a: &States<SETS>, b: &States<SETS>, set: usize, time: f64) -> f64 {
     let h = b.time[set] - a.time[set];
     let u = ((time - a.time[set]) / h).clamp(0.0, 1.0);
     let (u2, u3) = (u * u, u * u * u);
@@ -279,8 +280,10 @@ fn between(a: &States, b: &States, set: usize, time: f64) -> f64 {
 mod tests {
     use super::*;
 
+    const SETS: usize = 8;
+
     /// What happens to one set, in the last place.
-    fn findings(family: Family, p: &Parameters, units: &Units, start: f64) -> Option<(Findings, Passages)> {
+    fn findings(family: Family, p: &Parameters, units: &Units, start: f64) -> Option<(Findings, Passages<SETS>)> {
         let other = Parameters::from(*p).map(|x| 1.01 * x);
         let passages = Passages::new(family, &[family.complete(&other), *p], units);
         passages.comes_back(1).then(|| (passages.findings(&[start; SETS])[1], passages))

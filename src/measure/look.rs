@@ -36,7 +36,8 @@ impl Measurer {
             return (Ok(outline), Source::Spared);
         }
         // Where the whole body was matched, and seen a moment ago, no other circle is its outline.
-        let is_there = self.is_fresh(body, block, meta.sequence) && self.wholes.sees((body, block), meta.sequence);
+        let is_there = self.is_seen_since(body, block, meta.sequence.saturating_sub(OUTLINE_FRAMES))
+            && self.wholes.sees((body, block), meta.sequence);
         let finder = &mut self.finders[body];
         let followed = expected.and_then(|(near, _)| {
             let close = self.picture.some(frame, finder.part_around(&near, true));
@@ -68,13 +69,13 @@ impl Measurer {
     fn is_spared(&mut self, body: usize, block: u64, frame: u64) -> bool {
         // Motion over several frames says less of the last of them.
         self.params.intervals_frames.first() == Some(&1)
-            && self.is_fresh(body, block, frame)
+            && self.is_seen_since(body, block, (frame + 1).saturating_sub(OUTLINE_FRAMES))
             && self.wholes.sees_all((body, block), frame)
     }
 
-    /// Whether an outline was looked at and seen a moment before a frame.
-    fn is_fresh(&mut self, body: usize, block: u64, frame: u64) -> bool {
-        self.known.of(body, block).seen.is_some_and(|seen| frame - seen < OUTLINE_FRAMES)
+    /// Whether an outline was looked at and seen in a frame or a later one.
+    fn is_seen_since(&mut self, body: usize, block: u64, frame: u64) -> bool {
+        self.known.of(body, block).seen.is_some_and(|seen| seen >= frame)
     }
 
     /// A patch in the frame at hand: as the motion to it said, or from scratch.

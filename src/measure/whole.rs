@@ -102,22 +102,28 @@ impl WholeStep {
 #[derive(Debug, Default)]
 pub(super) struct Wholes {
     kept: Vec<Kept>,
+    /// Memory of references that were forgotten.
+    spare: Vec<RigidBody>,
 }
 
 impl Wholes {
     /// Forgets everything.
     pub(super) fn clear(&mut self) {
-        self.kept.clear();
+        self.keep(|_| false);
     }
 
     /// Forgets the blocks before this one.
     pub(super) fn forget_before(&mut self, block: u64) {
-        self.kept.retain(|kept| kept.block >= block);
+        self.keep(|kept| kept.block >= block);
+    }
+
+    fn keep(&mut self, is_kept: impl Fn(&Kept) -> bool) {
+        self.spare.extend(self.kept.extract_if(.., |kept| !is_kept(kept)).map(|kept| kept.reference));
     }
 
     /// Forgets one body in one block: something is wrong with its reference.
     pub(super) fn forget(&mut self, body: usize, block: u64) {
-        self.kept.retain(|kept| (kept.body, kept.block) != (body, block));
+        self.keep(|kept| (kept.body, kept.block) != (body, block));
     }
 
     /// Whether there is a reference of a body in a block.
@@ -131,9 +137,9 @@ impl Wholes {
         kept.is_some_and(|kept| kept.pose(frame).is_some())
     }
 
-    /// Whether nothing hides a body in a frame that it was matched in.
+    /// Whether nothing more hides a body in a frame that it was matched in than in its reference.
     pub(super) fn sees_all(&self, (body, block): (usize, u64), frame: u64) -> bool {
-        let kept = self.kept.iter().find(|kept| (kept.body, kept.block) == (body, block) && kept.is_whole);
+        let kept = self.kept.iter().find(|kept| (kept.body, kept.block) == (body, block));
         kept.and_then(|kept| kept.pose(frame)).is_some_and(|pose| pose.share.is_some_and(|share| share >= WHOLE))
     }
 
@@ -164,7 +170,11 @@ impl Wholes {
         }
         let (region, radius_px) = (whole_region(circle), circle.radius_px * (1.0 - RIM_CLEARANCE));
         // Without texture, or at the edge of the picture, there is none: subsets are measured alone then.
-        let Ok(reference) = RigidBody::new(prepared, &region) else { return };
+        let mut reference = self.spare.pop().unwrap_or_default();
+        if reference.renew(prepared, &region).is_err() {
+            self.spare.push(reference);
+            return;
+        }
         let pixels = reference.pixels() as u32;
         let (x_px, y_px) = (circle.x_px, circle.y_px);
         let origin = Pose { frame, x_px, y_px, angle_deg: 0.0, sigma: [0.0; 3], pixels, share: None };
