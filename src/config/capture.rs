@@ -44,7 +44,7 @@ pub struct Record {
 /// `[workers]`: how the measuring is shared out.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Workers {
-    /// Number of correlation processes, 0 to 64; default: one less than the machine has processors, at least 1.
+    /// Number of correlation processes, 0 to 64; default: one less than the machine has processors, but two where it has two.
     /// Results do not depend on it. With 0 nothing is measured: frames are only filmed and recorded.
     pub count: u32,
     /// Frames a worker measures in one go, 4 to 256 frames, default 16. Results depend on it, which is why it stands
@@ -75,8 +75,9 @@ pub(super) fn workers(table: &Table<'_>, raw: &RawWorkers) -> Result<Workers, Co
     })
 }
 
-/// One processor is left to the camera, the tracker and the recorder.
+/// One processor is left to the camera, the tracker and the recorder; of two, none, since these are idle most of the time
+/// and a collision is told half as late.
 fn count_for_this_machine() -> u32 {
     let processors = std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
-    u32::try_from(processors.saturating_sub(1)).unwrap_or(WORKERS_MAX).clamp(1, WORKERS_MAX)
+    u32::try_from(processors.min(2).max(processors - 1)).map_or(WORKERS_MAX, |count| count.min(WORKERS_MAX))
 }

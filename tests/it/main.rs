@@ -52,6 +52,7 @@ mod patch;
 mod pipeline;
 mod polar;
 mod pretrigger;
+mod prompt;
 mod pulses;
 mod python;
 mod recording;
