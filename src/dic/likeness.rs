@@ -49,6 +49,8 @@ pub(super) struct Likeness {
     sums: [Vec<f32>; 6],
     /// Sizes of the residual of pixels that count, infinite of others.
     sizes: Vec<Lanes>,
+    /// The median of these when it was asked for last.
+    median: f32,
     /// By pixel of a body that is planned for: pixels in its neighbourhood, more than any number of them off the body.
     neighbours: Vec<f32>,
     /// The least of these in some rows at a time.
@@ -211,7 +213,11 @@ impl Likeness {
             }
         }
         let pixels = count(kept);
-        if residual.is_empty() || pixels == 0 { 0.0 } else { 1.4826 * nth_smallest(&self.sizes, pixels / 2) }
+        if residual.is_empty() || pixels == 0 {
+            return 0.0;
+        }
+        self.median = nth_smallest(&self.sizes, pixels / 2, self.median);
+        1.4826 * self.median
     }
 }
 

@@ -1,6 +1,8 @@
 //! What a match leaves: reference less gain-matched target.
 
-use super::lanes::Lanes;
+use multiversion::multiversion;
+
+use super::lanes::{LANES, Lanes};
 use super::light;
 use super::refine::{LEAST_ENERGY, Refiner, Sums};
 use super::vector::{Vector, vectorized};
@@ -108,18 +110,27 @@ fn subtract_tilted_with<V: Vector>(
 }
 
 /// Sums of samples on the mask of a window, without those that need its gradients.
+#[multiversion(targets("x86_64+avx512f+avx512bw+avx512dq+avx512vl", "x86_64+avx2"))]
 fn part_sums(samples: &[Lanes], window: &Window) -> Sums {
     let mut sums = Sums::default();
     for block in &window.blocks {
         let rows = block.start..block.start + block.rows;
+        // In double precision: whether there is any contrast is told by the difference of the two.
+        let (mut levels, mut down, mut energy) = ([0.0_f64; LANES], [0.0_f64; LANES], [0.0_f64; LANES]);
         for (dy, (value, mask)) in (block.dy..).zip(samples[rows.clone()].iter().zip(&window.mask[rows])) {
-            let value = *value * *mask;
-            // In double precision: whether there is any contrast is told by the difference of the two.
-            let [levels, across, _] = value.moments(f64::from(block.dx));
-            sums.levels += levels;
-            sums.places[0] += across;
-            sums.places[1] += levels * f64::from(dy);
-            sums.energy += (value * value).sum();
+            let dy = f64::from(dy);
+            for lane in 0..LANES {
+                let value = f64::from(value.0[lane] * mask.0[lane]);
+                levels[lane] += value;
+                down[lane] += value * dy;
+                energy[lane] += value * value;
+            }
+        }
+        for lane in 0..LANES {
+            sums.levels += levels[lane];
+            sums.places[0] += levels[lane] * f64::from(block.dx + lane as i32);
+            sums.places[1] += down[lane];
+            sums.energy += energy[lane];
         }
     }
     sums

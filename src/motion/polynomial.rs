@@ -37,6 +37,14 @@ struct Component {
     powers: Vector,
 }
 
+/// What one sample says of the coefficients of an order.
+struct Row<const ORDER: usize> {
+    /// Of its component.
+    place: usize,
+    lever: SVector<f64, ORDER>,
+    weight: f64,
+}
+
 /// `value = offset(component) + sum of c_k (t - at)^k + acceleration (t - at)^2 / 2`, k from 1 to the order.
 ///
 /// The offsets are eliminated by taking every component about its weighted
@@ -120,53 +128,65 @@ impl Polynomial {
     }
 
     fn solve(&mut self, samples: &[Sample], order: usize) -> Option<()> {
-        let (mut normal, mut right) = (Matrix::zeros(), Vector::zeros());
-        for s in samples {
-            let c = self.component(s.component)?;
-            let weight = s.sigma.powi(-2);
-            let mut row = self.powers(s.time_frames) - c.powers;
-            row.iter_mut().skip(order).for_each(|x| *x = 0.0);
-            normal += weight * row * row.transpose();
-            right += weight * (s.value - self.known(s.time_frames) - c.value) * row;
+        match order {
+            1 => self.solve_by::<1>(samples),
+            2 => self.solve_by::<2>(samples),
+            3 => self.solve_by::<3>(samples),
+            4 => self.solve_by::<4>(samples),
+            _ => self.solve_by::<MAX_ORDER>(samples),
         }
-        // Unit diagonal, so that the pivots tell how nearly singular it is; unused powers stand alone.
-        let length = Vector::from_fn(|i, _| if i < order { normal[(i, i)].sqrt() } else { 1.0 });
+    }
+
+    fn solve_by<const ORDER: usize>(&mut self, samples: &[Sample]) -> Option<()> {
+        let rows: Vec<Row<ORDER>> = samples.iter().map(|s| self.row(s)).collect::<Option<_>>()?;
+        let (mut normal, mut right) = (SMatrix::<f64, ORDER, ORDER>::zeros(), SVector::<f64, ORDER>::zeros());
+        for (s, Row { place, lever, weight }) in samples.iter().zip(&rows) {
+            normal += *weight * lever * lever.transpose();
+            right += *weight * (s.value - self.known(s.time_frames) - self.components[*place].value) * lever;
+        }
+        // Unit diagonal, so that the pivots tell how nearly singular it is.
+        let length = SVector::<f64, ORDER>::from_fn(|i, _| normal[(i, i)].sqrt());
         if length.iter().any(|l| !(*l > 0.0 && l.is_finite())) {
             return None;
         }
-        let scaled = Matrix::from_fn(|i, j| {
-            if i < order { normal[(i, j)] / (length[i] * length[j]) } else { f64::from(u8::from(i == j)) }
-        });
+        let scaled = SMatrix::<f64, ORDER, ORDER>::from_fn(|i, j| normal[(i, j)] / (length[i] * length[j]));
         let factor = scaled.cholesky()?;
         if factor.l_dirty().diagonal().iter().any(|pivot| *pivot < SINGULAR) {
             return None;
         }
-        self.coefficients = factor.solve(&right.component_div(&length)).component_div(&length);
+        let coefficients = factor.solve(&right.component_div(&length)).component_div(&length);
         let inverse = factor.inverse();
-        self.covariance =
-            Matrix::from_fn(
-                |i, j| if i < order && j < order { inverse[(i, j)] / (length[i] * length[j]) } else { 0.0 },
-            );
-        self.covariance += self.walk(samples, order)?;
+        let covariance = SMatrix::from_fn(|i, j| inverse[(i, j)] / (length[i] * length[j]));
+        let covariance = covariance + self.walk(samples, &rows, &covariance);
+        self.coefficients.fixed_rows_mut::<ORDER>(0).copy_from(&coefficients);
+        self.covariance.fixed_view_mut::<ORDER, ORDER>(0, 0).copy_from(&covariance);
         Some(())
+    }
+
+    fn row<const ORDER: usize>(&self, s: &Sample) -> Option<Row<ORDER>> {
+        let place = self.components.iter().position(|c| c.id == s.component)?;
+        let lever = self.powers(s.time_frames) - self.components[place].powers;
+        Some(Row { place, lever: lever.fixed_rows::<ORDER>(0).into_owned(), weight: s.sigma.powi(-2) })
     }
 
     /// What a random walk of the poses adds to the covariance of the coefficients.
     ///
     /// A disturbance of one step moves every later pose of its component; the estimate answers with the sum of the
     /// gains of those poses.
-    fn walk(&self, samples: &[Sample], order: usize) -> Option<Matrix> {
-        let mut later: Vec<(u32, Vector)> = self.components.iter().map(|c| (c.id, Vector::zeros())).collect();
-        let mut added = Matrix::zeros();
-        for s in samples.iter().rev() {
-            let c = self.component(s.component)?;
-            let mut row = self.powers(s.time_frames) - c.powers;
-            row.iter_mut().skip(order).for_each(|x| *x = 0.0);
-            let (_, sum) = later.iter_mut().find(|(id, _)| *id == s.component)?;
-            *sum += self.covariance * row * s.sigma.powi(-2);
+    fn walk<const ORDER: usize>(
+        &self,
+        samples: &[Sample],
+        rows: &[Row<ORDER>],
+        covariance: &SMatrix<f64, ORDER, ORDER>,
+    ) -> SMatrix<f64, ORDER, ORDER> {
+        let mut later = vec![SVector::<f64, ORDER>::zeros(); self.components.len()];
+        let mut added = SMatrix::zeros();
+        for (s, Row { place, lever, weight }) in samples.iter().zip(rows).rev() {
+            let sum = &mut later[*place];
+            *sum += covariance * lever * *weight;
             added += s.walk.powi(2) * *sum * sum.transpose();
         }
-        Some(added)
+        added
     }
 
     fn component(&self, id: u32) -> Option<&Component> {
@@ -198,9 +218,14 @@ impl Polynomial {
     /// The curve at `time_frames` for a component that took part in the fit.
     pub fn predict(&self, time_frames: f64, component: u32) -> Option<Estimate> {
         let c = self.component(component)?;
-        let lever = self.powers(time_frames) - c.powers;
-        let value = c.value + self.coefficients.dot(&lever) + self.known(time_frames);
+        let (value, lever) = self.curve(time_frames, c);
         Some(Estimate { value, sigma: self.spread(&lever).hypot(c.weight.powf(-0.5)) })
+    }
+
+    /// The curve of a component at a time, and what its coefficients are taken times.
+    fn curve(&self, time_frames: f64, c: &Component) -> (f64, Vector) {
+        let lever = self.powers(time_frames) - c.powers;
+        (c.value + self.coefficients.dot(&lever) + self.known(time_frames), lever)
     }
 
     /// How far the curve moves from one time to another, whatever the offset.
@@ -212,8 +237,8 @@ impl Polynomial {
 
     /// Sample minus curve, with the sample's own sigma, for a component of the fit.
     pub fn residual(&self, sample: &Sample) -> Option<(f64, f64)> {
-        let curve = self.predict(sample.time_frames, sample.component)?;
-        Some((sample.value - curve.value, sample.sigma))
+        let (value, _) = self.curve(sample.time_frames, self.component(sample.component)?);
+        Some((sample.value - value, sample.sigma))
     }
 
     /// Sum of squared residuals in units of the samples' sigmas.
