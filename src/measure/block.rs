@@ -40,7 +40,7 @@ pub struct Measurer {
     pub(super) correlator: Correlator,
     pub(super) finders: Vec<Finder>,
     pub(super) params: MeasureParams,
-    share: Share,
+    pub(super) share: Share,
     pub(super) size: (usize, usize),
     pub(super) picture: Picture,
     /// Frames whose motion is not measured yet, oldest first.

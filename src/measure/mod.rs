@@ -22,6 +22,7 @@ mod patch;
 mod pattern;
 mod picture;
 mod reference;
+mod rehearsal;
 mod target;
 mod tracker;
 mod turn;

@@ -54,6 +54,7 @@ pub fn run(config: &Config, index: u32, mut resumed: bool, stop: &Stop) -> anyho
         exposure_ns: 0,
     };
     worker.wants_reference = worker.measurer.needs_reference();
+    worker.measurer.rehearse()?;
     let mut recorded = Recorded { progress: bus.subscriber(&limits)?, done: None, expected: config.record.is_some() };
     let ear = bus.ear("frames")?;
     let mut stream = Stream::new(&bus, &limits)?;
