@@ -74,7 +74,7 @@ pub fn live(options: &LiveOptions) -> anyhow::Result<()> {
 /// Frames at the start of a block in which the ball is looked for: anywhere, and then how it moves.
 const FINDING_FRAMES: u64 = 2;
 
-/// Mean microseconds a frame.
+/// Mean microseconds a frame, each the middle of its repeats: what interrupts the program moves none of them.
 struct Frames {
     all: f64,
     /// Where the ball is known from the frames before.
@@ -123,26 +123,27 @@ impl Film {
         let mut measurer = Measurer::new(&params, Share::ALL, 512, 512)?;
         let mut failed = None;
         let mut measured: Vec<Measured> = Vec::new();
-        // Seconds and frames, of those in which the ball is followed and of those in which it is looked for.
-        let (mut followed, mut found) = ((0.0, 0.0), (0.0, 0.0));
+        let mut seconds = vec![Vec::new(); self.frames.len()];
         rate(duration, || {
             measurer.reset();
-            for (meta, bytes) in &self.frames {
+            for ((meta, bytes), seconds) in self.frames.iter().zip(&mut seconds) {
                 measured.clear();
-                let (result, seconds) = timed(|| measurer.push(&Frame { meta: *meta, bytes }, &mut measured));
+                let (result, spent) = timed(|| measurer.push(&Frame { meta: *meta, bytes }, &mut measured));
                 failed = result.err().or(failed.take());
-                let is_finding = meta.sequence % u64::from(BLOCK_FRAMES) < FINDING_FRAMES;
-                let (spent, frames) = if is_finding { &mut found } else { &mut followed };
-                (*spent, *frames) = (*spent + seconds, *frames + 1.0);
+                seconds.push(spent);
             }
             self.frames.len()
         });
-        let us = |(seconds, frames): (f64, f64)| 1e6 * seconds / frames;
-        let all = us((followed.0 + found.0, followed.1 + found.1));
-        match failed {
-            Some(error) => Err(error.into()),
-            None => Ok(Frames { all, following: us(followed), finding: us(found) }),
+        if let Some(error) = failed {
+            return Err(error.into());
         }
+        let is_finding = |frame: usize| frame as u64 % u64::from(BLOCK_FRAMES) < FINDING_FRAMES;
+        let us: Vec<f64> = seconds.iter_mut().map(|seconds| 1e6 * middle(seconds)).collect();
+        let mean = |of: &dyn Fn(usize) -> bool| {
+            let of = || us.iter().enumerate().filter(|(frame, _)| of(*frame));
+            of().map(|(_, us)| us).sum::<f64>() / of().count() as f64
+        };
+        Ok(Frames { all: mean(&|_| true), following: mean(&|frame| !is_finding(frame)), finding: mean(&is_finding) })
     }
 
     /// How many subsets there are, and microseconds of each part of a frame.
@@ -155,7 +156,8 @@ impl Film {
         let circle = finder.find(first.view()).ok_or_else(|| anyhow::anyhow!("the ball of the film is not found"))?;
         let moved = Circle { x_px: circle.x_px + MOTION.0, y_px: circle.y_px + MOTION.1, ..circle };
         let cold = rate(duration, || usize::from(finder.find(second.view()).is_some()));
-        let follow = rate(duration, || usize::from(finder.follow(second.view(), &moved).is_some()));
+        // The whole ball was matched before: it is there.
+        let follow = rate(duration, || usize::from(finder.follow_closely(second.view(), &moved, true).is_some()));
         let images = (&first, &second);
         let mut pair = Pair::new(&circle, images, Shape::Affine, FORETOLD_PX)?;
         let mut anywhere = Pair::new(&circle, images, Shape::Affine, SEARCHED_PX)?;
@@ -243,6 +245,12 @@ impl Pair {
         let near = (MOTION.0 - 0.004, MOTION.1 + 0.003, MOTION.2 + 0.006);
         self.body.find_visible(&self.target, (circle.x_px, circle.y_px), near).is_ok()
     }
+}
+
+/// The middle one of some numbers.
+fn middle(numbers: &mut [f64]) -> f64 {
+    numbers.sort_by(f64::total_cmp);
+    numbers[numbers.len() / 2]
 }
 
 /// The part of a frame that holds a ball and so many px around it.
