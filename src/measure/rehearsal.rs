@@ -53,19 +53,19 @@ impl Measurer {
 
 /// A speckled ball in the middle of where it is looked for, some px to the right.
 fn draw(ball: &BallParams, (width, height): (usize, usize), right_px: usize, bytes: &mut [u8]) {
-    let [x, y, w, h] = ball.roi_px.unwrap_or([0, 0, width as u32, height as u32]).map(f64::from);
-    let center = (x + 0.5 * w, y + 0.5 * h);
-    let radius = 0.5 * (ball.min_radius_px + ball.max_radius_px);
-    for (index, byte) in bytes.iter_mut().enumerate() {
-        let (x, y) = ((index % width + width - right_px) % width, index / width);
-        let is_ball = (x as f64 - center.0).hypot(y as f64 - center.1) <= radius;
-        // Cells are dark by a hash of their place.
-        let cell = (x / SPECKLE_PX).wrapping_mul(0x9E37_79B9) ^ (y / SPECKLE_PX).wrapping_mul(0x85EB_CA6B);
-        let is_dark = (cell.wrapping_mul(0xC2B2_AE35) >> 16) & 3 == 0;
-        *byte = match (is_ball, is_dark) {
-            (false, _) => LEVELS[0],
-            (true, false) => LEVELS[1],
-            (true, true) => LEVELS[2],
-        };
+    let [x, y, w, h] = ball.roi_px.unwrap_or([0, 0, width as u32, height as u32]).map(|px| px as usize);
+    let (center_x, center_y) = (x + w / 2, y + h / 2);
+    let radius = (0.5 * (ball.min_radius_px + ball.max_radius_px)) as usize;
+    bytes.fill(LEVELS[0]);
+    for y in center_y.saturating_sub(radius)..(center_y + radius + 1).min(height) {
+        let row = &mut bytes[y * width..][..width];
+        for x in center_x.saturating_sub(radius)..(center_x + radius + 1).min(width.saturating_sub(right_px)) {
+            if x.abs_diff(center_x).pow(2) + y.abs_diff(center_y).pow(2) <= radius * radius {
+                // Cells are dark by a hash of their place.
+                let cell = (x / SPECKLE_PX).wrapping_mul(0x9E37_79B9) ^ (y / SPECKLE_PX).wrapping_mul(0x85EB_CA6B);
+                let is_dark = (cell.wrapping_mul(0xC2B2_AE35) >> 16) & 3 == 0;
+                row[x + right_px] = LEVELS[if is_dark { 2 } else { 1 }];
+            }
+        }
     }
 }
