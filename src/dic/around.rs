@@ -8,6 +8,32 @@ use super::vector::{Vector, vectorized};
 /// Half the side of the neighbourhood whose residual is taken, px.
 pub(super) const RESIDUAL_REACH: usize = 3;
 
+/// Its side.
+const SIDE: usize = 2 * RESIDUAL_REACH + 1;
+
+/// The sums down the columns of as many rows as a neighbourhood has.
+#[inline(always)]
+fn add_columns<V: Vector>(rows: &[f32], stride: usize, columns: &mut [f32]) {
+    for x in (0..stride / LANES * LANES).step_by(LANES) {
+        let mut sum = V::load(&rows[x..]);
+        for k in 1..SIDE {
+            sum = sum.add(V::load(&rows[k * stride + x..]));
+        }
+        sum.store(&mut columns[x..]);
+    }
+}
+
+/// The sums of the first eight neighbourhoods over their columns.
+#[inline(always)]
+fn add_along<V: Vector>(columns: &[f32]) -> V {
+    let near = &columns[..SIDE - 1 + LANES];
+    let mut sum = V::load(near);
+    for k in 1..SIDE {
+        sum = sum.add(V::load(&near[k..]));
+    }
+    sum
+}
+
 vectorized! {
     /// The sum over the neighbourhood of every value, as far as it lies within.
     pub(super) fn add_around(values: &[f32], stride: usize, columns: &mut [f32], out: &mut [f32]) = add_around_with
@@ -15,24 +41,12 @@ vectorized! {
 
 #[inline(always)]
 fn add_around_with<V: Vector>(values: &[f32], stride: usize, columns: &mut [f32], out: &mut [f32]) {
-    const SIDE: usize = 2 * RESIDUAL_REACH + 1;
     for row in 0..(values.len() / stride).saturating_sub(SIDE - 1) {
         let rows = &values[row * stride..][..SIDE * stride];
-        for x in (0..stride / LANES * LANES).step_by(LANES) {
-            let mut sum = V::load(&rows[x..]);
-            for k in 1..SIDE {
-                sum = sum.add(V::load(&rows[k * stride + x..]));
-            }
-            sum.store(&mut columns[x..]);
-        }
+        add_columns::<V>(rows, stride, columns);
         let out = &mut out[(row + RESIDUAL_REACH) * stride + RESIDUAL_REACH..];
         for x in (0..(stride - SIDE) / LANES * LANES).step_by(LANES) {
-            let near = &columns[x..][..SIDE - 1 + LANES];
-            let mut sum = V::load(near);
-            for k in 1..SIDE {
-                sum = sum.add(V::load(&near[k..]));
-            }
-            sum.store(&mut out[x..]);
+            add_along::<V>(&columns[x..]).store(&mut out[x..]);
         }
     }
 }
@@ -49,26 +63,14 @@ fn are_within_with<V: Vector>(
     most: f32,
     columns: &mut [f32],
 ) -> bool {
-    const SIDE: usize = 2 * RESIDUAL_REACH + 1;
     let (one, most) = (V::splat(1.0), V::splat(most));
     let mut over = V::splat(0.0);
     for row in 0..(values.len() / stride).saturating_sub(SIDE - 1) {
         let rows = &values[row * stride..][..SIDE * stride];
-        for x in (0..stride / LANES * LANES).step_by(LANES) {
-            let mut sum = V::load(&rows[x..]);
-            for k in 1..SIDE {
-                sum = sum.add(V::load(&rows[k * stride + x..]));
-            }
-            sum.store(&mut columns[x..]);
-        }
+        add_columns::<V>(rows, stride, columns);
         let pixels = &pixels[(row + RESIDUAL_REACH) * stride + RESIDUAL_REACH..];
         for x in (0..(stride - SIDE) / LANES * LANES).step_by(LANES) {
-            let near = &columns[x..][..SIDE - 1 + LANES];
-            let mut sum = V::load(near);
-            for k in 1..SIDE {
-                sum = sum.add(V::load(&near[k..]));
-            }
-            over = over.add(one.and(sum.at_least(most.mul(V::load(&pixels[x..])))));
+            over = over.add(one.and(add_along::<V>(&columns[x..]).at_least(most.mul(V::load(&pixels[x..])))));
         }
     }
     over.to_lanes().sum() < 0.5
@@ -103,7 +105,6 @@ fn are_strips_within_with<V: Vector>(
     most: f32,
     columns: &mut [f32],
 ) -> bool {
-    const SIDE: usize = 2 * RESIDUAL_REACH + 1;
     const ROWS: usize = SIDE - 1 + STRIP;
     let (one, most) = (V::splat(1.0), V::splat(most));
     let mut over = V::splat(0.0);
@@ -121,12 +122,7 @@ fn are_strips_within_with<V: Vector>(
         }
         let pixels = &pixels[RESIDUAL_REACH..];
         for x in (0..(stride - SIDE) / LANES * LANES).step_by(LANES) {
-            let near = &columns[x..][..SIDE - 1 + LANES];
-            let mut sum = V::load(near);
-            for k in 1..SIDE {
-                sum = sum.add(V::load(&near[k..]));
-            }
-            over = over.add(one.and(sum.at_least(most.mul(V::load(&pixels[x..])))));
+            over = over.add(one.and(add_along::<V>(&columns[x..]).at_least(most.mul(V::load(&pixels[x..])))));
         }
     }
     over.to_lanes().sum() < 0.5

@@ -11,7 +11,7 @@ const EXACT_BITS: u32 = 65536;
 /// `mean_square` is the mean of their squares.
 pub(super) fn median_size(residual: &[Lanes], pixels: usize, mean_square: f64) -> f32 {
     let rank = (residual.len() * LANES - pixels + pixels / 2) as f32;
-    let below = |bits: u32| count_below(residual, f32::from_bits(bits)) > rank;
+    let below = |bits: u32| squares_below(residual, f32::from_bits(bits)) > rank;
     // Squares are in the order of their bits; halving the range finds the one that so many are smaller than. That of
     // noise is 0.455 of the mean square; anything else takes longer.
     let near = [0.41, 0.49].map(|share| (share * mean_square) as f32);
@@ -55,44 +55,33 @@ vectorized! {
 
 #[inline(always)]
 fn values_below_with<V: Vector>(values: &[Lanes], limit: f32) -> f32 {
+    count_below::<V, false>(values, limit)
+}
+
+vectorized! {
+    /// As [`values_below`], of their squares.
+    fn squares_below(values: &[Lanes], limit: f32) -> f32 = squares_below_with
+}
+
+#[inline(always)]
+fn squares_below_with<V: Vector>(values: &[Lanes], limit: f32) -> f32 {
+    count_below::<V, true>(values, limit)
+}
+
+#[inline(always)]
+fn count_below<V: Vector, const SQUARES: bool>(values: &[Lanes], limit: f32) -> f32 {
     let (one, limit) = (V::splat(1.0), V::splat(limit));
+    // Sums that do not wait for one another.
     let mut counts = [V::splat(0.0); 4];
-    let rows = values.chunks_exact(counts.len());
-    for row in rows.remainder() {
-        counts[0] = counts[0].add(one.and(V::from_lanes(row).at_least(limit)));
-    }
-    for rows in rows {
+    for rows in values.chunks(counts.len()) {
         for (count, row) in counts.iter_mut().zip(rows) {
-            *count = count.add(one.and(V::from_lanes(row).at_least(limit)));
+            let value = V::from_lanes(row);
+            let value = if SQUARES { value.mul(value) } else { value };
+            *count = count.add(one.and(value.at_least(limit)));
         }
     }
     let counts = counts[0].add(counts[1]).add(counts[2].add(counts[3]));
     (values.len() * LANES) as f32 - counts.to_lanes().0.iter().sum::<f32>()
-}
-
-vectorized! {
-    /// How many squares are smaller than a limit, exactly up to sixteen million.
-    fn count_below(residual: &[Lanes], limit: f32) -> f32 = count_below_with
-}
-
-#[inline(always)]
-fn count_below_with<V: Vector>(residual: &[Lanes], limit: f32) -> f32 {
-    let (one, limit) = (V::splat(1.0), V::splat(limit));
-    // Sums that do not wait for one another.
-    let mut counts = [V::splat(0.0); 4];
-    let rows = residual.chunks_exact(counts.len());
-    for row in rows.remainder() {
-        let value = V::from_lanes(row);
-        counts[0] = counts[0].add(one.and(value.mul(value).at_least(limit)));
-    }
-    for rows in rows {
-        for (count, row) in counts.iter_mut().zip(rows) {
-            let value = V::from_lanes(row);
-            *count = count.add(one.and(value.mul(value).at_least(limit)));
-        }
-    }
-    let counts = counts[0].add(counts[1]).add(counts[2].add(counts[3]));
-    (residual.len() * LANES) as f32 - counts.to_lanes().0.iter().sum::<f32>()
 }
 
 #[cfg(test)]

@@ -10,6 +10,8 @@ mod scene;
 mod small;
 #[path = "ball/tally.rs"]
 mod tally;
+#[path = "ball/there.rs"]
+mod there;
 
 use ricochet::ball::{BallFinder, BallParams, OutlineMethod};
 use ricochet::image::ImageView;
@@ -275,8 +277,7 @@ fn following_closely_looks_no_farther_than_it_says() {
             found += usize::from(here.is_some());
         }
     }
-    println!("{found} of 120 followed closely");
-    assert!(found > 40, "{found}");
+    assert!(found > 40, "{found} of 120 followed closely");
 }
 
 /// A picture that shows something else farther than this from a circle.
