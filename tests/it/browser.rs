@@ -25,7 +25,7 @@ pub fn show(page: &Path, selector: &str) -> Option<Shown> {
         .into_iter()
         .find(|name| Command::new(name).arg("--version").output().is_ok_and(|output| output.status.success()));
     let Some(program) = program else {
-        let required = std::env::var_os("RICOCHET_REQUIRE_CHROMIUM").is_some_and(|value| value == "1");
+        let required = crate::support::is_required("CHROMIUM");
         assert!(!required, "Chromium is required and not there");
         eprintln!("left out: no Chromium to render the page with");
         return None;

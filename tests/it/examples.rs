@@ -21,7 +21,7 @@ fn script(name: &str) -> PathBuf {
 fn python(script_name: &str, modules: &str) -> Option<Command> {
     let importable = Command::new("python3").args(["-c", &format!("import {modules}")]).output();
     if !importable.is_ok_and(|output| output.status.success()) {
-        let required = std::env::var_os("RICOCHET_REQUIRE_PYTHON").is_some_and(|value| value == "1");
+        let required = crate::support::is_required("PYTHON");
         assert!(!required, "python3 with the modules {modules} is required and not there");
         eprintln!("left out: {script_name}: python3 with the modules {modules} is not there");
         return None;

@@ -24,6 +24,7 @@ mod config;
 mod decisions;
 mod defective;
 mod design;
+mod equal;
 mod examples;
 mod fake_gige;
 mod faults;

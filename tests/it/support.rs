@@ -157,7 +157,7 @@ pub fn frames(path: &Path) -> Vec<(ricochet::image::FrameMeta, Vec<u8>)> {
 pub fn python(script: &str, arguments: &[&Path]) -> Option<String> {
     let importable = Command::new("python3").args(["-c", "import mcap, mcap_protobuf, mcap_ros2, numpy"]).output();
     if !importable.is_ok_and(|output| output.status.success()) {
-        let required = std::env::var_os("RICOCHET_REQUIRE_PYTHON").is_some_and(|value| value == "1");
+        let required = is_required("PYTHON");
         assert!(
             !required,
             "python3 with mcap, mcap-protobuf-support, mcap-ros2-support and numpy is required and not there"
@@ -168,4 +168,9 @@ pub fn python(script: &str, arguments: &[&Path]) -> Option<String> {
     let output = Command::new("python3").arg("-c").arg(script).args(arguments).output().unwrap();
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     Some(String::from_utf8(output.stdout).unwrap())
+}
+
+/// Whether `RICOCHET_REQUIRE_name` asks a test to fail where what it needs is missing.
+pub fn is_required(name: &str) -> bool {
+    std::env::var_os(format!("RICOCHET_REQUIRE_{name}")).is_some_and(|value| value == "1")
 }

@@ -17,7 +17,7 @@ const FRAMES: u64 = 7;
 pub fn has_ffmpeg() -> bool {
     let is_there = Command::new("ffmpeg").arg("-version").output().is_ok_and(|output| output.status.success());
     if !is_there {
-        let required = std::env::var_os("RICOCHET_REQUIRE_FFMPEG").is_some_and(|value| value == "1");
+        let required = crate::support::is_required("FFMPEG");
         assert!(!required, "ffmpeg is required and not there");
         eprintln!("left out: ffmpeg is not there");
     }

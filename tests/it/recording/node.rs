@@ -9,7 +9,7 @@ use std::process::Command;
 fn node(path: &std::path::Path) -> Option<String> {
     let needed = "require('@mcap/core'); require('@mcap/support'); require('@foxglove/schemas/internal')";
     if !Command::new("node").args(["-e", needed]).output().is_ok_and(|output| output.status.success()) {
-        let required = std::env::var_os("RICOCHET_REQUIRE_NODE").is_some_and(|value| value == "1");
+        let required = crate::support::is_required("NODE");
         assert!(!required, "node with @mcap/core, @mcap/support and @foxglove/schemas is required and not there");
         eprintln!("left out: node with the packages @mcap/core, @mcap/support and @foxglove/schemas is not there");
         return None;

@@ -10,7 +10,7 @@ use std::process::Command;
 fn rerun(path: &Path) -> Option<String> {
     let importable = Command::new("python3").args(["-c", "import rerun.chunk"]).output();
     if !importable.is_ok_and(|output| output.status.success()) {
-        let required = std::env::var_os("RICOCHET_REQUIRE_RERUN").is_some_and(|value| value == "1");
+        let required = crate::support::is_required("RERUN");
         assert!(!required, "python3 with rerun-sdk 0.41 is required and not there");
         eprintln!("left out: python3 with rerun-sdk 0.41 is not there");
         return None;
