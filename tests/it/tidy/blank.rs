@@ -1,23 +1,60 @@
-//! Rust source without what is not code.
+//! Rust source taken apart into code, comments and literals.
 
-/// The source with comments, texts and letters replaced by spaces, line for line and character for character.
-pub fn blank(source: &str) -> String {
+/// A stretch of source that is all code, or one comment or literal.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum Kind {
+    Code,
+    Comment,
+    Text,
+    Letter,
+}
+
+/// The pieces of a source, one after the other and without gaps.
+pub fn pieces(source: &str) -> Vec<(Kind, String)> {
     let chars: Vec<char> = source.chars().collect();
-    let mut out = String::with_capacity(source.len());
+    let mut pieces: Vec<(Kind, String)> = Vec::new();
     let mut at = 0;
     while at < chars.len() {
         let end = end_of_piece(&chars, at);
-        let is_code = end == at;
+        let kind = match chars[at] {
+            _ if end == at => Kind::Code,
+            '/' => Kind::Comment,
+            '\'' => Kind::Letter,
+            _ => Kind::Text,
+        };
         let end = end.max(at + 1);
-        for letter in &chars[at..end] {
-            out.push(if is_code || *letter == '\n' { *letter } else { ' ' });
+        match pieces.last_mut() {
+            Some((Kind::Code, text)) if kind == Kind::Code => text.push(chars[at]),
+            _ => pieces.push((kind, chars[at..end].iter().collect())),
         }
         at = end;
+    }
+    pieces
+}
+
+/// The source with comments and literals replaced by spaces, line for line and character for character.
+pub fn blank(source: &str) -> String {
+    masked(source, |_| ' ')
+}
+
+/// The code lines of a source that are neither blank nor comment nor under `#[cfg(test)]`.
+pub fn production_lines(source: &str) -> usize {
+    let code = without_tests(&masked(source, |kind| if kind == Kind::Comment { ' ' } else { 'x' }));
+    code.lines().filter(|line| !line.trim().is_empty()).count()
+}
+
+fn masked(source: &str, mask: fn(Kind) -> char) -> String {
+    let mut out = String::with_capacity(source.len());
+    for (kind, text) in pieces(source) {
+        match kind {
+            Kind::Code => out.push_str(&text),
+            _ => out.extend(text.chars().map(|letter| if letter == '\n' { '\n' } else { mask(kind) })),
+        }
     }
     out
 }
 
-/// Where the comment, text or letter that begins at `at` ends; `at` itself when code stands there.
+/// The end of the comment or literal that begins at `at`, or `at` itself for code.
 fn end_of_piece(chars: &[char], at: usize) -> usize {
     let next = chars.get(at + 1).copied();
     match chars[at] {
@@ -70,7 +107,7 @@ fn end_of_raw_text(chars: &[char], at: usize) -> usize {
     (open + 1..chars.len()).find(|i| closes(*i)).map_or(chars.len(), |i| i + 1 + hashes)
 }
 
-/// A letter in quotes; `at` for a lifetime.
+/// The end of a letter in quotes, or `at` for a lifetime.
 fn end_of_letter(chars: &[char], at: usize) -> usize {
     if chars.get(at + 1) == Some(&'\\') {
         return (at + 3..chars.len()).find(|i| chars[*i] == '\'').map_or(chars.len(), |i| i + 1);
@@ -91,7 +128,7 @@ pub fn without_tests(blanked: &str) -> String {
     out + rest
 }
 
-/// Where the item that `text` begins with ends: at its closing brace, or at a semicolon before any brace.
+/// The length of the item that `text` begins with: up to its closing brace, or to a semicolon before any brace.
 fn end_of_item(text: &str) -> usize {
     let mut depth = 0_usize;
     for (at, letter) in text.char_indices() {

@@ -1,6 +1,7 @@
 //! The rules, each over one file.
 
 use super::blank::{blank, without_tests};
+use super::paths::{follows_a_path, line, paths_from, uses, words};
 use super::table::{
     DIMENSIONLESS, DIMENSIONLESS_ENDINGS, IMPURE, LINES_MAX, MACHINE_FOLDERS, MAIN_CRATES, OUTSIDE, ROOMS, Room,
     SINGLE_NAMES, UNIT_ROOMS, UNITS, UNSAFE_FILE, UNSAFE_ROOMS,
@@ -9,7 +10,7 @@ use std::fmt;
 
 /// One broken rule.
 pub struct Finding {
-    /// The file, from the root of the project.
+    /// The path of the file from the root of the project.
     pub file: String,
     /// The line, from 1.
     pub line: usize,
@@ -81,7 +82,7 @@ fn room_rules(room: &Room, inside: &str, code: &str) -> Broken {
     broken
 }
 
-/// First names after the root of the crate, however the root is reached.
+/// The first names after the root of the crate, however the root is reached.
 fn rooms_named(inside: &str, code: &str) -> Vec<(usize, String)> {
     let parts = inside.split('/').count();
     let depth = if inside.ends_with("/mod.rs") { parts - 1 } else { parts };
@@ -93,55 +94,15 @@ fn rooms_named(inside: &str, code: &str) -> Vec<(usize, String)> {
         .collect()
 }
 
-/// Every path that begins with `root::`, groups in braces taken apart; with the place where it begins.
-fn paths_from(code: &str, root: &str) -> Vec<(usize, String)> {
-    let mut paths = Vec::new();
-    let first = root.split("::").next().unwrap_or_default();
-    for at in words(code, first).filter(|at| !follows_a_path(code, *at)) {
-        let compact: String = code[at..].split(';').next().unwrap_or_default().split_whitespace().collect();
-        expand("", &compact, &mut |path| {
-            if path.starts_with(&format!("{root}::")) {
-                paths.push((at, path.to_string()));
-            }
-        });
-    }
-    paths
-}
-
-/// Takes `a::{b, c::{d}}` apart into `a::b` and `a::c::d`, and stops where the path does.
-fn expand(prefix: &str, text: &str, found: &mut dyn FnMut(&str)) {
-    let name_end = text.find(|c: char| !c.is_alphanumeric() && c != '_' && c != ':').unwrap_or(text.len());
-    let path = format!("{prefix}{}", &text[..name_end]);
-    let is_group = (path.is_empty() || path.ends_with("::")) && text[name_end..].starts_with('{');
-    if !is_group {
-        return found(path.trim_end_matches(':'));
-    }
-    let (mut depth, mut start) = (0, name_end + 1);
-    for (at, letter) in text.char_indices().skip_while(|(at, _)| *at < name_end) {
-        match letter {
-            '{' => depth += 1,
-            '}' => depth -= 1,
-            _ => {}
-        }
-        if (letter == ',' && depth == 1) || depth == 0 {
-            expand(&path, &text[start..at], found);
-            start = at + 1;
-        }
-        if depth == 0 {
-            return;
-        }
-    }
-}
-
 fn crates(room: &str, allowed: &[&str], code: &str) -> Broken {
     let (uses, rest) = uses(code);
     let forbidden = |name: &str| OUTSIDE.contains(&name) && !allowed.contains(&name) && !is_module_here(code, name);
     let mut broken = Vec::new();
-    for (at, path) in uses {
-        let name = path.split("::").next().unwrap_or_default();
-        let single = SINGLE_NAMES.contains(&(room, path.as_str()));
+    for import in uses {
+        let name = import.path.split("::").next().unwrap_or_default();
+        let single = SINGLE_NAMES.contains(&(room, import.path.as_str()));
         if forbidden(name) && !single {
-            broken.push((line(code, at), format!("{room} may not name the crate {name}")));
+            broken.push((line(code, import.at), format!("{room} may not name the crate {name}")));
         }
     }
     for name in OUTSIDE.iter().filter(|name| forbidden(name)) {
@@ -155,20 +116,6 @@ fn crates(room: &str, allowed: &[&str], code: &str) -> Broken {
     broken
 }
 
-/// Every path of the `use` declarations, with its place, and the code without them, byte for byte.
-fn uses(code: &str) -> (Vec<(usize, String)>, String) {
-    let (mut paths, mut rest) = (Vec::new(), code.to_string());
-    for at in words(code, "use") {
-        let Some(length) = code[at..].find(';') else { continue };
-        let declaration = &code[at..at + length];
-        let compact: String = declaration["use".len()..].split_whitespace().collect();
-        expand("", compact.trim_start_matches("::"), &mut |path| paths.push((at, path.to_string())));
-        let blank: String = declaration.bytes().map(|byte| if byte == b'\n' { '\n' } else { ' ' }).collect();
-        rest.replace_range(at..at + length, &blank);
-    }
-    (paths, rest)
-}
-
 /// Whether the file brings a module of our own with this name into scope.
 fn is_module_here(code: &str, name: &str) -> bool {
     let imported = |root: &str| {
@@ -176,26 +123,6 @@ fn is_module_here(code: &str, name: &str) -> bool {
         paths.iter().any(|(_, path)| path.ends_with(&format!("::{name}")) || path.ends_with(&format!("::{name}::self")))
     };
     code.contains(&format!("mod {name};")) || imported("crate") || imported("super")
-}
-
-/// Whether the word at `at` continues a path: something stands before its `::`.
-fn follows_a_path(code: &str, at: usize) -> bool {
-    let before = code[..at].trim_end();
-    let Some(before) = before.strip_suffix("::") else { return false };
-    before.trim_end().ends_with(|c: char| c.is_alphanumeric() || c == '_' || c == '>')
-        && !["use", "return", "in"].iter().any(|word| before.trim_end().ends_with(word) && before.ends_with(' '))
-}
-
-/// Places of a whole word.
-fn words<'c>(code: &'c str, word: &'c str) -> impl Iterator<Item = usize> + 'c {
-    let part = |c: char| c.is_alphanumeric() || c == '_';
-    code.match_indices(word)
-        .filter(move |(at, _)| !code[..*at].ends_with(part) && !code[at + word.len()..].starts_with(part))
-        .map(|(at, _)| at)
-}
-
-fn line(code: &str, at: usize) -> usize {
-    1 + code[..at].matches('\n').count()
 }
 
 fn units(code: &str) -> Broken {

@@ -287,3 +287,48 @@ pub const LINES_MAX: usize = 500;
 
 /// Top folders that exist on one machine and not on the next.
 pub const MACHINE_FOLDERS: &[&str] = &["home", "root", "tmp", "work", "Users", "mnt", "opt"];
+
+/// Files that import each other in circles, for each room that has any. Whoever opens a circle lowers the number.
+pub const IN_CIRCLES: &[(&str, usize)] = &[
+    ("camera", 4),
+    ("command", 9),
+    ("dic", 14),
+    ("measure", 10),
+    ("motion", 3),
+    ("recording", 9),
+    ("rod", 2),
+    ("synth", 4),
+];
+
+/// Imports past a mod.rs that are allowed for now, for each room that has any.
+pub const PAST_THEIR_MOD_RS: &[(&str, usize)] = &[("command", 9)];
+
+/// Breaches of the language guide that are allowed until the prose of a room, file or folder has been revised.
+pub const UNDER_REVISION: &[(&str, usize)] = &[
+    ("ARCHITECTURE.md", 5),
+    ("CONVENTIONS.md", 1),
+    ("README.md", 13),
+    ("ball", 101),
+    ("bus", 10),
+    ("camera", 141),
+    ("cli", 27),
+    ("command", 274),
+    ("config", 56),
+    ("dic", 161),
+    ("examples", 7),
+    ("image", 11),
+    ("impact", 85),
+    ("import", 20),
+    ("main", 2),
+    ("measure", 85),
+    ("message", 43),
+    ("motion", 173),
+    ("process", 149),
+    ("recording", 93),
+    ("report", 26),
+    ("results", 34),
+    ("rod", 51),
+    ("synth", 55),
+    ("tests", 382),
+    ("trigger", 28),
+];
