@@ -1,7 +1,7 @@
-//! One body's part of the tracker.
+//! The tracker of one body.
 
-use super::belief::Belief;
-use super::outline::seen;
+use super::belief::ValidationGate;
+use super::outline::body_circle;
 use super::tracker::TrackerRows;
 use crate::impact::{Approach, Beside, Contact, Detector, Event, SurfaceNode, World, deepest_so_far, solve};
 use crate::motion::{
@@ -10,43 +10,43 @@ use crate::motion::{
 };
 use crate::results::{Alarm, AlarmKind, BodyStep, Estimate, Impact, Phase, PointStatus, TrackSample, VelocitySample};
 
-/// An impact is told again when so many frames after its end are known; the last is final.
+/// The lengths of the flight after the end of contact at which an impact is measured again; the last is final, frames.
 const REVISIONS_FRAMES: [f64; 2] = [16.0, 64.0];
-/// A collision that could not be measured yet is looked at again after so many frames.
+/// The number of frames after which a collision that could not be measured is tried again.
 const RETRY_FRAMES: f64 = 3.0;
-/// Unless this much time has passed after the end, and the first of them is reached.
+/// The time after the end of contact from which the first revision is final, s.
 const FINAL_AFTER_S: f64 = 0.035;
-/// Nodes kept beyond what the local fits reach back.
+/// The number of nodes kept beyond the reach of the local fits.
 const SPARE_NODES: u64 = 64;
 
-/// A collision being told.
+/// The last collision, which is measured again as the flight after it grows.
 #[derive(Debug, Clone)]
-struct Telling {
+struct PendingImpact {
     contact: Contact,
     number: u32,
     revision: u32,
-    told_to_frames: f64,
-    /// How many of [`REVISIONS_FRAMES`] are reached.
+    measured_to_frames: f64,
+    /// The number of [`REVISIONS_FRAMES`] that are reached.
     stage: usize,
-    /// Sigma of the restitution told last.
+    /// The standard uncertainty of the last published restitution.
     sigma: f64,
-    /// When it was looked at last, in vain.
+    /// The time of the last measurement, with or without a result.
     tried_frames: f64,
 }
 
-/// How many of the revisions are due.
+/// Returns the number of revisions that are due.
 fn stage(known_frames: f64) -> usize {
     REVISIONS_FRAMES.iter().filter(|after| known_frames >= **after).count()
 }
 
-/// Everything known of one body.
+/// The tracker of one body.
 #[derive(Debug, Clone)]
 pub struct BodyTracker {
     body: u32,
     params: MotionParams,
     origin_ns: u64,
     axes: Axes,
-    belief: Belief,
+    gate: ValidationGate,
     chain: Chain,
     anchor: Anchor,
     radius: RunningRadius,
@@ -54,18 +54,18 @@ pub struct BodyTracker {
     growth: Growth,
     drift: Drift,
     rolling: Rolling,
-    /// Of a rod from the pose that its steps lead to, px.
+    /// The offset of a rod from the pose that its steps lead to, px.
     rod_px: Option<[f64; 2]>,
-    /// Whether the newest step is a match of the whole body.
+    /// Whether the newest step comes from a match of the whole body.
     is_whole: bool,
     nodes: Vec<Node>,
-    /// The newest frame pushed, whether the body was seen in it or not.
+    /// The newest frame, whether the body was detected in it or not.
     newest_frame: u64,
     first_sigma_deg: Option<f64>,
     detector: Option<Detector>,
-    /// Whether it was told that the contact that lasts was deepest.
-    turned: bool,
-    telling: Option<Telling>,
+    /// Whether the deepest point of the current contact was reported.
+    deepest_reported: bool,
+    pending_impact: Option<PendingImpact>,
     collisions: u32,
 }
 
@@ -77,7 +77,7 @@ impl BodyTracker {
             params: params.clone(),
             origin_ns: 0,
             axes: Axes::new(params.surface_angle_deg),
-            belief: Belief::default(),
+            gate: ValidationGate::default(),
             chain: Chain::new(params.walk),
             anchor: Anchor::new(),
             radius: RunningRadius::new(),
@@ -91,30 +91,30 @@ impl BodyTracker {
             newest_frame: 0,
             first_sigma_deg: None,
             detector: contact.then(Detector::new),
-            turned: false,
-            telling: None,
+            deepest_reported: false,
+            pending_impact: None,
             collisions: 0,
         }
     }
 
     /// Takes the next step of this body; impacts and alarms go to `rows`.
     ///
-    /// Gives the step as it may be believed, which is what [`Self::rows`] wants to see.
+    /// Returns the accepted step, which [`Self::rows`] expects.
     pub fn push(&mut self, step: &BodyStep, origin_ns: u64, rows: &mut TrackerRows) -> BodyStep {
-        let believed = self.belief.vet(step);
-        let later_frames = self.rolling.push(&believed);
-        let straight = self.rolling.straightened(&believed);
+        let accepted = self.gate.gate(step);
+        let later_frames = self.rolling.push(&accepted);
+        let straight = self.rolling.straightened(&accepted);
         self.origin_ns = origin_ns;
         let since_ns = (i128::from(step.stamp_ns) - i128::from(origin_ns)) as f64 + 0.5 * self.params.exposure_ns;
         let time_frames = since_ns / self.params.frame_period_ns + later_frames;
-        self.take(&self.params.rectified(&straight), time_frames, rows);
+        self.process(&self.params.rectified(&straight), time_frames, rows);
         straight
     }
 
-    fn take(&mut self, step: &BodyStep, time_frames: f64, rows: &mut TrackerRows) {
+    fn process(&mut self, step: &BodyStep, time_frames: f64, rows: &mut TrackerRows) {
         self.newest_frame = step.frame;
-        // What its motion led to says nothing of its own.
-        let outline = seen(step).filter(|_| !step.is_carried);
+        // An outline that was predicted by the motion holds no information of its own.
+        let outline = body_circle(step).filter(|_| !step.is_carried);
         if let Some(circle) = &outline {
             self.radius.push(circle);
         }
@@ -131,7 +131,7 @@ impl BodyTracker {
         let Some(node) = self.chain.push(step, time_frames, self.rolling.periods()) else { return };
         let node = self.rolling.unsheared(node);
         self.first_sigma_deg.get_or_insert(node.sigma[2]);
-        self.keep(node);
+        self.retain_node(node);
         if let Some(circle) = outline.filter(|_| self.params.form == Form::Ball) {
             self.drift.push(&node, &circle);
         }
@@ -141,8 +141,8 @@ impl BodyTracker {
         let gravity = self.gravity().map(|g| self.axes.surface(g[0], g[1]).normal);
         let node_on_surface = SurfaceNode::new(&node, self.axes);
         let event = self.detector.as_mut().map_or(Event::None, |detector| {
-            let suspicious = detector.is_suspicious();
-            if let Some(circle) = outline.filter(|_| !suspicious) {
+            let is_suspicious = detector.is_suspicious();
+            if let Some(circle) = outline.filter(|_| !is_suspicious) {
                 self.anchor.push(&node, &circle);
             }
             detector.push(node_on_surface, gravity)
@@ -150,11 +150,11 @@ impl BodyTracker {
         if let (None, Some(circle)) = (&self.detector, &outline) {
             self.anchor.push(&node, circle);
         }
-        self.tell(event, node.time_frames, &mut rows.impacts);
+        self.handle_event(event, node.time_frames, &mut rows.impacts);
         rows.alarms.extend(self.alarm(event, step.frame, node.time_frames));
     }
 
-    /// What is to be told at once.
+    /// Returns the alarm to publish at once.
     fn alarm(&mut self, event: Event, frame: u64, time_frames: f64) -> Option<Alarm> {
         let period_s = self.params.frame_period_ns * 1e-9;
         let alarm = |kind, at: Estimate| {
@@ -165,13 +165,13 @@ impl BodyTracker {
         let detector = self.detector.as_ref()?;
         match (event, detector.contact().filter(|contact| contact.end_frames.is_none())) {
             (Event::Began, Some(contact)) => {
-                self.turned = false;
+                self.deepest_reported = false;
                 Some(alarm(AlarmKind::Began, Estimate { value: contact.start_frames, sigma: 1.0 }))
             }
             (Event::Dismissed, _) => Some(alarm(AlarmKind::Withdrawn, Estimate { value: time_frames, sigma: 1.0 })),
-            (_, Some(contact)) if !self.turned => {
+            (_, Some(contact)) if !self.deepest_reported => {
                 let turn = deepest_so_far(detector.trail(), contact)?;
-                self.turned = true;
+                self.deepest_reported = true;
                 Some(alarm(AlarmKind::Turned, turn))
             }
             _ => None,
@@ -180,21 +180,21 @@ impl BodyTracker {
 
     /// Takes a step over a longer interval.
     pub fn link(&mut self, step: &BodyStep) {
-        if !self.belief.doubts(step.frame) {
+        if !self.gate.has_rejected(step.frame) {
             self.chain.link(&self.params.rectified(&self.rolling.straightened(step)));
         }
     }
 
-    /// The stream has ended.
+    /// Ends the stream.
     pub fn finish(&mut self, impacts: &mut Vec<Impact>) {
-        self.tell_again(f64::INFINITY, true, impacts);
+        self.measure_impact(f64::INFINITY, true, impacts);
         let contact = self.detector.as_ref().and_then(|d| d.contact().copied());
         if let Some(contact) = contact.filter(|c| c.end_frames.is_none()) {
             impacts.push(self.unfinished(&contact));
         }
     }
 
-    fn keep(&mut self, node: Node) {
+    fn retain_node(&mut self, node: Node) {
         self.nodes.push(node);
         let reach = u64::from(self.params.window_frames.unwrap_or(0)) + 2 * lag_frames(&self.params) + SPARE_NODES;
         let old = self.nodes.partition_point(|n| n.frame + reach < node.frame);
@@ -208,63 +208,63 @@ impl BodyTracker {
         Some(gravity_px(&self.params, scale.value))
     }
 
-    fn tell(&mut self, event: Event, time_frames: f64, impacts: &mut Vec<Impact>) {
+    fn handle_event(&mut self, event: Event, time_frames: f64, impacts: &mut Vec<Impact>) {
         let contact = self.detector.as_ref().and_then(|d| d.contact().copied());
         match event {
             Event::Began => {
-                // The flight after the collision before is over: now it is known as well as it ever will be.
+                // The flight after the previous collision is over, so this revision is the final one.
                 if let Some(next) = contact {
-                    self.tell_again(next.flight_to_frames, true, impacts);
+                    self.measure_impact(next.flight_to_frames, true, impacts);
                 }
                 self.rolling.touches();
-                self.telling = None;
+                self.pending_impact = None;
             }
             Event::Ended => {
                 let known = contact.and_then(|c| c.end_frames).map_or(0.0, |end| time_frames - end);
-                self.telling = contact.map(|contact| Telling {
+                self.pending_impact = contact.map(|contact| PendingImpact {
                     contact,
                     number: self.collisions,
                     revision: 0,
-                    told_to_frames: f64::NEG_INFINITY,
+                    measured_to_frames: f64::NEG_INFINITY,
                     stage: stage(known),
                     sigma: f64::INFINITY,
                     tried_frames: time_frames,
                 });
                 self.collisions += 1;
-                self.tell_again(time_frames, false, impacts);
+                self.measure_impact(time_frames, false, impacts);
             }
-            Event::Dismissed => self.telling = None,
+            Event::Dismissed => self.pending_impact = None,
             Event::None => self.revise(time_frames, impacts),
         }
     }
 
-    /// Tells the last collision again when enough more is known of the flight after it.
+    /// Measures the last collision again when enough of the flight after it is known.
     fn revise(&mut self, time_frames: f64, impacts: &mut Vec<Impact>) {
-        let Some(telling) = &mut self.telling else { return };
-        // The detector judges the end anew while the flight after it grows.
+        let Some(pending_impact) = &mut self.pending_impact else { return };
+        // The detector estimates the end again while the flight after it grows.
         if let Some(contact) = self.detector.as_ref().and_then(|d| d.contact()) {
-            telling.contact = *contact;
+            pending_impact.contact = *contact;
         }
-        let Some(end) = telling.contact.end_frames else { return };
+        let Some(end) = pending_impact.contact.end_frames else { return };
         let known = time_frames - end;
-        let stage = stage(known).max(telling.stage);
+        let stage = stage(known).max(pending_impact.stage);
         let late = known * self.params.frame_period_ns * 1e-9 >= FINAL_AFTER_S;
         let last = stage == REVISIONS_FRAMES.len() || (stage > 0 && late);
-        let untold = telling.revision == 0 && time_frames - telling.tried_frames >= RETRY_FRAMES;
-        let due = stage > telling.stage || untold;
-        telling.stage = stage;
-        if due || last {
-            self.tell_again(time_frames, last, impacts);
+        let is_retry = pending_impact.revision == 0 && time_frames - pending_impact.tried_frames >= RETRY_FRAMES;
+        let is_due = stage > pending_impact.stage || is_retry;
+        pending_impact.stage = stage;
+        if is_due || last {
+            self.measure_impact(time_frames, last, impacts);
         }
         if last {
-            self.telling = None;
+            self.pending_impact = None;
             if let Some(detector) = &mut self.detector {
                 detector.release();
             }
         }
     }
 
-    /// By which share what is told of its motion may be off.
+    /// Returns the fraction by which measured motions may be too short.
     fn shortening(&self) -> Shortening {
         let radius_px = self.radius.radius_px().filter(|_| self.params.form != Form::Rod);
         Shortening {
@@ -275,8 +275,8 @@ impl BodyTracker {
         }
     }
 
-    fn world(&self) -> Option<World> {
-        // A median of radii is that of a moment amid those seen, whatever the radius was when it touched.
+    fn impact_context(&self) -> Option<World> {
+        // The median of radii belongs to the middle of the observed time, whatever the radius was at contact.
         let half = 0.5 * self.growth.whole();
         let metres_per_px = self.radius.metres_per_px(self.params.scale)?;
         let metres_per_px = match self.params.scale {
@@ -304,52 +304,55 @@ impl BodyTracker {
         })
     }
 
-    /// Where in the picture its pose counts from.
+    /// Returns the image position of the origin of poses, px.
     fn origin_px(&self) -> Option<[f64; 2]> {
         let center = self.nodes.last().and_then(|node| Some((node.pose, self.anchor.center(node)?)));
         center.map(|(pose, center)| [center.x_px - pose[0], center.y_px - pose[1]]).or(self.rod_px)
     }
 
-    /// The same from where the camera looks straight ahead, along normal and tangent, px.
-    fn place(&self) -> Option<[f64; 2]> {
+    /// Returns the same relative to the principal point, along normal and tangent, px.
+    fn position(&self) -> Option<[f64; 2]> {
         let (origin_px, [x, y]) = (self.origin_px()?, self.params.view.middle_px);
         let place = self.axes.surface(origin_px[0] - x, origin_px[1] - y);
         Some([place.normal, place.tangential])
     }
 
-    /// Measures the last collision with what is known up to `time_frames`.
-    fn tell_again(&mut self, time_frames: f64, last: bool, impacts: &mut Vec<Impact>) {
-        let (world, place) = (self.world(), self.place());
-        let (Some(telling), Some(detector), Some(world)) = (&mut self.telling, &self.detector, world) else { return };
+    /// Measures the last collision from the positions up to `time_frames`.
+    fn measure_impact(&mut self, time_frames: f64, last: bool, impacts: &mut Vec<Impact>) {
+        let (world, place) = (self.impact_context(), self.position());
+        let (Some(pending_impact), Some(detector), Some(world)) = (&mut self.pending_impact, &self.detector, world)
+        else {
+            return;
+        };
         let newest = detector.trail().last().map_or(f64::NEG_INFINITY, |n| n.time_frames).min(time_frames);
-        if newest.total_cmp(&telling.told_to_frames).is_eq() {
+        if newest.total_cmp(&pending_impact.measured_to_frames).is_eq() {
             return;
         }
-        telling.told_to_frames = newest;
-        telling.tried_frames = newest;
+        pending_impact.measured_to_frames = newest;
+        pending_impact.tried_frames = newest;
         let trail = detector.trail();
         let (growth, drift, axes) = (&self.growth, &self.drift, self.axes);
         let middle_sigma_px = self.params.view.sigma_px;
         let beside = place.map(|place_px| Beside { growth, drift, axes, place_px, middle_sigma_px });
-        let approach = beside.and_then(|beside| Approach::of(&beside, &telling.contact, newest));
+        let approach = beside.and_then(|beside| Approach::of(&beside, &pending_impact.contact, newest));
         let measured = match approach {
-            Some(approach) => solve(&approach.evened(trail), &telling.contact, newest, &world)
+            Some(approach) => solve(&approach.evened(trail), &pending_impact.contact, newest, &world)
                 .map(|impact| approach.told(impact, trail, &world)),
-            None => solve(trail, &telling.contact, newest, &world),
+            None => solve(trail, &pending_impact.contact, newest, &world),
         };
         let measured = measured.map(|impact| self.rolling.told(impact, world.period_s));
         let sigma = measured.and_then(|i| i.restitution).map_or(f64::INFINITY, |e| e.sigma);
-        // A later word replaces an earlier one if it knows better, and the last one does whatever it knows.
-        if let Some(impact) = measured.filter(|_| sigma <= telling.sigma || last) {
-            telling.sigma = sigma;
-            let (number, revision) = (telling.number, telling.revision);
-            telling.revision += 1;
+        // A revision replaces an earlier one if it is more certain. The final one always does.
+        if let Some(impact) = measured.filter(|_| sigma <= pending_impact.sigma || last) {
+            pending_impact.sigma = sigma;
+            let (number, revision) = (pending_impact.number, pending_impact.revision);
+            pending_impact.revision += 1;
             let impact = if self.params.form == Form::Rod { without_spin(impact) } else { impact };
             impacts.push(Impact { body: self.body, number, revision, origin_ns: self.origin_ns, ..impact });
         }
     }
 
-    /// A contact that the stream did not see the end of.
+    /// Returns the impact of a contact that lasts beyond the end of the stream.
     fn unfinished(&self, contact: &Contact) -> Impact {
         let period_s = self.params.frame_period_ns * 1e-9;
         Impact {
@@ -358,8 +361,8 @@ impl BodyTracker {
         }
     }
 
-    /// The rates of the centre across the view.
-    fn across(&self, rates: PixelRates, regime: Regime, node: &Node, here: &Here) -> PixelRates {
+    /// Corrects the velocity of the centre for motion out of the plane.
+    fn in_plane(&self, rates: PixelRates, regime: Regime, node: &Node, here: &Here) -> PixelRates {
         let rates = Drift::taken(rates, here);
         let View { middle_px: [x, y], sigma_px } = self.params.view;
         let Some(origin_px) = self.origin_px() else { return rates };
@@ -367,33 +370,34 @@ impl BodyTracker {
         self.growth.across(rates, regime, Seen { frame: node.frame, time_frames: node.time_frames, place_px, sigma_px })
     }
 
-    /// The centre that its pose leads to.
-    fn carried(&self, node: &Node, here: &Here) -> Option<Center> {
+    /// Returns the centre predicted by the pose.
+    fn predicted_center(&self, node: &Node, here: &Here) -> Option<Center> {
         let astray = self.drift.astray(node, here);
         self.anchor.center(node).map(|center| Center { sigma_px: center.sigma_px.hypot(astray), ..center })
     }
 
-    fn unsure(&self, rates: PixelRates) -> PixelRates {
-        let (shortening, told) = (self.shortening(), [rates.x.value, rates.y.value, rates.theta.value]);
-        rates.short_by(shortening.of(told)).short_by(shortening.interpolated(told))
+    /// Adds the systematic uncertainty of measured motions.
+    fn with_systematic(&self, rates: PixelRates) -> PixelRates {
+        let (shortening, motion) = (self.shortening(), [rates.x.value, rates.y.value, rates.theta.value]);
+        rates.short_by(shortening.of(motion)).short_by(shortening.interpolated(motion))
     }
 
-    /// The rows of a frame whose step was pushed, with everything pushed so far.
+    /// Returns the rows of a frame whose step was pushed, from everything pushed so far.
     pub fn rows(&self, step: &BodyStep) -> (TrackSample, VelocitySample) {
-        let unseen = seen(step).is_none();
-        let gone = matches!(step.status, PointStatus::Lost | PointStatus::Occluded | PointStatus::OutOfFrame)
-            || (unseen && step.status == PointStatus::Ambiguous);
+        let is_undetected = body_circle(step).is_none();
+        let is_missing = matches!(step.status, PointStatus::Lost | PointStatus::Occluded | PointStatus::OutOfFrame)
+            || (is_undetected && step.status == PointStatus::Ambiguous);
         let node = self.nodes.binary_search_by_key(&step.frame, |n| n.frame).ok().map(|i| self.nodes[i]);
-        let node = node.filter(|_| !gone);
-        let circle = step.circle.filter(|_| !gone);
-        let outline = seen(step).filter(|_| !gone);
+        let node = node.filter(|_| !is_missing);
+        let circle = step.circle.filter(|_| !is_missing);
+        let outline = body_circle(step).filter(|_| !is_missing);
         let (regime, phase) = self.detector.as_ref().map_or((Regime::Unknown, Phase::Unknown), |d| {
             (d.regime(step.frame), if node.is_some() { d.phase(step.frame) } else { Phase::Unknown })
         });
         let outline = outline.map(|c| Center { x_px: c.x_px, y_px: c.y_px, sigma_px: c.sigma_center_px });
         let here = node.map(|node| (node, self.drift.here(&node, regime)));
         let by_pose = |(node, here): (Node, Here)| {
-            let center = self.drift.center(&node, &here).or_else(|| self.carried(&node, &here))?;
+            let center = self.drift.center(&node, &here).or_else(|| self.predicted_center(&node, &here))?;
             Some(self.drift.beside(&node, center))
         };
         let center = here.and_then(by_pose).and_then(|center| self.params.recorded(center)).or(outline);
@@ -413,13 +417,13 @@ impl BodyTracker {
             sigma_center_px: center.map(|c| c.sigma_px),
             sigma_angle_deg: angle.map(sigma_angle),
             visible_fraction: circle.map(|c| c.visible_fraction),
-            rod: step.rod.filter(|_| !gone),
+            rod: step.rod.filter(|_| !is_missing),
             status: step.status,
         };
         let rates = here.and_then(|(n, here)| {
             let known = Known { nodes: &self.nodes, to_frame: self.newest_frame, gravity: self.gravity() };
             let rates = smooth(known, n.frame, regime, &self.params)?;
-            Some(self.rolling.unsure(self.across(rates, regime, &n, &here)))
+            Some(self.rolling.unsure(self.in_plane(rates, regime, &n, &here)))
         });
         let scale = self.radius.metres_per_px(self.params.scale);
         let center_sigma_px = center.map_or(0.0, |center| center.sigma_px);
@@ -432,12 +436,12 @@ impl BodyTracker {
             radius_px: track.radius_px,
             step: step
                 .step
-                .filter(|_| !gone)
+                .filter(|_| !is_missing)
                 .map(|moved| here.map_or(moved, |(_, here)| Drift::stepped(moved, step.drift, &here)))
                 .map(|moved| moved.about(center_sigma_px)),
-            velocity: rates
-                .zip(scale)
-                .map(|(rates, scale)| physical(&self.unsure(rates.about(center_sigma_px)), scale, &self.params)),
+            velocity: rates.zip(scale).map(|(rates, scale)| {
+                physical(&self.with_systematic(rates.about(center_sigma_px)), scale, &self.params)
+            }),
             visible_fraction: track.visible_fraction,
             phase,
             status: step.status,
@@ -446,7 +450,7 @@ impl BodyTracker {
     }
 }
 
-/// An upright rod has no spin to tell of, whatever its tilt does.
+/// Removes the spin, which an upright rod does not have, whatever its tilt does.
 fn without_spin(impact: Impact) -> Impact {
     Impact { omega_before_rad_s: None, omega_after_rad_s: None, ..impact }
 }

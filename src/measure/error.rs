@@ -1,47 +1,47 @@
-//! Why frames cannot be measured.
+//! Errors of a measurement.
 
 use crate::ball::BallError;
 use crate::dic::CorrelationError;
 use crate::image::{DefectError, ShapeError};
 use crate::rod::RodError;
 
-/// Why frames cannot be measured.
+/// The reason why frames cannot be measured.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum MeasureError {
-    /// The correlator refuses its settings.
+    /// The settings of the correlator are refused.
     #[error(transparent)]
     Correlation(#[from] CorrelationError),
-    /// The ball finder refuses its settings.
+    /// The settings of the ball finder are refused.
     #[error(transparent)]
     Ball(#[from] BallError),
-    /// The rod finder refuses its settings.
+    /// The settings of the rod finder are refused.
     #[error(transparent)]
     Rod(#[from] RodError),
-    /// A pixel that does not see cannot be filled in.
+    /// A defective pixel cannot be filled in.
     #[error("camera.defective_px: {0}")]
     Defect(#[from] DefectError),
     /// A frame has fewer bytes than its header says.
     #[error("frame {sequence}: {source}")]
     Frame {
-        /// The frame.
+        /// The sequence number of the frame.
         sequence: u64,
-        /// What is wrong with it.
+        /// The mismatch.
         source: ShapeError,
     },
-    /// A frame has another size than the stream.
+    /// The size of a frame differs from that of the stream.
     #[error(
         "frame {sequence} is {width_px} x {height_px} px in a stream of {expected_width_px} x {expected_height_px}"
     )]
     Size {
-        /// The frame.
+        /// The sequence number of the frame.
         sequence: u64,
-        /// Its width.
+        /// The width of the frame.
         width_px: u32,
-        /// Its height.
+        /// The height of the frame.
         height_px: u32,
-        /// The stream's width.
+        /// The width of the stream.
         expected_width_px: usize,
-        /// The stream's height.
+        /// The height of the stream.
         expected_height_px: usize,
     },
 }

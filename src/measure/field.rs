@@ -1,8 +1,8 @@
-//! From a motion to the field that is looked for, and back.
+//! Conversion between the motion of a body and its displacement field.
 
 use super::outline::Outline;
 use super::params::MeasureParams;
-use super::reference::Reference;
+use super::reference::PendingFrame;
 use super::target::Target;
 use crate::dic::{
     CenterVector, CorrelationParams, Correlator, GridPoint, RigidMotion, Sphere, Start, center_fit, rigid_fit_near,
@@ -11,18 +11,19 @@ use crate::dic::{
 use crate::motion::Rotation;
 use crate::results::{BodyStep, Circle, Estimate, PairField, RigidStep};
 
-/// Fewest subsets a rigid motion is believed from.
-const FEWEST_POINTS: u32 = 3;
+/// The minimum number of subsets for a rigid motion.
+const MIN_POINTS: u32 = 3;
 
-/// Subsets that are searched for where nothing is known of a ball's motion.
-const FIRST_LOOK: usize = 9;
+/// The number of subsets that are searched if the motion of a ball is not known.
+const INITIAL_POINTS: usize = 9;
 
-/// Some of the subsets, spread over all; `None` where there are hardly more.
-fn some_of(points: &[GridPoint]) -> Option<Vec<GridPoint>> {
-    (points.len() >= 2 * FIRST_LOOK).then(|| points.iter().copied().step_by(points.len() / FIRST_LOOK).collect())
+/// Returns a few subsets spread over all; `None` if that saves little.
+fn sparse_points(points: &[GridPoint]) -> Option<Vec<GridPoint>> {
+    (points.len() >= 2 * INITIAL_POINTS)
+        .then(|| points.iter().copied().step_by(points.len() / INITIAL_POINTS).collect())
 }
 
-/// Motion of the centre and rotation a frame, from every valid subset; `near` is the motion they were looked for at.
+/// Fits the motion of the centre and the rotation, per frame, to all valid subsets; `near` is the predicted motion.
 pub(super) fn rigid_step(
     field: &mut PairField,
     center_px: (f64, f64),
@@ -35,14 +36,16 @@ pub(super) fn rigid_step(
         Start::Search | Start::Neighbor => None,
     };
     let motion = rigid_fit_near(&mut field.points, center_px, subset_size_px, near)?;
-    (motion.points >= FEWEST_POINTS).then(|| a_frame(&motion, frames))
+    (motion.points >= MIN_POINTS).then(|| per_frame(&motion, frames))
 }
 
-/// Tells by which share a frame the body grows, and gives the motion of a ball a frame whatever axis it turns about: of its
-/// centre, px, and its rotation, deg; the body's step is the rigid motion of its field.
-pub(super) fn swollen(
+/// Fits the dilatation of the body per frame and writes it into `step`.
+///
+/// Returns the motion of the centre, px, and the rotation, deg, of a ball that turns about any axis, per frame. The
+/// step holds the rigid motion of the field.
+pub(super) fn dilatation(
     field: &PairField,
-    told: &mut BodyStep,
+    step: &mut BodyStep,
     outline: &Outline,
     subset_px: u32,
 ) -> Option<[Estimate; 3]> {
@@ -52,43 +55,43 @@ pub(super) fn swollen(
         }
         Outline::Rod(_) | Outline::Patch(_) => None,
     };
-    let found = swell(&field.points, ball)?;
-    // Of the rotation a frame.
-    let sigma = found.levers.map(|lever| Some(lever * told.step?.sigma_dtheta_deg.to_radians()));
-    let frames = f64::from(told.interval_frames);
-    let a_frame = |value: f64, sigma: Option<f64>| Some(Estimate { value: value / frames, sigma: sigma? });
-    told.growth_fraction = a_frame(found.growth, sigma[0]);
-    let [x, y] = found.center_px?.map(|moved| a_frame(moved, sigma[1]));
-    Some([x?, y?, a_frame(found.angle_deg, sigma[2].map(f64::to_degrees))?])
+    let fit = swell(&field.points, ball)?;
+    // The uncertainty of the rotation per frame.
+    let sigma = fit.levers.map(|lever| Some(lever * step.step?.sigma_dtheta_deg.to_radians()));
+    let frames = f64::from(step.interval_frames);
+    let per_frame = |value: f64, sigma: Option<f64>| Some(Estimate { value: value / frames, sigma: sigma? });
+    step.growth_fraction = per_frame(fit.growth, sigma[0]);
+    let [x, y] = fit.center_px?.map(|moved| per_frame(moved, sigma[1]));
+    Some([x?, y?, per_frame(fit.angle_deg, sigma[2].map(f64::to_degrees))?])
 }
 
-/// Tells how much farther a frame than its step a ball moves and turns that moves so.
-pub(super) fn drift(told: &mut BodyStep, moved: Option<[Estimate; 3]>) {
-    let beside = |(step, [x, y, turn]): (RigidStep, [Estimate; 3])| {
-        let less = |moved: Estimate, told: f64| Estimate { value: moved.value - told, ..moved };
-        [less(x, step.dx_px), less(y, step.dy_px), less(turn, step.dtheta_deg)]
+/// Writes by how much a ball that moves by `motion` moves and turns farther per frame than its step.
+pub(super) fn set_drift(step: &mut BodyStep, motion: Option<[Estimate; 3]>) {
+    let difference = |(step, [x, y, rotation]): (RigidStep, [Estimate; 3])| {
+        let minus = |of: Estimate, value: f64| Estimate { value: of.value - value, ..of };
+        [minus(x, step.dx_px), minus(y, step.dy_px), minus(rotation, step.dtheta_deg)]
     };
-    told.drift = told.step.zip(moved).map(beside);
+    step.drift = step.step.zip(motion).map(difference);
 }
 
-/// About how a ball moves of which nothing is known, from some of its subsets: a match of the whole ball needs no more.
-pub(super) fn first_look(
+/// Estimates the unknown motion of a ball from a few subsets, which suffices to match the whole ball.
+pub(super) fn initial_motion(
     correlator: &mut Correlator,
     params: &MeasureParams,
-    (reference, target): (&Reference, &Target<'_>),
+    (reference, target): (&PendingFrame, &Target<'_>),
     outline: &Outline,
     points: &[GridPoint],
 ) -> Option<RigidStep> {
     let is_enough = matches!(outline, Outline::Ball(_)) && params.rotation == Rotation::Rigid;
-    let some = some_of(points).filter(|_| is_enough)?;
+    let sparse = sparse_points(points).filter(|_| is_enough)?;
     let (frame, target_frame) = (reference.meta.sequence, target.sequence);
     let mut field = PairField { frame, target_frame, stamp_ns: 0, body: 0, points: Vec::new() };
-    correlator.correlate(&reference.prepared, target.prepared, &some, Start::Search, &mut field.points);
+    correlator.correlate(&reference.prepared, target.prepared, &sparse, Start::Search, &mut field.points);
     let subset_px = params.correlation.subset_size_px;
     rigid_step(&mut field, outline.center_px(), (target_frame - frame) as f64, subset_px, Start::Search)
 }
 
-/// The same from the field at the centre and its subsets' rotations about it, of the subsets that follow the body.
+/// Fits the same from the displacement at the centre and the rotations of the subsets about it.
 pub(super) fn center_step(
     field: &PairField,
     center_px: (f64, f64),
@@ -96,10 +99,10 @@ pub(super) fn center_step(
     params: &CorrelationParams,
 ) -> Option<RigidStep> {
     let vectors: Vec<_> = field.points.iter().filter_map(|point| CenterVector::of(point, center_px)).collect();
-    center_fit(&vectors, params.step_px, params.subset_size_px).map(|motion| a_frame(&motion, frames))
+    center_fit(&vectors, params.step_px, params.subset_size_px).map(|motion| per_frame(&motion, frames))
 }
 
-fn a_frame(motion: &RigidMotion, frames: f64) -> RigidStep {
+fn per_frame(motion: &RigidMotion, frames: f64) -> RigidStep {
     RigidStep {
         dx_px: motion.u_px / frames,
         dy_px: motion.v_px / frames,
@@ -111,8 +114,8 @@ fn a_frame(motion: &RigidMotion, frames: f64) -> RigidStep {
     }
 }
 
-/// Where subsets are looked for when the body goes on as it moves, for as many frames as a step spans.
-pub(super) fn start(step: &RigidStep, (x_px, y_px): (f64, f64), frames: f64) -> Start {
+/// Returns the predicted displacement of the body over the frames of a step.
+pub(super) fn predicted_start(step: &RigidStep, (x_px, y_px): (f64, f64), frames: f64) -> Start {
     Start::Motion {
         x_px,
         y_px,

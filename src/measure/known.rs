@@ -1,103 +1,103 @@
-//! What is known of the bodies while their blocks are measured.
+//! The state of the bodies while their blocks are measured.
 
 use super::outline::Outline;
-use super::part::Part;
-use super::whole::Wholes;
+use super::part::BoundingBox;
+use super::whole::RigidMatcher;
 use crate::dic::CorrelationParams;
 use crate::results::RigidStep;
 
-/// A body that goes on as it moved is off by less than this where it is foretold, px.
-pub(super) const FORETOLD_PX: f64 = 2.0;
+/// The maximum error of the predicted position of a body that continues its motion, px.
+pub(super) const MAX_PREDICTION_ERROR_PX: f64 = 2.0;
 
-/// What is known of one body within one block.
+/// The state of one body within one block.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Known {
+pub(super) struct BlockState {
     pub(super) body: usize,
     pub(super) block: u64,
     /// The newest outline and its frame.
     pub(super) outline: Option<(u64, Outline)>,
-    /// The newest frame in which it was looked for and seen.
-    pub(super) seen: Option<u64>,
-    /// The last motion measured.
+    /// The newest frame in which it was searched and detected.
+    pub(super) detected_frame: Option<u64>,
+    /// The last measured motion.
     pub(super) motion: Option<RigidStep>,
-    /// The motion of its centre, where that is another.
-    pub(super) center: Option<RigidStep>,
-    /// Whether what was measured contradicted itself: something else is in the picture, and may be taken for the body.
-    pub(super) confused: bool,
-    /// Whether a patch was looked for at every angle.
-    pub(super) searched: bool,
+    /// The motion of its centre, if that differs.
+    pub(super) center_motion: Option<RigidStep>,
+    /// Whether results contradicted each other, since another object may be taken for the body.
+    pub(super) is_ambiguous: bool,
+    /// Whether a patch was searched at every angle.
+    pub(super) was_searched: bool,
 }
 
-/// All that is known, of the blocks at hand.
+/// The states of all bodies in the current blocks.
 #[derive(Debug, Default)]
-pub(super) struct Memory {
-    known: Vec<Known>,
+pub(super) struct BlockStates {
+    states: Vec<BlockState>,
 }
 
-impl Memory {
-    /// Of one body within one block; nothing at first.
-    pub(super) fn of(&mut self, body: usize, block: u64) -> &mut Known {
-        let place = self.known.iter().position(|known| (known.body, known.block) == (body, block));
+impl BlockStates {
+    /// Returns the state of one body within one block, empty at first.
+    pub(super) fn of(&mut self, body: usize, block: u64) -> &mut BlockState {
+        let place = self.states.iter().position(|state| (state.body, state.block) == (body, block));
         let place = place.unwrap_or_else(|| {
-            self.known.push(Known {
+            self.states.push(BlockState {
                 body,
                 block,
                 outline: None,
-                seen: None,
+                detected_frame: None,
                 motion: None,
-                center: None,
-                confused: false,
-                searched: false,
+                center_motion: None,
+                is_ambiguous: false,
+                was_searched: false,
             });
-            self.known.len() - 1
+            self.states.len() - 1
         });
-        &mut self.known[place]
+        &mut self.states[place]
     }
 
-    /// Where the bodies of a block may be in a frame, and what is looked for around them.
-    pub(super) fn part(&self, block: u64, sequence: u64, params: &CorrelationParams) -> Part {
-        let mut part = Part::default();
-        for (seen, outline, known) in self.seen_in(block) {
+    /// Returns the box that holds the bodies of a block in a frame, with the search range around them.
+    pub(super) fn search_box(&self, block: u64, sequence: u64, params: &CorrelationParams) -> BoundingBox {
+        let mut bounds = BoundingBox::default();
+        for (frame, outline, state) in self.outlines_in(block) {
             let range = f64::from(params.search_px);
-            part.add(&outline.around(params.subset_size_px), range);
-            if let Some(motion) = &known.motion {
-                let moved = outline.carried(Some(motion), (sequence - seen) as f64).0;
-                part.add(&moved.around(params.subset_size_px), range);
+            bounds.include_search(&outline.enclosing_circle(params.subset_size_px), range);
+            if let Some(motion) = &state.motion {
+                let moved = outline.predicted(Some(motion), (sequence - frame) as f64).0;
+                bounds.include_search(&moved.enclosing_circle(params.subset_size_px), range);
             }
         }
-        part
+        bounds
     }
 
-    /// Where the bodies of a block are in a frame if they go on as they moved, and are matched as wholes; else `None`.
-    pub(super) fn narrow_part(
+    /// Returns the box around the predicted bodies of a block, if all of them move on and have a rigid match.
+    pub(super) fn predicted_box(
         &self,
         block: u64,
         sequence: u64,
         params: &CorrelationParams,
-        wholes: &Wholes,
-    ) -> Option<Part> {
-        let mut part = Part::default();
-        for (seen, outline, known) in self.seen_in(block) {
-            let motion = known.motion.as_ref().filter(|_| wholes.knows(known.body, block))?;
-            let moved = outline.carried(Some(motion), (sequence - seen) as f64).0;
-            part.add(&moved.around(params.subset_size_px), FORETOLD_PX);
+        rigid_matcher: &RigidMatcher,
+    ) -> Option<BoundingBox> {
+        let mut bounds = BoundingBox::default();
+        for (frame, outline, state) in self.outlines_in(block) {
+            let motion = state.motion.as_ref().filter(|_| rigid_matcher.has_reference(state.body, block))?;
+            let moved = outline.predicted(Some(motion), (sequence - frame) as f64).0;
+            bounds.include_search(&moved.enclosing_circle(params.subset_size_px), MAX_PREDICTION_ERROR_PX);
         }
-        (!part.is_empty()).then_some(part)
+        (!bounds.is_empty()).then_some(bounds)
     }
 
-    /// The bodies of a block whose outline is known, with the frame in which it was and the outline.
-    fn seen_in(&self, block: u64) -> impl Iterator<Item = (u64, Outline, &Known)> {
-        let known = self.known.iter().filter(move |known| known.block == block);
-        known.filter_map(|known| known.outline.map(|(seen, outline)| (seen, outline, known)))
+    /// Returns the newest outline of each body of a block, with its frame.
+    fn outlines_in(&self, block: u64) -> impl Iterator<Item = (u64, Outline, &BlockState)> {
+        let states = self.states.iter().filter(move |state| state.block == block);
+        states.filter_map(|state| state.outline.map(|(frame, outline)| (frame, outline, state)))
     }
 
-    /// Forgets the blocks before this one.
+    /// Discards the blocks before this one.
     pub(super) fn forget_before(&mut self, block: u64) {
-        self.known.retain(|known| known.block >= block);
+        self.states.retain(|state| state.block >= block);
     }
 
-    /// Forgets everything.
+    /// Discards everything.
     pub(super) fn clear(&mut self) {
-        self.known.clear();
+        self.states.clear();
     }
 }

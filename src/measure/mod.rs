@@ -1,10 +1,9 @@
-//! The measurement itself: blocks of frames in, rows of results out.
+//! The measurement: blocks of frames in, rows of results out.
 //!
-//! [`Measurer`] turns the frames of one block into steps and fields; it is
-//! what a correlation worker runs. [`Tracker`] turns steps in frame order into
-//! tracks, velocities and impacts; it is what the tracker runs live, what the
-//! recorder runs over a shot and what offline analysis runs. Both are pure, so
-//! that the same frames give the same rows everywhere.
+//! [`Measurer`] computes steps and displacement fields of the frames of one block. The correlation
+//! workers run it. [`Tracker`] turns steps in frame order into tracks, velocities and impacts. The
+//! live tracker, the recorder (over a shot) and the offline analysis run it. Both are pure: the same
+//! frames give the same rows everywhere.
 
 mod belief;
 mod block;
@@ -30,7 +29,7 @@ mod whole;
 
 pub use block::{Measured, Measurer};
 pub use error::MeasureError;
-pub use look::OUTLINE_FRAMES;
+pub use look::OUTLINE_INTERVAL_FRAMES;
 pub use order::Order;
 pub use outline::BodyParams;
 pub use params::{MeasureParams, Share};

@@ -1,35 +1,33 @@
-//! Steps from several workers, put into frame order.
+//! Reordering of steps from several workers into frame order.
 
 use std::collections::BTreeMap;
 
 use crate::results::{BodyStep, PointStatus};
 
-/// Puts steps that arrive in blocks into (frame, body) order.
+/// A buffer that puts steps that arrive in blocks into (frame, body) order.
 ///
-/// With everything present the output does not depend on the order of arrival.
-/// What does not come is given up when something `patience_frames` newer has
-/// arrived (or when told so), and a row with status `lost` takes its place, its
-/// stamp interpolated between its neighbours'. What comes after that is dropped
-/// and counted.
+/// The output does not depend on the order of arrival as long as everything arrives. A missing
+/// step is emitted up when a step `patience_frames` newer arrives, or on request. A row with status
+/// `lost` takes its place, with a stamp interpolated between its neighbours. Steps that arrive
+/// later are dropped and counted.
 #[derive(Debug, Clone)]
 pub struct Order {
     bodies: u32,
-    /// Of the steps of one body and frame, in the order in which they are given out.
+    /// The intervals of the steps of one body and frame, in output order.
     intervals_frames: Vec<u32>,
     patience_frames: u64,
     next: Option<(u64, u32)>,
     waiting: BTreeMap<(u64, u32), BodyStep>,
     newest_frame: u64,
     give_up_before: u64,
-    /// The newest two rows of different frames given out with a true stamp, older first.
-    given: [Option<BodyStep>; 2],
+    /// The newest two emitted rows of different frames with a measured stamp, older first.
+    emitted: [Option<BodyStep>; 2],
     lost: u64,
     late: u64,
 }
 
 impl Order {
-    /// For steps of `bodies` bodies over one interval or several, waiting at most until something `patience_frames`
-    /// newer has come.
+    /// Creates a buffer for steps of `bodies` bodies over these intervals, which waits at most `patience_frames`.
     pub fn new(bodies: u32, intervals_frames: Vec<u32>, patience_frames: u64) -> Self {
         Self {
             bodies,
@@ -39,13 +37,13 @@ impl Order {
             waiting: BTreeMap::new(),
             newest_frame: 0,
             give_up_before: 0,
-            given: [None; 2],
+            emitted: [None; 2],
             lost: 0,
             late: 0,
         }
     }
 
-    /// Says which frame comes first; nothing is given out before. Steps of older frames are late.
+    /// Sets the first frame; nothing is emitted before. Steps of older frames are late.
     pub fn start_at(&mut self, frame: u64) {
         self.next = Some((frame, 0));
         let kept = self.waiting.split_off(&(frame, 0));
@@ -53,15 +51,15 @@ impl Order {
         self.waiting = kept;
     }
 
-    /// Takes a step. One that is late, or there already, is dropped and counted as late.
+    /// Takes a step. A late step or a duplicate is dropped and counted as late.
     ///
     /// # Panics
     /// If the step's body or interval is none of the configured ones.
     pub fn push(&mut self, step: BodyStep) {
-        let place = self.intervals_frames.iter().position(|interval| *interval == step.interval_frames);
+        let slot = self.intervals_frames.iter().position(|interval| *interval == step.interval_frames);
         assert!(step.body < self.bodies, "body {} of {}", step.body, self.bodies);
-        let Some(place) = place else { panic!("interval {} of {:?}", step.interval_frames, self.intervals_frames) };
-        let key = (step.frame, step.body * self.intervals() + place as u32);
+        let Some(slot) = slot else { panic!("interval {} of {:?}", step.interval_frames, self.intervals_frames) };
+        let key = (step.frame, step.body * self.intervals() + slot as u32);
         if self.next.is_some_and(|next| key < next) || self.waiting.contains_key(&key) {
             self.late += 1;
             return;
@@ -70,17 +68,17 @@ impl Order {
         self.waiting.insert(key, step);
     }
 
-    /// No step of a frame before `frame` will come any more.
+    /// Gives up the missing steps of all frames before `frame`.
     pub fn give_up_before(&mut self, frame: u64) {
         self.give_up_before = self.give_up_before.max(frame);
     }
 
-    /// The stream ends with `last_frame`; every row up to there can be popped now.
+    /// Ends the stream with `last_frame`: every row up to that frame can be popped now.
     pub fn finish(&mut self, last_frame: u64) {
         self.give_up_before(last_frame + 1);
     }
 
-    /// The next step in order, or the row of a lost one; `None` while it is still waited for.
+    /// Returns the next step in order, or the row of a lost one; `None` while it may still arrive.
     pub fn pop(&mut self) -> Option<BodyStep> {
         if self.bodies == 0 {
             return None;
@@ -98,28 +96,28 @@ impl Order {
             self.next =
                 Some(if next.1 + 1 < self.bodies * self.intervals() { (next.0, next.1 + 1) } else { (next.0 + 1, 0) });
             if let Some(step) = row {
-                self.remember(step);
+                self.store_emitted(step);
                 return Some(step);
             }
         }
     }
 
-    /// Whether every row of the frames before `end` was given out.
+    /// Whether every row of the frames before `end` was emitted.
     pub fn has_given_all_before(&self, end: u64) -> bool {
         self.next.is_some_and(|(frame, _)| frame >= end)
     }
 
-    /// Rows whose step never came.
+    /// The number of rows whose step never came.
     pub fn lost(&self) -> u64 {
         self.lost
     }
 
-    /// Steps that came too late, or twice.
+    /// The number of steps that came too late, or twice.
     pub fn late(&self) -> u64 {
         self.late
     }
 
-    /// Steps held back.
+    /// The number of steps held back.
     pub fn waiting(&self) -> usize {
         self.waiting.len()
     }
@@ -132,19 +130,19 @@ impl Order {
         frame < self.give_up_before || frame.saturating_add(self.patience_frames) <= self.newest_frame
     }
 
-    fn remember(&mut self, step: BodyStep) {
-        match self.given[1] {
+    fn store_emitted(&mut self, step: BodyStep) {
+        match self.emitted[1] {
             Some(last) if last.frame == step.frame => {}
-            last => self.given = [last, Some(step)],
+            last => self.emitted = [last, Some(step)],
         }
     }
 
-    /// A row for what never came; `None` where nothing tells its time.
+    /// Returns a row for a missing step; `None` if its time cannot be interpolated.
     fn lost_row(&self, (frame, slot): (u64, u32)) -> Option<BodyStep> {
         let mut ahead = self.waiting.values().filter(|s| s.frame >= frame);
         let first = ahead.next().copied();
         let second = first.and_then(|f| ahead.find(|s| s.frame > f.frame).copied());
-        let (a, b) = match (self.given[1], first, self.given[0], second) {
+        let (a, b) = match (self.emitted[1], first, self.emitted[0], second) {
             (Some(a), _, _, _) if a.frame == frame => (a, a),
             (_, Some(b), _, _) if b.frame == frame => (b, b),
             (Some(a), Some(b), _, _) => (a, b),
@@ -173,7 +171,7 @@ impl Order {
     }
 }
 
-/// Stamp of a frame on the line through two others (its own, if they are one).
+/// Interpolates the stamp of a frame between two others.
 fn stamp_at(frame: u64, a: &BodyStep, b: &BodyStep) -> u64 {
     if a.frame == b.frame {
         return a.stamp_ns;
@@ -284,7 +282,7 @@ mod tests {
     }
 
     #[test]
-    fn a_worker_that_died_is_given_up_at_once_when_told_so() {
+    fn a_worker_that_died_is_given_up_at_once_on_request() {
         let mut order = Order::new(1, vec![1], 1_000_000);
         order.start_at(0);
         order.push(step(0, 0));

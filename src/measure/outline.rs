@@ -1,7 +1,7 @@
-//! What is looked for in a frame, and what was seen of it: the difference between a ball and a rod.
+//! The kinds of bodies: the finder of each and the outline that it detects.
 
 use super::MeasureError;
-use super::part::Part;
+use super::part::BoundingBox;
 use super::patch::{PatchFinder, PatchPose};
 use crate::ball::{BallFinder, BallParams};
 use crate::dic::{CorrelationParams, GridPoint, Method, Patch, Region, grid};
@@ -9,36 +9,35 @@ use crate::image::ImageView;
 use crate::results::{BodyStep, Circle, PointStatus, RigidStep, Rod};
 use crate::rod::{RodFinder, RodParams, Sight};
 
-/// Share of the radius that subsets keep clear of the rim, where the outline is blurred and light falls off.
+/// The margin of the subsets to the rim, as a fraction of the radius.
+///
+/// At the rim the outline is blurred and the shading falls off.
 pub(super) const RIM_CLEARANCE: f64 = 0.04;
 
-/// Pixels from the rim inwards in whose neighbourhood something else is seen, px.
-const BLURRED_PX: f64 = 4.0;
+/// The width of the zone inside the rim that is affected by the blur of the edge, px.
+const EDGE_MARGIN_PX: f64 = 4.0;
 
-/// What a body is and where it may be.
+/// The kind of a body and the region it is searched in.
 #[derive(Debug, Clone, PartialEq)]
 pub enum BodyParams {
     /// A ball.
     Ball(BallParams),
     /// An upright rod with tapes around it.
     Rod(RodParams),
-    /// The pixels inside a polygon, drawn in the stream's first picture.
+    /// The pixels inside a polygon that was drawn in the first image of the stream.
     Patch(Patch),
 }
 
-/// What was seen of a body in one frame.
+/// The detected outline of a body in one frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
-#[expect(
-    clippy::large_enum_variant,
-    reason = "one a body and frame, copied about as often; nothing is gained by a box"
-)]
+#[expect(clippy::large_enum_variant, reason = "one per body and frame, copied about as often; a box saves nothing")]
 pub(super) enum Outline {
     Ball(Circle),
     Rod(Sight),
     Patch(PatchPose),
 }
 
-/// Finds one body.
+/// The finder of one body.
 #[derive(Debug)]
 pub(super) enum Finder {
     Ball(Box<BallFinder>),
@@ -55,7 +54,7 @@ impl Finder {
         })
     }
 
-    /// Looks for it from nothing.
+    /// Finds the body from scratch.
     pub(super) fn find(&mut self, image: ImageView<'_>) -> Result<Outline, PointStatus> {
         match self {
             Self::Ball(finder) => finder.find(image).map(Outline::Ball).ok_or(PointStatus::Lost),
@@ -65,27 +64,28 @@ impl Finder {
         }
     }
 
-    /// Forgets what was found in the blocks before this one.
+    /// Discards what was found in the blocks before this one.
     pub(super) fn forget_before(&mut self, block: u64) {
         if let Self::Patch(finder) = self {
             finder.forget_before(block);
         }
     }
 
-    /// The part of a frame that is looked at right where it was foretold, or else near there; all of it where `None`.
-    pub(super) fn part_around(&self, near: &Outline, closely: bool) -> Option<Part> {
+    /// Returns the box to unpack for a search at the predicted position or, unless `closely`, near it.
+    ///
+    /// `None` stands for the full frame.
+    pub(super) fn search_box(&self, near: &Outline, closely: bool) -> Option<BoundingBox> {
         match (self, near) {
             (Self::Ball(_), Outline::Ball(near)) => {
-                let mut part = Part::default();
-                part.add_near(near, if closely { BallFinder::CLOSE_RANGE_PX } else { BallFinder::FOLLOW_RANGE_PX });
-                Some(part)
+                let mut search = BoundingBox::default();
+                search.include(near, if closely { BallFinder::CLOSE_RANGE_PX } else { BallFinder::FOLLOW_RANGE_PX });
+                Some(search)
             }
             _ => None,
         }
     }
 
-    /// Looks for a ball right where it was foretold, and where it may be known to be; there is no quick way to find
-    /// anything else.
+    /// Searches a ball at its predicted position, where it certainly is if `is_there`; other bodies give `None`.
     pub(super) fn follow_closely(&mut self, image: ImageView<'_>, near: &Outline, is_there: bool) -> Option<Outline> {
         match (self, near) {
             (Self::Ball(finder), Outline::Ball(near)) => {
@@ -95,7 +95,7 @@ impl Finder {
         }
     }
 
-    /// Looks for it where it must be, a ball when it is not right there.
+    /// Searches the body near its predicted position.
     pub(super) fn follow(&mut self, image: ImageView<'_>, near: &Outline) -> Result<Outline, PointStatus> {
         match (self, near) {
             (Self::Ball(finder), Outline::Ball(near)) => {
@@ -106,7 +106,7 @@ impl Finder {
         }
     }
 
-    /// Centres of the subsets on it.
+    /// Returns the centres of the subsets on the body.
     pub(super) fn points(&self, outline: &Outline, params: &CorrelationParams, size: (usize, usize)) -> Vec<GridPoint> {
         match (self, outline) {
             (Self::Patch(finder), Outline::Patch(pose)) => patch_points(&finder.region_at(pose), params, size),
@@ -114,7 +114,7 @@ impl Finder {
         }
     }
 
-    /// Which pixels may be correlated; all of the subsets' where `None`.
+    /// Returns the pixels that may be correlated; `None` if subsets are not restricted.
     pub(super) fn region(&self, outline: &Outline, params: &CorrelationParams) -> Option<Region> {
         match (self, outline) {
             (Self::Patch(finder), Outline::Patch(pose)) if params.method == Method::IcGn => {
@@ -126,7 +126,7 @@ impl Finder {
 }
 
 impl Outline {
-    /// The point whose motion is told, px.
+    /// Returns the point whose motion is reported, px.
     pub(super) fn center_px(&self) -> (f64, f64) {
         match self {
             Self::Ball(circle) => (circle.x_px, circle.y_px),
@@ -135,8 +135,8 @@ impl Outline {
         }
     }
 
-    /// Moved on by `frames` frames, and whether a motion measured from it says so.
-    pub(super) fn carried(&self, step: Option<&RigidStep>, frames: f64) -> (Self, bool) {
+    /// Returns the outline predicted `frames` frames later, and whether the prediction rests on a measured motion.
+    pub(super) fn predicted(&self, step: Option<&RigidStep>, frames: f64) -> (Self, bool) {
         let Some(step) = step else { return (*self, false) };
         let sigma_px = frames * step.sigma_dx_px.max(step.sigma_dy_px);
         let (dx_px, dy_px) = (frames * step.dx_px, frames * step.dy_px);
@@ -148,41 +148,42 @@ impl Outline {
                 ..*circle
             }),
             Self::Rod(sight) => Self::Rod(sight.moved(dx_px, dy_px, sigma_px)),
-            Self::Patch(pose) => Self::Patch(pose.moved(step, frames)),
+            Self::Patch(pose) => Self::Patch(pose.predicted(step, frames)),
         };
         (moved, true)
     }
 
-    /// What may be told of it where only its motion says where it is.
-    pub(super) fn by_motion_alone(self) -> Self {
+    /// Returns what is known of an outline that only the motion predicts.
+    pub(super) fn without_detection(self) -> Self {
         match self {
             Self::Ball(_) | Self::Patch(_) => self,
             Self::Rod(sight) => Self::Rod(sight.unseen()),
         }
     }
 
-    /// A circle around whatever is matched of it, with subsets of this size.
-    pub(super) fn around(&self, subset_px: u32) -> Circle {
+    /// Returns a circle around all matched pixels, for subsets of this size.
+    pub(super) fn enclosing_circle(&self, subset_px: u32) -> Circle {
         match self {
             Self::Ball(circle) => *circle,
-            Self::Patch(pose) => pose.around(),
+            Self::Patch(pose) => pose.enclosing_circle(),
             Self::Rod(sight) => {
                 let [left, top, right, bottom] = sight.tape_px();
                 let half = 0.5 * f64::from(subset_px);
                 // A subset wider than the tape reaches over it.
                 let reach = |from: f64, to: f64| from.abs().max(to.abs()).max(0.5 * (from + to).abs() + half);
                 let radius_px = reach(left, right).hypot(reach(top, bottom));
-                Circle { radius_px, ..circle_of(&sight.rod) }
+                Circle { radius_px, ..rod_circle(&sight.rod) }
             }
         }
     }
 
-    /// Pixels that surely show it, as rectangles of x, y, width and height, px; none of a patch, which is never matched
-    /// over a short way.
-    pub(super) fn inside(&self) -> Vec<[u32; 4]> {
+    /// Returns rectangles (x, y, width, height, px) of pixels that certainly show the body.
+    ///
+    /// A patch has none, since it is never matched over a short interval.
+    pub(super) fn interior_rectangles(&self) -> Vec<[u32; 4]> {
         match self {
             Self::Ball(circle) => {
-                let radius_px = circle.radius_px * (1.0 - RIM_CLEARANCE) - BLURRED_PX;
+                let radius_px = circle.radius_px * (1.0 - RIM_CLEARANCE) - EDGE_MARGIN_PX;
                 let rows = (circle.y_px - radius_px).ceil().max(0.0) as u32..=(circle.y_px + radius_px).max(0.0) as u32;
                 let row = |y: u32| {
                     let half = (radius_px.powi(2) - (f64::from(y) - circle.y_px).powi(2)).max(0.0).sqrt();
@@ -202,7 +203,7 @@ impl Outline {
         }
     }
 
-    /// Centres of the subsets on it.
+    /// Returns the centres of the subsets on the body.
     fn points(&self, params: &CorrelationParams, (width, height): (usize, usize)) -> Vec<GridPoint> {
         match self {
             Self::Ball(circle) => {
@@ -215,19 +216,19 @@ impl Outline {
         }
     }
 
-    /// Which pixels may be correlated; all of the subsets' where `None`.
+    /// Returns the pixels that may be correlated; `None` if subsets are not restricted.
     fn region(&self, params: &CorrelationParams) -> Option<Region> {
         match self {
-            // The correlation-peak methods know whole subsets only.
+            // The correlation-peak methods support whole subsets only.
             Self::Rod(sight) if params.method == Method::IcGn => {
-                Some(Region::Polygon { outline_px: corners(sight).to_vec(), holes_px: Vec::new() })
+                Some(Region::Polygon { outline_px: tape_corners(sight).to_vec(), holes_px: Vec::new() })
             }
             Self::Ball(_) | Self::Rod(_) | Self::Patch(_) => None,
         }
     }
 
-    /// Writes it into the row of its frame.
-    pub(super) fn tell(&self, step: &mut BodyStep) {
+    /// Writes the outline into the row of its frame.
+    pub(super) fn write_to(&self, step: &mut BodyStep) {
         match self {
             Self::Ball(circle) => step.circle = Some(*circle),
             Self::Rod(sight) => step.rod = Some(sight.rod),
@@ -236,8 +237,8 @@ impl Outline {
     }
 }
 
-/// The corners of the tape to be correlated, px.
-fn corners(sight: &Sight) -> [[f64; 2]; 4] {
+/// Returns the corners of the correlated tape, px.
+fn tape_corners(sight: &Sight) -> [[f64; 2]; 4] {
     let [left, top, right, bottom] = sight.tape_px();
     let (x, y) = (sight.rod.x_px.value, sight.rod.y_px.value);
     let (sin, cos) = sight.rod.tilt_deg.value.to_radians().sin_cos();
@@ -245,7 +246,7 @@ fn corners(sight: &Sight) -> [[f64; 2]; 4] {
         .map(|[dx, dy]| [x + dx * cos + dy * sin, y - dx * sin + dy * cos])
 }
 
-/// Subset centres on the tape: whole subsets where it has room for them, else in its middle.
+/// Returns the subset centres on the tape: whole subsets if it has room for them, otherwise along its middle.
 fn rod_points(sight: &Sight, params: &CorrelationParams, (width, height): (usize, usize)) -> Vec<GridPoint> {
     let half = f64::from(params.subset_size_px / 2);
     let [left, top, right, bottom] = sight.tape_px();
@@ -255,7 +256,7 @@ fn rod_points(sight: &Sight, params: &CorrelationParams, (width, height): (usize
         let (first, last) =
             if first <= last { (first, last) } else { ((0.5 * (from + to)).round(), (0.5 * (from + to)).round()) };
         let steps = ((last - first) / f64::from(params.step_px)).floor().max(0.0);
-        // The grid in the middle of what it does not fill.
+        // The grid is centred on the tape.
         let start = (first + 0.5 * (last - first - steps * f64::from(params.step_px))).round();
         let places = (0..=steps as u32).map(|step| start + f64::from(step * params.step_px));
         let fits = |place: &f64| place - half >= 0.0 && place + half <= limit as f64 - 1.0;
@@ -266,7 +267,7 @@ fn rod_points(sight: &Sight, params: &CorrelationParams, (width, height): (usize
     rows.into_iter().flat_map(|y| columns.iter().map(move |x| GridPoint { x: *x, y })).collect()
 }
 
-/// Subset centres within a polygon, on a grid that begins in the middle of it.
+/// Returns the subset centres within a polygon, on a grid about its middle.
 fn patch_points(region: &Region, params: &CorrelationParams, (width, height): (usize, usize)) -> Vec<GridPoint> {
     let Some([left, top, right, bottom]) = region.bounds_px() else { return Vec::new() };
     let (half, step) = (f64::from(params.subset_size_px / 2), f64::from(params.step_px));
@@ -281,8 +282,8 @@ fn patch_points(region: &Region, params: &CorrelationParams, (width, height): (u
     points.filter(|point| region.contains(f64::from(point.x), f64::from(point.y))).collect()
 }
 
-/// A rod as the circle that touches both its sides.
-fn circle_of(rod: &Rod) -> Circle {
+/// Returns the circle that touches both sides of a rod.
+fn rod_circle(rod: &Rod) -> Circle {
     Circle {
         x_px: rod.x_px.value,
         y_px: rod.y_px.value,
@@ -293,9 +294,9 @@ fn circle_of(rod: &Rod) -> Circle {
     }
 }
 
-/// Where a body was seen and how large.
-pub(super) fn seen(step: &BodyStep) -> Option<Circle> {
-    step.circle.or_else(|| step.rod.as_ref().map(circle_of))
+/// Returns the position and size of the body of a step, if it was detected.
+pub(super) fn body_circle(step: &BodyStep) -> Option<Circle> {
+    step.circle.or_else(|| step.rod.as_ref().map(rod_circle))
 }
 
 impl From<BallParams> for BodyParams {

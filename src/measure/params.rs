@@ -1,60 +1,61 @@
-//! What is measured with, and which part of it where.
+//! Parameters of the measurement and its distribution over workers.
 
 use super::outline::BodyParams;
 use crate::dic::CorrelationParams;
 use crate::image::{Correction, DefectError, Defects, Tone};
 use crate::motion::Rotation;
 
-/// What the frames of a rig are measured with.
+/// The parameters that the frames of a rig are measured with.
 #[derive(Debug, Clone, PartialEq)]
 pub struct MeasureParams {
-    /// How subsets are correlated.
+    /// The parameters of the subset correlation.
     pub correlation: CorrelationParams,
-    /// From reference to target, frames; the shortest first.
+    /// The intervals from reference to target, shortest first, frames.
     pub intervals_frames: Vec<u32>,
-    /// What the motion of a ball is taken from; that of a rod always comes from its subsets.
+    /// The method for the motion of a ball; the motion of a rod always comes from its subsets.
     pub rotation: Rotation,
-    /// What each body is and where it may be.
+    /// The kind of each body and the region it is searched in.
     pub bodies: Vec<BodyParams>,
-    /// Tone curve of the camera, where its grey levels are not light.
+    /// The tone curve of the camera, if its grey levels are not proportional to light.
     pub tone: Option<Tone>,
-    /// Pixels of the camera that do not see: column and row.
+    /// The defective pixels of the camera: column and row.
     pub defective_px: Vec<[u32; 2]>,
-    /// Frames of a block; blocks begin at sequence numbers divisible by it.
+    /// The number of frames per block; blocks begin at sequence numbers divisible by it.
     pub block_frames: u32,
 }
 
 impl MeasureParams {
-    /// What pictures of this size are corrected by.
+    /// Returns the correction of images of this size.
     ///
     /// # Errors
     ///
-    /// When a pixel that does not see is outside of them, or has no sound one near.
+    /// Returns an error if a defective pixel lies outside the image or has no sound neighbour.
     pub fn correction(&self, width_px: usize, height_px: usize) -> Result<Correction, DefectError> {
         let defects = Defects::new(&self.defective_px, width_px, height_px)?;
         Ok(Correction { tone: self.tone.clone(), defects })
     }
 
-    /// Whether the interval at `place` is so many frames.
+    /// Whether the interval at `place` has this number of frames.
     pub(super) fn is_interval(&self, place: usize, frames: u64) -> bool {
         u64::from(self.intervals_frames[place]) == frames
     }
 }
 
-/// Which blocks are measured here.
+/// The blocks that one worker measures: those with number modulo `of` equal to `index`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Share {
-    /// Every block whose number leaves this remainder ...
+    /// The index of the worker, less than `of`.
     pub index: u32,
-    /// ... when divided by this.
+    /// The number of workers.
     pub of: u32,
 }
 
 impl Share {
-    /// All of them.
+    /// All blocks.
     pub const ALL: Self = Self { index: 0, of: 1 };
 
-    pub(super) fn holds(self, block: u64) -> bool {
+    /// Whether the worker measures a block.
+    pub(super) fn contains(self, block: u64) -> bool {
         block % u64::from(self.of) == u64::from(self.index)
     }
 }

@@ -1,25 +1,25 @@
-//! The part of a frame that matters.
+//! Bounding boxes of bodies in a frame.
 
 use crate::results::Circle;
 
-/// Room around whatever is matched, for interpolation and for the warp, px.
-const ROOM_PX: f64 = 6.0;
+/// The margin around matched pixels for interpolation and the warp, px.
+const MARGIN_PX: f64 = 6.0;
 
 /// A rectangle around some bodies, px; empty at first.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
-pub(super) struct Part {
+pub(super) struct BoundingBox {
     /// Left, top, right and bottom; the last two lie outside.
     bounds: Option<[f64; 4]>,
 }
 
-impl Part {
-    /// Makes room for a body that is looked for within `range_px` of this place.
-    pub(super) fn add(&mut self, circle: &Circle, range_px: f64) {
-        self.add_near(circle, range_px + ROOM_PX);
+impl BoundingBox {
+    /// Includes a body that is searched within `range_px` of this circle.
+    pub(super) fn include_search(&mut self, circle: &Circle, range_px: f64) {
+        self.include(circle, range_px + MARGIN_PX);
     }
 
-    /// Makes room for what lies within `range_px` of a circle.
-    pub(super) fn add_near(&mut self, circle: &Circle, range_px: f64) {
+    /// Includes everything within `range_px` of a circle.
+    pub(super) fn include(&mut self, circle: &Circle, range_px: f64) {
         let reach = circle.radius_px + range_px;
         let [left, top, right, bottom] =
             [circle.x_px - reach, circle.y_px - reach, circle.x_px + reach + 1.0, circle.y_px + reach + 1.0];
@@ -27,23 +27,23 @@ impl Part {
         self.bounds = Some([old[0].min(left), old[1].min(top), old[2].max(right), old[3].max(bottom)]);
     }
 
-    /// Whether it holds no body.
+    /// Whether the box includes no body.
     pub(super) fn is_empty(&self) -> bool {
         self.bounds.is_none()
     }
 
-    /// Whether another part lies within this one.
-    pub(super) fn holds(&self, other: &Self) -> bool {
+    /// Whether another box lies within this one.
+    pub(super) fn contains(&self, other: &Self) -> bool {
         match (self.rectangle(), other.rectangle()) {
             (_, [_, _, 0, 0]) => true,
             ([x, y, w, h], [ox, oy, ow, oh]) => ox >= x && oy >= y && ox + ow <= x + w && oy + oh <= y + h,
         }
     }
 
-    /// x, y, width and height in whole pixels; may reach over the right and lower edges of the frame.
+    /// Returns x, y, width and height in whole pixels; may exceed the right and lower edges of the frame.
     pub(super) fn rectangle(&self) -> [u32; 4] {
         let Some([left, top, right, bottom]) = self.bounds else { return [0; 4] };
-        // Conversion to whole numbers saturates, so nothing wraps whatever the circle is.
+        // The conversion to integers saturates, so nothing wraps around, whatever the circle is.
         let (x, y) = (left.floor() as u32, top.floor() as u32);
         let (right, bottom) = (right.ceil() as u32, bottom.ceil() as u32);
         [x, y, right.saturating_sub(x), bottom.saturating_sub(y)]
@@ -60,23 +60,24 @@ mod tests {
     }
 
     #[test]
-    fn a_part_holds_every_body_with_its_range_and_is_cut_at_zero() {
-        let mut part = Part::default();
-        assert!(part.is_empty());
-        assert_eq!(part.rectangle(), [0, 0, 0, 0]);
-        part.add(&circle(100.5, 60.0, 20.0), 8.0);
-        assert_eq!(part.rectangle(), [66, 26, 70, 69]);
-        part.add(&circle(10.0, 60.0, 20.0), 8.0);
-        assert_eq!(part.rectangle(), [0, 26, 136, 69]);
+    fn a_box_contains_every_body_with_its_range_and_is_cut_at_zero() {
+        let mut frame = BoundingBox::default();
+        assert!(frame.is_empty());
+        assert_eq!(frame.rectangle(), [0, 0, 0, 0]);
+        frame.include_search(&circle(100.5, 60.0, 20.0), 8.0);
+        assert_eq!(frame.rectangle(), [66, 26, 70, 69]);
+        frame.include_search(&circle(10.0, 60.0, 20.0), 8.0);
+        assert_eq!(frame.rectangle(), [0, 26, 136, 69]);
     }
 
     #[test]
-    fn a_part_holds_what_lies_in_it_and_nothing_more() {
-        let (mut part, mut inner, mut outer) = (Part::default(), Part::default(), Part::default());
-        part.add(&circle(100.0, 100.0, 20.0), 8.0);
-        inner.add(&circle(103.0, 95.0, 20.0), 0.0);
-        outer.add(&circle(110.0, 100.0, 20.0), 0.0);
-        assert!(part.holds(&inner) && part.holds(&Part::default()) && !part.holds(&outer));
-        assert!(!Part::default().holds(&inner));
+    fn a_box_contains_what_lies_in_it_and_nothing_more() {
+        let (mut frame, mut inner, mut outer) =
+            (BoundingBox::default(), BoundingBox::default(), BoundingBox::default());
+        frame.include_search(&circle(100.0, 100.0, 20.0), 8.0);
+        inner.include_search(&circle(103.0, 95.0, 20.0), 0.0);
+        outer.include_search(&circle(110.0, 100.0, 20.0), 0.0);
+        assert!(frame.contains(&inner) && frame.contains(&BoundingBox::default()) && !frame.contains(&outer));
+        assert!(!BoundingBox::default().contains(&inner));
     }
 }

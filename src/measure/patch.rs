@@ -1,36 +1,39 @@
-//! A patch: pixels inside a polygon that was drawn in one picture, followed as a rigid whole.
+//! Patches: pixels inside a polygon drawn in one image, tracked as a rigid body.
 //!
-//! Every pose is a match with that picture, so that nothing adds up from frame to frame, and pixels that something hides
-//! are left out of each match alone.
+//! Every pose is a match with that image, so errors do not accumulate from frame to frame.
+//! Occluded pixels are left out of each match separately.
 
 use crate::dic::{BodyMotion, Patch, Prepared, Region, RigidBody, find_hidden_within_angle};
 use crate::results::{Circle, PointStatus, RigidStep};
 
-/// Rotations among which a patch that was lost is looked for in every frame, deg; among all once a block.
-const LITTLE_DEG: f64 = 6.0;
+/// The range of rotations searched in every frame for a lost patch, deg; all rotations are searched once per block.
+const SEARCH_ANGLE_DEG: f64 = 6.0;
 
-/// Lowest ZNCC of the pixels in sight that counts as found.
-const LEAST_ZNCC: f64 = 0.6;
+/// The minimum ZNCC of the visible pixels.
+const MIN_ZNCC: f64 = 0.6;
 
-/// Least share in sight of a patch that is found from nothing, or else so many pixels: few may be alike by chance.
-const COLD_VISIBLE: (f64, u32) = (0.4, 400);
+/// The minimum visible fraction of a patch that is found from scratch, unless enough pixels are visible.
+const MIN_VISIBLE_FRACTION: f64 = 0.4;
 
-/// Whether what is in sight may be alike by chance.
-fn is_chance(visible_fraction: f64, pixels: u32) -> bool {
-    visible_fraction < COLD_VISIBLE.0 && pixels < COLD_VISIBLE.1
+/// The number of visible pixels that do not match by chance.
+const MIN_VISIBLE_PIXELS: u32 = 400;
+
+/// Whether the visible pixels may match by chance.
+fn is_chance_match(visible_fraction: f64, pixels: u32) -> bool {
+    visible_fraction < MIN_VISIBLE_FRACTION && pixels < MIN_VISIBLE_PIXELS
 }
 
-/// Where a patch is in one frame.
+/// The pose of a patch in one frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct PatchPose {
-    /// Place of the point told, px, and rotation since the reference picture, deg.
+    /// The position of the reported point, px, and the rotation since the reference image, deg.
     pose: [f64; 3],
     sigma: [f64; 3],
     visible_fraction: f64,
     pixels: u32,
-    /// Radius of a disc of the same area, px.
+    /// The radius of a disc of the same area, px.
     radius_px: f64,
-    /// Distance from the point told to the farthest corner, px.
+    /// The distance from the reported point to the farthest corner, px.
     reach_px: f64,
 }
 
@@ -39,7 +42,7 @@ impl PatchPose {
         (self.pose[0], self.pose[1])
     }
 
-    /// A disc of its area about the point told.
+    /// Returns a disc of the same area about the reported point.
     pub(super) fn circle(&self) -> Circle {
         Circle {
             x_px: self.pose[0],
@@ -51,34 +54,34 @@ impl PatchPose {
         }
     }
 
-    /// A disc that holds all of it.
-    pub(super) fn around(&self) -> Circle {
+    /// Returns a disc that contains the whole patch.
+    pub(super) fn enclosing_circle(&self) -> Circle {
         Circle { radius_px: self.reach_px, ..self.circle() }
     }
 
-    /// Moved on by some frames of a motion.
-    pub(super) fn moved(&self, rate: &RigidStep, frames: f64) -> Self {
+    /// Returns the pose predicted by a motion over some frames.
+    pub(super) fn predicted(&self, rate: &RigidStep, frames: f64) -> Self {
         let [x, y, angle] = self.pose;
         let pose = [x + frames * rate.dx_px, y + frames * rate.dy_px, angle + frames * rate.dtheta_deg];
-        let grown = |sigma: f64, rate: f64| sigma.hypot(frames * rate);
+        let propagated = |sigma: f64, rate: f64| sigma.hypot(frames * rate);
         let sigma = [
-            grown(self.sigma[0], rate.sigma_dx_px),
-            grown(self.sigma[1], rate.sigma_dy_px),
-            grown(self.sigma[2], rate.sigma_dtheta_deg),
+            propagated(self.sigma[0], rate.sigma_dx_px),
+            propagated(self.sigma[1], rate.sigma_dy_px),
+            propagated(self.sigma[2], rate.sigma_dtheta_deg),
         ];
         Self { pose, sigma, ..*self }
     }
 
-    /// The motion to a later pose, per frame; the reference's noise is in both.
+    /// Returns the motion to a later pose, per frame; both poses contain the noise of the reference.
     pub(super) fn step_to(&self, later: &Self, frames: f64) -> RigidStep {
-        let turn_deg = later.pose[2] - self.pose[2];
-        // A patch found anew may have its angle told a whole turn off.
-        let turn_deg = turn_deg - 360.0 * (turn_deg / 360.0).round();
+        let rotation_deg = later.pose[2] - self.pose[2];
+        // The angle of a patch that was found again may be off by full turns.
+        let rotation_deg = rotation_deg - 360.0 * (rotation_deg / 360.0).round();
         let sigma = |k: usize| (0.5 * (self.sigma[k].powi(2) + later.sigma[k].powi(2))).sqrt() / frames;
         RigidStep {
             dx_px: (later.pose[0] - self.pose[0]) / frames,
             dy_px: (later.pose[1] - self.pose[1]) / frames,
-            dtheta_deg: turn_deg / frames,
+            dtheta_deg: rotation_deg / frames,
             sigma_dx_px: sigma(0),
             sigma_dy_px: sigma(1),
             sigma_dtheta_deg: sigma(2),
@@ -87,16 +90,16 @@ impl PatchPose {
     }
 }
 
-/// Follows one patch.
+/// The finder and tracker of one patch.
 #[derive(Debug)]
 pub(super) struct PatchFinder {
     patch: Patch,
     center_px: (f64, f64),
     radius_px: f64,
     reach_px: f64,
-    /// The picture it was drawn in; why there is none, otherwise.
+    /// The image that it was drawn in, or the reason why there is none.
     reference: Result<(Prepared, Box<RigidBody>), PointStatus>,
-    /// What was found in frames of the blocks at hand, by block and frame.
+    /// The poses found in frames of the current blocks, by block and frame.
     found: Vec<(u64, u64, Result<PatchPose, PointStatus>)>,
 }
 
@@ -115,13 +118,13 @@ impl PatchFinder {
         }
     }
 
-    /// Takes the picture that the polygon was drawn in.
+    /// Sets the image that the polygon was drawn in.
     pub(super) fn set_reference(&mut self, reference: &Prepared) {
         let body = RigidBody::new(reference, &self.patch.region());
         self.reference = body.map(|body| (reference.clone(), Box::new(body)));
     }
 
-    /// The polygon at a pose.
+    /// Returns the polygon at a pose.
     pub(super) fn region_at(&self, pose: &PatchPose) -> Region {
         let [x, y, angle_deg] = pose.pose;
         let (sin, cos) = angle_deg.to_radians().sin_cos();
@@ -136,64 +139,65 @@ impl PatchFinder {
         Region::Polygon { outline_px: moved(&self.patch.outline_px), holes_px }
     }
 
-    /// Forgets the blocks before this one.
+    /// Discards the blocks before this one.
     pub(super) fn forget_before(&mut self, block: u64) {
         self.found.retain(|(of, _, _)| *of >= block);
     }
 
-    /// What was found in a frame of a block, if it was looked for.
-    pub(super) fn known(&self, block: u64, frame: u64) -> Option<Result<PatchPose, PointStatus>> {
+    /// Returns the pose found in a frame of a block, if it was searched.
+    pub(super) fn cached(&self, block: u64, frame: u64) -> Option<Result<PatchPose, PointStatus>> {
         self.found.iter().rev().find(|(of, at, _)| (*of, *at) == (block, frame)).map(|(_, _, found)| *found)
     }
 
-    /// Looks for it near where it must be.
+    /// Searches the patch near its predicted pose.
     pub(super) fn follow(
         &mut self,
         (block, frame): (u64, u64),
         target: &Prepared,
         near: &PatchPose,
     ) -> Result<PatchPose, PointStatus> {
-        if let Some(Ok(known)) = self.known(block, frame) {
+        if let Some(Ok(known)) = self.cached(block, frame) {
             return Ok(known);
         }
         let found = self.match_near(target, near.pose);
-        self.keep(block, frame, found);
+        self.store(block, frame, found);
         found
     }
 
-    fn keep(&mut self, block: u64, frame: u64, found: Result<PatchPose, PointStatus>) {
+    fn store(&mut self, block: u64, frame: u64, found: Result<PatchPose, PointStatus>) {
         self.found.retain(|(of, at, _)| (*of, *at) != (block, frame));
         self.found.push((block, frame, found));
     }
 
-    /// Looks for it in a whole frame from nothing: where it was drawn, anywhere little turned, and if `thorough` at any
-    /// angle.
+    /// Searches the patch in a full frame from scratch.
+    ///
+    /// Tries its reference position, then all positions at small rotations and, if `is_thorough`, at all rotations.
     pub(super) fn find(
         &mut self,
         (block, frame): (u64, u64),
         target: &Prepared,
-        thorough: bool,
+        is_thorough: bool,
     ) -> Result<PatchPose, PointStatus> {
         let (x, y) = self.center_px;
         let mut found = self.match_near(target, [x, y, 0.0]);
-        if found.is_ok_and(|pose| is_chance(pose.visible_fraction, pose.pixels)) {
+        if found.is_ok_and(|pose| is_chance_match(pose.visible_fraction, pose.pixels)) {
             found = Err(PointStatus::LowCorrelation);
         }
         if let (Err(_), Ok((reference, _))) = (&found, &self.reference) {
             let (region, center) = (self.patch.region(), self.center_px);
-            let mut start = find_hidden_within_angle(reference, target, &region, center, LITTLE_DEG);
-            if start.is_err() && thorough {
+            let mut start = find_hidden_within_angle(reference, target, &region, center, SEARCH_ANGLE_DEG);
+            if start.is_err() && is_thorough {
                 start = find_hidden_within_angle(reference, target, &region, center, 180.0);
             }
             let start = start.and_then(|found| {
-                let is_chance = is_chance(found.visible_fraction, found.motion.points);
+                let is_chance = is_chance_match(found.visible_fraction, found.motion.points);
                 if is_chance { Err(PointStatus::LowCorrelation) } else { Ok(found) }
             });
             found = start.and_then(|BodyMotion { motion, .. }| {
                 self.match_near(target, [x + motion.u_px, y + motion.v_px, motion.angle_deg])
             });
         }
-        self.keep(block, frame, found);
+        self.store(block, frame, found);
         found
     }
 
@@ -202,7 +206,7 @@ impl PatchFinder {
         let (_, body) = self.reference.as_mut().map_err(|status| *status)?;
         let BodyMotion { motion, zncc, visible_fraction } =
             body.find_visible(target, (cx, cy), (x - cx, y - cy, angle_deg))?;
-        if zncc < LEAST_ZNCC {
+        if zncc < MIN_ZNCC {
             return Err(PointStatus::LowCorrelation);
         }
         Ok(PatchPose {

@@ -1,4 +1,4 @@
-//! What is kept of a frame until its motion is measured.
+//! Frames that wait until their motion is measured.
 
 use super::block::Measured;
 use super::outline::Outline;
@@ -6,41 +6,41 @@ use crate::dic::Prepared;
 use crate::image::FrameMeta;
 use crate::results::{BodyStep, PointStatus, RigidStep};
 
-/// How an outline is known.
+/// The origin of an outline.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Source {
-    /// It was found in the frame.
-    Seen,
-    /// It was not looked for: the whole body was in sight and moved there.
-    Spared,
-    /// It was not found; its motion leads there.
-    Carried,
+pub(super) enum OutlineOrigin {
+    /// Detected in the frame.
+    Detected,
+    /// Not searched, since the whole body was visible: predicted by its motion.
+    Reused,
+    /// Searched in vain: predicted by its motion.
+    Predicted,
 }
 
-/// A frame that waits for its target.
-pub(super) struct Reference {
+/// A frame that waits for its targets.
+pub(super) struct PendingFrame {
     pub(super) meta: FrameMeta,
     pub(super) block: u64,
     pub(super) prepared: Prepared,
     pub(super) outlines: Vec<Result<Outline, PointStatus>>,
     /// By body.
-    pub(super) sources: Vec<Source>,
-    /// By body and interval; `None` until the target came, or did not.
+    pub(super) origins: Vec<OutlineOrigin>,
+    /// The results by body and interval; `None` until the target came or was missed.
     pub(super) done: Vec<Option<Measured>>,
-    /// The motion before each of them.
+    /// The motion before each result.
     pub(super) before: Vec<Option<RigidStep>>,
 }
 
-impl Reference {
-    /// Whether a body's outline there can be held against that in a later frame, where it was seen.
-    pub(super) fn leads_to(&self, target: &Self, body: usize) -> bool {
-        self.sources[body] != Source::Carried && target.sources[body] == Source::Seen
+impl PendingFrame {
+    /// Whether the outline of a body can be compared with that in a later frame, where it was detected.
+    pub(super) fn is_comparable(&self, target: &Self, body: usize) -> bool {
+        self.origins[body] != OutlineOrigin::Predicted && target.origins[body] == OutlineOrigin::Detected
     }
 
-    /// The row of one of its bodies of which nothing is told yet.
-    pub(super) fn untold(&self, body: usize, interval_frames: u32) -> BodyStep {
+    /// Returns the row of a body without any result.
+    pub(super) fn empty_step(&self, body: usize, interval_frames: u32) -> BodyStep {
         BodyStep {
-            is_carried: self.outlines[body].is_ok() && self.sources[body] != Source::Seen,
+            is_carried: self.outlines[body].is_ok() && self.origins[body] != OutlineOrigin::Detected,
             drift: None,
             is_whole: false,
             rim_fraction: None,

@@ -1,12 +1,12 @@
-//! A frame that motions lead to.
+//! Target frames of a motion.
 
 use crate::dic::Prepared;
 
-/// A frame that motions lead to, made ready where the bodies of one block are.
+/// A target frame, prepared around the bodies of one block.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Target<'a> {
     pub(super) sequence: u64,
     pub(super) prepared: &'a Prepared,
-    /// Whether it is ready only where the bodies are foretold to be, not as far as they are searched for.
+    /// Whether it is prepared only around the predicted bodies, not over the full search range.
     pub(super) is_narrow: bool,
 }

@@ -1,4 +1,4 @@
-//! Rotations from rings around a ball's centre.
+//! Rotation of a ball from a ring around its centre.
 
 use super::confirm;
 use super::outline::RIM_CLEARANCE;
@@ -6,19 +6,21 @@ use crate::dic::{Prepared, Ring};
 use crate::motion::RingLimits;
 use crate::results::{Circle, RigidStep};
 
-/// Inner radius of a ring where none is given, as a share of the ball's: nearer to the centre pixels tell little of the angle.
-const INNER_SHARE: f64 = 0.35;
+/// The default inner radius of the ring, as a fraction of the ball's.
+///
+/// Pixels closer to the centre hardly constrain the angle.
+const INNER_FRACTION: f64 = 0.35;
 
-/// Finds rotations of balls.
+/// The ring correlator for balls.
 #[derive(Default)]
-pub(super) struct Turns {
+pub(super) struct RingRotation {
     ring: Ring,
 }
 
-impl Turns {
-    /// Puts the ring's rotation in the place of the subsets', whose motion carries the centre.
+impl RingRotation {
+    /// Replaces the rotation of the subsets by that of the ring; the subsets' translation moves the centre.
     ///
-    /// The subsets' own stays where the ring has no answer or speaks of something else.
+    /// Keeps the rotation of the subsets if the ring gives none or an inconsistent one.
     pub(super) fn replace(
         &mut self,
         step: &mut RigidStep,
@@ -30,16 +32,18 @@ impl Turns {
         let from = (circle.x_px, circle.y_px);
         let to = (from.0 + frames * step.dx_px, from.1 + frames * step.dy_px);
         let near = Some(frames * step.dtheta_deg);
-        let Ok(turn) = self.ring.turn((reference, from), (target, to), radii(circle, limits), near) else { return };
+        let Ok(turn) = self.ring.turn((reference, from), (target, to), ring_radii(circle, limits), near) else {
+            return;
+        };
         let turned =
             RigidStep { dtheta_deg: turn.angle_deg / frames, sigma_dtheta_deg: turn.sigma_deg / frames, ..*step };
-        if confirm::agree(&turned, step, None) {
+        if confirm::agrees_with_subsets(&turned, step, None) {
             *step = turned;
         }
     }
 
-    /// The motion a frame between two places where a ball was seen, whatever it turned by.
-    pub(super) fn between(
+    /// Returns the motion per frame between two detected positions of a ball, whatever its rotation.
+    pub(super) fn motion_between(
         &mut self,
         from: &Circle,
         to: &Circle,
@@ -47,7 +51,7 @@ impl Turns {
         frames: f64,
     ) -> Option<RigidStep> {
         let (a, b) = ((from.x_px, from.y_px), (to.x_px, to.y_px));
-        let radii = radii(from, RingLimits::default());
+        let radii = ring_radii(from, RingLimits::default());
         let turn = self.ring.turn((reference, a), (target, b), radii, None).ok()?;
         let sigma_px = from.sigma_center_px.hypot(to.sigma_center_px) / frames;
         Some(RigidStep {
@@ -62,8 +66,8 @@ impl Turns {
     }
 }
 
-/// Inner and outer radius of the ring on a ball, px.
-fn radii(circle: &Circle, limits: RingLimits) -> (f64, f64) {
-    let most_px = circle.radius_px * (1.0 - RIM_CLEARANCE);
-    (limits.inner_px.unwrap_or(INNER_SHARE * circle.radius_px), limits.outer_px.unwrap_or(most_px).min(most_px))
+/// Returns the inner and outer radius of the ring on a ball, px.
+fn ring_radii(circle: &Circle, limits: RingLimits) -> (f64, f64) {
+    let max_px = circle.radius_px * (1.0 - RIM_CLEARANCE);
+    (limits.inner_px.unwrap_or(INNER_FRACTION * circle.radius_px), limits.outer_px.unwrap_or(max_px).min(max_px))
 }

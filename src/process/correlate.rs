@@ -164,7 +164,7 @@ impl Worker<'_> {
             // A block measured from its middle on would not be what a replay measures.
             if meta.sequence >= self.from {
                 self.measurer.push(&Frame { meta, bytes: sample.bytes() }, &mut self.measured)?;
-            } else if self.measurer.wants(meta.sequence) {
+            } else if self.measurer.needs(meta.sequence) {
                 self.summary.lost += 1;
             }
             drop(sample);

@@ -151,7 +151,7 @@ fn first_measured(rehearses: bool, share: Share) -> (Vec<Measured>, Duration) {
         world.render(frame, &mut bytes);
         let began = Instant::now();
         measurer.push(&Frame { meta: simulated::meta(&world, frame), bytes: &bytes }, &mut measured).unwrap();
-        first = first.or(measurer.wants(frame).then(|| began.elapsed()));
+        first = first.or(measurer.needs(frame).then(|| began.elapsed()));
     }
     measurer.finish(&mut measured);
     (measured, first.unwrap())

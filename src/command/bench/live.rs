@@ -12,7 +12,7 @@ use crate::dic::{
     CorrelationParams, Correlator, GridPoint, Prepared, Region, RigidBody, Shape, Start, grid, rigid_fit_near,
 };
 use crate::image::{Frame, FrameMeta, Image};
-use crate::measure::{BodyParams, MeasureParams, Measured, Measurer, OUTLINE_FRAMES, Share};
+use crate::measure::{BodyParams, MeasureParams, Measured, Measurer, OUTLINE_INTERVAL_FRAMES, Share};
 use crate::motion::Rotation;
 use crate::results::{Circle, FieldPoint};
 use crate::synth::{Scenario, World};
@@ -187,7 +187,7 @@ impl Film {
             ("  match the whole ball, mask included", whole),
             ("  subsets: affine, by the whole ball's motion", carried),
             ("  the motion that they show", fit),
-            ("  follow the circle, once in 4 frames", OUTLINE_FRAMES as f64 * follow),
+            ("  follow the circle, once in 4 frames", OUTLINE_INTERVAL_FRAMES as f64 * follow),
             ("  find the circle anywhere, once in 16 frames", f64::from(BLOCK_FRAMES) * cold),
         ];
         let other = [
