@@ -1,45 +1,44 @@
-//! Where balls may be: a Hough transform that knows the gradient's direction
-//! and sign, on a reduced picture.
+//! The coarse search: a Hough transform with gradient direction and sign on a reduced image.
 
 use super::params::BallParams;
-use super::shrink::{Grey, blur, close_dark, halve, open_bright};
+use super::shrink::{GreyImage, blur, halve, remove_bright_marks, remove_dark_marks};
 use crate::image::ImageView;
 
-/// A place worth a closer look: centre and radius in pixels of the full image.
+/// A peak of the Hough transform: centre and radius in pixels of the full image.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Place {
+pub(super) struct HoughPeak {
     pub x: f32,
     pub y: f32,
     pub radius: f32,
-    /// How far the radius may be off, px.
+    /// The uncertainty of the radius, px.
     pub spread: f32,
-    /// How much of one sign the radial gradient is around it; tells the ball from most other places.
+    /// The consistency of the sign of the radial gradient, which separates the ball from most other peaks.
     pub score: f32,
-    /// The range of radii it was found in.
+    /// The index of the radius range.
     pub band: usize,
 }
 
-/// Which small marks are painted out before the second look.
+/// The small marks that a morphological filter removes before the second pass.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Marks {
     Dark,
     Bright,
 }
 
-/// Least radius in the reduced picture, px: below it the rim is too short to stand out.
-const LEAST_REDUCED_RADIUS: f32 = 7.5;
-/// Largest ratio of the radii that share one accumulator.
+/// The minimum radius in the reduced image, px; a shorter rim does not stand out.
+const MIN_REDUCED_RADIUS_PX: f32 = 7.5;
+/// The maximum ratio of the radii that share one accumulator.
 const BAND_RATIO: f32 = 1.8;
-/// A radius range narrower than this on either side is handed on whole, px.
-const NARROW_PX: f32 = 7.0;
-/// Share of the searched pixels whose gradient votes.
-const EDGE_SHARE: f32 = 0.15;
-/// Peaks kept of each accumulator.
+/// The half width below which a radius range is passed on as a whole, px.
+const NARROW_RANGE_PX: f32 = 7.0;
+/// The fraction of the searched pixels whose gradient votes.
+const EDGE_FRACTION: f32 = 0.15;
+/// The number of peaks kept of each accumulator.
 const PEAKS: usize = 4;
-/// Directions in which a peak's radius is looked for.
+/// The number of directions in which the radius of a peak is searched.
 const SPOKES: usize = 48;
 
-/// One range of radii with the reduction it is searched at.
+/// A range of radii with the pyramid level it is searched at.
 #[derive(Debug, Clone, Copy)]
 struct Band {
     level: usize,
@@ -56,16 +55,16 @@ struct Edge {
     uy: f32,
 }
 
-/// The planned search with its scratch.
+/// The planned search with its scratch memory.
 #[derive(Debug)]
-pub(super) struct Coarse {
+pub(super) struct HoughSearch {
     bands: Vec<Band>,
     roi: [usize; 4],
-    levels: Vec<Grey>,
-    /// The picture without small marks, for every range of radii.
-    closed: Vec<Grey>,
-    spare: Grey,
-    smooth: Grey,
+    levels: Vec<GreyImage>,
+    /// The image without small marks, for every range of radii.
+    filtered: Vec<GreyImage>,
+    scratch: GreyImage,
+    smooth: GreyImage,
     gx: Vec<f32>,
     gy: Vec<f32>,
     size: Vec<f32>,
@@ -81,18 +80,18 @@ pub(super) struct Coarse {
     spokes: Vec<(f32, f32)>,
 }
 
-impl Coarse {
+impl HoughSearch {
     pub fn new(params: &BallParams, width: usize, height: usize) -> Self {
         let roi = params.roi_px.map_or([0, 0, width, height], |r| r.map(|v| v as usize));
         let bands = bands(params.min_radius_px as f32, params.max_radius_px as f32);
         let deepest = bands.iter().map(|b| b.level).max().unwrap_or(0);
         Self {
             roi,
-            levels: vec![Grey::default(); deepest + 1],
-            closed: vec![Grey::default(); bands.len()],
+            levels: vec![GreyImage::default(); deepest + 1],
+            filtered: vec![GreyImage::default(); bands.len()],
             bands,
-            spare: Grey::default(),
-            smooth: Grey::default(),
+            scratch: GreyImage::default(),
+            smooth: GreyImage::default(),
             gx: Vec::new(),
             gy: Vec::new(),
             size: Vec::new(),
@@ -109,21 +108,21 @@ impl Coarse {
         }
     }
 
-    /// Ranges of radii searched one after the other.
+    /// The number of radius ranges, which are searched one after the other.
     pub fn bands(&self) -> usize {
         self.bands.len()
     }
 
-    /// Reduces the picture; the first step of every search.
+    /// Builds the image pyramid; the first step of every search.
     pub fn reduce(&mut self, image: ImageView<'_>) {
         let [x0, y0, width, height] = self.roi;
         let needs_full = self.bands.iter().any(|b| b.level == 0);
         if needs_full || self.levels.len() == 1 {
-            self.levels[0].take(image, x0, y0, width, height);
+            self.levels[0].copy_region(image, x0, y0, width, height);
         }
         for level in 1..self.levels.len() {
             if level == 1 {
-                self.levels[1].halve_view(image, x0, y0, width, height);
+                self.levels[1].copy_halved(image, x0, y0, width, height);
             } else {
                 let (fine, coarse) = self.levels.split_at_mut(level);
                 halve(&fine[level - 1], &mut coarse[0]);
@@ -131,53 +130,53 @@ impl Coarse {
         }
     }
 
-    /// Adds to `places` where a ball may be, from the reduced picture as it is.
-    pub fn plain(&mut self, places: &mut Vec<Place>) {
+    /// Appends the peaks of the reduced image.
+    pub fn search(&mut self, found: &mut Vec<HoughPeak>) {
         for band in 0..self.bands.len() {
-            blur(&self.levels[self.bands[band].level], &mut self.spare, &mut self.smooth);
-            self.vote(band, places);
+            blur(&self.levels[self.bands[band].level], &mut self.scratch, &mut self.smooth);
+            self.vote(band, found);
         }
     }
 
-    /// Adds to `places` where a ball may be once small marks are painted out.
-    pub fn without_marks(&mut self, marks: Marks, places: &mut Vec<Place>) {
+    /// Appends the peaks of the reduced image without small marks.
+    pub fn search_without_marks(&mut self, marks: Marks, found: &mut Vec<HoughPeak>) {
         for band in 0..self.bands.len() {
             let level = &self.levels[self.bands[band].level];
-            let closed = &mut self.closed[band];
+            let filtered = &mut self.filtered[band];
             match marks {
-                Marks::Dark => close_dark(level, &mut self.spare, closed),
-                Marks::Bright => open_bright(level, &mut self.spare, closed),
+                Marks::Dark => remove_dark_marks(level, &mut self.scratch, filtered),
+                Marks::Bright => remove_bright_marks(level, &mut self.scratch, filtered),
             }
-            blur(closed, &mut self.spare, &mut self.smooth);
-            self.vote(band, places);
+            blur(filtered, &mut self.scratch, &mut self.smooth);
+            self.vote(band, found);
         }
     }
 
-    /// The picture without small marks in which `place` was found, and the size of its pixels, px.
-    pub fn without_marks_around(&self, place: &Place) -> (&Grey, f32) {
-        (&self.closed[place.band], (1 << self.bands[place.band].level) as f32)
+    /// Returns the filtered image in which `peak` was found, and the size of its pixels, px.
+    pub fn filtered_image(&self, peak: &HoughPeak) -> (&GreyImage, f32) {
+        (&self.filtered[peak.band], (1 << self.bands[peak.band].level) as f32)
     }
 
-    /// A point of a range's reduced picture, in pixels of the full image.
-    pub fn full(&self, band: usize, x: f32, y: f32) -> (f32, f32) {
+    /// Converts a point of a range's reduced image to pixels of the full image.
+    pub fn to_full(&self, band: usize, x: f32, y: f32) -> (f32, f32) {
         let scale = (1 << self.bands[band].level) as f32;
         let full = |v: f32, origin: usize| origin as f32 + (v + 0.5) * scale - 0.5;
         (full(x, self.roi[0]), full(y, self.roi[1]))
     }
 
-    /// A point of the full image, in pixels of a range's reduced picture.
-    pub fn reduced(&self, band: usize, x: f32, y: f32) -> (f32, f32) {
+    /// Converts a point of the full image to pixels of a range's reduced image.
+    pub fn to_reduced(&self, band: usize, x: f32, y: f32) -> (f32, f32) {
         let scale = (1 << self.bands[band].level) as f32;
         let reduced = |v: f32, origin: usize| (v - origin as f32 + 0.5) / scale - 0.5;
         (reduced(x, self.roi[0]), reduced(y, self.roi[1]))
     }
 
-    fn vote(&mut self, band: usize, places: &mut Vec<Place>) {
+    fn vote(&mut self, band: usize, found: &mut Vec<HoughPeak>) {
         if self.smooth.width < 5 || self.smooth.height < 5 {
             return;
         }
         self.gradients();
-        self.cast(self.bands[band]);
+        self.cast_votes(self.bands[band]);
         self.peaks.clear();
         let (width, height) = (self.smooth.width, self.smooth.height);
         for which in 0..3 {
@@ -190,12 +189,12 @@ impl Coarse {
         }
         let peaks = std::mem::take(&mut self.peaks);
         for &(x, y, _) in &peaks {
-            self.place(band, x, y, places);
+            self.add_peak(band, x, y, found);
         }
         self.peaks = peaks;
     }
 
-    /// Gradients of the smoothed picture, and the pixels among them that vote.
+    /// Computes the gradients of the smoothed image and selects the pixels that vote.
     fn gradients(&mut self) {
         let (width, height) = (self.smooth.width, self.smooth.height);
         let grey = &self.smooth.data;
@@ -213,7 +212,7 @@ impl Coarse {
         }
         self.sample.clear();
         self.sample.extend(self.size.iter().step_by(if width * height > 4096 { 5 } else { 1 }));
-        let rank = ((self.sample.len() as f32) * (1.0 - EDGE_SHARE)) as usize;
+        let rank = ((self.sample.len() as f32) * (1.0 - EDGE_FRACTION)) as usize;
         let rank = rank.min(self.sample.len() - 1);
         let (_, &mut floor, _) = self.sample.select_nth_unstable_by(rank, f32::total_cmp);
         self.edges.clear();
@@ -228,8 +227,8 @@ impl Coarse {
         }
     }
 
-    /// Every edge votes for the centres that would put a rim there.
-    fn cast(&mut self, band: Band) {
+    /// Lets every edge vote for the centres of circles through it.
+    fn cast_votes(&mut self, band: Band) {
         let (width, height) = (self.smooth.width, self.smooth.height);
         for list in [&mut self.lighter, &mut self.darker] {
             list.clear();
@@ -238,7 +237,7 @@ impl Coarse {
         let scale = (1 << band.level) as f32;
         let (low, high) = ((band.low / scale).floor(), (band.high / scale).ceil());
         let steps = (high - low) as usize + 1;
-        // 16 bits after the point: stepping in whole numbers is cheaper than rounding every vote.
+        // Fixed point with 16 fractional bits: stepping in integers is cheaper than rounding every vote.
         const ONE: f32 = 65536.0;
         for edge in &self.edges {
             for (votes, sign) in [(&mut self.lighter, ONE), (&mut self.darker, -ONE)] {
@@ -258,11 +257,11 @@ impl Coarse {
         }
     }
 
-    /// Hands one peak on, with the radii that its surroundings suggest.
-    fn place(&mut self, number: usize, x: f32, y: f32, places: &mut Vec<Place>) {
+    /// Appends one peak with the radii that its surroundings suggest.
+    fn add_peak(&mut self, number: usize, x: f32, y: f32, found: &mut Vec<HoughPeak>) {
         let band = self.bands[number];
         let scale = (1 << band.level) as f32;
-        let (full_x, full_y) = self.full(number, x, y);
+        let (full_x, full_y) = self.to_full(number, x, y);
         let half = 0.5 * (band.high - band.low);
         let (low, high) = ((band.low / scale).floor() as usize, (band.high / scale).ceil() as usize);
         self.radial_score(x, y, low, high);
@@ -271,10 +270,10 @@ impl Coarse {
             if score <= 0.0 {
                 return;
             }
-            if half <= NARROW_PX {
-                add(
-                    places,
-                    Place {
+            if half <= NARROW_RANGE_PX {
+                add_distinct(
+                    found,
+                    HoughPeak {
                         x: full_x,
                         y: full_y,
                         radius: 0.5 * (band.low + band.high),
@@ -286,13 +285,13 @@ impl Coarse {
                 return;
             }
             let radius = ((low + best) as f32 * scale).clamp(band.low, band.high);
-            add(places, Place { x: full_x, y: full_y, radius, spread: 2.0 * scale, score, band: number });
+            add_distinct(found, HoughPeak { x: full_x, y: full_y, radius, spread: 2.0 * scale, score, band: number });
             let clear = best.saturating_sub(2)..(best + 3).min(self.score.len());
             self.score[clear].fill(0.0);
         }
     }
 
-    /// How much of one sign the radial gradient is at every distance from (`x`, `y`), mean over the directions.
+    /// Computes the consistency of the sign of the radial gradient at every distance from (`x`, `y`).
     fn radial_score(&mut self, x: f32, y: f32, low: usize, high: usize) {
         let (width, height) = (self.smooth.width as i32, self.smooth.height as i32);
         self.sums.clear();
@@ -301,12 +300,12 @@ impl Coarse {
         for &(cos, sin) in &self.spokes {
             let (mut px, mut py) = (x + 0.5 + first * cos, y + 0.5 + first * sin);
             for sum in &mut self.sums {
-                // Cutting off towards zero lets the row and the column before the first one in; they repeat it.
+                // Truncation towards zero includes the row and column before the first, which repeat it.
                 let (column, row) = (px as i32, py as i32);
                 if (0..width).contains(&column) && (0..height).contains(&row) {
                     let i = (row * width + column) as usize;
                     let along = self.gx[i] * cos + self.gy[i] * sin;
-                    // The direction counts, not the strength: one bright fleck must not outweigh the rim.
+                    // The direction counts, not the strength: one bright spot must not outweigh the rim.
                     *sum += along / (self.size[i] + 1e-3);
                 }
                 px += cos;
@@ -314,33 +313,33 @@ impl Coarse {
             }
         }
         self.score.clear();
-        let share = 1.0 / SPOKES as f32;
-        self.score.extend(self.sums.windows(3).map(|w| (w[0] + w[1] + w[2]).abs() * share));
+        let scale = 1.0 / SPOKES as f32;
+        self.score.extend(self.sums.windows(3).map(|w| (w[0] + w[1] + w[2]).abs() * scale));
     }
 }
 
-/// Splits the radii into ranges that one accumulator can tell from noise.
+/// Splits the radii into ranges that one accumulator resolves from noise.
 fn bands(low: f32, high: f32) -> Vec<Band> {
     let count = ((high / low).ln() / BAND_RATIO.ln()).ceil().max(1.0);
     let ratio = (high / low).powf(1.0 / count);
     (0..count as usize)
         .map(|i| {
             let low = low * ratio.powi(i as i32);
-            let level = (low / LEAST_REDUCED_RADIUS).log2().floor().clamp(0.0, 6.0) as usize;
+            let level = (low / MIN_REDUCED_RADIUS_PX).log2().floor().clamp(0.0, 6.0) as usize;
             Band { level, low, high: low * ratio }
         })
         .collect()
 }
 
-fn add(places: &mut Vec<Place>, place: Place) {
-    let near = |other: &Place| {
-        let (dx, dy, dr) = (other.x - place.x, other.y - place.y, other.radius - place.radius);
+fn add_distinct(found: &mut Vec<HoughPeak>, peak: HoughPeak) {
+    let near = |other: &HoughPeak| {
+        let (dx, dy, dr) = (other.x - peak.x, other.y - peak.y, other.radius - peak.radius);
         dx * dx + dy * dy < 12.0 && dr.abs() < 4.0
     };
-    match places.iter_mut().find(|p| near(p)) {
-        Some(known) if known.score < place.score => *known = place,
+    match found.iter_mut().find(|p| near(p)) {
+        Some(known) if known.score < peak.score => *known = peak,
         Some(_) => {}
-        None => places.push(place),
+        None => found.push(peak),
     }
 }
 
@@ -352,12 +351,12 @@ fn sum_3x3(votes: &[f32], width: usize, height: usize, rows: &mut Vec<f32>, sums
     for (row, out) in votes.chunks_exact(width).zip(rows.chunks_exact_mut(width)) {
         add_three([row, &row[1..], &row[2..]], &mut out[1..width - 1]);
     }
-    // Rows lie behind one another, so all of them are one.
+    // The rows are contiguous, so they are added as one.
     let inner = &mut sums[width..(height - 1) * width];
     add_three([rows, &rows[width..], &rows[2 * width..]], inner);
 }
 
-/// Central differences along a row and across it, and their size.
+/// Computes central differences along a row and across it, and their magnitude.
 #[multiversion::multiversion(targets("x86_64+avx512f+avx512bw+avx512dq+avx512vl", "x86_64+avx2+fma"))]
 fn differences([above, here, below]: [&[f32]; 3], gx: &mut [f32], gy: &mut [f32], size: &mut [f32]) {
     let inner = here.len() - 2;
@@ -376,29 +375,29 @@ fn add_three([a, b, c]: [&[f32]; 3], out: &mut [f32]) {
     }
 }
 
-/// The highest of some values, none of which is negative.
+/// Returns the maximum of non-negative values.
 #[multiversion::multiversion(targets("x86_64+avx512f+avx512bw+avx512dq+avx512vl", "x86_64+avx2+fma"))]
-fn highest(values: &[f32]) -> f32 {
+fn maximum(values: &[f32]) -> f32 {
     const LANES: usize = 16;
-    let mut highest = [0.0_f32; LANES];
+    let mut maximum = [0.0_f32; LANES];
     let (chunks, rest) = values.as_chunks::<LANES>();
     for chunk in chunks {
         for lane in 0..LANES {
-            highest[lane] = if chunk[lane] > highest[lane] { chunk[lane] } else { highest[lane] };
+            maximum[lane] = if chunk[lane] > maximum[lane] { chunk[lane] } else { maximum[lane] };
         }
     }
-    highest.iter().chain(rest).fold(0.0, |a, &b| if b > a { b } else { a })
+    maximum.iter().chain(rest).fold(0.0, |a, &b| if b > a { b } else { a })
 }
 
-/// Adds the highest peaks of `sums`, at least three cells from one another, as (x, y, height).
+/// Appends the highest peaks of `sums`, at least three cells apart, as (x, y, height).
 fn pick_peaks(sums: &[f32], width: usize, height: usize, peaks: &mut Vec<(f32, f32, f32)>) {
     let first = peaks.len();
-    // Votes of a ball may be fewer than those of an occluder's edge, but not by far.
-    let floor = 0.3 * highest(sums);
+    // A ball may have fewer votes than the edge of an occluder, but not far fewer.
+    let floor = 0.3 * maximum(sums);
     for y in 1..height - 1 {
         let row = y * width;
         // Most rows have no peak.
-        if highest(&sums[row..row + width]) <= floor {
+        if maximum(&sums[row..row + width]) <= floor {
             continue;
         }
         for x in 1..width - 1 {
@@ -416,7 +415,7 @@ fn pick_peaks(sums: &[f32], width: usize, height: usize, peaks: &mut Vec<(f32, f
     }
 }
 
-/// Keeps `peaks[first..]` sorted, distinct and no longer than [`PEAKS`].
+/// Inserts a peak; keeps `peaks[first..]` sorted, distinct and no longer than [`PEAKS`].
 fn insert_peak(peaks: &mut Vec<(f32, f32, f32)>, first: usize, peak: (f32, f32, f32)) {
     let near = |p: &(f32, f32, f32)| (p.0 - peak.0).abs() < 3.0 && (p.1 - peak.1).abs() < 3.0;
     if let Some(i) = peaks[first..].iter().position(near) {

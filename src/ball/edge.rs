@@ -1,38 +1,38 @@
-//! Where the edge is in every bin of a rim: a blurred step fitted to raw pixels.
+//! The edge in every bin of an annulus: a blurred step fitted to raw pixels.
 
 use super::normal::normal;
-use super::rim::{BAND_PX, LANES, Lane, Rim};
+use super::rim::{Annulus, BAND_PX, LANES, Lane};
 
-/// Fewest pixels a bin is fitted with.
-const LEAST_PIXELS: u32 = 8;
-/// And fewest of them within the band that are not clipped.
-const LEAST_UNCLIPPED: f32 = 5.0;
+/// The minimum number of pixels per fitted bin.
+const MIN_PIXELS: u32 = 8;
+/// The minimum number of unclipped pixels of a bin within the annulus.
+const MIN_UNCLIPPED: f32 = 5.0;
 
-/// The blurred step of one bin.
+/// The blurred step fitted to one bin.
 ///
-/// Grey level = `outside + contrast * P`, P the share of the pixel's blurred
-/// neighbourhood inside the edge, `P = Phi((shift - distance) / blur)`. Where the inside gets brighter inwards by `slope` a
-/// px, its blurred part is `- slope * (distance * P - blur * phi)`, phi the density that belongs to Phi.
+/// The grey level is `outside + contrast * P`, where `P = Phi((shift - distance) / blur)` is the fraction of the
+/// pixel's blurred neighbourhood inside the edge. If the inside gets brighter inwards by `slope` per px, its blurred
+/// part is `- slope * (distance * P - blur * phi)`, where phi is the density of Phi.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub(super) struct Edge {
-    /// Edge relative to the outline it was gathered around, outwards, px.
+    /// The position of the edge relative to the gathered circle, outwards, px.
     pub shift: f32,
-    /// Grey level inside minus outside; 0 when the bin could not be fitted.
+    /// The grey level inside minus that outside; 0 if the bin could not be fitted.
     pub contrast: f32,
-    /// Grey level inside.
+    /// The grey level inside.
     pub inside: f32,
-    /// Root mean square of what the step leaves unexplained.
+    /// The root mean square of the residuals, grey levels.
     pub rms: f32,
-    /// Standard deviation of `shift` for noise of one grey level, px.
+    /// The standard deviation of `shift` for noise of one grey level, px.
     pub sigma_unit: f32,
-    /// Gradient and curvature of half the residual sum over the blur, grey^2 / px and grey^2 / px^2.
-    pub blur_pull: f32,
-    pub blur_weight: f32,
+    /// Gradient and curvature of half the residual sum with respect to the blur, grey^2 / px and grey^2 / px^2.
+    pub blur_gradient: f32,
+    pub blur_curvature: f32,
 }
 
 /// Sums over the pixels of a bin, for [`LANES`] bins at once.
 ///
-/// p: share inside, f: density of the edge, g: how blur changes it, v: grey level.
+/// p: fraction inside, f: density of the edge, g: derivative of p by the blur, v: grey level.
 #[derive(Clone, Copy, Default)]
 struct Sums {
     n: Lane,
@@ -52,21 +52,21 @@ struct Sums {
     gv: Lane,
 }
 
-/// How the edges are looked for.
+/// The parameters of the edge fit.
 #[derive(Clone, Copy)]
-pub(super) struct Search<'a> {
-    /// Blur of the picture, px.
+pub(super) struct EdgeSearch<'a> {
+    /// The blur of the image, px.
     pub blur: f32,
-    /// How much brighter the inside gets per px towards the centre, grey levels, per bin.
-    pub light: &'a [f32],
-    /// Gauss-Newton steps on the edge's place.
+    /// The rise of the brightness inside towards the centre, per bin, grey levels/px.
+    pub brightness_slope: &'a [f32],
+    /// The number of Gauss-Newton steps on the position of the edge.
     pub steps: usize,
-    /// Whether edges are near to where they are looked for: then they take one more step.
+    /// Whether the edges are close to their start, so that the final sums allow one more step.
     pub is_near: bool,
 }
 
-/// Fits every bin of `rim`, each from the shift in `edges` when there is one for every bin.
-pub(super) fn fit_edges(rim: &Rim, search: Search<'_>, edges: &mut Vec<Edge>) {
+/// Fits every bin of `rim`, starting from the shifts in `edges` if they belong to the same bins.
+pub(super) fn fit_edges(rim: &Annulus, search: EdgeSearch<'_>, edges: &mut Vec<Edge>) {
     if edges.len() != rim.bins() {
         edges.clear();
         edges.resize(rim.bins(), Edge::default());
@@ -75,14 +75,14 @@ pub(super) fn fit_edges(rim: &Rim, search: Search<'_>, edges: &mut Vec<Edge>) {
         let bins = block * LANES..((block + 1) * LANES).min(rim.bins());
         let (mut slope, mut shift) = ([0.0_f32; LANES], [0.0_f32; LANES]);
         for (lane, bin) in bins.clone().enumerate() {
-            (slope[lane], shift[lane]) = (search.light[bin], edges[bin].shift);
+            (slope[lane], shift[lane]) = (search.brightness_slope[bin], edges[bin].shift);
         }
         let (distance, grey, weight) = rim.block(block);
         let level = mean(grey);
         let model = Model { shift, blur: search.blur, slope, level, is_near: search.is_near };
         let fitted = fit_block(distance, grey, weight, model, search.steps);
         for (mut edge, bin) in fitted.into_iter().zip(bins) {
-            if rim.count(bin) < LEAST_PIXELS || !edge.shift.is_finite() || !edge.rms.is_finite() {
+            if rim.count(bin) < MIN_PIXELS || !edge.shift.is_finite() || !edge.rms.is_finite() {
                 edge = Edge::default();
             }
             edge.inside += level;
@@ -91,7 +91,7 @@ pub(super) fn fit_edges(rim: &Rim, search: Search<'_>, edges: &mut Vec<Edge>) {
     }
 }
 
-/// The steps of one block, from the shifts in `model`.
+/// Fits the steps of one block from the shifts in `model`.
 #[multiversion::multiversion(targets("x86_64+avx512f+avx512bw+avx512dq+avx512vl", "x86_64+avx2+fma"))]
 fn fit_block(distance: &[Lane], grey: &[Lane], weight: &[Lane], mut model: Model, steps: usize) -> [Edge; LANES] {
     for _ in 0..steps {
@@ -105,7 +105,7 @@ fn fit_block(distance: &[Lane], grey: &[Lane], weight: &[Lane], mut model: Model
     for (i, edge) in edges.iter_mut().enumerate() {
         let c = Centred::new(&s, i);
         *edge = c.edge(&s, i, model.shift[i], model.blur);
-        // One more step is for nothing; where the edges are nearly found it changes nothing else by much.
+        // The sums allow one more step for free. Close to the edge it hardly changes the other values.
         if model.is_near && edge.contrast.abs() > 0.0 {
             edge.shift = c.stepped(model.shift[i], model.blur);
         }
@@ -113,7 +113,7 @@ fn fit_block(distance: &[Lane], grey: &[Lane], weight: &[Lane], mut model: Model
     edges
 }
 
-/// What the pixels of a block are compared with.
+/// The model that the pixels of a block are compared with.
 #[derive(Clone, Copy)]
 struct Model {
     shift: Lane,
@@ -123,13 +123,13 @@ struct Model {
     is_near: bool,
 }
 
-/// A grey level near those of the block: the sums keep their digits when it is taken out.
+/// Returns a grey level near those of the block; subtracting it preserves the precision of the sums.
 fn mean(grey: &[Lane]) -> f32 {
     let filled = grey.first().map_or(0.0, |first| first.iter().sum());
     filled / LANES as f32
 }
 
-/// The sums that place the edge; with `ALL`, those too that tell its blur and what is left.
+/// Sums what the position of the edge depends on; with `ALL`, also what the blur and the residuals depend on.
 #[inline(always)]
 fn sums<const ALL: bool>(distance: &[Lane], grey: &[Lane], weight: &[Lane], model: Model) -> Sums {
     let mut s = Sums::default();
@@ -165,7 +165,7 @@ fn sums<const ALL: bool>(distance: &[Lane], grey: &[Lane], weight: &[Lane], mode
     s
 }
 
-/// The sums of one bin with the means taken out: what is left when `outside` is solved for.
+/// The sums of one bin without the means, i.e. with `outside` eliminated.
 struct Centred {
     n: f32,
     pp: f32,
@@ -193,43 +193,43 @@ impl Centred {
         self.pv / self.pp
     }
 
-    /// How the residual projects on a shift of the edge.
-    fn pull(&self) -> f32 {
+    /// Returns the projection of the residuals on a shift of the edge.
+    fn gradient(&self) -> f32 {
         self.fv - self.contrast() * self.fp
     }
 
-    fn stiffness(&self) -> f32 {
+    fn curvature(&self) -> f32 {
         self.ff - self.fp * self.fp / self.pp
     }
 
-    /// The edge after a Gauss-Newton step.
+    /// Returns the edge after a Gauss-Newton step.
     fn stepped(&self, shift: f32, blur: f32) -> f32 {
         let limit = BAND_PX as f32 - 0.5;
-        let step = (blur * self.pull() / (self.contrast() * self.stiffness())).clamp(-0.7, 0.7);
+        let step = (blur * self.gradient() / (self.contrast() * self.curvature())).clamp(-0.7, 0.7);
         // A bin without an edge has no step; NaN fails the comparison.
         if step.abs() <= 0.7 { (shift + step).clamp(-limit, limit) } else { shift }
     }
 
     fn edge(&self, s: &Sums, i: usize, shift: f32, blur: f32) -> Edge {
         let contrast = self.contrast();
-        if !(self.n >= LEAST_UNCLIPPED && self.pp > 1e-3 && self.stiffness() > 1e-4 && contrast.abs() > 0.0) {
+        if !(self.n >= MIN_UNCLIPPED && self.pp > 1e-3 && self.curvature() > 1e-4 && contrast.abs() > 0.0) {
             return Edge::default();
         }
         let (n, g, v) = (self.n, s.g[i] / self.n, s.v[i]);
         let (gp, gf, gv) = (s.gp[i] - g * s.p[i], s.gf[i] - g * s.f[i], s.gv[i] - g * v);
         let gg = s.gg[i] - g * s.g[i];
-        let across = (gf - gp * self.fp / self.pp) / self.stiffness();
-        let free = gg - gp * gp / self.pp - across * across * self.stiffness();
-        let pull = gv - contrast * gp - across * self.pull();
+        let across = (gf - gp * self.fp / self.pp) / self.curvature();
+        let free = gg - gp * gp / self.pp - across * across * self.curvature();
+        let gradient = gv - contrast * gp - across * self.gradient();
         let left = (s.vv[i] - v * v / n - contrast * self.pv).max(0.0);
         Edge {
             shift,
             contrast,
             inside: (v - contrast * s.p[i]) / n + contrast,
             rms: (left / (n - 3.0).max(1.0)).sqrt(),
-            sigma_unit: blur / (contrast.abs() * self.stiffness().sqrt()),
-            blur_pull: -contrast * pull / blur,
-            blur_weight: contrast * contrast * free.max(0.0) / (blur * blur),
+            sigma_unit: blur / (contrast.abs() * self.curvature().sqrt()),
+            blur_gradient: -contrast * gradient / blur,
+            blur_curvature: contrast * contrast * free.max(0.0) / (blur * blur),
         }
     }
 }

@@ -1,243 +1,247 @@
-//! Finds a ball's outline, from nothing or near where it should be.
+//! The ball finder: searches the outline of a ball from scratch or near a prediction.
 
 use super::Polarity;
-use super::coarse::{Coarse, Marks, Place};
-use super::marked::Marked;
+use super::coarse::{HoughPeak, HoughSearch, Marks};
+use super::marked::PaperHough;
 use super::params::{BallError, BallParams, OutlineMethod};
-use super::rays::{Guess, Look, Rays};
-use super::refine::{CERTAIN_AGREEING, FARTHEST_PX, Measured, Refine};
+use super::rays::{Candidate, Ransac, RansacParams};
+use super::refine::{CERTAIN_INLIERS, MAX_SHIFT_PX, Measured, SubpixelFit};
 use super::rim::{BAND_PX, INNER_BAND_PX};
 use crate::image::ImageView;
 use crate::results::Circle;
 
-/// Less of the rim than this is not worth measuring.
-const LEAST_SUPPORT: f32 = 0.22;
-/// Circles nearer to one another than this are the same one, px.
-const SAME_PX: f32 = 3.0;
-/// Places that are looked at closely.
+/// The minimum support of a circle that is measured.
+const MIN_SUPPORT: f32 = 0.22;
+/// The distance below which two circles count as one, px.
+const DISTINCT_PX: f32 = 3.0;
+/// The number of candidates that are examined closely.
 const FINALISTS: usize = 8;
-/// How much larger a circle is looked for around the best finalists as well: speckle near the rim can make a
-/// smaller one win.
-const GROWN_BY_PX: f32 = 5.0;
-/// With so many times the support of any other a guess is ahead.
-const AHEAD: f32 = 1.3;
-/// With so many it is far ahead ...
-const FAR_AHEAD: f32 = 1.8;
-/// ... and this share of its rim in agreement leaves no doubt.
-const LEAST_AGREEING_WHEN_AHEAD: f64 = 0.2;
-/// With this support a guess is right to a pixel or two.
-const NEAR_SUPPORT: f32 = 0.5;
-/// Finalists among which the ball mostly is.
-const LIKELY: usize = 2;
-/// Places whose rim is looked at with small marks painted out.
-const WHOLE_RIMS: usize = 8;
-/// A place is off by less than this, px.
+/// The increase of the radius in a second search around the best candidates, px.
+///
+/// Speckle near the rim can make a smaller circle win.
+const ENLARGED_BY_PX: f32 = 5.0;
+/// The ratio of supports from which the first candidate leads.
+const LEAD: f32 = 1.3;
+/// The ratio of supports from which the first candidate leads clearly.
+const CLEAR_LEAD: f32 = 1.8;
+/// The inlier fraction that makes a clear leader certain.
+const MIN_INLIERS_OF_LEADER: f64 = 0.2;
+/// The support from which a candidate is accurate to a pixel or two.
+const GOOD_SUPPORT: f32 = 0.5;
+/// The number of candidates that mostly include the ball.
+const LIKELY_CANDIDATES: usize = 2;
+/// The number of peaks whose rim is searched in the filtered image.
+const FILTERED_PEAKS: usize = 8;
+/// The maximum error of a Hough peak, px.
 const REACH_PX: f32 = 7.0;
-/// A prediction is off by less than this, px.
+/// The maximum error of a prediction in a search, px.
 const FOLLOW_REACH_PX: f32 = 5.0;
 
-/// An outline this near to where it was foretold needs no search, px.
-const FORETOLD_PX: f64 = 1.0;
+/// The maximum error of a prediction that needs no search, px.
+const PREDICTION_REACH_PX: f64 = 1.0;
 
-const CLOSE: Look = Look { reach_px: 4.0, tolerance_px: 0.6, draws: 120, rays: 120 };
+const CLOSE: RansacParams = RansacParams { reach_px: 4.0, tolerance_px: 0.6, draws: 120, rays: 120 };
 
-/// How many places of the coarse search are looked at, and how well.
+/// The number of Hough peaks that are examined, and how closely.
 #[derive(Debug, Clone, Copy)]
 struct Effort {
-    /// Places for one range of radii, and for several.
-    places: (usize, usize),
+    /// The number of peaks for one range of radii, and for several.
+    peaks: (usize, usize),
     tolerance_px: f32,
     draws: usize,
     rays: usize,
-    /// Finalists around which a larger circle is looked for.
-    grown: usize,
-    /// Whether circles are also looked for with small marks painted out.
-    whole_rims: bool,
+    /// The number of candidates around which a larger circle is searched.
+    enlarged: usize,
+    /// Whether circles are also searched in the image without small marks.
+    filtered_rims: bool,
 }
 
-/// The ball is among the first 5 places in 96 of 100 hard scenes, among the first 20 when the radius is unknown.
-const QUICK: Effort = Effort { places: (8, 18), tolerance_px: 1.0, draws: 30, rays: 60, grown: 3, whole_rims: false };
-/// Before that: mostly the ball is among these.
-const FIRST: Effort = Effort { places: (3, 6), ..QUICK };
-/// When the quick look found nothing.
+/// The ball is among the first 5 peaks in 96 of 100 hard scenes, among the first 20 if the radius is unknown.
+const QUICK: Effort =
+    Effort { peaks: (8, 18), tolerance_px: 1.0, draws: 30, rays: 60, enlarged: 3, filtered_rims: false };
+/// The first pass: these peaks mostly include the ball.
+const FIRST: Effort = Effort { peaks: (3, 6), ..QUICK };
+/// The last pass, if the quick one fails.
 const THOROUGH: Effort =
-    Effort { places: (24, 48), tolerance_px: 0.7, draws: 60, rays: 120, grown: 8, whole_rims: true };
+    Effort { peaks: (24, 48), tolerance_px: 0.7, draws: 60, rays: 120, enlarged: 8, filtered_rims: true };
 
 /// Finds one ball per image: its outline to a few hundredths of a pixel.
 ///
-/// A pure function of the image: nothing is remembered but scratch.
+/// The result is a pure function of the image; only scratch memory is kept. The steps are:
+/// 1. Gradients vote for centres on a reduced image (a Hough transform with direction and polarity). If needed, small
+///    marks are removed first.
+/// 2. RANSAC ranks circles by their rim of one sign.
+/// 3. A blurred step is fitted to the raw pixels of every bin of the rim, and a robust circle to these steps.
 ///
-/// Gradients vote for centres on a reduced picture, with and without small
-/// dark marks (a Hough transform with direction and polarity); circles are
-/// ranked by how much rim of one sign they have; the best one is refined by
-/// fitting a blurred step to the raw pixels of every few pixels of rim and a
-/// robust circle to those steps. A ball with too little rim is refused.
+/// A ball with too little visible rim is refused.
 #[derive(Debug)]
 pub struct BallFinder {
     params: BallParams,
     shape: (usize, usize),
-    coarse: Coarse,
-    places: Vec<Place>,
-    guesses: Vec<Guess>,
-    rays: Rays,
-    refine: Refine,
-    marked: Marked,
+    hough: HoughSearch,
+    peaks: Vec<HoughPeak>,
+    candidates: Vec<Candidate>,
+    ransac: Ransac,
+    fit: SubpixelFit,
+    paper_hough: PaperHough,
 }
 
 impl BallFinder {
-    /// How far outside of the circle that a ball is followed from [`follow`](Self::follow) looks, px.
+    /// The distance outside the predicted circle that [`follow`](Self::follow) reads, px.
     ///
-    /// The search and the refinement each move the centre and the radius by so much at most, and look a band farther.
-    pub const FOLLOW_RANGE_PX: f64 = 2.0 * (FOLLOW_REACH_PX as f64 + FARTHEST_PX) + 2.0 * BAND_PX + 4.0;
+    /// The search and the subpixel fit each move the centre and the radius by at most their reach. They read pixels
+    /// up to the width of the annulus beyond.
+    pub const FOLLOW_RANGE_PX: f64 = 2.0 * (FOLLOW_REACH_PX as f64 + MAX_SHIFT_PX) + 2.0 * BAND_PX + 4.0;
 
-    /// How far outside of the circle that a ball is foretold at [`follow_closely`](Self::follow_closely) looks, px.
-    pub const CLOSE_RANGE_PX: f64 = 2.0 * FORETOLD_PX + BAND_PX + 2.0;
+    /// The distance outside the predicted circle that [`follow_closely`](Self::follow_closely) reads, px.
+    pub const CLOSE_RANGE_PX: f64 = 2.0 * PREDICTION_REACH_PX + BAND_PX + 2.0;
 
     /// Plans a finder for images of `width_px` x `height_px` pixels.
     ///
     /// # Errors
     ///
-    /// [`BallError::Range`] when a parameter is out of its range; it names the
-    /// parameter, the value and the range.
+    /// Returns [`BallError::Range`] with the name, the value and the range of a parameter out of its range.
     pub fn new(params: &BallParams, width_px: usize, height_px: usize) -> Result<Self, BallError> {
         params.check(width_px, height_px)?;
         Ok(Self {
             params: params.clone(),
             shape: (width_px, height_px),
-            coarse: Coarse::new(params, width_px, height_px),
-            places: Vec::new(),
-            guesses: Vec::new(),
-            rays: Rays::default(),
-            refine: Refine::default(),
-            marked: Marked::default(),
+            hough: HoughSearch::new(params, width_px, height_px),
+            peaks: Vec::new(),
+            candidates: Vec::new(),
+            ransac: Ransac::default(),
+            fit: SubpixelFit::default(),
+            paper_hough: PaperHough::default(),
         })
     }
 
     /// Finds the ball anywhere in the searched region.
     ///
-    /// `None` when there is no ball, or none that can be measured.
+    /// Returns `None` if there is no ball, or none that can be measured.
     ///
     /// # Panics
     ///
-    /// If `image` has another shape than the finder was planned for.
+    /// If the size of `image` differs from the planned size.
     pub fn find(&mut self, image: ImageView<'_>) -> Option<Circle> {
         self.check_shape(image);
         if image.width() < 8 || image.height() < 8 {
             return None;
         }
-        let circle = self.edges_anywhere(image)?;
-        self.told(image, circle)
+        let circle = self.search_everywhere(image)?;
+        self.apply_method(image, circle)
     }
 
-    /// The outline by its edges, wherever it is.
-    fn edges_anywhere(&mut self, image: ImageView<'_>) -> Option<Circle> {
-        self.coarse.reduce(image);
-        self.places.clear();
-        self.coarse.plain(&mut self.places);
-        // Mostly marks need not be painted out, and one of the first places is the ball.
-        if let Some(circle) = self.at_first_sight(image) {
+    /// Searches the outline everywhere by its edges.
+    fn search_everywhere(&mut self, image: ImageView<'_>) -> Option<Circle> {
+        self.hough.reduce(image);
+        self.peaks.clear();
+        self.hough.search(&mut self.peaks);
+        // Mostly marks need not be removed, and one of the first peaks is the ball.
+        if let Some(circle) = self.leading_candidate(image) {
             return Some(circle);
         }
         self.rank(image, QUICK);
-        let least = if self.is_ahead(FAR_AHEAD) { LEAST_AGREEING_WHEN_AHEAD } else { CERTAIN_AGREEING };
-        self.guesses.truncate(LIKELY);
-        if let Some(circle) = self.beyond_doubt(image, least) {
+        let min_inliers = if self.is_ahead(CLEAR_LEAD) { MIN_INLIERS_OF_LEADER } else { CERTAIN_INLIERS };
+        self.candidates.truncate(LIKELY_CANDIDATES);
+        if let Some(circle) = self.first_certain(image, min_inliers) {
             return Some(circle);
         }
-        self.coarse.without_marks(Marks::Dark, &mut self.places);
-        if let Some(circle) = self.best_of_places(image, QUICK) {
+        self.hough.search_without_marks(Marks::Dark, &mut self.peaks);
+        if let Some(circle) = self.best_of_peaks(image, QUICK) {
             return Some(circle);
         }
-        if let Some(circle) = self.best_of_places(image, THOROUGH) {
+        if let Some(circle) = self.best_of_peaks(image, THOROUGH) {
             return Some(circle);
         }
-        self.places.clear();
-        self.coarse.without_marks(Marks::Bright, &mut self.places);
-        self.best_of_places(image, QUICK)
+        self.peaks.clear();
+        self.hough.search_without_marks(Marks::Bright, &mut self.peaks);
+        self.best_of_peaks(image, QUICK)
     }
 
-    /// Finds the ball near `near`: a prediction within a few pixels, its radius known.
+    /// Finds the ball near `near`: a prediction within a few pixels, with the known radius.
     ///
-    /// Much faster than [`find`](Self::find). `None` when it is not there; then look for it from nothing.
+    /// Much faster than [`find`](Self::find). Returns `None` if it is not there; then search from scratch.
     ///
     /// # Panics
     ///
-    /// If `image` has another shape than the finder was planned for.
+    /// If the size of `image` differs from the planned size.
     pub fn follow(&mut self, image: ImageView<'_>, near: &Circle) -> Option<Circle> {
         self.follow_closely(image, near, false).or_else(|| self.search_near(image, near))
     }
 
-    /// As [`follow`](Self::follow), only where the ball must be to within a pixel, and only if its edges leave no doubt:
-    /// with `is_there`, that of what they hold a circle of, else that there is no better one beside.
+    /// Finds the ball only within a pixel of `near`, and only if the result is certain.
+    ///
+    /// If `is_there`, any circle that its edges determine is certain. Otherwise enough of the rim must agree to
+    /// exclude a better circle elsewhere.
     ///
     /// # Panics
     ///
-    /// If `image` has another shape than the finder was planned for.
+    /// If the size of `image` differs from the planned size.
     pub fn follow_closely(&mut self, image: ImageView<'_>, near: &Circle, is_there: bool) -> Option<Circle> {
-        let near = self.sane(image, near)?;
-        let circle = self.edges_at(image, near, if is_there { 0.0 } else { CERTAIN_AGREEING })?;
-        self.told(image, circle)
+        let near = self.valid_prediction(image, near)?;
+        let circle = self.fit_at(image, near, if is_there { 0.0 } else { CERTAIN_INLIERS })?;
+        self.apply_method(image, circle)
     }
 
-    /// What [`follow`](Self::follow) does where [`follow_closely`](Self::follow_closely) finds nothing.
+    /// Searches the ball near `near` after [`follow_closely`](Self::follow_closely) failed.
     ///
     /// # Panics
     ///
-    /// If `image` has another shape than the finder was planned for.
+    /// If the size of `image` differs from the planned size.
     pub fn search_near(&mut self, image: ImageView<'_>, near: &Circle) -> Option<Circle> {
-        let near = self.sane(image, near)?;
-        let circle = self.edges_near(image, near)?;
-        self.told(image, circle)
+        let near = self.valid_prediction(image, near)?;
+        let circle = self.search_around(image, near)?;
+        self.apply_method(image, circle)
     }
 
-    /// Where a ball is followed from, if anything can be looked for there.
-    fn sane(&self, image: ImageView<'_>, near: &Circle) -> Option<(f32, f32, f32)> {
+    /// Returns the predicted circle if it can be searched.
+    fn valid_prediction(&self, image: ImageView<'_>, near: &Circle) -> Option<(f32, f32, f32)> {
         self.check_shape(image);
         let near = (near.x_px as f32, near.y_px as f32, near.radius_px as f32);
-        let sane = near.0.is_finite() && near.1.is_finite() && near.2.is_finite();
-        (image.width() >= 8 && image.height() >= 8 && sane && near.2 >= 3.0).then_some(near)
+        let is_finite = near.0.is_finite() && near.1.is_finite() && near.2.is_finite();
+        (image.width() >= 8 && image.height() >= 8 && is_finite && near.2 >= 3.0).then_some(near)
     }
 
-    /// The outline by its edges, near a prediction.
-    fn edges_near(&mut self, image: ImageView<'_>, near: (f32, f32, f32)) -> Option<Circle> {
-        let look = Look { reach_px: FOLLOW_REACH_PX, tolerance_px: 0.7, draws: 60, rays: 120 };
-        let guess = self.rays.look(image, near, look)?;
-        if let Some(measured) = self.measure(image, &guess) {
+    /// Searches the outline near a prediction by its edges.
+    fn search_around(&mut self, image: ImageView<'_>, near: (f32, f32, f32)) -> Option<Circle> {
+        let params = RansacParams { reach_px: FOLLOW_REACH_PX, tolerance_px: 0.7, draws: 60, rays: 120 };
+        let candidate = self.ransac.search(image, near, params)?;
+        if let Some(measured) = self.measure(image, &candidate) {
             return Some(measured.circle);
         }
-        // Where speckle outnumbers the rim the prediction itself may be the better guess.
+        // If speckle outnumbers the rim, the prediction itself may be the better candidate.
         [Polarity::Brighter, Polarity::Darker].into_iter().find_map(|polarity| {
-            let guess = Guess { x: near.0, y: near.1, radius: near.2, support: 1.0, polarity };
-            self.measure(image, &guess).map(|m| m.circle)
+            let candidate = Candidate { x: near.0, y: near.1, radius: near.2, support: 1.0, polarity };
+            self.measure(image, &candidate).map(|m| m.circle)
         })
     }
 
-    /// The outline right where it was foretold, if more than this share of its rim agrees.
-    fn edges_at(&mut self, image: ImageView<'_>, (x, y, radius): (f32, f32, f32), least: f64) -> Option<Circle> {
+    /// Fits the outline at its prediction; accepts it above an inlier fraction of `min_inliers`.
+    fn fit_at(&mut self, image: ImageView<'_>, (x, y, radius): (f32, f32, f32), min_inliers: f64) -> Option<Circle> {
         let polarity = polarity(image, (x, y, radius))?;
-        let guess = Guess { x, y, radius, support: 1.0, polarity };
-        let measured = self.refine.circle_at(image, &guess, FORETOLD_PX)?;
-        self.certain(measured, least)
+        let candidate = Candidate { x, y, radius, support: 1.0, polarity };
+        let measured = self.fit.circle_at(image, &candidate, PREDICTION_REACH_PX)?;
+        self.accept(measured, min_inliers)
     }
 
-    /// The outline about where a guess is, if its edges leave no doubt.
-    fn certain_about(&mut self, image: ImageView<'_>, guess: &Guess, least: f64) -> Option<Circle> {
-        if guess.support < LEAST_SUPPORT {
+    /// Fits the outline at a candidate; accepts it above an inlier fraction of `min_inliers`.
+    fn fit_about(&mut self, image: ImageView<'_>, candidate: &Candidate, min_inliers: f64) -> Option<Circle> {
+        if candidate.support < MIN_SUPPORT {
             return None;
         }
-        let measured = self.refine.circle_about(image, guess, FORETOLD_PX)?;
-        self.certain(measured, least)
+        let measured = self.fit.circle_about(image, candidate, PREDICTION_REACH_PX)?;
+        self.accept(measured, min_inliers)
     }
 
-    fn certain(&self, measured: Measured, least: f64) -> Option<Circle> {
-        (measured.agreeing > least && self.is_sized(&measured.circle)).then_some(measured.circle)
+    fn accept(&self, measured: Measured, min_inliers: f64) -> Option<Circle> {
+        (measured.inlier_fraction > min_inliers && self.is_sized(&measured.circle)).then_some(measured.circle)
     }
 
-    /// What is told of an outline found by its edges.
-    fn told(&mut self, image: ImageView<'_>, circle: Circle) -> Option<Circle> {
+    /// Applies the outline method to a circle found by its edges.
+    fn apply_method(&mut self, image: ImageView<'_>, circle: Circle) -> Option<Circle> {
         match self.params.outline {
             OutlineMethod::Edges => Some(circle),
-            OutlineMethod::Marked => self.marked.circle(image, &circle),
+            OutlineMethod::Marked => self.paper_hough.circle(image, &circle),
         }
     }
 
@@ -245,46 +249,47 @@ impl BallFinder {
         assert_eq!((image.width(), image.height()), self.shape, "the finder was planned for another image shape");
     }
 
-    /// Ranks the places by their rim.
+    /// Ranks the peaks by their rim.
     fn rank(&mut self, image: ImageView<'_>, effort: Effort) {
-        self.guesses.clear();
-        self.places.sort_by(|a, b| b.score.total_cmp(&a.score));
-        let places = if self.coarse.bands() > 1 { effort.places.1 } else { effort.places.0 };
-        for place in self.places.iter().take(places) {
-            let reach_px = (place.spread + 3.0).max(REACH_PX);
-            let look = Look { reach_px, tolerance_px: effort.tolerance_px, draws: effort.draws, rays: effort.rays };
-            self.guesses.extend(self.rays.look(image, (place.x, place.y, place.radius), look));
+        self.candidates.clear();
+        self.peaks.sort_by(|a, b| b.score.total_cmp(&a.score));
+        let peaks = if self.hough.bands() > 1 { effort.peaks.1 } else { effort.peaks.0 };
+        for peak in self.peaks.iter().take(peaks) {
+            let reach_px = (peak.spread + 3.0).max(REACH_PX);
+            let params =
+                RansacParams { reach_px, tolerance_px: effort.tolerance_px, draws: effort.draws, rays: effort.rays };
+            self.candidates.extend(self.ransac.search(image, (peak.x, peak.y, peak.radius), params));
         }
         self.keep_finalists();
     }
 
-    /// Whether the first guess has so many times the support of any other.
+    /// Whether the first candidate has `times` the support of any other.
     fn is_ahead(&self, times: f32) -> bool {
-        let support = |guess: usize| self.guesses.get(guess).map_or(0.0, |guess| guess.support);
-        support(0) > times * support(1).max(LEAST_SUPPORT)
+        let support = |index: usize| self.candidates.get(index).map_or(0.0, |candidate| candidate.support);
+        support(0) > times * support(1).max(MIN_SUPPORT)
     }
 
-    /// The ball, if it is ahead among the first places and its edges leave no doubt.
-    fn at_first_sight(&mut self, image: ImageView<'_>) -> Option<Circle> {
+    /// Returns the ball if it leads among the first peaks and its edges make it certain.
+    fn leading_candidate(&mut self, image: ImageView<'_>) -> Option<Circle> {
         self.rank(image, FIRST);
-        // Places that were not looked at may hold another guess, unless their scores are far behind, too.
-        let looked = if self.coarse.bands() > 1 { FIRST.places.1 } else { FIRST.places.0 };
-        let score = |place: usize| self.places.get(place).map_or(0.0, |place| place.score);
-        let is_alone = self.is_ahead(FAR_AHEAD) && score(0) > FAR_AHEAD * score(looked);
-        let guess = self.guesses.first().copied().filter(|_| self.is_ahead(AHEAD))?;
-        let guess = self.closer(image, guess);
-        self.certain_about(image, &guess, if is_alone { LEAST_AGREEING_WHEN_AHEAD } else { CERTAIN_AGREEING })
+        // Other peaks may hold another candidate, unless their scores are far lower, too.
+        let examined = if self.hough.bands() > 1 { FIRST.peaks.1 } else { FIRST.peaks.0 };
+        let score = |index: usize| self.peaks.get(index).map_or(0.0, |peak| peak.score);
+        let is_alone = self.is_ahead(CLEAR_LEAD) && score(0) > CLEAR_LEAD * score(examined);
+        let candidate = self.candidates.first().copied().filter(|_| self.is_ahead(LEAD))?;
+        let candidate = self.examine(image, candidate);
+        self.fit_about(image, &candidate, if is_alone { MIN_INLIERS_OF_LEADER } else { CERTAIN_INLIERS })
     }
 
-    /// Looks closer at the guesses; mostly one of the first is the ball, and then nothing else needs a look.
+    /// Examines the candidates closely and returns the first certain one, which mostly is among the first.
     ///
-    /// `least` is the share of the rim that must agree with it.
-    fn beyond_doubt(&mut self, image: ImageView<'_>, least: f64) -> Option<Circle> {
-        for i in 0..self.guesses.len() {
-            self.guesses[i] = self.closer(image, self.guesses[i]);
-            if i < LIKELY
-                && let Some(measured) = self.measure(image, &self.guesses[i].clone())
-                && measured.agreeing > least
+    /// `min_inliers` is the required inlier fraction.
+    fn first_certain(&mut self, image: ImageView<'_>, min_inliers: f64) -> Option<Circle> {
+        for i in 0..self.candidates.len() {
+            self.candidates[i] = self.examine(image, self.candidates[i]);
+            if i < LIKELY_CANDIDATES
+                && let Some(measured) = self.measure(image, &self.candidates[i].clone())
+                && measured.inlier_fraction > min_inliers
             {
                 return Some(measured.circle);
             }
@@ -292,97 +297,98 @@ impl BallFinder {
         None
     }
 
-    /// Ranks the places by their rim and measures the best.
-    fn best_of_places(&mut self, image: ImageView<'_>, effort: Effort) -> Option<Circle> {
+    /// Ranks the peaks by their rim and measures the best.
+    fn best_of_peaks(&mut self, image: ImageView<'_>, effort: Effort) -> Option<Circle> {
         self.rank(image, effort);
-        if let Some(circle) = self.beyond_doubt(image, CERTAIN_AGREEING) {
+        if let Some(circle) = self.first_certain(image, CERTAIN_INLIERS) {
             return Some(circle);
         }
-        if effort.whole_rims {
-            self.guess_from_whole_rims(image);
+        if effort.filtered_rims {
+            self.search_filtered_rims(image);
         }
         self.keep_finalists();
-        for i in 0..self.guesses.len().min(effort.grown) {
-            let guess = self.guesses[i];
-            let grown = Guess { radius: guess.radius + GROWN_BY_PX, ..guess };
-            let look = Look { reach_px: GROWN_BY_PX, tolerance_px: 0.7, draws: 60, rays: 120 };
-            let Some(grown) = self.rays.look_again(image, &grown, look) else { continue };
-            self.guesses.extend(self.rays.look_again(image, &grown, CLOSE));
+        for i in 0..self.candidates.len().min(effort.enlarged) {
+            let candidate = self.candidates[i];
+            let enlarged = Candidate { radius: candidate.radius + ENLARGED_BY_PX, ..candidate };
+            let params = RansacParams { reach_px: ENLARGED_BY_PX, tolerance_px: 0.7, draws: 60, rays: 120 };
+            let Some(enlarged) = self.ransac.search_again(image, &enlarged, params) else { continue };
+            self.candidates.extend(self.ransac.search_again(image, &enlarged, CLOSE));
         }
         self.keep_finalists();
         let mut best: Option<Measured> = None;
-        for i in 0..self.guesses.len() {
-            let guess = self.guesses[i];
-            let Some(measured) = self.measure(image, &guess) else { continue };
-            if best.is_none_or(|b| measured.agreeing > b.agreeing) {
+        for i in 0..self.candidates.len() {
+            let candidate = self.candidates[i];
+            let Some(measured) = self.measure(image, &candidate) else { continue };
+            if best.is_none_or(|b| measured.inlier_fraction > b.inlier_fraction) {
                 best = Some(measured);
             }
-            if measured.agreeing > CERTAIN_AGREEING {
+            if measured.inlier_fraction > CERTAIN_INLIERS {
                 break;
             }
         }
         best.map(|b| b.circle)
     }
 
-    /// The guess once more with all rays; without support when there is nothing.
-    fn closer(&mut self, image: ImageView<'_>, guess: Guess) -> Guess {
-        let wide = Look { reach_px: REACH_PX, tolerance_px: 0.7, ..CLOSE };
-        let is_near = guess.support > NEAR_SUPPORT;
-        let better = if is_near { guess } else { self.rays.look_again(image, &guess, wide).unwrap_or(guess) };
-        self.rays.look_again(image, &better, CLOSE).unwrap_or(Guess { support: 0.0, ..guess })
+    /// Searches a candidate again with all rays; its support is zero if there is nothing.
+    fn examine(&mut self, image: ImageView<'_>, candidate: Candidate) -> Candidate {
+        let wide = RansacParams { reach_px: REACH_PX, tolerance_px: 0.7, ..CLOSE };
+        let is_near = candidate.support > GOOD_SUPPORT;
+        let candidate =
+            if is_near { candidate } else { self.ransac.search_again(image, &candidate, wide).unwrap_or(candidate) };
+        self.ransac.search_again(image, &candidate, CLOSE).unwrap_or(Candidate { support: 0.0, ..candidate })
     }
 
-    /// Adds circles through rims made whole by painting out small marks.
+    /// Adds candidates from the rims of the image without small marks.
     ///
-    /// Where more than half of a rim is speckle, steps inside the ball outnumber those of the rim.
-    fn guess_from_whole_rims(&mut self, image: ImageView<'_>) {
-        for place in self.places.iter().take(WHOLE_RIMS) {
-            let (grey, scale) = self.coarse.without_marks_around(place);
+    /// If more than half of a rim is speckle, steps inside the ball outnumber those of the rim.
+    fn search_filtered_rims(&mut self, image: ImageView<'_>) {
+        for peak in self.peaks.iter().take(FILTERED_PEAKS) {
+            let (grey, scale) = self.hough.filtered_image(peak);
             let Ok(view) = ImageView::new(&grey.data, grey.width, grey.height) else { continue };
-            let (x, y) = self.coarse.reduced(place.band, place.x, place.y);
-            let reach_px = (place.spread / scale + 2.0).max(3.0);
-            let look = Look { reach_px, tolerance_px: 0.5, draws: 120, rays: 120 };
-            let Some(whole) = self.rays.look(view, (x, y, place.radius / scale), look) else { continue };
-            let (x, y) = self.coarse.full(place.band, whole.x, whole.y);
-            let whole = Guess { x, y, radius: whole.radius * scale, ..whole };
-            let near = Look { reach_px: 2.5, tolerance_px: 0.6, draws: 120, rays: 120 };
-            self.guesses.extend(self.rays.look_again(image, &whole, near));
+            let (x, y) = self.hough.to_reduced(peak.band, peak.x, peak.y);
+            let reach_px = (peak.spread / scale + 2.0).max(3.0);
+            let params = RansacParams { reach_px, tolerance_px: 0.5, draws: 120, rays: 120 };
+            let Some(reduced) = self.ransac.search(view, (x, y, peak.radius / scale), params) else { continue };
+            let (x, y) = self.hough.to_full(peak.band, reduced.x, reduced.y);
+            let full = Candidate { x, y, radius: reduced.radius * scale, ..reduced };
+            let near = RansacParams { reach_px: 2.5, tolerance_px: 0.6, draws: 120, rays: 120 };
+            self.candidates.extend(self.ransac.search_again(image, &full, near));
         }
     }
 
-    /// Keeps the best distinct guesses, best first.
+    /// Keeps the best distinct candidates, best first.
     fn keep_finalists(&mut self) {
-        self.guesses.sort_by(|a, b| b.support.total_cmp(&a.support));
+        self.candidates.sort_by(|a, b| b.support.total_cmp(&a.support));
         let mut kept: usize = 0;
-        for i in 0..self.guesses.len() {
-            let guess = self.guesses[i];
-            let same = |g: &Guess| {
-                let apart = [g.x - guess.x, g.y - guess.y, g.radius - guess.radius];
-                g.polarity == guess.polarity && apart.iter().all(|d| d.abs() < SAME_PX)
+        for i in 0..self.candidates.len() {
+            let candidate = self.candidates[i];
+            let same = |g: &Candidate| {
+                let apart = [g.x - candidate.x, g.y - candidate.y, g.radius - candidate.radius];
+                g.polarity == candidate.polarity && apart.iter().all(|d| d.abs() < DISTINCT_PX)
             };
-            if kept < FINALISTS && !self.guesses[..kept].iter().any(same) {
-                self.guesses[kept] = guess;
+            if kept < FINALISTS && !self.candidates[..kept].iter().any(same) {
+                self.candidates[kept] = candidate;
                 kept += 1;
             }
         }
-        self.guesses.truncate(kept);
+        self.candidates.truncate(kept);
     }
 
-    fn measure(&mut self, image: ImageView<'_>, guess: &Guess) -> Option<Measured> {
-        if guess.support < LEAST_SUPPORT {
+    fn measure(&mut self, image: ImageView<'_>, candidate: &Candidate) -> Option<Measured> {
+        if candidate.support < MIN_SUPPORT {
             return None;
         }
-        self.refine.circle(image, guess).filter(|measured| self.is_sized(&measured.circle))
+        self.fit.circle(image, candidate).filter(|measured| self.is_sized(&measured.circle))
     }
 
-    /// Whether a circle is as large as the ball may be.
+    /// Whether the radius of a circle lies in the searched range.
     fn is_sized(&self, circle: &Circle) -> bool {
         let range = self.params.min_radius_px - 1.0..=self.params.max_radius_px + 1.0;
         range.contains(&circle.radius_px)
     }
 }
 
-/// Whether the inside of a circle's rim is brighter than the outside; `None` when hardly any of the rim is in sight.
+/// Returns the polarity of a circle's rim; `None` if hardly any of the rim lies in the image.
 fn polarity(image: ImageView<'_>, (x, y, radius): (f32, f32, f32)) -> Option<Polarity> {
     const DIRECTIONS: usize = 48;
     let (mut difference, mut count) = (0.0, 0);

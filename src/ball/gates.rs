@@ -1,45 +1,45 @@
-//! Which bins of a rim show the rim, and not speckle or an occluder.
+//! Selection of the bins that show the rim, and not speckle or an occluder.
 
 use super::Polarity;
 use super::edge::Edge;
 use super::rank::{MOST, nth_highest, nth_smallest};
 
-/// Least contrast of an edge, in units of the picture's noise.
-const LEAST_CONTRAST: f32 = 8.0;
-/// An edge farther from the outline than this belongs to something else, px.
-pub(super) const FARTHEST_PX: f32 = 2.5;
-/// Bins among which contrasts are compared.
+/// The minimum contrast of an edge, in units of the image noise.
+const MIN_CONTRAST: f32 = 8.0;
+/// The maximum distance of an edge from the circle, px; an edge farther off belongs to something else.
+pub(super) const MAX_DISTANCE_PX: f32 = 2.5;
+/// The number of bins among which contrasts are compared.
 const NEIGHBOURS: usize = 41;
-/// Bins from one place where they are compared to the next.
+/// The number of bins from one comparison to the next.
 const STRIDE: usize = 4;
-/// Rank of the contrast that stands for clean rim among them.
+/// The rank of the contrast that represents clean rim among them.
 const CLEAN_RANK: f32 = 0.85;
-/// Share of the clean contrast that an edge of a brighter ball must reach.
-const CLEAN_SHARE: f32 = 0.8;
+/// The fraction of the clean contrast that an edge of a brighter ball must reach.
+const CLEAN_FRACTION: f32 = 0.8;
 
-/// Scratch of the choice.
+/// The edge selection with its scratch memory.
 #[derive(Debug, Default)]
-pub(super) struct Gates {
-    /// Whether the bin shows the rim.
+pub(super) struct EdgeSelection {
+    /// Whether each bin shows the rim.
     pub used: Vec<bool>,
     contrast: Vec<f32>,
     sorted: Vec<f32>,
-    /// The contrasts once more, from before the first bin to after the last.
+    /// The contrasts, repeated before the first bin and after the last.
     around: Vec<f32>,
     clean: Vec<f32>,
-    /// Bins in which something lies as the rim does.
-    pub alike: usize,
-    /// Bins in which something lies as a rim of the other sign does.
-    pub against: usize,
-    /// Whether bins were left out for their contrast.
-    pub picks: bool,
+    /// The number of bins with an edge of the rim's sign.
+    pub same_sign: usize,
+    /// The number of bins with an edge of the opposite sign.
+    pub opposite_sign: usize,
+    /// Whether bins are excluded by their contrast.
+    pub excludes_speckle: bool,
 }
 
-impl Gates {
-    /// Marks the bins to use; returns the picture's noise, grey levels.
+impl EdgeSelection {
+    /// Selects the bins to use; returns the noise of the image, grey levels.
     ///
-    /// With `again`, what stands for clean rim is what it was when the same bins were looked at last.
-    pub fn choose(&mut self, edges: &[Edge], polarity: Polarity, (again, is_lined): (bool, bool)) -> f32 {
+    /// With `again`, the contrast of clean rim is reused from the last call, for the same bins.
+    pub fn select(&mut self, edges: &[Edge], polarity: Polarity, (again, is_speckled): (bool, bool)) -> f32 {
         let noise = self.noise(edges);
         let sign = match polarity {
             Polarity::Brighter => 1.0,
@@ -49,24 +49,24 @@ impl Gates {
         self.contrast.extend(edges.iter().map(|e| sign * e.contrast));
         self.used.clear();
         let contrast = &self.contrast;
-        let least = LEAST_CONTRAST * noise;
-        let near = || edges.iter().zip(contrast).map(|(e, &c)| (c, e.shift.abs() < FARTHEST_PX));
-        self.used.extend(near().map(|(c, is_near)| c > least && is_near));
-        self.against = near().map(|(c, is_near)| usize::from(c < -least && is_near)).sum();
-        // On a darker ball speckle and paint are both darker than the ground and both good edges;
-        // on a brighter one the dark speckle has the wrong contrast or little of it.
-        self.alike = self.used.iter().filter(|used| **used).count();
-        self.picks = polarity == Polarity::Brighter && !is_lined;
-        if self.picks {
+        let min_contrast = MIN_CONTRAST * noise;
+        let near = || edges.iter().zip(contrast).map(|(e, &c)| (c, e.shift.abs() < MAX_DISTANCE_PX));
+        self.used.extend(near().map(|(c, is_near)| c > min_contrast && is_near));
+        self.opposite_sign = near().map(|(c, is_near)| usize::from(c < -min_contrast && is_near)).sum();
+        // On a darker ball, speckle and paint are both darker than the background and both good edges.
+        // On a brighter one, the dark speckle has the wrong contrast or little of it.
+        self.same_sign = self.used.iter().filter(|used| **used).count();
+        self.excludes_speckle = polarity == Polarity::Brighter && !is_speckled;
+        if self.excludes_speckle {
             if !again || self.clean.len() != self.used.len().div_ceil(STRIDE) {
-                self.look_for_clean_rim();
+                self.estimate_clean_contrast();
             }
             self.drop_speckle();
         }
         noise
     }
 
-    /// The lower quartile of what the steps leave unexplained: bins without texture see noise alone.
+    /// Returns the lower quartile of the residuals of the steps: bins without texture show only noise.
     fn noise(&mut self, edges: &[Edge]) -> f32 {
         self.sorted.clear();
         self.sorted.extend(edges.iter().filter(|e| e.contrast.abs() > 0.0).map(|e| e.rms));
@@ -78,11 +78,11 @@ impl Gates {
         nth_smallest(&mut self.sorted, rank).max(0.3)
     }
 
-    /// The contrast of clean rim all around.
-    fn look_for_clean_rim(&mut self) {
+    /// Estimates the contrast of clean rim all around.
+    fn estimate_clean_contrast(&mut self) {
         let bins = self.used.len();
         let reach = NEIGHBOURS.min(bins) / 2;
-        // What is not used is lower than all that is.
+        // Unused bins rank below all others.
         self.around.clear();
         self.around.extend(
             (0..bins + 2 * reach)
@@ -102,7 +102,7 @@ impl Gates {
     fn drop_speckle(&mut self) {
         for bin in 0..self.used.len() {
             let nearest = ((bin + STRIDE / 2) / STRIDE) % self.clean.len();
-            self.used[bin] &= self.contrast[bin] > CLEAN_SHARE * self.clean[nearest];
+            self.used[bin] &= self.contrast[bin] > CLEAN_FRACTION * self.clean[nearest];
         }
     }
 }

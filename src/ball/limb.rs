@@ -1,8 +1,9 @@
-//! How much a ball darkens towards its limb, and what that does to its outline.
+//! LimbDarkening darkening of a ball and its effect on the outline.
 //!
-//! A sphere that darkens towards its limb looks smaller on dark ground and larger on bright ground: within the blur of
-//! the lens its brightness falls to the rim like a root, which a step takes for a part of the edge. Along the rim alone
-//! this cannot be told from blur, but over the whole disc the brightness of the bare ball between its marks shows it.
+//! A sphere that darkens towards its limb looks smaller on a dark background and larger on a bright one. Within the
+//! blur of the lens its brightness falls to the rim like a square root, which the fitted step takes for a part of the
+//! edge. The rim alone does not separate this from blur. Over the whole disc, the brightness of the bare ball between
+//! its marks shows it.
 
 use nalgebra::{Matrix4, Vector4};
 
@@ -11,76 +12,77 @@ use super::rim::{LANES, Lane, Outline};
 use crate::image::ImageView;
 use crate::results::Estimate;
 
-/// Cells around the centre.
+/// The number of sectors of cells around the centre.
 pub(super) const SECTORS: usize = 8;
-/// Rings of cells, in radii.
+/// The inner and outer radii of the rings of cells, in radii of the ball.
 const RINGS: [[f64; 2]; 6] = [[0.15, 0.40], [0.42, 0.60], [0.61, 0.72], [0.73, 0.82], [0.83, 0.89], [0.90, 0.95]];
 const BLOCKS: usize = RINGS.len() * SECTORS / LANES;
-/// Pixels looked at in each cell.
+/// The number of sampled pixels per cell.
 const SAMPLES: usize = 16;
-/// The highest and the lowest level of a cell are read at this rank.
+/// The rank of the highest and of the lowest level of a cell.
 const RANK: usize = 3;
-/// Rounds of reweighting.
+/// The number of rounds of reweighting.
 const ROUNDS: usize = 3;
-/// Residuals beyond this many robust standard deviations count nothing (Tukey).
+/// The residual of zero weight in robust standard deviations (Tukey's biweight).
 const TUKEY: f32 = 4.0;
-/// Standard deviations in a median of sizes.
+/// The ratio of the standard deviation to the median of absolute values.
 const FROM_MEDIAN: f32 = 1.4826;
-/// Cells nearer to the rim than this tell of the ground, too: within so many blurs, and a pixel's half, px.
-const CLEAR_OF_BLUR: f64 = 2.0;
-const CLEAR_PX: f64 = 0.5;
-/// Fewest cells.
-const LEAST_CELLS: f64 = 12.0;
-/// Whole grey levels tell no more of a cell than this, grey levels.
-const LEAST_SCATTER: f64 = 0.5;
-/// Levels lower than this tell nothing, grey levels.
-const LEAST_LEVEL: f64 = 8.0;
-/// Light that differs by more from the middle to the rim makes cells uneven, share.
-const UNEVEN: f32 = 0.05;
-/// And where it is less than this share of the middle's it tells nothing.
-const DARKEST: f32 = 0.05;
-/// A darkening known as well as this needs no second look.
-const CLEAR: f64 = 0.03;
-/// What is not known of the darkening where it cannot be seen, of balls between flat and darkened by 30 %.
-const UNSEEN: f64 = 0.17;
-/// Other shades than the model's are taken for a darkening of about this.
-const UNLIKE: f64 = 0.01;
-/// The model of the shift is right to this share.
-const SHIFT_SHARE: f64 = 0.1;
-/// The shift of an edge for a contrast as large as the ball's brightness, px^(1/2), and with the blur, px^(-1/2):
-/// simulated spheres with radii of 25 to 90 px, blurred by 0.5 to 1.4 px and darkened by 10 to 30 %, agree within 5 %.
-const SHIFT: [f64; 2] = [0.328, 0.886];
-/// And count the darkening over the blur for this share of what it is at the rim.
-const OVER_BLUR: f64 = 0.91;
-/// Depth inside the rim, px, at which the inside's brightness is read by the steps there.
-const READ_PX: f64 = 1.5;
-/// Rims whose contrast the darkening takes away to less than this share of what is seen have no known shift.
-const LEAST_CONTRAST: f64 = 0.3;
+/// The margin of the cells to the rim, where they mix with the background: in blurs, and half a pixel, px.
+const BLUR_MARGIN: f64 = 2.0;
+const PIXEL_MARGIN_PX: f64 = 0.5;
+/// The minimum number of cells.
+const MIN_CELLS: f64 = 12.0;
+/// The minimum standard deviation of a cell, because of whole grey levels, grey levels.
+const MIN_SCATTER_DN: f64 = 0.5;
+/// The minimum level of the ball, grey levels.
+const MIN_LEVEL_DN: f64 = 8.0;
+/// The side light, relative to the centre, from which cells are levelled in a second pass.
+const MAX_SIDE_LIGHT: f32 = 0.05;
+/// The minimum light relative to the centre.
+const MIN_LIGHT_FRACTION: f32 = 0.05;
+/// The uncertainty of the darkening from which the other marks are not tried.
+const GOOD_SIGMA: f64 = 0.03;
+/// The prior uncertainty of the darkening, for balls between flat and darkened by 30 %.
+const PRIOR_SIGMA: f64 = 0.17;
+/// The uncertainty of the darkening because of shading that differs from the model.
+const MODEL_SIGMA: f64 = 0.01;
+/// The relative uncertainty of the shift model.
+const SHIFT_MODEL_ERROR: f64 = 0.1;
+/// The shift of an edge, px^(1/2), and its slope with the blur, px^(-1/2), for a contrast equal to the brightness.
+///
+/// Simulated spheres with radii of 25 to 90 px, blurs of 0.5 to 1.4 px and darkenings of 10 to 30 % agree within 5 %.
+const SHIFT_COEFFICIENTS: [f64; 2] = [0.328, 0.886];
+/// The mean darkening over the blur, as a fraction of that at the rim.
+const BLURRED_DARKENING: f64 = 0.91;
+/// The depth inside the rim to which the fitted inside level belongs, px.
+const INSIDE_DEPTH_PX: f64 = 1.5;
+/// The minimum contrast at the rim, as a fraction of the fitted contrast, for which the shift is known.
+const MIN_CONTRAST_FRACTION: f64 = 0.3;
 
 /// The pixels of the cells of a block.
 type Pixels = [Lane; SAMPLES];
 
-/// A step along the rim, on average.
+/// The mean step along the rim.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Step {
-    /// Grey level inside.
+    /// The grey level inside.
     pub inside: f64,
-    /// Inside minus outside, grey levels.
+    /// The grey level inside minus that outside.
     pub contrast: f64,
-    /// Blur, px.
+    /// The blur, px.
     pub blur_px: f64,
 }
 
-/// Where a ball's surface may be read.
+/// The parts of a ball whose surface is visible.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct InSight {
-    /// The sectors that show it.
+pub(super) struct VisibleRim {
+    /// The visible sectors.
     pub sectors: [bool; SECTORS],
-    /// Blur of its rim, px.
+    /// The blur of its rim, px.
     pub blur_px: f64,
 }
 
-/// How bright bare ball is: `middle + x X + y Y - limb (1 - depth)`, grey levels.
+/// The brightness of the bare ball: `middle + x X + y Y - limb (1 - depth)`, grey levels.
 #[derive(Debug, Clone, Copy)]
 struct Light {
     x: f32,
@@ -92,26 +94,26 @@ struct Light {
 impl Light {
     #[inline(always)]
     fn at(&self, [x, y, shallow]: &[Lane; 3]) -> Lane {
-        // Never quite dark: grey levels are divided by it.
-        let least = DARKEST * self.middle;
+        // Never zero, since grey levels are divided by it.
+        let least = MIN_LIGHT_FRACTION * self.middle;
         std::array::from_fn(|i| (self.middle + self.x * x[i] + self.y * y[i] - self.limb * shallow[i]).max(least))
     }
 }
 
-/// Where the cells are, in radii, and scratch.
+/// The cells, in radii of the ball, with scratch memory.
 #[derive(Debug)]
-pub(super) struct Limb {
-    /// Of the samples x, y and 1 - depth.
+pub(super) struct LimbDarkening {
+    /// x, y and 1 - depth of the samples.
     samples: [Vec<[Lane; 3]>; BLOCKS],
-    /// Means over each cell of the same.
+    /// The means of these over each cell.
     means: [[Lane; 3]; BLOCKS],
     residual: [Lane; BLOCKS],
     sorted: Vec<f32>,
 }
 
-impl Default for Limb {
+impl Default for LimbDarkening {
     fn default() -> Self {
-        let mut limb = Self {
+        let mut cells = Self {
             samples: std::array::from_fn(|_| vec![[[0.0; LANES]; 3]; SAMPLES]),
             means: [[[0.0; LANES]; 3]; BLOCKS],
             residual: [[0.0; LANES]; BLOCKS],
@@ -121,65 +123,65 @@ impl Default for Limb {
             let (block, lane) = (cell / LANES, cell % LANES);
             let [inner, outer] = RINGS[cell / SECTORS];
             for sample in 0..SAMPLES {
-                // Even in angle; an odd number that shares no factor with theirs spreads them in depth.
+                // Equidistant in angle; an odd factor coprime to their number spreads them in radius.
                 let along = (sample as f64 + 0.5) / SAMPLES as f64;
                 let across = ((sample * 7 % SAMPLES) as f64 + 0.5) / SAMPLES as f64;
                 let angle = ((cell % SECTORS) as f64 + along) * std::f64::consts::TAU / SECTORS as f64;
                 let reach = inner + (outer - inner) * across;
                 let (x, y) = (reach * angle.cos(), reach * angle.sin());
                 for (k, of) in [x, y, 1.0 - (1.0 - reach * reach).sqrt()].into_iter().enumerate() {
-                    limb.samples[block][sample][k][lane] = of as f32;
-                    limb.means[block][k][lane] += (of / SAMPLES as f64) as f32;
+                    cells.samples[block][sample][k][lane] = of as f32;
+                    cells.means[block][k][lane] += (of / SAMPLES as f64) as f32;
                 }
             }
         }
-        limb
+        cells
     }
 }
 
-impl Limb {
-    /// The share of its light that a ball lacks at the limb: 0 when it is evenly bright, 1 when it is dark there.
+impl LimbDarkening {
+    /// Estimates the limb darkening: 0 for an evenly bright ball, 1 for a dark limb.
     ///
-    /// The brightness of bare ball is `A (1 + b x + c y - limb (1 - depth))`, depth being that of the sphere towards
-    /// the camera: exact for an even light from any side on a matt sphere (Lambert). It is read between the marks: at
-    /// high rank in every cell, or where the marks are brighter than the ball, at low. `sight` tells where that may be.
-    /// `None` where too little of the ball is seen.
-    pub fn darkening(&mut self, image: ImageView<'_>, outline: &Outline, sight: InSight) -> Option<Estimate> {
+    /// The brightness of the bare ball is `A (1 + b x + c y - limb (1 - depth))`, where `depth` is that of the sphere
+    /// towards the camera. This is exact for a uniform light from any side on a matt sphere (Lambert). It is read
+    /// between the marks, at a high rank in every cell, or at a low one if the marks are brighter than the ball.
+    /// `visible` limits the cells. Returns `None` if too little of the ball is visible.
+    pub fn darkening(&mut self, image: ImageView<'_>, outline: &Outline, visible: VisibleRim) -> Option<Estimate> {
         let grey: [_; BLOCKS] = std::array::from_fn(|block| self.gather(image, outline, block));
-        let clear = 1.0 - (CLEAR_OF_BLUR * sight.blur_px + CLEAR_PX) / outline.radius;
-        let cells = usable(&grey, sight.sectors, RINGS.map(|[_, outer]| outer <= clear));
+        let limit = 1.0 - (BLUR_MARGIN * visible.blur_px + PIXEL_MARGIN_PX) / outline.radius;
+        let cells = usable(&grey, visible.sectors, RINGS.map(|[_, outer]| outer <= limit));
         let flat = Light { x: 0.0, y: 0.0, limb: 0.0, middle: 1.0 };
-        let (light, first) = self.look(&grey, cells, flat)?;
-        let is_uneven = light.x.hypot(light.y) > UNEVEN * light.middle;
-        // Across an uneven cell the highest is where the light is: once more with that taken out.
-        if is_uneven { self.look(&grey, cells, light).map(|(_, second)| second) } else { Some(first) }
+        let (light, first) = self.estimate(&grey, cells, flat)?;
+        let is_uneven = light.x.hypot(light.y) > MAX_SIDE_LIGHT * light.middle;
+        // In an uneven cell the highest pixel is where the light is, so a second pass divides by the light.
+        if is_uneven { self.estimate(&grey, cells, light).map(|(_, second)| second) } else { Some(first) }
     }
 
-    /// What the cells tell when each pixel counts as it would in the middle of its cell, in such a light.
-    fn look(&mut self, grey: &[Pixels; BLOCKS], cells: [Lane; BLOCKS], light: Light) -> Option<(Light, Estimate)> {
+    /// Estimates the darkening after each pixel is scaled to the middle of its cell under `light`.
+    fn estimate(&mut self, grey: &[Pixels; BLOCKS], cells: [Lane; BLOCKS], light: Light) -> Option<(Light, Estimate)> {
         let levels: [[Lane; 2]; BLOCKS] =
             std::array::from_fn(|block| rank(&grey[block], &self.samples[block], &self.means[block], light));
         let high = self.fit(&levels.map(|[high, _]| high), cells);
-        if high.is_some_and(|(_, high)| high.sigma < CLEAR) {
+        if high.is_some_and(|(_, high)| high.sigma < GOOD_SIGMA) {
             return high;
         }
         let low = self.fit(&levels.map(|[_, low]| low), cells);
         [high, low].into_iter().flatten().min_by(|a, b| a.1.sigma.total_cmp(&b.1.sigma))
     }
 
-    /// The grey levels of the samples of a block; not numbers outside of the image.
+    /// Returns the grey levels of the samples of a block; NaN outside the image.
     fn gather(&self, image: ImageView<'_>, outline: &Outline, block: usize) -> Pixels {
         let circle = [outline.x as f32 + 0.5, outline.y as f32 + 0.5, outline.radius as f32];
         let places = places(&self.samples[block], circle, image.width(), image.height());
         places.map(|places| places.map(|at| image.data().get(at as usize).copied().unwrap_or(f32::NAN)))
     }
 
-    /// Reweighted least squares through the levels of all cells.
+    /// Fits the levels of all cells by reweighted least squares.
     fn fit(&mut self, levels: &[Lane; BLOCKS], cells: [Lane; BLOCKS]) -> Option<(Light, Estimate)> {
         let mut weights = cells;
         for _ in 0..ROUNDS {
             let (answer, _) = self.solve(levels, &weights)?;
-            self.leave(levels, answer);
+            self.update_residuals(levels, answer);
             let scale = self.scale(&cells)?;
             for (block, weight) in weights.iter_mut().enumerate() {
                 for (lane, weight) in weight.iter_mut().enumerate() {
@@ -189,29 +191,32 @@ impl Limb {
             }
         }
         let (answer, normal) = self.solve(levels, &weights)?;
-        self.leave(levels, answer);
+        self.update_residuals(levels, answer);
         let each = || weights.iter().flatten().zip(self.residual.iter().flatten());
         let count: f64 = each().map(|(weight, _)| f64::from(*weight)).sum();
         let left: f64 = each().map(|(weight, residual)| f64::from(weight * residual * residual)).sum();
-        if count < LEAST_CELLS || answer[3] < LEAST_LEVEL {
+        if count < MIN_CELLS || answer[3] < MIN_LEVEL_DN {
             return None;
         }
-        let scatter = (left / (count - 4.0)).sqrt().max(LEAST_SCATTER);
+        let scatter = (left / (count - 4.0)).sqrt().max(MIN_SCATTER_DN);
         let covariance = normal.try_inverse()?;
         let limb = -answer[2] / answer[3];
-        // Of the quotient, both with their covariance.
+        // The variance of the quotient of two correlated values.
         let variance = covariance[(2, 2)] + limb * (2.0 * covariance[(2, 3)] + limb * covariance[(3, 3)]);
         let [x, y, of_depth, middle]: [f32; 4] = answer.cast().into();
         let light = Light { x, y, limb: -of_depth, middle };
-        Some((light, Estimate { value: limb, sigma: (scatter * variance.max(0.0).sqrt() / answer[3]).hypot(UNLIKE) }))
+        Some((
+            light,
+            Estimate { value: limb, sigma: (scatter * variance.max(0.0).sqrt() / answer[3]).hypot(MODEL_SIGMA) },
+        ))
     }
 
-    /// Level = a x + b y + c (1 - depth) + d: a to d, and the normal matrix.
+    /// Solves level = a x + b y + c (1 - depth) + d for a to d; also returns the normal matrix.
     fn solve(&self, levels: &[Lane; BLOCKS], weights: &[Lane; BLOCKS]) -> Option<(Vector4<f64>, Matrix4<f64>)> {
         let mut sums = [[0.0_f32; LANES]; 14];
         for ((level, weight), means) in levels.iter().zip(weights).zip(&self.means) {
             for i in 0..LANES {
-                // Cells that are left out may hold no number.
+                // Excluded cells may hold NaN.
                 let (w, v) = (weight[i], if weight[i] > 0.0 { level[i] } else { 0.0 });
                 let row = [means[0][i], means[1][i], means[2][i], 1.0];
                 let mut at = 0;
@@ -230,7 +235,7 @@ impl Limb {
         Some((normal.cholesky()?.solve(&Vector4::from(right)), normal))
     }
 
-    fn leave(&mut self, levels: &[Lane; BLOCKS], answer: Vector4<f64>) {
+    fn update_residuals(&mut self, levels: &[Lane; BLOCKS], answer: Vector4<f64>) {
         let [a, b, c, d]: [f32; 4] = answer.cast().into();
         for ((residual, level), [x, y, z]) in self.residual.iter_mut().zip(levels).zip(&self.means) {
             for i in 0..LANES {
@@ -240,7 +245,7 @@ impl Limb {
         }
     }
 
-    /// Robust standard deviation of the residuals, grey levels.
+    /// Returns the robust standard deviation of the residuals, grey levels.
     fn scale(&mut self, cells: &[Lane; BLOCKS]) -> Option<f32> {
         let each = self.residual.iter().flatten().zip(cells.iter().flatten());
         self.sorted.clear();
@@ -250,7 +255,7 @@ impl Limb {
     }
 }
 
-/// Where in the image's data the samples lie; -1, which as a place is beyond all data, outside of it.
+/// Returns the indices of the samples in the data of the image; -1 outside the image, which no index matches.
 #[multiversion::multiversion(targets("x86_64+avx512f+avx512bw+avx512dq+avx512vl", "x86_64+avx2+fma"))]
 fn places(samples: &[[Lane; 3]], [x, y, radius]: [f32; 3], width: usize, height: usize) -> [[i32; LANES]; SAMPLES] {
     let (right, bottom, row) = (width as f32, height as f32, width as i32);
@@ -258,7 +263,7 @@ fn places(samples: &[[Lane; 3]], [x, y, radius]: [f32; 3], width: usize, height:
     for (places, [dx, dy, _]) in places.iter_mut().zip(samples) {
         for i in 0..LANES {
             let (x, y) = (x + radius * dx[i], y + radius * dy[i]);
-            // All four are looked at: branches would stop the lanes.
+            // `&` evaluates all four: branches would prevent vectorization.
             let is_inside = (x >= 0.0) & (x < right) & (y >= 0.0) & (y < bottom);
             let at = (y as i32).wrapping_mul(row).wrapping_add(x as i32);
             places[i] = if is_inside { at } else { -1 };
@@ -267,12 +272,10 @@ fn places(samples: &[[Lane; 3]], [x, y, radius]: [f32; 3], width: usize, height:
     places
 }
 
-/// 1 for the cells that tell something, 0 for those out of sight, in the blur of the rim, across the border of the image,
-/// or clipped.
+/// Returns 1 for usable cells, 0 for cells that are occluded, blurred by the rim, across the border or clipped.
 ///
-/// Where the brightest pixels of a cell are all as bright as any on the ball, they may be as bright as a pixel can be:
-/// a clipped ball looks flat.
-fn usable(grey: &[Pixels; BLOCKS], is_seen: [bool; SECTORS], is_clear: [bool; RINGS.len()]) -> [Lane; BLOCKS] {
+/// If the brightest pixels of a cell equal the brightest on the ball, they may be saturated. A clipped ball looks flat.
+fn usable(grey: &[Pixels; BLOCKS], is_visible: [bool; SECTORS], is_clear: [bool; RINGS.len()]) -> [Lane; BLOCKS] {
     let brightest = grey.iter().flatten().flatten().copied().fold(f32::NEG_INFINITY, f32::max);
     std::array::from_fn(|block| {
         let pixels = &grey[block];
@@ -283,16 +286,16 @@ fn usable(grey: &[Pixels; BLOCKS], is_seen: [bool; SECTORS], is_clear: [bool; RI
                 sum[i] += grey[i];
             }
         }
-        // A sum with one in it that is no number is none.
+        // A NaN among the summands makes the sum NaN.
         let is_usable = |i: usize| {
-            let is_open = is_seen[i % SECTORS] && is_clear[(block * LANES + i) / SECTORS];
-            is_open && sum[i].is_finite() && clipped[i] < RANK as f32
+            let is_included = is_visible[i % SECTORS] && is_clear[(block * LANES + i) / SECTORS];
+            is_included && sum[i].is_finite() && clipped[i] < RANK as f32
         };
         std::array::from_fn(|i| if is_usable(i) { 1.0 } else { 0.0 })
     })
 }
 
-/// The third highest and the third lowest of the pixels of each cell, each as it would be in the middle of its cell.
+/// Returns the third highest and the third lowest pixel of each cell, each scaled to the middle of its cell.
 #[multiversion::multiversion(targets("x86_64+avx512f+avx512bw+avx512dq+avx512vl", "x86_64+avx2+fma"))]
 fn rank(grey: &Pixels, samples: &[[Lane; 3]], middle: &[Lane; 3], light: Light) -> [Lane; 2] {
     let mut high = [[f32::NEG_INFINITY; LANES]; RANK];
@@ -313,48 +316,49 @@ fn rank(grey: &Pixels, samples: &[[Lane; 3]], middle: &[Lane; 3], light: Light) 
     [high[RANK - 1], low[RANK - 1]]
 }
 
-/// By how much the edge of a disc lies farther out than steps across its rim tell.
+/// The distance by which the edge of a disc lies outside the steps fitted to its rim.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Shift {
-    /// Of the radius, px; the uncertainty holds that of the darkening.
+    /// The correction of the radius, px; its uncertainty includes that of the darkening.
     pub rim: Estimate,
-    /// What the darkening has of it, px.
-    told: Estimate,
-    /// By which share of that it changes for each grey level that the inside is brighter.
+    /// The part of it caused by the darkening, px.
+    darkening: Estimate,
+    /// The relative change of that part per grey level of brightness inside.
     by_level: f64,
 }
 
 impl Shift {
-    /// Where the inside is brighter by so many grey levels at one side, and darker at the other: of the centre towards the
-    /// brighter one, px. What the next power would add is in the uncertainty.
+    /// Returns the correction of the centre towards the brighter side, px, for a side light in grey levels.
+    ///
+    /// The uncertainty includes the next power of the amplitude.
     pub fn center(&self, brighter: f64) -> Estimate {
         let share = self.by_level * brighter;
         Estimate {
-            value: self.told.value * share,
-            sigma: (self.told.sigma * share).hypot(self.told.value * share * share),
+            value: self.darkening.value * share,
+            sigma: (self.darkening.sigma * share).hypot(self.darkening.value * share * share),
         }
     }
 }
 
-/// Gaussian blur pulls the edge of a disc in by blur^2 / (2 radius), besides what the darkening does.
+/// Computes the shift of the edge by limb darkening and by blur, which pulls a disc's edge in by blur^2 / (2 radius).
 pub(super) fn shift_px(darkening: Option<Estimate>, radius_px: f64, step: Step) -> Shift {
     let bend_px = step.blur_px.powi(2) / (2.0 * radius_px);
-    let seen = darkening.map_or(Estimate { value: 0.0, sigma: UNSEEN }, |seen| {
-        let share = UNSEEN.powi(2) / (UNSEEN.powi(2) + seen.sigma.powi(2));
+    let seen = darkening.map_or(Estimate { value: 0.0, sigma: PRIOR_SIGMA }, |seen| {
+        let share = PRIOR_SIGMA.powi(2) / (PRIOR_SIGMA.powi(2) + seen.sigma.powi(2));
         Estimate { value: share * seen.value, sigma: share.sqrt() * seen.sigma }
     });
     let limb = seen.value.clamp(0.0, 1.0);
-    let bare = step.inside / (1.0 - limb * (1.0 - (2.0 * READ_PX / radius_px).sqrt().min(1.0)));
+    let bare = step.inside / (1.0 - limb * (1.0 - (2.0 * INSIDE_DEPTH_PX / radius_px).sqrt().min(1.0)));
     let outside = step.inside - step.contrast;
-    // What is left of the contrast at the rim.
-    let left = (bare * (1.0 - OVER_BLUR * limb) - outside) / step.contrast;
-    let pull_px =
-        (SHIFT[0] + SHIFT[1] * step.blur_px) / radius_px.sqrt() * bare / (step.contrast * left.max(LEAST_CONTRAST));
-    let told_px = if left >= LEAST_CONTRAST { pull_px * limb } else { 0.0 };
-    let doubt_px = if left >= LEAST_CONTRAST { SHIFT_SHARE * told_px } else { pull_px * limb };
-    let told = Estimate { value: told_px, sigma: (pull_px * seen.sigma).hypot(doubt_px) };
-    let by_level = -outside / (step.inside.max(1.0) * step.contrast * left.max(LEAST_CONTRAST));
-    Shift { rim: Estimate { value: bend_px + told_px, ..told }, told, by_level }
+    // The fraction of the contrast left at the rim.
+    let left = (bare * (1.0 - BLURRED_DARKENING * limb) - outside) / step.contrast;
+    let pull_px = (SHIFT_COEFFICIENTS[0] + SHIFT_COEFFICIENTS[1] * step.blur_px) / radius_px.sqrt() * bare
+        / (step.contrast * left.max(MIN_CONTRAST_FRACTION));
+    let darkening_px = if left >= MIN_CONTRAST_FRACTION { pull_px * limb } else { 0.0 };
+    let model_error_px = if left >= MIN_CONTRAST_FRACTION { SHIFT_MODEL_ERROR * darkening_px } else { pull_px * limb };
+    let of_darkening = Estimate { value: darkening_px, sigma: (pull_px * seen.sigma).hypot(model_error_px) };
+    let by_level = -outside / (step.inside.max(1.0) * step.contrast * left.max(MIN_CONTRAST_FRACTION));
+    Shift { rim: Estimate { value: bend_px + darkening_px, ..of_darkening }, darkening: of_darkening, by_level }
 }
 
 #[cfg(test)]
@@ -364,7 +368,7 @@ mod tests {
     const SIDE: usize = 140;
     const OUTLINE: Outline = Outline { x: 70.3, y: 68.9, radius: 57.2 };
 
-    /// A ball that darkens by `limb`, lit from the right, with marks on 30 % of it that let `through` of its light out.
+    /// Draws a ball that darkens by `limb`, lit from the right, with marks on 30 % of it of brightness `through`.
     fn ball(limb: f64, through: f64) -> Vec<f32> {
         let mut image = vec![0.0; SIDE * SIDE];
         for y in 0..SIDE {
@@ -380,16 +384,16 @@ mod tests {
         image
     }
 
-    fn told(image: &[f32], width: usize, is_seen: [bool; SECTORS]) -> Option<Estimate> {
+    fn darkening(image: &[f32], width: usize, is_visible: [bool; SECTORS]) -> Option<Estimate> {
         let view = ImageView::new(image, width, image.len() / width).unwrap();
-        Limb::default().darkening(view, &OUTLINE, InSight { sectors: is_seen, blur_px: 0.7 })
+        LimbDarkening::default().darkening(view, &OUTLINE, VisibleRim { sectors: is_visible, blur_px: 0.7 })
     }
 
     #[test]
-    fn the_darkening_is_told_between_dark_and_bright_marks() {
+    fn the_darkening_is_measured_between_dark_and_bright_marks() {
         for through in [0.3, 1.6] {
             for limb in [0.0, 0.15, 0.3, 0.8] {
-                let found = told(&ball(limb, through), SIDE, [true; SECTORS]).unwrap();
+                let found = darkening(&ball(limb, through), SIDE, [true; SECTORS]).unwrap();
                 assert!((found.value - limb).abs() < 0.02 && found.sigma < 0.03, "{through}, {limb}: {found:?}");
             }
         }
@@ -399,38 +403,38 @@ mod tests {
     fn a_clipped_ball_is_not_taken_for_a_flat_one() {
         for exposure in [1.0, 1.2, 1.4, 1.6, 1.8, 2.0, 2.2, 2.5] {
             let clipped: Vec<f32> = ball(0.3, 0.3).iter().map(|grey| (exposure * grey).min(255.0)).collect();
-            let found = told(&clipped, SIDE, [true; SECTORS]);
+            let found = darkening(&clipped, SIDE, [true; SECTORS]);
             assert!(found.is_none_or(|found| (found.value - 0.3).abs() < 2.0 * found.sigma), "{exposure}: {found:?}");
         }
     }
 
     #[test]
-    fn what_hides_the_ball_is_left_out() {
+    fn an_occluder_is_left_out() {
         let mut image = ball(0.2, 0.3);
         image[..SIDE * SIDE / 3].fill(240.0);
         let seen = std::array::from_fn(|sector| sector < SECTORS / 2);
-        let found = told(&image, SIDE, seen).unwrap();
+        let found = darkening(&image, SIDE, seen).unwrap();
         assert!((found.value - 0.2).abs() < 0.04, "{found:?}");
-        assert!(told(&image, SIDE, [false; SECTORS]).is_none());
+        assert!(darkening(&image, SIDE, [false; SECTORS]).is_none());
     }
 
     #[test]
-    fn a_ball_across_the_border_of_the_image_is_told_by_what_is_inside() {
+    fn a_ball_across_the_image_border_is_measured_by_what_is_inside() {
         let width = 90;
         let cut: Vec<f32> = ball(0.2, 0.3).chunks(SIDE).flat_map(|row| row[..width].to_vec()).collect();
-        let found = told(&cut, width, [true; SECTORS]).unwrap();
+        let found = darkening(&cut, width, [true; SECTORS]).unwrap();
         assert!((found.value - 0.2).abs() < 0.04, "{found:?}");
     }
 
     #[test]
-    fn without_a_look_at_the_ball_the_shift_is_as_unsure_as_balls_differ() {
+    fn without_a_visible_surface_the_shift_is_as_uncertain_as_balls_differ() {
         let step = Step { inside: 150.0, contrast: 110.0, blur_px: 0.8 };
         let (blind, seen) = (shift_px(None, 57.0, step).rim, |limb| Some(Estimate { value: limb, sigma: 0.01 }));
         let flat = shift_px(seen(0.0), 57.0, step).rim;
         let dark = shift_px(seen(0.3), 57.0, step).rim;
         assert!((blind.value - flat.value).abs() < 1e-12 && blind.sigma > 10.0 * flat.sigma);
         assert!(dark.value > flat.value + 0.04 && dark.value < flat.value + 0.15, "{dark:?}");
-        // Brighter ground than ball: the same pull, inwards.
+        // On a background brighter than the ball the same pull acts inwards.
         let darker = shift_px(seen(0.3), 57.0, Step { contrast: -110.0, ..step }).rim;
         assert!(darker.value < flat.value, "{darker:?}");
         assert!(shift_px(seen(0.3), 57.0, Step { contrast: 30.0, ..step }).rim.sigma > dark.sigma);

@@ -22,7 +22,7 @@ mod visible;
 pub use finder::BallFinder;
 pub use params::{BallError, BallParams, OutlineMethod};
 
-/// Whether a ball is brighter or darker than its ground.
+/// The brightness of a ball relative to its background.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Polarity {
     Brighter,

@@ -1,47 +1,47 @@
-//! What a ball finder is planned with.
+//! Parameters of a ball finder.
 
-/// Smallest radius the edge fit can work with, px.
-pub(super) const LEAST_RADIUS_PX: f64 = 6.0;
-/// Largest radius accepted, px; bounds the memory a finder plans.
-pub(super) const MOST_RADIUS_PX: f64 = 2000.0;
+/// The minimum radius for the edge fit, px.
+pub(super) const MIN_RADIUS_PX: f64 = 6.0;
+/// The maximum radius, px, which bounds the memory of a finder.
+pub(super) const MAX_RADIUS_PX: f64 = 2000.0;
 
-/// How the outline of a ball is measured.
+/// The method for the outline of a ball.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum OutlineMethod {
-    /// Edges along the rim to a fraction of a pixel, and a circle through them that outliers do not move.
+    /// Subpixel edges along the rim and a robust circle through them.
     #[default]
     Edges,
-    /// The paper's (section 4.3): the boundary marked in whole pixels, the ball filtered, a Hough transform.
+    /// The method of the paper (section 4.3): a boundary in whole pixels, a filtered ball, a Hough transform.
     Marked,
 }
 
-/// Where and how large a ball may be.
+/// The region and the radii in which a ball is searched.
 #[derive(Debug, Clone, PartialEq)]
 pub struct BallParams {
-    /// Smallest radius looked for, px.
+    /// The minimum radius, px.
     pub min_radius_px: f64,
-    /// Largest radius looked for, px.
+    /// The maximum radius, px.
     pub max_radius_px: f64,
-    /// Searched region: x, y, width, height, px; `None` is the whole image.
+    /// The searched region: x, y, width, height, px; `None` for the whole image.
     pub roi_px: Option<[u32; 4]>,
-    /// How its outline is measured once it is found.
+    /// The method for the outline.
     pub outline: OutlineMethod,
 }
 
 impl BallParams {
-    /// Balls of `min_radius_px` to `max_radius_px` anywhere in the image.
+    /// Creates parameters for balls of `min_radius_px` to `max_radius_px` anywhere in the image.
     pub fn new(min_radius_px: f64, max_radius_px: f64) -> Self {
         Self { min_radius_px, max_radius_px, roi_px: None, outline: OutlineMethod::default() }
     }
 
-    /// Refuses what cannot be searched for in an image of this shape.
+    /// Checks the parameters for images of this size.
     pub(super) fn check(&self, width_px: usize, height_px: usize) -> Result<(), BallError> {
-        let (least, most) = (LEAST_RADIUS_PX, MOST_RADIUS_PX);
-        if !(least..=most).contains(&self.min_radius_px) {
-            return Err(BallError::new("min_radius_px", self.min_radius_px, format!("{least} to {most}")));
+        let (min, max) = (MIN_RADIUS_PX, MAX_RADIUS_PX);
+        if !(min..=max).contains(&self.min_radius_px) {
+            return Err(BallError::new("min_radius_px", self.min_radius_px, format!("{min} to {max}")));
         }
-        if !(self.min_radius_px..=most).contains(&self.max_radius_px) {
-            let range = format!("min_radius_px ({}) to {most}", self.min_radius_px);
+        if !(self.min_radius_px..=max).contains(&self.max_radius_px) {
+            let range = format!("min_radius_px ({}) to {max}", self.min_radius_px);
             return Err(BallError::new("max_radius_px", self.max_radius_px, range));
         }
         let Some([x, y, width, height]) = self.roi_px else { return Ok(()) };
@@ -55,17 +55,17 @@ impl BallParams {
     }
 }
 
-/// A ball finder cannot be planned.
+/// The reason why a ball finder cannot be created.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum BallError {
-    /// A parameter is outside what is allowed.
+    /// A parameter is out of its range.
     #[error("{key} = {value} is out of range: allowed is {range}")]
     Range {
-        /// Name of the parameter.
+        /// The name of the parameter.
         key: &'static str,
-        /// What was given.
+        /// The given value.
         value: String,
-        /// What is allowed.
+        /// The allowed range.
         range: String,
     },
 }

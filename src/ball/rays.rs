@@ -1,5 +1,4 @@
-//! Circles ranked by their rim: the picture is unwrapped around a guess, and a
-//! circle is drawn through steps of one sign by random sampling.
+//! Ranking of circles by their rim: RANSAC through steps of one sign along rays around a candidate.
 //!
 //! Fischler & Bolles, *Random sample consensus*, Commun. ACM 24 (1981) 381,
 //! <https://doi.org/10.1145/358669.358692>.
@@ -9,44 +8,44 @@ use nalgebra::{Matrix3, Vector3};
 use super::Polarity;
 use crate::image::ImageView;
 
-/// Fewest rays, for the smallest balls.
-const LEAST_RAYS: usize = 40;
-/// Rim between two rays, px.
+/// The minimum number of rays, for the smallest balls.
+const MIN_RAYS: usize = 40;
+/// The distance of two rays along the rim, px.
 const RAY_STEP_PX: f32 = 3.0;
-/// Steps remembered of each ray.
+/// The number of steps kept of each ray.
 const STEPS: usize = 3;
-/// A radius no ray ever has: "no step here".
+/// A radius beyond all rays, which stands for no step.
 const NOWHERE: f32 = 1.0e6;
-/// Rays are padded to a multiple of this, for vector instructions.
+/// The number of rays processed at a time by vector instructions.
 const LANES: usize = 8;
 
-/// A circle with how much of its rim was seen.
+/// A circle with its support along the rim.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Guess {
+pub(super) struct Candidate {
     pub x: f32,
     pub y: f32,
     pub radius: f32,
-    /// Mean over the rays of `1 - (distance to the nearest step / tolerance)^2`, 0 to 1.
+    /// The mean over the rays of `1 - (distance to the nearest step / tolerance)^2`, 0 to 1.
     pub support: f32,
     pub polarity: Polarity,
 }
 
-/// How a circle is looked for around a guess.
+/// The parameters of a search around a circle.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Look {
-    /// Length of the rays inwards and outwards, px.
+pub(super) struct RansacParams {
+    /// The length of the rays inwards and outwards, px.
     pub reach_px: f32,
-    /// Distance from the circle at which a step stops counting, px.
+    /// The maximum distance of a supporting step from the circle, px.
     pub tolerance_px: f32,
-    /// Circles tried for either sign.
+    /// The number of circles tried for either sign.
     pub draws: usize,
-    /// Most rays.
+    /// The maximum number of rays.
     pub rays: usize,
 }
 
-/// Scratch of the search.
+/// The search with its scratch memory.
 #[derive(Debug, Default)]
-pub(super) struct Rays {
+pub(super) struct Ransac {
     rays: usize,
     inside: usize,
     cos: Vec<f32>,
@@ -59,7 +58,7 @@ pub(super) struct Rays {
     random: u64,
 }
 
-/// A circle relative to the middle of the rays.
+/// A circle relative to the centre of the rays.
 #[derive(Debug, Clone, Copy, Default)]
 struct Offset {
     dx: f32,
@@ -67,34 +66,39 @@ struct Offset {
     radius: f32,
 }
 
-impl Rays {
-    /// The best circle of either sign around (`x`, `y`, `radius`).
-    pub fn look(&mut self, image: ImageView<'_>, near: (f32, f32, f32), look: Look) -> Option<Guess> {
+impl Ransac {
+    /// Returns the best circle of either sign around (`x`, `y`, `radius`).
+    pub fn search(&mut self, image: ImageView<'_>, near: (f32, f32, f32), params: RansacParams) -> Option<Candidate> {
         let best = [Polarity::Brighter, Polarity::Darker];
-        self.unwrap(image, near, look);
+        self.unwrap(image, near, params);
         best.into_iter()
-            .filter_map(|polarity| self.circle(near, polarity, look))
+            .filter_map(|polarity| self.circle(near, polarity, params))
             .reduce(|a, b| if b.support > a.support { b } else { a })
     }
 
-    /// The best circle of the guess's sign around it.
-    pub fn look_again(&mut self, image: ImageView<'_>, guess: &Guess, look: Look) -> Option<Guess> {
-        let near = (guess.x, guess.y, guess.radius);
-        self.unwrap(image, near, look);
-        self.circle(near, guess.polarity, look)
+    /// Returns the best circle of the candidate's sign around it.
+    pub fn search_again(
+        &mut self,
+        image: ImageView<'_>,
+        candidate: &Candidate,
+        params: RansacParams,
+    ) -> Option<Candidate> {
+        let near = (candidate.x, candidate.y, candidate.radius);
+        self.unwrap(image, near, params);
+        self.circle(near, candidate.polarity, params)
     }
 
     /// Finds the strongest steps along rays through the rim.
-    fn unwrap(&mut self, image: ImageView<'_>, (x, y, radius): (f32, f32, f32), look: Look) {
-        let rays = ((std::f32::consts::TAU * radius / RAY_STEP_PX) as usize).clamp(LEAST_RAYS, look.rays);
+    fn unwrap(&mut self, image: ImageView<'_>, (x, y, radius): (f32, f32, f32), params: RansacParams) {
+        let rays = ((std::f32::consts::TAU * radius / RAY_STEP_PX) as usize).clamp(MIN_RAYS, params.rays);
         self.plan(rays);
         self.inside = 0;
-        let reach = look.reach_px.min(radius - 2.0).max(1.0);
+        let reach = params.reach_px.min(radius - 2.0).max(1.0);
         let (low, samples) = (radius - reach - 1.0, (2.0 * reach + 3.0) as usize);
         for ray in 0..rays {
             let (cos, sin) = (self.cos[ray], self.sin[ray]);
-            let whole = [low, low + samples as f32 - 1.0].iter().all(|r| within(image, x + r * cos, y + r * sin));
-            if !whole {
+            let is_inside = [low, low + samples as f32 - 1.0].iter().all(|r| within(image, x + r * cos, y + r * sin));
+            if !is_inside {
                 continue;
             }
             self.inside += 1;
@@ -104,7 +108,7 @@ impl Rays {
         }
     }
 
-    /// Directions of the rays; forgets all steps.
+    /// Plans the directions of the rays and discards all steps.
     fn plan(&mut self, rays: usize) {
         let padded = rays.next_multiple_of(LANES);
         if self.rays != rays {
@@ -118,18 +122,18 @@ impl Rays {
             list.resize(padded, NOWHERE);
         }
         self.pool.iter_mut().for_each(Vec::clear);
-        // The same picture must give the same circle.
+        // A constant seed: the same image gives the same circle.
         self.random = 0x9e37_79b9_7f4a_7c15;
     }
 
-    /// Remembers the strongest local maxima of the radial difference along `profile`.
+    /// Stores the strongest local maxima of the radial difference along `profile`.
     fn pick_steps(&mut self, ray: usize, low: f32) {
         let mut strongest = [(0.0_f32, 0.0_f32, 0_usize); STEPS];
         let mut before = 0.0_f32;
         let mut here = 0.0_f32;
         let p = &self.profile;
         for k in 1..p.len() {
-            // One sample late: `here` is the difference at k - 1, judged between its two neighbours.
+            // One sample late: `here` is the difference at k - 1, compared with its two neighbours.
             let after = if k + 1 < p.len() { p[k + 1] - p[k - 1] } else { 0.0 };
             let size = here.abs();
             if k >= 2 && size > before.abs() && size >= after.abs() && size > strongest[STEPS - 1].0 {
@@ -151,8 +155,8 @@ impl Rays {
         }
     }
 
-    fn circle(&mut self, near: (f32, f32, f32), polarity: Polarity, look: Look) -> Option<Guess> {
-        // Outwards, a ball brighter than its ground has a step down.
+    fn circle(&mut self, near: (f32, f32, f32), polarity: Polarity, params: RansacParams) -> Option<Candidate> {
+        // Outwards, the rim of a brighter ball is a step down.
         let sign = match polarity {
             Polarity::Brighter => 0,
             Polarity::Darker => 1,
@@ -162,28 +166,28 @@ impl Rays {
         }
         let mut best = (0.0_f32, Offset::default());
         let mut tried = 0;
-        // Most draws are refused for free, because no circle near the guess passes through the three steps.
-        for _ in 0..look.draws * 8 {
-            let Some(offset) = self.draw(sign, near.2, look.reach_px) else { continue };
-            let support = self.support(sign, offset, look.tolerance_px);
+        // Most draws are refused at no cost, because the circle through the three steps is far from the candidate.
+        for _ in 0..params.draws * 8 {
+            let Some(offset) = self.draw(sign, near.2, params.reach_px) else { continue };
+            let support = self.support(sign, offset, params.tolerance_px);
             if support > best.0 {
                 best = (support, offset);
             }
             tried += 1;
-            if tried == look.draws {
+            if tried == params.draws {
                 break;
             }
         }
         for _ in 0..3 {
-            let Some(offset) = self.improve(sign, best.1, look.tolerance_px) else { break };
-            let support = self.support(sign, offset, look.tolerance_px);
+            let Some(offset) = self.improve(sign, best.1, params.tolerance_px) else { break };
+            let support = self.support(sign, offset, params.tolerance_px);
             if support <= best.0 {
                 break;
             }
             best = (support, offset);
         }
         let (support, offset) = best;
-        (support > 0.0).then_some(Guess {
+        (support > 0.0).then_some(Candidate {
             x: near.0 + offset.dx,
             y: near.1 + offset.dy,
             radius: offset.radius,
@@ -192,7 +196,7 @@ impl Rays {
         })
     }
 
-    /// A circle through three steps of one sign, when it is near the guess.
+    /// Draws a circle through three steps of one sign; `None` if it is far from the candidate.
     fn draw(&mut self, sign: usize, radius: f32, reach: f32) -> Option<Offset> {
         let mut points = [(0.0_f32, 0.0_f32); 3];
         let mut rays = [0_u32; 3];
@@ -219,14 +223,14 @@ impl Rays {
         near.then_some(offset)
     }
 
-    /// Mean agreement of the rays with a circle.
+    /// Returns the mean support of a circle by the rays.
     fn support(&self, sign: usize, offset: Offset, tolerance: f32) -> f32 {
         let sum = votes(&self.steps[sign], &self.cos, &self.sin, offset, 1.0 / tolerance);
-        // Rays that leave the image count half: a ball may do so, but few rays agree by chance more easily.
+        // Ransac outside the image count half: a ball may cross the border, but few rays agree by chance more easily.
         sum / (0.5 * (self.inside + self.rays) as f32)
     }
 
-    /// Least squares through the steps that agree with a circle.
+    /// Fits the steps that support a circle by least squares.
     fn improve(&self, sign: usize, offset: Offset, tolerance: f32) -> Option<Offset> {
         let mut normal = Matrix3::<f32>::zeros();
         let mut right = Vector3::<f32>::zeros();
@@ -247,7 +251,7 @@ impl Rays {
         Some(Offset { dx: offset.dx + step[0], dy: offset.dy + step[1], radius: offset.radius + step[2] })
     }
 
-    /// xorshift64* (Vigna, <https://doi.org/10.1145/2845077>).
+    /// Returns the next number of xorshift64* (Vigna, <https://doi.org/10.1145/2845077>).
     fn next_random(&mut self) -> u64 {
         let mut x = self.random;
         x ^= x >> 12;
@@ -258,7 +262,7 @@ impl Rays {
     }
 }
 
-/// Sum over the rays of `1 - (distance of the circle to the nearest step * scale)^2`, where positive.
+/// Sums `1 - (distance of the circle to the nearest step * scale)^2` over the rays, where positive.
 #[multiversion::multiversion(targets("x86_64+avx2+fma"))]
 fn votes(steps: &[Vec<f32>; STEPS], cos: &[f32], sin: &[f32], offset: Offset, scale: f32) -> f32 {
     let bend = 0.5 / offset.radius;
@@ -284,9 +288,9 @@ pub(super) fn within(image: ImageView<'_>, x: f32, y: f32) -> bool {
     x >= 0.0 && y >= 0.0 && x < (image.width() - 1) as f32 && y < (image.height() - 1) as f32
 }
 
-/// Bilinear grey levels at `count` points from `from` on, `step` apart, all [`within`] the image.
+/// Samples grey levels bilinearly at `count` points from `from` on, `step` apart, all [`within`] the image.
 fn sample_line(image: ImageView<'_>, from: (f32, f32), step: (f32, f32), count: usize, out: &mut Vec<f32>) {
-    // 16 bits after the point: stepping in whole numbers is cheaper than rounding every coordinate.
+    // Fixed point with 16 fractional bits: stepping in integers is cheaper than rounding every coordinate.
     const ONE: f32 = 65536.0;
     let (mut x, mut y) = ((from.0 * ONE) as i32, (from.1 * ONE) as i32);
     let (dx, dy) = ((step.0 * ONE) as i32, (step.1 * ONE) as i32);
@@ -294,7 +298,7 @@ fn sample_line(image: ImageView<'_>, from: (f32, f32), step: (f32, f32), count: 
     for _ in 0..count {
         let (fx, fy) = ((x & 0xffff) as f32 * (1.0 / ONE), (y & 0xffff) as f32 * (1.0 / ONE));
         let i = (y >> 16) as usize * width + (x >> 16) as usize;
-        // The last point may be rounded onto the border, a whole pixel outside of which there is none.
+        // The last point may be rounded onto the border, beyond which there is no pixel.
         let Some(&[a, b]) = data.get(i..i + 2) else { return };
         let Some(&[c, d]) = data.get(i + width..i + width + 2) else { return };
         let (upper, lower) = (a + fx * (b - a), c + fx * (d - c));

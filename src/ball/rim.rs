@@ -1,24 +1,24 @@
-//! The pixels of a rim, sorted into bins along it.
+//! The annulus: the pixels along a rim, sorted into bins by angle.
 
 use crate::image::{ImageView, is_saturated};
 
-/// Bins worked on at a time, for vector instructions.
+/// The number of bins processed at a time by vector instructions.
 pub(super) const LANES: usize = 16;
-/// Fewest bins, of the smallest balls.
-const LEAST_BINS: usize = 8;
-/// Most pixels remembered of a bin.
+/// The minimum number of bins, for the smallest balls.
+const MIN_BINS: usize = 8;
+/// The maximum number of pixels kept per bin.
 pub(super) const SLOTS: usize = 24;
-/// Rim covered by one bin, px: short, so that some bins fit between speckles.
+/// The length of the rim per bin, px: short, so that some bins fit between speckles.
 pub(super) const BIN_PX: f64 = 1.7;
-/// The band of pixels reaches this far out from the rim, px.
+/// The reach of the annulus outside the rim, px.
 pub(super) const BAND_PX: f64 = 3.0;
-/// The band reaches this far in, px: less, because speckle and shade begin there.
+/// The reach of the annulus inside the rim, px: less, because of speckle and shading.
 pub(super) const INNER_BAND_PX: f64 = 2.5;
 
-/// As far in where marks line the rim, px.
-const LINED_BAND_PX: f64 = 1.5;
+/// The reach inside a rim that is lined with speckles, px.
+const SPECKLED_BAND_PX: f64 = 1.5;
 
-/// The outline may move this far before its pixels have to be gathered again, px.
+/// The distance that the circle may move before its pixels have to be gathered again, px.
 pub(super) const SLACK_PX: f64 = 0.5;
 
 /// A circle that is being refined.
@@ -32,11 +32,11 @@ pub(super) struct Outline {
 /// One pixel of every bin of a block.
 pub(super) type Lane = [f32; LANES];
 
-/// Pixels near a circle, binned by angle.
+/// The pixels near a circle, binned by angle.
 #[derive(Debug, Default)]
-pub(super) struct Rim {
+pub(super) struct Annulus {
     bins: usize,
-    /// The outline the pixels were gathered around.
+    /// The circle that the pixels were gathered around.
     middle: Outline,
     x: Vec<Lane>,
     y: Vec<Lane>,
@@ -46,16 +46,16 @@ pub(super) struct Rim {
     count: Vec<u32>,
     cos: Vec<f64>,
     sin: Vec<f64>,
-    /// Cosines and sines once more, for vector instructions.
+    /// Cosines and sines in single precision, for vector instructions.
     unit: [Vec<f32>; 2],
     places: Vec<f32>,
-    /// Pixels this bright are as bright as any can be; infinite where none is.
+    /// The saturation level; infinite if no pixel is saturated.
     white: f32,
-    takes_clipped: bool,
-    is_lined: bool,
+    includes_clipped: bool,
+    is_speckled: bool,
 }
 
-/// Distances of pixels from a circle, and which of them lie in the band.
+/// Computes the distances of pixels from a circle and selects those in the annulus.
 #[multiversion::multiversion(targets("x86_64+avx512f+avx512bw+avx512dq+avx512vl", "x86_64+avx2+fma"))]
 fn measure_block(
     [x, y, grey]: [&[Lane]; 3],
@@ -69,7 +69,7 @@ fn measure_block(
         for i in 0..LANES {
             let (dx, dy) = (x[i] - shift.0, y[i] - shift.1);
             let d = (dx * dx + dy * dy).sqrt() - radius;
-            // Slots without a pixel hold what was there before. All are looked at: branches would stop the lanes.
+            // Slots without a pixel hold old values. `&` evaluates all: branches would prevent vectorization.
             let filled = ((slot as f32) < counts[i]) & (grey[i] < white);
             let near = (d < BAND_PX as f32) & (d > -inner) & filled;
             weight[i] = if near { 1.0 } else { 0.0 };
@@ -78,66 +78,66 @@ fn measure_block(
     }
 }
 
-/// The highest of all grey levels.
+/// Returns the maximum grey level.
 #[multiversion::multiversion(targets("x86_64+avx512f+avx512bw+avx512dq+avx512vl", "x86_64+avx2+fma"))]
-fn highest(grey: &[Lane]) -> f32 {
-    let mut highest = [f32::NEG_INFINITY; LANES];
+fn maximum(grey: &[Lane]) -> f32 {
+    let mut maximum = [f32::NEG_INFINITY; LANES];
     for grey in grey {
         for i in 0..LANES {
-            highest[i] = if grey[i] > highest[i] { grey[i] } else { highest[i] };
+            maximum[i] = if grey[i] > maximum[i] { grey[i] } else { maximum[i] };
         }
     }
-    highest.into_iter().fold(f32::NEG_INFINITY, f32::max)
+    maximum.into_iter().fold(f32::NEG_INFINITY, f32::max)
 }
 
-impl Rim {
-    /// Whether pixels as bright as any can be count as what they look like; they are left out else.
-    pub fn take_clipped(&mut self, takes_clipped: bool) {
-        self.takes_clipped = takes_clipped;
+impl Annulus {
+    /// Sets whether clipped pixels are included as they are.
+    pub fn set_includes_clipped(&mut self, includes_clipped: bool) {
+        self.includes_clipped = includes_clipped;
     }
 
-    /// Whether marks line the rim, as they do at that of a sphere: then less of what is inside of it counts.
-    pub fn take_lined(&mut self, is_lined: bool) {
-        self.is_lined = is_lined;
+    /// Sets whether speckles line the rim, as on a sphere; the annulus then reaches less far inside.
+    pub fn set_speckled(&mut self, is_speckled: bool) {
+        self.is_speckled = is_speckled;
     }
 
-    /// As told to [`Self::take_clipped`].
-    pub fn takes_clipped(&self) -> bool {
-        self.takes_clipped
+    /// Whether clipped pixels are included.
+    pub fn includes_clipped(&self) -> bool {
+        self.includes_clipped
     }
 
-    /// The level from which on pixels gathered last are clipped; infinite where none is.
+    /// The level from which gathered pixels are clipped; infinite if none is.
     pub fn white(&self) -> f32 {
         self.white
     }
 
-    /// Bins along the rim.
+    /// The number of bins along the rim.
     pub fn bins(&self) -> usize {
         self.bins
     }
 
-    /// Unit vector from the centre to the middle of a bin.
+    /// Returns the unit vector from the centre to the middle of a bin.
     pub fn direction(&self, bin: usize) -> (f64, f64) {
         (self.cos[bin], self.sin[bin])
     }
 
-    /// Cosines and sines of the directions of all bins, and on to a multiple of [`LANES`].
+    /// Returns cosines and sines of the directions of all bins, padded to a multiple of [`LANES`].
     pub fn directions(&self) -> [&[f32]; 2] {
         [&self.unit[0], &self.unit[1]]
     }
 
-    /// Pixels in a bin.
+    /// Returns the number of pixels in a bin.
     pub fn count(&self, bin: usize) -> u32 {
         self.count[bin]
     }
 
-    /// The pixels of bins `16 block ..`: distance, grey level, weight (0 where there is none).
+    /// Returns distance, grey level and weight (0 for no pixel) of the bins from `16 block`.
     pub fn block(&self, block: usize) -> (&[Lane], &[Lane], &[Lane]) {
         let range = self.slots(block);
         (&self.distance[range.clone()], &self.grey[range.clone()], &self.weight[range])
     }
 
-    /// Sorts the pixels of the band around `outline` into bins.
+    /// Sorts the pixels of the annulus around `outline` into bins.
     pub fn gather(&mut self, image: ImageView<'_>, outline: &Outline) {
         self.clear(outline.radius);
         self.middle = *outline;
@@ -152,22 +152,22 @@ impl Rim {
             let left = clip(outline.x - reach, outline.x - hole, row.len());
             let right = clip(outline.x + hole, outline.x + reach, row.len());
             let right = right.start.max(left.end)..right.end;
-            for part in [left, right] {
-                let first = (part.start as f64 - outline.x) as f32;
-                self.push(&row[part], first, dy as f32);
+            for run in [left, right] {
+                let first = (run.start as f64 - outline.x) as f32;
+                self.push(&row[run], first, dy as f32);
             }
         }
-        let highest = highest(&self.grey);
+        let highest = maximum(&self.grey);
         self.white = if is_saturated(highest) { highest - 0.5 } else { f32::INFINITY };
         self.measure(outline);
     }
 
-    /// Takes the distances from `outline` anew; it must be within half a pixel of where the pixels were gathered.
+    /// Updates the distances for `outline`, which must be within [`SLACK_PX`] of the circle of the last gathering.
     pub fn measure(&mut self, outline: &Outline) {
         let shift = ((outline.x - self.middle.x) as f32, (outline.y - self.middle.y) as f32);
         let radius = outline.radius as f32;
-        let white = if self.takes_clipped { f32::INFINITY } else { self.white };
-        let inner = if self.is_lined { LINED_BAND_PX } else { INNER_BAND_PX } as f32;
+        let white = if self.includes_clipped { f32::INFINITY } else { self.white };
+        let inner = if self.is_speckled { SPECKLED_BAND_PX } else { INNER_BAND_PX } as f32;
         for block in 0..self.count.len() / LANES {
             let range = self.slots(block);
             let pixels = [&self.x, &self.y, &self.grey].map(|list| &list[range.clone()]);
@@ -179,12 +179,12 @@ impl Rim {
 
     fn slots(&self, block: usize) -> std::ops::Range<usize> {
         let bins = &self.count[block * LANES..(block + 1) * LANES];
-        let most = bins.iter().copied().max().unwrap_or(0) as usize;
-        block * SLOTS..block * SLOTS + most
+        let max_count = bins.iter().copied().max().unwrap_or(0) as usize;
+        block * SLOTS..block * SLOTS + max_count
     }
 
     fn clear(&mut self, radius: f64) {
-        let bins = ((std::f64::consts::TAU * radius / BIN_PX).round() as usize).max(LEAST_BINS);
+        let bins = ((std::f64::consts::TAU * radius / BIN_PX).round() as usize).max(MIN_BINS);
         let padded = bins.next_multiple_of(LANES);
         if bins != self.bins {
             self.bins = bins;
@@ -195,7 +195,7 @@ impl Rim {
             self.unit = [padded(&self.cos), padded(&self.sin)];
         }
         let lanes = padded / LANES * SLOTS;
-        // What slots without a pixel hold is told by the counts, but for the grey levels, whose mean is taken over all.
+        // The counts mark the filled slots, except for the grey levels, whose maximum covers all slots.
         self.grey.clear();
         for list in [&mut self.x, &mut self.y, &mut self.grey, &mut self.distance, &mut self.weight] {
             list.resize(lanes, [0.0; LANES]);
@@ -204,7 +204,7 @@ impl Rim {
         self.count.resize(padded, 0);
     }
 
-    /// Sorts a run of pixels in, the first one at (`first`, `dy`) from the centre.
+    /// Sorts in a run of pixels, the first at (`first`, `dy`) from the centre.
     fn push(&mut self, pixels: &[f32], first: f32, dy: f32) {
         self.places.resize(pixels.len(), 0.0);
         angles(first, dy, self.bins as f32 / std::f32::consts::TAU, &mut self.places);
@@ -222,7 +222,7 @@ impl Rim {
     }
 }
 
-/// The angles of a run of pixels, the first one at (`first`, `dy`) from the centre, in units of so many a radian.
+/// Computes the bin coordinates of a run of pixels, the first at (`first`, `dy`) from the centre.
 #[multiversion::multiversion(targets("x86_64+avx512f+avx512bw+avx512dq+avx512vl", "x86_64+avx2+fma"))]
 fn angles(first: f32, dy: f32, per_radian: f32, out: &mut [f32]) {
     for (k, out) in out.iter_mut().enumerate() {
@@ -230,14 +230,14 @@ fn angles(first: f32, dy: f32, per_radian: f32, out: &mut [f32]) {
     }
 }
 
-/// The whole pixels from `low` to `high` that lie in an image of this length.
+/// Returns the whole pixels from `low` to `high` within an image of this length.
 fn clip(low: f64, high: f64, length: usize) -> std::ops::Range<usize> {
     let start = low.ceil().max(0.0) as usize;
     let end = if high < 0.0 { 0 } else { (high.floor() as usize + 1).min(length) };
     start.min(end)..end
 }
 
-/// Angle of (`x`, `y`), 0 to 2 pi, to 1e-4 rad: good enough to choose a bin.
+/// Returns the angle of (`x`, `y`), 0 to 2 pi, within 1e-4 rad, which suffices to choose a bin.
 #[inline(always)]
 fn angle(x: f32, y: f32) -> f32 {
     let (ax, ay) = (x.abs(), y.abs());
