@@ -1,4 +1,4 @@
-//! How exact the correlator is, on images whose displacement is known exactly.
+//! Accuracy of the correlator on rendered images whose displacement is known exactly.
 
 use super::grid::rectangle;
 use super::speckle::{Speckle, record};
@@ -13,7 +13,7 @@ fn params() -> CorrelationParams {
     CorrelationParams { step_px: 16, ..CorrelationParams::default() }
 }
 
-/// Errors of a set of displacements.
+/// The errors of a set of displacements.
 #[derive(Debug, Default)]
 struct Errors {
     u: Vec<f64>,
@@ -49,13 +49,13 @@ impl Errors {
         self.u.iter().chain(&self.v).fold(0.0, |high, e| high.max(e.abs()))
     }
 
-    /// Reported over actual standard deviation.
+    /// The ratio of the reported to the actual standard deviation.
     fn honesty(&self) -> f64 {
         (self.variances.iter().sum::<f64>() / self.variances.len() as f64).sqrt() / self.rms()
     }
 }
 
-/// The field between two recordings of a pattern.
+/// Returns the displacement field between two recordings of a pattern.
 fn field_of(params: &CorrelationParams, reference: &Image, target: &Image, start: Start) -> Vec<FieldPoint> {
     let (width, height) = (reference.view().width(), reference.view().height());
     let mut correlator = Correlator::new(params, width, height).unwrap();
@@ -66,7 +66,7 @@ fn field_of(params: &CorrelationParams, reference: &Image, target: &Image, start
     field
 }
 
-/// Errors over all shifts at one noise.
+/// Returns the errors over all shifts and the largest bias of one shift, at one noise level.
 fn translation_errors(speckle: &Speckle, params: &CorrelationParams, sigma: f64) -> (Errors, f64) {
     let reference = speckle.draw(320, 320);
     let (mut all, mut bias) = (Errors::default(), 0.0_f64);
@@ -100,7 +100,7 @@ fn the_standard_pattern_has_the_contrast_that_the_figures_refer_to() {
 #[test]
 fn translations_are_found_at_the_noise_bound_with_honest_uncertainties() {
     let speckle = Speckle::standard(1, 320.0);
-    // RMS bounds: those of the method's target for a 31 x 31 subset, px.
+    // RMS bounds: the accuracy target for a 31 x 31 subset, px.
     for (sigma, limit) in [(0.0, 0.0005), (1.0, 0.0015), (2.0, 0.0029)] {
         let (errors, bias) = translation_errors(&speckle, &params(), sigma);
         let (rms, max, honesty) = (errors.rms(), errors.max(), errors.honesty());

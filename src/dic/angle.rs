@@ -1,11 +1,9 @@
-//! A start at any angle: where a body went, and by how much it turned, when
-//! nothing is known.
+//! Searches for a rigid body at any rotation and anywhere in the image.
 //!
-//! The body's pixels, coarsely sampled, are turned step by step through the full
-//! circle and looked for in the whole target each time, by masked normalised
-//! correlation (D. Padfield, IEEE Trans. Image Process. 21 (2012) 2706,
-//! <https://doi.org/10.1109/TIP.2011.2181402>; here only the template is masked).
-//! The best of them are refined with the coarse pixels, and the winner with all.
+//! The subsampled template is rotated in equal steps over the full circle. At each step it is located in the whole
+//! target by masked normalised cross-correlation (D. Padfield, IEEE Trans. Image Process. 21 (2012) 2706,
+//! <https://doi.org/10.1109/TIP.2011.2181402>; only the template is masked here). The best candidates are refined on
+//! the subsampled images, and the best match of these on the full images.
 
 use super::body::{BodyMotion, RigidBody};
 use super::params::Interpolation;
@@ -18,47 +16,47 @@ use super::warp::Warp;
 use crate::image::Image;
 use crate::results::PointStatus;
 
-/// Largest side of the coarse images, px.
+/// The largest side of the subsampled images, px.
 const COARSE_SIDE: usize = 256;
 
-/// Smallest radius a body may have in the coarse images, px.
+/// The smallest radius of a body in the subsampled images, px.
 const COARSE_RADIUS: f64 = 12.0;
 
-/// How far the rim moves from one angle to the next, coarse px.
+/// The displacement of the rim from one rotation to the next, subsampled px.
 const RIM_STEP: f64 = 1.5;
 
-/// Angles refined at most.
-const REFINED: usize = 5;
+/// The maximum number of candidates that are refined.
+const MAX_CANDIDATES: usize = 5;
 
-/// Lowest ZNCC of all coarse pixels that counts as found.
-const LEAST_ZNCC: f64 = 0.5;
+/// The minimum ZNCC of an accepted match.
+const MIN_ZNCC: f64 = 0.5;
 
-/// One angle's best place.
+/// The best position at one rotation.
 #[derive(Debug, Clone, Copy)]
 struct Candidate {
     score: f32,
     angle_rad: f64,
-    /// Where the body's centre lies in the coarse target, px.
+    /// The position of the body's centre in the subsampled target, px.
     center: (f64, f64),
 }
 
-/// Finds how `region` of `reference` moved to `target`, at any angle and anywhere in the image.
+/// Finds the motion of `region` from `reference` to `target`, at any rotation and anywhere in the image.
 ///
-/// The displacement given back is that of the point (`x_px`, `y_px`).
+/// The displacement returned is that of the point (`x_px`, `y_px`).
 ///
 /// # Errors
 ///
-/// [`PointStatus::LowCorrelation`] when it is nowhere, [`PointStatus::Ambiguous`]
-/// when two quite different motions explain the images about equally well, and
-/// whatever [`RigidBody::new`] says of the region.
+/// - [`PointStatus::LowCorrelation`] if the region is not found.
+/// - [`PointStatus::Ambiguous`] if two different motions explain the images about equally well.
+/// - The errors of [`RigidBody::new`].
 ///
 /// # Panics
 ///
-/// If only a part of either frame was made ready.
+/// If only a part of either frame was prepared.
 ///
 /// # Cost
 ///
-/// Some tenths of a second: meant for the first frame and for lost bodies. Allocates.
+/// Some tenths of a second. Intended for the first frame and for lost bodies. Allocates.
 pub fn find_at_any_angle(
     reference: &Prepared,
     target: &Prepared,
@@ -69,7 +67,7 @@ pub fn find_at_any_angle(
     let coarse = Coarse::new(reference, target, region, &body)?;
     let candidates = all_angles(&coarse.body, &coarse.reference, &coarse.target, std::f64::consts::PI);
     let matches = refined(&coarse.body, &coarse.target, &candidates);
-    let best = matches.first().filter(|found| found.zncc >= LEAST_ZNCC).ok_or(PointStatus::LowCorrelation)?;
+    let best = matches.first().filter(|found| found.zncc >= MIN_ZNCC).ok_or(PointStatus::LowCorrelation)?;
     let rival = matches.iter().find(|other| differs(best, other));
     if rival.is_some_and(|other| 1.0 - other.zncc < 2.0 * (1.0 - best.zncc) + 0.02) {
         return Err(PointStatus::Ambiguous);
@@ -81,8 +79,10 @@ pub fn find_at_any_angle(
     body.find(target, (x_px, y_px), at_point(motion.u_px, motion.v_px, motion.angle_deg, offset))
 }
 
-/// As [`find_at_any_angle`] of a body that something may hide in part, and among rotations of at most `most_deg` either
-/// way, which takes as much less time: the match with most of it in sight.
+/// Finds the motion of a partly occluded body among rotations of at most `max_deg` either way.
+///
+/// Works like [`find_at_any_angle`] and returns the match with the largest visible part. The cost is proportional to
+/// the range of rotations.
 ///
 /// # Errors
 ///
@@ -90,19 +90,19 @@ pub fn find_at_any_angle(
 ///
 /// # Panics
 ///
-/// If only a part of either frame was made ready.
+/// If only a part of either frame was prepared.
 pub fn find_hidden_within_angle(
     reference: &Prepared,
     target: &Prepared,
     region: &Region,
     point_px: (f64, f64),
-    most_deg: f64,
+    max_deg: f64,
 ) -> Result<BodyMotion, PointStatus> {
     let mut body = RigidBody::new(reference, region)?;
     let mut coarse = Coarse::new(reference, target, region, &body)?;
     let (center, coarse_center) = (body.center_px(), coarse.body.center_px());
     let mut found: Vec<BodyMotion> = Vec::new();
-    for candidate in all_angles(&coarse.body, &coarse.reference, &coarse.target, most_deg.to_radians()) {
+    for candidate in all_angles(&coarse.body, &coarse.reference, &coarse.target, max_deg.to_radians()) {
         let (u, v) = (candidate.center.0 - coarse_center.0, candidate.center.1 - coarse_center.1);
         let near = (u, v, candidate.angle_rad.to_degrees());
         let Ok(rough) = coarse.body.find_visible(&coarse.target, coarse_center, near) else { continue };
@@ -113,7 +113,7 @@ pub fn find_hidden_within_angle(
     }
     let weight = |motion: &BodyMotion| motion.visible_fraction * motion.zncc;
     found.sort_by(|a, b| weight(b).total_cmp(&weight(a)));
-    let best = *found.first().filter(|best| best.zncc >= LEAST_ZNCC).ok_or(PointStatus::LowCorrelation)?;
+    let best = *found.first().filter(|best| best.zncc >= MIN_ZNCC).ok_or(PointStatus::LowCorrelation)?;
     let apart = |other: &BodyMotion| {
         let (a, b) = (best.motion, other.motion);
         (a.u_px - b.u_px).hypot(a.v_px - b.v_px) > 2.0 || (a.angle_deg - b.angle_deg).abs() > 5.0
@@ -122,7 +122,7 @@ pub fn find_hidden_within_angle(
     if is_ambiguous { Err(PointStatus::Ambiguous) } else { Ok(best) }
 }
 
-/// Both frames and the body with fewer pixels.
+/// The subsampled frames and the body in them.
 struct Coarse {
     factor: usize,
     reference: Prepared,
@@ -132,11 +132,11 @@ struct Coarse {
 
 impl Coarse {
     fn new(reference: &Prepared, target: &Prepared, region: &Region, body: &RigidBody) -> Result<Self, PointStatus> {
-        assert!(reference.is_whole() && target.is_whole(), "a body is looked for in the whole frame");
+        assert!(reference.is_whole() && target.is_whole(), "the rotation search needs whole frames");
         let factor = coarse_factor(reference, body);
         let coarse = |frame: &Prepared| {
             let mut prepared = Prepared::default();
-            prepared.fill(shrunk(&frame.levels, factor).view(), Interpolation::Optimised);
+            prepared.fill(subsampled(&frame.levels, factor).view(), Interpolation::Optimised);
             prepared
         };
         let (reference, target) = (coarse(reference), coarse(target));
@@ -144,7 +144,7 @@ impl Coarse {
         Ok(Self { factor, reference, target, body })
     }
 
-    /// A warp of the coarse body as the motion, in full pixels and deg, of the full body's centre.
+    /// Converts a warp of the subsampled body to the motion of the full body's centre, px and deg.
     fn full(&self, warp: &Warp, (bx, by): (f64, f64)) -> (f64, f64, f64) {
         let scale = self.factor as f64;
         let full = |coarse: f64| coarse * scale + 0.5 * (scale - 1.0);
@@ -156,13 +156,13 @@ impl Coarse {
     }
 }
 
-/// The motion of the point at an offset from where (u, v) was measured.
+/// Returns the motion of the point at an offset from the point whose motion is (u, v).
 fn at_point(u: f64, v: f64, angle_deg: f64, (dx, dy): (f64, f64)) -> (f64, f64, f64) {
     let (x, y) = Warp::rigid(u, v, angle_deg.to_radians()).apply(dx, dy);
     (x - dx, y - dy, angle_deg)
 }
 
-/// How many pixels make a coarse one, along each side.
+/// Returns the subsampling factor along each axis.
 fn coarse_factor(frame: &Prepared, body: &RigidBody) -> usize {
     let radius = (body.pixels() as f64 / std::f64::consts::PI).sqrt();
     let side = frame.width().max(frame.height());
@@ -171,8 +171,8 @@ fn coarse_factor(frame: &Prepared, body: &RigidBody) -> usize {
     wanted.clamp(1, allowed)
 }
 
-/// The image in squares of `factor` x `factor` pixels.
-fn shrunk(levels: &Plane, factor: usize) -> Image {
+/// Averages squares of `factor` x `factor` pixels.
+fn subsampled(levels: &Plane, factor: usize) -> Image {
     let (width, height) = (levels.width() / factor, levels.height() / factor);
     let mut image = Image::new(width, height);
     let scale = 1.0 / (factor * factor) as f32;
@@ -186,7 +186,7 @@ fn shrunk(levels: &Plane, factor: usize) -> Image {
     image
 }
 
-/// The region in coarse pixels.
+/// Converts a region to subsampled pixels.
 fn scaled(region: &Region, factor: usize) -> Region {
     let scale = factor as f64;
     let place = |full: f64| (full - 0.5 * (scale - 1.0)) / scale;
@@ -207,24 +207,24 @@ fn scaled(region: &Region, factor: usize) -> Region {
     }
 }
 
-/// The best place at each of the angles up to `most_rad` that are better than their neighbours, best first.
-fn all_angles(body: &RigidBody, reference: &Prepared, target: &Prepared, most_rad: f64) -> Vec<Candidate> {
+/// Returns the best position at each rotation up to `max_rad` that scores higher than its neighbours, best first.
+fn all_angles(body: &RigidBody, reference: &Prepared, target: &Prepared, max_rad: f64) -> Vec<Candidate> {
     let radius = f64::from(body.window().half);
     let count = ((std::f64::consts::TAU * radius / RIM_STEP).ceil() as usize).clamp(12, 720);
     let mut search = MaskedSearch::new(target);
     let angle = |k: usize| std::f64::consts::TAU * k as f64 / count as f64;
-    let is_tried = |k: &usize| angle(*k).min(std::f64::consts::TAU - angle(*k)) <= most_rad;
+    let is_tried = |k: &usize| angle(*k).min(std::f64::consts::TAU - angle(*k)) <= max_rad;
     let search = |k: usize| Some(k).filter(is_tried).and_then(|k| search.best(body, reference, angle(k)));
     let found: Vec<Option<Candidate>> = (0..count).map(search).collect();
     let score = |k: usize| found[k % count].map_or(f32::NEG_INFINITY, |candidate| candidate.score);
     let peaks = (0..count).filter(|k| score(*k) >= score(k + 1) && score(*k) > score(k + count - 1));
     let mut candidates: Vec<Candidate> = peaks.filter_map(|k| found[k]).collect();
     candidates.sort_by(|a, b| b.score.total_cmp(&a.score));
-    candidates.truncate(REFINED);
+    candidates.truncate(MAX_CANDIDATES);
     candidates
 }
 
-/// The candidates matched with sub-pixel precision, best first.
+/// Refines the candidates to sub-pixel precision and sorts them, best first.
 fn refined(body: &RigidBody, target: &Prepared, candidates: &[Candidate]) -> Vec<Match> {
     let (cx, cy) = body.center_px();
     let start =
@@ -235,21 +235,21 @@ fn refined(body: &RigidBody, target: &Prepared, candidates: &[Candidate]) -> Vec
     matches
 }
 
-/// Whether two matches are different motions, not one found twice.
+/// Whether two matches are different motions rather than one motion found twice.
 fn differs(a: &Match, b: &Match) -> bool {
     let (a, b) = (a.warp, b.warp);
     let turned = (a.ux - b.ux).hypot(a.uy - b.uy);
     (a.u - b.u).hypot(a.v - b.v) > 2.0 || turned > 0.1
 }
 
-/// Masked normalised correlation of turned templates with one target.
+/// Masked normalised cross-correlation of rotated templates with one target.
 struct MaskedSearch {
     transform: Transform,
     width: usize,
     height: usize,
-    /// Spectrum of the target.
+    /// The spectrum of the target.
     levels: Complex,
-    /// Spectrum of target + i target squared.
+    /// The spectrum of target + i target squared.
     squares: Complex,
     work: Complex,
     product: Complex,
@@ -274,14 +274,14 @@ impl MaskedSearch {
         Self { transform, width, height, levels, squares, work, product }
     }
 
-    /// The best place of the body turned by an angle; `None` when it fits nowhere.
+    /// Returns the best position of the body rotated by an angle, or `None` if it fits nowhere.
     fn best(&mut self, body: &RigidBody, reference: &Prepared, angle_rad: f64) -> Option<Candidate> {
         let template = Template::turned(body, reference, angle_rad);
         let (stride, size) = (self.transform.stride(), self.transform.size());
         if template.reach.0 * 2 >= self.width || template.reach.1 * 2 >= self.height {
             return None;
         }
-        // Template into the real part, mask into the imaginary part, centre at the origin.
+        // The template goes into the real part and the mask into the imaginary part, with the centre at the origin.
         self.work.re.fill(0.0);
         self.work.im.fill(0.0);
         for (dx, dy, level) in &template.pixels {
@@ -314,14 +314,14 @@ impl MaskedSearch {
         best.score.is_finite().then_some(best)
     }
 
-    /// Cross spectra: target with template into `product`, target + i squares with mask into `sums`.
+    /// Computes the cross spectra: target and template into `product`, target + i squares and mask into `sums`.
     fn split_and_multiply(&mut self, sums: &mut Complex) {
         let (stride, size) = (self.transform.stride(), self.transform.size());
         for y in 0..size {
             for x in 0..size {
                 let (here, there) = (y * stride + x, (size - y) % size * stride + (size - x) % size);
                 let (a, b, c, d) = (self.work.re[here], self.work.im[here], self.work.re[there], self.work.im[there]);
-                // Spectra of the template (p) and of the mask (m), both conjugated.
+                // The spectra of the template (p) and of the mask (m), both conjugated.
                 let (p_re, p_im) = (0.5 * (a + c), -0.5 * (b - d));
                 let (m_re, m_im) = (0.5 * (b + d), 0.5 * (a - c));
                 let (g_re, g_im) = (self.levels.re[here], self.levels.im[here]);
@@ -335,12 +335,12 @@ impl MaskedSearch {
     }
 }
 
-/// A body's pixels turned about its centre.
+/// The pixels of a body rotated about its centre.
 struct Template {
-    /// Offset from the centre, px, and grey level less the mean.
+    /// The offset from the centre, px, and the grey level minus the mean.
     pixels: Vec<(i32, i32, f32)>,
     energy: f32,
-    /// Largest offset along x and y, px.
+    /// The largest offset along x and y, px.
     reach: (usize, usize),
 }
 

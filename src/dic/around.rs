@@ -1,17 +1,17 @@
-//! Sums over the neighbourhood of every pixel of a map.
+//! Box filters: sums over a square neighbourhood of every pixel.
 
 use multiversion::multiversion;
 
 use super::lanes::LANES;
 use super::vector::{Vector, vectorized};
 
-/// Half the side of the neighbourhood whose residual is taken, px.
+/// Half the side of the neighbourhood over which residuals are summed, px.
 pub(super) const RESIDUAL_REACH: usize = 3;
 
-/// Its side.
+/// The side of that neighbourhood, px.
 const SIDE: usize = 2 * RESIDUAL_REACH + 1;
 
-/// The sums down the columns of as many rows as a neighbourhood has.
+/// Sums the columns over the rows of one neighbourhood.
 #[inline(always)]
 fn add_columns<V: Vector>(rows: &[f32], stride: usize, columns: &mut [f32]) {
     for x in (0..stride / LANES * LANES).step_by(LANES) {
@@ -23,7 +23,7 @@ fn add_columns<V: Vector>(rows: &[f32], stride: usize, columns: &mut [f32]) {
     }
 }
 
-/// The sums of the first eight neighbourhoods over their columns.
+/// Sums eight adjacent neighbourhoods over their column sums.
 #[inline(always)]
 fn add_along<V: Vector>(columns: &[f32]) -> V {
     let near = &columns[..SIDE - 1 + LANES];
@@ -35,7 +35,7 @@ fn add_along<V: Vector>(columns: &[f32]) -> V {
 }
 
 vectorized! {
-    /// The sum over the neighbourhood of every value, as far as it lies within.
+    /// Computes the sum over the neighbourhood of every value whose neighbourhood lies inside.
     pub(super) fn add_around(values: &[f32], stride: usize, columns: &mut [f32], out: &mut [f32]) = add_around_with
 }
 
@@ -52,49 +52,49 @@ fn add_around_with<V: Vector>(values: &[f32], stride: usize, columns: &mut [f32]
 }
 
 vectorized! {
-    /// Whether every sum over a neighbourhood is less than `most` times its pixels.
-    pub(super) fn are_within(planes: (&[f32], &[f32]), stride: usize, most: f32, columns: &mut [f32]) -> bool = are_within_with
+    /// Whether every neighbourhood sum is less than `limit` times the number of its pixels.
+    pub(super) fn are_within(planes: (&[f32], &[f32]), stride: usize, limit: f32, columns: &mut [f32]) -> bool = are_within_with
 }
 
 #[inline(always)]
 fn are_within_with<V: Vector>(
     (values, pixels): (&[f32], &[f32]),
     stride: usize,
-    most: f32,
+    limit: f32,
     columns: &mut [f32],
 ) -> bool {
-    let (one, most) = (V::splat(1.0), V::splat(most));
+    let (one, limit) = (V::splat(1.0), V::splat(limit));
     let mut over = V::splat(0.0);
     for row in 0..(values.len() / stride).saturating_sub(SIDE - 1) {
         let rows = &values[row * stride..][..SIDE * stride];
         add_columns::<V>(rows, stride, columns);
         let pixels = &pixels[(row + RESIDUAL_REACH) * stride + RESIDUAL_REACH..];
         for x in (0..(stride - SIDE) / LANES * LANES).step_by(LANES) {
-            over = over.add(one.and(add_along::<V>(&columns[x..]).at_least(most.mul(V::load(&pixels[x..])))));
+            over = over.add(one.and(add_along::<V>(&columns[x..]).at_least(limit.mul(V::load(&pixels[x..])))));
         }
     }
     over.to_lanes().sum() < 0.5
 }
 
-/// Rows of neighbourhoods that are looked at together.
+/// The number of neighbourhood rows that one strip covers.
 const STRIP: usize = 4;
 
-/// The least value of every column in strips of the rows that have a whole neighbourhood.
-pub(super) fn least_of_strips(values: &[f32], stride: usize, least: &mut Vec<f32>) {
+/// Computes the column minima over strips of the rows that have a whole neighbourhood.
+pub(super) fn least_of_strips(values: &[f32], stride: usize, minima: &mut Vec<f32>) {
     let rows = (values.len() / stride).saturating_sub(2 * RESIDUAL_REACH);
-    least.clear();
-    least.resize(rows.div_ceil(STRIP) * stride, f32::INFINITY);
+    minima.clear();
+    minima.resize(rows.div_ceil(STRIP) * stride, f32::INFINITY);
     for row in 0..rows {
         let from = &values[(row + RESIDUAL_REACH) * stride..][..stride];
-        let to = &mut least[row / STRIP * stride..][..stride];
-        to.iter_mut().zip(from).for_each(|(least, value)| *least = least.min(*value));
+        let to = &mut minima[row / STRIP * stride..][..stride];
+        to.iter_mut().zip(from).for_each(|(minima, value)| *minima = minima.min(*value));
     }
 }
 
 vectorized! {
-    /// Whether the sums over all rows that neighbourhoods of a strip hold are less than `most` times the fewest pixels of
-    /// one of them: then every neighbourhood is within.
-    pub(super) fn are_strips_within(planes: (&[f32], &[f32]), stride: usize, most: f32, columns: &mut [f32]) -> bool =
+    /// Whether the sums over the union of the neighbourhoods in each strip are less than `limit` times the smallest
+    /// pixel count of one of them. This is sufficient for [`are_within`].
+    pub(super) fn are_strips_within(planes: (&[f32], &[f32]), stride: usize, limit: f32, columns: &mut [f32]) -> bool =
         are_strips_within_with
 }
 
@@ -102,11 +102,11 @@ vectorized! {
 fn are_strips_within_with<V: Vector>(
     (values, pixels): (&[f32], &[f32]),
     stride: usize,
-    most: f32,
+    limit: f32,
     columns: &mut [f32],
 ) -> bool {
     const ROWS: usize = SIDE - 1 + STRIP;
-    let (one, most) = (V::splat(1.0), V::splat(most));
+    let (one, limit) = (V::splat(1.0), V::splat(limit));
     let mut over = V::splat(0.0);
     let count = values.len() / stride;
     for (strip, pixels) in pixels.chunks_exact(stride).enumerate() {
@@ -122,13 +122,14 @@ fn are_strips_within_with<V: Vector>(
         }
         let pixels = &pixels[RESIDUAL_REACH..];
         for x in (0..(stride - SIDE) / LANES * LANES).step_by(LANES) {
-            over = over.add(one.and(add_along::<V>(&columns[x..]).at_least(most.mul(V::load(&pixels[x..])))));
+            over = over.add(one.and(add_along::<V>(&columns[x..]).at_least(limit.mul(V::load(&pixels[x..])))));
         }
     }
     over.to_lanes().sum() < 0.5
 }
 
-/// The sum of the square of side 2 `reach` + 1 around every value; nonsense within `reach` rows of the ends.
+/// Computes the sum over the square of side 2 `reach` + 1 around every value. Values within `reach` rows of the ends
+/// are undefined.
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512dq+avx512vl", "x86_64+avx2"))]
 pub(super) fn box_sums(values: &[f32], stride: usize, reach: usize, columns: &mut Vec<f32>, out: &mut Vec<f32>) {
     for plane in [&mut *columns, &mut *out] {

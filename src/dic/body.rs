@@ -1,8 +1,7 @@
-//! A whole body at once: every visible pixel in one rigid match.
+//! Whole-body matching: one rigid IC-GN match of all visible pixels of a body.
 //!
-//! Cutting a body into subsets and fitting a rigid motion to their displacements
-//! loses what lies between and outside the subsets. One match of all pixels is
-//! closer to the bound, and cheaper.
+//! A rigid motion fitted to the displacements of subsets loses the pixels between and outside the subsets. One match of
+//! all pixels is closer to the Cramer-Rao bound, and cheaper.
 
 use super::Shape;
 use super::lanes::Lanes;
@@ -19,19 +18,19 @@ use super::warp::Warp;
 use super::window::Window;
 use crate::results::PointStatus;
 
-/// Fewest pixels a rigid match rests on.
-const FEWEST_PIXELS: usize = 81;
+/// The minimum number of pixels of a rigid match.
+const MIN_PIXELS: usize = 81;
 
-/// Rotation from which on a reference should be renewed, deg.
+/// The rotation above which a reference should be renewed, deg.
 pub const STALE_DEG: f64 = 3.0;
 
-/// ZNCC under which a reference should be renewed.
+/// The ZNCC below which a reference should be renewed.
 const STALE_ZNCC: f64 = 0.8;
 
-/// A body as it looked in its reference frame.
+/// A rigid body in its reference frame.
 ///
-/// Keeps what it needs of the frame, so the frame itself may go; any number of
-/// later frames can be compared with it.
+/// It holds a copy of the reference pixels, so the frame itself may be dropped. Any number of later frames can be
+/// matched against it.
 #[derive(Debug, Clone, Default)]
 pub struct RigidBody {
     subset: Subset,
@@ -40,46 +39,46 @@ pub struct RigidBody {
     residual: Vec<Lanes>,
     pool: Pool,
     sight: Sight,
-    /// The part of a step that is right.
-    share: f64,
+    /// The gradient gain of the texture: the factor that corrects one Gauss-Newton step.
+    gradient_gain: f64,
 }
 
-/// Where a body went.
+/// The motion of a body between two frames.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct BodyMotion {
-    /// The motion, with the displacement of the point asked for; `points` counts pixels.
+    /// The motion of the requested point; `points` counts pixels.
     pub motion: RigidMotion,
-    /// Zero-mean normalised cross-correlation of the pixels compared, -1 to 1.
+    /// The zero-mean normalised cross-correlation of the matched pixels, -1 to 1.
     pub zncc: f64,
-    /// Share of the reference's pixels that are in sight, 0 to 1.
+    /// The visible fraction of the reference pixels, 0 to 1.
     pub visible_fraction: f64,
 }
 
 impl BodyMotion {
-    /// Whether the reference should be renewed: turned too far, or no longer alike.
+    /// Whether the reference should be renewed, because the body rotated too far or the correlation dropped.
     pub fn is_stale(&self) -> bool {
         self.motion.angle_deg.abs() > STALE_DEG || self.zncc < STALE_ZNCC
     }
 }
 
 impl RigidBody {
-    /// Takes the pixels of `region` out of a frame.
+    /// Extracts the pixels of `region` from a frame.
     ///
     /// # Errors
     ///
-    /// [`PointStatus::OutOfFrame`] when the region reaches over the edge or holds
-    /// too few pixels, [`PointStatus::LowContrast`] when they have no texture.
+    /// [`PointStatus::OutOfFrame`] if the region extends over the edge of the frame or holds too few pixels,
+    /// [`PointStatus::LowContrast`] if it has no texture.
     pub fn new(reference: &Prepared, region: &Region) -> Result<Self, PointStatus> {
         let mut body = Self::default();
         body.renew(reference, region)?;
         Ok(body)
     }
 
-    /// As [`Self::new`], in the memory of another.
+    /// Replaces the body, reusing its memory. See [`Self::new`].
     ///
     /// # Errors
     ///
-    /// As [`Self::new`]; it must not be asked for anything then.
+    /// As [`Self::new`]. After an error the body must not be used.
     pub fn renew(&mut self, reference: &Prepared, region: &Region) -> Result<(), PointStatus> {
         let [left, top, right, bottom] = region.bounds_px().ok_or(PointStatus::OutOfFrame)?;
         let center = (0.5 * (left + right), 0.5 * (top + bottom));
@@ -91,7 +90,7 @@ impl RigidBody {
         let at = (center.0.round() as u32, center.1.round() as u32);
         let (x, y) = (f64::from(at.0), f64::from(at.1));
         let window = Window::from_test(half as u32 + 1, |dx, dy| region.contains(x + f64::from(dx), y + f64::from(dy)));
-        if window.pixels < FEWEST_PIXELS {
+        if window.pixels < MIN_PIXELS {
             return Err(PointStatus::OutOfFrame);
         }
         (self.at, self.window) = (at, window);
@@ -104,50 +103,51 @@ impl RigidBody {
         pool.add_texture(subset, window);
         sight.plan(window);
         let spans = window.spans(reference.local(at), reference.levels.height());
-        self.share = Sharpness::of(reference, &spans).share();
+        self.gradient_gain = Sharpness::of(reference, &spans).gain();
         Ok(())
     }
 
-    /// Pixels of the body.
+    /// The number of pixels of the body.
     pub fn pixels(&self) -> usize {
         self.window.pixels
     }
 
-    /// Centre of the reference pixels, px.
+    /// The centre of the reference pixels, px.
     pub fn center_px(&self) -> (f64, f64) {
         (f64::from(self.at.0), f64::from(self.at.1))
     }
 
-    /// Standard uncertainty to be expected of a match with a frame as noisy as this one: that of the displacement of
-    /// a point along x and y, px, and of the angle, deg.
+    /// Returns the expected standard uncertainty of a match: displacement of a point along x and y, px, and rotation,
+    /// deg.
     ///
-    /// `noise_dn` is the standard deviation of each frame's white noise. The bound of least squares, sqrt(2) noise
-    /// over the root of the gradient energy where nothing turns (Pan et al. 2008,
-    /// doi:10.1364/OE.16.007037), with gradients that read right; what a match says of itself comes from its residual
-    /// instead.
+    /// `noise_dn` is the standard deviation of the white noise of each frame, DN. This is the least-squares bound for
+    /// small rotations, sqrt(2) noise over the root of the gradient energy (Pan et al. 2008,
+    /// <https://doi.org/10.1364/OE.16.007037>), corrected by the gradient gain. The uncertainty that a match reports is
+    /// computed from its residual instead.
     pub fn expected_sigma(&self, (x_px, y_px): (f64, f64), noise_dn: f64) -> [f64; 3] {
         let (cx, cy) = self.center_px();
         let variances = spreads(&self.subset.inverse, 0.0, (x_px - cx, y_px - cy));
-        let [u, v, angle] = variances.map(|spread| (2.0 * spread).sqrt() * noise_dn * self.share);
+        let [u, v, angle] = variances.map(|spread| (2.0 * spread).sqrt() * noise_dn * self.gradient_gain);
         [u, v, angle.to_degrees()]
     }
 
-    /// By how much a match of all its pixels is off for a body that grows by 1 in the picture: displacement along x and y,
-    /// px, and angle, deg. What has more edges on one side seems to move to that side as it grows.
+    /// Returns the error of a whole-body match per unit dilatation: displacement along x and y, px, and rotation, deg.
+    ///
+    /// A body with more edges on one side seems to move to that side when it is magnified.
     pub fn growth_lever(&self) -> [f64; 3] {
         let [u_px, v_px, angle] = self.subset.lever;
         [u_px, v_px, angle.to_degrees()]
     }
 
-    /// Its pixels, about [`Self::center_px`].
+    /// The mask of its pixels, relative to [`Self::center_px`].
     pub(super) fn window(&self) -> &Window {
         &self.window
     }
 
-    /// Finds the body in a later frame, near the motion `near`.
+    /// Finds the body in a later frame, starting from the motion `near` (u and v in px, rotation in deg).
     ///
-    /// The displacement in `near` and in the result is that of the point (`x_px`,
-    /// `y_px`) of the reference. It is found from about 2 px and 3 deg away.
+    /// The displacements in `near` and in the result are those of the reference point (`x_px`, `y_px`). The match
+    /// converges from about 2 px and 3 deg away.
     ///
     /// # Errors
     ///
@@ -160,20 +160,20 @@ impl RigidBody {
     ) -> Result<BodyMotion, PointStatus> {
         let (start, offset) = self.start((x_px, y_px), near);
         let mut residual = std::mem::take(&mut self.residual);
-        let found = self.refiner(target).refine_keeping(start, &mut residual).map_err(status_of);
-        let told = found.map(|found| self.told(target, &found, offset, &residual));
+        let found = self.refiner(target).refine_with_residual(start, &mut residual).map_err(status_of);
+        let measured = found.map(|found| self.body_motion(target, &found, offset, &residual));
         self.residual = residual;
-        told
+        measured
     }
 
-    /// As [`Self::find`], by those pixels alone that something else in the target does not hide.
+    /// Finds the body from its visible pixels only. See [`Self::find`].
     ///
-    /// What hides need not be known, be dark, or keep still; but what is in the reference already and moves as the
-    /// body does is taken for the body.
+    /// The occluder may be unknown, bright and moving. An occluder that is already in the reference and moves with the
+    /// body counts as part of the body.
     ///
     /// # Errors
     ///
-    /// As [`Self::find`]; [`PointStatus::Occluded`] when less than a seventh of the body is in sight.
+    /// As [`Self::find`], or [`PointStatus::Occluded`] if less than 15 % of the body is visible.
     pub fn find_visible(
         &mut self,
         target: &Prepared,
@@ -182,15 +182,15 @@ impl RigidBody {
     ) -> Result<BodyMotion, PointStatus> {
         let (start, offset) = self.start((x_px, y_px), near);
         let (mut sight, mut residual) = (std::mem::take(&mut self.sight), std::mem::take(&mut self.residual));
-        sight.unveil();
-        let plain = self.refiner(target).refine_near(start, self.share, &mut residual).map_err(status_of);
+        sight.clear_occlusion();
+        let plain = self.refiner(target).refine_near(start, self.gradient_gain, &mut residual).map_err(status_of);
         let found = match plain {
             Ok(found) if sight.is_whole(&self.window, &found, &residual) => {
-                Ok(self.told(target, &found, offset, &residual))
+                Ok(self.body_motion(target, &found, offset, &residual))
             }
             _ => {
                 let refiner = self.refiner(target);
-                // What hides half of the body may have led the plain match astray.
+                // An occluder that covers half of the body may have biased the plain match.
                 let searched = match plain {
                     Ok(found) => {
                         let matched = sight.find(&refiner, found.warp, (found.zncc, &residual));
@@ -199,9 +199,9 @@ impl RigidBody {
                     Err(_) => sight.find(&refiner, start, (0.0, &[])),
                 };
                 searched.map(|found| {
-                    let told = sight.told(&self.refiner(target), &found, offset);
-                    // Its pixels are some of the body's.
-                    BodyMotion { motion: told.motion.with_sigmas(self.share), ..told }
+                    let visible = sight.body_motion(&self.refiner(target), &found, offset);
+                    // The visible pixels are a part of the body's.
+                    BodyMotion { motion: visible.motion.with_sigmas(self.gradient_gain), ..visible }
                 })
             }
         };
@@ -209,12 +209,13 @@ impl RigidBody {
         found
     }
 
-    /// What hid the body, about [`Self::center_px`], from the match by [`Self::find_visible`] before; `None` where nothing did.
+    /// Returns the occluded pixels, relative to [`Self::center_px`], of the last [`Self::find_visible`]; `None` if
+    /// there were none.
     pub fn veil(&self) -> Option<Veil> {
         self.sight.veil(&self.window)
     }
 
-    /// A start near a motion of a point, and where the point lies from the centre.
+    /// Returns the initial warp for a motion of a point, and the offset of the point from the centre.
     fn start(&self, (x_px, y_px): (f64, f64), (u_px, v_px, angle_deg): (f64, f64, f64)) -> (Warp, (f64, f64)) {
         let turn = Warp::rigid(u_px, v_px, angle_deg.to_radians());
         let (cx, cy) = self.center_px();
@@ -223,15 +224,15 @@ impl RigidBody {
         (Warp { u: x - dx, v: y - dy, ..turn }, (-dx, -dy))
     }
 
-    /// What a match of all pixels says, and what it left.
-    fn told(&mut self, target: &Prepared, found: &Match, offset: (f64, f64), residual: &[Lanes]) -> BodyMotion {
+    /// Computes the motion and its uncertainty from a match of all pixels and its residual.
+    fn body_motion(&mut self, target: &Prepared, found: &Match, offset: (f64, f64), residual: &[Lanes]) -> BodyMotion {
         let Self { subset, window, at, pool, .. } = self;
         let refiner = Refiner { subset, window, shape: Shape::Rigid, target: &target.splined, at: target.local(*at) };
-        let motion = motion(&refiner, found, offset, (pool, residual)).with_sigmas(self.share);
+        let motion = motion(&refiner, found, offset, (pool, residual)).with_sigmas(self.gradient_gain);
         BodyMotion { motion, zncc: found.zncc, visible_fraction: 1.0 }
     }
 
-    /// The match from a start on.
+    /// Runs the match from an initial warp.
     pub(super) fn refine(&self, target: &Prepared, start: Warp) -> Result<Match, PointStatus> {
         self.refiner(target).refine(start).map_err(status_of)
     }
@@ -247,7 +248,7 @@ impl RigidBody {
     }
 }
 
-/// Why a body was not found.
+/// Converts the failure of a match to a status.
 pub(super) fn status_of(lost: Lost) -> PointStatus {
     match lost {
         Lost::OutOfFrame => PointStatus::OutOfFrame,
@@ -255,16 +256,16 @@ pub(super) fn status_of(lost: Lost) -> PointStatus {
     }
 }
 
-/// How the inverse Hessian spreads to u and v at an offset from the centre, and to the angle (rad).
+/// Propagates the inverse Hessian to the variances of u and v at an offset from the centre, and of the angle (rad).
 fn spreads(inverse: &[[f64; 6]; 6], angle: f64, (dx, dy): (f64, f64)) -> [f64; 3] {
-    // How u and v at the offset depend on (u, v, angle) of the centre.
+    // Derivatives of u and v at the offset with respect to (u, v, angle) of the centre.
     let (sin, cos) = angle.sin_cos();
     let rows = [[1.0, 0.0, -sin * dx + cos * dy], [0.0, 1.0, -cos * dx - sin * dy], [0.0, 0.0, 1.0]];
     rows.map(|a| (0..3).map(|i| (0..3).map(|j| a[i] * inverse[i][j] * a[j]).sum::<f64>()).sum())
 }
 
-/// The motion and its uncertainty at an offset from the centre; `pool` holds the texture of what is compared, and
-/// `residual` is what the match left of it.
+/// Returns the motion and its uncertainty at an offset from the centre. `pool` holds the texture of the matched pixels,
+/// and `residual` is the residual of the match.
 pub(super) fn motion(
     refiner: &Refiner<'_>,
     found: &Match,
@@ -279,7 +280,7 @@ pub(super) fn motion(
     let angle = warp.uy.atan2(1.0 + warp.ux);
     let (x, y) = warp.apply(dx, dy);
     let [along_u, along_v, along_angle] = spreads(&subset.inverse, angle, (dx, dy));
-    let factor = pool.factor().where_it_slopes(&Slopes::of(subset, window, residual));
+    let factor = pool.factor().weighted_by_slopes(&Slopes::of(subset, window, residual));
     let (var_u, var_v) = factor.variances(variance, (along_u, along_v));
     let mean = 0.5 * (factor.x + factor.y);
     let (var_angle, _) = Factor { x: mean, y: mean }.variances(variance, (along_angle, 0.0));
@@ -300,7 +301,7 @@ mod tests {
     use crate::dic::speckle::{Speckle, prepared, record};
     use crate::image::Image;
 
-    /// A pattern turned about (70, 66) and shifted.
+    /// A pattern rotated about (70, 66) and shifted.
     fn turned(speckle: &Speckle, (u, v, angle_deg): (f64, f64, f64)) -> Image {
         let turn = Warp::rigid(u, v, angle_deg.to_radians());
         let motion = |x: f64, y: f64| {
@@ -317,7 +318,7 @@ mod tests {
         let reference = speckle.draw(140, 132);
         let region = Region::Disc { x_px: 70.0, y_px: 66.0, radius_px: 53.0 };
         let (mut errors, mut reported, mut count) = ([0.0; 3], [0.0; 3], 0.0);
-        // Rounding to whole grey levels is noise too.
+        // Rounding to whole grey levels adds to the noise.
         let noise_dn = (2.0_f64.powi(2) + 1.0 / 12.0).sqrt();
         let expected = RigidBody::new(&prepared(&reference), &region).unwrap().expected_sigma((70.0, 66.0), noise_dn);
         for (case, truth) in [(0.13, -0.37, 0.07), (0.77, 0.21, -0.6), (1.23, -1.9, 2.9)].into_iter().enumerate() {
@@ -342,11 +343,11 @@ mod tests {
         let ratio: [f64; 3] = std::array::from_fn(|k| (reported[k] / errors[k]).sqrt());
         eprintln!("rms {rms:?} px, px, deg; reported/actual {ratio:?}");
         assert!(rms[0] < 0.0014 && rms[1] < 0.0014 && rms[2] < 0.0022, "{rms:?}");
-        // 24 matches: the scatter itself is known to 15 %.
+        // 24 matches: the scatter itself is uncertain by 15 %.
         assert!(ratio.iter().all(|ratio| (0.7..1.5).contains(ratio)), "{ratio:?}");
-        let foreseen: [f64; 3] = std::array::from_fn(|k| expected[k] / rms[k]);
-        eprintln!("foreseen/actual {foreseen:?}");
-        assert!(foreseen.iter().all(|ratio| (0.75..1.33).contains(ratio)), "{foreseen:?}");
+        let predicted: [f64; 3] = std::array::from_fn(|k| expected[k] / rms[k]);
+        eprintln!("predicted/actual {predicted:?}");
+        assert!(predicted.iter().all(|ratio| (0.75..1.33).contains(ratio)), "{predicted:?}");
     }
 
     #[test]
@@ -360,7 +361,7 @@ mod tests {
         let near = (0.0, 0.0, 0.0);
         let at_center = body.find(&frame, (70.0, 66.0), near).unwrap().motion;
         assert!((at_center.u_px - 0.5).abs() < 0.002 && (at_center.v_px - 0.25).abs() < 0.002, "{at_center:?}");
-        // 10 px to the right of the centre the turn lifts the point by 10 sin 2 deg.
+        // 10 px to the right of the centre the rotation lifts the point by 10 sin 2 deg.
         let right = body.find(&frame, (80.0, 66.0), near).unwrap().motion;
         assert!((right.v_px - (0.25 - 10.0 * 2.0_f64.to_radians().sin())).abs() < 0.002, "{right:?}");
         assert!(right.sigma_v_px >= at_center.sigma_v_px);

@@ -1,9 +1,9 @@
-//! Subsets whose motion is known beforehand: one look at the target for all of them.
+//! One Gauss-Newton update for all subsets whose motion is predicted.
 //!
-//! Where a body's motion was just measured as a whole, what is left to find for a subset is some hundredths of
-//! a pixel, and one step of the refinement finds it. Subsets overlap several times over and all begin from the
-//! same motion, so the target is interpolated once, as it would look had it not moved, and the sums of every
-//! subset are taken off that picture. A subset that turns out to be farther off is refined as any other.
+//! After a whole-body match, the remaining displacement of a subset is some hundredths of a pixel, and one IC-GN update
+//! finds it. Subsets overlap and start from the same motion. The target is therefore resampled once into the geometry
+//! of the reference, and the sums of every subset are taken from that image. A subset whose update is too long is
+//! refined like any other.
 
 use super::GridPoint;
 use super::columns::{Columns, Strip};
@@ -22,39 +22,39 @@ use super::vector::{Vector, vectorized};
 use super::warp::Warp;
 use super::window::Window;
 
-/// A first step this short leaves less than a thousandth of a pixel, px.
-const NEAR_PX: f64 = 0.03;
+/// The maximum length of a first step that leaves an error below a thousandth of a pixel, px.
+const MAX_UPDATE_PX: f64 = 0.03;
 
-/// Largest gradient of a motion for which the target is drawn; what turns more is refined subset by subset.
-const GENTLE: f64 = 0.12;
+/// The largest displacement gradient for which the target is resampled. Above, every subset is refined on its own.
+const MAX_GRADIENT: f64 = 0.12;
 
-/// Largest gradient of a motion for which the target is drawn in tiles, of which the parts are off by less than 0.05 px.
-const TILED: f64 = 0.01;
+/// The largest displacement gradient for which the target is resampled in tiles, with errors of position below 0.05 px.
+const MAX_TILED_GRADIENT: f64 = 0.01;
 
-/// The target of one pair, carried back by a motion.
+/// The target of a pair of frames, resampled into the geometry of the reference.
 #[derive(Default)]
 pub(super) struct Carried {
-    /// In the reference's place.
+    /// The resampled target, in the pixel grid of the reference.
     plane: Plane,
-    /// First and last column of the strips in each row of the reference.
+    /// The first and last column of the strips in each row of the reference.
     spans: Vec<(i32, i32)>,
     columns: Columns,
-    /// Sums down the columns of one subset that is no square.
+    /// The column sums of one subset that is not square.
     sums: Vec<f32>,
-    /// By subset: the warp to begin with, where the target is drawn for it.
+    /// The initial warp of each subset for which the target is resampled.
     starts: Vec<Option<Warp>>,
-    /// By subset: where its centre is in the reference, px.
+    /// The centre of each subset in the reference, px.
     centers: Vec<(i32, i32)>,
-    /// By subset: how it fits, where it was found by one look.
+    /// The grey-level fit of each subset found by one update.
     fits: Vec<Option<Fit>>,
     subset: Subset,
-    /// The part of a step that is right.
-    share: f64,
+    /// The gradient gain of the texture: the factor that corrects one Gauss-Newton step.
+    gradient_gain: f64,
 }
 
 impl Carried {
-    /// Draws the target where the subsets should be that `starts` has warps for, all of one motion of rigid bodies.
-    pub(super) fn draw(
+    /// Resamples the target for the subsets that `starts` has warps for. All warps must belong to one rigid motion.
+    pub(super) fn resample(
         &mut self,
         (reference, target): (&Prepared, &Prepared),
         points: &[GridPoint],
@@ -67,7 +67,8 @@ impl Carried {
         self.starts.extend(points.iter().zip(starts).map(|(point, warp)| {
             let (at, to) = (reference.local((point.x, point.y)), target.local((point.x, point.y)));
             let is_sane = |warp: &Warp| {
-                warp.is_within(GENTLE) && window.stays(warp, to, (target.splined.width(), target.splined.height()))
+                warp.is_within(MAX_GRADIENT)
+                    && window.stays(warp, to, (target.splined.width(), target.splined.height()))
             };
             warp.filter(|warp| is_sane(warp) && holds(at) && !saturated(reference, window, at))
         }));
@@ -80,23 +81,23 @@ impl Carried {
         self.columns.plan(window, carried);
         let first = points.iter().zip(&self.starts).find_map(|(point, warp)| Some(((point.x, point.y), (*warp)?)));
         let Some((point, warp)) = first else { return };
-        // Where the first pixel of the reference's part goes.
+        // The position of the first pixel of the reference's part.
         let ((x, y), (from_x, from_y)) = (reference.local(point), target.local(point));
         let (dx, dy) = warp.apply(-f64::from(x), -f64::from(y));
         let motion = ((f64::from(from_x) + dx, f64::from(from_y) + dy), warp);
         let strips = self.columns.strips();
-        if warp.is_within(TILED) {
+        if warp.is_within(MAX_TILED_GRADIENT) {
             let gradients = (&reference.gradient_x, &reference.gradient_y);
             let gain = reference.gain_of(target);
-            draw_tiles((&target.splined, gain), gradients, strips, motion, &mut self.plane);
+            resample_tiles((&target.splined, gain), gradients, strips, motion, &mut self.plane);
         } else {
-            draw_rows(&target.splined, strips, motion, &mut self.plane);
+            resample_rows(&target.splined, strips, motion, &mut self.plane);
         }
         span(strips, (width, height), &mut self.spans);
-        self.share = Sharpness::of(reference, &self.spans).share();
+        self.gradient_gain = Sharpness::of(reference, &self.spans).gain();
     }
 
-    /// The subset, if it is where the motion says: as if refined to the end.
+    /// Returns the match of a subset after one update, or `None` if it is not close enough to the predicted motion.
     pub(super) fn solve(&mut self, matcher: &Matcher<'_>, index: usize) -> Option<Solution> {
         let warp = (*self.starts.get(index)?)?;
         let (reference, window) = (matcher.reference, matcher.window);
@@ -107,14 +108,14 @@ impl Carried {
         } else {
             Moments::of(layers, window, at, &mut self.sums)
         };
-        self.subset.take(&moments, window.pixels, matcher.params.refined_shape()).ok()?;
+        self.subset.fill_from_moments(&moments, window.pixels, matcher.params.refined_shape()).ok()?;
         let matcher = Matcher { subset: &self.subset, ..*matcher };
-        let (step, zncc, gained) = matcher.refiner().step_of(moments.sums(window.pixels)).ok()?;
-        let is_near = step.length(f64::from(window.half)) <= NEAR_PX;
+        let (step, zncc, zncc_gain) = matcher.refiner().step_of(moments.sums(window.pixels)).ok()?;
+        let is_near = step.length(f64::from(window.half)) <= MAX_UPDATE_PX;
         let found = Match {
-            warp: warp.after_inverse(&step.scaled(self.share))?,
+            warp: warp.after_inverse(&step.scaled(self.gradient_gain))?,
             second: [[0.0; 3]; 2],
-            zncc: (zncc + gained).min(1.0),
+            zncc: (zncc + zncc_gain).min(1.0),
             iterations: 1,
         };
         if !is_near || found.zncc < matcher.params.min_zncc {
@@ -124,15 +125,15 @@ impl Carried {
         let means = ((moments.reference / pixels) as f32, (moments.target / pixels) as f32);
         let energy = moments.products[1] - moments.target * moments.target / pixels;
         self.fits[index] = Some(Fit { means, gain: (self.subset.energy / energy).sqrt() as f32 });
-        Some(matcher.judge(found, None))
+        Some(matcher.accept(found, None))
     }
 
-    /// Whether the subset was found by one look.
+    /// Whether the subset was found by one update.
     pub(super) fn found(&self, index: usize) -> bool {
         self.fits.get(index).is_some_and(Option::is_some)
     }
 
-    /// Adds how the residual of a subset found by one look correlates from pixel to pixel.
+    /// Adds the autocorrelation of the residual of a subset found by one update.
     pub(super) fn pool(&mut self, matcher: &Matcher<'_>, index: usize, pairs: &Lags, pool: &mut Pool) {
         let Some(fit) = self.fits[index] else { return };
         let layers = layers(matcher.reference, &self.plane);
@@ -140,13 +141,14 @@ impl Carried {
     }
 }
 
-/// A reference and what was drawn in its place.
+/// Returns the layers of a reference and a resampled target.
 fn layers<'a>(reference: &'a Prepared, target: &'a Plane) -> Layers<'a> {
     let Prepared { levels, gradient_x, gradient_y, .. } = reference;
     Layers { reference: levels, gradient_x, gradient_y, target }
 }
 
-/// First and last column of each row of a picture of so many columns and rows; the first is larger where there are none.
+/// Computes the first and last column of the strips in each row of an image of the given size; the first is larger
+/// where there are none.
 fn span(strips: &[Strip], (width, height): (usize, usize), spans: &mut Vec<(i32, i32)>) {
     spans.clear();
     spans.resize(height, (i32::MAX, i32::MIN));
@@ -158,7 +160,7 @@ fn span(strips: &[Strip], (width, height): (usize, usize), spans: &mut Vec<(i32,
     }
 }
 
-/// Whether a subset may be saturated; which of them are is told when it is taken out.
+/// Whether more than half of a subset's rectangle may be saturated. Extracting the subset decides.
 fn saturated(reference: &Prepared, window: &Window, (x, y): (i32, i32)) -> bool {
     if !reference.saturation.is_finite() {
         return false;
@@ -172,12 +174,17 @@ fn saturated(reference: &Prepared, window: &Window, (x, y): (i32, i32)) -> bool 
 }
 
 vectorized! {
-    /// Draws the strips of a target that a warp, the same everywhere, carries to `corner` and on.
-    fn draw_rows(target: &Splined, strips: &[Strip], motion: ((f64, f64), Warp), out: &mut Plane) = draw_rows_with
+    /// Resamples the strips at the places where a uniform warp takes them, from `corner` on.
+    fn resample_rows(target: &Splined, strips: &[Strip], motion: ((f64, f64), Warp), out: &mut Plane) = resample_rows_with
 }
 
 #[inline(always)]
-fn draw_rows_with<V: Vector>(target: &Splined, strips: &[Strip], (corner, warp): ((f64, f64), Warp), out: &mut Plane) {
+fn resample_rows_with<V: Vector>(
+    target: &Splined,
+    strips: &[Strip],
+    (corner, warp): ((f64, f64), Warp),
+    out: &mut Plane,
+) {
     for (left, y) in strips.iter().flat_map(|strip| (strip.top..strip.end).map(|y| (strip.left, y))) {
         let (dx, dy) = (f64::from(left), f64::from(y));
         let place = (corner.0 + dx + warp.ux * dx + warp.uy * dy, corner.1 + dy + warp.vx * dx + warp.vy * dy);
@@ -191,19 +198,19 @@ fn draw_rows_with<V: Vector>(target: &Splined, strips: &[Strip], (corner, warp):
 }
 
 vectorized! {
-    /// As [`draw_rows`], in tiles that are shifted; what their parts move apart is made up for by the gradients, times how
-    /// much larger they are in the target.
-    fn draw_tiles(
+    /// Resamples like [`resample_rows`], in tiles that are only shifted. The reference gradients times the gain correct the
+    /// displacement of each pixel relative to its tile.
+    fn resample_tiles(
         target: (&Splined, f32),
         gradients: (&Plane, &Plane),
         strips: &[Strip],
         motion: ((f64, f64), Warp),
         out: &mut Plane,
-    ) = draw_tiles_with
+    ) = resample_tiles_with
 }
 
 #[inline(always)]
-fn draw_tiles_with<V: Vector>(
+fn resample_tiles_with<V: Vector>(
     target: (&Splined, f32),
     gradients: (&Plane, &Plane),
     strips: &[Strip],
@@ -214,15 +221,15 @@ fn draw_tiles_with<V: Vector>(
         for top in (strip.top..strip.end).step_by(LANES) {
             let (place, rows) = ((strip.left, top), (strip.end - top).min(LANES as i32) as usize);
             match target.0.tap_count() {
-                4 => draw_tile::<V, 4>(target, gradients, (place, rows), &motion, out),
-                _ => draw_tile::<V, 6>(target, gradients, (place, rows), &motion, out),
+                4 => resample_tile::<V, 4>(target, gradients, (place, rows), &motion, out),
+                _ => resample_tile::<V, 6>(target, gradients, (place, rows), &motion, out),
             }
         }
     }
 }
 
 #[inline(always)]
-fn draw_tile<V: Vector, const N: usize>(
+fn resample_tile<V: Vector, const N: usize>(
     (target, gain): (&Splined, f32),
     gradients: (&Plane, &Plane),
     ((left, top), rows): ((i32, i32), usize),
@@ -231,7 +238,7 @@ fn draw_tile<V: Vector, const N: usize>(
 ) {
     let middle = (0.5 * (LANES as f64 - 1.0), 0.5 * (rows as f64 - 1.0));
     let (dx, dy) = warp.apply(f64::from(left) + middle.0, f64::from(top) + middle.1);
-    // The warp's own shift is in the corner.
+    // The corner includes the shift of the warp.
     let start = (corner.0 + dx - warp.u - middle.0, corner.1 + dy - warp.v - middle.1);
     let mut column = ShiftedColumn::<V, N>::new(target, start);
     let across = V::from_lanes(&Lanes::INDEX).sub(V::splat(middle.0 as f32));
@@ -258,7 +265,7 @@ mod tests {
 
     const CENTER: (f64, f64) = (70.0, 66.0);
 
-    /// A pattern, and the same turned about its centre, where its lower part moved on by itself.
+    /// A pattern, and the same rotated about its centre, with an extra shift of its lower part.
     fn pair(motion: (f64, f64, f64), lower: f64) -> (Image, Image) {
         let speckle = Speckle::standard(31, 140.0);
         let turn = Warp::rigid(motion.0, motion.1, motion.2.to_radians());
@@ -285,7 +292,7 @@ mod tests {
         })
     }
 
-    /// Root mean square of u and v about a motion.
+    /// The root mean square of u and v about a motion.
     fn scatter(field: &[FieldPoint], motion: (f64, f64, f64)) -> f64 {
         let turn = Warp::rigid(motion.0, motion.1, motion.2.to_radians());
         let square = |point: &FieldPoint| {
@@ -297,7 +304,7 @@ mod tests {
     }
 
     #[test]
-    fn one_look_is_as_good_as_a_search_and_tells_its_uncertainty_as_well() {
+    fn one_update_is_as_accurate_as_a_search_with_equal_uncertainties() {
         for motion in [(0.37, -0.21, 0.13), (-0.45, 0.73, -0.4), (1.3, 0.2, 1.7)] {
             let images = pair(motion, 0.0);
             let (mut sums, mut sigmas) = ([0.0; 2], [0.0; 2]);
@@ -311,7 +318,7 @@ mod tests {
                 }
             }
             eprintln!(
-                "{motion:?}: scatter {:.5} px after a search, {:.5} at one look; said {sigmas:.5?}",
+                "{motion:?}: scatter {:.5} px after a search, {:.5} after one update; reported {sigmas:.5?}",
                 sums[0], sums[1]
             );
             assert!(sums[1] < 1.03 * sums[0], "{motion:?}: {sums:?}");
@@ -320,7 +327,7 @@ mod tests {
     }
 
     #[test]
-    fn what_moves_otherwise_is_found_where_it_is() {
+    fn subsets_that_do_not_follow_the_prediction_are_still_found() {
         let motion = (0.37, -0.21, 0.13);
         let [searched, carried] = fields(&pair(motion, 0.6), motion, 3);
         for (a, b) in searched.iter().zip(&carried) {
@@ -332,12 +339,12 @@ mod tests {
     }
 
     #[test]
-    fn the_target_is_drawn_alike_in_tiles_by_pixel_and_on_any_machine() {
+    fn tiles_and_pixels_resample_alike_on_any_machine() {
         let (reference, target) = pair((0.0, 0.0, 0.0), 0.0);
         let (mut a, mut b) = (Prepared::default(), Prepared::default());
         a.fill(reference.view(), Interpolation::Optimised);
         b.fill(target.view(), Interpolation::Optimised);
-        // A third of a degree.
+        // About a third of a degree.
         let warp = Warp::rigid(0.4, -0.3, 0.006);
         let motion = ((-0.3, 0.7), warp);
         let strips: Vec<_> = (20..100).step_by(LANES).map(|left| Strip { left, top: 0, end: 110 }).collect();
@@ -345,14 +352,14 @@ mod tests {
         let mut planes = [Plane::default(), Plane::default(), Plane::default(), Plane::default()];
         planes.iter_mut().for_each(|plane| plane.reshape(140, 132));
         let [rows, tiles, plain_rows, plain_tiles] = &mut planes;
-        draw_rows(&b.splined, &strips, motion, rows);
-        draw_tiles((&b.splined, 1.0), gradients, &strips, motion, tiles);
-        draw_rows_with::<Portable>(&b.splined, &strips, motion, plain_rows);
-        draw_tiles_with::<Portable>((&b.splined, 1.0), gradients, &strips, motion, plain_tiles);
+        resample_rows(&b.splined, &strips, motion, rows);
+        resample_tiles((&b.splined, 1.0), gradients, &strips, motion, tiles);
+        resample_rows_with::<Portable>(&b.splined, &strips, motion, plain_rows);
+        resample_tiles_with::<Portable>((&b.splined, 1.0), gradients, &strips, motion, plain_tiles);
         assert!(*rows == *plain_rows && *tiles == *plain_tiles);
         let apart = |y: usize| rows.row(y)[20..100].iter().zip(&tiles.row(y)[20..100]).map(|(a, b)| (a - b).powi(2));
         let square: f32 = (4..106).flat_map(apart).sum::<f32>() / (80.0 * 102.0);
-        // The gradients are of another place by up to 0.7 px here; a subset's are of its own.
+        // The gradients belong to places up to 0.7 px away here, unlike those of a subset.
         assert!(square.sqrt() < 1.0, "rms {} DN", square.sqrt());
     }
 }

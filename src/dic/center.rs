@@ -1,38 +1,38 @@
-//! The motion of a body as its field shows it at the centre and around it.
+//! Motion of a body from its displacement field at and around the centre.
 //!
-//! What the paper does: the field interpolated at the centre is how the centre moves, and the mean of the subsets'
-//! rotations about it is how the body turns. Few subsets tell the one and each as much as any other the other, so
-//! [`rigid_fit`](super::rigid_fit()) is more exact wherever the body is rigid.
+//! The paper's estimator: the centre's displacement is the field interpolated at the centre, and the rotation is the
+//! mean of the subsets' rotations about it. It uses few subsets for the displacement and weights all of them equally
+//! for the rotation. [`rigid_fit`](super::rigid_fit()) is more accurate for rigid bodies.
 
 use super::rigid_fit::{RigidMotion, variances};
 use crate::results::{FieldPoint, PointStatus};
 
-/// Fewest subsets that a motion is believed from.
-const FEWEST: usize = 3;
+/// The minimum number of subsets.
+const MIN_VECTORS: usize = 3;
 
-/// Subsets nearer to the centre than this share of the grid step do not show how it turns.
-const NEAREST: f64 = 0.75;
+/// Subsets closer to the centre than this many grid steps are left out of the rotation.
+const MIN_DISTANCE_STEPS: f64 = 0.75;
 
-/// Subsets this many grid steps around the centre stand in for one beside it that is missing.
-const AROUND: f64 = 1.6;
+/// The radius, in grid steps, of the subsets that replace a missing neighbour of the centre.
+const NEIGHBOUR_RADIUS_STEPS: f64 = 1.6;
 
-/// The displacement of a subset, its place counted from the body's centre.
+/// The displacement of a subset, with its position relative to the body's centre.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct CenterVector {
-    /// Place along x, px.
+    /// The position along x, px.
     pub x_px: f64,
-    /// Place along y, px.
+    /// The position along y, px.
     pub y_px: f64,
-    /// Displacement along x, px.
+    /// The displacement along x, px.
     pub u_px: f64,
-    /// Displacement along y, px.
+    /// The displacement along y, px.
     pub v_px: f64,
-    /// Standard uncertainty of both, px.
+    /// The standard uncertainty of both displacements, px.
     pub sigma_px: f64,
 }
 
 impl CenterVector {
-    /// A valid point of a field.
+    /// Converts a valid point of a field; `None` for others.
     pub fn of(point: &FieldPoint, (x_px, y_px): (f64, f64)) -> Option<Self> {
         let displacement = point.displacement.filter(|_| point.status == PointStatus::Valid)?;
         let (sigma_u, sigma_v) = (f64::from(displacement.sigma_u_px), f64::from(displacement.sigma_v_px));
@@ -45,12 +45,12 @@ impl CenterVector {
         })
     }
 
-    /// Where it is from a centre that moved so.
+    /// Returns the position after the motion, relative to the moved centre.
     fn arrived(&self, center: [f64; 2]) -> [f64; 2] {
         [self.x_px + self.u_px - center[0], self.y_px + self.v_px - center[1]]
     }
 
-    /// How far it turned about a centre that moved so, counter-clockwise on the screen, rad.
+    /// Returns the rotation about the moved centre, counter-clockwise on the screen, rad.
     fn angle_rad(&self, center: [f64; 2]) -> f64 {
         let [x, y] = self.arrived(center);
         // y is down.
@@ -58,28 +58,28 @@ impl CenterVector {
     }
 }
 
-/// The motion that these vectors show at the origin: interpolated there, and the mean of their rotations about it.
+/// Estimates the motion at the origin: the interpolated displacement and the mean rotation about it.
 ///
-/// They lie on a grid of `step_px`, row by row, with subsets of `subset_size_px`, whose overlap the uncertainties take
-/// into account. `None` when there are fewer than three, or none around the origin.
+/// The vectors lie on a grid of `step_px`, row by row. The uncertainties account for the overlap of subsets of
+/// `subset_size_px`. Returns `None` for fewer than three vectors, or if there are none around the origin.
 pub fn center_fit(vectors: &[CenterVector], step_px: u32, subset_size_px: u32) -> Option<RigidMotion> {
     let step_px = f64::from(step_px);
-    let weights = weights(vectors, step_px).filter(|_| vectors.len() >= FEWEST)?;
+    let weights = weights(vectors, step_px).filter(|_| vectors.len() >= MIN_VECTORS)?;
     let mean = |part: fn(&CenterVector) -> f64| vectors.iter().zip(&weights).map(|(v, w)| w * part(v)).sum::<f64>();
     let center = [mean(|v| v.u_px), mean(|v| v.v_px)];
-    let turns = |vector: &CenterVector| vector.x_px.hypot(vector.y_px) > NEAREST * step_px;
-    let turning = vectors.iter().filter(|vector| turns(vector)).count() as f64;
-    if turning == 0.0 {
+    let rotates = |vector: &CenterVector| vector.x_px.hypot(vector.y_px) > MIN_DISTANCE_STEPS * step_px;
+    let rotating = vectors.iter().filter(|vector| rotates(vector)).count() as f64;
+    if rotating == 0.0 {
         return None;
     }
-    let angle_rad = vectors.iter().filter(|v| turns(v)).map(|v| v.angle_rad(center)).sum::<f64>() / turning;
-    // How the mean angle changes with where each of them arrives.
+    let angle_rad = vectors.iter().filter(|v| rotates(v)).map(|v| v.angle_rad(center)).sum::<f64>() / rotating;
+    // The derivative of the mean angle with respect to the final position of each vector.
     let slopes: Vec<[f64; 2]> = vectors
         .iter()
         .map(|vector| {
             let [x, y] = vector.arrived(center);
-            let reach = turning * (x * x + y * y);
-            if turns(vector) { [y / reach, -x / reach] } else { [0.0; 2] }
+            let reach = rotating * (x * x + y * y);
+            if rotates(vector) { [y / reach, -x / reach] } else { [0.0; 2] }
         })
         .collect();
     let all = [0, 1].map(|axis| slopes.iter().map(|slope| slope[axis]).sum::<f64>());
@@ -100,33 +100,33 @@ pub fn center_fit(vectors: &[CenterVector], step_px: u32, subset_size_px: u32) -
     })
 }
 
-/// What the vectors scatter about the rigid motion beyond their own uncertainties, as a factor; never below 1.
+/// Returns the ratio of the scatter about the rigid motion to the stated uncertainties, at least 1.
 fn excess(vectors: &[CenterVector], center: [f64; 2], angle_rad: f64) -> f64 {
     let (sin, cos) = angle_rad.sin_cos();
     let square = |vector: &CenterVector| {
         let [x, y] = vector.arrived(center);
         let (dx, dy) = (x - cos * vector.x_px - sin * vector.y_px, y - cos * vector.y_px + sin * vector.x_px);
-        // Where none is stated there is none to exceed.
+        // A vector without a stated uncertainty does not count.
         if vector.sigma_px > 0.0 { (dx * dx + dy * dy) / (vector.sigma_px * vector.sigma_px) } else { 0.0 }
     };
     let freedom = (2 * vectors.len()).saturating_sub(3).max(1) as f64;
     (vectors.iter().map(square).sum::<f64>() / freedom).max(1.0).sqrt()
 }
 
-/// Share of each vector in the field at the origin: bilinear between the four around it, or a plane through its
-/// neighbours.
+/// Returns the weight of each vector in the field at the origin: bilinear between the four around it, or a plane fit to
+/// the neighbours.
 fn weights(vectors: &[CenterVector], step_px: f64) -> Option<Vec<f64>> {
     let share = |v: &CenterVector| (1.0 - v.x_px.abs() / step_px).max(0.0) * (1.0 - v.y_px.abs() / step_px).max(0.0);
     let shares: Vec<f64> = vectors.iter().map(share).collect();
     let total: f64 = shares.iter().sum();
-    // The shares of all four make 1; where one is missing and counts, they do not.
+    // The weights of all four add up to 1. They do not if one is missing.
     if total > 0.999 {
         return Some(shares.iter().map(|share| share / total).collect());
     }
-    plane(vectors, |vector| vector.x_px.abs().max(vector.y_px.abs()) < AROUND * step_px)
+    plane(vectors, |vector| vector.x_px.abs().max(vector.y_px.abs()) < NEIGHBOUR_RADIUS_STEPS * step_px)
 }
 
-/// Weights of the value at the origin of the plane that fits some vectors best; `None` where they do not span one.
+/// Returns the weights of a least-squares plane at the origin; `None` if the vectors do not span a plane.
 fn plane(vectors: &[CenterVector], is_near: impl Fn(&CenterVector) -> bool) -> Option<Vec<f64>> {
     let near = || vectors.iter().filter(|vector| is_near(vector));
     let sum = |part: fn(&CenterVector) -> f64| near().map(part).sum::<f64>();
@@ -135,7 +135,7 @@ fn plane(vectors: &[CenterVector], is_near: impl Fn(&CenterVector) -> bool) -> O
     let minors = [xx * yy - xy * xy, xy * y - x * yy, x * xy - xx * y];
     let determinant = count as f64 * minors[0] + x * minors[1] + y * minors[2];
     // Vectors on a line span no plane.
-    if count < FEWEST || determinant < 1e-6 * count as f64 * xx.max(1.0) * yy.max(1.0) {
+    if count < MIN_VECTORS || determinant < 1e-6 * count as f64 * xx.max(1.0) * yy.max(1.0) {
         return None;
     }
     let weight = |v: &CenterVector| (minors[0] + minors[1] * v.x_px + minors[2] * v.y_px) / determinant;
@@ -148,12 +148,12 @@ mod tests {
 
     const STEP_PX: f64 = 12.0;
 
-    /// Vectors of a body that turned by `angle_deg` about its centre and moved.
+    /// Vectors of a body that rotated by `angle_deg` about its centre and moved.
     fn body(shift: [f64; 2], angle_deg: f64, leave_out: impl Fn(i32, i32) -> bool) -> Vec<CenterVector> {
         let (sin, cos) = angle_deg.to_radians().sin_cos();
         let places = (-3..=3).flat_map(|row| (-3..=3).map(move |column| (column, row)));
         let vector = |(column, row): (i32, i32)| {
-            // The centre lies beside the subsets' grid.
+            // The centre lies off the grid of the subsets.
             let (x, y) = (STEP_PX * f64::from(column) + 0.3, STEP_PX * f64::from(row) - 0.2);
             let (u_px, v_px) = (shift[0] + x * (cos - 1.0) + y * sin, shift[1] - x * sin + y * (cos - 1.0));
             CenterVector { x_px: x, y_px: y, u_px, v_px, sigma_px: 0.01 }
@@ -179,7 +179,7 @@ mod tests {
     }
 
     #[test]
-    fn a_field_that_scatters_more_than_it_says_makes_the_motion_as_much_less_sure() {
+    fn excess_scatter_raises_the_uncertainty_of_the_motion() {
         let mut noise = crate::dic::speckle::Sequence::new(9);
         let mut vectors = body([0.7, -1.2], 33.0, |_, _| false);
         let before = center_fit(&vectors, 12, 25).unwrap();
@@ -189,7 +189,7 @@ mod tests {
         }
         let after = center_fit(&vectors, 12, 25).unwrap();
         let ratio = after.sigma_angle_deg / before.sigma_angle_deg;
-        // Three times what each of them states; the centre's own error is in the residuals too.
+        // Three times the stated uncertainty of each vector. The residuals include the centre's own error.
         assert!((2.6..3.9).contains(&ratio), "{ratio}");
         assert!(center_fit(&body([0.7, -1.2], 33.0, |_, _| false), 12, 25).unwrap().sigma_u_px <= 0.0101);
     }

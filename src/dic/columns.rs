@@ -1,8 +1,7 @@
-//! Subsets over one another and side by side share most of their pixels: what is summed down a column is summed once
-//! for all of them.
+//! Column sums shared by overlapping subsets.
 //!
-//! Down every column the sums run on from the first subset's first row. What a subset holds of them is the difference
-//! between what they are after its last row and what they were before its first.
+//! Sums run down each column from the first row of the first subset. The sum over a subset is the difference between
+//! the running sums after its last and before its first row.
 
 use super::lanes::LANES;
 use super::moments::{DOWN, Layers, Moments, add_rows, gathered, less};
@@ -10,57 +9,57 @@ use super::vector::{Vector, vectorized};
 use super::window::Window;
 use std::ops::Range;
 
-/// Rows of subsets that are summed at a time: memory does not grow with the picture.
+/// The number of subset rows that are summed at a time, which bounds the memory.
 const BAND: usize = 16;
 
-/// Eight columns of which some rows are asked for, px.
+/// A range of rows of eight columns, px.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Strip {
-    /// First column.
+    /// The first column.
     pub(super) left: i32,
-    /// First row.
+    /// The first row.
     pub(super) top: i32,
-    /// Row after the last.
+    /// The row after the last.
     pub(super) end: i32,
 }
 
-/// Sums down the columns of subsets of one shape.
+/// Column sums of subsets of one shape.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Columns {
-    /// First column of all.
+    /// The first column of all subsets.
     left: i32,
-    /// Columns, a multiple of eight.
+    /// The number of columns, a multiple of eight.
     count: usize,
-    /// First rows of the subsets, rising.
+    /// The first rows of the subsets, ascending.
     tops: Vec<i32>,
-    /// Columns and rows of a subset.
+    /// The columns and rows of a subset.
     sides: (usize, usize),
-    /// By eight columns and first row: whether a subset has them.
-    asked: Vec<bool>,
+    /// Whether a subset covers each group of eight columns, by first row.
+    needed: Vec<bool>,
     strips: Vec<Strip>,
-    /// First rows whose subsets are summed.
+    /// The first rows whose subsets are summed.
     summed: Range<usize>,
-    /// By first row of a subset: of every column one sum after the other.
+    /// The sums of every column, one kind after the other, by first row of a subset.
     sums: Vec<f32>,
-    /// What the sums were before the first row of each subset.
+    /// The running sums before the first row of each subset.
     before: Vec<f32>,
 }
 
-/// First rows that are asked for of eight columns, and how many rows each stands for.
-struct Asked<'a> {
+/// The first rows of the subsets that cover eight columns, and the number of rows of each subset.
+struct NeededRows<'a> {
     tops: &'a [i32],
-    is_asked: &'a [bool],
+    is_needed: &'a [bool],
     rows: i32,
 }
 
 vectorized! {
-    /// Sums down eight columns from `left` on, for all that is asked; `count` is the number of all columns.
-    fn sum_down(layers: Layers<'_>, left: i32, asked: &Asked<'_>, before: &mut [f32], out: (&mut [f32], usize)) =
+    /// Sums eight columns from `left` on over the requested rows; `count` is the number of all columns.
+    fn sum_down(layers: Layers<'_>, left: i32, needed: &NeededRows<'_>, before: &mut [f32], out: (&mut [f32], usize)) =
         sum_down_with
 }
 
 impl Columns {
-    /// Plans the sums over subsets of the shape of `window` about these points.
+    /// Plans the sums over subsets of the shape of `window` about these centres.
     pub(super) fn plan(&mut self, window: &Window, centers: impl Iterator<Item = (i32, i32)> + Clone) {
         let extent = window.extent;
         self.sides = extent.sides();
@@ -72,33 +71,33 @@ impl Columns {
         let (first, last) = lefts.fold((i32::MAX, i32::MIN), |ends, x| (ends.0.min(x), ends.1.max(x)));
         self.left = first;
         self.strips.clear();
-        self.asked.clear();
+        self.needed.clear();
         self.summed = 0..0;
         if first > last {
             return;
         }
-        // The last block of a window is filled up to eight columns.
+        // The last block of a window is padded to eight columns.
         self.count = ((last - first) as usize + self.sides.0 + LANES - 1).next_multiple_of(LANES);
-        self.asked.resize(self.count / LANES * self.tops.len(), false);
+        self.needed.resize(self.count / LANES * self.tops.len(), false);
         for (x, y) in centers {
             let (from, top) = ((x + extent.left - first) as usize, self.place(y + extent.top));
             for block in from / LANES..=(from + self.sides.0 - 1) / LANES {
-                self.asked[block * self.tops.len() + top] = true;
+                self.needed[block * self.tops.len() + top] = true;
             }
         }
         self.lay_strips();
     }
 
-    /// Where the subsets with this first row are among the sums.
+    /// Returns the index of a first row among the sums.
     fn place(&self, top: i32) -> usize {
         self.tops.partition_point(|other| *other < top)
     }
 
-    /// Puts the rows of subsets that overlap together.
+    /// Merges the rows of overlapping subsets into strips.
     fn lay_strips(&mut self) {
-        for (block, asked) in self.asked.chunks_exact(self.tops.len()).enumerate() {
+        for (block, needed) in self.needed.chunks_exact(self.tops.len()).enumerate() {
             let left = self.left + (block * LANES) as i32;
-            for (top, _) in self.tops.iter().zip(asked).filter(|(_, asked)| **asked) {
+            for (top, _) in self.tops.iter().zip(needed).filter(|(_, needed)| **needed) {
                 let end = top + self.sides.1 as i32;
                 match self.strips.last_mut() {
                     Some(strip) if strip.left == left && strip.end >= *top => strip.end = end,
@@ -108,12 +107,12 @@ impl Columns {
         }
     }
 
-    /// All that the sums are over.
+    /// The strips that the sums cover.
     pub(super) fn strips(&self) -> &[Strip] {
         &self.strips
     }
 
-    /// The sums over a subset that was planned, a whole square, about `at`. Those in rows one after the other cost least.
+    /// Returns the sums over a planned square subset about `at`. Access in row order is fastest.
     pub(super) fn moments(&mut self, layers: Layers<'_>, window: &Window, at: (i32, i32)) -> Moments {
         let (left, top) = (at.0 + window.extent.left, at.1 + window.extent.top);
         let place = self.place(top);
@@ -128,10 +127,10 @@ impl Columns {
         self.sums.resize(self.sums.len().max(band.len() * DOWN * self.count), 0.0);
         self.before.resize(self.before.len().max(band.len() * DOWN * LANES), 0.0);
         let (tops, rows) = (&self.tops[band.clone()], self.sides.1 as i32);
-        for (block, is_asked) in self.asked.chunks_exact(self.tops.len()).enumerate() {
-            let asked = Asked { tops, is_asked: &is_asked[band.clone()], rows };
+        for (block, is_needed) in self.needed.chunks_exact(self.tops.len()).enumerate() {
+            let needed = NeededRows { tops, is_needed: &is_needed[band.clone()], rows };
             let out = (&mut self.sums[block * LANES..], self.count);
-            sum_down(layers, self.left + (block * LANES) as i32, &asked, &mut self.before, out);
+            sum_down(layers, self.left + (block * LANES) as i32, &needed, &mut self.before, out);
         }
         self.summed = band;
     }
@@ -141,21 +140,21 @@ impl Columns {
 fn sum_down_with<V: Vector>(
     layers: Layers<'_>,
     left: i32,
-    asked: &Asked<'_>,
+    needed: &NeededRows<'_>,
     before: &mut [f32],
     (out, count): (&mut [f32], usize),
 ) {
     const SIZE: usize = DOWN * LANES;
-    let Asked { tops, is_asked, rows } = *asked;
+    let NeededRows { tops, is_needed, rows } = *needed;
     let (mut sums, mut row) = ([V::splat(0.0); DOWN], i32::MIN);
-    let next = |from: usize| (from..tops.len()).find(|k| is_asked[*k]).unwrap_or(tops.len());
+    let next = |from: usize| (from..tops.len()).find(|k| is_needed[*k]).unwrap_or(tops.len());
     let (mut opens, mut closes) = (next(0), next(0));
     while closes < tops.len() {
         let end = tops[closes] + rows;
         let begins = tops.get(opens).filter(|top| **top < end).copied();
         let to = begins.unwrap_or(end);
         if opens == closes {
-            // Nothing is open: what comes begins anew.
+            // No subset is open: start again.
             sums.fill(V::splat(0.0));
             row = to;
         }
@@ -184,14 +183,14 @@ mod tests {
     use crate::dic::vector::Portable;
 
     #[test]
-    fn the_sums_of_every_subset_are_those_of_the_slow_twin() {
+    fn the_sums_of_every_subset_equal_the_reference_implementation() {
         let planes = [plane(1), plane(2), plane(3), plane(4)];
         let [reference, gradient_x, gradient_y, target] = &planes;
         let layers = Layers { reference, gradient_x, gradient_y, target };
         for (size, step) in [(9, 4), (17, 5), (9, 14), (31, 6), (21, 1)] {
             let window = Window::new(WindowShape::Square, size);
             let half = size as i32 / 2;
-            // Rows and columns that do not all begin alike, some not asked for.
+            // First rows and columns differ, and some subsets are left out.
             let places = |side: i32| (half..side - half).step_by(step);
             let centers = places(50).flat_map(|y| places(60).map(move |x| (x + y % 2, y)));
             let centers = centers.filter(|(x, y)| (x + 3 * y) % 4 != 0 && x + half < 60);
@@ -210,7 +209,7 @@ mod tests {
 
     /// Sixteen rows of subsets of 61 px that overlap by a third: the sums run on over 661 rows.
     #[test]
-    fn sums_that_run_far_lose_nothing_that_a_displacement_shows() {
+    fn long_running_sums_do_not_change_the_displacement() {
         let planes = [1, 2, 3, 4].map(|seed| plane_of(seed, 80, 662));
         let [reference, gradient_x, gradient_y, target] = &planes;
         let layers = Layers { reference, gradient_x, gradient_y, target };
@@ -220,8 +219,8 @@ mod tests {
         columns.plan(&window, centers.clone());
         for at in centers {
             let (found, exact) = (columns.moments(layers, &window, at), slow(&planes, &window, at));
-            // What errors of the pulls along u, ux and uy make of these, px and px a px, by sums of squares of gx, gx dx and
-            // gx dy.
+            // Errors of u, ux and uy (px, px/px) that follow from errors of the right-hand side, through the sums of
+            // squares of gx, gx dx and gx dy.
             let squares = [0, 3, 5].map(|k| exact.second[0][k]);
             for k in 0..3 {
                 let error = (found.jacobian[2][k] - exact.jacobian[2][k]).abs() / squares[k];
@@ -233,7 +232,7 @@ mod tests {
     }
 
     #[test]
-    fn strips_hold_every_pixel_that_is_asked_for_and_no_row_between() {
+    fn strips_cover_every_needed_pixel_and_no_row_between() {
         let window = Window::new(WindowShape::Square, 9);
         let centers = [(10, 10), (30, 12), (12, 40), (11, 19)];
         let mut columns = Columns::default();
@@ -242,9 +241,9 @@ mod tests {
             let holds =
                 |strip: &Strip| (strip.left..strip.left + 8).contains(&x) && (strip.top..strip.end).contains(&y);
             let found = columns.strips().iter().filter(|strip| holds(strip)).count();
-            let asked = centers.iter().any(|center| window.holds(x - center.0, y - center.1));
+            let needed = centers.iter().any(|center| window.holds(x - center.0, y - center.1));
             let row = centers.iter().any(|center| (center.1 - y).abs() <= 4);
-            assert!(found <= 1 && (found == 1 || !asked) && (found == 0 || row), "{x} {y}");
+            assert!(found <= 1 && (found == 1 || !needed) && (found == 0 || row), "{x} {y}");
         }
         columns.plan(&window, [].into_iter());
         assert!(columns.strips().is_empty());
@@ -255,11 +254,11 @@ mod tests {
         let planes = [plane(5), plane(6), plane(7), plane(8)];
         let [reference, gradient_x, gradient_y, target] = &planes;
         let layers = Layers { reference, gradient_x, gradient_y, target };
-        let asked = Asked { tops: &[2, 5, 11, 40], is_asked: &[true, false, true, true], rows: 9 };
+        let needed = NeededRows { tops: &[2, 5, 11, 40], is_needed: &[true, false, true, true], rows: 9 };
         let mut sums = [vec![0.0; 4 * DOWN * 8], vec![0.0; 4 * DOWN * 8]];
         let mut before = vec![0.0; 4 * DOWN * 8];
-        sum_down(layers, 3, &asked, &mut before, (&mut sums[0], 8));
-        sum_down_with::<Portable>(layers, 3, &asked, &mut before, (&mut sums[1], 8));
+        sum_down(layers, 3, &needed, &mut before, (&mut sums[0], 8));
+        sum_down_with::<Portable>(layers, 3, &needed, &mut before, (&mut sums[1], 8));
         assert_eq!(sums[0], sums[1]);
     }
 }

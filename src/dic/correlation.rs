@@ -1,4 +1,4 @@
-//! Cross-correlation of a subset with an area of the target, by one packed transform.
+//! Cross-correlation of a subset with an area of the target by one packed FFT.
 
 use multiversion::multiversion;
 
@@ -8,7 +8,7 @@ use super::subset::Subset;
 use super::transform::{Complex, Transform};
 use super::window::Window;
 
-/// Plan and memory for correlations of one size.
+/// Plan and memory for cross-correlations of one size.
 pub(super) struct Correlation {
     pub(super) transform: Transform,
     pub(super) data: Complex,
@@ -21,7 +21,8 @@ impl Correlation {
         Self { data: transform.memory(), product: transform.memory(), transform }
     }
 
-    /// The subset into the imaginary part, its rectangle's corner at the origin; what does not fit is left out.
+    /// Loads the subset into the imaginary part, with the corner of its rectangle at the origin. Pixels that do not fit
+    /// are dropped.
     pub(super) fn load_subset(&mut self, subset: &Subset, window: &Window) {
         let (stride, size) = (self.transform.stride(), self.transform.size());
         let width = window.extent.sides().0.min(size);
@@ -40,7 +41,7 @@ impl Correlation {
         }
     }
 
-    /// Target pixels into the real part, with zeros around.
+    /// Loads target pixels into the real part, zero-padded.
     pub(super) fn load_area(
         &mut self,
         target: &Plane,
@@ -60,7 +61,7 @@ impl Correlation {
         }
     }
 
-    /// Two squares given as plain numbers: `area` and `subset`, with their sides.
+    /// Loads two squares, `area` and `subset`, each with its side length.
     pub(super) fn load_squares(&mut self, (area, area_side): (&[f32], usize), (subset, subset_side): (&[f32], usize)) {
         let stride = self.transform.stride();
         for (part, square, side) in [(&mut self.data.re, area, area_side), (&mut self.data.im, subset, subset_side)] {
@@ -71,7 +72,7 @@ impl Correlation {
         }
     }
 
-    /// Cross-correlation of the area with the subset, into the real part of `data`.
+    /// Computes the cross-correlation of the area with the subset into the real part of `data`.
     pub(super) fn run(&mut self) {
         self.transform.forward(&mut self.data);
         multiply(&self.data, &mut self.product, self.transform.size(), self.transform.stride());
@@ -80,7 +81,7 @@ impl Correlation {
     }
 }
 
-/// Spectrum of the cross-correlation of two real images that were transformed as one complex image.
+/// Computes the cross spectrum of two real images transformed as one complex image.
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512dq+avx512vl", "x86_64+avx2"))]
 fn multiply(data: &Complex, out: &mut Complex, size: usize, stride: usize) {
     for y in 0..size {
@@ -97,33 +98,34 @@ fn multiply(data: &Complex, out: &mut Complex, size: usize, stride: usize) {
     }
 }
 
-/// Area times conjugate subset, from the packed values at a frequency (a, b) and at its opposite (c, d).
+/// Multiplies the area by the conjugate subset, from the packed values at a frequency (a, b) and at its opposite (c,
+/// d).
 #[inline(always)]
 fn product_of(a: f32, b: f32, c: f32, d: f32) -> (f32, f32) {
     let (area_re, area_im, subset_re, subset_im) = (a + c, b - d, b + d, a - c);
     (0.25 * (area_re * subset_re - area_im * subset_im), 0.25 * (area_re * subset_im + area_im * subset_re))
 }
 
-/// What a normalised surface covers.
+/// The range of shifts of a normalised correlation surface.
 pub(super) struct Shifts {
-    /// Width and height of the subset's rectangle.
+    /// The width and height of the subset's rectangle.
     pub(super) sides: (usize, usize),
-    /// Shifts along x.
+    /// The number of shifts along x.
     pub(super) columns: usize,
-    /// Shifts along y.
+    /// The number of shifts along y.
     pub(super) rows: usize,
 }
 
-/// The contrast of what each shift covers, from running sums.
+/// Local contrast of the target at each shift, from summed-area tables.
 pub(super) struct Contrast {
-    /// Sums of all above and to the left, one more each way.
+    /// Sums of all values above and to the left, with one more row and column.
     sums: Vec<f64>,
     /// The same of the squares.
     squares: Vec<f64>,
 }
 
 impl Contrast {
-    /// For areas up to `side` x `side`.
+    /// Allocates the tables for areas up to `side` x `side`.
     pub(super) fn new(side: usize) -> Self {
         let count = (side + 1) * (side + 1);
         Self { sums: vec![0.0; count], squares: vec![0.0; count] }
@@ -135,7 +137,7 @@ impl Contrast {
         self.squares.fill(f64::NAN);
     }
 
-    /// Running sums of the area that `correlation` holds; before it runs.
+    /// Fills the tables from the area that `correlation` holds. Call before it runs.
     pub(super) fn add_up(&mut self, correlation: &Correlation, area: (usize, usize)) {
         let (line_length, stride) = (correlation.transform.stride(), area.0 + 1);
         self.sums[..stride].fill(0.0);
@@ -155,10 +157,10 @@ impl Contrast {
         }
     }
 
-    /// Divides each shift's correlation by the contrast of what it covers.
+    /// Divides the correlation at each shift by the local contrast of the target.
     ///
-    /// `energy` is the subset's sum of squares; `share` how many times larger its
-    /// rectangle is than itself: a round subset is judged by the contrast of its square.
+    /// `energy` is the subset's sum of squares. `share` is the ratio of its rectangle's area to its own: a round subset
+    /// is normalised by the contrast of its square.
     pub(super) fn normalise(
         &self,
         correlation: &Correlation,

@@ -1,4 +1,4 @@
-//! The correlator: planned once, then one field a call.
+//! The correlator: plans once, then measures one displacement field per call.
 
 use super::GridPoint;
 use super::carried::Carried;
@@ -19,52 +19,51 @@ use super::window::Window;
 use crate::image::ImageView;
 use crate::results::{Displacement, FieldPoint, PointStatus};
 
-/// ZNCC from which on a start from the neighbour, or from the frame before, is trusted.
+/// The minimum ZNCC at which a start from a neighbour or from the previous frame is accepted.
 const TRUSTED_ZNCC: f64 = 0.9;
 
-/// Share of its pixels that a subset must keep inside the region.
-const LEAST_SHARE: f64 = 0.5;
+/// The minimum fraction of its pixels that a subset must keep inside the region.
+const MIN_INSIDE_FRACTION: f64 = 0.5;
 
-/// Pixels this near the image's edge are left out of a subset that reaches over it, px.
+/// The width of the border whose pixels are left out of a subset that extends over the image's edge, px.
 ///
-/// Their gradients are one-sided, and what moves a little outwards still has its other pixels in the picture.
+/// Gradients are one-sided there, and a subset that moves slightly outwards still has its other pixels in the image.
 const EDGE_PX: f64 = 3.0;
 
-/// Where the search for each subset begins.
+/// The initial guess of each subset.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Start {
-    /// Anywhere within `search_px`, by FFT correlation.
+    /// Anywhere within `search_px`, by FFT cross-correlation.
     Search,
-    /// From the answer of the neighbour to the left, where there is one; else as [`Self::Search`].
+    /// From the result of the neighbour to the left if there is one, else as [`Self::Search`].
     ///
-    /// For smooth fields: several times faster, with the same answers. Points found
-    /// this way have no peak ratio.
+    /// For smooth fields: several times faster, with the same results. Points found this way have no peak ratio.
     Neighbor,
-    /// Near a known rigid motion; subsets not found there are searched for.
+    /// Near a known rigid motion. Subsets not found there are searched for.
     Motion {
-        /// The point whose displacement is given, px.
+        /// The x coordinate of the point whose displacement is given, px.
         x_px: f64,
-        /// The point whose displacement is given, px.
+        /// The y coordinate of the point whose displacement is given, px.
         y_px: f64,
-        /// Displacement of that point along x, px.
+        /// The displacement of that point along x, px.
         u_px: f64,
-        /// Displacement of that point along y, px.
+        /// The displacement of that point along y, px.
         v_px: f64,
-        /// Rotation, counter-clockwise on the screen, deg.
+        /// The rotation, counter-clockwise on the screen, deg.
         angle_deg: f64,
     },
 }
 
-/// Measures displacement fields; planned for one image size and set of parameters.
+/// Measures displacement fields, planned for one image size and set of parameters.
 ///
-/// All memory is allocated by [`Correlator::new`]; the fields depend on nothing
-/// but the arguments of [`Correlator::correlate`] and the region, never on earlier calls.
+/// [`Correlator::new`] allocates all memory. A field depends only on the arguments of [`Correlator::correlate`] and on
+/// the region, never on earlier calls.
 pub struct Correlator {
     params: CorrelationParams,
     width_px: usize,
     height_px: usize,
     window: Window,
-    /// Memory for a window cut by the region.
+    /// Memory for a window clipped by the region.
     cut: Window,
     region: Option<Region>,
     searches: Searches,
@@ -72,22 +71,21 @@ pub struct Correlator {
     solutions: Vec<Solution>,
     residual: Vec<Lanes>,
     carried: Carried,
-    /// Of the whole window.
+    /// The pixel pairs of the whole window at each lag.
     pairs: Lags,
     pool: Pool,
     pooled: Vec<usize>,
     median_test: MedianTest,
 }
 
-/// A reference with its subsets, kept to compare many frames with.
+/// A reference frame with its subsets, kept for matching against many frames.
 ///
-/// Made by [`Correlator::keep`]. Renew it when the body has turned by about
-/// 3 deg or the ZNCC falls.
+/// Created by [`Correlator::keep`]. Renew it when the body has rotated by about 3 deg or the ZNCC drops.
 #[derive(Debug, Clone)]
 pub struct KeptReference {
     frame: Prepared,
     points: Vec<GridPoint>,
-    /// Each with its part of the window, where the region or the edge cuts it.
+    /// Each subset, with its part of the window where the region or the edge clips it.
     subsets: Vec<Result<(Subset, Option<Window>), PointStatus>>,
 }
 
@@ -103,8 +101,7 @@ impl Correlator {
     ///
     /// # Errors
     ///
-    /// [`CorrelationError`] naming the parameter that is out of range, or when
-    /// the image has no room for one subset.
+    /// [`CorrelationError`] naming the parameter that is out of range, or if the image has no room for one subset.
     pub fn new(params: &CorrelationParams, width_px: usize, height_px: usize) -> Result<Self, CorrelationError> {
         params.check()?;
         let size = params.subset_size_px;
@@ -136,19 +133,19 @@ impl Correlator {
         })
     }
 
-    /// Leaves the fit of the correlation peak out of `spline-fft`: the answer is its highest grid point.
+    /// Disables the peak fit of `spline-fft`: the result is the highest grid point.
     ///
-    /// For studies of what that does; not for measurements.
+    /// For studies of the peak fit, not for measurements.
     pub fn without_peak_fit(mut self) -> Self {
         self.searches.peak_fit = false;
         self
     }
 
-    /// Correlates only pixels of the reference that belong to `region`; all of them with `None`.
+    /// Restricts correlation to reference pixels inside `region`; `None` uses all.
     ///
-    /// Subsets that reach over its edge, or over that of the image, are cut there; those
-    /// with less than half of their pixels left are out of frame. The correlation-peak
-    /// methods know whole subsets only, so any cut makes those out of frame.
+    /// Subsets that extend over the edge of the region or of the image are clipped there. A subset with less than half
+    /// of its pixels left is out of frame. The correlation-peak methods need whole subsets, so any clipped subset is
+    /// out of frame with them.
     pub fn set_region(&mut self, region: Option<Region>) {
         self.region = region;
     }
@@ -158,51 +155,59 @@ impl Correlator {
         &self.params
     }
 
-    /// Makes a frame ready, in new memory.
+    /// Prepares a frame in new memory.
     ///
     /// # Panics
     ///
-    /// If the image has another size than planned.
+    /// If the size of the image differs from the plan.
     pub fn prepare(&self, image: ImageView<'_>) -> Prepared {
         let mut prepared = Prepared::default();
         self.prepare_into(image, &mut prepared);
         prepared
     }
 
-    /// Makes a frame ready in memory used before; allocates only the first time.
+    /// Prepares a frame, reusing memory; allocates only the first time.
     ///
     /// # Panics
     ///
-    /// If the image has another size than planned.
+    /// If the size of the image differs from the plan.
     pub fn prepare_into(&self, image: ImageView<'_>, prepared: &mut Prepared) {
-        assert_eq!((image.width(), image.height()), (self.width_px, self.height_px), "planned for another size");
+        assert_eq!(
+            (image.width(), image.height()),
+            (self.width_px, self.height_px),
+            "the frame size differs from the plan"
+        );
         prepared.fill(image, self.params.interpolation);
     }
 
-    /// As [`Self::prepare_into`], but only a part of the frame: x, y, width and height, clipped to the frame.
+    /// Prepares a part of a frame: x, y, width and height, clipped to the frame. See [`Self::prepare_into`].
     ///
-    /// What reaches over the edge of the part is out of frame; leave room for whatever is looked for.
+    /// Everything beyond the edge of the part is out of frame, so leave room for the search range.
     ///
     /// # Panics
     ///
-    /// If the image has another size than planned.
+    /// If the size of the image differs from the plan.
     pub fn prepare_part_into(&self, image: ImageView<'_>, part: [u32; 4], prepared: &mut Prepared) {
-        assert_eq!((image.width(), image.height()), (self.width_px, self.height_px), "planned for another size");
+        assert_eq!(
+            (image.width(), image.height()),
+            (self.width_px, self.height_px),
+            "the frame size differs from the plan"
+        );
         prepared.fill_part(image, part, self.params.interpolation);
     }
 
-    /// Measures how far each subset moved from `reference` to `target`.
+    /// Measures the displacement of each subset from `reference` to `target`.
     ///
-    /// `field` is cleared first and then holds one point per grid point, in the
-    /// same order; a feature at x in the reference is at x + u in the target.
+    /// `field` is cleared first and then holds one point per grid point, in the same order. A feature at x in the
+    /// reference is at x + u in the target.
     ///
     /// # Panics
     ///
-    /// If a frame has another size than planned.
+    /// If the size of a frame differs from the plan.
     ///
     /// # Cost
     ///
-    /// No allocation once `field` and the memory inside have grown to the number of points.
+    /// No allocation once `field` and the internal memory have grown to the number of points.
     pub fn correlate(
         &mut self,
         reference: &Prepared,
@@ -216,20 +221,20 @@ impl Correlator {
         self.solutions.clear();
         self.searches.pixel.is_used = false;
         let mut carried = std::mem::take(&mut self.carried);
-        let starts = points.iter().map(|point| self.known_start(*point, start));
-        carried.draw((reference, target), points, &self.window, starts);
+        let starts = points.iter().map(|point| self.predicted_start(*point, start));
+        carried.resample((reference, target), points, &self.window, starts);
         let (mut subset, mut cut) = (std::mem::take(&mut self.subset), std::mem::take(&mut self.cut));
         for (index, point) in points.iter().enumerate() {
             let whole = matcher(&self.params, &self.window, &subset, (reference, target), *point);
             let solution = match carried.solve(&whole, index) {
                 Some(solution) => solution,
-                None => match self.take(reference, *point, &mut subset, &mut cut) {
+                None => match self.extract(reference, *point, &mut subset, &mut cut) {
                     Err(status) => Solution::failed(status),
                     Ok(is_cut) => {
                         let window = if is_cut { &cut } else { &self.window };
-                        let (guess, least) = self.guess(points, index, start);
+                        let (guess, min_zncc) = self.guess(points, index, start);
                         let matcher = matcher(&self.params, window, &subset, (reference, target), *point);
-                        matcher.solve(&mut self.searches, guess, least)
+                        matcher.solve(&mut self.searches, guess, min_zncc)
                     }
                 },
             };
@@ -241,8 +246,8 @@ impl Correlator {
             if carried.found(index) {
                 let matcher = matcher(&self.params, &self.window, &subset, pair, points[index]);
                 carried.pool(&matcher, index, &self.pairs, &mut self.pool);
-                self.pool.add_sharpness(Sharpness::within(reference, &self.window, matcher.at));
-            } else if let Ok(is_cut) = self.take(reference, points[index], &mut subset, &mut cut) {
+                self.pool.add_gradient_gain(Sharpness::within(reference, &self.window, matcher.at));
+            } else if let Ok(is_cut) = self.extract(reference, points[index], &mut subset, &mut cut) {
                 let window = if is_cut { &cut } else { &self.window };
                 let matcher = matcher(&self.params, window, &subset, pair, points[index]);
                 pool_residual(&matcher, &self.solutions[index], &mut self.residual, &mut self.pool);
@@ -254,34 +259,34 @@ impl Correlator {
         self.median_test.mark(points, self.params.step_px, field);
     }
 
-    /// Whether any subset of the last [`Self::correlate`] was not where its start said, so that it was searched for.
+    /// Whether any subset of the last [`Self::correlate`] was searched for because it was not found at its start.
     pub fn has_searched(&self) -> bool {
         self.searches.pixel.is_used
     }
 
-    /// Keeps a frame and its subsets, to compare many frames with.
+    /// Keeps a frame and its subsets for matching against many frames.
     ///
     /// # Panics
     ///
-    /// If the frame has another size than planned.
+    /// If the size of the frame differs from the plan.
     pub fn keep(&mut self, reference: Prepared, points: &[GridPoint]) -> KeptReference {
         self.check_size(&reference);
         let keep_one = |point: &GridPoint| {
             let (mut subset, mut cut) = (Subset::default(), self.window.clone());
-            let is_cut = self.take(&reference, *point, &mut subset, &mut cut)?;
+            let is_cut = self.extract(&reference, *point, &mut subset, &mut cut)?;
             Ok((subset, is_cut.then_some(cut)))
         };
         let subsets = points.iter().map(keep_one).collect();
         KeptReference { points: points.to_vec(), subsets, frame: reference }
     }
 
-    /// As [`Self::correlate`], with a reference that was kept.
+    /// Measures the displacements from a kept reference. See [`Self::correlate`].
     ///
     /// The correlator must have the parameters that the reference was kept with.
     ///
     /// # Panics
     ///
-    /// If the frame has another size than planned.
+    /// If the size of the frame differs from the plan.
     pub fn correlate_kept(
         &mut self,
         kept: &KeptReference,
@@ -294,7 +299,7 @@ impl Correlator {
         self.median_test.mark(&kept.points, self.params.step_px, field);
     }
 
-    /// As [`Self::correlate_kept`], each subset with a start of its own, and no test for outliers.
+    /// Measures the displacements from a kept reference, with one start per subset and without the outlier test.
     pub(super) fn correlate_from(
         &mut self,
         kept: &KeptReference,
@@ -306,7 +311,7 @@ impl Correlator {
         self.fill(&kept.points, field);
     }
 
-    /// The warps of the last field, where there is a valid answer.
+    /// Returns the warps of the last field, `None` for invalid points.
     pub(super) fn warps(&self) -> impl Iterator<Item = Option<Warp>> {
         let valid = |solution: &&Solution| solution.status == PointStatus::Valid;
         self.solutions.iter().map(move |solution| Some(solution).filter(valid)?.found.map(|found| found.warp))
@@ -327,8 +332,8 @@ impl Correlator {
                 Err(status) => Solution::failed(*status),
                 Ok((subset, cut)) => {
                     let window = cut.as_ref().unwrap_or(&self.window);
-                    let (guess, least) = guess(self, index);
-                    matcher(&self.params, window, subset, pair, *point).solve(&mut self.searches, guess, least)
+                    let (guess, min_zncc) = guess(self, index);
+                    matcher(&self.params, window, subset, pair, *point).solve(&mut self.searches, guess, min_zncc)
                 }
             };
             self.solutions.push(solution);
@@ -344,8 +349,8 @@ impl Correlator {
         self.pooled = pooled;
     }
 
-    /// The warp that a known motion says, for a subset that nothing cuts and that may turn as a body does.
-    fn known_start(&self, point: GridPoint, start: Start) -> Option<Warp> {
+    /// Returns the initial warp of a known motion, for an unclipped subset whose shape can rotate.
+    fn predicted_start(&self, point: GridPoint, start: Start) -> Option<Warp> {
         let shape = self.params.refined_shape();
         let is_free = self.window.extent.fits((point.x as isize, point.y as isize), (self.width_px, self.height_px))
             && self.region.as_ref().is_none_or(|region| region.holds(self.window.around(point)));
@@ -354,11 +359,15 @@ impl Correlator {
     }
 
     fn check_size(&self, frame: &Prepared) {
-        assert_eq!((frame.width(), frame.height()), (self.width_px, self.height_px), "planned for another size");
+        assert_eq!(
+            (frame.width(), frame.height()),
+            (self.width_px, self.height_px),
+            "the frame size differs from the plan"
+        );
     }
 
-    /// Takes the subset at a point out of the reference; tells whether the region cuts it.
-    fn take(
+    /// Extracts the subset at a point of the reference and returns whether the region or the edge clips it.
+    fn extract(
         &self,
         reference: &Prepared,
         point: GridPoint,
@@ -374,9 +383,9 @@ impl Correlator {
                 && self.region.as_ref().is_none_or(|region| region.contains(x, y))
         };
         let is_inside = whole && self.region.as_ref().is_none_or(|region| region.holds(self.window.around(point)));
-        let is_cut = !is_inside && self.window.cut(belongs, cut);
+        let is_cut = !is_inside && self.window.clip(belongs, cut);
         let share = cut.pixels as f64 / self.window.pixels as f64;
-        if is_cut && (share < LEAST_SHARE || self.params.method != Method::IcGn) {
+        if is_cut && (share < MIN_INSIDE_FRACTION || self.params.method != Method::IcGn) {
             return Err(PointStatus::OutOfFrame);
         }
         let window = if is_cut { &*cut } else { &self.window };
@@ -387,7 +396,7 @@ impl Correlator {
         }
     }
 
-    /// The warp to begin with, and the ZNCC it has to lead to.
+    /// Returns the initial warp and the minimum ZNCC of its result.
     fn guess(&self, points: &[GridPoint], index: usize, start: Start) -> (Option<Warp>, f64) {
         if start != Start::Neighbor {
             return (start.warp(points[index], self.params.refined_shape()), 0.0);
@@ -402,7 +411,7 @@ impl Correlator {
         (carried, TRUSTED_ZNCC)
     }
 
-    /// Some good matches, spread over the field, in memory that goes back to `pooled`.
+    /// Selects valid matches spread over the field, in memory that goes back to `pooled`.
     fn choose_pooled(&mut self) -> Vec<usize> {
         let mut pooled = std::mem::take(&mut self.pooled);
         let valid = |index: &usize| self.solutions[*index].status == PointStatus::Valid;
@@ -415,7 +424,7 @@ impl Correlator {
 
     /// Writes the solutions as field points.
     fn fill(&mut self, points: &[GridPoint], field: &mut Vec<FieldPoint>) {
-        let (factor, share) = (self.pool.factor(), self.pool.share());
+        let (factor, gain) = (self.pool.factor(), self.pool.gradient_gain());
         field.clear();
         field.extend(points.iter().zip(&self.solutions).map(|(point, solution)| {
             let (variance_u, variance_v) = factor.variances(solution.residual, solution.inverse);
@@ -426,8 +435,8 @@ impl Correlator {
                 displacement: valid.map(|found| Displacement {
                     u_px: found.warp.u as f32,
                     v_px: found.warp.v as f32,
-                    sigma_u_px: (share * share * variance_u + solution.doubt.0).sqrt() as f32,
-                    sigma_v_px: (share * share * variance_v + solution.doubt.1).sqrt() as f32,
+                    sigma_u_px: (gain * gain * variance_u + solution.peak_variance.0).sqrt() as f32,
+                    sigma_v_px: (gain * gain * variance_v + solution.peak_variance.1).sqrt() as f32,
                 }),
                 zncc: solution.found.map(|found| found.zncc as f32),
                 peak_ratio: solution.peak_ratio.map(|ratio| ratio as f32),
@@ -437,7 +446,7 @@ impl Correlator {
     }
 }
 
-/// One subset of one pair of frames.
+/// Returns the matcher of one subset of a pair of frames.
 fn matcher<'a>(
     params: &'a CorrelationParams,
     window: &'a Window,
@@ -448,7 +457,7 @@ fn matcher<'a>(
     Matcher { params, window, subset, reference, target, at: (point.x, point.y) }
 }
 
-/// Adds how the residual of one match correlates from pixel to pixel.
+/// Adds the autocorrelation of the residual of one match.
 fn pool_residual(matcher: &Matcher<'_>, solution: &Solution, residual: &mut Vec<Lanes>, pool: &mut Pool) {
     let Some(found) = solution.found else { return };
     match matcher.params.refined_shape() {
@@ -457,12 +466,12 @@ fn pool_residual(matcher: &Matcher<'_>, solution: &Solution, residual: &mut Vec<
     }
     if !residual.is_empty() {
         pool.add(matcher.subset, matcher.window, residual);
-        pool.add_sharpness(Sharpness::within(matcher.reference, matcher.window, matcher.at));
+        pool.add_gradient_gain(Sharpness::within(matcher.reference, matcher.window, matcher.at));
     }
 }
 
 impl Start {
-    /// The warp to begin with, if one is known.
+    /// Returns the initial warp if one is known.
     fn warp(&self, point: GridPoint, shape: Shape) -> Option<Warp> {
         let Self::Motion { x_px, y_px, u_px, v_px, angle_deg } = *self else { return None };
         let turn = Warp::rigid(u_px, v_px, angle_deg.to_radians());

@@ -1,6 +1,6 @@
-//! What a correlator refuses.
+//! Errors of planning a correlator.
 
-/// Why a correlator cannot be planned.
+/// The reason why a correlator cannot be planned.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum CorrelationError {
     /// A parameter lies outside its range.
@@ -16,11 +16,11 @@ pub enum CorrelationError {
     /// The image has no room for one subset.
     #[error("correlation.subset_size_px is {subset_size_px}, larger than the image of {width_px} x {height_px} px")]
     SubsetLargerThanImage {
-        /// Full width of the subset, px.
+        /// The full width of the subset, px.
         subset_size_px: u32,
-        /// Width of the image, px.
+        /// The width of the image, px.
         width_px: usize,
-        /// Height of the image, px.
+        /// The height of the image, px.
         height_px: usize,
     },
 }

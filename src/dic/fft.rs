@@ -1,10 +1,8 @@
-//! Whole-pixel search: cross-correlation by fast Fourier transform (FFT).
+//! Integer-pixel search: cross-correlation by fast Fourier transform (FFT).
 //!
-//! Two kinds. The quick one correlates the subset with the target area of the
-//! same size, circularly: cheap, and right whenever the subset moved less than
-//! about half its width. The full one looks everywhere within the range and
-//! divides each shift's correlation by the contrast of what it covers, so that no
-//! shift is favoured for its overlap.
+//! The quick search correlates the subset circularly with the target area of the same size. It is cheap, and correct if
+//! the subset moved less than about half its width. The full search covers the whole range. It divides the correlation
+//! at each shift by the local contrast of the target, so the overlap does not bias the result.
 
 use super::correlation::{Contrast, Correlation, Shifts};
 use super::peak::{Peak, Surface};
@@ -13,54 +11,54 @@ use super::subset::Subset;
 use super::transform::{fast_size, register_size};
 use super::window::Window;
 
-/// What a search found.
+/// The result of a search.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Found {
     /// The highest peak.
     pub(super) best: Peak,
-    /// The next one, if there is one.
+    /// The second-highest peak, if there is one.
     pub(super) second: Option<Peak>,
-    /// Displacement that belongs to column 0, row 0 of the surface, px.
+    /// The displacement of column 0, row 0 of the surface, px.
     pub(super) origin: (i32, i32),
-    /// Whether the edge of the image cut the range.
+    /// Whether the edge of the image limits the range.
     pub(super) clipped: bool,
 }
 
 impl Found {
-    /// Height of the highest peak over the next.
+    /// Returns the peak ratio: the height of the highest peak over the second.
     pub(super) fn ratio(&self) -> Option<f64> {
         self.second.map(|second| self.best.height / second.height)
     }
 
-    /// Whole-pixel displacement of the highest peak.
+    /// Returns the integer displacement of the highest peak, px.
     pub(super) fn whole(&self) -> (i32, i32) {
         (self.best.column as i32 + self.origin.0, self.best.row as i32 + self.origin.1)
     }
 
-    /// Displacement at an offset from the highest sample, px.
+    /// Returns the displacement at an offset from the highest sample, px.
     pub(super) fn offset(&self, (dx, dy): (f64, f64)) -> (f64, f64) {
         let (u, v) = self.whole();
         (f64::from(u) + dx, f64::from(v) + dy)
     }
 
-    /// Displacement at the top of a peak, px.
+    /// Returns the displacement at the top of a peak, px.
     pub(super) fn displacement(&self, peak: &Peak) -> (f64, f64) {
         let (column, row) = (peak.column as i32 + self.origin.0, peak.row as i32 + self.origin.1);
         (f64::from(column) + peak.dx, f64::from(row) + peak.dy)
     }
 }
 
-/// Plans and memory for searches of one size of subset.
+/// Plans and memory for searches of one subset size.
 pub(super) struct Search {
     range: usize,
     quick: Correlation,
     full: Correlation,
     contrast: Contrast,
     surface: Vec<f32>,
-    /// Columns and rows of the last full search's surface.
+    /// The columns and rows of the surface of the last full search.
     shifts: (usize, usize),
     candidates: Vec<f32>,
-    /// Whether anything was searched for since this was last set back.
+    /// Whether any search ran since this was last reset.
     pub(super) is_used: bool,
 }
 
@@ -82,9 +80,9 @@ impl Search {
         }
     }
 
-    /// Looks for `subset`, centred at `at` in the reference, in the same place of the target.
+    /// Searches for `subset`, centred at `at` in the reference, at the same place in the target.
     ///
-    /// `None` when the peak lies beyond the range, or the place beyond the target.
+    /// Returns `None` if the peak lies beyond the range, or the place beyond the target.
     pub(super) fn find_near(
         &mut self,
         subset: &Subset,
@@ -103,7 +101,7 @@ impl Search {
         self.quick.load_subset(subset, window);
         self.quick.load_area(target, corner, (width.min(size), height.min(size)), subset.mean);
         self.quick.run();
-        // Shift zero to the middle, with one wrapped line around.
+        // Moves shift zero to the middle, with one wrapped line around.
         let (stride, columns, before) = (self.quick.transform.stride(), size + 2, size / 2 + 1);
         for (line, row) in self.surface.chunks_exact_mut(columns).take(columns).zip(size - before..) {
             let from = &self.quick.data.re[row % size * stride..][..size];
@@ -121,12 +119,14 @@ impl Search {
         Some(Found { best: surface.top(highest.0, highest.1), second, origin, clipped: false })
     }
 
-    /// Top of the highest peak of the last [`Self::find`] by a Gaussian through three samples each way, px.
+    /// Returns the sub-pixel offset of the highest peak of the last [`Self::find`], by a three-point Gaussian along
+    /// each axis, px.
     pub(super) fn gaussian_top(&self, found: &Found) -> (f64, f64) {
         self.last_surface().gaussian(found.best.column, found.best.row)
     }
 
-    /// Top of the highest peak of the last [`Self::find`] on a spline through the surface, px.
+    /// Returns the sub-pixel offset of the highest peak of the last [`Self::find`], on a spline through the surface,
+    /// px.
     pub(super) fn spline_top(&self, found: &Found) -> (f64, f64) {
         self.last_surface().spline(found.best.column, found.best.row)
     }
@@ -136,9 +136,9 @@ impl Search {
         Surface { data: &self.surface[..columns * rows], columns }
     }
 
-    /// Looks for `subset`, centred at `at` in the reference, around `at + around` in the target.
+    /// Searches for `subset`, centred at `at` in the reference, around `at + around` in the target.
     ///
-    /// `None` when no shift keeps the subset in the target.
+    /// Returns `None` if no shift keeps the subset in the target.
     pub(super) fn find(
         &mut self,
         subset: &Subset,
@@ -195,7 +195,7 @@ mod tests {
         Image::from_vec((0..(side * side) as i32).map(pixel).collect(), side, side).unwrap()
     }
 
-    /// The slow twin: the coefficient computed afresh at every shift.
+    /// The reference implementation: the coefficient computed at every shift.
     fn slow_surface(reference: &Image, target: &Image, at: (i32, i32), half: i32, range: i32) -> Vec<f32> {
         let subset = cut(reference, at.0, at.1, half);
         let mut surface = Vec::new();

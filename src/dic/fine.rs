@@ -1,10 +1,8 @@
-//! Correlation of splined subsets: points between the pixels before the
-//! correlation, as in PIV practice.
+//! Upsampled cross-correlation: subsets are splined between the pixels first, as in PIV practice.
 //!
-//! Both subsets are interpolated on a grid `points + 1` times finer and
-//! cross-correlated by FFT, every shift divided by the contrast of what it
-//! covers. A peak fit is essential: without one the answer is a multiple of
-//! 1 / (points + 1) px, and whatever moves less than half of that reads zero.
+//! Both subsets are interpolated on a grid `points + 1` times finer and cross-correlated by FFT. The correlation at
+//! each shift is divided by the local contrast of the target. A peak fit is essential. Without it the result is a
+//! multiple of 1 / (points + 1) px, and a displacement below half of that reads zero.
 
 use super::correlation::{Contrast, Correlation, Shifts};
 use super::peak::Surface;
@@ -12,22 +10,22 @@ use super::spline::Splined;
 use super::transform::fast_size;
 use super::window::Window;
 
-/// How far around the whole-pixel displacement is looked, px.
+/// The search range around the integer displacement, px.
 const MARGIN_PX: usize = 2;
 
-/// Plan and memory.
+/// Plan and memory of the upsampled search.
 pub(super) struct FineSearch {
-    /// Fine steps to a pixel.
+    /// The number of fine steps per pixel.
     factor: usize,
     correlation: Correlation,
     /// 1 on the fine grid of the subset where a pixel belongs.
     mask: Vec<f32>,
-    /// Fine points that belong.
+    /// The number of fine points that belong.
     count: usize,
     subset: Vec<f32>,
     area: Vec<f32>,
     rows: Vec<f32>,
-    /// Weights of the taps at each fine step after a pixel.
+    /// The tap weights at each fine step after a pixel.
     phases: Vec<[f32; 6]>,
     contrast: Contrast,
     surface: Vec<f32>,
@@ -61,10 +59,9 @@ impl FineSearch {
         }
     }
 
-    /// The displacement of the subset centred at `at`, in reference and target, near a whole-pixel one; px.
+    /// Returns the displacement of the subset, centred at `at` in reference and target, near an integer one; px.
     ///
-    /// With `fit` the top of the peak, else its highest grid point. `None` when
-    /// the subset has no contrast.
+    /// With a fit it is the top of the peak, else the highest grid point. Returns `None` if the subset has no contrast.
     pub(super) fn find(
         &mut self,
         (reference, target): (&Splined, &Splined),
@@ -108,7 +105,7 @@ impl FineSearch {
         Some((place(fine_x, near.0), place(fine_y, near.1)))
     }
 
-    /// Takes the mean off the subset, on the mask; gives the sum of squares.
+    /// Subtracts the mean of the subset on the mask and returns the sum of squares.
     fn center(&mut self) -> f64 {
         let inside = self.subset.iter().zip(&self.mask).map(|(value, mask)| f64::from(value * mask));
         let mean = (inside.sum::<f64>() / self.count.max(1) as f64) as f32;
@@ -121,7 +118,7 @@ impl FineSearch {
     }
 }
 
-/// Interpolates `side` x `side` points, as many to a pixel as there are phases, from a whole pixel on.
+/// Interpolates `side` x `side` points from a whole pixel on, with one point per phase and pixel.
 fn upsample(
     picture: &Splined,
     corner: (isize, isize),

@@ -1,4 +1,4 @@
-//! What stays where it is while a body moves over the sensor.
+//! Fixed-pattern bias: the effect of differences between sensor pixels on small displacements.
 
 use std::ops::Range;
 
@@ -7,32 +7,36 @@ use multiversion::multiversion;
 use super::lanes::LANES;
 use super::prepared::Prepared;
 
-/// Eighth differences, taken along x and y: they leave of a sharp picture's speckles less than noise does, and speckles
-/// that have not moved at all look like a pattern that biases steps by 0.02 % at most (0.12 % by fourth differences).
+/// The weights of eighth differences, taken along x and y.
+///
+/// They suppress the speckles of a sharp image more than noise does. Speckles that have not moved look like a pattern
+/// that biases steps by at most 0.02 % (0.12 % with fourth differences).
 const EIGHTH: [f32; 9] = [1.0, -8.0, 28.0, -56.0, 70.0, -56.0, 28.0, -8.0, 1.0];
 const REACH: isize = EIGHTH.len() as isize / 2;
-/// By how much they are larger than what pixels differ by: the sum of their squares along either, once for both.
-const GAIN: f64 = 12870.0;
-/// What speaks for no motion, over what pixels differ by squared: their slope by fourth-order differences, which the
-/// reference has, times that of what is interpolated between them, (-1)^n / n of a pixel n further.
-const SPEAKS: f64 = 2.0 * (8.0 / 12.0 + 1.0 / 24.0);
-/// Fewest pixels of a body in both frames.
-const LEAST_PIXELS: usize = 256;
-
-/// How two frames of a moving body show what the sensor's pixels differ by.
+/// The noise gain of the eighth difference: the sum of its squared weights along either axis, once for both.
+const NOISE_GAIN: f64 = 12870.0;
+/// The weight of the pattern in the normal equations for zero motion, per squared pixel difference.
 ///
-/// Gains and offsets of single pixels stay while the body moves; matching two frames, they speak for no motion at all. In
-/// the least squares of a match they do so by the square of their own slope, as the speckles speak for the motion by the
-/// square of theirs: steps of less than a pixel come out short by the ratio. Differences of
-/// neighbouring pixels leave nothing of the light, noise is another one in each frame, and the speckles that the two
-/// frames show at a pixel are others: what eighth differences at the same pixels have in common is the pattern.
+/// It is the slope of the pattern by fourth-order differences, as in the reference, times that of the interpolated
+/// target, (-1)^n / n for a pixel n further.
+const PATTERN_WEIGHT: f64 = 2.0 * (8.0 / 12.0 + 1.0 / 24.0);
+/// The minimum number of pixels of a body in both frames.
+const MIN_PIXELS: usize = 256;
+
+/// Estimates the fixed-pattern bias from two frames of a moving body.
+///
+/// Gains and offsets of single pixels stay in place while the body moves. In a match of two frames they pull the result
+/// towards zero motion, with the square of their slope. Speckles pull towards the true motion with the square of
+/// theirs, so steps below one pixel come out short by the ratio. Differences of neighbouring pixels suppress the
+/// illumination. Noise is independent between frames, and each pixel sees other speckles in each frame. The correlation
+/// of eighth differences at the same pixels is therefore the pattern.
 #[derive(Debug, Clone, Default)]
 pub struct FixedPattern {
-    /// Rows of the body in the first frame, downwards.
+    /// The rows of the body in the first frame, downwards.
     strips: Vec<Strip>,
-    /// Their eighth differences, one strip after another.
+    /// Their eighth differences, strip by strip.
     values: Vec<f32>,
-    /// Mean square of the slope of the grey level along x and y there, DN^2/px^2.
+    /// The mean square of the grey-level slope along x and y there, DN^2/px^2.
     slope_squared: f64,
     memory: [Vec<f32>; 2],
 }
@@ -42,12 +46,12 @@ pub struct FixedPattern {
 struct Strip {
     y: u32,
     columns: Range<u32>,
-    /// Where its values begin.
+    /// The index of its first value.
     from: usize,
 }
 
 impl FixedPattern {
-    /// Takes the first frame: the pixels of the body in it, as rectangles of x, y, width and height, px, one below the
+    /// Sets the first frame. `body` covers the body's pixels as rectangles of x, y, width and height, px, one below the
     /// other.
     pub fn begin(&mut self, first: &Prepared, body: &[[u32; 4]]) {
         self.strips.clear();
@@ -65,8 +69,10 @@ impl FixedPattern {
         self.slope_squared = 0.5 * squares / self.values.len().max(1) as f64;
     }
 
-    /// By which share steps of far less than a pixel come out short, as a later frame shows it, whose body has these
-    /// pixels; it scatters about its mean, below zero as well. `None` where the two have too few pixels in common.
+    /// Returns the fraction by which steps far below one pixel come out short, estimated from a later frame.
+    ///
+    /// `body` covers the body in that frame. The estimate scatters about its mean and may be negative. Returns `None`
+    /// if the two frames have too few pixels in common.
     pub fn share(&mut self, later: &Prepared, body: &[[u32; 4]]) -> Option<f64> {
         let (mut sum, mut pixels) = (0.0, 0);
         for (y, columns) in rows(later, body) {
@@ -81,12 +87,12 @@ impl FixedPattern {
             sum += dot(first, eighths(later, y, &both, &mut self.memory));
             pixels += both.len();
         }
-        let share = SPEAKS * sum / (GAIN * GAIN * pixels as f64 * self.slope_squared);
-        (pixels >= LEAST_PIXELS && share.is_finite()).then_some(share)
+        let share = PATTERN_WEIGHT * sum / (NOISE_GAIN * NOISE_GAIN * pixels as f64 * self.slope_squared);
+        (pixels >= MIN_PIXELS && share.is_finite()).then_some(share)
     }
 }
 
-/// The rows of rectangles, as far as they are in the part of a frame that is ready.
+/// Returns the rows of rectangles, clipped to the prepared part of a frame.
 fn rows(frame: &Prepared, rectangles: &[[u32; 4]]) -> impl Iterator<Item = (u32, Range<u32>)> {
     let (left, top) = frame.local((0, 0));
     let within = |from: u32, length: u32, before: i32, ready: usize| {
@@ -101,7 +107,7 @@ fn rows(frame: &Prepared, rectangles: &[[u32; 4]]) -> impl Iterator<Item = (u32,
     })
 }
 
-/// The eighth differences of some pixels of a row, in the frame's own places.
+/// Returns the eighth differences of some pixels of a row, in frame coordinates.
 fn eighths<'a>(frame: &Prepared, y: u32, columns: &Range<u32>, [down, across]: &'a mut [Vec<f32>; 2]) -> &'a [f32] {
     let (left, row) = frame.local((columns.start, y));
     let wide = columns.len() + 2 * REACH as usize;
@@ -116,7 +122,7 @@ fn eighths<'a>(frame: &Prepared, y: u32, columns: &Range<u32>, [down, across]: &
     across
 }
 
-/// The eighth difference of nine rows.
+/// Computes the eighth difference of nine rows.
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512dq+avx512vl", "x86_64+avx2"))]
 fn combine(rows: [&[f32]; EIGHTH.len()], out: &mut [f32]) {
     let rows = rows.map(|row| &row[..out.len()]);
@@ -126,7 +132,7 @@ fn combine(rows: [&[f32]; EIGHTH.len()], out: &mut [f32]) {
     }
 }
 
-/// The sum of the products of two rows.
+/// Returns the dot product of two rows.
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512dq+avx512vl", "x86_64+avx2"))]
 fn dot(a: &[f32], b: &[f32]) -> f64 {
     let mut sums = [0.0_f64; LANES];
@@ -151,7 +157,7 @@ mod tests {
     const SIDE: usize = 240;
     const BODY: [u32; 4] = [40, 40, 160, 160];
 
-    /// Pictures of a pattern that moves over a sensor whose pixels differ.
+    /// Images of a pattern that moves over a sensor whose pixels differ.
     struct Sensor {
         speckle: Speckle,
         offsets: Vec<f64>,
@@ -170,7 +176,7 @@ mod tests {
             record(&Image::from_vec(uneven.collect(), SIDE, SIDE).unwrap(), 2.0, seed)
         }
 
-        /// The mean share that frames show which have moved on by more than a pixel each.
+        /// Returns the mean estimate over frames that have moved by more than a pixel each.
         fn share(&self) -> f64 {
             let correlator = Correlator::new(&CorrelationParams::default(), SIDE, SIDE).unwrap();
             let frame =
@@ -180,7 +186,7 @@ mod tests {
             (1..9).map(|k| pattern.share(&frame(k), &[BODY]).unwrap()).sum::<f64>() / 8.0
         }
 
-        /// By which share the mean of all subsets comes short of a step.
+        /// Returns the fraction by which the mean of all subsets comes short of a step.
         fn short(&self, (u, v): (f64, f64)) -> f64 {
             let mut correlator = Correlator::new(&CorrelationParams::default(), SIDE, SIDE).unwrap();
             let points = rectangle(BODY, 8, 31);
@@ -201,23 +207,23 @@ mod tests {
     }
 
     #[test]
-    fn the_share_is_what_short_steps_come_out_short_by() {
+    fn the_estimate_equals_the_bias_of_short_steps() {
         let sensor = Sensor::new(3.0);
         let (share, short) = (sensor.share(), sensor.short((0.12, 0.05)));
-        eprintln!("foretold {share:.5}, seen {short:.5}");
-        assert!(short > 2e-3 && (share / short - 1.0).abs() < 0.2, "foretold {share}, seen {short}");
+        eprintln!("estimated {share:.5}, actual {short:.5}");
+        assert!(short > 2e-3 && (share / short - 1.0).abs() < 0.2, "estimated {share}, actual {short}");
         let far = sensor.short((1.6, 0.7));
         assert!(far.abs() < 0.1 * short, "over more than a pixel {far}");
     }
 
     #[test]
-    fn where_pixels_are_alike_there_is_nothing_to_be_told() {
+    fn equal_pixels_show_no_bias() {
         let share = Sensor::new(0.0).share();
         assert!(share.abs() < 2e-4, "{share}");
     }
 
     #[test]
-    fn frames_with_too_little_in_common_tell_nothing() {
+    fn frames_with_too_little_overlap_give_no_estimate() {
         let mut frame = Prepared::default();
         frame.fill(Image::new(64, 64).view(), crate::dic::Interpolation::Optimised);
         let mut pattern = FixedPattern::default();

@@ -1,18 +1,18 @@
-//! Where the subsets sit.
+//! Grids of subset centres.
 
-/// Centre of a subset in the reference: a whole pixel.
+/// The centre of a subset in the reference, a whole pixel.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct GridPoint {
-    /// Column, px.
+    /// The column, px.
     pub x: u32,
-    /// Row, px.
+    /// The row, px.
     pub y: u32,
 }
 
-/// Centres whose subsets lie wholly inside a rectangle, row by row.
+/// Returns the centres whose subsets lie wholly inside a rectangle, row by row.
 ///
-/// `roi` is x, y, width and height in px; the first subset touches its top left
-/// corner. Empty when no subset fits.
+/// `roi` is x, y, width and height in px. The first subset touches its top left corner. The grid is empty if no subset
+/// fits.
 pub fn rectangle(roi: [u32; 4], step_px: u32, subset_size_px: u32) -> Vec<GridPoint> {
     let half = subset_size_px / 2;
     let along = |start: u32, extent: u32| {
@@ -25,14 +25,14 @@ pub fn rectangle(roi: [u32; 4], step_px: u32, subset_size_px: u32) -> Vec<GridPo
     along(roi[1], roi[3]).flat_map(|y| along(roi[0], roi[2]).map(move |x| GridPoint { x, y })).collect()
 }
 
-/// As [`rectangle`], carried on to the centres whose subsets reach over its edge.
+/// Returns the grid of [`rectangle`], continued to the centres whose subsets extend over its edge.
 pub fn partial(roi: [u32; 4], step_px: u32, subset_size_px: u32) -> Vec<GridPoint> {
     let step = step_px.max(1);
     let along = |start: u32, extent: u32| (start + subset_size_px / 2 % step..start + extent).step_by(step as usize);
     along(roi[1], roi[3]).flat_map(|y| along(roi[0], roi[2]).map(move |x| GridPoint { x, y })).collect()
 }
 
-/// Centres whose square subsets lie wholly inside a disc and inside the image, row by row.
+/// Returns the centres whose square subsets lie wholly inside a disc and inside the image, row by row.
 ///
 /// The grid is anchored at the disc's centre, rounded to a whole pixel.
 #[expect(clippy::too_many_arguments, reason = "a disc, a grid and an image: six plain numbers and one more")]

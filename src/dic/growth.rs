@@ -1,47 +1,48 @@
-//! By how much a body grows between two pictures, and its front turns.
+//! Dilatation of a body between two images, and out-of-plane rotation of its front.
 
 use super::solve::invert;
 use crate::results::{FieldPoint, PointStatus};
 
-/// Fewest subsets that tell it.
-const FEWEST_POINTS: usize = 8;
-/// And how far they are from their middle at least, root mean square, px.
-const LEAST_SPREAD_PX: f64 = 1.0;
-/// So many numbers say how what is flat moves and grows.
-const FLAT: usize = 4;
-/// A front that moves by so much is looked at from half way, px.
-const BENDS_PX: f64 = 0.1;
+/// The minimum number of subsets.
+const MIN_POINTS: usize = 8;
+/// The minimum spread of the subsets: their root mean square distance from the mean, px.
+const MIN_SPREAD_PX: f64 = 1.0;
+/// The number of parameters of a flat body: displacement, rotation and dilatation.
+const FLAT_PARAMETERS: usize = 4;
+/// The front displacement above which depths are taken half center between the images, px.
+const BENDING_FRONT_PX: f64 = 0.1;
 
-/// How a body changes its looks from one picture to another, beside its rigid motion.
+/// The change of a body's image that is not in-plane rigid motion.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Swell {
-    /// By which share its subsets have moved apart from each other: it comes nearer to the camera, or goes to where the
-    /// lens draws it larger.
+    /// The relative increase of the distances between its subsets. The body approaches the camera, or moves to where
+    /// the lens magnifies more.
     pub growth: f64,
-    /// The motion of a ball's centre, which is also its outline's, px. Its front's is another where it turns about an axis
-    /// in the picture's plane.
+    /// The displacement of a ball's centre, which is also that of its outline, px. Its front moves differently if the
+    /// ball rotates about an axis in the image plane.
     pub center_px: Option<[f64; 2]>,
-    /// By which it turns, counter-clockwise on the screen, deg, whatever its front does.
+    /// The rotation about the optical axis, counter-clockwise on the screen, deg, independent of the front.
     pub angle_deg: f64,
-    /// How much less sure than the rotation of what is flat, in rad, these are: 1, px and 1.
+    /// The ratios of the standard uncertainties of dilatation (1), centre (px) and rotation to that of the rotation of
+    /// a flat body (rad).
     pub levers: [f64; 3],
 }
 
-/// A ball in the picture.
+/// The outline of a ball in the image.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Sphere {
-    /// Its centre, x and y, px.
+    /// The centre, x and y, px.
     pub center_px: [f64; 2],
-    /// Its radius, px.
+    /// The radius, px.
     pub radius_px: f64,
-    /// Edge of the subsets on it, px.
+    /// The side of the subsets on it, px.
     pub subset_px: f64,
 }
 
 impl Sphere {
-    /// How far before the centre its surface is, in the mean over the subset at a place, in radii.
+    /// Returns the depth of the surface in front of the centre, averaged over the subset at a position, in radii.
     fn depth(&self, place: [f64; 2]) -> f64 {
-        // Gauss' points: the mean of two by two is that of a cubic.
+        // Gauss points: the mean over two by two is exact for a cubic.
         let apart = self.subset_px / 12.0_f64.sqrt();
         let at = |dx: f64, dy: f64| {
             let (x, y) = (place[0] + dx - self.center_px[0], place[1] + dy - self.center_px[1]);
@@ -51,33 +52,34 @@ impl Sphere {
     }
 }
 
-/// What the valid subsets of a field show beside a rigid motion, of a ball where it is one. `None` where they are too few,
-/// or all in one place.
+/// Estimates the dilatation from the valid subsets of a field, for a ball if `ball` is given.
 ///
-/// Displacements are u = t + p x + q y + a d, v = s + p y - q x + b d, of the depth d = sqrt(1 - r^2 / R^2) of a sphere:
-/// p and q together are rotation and growth, exactly, and a and b are what the front moves by beside the centre. Least
-/// squares, each subset by its own uncertainty.
+/// The model is u = t + p x + q y + a d, v = s + p y - q x + b d, with the depth d = sqrt(1 - r^2 / R^2) of a sphere. p
+/// and q together are exactly rotation and dilatation. a and b are the motion of the front relative to the centre. The
+/// fit is by least squares, each subset weighted by its own uncertainty. Returns `None` if there are too few subsets,
+/// or all in one place.
 pub fn swell(field: &[FieldPoint], ball: Option<Sphere>) -> Option<Swell> {
     let fit = Fit::of(field, ball, None)?;
-    let turns = fit.found[4].hypot(fit.found[5]) > BENDS_PX;
-    // Seen from half way there, what a turn bends is even.
+    let turns = fit.found[4].hypot(fit.found[5]) > BENDING_FRONT_PX;
+    // Taken half center, the depth is symmetric in the rotation and the bending cancels.
     let fit = if turns { Fit::of(field, ball, Some([fit.found[0], fit.found[1]]))? } else { fit };
     let [t, s, along, across, ..] = fit.found;
     let growth = along + across * across / (1.0 + along + (1.0 + along).hypot(across));
-    let is_told = [growth, t, s].iter().all(|number| number.is_finite());
+    let is_finite = [growth, t, s].iter().all(|number| number.is_finite());
     let levers = [fit.levers[2], fit.levers[0].max(fit.levers[1]), fit.levers[3]];
     let angle_deg = across.atan2(1.0 + along).to_degrees();
-    is_told.then_some(Swell { growth, center_px: ball.map(|_| [t, s]), angle_deg, levers })
+    is_finite.then_some(Swell { growth, center_px: ball.map(|_| [t, s]), angle_deg, levers })
 }
 
-/// The six numbers of [`swell`], and how much less sure than the rotation each is.
+/// The six parameters of [`swell`], and the ratio of each uncertainty to that of the rotation.
 struct Fit {
     found: [f64; 6],
     levers: [f64; 6],
 }
 
 impl Fit {
-    /// With the depth of each subset where it was found, or half way to where it is when the centre moves so.
+    /// Fits with the depth of each subset in the first image, or half center to the second if the motion of the centre is
+    /// given.
     fn of(field: &[FieldPoint], ball: Option<Sphere>, moved: Option<[f64; 2]>) -> Option<Self> {
         let middle = middle(field)?;
         let from = ball.map_or(middle, |ball| ball.center_px);
@@ -97,30 +99,30 @@ impl Fit {
             total += weight;
             count += 2.0;
         }
-        if square < LEAST_SPREAD_PX * LEAST_SPREAD_PX * total {
+        if square < MIN_SPREAD_PX * MIN_SPREAD_PX * total {
             return None;
         }
-        // What is left of the displacements by the leading numbers, for each that is free.
+        // The parameters and the residual variance per degree of freedom, for the first parameters only.
         let solved = |numbers: usize| {
             let inverse = invert(&normal, numbers)?;
             let found: [f64; 6] = std::array::from_fn(|k| (0..numbers).map(|j| inverse[k][j] * right[j]).sum());
             let left = moved_square - found.iter().zip(right).map(|(found, right)| found * right).sum::<f64>();
             Some((inverse, found, left.max(0.0) / (count - numbers as f64)))
         };
-        let (flat, flat_found, flat_left) = solved(FLAT)?;
+        let (flat, flat_found, flat_left) = solved(FLAT_PARAMETERS)?;
         let levers =
             |inverse: &[[f64; 6]; 6], share: f64| std::array::from_fn(|k| share * (inverse[k][k] * square).sqrt());
         if ball.is_none() {
             return Some(Self { found: flat_found, levers: levers(&flat, 1.0) });
         }
         let (round, found, round_left) = solved(6)?;
-        // A front that turns is no noise.
+        // The rotation of the front is not noise.
         let share = (round_left / flat_left).min(1.0).sqrt();
         Some(Self { found, levers: levers(&round, share) })
     }
 }
 
-/// The weighted mean place of the valid subsets; `None` of too few.
+/// Returns the weighted mean position of the valid subsets, or `None` for too few.
 fn middle(field: &[FieldPoint]) -> Option<[f64; 2]> {
     let (mut count, mut total, mut sum) = (0, 0.0, [0.0; 2]);
     for (weight, place, _) in vectors(field) {
@@ -128,10 +130,10 @@ fn middle(field: &[FieldPoint]) -> Option<[f64; 2]> {
         total += weight;
         sum = [sum[0] + weight * place[0], sum[1] + weight * place[1]];
     }
-    (count >= FEWEST_POINTS).then(|| sum.map(|sum| sum / total))
+    (count >= MIN_POINTS).then(|| sum.map(|sum| sum / total))
 }
 
-/// Weight, place and displacement of the valid subsets.
+/// Returns weight, position and displacement of the valid subsets.
 fn vectors(field: &[FieldPoint]) -> impl Iterator<Item = (f64, [f64; 2], [f64; 2])> + '_ {
     field.iter().filter(|point| point.status == PointStatus::Valid).filter_map(|point| {
         let found = point.displacement?;
@@ -146,7 +148,7 @@ mod tests {
     use super::*;
     use crate::results::Displacement;
 
-    /// A field about (60, 50) that moves by (u, v), turns and grows.
+    /// A field about (60, 50) that moves by (u, v), rotates and dilates.
     fn field((u, v): (f64, f64), angle_deg: f64, growth: f64) -> Vec<FieldPoint> {
         let (sin, cos) = angle_deg.to_radians().sin_cos();
         let point = |k: u16| {
@@ -174,12 +176,12 @@ mod tests {
     const BALL: Sphere = Sphere { center_px: [53.0, 47.0], radius_px: 60.0, subset_px: 1.0 };
 
     #[test]
-    fn what_grows_is_told_whatever_else_it_does() {
+    fn dilatation_is_found_under_any_motion() {
         for (motion, angle_deg) in [((0.0, 0.0), 0.0), ((3.7, -1.2), 0.0), ((0.4, 0.9), 2.9), ((-1.3, 0.2), -40.0)] {
             for truth in [0.0, 3e-5, -2e-3, 0.05] {
                 for ball in [None, Some(BALL)] {
                     let found = swell(&field(motion, angle_deg, truth), ball).unwrap();
-                    // Displacements are kept in single precision.
+                    // Displacements are stored in single precision.
                     let rounding = 2e-7 * (1.0 + angle_deg.abs());
                     assert!((found.growth - truth).abs() < rounding, "{motion:?} {angle_deg}: {found:?} for {truth}");
                     assert!((found.angle_deg - angle_deg).abs() < 60.0 * rounding, "{angle_deg}: {found:?}");
@@ -188,25 +190,26 @@ mod tests {
         }
     }
 
-    /// The same ball on its way (u, v) while it turns about axes in the picture's plane.
-    fn rolling(way: [f64; 2], [about_y, about_x]: [f64; 2]) -> Vec<FieldPoint> {
+    /// The same ball displaced by `center` while it rotates about axes in the image plane.
+    fn rolling(center: [f64; 2], [about_y, about_x]: [f64; 2]) -> Vec<FieldPoint> {
         let mut field = field((0.0, 0.0), 0.0, 0.0);
         let (Sphere { center_px: [cx, cy], radius_px, .. }, angle) = (BALL, about_y.hypot(about_x));
         for point in &mut field {
             let [x, y] = [f64::from(point.x_px) - cx, f64::from(point.y_px) - cy];
             let z = (radius_px * radius_px - x * x - y * y).max(0.0).sqrt();
-            // Towards where its front goes it turns as a wheel does.
+            // It rolls in the direction of its front's motion.
             let (to_x, to_y) = (about_y / angle, about_x / angle);
             let along = x * to_x + y * to_y;
             let moved = along * angle.cos() + z * angle.sin() - along;
             let displacement = point.displacement.as_mut().unwrap();
-            (displacement.u_px, displacement.v_px) = ((way[0] + moved * to_x) as f32, (way[1] + moved * to_y) as f32);
+            (displacement.u_px, displacement.v_px) =
+                ((center[0] + moved * to_x) as f32, (center[1] + moved * to_y) as f32);
         }
         field
     }
 
     #[test]
-    fn the_centre_goes_its_way_whatever_its_front_does() {
+    fn the_centre_moves_independently_of_its_front() {
         for (turn_deg, close) in [([0.1, -0.07], 1e-4), ([1.0, 0.5], 2e-3), ([0.0, 2.9], 3e-2)] {
             let found = swell(&rolling([0.7, -0.3], turn_deg.map(f64::to_radians)), Some(BALL)).unwrap();
             let [x, y] = found.center_px.unwrap();
@@ -216,12 +219,12 @@ mod tests {
         let flat = swell(&rolling([0.7, -0.3], [0.002, -0.001]), None).unwrap();
         assert!(
             flat.growth.abs() > 1e-5 && flat.center_px.is_none(),
-            "what nobody asks for passes for growth: {flat:?}"
+            "an unmodelled front counts as dilatation: {flat:?}"
         );
     }
 
     #[test]
-    fn a_front_that_turns_is_no_noise() {
+    fn a_rotating_front_is_not_noise() {
         let noisy = |mut field: Vec<FieldPoint>| {
             for (k, point) in field.iter_mut().enumerate() {
                 let displacement = point.displacement.as_mut().unwrap();
@@ -234,13 +237,13 @@ mod tests {
         let (flat, round) = (swell(&still, None).unwrap(), swell(&still, Some(BALL)).unwrap());
         assert!((flat.levers[0] - 1.0).abs() < 1e-6 && (0.9..1.2).contains(&round.levers[0]), "{flat:?} {round:?}");
         assert!((100.0..600.0).contains(&round.levers[1]), "{round:?}");
-        // The scatter about a rigid motion, which rotations are as unsure as, has the front's motion in it.
+        // The scatter about a rigid motion, to which the ratio refers, includes the motion of the front.
         let rolls = swell(&noisy(rolling([0.7, -0.3], [0.02, -0.01])), Some(BALL)).unwrap();
         assert!(rolls.levers[1] < 0.2 * round.levers[1], "{rolls:?}");
     }
 
     #[test]
-    fn a_few_subsets_or_one_place_tell_nothing() {
+    fn few_subsets_or_a_single_place_give_no_estimate() {
         let mut few = field((0.3, 0.1), 0.2, 0.01);
         few.iter_mut().skip(5).for_each(|point| point.status = PointStatus::Outlier);
         assert_eq!(swell(&few, None), None);

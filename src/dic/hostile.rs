@@ -1,4 +1,4 @@
-//! Images and parameters that must end in a status or an error.
+//! Invalid input: images and parameters that must end in a status or an error.
 
 use super::grid::rectangle;
 use super::lanes::Lanes;
@@ -60,7 +60,7 @@ fn images_without_texture_have_low_contrast_on_either_side() {
 }
 
 #[test]
-fn noise_alone_is_never_a_number() {
+fn noise_alone_is_never_a_displacement() {
     let grey = filled(100.0);
     let field = correlate(&record(&grey, 3.0, 5), &record(&grey, 3.0, 6), &CorrelationParams::default());
     assert!(field.iter().all(|p| p.status == PointStatus::LowContrast), "{:?}", field[0]);
@@ -120,7 +120,7 @@ fn another_image_is_low_correlation_and_a_subset_that_left_is_out_of_frame() {
             _ if touches => PointStatus::OutOfFrame,
             _ => PointStatus::Valid,
         };
-        // A subset on the very edge is on either side of it.
+        // A subset exactly on the edge may get either status.
         let either = touches && point.status == PointStatus::Valid;
         assert!(point.status == expected || either, "{point:?}");
     }
@@ -224,7 +224,7 @@ fn a_neighbour_across_an_edge_of_motion_does_not_mislead() {
     }
 }
 
-/// A still background around a moving body spoils whole subsets at its rim, cut ones not.
+/// A still background around a moving body biases whole subsets at its rim, but not clipped ones.
 #[test]
 fn subsets_are_cut_at_the_edge_of_a_region() {
     let speckle = Speckle::standard(4, 160.0);
@@ -264,7 +264,7 @@ fn subsets_with_texture_in_one_corner_have_low_contrast() {
     assert_eq!(field[1].status, PointStatus::Valid);
 }
 
-/// Wild warps come of weak matches; whatever they ask for is sampled within the image or refused.
+/// Poor matches produce extreme warps. Any warp must be sampled within the image or refused.
 #[test]
 fn any_warp_of_any_window_anywhere_is_sampled_or_refused() {
     let (mut reference, mut target) = (Prepared::default(), Prepared::default());
@@ -280,13 +280,13 @@ fn any_warp_of_any_window_anywhere_is_sampled_or_refused() {
         if case % 4 > 1 {
             let belongs = |dx: i32, dy: i32| f64::from(dx) * a + f64::from(dy) * b < 6.0;
             if case % 4 == 2 {
-                whole.cut(belongs, &mut window);
+                whole.clip(belongs, &mut window);
             } else {
                 let kept: Vec<Lanes> =
                     whole.mask.iter().map(|row| *row * Lanes::splat(random.normal() as f32)).collect();
                 let kept: Vec<Lanes> =
                     kept.iter().map(|row| Lanes(row.0.map(|v| f32::from(u8::from(v > 0.8))))).collect();
-                whole.keep(&kept, &mut window);
+                whole.restrict(&kept, &mut window);
             }
         }
         let at = (

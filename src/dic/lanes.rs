@@ -1,37 +1,36 @@
-//! Eight numbers side by side.
+//! Eight `f32` values with element-wise arithmetic.
 //!
-//! Plain arrays: the compiler turns each operation into one or two vector
-//! instructions of whatever the machine has. Products and sums stay separate
-//! operations on purpose: they round the same way on every machine, so results
-//! are equal to the last bit with and without AVX.
+//! The compiler turns each operation on the plain arrays into one or two vector instructions. Products and sums stay
+//! separate operations, because they round the same way on every machine. Results are equal to the last bit with and
+//! without AVX.
 
 use std::ops::{Add, AddAssign, Mul, Sub};
 
-/// Numbers side by side.
+/// The number of lanes.
 pub(super) const LANES: usize = 8;
 
-/// Eight numbers on which arithmetic works element by element.
+/// Eight numbers with element-wise arithmetic.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 #[repr(align(32))]
 pub(super) struct Lanes(pub(super) [f32; LANES]);
 
 impl Lanes {
-    /// The number of each lane.
+    /// The index of each lane.
     pub(super) const INDEX: Self = Self([0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0]);
 
-    /// The same number eight times.
+    /// Fills all lanes with one value.
     #[inline(always)]
     pub(super) fn splat(value: f32) -> Self {
         Self([value; LANES])
     }
 
-    /// The sum, in double precision.
+    /// Returns the sum in double precision.
     #[inline(always)]
     pub(super) fn sum(self) -> f64 {
         self.0.iter().map(|value| f64::from(*value)).sum()
     }
 
-    /// The sums of the numbers times (`first` + lane) to the power 0, 1 and 2.
+    /// Returns the sums of the values times (`first` + lane) to the power 0, 1 and 2.
     #[inline(always)]
     pub(super) fn moments(self, first: f64) -> [f64; 3] {
         let mut sums = [0.0; 3];

@@ -1,41 +1,42 @@
-//! Light that falls off across a body, taken off reference and target alike.
+//! Illumination gradients across a body, removed from reference and target alike.
 //!
-//! Light stands in the room. A pattern that turns in it would be held back by it, and one that moves to where it falls off
-//! in another way be drawn aside, by more than noise does over many frames. So a plane through the grey levels of each
-//! picture is left out, as their mean and contrast are: a match of what is orthogonal to 1, x and y.
+//! The light stays in place while the body moves. Its gradient would hold a rotating pattern back, and bias one that
+//! moves to where the gradient differs, by more than the noise over many frames. A plane is therefore fitted to the
+//! grey levels of each image and removed together with mean and gain. The match uses only what is orthogonal to 1, x
+//! and y.
 
 use super::lanes::{LANES, Lanes};
 use super::subset::add_powers;
 use super::vector::{Vector, vectorized};
 use super::window::Window;
 
-/// Pixels that lie nearly on a line tell no plane.
-const LEAST_WIDTH: f64 = 1e-3;
+/// The minimum ratio of the determinant to the product of the second moments. Below, the pixels lie nearly on a line.
+const MIN_DETERMINANT: f64 = 1e-3;
 
-/// The plane through the levels of a reference's pixels, and what planes take out of sums over them.
+/// The plane fitted to the levels of a reference's pixels, and its contribution to sums over them.
 ///
 /// J is the Jacobian of the affine warp, (gx, gx dx, gx dy, gy, gy dx, gy dy).
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Light {
-    /// The middle of the pixels from the centre, px.
+    /// The centroid of the pixels relative to the centre, px.
     pub(super) middle: [f64; 2],
-    /// Their second moments about the middle, and the inverse.
+    /// The second moments about the centroid, and the inverse.
     second: [[f64; 2]; 2],
     inverse: [[f64; 2]; 2],
-    /// Sums of J times x and y about the middle.
+    /// The sums of J times x and y about the centroid.
     jacobian: [[f64; 6]; 2],
-    /// Slopes of the plane, DN/px.
+    /// The slopes of the plane, DN/px.
     pub(super) slopes: [f64; 2],
 }
 
 impl Light {
-    /// Of the pixels of a window; `None` where they do not tell a plane.
+    /// Fits the plane to the pixels of a window; `None` if they do not span a plane.
     pub(super) fn of(levels: &[Lanes], gradients: [&[Lanes]; 2], window: &Window) -> Option<Self> {
         let [count, x, y, xx, xy, yy] = moments(&window.mask, window);
         let middle = [x / count, y / count];
         let (xx, xy, yy) = (xx - middle[0] * x, xy - middle[0] * y, yy - middle[1] * y);
         let determinant = xx * yy - xy * xy;
-        if determinant.is_nan() || determinant <= LEAST_WIDTH * xx * yy {
+        if determinant.is_nan() || determinant <= MIN_DETERMINANT * xx * yy {
             return None;
         }
         let second = [[xx, xy], [xy, yy]];
@@ -55,30 +56,30 @@ impl Light {
         Some(light)
     }
 
-    /// Slopes of the plane through levels, by their sum and those of them times x and y, DN/px.
+    /// Returns the slopes of the plane fitted to levels, from their sum and their sums times x and y, DN/px.
     pub(super) fn plane(&self, sum: f64, places: [f64; 2]) -> [f64; 2] {
         let about: [f64; 2] = std::array::from_fn(|axis| places[axis] - self.middle[axis] * sum);
         self.inverse.map(|row| row[0] * about[0] + row[1] * about[1])
     }
 
-    /// Sum of the products of the reference's plane and one of these slopes.
+    /// Returns the sum of the products of the reference's plane and the plane of these slopes.
     pub(super) fn product(&self, slopes: [f64; 2]) -> f64 {
         let across = |slopes: [f64; 2]| self.second.map(|row| row[0] * slopes[0] + row[1] * slopes[1]);
         across(slopes).iter().zip(self.slopes).map(|(sum, slope)| sum * slope).sum()
     }
 
-    /// Sum of squares of the plane of these slopes.
+    /// Returns the sum of squares of the plane of these slopes.
     pub(super) fn energy(&self, slopes: [f64; 2]) -> f64 {
         self.second.iter().zip(slopes).map(|(row, slope)| slope * (row[0] * slopes[0] + row[1] * slopes[1])).sum()
     }
 
-    /// What the plane of these slopes has of the sum of J times levels.
+    /// Returns the sum of J times the plane of these slopes, for parameter `k`.
     pub(super) fn pull(&self, slopes: [f64; 2], k: usize) -> f64 {
         slopes[0] * self.jacobian[0][k] + slopes[1] * self.jacobian[1][k]
     }
 
-    /// Takes mean and plane out of the sum of J J^T of so many pixels.
-    pub(super) fn take_out(&self, jacobian_sum: &[f64; 6], pixels: usize, hessian: &mut [[f64; 6]; 6]) {
+    /// Removes mean and plane from the sum of J J^T over `pixels` pixels.
+    pub(super) fn remove_from(&self, jacobian_sum: &[f64; 6], pixels: usize, hessian: &mut [[f64; 6]; 6]) {
         for (k, line) in hessian.iter_mut().enumerate() {
             let own = [self.jacobian[0][k], self.jacobian[1][k]];
             let slopes = self.inverse.map(|row| row[0] * own[0] + row[1] * own[1]);
@@ -89,7 +90,7 @@ impl Light {
     }
 }
 
-/// Sums of packed values times 1, x, y, x^2, x y and y^2.
+/// Returns the sums of packed values times 1, x, y, x^2, x y and y^2.
 fn moments(values: &[Lanes], window: &Window) -> [f64; 6] {
     let mut out = [0.0; 6];
     for block in &window.blocks {
@@ -103,7 +104,7 @@ fn moments(values: &[Lanes], window: &Window) -> [f64; 6] {
 }
 
 vectorized! {
-    /// Sums down a block, times 1, dy and dy^2.
+    /// Sums the rows of a block, times 1, dy and dy^2.
     fn powers(values: &[Lanes], dy: i32) -> [Lanes; 3] = powers_with
 }
 
@@ -116,7 +117,7 @@ fn powers_with<V: Vector>(values: &[Lanes], dy: i32) -> [Lanes; 3] {
     sums.map(V::to_lanes)
 }
 
-/// The values of a plane on the columns of a block, in one row.
+/// Returns the values of a plane on the columns of a block, in one row.
 pub(super) fn row(slopes: [f64; 2], about: [f64; 2], (dx, dy): (i32, i32)) -> Lanes {
     let first = slopes[0] * (f64::from(dx) - about[0]) + slopes[1] * (f64::from(dy) - about[1]);
     Lanes(std::array::from_fn::<f32, LANES, _>(|lane| (first + slopes[0] * lane as f64) as f32))
@@ -128,7 +129,7 @@ mod tests {
     use crate::dic::{Region, RigidBody};
     use crate::image::Image;
 
-    /// A picture in light that falls off along a direction, DN/px.
+    /// An image with an illumination gradient, DN/px.
     fn lit(image: &Image, slopes: [f32; 2]) -> Image {
         let mut image = image.clone();
         for (y, row) in image.rows_mut().enumerate() {

@@ -1,9 +1,8 @@
-//! Which pixels of a body look alike in two frames, and which are hidden by something.
+//! Visibility of the pixels of a body: classifies them as visible or occluded.
 //!
-//! An occluder is no tail of the residuals but a good part of them, so weights
-//! pixel by pixel follow it. What its neighbourhood says of a pixel is clear:
-//! first the local ZNCC, which gain and offset cannot mislead, then the local
-//! residual, which is sharper.
+//! An occluder produces many large residuals rather than outliers, so robust weights per pixel adapt to it. The
+//! neighbourhood of a pixel decides instead: first the local ZNCC, which gain and offset cannot bias, then the local
+//! residual, which resolves edges better.
 
 use multiversion::multiversion;
 
@@ -12,31 +11,31 @@ use super::lanes::{LANES, Lanes};
 use super::median::{median_size, nth_smallest};
 use super::window::Window;
 
-/// Half the side of the neighbourhood whose ZNCC is taken, px.
+/// Half the side of the neighbourhood of the local ZNCC, px.
 const ZNCC_REACH: usize = 5;
 
-/// Local ZNCC above which a pixel looks alike.
-const ALIKE_ZNCC: f32 = 0.85;
+/// The local ZNCC above which a pixel is visible.
+const MIN_LOCAL_ZNCC: f32 = 0.85;
 
-/// Times the noise that the local residual of a pixel in sight may have.
-const ALIKE_RESIDUAL: f32 = 2.5;
+/// The maximum local residual of a visible pixel, in standard deviations of the noise.
+const MAX_LOCAL_RESIDUAL: f32 = 2.5;
 
-/// Times the noise that a pixel in sight may differ by itself.
-const OWN_RESIDUAL: f32 = 3.0;
+/// The maximum residual of a single visible pixel, in standard deviations of the noise.
+const MAX_OWN_RESIDUAL: f32 = 3.0;
 
-/// Times its median says that the root mean square of an even residual may be.
-const MOST_UNEVEN: f32 = 1.3;
+/// The maximum ratio of the root mean square of a residual to the noise estimated from its median.
+const MAX_RMS_RATIO: f32 = 1.3;
 
-/// Pixels that tell how noisy a body is: the median of so many is known to 2 %.
-const ENOUGH_PIXELS: usize = 2048;
+/// The sample size of the noise estimate. Its median is known to 2 %.
+const NOISE_SAMPLE_PIXELS: usize = 2048;
 
-/// Stands for the pixels in the neighbourhood of one that does not belong: more than any residual is.
+/// The pixel count of neighbourhoods whose centre is not on the body. It exceeds any residual.
 const OFF_BODY: f32 = 1e30;
 
-/// Empty columns and rows around, so that neighbourhoods need no test.
+/// The width of the empty border, so that neighbourhoods need no bounds test.
 const PAD: usize = ZNCC_REACH;
 
-/// Memory for maps of one body.
+/// Memory for the maps of one body.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Likeness {
     stride: usize,
@@ -45,25 +44,25 @@ pub(super) struct Likeness {
     residual: Vec<f32>,
     product: Vec<f32>,
     columns: Vec<f32>,
-    /// Pixels, and sums of f, g, f f, g g and f g.
+    /// The pixel count, and the sums of f, g, f f, g g and f g.
     sums: [Vec<f32>; 6],
-    /// Sizes of the residual of pixels that count, infinite of others.
+    /// The absolute residuals of selected pixels, infinite elsewhere.
     sizes: Vec<Lanes>,
-    /// The median of these when it was asked for last.
+    /// The last median of these.
     median: f32,
-    /// By pixel of a body that is planned for: pixels in its neighbourhood, more than any number of them off the body.
+    /// The number of pixels in the neighbourhood of each pixel of the planned body, [`OFF_BODY`] elsewhere.
     neighbours: Vec<f32>,
-    /// The least of these in some rows at a time.
-    least_neighbours: Vec<f32>,
-    /// Squares of the residual of that body; 0 off it.
+    /// The column minima of these over strips of rows.
+    strip_neighbours: Vec<f32>,
+    /// The squares of the residual of the planned body, 0 off it.
     squares: Vec<f32>,
-    /// From one row of that body to the next of those that tell how noisy it is, and the pixels in these.
+    /// The row step of the noise sample of the planned body, and the number of its pixels.
     sampled: (usize, usize),
     sample: Vec<Lanes>,
 }
 
 impl Likeness {
-    /// Makes it ready for a body of these pixels.
+    /// Plans for a body of these pixels.
     pub(super) fn plan(&mut self, window: &Window) {
         self.load(window, &[], &[]);
         let (len, stride) = (self.mask.len(), self.stride);
@@ -75,30 +74,30 @@ impl Likeness {
         add_around(&self.mask, stride, &mut self.columns, &mut self.neighbours);
         let off = self.neighbours.iter_mut().zip(&self.mask).filter(|(_, mask)| **mask < 0.5);
         off.for_each(|(near, _)| *near = OFF_BODY);
-        least_of_strips(&self.neighbours, stride, &mut self.least_neighbours);
-        let step = (window.pixels / ENOUGH_PIXELS).max(1);
+        least_of_strips(&self.neighbours, stride, &mut self.strip_neighbours);
+        let step = (window.pixels / NOISE_SAMPLE_PIXELS).max(1);
         let pixels = |row: &Lanes| row.0.iter().filter(|mask| **mask > 0.5).count();
         self.sampled = (step, window.mask.iter().step_by(step).map(pixels).sum());
     }
 
-    /// Whether a residual of the body that was planned for is noise all over: what the masks below would keep whole.
+    /// Whether the residual of the planned body is noise everywhere, so that no mask would remove a pixel.
     ///
-    /// `least` is the least noise there is.
-    pub(super) fn is_whole(&mut self, window: &Window, residual: &[Lanes], least: f32) -> bool {
+    /// `min_noise` is the lower limit of the noise, DN.
+    pub(super) fn is_whole(&mut self, window: &Window, residual: &[Lanes], min_noise: f32) -> bool {
         let squares = sum_of_squares(residual);
         let (step, pixels) = self.sampled;
         self.sample.clear();
         self.sample.extend(residual.iter().step_by(step));
         let median = median_size(&self.sample, pixels, squares / window.pixels as f64);
-        let noise = (1.4826 * median).max(least);
-        if squares > window.pixels as f64 * f64::from(MOST_UNEVEN * noise).powi(2) {
+        let noise = (1.4826 * median).max(min_noise);
+        if squares > window.pixels as f64 * f64::from(MAX_RMS_RATIO * noise).powi(2) {
             return false;
         }
         self.square(window, residual);
-        let most = (ALIKE_RESIDUAL * noise).powi(2);
-        // Mostly a look at fewer, larger neighbourhoods is enough.
-        are_strips_within((&self.squares, &self.least_neighbours), self.stride, most, &mut self.columns)
-            || are_within((&self.squares, &self.neighbours), self.stride, most, &mut self.columns)
+        let limit = (MAX_LOCAL_RESIDUAL * noise).powi(2);
+        // The larger neighbourhoods of the strips are mostly sufficient.
+        are_strips_within((&self.squares, &self.strip_neighbours), self.stride, limit, &mut self.columns)
+            || are_within((&self.squares, &self.neighbours), self.stride, limit, &mut self.columns)
     }
 
     /// Loads the squares of a residual.
@@ -106,7 +105,7 @@ impl Likeness {
         if residual.is_empty() {
             self.squares.fill(0.0);
         }
-        // Every residual of one body has the same places.
+        // All residuals of one body have the same layout.
         for (first, row) in places(window, self.stride).zip(residual) {
             self.squares[first..first + LANES].copy_from_slice(&(*row * *row).0);
         }
@@ -115,7 +114,7 @@ impl Likeness {
     /// Loads a reference and its residual, both packed like the window's mask.
     fn load(&mut self, window: &Window, reference: &[Lanes], residual: &[Lanes]) {
         let (width, height) = window.extent.sides();
-        // Whole blocks: their lanes may reach over the rectangle to both sides.
+        // The lanes of whole blocks may extend over the rectangle to both sides.
         self.stride = (width + 2 * PAD + 2 * LANES).next_multiple_of(LANES);
         let len = self.stride * (height + 2 * PAD);
         for (plane, packed) in
@@ -129,7 +128,7 @@ impl Likeness {
         }
     }
 
-    /// 1 where the neighbourhood's ZNCC says that it is the same thing, else 0.
+    /// Sets `kept` to 1 where the local ZNCC is high enough, else to 0.
     pub(super) fn by_zncc(
         &mut self,
         window: &Window,
@@ -139,7 +138,7 @@ impl Likeness {
         self.load(window, reference, residual);
         let Self { mask, reference, residual, product, columns, sums, .. } = self;
         let stride = self.stride;
-        // The target, at the reference's gain: the reference less the residual.
+        // The target at the reference's gain is the reference minus the residual.
         let pairs: [fn(f32, f32) -> f32; 5] =
             [|f, _| f, |f, r| f - r, |f, _| f * f, |f, r| (f - r) * (f - r), |f, r| f * (f - r)];
         box_sums(mask, stride, ZNCC_REACH, columns, &mut sums[0]);
@@ -153,36 +152,36 @@ impl Likeness {
             let n = count[at].max(1.0);
             let (both, own, other) =
                 (fg[at] - f[at] * g[at] / n, ff[at] - f[at] * f[at] / n, gg[at] - g[at] * g[at] / n);
-            both > 0.0 && both * both > ALIKE_ZNCC * ALIKE_ZNCC * own * other
+            both > 0.0 && both * both > MIN_LOCAL_ZNCC * MIN_LOCAL_ZNCC * own * other
         };
         pick(window, stride, alike, kept);
     }
 
-    /// 1 where the neighbourhood's residual is no more than noise, else 0.
+    /// Sets `kept` to 1 where the local residual is noise, else to 0.
     pub(super) fn by_residual(&mut self, window: &Window, residual: &[Lanes], noise: f32, kept: &mut Vec<Lanes>) {
         self.square(window, residual);
         let Self { squares, neighbours, product, columns, stride, .. } = self;
-        let most = (ALIKE_RESIDUAL * noise).powi(2);
+        let limit = (MAX_LOCAL_RESIDUAL * noise).powi(2);
         add_around(squares, *stride, columns, product);
         kept.resize(window.mask.len(), Lanes::splat(0.0));
         for ((first, mask), kept) in places(window, *stride).zip(&window.mask).zip(kept) {
             let (square, pixels) = (&product[first..][..LANES], &neighbours[first..][..LANES]);
             for lane in 0..LANES {
-                kept.0[lane] = if square[lane] < most * pixels[lane] { mask.0[lane] } else { 0.0 };
+                kept.0[lane] = if square[lane] < limit * pixels[lane] { mask.0[lane] } else { 0.0 };
             }
         }
     }
 
-    /// Tells the pixels in sight, and how many they are, those next to an occluder too, whose neighbourhoods see it.
+    /// Determines the visible pixels and returns their number, including those next to an occluder.
     ///
-    /// A pixel within reach of one that is kept counts when its own residual is no more than noise; all of them where
-    /// there is no residual.
-    pub(super) fn in_sight(
+    /// A pixel within reach of a kept pixel counts if its own residual is noise. Without a residual all such pixels
+    /// count.
+    pub(super) fn mark_visible(
         &mut self,
         window: &Window,
         (residual, noise): (&[Lanes], f32),
         kept: &[Lanes],
-        sight: &mut Vec<Lanes>,
+        visible: &mut Vec<Lanes>,
     ) -> usize {
         let Self { product, columns, sums: [near, ..], stride, .. } = self;
         product.fill(0.0);
@@ -190,21 +189,21 @@ impl Likeness {
             product[first..first + LANES].copy_from_slice(&row.0);
         }
         add_around(product, *stride, columns, near);
-        let (most, nothing) = (OWN_RESIDUAL * noise, [Lanes::splat(0.0)]);
+        let (limit, nothing) = (MAX_OWN_RESIDUAL * noise, [Lanes::splat(0.0)]);
         let residual = residual.iter().chain(nothing.iter().cycle());
-        sight.resize(window.mask.len(), Lanes::splat(0.0));
-        let rows = window.mask.iter().zip(kept.iter().zip(residual)).zip(sight.iter_mut());
-        for (first, ((mask, (kept, residual)), sight)) in places(window, *stride).zip(rows) {
+        visible.resize(window.mask.len(), Lanes::splat(0.0));
+        let rows = window.mask.iter().zip(kept.iter().zip(residual)).zip(visible.iter_mut());
+        for (first, ((mask, (kept, residual)), visible)) in places(window, *stride).zip(rows) {
             let near = &near[first..][..LANES];
-            for (lane, sight) in sight.0.iter_mut().enumerate() {
-                let is_seen = kept.0[lane] > 0.5 || (near[lane] > 0.5 && residual.0[lane].abs() < most);
-                *sight = if is_seen { mask.0[lane] } else { 0.0 };
+            for (lane, visible) in visible.0.iter_mut().enumerate() {
+                let is_seen = kept.0[lane] > 0.5 || (near[lane] > 0.5 && residual.0[lane].abs() < limit);
+                *visible = if is_seen { mask.0[lane] } else { 0.0 };
             }
         }
-        count(sight)
+        count(visible)
     }
 
-    /// Standard deviation of the residual where `kept` is 1, from its median: a few strange pixels do not matter.
+    /// Returns the standard deviation of the residual where `kept` is 1, estimated robustly from its median.
     pub(super) fn noise(&mut self, residual: &[Lanes], kept: &[Lanes]) -> f32 {
         self.sizes.resize(residual.len(), Lanes::splat(0.0));
         for (size, (residual, kept)) in self.sizes.iter_mut().zip(residual.iter().zip(kept)) {
@@ -221,12 +220,12 @@ impl Likeness {
     }
 }
 
-/// Whether a residual where `kept` is 1 is that of noise alone: of one strength all over.
+/// Whether the residual where `kept` is 1 is consistent with noise of one standard deviation.
 ///
-/// Where half of a body is hidden, the median is no longer that of what is in sight, and hides the rest.
+/// If half of a body is occluded, the median no longer represents the visible pixels and does not reveal the rest.
 pub(super) fn is_even(residual: &[Lanes], noise: f32, kept: &[Lanes]) -> bool {
     let mut square = 0.0;
-    // Not all in single precision: a body may have a million pixels.
+    // Chunks limit the rounding of single precision: a body may have a million pixels.
     for (residual, kept) in residual.chunks(512).zip(kept.chunks(512)) {
         let mut sums = Lanes::splat(0.0);
         for (residual, kept) in residual.iter().zip(kept) {
@@ -234,17 +233,17 @@ pub(super) fn is_even(residual: &[Lanes], noise: f32, kept: &[Lanes]) -> bool {
         }
         square += sums.sum();
     }
-    square <= count(kept) as f64 * f64::from(MOST_UNEVEN * noise).powi(2)
+    square <= count(kept) as f64 * f64::from(MAX_RMS_RATIO * noise).powi(2)
 }
 
-/// How many pixels are 1.
+/// Returns the number of pixels that are 1.
 fn count(kept: &[Lanes]) -> usize {
     let mut sums = Lanes::splat(0.0);
     kept.iter().for_each(|row| sums += *row);
     sums.sum() as usize
 }
 
-/// Index of the first of each row of eight.
+/// Returns the index of the first pixel of each row of eight.
 fn places(window: &Window, stride: usize) -> impl Iterator<Item = usize> {
     let (left, top) = (window.extent.left - (PAD + LANES) as i32, window.extent.top - PAD as i32);
     window.blocks.iter().flat_map(move |block| {
@@ -253,7 +252,7 @@ fn places(window: &Window, stride: usize) -> impl Iterator<Item = usize> {
     })
 }
 
-/// The mask of what is alike, packed like the window's.
+/// Builds the mask of the pixels that pass a test, packed like the window's.
 fn pick(window: &Window, stride: usize, alike: impl Fn(usize) -> bool, kept: &mut Vec<Lanes>) {
     kept.clear();
     kept.extend(places(window, stride).zip(&window.mask).map(|(first, mask)| {
@@ -262,11 +261,11 @@ fn pick(window: &Window, stride: usize, alike: impl Fn(usize) -> bool, kept: &mu
     }));
 }
 
-/// The sum of squares.
+/// Returns the sum of squares.
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512dq+avx512vl", "x86_64+avx2"))]
 fn sum_of_squares(residual: &[Lanes]) -> f64 {
     let mut total = 0.0;
-    // Not all in single precision: a body may have a million pixels.
+    // Chunks limit the rounding of single precision: a body may have a million pixels.
     for part in residual.chunks(512) {
         let mut sums = [0.0_f32; LANES];
         for row in part {
@@ -307,7 +306,7 @@ mod tests {
         (state >> 24) as f32 - 128.0
     }
 
-    /// The slow twin: each neighbourhood summed afresh.
+    /// The reference implementation sums each neighbourhood separately.
     #[test]
     fn local_residuals_equal_those_summed_one_by_one_with_dirty_memory() {
         let window = Window::new(WindowShape::Circle, 31);
@@ -335,8 +334,8 @@ mod tests {
     }
 
     #[test]
-    fn a_body_is_whole_when_every_neighbourhood_is_as_noisy_as_all() {
-        // Of the larger one every fifth row tells how noisy it is.
+    fn a_body_is_whole_if_every_neighbourhood_is_as_noisy_as_the_mean() {
+        // The noise of the larger window is estimated from every fifth row.
         for (size, spot, expected) in [(61, 0.0, true), (61, 12.0, false), (115, 0.0, true), (115, 12.0, false)] {
             let window = Window::new(WindowShape::Circle, size);
             let mut likeness = planned(&window);
@@ -371,19 +370,19 @@ mod tests {
             let residual =
                 packed(&window, |dx, dy| 0.05 * speckle(dx, dy + case) + if is_spot(dx, dy) { spot } else { 0.0 });
             likeness.is_whole(&window, &residual, 0.45);
-            let Likeness { squares, neighbours, least_neighbours, columns, .. } = &mut likeness;
-            let most = 2.5_f32.powi(2) * 0.05_f32.powi(2) * 128.0_f32.powi(2) / 3.0;
-            let strips = are_strips_within((squares, least_neighbours), stride, most, columns);
-            let each = are_within((squares, neighbours), stride, most, columns);
+            let Likeness { squares, neighbours, strip_neighbours, columns, .. } = &mut likeness;
+            let limit = 2.5_f32.powi(2) * 0.05_f32.powi(2) * 128.0_f32.powi(2) / 3.0;
+            let strips = are_strips_within((squares, strip_neighbours), stride, limit, columns);
+            let each = are_within((squares, neighbours), stride, limit, columns);
             assert!(each || !strips, "case {case}");
             (passed, hidden) = (passed + i32::from(strips), hidden + i32::from(!each));
         }
-        // Few are looked at once more for nothing.
+        // Few need the second test in vain.
         assert!(passed > 60 && hidden > 60 && passed + hidden > 240, "{passed} {hidden}");
     }
 
     #[test]
-    fn what_is_replaced_is_told_from_what_is_only_lit_otherwise() {
+    fn replaced_pixels_are_distinguished_from_changed_illumination() {
         let window = Window::new(WindowShape::Circle, 61);
         let target = |dx: i32, dy: i32| if dx > 8 { speckle(dx + 900, dy) } else { 1.3 * speckle(dx, dy) + 20.0 };
         let residual = packed(&window, |dx, dy| speckle(dx, dy) - target(dx, dy));
@@ -392,7 +391,7 @@ mod tests {
         let wrong = kept.iter().zip(packed(&window, |dx, _| if dx > 8 { 0.0 } else { 1.0 }));
         let wrong: usize =
             wrong.map(|(a, b)| a.0.iter().zip(&b.0).filter(|(a, b)| (*a - *b).abs() > 0.5).count()).sum();
-        // Only along the edge, where neighbourhoods see both.
+        // Only along the edge, where neighbourhoods contain both.
         assert!(wrong < 5 * 61, "{wrong} of {}", window.pixels);
     }
 }

@@ -1,45 +1,45 @@
-//! How large the residuals of a body are, whatever a few strange ones are.
+//! Robust size of residuals: medians by bisection over the bits of single-precision numbers.
 
 use super::lanes::{LANES, Lanes};
 use super::vector::{Vector, vectorized};
 
-/// Squares this near in the order of their bits are the same: less than one part in a hundred.
-const EXACT_BITS: u32 = 65536;
+/// The width of the final bracket of [`median_size`] in bits: less than 1 % of a square.
+const BRACKET_BITS: u32 = 65536;
 
-/// The median of the sizes of as many residuals; more of them are 0, which no window holds.
+/// Returns the median absolute residual of `pixels` pixels. Lanes off the window are 0.
 ///
 /// `mean_square` is the mean of their squares.
 pub(super) fn median_size(residual: &[Lanes], pixels: usize, mean_square: f64) -> f32 {
     let rank = (residual.len() * LANES - pixels + pixels / 2) as f32;
     let below = |bits: u32| squares_below(residual, f32::from_bits(bits)) > rank;
-    // Squares are in the order of their bits; halving the range finds the one that so many are smaller than. That of
-    // noise is 0.455 of the mean square; anything else takes longer.
+    // Squares are ordered like their bits, so bisection finds the rank. The median square of noise is 0.455 of the mean
+    // square; other residuals take more steps.
     let near = [0.41, 0.49].map(|share| (share * mean_square) as f32);
     let (mut low, mut high) = match near.map(f32::to_bits) {
         [low, high] if high < f32::INFINITY.to_bits() && !below(low) && below(high) => (low, high),
         _ => (0, f32::MAX.to_bits()),
     };
-    while high - low > EXACT_BITS {
+    while high - low > BRACKET_BITS {
         let middle = low + (high - low) / 2;
         if below(middle) { high = middle } else { low = middle }
     }
     f32::from_bits(low).sqrt()
 }
 
-/// Bits that are not told of a value: it is known to one part in four thousand.
-const LEFT_OUT_BITS: u32 = 11;
+/// The number of low bits that [`nth_smallest`] does not resolve: a relative error of 1 in 4000.
+const DROPPED_BITS: u32 = 11;
 
-/// The value that `rank` others are smaller than, of values none of which is negative; a little less than it is.
+/// Returns the value of a rank among non-negative values, rounded down.
 ///
-/// Found the sooner the nearer it is to `near`.
+/// The search is faster the closer `near` is to the result.
 pub(super) fn nth_smallest(values: &[Lanes], rank: usize, near: f32) -> f32 {
     let rank = rank as f32;
-    let value = |place: u32| f32::from_bits(place << LEFT_OUT_BITS);
+    let value = |place: u32| f32::from_bits(place << DROPPED_BITS);
     let below = |place: u32| values_below(values, value(place)) > rank;
-    let bracket = [0.85, 1.18].map(|share| (share * near).to_bits() >> LEFT_OUT_BITS);
+    let bracket = [0.85, 1.18].map(|share| (share * near).to_bits() >> DROPPED_BITS);
     let (mut low, mut high) = match bracket {
         [low, high] if near > 0.0 && near < 1e30 && !below(low) && below(high) => (low, high),
-        _ => (0, (f32::INFINITY.to_bits() >> LEFT_OUT_BITS) + 1),
+        _ => (0, (f32::INFINITY.to_bits() >> DROPPED_BITS) + 1),
     };
     while high - low > 1 {
         let middle = low + (high - low) / 2;
@@ -49,7 +49,7 @@ pub(super) fn nth_smallest(values: &[Lanes], rank: usize, near: f32) -> f32 {
 }
 
 vectorized! {
-    /// How many values are smaller than a limit, exactly up to sixteen million.
+    /// Returns the number of values smaller than a limit, exact up to sixteen million.
     fn values_below(values: &[Lanes], limit: f32) -> f32 = values_below_with
 }
 
@@ -59,7 +59,7 @@ fn values_below_with<V: Vector>(values: &[Lanes], limit: f32) -> f32 {
 }
 
 vectorized! {
-    /// As [`values_below`], of their squares.
+    /// Returns the number of values whose squares are smaller than a limit.
     fn squares_below(values: &[Lanes], limit: f32) -> f32 = squares_below_with
 }
 
@@ -71,7 +71,7 @@ fn squares_below_with<V: Vector>(values: &[Lanes], limit: f32) -> f32 {
 #[inline(always)]
 fn count_below<V: Vector, const SQUARES: bool>(values: &[Lanes], limit: f32) -> f32 {
     let (one, limit) = (V::splat(1.0), V::splat(limit));
-    // Sums that do not wait for one another.
+    // Independent accumulators hide the latency of the additions.
     let mut counts = [V::splat(0.0); 4];
     for rows in values.chunks(counts.len()) {
         for (count, row) in counts.iter_mut().zip(rows) {
@@ -89,7 +89,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_value_of_some_rank_is_that_of_a_sorted_list_wherever_it_is_looked_for() {
+    fn a_value_of_some_rank_equals_the_sorted_list_for_any_start() {
         let mut state = 5_u32;
         let mut random = || {
             state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);

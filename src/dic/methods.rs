@@ -1,4 +1,4 @@
-//! The methods without refinement: what a peak fit is worth, and what its absence does.
+//! The correlation-peak methods: the effect of the peak fit.
 
 use super::speckle::{Speckle, record};
 use super::*;
@@ -7,7 +7,7 @@ use crate::results::PointStatus;
 /// Shifts off every 1/n grid, each along both axes.
 const SHIFTS: [f64; 6] = [0.05, 0.13, 0.37, 0.77, 1.23, 1.9];
 
-/// Mean of u at each shift, over all subsets of a rendered ball, noise 2 DN.
+/// Returns the mean of u at each shift, over all subsets of a rendered ball at a noise of 2 DN.
 fn means(method: Method, spline_points: u32, fit: bool) -> Vec<f64> {
     let params = CorrelationParams {
         method,
@@ -36,7 +36,7 @@ fn means(method: Method, spline_points: u32, fit: bool) -> Vec<f64> {
     SHIFTS.into_iter().enumerate().map(&mut mean_at).collect()
 }
 
-/// Mean absolute error over the shifts.
+/// Returns the mean absolute error over the shifts.
 fn mean_error(method: Method, spline_points: u32) -> f64 {
     let means = means(method, spline_points, true);
     means.iter().zip(SHIFTS).map(|(mean, shift)| (mean - shift).abs()).sum::<f64>() / SHIFTS.len() as f64
@@ -60,7 +60,8 @@ fn peak_fits_on_plain_windows_err_by_a_hundredth() {
     }
 }
 
-/// The trap of testing at multiples of the grid: without a fit the answer is on the grid, and slow motion reads zero.
+/// Without a fit the result is a grid point, and slow motion reads zero. A test at multiples of the grid would not
+/// notice.
 #[test]
 fn without_a_peak_fit_slow_motion_reads_zero() {
     let means = means(Method::SplineFft, 5, false);

@@ -1,9 +1,8 @@
-//! Digital image correlation: how far each subset of an image moved.
+//! Digital image correlation (DIC): measures the displacement of image subsets.
 //!
-//! A [`Correlator`] is planned once for an image size and [`CorrelationParams`],
-//! makes frames ready ([`Prepared`]) and measures the displacement of subsets on
-//! a grid ([`grid`]) between two of them. [`rigid_fit()`] turns a field into the
-//! motion of a rigid body.
+//! A [`Correlator`] is planned once for an image size and a set of [`CorrelationParams`]. It prepares frames
+//! ([`Prepared`]) and measures the displacement of subsets on a grid ([`grid`]) between two of them. [`rigid_fit()`]
+//! fits the motion of a rigid body to a displacement field.
 
 mod angle;
 mod around;

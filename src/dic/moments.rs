@@ -1,4 +1,4 @@
-//! All sums that a step of the refinement needs, in one pass over a reference and a target that lies pixel on pixel.
+//! Sums for one Gauss-Newton update, in one pass over a reference and an aligned target.
 
 use super::lanes::{LANES, Lanes};
 use super::plane::Plane;
@@ -6,23 +6,25 @@ use super::refine::Sums;
 use super::vector::{Vector, vectorized};
 use super::window::Window;
 
-/// Sums over the pixels of a window; f is the reference's grey level, g the target's, J the Jacobian of the affine
-/// warp, (gx, gx dx, gx dy, gy, gy dx, gy dy).
+/// Sums over the pixels of a window.
+///
+/// f is the grey level of the reference, g that of the target, and J the Jacobian of the affine warp, (gx, gx dx, gx
+/// dy, gy, gy dx, gy dy).
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub(super) struct Moments {
-    /// Sum of f.
+    /// The sum of f.
     pub(super) reference: f64,
-    /// Sum of g.
+    /// The sum of g.
     pub(super) target: f64,
-    /// Sums of f f, g g and f g.
+    /// The sums of f f, g g and f g.
     pub(super) products: [f64; 3],
-    /// Sums of J, J f and J g.
+    /// The sums of J, J f and J g.
     pub(super) jacobian: [[f64; 6]; 3],
-    /// Sums of gx gx, gx gy, gy gy; each times 1, dx, dy, dx^2, dx dy, dy^2.
+    /// The sums of gx gx, gx gy and gy gy, each times 1, dx, dy, dx^2, dx dy, dy^2.
     pub(super) second: [[f64; 6]; 3],
 }
 
-/// Planes of one shape whose pixels lie on each other.
+/// Aligned planes of one shape.
 #[derive(Clone, Copy)]
 pub(super) struct Layers<'a> {
     pub(super) reference: &'a Plane,
@@ -32,20 +34,21 @@ pub(super) struct Layers<'a> {
 }
 
 vectorized! {
-    /// Sums down the columns of `window` about `at`, which must lie in the planes; what these hold off the mask must be
-    /// finite. Of every column one sum after the other.
+    /// Sums the columns of `window` about `at`, one kind of sum after the other.
+    ///
+    /// The window must lie in the planes, and their values off the mask must be finite.
     fn sum_window(layers: Layers<'_>, window: &Window, at: (i32, i32), sums: &mut [f32]) = sum_window_with
 }
 
 vectorized! {
-    /// The totals over a window of sums down columns, its first column first; `count` is from one sum to the next.
+    /// Adds up the column sums of a window from its first column on; `count` is the stride between kinds of sums.
     fn total(sums: &[f32], count: usize, window: &Window, out: &mut [f64; TOTALS]) = total_with
 }
 
 impl Moments {
-    /// The sums over `window` about `at`, which must lie in the planes; what these hold off the mask must be finite.
+    /// Computes the sums over `window` about `at`.
     ///
-    /// `sums` is memory.
+    /// The window must lie in the planes, and their values off the mask must be finite. `sums` is scratch memory.
     pub(super) fn of(layers: Layers<'_>, window: &Window, at: (i32, i32), sums: &mut Vec<f32>) -> Self {
         let count = window.extent.sides().0.next_multiple_of(LANES) + LANES;
         sums.clear();
@@ -54,7 +57,7 @@ impl Moments {
         gathered(sums, count, window)
     }
 
-    /// The sums over a target whose pixels have the mean of the reference taken off.
+    /// Returns the sums over a target minus the mean of the reference.
     pub(super) fn sums(&self, pixels: usize) -> Sums {
         let (pixels, mean) = (pixels as f64, self.reference / pixels as f64);
         let [_, squares, product] = self.products;
@@ -68,24 +71,27 @@ impl Moments {
     }
 }
 
-/// Sums down a column: of f, g, f f, g g and f g; twice each, the second a running sum, of gx, gy, gx f, gy f, gx g and
-/// gy g; and three each of gx gx, gx gy and gy gy. What is summed twice is weighted with the number of rows left.
+/// The number of sums per column.
+///
+/// One each of f, g, f f, g g and f g. Two each of gx, gy, gx f, gy f, gx g and gy g, the second a running sum. Three
+/// each of gx gx, gx gy and gy gy. A running sum weights its values with the number of rows left.
 pub(super) const DOWN: usize = PLAIN + 2 * PAIRS + 3 * TRIPLES;
 
-/// Sums that no place weighs, those that x and y weigh, and those that their squares weigh.
+/// The numbers of sums without weights, with weights x and y, and with their squares.
 const PLAIN: usize = 5;
 const PAIRS: usize = 6;
 const TRIPLES: usize = 3;
 
-/// Totals over all columns: of every sum that no place weighs; of pairs the first, the same times x, and the second; of
-/// triples the first, times x and x^2, the second, times x, and the third. Filled up to eight.
+/// The number of totals over all columns, padded to a multiple of eight.
+///
+/// One for each plain sum. Of each pair: the first, the first times x, the second. Of each triple: the first, times x
+/// and x^2, the second, times x, and the third.
 const TOTALS: usize = (PLAIN + 3 * PAIRS + 6 * TRIPLES).next_multiple_of(LANES);
 
-/// Blocks of a window whose weights are kept at a time.
+/// The number of blocks of a window whose weights are held at a time.
 const BLOCKS: usize = 4;
 
-/// Adds to `all` sums those down eight columns, so many rows from the pixel with index `first` on; of a row only what its mask
-/// holds.
+/// Adds the rows of eight columns to `all`, from the pixel with index `first` on, multiplied by the mask of each row.
 #[inline(always)]
 pub(super) fn add_rows<V: Vector>(
     all: &mut [V; DOWN],
@@ -93,7 +99,7 @@ pub(super) fn add_rows<V: Vector>(
     (first, rows): (usize, usize),
     mask: impl Fn(usize) -> Option<V>,
 ) {
-    // A copy: sums behind a reference would go to memory with every row.
+    // A local copy keeps the sums in registers.
     let mut sums = *all;
     let stride = layers.reference.stride();
     let (reference, gradient_x) = (&layers.reference.data()[first..], &layers.gradient_x.data()[first..]);
@@ -128,15 +134,14 @@ pub(super) fn add_rows<V: Vector>(
     *all = sums;
 }
 
-/// Takes from the sums down all rows what they were `before` the last `rows` rows, eight by eight; `out` gets the number
-/// of each and what is left.
+/// Subtracts the running sums `before` the last `rows` rows; `out` receives the index of each sum and the difference.
 #[inline(always)]
 pub(super) fn less<V: Vector>(all: &[V; DOWN], before: &[f32], rows: i32, mut out: impl FnMut(usize, V)) {
     let before = |k: usize| V::load(&before[k * LANES..]);
     for (k, sum) in all.iter().enumerate().take(PLAIN) {
         out(k, sum.sub(before(k)));
     }
-    // A running sum goes on with every row, the running sum of a running sum with the triangular numbers.
+    // A running sum grows with every row, and the running sum of a running sum with the triangular numbers.
     let (count, triangle) = (V::splat(-rows as f32), V::splat(-(rows * (rows + 1) / 2) as f32));
     for at in (PLAIN..PLAIN + 2 * PAIRS).step_by(2) {
         let first = before(at);
@@ -170,7 +175,7 @@ fn sum_window_with<V: Vector>(layers: Layers<'_>, window: &Window, at: (i32, i32
     }
 }
 
-/// The sums over a window whose first column is that of `sums`; `count` is from one sum down a column to the next.
+/// Converts the column sums of a window to [`Moments`]; `count` is the stride between kinds of sums.
 pub(super) fn gathered(sums: &[f32], count: usize, window: &Window) -> Moments {
     let mut totals = [0.0; TOTALS];
     total(sums, count, window, &mut totals);
@@ -178,21 +183,21 @@ pub(super) fn gathered(sums: &[f32], count: usize, window: &Window) -> Moments {
     (out.reference, out.target) = (totals[0], totals[1]);
     out.products.copy_from_slice(&totals[2..PLAIN]);
     let (pairs, triples) = totals[PLAIN..PLAIN + 3 * PAIRS + 6 * TRIPLES].split_at(3 * PAIRS);
-    // Rows left, counted from the row after the last one.
+    // Rows left, counted from the row after the last.
     for (pair, list) in pairs.as_chunks().0.iter().zip(out.jacobian.as_flattened_mut().as_chunks_mut().0) {
         let [sum, by_x, running] = *pair;
         *list = [sum, by_x, end * sum - running];
     }
     for (triple, list) in triples.as_chunks().0.iter().zip(&mut out.second) {
         let [sum, by_x, by_xx, running, running_x, again] = *triple;
-        // Squares of the rows left, from the triangular numbers.
+        // The squares of the rows left follow from the triangular numbers.
         let by_yy = end * (end * sum - 2.0 * running) + 2.0 * again - running;
         *list = [sum, by_x, end * sum - running, by_xx, end * by_x - running_x, by_yy];
     }
     out
 }
 
-/// `sum` and the numbers of some blocks of a row, each times a power of its place.
+/// Adds the values of some blocks of a row to `sum`, each times a power of its position.
 #[inline(always)]
 fn weighted<V: Vector>(sum: V, row: &[f32], weights: &[(usize, [V; 3]); BLOCKS], power: usize) -> V {
     weights.iter().fold(sum, |sum, (column, powers)| sum.plus_product(V::load(&row[*column..]), powers[power]))
@@ -203,7 +208,7 @@ fn total_with<V: Vector>(sums: &[f32], count: usize, window: &Window, out: &mut 
     let (Some(first), right) = (window.blocks.first(), V::splat(window.extent.right as f32)) else { return };
     let mut totals = [V::splat(0.0); TOTALS];
     for blocks in window.blocks.chunks(BLOCKS) {
-        // Where there are fewer blocks, the rest weigh nothing.
+        // Missing blocks have zero weight.
         let mut weights = [(0, [V::splat(0.0); 3]); BLOCKS];
         for (weights, block) in weights.iter_mut().zip(blocks) {
             let x = V::splat(block.dx as f32).add(V::from_lanes(&Lanes::INDEX));
@@ -258,7 +263,7 @@ pub(super) mod tests {
         plane
     }
 
-    /// The slow twin, pixel by pixel in double precision.
+    /// The reference implementation, pixel by pixel in double precision.
     pub(in crate::dic) fn slow(planes: &[Plane; 4], window: &Window, at: (i32, i32)) -> Moments {
         let mut out = Moments::default();
         for (dx, dy) in (-31..=31).flat_map(|dy| (-31..=31).map(move |dx| (dx, dy))) {
@@ -292,7 +297,7 @@ pub(super) mod tests {
     }
 
     #[test]
-    fn sums_are_those_of_the_slow_twin_and_equal_on_every_machine() {
+    fn sums_equal_the_reference_implementation_on_every_machine() {
         let planes = [plane(1), plane(2), plane(3), plane(4)];
         let [reference, gradient_x, gradient_y, target] = &planes;
         let layers = Layers { reference, gradient_x, gradient_y, target };
@@ -309,7 +314,7 @@ pub(super) mod tests {
             total_with::<Portable>(&plain, count, &window, &mut totals[1]);
             assert_eq!(totals[0].map(f64::to_bits), totals[1].map(f64::to_bits));
             for (found, expected) in all(&found).iter().zip(all(&slow(&planes, &window, at))) {
-                // Random signs: sums are far smaller than what was added up, up to 128^2 15^2 a pixel.
+                // With random signs the sums are far smaller than their terms, up to 128^2 15^2 per pixel.
                 assert!((found - expected).abs() < 1e-6 * expected.abs() + 60.0, "{found} {expected}");
             }
         }

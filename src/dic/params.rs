@@ -1,74 +1,74 @@
-//! What a correlator is planned with.
+//! Parameters of a correlator.
 
 use super::error::CorrelationError;
 
-/// How the displacement of a subset is found.
+/// The method that measures the displacement of a subset.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Method {
-    /// Subsets splined with points between the pixels, FFT cross-correlation, then a peak fit (the paper's).
+    /// The paper's method: subsets splined between the pixels, FFT cross-correlation and a peak fit.
     SplineFft,
     /// FFT cross-correlation and a Gaussian through the peak.
     PeakGaussian,
     /// FFT cross-correlation and a spline through the peak.
     PeakSpline,
-    /// FFT start, then inverse-compositional Gauss-Newton on a splined target.
+    /// FFT cross-correlation, then inverse-compositional Gauss-Newton (IC-GN) on an interpolated target.
     IcGn,
 }
 
-/// How a target is interpolated between its pixels.
+/// The interpolation of a target between its pixels.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Interpolation {
-    /// Quintic prefilter and a six-tap kernel fitted to speckle; at most 0.0003 px of bias.
+    /// A quintic prefilter and a six-tap kernel optimised for speckle, with a bias of at most 0.0003 px.
     Optimised,
-    /// A cubic B-spline through 4 x 4 pixels, as OpenCorr interpolates: some thousandths of a pixel of bias on
-    /// sharp speckle. For results to be compared with its own.
+    /// A cubic B-spline through 4 x 4 pixels, as in OpenCorr, with some thousandths of a pixel of bias on sharp
+    /// speckle. For comparisons with OpenCorr.
     Bicubic,
 }
 
-/// How a subset may deform between reference and target.
+/// The shape function: the deformation of a subset between reference and target.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Shape {
-    /// Shift only (2 parameters).
+    /// Translation (2 parameters).
     Translation,
-    /// Shift and rotation (3).
+    /// Translation and rotation (3).
     Rigid,
-    /// Shift and linear deformation (6).
+    /// Translation and linear deformation (6).
     Affine,
-    /// Shift and second-order deformation (12).
+    /// Translation and second-order deformation (12).
     Quadratic,
 }
 
-/// Outline of a subset.
+/// The outline of a subset.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum WindowShape {
     /// The whole square.
     Square,
-    /// The disc inside it.
+    /// The inscribed disc.
     Circle,
-    /// A ring: the disc without its middle.
+    /// The disc without its inner half.
     Ring,
 }
 
-/// Everything a correlator is planned with.
+/// The parameters that a correlator is planned with.
 #[derive(Debug, Clone, PartialEq)]
 pub struct CorrelationParams {
-    /// How displacements are found.
+    /// The method.
     pub method: Method,
-    /// How subsets may deform (`ic-gn` only).
+    /// The shape function (`ic-gn` only).
     pub shape: Shape,
-    /// Outline of the subset.
+    /// The outline of a subset.
     pub window: WindowShape,
-    /// Full width of a subset, odd, px: 9 to 255.
+    /// The full width of a subset, odd, px: 9 to 255.
     pub subset_size_px: u32,
-    /// From one subset centre to the next, px: 1 to 255.
+    /// The distance between subset centres, px: 1 to 255.
     pub step_px: u32,
-    /// Spline points between two pixels (`spline-fft` only): 0 to 20.
+    /// The number of spline points between two pixels (`spline-fft` only): 0 to 20.
     pub spline_points: u32,
-    /// Largest displacement looked for without a start value, px.
+    /// The largest displacement searched for without an initial guess, px.
     pub search_px: u32,
-    /// Matches under this are refused, 0 to 1.
+    /// The minimum ZNCC of an accepted match, 0 to 1.
     pub min_zncc: f64,
-    /// How the target is interpolated.
+    /// The interpolation of the target.
     pub interpolation: Interpolation,
 }
 
@@ -89,7 +89,7 @@ impl Default for CorrelationParams {
 }
 
 impl Method {
-    /// What each is called in configurations and on the command line.
+    /// The names in configurations and on the command line.
     pub const WORDS: [(&str, Self); 4] = [
         ("spline-fft", Self::SplineFft),
         ("peak-gaussian", Self::PeakGaussian),
@@ -99,22 +99,22 @@ impl Method {
 }
 
 impl Interpolation {
-    /// What each is called in configurations and on the command line.
+    /// The names in configurations and on the command line.
     pub const WORDS: [(&str, Self); 2] = [("optimised", Self::Optimised), ("bicubic", Self::Bicubic)];
 }
 
 impl WindowShape {
-    /// What each is called in configurations and on the command line.
+    /// The names in configurations and on the command line.
     pub const WORDS: [(&str, Self); 3] = [("square", Self::Square), ("circle", Self::Circle), ("ring", Self::Ring)];
 }
 
 impl CorrelationParams {
-    /// The deformation a subset may have; correlation peaks know shifts only.
+    /// Returns the shape function of the refinement. The correlation-peak methods allow translations only.
     pub(super) fn refined_shape(&self) -> Shape {
         if self.method == Method::IcGn { self.shape } else { Shape::Translation }
     }
 
-    /// Refuses parameters out of range.
+    /// Checks the ranges of all parameters.
     pub(super) fn check(&self) -> Result<(), CorrelationError> {
         let refuse = |key: &'static str, value: String, range: &str| {
             Err(CorrelationError::Parameter { key, value, range: range.to_owned() })
@@ -139,7 +139,7 @@ impl CorrelationParams {
 }
 
 impl Shape {
-    /// What each is called in configurations and on the command line.
+    /// The names in configurations and on the command line.
     pub const WORDS: [(&str, Self); 4] = [
         ("translation", Self::Translation),
         ("rigid", Self::Rigid),
@@ -147,7 +147,7 @@ impl Shape {
         ("quadratic", Self::Quadratic),
     ];
 
-    /// How many parameters it has.
+    /// Returns the number of parameters.
     pub(super) fn parameters(self) -> usize {
         match self {
             Self::Translation => 2,

@@ -1,4 +1,4 @@
-//! The parts of a match on their own, for benchmarks.
+//! The steps of a match as separate functions, for benchmarks.
 
 use super::GridPoint;
 use super::fft::Search;
@@ -11,9 +11,9 @@ use super::warp::Warp;
 use super::window::Window;
 use crate::image::ImageView;
 
-/// Subsets of 31 x 31 pixels, and a disc of 53 px radius (8800 px), of one pair of frames.
+/// The steps of matching subsets of 31 x 31 pixels, and a disc of 53 px radius (8800 px), in one pair of frames.
 ///
-/// Each part does what it does within [`Correlator::correlate`](super::Correlator::correlate), once.
+/// Each method runs one step of [`Correlator::correlate`](super::Correlator::correlate) once.
 pub struct Parts {
     frames: (Prepared, Prepared),
     window: Window,
@@ -24,18 +24,18 @@ pub struct Parts {
     warp: Warp,
 }
 
-/// Sums that do not wait for each other: as many as the pipes of a core hold at once.
+/// The number of independent accumulators, enough to fill the pipelines of a core.
 const SUMS: usize = 10;
 
-/// A thousand rounds of fused multiply-adds that touch no memory and leave no pipe of a core idle.
+/// Runs a thousand rounds of fused multiply-adds without memory access, which saturate a core.
 ///
-/// What more threads gain of it is what the machine has to give: two that share one core gain nothing.
+/// The throughput gained by further threads shows the true number of cores: two threads on one core gain nothing.
 pub fn arithmetic(start: f32) -> f32 {
     multiply_add(start)
 }
 
 vectorized! {
-    /// [`arithmetic`].
+    /// See [`arithmetic`].
     fn multiply_add(start: f32) -> f32 = multiply_add_with
 }
 
@@ -54,12 +54,12 @@ fn multiply_add_with<V: Vector>(start: f32) -> f32 {
     total.to_lanes().sum() as f32
 }
 
-/// Radius of the disc, px.
+/// The radius of the disc, px.
 const DISC_PX: i32 = 53;
 
 impl Parts {
-    /// Takes a pair of frames of one size, at least 128 x 128 px, the second moved and turned by about `warp`: u and v
-    /// in px, the angle in deg.
+    /// Prepares a pair of frames of one size, at least 128 x 128 px. The second is moved and rotated by about the given
+    /// u and v in px and angle in deg.
     ///
     /// # Panics
     ///
@@ -90,29 +90,30 @@ impl Parts {
         GridPoint { x: self.frames.0.width() as u32 / 2, y: self.frames.0.height() as u32 / 2 }
     }
 
-    /// Grey levels, gradients and spline coefficients of a frame.
+    /// Computes grey levels, gradients and spline coefficients of a frame.
     pub fn prepare(&mut self, frame: ImageView<'_>) {
         self.frames.1.fill(frame, Interpolation::Optimised);
     }
 
-    /// Mean, energy, gradients and Hessian of a subset; whether it is usable.
+    /// Extracts a subset: mean, energy, gradients and Hessian. Returns whether it is usable.
     pub fn subset_of(&mut self, at: GridPoint) -> bool {
         self.subset.fill(&self.frames.0, &self.window, Shape::Affine, (at.x, at.y)).is_ok()
     }
 
-    /// FFT correlation of the last subset with the same 32 x 32 pixels of the target, and its sub-pixel peak.
+    /// Runs the FFT correlation of the last subset with the same 32 x 32 pixels of the target, and the sub-pixel peak
+    /// fit.
     pub fn peak(&mut self, at: GridPoint) -> bool {
         self.search
             .find_near(&self.subset, &self.window, &self.frames.1.levels, self.frames.1.local((at.x, at.y)))
             .is_some()
     }
 
-    /// One exact affine iteration of the last subset, deformed.
+    /// Runs one exact affine iteration of the last subset.
     pub fn iterate(&mut self, at: GridPoint) -> bool {
         self.refiner(false, at).step(&self.warp).is_ok()
     }
 
-    /// One rigid iteration of the disc, turned.
+    /// Runs one rigid iteration of the disc.
     pub fn iterate_disc(&mut self) -> bool {
         self.refiner(true, self.middle()).step(&self.warp).is_ok()
     }

@@ -2,24 +2,24 @@
 
 use super::region::Region;
 
-/// A polygon drawn in one picture.
+/// A polygon drawn in one image.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Patch {
-    /// Corners in the reference picture, px.
+    /// The corners in the reference image, px.
     pub outline_px: Vec<[f64; 2]>,
-    /// Corners of the holes in it, px.
+    /// The corners of its holes, px.
     pub holes_px: Vec<Vec<[f64; 2]>>,
-    /// The point whose place and motion are told, px in the reference picture; the centroid where `None`.
+    /// The point whose position and motion are reported, px in the reference image; the centroid if `None`.
     pub center_px: Option<[f64; 2]>,
 }
 
 impl Patch {
-    /// Its pixels.
+    /// Returns the region of its pixels.
     pub fn region(&self) -> Region {
         Region::Polygon { outline_px: self.outline_px.clone(), holes_px: self.holes_px.clone() }
     }
 
-    /// Area, px^2, and centroid, px, less the holes.
+    /// Returns the area, px^2, and the centroid, px, without the holes.
     pub fn area_and_centroid(&self) -> (f64, [f64; 2]) {
         let (area, [x, y]) = moments(&self.outline_px);
         let (mut area, mut sums) = (area, [area * x, area * y]);
@@ -30,7 +30,7 @@ impl Patch {
     }
 }
 
-/// Area and centroid of a polygon (the shoelace formula).
+/// Returns area and centroid of a polygon by the shoelace formula.
 fn moments(corners: &[[f64; 2]]) -> (f64, [f64; 2]) {
     let Some(origin) = corners.first() else { return (0.0, [0.0; 2]) };
     let (mut twice, mut sums) = (0.0, [0.0; 2]);

@@ -1,4 +1,4 @@
-//! The correlator on several patterns against the noise bound of its own subsets.
+//! The correlator on several patterns, compared with the noise bound of its own subsets.
 
 use super::grid::rectangle;
 use super::speckle::{Speckle, record};
@@ -25,7 +25,7 @@ fn points() -> Vec<GridPoint> {
     rectangle([24, 24, SIDE as u32 - 48, SIDE as u32 - 48], 16, 31)
 }
 
-/// The motion (u, v, angle in deg) about the middle.
+/// The motion (u, v, angle in deg) about the centre.
 fn motion((u, v, angle_deg): (f64, f64, f64)) -> impl Fn(f64, f64) -> (f64, f64) {
     let turn = Warp::rigid(u, v, angle_deg.to_radians());
     let middle = 0.5 * SIDE as f64;
@@ -36,7 +36,7 @@ fn motion((u, v, angle_deg): (f64, f64, f64)) -> impl Fn(f64, f64) -> (f64, f64)
     }
 }
 
-/// Squared errors of u and v, their sums and the reported variances.
+/// The squared errors of u and v, their sums and the reported variances.
 #[derive(Default)]
 struct Tally {
     count: f64,
@@ -82,9 +82,9 @@ fn correlate(clean: (&Image, &Image), sigma: f64, seed: u64) -> Vec<FieldPoint> 
     field
 }
 
-/// Cramer-Rao bound of an affine 31 x 31 subset, rms over the grid, at unit noise in each frame, px.
+/// Returns the Cramer-Rao bound of an affine 31 x 31 subset, rms over the grid, at unit noise in each frame, px.
 ///
-/// From the fourth-order gradient of the image without noise.
+/// Computed from the fourth-order gradient of the noise-free image.
 fn unit_bound(clean: &Image) -> f64 {
     let mut frame = Prepared::default();
     frame.fill(clean.view(), Interpolation::Optimised);
@@ -142,10 +142,10 @@ fn every_well_sampled_pattern_is_unbiased_and_no_subset_is_lost_up_to_three_degr
             honesty(2)
         );
         assert_eq!(lost, 0, "{name}");
-        // The mean over 169 overlapping subsets is itself uncertain by a tenth of their scatter.
+        // The mean over 169 overlapping subsets is uncertain by a tenth of their scatter.
         assert!(bias <= 0.0003 + 0.1 * floor.rms(), "{name}: {bias}");
         for k in 0..3 {
-            // 1.03 is the target; the scatter of some hundred independent subsets is known to 3 %.
+            // 1.03 is the target. The scatter of some hundred independent subsets is known to 3 %.
             assert!(ratio(k) <= 1.03 * 1.05, "{name}: {} of the bound", ratio(k));
             assert!((0.9..1.15).contains(&honesty(k)), "{name}: reported/actual {}", honesty(k));
         }

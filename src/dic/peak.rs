@@ -7,25 +7,25 @@ use super::params::Interpolation;
 use super::plane::Plane;
 use super::spline::Splined;
 
-/// How far around a peak the surface is splined, samples.
+/// The radius of the splined patch around a peak, samples.
 const REACH: usize = 6;
 
-/// The top of a peak between the samples.
+/// The sub-sample position of a peak.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Peak {
-    /// Column of the highest sample.
+    /// The column of the highest sample.
     pub(super) column: usize,
-    /// Row of the highest sample.
+    /// The row of the highest sample.
     pub(super) row: usize,
-    /// Offset of the top from the highest sample along the columns, -1 to 1.
+    /// The offset of the top from the highest sample along x, -1 to 1.
     pub(super) dx: f64,
-    /// Offset along the rows, -1 to 1.
+    /// The offset along y, -1 to 1.
     pub(super) dy: f64,
-    /// Height of the top.
+    /// The height of the top.
     pub(super) height: f64,
 }
 
-/// A correlation surface; samples that could not be computed are -infinity.
+/// A correlation surface; missing samples are -infinity.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Surface<'a> {
     pub(super) data: &'a [f32],
@@ -37,7 +37,7 @@ impl Surface<'_> {
         self.data.len() / self.columns
     }
 
-    /// The nine samples around (column, row); `None` at the border and next to missing samples.
+    /// Returns the nine samples around (column, row); `None` at the border and next to missing samples.
     fn patch(&self, column: usize, row: usize) -> Option<[f32; 9]> {
         if column == 0 || row == 0 || column + 1 >= self.columns || row + 1 >= self.rows() {
             return None;
@@ -46,10 +46,10 @@ impl Surface<'_> {
         patch.iter().all(|value| value.is_finite()).then_some(patch)
     }
 
-    /// The top of the peak whose highest sample is at (column, row).
+    /// Fits the top of the peak whose highest sample is at (column, row).
     ///
-    /// A paraboloid through the logarithm of the nine samples, by least squares
-    /// with the cross term; the sample itself where that has no top.
+    /// The fit is a least-squares paraboloid, with the cross term, through the logarithm of the nine samples. Without a
+    /// maximum the sample itself is returned.
     pub(super) fn top(&self, column: usize, row: usize) -> Peak {
         let height = f64::from(self.data[row * self.columns + column]);
         let plain = Peak { column, row, dx: 0.0, dy: 0.0, height };
@@ -62,7 +62,7 @@ impl Surface<'_> {
         }
     }
 
-    /// Offset of the top by a Gaussian through the highest sample and its neighbours along each axis.
+    /// Returns the offset of the top by a three-point Gaussian along each axis.
     ///
     /// C. E. Willert, M. Gharib, Exp. Fluids 10 (1991) 181, <https://doi.org/10.1007/BF00190388>.
     pub(super) fn gaussian(&self, column: usize, row: usize) -> (f64, f64) {
@@ -77,7 +77,7 @@ impl Surface<'_> {
         (top(log[3], log[4], log[5]), top(log[1], log[4], log[7]))
     }
 
-    /// Offset of the top on a spline through the samples around the highest one.
+    /// Returns the offset of the top on a spline through the samples around the highest one.
     pub(super) fn spline(&self, column: usize, row: usize) -> (f64, f64) {
         if self.patch(column, row).is_none() {
             return (0.0, 0.0);
@@ -94,7 +94,7 @@ impl Surface<'_> {
         let surface = Splined::new(&samples, Interpolation::Optimised);
         let (x, y) = ((column - left) as f64, (row - top) as f64);
         let (mut dx, mut dy) = (0.0, 0.0);
-        // Ever smaller paraboloids through the spline; where one has no top, on to its highest point.
+        // Fits smaller and smaller paraboloids to the spline. Without a maximum, moves to the highest sample.
         for step in [0.5, 0.4, 0.15, 0.04] {
             let place = |k: usize, offset: f64| offset + step * (k as f64 - 1.0);
             let value = |k: usize| surface.at(x + place(k % 3, dx), y + place(k / 3, dy));
@@ -110,7 +110,7 @@ impl Surface<'_> {
         (dx, dy)
     }
 
-    /// The highest sample; the first of equal ones. `None` when all are missing.
+    /// Returns the highest sample, the first of equal ones; `None` if all are missing.
     pub(super) fn highest(&self) -> Option<(usize, usize)> {
         let mut best = (f32::NEG_INFINITY, 0);
         for (row, line) in self.data.chunks_exact(self.columns).enumerate() {
@@ -125,9 +125,9 @@ impl Surface<'_> {
         high.is_finite().then_some((column, row))
     }
 
-    /// The highest local maximum besides (column, row) and its eight neighbours; border left out.
+    /// Returns the highest local maximum outside the neighbourhood of (column, row), without the border.
     ///
-    /// `candidates` is memory for one row at least.
+    /// `candidates` is scratch memory for at least one row.
     pub(super) fn second(&self, (column, row): (usize, usize), candidates: &mut [f32]) -> Option<Peak> {
         let candidates = &mut candidates[..self.columns];
         let mut best: Option<(f32, usize, usize)> = None;
@@ -148,7 +148,7 @@ impl Surface<'_> {
     }
 }
 
-/// The highest value.
+/// Returns the highest value.
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512dq+avx512vl", "x86_64+avx2"))]
 fn maximum(values: &[f32]) -> f32 {
     let mut lanes = [f32::NEG_INFINITY; LANES];
@@ -162,7 +162,7 @@ fn maximum(values: &[f32]) -> f32 {
     lanes.iter().chain(rest).fold(f32::NEG_INFINITY, |high, value| if *value > high { *value } else { high })
 }
 
-/// The values of `line` that none of their eight neighbours exceeds; 0 elsewhere and at both ends.
+/// Copies the local maxima of `line` among their eight neighbours; 0 elsewhere and at both ends.
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512dq+avx512vl", "x86_64+avx2"))]
 fn local_maxima(above: &[f32], line: &[f32], below: &[f32], out: &mut [f32]) {
     let count = line.len();
@@ -178,7 +178,7 @@ fn local_maxima(above: &[f32], line: &[f32], below: &[f32], out: &mut [f32]) {
     }
 }
 
-/// Top of the least-squares paraboloid over a 3 x 3 patch: dx, dy and height.
+/// Returns the top of the least-squares paraboloid over a 3 x 3 patch: dx, dy and height.
 pub(super) fn paraboloid(patch: &[f64; 9]) -> Option<(f64, f64, f64)> {
     let sum = |weight: fn(f64, f64) -> f64| -> f64 {
         patch.iter().enumerate().map(|(k, value)| value * weight((k % 3) as f64 - 1.0, (k / 3) as f64 - 1.0)).sum()

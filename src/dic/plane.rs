@@ -1,6 +1,6 @@
-//! A plane of numbers with a margin, so that reads near the edge need no test.
+//! An image with a mirrored margin, so that reads near the edge need no bounds test.
 
-/// Extra columns and rows on each side, px: six taps, eight lanes and some rounding.
+/// The number of extra columns and rows on each side, px: room for six taps, eight lanes and rounding.
 pub(super) const MARGIN: usize = 16;
 
 /// A width x height plane of `f32` inside a margin of [`MARGIN`] on each side.
@@ -12,60 +12,60 @@ pub(super) struct Plane {
 }
 
 impl Plane {
-    /// Gives the plane another shape; its content is unspecified afterwards.
+    /// Resizes the plane; its content is unspecified afterwards.
     pub(super) fn reshape(&mut self, width: usize, height: usize) {
         self.width = width;
         self.height = height;
         self.data.resize(self.stride() * (height + 2 * MARGIN), 0.0);
     }
 
-    /// Values from one row to the next.
+    /// The number of values from one row to the next.
     pub(super) fn stride(&self) -> usize {
         self.width + 2 * MARGIN
     }
 
-    /// Width without the margin.
+    /// The width without the margin.
     pub(super) fn width(&self) -> usize {
         self.width
     }
 
-    /// Height without the margin.
+    /// The height without the margin.
     pub(super) fn height(&self) -> usize {
         self.height
     }
 
-    /// Everything, margin included, row-major.
+    /// All values, margin included, row-major.
     pub(super) fn data(&self) -> &[f32] {
         &self.data
     }
 
-    /// Index of (x, y) in [`Self::data`]; both may be negative within the margin.
+    /// Returns the index of (x, y) in [`Self::data`]; both may be negative within the margin.
     pub(super) fn index(&self, x: isize, y: isize) -> usize {
         let margin = MARGIN as isize;
         (y + margin) as usize * self.stride() + (x + margin) as usize
     }
 
-    /// The pixels of one row, without the margin.
+    /// Returns the pixels of one row without the margin.
     pub(super) fn row(&self, y: usize) -> &[f32] {
         let start = self.index(0, y as isize);
         &self.data[start..start + self.width]
     }
 
-    /// The pixels of one row, without the margin.
+    /// Returns the pixels of one row without the margin.
     pub(super) fn row_mut(&mut self, y: usize) -> &mut [f32] {
         let start = self.index(0, y as isize);
         let width = self.width;
         &mut self.data[start..start + width]
     }
 
-    /// One row with its margin.
+    /// Returns one row with its margin.
     pub(super) fn padded_row_mut(&mut self, y: usize) -> &mut [f32] {
         let stride = self.stride();
         let start = (y + MARGIN) * stride;
         &mut self.data[start..start + stride]
     }
 
-    /// Everything, margin included, row-major.
+    /// All values, margin included, row-major.
     pub(super) fn data_mut(&mut self) -> &mut [f32] {
         &mut self.data
     }
@@ -85,7 +85,7 @@ impl Plane {
     }
 }
 
-/// Fills the margin of one row, which it is longer by on both sides.
+/// Fills the margin on both sides of one row.
 pub(super) fn mirror_row(row: &mut [f32], width: usize) {
     if width <= MARGIN {
         for k in 0..MARGIN {
@@ -100,7 +100,7 @@ pub(super) fn mirror_row(row: &mut [f32], width: usize) {
     copy_mirrored(&inner[width - 1 - MARGIN..], after);
 }
 
-/// Copies the first numbers, as many as a margin has, the last of them first.
+/// Copies the first [`MARGIN`] values in reverse order.
 fn copy_mirrored(from: &[f32], to: &mut [f32]) {
     let mut mirrored = [0.0; MARGIN];
     mirrored.copy_from_slice(&from[..MARGIN]);

@@ -1,4 +1,4 @@
-//! A frame made ready for correlation.
+//! A frame prepared for correlation.
 
 use multiversion::multiversion;
 
@@ -8,61 +8,60 @@ use super::plane::Plane;
 use super::spline::Splined;
 use crate::image::{ImageView, is_saturated};
 
-/// A frame made ready: grey levels and gradients for use as reference, an
-/// interpolated picture for use as target.
+/// A prepared frame: grey levels and gradients for use as reference, interpolated image for use as target.
 ///
-/// Made by [`Correlator::prepare`](super::Correlator::prepare); a frame that is
-/// the target now and the reference later need only be prepared once.
+/// Created by [`Correlator::prepare`](super::Correlator::prepare). A frame that is first a target and later a reference
+/// needs to be prepared only once.
 #[derive(Debug, Clone, Default)]
 pub struct Prepared {
     pub(super) levels: Plane,
     pub(super) gradient_x: Plane,
     pub(super) gradient_y: Plane,
     pub(super) splined: Splined,
-    /// Taken off every grey level, so that sums in single precision lose nothing, DN.
+    /// The offset subtracted from every grey level to keep single-precision sums exact, DN.
     pub(super) offset: f32,
-    /// Root mean square of the levels: how much brighter or darker one frame is than another, DN.
+    /// The root mean square of the levels, which gives the relative gain of two frames, DN.
     pub(super) contrast: f32,
-    /// The level at which the frame is saturated, offset taken off; infinite if it is not.
+    /// The saturation level minus the offset; infinite if the frame is not saturated.
     pub(super) saturation: f32,
-    /// Where the part of the frame that is ready begins, px.
+    /// The origin of the prepared part of the frame, px.
     origin: (u32, u32),
-    /// Size of the whole frame, px.
+    /// The size of the whole frame, px.
     size: (usize, usize),
 }
 
 impl Prepared {
-    /// Pixels a row of the whole frame.
+    /// The width of the whole frame, px.
     pub fn width(&self) -> usize {
         self.size.0
     }
 
-    /// Rows of the whole frame.
+    /// The height of the whole frame, px.
     pub fn height(&self) -> usize {
         self.size.1
     }
 
-    /// Whether all of the frame is ready, not just a part.
+    /// Whether the whole frame is prepared.
     pub(super) fn is_whole(&self) -> bool {
         self.size == (self.levels.width(), self.levels.height())
     }
 
-    /// Where a pixel of the frame lies in the part that is ready.
+    /// Converts a frame position to the prepared part.
     pub(super) fn local(&self, (x, y): (u32, u32)) -> (i32, i32) {
         (x as i32 - self.origin.0 as i32, y as i32 - self.origin.1 as i32)
     }
 
-    /// About by how much differences in `target` are larger than in this frame.
+    /// Returns the approximate gain of `target` relative to this frame.
     pub(super) fn gain_of(&self, target: &Self) -> f32 {
         gain(self.contrast, target.contrast)
     }
 
-    /// Makes `image` ready in this memory.
+    /// Prepares `image`, reusing memory.
     pub(super) fn fill(&mut self, image: ImageView<'_>, interpolation: Interpolation) {
         self.fill_part(image, [0, 0, image.width() as u32, image.height() as u32], interpolation);
     }
 
-    /// Makes a part of `image` ready in this memory: x, y, width and height, clipped to the image.
+    /// Prepares a part of `image`, reusing memory: x, y, width and height, clipped to the image.
     pub(super) fn fill_part(&mut self, image: ImageView<'_>, part: [u32; 4], interpolation: Interpolation) {
         self.size = (image.width(), image.height());
         let (left, top) = ((part[0] as usize).min(self.size.0), (part[1] as usize).min(self.size.1));
@@ -86,7 +85,7 @@ impl Prepared {
         self.splined.contrast = self.contrast;
     }
 
-    /// Fourth-order central differences; second order one pixel from the edge, one-sided on it.
+    /// Computes fourth-order central differences; second order one pixel from the edge, one-sided on it.
     fn fill_gradients(&mut self) {
         let (width, height) = (self.levels.width(), self.levels.height());
         for y in 0..height {
@@ -114,7 +113,7 @@ impl Prepared {
     }
 }
 
-/// The pixels less an offset; gives the sum of their squares.
+/// Subtracts an offset from the pixels and returns the sum of their squares.
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512dq+avx512vl", "x86_64+avx2"))]
 fn subtract(pixels: &[f32], offset: f32, out: &mut [f32]) -> f64 {
     let mut sums = [0.0_f32; LANES];
@@ -130,13 +129,13 @@ fn subtract(pixels: &[f32], offset: f32, out: &mut [f32]) -> f64 {
     sums.iter().map(|sum| f64::from(*sum)).sum()
 }
 
-/// About by how much differences are larger at another contrast; 1 where that cannot be told.
+/// Returns the approximate gain between two contrasts; 1 if it is undefined.
 pub(super) fn gain(contrast: f32, of_target: f32) -> f32 {
     let gain = of_target / contrast;
     if gain.is_finite() { gain } else { 1.0 }
 }
 
-/// The gradient along one row.
+/// Computes the gradient along one row.
 fn gradient_along(row: &[f32], gradient: &mut [f32]) {
     let width = row.len();
     for x in (0..width.min(2)).chain(width.saturating_sub(2)..width) {
@@ -150,7 +149,7 @@ fn gradient_along(row: &[f32], gradient: &mut [f32]) {
     difference([row, &row[1..], &row[3..], &row[4..]], inner);
 }
 
-/// The fourth-order central difference of samples at -2, -1, 1 and 2.
+/// Computes the fourth-order central difference of samples at -2, -1, 1 and 2.
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512dq+avx512vl", "x86_64+avx2"))]
 fn difference(samples: [&[f32]; 4], out: &mut [f32]) {
     let [a, b, c, d] = samples.map(|part| &part[..out.len()]);
@@ -159,12 +158,12 @@ fn difference(samples: [&[f32]; 4], out: &mut [f32]) {
     }
 }
 
-/// The highest grey level and the sum of all.
+/// Returns the highest grey level and the sum of all.
 fn highest_and_sum<'a>(rows: impl Iterator<Item = &'a [f32]>) -> (f32, f64) {
     rows.map(highest_and_sum_of).fold((f32::NEG_INFINITY, 0.0), |(highest, sum), row| (highest.max(row.0), sum + row.1))
 }
 
-/// The highest grey level and the sum of one row.
+/// Returns the highest grey level and the sum of one row.
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512dq+avx512vl", "x86_64+avx2"))]
 fn highest_and_sum_of(row: &[f32]) -> (f32, f64) {
     let (mut highest, mut sums) = ([f32::NEG_INFINITY; LANES], [0.0_f32; LANES]);
@@ -211,7 +210,7 @@ mod tests {
     }
 
     #[test]
-    fn one_pixel_frames_are_prepared_without_a_fault() {
+    fn one_pixel_frames_are_prepared() {
         let mut prepared = Prepared::default();
         prepared.fill(Image::new(1, 1).view(), Interpolation::Optimised);
         assert_eq!((prepared.width(), prepared.height()), (1, 1));

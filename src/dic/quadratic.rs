@@ -1,8 +1,7 @@
-//! Refinement with second-order deformation (12 parameters).
+//! Refinement with the second-order shape function (12 parameters).
 //!
-//! For strong local curvature. On anything smoother it only doubles the noise
-//! of the displacement, so it begins from the affine match, pixel by pixel and
-//! in double precision. H. Lu, P. D. Cary, Exp. Mech. 40 (2000) 393,
+//! For strong local curvature. In smoother fields it only doubles the noise of the displacement. It starts from the
+//! affine match and works pixel by pixel in double precision. H. Lu, P. D. Cary, Exp. Mech. 40 (2000) 393,
 //! <https://doi.org/10.1007/BF02326485>.
 
 use super::lanes::{LANES, Lanes};
@@ -10,34 +9,34 @@ use super::refine::{Lost, Match, Refiner};
 use super::solve::invert;
 use super::warp::Warp;
 
-/// Parameters: displacement, gradients and second derivatives of u, then of v.
+/// The number of parameters: displacement, gradients and second derivatives of u, then of v.
 pub(super) const PARAMETERS: usize = 12;
 
-/// A step this short ends the iteration, px.
+/// The step length that ends the iteration, px.
 const TOLERANCE_PX: f64 = 0.002;
 
-/// Iterations after which a subset is given up.
-const MOST_ITERATIONS: u32 = 25;
+/// The maximum number of iterations.
+const MAX_ITERATIONS: u32 = 25;
 
-/// A polynomial of second order in the offset: factors of 1, dx, dy, dx^2, dx dy, dy^2.
+/// A polynomial of second order in the offset: coefficients of 1, dx, dy, dx^2, dx dy, dy^2.
 type Polynomial = [f64; 6];
 
-/// The second-order part of a warp: factors of dx^2, dx dy, dy^2 for u and for v.
+/// The second-order part of a warp: coefficients of dx^2, dx dy, dy^2 for u and for v.
 pub(super) type Second = [[f64; 3]; 2];
 
-/// Where the offset (dx, dy) goes.
+/// Returns the warped offset (dx, dy).
 fn place(warp: &Warp, second: &Second, dx: f64, dy: f64) -> (f64, f64) {
     let (x, y) = warp.apply(dx, dy);
     let bend = |c: &[f64; 3]| c[0] * dx * dx + c[1] * dx * dy + c[2] * dy * dy;
     (x + bend(&second[0]), y + bend(&second[1]))
 }
 
-/// The terms that the 6 factors of one axis multiply.
+/// Returns the terms of the 6 coefficients of one axis.
 fn terms(dx: f64, dy: f64) -> Polynomial {
     [1.0, dx, dy, dx * dx, dx * dy, dy * dy]
 }
 
-/// Product without terms above the second order.
+/// Multiplies two polynomials and drops terms above the second order.
 fn product(a: &Polynomial, b: &Polynomial) -> Polynomial {
     [
         a[0] * b[0],
@@ -49,7 +48,7 @@ fn product(a: &Polynomial, b: &Polynomial) -> Polynomial {
     ]
 }
 
-/// The warp at the offset taken back by a small step: its inverse to first order, terms above the second left out.
+/// Composes the warp with the inverse of a small step, to first order in the step; drops terms above the second order.
 fn after_inverse(warp: &Warp, second: &Second, step: &[f64; PARAMETERS]) -> (Warp, Second) {
     let back = |axis: usize| -> Polynomial { std::array::from_fn(|k| -step[6 * axis + k]) };
     let (mut x, mut y) = (back(0), back(1));
@@ -68,22 +67,22 @@ fn after_inverse(warp: &Warp, second: &Second, step: &[f64; PARAMETERS]) -> (War
     (first, [[u[3], u[4], u[5]], [v[3], v[4], v[5]]])
 }
 
-/// A second-order match with the variances' factors.
+/// A second-order match with its variance factors.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct QuadraticMatch {
     pub(super) found: Match,
-    /// Diagonal of the inverse Hessian for u and v.
+    /// The diagonal of the inverse Hessian for u and v.
     pub(super) inverse: (f64, f64),
 }
 
-/// Sums of one pass.
+/// The sums of one pass.
 struct Pass {
     zncc: f64,
     right: [f64; PARAMETERS],
 }
 
 impl Refiner<'_> {
-    /// Every pixel of the subset: its offset and its place in the packed arrays.
+    /// Iterates over the pixels of the subset: offset, packed row and lane.
     fn pixels(&self) -> impl Iterator<Item = (f64, f64, usize, usize)> {
         self.window
             .blocks
@@ -98,13 +97,13 @@ impl Refiner<'_> {
             .filter(|(_, _, packed, lane)| self.window.mask[*packed].0[*lane] > 0.5)
     }
 
-    /// Second-order refinement from a first-order match on.
+    /// Refines a first-order match to second order.
     pub(super) fn refine_quadratic(&self, start: &Match) -> Result<QuadraticMatch, Lost> {
         let inverse = invert(&self.hessian(), PARAMETERS).ok_or(Lost::NotConverged)?;
         let (mut warp, mut second) = (start.warp, [[0.0; 3]; 2]);
         let half = f64::from(self.window.half);
         let mut values = Vec::new();
-        for iterations in 1..=MOST_ITERATIONS {
+        for iterations in 1..=MAX_ITERATIONS {
             let pass = self.quadratic_pass(&warp, &second, &mut values)?;
             let step: [f64; PARAMETERS] =
                 std::array::from_fn(|row| inverse[row].iter().zip(&pass.right).map(|(a, b)| a * b).sum());
@@ -125,7 +124,7 @@ impl Refiner<'_> {
         Err(Lost::NotConverged)
     }
 
-    /// Sum of J J^T over the subset.
+    /// Returns the sum of J J^T over the subset.
     fn hessian(&self) -> [[f64; PARAMETERS]; PARAMETERS] {
         let mut sums = [[[0.0; 6]; 6]; 3];
         for (dx, dy, packed, lane) in self.pixels() {
@@ -183,7 +182,7 @@ impl Refiner<'_> {
         Ok(Pass { zncc, right })
     }
 
-    /// The difference reference less gain-matched target, packed; empty outside the image.
+    /// Computes the residual, reference minus gain-matched target, packed; empty outside the image.
     pub(super) fn quadratic_residual(&self, found: &Match, out: &mut Vec<Lanes>) {
         out.clear();
         let mut values = Vec::new();
@@ -224,7 +223,7 @@ mod tests {
     fn a_bent_field_is_exact_with_the_quadratic_shape_and_biased_with_the_affine_one() {
         let speckle = Speckle::standard(51, 200.0);
         let bend = |x: f64, y: f64| (0.4 + 6e-4 * (x - 100.0).powi(2), 2e-4 * (y - 100.0) * (x - 100.0));
-        // The discs' centres follow the field; their shape does not, which is why the field is mild.
+        // The disc centres follow the field but their shape does not, so the field is mild.
         let (a, b) = (record(&speckle.draw(200, 200), 0.0, 1), record(&speckle.moved(bend).draw(200, 200), 0.0, 2));
         let points = grid::rectangle([40, 40, 120, 120], 10, 31);
         let mean_error = |shape: Shape| {
@@ -242,7 +241,7 @@ mod tests {
         };
         let (affine, quadratic) = (mean_error(Shape::Affine), mean_error(Shape::Quadratic));
         eprintln!("mean error of u: affine {affine:.5} px, quadratic {quadratic:.5} px");
-        // The affine subset averages the bend: 6e-4 times the mean square of 15 px, about 0.05 px.
+        // The affine subset averages the curvature: 6e-4 times the mean square of 15 px, about 0.05 px.
         assert!(affine > 0.03, "{affine}");
         assert!(quadratic.abs() < 0.003, "{quadratic}");
     }

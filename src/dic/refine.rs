@@ -1,11 +1,9 @@
 //! Sub-pixel refinement: inverse-compositional Gauss-Newton (IC-GN).
 //!
-//! Minimises the zero-mean normalised sum of squared differences between the
-//! reference subset and the warped target. The warp is updated by the inverse
-//! of a step on the *reference* side, so the Hessian is computed once a subset.
-//! The gradient is of fourth order: the spline's own derivative would weight
-//! the frequencies in which interpolation errs and doubles the bias.
-//! B. Pan, K. Li, W. Tong, Exp. Mech. 53 (2013) 1277,
+//! Minimises the zero-mean normalised sum of squared differences (ZNSSD) between the reference subset and the warped
+//! target. The warp is composed with the inverse of a step of the *reference*, so the Hessian is computed once per
+//! subset. The gradient is of fourth order: the derivative of the spline would emphasise the frequencies where
+//! interpolation errs, and double the bias. B. Pan, K. Li, W. Tong, Exp. Mech. 53 (2013) 1277,
 //! <https://doi.org/10.1007/s11340-013-9717-6>.
 
 use super::Shape;
@@ -20,58 +18,59 @@ use super::vector::{Vector, vectorized};
 use super::warp::Warp;
 use super::window::{Block, Window};
 
-/// A step this short ends the iteration, px.
+/// The step length that ends the iteration, px.
 const TOLERANCE_PX: f64 = 0.002;
 
-/// A step this short may be the last one, if the steps shrink steadily, px.
-const SERIES_PX: f64 = 0.01;
+/// The maximum step length for the geometric extrapolation of the remaining steps, px.
+const MAX_SERIES_PX: f64 = 0.01;
 
-/// Largest factor from one step to the next that counts as steady.
-const STEADY: f64 = 0.3;
+/// The maximum ratio of successive steps for the extrapolation.
+const MAX_STEADY_RATIO: f64 = 0.3;
 
-/// Iterations after which a subset is given up; sound ones take 3 to 6.
-const MOST_ITERATIONS: u32 = 12;
+/// The maximum number of iterations; sound subsets take 3 to 6.
+const MAX_ITERATIONS: u32 = 12;
 
-/// A first step this short needs no second, px: of one, some per cent are wrong.
+/// The length of a first step that needs no second one, px. A step is wrong by some per cent.
 const NEAR_PX: f64 = 0.01;
 
-/// A step this short ends the quick iterations, px.
-const APPROACHED_PX: f64 = 0.02;
+/// The step length that ends the quick iterations, px.
+const QUICK_TOLERANCE_PX: f64 = 0.02;
 
-/// A first exact step this short after quick ones may be the last one, px: the next would be some ten times shorter.
-const SETTLED_PX: f64 = 0.005;
+/// The length of a first exact step after quick ones that ends the iteration, px. The next would be some ten times
+/// shorter.
+const LAST_STEP_PX: f64 = 0.005;
 
-/// Quick iterations after which the exact ones take over.
-const MOST_QUICK: u32 = 4;
+/// The maximum number of quick iterations.
+const MAX_QUICK_ITERATIONS: u32 = 4;
 
-/// Largest gradient with which tiles are a fair likeness.
-const GENTLE: f64 = 0.12;
+/// The largest displacement gradient for the quick iterations.
+const MAX_TILED_GRADIENT: f64 = 0.12;
 
-/// Variance under which a target holds nothing but rounding, DN^2.
+/// The variance below which a target holds nothing but rounding, DN^2.
 pub(super) const LEAST_ENERGY: f64 = 1e-3;
 
-/// Matches from different starts this near to each other are one, px.
+/// The maximum distance between two matches that count as one, px.
 const SAME_PX: f64 = 0.1;
 
-/// Why a subset was not found in the target.
+/// The reason why a subset was not found in the target.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Lost {
-    /// The iteration led out of the image.
+    /// The iteration left the image.
     OutOfFrame,
-    /// The iteration did not settle.
+    /// The iteration did not converge.
     NotConverged,
 }
 
-/// Where a subset was found.
+/// The match of a subset.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Match {
     /// The warp from reference to target.
     pub(super) warp: Warp,
     /// Its second-order part.
     pub(super) second: Second,
-    /// Zero-mean normalised cross-correlation there.
+    /// The zero-mean normalised cross-correlation.
     pub(super) zncc: f64,
-    /// Iterations taken.
+    /// The number of iterations.
     pub(super) iterations: u32,
 }
 
@@ -82,18 +81,18 @@ impl Match {
     }
 }
 
-/// What one pass over the warped target yields; the reference's mean is off the target's levels.
+/// The sums of one pass over the warped target, minus the mean of the reference.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Sums {
     pub(super) levels: f64,
-    /// Levels times x and y.
+    /// The sums of levels times x and y.
     pub(super) places: [f64; 2],
     pub(super) energy: f64,
     pub(super) product: f64,
     pub(super) jacobian: [f64; 6],
 }
 
-/// One reference subset being looked for in one target.
+/// One reference subset and the target to match it with.
 #[derive(Clone, Copy)]
 pub(super) struct Refiner<'a> {
     pub(super) subset: &'a Subset,
@@ -101,20 +100,20 @@ pub(super) struct Refiner<'a> {
     pub(super) shape: Shape,
     /// The target, interpolated.
     pub(super) target: &'a Splined,
-    /// Centre of the subset in the reference, px from the corner of the target's part that is ready.
+    /// The centre of the subset in the reference, px from the corner of the target's prepared part.
     pub(super) at: (i32, i32),
 }
 
 impl Refiner<'_> {
-    /// Finds the subset in the target, from `start` on.
+    /// Finds the subset in the target, starting from `start`.
     pub(super) fn refine(&self, start: Warp) -> Result<Match, Lost> {
-        self.refine_with(start, |warp| self.step(warp))
+        self.iterate(start, |warp| self.step(warp))
     }
 
-    /// As [`Self::refine`], with the residual before the last step, which hardly changes it.
-    pub(super) fn refine_keeping(&self, start: Warp, residual: &mut Vec<Lanes>) -> Result<Match, Lost> {
+    /// Runs [`Self::refine`] and returns the residual before the last step, which hardly changes it.
+    pub(super) fn refine_with_residual(&self, start: Warp, residual: &mut Vec<Lanes>) -> Result<Match, Lost> {
         let mut last = Sums::default();
-        let found = self.refine_with(start, |warp| {
+        let found = self.iterate(start, |warp| {
             last = self.sampled(warp, residual)?;
             self.step_of(last).map(|(step, zncc, _)| (step, zncc))
         })?;
@@ -122,37 +121,39 @@ impl Refiner<'_> {
         Ok(found)
     }
 
-    /// As [`Self::refine_keeping`], from a start that is mostly so near that one step is enough; of a step, `share` is right.
-    pub(super) fn refine_near(&self, start: Warp, share: f64, residual: &mut Vec<Lanes>) -> Result<Match, Lost> {
-        let sums = self.sampled(&start, residual)?;
-        let (step, zncc, gained) = self.step_of(sums)?;
-        let is_near = step.length(f64::from(self.window.half)) <= NEAR_PX;
-        let Some(warp) = start.after_inverse(&step.scaled(share)).filter(|_| is_near) else {
-            return self.refine_keeping(start, residual);
-        };
-        self.subtract(self, sums, residual);
-        Ok(Match { warp, second: [[0.0; 3]; 2], zncc: (zncc + gained).min(1.0), iterations: 1 })
-    }
-
-    /// Takes exact steps as `step` says them, after quick ones.
-    fn refine_with(
+    /// Runs one update if the start is close enough, else [`Self::refine_with_residual`]. `gradient_gain` corrects the length
+    /// of the update.
+    pub(super) fn refine_near(
         &self,
         start: Warp,
-        mut step_at: impl FnMut(&Warp) -> Result<(Warp, f64), Lost>,
+        gradient_gain: f64,
+        residual: &mut Vec<Lanes>,
     ) -> Result<Match, Lost> {
+        let sums = self.sampled(&start, residual)?;
+        let (step, zncc, zncc_gain) = self.step_of(sums)?;
+        let is_near = step.length(f64::from(self.window.half)) <= NEAR_PX;
+        let Some(warp) = start.after_inverse(&step.scaled(gradient_gain)).filter(|_| is_near) else {
+            return self.refine_with_residual(start, residual);
+        };
+        self.subtract(self, sums, residual);
+        Ok(Match { warp, second: [[0.0; 3]; 2], zncc: (zncc + zncc_gain).min(1.0), iterations: 1 })
+    }
+
+    /// Iterates with exact steps of `step_at`, after quick ones.
+    fn iterate(&self, start: Warp, mut step_at: impl FnMut(&Warp) -> Result<(Warp, f64), Lost>) -> Result<Match, Lost> {
         let half = f64::from(self.window.half);
-        let (mut warp, quick) = self.approach(start)?;
+        let (mut warp, quick) = self.iterate_in_tiles(start)?;
         let mut before = None;
-        for iterations in quick + 1..=quick + MOST_ITERATIONS {
+        for iterations in quick + 1..=quick + MAX_ITERATIONS {
             let (step, zncc) = step_at(&warp)?;
             let length = step.length(half);
             if length.is_nan() || length >= half {
                 return Err(Lost::NotConverged);
             }
-            // The steps shrink by a steady factor; close to the end their whole series is taken at once.
+            // The steps shrink geometrically, so the sum of the remaining series can be taken at once.
             let ratio = before.map_or(1.0, |before: Warp| step.ratio(&before, half));
-            let steady = length < SERIES_PX && ratio.abs() < STEADY;
-            let last = steady || (quick > 0 && length < SETTLED_PX);
+            let steady = length < MAX_SERIES_PX && ratio.abs() < MAX_STEADY_RATIO;
+            let last = steady || (quick > 0 && length < LAST_STEP_PX);
             let step = if steady { step.scaled(1.0 / (1.0 - ratio)) } else { step };
             before = Some(step);
             warp = warp.after_inverse(&step).ok_or(Lost::NotConverged)?;
@@ -163,17 +164,17 @@ impl Refiner<'_> {
         Err(Lost::NotConverged)
     }
 
-    /// Comes close with tiles that are only shifted, four times as fast; how many iterations it took.
+    /// Iterates with tiles that are only shifted, four times as fast, and returns the number of iterations.
     ///
-    /// Their answer is off by an amount proportional to the deformation, some thousandths of a pixel.
-    fn approach(&self, start: Warp) -> Result<(Warp, u32), Lost> {
+    /// The error is proportional to the deformation, some thousandths of a pixel.
+    fn iterate_in_tiles(&self, start: Warp) -> Result<(Warp, u32), Lost> {
         let half = f64::from(self.window.half);
         let mut warp = start;
         if self.shape == Shape::Translation {
             return Ok((warp, 0));
         }
-        for iterations in 0..MOST_QUICK {
-            if !warp.is_within(GENTLE) {
+        for iterations in 0..MAX_QUICK_ITERATIONS {
+            if !warp.is_within(MAX_TILED_GRADIENT) {
                 return Ok((warp, iterations));
             }
             let (step, ..) = self.step_of(self.pass(&warp, true)?)?;
@@ -182,30 +183,30 @@ impl Refiner<'_> {
                 return Err(Lost::NotConverged);
             }
             warp = warp.after_inverse(&step).ok_or(Lost::NotConverged)?;
-            if length < APPROACHED_PX {
+            if length < QUICK_TOLERANCE_PX {
                 return Ok((warp, iterations + 1));
             }
         }
-        Ok((warp, MOST_QUICK))
+        Ok((warp, MAX_QUICK_ITERATIONS))
     }
 
-    /// The step that the reference should take towards the target at `warp`, and the ZNCC there.
+    /// Returns the Gauss-Newton step of the reference at `warp`, and the ZNCC there.
     pub(super) fn step(&self, warp: &Warp) -> Result<(Warp, f64), Lost> {
         self.step_of(self.pass(warp, false)?).map(|(step, zncc, _)| (step, zncc))
     }
 
-    /// As [`Self::step`], of a part of `whole` and by what was [sampled](Self::sampled) of that; and by how much the step
-    /// raises the ZNCC.
+    /// Returns the step of a part of `whole` from the [samples](Self::sampled) of that, the ZNCC, and its gain by the
+    /// step.
     pub(super) fn step_from(&self, whole: &Refiner<'_>, samples: &[Lanes]) -> Result<(Warp, f64, f64), Lost> {
-        self.step_of(kept_sums_of(self, whole.subset.mean, samples))
+        self.step_of(stored_sums_of(self, whole.subset.mean, samples))
     }
 
-    /// The step that sums say, the ZNCC, and by how much the step raises it.
+    /// Solves the normal equations of the sums: returns the step, the ZNCC, and its gain by the step.
     pub(super) fn step_of(&self, sums: Sums) -> Result<(Warp, f64, f64), Lost> {
         let subset = self.subset;
         let pixels = self.window.pixels as f64;
         let mean = sums.levels / pixels;
-        let (slopes, energy) = self.lit(&sums, mean);
+        let (slopes, energy) = self.without_illumination(&sums, mean);
         if energy.is_nan() || energy <= LEAST_ENERGY * pixels {
             return Err(Lost::NotConverged);
         }
@@ -223,12 +224,12 @@ impl Refiner<'_> {
             *step = line.iter().zip(&right).take(count).map(|(a, b)| a * b).sum();
             drop += *step * pull;
         }
-        // Twice the energy times what the ZNCC lacks is the sum of squares that is left.
+        // The remaining sum of squares is 2 energy (1 - ZNCC).
         Ok((Warp::from_step(self.shape, &step), zncc, 0.5 * drop / subset.energy))
     }
 
-    /// Slopes of the plane that light makes of the target's levels, and the sum of squares without it and their mean.
-    pub(super) fn lit(&self, sums: &Sums, mean: f64) -> ([f64; 2], f64) {
+    /// Returns the slopes of the illumination plane of the target, and its sum of squares without plane and mean.
+    pub(super) fn without_illumination(&self, sums: &Sums, mean: f64) -> ([f64; 2], f64) {
         let energy = sums.energy - sums.levels * mean;
         self.subset.light.as_ref().map_or(([0.0; 2], energy), |light| {
             let slopes = light.plane(sums.levels, sums.places);
@@ -241,7 +242,7 @@ impl Refiner<'_> {
         self.window.stays(warp, self.at, (self.target.width(), self.target.height()))
     }
 
-    /// Samples the warped target once, in tiles or exactly, and sums it against the reference.
+    /// Samples the warped target once, in tiles or exactly, and computes the sums.
     fn pass(&self, warp: &Warp, tiled: bool) -> Result<Sums, Lost> {
         if !self.inside(warp) {
             return Err(Lost::OutOfFrame);
@@ -249,7 +250,7 @@ impl Refiner<'_> {
         Ok(if tiled { tiled_sums_of(self, warp) } else { sums_of(self, warp, &mut []) })
     }
 
-    /// As [`Self::pass`], exactly, and keeps what was sampled, the reference's mean taken off.
+    /// Samples the warped target exactly and stores the samples minus the mean of the reference.
     pub(super) fn sampled(&self, warp: &Warp, values: &mut Vec<Lanes>) -> Result<Sums, Lost> {
         values.clear();
         if !self.inside(warp) {
@@ -259,7 +260,7 @@ impl Refiner<'_> {
         Ok(sums_of(self, warp, values))
     }
 
-    /// Sums over all blocks; of a kernel of `N` taps, `M` is one more.
+    /// Computes the sums over all blocks. For a kernel of `N` taps, `M` is `N` + 1.
     #[inline(always)]
     fn sums_with<V: Vector, const N: usize, const M: usize>(&self, warp: &Warp, values: &mut [Lanes]) -> Sums {
         let mut sums = Sums::default();
@@ -286,7 +287,7 @@ impl Refiner<'_> {
         sums
     }
 
-    /// Sums over all blocks, in tiles.
+    /// Computes the sums over all blocks in tiles.
     #[inline(always)]
     fn tiled_sums_with<V: Vector, const N: usize>(&self, warp: &Warp) -> Sums {
         let mut sums = Sums::default();
@@ -297,9 +298,9 @@ impl Refiner<'_> {
         sums
     }
 
-    /// Sums over all blocks, of samples that were kept, off which a mean was taken.
+    /// Computes the sums over all blocks from stored samples minus a mean.
     #[inline(always)]
-    fn kept_sums_with<V: Vector>(&self, mean: f32, samples: &[Lanes]) -> Sums {
+    fn stored_sums_with<V: Vector>(&self, mean: f32, samples: &[Lanes]) -> Sums {
         let mut sums = Sums::default();
         for block in &self.window.blocks {
             let column = KeptColumn::<V>::new(&samples[block.start..block.start + block.rows], mean);
@@ -308,15 +309,15 @@ impl Refiner<'_> {
         sums
     }
 
-    /// The target, at a warp.
+    /// Returns the target under a warp.
     #[inline(always)]
     fn carrier<'b>(&'b self, warp: &'b Warp) -> Carrier<'b> {
         Carrier { target: self.target, at: self.at, warp, gain: gain(self.subset.contrast, self.target.contrast) }
     }
 
-    /// Adds one block of columns; a mere shift needs no `LEVERS`, the sums weighted with the place.
+    /// Adds one block of columns. A pure translation needs no `LEVERS`, the position-weighted sums.
     ///
-    /// Keeps the target's levels in `values` if there is room for them.
+    /// Stores the target's levels in `values` if it has room.
     #[inline(always)]
     fn add_block<V: Vector, const LEVERS: bool>(
         &self,
@@ -370,7 +371,7 @@ impl Refiner<'_> {
 }
 
 vectorized! {
-    /// [`Refiner::sums_with`].
+    /// See [`Refiner::sums_with`].
     fn sums_of(refiner: &Refiner<'_>, warp: &Warp, values: &mut [Lanes]) -> Sums = sums_with
 }
 
@@ -383,18 +384,18 @@ fn sums_with<V: Vector>(refiner: &Refiner<'_>, warp: &Warp, values: &mut [Lanes]
 }
 
 vectorized! {
-    /// [`Refiner::tiled_sums_with`].
+    /// See [`Refiner::tiled_sums_with`].
     fn tiled_sums_of(refiner: &Refiner<'_>, warp: &Warp) -> Sums = tiled_sums_with
 }
 
 vectorized! {
-    /// [`Refiner::kept_sums_with`].
-    fn kept_sums_of(refiner: &Refiner<'_>, mean: f32, samples: &[Lanes]) -> Sums = kept_sums_with
+    /// See [`Refiner::stored_sums_with`].
+    fn stored_sums_of(refiner: &Refiner<'_>, mean: f32, samples: &[Lanes]) -> Sums = stored_sums_with
 }
 
 #[inline(always)]
-fn kept_sums_with<V: Vector>(refiner: &Refiner<'_>, mean: f32, samples: &[Lanes]) -> Sums {
-    refiner.kept_sums_with::<V>(mean, samples)
+fn stored_sums_with<V: Vector>(refiner: &Refiner<'_>, mean: f32, samples: &[Lanes]) -> Sums {
+    refiner.stored_sums_with::<V>(mean, samples)
 }
 
 #[inline(always)]

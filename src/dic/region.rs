@@ -1,33 +1,33 @@
-//! Regions of interest: which pixels belong to a body.
+//! Regions of interest: the pixels that belong to a body.
 
-/// A region of an image; a pixel belongs to it when its centre does.
+/// A region of an image; a pixel belongs if its centre does.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Region {
     /// A disc.
     Disc {
-        /// Centre, px.
+        /// The x coordinate of the centre, px.
         x_px: f64,
-        /// Centre, px.
+        /// The y coordinate of the centre, px.
         y_px: f64,
-        /// Radius, px.
+        /// The radius, px.
         radius_px: f64,
     },
-    /// A disc without its middle.
+    /// A disc without its centre part.
     Ring {
-        /// Centre, px.
+        /// The x coordinate of the centre, px.
         x_px: f64,
-        /// Centre, px.
+        /// The y coordinate of the centre, px.
         y_px: f64,
-        /// Inner radius, px.
+        /// The inner radius, px.
         inner_px: f64,
-        /// Outer radius, px.
+        /// The outer radius, px.
         outer_px: f64,
     },
-    /// The inside of a polygon, less its holes.
+    /// The inside of a polygon without its holes.
     Polygon {
-        /// Corners (x, y) in px, in either direction.
+        /// The corners (x, y) in px, in either direction.
         outline_px: Vec<[f64; 2]>,
-        /// Corners of each hole, px.
+        /// The corners of each hole, px.
         holes_px: Vec<Vec<[f64; 2]>>,
     },
 }
@@ -50,14 +50,15 @@ impl Region {
         }
     }
 
-    /// Whether every point of the rectangle left, top, right, bottom, in px, surely belongs.
+    /// Whether every point of the rectangle left, top, right, bottom, in px, belongs. May return false for shapes other
+    /// than a disc.
     pub fn holds(&self, [left, top, right, bottom]: [f64; 4]) -> bool {
-        // A disc is convex; elsewhere corners do not tell.
+        // A disc is convex. For other shapes the corners are not sufficient.
         let corners = [(left, top), (right, top), (left, bottom), (right, bottom)];
         matches!(self, Self::Disc { .. }) && corners.into_iter().all(|(x, y)| self.contains(x, y))
     }
 
-    /// Left, top, right and bottom, px; `None` for a region without any extent.
+    /// Returns left, top, right and bottom, px; `None` for an empty region.
     pub fn bounds_px(&self) -> Option<[f64; 4]> {
         let bounds = match self {
             Self::Disc { x_px, y_px, radius_px: r } | Self::Ring { x_px, y_px, outer_px: r, .. } => {

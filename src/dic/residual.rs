@@ -1,4 +1,4 @@
-//! What a match leaves: reference less gain-matched target.
+//! The residual of a match: reference minus gain-matched target.
 
 use multiversion::multiversion;
 
@@ -10,8 +10,7 @@ use super::warp::Warp;
 use super::window::Window;
 
 impl Refiner<'_> {
-    /// The difference reference less gain-matched target, packed like the subset;
-    /// empty when the warped subset leaves the image.
+    /// Computes the residual, packed like the subset; empty if the warped subset leaves the image.
     pub(super) fn residual(&self, warp: &Warp, out: &mut Vec<Lanes>) {
         match self.sampled(warp, out) {
             Ok(sums) => self.leave(self, sums, out),
@@ -19,37 +18,37 @@ impl Refiner<'_> {
         }
     }
 
-    /// As [`Self::residual`], of `whole`, of which this is a part, by what was [sampled](Self::sampled) of it; gain, mean
-    /// and light are those of the part. Empty where nothing was sampled.
+    /// Computes the residual of `whole`, of which this is a part, from the [samples](Self::sampled) of `whole`. Gain,
+    /// mean and illumination are those of the part. Empty if there are no samples.
     pub(super) fn residual_from(&self, whole: &Refiner<'_>, samples: &[Lanes], out: &mut Vec<Lanes>) {
         out.clear();
         out.extend_from_slice(samples);
         if samples.is_empty() {
             return;
         }
-        // The samples of the whole hold those of the part, at another mean.
+        // The samples of the whole include those of the part, minus another mean.
         self.leave(whole, part_sums(samples, self.window), out);
     }
 
-    /// Turns samples of `whole` into what is left, if they have any contrast.
+    /// Converts samples of `whole` to residuals; empty if the target has no contrast.
     fn leave(&self, whole: &Refiner<'_>, sums: Sums, out: &mut Vec<Lanes>) {
         let pixels = self.window.pixels as f64;
-        let contrast = self.lit(&sums, sums.levels / pixels).1;
+        let contrast = self.without_illumination(&sums, sums.levels / pixels).1;
         if contrast.is_nan() || contrast <= LEAST_ENERGY * pixels {
-            // What has no contrast is like nothing, and nothing says that it hides the body.
+            // A target without contrast matches nothing, and nothing shows that it occludes the body.
             out.clear();
             return;
         }
         self.subtract(whole, sums, out);
     }
 
-    /// Turns samples of `whole` into its difference to the gain-matched target; gain, mean and light are those of this
-    /// part, over which `sums` are.
+    /// Converts samples of `whole` to its residual. Gain, mean and illumination are those of this part, which `sums`
+    /// belong to.
     pub(super) fn subtract(&self, whole: &Refiner<'_>, sums: Sums, out: &mut [Lanes]) {
         let mean = sums.levels / self.window.pixels as f64;
-        let (slopes, energy) = self.lit(&sums, mean);
+        let (slopes, energy) = self.without_illumination(&sums, mean);
         let gain = (self.subset.energy / energy).sqrt();
-        // The means of both references are off their levels.
+        // The mean of each reference is subtracted from its levels.
         let apart = f64::from(whole.subset.mean - self.subset.mean) / gain;
         let even = (Lanes::splat((mean + apart) as f32), Lanes::splat(gain as f32));
         let Some(light) = &self.subset.light else {
@@ -68,7 +67,7 @@ impl Refiner<'_> {
 }
 
 vectorized! {
-    /// Levels less gain (samples - mean), on the mask, in the place of the samples.
+    /// Computes levels - gain (samples - mean) on the mask, in place of the samples.
     fn subtract(levels: &[Lanes], mask: &[Lanes], mean_and_gain: (Lanes, Lanes), out: &mut [Lanes]) = subtract_with
 }
 
@@ -81,7 +80,7 @@ fn subtract_with<V: Vector>(levels: &[Lanes], mask: &[Lanes], (mean, gain): (Lan
     }
 }
 
-/// A plane on eight columns: in their first row, and how much it rises from row to row.
+/// A plane on eight columns: its first row, and its slope from row to row.
 #[derive(Clone, Copy)]
 struct Tilted {
     first: Lanes,
@@ -89,7 +88,7 @@ struct Tilted {
 }
 
 vectorized! {
-    /// As [`subtract`] of a block, with a plane beside the mean.
+    /// Works like [`subtract`] on a block, with a plane in addition to the mean.
     fn subtract_tilted(layers: (&[Lanes], &[Lanes]), mean_and_gain: (Lanes, Lanes), plane: Tilted, out: &mut [Lanes]) =
         subtract_tilted_with
 }
@@ -109,13 +108,13 @@ fn subtract_tilted_with<V: Vector>(
     }
 }
 
-/// Sums of samples on the mask of a window, without those that need its gradients.
+/// Sums samples on the mask of a window, without the sums that need gradients.
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512dq+avx512vl", "x86_64+avx2"))]
 fn part_sums(samples: &[Lanes], window: &Window) -> Sums {
     let mut sums = Sums::default();
     for block in &window.blocks {
         let rows = block.start..block.start + block.rows;
-        // In double precision: whether there is any contrast is told by the difference of the two.
+        // In double precision, because the contrast is a small difference of the two sums.
         let (mut levels, mut down, mut energy) = ([0.0_f64; LANES], [0.0_f64; LANES], [0.0_f64; LANES]);
         for (dy, (value, mask)) in (block.dy..).zip(samples[rows.clone()].iter().zip(&window.mask[rows])) {
             let dy = f64::from(dy);

@@ -1,61 +1,61 @@
-//! The rigid motion that a displacement field shows.
+//! Robust fit of a rigid motion to a displacement field.
 
 use crate::results::{FieldPoint, PointStatus};
 
-/// Motion of a rigid body between two frames.
+/// The motion of a rigid body between two frames.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct RigidMotion {
-    /// Displacement along x of the point asked for, px.
+    /// The displacement along x of the reference point, px.
     pub u_px: f64,
-    /// Displacement along y of the point asked for, px.
+    /// The displacement along y of the reference point, px.
     pub v_px: f64,
-    /// Rotation, counter-clockwise on the screen, deg.
+    /// The rotation, counter-clockwise on the screen, deg.
     pub angle_deg: f64,
-    /// Standard uncertainty of `u_px`, px.
+    /// The standard uncertainty of `u_px`, px.
     pub sigma_u_px: f64,
-    /// Standard uncertainty of `v_px`, px.
+    /// The standard uncertainty of `v_px`, px.
     pub sigma_v_px: f64,
-    /// Standard uncertainty of `angle_deg`, deg.
+    /// The standard uncertainty of `angle_deg`, deg.
     pub sigma_angle_deg: f64,
-    /// Subsets it rests on.
+    /// The number of subsets used.
     pub points: u32,
 }
 
 impl RigidMotion {
-    /// The same with so many times its standard uncertainties.
-    pub(super) fn with_sigmas(self, share: f64) -> Self {
+    /// Returns the motion with its standard uncertainties multiplied by `factor`.
+    pub(super) fn with_sigmas(self, factor: f64) -> Self {
         Self {
-            sigma_u_px: share * self.sigma_u_px,
-            sigma_v_px: share * self.sigma_v_px,
-            sigma_angle_deg: share * self.sigma_angle_deg,
+            sigma_u_px: factor * self.sigma_u_px,
+            sigma_v_px: factor * self.sigma_v_px,
+            sigma_angle_deg: factor * self.sigma_angle_deg,
             ..self
         }
     }
 }
 
-/// Tukey's constant: 95 % efficient for Gaussian noise.
+/// Tukey's constant: 95 % efficiency for Gaussian noise.
 const TUKEY: f64 = 4.685;
 
-/// Residuals beyond this many standard deviations are outliers.
-const REJECT: f64 = 5.0;
+/// The residual above which a vector is an outlier, standard deviations.
+const MAX_RESIDUAL_SIGMAS: f64 = 5.0;
 
-/// Smallest scatter assumed when outliers are told from the rest, px.
-const LEAST_SCATTER_PX: f64 = 0.002;
+/// The minimum scatter assumed in the outlier test, px.
+const MIN_SCATTER_PX: f64 = 0.002;
 
-/// A vector within so many of its standard deviations of a foretold motion follows it, or within so many pixels.
-const SHARED_SIGMAS: f64 = 4.0;
-const SHARED_PX: f64 = 0.01;
+/// The residual below which a vector follows the predicted motion, standard deviations and px.
+const FOLLOWING_SIGMAS: f64 = 4.0;
+const FOLLOWING_PX: f64 = 0.01;
 
-/// A round that moves nothing by more than this is the last, px and rad.
-const SETTLED: f64 = 1e-7;
+/// The step that ends the iteration, px and rad.
+const CONVERGED: f64 = 1e-7;
 
-/// Pairs of points tried for the first guess.
+/// The number of pairs of points tried for the initial guess.
 const TRIALS: usize = 60;
 
-/// Reweighting rounds; the weights settle within a few.
-const ROUNDS: usize = 8;
+/// The maximum number of reweighting rounds; the weights converge within a few.
+const MAX_ROUNDS: usize = 8;
 
-/// One vector, about the point asked for.
+/// One vector, relative to the reference point.
 #[derive(Debug, Clone, Copy)]
 struct Vector {
     index: usize,
@@ -63,9 +63,9 @@ struct Vector {
     y: f64,
     u: f64,
     v: f64,
-    /// Standard uncertainties of `u` and `v`, px.
+    /// The standard uncertainties of `u` and `v`, px.
     sigmas: [f64; 2],
-    /// Mean of their squares.
+    /// The mean of their squares.
     variance: f64,
     weight: f64,
 }
@@ -86,7 +86,7 @@ impl Turn {
         Self { u, v, angle, sin, cos }
     }
 
-    /// Measured less predicted displacement.
+    /// Returns the measured minus the predicted displacement.
     fn residual(&self, vector: &Vector) -> (f64, f64) {
         let u = self.u + (self.cos - 1.0) * vector.x + self.sin * vector.y;
         let v = self.v - self.sin * vector.x + (self.cos - 1.0) * vector.y;
@@ -101,27 +101,24 @@ impl Turn {
 
 /// Fits one rigid motion to all valid vectors of a field.
 ///
-/// The displacement reported is that of the point (`x_px`, `y_px`) of the
-/// reference. The rotation is exact, not the small-angle form. The first guess
-/// is the motion of a pair of points that most others agree with, so up to
-/// almost half of the vectors may belong to something else; then least squares
-/// weighted by each vector's own uncertainty and Tukey's biweight. Vectors that
-/// do not follow the body are marked as outliers and lose their displacement.
+/// The displacement returned is that of the reference point (`x_px`, `y_px`). The rotation is exact, not the
+/// small-angle form. The initial guess is the motion of the pair of points that limit others agree with, so almost half
+/// of the vectors may belong to something else. Least squares follow, weighted by the uncertainty of each vector and by
+/// Tukey's biweight. Vectors that do not follow the body are marked as outliers and lose their displacement.
 ///
-/// The uncertainties hold for overlapping subsets: two that share a part of
-/// their pixels share that part of their noise. `subset_size_px` is the full
-/// width of the subsets.
+/// The uncertainties account for overlapping subsets: two that factor a part of their pixels factor that part of their
+/// noise. `subset_size_px` is the full width of the subsets.
 ///
-/// `None` when fewer than three vectors are left.
+/// Returns `None` if fewer than three vectors are left.
 ///
 /// # Cost
 ///
-/// Grows with the number of points times the number of subsets that overlap one.
+/// Proportional to the number of points times the number of subsets that overlap one.
 pub fn rigid_fit(field: &mut [FieldPoint], x_px: f64, y_px: f64, subset_size_px: u32) -> Option<RigidMotion> {
     rigid_fit_near(field, (x_px, y_px), subset_size_px, None)
 }
 
-/// As [`rigid_fit`], with a motion (u, v, px; angle, deg) that is the first guess where most vectors follow it.
+/// Fits like [`rigid_fit`], with a motion (u, v, px; angle, deg) as the initial guess if limit vectors follow it.
 pub fn rigid_fit_near(
     field: &mut [FieldPoint],
     point_px: (f64, f64),
@@ -132,10 +129,10 @@ pub fn rigid_fit_near(
     if vectors.len() < 3 {
         return None;
     }
-    let foretold = near.map(|(u_px, v_px, angle_deg)| Turn::new(u_px, v_px, angle_deg.to_radians()));
-    let mut turn = foretold.filter(|turn| is_shared(turn, &vectors)).or_else(|| first_guess(&vectors))?;
-    let mut scatter = LEAST_SCATTER_PX;
-    for _ in 0..ROUNDS {
+    let predicted = near.map(|(u_px, v_px, angle_deg)| Turn::new(u_px, v_px, angle_deg.to_radians()));
+    let mut turn = predicted.filter(|turn| is_followed(turn, &vectors)).or_else(|| first_guess(&vectors))?;
+    let mut scatter = MIN_SCATTER_PX;
+    for _ in 0..MAX_ROUNDS {
         scatter = robust_scatter(&turn, &vectors);
         for vector in &mut vectors {
             let ratio = turn.squared_distance(vector) / (TUKEY * TUKEY * spread(vector, scatter));
@@ -143,11 +140,13 @@ pub fn rigid_fit_near(
             vector.weight = biweight / vector.variance;
         }
         let before = std::mem::replace(&mut turn, weighted_fit(&vectors)?);
-        if [turn.u - before.u, turn.v - before.v, turn.angle - before.angle].iter().all(|step| step.abs() < SETTLED) {
+        if [turn.u - before.u, turn.v - before.v, turn.angle - before.angle].iter().all(|step| step.abs() < CONVERGED) {
             break;
         }
     }
-    let follows = |vector: &Vector| turn.squared_distance(vector) <= REJECT * REJECT * spread(vector, scatter);
+    let follows = |vector: &Vector| {
+        turn.squared_distance(vector) <= MAX_RESIDUAL_SIGMAS * MAX_RESIDUAL_SIGMAS * spread(vector, scatter)
+    };
     for vector in vectors.iter().filter(|vector| !follows(vector)) {
         field[vector.index].displacement = None;
         field[vector.index].status = PointStatus::Outlier;
@@ -156,24 +155,24 @@ pub fn rigid_fit_near(
     if vectors.len() < 3 {
         return None;
     }
-    uncertain(&turn, &vectors, f64::from(subset_size_px))
+    with_uncertainty(&turn, &vectors, f64::from(subset_size_px))
 }
 
-/// Whether most vectors follow a motion, as near as subsets of one body do.
-fn is_shared(turn: &Turn, vectors: &[Vector]) -> bool {
+/// Whether at smallest three quarters of the vectors follow a motion.
+fn is_followed(turn: &Turn, vectors: &[Vector]) -> bool {
     let near = |vector: &&Vector| {
-        let most = (SHARED_SIGMAS * SHARED_SIGMAS * vector.variance).max(SHARED_PX * SHARED_PX);
-        turn.squared_distance(vector) <= most
+        let limit = (FOLLOWING_SIGMAS * FOLLOWING_SIGMAS * vector.variance).max(FOLLOWING_PX * FOLLOWING_PX);
+        turn.squared_distance(vector) <= limit
     };
     4 * vectors.iter().filter(near).count() >= 3 * vectors.len()
 }
 
-/// The variance expected of a vector: its own, or the field's where that is larger.
+/// Returns the expected variance of a vector: its own, or the field's if that is larger.
 fn spread(vector: &Vector, scatter: f64) -> f64 {
     (scatter * scatter).max(vector.variance)
 }
 
-/// The valid vectors, about (x, y).
+/// Collects the valid vectors, relative to (x, y).
 fn collect(field: &[FieldPoint], (x, y): (f64, f64)) -> Vec<Vector> {
     let vector = |(index, point): (usize, &FieldPoint)| {
         let displacement = point.displacement.filter(|_| point.status == PointStatus::Valid)?;
@@ -193,12 +192,12 @@ fn collect(field: &[FieldPoint], (x, y): (f64, f64)) -> Vec<Vector> {
     field.iter().enumerate().filter_map(vector).collect()
 }
 
-/// The motion of that pair of points which half of all vectors fit best.
+/// Returns the motion of the pair of points with the smallest median residual of all vectors.
 fn first_guess(vectors: &[Vector]) -> Option<Turn> {
     let count = vectors.len();
     let mut best: Option<(f64, Turn)> = None;
     let mut distances = Vec::with_capacity(count);
-    // A fixed sequence of pairs, far apart in the list and so mostly in the image.
+    // A fixed sequence of pairs, mostly far apart in the list and so in the image.
     let mut state = 0x2545_F491_u32;
     let mut pick = || {
         state ^= state << 13;
@@ -219,9 +218,9 @@ fn first_guess(vectors: &[Vector]) -> Option<Turn> {
         (turn.u, turn.v) = (0.5 * (ra.0 + rb.0), 0.5 * (ra.1 + rb.1));
         distances.clear();
         distances.extend(vectors.iter().map(|vector| turn.squared_distance(vector)));
-        let (middle, least) = (count / 2, best.as_ref().map_or(f64::INFINITY, |(least, _)| *least));
-        // With so few nearer than the best pair's median, this pair's own is no smaller.
-        if distances.iter().filter(|distance| **distance < least).count() <= middle {
+        let (middle, smallest) = (count / 2, best.as_ref().map_or(f64::INFINITY, |(smallest, _)| *smallest));
+        // If at limit half are nearer than the best median, this median is not smaller.
+        if distances.iter().filter(|distance| **distance < smallest).count() <= middle {
             continue;
         }
         let (_, median, _) = distances.select_nth_unstable_by(middle, f64::total_cmp);
@@ -230,16 +229,16 @@ fn first_guess(vectors: &[Vector]) -> Option<Turn> {
     best.map(|(_, turn)| turn)
 }
 
-/// Standard deviation of one residual component, from the median distance.
+/// Returns the standard deviation of one residual component, from the median distance.
 fn robust_scatter(turn: &Turn, vectors: &[Vector]) -> f64 {
     let mut distances: Vec<f64> = vectors.iter().map(|vector| turn.squared_distance(vector)).collect();
     let middle = distances.len() / 2;
     let (_, median, _) = distances.select_nth_unstable_by(middle, f64::total_cmp);
     // The median length of a Gaussian vector is 1.1774 standard deviations of a component.
-    (median.sqrt() / 1.1774).max(LEAST_SCATTER_PX)
+    (median.sqrt() / 1.1774).max(MIN_SCATTER_PX)
 }
 
-/// Weighted least squares of the exact rigid motion (closed form in two dimensions).
+/// Fits the exact rigid motion by weighted smallest squares (closed form in two dimensions).
 fn weighted_fit(vectors: &[Vector]) -> Option<Turn> {
     let total: f64 = vectors.iter().map(|v| v.weight).sum();
     if total.is_nan() || total <= 0.0 {
@@ -256,13 +255,13 @@ fn weighted_fit(vectors: &[Vector]) -> Option<Turn> {
     }
     let angle = across.atan2(along);
     let (sin, cos) = angle.sin_cos();
-    // Where the origin goes.
+    // The displacement of the origin.
     Some(Turn { u: tx - (cos * x + sin * y), v: ty - (cos * y - sin * x), angle, sin, cos })
 }
 
-/// The motion with its uncertainty: the weighted fit's influence of each vector
-/// through the covariance of all vectors.
-fn uncertain(turn: &Turn, vectors: &[Vector], size: f64) -> Option<RigidMotion> {
+/// Returns the motion with its uncertainty: the influence of each vector on the weighted fit, propagated through the
+/// covariance of all vectors.
+fn with_uncertainty(turn: &Turn, vectors: &[Vector], size: f64) -> Option<RigidMotion> {
     let Turn { sin, cos, .. } = *turn;
     // The derivative of (x', y') by the angle.
     let lever = |v: &Vector| (-sin * v.x + cos * v.y, -cos * v.x - sin * v.y);
@@ -288,7 +287,7 @@ fn uncertain(turn: &Turn, vectors: &[Vector], size: f64) -> Option<RigidMotion> 
     let influences: Vec<[[f64; 3]; 2]> = vectors.iter().map(influence).collect();
     let places: Vec<[f64; 4]> = vectors.iter().map(|v| [v.x, v.y, v.sigmas[0], v.sigmas[1]]).collect();
     let variance = variances(&places, &influences, size);
-    // What the residuals show beyond the vectors' own uncertainties.
+    // The excess of the residuals over the uncertainties of the vectors.
     let squares: f64 = vectors.iter().map(|v| turn.squared_distance(v) / v.variance).sum();
     let freedom = (2 * vectors.len() - 3) as f64;
     let excess = (squares / freedom).max(1.0).sqrt();
@@ -303,9 +302,11 @@ fn uncertain(turn: &Turn, vectors: &[Vector], size: f64) -> Option<RigidMotion> 
     })
 }
 
-/// Variances of three sums over vectors, row by row on a grid, each with its place and the deviations of u and v: in every
-/// sum u and v of each count by their influence, and two subsets that share a part of their pixels share that part of
-/// their noise.
+/// Returns the variances of three weighted sums over vectors of overlapping subsets.
+///
+/// `places` holds position and standard deviations of u and v of each vector, row by row on a grid. `influences` holds
+/// the weights of its u and v in each sum. Two subsets that factor a part of their pixels factor that part of their
+/// noise.
 pub(super) fn variances(places: &[[f64; 4]], influences: &[[[f64; 3]; 2]], size: f64) -> [f64; 3] {
     let counted = places.iter().zip(influences).map(|([_, _, u, v], [by_u, by_v])| {
         let ([a, b, c], [d, e, f]) = (by_u.map(|influence| u * influence), by_v.map(|influence| v * influence));
@@ -316,7 +317,7 @@ pub(super) fn variances(places: &[[f64; 4]], influences: &[[[f64; 3]; 2]], size:
     for (i, ([ax, ay, ..], own)) in places.iter().zip(&counted).enumerate() {
         let mut sums = [0.0; 6];
         for (j, ([bx, by, ..], other)) in places.iter().zip(&counted).enumerate().skip(i) {
-            // Nothing overlaps further down.
+            // No overlap further down.
             if by - ay >= size {
                 break;
             }
@@ -384,7 +385,7 @@ mod tests {
             assert!((motion.angle_deg - angle_deg).abs() < 1e-4, "{motion:?}");
             assert!((motion.u_px - 3.0).abs() < 1e-4 && (motion.v_px + 2.0).abs() < 1e-4, "{motion:?}");
         }
-        // A point right of the centre rises on the screen: its v is negative.
+        // A point to the right of the centre rises on the screen: its v is negative.
         let turn = Turn::new(0.0, 0.0, 0.1);
         let right = body(turn, 1e-9, 1)[26].displacement.unwrap();
         assert!(right.v_px < 0.0, "{right:?}");
@@ -404,7 +405,7 @@ mod tests {
     }
 
     #[test]
-    fn a_motion_that_was_foretold_is_taken_only_where_the_vectors_share_it() {
+    fn a_predicted_motion_is_used_only_if_the_vectors_follow_it() {
         let turn = Turn::new(1.0, 0.5, 0.01);
         let fit = |near| rigid_fit_near(&mut body(turn, 0.005, 3), (100.0, 90.0), 31, near).unwrap();
         let (free, near) = (fit(None), fit(Some((1.003, 0.498, 0.01_f64.to_degrees()))));
@@ -448,7 +449,7 @@ mod tests {
         }
         let ratio: [f64; 3] = std::array::from_fn(|k| (reported[k] / errors[k]).sqrt());
         eprintln!("{} subsets, rms {:?} px, px, deg; reported/actual {ratio:?}", points.len(), errors.map(f64::sqrt));
-        // 24 rounds: the scatter itself is known to 15 % each.
+        // 24 rounds: the scatter itself is with_uncertainty by 15 % each.
         assert!(ratio.iter().all(|ratio| (0.75..1.45).contains(ratio)), "{ratio:?}");
         assert!(errors[2].sqrt() < 0.003, "angle {} deg", errors[2].sqrt());
     }

@@ -1,8 +1,8 @@
-//! Rotation from a ring: polar pictures of a body around its centre, correlated along the angle.
+//! Rotation by polar correlation: rings around the centres of a body in two images, correlated along the angle.
 //!
-//! A rotation about the centre is a shift along the angle, the same at every radius, and a Fourier transform along the
-//! angle finds it wherever it lies: any rotation, without a start. The ring ends where something hides the body.
-//! (B. S. Reddy, B. N. Chatterji, IEEE Trans. Image Process. 5 (1996) 1266, <https://doi.org/10.1109/83.506761>.)
+//! A rotation about the centre is a shift along the angle at every radius. A Fourier transform along the angle finds
+//! any rotation without an initial guess. The ring ends where the body is occluded. (B. S. Reddy, B. N. Chatterji, IEEE
+//! Trans. Image Process. 5 (1996) 1266, <https://doi.org/10.1109/83.506761>.)
 
 use std::f64::consts::{PI, TAU};
 
@@ -14,47 +14,47 @@ use super::prepared::Prepared;
 use super::transform::fast_size;
 use crate::results::PointStatus;
 
-/// Lowest harmonic that is compared: light that stays where it is while the body turns is in those below.
-const LEAST_HARMONIC: usize = 3;
+/// The lowest harmonic that is compared. Illumination, which does not rotate with the body, is in those below.
+const MIN_HARMONIC: usize = 3;
 
-/// Fewest radii a ring has.
-const FEWEST_ROWS: usize = 4;
+/// The minimum number of radii of a ring.
+const MIN_ROWS: usize = 4;
 
-/// Rows of a cell, in which foreign pixels are told from the body's, and its length along the angle, px.
+/// The size of the cells that are tested for occlusion: rows, and length along the angle in px.
 const CELL: (usize, f64) = (3, 8.0);
 
-/// A cell is foreign when its mean square residual is so many times the median cell's.
-const FOREIGN: f64 = 9.0;
+/// The ratio of a cell's mean square residual to the median above which it is occluded.
+const MAX_CELL_RATIO: f64 = 9.0;
 
-/// Least root mean square residual of a body's own cells, DN: of frames without noise.
-const LEAST_RESIDUAL: f64 = 0.5;
+/// The minimum root mean square residual of a visible cell, DN, for frames without noise.
+const MIN_RESIDUAL_DN: f64 = 0.5;
 
-/// Radial extent of the pieces whose errors count as independent, rows, and their length along the angle, px.
-const PIECE: (usize, f64) = (8, 12.0);
+/// The size of the sectors whose errors count as independent: rows, and length along the angle in px.
+const SECTOR: (usize, f64) = (8, 12.0);
 
-/// Lowest ZNCC of a ring that counts as found.
-const LEAST_ZNCC: f64 = 0.5;
+/// The minimum ZNCC of an accepted ring.
+const MIN_ZNCC: f64 = 0.5;
 
-/// A second angle whose likeness is more than this share of the best one's makes it ambiguous.
-const RIVAL: f64 = 0.9;
+/// The ratio of the second to the first correlation peak above which the rotation is ambiguous.
+const MAX_RIVAL: f64 = 0.9;
 
-/// Rounds of leaving out what is foreign.
-const ROUNDS: usize = 4;
+/// The maximum number of times that the ring is shortened.
+const MAX_ROUNDS: usize = 4;
 
-/// Rotation between two frames, from a ring.
+/// The rotation between two frames, from a ring.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Turn {
-    /// Rotation, counter-clockwise on the screen, -180 to 180 deg.
+    /// The rotation, counter-clockwise on the screen, -180 to 180 deg.
     pub angle_deg: f64,
-    /// Its standard uncertainty, deg.
+    /// The standard uncertainty of the rotation, deg.
     pub sigma_deg: f64,
-    /// Zero-mean normalised cross-correlation of the rings, -1 to 1.
+    /// The zero-mean normalised cross-correlation of the rings, -1 to 1.
     pub zncc: f64,
-    /// Where the ring ended: at the radius asked for, or where something hides the body or the picture ends, px.
+    /// The outer radius of the ring: the requested radius, or where occlusion or the edge of the image begins, px.
     pub outer_px: f64,
 }
 
-/// Finds rotations; keeps its memory and its plans.
+/// Measures rotations; keeps its memory and its FFT plans.
 #[derive(Default)]
 pub struct Ring {
     planner: Option<RealFftPlanner<f32>>,
@@ -64,7 +64,7 @@ pub struct Ring {
     slope: Polar,
 }
 
-/// Grey levels around a centre: a row for each radius, and its harmonics.
+/// Grey levels around a centre, one row per radius, and their harmonics.
 #[derive(Default)]
 struct Polar {
     levels: Vec<f32>,
@@ -76,22 +76,22 @@ struct Polar {
 struct Grid {
     inner_px: f64,
     rows: usize,
-    /// Samples a row; even.
+    /// The samples per row; even.
     columns: usize,
 }
 
 impl Ring {
-    /// The rotation of a body whose centre lies at `from` in `reference` and at `to` in `target`, px, by the pixels
-    /// between two radii, px.
+    /// Measures the rotation of a body whose centre is at `from` in `reference` and at `to` in `target`, px, from the
+    /// pixels between two radii, px.
     ///
-    /// With `near`, deg, only rotations within 20 deg of it count; without, all do, and a pattern that looks alike at
-    /// two angles is ambiguous.
+    /// With `near`, deg, only rotations within 20 deg of it are accepted. Otherwise all are, and a pattern that repeats
+    /// at two angles is ambiguous.
     ///
     /// # Errors
     ///
-    /// [`PointStatus::OutOfFrame`] when too little of the ring lies in the pictures, [`PointStatus::Occluded`] when too
-    /// little of it is in sight, [`PointStatus::LowContrast`], [`PointStatus::LowCorrelation`] or
-    /// [`PointStatus::Ambiguous`].
+    /// - [`PointStatus::OutOfFrame`] if too little of the ring lies in the images.
+    /// - [`PointStatus::Occluded`] if too little of it is visible.
+    /// - [`PointStatus::LowContrast`], [`PointStatus::LowCorrelation`] or [`PointStatus::Ambiguous`].
     pub fn turn(
         &mut self,
         (reference, from): (&Prepared, (f64, f64)),
@@ -105,19 +105,19 @@ impl Ring {
         self.from.sample(reference, from, grid, forward.as_ref());
         self.to.sample(target, to, grid, forward.as_ref());
         self.from.filter(grid, backward.as_ref());
-        for _ in 0..ROUNDS {
+        for _ in 0..MAX_ROUNDS {
             let (angle, zncc) = self.peak(grid, near.map(f64::to_radians), backward.as_ref())?;
             let gain = self.align(grid, angle, backward.as_ref());
-            let rows = self.rows_in_sight(grid, gain);
+            let rows = self.visible_rows(grid, gain);
             if rows == grid.rows {
-                if zncc < LEAST_ZNCC {
+                if zncc < MIN_ZNCC {
                     return Err(PointStatus::LowCorrelation);
                 }
                 let sigma_deg = self.sigma(grid, gain).to_degrees();
                 let outer_px = grid.inner_px + grid.rows as f64;
                 return Ok(Turn { angle_deg: angle.to_degrees(), sigma_deg, zncc, outer_px });
             }
-            if rows < FEWEST_ROWS {
+            if rows < MIN_ROWS {
                 return Err(PointStatus::Occluded);
             }
             grid.rows = rows;
@@ -130,7 +130,7 @@ impl Ring {
         (planner.plan_fft_forward(columns), planner.plan_fft_inverse(columns))
     }
 
-    /// The rotation at which the rings are most alike, rad, and how much.
+    /// Returns the rotation of the highest correlation, rad, and its ZNCC.
     fn peak(
         &self,
         grid: Grid,
@@ -152,22 +152,22 @@ impl Ring {
         }
         let energy = (energies[0] * energies[1]).sqrt();
         let samples = grid.columns as f64 * (0..grid.rows).map(|row| grid.weight(row)).sum::<f64>();
-        if energies.iter().any(|energy| *energy < samples * grid.columns as f64 * LEAST_RESIDUAL * LEAST_RESIDUAL) {
+        if energies.iter().any(|energy| *energy < samples * grid.columns as f64 * MIN_RESIDUAL_DN * MIN_RESIDUAL_DN) {
             return Err(PointStatus::LowContrast);
         }
         let mut input: Vec<_> =
             cross.iter().map(|c| Complex::new((c.re / energy) as f32, (c.im / energy) as f32)).collect();
-        let mut likeness = vec![0.0_f32; grid.columns];
-        if backward.process(&mut input, &mut likeness).is_err() {
+        let mut correlation = vec![0.0_f32; grid.columns];
+        if backward.process(&mut input, &mut correlation).is_err() {
             return Err(PointStatus::LowCorrelation);
         }
-        let start = best(&likeness, near).ok_or(PointStatus::LowCorrelation)??;
-        let angle = climb(&cross, start).ok_or(PointStatus::LowCorrelation)?;
-        let product: f64 = cross.iter().enumerate().map(|(k, c)| 2.0 * (c * turned(k, angle)).re).sum();
+        let start = best(&correlation, near).ok_or(PointStatus::LowCorrelation)??;
+        let angle = maximize(&cross, start).ok_or(PointStatus::LowCorrelation)?;
+        let product: f64 = cross.iter().enumerate().map(|(k, c)| 2.0 * (c * rotation_factor(k, angle)).re).sum();
         Ok((angle, product / energy))
     }
 
-    /// Turns the target back by `angle`; gives the gain that makes it most like the reference.
+    /// Rotates the target back by `angle` and returns the gain that matches it to the reference.
     fn align(&mut self, grid: Grid, angle: f64, backward: &dyn ComplexToReal<f32>) -> f64 {
         let harmonics = grid.harmonics();
         for polar in [&mut self.aligned, &mut self.slope] {
@@ -176,7 +176,7 @@ impl Ring {
         }
         for (k, value) in self.to.spectrum[..grid.rows * harmonics].iter().enumerate() {
             let k = k % harmonics;
-            let back = wide(*value) * turned(k, angle) / grid.columns as f64;
+            let back = wide(*value) * rotation_factor(k, angle) / grid.columns as f64;
             let slope = back * Complex::new(0.0, k as f64);
             self.aligned.spectrum.push(Complex::new(back.re as f32, back.im as f32));
             self.slope.spectrum.push(Complex::new(slope.re as f32, slope.im as f32));
@@ -194,14 +194,14 @@ impl Ring {
         product / energy
     }
 
-    /// What is left of a sample when the rings lie on each other.
+    /// Returns the residual of a sample of the aligned rings.
     fn residual(&self, grid: Grid, gain: f64, row: usize, column: usize) -> f64 {
         let place = row * grid.columns + column;
         gain * f64::from(self.aligned.levels[place]) - f64::from(self.from.levels[place])
     }
 
-    /// Rows from the innermost on before anything foreign.
-    fn rows_in_sight(&self, grid: Grid, gain: f64) -> usize {
+    /// Returns the number of rows inside the first occluded one.
+    fn visible_rows(&self, grid: Grid, gain: f64) -> usize {
         let bands = grid.rows.div_ceil(CELL.0);
         let mut cells = Vec::new();
         for band in 0..bands {
@@ -219,35 +219,35 @@ impl Ring {
         let mut sorted: Vec<f64> = cells.iter().map(|cell| cell.1).collect();
         let middle = sorted.len() / 2;
         let median = *sorted.select_nth_unstable_by(middle, f64::total_cmp).1;
-        let most = FOREIGN * median.max(LEAST_RESIDUAL * LEAST_RESIDUAL);
-        // One odd cell may be a scratch; what hides a body is wider.
-        let foreign = |band: usize| cells.iter().filter(|cell| cell.0 == band && cell.1 > most).count() > 1;
-        let first = (0..bands).find(|band| foreign(*band));
+        let limit = MAX_CELL_RATIO * median.max(MIN_RESIDUAL_DN * MIN_RESIDUAL_DN);
+        // One odd cell may be a scratch; occluders are wider.
+        let is_occluded = |band: usize| cells.iter().filter(|cell| cell.0 == band && cell.1 > limit).count() > 1;
+        let first = (0..bands).find(|band| is_occluded(*band));
         first.map_or(grid.rows, |band| band * CELL.0)
     }
 
-    /// Standard uncertainty of the angle, rad: from how much pieces of the ring contradict each other.
+    /// Returns the standard uncertainty of the angle, rad, from the scatter between sectors of the ring.
     fn sigma(&self, grid: Grid, gain: f64) -> f64 {
         let middle_px = grid.inner_px + 0.5 * grid.rows as f64;
-        let sectors = ((TAU * middle_px / PIECE.1) as usize).clamp(8, grid.columns);
-        let bands = grid.rows.div_ceil(PIECE.0);
-        let (mut information, mut pieces) = (0.0, vec![0.0_f64; sectors * bands]);
+        let sectors = ((TAU * middle_px / SECTOR.1) as usize).clamp(8, grid.columns);
+        let bands = grid.rows.div_ceil(SECTOR.0);
+        let (mut information, mut scores) = (0.0, vec![0.0_f64; sectors * bands]);
         for row in 0..grid.rows {
             for column in 0..grid.columns {
                 let slope = gain * f64::from(self.slope.levels[row * grid.columns + column]);
                 information += grid.weight(row) * slope * slope;
-                pieces[row / PIECE.0 * sectors + column * sectors / grid.columns] +=
+                scores[row / SECTOR.0 * sectors + column * sectors / grid.columns] +=
                     grid.weight(row) * slope * self.residual(grid, gain, row, column);
             }
         }
-        let count = pieces.len() as f64;
-        let variance = pieces.iter().map(|piece| piece * piece).sum::<f64>() * count / (count - 1.0);
+        let count = scores.len() as f64;
+        let variance = scores.iter().map(|score| score * score).sum::<f64>() * count / (count - 1.0);
         variance.sqrt() / information
     }
 }
 
 impl Polar {
-    /// Fills rows and harmonics from a frame.
+    /// Samples rows and harmonics from a frame.
     fn sample(&mut self, frame: &Prepared, (x, y): (f64, f64), grid: Grid, forward: &dyn RealToComplex<f32>) {
         let (left, top) = frame.local((0, 0));
         let (x, y) = (x + f64::from(left), y + f64::from(top));
@@ -261,16 +261,16 @@ impl Polar {
             for (level, (sin, cos)) in line.iter_mut().zip(&directions) {
                 *level = frame.splined.at(x + radius * cos, y - radius * sin);
             }
-            // Lengths are those of the plan, so nothing is refused.
+            // The lengths match the plan, so this cannot fail.
             let _ = forward.process(&mut line, &mut harmonics);
-            harmonics[..LEAST_HARMONIC].fill(Complex::default());
-            // The highest has no phase.
+            harmonics[..MIN_HARMONIC].fill(Complex::default());
+            // The highest harmonic has no phase.
             harmonics[grid.harmonics() - 1] = Complex::default();
             self.spectrum.extend_from_slice(&harmonics);
         }
     }
 
-    /// Fills the rows from the harmonics that are compared, which stay as they are.
+    /// Computes the rows from the compared harmonics, which are kept.
     fn filter(&mut self, grid: Grid, backward: &dyn ComplexToReal<f32>) {
         let kept = self.spectrum.clone();
         self.levels.resize(grid.rows * grid.columns, 0.0);
@@ -279,7 +279,7 @@ impl Polar {
         self.spectrum = kept;
     }
 
-    /// Fills the rows from the harmonics, which are used up.
+    /// Computes the rows from the harmonics, which are overwritten.
     fn invert(&mut self, grid: Grid, backward: &dyn ComplexToReal<f32>) {
         let harmonics = self.spectrum.chunks_exact_mut(grid.harmonics());
         for (harmonics, row) in harmonics.zip(self.levels.chunks_exact_mut(grid.columns)) {
@@ -290,7 +290,7 @@ impl Polar {
 
 impl Grid {
     fn new(inner_px: f64, outer_px: f64) -> Option<Self> {
-        let sound = inner_px >= 1.0 && outer_px <= 1e4 && outer_px - inner_px >= FEWEST_ROWS as f64;
+        let sound = inner_px >= 1.0 && outer_px <= 1e4 && outer_px - inner_px >= MIN_ROWS as f64;
         sound.then(|| {
             let samples = fast_size((0.5 * TAU * outer_px).ceil() as usize);
             Self { inner_px, rows: (outer_px - inner_px) as usize, columns: 2 * samples }
@@ -305,7 +305,7 @@ impl Grid {
         self.inner_px + row as f64 + 0.5
     }
 
-    /// Pixels a sample of a row stands for.
+    /// Returns the pixels per sample of a row.
     fn weight(&self, row: usize) -> f64 {
         TAU * self.radius(row) / self.columns as f64
     }
@@ -315,7 +315,7 @@ impl Grid {
     }
 }
 
-/// Largest circle around a place that a frame, as far as it was made ready, holds, px.
+/// Returns the radius of the largest circle around a position inside the prepared part of a frame, px.
 fn room(frame: &Prepared, (x, y): (f64, f64)) -> f64 {
     let (left, top) = frame.local((0, 0));
     let (x, y) = (x + f64::from(left), y + f64::from(top));
@@ -330,41 +330,43 @@ fn wide(c: Complex<f32>) -> Complex<f64> {
     Complex::new(f64::from(c.re), f64::from(c.im))
 }
 
-/// What turning back by an angle does to a harmonic.
-fn turned(harmonic: usize, angle: f64) -> Complex<f64> {
+/// Returns the factor that rotates a harmonic back by an angle.
+fn rotation_factor(harmonic: usize, angle: f64) -> Complex<f64> {
     let (sin, cos) = (harmonic as f64 * angle).sin_cos();
     Complex::new(cos, sin)
 }
 
-/// How far from `near` rotations count, rad.
-const NEAR: f64 = PI / 9.0;
+/// The range of accepted rotations around `near`, rad.
+const NEAR_RAD: f64 = PI / 9.0;
 
-/// The angle of the highest sample, rad; ambiguous where another peak is about as high.
-fn best(likeness: &[f32], near: Option<f64>) -> Option<Result<f64, PointStatus>> {
-    let count = likeness.len();
+/// Returns the angle of the highest sample, rad; ambiguous if another peak is about as high.
+fn best(correlation: &[f32], near: Option<f64>) -> Option<Result<f64, PointStatus>> {
+    let count = correlation.len();
     let angle = |k: usize| {
         let angle = TAU * k as f64 / count as f64;
         if angle > PI { angle - TAU } else { angle }
     };
     let apart = |a: f64, b: f64| ((a - b + PI).rem_euclid(TAU) - PI).abs();
-    let allowed = |k: &usize| near.is_none_or(|near| apart(angle(*k), near) < NEAR);
-    let is_peak =
-        |k: &usize| likeness[*k] >= likeness[(k + 1) % count] && likeness[*k] > likeness[(k + count - 1) % count];
+    let allowed = |k: &usize| near.is_none_or(|near| apart(angle(*k), near) < NEAR_RAD);
+    let is_peak = |k: &usize| {
+        correlation[*k] >= correlation[(k + 1) % count] && correlation[*k] > correlation[(k + count - 1) % count]
+    };
     let mut peaks: Vec<usize> = (0..count).filter(is_peak).filter(allowed).collect();
-    peaks.sort_by(|a, b| likeness[*b].total_cmp(&likeness[*a]));
+    peaks.sort_by(|a, b| correlation[*b].total_cmp(&correlation[*a]));
     let first = *peaks.first()?;
-    let is_rival = peaks.get(1).is_some_and(|second| f64::from(likeness[*second]) > RIVAL * f64::from(likeness[first]));
+    let is_rival =
+        peaks.get(1).is_some_and(|second| f64::from(correlation[*second]) > MAX_RIVAL * f64::from(correlation[first]));
     Some(if is_rival { Err(PointStatus::Ambiguous) } else { Ok(angle(first)) })
 }
 
-/// The summit of a sum of harmonics near an angle, rad.
-fn climb(cross: &[Complex<f64>], start: f64) -> Option<f64> {
+/// Returns the maximum of a sum of harmonics near an angle, rad, by Newton's method.
+fn maximize(cross: &[Complex<f64>], start: f64) -> Option<f64> {
     let step = PI / cross.len() as f64;
     let mut angle = start;
     for _ in 0..20 {
         let (mut slope, mut bend) = (0.0, 0.0);
         for (k, c) in cross.iter().enumerate() {
-            let (z, k) = (c * turned(k, angle), k as f64);
+            let (z, k) = (c * rotation_factor(k, angle), k as f64);
             slope -= k * z.im;
             bend -= k * k * z.re;
         }
@@ -390,8 +392,8 @@ mod tests {
     use crate::dic::warp::Warp;
     use crate::image::Image;
 
-    /// A pattern turned about (70, 66) and shifted.
-    fn turned_by(speckle: &Speckle, (u, v, angle_deg): (f64, f64, f64)) -> Image {
+    /// A pattern rotated about (70, 66) and shifted.
+    fn rotated_by(speckle: &Speckle, (u, v, angle_deg): (f64, f64, f64)) -> Image {
         let turn = Warp::rigid(u, v, angle_deg.to_radians());
         let motion = |x: f64, y: f64| {
             let (dx, dy) = (x - 70.0, y - 66.0);
@@ -411,7 +413,7 @@ mod tests {
             let (mut square, mut reported, mut worst, mut count) = (0.0, 0.0, 0.0_f64, 0.0);
             for (case, angle_deg) in [0.07, -0.61, 2.93, 17.31, -90.4, 171.7].into_iter().enumerate() {
                 let (u, v) = (1.37, -0.82);
-                let target = turned_by(&speckle, (u, v, angle_deg));
+                let target = rotated_by(&speckle, (u, v, angle_deg));
                 for round in 0..6 {
                     let seed = 300 + 20 * case as u64 + 2 * round;
                     let (a, b) = (prepared(&record(&reference, 2.0, seed)), prepared(&record(&target, 2.0, seed + 1)));
@@ -430,12 +432,12 @@ mod tests {
     }
 
     #[test]
-    fn the_ring_ends_at_the_edge_of_what_hides_the_body() {
+    fn the_ring_ends_at_the_edge_of_an_occluder() {
         let speckle = Speckle::standard(42, 140.0);
         let reference = prepared(&record(&speckle.draw(140, 132), 2.0, 1));
         let mut random = Sequence::new(3);
         for (edge_px, angle_deg) in [(44.0, 0.71), (30.0, -1.33), (22.0, 0.4)] {
-            let mut image = record(&turned_by(&speckle, (0.0, 0.0, angle_deg)), 2.0, 2);
+            let mut image = record(&rotated_by(&speckle, (0.0, 0.0, angle_deg)), 2.0, 2);
             for (y, row) in image.rows_mut().enumerate() {
                 for (x, level) in row.iter_mut().enumerate() {
                     if x as f64 > CENTER.0 + edge_px {
@@ -455,7 +457,7 @@ mod tests {
     }
 
     #[test]
-    fn other_patterns_are_refused_and_those_that_look_alike_twice_are_ambiguous() {
+    fn other_patterns_are_refused_and_repeating_ones_are_ambiguous() {
         let frame = |seed: u64| prepared(&record(&Speckle::standard(seed, 140.0).draw(140, 132), 2.0, seed));
         let mut ring = Ring::default();
         let other = ring.turn((&frame(1), CENTER), (&frame(2), CENTER), (12.0, 50.0), None);
@@ -480,7 +482,7 @@ mod tests {
     }
 
     #[test]
-    fn rings_beside_the_picture_are_refused() {
+    fn rings_outside_the_image_are_refused() {
         let frame = prepared(&Speckle::standard(1, 140.0).draw(140, 132));
         for center in [(5.0, 60.0), (f64::NAN, 60.0), (60.0, 1e9)] {
             let found = Ring::default().turn((&frame, center), (&frame, center), (12.0, 50.0), None);

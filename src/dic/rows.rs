@@ -1,4 +1,4 @@
-//! A block of eight columns of a target, row by row, as a motion carries the reference there.
+//! Rows of eight columns of a warped target.
 
 use super::lanes::{LANES, Lanes};
 use super::sample::{ShiftedColumn, Taps, along, sample_lanes, widened};
@@ -7,25 +7,25 @@ use super::vector::Vector;
 use super::warp::Warp;
 use super::window::Block;
 
-/// Most rows of a tile that is only shifted.
-const SHIFTED_ROWS: usize = LANES;
+/// The maximum number of rows of a shifted tile.
+const MAX_SHIFTED_ROWS: usize = LANES;
 
-/// Most rows of a tile that is turned.
-const TURNED_ROWS: usize = 2 * LANES;
+/// The maximum number of rows of a rotated tile.
+const MAX_TURNED_ROWS: usize = 2 * LANES;
 
-/// Largest stretch that gradients make up for within a tile: pixels at its edge are off by a hundredth of a pixel.
-const STRETCH: f64 = 0.02 / TURNED_ROWS as f64;
+/// The largest strain that gradients correct within a tile. Pixels at its edge are displaced by a hundredth of a pixel.
+const MAX_STRAIN: f64 = 0.02 / MAX_TURNED_ROWS as f64;
 
-/// Largest slope of a row of a tile: less than one cell over its lanes.
-const SLOPE: f64 = 0.12;
+/// The largest slope of a row of a tile: less than one cell over its lanes.
+const MAX_SLOPE: f64 = 0.12;
 
-/// The rows of a block of the target, one after the other.
+/// The rows of a block of the target, in order.
 pub(super) trait Rows<V> {
-    /// The next; `gradients` are those of the reference there, along x and along y.
+    /// Returns the next row; `gradients` are those of the reference there, along x and y.
     fn next(&mut self, gradients: (V, V)) -> V;
 }
 
-/// Samples that were kept, off which a mean was taken.
+/// Stored samples, minus a mean.
 pub(super) struct KeptColumn<'a, V> {
     samples: std::slice::Iter<'a, Lanes>,
     mean: V,
@@ -45,19 +45,19 @@ impl<V: Vector> Rows<V> for KeptColumn<'_, V> {
     }
 }
 
-/// A target and where a motion carries the subset about a centre.
+/// A target and the warp of a subset about a centre.
 #[derive(Clone, Copy)]
 pub(super) struct Carrier<'a> {
     pub(super) target: &'a Splined,
-    /// The subset's centre in the target, before it moves.
+    /// The subset's centre in the target before the warp.
     pub(super) at: (i32, i32),
     pub(super) warp: &'a Warp,
-    /// About by how much the target's differences are larger than the reference's.
+    /// The approximate gain of the target relative to the reference.
     pub(super) gain: f32,
 }
 
 impl Carrier<'_> {
-    /// Where an offset from the subset's centre lies in the target.
+    /// Returns the position in the target of an offset from the subset's centre.
     #[inline(always)]
     pub(super) fn place(&self, dx: f64, dy: f64) -> (f64, f64) {
         let (x, y) = self.warp.apply(dx, dy);
@@ -65,10 +65,10 @@ impl Carrier<'_> {
     }
 }
 
-/// Rows of the tiles of a block: of about one size, for a last one of a single row would cost as much as a whole one.
+/// Returns the rows per tile, of nearly equal size: a last tile of a single row would cost as much as a whole one.
 #[inline(always)]
-fn tile_rows(block: &Block, most: usize) -> usize {
-    block.rows.div_ceil(block.rows.div_ceil(most))
+fn tile_rows(block: &Block, max_rows: usize) -> usize {
+    block.rows.div_ceil(block.rows.div_ceil(max_rows))
 }
 
 /// A block that is only shifted.
@@ -79,22 +79,22 @@ impl<V: Vector, const N: usize> Rows<V> for ShiftedColumn<'_, V, N> {
     }
 }
 
-/// A block in tiles, each shifted as its middle is.
+/// A block in tiles, each shifted like its centre.
 pub(super) struct TiledColumn<'a, V, const N: usize> {
     carrier: Carrier<'a>,
     dx: i32,
     dy: i32,
     rows: usize,
-    left: usize,
+    remaining: usize,
     tile: ShiftedColumn<'a, V, N>,
 }
 
 impl<'a, V: Vector, const N: usize> TiledColumn<'a, V, N> {
     #[inline(always)]
     pub(super) fn new(carrier: Carrier<'a>, block: &Block) -> Self {
-        let rows = tile_rows(block, SHIFTED_ROWS);
+        let rows = tile_rows(block, MAX_SHIFTED_ROWS);
         let tile = Self::tile(&carrier, (block.dx, block.dy), rows);
-        Self { carrier, dx: block.dx, dy: block.dy, rows, left: rows, tile }
+        Self { carrier, dx: block.dx, dy: block.dy, rows, remaining: rows, tile }
     }
 
     #[inline(always)]
@@ -108,21 +108,20 @@ impl<'a, V: Vector, const N: usize> TiledColumn<'a, V, N> {
 impl<V: Vector, const N: usize> Rows<V> for TiledColumn<'_, V, N> {
     #[inline(always)]
     fn next(&mut self, _: (V, V)) -> V {
-        if self.left == 0 {
+        if self.remaining == 0 {
             self.dy += self.rows as i32;
-            self.left = self.rows;
+            self.remaining = self.rows;
             self.tile = Self::tile(&self.carrier, (self.dx, self.dy), self.rows);
         }
-        self.left -= 1;
+        self.remaining -= 1;
         self.tile.next_row()
     }
 }
 
-/// A block that is turned, in tiles: within one, the lanes of a row share their weights along x, and the rows of a lane
-/// those along y.
+/// A rotated block in tiles. The lanes of a row share their weights along x, and the rows of a lane those along y.
 ///
-/// What a turn or a stretch changes along a row in x and down a lane in y is a few thousandths of a pixel within a
-/// tile, and the gradients make up for it.
+/// Within a tile, rotation and strain displace pixels by a few thousandths of a pixel along a row in x and down a lane
+/// in y. The gradients correct this.
 pub(super) struct TurnedColumn<'a, V, const N: usize, const M: usize> {
     carrier: Carrier<'a>,
     dx: i32,
@@ -130,23 +129,23 @@ pub(super) struct TurnedColumn<'a, V, const N: usize, const M: usize> {
     rows: usize,
     /// The next row of the tile.
     row: usize,
-    /// Index of the first tap of each row.
-    first: [usize; TURNED_ROWS],
-    /// Weights along x, of each tap for all rows.
-    weights_x: [[f32; TURNED_ROWS]; N],
-    /// Weights along y, of each tap for all lanes.
+    /// The index of the first tap of each row.
+    first: [usize; MAX_TURNED_ROWS],
+    /// The weights along x, of each tap for all rows.
+    weights_x: [[f32; MAX_TURNED_ROWS]; N],
+    /// The weights along y, of each tap for all lanes.
     weights_y: [V; M],
     /// Whether some lanes lie in a second cell along y.
     is_wide: bool,
-    /// How far lanes are from where their row's weights are for, px, times the gain.
-    apart: V,
+    /// The displacement of the lanes from the position of their row's weights, px, times the gain.
+    lane_shift: V,
 }
 
 impl<'a, V: Vector, const N: usize, const M: usize> TurnedColumn<'a, V, N, M> {
-    /// Whether a motion is little more than a turn of some degrees.
+    /// Whether a warp is nearly a rotation of a few degrees.
     #[inline(always)]
     pub(super) fn follows(warp: &Warp) -> bool {
-        warp.is_within(SLOPE) && warp.ux.abs() <= STRETCH && warp.vy.abs() <= STRETCH
+        warp.is_within(MAX_SLOPE) && warp.ux.abs() <= MAX_STRAIN && warp.vy.abs() <= MAX_STRAIN
     }
 
     #[inline(always)]
@@ -156,37 +155,37 @@ impl<'a, V: Vector, const N: usize, const M: usize> TurnedColumn<'a, V, N, M> {
             carrier,
             dx: block.dx,
             dy: block.dy,
-            rows: tile_rows(block, TURNED_ROWS),
+            rows: tile_rows(block, MAX_TURNED_ROWS),
             row: 0,
-            first: [0; TURNED_ROWS],
-            weights_x: [[0.0; TURNED_ROWS]; N],
+            first: [0; MAX_TURNED_ROWS],
+            weights_x: [[0.0; MAX_TURNED_ROWS]; N],
             weights_y: [V::splat(0.0); M],
             is_wide: false,
-            apart: across.mul(V::splat(carrier.gain * carrier.warp.ux as f32)),
+            lane_shift: across.mul(V::splat(carrier.gain * carrier.warp.ux as f32)),
         };
         column.begin_tile();
         column
     }
 
-    /// The weights of the tile at hand.
+    /// Computes the weights of the current tile.
     #[inline(always)]
     fn begin_tile(&mut self) {
         let Carrier { target, warp, .. } = self.carrier;
         let middle = (0.5 * (LANES as f64 - 1.0), 0.5 * (self.rows as f64 - 1.0));
         let (x, y) = self.carrier.place(f64::from(self.dx) + middle.0, f64::from(self.dy) + middle.1);
-        // Of the first lane, in the first row.
+        // The position of the first lane in the first row.
         let (x, y) = (x - middle.0 - middle.1 * warp.uy, y - middle.1 - middle.0 * warp.vx);
         let end_y = y + 2.0 * middle.0 * warp.vx;
         let cell_y = y.min(end_y).floor();
         let lanes = along::<V>(y - cell_y, warp.vx);
-        // A little early: a lane that rounds up to 1 must find its second cell.
+        // Slightly early: a lane that rounds up to 1 must find its second cell.
         self.is_wide = y.max(end_y) - cell_y >= 0.999_999;
         if self.is_wide {
             self.weights_y = widened::<V, N, M>(target, lanes);
         } else {
             self.weights_y[..N].copy_from_slice(&target.lane_weights::<V, N>(lanes));
         }
-        let mut fractions = [0.0; TURNED_ROWS];
+        let mut fractions = [0.0; MAX_TURNED_ROWS];
         let (mut next, stride) = (target.first_tap::<N>(0, cell_y as isize) as isize, target.stride() as isize);
         for (row, (fraction, first)) in fractions.iter_mut().zip(&mut self.first).enumerate().take(self.rows) {
             let x = x + row as f64 * warp.uy;
@@ -223,11 +222,11 @@ impl<V: Vector, const N: usize, const M: usize> Rows<V> for TurnedColumn<'_, V, 
         };
         let down = self.carrier.warp.vy as f32 * (self.row as f32 - 0.5 * (self.rows as f32 - 1.0));
         self.row += 1;
-        value.plus_product(gradients.0, self.apart).plus_product(gradients.1, V::splat(self.carrier.gain * down))
+        value.plus_product(gradients.0, self.lane_shift).plus_product(gradients.1, V::splat(self.carrier.gain * down))
     }
 }
 
-/// A block that is deformed: each pixel has weights of its own.
+/// A deformed block: each pixel has its own weights.
 pub(super) struct WarpedColumn<'a, const N: usize, const M: usize> {
     carrier: Carrier<'a>,
     dx: i32,
@@ -258,7 +257,7 @@ mod tests {
     use crate::dic::speckle::Speckle;
     use crate::dic::vector::Portable;
 
-    /// The rows of a block by pixels of their own, and turned in tiles, with the gradients that the target itself has.
+    /// Returns the rows of a block, sampled pixel by pixel and in rotated tiles, with the target's own gradients.
     fn both(target: &Splined, warp: &Warp, block: &Block) -> [Vec<Lanes>; 2] {
         let carrier = Carrier { target, at: (45, 45), warp, gain: 1.0 };
         let mut exact = WarpedColumn::<6, 7>::new(carrier, block);
@@ -279,7 +278,7 @@ mod tests {
     }
 
     #[test]
-    fn a_block_that_is_turned_is_that_of_pixels_with_weights_of_their_own() {
+    fn a_rotated_block_equals_sampling_pixel_by_pixel() {
         let mut prepared = Prepared::default();
         prepared.fill(Speckle::standard(5, 90.0).draw(90, 90).view(), Interpolation::Optimised);
         let block = Block { dx: -9, dy: -21, rows: 43, start: 0 };

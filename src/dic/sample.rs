@@ -1,18 +1,16 @@
-//! Eight pixels of the warped target at a time.
+//! Samples eight pixels of the warped target at a time.
 
 use super::lanes::{LANES, Lanes};
 use super::spline::Splined;
 use super::vector::Vector;
 
-/// The target at (x + lane (1 + ux), y + lane vx) for the eight lanes.
+/// Samples the target at (x + lane (1 + ux), y + lane vx) for the eight lanes.
 ///
-/// Neighbouring pixels of a mildly deformed subset read neighbouring cells: each
-/// lane lies in the cell next to its left neighbour's, or one further along x or
-/// y. So one contiguous load per tap serves all lanes; lanes one cell further
-/// get their weights shifted by one tap. Stronger deformation (8 degrees and
-/// more) is sampled lane by lane.
+/// In a mildly deformed subset neighbouring pixels read neighbouring cells. Each lane lies in the cell next to its left
+/// neighbour's, or one further along x or y. One contiguous load per tap therefore serves all lanes, and lanes one cell
+/// further get their weights shifted by one tap. Stronger deformation (8 degrees and more) is sampled lane by lane.
 ///
-/// `N` is the number of taps of the target's kernel, `M` one more.
+/// `N` is the number of taps of the target's kernel, `M` is `N` + 1.
 #[inline(always)]
 pub(super) fn sample_lanes<V: Vector, const N: usize, const M: usize>(
     target: &Splined,
@@ -29,7 +27,7 @@ pub(super) fn sample_lanes<V: Vector, const N: usize, const M: usize>(
     let (along_x, along_y) = (along::<V>(x - cell_x, ux), along::<V>(y - cell_y, vx));
     let (rows, stride) = target.taps::<N>(cell_x as isize, cell_y as isize);
     let taps = Taps { rows, stride };
-    // A little early: a lane that rounds up to 1 must find its second cell.
+    // Slightly early: a lane that rounds up to 1 must find its second cell.
     let (wide_x, wide_y) = (x.max(end_x) - cell_x >= 0.999_999, y.max(end_y) - cell_y >= 0.999_999);
     match (wide_x, wide_y) {
         (false, false) => taps.sum(&target.lane_weights::<V, N>(along_x), &target.lane_weights::<V, N>(along_y)),
@@ -39,15 +37,15 @@ pub(super) fn sample_lanes<V: Vector, const N: usize, const M: usize>(
     }
 }
 
-/// `start` and on by `drift` from lane to lane.
+/// Returns `start` + lane `drift`.
 #[inline(always)]
 pub(super) fn along<V: Vector>(start: f64, drift: f64) -> V {
     V::splat(start as f32).add(V::from_lanes(&Lanes::INDEX).mul(V::splat(drift as f32)))
 }
 
-/// Lane by lane, for any deformation.
+/// Samples lane by lane, for any deformation.
 ///
-/// Lanes off the mask may lie anywhere beside the picture; what they read does not count.
+/// Lanes off the mask may lie outside the image; their values are not used.
 #[inline(never)]
 fn sample_scattered(target: &Splined, (x, y): (f64, f64), ux: f64, vx: f64) -> Lanes {
     let (right, bottom) = (target.width() as f64 - 1.0, target.height() as f64 - 1.0);
@@ -66,14 +64,14 @@ pub(super) struct Taps<'a> {
 }
 
 impl<'a> Taps<'a> {
-    /// From the tap of this index on.
+    /// Starts at the tap of this index.
     #[inline(always)]
     pub(super) fn at(target: &'a Splined, first: usize) -> Self {
         let (rows, stride) = target.taps_from(first);
         Self { rows, stride }
     }
 
-    /// Sum of the taps with the weights of each lane.
+    /// Returns the sum of the taps with the weights of each lane.
     #[inline(always)]
     pub(super) fn sum<V: Vector, const X: usize, const Y: usize>(&self, weights_x: &[V; X], weights_y: &[V; Y]) -> V {
         let mut total = V::splat(0.0);
@@ -89,10 +87,10 @@ impl<'a> Taps<'a> {
     }
 }
 
-/// Filtered rows that are kept: as many as a kernel has taps, and a power of two.
+/// The number of filtered rows that are kept: at least the number of taps, and a power of two.
 const RING: usize = 8;
 
-/// A column of blocks of a target that is only shifted: all pixels share their weights.
+/// A column of blocks of a shifted target, where all pixels share their weights.
 ///
 /// Each row is filtered along x once and kept for the `N` rows that need it.
 pub(super) struct ShiftedColumn<'a, V, const N: usize> {
@@ -100,14 +98,14 @@ pub(super) struct ShiftedColumn<'a, V, const N: usize> {
     stride: usize,
     weights_x: [V; N],
     weights_y: [V; N],
-    /// The last rows, filtered along x, in turn: rows that were moved up would wait for their own stores.
+    /// The last rows, filtered along x, in a ring buffer. Moving rows would wait for their own stores.
     filtered: [V; RING],
-    /// Rows filtered so far.
+    /// The number of rows filtered so far.
     count: usize,
 }
 
 impl<'a, V: Vector, const N: usize> ShiftedColumn<'a, V, N> {
-    /// Begins at (x, y), the first lane of the first row.
+    /// Starts at (x, y), the first lane of the first row.
     #[inline(always)]
     pub(super) fn new(target: &'a Splined, (x, y): (f64, f64)) -> Self {
         let (cell_x, cell_y) = (x.floor(), y.floor());
@@ -134,7 +132,7 @@ impl<'a, V: Vector, const N: usize> ShiftedColumn<'a, V, N> {
         self.count += 1;
     }
 
-    /// The eight pixels of the next row.
+    /// Returns the eight pixels of the next row.
     #[inline(always)]
     pub(super) fn next_row(&mut self) -> V {
         self.filter_next();
@@ -147,14 +145,14 @@ impl<'a, V: Vector, const N: usize> ShiftedColumn<'a, V, N> {
     }
 }
 
-/// Weights of one tap more, when some lanes lie in the second cell.
+/// Returns the weights of one tap more, for lanes that lie in the second cell.
 #[inline(always)]
 pub(super) fn widened<V: Vector, const N: usize, const M: usize>(target: &Splined, fraction: V) -> [V; M] {
     let one = V::splat(1.0);
     let second = fraction.at_least(one);
     let weights = target.lane_weights::<V, N>(fraction.sub(one.and(second)));
     let none = V::splat(0.0);
-    // Not by a closure: it would not be compiled for the instructions that its caller may use.
+    // Not a closure, which would not be compiled for the instruction set of its caller.
     let mut wide = [V::select(second, none, weights[0]); M];
     for tap in 1..N {
         wide[tap] = V::select(second, weights[tap - 1], weights[tap]);
@@ -199,7 +197,7 @@ mod tests {
     }
 
     #[test]
-    fn lanes_far_beside_the_picture_do_not_spoil_those_within() {
+    fn lanes_far_outside_the_image_do_not_spoil_those_inside() {
         let target = waves();
         for (at, ux, vx) in [((50.0, 45.0), 0.9, 1.4), ((3.0, 2.0), -2.5, -1.7), ((58.0, 48.0), 3.0, 3.0)] {
             let found = sample_lanes::<Portable, 6, 7>(&target, at, ux, vx).to_lanes();

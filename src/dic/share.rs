@@ -1,24 +1,25 @@
-//! How much of a step towards a target is right.
+//! Gradient gain: corrects the bias of fourth-order gradients.
 //!
-//! Gradients of fourth order read a few per cent low, so a step is that much too long; further steps would take it
-//! back. By how much the texture itself says: its gradients of eighth order read right.
+//! Gradients of fourth order are a few per cent too small, so a Gauss-Newton step is too long by that factor. Further
+//! iterations would correct it. The factor follows from the texture itself, because its gradients of eighth order are
+//! accurate.
 //!
-//! The answer of a match is where sum g (f - t) = 0, with g the gradients of fourth order; the target's levels t change
-//! with the displacement by the true gradient h. So noise moves the answer by sum g n / sum g h, not by the
-//! sum g n / sum g^2 of the inverse Hessian: the standard uncertainty that follows from that is too large by the same share.
+//! A match solves sum g (f - t) = 0, with g the gradients of fourth order. The target's levels t change with the
+//! displacement by the true gradient h. Noise therefore moves the result by sum g n / sum g h, not by the sum g n / sum
+//! g^2 of the inverse Hessian. Standard uncertainties from the inverse Hessian are too large by the same factor.
 
 use super::lanes::{LANES, Lanes};
 use super::prepared::Prepared;
 use super::vector::{Vector, vectorized};
 use super::window::Window;
 
-/// Gradients of fourth order read no less than this of those of eighth, in a texture that can be followed.
-const LEAST_SHARE: f64 = 0.75;
+/// The minimum gradient gain of a texture that can be tracked.
+const MIN_GAIN: f64 = 0.75;
 
-/// From one row to the next of those whose gradients are looked at.
+/// The row step of the gradients that are sampled.
 const ROW_STEP: usize = 5;
 
-/// Sums of squares of the gradients of fourth order, and of their products with those of eighth.
+/// The sums of squares of fourth-order gradients, and of their products with those of eighth order.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Sharpness {
     squares: f64,
@@ -26,7 +27,7 @@ pub(super) struct Sharpness {
 }
 
 impl Sharpness {
-    /// Of the pixels between the first and the last column of every row; none where the first is larger.
+    /// Sums the pixels between the first and the last column of every row; rows whose first is larger are empty.
     pub(super) fn of(reference: &Prepared, spans: &[(i32, i32)]) -> Self {
         let mut sums = Self::default();
         for (y, (left, right)) in spans.iter().enumerate().step_by(ROW_STEP).filter(|(_, span)| span.0 <= span.1) {
@@ -37,7 +38,7 @@ impl Sharpness {
         sums
     }
 
-    /// Of the pixels of a window at a place in the reference's part.
+    /// Sums the pixels of a window at a position in the reference.
     pub(super) fn within(reference: &Prepared, window: &Window, at: (u32, u32)) -> Self {
         let (x, y) = reference.local(at);
         let mut sums = Self::default();
@@ -50,22 +51,22 @@ impl Sharpness {
         sums
     }
 
-    /// Adds those of other pixels.
+    /// Adds the sums of other pixels.
     pub(super) fn add(&mut self, other: Self) {
         self.squares += other.squares;
         self.products += other.products;
     }
 
-    /// The part of a step that is right.
-    pub(super) fn share(&self) -> f64 {
-        let share = self.squares / self.products;
-        // Without texture there is no share; nothing is found there anyway.
-        if (LEAST_SHARE..=1.0).contains(&share) { share } else { 1.0 }
+    /// Returns the gradient gain: the factor that corrects one Gauss-Newton step.
+    pub(super) fn gain(&self) -> f64 {
+        let gain = self.squares / self.products;
+        // Without texture the gain is undefined, and no match succeeds anyway.
+        if (MIN_GAIN..=1.0).contains(&gain) { gain } else { 1.0 }
     }
 }
 
 vectorized! {
-    /// Sums of squares of the gradients of a row, and of their products with gradients of eighth order.
+    /// Returns the sums of squares of the gradients of a row, and of their products with those of eighth order.
     fn add_gradients(reference: &Prepared, first: usize, count: usize) -> [f64; 2] = add_gradients_with
 }
 
@@ -80,7 +81,7 @@ fn add_gradients_with<V: Vector>(reference: &Prepared, first: usize, count: usiz
 }
 
 vectorized! {
-    /// As [`add_gradients`], of a column of eight pixels, on its mask.
+    /// Works like [`add_gradients`] on a column of eight pixels, on its mask.
     fn add_block(reference: &Prepared, first: usize, mask: &[Lanes]) -> [f64; 2] = add_block_with
 }
 
@@ -93,7 +94,7 @@ fn add_block_with<V: Vector>(reference: &Prepared, first: usize, mask: &[Lanes])
     [sums[0].to_lanes().sum(), sums[1].to_lanes().sum()]
 }
 
-/// Adds those of eight neighbours, the first at `x`.
+/// Adds the sums of eight neighbours, the first at `x`.
 #[inline(always)]
 fn add_eight<V: Vector>(reference: &Prepared, x: usize, mask: V, sums: &mut [V; 2]) {
     // B. Fornberg, Math. Comput. 51 (1988) 699, <https://doi.org/10.1090/S0025-5718-1988-0935077-0>, table 1.

@@ -1,4 +1,4 @@
-//! A body that something hides in part: which of its pixels are in sight, and where they went.
+//! Matching of a partly occluded body: determines its visible pixels and their motion together.
 
 use super::body::{BodyMotion, motion, status_of};
 use super::lanes::Lanes;
@@ -11,46 +11,46 @@ use super::warp::Warp;
 use super::window::Window;
 use crate::results::PointStatus;
 
-/// ZNCC from which on a match of all pixels was hardly misled by what hides some.
+/// The ZNCC above which occlusion hardly biased a match of all pixels.
 ///
-/// Below, the fit of gain and offset may have spread a strange half over all of the residual.
-const WHOLE_ZNCC: f64 = 0.9;
+/// Below, the fit of gain and offset may have spread the occluder's residual over all pixels.
+const MIN_WHOLE_ZNCC: f64 = 0.9;
 
-/// Steps with the first mask, which a start some way off does not mislead.
-const COARSE_ROUNDS: u32 = 4;
+/// The number of steps with the ZNCC mask, which tolerates an inaccurate start.
+const ZNCC_ROUNDS: u32 = 4;
 
-/// Rounds with the second mask at most; two or three settle it.
-const FINE_ROUNDS: u32 = 8;
+/// The maximum number of rounds with the residual mask; two or three are usual.
+const RESIDUAL_ROUNDS: u32 = 8;
 
-/// A round that moves the rim by less than this is the last, px: the next would move it by a twentieth of that.
-const SETTLED_PX: f64 = 0.002;
+/// The displacement of the rim that ends the iteration, px. The next would be a twentieth of it.
+const CONVERGED_PX: f64 = 0.002;
 
-/// Smallest share of a body in sight that it is found by.
-const LEAST_SHARE: f64 = 0.15;
+/// The minimum visible fraction of a body.
+const MIN_VISIBLE_FRACTION: f64 = 0.15;
 
-/// Smallest ZNCC of what is in sight that counts as found.
-const LEAST_ZNCC: f64 = 0.6;
+/// The minimum ZNCC of the visible pixels.
+const MIN_ZNCC: f64 = 0.6;
 
-/// Noise of the difference of two frames is not taken for less: rounding alone leaves this, DN.
-const LEAST_NOISE: f32 = 0.45;
+/// The minimum noise of the difference of two frames, which rounding alone causes, DN.
+const MIN_NOISE_DN: f32 = 0.45;
 
-/// What of a body is in sight, and memory to find out.
+/// The visible pixels of a body, and memory to determine them.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Sight {
     likeness: Likeness,
-    /// What was looked at last: the target, the mean of the reference taken off, and what the pixels in sight before left.
+    /// The last samples of the target, minus the mean of the reference, and the last residual of the visible pixels.
     samples: Vec<Lanes>,
     residual: Vec<Lanes>,
-    /// 1 where a pixel is in sight, packed like the body's mask.
+    /// 1 where a pixel is visible, packed like the body's mask.
     kept: Vec<Lanes>,
     window: Window,
     subset: Subset,
     pool: Pool,
-    /// The same as `kept`, up to what hides the others; empty where all are in sight.
-    seen: Vec<Lanes>,
+    /// The same as `kept`, extended to the edge of the occluder; empty if all pixels are visible.
+    visible: Vec<Lanes>,
 }
 
-/// How pixels in sight are told.
+/// The criterion of visible pixels.
 #[derive(Clone, Copy, PartialEq)]
 enum Mask {
     Zncc,
@@ -58,19 +58,20 @@ enum Mask {
 }
 
 impl Sight {
-    /// Makes it ready for a body of these pixels.
+    /// Plans for a body of these pixels.
     pub(super) fn plan(&mut self, window: &Window) {
         self.likeness.plan(window);
-        self.seen.clear();
+        self.visible.clear();
     }
 
-    /// Whether every pixel of the body looks as it should after a match of all of them, which left `residual`.
+    /// Whether a match of all pixels left no residual that indicates occlusion.
     pub(super) fn is_whole(&mut self, window: &Window, found: &Match, residual: &[Lanes]) -> bool {
-        found.zncc >= WHOLE_ZNCC && self.likeness.is_whole(window, residual, LEAST_NOISE)
+        found.zncc >= MIN_WHOLE_ZNCC && self.likeness.is_whole(window, residual, MIN_NOISE_DN)
     }
 
-    /// Finds what is in sight, from a start about 1 px and 1 deg off at most, or from a match of all pixels and what that
-    /// left.
+    /// Finds the visible pixels and their motion.
+    ///
+    /// The start is at most about 1 px and 1 deg off, or a match of all pixels with its residual.
     pub(super) fn find(
         &mut self,
         body: &Refiner<'_>,
@@ -81,18 +82,18 @@ impl Sight {
             return Err(PointStatus::OutOfFrame);
         }
         let mut warp = start;
-        self.take_all(body);
-        let coarse = if zncc < WHOLE_ZNCC { COARSE_ROUNDS } else { 0 };
-        let (rim_px, last) = (f64::from(body.window.half), coarse + FINE_ROUNDS);
+        self.reset(body);
+        let coarse = if zncc < MIN_WHOLE_ZNCC { ZNCC_ROUNDS } else { 0 };
+        let (rim_px, last) = (f64::from(body.window.half), coarse + RESIDUAL_ROUNDS);
         let is_matched = coarse == 0 && !residual.is_empty();
         if is_matched {
             self.mask(body, residual, Mask::Residual);
-            self.keep(body)?;
+            self.restrict_to_visible(body)?;
         }
         for round in 0..last {
-            let noise = self.look(body, &warp, if round < coarse { Mask::Zncc } else { Mask::Residual });
-            self.keep(body)?;
-            let (step, zncc, gained) = self.refiner(body).step_from(body, &self.samples).map_err(status_of)?;
+            let noise = self.update_visible(body, &warp, if round < coarse { Mask::Zncc } else { Mask::Residual });
+            self.restrict_to_visible(body)?;
+            let (step, zncc, zncc_gain) = self.refiner(body).step_from(body, &self.samples).map_err(status_of)?;
             let length = step.length(rim_px);
             if length.is_nan() || length >= rim_px {
                 return Err(PointStatus::LowCorrelation);
@@ -101,71 +102,76 @@ impl Sight {
             if !body.inside(&warp) {
                 return Err(PointStatus::OutOfFrame);
             }
-            if (is_matched || round > coarse) && length < SETTLED_PX {
-                let zncc = (zncc + gained).min(1.0);
-                return self.sound(Match { warp, second: [[0.0; 3]; 2], zncc, iterations: round + 1 }, noise);
+            if (is_matched || round > coarse) && length < CONVERGED_PX {
+                let zncc = (zncc + zncc_gain).min(1.0);
+                return self.check(Match { warp, second: [[0.0; 3]; 2], zncc, iterations: round + 1 }, noise);
             }
         }
         let found = self.refiner(body).refine(warp).map_err(status_of)?;
-        let noise = self.look(body, &found.warp, Mask::Residual);
-        self.sound(found, noise)
+        let noise = self.update_visible(body, &found.warp, Mask::Residual);
+        self.check(found, noise)
     }
 
-    /// A match, unless it went astray: the residual is no noise then, or a small part of the body fits by chance.
-    fn sound(&self, found: Match, noise: f32) -> Result<Match, PointStatus> {
-        let is_sound = found.zncc >= LEAST_ZNCC && is_even(&self.residual, noise, &self.kept);
+    /// Checks a match: its residual must be noise, and its ZNCC high enough. Otherwise a small part of the body may fit
+    /// by chance.
+    fn check(&self, found: Match, noise: f32) -> Result<Match, PointStatus> {
+        let is_sound = found.zncc >= MIN_ZNCC && is_even(&self.residual, noise, &self.kept);
         if is_sound { Ok(found) } else { Err(PointStatus::LowCorrelation) }
     }
 
-    /// What a match by [`Self::find`] says of the body.
-    pub(super) fn told(&mut self, body: &Refiner<'_>, found: &Match, offset: (f64, f64)) -> BodyMotion {
+    /// Computes the motion, its uncertainty and the visible fraction from a match by [`Self::find`].
+    pub(super) fn body_motion(&mut self, body: &Refiner<'_>, found: &Match, offset: (f64, f64)) -> BodyMotion {
         let (mut pool, mut residual) = (std::mem::take(&mut self.pool), std::mem::take(&mut self.residual));
         pool.clear();
         pool.add_texture(&self.subset, &self.window);
         let refiner = self.refiner(body);
-        // Before the last step, which hardly changes it.
+        // The residual before the last step, which hardly changes it.
         refiner.residual_from(body, &self.samples, &mut residual);
-        let noise = self.likeness.noise(&residual, &self.kept).max(LEAST_NOISE);
-        let pixels = self.likeness.in_sight(body.window, (&residual, noise), &self.kept, &mut self.seen);
+        let noise = self.likeness.noise(&residual, &self.kept).max(MIN_NOISE_DN);
+        let pixels = self.likeness.mark_visible(body.window, (&residual, noise), &self.kept, &mut self.visible);
         residual.iter_mut().zip(&self.window.mask).for_each(|(residual, mask)| *residual = *residual * *mask);
         let motion = motion(&self.refiner(body), found, offset, (&mut pool, &residual));
         (self.pool, self.residual) = (pool, residual);
         BodyMotion { motion, zncc: found.zncc, visible_fraction: pixels as f64 / body.window.pixels as f64 }
     }
 
-    /// Forgets what hid the body before.
-    pub(super) fn unveil(&mut self) {
-        self.seen.clear();
+    /// Clears the occlusion of the last frame.
+    pub(super) fn clear_occlusion(&mut self) {
+        self.visible.clear();
     }
 
-    /// What hides the body, of these pixels, as [`Self::told`] found it; `None` where nothing does.
+    /// Returns the occluded pixels of the body as found by the last match; `None` if there are none.
     pub(super) fn veil(&self, window: &Window) -> Option<Veil> {
-        (!self.seen.is_empty()).then(|| Veil::new(window, &self.seen))
+        (!self.visible.is_empty()).then(|| Veil::new(window, &self.visible))
     }
 
-    /// Goes on with the pixels in sight alone, if they are enough.
-    fn keep(&mut self, body: &Refiner<'_>) -> Result<(), PointStatus> {
-        if (self.window.pixels as f64) < LEAST_SHARE * body.window.pixels as f64 {
+    /// Rebuilds the subset from the visible pixels.
+    ///
+    /// # Errors
+    ///
+    /// [`PointStatus::Occluded`] below 15 % visible.
+    fn restrict_to_visible(&mut self, body: &Refiner<'_>) -> Result<(), PointStatus> {
+        if (self.window.pixels as f64) < MIN_VISIBLE_FRACTION * body.window.pixels as f64 {
             return Err(PointStatus::Occluded);
         }
-        self.subset.keep(body.subset, &self.window, body.shape).map_err(|_| PointStatus::LowContrast)
+        self.subset.restrict(body.subset, &self.window, body.shape).map_err(|_| PointStatus::LowContrast)
     }
 
-    /// Begins with everything in sight.
-    fn take_all(&mut self, body: &Refiner<'_>) {
+    /// Starts with all pixels visible.
+    fn reset(&mut self, body: &Refiner<'_>) {
         self.window.clone_from(body.window);
         self.subset.clone_from(body.subset);
         self.kept.clone_from(&body.window.mask);
     }
 
-    /// The pixels in sight, compared by the body and by what of it was in sight before.
+    /// Returns the refiner of the visible pixels.
     fn refiner<'a>(&'a self, body: &Refiner<'a>) -> Refiner<'a> {
         Refiner { subset: &self.subset, window: &self.window, ..*body }
     }
 
-    /// Tells the pixels in sight at `warp`, gain and offset being those of the pixels in sight before; gives the noise of
-    /// what these left, DN.
-    fn look(&mut self, body: &Refiner<'_>, warp: &Warp, mask: Mask) -> f32 {
+    /// Updates the visible pixels at `warp` and returns the noise of their residual, DN. Gain and offset are those of
+    /// the previously visible pixels.
+    fn update_visible(&mut self, body: &Refiner<'_>, warp: &Warp, mask: Mask) -> f32 {
         let (mut samples, mut residual) = (std::mem::take(&mut self.samples), std::mem::take(&mut self.residual));
         match body.sampled(warp, &mut samples) {
             Ok(_) => self.refiner(body).residual_from(body, &samples, &mut residual),
@@ -176,14 +182,14 @@ impl Sight {
         noise
     }
 
-    /// Tells the pixels in sight by what those in sight before left; gives the noise of that, DN.
+    /// Updates the visible pixels from the residual of the previously visible ones and returns its noise, DN.
     fn mask(&mut self, body: &Refiner<'_>, residual: &[Lanes], mask: Mask) -> f32 {
-        let noise = self.likeness.noise(residual, &self.kept).max(LEAST_NOISE);
+        let noise = self.likeness.noise(residual, &self.kept).max(MIN_NOISE_DN);
         match mask {
             Mask::Residual => self.likeness.by_residual(body.window, residual, noise, &mut self.kept),
             Mask::Zncc => self.likeness.by_zncc(body.window, (&body.subset.levels, residual), &mut self.kept),
         }
-        body.window.keep(&self.kept, &mut self.window);
+        body.window.restrict(&self.kept, &mut self.window);
         noise
     }
 }

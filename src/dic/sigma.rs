@@ -1,12 +1,10 @@
-//! Standard uncertainty of a displacement, from the pair of images itself.
+//! Standard uncertainty of a displacement from the pair of images itself.
 //!
-//! The residual of a match holds the noise of both frames, so its variance times
-//! the inverse Hessian is the variance of the answer if the residual is white.
-//! It is not when speckles are sampled coarsely: what interpolation leaves then
-//! alternates in sign and hardly moves the answer. The factor
-//! `q = sum over short lags of rho_residual rho_gradient` weighs that, pooled
-//! over windows of the pair. Nor is it alike everywhere: photons make bright paint
-//! noisier than dark speckles, and only the noise where grey levels slope moves the answer.
+//! The residual of a match contains the noise of both frames. If it is white, its variance times the inverse Hessian is
+//! the variance of the result. With coarsely sampled speckles it is not white: the residual of interpolation alternates
+//! in sign and hardly moves the result. The factor `q = sum over short lags of rho_residual rho_gradient`, pooled over
+//! windows of the pair, accounts for that. Noise is also not uniform: photon noise is larger on bright paint than on
+//! dark speckles, and only noise at grey-level slopes moves the result.
 
 use super::lanes::{LANES, Lanes};
 use super::moments::Layers;
@@ -16,24 +14,24 @@ use super::subset::Subset;
 use super::vector::{Vector, vectorized};
 use super::window::{Block, Window};
 
-/// Largest lag, px.
+/// The largest lag, px.
 const REACH: usize = 2;
 
-/// Lags of one half plane: (0, 0..=2) and (1..=2, -2..=2).
+/// The number of lags of one half plane: (0, 0..=2) and (1..=2, -2..=2).
 const LAGS: usize = (REACH + 1) * (2 * REACH + 1);
 
-/// Variance that rounding to whole grey levels leaves in the difference of two frames, DN^2.
+/// The variance of the difference of two frames from rounding to whole grey levels, DN^2.
 pub(super) const ROUNDING: f64 = 2.0 / 12.0;
 
-/// Windows pooled at most.
+/// The maximum number of pooled windows.
 ///
-/// Half of the rows of one of 31 x 31 pixels know the factor to some 7 %, those of all to half of that.
+/// Half of the rows of one 31 x 31 window determine the factor to some 7 %, those of all to half of that.
 pub(super) const POOLED: usize = 4;
 
-/// Rows of a window that tell how its pixels correlate.
-const ENOUGH_ROWS: usize = 16;
+/// The minimum number of rows of a window for its autocorrelation.
+const MIN_ROWS: usize = 16;
 
-/// A sum for every lag.
+/// One sum per lag.
 pub(super) type Lags = [f64; LAGS];
 
 /// Sums over the windows of one pair.
@@ -46,27 +44,27 @@ pub(super) struct Pool {
     slopes: Slopes,
     sharpness: Sharpness,
     dense: Vec<f32>,
-    /// Gradients along x and y and residual of a window that planes hold.
+    /// The gradients along x and y and the residual of a window in planes.
     layers: [Vec<f32>; 3],
 }
 
-/// How noisy the pixels are that have the slopes, and all of them.
+/// The noise of all pixels, and of pixels weighted with their slopes.
 ///
-/// Sums of squares of the residual, of those of the slopes along x and y, and of these times the former.
+/// Holds the sums of squares of the residual, of the slopes along x and y, and of the products of these squares.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Slopes {
     sums: [f64; 5],
     pixels: f64,
 }
 
-/// Mean levels of the reference and of the target in a window, and the target's gain.
+/// The mean levels of the reference and of the target in a window, and the target's gain.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Fit {
     pub(super) means: (f32, f32),
     pub(super) gain: f32,
 }
 
-/// What is correlated with itself.
+/// The quantity whose autocorrelation is computed.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Part {
     Residual,
@@ -74,17 +72,17 @@ enum Part {
     GradientY,
 }
 
-/// By how much short-range correlation changes the variance along x and y.
+/// The factor of short-range correlation on the variance along x and y.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Factor {
-    /// Factor for the variance of u.
+    /// The factor for the variance of u.
     pub(super) x: f64,
-    /// Factor for the variance of v.
+    /// The factor for the variance of v.
     pub(super) y: f64,
 }
 
 impl Pool {
-    /// Forgets all windows.
+    /// Clears all sums.
     pub(super) fn clear(&mut self) {
         for sums in [&mut self.residual, &mut self.pairs, &mut self.gradient_x, &mut self.gradient_y] {
             sums.fill(0.0);
@@ -92,15 +90,15 @@ impl Pool {
         (self.slopes, self.sharpness) = (Slopes::default(), Sharpness::default());
     }
 
-    /// Adds one window with its residual (packed like the subset).
+    /// Adds one window with its residual, packed like the subset.
     pub(super) fn add(&mut self, subset: &Subset, window: &Window, residual: &[Lanes]) {
         self.add_texture(subset, window);
         self.add_part(Part::Residual, window, residual);
         self.slopes.add(Slopes::of(subset, window, residual));
     }
 
-    /// The same of a window in planes about `at`, as it fits; `pairs` are those of [`pairs_of`]. All windows that a pool
-    /// is given so are alike.
+    /// Adds one window in planes about `at` with its fit. `pairs` are those of [`pairs_of`]. All windows added this way
+    /// must have one shape.
     pub(super) fn add_layers(
         &mut self,
         layers: Layers<'_>,
@@ -119,14 +117,14 @@ impl Pool {
         add_lags(residual, side, &mut self.residual);
     }
 
-    /// Adds how far the gradients of the pixels of one window are to be trusted.
-    pub(super) fn add_sharpness(&mut self, sharpness: Sharpness) {
+    /// Adds the gradient gain of the pixels of one window.
+    pub(super) fn add_gradient_gain(&mut self, sharpness: Sharpness) {
         self.sharpness.add(sharpness);
     }
 
-    /// The share of the inverse Hessian's standard uncertainties that is right.
-    pub(super) fn share(&self) -> f64 {
-        self.sharpness.share()
+    /// Returns the gradient gain, the correction of the inverse Hessian's standard uncertainties.
+    pub(super) fn gradient_gain(&self) -> f64 {
+        self.sharpness.gain()
     }
 
     /// Adds one part of a window, packed like the window's mask.
@@ -140,25 +138,25 @@ impl Pool {
         add_lags(&self.dense, side_of(window), sums);
     }
 
-    /// Another residual of the one window whose texture was added; none when it is empty.
+    /// Replaces the residual of the one window whose texture was added; an empty one clears it.
     pub(super) fn set_residual(&mut self, window: &Window, residual: &[Lanes]) {
         self.residual.fill(0.0);
         if residual.is_empty() {
             return;
         }
-        // What the window does not hold is zero already, from its texture.
+        // Pixels off the window are already zero, from its texture.
         spread(window, residual, &mut self.dense);
         add_lags(&self.dense, side_of(window), &mut self.residual);
     }
 
-    /// Adds what does not depend on the target.
+    /// Adds the sums that do not depend on the target.
     pub(super) fn add_texture(&mut self, subset: &Subset, window: &Window) {
         self.pairs.iter_mut().zip(pairs_of(window)).for_each(|(sum, pairs)| *sum += pairs);
         self.add_part(Part::GradientX, window, &subset.gradient_x);
         self.add_part(Part::GradientY, window, &subset.gradient_y);
     }
 
-    /// The factors of the windows added; one where there were none.
+    /// Returns the factors of the windows added; 1 without any.
     pub(super) fn factor(&self) -> Factor {
         let correlated = |gradient: &Lags| {
             let zero = lag_index(0, 0);
@@ -178,16 +176,16 @@ impl Pool {
             }
             sum.clamp(0.1, 10.0)
         };
-        Factor { x: correlated(&self.gradient_x), y: correlated(&self.gradient_y) }.where_it_slopes(&self.slopes)
+        Factor { x: correlated(&self.gradient_x), y: correlated(&self.gradient_y) }.weighted_by_slopes(&self.slopes)
     }
 }
 
-/// Index of a lag (dx along the row, dy rows down).
+/// Returns the index of a lag (dx along the row, dy rows down).
 fn lag_index(dx: isize, dy: usize) -> usize {
     dy * (2 * REACH + 1) + (dx + REACH as isize) as usize
 }
 
-/// The pairs of pixels at each lag of a window.
+/// Returns the number of pixel pairs of a window at each lag.
 pub(super) fn pairs_of(window: &Window) -> Lags {
     let (mut dense, mut pairs) = (Vec::new(), [0.0; LAGS]);
     unpack(window, &window.mask, &mut dense);
@@ -195,28 +193,28 @@ pub(super) fn pairs_of(window: &Window) -> Lags {
     pairs
 }
 
-/// Side of the square around a window, px.
+/// Returns the side of the square around a window, px.
 fn side_of(window: &Window) -> usize {
     2 * window.half as usize + 1
 }
 
-/// From one row of a square to the next: each is followed by zeros, as far as lags reach.
+/// Returns the row stride of a square: each row is followed by zeros, as far as lags reach.
 fn stride_of(side: usize) -> usize {
     (side + REACH).next_multiple_of(LANES)
 }
 
-/// Values of a square of rows with their zeros, and as many rows of zeros as lags reach.
+/// Returns the length of a square with the zeros of its rows, and as many rows of zeros as lags reach.
 fn dense_len(side: usize) -> usize {
     (side + REACH) * stride_of(side) + 2 * LANES
 }
 
-/// Spreads values packed like a window's mask over its square.
+/// Unpacks values packed like a window's mask into its square.
 fn unpack(window: &Window, packed: &[Lanes], dense: &mut Vec<f32>) {
     dense.clear();
     spread(window, packed, dense);
 }
 
-/// As [`unpack`], into memory that is empty or of the same window.
+/// Works like [`unpack`], into memory that is empty or of the same window.
 fn spread(window: &Window, packed: &[Lanes], dense: &mut Vec<f32>) {
     let side = side_of(window);
     dense.resize(dense_len(side), 0.0);
@@ -228,15 +226,15 @@ fn spread(window: &Window, packed: &[Lanes], dense: &mut Vec<f32>) {
     }
 }
 
-/// Where the first row of a block begins in the square. A last block may reach over the square into the zeros, where its
-/// mask has zeros too.
+/// Returns the index of the first row of a block in the square. A last block may extend beyond the square into the
+/// zeros, where its mask has zeros too.
 fn first_of(window: &Window, block: &Block) -> usize {
     let (left, top) = ((window.half as i32 + block.dx) as usize, (window.half as i32 + block.dy) as usize);
     top * stride_of(side_of(window)) + left
 }
 
 vectorized! {
-    /// Spreads the gradients and the residual of a window in planes over squares; adds what [`add_squares`] adds.
+    /// Unpacks the gradients and the residual of a window in planes into squares and adds the sums of [`add_squares`].
     fn spread_layers(
         layers: Layers<'_>,
         window: &Window,
@@ -278,14 +276,14 @@ fn spread_layers_with<V: Vector>(
     }
 }
 
-/// From one row to the next of those whose pixels are paired with those beside and below: half of the rows of a window of
-/// 31 px say enough, and fewer of a larger one.
+/// Returns the row step of the autocorrelation: half of the rows of a 31 px window suffice, and a smaller fraction of a
+/// larger one.
 fn row_step(rows: usize) -> usize {
-    rows.div_ceil(ENOUGH_ROWS)
+    rows.div_ceil(MIN_ROWS)
 }
 
 vectorized! {
-    /// Adds the products of pairs of pixels at each lag, of values that [`spread`] laid out.
+    /// Adds the products of pixel pairs at each lag, of values laid out by [`spread`].
     ///
     /// Every row is followed by zeros, so a lag is one shift of the whole square.
     fn add_lags(dense: &[f32], side: usize, sums: &mut Lags) = add_lags_with
@@ -318,7 +316,7 @@ fn add_lags_with<V: Vector>(dense: &[f32], side: usize, sums: &mut Lags) {
 }
 
 vectorized! {
-    /// Adds the squares of a residual, those of the slopes along x and y, and these times the former.
+    /// Adds the squares of a residual, those of the slopes along x and y, and the products of both.
     fn add_squares(gradients: [&[Lanes]; 2], residual: &[Lanes], sums: &mut [f64; 5]) = add_squares_with
 }
 
@@ -334,7 +332,7 @@ fn add_squares_with<V: Vector>(gradients: [&[Lanes]; 2], residual: &[Lanes], sum
     }
 }
 
-/// The squares of eight pixels' slopes along x and y and of what is left of them.
+/// Adds the squares of eight pixels' slopes along x and y and of their residuals.
 #[inline(always)]
 fn add_row<V: Vector>([x, y, left]: [V; 3], totals: &mut [V; 5]) {
     let (x_squared, y_squared, squared) = (x.mul(x), y.mul(y), left.mul(left));
@@ -346,43 +344,42 @@ fn add_row<V: Vector>([x, y, left]: [V; 3], totals: &mut [V; 5]) {
 }
 
 impl Slopes {
-    /// Of one window with its residual.
+    /// Computes the sums of one window with its residual.
     pub(super) fn of(subset: &Subset, window: &Window, residual: &[Lanes]) -> Self {
         let mut slopes = Self { sums: [0.0; 5], pixels: window.pixels as f64 };
         add_squares([&subset.gradient_x, &subset.gradient_y], residual, &mut slopes.sums);
         slopes
     }
 
-    /// Adds those of other pixels.
+    /// Adds the sums of other pixels.
     fn add(&mut self, other: Self) {
         self.sums.iter_mut().zip(other.sums).for_each(|(sum, other)| *sum += other);
         self.pixels += other.pixels;
     }
 
-    /// By how much noisier than all the pixels those are that slope along x and along y.
-    fn noisier(&self) -> (f64, f64) {
+    /// Returns the ratio of the noise variance at pixels with slopes along x and along y to that of all pixels.
+    fn noise_ratios(&self) -> (f64, f64) {
         let [squares, x_squared, y_squared, x_noisy, y_noisy] = self.sums;
-        let noisier = |noisy: f64, squared: f64| {
+        let noise_ratios = |noisy: f64, squared: f64| {
             let ratio = noisy * self.pixels / (squared * squares);
             if ratio.is_finite() { ratio.clamp(0.25, 4.0) } else { 1.0 }
         };
-        (noisier(x_noisy, x_squared), noisier(y_noisy, y_squared))
+        (noise_ratios(x_noisy, x_squared), noise_ratios(y_noisy, y_squared))
     }
 }
 
 impl Factor {
-    /// The same where light is not everywhere as noisy. Photons make bright paint noisier than dark speckles, and the slopes
-    /// lie between them.
-    pub(super) fn where_it_slopes(self, slopes: &Slopes) -> Self {
-        let (x, y) = slopes.noisier();
+    /// Returns the factor corrected for non-uniform noise. Photon noise is larger on bright paint than on dark
+    /// speckles, and the slopes lie between them.
+    pub(super) fn weighted_by_slopes(self, slopes: &Slopes) -> Self {
+        let (x, y) = slopes.noise_ratios();
         Self { x: self.x * x, y: self.y * y }
     }
 
-    /// Variance of u and v from the variance of the residual and the diagonal of the inverse Hessian.
+    /// Returns the variances of u and v from the variance of the residual and the diagonal of the inverse Hessian.
     ///
-    /// Not less than rounding leaves. Where the factor is so small that the pair
-    /// must be called aliased, no single formula is right and the uncertainty is
-    /// raised by up to 1.5.
+    /// They are not smaller than rounding allows. If the factor is so small that the pair must be called aliased, no
+    /// single formula is correct, and the uncertainty is increased by up to 1.5.
     pub(super) fn variances(&self, residual: f64, inverse: (f64, f64)) -> (f64, f64) {
         let along = |factor: f64, inverse: f64| {
             let naive = 1.0 / factor.sqrt();
@@ -400,7 +397,7 @@ mod tests {
     use crate::dic::moments::tests::plane;
     use crate::dic::vector::Portable;
 
-    /// Slopes and residual of a window in `planes` about (30, 24), packed like its mask.
+    /// Returns slopes and residual of a window in `planes` about (30, 24), packed like its mask.
     fn packed<'a>(
         [reference, gradient_x, gradient_y, target]: &[Plane; 4],
         window: &'a Window,
@@ -419,7 +416,7 @@ mod tests {
     }
 
     #[test]
-    fn a_window_in_planes_adds_what_the_same_packed_does() {
+    fn a_window_in_planes_equals_the_packed_window() {
         let planes = [plane(1), plane(2), plane(3), plane(4)];
         let [reference, gradient_x, gradient_y, target] = &planes;
         let layers = Layers { reference, gradient_x, gradient_y, target };
@@ -461,18 +458,18 @@ mod tests {
     }
 
     #[test]
-    fn noise_counts_where_the_slopes_are() {
-        // Slopes along x where the residual is 1 DN, along y where it is 3 DN, nowhere at all where it is 5 DN.
+    fn noise_is_weighted_by_the_slopes() {
+        // Slopes along x where the residual is 1 DN, along y where it is 3 DN, none where it is 5 DN.
         let rows = |a: f32, b: f32, c: f32| vec![Lanes::splat(a), Lanes::splat(b), Lanes::splat(c)];
         let subset = Subset { gradient_x: rows(7.0, 0.0, 0.0), gradient_y: rows(0.0, 4.0, 0.0), ..Subset::default() };
         let mean = (1.0 + 9.0 + 25.0) / 3.0;
         let mut window = Window::new(WindowShape::Square, 3);
         window.pixels = 3 * LANES;
         let slopes = |subset: &Subset, residual: &[Lanes]| Slopes::of(subset, &window, residual);
-        let factor = Factor { x: 2.0, y: 1.0 }.where_it_slopes(&slopes(&subset, &rows(1.0, -3.0, 5.0)));
+        let factor = Factor { x: 2.0, y: 1.0 }.weighted_by_slopes(&slopes(&subset, &rows(1.0, -3.0, 5.0)));
         assert!((factor.x - 2.0 * 0.25_f64.max(1.0 / mean)).abs() < 1e-6 && (factor.y - 9.0 / mean).abs() < 1e-6);
         let flat = Subset { gradient_x: rows(0.0, 0.0, 0.0), gradient_y: rows(0.0, 0.0, 0.0), ..Subset::default() };
         let factor = Factor { x: 0.7, y: 1.3 };
-        assert_eq!(factor.where_it_slopes(&slopes(&flat, &rows(1.0, 1.0, 1.0))), factor);
+        assert_eq!(factor.weighted_by_slopes(&slopes(&flat, &rows(1.0, 1.0, 1.0))), factor);
     }
 }

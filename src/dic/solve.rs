@@ -1,17 +1,17 @@
-//! Small symmetric systems.
+//! Small symmetric positive definite systems.
 
-/// A pivot this small beside its place on the diagonal makes a matrix singular to working precision.
-const LEAST_PIVOT: f64 = 1e-7;
+/// The minimum ratio of a pivot to its diagonal element. Below, a matrix is singular to working precision.
+const MIN_PIVOT: f64 = 1e-7;
 
-/// The inverse of the leading `n` x `n` part of a positive definite matrix, of
-/// which the lower half is not read, or `None` when it is singular to working
-/// precision, whatever the units.
+/// Returns the inverse of the leading `n` x `n` part of a positive definite matrix.
+///
+/// The lower half is not read. Returns `None` if the matrix is singular to working precision, independent of units.
 pub(super) fn invert<const M: usize>(matrix: &[[f64; M]; M], n: usize) -> Option<[[f64; M]; M]> {
-    // Loops of a known length are several times faster.
+    // Loops of constant length are several times faster.
     if n == M { invert_leading(matrix, M) } else { invert_leading(matrix, n) }
 }
 
-/// Sweeps one pivot after the other, in place (J. H. Goodnight, Am. Stat. 33 (1979) 149,
+/// Sweeps one pivot after the other in place (J. H. Goodnight, Am. Stat. 33 (1979) 149,
 /// <https://doi.org/10.1080/00031305.1979.10482685>).
 #[inline(always)]
 fn invert_leading<const M: usize>(matrix: &[[f64; M]; M], n: usize) -> Option<[[f64; M]; M]> {
@@ -19,30 +19,30 @@ fn invert_leading<const M: usize>(matrix: &[[f64; M]; M], n: usize) -> Option<[[
     for pivot in 0..n {
         let size = work[pivot][pivot];
         // Written so that NaN is refused.
-        let is_sound = size > 0.0 && size.is_finite() && size >= LEAST_PIVOT * matrix[pivot][pivot];
+        let is_sound = size > 0.0 && size.is_finite() && size >= MIN_PIVOT * matrix[pivot][pivot];
         if !is_sound {
             return None;
         }
-        // Divisions take many times as long.
-        let share = 1.0 / size;
+        // A division takes many times as long as a product.
+        let reciprocal = 1.0 / size;
         // The pivot's row; only the upper half is kept.
         let mut own = [0.0; M];
         for k in 0..n {
             own[k] = work[k.min(pivot)][k.max(pivot)];
         }
-        // The lower half and the pivot's own row and column as well: a test for each number would take longer.
+        // Includes the lower half and the pivot's own row and column: a test per element would be slower.
         for row in 0..n {
-            let factor = share * own[row];
+            let factor = reciprocal * own[row];
             for column in 0..n {
                 work[row][column] -= factor * own[column];
             }
         }
         for row in 0..n {
-            work[row.min(pivot)][row.max(pivot)] = share * own[row];
+            work[row.min(pivot)][row.max(pivot)] = reciprocal * own[row];
         }
-        work[pivot][pivot] = -share;
+        work[pivot][pivot] = -reciprocal;
     }
-    // What is swept is the inverse with the other sign.
+    // The swept matrix is the negative inverse.
     let mut inverse = [[0.0; M]; M];
     for row in 0..n {
         for column in row..n {

@@ -1,7 +1,7 @@
-//! Test images: speckle discs with soft rims, drawn analytically where they are.
+//! Test images: speckle discs with soft rims, rendered analytically.
 //!
-//! No interpolation anywhere: a displaced image is drawn from displaced centres,
-//! each pixel integrated by 3 x 3 Gauss points.
+//! There is no interpolation: a displaced image is drawn from displaced centres, and each pixel is integrated by 3 x 3
+//! Gauss points.
 
 use super::params::Interpolation;
 use super::prepared::Prepared;
@@ -19,17 +19,18 @@ pub(super) struct Disc {
 #[derive(Debug, Clone)]
 pub(super) struct Speckle {
     pub(super) discs: Vec<Disc>,
-    /// Standard deviation of the Gaussian that softens the rim, px.
+    /// The standard deviation of the Gaussian that softens the rim, px.
     pub(super) edge: f64,
     pub(super) contrast: f64,
 }
 
-/// A fixed sequence of numbers in 0..1.
+/// A pseudo-random sequence of numbers in 0..1.
 #[derive(Debug, Clone)]
 pub(super) struct Sequence(u64);
 
 impl Sequence {
-    /// Sequences of different seeds share nothing (a seed is scrambled, not added to the counter).
+    /// Starts the sequence of a seed. Different seeds share nothing, because the seed is scrambled rather than added to
+    /// the counter.
     pub(super) fn new(seed: u64) -> Self {
         Self(scramble(scramble(seed) ^ 0xD1B5_4A32_D192_ED03))
     }
@@ -39,7 +40,7 @@ impl Sequence {
         (scramble(self.0) >> 11) as f64 / (1_u64 << 53) as f64
     }
 
-    /// Standard normal (Box and Muller).
+    /// Returns a standard normal number (Box and Muller).
     pub(super) fn normal(&mut self) -> f64 {
         let (a, b) = (1.0 - self.uniform(), self.uniform());
         (-2.0 * a.ln()).sqrt() * (std::f64::consts::TAU * b).cos()
@@ -54,7 +55,7 @@ fn scramble(mut z: u64) -> u64 {
 }
 
 impl Speckle {
-    /// Discs of radius `low..high` over a `side` x `side` image and 30 px around it.
+    /// Places discs of radius `low..high` over a `side` x `side` image and 30 px around it.
     pub(super) fn new(seed: u64, side: f64, (low, high): (f64, f64), edge: f64) -> Self {
         let mut sequence = Sequence::new(seed);
         let (margin, mean) = (30.0, 0.5 * (low + high));
@@ -72,7 +73,7 @@ impl Speckle {
         Self::new(seed, side, (1.5, 2.9), 0.6)
     }
 
-    /// The discs moved by `motion`.
+    /// Returns the discs moved by `motion`.
     pub(super) fn moved(&self, motion: impl Fn(f64, f64) -> (f64, f64)) -> Self {
         let discs = self.discs.iter().map(|disc| {
             let (u, v) = motion(disc.x, disc.y);
@@ -81,7 +82,7 @@ impl Speckle {
         Self { discs: discs.collect(), ..*self }
     }
 
-    /// Draws the pattern without noise and rounding: dark discs of 18 DN on 218 DN.
+    /// Renders the pattern without noise and rounding: dark discs of 18 DN on 218 DN.
     pub(super) fn draw(&self, width: usize, height: usize) -> Image {
         let mut clear = vec![1.0_f64; width * height * 9];
         let nodes = [-0.387_298_334_620_741_7, 0.0, 0.387_298_334_620_741_7];
@@ -120,7 +121,7 @@ pub(super) fn record(clean: &Image, sigma: f64, seed: u64) -> Image {
     Image::from_vec(view.data().iter().map(level).collect(), view.width(), view.height()).unwrap()
 }
 
-/// A picture made ready.
+/// Prepares an image.
 pub(super) fn prepared(image: &Image) -> Prepared {
     let mut prepared = Prepared::default();
     prepared.fill(image.view(), Interpolation::Optimised);

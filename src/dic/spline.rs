@@ -1,38 +1,34 @@
-//! Interpolation: the quintic B-spline prefilter and a six-tap kernel on its
-//! coefficients.
+//! Interpolation: the quintic B-spline prefilter and an optimised six-tap kernel on its coefficients.
 //!
-//! The kernel is not the B-spline itself. Its weights are degree-5 polynomials
-//! of the fraction `t`, fitted so that prefilter and kernel together come as
-//! close as possible to a pure shift `exp(i w t)` for the frequencies speckle
-//! consists of: least squares of the error over `t` in 0..1 and `w` in 0..pi,
-//! weighted by `exp(-(w / 0.8)^2) + 1e-4`, with the sum of the weights held at
-//! one. It leaves a quarter of the quintic B-spline's bias at the same cost.
-//! The prefilter follows M. Unser, A. Aldroubi, M. Eden, IEEE Trans. Signal
-//! Process. 41 (1993) 834, <https://doi.org/10.1109/78.193221>.
+//! The kernel is not the B-spline itself. Its weights are degree-5 polynomials of the fraction `t`, fitted so that
+//! prefilter and kernel together approximate a pure shift `exp(i w t)` at the frequencies of speckle. The fit is by
+//! least squares over `t` in 0..1 and `w` in 0..pi, weighted by `exp(-(w / 0.8)^2) + 1e-4`, with the weights summing to
+//! one. It has a quarter of the quintic B-spline's bias at the same cost. The prefilter follows M. Unser, A. Aldroubi,
+//! M. Eden, IEEE Trans. Signal Process. 41 (1993) 834, <https://doi.org/10.1109/78.193221>.
 
 use super::lanes::LANES;
 use super::params::Interpolation;
 use super::plane::{MARGIN, Plane, mirror, mirror_row};
 use super::vector::{Vector, vectorized};
 
-/// Poles of the quintic B-spline's prefilter.
+/// The poles of the quintic B-spline's prefilter.
 const POLES: [f64; 2] = [-0.430_575_347_099_973_8, -0.043_096_288_203_264_65];
 
-/// Reach of a pole's impulse response that still matters (0.43^15 = 3e-6), px.
+/// The length of a pole's impulse response (0.43^15 = 3e-6), px.
 const REACH: usize = 14;
 
-/// Weights of six taps as polynomials of the fraction.
+/// The weights of six taps as polynomials of the fraction.
 #[derive(Debug, PartialEq)]
 struct Kernel {
-    /// Taps that weigh anything: 6 or 4.
+    /// The number of taps with non-zero weight: 6 or 4.
     taps: usize,
-    /// Even part of the weights of taps 1, 2, 3 (mirrored: 0, -1, -2), by powers of (t - 1/2)^2.
+    /// The even part of the weights of taps 1, 2, 3 (mirrored: 0, -1, -2), by powers of (t - 1/2)^2.
     even: [[f32; 3]; 3],
-    /// Odd part, by powers of (t - 1/2)^2, to be multiplied by t - 1/2.
+    /// The odd part, by powers of (t - 1/2)^2, to be multiplied by t - 1/2.
     odd: [[f32; 3]; 3],
 }
 
-/// The fitted kernel; goes with the quintic prefilter.
+/// The optimised kernel, for coefficients of the quintic prefilter.
 #[expect(clippy::excessive_precision, reason = "the digits of the fit; rounding them would hide where they come from")]
 static OPTIMISED: Kernel = Kernel {
     taps: 6,
@@ -48,7 +44,7 @@ static OPTIMISED: Kernel = Kernel {
     ],
 };
 
-/// A cubic B-spline through the four grey levels around, fitted in every cell anew; goes with the levels themselves.
+/// A cubic B-spline fitted to the four surrounding grey levels in every cell, for unfiltered levels.
 ///
 /// Z. Pan, W. Chen, Z. Jiang, L. Tang, Y. Liu, Z. Liu, Theor. Appl. Mech. Lett. 6 (2016) 126,
 /// <https://doi.org/10.1016/j.taml.2016.04.003>.
@@ -59,7 +55,7 @@ static BICUBIC: Kernel = Kernel {
 };
 
 impl Kernel {
-    /// Weights of the taps at -2, -1, 0, 1, 2, 3 px for a position `t` (0 to 1) after tap 0.
+    /// Returns the weights of the taps at -2, -1, 0, 1, 2, 3 px for a position `t` (0 to 1) after tap 0.
     #[inline(always)]
     fn weights(&self, t: f32) -> [f32; 6] {
         let s = t - 0.5;
@@ -74,7 +70,7 @@ impl Kernel {
         weights
     }
 
-    /// [`Self::weights`] for eight positions.
+    /// Returns [`Self::weights`] for eight positions.
     #[inline(always)]
     fn lane_weights<V: Vector>(&self, t: V) -> [V; 6] {
         let s = t.sub(V::splat(0.5));
@@ -94,19 +90,19 @@ impl Kernel {
     }
 }
 
-/// c0 + c1 x + c2 x^2.
+/// Evaluates c0 + c1 x + c2 x^2.
 #[inline(always)]
 fn quadratic<V: Vector>(c: &[f32; 3], x: V) -> V {
     V::splat(c[0]).plus_product(x, V::splat(c[1]).plus_product(x, V::splat(c[2])))
 }
 
-/// A picture that has a value between its pixels.
+/// An image that can be evaluated between its pixels.
 #[derive(Debug, Clone)]
 pub(super) struct Splined {
-    /// What the taps of the kernel are put on.
+    /// The values that the kernel is applied to.
     plane: Plane,
     kernel: &'static Kernel,
-    /// Root mean square of the levels, where it is known, DN.
+    /// The root mean square of the levels, if known, DN.
     pub(super) contrast: f32,
 }
 
@@ -117,7 +113,7 @@ impl Default for Splined {
 }
 
 impl Splined {
-    /// Interpolates the grey levels, whose margin is mirrored.
+    /// Interpolates the grey levels, whose margin must be mirrored.
     pub(super) fn fill(&mut self, levels: &Plane, interpolation: Interpolation) {
         match interpolation {
             Interpolation::Optimised => {
@@ -139,53 +135,53 @@ impl Splined {
         splined
     }
 
-    /// Pixels a row.
+    /// The width, px.
     pub(super) fn width(&self) -> usize {
         self.plane.width()
     }
 
-    /// Rows.
+    /// The height, px.
     pub(super) fn height(&self) -> usize {
         self.plane.height()
     }
 
-    /// How many taps the kernel has along each axis: 6, or 4 where the outermost weigh nothing.
+    /// The number of taps of the kernel along each axis: 6, or 4 if the outer weights are zero.
     pub(super) fn tap_count(&self) -> usize {
         self.kernel.taps
     }
 
-    /// What `N` taps are put on, from the first tap of the cell at (x, y) on; and the length of a row.
+    /// Returns the values from the first of `N` taps of the cell at (x, y) on, and the row stride.
     #[inline(always)]
     pub(super) fn taps<const N: usize>(&self, x: isize, y: isize) -> (&[f32], usize) {
         self.taps_from(self.first_tap::<N>(x, y))
     }
 
-    /// The index of the first of `N` taps of the cell at (x, y).
+    /// Returns the index of the first of `N` taps of the cell at (x, y).
     #[inline(always)]
     pub(super) fn first_tap<const N: usize>(&self, x: isize, y: isize) -> usize {
         let before = (N / 2 - 1) as isize;
         self.plane.index(x - before, y - before)
     }
 
-    /// Taps from one row to the next.
+    /// The row stride of the taps.
     #[inline(always)]
     pub(super) fn stride(&self) -> usize {
         self.plane.stride()
     }
 
-    /// As [`Self::taps`], from the tap of this index on.
+    /// Returns the values from the tap of this index on, and the row stride.
     #[inline(always)]
     pub(super) fn taps_from(&self, first: usize) -> (&[f32], usize) {
         (&self.plane.data()[first..], self.plane.stride())
     }
 
-    /// Weights of the six taps for a position `t` (0 to 1) after the third.
+    /// Returns the weights of the six taps for a position `t` (0 to 1) after the third.
     #[inline(always)]
     pub(super) fn weights(&self, t: f32) -> [f32; 6] {
         self.kernel.weights(t)
     }
 
-    /// The inner `N` of [`Self::weights`] for eight positions.
+    /// Returns the inner `N` of [`Self::weights`] for eight positions.
     #[inline(always)]
     pub(super) fn lane_weights<V: Vector, const N: usize>(&self, t: V) -> [V; N] {
         let weights = self.kernel.lane_weights(t);
@@ -194,7 +190,7 @@ impl Splined {
         inner
     }
 
-    /// The value at (x, y) px, which lies in the image or a few pixels off it.
+    /// Returns the value at (x, y) px, inside the image or a few pixels outside.
     #[inline(always)]
     pub(super) fn at(&self, x: f64, y: f64) -> f32 {
         let (cell_x, cell_y) = (x.floor(), y.floor());
@@ -209,9 +205,9 @@ impl Splined {
     }
 }
 
-/// Turns the grey levels into quintic-spline coefficients, margin included.
+/// Computes quintic-spline coefficients from grey levels, margin included.
 ///
-/// Both planes have one shape; the margin of `levels` is mirrored, and so are the edges.
+/// Both planes have one shape. The margin of `levels` and the edges are mirrored.
 fn prefilter(levels: &Plane, coefficients: &mut Plane) {
     filter_rows(levels, coefficients);
     if levels.height() > 1 {
@@ -220,10 +216,11 @@ fn prefilter(levels: &Plane, coefficients: &mut Plane) {
     coefficients.mirror_margin();
 }
 
-/// The prefilter as three symmetric filters one after the other, by weights at distances 0, 1, 2; 0, 2, 4 and 0, 4 .. px.
+/// The prefilter as a cascade of three symmetric filters, with weights at distances 0, 1, 2; 0, 2, 4 and 0, 4, 8, 12
+/// px.
 ///
-/// 1 / (1 - p z) = (1 + p z) (1 + p^2 z^2) (1 + p^4 z^4) ..., and the same backwards: each pair of factors has three taps.
-/// What is left out is the larger pole to the power of 16, 1e-6, and the smaller to the power of 4, 3e-6.
+/// 1 / (1 - p z) = (1 + p z) (1 + p^2 z^2) (1 + p^4 z^4) ..., and the same backwards: each pair of factors has three
+/// taps. The truncation error is the larger pole to the power of 16, 1e-6, and the smaller to the power of 4, 3e-6.
 struct Cascade {
     near: [f32; 3],
     middle: [f32; 3],
@@ -234,7 +231,7 @@ impl Cascade {
     fn new() -> Self {
         let [a, b] = POLES;
         let mut gain = 120.0 * a * b;
-        // The outer taps of a pair of factors, where the middle one is 1.
+        // The outer taps of a pair of factors whose middle tap is 1.
         let mut outer = |pole: f64, distance: i32| {
             let factor = pole.powi(distance);
             gain *= 1.0 + factor * factor;
@@ -253,7 +250,7 @@ impl Cascade {
     }
 }
 
-/// Two symmetric filters as one, by the weights at distances 0, 1, 2 and so on.
+/// Returns the product of two symmetric filters, given by the weights at distances 0, 1, 2 and so on.
 fn symmetric_product<const N: usize>(one: [f64; N], other: [f64; N]) -> [f64; N] {
     let at = |filter: &[f64; N], distance: isize| filter.get(distance.unsigned_abs()).copied().unwrap_or(0.0);
     let reach = N as isize;
@@ -261,7 +258,7 @@ fn symmetric_product<const N: usize>(one: [f64; N], other: [f64; N]) -> [f64; N]
 }
 
 vectorized! {
-    /// Along the rows by convolution: a recursion would go one pixel at a time.
+    /// Filters along the rows by convolution: a recursion would proceed one pixel at a time.
     fn filter_rows(levels: &Plane, out: &mut Plane) = filter_rows_with
 }
 
@@ -269,20 +266,21 @@ vectorized! {
 fn filter_rows_with<V: Vector>(levels: &Plane, out: &mut Plane) {
     let (width, cascade) = (levels.width(), Cascade::new());
     let (near, middle, far) = (cascade.near.map(V::splat), cascade.middle.map(V::splat), cascade.far.map(V::splat));
-    // Rows with their margins; a last eight may spill over the end.
+    // Rows with their margins. The last vector may extend over the end.
     let (mut first, mut second) = (vec![0.0; levels.stride() + LANES], vec![0.0; levels.stride() + LANES]);
     for y in 0..levels.height() {
         let row = &levels.data()[levels.index(-(MARGIN as isize), y as isize)..];
         symmetric::<V, 3, 1>(row, &near, &mut first, (MARGIN - LANES, width + 2 * LANES));
         symmetric::<V, 3, 2>(&first, &middle, &mut second, (MARGIN, width));
-        // What is symmetric stays so.
+        // A mirrored row stays mirrored under a symmetric filter.
         mirror_row(&mut second[..levels.stride()], width);
-        // Into the margin, which is filled later.
+        // Writes into the margin, which is filled later.
         symmetric::<V, 4, 4>(&second, &far, out.padded_row_mut(y), (MARGIN, width));
     }
 }
 
-/// A filter with `N` weights at distances 0, `STEP`, 2 `STEP` and so on to both sides: so many values from the first on.
+/// Applies a filter with `N` weights at distances 0, `STEP`, 2 `STEP` and so on to both sides, to `count` values from
+/// `first` on.
 #[inline(always)]
 fn symmetric<V: Vector, const N: usize, const STEP: usize>(
     from: &[f32],
@@ -302,7 +300,7 @@ fn symmetric<V: Vector, const N: usize, const STEP: usize>(
 }
 
 vectorized! {
-    /// Down the columns by recursion, strips of columns side by side.
+    /// Filters down the columns by recursion, in strips of adjacent columns.
     fn filter_columns(plane: &mut Plane) = filter_columns_with
 }
 
@@ -325,7 +323,7 @@ fn filter_columns_with<V: Vector>(plane: &mut Plane) {
     }
 }
 
-/// Both poles, down and up, over `8 N` columns.
+/// Applies both poles, down and up, to `8 N` columns.
 #[inline(always)]
 fn filter_strip<V: Vector, const N: usize>(
     rows: &mut [f32],
@@ -393,7 +391,7 @@ mod tests {
 
     /// The quintic B-spline at whole pixels is 1, 26, 66, 26, 1 over 120.
     #[test]
-    fn coefficients_weighted_with_the_b_spline_give_the_pixels_back_at_every_size() {
+    fn coefficients_weighted_with_the_b_spline_reproduce_the_pixels_at_every_size() {
         for (width, height) in [(1, 1), (2, 3), (3, 2), (5, 40), (64, 33)] {
             let original = noise_plane(width, height);
             let mut filtered = noise_plane(width, height);
@@ -416,7 +414,7 @@ mod tests {
     }
 
     #[test]
-    fn the_bicubic_gives_the_pixels_back_as_they_are() {
+    fn the_bicubic_kernel_reproduces_the_pixels() {
         let levels = noise_plane(9, 8);
         let splined = Splined::new(&levels, Interpolation::Bicubic);
         for (x, y) in (0..72).map(|k| (k % 9, k / 9)) {
@@ -438,7 +436,7 @@ mod tests {
         }
     }
 
-    /// Prefilter and kernel together delay a wave by exactly `t`: that is what keeps the bias small.
+    /// Prefilter and kernel together shift a wave by exactly `t`, which keeps the bias small.
     #[test]
     fn waves_longer_than_six_pixels_are_shifted_to_within_0_0003_px() {
         for step in 0..=20 {

@@ -1,5 +1,4 @@
-//! A reference subset with everything of it that does not change while the
-//! target is searched.
+//! Reference subsets: pixels, gradients and precomputed sums.
 
 use super::Shape;
 use super::lanes::{LANES, Lanes};
@@ -11,65 +10,65 @@ use super::solve::invert;
 use super::vector::{Vector, vectorized};
 use super::window::Window;
 
-/// Why a reference subset cannot be followed.
+/// The reason why a reference subset cannot be matched.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Unusable {
-    /// It reaches over the edge of the image.
+    /// It extends over the edge of the image.
     OutOfFrame,
     /// It has no texture, texture along one direction or in one corner only, or is saturated.
     LowContrast,
 }
 
-/// Standard deviation under which a subset holds nothing but rounding, DN.
-const LEAST_CONTRAST: f64 = 0.5;
+/// The standard deviation below which a subset holds nothing but rounding, DN.
+const MIN_CONTRAST_DN: f64 = 0.5;
 
-/// How many times the variance of the displacement may grow because the deformation is not known.
+/// The maximum ratio of the displacement variances with unknown and with known deformation.
 ///
-/// Evenly textured subsets have 1.0 to 1.5, half-empty ones 4. Beyond, the texture sits in a corner and the
-/// displacement of the centre is an extrapolation, which the slightest misfit turns into a wrong number.
-const EXTRAPOLATED: f64 = 5.0;
+/// Evenly textured subsets have 1.0 to 1.5, half-empty ones 4. Above, the texture lies in a corner and the displacement
+/// of the centre is an extrapolation, which any misfit makes wrong.
+const MAX_EXTRAPOLATION: f64 = 5.0;
 
-/// Share of saturated pixels from which on a subset is refused.
-const MOST_SATURATED: f64 = 0.5;
+/// The maximum fraction of saturated pixels.
+const MAX_SATURATED_FRACTION: f64 = 0.5;
 
 /// Reference pixels, packed like [`Window::mask`], and their sums.
 ///
 /// The Jacobian of the affine warp is J = (gx, gx dx, gx dy, gy, gy dx, gy dy).
 #[derive(Debug, Clone, Default)]
 pub(super) struct Subset {
-    /// Grey levels less their mean; 0 off the mask.
+    /// The grey levels minus their mean; 0 off the mask.
     pub(super) levels: Vec<Lanes>,
-    /// Gradient along x; 0 off the mask.
+    /// The gradient along x; 0 off the mask.
     pub(super) gradient_x: Vec<Lanes>,
-    /// Gradient along y; 0 off the mask.
+    /// The gradient along y; 0 off the mask.
     pub(super) gradient_y: Vec<Lanes>,
-    /// Mean grey level, the frame's offset taken off.
+    /// The mean grey level minus the frame's offset.
     pub(super) mean: f32,
-    /// Root mean square of the levels of its frame, DN.
+    /// The root mean square of the levels of its frame, DN.
     pub(super) contrast: f32,
-    /// Sum of `levels` squared.
+    /// The sum of `levels` squared.
     pub(super) energy: f64,
-    /// Sum of J.
+    /// The sum of J.
     pub(super) jacobian_sum: [f64; 6],
-    /// Sum of J times `levels`.
+    /// The sum of J times `levels`.
     pub(super) jacobian_levels: [f64; 6],
-    /// Inverse of the sum of J J^T, for the parameters of the shape.
+    /// The inverse of the sum of J J^T, for the parameters of the shape function.
     pub(super) inverse: [[f64; 6]; 6],
-    /// By how much u, v (px) and angle (rad) of a rigid match are off for a body that grows by 1: edges lie more to one side.
+    /// The error of u, v (px) and rotation (rad) of a rigid match per unit dilatation, caused by edges that lie more to
+    /// one side.
     pub(super) lever: [f64; 3],
-    /// Share of the gradient energy that the weaker direction has, 0 to 0.5.
+    /// The fraction of the gradient energy in the weaker direction, 0 to 0.5.
     pub(super) isotropy: f64,
-    /// Gradient energy over the energy of the grey levels: 0.9 for white noise, far less for speckle.
+    /// The ratio of gradient energy to grey-level energy: 0.9 for white noise, far less for speckle.
     pub(super) roughness: f64,
-    /// Gradient energy per pixel in the weaker direction, DN^2/px^2.
+    /// The gradient energy per pixel in the weaker direction, DN^2/px^2.
     pub(super) weak_gradient: f64,
-    /// The plane that light makes of the levels, where it is left out: `energy`, `jacobian_levels` and `inverse` are then
-    /// without it.
+    /// The illumination plane, if it is removed. `energy`, `jacobian_levels` and `inverse` are then without it.
     pub(super) light: Option<Light>,
 }
 
 impl Subset {
-    /// Takes the subset at (x, y) out of `reference`.
+    /// Extracts the subset at (x, y) of `reference`.
     pub(super) fn fill(
         &mut self,
         reference: &Prepared,
@@ -81,14 +80,14 @@ impl Subset {
         self.finish(window, shape, false)
     }
 
-    /// Takes a whole rigid body, across which light may fall off.
+    /// Extracts a whole rigid body, without its illumination plane.
     pub(super) fn fill_body(&mut self, reference: &Prepared, window: &Window, at: (u32, u32)) -> Result<(), Unusable> {
         self.load(reference, window, at)?;
         self.finish(window, Shape::Rigid, true)
     }
 
-    /// Takes the pixels of `whole` that `window` still holds; the two have the same blocks.
-    pub(super) fn keep(&mut self, whole: &Self, window: &Window, shape: Shape) -> Result<(), Unusable> {
+    /// Restricts `whole` to the pixels of `window`, which must have the same blocks.
+    pub(super) fn restrict(&mut self, whole: &Self, window: &Window, shape: Shape) -> Result<(), Unusable> {
         for (out, from) in [
             (&mut self.levels, &whole.levels),
             (&mut self.gradient_x, &whole.gradient_x),
@@ -98,7 +97,7 @@ impl Subset {
             out.extend(from.iter().zip(&window.mask).map(|(value, mask)| *value * *mask));
         }
         self.contrast = whole.contrast;
-        // The mean was taken off, so the sum is that of the difference between the two means.
+        // `whole` has zero mean, so this sum gives the difference between the two means.
         let sum: f64 = self.levels.iter().map(|row| row.sum()).sum();
         let difference = (sum / window.pixels.max(1) as f64) as f32;
         self.mean = whole.mean + difference;
@@ -106,13 +105,14 @@ impl Subset {
         self.finish(window, shape, whole.light.is_some())
     }
 
-    /// Everything that follows from grey levels and gradients; without what light makes of them where it is `lit`.
-    fn finish(&mut self, window: &Window, shape: Shape, lit: bool) -> Result<(), Unusable> {
+    /// Computes the sums from grey levels and gradients.
+    fn finish(&mut self, window: &Window, shape: Shape, with_illumination: bool) -> Result<(), Unusable> {
         self.check_contrast(window.pixels)?;
         let mut hessian = self.sum_gradients(window);
-        self.light = lit.then(|| Light::of(&self.levels, [&self.gradient_x, &self.gradient_y], window)).flatten();
+        self.light =
+            with_illumination.then(|| Light::of(&self.levels, [&self.gradient_x, &self.gradient_y], window)).flatten();
         if let Some(light) = &self.light {
-            light.take_out(&self.jacobian_sum, window.pixels, &mut hessian);
+            light.remove_from(&self.jacobian_sum, window.pixels, &mut hessian);
             let slopes = light.slopes;
             self.energy -= light.energy(slopes);
             for (k, sum) in self.jacobian_levels.iter_mut().enumerate() {
@@ -120,37 +120,37 @@ impl Subset {
             }
             self.check_contrast(window.pixels)?;
         }
-        self.judge(&hessian, window.pixels, shape)
+        self.analyse_texture(&hessian, window.pixels, shape)
     }
 
-    /// Takes all that a step needs from sums over the pixels, and no pixels.
-    pub(super) fn take(&mut self, moments: &Moments, pixels: usize, shape: Shape) -> Result<(), Unusable> {
+    /// Computes the sums for a step from moments, without pixels.
+    pub(super) fn fill_from_moments(&mut self, moments: &Moments, pixels: usize, shape: Shape) -> Result<(), Unusable> {
         let mean = moments.reference / pixels as f64;
         self.mean = mean as f32;
         self.energy = moments.products[0] - moments.reference * mean;
         self.jacobian_sum = moments.jacobian[0];
         self.jacobian_levels = std::array::from_fn(|k| moments.jacobian[1][k] - mean * moments.jacobian[0][k]);
         self.check_contrast(pixels)?;
-        self.judge(&hessian_from_moments(&moments.second), pixels, shape)
+        self.analyse_texture(&hessian_from_moments(&moments.second), pixels, shape)
     }
 
     fn check_contrast(&self, pixels: usize) -> Result<(), Unusable> {
         let contrast = (self.energy / pixels as f64).sqrt();
         // Written so that NaN is refused.
-        if contrast >= LEAST_CONTRAST { Ok(()) } else { Err(Unusable::LowContrast) }
+        if contrast >= MIN_CONTRAST_DN { Ok(()) } else { Err(Unusable::LowContrast) }
     }
 
-    /// Whether texture of these gradients can be followed; all that follows from them.
-    fn judge(&mut self, hessian: &[[f64; 6]; 6], pixels: usize, shape: Shape) -> Result<(), Unusable> {
+    /// Checks whether the texture can be matched, and computes the quantities that follow from the Hessian.
+    fn analyse_texture(&mut self, hessian: &[[f64; 6]; 6], pixels: usize, shape: Shape) -> Result<(), Unusable> {
         let (projected, count) = project_matrix(shape, hessian);
         let Some(inverse) = invert(&projected, count) else { return Err(Unusable::LowContrast) };
         self.inverse = inverse;
         let (xx, xy, yy) = (hessian[0][0], hessian[0][3], hessian[3][3]);
         if count == 6 {
-            // Variances of u and v were the deformation known.
+            // The variances of u and v with known deformation.
             let determinant = xx * yy - xy * xy;
             let (known_u, known_v) = (yy / determinant, xx / determinant);
-            if self.inverse[0][0] > EXTRAPOLATED * known_u || self.inverse[3][3] > EXTRAPOLATED * known_v {
+            if self.inverse[0][0] > MAX_EXTRAPOLATION * known_u || self.inverse[3][3] > MAX_EXTRAPOLATION * known_v {
                 return Err(Unusable::LowContrast);
             }
         }
@@ -165,7 +165,7 @@ impl Subset {
         Ok(())
     }
 
-    /// Grey levels, their mean and energy, and gradients.
+    /// Loads grey levels, their mean and energy, and gradients.
     fn load(&mut self, reference: &Prepared, window: &Window, at: (u32, u32)) -> Result<(), Unusable> {
         let (x, y) = reference.local(at);
         let at = (x as isize, y as isize);
@@ -174,25 +174,25 @@ impl Subset {
         }
         self.contrast = reference.contrast;
         let pixels = window.pixels as f64;
-        let sum = take(&reference.levels, window, at, &mut self.levels);
+        let sum = copy_window(&reference.levels, window, at, &mut self.levels);
         if reference.saturation.is_finite() {
             let saturation = reference.saturation - 0.5;
             let over = |(levels, mask): (&Lanes, &Lanes)| {
                 levels.0.iter().zip(mask.0).filter(|(level, mask)| **level >= saturation && *mask > 0.5).count()
             };
             let saturated: usize = self.levels.iter().zip(&window.mask).map(over).sum();
-            if saturated as f64 > MOST_SATURATED * pixels {
+            if saturated as f64 > MAX_SATURATED_FRACTION * pixels {
                 return Err(Unusable::LowContrast);
             }
         }
         self.mean = (sum / pixels) as f32;
         self.center(window, self.mean);
-        take(&reference.gradient_x, window, at, &mut self.gradient_x);
-        take(&reference.gradient_y, window, at, &mut self.gradient_y);
+        copy_window(&reference.gradient_x, window, at, &mut self.gradient_x);
+        copy_window(&reference.gradient_y, window, at, &mut self.gradient_y);
         Ok(())
     }
 
-    /// Takes a mean off the grey levels, and sums their squares.
+    /// Subtracts a mean from the grey levels and sums their squares.
     fn center(&mut self, window: &Window, mean: f32) {
         self.energy = 0.0;
         for block in &window.blocks {
@@ -201,7 +201,7 @@ impl Subset {
         }
     }
 
-    /// The sums over J; gives the sum of J J^T.
+    /// Computes the sums over J and returns the sum of J J^T.
     fn sum_gradients(&mut self, window: &Window) -> [[f64; 6]; 6] {
         self.jacobian_sum = [0.0; 6];
         self.jacobian_levels = [0.0; 6];
@@ -218,8 +218,8 @@ impl Subset {
     }
 }
 
-/// The pixels of a window out of a plane, 0 off the mask; gives their sum.
-fn take(plane: &Plane, window: &Window, at: (isize, isize), out: &mut Vec<Lanes>) -> f64 {
+/// Copies the pixels of a window from a plane, 0 off the mask, and returns their sum.
+fn copy_window(plane: &Plane, window: &Window, at: (isize, isize), out: &mut Vec<Lanes>) -> f64 {
     out.resize(window.mask.len(), Lanes::splat(0.0));
     let mut sum = 0.0;
     for block in &window.blocks {
@@ -230,19 +230,19 @@ fn take(plane: &Plane, window: &Window, at: (isize, isize), out: &mut Vec<Lanes>
     sum
 }
 
-/// Sums over the rows of one block, lane by lane.
+/// The sums over the rows of one block, lane by lane.
 #[derive(Default)]
 struct GradientSums {
-    /// gx gx, gx gy, gy gy; each times 1, dy, dy^2.
+    /// The sums of gx gx, gx gy and gy gy, each times 1, dy, dy^2.
     second: [[Lanes; 3]; 3],
-    /// gx, gy; each times 1, dy.
+    /// The sums of gx and gy, each times 1, dy.
     plain: [[Lanes; 2]; 2],
     /// The same times the grey level.
     levels: [[Lanes; 2]; 2],
 }
 
 impl GradientSums {
-    /// Adds the lanes up, with the columns' offsets where the moment asks for them.
+    /// Adds up the lanes, with the offsets of the columns where a moment needs them.
     fn spread(&self, dx: f64, moments: &mut [[f64; 6]; 3], plain: &mut [f64; 6], levels: &mut [f64; 6]) {
         for (moments, powers) in moments.iter_mut().zip(&self.second) {
             let products = powers[0].moments(dx);
@@ -266,7 +266,7 @@ impl GradientSums {
 }
 
 vectorized! {
-    /// Copies a block out of a plane, 0 off the mask; gives the sum.
+    /// Copies a block from a plane, 0 off the mask, and returns the sum.
     fn pack(source: (&[f32], usize), mask: &[Lanes], out: &mut [Lanes]) -> f64 = pack_with
 }
 
@@ -282,7 +282,7 @@ fn pack_with<V: Vector>((source, stride): (&[f32], usize), mask: &[Lanes], out: 
 }
 
 vectorized! {
-    /// Takes the mean off, on the mask; gives the sum of squares.
+    /// Subtracts the mean on the mask and returns the sum of squares.
     fn center(levels: &mut [Lanes], mask: &[Lanes], mean: f32) -> f64 = center_with
 }
 
@@ -298,7 +298,7 @@ fn center_with<V: Vector>(levels: &mut [Lanes], mask: &[Lanes], mean: f32) -> f6
 }
 
 vectorized! {
-    /// Products of the gradients, times powers of dy.
+    /// Sums the products of the gradients, times powers of dy.
     fn second_moments(gx: &[Lanes], gy: &[Lanes], dy: i32, sums: &mut GradientSums) = second_moments_with
 }
 
@@ -327,7 +327,7 @@ pub(super) fn add_powers<V: Vector>(sums: &mut [V; 3], value: V, dy: V) {
 }
 
 vectorized! {
-    /// The gradients, and the gradients times the grey level, times 1 and dy.
+    /// Sums the gradients, and the gradients times the grey level, times 1 and dy.
     fn first_moments(gx: &[Lanes], gy: &[Lanes], levels: &[Lanes], dy: i32, sums: &mut GradientSums) = first_moments_with
 }
 
@@ -352,9 +352,9 @@ fn first_moments_with<V: Vector>(gx: &[Lanes], gy: &[Lanes], levels: &[Lanes], d
     }
 }
 
-/// Puts the moments of gx gx, gx gy, gy gy in their places in the sum of J J^T.
+/// Arranges the moments of gx gx, gx gy, gy gy as the sum of J J^T.
 fn hessian_from_moments(moments: &[[f64; 6]; 3]) -> [[f64; 6]; 6] {
-    // Which moment (1, dx, dy, dx^2, dx dy, dy^2) each pair of (1, dx, dy) gives.
+    // The moment (1, dx, dy, dx^2, dx dy, dy^2) of each pair of (1, dx, dy).
     const PLACE: [[usize; 3]; 3] = [[0, 1, 2], [1, 3, 4], [2, 4, 5]];
     let mut hessian = [[0.0; 6]; 6];
     for (row, line) in hessian.iter_mut().enumerate() {
@@ -365,17 +365,17 @@ fn hessian_from_moments(moments: &[[f64; 6]; 3]) -> [[f64; 6]; 6] {
     hessian
 }
 
-/// Turns sums over the affine J into those of the shape's own parameters.
+/// Converts sums over the affine J to the parameters of the shape function.
 pub(super) fn project(shape: Shape, affine: &[f64; 6]) -> ([f64; 6], usize) {
     match shape {
         Shape::Translation => ([affine[0], affine[3], 0.0, 0.0, 0.0, 0.0], 2),
-        // A turn counter-clockwise moves (dx, dy) by (dy, -dx).
+        // A counter-clockwise rotation moves (dx, dy) by (dy, -dx).
         Shape::Rigid => ([affine[0], affine[3], affine[2] - affine[4], 0.0, 0.0, 0.0], 3),
         Shape::Affine | Shape::Quadratic => (*affine, 6),
     }
 }
 
-/// [`project`] on both sides of a matrix.
+/// Applies [`project`] to both sides of a matrix.
 fn project_matrix(shape: Shape, affine: &[[f64; 6]; 6]) -> ([[f64; 6]; 6], usize) {
     if matches!(shape, Shape::Affine | Shape::Quadratic) {
         return (*affine, 6);
@@ -397,5 +397,5 @@ fn project_matrix(shape: Shape, affine: &[[f64; 6]; 6]) -> ([[f64; 6]; 6], usize
     (projected, count)
 }
 
-/// Pixels of a row that a block may cover beyond the window: they are masked but read.
+/// A block may extend this far beyond the window: the pixels are masked but read.
 const _: () = assert!(LANES <= super::plane::MARGIN);

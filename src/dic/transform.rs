@@ -1,16 +1,13 @@
 //! Two-dimensional fast Fourier transform of small squares.
 //!
-//! General libraries transform one line after the other and spend most of their
-//! time on transposes and single numbers for sizes like 32. Here every butterfly
-//! works on whole rows, so all columns are transformed side by side in full
-//! registers; the other dimension follows after one transpose.
-//! Self-sorting decimation in frequency (T. G. Stockham, AFIPS Proc. 28 (1966) 229,
-//! <https://doi.org/10.1145/1464182.1464209>) with radices 4, 2, 3 and 5.
+//! Every butterfly works on whole rows, so all columns are transformed side by side in full registers. The other
+//! dimension follows after one transpose. Self-sorting decimation in frequency (T. G. Stockham, AFIPS Proc. 28 (1966)
+//! 229, <https://doi.org/10.1145/1464182.1464209>) with radices 4, 2, 3 and 5.
 
 use super::lanes::LANES;
 use super::vector::{Vector, vectorized};
 
-/// A plane of complex numbers, real and imaginary parts apart.
+/// A plane of complex numbers with separate real and imaginary parts.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Complex {
     pub(super) re: Vec<f32>,
@@ -21,7 +18,7 @@ pub(super) struct Complex {
 type Eight = [f32; LANES];
 
 impl Complex {
-    /// Zeros.
+    /// Allocates zeros.
     pub(super) fn new(count: usize) -> Self {
         Self { re: vec![0.0; count], im: vec![0.0; count] }
     }
@@ -35,9 +32,9 @@ impl Complex {
 #[derive(Debug, Clone)]
 struct Stage {
     radix: usize,
-    /// Butterflies with different factors.
+    /// The number of butterflies with different factors.
     groups: usize,
-    /// Rows that share a factor.
+    /// The number of rows that share a factor.
     span: usize,
     /// cos and sin for each group and each output but the first.
     factors: Vec<(f32, f32)>,
@@ -45,7 +42,7 @@ struct Stage {
     turns: Vec<(f32, f32)>,
 }
 
-/// Plan of a transform of `size` x `size` numbers, in rows of `stride`.
+/// The plan of a transform of `size` x `size` numbers, in rows of `stride`.
 #[derive(Debug, Clone)]
 pub(super) struct Transform {
     size: usize,
@@ -81,17 +78,17 @@ impl Transform {
         Self { size, stride, stages, spare: Complex::new(size.next_multiple_of(LANES) * stride) }
     }
 
-    /// Rows and columns.
+    /// The number of rows and columns.
     pub(super) fn size(&self) -> usize {
         self.size
     }
 
-    /// Numbers from one row to the next; those past [`Self::size`] must be zero.
+    /// The row stride; values past [`Self::size`] must be zero.
     pub(super) fn stride(&self) -> usize {
         self.stride
     }
 
-    /// Memory of the right size.
+    /// Allocates memory of the right size.
     pub(super) fn memory(&self) -> Complex {
         self.spare.clone()
     }
@@ -105,17 +102,17 @@ impl Transform {
         transform_columns(&self.stages, self.stride, data, &mut self.spare);
     }
 
-    /// Undoes [`Self::forward`], transpose included; the result is `size` squared times too large.
+    /// Inverts [`Self::forward`], including the transpose, without the factor 1 / `size` squared.
     pub(super) fn inverse(&mut self, data: &mut Complex) {
-        // With real and imaginary part swapped, the forward transform is the inverse one.
+        // With real and imaginary part swapped, the forward transform is the inverse.
         data.swap_parts();
         self.forward(data);
         data.swap_parts();
     }
 }
 
-/// The next size that is fast to transform: no prime factor above 5, at least 8.
-pub(super) fn fast_size(least: usize) -> usize {
+/// Returns the next size that is fast to transform: no prime factor above 5, at min 8.
+pub(super) fn fast_size(min: usize) -> usize {
     let smooth = |size: usize| {
         let mut rest = size;
         for factor in [2, 3, 5] {
@@ -125,7 +122,7 @@ pub(super) fn fast_size(least: usize) -> usize {
         }
         rest == 1
     };
-    (least.max(8)..).find(|size| smooth(*size)).unwrap_or(least)
+    (min.max(8)..).find(|size| smooth(*size)).unwrap_or(min)
 }
 
 vectorized! {
@@ -182,7 +179,7 @@ impl<V: Vector> Point<V> {
         Self(self.0.sub(other.0), self.1.sub(other.1))
     }
 
-    /// Times cos + i sin.
+    /// Multiplies by cos + i sin.
     #[inline(always)]
     fn turn(self, (cos, sin): (f32, f32)) -> Self {
         let (cos, sin) = (V::splat(cos), V::splat(sin));
@@ -268,7 +265,7 @@ fn butterfly_any<V: Vector, const RADIX: usize>(
 }
 
 vectorized! {
-    /// Rows to columns, in blocks of 8 x 8; clears what lies past the columns.
+    /// Transposes in blocks of 8 x 8 and clears the padding columns.
     fn transpose(from: &[f32], to: &mut [f32], stride: usize, size: usize) = transpose_with
 }
 
@@ -290,7 +287,7 @@ fn transpose_with<V: Vector>(from: &[f32], to: &mut [f32], stride: usize, size: 
     }
 }
 
-/// A size for a window that is fast on whole registers: at most two pixels less than the window, or more than it.
+/// Returns a size for a window that fills whole registers: at most two pixels less than the window, or more than it.
 pub(super) fn register_size(window: usize) -> usize {
     let whole = |size: &usize| size.is_multiple_of(LANES) && fast_size(*size) == *size;
     (window.saturating_sub(2).max(LANES)..).find(whole).unwrap_or(window)
@@ -352,7 +349,7 @@ mod tests {
     }
 
     #[test]
-    fn the_inverse_gives_the_data_back() {
+    fn the_inverse_restores_the_data() {
         for size in [20, 32, 45, 64] {
             let original = noise(size);
             let (mut data, mut transform) = (original.clone(), Transform::new(size));

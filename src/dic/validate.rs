@@ -1,39 +1,38 @@
-//! Outliers: vectors that their neighbours contradict.
+//! Outlier detection: vectors that are inconsistent with their neighbours.
 //!
-//! The universal median test of J. Westerweel and F. Scarano, Exp. Fluids 39
-//! (2005) 1096, <https://doi.org/10.1007/s00348-005-0016-6>, on predictions
-//! instead of the neighbours' values: means of opposite neighbours and straight
-//! continuations of two in a row. Both are exact in a linear field, so a turn of
+//! The universal median test of J. Westerweel and F. Scarano, Exp. Fluids 39 (2005) 1096,
+//! <https://doi.org/10.1007/s00348-005-0016-6>, applied to predictions instead of the neighbours' values: means of
+//! opposite neighbours and linear extrapolations of two in a row. Both are exact in a linear field, so a rotation of
 //! the body by some degrees raises no false alarm, not even at the border.
 
 use super::GridPoint;
 use crate::results::{FieldPoint, PointStatus};
 
-/// Tolerated difference in the absence of any scatter, px.
+/// The tolerated difference in the absence of any scatter, px.
 const FLOOR_PX: f32 = 0.1;
 
-/// Tolerated multiple of the predictions' median scatter.
+/// The tolerated multiple of the predictions' median scatter.
 const THRESHOLD: f32 = 2.0;
 
-/// Fewest predictions a verdict rests on.
-const FEWEST: usize = 3;
+/// The minimum number of predictions of the test.
+const MIN_PREDICTIONS: usize = 3;
 
-/// A vector that no neighbour can vouch for, most having failed, must match at least this well.
-const LONE_ZNCC: f32 = 0.9;
+/// The minimum ZNCC of a vector without enough valid neighbours, most of them having failed.
+const MIN_LONE_ZNCC: f32 = 0.9;
 
 /// The eight directions to neighbours; the first four are the opposites of the last four.
 const DIRECTIONS: [(isize, isize); 8] = [(1, 0), (0, 1), (1, 1), (1, -1), (-1, 0), (0, -1), (-1, -1), (-1, 1)];
 
-/// Cells around the lattice in which there is no point: neighbours of neighbours need no test.
-const AROUND: usize = 2;
+/// The width of the empty border of the lattice: neighbours of neighbours need no bounds test.
+const BORDER: usize = 2;
 
-/// Memory of the test.
+/// Memory of the median test.
 #[derive(Debug, Clone, Default)]
 pub(super) struct MedianTest {
-    /// Index of the point in each cell.
+    /// The index of the point in each cell.
     lattice: Vec<u32>,
     columns: usize,
-    /// Cell of each point on the lattice.
+    /// The cell of each point on the lattice.
     cells: Vec<Option<usize>>,
     outliers: Vec<usize>,
 }
@@ -41,12 +40,12 @@ pub(super) struct MedianTest {
 const NONE: u32 = u32::MAX;
 
 impl MedianTest {
-    /// Marks outliers among the valid points; they lose their displacement.
+    /// Marks outliers among the valid points and removes their displacement.
     pub(super) fn mark(&mut self, points: &[GridPoint], step_px: u32, field: &mut [FieldPoint]) {
         self.map(points, step_px);
         self.outliers.clear();
         for index in 0..points.len() {
-            if field[index].displacement.is_some() && self.contradicted(index, field) {
+            if field[index].displacement.is_some() && self.is_inconsistent(index, field) {
                 self.outliers.push(index);
             }
         }
@@ -56,7 +55,7 @@ impl MedianTest {
         }
     }
 
-    /// Puts the points on a lattice of cells one step wide; points off the lattice have no neighbours.
+    /// Maps the points to a lattice of cells one step wide. Points off the lattice have no neighbours.
     fn map(&mut self, points: &[GridPoint], step_px: u32) {
         self.lattice.clear();
         self.cells.clear();
@@ -65,15 +64,15 @@ impl MedianTest {
         let high = |pick: fn(&GridPoint) -> u32| points.iter().map(pick).max().unwrap_or(0);
         let step = step_px.max(1);
         let ((left, right), (top, bottom)) = ((low(|p| p.x), high(|p| p.x)), (low(|p| p.y), high(|p| p.y)));
-        // The lattice runs through the first point.
+        // The lattice passes through the first point.
         let origin = (left + (first.x - left) % step, top + (first.y - top) % step);
-        let extent = |high: u32, origin: u32| (high.saturating_sub(origin) / step + 1) as usize + 2 * AROUND;
+        let extent = |high: u32, origin: u32| (high.saturating_sub(origin) / step + 1) as usize + 2 * BORDER;
         let (columns, rows) = (extent(right, origin.0), extent(bottom, origin.1));
         self.columns = columns;
         self.lattice.resize(columns * rows, NONE);
         self.cells.extend(points.iter().map(|point| {
             let (x, y) = (point.x.checked_sub(origin.0)?, point.y.checked_sub(origin.1)?);
-            let (column, row) = ((x / step) as usize + AROUND, (y / step) as usize + AROUND);
+            let (column, row) = ((x / step) as usize + BORDER, (y / step) as usize + BORDER);
             (x % step == 0 && y % step == 0).then_some(row * columns + column)
         }));
         for (index, cell) in self.cells.iter().enumerate() {
@@ -83,8 +82,9 @@ impl MedianTest {
         }
     }
 
-    /// Whether the predictions from the neighbours contradict the point, or most neighbours failed and it is poor.
-    fn contradicted(&self, index: usize, field: &[FieldPoint]) -> bool {
+    /// Whether a point is inconsistent with the predictions from its neighbours, or most neighbours failed and its
+    /// match is poor.
+    fn is_inconsistent(&self, index: usize, field: &[FieldPoint]) -> bool {
         let columns = self.columns as isize;
         let at = |(dx, dy): (isize, isize), times: isize| {
             let cell = self.cells[index]?.wrapping_add_signed(times * (dy * columns + dx));
@@ -114,17 +114,17 @@ impl MedianTest {
                 predict(0.5 * (near.0 + opposite.0), 0.5 * (near.1 + opposite.1));
             }
         }
-        if count >= FEWEST {
-            return strays(own.u_px, &mut us[..count]) || strays(own.v_px, &mut vs[..count]);
+        if count >= MIN_PREDICTIONS {
+            return exceeds_scatter(own.u_px, &mut us[..count]) || exceeds_scatter(own.v_px, &mut vs[..count]);
         }
         let found = DIRECTIONS.into_iter().filter(|direction| at(*direction, 1).is_some()).count();
-        2 * found < tried && field[index].zncc.is_some_and(|zncc| zncc < LONE_ZNCC)
+        2 * found < tried && field[index].zncc.is_some_and(|zncc| zncc < MIN_LONE_ZNCC)
     }
 }
 
-/// Whether `own` lies further from the median of the predictions than their scatter explains.
-fn strays(own: f32, predictions: &mut [f32]) -> bool {
-    // The median is no further off than the farthest; most vectors need no sorting.
+/// Whether `own` is further from the median of the predictions than their scatter explains.
+fn exceeds_scatter(own: f32, predictions: &mut [f32]) -> bool {
+    // The median is no further off than the farthest prediction. Most vectors need no sorting.
     if predictions.iter().all(|prediction| (own - prediction).abs() <= THRESHOLD * FLOOR_PX) {
         return false;
     }
@@ -133,7 +133,7 @@ fn strays(own: f32, predictions: &mut [f32]) -> bool {
     (own - center).abs() > THRESHOLD * (median(predictions) + FLOOR_PX)
 }
 
-/// The median; sorts the values.
+/// Returns the median; sorts the values.
 fn median(values: &mut [f32]) -> f32 {
     values.sort_unstable_by(f32::total_cmp);
     let middle = values.len() / 2;
@@ -146,7 +146,7 @@ mod tests {
     use crate::dic::grid::rectangle;
     use crate::results::Displacement;
 
-    /// A body turned by 3 degrees and stretched, without noise.
+    /// A body rotated by 3 degrees and stretched, without noise.
     fn turned(points: &[GridPoint]) -> Vec<FieldPoint> {
         let displacement = |p: &GridPoint| {
             let (x, y) = (p.x as f32, p.y as f32);

@@ -1,42 +1,41 @@
-//! Eight numbers in a register: the innermost arithmetic, once for AVX2 and once for any machine.
+//! Eight numbers in a register: the innermost arithmetic, for AVX2 and for any machine.
 //!
-//! Arrays alone are not enough here: the compiler packs them into half registers
-//! or not at all once the taps are unrolled. Both forms round in the same
-//! places and add in the same order, so that they agree to the last bit.
+//! With arrays alone the compiler uses half registers, or none once the taps are unrolled. Both implementations round
+//! in the same places and add in the same order, so their results are equal to the last bit.
 
 use super::lanes::{LANES, Lanes};
 
 /// Arithmetic on eight numbers at once.
 pub(super) trait Vector: Copy {
-    /// The same number eight times.
+    /// Fills all lanes with one value.
     fn splat(value: f32) -> Self;
-    /// The first eight numbers of a slice.
+    /// Loads the first eight values of a slice.
     fn load(values: &[f32]) -> Self;
-    /// Into the first eight places of a slice.
+    /// Stores into the first eight places of a slice.
     fn store(self, values: &mut [f32]);
-    /// From memory.
+    /// Loads from memory.
     fn from_lanes(lanes: &Lanes) -> Self;
-    /// From memory.
+    /// Loads from memory.
     fn from_eight(values: &[f32; LANES]) -> Self;
-    /// Rows to columns of eight times eight numbers.
+    /// Transposes eight vectors.
     fn transpose(rows: [Self; LANES]) -> [Self; LANES];
-    /// The sum of each of eight times eight numbers: that of its halves, each of which is the sum of its pairs.
+    /// Returns the sum of each of eight vectors: that of its halves, each of which is the sum of its pairs.
     fn sums(rows: &[Self; LANES]) -> Lanes;
-    /// To memory.
+    /// Stores to memory.
     fn to_lanes(self) -> Lanes;
-    /// Sum.
+    /// Adds.
     fn add(self, other: Self) -> Self;
-    /// Difference.
+    /// Subtracts.
     fn sub(self, other: Self) -> Self;
-    /// Product.
+    /// Multiplies.
     fn mul(self, other: Self) -> Self;
-    /// `self` + `a` `b`, rounded once.
+    /// Returns `self` + `a` `b`, rounded once.
     fn plus_product(self, a: Self, b: Self) -> Self;
-    /// All bits set where `self >= other`, else none; only for [`Self::select`] and [`Self::and`].
+    /// Returns all bits set where `self >= other`, else none; only for [`Self::select`] and [`Self::and`].
     fn at_least(self, other: Self) -> Self;
-    /// `self` where the mask is set, else zero.
+    /// Returns `self` where the mask is set, else zero.
     fn and(self, mask: Self) -> Self;
-    /// `high` where the mask is set, `low` elsewhere.
+    /// Returns `high` where the mask is set, `low` elsewhere.
     fn select(mask: Self, high: Self, low: Self) -> Self;
 }
 
@@ -119,7 +118,7 @@ impl Vector for Portable {
         self.each(other, |a, b| a * b)
     }
 
-    // Without an instruction for it, this is long: written out at every tap it would take minutes to compile.
+    // Without an instruction for it this is long: inlined at every tap it would take minutes to compile.
     #[cfg_attr(any(target_arch = "aarch64", target_feature = "fma"), inline(always))]
     #[cfg_attr(not(any(target_arch = "aarch64", target_feature = "fma")), inline(never))]
     fn plus_product(self, a: Self, b: Self) -> Self {
@@ -150,17 +149,17 @@ impl Vector for Portable {
     }
 }
 
-/// a b + c, rounded once, on machines that have no instruction for it.
+/// Returns a b + c, rounded once, on machines without an instruction for it.
 ///
-/// The product of two singles is exact in double precision. Its sum with `c` is rounded to odd, so that
-/// rounding it again to single precision is as if it had been done once (S. Boldo, G. Melquiond, IEEE Trans.
-/// Comput. 57 (2008) 462, <https://doi.org/10.1109/TC.2007.70819>).
+/// The product of two singles is exact in double precision. Its sum with `c` is rounded to odd, so that the second
+/// rounding to single precision gives the correctly rounded result (S. Boldo, G. Melquiond, IEEE Trans. Comput. 57
+/// (2008) 462, <https://doi.org/10.1109/TC.2007.70819>).
 #[inline(always)]
 #[cfg(not(any(target_arch = "aarch64", target_feature = "fma")))]
 fn fused(a: f32, b: f32, c: f32) -> f32 {
     let (product, c) = (f64::from(a) * f64::from(b), f64::from(c));
     let sum = product + c;
-    // What the sum lost (D. Knuth's two-sum).
+    // The rounding error of the sum (D. Knuth's two-sum).
     let part = sum - product;
     let lost = (product - (sum - part)) + (c - part);
     let bits = sum.to_bits();
@@ -170,14 +169,14 @@ fn fused(a: f32, b: f32, c: f32) -> f32 {
     f64::from_bits(if lost != 0.0 && is_even { odd } else { bits }) as f32
 }
 
-/// a b + c, rounded once.
+/// Returns a b + c, rounded once.
 #[inline(always)]
 #[cfg(any(target_arch = "aarch64", target_feature = "fma"))]
 fn fused(a: f32, b: f32, c: f32) -> f32 {
     a.mul_add(b, c)
 }
 
-/// Whether this machine has AVX2 and multiplies and adds in one rounding, as every one with AVX2 does.
+/// Whether this machine has AVX2 and fused multiply-add, as every one with AVX2 does.
 #[cfg(target_arch = "x86_64")]
 pub(super) fn has_avx2() -> bool {
     std::arch::is_x86_feature_detected!("avx2") && std::arch::is_x86_feature_detected!("fma")
@@ -185,8 +184,8 @@ pub(super) fn has_avx2() -> bool {
 
 /// Whether this machine has the AVX-512 forms of AVX2's instructions, with twice as many registers.
 ///
-/// The numbers stay eight wide, and every result the same to the last bit: what bounds the passes is that sixteen
-/// registers do not hold the weights of the taps.
+/// The vectors stay eight wide, and every result is the same to the last bit. The passes are bound by registers:
+/// sixteen do not hold the weights of the taps.
 #[cfg(target_arch = "x86_64")]
 pub(super) fn has_avx512() -> bool {
     std::arch::is_x86_feature_detected!("avx512f")
@@ -195,7 +194,7 @@ pub(super) fn has_avx512() -> bool {
         && has_avx2()
 }
 
-/// What the hot passes are run with on this machine.
+/// Returns the instruction set that the hot passes use on this machine.
 pub fn instruction_set() -> &'static str {
     #[cfg(target_arch = "x86_64")]
     {
@@ -214,7 +213,7 @@ pub fn instruction_set() -> &'static str {
 #[cfg(target_arch = "x86_64")]
 pub(super) use avx2::Avx2;
 
-/// Defines a function that runs a generic one over [`Vector`] with the best form this machine has.
+/// Defines a function that runs a generic one over [`Vector`] with the best implementation for this machine.
 macro_rules! vectorized {
     ($(#[$meta:meta])* $vis:vis fn $name:ident($($arg:ident: $type:ty),* $(,)?) $(-> $result:ty)? = $generic:ident) => {
         $(#[$meta])*
@@ -261,12 +260,12 @@ mod avx2 {
 
     /// Eight numbers in an AVX register.
     ///
-    /// Only named by functions compiled for AVX2, which are only called after
-    /// [`has_avx2`](super::has_avx2) said yes.
+    /// Only named by functions compiled for AVX2, which are only called after [`has_avx2`](super::has_avx2) returned
+    /// true.
     #[derive(Clone, Copy)]
     pub(in crate::dic) struct Avx2(__m256);
 
-    /// The sums of both halves of four rows: of the first halves, then of the second.
+    /// Returns the sums of both halves of four rows: of the first halves, then of the second.
     #[inline(always)]
     fn sums_of_halves(a: __m256, b: __m256, c: __m256, d: __m256) -> __m256 {
         // SAFETY: as of every block below.
@@ -415,7 +414,7 @@ mod avx2 {
 mod tests {
     use super::fused;
 
-    /// Also where the double sum lies halfway between two singles, and where everything cancels.
+    /// Includes sums halfway between two singles, and complete cancellation.
     #[test]
     fn a_product_and_a_sum_are_rounded_once() {
         let mut state = 1_u32;

@@ -1,30 +1,30 @@
-//! What of a body something hides, to be asked part by part.
+//! The occluded pixels of a body as a summed-area table.
 
 use super::lanes::{LANES, Lanes};
 use super::window::Window;
 
-/// The pixels of a body that are out of sight.
+/// The occluded pixels of a body.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Veil {
-    /// Of the rectangle around the body, from its centre, px.
+    /// The origin of the body's rectangle relative to its centre, px.
     left: i32,
     top: i32,
     width: usize,
     height: usize,
-    /// Pixels out of sight above and to the left of every corner between pixels.
+    /// The number of occluded pixels above and to the left of every corner between pixels.
     sums: Vec<u32>,
 }
 
 impl Veil {
-    /// Of a body's pixels, those that are not `seen`.
-    pub(super) fn new(window: &Window, seen: &[Lanes]) -> Self {
+    /// Builds the table of the body's pixels that are not `visible`.
+    pub(super) fn new(window: &Window, visible: &[Lanes]) -> Self {
         let ((width, height), (left, top)) = (window.extent.sides(), (window.extent.left, window.extent.top));
         let stride = width + 1;
         let mut sums = vec![0_u32; stride * (height + 1)];
         for block in &window.blocks {
             let rows = block.start..block.start + block.rows;
-            for ((dy, mask), seen) in (block.dy..).zip(&window.mask[rows.clone()]).zip(&seen[rows]) {
-                for lane in (0..LANES).filter(|lane| mask.0[*lane] > 0.5 && seen.0[*lane] < 0.5) {
+            for ((dy, mask), visible) in (block.dy..).zip(&window.mask[rows.clone()]).zip(&visible[rows]) {
+                for lane in (0..LANES).filter(|lane| mask.0[*lane] > 0.5 && visible.0[*lane] < 0.5) {
                     let (x, y) = (block.dx + lane as i32 - left, dy - top);
                     sums[(y as usize + 1) * stride + x as usize + 1] = 1;
                 }
@@ -40,7 +40,7 @@ impl Veil {
         Self { left, top, width, height, sums }
     }
 
-    /// How many of its pixels are out of sight in an upright square about a place, px from the body's centre.
+    /// Returns the number of occluded pixels in an upright square about a position, px from the body's centre.
     pub fn hidden(&self, (x, y): (f64, f64), size_px: u32) -> u32 {
         let half = 0.5 * f64::from(size_px);
         let corner =
@@ -57,21 +57,21 @@ mod tests {
     use super::*;
 
     #[test]
-    fn squares_hold_the_pixels_that_are_hidden_in_them() {
+    fn squares_count_their_occluded_pixels() {
         let disc = |dx: i32, dy: i32| dx * dx + dy * dy <= 400;
         let window = Window::from_test(21, disc);
-        // What is right of the seventh column is hidden.
-        let seen = Window::from_test(21, |dx, dy| disc(dx, dy) && dx <= 7);
+        // Everything right of the seventh column is occluded.
+        let visible = Window::from_test(21, |dx, dy| disc(dx, dy) && dx <= 7);
         let mut packed = vec![Lanes::default(); window.mask.len()];
         for block in &window.blocks {
-            let other = seen.blocks.iter().find(|other| other.dx == block.dx);
+            let other = visible.blocks.iter().find(|other| other.dx == block.dx);
             for row in 0..block.rows {
                 let own = other.and_then(|o| {
                     (block.dy + row as i32 - o.dy)
                         .try_into()
                         .ok()
                         .filter(|k: &usize| *k < o.rows)
-                        .map(|k| seen.mask[o.start + k])
+                        .map(|k| visible.mask[o.start + k])
                 });
                 packed[block.start + row] = own.unwrap_or_default();
             }
@@ -83,8 +83,8 @@ mod tests {
             all.filter(|(dx, dy)| disc(*dx, *dy) && *dx > 7 && inside(*dx, *dy)).count() as u32
         };
         for (x, y, half) in [(0, 0, 7), (0, 0, 8), (4, -6, 7), (11, 3, 5), (19, 0, 9), (30, 30, 4), (0, 0, 40)] {
-            let told = veil.hidden((f64::from(x) + 0.2, f64::from(y) - 0.3), 2 * half as u32 + 1);
-            assert_eq!(told, count(x, y, half), "{x} {y} {half}");
+            let counted = veil.hidden((f64::from(x) + 0.2, f64::from(y) - 0.3), 2 * half as u32 + 1);
+            assert_eq!(counted, count(x, y, half), "{x} {y} {half}");
         }
     }
 }

@@ -1,9 +1,9 @@
-//! Where each pixel of a subset goes.
+//! First-order warps of a subset.
 
 use super::Shape;
 
-/// First-order warp of a subset: an offset (dx, dy) from its centre goes to
-/// (u + (1 + ux) dx + uy dy, v + vx dx + (1 + vy) dy).
+/// The first-order warp of a subset: an offset (dx, dy) from its centre moves to (u + (1 + ux) dx + uy dy, v + vx dx +
+/// (1 + vy) dy).
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub(super) struct Warp {
     pub(super) u: f64,
@@ -15,18 +15,18 @@ pub(super) struct Warp {
 }
 
 impl Warp {
-    /// A shift without deformation.
+    /// Returns a translation.
     pub(super) fn shift(u: f64, v: f64) -> Self {
         Self { u, v, ..Self::default() }
     }
 
-    /// A shift and a turn, counter-clockwise on the screen.
+    /// Returns a translation with a rotation, counter-clockwise on the screen.
     pub(super) fn rigid(u: f64, v: f64, angle_rad: f64) -> Self {
         let (sin, cos) = angle_rad.sin_cos();
         Self { u, v, ux: cos - 1.0, uy: sin, vx: -sin, vy: cos - 1.0 }
     }
 
-    /// From the step of a solver: (u, v), (u, v, angle) or (u, ux, uy, v, vx, vy).
+    /// Converts the step of a solver: (u, v), (u, v, angle) or (u, ux, uy, v, vx, vy).
     pub(super) fn from_step(shape: Shape, step: &[f64; 6]) -> Self {
         match shape {
             Shape::Translation => Self::shift(step[0], step[1]),
@@ -37,18 +37,18 @@ impl Warp {
         }
     }
 
-    /// Where the offset (dx, dy) goes, seen from the subset's centre.
+    /// Returns the warped offset (dx, dy), relative to the subset's centre.
     pub(super) fn apply(&self, dx: f64, dy: f64) -> (f64, f64) {
         (self.u + dx + self.ux * dx + self.uy * dy, self.v + dy + self.vx * dx + self.vy * dy)
     }
 
-    /// This warp after undoing `step`; `None` when `step` cannot be undone.
+    /// Composes this warp with the inverse of `step`; `None` if `step` cannot be inverted.
     pub(super) fn after_inverse(&self, step: &Self) -> Option<Self> {
         let determinant = (1.0 + step.ux) * (1.0 + step.vy) - step.uy * step.vx;
         if !determinant.is_finite() || determinant < 0.1 {
             return None;
         }
-        // Inverse of the linear part and the offset that the inverse leaves.
+        // The inverse of the linear part, and the remaining offset.
         let (a, b) = ((1.0 + step.vy) / determinant, -step.uy / determinant);
         let (c, d) = (-step.vx / determinant, (1.0 + step.ux) / determinant);
         let (dx, dy) = (-(a * step.u + b * step.v), -(c * step.u + d * step.v));
@@ -68,7 +68,7 @@ impl Warp {
         [self.ux, self.uy, self.vx, self.vy].into_iter().all(|gradient| gradient.abs() <= limit)
     }
 
-    /// How much of the step `before` is in this one, with the gradients taken at `half` px.
+    /// Returns the projection of this step on the step `before`, with the gradients taken at `half` px.
     pub(super) fn ratio(&self, before: &Self, half: f64) -> f64 {
         let product = |a: &Self, b: &Self| {
             let gradients = a.ux * b.ux + a.uy * b.uy + a.vx * b.vx + a.vy * b.vy;
@@ -77,13 +77,13 @@ impl Warp {
         product(self, before) / product(before, before)
     }
 
-    /// A step of another length.
+    /// Returns the step multiplied by a factor.
     pub(super) fn scaled(&self, factor: f64) -> Self {
         let Self { u, ux, uy, v, vx, vy } = *self;
         Self { u: u * factor, ux: ux * factor, uy: uy * factor, v: v * factor, vx: vx * factor, vy: vy * factor }
     }
 
-    /// Length of a step: the offset, and what the gradients do at `half` px from the centre.
+    /// Returns the length of a step: its offset, or the displacement by its gradients at `half` px from the centre.
     pub(super) fn length(&self, half: f64) -> f64 {
         let gradients = [self.ux, self.uy, self.vx, self.vy].into_iter().fold(0.0, |high: f64, g| high.max(g.abs()));
         self.u.abs().max(self.v.abs()).max(half * gradients)

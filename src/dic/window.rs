@@ -1,4 +1,4 @@
-//! The pixels of a subset, in blocks of eight columns.
+//! Pixel masks of subsets, in blocks of eight columns.
 
 use super::lanes::{LANES, Lanes};
 use super::warp::Warp;
@@ -7,17 +7,17 @@ use super::{GridPoint, WindowShape};
 /// Eight neighbouring columns of a subset and the rows in which they have pixels.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Block {
-    /// Offset of the first column from the subset's centre, px.
+    /// The offset of the first column from the subset's centre, px.
     pub(super) dx: i32,
-    /// Offset of the first row from the subset's centre, px.
+    /// The offset of the first row from the subset's centre, px.
     pub(super) dy: i32,
-    /// Rows.
+    /// The number of rows.
     pub(super) rows: usize,
-    /// First of its rows among the rows of all blocks.
+    /// The index of its first row among the rows of all blocks.
     pub(super) start: usize,
 }
 
-/// The rectangle around the pixels of a subset: first and last offsets from the centre, px.
+/// The bounding box of a subset's pixels: first and last offsets from the centre, px.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub(super) struct Extent {
     pub(super) left: i32,
@@ -27,12 +27,12 @@ pub(super) struct Extent {
 }
 
 impl Extent {
-    /// Pixels along x and y.
+    /// Returns the width and height in pixels.
     pub(super) fn sides(&self) -> (usize, usize) {
         ((self.right - self.left + 1).max(0) as usize, (self.bottom - self.top + 1).max(0) as usize)
     }
 
-    /// Whether all of it lies in an image when the centre is at `at`.
+    /// Whether it lies wholly in an image when the centre is at `at`.
     pub(super) fn fits(&self, (x, y): (isize, isize), (width, height): (usize, usize)) -> bool {
         x + self.left as isize >= 0
             && y + self.top as isize >= 0
@@ -41,27 +41,27 @@ impl Extent {
     }
 }
 
-/// Which pixels around a centre belong to a subset.
+/// The pixels around a centre that belong to a subset.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub(super) struct Window {
     pub(super) blocks: Vec<Block>,
     /// 1 where a pixel belongs, else 0; block by block, row by row.
     pub(super) mask: Vec<Lanes>,
-    /// Pixels that belong.
+    /// The number of pixels that belong.
     pub(super) pixels: usize,
-    /// Largest offset along x or y that a pixel may have, px.
+    /// The largest offset of a pixel along x or y, px.
     pub(super) half: u32,
-    /// The rectangle around the pixels that belong.
+    /// The bounding box of the pixels that belong.
     pub(super) extent: Extent,
-    /// Largest distance from the centre, px.
+    /// The largest distance from the centre, px.
     radius: f64,
 }
 
 impl Window {
-    /// A subset of the given outline and full width.
+    /// Creates a subset of the given outline and full width.
     ///
-    /// The disc reaches half a pixel past the outermost centres; the ring leaves
-    /// out the inner half of the disc's radius.
+    /// The disc extends half a pixel past the outermost centres. The ring leaves out the inner half of the disc's
+    /// radius.
     pub(super) fn new(shape: WindowShape, size_px: u32) -> Self {
         let half = size_px / 2;
         let outer = f64::from(half) + 0.5;
@@ -75,12 +75,12 @@ impl Window {
         })
     }
 
-    /// The pixels within `half` of the centre for which `belongs(dx, dy)`.
+    /// Creates a window from the pixels within `half` of the centre for which `belongs(dx, dy)`.
     pub(super) fn from_test(half: u32, belongs: impl Fn(i32, i32) -> bool) -> Self {
         let reach = half as i32;
         let mut window =
             Self { blocks: Vec::new(), mask: Vec::new(), pixels: 0, half, radius: 0.0, extent: Extent::default() };
-        // Of the largest distance: half widths are under 10 000 px.
+        // The square of the largest distance; half widths are below 10 000 px.
         let mut square = 0;
         for dx in (-reach..=reach).step_by(LANES) {
             let mut block = Block { dx, dy: 0, rows: 0, start: window.mask.len() };
@@ -96,7 +96,7 @@ impl Window {
                 if pixels > 0 && used == block.start {
                     block.dy = dy;
                 }
-                // Rows without any before the first are left out, and those after the last taken back.
+                // Empty rows before the first pixel are skipped, and those after the last removed.
                 if pixels > 0 || used > block.start {
                     window.mask.push(row);
                 }
@@ -116,7 +116,7 @@ impl Window {
         window
     }
 
-    /// Finds the rectangle around the pixels.
+    /// Computes the bounding box of the pixels.
     fn measure(&mut self) {
         let mut extent = Extent { left: i32::MAX, top: i32::MAX, right: i32::MIN, bottom: i32::MIN };
         for block in &self.blocks {
@@ -131,8 +131,8 @@ impl Window {
         self.extent = if self.pixels > 0 { extent } else { Extent::default() };
     }
 
-    /// First and last column that belong in each row of an image, when the centre is at `at`; the first is larger where
-    /// there are none.
+    /// Returns the first and last column in each row of an image when the centre is at `at`; the first is larger in
+    /// empty rows.
     pub(super) fn spans(&self, at: (i32, i32), rows: usize) -> Vec<(i32, i32)> {
         let mut spans = vec![(i32::MAX, i32::MIN); rows];
         for block in &self.blocks {
@@ -147,10 +147,10 @@ impl Window {
         spans
     }
 
-    /// This window without the pixels that do not belong, into `out`; tells whether there are any.
+    /// Copies the window to `out` without the pixels that do not belong; returns whether any were removed.
     ///
-    /// Rows without any pixel at the ends of a block are left out, so that nothing far outside is read.
-    pub(super) fn cut(&self, belongs: impl Fn(i32, i32) -> bool, out: &mut Self) -> bool {
+    /// Empty rows at the ends of a block are dropped, so that nothing far outside is read.
+    pub(super) fn clip(&self, belongs: impl Fn(i32, i32) -> bool, out: &mut Self) -> bool {
         out.blocks.clear();
         out.mask.clear();
         (out.pixels, out.half, out.radius) = (0, self.half, self.radius);
@@ -182,10 +182,11 @@ impl Window {
         out.pixels < self.pixels
     }
 
-    /// This window without the pixels where `kept`, packed like its mask, is 0; into `out`, with the same blocks.
+    /// Copies the window to `out` without the pixels where `kept`, packed like its mask, is 0. The blocks stay the
+    /// same.
     ///
-    /// All rows of the blocks are read, so all of the rectangle must stay in the image.
-    pub(super) fn keep(&self, kept: &[Lanes], out: &mut Self) {
+    /// All rows of the blocks are read, so the whole rectangle must stay in the image.
+    pub(super) fn restrict(&self, kept: &[Lanes], out: &mut Self) {
         out.blocks.clone_from(&self.blocks);
         out.mask.clear();
         out.mask.extend(self.mask.iter().zip(kept).map(|(mask, kept)| *mask * *kept));
@@ -199,7 +200,7 @@ impl Window {
         self.pixels == (2 * self.half as usize + 1).pow(2)
     }
 
-    /// The rectangle around its pixels when the centre is at a point: left, top, right and bottom, px.
+    /// Returns the bounding box when the centre is at a point: left, top, right and bottom, px.
     pub(super) fn around(&self, point: GridPoint) -> [f64; 4] {
         let Extent { left, top, right, bottom } = self.extent;
         let (x, y) = (f64::from(point.x), f64::from(point.y));
@@ -216,7 +217,7 @@ impl Window {
         })
     }
 
-    /// Whether all of it lies in an image of this size when it is warped about `at`.
+    /// Whether it lies wholly in an image of this size after a warp about `at`.
     pub(super) fn stays(&self, warp: &Warp, at: (i32, i32), (width, height): (usize, usize)) -> bool {
         let [left, top, right, bottom] = self.reach(warp);
         let (x, y) = (f64::from(at.0), f64::from(at.1));
@@ -224,7 +225,8 @@ impl Window {
         x + left >= 0.0 && x + right <= width as f64 - 1.0 && y + top >= 0.0 && y + bottom <= height as f64 - 1.0
     }
 
-    /// From where to where the warped subset reaches from its centre's old place: left, top, right, bottom, px.
+    /// Returns the bounding box of the warped subset relative to the old position of its centre: left, top, right,
+    /// bottom, px.
     pub(super) fn reach(&self, warp: &Warp) -> [f64; 4] {
         let Extent { left, top, right, bottom } = self.extent;
         let along = |shift: f64, a: f64, b: f64| {
@@ -240,7 +242,7 @@ impl Window {
     }
 }
 
-/// First and last lane that belong.
+/// Returns the first and last lane that belong.
 fn ends(mask: &Lanes) -> Option<(i32, i32)> {
     let first = mask.0.iter().position(|value| *value > 0.5)?;
     let last = mask.0.iter().rposition(|value| *value > 0.5)?;
@@ -270,7 +272,7 @@ mod tests {
             Warp::shift(0.5, -0.25),
         ];
         for (left, top, right, bottom) in [(-15, -15, 2, 15), (-3, -15, 15, 4), (6, -15, 15, -9)] {
-            assert!(whole.cut(|dx, dy| (left..=right).contains(&dx) && (top..=bottom).contains(&dy), &mut cut));
+            assert!(whole.clip(|dx, dy| (left..=right).contains(&dx) && (top..=bottom).contains(&dy), &mut cut));
             for warp in &warps {
                 let corners = [(left, top), (right, top), (left, bottom), (right, bottom)];
                 let at = corners.map(|(dx, dy)| warp.apply(f64::from(dx), f64::from(dy)));

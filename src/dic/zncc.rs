@@ -1,20 +1,16 @@
-//! Statistical correlation, the slow and obvious form.
+//! Statistical correlation by definition.
 
 use crate::image::ImageView;
 
-/// Zero-mean normalised cross-correlation (ZNCC) of two subsets.
+/// Returns the zero-mean normalised cross-correlation (ZNCC) of two subsets.
 ///
-/// One number answers "do these two patches show the same speckles?", blind to
-/// a change of brightness between them:
+/// It measures the similarity of two patches independent of brightness and contrast:
 ///
 /// ```text
 /// C = sum (f - mean f)(g - mean g) / sqrt( sum (f - mean f)^2  sum (g - mean g)^2 )
 /// ```
 ///
-/// # Returns
-///
-/// The correlation coefficient, -1 to 1, dimensionless; `None` when either
-/// subset has no contrast, where it is undefined.
+/// The coefficient is dimensionless, -1 to 1. `None` if either subset has no contrast.
 ///
 /// # Panics
 ///
@@ -30,7 +26,7 @@ use crate::image::ImageView;
 /// use ricochet::{dic::zncc, image::ImageView};
 ///
 /// let reference = ImageView::new(&[10.0, 20.0, 30.0, 40.0], 2, 2)?;
-/// let brighter = ImageView::new(&[25.0, 45.0, 65.0, 85.0], 2, 2)?; // twice as bright, and 5 more
+/// let brighter = ImageView::new(&[25.0, 45.0, 65.0, 85.0], 2, 2)?; // twice as bright, plus 5
 /// let flat = ImageView::new(&[7.0, 7.0, 7.0, 7.0], 2, 2)?;
 ///
 /// assert!((zncc(reference, brighter).unwrap() - 1.0).abs() < 1e-12);
@@ -40,8 +36,7 @@ use crate::image::ImageView;
 ///
 /// # References
 ///
-/// B. Pan et al., Meas. Sci. Technol. 20 (2009) 062001,
-/// <https://doi.org/10.1088/0957-0233/20/6/062001>.
+/// B. Pan et al., Meas. Sci. Technol. 20 (2009) 062001, <https://doi.org/10.1088/0957-0233/20/6/062001>.
 pub fn zncc(reference: ImageView<'_>, target: ImageView<'_>) -> Option<f64> {
     assert_eq!(
         (reference.width(), reference.height()),

@@ -1,4 +1,4 @@
-//! Tests of the refinement, against the statistical correlation.
+//! Tests of the refinement against the statistical correlation.
 
 use super::*;
 use crate::dic::prepared::Prepared;
@@ -21,7 +21,7 @@ fn pair() -> (Image, Prepared, Prepared) {
     (reference, a, b)
 }
 
-/// The slow twin: the statistical correlation of the reference subset with the resampled target.
+/// The reference implementation: the statistical correlation of the reference subset with the resampled target.
 #[test]
 fn the_answer_is_where_the_statistical_correlation_is_highest() {
     let (image, reference, target) = pair();
