@@ -1,6 +1,6 @@
 //! The whole measurement against known truth, at speeds off every 1/n grid.
 
-use crate::film::{level_rig, rows_of};
+use crate::measured_world::{level_rig, rows_of};
 use ricochet::ball::BallParams;
 use ricochet::dic::CorrelationParams;
 use ricochet::image::Frame;

@@ -2,16 +2,11 @@
 
 #![expect(clippy::unwrap_used, clippy::print_stdout, reason = "a test fails by unwrapping and prints what it measured")]
 
-#[path = "ball/paint.rs"]
+mod known_position;
 mod paint;
-#[path = "ball/scene.rs"]
 mod scene;
-#[path = "ball/small.rs"]
 mod small;
-#[path = "ball/tally.rs"]
 mod tally;
-#[path = "ball/there.rs"]
-mod there;
 
 use ricochet::ball::{BallFinder, BallParams, OutlineMethod};
 use ricochet::image::ImageView;

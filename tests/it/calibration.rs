@@ -5,7 +5,7 @@ use ricochet::motion::Rectifier;
 use ricochet::synth::{MotionSetup, Scenario, World};
 use std::path::Path;
 
-use crate::film::{level_rig, rows_of_pictures, through};
+use crate::measured_world::{level_rig, rows_of_pictures, through};
 use crate::support::{Background, Rig, ricochet, run};
 
 const SIDE: usize = 420;

@@ -4,7 +4,7 @@ use ricochet::measure::{Tracker, TrackerParams, TrackerRows};
 use ricochet::motion::MotionParams;
 use ricochet::results::{BodyStep, Estimate, ForceLaw, Impact, Phase, PointStatus};
 
-use crate::bounce::{Experiment, Law, Noise, Ripple, Truth, lacrosse, rod, steps, tennis};
+use crate::synth_physics::{Experiment, Law, Noise, Ripple, Truth, lacrosse, rod, steps, tennis};
 
 pub fn track(steps: &[BodyStep], params: &MotionParams) -> TrackerRows {
     let mut rows = TrackerRows::default();

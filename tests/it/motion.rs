@@ -4,8 +4,8 @@ use ricochet::measure::{Tracker, TrackerParams, TrackerRows};
 use ricochet::motion::{MotionParams, Scale};
 use ricochet::results::{BodyStep, Phase, PointStatus, RigidStep, VelocitySample};
 
-use crate::bounce::{Experiment, Noise, Truth, lacrosse, rod, steps, tennis};
 use crate::impact::track;
+use crate::synth_physics::{Experiment, Noise, Truth, lacrosse, rod, steps, tennis};
 
 fn params() -> MotionParams {
     MotionParams { gravity_m_s2: 0.0, ..lacrosse(true).params() }

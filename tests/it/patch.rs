@@ -5,7 +5,7 @@ use ricochet::measure::TrackerRows;
 use ricochet::results::PointStatus;
 use ricochet::synth::{MotionSetup, Scenario, World};
 
-use crate::film::{rows_of, rows_of_pictures};
+use crate::measured_world::{rows_of, rows_of_pictures};
 use crate::support::{Rig, csv, succeed};
 
 const SIDE: usize = 260;

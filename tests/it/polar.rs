@@ -3,7 +3,7 @@
 use ricochet::measure::TrackerRows;
 use ricochet::synth::{MotionSetup, OccluderSetup, Scenario, World};
 
-use crate::film::{level_rig, rows_of};
+use crate::measured_world::{level_rig, rows_of};
 
 /// A ball of 114 px that turns and hardly moves, in side light, on a textured ground.
 fn film(seed: u64, (vx, vy, spin_deg): (f64, f64, f64)) -> Scenario {

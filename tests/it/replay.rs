@@ -1,7 +1,7 @@
 //! `ricochet replay`: frame by frame, at other times, several recordings at once, recordings of several files.
 
-use crate::line::{analysis, drifting, film, tables, write};
 use crate::pipeline::drift;
+use crate::pipeline_faults::{analysis, drifting, film, tables, write};
 use crate::support::{Rig, frames, ricochet, succeed};
 use ricochet::image::FrameMeta;
 use ricochet::recording::{Recording, files_of};

@@ -240,7 +240,7 @@ fn an_edge_that_leaves_the_picture_is_told_and_the_others_go_on() {
 
 /// Everything that is measured of a film with `config/rod.toml`.
 fn measure(world: &World) -> TrackerRows {
-    crate::film::rows_of(world, include_str!("../../config/rod.toml"))
+    crate::measured_world::rows_of(world, include_str!("../../config/rod.toml"))
 }
 
 /// Root mean square and largest error of the normal velocity in one phase of the truth, percent of the approach.
@@ -394,9 +394,9 @@ fn demo_rod_agrees_with_the_truth_and_its_recording_with_every_number_of_workers
 /// which it was told already that the rod is free then lie before it: 11 of 200 rods touched a second time for a frame.
 #[test]
 fn a_rod_that_was_told_to_be_free_is_not_told_to_touch_again() {
-    let experiment = crate::bounce::rod(false);
+    let experiment = crate::synth_physics::rod(false);
     for seed in 0..200 {
-        let mut noise = crate::bounce::Noise::new(seed + 5_000);
+        let mut noise = crate::synth_physics::Noise::new(seed + 5_000);
         let truth = experiment.simulate(noise.uniform());
         let rows = crate::impact::track(&truth.steps(1, &mut noise), &experiment.params());
         let mut phases: Vec<Phase> = rows.velocities.iter().map(|row| row.phase).collect();

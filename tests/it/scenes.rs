@@ -1,6 +1,6 @@
 //! Scenes of the simulated world: every built-in film, spheres, motion in stretches, two balls at once.
 
-use crate::film::rows_of;
+use crate::measured_world::rows_of;
 use crate::support::{Rig, csv, succeed};
 use ricochet::camera::simulated;
 use ricochet::dic::{CorrelationParams, Correlator, Prepared, Region, RigidBody, Start, grid};

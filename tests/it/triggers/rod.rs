@@ -1,7 +1,7 @@
 //! Triggers on a rod, whose end is known from its lowest tape.
 
 use super::{Dice, decide, decide_on};
-use crate::film::through;
+use crate::measured_world::through;
 use ricochet::config::Config;
 use ricochet::synth::{MotionSetup, Scenario, World};
 

@@ -1,6 +1,6 @@
 //! Films that are hard: what is told is right, or flagged; never silently wrong.
 
-use crate::film::{level_rig, rows_of_pictures};
+use crate::measured_world::{level_rig, rows_of_pictures};
 use ricochet::measure::TrackerRows;
 use ricochet::results::VelocitySample;
 use ricochet::synth::{MotionSetup, Scenario, World};

@@ -1,7 +1,7 @@
 //! `ricochet field` with several targets: a series of pictures, each measured from the first.
 
+use crate::rotation_search::{farthest, rows, write_frames};
 use crate::support::{Rig, run, succeed};
-use crate::turned::{farthest, rows, write_frames};
 use ricochet::command::Outcome;
 use ricochet::command::field::{Begin, FieldOptions};
 use ricochet::dic::CorrelationParams;

@@ -7,7 +7,7 @@ use ricochet::measure::{Measurer, Share, TrackerRows};
 use ricochet::process::analysis_params;
 use ricochet::synth::{MotionSetup, Scenario, World};
 
-use crate::film::{level_rig, rows_of_pictures};
+use crate::measured_world::{level_rig, rows_of_pictures};
 
 const LACROSSE: &str = include_str!("../../config/lacrosse.toml");
 const TENNIS: &str = include_str!("../../config/tennis.toml");

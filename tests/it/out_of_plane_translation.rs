@@ -3,7 +3,7 @@
 use ricochet::results::{Impact, VelocitySample};
 use ricochet::synth::{MotionSetup, Scenario, World};
 
-use crate::film::{level_rig, rows_of};
+use crate::measured_world::{level_rig, rows_of};
 
 /// The largest of so many sigmas that any velocity is off by.
 fn worst_pull(world: &World, velocities: &[VelocitySample]) -> f64 {

@@ -3,7 +3,7 @@
 use ricochet::measure::TrackerRows;
 use ricochet::synth::{MotionSetup, PartSetup, Scenario, World};
 
-use crate::film::{level_rig, rows_of};
+use crate::measured_world::{level_rig, rows_of};
 
 /// A ball of 114 px whose motion changes at once, and how it moves before and after: along x and y (up), px a frame, and about
 /// the view and the picture's axes, deg a frame.

@@ -6,7 +6,7 @@ use ricochet::measure::{Measurer, Share};
 use ricochet::results::PointStatus;
 use ricochet::synth::{MotionSetup, OccluderSetup, PartSetup, Scenario, World};
 
-use crate::film::level_rig;
+use crate::measured_world::level_rig;
 
 const NORMAL_DEG: f64 = 35.0;
 const EDGE_PX: [f64; 2] = [120.0, 128.0];

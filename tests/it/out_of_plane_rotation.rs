@@ -2,7 +2,7 @@
 
 use ricochet::synth::{MotionSetup, OccluderSetup, PartSetup, Scenario, World};
 
-use crate::film::{level_rig, rows_of};
+use crate::measured_world::{level_rig, rows_of};
 
 /// A ball on its way across the picture that turns by so much a frame about the picture's axes x and y.
 fn crossing(tilt_deg_frame: [f64; 2], seed: u64) -> World {

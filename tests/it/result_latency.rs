@@ -121,7 +121,7 @@ fn told_after(film: Film, workers: u32) -> [f64; 2] {
 }
 
 #[test]
-#[ignore = "a measurement, to be run alone: cargo test --release --test it prompt -- --ignored --nocapture"]
+#[ignore = "a measurement, to be run alone: cargo test --release --test it result_latency -- --ignored --nocapture"]
 fn time_from_the_end_of_a_contact_to_its_numbers_is_printed() {
     let films: [(&str, Film); 2] = [("2000 frames/s", soft), ("10 000 frames/s", lacrosse)];
     for ((name, film), workers) in films.into_iter().flat_map(|film| [1, 2].map(|workers| (film, workers))) {

@@ -1,6 +1,6 @@
 //! `ricochet study design`: what it foresees is what films of the rig then show.
 
-use crate::film::rows_of;
+use crate::measured_world::rows_of;
 use crate::support::{Rig, run, succeed};
 use ricochet::command::study::design::{Expected, foresee, spread};
 use ricochet::config::Config;

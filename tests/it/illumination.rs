@@ -2,7 +2,7 @@
 
 use ricochet::synth::{LightSetup, MotionSetup, Scenario, World};
 
-use crate::film::{level_rig, rows_of};
+use crate::measured_world::{level_rig, rows_of};
 
 /// A ball of 114 px that crosses the picture and turns.
 fn world(light: LightSetup, (vx, vy, spin_deg): (f64, f64, f64), seed: u64) -> World {

@@ -2,7 +2,7 @@
 
 use ricochet::synth::{Scenario, World};
 
-use crate::film::rows_of_pictures;
+use crate::measured_world::rows_of_pictures;
 
 /// A film as a camera of this gamma shows it: rounded again, with a dither that depends on nothing but the place.
 fn pictures(world: &World, gamma: f64) -> impl Iterator<Item = Vec<u8>> {

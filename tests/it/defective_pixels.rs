@@ -2,7 +2,7 @@
 
 use ricochet::synth::{CameraSetup, Scenario, World};
 
-use crate::film::rows_of_pictures;
+use crate::measured_world::rows_of_pictures;
 use crate::support::{Rig, run};
 
 /// Share of the pixels that are hot or dead.

@@ -7,7 +7,7 @@ use ricochet::image::ImageView;
 use ricochet::results::Circle;
 use ricochet::synth::{LightSetup, MotionSetup, PatternSetup, Scenario, ShadeSetup, Shape, World};
 
-use crate::film::rows_of;
+use crate::measured_world::rows_of;
 
 fn sphere(seed: u64) -> World {
     World::new(&Scenario { seed, ..Scenario::built_in("lacrosse-sphere").unwrap() }).unwrap()
