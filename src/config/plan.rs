@@ -6,7 +6,7 @@ use super::{Body, BodyKind, Config, TriggerMode};
 use crate::ball::BallParams;
 use crate::dic::{CorrelationParams, STALE_DEG};
 use crate::motion::{Form, MotionParams, Rectifier, Renewal, Scale, Shutter, Spans, View, Walk};
-use crate::rod::{LEAST_WIDTH_PX, RodParams};
+use crate::rod::{MIN_WIDTH_PX, RodParams};
 use crate::trigger::{BodyWatch, Condition, MeasuredTrigger};
 
 /// Radii looked for around the predicted one: room for a wrong lens or a ball nearer than the scale's plane.
@@ -56,7 +56,7 @@ impl Config {
         match self.predicted_radius_px(body) {
             None => any,
             Some(radius_px) => {
-                let least = (2.0 * RADIUS_TOLERANCE.0 * radius_px).max(LEAST_WIDTH_PX);
+                let least = (2.0 * RADIUS_TOLERANCE.0 * radius_px).max(MIN_WIDTH_PX);
                 RodParams { width_px: [least, (2.0 * RADIUS_TOLERANCE.1 * radius_px).max(1.5 * least)], ..any }
             }
         }

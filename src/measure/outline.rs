@@ -7,7 +7,7 @@ use crate::ball::{BallFinder, BallParams};
 use crate::dic::{CorrelationParams, GridPoint, Method, Patch, Region, grid};
 use crate::image::ImageView;
 use crate::results::{BodyStep, Circle, PointStatus, RigidStep, Rod};
-use crate::rod::{RodFinder, RodParams, Sight};
+use crate::rod::{RodFinder, RodObservation, RodParams};
 
 /// The margin of the subsets to the rim, as a fraction of the radius.
 ///
@@ -33,7 +33,7 @@ pub enum BodyParams {
 #[expect(clippy::large_enum_variant, reason = "one per body and frame, copied about as often; a box saves nothing")]
 pub(super) enum Outline {
     Ball(Circle),
-    Rod(Sight),
+    Rod(RodObservation),
     Patch(PatchPose),
 }
 
@@ -130,7 +130,7 @@ impl Outline {
     pub(super) fn center_px(&self) -> (f64, f64) {
         match self {
             Self::Ball(circle) => (circle.x_px, circle.y_px),
-            Self::Rod(sight) => (sight.rod.x_px.value, sight.rod.y_px.value),
+            Self::Rod(observation) => (observation.rod.x_px.value, observation.rod.y_px.value),
             Self::Patch(pose) => pose.center_px(),
         }
     }
@@ -147,7 +147,7 @@ impl Outline {
                 sigma_center_px: circle.sigma_center_px.hypot(sigma_px),
                 ..*circle
             }),
-            Self::Rod(sight) => Self::Rod(sight.moved(dx_px, dy_px, sigma_px)),
+            Self::Rod(observation) => Self::Rod(observation.moved(dx_px, dy_px, sigma_px)),
             Self::Patch(pose) => Self::Patch(pose.predicted(step, frames)),
         };
         (moved, true)
@@ -157,7 +157,7 @@ impl Outline {
     pub(super) fn without_detection(self) -> Self {
         match self {
             Self::Ball(_) | Self::Patch(_) => self,
-            Self::Rod(sight) => Self::Rod(sight.unseen()),
+            Self::Rod(observation) => Self::Rod(observation.without_edges()),
         }
     }
 
@@ -166,13 +166,13 @@ impl Outline {
         match self {
             Self::Ball(circle) => *circle,
             Self::Patch(pose) => pose.enclosing_circle(),
-            Self::Rod(sight) => {
-                let [left, top, right, bottom] = sight.tape_px();
+            Self::Rod(observation) => {
+                let [left, top, right, bottom] = observation.tape_px();
                 let half = 0.5 * f64::from(subset_px);
                 // A subset wider than the tape reaches over it.
                 let reach = |from: f64, to: f64| from.abs().max(to.abs()).max(0.5 * (from + to).abs() + half);
                 let radius_px = reach(left, right).hypot(reach(top, bottom));
-                Circle { radius_px, ..rod_circle(&sight.rod) }
+                Circle { radius_px, ..rod_circle(&observation.rod) }
             }
         }
     }
@@ -192,9 +192,9 @@ impl Outline {
                 };
                 rows.map(row).collect()
             }
-            Self::Rod(sight) => {
-                let [left, top, right, bottom] = sight.tape_px();
-                let (x, y) = (sight.rod.x_px.value, sight.rod.y_px.value);
+            Self::Rod(observation) => {
+                let [left, top, right, bottom] = observation.tape_px();
+                let (x, y) = (observation.rod.x_px.value, observation.rod.y_px.value);
                 let [left, top, right, bottom] =
                     [x + left, y + top, x + right, y + bottom].map(|at| at.max(0.0) as u32);
                 vec![[left, top, right.saturating_sub(left), bottom.saturating_sub(top)]]
@@ -211,7 +211,7 @@ impl Outline {
                 let (step_px, subset_px) = (params.step_px, params.subset_size_px);
                 grid::disc(circle.x_px, circle.y_px, radius_px, step_px, subset_px, width, height)
             }
-            Self::Rod(sight) => rod_points(sight, params, (width, height)),
+            Self::Rod(observation) => rod_points(observation, params, (width, height)),
             Self::Patch(_) => Vec::new(),
         }
     }
@@ -220,8 +220,8 @@ impl Outline {
     fn region(&self, params: &CorrelationParams) -> Option<Region> {
         match self {
             // The correlation-peak methods support whole subsets only.
-            Self::Rod(sight) if params.method == Method::IcGn => {
-                Some(Region::Polygon { outline_px: tape_corners(sight).to_vec(), holes_px: Vec::new() })
+            Self::Rod(observation) if params.method == Method::IcGn => {
+                Some(Region::Polygon { outline_px: tape_corners(observation).to_vec(), holes_px: Vec::new() })
             }
             Self::Ball(_) | Self::Rod(_) | Self::Patch(_) => None,
         }
@@ -231,26 +231,30 @@ impl Outline {
     pub(super) fn write_to(&self, step: &mut BodyStep) {
         match self {
             Self::Ball(circle) => step.circle = Some(*circle),
-            Self::Rod(sight) => step.rod = Some(sight.rod),
+            Self::Rod(observation) => step.rod = Some(observation.rod),
             Self::Patch(pose) => step.circle = Some(pose.circle()),
         }
     }
 }
 
 /// Returns the corners of the correlated tape, px.
-fn tape_corners(sight: &Sight) -> [[f64; 2]; 4] {
-    let [left, top, right, bottom] = sight.tape_px();
-    let (x, y) = (sight.rod.x_px.value, sight.rod.y_px.value);
-    let (sin, cos) = sight.rod.tilt_deg.value.to_radians().sin_cos();
+fn tape_corners(observation: &RodObservation) -> [[f64; 2]; 4] {
+    let [left, top, right, bottom] = observation.tape_px();
+    let (x, y) = (observation.rod.x_px.value, observation.rod.y_px.value);
+    let (sin, cos) = observation.rod.tilt_deg.value.to_radians().sin_cos();
     [[left, top], [right, top], [right, bottom], [left, bottom]]
         .map(|[dx, dy]| [x + dx * cos + dy * sin, y - dx * sin + dy * cos])
 }
 
 /// Returns the subset centres on the tape: whole subsets if it has room for them, otherwise along its middle.
-fn rod_points(sight: &Sight, params: &CorrelationParams, (width, height): (usize, usize)) -> Vec<GridPoint> {
+fn rod_points(
+    observation: &RodObservation,
+    params: &CorrelationParams,
+    (width, height): (usize, usize),
+) -> Vec<GridPoint> {
     let half = f64::from(params.subset_size_px / 2);
-    let [left, top, right, bottom] = sight.tape_px();
-    let (x, y) = (sight.rod.x_px.value, sight.rod.y_px.value);
+    let [left, top, right, bottom] = observation.tape_px();
+    let (x, y) = (observation.rod.x_px.value, observation.rod.y_px.value);
     let along = |from: f64, to: f64, limit: usize| -> Vec<u32> {
         let (first, last) = ((from + half).ceil(), (to - half).floor());
         let (first, last) =

@@ -1,52 +1,52 @@
-//! Finds a rod: by the sums of black and white, then to a fraction of a pixel.
+//! The rod finder: searches a rod by projections, then to a fraction of a pixel.
 
 use super::axis::{Axis, compose};
-use super::edge::{Course, Edge, Expected, Known, fit};
-use super::light::known_at;
+use super::edge::{CleanPaint, Direction, Edge, ExpectedEdge, fit};
+use super::light::clean_paint_at;
 use super::params::{RodError, RodParams};
-use super::sight::Sight;
+use super::sight::RodObservation;
 use super::sums::{Line, TwoTone, lines};
 use crate::image::ImageView;
 use crate::results::{Estimate, PointStatus, ROD_EDGES};
 
-/// Black and white must differ by so many times the noise.
-const LEAST_SIGMAS: f32 = 6.0;
-/// Two lines are at least so far apart, px.
-const APART_PX: usize = 4;
-/// Lines that may be the rod's sides.
+/// The minimum contrast of black and white, in standard deviations of the noise.
+const MIN_CONTRAST_SIGMAS: f32 = 6.0;
+/// The minimum distance of two lines, px.
+const MIN_DISTANCE_PX: usize = 4;
+/// The number of lines that are tried as sides.
 const SIDES_TRIED: usize = 12;
-/// Uncertainty of a side beyond the scatter of its rows, px.
-const SIDE_PX: f64 = 0.015;
-/// Standard deviation of what is known to a whole pixel, px.
-const PIXEL_SIGMA: f64 = 0.29;
-/// Fewest rows over which a side changes from black to white, less those that change back.
-const LEAST_SIDE: i32 = 8;
-/// An edge changes at least this share of the columns between the sides.
-const LEAST_EDGE: f64 = 0.3;
-/// With one line too many that has this share of the weakest edge, which are the edges is not known.
-const RIVAL: f64 = 0.75;
-/// A line that goes on beside the rod with this share of its strength is not the rod's.
-const GOES_ON: f64 = 0.5;
-/// Bare rod: so many rows beside an edge with less than this share of pixels of the other shade.
+/// The uncertainty of a side beyond the scatter of its rows, px.
+const SIDE_SIGMA_PX: f64 = 0.015;
+/// The standard deviation of a position known to a whole pixel, px.
+const PIXEL_SIGMA_PX: f64 = 0.29;
+/// The minimum net number of rows over which a side changes from black to white.
+const MIN_SIDE_ROWS: i32 = 8;
+/// The minimum fraction of columns between the sides that an edge changes.
+const MIN_EDGE_FRACTION: f64 = 0.3;
+/// The relative strength of one line too many from which the edges are ambiguous.
+const RIVAL_RATIO: f64 = 0.75;
+/// The relative strength of a line's continuation next to the rod from which it does not belong to the rod.
+const CONTINUATION_RATIO: f64 = 0.5;
+/// The bare rod next to an edge: the number of rows, and the maximum fraction of pixels of the other shade.
 const BARE_ROWS: usize = 3;
-const BARE_SHARE: f64 = 0.1;
-/// Columns kept clear of the sides, px.
+const MAX_BARE_FRACTION: f64 = 0.1;
+/// The margin of columns to the sides, px.
 pub(super) const INSET_PX: f64 = 3.0;
-/// Profiles reach so far from an edge, and so near to the next, px.
-const DEEP_PX: f64 = 24.0;
-const BLURRED_PX: f64 = 3.0;
-/// And so far from a side, px.
-const BESIDE_PX: usize = 8;
-/// Rows kept clear of the edges where texture is looked for, px.
-const CLEAR_PX: f64 = 3.0;
-/// A stretch lower than this holds no subset, px.
-const LEAST_STRETCH_PX: f64 = 9.0;
-/// The rod's own paint beyond the speckled tape that is correlated with it, px.
+/// The reach of profiles from an edge, and their distance from the next edge, px.
+const EDGE_REACH_PX: f64 = 24.0;
+const EDGE_MARGIN_PX: f64 = 3.0;
+/// The reach of profiles from a side, px.
+const SIDE_REACH_PX: usize = 8;
+/// The margin of rows to the edges in the search for texture, px.
+const TEXTURE_MARGIN_PX: f64 = 3.0;
+/// The minimum height of a section for a subset, px.
+const MIN_SECTION_PX: f64 = 9.0;
+/// The margin of the rod around the speckled tape that is correlated with it, px.
 pub(super) const MARGIN_PX: f64 = 3.0;
 
 /// Finds one upright rod per image, the edges of its tapes and its sides.
 ///
-/// A pure function of the image, and of where the rod should be.
+/// A pure function of the image and of the predicted position.
 #[derive(Debug, Clone)]
 pub struct RodFinder {
     params: RodParams,
@@ -55,16 +55,16 @@ pub struct RodFinder {
     region: [usize; 4],
 }
 
-/// Where edges and sides should be.
+/// The expected positions of edges and sides.
 struct Prediction {
     sides_px: [f64; 2],
     side_signs: [f64; 2],
     edges_px: Vec<f64>,
     signs: [f64; ROD_EDGES],
-    /// The row at which the sides are there.
+    /// The row to which the positions of the sides belong.
     at_row: f64,
-    /// Columns a row, the rod leaning.
-    lean: f64,
+    /// The tilt, columns per row.
+    tilt: f64,
 }
 
 impl Prediction {
@@ -78,7 +78,7 @@ impl RodFinder {
     ///
     /// # Errors
     ///
-    /// [`RodError::Range`] when a parameter is out of its range.
+    /// Returns [`RodError::Range`] if a parameter is out of its range.
     pub fn new(params: &RodParams, width_px: usize, height_px: usize) -> Result<Self, RodError> {
         params.check(width_px, height_px)?;
         let region = params.region(width_px, height_px);
@@ -89,30 +89,30 @@ impl RodFinder {
     ///
     /// # Errors
     ///
-    /// Why there is none: [`PointStatus::LowContrast`] where nothing stands out from the noise,
-    /// [`PointStatus::Lost`] without two sides or with too few edges, [`PointStatus::Ambiguous`] with too many, and
-    /// what became of the edges that tell its place.
+    /// [`PointStatus::LowContrast`] if nothing stands out from the noise, [`PointStatus::Lost`] without two sides or
+    /// with too few edges, [`PointStatus::Ambiguous`] with too many edges, and the status of the edges if none can be
+    /// fitted.
     ///
     /// # Panics
     ///
-    /// If `image` has another shape than the finder was planned for.
-    pub fn find(&self, image: ImageView<'_>) -> Result<Sight, PointStatus> {
+    /// If the size of `image` differs from the planned size.
+    pub fn find(&self, image: ImageView<'_>) -> Result<RodObservation, PointStatus> {
         self.check_shape(image);
-        let prediction = self.by_sums(image)?;
+        let prediction = self.find_by_projections(image)?;
         let axis = self.axis(image, &prediction)?;
         let edges = self.fit_edges(image, &prediction, &axis);
-        let stretch = self.speckled(image, &prediction).ok_or(PointStatus::Lost)?;
-        let anchors: [bool; ROD_EDGES] = std::array::from_fn(|index| match stretch {
-            Stretch::Between(upper) => index == upper || index == upper + 1,
-            Stretch::Above | Stretch::Below => index < edges.len(),
+        let section = self.speckled_section(image, &prediction).ok_or(PointStatus::Lost)?;
+        let anchors: [bool; ROD_EDGES] = std::array::from_fn(|index| match section {
+            Section::Between(upper) => index == upper || index == upper + 1,
+            Section::Above | Section::Below => index < edges.len(),
         });
         if edges.iter().all(Result::is_err) {
             return Err(edges.iter().find_map(|edge| edge.err()).unwrap_or(PointStatus::Lost));
         }
-        // An edge that cannot be placed finely is still known to a whole pixel.
+        // An edge that cannot be fitted is still known to a whole pixel.
         let places: Vec<Estimate> = (0..edges.len())
             .map(|index| {
-                let coarse = Estimate { value: prediction.edges_px[index], sigma: PIXEL_SIGMA };
+                let coarse = Estimate { value: prediction.edges_px[index], sigma: PIXEL_SIGMA_PX };
                 edges[index].map_or(coarse, |edge| edge.at)
             })
             .collect();
@@ -120,29 +120,29 @@ impl RodFinder {
         let y = mean(anchored);
         let place = |index: usize| places[index].value;
         let [_, top, _, height] = self.region.map(|number| number as f64);
-        let span = match stretch {
-            Stretch::Between(upper) => [place(upper), place(upper + 1)],
-            Stretch::Above => [top + MARGIN_PX, place(0)],
-            Stretch::Below => [place(edges.len() - 1), top + height - 1.0 - MARGIN_PX],
+        let span = match section {
+            Section::Between(upper) => [place(upper), place(upper + 1)],
+            Section::Above => [top + MARGIN_PX, place(0)],
+            Section::Below => [place(edges.len() - 1), top + height - 1.0 - MARGIN_PX],
         };
         let mut offsets_px = [0.0; ROD_EDGES];
         (0..edges.len()).for_each(|index| offsets_px[index] = place(index) - y.value);
         let span_px = span.map(|end| end - y.value);
         let rod = compose(&axis, &edges, y);
         let (signs, side_signs) = (prediction.signs, prediction.side_signs);
-        Ok(Sight { rod, span_px, offsets_px, anchors, signs, side_signs })
+        Ok(RodObservation { rod, span_px, offsets_px, anchors, signs, side_signs })
     }
 
-    /// Finds the rod near where it should be, to about 2 px, also when not all of its edges are in sight.
+    /// Finds the rod near its predicted position, within about 2 px, even if not all of its edges are visible.
     ///
     /// # Errors
     ///
-    /// Why it is not there: what became of the edges, when none of them was found, or of the sides.
+    /// The status of the edges if none is found, or that of the sides.
     ///
     /// # Panics
     ///
-    /// If `image` has another shape than the finder was planned for.
-    pub fn follow(&self, image: ImageView<'_>, near: &Sight) -> Result<Sight, PointStatus> {
+    /// If the size of `image` differs from the planned size.
+    pub fn follow(&self, image: ImageView<'_>, near: &RodObservation) -> Result<RodObservation, PointStatus> {
         self.check_shape(image);
         let (x, y, half) = (near.rod.x_px.value, near.rod.y_px.value, near.rod.half_width_px.value);
         let prediction = Prediction {
@@ -151,16 +151,16 @@ impl RodFinder {
             edges_px: (0..self.params.edges as usize).map(|index| y + near.offsets_px[index]).collect(),
             signs: near.signs,
             at_row: y,
-            lean: near.rod.tilt_deg.value.to_radians().tan(),
+            tilt: near.rod.tilt_deg.value.to_radians().tan(),
         };
         let axis = self.axis(image, &prediction)?;
         let edges = self.fit_edges(image, &prediction, &axis);
-        // Each edge that was found says where the point is; all that tell it must agree on the same point.
-        let says = |index: usize| {
+        // Each edge predicts the reported point; edges that contribute to it must agree.
+        let predicted = |index: usize| {
             let place = edges[index].ok().map(|edge| edge.at)?;
             Some(Estimate { value: place.value - near.offsets_px[index], ..place })
         };
-        let all: Vec<Estimate> = (0..edges.len()).filter_map(says).collect();
+        let all: Vec<Estimate> = (0..edges.len()).filter_map(predicted).collect();
         if all.is_empty() {
             return Err(edges.iter().find_map(|edge| edge.err()).unwrap_or(PointStatus::Lost));
         }
@@ -168,23 +168,23 @@ impl RodFinder {
         let anchored: Result<Vec<Estimate>, _> = anchored.map(|(edge, _)| edge.map(|edge| edge.at)).collect();
         let y = anchored.map_or_else(
             |_| {
-                let carried = mean(all.iter().copied());
-                Estimate { sigma: carried.sigma.hypot(near.rod.y_px.sigma), ..carried }
+                let mean = mean(all.iter().copied());
+                Estimate { sigma: mean.sigma.hypot(near.rod.y_px.sigma), ..mean }
             },
             |anchored| mean(anchored.into_iter()),
         );
-        Ok(Sight { rod: compose(&axis, &edges, y), ..*near })
+        Ok(RodObservation { rod: compose(&axis, &edges, y), ..*near })
     }
 
     fn check_shape(&self, image: ImageView<'_>) {
         assert_eq!((image.width(), image.height()), self.shape, "planned for another size");
     }
 
-    /// Sides and edges to whole pixels.
-    fn by_sums(&self, image: ImageView<'_>) -> Result<Prediction, PointStatus> {
+    /// Finds sides and edges to whole pixels.
+    fn find_by_projections(&self, image: ImageView<'_>) -> Result<Prediction, PointStatus> {
         let tone = TwoTone::new(image, self.region).ok_or(PointStatus::LowContrast)?;
         let [black, white] = tone.means_dn;
-        if white - black < LEAST_SIGMAS * noise_dn(image, self.region) {
+        if white - black < MIN_CONTRAST_SIGMAS * noise_dn(image, self.region) {
             return Err(PointStatus::LowContrast);
         }
         let [left, right] = self.sides(&tone).ok_or(PointStatus::Lost)?;
@@ -200,22 +200,22 @@ impl RodFinder {
             edges_px: edges.iter().map(|edge| line_px(edge.at, tone.top)).collect(),
             signs,
             at_row: 0.0,
-            lean: 0.0,
+            tilt: 0.0,
         })
     }
 
-    /// The strongest two lines of opposite sign as far apart as the rod may be wide.
+    /// Returns the strongest two lines of opposite sign within the allowed width.
     fn sides(&self, tone: &TwoTone) -> Option<[Line; 2]> {
-        let mut tried = lines(&tone.across(), APART_PX);
+        let mut tried = lines(&tone.across(), MIN_DISTANCE_PX);
         tried.truncate(SIDES_TRIED);
         let mut best: Option<(i32, [Line; 2])> = None;
         for left in &tried {
             for right in &tried {
                 let width_px = right.at as f64 - left.at as f64;
-                let [least, most] = self.params.width_px;
+                let [min, max] = self.params.width_px;
                 let weaker = left.strength.abs().min(right.strength.abs());
-                let may_be = (least..=most).contains(&width_px) && left.strength.signum() != right.strength.signum();
-                if may_be && weaker >= LEAST_SIDE && best.is_none_or(|(strength, _)| weaker > strength) {
+                let is_candidate = (min..=max).contains(&width_px) && left.strength.signum() != right.strength.signum();
+                if is_candidate && weaker >= MIN_SIDE_ROWS && best.is_none_or(|(strength, _)| weaker > strength) {
                     best = Some((weaker, [*left, *right]));
                 }
             }
@@ -223,7 +223,7 @@ impl RodFinder {
         best.map(|(_, pair)| pair)
     }
 
-    /// As many edges as are followed, from the top downwards.
+    /// Returns the followed edges, from the top downwards.
     fn edges(
         &self,
         tone: &TwoTone,
@@ -231,24 +231,24 @@ impl RodFinder {
         sides: [usize; 2],
     ) -> Result<Vec<Line>, PointStatus> {
         let width = inside.len() as f64;
-        let beside = [0..sides[0].saturating_sub(2), (sides[1] + 3).min(tone.width)..tone.width];
-        let outside: Vec<(f64, Vec<i32>)> = beside
+        let outer = [0..sides[0].saturating_sub(2), (sides[1] + 3).min(tone.width)..tone.width];
+        let outside: Vec<(f64, Vec<i32>)> = outer
             .into_iter()
-            .filter(|columns| columns.len() >= APART_PX)
+            .filter(|columns| columns.len() >= MIN_DISTANCE_PX)
             .map(|columns| (columns.len() as f64, tone.down(columns)))
             .collect();
-        let goes_on = |line: &Line| {
-            let share = f64::from(line.strength) / width;
+        let continues_outside = |line: &Line| {
+            let fraction = f64::from(line.strength) / width;
             outside.iter().any(|(columns, sums)| {
                 let near = sums[line.at.saturating_sub(1)..(line.at + 2).min(sums.len())].iter().sum::<i32>();
-                f64::from(near) / columns / share >= GOES_ON
+                f64::from(near) / columns / fraction >= CONTINUATION_RATIO
             })
         };
-        let white = tone.white_share(inside.clone());
-        let mut all = lines(&tone.down(inside), APART_PX);
-        all.retain(|line| f64::from(line.strength.abs()) >= LEAST_EDGE * width && !goes_on(line));
+        let white = tone.white_fraction(inside.clone());
+        let mut all = lines(&tone.down(inside), MIN_DISTANCE_PX);
+        all.retain(|line| f64::from(line.strength.abs()) >= MIN_EDGE_FRACTION * width && !continues_outside(line));
         let count = self.params.edges as usize;
-        // A rod is black or white between its tapes; the one that shows the stronger edges.
+        // A rod is black or white between its tapes: the shade with the stronger edges is taken.
         let of_shade = |shade: Shade| -> Vec<Line> {
             all.iter().filter(|line| has_bare_side(&white, line, shade)).copied().collect()
         };
@@ -264,19 +264,19 @@ impl RodFinder {
         let weakest = found.last().map_or(0.0, |line| f64::from(line.strength.abs()));
         found.sort_by_key(|line| line.at);
         let alternates = found.windows(2).all(|pair| pair[0].strength.signum() != pair[1].strength.signum());
-        if rival >= RIVAL * weakest || !alternates { Err(PointStatus::Ambiguous) } else { Ok(found) }
+        if rival >= RIVAL_RATIO * weakest || !alternates { Err(PointStatus::Ambiguous) } else { Ok(found) }
     }
 
     fn fit_edges(&self, image: ImageView<'_>, prediction: &Prediction, axis: &Axis) -> Vec<Result<Edge, PointStatus>> {
-        let alone: Vec<Result<Edge, PointStatus>> =
+        let separate: Vec<Result<Edge, PointStatus>> =
             (0..prediction.edges_px.len()).map(|index| self.fit_edge(image, prediction, axis, index, None)).collect();
-        let clean: Vec<&Edge> = alone.iter().flatten().filter(|edge| !edge.is_speckled).collect();
-        let again = |index: usize| match &alone[index] {
+        let clean: Vec<&Edge> = separate.iter().flatten().filter(|edge| !edge.is_speckled).collect();
+        let refit = |index: usize| match &separate[index] {
             Ok(edge) if clean.is_empty() || !edge.is_speckled => Ok(*edge),
             Err(PointStatus::OutOfFrame) => Err(PointStatus::OutOfFrame),
-            _ => self.fit_edge(image, prediction, axis, index, known_at(&clean, prediction.edges_px[index])),
+            _ => self.fit_edge(image, prediction, axis, index, clean_paint_at(&clean, prediction.edges_px[index])),
         };
-        (0..alone.len()).map(again).collect()
+        (0..separate.len()).map(refit).collect()
     }
 
     fn fit_edge(
@@ -285,7 +285,7 @@ impl RodFinder {
         prediction: &Prediction,
         axis: &Axis,
         index: usize,
-        known: Option<Known>,
+        clean: Option<CleanPaint>,
     ) -> Result<Edge, PointStatus> {
         let [_, top, _, height] = self.region;
         let [from, to] = prediction.sides_px;
@@ -294,36 +294,36 @@ impl RodFinder {
         let middle = prediction.middle();
         let gap = |other: Option<&f64>| other.map_or(f64::INFINITY, |other| (other - places[index]).abs());
         let gaps = [gap(index.checked_sub(1).and_then(|above| places.get(above))), gap(places.get(index + 1))];
-        let expected = Expected {
-            course: Course::Rows,
+        let expected = ExpectedEdge {
+            direction: Direction::Rows,
             along,
             middle,
             near: places[index],
-            slope: -axis.lean(),
-            depth: gaps.map(|gap| (gap - BLURRED_PX).clamp(0.0, DEEP_PX) as usize),
+            slope: -axis.tilt(),
+            depth: gaps.map(|gap| (gap - EDGE_MARGIN_PX).clamp(0.0, EDGE_REACH_PX) as usize),
             room: [top, top + height - 1],
             sign: prediction.signs[index],
-            known,
+            clean,
         };
         let edge = fit(image, &expected)?;
         Ok(Edge { at: Estimate { value: axis.crossing(&edge, middle), ..edge.at }, ..edge })
     }
 
-    /// The stretch with the most texture along the rows.
-    fn speckled(&self, image: ImageView<'_>, prediction: &Prediction) -> Option<Stretch> {
+    /// Returns the section with the most texture along the rows.
+    fn speckled_section(&self, image: ImageView<'_>, prediction: &Prediction) -> Option<Section> {
         let [_, top, _, height] = self.region.map(|number| number as f64);
         let places = &prediction.edges_px;
-        let mut stretches: Vec<(Stretch, [f64; 2])> =
-            places.windows(2).enumerate().map(|(upper, pair)| (Stretch::Between(upper), [pair[0], pair[1]])).collect();
+        let mut sections: Vec<(Section, [f64; 2])> =
+            places.windows(2).enumerate().map(|(upper, pair)| (Section::Between(upper), [pair[0], pair[1]])).collect();
         if places.len() % 2 == 1 {
             // One tape shows a single edge: it lies above the first or below the last.
-            stretches.push((Stretch::Above, [top, places[0]]));
-            stretches.push((Stretch::Below, [places[places.len() - 1], top + height - 1.0]));
+            sections.push((Section::Above, [top, places[0]]));
+            sections.push((Section::Below, [places[places.len() - 1], top + height - 1.0]));
         }
         let columns = prediction.sides_px.map(|side| side.max(0.0) as usize);
         let columns = columns[0] + INSET_PX as usize + 1..columns[1].saturating_sub(INSET_PX as usize);
         let texture = |[from, to]: [f64; 2]| {
-            let rows = (from + CLEAR_PX).ceil() as usize..((to - CLEAR_PX).floor().max(0.0)) as usize;
+            let rows = (from + TEXTURE_MARGIN_PX).ceil() as usize..((to - TEXTURE_MARGIN_PX).floor().max(0.0)) as usize;
             let count = (rows.len() * columns.len()).max(1) as f64;
             let squares = |y: usize| {
                 let row = image.row(y);
@@ -331,62 +331,64 @@ impl RodFinder {
             };
             rows.map(squares).sum::<f64>() / count
         };
-        let tall = stretches.into_iter().filter(|(_, [from, to])| to - from >= LEAST_STRETCH_PX);
-        tall.map(|(stretch, rows)| (stretch, texture(rows))).max_by(|a, b| a.1.total_cmp(&b.1)).map(|best| best.0)
+        let candidates = sections.into_iter().filter(|(_, [from, to])| to - from >= MIN_SECTION_PX);
+        candidates.map(|(section, rows)| (section, texture(rows))).max_by(|a, b| a.1.total_cmp(&b.1)).map(|best| best.0)
     }
 
-    /// Both sides, over the rows with tapes.
+    /// Fits both sides over the rows with tapes.
     fn axis(&self, image: ImageView<'_>, prediction: &Prediction) -> Result<Axis, PointStatus> {
         let [left, top, width, height] = self.region;
         let places = &prediction.edges_px;
         let (first, last) = match places.len() % 2 {
-            // A tape reaches beyond the outermost edge on one side.
+            // A tape extends beyond the outermost edge on one side.
             1 => (top as f64, (top + height) as f64),
             _ => (places[0], places[places.len() - 1] + 1.0),
         };
         let rows = [first, last].map(|row| (row.max(top as f64) as usize).min(top + height));
         let middle = 0.5 * (rows[0] + rows[1]) as f64;
         let side = |index: usize| {
-            let expected = Expected {
-                course: Course::Columns,
+            let expected = ExpectedEdge {
+                direction: Direction::Columns,
                 along: rows,
                 middle,
-                near: prediction.sides_px[index] + prediction.lean * (middle - prediction.at_row),
-                slope: prediction.lean,
-                depth: [BESIDE_PX, BESIDE_PX],
+                near: prediction.sides_px[index] + prediction.tilt * (middle - prediction.at_row),
+                slope: prediction.tilt,
+                depth: [SIDE_REACH_PX, SIDE_REACH_PX],
                 room: [left, left + width - 1],
                 sign: prediction.side_signs[index],
-                known: None,
+                clean: None,
             };
             fit(image, &expected)
         };
-        // What is beside a rod is not as even as its own paint, and common to all rows.
-        let honest = |side: Edge| Edge { at: Estimate { sigma: side.at.sigma.hypot(SIDE_PX), ..side.at }, ..side };
-        Ok(Axis { sides: [honest(side(0)?), honest(side(1)?)], middle })
+        // The background is less uniform than the paint of the rod, and common to all rows.
+        let with_side_sigma =
+            |side: Edge| Edge { at: Estimate { sigma: side.at.sigma.hypot(SIDE_SIGMA_PX), ..side.at }, ..side };
+        Ok(Axis { sides: [with_side_sigma(side(0)?), with_side_sigma(side(1)?)], middle })
     }
 }
 
-/// What a rod is made of.
+/// The shade of a rod.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Shade {
     Black,
     White,
 }
 
-/// Whether the rows on the rod's side of a line are all of its shade: an edge of a tape has the bare rod beside it, a
-/// line between speckles does not.
+/// Whether the rows on the rod's side of a line are all of its shade.
+///
+/// The bare rod lies next to an edge of a tape, but not next to a line between speckles.
 fn has_bare_side(white: &[f64], line: &Line, rod: Shade) -> bool {
     let is_above = (line.strength > 0) == (rod == Shade::Black);
     let rows = if is_above { line.at.saturating_sub(BARE_ROWS)..line.at } else { line.at + 2..line.at + 2 + BARE_ROWS };
     rows.into_iter().all(|row| {
         let other = white.get(row).map_or(0.0, |white| if rod == Shade::Black { *white } else { 1.0 - white });
-        other <= BARE_SHARE
+        other <= MAX_BARE_FRACTION
     })
 }
 
-/// Where the speckled tape is.
+/// The position of the speckled tape.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Stretch {
+enum Section {
     /// Between this edge and the next.
     Between(usize),
     /// Above the first edge.
@@ -395,7 +397,7 @@ enum Stretch {
     Below,
 }
 
-/// Plain mean of places.
+/// Returns the unweighted mean of positions.
 fn mean(places: impl Iterator<Item = Estimate> + Clone) -> Estimate {
     let count = places.clone().count().max(1) as f64;
     Estimate {
@@ -404,7 +406,7 @@ fn mean(places: impl Iterator<Item = Estimate> + Clone) -> Estimate {
     }
 }
 
-/// Noise of single pixels, from the median difference of neighbours.
+/// Estimates the noise of single pixels from the median difference of neighbours.
 fn noise_dn(image: ImageView<'_>, [left, top, width, height]: [usize; 4]) -> f32 {
     let rows = (top..top + height).map(|y| &image.row(y)[left..left + width]);
     let mut differences: Vec<f32> = rows.flat_map(|row| row.windows(2).map(|pair| (pair[1] - pair[0]).abs())).collect();
@@ -413,6 +415,6 @@ fn noise_dn(image: ImageView<'_>, [left, top, width, height]: [usize; 4]) -> f32
     }
     let middle = differences.len() / 2;
     let (_, median, _) = differences.select_nth_unstable_by(middle, f32::total_cmp);
-    // Of a difference of two normal numbers, in standard deviations of one.
+    // The median absolute difference of two normal numbers, in standard deviations of one.
     *median / (0.6745 * std::f32::consts::SQRT_2)
 }

@@ -1,9 +1,8 @@
 //! Rods: the edges of their tapes, their sides and their tilt in one image.
 //!
-//! An upright rod with two tapes around it, one of them speckled. [`sums`] holds
-//! the black-and-white row and column sums of the method's Eq. 5, which give its
-//! edges to whole pixels; [`RodFinder`] starts from them and fits a blurred step
-//! to the grey levels, which gives the same edges to some thousandths.
+//! An upright rod carries two tapes, one of them speckled. [`sums`] computes the row and column sums of the binary
+//! image (Eq. 5 of the paper), which give its edges to whole pixels. [`RodFinder`] starts from these and fits a blurred
+//! step to the grey levels, which gives the edges to some thousandths of a pixel.
 
 mod axis;
 mod edge;
@@ -16,5 +15,5 @@ pub mod sums;
 
 pub use finder::RodFinder;
 pub use outline::{Segment, segments};
-pub use params::{LEAST_WIDTH_PX, RodError, RodParams};
-pub use sight::Sight;
+pub use params::{MIN_WIDTH_PX, RodError, RodParams};
+pub use sight::RodObservation;

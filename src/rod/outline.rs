@@ -1,11 +1,11 @@
-//! The lines of a rod, to be drawn.
+//! Lines that draw a rod.
 
 use crate::results::Rod;
 
-/// From (x, y) to (x, y), px.
+/// A line from (x, y) to (x, y), px.
 pub type Segment = [[f64; 2]; 2];
 
-/// The edges that were measured, from side to side, and both sides between the outermost of them.
+/// Returns the measured edges from side to side, and both sides between the outermost edges.
 pub fn segments(rod: &Rod) -> Vec<Segment> {
     let (sin, cos) = rod.tilt_deg.value.to_radians().sin_cos();
     let half = rod.half_width_px.value;
@@ -40,7 +40,7 @@ mod tests {
         };
         let lines = segments(&rod);
         assert_eq!(lines.len(), 4);
-        // Turned by 45 deg counter-clockwise on the screen: its right side is up, its lower end to the right.
+        // Rotated by 45 deg counter-clockwise on the screen: its right side is up, its lower end to the right.
         let [[left_x, left_y], [right_x, right_y]] = lines[0];
         let reach = 10.0 * std::f64::consts::FRAC_1_SQRT_2;
         assert!((left_x - 50.0 + reach).abs() < 1e-9 && (left_y - 40.0 - reach).abs() < 1e-9);

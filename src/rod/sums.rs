@@ -1,40 +1,40 @@
-//! Black and white, and how much of it changes from row to row and from column to column.
+//! Projections of the binary image: its changes from row to row and from column to column.
 //!
-//! Eq. 5 of "Collision measurements using digital image correlation techniques"
-//! (Int. J. Mech. Sci., 2017): the picture is made black and white, and its first
-//! differences down and across are summed over each row and each column. Edges
-//! across and along a rod stand out as extrema, to whole pixels.
+//! Eq. 5 of "Collision measurements using digital image correlation techniques" (Int. J. Mech. Sci., 2017). The image
+//! is thresholded, and its first differences down and across are summed over each row and each column. Edges across and
+//! along a rod are extrema of these sums, to whole pixels.
 
 use crate::image::ImageView;
 
-/// Grey levels the threshold is chosen among.
+/// The number of histogram bins for the threshold.
 const LEVELS: usize = 256;
 
-/// A black-and-white region of an image.
+/// A thresholded region of an image.
 #[derive(Debug, Clone, PartialEq)]
 pub struct TwoTone {
-    /// Left column of the region in the image.
+    /// The left column of the region in the image.
     pub left: usize,
-    /// Top row of the region in the image.
+    /// The top row of the region in the image.
     pub top: usize,
-    /// Columns.
+    /// The number of columns.
     pub width: usize,
-    /// Rows.
+    /// The number of rows.
     pub height: usize,
-    /// Lighter pixels are white, DN.
+    /// The threshold, DN; lighter pixels are white.
     pub threshold_dn: f32,
-    /// Mean grey levels of the black and of the white pixels, DN.
+    /// The mean grey levels of the black and of the white pixels, DN.
     pub means_dn: [f32; 2],
     white: Vec<bool>,
 }
 
 impl TwoTone {
-    /// Cuts the grey levels of a region (x, y, width, height, px) where black and white are furthest apart for their
-    /// numbers (Otsu 1979, doi:10.1109/TSMC.1979.4310076); `None` when all its pixels are alike.
+    /// Thresholds a region (x, y, width, height, px) by Otsu's method (1979, doi:10.1109/TSMC.1979.4310076).
+    ///
+    /// Returns `None` if all its pixels are alike.
     ///
     /// # Panics
     ///
-    /// If the region reaches out of the image.
+    /// If the region exceeds the image.
     pub fn new(image: ImageView<'_>, [left, top, width, height]: [usize; 4]) -> Option<Self> {
         let rows = || (top..top + height).map(|y| &image.row(y)[left..left + width]);
         let pixels = || rows().flatten().copied();
@@ -60,8 +60,9 @@ impl TwoTone {
         i32::from(self.white[to]) - i32::from(self.white[from])
     }
 
-    /// How many more pixels turn white than black from each row of the region to the next, over some of its columns:
-    /// the horizontal sums of Eq. 5 in steps from black to white. Entry k is the line between rows k and k + 1.
+    /// Sums the steps from black to white from each row of the region to the next, over some of its columns.
+    ///
+    /// These are the horizontal sums of Eq. 5. Entry k is the line between rows k and k + 1.
     pub fn down(&self, columns: std::ops::Range<usize>) -> Vec<i32> {
         let sum = |row: usize| {
             let at = |x: usize| row * self.width + x;
@@ -70,21 +71,21 @@ impl TwoTone {
         (0..self.height.saturating_sub(1)).map(sum).collect()
     }
 
-    /// Share of white pixels in each row of the region, over some of its columns.
-    pub fn white_share(&self, columns: std::ops::Range<usize>) -> Vec<f64> {
+    /// Returns the fraction of white pixels in each row of the region, over some of its columns.
+    pub fn white_fraction(&self, columns: std::ops::Range<usize>) -> Vec<f64> {
         let count = columns.len().max(1) as f64;
         let white = |y: usize| columns.clone().filter(|x| self.white[y * self.width + x]).count();
         (0..self.height).map(|y| white(y) as f64 / count).collect()
     }
 
-    /// The vertical sums of Eq. 5: the same from each column to the next, over all rows.
+    /// Sums the steps from black to white from each column to the next, over all rows: the vertical sums of Eq. 5.
     pub fn across(&self) -> Vec<i32> {
         let sum = |x: usize| (0..self.height).map(|y| self.step(y * self.width + x, y * self.width + x + 1)).sum();
         (0..self.width.saturating_sub(1)).map(sum).collect()
     }
 }
 
-/// The first level that counts as white.
+/// Returns the first level that counts as white.
 fn otsu(counts: &[u32; LEVELS]) -> usize {
     let total: f64 = counts.iter().map(|n| f64::from(*n)).sum();
     let moment: f64 = counts.iter().enumerate().map(|(level, n)| level as f64 * f64::from(*n)).sum();
@@ -96,7 +97,7 @@ fn otsu(counts: &[u32; LEVELS]) -> usize {
             continue;
         }
         let between = (moment * below - sum * total).powi(2) / (below * (total - below));
-        // Levels that nothing has between the two classes are as good as one another: the middle one is taken.
+        // Thresholds in an empty range between the classes are equivalent, so the middle one is taken.
         if between > best.0 {
             best = (between, level, level);
         } else if between >= best.0 {
@@ -106,22 +107,23 @@ fn otsu(counts: &[u32; LEVELS]) -> usize {
     usize::midpoint(best.1, best.2)
 }
 
-/// An extremum of a row of sums.
+/// An extremum of a list of sums.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Line {
-    /// Where, counted as the sums' entries are: the middle of the entries added up.
+    /// The index of the entry: the centroid of the summed entries.
     pub at: usize,
-    /// The sums over it and its neighbours: positive from black to white.
+    /// The sum over it and its neighbours: positive from black to white.
     pub strength: i32,
 }
 
-/// The extrema of sums, a blurred or leaning edge being spread over an entry and its two neighbours; strongest first,
-/// none nearer than `apart` entries to a stronger one.
+/// Finds the extrema of sums, strongest first, at least `apart` entries from a stronger one.
+///
+/// A blurred or tilted edge spreads over an entry and its two neighbours.
 pub fn lines(sums: &[i32], apart: usize) -> Vec<Line> {
     let spread = |at: usize| sums[at.saturating_sub(1)..(at + 2).min(sums.len())].iter().sum::<i32>();
     let mut all: Vec<Line> = (0..sums.len()).map(|at| Line { at, strength: spread(at) }).collect();
     all.retain(|line| line.strength != 0);
-    // Of lines alike, the one whose own entry is the highest, then the first.
+    // Of equal lines, the one with the highest own entry comes first, then the first.
     all.sort_by_key(|line| (-line.strength.abs(), -(sums[line.at] * line.strength.signum()), line.at));
     let mut kept: Vec<Line> = Vec::new();
     for line in all {
@@ -129,7 +131,7 @@ pub fn lines(sums: &[i32], apart: usize) -> Vec<Line> {
             kept.push(line);
         }
     }
-    // The middle of what was added up.
+    // The centroid of the summed entries.
     for line in &mut kept {
         let from = line.at.saturating_sub(1);
         let near = &sums[from..(line.at + 2).min(sums.len())];
@@ -145,7 +147,7 @@ mod tests {
     use super::*;
     use crate::image::Image;
 
-    fn picture(shade: impl Fn(usize, usize) -> f32) -> Image {
+    fn draw(shade: impl Fn(usize, usize) -> f32) -> Image {
         let mut image = Image::new(40, 60);
         for y in 0..60 {
             for x in 0..40 {
@@ -157,7 +159,7 @@ mod tests {
 
     #[test]
     fn sums_count_the_pixels_that_change_over_a_line() {
-        let image = picture(|x, y| if (10..30).contains(&x) && (15..45).contains(&y) { 200.0 } else { 30.0 });
+        let image = draw(|x, y| if (10..30).contains(&x) && (15..45).contains(&y) { 200.0 } else { 30.0 });
         let tone = TwoTone::new(image.view(), [0, 0, 40, 60]).unwrap();
         assert!((tone.threshold_dn - 115.0).abs() < 2.0, "{}", tone.threshold_dn);
         let (down, across) = (tone.down(0..40), tone.across());
@@ -173,16 +175,16 @@ mod tests {
 
     #[test]
     fn a_region_is_cut_out_of_the_image() {
-        let image = picture(|_, y| if y < 30 { 10.0 } else { 50.0 });
+        let image = draw(|_, y| if y < 30 { 10.0 } else { 50.0 });
         let tone = TwoTone::new(image.view(), [5, 20, 10, 20]).unwrap();
         assert_eq!(lines(&tone.down(0..10), 4), [Line { at: 9, strength: 10 }]);
         assert!(TwoTone::new(image.view(), [5, 0, 10, 20]).is_none(), "one shade alone has no threshold");
     }
 
     #[test]
-    fn a_leaning_line_is_one_line() {
+    fn a_tilted_line_is_one_line() {
         // Falls by 2 rows over 40 columns.
-        let image = picture(|x, y| if y > 20 + x / 14 { 200.0 } else { 30.0 });
+        let image = draw(|x, y| if y > 20 + x / 14 { 200.0 } else { 30.0 });
         let tone = TwoTone::new(image.view(), [0, 0, 40, 60]).unwrap();
         assert_eq!(lines(&tone.down(0..40), 4), [Line { at: 21, strength: 40 }]);
     }

@@ -6,7 +6,7 @@ use crate::image::{Frame, Image};
 use crate::recording::Recording;
 use crate::report::Beside;
 use crate::results::PointStatus;
-use crate::rod::{RodFinder, RodParams, Sight};
+use crate::rod::{RodFinder, RodObservation, RodParams};
 
 /// Spline points between two pixels, as in the paper.
 const SPLINE_POINTS: u32 = 5;
@@ -77,7 +77,7 @@ pub(super) fn velocities(recording: &Recording, setup: &Setup<'_>) -> anyhow::Re
 }
 
 /// Whole pixels of the speckled tape.
-fn tape(sight: &Sight) -> [u32; 4] {
+fn tape(sight: &RodObservation) -> [u32; 4] {
     let [left, top, right, low] = sight.tape_px();
     let whole = |place: f64| place.round().max(0.0) as u32;
     let (x, y) = (sight.rod.x_px.value, sight.rod.y_px.value);

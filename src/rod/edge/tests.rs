@@ -1,16 +1,16 @@
 use super::*;
 use crate::image::Image;
 
-/// Normal numbers, near enough: sums of twelve even ones.
+/// Approximately normal numbers: sums of twelve uniform ones.
 struct Noise(u64);
 
 impl Noise {
     fn next(&mut self) -> f64 {
-        let mut even = || {
+        let mut uniform = || {
             self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
             (self.0 >> 11) as f64 / (1_u64 << 53) as f64
         };
-        (0..12).map(|_| even()).sum::<f64>() - 6.0
+        (0..12).map(|_| uniform()).sum::<f64>() - 6.0
     }
 }
 
@@ -27,7 +27,7 @@ struct Scene {
 
 const SCENE: Scene = Scene { at: 20.3, slope: 0.0, blur: 0.76, dark: 20.0, light: 180.0, noise: 2.0, seed: 5 };
 
-/// 40 x 40 px, the edge along the rows, its place told at column 20.
+/// Draws 40 x 40 px with an edge along the rows whose position belongs to column 20.
 fn picture(scene: &Scene) -> Image {
     let (mut image, mut noise) = (Image::new(40, 40), Noise(scene.seed));
     for y in 0..40 {
@@ -40,9 +40,9 @@ fn picture(scene: &Scene) -> Image {
     image
 }
 
-fn expected(near: f64) -> Expected {
-    Expected {
-        course: Course::Rows,
+fn expected(near: f64) -> ExpectedEdge {
+    ExpectedEdge {
+        direction: Direction::Rows,
         along: [6, 34],
         middle: 20.0,
         near,
@@ -50,13 +50,13 @@ fn expected(near: f64) -> Expected {
         depth: [8, 8],
         room: [0, 39],
         sign: 1.0,
-        known: None,
+        clean: None,
     }
 }
 
 #[test]
-fn an_edge_is_placed_to_some_thousandths_and_says_how_well() {
-    let (mut squares, mut pulls, mut leans) = (0.0, 0.0, 0.0);
+fn an_edge_is_placed_to_some_thousandths_with_its_uncertainty() {
+    let (mut squares, mut pulls, mut slope_pulls) = (0.0, 0.0, 0.0);
     let rounds = 40;
     for round in 0..rounds {
         let at = 20.0 + 0.025 * f64::from(round);
@@ -65,27 +65,27 @@ fn an_edge_is_placed_to_some_thousandths_and_says_how_well() {
         let edge = fit(picture(&scene).view(), &expected(at.round())).unwrap();
         squares += (edge.at.value - at).powi(2) / f64::from(rounds);
         pulls += ((edge.at.value - at) / edge.at.sigma).powi(2) / f64::from(rounds);
-        leans += ((edge.slope.value - slope) / edge.slope.sigma).powi(2) / f64::from(rounds);
+        slope_pulls += ((edge.slope.value - slope) / edge.slope.sigma).powi(2) / f64::from(rounds);
     }
-    eprintln!("rms {:.5} px, pulls {:.2}, of slopes {:.2}", squares.sqrt(), pulls.sqrt(), leans.sqrt());
+    eprintln!("rms {:.5} px, pulls {:.2}, of slopes {:.2}", squares.sqrt(), pulls.sqrt(), slope_pulls.sqrt());
     // Two grey levels of noise over 28 columns of 160 levels contrast: 0.004 px with all else known.
     assert!(squares.sqrt() < 0.008, "{}", squares.sqrt());
-    assert!((0.6..1.4).contains(&pulls.sqrt()) && (0.6..1.4).contains(&leans.sqrt()), "{pulls} {leans}");
+    assert!((0.6..1.4).contains(&pulls.sqrt()) && (0.6..1.4).contains(&slope_pulls.sqrt()), "{pulls} {slope_pulls}");
 }
 
 #[test]
-fn the_course_and_the_sign_are_as_asked_for() {
+fn the_direction_and_the_sign_are_as_expected() {
     let image = picture(&SCENE);
-    let mut turned = Image::new(40, 40);
+    let mut transposed = Image::new(40, 40);
     for y in 0..40 {
         for x in 0..40 {
-            turned.data_mut()[x * 40 + y] = image.view().row(y)[x];
+            transposed.data_mut()[x * 40 + y] = image.view().row(y)[x];
         }
     }
     let upright = fit(image.view(), &expected(20.0)).unwrap();
-    let lying = fit(turned.view(), &Expected { course: Course::Columns, ..expected(20.0) }).unwrap();
+    let lying = fit(transposed.view(), &ExpectedEdge { direction: Direction::Columns, ..expected(20.0) }).unwrap();
     assert_eq!(upright, lying);
-    let other = fit(image.view(), &Expected { sign: -1.0, ..expected(20.0) });
+    let other = fit(image.view(), &ExpectedEdge { sign: -1.0, ..expected(20.0) });
     assert_eq!(other, Err(PointStatus::Lost));
 }
 
@@ -104,14 +104,14 @@ fn speckles_near_the_edge_do_not_move_it() {
 
 #[test]
 fn what_is_no_edge_is_refused_with_its_reason() {
-    let refused = |scene: Scene, expected: Expected| fit(picture(&scene).view(), &expected).unwrap_err();
+    let refused = |scene: Scene, expected: ExpectedEdge| fit(picture(&scene).view(), &expected).unwrap_err();
     let near = expected(20.0);
     let flat = Scene { light: 20.0, ..SCENE };
     assert!(matches!(refused(flat, near), PointStatus::Lost | PointStatus::LowContrast | PointStatus::LowCorrelation));
     let soft = refused(Scene { blur: 4.0, ..SCENE }, near);
     assert!(matches!(soft, PointStatus::LowContrast | PointStatus::LowCorrelation), "{soft:?}");
     assert_eq!(refused(Scene { noise: 40.0, ..SCENE }, near), PointStatus::LowContrast, "too faint");
-    assert_eq!(refused(SCENE, Expected { room: [16, 39], ..near }), PointStatus::OutOfFrame);
+    assert_eq!(refused(SCENE, ExpectedEdge { room: [16, 39], ..near }), PointStatus::OutOfFrame);
     assert_eq!(refused(Scene { at: 2.0, ..SCENE }, expected(2.0)), PointStatus::OutOfFrame);
 }
 
