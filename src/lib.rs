@@ -15,6 +15,8 @@ pub mod results;
 
 pub mod image;
 
+pub mod numeric;
+
 pub mod dic;
 
 pub mod ball;

@@ -4,8 +4,8 @@ use nalgebra::{Matrix3, Vector3};
 
 use super::edge::Edge;
 use super::harmonic::{Limits, normal_equations, residuals, reweigh};
-use super::rank::nth_smallest;
 use super::rim::{Annulus, LANES};
+use crate::numeric::nth_smallest;
 
 /// The residual of zero weight in robust standard deviations (Tukey's biweight).
 const TUKEY: f32 = 4.0;

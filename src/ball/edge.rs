@@ -1,7 +1,7 @@
 //! The edge in every bin of an annulus: a blurred step fitted to raw pixels.
 
-use super::normal::normal;
 use super::rim::{Annulus, BAND_PX, LANES, Lane};
+use crate::numeric::normal;
 
 /// The minimum number of pixels per fitted bin.
 const MIN_PIXELS: u32 = 8;

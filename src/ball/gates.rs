@@ -2,7 +2,7 @@
 
 use super::Polarity;
 use super::edge::Edge;
-use super::rank::{MOST, nth_highest, nth_smallest};
+use crate::numeric::{MOST, nth_highest, nth_smallest};
 
 /// The minimum contrast of an edge, in units of the image noise.
 const MIN_CONTRAST: f32 = 8.0;

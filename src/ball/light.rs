@@ -4,8 +4,8 @@ use nalgebra::Vector3;
 
 use super::edge::Edge;
 use super::harmonic::{Limits, normal_equations, residuals, reweigh};
-use super::rank::nth_smallest;
 use super::rim::{Annulus, LANES};
+use crate::numeric::nth_smallest;
 
 /// The number of rounds of reweighting.
 const ROUNDS: usize = 5;

@@ -7,9 +7,9 @@
 
 use nalgebra::{Matrix4, Vector4};
 
-use super::rank::nth_smallest;
 use super::rim::{LANES, Lane, Outline};
 use crate::image::ImageView;
+use crate::numeric::nth_smallest;
 use crate::results::Estimate;
 
 /// The number of sectors of cells around the centre.

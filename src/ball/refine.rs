@@ -6,11 +6,11 @@ use super::edge::{Edge, EdgeSearch, fit_edges};
 use super::gates::{self, EdgeSelection};
 use super::light::SideLight;
 use super::limb::{LimbDarkening, SECTORS, Shift, Step, VisibleRim, shift_px};
-use super::rank::nth_smallest;
 use super::rays::Candidate;
 use super::rim::{Annulus, Outline, SLACK_PX};
 use super::visible::{RimBin, fraction_in_image, unoccluded_fraction};
 use crate::image::ImageView;
+use crate::numeric::nth_smallest;
 use crate::results::Circle;
 
 /// The maximum number of rounds of gathering and fitting.

@@ -153,7 +153,7 @@ impl Shape {
             Self::Translation => 2,
             Self::Rigid => 3,
             Self::Affine => 6,
-            Self::Quadratic => super::quadratic::PARAMETERS,
+            Self::Quadratic => crate::dic::refine::PARAMETERS,
         }
     }
 }

@@ -1,6 +1,6 @@
 //! Whether a position still lies on the parabola of the flight before it.
 
-use crate::motion::{Polynomial, Sample};
+use crate::numeric::{Polynomial, Sample};
 use crate::results::Estimate;
 
 /// A measured acceleration within so many sigmas of a known one may be it.

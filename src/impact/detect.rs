@@ -5,7 +5,8 @@ use std::collections::VecDeque;
 use super::departure::{Departure, departure, plausible_curves, residual};
 use super::onset::{mirrored, onset};
 use super::trail::{NORMAL, SurfaceNode, between, samples};
-use crate::motion::{AUTO_AHEAD_FRAMES, Polynomial, Regime};
+use crate::motion::{AUTO_AHEAD_FRAMES, Regime};
+use crate::numeric::Polynomial;
 use crate::results::{Estimate, Phase};
 
 /// A position further than this from the flight's curve is off it, sigmas.
@@ -291,7 +292,7 @@ impl Detector {
         let curve = plausible_curves(&mirrored(&after), gravity).into_iter().next();
         let Some(curve) = curve.filter(|_| after.len() >= FLIGHT_MIN_NODES) else { return };
         let is_off =
-            |s: &&crate::motion::Sample| residual(&curve, &[], s).is_some_and(|r| r.value > OFF_SIGMAS * r.sigma);
+            |s: &&crate::numeric::Sample| residual(&curve, &[], s).is_some_and(|r| r.value > OFF_SIGMAS * r.sigma);
         let Some(departed) = all.iter().find(is_off).map(|s| s.time_frames) else { return };
         let near = &all[..all.partition_point(|s| s.time_frames <= departed + 2.0)];
         if let Some(o) = onset(&curve, near, departed) {
@@ -351,7 +352,7 @@ impl Default for Detector {
     }
 }
 
-fn curvature(nodes: &[crate::motion::Sample]) -> Option<Estimate> {
+fn curvature(nodes: &[crate::numeric::Sample]) -> Option<Estimate> {
     let middle = 0.5 * (nodes.first()?.time_frames + nodes.last()?.time_frames);
     let fit = Polynomial::fit(nodes, middle, 2, 0.0)?;
     let a = fit.curvature();
@@ -359,7 +360,7 @@ fn curvature(nodes: &[crate::motion::Sample]) -> Option<Estimate> {
 }
 
 /// Whether the newest nodes are free of force; if so, since when and how fast. `None` where they do not tell.
-fn quiet(since: &[crate::motion::Sample], gravity: f64, strongest: f64) -> Option<Option<(f64, Estimate)>> {
+fn quiet(since: &[crate::numeric::Sample], gravity: f64, strongest: f64) -> Option<Option<(f64, Estimate)>> {
     let mut width = 5;
     while width <= QUIET_NODES.min(since.len()) {
         let newest = &since[since.len() - width..];

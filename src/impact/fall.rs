@@ -1,7 +1,7 @@
 //! How a body falls in free flight, which checks the scale.
 
 use super::trail::{NORMAL, SurfaceNode, TANGENTIAL, samples};
-use crate::motion::Polynomial;
+use crate::numeric::Polynomial;
 use crate::results::Estimate;
 
 /// Acceleration along gravity in some flights, px/frame^2, with no other acceleration assumed; `None` where gravity is

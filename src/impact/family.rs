@@ -4,7 +4,7 @@ use std::f64::consts::SQRT_2;
 
 use super::fit::{Expected, LawFit, fit_law};
 use super::law::{Family, Findings, Parameters, Units};
-use crate::motion::Sample;
+use crate::numeric::Sample;
 use crate::results::ForceLaw;
 
 /// The freest law may still tell times if its residuals are not larger than so many sigmas.

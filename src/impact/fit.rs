@@ -4,7 +4,7 @@ use nalgebra::{DMatrix, DVector};
 
 use super::law::{Family, Findings, MOST_PARAMETERS, Parameters, Units};
 use super::passage::Passages;
-use crate::motion::Sample;
+use crate::numeric::Sample;
 
 /// Most rounds of one fit.
 const ROUNDS: usize = 60;

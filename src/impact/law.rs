@@ -2,7 +2,7 @@
 
 use multiversion::multiversion;
 
-use super::wide::{exp, ln};
+use crate::numeric::{exp, ln};
 
 /// A family of contact laws, from stiff to free.
 ///

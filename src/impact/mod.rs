@@ -16,7 +16,6 @@ mod passage;
 mod slip;
 mod solve;
 mod trail;
-mod wide;
 
 pub use approach::{Approach, Beside};
 pub use detect::{Contact, Detector, Event};

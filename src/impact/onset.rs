@@ -1,7 +1,7 @@
 //! When positions began to leave a curve.
 
 use super::departure::residual;
-use crate::motion::{Polynomial, Sample};
+use crate::numeric::{Polynomial, Sample};
 
 /// Exponents of the hinge: contact laws leave the parabola like t^2 (a dashpot) to t^3.5 (Hunt-Crossley).
 const EXPONENTS: [f64; 2] = [2.0, 2.75];

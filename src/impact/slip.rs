@@ -2,7 +2,7 @@
 
 use super::fit::Data;
 use super::trail::{ANGLE, SurfaceNode, TANGENTIAL, between};
-use crate::motion::{Polynomial, Sample};
+use crate::numeric::{Polynomial, Sample};
 use crate::results::Estimate;
 
 /// Sliding slower than so many sigmas is none.

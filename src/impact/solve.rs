@@ -7,7 +7,8 @@ use super::family::{FirstGuess, Verdict, judge};
 use super::law::Family;
 use super::slip::{Sliding, slip_end};
 use super::trail::{ANGLE, NORMAL, SurfaceNode, TANGENTIAL, between, samples};
-use crate::motion::{Polynomial, Sample, Shortening};
+use crate::motion::Shortening;
+use crate::numeric::{Polynomial, Sample};
 use crate::results::{Estimate, ForceLaw, Impact, PointStatus};
 
 /// Longest flight used on either side, frames.

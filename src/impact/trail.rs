@@ -1,6 +1,7 @@
 //! A body's positions along the surface's axes.
 
-use crate::motion::{Axes, Node, Sample};
+use crate::motion::{Axes, Node};
+use crate::numeric::Sample;
 
 /// One pose along the surface's normal and tangent.
 #[derive(Debug, Clone, Copy, PartialEq)]

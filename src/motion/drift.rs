@@ -1,7 +1,8 @@
 //! How the outline of a body leaves the pose that its pattern leads to.
 
 use self::prior::{TURNS, unseen};
-use super::{Center, Node, PixelRates, Polynomial, Regime, Sample, Sums};
+use super::{Center, Node, PixelRates, Regime, Sums};
+use crate::numeric::{Polynomial, Sample};
 use crate::results::{BodyStep, Circle, Estimate, RigidStep};
 
 mod prior;

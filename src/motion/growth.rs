@@ -1,6 +1,7 @@
 //! How the size of a body in the picture changes.
 
-use super::{PixelRates, Polynomial, Regime, Sample, Sums};
+use super::{PixelRates, Regime, Sums};
+use crate::numeric::{Polynomial, Sample};
 use crate::results::{BodyStep, Estimate};
 
 /// Fewest frames whose word is taken.

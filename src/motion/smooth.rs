@@ -1,6 +1,7 @@
 //! The velocity at one frame: a local fit to the carried poses.
 
-use super::{MAX_ORDER, MotionParams, Node, PixelRates, Polynomial, Sample};
+use super::{MotionParams, Node, PixelRates};
+use crate::numeric::{MAX_ORDER, Polynomial, Sample};
 use crate::results::Estimate;
 
 /// Newest data a sample waits for when the fit chooses its window, frames.

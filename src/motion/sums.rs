@@ -3,8 +3,8 @@
 use std::collections::BTreeMap;
 use std::f64::consts::FRAC_1_SQRT_2;
 
-use super::Sample;
 use super::walk::subset_walk;
+use crate::numeric::Sample;
 use crate::results::{BodyStep, Estimate};
 
 /// Frames kept: the longest contact that is followed, and the flights beside it.

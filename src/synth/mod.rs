@@ -13,7 +13,6 @@ mod draw;
 mod motion;
 mod mover;
 pub mod physics;
-mod random;
 mod rod;
 mod scenario;
 mod scene;
@@ -28,7 +27,6 @@ mod world;
 mod twin;
 
 pub use mover::PictureMover;
-pub(crate) use random::{Stream, key};
 pub use scenario::{
     BodySetup, CameraSetup, ImpactSetup, LightSetup, MotionSetup, OccluderSetup, OtherSetup, PartSetup, PatternSetup,
     RingingSetup, RodSetup, ScaleSetup, Scenario, ScenarioError, ShadeSetup, Shape, SurfaceSetup,

@@ -3,10 +3,10 @@
 use super::blur::{normal_cdf, seen_sigma_px};
 use super::draw::{EDGE_SIGMA, HalfPlane, Patch};
 use super::motion::tangent;
-use super::random::{Stream, key};
 use super::rod::Rod;
 use super::scenario::{MotionSetup, Scenario};
 use super::texture::smooth;
+use crate::numeric::{Stream, key};
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
 /// What each random stream is for.

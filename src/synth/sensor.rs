@@ -1,9 +1,9 @@
 //! The camera's chip: noise, rounding, packing.
 
 use super::blur::normal_cdf;
-use super::random::{COUNT, Stream, key, scramble};
 use super::scenario::CameraSetup;
 use crate::image::PixelFormat;
+use crate::numeric::{COUNT, Stream, key, scramble};
 
 /// Different values of the noise; 12 random bits choose one.
 const QUANTILES: usize = 4096;

@@ -1,8 +1,8 @@
 //! Speckles strewn over the ball's disc.
 
 use super::blur::{BlurredDisc, CutDisc};
-use super::random::Stream;
 use super::scenario::{PatternSetup, ScenarioError};
+use crate::numeric::Stream;
 use std::f64::consts::{PI, TAU};
 
 /// Different sizes that are drawn; a table of blurred light is kept for each.

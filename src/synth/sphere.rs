@@ -4,9 +4,9 @@ use super::attitude::Attitude;
 use super::cap::{Cap, CapTable};
 use super::cover::{Axes, Cover, share, visible_chords};
 use super::draw::{Patch, spread};
-use super::random::Stream;
 use super::scenario::{PatternSetup, ScenarioError};
 use super::speckle::{TRIALS, areas_px2, draw_sizes};
+use crate::numeric::Stream;
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
 /// One speckle on the sphere.

@@ -1,6 +1,6 @@
 //! Smooth random textures, for what stands still in the picture.
 
-use super::random::Stream;
+use crate::numeric::Stream;
 
 /// Noise of mean 0 and standard deviation 1, smoothed by a Gaussian; row-major.
 pub(crate) fn smooth(width: usize, height: usize, sigma_px: [f64; 2], mut stream: Stream) -> Vec<f32> {

@@ -6,10 +6,10 @@ use super::blur::{normal_cdf, seen_sigma_px};
 use super::cover::Round;
 use super::draw::{Ball, Coat, HalfPlane, Moment};
 use super::motion::Pose;
-use super::random::Stream;
 use super::scenario::{BodySetup, PatternSetup, ScaleSetup, Scenario, Shape};
 use super::speckle::{Field, Pattern};
 use super::sphere::Globe;
+use crate::numeric::Stream;
 
 const FINE: usize = 16;
 const SIDE: usize = 64;

@@ -4,7 +4,6 @@ use super::blur::seen_sigma_px;
 use super::cover::{Cover, Round, visible_fraction};
 use super::draw::{Ball, Coat, HalfPlane, Moment, Patch};
 use super::motion::{Path, Pose, tangent};
-use super::random::{Stream, key, scramble};
 use super::rod::Rod;
 use super::scenario::{MotionSetup, Scenario, ScenarioError, Shape};
 use super::scene::Scene;
@@ -13,6 +12,7 @@ use super::speckle::{Field, Pattern};
 use super::sphere::Globe;
 use super::truth::{impact, phase, status, step, velocity};
 use crate::image::{Image, PixelFormat};
+use crate::numeric::{Stream, key, scramble};
 use crate::results::{Impact, VelocitySample};
 use std::ops::Range;
 

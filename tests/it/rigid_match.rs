@@ -1,6 +1,7 @@
 //! A whole ball at once, in full sight and behind something, against known truth.
 
-use ricochet::dic::{CorrelationParams, Correlator, Prepared, Region, RigidBody, Shape, Start, grid};
+use ricochet::dic::grid;
+use ricochet::dic::{CorrelationParams, Correlator, Prepared, Region, RigidBody, Shape, Start};
 use ricochet::image::Frame;
 use ricochet::synth::{MotionSetup, OccluderSetup, PatternSetup, Scenario, World};
 

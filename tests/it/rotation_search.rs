@@ -3,7 +3,8 @@
 use crate::support::{Rig, run};
 use ricochet::command::Outcome;
 use ricochet::command::field::{Begin, FieldError, FieldOptions};
-use ricochet::dic::{CorrelationParams, Shape, rigid_fit};
+use ricochet::dic::rigid_fit;
+use ricochet::dic::{CorrelationParams, Shape};
 use ricochet::process::Stop;
 use ricochet::results::{Displacement, FieldPoint, PointStatus};
 use ricochet::synth::{MotionSetup, Scenario, World};

@@ -3,7 +3,8 @@
 use crate::measured_world::rows_of;
 use crate::support::{Rig, csv, succeed};
 use ricochet::camera::simulated;
-use ricochet::dic::{CorrelationParams, Correlator, Prepared, Region, RigidBody, Start, grid};
+use ricochet::dic::grid;
+use ricochet::dic::{CorrelationParams, Correlator, Prepared, Region, RigidBody, Start};
 use ricochet::recording::Recording;
 use ricochet::results::{PointStatus, VelocitySample};
 use ricochet::synth::{MotionSetup, PartSetup, PatternSetup, Scenario, Shape, World};

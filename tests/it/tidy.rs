@@ -165,7 +165,7 @@ fn a_room_that_reaches_up_or_aside_is_found_however_it_is_written() {
         "//! Doc.\nuse ricochet::bus::Join;",
         "//! Doc.\nuse {crate::bus::Join, std::fmt};",
     ] {
-        assert_eq!(broken("src/dic/grid.rs", text), [format!("2: {}", rule("dic", "bus"))], "for {text}");
+        assert_eq!(broken("src/dic/geometry/grid.rs", text), [format!("2: {}", rule("dic", "bus"))], "for {text}");
     }
     assert_eq!(broken("src/dic/mod.rs", "use super::bus;"), [format!("1: {}", rule("dic", "bus"))]);
     assert_eq!(broken("src/ball/x.rs", "use crate::dic::zncc;"), [format!("1: {}", rule("ball", "dic"))]);
@@ -174,11 +174,14 @@ fn a_room_that_reaches_up_or_aside_is_found_however_it_is_written() {
 
 #[test]
 fn rooms_below_and_own_modules_are_allowed() {
-    assert_eq!(broken("src/dic/grid.rs", "use crate::{dic::zncc, image::ImageView, results};"), [""; 0]);
+    assert_eq!(broken("src/dic/geometry/grid.rs", "use crate::{dic::zncc, image::ImageView, results};"), [""; 0]);
     assert_eq!(broken("src/config/plan.rs", "use super::camera::Source;"), [""; 0]);
     assert_eq!(broken("src/config/mod.rs", "mod camera;\nuse camera::Source;"), [""; 0]);
     assert_eq!(broken("src/process/acquire.rs", "use crate::{bus, camera, recording};"), [""; 0]);
-    assert_eq!(broken("src/dic/grid.rs", "// crate::bus is above.\nlet x = \"crate::bus\"; /* mcap:: */"), [""; 0]);
+    assert_eq!(
+        broken("src/dic/geometry/grid.rs", "// crate::bus is above.\nlet x = \"crate::bus\"; /* mcap:: */"),
+        [""; 0]
+    );
 }
 
 #[test]
@@ -290,8 +293,8 @@ fn a_circle_of_imports_is_found_however_it_is_written() {
         "use super::subset;\npub struct Step;\nfn f() { subset::Warp::new(); }",
         "pub struct Step;\nfn f() {\n    use super::subset::Warp;\n}",
     ] {
-        let graph = graph_of(&[room, door, warp, ("src/dic/refine.rs", refine)]);
-        assert_eq!(graph.circles(), [["src/dic/refine.rs", "src/dic/subset/warp.rs"]], "for {refine}");
+        let graph = graph_of(&[room, door, warp, ("src/dic/refine/icgn.rs", refine)]);
+        assert_eq!(graph.circles(), [["src/dic/refine/icgn.rs", "src/dic/subset/warp.rs"]], "for {refine}");
     }
     let longer = graph_of(&[
         ("src/dic/a.rs", "use super::b::B;\npub struct A;"),
@@ -309,7 +312,7 @@ fn tests_and_parts_of_a_module_make_no_circle() {
         ("src/dic/mod.rs", "mod a;\nmod b;\npub use a::A;\npub struct Shape;\n#[cfg(test)]\nmod accuracy;"),
         ("src/dic/a.rs", "use super::Shape;\npub struct A;\n#[cfg(test)]\nmod tests {\n    use super::super::b::B;\n}"),
         ("src/dic/b.rs", "use super::{Shape, a::A};\npub struct B;"),
-        ("src/dic/accuracy.rs", "use super::b::B;\npub fn f() {}"),
+        ("src/dic/tests/accuracy.rs", "use super::b::B;\npub fn f() {}"),
     ]);
     assert_eq!(graph.circles(), [[""; 0]; 0]);
 }
@@ -320,11 +323,11 @@ fn a_folder_that_is_entered_past_its_mod_rs_is_found() {
     let warp = ("src/dic/subset/warp.rs", "pub struct Warp;");
     let past = |declaration: &str, refine: &str| {
         let door = format!("{declaration} mod warp;\npub use warp::Warp;");
-        let graph = graph_of(&[room, ("src/dic/subset/mod.rs", &door), warp, ("src/dic/refine.rs", refine)]);
+        let graph = graph_of(&[room, ("src/dic/subset/mod.rs", &door), warp, ("src/dic/refine/icgn.rs", refine)]);
         graph.past_the_door.iter().map(|(file, line, _)| format!("{file}:{line}")).collect::<Vec<_>>()
     };
     for refine in ["use super::subset::warp::Warp;", "fn f() { crate::dic::subset::warp::Warp::new(); }"] {
-        assert_eq!(past("pub(super)", refine), ["src/dic/refine.rs:1"], "for {refine}");
+        assert_eq!(past("pub(super)", refine), ["src/dic/refine/icgn.rs:1"], "for {refine}");
         assert_eq!(past("pub", refine), [""; 0], "for {refine}");
     }
     assert_eq!(past("pub(super)", "use super::subset::Warp;"), [""; 0]);

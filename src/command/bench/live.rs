@@ -8,9 +8,8 @@ use serde_json::json;
 use super::{rate, timed};
 use crate::ball::{BallFinder, BallParams};
 use crate::camera::simulated;
-use crate::dic::{
-    CorrelationParams, Correlator, GridPoint, Prepared, Region, RigidBody, Shape, Start, grid, rigid_fit_near,
-};
+use crate::dic::grid;
+use crate::dic::{CorrelationParams, Correlator, GridPoint, Prepared, Region, RigidBody, Shape, Start, rigid_fit_near};
 use crate::image::{Frame, FrameMeta, Image};
 use crate::measure::{BodyParams, MeasureParams, Measured, Measurer, OUTLINE_INTERVAL_FRAMES, Share};
 use crate::motion::Rotation;

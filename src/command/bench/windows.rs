@@ -7,11 +7,12 @@ use std::time::Duration;
 use serde_json::json;
 
 use super::rate;
+use crate::dic::grid;
 use crate::dic::{
-    CorrelationParams, Correlator, GridPoint, Method, Parts, Region, RigidBody, Shape, Start, arithmetic, grid,
-    instruction_set,
+    CorrelationParams, Correlator, GridPoint, Method, Parts, Region, RigidBody, Shape, Start, arithmetic,
 };
 use crate::image::Image;
+use crate::numeric::instruction_set;
 
 /// Side of the test images, px.
 const SIDE: usize = 512;

@@ -1,7 +1,8 @@
 //! A rod's velocity by the paper's settings, to be drawn beside what is measured.
 
 use crate::command::progress;
-use crate::dic::{CorrelationParams, Correlator, Method, Prepared, Start, grid};
+use crate::dic::grid;
+use crate::dic::{CorrelationParams, Correlator, Method, Prepared, Start};
 use crate::image::{Frame, Image};
 use crate::recording::Recording;
 use crate::report::Beside;

@@ -5,7 +5,8 @@ use std::io::BufReader;
 use std::path::Path;
 
 use super::{FieldError, FieldOptions};
-use crate::dic::{CorrelationParams, GridPoint, grid};
+use crate::dic::grid;
+use crate::dic::{CorrelationParams, GridPoint};
 use crate::image::Image;
 
 /// Reads two images of one size.

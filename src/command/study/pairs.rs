@@ -4,7 +4,8 @@ use std::path::{Path, PathBuf};
 
 use crate::command::UsageError;
 use crate::command::field::stills;
-use crate::dic::{CorrelationParams, GridPoint, grid};
+use crate::dic::grid;
+use crate::dic::{CorrelationParams, GridPoint};
 use crate::image::{Frame, Image};
 use crate::synth::{MotionSetup, Scenario, World};
 

@@ -23,6 +23,7 @@ const fn open(name: &'static str, rooms: &'static [&'static str], crates: &'stat
 const BELOW_PROCESS: &[&str] = &[
     "results",
     "image",
+    "numeric",
     "dic",
     "ball",
     "rod",
@@ -41,6 +42,7 @@ const BELOW_PROCESS: &[&str] = &[
 const BELOW_COMMAND: &[&str] = &[
     "results",
     "image",
+    "numeric",
     "dic",
     "ball",
     "rod",
@@ -63,14 +65,19 @@ const BELOW_COMMAND: &[&str] = &[
 pub const ROOMS: &[Room] = &[
     pure("results", &[], &[]),
     pure("image", &["results"], &["image", "multiversion", "thiserror"]),
-    pure("dic", &["results", "image"], &["libm", "multiversion", "nalgebra", "realfft", "thiserror"]),
-    pure("ball", &["results", "image"], &["multiversion", "nalgebra", "thiserror"]),
+    pure("numeric", &[], &["multiversion", "nalgebra"]),
+    pure("dic", &["results", "image", "numeric"], &["libm", "multiversion", "nalgebra", "realfft", "thiserror"]),
+    pure("ball", &["results", "image", "numeric"], &["multiversion", "nalgebra", "thiserror"]),
     pure("rod", &["results", "image"], &["nalgebra", "thiserror"]),
     pure("motion", &["results"], &["nalgebra", "thiserror"]),
     pure("trigger", &["results", "image", "motion"], &[]),
-    pure("impact", &["results", "motion"], &["libm", "multiversion", "nalgebra", "thiserror"]),
-    pure("measure", &["results", "image", "dic", "ball", "rod", "motion", "impact"], &["nalgebra", "thiserror"]),
-    pure("synth", &["results", "image", "motion"], &["nalgebra", "serde", "thiserror", "toml"]),
+    pure("impact", &["results", "numeric", "motion"], &["libm", "multiversion", "nalgebra", "thiserror"]),
+    pure(
+        "measure",
+        &["results", "image", "numeric", "dic", "ball", "rod", "motion", "impact"],
+        &["nalgebra", "thiserror"],
+    ),
+    pure("synth", &["results", "image", "numeric", "motion"], &["nalgebra", "serde", "thiserror", "toml"]),
     open(
         "config",
         &["results", "image", "dic", "ball", "rod", "motion", "trigger"],
@@ -191,7 +198,7 @@ pub const IMPURE: &[&str] = &[
 pub const UNSAFE_ROOMS: &[&str] = &["camera", "bus"];
 
 /// The one file elsewhere with unsafe blocks: vector instructions, chosen at run time, on arrays of fixed size.
-pub const UNSAFE_FILE: &str = "src/dic/vector.rs";
+pub const UNSAFE_FILE: &str = "src/numeric/vector.rs";
 
 /// Rooms whose public numbers carry their unit in their name.
 pub const UNIT_ROOMS: &[&str] = &["results", "message", "config"];

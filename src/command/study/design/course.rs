@@ -8,9 +8,10 @@ use super::rig::Rig;
 use crate::dic::STALE_DEG;
 use crate::measure::{Tracker, TrackerParams, TrackerRows};
 use crate::motion::subset_walk;
+use crate::numeric::{Stream, key};
 use crate::process::analysis_params;
 use crate::results::{BodyStep, Circle, Estimate, PointStatus, RigidStep, Rod, VelocitySample};
-use crate::synth::{Stream, World, key};
+use crate::synth::World;
 
 /// Purpose of these random numbers.
 const STEPS: u64 = 60;

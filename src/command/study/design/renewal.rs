@@ -147,8 +147,8 @@ mod tests {
 
     #[test]
     fn what_differs_from_last_frame_to_last_frame_is_not_taken_for_what_lasts() {
-        let mut stream = crate::synth::Stream::new(7);
-        let take = |stream: &mut crate::synth::Stream, shared: f64, own: f64| {
+        let mut stream = crate::numeric::Stream::new(7);
+        let take = |stream: &mut crate::numeric::Stream, shared: f64, own: f64| {
             let lasting = shared * stream.normal();
             (0..4).map(|last| [lasting + own * stream.normal() + f64::from(last), 0.0, 0.0]).collect::<Vec<_>>()
         };

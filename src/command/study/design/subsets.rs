@@ -129,7 +129,7 @@ fn variance(values: impl Iterator<Item = f64> + Clone) -> Option<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::synth::Stream;
+    use crate::numeric::Stream;
 
     #[test]
     fn what_a_step_leaves_is_told_from_the_noise_of_its_poses() {

@@ -3,9 +3,11 @@
 use super::plain::Plain;
 use crate::ball::{BallFinder, BallParams};
 use crate::command::UsageError;
+use crate::dic::grid;
+use crate::dic::rigid_fit;
 use crate::dic::{
     CenterVector, CorrelationParams, Correlator, GridPoint, Method, Prepared, Region, RigidBody, RigidMotion, Ring,
-    Start, center_fit, grid, rigid_fit,
+    Start, center_fit,
 };
 use crate::image::ImageView;
 use crate::results::{Circle, FieldPoint, PointStatus};

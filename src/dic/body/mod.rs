@@ -1,0 +1,15 @@
+//! Whole bodies: matching all of a rigid body at once, where it is occluded, and how far it turned.
+
+mod box_filter;
+mod median_residual;
+mod occlusion;
+mod occlusion_map;
+mod polar;
+mod rigid_body;
+mod rotation_search;
+mod visibility;
+
+pub use occlusion_map::Veil;
+pub use polar::{Ring, Turn};
+pub use rigid_body::{BodyMotion, RigidBody, STALE_DEG};
+pub use rotation_search::{find_at_any_angle, find_hidden_within_angle};

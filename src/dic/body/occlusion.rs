@@ -1,0 +1,195 @@
+//! Matching of a partly occluded body: determines its visible pixels and their motion together.
+
+use super::occlusion_map::Veil;
+use super::rigid_body::{BodyMotion, motion, status_of};
+use super::visibility::{Likeness, is_even};
+use crate::dic::geometry::Warp;
+use crate::dic::geometry::Window;
+use crate::dic::refine::{Match, Refiner};
+use crate::dic::subset::Subset;
+use crate::dic::uncertainty::Pool;
+use crate::numeric::Lanes;
+use crate::results::PointStatus;
+
+/// The ZNCC above which occlusion hardly biased a match of all pixels.
+///
+/// Below, the fit of gain and offset may have spread the occluder's residual over all pixels.
+const MIN_WHOLE_ZNCC: f64 = 0.9;
+
+/// The number of steps with the ZNCC mask, which tolerates an inaccurate start.
+const ZNCC_ROUNDS: u32 = 4;
+
+/// The maximum number of rounds with the residual mask; two or three are usual.
+const RESIDUAL_ROUNDS: u32 = 8;
+
+/// The displacement of the rim that ends the iteration, px. The next would be a twentieth of it.
+const CONVERGED_PX: f64 = 0.002;
+
+/// The minimum visible fraction of a body.
+const MIN_VISIBLE_FRACTION: f64 = 0.15;
+
+/// The minimum ZNCC of the visible pixels.
+const MIN_ZNCC: f64 = 0.6;
+
+/// The minimum noise of the difference of two frames, which rounding alone causes, DN.
+const MIN_NOISE_DN: f32 = 0.45;
+
+/// The visible pixels of a body, and memory to determine them.
+#[derive(Debug, Clone, Default)]
+pub(in crate::dic) struct Sight {
+    likeness: Likeness,
+    /// The last samples of the target, minus the mean of the reference, and the last residual of the visible pixels.
+    samples: Vec<Lanes>,
+    residual: Vec<Lanes>,
+    /// 1 where a pixel is visible, packed like the body's mask.
+    kept: Vec<Lanes>,
+    window: Window,
+    subset: Subset,
+    pool: Pool,
+    /// The same as `kept`, extended to the edge of the occluder; empty if all pixels are visible.
+    visible: Vec<Lanes>,
+}
+
+/// The criterion of visible pixels.
+#[derive(Clone, Copy, PartialEq)]
+enum Mask {
+    Zncc,
+    Residual,
+}
+
+impl Sight {
+    /// Plans for a body of these pixels.
+    pub(in crate::dic) fn plan(&mut self, window: &Window) {
+        self.likeness.plan(window);
+        self.visible.clear();
+    }
+
+    /// Whether a match of all pixels left no residual that indicates occlusion.
+    pub(in crate::dic) fn is_whole(&mut self, window: &Window, found: &Match, residual: &[Lanes]) -> bool {
+        found.zncc >= MIN_WHOLE_ZNCC && self.likeness.is_whole(window, residual, MIN_NOISE_DN)
+    }
+
+    /// Finds the visible pixels and their motion.
+    ///
+    /// The start is at most about 1 px and 1 deg off, or a match of all pixels with its residual.
+    pub(in crate::dic) fn find(
+        &mut self,
+        body: &Refiner<'_>,
+        start: Warp,
+        (zncc, residual): (f64, &[Lanes]),
+    ) -> Result<Match, PointStatus> {
+        if !body.inside(&start) {
+            return Err(PointStatus::OutOfFrame);
+        }
+        let mut warp = start;
+        self.reset(body);
+        let coarse = if zncc < MIN_WHOLE_ZNCC { ZNCC_ROUNDS } else { 0 };
+        let (rim_px, last) = (f64::from(body.window.half), coarse + RESIDUAL_ROUNDS);
+        let is_matched = coarse == 0 && !residual.is_empty();
+        if is_matched {
+            self.mask(body, residual, Mask::Residual);
+            self.restrict_to_visible(body)?;
+        }
+        for round in 0..last {
+            let noise = self.update_visible(body, &warp, if round < coarse { Mask::Zncc } else { Mask::Residual });
+            self.restrict_to_visible(body)?;
+            let (step, zncc, zncc_gain) = self.refiner(body).step_from(body, &self.samples).map_err(status_of)?;
+            let length = step.length(rim_px);
+            if length.is_nan() || length >= rim_px {
+                return Err(PointStatus::LowCorrelation);
+            }
+            warp = warp.after_inverse(&step).ok_or(PointStatus::LowCorrelation)?;
+            if !body.inside(&warp) {
+                return Err(PointStatus::OutOfFrame);
+            }
+            if (is_matched || round > coarse) && length < CONVERGED_PX {
+                let zncc = (zncc + zncc_gain).min(1.0);
+                return self.check(Match { warp, second: [[0.0; 3]; 2], zncc, iterations: round + 1 }, noise);
+            }
+        }
+        let found = self.refiner(body).refine(warp).map_err(status_of)?;
+        let noise = self.update_visible(body, &found.warp, Mask::Residual);
+        self.check(found, noise)
+    }
+
+    /// Checks a match: its residual must be noise, and its ZNCC high enough. Otherwise a small part of the body may fit
+    /// by chance.
+    fn check(&self, found: Match, noise: f32) -> Result<Match, PointStatus> {
+        let is_sound = found.zncc >= MIN_ZNCC && is_even(&self.residual, noise, &self.kept);
+        if is_sound { Ok(found) } else { Err(PointStatus::LowCorrelation) }
+    }
+
+    /// Computes the motion, its uncertainty and the visible fraction from a match by [`Self::find`].
+    pub(in crate::dic) fn body_motion(&mut self, body: &Refiner<'_>, found: &Match, offset: (f64, f64)) -> BodyMotion {
+        let (mut pool, mut residual) = (std::mem::take(&mut self.pool), std::mem::take(&mut self.residual));
+        pool.clear();
+        pool.add_texture(&self.subset, &self.window);
+        let refiner = self.refiner(body);
+        // The residual before the last step, which hardly changes it.
+        refiner.residual_from(body, &self.samples, &mut residual);
+        let noise = self.likeness.noise(&residual, &self.kept).max(MIN_NOISE_DN);
+        let pixels = self.likeness.mark_visible(body.window, (&residual, noise), &self.kept, &mut self.visible);
+        residual.iter_mut().zip(&self.window.mask).for_each(|(residual, mask)| *residual = *residual * *mask);
+        let motion = motion(&self.refiner(body), found, offset, (&mut pool, &residual));
+        (self.pool, self.residual) = (pool, residual);
+        BodyMotion { motion, zncc: found.zncc, visible_fraction: pixels as f64 / body.window.pixels as f64 }
+    }
+
+    /// Clears the occlusion of the last frame.
+    pub(in crate::dic) fn clear_occlusion(&mut self) {
+        self.visible.clear();
+    }
+
+    /// Returns the occluded pixels of the body as found by the last match; `None` if there are none.
+    pub(in crate::dic) fn veil(&self, window: &Window) -> Option<Veil> {
+        (!self.visible.is_empty()).then(|| Veil::new(window, &self.visible))
+    }
+
+    /// Rebuilds the subset from the visible pixels.
+    ///
+    /// # Errors
+    ///
+    /// [`PointStatus::Occluded`] below 15 % visible.
+    fn restrict_to_visible(&mut self, body: &Refiner<'_>) -> Result<(), PointStatus> {
+        if (self.window.pixels as f64) < MIN_VISIBLE_FRACTION * body.window.pixels as f64 {
+            return Err(PointStatus::Occluded);
+        }
+        self.subset.restrict(body.subset, &self.window, body.shape).map_err(|_| PointStatus::LowContrast)
+    }
+
+    /// Starts with all pixels visible.
+    fn reset(&mut self, body: &Refiner<'_>) {
+        self.window.clone_from(body.window);
+        self.subset.clone_from(body.subset);
+        self.kept.clone_from(&body.window.mask);
+    }
+
+    /// Returns the refiner of the visible pixels.
+    fn refiner<'a>(&'a self, body: &Refiner<'a>) -> Refiner<'a> {
+        Refiner { subset: &self.subset, window: &self.window, ..*body }
+    }
+
+    /// Updates the visible pixels at `warp` and returns the noise of their residual, DN. Gain and offset are those of
+    /// the previously visible pixels.
+    fn update_visible(&mut self, body: &Refiner<'_>, warp: &Warp, mask: Mask) -> f32 {
+        let (mut samples, mut residual) = (std::mem::take(&mut self.samples), std::mem::take(&mut self.residual));
+        match body.sampled(warp, &mut samples) {
+            Ok(_) => self.refiner(body).residual_from(body, &samples, &mut residual),
+            Err(_) => residual.clear(),
+        }
+        let noise = self.mask(body, &residual, mask);
+        (self.samples, self.residual) = (samples, residual);
+        noise
+    }
+
+    /// Updates the visible pixels from the residual of the previously visible ones and returns its noise, DN.
+    fn mask(&mut self, body: &Refiner<'_>, residual: &[Lanes], mask: Mask) -> f32 {
+        let noise = self.likeness.noise(residual, &self.kept).max(MIN_NOISE_DN);
+        match mask {
+            Mask::Residual => self.likeness.by_residual(body.window, residual, noise, &mut self.kept),
+            Mask::Zncc => self.likeness.by_zncc(body.window, (&body.subset.levels, residual), &mut self.kept),
+        }
+        body.window.restrict(&self.kept, &mut self.window);
+        noise
+    }
+}

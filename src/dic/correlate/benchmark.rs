@@ -1,0 +1,126 @@
+//! The steps of a match as separate functions, for benchmarks.
+
+use crate::dic::GridPoint;
+use crate::dic::geometry::Warp;
+use crate::dic::geometry::Window;
+use crate::dic::image::Prepared;
+use crate::dic::params::{CorrelationParams, Interpolation, Shape};
+use crate::dic::refine::Refiner;
+use crate::dic::search::Search;
+use crate::dic::subset::Subset;
+use crate::image::ImageView;
+use crate::numeric::{Vector, vectorized};
+
+/// The steps of matching subsets of 31 x 31 pixels, and a disc of 53 px radius (8800 px), in one pair of frames.
+///
+/// Each method runs one step of [`Correlator::correlate`](crate::dic::Correlator::correlate) once.
+pub struct Parts {
+    frames: (Prepared, Prepared),
+    window: Window,
+    search: Search,
+    subset: Subset,
+    disc: Window,
+    body: Subset,
+    warp: Warp,
+}
+
+/// The number of independent accumulators, enough to fill the pipelines of a core.
+const SUMS: usize = 10;
+
+/// Runs a thousand rounds of fused multiply-adds without memory access, which saturate a core.
+///
+/// The throughput gained by further threads shows the true number of cores: two threads on one core gain nothing.
+pub fn arithmetic(start: f32) -> f32 {
+    multiply_add(start)
+}
+
+vectorized! {
+    /// See [`arithmetic`].
+    fn multiply_add(start: f32) -> f32 = multiply_add_with
+}
+
+#[inline(always)]
+fn multiply_add_with<V: Vector>(start: f32) -> f32 {
+    let (shrink, mut sums) = (V::splat(0.999), [V::splat(start); SUMS]);
+    for _ in 0..1000 {
+        for sum in &mut sums {
+            *sum = shrink.plus_product(*sum, shrink);
+        }
+    }
+    let mut total = sums[0];
+    for sum in &sums[1..] {
+        total = total.add(*sum);
+    }
+    total.to_lanes().sum() as f32
+}
+
+/// The radius of the disc, px.
+const DISC_PX: i32 = 53;
+
+impl Parts {
+    /// Prepares a pair of frames of one size, at least 128 x 128 px. The second is moved and rotated by about the given
+    /// u and v in px and angle in deg.
+    ///
+    /// # Panics
+    ///
+    /// If the frames are smaller.
+    pub fn new(first: ImageView<'_>, second: ImageView<'_>, (u_px, v_px, angle_deg): (f64, f64, f64)) -> Self {
+        assert!(first.width() >= 128 && first.height() >= 128, "frames of a benchmark have room for the disc");
+        let params = CorrelationParams::default();
+        let mut parts = Self {
+            frames: (Prepared::default(), Prepared::default()),
+            window: Window::new(params.window, params.subset_size_px),
+            search: Search::new(params.subset_size_px as usize, params.search_px as usize),
+            subset: Subset::default(),
+            disc: Window::from_test(DISC_PX as u32, |dx, dy| dx * dx + dy * dy <= DISC_PX * DISC_PX),
+            body: Subset::default(),
+            warp: Warp::rigid(u_px, v_px, angle_deg.to_radians()),
+        };
+        parts.prepare(first);
+        std::mem::swap(&mut parts.frames.0, &mut parts.frames.1);
+        parts.prepare(second);
+        let at = parts.middle();
+        parts.subset_of(at);
+        let Self { body, disc, frames, .. } = &mut parts;
+        let _ = body.fill_body(&frames.0, disc, (at.x, at.y));
+        parts
+    }
+
+    fn middle(&self) -> GridPoint {
+        GridPoint { x: self.frames.0.width() as u32 / 2, y: self.frames.0.height() as u32 / 2 }
+    }
+
+    /// Computes grey levels, gradients and spline coefficients of a frame.
+    pub fn prepare(&mut self, frame: ImageView<'_>) {
+        self.frames.1.fill(frame, Interpolation::Optimised);
+    }
+
+    /// Extracts a subset: mean, energy, gradients and Hessian. Returns whether it is usable.
+    pub fn subset_of(&mut self, at: GridPoint) -> bool {
+        self.subset.fill(&self.frames.0, &self.window, Shape::Affine, (at.x, at.y)).is_ok()
+    }
+
+    /// Runs the FFT correlation of the last subset with the same 32 x 32 pixels of the target, and the sub-pixel peak
+    /// fit.
+    pub fn peak(&mut self, at: GridPoint) -> bool {
+        self.search
+            .find_near(&self.subset, &self.window, &self.frames.1.levels, self.frames.1.local((at.x, at.y)))
+            .is_some()
+    }
+
+    /// Runs one exact affine iteration of the last subset.
+    pub fn iterate(&mut self, at: GridPoint) -> bool {
+        self.refiner(false, at).step(&self.warp).is_ok()
+    }
+
+    /// Runs one rigid iteration of the disc.
+    pub fn iterate_disc(&mut self) -> bool {
+        self.refiner(true, self.middle()).step(&self.warp).is_ok()
+    }
+
+    fn refiner(&self, disc: bool, at: GridPoint) -> Refiner<'_> {
+        let (subset, window, shape) =
+            if disc { (&self.body, &self.disc, Shape::Rigid) } else { (&self.subset, &self.window, Shape::Affine) };
+        Refiner { subset, window, shape, target: &self.frames.1.splined, at: self.frames.1.local((at.x, at.y)) }
+    }
+}

@@ -1,0 +1,291 @@
+//! Matching of one subset, and the tests that accept its result.
+
+use crate::dic::Shape;
+use crate::dic::geometry::Warp;
+use crate::dic::geometry::Window;
+use crate::dic::image::Prepared;
+use crate::dic::params::{CorrelationParams, Method};
+use crate::dic::refine::{Lost, Match, Refiner};
+use crate::dic::search::FineSearch;
+use crate::dic::search::Peak;
+use crate::dic::search::{Found, Search};
+use crate::dic::subset::Subset;
+use crate::dic::uncertainty::ROUNDING;
+use crate::results::PointStatus;
+
+/// The maximum ratio of the second to the first peak of the quick search for which the first is accepted.
+const MAX_SECOND_PEAK: f64 = 0.7;
+
+/// The ZNCC above which the quick search is accepted without the full search.
+const MIN_QUICK_ZNCC: f64 = 0.9;
+
+/// The ratio of the second to the first peak above which both are refined and compared.
+const RIVAL_PEAK: f64 = 0.75;
+
+/// The ratio of the second to the first peak above which a second peak that cannot be refined counts as equal.
+const EQUAL_PEAK: f64 = 0.9;
+
+/// The constant part of the tolerance on 1 - ZNCC within which a second match makes the first ambiguous.
+const AMBIGUOUS_DEFECT: f64 = 0.02;
+
+/// The minimum fraction of the gradient energy in the weaker direction. Below, a subset may be a mere stripe.
+const MIN_ISOTROPY: f64 = 0.05;
+
+/// The gradient energy per pixel of white noise of unit variance by fourth-order differences.
+const NOISE_GRADIENT: f64 = 0.903;
+
+/// The ratio of gradient energy to grey-level energy above which a subset is noise rather than speckle.
+const MAX_ROUGHNESS: f64 = 0.7;
+
+/// The result of one subset before the outlier test of the field.
+#[derive(Debug, Clone, Copy)]
+pub(in crate::dic) struct Solution {
+    pub(in crate::dic) status: PointStatus,
+    pub(in crate::dic) found: Option<Match>,
+    pub(in crate::dic) peak_ratio: Option<f64>,
+    /// The variance of the residual, DN^2.
+    pub(in crate::dic) residual: f64,
+    /// The diagonal of the inverse Hessian for u and v.
+    pub(in crate::dic) inverse: (f64, f64),
+    /// The additional variance of u and v from the peak fit, px^2.
+    pub(in crate::dic) peak_variance: (f64, f64),
+}
+
+impl Solution {
+    pub(in crate::dic) fn failed(status: PointStatus) -> Self {
+        Self { status, found: None, peak_ratio: None, residual: 0.0, inverse: (0.0, 0.0), peak_variance: (0.0, 0.0) }
+    }
+
+    fn without_answer(self, status: PointStatus) -> Self {
+        Self { found: None, status, ..self }
+    }
+
+    fn with_status(self, status: PointStatus) -> Self {
+        Self { status, ..self }
+    }
+}
+
+/// The planned searches of a correlator.
+pub(in crate::dic) struct Searches {
+    pub(in crate::dic) pixel: Search,
+    /// For `spline-fft` only.
+    pub(in crate::dic) fine: Option<FineSearch>,
+    /// Whether the upsampled peak is fitted.
+    pub(in crate::dic) peak_fit: bool,
+}
+
+/// One subset of a pair of frames.
+#[derive(Clone, Copy)]
+pub(in crate::dic) struct Matcher<'a> {
+    pub(in crate::dic) params: &'a CorrelationParams,
+    pub(in crate::dic) window: &'a Window,
+    pub(in crate::dic) subset: &'a Subset,
+    pub(in crate::dic) reference: &'a Prepared,
+    pub(in crate::dic) target: &'a Prepared,
+    /// The centre in the reference, px.
+    pub(in crate::dic) at: (u32, u32),
+}
+
+impl Matcher<'_> {
+    /// Finds the subset, starting from `guess` if there is one.
+    pub(in crate::dic) fn solve(&self, searches: &mut Searches, guess: Option<Warp>, min_zncc: f64) -> Solution {
+        if self.params.method != Method::IcGn {
+            return self.solve_peak(searches, guess.as_ref());
+        }
+        let solution = self.solve_first_order(&mut searches.pixel, guess, min_zncc);
+        if self.params.shape == Shape::Quadratic && solution.status == PointStatus::Valid {
+            return self.refine_second_order(solution);
+        }
+        solution
+    }
+
+    /// Runs the first-order match from the guess if that reaches a ZNCC of `min_zncc`, else after a search.
+    fn solve_first_order(&self, search: &mut Search, guess: Option<Warp>, min_zncc: f64) -> Solution {
+        let solution = self.search(search, guess, min_zncc);
+        // The guess leads out of the image and nothing else matches: the subset has left.
+        let left =
+            solution.status == PointStatus::LowCorrelation && guess.is_some_and(|warp| !self.refiner().inside(&warp));
+        if left { solution.without_answer(PointStatus::OutOfFrame) } else { solution }
+    }
+
+    /// Tries the guess, then the quick search, then the full search.
+    fn search(&self, search: &mut Search, guess: Option<Warp>, min_zncc: f64) -> Solution {
+        let guessed = guess.and_then(|warp| self.refiner().refine(warp).ok());
+        if let Some(found) = guessed.filter(|found| found.zncc >= min_zncc.max(self.params.min_zncc)) {
+            return self.accept(found, None);
+        }
+        let around = guess.map_or((0, 0), |warp| self.search_center(&warp));
+        if around == (0, 0)
+            && let Some(peaks) =
+                search.find_near(self.subset, self.window, &self.target.levels, self.target.local(self.at))
+            && peaks.second.is_none_or(|second| second.height < MAX_SECOND_PEAK * peaks.best.height)
+            && let Ok(found) = self.refine_peak(&peaks, &peaks.best)
+            && (found.zncc >= MIN_QUICK_ZNCC || guessed.is_some_and(|guessed| guessed.is_near(&found)))
+            && found.zncc >= self.params.min_zncc
+        {
+            return self.accept(found, peaks.ratio());
+        }
+        let Some(peaks) =
+            search.find(self.subset, self.window, &self.target.levels, self.target.local(self.at), around)
+        else {
+            return Solution::failed(PointStatus::OutOfFrame);
+        };
+        let solution = self.refine_peaks(&peaks);
+        if peaks.clipped && solution.status == PointStatus::Valid && self.repeats_itself(search) {
+            return solution.with_status(PointStatus::Ambiguous);
+        }
+        solution
+    }
+
+    /// Whether the subset has a double in the reference itself.
+    ///
+    /// Near the edge of the image the true match may have left. A repetition of a regular pattern would then be
+    /// accepted instead.
+    fn repeats_itself(&self, search: &mut Search) -> bool {
+        let at = self.reference.local(self.at);
+        let own = search.find(self.subset, self.window, &self.reference.levels, at, (0, 0));
+        own.is_some_and(|own| own.second.is_some_and(|second| second.height > EQUAL_PEAK * own.best.height))
+    }
+
+    /// Finds one subset by its correlation peak alone.
+    fn solve_peak(&self, searches: &mut Searches, guess: Option<&Warp>) -> Solution {
+        let Searches { pixel: search, fine, peak_fit } = searches;
+        let around = guess.map_or((0, 0), |warp| (warp.u.round() as i32, warp.v.round() as i32));
+        let Some(peaks) =
+            search.find(self.subset, self.window, &self.target.levels, self.target.local(self.at), around)
+        else {
+            return Solution::failed(PointStatus::OutOfFrame);
+        };
+        let displacement = match (self.params.method, fine) {
+            (Method::SplineFft, Some(fine)) => {
+                let frames = (&self.reference.splined, &self.target.splined);
+                let at = (self.reference.local(self.at), self.target.local(self.at));
+                fine.find(frames, self.window, at, peaks.whole(), *peak_fit)
+            }
+            (Method::PeakSpline, _) => Some(peaks.offset(search.spline_top(&peaks))),
+            _ => Some(peaks.offset(search.gaussian_top(&peaks))),
+        };
+        let Some((u, v)) = displacement else { return Solution::failed(PointStatus::LowContrast) };
+        let ratio = peaks.ratio();
+        let warp = Warp::shift(u, v);
+        // The first Gauss-Newton step, which is not applied, estimates the error of the peak.
+        match self.refiner().step(&warp) {
+            Err(lost) => self.conclude(Err(lost), &peaks, ratio),
+            Ok((_, zncc)) if zncc < self.params.min_zncc => {
+                let found = Match { warp, second: [[0.0; 3]; 2], zncc, iterations: 0 };
+                Solution { found: Some(found), peak_ratio: ratio, ..Solution::failed(self.failure_status()) }
+            }
+            Ok((step, zncc)) => {
+                let solution = self.accept(Match { warp, second: [[0.0; 3]; 2], zncc, iterations: 0 }, ratio);
+                let peak_variance = (step.u * step.u, step.v * step.v);
+                let alike = peaks.second.is_some_and(|second| second.height > EQUAL_PEAK * peaks.best.height);
+                let repeated = peaks.clipped && self.repeats_itself(search);
+                let status = if alike || repeated { PointStatus::Ambiguous } else { solution.status };
+                Solution { peak_variance, ..solution }.with_status(status)
+            }
+        }
+    }
+
+    /// Refines a valid first-order result to second order.
+    fn refine_second_order(&self, solution: Solution) -> Solution {
+        let Some(found) = solution.found else { return solution };
+        match self.refiner().refine_quadratic(&found) {
+            Ok(bent) if bent.found.zncc >= self.params.min_zncc => {
+                let judged = self.accept(bent.found, solution.peak_ratio);
+                Solution { inverse: bent.inverse, ..judged }
+            }
+            Ok(_) | Err(Lost::NotConverged) => solution.without_answer(PointStatus::LowCorrelation),
+            Err(Lost::OutOfFrame) => solution.without_answer(PointStatus::OutOfFrame),
+        }
+    }
+
+    /// Returns the integer displacement to search around: zero, or the guess if it exceeds the search range.
+    fn search_center(&self, warp: &Warp) -> (i32, i32) {
+        let range = f64::from(self.params.search_px);
+        if warp.u.abs() <= range && warp.v.abs() <= range {
+            return (0, 0);
+        }
+        let whole = |value: f64| value.round().clamp(-1e6, 1e6) as i32;
+        (whole(warp.u), whole(warp.v))
+    }
+
+    /// Returns the refiner of this subset.
+    pub(in crate::dic) fn refiner(&self) -> Refiner<'_> {
+        let (subset, window, shape) = (self.subset, self.window, self.params.refined_shape());
+        Refiner { subset, window, shape, target: &self.target.splined, at: self.target.local(self.at) }
+    }
+
+    /// Refines one peak.
+    fn refine_peak(&self, peaks: &Found, peak: &Peak) -> Result<Match, Lost> {
+        let (u, v) = peaks.displacement(peak);
+        self.refiner().refine(Warp::shift(u, v))
+    }
+
+    /// Refines the best peak and its rival, if there is one, and decides between them.
+    fn refine_peaks(&self, peaks: &Found) -> Solution {
+        let refine = |peak: &Peak| self.refine_peak(peaks, peak);
+        let first = refine(&peaks.best);
+        let ratio = peaks.ratio();
+        let sound = first.is_ok_and(|found| found.zncc >= self.params.min_zncc);
+        let rival = peaks.second.filter(|second| !sound || second.height > RIVAL_PEAK * peaks.best.height);
+        let Some(second) = rival else {
+            return self.conclude(first, peaks, ratio);
+        };
+        let other = refine(&second);
+        let (Ok(a), Ok(b)) = (first, other) else {
+            let concluded = self.conclude(first.or(other).or(first), peaks, ratio);
+            // A rival that cannot be refined because it leaves the image is judged by its peak.
+            let alike = first.is_ok()
+                && other == Err(Lost::OutOfFrame)
+                && concluded.status == PointStatus::Valid
+                && second.height > EQUAL_PEAK * peaks.best.height;
+            return if alike { concluded.with_status(PointStatus::Ambiguous) } else { concluded };
+        };
+        if (a.warp.u - b.warp.u).hypot(a.warp.v - b.warp.v) < 1.0 {
+            return self.conclude(first, peaks, ratio);
+        }
+        let (best, other) = if a.zncc >= b.zncc { (a, b) } else { (b, a) };
+        let ratio = (other.zncc > 0.0).then(|| best.zncc / other.zncc);
+        let alike = 1.0 - other.zncc < 3.0 * (1.0 - best.zncc) + AMBIGUOUS_DEFECT;
+        if alike && other.zncc >= self.params.min_zncc {
+            return self.accept(best, ratio).with_status(PointStatus::Ambiguous);
+        }
+        self.conclude(Ok(best), peaks, ratio)
+    }
+
+    /// Converts one refinement to a solution.
+    fn conclude(&self, found: Result<Match, Lost>, peaks: &Found, peak_ratio: Option<f64>) -> Solution {
+        match found {
+            Ok(found) if found.zncc >= self.params.min_zncc => self.accept(found, peak_ratio),
+            Ok(found) => Solution { found: Some(found), peak_ratio, ..Solution::failed(self.failure_status()) },
+            Err(Lost::OutOfFrame) if peaks.best.height > 0.7 * self.params.min_zncc => {
+                Solution { peak_ratio, ..Solution::failed(PointStatus::OutOfFrame) }
+            }
+            Err(_) => Solution { peak_ratio, ..Solution::failed(self.failure_status()) },
+        }
+    }
+
+    /// Returns the status of a failed match: a subset without texture has low contrast, others low correlation.
+    fn failure_status(&self) -> PointStatus {
+        if self.subset.roughness > MAX_ROUGHNESS { PointStatus::LowContrast } else { PointStatus::LowCorrelation }
+    }
+
+    /// Accepts a good match: computes its residual and checks for texture in both directions.
+    pub(in crate::dic) fn accept(&self, found: Match, peak_ratio: Option<f64>) -> Solution {
+        let subset = self.subset;
+        let (pixels, parameters) = (self.window.pixels as f64, self.params.refined_shape().parameters());
+        let free = (pixels - parameters as f64 - 2.0).max(1.0);
+        let residual = 2.0 * subset.energy * (1.0 - found.zncc) / free;
+        let noise = NOISE_GRADIENT * 0.5 * residual.max(ROUNDING);
+        let stripe = subset.isotropy < MIN_ISOTROPY && subset.weak_gradient < 2.0 * noise;
+        let along_v = if parameters >= 6 { 3 } else { 1 };
+        Solution {
+            status: if stripe { PointStatus::LowContrast } else { PointStatus::Valid },
+            found: Some(found),
+            peak_ratio,
+            residual,
+            inverse: (subset.inverse[0][0], subset.inverse[along_v][along_v]),
+            peak_variance: (0.0, 0.0),
+        }
+    }
+}

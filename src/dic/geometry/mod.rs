@@ -1,0 +1,13 @@
+//! The places and shapes of subsets: grids, regions, patches, masks, warps.
+
+pub mod grid;
+mod mask;
+mod patch;
+mod region;
+mod warp;
+
+pub use grid::GridPoint;
+pub(in crate::dic) use mask::{Block, Window};
+pub use patch::Patch;
+pub use region::Region;
+pub(in crate::dic) use warp::Warp;

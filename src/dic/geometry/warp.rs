@@ -1,0 +1,113 @@
+//! First-order warps of a subset.
+
+use crate::dic::Shape;
+
+/// The first-order warp of a subset: an offset (dx, dy) from its centre moves to (u + (1 + ux) dx + uy dy, v + vx dx +
+/// (1 + vy) dy).
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub(in crate::dic) struct Warp {
+    pub(in crate::dic) u: f64,
+    pub(in crate::dic) ux: f64,
+    pub(in crate::dic) uy: f64,
+    pub(in crate::dic) v: f64,
+    pub(in crate::dic) vx: f64,
+    pub(in crate::dic) vy: f64,
+}
+
+impl Warp {
+    /// Returns a translation.
+    pub(in crate::dic) fn shift(u: f64, v: f64) -> Self {
+        Self { u, v, ..Self::default() }
+    }
+
+    /// Returns a translation with a rotation, counter-clockwise on the screen.
+    pub(in crate::dic) fn rigid(u: f64, v: f64, angle_rad: f64) -> Self {
+        let (sin, cos) = angle_rad.sin_cos();
+        Self { u, v, ux: cos - 1.0, uy: sin, vx: -sin, vy: cos - 1.0 }
+    }
+
+    /// Converts the step of a solver: (u, v), (u, v, angle) or (u, ux, uy, v, vx, vy).
+    pub(in crate::dic) fn from_step(shape: Shape, step: &[f64; 6]) -> Self {
+        match shape {
+            Shape::Translation => Self::shift(step[0], step[1]),
+            Shape::Rigid => Self::rigid(step[0], step[1], step[2]),
+            Shape::Affine | Shape::Quadratic => {
+                Self { u: step[0], ux: step[1], uy: step[2], v: step[3], vx: step[4], vy: step[5] }
+            }
+        }
+    }
+
+    /// Returns the warped offset (dx, dy), relative to the subset's centre.
+    pub(in crate::dic) fn apply(&self, dx: f64, dy: f64) -> (f64, f64) {
+        (self.u + dx + self.ux * dx + self.uy * dy, self.v + dy + self.vx * dx + self.vy * dy)
+    }
+
+    /// Composes this warp with the inverse of `step`; `None` if `step` cannot be inverted.
+    pub(in crate::dic) fn after_inverse(&self, step: &Self) -> Option<Self> {
+        let determinant = (1.0 + step.ux) * (1.0 + step.vy) - step.uy * step.vx;
+        if !determinant.is_finite() || determinant < 0.1 {
+            return None;
+        }
+        // The inverse of the linear part, and the remaining offset.
+        let (a, b) = ((1.0 + step.vy) / determinant, -step.uy / determinant);
+        let (c, d) = (-step.vx / determinant, (1.0 + step.ux) / determinant);
+        let (dx, dy) = (-(a * step.u + b * step.v), -(c * step.u + d * step.v));
+        let (u, v) = self.apply(dx, dy);
+        Some(Self {
+            u,
+            v,
+            ux: (1.0 + self.ux) * a + self.uy * c - 1.0,
+            uy: (1.0 + self.ux) * b + self.uy * d,
+            vx: self.vx * a + (1.0 + self.vy) * c,
+            vy: self.vx * b + (1.0 + self.vy) * d - 1.0,
+        })
+    }
+
+    /// Whether no gradient is larger than `limit`.
+    pub(in crate::dic) fn is_within(&self, limit: f64) -> bool {
+        [self.ux, self.uy, self.vx, self.vy].into_iter().all(|gradient| gradient.abs() <= limit)
+    }
+
+    /// Returns the projection of this step on the step `before`, with the gradients taken at `half` px.
+    pub(in crate::dic) fn ratio(&self, before: &Self, half: f64) -> f64 {
+        let product = |a: &Self, b: &Self| {
+            let gradients = a.ux * b.ux + a.uy * b.uy + a.vx * b.vx + a.vy * b.vy;
+            a.u * b.u + a.v * b.v + half * half * gradients
+        };
+        product(self, before) / product(before, before)
+    }
+
+    /// Returns the step multiplied by a factor.
+    pub(in crate::dic) fn scaled(&self, factor: f64) -> Self {
+        let Self { u, ux, uy, v, vx, vy } = *self;
+        Self { u: u * factor, ux: ux * factor, uy: uy * factor, v: v * factor, vx: vx * factor, vy: vy * factor }
+    }
+
+    /// Returns the length of a step: its offset, or the displacement by its gradients at `half` px from the centre.
+    pub(in crate::dic) fn length(&self, half: f64) -> f64 {
+        let gradients = [self.ux, self.uy, self.vx, self.vy].into_iter().fold(0.0, |high: f64, g| high.max(g.abs()));
+        self.u.abs().max(self.v.abs()).max(half * gradients)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn undoing_a_step_restores_the_point() {
+        let warp = Warp { u: 1.3, ux: 0.02, uy: -0.1, v: -0.7, vx: 0.05, vy: -0.03 };
+        let step = Warp { u: 0.2, ux: -0.01, uy: 0.03, v: 0.4, vx: 0.02, vy: 0.01 };
+        let updated = warp.after_inverse(&step).unwrap();
+        // updated(step(p)) == warp(p)
+        let (x, y) = step.apply(5.0, -3.0);
+        let (found, expected) = (updated.apply(x, y), warp.apply(5.0, -3.0));
+        assert!((found.0 - expected.0).abs() < 1e-12 && (found.1 - expected.1).abs() < 1e-12);
+    }
+
+    #[test]
+    fn a_quarter_turn_counter_clockwise_takes_right_to_up() {
+        let (x, y) = Warp::rigid(0.0, 0.0, std::f64::consts::FRAC_PI_2).apply(1.0, 0.0);
+        assert!(x.abs() < 1e-12 && (y + 1.0).abs() < 1e-12, "{x} {y}");
+    }
+}

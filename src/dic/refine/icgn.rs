@@ -1,0 +1,410 @@
+//! Sub-pixel refinement: inverse-compositional Gauss-Newton (IC-GN).
+//!
+//! Minimises the zero-mean normalised sum of squared differences (ZNSSD) between the reference subset and the warped
+//! target. The warp is composed with the inverse of a step of the *reference*, so the Hessian is computed once per
+//! subset. The gradient is of fourth order: the derivative of the spline would emphasise the frequencies where
+//! interpolation errs, and double the bias. B. Pan, K. Li, W. Tong, Exp. Mech. 53 (2013) 1277,
+//! <https://doi.org/10.1007/s11340-013-9717-6>.
+
+use super::second_order::Second;
+use super::warped_rows::{Carrier, KeptColumn, Rows, TiledColumn, TurnedColumn, WarpedColumn};
+use crate::dic::Shape;
+use crate::dic::geometry::Warp;
+use crate::dic::geometry::{Block, Window};
+use crate::dic::image::ShiftedColumn;
+use crate::dic::image::Splined;
+use crate::dic::image::gain;
+use crate::dic::subset::{Subset, project};
+use crate::numeric::Lanes;
+use crate::numeric::{Vector, vectorized};
+
+/// The step length that ends the iteration, px.
+const TOLERANCE_PX: f64 = 0.002;
+
+/// The maximum step length for the geometric extrapolation of the remaining steps, px.
+const MAX_SERIES_PX: f64 = 0.01;
+
+/// The maximum ratio of successive steps for the extrapolation.
+const MAX_STEADY_RATIO: f64 = 0.3;
+
+/// The maximum number of iterations; sound subsets take 3 to 6.
+const MAX_ITERATIONS: u32 = 12;
+
+/// The length of a first step that needs no second one, px. A step is wrong by some per cent.
+const NEAR_PX: f64 = 0.01;
+
+/// The step length that ends the quick iterations, px.
+const QUICK_TOLERANCE_PX: f64 = 0.02;
+
+/// The length of a first exact step after quick ones that ends the iteration, px. The next would be some ten times
+/// shorter.
+const LAST_STEP_PX: f64 = 0.005;
+
+/// The maximum number of quick iterations.
+const MAX_QUICK_ITERATIONS: u32 = 4;
+
+/// The largest displacement gradient for the quick iterations.
+const MAX_TILED_GRADIENT: f64 = 0.12;
+
+/// The variance below which a target holds nothing but rounding, DN^2.
+pub(in crate::dic) const LEAST_ENERGY: f64 = 1e-3;
+
+/// The maximum distance between two matches that count as one, px.
+const SAME_PX: f64 = 0.1;
+
+/// The reason why a subset was not found in the target.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(in crate::dic) enum Lost {
+    /// The iteration left the image.
+    OutOfFrame,
+    /// The iteration did not converge.
+    NotConverged,
+}
+
+/// The match of a subset.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(in crate::dic) struct Match {
+    /// The warp from reference to target.
+    pub(in crate::dic) warp: Warp,
+    /// Its second-order part.
+    pub(in crate::dic) second: Second,
+    /// The zero-mean normalised cross-correlation.
+    pub(in crate::dic) zncc: f64,
+    /// The number of iterations.
+    pub(in crate::dic) iterations: u32,
+}
+
+impl Match {
+    /// Whether both are the same match, found from different starts.
+    pub(in crate::dic) fn is_near(&self, other: &Self) -> bool {
+        (self.warp.u - other.warp.u).hypot(self.warp.v - other.warp.v) < SAME_PX
+    }
+}
+
+/// The sums of one pass over the warped target, minus the mean of the reference.
+#[derive(Debug, Clone, Copy, Default)]
+pub(in crate::dic) struct Sums {
+    pub(in crate::dic) levels: f64,
+    /// The sums of levels times x and y.
+    pub(in crate::dic) places: [f64; 2],
+    pub(in crate::dic) energy: f64,
+    pub(in crate::dic) product: f64,
+    pub(in crate::dic) jacobian: [f64; 6],
+}
+
+/// One reference subset and the target to match it with.
+#[derive(Clone, Copy)]
+pub(in crate::dic) struct Refiner<'a> {
+    pub(in crate::dic) subset: &'a Subset,
+    pub(in crate::dic) window: &'a Window,
+    pub(in crate::dic) shape: Shape,
+    /// The target, interpolated.
+    pub(in crate::dic) target: &'a Splined,
+    /// The centre of the subset in the reference, px from the corner of the target's prepared part.
+    pub(in crate::dic) at: (i32, i32),
+}
+
+impl Refiner<'_> {
+    /// Finds the subset in the target, starting from `start`.
+    pub(in crate::dic) fn refine(&self, start: Warp) -> Result<Match, Lost> {
+        self.iterate(start, |warp| self.step(warp))
+    }
+
+    /// Runs [`Self::refine`] and returns the residual before the last step, which hardly changes it.
+    pub(in crate::dic) fn refine_with_residual(&self, start: Warp, residual: &mut Vec<Lanes>) -> Result<Match, Lost> {
+        let mut last = Sums::default();
+        let found = self.iterate(start, |warp| {
+            last = self.sampled(warp, residual)?;
+            self.step_of(last).map(|(step, zncc, _)| (step, zncc))
+        })?;
+        self.subtract(self, last, residual);
+        Ok(found)
+    }
+
+    /// Runs one update if the start is close enough, else [`Self::refine_with_residual`]. `gradient_gain` corrects the length
+    /// of the update.
+    pub(in crate::dic) fn refine_near(
+        &self,
+        start: Warp,
+        gradient_gain: f64,
+        residual: &mut Vec<Lanes>,
+    ) -> Result<Match, Lost> {
+        let sums = self.sampled(&start, residual)?;
+        let (step, zncc, zncc_gain) = self.step_of(sums)?;
+        let is_near = step.length(f64::from(self.window.half)) <= NEAR_PX;
+        let Some(warp) = start.after_inverse(&step.scaled(gradient_gain)).filter(|_| is_near) else {
+            return self.refine_with_residual(start, residual);
+        };
+        self.subtract(self, sums, residual);
+        Ok(Match { warp, second: [[0.0; 3]; 2], zncc: (zncc + zncc_gain).min(1.0), iterations: 1 })
+    }
+
+    /// Iterates with exact steps of `step_at`, after quick ones.
+    fn iterate(&self, start: Warp, mut step_at: impl FnMut(&Warp) -> Result<(Warp, f64), Lost>) -> Result<Match, Lost> {
+        let half = f64::from(self.window.half);
+        let (mut warp, quick) = self.iterate_in_tiles(start)?;
+        let mut before = None;
+        for iterations in quick + 1..=quick + MAX_ITERATIONS {
+            let (step, zncc) = step_at(&warp)?;
+            let length = step.length(half);
+            if length.is_nan() || length >= half {
+                return Err(Lost::NotConverged);
+            }
+            // The steps shrink geometrically, so the sum of the remaining series can be taken at once.
+            let ratio = before.map_or(1.0, |before: Warp| step.ratio(&before, half));
+            let steady = length < MAX_SERIES_PX && ratio.abs() < MAX_STEADY_RATIO;
+            let last = steady || (quick > 0 && length < LAST_STEP_PX);
+            let step = if steady { step.scaled(1.0 / (1.0 - ratio)) } else { step };
+            before = Some(step);
+            warp = warp.after_inverse(&step).ok_or(Lost::NotConverged)?;
+            if last || length < TOLERANCE_PX {
+                return Ok(Match { warp, second: [[0.0; 3]; 2], zncc, iterations });
+            }
+        }
+        Err(Lost::NotConverged)
+    }
+
+    /// Iterates with tiles that are only shifted, four times as fast, and returns the number of iterations.
+    ///
+    /// The error is proportional to the deformation, some thousandths of a pixel.
+    fn iterate_in_tiles(&self, start: Warp) -> Result<(Warp, u32), Lost> {
+        let half = f64::from(self.window.half);
+        let mut warp = start;
+        if self.shape == Shape::Translation {
+            return Ok((warp, 0));
+        }
+        for iterations in 0..MAX_QUICK_ITERATIONS {
+            if !warp.is_within(MAX_TILED_GRADIENT) {
+                return Ok((warp, iterations));
+            }
+            let (step, ..) = self.step_of(self.pass(&warp, true)?)?;
+            let length = step.length(half);
+            if length.is_nan() || length >= half {
+                return Err(Lost::NotConverged);
+            }
+            warp = warp.after_inverse(&step).ok_or(Lost::NotConverged)?;
+            if length < QUICK_TOLERANCE_PX {
+                return Ok((warp, iterations + 1));
+            }
+        }
+        Ok((warp, MAX_QUICK_ITERATIONS))
+    }
+
+    /// Returns the Gauss-Newton step of the reference at `warp`, and the ZNCC there.
+    pub(in crate::dic) fn step(&self, warp: &Warp) -> Result<(Warp, f64), Lost> {
+        self.step_of(self.pass(warp, false)?).map(|(step, zncc, _)| (step, zncc))
+    }
+
+    /// Returns the step of a part of `whole` from the [samples](Self::sampled) of that, the ZNCC, and its gain by the
+    /// step.
+    pub(in crate::dic) fn step_from(&self, whole: &Refiner<'_>, samples: &[Lanes]) -> Result<(Warp, f64, f64), Lost> {
+        self.step_of(stored_sums_of(self, whole.subset.mean, samples))
+    }
+
+    /// Solves the normal equations of the sums: returns the step, the ZNCC, and its gain by the step.
+    pub(in crate::dic) fn step_of(&self, sums: Sums) -> Result<(Warp, f64, f64), Lost> {
+        let subset = self.subset;
+        let pixels = self.window.pixels as f64;
+        let mean = sums.levels / pixels;
+        let (slopes, energy) = self.without_illumination(&sums, mean);
+        if energy.is_nan() || energy <= LEAST_ENERGY * pixels {
+            return Err(Lost::NotConverged);
+        }
+        let light = subset.light.as_ref();
+        let product = sums.product - light.map_or(0.0, |light| light.product(slopes));
+        let zncc = (product / (subset.energy * energy).sqrt()).clamp(-1.0, 1.0);
+        let gain = (subset.energy / energy).sqrt();
+        let affine: [f64; 6] = std::array::from_fn(|k| {
+            let even = mean * subset.jacobian_sum[k] + light.map_or(0.0, |light| light.pull(slopes, k));
+            gain * (sums.jacobian[k] - even) - subset.jacobian_levels[k]
+        });
+        let (right, count) = project(self.shape, &affine);
+        let (mut step, mut drop) = ([0.0; 6], 0.0);
+        for ((step, line), pull) in step.iter_mut().zip(&subset.inverse).zip(right).take(count) {
+            *step = line.iter().zip(&right).take(count).map(|(a, b)| a * b).sum();
+            drop += *step * pull;
+        }
+        // The remaining sum of squares is 2 energy (1 - ZNCC).
+        Ok((Warp::from_step(self.shape, &step), zncc, 0.5 * drop / subset.energy))
+    }
+
+    /// Returns the slopes of the illumination plane of the target, and its sum of squares without plane and mean.
+    pub(in crate::dic) fn without_illumination(&self, sums: &Sums, mean: f64) -> ([f64; 2], f64) {
+        let energy = sums.energy - sums.levels * mean;
+        self.subset.light.as_ref().map_or(([0.0; 2], energy), |light| {
+            let slopes = light.plane(sums.levels, sums.places);
+            (slopes, energy - light.energy(slopes))
+        })
+    }
+
+    /// Whether the warped subset lies wholly in the target.
+    pub(in crate::dic) fn inside(&self, warp: &Warp) -> bool {
+        self.window.stays(warp, self.at, (self.target.width(), self.target.height()))
+    }
+
+    /// Samples the warped target once, in tiles or exactly, and computes the sums.
+    fn pass(&self, warp: &Warp, tiled: bool) -> Result<Sums, Lost> {
+        if !self.inside(warp) {
+            return Err(Lost::OutOfFrame);
+        }
+        Ok(if tiled { tiled_sums_of(self, warp) } else { sums_of(self, warp, &mut []) })
+    }
+
+    /// Samples the warped target exactly and stores the samples minus the mean of the reference.
+    pub(in crate::dic) fn sampled(&self, warp: &Warp, values: &mut Vec<Lanes>) -> Result<Sums, Lost> {
+        values.clear();
+        if !self.inside(warp) {
+            return Err(Lost::OutOfFrame);
+        }
+        values.resize(self.window.mask.len(), Lanes::splat(0.0));
+        Ok(sums_of(self, warp, values))
+    }
+
+    /// Computes the sums over all blocks. For a kernel of `N` taps, `M` is `N` + 1.
+    #[inline(always)]
+    fn sums_with<V: Vector, const N: usize, const M: usize>(&self, warp: &Warp, values: &mut [Lanes]) -> Sums {
+        let mut sums = Sums::default();
+        let carrier = self.carrier(warp);
+        let shift = *warp == Warp::shift(warp.u, warp.v);
+        let turned = TurnedColumn::<V, N, M>::follows(warp);
+        for block in &self.window.blocks {
+            if shift {
+                let start = carrier.place(f64::from(block.dx), f64::from(block.dy));
+                let column = ShiftedColumn::<V, N>::new(self.target, start);
+                if self.shape == Shape::Translation {
+                    self.add_block::<V, false>(&mut sums, block, column, values);
+                } else {
+                    self.add_block::<V, true>(&mut sums, block, column, values);
+                }
+            } else if turned {
+                let column = TurnedColumn::<V, N, M>::new(carrier, block);
+                self.add_block::<V, true>(&mut sums, block, column, values);
+            } else {
+                let column = WarpedColumn::<N, M>::new(carrier, block);
+                self.add_block::<V, true>(&mut sums, block, column, values);
+            }
+        }
+        sums
+    }
+
+    /// Computes the sums over all blocks in tiles.
+    #[inline(always)]
+    fn tiled_sums_with<V: Vector, const N: usize>(&self, warp: &Warp) -> Sums {
+        let mut sums = Sums::default();
+        let carrier = self.carrier(warp);
+        for block in &self.window.blocks {
+            self.add_block::<V, true>(&mut sums, block, TiledColumn::<V, N>::new(carrier, block), &mut []);
+        }
+        sums
+    }
+
+    /// Computes the sums over all blocks from stored samples minus a mean.
+    #[inline(always)]
+    fn stored_sums_with<V: Vector>(&self, mean: f32, samples: &[Lanes]) -> Sums {
+        let mut sums = Sums::default();
+        for block in &self.window.blocks {
+            let column = KeptColumn::<V>::new(&samples[block.start..block.start + block.rows], mean);
+            self.add_block::<V, true>(&mut sums, block, column, &mut []);
+        }
+        sums
+    }
+
+    /// Returns the target under a warp.
+    #[inline(always)]
+    fn carrier<'b>(&'b self, warp: &'b Warp) -> Carrier<'b> {
+        Carrier { target: self.target, at: self.at, warp, gain: gain(self.subset.contrast, self.target.contrast) }
+    }
+
+    /// Adds one block of columns. A pure translation needs no `LEVERS`, the position-weighted sums.
+    ///
+    /// Stores the target's levels in `values` if it has room.
+    #[inline(always)]
+    fn add_block<V: Vector, const LEVERS: bool>(
+        &self,
+        sums: &mut Sums,
+        block: &Block,
+        mut column: impl Rows<V>,
+        values: &mut [Lanes],
+    ) {
+        let packed = block.start..block.start + block.rows;
+        let (mask, reference) = (&self.window.mask[packed.clone()], &self.subset.levels[packed.clone()]);
+        let gradients = (&self.subset.gradient_x[packed.clone()], &self.subset.gradient_y[packed]);
+        let mut kept = values.get_mut(block.start..block.start + block.rows).unwrap_or_default().iter_mut();
+        let zero = V::splat(0.0);
+        let (mut levels, mut energy, mut product) = (zero, zero, zero);
+        let (mut along_x, mut along_y, mut lever_x, mut lever_y, mut down) = (zero, zero, zero, zero, zero);
+        let mean = V::splat(self.subset.mean);
+        let rows = mask.iter().zip(reference).zip(gradients.0.iter().zip(gradients.1));
+        for (dy, ((mask, reference), (gradient_x, gradient_y))) in (block.dy..).zip(rows) {
+            let (gradient_x, gradient_y) = (V::from_lanes(gradient_x), V::from_lanes(gradient_y));
+            let sampled = column.next((gradient_x, gradient_y));
+            let value = sampled.sub(mean).mul(V::from_lanes(mask));
+            if let Some(kept) = kept.next() {
+                *kept = value.to_lanes();
+            }
+            levels = levels.add(value);
+            energy = energy.plus_product(value, value);
+            product = product.plus_product(value, V::from_lanes(reference));
+            let dy = V::splat(dy as f32);
+            let (term_x, term_y) = (value.mul(gradient_x), value.mul(gradient_y));
+            along_x = along_x.add(term_x);
+            along_y = along_y.add(term_y);
+            if LEVERS {
+                lever_x = lever_x.plus_product(term_x, dy);
+                lever_y = lever_y.plus_product(term_y, dy);
+                down = down.plus_product(value, dy);
+            }
+        }
+        let [levels, across, _] = levels.to_lanes().moments(f64::from(block.dx));
+        sums.levels += levels;
+        sums.places[0] += across;
+        sums.places[1] += down.to_lanes().sum();
+        sums.energy += energy.to_lanes().sum();
+        sums.product += product.to_lanes().sum();
+        for (half, (plain, lever)) in [(along_x, lever_x), (along_y, lever_y)].into_iter().enumerate() {
+            let moments = plain.to_lanes().moments(f64::from(block.dx));
+            sums.jacobian[3 * half] += moments[0];
+            sums.jacobian[3 * half + 1] += moments[1];
+            sums.jacobian[3 * half + 2] += lever.to_lanes().sum();
+        }
+    }
+}
+
+vectorized! {
+    /// See [`Refiner::sums_with`].
+    fn sums_of(refiner: &Refiner<'_>, warp: &Warp, values: &mut [Lanes]) -> Sums = sums_with
+}
+
+#[inline(always)]
+fn sums_with<V: Vector>(refiner: &Refiner<'_>, warp: &Warp, values: &mut [Lanes]) -> Sums {
+    match refiner.target.tap_count() {
+        4 => refiner.sums_with::<V, 4, 5>(warp, values),
+        _ => refiner.sums_with::<V, 6, 7>(warp, values),
+    }
+}
+
+vectorized! {
+    /// See [`Refiner::tiled_sums_with`].
+    fn tiled_sums_of(refiner: &Refiner<'_>, warp: &Warp) -> Sums = tiled_sums_with
+}
+
+vectorized! {
+    /// See [`Refiner::stored_sums_with`].
+    fn stored_sums_of(refiner: &Refiner<'_>, mean: f32, samples: &[Lanes]) -> Sums = stored_sums_with
+}
+
+#[inline(always)]
+fn stored_sums_with<V: Vector>(refiner: &Refiner<'_>, mean: f32, samples: &[Lanes]) -> Sums {
+    refiner.stored_sums_with::<V>(mean, samples)
+}
+
+#[inline(always)]
+fn tiled_sums_with<V: Vector>(refiner: &Refiner<'_>, warp: &Warp) -> Sums {
+    match refiner.target.tap_count() {
+        4 => refiner.tiled_sums_with::<V, 4>(warp),
+        _ => refiner.tiled_sums_with::<V, 6>(warp),
+    }
+}
+
+#[cfg(test)]
+mod tests;

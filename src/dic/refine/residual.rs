@@ -1,0 +1,136 @@
+//! The residual of a match: reference minus gain-matched target.
+
+use multiversion::multiversion;
+
+use super::icgn::{LEAST_ENERGY, Refiner, Sums};
+use crate::dic::geometry::Warp;
+use crate::dic::geometry::Window;
+use crate::dic::subset::illumination;
+use crate::numeric::{LANES, Lanes};
+use crate::numeric::{Vector, vectorized};
+
+impl Refiner<'_> {
+    /// Computes the residual, packed like the subset; empty if the warped subset leaves the image.
+    pub(in crate::dic) fn residual(&self, warp: &Warp, out: &mut Vec<Lanes>) {
+        match self.sampled(warp, out) {
+            Ok(sums) => self.leave(self, sums, out),
+            Err(_) => out.clear(),
+        }
+    }
+
+    /// Computes the residual of `whole`, of which this is a part, from the [samples](Self::sampled) of `whole`. Gain,
+    /// mean and illumination are those of the part. Empty if there are no samples.
+    pub(in crate::dic) fn residual_from(&self, whole: &Refiner<'_>, samples: &[Lanes], out: &mut Vec<Lanes>) {
+        out.clear();
+        out.extend_from_slice(samples);
+        if samples.is_empty() {
+            return;
+        }
+        // The samples of the whole include those of the part, minus another mean.
+        self.leave(whole, part_sums(samples, self.window), out);
+    }
+
+    /// Converts samples of `whole` to residuals; empty if the target has no contrast.
+    fn leave(&self, whole: &Refiner<'_>, sums: Sums, out: &mut Vec<Lanes>) {
+        let pixels = self.window.pixels as f64;
+        let contrast = self.without_illumination(&sums, sums.levels / pixels).1;
+        if contrast.is_nan() || contrast <= LEAST_ENERGY * pixels {
+            // A target without contrast matches nothing, and nothing shows that it occludes the body.
+            out.clear();
+            return;
+        }
+        self.subtract(whole, sums, out);
+    }
+
+    /// Converts samples of `whole` to its residual. Gain, mean and illumination are those of this part, which `sums`
+    /// belong to.
+    pub(in crate::dic) fn subtract(&self, whole: &Refiner<'_>, sums: Sums, out: &mut [Lanes]) {
+        let mean = sums.levels / self.window.pixels as f64;
+        let (slopes, energy) = self.without_illumination(&sums, mean);
+        let gain = (self.subset.energy / energy).sqrt();
+        // The mean of each reference is subtracted from its levels.
+        let apart = f64::from(whole.subset.mean - self.subset.mean) / gain;
+        let even = (Lanes::splat((mean + apart) as f32), Lanes::splat(gain as f32));
+        let Some(light) = &self.subset.light else {
+            subtract(&whole.subset.levels, &whole.window.mask, even, out);
+            return;
+        };
+        let beside: [f64; 2] = std::array::from_fn(|axis| slopes[axis] - light.slopes[axis] / gain);
+        for block in &whole.window.blocks {
+            let rows = block.start..block.start + block.rows;
+            let plane =
+                Tilted { first: illumination::row(beside, light.middle, (block.dx, block.dy)), down: beside[1] as f32 };
+            let layers = (&whole.subset.levels[rows.clone()], &whole.window.mask[rows.clone()]);
+            subtract_tilted(layers, even, plane, &mut out[rows]);
+        }
+    }
+}
+
+vectorized! {
+    /// Computes levels - gain (samples - mean) on the mask, in place of the samples.
+    fn subtract(levels: &[Lanes], mask: &[Lanes], mean_and_gain: (Lanes, Lanes), out: &mut [Lanes]) = subtract_with
+}
+
+#[inline(always)]
+fn subtract_with<V: Vector>(levels: &[Lanes], mask: &[Lanes], (mean, gain): (Lanes, Lanes), out: &mut [Lanes]) {
+    let (mean, gain) = (V::from_lanes(&mean), V::from_lanes(&gain));
+    for ((level, mask), out) in levels.iter().zip(mask).zip(out) {
+        let value = V::from_lanes(out).sub(mean.mul(V::from_lanes(mask)));
+        *out = V::from_lanes(level).sub(value.mul(gain)).to_lanes();
+    }
+}
+
+/// A plane on eight columns: its first row, and its slope from row to row.
+#[derive(Clone, Copy)]
+struct Tilted {
+    first: Lanes,
+    down: f32,
+}
+
+vectorized! {
+    /// Works like [`subtract`] on a block, with a plane in addition to the mean.
+    fn subtract_tilted(layers: (&[Lanes], &[Lanes]), mean_and_gain: (Lanes, Lanes), plane: Tilted, out: &mut [Lanes]) =
+        subtract_tilted_with
+}
+
+#[inline(always)]
+fn subtract_tilted_with<V: Vector>(
+    (levels, mask): (&[Lanes], &[Lanes]),
+    (mean, gain): (Lanes, Lanes),
+    plane: Tilted,
+    out: &mut [Lanes],
+) {
+    let (gain, first, down) = (V::from_lanes(&gain), V::from_lanes(&(mean + plane.first)), V::splat(plane.down));
+    for (row, ((level, mask), out)) in levels.iter().zip(mask).zip(out).enumerate() {
+        let mean = first.plus_product(down, V::splat(row as f32));
+        let value = V::from_lanes(out).sub(mean.mul(V::from_lanes(mask)));
+        *out = V::from_lanes(level).sub(value.mul(gain)).to_lanes();
+    }
+}
+
+/// Sums samples on the mask of a window, without the sums that need gradients.
+#[multiversion(targets("x86_64+avx512f+avx512bw+avx512dq+avx512vl", "x86_64+avx2"))]
+fn part_sums(samples: &[Lanes], window: &Window) -> Sums {
+    let mut sums = Sums::default();
+    for block in &window.blocks {
+        let rows = block.start..block.start + block.rows;
+        // In double precision, because the contrast is a small difference of the two sums.
+        let (mut levels, mut down, mut energy) = ([0.0_f64; LANES], [0.0_f64; LANES], [0.0_f64; LANES]);
+        for (dy, (value, mask)) in (block.dy..).zip(samples[rows.clone()].iter().zip(&window.mask[rows])) {
+            let dy = f64::from(dy);
+            for lane in 0..LANES {
+                let value = f64::from(value.0[lane] * mask.0[lane]);
+                levels[lane] += value;
+                down[lane] += value * dy;
+                energy[lane] += value * value;
+            }
+        }
+        for lane in 0..LANES {
+            sums.levels += levels[lane];
+            sums.places[0] += levels[lane] * f64::from(block.dx + lane as i32);
+            sums.places[1] += down[lane];
+            sums.energy += energy[lane];
+        }
+    }
+    sums
+}

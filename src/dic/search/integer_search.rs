@@ -1,0 +1,257 @@
+//! Integer-pixel search: cross-correlation by fast Fourier transform (FFT).
+//!
+//! The quick search correlates the subset circularly with the target area of the same size. It is cheap, and correct if
+//! the subset moved less than about half its width. The full search covers the whole range. It divides the correlation
+//! at each shift by the local contrast of the target, so the overlap does not bias the result.
+
+use super::cross_correlation::{Contrast, Correlation, Shifts};
+use super::peak::{Peak, Surface};
+use crate::dic::geometry::Window;
+use crate::dic::image::Plane;
+use crate::dic::subset::Subset;
+use crate::numeric::{fast_size, register_size};
+
+/// The result of a search.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(in crate::dic) struct Found {
+    /// The highest peak.
+    pub(in crate::dic) best: Peak,
+    /// The second-highest peak, if there is one.
+    pub(in crate::dic) second: Option<Peak>,
+    /// The displacement of column 0, row 0 of the surface, px.
+    pub(in crate::dic) origin: (i32, i32),
+    /// Whether the edge of the image limits the range.
+    pub(in crate::dic) clipped: bool,
+}
+
+impl Found {
+    /// Returns the peak ratio: the height of the highest peak over the second.
+    pub(in crate::dic) fn ratio(&self) -> Option<f64> {
+        self.second.map(|second| self.best.height / second.height)
+    }
+
+    /// Returns the integer displacement of the highest peak, px.
+    pub(in crate::dic) fn whole(&self) -> (i32, i32) {
+        (self.best.column as i32 + self.origin.0, self.best.row as i32 + self.origin.1)
+    }
+
+    /// Returns the displacement at an offset from the highest sample, px.
+    pub(in crate::dic) fn offset(&self, (dx, dy): (f64, f64)) -> (f64, f64) {
+        let (u, v) = self.whole();
+        (f64::from(u) + dx, f64::from(v) + dy)
+    }
+
+    /// Returns the displacement at the top of a peak, px.
+    pub(in crate::dic) fn displacement(&self, peak: &Peak) -> (f64, f64) {
+        let (column, row) = (peak.column as i32 + self.origin.0, peak.row as i32 + self.origin.1);
+        (f64::from(column) + peak.dx, f64::from(row) + peak.dy)
+    }
+}
+
+/// Plans and memory for searches of one subset size.
+pub(in crate::dic) struct Search {
+    range: usize,
+    quick: Correlation,
+    full: Correlation,
+    contrast: Contrast,
+    surface: Vec<f32>,
+    /// The columns and rows of the surface of the last full search.
+    shifts: (usize, usize),
+    candidates: Vec<f32>,
+    /// Whether any search ran since this was last reset.
+    pub(in crate::dic) is_used: bool,
+}
+
+impl Search {
+    /// Plans searches of subsets up to `window_px` wide, `range_px` to each side.
+    pub(in crate::dic) fn new(window_px: usize, range_px: usize) -> Self {
+        let area = window_px + 2 * range_px;
+        let quick = register_size(window_px);
+        let count = (2 * range_px + 1).max(quick + 2);
+        Self {
+            range: range_px,
+            quick: Correlation::new(quick),
+            full: Correlation::new(fast_size(area)),
+            contrast: Contrast::new(area),
+            surface: vec![0.0; count * count],
+            shifts: (0, 0),
+            candidates: vec![0.0; count],
+            is_used: false,
+        }
+    }
+
+    /// Searches for `subset`, centred at `at` in the reference, at the same place in the target.
+    ///
+    /// Returns `None` if the peak lies beyond the range, or the place beyond the target.
+    pub(in crate::dic) fn find_near(
+        &mut self,
+        subset: &Subset,
+        window: &Window,
+        target: &Plane,
+        at: (i32, i32),
+    ) -> Option<Found> {
+        self.is_used = true;
+        let place = (at.0 as isize, at.1 as isize);
+        if !window.extent.fits(place, (target.width(), target.height())) {
+            return None;
+        }
+        let (extent, size) = (window.extent, self.quick.transform.size());
+        let corner = (at.0 as isize + extent.left as isize, at.1 as isize + extent.top as isize);
+        let (width, height) = extent.sides();
+        self.quick.load_subset(subset, window);
+        self.quick.load_area(target, corner, (width.min(size), height.min(size)), subset.mean);
+        self.quick.run();
+        // Moves shift zero to the middle, with one wrapped line around.
+        let (stride, columns, before) = (self.quick.transform.stride(), size + 2, size / 2 + 1);
+        for (line, row) in self.surface.chunks_exact_mut(columns).take(columns).zip(size - before..) {
+            let from = &self.quick.data.re[row % size * stride..][..size];
+            line[..before].copy_from_slice(&from[size - before..]);
+            line[before..].copy_from_slice(&from[..columns - before]);
+        }
+        let surface = Surface { data: &self.surface[..columns * columns], columns };
+        let highest = surface.highest()?;
+        let origin = (-(before as i32), -(before as i32));
+        let in_range = |place: usize| place.abs_diff(before) <= self.range;
+        if !in_range(highest.0) || !in_range(highest.1) {
+            return None;
+        }
+        let second = surface.second(highest, &mut self.candidates);
+        Some(Found { best: surface.top(highest.0, highest.1), second, origin, clipped: false })
+    }
+
+    /// Returns the sub-pixel offset of the highest peak of the last [`Self::find`], by a three-point Gaussian along
+    /// each axis, px.
+    pub(in crate::dic) fn gaussian_top(&self, found: &Found) -> (f64, f64) {
+        self.last_surface().gaussian(found.best.column, found.best.row)
+    }
+
+    /// Returns the sub-pixel offset of the highest peak of the last [`Self::find`], on a spline through the surface,
+    /// px.
+    pub(in crate::dic) fn spline_top(&self, found: &Found) -> (f64, f64) {
+        self.last_surface().spline(found.best.column, found.best.row)
+    }
+
+    fn last_surface(&self) -> Surface<'_> {
+        let (columns, rows) = self.shifts;
+        Surface { data: &self.surface[..columns * rows], columns }
+    }
+
+    /// Searches for `subset`, centred at `at` in the reference, around `at + around` in the target.
+    ///
+    /// Returns `None` if no shift keeps the subset in the target.
+    pub(in crate::dic) fn find(
+        &mut self,
+        subset: &Subset,
+        window: &Window,
+        target: &Plane,
+        at: (i32, i32),
+        around: (i32, i32),
+    ) -> Option<Found> {
+        self.is_used = true;
+        let (extent, range) = (window.extent, self.range as i64);
+        let shifts = |center: i64, (first, last): (i32, i32), length: usize| {
+            let low = (center - range).max(-i64::from(first));
+            let high = (center + range).min(length as i64 - 1 - i64::from(last));
+            (low <= high).then_some((low, high))
+        };
+        let center = (i64::from(at.0) + i64::from(around.0), i64::from(at.1) + i64::from(around.1));
+        let (left, right) = shifts(center.0, (extent.left, extent.right), target.width())?;
+        let (top, bottom) = shifts(center.1, (extent.top, extent.bottom), target.height())?;
+        let corner = ((left + i64::from(extent.left)) as isize, (top + i64::from(extent.top)) as isize);
+        let (columns, rows) = ((right - left + 1) as usize, (bottom - top + 1) as usize);
+        self.shifts = (columns, rows);
+        let sides = extent.sides();
+        let area = (columns + sides.0 - 1, rows + sides.1 - 1);
+        self.full.load_subset(subset, window);
+        self.full.load_area(target, corner, area, subset.mean);
+        self.contrast.add_up(&self.full, area);
+        self.full.run();
+        let share = (sides.0 * sides.1) as f64 / window.pixels as f64;
+        let shape = Shifts { sides, columns, rows };
+        self.contrast.normalise(&self.full, &shape, (subset.energy, share), &mut self.surface);
+        let surface = Surface { data: &self.surface[..columns * rows], columns };
+        let highest = surface.highest()?;
+        let origin = ((left - i64::from(at.0)) as i32, (top - i64::from(at.1)) as i32);
+        let clipped = columns.min(rows) < 2 * self.range + 1;
+        let second = surface.second(highest, &mut self.candidates);
+        Some(Found { best: surface.top(highest.0, highest.1), second, origin, clipped })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::dic::image::Prepared;
+    use crate::dic::tests::{Speckle, record};
+    use crate::dic::{Interpolation, Shape, WindowShape, zncc};
+    use crate::image::{Image, ImageView};
+
+    fn cut(image: &Image, x: i32, y: i32, half: i32) -> Image {
+        let pixel = |k: i32| {
+            let (dx, dy) = (k % (2 * half + 1) - half, k / (2 * half + 1) - half);
+            image.view().at((x + dx) as usize, (y + dy) as usize).unwrap()
+        };
+        let side = (2 * half + 1) as usize;
+        Image::from_vec((0..(side * side) as i32).map(pixel).collect(), side, side).unwrap()
+    }
+
+    /// The reference implementation: the coefficient computed at every shift.
+    fn slow_surface(reference: &Image, target: &Image, at: (i32, i32), half: i32, range: i32) -> Vec<f32> {
+        let subset = cut(reference, at.0, at.1, half);
+        let mut surface = Vec::new();
+        for v in -range..=range {
+            for u in -range..=range {
+                let other = cut(target, at.0 + u, at.1 + v, half);
+                let view = |image: &Image| -> Vec<f32> { image.view().data().to_vec() };
+                let (a, b) = (view(&subset), view(&other));
+                let side = (2 * half + 1) as usize;
+                let pair = (ImageView::new(&a, side, side).unwrap(), ImageView::new(&b, side, side).unwrap());
+                surface.push(zncc(pair.0, pair.1).unwrap() as f32);
+            }
+        }
+        surface
+    }
+
+    #[test]
+    fn the_surface_equals_the_statistical_correlation_at_every_shift_with_dirty_memory() {
+        let speckle = Speckle::standard(5, 90.0);
+        let reference = record(&speckle.draw(90, 80), 2.0, 1);
+        let target = record(&speckle.moved(|_, _| (3.4, -2.2)).draw(90, 80), 2.0, 2);
+        let (mut f, mut g) = (Prepared::default(), Prepared::default());
+        f.fill(reference.view(), Interpolation::Optimised);
+        g.fill(target.view(), Interpolation::Optimised);
+        let window = Window::new(WindowShape::Square, 21);
+        let mut search = Search::new(21, 7);
+        for data in [&mut search.full.data, &mut search.full.product, &mut search.quick.data] {
+            data.re.fill(f32::NAN);
+            data.im.fill(f32::NAN);
+        }
+        search.contrast.spoil();
+        let mut subset = Subset::default();
+        let at = (44, 40);
+        subset.fill(&f, &window, Shape::Translation, at).unwrap();
+        let found = search.find(&subset, &window, &g.levels, g.local(at), (0, 0)).unwrap();
+        let slow = slow_surface(&reference, &target, (44, 40), 10, 7);
+        let difference = slow.iter().zip(&search.surface).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
+        assert!(difference < 2e-5, "largest difference {difference}");
+        let (u, v) = found.displacement(&found.best);
+        assert!((u - 3.4).abs() < 0.05 && (v + 2.2).abs() < 0.05, "{u} {v}");
+        let near = search.find_near(&subset, &window, &g.levels, g.local(at)).unwrap();
+        let (u, v) = near.displacement(&near.best);
+        assert!((u - 3.4).abs() < 0.6 && (v + 2.2).abs() < 0.6, "circular: {u} {v}");
+    }
+
+    #[test]
+    fn searches_keep_to_the_image() {
+        let speckle = Speckle::standard(6, 60.0);
+        let mut frame = Prepared::default();
+        frame.fill(record(&speckle.draw(60, 60), 1.0, 1).view(), Interpolation::Optimised);
+        let window = Window::new(WindowShape::Square, 31);
+        let (mut search, mut subset) = (Search::new(31, 16), Subset::default());
+        subset.fill(&frame, &window, Shape::Affine, (15, 44)).unwrap();
+        let found = search.find(&subset, &window, &frame.levels, (15, 44), (0, 0)).unwrap();
+        assert_eq!(found.origin, (0, -16));
+        assert_eq!((found.best.column, found.best.row), (0, 16));
+        assert!(search.find(&subset, &window, &frame.levels, (15, 44), (200, 0)).is_none());
+    }
+}

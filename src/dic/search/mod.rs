@@ -1,0 +1,10 @@
+//! The integer-pixel search: cross-correlation by FFT, its peak, and the peak of the upsampled surface.
+
+mod cross_correlation;
+mod integer_search;
+mod peak;
+mod upsampled;
+
+pub(in crate::dic) use integer_search::{Found, Search};
+pub(in crate::dic) use peak::Peak;
+pub(in crate::dic) use upsampled::FineSearch;

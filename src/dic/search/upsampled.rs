@@ -1,0 +1,145 @@
+//! Upsampled cross-correlation: subsets are splined between the pixels first, as in PIV practice.
+//!
+//! Both subsets are interpolated on a grid `points + 1` times finer and cross-correlated by FFT. The correlation at
+//! each shift is divided by the local contrast of the target. A peak fit is essential. Without it the result is a
+//! multiple of 1 / (points + 1) px, and a displacement below half of that reads zero.
+
+use super::cross_correlation::{Contrast, Correlation, Shifts};
+use super::peak::Surface;
+use crate::dic::geometry::Window;
+use crate::dic::image::Splined;
+use crate::numeric::fast_size;
+
+/// The search range around the integer displacement, px.
+const MARGIN_PX: usize = 2;
+
+/// Plan and memory of the upsampled search.
+pub(in crate::dic) struct FineSearch {
+    /// The number of fine steps per pixel.
+    factor: usize,
+    correlation: Correlation,
+    /// 1 on the fine grid of the subset where a pixel belongs.
+    mask: Vec<f32>,
+    /// The number of fine points that belong.
+    count: usize,
+    subset: Vec<f32>,
+    area: Vec<f32>,
+    rows: Vec<f32>,
+    /// The tap weights at each fine step after a pixel.
+    phases: Vec<[f32; 6]>,
+    contrast: Contrast,
+    surface: Vec<f32>,
+}
+
+impl FineSearch {
+    /// Plans searches of one window with `points` points between two pixels.
+    pub(in crate::dic) fn new(window: &Window, points: usize) -> Self {
+        let (factor, pixels) = (points + 1, 2 * window.half as usize);
+        let side = pixels * factor + 1;
+        let area = (pixels + 2 * MARGIN_PX) * factor + 1;
+        let shifts = area - side + 1;
+        let mut mask = vec![0.0; side * side];
+        let offset = |fine: usize| (fine as f64 / factor as f64).round() as i32 - window.half as i32;
+        for (k, value) in mask.iter_mut().enumerate() {
+            if window.holds(offset(k % side), offset(k / side)) {
+                *value = 1.0;
+            }
+        }
+        Self {
+            factor,
+            correlation: Correlation::new(fast_size(area)),
+            count: mask.iter().filter(|value| **value > 0.5).count(),
+            mask,
+            subset: vec![0.0; side * side],
+            area: vec![0.0; area * area],
+            rows: vec![0.0; (pixels + 2 * MARGIN_PX + 6) * area],
+            phases: vec![[0.0; 6]; factor],
+            contrast: Contrast::new(area),
+            surface: vec![0.0; shifts * shifts],
+        }
+    }
+
+    /// Returns the displacement of the subset, centred at `at` in reference and target, near an integer one; px.
+    ///
+    /// With a fit it is the top of the peak, else the highest grid point. Returns `None` if the subset has no contrast.
+    pub(in crate::dic) fn find(
+        &mut self,
+        (reference, target): (&Splined, &Splined),
+        window: &Window,
+        (at, at_target): ((i32, i32), (i32, i32)),
+        near: (i32, i32),
+        fit: bool,
+    ) -> Option<(f64, f64)> {
+        let half = window.half as isize;
+        let (x, y) = (at.0 as isize, at.1 as isize);
+        let side = 2 * window.half as usize * self.factor + 1;
+        for (phase, weights) in self.phases.iter_mut().enumerate() {
+            *weights = reference.weights(phase as f32 / self.factor as f32);
+        }
+        upsample(reference, (x - half, y - half), side, &self.phases, (&mut self.rows, &mut self.subset));
+        let energy = self.center();
+        let margin = MARGIN_PX as isize;
+        let (x, y) = (at_target.0 as isize, at_target.1 as isize);
+        let corner = (x + near.0 as isize - half - margin, y + near.1 as isize - half - margin);
+        let area = side + 2 * MARGIN_PX * self.factor;
+        upsample(target, corner, area, &self.phases, (&mut self.rows, &mut self.area));
+        let mean = self.area.iter().map(|value| f64::from(*value)).sum::<f64>() / self.area.len() as f64;
+        self.area.iter_mut().for_each(|value| *value -= mean as f32);
+        self.correlation.load_squares((&self.area, area), (&self.subset, side));
+        self.contrast.add_up(&self.correlation, (area, area));
+        self.correlation.run();
+        let count = area - side + 1;
+        let shifts = Shifts { sides: (side, side), columns: count, rows: count };
+        let share = (side * side) as f64 / self.count.max(1) as f64;
+        self.contrast.normalise(&self.correlation, &shifts, (energy, share), &mut self.surface);
+        let surface = Surface { data: &self.surface, columns: count };
+        let (column, row) = surface.highest().filter(|_| energy > 0.0)?;
+        let (mut fine_x, mut fine_y) = (column as f64, row as f64);
+        if fit {
+            let top = surface.top(column, row);
+            fine_x += top.dx;
+            fine_y += top.dy;
+        }
+        let factor = self.factor as f64;
+        let place = |fine: f64, near: i32| fine / factor - MARGIN_PX as f64 + f64::from(near);
+        Some((place(fine_x, near.0), place(fine_y, near.1)))
+    }
+
+    /// Subtracts the mean of the subset on the mask and returns the sum of squares.
+    fn center(&mut self) -> f64 {
+        let inside = self.subset.iter().zip(&self.mask).map(|(value, mask)| f64::from(value * mask));
+        let mean = (inside.sum::<f64>() / self.count.max(1) as f64) as f32;
+        let mut energy = 0.0;
+        for (value, mask) in self.subset.iter_mut().zip(&self.mask) {
+            *value = (*value - mean) * mask;
+            energy += f64::from(*value) * f64::from(*value);
+        }
+        energy
+    }
+}
+
+/// Interpolates `side` x `side` points from a whole pixel on, with one point per phase and pixel.
+fn upsample(
+    picture: &Splined,
+    corner: (isize, isize),
+    side: usize,
+    phases: &[[f32; 6]],
+    (rows, out): (&mut [f32], &mut [f32]),
+) {
+    let factor = phases.len();
+    let lines = (side - 1) / factor + 6;
+    for line in 0..lines {
+        let (taps, _) = picture.taps::<6>(corner.0, corner.1 + line as isize);
+        for (fine, value) in rows[line * side..(line + 1) * side].iter_mut().enumerate() {
+            let taps = &taps[fine / factor..][..6];
+            *value = taps.iter().zip(&phases[fine % factor]).map(|(tap, weight)| tap * weight).sum();
+        }
+    }
+    for (fine, target) in out.chunks_exact_mut(side).take(side).enumerate() {
+        target.fill(0.0);
+        for (tap, weight) in phases[fine % factor].iter().enumerate() {
+            let line = &rows[(fine / factor + tap) * side..][..side];
+            target.iter_mut().zip(line).for_each(|(value, row)| *value += weight * row);
+        }
+    }
+}

@@ -1,0 +1,172 @@
+//! Illumination gradients across a body, removed from reference and target alike.
+//!
+//! The light stays in place while the body moves. Its gradient would hold a rotating pattern back, and bias one that
+//! moves to where the gradient differs, by more than the noise over many frames. A plane is therefore fitted to the
+//! grey levels of each image and removed together with mean and gain. The match uses only what is orthogonal to 1, x
+//! and y.
+
+use super::reference_subset::add_powers;
+use crate::dic::geometry::Window;
+use crate::numeric::{LANES, Lanes};
+use crate::numeric::{Vector, vectorized};
+
+/// The minimum ratio of the determinant to the product of the second moments. Below, the pixels lie nearly on a line.
+const MIN_DETERMINANT: f64 = 1e-3;
+
+/// The plane fitted to the levels of a reference's pixels, and its contribution to sums over them.
+///
+/// J is the Jacobian of the affine warp, (gx, gx dx, gx dy, gy, gy dx, gy dy).
+#[derive(Debug, Clone, Copy)]
+pub(in crate::dic) struct Light {
+    /// The centroid of the pixels relative to the centre, px.
+    pub(in crate::dic) middle: [f64; 2],
+    /// The second moments about the centroid, and the inverse.
+    second: [[f64; 2]; 2],
+    inverse: [[f64; 2]; 2],
+    /// The sums of J times x and y about the centroid.
+    jacobian: [[f64; 6]; 2],
+    /// The slopes of the plane, DN/px.
+    pub(in crate::dic) slopes: [f64; 2],
+}
+
+impl Light {
+    /// Fits the plane to the pixels of a window; `None` if they do not span a plane.
+    pub(in crate::dic) fn of(levels: &[Lanes], gradients: [&[Lanes]; 2], window: &Window) -> Option<Self> {
+        let [count, x, y, xx, xy, yy] = moments(&window.mask, window);
+        let middle = [x / count, y / count];
+        let (xx, xy, yy) = (xx - middle[0] * x, xy - middle[0] * y, yy - middle[1] * y);
+        let determinant = xx * yy - xy * xy;
+        if determinant.is_nan() || determinant <= MIN_DETERMINANT * xx * yy {
+            return None;
+        }
+        let second = [[xx, xy], [xy, yy]];
+        let inverse = [[yy, -xy], [-xy, xx]].map(|row| row.map(|moment| moment / determinant));
+        let mut jacobian = [[0.0; 6]; 2];
+        for (half, gradient) in gradients.into_iter().enumerate() {
+            let [sum, x, y, xx, xy, yy] = moments(gradient, window);
+            for (axis, sums) in [[x, xx, xy], [y, xy, yy]].into_iter().enumerate() {
+                for (k, (with, without)) in sums.into_iter().zip([sum, x, y]).enumerate() {
+                    jacobian[axis][3 * half + k] = with - middle[axis] * without;
+                }
+            }
+        }
+        let mut light = Self { middle, second, inverse, jacobian, slopes: [0.0; 2] };
+        let [sum, x, y, ..] = moments(levels, window);
+        light.slopes = light.plane(sum, [x, y]);
+        Some(light)
+    }
+
+    /// Returns the slopes of the plane fitted to levels, from their sum and their sums times x and y, DN/px.
+    pub(in crate::dic) fn plane(&self, sum: f64, places: [f64; 2]) -> [f64; 2] {
+        let about: [f64; 2] = std::array::from_fn(|axis| places[axis] - self.middle[axis] * sum);
+        self.inverse.map(|row| row[0] * about[0] + row[1] * about[1])
+    }
+
+    /// Returns the sum of the products of the reference's plane and the plane of these slopes.
+    pub(in crate::dic) fn product(&self, slopes: [f64; 2]) -> f64 {
+        let across = |slopes: [f64; 2]| self.second.map(|row| row[0] * slopes[0] + row[1] * slopes[1]);
+        across(slopes).iter().zip(self.slopes).map(|(sum, slope)| sum * slope).sum()
+    }
+
+    /// Returns the sum of squares of the plane of these slopes.
+    pub(in crate::dic) fn energy(&self, slopes: [f64; 2]) -> f64 {
+        self.second.iter().zip(slopes).map(|(row, slope)| slope * (row[0] * slopes[0] + row[1] * slopes[1])).sum()
+    }
+
+    /// Returns the sum of J times the plane of these slopes, for parameter `k`.
+    pub(in crate::dic) fn pull(&self, slopes: [f64; 2], k: usize) -> f64 {
+        slopes[0] * self.jacobian[0][k] + slopes[1] * self.jacobian[1][k]
+    }
+
+    /// Removes mean and plane from the sum of J J^T over `pixels` pixels.
+    pub(in crate::dic) fn remove_from(&self, jacobian_sum: &[f64; 6], pixels: usize, hessian: &mut [[f64; 6]; 6]) {
+        for (k, line) in hessian.iter_mut().enumerate() {
+            let own = [self.jacobian[0][k], self.jacobian[1][k]];
+            let slopes = self.inverse.map(|row| row[0] * own[0] + row[1] * own[1]);
+            for (j, value) in line.iter_mut().enumerate() {
+                *value -= jacobian_sum[k] * jacobian_sum[j] / pixels as f64 + self.pull(slopes, j);
+            }
+        }
+    }
+}
+
+/// Returns the sums of packed values times 1, x, y, x^2, x y and y^2.
+fn moments(values: &[Lanes], window: &Window) -> [f64; 6] {
+    let mut out = [0.0; 6];
+    for block in &window.blocks {
+        let [plain, down, twice] = powers(&values[block.start..block.start + block.rows], block.dy);
+        let (plain, down) = (plain.moments(f64::from(block.dx)), down.moments(f64::from(block.dx)));
+        for (sum, part) in out.iter_mut().zip([plain[0], plain[1], down[0], plain[2], down[1], twice.sum()]) {
+            *sum += part;
+        }
+    }
+    out
+}
+
+vectorized! {
+    /// Sums the rows of a block, times 1, dy and dy^2.
+    fn powers(values: &[Lanes], dy: i32) -> [Lanes; 3] = powers_with
+}
+
+#[inline(always)]
+fn powers_with<V: Vector>(values: &[Lanes], dy: i32) -> [Lanes; 3] {
+    let mut sums = [V::splat(0.0); 3];
+    for (dy, value) in (dy..).zip(values) {
+        add_powers(&mut sums, V::from_lanes(value), V::splat(dy as f32));
+    }
+    sums.map(V::to_lanes)
+}
+
+/// Returns the values of a plane on the columns of a block, in one row.
+pub(in crate::dic) fn row(slopes: [f64; 2], about: [f64; 2], (dx, dy): (i32, i32)) -> Lanes {
+    let first = slopes[0] * (f64::from(dx) - about[0]) + slopes[1] * (f64::from(dy) - about[1]);
+    Lanes(std::array::from_fn::<f32, LANES, _>(|lane| (first + slopes[0] * lane as f64) as f32))
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::dic::tests::{Speckle, prepared, record};
+    use crate::dic::{Region, RigidBody};
+    use crate::image::Image;
+
+    /// An image with an illumination gradient, DN/px.
+    fn lit(image: &Image, slopes: [f32; 2]) -> Image {
+        let mut image = image.clone();
+        for (y, row) in image.rows_mut().enumerate() {
+            for (x, level) in row.iter_mut().enumerate() {
+                *level += slopes[0] * (x as f32 - 70.0) + slopes[1] * (y as f32 - 66.0);
+            }
+        }
+        image
+    }
+
+    #[test]
+    fn a_body_is_found_where_it_is_in_any_light() {
+        let speckle = Speckle::standard(41, 140.0);
+        let moved = speckle.moved(|x, y| {
+            let (dx, dy) = (x - 70.0, y - 66.0);
+            let (sin, cos) = 0.6_f64.to_radians().sin_cos();
+            (dx * cos + dy * sin - dx + 0.37, dy * cos - dx * sin - dy - 0.21)
+        });
+        let (first, second) = (record(&speckle.draw(140, 132), 1.0, 1), record(&moved.draw(140, 132), 1.0, 2));
+        for region in [
+            Region::Disc { x_px: 70.0, y_px: 66.0, radius_px: 50.0 },
+            Region::Polygon { outline_px: vec![[30.0, 30.0], [110.0, 38.0], [96.0, 104.0]], holes_px: vec![] },
+        ] {
+            let find = |slopes: [[f32; 2]; 2]| {
+                let mut body = RigidBody::new(&prepared(&lit(&first, slopes[0])), &region).unwrap();
+                let target = prepared(&lit(&second, slopes[1]));
+                let motion = body.find_visible(&target, (70.0, 66.0), (0.37, -0.21, 0.6)).unwrap();
+                assert!(motion.visible_fraction > 0.99 && motion.zncc > 0.98, "{motion:?}");
+                motion.motion
+            };
+            let even = find([[0.0; 2]; 2]);
+            for slopes in [[[0.3, -0.2], [0.3, -0.2]], [[0.0, 0.4], [-0.3, 0.1]], [[0.5, 0.5], [0.0, 0.0]]] {
+                let found = find(slopes);
+                let off = [found.u_px - even.u_px, found.v_px - even.v_px, found.angle_deg - even.angle_deg];
+                assert!(off.iter().all(|off| off.abs() < 2e-5), "{slopes:?}: {off:?}");
+                assert!((found.sigma_u_px / even.sigma_u_px - 1.0).abs() < 0.01, "{slopes:?}: {found:?} {even:?}");
+            }
+        }
+    }
+}

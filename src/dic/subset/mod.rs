@@ -1,0 +1,10 @@
+//! The reference subset and the sums over its pixels: normal equations, illumination, column sums.
+
+mod column_sums;
+pub(in crate::dic) mod illumination;
+pub(in crate::dic) mod normal_equations;
+mod reference_subset;
+
+pub(in crate::dic) use column_sums::{Columns, Strip};
+pub(in crate::dic) use normal_equations::{Layers, Moments};
+pub(in crate::dic) use reference_subset::{Subset, Unusable, project};

@@ -1,0 +1,112 @@
+//! Gradient gain: corrects the bias of fourth-order gradients.
+//!
+//! Gradients of fourth order are a few per cent too small, so a Gauss-Newton step is too long by that factor. Further
+//! iterations would correct it. The factor follows from the texture itself, because its gradients of eighth order are
+//! accurate.
+//!
+//! A match solves sum g (f - t) = 0, with g the gradients of fourth order. The target's levels t change with the
+//! displacement by the true gradient h. Noise therefore moves the result by sum g n / sum g h, not by the sum g n / sum
+//! g^2 of the inverse Hessian. Standard uncertainties from the inverse Hessian are too large by the same factor.
+
+use crate::dic::geometry::Window;
+use crate::dic::image::Prepared;
+use crate::numeric::{LANES, Lanes};
+use crate::numeric::{Vector, vectorized};
+
+/// The minimum gradient gain of a texture that can be tracked.
+const MIN_GAIN: f64 = 0.75;
+
+/// The row step of the gradients that are sampled.
+const ROW_STEP: usize = 5;
+
+/// The sums of squares of fourth-order gradients, and of their products with those of eighth order.
+#[derive(Debug, Clone, Copy, Default)]
+pub(in crate::dic) struct Sharpness {
+    squares: f64,
+    products: f64,
+}
+
+impl Sharpness {
+    /// Sums the pixels between the first and the last column of every row; rows whose first is larger are empty.
+    pub(in crate::dic) fn of(reference: &Prepared, spans: &[(i32, i32)]) -> Self {
+        let mut sums = Self::default();
+        for (y, (left, right)) in spans.iter().enumerate().step_by(ROW_STEP).filter(|(_, span)| span.0 <= span.1) {
+            let first = reference.levels.index(*left as isize, y as isize);
+            let [squares, products] = add_gradients(reference, first, (right - left + 1) as usize);
+            sums.add(Self { squares, products });
+        }
+        sums
+    }
+
+    /// Sums the pixels of a window at a position in the reference.
+    pub(in crate::dic) fn within(reference: &Prepared, window: &Window, at: (u32, u32)) -> Self {
+        let (x, y) = reference.local(at);
+        let mut sums = Self::default();
+        for block in &window.blocks {
+            let first = reference.levels.index((x + block.dx) as isize, (y + block.dy) as isize);
+            let mask = &window.mask[block.start..block.start + block.rows];
+            let [squares, products] = add_block(reference, first, mask);
+            sums.add(Self { squares, products });
+        }
+        sums
+    }
+
+    /// Adds the sums of other pixels.
+    pub(in crate::dic) fn add(&mut self, other: Self) {
+        self.squares += other.squares;
+        self.products += other.products;
+    }
+
+    /// Returns the gradient gain: the factor that corrects one Gauss-Newton step.
+    pub(in crate::dic) fn gain(&self) -> f64 {
+        let gain = self.squares / self.products;
+        // Without texture the gain is undefined, and no match succeeds anyway.
+        if (MIN_GAIN..=1.0).contains(&gain) { gain } else { 1.0 }
+    }
+}
+
+vectorized! {
+    /// Returns the sums of squares of the gradients of a row, and of their products with those of eighth order.
+    fn add_gradients(reference: &Prepared, first: usize, count: usize) -> [f64; 2] = add_gradients_with
+}
+
+#[inline(always)]
+fn add_gradients_with<V: Vector>(reference: &Prepared, first: usize, count: usize) -> [f64; 2] {
+    let mut sums = [V::splat(0.0); 2];
+    // Whole vectors only: a few pixels at the end of a row do not matter.
+    for x in (first..first + count / LANES * LANES).step_by(LANES) {
+        add_eight(reference, x, V::splat(1.0), &mut sums);
+    }
+    [sums[0].to_lanes().sum(), sums[1].to_lanes().sum()]
+}
+
+vectorized! {
+    /// Works like [`add_gradients`] on a column of eight pixels, on its mask.
+    fn add_block(reference: &Prepared, first: usize, mask: &[Lanes]) -> [f64; 2] = add_block_with
+}
+
+#[inline(always)]
+fn add_block_with<V: Vector>(reference: &Prepared, first: usize, mask: &[Lanes]) -> [f64; 2] {
+    let (stride, mut sums) = (reference.levels.stride(), [V::splat(0.0); 2]);
+    for (row, mask) in mask.iter().enumerate().step_by(ROW_STEP) {
+        add_eight(reference, first + row * stride, V::from_lanes(mask), &mut sums);
+    }
+    [sums[0].to_lanes().sum(), sums[1].to_lanes().sum()]
+}
+
+/// Adds the sums of eight neighbours, the first at `x`.
+#[inline(always)]
+fn add_eight<V: Vector>(reference: &Prepared, x: usize, mask: V, sums: &mut [V; 2]) {
+    // B. Fornberg, Math. Comput. 51 (1988) 699, <https://doi.org/10.1090/S0025-5718-1988-0935077-0>, table 1.
+    const EIGHTH: [f32; 4] = [4.0 / 5.0, -1.0 / 5.0, 4.0 / 105.0, -1.0 / 280.0];
+    let (levels, stride) = (reference.levels.data(), reference.levels.stride());
+    for (gradient, step) in [(&reference.gradient_x, 1), (&reference.gradient_y, stride)] {
+        let mut eighth = V::splat(0.0);
+        for (k, weight) in (1..).zip(EIGHTH) {
+            let difference = V::load(&levels[x + k * step..]).sub(V::load(&levels[x - k * step..]));
+            eighth = eighth.add(difference.mul(V::splat(weight)));
+        }
+        let fourth = V::load(&gradient.data()[x..]).mul(mask);
+        *sums = [sums[0].add(fourth.mul(fourth)), sums[1].add(fourth.mul(eighth))];
+    }
+}

@@ -1,0 +1,475 @@
+//! Standard uncertainty of a displacement from the pair of images itself.
+//!
+//! The residual of a match contains the noise of both frames. If it is white, its variance times the inverse Hessian is
+//! the variance of the result. With coarsely sampled speckles it is not white: the residual of interpolation alternates
+//! in sign and hardly moves the result. The factor `q = sum over short lags of rho_residual rho_gradient`, pooled over
+//! windows of the pair, accounts for that. Noise is also not uniform: photon noise is larger on bright paint than on
+//! dark speckles, and only noise at grey-level slopes moves the result.
+
+use super::gradient_gain::Sharpness;
+use crate::dic::geometry::{Block, Window};
+use crate::dic::image::Plane;
+use crate::dic::subset::Layers;
+use crate::dic::subset::Subset;
+use crate::numeric::{LANES, Lanes};
+use crate::numeric::{Vector, vectorized};
+
+/// The largest lag, px.
+const REACH: usize = 2;
+
+/// The number of lags of one half plane: (0, 0..=2) and (1..=2, -2..=2).
+const LAGS: usize = (REACH + 1) * (2 * REACH + 1);
+
+/// The variance of the difference of two frames from rounding to whole grey levels, DN^2.
+pub(in crate::dic) const ROUNDING: f64 = 2.0 / 12.0;
+
+/// The maximum number of pooled windows.
+///
+/// Half of the rows of one 31 x 31 window determine the factor to some 7 %, those of all to half of that.
+pub(in crate::dic) const POOLED: usize = 4;
+
+/// The minimum number of rows of a window for its autocorrelation.
+const MIN_ROWS: usize = 16;
+
+/// One sum per lag.
+pub(in crate::dic) type Lags = [f64; LAGS];
+
+/// Sums over the windows of one pair.
+#[derive(Debug, Clone, Default)]
+pub(in crate::dic) struct Pool {
+    residual: Lags,
+    pairs: Lags,
+    gradient_x: Lags,
+    gradient_y: Lags,
+    slopes: Slopes,
+    sharpness: Sharpness,
+    dense: Vec<f32>,
+    /// The gradients along x and y and the residual of a window in planes.
+    layers: [Vec<f32>; 3],
+}
+
+/// The noise of all pixels, and of pixels weighted with their slopes.
+///
+/// Holds the sums of squares of the residual, of the slopes along x and y, and of the products of these squares.
+#[derive(Debug, Clone, Copy, Default)]
+pub(in crate::dic) struct Slopes {
+    sums: [f64; 5],
+    pixels: f64,
+}
+
+/// The mean levels of the reference and of the target in a window, and the target's gain.
+#[derive(Debug, Clone, Copy)]
+pub(in crate::dic) struct Fit {
+    pub(in crate::dic) means: (f32, f32),
+    pub(in crate::dic) gain: f32,
+}
+
+/// The quantity whose autocorrelation is computed.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Part {
+    Residual,
+    GradientX,
+    GradientY,
+}
+
+/// The factor of short-range correlation on the variance along x and y.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(in crate::dic) struct Factor {
+    /// The factor for the variance of u.
+    pub(in crate::dic) x: f64,
+    /// The factor for the variance of v.
+    pub(in crate::dic) y: f64,
+}
+
+impl Pool {
+    /// Clears all sums.
+    pub(in crate::dic) fn clear(&mut self) {
+        for sums in [&mut self.residual, &mut self.pairs, &mut self.gradient_x, &mut self.gradient_y] {
+            sums.fill(0.0);
+        }
+        (self.slopes, self.sharpness) = (Slopes::default(), Sharpness::default());
+    }
+
+    /// Adds one window with its residual, packed like the subset.
+    pub(in crate::dic) fn add(&mut self, subset: &Subset, window: &Window, residual: &[Lanes]) {
+        self.add_texture(subset, window);
+        self.add_part(Part::Residual, window, residual);
+        self.slopes.add(Slopes::of(subset, window, residual));
+    }
+
+    /// Adds one window in planes about `at` with its fit. `pairs` are those of [`pairs_of`]. All windows added this way
+    /// must have one shape.
+    pub(in crate::dic) fn add_layers(
+        &mut self,
+        layers: Layers<'_>,
+        window: &Window,
+        pairs: &Lags,
+        (at, fit): ((i32, i32), Fit),
+    ) {
+        self.pairs.iter_mut().zip(pairs).for_each(|(sum, pairs)| *sum += pairs);
+        let side = side_of(window);
+        self.layers.iter_mut().for_each(|dense| dense.resize(dense_len(side), 0.0));
+        spread_layers(layers, window, (at, fit), &mut self.layers, &mut self.slopes.sums);
+        self.slopes.pixels += window.pixels as f64;
+        let [gradient_x, gradient_y, residual] = &self.layers;
+        add_lags(gradient_x, side, &mut self.gradient_x);
+        add_lags(gradient_y, side, &mut self.gradient_y);
+        add_lags(residual, side, &mut self.residual);
+    }
+
+    /// Adds the gradient gain of the pixels of one window.
+    pub(in crate::dic) fn add_gradient_gain(&mut self, sharpness: Sharpness) {
+        self.sharpness.add(sharpness);
+    }
+
+    /// Returns the gradient gain, the correction of the inverse Hessian's standard uncertainties.
+    pub(in crate::dic) fn gradient_gain(&self) -> f64 {
+        self.sharpness.gain()
+    }
+
+    /// Adds one part of a window, packed like the window's mask.
+    fn add_part(&mut self, part: Part, window: &Window, rows: &[Lanes]) {
+        unpack(window, rows, &mut self.dense);
+        let sums = match part {
+            Part::Residual => &mut self.residual,
+            Part::GradientX => &mut self.gradient_x,
+            Part::GradientY => &mut self.gradient_y,
+        };
+        add_lags(&self.dense, side_of(window), sums);
+    }
+
+    /// Replaces the residual of the one window whose texture was added; an empty one clears it.
+    pub(in crate::dic) fn set_residual(&mut self, window: &Window, residual: &[Lanes]) {
+        self.residual.fill(0.0);
+        if residual.is_empty() {
+            return;
+        }
+        // Pixels off the window are already zero, from its texture.
+        spread(window, residual, &mut self.dense);
+        add_lags(&self.dense, side_of(window), &mut self.residual);
+    }
+
+    /// Adds the sums that do not depend on the target.
+    pub(in crate::dic) fn add_texture(&mut self, subset: &Subset, window: &Window) {
+        self.pairs.iter_mut().zip(pairs_of(window)).for_each(|(sum, pairs)| *sum += pairs);
+        self.add_part(Part::GradientX, window, &subset.gradient_x);
+        self.add_part(Part::GradientY, window, &subset.gradient_y);
+    }
+
+    /// Returns the factors of the windows added; 1 without any.
+    pub(in crate::dic) fn factor(&self) -> Factor {
+        let correlated = |gradient: &Lags| {
+            let zero = lag_index(0, 0);
+            let variance = self.residual[zero] / self.pairs[zero].max(1.0);
+            if !(variance > 0.0 && gradient[zero] > 0.0) {
+                return 1.0;
+            }
+            let mut sum = 0.0;
+            for lag in 0..LAGS {
+                let (dy, dx) = (lag / (2 * REACH + 1), (lag % (2 * REACH + 1)) as isize - REACH as isize);
+                if dy == 0 && dx < 0 {
+                    continue;
+                }
+                let both = if lag == zero { 1.0 } else { 2.0 };
+                let rho = self.residual[lag] / self.pairs[lag].max(1.0) / variance;
+                sum += both * rho * gradient[lag] / gradient[zero];
+            }
+            sum.clamp(0.1, 10.0)
+        };
+        Factor { x: correlated(&self.gradient_x), y: correlated(&self.gradient_y) }.weighted_by_slopes(&self.slopes)
+    }
+}
+
+/// Returns the index of a lag (dx along the row, dy rows down).
+fn lag_index(dx: isize, dy: usize) -> usize {
+    dy * (2 * REACH + 1) + (dx + REACH as isize) as usize
+}
+
+/// Returns the number of pixel pairs of a window at each lag.
+pub(in crate::dic) fn pairs_of(window: &Window) -> Lags {
+    let (mut dense, mut pairs) = (Vec::new(), [0.0; LAGS]);
+    unpack(window, &window.mask, &mut dense);
+    add_lags(&dense, side_of(window), &mut pairs);
+    pairs
+}
+
+/// Returns the side of the square around a window, px.
+fn side_of(window: &Window) -> usize {
+    2 * window.half as usize + 1
+}
+
+/// Returns the row stride of a square: each row is followed by zeros, as far as lags reach.
+fn stride_of(side: usize) -> usize {
+    (side + REACH).next_multiple_of(LANES)
+}
+
+/// Returns the length of a square with the zeros of its rows, and as many rows of zeros as lags reach.
+fn dense_len(side: usize) -> usize {
+    (side + REACH) * stride_of(side) + 2 * LANES
+}
+
+/// Unpacks values packed like a window's mask into its square.
+fn unpack(window: &Window, packed: &[Lanes], dense: &mut Vec<f32>) {
+    dense.clear();
+    spread(window, packed, dense);
+}
+
+/// Works like [`unpack`], into memory that is empty or of the same window.
+fn spread(window: &Window, packed: &[Lanes], dense: &mut Vec<f32>) {
+    let side = side_of(window);
+    dense.resize(dense_len(side), 0.0);
+    for block in &window.blocks {
+        let rows = &packed[block.start..block.start + block.rows];
+        for (lanes, first) in rows.iter().zip((first_of(window, block)..).step_by(stride_of(side))) {
+            dense[first..first + LANES].copy_from_slice(&lanes.0);
+        }
+    }
+}
+
+/// Returns the index of the first row of a block in the square. A last block may extend beyond the square into the
+/// zeros, where its mask has zeros too.
+fn first_of(window: &Window, block: &Block) -> usize {
+    let (left, top) = ((window.half as i32 + block.dx) as usize, (window.half as i32 + block.dy) as usize);
+    top * stride_of(side_of(window)) + left
+}
+
+vectorized! {
+    /// Unpacks the gradients and the residual of a window in planes into squares and adds the sums of [`add_squares`].
+    fn spread_layers(
+        layers: Layers<'_>,
+        window: &Window,
+        fit: ((i32, i32), Fit),
+        dense: &mut [Vec<f32>; 3],
+        sums: &mut [f64; 5],
+    ) = spread_layers_with
+}
+
+#[inline(always)]
+fn spread_layers_with<V: Vector>(
+    layers: Layers<'_>,
+    window: &Window,
+    ((x, y), fit): ((i32, i32), Fit),
+    dense: &mut [Vec<f32>; 3],
+    sums: &mut [f64; 5],
+) {
+    let (stride, dense_stride) = (layers.reference.stride(), stride_of(side_of(window)));
+    let (means, gain) = ((V::splat(fit.means.0), V::splat(fit.means.1)), V::splat(fit.gain));
+    let mut totals = [V::splat(0.0); 5];
+    for block in &window.blocks {
+        let mut from = layers.reference.index((x + block.dx) as isize, (y + block.dy) as isize);
+        let mut to = first_of(window, block);
+        for mask in &window.mask[block.start..block.start + block.rows] {
+            let load = |plane: &Plane| V::load(&plane.data()[from..]);
+            let mask = V::from_lanes(mask);
+            let (gx, gy) = (load(layers.gradient_x).mul(mask), load(layers.gradient_y).mul(mask));
+            let (level, value) = (load(layers.reference).sub(means.0), load(layers.target).sub(means.1));
+            let left = level.sub(gain.mul(value)).mul(mask);
+            add_row([gx, gy, left], &mut totals);
+            for (dense, value) in dense.iter_mut().zip([gx, gy, left]) {
+                value.store(&mut dense[to..]);
+            }
+            (from, to) = (from + stride, to + dense_stride);
+        }
+    }
+    for (sum, total) in sums.iter_mut().zip(totals) {
+        *sum += total.to_lanes().sum();
+    }
+}
+
+/// Returns the row step of the autocorrelation: half of the rows of a 31 px window suffice, and a smaller fraction of a
+/// larger one.
+fn row_step(rows: usize) -> usize {
+    rows.div_ceil(MIN_ROWS)
+}
+
+vectorized! {
+    /// Adds the products of pixel pairs at each lag, of values laid out by [`spread`].
+    ///
+    /// Every row is followed by zeros, so a lag is one shift of the whole square.
+    fn add_lags(dense: &[f32], side: usize, sums: &mut Lags) = add_lags_with
+}
+
+#[inline(always)]
+fn add_lags_with<V: Vector>(dense: &[f32], side: usize, sums: &mut Lags) {
+    const WIDTH: usize = 2 * REACH + 1;
+    let stride = stride_of(side);
+    let mut totals = [V::splat(0.0); LAGS];
+    for row in (0..side).step_by(row_step(side)) {
+        for first in (row * stride..row * stride + side).step_by(LANES) {
+            let own = V::load(&dense[first..]);
+            for dx in 0..=REACH {
+                let total = &mut totals[REACH + dx];
+                *total = total.plus_product(own, V::load(&dense[first + dx..]));
+            }
+            for dy in 1..=REACH {
+                let row = &dense[first + dy * stride - REACH..][..WIDTH - 1 + LANES];
+                for dx in 0..WIDTH {
+                    let total = &mut totals[dy * WIDTH + dx];
+                    *total = total.plus_product(own, V::load(&row[dx..]));
+                }
+            }
+        }
+    }
+    for (sum, total) in sums.iter_mut().zip(totals) {
+        *sum += total.to_lanes().sum();
+    }
+}
+
+vectorized! {
+    /// Adds the squares of a residual, those of the slopes along x and y, and the products of both.
+    fn add_squares(gradients: [&[Lanes]; 2], residual: &[Lanes], sums: &mut [f64; 5]) = add_squares_with
+}
+
+#[inline(always)]
+fn add_squares_with<V: Vector>(gradients: [&[Lanes]; 2], residual: &[Lanes], sums: &mut [f64; 5]) {
+    let [along_x, along_y] = gradients;
+    let mut totals = [V::splat(0.0); 5];
+    for ((x, y), left) in along_x.iter().zip(along_y).zip(residual) {
+        add_row([V::from_lanes(x), V::from_lanes(y), V::from_lanes(left)], &mut totals);
+    }
+    for (sum, total) in sums.iter_mut().zip(totals) {
+        *sum += total.to_lanes().sum();
+    }
+}
+
+/// Adds the squares of eight pixels' slopes along x and y and of their residuals.
+#[inline(always)]
+fn add_row<V: Vector>([x, y, left]: [V; 3], totals: &mut [V; 5]) {
+    let (x_squared, y_squared, squared) = (x.mul(x), y.mul(y), left.mul(left));
+    totals[0] = totals[0].add(squared);
+    totals[1] = totals[1].add(x_squared);
+    totals[2] = totals[2].add(y_squared);
+    totals[3] = totals[3].plus_product(x_squared, squared);
+    totals[4] = totals[4].plus_product(y_squared, squared);
+}
+
+impl Slopes {
+    /// Computes the sums of one window with its residual.
+    pub(in crate::dic) fn of(subset: &Subset, window: &Window, residual: &[Lanes]) -> Self {
+        let mut slopes = Self { sums: [0.0; 5], pixels: window.pixels as f64 };
+        add_squares([&subset.gradient_x, &subset.gradient_y], residual, &mut slopes.sums);
+        slopes
+    }
+
+    /// Adds the sums of other pixels.
+    fn add(&mut self, other: Self) {
+        self.sums.iter_mut().zip(other.sums).for_each(|(sum, other)| *sum += other);
+        self.pixels += other.pixels;
+    }
+
+    /// Returns the ratio of the noise variance at pixels with slopes along x and along y to that of all pixels.
+    fn noise_ratios(&self) -> (f64, f64) {
+        let [squares, x_squared, y_squared, x_noisy, y_noisy] = self.sums;
+        let noise_ratios = |noisy: f64, squared: f64| {
+            let ratio = noisy * self.pixels / (squared * squares);
+            if ratio.is_finite() { ratio.clamp(0.25, 4.0) } else { 1.0 }
+        };
+        (noise_ratios(x_noisy, x_squared), noise_ratios(y_noisy, y_squared))
+    }
+}
+
+impl Factor {
+    /// Returns the factor corrected for non-uniform noise. Photon noise is larger on bright paint than on dark
+    /// speckles, and the slopes lie between them.
+    pub(in crate::dic) fn weighted_by_slopes(self, slopes: &Slopes) -> Self {
+        let (x, y) = slopes.noise_ratios();
+        Self { x: self.x * x, y: self.y * y }
+    }
+
+    /// Returns the variances of u and v from the variance of the residual and the diagonal of the inverse Hessian.
+    ///
+    /// They are not smaller than rounding allows. If the factor is so small that the pair must be called aliased, no
+    /// single formula is correct, and the uncertainty is increased by up to 1.5.
+    pub(in crate::dic) fn variances(&self, residual: f64, inverse: (f64, f64)) -> (f64, f64) {
+        let along = |factor: f64, inverse: f64| {
+            let naive = 1.0 / factor.sqrt();
+            let doubt = 1.0 + ((naive - 1.5) / 0.5).clamp(0.0, 1.0) * 0.5;
+            (residual * factor * doubt * doubt).max(ROUNDING) * inverse
+        };
+        (along(self.x, inverse.0), along(self.y, inverse.1))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::dic::WindowShape;
+    use crate::dic::subset::normal_equations::tests::plane;
+    use crate::numeric::Portable;
+
+    /// Returns slopes and residual of a window in `planes` about (30, 24), packed like its mask.
+    fn packed<'a>(
+        [reference, gradient_x, gradient_y, target]: &[Plane; 4],
+        window: &'a Window,
+        fit: Fit,
+    ) -> [Vec<Lanes>; 3] {
+        let of = |value: &dyn Fn(usize) -> f32| -> Vec<Lanes> {
+            let row = |(block, row): (&Block, usize)| {
+                let first = reference.index((30 + block.dx) as isize, (24 + block.dy) as isize + row as isize);
+                Lanes(std::array::from_fn(|lane| value(first + lane))) * window.mask[block.start + row]
+            };
+            let rows = |block: &'a Block| (0..block.rows).map(move |row| (block, row));
+            window.blocks.iter().flat_map(rows).map(row).collect()
+        };
+        let left = |at| (reference.data()[at] - fit.means.0) - fit.gain * (target.data()[at] - fit.means.1);
+        [of(&|at| gradient_x.data()[at]), of(&|at| gradient_y.data()[at]), of(&left)]
+    }
+
+    #[test]
+    fn a_window_in_planes_equals_the_packed_window() {
+        let planes = [plane(1), plane(2), plane(3), plane(4)];
+        let [reference, gradient_x, gradient_y, target] = &planes;
+        let layers = Layers { reference, gradient_x, gradient_y, target };
+        let fit = Fit { means: (3.0, -2.0), gain: 0.9 };
+        for (shape, size) in [(WindowShape::Square, 31), (WindowShape::Circle, 29), (WindowShape::Square, 13)] {
+            let window = Window::new(shape, size);
+            let [gradient_x, gradient_y, residual] = packed(&planes, &window, fit);
+            let subset = Subset { gradient_x, gradient_y, ..Subset::default() };
+            let (mut one, mut other) = (Pool::default(), Pool::default());
+            for _ in 0..2 {
+                one.add(&subset, &window, &residual);
+                other.add_layers(layers, &window, &pairs_of(&window), ((30, 24), fit));
+            }
+            let (one, other) = (one.factor(), other.factor());
+            assert!((one.x - 1.0).abs() > 1e-4 && (one.x / other.x - 1.0).abs() < 1e-5, "{one:?} {other:?}");
+            assert!((one.y - 1.0).abs() > 1e-4 && (one.y / other.y - 1.0).abs() < 1e-5, "{one:?} {other:?}");
+        }
+    }
+
+    #[test]
+    fn sums_are_equal_on_every_machine() {
+        let planes = [plane(1), plane(2), plane(3), plane(4)];
+        let [reference, gradient_x, gradient_y, target] = &planes;
+        let layers = Layers { reference, gradient_x, gradient_y, target };
+        let at = ((30, 24), Fit { means: (3.0, -2.0), gain: 0.9 });
+        for (shape, size) in [(WindowShape::Square, 31), (WindowShape::Circle, 29)] {
+            let window = Window::new(shape, size);
+            let side = side_of(&window);
+            let memory: [Vec<f32>; 3] = std::array::from_fn(|_| vec![0.0; dense_len(side)]);
+            let (mut one, mut other) = ((memory.clone(), [0.0; 5]), (memory, [0.0; 5]));
+            spread_layers(layers, &window, at, &mut one.0, &mut one.1);
+            spread_layers_with::<Portable>(layers, &window, at, &mut other.0, &mut other.1);
+            assert_eq!(one, other);
+            let mut lags = [[0.0; LAGS]; 2];
+            add_lags(&one.0[2], side, &mut lags[0]);
+            add_lags_with::<Portable>(&one.0[2], side, &mut lags[1]);
+            assert_eq!(lags[0].map(f64::to_bits), lags[1].map(f64::to_bits));
+        }
+    }
+
+    #[test]
+    fn noise_is_weighted_by_the_slopes() {
+        // Slopes along x where the residual is 1 DN, along y where it is 3 DN, none where it is 5 DN.
+        let rows = |a: f32, b: f32, c: f32| vec![Lanes::splat(a), Lanes::splat(b), Lanes::splat(c)];
+        let subset = Subset { gradient_x: rows(7.0, 0.0, 0.0), gradient_y: rows(0.0, 4.0, 0.0), ..Subset::default() };
+        let mean = (1.0 + 9.0 + 25.0) / 3.0;
+        let mut window = Window::new(WindowShape::Square, 3);
+        window.pixels = 3 * LANES;
+        let slopes = |subset: &Subset, residual: &[Lanes]| Slopes::of(subset, &window, residual);
+        let factor = Factor { x: 2.0, y: 1.0 }.weighted_by_slopes(&slopes(&subset, &rows(1.0, -3.0, 5.0)));
+        assert!((factor.x - 2.0 * 0.25_f64.max(1.0 / mean)).abs() < 1e-6 && (factor.y - 9.0 / mean).abs() < 1e-6);
+        let flat = Subset { gradient_x: rows(0.0, 0.0, 0.0), gradient_y: rows(0.0, 0.0, 0.0), ..Subset::default() };
+        let factor = Factor { x: 0.7, y: 1.3 };
+        assert_eq!(factor.weighted_by_slopes(&slopes(&flat, &rows(1.0, 1.0, 1.0))), factor);
+    }
+}

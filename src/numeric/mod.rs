@@ -1,0 +1,23 @@
+//! Numerical ground: vectors of eight lanes, small transforms and solvers, order statistics, distributions, random
+//! numbers. Every function rounds the same way on every machine.
+
+mod exp_ln;
+mod fft2d;
+mod lanes;
+mod normal;
+mod order_statistics;
+mod polynomial;
+mod random;
+mod symmetric;
+pub(crate) mod vector;
+
+pub use exp_ln::{exp, ln};
+pub use fft2d::{Complex, Transform, fast_size, register_size};
+pub use lanes::{LANES, Lanes};
+pub use normal::normal;
+pub use order_statistics::{MOST, nth_highest, nth_smallest};
+pub use polynomial::{MAX_ORDER, Polynomial, Sample};
+pub use random::{COUNT, Stream, key, scramble};
+pub use symmetric::invert;
+pub(crate) use vector::vectorized;
+pub use vector::{Portable, Vector, instruction_set};

@@ -1,0 +1,51 @@
+//! Random numbers from a counter: any of them can be had without the ones before.
+
+/// Scrambles 64 bits (the finaliser of SplitMix64, <https://doi.org/10.1145/2714064.2660195>).
+#[inline]
+pub fn scramble(value: u64) -> u64 {
+    let value = (value ^ (value >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+    let value = (value ^ (value >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+    value ^ (value >> 31)
+}
+
+/// Step of the counter: the golden ratio's bits.
+pub const COUNT: u64 = 0x9e37_79b9_7f4a_7c15;
+
+/// A key for one purpose: different `purpose`s and `number`s give unrelated streams.
+pub fn key(seed: u64, purpose: u64, number: u64) -> u64 {
+    scramble(scramble(scramble(seed.wrapping_add(COUNT)) ^ purpose.wrapping_mul(COUNT)) ^ number.wrapping_mul(COUNT))
+}
+
+/// A stream of numbers, for what is drawn once.
+#[derive(Debug, Clone)]
+pub struct Stream {
+    state: u64,
+}
+
+impl Stream {
+    /// Starts the stream of this key.
+    pub fn new(key: u64) -> Self {
+        Self { state: key }
+    }
+
+    fn next(&mut self) -> u64 {
+        self.state = self.state.wrapping_add(COUNT);
+        scramble(self.state)
+    }
+
+    /// Evenly spread over 0 to 1, 1 left out.
+    pub fn uniform(&mut self) -> f64 {
+        (self.next() >> 11) as f64 / (1u64 << 53) as f64
+    }
+
+    /// Evenly spread over `low` to `high`.
+    pub fn between(&mut self, low: f64, high: f64) -> f64 {
+        low + (high - low) * self.uniform()
+    }
+
+    /// Normally distributed, mean 0, standard deviation 1 (Box and Muller).
+    pub fn normal(&mut self) -> f64 {
+        let radius = (-2.0 * (1.0 - self.uniform()).ln()).sqrt();
+        radius * (std::f64::consts::TAU * self.uniform()).cos()
+    }
+}
