@@ -1,26 +1,26 @@
-//! What a person sees who asks for the impossible: one line, the right exit code, never a panic.
+//! Wrong input: one clear line, the right exit code, never a panic.
 
 use crate::recording::foreign::{Shape, file, image};
 use crate::support::{Rig, csv, ricochet, run, succeed};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
-/// The one line on standard error of a program that ended with this exit code.
+/// Returns the one line on standard error of a program that must end with this exit code.
 fn line(output: &Output, code: i32) -> String {
-    let told = String::from_utf8(output.stderr.clone()).unwrap();
-    assert_eq!(output.status.code(), Some(code), "{told}");
-    assert_eq!(told.lines().count(), 1, "not one line:\n{told}");
+    let message = String::from_utf8(output.stderr.clone()).unwrap();
+    assert_eq!(output.status.code(), Some(code), "{message}");
+    assert_eq!(message.lines().count(), 1, "not one line:\n{message}");
     for noise in ["panicked", "backtrace", "RUST_"] {
-        assert!(!told.contains(noise), "{told}");
+        assert!(!message.contains(noise), "{message}");
     }
-    told.strip_prefix("ricochet: ").unwrap_or_else(|| panic!("{told}")).trim_end().to_owned()
+    message.strip_prefix("ricochet: ").unwrap_or_else(|| panic!("{message}")).trim_end().to_owned()
 }
 
 fn refused<S: AsRef<std::ffi::OsStr>>(code: i32, arguments: impl IntoIterator<Item = S>) -> String {
     line(&run(arguments), code)
 }
 
-/// A small film: the lacrosse scenario would take longer to draw than to refuse.
+/// A small recording, because the lacrosse scenario takes longer to draw than to refuse.
 fn film(rig: &Rig) -> PathBuf {
     let scenario = rig.file("drift.toml", &crate::pipeline::drift(40, 1000.0));
     let path = rig.path("film.mcap");
@@ -41,46 +41,49 @@ fn text(path: &Path) -> &str {
 const NO_FILE: &str = "No such file or directory (os error 2)";
 
 #[test]
-fn a_missing_recording_is_named_once_and_ends_with_5() {
+fn a_missing_recording_is_named_once_and_exits_with_5() {
     for command in ["info", "analyze", "replay"] {
         assert_eq!(refused(5, [command, "missing.mcap"]), format!("open missing.mcap: {NO_FILE}"), "{command}");
     }
-    let told = refused(5, ["export", "missing.mcap", "--topic", "velocity"]);
-    assert_eq!(told, format!("open missing.mcap: {NO_FILE}"));
+    let message = refused(5, ["export", "missing.mcap", "--topic", "velocity"]);
+    assert_eq!(message, format!("open missing.mcap: {NO_FILE}"));
     let rig = Rig::new();
     let config = rig.config("source = \"recording\"\nid = \"missing.mcap\"", "");
     assert_eq!(refused(5, ["run", text(&config)]), format!("open missing.mcap: {NO_FILE}"));
 }
 
 #[test]
-fn what_is_not_mcap_is_refused_at_its_byte() {
+fn a_file_that_is_not_mcap_is_refused_at_its_byte() {
     let rig = Rig::new();
     let path = rig.file("notes.mcap", "nothing of the kind\n");
     for command in ["info", "analyze", "replay"] {
-        let told = refused(5, [command, text(&path)]);
-        assert_eq!(told, format!("read {}: not an MCAP file: the magic bytes are missing at byte 0", path.display()));
+        let message = refused(5, [command, text(&path)]);
+        assert_eq!(
+            message,
+            format!("read {}: not an MCAP file: the magic bytes are missing at byte 0", path.display())
+        );
     }
 }
 
 #[test]
-fn a_recording_that_was_cut_off_is_measured_up_to_the_cut() {
+fn a_truncated_recording_is_measured_up_to_the_cut() {
     let rig = Rig::new();
     let whole = film(&rig);
     let bytes = std::fs::read(&whole).unwrap();
-    // Wherever the cut falls, also between an image and what belongs to it.
+    // The cut may fall between an image and its index.
     for share in [40, 61, 77, 90] {
         let cut = rig.path(&format!("cut-{share}.mcap"));
         std::fs::write(&cut, &bytes[..bytes.len() * share / 100]).unwrap();
         let results = rig.path(&format!("results-{share}.mcap"));
         let output = run(["analyze", text(&cut), "-o", text(&results)]);
-        let told = line(&output, 6);
-        assert!(told.starts_with("finished, but data were lost: 1; ") && told.contains(text(&cut)), "{told}");
-        assert!(told.contains("byte"), "no offset: {told}");
+        let message = line(&output, 6);
+        assert!(message.starts_with("finished, but data were lost: 1; ") && message.contains(text(&cut)), "{message}");
+        assert!(message.contains("byte"), "no offset: {message}");
         let rows = csv(&results, "velocity").lines().count() - 1;
         assert!(rows > 40 * share / 100 - 8 && rows < 40, "{rows} rows of {share} %");
-        // The command that prints a part says so as well.
-        let told = line(&run(["export", text(&cut), "--topic", "truth", "-o", text(&rig.path("truth.csv"))]), 6);
-        assert!(told.contains(text(&cut)), "{told}");
+        // `export` reports the loss as well.
+        let message = line(&run(["export", text(&cut), "--topic", "truth", "-o", text(&rig.path("truth.csv"))]), 6);
+        assert!(message.contains(text(&cut)), "{message}");
         let shots = rig.path(&format!("shots-{share}"));
         let name = format!("{}-{share}", rig.name);
         let output = run(["replay", text(&cut), "--rate", "max", "--rig", &name, "-o", text(&shots)]);
@@ -91,12 +94,12 @@ fn a_recording_that_was_cut_off_is_measured_up_to_the_cut() {
 }
 
 #[test]
-fn a_recording_without_images_is_refused_by_what_it_holds() {
+fn a_recording_without_images_is_refused_with_its_topics() {
     let rig = Rig::new();
     let empty = foreign(&rig, "empty.mcap", &[]);
     let config = rig.config("source = \"simulated\"", "");
-    let told = refused(5, ["analyze", text(&empty), "--config", text(&config)]);
-    assert_eq!(told, format!("read {}: holds no frames", empty.display()));
+    let message = refused(5, ["analyze", text(&empty), "--config", text(&config)]);
+    assert_eq!(message, format!("read {}: holds no frames", empty.display()));
     let other = rig.path("other.mcap");
     let mut writer = mcap::Writer::new(std::io::BufWriter::new(std::fs::File::create(&other).unwrap())).unwrap();
     let channel = writer.add_channel(0, "/imu", "json", &std::collections::BTreeMap::new()).unwrap();
@@ -104,33 +107,33 @@ fn a_recording_without_images_is_refused_by_what_it_holds() {
     writer.write_to_known_channel(&header, b"{}").unwrap();
     writer.finish().unwrap();
     drop(writer);
-    for told in [
+    for message in [
         refused(5, ["analyze", text(&other), "--config", text(&config)]),
         refused(5, ["replay", text(&other), "--config", text(&config)]),
     ] {
-        assert!(told.contains("no image topic") && told.contains("it holds /imu"), "{told}");
+        assert!(message.contains("no image topic") && message.contains("it holds /imu"), "{message}");
     }
 }
 
 #[test]
-fn an_image_whose_bytes_do_not_fill_it_is_refused_by_its_numbers() {
+fn an_image_with_too_few_bytes_is_refused_with_its_sizes() {
     let rig = Rig::new();
     let config = rig.config("source = \"simulated\"", "[scale]\nmm_per_px = 0.5");
     let short = foreign(&rig, "short.mcap", &[image("mono8", 64, 48, 64, 3071); 3]);
-    let told = refused(5, ["analyze", text(&short), "--config", text(&config)]);
-    assert!(told.contains("frame 0: 3071 bytes do not make 64x48 mono8 with step 64"), "{told}");
+    let message = refused(5, ["analyze", text(&short), "--config", text(&config)]);
+    assert!(message.contains("frame 0: 3071 bytes do not make 64x48 mono8 with step 64"), "{message}");
     let changes = foreign(
         &rig,
         "changes.mcap",
         &[image("mono8", 64, 48, 64, 3072), image("mono8", 64, 48, 64, 3072), image("mono8", 48, 64, 48, 3072)],
     );
-    let told = refused(2, ["analyze", text(&changes), "--config", text(&config), "-o", text(&rig.path("a.mcap"))]);
-    assert_eq!(told, "frame 2 is 48 x 64 px in a stream of 64 x 48");
-    assert!(!rig.path("a.mcap.part").exists(), "a part of the results is left behind");
+    let message = refused(2, ["analyze", text(&changes), "--config", text(&config), "-o", text(&rig.path("a.mcap"))]);
+    assert_eq!(message, "frame 2 is 48 x 64 px in a stream of 64 x 48");
+    assert!(!rig.path("a.mcap.part").exists(), "part of the results is left behind");
 }
 
 #[test]
-fn a_recording_of_others_needs_a_configuration() {
+fn a_recording_of_another_program_needs_a_configuration() {
     let rig = Rig::new();
     let path = foreign(&rig, "foreign.mcap", &[image("mono8", 64, 48, 64, 3072); 3]);
     let wanted = format!("{}: no config.toml is attached; give one with --config", path.display());
@@ -138,15 +141,15 @@ fn a_recording_of_others_needs_a_configuration() {
     assert_eq!(refused(2, ["replay", text(&path)]), wanted);
     let config = rig.config("source = \"simulated\"", "");
     let one = foreign(&rig, "one.mcap", &[image("mono8", 64, 48, 64, 3072)]);
-    let told = refused(2, ["analyze", text(&one), "--config", text(&config)]);
-    assert_eq!(told, format!("{}: no frame rate can be told; give one with --fps", one.display()));
-    let told = refused(5, ["replay", text(&one), "--config", text(&config)]);
-    assert!(told.contains(text(&one)) && told.contains("no frame rate"), "{told}");
+    let message = refused(2, ["analyze", text(&one), "--config", text(&config)]);
+    assert_eq!(message, format!("{}: no frame rate can be told; give one with --fps", one.display()));
+    let message = refused(5, ["replay", text(&one), "--config", text(&config)]);
+    assert!(message.contains(text(&one)) && message.contains("no frame rate"), "{message}");
     assert_eq!(refused(2, ["analyze", text(&one), "--fps", "0"]), "--fps 0: not a positive number");
 }
 
 #[test]
-fn a_wrong_rig_file_is_refused_by_file_line_key_value_and_range() {
+fn a_wrong_rig_file_is_refused_with_file_line_key_value_and_range() {
     let rig = Rig::new();
     for (name, content, wanted) in [
         ("broken.toml", "[camera", "line 1: not TOML: unclosed table, expected `]`"),
@@ -164,52 +167,55 @@ fn a_wrong_rig_file_is_refused_by_file_line_key_value_and_range() {
     ] {
         let path = rig.file(name, content);
         for command in ["run", "acquire", "correlate", "track"] {
-            let told = refused(2, [command, text(&path)]);
-            assert!(told.starts_with(text(&path)) && told.contains(wanted), "{command} {name}: {told}");
+            let message = refused(2, [command, text(&path)]);
+            assert!(message.starts_with(text(&path)) && message.contains(wanted), "{command} {name}: {message}");
         }
     }
-    let told = refused(2, ["run", "missing.toml"]);
-    assert_eq!(told, format!("read configuration missing.toml: {NO_FILE}"));
+    let message = refused(2, ["run", "missing.toml"]);
+    assert_eq!(message, format!("read configuration missing.toml: {NO_FILE}"));
 }
 
 #[test]
-fn an_unknown_scenario_or_experiment_is_answered_with_the_known_ones() {
+fn an_unknown_scenario_or_experiment_lists_the_known_ones() {
     let rig = Rig::new();
-    let told = refused(2, ["simulate", "golf", "-o", text(&rig.path("golf.mcap"))]);
-    assert!(told.contains("\"golf\"") && told.contains("lacrosse"), "{told}");
-    let told = refused(2, ["demo", "golf"]);
-    assert!(told.contains("\"golf\"") && told.contains("lacrosse"), "{told}");
+    let message = refused(2, ["simulate", "golf", "-o", text(&rig.path("golf.mcap"))]);
+    assert!(message.contains("\"golf\"") && message.contains("lacrosse"), "{message}");
+    let message = refused(2, ["demo", "golf"]);
+    assert!(message.contains("\"golf\"") && message.contains("lacrosse"), "{message}");
     let scenario = rig.file("bad.toml", "name = 7\n[camera\n");
-    let told = refused(2, ["simulate", text(&scenario), "-o", text(&rig.path("bad.mcap"))]);
-    assert!(told.contains(text(&scenario)), "the file is not named: {told}");
+    let message = refused(2, ["simulate", text(&scenario), "-o", text(&rig.path("bad.mcap"))]);
+    assert!(message.contains(text(&scenario)), "the file is not named: {message}");
 }
 
-/// A camera that does not exist: the network of RFC 5737 is never routed.
+/// A camera that does not exist, because the network of RFC 5737 is never routed.
 const NO_CAMERA: &str = "source = \"genicam\"\nid = \"192.0.2.7\"\nwidth_px = 64\nheight_px = 64\nframe_rate_hz = 100";
 
 #[test]
-fn a_camera_that_does_not_answer_ends_with_3() {
+fn a_camera_that_does_not_answer_exits_with_3() {
     if crate::fake_gige::aravis_or_leave_out().is_none() {
         return;
     }
     let rig = Rig::new();
     let config = rig.config(NO_CAMERA, "");
     for command in ["run", "acquire"] {
-        let told = refused(3, [command, text(&config)]);
-        assert!(told.starts_with("open camera \"192.0.2.7\": no GigE Vision camera answers"), "{command}: {told}");
+        let message = refused(3, [command, text(&config)]);
+        assert!(
+            message.starts_with("open camera \"192.0.2.7\": no GigE Vision camera answers"),
+            "{command}: {message}"
+        );
     }
 }
 
 #[test]
-fn a_machine_without_aravis_is_told_the_package() {
+fn without_aravis_the_missing_package_is_named() {
     let rig = Rig::new();
     let config = rig.config(NO_CAMERA, "");
     rig.file("libaravis-0.8.so.0", "");
     let folder = config.parent().unwrap();
     for arguments in [["run", text(&config)], ["acquire", text(&config)], ["cameras", "--json"]] {
-        let told = line(&ricochet(arguments).env("LD_LIBRARY_PATH", folder).output().unwrap(), 3);
-        assert!(told.starts_with("load libaravis-0.8.so.0: "), "{told}");
-        assert!(told.ends_with("install the package libaravis-0.8-0"), "{told}");
+        let message = line(&ricochet(arguments).env("LD_LIBRARY_PATH", folder).output().unwrap(), 3);
+        assert!(message.starts_with("load libaravis-0.8.so.0: "), "{message}");
+        assert!(message.ends_with("install the package libaravis-0.8-0"), "{message}");
     }
 }
 
@@ -217,23 +223,23 @@ fn a_machine_without_aravis_is_told_the_package() {
 fn a_role_that_the_rig_does_not_have_is_refused() {
     let rig = Rig::new();
     let config = rig.config("source = \"simulated\"", "[workers]\ncount = 2");
-    let told = refused(2, ["correlate", text(&config), "--worker", "2"]);
-    assert_eq!(told, "--worker 2: the rig has 2 workers, 0 to 1");
+    let message = refused(2, ["correlate", text(&config), "--worker", "2"]);
+    assert_eq!(message, "--worker 2: the rig has 2 workers, 0 to 1");
     let bare = rig.file("bare.toml", "[camera]\nsource = \"simulated\"\n");
-    let told = refused(2, ["record", text(&bare)]);
-    assert_eq!(told, format!("{}: there is no [record] table, so nothing is recorded", bare.display()));
+    let message = refused(2, ["record", text(&bare)]);
+    assert_eq!(message, format!("{}: there is no [record] table, so nothing is recorded", bare.display()));
 }
 
 #[test]
-fn an_unknown_topic_or_format_is_answered_with_the_known_ones() {
+fn an_unknown_topic_or_format_lists_the_known_ones() {
     let rig = Rig::new();
     let path = film(&rig);
-    let told = refused(2, ["export", text(&path), "--topic", "speed"]);
-    assert_eq!(told, "--topic speed: not one of velocity, field, track, impact, truth, truth_impact, events");
-    let told = refused(2, ["export", text(&path), "--topic", "truth", "--format", "xls"]);
-    assert_eq!(told, "--format xls: not one of csv, parquet, npz, png, mp4, gif, mcap, ros2");
-    let told = refused(2, ["listen", "speed"]);
-    assert_eq!(told, "topic \"speed\" is not one of field, track, velocity, impact, status, events");
+    let message = refused(2, ["export", text(&path), "--topic", "speed"]);
+    assert_eq!(message, "--topic speed: not one of velocity, field, track, impact, truth, truth_impact, events");
+    let message = refused(2, ["export", text(&path), "--topic", "truth", "--format", "xls"]);
+    assert_eq!(message, "--format xls: not one of csv, parquet, npz, png, mp4, gif, mcap, ros2");
+    let message = refused(2, ["listen", "speed"]);
+    assert_eq!(message, "topic \"speed\" is not one of field, track, velocity, impact, status, events");
 }
 
 #[test]
@@ -250,33 +256,33 @@ fn no_recording_is_ever_overwritten() {
         (2, &["export", taken, "--topic", "truth", "-o", taken]),
         (2, &["field", taken, "other.bmp", "-o", taken]),
     ] {
-        let told = refused(code, arguments);
-        assert!(told.contains(taken), "{told}");
+        let message = refused(code, arguments);
+        assert!(message.contains(taken), "{message}");
         assert!(std::fs::read(&path).unwrap() == before, "{arguments:?} changed the file");
     }
 }
 
 #[test]
-fn a_folder_that_cannot_be_written_is_named_before_anything_starts() {
+fn an_unwritable_directory_is_named_before_anything_starts() {
     let rig = Rig::new();
     let scenario = rig.file("drift.toml", &crate::pipeline::drift(40, 1000.0));
-    // A file where a folder should be stops root too.
+    // A file in place of a directory stops root too.
     let blocked = rig.file("blocked", "").join("shots");
     let config = rig.file(
         "blocked.toml",
         &format!("[camera]\nsource = \"simulated\"\n[record]\ndirectory = \"{}\"\n", blocked.display()),
     );
-    let told = refused(5, ["run", text(&config)]);
-    assert_eq!(told, format!("create {}: Not a directory (os error 20)", blocked.display()));
-    let told = refused(5, ["record", text(&config)]);
-    assert_eq!(told, format!("create {}: Not a directory (os error 20)", blocked.display()));
+    let message = refused(5, ["run", text(&config)]);
+    assert_eq!(message, format!("create {}: Not a directory (os error 20)", blocked.display()));
+    let message = refused(5, ["record", text(&config)]);
+    assert_eq!(message, format!("create {}: Not a directory (os error 20)", blocked.display()));
     let output = blocked.join("film.mcap");
-    let told = refused(5, ["simulate", text(&scenario), "-o", text(&output)]);
-    assert!(told.starts_with(&format!("create {}", output.display())), "{told}");
+    let message = refused(5, ["simulate", text(&scenario), "-o", text(&output)]);
+    assert!(message.starts_with(&format!("create {}", output.display())), "{message}");
 }
 
-/// A picture in the simplest format there is.
-fn picture(rig: &Rig, name: &str, width: usize, height: usize) -> PathBuf {
+/// Writes an image in the simplest format.
+fn image_file(rig: &Rig, name: &str, width: usize, height: usize) -> PathBuf {
     let path = rig.path(name);
     let mut bytes = format!("P5 {width} {height} 255\n").into_bytes();
     bytes.extend((0..width * height).map(|index| (index * 37 % 251) as u8));
@@ -285,43 +291,43 @@ fn picture(rig: &Rig, name: &str, width: usize, height: usize) -> PathBuf {
 }
 
 #[test]
-fn images_that_make_no_field_are_refused_by_their_sizes() {
+fn images_that_do_not_match_are_refused_with_their_sizes() {
     let rig = Rig::new();
-    let (small, large) = (picture(&rig, "small.pgm", 40, 30), picture(&rig, "large.pgm", 80, 60));
-    let told = refused(2, ["field", text(&small), text(&large)]);
+    let (small, large) = (image_file(&rig, "small.pgm", 40, 30), image_file(&rig, "large.pgm", 80, 60));
+    let message = refused(2, ["field", text(&small), text(&large)]);
     assert_eq!(
-        told,
+        message,
         format!("{} is 40 x 30 px, {} is 80 x 60 px: both images need one size", small.display(), large.display())
     );
-    let told = refused(2, ["field", text(&small), text(&small), "--subset", "61"]);
-    assert!(told.contains("61") && told.contains("40 x 30"), "{told}");
-    let told = refused(2, ["field", text(&small), text(&small), "--subset", "20"]);
-    assert!(told.contains("subset") && told.contains("20") && told.contains("odd"), "{told}");
-    let told = refused(2, ["field", text(&large), text(&large), "--roi", "70,0,20,20"]);
-    assert!(told.contains("--roi [70, 0, 20, 20]") && told.contains("80 x 60"), "{told}");
+    let message = refused(2, ["field", text(&small), text(&small), "--subset", "61"]);
+    assert!(message.contains("61") && message.contains("40 x 30"), "{message}");
+    let message = refused(2, ["field", text(&small), text(&small), "--subset", "20"]);
+    assert!(message.contains("subset") && message.contains("20") && message.contains("odd"), "{message}");
+    let message = refused(2, ["field", text(&large), text(&large), "--roi", "70,0,20,20"]);
+    assert!(message.contains("--roi [70, 0, 20, 20]") && message.contains("80 x 60"), "{message}");
     let notes = rig.file("notes.bmp", "no picture");
-    let told = refused(5, ["field", text(&notes), text(&small)]);
-    assert!(told.starts_with(&format!("read {}: ", notes.display())), "{told}");
-    let told = refused(5, ["field", "missing.bmp", text(&small)]);
-    assert_eq!(told, format!("read missing.bmp: {NO_FILE}"));
+    let message = refused(5, ["field", text(&notes), text(&small)]);
+    assert!(message.starts_with(&format!("read {}: ", notes.display())), "{message}");
+    let message = refused(5, ["field", "missing.bmp", text(&small)]);
+    assert_eq!(message, format!("read missing.bmp: {NO_FILE}"));
 }
 
 #[test]
-fn footage_that_is_none_is_refused_with_its_name() {
+fn a_file_that_is_no_footage_is_refused_with_its_name() {
     let rig = Rig::new();
     let config = rig.config("source = \"simulated\"", "");
     let notes = rig.file("notes.tif", "no picture");
     let output = rig.path("film.mcap");
-    let told = refused(5, ["import", text(&notes), "--fps", "100", "-o", text(&output)]);
-    assert!(told.contains(text(&notes)), "{told}");
-    let told = refused(5, ["analyze", text(&notes), "--fps", "100", "--config", text(&config)]);
-    assert!(told.contains(text(&notes)), "{told}");
-    let told = refused(2, ["import", text(&picture(&rig, "a.pgm", 40, 30)), "-o", text(&output)]);
-    assert!(told.contains("frame rate"), "{told}");
+    let message = refused(5, ["import", text(&notes), "--fps", "100", "-o", text(&output)]);
+    assert!(message.contains(text(&notes)), "{message}");
+    let message = refused(5, ["analyze", text(&notes), "--fps", "100", "--config", text(&config)]);
+    assert!(message.contains(text(&notes)), "{message}");
+    let message = refused(2, ["import", text(&image_file(&rig, "a.pgm", 40, 30)), "-o", text(&output)]);
+    assert!(message.contains("frame rate"), "{message}");
 }
 
 #[test]
-fn who_asks_a_rig_that_does_not_run_hears_so() {
+fn a_request_to_a_rig_that_does_not_run_is_refused() {
     for arguments in [
         ["listen", "velocity", "--rig", "nobody"].as_slice(),
         &["status", "--rig", "nobody"],
@@ -329,13 +335,13 @@ fn who_asks_a_rig_that_does_not_run_hears_so() {
         &["arm", "--rig", "nobody"],
         &["disarm", "--rig", "nobody"],
     ] {
-        let told = refused(4, arguments);
-        assert!(told.starts_with("no rig named \"nobody\" is running"), "{told}");
+        let message = refused(4, arguments);
+        assert!(message.starts_with("no rig named \"nobody\" is running"), "{message}");
     }
 }
 
 #[test]
-fn a_wrong_option_is_told_in_one_line() {
+fn a_wrong_option_is_reported_in_one_line() {
     for (arguments, wanted) in [
         (["replay", "film.mcap", "--rate", "0"].as_slice(), "\"0\" is neither `max` nor a number from 0.001 to 1000"),
         (&["analyze", "film.mcap", "--workers", "65"], "65 is not in 1..=64"),
@@ -343,8 +349,8 @@ fn a_wrong_option_is_told_in_one_line() {
         (&["field", "a.bmp", "b.bmp", "--roi", "1,2,3"], "four whole numbers of pixels, x,y,width,height"),
         (&["inspect"], "unrecognized subcommand 'inspect'"),
     ] {
-        let told = refused(2, arguments);
-        assert!(told.contains(wanted) && told.ends_with("--help`"), "{told}");
+        let message = refused(2, arguments);
+        assert!(message.contains(wanted) && message.ends_with("--help`"), "{message}");
     }
 }
 
@@ -367,28 +373,28 @@ fn the_help_of_every_command_has_an_example_of_it() {
 }
 
 #[test]
-fn a_closed_standard_output_is_no_reason_to_panic() {
+fn a_closed_standard_output_does_not_panic() {
     let rig = Rig::new();
     let path = film(&rig);
     let program = env!("CARGO_BIN_EXE_ricochet");
     let script = format!("{program} export {} --topic truth | head -n 1; exit ${{PIPESTATUS[0]}}", path.display());
     let output = Command::new("bash").args(["-c", &script]).output().unwrap();
-    let told = String::from_utf8(output.stderr).unwrap();
-    assert!(!told.contains("panicked"), "{told}");
+    let message = String::from_utf8(output.stderr).unwrap();
+    assert!(!message.contains("panicked"), "{message}");
 }
 
 #[test]
-fn a_part_of_a_film_that_cannot_be_is_refused() {
+fn an_impossible_part_of_a_recording_is_refused() {
     let rig = Rig::new();
     let film = film(&rig);
     for command in ["replay", "analyze"] {
-        let told = refused(2, [command, text(&film), "--from", "0.3", "--to", "0.2"]);
-        assert_eq!(told, "--to 0.2: not behind --from, 0.3 s");
-        let told = refused(2, [command, text(&film), "--from", "nan"]);
-        assert_eq!(told, "--from NaN: not a number of seconds from 0 to 1000000");
+        let message = refused(2, [command, text(&film), "--from", "0.3", "--to", "0.2"]);
+        assert_eq!(message, "--to 0.2: not behind --from, 0.3 s");
+        let message = refused(2, [command, text(&film), "--from", "nan"]);
+        assert_eq!(message, "--from NaN: not a number of seconds from 0 to 1000000");
     }
-    let told = refused(2, ["replay", text(&film), "--from", "1000"]);
-    assert!(told.starts_with("--from 1000: the last frame lies at "), "{told}");
+    let message = refused(2, ["replay", text(&film), "--from", "1000"]);
+    assert!(message.starts_with("--from 1000: the last frame lies at "), "{message}");
     refused(2, ["analyze", text(&film), "--from", "1000"]);
     refused(2, ["replay", text(&film), "--loop=0"]);
 }

@@ -1,4 +1,4 @@
-//! Films of cameras that expose the rows of a frame one after another.
+//! Recordings of cameras with a rolling shutter.
 
 use ricochet::camera::simulated::{meta, stream_format};
 use ricochet::config::Config;
@@ -13,14 +13,14 @@ const LACROSSE: &str = include_str!("../../config/lacrosse.toml");
 const TENNIS: &str = include_str!("../../config/tennis.toml");
 const ROD: &str = include_str!("../../config/rod.toml");
 
-/// A film all of whose rows are read within this share of a frame's time, upwards below 0.
-struct Film {
+/// A recording whose rows are read within `share` of a frame's time; upwards if negative.
+struct Recording {
     world: World,
     pictures: Vec<Vec<u8>>,
     row_time_us: f64,
 }
 
-impl Film {
+impl Recording {
     fn new(scenario: Scenario, share: f64) -> Self {
         let mut scenario = scenario;
         let camera = &mut scenario.camera;
@@ -40,23 +40,23 @@ impl Film {
         Self::new(Scenario { seed: 71, ..Scenario::built_in(name).unwrap() }, share)
     }
 
-    fn untold(&self, rig: &str) -> Off {
-        Off::of(&self.world, &rows_of_pictures(self.pictures.iter().cloned(), &self.world, rig))
+    fn uncorrected(&self, rig: &str) -> Errors {
+        Errors::of(&self.world, &rows_of_pictures(self.pictures.iter().cloned(), &self.world, rig))
     }
 
-    fn told(&self, rig: &str) -> Off {
-        self.untold(&self.tells(rig))
+    fn corrected(&self, rig: &str) -> Errors {
+        self.uncorrected(&self.with_row_time(rig))
     }
 
-    fn tells(&self, rig: &str) -> String {
+    fn with_row_time(&self, rig: &str) -> String {
         rig.replacen("[camera]", &format!("[camera]\nrow_time_us = {}", self.row_time_us), 1)
     }
 }
 
-/// How far off a film's rows are.
+/// Errors of the rows of a recording, in their sigmas unless the name says otherwise.
 #[derive(Debug, Default)]
-struct Off {
-    /// Velocities, in their sigmas: root mean square and the worst.
+struct Errors {
+    /// Velocities: root mean square and maximum.
     rms: f64,
     worst: f64,
     /// Spins.
@@ -64,39 +64,40 @@ struct Off {
     spin_worst: f64,
     /// Centres.
     center_worst: f64,
-    /// Radii, px: the mean.
+    /// Mean of the radii, px.
     radius_px: f64,
-    /// Numbers of the impact: the worst, and its name.
+    /// Numbers of the impact: maximum, and the name of that number.
     impact: f64,
     name: String,
-    /// Velocities there are.
+    /// Number of velocities.
     count: usize,
 }
 
-impl Off {
+impl Errors {
     fn of(world: &World, rows: &TrackerRows) -> Self {
         let (mut off, mut spins, mut radii, mut seen) = (Self::default(), 0, 0.0, 0.0);
         for (row, track) in rows.velocities.iter().zip(&rows.tracks) {
             let truth = world.truths(row.frame)[row.body as usize];
-            if let (Some(told), Some(truth)) = (row.velocity, truth.velocity) {
-                let pulls = [told.vx_m_s - truth.vx_m_s, told.vy_m_s - truth.vy_m_s].map(|off| off / told.sigma_v_m_s);
+            if let (Some(measured), Some(truth)) = (row.velocity, truth.velocity) {
+                let pulls = [measured.vx_m_s - truth.vx_m_s, measured.vy_m_s - truth.vy_m_s]
+                    .map(|off| off / measured.sigma_v_m_s);
                 off.rms += 0.5 * pulls.iter().map(|pull| pull * pull).sum::<f64>();
                 off.worst = pulls.iter().fold(off.worst, |worst, pull| worst.max(pull.abs()));
                 off.count += 1;
                 if truth.omega_rad_s.abs() > 0.0 || world.truth(0).radius_px.is_some() {
-                    let pull = ((told.omega_rad_s - truth.omega_rad_s) / told.sigma_omega_rad_s).abs();
+                    let pull = ((measured.omega_rad_s - truth.omega_rad_s) / measured.sigma_omega_rad_s).abs();
                     off.spin_rms += pull * pull;
                     off.spin_worst = off.spin_worst.max(pull);
                     spins += 1;
                 }
             }
-            if let (Some(told), Some(sigma), Some(truth)) =
+            if let (Some(measured), Some(sigma), Some(truth)) =
                 (track.center_y_px, track.sigma_center_px, truth.center_y_px)
             {
-                off.center_worst = off.center_worst.max(((told - truth) / sigma).abs());
+                off.center_worst = off.center_worst.max(((measured - truth) / sigma).abs());
             }
-            if let (Some(told), Some(truth)) = (track.radius_px, truth.radius_px) {
-                radii += told - truth;
+            if let (Some(measured), Some(truth)) = (track.radius_px, truth.radius_px) {
+                radii += measured - truth;
                 seen += 1.0;
             }
         }
@@ -104,9 +105,11 @@ impl Off {
         off.spin_rms = (off.spin_rms / f64::from(spins.max(1))).sqrt();
         off.radius_px = radii / f64::max(seen, 1.0);
         let truth = world.impact().map(|impact| impact.numbers());
-        let told = rows.impacts.last().map(|impact| impact.numbers());
-        for ((name, told), (_, truth)) in told.into_iter().flatten().zip(truth.into_iter().flatten()) {
-            let Some(pull) = told.zip(truth).map(|(told, truth)| (told.value - truth.value) / told.sigma) else {
+        let measured = rows.impacts.last().map(|impact| impact.numbers());
+        for ((name, measured), (_, truth)) in measured.into_iter().flatten().zip(truth.into_iter().flatten()) {
+            let Some(pull) =
+                measured.zip(truth).map(|(measured, truth)| (measured.value - truth.value) / measured.sigma)
+            else {
                 continue;
             };
             if pull.abs() > off.impact {
@@ -116,9 +119,9 @@ impl Off {
         off
     }
 
-    fn say(&self, what: &str) {
+    fn print(&self, what: &str) {
         println!(
-            "{what}: {} velocities off by {:.2} sigmas rms, {:.1} at most; spins {:.2}, {:.1}; centres {:.1} at most; \
+            "{what}: {} velocities, errors {:.2} sigma rms, {:.1} max; spins {:.2}, {:.1}; centres {:.1} max; \
              radius {:+.3} px; impact {:.1} ({})",
             self.count,
             self.rms,
@@ -132,15 +135,15 @@ impl Off {
         );
     }
 
-    /// Whether sigmas tell how far off everything is.
-    fn is_honest(&self) -> bool {
+    /// Whether the sigmas cover the errors.
+    fn are_covered_by_sigmas(&self) -> bool {
         self.rms < 1.3 && self.worst < 4.5 && self.spin_rms < 1.5 && self.center_worst < 4.0 && self.impact < 4.0
     }
 }
 
-/// Untold, velocities were off by up to 114 sigmas and moments of impacts by up to 570.
+/// Without the row time, velocities were off by up to 114 sigma and contact times by up to 570.
 #[test]
-fn what_a_rolling_shutter_does_to_balls_that_strike_is_taken_out_once_it_is_told() {
+fn the_effect_of_a_rolling_shutter_on_impacts_is_removed_when_the_row_time_is_known() {
     for (name, rig, share) in [
         ("lacrosse", LACROSSE, 0.1),
         ("lacrosse", LACROSSE, 0.95),
@@ -148,29 +151,29 @@ fn what_a_rolling_shutter_does_to_balls_that_strike_is_taken_out_once_it_is_told
         ("tennis", TENNIS, 0.3),
         ("tennis", TENNIS, 0.95),
     ] {
-        let film = Film::built_in(name, share);
-        let told = film.told(rig);
-        told.say(&format!("{name}, rows read in {share} of a frame, told"));
-        assert!(told.is_honest() && told.count == film.pictures.len(), "{told:?}");
-        assert!(told.radius_px.abs() < 0.03, "{told:?}");
+        let film = Recording::built_in(name, share);
+        let corrected = film.corrected(rig);
+        corrected.print(&format!("{name}, rows read in {share} of a frame, corrected"));
+        assert!(corrected.are_covered_by_sigmas() && corrected.count == film.pictures.len(), "{corrected:?}");
+        assert!(corrected.radius_px.abs() < 0.03, "{corrected:?}");
         if share > 0.9 {
-            let untold = film.untold(rig);
-            untold.say("untold");
-            assert!(untold.worst > 10.0, "{untold:?}");
+            let uncorrected = film.uncorrected(rig);
+            uncorrected.print("uncorrected");
+            assert!(uncorrected.worst > 10.0, "{uncorrected:?}");
         }
     }
 }
 
 #[test]
 fn a_rod_is_as_fast_as_if_all_rows_were_exposed_at_once() {
-    let still = Film::built_in("rod", 0.0).untold(ROD);
-    still.say("rod, rows read at once");
-    let film = Film::built_in("rod", 0.95);
-    let (told, untold) = (film.told(ROD), film.untold(ROD));
-    told.say("rod, rows read in 0.95 of a frame, told");
-    untold.say("untold");
-    assert!(told.rms < 1.3 && told.worst < still.worst.max(4.0) && told.impact < 4.0, "{told:?}");
-    assert!(untold.rms > 1.4 * told.rms && untold.impact > 20.0, "{untold:?}");
+    let still = Recording::built_in("rod", 0.0).uncorrected(ROD);
+    still.print("rod, rows read at once");
+    let film = Recording::built_in("rod", 0.95);
+    let (corrected, uncorrected) = (film.corrected(ROD), film.uncorrected(ROD));
+    corrected.print("rod, rows read in 0.95 of a frame, corrected");
+    uncorrected.print("uncorrected");
+    assert!(corrected.rms < 1.3 && corrected.worst < still.worst.max(4.0) && corrected.impact < 4.0, "{corrected:?}");
+    assert!(uncorrected.rms > 1.4 * corrected.rms && uncorrected.impact > 20.0, "{uncorrected:?}");
 }
 
 #[test]
@@ -178,23 +181,23 @@ fn each_of_two_balls_is_timed_by_its_own_rows() {
     let rig = "[camera]\nsource = \"simulated\"\n[scale]\nmm_per_px = 1.0\n[[body]]\nname = \"left\"\ndiameter_mm = 63.25\n\
                roi_px = [0, 0, 140, 192]\n[[body]]\nname = \"right\"\ndiameter_mm = 63.25\nroi_px = [110, 0, 146, 192]\n\
                [velocity]\ngravity_m_s2 = 0\n";
-    let still = Film::built_in("pair", 0.0).untold(rig);
-    still.say("pair, rows read at once");
-    let film = Film::built_in("pair", -0.9);
-    let (told, untold) = (film.told(rig), film.untold(rig));
-    told.say("pair, rows read upwards in 0.9 of a frame, told");
-    untold.say("untold");
-    // Rows of the frame in which they are kicked show both sides of it, of which nobody tells the fit: 5 sigmas, once.
-    assert!(told.rms < still.rms.max(1.0) && told.worst < 6.0, "{told:?} {still:?}");
-    assert!(told.count >= still.count && untold.rms > 4.0 * told.rms, "{told:?} {untold:?}");
+    let still = Recording::built_in("pair", 0.0).uncorrected(rig);
+    still.print("two balls, rows read at once");
+    let film = Recording::built_in("pair", -0.9);
+    let (corrected, uncorrected) = (film.corrected(rig), film.uncorrected(rig));
+    corrected.print("two balls, rows read upwards in 0.9 of a frame, corrected");
+    uncorrected.print("uncorrected");
+    // The rows of the frame in which they are kicked show both sides of the kick, which the fit cannot know: 5 sigma, once.
+    assert!(corrected.rms < still.rms.max(1.0) && corrected.worst < 6.0, "{corrected:?} {still:?}");
+    assert!(corrected.count >= still.count && uncorrected.rms > 4.0 * corrected.rms, "{corrected:?} {uncorrected:?}");
 }
 
-/// Nothing falls.
+/// A rig without gravity.
 fn free_rig() -> String {
     level_rig(0.5) + "[velocity]\ngravity_m_s2 = 0\n"
 }
 
-/// A ball that crosses the picture, turns, and leaves.
+/// A ball that crosses the image, rotates, and leaves.
 fn spun(speed_px: [f64; 2], omega_deg_frame: f64, start_px: [f64; 2], frames: u64) -> Scenario {
     let mut scenario = Scenario::translation(speed_px[0], speed_px[1], omega_deg_frame);
     (scenario.camera.frames, scenario.camera.width_px, scenario.camera.height_px) = (frames, 280, 280);
@@ -206,7 +209,7 @@ fn spun(speed_px: [f64; 2], omega_deg_frame: f64, start_px: [f64; 2], frames: u6
 }
 
 #[test]
-fn each_row_of_a_film_is_drawn_of_its_own_moment() {
+fn each_row_is_drawn_at_its_own_time() {
     let speed_px = [1.3, 4.1];
     for share in [0.8, -0.8] {
         let rolled = |start_px| {
@@ -216,7 +219,7 @@ fn each_row_of_a_film_is_drawn_of_its_own_moment() {
         };
         let picture = rolled([140.0, 110.0]);
         for row in [60, 110, 150] {
-            // A row that is exposed later shows what a ball further on its way shows at once.
+            // A row that is exposed later equals that row of a frame taken then.
             let later = share / 280.0 * (row as f64 - if share < 0.0 { 279.0 } else { 0.0 });
             let start_px = [140.0 + later * speed_px[0], 110.0 + later * speed_px[1]];
             let at_once = World::new(&spun(speed_px, 0.0, start_px, 3)).unwrap().render_light(1);
@@ -231,45 +234,47 @@ fn each_row_of_a_film_is_drawn_of_its_own_moment() {
 }
 
 #[test]
-fn a_ball_that_turns_fast_and_leaves_is_told_neither_to_sink_nor_to_slow_down() {
-    let film = Film::new(spun([1.3, 4.1], 3.0, [110.0, 75.0], 44), 0.9);
+fn a_ball_that_spins_fast_and_leaves_neither_sinks_nor_slows_down() {
+    let film = Recording::new(spun([1.3, 4.1], 3.0, [110.0, 75.0], 44), 0.9);
     let rig = free_rig();
-    let (told, untold) = (film.told(&rig), film.untold(&rig));
-    told.say("turns and leaves, told");
-    untold.say("untold");
-    // Over several intervals at once.
-    let several = film.told(&format!("{rig}[correlation]\ninterval_frames = [1, 3]\n"));
-    several.say("over one and three frames, told");
-    for told in [told, several] {
-        assert!(told.is_honest() && told.count > 36, "{told:?}");
+    let (corrected, uncorrected) = (film.corrected(&rig), film.uncorrected(&rig));
+    corrected.print("spins and leaves, corrected");
+    uncorrected.print("uncorrected");
+    // Several intervals together.
+    let several = film.corrected(&format!("{rig}[correlation]\ninterval_frames = [1, 3]\n"));
+    several.print("over one and three frames, corrected");
+    for corrected in [corrected, several] {
+        assert!(corrected.are_covered_by_sigmas() && corrected.count > 36, "{corrected:?}");
     }
-    assert!(untold.worst > 5.0, "{untold:?}");
+    assert!(uncorrected.worst > 5.0, "{uncorrected:?}");
 }
 
-/// Rows are those of the recorded picture, whatever a calibration makes of it.
+/// A calibration that turns the image leaves each row at the time at which it was read.
 #[test]
-fn a_picture_that_is_turned_by_its_calibration_has_its_rows_where_they_were_read() {
-    let film = Film::new(spun([-2.3, 3.7], 0.7, [170.0, 80.0], 30), 0.9);
+fn an_image_turned_by_its_calibration_keeps_the_times_of_its_rows() {
+    let film = Recording::new(spun([-2.3, 3.7], 0.7, [170.0, 80.0], 30), 0.9);
     let table = "[calibration]\nimage_px = [280, 280]\nhomography_mm = [-0.5, 0, 139.5, 0, -0.5, 139.5, 0, 0, 1]\n";
     let rig = free_rig().replace("[scale]\nmm_per_px = 0.5\n", "") + table;
-    let rows = rows_of_pictures(film.pictures.iter().cloned(), &film.world, &film.tells(&rig));
+    let rows = rows_of_pictures(film.pictures.iter().cloned(), &film.world, &film.with_row_time(&rig));
     let mut pulls = Vec::new();
     for row in &rows.velocities {
-        let (Some(told), Some(truth)) = (row.velocity, film.world.truth(row.frame).velocity) else { continue };
-        pulls
-            .extend([told.vx_m_s - truth.vx_m_s, told.vy_m_s - truth.vy_m_s].map(|off| (off / told.sigma_v_m_s).abs()));
+        let (Some(measured), Some(truth)) = (row.velocity, film.world.truth(row.frame).velocity) else { continue };
+        pulls.extend(
+            [measured.vx_m_s - truth.vx_m_s, measured.vy_m_s - truth.vy_m_s]
+                .map(|off| (off / measured.sigma_v_m_s).abs()),
+        );
     }
     let worst = pulls.iter().copied().fold(0.0, f64::max);
-    println!("turned upside down: {} velocities, {worst:.1} sigmas at most", pulls.len() / 2);
+    println!("turned upside down: {} velocities, {worst:.1} sigma max", pulls.len() / 2);
     assert!(pulls.len() > 50 && worst < 4.5, "{pulls:?}");
 }
 
 #[test]
-fn a_trigger_on_speed_knows_how_fast_a_body_crosses_the_rows() {
-    let film = Film::new(spun([0.2, 2.5], 0.1, [140.3, 75.2], 20), 0.9);
+fn a_speed_trigger_corrects_for_the_rolling_shutter() {
+    let film = Recording::new(spun([0.2, 2.5], 0.1, [140.3, 75.2], 20), 0.9);
     let rig = free_rig() + "[trigger]\nmode = \"speed\"\nspeed_m_s = 10\n";
     let format = stream_format(&film.world);
-    let told = |rig: &str| {
+    let speed_of = |rig: &str| {
         let config = Config::parse(rig, "rig.toml").unwrap();
         let mut measurer = Measurer::new(&analysis_params(&config, &format).0, Share::ALL, 280, 280).unwrap();
         let mut trigger = config.measured_trigger(format.frame_rate_hz, format.exposure_us).unwrap();
@@ -284,7 +289,7 @@ fn a_trigger_on_speed_knows_how_fast_a_body_crosses_the_rows() {
         (numbers[0], numbers[1])
     };
     let truth = 0.2_f64.hypot(2.5) * 5.0;
-    let ((speed, sigma), (untold, _)) = (told(&film.tells(&rig)), told(&rig));
+    let ((speed, sigma), (uncorrected, _)) = (speed_of(&film.with_row_time(&rig)), speed_of(&rig));
     assert!((speed - truth).abs() < 4.0 * sigma.max(0.002), "{speed} for {truth}");
-    assert!(untold - truth > 0.006 * truth, "{untold} for {truth}");
+    assert!(uncorrected - truth > 0.006 * truth, "{uncorrected} for {truth}");
 }

@@ -7,12 +7,12 @@ use std::sync::atomic::{AtomicU32, Ordering};
 use std::time::{Duration, Instant};
 use tempfile::TempDir;
 
-/// Only a failing test waits this long.
+/// The longest wait of a failing test.
 const PATIENCE: Duration = Duration::from_secs(90);
 
 static RIGS: AtomicU32 = AtomicU32::new(0);
 
-/// A rig of its own.
+/// A rig with its own name and directory.
 pub struct Rig {
     pub name: String,
     directory: TempDir,
@@ -28,14 +28,14 @@ impl Rig {
         self.directory.path().join(name)
     }
 
-    /// Writes a file and gives its path.
+    /// Writes a file and returns its path.
     pub fn file(&self, name: &str, text: &str) -> PathBuf {
         let path = self.path(name);
         std::fs::write(&path, text).unwrap();
         path
     }
 
-    /// A rig file of this rig; recordings go to the directory `shots`.
+    /// Writes a rig file whose recordings go to the directory `shots`.
     pub fn config(&self, camera: &str, rest: &str) -> PathBuf {
         let (name, shots) = (&self.name, self.path("shots"));
         let text = format!(
@@ -45,7 +45,7 @@ impl Rig {
         self.file("rig.toml", &text)
     }
 
-    /// The recordings made so far, oldest name first.
+    /// The recordings made so far, sorted by name.
     pub fn recordings(&self) -> Vec<PathBuf> {
         let Ok(entries) = std::fs::read_dir(self.path("shots")) else { return Vec::new() };
         let mut paths: Vec<PathBuf> = entries.map(|entry| entry.unwrap().path()).collect();
@@ -62,36 +62,36 @@ pub fn ricochet<S: AsRef<std::ffi::OsStr>>(arguments: impl IntoIterator<Item = S
     command
 }
 
-/// Runs it to its end.
+/// Runs the program to its end.
 pub fn run<S: AsRef<std::ffi::OsStr>>(arguments: impl IntoIterator<Item = S>) -> Output {
     ricochet(arguments).output().unwrap()
 }
 
-/// Runs it to its end, which must be a clean one; gives its standard output.
+/// Runs the program, which must succeed, and returns its standard output.
 pub fn succeed<S: AsRef<std::ffi::OsStr>>(arguments: impl IntoIterator<Item = S>) -> String {
     let output = run(arguments);
     assert!(output.status.success(), "{}: {}", output.status, String::from_utf8_lossy(&output.stderr));
     String::from_utf8(output.stdout).unwrap()
 }
 
-/// A topic of a recording as CSV.
+/// Exports a topic of a recording as CSV.
 pub fn csv(recording: &Path, topic: &str) -> String {
     succeed(["export".as_ref(), recording.as_os_str(), "--topic".as_ref(), topic.as_ref()])
 }
 
-/// Waits for something under a watchdog.
+/// Waits until a condition returns something, or fails after [`PATIENCE`].
 pub fn wait_until<T>(what: &str, mut condition: impl FnMut() -> Option<T>) -> T {
     let started = Instant::now();
     loop {
         if let Some(value) = condition() {
             return value;
         }
-        assert!(started.elapsed() < PATIENCE, "waited in vain until {what}");
+        assert!(started.elapsed() < PATIENCE, "timed out waiting until {what}");
         std::thread::sleep(Duration::from_millis(5));
     }
 }
 
-/// A program in the background; killed when it is still there at the end of the test.
+/// A program in the background, killed at the end of the test if it still runs.
 pub struct Background(pub Child);
 
 impl Background {
@@ -103,7 +103,7 @@ impl Background {
         kill(self.0.id(), signal);
     }
 
-    /// Waits for its end; gives exit code, standard output and standard error.
+    /// Waits for the end of the program and returns exit code, standard output and standard error.
     pub fn end(mut self) -> (Option<i32>, String, String) {
         use std::io::Read;
         let read = |pipe: &mut dyn Read| {
@@ -130,7 +130,7 @@ impl Drop for Background {
     }
 }
 
-/// Sends a signal to a process of a test's rig.
+/// Sends a signal to a process of a rig.
 pub fn kill(pid: u32, signal: i32) {
     let sent = Command::new("kill").args([format!("-{signal}"), pid.to_string()]).status().unwrap();
     assert!(sent.success(), "kill -{signal} {pid}");
@@ -153,16 +153,16 @@ pub fn frames(path: &Path) -> Vec<(ricochet::image::FrameMeta, Vec<u8>)> {
     Recording::open(path).unwrap().frames().unwrap().map(Result::unwrap).collect()
 }
 
-/// Runs a Python script with the packages that read recordings; says that it was left out where they are missing.
+/// Runs a Python script with the packages that read recordings, or reports that the test was left out without them.
 pub fn python(script: &str, arguments: &[&Path]) -> Option<String> {
     let importable = Command::new("python3").args(["-c", "import mcap, mcap_protobuf, mcap_ros2, numpy"]).output();
     if !importable.is_ok_and(|output| output.status.success()) {
         let required = is_required("PYTHON");
         assert!(
             !required,
-            "python3 with mcap, mcap-protobuf-support, mcap-ros2-support and numpy is required and not there"
+            "python3 with mcap, mcap-protobuf-support, mcap-ros2-support and numpy is required but not installed"
         );
-        eprintln!("left out: python3 with mcap, mcap-protobuf-support, mcap-ros2-support and numpy is not there");
+        eprintln!("left out: python3 with mcap, mcap-protobuf-support, mcap-ros2-support and numpy is not installed");
         return None;
     }
     let output = Command::new("python3").arg("-c").arg(script).args(arguments).output().unwrap();
@@ -170,7 +170,7 @@ pub fn python(script: &str, arguments: &[&Path]) -> Option<String> {
     Some(String::from_utf8(output.stdout).unwrap())
 }
 
-/// Whether `RICOCHET_REQUIRE_name` asks a test to fail where what it needs is missing.
+/// Whether `RICOCHET_REQUIRE_name` makes a test fail when what it needs is missing.
 pub fn is_required(name: &str) -> bool {
     std::env::var_os(format!("RICOCHET_REQUIRE_{name}")).is_some_and(|value| value == "1")
 }
