@@ -1,4 +1,4 @@
-//! The ball finder against drawn balls whose circle is known.
+//! The ball finder against drawn balls with known circles.
 
 #![expect(clippy::unwrap_used, clippy::print_stdout, reason = "a test fails by unwrapping and prints what it measured")]
 
@@ -34,7 +34,7 @@ fn hard_scenes(bright: bool, hidden: f64, seeds: std::ops::Range<u64>) -> Tally 
     tally
 }
 
-/// A lacrosse-like frame: dense dark speckle, the ground nearly as dark, a flat surface that the ball touches.
+/// A lacrosse-like image: dense dark speckle, a background nearly as dark, and a flat surface that the ball touches.
 fn lacrosse(seed: u64, surface: f64) -> Scene {
     let mut r = Random(seed);
     Scene {
@@ -62,7 +62,7 @@ fn lacrosse(seed: u64, surface: f64) -> Scene {
 }
 
 #[test]
-fn hard_scenes_are_measured_or_refused_never_wrong() {
+fn hard_scenes_are_measured_or_refused_but_never_wrong() {
     let mut all = Tally::default();
     for (bright, hidden, limit, refusals) in [
         (true, 0.0, 0.025, 1),
@@ -85,21 +85,21 @@ fn hard_scenes_are_measured_or_refused_never_wrong() {
 }
 
 #[test]
-fn a_sphere_that_darkens_towards_its_limb_is_as_large_as_it_is() {
+fn limb_darkening_does_not_bias_the_radius() {
     let mut finder = finder(50.0, 68.0, &Scene::plain(1.0, 0.0));
     for (ball, ground) in [(190.0, 40.0), (120.0, 205.0)] {
         for limb in [0.0, 0.15, 0.3] {
             let scene = |seed: u64| Scene { limb, cover: 0.35, seed, ..Scene::plain(ball, ground) };
             let off: Vec<f64> = (0..6).map(|k| find(&mut finder, &scene(k)).unwrap().radius_px - 57.2).collect();
             println!("{ball} on {ground}, darkened by {limb}: radius {:+.4} px", mean(&off));
-            // Taken for flat it would look up to 0.1 px smaller, or 0.04 px larger.
+            // With the limb darkening ignored, the radius was up to 0.1 px smaller or 0.04 px larger.
             assert!(mean(&off).abs() < 0.01, "{ball} on {ground}, darkened by {limb}: {off:?}");
         }
     }
 }
 
 #[test]
-fn light_from_a_side_does_not_carry_the_centre() {
+fn light_from_a_side_does_not_bias_the_centre() {
     for (ball, ground, radius) in [(190.0, 60.0, 57.2), (120.0, 205.0, 57.2), (120.0, 205.0, 10.4)] {
         let mut finder = finder(0.9 * radius, 1.1 * radius, &Scene::plain(1.0, 0.0));
         for limb in [0.0, 0.3] {
@@ -108,14 +108,14 @@ fn light_from_a_side_does_not_carry_the_centre() {
                 .map(|seed| find(&mut finder, &Scene { seed, noise: 1.0, ..lit.clone() }).unwrap().x_px - lit.x)
                 .collect();
             println!("{ball} on {ground}, radius {radius}, darkened by {limb}: {:+.4} px", mean(&off));
-            // Up to 0.04 px where the ramp's own blur is forgotten, and that the brighter limb darkens by more.
+            // Up to 0.04 px where the blur of the edge and the stronger darkening of the brighter limb are ignored.
             assert!(mean(&off).abs() < if radius < 20.0 { 0.008 } else { 0.004 }, "{off:?}");
         }
     }
 }
 
 #[test]
-fn an_overexposed_ball_is_measured_by_what_is_not_clipped_and_says_what_that_does_not_tell() {
+fn an_overexposed_ball_is_measured_from_unclipped_pixels_with_a_larger_sigma() {
     for bright in [true, false] {
         for exposure in [1.2, 1.4, 2.0, 3.0, 4.0] {
             let mut finder = finder(50.0, 68.0, &Scene::plain(1.0, 0.0));
@@ -134,7 +134,7 @@ fn an_overexposed_ball_is_measured_by_what_is_not_clipped_and_says_what_that_doe
 }
 
 #[test]
-fn the_papers_marked_boundary_is_found_to_some_tenths_of_a_pixel_and_says_so() {
+fn the_papers_marked_boundary_is_found_within_tenths_of_a_pixel_with_that_sigma() {
     let (low, high) = (50.0, 68.0);
     let params = BallParams { outline: OutlineMethod::Marked, ..BallParams::new(low, high) };
     let plain = Scene::plain(1.0, 0.0);
@@ -154,7 +154,7 @@ fn the_papers_marked_boundary_is_found_to_some_tenths_of_a_pixel_and_says_so() {
     for (by_marks, by_edges) in tallies {
         assert!(by_marks.refused() <= 10, "{}", by_marks.line());
         assert!(by_marks.mean() < 0.25 && by_marks.worst() < 1.5, "{}", by_marks.line());
-        assert!(by_edges.mean() < 0.5 * by_marks.mean(), "whole pixels are no match for the edges");
+        assert!(by_edges.mean() < 0.5 * by_marks.mean(), "edges must beat whole pixels");
         assert!(by_marks.covered(1.0) > 0.65 && by_marks.covered(2.0) > 0.9, "{}", by_marks.line());
     }
 }
@@ -198,7 +198,7 @@ fn a_lacrosse_ball_on_a_surface_is_found_in_every_frame() {
 }
 
 #[test]
-fn following_gives_the_circle_that_finding_gives() {
+fn following_a_ball_gives_the_circle_of_a_full_search() {
     let mut finder = finder(50.0, 68.0, &Scene::plain(1.0, 0.0));
     let mut worst = 0.0_f64;
     let mut lost = 0;
@@ -224,13 +224,13 @@ fn following_gives_the_circle_that_finding_gives() {
         worst = worst.max(apart);
     }
     println!("follow: worst difference {worst:.4} px, lost {lost}");
-    // Where a gap in the rim is about as wide as light from a side may be told over, one takes it out and the other does not.
+    // Side light is estimated over a gap in the rim only up to some width. Near that width one result is corrected and the other is not.
     assert!(worst < 0.015, "{worst}");
     assert_eq!(lost, 0);
 }
 
 #[test]
-fn following_looks_no_farther_than_it_says() {
+fn following_searches_no_farther_than_documented() {
     let params = |outline| BallParams { outline, ..BallParams::new(50.0, 68.0) };
     let mut found = 0;
     for seed in 0..60 {
@@ -253,7 +253,7 @@ fn following_looks_no_farther_than_it_says() {
 }
 
 #[test]
-fn following_closely_looks_no_farther_than_it_says() {
+fn following_closely_searches_no_farther_than_documented() {
     let mut found = 0;
     for seed in 0..60 {
         let scene = Scene::hard(seed, seed.is_multiple_of(2), 0.0);
@@ -275,7 +275,7 @@ fn following_closely_looks_no_farther_than_it_says() {
     assert!(found > 40, "{found} of 120 followed closely");
 }
 
-/// A picture that shows something else farther than this from a circle.
+/// The image with different content farther than `range_px` from a circle.
 fn changed_beyond(scene: &Scene, data: &[f32], near: &Circle, range_px: f64) -> Vec<f32> {
     let (mut r, reach) = (Random(1), near.radius_px + range_px);
     let level = |(k, level): (usize, &f32)| {
@@ -287,7 +287,7 @@ fn changed_beyond(scene: &Scene, data: &[f32], near: &Circle, range_px: f64) -> 
 }
 
 #[test]
-fn the_same_image_gives_the_same_circle_whatever_came_before() {
+fn the_same_image_gives_the_same_circle_after_any_other() {
     let (one, other) = (Scene::hard(3, true, 0.2), Scene::hard(4, false, 0.4));
     let mut used = finder(50.0, 68.0, &one);
     let first = find(&mut used, &one);
@@ -298,7 +298,7 @@ fn the_same_image_gives_the_same_circle_whatever_came_before() {
 }
 
 #[test]
-fn no_ball_is_found_where_there_is_none() {
+fn no_ball_is_found_in_an_image_without_one() {
     search_empty_images(0..16);
 }
 
@@ -365,7 +365,7 @@ fn balls_out_of_focus_are_found_and_their_uncertainty_grows_with_the_blur() {
 }
 
 #[test]
-fn black_white_and_noisy_images_hold_no_ball() {
+fn no_ball_is_found_in_black_white_and_noisy_images() {
     let mut finder = finder(20.0, 110.0, &Scene::plain(1.0, 0.0));
     let mut r = Random(7);
     let noise: Vec<f32> = (0..256 * 256).map(|_| r.uniform(0.0, 255.0) as f32).collect();
@@ -389,7 +389,7 @@ fn black_white_and_noisy_images_hold_no_ball() {
 }
 
 #[test]
-fn images_smaller_than_the_ball_hold_no_ball() {
+fn no_ball_is_found_in_images_smaller_than_the_ball() {
     for (width, height) in [(1, 1), (1, 300), (7, 7), (9, 9), (16, 40), (40, 40), (0, 0)] {
         for params in [BallParams::new(50.0, 68.0), BallParams::new(6.0, 200.0)] {
             let mut finder = BallFinder::new(&params, width, height).unwrap();
@@ -400,7 +400,7 @@ fn images_smaller_than_the_ball_hold_no_ball() {
 }
 
 #[test]
-fn a_ball_partly_out_of_the_image_is_found_and_its_share_in_sight_told() {
+fn a_ball_partly_out_of_the_image_is_found_with_its_visible_fraction() {
     for (x, y) in [(30.0, 128.0), (128.3, 240.0), (128.0, 128.0), (25.0, 230.0)] {
         let scene = Scene { x, y, cover: 0.3, seed: 5, ..Scene::plain(190.0, 40.0) };
         let circle = find(&mut finder(50.0, 68.0, &scene), &scene).unwrap();
@@ -471,7 +471,7 @@ fn time_of_a_frame_is_printed() {
     }
 }
 
-/// Seconds this thread has computed, whatever else the machine does; `None` where the system does not tell.
+/// The processor time of this thread in seconds, or `None` where the system does not report it.
 fn clock() -> Option<f64> {
     let text = std::fs::read_to_string("/proc/thread-self/schedstat").ok()?;
     Some(text.split_whitespace().next()?.parse::<f64>().ok()? * 1e-9)

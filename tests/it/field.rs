@@ -29,7 +29,7 @@ fn run(options: &FieldOptions) -> Result<Outcome, FieldError> {
     ricochet::command::field::run(options, &Stop::default())
 }
 
-/// A smooth random pattern, shifted.
+/// Writes a smooth random pattern and a shifted copy of it.
 pub fn write_pair(directory: &Path, shift: (i32, i32)) -> (PathBuf, PathBuf) {
     let random = |x: i32, y: i32| {
         let mut state = (x as u32).wrapping_mul(0x9E37_79B1) ^ (y as u32).wrapping_mul(0x85EB_CA77);
@@ -85,7 +85,7 @@ fn a_shift_right_and_up_is_written_with_its_signs_and_columns() {
 }
 
 #[test]
-fn a_map_takes_the_place_of_the_arrows_and_needs_a_picture() {
+fn a_map_replaces_the_arrows_and_needs_a_picture() {
     let rig = crate::support::Rig::new();
     let (reference, target) = write_pair(rig.path("").as_path(), (2, -1));
     let (pictures, output) = ([rig.path("u.png"), rig.path("arrows.png")], rig.path("field.csv"));
@@ -103,7 +103,7 @@ fn a_map_takes_the_place_of_the_arrows_and_needs_a_picture() {
     let row = table(&output).into_iter().skip(1).find(|row| row[8] == "valid").unwrap();
     let at: [u32; 2] = [row[0].parse().unwrap(), row[1].parse().unwrap()];
     let is_grey = |pixel: &image::Rgb<u8>| pixel.0[0] == pixel.0[1] && pixel.0[1] == pixel.0[2];
-    // A whole square of one colour, and an arrow with grey beside it.
+    // A full square of one colour, and an arrow next to grey.
     let around = |picture: &image::RgbImage| {
         let square = (0..100).map(|k| *picture.get_pixel(at[0] - 5 + k % 10, at[1] - 5 + k / 10));
         square.collect::<std::collections::HashSet<_>>()
@@ -112,22 +112,22 @@ fn a_map_takes_the_place_of_the_arrows_and_needs_a_picture() {
     assert!(!around(&map).iter().any(is_grey) && around(&arrows).iter().any(is_grey));
     let words = ["field", reference.to_str().unwrap(), target.to_str().unwrap(), "--map", "u"];
     let refused = crate::support::run(words);
-    let told = String::from_utf8(refused.stderr).unwrap();
-    assert!(refused.status.code() == Some(2) && told.contains("--picture"), "{told}");
+    let stderr = String::from_utf8(refused.stderr).unwrap();
+    assert!(refused.status.code() == Some(2) && stderr.contains("--picture"), "{stderr}");
     let picture = rig.path("sigma.png");
     let drawn =
         crate::support::run(words[..4].iter().copied().chain(["sigma", "--picture", picture.to_str().unwrap()]));
-    let told = String::from_utf8(drawn.stderr).unwrap();
-    assert!(told.lines().count() == 1 && told.contains("; map of sigma from 0.0"), "{told}");
+    let stderr = String::from_utf8(drawn.stderr).unwrap();
+    assert!(stderr.lines().count() == 1 && stderr.contains("; map of sigma from 0.0"), "{stderr}");
 }
 
 #[test]
-fn a_polygon_with_a_hole_holds_only_what_lies_in_it_and_moves_alike() {
+fn a_polygon_with_a_hole_selects_its_points_and_changes_no_displacement() {
     let directory = tempfile::tempdir().unwrap();
     let (reference, target) = write_pair(directory.path(), (2, -1));
     let output = directory.path().join("field.csv");
     let names = [&reference, &target, &output].map(|path| path.to_str().unwrap().to_owned());
-    let told = crate::support::run([
+    let program = crate::support::run([
         "field",
         &names[0],
         &names[1],
@@ -142,7 +142,7 @@ fn a_polygon_with_a_hole_holds_only_what_lies_in_it_and_moves_alike() {
         "--hole",
         "40,30 60,30 60,50 40,50",
     ]);
-    assert!(told.status.success(), "{}", String::from_utf8_lossy(&told.stderr));
+    assert!(program.status.success(), "{}", String::from_utf8_lossy(&program.stderr));
     let rows = table(&output);
     let inside = |x: f64, y: f64| (10.0..85.0).contains(&x) && (10.0..70.0).contains(&y);
     let hole = |x: f64, y: f64| (40.0..60.0).contains(&x) && (30.0..50.0).contains(&y);
@@ -157,15 +157,15 @@ fn a_polygon_with_a_hole_holds_only_what_lies_in_it_and_moves_alike() {
         }
     }
     assert!(valid > 150, "{valid} of {}", rows.len());
-    let told = crate::support::run(["field", &names[0], &names[1], "--polygon", "10,10 85,10"]);
-    assert_eq!(told.status.code(), Some(2));
+    let refused = crate::support::run(["field", &names[0], &names[1], "--polygon", "10,10 85,10"]);
+    assert_eq!(refused.status.code(), Some(2));
     let away = crate::support::run(["field", &names[0], &names[1], "--polygon", "200,200 300,200 300,300"]);
     let line = String::from_utf8(away.stderr).unwrap();
     assert!(away.status.code() == Some(2) && line.contains("no subset of"), "{line}");
 }
 
 #[test]
-fn partial_subsets_reach_the_edge_of_the_picture_and_move_alike() {
+fn partial_subsets_reach_the_image_border_and_have_the_same_displacement() {
     let directory = tempfile::tempdir().unwrap();
     let (reference, target) = write_pair(directory.path(), (2, -1));
     let params = CorrelationParams { subset_size_px: 21, step_px: 3, ..CorrelationParams::default() };
@@ -177,15 +177,15 @@ fn partial_subsets_reach_the_edge_of_the_picture_and_move_alike() {
         valid.map(|row| [0, 1, 2, 3].map(|column| row[column].parse::<f64>().unwrap())).collect::<Vec<_>>()
     };
     let (whole, partial) = (measured(false, None), measured(true, None));
-    let least = |rows: &[[f64; 4]], axis: usize| rows.iter().map(|row| row[axis]).fold(f64::INFINITY, f64::min);
-    // They move right and up: what is cut on the left stays in the picture, what is cut at the bottom too.
-    assert_eq!((least(&whole, 0), least(&partial, 0)), (10.0, 4.0));
+    let minimum = |rows: &[[f64; 4]], axis: usize| rows.iter().map(|row| row[axis]).fold(f64::INFINITY, f64::min);
+    // The pattern moves right and up, so that partial subsets at the left and at the bottom stay in the image.
+    assert_eq!((minimum(&whole, 0), minimum(&partial, 0)), (10.0, 4.0));
     assert!(partial.len() > whole.len() + 20, "{} and {}", partial.len(), whole.len());
     for [x, y, u, v] in partial {
         assert!((u - 2.0).abs() < 0.05 && (v + 1.0).abs() < 0.05, "{x} {y}: {u} {v}");
     }
     let (whole, partial) = (measured(false, Some([20, 20, 40, 40])), measured(true, Some([20, 20, 40, 40])));
-    assert_eq!((least(&whole, 0), least(&partial, 0)), (30.0, 21.0));
+    assert_eq!((minimum(&whole, 0), minimum(&partial, 0)), (30.0, 21.0));
     assert!(partial.iter().all(|[_, _, u, v]| (u - 2.0).abs() < 0.05 && (v + 1.0).abs() < 0.05));
 }
 
@@ -215,26 +215,26 @@ fn wrong_input_is_one_line_with_the_file_and_the_sizes() {
     assert!(text.contains("not within") && text.contains("96 x 80 px"), "{text}");
 }
 
-/// The value below which the given share of the values lies.
+/// The quantile at `share` of the values.
 fn quantile(values: &mut [f64], share: f64) -> f64 {
     values.sort_by(f64::total_cmp);
     values[((values.len() - 1) as f64 * share) as usize]
 }
 
-/// How far two results on the same subsets of the specimen lie apart.
+/// Differences between two results on the same subsets of the specimen.
 struct Comparison {
     compared: usize,
-    /// Refused here, listed there.
+    /// Subsets refused here and listed in the reference.
     missing: usize,
-    /// Where the ZNCC here is the higher one.
+    /// Subsets whose ZNCC is higher here.
     better: usize,
     /// Median of |du| and |dv|, px.
     median: [f64; 2],
-    /// What 99 % lie within, px.
+    /// 99 % quantiles of |du| and |dv|, px.
     most: [f64; 2],
 }
 
-/// Compares with the reference result where its ZNCC is 0.98 and more.
+/// Compares with the reference result where its ZNCC is at least 0.98.
 fn compare(folder: &Path, interpolation: Interpolation) -> Comparison {
     let directory = tempfile::tempdir().unwrap();
     let output = directory.path().join("field.csv");
@@ -276,9 +276,9 @@ fn compare(folder: &Path, interpolation: Interpolation) -> Comparison {
     Comparison { compared: du.len(), missing, better, median, most }
 }
 
-/// The reference result interpolates with a 4 x 4 cubic scheme whose bias on this sharp speckle is some
-/// thousandths of a pixel (a sine of the fraction): with the same interpolation its numbers come out, and
-/// with this program's own the subsets match better nearly everywhere.
+/// The reference result uses a 4 x 4 cubic interpolation whose bias on this sharp speckle is some thousandths of a pixel (a
+/// sine of the fraction). The same interpolation reproduces its numbers. With this program's default interpolation nearly
+/// all subsets match better.
 #[test]
 fn a_real_specimen_agrees_with_another_code_and_correlates_better() {
     let Some(data) = std::env::var_os("RICOCHET_REAL_DATA") else {
@@ -297,16 +297,16 @@ fn a_real_specimen_agrees_with_another_code_and_correlates_better() {
     assert!(own.most.iter().all(|most| *most <= 0.0125), "{:?}", own.most);
 }
 
-/// A part in twelve pictures, 30 deg further each time: the angle between neighbours, from nothing known.
+/// A part in twelve images, rotated by 30 deg each time: the rotation between neighbours, without a starting guess.
 ///
 /// The listed angles are an independent rigid fit.
 #[test]
-fn a_part_turned_by_thirty_degrees_is_found_from_nothing_known() {
+fn a_part_rotated_by_30_deg_is_found_without_a_starting_guess() {
     let Some(data) = std::env::var_os("RICOCHET_REAL_DATA") else {
         println!("left out: RICOCHET_REAL_DATA names no directory of real recordings");
         return;
     };
-    // Angle (clockwise on the screen), shift along x and y about (250, 250).
+    // Angle (clockwise on the screen), displacement along x and y about (250, 250).
     const MOTIONS: [[f64; 3]; 12] = [
         [0.052, 9.018, -12.011],
         [-29.946, 1.625, -1.905],
@@ -321,7 +321,7 @@ fn a_part_turned_by_thirty_degrees_is_found_from_nothing_known() {
         [60.052, -11.013, 9.911],
         [30.042, 8.374, 13.995],
     ];
-    // 4 px inside the part: at its edge it mixes with the ground, and differently in picture 11.
+    // 4 px inside the part, because its edge is blended with the background, and differently in image 11.
     const OUTLINE: [[f64; 2]; 7] = [
         [187.9, 238.1],
         [182.5, 249.0],
@@ -350,7 +350,7 @@ fn a_part_turned_by_thirty_degrees_is_found_from_nothing_known() {
         let found = find_at_any_angle(&frames[k], &frames[next], &region, (250.0, 250.0)).unwrap();
         let expected = (angle_deg - MOTIONS[next][0] + 540.0).rem_euclid(360.0) - 180.0;
         let error = found.motion.angle_deg - expected;
-        println!("{k} -> {next}: {:.4} deg, off by {error:.4}, ZNCC {:.4}", found.motion.angle_deg, found.zncc);
-        assert!(error.abs() <= 0.02, "{k} -> {next}: off by {error} deg");
+        println!("{k} -> {next}: {:.4} deg, error {error:.4}, ZNCC {:.4}", found.motion.angle_deg, found.zncc);
+        assert!(error.abs() <= 0.02, "{k} -> {next}: error {error} deg");
     }
 }

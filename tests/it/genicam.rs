@@ -12,7 +12,7 @@ use crate::slots::Slots;
 const SIZE_PX: u32 = 512;
 const FRAME_BYTES: usize = (SIZE_PX * SIZE_PX) as usize;
 
-/// Longest wait for a frame; only a failing test waits that long.
+/// The longest wait of a failing test for a frame.
 const PATIENCE: Duration = Duration::from_secs(20);
 
 /// 512x512 Mono8 at this rate.
@@ -28,7 +28,7 @@ pub fn settings(frame_rate_hz: f64) -> GenicamSettings {
     }
 }
 
-/// Frame `index`: its number, then a noise that depends on it in every byte.
+/// Draws frame `index`: its number, then noise that depends on the number in every byte.
 pub fn draw(index: u64, pixels: &mut [u8]) {
     let mut state = index.wrapping_add(1).wrapping_mul(0x9e37_79b9_7f4a_7c15);
     for word in pixels.chunks_mut(8) {
@@ -41,13 +41,13 @@ pub fn draw(index: u64, pixels: &mut [u8]) {
     pixels[..8].copy_from_slice(&index.to_le_bytes());
 }
 
-/// Everything that came until `frames` frames, whole or torn, or the end of patience.
+/// Frames received until there were enough or the time was up.
 struct Shot {
     whole: Vec<(FrameMeta, u64)>,
     torn: Vec<String>,
 }
 
-/// Takes frames, comparing each whole one byte for byte with what was sent.
+/// Receives frames and compares each complete one byte for byte with the one that was sent.
 fn take(camera: &mut GenicamCamera, slots: &mut Slots, frames: usize) -> Shot {
     let mut shot = Shot { whole: Vec::new(), torn: Vec::new() };
     let mut expected = vec![0; FRAME_BYTES];
@@ -58,7 +58,7 @@ fn take(camera: &mut GenicamCamera, slots: &mut Slots, frames: usize) -> Shot {
                 let pixels = &slot.bytes_mut()[..meta.size_bytes()];
                 let index = u64::from_le_bytes(pixels[..8].try_into().unwrap());
                 draw(index, &mut expected);
-                assert!(pixels == expected, "frame {index} differs from what was sent");
+                assert!(pixels == expected, "frame {index} differs from the frame that was sent");
                 shot.whole.push((meta, index));
                 slots.give_back(slot, camera);
             }
@@ -86,14 +86,14 @@ fn frames_are_bit_exact_and_in_order_across_the_wrap_of_their_ids() {
     let shot = take(&mut camera, &mut slots, FRAMES);
     assert_eq!(shot.torn, Vec::<String>::new());
     assert_eq!(gige.sent(), FRAMES as u64);
-    // The imitated camera's ids begin at 65401, so 300 frames cross the wrap.
+    // The imitated camera's block ids begin at 65401, so 300 frames cross the wrap.
     let indices: Vec<_> = shot.whole.iter().map(|(meta, index)| (meta.sequence, *index)).collect();
     let wanted: Vec<_> = (0..FRAMES as u64).map(|index| (index, index)).collect();
     assert_eq!(indices, wanted);
     for pair in shot.whole.windows(2) {
         assert!(pair[1].0.device_ns > pair[0].0.device_ns && pair[1].0.stamp_ns > pair[0].0.stamp_ns);
     }
-    // Its clock is the host's, so stamps are the camera's own.
+    // The camera uses the host's clock, so its own stamps are kept.
     assert!(shot.whole.iter().all(|(meta, _)| meta.stamp_ns == meta.device_ns));
     assert!(matches!(camera.next(Duration::from_millis(50)).unwrap(), Next::Nothing));
 }
@@ -102,7 +102,7 @@ fn triggered(wiring: Wiring, source: &str, fire: impl Fn(&FakeGige, &GenicamCame
     const PULSES: u64 = 20;
     let Some(gige) = FakeGige::plug_in(wiring, u64::MAX, draw) else { return };
     let mut slots = Slots::new(32, FRAME_BYTES);
-    // Small packets: a socket of the usual size would not hold the first frame.
+    // Small packets, because a socket buffer of the usual size cannot hold the first frame.
     let wanted =
         GenicamSettings { trigger_source: Some(source.into()), packet_size_bytes: Some(1440), ..settings(100.0) };
     let mut camera = GenicamCamera::open(&wanted).unwrap();
@@ -130,12 +130,12 @@ fn each_edge_on_line1_gives_one_frame_the_first_one_included() {
 }
 
 #[test]
-fn every_frame_with_lost_packets_is_torn_or_a_gap_and_never_passed_as_whole() {
+fn a_frame_with_lost_packets_is_torn_or_a_gap_and_never_complete() {
     const FRAMES: usize = 100;
     let Some(gige) = FakeGige::plug_in(Wiring::Software, FRAMES as u64, draw) else { return };
     gige.lose(0.005);
     let mut slots = Slots::new(FRAMES, FRAME_BYTES);
-    // 188 packets a frame: about 6 frames of 10 lose at least one.
+    // Of 188 packets per frame about 6 frames of 10 lose at least one.
     let wanted = GenicamSettings { packet_size_bytes: Some(1440), ..settings(100.0) };
     let mut camera = GenicamCamera::open(&wanted).unwrap();
     slots.queue_all(&mut camera);
@@ -143,7 +143,7 @@ fn every_frame_with_lost_packets_is_torn_or_a_gap_and_never_passed_as_whole() {
     let shot = take(&mut camera, &mut slots, FRAMES);
     assert_eq!((shot.whole.len() + shot.torn.len(), gige.sent()), (FRAMES, FRAMES as u64));
     assert!(shot.torn.len() > 20 && shot.whole.len() > 20, "{} torn", shot.torn.len());
-    // Bit-exact was checked on the way. Whatever came before the first id seen is unknown, the rest is counted.
+    // Pixels were compared on the way. Frames before the first id received are unknown, all others are counted.
     let before = shot.whole[0].1 - shot.whole[0].0.sequence;
     assert!(shot.whole.iter().all(|(meta, index)| meta.sequence + before == *index));
     assert_eq!(camera.statistics().failed, shot.torn.len() as u64);
@@ -171,7 +171,7 @@ fn frames_that_find_no_slot_are_gaps_in_the_sequence() {
     assert!(camera.statistics().packets_without_slot > 50);
 }
 
-/// Goes on taking frames until the camera says that it is gone.
+/// Receives frames until the camera reports that it is gone.
 fn until_it_fails(camera: &mut GenicamCamera, slots: &Slots) -> CameraError {
     let deadline = Instant::now() + PATIENCE;
     loop {
@@ -185,7 +185,7 @@ fn until_it_fails(camera: &mut GenicamCamera, slots: &Slots) -> CameraError {
 }
 
 #[test]
-fn a_camera_that_is_unplugged_vanishes_and_streams_again_when_it_is_back() {
+fn an_unplugged_camera_vanishes_and_streams_again_when_it_is_back() {
     let Some(mut gige) = FakeGige::plug_in(Wiring::Software, u64::MAX, draw) else { return };
     let mut slots = Slots::new(16, FRAME_BYTES);
     let mut camera = GenicamCamera::open(&settings(50.0)).unwrap();
@@ -213,8 +213,8 @@ fn a_camera_that_is_unplugged_vanishes_and_streams_again_when_it_is_back() {
 }
 
 #[test]
-fn a_camera_that_is_taken_away_by_another_program_vanishes() {
-    /// Register of the control channel's privilege (GigE Vision bootstrap registers): 0 is nobody's.
+fn a_camera_taken_over_by_another_program_vanishes() {
+    /// The register of the control channel privilege (GigE Vision bootstrap registers), 0 for no controlling program.
     const PRIVILEGE: u32 = 0xa00;
     let Some(gige) = FakeGige::plug_in(Wiring::Software, u64::MAX, draw) else { return };
     let mut slots = Slots::new(16, FRAME_BYTES);
@@ -228,7 +228,7 @@ fn a_camera_that_is_taken_away_by_another_program_vanishes() {
 }
 
 #[test]
-fn an_address_where_nothing_answers_is_told_within_seconds() {
+fn an_address_without_a_camera_is_refused_within_seconds() {
     if aravis_or_leave_out().is_none() {
         return;
     }
@@ -253,7 +253,7 @@ fn a_camera_under_the_control_of_another_program_is_refused() {
 }
 
 #[test]
-fn a_camera_in_reach_is_listed_and_found_by_its_serial_number() {
+fn a_camera_is_listed_and_found_by_its_serial_number() {
     let Some(_gige) = FakeGige::plug_in(Wiring::Software, u64::MAX, draw) else { return };
     let cameras = list().unwrap();
     assert!(cameras.iter().any(|camera| camera.serial == "R1" && camera.protocol == "GigEVision"), "{cameras:?}");

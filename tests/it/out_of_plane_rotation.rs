@@ -1,10 +1,10 @@
-//! Balls that turn about an axis in the picture's plane: their pattern goes another way than they do.
+//! Balls that rotate about an axis in the image plane: their pattern moves differently from their centre.
 
 use ricochet::synth::{MotionSetup, OccluderSetup, PartSetup, Scenario, World};
 
 use crate::measured_world::{level_rig, rows_of};
 
-/// A ball on its way across the picture that turns by so much a frame about the picture's axes x and y.
+/// A ball that crosses the image and rotates by `tilt_deg_frame` per frame about the image axes x and y.
 fn crossing(tilt_deg_frame: [f64; 2], seed: u64) -> World {
     let mut scenario = Scenario { seed, ..Scenario::built_in("lacrosse-sphere").unwrap() };
     (scenario.camera.frames, scenario.camera.width_px, scenario.camera.height_px) = (96, 400, 280);
@@ -22,7 +22,7 @@ fn crossing(tilt_deg_frame: [f64; 2], seed: u64) -> World {
     World::new(&scenario).unwrap()
 }
 
-/// Numbers told, the root mean square and the largest of the sigmas they are off by.
+/// The number of values, and the root mean square and maximum of their errors over their sigmas.
 #[derive(Debug, Default)]
 struct Pulls {
     count: u32,
@@ -41,22 +41,22 @@ impl Pulls {
     }
 }
 
-/// By the motion of the pattern alone the speed was off by 4 % at a tenth of a degree a frame, at a sigma of 0.01 %; at one
-/// degree the ball was lost.
+/// From the motion of the pattern alone, the speed was off by 4 % at 0.1 deg per frame, with a sigma of 0.01 %. At 1 deg per
+/// frame the ball was lost.
 #[test]
-fn a_speed_is_that_of_the_centre_not_of_the_front() {
+fn velocity_is_that_of_the_centre_and_not_of_the_front() {
     for (tilt, seed) in [([0.0; 2], 3), ([0.01, 0.02], 3), ([0.1, 0.0], 4), ([0.3, -0.2], 5), ([1.0, 0.5], 6)] {
         let world = crossing(tilt, seed);
         let rows = rows_of(&world, &level_rig(world.scenario().scale.mm_per_px));
-        let (mut velocities, mut centers, mut steps, mut most) =
+        let (mut velocities, mut centers, mut steps, mut worst) =
             (Pulls::default(), Pulls::default(), Pulls::default(), 0.0_f64);
         for (row, track) in rows.velocities.iter().zip(&rows.tracks) {
             let truth = world.truth(row.frame);
             let true_speed = truth.velocity.unwrap();
-            if let Some(told) = row.velocity {
-                let off = [told.vx_m_s - true_speed.vx_m_s, told.vy_m_s - true_speed.vy_m_s];
-                off.iter().for_each(|off| velocities.push(*off, told.sigma_v_m_s));
-                most = most.max(off[0].hypot(off[1]) / true_speed.vx_m_s.hypot(true_speed.vy_m_s));
+            if let Some(measured) = row.velocity {
+                let off = [measured.vx_m_s - true_speed.vx_m_s, measured.vy_m_s - true_speed.vy_m_s];
+                off.iter().for_each(|off| velocities.push(*off, measured.sigma_v_m_s));
+                worst = worst.max(off[0].hypot(off[1]) / true_speed.vx_m_s.hypot(true_speed.vy_m_s));
             }
             if let (Some(x), Some(sigma)) = (track.center_x_px, track.sigma_center_px) {
                 centers.push(x - truth.center_x_px.unwrap(), sigma);
@@ -66,10 +66,10 @@ fn a_speed_is_that_of_the_centre_not_of_the_front() {
             }
         }
         println!(
-            "{tilt:?} deg/frame: {} speeds off by at most {:.2} %, {:.1} sigmas rms and {:.1} at most; centres {:.1} and \
+            "{tilt:?} deg/frame: {} velocities, error up to {:.2} %, {:.1} sigma rms, {:.1} max; centres {:.1} and \
              {:.1}, steps {:.1} and {:.1}",
             velocities.count / 2,
-            1e2 * most,
+            1e2 * worst,
             velocities.rms(),
             velocities.worst,
             centers.rms(),
@@ -77,15 +77,15 @@ fn a_speed_is_that_of_the_centre_not_of_the_front() {
             steps.rms(),
             steps.worst,
         );
-        assert!(velocities.count > 100, "{tilt:?}: too little is told");
-        assert!(most < 0.01, "{tilt:?}: off by {most}");
+        assert!(velocities.count > 100, "{tilt:?}: too few velocities");
+        assert!(worst < 0.01, "{tilt:?}: error {worst}");
         for (what, pulls) in [("speeds", velocities), ("centres", centers), ("steps", steps)] {
             assert!(pulls.rms() < 2.0 && pulls.worst < 5.0, "{tilt:?}: {what} {pulls:?}");
         }
     }
 }
 
-/// A ball that falls, is thrown back within 20 frames and turns about other axes then.
+/// A ball that falls, is reflected within 20 frames, and then rotates about other axes.
 fn struck() -> (World, [[f64; 2]; 2]) {
     let (before, after) = ([0.83, 3.07], [0.62, -2.41]);
     let mut scenario = Scenario { seed: 9, ..Scenario::built_in("lacrosse-sphere").unwrap() };
@@ -118,30 +118,38 @@ fn a_collision_is_that_of_the_centre() {
     let impact = rows.impacts.last().unwrap();
     let to_m_s = 1e-3 * scale * world.scenario().camera.frame_rate_hz;
     let [before, after] = speeds.map(|speed| speed.map(|px| px * to_m_s));
-    for (what, told, truth) in [
+    for (what, measured, truth) in [
         ("normal speed before", impact.vn_before_m_s, -before[1]),
         ("normal speed after", impact.vn_after_m_s, -after[1]),
         ("tangential speed before", impact.vt_before_m_s, before[0]),
         ("tangential speed after", impact.vt_after_m_s, after[0]),
         ("restitution", impact.restitution, -after[1] / before[1]),
     ] {
-        let told = told.unwrap();
-        let off = told.value - truth;
-        println!("{what}: {:.5} +- {:.5} for {truth:.5}, {:+.1} sigmas", told.value, told.sigma, off / told.sigma);
-        assert!(off.abs() < 3.5 * told.sigma && told.sigma < 0.01 * before[1], "{what}: {told:?} for {truth}");
+        let measured = measured.unwrap();
+        let off = measured.value - truth;
+        println!(
+            "{what}: {:.5} +- {:.5} for {truth:.5}, {:+.1} sigma",
+            measured.value,
+            measured.sigma,
+            off / measured.sigma
+        );
+        assert!(
+            off.abs() < 3.5 * measured.sigma && measured.sigma < 0.01 * before[1],
+            "{what}: {measured:?} for {truth}"
+        );
     }
 }
 
-/// Where an edge hides a part of it, what its front moves by passes for rotation. Spins were off by up to 20 sigmas and
-/// speeds by up to 40: subsets that saw the edge told what was not there.
+/// Where an edge occludes part of the ball, the motion of its front passes for rotation. Spins were off by up to 20 sigma
+/// and speeds by up to 40, because subsets that contained the edge were used.
 #[test]
-fn a_spin_is_the_balls_own_where_a_part_is_hidden() {
+fn the_spin_is_right_where_part_of_the_ball_is_occluded() {
     for (tilt, seed, normal_deg) in [([0.0; 2], 3, 60.0), ([0.3, 0.2], 4, 150.0), ([-0.2, 0.5], 5, 120.0)] {
         let mut scenario = crossing(tilt, seed).scenario().clone();
         let MotionSetup::Piecewise { start_px, parts } = &mut scenario.motion else { unreachable!("it crosses") };
         (scenario.camera.frames, parts[0].frames) = (64, 64.0);
         (parts[0].vx_px_frame, parts[0].vy_px_frame) = (0.43, -0.31);
-        // From the ball's centre on, and a little to its other side in the end.
+        // The edge starts at the centre of the ball and ends a little beyond it.
         let (sin, cos) = f64::to_radians(normal_deg).sin_cos();
         let point_px = Some([start_px[0] + 80.0 - 12.0 * cos, start_px[1] - 12.0 * sin]);
         start_px[0] += 70.0;
@@ -150,25 +158,25 @@ fn a_spin_is_the_balls_own_where_a_part_is_hidden() {
             Some(OccluderSetup { shade, texture, point_px, normal_deg: Some(normal_deg), speed_px_frame });
         let world = World::new(&scenario).unwrap();
         let rows = rows_of(&world, &level_rig(scenario.scale.mm_per_px));
-        let (mut spins, mut speeds, mut hidden) = (Pulls::default(), Pulls::default(), 0.0_f64);
+        let (mut spins, mut speeds, mut occluded) = (Pulls::default(), Pulls::default(), 0.0_f64);
         for row in &rows.velocities {
             let truth = world.truth(row.frame);
-            hidden = hidden.max(1.0 - truth.visible_fraction.unwrap_or(1.0));
-            let (Some(told), Some(truth)) = (row.velocity, truth.velocity) else { continue };
-            spins.push(told.omega_rad_s - truth.omega_rad_s, told.sigma_omega_rad_s);
-            speeds.push((told.vx_m_s - truth.vx_m_s).hypot(told.vy_m_s - truth.vy_m_s), told.sigma_v_m_s);
+            occluded = occluded.max(1.0 - truth.visible_fraction.unwrap_or(1.0));
+            let (Some(measured), Some(truth)) = (row.velocity, truth.velocity) else { continue };
+            spins.push(measured.omega_rad_s - truth.omega_rad_s, measured.sigma_omega_rad_s);
+            speeds.push((measured.vx_m_s - truth.vx_m_s).hypot(measured.vy_m_s - truth.vy_m_s), measured.sigma_v_m_s);
         }
         println!(
-            "{tilt:?} deg/frame, up to {:.0} % hidden: {} spins off by {:.1} sigmas rms and {:.1} at most, speeds by {:.1} \
+            "{tilt:?} deg/frame, up to {:.0} % occluded: {} spins, errors {:.1} sigma rms, {:.1} max, speeds {:.1} \
              and {:.1}",
-            1e2 * hidden,
+            1e2 * occluded,
             spins.count,
             spins.rms(),
             spins.worst,
             speeds.rms(),
             speeds.worst,
         );
-        assert!(spins.count > 35 && hidden > 0.3, "{tilt:?}: {} told, {hidden} hidden", spins.count);
+        assert!(spins.count > 35 && occluded > 0.3, "{tilt:?}: {} spins, {occluded} occluded", spins.count);
         for (what, pulls) in [("spins", spins), ("speeds", speeds)] {
             assert!(pulls.rms() < 7.0 && pulls.worst < 9.0, "{tilt:?}: {what} {pulls:?}");
         }

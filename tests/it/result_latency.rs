@@ -1,4 +1,4 @@
-//! How soon after a contact its numbers are told, by the clock.
+//! The time from a contact to its published numbers, by the clock.
 
 use crate::support::{Rig, kill, ricochet};
 use ricochet::camera::simulated;
@@ -10,19 +10,19 @@ use std::io::{BufRead, BufReader};
 use std::process::{Child, Stdio};
 use std::time::{Duration, Instant};
 
-/// Films of each number of workers.
+/// Films for each number of workers.
 const FILMS: usize = 7;
 
 /// Writes the rig file of a film.
 type Film = fn(&Rig) -> String;
 
-/// A listener, and its lines with the moments that they came.
-struct Heard {
+/// A listener, and its lines with their times of arrival.
+struct Listener {
     listener: Child,
     lines: std::thread::JoinHandle<Vec<(Instant, serde_json::Value)>>,
 }
 
-impl Heard {
+impl Listener {
     fn start(topic: &str, rig: &str) -> Self {
         let mut command = ricochet(["listen", topic, "--rig", rig, "--json", "--wait", "60"]);
         let mut listener = command.stdout(Stdio::piped()).stderr(Stdio::null()).spawn().unwrap();
@@ -39,7 +39,7 @@ impl Heard {
     }
 }
 
-/// A soft ball, filmed as fast as two processors measure it: contact lasts 20 ms of 80, 40 of 160 frames.
+/// A soft ball at a frame rate that two processors keep up with: contact lasts 20 ms of 80, 40 of 160 frames.
 const SOFT: &str = r#"
 name = "soft"
 seed = 5
@@ -82,7 +82,7 @@ stiffness_n_m = 3.4e3
 damping_n_s_m = 3.0
 "#;
 
-/// The rig of the lacrosse ball, filmed in real time; 10 000 frames a second are far more than two processors measure.
+/// The rig of the lacrosse ball in real time: 10 000 frames per second are far more than two processors can measure.
 fn lacrosse(rig: &Rig) -> String {
     include_str!("../../config/lacrosse.toml")
         .replace("name = \"lacrosse\"", &format!("name = \"{}\"", rig.name))
@@ -101,11 +101,11 @@ fn soft(rig: &Rig) -> String {
         .replace("gravity_angle_deg = -71", "gravity_angle_deg = -90")
 }
 
-/// Milliseconds from the end of a contact to the first and to the last time that its numbers are told.
-fn told_after(film: Film, workers: u32) -> [f64; 2] {
+/// Milliseconds from the end of a contact to the first and to the last time that its numbers are published.
+fn latency_ms(film: Film, workers: u32) -> [f64; 2] {
     let rig = Rig::new();
     let config = rig.file("rig.toml", &film(&rig).replace("[workers]", &format!("[workers]\ncount = {workers}")));
-    let (events, impacts) = (Heard::start("events", &rig.name), Heard::start("impact", &rig.name));
+    let (events, impacts) = (Listener::start("events", &rig.name), Listener::start("impact", &rig.name));
     let ended = ricochet(["run".as_ref(), config.as_os_str()]).output().unwrap();
     assert_eq!(ended.status.code(), Some(0), "{}", String::from_utf8_lossy(&ended.stderr));
     std::thread::sleep(Duration::from_millis(100));
@@ -115,9 +115,9 @@ fn told_after(film: Film, workers: u32) -> [f64; 2] {
         1e3 * ((*came - started).as_secs_f64() - impact["end_s"].as_f64().unwrap())
     };
     assert!(impacts.iter().all(|(_, impact)| impact["status"] == "valid"), "{impacts:?}");
-    let told: Vec<f64> = impacts.iter().map(after).collect();
-    println!("    after {told:.0?} ms");
-    [told[0], told[told.len() - 1]]
+    let latencies: Vec<f64> = impacts.iter().map(after).collect();
+    println!("    after {latencies:.0?} ms");
+    [latencies[0], latencies[latencies.len() - 1]]
 }
 
 #[test]
@@ -125,19 +125,19 @@ fn told_after(film: Film, workers: u32) -> [f64; 2] {
 fn time_from_the_end_of_a_contact_to_its_numbers_is_printed() {
     let films: [(&str, Film); 2] = [("2000 frames/s", soft), ("10 000 frames/s", lacrosse)];
     for ((name, film), workers) in films.into_iter().flat_map(|film| [1, 2].map(|workers| (film, workers))) {
-        let told: Vec<[f64; 2]> = (0..FILMS).map(|_| told_after(film, workers)).collect();
+        let latencies: Vec<[f64; 2]> = (0..FILMS).map(|_| latency_ms(film, workers)).collect();
         for (k, which) in ["first", "last"].into_iter().enumerate() {
-            let mut told: Vec<f64> = told.iter().map(|told| told[k]).collect();
-            told.sort_by(f64::total_cmp);
-            let (least, middle, most) = (told[0], told[FILMS / 2], told[FILMS - 1]);
+            let mut latencies: Vec<f64> = latencies.iter().map(|latency| latency[k]).collect();
+            latencies.sort_by(f64::total_cmp);
+            let (min, middle, max) = (latencies[0], latencies[FILMS / 2], latencies[FILMS - 1]);
             println!(
-                "{name}, {workers} workers: told {which} {middle:.0} ms after the end of contact ({least:.0} to {most:.0})"
+                "{name}, {workers} workers: {which} {middle:.0} ms after the end of contact ({min:.0} to {max:.0})"
             );
         }
     }
 }
 
-/// What is measured of the first frames of the lacrosse ball's film, from a block on, and how long the first of them took.
+/// The results of a block of the lacrosse ball's film, and the time that its first frame took.
 fn first_measured(rehearses: bool, share: Share) -> (Vec<Measured>, Duration) {
     let config = Config::parse(include_str!("../../config/lacrosse.toml"), "lacrosse.toml").unwrap();
     let (world, format) = (truth_world(&config).unwrap().unwrap(), open_camera(&config).unwrap().format());
@@ -158,10 +158,10 @@ fn first_measured(rehearses: bool, share: Share) -> (Vec<Measured>, Duration) {
 }
 
 #[test]
-fn a_measurer_that_rehearsed_measures_the_same() {
+fn warming_up_changes_no_result() {
     for share in [Share::ALL, Share { index: 1, of: 2 }] {
         let ((measured, cold), (rehearsed, warm)) = (first_measured(false, share), first_measured(true, share));
-        println!("first frame: {cold:?}, after a rehearsal {warm:?}");
+        println!("first frame: {cold:?}, after warming up {warm:?}");
         assert!(measured.iter().any(|measured| measured.step.step.is_some()) && measured == rehearsed);
     }
 }

@@ -7,7 +7,7 @@ use ricochet::recording::Recording;
 use serde_json::Value;
 use std::path::{Path, PathBuf};
 
-/// Another view of it: another pattern, another motion.
+/// A second view with another pattern and another motion.
 fn side_film(frames: u64, rate_hz: f64) -> String {
     let film = drift(frames, rate_hz);
     let mut scenario = ricochet::synth::Scenario::from_toml(&film).unwrap();
@@ -22,7 +22,7 @@ fn source(film: &Path, paced: bool) -> String {
     format!("source = \"simulated\"\nscenario = \"{}\"\npaced = {paced}", film.display())
 }
 
-/// A rig file of two cameras; the second is measured when it has a body.
+/// A rig file of two cameras. The second is measured if it has a body.
 fn two(rig: &Rig, films: [&Path; 2], paced: bool, body: &str, rest: &str) -> PathBuf {
     let [first, side] = films.map(|film| source(film, paced));
     let view = format!("[view.side.camera]\n{side}\n[view.side.scale]\nmm_per_px = 0.25\n{body}");
@@ -47,12 +47,12 @@ fn number(status: &Value, name: &str, key: &str) -> u64 {
 }
 
 #[test]
-fn two_cameras_in_one_recording_are_each_measured_as_if_they_were_alone() {
+fn each_of_two_cameras_is_measured_as_if_it_were_alone() {
     let rig = Rig::new();
     let films = [rig.file("first.toml", &drift(60, 500.0)), rig.file("side.toml", &side_film(60, 500.0))];
     let config = two(&rig, [&films[0], &films[1]], false, BODY, "[workers]\ncount = 2");
-    let (code, printed, told) = Background::start(ricochet(["run".as_ref(), config.as_os_str()])).end();
-    assert_eq!(code, Some(0), "{told}");
+    let (code, printed, stderr) = Background::start(ricochet(["run".as_ref(), config.as_os_str()])).end();
+    assert_eq!(code, Some(0), "{stderr}");
     assert_eq!(printed.lines().count(), 1, "one recording: {printed}");
     let recording = PathBuf::from(printed.trim());
 
@@ -79,7 +79,7 @@ fn two_cameras_in_one_recording_are_each_measured_as_if_they_were_alone() {
 }
 
 #[test]
-fn every_command_tells_of_the_second_camera() {
+fn every_command_handles_the_second_camera() {
     let rig = Rig::new();
     let films = [rig.file("first.toml", &drift(48, 500.0)), rig.file("side.toml", &side_film(48, 500.0))];
     let config = two(&rig, [&films[0], &films[1]], false, BODY, "[workers]\ncount = 1");
@@ -87,12 +87,12 @@ fn every_command_tells_of_the_second_camera() {
     std::fs::write(&config, text.replacen("[scale]", "split_bytes = 1048576\n[scale]", 1)).unwrap();
     let recording = PathBuf::from(succeed(["run".as_ref(), config.as_os_str()]).trim());
     let file = recording.to_str().unwrap();
-    let told: Value = serde_json::from_str(&succeed(["info", file, "--json"])).unwrap();
-    let side = &told["cameras"][0];
-    assert_eq!((side["name"].as_str(), side["frames"]["count"].as_u64()), (Some("side"), Some(48)), "{told:#}");
+    let report: Value = serde_json::from_str(&succeed(["info", file, "--json"])).unwrap();
+    let side = &report["cameras"][0];
+    assert_eq!((side["name"].as_str(), side["frames"]["count"].as_u64()), (Some("side"), Some(48)), "{report:#}");
     assert_eq!((side["matching"]["matched"].as_u64(), side["matching"]["worst_ns"].as_u64()), (Some(48), Some(0)));
     assert_eq!(side["bodies"][0], "disc");
-    assert!(told["later_files"].as_array().unwrap().len() > 1, "it is split: {told:#}");
+    assert!(report["later_files"].as_array().unwrap().len() > 1, "the recording is split: {report:#}");
     let words = succeed(["info", file]);
     assert!(words.contains("48 of 48 frames match one of the first camera, 0.000 us later"), "{words}");
     let events = csv(&recording, "events");
@@ -107,8 +107,8 @@ fn every_command_tells_of_the_second_camera() {
     assert!(std::fs::read_to_string(&page).unwrap().contains("disc"));
     let refused = crate::support::run(["export", file, "--camera", "top", "--topic", "velocity"]);
     assert_eq!(refused.status.code(), Some(5));
-    let told = String::from_utf8(refused.stderr).unwrap();
-    assert!(told.contains("no camera named \"top\" beside the first: it has [\"side\"]"), "{told}");
+    let stderr = String::from_utf8(refused.stderr).unwrap();
+    assert!(stderr.contains("no camera named \"top\" beside the first: it has [\"side\"]"), "{stderr}");
 
     let shots = rig.path("replayed");
     let replay = ["replay", file, "--rate", "max", "-o", shots.to_str().unwrap(), "--rig", &rig.name];
@@ -130,7 +130,7 @@ fn every_command_tells_of_the_second_camera() {
 }
 
 #[test]
-fn a_trigger_keeps_the_same_moments_of_both_cameras_at_rates_of_their_own() {
+fn a_trigger_keeps_the_same_time_span_of_cameras_with_different_rates() {
     let rig = Rig::new();
     let films = [rig.file("first.toml", &drift(3000, 250.0)), rig.file("side.toml", &side_film(1800, 150.0))];
     let rest = "[trigger]\nmode = \"software\"\npre_s = 0.3\npost_s = 0.2\n[workers]\ncount = 1";
@@ -139,14 +139,14 @@ fn a_trigger_keeps_the_same_moments_of_both_cameras_at_rates_of_their_own() {
     wait_until("both film", || {
         let both = [rig.name.clone(), format!("{}-side", rig.name)].map(|name| status(&name));
         both.iter()
-            .all(|told| told.as_ref().is_some_and(|told| number(told, "acquire", "sequence") > 150))
+            .all(|stderr| stderr.as_ref().is_some_and(|stderr| number(stderr, "acquire", "sequence") > 150))
             .then_some(())
     });
     succeed(["trigger", "--rig", rig.name.as_str()]);
     wait_until("the shot is written", || (rig.recordings().len() == 1).then_some(()));
     service.signal(2);
-    let (code, _, told) = service.end();
-    assert_eq!(code, Some(0), "{told}");
+    let (code, _, stderr) = service.end();
+    assert_eq!(code, Some(0), "{stderr}");
     let recording = rig.recordings().remove(0);
     let first: Vec<FrameMeta> = frames(&recording).into_iter().map(|(meta, _)| meta).collect();
     let side = of_side(&recording);
@@ -157,9 +157,9 @@ fn a_trigger_keeps_the_same_moments_of_both_cameras_at_rates_of_their_own() {
     println!("{} frames, {} of side", first.len(), side.len());
     assert!(side[0].stamp_ns <= from_ns + period_ns && side.last().unwrap().stamp_ns + period_ns > to_ns);
     assert!(side[0].stamp_ns + 17 * period_ns > from_ns && side.last().unwrap().stamp_ns <= to_ns + period_ns);
-    let told: Value = serde_json::from_str(&succeed(["info", recording.to_str().unwrap(), "--json"])).unwrap();
-    let matching = &told["cameras"][0]["matching"];
-    // Frames of 250 Hz are 4 ms apart: those of 150 Hz, a third of 20 ms apart, lie 0, 1.33 or 1.33 ms beside one.
+    let report: Value = serde_json::from_str(&succeed(["info", recording.to_str().unwrap(), "--json"])).unwrap();
+    let matching = &report["cameras"][0]["matching"];
+    // Frames at 250 Hz are 4 ms apart. Frames at 150 Hz lie 0 or 1.33 ms from the nearest of them.
     assert!(matching["matched"].as_u64().unwrap() as usize + 17 >= side.len(), "{matching}");
     assert!((matching["worst_ns"].as_f64().unwrap() - 1.33e6).abs() < 1e4, "{matching}");
     let results = rig.path("results.mcap");
@@ -177,38 +177,38 @@ fn a_trigger_keeps_the_same_moments_of_both_cameras_at_rates_of_their_own() {
 }
 
 #[test]
-fn a_camera_process_that_is_killed_costs_its_own_camera_a_gap_and_the_other_nothing() {
+fn a_killed_camera_process_leaves_a_gap_in_its_own_camera_only() {
     let rig = Rig::new();
     let films = [rig.file("first.toml", &drift(6000, 250.0)), rig.file("side.toml", &side_film(6000, 250.0))];
     let config = two(&rig, [&films[0], &films[1]], true, BODY, "[workers]\ncount = 1");
     let service = Background::start(ricochet(["run".as_ref(), config.as_os_str()]));
     let side = format!("{}-side", rig.name);
     let filming = |name: &str, frame: u64| {
-        wait_until("it films and measures", || {
+        wait_until("both cameras are measured", || {
             let status = status(name)?;
             let is_far = |who: &str| number(&status, who, "sequence") > frame;
-            let are_all_told = ["correlate", "record"].iter().all(|role| number(&status, role, "pid") > 0);
-            (is_far("acquire") && is_far("track") && are_all_told).then_some(status)
+            let are_all_reported = ["correlate", "record"].iter().all(|role| number(&status, role, "pid") > 0);
+            (is_far("acquire") && is_far("track") && are_all_reported).then_some(status)
         })
     };
     let (first_before, before) = (filming(&rig.name, 100), filming(&side, 100));
     kill(u32::try_from(number(&before, "acquire", "pid")).unwrap(), 9);
-    wait_until("it films again", || {
+    wait_until("the camera streams again", || {
         let status = status(&side)?;
         (number(&status, "acquire", "pid") != number(&before, "acquire", "pid")).then_some(())
     });
     let at = number(&status(&side).unwrap(), "acquire", "sequence");
     let (first_after, after) = (filming(&rig.name, at + 150), filming(&side, at + 150));
     for role in ["correlate", "track", "record"] {
-        assert_eq!(number(&after, role, "pid"), number(&before, role, "pid"), "{role} went on");
+        assert_eq!(number(&after, role, "pid"), number(&before, role, "pid"), "{role} was not restarted");
     }
     for role in ["acquire", "correlate", "track", "record"] {
-        assert_eq!(number(&first_after, role, "pid"), number(&first_before, role, "pid"), "{role} went on");
+        assert_eq!(number(&first_after, role, "pid"), number(&first_before, role, "pid"), "{role} was not restarted");
     }
     service.signal(2);
-    let (code, printed, told) = service.end();
-    assert_eq!(code, Some(6), "{told}");
-    assert!(told.contains("acquire 0 of side ended with signal: 9"), "{told}");
+    let (code, printed, stderr) = service.end();
+    assert_eq!(code, Some(6), "{stderr}");
+    assert!(stderr.contains("acquire 0 of side ended with signal: 9"), "{stderr}");
     assert_eq!(printed.lines().count(), 1, "{printed}");
     let recording = PathBuf::from(printed.trim());
     let first: Vec<u64> = frames(&recording).iter().map(|(meta, _)| meta.sequence).collect();
@@ -245,8 +245,8 @@ fn a_camera_without_bodies_is_recorded_and_not_measured() {
     assert_eq!(table(&recording, None, "velocity").lines().count(), 41);
     let refused = crate::support::run(["analyze", recording.to_str().unwrap(), "--camera", "side"]);
     assert_eq!(refused.status.code(), Some(2));
-    let told = String::from_utf8(refused.stderr).unwrap();
-    assert!(told.contains("nothing is measured by") && told.contains("0 workers, or no bodies"), "{told}");
+    let stderr = String::from_utf8(refused.stderr).unwrap();
+    assert!(stderr.contains("nothing is measured by") && stderr.contains("0 workers, or no bodies"), "{stderr}");
     let by_hand = crate::support::run(["track", config.to_str().unwrap(), "--camera", "side"]);
     assert_eq!(by_hand.status.code(), Some(2), "{by_hand:?}");
 }

@@ -1,4 +1,4 @@
-//! A folder that is full, gone or read-only costs recordings, never the measurement.
+//! A directory that is full, missing or read-only costs recordings, never the measurement.
 
 use crate::pipeline::drift;
 use crate::support::{Background, Rig, csv, frames, process, ricochet, status, succeed, wait_until};
@@ -7,11 +7,11 @@ use serde_json::Value;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-/// A small file system of its own over a folder; taken away at the end of the test.
+/// A small file system mounted on a directory, unmounted at the end of the test.
 struct Mounted(PathBuf);
 
 impl Mounted {
-    /// `None`, and a line, where mounting is not allowed.
+    /// Returns `None` and prints a line where mounting is not allowed.
     fn new(path: &Path, size: &str) -> Option<Self> {
         std::fs::create_dir_all(path).unwrap();
         let options = format!("size={size}");
@@ -22,7 +22,7 @@ impl Mounted {
         None
     }
 
-    fn again_with(&self, options: &str) {
+    fn remount(&self, options: &str) {
         assert!(mount(&["-o", &format!("remount,{options}")], &self.0), "remount with {options}");
     }
 }
@@ -39,7 +39,7 @@ fn mount(arguments: &[&str], path: &Path) -> bool {
 
 const RATE_HZ: f64 = 120.0;
 
-/// Starts a rig that films for longer than any test needs.
+/// Starts a rig that records for longer than any test needs.
 fn start(rig: &Rig, trigger: &str) -> Background {
     let scenario = rig.file("long.toml", &drift(20_000, RATE_HZ));
     let camera = format!("source = \"simulated\"\nscenario = \"{}\"\npaced = true", scenario.display());
@@ -57,10 +57,10 @@ fn wait_for(rig: &Rig, what: &str, condition: impl Fn(&Value) -> bool) -> Value 
     wait_until(what, || status(&rig.name).filter(|status| condition(status)))
 }
 
-/// Frames go on being measured, and no process has died.
+/// Checks that frames are still measured and no process has died.
 fn is_measuring(rig: &Rig) {
     let before = number(&wait_for(rig, "it answers", |_| true), "track", "sequence");
-    let after = wait_for(rig, "the rig goes on", |status| number(status, "track", "sequence") > before + 100);
+    let after = wait_for(rig, "the rig still measures", |status| number(status, "track", "sequence") > before + 100);
     assert_eq!(number(&after, "run", "restarts"), 0, "{after}");
     assert_eq!(number(&after, "acquire", "lost") + number(&after, "acquire", "dropped"), 0, "{after}");
 }
@@ -77,7 +77,7 @@ fn parts(rig: &Rig) -> Vec<PathBuf> {
     paths
 }
 
-/// Takes a shot, which must come out whole and give the same numbers again.
+/// Takes a shot, which must be complete and give the same numbers in an analysis.
 fn a_shot_works(rig: &Rig) {
     let before = rig.recordings().len();
     succeed(["trigger", "--rig", rig.name.as_str()]);
@@ -91,25 +91,25 @@ fn a_shot_works(rig: &Rig) {
     assert_eq!(csv(&results, "velocity"), csv(&path, "velocity"));
 }
 
-/// Stops the rig, which must say that something was lost; gives what it said.
+/// Stops the rig, which must report a loss, and returns its standard error.
 fn ends_with_a_loss(service: Background) -> String {
     service.signal(2);
-    let (code, _, told) = service.end();
-    assert_eq!(code, Some(6), "{told}");
-    assert!(told.contains("finished, but data were lost"), "{told}");
-    assert!(told.contains("record 0 lost"), "{told}");
-    told
+    let (code, _, stderr) = service.end();
+    assert_eq!(code, Some(6), "{stderr}");
+    assert!(stderr.contains("finished, but data were lost"), "{stderr}");
+    assert!(stderr.contains("record 0 lost"), "{stderr}");
+    stderr
 }
 
 #[test]
-fn a_shot_on_a_full_disk_keeps_what_fitted_and_the_next_one_is_whole() {
+fn a_shot_on_a_full_disk_keeps_what_fits_and_the_next_is_complete() {
     let rig = Rig::new();
     let Some(disk) = Mounted::new(&rig.path("shots"), "1m") else { return };
     let service = start(&rig, SHOTS);
     let before = wait_for(&rig, "it warns", |status| number(status, "track", "sequence") > 100 && is_troubled(status));
-    assert_eq!(number(&before, "record", "state") & 1, 1, "armed all the same");
+    assert_eq!(number(&before, "record", "state") & 1, 1, "still armed");
     succeed(["trigger", "--rig", rig.name.as_str()]);
-    let after = wait_for(&rig, "the shot is given up", |status| number(status, "record", "lost") > 0);
+    let after = wait_for(&rig, "the shot ends with a loss", |status| number(status, "record", "lost") > 0);
     is_measuring(&rig);
 
     let part = &parts(&rig)[0];
@@ -117,26 +117,25 @@ fn a_shot_on_a_full_disk_keeps_what_fitted_and_the_next_one_is_whole() {
     assert!(cut.truncated().is_some());
     let kept: Vec<u64> = cut.frames().unwrap().filter_map(Result::ok).map(|(meta, _)| meta.sequence).collect();
     let lost = number(&after, "record", "lost") as usize;
-    println!("{} frames kept, {lost} told as missing", kept.len());
-    assert!(kept.len() > 10, "a frame has 23 kB, so 45 fit less what came with them: {}", kept.len());
+    println!("{} frames kept, {lost} reported missing", kept.len());
+    assert!(kept.len() > 10, "a frame has 23 kB, so fewer than 45 fit: {}", kept.len());
     assert_eq!(kept, (kept[0]..kept[0] + kept.len() as u64).collect::<Vec<_>>(), "no hole");
-    // 121 frames and up to a block before them; those of the chunk that was open are told as missing even where
-    // they can be read.
-    assert!(lost + kept.len() >= 121 && lost <= 137, "never told too few, nor more than the shot has");
+    // 121 frames and up to a block before them. Frames of the open chunk count as lost even where they can be read.
+    assert!(lost + kept.len() >= 121 && lost <= 137, "lost frames are neither missed nor counted twice");
     let saved = rig.path("saved.mcap");
     let _ = crate::support::run(["recover".as_ref(), part.as_os_str(), "-o".as_ref(), saved.as_os_str()]);
     assert_eq!(frames(&saved).len(), kept.len());
 
-    disk.again_with("size=64m");
-    wait_for(&rig, "it sees the room", |status| !is_troubled(status));
+    disk.remount("size=64m");
+    wait_for(&rig, "the free space is noticed", |status| !is_troubled(status));
     a_shot_works(&rig);
-    let told = ends_with_a_loss(service);
-    assert!(told.contains("a recording may need"), "the warning before: {told}");
-    assert!(told.contains("No space left on device"), "{told}");
+    let stderr = ends_with_a_loss(service);
+    assert!(stderr.contains("a recording may need"), "the warning before: {stderr}");
+    assert!(stderr.contains("No space left on device"), "{stderr}");
 }
 
 #[test]
-fn a_stream_on_a_full_disk_begins_another_file_when_there_is_room() {
+fn a_stream_on_a_full_disk_starts_a_new_file_when_there_is_space() {
     let rig = Rig::new();
     let Some(disk) = Mounted::new(&rig.path("shots"), "5m") else { return };
     let service = start(&rig, "");
@@ -144,16 +143,16 @@ fn a_stream_on_a_full_disk_begins_another_file_when_there_is_room() {
     assert!(is_troubled(&full), "{full}");
     is_measuring(&rig);
     assert!(rig.recordings().is_empty());
-    assert_eq!(parts(&rig).len(), 1, "no file is begun that has no room");
+    assert_eq!(parts(&rig).len(), 1, "no file starts without space for it");
     let kept = frames_of_part(&parts(&rig)[0]);
     assert!(kept.len() > 80 && kept == (0..kept.len() as u64).collect::<Vec<_>>(), "{kept:?}");
 
-    disk.again_with("size=256m");
+    disk.remount("size=256m");
     wait_until("a second file", || (parts(&rig).len() == 2).then_some(()));
     let again = number(&wait_for(&rig, "it answers", |_| true), "record", "taken");
     wait_for(&rig, "it fills", |status| number(status, "record", "taken") > again + 100);
-    let told = ends_with_a_loss(service);
-    assert!(told.contains("No space left on device"), "{told}");
+    let stderr = ends_with_a_loss(service);
+    assert!(stderr.contains("No space left on device"), "{stderr}");
     let second = &rig.recordings()[0];
     let sequences: Vec<u64> = frames(second).iter().map(|(meta, _)| meta.sequence).collect();
     assert!(sequences.len() > 90 && sequences[0].is_multiple_of(16), "{} from {}", sequences.len(), sequences[0]);
@@ -175,16 +174,16 @@ fn a_source_on_demand_is_not_held_back_by_a_full_disk() {
     let scenario = rig.file("drift.toml", &drift(600, 1000.0));
     let camera = format!("source = \"simulated\"\nscenario = \"{}\"\npaced = false", scenario.display());
     let config = rig.config(&camera, "[scale]\nmm_per_px = 0.5\n[workers]\ncount = 1");
-    let (code, _, told) = Background::start(ricochet(["run".as_ref(), config.as_os_str()])).end();
-    assert_eq!(code, Some(6), "{told}");
+    let (code, _, stderr) = Background::start(ricochet(["run".as_ref(), config.as_os_str()])).end();
+    assert_eq!(code, Some(6), "{stderr}");
     let kept = frames_of_part(&parts(&rig)[0]);
-    let lost = told.split("record 0 lost ").nth(1).unwrap().trim().parse::<usize>().unwrap();
-    println!("{} frames kept, {lost} told as missing", kept.len());
+    let lost = stderr.split("record 0 lost ").nth(1).unwrap().trim().parse::<usize>().unwrap();
+    println!("{} frames kept, {lost} reported missing", kept.len());
     assert!(kept.len() > 10 && (600..700).contains(&(lost + kept.len())), "{} and {lost}", kept.len());
 }
 
 #[test]
-fn a_folder_removed_under_a_stream_is_told_and_made_again() {
+fn a_directory_removed_during_a_stream_is_reported_and_made_again() {
     let rig = Rig::new();
     let service = start(&rig, "");
     wait_for(&rig, "it records", |status| number(status, "record", "taken") > 60);
@@ -192,15 +191,15 @@ fn a_folder_removed_under_a_stream_is_told_and_made_again() {
     let after = wait_for(&rig, "it notices", |status| number(status, "record", "lost") > 0);
     wait_until("it begins another file", || (parts(&rig).len() == 1).then_some(()));
     is_measuring(&rig);
-    let told = ends_with_a_loss(service);
-    assert!(told.contains("the file was removed while it was written"), "{told}");
+    let stderr = ends_with_a_loss(service);
+    assert!(stderr.contains("the file was removed while it was written"), "{stderr}");
     let sequences: Vec<u64> = frames(&rig.recordings()[0]).iter().map(|(meta, _)| meta.sequence).collect();
     assert!(sequences[0] >= number(&after, "record", "lost").min(60), "the frames before are gone, and counted");
     assert_eq!(sequences, (sequences[0]..sequences[0] + sequences.len() as u64).collect::<Vec<_>>());
 }
 
 #[test]
-fn a_folder_removed_before_a_shot_is_made_again() {
+fn a_directory_removed_before_a_shot_is_made_again() {
     let rig = Rig::new();
     let service = start(&rig, SHOTS);
     wait_for(&rig, "it measures", |status| number(status, "track", "sequence") > 100);
@@ -208,30 +207,30 @@ fn a_folder_removed_before_a_shot_is_made_again() {
     wait_for(&rig, "it notices", is_troubled);
     a_shot_works(&rig);
     service.signal(2);
-    let (code, _, told) = service.end();
-    assert_eq!(code, Some(0), "nothing was lost: {told}");
-    assert!(told.contains("cannot be written into: No such file or directory"), "{told}");
+    let (code, _, stderr) = service.end();
+    assert_eq!(code, Some(0), "nothing was lost: {stderr}");
+    assert!(stderr.contains("cannot be written into: No such file or directory"), "{stderr}");
 }
 
 #[test]
-fn a_read_only_folder_costs_the_shot_and_not_the_next() {
+fn a_read_only_directory_costs_one_shot_and_not_the_next() {
     let rig = Rig::new();
     let Some(disk) = Mounted::new(&rig.path("shots"), "64m") else { return };
     let service = start(&rig, SHOTS);
     let listener = ["listen", "events", "--rig", rig.name.as_str(), "--json", "--wait", "60"];
     let listener = Background::start(ricochet(listener));
     wait_for(&rig, "it measures", |status| number(status, "track", "sequence") > 100);
-    disk.again_with("ro");
+    disk.remount("ro");
     wait_for(&rig, "it notices", is_troubled);
     succeed(["trigger", "--rig", rig.name.as_str()]);
     let after = wait_for(&rig, "the shot is given up", |status| number(status, "record", "lost") > 0);
     assert!((121..=137).contains(&number(&after, "record", "lost")), "every frame of the shot: {after}");
     is_measuring(&rig);
-    disk.again_with("rw");
+    disk.remount("rw");
     wait_for(&rig, "it sees that it may write", |status| !is_troubled(status));
     a_shot_works(&rig);
-    let told = ends_with_a_loss(service);
-    assert!(told.contains("Read-only file system"), "{told}");
+    let stderr = ends_with_a_loss(service);
+    assert!(stderr.contains("Read-only file system"), "{stderr}");
     let (_, events, _) = listener.end();
     let events: Vec<Value> = events.lines().map(|line| serde_json::from_str(line).unwrap()).collect();
     let texts = |kind: &str| -> Vec<String> {
@@ -245,7 +244,7 @@ fn a_read_only_folder_costs_the_shot_and_not_the_next() {
 }
 
 #[test]
-fn old_recordings_make_room_and_their_names_are_told() {
+fn old_recordings_are_removed_and_reported_by_name() {
     let rig = Rig::new();
     let scenario = rig.file("long.toml", &drift(20_000, RATE_HZ));
     let camera = format!("source = \"simulated\"\nscenario = \"{}\"\npaced = true", scenario.display());
@@ -272,10 +271,10 @@ fn old_recordings_make_room_and_their_names_are_told() {
         wait_for(&rig, "it is armed again", |status| number(status, "record", "state") & 1 == 1);
     }
     service.signal(2);
-    let (code, printed, told) = service.end();
-    assert_eq!(code, Some(0), "nothing was lost: {told}");
+    let (code, printed, stderr) = service.end();
+    assert_eq!(code, Some(0), "nothing was lost: {stderr}");
     let named: Vec<PathBuf> = printed.lines().map(PathBuf::from).collect();
-    assert_eq!(named, all[2..], "only those that are there");
+    assert_eq!(named, all[2..], "only existing recordings");
     let (_, events, _) = listener.end();
     let events: Vec<Value> = events.lines().map(|line| serde_json::from_str(line).unwrap()).collect();
     let texts: Vec<&str> =

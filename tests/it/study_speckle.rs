@@ -1,13 +1,13 @@
-//! `ricochet study translation` to `peak`: tables, figures, what is gone on with, what is refused.
+//! `ricochet study translation` to `peak`: tables, figures, resumption and refusals.
 
 use crate::support::{Background, Rig, ricochet, run, succeed, wait_until};
 use serde_json::Value;
 use std::path::Path;
 
-/// Three films of one pattern: quick.
+/// Three films of one pattern, which are quick to measure.
 const SMALL: [&str; 6] = ["study", "rotation", "--patterns", "e-II", "--speeds", "off-grid"];
 
-/// The files of a study that hold results; what was measured of time is not among them.
+/// The result files of a study, without measured times.
 fn files(directory: &Path, study: &str) -> Vec<(String, Vec<u8>)> {
     let read = |ending: &str| {
         let name = format!("{study}{ending}");
@@ -27,17 +27,17 @@ fn table(path: &Path) -> (Vec<String>, Vec<csv::StringRecord>) {
     (head, reader.records().map(Result::unwrap).collect())
 }
 
-/// A number of a row, by the name of its column.
+/// The number in the named column of a row.
 fn number(head: &[String], row: &csv::StringRecord, name: &str) -> Option<f64> {
     let cell = &row[head.iter().position(|column| column == name).unwrap_or_else(|| panic!("no column {name}"))];
     (!cell.is_empty()).then(|| cell.parse().unwrap())
 }
 
 #[test]
-fn a_ball_that_turns_is_measured_to_three_thousandths_of_a_degree_by_its_whole_surface() {
+fn the_whole_surface_gives_the_rotation_within_0_003_deg() {
     let rig = Rig::new();
     let directory = rig.path("made/studies");
-    let told: Value = serde_json::from_str(&succeed(into(&SMALL, &directory).into_iter().chain(["--json"]))).unwrap();
+    let report: Value = serde_json::from_str(&succeed(into(&SMALL, &directory).into_iter().chain(["--json"]))).unwrap();
     let (head, rows) = table(&directory.join("rotation_films.csv"));
     assert_eq!(
         head.join(","),
@@ -51,13 +51,13 @@ fn a_ball_that_turns_is_measured_to_three_thousandths_of_a_degree_by_its_whole_s
         };
         let px = error("dx_px", "vx_px_frame").max(error("dy_px", "vy_px_frame"));
         let deg = error("dtheta_deg", "omega_deg_frame");
-        // A field on the grid of 5 points is known to 1/12 px, and a turn across 30 px of it to 0.16 deg.
-        let (most_px, most_deg) = match &row[5] {
+        // A field on a grid of 5 points is known to 1/12 px, and a rotation across 30 px of it to 0.16 deg.
+        let (max_px, max_deg) = match &row[5] {
             "rigid" => (0.004, 0.005),
             "ic-gn" => (0.006, 0.01),
             _ => (0.09, 0.16),
         };
-        assert!(px < most_px && deg < most_deg, "{row:?}");
+        assert!(px < max_px && deg < max_deg, "{row:?}");
         assert_eq!(&row[16], "valid");
         assert_eq!(number(&head, row, "sigma_dx_px").is_some(), ["rigid", "ic-gn"].contains(&&row[5]), "{row:?}");
     }
@@ -67,8 +67,8 @@ fn a_ball_that_turns_is_measured_to_three_thousandths_of_a_degree_by_its_whole_s
     assert_eq!(number(&head, rigid, "pairs"), Some(6.0));
     let (px, deg) = (number(&head, rigid, "mean_x_px").unwrap(), number(&head, rigid, "mean_deg").unwrap());
     assert!(px < 0.002 && deg < 0.003, "{px} px, {deg} deg");
-    assert_eq!((&told["study"], &told["films"]), (&Value::from("rotation"), &Value::from(3)));
-    let best = told["best"].as_array().unwrap();
+    assert_eq!((&report["study"], &report["films"]), (&Value::from("rotation"), &Value::from(3)));
+    let best = report["best"].as_array().unwrap();
     assert_eq!(best.len(), 4 * 2, "each method has a best pattern for motion and for rotation");
     assert!(best.iter().any(|b| b["method"] == "rigid" && b["of"] == "deg_frame" && b["mean"] == deg), "{best:?}");
     let figure = std::fs::read_to_string(directory.join("rotation.svg")).unwrap();
@@ -81,7 +81,7 @@ fn a_ball_that_turns_is_measured_to_three_thousandths_of_a_degree_by_its_whole_s
 }
 
 #[test]
-fn the_number_of_threads_does_not_show_in_the_results() {
+fn results_do_not_depend_on_the_number_of_threads() {
     let rig = Rig::new();
     let line = ["study", "translation", "--patterns", "a-II", "--speeds", "paper", "--methods", "ic-gn,rigid"];
     let made = |name: &str, threads: &str| {
@@ -95,7 +95,7 @@ fn the_number_of_threads_does_not_show_in_the_results() {
 }
 
 #[test]
-fn a_study_that_was_cut_off_goes_on_and_ends_the_same_to_the_byte() {
+fn an_interrupted_study_resumes_and_gives_the_same_bytes() {
     let rig = Rig::new();
     let whole = rig.path("whole");
     let line: Vec<&str> = SMALL.into_iter().chain(["--methods", "ic-gn,rigid"]).collect();
@@ -103,7 +103,7 @@ fn a_study_that_was_cut_off_goes_on_and_ends_the_same_to_the_byte() {
     let wanted = files(&whole, "rotation");
     let rows = String::from_utf8(wanted[0].1.clone()).unwrap();
     let end_of_line = |number: usize| rows.match_indices('\n').nth(number).unwrap().0 + 1;
-    // Before the header's end, after it, within the second film, in the middle of a row, at the end of a film.
+    // Within the header, after it, within the second film, within a row, at the end of a film.
     for length in [0, 20, end_of_line(0), end_of_line(6), end_of_line(6) + 30, end_of_line(4), end_of_line(12)] {
         let part = rig.path(&format!("part-{length}"));
         std::fs::create_dir(&part).unwrap();
@@ -112,7 +112,7 @@ fn a_study_that_was_cut_off_goes_on_and_ends_the_same_to_the_byte() {
         succeed(into(&line, &part));
         assert!(files(&part, "rotation") == wanted, "cut after {length} bytes");
     }
-    // What is there is not measured anew: a number that was changed by hand stays.
+    // Existing rows are not measured again: a number changed by hand stays.
     let changed = rows.replacen(",valid\n", ",lost\n", 1);
     std::fs::write(whole.join("rotation_films.csv"), &changed).unwrap();
     succeed(into(&line, &whole));
@@ -120,7 +120,7 @@ fn a_study_that_was_cut_off_goes_on_and_ends_the_same_to_the_byte() {
 }
 
 #[test]
-fn an_interrupted_study_says_what_is_missing_and_the_same_command_finishes_it() {
+fn an_interrupted_study_names_what_is_missing_and_the_same_command_finishes_it() {
     let rig = Rig::new();
     let line =
         ["study", "translation", "--patterns", "e-I", "--methods", "paper-fit", "--step", "20", "--threads", "1"];
@@ -129,9 +129,9 @@ fn an_interrupted_study_says_what_is_missing_and_the_same_command_finishes_it() 
     let films = part.join("translation_films.csv");
     wait_until("a film is written", || std::fs::metadata(&films).ok().filter(|file| file.len() > 300));
     study.signal(2);
-    let (code, printed, told) = study.end();
-    assert_eq!(code, Some(6), "{told}");
-    assert!(printed.is_empty() && told.contains("the same command goes on with the rest"), "{printed}{told}");
+    let (code, printed, stderr) = study.end();
+    assert_eq!(code, Some(6), "{stderr}");
+    assert!(printed.is_empty() && stderr.contains("the same command goes on with the rest"), "{printed}{stderr}");
     assert!(!part.join("translation.svg").exists(), "no figure of half a study");
     succeed(into(&line, &part));
     succeed(into(&line, &whole));
@@ -139,7 +139,7 @@ fn an_interrupted_study_says_what_is_missing_and_the_same_command_finishes_it() 
 }
 
 #[test]
-fn a_table_of_another_study_is_neither_gone_on_with_nor_touched() {
+fn a_table_of_another_study_is_neither_resumed_nor_changed() {
     let rig = Rig::new();
     let directory = rig.path("");
     let quick: Vec<&str> = SMALL.into_iter().chain(["--methods", "ic-gn"]).collect();
@@ -148,21 +148,21 @@ fn a_table_of_another_study_is_neither_gone_on_with_nor_touched() {
     let before = std::fs::read(&films).unwrap();
     let refused = |more: &[&str], wanted: &str| {
         let output = run(into(&quick, &directory).iter().chain(more));
-        let told = String::from_utf8(output.stderr).unwrap();
-        assert_eq!(output.status.code(), Some(2), "{told}");
-        assert!(told.lines().count() == 1 && told.contains(wanted), "{told}");
+        let stderr = String::from_utf8(output.stderr).unwrap();
+        assert_eq!(output.status.code(), Some(2), "{stderr}");
+        assert!(stderr.lines().count() == 1 && stderr.contains(wanted), "{stderr}");
     };
     refused(&["--noise-dn", "3"], "rotation_settings.json: noise_dn is 2.0 there, 3.0 now; choose another directory");
     refused(&["--seed", "2"], "seed is 1 there, 2 now");
     refused(&["--frames", "4"], "frames is 3 there, 4 now");
     let methods = run(into(&SMALL, &directory).iter().chain(&["--methods", "ic-gn,rigid"]));
-    let told = String::from_utf8(methods.stderr).unwrap();
+    let stderr = String::from_utf8(methods.stderr).unwrap();
     assert!(
-        methods.status.code() == Some(2) && told.contains("methods is [\"ic-gn\"] there, [\"ic-gn\",\"rigid\"] now"),
-        "{told}"
+        methods.status.code() == Some(2) && stderr.contains("methods is [\"ic-gn\"] there, [\"ic-gn\",\"rigid\"] now"),
+        "{stderr}"
     );
     assert_eq!(std::fs::read(&films).unwrap(), before);
-    // Half a table whose last film another program measured otherwise.
+    // Half a table whose last film has other numbers than this program measures.
     let text = String::from_utf8(before.clone()).unwrap();
     let ends: Vec<usize> = text.match_indices('\n').map(|(at, _)| at + 1).collect();
     let half = text[..ends[2]].replacen(",valid\n", ",lost\n", 2);
@@ -179,13 +179,13 @@ fn a_table_of_another_study_is_neither_gone_on_with_nor_touched() {
 }
 
 #[test]
-fn the_peak_study_tells_the_error_at_every_speed_and_what_a_window_costs() {
+fn the_peak_study_gives_the_error_at_every_speed_and_the_cost_of_a_window() {
     let rig = Rig::new();
     let directory = rig.path("peak");
     let line = ["study", "peak", "--frames", "2", "--step", "40", "--speeds", "off-grid"];
     let more = ["--methods", "peak-plain,peak-spline", "--json"];
-    let told = succeed(into(&line, &directory).into_iter().chain(more));
-    let told: Value = serde_json::from_str(&told).unwrap();
+    let printed = succeed(into(&line, &directory).into_iter().chain(more));
+    let report: Value = serde_json::from_str(&printed).unwrap();
     let (head, rows) = table(&directory.join("peak.csv"));
     assert_eq!(rows.len(), 20 * 2);
     let mean = |method: &str| {
@@ -193,19 +193,19 @@ fn the_peak_study_tells_the_error_at_every_speed_and_what_a_window_costs() {
         of.sum::<f64>() / 20.0
     };
     let (plain, normalised) = (mean("peak-plain"), mean("peak-spline"));
-    println!("peak without regard to the overlap {plain:.4} px, with it {normalised:.4} px");
-    // What is not divided by the overlap is drawn to zero; half a step of 1/6 px is 0.083 px besides.
+    println!("peak without overlap normalization {plain:.4} px, with it {normalised:.4} px");
+    // Without division by the overlap, peaks are biased to zero. Half a grid step of 1/6 px adds 0.083 px.
     assert!(plain > 0.05 && normalised < 0.02, "{plain} {normalised}");
     let (head, costs) = table(&directory.join("peak_time.csv"));
     assert_eq!(head, ["method", "us_per_window"]);
     assert!(costs.len() == 2 && costs.iter().all(|cost| cost[1].parse::<f64>().unwrap() > 0.0));
-    assert_eq!(told["speeds"].as_array().unwrap().len(), 40);
+    assert_eq!(report["speeds"].as_array().unwrap().len(), 40);
     let figure = std::fs::read_to_string(directory.join("peak.svg")).unwrap();
     assert!(figure.contains("Fig. 7") && figure.contains("us a window") && !figure.contains("NaN"));
 }
 
 #[test]
-fn more_noise_is_more_error_and_every_level_is_there() {
+fn the_error_grows_with_noise_and_every_level_is_present() {
     let rig = Rig::new();
     let directory = rig.path("noise");
     let line = ["study", "noise", "--frames", "2", "--methods", "ic-gn,rigid"];
@@ -227,7 +227,7 @@ fn more_noise_is_more_error_and_every_level_is_there() {
     let (head, films) = table(&directory.join("noise_films.csv"));
     assert!(head.contains(&"noise_dn".to_owned()) && !head.contains(&"blur_px".to_owned()));
     assert_eq!(films.len(), 6 * 8 * 2);
-    // It is gone on with as the others are.
+    // This study resumes like the others.
     let whole = files(&directory, "noise");
     std::fs::write(directory.join("noise_films.csv"), &whole[0].1[..whole[0].1.len() / 2]).unwrap();
     succeed(into(&line, &directory));
@@ -235,15 +235,15 @@ fn more_noise_is_more_error_and_every_level_is_there() {
 }
 
 #[test]
-fn what_a_study_cannot_do_is_one_line_with_the_option_its_value_and_what_is_allowed() {
+fn wrong_options_are_refused_in_one_line_with_value_and_allowed_range() {
     let rig = Rig::new();
     let help = succeed(["study", "general", "--help"]);
     assert!(help.contains("Example: ricochet study general "), "{help}");
     let refused = |code: i32, more: &[&str], wanted: &str| {
         let output = run(["study", "general"].iter().chain(more));
-        let told = String::from_utf8(output.stderr).unwrap();
-        assert_eq!(output.status.code(), Some(code), "{told}");
-        assert!(told.lines().count() == 1 && told.contains(wanted), "{told}");
+        let stderr = String::from_utf8(output.stderr).unwrap();
+        assert_eq!(output.status.code(), Some(code), "{stderr}");
+        assert!(stderr.lines().count() == 1 && stderr.contains(wanted), "{stderr}");
         assert!(output.stdout.is_empty());
     };
     refused(2, &["--patterns", "g-I"], "--patterns \"g-I\": allowed is a-I, a-II, a-III, b-I");
@@ -263,8 +263,8 @@ fn what_a_study_cannot_do_is_one_line_with_the_option_its_value_and_what_is_allo
     refused(2, &["--threads", "0"], "--threads");
     let swept = |arguments: &[&str], wanted: &str| {
         let output = run(["study"].iter().chain(arguments));
-        let told = String::from_utf8(output.stderr).unwrap();
-        assert!(output.status.code() == Some(2) && told.contains(wanted), "{told}");
+        let stderr = String::from_utf8(output.stderr).unwrap();
+        assert!(output.status.code() == Some(2) && stderr.contains(wanted), "{stderr}");
     };
     swept(&["noise", "--noise-dn", "2"], "--noise-dn 2: the study of noise has its own");
     swept(&["rate", "--speeds", "paper"], "--speeds: the study of rate has speeds of its own");
@@ -274,7 +274,7 @@ fn what_a_study_cannot_do_is_one_line_with_the_option_its_value_and_what_is_allo
 }
 
 #[test]
-fn the_page_on_the_studies_shows_small_figures_that_are_there() {
+fn the_page_on_studies_shows_small_figures_that_exist() {
     let docs = Path::new(env!("CARGO_MANIFEST_DIR")).join("docs");
     let page = std::fs::read_to_string(docs.join("studies.md")).unwrap();
     let mut shown = 0;

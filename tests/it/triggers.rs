@@ -1,4 +1,4 @@
-//! Triggers on measured motion: drops, and what is none.
+//! Triggers on measured motion: drops, and motions that are none.
 
 mod rod;
 
@@ -13,7 +13,7 @@ use ricochet::synth::{MotionSetup, Scenario, World};
 use ricochet::trigger::Decision;
 use std::io::{Read, Write};
 
-/// Even numbers from 0 to 1.
+/// Uniform random numbers from 0 to 1.
 struct Dice(u64);
 
 impl Dice {
@@ -23,12 +23,12 @@ impl Dice {
     }
 }
 
-/// What the trigger decided over a whole film.
+/// The decisions of the trigger over a whole film.
 fn decide(world: &World, config: &Config) -> Vec<Decision> {
     decide_on(world, config, |_| ())
 }
 
-/// The same of pictures that are changed on their way.
+/// The decisions over a film whose images are changed on the way.
 fn decide_on(world: &World, config: &Config, change: impl Fn(&mut Vec<u8>)) -> Vec<Decision> {
     let format = stream_format(world);
     let (measure, tracker) = analysis_params(config, &format);
@@ -59,7 +59,7 @@ fn rig(edge: [[f64; 2]; 2], angle_deg: f64, trigger: &str) -> Config {
     Config::parse(&text, "rig.toml").unwrap()
 }
 
-/// A drop on a level flat, noise of 2 grey levels, in the light of a lamp on the mains.
+/// A drop on a level surface, with noise of 2 grey levels, under mains light.
 fn drop_scenario(dice: &mut Dice, number: u64) -> Scenario {
     let mut scenario = Scenario::built_in("lacrosse").unwrap();
     scenario.seed = number;
@@ -69,7 +69,7 @@ fn drop_scenario(dice: &mut Dice, number: u64) -> Scenario {
     impact.vn_m_s = -dice.between(0.8, 4.0);
     impact.vt_m_s = dice.between(-0.6, 0.6);
     impact.omega_rad_s = dice.between(-40.0, 40.0);
-    // The ball is in the picture from the first frame on.
+    // The ball is in the image from the first frame on.
     let fall_s = (0.0178 / -impact.vn_m_s).min(6.0e-3);
     impact.contact_start_s = fall_s * dice.between(0.8, 1.0);
     impact.contact_center_px = [dice.between(100.0, 150.0), dice.between(99.0, 104.0)];
@@ -84,7 +84,7 @@ fn edge(scenario: &Scenario) -> [[f64; 2]; 2] {
     [[0.0, y_px], [255.0, y_px]]
 }
 
-/// One drop: how far the frame told is from the true one, and how many frames ahead it was told.
+/// Measures one drop: the error of the predicted frame of contact, and how many frames in advance it was predicted.
 fn drop_once(number: u64) -> (f64, i64) {
     let scenario = drop_scenario(&mut Dice((number + 1).wrapping_mul(0x9E37_79B9_7F4A_7C15)), number);
     let MotionSetup::Impact(impact) = &scenario.motion else { panic!("a drop") };
@@ -93,7 +93,7 @@ fn drop_once(number: u64) -> (f64, i64) {
     let decisions = decide(&World::new(&scenario).unwrap(), &config);
     assert_eq!(decisions.len(), 1, "drop {number} at {} m/s: {decisions:#?}", impact.vn_m_s);
     let error = decisions[0].frame as f64 - seen_s * scenario.camera.frame_rate_hz;
-    println!("drop {number}: {:.2} m/s, {} off by {error:.2}", impact.vn_m_s, decisions[0].what);
+    println!("drop {number}: {:.2} m/s, {} error {error:.2}", impact.vn_m_s, decisions[0].what);
     (error, decisions[0].frame as i64 - decisions[0].newest_frame as i64)
 }
 
@@ -107,14 +107,14 @@ fn predicted_contact_fires_within_two_frames_of_the_contact_in_a_hundred_drops()
     let mut leads: Vec<i64> = drops.iter().map(|(_, lead)| *lead).collect();
     leads.sort_unstable();
     println!(
-        "100 drops, worst {worst:.2} frames, told {} to {} frames ahead, median {}",
+        "100 drops, worst {worst:.2} frames, predicted {} to {} frames in advance, median {}",
         leads[0], leads[99], leads[50]
     );
     assert!(drops.len() == 100 && worst <= 2.0, "{worst} frames");
-    assert!(leads[50] >= 5, "most are told well ahead: median {}", leads[50]);
+    assert!(leads[50] >= 5, "most are predicted well in advance: median {}", leads[50]);
 }
 
-/// The ball of the drops, moving evenly from `start_px` by `step_px` a frame, without anything it could strike.
+/// The ball of the drops, in uniform motion from `start_px` by `step_px` per frame, with nothing in its way.
 fn even(start_px: [f64; 2], step_px: [f64; 2], frames: u64) -> World {
     let mut scenario = Scenario::built_in("lacrosse").unwrap();
     (scenario.camera.width_px, scenario.camera.height_px, scenario.camera.frames) = (320, 288, frames);
@@ -126,7 +126,7 @@ fn even(start_px: [f64; 2], step_px: [f64; 2], frames: u64) -> World {
 }
 
 #[test]
-fn what_does_not_touch_the_surface_predicts_no_contact() {
+fn a_ball_that_does_not_touch_the_surface_predicts_no_contact() {
     let floor = [[0.0, 220.3], [319.0, 220.3]];
     let none = |what: &str, edge, world: &World| {
         let decisions = decide(world, &rig(edge, 0.0, "mode = \"predicted-contact\""));
@@ -134,15 +134,15 @@ fn what_does_not_touch_the_surface_predicts_no_contact() {
     };
     none("a ball at rest on the surface", floor, &even([150.0, 158.6], [0.0, 0.0], 60));
     none("a ball at rest above it", floor, &even([150.0, 100.0], [0.0, 0.0], 60));
-    none("a ball that passes along it", floor, &even([80.0, 156.0], [1.5, 0.0], 60));
+    none("a ball that moves along it", floor, &even([80.0, 156.0], [1.5, 0.0], 60));
     none("a ball that rises from it", floor, &even([150.0, 158.0], [0.0, -0.8], 60));
-    none("a ball that falls beside its end", [[0.0, 220.3], [100.0, 220.3]], &even([180.0, 90.0], [0.0, 1.2], 70));
+    none("a ball that falls past its end", [[0.0, 220.3], [100.0, 220.3]], &even([180.0, 90.0], [0.0, 1.2], 70));
     let falls = even([150.0, 90.0], [0.0, 1.2], 70);
-    assert_eq!(decide(&falls, &rig(floor, 0.0, "mode = \"predicted-contact\"")).len(), 1, "the same, over it");
+    assert_eq!(decide(&falls, &rig(floor, 0.0, "mode = \"predicted-contact\"")).len(), 1, "the same above it");
 }
 
 #[test]
-fn a_surface_of_any_angle_is_touched_where_it_is() {
+fn contact_is_predicted_at_a_surface_of_any_angle() {
     // The ball moves right, towards a wall whose normal points left.
     let wall = [[250.0, 287.0], [250.0, 0.0]];
     let world = even([90.0, 140.0], [1.3, 0.0], 80);
@@ -150,22 +150,22 @@ fn a_surface_of_any_angle_is_touched_where_it_is() {
     let touch = (250.0 - 90.0 - 0.5 * 63.25 / 0.5142) / 1.3;
     assert_eq!(decisions.len(), 1);
     assert!((decisions[0].frame as f64 - touch).abs() <= 1.0, "{touch}: {decisions:?}");
-    assert!(decisions[0].frame - decisions[0].newest_frame <= 10, "no more than a millisecond ahead: {decisions:?}");
+    assert!(decisions[0].frame - decisions[0].newest_frame <= 10, "at most 1 ms in advance: {decisions:?}");
 }
 
 #[test]
-fn a_body_that_enters_fires_once_in_the_frame_it_enters() {
+fn a_body_that_enters_fires_once_in_that_frame() {
     let edge = [[0.0, 280.0], [319.0, 280.0]];
     let trigger = "mode = \"enter\"\nroi_px = [160, 0, 100, 288]";
     // Its centre is at 100 + 1.5 n: inside from frame 40 to frame 106, then outside again.
     let decisions = decide(&even([100.0, 140.0], [1.5, 0.0], 110), &rig(edge, 0.0, trigger));
     assert_eq!(decisions.iter().map(|decision| decision.frame).collect::<Vec<_>>(), [40]);
     let inside = decide(&even([200.0, 140.0], [0.1, 0.0], 40), &rig(edge, 0.0, trigger));
-    assert_eq!(inside, [], "one that is there from the start has not entered");
+    assert_eq!(inside, [], "a body that is inside from the start has not entered");
 }
 
 #[test]
-fn a_speed_is_crossed_and_a_gap_undershot_where_they_are() {
+fn speed_and_gap_triggers_fire_at_their_thresholds() {
     let edge = [[0.0, 250.3], [319.0, 250.3]];
     // 0.5142 mm a px at 10 kHz: 1.2 px a frame are 6.17 m/s.
     let falls = even([150.0, 90.0], [0.0, 1.2], 80);
@@ -178,7 +178,7 @@ fn a_speed_is_crossed_and_a_gap_undershot_where_they_are() {
 }
 
 #[test]
-fn a_flight_too_short_to_be_sure_of_is_told_when_the_contact_is_there() {
+fn after_a_short_flight_the_contact_is_reported_when_it_happens() {
     for (before_frames, vn_m_s) in [(5.2, -3.0), (6.7, -1.2), (13.8, -1.69)] {
         let mut scenario = Scenario::built_in("lacrosse").unwrap();
         let MotionSetup::Impact(impact) = &mut scenario.motion else { panic!("a drop") };
@@ -188,13 +188,13 @@ fn a_flight_too_short_to_be_sure_of_is_told_when_the_contact_is_there() {
             decide(&World::new(&scenario).unwrap(), &rig(edge(&scenario), 0.0, "mode = \"predicted-contact\""));
         assert_eq!(decisions.len(), 1, "{before_frames} frames: {decisions:#?}");
         let error = decisions[0].frame as f64 - before_frames;
-        println!("{before_frames} frames before: {} off by {error:.2}", decisions[0].what);
+        println!("{before_frames} frames before: {} error {error:.2}", decisions[0].what);
         assert!(error.abs() <= 2.0, "{before_frames} frames: {error}");
     }
 }
 
 #[test]
-fn without_a_recorder_the_one_who_decides_triggers_and_keeps_the_quiet_time() {
+fn without_a_recorder_the_deciding_process_triggers_and_keeps_the_quiet_time() {
     let rig = Rig::new();
     let mut scenario = Scenario::translation(0.0, 0.0, 0.0);
     (scenario.camera.width_px, scenario.camera.height_px) = (160, 144);
@@ -204,7 +204,7 @@ fn without_a_recorder_the_one_who_decides_triggers_and_keeps_the_quiet_time() {
     scenario.motion =
         MotionSetup::Constant { vx_px_frame: 0.0, vy_px_frame: 0.0, omega_deg_frame: 0.0, start_px: [80.0, 72.0] };
     let film = rig.file("lamp.toml", &toml::to_string(&scenario).unwrap());
-    let told = rig.path("told");
+    let answer = rig.path("answer");
     let config = rig.file(
         "rig.toml",
         &format!(
@@ -213,7 +213,7 @@ fn without_a_recorder_the_one_who_decides_triggers_and_keeps_the_quiet_time() {
              [workers]\ncount = 1\n",
             rig.name,
             film.display(),
-            told.display()
+            answer.display()
         ),
     );
     let listener =
@@ -223,9 +223,9 @@ fn without_a_recorder_the_one_who_decides_triggers_and_keeps_the_quiet_time() {
     let events = events(&listener.end().1);
     let count = |kind: &str| events.iter().filter(|(k, _)| k == kind).count();
     assert!(count("decided") >= 10, "{events:#?}");
-    // Half a second of film has room for two triggers that are 0.3 s apart.
+    // Half a second of film allows two triggers that are 0.3 s apart.
     assert_eq!((count("triggered"), count("action")), (2, 2), "{events:#?}");
-    assert_eq!(std::fs::read_to_string(&told).unwrap().lines().count(), 2);
+    assert_eq!(std::fs::read_to_string(&answer).unwrap().lines().count(), 2);
     let decided = events.iter().find(|(kind, _)| kind == "decided").unwrap();
     assert!(
         decided.1.starts_with("motion; decided ") && decided.1.ends_with(" us after the frame came"),
@@ -241,7 +241,7 @@ fn events(printed: &str) -> Vec<(String, String)> {
 }
 
 #[test]
-fn a_drop_is_kept_around_its_predicted_contact_and_sets_off_what_the_rig_file_says() {
+fn a_drop_is_recorded_around_its_predicted_contact_and_starts_the_actions() {
     let rig = Rig::new();
     let mut scenario = drop_scenario(&mut Dice(3), 3);
     let MotionSetup::Impact(impact) = &mut scenario.motion else { panic!("a drop") };
@@ -249,7 +249,7 @@ fn a_drop_is_kept_around_its_predicted_contact_and_sets_off_what_the_rig_file_sa
     scenario.camera.frames = 260;
     let [[x0, y0], [x1, y1]] = edge(&scenario);
     let film = rig.file("drop.toml", &toml::to_string(&scenario).unwrap());
-    let told = rig.path("told");
+    let answer = rig.path("answer");
     let server = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
     let address = server.local_addr().unwrap();
     let request = std::thread::spawn(move || {
@@ -269,14 +269,14 @@ fn a_drop_is_kept_around_its_predicted_contact_and_sets_off_what_the_rig_file_sa
              [trigger]\nmode = \"predicted-contact\"\npre_s = 0.003\npost_s = 0.004\nquiet_s = 10\nother_rig = \"no-such-rig\"\n\
              command = [\"/bin/sh\", \"-c\", \"echo $RICOCHET_FRAME > {}\"]\nurl = \"http://{address}/drop?x=1\"\n\
              [workers]\ncount = 1",
-            told.display()
+            answer.display()
         ),
     );
     let listener =
         Background::start(ricochet(["listen", "events", "--rig", rig.name.as_str(), "--json", "--wait", "60"]));
     let service = Background::start(ricochet(["run".as_ref(), config.as_os_str()]));
     let (code, _, complaints) = service.end();
-    assert_eq!(code, Some(0), "an action that fails is no loss: {complaints}");
+    assert_eq!(code, Some(0), "a failed action is no loss: {complaints}");
     let events = events(&listener.end().1);
     let texts =
         |kind: &str| events.iter().filter(|(k, _)| k == kind).map(|(_, text)| text.as_str()).collect::<Vec<_>>();
@@ -291,7 +291,7 @@ fn a_drop_is_kept_around_its_predicted_contact_and_sets_off_what_the_rig_file_sa
     assert!(deepest.len() == 1 && deepest[0].starts_with("ball was deepest at "), "{deepest:?}");
     let mut states = texts("state").into_iter();
     for wanted in ["preparing", "armed", "falling", "impact", "done"] {
-        assert!(states.any(|state| state == wanted), "{wanted} in its place among {:?}", texts("state"));
+        assert!(states.any(|state| state == wanted), "{wanted} in order among {:?}", texts("state"));
     }
 
     let recording = Recording::open(&rig.recordings()[0]).unwrap();
@@ -302,22 +302,23 @@ fn a_drop_is_kept_around_its_predicted_contact_and_sets_off_what_the_rig_file_sa
     assert_eq!((first, last), (48, 120), "3 ms before and 4 ms after, from the start of a block");
 
     let frame =
-        wait_until("the command ran", || std::fs::read_to_string(&told).ok().filter(|text| text.ends_with('\n')));
+        wait_until("the command ran", || std::fs::read_to_string(&answer).ok().filter(|text| text.ends_with('\n')));
     assert_eq!(frame, "80\n");
     let request = request.join().unwrap();
     assert!(request.starts_with("POST /drop?x=1 HTTP/1.1\r\n"), "{request}");
     let body: serde_json::Value = serde_json::from_str(request.split("\r\n\r\n").nth(1).unwrap()).unwrap();
     assert_eq!((body["rig"].as_str(), body["frame"].as_u64()), (Some(rig.name.as_str()), Some(80)));
     let actions = texts("action");
-    let said = |start: &str| actions.iter().any(|text| text.starts_with(start));
+    let is_reported = |start: &str| actions.iter().any(|text| text.starts_with(start));
     assert!(
-        said("command /bin/sh: ended with 0 after ") && said(&format!("url http://{address}/drop?x=1: answered 204"))
+        is_reported("command /bin/sh: ended with 0 after ")
+            && is_reported(&format!("url http://{address}/drop?x=1: answered 204"))
     );
-    assert!(said("rig no-such-rig: "), "{actions:?}");
+    assert!(is_reported("rig no-such-rig: "), "{actions:?}");
 }
 
 #[test]
-fn what_is_asked_for_during_a_shot_is_told_at_once_and_holds_after_it() {
+fn requests_during_a_shot_are_answered_at_once_and_hold_after_it() {
     let rig = Rig::new();
     let film = rig.file("drift.toml", &crate::pipeline::drift(4000, 250.0));
     let camera = format!("source = \"simulated\"\nscenario = \"{}\"\npaced = true", film.display());
@@ -334,19 +335,19 @@ fn what_is_asked_for_during_a_shot_is_told_at_once_and_holds_after_it() {
     assert!(ask("arm").status.success() && ask("disarm").status.success());
     wait_until("the second shot is written", || (rig.recordings().len() == 2).then_some(()));
     let refused = ask("trigger");
-    let told = String::from_utf8(refused.stderr).unwrap();
-    assert!(refused.status.code() == Some(2) && told.contains("the rig is disarmed"), "{told}");
+    let stderr = String::from_utf8(refused.stderr).unwrap();
+    assert!(refused.status.code() == Some(2) && stderr.contains("the rig is disarmed"), "{stderr}");
     service.signal(2);
-    let (code, _, told) = service.end();
-    assert_eq!(code, Some(0), "{told}");
+    let (code, _, stderr) = service.end();
+    assert_eq!(code, Some(0), "{stderr}");
     let events = events(&listener.end().1);
     let texts = |kinds: &[&str]| -> Vec<String> {
-        let told = events.iter().filter(|(kind, _)| kinds.contains(&kind.as_str()));
-        told.map(|(kind, text)| if text.contains('/') { kind.clone() } else { text.clone() }).collect()
+        let chosen = events.iter().filter(|(kind, _)| kinds.contains(&kind.as_str()));
+        chosen.map(|(kind, text)| if text.contains('/') { kind.clone() } else { text.clone() }).collect()
     };
     let states = ["preparing", "armed", "writing", "done", "armed", "writing", "done", "idle", "done"];
     assert_eq!(texts(&["state"]), states, "no shot goes without `writing`");
     let (armed, disarmed) = ("armed; a shot is being written", "disarmed; a shot is being written");
-    let told = ["software", armed, "recorded", "armed", "software", armed, disarmed, "recorded", "disarmed"];
-    assert_eq!(texts(&["triggered", "armed", "disarmed", "recorded"]), told);
+    let wanted = ["software", armed, "recorded", "armed", "software", armed, disarmed, "recorded", "disarmed"];
+    assert_eq!(texts(&["triggered", "armed", "disarmed", "recorded"]), wanted);
 }

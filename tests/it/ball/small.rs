@@ -1,4 +1,4 @@
-//! Balls of 8 to 20 px of radius: of so short a rim chance makes a circle more easily, and blur reaches far into them.
+//! Balls of 8 to 20 px radius: chance makes such short rims more often, and blur is large against them.
 
 use super::paint::{SIDE, picture};
 use super::scene::{Occluder, Random, Scene, Surface};
@@ -9,25 +9,25 @@ use ricochet::image::ImageView;
 
 const RADII: [[f64; 2]; 3] = [[6.0, 10.0], [8.0, 12.0], [12.0, 20.0]];
 
-/// Pictures in one of whose three searches a ball was found when only how much of a rim agrees was looked at, not how
-/// likely that is by chance.
+/// Seeds of images in which a ball was found when only the agreement of the rim counted, and not how likely chance
+/// explains it.
 const KNOWN: [u64; 4] = [24, 55, 276, 321];
 
-/// How many small balls are found in so many pictures without one.
+/// The number of small balls found in images without one.
 fn found_in_paint(seeds: impl Iterator<Item = u64>) -> usize {
     let mut finders = RADII.map(|[low, high]| BallFinder::new(&BallParams::new(low, high), SIDE, SIDE).unwrap());
-    let (mut found, mut looks) = (0, 0);
+    let (mut found, mut searches) = (0, 0);
     for seed in seeds {
         let grey = picture(seed);
         for (finder, radii) in finders.iter_mut().zip(RADII) {
-            looks += 1;
+            searches += 1;
             if let Some(circle) = finder.find(ImageView::new(&grey, SIDE, SIDE).unwrap()) {
                 println!("seed {seed}, {radii:?}: {circle:?}");
                 found += 1;
             }
         }
     }
-    println!("{found} balls in {looks} searches of pictures without one");
+    println!("{found} balls in {searches} searches of images without one");
     found
 }
 
@@ -36,10 +36,10 @@ fn no_small_ball_is_found_where_paint_makes_a_circle() {
     assert_eq!(found_in_paint(KNOWN.into_iter().chain(2000..2040)), 0);
 }
 
-/// One search in 240 found a ball in such pictures.
+/// Without the significance test, one search in 240 found a ball in such images.
 #[test]
 #[ignore = "long"]
-fn no_small_ball_is_found_in_many_pictures_of_paint() {
+fn no_small_ball_is_found_in_many_images_of_paint() {
     assert_eq!(found_in_paint(1_000_000..1_003_000), 0);
 }
 
@@ -70,8 +70,8 @@ fn small_balls([low, high]: [f64; 2], hidden: f64, is_speckled: bool) -> Tally {
     tally
 }
 
-/// Refusing circles that chance makes must not cost balls: 6, 15, 20, 0, 3 and 5 of 60 flat ones and 23, 33, 40, 13, 21
-/// and 24 speckled ones were refused before.
+/// The significance test must not refuse real balls. Without it 6, 15, 20, 0, 3 and 5 of 60 flat balls and 23, 33, 40, 13, 21
+/// and 24 speckled ones were refused.
 #[test]
 fn small_balls_are_found_and_never_somewhere_else() {
     for (is_speckled, most) in [(false, [7, 16, 22, 1, 4, 7]), (true, [26, 35, 44, 15, 25, 27])] {
@@ -84,10 +84,10 @@ fn small_balls_are_found_and_never_somewhere_else() {
     }
 }
 
-/// Where blur reaches into the outermost cells by which the darkening is read, a flat ball of 8 px looked darkened by 9 %
-/// and 0.05 px larger, at a sigma of 0.01 px.
+/// Blur reaches into the outermost cells from which the limb darkening is estimated. Before this was handled, a flat ball of
+/// 8 px seemed darkened by 9 % and 0.05 px larger, with a sigma of 0.01 px.
 #[test]
-fn a_small_ball_is_as_large_as_it_is() {
+fn the_radius_of_a_small_ball_is_unbiased() {
     for (ball, ground) in [(190.0, 40.0), (90.0, 200.0)] {
         for radius in [8.0, 10.0, 12.0, 15.0, 20.0] {
             let scene = |seed: u64| {
@@ -103,7 +103,7 @@ fn a_small_ball_is_as_large_as_it_is() {
     }
 }
 
-/// Spheres whose marks line the rim: what one tells of centre and radius is as sure as it says.
+/// Spheres whose marks line the rim: centre and radius have the uncertainty they claim.
 #[test]
 #[ignore = "long"]
 fn statistics_of_hard_spheres() {
@@ -116,7 +116,7 @@ fn statistics_of_hard_spheres() {
                 tally.add(&scene, find(&mut finder, &scene));
             }
             println!("sphere, bright {is_bright} hidden {hidden}: {}", tally.line());
-            // Dark marks at a bright rim all pull inwards: its radius is off by what its sigma can but roughly tell.
+            // Dark marks at a bright rim all pull inwards. The sigma covers this bias of the radius only roughly.
             for (of, most) in
                 [([1.0, 2.0].map(|k| tally.covered(k)), 0.8), ([1.0, 2.0].map(|k| tally.radius_covered(k)), 0.85)]
             {
@@ -127,10 +127,10 @@ fn statistics_of_hard_spheres() {
     }
 }
 
-/// Marks of a sphere and a part of its rim lie on a circle inside of it: seen, and some 80 sigmas off, where nobody asked
-/// what lies farther out.
+/// Marks of a sphere and part of its rim lie on a circle inside of it. That circle was taken for the outline, some 80 sigma
+/// off, when nothing checked for contrast farther out.
 #[test]
-fn no_circle_inside_of_a_marked_sphere_is_its_outline() {
+fn no_circle_inside_a_marked_sphere_is_its_outline() {
     let mut finder = finder(50.0, 68.0, &Scene::plain(1.0, 0.0));
     for (hidden, seeds) in
         [(0.0, [27, 719].as_slice()), (0.2, &[119, 334, 376, 639, 742, 1296]), (0.4, &[317, 517, 833])]
@@ -139,15 +139,15 @@ fn no_circle_inside_of_a_marked_sphere_is_its_outline() {
             let scene = Scene { surface: Surface::Sphere, ..Scene::hard(seed, true, hidden) };
             let Some(circle) = find(&mut finder, &scene) else { continue };
             let off = (circle.x_px - scene.x).hypot(circle.y_px - scene.y);
-            assert!(off < 5.0 * circle.sigma_center_px, "seed {seed}: off by {off} px, {circle:?}");
+            assert!(off < 5.0 * circle.sigma_center_px, "seed {seed}: error {off} px, {circle:?}");
         }
     }
 }
 
-/// On its dim side a faint ball may have no contrast left: what light from a side does to its centre, told from there,
-/// carried it off by up to 28 sigmas.
+/// On its dim side a faint ball may have no contrast. The correction for side light estimated from there was off by up to 28
+/// sigma.
 #[test]
-fn a_faint_ball_lit_from_a_side_is_no_farther_off_than_it_says() {
+fn the_centre_of_a_faint_ball_lit_from_a_side_has_the_sigma_it_claims() {
     for (radius, side_light, limb) in [(20.0, 0.2, 0.2), (57.2, 0.1, 0.4), (57.2, 0.2, 0.4)] {
         let faint =
             Scene { radius, side_light, limb, noise: 1.0, side_light_rad: Some(0.0), ..Scene::plain(120.0, 80.0) };
@@ -160,7 +160,7 @@ fn a_faint_ball_lit_from_a_side_is_no_farther_off_than_it_says() {
                 "radius {radius}, light {side_light}, darkened by {limb}: {off:+.4} +- {:.4} px",
                 circle.sigma_center_px
             );
-            assert!(off.abs() < 4.0 * circle.sigma_center_px, "seed {seed}: off by {off} px, {circle:?}");
+            assert!(off.abs() < 4.0 * circle.sigma_center_px, "seed {seed}: error {off} px, {circle:?}");
         }
     }
 }

@@ -1,4 +1,4 @@
-//! Keys, words and numbers that are refused, and the sentence each gets.
+//! Keys and values that are refused, and the message for each.
 
 use super::{GENICAM, SIMULATED, refusal, refused_on_a_simulated_rig};
 
@@ -131,7 +131,7 @@ fn numbers_out_of_range_are_refused_with_the_range_and_its_unit() {
 }
 
 #[test]
-fn words_that_mean_nothing_are_refused_with_the_ones_that_do() {
+fn unknown_words_are_refused_with_the_known_ones() {
     refused_on_a_simulated_rig(&[
         (
             "pixel_format = \"mono8\"",
@@ -172,7 +172,7 @@ fn words_that_mean_nothing_are_refused_with_the_ones_that_do() {
 }
 
 #[test]
-fn a_trigger_without_what_it_is_decided_from_is_refused() {
+fn a_trigger_without_its_inputs_is_refused() {
     let edge = "[scale]\nmm_per_px = 0.5\n[surface]\nedge = [[0, 10], [9, 10]]\n";
     let missing = |addition: &str, wanted: &str| {
         assert_eq!(refusal(&format!("{SIMULATED}{addition}\n")), format!("rig.toml{wanted}"));
@@ -237,7 +237,7 @@ fn a_trigger_without_what_it_is_decided_from_is_refused() {
 }
 
 #[test]
-fn a_line_and_a_view_without_what_they_need_are_refused_where_they_stand() {
+fn an_incomplete_line_trigger_or_view_is_refused_with_its_line() {
     let missing = |addition: &str, wanted: &str| {
         assert_eq!(refusal(&format!("{SIMULATED}{addition}\n")), format!("rig.toml{wanted}"));
     };
@@ -268,7 +268,7 @@ fn a_line_and_a_view_without_what_they_need_are_refused_where_they_stand() {
 }
 
 #[test]
-fn what_this_version_does_not_offer_is_refused_by_name() {
+fn tables_that_this_version_does_not_offer_are_refused_by_name() {
     refused_on_a_simulated_rig(&[
         (
             "[serve]\nhttp = \"127.0.0.1:8080\"",
@@ -279,7 +279,7 @@ fn what_this_version_does_not_offer_is_refused_by_name() {
 }
 
 #[test]
-fn keys_of_another_setting_are_refused_and_not_ignored() {
+fn keys_that_do_not_apply_are_refused_and_not_ignored() {
     refused_on_a_simulated_rig(&[
         (
             "id = \"a\"",
@@ -332,7 +332,7 @@ fn keys_of_another_setting_are_refused_and_not_ignored() {
 }
 
 #[test]
-fn keys_of_a_network_camera_are_refused_for_one_of_the_kernel() {
+fn keys_of_network_cameras_are_refused_for_v4l2() {
     let v4l2 = "[camera]\nsource = \"v4l2\"\nid = \"video0\"\nwidth_px = 640\nheight_px = 480\nframe_rate_hz = 60\n";
     for key in ["offset_x_px = 1", "offset_y_px = 1", "trigger_source = \"Line1\"", "packet_size_bytes = 1500"] {
         let name = key.split(' ').next().unwrap();
@@ -362,7 +362,7 @@ fn missing_keys_are_named() {
         recording,
         "rig.toml: camera.id is missing: must be the path of an MCAP file for source = \"recording\""
     );
-    for (key, said) in [
+    for (key, requirement) in [
         ("id", "the address, serial number or name of a camera"),
         ("width_px", "16 to 65535 px"),
         ("height_px", "16 to 65535 px"),
@@ -372,7 +372,7 @@ fn missing_keys_are_named() {
             GENICAM.lines().filter(|line| !line.starts_with(key)).map(|line| format!("{line}\n")).collect();
         assert_eq!(
             refusal(&without),
-            format!("rig.toml: camera.{key} is missing: must be {said} for source = \"genicam\"")
+            format!("rig.toml: camera.{key} is missing: must be {requirement} for source = \"genicam\"")
         );
     }
     refused_on_a_simulated_rig(&[
@@ -385,7 +385,7 @@ fn missing_keys_are_named() {
 }
 
 #[test]
-fn values_at_odds_are_refused() {
+fn contradictory_values_are_refused() {
     refused_on_a_simulated_rig(&[
         ("[correlation]\nsubset_size_px = 30", ", line 4: correlation.subset_size_px = 30: must be odd, 9 to 255 px"),
         ("[velocity]\nwindow_frames = 20", ", line 4: velocity.window_frames = 20: must be odd, 3 to 1001 frames"),
