@@ -1,6 +1,6 @@
-//! Random numbers from a counter: any of them can be had without the ones before.
+//! Random numbers from a counter: each can be computed without the previous ones.
 
-/// Scrambles 64 bits (the finaliser of SplitMix64, <https://doi.org/10.1145/2714064.2660195>).
+/// Mixes 64 bits (the finaliser of SplitMix64, <https://doi.org/10.1145/2714064.2660195>).
 #[inline]
 pub fn scramble(value: u64) -> u64 {
     let value = (value ^ (value >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
@@ -8,15 +8,15 @@ pub fn scramble(value: u64) -> u64 {
     value ^ (value >> 31)
 }
 
-/// Step of the counter: the golden ratio's bits.
+/// The increment of the counter: the bits of the golden ratio.
 pub const COUNT: u64 = 0x9e37_79b9_7f4a_7c15;
 
-/// A key for one purpose: different `purpose`s and `number`s give unrelated streams.
+/// Returns the key of a stream: different `purpose`s and `number`s give independent streams.
 pub fn key(seed: u64, purpose: u64, number: u64) -> u64 {
     scramble(scramble(scramble(seed.wrapping_add(COUNT)) ^ purpose.wrapping_mul(COUNT)) ^ number.wrapping_mul(COUNT))
 }
 
-/// A stream of numbers, for what is drawn once.
+/// A stream of random numbers.
 #[derive(Debug, Clone)]
 pub struct Stream {
     state: u64,
@@ -33,17 +33,17 @@ impl Stream {
         scramble(self.state)
     }
 
-    /// Evenly spread over 0 to 1, 1 left out.
+    /// Returns a uniform number from 0 to 1, 1 excluded.
     pub fn uniform(&mut self) -> f64 {
         (self.next() >> 11) as f64 / (1u64 << 53) as f64
     }
 
-    /// Evenly spread over `low` to `high`.
+    /// Returns a uniform number from `low` to `high`.
     pub fn between(&mut self, low: f64, high: f64) -> f64 {
         low + (high - low) * self.uniform()
     }
 
-    /// Normally distributed, mean 0, standard deviation 1 (Box and Muller).
+    /// Returns a normal number of mean 0 and standard deviation 1 (Box and Muller).
     pub fn normal(&mut self) -> f64 {
         let radius = (-2.0 * (1.0 - self.uniform()).ln()).sqrt();
         radius * (std::f64::consts::TAU * self.uniform()).cos()

@@ -1,23 +1,23 @@
-//! How a ball is turned in space.
+//! The orientation of a ball in space.
 
-/// A turn; axes x right, y up, z towards the camera.
+/// A rotation; axes x right, y up, z towards the camera.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct Attitude([[f64; 3]; 3]);
+pub(crate) struct Orientation([[f64; 3]; 3]);
 
-impl Attitude {
-    /// Turned in the picture's plane, counter-clockwise on the screen.
+impl Orientation {
+    /// Creates a rotation in the image plane, counter-clockwise on the screen.
     pub(crate) fn in_plane(angle_rad: f64) -> Self {
         let (sin, cos) = angle_rad.sin_cos();
         Self([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
     }
 
-    /// Turned about an axis in space by its length, counter-clockwise seen from its tip.
+    /// Creates a rotation about an axis by its length, counter-clockwise seen from its tip.
     ///
     /// O. Rodrigues, J. Math. Pures Appl. 5 (1840) 380.
     pub(crate) fn about(axis_rad: [f64; 3]) -> Self {
         let [x, y, z] = axis_rad;
         if x.abs() + y.abs() <= 0.0 {
-            // Exact, so that what only turns in the picture's plane keeps its distance from the middle.
+            // Exact, so that a rotation in the image plane keeps distances from the centre.
             return Self::in_plane(z);
         }
         let angle = (x * x + y * y + z * z).sqrt();
@@ -31,14 +31,14 @@ impl Attitude {
         ])
     }
 
-    /// This turn after another one.
+    /// Returns this rotation applied after another one.
     pub(crate) fn after(&self, first: &Self) -> Self {
         let column = |index: usize| self.of([first.0[0][index], first.0[1][index], first.0[2][index]]);
         let [x, y, z] = [column(0), column(1), column(2)];
         Self([0, 1, 2].map(|row| [x[row], y[row], z[row]]))
     }
 
-    /// Where a direction goes.
+    /// Rotates a direction.
     pub(crate) fn of(&self, direction: [f64; 3]) -> [f64; 3] {
         let [x, y, z] = direction;
         self.0.map(|row| row[0] * x + row[1] * y + row[2] * z)
@@ -57,7 +57,7 @@ mod tests {
     fn a_quarter_turn_about_each_axis_takes_the_next_axis_to_the_one_after() {
         let axes = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
         for axis in 0..3 {
-            let turn = Attitude::about(axes[axis].map(|part| part * std::f64::consts::FRAC_PI_2));
+            let turn = Orientation::about(axes[axis].map(|part| part * std::f64::consts::FRAC_PI_2));
             assert!(close(turn.of(axes[(axis + 1) % 3]), axes[(axis + 2) % 3]), "axis {axis}");
             assert!(close(turn.of(axes[axis]), axes[axis]), "axis {axis}");
         }
@@ -65,9 +65,9 @@ mod tests {
 
     #[test]
     fn many_small_turns_about_one_axis_are_a_large_one() {
-        let step = Attitude::about([0.01, -0.02, 0.03]);
-        let whole = (0..50).fold(Attitude::in_plane(0.0), |turn, _| step.after(&turn));
-        let expected = Attitude::about([0.5, -1.0, 1.5]);
-        assert!(close(whole.of([0.3, 0.4, -0.5]), expected.of([0.3, 0.4, -0.5])));
+        let step = Orientation::about([0.01, -0.02, 0.03]);
+        let total = (0..50).fold(Orientation::in_plane(0.0), |turn, _| step.after(&turn));
+        let expected = Orientation::about([0.5, -1.0, 1.5]);
+        assert!(close(total.of([0.3, 0.4, -0.5]), expected.of([0.3, 0.4, -0.5])));
     }
 }

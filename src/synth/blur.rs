@@ -1,17 +1,16 @@
-//! Blurred edges in closed form: what a lens and square pixels make of sharp shapes.
+//! Blurred edges in closed form: sharp shapes seen through a lens and square pixels.
 //!
-//! The lens is a Gaussian of standard deviation `blur_px`, the pixel a square
-//! of side 1; both together are close to one Gaussian whose variance is the sum
-//! (the square's is 1/12).
+//! The lens is a Gaussian of standard deviation `blur_px`, the pixel a square of side 1. Together they are close to one
+//! Gaussian whose variance is the sum of both (that of the square is 1/12).
 
 use std::f64::consts::{PI, SQRT_2, TAU};
 
-/// Standard deviation of lens and pixel together, px.
-pub(crate) fn seen_sigma_px(blur_px: f64) -> f64 {
+/// Returns the standard deviation of lens and pixel together, px.
+pub(crate) fn total_sigma_px(blur_px: f64) -> f64 {
     (blur_px * blur_px + 1.0 / 12.0).sqrt()
 }
 
-/// Beyond this many standard deviations an edge is no longer seen.
+/// The distance from an edge beyond which its blur is neglected, in standard deviations.
 pub(crate) const REACH_SIGMA: f64 = 4.2;
 
 /// Integral of the normal density up to `x`; error below 1e-7.
@@ -25,7 +24,7 @@ pub(crate) fn normal_cdf(x: f64) -> f64 {
     if x >= 0.0 { 1.0 - tail } else { tail }
 }
 
-/// Nodes and weights of the Gauss-Legendre rule of `N` points on -1 to 1.
+/// Returns nodes and weights of the Gauss-Legendre rule of `N` points on -1 to 1.
 pub(crate) fn gauss_legendre<const N: usize>() -> [(f64, f64); N] {
     std::array::from_fn(|index| {
         let count = N as f64;
@@ -44,10 +43,10 @@ pub(crate) fn gauss_legendre<const N: usize>() -> [(f64, f64); N] {
     })
 }
 
-/// Probability that two standard normal numbers with this correlation both stay below `a` and `b`.
+/// Returns the probability that two standard normal numbers with this correlation stay below `a` and `b`.
 ///
-/// It is what is seen of the overlap of two half-planes whose inward normals
-/// enclose an angle with this cosine. Plackett's integral, Biometrika 41 (1954) 351.
+/// It equals the blurred overlap of two half-planes whose inward normals enclose an angle with this cosine. Plackett's
+/// integral, Biometrika 41 (1954) 351.
 pub(crate) fn bivariate_cdf(a: f64, b: f64, correlation: f64, rule: &[(f64, f64)]) -> f64 {
     let half = 0.5 * correlation.clamp(-1.0, 1.0).asin();
     let sum: f64 = rule
@@ -60,10 +59,10 @@ pub(crate) fn bivariate_cdf(a: f64, b: f64, correlation: f64, rule: &[(f64, f64)
     (normal_cdf(a) * normal_cdf(b) + half * sum / TAU).clamp(0.0, 1.0)
 }
 
-/// Share of light a blurred disc takes at a distance from its centre, tabulated over the squared distance.
+/// The coverage of a pixel by a blurred disc, tabulated over the squared distance from its centre.
 ///
-/// It depends on the distance alone, so however coarse the table, the disc
-/// drawn from it moves and turns as a rigid thing.
+/// It depends on the distance alone, so a disc drawn from the table moves and rotates rigidly, however coarse the
+/// table.
 #[derive(Debug, Clone)]
 pub(crate) struct BlurredDisc {
     first_px2: f32,
@@ -74,7 +73,7 @@ pub(crate) struct BlurredDisc {
 }
 
 impl BlurredDisc {
-    /// A disc of this radius, seen with this blur.
+    /// Tabulates a disc of this radius with this blur.
     pub(crate) fn new(radius_px: f64, sigma_px: f64) -> Self {
         let rule = gauss_legendre::<24>();
         let reach_px = radius_px + REACH_SIGMA * sigma_px;
@@ -83,7 +82,7 @@ impl BlurredDisc {
         let step = 0.025 * radius_px.max(1.0);
         let count = ((reach_px * reach_px - first) / step).ceil() as usize + 2;
         let mut values: Vec<f32> = (0..count)
-            .map(|index| disc_share((first + step * index as f64).sqrt(), radius_px, sigma_px, &rule) as f32)
+            .map(|index| disc_coverage((first + step * index as f64).sqrt(), radius_px, sigma_px, &rule) as f32)
             .collect();
         values.extend([0.0, 0.0]);
         Self {
@@ -95,12 +94,12 @@ impl BlurredDisc {
         }
     }
 
-    /// Beyond this distance it is no longer seen.
+    /// The distance beyond which the disc is neglected.
     pub(crate) fn reach_px(&self) -> f64 {
         self.reach_px
     }
 
-    /// Share at a squared distance, 0 to 1.
+    /// Returns the coverage at a squared distance, 0 to 1.
     #[inline]
     pub(crate) fn at(&self, distance_px2: f32) -> f32 {
         let place = ((distance_px2 - self.first_px2) * self.steps_per_px2).clamp(0.0, self.last);
@@ -111,9 +110,9 @@ impl BlurredDisc {
     }
 }
 
-/// A disc's indicator folded with a Gaussian: the chords' erf profiles, summed across.
-fn disc_share(distance_px: f64, radius_px: f64, sigma_px: f64, rule: &[(f64, f64)]) -> f64 {
-    let chord_share = |half_chord: f64| {
+/// Convolves the indicator of a disc with a Gaussian: the error-function profiles of its chords, summed across.
+fn disc_coverage(distance_px: f64, radius_px: f64, sigma_px: f64, rule: &[(f64, f64)]) -> f64 {
+    let chord_coverage = |half_chord: f64| {
         normal_cdf((half_chord - distance_px) / sigma_px) - normal_cdf((-half_chord - distance_px) / sigma_px)
     };
     let density = |y: f64| (-0.5 * (y / sigma_px).powi(2)).exp() / (sigma_px * TAU.sqrt());
@@ -122,23 +121,23 @@ fn disc_share(distance_px: f64, radius_px: f64, sigma_px: f64, rule: &[(f64, f64
         rule.iter()
             .map(|(node, weight)| {
                 let y = 0.5 * wide * (1.0 + node);
-                0.5 * wide * weight * density(y) * chord_share((radius_px * radius_px - y * y).sqrt())
+                0.5 * wide * weight * density(y) * chord_coverage((radius_px * radius_px - y * y).sqrt())
             })
             .sum()
     } else {
         rule.iter()
             .map(|(node, weight)| {
                 let (sin, cos) = (0.25 * PI * (1.0 + node)).sin_cos();
-                0.25 * PI * weight * radius_px * cos * density(radius_px * sin) * chord_share(radius_px * cos)
+                0.25 * PI * weight * radius_px * cos * density(radius_px * sin) * chord_coverage(radius_px * cos)
             })
             .sum()
     };
     (2.0 * half).clamp(0.0, 1.0)
 }
 
-/// Share of light a blurred disc takes, of which a much larger disc's rim, at a right angle, cuts the outer part off.
+/// The coverage of a pixel by a blurred disc that is cut by the rim of a much larger disc at a right angle.
 ///
-/// Tabulated over the outward distance and the distance along the rim, from the small disc's centre.
+/// Tabulated over the outward distance and the distance along the rim from the small disc's centre.
 #[derive(Debug, Clone)]
 pub(crate) struct CutDisc {
     reach_px: f64,
@@ -146,11 +145,11 @@ pub(crate) struct CutDisc {
     values: Vec<f32>,
 }
 
-/// Grid of a [`CutDisc`], px.
+/// The grid of a [`CutDisc`], px.
 const CUT_STEP_PX: f64 = 0.125;
 
 impl CutDisc {
-    /// A disc of `radius_px` across the rim of a disc of `rim_px`, seen with this blur.
+    /// Tabulates a disc of `radius_px` across the rim of a disc of `rim_px`, with this blur.
     pub(crate) fn new(radius_px: f64, rim_px: f64, sigma_px: f64) -> Self {
         let rule = gauss_legendre::<16>();
         let reach_px = radius_px + REACH_SIGMA * sigma_px;
@@ -159,18 +158,18 @@ impl CutDisc {
             .map(|index| {
                 let outward = (index / columns) as f64 * CUT_STEP_PX - reach_px;
                 let along = (index % columns) as f64 * CUT_STEP_PX;
-                cut_share([outward, along], radius_px, rim_px, sigma_px, &rule) as f32
+                cut_coverage([outward, along], radius_px, rim_px, sigma_px, &rule) as f32
             })
             .collect();
         Self { reach_px, columns, values }
     }
 
-    /// Beyond this distance it is no longer seen.
+    /// The distance beyond which the disc is neglected.
     pub(crate) fn reach_px(&self) -> f64 {
         self.reach_px
     }
 
-    /// Share at a place no farther than the reach along either axis, 0 to 1.
+    /// Returns the coverage at a position within the reach along either axis, 0 to 1.
     #[inline]
     pub(crate) fn at(&self, outward_px: f32, along_px: f32) -> f32 {
         const STEPS_PER_PX: f32 = (1.0 / CUT_STEP_PX) as f32;
@@ -184,11 +183,11 @@ impl CutDisc {
     }
 }
 
-/// The cut disc's indicator folded with a Gaussian: the outward chords' erf profiles, summed along the rim.
-fn cut_share(place_px: [f64; 2], radius_px: f64, rim_px: f64, sigma_px: f64, rule: &[(f64, f64)]) -> f64 {
+/// Convolves the cut disc's indicator with a Gaussian: the profiles of its outward chords, summed along the rim.
+fn cut_coverage(place_px: [f64; 2], radius_px: f64, rim_px: f64, sigma_px: f64, rule: &[(f64, f64)]) -> f64 {
     let [outward, along] = place_px;
     let center = rim_px.hypot(radius_px);
-    // The circles meet here; the chords vanish.
+    // The circles intersect here and the chords vanish.
     let widest = radius_px * (1.0 - (radius_px / center).powi(2)).sqrt();
     let angle = |along: f64| (along.clamp(-widest, widest) / radius_px).asin();
     let (low, high) = (angle(along - 6.0 * sigma_px), angle(along + 6.0 * sigma_px));
@@ -206,22 +205,22 @@ fn cut_share(place_px: [f64; 2], radius_px: f64, rim_px: f64, sigma_px: f64, rul
         .clamp(0.0, 1.0)
 }
 
-/// A small disc that a straight edge cuts, and perhaps the rim of a large one.
+/// A small disc that is cut by a straight edge, and perhaps by the rim of a large disc.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct EdgedDisc {
-    /// Radius, px.
+    /// The radius, px.
     pub(crate) radius_px: f64,
-    /// The edge, along its outward normal from the disc's centre; what lies outside is kept.
+    /// The edge along its outward normal from the disc's centre; the part outside is kept.
     pub(crate) edge_px: f64,
-    /// The large disc's centre from the small one's: along the edge's outward normal and across it.
+    /// The centre of the large disc relative to the small one: along the edge's outward normal and across it.
     pub(crate) rim_center_px: [f64; 2],
-    /// The large disc's radius; only what is inside is kept.
+    /// The radius of the large disc; the part inside is kept.
     pub(crate) rim_px: f64,
 }
 
 impl EdgedDisc {
-    /// Share of light it takes, blurred, at a place along the edge's outward normal and across it.
-    pub(crate) fn share(&self, place_px: [f64; 2], sigma_px: f64, rule: &[(f64, f64)]) -> f64 {
+    /// Returns its blurred coverage at a position along the edge's outward normal and across it.
+    pub(crate) fn coverage(&self, place_px: [f64; 2], sigma_px: f64, rule: &[(f64, f64)]) -> f64 {
         let [outward, across] = place_px;
         let radius = self.radius_px;
         let angle = |outward: f64| (outward.clamp(self.edge_px.max(-radius), radius) / radius).asin();
@@ -307,8 +306,8 @@ mod tests {
                     }
                 }
             }
-            let share = f64::from(disc.at((distance * distance) as f32));
-            assert!((share - sum).abs() < 1e-3, "{distance}: {share} {sum}");
+            let coverage = f64::from(disc.at((distance * distance) as f32));
+            assert!((coverage - sum).abs() < 1e-3, "{distance}: {coverage} {sum}");
         }
     }
 }

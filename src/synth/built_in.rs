@@ -1,4 +1,4 @@
-//! Scenarios that are always at hand.
+//! Built-in scenarios.
 
 use super::physics::{Friction, NormalLaw};
 use super::scenario::{
@@ -10,25 +10,24 @@ use super::scenario::{
 const GRAVITY_M_S2: f64 = 9.806_65;
 
 impl Scenario {
-    /// Names of the built-in experiments; [`PatternSetup::PAPER`] has those of the patterns.
+    /// The names of the built-in experiments; [`PatternSetup::PAPER`] lists those of the patterns.
     pub const BUILT_IN: [&'static str; 9] =
         ["lacrosse", "lacrosse-sphere", "tennis", "tennis-physical", "rod", "rod-ringing", "pair", "passing", "plane"];
 
-    /// The built-in scenario of this name.
+    /// Returns the built-in scenario of this name.
     ///
-    /// - `lacrosse`: the paper's lacrosse ball on a flat tilted by 19 deg.
+    /// - `lacrosse`: the lacrosse ball of the paper on a surface tilted by 19 deg.
     /// - `lacrosse-sphere`: the same with its speckles on a sphere.
-    /// - `tennis`: its tennis ball on a racket at 45 deg with the spin that the
-    ///   paper reports, 5 rad/s, which takes next to no friction.
-    /// - `tennis-physical`: the same with the friction that strings have.
-    /// - `rod`: its steel rod dropped on a printed flat, with two tapes around it.
-    /// - `rod-ringing`: the same with the sound that runs up and down in it.
-    /// - `pair`: two balls that strike each other in the air and lose some of their speed.
-    /// - `passing`: a small ball that passes in front of a larger one, both spheres; the larger one turns faster and
+    /// - `tennis`: the tennis ball of the paper on a racket at 45 deg, with the reported spin of 5 rad/s, which needs
+    ///   very little friction.
+    /// - `tennis-physical`: the same with the friction of strings.
+    /// - `rod`: the steel rod of the paper dropped on a printed surface, with two tapes around it.
+    /// - `rod-ringing`: the same with longitudinal vibrations.
+    /// - `pair`: two balls that collide in the air and lose some of their speed.
+    /// - `passing`: a small ball that passes in front of a larger one, both spheres. The larger one rotates faster and
     ///   about another axis from the middle of the film on.
-    /// - `plane`: a speckled flat that fills the picture, drifts and turns.
-    /// - `pattern-a-I` to `pattern-f-II`: an even motion off every grid, with a
-    ///   pattern of the paper's speckle study.
+    /// - `plane`: a speckled plane that fills the image, drifts and rotates.
+    /// - `pattern-a-I` to `pattern-f-II`: a uniform motion off every grid, with a pattern of the paper's speckle study.
     pub fn built_in(name: &str) -> Option<Self> {
         match name {
             "lacrosse" => Some(lacrosse()),
@@ -46,21 +45,20 @@ impl Scenario {
             "rod-ringing" => Some(rod(name, Some(ringing()))),
             _ => {
                 let pattern = PatternSetup::paper(name.strip_prefix("pattern-")?)?;
-                let even = Self::translation(0.37, 0.13, 0.35);
-                Some(Self { name: name.to_owned(), body: BodySetup { pattern, ..even.body }, ..even })
+                let uniform = Self::translation(0.37, 0.13, 0.35);
+                Some(Self { name: name.to_owned(), body: BodySetup { pattern, ..uniform.body }, ..uniform })
             }
         }
     }
 
-    /// A ball of 120 px in 512 x 512 pixels that moves evenly, for accuracy tests.
+    /// Returns a ball of 120 px in 512 x 512 pixels that moves uniformly, for accuracy tests.
     ///
-    /// `vx_px_frame` right, `vy_px_frame` **down**, `omega_deg_frame`
-    /// counter-clockwise; 10 frames, noise 2 grey levels, even light. The
-    /// middle frame has the ball in the middle of the picture.
+    /// `vx_px_frame` right, `vy_px_frame` **down**, `omega_deg_frame` counter-clockwise; 10 frames, noise 2 grey
+    /// levels, uniform light. In the middle frame the ball is in the centre of the image.
     pub fn translation(vx_px_frame: f64, vy_px_frame: f64, omega_deg_frame: f64) -> Self {
         let frames = 10;
         let half = 0.5 * (frames - 1) as f64;
-        // An odd fraction of a pixel, so that no frame sits on the pixel grid.
+        // An odd fraction of a pixel, so that no frame lies on the pixel grid.
         let start_px = [255.63 - half * vx_px_frame, 255.29 - half * vy_px_frame];
         Self {
             name: "translation".to_owned(),
@@ -79,16 +77,16 @@ impl Scenario {
 }
 
 impl PatternSetup {
-    /// Names of the 16 patterns of the speckle study.
+    /// The names of the 16 patterns of the speckle study.
     pub const PAPER: [&'static str; 16] = [
         "a-I", "a-II", "a-III", "b-I", "b-II", "b-III", "c-I", "c-II", "c-III", "d-I", "d-II", "d-III", "e-I", "e-II",
         "f-I", "f-II",
     ];
 
-    /// A pattern of the speckle study: its speckle areas, density and lines (section 3 and Fig. 2 of the paper).
+    /// Returns a pattern of the speckle study: its speckle areas, density and lines (section 3 and Fig. 2 of the
+    /// paper).
     ///
-    /// The density of e-II is not given there; 45 % is assumed. The paper's
-    /// irregular speckles of e and f are round here.
+    /// The density of e-II is not given there; 45 % is assumed. The irregular speckles of e and f are round here.
     pub fn paper(name: &str) -> Option<Self> {
         let round = |area_px2: f64, coverage: f64| (area_px2, area_px2, coverage, 0);
         let (area_min_px2, area_max_px2, coverage, lines) = match name {
@@ -114,7 +112,7 @@ impl PatternSetup {
     }
 }
 
-/// Speckles of 2 to 40 px^2, the pattern of the lacrosse experiment.
+/// Returns speckles of 2 to 40 px^2, the pattern of the lacrosse experiment.
 fn fine_mixed() -> PatternSetup {
     PatternSetup { area_min_px2: 2.0, area_max_px2: 40.0, coverage: 0.45, lines: 0, line_width_px: 2.0 }
 }
@@ -138,7 +136,7 @@ fn film(frames: u64) -> CameraSetup {
     }
 }
 
-/// A lacrosse ball dropped 165 mm on a flat tilted by 19 deg, filmed by a camera tilted as much.
+/// Returns a lacrosse ball dropped 165 mm on a surface tilted by 19 deg, filmed by a camera tilted as much.
 fn lacrosse() -> Scenario {
     let tilt = 19f64.to_radians();
     Scenario {
@@ -169,7 +167,7 @@ fn lacrosse() -> Scenario {
             vn_m_s: -1.69,
             vt_m_s: 0.57,
             omega_rad_s: 0.0,
-            // The ball falls along gravity, to the right of the picture's downward axis.
+            // The ball falls along gravity, which points to the right of the downward image axis.
             gravity_m_s2: [GRAVITY_M_S2 * tilt.sin(), -GRAVITY_M_S2 * tilt.cos()],
             mass_kg: 0.145_66,
             inertia_factor: 0.4,
@@ -181,7 +179,7 @@ fn lacrosse() -> Scenario {
     }
 }
 
-/// A tennis ball dropped 1.04 m on a racket held at 45 deg, filmed upright.
+/// Returns a tennis ball dropped 1.04 m on a racket held at 45 deg, filmed upright.
 fn tennis(name: &str, coefficient: f64) -> Scenario {
     let film = CameraSetup { width_px: 256, height_px: 256, ..film(150) };
     let pattern = PatternSetup { area_min_px2: 4.0, area_max_px2: 20.0, coverage: 0.27, lines: 4, line_width_px: 2.0 };
@@ -190,7 +188,7 @@ fn tennis(name: &str, coefficient: f64) -> Scenario {
         seed: 2,
         camera: film,
         scale: ScaleSetup { mm_per_px: 0.5877, nearer_per_s: 0.0 },
-        // The racket falls to the right: a ball from above goes on along the tangent.
+        // The racket slopes down to the right: a ball from above continues along the tangent.
         surface: SurfaceSetup { angle_deg: -45.0 },
         body: BodySetup { diameter_mm: 67.0, shape: Shape::Disc, pattern, rod: None },
         shade: ShadeSetup { ball: 0.65, speckle: 0.15, ground: 0.1, ground_texture: 0.008 },
@@ -219,12 +217,12 @@ fn tennis(name: &str, coefficient: f64) -> Scenario {
     }
 }
 
-/// Sound in a steel rod 0.304 m long, clamped nowhere: c / 2 L.
+/// Returns the longitudinal vibration of a free steel rod 0.304 m long: c / 2 L.
 fn ringing() -> RingingSetup {
     RingingSetup { speed_m_s: 0.05, frequency_hz: 8500.0, decay_s: 2e-3 }
 }
 
-/// A steel rod of 9 mm dropped 59.9 mm on a printed flat, filmed at 40 000 frames a second.
+/// Returns a steel rod of 9 mm dropped 59.9 mm on a printed surface, filmed at 40 000 frames per second.
 fn rod(name: &str, ringing: Option<RingingSetup>) -> Scenario {
     let film = CameraSetup { width_px: 64, height_px: 160, frame_rate_hz: 40_000.0, exposure_us: 10.0, ..film(240) };
     let pattern = PatternSetup { area_min_px2: 4.0, area_max_px2: 20.0, coverage: 0.35, lines: 0, line_width_px: 2.0 };
@@ -262,17 +260,17 @@ fn rod(name: &str, ringing: Option<RingingSetup>) -> Scenario {
     }
 }
 
-/// A stretch in the picture's plane.
-fn part(frames: f64, [vx_px_frame, vy_px_frame]: [f64; 2], omega_deg_frame: f64) -> PartSetup {
+/// Returns a segment of motion in the image plane.
+fn segment(frames: f64, [vx_px_frame, vy_px_frame]: [f64; 2], omega_deg_frame: f64) -> PartSetup {
     PartSetup { frames, vx_px_frame, vy_px_frame, omega_deg_frame, tilt_deg_frame: [0.0; 2] }
 }
 
-/// Two equal balls of 63 px without friction; their blow is over between two frames.
+/// Returns two equal balls of 63 px without friction; their collision ends between two frames.
 fn pair() -> Scenario {
     const RESTITUTION: f64 = 0.8;
     let (before, after) = (40.37, 80.0);
     let body = BodySetup { diameter_mm: 63.25, shape: Shape::Disc, pattern: fine_mixed(), rod: None };
-    // Centres at the blow, 63.25 px apart, and the line from the first to the second.
+    // The centres at the collision, 63.25 px apart, and the line from the first to the second.
     let (sin, cos) = 20f64.to_radians().sin_cos();
     let (line, struck_px) = ([cos, -sin], [96.3, 100.2]);
     let other_px = [struck_px[0] + 63.25 * line[0], struck_px[1] + 63.25 * line[1]];
@@ -281,9 +279,9 @@ fn pair() -> Scenario {
     // Equal masses share the impulse.
     let kick = 0.5 * (1.0 + RESTITUTION) * closing;
     let kicked = |speed: [f64; 2], kick: f64| [speed[0] + kick * line[0], speed[1] + kick * line[1]];
-    let moved = |place: [f64; 2], speed: [f64; 2], after: [f64; 2], spin: f64| MotionSetup::Piecewise {
+    let motion = |place: [f64; 2], speed: [f64; 2], after: [f64; 2], spin: f64| MotionSetup::Piecewise {
         start_px: [place[0] - before * speed[0], place[1] - before * speed[1]],
-        parts: vec![part(before, speed, spin), part(60.0, after, spin)],
+        parts: vec![segment(before, speed, spin), segment(60.0, after, spin)],
     };
     Scenario {
         name: "pair".to_owned(),
@@ -295,33 +293,34 @@ fn pair() -> Scenario {
         shade: ShadeSetup::default(),
         light: LightSetup { side: 0.1, side_angle_deg: 60.0, ..LightSetup::default() },
         occluder: None,
-        motion: moved(struck_px, first, kicked(first, -kick), 0.31),
+        motion: motion(struck_px, first, kicked(first, -kick), 0.31),
         other: Some(OtherSetup {
             body,
             shade: ShadeSetup { ball: 0.65, ..ShadeSetup::default() },
-            motion: moved(other_px, second, kicked(second, kick), -0.23),
+            motion: motion(other_px, second, kicked(second, kick), -0.23),
         }),
     }
 }
 
-/// A ball of 44 px before one of 76 px, which is darker: so the outline in front has one sign all around.
+/// Returns a speckled plane that fills the image, drifts and rotates.
 fn plane() -> Scenario {
-    let even = Scenario::translation(0.37, -0.23, 0.11);
-    let camera = CameraSetup { width_px: 256, height_px: 192, frames: 40, ..even.camera };
-    let body = BodySetup { diameter_mm: 190.0, shape: Shape::Plane, ..even.body };
+    let uniform = Scenario::translation(0.37, -0.23, 0.11);
+    let camera = CameraSetup { width_px: 256, height_px: 192, frames: 40, ..uniform.camera };
+    let body = BodySetup { diameter_mm: 190.0, shape: Shape::Plane, ..uniform.body };
     let motion = MotionSetup::Constant {
         vx_px_frame: 0.37,
         vy_px_frame: -0.23,
         omega_deg_frame: 0.11,
         start_px: [120.6, 100.3],
     };
-    Scenario { name: "plane".to_owned(), camera, body, motion, ..even }
+    Scenario { name: "plane".to_owned(), camera, body, motion, ..uniform }
 }
 
+/// Returns a ball of 44 px in front of a darker one of 76 px, so that the front outline has one sign all around.
 fn passing() -> Scenario {
     let pattern = PatternSetup { area_min_px2: 4.0, area_max_px2: 20.0, coverage: 0.27, lines: 0, line_width_px: 2.0 };
     let ball = |diameter_mm: f64| BodySetup { diameter_mm, shape: Shape::Sphere, pattern: pattern.clone(), rod: None };
-    let tilted = PartSetup { tilt_deg_frame: [0.0, 0.4], ..part(70.0, [0.07, -0.05], 0.63) };
+    let tilted = PartSetup { tilt_deg_frame: [0.0, 0.4], ..segment(70.0, [0.07, -0.05], 0.63) };
     Scenario {
         name: "passing".to_owned(),
         seed: 5,
@@ -334,12 +333,15 @@ fn passing() -> Scenario {
         occluder: None,
         motion: MotionSetup::Piecewise {
             start_px: [128.3, 84.6],
-            parts: vec![part(70.0, [0.07, -0.05], 0.27), tilted],
+            parts: vec![segment(70.0, [0.07, -0.05], 0.27), tilted],
         },
         other: Some(OtherSetup {
             body: ball(44.0),
             shade: ShadeSetup { ball: 0.8, ..ShadeSetup::default() },
-            motion: MotionSetup::Piecewise { start_px: [30.4, 118.2], parts: vec![part(140.0, [1.37, -0.04], -0.8)] },
+            motion: MotionSetup::Piecewise {
+                start_px: [30.4, 118.2],
+                parts: vec![segment(140.0, [1.37, -0.04], -0.8)],
+            },
         }),
     }
 }

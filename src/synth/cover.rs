@@ -1,34 +1,34 @@
-//! What hides a part of a ball, and what it leaves of a speckle.
+//! Occluders of a ball, and the visible parts of its speckles.
 
 use super::blur::{gauss_legendre, normal_cdf};
 use super::draw::HalfPlane;
 use std::f64::consts::{FRAC_PI_2, TAU};
 use std::sync::LazyLock;
 
-/// A ball's outline in front of another ball.
+/// The outline of a ball in front of another ball.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct Round {
-    /// Centre, px.
+pub(crate) struct DiscOutline {
+    /// The centre, px.
     pub(crate) center_px: [f64; 2],
-    /// Radius, px.
+    /// The radius, px.
     pub(crate) radius_px: f64,
 }
 
-/// Something in front of a ball.
+/// An object in front of a ball.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) enum Cover {
+pub(crate) enum Occluder {
     /// A half-plane.
     Edge(HalfPlane),
     /// Another ball.
-    Ball(Round),
+    Ball(DiscOutline),
 }
 
-impl Cover {
-    /// Distance outside it, negative inside, px; and its outward normal there.
+impl Occluder {
+    /// Returns the distance outside it, negative inside, px, and its outward normal there.
     pub(crate) fn outside(&self, x_px: f64, y_px: f64) -> (f64, [f64; 2]) {
         match self {
             Self::Edge(edge) => (edge.distance_px(x_px, y_px), edge.normal),
-            Self::Ball(Round { center_px, radius_px }) => {
+            Self::Ball(DiscOutline { center_px, radius_px }) => {
                 let (dx, dy) = (x_px - center_px[0], y_px - center_px[1]);
                 let distance = dx.hypot(dy).max(1e-9);
                 (distance - radius_px, [dx / distance, dy / distance])
@@ -36,25 +36,25 @@ impl Cover {
         }
     }
 
-    /// What its curvature adds to a distance from its outline, as a blur of `sigma_px` sees it, px.
-    pub(crate) fn bend_px(&self, sigma_px: f64) -> f64 {
+    /// Returns the correction of a distance from its blurred outline for its curvature, px.
+    pub(crate) fn curvature_px(&self, sigma_px: f64) -> f64 {
         match self {
             Self::Edge(_) => 0.0,
-            Self::Ball(Round { radius_px, .. }) => 0.5 * sigma_px * sigma_px / radius_px,
+            Self::Ball(DiscOutline { radius_px, .. }) => 0.5 * sigma_px * sigma_px / radius_px,
         }
     }
 
-    /// The same, for places that count from another corner.
-    pub(crate) fn seen_from(&self, corner_px: [f64; 2]) -> Self {
+    /// Returns the occluder relative to another origin.
+    pub(crate) fn relative_to(&self, corner_px: [f64; 2]) -> Self {
         let moved = |[x, y]: [f64; 2]| [x - corner_px[0], y - corner_px[1]];
         match self {
             Self::Edge(edge) => Self::Edge(HalfPlane { point_px: moved(edge.point_px), ..*edge }),
-            Self::Ball(round) => Self::Ball(Round { center_px: moved(round.center_px), ..*round }),
+            Self::Ball(disc) => Self::Ball(DiscOutline { center_px: moved(disc.center_px), ..*disc }),
         }
     }
 
-    /// The part of a straight line that it hides: from a point along a unit vector, px.
-    fn hides(&self, from_px: [f64; 2], along: [f64; 2]) -> Option<[f64; 2]> {
+    /// Returns the part of a straight line that it occludes: from a point along a unit vector, px.
+    fn occluded_part(&self, from_px: [f64; 2], along: [f64; 2]) -> Option<[f64; 2]> {
         match self {
             Self::Edge(edge) => {
                 let outside = edge.distance_px(from_px[0], from_px[1]);
@@ -66,7 +66,7 @@ impl Cover {
                     () => (outside < 0.0).then_some([f64::NEG_INFINITY, f64::INFINITY]),
                 }
             }
-            Self::Ball(Round { center_px, radius_px }) => {
+            Self::Ball(DiscOutline { center_px, radius_px }) => {
                 let (dx, dy) = (center_px[0] - from_px[0], center_px[1] - from_px[1]);
                 let middle = dx * along[0] + dy * along[1];
                 let across = dx * along[1] - dy * along[0];
@@ -77,19 +77,19 @@ impl Cover {
     }
 }
 
-/// Axes of a speckle in the picture: its origin, and the unit vectors along and across its chords.
+/// The axes of a speckle in the image: its origin, and the unit vectors along and across its chords.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Axes {
-    /// Origin, px.
+    /// The origin, px.
     pub(crate) origin_px: [f64; 2],
-    /// Along the chords.
+    /// The direction of the chords.
     pub(crate) along: [f64; 2],
-    /// From chord to chord.
+    /// The direction from chord to chord.
     pub(crate) across: [f64; 2],
 }
 
 impl Axes {
-    /// Chords along `along`; the other axis is a quarter turn away.
+    /// Creates axes with chords along `along`; the other axis is perpendicular.
     pub(crate) fn new(origin_px: [f64; 2], along: [f64; 2]) -> Self {
         Self { origin_px, along, across: [-along[1], along[0]] }
     }
@@ -98,16 +98,17 @@ impl Axes {
         [self.origin_px[0] + across_px * self.across[0], self.origin_px[1] + across_px * self.across[1]]
     }
 
-    /// Places across the chords at which a cover that lies along them begins or ends to hide them; `half_px` is as far
-    /// as they reach along.
-    fn splits(&self, half_px: f64, cover: &Cover) -> Vec<f64> {
+    /// Returns the positions across the chords at which an occluder begins or ends to occlude them.
+    ///
+    /// The chords reach `half_px` along.
+    fn splits(&self, half_px: f64, occluder: &Occluder) -> Vec<f64> {
         let crossings = [-half_px, 0.0, half_px].into_iter().flat_map(|along_px| {
             let from = [self.origin_px[0] + along_px * self.along[0], self.origin_px[1] + along_px * self.along[1]];
-            cover.hides(from, self.across).unwrap_or([f64::INFINITY; 2])
+            occluder.occluded_part(from, self.across).unwrap_or([f64::INFINITY; 2])
         });
-        let touching = match cover {
-            Cover::Edge(_) => None,
-            Cover::Ball(Round { center_px, radius_px }) => {
+        let touching = match occluder {
+            Occluder::Edge(_) => None,
+            Occluder::Ball(DiscOutline { center_px, radius_px }) => {
                 let (dx, dy) = (center_px[0] - self.origin_px[0], center_px[1] - self.origin_px[1]);
                 let middle = dx * self.across[0] + dy * self.across[1];
                 Some([middle - radius_px, middle + radius_px])
@@ -117,23 +118,23 @@ impl Axes {
     }
 }
 
-/// One chord of a speckle and the width it stands for.
+/// One chord of a speckle with the width that it represents.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Chord {
-    /// Where it lies across the chords, px.
+    /// The position across the chords, px.
     pub(crate) across_px: f64,
-    /// Width that it stands for, px.
+    /// The represented width, px.
     pub(crate) width_px: f64,
-    /// Its ends, px.
+    /// The ends, px.
     pub(crate) ends_px: [f64; 2],
 }
 
 static RULE: LazyLock<[(f64, f64); 16]> = LazyLock::new(gauss_legendre);
 
-/// Chords of a shape that reaches `half_px` to either side; `ends` has the ends of each.
+/// Divides a shape that reaches `half_px` to either side into chords; `ends` gives the ends of each.
 ///
-/// `splits` are places across the chords where the ends have a bend or a jump. Nodes lie denser where an ellipse's
-/// chords vanish.
+/// `splits` are the positions across at which the ends have a kink or a jump. The nodes are denser near the ends of an
+/// ellipse.
 pub(crate) fn chords(
     half_px: f64,
     sigma_px: f64,
@@ -162,23 +163,23 @@ pub(crate) fn chords(
     chords
 }
 
-/// Chords of what several covers leave of a shape that fits a square of `2 half_px`.
+/// Divides the visible part of a shape that fits a square of `2 half_px` into chords.
 pub(crate) fn visible_chords(
     half_px: f64,
     sigma_px: f64,
     axes: &Axes,
-    covers: &[Cover],
+    occluders: &[Occluder],
     ends: impl Fn(f64) -> Option<[f64; 2]>,
 ) -> Vec<Chord> {
-    let splits: Vec<f64> = covers.iter().flat_map(|cover| axes.splits(half_px, cover)).collect();
+    let splits: Vec<f64> = occluders.iter().flat_map(|occluder| axes.splits(half_px, occluder)).collect();
     let mut left = chords(half_px, sigma_px, &splits, ends);
-    for cover in covers {
+    for occluder in occluders {
         left = left
             .into_iter()
             .flat_map(|chord| {
                 let [low, high] = chord.ends_px;
-                let hidden = cover.hides(axes.foot(chord.across_px), axes.along);
-                let [from, to] = hidden.unwrap_or([f64::INFINITY; 2]);
+                let occluded = occluder.occluded_part(axes.foot(chord.across_px), axes.along);
+                let [from, to] = occluded.unwrap_or([f64::INFINITY; 2]);
                 [[low, high.min(from)], [low.max(to), high]].map(|ends_px| Chord { ends_px, ..chord })
             })
             .filter(|chord| chord.ends_px[1] > chord.ends_px[0])
@@ -187,8 +188,8 @@ pub(crate) fn visible_chords(
     left
 }
 
-/// Share of light that the shape of these chords takes at a place along and across them.
-pub(crate) fn share(chords: &[Chord], along_px: f64, across_px: f64, sigma_px: f64) -> f64 {
+/// Returns the blurred coverage by the shape of these chords at a position along and across them.
+pub(crate) fn coverage(chords: &[Chord], along_px: f64, across_px: f64, sigma_px: f64) -> f64 {
     let scale = 1.0 / sigma_px;
     let sum: f64 = chords
         .iter()
@@ -204,22 +205,22 @@ pub(crate) fn share(chords: &[Chord], along_px: f64, across_px: f64, sigma_px: f
     sum * scale / TAU.sqrt()
 }
 
-/// Ends of a disc's chord, from the foot of its middle, px.
+/// Returns the ends of a disc's chord, from the foot of its middle, px.
 pub(crate) fn disc_chord(radius_px: f64, across_px: f64) -> [f64; 2] {
     let half = (radius_px * radius_px - across_px * across_px).max(0.0).sqrt();
     [-half, half]
 }
 
-/// Share of a disc that several covers leave visible.
-pub(crate) fn visible_fraction(disc: &Round, covers: &[Cover]) -> f64 {
+/// Returns the visible fraction of a disc behind several occluders.
+pub(crate) fn visible_fraction(disc: &DiscOutline, occluders: &[Occluder]) -> f64 {
     let radius = disc.radius_px;
     let [x, y] = disc.center_px;
-    if covers.iter().all(|cover| cover.outside(x, y).0 >= radius) {
+    if occluders.iter().all(|occluder| occluder.outside(x, y).0 >= radius) {
         return 1.0;
     }
     let axes = Axes::new(disc.center_px, [1.0, 0.0]);
-    // A fine blur asks for many chords.
-    let left = visible_chords(radius, 0.02 * radius, &axes, covers, |across| Some(disc_chord(radius, across)));
+    // A fine blur gives many chords.
+    let left = visible_chords(radius, 0.02 * radius, &axes, occluders, |across| Some(disc_chord(radius, across)));
     let area: f64 = left.iter().map(|chord| chord.width_px * (chord.ends_px[1] - chord.ends_px[0])).sum();
     (area / (std::f64::consts::PI * radius * radius)).clamp(0.0, 1.0)
 }
@@ -230,24 +231,24 @@ mod tests {
 
     #[test]
     fn a_disc_behind_another_shows_what_their_lens_leaves() {
-        let disc = Round { center_px: [10.0, 20.0], radius_px: 30.0 };
-        let front = |x: f64| Cover::Ball(Round { center_px: [x, 20.0], radius_px: 30.0 });
-        // Two equal discs: the lens is 2 acos(d / 2 r) - (d / 2 r) sqrt(4 - (d / r)^2), over pi.
+        let disc = DiscOutline { center_px: [10.0, 20.0], radius_px: 30.0 };
+        let front = |x: f64| Occluder::Ball(DiscOutline { center_px: [x, 20.0], radius_px: 30.0 });
+        // The lens of two equal discs is 2 acos(d / 2 r) - (d / 2 r) sqrt(4 - (d / r)^2), over pi.
         for distance in [0.0f64, 1.0, 15.0, 59.0, 60.0, 80.0] {
             let part = (distance / 60.0).min(1.0);
             let lens = (2.0 * part.acos() - 2.0 * part * (1.0 - part * part).sqrt()) / std::f64::consts::PI;
-            let seen = visible_fraction(&disc, &[front(10.0 + distance)]);
-            assert!((seen - (1.0 - lens)).abs() < 1e-5, "{distance}: {seen} {}", 1.0 - lens);
+            let visible = visible_fraction(&disc, &[front(10.0 + distance)]);
+            assert!((visible - (1.0 - lens)).abs() < 1e-5, "{distance}: {visible} {}", 1.0 - lens);
         }
         let edge = HalfPlane { point_px: [10.0, 20.0], normal: [0.6, -0.8] };
-        assert!((visible_fraction(&disc, &[Cover::Edge(edge)]) - 0.5).abs() < 1e-6);
-        assert!((visible_fraction(&disc, &[Cover::Edge(edge), front(10.0)])).abs() < 1e-12);
+        assert!((visible_fraction(&disc, &[Occluder::Edge(edge)]) - 0.5).abs() < 1e-6);
+        assert!((visible_fraction(&disc, &[Occluder::Edge(edge), front(10.0)])).abs() < 1e-12);
     }
 
     #[test]
-    fn covers_one_above_the_other_hide_no_more_than_one() {
-        let disc = Round { center_px: [0.0, 0.0], radius_px: 20.0 };
-        let one = Cover::Ball(Round { center_px: [21.0, 3.0], radius_px: 15.0 });
+    fn overlapping_occluders_occlude_no_more_than_one() {
+        let disc = DiscOutline { center_px: [0.0, 0.0], radius_px: 20.0 };
+        let one = Occluder::Ball(DiscOutline { center_px: [21.0, 3.0], radius_px: 15.0 });
         let once = visible_fraction(&disc, &[one]);
         assert!(once < 0.9 && (visible_fraction(&disc, &[one, one]) - once).abs() < 1e-9);
     }

@@ -1,8 +1,7 @@
-//! Ground truth: simulated impacts, drawn without any interpolation of pictures.
+//! Ground truth: simulated impacts, rendered without any interpolation of images.
 //!
-//! A [`Scenario`] says what is filmed and with which camera; a [`World`] made
-//! from it draws any frame, in any order, and tells the truth behind it. Both
-//! are pure functions of the scenario: no clock, no file, no hidden state.
+//! A [`Scenario`] describes the filmed objects and the camera. A [`World`] made from it renders any frame in any order
+//! and returns its ground truth. Both are pure functions of the scenario: no clock, no file, no hidden state.
 
 mod attitude;
 mod blur;

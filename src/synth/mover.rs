@@ -1,14 +1,13 @@
-//! Moves a picture by interpolation, as the speckle study's video generator does.
+//! Warping of images by interpolation, as in the video generator of the speckle study.
 //!
-//! A [`World`](super::World) needs no interpolation and has no such error; this
-//! is for pictures of real balls. Interpolation blurs what is near one pixel in
-//! size: on speckles of 2 px^2 and more, seen through a lens of 0.7 px, a
-//! move off the pixel grid is wrong by 0.6 to 0.8 grey levels (rms over the ball,
-//! 8 bit) and displaced by up to 0.0015 px.
+//! A [`World`](super::World) needs no interpolation and has no such error; this warp is for images of real balls.
+//! Interpolation blurs details near one pixel in size. For speckles of at least 2 px^2 behind a lens blur of 0.7 px, a
+//! displacement off the pixel grid has an error of 0.6 to 0.8 grey levels (rms over the ball, 8 bit) and up to
+//! 0.0015 px.
 
 use crate::image::{Image, ImageView};
 
-/// A picture ready to be moved: its cubic B-spline coefficients.
+/// An image ready to be warped: its cubic B-spline coefficients.
 ///
 /// M. Unser, A. Aldroubi and M. Eden, IEEE Trans. Signal Process. 41 (1993) 821,
 /// <https://doi.org/10.1109/78.193220>.
@@ -20,7 +19,7 @@ pub struct PictureMover {
 }
 
 impl PictureMover {
-    /// Prepares a picture of at least 4 x 4 pixels.
+    /// Prepares an image of at least 4 x 4 pixels.
     ///
     /// # Panics
     ///
@@ -33,21 +32,22 @@ impl PictureMover {
         for row in coefficients.chunks_exact_mut(width) {
             line.clear();
             line.extend_from_slice(row);
-            sharpen(&mut line);
+            spline_coefficients(&mut line);
             row.copy_from_slice(&line);
         }
         for column in 0..width {
             line.clear();
             line.extend(coefficients.iter().skip(column).step_by(width));
-            sharpen(&mut line);
+            spline_coefficients(&mut line);
             coefficients.iter_mut().skip(column).step_by(width).zip(&line).for_each(|(value, new)| *value = *new);
         }
         Self { coefficients, width, height }
     }
 
-    /// The picture turned about `center_px` by `angle_deg`, counter-clockwise on the screen, then shifted by `shift_px` (y down).
+    /// Returns the image rotated about `center_px` by `angle_deg`, counter-clockwise on the screen, then shifted by
+    /// `shift_px` (y down).
     ///
-    /// What comes from outside the picture takes the value of its edge.
+    /// Pixels from outside the image take the value of its border.
     pub fn moved(&self, center_px: [f64; 2], shift_px: [f64; 2], angle_deg: f64) -> Image {
         let (sin, cos) = angle_deg.to_radians().sin_cos();
         let mut image = Image::new(self.width, self.height);
@@ -55,7 +55,7 @@ impl PictureMover {
             let dy = row as f64 - center_px[1] - shift_px[1];
             for (column, pixel) in pixels.iter_mut().enumerate() {
                 let dx = column as f64 - center_px[0] - shift_px[0];
-                // Back by the same angle: (x, y) came from (x cos - y sin, x sin + y cos).
+                // The inverse rotation: (x, y) came from (x cos - y sin, x sin + y cos).
                 let x = center_px[0] + dx * cos - dy * sin;
                 let y = center_px[1] + dx * sin + dy * cos;
                 *pixel = self.at(x, y) as f32;
@@ -64,7 +64,7 @@ impl PictureMover {
         image
     }
 
-    /// The interpolated grey level at a place, px; outside the picture that of its edge.
+    /// Returns the interpolated grey level at a position, px; outside the image that of its border.
     pub fn at(&self, x_px: f64, y_px: f64) -> f64 {
         let (column, across) = place(x_px, self.width);
         let (row, down) = place(y_px, self.height);
@@ -80,7 +80,7 @@ impl PictureMover {
     }
 }
 
-/// The first of four coefficients, counted from one before the picture, and their weights.
+/// Returns the first of four coefficients, counted from one before the image, and their weights.
 fn place(place_px: f64, length: usize) -> (usize, [f64; 4]) {
     let inside = place_px.clamp(0.0, (length - 1) as f64);
     let first = inside.floor();
@@ -95,7 +95,7 @@ fn place(place_px: f64, length: usize) -> (usize, [f64; 4]) {
     (first as usize, weights)
 }
 
-/// Index of a coefficient that is counted from one before the picture; the picture is mirrored at its edge pixels.
+/// Returns the index of a coefficient counted from one before the image, which is mirrored at its border pixels.
 fn mirrored(index: usize, length: usize) -> usize {
     match index {
         0 => 1,
@@ -104,11 +104,11 @@ fn mirrored(index: usize, length: usize) -> usize {
     }
 }
 
-/// Values to cubic B-spline coefficients, in place; the line is mirrored at its ends.
-fn sharpen(line: &mut [f64]) {
+/// Converts values to cubic B-spline coefficients, in place; the line is mirrored at its ends.
+fn spline_coefficients(line: &mut [f64]) {
     let pole = 3f64.sqrt() - 2.0;
     let last = line.len() - 1;
-    // Powers of the pole vanish after some 30 steps.
+    // The powers of the pole vanish after some 30 steps.
     let reach = last.min(30);
     let start: f64 = (0..=reach).map(|step| line[step] * pole.powi(step as i32)).sum();
     line[0] = start;
@@ -127,7 +127,7 @@ mod tests {
     use super::*;
     use crate::synth::{MotionSetup, Scenario, World};
 
-    /// A still picture and the same ball moved, both drawn without interpolation.
+    /// Draws a static image and the same ball moved, both without interpolation.
     fn pair(shift_px: [f64; 2], angle_deg: f64) -> (Image, Image) {
         let mut scenario = Scenario::translation(0.0, 0.0, 0.0);
         (scenario.camera.width_px, scenario.camera.height_px) = (150, 150);

@@ -1,19 +1,19 @@
-//! Draws an upright rod with its tapes: strips and speckles, all in closed form.
+//! Rendering of an upright rod with its tapes: strips and speckles in closed form.
 
-use super::blur::{REACH_SIGMA, normal_cdf, seen_sigma_px};
-use super::draw::{Moment, Patch, spread};
+use super::blur::{REACH_SIGMA, normal_cdf, total_sigma_px};
+use super::draw::{Moment, Patch, splat};
 use super::scenario::{RodSetup, Scenario};
 use super::speckle::{Field, Pattern};
 use std::ops::Range;
 
-/// Everything about the rod that does not change from frame to frame.
+/// The properties of the rod that do not change from frame to frame.
 #[derive(Debug, Clone)]
 pub(crate) struct Rod {
     half_width_px: f64,
     sigma_px: f64,
-    /// Lower end below the mark, px.
+    /// The distance of the lower end below the mark, px.
     end_px: f64,
-    /// Upper and lower edges of both tapes, from the mark downwards, px.
+    /// The upper and lower edges of both tapes, from the mark downwards, px.
     tapes_px: [[f64; 2]; 2],
     pattern: Pattern,
     rod_dn: f32,
@@ -22,12 +22,12 @@ pub(crate) struct Rod {
 }
 
 impl Rod {
-    /// The speckled patch around the mark.
+    /// Returns the speckled patch around the mark.
     pub(crate) fn field(scenario: &Scenario, setup: &RodSetup) -> Field {
         Field::Rectangle([scenario.radius_px(), 0.5 * (setup.patch_px[1] - setup.patch_px[0])])
     }
 
-    /// Height of the mark, the middle of the patch, above the lower end.
+    /// Returns the height of the mark, the middle of the patch, above the lower end.
     pub(crate) fn mark_px(setup: &RodSetup) -> f64 {
         0.5 * (setup.patch_px[0] + setup.patch_px[1])
     }
@@ -37,7 +37,7 @@ impl Rod {
         let below = |[low, high]: [f64; 2]| [mark_px - high, mark_px - low];
         Self {
             half_width_px: scenario.radius_px(),
-            sigma_px: seen_sigma_px(scenario.camera.blur_px),
+            sigma_px: total_sigma_px(scenario.camera.blur_px),
             end_px: mark_px,
             tapes_px: [below(setup.tape_px), below(setup.patch_px)],
             pattern,
@@ -47,12 +47,12 @@ impl Rod {
         }
     }
 
-    /// Draws the mean over several moments of equal weight, as far as it lies in these rows of a picture so wide.
+    /// Draws the mean over several moments of equal weight, within these rows of an image of this width.
     pub(crate) fn draw(&self, moments: &[Moment], width: usize, rows: Range<usize>) -> Patch {
         let (top, height) = (rows.start, rows.len());
         let size = width * height;
-        // The rod reaches out of the picture: so does its rectangle.
-        let mut patch = Patch { left: 0, top, width, height, share: vec![0.0; size], light_dn: vec![0.0; size] };
+        // The rod extends beyond the image, and so does its rectangle.
+        let mut patch = Patch { left: 0, top, width, height, coverage: vec![0.0; size], light_dn: vec![0.0; size] };
         let weight = 1.0 / moments.len() as f32;
         let mut ink = vec![0.0; size];
         for moment in moments {
@@ -61,7 +61,7 @@ impl Rod {
             for speckle in &self.pattern.speckles {
                 let disc = &self.pattern.discs[speckle.size];
                 let place = [x + speckle.x_px, y + speckle.y_px - top as f64];
-                spread(place, disc.reach_px(), &patch, &mut ink, |dx, dy| disc.at(dx * dx + dy * dy));
+                splat(place, disc.reach_px(), &patch, &mut ink, |dx, dy| disc.at(dx * dx + dy * dy));
             }
             self.paint(moment, &ink, weight, &mut patch);
         }
@@ -70,7 +70,7 @@ impl Rod {
 
     fn paint(&self, moment: &Moment, ink: &[f32], weight: f32, patch: &mut Patch) {
         let [x, y] = moment.pose.center_px;
-        // The flat hides what has sunk into it; both edges lie along the rows.
+        // The surface occludes the part that has sunk into it; both edges lie along the rows.
         let end = moment.occluder.map_or(y + self.end_px, |flat| flat.point_px[1].min(y + self.end_px));
         let below = |edge: f64, place: f64| normal_cdf((place - edge) / self.sigma_px);
         let across: Vec<f32> = (0..patch.width)
@@ -90,9 +90,9 @@ impl Rod {
                 .sum();
             let light = self.rod_dn * rod + (self.tape_dn - self.rod_dn) * tape;
             let cells = row * patch.width..(row + 1) * patch.width;
-            let target = patch.share[cells.clone()].iter_mut().zip(&mut patch.light_dn[cells.clone()]);
-            for ((share, light_dn), (across, ink)) in target.zip(across.iter().zip(&ink[cells])) {
-                *share += weight * across * rod;
+            let target = patch.coverage[cells.clone()].iter_mut().zip(&mut patch.light_dn[cells.clone()]);
+            for ((coverage, light_dn), (across, ink)) in target.zip(across.iter().zip(&ink[cells])) {
+                *coverage += weight * across * rod;
                 *light_dn += weight * (across * light - (self.tape_dn - self.speckle_dn) * ink);
             }
         }

@@ -1,6 +1,6 @@
-//! What the ball moves in: ground, lamp, lens, and the half-plane in front.
+//! The background of the ball: ground, lamp, lens, and the occluding half-plane.
 
-use super::blur::{normal_cdf, seen_sigma_px};
+use super::blur::{normal_cdf, total_sigma_px};
 use super::draw::{EDGE_SIGMA, HalfPlane, Patch};
 use super::motion::tangent;
 use super::rod::Rod;
@@ -9,49 +9,49 @@ use super::texture::smooth;
 use crate::numeric::{Stream, key};
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
-/// What each random stream is for.
+/// The purposes of the random streams.
 const GROUND: u64 = 2;
 const OCCLUDER: u64 = 3;
 
 /// Everything but the ball.
 #[derive(Debug, Clone)]
-pub(crate) struct Scene {
+pub(crate) struct Background {
     width: usize,
     sigma_px: f64,
-    /// Brightness of the room, row-major.
+    /// The illumination of the room, row-major.
     room: Vec<f32>,
-    /// Light behind the ball, DN, row-major.
+    /// The light from behind the ball, DN, row-major.
     ground_dn: Vec<f32>,
-    /// Ground and resting occluder without the ball, DN, row-major.
+    /// The ground and a static occluder without the ball, DN, row-major.
     still_dn: Vec<f32>,
-    occluder: Option<Occluder>,
-    /// The lamp: swing as a share, and its frequency.
+    occluder: Option<OccludingEdge>,
+    /// The relative amplitude of the lamp's flicker, and its frequency.
     flicker: f64,
     flicker_hz: f64,
 }
 
 /// The half-plane in front of the ball.
 #[derive(Debug, Clone, Copy)]
-struct Occluder {
+struct OccludingEdge {
     start: HalfPlane,
     speed_px_s: f64,
     shade_dn: f32,
 }
 
-impl Scene {
+impl Background {
     pub(crate) fn new(scenario: &Scenario, full_dn: f32) -> Self {
         let room = room(scenario);
         let ground_dn = ground(scenario, full_dn, &room);
-        let occluder = half_plane(scenario).zip(scenario.occluder.as_ref()).map(|(start, setup)| Occluder {
+        let occluder = half_plane(scenario).zip(scenario.occluder.as_ref()).map(|(start, setup)| OccludingEdge {
             start,
             speed_px_s: setup.speed_px_frame * scenario.camera.frame_rate_hz,
             shade_dn: full_dn * setup.shade as f32,
         });
-        let resting = occluder.filter(|occluder| !occluder.moves());
-        let still_dn = still(scenario, full_dn, &room, &ground_dn, resting.map(|occluder| occluder.start));
+        let at_rest = occluder.filter(|occluder| !occluder.moves());
+        let still_dn = still(scenario, full_dn, &room, &ground_dn, at_rest.map(|occluder| occluder.start));
         Self {
             width: scenario.camera.width_px as usize,
-            sigma_px: seen_sigma_px(scenario.camera.blur_px),
+            sigma_px: total_sigma_px(scenario.camera.blur_px),
             room,
             ground_dn,
             still_dn,
@@ -61,12 +61,12 @@ impl Scene {
         }
     }
 
-    /// Pixels of the picture.
+    /// The number of pixels of the image.
     pub(crate) fn pixels(&self) -> usize {
         self.room.len()
     }
 
-    /// The occluder at a time after the first frame's stamp.
+    /// Returns the occluder at a time after the first frame's stamp.
     pub(crate) fn occluder_at(&self, time_s: f64) -> Option<HalfPlane> {
         self.occluder.map(|occluder| {
             let shift_px = occluder.speed_px_s * time_s;
@@ -75,24 +75,24 @@ impl Scene {
         })
     }
 
-    /// Speed of the occluder's edge, px/s.
+    /// Returns the speed of the occluder's edge, px/s.
     pub(crate) fn occluder_px_s(&self) -> f64 {
         self.occluder.map_or(0.0, |occluder| occluder.speed_px_s)
     }
 
-    /// The lamp's mean brightness over an exposure.
+    /// Returns the mean brightness of the lamp over an exposure.
     pub(crate) fn lamp(&self, start_s: f64, exposure_s: f64) -> f32 {
         let half_turn = PI * self.flicker_hz * exposure_s;
         let smear = if half_turn > 1e-9 { half_turn.sin() / half_turn } else { 1.0 };
         (1.0 + self.flicker * smear * (TAU * self.flicker_hz * (start_s + 0.5 * exposure_s)).sin()) as f32
     }
 
-    /// One row of the picture: what stands still, what moves in front, and the balls, DN.
+    /// Renders one row of the image: static parts, a moving occluder and the balls, DN.
     pub(crate) fn row(&self, occluders: &[Option<HalfPlane>], patches: &[Patch], row: usize, light: &mut [f32]) {
         let start = row * self.width;
         light.copy_from_slice(&self.still_dn[start..start + self.width]);
-        if let Some(occluder) = self.occluder.filter(Occluder::moves) {
-            self.cover(&occluder, occluders, row, light);
+        if let Some(occluder) = self.occluder.filter(OccludingEdge::moves) {
+            self.add_occluder(&occluder, occluders, row, light);
         }
         for patch in patches {
             if row < patch.top || row >= patch.top + patch.height {
@@ -100,21 +100,21 @@ impl Scene {
             }
             let cells = (row - patch.top) * patch.width..(row - patch.top + 1) * patch.width;
             let place = start + patch.left..start + patch.left + patch.width;
-            let ball = patch.share[cells.clone()].iter().zip(&patch.light_dn[cells]);
+            let ball = patch.coverage[cells.clone()].iter().zip(&patch.light_dn[cells]);
             let still = self.room[place.clone()].iter().zip(&self.ground_dn[place]);
-            for ((light, (share, light_dn)), (room, ground_dn)) in
+            for ((light, (coverage, light_dn)), (room, ground_dn)) in
                 light[patch.left..patch.left + patch.width].iter_mut().zip(ball).zip(still)
             {
-                *light += light_dn * room - share * ground_dn;
+                *light += light_dn * room - coverage * ground_dn;
             }
         }
     }
 
-    /// Lays a moving occluder over the ground: the mean over the exposure's moments.
-    fn cover(&self, occluder: &Occluder, moments: &[Option<HalfPlane>], row: usize, light: &mut [f32]) {
+    /// Adds a moving occluder: the mean over the moments of the exposure.
+    fn add_occluder(&self, occluder: &OccludingEdge, moments: &[Option<HalfPlane>], row: usize, light: &mut [f32]) {
         let weight = 1.0 / moments.len() as f32;
         for (column, light) in light.iter_mut().enumerate() {
-            let hidden: f32 = moments
+            let covered: f32 = moments
                 .iter()
                 .flatten()
                 .map(|plane| {
@@ -126,24 +126,24 @@ impl Scene {
                     }
                 })
                 .sum();
-            *light += weight * hidden * (occluder.shade_dn * self.room[row * self.width + column] - *light);
+            *light += weight * covered * (occluder.shade_dn * self.room[row * self.width + column] - *light);
         }
     }
 }
 
-impl Occluder {
+impl OccludingEdge {
     fn moves(&self) -> bool {
         self.speed_px_s.abs() > 0.0
     }
 }
 
-/// The occluder's edge, in the picture.
+/// Returns the edge of the occluder in the image.
 fn half_plane(scenario: &Scenario) -> Option<HalfPlane> {
     let occluder = scenario.occluder.as_ref()?;
     let angle_rad = occluder.normal_deg.map_or(scenario.surface.angle_deg.to_radians() + FRAC_PI_2, f64::to_radians);
     let normal = [angle_rad.cos(), -angle_rad.sin()];
     let touch = |center_px: [f64; 2]| {
-        // The body touches with the point that lies opposite to the surface's normal.
+        // The body touches at the point opposite to the surface's normal.
         let tangent = tangent(scenario);
         let reach_px = scenario.body.rod.as_ref().map_or(scenario.radius_px(), Rod::mark_px);
         [center_px[0] + reach_px * tangent[1], center_px[1] + reach_px * tangent[0]]
@@ -156,7 +156,7 @@ fn half_plane(scenario: &Scenario) -> Option<HalfPlane> {
     Some(HalfPlane { point_px, normal })
 }
 
-/// Brightness of the room at every pixel.
+/// Computes the illumination of the room at every pixel.
 fn room(scenario: &Scenario) -> Vec<f32> {
     let (width, height) = (scenario.camera.width_px, scenario.camera.height_px);
     let slope = [scenario.light.gradient_x / f64::from(width), scenario.light.gradient_y / f64::from(height)];
@@ -176,11 +176,11 @@ fn ground(scenario: &Scenario, full_dn: f32, room: &[f32]) -> Vec<f32> {
     room.iter().zip(rough).map(|(room, rough)| full_dn * room * (shade + rough).max(0.0)).collect()
 }
 
-/// Ground and occluder: the picture without the ball.
+/// Renders ground and occluder: the image without the ball.
 fn still(scenario: &Scenario, full_dn: f32, room: &[f32], ground_dn: &[f32], occluder: Option<HalfPlane>) -> Vec<f32> {
     let (Some(plane), Some(setup)) = (occluder, &scenario.occluder) else { return ground_dn.to_vec() };
-    let sigma_px = seen_sigma_px(scenario.camera.blur_px);
-    // A long grain, as wood has.
+    let sigma_px = total_sigma_px(scenario.camera.blur_px);
+    // A long grain, as that of wood.
     let rough = roughness(scenario, setup.texture, [8.0, 1.2], OCCLUDER);
     pixels(scenario.camera.width_px, scenario.camera.height_px)
         .zip(room.iter().zip(rough).zip(ground_dn))
@@ -191,16 +191,16 @@ fn still(scenario: &Scenario, full_dn: f32, room: &[f32], ground_dn: &[f32], occ
         .collect()
 }
 
-fn roughness(scenario: &Scenario, share: f64, sigma_px: [f64; 2], purpose: u64) -> Vec<f32> {
+fn roughness(scenario: &Scenario, amplitude: f64, sigma_px: [f64; 2], purpose: u64) -> Vec<f32> {
     let (width, height) = (scenario.camera.width_px as usize, scenario.camera.height_px as usize);
-    if share <= 0.0 {
+    if amplitude <= 0.0 {
         return vec![0.0; width * height];
     }
     let values = smooth(width, height, sigma_px, Stream::new(key(scenario.seed, purpose, 0)));
-    values.into_iter().map(|value| value * share as f32).collect()
+    values.into_iter().map(|value| value * amplitude as f32).collect()
 }
 
-/// Every pixel's place, row by row.
+/// Iterates over the pixels, row by row.
 fn pixels(width: u32, height: u32) -> impl Iterator<Item = (f64, f64)> {
     (0..height).flat_map(move |y| (0..width).map(move |x| (f64::from(x), f64::from(y))))
 }

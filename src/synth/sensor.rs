@@ -1,26 +1,26 @@
-//! The camera's chip: noise, rounding, packing.
+//! The camera sensor: noise, quantization, packing.
 
 use super::blur::normal_cdf;
 use super::scenario::CameraSetup;
 use crate::image::PixelFormat;
 use crate::numeric::{COUNT, Stream, key, scramble};
 
-/// Different values of the noise; 12 random bits choose one.
+/// The number of noise values; 12 random bits choose one.
 const QUANTILES: usize = 4096;
-/// Pixels that share one random number.
+/// The number of pixels that share one random number.
 const LANES: usize = 4;
 
-/// Turns light (DN, not rounded) into bytes.
+/// Converts light (DN, not rounded) to bytes.
 #[derive(Debug, Clone)]
 pub(crate) struct Sensor {
     format: PixelFormat,
     full_dn: f32,
     read_variance_dn2: f32,
-    /// Variance for each DN of light.
+    /// The variance per DN of light.
     shot_variance_dn: f32,
-    /// Equally likely values of a normal distribution with standard deviation 1.
+    /// Equally likely values of the standard normal distribution.
     quantiles: Vec<f32>,
-    /// Gain and offset (DN) of every pixel, row-major; `None` where all are alike.
+    /// Gain and offset (DN) of every pixel, row-major; `None` if all are equal.
     fixed: Option<Vec<(f32, f32)>>,
 }
 
@@ -38,16 +38,16 @@ impl Sensor {
         }
     }
 
-    /// Largest grey level, DN.
+    /// The maximum grey level, DN.
     pub(crate) fn full_dn(&self) -> f32 {
         self.full_dn
     }
 
-    /// Exposes one row; the noise is a function of `key`, `row` and the column alone.
+    /// Exposes one row; the noise is a function of `key`, `row` and the column.
     ///
     /// # Panics
     ///
-    /// If `bytes` is not as long as the row.
+    /// If the lengths of `bytes` and the row differ.
     pub(crate) fn expose(&self, key: u64, row: usize, light_dn: &mut [f32], bytes: &mut [u8]) {
         assert_eq!(bytes.len(), light_dn.len() * self.format.bytes_per_pixel(), "row and bytes differ in length");
         if let Some(fixed) = &self.fixed {
@@ -85,7 +85,7 @@ impl Sensor {
     }
 }
 
-/// Gain and offset of every pixel; a property of the camera, the same in every frame.
+/// Returns gain and offset of every pixel, a property of the camera that is the same in every frame.
 fn fixed_pattern(camera: &CameraSetup, full_dn: f32, seed: u64) -> Option<Vec<(f32, f32)>> {
     const PURPOSE: u64 = 5;
     if camera.gain_spread <= 0.0 && camera.offset_spread_dn <= 0.0 && camera.stuck_share <= 0.0 {
@@ -98,21 +98,21 @@ fn fixed_pattern(camera: &CameraSetup, full_dn: f32, seed: u64) -> Option<Vec<(f
         (gain as f32, (camera.offset_spread_dn * stream.normal()) as f32)
     };
     let mut fixed: Vec<_> = (0..pixels).map(|_| pixel(&mut stream)).collect();
-    stick(&mut fixed, camera.stuck_share, full_dn, seed);
+    add_stuck_pixels(&mut fixed, camera.stuck_share, full_dn, seed);
     Some(fixed)
 }
 
-/// Makes a share of the pixels show full scale or nothing, in turn.
-fn stick(fixed: &mut [(f32, f32)], share: f64, full_dn: f32, seed: u64) {
+/// Makes a fraction of the pixels stuck, alternately at full scale and at zero.
+fn add_stuck_pixels(fixed: &mut [(f32, f32)], share: f64, full_dn: f32, seed: u64) {
     const PURPOSE: u64 = 6;
     let mut stream = Stream::new(key(seed, PURPOSE, 0));
-    // Beyond what noise could bring back.
+    // Beyond the range of the noise.
     let ends = [3.0 * full_dn, -3.0 * full_dn];
     let stuck = fixed.iter_mut().filter(|_| stream.uniform() < share);
     stuck.zip(ends.into_iter().cycle()).for_each(|(pixel, end_dn)| *pixel = (0.0, end_dn));
 }
 
-/// Midpoints of equally likely slices of the normal distribution, scaled to a standard deviation of exactly 1.
+/// Returns midpoints of equally likely slices of the normal distribution, scaled to a standard deviation of exactly 1.
 fn quantiles() -> Vec<f32> {
     let values: Vec<f64> = (0..QUANTILES)
         .map(|index| {
@@ -154,7 +154,7 @@ mod tests {
     }
 
     #[test]
-    fn noise_has_the_deviation_asked_for_and_no_mean() {
+    fn noise_has_the_configured_deviation_and_no_mean() {
         let noise = noise_of(&sensor(2.0, 0.0, PixelFormat::Mono8), 100.0, 11);
         let mean = noise.iter().sum::<f64>() / noise.len() as f64;
         // 90 300 samples: the mean scatters by 0.0067, the deviation by 0.0047.
@@ -186,7 +186,7 @@ mod tests {
     }
 
     #[test]
-    fn the_fixed_pattern_stays_and_has_the_spread_asked_for() {
+    fn the_fixed_pattern_stays_and_has_the_configured_spread() {
         let camera = CameraSetup {
             noise_dn: 0.0,
             gain_spread: 0.02,

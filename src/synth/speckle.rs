@@ -1,16 +1,16 @@
-//! Speckles strewn over the ball's disc.
+//! Random speckles on the disc of the ball.
 
 use super::blur::{BlurredDisc, CutDisc};
 use super::scenario::{PatternSetup, ScenarioError};
 use crate::numeric::Stream;
 use std::f64::consts::{PI, TAU};
 
-/// Different sizes that are drawn; a table of blurred light is kept for each.
+/// The number of speckle sizes; a table of blurred coverage is kept for each.
 const SIZES: usize = 24;
-/// Places tried for one speckle.
+/// The number of positions tried for one speckle.
 pub(crate) const TRIALS: usize = 3000;
 
-/// What carries the speckles.
+/// The region that carries the speckles.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) enum Field {
     /// A disc of this radius, px.
@@ -27,7 +27,7 @@ impl Field {
         }
     }
 
-    /// Radius of a disc around it.
+    /// Returns the radius of a disc around it.
     fn reach_px(self) -> f64 {
         match self {
             Self::Disc(radius) => radius,
@@ -36,30 +36,30 @@ impl Field {
     }
 }
 
-/// One speckle, in the ball's own axes (px, y down, at angle 0).
+/// One speckle, in the axes of the ball (px, y down, at angle 0).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Speckle {
     pub(crate) x_px: f64,
     pub(crate) y_px: f64,
-    /// Which of the sizes.
+    /// The index of its size.
     pub(crate) size: usize,
-    /// Whether it crosses the disc's rim, at a right angle, or lies wholly inside.
+    /// Whether it crosses the rim of the disc, at a right angle, or lies fully inside.
     pub(crate) crosses_rim: bool,
 }
 
-/// One straight line of the pattern: a rectangle, wholly inside the disc.
+/// One straight line of the pattern: a rectangle fully inside the disc.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Line {
-    /// Middle, in the ball's own axes (px, y down, at angle 0).
+    /// The middle, in the axes of the ball (px, y down, at angle 0).
     pub(crate) middle_px: [f64; 2],
-    /// Unit vector along it.
+    /// The unit vector along it.
     pub(crate) along: [f64; 2],
     pub(crate) half_length_px: f64,
     pub(crate) half_width_px: f64,
 }
 
 impl Line {
-    /// Distance from its middle line, px.
+    /// Returns the distance from its centre line, px.
     fn distance_px(&self, x_px: f64, y_px: f64) -> f64 {
         let (dx, dy) = (x_px - self.middle_px[0], y_px - self.middle_px[1]);
         let along = dx * self.along[0] + dy * self.along[1];
@@ -72,7 +72,7 @@ impl Line {
         [self.middle_px[0] + reach * self.along[0], self.middle_px[1] + reach * self.along[1]]
     }
 
-    /// Whether both come closer than a width and a pixel.
+    /// Whether both lines come closer than a width and a pixel.
     fn meets(&self, other: &Self) -> bool {
         let apart = self.half_width_px + other.half_width_px + 1.0;
         (-20..=20).any(|part| {
@@ -91,25 +91,24 @@ impl Line {
     }
 }
 
-/// The ball's speckles and lines.
+/// The speckles and lines of the ball.
 ///
-/// No two overlap, so their blurred light adds up exactly. A speckle is either
-/// wholly inside the disc or crosses its rim at a right angle, so that what is
-/// seen of it is known in closed form.
+/// None overlap, so their blurred coverages add up exactly. A speckle is either fully inside the disc or crosses its
+/// rim at a right angle, so that its visible part is known in closed form.
 #[derive(Debug, Clone)]
 pub(crate) struct Pattern {
     pub(crate) speckles: Vec<Speckle>,
     pub(crate) lines: Vec<Line>,
     pub(crate) discs: Vec<BlurredDisc>,
-    /// What the rim leaves of each size, where a speckle of it crosses the rim.
+    /// The table of each size cut by the rim, if a speckle of it crosses the rim.
     pub(crate) cut_discs: Vec<Option<CutDisc>>,
-    /// Radius of each size, px.
+    /// The radius of each size, px.
     pub(crate) radii_px: Vec<f64>,
 }
 
 impl Pattern {
-    /// Strews speckles over a field until they cover the share asked for.
-    pub(crate) fn strew(
+    /// Places random speckles in a region until they reach the coverage.
+    pub(crate) fn scatter(
         setup: &PatternSetup,
         field: Field,
         sigma_px: f64,
@@ -118,34 +117,35 @@ impl Pattern {
         let areas = areas_px2(setup);
         let sizes = areas.len();
         let radii_px: Vec<f64> = areas.iter().map(|area| (area / PI).sqrt()).collect();
-        let mut board = Board::new(field, radii_px.clone(), setup.coverage);
-        board.rule(setup, &mut stream)?;
+        let mut placement = Placement::new(field, radii_px.clone(), setup.coverage);
+        placement.place_lines(setup, &mut stream)?;
         let wanted = setup.coverage * field.area_px2();
-        // Sizes from here on no longer find a place.
+        // Larger sizes no longer find a place.
         let mut usable = sizes;
-        while board.covered_px2 < wanted {
+        while placement.covered_px2 < wanted {
             if usable == 0 {
-                let reached = board.covered_px2 / field.area_px2();
+                let reached = placement.covered_px2 / field.area_px2();
                 return Err(ScenarioError::TooDense { wanted: setup.coverage, reached });
             }
-            let mut batch = draw_sizes(&areas[..usable], wanted - board.covered_px2, &mut stream);
-            // Large ones first: small ones still fit between them.
+            let mut batch = draw_sizes(&areas[..usable], wanted - placement.covered_px2, &mut stream);
+            // Large ones first, since small ones still fit between them.
             batch.sort_unstable_by(|left, right| right.cmp(left));
             for size in batch {
-                if size < usable && !board.place(size, &mut stream) {
+                if size < usable && !placement.place(size, &mut stream) {
                     usable = size;
                 }
             }
         }
         let discs = radii_px.iter().map(|radius| BlurredDisc::new(*radius, sigma_px)).collect();
-        let crossing = |size: usize| board.speckles.iter().any(|speckle| speckle.size == size && speckle.crosses_rim);
+        let crossing =
+            |size: usize| placement.speckles.iter().any(|speckle| speckle.size == size && speckle.crosses_rim);
         let cut_discs = (0..sizes)
             .map(|size| crossing(size).then(|| CutDisc::new(radii_px[size], field.reach_px(), sigma_px)))
             .collect();
-        Ok(Self { speckles: board.speckles, lines: board.lines, discs, cut_discs, radii_px })
+        Ok(Self { speckles: placement.speckles, lines: placement.lines, discs, cut_discs, radii_px })
     }
 
-    /// The same in a picture of another scale, on a disc of `rim_px` there.
+    /// Returns the pattern at another scale, on a disc of `rim_px`.
     pub(crate) fn zoomed(&self, zoom: f64, rim_px: f64, sigma_px: f64) -> Self {
         let radii_px: Vec<f64> = self.radii_px.iter().map(|radius| zoom * radius).collect();
         let speckle = |speckle: &Speckle| Speckle { x_px: zoom * speckle.x_px, y_px: zoom * speckle.y_px, ..*speckle };
@@ -167,14 +167,14 @@ impl Pattern {
     }
 }
 
-/// Areas of the speckles that are drawn, from the smallest upwards.
+/// Returns the areas of the speckle sizes, smallest first.
 pub(crate) fn areas_px2(setup: &PatternSetup) -> Vec<f64> {
     let sizes = if setup.area_max_px2 > setup.area_min_px2 { SIZES } else { 1 };
     let ratio = setup.area_max_px2 / setup.area_min_px2;
     (0..sizes).map(|size| setup.area_min_px2 * ratio.powf((size as f64 + 0.5) / sizes as f64)).collect()
 }
 
-/// Sizes, evenly spread over the areas, that together cover `wanted_px2`.
+/// Draws sizes, uniform in area, that together cover `wanted_px2`.
 pub(crate) fn draw_sizes(areas: &[f64], wanted_px2: f64, stream: &mut Stream) -> Vec<usize> {
     let (low, high) = (areas[0], areas[areas.len() - 1]);
     let mut sizes = Vec::new();
@@ -188,10 +188,10 @@ pub(crate) fn draw_sizes(areas: &[f64], wanted_px2: f64, stream: &mut Stream) ->
     sizes
 }
 
-/// The field while it is being covered, with cells to find neighbours by.
-struct Board {
+/// A region that is being covered, with a cell list to find neighbours.
+struct Placement {
     field: Field,
-    /// Radius of the disc, or of one around the rectangle.
+    /// The radius of the disc, or of one around the rectangle.
     radius_px: f64,
     radii_px: Vec<f64>,
     cell_px: f64,
@@ -200,11 +200,11 @@ struct Board {
     speckles: Vec<Speckle>,
     lines: Vec<Line>,
     covered_px2: f64,
-    /// How much of the rim may still be covered: the same share as of the disc.
+    /// The length of rim that may still be covered: the same fraction as of the disc.
     rim_left_px: f64,
 }
 
-impl Board {
+impl Placement {
     fn new(field: Field, radii_px: Vec<f64>, coverage: f64) -> Self {
         let radius_px = field.reach_px();
         let largest = radii_px[radii_px.len() - 1];
@@ -225,8 +225,8 @@ impl Board {
         }
     }
 
-    /// Draws the lines: none crosses another or the rim.
-    fn rule(&mut self, setup: &PatternSetup, stream: &mut Stream) -> Result<(), ScenarioError> {
+    /// Places the lines: none crosses another or the rim.
+    fn place_lines(&mut self, setup: &PatternSetup, stream: &mut Stream) -> Result<(), ScenarioError> {
         let half_width_px = 0.5 * setup.line_width_px;
         let inside_px = self.radius_px - half_width_px - 1.0;
         let mut trials = TRIALS;
@@ -272,7 +272,7 @@ impl Board {
         false
     }
 
-    /// A place in the disc or across its rim, and the area it would cover.
+    /// Draws a position in the disc or across its rim; also returns the area it would cover.
     fn try_in_disc(&self, size: usize, stream: &mut Stream) -> Option<(Speckle, f64)> {
         let small = self.radii_px[size];
         let reach = self.radius_px + small;
@@ -283,7 +283,7 @@ impl Board {
             return None;
         }
         if crosses_rim {
-            // Both circles cross at a right angle from here.
+            // At this distance both circles intersect at a right angle.
             distance = (self.radius_px * self.radius_px + small * small).sqrt();
         }
         let speckle = Speckle { x_px: distance * angle.cos(), y_px: distance * angle.sin(), size, crosses_rim };
@@ -312,7 +312,7 @@ impl Board {
     }
 }
 
-/// Area that two discs share, the second no larger than the first.
+/// Returns the area that two discs share, the second no larger than the first.
 fn overlap_px2(large: f64, small: f64, distance: f64) -> f64 {
     if distance <= large - small {
         return PI * small * small;
@@ -332,22 +332,22 @@ fn overlap_px2(large: f64, small: f64, distance: f64) -> f64 {
 mod tests {
     use super::*;
 
-    fn strewn(area_min_px2: f64, area_max_px2: f64, coverage: f64) -> Result<Pattern, ScenarioError> {
+    fn scattered(area_min_px2: f64, area_max_px2: f64, coverage: f64) -> Result<Pattern, ScenarioError> {
         let setup = PatternSetup { area_min_px2, area_max_px2, coverage, lines: 0, line_width_px: 2.0 };
-        Pattern::strew(&setup, Field::Disc(60.0), 0.76, Stream::new(7))
+        Pattern::scatter(&setup, Field::Disc(60.0), 0.76, Stream::new(7))
     }
 
     #[test]
-    fn speckles_cover_what_was_asked_for_and_never_overlap() {
+    fn speckles_reach_the_coverage_and_never_overlap() {
         for (low, high, coverage) in [(4.0, 4.0, 0.24), (10.0, 10.0, 0.31), (250.0, 250.0, 0.43), (4.0, 80.0, 0.54)] {
-            let pattern = strewn(low, high, coverage).unwrap();
+            let pattern = scattered(low, high, coverage).unwrap();
             let covered: f64 = pattern
                 .speckles
                 .iter()
                 .map(|speckle| overlap_px2(60.0, pattern.radii_px[speckle.size], speckle.x_px.hypot(speckle.y_px)))
                 .sum();
-            let share = covered / (PI * 3600.0);
-            assert!((coverage..coverage + 0.025).contains(&share), "{low}-{high}: {share}");
+            let coverage_reached = covered / (PI * 3600.0);
+            assert!((coverage..coverage + 0.025).contains(&coverage_reached), "{low}-{high}: {coverage_reached}");
             for (index, left) in pattern.speckles.iter().enumerate() {
                 for right in &pattern.speckles[..index] {
                     let apart = (left.x_px - right.x_px).hypot(left.y_px - right.y_px);
@@ -361,7 +361,7 @@ mod tests {
     fn lines_keep_clear_of_each_other_of_the_rim_and_of_speckles() {
         let setup =
             PatternSetup { area_min_px2: 4.0, area_max_px2: 20.0, coverage: 0.27, lines: 5, line_width_px: 2.0 };
-        let pattern = Pattern::strew(&setup, Field::Disc(60.0), 0.76, Stream::new(7)).unwrap();
+        let pattern = Pattern::scatter(&setup, Field::Disc(60.0), 0.76, Stream::new(7)).unwrap();
         assert_eq!(pattern.lines.len(), 5);
         for (index, line) in pattern.lines.iter().enumerate() {
             for side in [-1.0, 1.0] {
@@ -374,13 +374,13 @@ mod tests {
             }
             assert!(pattern.lines[..index].iter().all(|other| !line.crosses(other)));
         }
-        let crowded = Pattern::strew(&PatternSetup { lines: 200, ..setup }, Field::Disc(60.0), 0.76, Stream::new(7));
+        let crowded = Pattern::scatter(&PatternSetup { lines: 200, ..setup }, Field::Disc(60.0), 0.76, Stream::new(7));
         assert!(matches!(crowded, Err(ScenarioError::TooManyLines { wanted: 200, .. })));
     }
 
     #[test]
     fn a_coverage_that_cannot_be_packed_is_refused() {
-        let error = strewn(250.0, 250.0, 0.6).unwrap_err();
+        let error = scattered(250.0, 250.0, 0.6).unwrap_err();
         assert!(matches!(error, ScenarioError::TooDense { reached, .. } if reached > 0.4), "{error}");
     }
 }

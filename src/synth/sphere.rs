@@ -1,9 +1,9 @@
-//! Speckles on a sphere: all around it, so that it can turn about any axis.
+//! Speckles on a full sphere, which can rotate about any axis.
 
-use super::attitude::Attitude;
-use super::cap::{Cap, CapTable};
-use super::cover::{Axes, Cover, share, visible_chords};
-use super::draw::{Patch, spread};
+use super::attitude::Orientation;
+use super::cap::{CapTable, SphericalCap};
+use super::cover::{Axes, Occluder, coverage, visible_chords};
+use super::draw::{Patch, splat};
 use super::scenario::{PatternSetup, ScenarioError};
 use super::speckle::{TRIALS, areas_px2, draw_sizes};
 use crate::numeric::Stream;
@@ -12,63 +12,67 @@ use std::f64::consts::{FRAC_PI_2, PI, TAU};
 /// One speckle on the sphere.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Spot {
-    /// Its middle from the ball's centre, in the ball's own axes: x right, y up, z towards the camera at angle 0.
+    /// Its direction from the ball's centre, in the axes of the ball: x right, y up, z towards the camera at angle 0.
     pub(crate) direction: [f64; 3],
-    /// Which of the sizes.
+    /// The index of its size.
     pub(crate) size: usize,
 }
 
 /// A speckled sphere; no two speckles overlap.
 #[derive(Debug, Clone)]
-pub(crate) struct Globe {
+pub(crate) struct SpeckledSphere {
     pub(crate) spots: Vec<Spot>,
     pub(crate) tables: Vec<CapTable>,
     ball_px: f64,
     sigma_px: f64,
 }
 
-impl Globe {
-    /// Strews speckles over the whole sphere until they cover the share asked for.
-    pub(crate) fn strew(
+impl SpeckledSphere {
+    /// Places random speckles on the whole sphere until they reach the coverage.
+    pub(crate) fn scatter(
         setup: &PatternSetup,
         ball_px: f64,
         sigma_px: f64,
         mut stream: Stream,
     ) -> Result<Self, ScenarioError> {
         let areas = areas_px2(setup);
-        let caps: Vec<Cap> = areas.iter().map(|area| Cap { ball_px, radius_px: (area / PI).sqrt() }).collect();
+        let caps: Vec<SphericalCap> =
+            areas.iter().map(|area| SphericalCap { ball_px, radius_px: (area / PI).sqrt() }).collect();
         let whole_px2 = 4.0 * PI * ball_px * ball_px;
         let wanted_px2 = setup.coverage * whole_px2;
-        let mut board = Board::new(&caps);
+        let mut placement = Placement::new(&caps);
         let mut usable = caps.len();
-        while board.covered_px2 < wanted_px2 {
+        while placement.covered_px2 < wanted_px2 {
             if usable == 0 {
-                return Err(ScenarioError::TooDense { wanted: setup.coverage, reached: board.covered_px2 / whole_px2 });
+                return Err(ScenarioError::TooDense {
+                    wanted: setup.coverage,
+                    reached: placement.covered_px2 / whole_px2,
+                });
             }
-            let mut batch = draw_sizes(&areas[..usable], wanted_px2 - board.covered_px2, &mut stream);
-            // Large ones first: small ones still fit between them.
+            let mut batch = draw_sizes(&areas[..usable], wanted_px2 - placement.covered_px2, &mut stream);
+            // Large ones first, since small ones still fit between them.
             batch.sort_unstable_by(|left, right| right.cmp(left));
             for size in batch {
-                if size < usable && !board.place(size, &mut stream) {
+                if size < usable && !placement.place(size, &mut stream) {
                     usable = size;
                 }
             }
         }
-        let spots = board.spots;
+        let spots = placement.spots;
         let tables = caps.iter().map(|cap| CapTable::new(*cap, sigma_px)).collect();
         Ok(Self { spots, tables, ball_px, sigma_px })
     }
 
-    /// Adds the visible part of every speckle to the ink; places count from the patch's corner.
-    pub(crate) fn strew_ink(
+    /// Adds the visible part of every speckle; positions are relative to the patch's corner.
+    pub(crate) fn draw(
         &self,
-        attitude: &Attitude,
+        orientation: &Orientation,
         center_px: [f64; 2],
-        covers: &[Cover],
+        occluders: &[Occluder],
         (patch, ink): (&Patch, &mut [f32]),
     ) {
         for spot in &self.spots {
-            let [x, y, z] = attitude.of(spot.direction);
+            let [x, y, z] = orientation.of(spot.direction);
             let table = &self.tables[spot.size];
             let cap = table.cap();
             let tilt_rad = z.clamp(-1.0, 1.0).acos();
@@ -79,57 +83,57 @@ impl Globe {
             let outward = if flat > 0.0 { [x / flat, -y / flat] } else { [1.0, 0.0] };
             let reach = cap.origin_px(tilt_rad);
             let place = [center_px[0] + reach * outward[0], center_px[1] + reach * outward[1]];
-            self.stamp(table, tilt_rad, &Axes::new(place, outward), covers, (patch, ink));
+            self.draw_spot(table, tilt_rad, &Axes::new(place, outward), occluders, (patch, ink));
         }
     }
 
-    fn stamp(
+    fn draw_spot(
         &self,
         table: &CapTable,
         tilt_rad: f64,
         axes: &Axes,
-        covers: &[Cover],
+        occluders: &[Occluder],
         (patch, ink): (&Patch, &mut [f32]),
     ) {
         let (cap, [x, y]) = (table.cap(), axes.origin_px);
-        // The visible part of one on the rim lies a little off its origin.
+        // The visible part of a speckle on the rim lies slightly off its origin.
         let extent = cap.radius_px * (1.0 + cap.radius_px / self.ball_px);
-        let outside = covers.iter().map(|cover| cover.outside(x, y).0).fold(f64::INFINITY, f64::min);
+        let outside = occluders.iter().map(|occluder| occluder.outside(x, y).0).fold(f64::INFINITY, f64::min);
         if outside <= -extent {
             return;
         }
-        let turned = |dx: f32, dy: f32, [ex, ey]: [f64; 2]| dx * ex as f32 + dy * ey as f32;
+        let project = |dx: f32, dy: f32, [ex, ey]: [f64; 2]| dx * ex as f32 + dy * ey as f32;
         if outside < extent {
-            let left = visible_chords(cap.half_px(tilt_rad), self.sigma_px, axes, covers, |across| {
+            let chords = visible_chords(cap.half_px(tilt_rad), self.sigma_px, axes, occluders, |across| {
                 cap.ends_px(tilt_rad, across)
             });
-            spread([x, y], table.reach_px(), patch, ink, |dx, dy| {
-                let (along, across) = (turned(dx, dy, axes.along), turned(dx, dy, axes.across));
-                share(&left, f64::from(along), f64::from(across), self.sigma_px) as f32
+            splat([x, y], table.reach_px(), patch, ink, |dx, dy| {
+                let (along, across) = (project(dx, dy, axes.along), project(dx, dy, axes.across));
+                coverage(&chords, f64::from(along), f64::from(across), self.sigma_px) as f32
             });
         } else {
             let view = table.tilted(tilt_rad);
-            spread([x, y], table.reach_px(), patch, ink, |dx, dy| {
-                view.at(turned(dx, dy, axes.along), turned(dx, dy, axes.across))
+            splat([x, y], table.reach_px(), patch, ink, |dx, dy| {
+                view.at(project(dx, dy, axes.along), project(dx, dy, axes.across))
             });
         }
     }
 }
 
-/// The sphere while it is being covered, cut into slices of equal height to find neighbours by.
-struct Board<'a> {
-    caps: &'a [Cap],
+/// A sphere that is being covered, divided into slices of equal height to find neighbours.
+struct Placement<'a> {
+    caps: &'a [SphericalCap],
     slices: Vec<Vec<usize>>,
-    /// Slices that a neighbour may be away.
+    /// The maximum distance of neighbours, in slices.
     near: usize,
     spots: Vec<Spot>,
     covered_px2: f64,
 }
 
-impl<'a> Board<'a> {
-    fn new(caps: &'a [Cap]) -> Self {
-        let widest = caps.iter().map(Cap::opening_rad).fold(0.0, f64::max);
-        // Heights of two touching spots differ by no more than the angle between them.
+impl<'a> Placement<'a> {
+    fn new(caps: &'a [SphericalCap]) -> Self {
+        let widest = caps.iter().map(SphericalCap::opening_rad).fold(0.0, f64::max);
+        // The heights of two touching spots differ by at most the angle between them.
         let slices = ((1.0 / widest).ceil() as usize).clamp(1, 10_000);
         let near = (widest * slices as f64).ceil() as usize + 1;
         Self { caps, slices: vec![Vec::new(); slices], near, spots: Vec::new(), covered_px2: 0.0 }
@@ -148,7 +152,7 @@ impl<'a> Board<'a> {
             if !self.is_free(&spot) {
                 continue;
             }
-            // Area of the cap itself, not of its plane.
+            // The area of the cap itself, not of its plane.
             self.covered_px2 += TAU * cap.ball_px * cap.ball_px * (1.0 - cap.opening_rad().cos());
             let slice = self.slice(&spot.direction);
             self.slices[slice].push(self.spots.len());
@@ -175,25 +179,28 @@ mod tests {
     use super::*;
 
     #[test]
-    fn speckles_cover_the_share_asked_for_on_every_side_and_never_overlap() {
+    fn speckles_reach_the_coverage_on_every_side_and_never_overlap() {
         let setup = PatternSetup { area_min_px2: 4.0, area_max_px2: 80.0, coverage: 0.5, lines: 0, line_width_px: 2.0 };
-        let globe = Globe::strew(&setup, 40.0, 0.76, Stream::new(7)).unwrap();
-        let area = |spot: &Spot| TAU * (1.0 - globe.tables[spot.size].cap().opening_rad().cos());
+        let sphere = SpeckledSphere::scatter(&setup, 40.0, 0.76, Stream::new(7)).unwrap();
+        let area = |spot: &Spot| TAU * (1.0 - sphere.tables[spot.size].cap().opening_rad().cos());
         for axis in 0..3 {
             for side in [-1.0, 1.0] {
                 let there = |spot: &&Spot| side * spot.direction[axis] > 0.0;
-                let share = globe.spots.iter().filter(there).map(area).sum::<f64>() / TAU;
-                assert!((share - 0.5).abs() < 0.04, "axis {axis}, side {side}: {share}");
+                let reached = sphere.spots.iter().filter(there).map(area).sum::<f64>() / TAU;
+                assert!((reached - 0.5).abs() < 0.04, "axis {axis}, side {side}: {reached}");
             }
         }
-        for (index, left) in globe.spots.iter().enumerate() {
-            for right in &globe.spots[..index] {
+        for (index, left) in sphere.spots.iter().enumerate() {
+            for right in &sphere.spots[..index] {
                 let cosine: f64 = left.direction.iter().zip(&right.direction).map(|(l, r)| l * r).sum();
-                let apart = [left, right].map(|spot| globe.tables[spot.size].cap().opening_rad());
+                let apart = [left, right].map(|spot| sphere.tables[spot.size].cap().opening_rad());
                 assert!(cosine.clamp(-1.0, 1.0).acos() >= apart[0] + apart[1] - 1e-9);
             }
         }
         let packed = PatternSetup { area_min_px2: 240.0, area_max_px2: 240.0, coverage: 0.6, ..setup };
-        assert!(matches!(Globe::strew(&packed, 40.0, 0.76, Stream::new(7)), Err(ScenarioError::TooDense { .. })));
+        assert!(matches!(
+            SpeckledSphere::scatter(&packed, 40.0, 0.76, Stream::new(7)),
+            Err(ScenarioError::TooDense { .. })
+        ));
     }
 }

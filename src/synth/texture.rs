@@ -1,8 +1,8 @@
-//! Smooth random textures, for what stands still in the picture.
+//! Smooth random textures of the static background.
 
 use crate::numeric::Stream;
 
-/// Noise of mean 0 and standard deviation 1, smoothed by a Gaussian; row-major.
+/// Returns noise of mean 0 and standard deviation 1, smoothed by a Gaussian, row-major.
 pub(crate) fn smooth(width: usize, height: usize, sigma_px: [f64; 2], mut stream: Stream) -> Vec<f32> {
     let white: Vec<f64> = (0..width * height).map(|_| stream.normal()).collect();
     let along = weights(sigma_px[0]);
@@ -10,13 +10,13 @@ pub(crate) fn smooth(width: usize, height: usize, sigma_px: [f64; 2], mut stream
     let rows: Vec<f64> = (0..width * height)
         .map(|index| {
             let (row, column) = (index / width, index % width);
-            folded(&along, column, width, |place| white[row * width + place])
+            convolved(&along, column, width, |place| white[row * width + place])
         })
         .collect();
     let both: Vec<f64> = (0..width * height)
         .map(|index| {
             let (row, column) = (index / width, index % width);
-            folded(&down, row, height, |place| rows[place * width + column])
+            convolved(&down, row, height, |place| rows[place * width + column])
         })
         .collect();
     let power = |weights: &[f64]| weights.iter().map(|weight| weight * weight).sum::<f64>();
@@ -31,8 +31,8 @@ fn weights(sigma_px: f64) -> Vec<f64> {
     weights.into_iter().map(|weight| weight / sum).collect()
 }
 
-/// Weighted sum around `middle`; the row closes to a ring.
-fn folded(weights: &[f64], middle: usize, length: usize, value: impl Fn(usize) -> f64) -> f64 {
+/// Returns the weighted sum around `middle`; the row wraps around.
+fn convolved(weights: &[f64], middle: usize, length: usize, value: impl Fn(usize) -> f64) -> f64 {
     let start = middle + length * (1 + weights.len() / length) - weights.len() / 2;
     weights.iter().enumerate().map(|(step, weight)| weight * value((start + step) % length)).sum()
 }

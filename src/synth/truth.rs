@@ -1,12 +1,12 @@
-//! What is true of a simulated film.
+//! The ground truth of a simulated film.
 
-use super::motion::{Path, Pose, into_surface};
+use super::motion::{Pose, Trajectory, into_surface};
 use super::physics::{Collision, Motion};
 use super::scenario::{ImpactSetup, Scenario, Shape};
 use crate::results::{BodyVelocity, Estimate, Impact, Phase, PointStatus, RigidStep};
 
-pub(super) fn phase(path: &Path, time_s: f64) -> Phase {
-    let Path::Impact { collision, start_s, .. } = path else { return Phase::Unknown };
+pub(super) fn phase(trajectory: &Trajectory, time_s: f64) -> Phase {
+    let Trajectory::Impact { collision, start_s, .. } = trajectory else { return Phase::Unknown };
     let since_s = time_s - start_s;
     match since_s {
         _ if since_s < 0.0 => Phase::Flight,

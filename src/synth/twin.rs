@@ -1,14 +1,14 @@
-//! The renderer's slow, obvious twin: sharp shapes on a 16 times finer grid,
-//! folded with the lens's Gaussian and averaged over each pixel.
+//! A slow reference renderer: sharp shapes on a 16 times finer grid, convolved with the lens's Gaussian and averaged
+//! over each pixel.
 
-use super::attitude::Attitude;
-use super::blur::{normal_cdf, seen_sigma_px};
-use super::cover::Round;
-use super::draw::{Ball, Coat, HalfPlane, Moment};
+use super::attitude::Orientation;
+use super::blur::{normal_cdf, total_sigma_px};
+use super::cover::DiscOutline;
+use super::draw::{Ball, HalfPlane, Moment, Surface};
 use super::motion::Pose;
 use super::scenario::{BodySetup, PatternSetup, ScaleSetup, Scenario, Shape};
 use super::speckle::{Field, Pattern};
-use super::sphere::Globe;
+use super::sphere::SpeckledSphere;
 use crate::numeric::Stream;
 
 const FINE: usize = 16;
@@ -20,7 +20,7 @@ const FLAT_DN: f64 = 97.0;
 /// A plain ball in front.
 const FRONT_DN: f64 = 140.25;
 
-/// A ball of radius 23 px with speckles of 2 to 40 px^2.
+/// Returns a ball of radius 23 px with speckles of 2 to 40 px^2.
 fn scenario() -> Scenario {
     let pattern = PatternSetup { area_min_px2: 2.0, area_max_px2: 40.0, coverage: 0.4, lines: 0, line_width_px: 2.0 };
     Scenario {
@@ -30,31 +30,33 @@ fn scenario() -> Scenario {
     }
 }
 
-fn pattern(scenario: &Scenario) -> Coat {
-    let sigma_px = seen_sigma_px(scenario.camera.blur_px);
-    Coat::Flat(
-        Pattern::strew(&scenario.body.pattern, Field::Disc(scenario.radius_px()), sigma_px, Stream::new(5)).unwrap(),
+fn pattern(scenario: &Scenario) -> Surface {
+    let sigma_px = total_sigma_px(scenario.camera.blur_px);
+    Surface::Flat(
+        Pattern::scatter(&scenario.body.pattern, Field::Disc(scenario.radius_px()), sigma_px, Stream::new(5)).unwrap(),
     )
 }
 
-fn globe(scenario: &Scenario) -> Coat {
-    let sigma_px = seen_sigma_px(scenario.camera.blur_px);
-    Coat::Round(Globe::strew(&scenario.body.pattern, scenario.radius_px(), sigma_px, Stream::new(5)).unwrap())
+fn sphere(scenario: &Scenario) -> Surface {
+    let sigma_px = total_sigma_px(scenario.camera.blur_px);
+    Surface::Sphere(
+        SpeckledSphere::scatter(&scenario.body.pattern, scenario.radius_px(), sigma_px, Stream::new(5)).unwrap(),
+    )
 }
 
 fn pose(x: f64, y: f64, angle_deg: f64) -> Pose {
     let angle_rad = angle_deg.to_radians();
-    let attitude = Attitude::in_plane(angle_rad);
-    Pose { center_px: [x, y], angle_rad, attitude, velocity_m_s: [0.0; 2], omega_rad_s: 0.0 }
+    let orientation = Orientation::in_plane(angle_rad);
+    Pose { center_px: [x, y], angle_rad, orientation, velocity_m_s: [0.0; 2], omega_rad_s: 0.0 }
 }
 
 fn alone(pose: Pose) -> Moment {
     Moment { pose, occluder: None, front: None }
 }
 
-/// The product's picture.
-fn drawn(scenario: &Scenario, coat: &Coat, moment: &Moment) -> Vec<f64> {
-    let sigma_px = seen_sigma_px(scenario.camera.blur_px);
+/// Returns the rendered image.
+fn drawn(scenario: &Scenario, surface: &Surface, moment: &Moment) -> Vec<f64> {
+    let sigma_px = total_sigma_px(scenario.camera.blur_px);
     let mut picture: Vec<f64> = (0..SIDE * SIDE)
         .map(|index| {
             let (x, y) = ((index % SIDE) as f64, (index / SIDE) as f64);
@@ -62,7 +64,7 @@ fn drawn(scenario: &Scenario, coat: &Coat, moment: &Moment) -> Vec<f64> {
             free * GROUND_DN + (1.0 - free) * FLAT_DN
         })
         .collect();
-    let mut patches = vec![Ball::new(scenario, coat.clone(), 255.0).draw(&[*moment], SIDE, 0..SIDE)];
+    let mut patches = vec![Ball::new(scenario, surface.clone(), 255.0).draw(&[*moment], SIDE, 0..SIDE)];
     if let Some(front) = moment.front {
         let mut scenario = scenario.clone();
         scenario.body.diameter_mm = 2.0 * front.radius_px;
@@ -77,14 +79,14 @@ fn drawn(scenario: &Scenario, coat: &Coat, moment: &Moment) -> Vec<f64> {
             for column in 0..patch.width {
                 let cell = row * patch.width + column;
                 picture[(patch.top + row) * SIDE + patch.left + column] +=
-                    f64::from(patch.light_dn[cell]) - f64::from(patch.share[cell]) * GROUND_DN;
+                    f64::from(patch.light_dn[cell]) - f64::from(patch.coverage[cell]) * GROUND_DN;
             }
         }
     }
     picture
 }
 
-/// Share of a fine cell inside an edge that passes it at this distance.
+/// Returns the fraction of a fine cell inside an edge that passes it at this distance.
 fn inside(distance_px: f64) -> f64 {
     (0.5 + distance_px * FINE as f64).clamp(0.0, 1.0)
 }
@@ -92,18 +94,18 @@ fn inside(distance_px: f64) -> f64 {
 const PAD: usize = 4;
 const FINE_SIDE: usize = (SIDE + 2 * PAD) * FINE;
 
-/// Middle of a fine cell, px.
+/// Returns the middle of a fine cell, px.
 fn place(index: usize) -> f64 {
     (index as f64 + 0.5) / FINE as f64 - 0.5 - PAD as f64
 }
 
-/// Fine cells that this reach around a place may touch.
+/// Returns the fine cells within this reach around a position.
 fn span(middle: f64, reach: f64) -> std::ops::Range<usize> {
     let cell = |place: f64| ((place + 0.5 + PAD as f64) * FINE as f64).max(0.0) as usize;
     cell(middle - reach).saturating_sub(2)..(cell(middle + reach) + 3).min(FINE_SIDE)
 }
 
-/// Share of every fine cell that a flat pattern covers.
+/// Returns the coverage of every fine cell by a flat pattern.
 fn flat_ink(pattern: &Pattern, pose: &Pose) -> Vec<f64> {
     let (sin, cos) = pose.angle_rad.sin_cos();
     let turn = |[x, y]: [f64; 2]| [x * cos + y * sin, y * cos - x * sin];
@@ -133,13 +135,13 @@ fn flat_ink(pattern: &Pattern, pose: &Pose) -> Vec<f64> {
     ink
 }
 
-/// Share of every fine cell that the front of a speckled sphere covers: 16 points of each are put back onto the sphere.
-fn round_ink(globe: &Globe, ball_px: f64, pose: &Pose) -> Vec<f64> {
+/// Returns the coverage of every fine cell by the front of a speckled sphere, from 16 points projected onto the sphere.
+fn sphere_ink(sphere: &SpeckledSphere, ball_px: f64, pose: &Pose) -> Vec<f64> {
     const POINTS: [f64; 4] = [-0.375, -0.125, 0.125, 0.375];
     let mut ink = vec![0.0f64; FINE_SIDE * FINE_SIDE];
-    for spot in &globe.spots {
-        let [nx, ny, nz] = pose.attitude.of(spot.direction);
-        let radius = globe.tables[spot.size].cap().radius_px;
+    for spot in &sphere.spots {
+        let [nx, ny, nz] = pose.orientation.of(spot.direction);
+        let radius = sphere.tables[spot.size].cap().radius_px;
         let plane = (ball_px * ball_px - radius * radius).sqrt();
         let [x, y] = [pose.center_px[0] + ball_px * nx, pose.center_px[1] - ball_px * ny];
         let is_covered = |column: f64, row: f64| {
@@ -160,38 +162,38 @@ fn round_ink(globe: &Globe, ball_px: f64, pose: &Pose) -> Vec<f64> {
     ink
 }
 
-/// The twin's picture.
-fn sampled(scenario: &Scenario, coat: &Coat, moment: &Moment) -> Vec<f64> {
+/// Returns the reference image.
+fn sampled(scenario: &Scenario, surface: &Surface, moment: &Moment) -> Vec<f64> {
     let pose = &moment.pose;
-    let ink = match coat {
-        Coat::Flat(pattern) => flat_ink(pattern, pose),
-        Coat::Round(globe) => round_ink(globe, scenario.radius_px(), pose),
+    let ink = match surface {
+        Surface::Flat(pattern) => flat_ink(pattern, pose),
+        Surface::Sphere(sphere) => sphere_ink(sphere, scenario.radius_px(), pose),
     };
-    let within = |round: &Round, x: f64, y: f64| {
+    let within = |round: &DiscOutline, x: f64, y: f64| {
         inside(round.radius_px - (x - round.center_px[0]).hypot(y - round.center_px[1]))
     };
-    let outline = Round { center_px: pose.center_px, radius_px: scenario.radius_px() };
+    let outline = DiscOutline { center_px: pose.center_px, radius_px: scenario.radius_px() };
     let sharp: Vec<f64> = (0..FINE_SIDE * FINE_SIDE)
         .map(|index| {
             let (x, y) = (place(index % FINE_SIDE), place(index / FINE_SIDE));
             let ball = within(&outline, x, y);
             let free = moment.occluder.map_or(1.0, |flat| inside(flat.distance_px(x, y)));
-            let ink = match coat {
-                Coat::Flat(_) => ball * ink[index].min(1.0),
-                Coat::Round(_) => ink[index],
+            let ink = match surface {
+                Surface::Flat(_) => ball * ink[index].min(1.0),
+                Surface::Sphere(_) => ink[index],
             };
-            let seen = ball * BALL_DN + (SPECKLE_DN - BALL_DN) * ink + (1.0 - ball) * GROUND_DN;
+            let light = ball * BALL_DN + (SPECKLE_DN - BALL_DN) * ink + (1.0 - ball) * GROUND_DN;
             let front = moment.front.map_or(0.0, |front| within(&front, x, y));
-            free * (front * FRONT_DN + (1.0 - front) * seen) + (1.0 - free) * FLAT_DN
+            free * (front * FRONT_DN + (1.0 - front) * light) + (1.0 - free) * FLAT_DN
         })
         .collect();
     let weights = kernel(scenario.camera.blur_px);
-    let rows = folded(&sharp, &weights);
-    let columns = folded(&turned(&rows, SIDE, FINE_SIDE), &weights);
-    turned(&columns, SIDE, SIDE)
+    let rows = convolved(&sharp, &weights);
+    let columns = convolved(&transposed(&rows, SIDE, FINE_SIDE), &weights);
+    transposed(&columns, SIDE, SIDE)
 }
 
-/// Gaussian of the lens folded with the pixel's box, on the fine grid.
+/// Returns the Gaussian of the lens convolved with the pixel's box, on the fine grid.
 fn kernel(blur_px: f64) -> Vec<f64> {
     let sigma = blur_px * FINE as f64;
     let reach = (PAD * FINE) as i32;
@@ -199,7 +201,7 @@ fn kernel(blur_px: f64) -> Vec<f64> {
         .map(|step| {
             let middle = f64::from(step) + 0.5;
             let half = 0.5 * FINE as f64;
-            // A fine cell's share of the pixel, after the lens.
+            // The part of a fine cell in the pixel, after the lens.
             normal_cdf((middle + half) / sigma) - normal_cdf((middle - half) / sigma)
         })
         .collect();
@@ -207,33 +209,33 @@ fn kernel(blur_px: f64) -> Vec<f64> {
     weights.into_iter().map(|weight| weight / sum).collect()
 }
 
-/// Folds every row and keeps one value for each pixel.
-fn folded(values: &[f64], weights: &[f64]) -> Vec<f64> {
+/// Convolves every row and keeps one value per pixel.
+fn convolved(values: &[f64], weights: &[f64]) -> Vec<f64> {
     let rows = values.len() / FINE_SIDE;
     (0..rows * SIDE)
         .map(|index| {
             let (row, pixel) = (index / SIDE, index % SIDE);
-            // The pixel's middle lies between two fine cells.
+            // The middle of the pixel lies between two fine cells.
             let first = row * FINE_SIDE + (pixel + PAD) * FINE + FINE / 2 - weights.len() / 2;
             values[first..first + weights.len()].iter().zip(weights).map(|(value, weight)| value * weight).sum()
         })
         .collect()
 }
 
-/// Rows become columns.
-fn turned(values: &[f64], width: usize, height: usize) -> Vec<f64> {
+/// Transposes rows and columns.
+fn transposed(values: &[f64], width: usize, height: usize) -> Vec<f64> {
     (0..width * height).map(|index| values[(index % height) * width + index / height]).collect()
 }
 
-/// Shift along x and y that best explains `picture` as a moved `twin`, px.
-fn shift_px(picture: &[f64], twin: &[f64]) -> [f64; 2] {
+/// Estimates the shift along x and y of `picture` relative to `reference`, px.
+fn shift_px(picture: &[f64], reference: &[f64]) -> [f64; 2] {
     let mut sums = [0.0; 5];
     for row in 1..SIDE - 1 {
         for column in 1..SIDE - 1 {
             let index = row * SIDE + column;
-            let gx = 0.5 * (twin[index + 1] - twin[index - 1]);
-            let gy = 0.5 * (twin[index + SIDE] - twin[index - SIDE]);
-            let change = picture[index] - twin[index];
+            let gx = 0.5 * (reference[index + 1] - reference[index - 1]);
+            let gy = 0.5 * (reference[index + SIDE] - reference[index - SIDE]);
+            let change = picture[index] - reference[index];
             for (sum, term) in sums.iter_mut().zip([gx * gx, gx * gy, gy * gy, gx * change, gy * change]) {
                 *sum += term;
             }
@@ -244,16 +246,16 @@ fn shift_px(picture: &[f64], twin: &[f64]) -> [f64; 2] {
     [-(yy * x - xy * y) / determinant, -(xx * y - xy * x) / determinant]
 }
 
-fn largest(picture: &[f64], twin: &[f64]) -> (f64, usize) {
-    let differences = picture.iter().zip(twin).map(|(left, right)| (left - right).abs()).enumerate();
+fn largest(picture: &[f64], reference: &[f64]) -> (f64, usize) {
+    let differences = picture.iter().zip(reference).map(|(left, right)| (left - right).abs()).enumerate();
     differences.fold((0.0, 0), |best, (index, value)| if value > best.0 { (value, index) } else { best })
 }
 
-/// Draws both pictures; fails where they differ by more than half a grey level, and tells the shift between them.
-fn agree(scenario: &Scenario, coat: &Coat, moment: &Moment, what: &str) -> [f64; 2] {
-    let (picture, twin) = (drawn(scenario, coat, moment), sampled(scenario, coat, moment));
-    let (worst_dn, index) = largest(&picture, &twin);
-    let shift = shift_px(&picture, &twin);
+/// Renders both images and asserts that they differ by at most half a grey level; returns the shift between them.
+fn agree(scenario: &Scenario, surface: &Surface, moment: &Moment, what: &str) -> [f64; 2] {
+    let (picture, reference) = (drawn(scenario, surface, moment), sampled(scenario, surface, moment));
+    let (worst_dn, index) = largest(&picture, &reference);
+    let shift = shift_px(&picture, &reference);
     let place = (index % SIDE, index / SIDE);
     eprintln!("{what}: {worst_dn:.3} DN at {place:?}, shift {shift:.6?} px");
     assert!(worst_dn <= 0.5, "{what}: {worst_dn} DN at {place:?}");
@@ -264,23 +266,23 @@ const POSES: [(f64, f64, f64); 4] =
     [(31.5, 31.5, 0.0), (31.63, 31.88, 17.0), (32.02, 31.25, 63.0), (31.9, 32.4, -140.0)];
 
 #[test]
-fn a_ball_that_has_come_nearer_is_drawn_within_half_a_grey_level_and_not_shifted() {
+fn a_ball_at_another_distance_is_drawn_within_half_a_grey_level_and_not_shifted() {
     let mut far = scenario();
     far.body.pattern.lines = 1;
-    let Coat::Flat(pattern) = pattern(&far) else { panic!("a disc") };
+    let Surface::Flat(pattern) = pattern(&far) else { panic!("a disc") };
     for zoom in [0.8, 1.1] {
         let near = Scenario {
             body: BodySetup { diameter_mm: zoom * far.body.diameter_mm, ..far.body.clone() },
             ..far.clone()
         };
-        let sigma_px = seen_sigma_px(near.camera.blur_px);
-        let coat = Coat::Flat(pattern.zoomed(zoom, near.radius_px(), sigma_px));
+        let sigma_px = total_sigma_px(near.camera.blur_px);
+        let surface = Surface::Flat(pattern.zoomed(zoom, near.radius_px(), sigma_px));
         let moment = alone(pose(31.63, 31.88, 17.0));
-        let shift = agree(&near, &coat, &moment, &format!("{zoom} times as large"));
+        let shift = agree(&near, &surface, &moment, &format!("{zoom} times as large"));
         assert!(shift.iter().all(|part| part.abs() < 2e-4), "{shift:?}");
-        let zoomed = Ball::new(&far, Coat::Flat(pattern.clone()), 255.0).zoomed(zoom).draw(&[moment], SIDE, 0..SIDE);
-        let own = Ball::new(&near, coat, 255.0).draw(&[moment], SIDE, 0..SIDE);
-        assert_eq!((zoomed.width, zoomed.share), (own.width, own.share));
+        let zoomed = Ball::new(&far, Surface::Flat(pattern.clone()), 255.0).zoomed(zoom).draw(&[moment], SIDE, 0..SIDE);
+        let own = Ball::new(&near, surface, 255.0).draw(&[moment], SIDE, 0..SIDE);
+        assert_eq!((zoomed.width, zoomed.coverage), (own.width, own.coverage));
         let apart = zoomed.light_dn.iter().zip(&own.light_dn).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
         assert!(apart < 1e-3, "{apart} DN");
     }
@@ -305,17 +307,17 @@ fn a_speckled_ball_is_drawn_within_half_a_grey_level_and_not_shifted() {
 }
 
 #[test]
-fn a_speckled_sphere_is_drawn_within_half_a_grey_level_and_not_shifted_however_it_is_turned() {
+fn a_speckled_sphere_is_drawn_within_half_a_grey_level_and_not_shifted_at_any_orientation() {
     for (area_min_px2, area_max_px2, coverage) in [(2.0, 40.0, 0.4), (80.0, 80.0, 0.3)] {
         let mut scenario = scenario();
         scenario.body.pattern = PatternSetup { area_min_px2, area_max_px2, coverage, ..scenario.body.pattern };
-        let globe = globe(&scenario);
+        let sphere = sphere(&scenario);
         for (x, y, angle_deg) in POSES {
             for tilt in [[0.0, 0.0], [0.3, 0.0], [-0.7, 1.1]] {
                 let mut pose = pose(x, y, angle_deg);
-                pose.attitude = Attitude::about([tilt[0], tilt[1], pose.angle_rad]);
+                pose.orientation = Orientation::about([tilt[0], tilt[1], pose.angle_rad]);
                 let what = format!("{area_max_px2} px^2 at ({x}, {y}), {angle_deg} deg, tilt {tilt:?}");
-                let shift = agree(&scenario, &globe, &alone(pose), &what);
+                let shift = agree(&scenario, &sphere, &alone(pose), &what);
                 assert!(shift.iter().all(|part| part.abs() < 2e-4), "{shift:?}");
             }
         }
@@ -323,18 +325,18 @@ fn a_speckled_sphere_is_drawn_within_half_a_grey_level_and_not_shifted_however_i
 }
 
 #[test]
-fn the_flat_in_front_of_the_ball_is_drawn_within_half_a_grey_level() {
+fn an_occluding_edge_in_front_of_the_ball_is_drawn_within_half_a_grey_level() {
     for coverage in [0.0, 0.4] {
         let mut scenario = scenario();
         scenario.body.pattern.coverage = coverage;
-        for coat in [pattern(&scenario), globe(&scenario)] {
+        for surface in [pattern(&scenario), sphere(&scenario)] {
             for (gap_px, tilt_deg) in [(3.0, 0.0f64), (0.0, 0.0), (-1.3, 12.0), (-4.3, 0.0), (-15.0, 40.0)] {
                 let (sin, cos) = tilt_deg.to_radians().sin_cos();
                 let normal = [-sin, -cos];
                 let foot = scenario.radius_px() + gap_px;
                 let flat = HalfPlane { point_px: [31.63 - foot * normal[0], 31.88 - foot * normal[1]], normal };
                 let moment = Moment { occluder: Some(flat), ..alone(pose(31.63, 31.88, 25.0)) };
-                agree(&scenario, &coat, &moment, &format!("coverage {coverage}, gap {gap_px} px, {tilt_deg} deg"));
+                agree(&scenario, &surface, &moment, &format!("coverage {coverage}, gap {gap_px} px, {tilt_deg} deg"));
             }
         }
     }
@@ -343,7 +345,7 @@ fn the_flat_in_front_of_the_ball_is_drawn_within_half_a_grey_level() {
 #[test]
 fn another_ball_in_front_is_drawn_within_half_a_grey_level() {
     let scenario = scenario();
-    for coat in [pattern(&scenario), globe(&scenario)] {
+    for surface in [pattern(&scenario), sphere(&scenario)] {
         for (radius_px, center_px) in [
             (17.0, [70.0, 31.0]),
             (17.0, [52.3, 12.7]),
@@ -351,9 +353,9 @@ fn another_ball_in_front_is_drawn_within_half_a_grey_level() {
             (12.0, [20.4, 40.8]),
             (30.0, [33.0, 31.0]),
         ] {
-            let front = Some(Round { center_px, radius_px });
+            let front = Some(DiscOutline { center_px, radius_px });
             let moment = Moment { front, ..alone(pose(31.63, 31.88, 25.0)) };
-            agree(&scenario, &coat, &moment, &format!("front {radius_px} px at {center_px:?}"));
+            agree(&scenario, &surface, &moment, &format!("front {radius_px} px at {center_px:?}"));
         }
     }
 }

@@ -366,7 +366,7 @@ fn bad_scenes_get_one_clear_line_each() {
     let mut none = pair.clone();
     none.motion = MotionSetup::Piecewise { start_px: [80.0; 2], parts: Vec::new() };
     let error = World::new(&none).unwrap_err().to_string();
-    assert!(error.starts_with("motion.parts (how many) = 0 is out of range: allowed is 1 to 1000"), "{error}");
+    assert!(error.starts_with("motion.parts (number) = 0 is out of range: allowed is 1 to 1000"), "{error}");
     let mut rod = Scenario::built_in("rod").unwrap();
     rod.other.clone_from(&pair.other);
     assert_eq!(World::new(&rod).unwrap_err().to_string(), "other is out of place: a rod is filmed alone");

@@ -1,15 +1,15 @@
-//! One collision, solved in small steps and kept as a dense function of time.
+//! One collision, integrated in small steps and stored as a dense function of time.
 
-use super::law::{Friction, Hold, NormalLaw};
+use super::law::{Friction, NormalLaw, PatchState};
 
-/// Step of the integration. The fastest part, the patch, swings in about 4 ms.
+/// The step of the integration. The fastest mode, that of the patch, has a period of about 4 ms.
 const STEP_S: f64 = 5e-8;
-/// Steps from one kept knot to the next (1 us).
+/// The number of steps from one stored knot to the next (1 us).
 const STEPS_PER_KNOT: u64 = 20;
-/// A contact that lasts longer is not a bounce.
-const LONGEST_CONTACT_S: f64 = 0.1;
+/// The maximum contact time of a bounce.
+const MAX_CONTACT_S: f64 = 0.1;
 
-// Places in the state vector; J is the impulse of the contact force.
+// Indices of the state vector; J is the impulse of the contact force.
 const X: usize = 0;
 const Y: usize = 1;
 const ANGLE: usize = 2;
@@ -21,81 +21,81 @@ const JX: usize = 7;
 const JY: usize = 8;
 type State = [f64; 9];
 
-/// A ball about to touch a flat. Axes: x along the tangent, y along the outward normal.
+/// A ball at first contact with a surface. Axes: x along the tangent, y along the outward normal.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct CollisionSetup {
-    /// Mass, kg.
+    /// The mass, kg.
     pub mass_kg: f64,
-    /// Radius, m.
+    /// The radius, m.
     pub radius_m: f64,
-    /// Moment of inertia over m R^2, dimensionless: 0.4 for a solid ball.
+    /// The moment of inertia over m R^2, dimensionless: 0.4 for a solid ball.
     pub inertia_factor: f64,
-    /// Normal contact.
+    /// The law of normal contact.
     pub law: NormalLaw,
-    /// Tangential contact; `None` is a frictionless flat.
+    /// The law of tangential contact; `None` for a frictionless surface.
     pub friction: Option<Friction>,
-    /// Velocity at first touch (tangential, normal), m/s; the normal one is negative.
+    /// The velocity at first contact (tangential, normal), m/s; the normal one is negative.
     pub velocity_m_s: [f64; 2],
-    /// Spin at first touch, counter-clockwise positive, rad/s.
+    /// The spin at first contact, counter-clockwise positive, rad/s.
     pub omega_rad_s: f64,
-    /// Gravity (tangential, normal), m/s^2.
+    /// The gravity (tangential, normal), m/s^2.
     pub gravity_m_s2: [f64; 2],
 }
 
-/// Why there is no collision to tell of.
+/// The reason why there is no collision.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 pub enum PhysicsError {
-    /// The ball moves away from the flat or along it.
+    /// The ball moves away from the surface or along it.
     #[error("the ball never touches the flat: its normal velocity is {vn_m_s} m/s, it must be negative")]
     NoApproach {
-        /// Normal velocity at first touch.
+        /// The normal velocity at first contact.
         vn_m_s: f64,
     },
-    /// The ball stays on the flat.
+    /// The ball stays on the surface.
     #[error("the ball does not leave the flat within {limit_s} s: less damping, or a faster ball, is needed")]
     NoRebound {
-        /// Longest contact that is followed.
+        /// The maximum contact time.
         limit_s: f64,
     },
 }
 
-/// Where the ball is and how it moves, relative to first touch.
+/// The motion of the ball, relative to first contact.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Motion {
-    /// Centre (tangential, normal), m.
+    /// The centre (tangential, normal), m.
     pub position_m: [f64; 2],
-    /// Turned since first touch, counter-clockwise, rad.
+    /// The rotation since first contact, counter-clockwise, rad.
     pub angle_rad: f64,
-    /// Velocity (tangential, normal), m/s.
+    /// The velocity (tangential, normal), m/s.
     pub velocity_m_s: [f64; 2],
-    /// Spin, rad/s.
+    /// The spin, rad/s.
     pub omega_rad_s: f64,
 }
 
-/// What the collision did; times count from first touch.
+/// The results of a collision; times count from first contact.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Outcome {
-    /// The normal velocity crosses zero.
+    /// The time when the normal velocity crosses zero.
     pub deepest_s: f64,
-    /// The force is back to zero.
+    /// The time when the force returns to zero.
     pub end_s: f64,
-    /// The ball's lowest point first stops on the flat; `None` when it never does, or never moved.
+    /// The time when the contact point first stops; `None` if it never does, or never moved.
     pub slip_end_s: Option<f64>,
-    /// Deepest point of the centre below first touch, m.
+    /// The maximum depth of the centre below first contact, m.
     pub compression_max_m: f64,
-    /// Highest normal force, N.
+    /// The maximum normal force, N.
     pub force_max_n: f64,
-    /// Highest normal acceleration, gravity included, m/s^2.
+    /// The maximum normal acceleration, gravity included, m/s^2.
     pub acceleration_max_m_s2: f64,
-    /// The force passes 2 % of its peak on its way up and on its way down.
+    /// The times when the force passes 2 % of its peak, rising and falling.
     pub force_s: [f64; 2],
-    /// Impulse of the contact force (tangential, normal), N s.
+    /// The impulse of the contact force (tangential, normal), N s.
     pub impulse_n_s: [f64; 2],
-    /// Motion at the end of contact.
+    /// The motion at the end of contact.
     pub after: Motion,
 }
 
-/// State and its derivative at one moment, for interpolation.
+/// The state and its derivative at one moment, for interpolation.
 #[derive(Debug, Clone, Copy)]
 struct Knot {
     time_s: f64,
@@ -104,7 +104,7 @@ struct Knot {
     energy_j: f64,
 }
 
-/// A solved collision: motion at any time before, during and after contact.
+/// A solved collision: the motion at any time before, during and after contact.
 #[derive(Debug, Clone)]
 pub struct Collision {
     setup: CollisionSetup,
@@ -117,7 +117,7 @@ impl Collision {
     ///
     /// # Errors
     ///
-    /// [`PhysicsError`] when the ball does not approach, or does not leave.
+    /// Returns [`PhysicsError`] if the ball does not approach, or does not leave.
     pub fn solve(setup: CollisionSetup) -> Result<Self, PhysicsError> {
         if setup.velocity_m_s[1].is_nan() || setup.velocity_m_s[1] >= 0.0 {
             return Err(PhysicsError::NoApproach { vn_m_s: setup.velocity_m_s[1] });
@@ -125,12 +125,12 @@ impl Collision {
         Integration::new(setup).run()
     }
 
-    /// What it did.
+    /// The results of the collision.
     pub fn outcome(&self) -> Outcome {
         self.outcome
     }
 
-    /// The ball's motion at `time_s` after first touch (negative: before). Free flight outside contact.
+    /// Returns the motion of the ball at `time_s` after first contact (negative: before). Free flight outside contact.
     pub fn at(&self, time_s: f64) -> Motion {
         if time_s <= 0.0 {
             return flight(&motion(&self.knots[0].state), self.setup.gravity_m_s2, time_s);
@@ -139,15 +139,15 @@ impl Collision {
             return flight(&self.outcome.after, self.setup.gravity_m_s2, time_s - self.outcome.end_s);
         }
         let right = self.knots.partition_point(|knot| knot.time_s <= time_s).min(self.knots.len() - 1);
-        motion(&between(&self.knots[right - 1], &self.knots[right], time_s))
+        motion(&interpolated(&self.knots[right - 1], &self.knots[right], time_s))
     }
 
-    /// Mechanical energy at the kept moments of contact (about every us): kinetic, elastic and in gravity, J.
+    /// Returns the mechanical energy at the stored moments (about every us): kinetic, elastic and in gravity, J.
     pub fn energies_j(&self) -> impl Iterator<Item = f64> {
         self.knots.iter().map(|knot| knot.energy_j)
     }
 
-    /// When the ball would come back to the flat, counted from first touch; `None` when it never does.
+    /// Returns the time of a second contact after the first; `None` if there is none.
     pub fn second_touch_s(&self) -> Option<f64> {
         let [height, speed] = [self.outcome.after.position_m[1], self.outcome.after.velocity_m_s[1]];
         let pull = -self.setup.gravity_m_s2[1];
@@ -156,12 +156,12 @@ impl Collision {
     }
 }
 
-/// The running integration.
+/// An integration in progress.
 struct Integration {
     setup: CollisionSetup,
     steps: u64,
     state: State,
-    hold: Hold,
+    patch_state: PatchState,
     knots: Vec<Knot>,
     deepest: Option<(f64, f64)>,
     slip_end_s: Option<f64>,
@@ -177,7 +177,7 @@ impl Integration {
             setup,
             steps: 0,
             state,
-            hold: Hold::Grip,
+            patch_state: PatchState::Grip,
             knots: Vec::new(),
             deepest: None,
             slip_end_s: None,
@@ -186,20 +186,20 @@ impl Integration {
     }
 
     fn run(mut self) -> Result<Collision, PhysicsError> {
-        while self.time_s() < LONGEST_CONTACT_S {
-            self.decide_hold();
+        while self.time_s() < MAX_CONTACT_S {
+            self.update_patch_state();
             if self.steps.is_multiple_of(STEPS_PER_KNOT) {
-                self.keep(self.time_s());
+                self.push_knot(self.time_s());
             }
-            let next = self.stepped(STEP_S);
+            let next = self.advanced(STEP_S);
             if next[Y] >= 0.0 || self.force_n(&next) <= 0.0 {
                 return Ok(self.finish());
             }
-            self.note(&next);
+            self.record_events(&next);
             self.state = next;
             self.steps += 1;
         }
-        Err(PhysicsError::NoRebound { limit_s: LONGEST_CONTACT_S })
+        Err(PhysicsError::NoRebound { limit_s: MAX_CONTACT_S })
     }
 
     fn time_s(&self) -> f64 {
@@ -210,23 +210,23 @@ impl Integration {
         self.setup.law.force_n(-state[Y], -state[VY])
     }
 
-    /// Speed of the ball's lowest point along the flat.
+    /// Returns the speed of the contact point along the surface.
     fn slide_m_s(&self, state: &State) -> f64 {
         state[VX] + state[OMEGA] * self.setup.radius_m
     }
 
-    fn decide_hold(&mut self) {
+    fn update_patch_state(&mut self) {
         if let Some(friction) = self.setup.friction {
             let (slide, normal) = (self.slide_m_s(&self.state), self.force_n(&self.state).max(0.0));
-            self.hold = friction.hold(self.state[STRETCH], slide, normal);
+            self.patch_state = friction.patch_state(self.state[STRETCH], slide, normal);
         }
     }
 
-    /// Notes the moments at which the ball turns round and its lowest point stops.
-    fn note(&mut self, next: &State) {
+    /// Records when the ball reverses and when its contact point stops.
+    fn record_events(&mut self, next: &State) {
         if self.deepest.is_none() && next[VY] >= 0.0 {
             let part_s = self.crossing(|state| state[VY]);
-            self.deepest = Some((self.time_s() + part_s, -self.stepped(part_s)[Y]));
+            self.deepest = Some((self.time_s() + part_s, -self.advanced(part_s)[Y]));
         }
         let slide = self.slide_m_s(&self.state);
         if self.slip_end_s.is_none() && slide * self.slide_m_s(next) < 0.0 {
@@ -235,26 +235,27 @@ impl Integration {
         self.force_max_n = self.force_max_n.max(self.force_n(next));
     }
 
-    /// Derivative of the state while the patch keeps gripping or sliding.
+    /// Returns the derivative of the state while the patch keeps gripping or sliding.
     fn rate(&self, state: &State) -> State {
         let setup = &self.setup;
         let normal_n = self.force_n(state).max(0.0);
         let slide = self.slide_m_s(state);
-        let (tangential_n, stretching) =
-            setup.friction.map_or((0.0, 0.0), |friction| friction.force(self.hold, state[STRETCH], slide, normal_n));
+        let (tangential_n, stretching) = setup
+            .friction
+            .map_or((0.0, 0.0), |friction| friction.force(self.patch_state, state[STRETCH], slide, normal_n));
         let inertia = setup.inertia_factor * setup.mass_kg * setup.radius_m * setup.radius_m;
         let mut rate = [0.0; 9];
         [rate[X], rate[Y], rate[ANGLE]] = [state[VX], state[VY], state[OMEGA]];
         rate[VX] = tangential_n / setup.mass_kg + setup.gravity_m_s2[0];
         rate[VY] = normal_n / setup.mass_kg + setup.gravity_m_s2[1];
-        // The force acts at (0, -R): a force to the right turns the ball counter-clockwise.
+        // The force acts at (0, -R): a force to the right rotates the ball counter-clockwise.
         rate[OMEGA] = tangential_n * setup.radius_m / inertia;
         rate[STRETCH] = stretching;
         [rate[JX], rate[JY]] = [tangential_n, normal_n];
         rate
     }
 
-    fn stepped(&self, step_s: f64) -> State {
+    fn advanced(&self, step_s: f64) -> State {
         let first = self.rate(&self.state);
         let second = self.rate(&moved(&self.state, &first, 0.5 * step_s));
         let third = self.rate(&moved(&self.state, &second, 0.5 * step_s));
@@ -265,17 +266,17 @@ impl Integration {
         })
     }
 
-    /// The part of the next step after which `value` is no longer negative.
+    /// Returns the part of the next step after which `value` is no longer negative.
     fn crossing(&self, value: impl Fn(&State) -> f64) -> f64 {
         let (mut low, mut high) = (0.0, STEP_S);
         for _ in 0..40 {
             let middle = 0.5 * (low + high);
-            if value(&self.stepped(middle)) < 0.0 { low = middle } else { high = middle }
+            if value(&self.advanced(middle)) < 0.0 { low = middle } else { high = middle }
         }
         high
     }
 
-    fn keep(&mut self, time_s: f64) {
+    fn push_knot(&mut self, time_s: f64) {
         let rate = self.rate(&self.state);
         let energy_j = self.energy_j();
         self.knots.push(Knot { time_s, state: self.state, rate, energy_j });
@@ -291,15 +292,15 @@ impl Integration {
         0.5 * (moving + turning + patch) + falling + setup.law.stored_j(-state[Y])
     }
 
-    /// When the force passes 2 % of its peak, rising and falling; it is straight enough from knot to knot.
+    /// Returns when the force passes 2 % of its peak, rising and falling, by linear interpolation between knots.
     fn force_s(&self) -> [f64; 2] {
-        let faint = 0.02 * self.force_max_n;
+        let threshold = 0.02 * self.force_max_n;
         let knots: Vec<[f64; 2]> = self.knots.iter().map(|knot| [knot.time_s, self.force_n(&knot.state)]).collect();
-        let crossed = |a: &[f64; 2], b: &[f64; 2]| a[0] + (faint - a[1]) / (b[1] - a[1]) * (b[0] - a[0]);
-        let rises = |pair: &&[[f64; 2]]| pair[0][1] < faint && pair[1][1] >= faint;
-        let falls = |pair: &&[[f64; 2]]| pair[0][1] >= faint && pair[1][1] < faint;
+        let crossed = |a: &[f64; 2], b: &[f64; 2]| a[0] + (threshold - a[1]) / (b[1] - a[1]) * (b[0] - a[0]);
+        let rises = |pair: &&[[f64; 2]]| pair[0][1] < threshold && pair[1][1] >= threshold;
+        let falls = |pair: &&[[f64; 2]]| pair[0][1] >= threshold && pair[1][1] < threshold;
         let (first, last) = (knots[0], knots[knots.len() - 1]);
-        let rise = knots.windows(2).find(rises).filter(|_| first[1] < faint);
+        let rise = knots.windows(2).find(rises).filter(|_| first[1] < threshold);
         let fall = knots.windows(2).rev().find(falls);
         [
             rise.map_or(first[0], |pair| crossed(&pair[0], &pair[1])),
@@ -310,8 +311,8 @@ impl Integration {
     fn finish(mut self) -> Collision {
         let part_s = self.crossing(|state| if state[Y] >= 0.0 { 1.0 } else { -self.force_n(state) });
         let end_s = self.time_s() + part_s;
-        self.state = self.stepped(part_s);
-        self.keep(end_s);
+        self.state = self.advanced(part_s);
+        self.push_knot(end_s);
         let (deepest_s, compression_max_m) = self.deepest.unwrap_or((end_s, -self.state[Y]));
         let outcome = Outcome {
             deepest_s,
@@ -341,7 +342,7 @@ fn motion(state: &State) -> Motion {
     }
 }
 
-/// Free flight from `start` under constant gravity.
+/// Returns the free flight from `start` under constant gravity.
 fn flight(start: &Motion, gravity_m_s2: [f64; 2], time_s: f64) -> Motion {
     let axis = |index: usize| {
         let (speed, pull) = (start.velocity_m_s[index], gravity_m_s2[index]);
@@ -356,8 +357,8 @@ fn flight(start: &Motion, gravity_m_s2: [f64; 2], time_s: f64) -> Motion {
     }
 }
 
-/// Cubic Hermite interpolation of the state, from values and derivatives at both knots.
-fn between(left: &Knot, right: &Knot, time_s: f64) -> State {
+/// Interpolates the state between two knots from values and derivatives (cubic Hermite).
+fn interpolated(left: &Knot, right: &Knot, time_s: f64) -> State {
     let span = right.time_s - left.time_s;
     let part = (time_s - left.time_s) / span;
     let (squared, cubed) = (part * part, part * part * part);
@@ -396,8 +397,8 @@ mod tests {
         }
     }
 
-    fn assert_close(name: &str, value: f64, expected: f64, share: f64) {
-        assert!((value / expected - 1.0).abs() < share, "{name}: {value}, expected {expected}");
+    fn assert_close(name: &str, value: f64, expected: f64, tolerance: f64) {
+        assert!((value / expected - 1.0).abs() < tolerance, "{name}: {value}, expected {expected}");
     }
 
     #[test]

@@ -1,17 +1,17 @@
-//! Forces between the ball and the flat.
+//! Forces between the ball and the surface.
 
 use crate::results::ForceLaw;
 use serde::{Deserialize, Serialize};
 
-/// Normal force as a function of compression and its rate.
+/// The normal force as a function of compression and its rate.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "kind", rename_all = "kebab-case", deny_unknown_fields)]
 pub enum NormalLaw {
-    /// Spring and dashpot side by side, F = k y + c v.
+    /// Spring and dashpot in parallel, F = k y + c v.
     KelvinVoigt {
-        /// Stiffness k, N/m.
+        /// The stiffness k, N/m.
         stiffness_n_m: f64,
-        /// Damping c, N s/m.
+        /// The damping c, N s/m.
         damping_n_s_m: f64,
     },
     /// F = k y^1.5 (1 + c v).
@@ -19,15 +19,15 @@ pub enum NormalLaw {
     /// K. H. Hunt and F. R. E. Crossley, J. Appl. Mech. 42 (1975) 440,
     /// <https://doi.org/10.1115/1.3423596>.
     HuntCrossley {
-        /// Stiffness k, N/m^1.5.
+        /// The stiffness k, N/m^1.5.
         stiffness_n_m15: f64,
-        /// Damping c, s/m.
+        /// The damping c, s/m.
         damping_s_m: f64,
     },
 }
 
 impl NormalLaw {
-    /// Force at a compression (m) that grows at a rate (m/s), N; negative where the flat would have to pull.
+    /// Returns the force at a compression (m) and its rate (m/s), N; negative if the surface would have to pull.
     pub fn force_n(self, compression_m: f64, rate_m_s: f64) -> f64 {
         match self {
             Self::KelvinVoigt { stiffness_n_m, damping_n_s_m } => {
@@ -40,7 +40,7 @@ impl NormalLaw {
         }
     }
 
-    /// Elastic energy at a compression (m), J.
+    /// Returns the elastic energy at a compression (m), J.
     pub fn stored_j(self, compression_m: f64) -> f64 {
         match self {
             Self::KelvinVoigt { stiffness_n_m, .. } => 0.5 * stiffness_n_m * compression_m * compression_m,
@@ -48,7 +48,7 @@ impl NormalLaw {
         }
     }
 
-    /// The name used in results.
+    /// The law named in results.
     pub fn force_law(self) -> ForceLaw {
         match self {
             Self::KelvinVoigt { .. } => ForceLaw::KelvinVoigt,
@@ -57,25 +57,25 @@ impl NormalLaw {
     }
 }
 
-/// Tangential force: a spring and a damper in the contact patch, in series with a sliding surface.
+/// The tangential force: a spring and a damper in the contact patch, in series with a sliding surface.
 ///
-/// The surface holds until friction can no longer hold it, then slides while the
-/// patch goes on relaxing. Springs, dampers and friction only take energy.
+/// The surface grips up to the friction limit, then slides while the patch continues to relax. Springs, dampers and
+/// friction only dissipate energy.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Friction {
-    /// Spring of the patch, N/m.
+    /// The stiffness of the patch, N/m.
     pub stiffness_n_m: f64,
-    /// Damper of the patch, N s/m.
+    /// The damping of the patch, N s/m.
     pub damping_n_s_m: f64,
-    /// Coefficient of friction, dimensionless.
+    /// The coefficient of friction, dimensionless.
     pub coefficient: f64,
 }
 
-/// Whether the surfaces hold together or slide.
+/// The state of the contact patch.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Hold {
-    /// The patch deforms as the ball's lowest point moves.
+pub(super) enum PatchState {
+    /// The patch deforms as the contact point moves.
     Grip,
     /// The surface slides along the positive tangent.
     SlipForward,
@@ -84,29 +84,29 @@ pub(super) enum Hold {
 }
 
 impl Friction {
-    /// Force of a gripping patch, stretched by `stretch_m`, on the flat, N.
+    /// Returns the force of a gripping patch, stretched by `stretch_m`, on the surface, N.
     fn grip_n(&self, stretch_m: f64, slide_m_s: f64) -> f64 {
         self.stiffness_n_m * stretch_m + self.damping_n_s_m * slide_m_s
     }
 
-    /// Whether friction can hold what the patch pulls with.
-    pub(super) fn hold(&self, stretch_m: f64, slide_m_s: f64, normal_n: f64) -> Hold {
+    /// Returns the state of a patch: gripping up to the friction limit, otherwise sliding.
+    pub(super) fn patch_state(&self, stretch_m: f64, slide_m_s: f64, normal_n: f64) -> PatchState {
         let pull_n = self.grip_n(stretch_m, slide_m_s);
         match pull_n {
-            _ if pull_n.abs() <= self.coefficient * normal_n => Hold::Grip,
-            _ if pull_n > 0.0 => Hold::SlipForward,
-            _ => Hold::SlipBackward,
+            _ if pull_n.abs() <= self.coefficient * normal_n => PatchState::Grip,
+            _ if pull_n > 0.0 => PatchState::SlipForward,
+            _ => PatchState::SlipBackward,
         }
     }
 
-    /// Force on the ball (N) and growth of the stretch (m/s).
-    pub(super) fn force(&self, hold: Hold, stretch_m: f64, slide_m_s: f64, normal_n: f64) -> (f64, f64) {
+    /// Returns the force on the ball (N) and the rate of the stretch (m/s).
+    pub(super) fn force(&self, state: PatchState, stretch_m: f64, slide_m_s: f64, normal_n: f64) -> (f64, f64) {
         let limit_n = self.coefficient * normal_n;
         let slipping = |pull_n: f64| (-pull_n, (pull_n - self.stiffness_n_m * stretch_m) / self.damping_n_s_m);
-        match hold {
-            Hold::Grip => (-self.grip_n(stretch_m, slide_m_s), slide_m_s),
-            Hold::SlipForward => slipping(limit_n),
-            Hold::SlipBackward => slipping(-limit_n),
+        match state {
+            PatchState::Grip => (-self.grip_n(stretch_m, slide_m_s), slide_m_s),
+            PatchState::SlipForward => slipping(limit_n),
+            PatchState::SlipBackward => slipping(-limit_n),
         }
     }
 }

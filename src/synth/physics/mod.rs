@@ -1,8 +1,7 @@
-//! Collision physics: a ball against a heavy flat.
+//! Collision physics: a ball against a fixed surface.
 //!
-//! Normal contact after Kelvin-Voigt or Hunt and Crossley, tangential contact
-//! by a spring and a damper whose force is limited by friction, so that the
-//! contact point slips, grips and slips again as it does in experiments.
+//! The normal contact follows Kelvin-Voigt or Hunt and Crossley. The tangential contact is a spring and a damper whose
+//! force is limited by friction, so that the contact point slips, grips and slips again as in experiments.
 
 mod collision;
 mod law;

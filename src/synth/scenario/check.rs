@@ -1,17 +1,17 @@
-//! The range of every number.
+//! The ranges of all values of a scenario.
 
 use super::{ImpactSetup, MotionSetup, PartSetup, Scenario, ScenarioError, Shape};
 use crate::synth::physics::NormalLaw;
 
-/// Twice the diagonal of the largest picture.
-const MOST_PLANE_PX: f64 = 24_000.0;
+/// The maximum diameter of a plane, px: twice the diagonal of the largest image.
+const MAX_PLANE_PX: f64 = 24_000.0;
 
 impl Scenario {
-    /// Checks every number against its range.
+    /// Checks every value against its range.
     ///
     /// # Errors
     ///
-    /// [`ScenarioError`] for the first number that is out of range.
+    /// Returns [`ScenarioError`] for the first value that is out of range.
     pub fn check(&self) -> Result<(), ScenarioError> {
         self.check_camera()?;
         self.check_scale()?;
@@ -23,8 +23,8 @@ impl Scenario {
         if self.body.rod.is_some() || other.body.rod.is_some() {
             return Err(ScenarioError::Misplaced { key: "other", why: "a rod is filmed alone" });
         }
-        let alone = self.alone(other);
-        let checked = alone.check_body().and_then(|()| alone.check_light()).and_then(|()| alone.check_motion());
+        let single = self.alone(other);
+        let checked = single.check_body().and_then(|()| single.check_light()).and_then(|()| single.check_motion());
         checked.map_err(|error| ScenarioError::Other(Box::new(error)))
     }
 
@@ -36,7 +36,7 @@ impl Scenario {
         if scale.nearer_per_s.abs() > 0.0 && !is_flat {
             return Err(ScenarioError::Misplaced { key, why: "spheres, rods and pairs of balls keep their distance" });
         }
-        // Half as near and twice as near at most: all of the film is drawn with the speckles of one size.
+        // From half to twice the distance at most, because the whole film uses speckles of one size.
         let film_s = self.camera.frames as f64 / self.camera.frame_rate_hz;
         within("scale.nearer_per_s x length of the film", scale.nearer_per_s * film_s, -0.5, 0.5)
     }
@@ -56,7 +56,7 @@ impl Scenario {
             }
             MotionSetup::Piecewise { start_px, parts } => {
                 place("motion.start_px", *start_px)?;
-                within("motion.parts (how many)", parts.len() as f64, 1.0, 1000.0)?;
+                within("motion.parts (number)", parts.len() as f64, 1.0, 1000.0)?;
                 parts.iter().try_for_each(PartSetup::check)?;
                 let tilts = parts.iter().any(|part| part.tilt_deg_frame.iter().any(|tilt| tilt.abs() > 0.0));
                 if tilts && self.body.shape != Shape::Sphere {
@@ -106,7 +106,7 @@ impl Scenario {
         let (width_px, height_px) = (camera.width_px, camera.height_px);
         let diameter_px = 2.0 * self.radius_px();
         if self.body.shape == Shape::Plane {
-            within("body.diameter_mm / scale.mm_per_px", diameter_px, 8.0, MOST_PLANE_PX)?;
+            within("body.diameter_mm / scale.mm_per_px", diameter_px, 8.0, MAX_PLANE_PX)?;
         } else if diameter_px > f64::from(width_px.min(height_px)) {
             return Err(ScenarioError::BallTooLarge { diameter_mm, mm_per_px, diameter_px, width_px, height_px });
         }
@@ -123,7 +123,7 @@ impl Scenario {
         within("body.pattern.line_width_px", pattern.line_width_px, 0.5, 10.0)
     }
 
-    /// Area of the disc or patch that carries the speckles.
+    /// Returns the area of the disc or patch that carries the speckles.
     fn speckled_px2(&self) -> f64 {
         let radius = self.radius_px();
         let disc = std::f64::consts::PI * radius * radius;
@@ -223,15 +223,15 @@ impl ImpactSetup {
         }
         let Some(friction) = self.friction else { return Ok(()) };
         within("motion.friction.stiffness_n_m", friction.stiffness_n_m, 1.0, 1e8)?;
-        // A patch that relaxes faster than this could not be followed in steps of 0.05 us.
-        let least = 1e-6 * friction.stiffness_n_m;
-        within("motion.friction.damping_n_s_m", friction.damping_n_s_m, least, 1e4)?;
+        // A patch that relaxes faster could not be integrated in steps of 0.05 us.
+        let min = 1e-6 * friction.stiffness_n_m;
+        within("motion.friction.damping_n_s_m", friction.damping_n_s_m, min, 1e4)?;
         within("motion.friction.coefficient", friction.coefficient, 0.0, 10.0)
     }
 }
 
-/// Keys that hold whole numbers, with what each may be.
-const WHOLE: [(&str, i64, i64); 7] = [
+/// The keys that hold whole numbers, with their ranges.
+const INTEGERS: [(&str, i64, i64); 7] = [
     ("seed", 0, i64::MAX),
     ("camera.width_px", 16, 8192),
     ("camera.height_px", 16, 8192),
@@ -241,9 +241,9 @@ const WHOLE: [(&str, i64, i64); 7] = [
     ("other.body.pattern.lines", 0, 20),
 ];
 
-/// Refuses whole numbers out of range, before their types do.
-pub(super) fn whole_numbers(scenario: &toml::Table) -> Result<(), ScenarioError> {
-    for (key, low, high) in WHOLE {
+/// Rejects whole numbers out of range before deserialization does.
+pub(super) fn check_integers(scenario: &toml::Table) -> Result<(), ScenarioError> {
+    for (key, low, high) in INTEGERS {
         let mut words = key.split('.');
         let first = words.next().and_then(|word| scenario.get(word));
         let value = words.fold(first, |value, word| value.and_then(|value| value.get(word)));

@@ -1,79 +1,81 @@
-//! What can be wrong with a scenario.
+//! Errors of a scenario.
 
 use crate::synth::physics::PhysicsError;
 
-/// Why a scenario cannot be filmed.
+/// The reason why a scenario cannot be rendered.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum ScenarioError {
-    /// Not TOML, or not the keys of a scenario.
-    #[error("read scenario: {0}")]
+    /// The text is not TOML, or has other keys than a scenario.
+    #[error("cannot read scenario: {0}")]
     Syntax(String),
-    /// Neither a built-in scenario nor a file that can be read.
-    #[error("scenario {name:?} is not built in ({known}) and no file that can be read: {reason}")]
+    /// The name is neither a built-in scenario nor a readable file.
+    #[error("scenario {name:?} is not built in ({known}) and not a readable file: {reason}")]
     Unreadable {
-        /// What was asked for.
+        /// The given name.
         name: String,
-        /// The built-in ones.
+        /// The built-in scenarios.
         known: String,
-        /// The system's answer.
+        /// The system's error.
         reason: String,
     },
-    /// A number is out of range.
+    /// A value is out of range.
     #[error("{key} = {value} is out of range: allowed is {range}")]
     OutOfRange {
-        /// Name of the key, with its tables.
+        /// The key, with its tables.
         key: &'static str,
-        /// What was given.
+        /// The given value.
         value: String,
-        /// What is allowed.
+        /// The allowed range.
         range: String,
     },
-    /// The ball does not fit.
+    /// The ball does not fit the image.
     #[error(
         "body.diameter_mm = {diameter_mm} is a ball of {diameter_px:.1} px at scale.mm_per_px = {mm_per_px}: \
          larger than the picture of {width_px} x {height_px} px"
     )]
     BallTooLarge {
-        /// The key's value.
+        /// The value of the key.
         diameter_mm: f64,
         /// The scale.
         mm_per_px: f64,
-        /// In the picture.
+        /// The diameter in the image.
         diameter_px: f64,
-        /// The picture.
+        /// The width of the image.
         width_px: u32,
-        /// The picture.
+        /// The height of the image.
         height_px: u32,
     },
     /// Speckles of these sizes cannot be packed so densely.
-    #[error("body.pattern.coverage = {wanted} cannot be reached with speckles that do not overlap: {reached:.3} was")]
+    #[error(
+        "body.pattern.coverage = {wanted} cannot be reached without overlapping speckles: {reached:.3} was reached"
+    )]
     TooDense {
-        /// The key's value.
+        /// The value of the key.
         wanted: f64,
-        /// Where packing stopped.
+        /// The coverage that was reached.
         reached: f64,
     },
-    /// So many lines cannot keep clear of each other.
-    #[error("body.pattern.lines = {wanted} do not fit on the ball without crossing: {reached} did")]
+    /// There is no room for so many lines.
+    #[error("body.pattern.lines = {wanted} do not fit on the ball without crossing: {reached} fit")]
     TooManyLines {
-        /// The key's value.
+        /// The value of the key.
         wanted: u32,
-        /// How many found a place.
+        /// The number of lines that were placed.
         reached: usize,
     },
-    /// The ball would come back before the film ends.
+    /// The ball would touch the surface again before the film ends.
     #[error(
-        "camera.frames = {frames} lasts {film_s:.4} s, but the ball touches again at {again_s:.4} s: one collision a film"
+        "camera.frames = {frames} lasts {film_s:.4} s, but the ball touches again at {again_s:.4} s: one collision per film"
     )]
     TouchesAgain {
-        /// The key's value.
+        /// The value of the key.
         frames: u64,
-        /// Length of the film.
+        /// The length of the film.
         film_s: f64,
-        /// Second touch.
+        /// The time of the second contact.
         again_s: f64,
     },
-    /// A rod that does something only a ball can do.
+    /// A setting that a rod does not support.
     #[error("body.rod stands upright and does not turn: {0}")]
     RodOnly(&'static str),
     /// Straight lines on a sphere.
@@ -81,21 +83,21 @@ pub enum ScenarioError {
         "body.pattern.lines = {0} is out of range: allowed is 0 with body.shape = \"sphere\", on which nothing is straight"
     )]
     LinesOnSphere(u32),
-    /// What does not go with the rest of the scenario.
+    /// A setting that contradicts the rest of the scenario.
     #[error("{key} is out of place: {why}")]
     Misplaced {
-        /// Name of the key, with its tables.
+        /// The key, with its tables.
         key: &'static str,
-        /// What stands against it.
+        /// The contradiction.
         why: &'static str,
     },
-    /// Something is wrong with the second ball.
+    /// The second ball is invalid.
     #[error("other: {0}")]
     Other(Box<ScenarioError>),
-    /// An edge that nothing places.
+    /// The position of an occluding edge is missing.
     #[error("occluder.point_px is missing: only motion.kind = \"impact\" has a point of first touch to take its place")]
     OccluderPlace,
-    /// No bounce.
+    /// The ball does not bounce.
     #[error("motion: {0}")]
     Physics(#[from] PhysicsError),
 }

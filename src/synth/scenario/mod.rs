@@ -1,4 +1,4 @@
-//! What is filmed, and with which camera.
+//! The description of a simulated film: the filmed objects and the camera.
 
 mod check;
 mod error;
@@ -8,13 +8,13 @@ pub use error::ScenarioError;
 use super::physics::{Friction, NormalLaw};
 use serde::{Deserialize, Serialize};
 
-/// A simulated film. Every number is checked by [`Scenario::check`].
+/// A simulated film. Every value is checked by [`Scenario::check`].
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Scenario {
-    /// Its name.
+    /// The name.
     pub name: String,
-    /// Seed of everything random: speckles, textures, noise.
+    /// The seed of all random parts: speckles, textures, noise.
     #[serde(default)]
     pub seed: u64,
     /// The camera.
@@ -26,26 +26,26 @@ pub struct Scenario {
     pub surface: SurfaceSetup,
     /// The ball.
     pub body: BodySetup,
-    /// Grey levels.
+    /// The grey levels.
     #[serde(default)]
     pub shade: ShadeSetup,
-    /// The lamp.
+    /// The illumination.
     #[serde(default)]
     pub light: LightSetup,
-    /// Something in front of the ball: the struck flat, a racket.
+    /// An object in front of the ball: the struck surface, a racket.
     #[serde(default)]
     pub occluder: Option<OccluderSetup>,
-    /// How the ball moves.
+    /// The motion of the ball.
     pub motion: MotionSetup,
-    /// A second ball in front of the first, behind the occluder; left out, there is none.
+    /// A second ball in front of the first, behind the occluder; optional.
     #[serde(default)]
     pub other: Option<OtherSetup>,
 }
 
-/// A second ball, as large as it likes and with a motion of its own; nothing else knows of it.
+/// A second ball of any size with its own motion, independent of the first.
 ///
-/// Where both meet in the picture it hides the first. Each moves as its own motion
-/// says: that two bounce off each other is written into both motions.
+/// If both overlap in the image, it occludes the first. Each follows its own motion; a collision of both has to be
+/// described in both motions.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct OtherSetup {
@@ -54,7 +54,7 @@ pub struct OtherSetup {
     /// Its grey levels; those of the ground are the scenario's.
     #[serde(default)]
     pub shade: ShadeSetup,
-    /// How it moves.
+    /// Its motion.
     pub motion: MotionSetup,
 }
 
@@ -62,20 +62,20 @@ pub struct OtherSetup {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct CameraSetup {
-    /// Pixels a row, 16 to 8192.
+    /// Pixels per row, 16 to 8192.
     pub width_px: u32,
     /// Rows, 16 to 8192.
     pub height_px: u32,
-    /// Frames a second, 0.001 to 10 million.
+    /// Frames per second, 0.001 to 10 million.
     pub frame_rate_hz: f64,
-    /// Time the shutter is open, us; at most the time between two frames. The picture shows the mean over it.
+    /// Exposure time, us; at most the time between two frames. The image shows the mean over it.
     #[serde(default)]
     pub exposure_us: f64,
-    /// How much later the shutter opens for each row than for the one above it, us: a rolling shutter; -1000 to 1000, and all
-    /// rows within a frame's time; below 0 where it rolls upwards. 0 is a global one.
+    /// Delay of the exposure of each row after the row above, us, -1000 to 1000, for a rolling shutter; negative if
+    /// it rolls upwards. All rows must fit into a frame's time. 0 is a global shutter.
     #[serde(default)]
     pub row_time_us: f64,
-    /// Length of the film, 1 to 100 million.
+    /// Length of the film, 1 to 100 million frames.
     pub frames: u64,
     /// Significant bits: 8, 10, 12 or 16.
     #[serde(default = "eight")]
@@ -83,16 +83,16 @@ pub struct CameraSetup {
     /// Standard deviation of the noise at half of full scale, DN; 0 to a quarter of full scale.
     #[serde(default)]
     pub noise_dn: f64,
-    /// Share of the noise's variance that grows with the light (shot noise), 0 to 1; the rest is read noise.
+    /// Fraction of the noise variance that grows with the light (shot noise), 0 to 1; the rest is read noise.
     #[serde(default)]
     pub shot_share: f64,
-    /// Spread of the pixels' gain, standard deviation as a share, 0 to 0.1.
+    /// Relative standard deviation of the pixels' gain, 0 to 0.1.
     #[serde(default)]
     pub gain_spread: f64,
-    /// Spread of the pixels' offset, standard deviation, DN; 0 to a sixteenth of full scale.
+    /// Standard deviation of the pixels' offset, DN; 0 to a sixteenth of full scale.
     #[serde(default)]
     pub offset_spread_dn: f64,
-    /// Share of the pixels that show full scale, every second of them nothing, whatever is before them; 0 to 0.1.
+    /// Fraction of stuck pixels, alternately at full scale and at zero, 0 to 0.1.
     #[serde(default)]
     pub stuck_share: f64,
     /// Blur of the lens, standard deviation, 0.3 to 5 px.
@@ -103,14 +103,14 @@ pub struct CameraSetup {
     pub start_ns: u64,
 }
 
-/// Length of a pixel in the plane of the ball's centre.
+/// The scale in the plane of the ball's centre.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ScaleSetup {
-    /// Scale, 1e-6 to 1000 mm/px: of a body that comes nearer at first touch, or in the first frame where nothing touches.
+    /// Scale, 1e-6 to 1000 mm/px; of an approaching body at first contact, or in the first frame without a contact.
     pub mm_per_px: f64,
-    /// Share of its distance from the camera by which the body comes nearer in a second, -1000 to 1000: it and its way in
-    /// the picture grow about the picture's middle. Flat balls only.
+    /// Relative approach of the body to the camera per second, -1000 to 1000. The body and its trajectory are
+    /// magnified about the image centre. Flat balls only.
     #[serde(default)]
     pub nearer_per_s: f64,
 }
@@ -119,7 +119,7 @@ pub struct ScaleSetup {
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SurfaceSetup {
-    /// Tangent, turned counter-clockwise from x by this angle, -360 to 360 deg; the normal is 90 deg further.
+    /// Tangent, counter-clockwise from x, -360 to 360 deg; the normal is 90 deg further.
     pub angle_deg: f64,
 }
 
@@ -127,37 +127,36 @@ pub struct SurfaceSetup {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct BodySetup {
-    /// Diameter, mm; at least 8 px and no larger than the picture.
+    /// Diameter, mm; at least 8 px and at most the size of the image.
     pub diameter_mm: f64,
-    /// Where a ball carries its speckles, `disc` when left out.
+    /// Surface that carries the speckles of a ball, default `disc`.
     #[serde(default)]
     pub shape: Shape,
-    /// The speckles: over the ball, or on the rod's patch.
+    /// Speckles on the ball, or on the patch of the rod.
     pub pattern: PatternSetup,
-    /// Makes it an upright rod of this diameter; left out, it is a ball.
+    /// If present, the body is an upright rod of this diameter.
     #[serde(default)]
     pub rod: Option<RodSetup>,
 }
 
-/// What a ball's speckles are painted on. Its outline, its light and its motion in the picture are the same.
+/// The surface that carries the speckles of a ball. Outline, shading and motion in the image do not depend on it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Shape {
-    /// A flat disc that faces the camera: every speckle is round, as in pictures moved by a video generator.
+    /// A flat disc that faces the camera: every speckle is round, as in images moved by a video generator.
     #[default]
     Disc,
-    /// A sphere, seen from far away: speckles are narrower towards the rim, and a spin about an axis in the
-    /// picture's plane ([`PartSetup::tilt_deg_frame`]) carries them over the rim.
+    /// A sphere in parallel projection. Speckles are narrower towards the rim, and a spin about an axis in the image
+    /// plane ([`PartSetup::tilt_deg_frame`]) moves them over the rim.
     Sphere,
-    /// A flat that faces the camera, a disc which may be larger than the picture: with its rim outside, the whole
-    /// picture is speckled.
+    /// A flat disc that faces the camera and may be larger than the image. If its rim lies outside, the whole image is
+    /// speckled.
     Plane,
 }
 
-/// A dark upright rod that reaches out of the picture, with two bright tapes around it.
+/// A dark upright rod that extends beyond the image, with two bright tapes around it.
 ///
-/// Heights are above its lower end. The middle of the upper tape is the point
-/// that moves as the motion says.
+/// Heights are above its lower end. The motion is that of the middle of the upper tape.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct RodSetup {
@@ -165,41 +164,41 @@ pub struct RodSetup {
     pub tape_px: [f64; 2],
     /// Lower and upper edge of the speckled tape, px; above the clean one.
     pub patch_px: [f64; 2],
-    /// Grey level of the rod as a share of full scale, 0 to 1; the tapes have the ball's.
+    /// Grey level of the rod as a fraction of full scale, 0 to 1; the tapes have that of the ball.
     pub shade: f64,
 }
 
-/// Ringing of a struck rod, added to the motion of its mark.
+/// The ringing of a struck rod, added to the motion of its mark.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct RingingSetup {
-    /// Speed at first touch, m/s.
+    /// Speed at first contact, m/s.
     pub speed_m_s: f64,
     /// Frequency, Hz.
     pub frequency_hz: f64,
-    /// Time in which it falls to 1/e, s.
+    /// Time of decay to 1/e, s.
     pub decay_s: f64,
 }
 
-/// Round speckles and straight lines, strewn so that none overlap.
+/// Round speckles and straight lines, placed at random without overlap.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct PatternSetup {
-    /// Smallest speckle, at least 0.5 px^2.
+    /// Minimum area of a speckle, at least 0.5 px^2.
     pub area_min_px2: f64,
-    /// Largest speckle, at most a twentieth of the ball.
+    /// Maximum area of a speckle, at most a twentieth of the ball.
     pub area_max_px2: f64,
-    /// Share of the ball that is covered, 0 to 0.6.
+    /// Covered fraction of the ball, 0 to 0.6.
     pub coverage: f64,
-    /// Straight lines of random direction, 0 to 20.
+    /// Number of straight lines of random direction, 0 to 20.
     #[serde(default)]
     pub lines: u32,
-    /// Their width, 0.5 to 10 px.
+    /// Width of the lines, 0.5 to 10 px.
     #[serde(default = "line_width")]
     pub line_width_px: f64,
 }
 
-/// Grey levels as shares of full scale, 0 to 1.
+/// Grey levels as fractions of full scale, 0 to 1.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ShadeSetup {
@@ -207,32 +206,33 @@ pub struct ShadeSetup {
     pub ball: f64,
     /// The speckles.
     pub speckle: f64,
-    /// Behind the ball.
+    /// The background.
     pub ground: f64,
-    /// Roughness of the ground, standard deviation as a share of full scale, 0 to 0.2.
+    /// Texture of the background, standard deviation as a fraction of full scale, 0 to 0.2.
     #[serde(default)]
     pub ground_texture: f64,
 }
 
-/// A lamp fixed in the room; all shares 0 to 0.9 in size.
+/// A lamp fixed in the room; all fractions are 0 to 0.9 in size.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct LightSetup {
-    /// Change of brightness from the left edge of the picture to the right, as a share.
+    /// Relative change of brightness from the left edge of the image to the right.
     pub gradient_x: f64,
-    /// Change of brightness from the top edge of the picture to the bottom, as a share.
+    /// Relative change of brightness from the top edge of the image to the bottom.
     pub gradient_y: f64,
-    /// The ball's side towards the lamp is brighter by this share, the other darker; it moves with the ball and does not turn.
+    /// Relative brightness of the ball's side towards the lamp; the other is darker. It moves with the ball without
+    /// rotating.
     pub side: f64,
-    /// Where the lamp stands, counter-clockwise from x, deg.
+    /// Direction of the lamp, counter-clockwise from x, deg.
     pub side_angle_deg: f64,
-    /// The ball's rim is darker than its middle by this share.
+    /// Relative darkening of the ball's rim.
     pub limb: f64,
-    /// The picture's corners are darker than its middle by this share (lens).
+    /// Relative darkening of the image corners (lens).
     pub vignette: f64,
-    /// The lamp's brightness swings by this share up and down.
+    /// Relative amplitude of the lamp's flicker.
     pub flicker: f64,
-    /// How often it swings, 0 to 1 million Hz: 100 or 120 on the mains.
+    /// Frequency of the flicker, 0 to 1 million Hz: 100 or 120 on the mains.
     pub flicker_hz: f64,
 }
 
@@ -240,62 +240,62 @@ pub struct LightSetup {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct OccluderSetup {
-    /// Grey level as a share of full scale, 0 to 1.
+    /// Grey level as a fraction of full scale, 0 to 1.
     pub shade: f64,
-    /// Roughness, standard deviation as a share of full scale, 0 to 0.2; 0 where the edge moves.
+    /// Texture, standard deviation as a fraction of full scale, 0 to 0.2; 0 for a moving edge.
     #[serde(default)]
     pub texture: f64,
-    /// A point of its edge in the first frame; left out, the edge is where the ball first touches.
+    /// A point of its edge in the first frame; default: the point of first contact.
     #[serde(default)]
     pub point_px: Option<[f64; 2]>,
-    /// Outward normal of its edge, counter-clockwise from x, deg; left out, the surface's.
+    /// Outward normal of its edge, counter-clockwise from x, deg; default: that of the surface.
     #[serde(default)]
     pub normal_deg: Option<f64>,
-    /// Speed of the edge along its normal, px/frame; one that moves has no texture.
+    /// Speed of the edge along its normal, px/frame; a moving edge has no texture.
     #[serde(default)]
     pub speed_px_frame: f64,
 }
 
-/// How the ball moves.
+/// The motion of the ball.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "kind", rename_all = "kebab-case", deny_unknown_fields)]
 pub enum MotionSetup {
     /// Constant velocity and spin.
     Constant {
-        /// Along x, px/frame.
+        /// Velocity along x, px/frame.
         vx_px_frame: f64,
-        /// Along y (**down**), px/frame.
+        /// Velocity along y (**down**), px/frame.
         vy_px_frame: f64,
         /// Spin, counter-clockwise, deg/frame.
         omega_deg_frame: f64,
         /// Centre in the first frame.
         start_px: [f64; 2],
     },
-    /// Stretches of constant velocity and spin, one after the other; place and angle do not jump between them.
+    /// Consecutive segments of constant velocity and spin; position and angle are continuous.
     Piecewise {
         /// Centre in the first frame.
         start_px: [f64; 2],
-        /// 1 to 1000 stretches.
+        /// 1 to 1000 segments.
         parts: Vec<PartSetup>,
     },
     /// One collision with the surface.
     Impact(ImpactSetup),
 }
 
-/// A stretch of constant velocity and spin.
+/// A segment of constant velocity and spin.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct PartSetup {
-    /// How long it lasts, in frames and their fractions, above 0; the last one goes on to the end of the film.
+    /// Length in frames, above 0, fractions allowed; the last segment continues to the end of the film.
     pub frames: f64,
-    /// Along x, px/frame.
+    /// Velocity along x, px/frame.
     pub vx_px_frame: f64,
-    /// Along y (**down**), px/frame.
+    /// Velocity along y (**down**), px/frame.
     pub vy_px_frame: f64,
     /// Spin, counter-clockwise, deg/frame.
     #[serde(default)]
     pub omega_deg_frame: f64,
-    /// Spin about the axes x and y (**up**) of the picture, deg/frame: the side that faces the camera goes down with the
+    /// Spin about the image axes x and y (**up**), deg/frame. The side that faces the camera moves down with the
     /// first and to the right with the second. Spheres only.
     #[serde(default)]
     pub tilt_deg_frame: [f64; 2],
@@ -305,37 +305,37 @@ pub struct PartSetup {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ImpactSetup {
-    /// First touch after the first frame's stamp, s.
+    /// Time of first contact after the first frame's stamp, s.
     pub contact_start_s: f64,
-    /// Centre at first touch.
+    /// Centre at first contact.
     pub contact_center_px: [f64; 2],
-    /// Velocity at first touch along the normal, negative, m/s.
+    /// Velocity at first contact along the normal, negative, m/s.
     pub vn_m_s: f64,
-    /// Velocity at first touch along the tangent, m/s.
+    /// Velocity at first contact along the tangent, m/s.
     pub vt_m_s: f64,
-    /// Spin at first touch, counter-clockwise, rad/s.
+    /// Spin at first contact, counter-clockwise, rad/s.
     #[serde(default)]
     pub omega_rad_s: f64,
-    /// Gravity in the picture (x right, y **up**), m/s^2.
+    /// Gravity in the image (x right, y **up**), m/s^2.
     #[serde(default)]
     pub gravity_m_s2: [f64; 2],
     /// Mass, kg.
     pub mass_kg: f64,
     /// Moment of inertia over m R^2, 0.1 to 1.
     pub inertia_factor: f64,
-    /// Normal contact.
+    /// Law of normal contact.
     pub law: NormalLaw,
-    /// Tangential contact; left out, the surface is frictionless.
+    /// Law of tangential contact; without it the surface is frictionless.
     #[serde(default)]
     pub friction: Option<Friction>,
-    /// Ringing from first touch on, along the normal; rods only.
+    /// Ringing from first contact on, along the normal; rods only.
     #[serde(default)]
     pub ringing: Option<RingingSetup>,
 }
 
 impl CameraSetup {
-    /// Variance of a pixel that sees `light_dn`, DN^2: read and shot noise, the pixels' own gain and offset, and
-    /// rounding to whole levels.
+    /// Returns the variance of a pixel at `light_dn`, DN^2: read and shot noise, gain and offset of the pixels, and
+    /// rounding.
     pub fn noise_variance_dn2(&self, light_dn: f64) -> f64 {
         let half_dn = 0.5 * (2f64.powi(self.bits as i32) - 1.0);
         let noise = self.noise_dn * self.noise_dn * (1.0 - self.shot_share + self.shot_share * light_dn / half_dn);
@@ -394,22 +394,22 @@ impl Scenario {
     ///
     /// # Errors
     ///
-    /// [`ScenarioError`] with the key, its value and what is allowed.
+    /// Returns [`ScenarioError`] with the key, its value and the allowed range.
     pub fn from_toml(text: &str) -> Result<Self, ScenarioError> {
         let syntax = |error: toml::de::Error| ScenarioError::Syntax(error.to_string().trim_end().to_owned());
-        // First, so that a number too small or too large for its type is told with its key and its range.
-        check::whole_numbers(&toml::from_str(text).map_err(syntax)?)?;
+        // Checked first, so that an integer out of the range of its type is reported with its key and range.
+        check::check_integers(&toml::from_str(text).map_err(syntax)?)?;
         let scenario: Self = toml::from_str(text).map_err(syntax)?;
         scenario.check()?;
         Ok(scenario)
     }
 
-    /// Radius of the ball, or half the width of the rod, in the picture, px.
+    /// Returns the radius of the ball, or half the width of the rod, in the image, px.
     pub fn radius_px(&self) -> f64 {
         0.5 * self.body.diameter_mm / self.scale.mm_per_px
     }
 
-    /// Makes every length in the picture `length` times and every frame `time` times as long; balls and pictures keep
+    /// Multiplies all lengths of motion by `length` and the duration of a frame by `time`; balls and images keep
     /// their sizes.
     pub(crate) fn rescale_motion(&mut self, length: f64, time: f64) {
         self.motion.rescale(length, time);
@@ -418,7 +418,7 @@ impl Scenario {
         }
     }
 
-    /// The second ball as the only one of a film with the same camera, lamp and surface, and without an occluder.
+    /// Returns a film of the second ball alone, with the same camera, lamp and surface, and without an occluder.
     pub(crate) fn alone(&self, other: &OtherSetup) -> Self {
         Self {
             body: other.body.clone(),
