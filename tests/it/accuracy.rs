@@ -303,8 +303,8 @@ fn pulls_where_contact_begins_and_ends(name: &str, rig: &str, seed: u64, law: Op
     near.filter_map(pull).collect()
 }
 
-/// Neither the flight nor a fit across it is right where a force begins or ends. The last frame of a flight was off by 60
-/// sigma.
+/// Neither the flight nor a fit across it is right where a force begins or ends. The last frame of a flight was off by
+/// 60 sigma.
 #[test]
 fn velocity_uncertainties_hold_where_contact_begins_and_ends() {
     for (name, rig, hunt) in rigs() {
@@ -377,8 +377,8 @@ fn error_by_pattern(name: &str, rig: &str, seeds: u64) -> [f64; 2] {
     [0, 1].map(|k| all.iter().map(|off| off[k]).sum::<f64>() / seeds as f64)
 }
 
-/// A fixed pattern does not move with the body, so that displacements below a pixel are measured too short. A kept reference
-/// or an interval of more than a pixel avoids that. Otherwise the uncertainty includes the bias.
+/// A fixed pattern does not move with the body, so that displacements below a pixel are measured too short. A kept
+/// reference or an interval of more than a pixel avoids that. Otherwise the uncertainty includes the bias.
 #[test]
 fn a_fixed_pattern_biases_speeds_least_with_a_kept_reference_or_a_long_interval() {
     let (ball, rod) = (include_str!("../../config/lacrosse.toml"), include_str!("../../config/rod.toml"));

@@ -224,7 +224,8 @@ fn following_a_ball_gives_the_circle_of_a_full_search() {
         worst = worst.max(apart);
     }
     println!("follow: worst difference {worst:.4} px, lost {lost}");
-    // Side light is estimated over a gap in the rim only up to some width. Near that width one result is corrected and the other is not.
+    // Side light is estimated over a gap in the rim only up to some width. Near that width one result is corrected and
+    // the other is not.
     assert!(worst < 0.015, "{worst}");
     assert_eq!(lost, 0);
 }

@@ -40,8 +40,8 @@ fn world() -> World {
     World::new(&scenario).unwrap()
 }
 
-/// Largest error of the velocity, as a share of the speed, and of the spin, as a share of itself; how many there are, and
-/// the largest error of the velocity in its sigmas.
+/// Largest error of the velocity, as a share of the speed, and of the spin, as a share of itself; how many there are,
+/// and the largest error of the velocity in its sigmas.
 fn judge(world: &World, seen_through: &Rectifier, rig: &str, mm_per_px: f64) -> (f64, f64, usize, f64) {
     let picture = |index| {
         let mut bytes = vec![0; world.frame_bytes()];
@@ -71,7 +71,8 @@ fn a_lens_that_bends_speeds_by_percents_leaves_none_of_it() {
     let plain = judge(&world, &lens, &level_rig(0.5142), 0.5142);
     let told = judge(&world, &lens, &format!("{}[calibration]\n{LENS}", level_rig(0.5142)), 0.5142);
     println!("lens: without {plain:?}, with {told:?}");
-    // Outlines that the lens leaves unround are refused or unsure, so that even untold it does not carry velocities far off.
+    // Outlines that the lens leaves unround are refused or unsure, so that even untold it does not carry velocities far
+    // off.
     assert!(plain.0 > 1.5 * told.0 && told.0 < 0.003 && told.1 < 0.005, "{plain:?} {told:?}");
     assert!(told.3 < 2.5, "{told:?}");
     assert!(told.2 >= 60);

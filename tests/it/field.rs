@@ -276,9 +276,9 @@ fn compare(folder: &Path, interpolation: Interpolation) -> Comparison {
     Comparison { compared: du.len(), missing, better, median, most }
 }
 
-/// The reference result uses a 4 x 4 cubic interpolation whose bias on this sharp speckle is some thousandths of a pixel (a
-/// sine of the fraction). The same interpolation reproduces its numbers. With this program's default interpolation nearly
-/// all subsets match better.
+/// The reference result uses a 4 x 4 cubic interpolation whose bias on this sharp speckle is some thousandths of a
+/// pixel (a sine of the fraction). The same interpolation reproduces its numbers. With this program's default
+/// interpolation nearly all subsets match better.
 #[test]
 fn a_real_specimen_agrees_with_another_code_and_correlates_better() {
     let Some(data) = std::env::var_os("RICOCHET_REAL_DATA") else {

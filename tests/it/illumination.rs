@@ -38,7 +38,8 @@ fn judge(world: &World, (vx, vy, spin_deg): (f64, f64, f64)) -> [(f64, f64); 2] 
     [0, 1].map(|k| (most[k], (squares[k] / told.len() as f64).sqrt()))
 }
 
-/// By mean and contrast alone, spins were off by 8 and 12 sigmas rms, up to 34, and by up to 0.17 % of balls of 60 to 100 px.
+/// By mean and contrast alone, spins were off by 8 and 12 sigmas rms, up to 34, and by up to 0.17 % of balls of 60 to
+/// 100 px.
 #[test]
 fn light_from_a_side_does_not_hold_a_spin_back() {
     for (side, seed) in [(0.25, 3), (0.4, 4)] {

@@ -242,8 +242,8 @@ fn two_bodies_do_not_touch_each_other() {
     }
 }
 
-/// A body that is lost as its contact begins, and seen again only when it ends: the last speeds before were those of the
-/// flight, off by up to 78 of their sigmas.
+/// A body that is lost as its contact begins, and seen again only when it ends: the last speeds before were those of
+/// the flight, off by up to 78 of their sigmas.
 #[test]
 fn what_is_lost_as_a_contact_begins_has_slowed_down_unseen() {
     for experiment in [lacrosse(true), tennis(false), rod(true)] {

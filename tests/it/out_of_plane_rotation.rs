@@ -41,8 +41,8 @@ impl Pulls {
     }
 }
 
-/// From the motion of the pattern alone, the speed was off by 4 % at 0.1 deg per frame, with a sigma of 0.01 %. At 1 deg per
-/// frame the ball was lost.
+/// From the motion of the pattern alone, the speed was off by 4 % at 0.1 deg per frame, with a sigma of 0.01 %. At 1
+/// deg per frame the ball was lost.
 #[test]
 fn velocity_is_that_of_the_centre_and_not_of_the_front() {
     for (tilt, seed) in [([0.0; 2], 3), ([0.01, 0.02], 3), ([0.1, 0.0], 4), ([0.3, -0.2], 5), ([1.0, 0.5], 6)] {
@@ -140,8 +140,8 @@ fn a_collision_is_that_of_the_centre() {
     }
 }
 
-/// Where an edge occludes part of the ball, the motion of its front passes for rotation. Spins were off by up to 20 sigma
-/// and speeds by up to 40, because subsets that contained the edge were used.
+/// Where an edge occludes part of the ball, the motion of its front passes for rotation. Spins were off by up to 20
+/// sigma and speeds by up to 40, because subsets that contained the edge were used.
 #[test]
 fn the_spin_is_right_where_part_of_the_ball_is_occluded() {
     for (tilt, seed, normal_deg) in [([0.0; 2], 3, 60.0), ([0.3, 0.2], 4, 150.0), ([-0.2, 0.5], 5, 120.0)] {

@@ -1,4 +1,4 @@
-//! The whole line under conditions that nobody wishes for: results stay functions of the frames, losses are told.
+//! The whole pipeline under faults: results stay functions of the frames, and losses are reported.
 
 use crate::pipeline::drift;
 use crate::support::{Background, Rig, csv, frames, kill, process, ricochet, run, status, succeed, wait_until};
@@ -13,14 +13,14 @@ pub fn tables(path: &Path) -> [String; 4] {
     TABLES.map(|topic| csv(path, topic))
 }
 
-/// A rig file for a slow drift of 40 frames; `camera` and `rest` are added.
+/// Writes a rig file for a slow drift of 40 frames, with `camera` and `rest` added.
 pub fn drifting(rig: &Rig, camera: &str, rest: &str) -> PathBuf {
     let scenario = rig.file("drift.toml", &drift(40, 1000.0));
     let camera = format!("source = \"simulated\"\nscenario = \"{}\"\n{camera}", scenario.display());
     rig.config(&camera, &format!("[scale]\nmm_per_px = 0.5\n{rest}"))
 }
 
-/// Analyses with this many workers; whatever the exit code, which is given too.
+/// Analyses a film with this many workers and returns the exit code and the tables.
 pub fn analysis(rig: &Rig, film: &Path, workers: &str) -> (Option<i32>, [String; 4]) {
     let results = rig.path(&format!("analysis-{workers}-{}", film.file_name().unwrap().to_str().unwrap()));
     let arguments = ["analyze".as_ref(), film.as_os_str(), "--workers".as_ref(), workers.as_ref(), "-o".as_ref()];
@@ -41,7 +41,7 @@ fn mean(table: &str, body: &str, column: &str) -> f64 {
 }
 
 #[test]
-fn every_interval_gives_the_same_live_and_analysed_whatever_the_workers() {
+fn live_and_analysed_results_are_equal_for_every_interval_and_any_number_of_workers() {
     for (intervals, shortest) in [("2", 2), ("5", 5), ("[1, 4]", 1)] {
         let rig = Rig::new();
         let rest = format!("[correlation]\ninterval_frames = {intervals}\n[workers]\ncount = 3\nblock_frames = 8");
@@ -55,13 +55,13 @@ fn every_interval_gives_the_same_live_and_analysed_whatever_the_workers() {
             assert!(analysed == live, "intervals {intervals}, {workers} workers");
         }
         let speed = mean(&live[0], "ball", "dx_px");
-        assert!((speed - 0.4).abs() < 0.01, "{speed} px a frame over {intervals} frames");
+        assert!((speed - 0.4).abs() < 0.01, "{speed} px per frame over {intervals} frames");
         let without = live[0].lines().filter(|row| row.split(',').nth(7) == Some("")).count();
         assert_eq!(without, shortest, "the last frames have no target");
     }
 }
 
-/// Writes these frames as a recording of ours with this rig file.
+/// Writes frames as a recording with this rig file attached.
 pub fn write(path: &Path, config: &Path, frames: &[(FrameMeta, Vec<u8>)]) {
     let metadata = [("frame_rate_hz".to_owned(), "1000".to_owned())].into();
     let config_toml = std::fs::read_to_string(config).unwrap();
@@ -81,13 +81,13 @@ pub fn film(rig: &Rig) -> Vec<(FrameMeta, Vec<u8>)> {
 }
 
 #[test]
-fn a_film_that_begins_within_a_block_and_has_gaps_gives_the_same_whatever_the_workers() {
+fn a_film_with_gaps_gives_the_same_results_with_any_number_of_workers() {
     for interval in ["1", "2", "5", "[1, 3]"] {
         let rig = Rig::new();
         let rest = format!("[correlation]\ninterval_frames = {interval}\n[workers]\nblock_frames = 8");
         let config = drifting(&rig, "", &rest);
         let mut frames = film(&rig);
-        // Within a block, at its first frame, at its last, and two in a row.
+        // Lost within a block, at its first frame, at its last, and two in a row.
         frames.retain(|(meta, _)| meta.sequence >= 3 && ![11, 16, 23, 29, 30].contains(&meta.sequence));
         let path = rig.path("gaps.mcap");
         write(&path, &config, &frames);
@@ -101,12 +101,12 @@ fn a_film_that_begins_within_a_block_and_has_gaps_gives_the_same_whatever_the_wo
         assert_eq!(output.status.code(), Some(6), "{}", String::from_utf8_lossy(&output.stderr));
         assert!(tables(&rig.recordings()[0]) == one, "replay with interval {interval}");
         let rows = one[0].lines().skip(1).filter(|row| row.ends_with(",lost")).count();
-        assert_eq!((one[0].lines().count() - 1, rows), (37, 5), "a row a frame, also for those that are missing");
+        assert_eq!((one[0].lines().count() - 1, rows), (37, 5), "one row per frame, missing ones included");
     }
 }
 
 #[test]
-fn a_rate_whose_period_is_no_whole_nanosecond_replays_like_it_is_analysed() {
+fn replay_and_analysis_agree_for_a_period_that_is_no_whole_nanosecond() {
     let rig = Rig::new();
     rig.file("drift.toml", &drift(40, 7000.0));
     film(&rig);
@@ -120,7 +120,7 @@ fn a_rate_whose_period_is_no_whole_nanosecond_replays_like_it_is_analysed() {
 }
 
 #[test]
-fn a_rate_given_by_hand_takes_the_place_of_the_stamps() {
+fn a_given_rate_replaces_the_stamps() {
     let rig = Rig::new();
     let config = drifting(&rig, "", "");
     film(&rig);
@@ -131,7 +131,7 @@ fn a_rate_given_by_hand_takes_the_place_of_the_stamps() {
         succeed(arguments.into_iter().chain([results.to_str().unwrap()]).chain(rate.iter().copied()));
         mean(&csv(&results, "velocity"), "ball", "vx_m_s")
     };
-    // 0.4 px a frame of 0.5 mm a pixel.
+    // 0.4 px per frame at 0.5 mm per pixel.
     let own = speed("own.mcap", &[]);
     assert!((own - 0.2).abs() < 0.002, "{own} m/s at the stamps' 1000 Hz");
     let faster = speed("faster.mcap", &["--fps", "30000"]);
@@ -139,13 +139,13 @@ fn a_rate_given_by_hand_takes_the_place_of_the_stamps() {
 }
 
 #[test]
-fn a_part_of_a_film_is_replayed_like_it_is_analysed_at_any_rate() {
+fn replay_and_analysis_of_a_part_agree_at_any_rate() {
     let rig = Rig::new();
     let config = drifting(&rig, "", "[workers]\nblock_frames = 8");
     let frames = film(&rig);
     let path = rig.path("whole.mcap");
     write(&path, &config, &frames);
-    // From within a block, to within another: frames 5 to 29.
+    // From within a block to within another: frames 5 to 29.
     let part = rig.path("part.mcap");
     write(&part, &config, &frames[5..30]);
     let (code, cut) = analysis(&rig, &part, "1");
@@ -164,7 +164,7 @@ fn a_part_of_a_film_is_replayed_like_it_is_analysed_at_any_rate() {
 }
 
 #[test]
-fn a_film_played_twice_gives_the_same_twice() {
+fn a_film_played_twice_gives_the_same_results_twice() {
     let rig = Rig::new();
     let config = drifting(&rig, "", "");
     let path = rig.path("whole.mcap");
@@ -178,11 +178,11 @@ fn a_film_played_twice_gives_the_same_twice() {
 }
 
 #[test]
-fn a_film_of_compressed_images_is_measured_like_the_one_it_came_from() {
+fn compressed_images_give_the_results_of_the_original() {
     use foxglove::Encode;
     use foxglove::messages::CompressedImage;
     let rig = Rig::new();
-    // A recording of ours knows its exposure, one of others does not.
+    // Recordings of this program hold the exposure time, those of others do not.
     let config = drifting(&rig, "exposure_us = 20", "");
     let frames = film(&rig);
     let path = rig.path("png.mcap");
@@ -216,7 +216,7 @@ fn two_bodies_are_measured_side_by_side() {
         [[body]]\nname = \"right\"\nroi_px = [160, 0, 160, 144]\ndiameter_mm = 36\n";
     let config = drifting(&rig, "", bodies);
     let film = film(&rig);
-    // The same ball twice, on the right with time reversed.
+    // The same ball on both sides, on the right with time reversed.
     let side_by_side = film.iter().zip(film.iter().rev()).map(|((meta, left), (_, right))| {
         let rows = left.chunks_exact(160).zip(right.chunks_exact(160));
         let bytes = rows.flat_map(|(left, right)| left.iter().chain(right).copied()).collect();
@@ -231,13 +231,13 @@ fn two_bodies_are_measured_side_by_side() {
     succeed(replay.into_iter().chain(["-o", rig.path("shots").to_str().unwrap()]));
     assert!(tables(&rig.recordings()[0]) == one);
     let (left, right) = (mean(&one[0], "left", "dx_px"), mean(&one[0], "right", "dx_px"));
-    assert!((left - 0.4).abs() < 0.01 && (right + 0.4).abs() < 0.01, "{left} and {right} px a frame");
+    assert!((left - 0.4).abs() < 0.01 && (right + 0.4).abs() < 0.01, "{left} and {right} px per frame");
     let (left, right) = (mean(&one[0], "left", "center_x_px"), mean(&one[0], "right", "center_x_px"));
     assert!((right - left - 160.0).abs() < 0.5, "{left} and {right}");
 }
 
 #[test]
-fn twelve_bits_go_through_the_whole_line() {
+fn twelve_bit_images_are_measured_from_camera_to_table() {
     let rig = Rig::new();
     let config = drifting(&rig, "paced = false\npixel_format = \"Mono12\"", "[workers]\ncount = 2");
     succeed(["run".as_ref(), config.as_os_str()]);
@@ -255,7 +255,7 @@ fn twelve_bits_go_through_the_whole_line() {
     assert!((speed - 0.4).abs() < 0.01, "{speed}");
 }
 
-/// A rig that films a slow drift in real time, for longer than any test needs.
+/// A rig that records a slow drift in real time for longer than any test needs.
 fn filming(rig: &Rig, rate_hz: f64, rest: &str) -> PathBuf {
     let scenario = rig.file("long.toml", &drift(20_000, rate_hz));
     let camera = format!("source = \"simulated\"\nscenario = \"{}\"\npaced = true", scenario.display());
@@ -274,14 +274,14 @@ fn wait_for_frame(rig: &Rig, frame: u64) -> Value {
 }
 
 #[test]
-fn an_interrupted_rig_leaves_a_whole_recording_and_ends_with_0() {
+fn an_interrupted_rig_leaves_a_complete_recording_and_exits_with_0() {
     let rig = Rig::new();
     let config = filming(&rig, 60.0, "[workers]\ncount = 2");
     let service = Background::start(ricochet(["run".as_ref(), config.as_os_str()]));
     wait_for_frame(&rig, 50);
     service.signal(2);
-    let (code, printed, told) = service.end();
-    assert_eq!((code, told.as_str()), (Some(0), ""));
+    let (code, printed, stderr) = service.end();
+    assert_eq!((code, stderr.as_str()), (Some(0), ""));
     let path = Path::new(printed.trim());
     assert_eq!(Recording::open(path).unwrap().truncated(), None);
     let sequences: Vec<u64> = frames(path).iter().map(|(meta, _)| meta.sequence).collect();
@@ -292,31 +292,31 @@ fn an_interrupted_rig_leaves_a_whole_recording_and_ends_with_0() {
 }
 
 #[test]
-fn a_second_rig_of_the_same_name_is_refused_and_the_first_goes_on() {
+fn a_second_rig_of_the_same_name_is_refused_and_the_first_keeps_running() {
     let rig = Rig::new();
     let config = filming(&rig, 60.0, "[workers]\ncount = 1");
     let service = Background::start(ricochet(["run".as_ref(), config.as_os_str()]));
     wait_for_frame(&rig, 30);
     for role in ["run", "acquire"] {
         let second = run([role.as_ref(), config.as_os_str()]);
-        let told = String::from_utf8(second.stderr).unwrap();
-        assert_eq!(second.status.code(), Some(4), "{told}");
+        let stderr = String::from_utf8(second.stderr).unwrap();
+        assert_eq!(second.status.code(), Some(4), "{stderr}");
         let wanted = format!(
             "ricochet: rig {:?} has a process `ricochet {role}` already; stop it, or choose another [rig] name\n",
             rig.name
         );
-        assert_eq!(told, wanted);
+        assert_eq!(stderr, wanted);
     }
     let status = wait_for_frame(&rig, 60);
     assert_eq!(number(&status, "run", "restarts"), 0);
     service.signal(15);
-    let (code, _, told) = service.end();
-    assert_eq!((code, told.as_str()), (Some(0), ""));
+    let (code, _, stderr) = service.end();
+    assert_eq!((code, stderr.as_str()), (Some(0), ""));
     assert_eq!(rig.recordings().len(), 1);
 }
 
 #[test]
-fn a_listener_that_never_reads_slows_nothing() {
+fn a_listener_that_never_reads_slows_nothing_down() {
     let rig = Rig::new();
     let config = filming(&rig, 60.0, "[workers]\ncount = 2");
     let name = rig.name.as_str();
@@ -330,39 +330,39 @@ fn a_listener_that_never_reads_slows_nothing() {
         assert_eq!((process["lost"].as_u64(), process["dropped"].as_u64()), (Some(0), Some(0)), "{process}");
     }
     service.signal(2);
-    let (code, printed, told) = service.end();
-    assert_eq!((code, told.as_str()), (Some(0), ""));
+    let (code, printed, stderr) = service.end();
+    assert_eq!((code, stderr.as_str()), (Some(0), ""));
     assert!(frames(Path::new(printed.trim())).len() > 200);
 }
 
 #[test]
-fn a_recorder_that_hangs_loses_its_own_frames_only() {
+fn a_hanging_recorder_loses_only_its_own_frames() {
     let rig = Rig::new();
     let config = filming(&rig, 120.0, "[workers]\ncount = 1");
     let service = Background::start(ricochet(["run".as_ref(), config.as_os_str()]));
     let status = wait_for_frame(&rig, 50);
     let recorder = u32::try_from(number(&status, "record", "pid")).unwrap();
     kill(recorder, 19);
-    // Longer than the ring and everything a recorder may hold.
-    let status = wait_until("the ring went round", || {
+    // Longer than the ring and the queue of the recorder together.
+    let status = wait_until("the ring has wrapped", || {
         let status = crate::support::status(&rig.name)?;
         (number(&status, "acquire", "sequence") > 800).then_some(status)
     });
     assert_eq!(number(&status, "acquire", "lost") + number(&status, "acquire", "dropped"), 0, "{status}");
     kill(recorder, 18);
-    wait_until("it records again", || {
+    wait_until("the recorder records again", || {
         let status = crate::support::status(&rig.name)?;
         (number(&status, "record", "sequence") > 800).then_some(())
     });
     service.signal(2);
-    let (code, _, told) = service.end();
-    assert_eq!(code, Some(6), "{told}");
+    let (code, _, stderr) = service.end();
+    assert_eq!(code, Some(6), "{stderr}");
     let sequences: Vec<u64> = frames(&rig.recordings()[0]).iter().map(|(meta, _)| meta.sequence).collect();
     assert!(sequences.len() < *sequences.last().unwrap() as usize, "the gap shows in the file");
 }
 
 #[test]
-fn a_worker_that_hangs_does_not_hold_a_shot_for_ever() {
+fn a_hanging_worker_does_not_delay_a_shot_forever() {
     let rig = Rig::new();
     let trigger = "[trigger]\nmode = \"software\"\npre_s = 0.5\npost_s = 0.5\n[workers]\ncount = 2";
     let config = filming(&rig, 60.0, trigger);
@@ -380,17 +380,17 @@ fn a_worker_that_hangs_does_not_hold_a_shot_for_ever() {
     wait_until("the shot is written though its rows are missing", || (rig.recordings().len() == 1).then_some(()));
     kill(worker, 18);
     service.signal(2);
-    let (code, _, told) = service.end();
-    assert_eq!(code, Some(6), "{told}");
+    let (code, _, stderr) = service.end();
+    assert_eq!(code, Some(6), "{stderr}");
     let recording = Recording::open(&rig.recordings()[0]).unwrap();
     let rows: Vec<_> = recording.velocities().unwrap().map(Result::unwrap).collect();
-    assert_eq!(rows.len() as u64, recording.frame_count(), "a row a frame");
+    assert_eq!(rows.len() as u64, recording.frame_count(), "one row per frame");
     let lost = rows.iter().filter(|row| row.status == ricochet::results::PointStatus::Lost).count();
     assert!(lost > 0 && lost < rows.len(), "{lost} of {} rows", rows.len());
 }
 
 #[test]
-fn a_killed_camera_process_goes_on_in_the_same_recording_under_a_raised_epoch() {
+fn after_a_killed_camera_process_the_recording_continues_with_a_new_epoch() {
     let rig = Rig::new();
     let config = filming(&rig, 120.0, "[workers]\ncount = 2");
     let service = Background::start(ricochet(["run".as_ref(), config.as_os_str()]));
@@ -404,11 +404,11 @@ fn a_killed_camera_process_goes_on_in_the_same_recording_under_a_raised_epoch() 
             .then_some(status)
     });
     for role in ["correlate", "track", "record"] {
-        assert_eq!(number(&after, role, "pid"), number(&before, role, "pid"), "{role} went on");
+        assert_eq!(number(&after, role, "pid"), number(&before, role, "pid"), "{role} was not restarted");
     }
     service.signal(2);
-    let (code, printed, told) = service.end();
-    assert_eq!(code, Some(6), "{told}");
+    let (code, printed, stderr) = service.end();
+    assert_eq!(code, Some(6), "{stderr}");
     assert_eq!(printed.lines().count(), 1, "{printed}");
     let path = Path::new(printed.trim());
     let film = frames(path);
@@ -417,26 +417,26 @@ fn a_killed_camera_process_goes_on_in_the_same_recording_under_a_raised_epoch() 
     let [(last, _), (next, _)] = [&gaps[0][0], &gaps[0][1]];
     println!("{} frames missing, {} ns", next.sequence - last.sequence - 1, next.stamp_ns - last.stamp_ns);
     assert_eq!((last.epoch, next.epoch, next.sequence % 16), (0, 1, 0));
-    assert!(next.stamp_ns - last.stamp_ns < 3_000_000_000, "it streams again within 3 s");
+    assert!(next.stamp_ns - last.stamp_ns < 3_000_000_000, "the camera streams again within 3 s");
     let events = csv(path, "events");
-    let told = format!("frame {}: its process was started again; epoch 1", next.sequence);
-    assert!(events.contains(&told) && events.contains("acquire 0 ended with signal: 9 (SIGKILL)"), "{events}");
+    let restart = format!("frame {}: its process was started again; epoch 1", next.sequence);
+    assert!(events.contains(&restart) && events.contains("acquire 0 ended with signal: 9 (SIGKILL)"), "{events}");
     let (code, analysed) = analysis(&rig, path, "1");
     assert_eq!(code, Some(6));
     assert!(analysed == tables(path), "the frames around the gap are measured live as they are afterwards");
 }
 
 #[test]
-fn a_listener_does_not_wait_for_a_rig_that_died() {
+fn a_listener_does_not_wait_for_a_dead_rig() {
     let rig = Rig::new();
     let config = filming(&rig, 60.0, "[workers]\ncount = 1");
     let listener = Background::start(ricochet(["listen", "track", "--rig", rig.name.as_str(), "--wait", "60"]));
     let service = Background::start(ricochet(["run".as_ref(), config.as_os_str()]));
     wait_for_frame(&rig, 20);
     service.signal(9);
-    let (code, printed, told) = listener.end();
-    assert_eq!(code, Some(4), "{told}");
+    let (code, printed, stderr) = listener.end();
+    assert_eq!(code, Some(4), "{stderr}");
     assert!(printed.lines().count() > 10, "{printed}");
-    assert!(told.contains("died without telling the end"), "{told}");
+    assert!(stderr.contains("died without telling the end"), "{stderr}");
     service.end();
 }

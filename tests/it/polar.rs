@@ -1,4 +1,5 @@
-//! Rotations from rings, against known truth: pairwise, behind something, and of balls that turn far from frame to frame.
+//! Rotations from rings, against known truth: pairwise, behind something, and of balls that turn far from frame to
+//! frame.
 
 use ricochet::measure::TrackerRows;
 use ricochet::synth::{MotionSetup, OccluderSetup, Scenario, World};

@@ -1,17 +1,17 @@
-//! A whole ball at once, in full sight and behind something, against known truth.
+//! Whole-ball matching, fully visible and partly occluded, against known truth.
 
 use ricochet::dic::grid;
 use ricochet::dic::{CorrelationParams, Correlator, Prepared, Region, RigidBody, Shape, Start};
 use ricochet::image::Frame;
 use ricochet::synth::{MotionSetup, OccluderSetup, PatternSetup, Scenario, World};
 
-/// Radius of the ball drawn, and of the region compared, px.
+/// The radius of the drawn ball, and of the compared region, px.
 const RADIUS_PX: f64 = 57.0;
 const REGION_PX: f64 = 54.5;
 
 const START_PX: [f64; 2] = [110.3, 112.7];
 
-/// A ball of 114 px that moves and turns, in side light, on a textured ground.
+/// A ball of 114 px diameter that moves and rotates, in side light, on a textured background.
 fn scenario(seed: u64, (vx, vy, spin_deg): (f64, f64, f64)) -> Scenario {
     let mut scenario = Scenario::translation(vx, vy, spin_deg);
     scenario.seed = seed;
@@ -24,10 +24,10 @@ fn scenario(seed: u64, (vx, vy, spin_deg): (f64, f64, f64)) -> Scenario {
     scenario
 }
 
-/// A textured half-plane before `hidden` of the ball's diameter in the second frame.
-fn hide(mut scenario: Scenario, (vx, vy): (f64, f64), hidden: f64, angle_deg: f64) -> Scenario {
+/// Occludes a share of the ball's diameter in the second frame by a textured half-plane.
+fn occlude(mut scenario: Scenario, (vx, vy): (f64, f64), occluded: f64, angle_deg: f64) -> Scenario {
     let (sin, cos) = angle_deg.to_radians().sin_cos();
-    let reach = RADIUS_PX * (1.0 - 2.0 * hidden);
+    let reach = RADIUS_PX * (1.0 - 2.0 * occluded);
     let point_px = Some([START_PX[0] + vx - reach * cos, START_PX[1] + vy + reach * sin]);
     let (shade, texture, normal_deg, speed_px_frame) = (0.4, 0.04, Some(angle_deg), 0.0);
     scenario.occluder = Some(OccluderSetup { shade, texture, point_px, normal_deg, speed_px_frame });
@@ -44,13 +44,13 @@ fn prepared(correlator: &Correlator, scenario: &Scenario, index: u64) -> Prepare
     correlator.prepare(image.view())
 }
 
-/// Share of the compared region that lies before the edge.
-fn visible(hidden: f64) -> f64 {
-    let half_angle = (RADIUS_PX * (1.0 - 2.0 * hidden) / REGION_PX).clamp(-1.0, 1.0).acos();
+/// The share of the compared region that stays visible.
+fn visible(occluded: f64) -> f64 {
+    let half_angle = (RADIUS_PX * (1.0 - 2.0 * occluded) / REGION_PX).clamp(-1.0, 1.0).acos();
     1.0 - (half_angle - half_angle.sin() * half_angle.cos()) / std::f64::consts::PI
 }
 
-/// Bias and scatter over pairs: px, deg; the pulls of both; the worst error of the visible share; how many were lost.
+/// Bias and scatter over pairs in px and deg, the pulls of both, the largest error of the visible share, and losses.
 struct Judged {
     bias: (f64, f64),
     rms: (f64, f64),
@@ -59,7 +59,7 @@ struct Judged {
     lost: usize,
 }
 
-fn judge(hidden: f64, rounds: u64) -> Judged {
+fn judge(occluded: f64, rounds: u64) -> Judged {
     let motions = [(0.13, 0.31, 0.35), (0.37, -0.21, 0.9), (0.77, 0.53, 1.7), (1.23, -0.87, 2.9), (1.9, 1.1, -0.53)];
     let correlator = Correlator::new(&CorrelationParams::default(), 230, 230).unwrap();
     let (mut errors, mut pulls, mut share, mut lost) = (Vec::new(), [0.0; 2], 0.0_f64, 0);
@@ -68,7 +68,8 @@ fn judge(hidden: f64, rounds: u64) -> Judged {
             let clear = scenario(100 * case as u64 + round + 1, motion);
             let reference = prepared(&correlator, &clear, 0);
             let angle_deg = 37.0 * (case as f64 + 5.0 * round as f64) % 360.0;
-            let hidden_scene = if hidden > 0.0 { hide(clear, (motion.0, motion.1), hidden, angle_deg) } else { clear };
+            let hidden_scene =
+                if occluded > 0.0 { occlude(clear, (motion.0, motion.1), occluded, angle_deg) } else { clear };
             let target = prepared(&correlator, &hidden_scene, 1);
             let region = Region::Disc { x_px: START_PX[0], y_px: START_PX[1], radius_px: REGION_PX };
             let mut body = RigidBody::new(&reference, &region).unwrap();
@@ -82,7 +83,7 @@ fn judge(hidden: f64, rounds: u64) -> Judged {
             let [u, v, angle] = errors[errors.len() - 1];
             pulls[0] += 0.5 * ((u / moved.sigma_u_px).powi(2) + (v / moved.sigma_v_px).powi(2));
             pulls[1] += (angle / moved.sigma_angle_deg).powi(2);
-            share = share.max((found.visible_fraction - visible(hidden)).abs());
+            share = share.max((found.visible_fraction - visible(occluded)).abs());
         }
     }
     let count = errors.len() as f64;
@@ -96,14 +97,14 @@ fn judge(hidden: f64, rounds: u64) -> Judged {
         lost,
     };
     println!(
-        "{hidden:.2} hidden: bias {:.5} px {:.5} deg, rms {:.5} px {:.5} deg, pulls {:.2} {:.2}, share off by {share:.4}, {lost} lost",
+        "{occluded:.2} occluded: bias {:.5} px {:.5} deg, rms {:.5} px {:.5} deg, pulls {:.2} {:.2}, share error {share:.4}, {lost} lost",
         judged.bias.0, judged.bias.1, judged.rms.0, judged.rms.1, judged.pulls.0, judged.pulls.1
     );
     judged
 }
 
 #[test]
-fn a_ball_in_full_sight_is_matched_at_the_bound_of_its_pixels() {
+fn a_fully_visible_ball_reaches_the_precision_bound_of_its_pixels() {
     let judged = judge(0.0, 12);
     assert_eq!(judged.lost, 0);
     assert!(judged.rms.0 <= 1.15 * 0.0011 && judged.rms.1 <= 1.15 * 0.0017);
@@ -112,21 +113,21 @@ fn a_ball_in_full_sight_is_matched_at_the_bound_of_its_pixels() {
 }
 
 #[test]
-fn a_ball_behind_something_is_matched_by_what_is_in_sight() {
-    for (hidden, px, deg) in [(0.2, 0.0017, 0.0025), (0.35, 0.002, 0.003), (0.5, 0.003, 0.005)] {
-        let judged = judge(hidden, 8);
-        assert_eq!(judged.lost, 0, "{hidden}");
-        assert!(judged.rms.0 <= px && judged.rms.1 <= deg, "{hidden}");
-        assert!(judged.bias.0 <= 0.0008 && judged.bias.1 <= 0.0015, "{hidden}");
-        assert!(judged.share <= 0.02, "{hidden}");
-        assert!((0.7..1.35).contains(&judged.pulls.0) && (0.7..1.35).contains(&judged.pulls.1), "{hidden}");
+fn a_partly_occluded_ball_is_matched_by_its_visible_part() {
+    for (occluded, px, deg) in [(0.2, 0.0017, 0.0025), (0.35, 0.002, 0.003), (0.5, 0.003, 0.005)] {
+        let judged = judge(occluded, 8);
+        assert_eq!(judged.lost, 0, "{occluded}");
+        assert!(judged.rms.0 <= px && judged.rms.1 <= deg, "{occluded}");
+        assert!(judged.bias.0 <= 0.0008 && judged.bias.1 <= 0.0015, "{occluded}");
+        assert!(judged.share <= 0.02, "{occluded}");
+        assert!((0.7..1.35).contains(&judged.pulls.0) && (0.7..1.35).contains(&judged.pulls.1), "{occluded}");
     }
 }
 
-/// Gradients of fourth order read fine speckles low, and photons make bright paint noisier than the slopes of the
-/// speckles: the inverse Hessian and the residual of all pixels alone tell 5 % more than this on a rod's tape.
+/// Gradients of fourth order underestimate fine speckles, and shot noise is larger on bright paint than on the slopes
+/// of the speckles. The inverse Hessian and the residual of all pixels alone give 5 % more than this on a rod's tape.
 #[test]
-fn subsets_of_fine_speckles_that_photons_make_noisy_are_as_sure_as_they_say() {
+fn subsets_of_fine_speckles_with_shot_noise_have_the_sigma_they_claim() {
     const PAIRS: u64 = 20;
     let (vx, vy) = (0.37, -0.21);
     let params = CorrelationParams {
@@ -158,6 +159,7 @@ fn subsets_of_fine_speckles_that_photons_make_noisy_are_as_sure_as_they_say() {
     }
     let ratio = f64::sqrt(told / actual);
     println!("sigmas are {ratio:.3} of the errors");
-    // 4000 displacements know it to 1.1 %; patterns differ by a few per cent: 4 of these 1.00, all of them 1.04.
+    // 4000 displacements determine the ratio to 1.1 %. Patterns differ by a few per cent: 4 of these give 1.00, all of
+    // them 1.04.
     assert!((ratio - 1.0).abs() < 0.06, "{ratio}");
 }

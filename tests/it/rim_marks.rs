@@ -88,8 +88,8 @@ fn no_ball_is_found_in_speckled_paint() {
     }
 }
 
-/// The ball was lost as contact began in the first and the last two of these films, and the last speed before it was off
-/// by 42 and 39 sigmas.
+/// The ball was lost as contact began in the first and the last two of these films, and the last speed before it was
+/// off by 42 and 39 sigmas.
 #[test]
 fn a_speckled_sphere_is_followed_through_its_collision() {
     for seed in [63, 67, 71] {

@@ -390,8 +390,9 @@ fn demo_rod_agrees_with_the_truth_and_its_recording_with_every_number_of_workers
     }
 }
 
-/// The pull of a dashpot at the end of a contact looks like flight at first, so that its end is moved to later. Frames of
-/// which it was told already that the rod is free then lie before it: 11 of 200 rods touched a second time for a frame.
+/// The pull of a dashpot at the end of a contact looks like flight at first, so that its end is moved to later. Frames
+/// of which it was told already that the rod is free then lie before it: 11 of 200 rods touched a second time for a
+/// frame.
 #[test]
 fn a_rod_that_was_told_to_be_free_is_not_told_to_touch_again() {
     let experiment = crate::synth_physics::rod(false);

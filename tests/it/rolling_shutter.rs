@@ -187,7 +187,8 @@ fn each_of_two_balls_is_timed_by_its_own_rows() {
     let (corrected, uncorrected) = (film.corrected(rig), film.uncorrected(rig));
     corrected.print("two balls, rows read upwards in 0.9 of a frame, corrected");
     uncorrected.print("uncorrected");
-    // The rows of the frame in which they are kicked show both sides of the kick, which the fit cannot know: 5 sigma, once.
+    // The rows of the frame in which they are kicked show both sides of the kick, which the fit cannot know: 5 sigma,
+    // once.
     assert!(corrected.rms < still.rms.max(1.0) && corrected.worst < 6.0, "{corrected:?} {still:?}");
     assert!(corrected.count >= still.count && uncorrected.rms > 4.0 * corrected.rms, "{corrected:?} {uncorrected:?}");
 }

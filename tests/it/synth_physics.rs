@@ -5,8 +5,8 @@
 use ricochet::motion::{Form, MotionParams, Scale, Shutter, Spans, View, Walk};
 use ricochet::results::{BodyStep, Circle, Estimate, PointStatus, RigidStep};
 
-/// How much less sure than a rotation, in rad, it is where a ball's centre goes whatever its front does, px: that of a ball of
-/// some 60 px in radius in full sight.
+/// How much less sure than a rotation, in rad, it is where a ball's centre goes whatever its front does, px: that of a
+/// ball of some 60 px in radius in full sight.
 const LEVER_PX: f64 = 300.0;
 
 /// Gaussian noise with a constant seed.

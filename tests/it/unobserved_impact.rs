@@ -5,8 +5,8 @@ use ricochet::synth::{MotionSetup, PartSetup, Scenario, World};
 
 use crate::measured_world::{level_rig, rows_of};
 
-/// A ball of 114 px whose motion changes at once, and how it moves before and after: along x and y (up), px a frame, and about
-/// the view and the picture's axes, deg a frame.
+/// A ball of 114 px whose motion changes at once, and how it moves before and after: along x and y (up), px a frame,
+/// and about the view and the picture's axes, deg a frame.
 fn world(name: &str, seed: u64, struck_frames: f64, parts: [[f64; 5]; 2]) -> World {
     let mut scenario = Scenario { seed, ..Scenario::built_in(name).unwrap() };
     (scenario.camera.frames, scenario.camera.width_px, scenario.camera.height_px) = (64, 320, 280);
@@ -55,8 +55,8 @@ fn velocities_beside_a_blow_say_how_unsure_they_are() {
     }
 }
 
-/// Its pattern leaves its outline from then on; centres up to 14 frames before the blow were off by 4 to 6 px, 100 of their
-/// sigmas.
+/// Its pattern leaves its outline from then on; centres up to 14 frames before the blow were off by 4 to 6 px, 100 of
+/// their sigmas.
 #[test]
 fn a_blow_that_makes_a_ball_tumble_moves_no_centre_before_it() {
     for (seed, struck_frames) in [(6, 24.83), (7, 33.4)] {

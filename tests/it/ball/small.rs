@@ -70,8 +70,8 @@ fn small_balls([low, high]: [f64; 2], hidden: f64, is_speckled: bool) -> Tally {
     tally
 }
 
-/// The significance test must not refuse real balls. Without it 6, 15, 20, 0, 3 and 5 of 60 flat balls and 23, 33, 40, 13, 21
-/// and 24 speckled ones were refused.
+/// The significance test must not refuse real balls. Without it 6, 15, 20, 0, 3 and 5 of 60 flat balls and 23, 33, 40,
+/// 13, 21 and 24 speckled ones were refused.
 #[test]
 fn small_balls_are_found_and_never_somewhere_else() {
     for (is_speckled, most) in [(false, [7, 16, 22, 1, 4, 7]), (true, [26, 35, 44, 15, 25, 27])] {
@@ -84,8 +84,8 @@ fn small_balls_are_found_and_never_somewhere_else() {
     }
 }
 
-/// Blur reaches into the outermost cells from which the limb darkening is estimated. Before this was handled, a flat ball of
-/// 8 px seemed darkened by 9 % and 0.05 px larger, with a sigma of 0.01 px.
+/// Blur reaches into the outermost cells from which the limb darkening is estimated. Before this was handled, a flat
+/// ball of 8 px seemed darkened by 9 % and 0.05 px larger, with a sigma of 0.01 px.
 #[test]
 fn the_radius_of_a_small_ball_is_unbiased() {
     for (ball, ground) in [(190.0, 40.0), (90.0, 200.0)] {
@@ -127,8 +127,8 @@ fn statistics_of_hard_spheres() {
     }
 }
 
-/// Marks of a sphere and part of its rim lie on a circle inside of it. That circle was taken for the outline, some 80 sigma
-/// off, when nothing checked for contrast farther out.
+/// Marks of a sphere and part of its rim lie on a circle inside of it. That circle was taken for the outline, some 80
+/// sigma off, when nothing checked for contrast farther out.
 #[test]
 fn no_circle_inside_a_marked_sphere_is_its_outline() {
     let mut finder = finder(50.0, 68.0, &Scene::plain(1.0, 0.0));
@@ -144,8 +144,8 @@ fn no_circle_inside_a_marked_sphere_is_its_outline() {
     }
 }
 
-/// On its dim side a faint ball may have no contrast. The correction for side light estimated from there was off by up to 28
-/// sigma.
+/// On its dim side a faint ball may have no contrast. The correction for side light estimated from there was off by up
+/// to 28 sigma.
 #[test]
 fn the_centre_of_a_faint_ball_lit_from_a_side_has_the_sigma_it_claims() {
     for (radius, side_light, limb) in [(20.0, 0.2, 0.2), (57.2, 0.1, 0.4), (57.2, 0.2, 0.4)] {

@@ -1,4 +1,4 @@
-//! What a stream may go through on its way, and what must come of it.
+//! Faults of a stream, and the frames that must come of it.
 
 use super::camera::{Gige, HEIGHT_PX, WIDTH_PX, stamp_ns};
 use super::control::{PRIVILEGE, Resend};
@@ -9,7 +9,7 @@ use ricochet::camera::genicam::{FeatureValue, GenicamSettings};
 use std::collections::BTreeMap;
 use std::net::UdpSocket;
 
-/// Every frame but those in the list.
+/// The numbers of all frames but those in the list.
 fn all_but(frames: u64, lost: &[u64]) -> Vec<u64> {
     (0..frames).filter(|index| !lost.contains(index)).collect()
 }
@@ -23,7 +23,7 @@ fn with_long_ids(gige: &Gige) -> GenicamSettings {
     GenicamSettings { features, ..gige.settings() }
 }
 
-/// Sends frames with ids from `first` on, without the packets that `drops` names by frame and number.
+/// Sends frames with ids from `first` on, without the packets that `drops` lists by frame and number.
 fn send_without(gige: &Gige, first: u64, frames: u64, drops: &[(u64, usize)]) {
     for index in 0..frames {
         let packets = gige.frame(first + index, index);
@@ -32,11 +32,11 @@ fn send_without(gige: &Gige, first: u64, frames: u64, drops: &[(u64, usize)]) {
     }
 }
 
-/// Leader, payload at the beginning, in the middle and at the end, two in a row, trailer.
+/// Lost packets: leader, payload at the beginning, in the middle and at the end, two in a row, trailer.
 const DROPS: [(u64, usize); 8] = [(2, 0), (4, 1), (6, 7), (8, 16), (10, 17), (12, 5), (12, 6), (15, 9)];
 
 #[test]
-fn lost_packets_are_asked_for_again_and_no_frame_is_lost() {
+fn lost_packets_are_requested_again_and_no_frame_is_lost() {
     let Some(gige) = Gige::plug_in() else { return };
     for settings in [gige.settings(), with_long_ids(&gige)] {
         let mut eye = Eye::open(&settings);
@@ -74,7 +74,7 @@ fn packets_in_any_order_make_the_same_frames() {
     for settings in [gige.settings(), with_long_ids(&gige)] {
         let mut eye = Eye::open(&settings);
         for pair in 0..20 {
-            // Two frames at once, each shuffled, mixed with each other; a frame is begun in its turn.
+            // Two frames at once, each shuffled and mixed with the other. The first packets keep their order.
             let [mut first, mut second] = [0, 1].map(|odd| gige.frame(100 + 2 * pair + odd, 2 * pair + odd));
             for packets in [&mut first, &mut second] {
                 for place in (1..packets.len()).rev() {
@@ -95,7 +95,7 @@ fn packets_in_any_order_make_the_same_frames() {
 }
 
 #[test]
-fn packets_that_come_twice_and_frames_that_come_again_count_once() {
+fn repeated_packets_and_frames_count_once() {
     let Some(gige) = Gige::plug_in() else { return };
     let mut eye = Eye::open(&gige.settings());
     let mut before = Vec::new();
@@ -109,7 +109,7 @@ fn packets_that_come_twice_and_frames_that_come_again_count_once() {
 }
 
 #[test]
-fn ids_of_16_bits_go_over_their_wrap_without_a_gap_and_with_the_right_one() {
+fn ids_of_16_bits_wrap_without_a_false_or_missed_gap() {
     let Some(gige) = Gige::plug_in() else { return };
     let mut eye = Eye::open(&gige.settings());
     let id = |index: u64| (65_520 + index) % 65_535 + 1;
@@ -119,7 +119,7 @@ fn ids_of_16_bits_go_over_their_wrap_without_a_gap_and_with_the_right_one() {
     let taken = eye.take(36);
     assert_eq!((taken.torn.clone(), taken.places()), (vec![], same(all_but(40, &[13, 14, 15, 30]))));
     let stamps: Vec<_> = taken.whole.iter().map(|(meta, index)| (meta.device_ns, stamp_ns(*index))).collect();
-    assert!(stamps.iter().all(|(told, sent)| told == sent), "{stamps:?}");
+    assert!(stamps.iter().all(|(reason, sent)| reason == sent), "{stamps:?}");
 }
 
 #[test]
@@ -134,7 +134,7 @@ fn ids_of_64_bits_count_beyond_what_32_hold() {
 }
 
 #[test]
-fn frames_that_stop_half_way_are_torn_and_a_gap() {
+fn incomplete_frames_are_torn_and_a_gap() {
     let Some(gige) = Gige::plug_in() else { return };
     gige.control().resend = Resend::Silence;
     let mut eye = Eye::open(&gige.settings());
@@ -164,24 +164,24 @@ fn a_frame_of_another_size_or_format_than_the_camera_was_set_to_is_torn() {
         assert_eq!(taken.places(), [(id - 2, id - 1)], "{:?}", taken.torn);
         taken.torn.join("; ")
     };
-    let told = torn(&|picture| picture.width = WIDTH_PX / 2);
-    assert!(told.contains("64x64 pixels of format 0x01080001, not as the camera was set"), "{told}");
-    let told = torn(&|picture| (picture.width, picture.height) = (HEIGHT_PX, WIDTH_PX));
-    assert!(told.contains("64x128 pixels"), "{told}");
-    let told = torn(&|picture| picture.format = 0x0110_0005);
-    assert!(told.contains("format 0x01100005"), "{told}");
-    let told = torn(&|picture| picture.payload.truncate(4000));
-    assert!(told.contains("4000 bytes of 8192"), "{told}");
-    // Of a longer one the packets beyond the frame are not let in, so that its end never comes.
-    let told = torn(&|picture| picture.payload.extend([7; 4000]));
-    assert!(told.contains("packets still missing"), "{told}");
-    // No image: a file.
-    let told = torn(&|picture| picture.kind = 3);
-    assert!(!told.is_empty());
+    let reason = torn(&|picture| picture.width = WIDTH_PX / 2);
+    assert!(reason.contains("64x64 pixels of format 0x01080001, not as the camera was set"), "{reason}");
+    let reason = torn(&|picture| (picture.width, picture.height) = (HEIGHT_PX, WIDTH_PX));
+    assert!(reason.contains("64x128 pixels"), "{reason}");
+    let reason = torn(&|picture| picture.format = 0x0110_0005);
+    assert!(reason.contains("format 0x01100005"), "{reason}");
+    let reason = torn(&|picture| picture.payload.truncate(4000));
+    assert!(reason.contains("4000 bytes of 8192"), "{reason}");
+    // Packets beyond the frame are filtered out, so that a longer frame never ends.
+    let reason = torn(&|picture| picture.payload.extend([7; 4000]));
+    assert!(reason.contains("packets still missing"), "{reason}");
+    // A file in place of an image.
+    let reason = torn(&|picture| picture.kind = 3);
+    assert!(!reason.is_empty());
 }
 
 #[test]
-fn an_id_that_only_a_torn_frame_had_does_not_spoil_the_count() {
+fn an_id_of_a_torn_frame_does_not_spoil_the_count() {
     let Some(gige) = Gige::plug_in() else { return };
     gige.control().resend = Resend::Silence;
     let mut eye = Eye::open(&gige.settings());
@@ -196,7 +196,7 @@ fn an_id_that_only_a_torn_frame_had_does_not_spoil_the_count() {
 }
 
 #[test]
-fn a_camera_that_counts_anew_vanishes_so_that_it_is_opened_again() {
+fn a_camera_that_restarts_its_ids_vanishes_so_that_it_is_opened_again() {
     let Some(gige) = Gige::plug_in() else { return };
     let mut eye = Eye::open(&gige.settings());
     for index in 0..30 {
@@ -215,7 +215,7 @@ fn a_camera_that_counts_anew_vanishes_so_that_it_is_opened_again() {
 }
 
 #[test]
-fn a_frame_whose_time_cannot_be_is_torn() {
+fn a_frame_with_an_impossible_time_is_torn() {
     const HOUR_NS: u64 = 3_600_000_000_000;
     let Some(gige) = Gige::plug_in() else { return };
     let mut eye = Eye::open(&gige.settings());
@@ -238,7 +238,7 @@ fn a_frame_whose_time_cannot_be_is_torn() {
 }
 
 #[test]
-fn a_camera_whose_clock_is_set_anew_vanishes_so_that_it_is_opened_again() {
+fn a_camera_whose_clock_is_reset_vanishes_so_that_it_is_opened_again() {
     let Some(gige) = Gige::plug_in() else { return };
     let mut eye = Eye::open(&gige.settings());
     for index in 0..40 {
@@ -252,9 +252,9 @@ fn a_camera_whose_clock_is_set_anew_vanishes_so_that_it_is_opened_again() {
 }
 
 #[test]
-fn control_is_taken_kept_by_the_heartbeat_and_given_back() {
+fn control_is_taken_kept_by_the_heartbeat_and_released() {
     let Some(gige) = Gige::plug_in() else { return };
-    // Longer than the library's second between two heartbeats.
+    // Longer than the library's heartbeat period of 1 s.
     gige.control().set(super::control::HEARTBEAT, 1900);
     let eye = Eye::open(&gige.settings());
     std::thread::sleep(std::time::Duration::from_millis(2500));
@@ -268,7 +268,7 @@ fn control_is_taken_kept_by_the_heartbeat_and_given_back() {
 }
 
 #[test]
-fn a_camera_that_asks_for_patience_gets_it() {
+fn a_camera_that_asks_for_more_time_gets_it() {
     let Some(gige) = Gige::plug_in() else { return };
     gige.control().put_off_ms = Some(300);
     let mut eye = Eye::open(&gige.settings());
@@ -277,7 +277,7 @@ fn a_camera_that_asks_for_patience_gets_it() {
 }
 
 #[test]
-fn it_answers_to_discovery_as_a_camera_does() {
+fn the_imitated_camera_answers_discovery() {
     let Some(gige) = Gige::plug_in() else { return };
     let socket = UdpSocket::bind("127.0.0.1:0").unwrap();
     socket.set_read_timeout(Some(std::time::Duration::from_secs(5))).unwrap();

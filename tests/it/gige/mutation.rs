@@ -1,8 +1,8 @@
-//! Streams, answers and descriptions changed at random: nothing falls over, and no frame comes out as whole that is not
-//! what the camera took, in its place.
+//! Streams, answers and descriptions changed at random: nothing crashes, and no wrong frame comes out as complete and
+//! in its place.
 //!
-//! Not among the changes: a packet that says to be another one of the same stream, of the right length. Nothing in it
-//! tells that it is not, neither to the library nor to us.
+//! One change is left out: a packet that claims to be another one of the same stream and has the right length. Nothing
+//! in it shows the difference, neither to the library nor to this program.
 
 use super::camera::{Gige, PACKET_BYTES, stamp_ns};
 use super::control::Resend;
@@ -14,10 +14,10 @@ use ricochet::camera::genicam::{FeatureValue, GenicamSettings};
 use ricochet::camera::{Camera, CameraError};
 use std::time::{Duration, Instant};
 
-/// How long the ignored tests go on, s.
+/// The variable with the duration of the ignored tests, s.
 const SECONDS: &str = "RICOCHET_MUTATE_SECONDS";
 
-/// How long a test goes on.
+/// The duration of a test.
 fn span(short: Duration, is_long: bool) -> Duration {
     if !is_long {
         return short;
@@ -25,7 +25,7 @@ fn span(short: Duration, is_long: bool) -> Duration {
     Duration::from_secs(std::env::var(SECONDS).map_or(600, |text| text.parse().unwrap()))
 }
 
-/// Settings with ids of 16 or 64 bits, with or without chunks.
+/// Settings with block ids of 16 or 64 bits, with or without chunks.
 fn settings(gige: &Gige, kind: usize) -> GenicamSettings {
     let mut features = std::collections::BTreeMap::new();
     let word = if kind & 1 == 0 { "Off" } else { "On" };
@@ -39,7 +39,7 @@ fn settings(gige: &Gige, kind: usize) -> GenicamSettings {
     GenicamSettings { features, ..gige.settings() }
 }
 
-/// Changes what a frame says of itself; the pixels of a picture, once changed, are no picture of any frame.
+/// Changes the header data of a frame. Changed pixels would make an image that belongs to no frame.
 fn mutate_picture(picture: &mut Picture, random: &mut impl FnMut(usize) -> usize) {
     let odd = [0, 1, 63, 127, 129, 4096, u32::MAX][random(7)];
     match random(7) {
@@ -49,7 +49,7 @@ fn mutate_picture(picture: &mut Picture, random: &mut impl FnMut(usize) -> usize
         3 => picture.kind ^= 1 << random(16),
         4 => picture.payload.truncate(random(picture.payload.len())),
         5 => picture.payload.extend(vec![0xee; 1 + random(2000)]),
-        // Back in time, far ahead, or without one.
+        // Back in time, far ahead, or zero.
         _ => picture.stamp_ns = [0, 1, picture.stamp_ns - 20_000_000, picture.stamp_ns << 1, u64::MAX][random(5)],
     }
 }
@@ -68,18 +68,18 @@ fn mutate_packets(packets: &mut Vec<Packet>, wire: Wire, random: &mut impl FnMut
         // A status, the kind of ids or the content.
         6 => packets[at][[0, 1, 4][random(3)]] ^= 1 << random(8),
         7 => {
-            // A number beyond the frame.
+            // A packet number beyond the frame.
             let number = [18, 19, 255, 65_535, 0x00ff_ffff][random(5)] as u32;
             let place = if wire.is_extended { 16..20 } else { 5..8 };
             let digits = &number.to_be_bytes()[4 - place.len()..];
             packets[at][place].copy_from_slice(digits);
         }
-        // An id of no frame that is sent at this time.
+        // A block id of no frame that is sent at this time.
         _ => packets[at][if wire.is_extended { 12 } else { 2 }] ^= 0x40 << random(2),
     }
 }
 
-/// Looks that each whole frame has its place, its time and its number.
+/// Checks that each complete frame has its place, its time and its number.
 fn judge(taken: &Taken, origin: &mut Option<u64>, has_chunks: bool) {
     for (meta, index) in &taken.whole {
         let first = *origin.get_or_insert(index - meta.sequence.min(*index));
@@ -89,7 +89,7 @@ fn judge(taken: &Taken, origin: &mut Option<u64>, has_chunks: bool) {
     }
 }
 
-/// Sends frames, some of them changed, and looks at all that come out.
+/// Sends frames, some of them changed, and checks all that come out.
 fn stream(span: Duration) {
     let Some(gige) = Gige::plug_in() else { return };
     gige.control().resend = Resend::Silence;
@@ -100,7 +100,7 @@ fn stream(span: Duration) {
         let mut eye = Eye::open(&settings(&gige, kind));
         let (wire, mut origin) = (gige.wire(), None);
         for id in 1..=250 {
-            // The first frames are good, so that the count begins right.
+            // The first frames are unchanged, so that the count starts right.
             let is_changed = origin.is_some() && random(4) == 0;
             let mut picture = gige.picture(id, index);
             if is_changed && random(3) == 0 {
@@ -139,21 +139,21 @@ fn a_mutated_stream_gives_no_wrong_frame_for_long() {
     alone(module_path!(), "a_mutated_stream_gives_no_wrong_frame_for_long", || stream(span(Duration::ZERO, true)));
 }
 
-/// Opens a camera, and takes a frame of it when it lets itself be opened.
+/// Opens a camera and takes a frame if that succeeds.
 fn open_and_take(gige: &Gige, index: u64) -> Result<(), CameraError> {
     let mut eye = Eye::try_open(&gige.settings())?;
     gige.control().disguise = None;
     let is_started = gige.is_started();
-    // It may be set to less than an index needs, or to more than there is memory.
+    // The size may be less than an index needs, or more than the memory of the machine.
     let sizes = [gige.picture_bytes(), eye.camera.format().slot_bytes()];
     if is_started && sizes.iter().all(|bytes| (8..1 << 20).contains(bytes)) {
-        // Sent as the camera was really set, whatever it was understood to say.
+        // Sent with the true settings of the camera, whatever the program read.
         gige.send(&gige.frame(1 + index, index));
     }
     eye.take_all().map(|_| ())
 }
 
-/// Opens a camera again and again that answers wrong now and then.
+/// Opens a camera repeatedly while some of its answers are wrong.
 fn answers(span: Duration) {
     let Some(gige) = Gige::plug_in() else { return };
     let (start, mut round, mut opened) = (Instant::now(), 0, 0);
@@ -166,7 +166,7 @@ fn answers(span: Duration) {
             match random(4) {
                 0 => answer.truncate(random(answer.len())),
                 1 => answer.extend(vec![0xee; random(600)]),
-                // Of the value, which nothing tells from a right one.
+                // The value, where a wrong one looks like a right one.
                 _ if answer.len() > 8 => {
                     let at = 8 + random(answer.len() - 8);
                     answer[at] ^= 1 << random(8);
@@ -198,7 +198,7 @@ fn mutated_answers_are_survived_for_long() {
     alone(module_path!(), "mutated_answers_are_survived_for_long", || answers(span(Duration::ZERO, true)));
 }
 
-/// A description with words exchanged, and now and then a letter or more lost.
+/// A description with words exchanged and, now and then, letters missing.
 fn mutate_description(random: &mut impl FnMut(usize) -> usize) -> Vec<u8> {
     let text = include_str!("camera.xml");
     let mut words: Vec<&str> = text.split_inclusive(['<', '>', '"', ' ']).collect();
@@ -206,7 +206,7 @@ fn mutate_description(random: &mut impl FnMut(usize) -> usize) -> Vec<u8> {
     let plain: Vec<usize> = (0..words.len()).filter(|at| is_plain(&words[*at]) && words[*at].len() > 1).collect();
     for _ in 0..=random(3) {
         let (from, to) = (plain[random(plain.len())], plain[random(plain.len())]);
-        // What stands between two tags, or in a pair of quotation marks, for another of its kind.
+        // Text between two tags, or in quotation marks, in place of another of its kind.
         if words[from].ends_with('<') == words[to].ends_with('<') {
             words[to] = words[from];
         }
@@ -223,13 +223,13 @@ fn mutate_description(random: &mut impl FnMut(usize) -> usize) -> Vec<u8> {
     text
 }
 
-/// Opens cameras whose descriptions were changed.
+/// Opens cameras with changed descriptions.
 fn descriptions(span: Duration) {
     let mut random = xorshift(0x0123_4567_89ab_cdef);
     let (start, mut round, mut opened) = (Instant::now(), 0, 0);
     while start.elapsed() < span {
         let text = mutate_description(&mut random);
-        // The newest is what the process fell over, if it did.
+        // The newest description is the one that crashed the process, if any did.
         std::fs::write(std::path::Path::new(env!("CARGO_TARGET_TMPDIR")).join("mutated-camera.xml"), &text).unwrap();
         let Some(gige) = Gige::described_by(&text) else { return };
         match open_and_take(&gige, round) {

@@ -1,4 +1,4 @@
-//! Films made and read by an installed ffmpeg.
+//! Videos written and read by an installed ffmpeg.
 
 use super::samples;
 use crate::support::{ricochet, run, succeed};
@@ -13,18 +13,18 @@ use std::process::{Command, Stdio};
 const SIZE: [u32; 2] = [48, 33];
 const FRAMES: u64 = 7;
 
-/// Whether ffmpeg is there; says that the test was left out where it is not.
+/// Whether ffmpeg is installed. Reports that the test was left out if not.
 pub fn has_ffmpeg() -> bool {
     let is_there = Command::new("ffmpeg").arg("-version").output().is_ok_and(|output| output.status.success());
     if !is_there {
         let required = crate::support::is_required("FFMPEG");
-        assert!(!required, "ffmpeg is required and not there");
-        eprintln!("left out: ffmpeg is not there");
+        assert!(!required, "ffmpeg is required but not installed");
+        eprintln!("left out: ffmpeg is not installed");
     }
     is_there
 }
 
-/// A smooth picture that differs from frame to frame.
+/// A smooth image that differs from frame to frame.
 fn pixels(number: u64) -> Vec<u8> {
     let level = |x: u32, y: u32| {
         let (x, y) = (f64::from(x) - 20.0 - number as f64, f64::from(y) - 16.0);
@@ -63,7 +63,7 @@ fn options(file: &Path, topic: &str, format: Format, output: &Path) -> ExportOpt
     }
 }
 
-/// Encodes raw frames with the program itself.
+/// Encodes raw frames with ffmpeg itself.
 fn encode(to: &Path, kind: &str, rate: &str, codec: &[&str], frames: &[Vec<u8>]) {
     let size = format!("{}x{}", SIZE[0], SIZE[1]);
     let mut ffmpeg = Command::new("ffmpeg")
@@ -80,7 +80,7 @@ fn encode(to: &Path, kind: &str, rate: &str, codec: &[&str], frames: &[Vec<u8>])
     assert!(ffmpeg.wait().unwrap().success());
 }
 
-/// Small films, with the ending of their names.
+/// Small videos, with their file extensions.
 pub fn seeds() -> Vec<(&'static str, Vec<u8>)> {
     let folder = tempfile::tempdir().unwrap();
     let frames: Vec<Vec<u8>> = (0..3).map(pixels).collect();
@@ -102,7 +102,7 @@ fn imported(path: &Path, fps: Option<f64>) -> (Vec<String>, Vec<(FrameMeta, Vec<
 }
 
 #[test]
-fn a_lossless_film_comes_in_pixel_by_pixel_at_its_own_rate_or_the_one_given() {
+fn a_lossless_video_is_read_exactly_at_its_own_rate_or_the_given_one() {
     if !has_ffmpeg() {
         return;
     }
@@ -121,17 +121,17 @@ fn a_lossless_film_comes_in_pixel_by_pixel_at_its_own_rate_or_the_one_given() {
         let (warnings, read) = imported(&path, Some(10_000.0));
         assert_eq!((warnings.len(), read[3].0.stamp_ns), (0, 300_000), "{name}: {warnings:?}");
     }
-    // A file whose name looks like an address, and one that only pretends.
+    // A file whose name looks like a URL, and one that only pretends to be a video.
     let odd = folder.path().join("http:--a.avi");
     std::fs::copy(folder.path().join("film.avi"), &odd).unwrap();
     assert_eq!(imported(&odd, None).1.len() as u64, FRAMES);
     std::fs::write(&odd, "#EXTM3U\nhttp://localhost/film.ts\n").unwrap();
-    let told = import::open(&[odd], None).unwrap_err().to_string();
-    assert!(told.contains("http:--a.avi") && !told.contains('\n'), "{told}");
+    let message = import::open(&[odd], None).unwrap_err().to_string();
+    assert!(message.contains("http:--a.avi") && !message.contains('\n'), "{message}");
 }
 
 #[test]
-fn a_film_of_16_bit_keeps_them_and_one_in_colours_says_so() {
+fn a_16_bit_video_keeps_its_levels_and_a_colour_video_is_reported() {
     if !has_ffmpeg() {
         return;
     }
@@ -151,7 +151,7 @@ fn a_film_of_16_bit_keeps_them_and_one_in_colours_says_so() {
     assert!(off(&read, &even) < 2.0);
 }
 
-/// Mean difference of the levels, over the rows that both have.
+/// The mean difference of the grey levels, over the rows that both have.
 fn off(read: &[(FrameMeta, Vec<u8>)], frames: &[Vec<u8>]) -> f64 {
     assert_eq!(read.len(), frames.len());
     let pairs = read.iter().zip(frames).flat_map(|((_, bytes), frame)| bytes.iter().zip(frame));
@@ -160,7 +160,7 @@ fn off(read: &[(FrameMeta, Vec<u8>)], frames: &[Vec<u8>]) -> f64 {
 }
 
 #[test]
-fn an_mp4_plays_every_frame_at_the_rate_asked_for() {
+fn an_mp4_holds_every_frame_at_the_requested_rate() {
     if !has_ffmpeg() {
         return;
     }
@@ -171,22 +171,22 @@ fn an_mp4_plays_every_frame_at_the_rate_asked_for() {
     assert_eq!(export::run(&asked).unwrap().rows, FRAMES);
     let (warnings, read) = imported(&film, None);
     assert!(warnings[0].contains("plays at 12.5 frames/s"), "{warnings:?}");
-    // An odd side gets a row more, as players want it.
+    // An odd height gets one more row, because players require even sizes.
     assert_eq!((read[0].0.width_px, read[0].0.height_px), (48, 34));
     let frames: Vec<Vec<u8>> = (0..FRAMES).map(pixels).collect();
     let off = off(&read, &frames);
-    println!("a level of 255 is off by {off:.2} in the mean");
+    println!("mean error {off:.2} of 255 levels");
     assert!(off < 1.5, "{off}");
-    // With what was measured drawn over it.
+    // With the results drawn over the frames.
     let drawn = folder.path().join("drawn.mp4");
     assert_eq!(export::run(&options(&shot, "track", Format::Mp4, &drawn)).unwrap().rows, FRAMES);
     let large = imported(&drawn, None).1;
-    assert_eq!((large[0].0.width_px, large[0].0.height_px), (4 * 48, 4 * 33), "enlarged as the pictures are");
+    assert_eq!((large[0].0.width_px, large[0].0.height_px), (4 * 48, 4 * 33), "enlarged like the PNG images");
     assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 3, "nothing else was written");
 }
 
 #[test]
-fn a_gif_has_the_very_levels() {
+fn a_gif_keeps_the_grey_levels() {
     if !has_ffmpeg() {
         return;
     }
@@ -208,27 +208,27 @@ fn a_gif_has_the_very_levels() {
 }
 
 #[test]
-fn without_ffmpeg_a_film_is_refused_in_one_line() {
+fn without_ffmpeg_a_video_is_refused_in_one_line() {
     let folder = tempfile::tempdir().unwrap();
     let (shot, film) = (folder.path().join("shot.mcap"), folder.path().join("film.mp4"));
     recording(&shot);
     let command = ["export".as_ref(), shot.as_os_str(), "--topic".as_ref(), "frames".as_ref()];
     let format = ["--format".as_ref(), "mp4".as_ref(), "-o".as_ref(), film.as_os_str()];
     let output = ricochet(command.into_iter().chain(format)).env("PATH", "").output().unwrap();
-    let told = String::from_utf8(output.stderr).unwrap();
-    assert_eq!((output.status.code(), told.lines().count()), (Some(2), 1), "{told}");
-    assert!(told.contains("--format mp4") && told.contains("ffmpeg"), "{told}");
+    let message = String::from_utf8(output.stderr).unwrap();
+    assert_eq!((output.status.code(), message.lines().count()), (Some(2), 1), "{message}");
+    assert!(message.contains("--format mp4") && message.contains("ffmpeg"), "{message}");
     assert!(!film.exists());
     std::fs::write(folder.path().join("film.avi"), "RIFF").unwrap();
     let import = ["import".into(), folder.path().join("film.avi"), "-o".into(), folder.path().join("a.mcap")];
     let output = ricochet(import).env("PATH", "").output().unwrap();
-    let told = String::from_utf8(output.stderr).unwrap();
-    assert!(!output.status.success() && told.contains("film.avi") && told.contains("ffmpeg"), "{told}");
-    assert_eq!(told.lines().count(), 1, "{told}");
+    let message = String::from_utf8(output.stderr).unwrap();
+    assert!(!output.status.success() && message.contains("film.avi") && message.contains("ffmpeg"), "{message}");
+    assert_eq!(message.lines().count(), 1, "{message}");
 }
 
 #[test]
-fn a_film_that_cannot_be_written_is_told_with_the_reason() {
+fn a_video_that_cannot_be_written_is_reported_with_the_reason() {
     if !has_ffmpeg() {
         return;
     }
@@ -236,12 +236,12 @@ fn a_film_that_cannot_be_written_is_told_with_the_reason() {
     let shot = folder.path().join("shot.mcap");
     recording(&shot);
     let to = folder.path().join("missing/film.mp4");
-    let told = export::run(&options(&shot, "frames", Format::Mp4, &to)).unwrap_err().to_string();
-    assert!(told.contains("film.mp4") && told.contains("No such file") && !told.contains('\n'), "{told}");
+    let message = export::run(&options(&shot, "frames", Format::Mp4, &to)).unwrap_err().to_string();
+    assert!(message.contains("film.mp4") && message.contains("No such file") && !message.contains('\n'), "{message}");
 }
 
 #[test]
-fn a_film_is_measured_like_any_other_input() {
+fn a_video_is_measured_like_any_other_input() {
     if !has_ffmpeg() {
         return;
     }
@@ -256,10 +256,10 @@ fn a_film_is_measured_like_any_other_input() {
     assert_eq!(recording.metadata()["frame_rate_hz"], "10000");
     let read: Vec<Vec<u8>> = recording.frames().unwrap().map(|frame| frame.unwrap().1).collect();
     assert_eq!(read, (0..FRAMES).map(pixels).collect::<Vec<_>>());
-    // Cut off in the middle: what is told is a line, whatever can be read.
+    // A truncated video gives one line, or is measured as far as it can be read.
     let bytes = std::fs::read(&film).unwrap();
     std::fs::write(&film, &bytes[..300]).unwrap();
     let output = run(["import".as_ref(), film.as_os_str(), "-o".as_ref(), folder.path().join("b.mcap").as_os_str()]);
-    let told = String::from_utf8(output.stderr).unwrap();
-    assert!(!output.status.success() && told.contains("film.avi"), "{told}");
+    let message = String::from_utf8(output.stderr).unwrap();
+    assert!(!output.status.success() && message.contains("film.avi"), "{message}");
 }

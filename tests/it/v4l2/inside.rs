@@ -1,4 +1,4 @@
-//! Run in the virtual machine only, one after the other.
+//! Tests that run in the virtual machine only, one after the other.
 
 use super::drivers::{Fault, LOOPBACK, VIVID, Writer, inject};
 use super::sample;
@@ -13,7 +13,7 @@ use std::time::Duration;
 
 const SIZE: (u32, u32) = (320, 180);
 const WAIT: Duration = Duration::from_millis(100);
-/// Waits without a frame after which a camera counts as stuck.
+/// The number of waits without a frame after which a camera counts as stuck.
 const WAITS: usize = 100;
 
 /// A frame of noise that begins with its number.
@@ -26,7 +26,7 @@ fn draw(number: u64, pixels: &mut [u8]) {
     pixels[..8].copy_from_slice(&number.to_le_bytes());
 }
 
-/// A frame of noise of so many bytes that begins with its number.
+/// Draws a frame of noise of this many bytes that begins with its number.
 fn drawn(bytes: u32) -> impl Fn(u64) -> Vec<u8> {
     move |number| {
         let mut pixels = vec![0; bytes as usize];
@@ -40,14 +40,14 @@ fn number(pixels: &[u8]) -> u64 {
     u64::from_le_bytes(pixels[..8].try_into().unwrap())
 }
 
-/// A camera whose sequences are shifted to the number that its first frame carries.
+/// A camera whose sequence numbers are shifted to the number in its first frame.
 struct Numbered {
     camera: V4l2Camera,
     number: fn(&[u8]) -> u64,
     shift: Option<u64>,
 }
 
-/// Runs the loop-back camera, as it is set now, over so many frames and compares each with what was written.
+/// Runs the loop-back camera with its present settings and compares each frame with the one that was written.
 fn check_loopback(frames: u64, number: fn(&[u8]) -> u64, known: &dyn Fn(u64, &mut [u8])) {
     let settings = V4l2Settings { id: LOOPBACK.into(), ..V4l2Settings::default() };
     let camera = V4l2Camera::open(&settings).unwrap();
@@ -103,12 +103,12 @@ fn text(word: &str) -> FeatureValue {
     FeatureValue::Text(word.into())
 }
 
-/// A white picture without writing on it.
+/// A white image without overlaid text.
 fn white() -> [(&'static str, FeatureValue); 4] {
     still("100% White")
 }
 
-/// A picture without writing on it, the same in each frame whatever was set before.
+/// An image without overlaid text that is the same in each frame.
 fn still(pattern: &str) -> [(&'static str, FeatureValue); 4] {
     [
         ("test_pattern", text(pattern)),
@@ -126,7 +126,7 @@ fn start(settings: &V4l2Settings) -> (Slots, V4l2Camera) {
     (slots, camera)
 }
 
-/// What comes next, waited for.
+/// Waits for the next event of a camera.
 fn next(camera: &mut V4l2Camera) -> Result<Next, CameraError> {
     for _ in 0..WAITS {
         match camera.next(WAIT) {
@@ -157,8 +157,8 @@ fn known_frames_arrive_bit_for_bit_in_order_with_every_gap_counted() {
         let bytes = size.0 * size.1 * format.bytes_per_pixel() as u32;
         let _writer = Writer::start(size, fourcc, bytes, drawn(bytes));
         let camera = V4l2Camera::open(&V4l2Settings { id: LOOPBACK.into(), ..V4l2Settings::default() }).unwrap();
-        let told = camera.format();
-        assert_eq!((told.width_px, told.height_px, told.format), (size.0, size.1, format));
+        let offered = camera.format();
+        assert_eq!((offered.width_px, offered.height_px, offered.format), (size.0, size.1, format));
         drop(camera);
         check_loopback(100, number, &draw);
     }
@@ -185,10 +185,10 @@ fn luma_of_packed_colour_arrives_bit_for_bit() {
     check_loopback(60, number, &draw);
 }
 
-/// Of each how many pictures one is cut off.
+/// One of this many images is truncated.
 const CUT: u64 = 10;
 
-/// Grey level of a block of 8 x 8 px of a compressed picture.
+/// The grey level of a block of 8 x 8 px of a compressed image.
 fn level(number: u64, column: usize, row: usize) -> u8 {
     match (row, column) {
         (0, 0..8) => number.to_le_bytes()[column],
@@ -198,7 +198,7 @@ fn level(number: u64, column: usize, row: usize) -> u8 {
 
 #[test]
 #[ignore = "runs in the virtual machine"]
-fn luma_of_compressed_pictures_arrives_bit_for_bit_and_those_cut_off_never() {
+fn luma_of_compressed_images_arrives_bit_for_bit_and_truncated_images_never() {
     let (width, height) = (320_u16, 240_u16);
     let most = 2 * u32::from(width) * u32::from(height);
     let _writer = Writer::start((width.into(), height.into()), sys::FOURCC_MJPG, most, move |number| {
@@ -210,7 +210,7 @@ fn luma_of_compressed_pictures_arrives_bit_for_bit_and_those_cut_off_never() {
     });
     let number = |pixels: &[u8]| u64::from_le_bytes(std::array::from_fn(|byte| pixels[8 * byte]));
     check_loopback(100, number, &|number, pixels| {
-        assert_ne!(number % CUT, CUT - 1, "picture {number}, which was cut off, was taken for a whole one");
+        assert_ne!(number % CUT, CUT - 1, "the truncated image {number} was taken for a complete one");
         let width = usize::from(width);
         for (at, pixel) in pixels.iter_mut().enumerate() {
             *pixel = level(number, at % width / 8, at / width / 8);
@@ -236,12 +236,12 @@ fn a_driver_that_takes_user_memory_writes_to_the_slots_itself_and_keeps_the_cont
     assert!(waited >= camera_contract::AWAY / 2, "{waited:?}");
 }
 
-/// White as vivid draws it.
+/// The grey level of white in images of vivid.
 const WHITE: u8 = 254;
 
 #[test]
 #[ignore = "runs in the virtual machine"]
-fn each_format_has_the_bits_its_name_says() {
+fn each_format_has_the_bits_of_its_name() {
     let picture = |format| {
         let (_slots, mut camera) = start(&vivid(format, &still("Gray Ramp")));
         let (mut slot, _) = frame(&mut camera);
@@ -249,8 +249,8 @@ fn each_format_has_the_bits_its_name_says() {
     };
     let grey = picture(PixelFormat::Mono8);
     let levels: BTreeSet<u8> = grey.iter().copied().collect();
-    assert!(levels.len() > 100 && !levels.contains(&255), "a picture of {} levels", levels.len());
-    // Below the upper eight bits the driver puts nothing.
+    assert!(levels.len() > 100 && !levels.contains(&255), "an image of {} levels", levels.len());
+    // The driver fills the upper eight bits only.
     for (format, shift) in [(PixelFormat::Mono10, 2), (PixelFormat::Mono12, 4), (PixelFormat::Mono16, 8)] {
         let bytes = picture(format);
         assert_eq!(bytes.len(), 2 * grey.len());
@@ -263,13 +263,13 @@ fn each_format_has_the_bits_its_name_says() {
 
 #[test]
 #[ignore = "runs in the virtual machine"]
-fn stamps_are_those_of_the_host_and_of_the_start_of_each_frame() {
+fn stamps_are_in_host_time_at_the_start_of_each_frame() {
     let now = || std::time::SystemTime::now().duration_since(std::time::UNIX_EPOCH).unwrap().as_nanos() as i64;
     let shift_ns = |source: &str| {
         let (_slots, mut camera) = start(&vivid(PixelFormat::Mono8, &[("timestamp_source", text(source))]));
         match next(&mut camera).unwrap() {
             Next::Frame(_, meta) => {
-                // The driver stamps ends up to a frame ahead; a second is what a slow machine may be late by.
+                // The driver stamps ends up to a frame ahead. A slow machine may be late by a second.
                 assert!((now() - meta.stamp_ns as i64).abs() < 1_000_000_000, "{} now {}", meta.stamp_ns, now());
                 meta.stamp_ns as i64 - meta.device_ns as i64
             }
@@ -278,8 +278,8 @@ fn stamps_are_those_of_the_host_and_of_the_start_of_each_frame() {
     };
     let set_back = shift_ns("Start of Exposure") - shift_ns("End of Frame");
     let period = 16_666_667;
-    // The two clocks are looked at anew for each camera, to some microseconds.
-    assert!((set_back - period).abs() < 2_000_000, "set back by {set_back} ns, a frame has {period}");
+    // The offset between the two clocks is measured again for each camera, to some microseconds.
+    assert!((set_back - period).abs() < 2_000_000, "set back by {set_back} ns, frame period {period}");
 }
 
 #[test]
@@ -288,7 +288,7 @@ fn controls_are_set_and_read_back_and_wrong_ones_are_refused_with_the_range() {
     let wanted = [
         ("brightness", FeatureValue::Integer(77)),
         ("boolean", FeatureValue::Bool(false)),
-        // Without effect while the automatic one is on.
+        // Without effect while the automatic control is on.
         ("gain", FeatureValue::Integer(42)),
         ("gain_automatic", FeatureValue::Bool(false)),
         ("menu", text("Menu Item 4")),
@@ -317,7 +317,7 @@ fn controls_are_set_and_read_back_and_wrong_ones_are_refused_with_the_range() {
 
 #[test]
 #[ignore = "runs in the virtual machine"]
-fn sizes_rates_and_formats_that_are_not_there_are_refused_and_listed() {
+fn unknown_sizes_rates_and_formats_are_refused_with_the_known_ones() {
     let plain = vivid(PixelFormat::Mono8, &[]);
     let size = refusal(&V4l2Settings { width_px: Some(512), height_px: Some(512), ..plain.clone() });
     assert!(
@@ -341,7 +341,7 @@ fn sizes_rates_and_formats_that_are_not_there_are_refused_and_listed() {
     assert!(refusal(&V4l2Settings { id: "nobody".into(), ..V4l2Settings::default() }).contains(VIVID));
 }
 
-/// Has one buffer damaged: its number, and those of the whole frames around it.
+/// Has one buffer damaged and returns its number, and those of the complete frames around it.
 fn damage_one(slots: &Slots, camera: &mut V4l2Camera) -> (u64, Vec<u64>) {
     inject(Fault::DamageBuffer, 1);
     let (mut torn, mut taken) = (Vec::new(), Vec::new());
@@ -373,7 +373,7 @@ fn a_damaged_buffer_is_one_torn_frame_and_dropped_ones_are_gaps() {
     let (slots, mut camera) = start(&vivid(PixelFormat::Mono8, &[]));
     let mut before = frame(&mut camera).1;
     assert_eq!(before, 0);
-    // A driver whose thread is late by half a frame gives the frame after that the same number: then it is no gap.
+    // A driver whose thread is late by half a frame gives the next frame the same number. Then there is no gap.
     let is_gap = (0..10).any(|_| {
         let (damaged, taken) = damage_one(&slots, &mut camera);
         let is_new = damaged > before && !taken.contains(&damaged);
@@ -394,10 +394,10 @@ fn a_damaged_buffer_is_one_torn_frame_and_dropped_ones_are_gaps() {
 
 #[test]
 #[ignore = "runs in the virtual machine"]
-fn the_count_goes_on_over_its_32_bit_wrap() {
+fn the_count_continues_over_its_32_bit_wrap() {
     inject(Fault::WrapSequence, 1);
     let (slots, mut camera) = start(&vivid(PixelFormat::Mono8, &[]));
-    // It starts 128 below the wrap; what a machine skips that stood still for a while are gaps.
+    // The count starts 128 below the wrap. Frames that a stalled machine skips are gaps.
     let mut last = None;
     while last.is_none_or(|last| last < 140) {
         let (slot, sequence) = frame(&mut camera);
@@ -432,7 +432,7 @@ fn an_unplugged_or_broken_camera_has_vanished_and_can_be_opened_again() {
 
 #[test]
 #[ignore = "runs in the virtual machine"]
-fn a_camera_in_use_is_refused_with_the_reason_and_a_wait_in_vain_harms_nothing() {
+fn a_camera_in_use_is_refused_with_the_reason_and_a_timeout_harms_nothing() {
     let (slots, mut camera) = start(&V4l2Settings { frame_rate_hz: Some(2.0), ..vivid(PixelFormat::Mono8, &[]) });
     assert!(refusal(&vivid(PixelFormat::Mono12, &[])).ends_with("another program uses it"));
     let mut vain = 0;
