@@ -1,4 +1,4 @@
-//! A lens and a plane seen aslant, taken out of what is measured.
+//! Lens distortion and oblique views, removed from the measured quantities.
 
 use ricochet::config::{Config, ConfigError};
 use ricochet::motion::Rectifier;
@@ -10,13 +10,13 @@ use crate::support::{Background, Rig, ricochet, run};
 
 const SIDE: usize = 420;
 
-/// Pictures of 256 x 192 px.
+/// Images of 256 x 192 px.
 const CAMERA: &str = "source = \"simulated\"\nscenario = \"lacrosse\"\npaced = true";
 
 const LENS: &str = "image_px = [420, 420]\ncamera_matrix = [560, 0, 214, 0, 560, 205, 0, 0, 1]\n\
     distortion = [-0.12, 0.03, 0.0005, -0.0003]\n";
 
-/// 0.5142 mm a pixel in the middle, and much less to the right.
+/// 0.5142 mm per pixel in the middle, and much less to the right.
 const PLANE: &str = "homography_mm = [0.5, 0, -100, 0, 0.5, -100, -8e-5, 0, 1]\n";
 
 fn rectifier(table: &str) -> Rectifier {
@@ -27,7 +27,7 @@ fn bare_rig() -> String {
     level_rig(0.5142).replace("[scale]\nmm_per_px = 0.5142\n", "")
 }
 
-/// A ball that crosses the picture from the lower left to the upper right and turns.
+/// A ball that crosses the image from the lower left to the upper right and rotates.
 fn world() -> World {
     let mut scenario = Scenario::translation(3.17, -2.41, 1.3);
     scenario.scale.mm_per_px = 0.5142;
@@ -40,8 +40,8 @@ fn world() -> World {
     World::new(&scenario).unwrap()
 }
 
-/// Largest error of the velocity, as a share of the speed, and of the spin, as a share of itself; how many there are,
-/// and the largest error of the velocity in its sigmas.
+/// The largest error of the velocity relative to the speed, the largest relative error of the spin, the number of
+/// velocities, and the largest error of the velocity in sigmas.
 fn judge(world: &World, seen_through: &Rectifier, rig: &str, mm_per_px: f64) -> (f64, f64, usize, f64) {
     let picture = |index| {
         let mut bytes = vec![0; world.frame_bytes()];
@@ -66,33 +66,36 @@ fn judge(world: &World, seen_through: &Rectifier, rig: &str, mm_per_px: f64) -> 
 }
 
 #[test]
-fn a_lens_that_bends_speeds_by_percents_leaves_none_of_it() {
+fn lens_distortion_of_some_percent_is_removed_from_velocities() {
     let (world, lens) = (world(), rectifier(LENS));
     let plain = judge(&world, &lens, &level_rig(0.5142), 0.5142);
-    let told = judge(&world, &lens, &format!("{}[calibration]\n{LENS}", level_rig(0.5142)), 0.5142);
-    println!("lens: without {plain:?}, with {told:?}");
-    // Outlines that the lens leaves unround are refused or unsure, so that even untold it does not carry velocities far
-    // off.
-    assert!(plain.0 > 1.5 * told.0 && told.0 < 0.003 && told.1 < 0.005, "{plain:?} {told:?}");
-    assert!(told.3 < 2.5, "{told:?}");
-    assert!(told.2 >= 60);
-    // A ball that is drawn larger elsewhere tells of the lens: what is not taken out is in the uncertainties.
+    let calibrated = judge(&world, &lens, &format!("{}[calibration]\n{LENS}", level_rig(0.5142)), 0.5142);
+    println!("lens: without {plain:?}, with {calibrated:?}");
+    // Outlines that the lens distorts are refused or get a large sigma, so that velocities are not far off even without
+    // the calibration.
+    assert!(plain.0 > 1.5 * calibrated.0 && calibrated.0 < 0.003 && calibrated.1 < 0.005, "{plain:?} {calibrated:?}");
+    assert!(calibrated.3 < 2.5, "{calibrated:?}");
+    assert!(calibrated.2 >= 60);
+    // The uncalibrated lens changes the size of the ball across the image, so the uncertainties include its effect.
     assert!(plain.3 < 2.5, "{plain:?}");
 }
 
 #[test]
-fn a_plane_seen_aslant_gives_the_scale_and_leaves_no_perspective() {
+fn a_homography_gives_the_scale_and_removes_perspective() {
     let table = format!("image_px = [420, 420]\n{PLANE}");
     let (world, both) = (world(), rectifier(&table));
     let mm_per_px = both.mm_per_px().unwrap();
     let plain = judge(&world, &both, &level_rig(mm_per_px), mm_per_px);
-    let told = judge(&world, &both, &format!("{}[calibration]\n{table}", bare_rig()), mm_per_px);
-    println!("plane: without {plain:?}, with {told:?}, {mm_per_px} mm/px");
-    assert!(plain.0 > 0.004 && told.0 < 0.003 && told.1 < 0.02 && told.2 >= 60, "{plain:?} {told:?}");
+    let calibrated = judge(&world, &both, &format!("{}[calibration]\n{table}", bare_rig()), mm_per_px);
+    println!("plane: without {plain:?}, with {calibrated:?}, {mm_per_px} mm/px");
+    assert!(
+        plain.0 > 0.004 && calibrated.0 < 0.003 && calibrated.1 < 0.02 && calibrated.2 >= 60,
+        "{plain:?} {calibrated:?}"
+    );
     assert!(plain.3 < 2.5, "{plain:?}");
 }
 
-/// A directory for one test, emptied.
+/// An empty directory for one test.
 fn directory(name: &str) -> std::path::PathBuf {
     let directory = Path::new(env!("CARGO_TARGET_TMPDIR")).join(name);
     let _ = std::fs::remove_dir_all(&directory);
@@ -101,7 +104,7 @@ fn directory(name: &str) -> std::path::PathBuf {
 }
 
 #[test]
-fn a_calibration_file_becomes_numbers_in_the_text_that_recordings_keep() {
+fn a_calibration_file_is_written_as_numbers_into_the_attached_configuration() {
     let directory = directory("calibration");
     let (lens, rig) = (directory.join("lens.yaml"), directory.join("rig.toml"));
     let matrix = |name: &str, data: &str| {
@@ -125,7 +128,7 @@ fn a_calibration_file_becomes_numbers_in_the_text_that_recordings_keep() {
 }
 
 #[test]
-fn calibrations_that_cannot_be_meant_are_refused_by_name() {
+fn impossible_calibrations_are_refused_by_name() {
     let refused =
         |table: &str| Config::parse(&format!("{}[calibration]\n{table}", level_rig(0.5)), "rig.toml").unwrap_err();
     let cases = [
@@ -147,7 +150,7 @@ fn calibrations_that_cannot_be_meant_are_refused_by_name() {
 }
 
 #[test]
-fn a_calibration_of_another_picture_is_refused_unless_it_says_where_this_one_lies() {
+fn a_calibration_for_another_image_size_is_refused_without_an_offset() {
     let config =
         |more: &str| Config::parse(&format!("{}[calibration]\n{LENS}{more}", level_rig(0.5)), "rig.toml").unwrap();
     let check = |more: &str, width_px, height_px| -> Result<(), ConfigError> {
@@ -160,19 +163,22 @@ fn a_calibration_of_another_picture_is_refused_unless_it_says_where_this_one_lie
 }
 
 #[test]
-fn roles_started_by_hand_refuse_a_calibration_of_another_picture() {
+fn roles_started_by_hand_refuse_a_calibration_for_another_image_size() {
     let rig = Rig::new();
     let good = rig.config(CAMERA, "[scale]\nmm_per_px = 0.5\n");
     let bad = rig.file("bad.toml", &format!("{}[calibration]\n{LENS}", std::fs::read_to_string(&good).unwrap()));
     let refuses = |role: &str| {
         let output = run([role.as_ref(), bad.as_os_str()]);
-        let told = String::from_utf8(output.stderr).unwrap();
-        assert_eq!(output.status.code(), Some(2), "{role}: {told}");
-        assert!(told.contains("calibration.image_px") && told.contains("256") && told.lines().count() == 1, "{told}");
+        let stderr = String::from_utf8(output.stderr).unwrap();
+        assert_eq!(output.status.code(), Some(2), "{role}: {stderr}");
+        assert!(
+            stderr.contains("calibration.image_px") && stderr.contains("256") && stderr.lines().count() == 1,
+            "{stderr}"
+        );
     };
     refuses("run");
     refuses("acquire");
-    // The others learn the size of the pictures from the camera.
+    // The other roles get the image size from the camera.
     let camera = Background::start(ricochet(["acquire".as_ref(), good.as_os_str()]));
     ["correlate", "track", "record"].into_iter().for_each(refuses);
     camera.signal(15);

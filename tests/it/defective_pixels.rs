@@ -1,11 +1,11 @@
-//! Films of cameras some of whose pixels do not see.
+//! Films of cameras with defective pixels.
 
 use ricochet::synth::{CameraSetup, Scenario, World};
 
 use crate::measured_world::rows_of_pictures;
 use crate::support::{Rig, run};
 
-/// Share of the pixels that are hot or dead.
+/// The share of pixels that are hot or dead.
 const STUCK: f64 = 0.001;
 
 fn pictures(world: &World) -> impl Iterator<Item = Vec<u8>> {
@@ -22,33 +22,34 @@ fn worlds(name: &str, seed: u64) -> [World; 2] {
     [sound, stuck].map(|scenario| World::new(&scenario).unwrap())
 }
 
-/// Column and row of the pixels that differ between the two in all of these frames, as those that move do not.
+/// Column and row of the pixels that differ between the two worlds in all of these frames.
 fn stuck_px([sound, stuck]: &[World; 2]) -> Vec<[u32; 2]> {
     let width = sound.width_px();
     let mut ends = vec![true; sound.frame_bytes()];
-    for (seen, told) in pictures(sound).zip(pictures(stuck)).take(30) {
-        let differs = seen.iter().zip(&told).map(|(seen, told)| seen != told && (*told == 0 || *told == 255));
+    for (sound, stuck) in pictures(sound).zip(pictures(stuck)).take(30) {
+        let differs = sound.iter().zip(&stuck).map(|(sound, stuck)| sound != stuck && (*stuck == 0 || *stuck == 255));
         ends.iter_mut().zip(differs).for_each(|(ends, differs)| *ends &= differs);
     }
     let places = (0..width * sound.height_px()).zip(&ends).filter(|(_, ends)| **ends);
     places.map(|(at, _)| [at % width, at / width]).collect()
 }
 
-/// The largest share of its sigma by which a number of the collision is off.
+/// The largest error of any number of the collision in sigmas, and the name of that number.
 fn worst(world: &World, rig: &str) -> (f64, String) {
     let rows = rows_of_pictures(pictures(world), world, rig);
-    let Some(told) = rows.impacts.last() else { return (f64::INFINITY, "no collision".into()) };
+    let Some(measured) = rows.impacts.last() else { return (f64::INFINITY, "no collision".into()) };
     let truth = world.impact().unwrap().numbers();
-    let pulls = told.numbers().into_iter().zip(truth).filter_map(|((name, told), (_, truth))| {
-        let (told, truth) = (told?, truth?);
-        Some((((told.value - truth.value) / told.sigma).abs(), name.to_string()))
+    let pulls = measured.numbers().into_iter().zip(truth).filter_map(|((name, measured), (_, truth))| {
+        let (measured, truth) = (measured?, truth?);
+        Some((((measured.value - truth.value) / measured.sigma).abs(), name.to_string()))
     });
     pulls.fold((0.0, String::new()), |most, pull| if pull.0 > most.0 { pull } else { most })
 }
 
-/// Untold, they hide subsets as an occluder does, and numbers of the tennis balls are farther off.
+/// Without the list of defective pixels, they remove subsets like an occluder, and numbers of the tennis balls have
+/// larger errors.
 #[test]
-fn pixels_that_do_not_see_are_filled_in() {
+fn defective_pixels_are_filled_in() {
     let rigs = [
         ("lacrosse", include_str!("../../config/lacrosse.toml")),
         ("tennis", include_str!("../../config/tennis.toml")),
@@ -58,21 +59,22 @@ fn pixels_that_do_not_see_are_filled_in() {
         for seed in [71, 72] {
             let worlds = worlds(name, seed);
             let pixels = stuck_px(&worlds);
-            let told = rig.replacen("[camera]", &format!("[camera]\ndefective_px = {pixels:?}"), 1);
+            let with_list = rig.replacen("[camera]", &format!("[camera]\ndefective_px = {pixels:?}"), 1);
             let [sound, stuck] = &worlds;
-            let [without, untold, filled] = [(sound, rig), (stuck, rig), (stuck, &told)].map(|(w, rig)| worst(w, rig));
+            let [without, ignored, filled] =
+                [(sound, rig), (stuck, rig), (stuck, &with_list)].map(|(w, rig)| worst(w, rig));
             println!(
-                "{name} {seed}: {} pixels; sound {without:.1?}, untold {untold:.1?}, filled in {filled:.1?}",
+                "{name} {seed}: {} pixels; sound {without:.1?}, ignored {ignored:.1?}, filled in {filled:.1?}",
                 pixels.len()
             );
             assert!(filled.0 < without.0.max(2.0) + 0.5, "{name} {seed}");
-            assert!(name != "tennis" || untold.0 > filled.0, "{name} {seed}: nothing to fill in");
+            assert!(name != "tennis" || ignored.0 > filled.0, "{name} {seed}: nothing to fill in");
         }
     }
 }
 
 #[test]
-fn check_finds_the_pixels_that_do_not_see() {
+fn check_finds_the_defective_pixels() {
     let worlds = worlds("tennis", 72);
     let truth = stuck_px(&worlds);
     let found: [Vec<[u32; 2]>; 2] = worlds.map(|world| {
@@ -81,8 +83,8 @@ fn check_finds_the_pixels_that_do_not_see() {
         let camera = format!("source = \"simulated\"\nscenario = \"{}\"\npaced = false", film.display());
         let config = rig.config(&camera, "[scale]\nmm_per_px = 0.5\n[[body]]\ndiameter_mm = 67\n[workers]\ncount = 1");
         let output = run(["check".as_ref(), config.as_os_str(), "--json".as_ref()]);
-        let told: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
-        serde_json::from_value(told["defective_px"].clone()).unwrap()
+        let report: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+        serde_json::from_value(report["defective_px"].clone()).unwrap()
     });
     let [sound, stuck] = found;
     println!("{} pixels, {} found, {} of a sound camera", truth.len(), stuck.len(), sound.len());

@@ -1,17 +1,17 @@
-//! Films that are hard: what is told is right, or flagged; never silently wrong.
+//! Difficult films: results are right or flagged, never silently wrong.
 
 use crate::measured_world::{level_rig, rows_of_pictures};
 use ricochet::measure::TrackerRows;
 use ricochet::results::VelocitySample;
 use ricochet::synth::{MotionSetup, Scenario, World};
 
-/// One frame of a film: what it shows, where the ball is and how it moves on.
+/// One frame of a film: its pixels, the position of the ball and its motion.
 struct Shot {
     bytes: Vec<u8>,
     truth: VelocitySample,
 }
 
-/// Frames of a world, from `from` on.
+/// The frames of a world from `from` on.
 fn shots(world: &World) -> Vec<Shot> {
     let shot = |index| {
         let mut bytes = vec![0; world.frame_bytes()];
@@ -30,22 +30,22 @@ fn moving(seed: u64, frames: u64, start_px: [f64; 2], (vx, vy, spin): (f64, f64,
     scenario
 }
 
-/// What a rig tells of the film.
+/// Measures the film with a rig.
 fn measure(film: &[Shot], like: &Scenario, rig: &str) -> TrackerRows {
     rows_of_pictures(film.iter().map(|shot| shot.bytes.clone()), &World::new(like).unwrap(), rig)
 }
 
-/// What a film's rows say against the truth.
+/// The rows of a film compared with the truth.
 #[derive(Debug, Default)]
 struct Verdict {
     /// Rows with a velocity.
-    told: usize,
-    /// Rows with a number further off than this many of its sigmas.
+    measured: usize,
+    /// Rows with an error of more than [`MAX_SIGMAS`].
     wrong: Vec<String>,
 }
 
-/// How many sigmas off a number may be.
-const MOST_SIGMAS: f64 = 6.0;
+/// The largest accepted error in sigmas.
+const MAX_SIGMAS: f64 = 6.0;
 
 fn judge(film: &[Shot], rows: &TrackerRows) -> Verdict {
     let mut verdict = Verdict::default();
@@ -53,7 +53,7 @@ fn judge(film: &[Shot], rows: &TrackerRows) -> Verdict {
         let truth = &shot.truth;
         let mut check = |name: &str, found: Option<f64>, truth: Option<f64>, sigma: Option<f64>| {
             let Some(((found, truth), sigma)) = found.zip(truth).zip(sigma) else { return };
-            if (found - truth).abs() > MOST_SIGMAS * sigma {
+            if (found - truth).abs() > MAX_SIGMAS * sigma {
                 let line = format!("frame {}: {name} is {found:.5}, truth {truth:.5}, sigma {sigma:.5}", row.frame);
                 verdict.wrong.push(line);
             }
@@ -70,17 +70,17 @@ fn judge(film: &[Shot], rows: &TrackerRows) -> Verdict {
             check("vy", Some(v.vy_m_s), Some(t.vy_m_s), Some(v.sigma_v_m_s));
             check("omega", Some(v.omega_rad_s), Some(t.omega_rad_s), Some(v.sigma_omega_rad_s));
         }
-        verdict.told += usize::from(row.velocity.is_some());
+        verdict.measured += usize::from(row.velocity.is_some());
     }
     for line in &verdict.wrong {
         println!("{line}");
     }
-    println!("{} of {} frames told, {} numbers wrong", verdict.told, film.len(), verdict.wrong.len());
+    println!("{} of {} frames measured, {} numbers wrong", verdict.measured, film.len(), verdict.wrong.len());
     verdict
 }
 
 #[test]
-fn a_ball_that_leaves_and_comes_back_is_told_only_while_it_is_there() {
+fn a_ball_that_leaves_and_returns_is_reported_only_while_visible() {
     let out = moving(5, 64, [150.3, 120.7], (3.37, 0.41, 0.9));
     let back = moving(5, 64, [330.3, 140.7], (-3.37, -0.41, -0.9));
     let mut film = shots(&World::new(&out).unwrap());
@@ -91,24 +91,24 @@ fn a_ball_that_leaves_and_comes_back_is_told_only_while_it_is_there() {
 }
 
 #[test]
-fn a_ball_blurred_by_a_long_exposure_is_right() {
+fn a_ball_blurred_by_a_long_exposure_is_measured_right() {
     for (speed, spin) in [(2.9, 0.4), (4.1, 0.9)] {
         let mut blurred = moving(6, 28, [74.3, 110.7], (speed, 0.3, spin));
         blurred.camera.exposure_us = 0.9e6 / blurred.camera.frame_rate_hz;
         let film = shots(&World::new(&blurred).unwrap());
         let verdict = judge(&film, &measure(&film, &blurred, &level_rig(blurred.scale.mm_per_px)));
-        assert!(verdict.wrong.is_empty() && verdict.told > 24);
+        assert!(verdict.wrong.is_empty() && verdict.measured > 24);
     }
 }
 
 #[test]
-fn a_lamp_that_flickers_changes_nothing_but_the_light() {
+fn a_flickering_lamp_does_not_bias_results() {
     for (share, hz) in [(0.1, 100.0), (0.4, 1200.0)] {
         let mut flickering = moving(7, 48, [100.3, 110.7], (1.13, 0.37, 0.6));
         (flickering.light.flicker, flickering.light.flicker_hz) = (share, hz);
         let film = shots(&World::new(&flickering).unwrap());
         let verdict = judge(&film, &measure(&film, &flickering, &level_rig(flickering.scale.mm_per_px)));
-        assert!(verdict.wrong.is_empty() && verdict.told > 40);
+        assert!(verdict.wrong.is_empty() && verdict.measured > 40);
     }
 }
 
@@ -132,8 +132,8 @@ fn a_ball_that_is_dropped_three_times_in_one_film_has_three_impacts() {
     }
     let rows = measure(&film, &drop, include_str!("../../config/lacrosse.toml"));
     for number in 0..3 {
-        let told = rows.impacts.iter().filter(|impact| impact.number == number);
-        let last = told.max_by_key(|impact| impact.revision).unwrap().restitution.unwrap();
+        let of_impact = rows.impacts.iter().filter(|impact| impact.number == number);
+        let last = of_impact.max_by_key(|impact| impact.revision).unwrap().restitution.unwrap();
         println!("restitution {:.5} +- {:.5}, truth {truth:.5}", last.value, last.sigma);
         assert!((last.value - truth).abs() < 0.001);
     }
@@ -141,8 +141,8 @@ fn a_ball_that_is_dropped_three_times_in_one_film_has_three_impacts() {
     assert!(judge(&film, &rows).wrong.is_empty());
 }
 
-/// Puts what a second film shows of its ball before the first one's frames.
-fn before(film: &mut [Shot], other: &Scenario) {
+/// Draws the ball of a second film in front of the frames of the first.
+fn draw_in_front(film: &mut [Shot], other: &Scenario) {
     let (radius, width) = (other.radius_px() + 0.5, other.camera.width_px as usize);
     for (shot, second) in film.iter_mut().zip(shots(&World::new(other).unwrap())) {
         let (x, y) = (second.truth.center_x_px.unwrap(), second.truth.center_y_px.unwrap());
@@ -163,8 +163,8 @@ fn a_second_ball_that_passes_is_not_taken_for_the_first() {
     for (start_px, motion) in passing {
         let like = moving(8, 80, [90.3, 150.7], (0.63, -0.21, 0.5));
         let mut film = shots(&World::new(&like).unwrap());
-        before(&mut film, &moving(9, 80, start_px, motion));
+        draw_in_front(&mut film, &moving(9, 80, start_px, motion));
         let verdict = judge(&film, &measure(&film, &like, &level_rig(like.scale.mm_per_px)));
-        assert!(verdict.wrong.is_empty() && verdict.told > 24);
+        assert!(verdict.wrong.is_empty() && verdict.measured > 24);
     }
 }

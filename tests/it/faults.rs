@@ -1,4 +1,4 @@
-//! What dies comes back, what is lost is counted, and the rest goes on.
+//! Dead processes are restarted, losses are counted, and the other processes keep running.
 
 use crate::pipeline::drift;
 use crate::support::{Background, Rig, frames, kill, process, ricochet, status, wait_until};
@@ -10,7 +10,7 @@ fn number(status: &Value, name: &str, key: &str) -> u64 {
     process(status, name, 0).map_or(0, |process| process[key].as_u64().unwrap())
 }
 
-/// Kills one process of a running rig; gives its exit code, what it said, and the rig.
+/// Kills one process of a running rig and returns its exit code, its standard error, and the rig.
 fn kill_during_a_run(victim: &str) -> (Option<i32>, String, Rig) {
     let rig = Rig::new();
     let scenario = rig.file("drift.toml", &drift(3000, 300.0));
@@ -34,39 +34,39 @@ fn kill_during_a_run(victim: &str) -> (Option<i32>, String, Rig) {
     assert!(back < Duration::from_secs(2), "{victim} took {back:?} to come back");
     assert_eq!(number(&after, "run", "restarts"), 1);
     let frame = number(&after, "acquire", "sequence");
-    let later = wait_until("the rig goes on", || {
+    let later = wait_until("the rig measures again", || {
         let status = status(&rig.name)?;
         let resumed = number(&status, victim, "given").max(number(&status, victim, "taken")) > 50;
         (resumed && number(&status, "track", "sequence") > frame + 100).then_some(status)
     });
-    assert!(number(&later, "run", "lost") > 0, "the loss is told: {later}");
+    assert!(number(&later, "run", "lost") > 0, "the loss is reported: {later}");
     assert_eq!(
         number(&later, "acquire", "lost") + number(&later, "acquire", "dropped"),
         0,
         "acquisition never noticed"
     );
     service.signal(2);
-    let (code, _, told) = service.end();
-    (code, told, rig)
+    let (code, _, stderr) = service.end();
+    (code, stderr, rig)
 }
 
 #[test]
-fn a_killed_worker_comes_back_and_its_frames_are_counted() {
-    let (code, told, rig) = kill_during_a_run("correlate");
-    assert_eq!(code, Some(6), "{told}");
+fn a_killed_worker_is_restarted_and_its_frames_are_counted() {
+    let (code, stderr, rig) = kill_during_a_run("correlate");
+    assert_eq!(code, Some(6), "{stderr}");
     let recording = Recording::open(&rig.recordings()[0]).unwrap();
     let frames = recording.frame_count();
     let rows: Vec<_> = recording.velocities().unwrap().map(Result::unwrap).collect();
-    assert_eq!(rows.len() as u64, frames, "a row a frame, also for the lost ones");
+    assert_eq!(rows.len() as u64, frames, "one row per frame, lost ones included");
     let lost = rows.iter().filter(|row| row.status == ricochet::results::PointStatus::Lost).count();
     println!("{lost} of {frames} rows lost");
     assert!(lost > 0 && lost < rows.len() / 4, "{lost} of {frames}");
 }
 
 #[test]
-fn a_killed_tracker_comes_back_and_the_recording_misses_nothing() {
-    let (code, told, rig) = kill_during_a_run("track");
-    assert_eq!(code, Some(6), "{told}");
+fn a_killed_tracker_is_restarted_and_the_recording_is_complete() {
+    let (code, stderr, rig) = kill_during_a_run("track");
+    assert_eq!(code, Some(6), "{stderr}");
     let recording = Recording::open(&rig.recordings()[0]).unwrap();
     let rows: Vec<_> = recording.velocities().unwrap().map(Result::unwrap).collect();
     assert_eq!(rows.len() as u64, recording.frame_count());
@@ -75,10 +75,10 @@ fn a_killed_tracker_comes_back_and_the_recording_misses_nothing() {
 
 #[test]
 fn a_killed_recorder_leaves_a_readable_file_and_starts_another() {
-    let (code, told, rig) = kill_during_a_run("record");
-    assert_eq!(code, Some(6), "{told}");
+    let (code, stderr, rig) = kill_during_a_run("record");
+    assert_eq!(code, Some(6), "{stderr}");
     let finished = rig.recordings();
-    assert_eq!(finished.len(), 1, "{told}");
+    assert_eq!(finished.len(), 1, "{stderr}");
     let entries = std::fs::read_dir(rig.path("shots")).unwrap().map(|entry| entry.unwrap().path());
     let part = entries.into_iter().find(|path| path.extension().is_some_and(|name| name == "part")).unwrap();
     let cut = Recording::open(&part).unwrap();
@@ -118,32 +118,32 @@ fn a_killed_supervisor_takes_its_processes_with_it() {
 }
 
 #[test]
-fn a_camera_process_that_is_held_up_counts_the_frames_that_found_no_slot() {
+fn a_stopped_camera_process_counts_the_frames_without_a_slot() {
     let rig = Rig::new();
     let scenario = rig.file("drift.toml", &drift(3000, 300.0));
     let camera = format!("source = \"simulated\"\nscenario = \"{}\"\npaced = true", scenario.display());
     let config = rig.config(&camera, "[workers]\ncount = 0");
     let service = Background::start(ricochet(["run".as_ref(), config.as_os_str()]));
-    let before = wait_until("it films", || {
+    let before = wait_until("frames are recorded", || {
         let status = status(&rig.name)?;
         (number(&status, "record", "sequence") > 60).then_some(status)
     });
     let pid = u32::try_from(number(&before, "acquire", "pid")).unwrap();
     kill(pid, 19);
-    // Twice what its 64 slots take.
+    // Twice the time that its 64 slots last.
     std::thread::sleep(Duration::from_millis(430));
     kill(pid, 18);
-    let after = wait_until("it goes on", || {
+    let after = wait_until("frames are recorded again", || {
         let status = status(&rig.name)?;
         (number(&status, "acquire", "lost") > 0 && number(&status, "record", "sequence") > 300).then_some(status)
     });
     assert_eq!(number(&after, "acquire", "pid"), u64::from(pid));
     service.signal(2);
-    let (code, printed, told) = service.end();
-    assert_eq!(code, Some(6), "{told}");
+    let (code, printed, stderr) = service.end();
+    assert_eq!(code, Some(6), "{stderr}");
     let film = frames(std::path::Path::new(printed.trim()));
     let missing = film.last().unwrap().0.sequence + 1 - film.len() as u64;
-    println!("{missing} frames found no slot: {told}");
+    println!("{missing} frames found no slot: {stderr}");
     assert!(missing >= 30 && film.iter().all(|(meta, _)| meta.epoch == 0), "{missing} missing");
-    assert!(told.contains(&format!("acquire 0 lost {missing}")), "{told}");
+    assert!(stderr.contains(&format!("acquire 0 lost {missing}")), "{stderr}");
 }

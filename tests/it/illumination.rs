@@ -1,10 +1,10 @@
-//! Light that stands in the room, while bodies move and turn in it.
+//! Stationary light, in which bodies move and rotate.
 
 use ricochet::synth::{LightSetup, MotionSetup, Scenario, World};
 
 use crate::measured_world::{level_rig, rows_of};
 
-/// A ball of 114 px that crosses the picture and turns.
+/// A ball of 114 px that crosses the image and rotates.
 fn world(light: LightSetup, (vx, vy, spin_deg): (f64, f64, f64), seed: u64) -> World {
     let mut scenario = Scenario { seed, ..Scenario::translation(vx, vy, spin_deg) };
     (scenario.camera.frames, scenario.camera.width_px, scenario.camera.height_px) = (64, 360, 224);
@@ -17,31 +17,34 @@ fn world(light: LightSetup, (vx, vy, spin_deg): (f64, f64, f64), seed: u64) -> W
     World::new(&scenario).unwrap()
 }
 
-/// Of speeds and of spins: the largest error as a share, and the root mean square in sigmas.
+/// For velocities and spins, the largest relative error and the root mean square of the errors in sigmas.
 fn judge(world: &World, (vx, vy, spin_deg): (f64, f64, f64)) -> [(f64, f64); 2] {
     let setup = world.scenario();
     let rate_hz = setup.camera.frame_rate_hz;
     let m_s = 1e-3 * setup.scale.mm_per_px * rate_hz;
     let truth = [vx * m_s, -vy * m_s, spin_deg.to_radians() * rate_hz];
     let rows = rows_of(world, &level_rig(setup.scale.mm_per_px));
-    let told: Vec<_> = rows.velocities.iter().filter_map(|row| row.velocity).collect();
-    assert!(told.len() > 60, "{} velocities", told.len());
+    let measured: Vec<_> = rows.velocities.iter().filter_map(|row| row.velocity).collect();
+    assert!(measured.len() > 60, "{} velocities", measured.len());
     let [speed, spin] = [truth[0].hypot(truth[1]), truth[2].abs()];
     let (mut most, mut squares) = ([0.0_f64; 2], [0.0; 2]);
-    for told in &told {
-        let off = [(told.vx_m_s - truth[0]).hypot(told.vy_m_s - truth[1]), (told.omega_rad_s - truth[2]).abs()];
-        for (k, (sigma, whole)) in [(told.sigma_v_m_s, speed), (told.sigma_omega_rad_s, spin)].into_iter().enumerate() {
+    for measured in &measured {
+        let off =
+            [(measured.vx_m_s - truth[0]).hypot(measured.vy_m_s - truth[1]), (measured.omega_rad_s - truth[2]).abs()];
+        for (k, (sigma, whole)) in
+            [(measured.sigma_v_m_s, speed), (measured.sigma_omega_rad_s, spin)].into_iter().enumerate()
+        {
             most[k] = most[k].max(off[k] / whole);
             squares[k] += (off[k] / sigma).powi(2);
         }
     }
-    [0, 1].map(|k| (most[k], (squares[k] / told.len() as f64).sqrt()))
+    [0, 1].map(|k| (most[k], (squares[k] / measured.len() as f64).sqrt()))
 }
 
-/// By mean and contrast alone, spins were off by 8 and 12 sigmas rms, up to 34, and by up to 0.17 % of balls of 60 to
+/// With mean and contrast alone, spin errors were 8 and 12 sigma rms, up to 34, and up to 0.17 %, for balls of 60 to
 /// 100 px.
 #[test]
-fn light_from_a_side_does_not_hold_a_spin_back() {
+fn light_from_a_side_does_not_bias_the_spin() {
     for (side, seed) in [(0.25, 3), (0.4, 4)] {
         let motion = (1.37, 0.21, 1.3);
         let light =

@@ -1,35 +1,35 @@
-//! The whole line in real processes: demo, live topics, replay, analysis.
+//! The whole pipeline in real processes: demo, live topics, replay, analysis.
 
 use crate::figures;
 use crate::support::{Background, Rig, csv, frames, ricochet, run, succeed, wait_until};
 use ricochet::recording::Recording;
 
 #[test]
-fn demo_measures_the_truth_and_keeps_it() {
+fn demo_measures_the_truth_and_records_it() {
     let rig = Rig::new();
     let shots = rig.path("shots");
     let printed = succeed(["demo".as_ref(), "lacrosse".as_ref(), "--json".as_ref(), "-o".as_ref(), shots.as_os_str()]);
-    let told: serde_json::Value = serde_json::from_str(&printed).unwrap();
+    let report: serde_json::Value = serde_json::from_str(&printed).unwrap();
     let error = |name: &str| {
-        let row = told["compared"].as_array().unwrap().iter().find(|row| row["name"] == name).unwrap();
+        let row = report["compared"].as_array().unwrap().iter().find(|row| row["name"] == name).unwrap();
         let (measured, truth) = (row["measured"].as_f64().unwrap(), row["true"].as_f64().unwrap());
         println!("{name}: {measured} +- {}, true {truth}", row["sigma"]);
         (measured - truth, truth)
     };
     for name in ["vn_before_m_s", "vn_after_m_s", "vt_before_m_s", "vt_after_m_s", "restitution"] {
         let (error, truth) = error(name);
-        assert!(error.abs() <= 0.01 * truth.abs(), "{name} is off by {error}");
+        assert!(error.abs() <= 0.01 * truth.abs(), "{name}: error {error}");
     }
     let (error_spin, spin) = error("omega_after_rad_s");
-    assert!(error_spin.abs() <= 0.05 * spin.abs(), "the spin is off by {error_spin} rad/s");
+    assert!(error_spin.abs() <= 0.05 * spin.abs(), "spin error {error_spin} rad/s");
     for name in ["start_s", "end_s"] {
         let (error, _) = error(name);
-        assert!(error.abs() <= 1e-4, "{name} is off by {error} s, more than a frame");
+        assert!(error.abs() <= 1e-4, "{name}: error {error} s, more than a frame");
     }
     let recording = Recording::open(&rig.recordings()[0]).unwrap();
     assert_eq!(recording.frame_count(), 100);
     assert_eq!(recording.truncated(), None);
-    let listed = told["figures"].as_array().unwrap();
+    let listed = report["figures"].as_array().unwrap();
     assert!(listed.iter().all(|path| std::path::Path::new(path.as_str().unwrap()).is_file()), "{listed:?}");
     let expected: [(&str, &[&str], usize); 4] = [
         ("fig19-position", &["normal position, mm", "tangential position, mm", "time, ms", "truth"], 2),
@@ -45,8 +45,8 @@ fn demo_tennis_agrees_with_the_truth() {
     let rig = Rig::new();
     let shots = rig.path("shots");
     let printed = succeed(["demo".as_ref(), "tennis".as_ref(), "--json".as_ref(), "-o".as_ref(), shots.as_os_str()]);
-    let told: serde_json::Value = serde_json::from_str(&printed).unwrap();
-    for row in told["compared"].as_array().unwrap() {
+    let report: serde_json::Value = serde_json::from_str(&printed).unwrap();
+    for row in report["compared"].as_array().unwrap() {
         println!("{}: {} +- {}, true {}", row["name"], row["measured"], row["sigma"], row["true"]);
         assert_eq!(row["within"], true, "{row}");
     }
@@ -70,10 +70,10 @@ fn live_topic_recording_and_analysis_give_the_same_bytes() {
     let name = rig.name.as_str();
     let listener = Background::start(ricochet(["listen", "velocity", "--rig", name, "--json", "--wait", "60"]));
     let service = Background::start(ricochet(["run".as_ref(), config.as_os_str()]));
-    let (code, _, told) = service.end();
-    assert_eq!(code, Some(0), "{told}");
-    let (code, printed, told) = listener.end();
-    assert_eq!(code, Some(0), "{told}");
+    let (code, _, stderr) = service.end();
+    assert_eq!(code, Some(0), "{stderr}");
+    let (code, printed, stderr) = listener.end();
+    assert_eq!(code, Some(0), "{stderr}");
 
     let recording = &rig.recordings()[0];
     let recorded = csv(recording, "velocity");
@@ -88,7 +88,7 @@ fn live_topic_recording_and_analysis_give_the_same_bytes() {
     let header = reader.headers().unwrap().clone();
     let rows: Vec<csv::StringRecord> = reader.records().map(Result::unwrap).collect();
     let lines: Vec<serde_json::Value> = printed.lines().map(|line| serde_json::from_str(line).unwrap()).collect();
-    assert_eq!(lines.len(), rows.len(), "a row a frame");
+    assert_eq!(lines.len(), rows.len(), "one row per frame");
     for (line, row) in lines.iter().zip(&rows) {
         for column in ["frame", "stamp_ns", "dx_px", "dtheta_deg", "vx_m_s", "vn_m_s", "omega_rad_s", "sigma_v_m_s"] {
             let cell = &row[header.iter().position(|name| name == column).unwrap()];
@@ -113,7 +113,7 @@ fn results_do_not_depend_on_workers_or_pace() {
         succeed(arguments.into_iter().chain(["-o".as_ref(), results.as_os_str()]));
         all.push((format!("analysis by {workers}"), tables(&results)));
     }
-    // The third replay repeats the first: two runs of the same.
+    // The third replay repeats the first: two identical runs.
     for (number, (rate, workers)) in [("max", "1"), ("1", "2"), ("max", "1"), ("max", "3")].into_iter().enumerate() {
         let shots = rig.path(&format!("replay-{number}"));
         let name = format!("{}-{number}", rig.name);
@@ -129,7 +129,7 @@ fn results_do_not_depend_on_workers_or_pace() {
 }
 
 #[test]
-fn a_software_trigger_keeps_what_was_before_it_and_analysis_agrees() {
+fn a_software_trigger_records_the_time_before_it_and_analysis_agrees() {
     let rig = Rig::new();
     let scenario = rig.file("drift.toml", &drift(2000, 250.0));
     let camera = format!("source = \"simulated\"\nscenario = \"{}\"\npaced = true", scenario.display());
@@ -139,7 +139,7 @@ fn a_software_trigger_keeps_what_was_before_it_and_analysis_agrees() {
     );
     let service = Background::start(ricochet(["run".as_ref(), config.as_os_str()]));
     let name = rig.name.as_str();
-    wait_until("half a second was filmed", || {
+    wait_until("half a second is recorded", || {
         let status = crate::support::status(name)?;
         (crate::support::process(&status, "acquire", 0)?["sequence"].as_u64()? > 125).then_some(())
     });
@@ -148,8 +148,8 @@ fn a_software_trigger_keeps_what_was_before_it_and_analysis_agrees() {
     let refused = run(["trigger", "--rig", "no-such-rig"]);
     assert_eq!(refused.status.code(), Some(4));
     service.signal(15);
-    let (code, printed, told) = service.end();
-    assert_eq!(code, Some(0), "{told}");
+    let (code, printed, stderr) = service.end();
+    assert_eq!(code, Some(0), "{stderr}");
     let path = &rig.recordings()[0];
     assert_eq!(printed.trim(), path.to_str().unwrap());
 
@@ -165,25 +165,25 @@ fn a_software_trigger_keeps_what_was_before_it_and_analysis_agrees() {
 }
 
 #[test]
-fn motion_triggers_a_shot_by_itself() {
+fn motion_triggers_a_shot() {
     let rig = Rig::new();
     let scenario = rig.file("fast.toml", &moving(400, 400.0, [60.0, 80.0], [0.0, 0.0]));
     let still = format!("source = \"simulated\"\nscenario = \"{}\"\npaced = true", scenario.display());
     let trigger = "[trigger]\nmode = \"motion\"\nthreshold_dn = 6\npre_s = 0.05\npost_s = 0.05\n";
     let config = rig.config(&still, trigger);
-    // A ball at rest does not trigger: noise of 2 grey levels changes the level by 2.3.
-    let (code, printed, told) = Background::start(ricochet(["run".as_ref(), config.as_os_str()])).end();
-    assert_eq!((code, printed.as_str()), (Some(0), ""), "{told}");
+    // A ball at rest does not trigger, because noise of 2 grey levels changes the mean level by 2.3.
+    let (code, printed, stderr) = Background::start(ricochet(["run".as_ref(), config.as_os_str()])).end();
+    assert_eq!((code, printed.as_str()), (Some(0), ""), "{stderr}");
     let scenario =
         rig.file("moving.toml", &moving(400, 400.0, [40.0, 80.0], [3.0, 0.0]).replace("frames = 400", "frames = 40"));
     let moving = format!("source = \"simulated\"\nscenario = \"{}\"\npaced = true", scenario.display());
     let config = rig.config(&moving, trigger);
-    let (code, _, told) = Background::start(ricochet(["run".as_ref(), config.as_os_str()])).end();
-    assert_eq!(code, Some(0), "{told}");
-    assert_eq!(rig.recordings().len(), 1, "{told}");
+    let (code, _, stderr) = Background::start(ricochet(["run".as_ref(), config.as_os_str()])).end();
+    assert_eq!(code, Some(0), "{stderr}");
+    assert_eq!(rig.recordings().len(), 1, "{stderr}");
 }
 
-/// A small ball that drifts slowly, for as many frames as it takes.
+/// A small ball that drifts slowly for this many frames.
 pub fn drift(frames: u64, rate_hz: f64) -> String {
     moving(frames, rate_hz, [60.0, 64.0], [16.0 / frames as f64, 0.0])
 }

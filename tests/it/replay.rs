@@ -1,4 +1,4 @@
-//! `ricochet replay`: frame by frame, at other times, several recordings at once, recordings of several files.
+//! `ricochet replay`: frame by frame, with shifted times, several recordings together, recordings of several files.
 
 use crate::pipeline::drift;
 use crate::pipeline_faults::{analysis, drifting, film, tables, write};
@@ -11,7 +11,7 @@ use std::process::Stdio;
 
 type Film = Vec<(FrameMeta, Vec<u8>)>;
 
-/// A film of a drift, its rig file and its recording.
+/// Records a drift and returns the rig file, the frames and the recording.
 fn filmed(rig: &Rig) -> (PathBuf, Film, PathBuf) {
     let config = drifting(rig, "", "[workers]\nblock_frames = 8");
     let frames = film(rig);
@@ -26,40 +26,40 @@ fn analysed(rig: &Rig, film: &Path) -> [String; 4] {
     tables
 }
 
-/// Replays with these lines on standard input; gives the recordings and what was said.
+/// Replays with these lines on standard input and returns the recordings and the standard error.
 fn stepped(rig: &Rig, files: &[&Path], shots: &str, lines: &str) -> (Vec<PathBuf>, String) {
     let mut command = ricochet(["replay", "--step", "--workers", "2", "-o", rig.path(shots).to_str().unwrap()]);
     command.args(["--rig", &rig.name]).args(files);
     let mut child = command.stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
     child.stdin.take().unwrap().write_all(lines.as_bytes()).unwrap();
     let output = child.wait_with_output().unwrap();
-    let told = String::from_utf8(output.stderr).unwrap();
-    assert_eq!(output.status.code(), Some(0), "{told}");
+    let stderr = String::from_utf8(output.stderr).unwrap();
+    assert_eq!(output.status.code(), Some(0), "{stderr}");
     let printed = String::from_utf8(output.stdout).unwrap();
-    (printed.lines().map(PathBuf::from).collect(), told)
+    (printed.lines().map(PathBuf::from).collect(), stderr)
 }
 
 #[test]
-fn each_line_plays_a_frame_and_the_end_of_the_lines_is_the_end_of_the_film() {
+fn each_line_plays_a_frame_and_the_end_of_input_ends_the_replay() {
     let rig = Rig::new();
     let (config, film, path) = filmed(&rig);
     let part = rig.path("part.mcap");
     write(&part, &config, &film[..22]);
     let wanted = analysed(&rig, &part);
     for (shots, lines) in [("end", "\n3\nfoo\n\n17\n"), ("q", "22\nq\n\n\n")] {
-        let (recordings, told) = stepped(&rig, &[&path], shots, lines);
-        assert_eq!(recordings.len(), 1, "{told}");
+        let (recordings, stderr) = stepped(&rig, &[&path], shots, lines);
+        assert_eq!(recordings.len(), 1, "{stderr}");
         assert_eq!(frames(&recordings[0]), film[..22]);
         assert!(tables(&recordings[0]) == wanted, "{shots}");
-        assert!(told.contains(&format!("{}: frame 0 at 0.000000 s; Enter plays it", rig.name)), "{told}");
-        assert!(told.contains("frame 22 at 0.022000 s"), "{told}");
-        assert_eq!(told.contains("\"foo\" is neither empty, nor a number"), shots == "end", "{told}");
+        assert!(stderr.contains(&format!("{}: frame 0 at 0.000000 s; Enter plays it", rig.name)), "{stderr}");
+        assert!(stderr.contains("frame 22 at 0.022000 s"), "{stderr}");
+        assert_eq!(stderr.contains("\"foo\" is neither empty, nor a number"), shots == "end", "{stderr}");
     }
     let (recordings, _) = stepped(&rig, &[&path], "all", "1000\n");
     assert!(tables(&recordings[0]) == analysed(&rig, &path));
 }
 
-/// Everything but the stamps.
+/// The table without its stamps.
 fn without_stamps(table: &str) -> String {
     let mut reader = csv::Reader::from_reader(table.as_bytes());
     let stamps: Vec<bool> = reader.headers().unwrap().iter().map(|name| name == "stamp_ns").collect();
@@ -92,12 +92,12 @@ fn shifted_times_change_the_stamps_and_nothing_else() {
 }
 
 #[test]
-fn two_cameras_play_on_a_rig_each_with_their_frames_in_the_order_of_time() {
+fn two_cameras_are_replayed_on_two_rigs_in_the_order_of_time() {
     let (rig, other) = (Rig::new(), Rig::new());
     let (_, film, path) = filmed(&rig);
     other.file("drift.toml", &drift(40, 1000.0));
     let config = drifting(&other, "", "[workers]\nblock_frames = 4");
-    // Begins 5.4 periods later, has the same sequence numbers and epochs.
+    // The second film starts 5.4 periods later and has the same sequence numbers and epochs.
     let late = |(meta, bytes): &(FrameMeta, Vec<u8>)| {
         (FrameMeta { stamp_ns: meta.stamp_ns + 5_400_000, ..*meta }, bytes.clone())
     };
@@ -105,8 +105,8 @@ fn two_cameras_play_on_a_rig_each_with_their_frames_in_the_order_of_time() {
     let second = other.path("second.mcap");
     write(&second, &config, &later);
     let wanted = [analysed(&rig, &path), analysed(&other, &second)];
-    let (recordings, told) = stepped(&rig, &[&second, &path], "step", &"\n".repeat(80));
-    assert_eq!(recordings.len(), 2, "{told}");
+    let (recordings, stderr) = stepped(&rig, &[&second, &path], "step", &"\n".repeat(80));
+    assert_eq!(recordings.len(), 2, "{stderr}");
     let names = [rig.name.clone(), format!("{}-2", rig.name)];
     let mut order: Vec<(u64, String)> = [(&film, &names[0]), (&later, &names[1])]
         .into_iter()
@@ -115,9 +115,9 @@ fn two_cameras_play_on_a_rig_each_with_their_frames_in_the_order_of_time() {
         })
         .collect();
     order.sort();
-    let asked = told.split("ends: ").filter(|text| text.contains("frame"));
-    assert!(asked.zip(&order).all(|(text, (_, wanted))| text.starts_with(wanted.as_str())), "{told}");
-    assert_eq!(told.matches("Enter plays it").count(), 80, "{told}");
+    let asked = stderr.split("ends: ").filter(|text| text.contains("frame"));
+    assert!(asked.zip(&order).all(|(text, (_, wanted))| text.starts_with(wanted.as_str())), "{stderr}");
+    assert_eq!(stderr.matches("Enter plays it").count(), 80, "{stderr}");
     assert!(recordings.iter().zip(&wanted).all(|(recording, wanted)| tables(recording) == *wanted));
 
     for rate in ["max", "0.5"] {
@@ -129,7 +129,7 @@ fn two_cameras_play_on_a_rig_each_with_their_frames_in_the_order_of_time() {
         assert!(printed.lines().zip(&wanted).all(|(path, wanted)| tables(Path::new(path)) == *wanted), "{rate}");
         assert_eq!(printed.lines().count(), 2);
     }
-    // A part of the whole lies where it lies in each: frames 10 to 19 of one, 5 to 14 of the other.
+    // A time span selects frames 10 to 19 of one film and 5 to 14 of the other.
     let shots = rig.path("part");
     let mut command = ricochet(["replay", "--rate", "max", "--rig", &rig.name, "-o", shots.to_str().unwrap()]);
     let output = command.args(["--from", "0.01", "--to", "0.02"]).args([&path, &second]).output().unwrap();
@@ -139,7 +139,7 @@ fn two_cameras_play_on_a_rig_each_with_their_frames_in_the_order_of_time() {
 }
 
 #[test]
-fn parts_of_one_stream_play_as_one_in_whatever_order_they_are_named() {
+fn files_of_one_stream_are_replayed_as_one_in_any_order() {
     let rig = Rig::new();
     let (config, film, path) = filmed(&rig);
     let [first, second] = ["first.mcap", "second.mcap"].map(|name| rig.path(name));

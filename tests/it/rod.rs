@@ -11,7 +11,7 @@ mod scene;
 
 use scene::{SCENE, Scene};
 
-/// Edges of the simulated rod from the middle of its speckled tape, px.
+/// The edges of the simulated rod, from the middle of its speckled tape, px.
 const EDGES: [f64; 4] = [-25.0, 25.0, 45.0, 65.0];
 /// The region of `config/rod.toml`.
 const REGION: [u32; 4] = [0, 0, 64, 136];
@@ -20,7 +20,7 @@ fn film(name: &str, seed: u64) -> World {
     World::new(&Scenario { seed, ..Scenario::built_in(name).unwrap() }).unwrap()
 }
 
-/// One frame as a camera would give it, noise and all.
+/// One frame as a camera would record it, with noise.
 fn picture(world: &World, index: u64, bytes: &mut [u8]) -> Image {
     world.render(index, bytes);
     let meta = ricochet::camera::simulated::meta(world, index);
@@ -38,7 +38,7 @@ fn places(rod: &Rod) -> [Option<f64>; 4] {
 }
 
 #[test]
-fn edges_of_simulated_tapes_are_within_0_02_px_and_say_how_well() {
+fn edges_of_simulated_tapes_are_within_0_02_px_with_a_fitting_sigma() {
     for seed in [3, 11, 29, 42] {
         let world = film("rod", seed);
         let finder = RodFinder::new(&params(), 64, 160).unwrap();
@@ -66,7 +66,7 @@ fn edges_of_simulated_tapes_are_within_0_02_px_and_say_how_well() {
                 "seed {seed}, edge {}: {n} of {count}, bias {bias:.4}, rms {rms:.4} px, pulls {pulls:.2}",
                 edge + 1
             );
-            // A clean tape's edges are surer.
+            // The edges of the clean tape are more precise.
             let limit = if edge >= 2 { 0.01 } else { 0.02 };
             assert!(errors.is_empty() || rms <= limit, "edge {}: {rms} px", edge + 1);
             assert!(errors.is_empty() || (0.3..2.0).contains(&pulls), "edge {}: pulls {pulls}", edge + 1);
@@ -80,7 +80,7 @@ fn edges_of_simulated_tapes_are_within_0_02_px_and_say_how_well() {
 }
 
 #[test]
-fn edges_of_a_speckled_tape_are_where_they_are_when_light_changes_along_the_rod() {
+fn changing_light_along_the_rod_does_not_bias_the_edges_of_a_speckled_tape() {
     for gradient_y in [-0.1, 0.1] {
         let mut errors: [Vec<(f64, f64)>; 2] = Default::default();
         for seed in [3, 11, 29, 42] {
@@ -99,7 +99,7 @@ fn edges_of_a_speckled_tape_are_where_they_are_when_light_changes_along_the_rod(
                 }
             }
         }
-        // With the paint of the clean tape as it is there, they were off by up to 0.040 and 0.027 px.
+        // With the paint levels of the clean tape uncorrected, errors were up to 0.040 and 0.027 px.
         for (errors, limit) in errors.iter().zip([0.02, 0.015]) {
             let mean = |of: &dyn Fn(f64, f64) -> f64| {
                 errors.iter().map(|(error, sigma)| of(*error, *sigma)).sum::<f64>() / errors.len() as f64
@@ -112,7 +112,7 @@ fn edges_of_a_speckled_tape_are_where_they_are_when_light_changes_along_the_rod(
 }
 
 #[test]
-fn edges_of_overexposed_tapes_say_how_far_off_they_may_be() {
+fn edges_of_overexposed_tapes_have_the_sigma_they_claim() {
     let world = film("rod", 11);
     let finder = RodFinder::new(&params(), 64, 160).unwrap();
     let mut bytes = vec![0; world.frame_bytes()];
@@ -123,18 +123,18 @@ fn edges_of_overexposed_tapes_say_how_far_off_they_may_be() {
             image.data_mut().iter_mut().for_each(|grey| *grey = (*grey * exposure).round().min(255.0));
             let Ok(found) = finder.find(image.view()) else { continue };
             let middle_px = world.truth(index).center_y_px.unwrap();
-            let told = found.rod.edges.iter().zip(EDGES).filter_map(|(edge, offset)| Some(((*edge)?.y_px?, offset)));
-            pulls.extend(told.map(|(y_px, offset)| (y_px.value - middle_px - offset) / y_px.sigma));
+            let offsets = found.rod.edges.iter().zip(EDGES).filter_map(|(edge, offset)| Some(((*edge)?.y_px?, offset)));
+            pulls.extend(offsets.map(|(y_px, offset)| (y_px.value - middle_px - offset) / y_px.sigma));
         }
         let rms = (pulls.iter().map(|pull| pull * pull).sum::<f64>() / pulls.len() as f64).sqrt();
-        println!("exposure {exposure}: {} edges, off by {rms:.2} of their sigmas", pulls.len());
+        println!("exposure {exposure}: {} edges, errors {rms:.2} sigma rms", pulls.len());
         assert!(pulls.len() > 20 && rms < 2.0, "{exposure}: {rms} of {}", pulls.len());
     }
 }
 
 #[test]
-fn the_flat_below_is_not_taken_for_the_rod() {
-    // The whole picture is searched: the flat's edge is as strong as those of the tapes, and goes on beside the rod.
+fn the_flat_below_the_rod_is_not_taken_for_the_rod() {
+    // The whole image is searched. The edge of the flat is as strong as those of the tapes and extends past the rod.
     let world = film("rod", 3);
     let finder = RodFinder::new(&RodParams::new(4), 64, 160).unwrap();
     let mut bytes = vec![0; world.frame_bytes()];
@@ -150,7 +150,7 @@ fn the_flat_below_is_not_taken_for_the_rod() {
 }
 
 #[test]
-fn sums_of_black_and_white_find_the_same_edges_to_a_pixel() {
+fn black_and_white_projections_find_the_same_edges_within_a_pixel() {
     let world = film("rod", 3);
     let mut bytes = vec![0; world.frame_bytes()];
     for index in [0, 60, 120, 200] {
@@ -190,7 +190,7 @@ fn a_leaning_rod_has_its_tilt_counter_clockwise_and_its_edges_on_its_middle() {
         for (found, exact) in places(&rod).map(Option::unwrap).iter().zip(scene.edges_px()) {
             assert!((found - exact).abs() <= 0.02, "{tilt_deg} deg: {found} for {exact}");
         }
-        // The rod's point is half a pixel along from the scene's centre.
+        // The point of the rod lies half a pixel along the rod from the centre of the scene.
         let middle = scene.center[0] + 0.5 * tilt_deg.to_radians().sin();
         assert!((rod.x_px.value - middle).abs() <= 0.03, "{tilt_deg}: {:?}", rod.x_px);
     }
@@ -198,17 +198,17 @@ fn a_leaning_rod_has_its_tilt_counter_clockwise_and_its_edges_on_its_middle() {
 }
 
 #[test]
-fn what_is_no_rod_is_refused_with_its_reason() {
+fn a_scene_without_a_rod_is_refused_with_the_reason() {
     let refused = |scene: Scene, edges: u32| {
         let finder = RodFinder::new(&RodParams::new(edges), scene.width, scene.height).unwrap();
         finder.find(scene.draw().view()).map(|sight| sight.rod).unwrap_err()
     };
     assert_eq!(refused(Scene { shades: [60.0; 3], ..SCENE }, 4), PointStatus::LowContrast);
     assert_eq!(refused(Scene { shades: [20.0, 22.0, 26.0], ..SCENE }, 4), PointStatus::LowContrast);
-    // One tape where two are expected, and two where one is.
+    // One tape where two are expected, and the reverse.
     assert_eq!(refused(Scene { edges: [-22.0, 23.0, 120.0, 130.0], ..SCENE }, 4), PointStatus::Lost);
     assert_eq!(refused(SCENE, 2), PointStatus::Ambiguous);
-    // No sides in sight.
+    // No sides visible.
     assert_eq!(refused(Scene { half_width: 60.0, ..SCENE }, 4), PointStatus::Lost);
     let flat = Image::new(70, 150);
     let finder = RodFinder::new(&RodParams::new(4), 70, 150).unwrap();
@@ -216,7 +216,7 @@ fn what_is_no_rod_is_refused_with_its_reason() {
 }
 
 #[test]
-fn an_edge_that_leaves_the_picture_is_told_and_the_others_go_on() {
+fn an_edge_that_leaves_the_image_is_missing_and_the_others_are_still_measured() {
     let finder = RodFinder::new(&RodParams::new(4), SCENE.width, SCENE.height).unwrap();
     let mut sight = finder.find(SCENE.draw().view()).unwrap();
     let mut last = None;
@@ -232,18 +232,19 @@ fn an_edge_that_leaves_the_picture_is_told_and_the_others_go_on() {
         assert!((sight.rod.y_px.value - scene.center[1] - 0.5).abs() < 0.1, "step {step}: {:?}", sight.rod.y_px);
         last = sight.rod.edges[0];
     }
-    assert_eq!(last.unwrap().y_px, None, "the upper edge left the picture");
+    assert_eq!(last.unwrap().y_px, None, "the upper edge left the image");
     let soft = Scene { blur: 5.0, ..SCENE };
     let near = finder.find(SCENE.draw().view()).unwrap();
     assert!(finder.follow(soft.draw().view(), &near).is_err(), "nothing sharp is left to be placed");
 }
 
-/// Everything that is measured of a film with `config/rod.toml`.
+/// Measures a film with `config/rod.toml`.
 fn measure(world: &World) -> TrackerRows {
     crate::measured_world::rows_of(world, include_str!("../../config/rod.toml"))
 }
 
-/// Root mean square and largest error of the normal velocity in one phase of the truth, percent of the approach.
+/// Root mean square and maximum error of the normal velocity in these phases of the truth, percent of the approach
+/// speed.
 fn velocity_error(rows: &TrackerRows, world: &World, phases: &[Phase]) -> [f64; 2] {
     let (mut squares, mut count, mut largest) = (0.0, 0.0, 0.0_f64);
     for row in &rows.velocities {
@@ -259,7 +260,7 @@ fn velocity_error(rows: &TrackerRows, world: &World, phases: &[Phase]) -> [f64; 
 }
 
 #[test]
-fn velocity_and_impact_of_a_rod_are_those_of_the_truth() {
+fn velocity_and_impact_of_a_rod_match_the_truth() {
     for seed in [3, 11, 29, 42] {
         let world = film("rod", seed);
         let rows = measure(&world);
@@ -279,9 +280,9 @@ fn velocity_and_impact_of_a_rod_are_those_of_the_truth() {
             (frames(error(|i| i.start_s)), frames(error(|i| i.deepest_s)), frames(error(|i| i.end_s)));
         let restitution = error(|i| i.restitution);
         println!("seed {seed}: start {start:.3?}, deepest {deepest:.3?}, end {end:.3?} frames, e {restitution:.5?}");
-        assert!(restitution.0.abs() <= 0.002, "restitution is off by {}", restitution.0);
-        assert!(deepest.0.abs() <= 0.1, "deepest is off by {} frames", deepest.0);
-        // Under this law the force jumps at the start, so that start and end are its 2 % moments.
+        assert!(restitution.0.abs() <= 0.002, "restitution error {}", restitution.0);
+        assert!(deepest.0.abs() <= 0.1, "error of the deepest moment {} frames", deepest.0);
+        // With this law the force jumps at the start, so that start and end are the moments of 2 % force.
         assert!(start.0.abs() <= 0.5 && end.0.abs() <= 0.5, "{start:?}, {end:?} frames");
         assert_eq!((measured.omega_before_rad_s, measured.omega_after_rad_s), (None, None), "a rod has no spin");
         assert_eq!((measured.restitution_tangential, measured.slip_end_s), (None, None));
@@ -305,16 +306,16 @@ fn a_soft_contact_is_measured_as_well() {
             impact.numbers().into_iter().find(|(column, _)| *column == name).unwrap().1.unwrap()
         };
         let error = 40_000.0 * (of(&measured).value - of(&truth).value);
-        println!("{name}: off by {error:.3} frames, sigma {:.3}", 40_000.0 * of(&measured).sigma);
+        println!("{name}: error {error:.3} frames, sigma {:.3}", 40_000.0 * of(&measured).sigma);
         assert!(error.abs() <= frames, "{name}");
     }
     let error = measured.restitution.unwrap().value - truth.restitution.unwrap().value;
-    println!("restitution: off by {error:.5}");
-    assert!(error.abs() <= 0.002, "restitution is off by {error}");
+    println!("restitution: error {error:.5}");
+    assert!(error.abs() <= 0.002, "restitution error {error}");
 }
 
 #[test]
-fn the_velocity_has_no_plateau_where_the_rod_turns_round() {
+fn the_velocity_has_no_plateau_where_the_rod_reverses() {
     let world = film("rod", 3);
     let rows = measure(&world);
     let slow: Vec<(f64, f64)> = rows
@@ -327,7 +328,7 @@ fn the_velocity_has_no_plateau_where_the_rod_turns_round() {
         })
         .collect();
     assert!(slow.len() >= 5, "{slow:?}");
-    // A dead zone would show as zeros; here each frame is faster than the one before by what the truth gains.
+    // A dead zone would show as zeros. Here each frame is faster than the one before by the gain of the truth.
     let n = slow.len() as f64;
     let (x, y) = (slow.iter().map(|p| p.0).sum::<f64>() / n, slow.iter().map(|p| p.1).sum::<f64>() / n);
     let slope =
@@ -343,7 +344,7 @@ fn the_velocity_has_no_plateau_where_the_rod_turns_round() {
 }
 
 #[test]
-fn sound_in_the_rod_is_not_taken_for_a_contact_law() {
+fn elastic_waves_in_the_rod_are_not_taken_for_a_contact_law() {
     let world = film("rod-ringing", 3);
     let rows = measure(&world);
     let [free, _] = velocity_error(&rows, &world, &[Phase::Flight]);
@@ -354,11 +355,11 @@ fn sound_in_the_rod_is_not_taken_for_a_contact_law() {
     println!("restitution {:?} for {}", measured.restitution, truth.restitution.unwrap().value);
     assert!((before.value - exact).abs() <= 0.002 * exact.abs());
     let off = measured.restitution.unwrap().value - truth.restitution.unwrap().value;
-    assert!(off.abs() <= 4.0 * measured.restitution.unwrap().sigma.max(0.002), "restitution is off by {off}");
+    assert!(off.abs() <= 4.0 * measured.restitution.unwrap().sigma.max(0.002), "restitution error {off}");
 }
 
 #[test]
-fn demo_rod_agrees_with_the_truth_and_its_recording_with_every_number_of_workers() {
+fn demo_rod_agrees_with_the_truth_and_with_its_analysis_by_any_number_of_workers() {
     let rig = Rig::new();
     let shots = rig.path("shots");
     let printed = succeed(["demo".as_ref(), "rod".as_ref(), "-o".as_ref(), shots.as_os_str()]);
@@ -390,11 +391,11 @@ fn demo_rod_agrees_with_the_truth_and_its_recording_with_every_number_of_workers
     }
 }
 
-/// The pull of a dashpot at the end of a contact looks like flight at first, so that its end is moved to later. Frames
-/// of which it was told already that the rod is free then lie before it: 11 of 200 rods touched a second time for a
-/// frame.
+/// The pull of a dashpot at the end of a contact looks like flight at first, so that the end of contact is moved to
+/// later. Frames already reported as free then lie before it. For 11 of 200 rods this looked like a second contact of
+/// one frame.
 #[test]
-fn a_rod_that_was_told_to_be_free_is_not_told_to_touch_again() {
+fn a_rod_reported_as_free_is_not_reported_in_contact_again() {
     let experiment = crate::synth_physics::rod(false);
     for seed in 0..200 {
         let mut noise = crate::synth_physics::Noise::new(seed + 5_000);

@@ -1,19 +1,19 @@
-//! `ricochet study convergence`: its table, its verdict, and what it refuses.
+//! `ricochet study convergence`: its table, its verdict, and its refusals.
 
 use crate::support::{Rig, run, succeed};
 use serde_json::Value;
 
-/// The study of the drawn pattern, coarse enough to be quick: what was told, the table, the figure.
+/// Runs the study of the drawn pattern, coarse enough to be quick, and returns report, table and figure.
 fn drawn(rig: &Rig) -> (Value, Vec<Vec<String>>, String) {
     let output = rig.path("made/settle");
-    let told = succeed(["study", "convergence", "--step", "26", "--json", "-o", output.to_str().unwrap()]);
+    let printed = succeed(["study", "convergence", "--step", "26", "--json", "-o", output.to_str().unwrap()]);
     let mut reader = csv::ReaderBuilder::new().has_headers(false).from_path(output.join("convergence.csv")).unwrap();
     let table = reader.records().map(|row| row.unwrap().iter().map(str::to_owned).collect()).collect();
     let figure = std::fs::read_to_string(output.join("convergence.svg")).unwrap();
-    (serde_json::from_str(&told).unwrap(), table, figure)
+    (serde_json::from_str(&printed).unwrap(), table, figure)
 }
 
-/// The places of the marks that look like this, left to right.
+/// The positions of marks of one kind, left to right.
 fn marks(figure: &str, start: &str, names: [&str; 2]) -> Vec<[f64; 2]> {
     let number = |line: &str, name: &str| {
         let from = line.split_once(&format!(" {name}=\"")).unwrap().1;
@@ -22,7 +22,7 @@ fn marks(figure: &str, start: &str, names: [&str; 2]) -> Vec<[f64; 2]> {
     figure.lines().filter(|line| line.starts_with(start)).map(|line| names.map(|name| number(line, name))).collect()
 }
 
-/// Two curves, each with a mark for every number of points, in two panels; in the first there is nothing for 0 points.
+/// Checks two curves in two panels, with a mark for every number of points. The first panel has none at 0 points.
 fn figure_shows(figure: &str, rows: &[Value]) {
     assert!(figure.starts_with("<svg ") && figure.trim_end().ends_with("</svg>"));
     assert!(!figure.contains("href") && !figure.contains("url("), "it needs nothing else");
@@ -31,18 +31,18 @@ fn figure_shows(figure: &str, rows: &[Value]) {
     }
     let discs = marks(figure, "<circle class=\"a dot\"", ["cx", "cy"]);
     let squares = marks(figure, "<rect class=\"b dot\"", ["x", "y"]);
-    // One of each is in the legend of a panel.
+    // One mark of each kind is in the legend of a panel.
     assert_eq!((discs.len(), squares.len()), (8 + 9 + 2, 8 + 9 + 2));
     let errors = |fit: bool| {
         let rows = rows.iter().filter(move |row| row["peak_fit"] == fit);
         rows.map(|row| row["rms_px"].as_f64().unwrap().log10()).collect::<Vec<_>>()
     };
-    // Equal distances on the page are equal ratios of the numbers, the same ones for both curves.
+    // The axes are logarithmic: equal distances are equal ratios, the same for both curves.
     let drawn =
         |marks: &[[f64; 2]]| marks[marks.len() - 10..marks.len() - 1].iter().map(|at| at[1]).collect::<Vec<_>>();
     let (y, logs) = (drawn(&discs), errors(true));
     let (bare_y, bare_logs) = (drawn(&squares), errors(false));
-    // Of the curve that spans more: places are written to a tenth.
+    // The scale is taken from the curve with the larger span, because positions are written to 0.1.
     let per_decade = (bare_y[0] - bare_y[8]) / (bare_logs[0] - bare_logs[8]);
     assert!(per_decade < -20.0, "more error is higher: {per_decade} px a decade");
     let places = y.iter().copied().chain(bare_y.iter().map(|y| y + 3.5));
@@ -53,7 +53,7 @@ fn figure_shows(figure: &str, rows: &[Value]) {
 }
 
 #[test]
-fn the_peak_fit_settles_within_three_thousandths_of_the_truth_and_the_bare_grid_does_not_settle() {
+fn the_peak_fit_converges_within_0_003_px_and_the_bare_grid_does_not() {
     let (study, table, figure) = drawn(&Rig::new());
     let rows = study["rows"].as_array().unwrap();
     assert_eq!(rows.len(), 19, "ic-gn, and nine numbers of points with and without the fit");
@@ -69,16 +69,16 @@ fn the_peak_fit_settles_within_three_thousandths_of_the_truth_and_the_bare_grid_
     assert!((1..=7).contains(&settled), "{settled}");
     assert_eq!(study["settled_points_without_peak_fit"], Value::Null);
     let (fitted, bare) = (row(settled, true), row(20, false));
-    // The method's note has 0.0013 to 0.0017 px of mean error with a fit.
+    // The paper gives a mean error of 0.0013 to 0.0017 px with a fit.
     assert!(number(fitted, "bias_px") < 0.003 && number(fitted, "rms_px") < 0.006, "{fitted}");
-    // Half a grid step of 1/21 px is the most, spread evenly it is 0.0137 px rms.
+    // At most half a grid step of 1/21 px. A uniform error is 0.0137 px rms.
     assert!(number(bare, "rms_px") > 0.01 && number(bare, "max_px") < 0.0239 + 0.01, "{bare}");
     assert!(number(row(0, true), "bias_px") > number(fitted, "bias_px"), "more points help");
     for row in rows {
         let (valid, subsets) = (row["valid"].as_u64().unwrap(), row["subsets"].as_u64().unwrap());
-        // Neighbours on different points of a coarse grid may take each other for outliers.
-        let least = if row["peak_fit"] == false { subsets * 9 / 10 } else { subsets };
-        assert!((least..=subsets).contains(&valid), "{row}");
+        // On a coarse grid, neighbours on different points may be rejected as outliers of each other.
+        let fewest = if row["peak_fit"] == false { subsets * 9 / 10 } else { subsets };
+        assert!((fewest..=subsets).contains(&valid), "{row}");
         assert!(number(row, "time_s") > 0.0);
     }
     assert_eq!(number(row(1, true), "compared"), number(fitted, "subsets"));
@@ -86,7 +86,7 @@ fn the_peak_fit_settles_within_three_thousandths_of_the_truth_and_the_bare_grid_
 }
 
 #[test]
-fn two_files_are_studied_beside_their_ic_gn_displacement() {
+fn two_files_are_studied_against_their_ic_gn_displacement() {
     let rig = Rig::new();
     let (reference, target) = crate::field::write_pair(rig.path("").as_path(), (2, -1));
     let files = [reference.to_str().unwrap(), target.to_str().unwrap()];
@@ -94,8 +94,8 @@ fn two_files_are_studied_beside_their_ic_gn_displacement() {
         let start = ["study", "convergence"].map(str::to_owned).into_iter().chain(files.map(str::to_owned));
         start.chain(rest.iter().map(|word| (*word).to_owned())).collect::<Vec<_>>()
     };
-    let told = succeed(line(&["--subset", "21", "--roi", "8,8,76,60"]));
-    let verdict = told.lines().find(|line| line.starts_with("with the peak fit: ")).unwrap();
+    let printed = succeed(line(&["--subset", "21", "--roi", "8,8,76,60"]));
+    let verdict = printed.lines().find(|line| line.starts_with("with the peak fit: ")).unwrap();
     assert!(verdict.contains("settled at"), "{verdict}");
     assert!(verdict.contains("ic-gn: mean u 2.00") && verdict.contains("v -1.00"), "{verdict}");
     let study: Value = serde_json::from_str(&succeed(line(&["--subset", "21", "--json"]))).unwrap();
@@ -108,20 +108,21 @@ fn two_files_are_studied_beside_their_ic_gn_displacement() {
     let output = rig.path("settle");
     std::fs::create_dir(&output).unwrap();
     std::fs::write(output.join("convergence.csv"), "earlier\n".repeat(10_000)).unwrap();
-    let told = succeed(line(&["--subset", "21"]).into_iter().chain(["-o".into(), output.to_str().unwrap().to_owned()]));
-    assert!(told.contains("with the peak fit: settled"), "{told}");
+    let printed =
+        succeed(line(&["--subset", "21"]).into_iter().chain(["-o".into(), output.to_str().unwrap().to_owned()]));
+    assert!(printed.contains("with the peak fit: settled"), "{printed}");
     let table = std::fs::read_to_string(output.join("convergence.csv")).unwrap();
     assert!(table.starts_with("method,") && !table.contains("earlier"));
     let figure = std::fs::read_to_string(output.join("convergence.svg")).unwrap();
-    assert!(figure.contains("reference.png to ") && figure.contains("target.bmp"), "says of what");
+    assert!(figure.contains("reference.png to ") && figure.contains("target.bmp"), "the figure names its images");
     assert!(!figure.contains("rms error"), "one panel where the truth is not known");
-    // Every shift of the bare grid is the same whole number: no change, which is a mark at 0 and no line.
+    // Every displacement of the bare grid is the same whole number: no change, which is a mark at 0 and no line.
     assert_eq!(marks(&figure, "<rect class=\"b dot\"", ["x", "y"]).len(), 8 + 1);
     assert!(figure.contains(">0</text>\n"));
 }
 
 #[test]
-fn what_cannot_be_studied_is_one_line() {
+fn impossible_studies_are_refused_in_one_line() {
     let rig = Rig::new();
     let (reference, target) = crate::field::write_pair(rig.path("").as_path(), (0, 0));
     let (reference, target) = (reference.to_str().unwrap(), target.to_str().unwrap());
@@ -129,9 +130,9 @@ fn what_cannot_be_studied_is_one_line() {
     assert!(help.contains("Example: ricochet study convergence "), "{help}");
     let refused = |code: i32, arguments: &[&str], wanted: &str| {
         let output = run(["study", "convergence"].iter().chain(arguments));
-        let told = String::from_utf8(output.stderr).unwrap();
-        assert_eq!(output.status.code(), Some(code), "{told}");
-        assert!(told.lines().count() == 1 && told.contains(wanted), "{told}");
+        let message = String::from_utf8(output.stderr).unwrap();
+        assert_eq!(output.status.code(), Some(code), "{message}");
+        assert!(message.lines().count() == 1 && message.contains(wanted), "{message}");
         assert!(output.stdout.is_empty());
     };
     refused(2, &[reference], "<TARGET>");

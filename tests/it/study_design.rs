@@ -1,4 +1,4 @@
-//! `ricochet study design`: what it foresees is what films of the rig then show.
+//! `ricochet study design`: its predictions against films of the same rig.
 
 use crate::measured_world::rows_of;
 use crate::support::{Rig, run, succeed};
@@ -9,8 +9,8 @@ use ricochet::process::{Stop, truth_world};
 use ricochet::synth::{LightSetup, MotionSetup, PatternSetup, Scenario};
 use serde_json::Value;
 
-/// What films of the rig show: each drawn with noise of its own, and measured as any film is.
-fn shown(config: &Config, films: u64) -> Vec<Expected> {
+/// The scatter over films of the rig, each drawn with its own noise and measured like any film.
+fn measured_scatter(config: &Config, films: u64) -> Vec<Expected> {
     let world = truth_world(config).unwrap().unwrap();
     let motion: MotionSetup = world.scenario().motion.clone();
     let measure = |take| rows_of(&world.retake(motion.clone(), take).unwrap(), &config.text);
@@ -23,12 +23,12 @@ fn shown(config: &Config, films: u64) -> Vec<Expected> {
     spread(&truth, world.impact().as_ref(), &films, world.scenario().body.rod.is_some())
 }
 
-/// Foreseen scatter over that shown, by name.
+/// The predicted scatter over the measured one, by name.
 fn ratios(config: &Config, films: u64) -> Vec<(String, f64)> {
     let foreseen = foresee(config, &Stop::default()).unwrap();
-    let shown = shown(config, films);
+    let measured_scatter = measured_scatter(config, films);
     let ratio = |expected: &Expected| {
-        let found = shown.iter().find(|found| found.name == expected.name)?;
+        let found = measured_scatter.iter().find(|found| found.name == expected.name)?;
         let ratio = expected.sigma / found.sigma;
         eprintln!(
             "{:24} foreseen {:.3e} shown {:.3e} {} ratio {ratio:.3}; mean error foreseen {:.3e} shown {:.3e}",
@@ -39,7 +39,7 @@ fn ratios(config: &Config, films: u64) -> Vec<(String, f64)> {
     foreseen.iter().filter_map(ratio).collect()
 }
 
-/// A rig that films this scenario.
+/// A rig that records this scenario.
 fn rig(place: &Rig, scenario: &Scenario, more: &str) -> Config {
     let path = place.path("scenario.toml");
     std::fs::write(&path, toml::to_string(scenario).unwrap()).unwrap();
@@ -55,9 +55,9 @@ fn rig(place: &Rig, scenario: &Scenario, more: &str) -> Config {
     Config::parse(&text, "rig.toml").unwrap()
 }
 
-/// The scatter that films show of these numbers is within 20 % of that foreseen, as far as so many films can tell: they
-/// know it to 1 in sqrt(2 films).
-fn within_a_fifth(config: &Config, films: u64, names: &[&str]) {
+/// Checks that the scatter of these numbers is within 20 % of the prediction, plus the error of a scatter over so many
+/// films, 1 in sqrt(2 films).
+fn check_numbers(config: &Config, films: u64, names: &[&str]) {
     let ratios = ratios(config, films);
     for name in names {
         let ratio = ratios.iter().find(|(known, _)| known == name).unwrap_or_else(|| panic!("no {name}")).1;
@@ -65,8 +65,8 @@ fn within_a_fifth(config: &Config, films: u64, names: &[&str]) {
     }
 }
 
-/// The same of everything that is foreseen, `count` numbers, as 240 films show it.
-fn every_number_within_a_fifth(config: &Config, count: usize) {
+/// Checks every predicted number, `count` of them, against 240 films.
+fn check_every_number(config: &Config, count: usize) {
     let ratios = ratios(config, 240);
     assert_eq!(ratios.len(), count, "{ratios:?}");
     for (name, ratio) in ratios {
@@ -74,7 +74,8 @@ fn every_number_within_a_fifth(config: &Config, count: usize) {
     }
 }
 
-/// A small ball of 80 px with few speckles and much noise, 12 bits, that flies past: a wide window of its own.
+/// A small ball of 80 px with few speckles and much noise, 12 bits, that flies past, measured with a wide velocity
+/// window.
 fn passing() -> Scenario {
     let mut scenario = Scenario::translation(0.0, 0.0, 0.0);
     let camera = &mut scenario.camera;
@@ -87,7 +88,7 @@ fn passing() -> Scenario {
     scenario
 }
 
-/// A ball of 100 px that strikes a flat, at speeds off every grid, with fine speckles and little noise.
+/// A ball of 100 px with fine speckles and little noise that strikes a flat, at velocities off every grid.
 fn striking() -> Scenario {
     let mut scenario = Scenario::built_in("lacrosse").unwrap();
     (scenario.camera.width_px, scenario.camera.height_px, scenario.camera.frames) = (176, 160, 88);
@@ -101,14 +102,14 @@ fn striking() -> Scenario {
 }
 
 #[test]
-fn the_scatter_of_speed_and_spin_of_a_ball_that_passes_is_foreseen_within_a_fifth() {
+fn scatter_of_a_passing_ball_is_predicted_within_20_percent() {
     let place = Rig::new();
     let config = rig(&place, &passing(), "[velocity]\nwindow_frames = 15\ngravity_m_s2 = 0\n");
-    within_a_fifth(&config, 60, &["motion.vn_m_s", "motion.vt_m_s", "motion.omega_rad_s"]);
+    check_numbers(&config, 60, &["motion.vn_m_s", "motion.vt_m_s", "motion.omega_rad_s"]);
 }
 
 #[test]
-fn the_scatter_of_speeds_spin_and_contact_times_of_a_ball_that_strikes_is_foreseen_within_a_fifth() {
+fn scatter_of_an_impact_is_predicted_within_20_percent() {
     let place = Rig::new();
     let config = rig(&place, &striking(), "[velocity]\ngravity_angle_deg = -71\n");
     let names = [
@@ -123,56 +124,57 @@ fn the_scatter_of_speeds_spin_and_contact_times_of_a_ball_that_strikes_is_forese
         "end_s",
         "restitution",
     ];
-    within_a_fifth(&config, 60, &names);
+    check_numbers(&config, 60, &names);
 }
 
 #[test]
-fn the_scatter_of_a_ball_followed_by_its_field_is_foreseen_within_a_fifth() {
+fn scatter_of_a_ball_measured_by_its_field_is_predicted_within_20_percent() {
     let place = Rig::new();
     let more = "[rotation]\nmethod = \"field\"\n[velocity]\nwindow_frames = 15\ngravity_m_s2 = 0\n";
     let config = rig(&place, &passing(), more);
-    within_a_fifth(&config, 60, &["motion.vn_m_s", "motion.vt_m_s", "motion.omega_rad_s"]);
+    check_numbers(&config, 60, &["motion.vn_m_s", "motion.vt_m_s", "motion.omega_rad_s"]);
 }
 
 #[test]
 #[ignore = "takes minutes"]
-fn the_scatter_of_every_number_of_a_rod_that_strikes_is_foreseen_within_a_fifth() {
+fn scatter_of_every_number_of_a_rod_impact_is_predicted_within_20_percent() {
     let text = include_str!("../../config/rod.toml");
     let config = Config::parse(text, "rod.toml").unwrap();
-    every_number_within_a_fifth(&config, 22);
+    check_every_number(&config, 22);
 }
 
 #[test]
 #[ignore = "takes minutes"]
-fn the_scatter_of_every_number_of_a_ball_that_strikes_is_foreseen_within_a_fifth() {
+fn scatter_of_every_number_of_a_ball_impact_is_predicted_within_20_percent() {
     let place = Rig::new();
     let config = rig(&place, &striking(), "[velocity]\ngravity_angle_deg = -71\n");
-    every_number_within_a_fifth(&config, 27);
+    check_every_number(&config, 27);
 }
 
-fn told(config: &Config, place: &Rig, more: &[&str]) -> Value {
+fn design(config: &Config, place: &Rig, more: &[&str]) -> Value {
     let path = place.path("rig.toml");
     std::fs::write(&path, &config.text).unwrap();
     let line = ["study", "design", "--json", "--config", path.to_str().unwrap()];
     serde_json::from_str(&succeed(line.iter().chain(more))).unwrap()
 }
 
-fn sigma(told: &Value, name: &str) -> f64 {
-    let rows = told["expected"].as_array().unwrap();
+fn sigma(report: &Value, name: &str) -> f64 {
+    let rows = report["expected"].as_array().unwrap();
     rows.iter().find(|row| row["name"] == name).unwrap()["sigma"].as_f64().unwrap()
 }
 
 #[test]
-fn twice_the_noise_is_twice_the_scatter_and_changes_are_told_best_first() {
+fn twice_the_noise_doubles_the_scatter_and_changes_are_listed_best_first() {
     let place = Rig::new();
     let mut scenario = passing();
-    // Far more noise is worse than in proportion: what a renewed reference leaves grows with its square.
+    // Far more noise costs more than its proportion, because the error of a renewed reference grows with the square of
+    // the noise.
     (scenario.camera.frames, scenario.camera.noise_dn) = (24, 30.0);
     let config = rig(&place, &scenario, "[velocity]\nwindow_frames = 9\n");
     let tables = place.path("made/tables");
     let (plain, noisy) = (
-        told(&config, &place, &["-o", tables.to_str().unwrap()]),
-        told(&config, &place, &["--noise-dn", "60", "--no-advice"]),
+        design(&config, &place, &["-o", tables.to_str().unwrap()]),
+        design(&config, &place, &["--noise-dn", "60", "--no-advice"]),
     );
     for name in ["motion.vn_m_s", "motion.omega_rad_s"] {
         let ratio = sigma(&noisy, name) / sigma(&plain, name);
@@ -188,7 +190,7 @@ fn twice_the_noise_is_twice_the_scatter_and_changes_are_told_best_first() {
     assert!((change("half the noise") - 0.5).abs() < 0.05, "{}", change("half the noise"));
     assert!(change("contrast") < 0.95);
     assert_eq!(noisy["advice"].as_array().unwrap().len(), 0);
-    // The tables hold what is told.
+    // The tables hold the printed values.
     let rows =
         |name: &str| csv::Reader::from_path(tables.join(name)).unwrap().into_records().map(Result::unwrap).collect();
     let (numbers, changes): (Vec<csv::StringRecord>, Vec<csv::StringRecord>) =
@@ -201,17 +203,17 @@ fn twice_the_noise_is_twice_the_scatter_and_changes_are_told_best_first() {
 }
 
 #[test]
-fn rigs_that_cannot_film_or_follow_are_refused_in_one_line() {
+fn rigs_that_cannot_record_or_follow_are_refused_in_one_line() {
     let place = Rig::new();
     let refused = |config: &Config, edit: &dyn Fn(String) -> String, more: &[&str]| {
         let path = place.path("rig.toml");
         std::fs::write(&path, edit(config.text.clone())).unwrap();
         let line = ["study", "design", "--no-advice", "--config", path.to_str().unwrap()];
         let output = run(line.iter().chain(more));
-        let told = String::from_utf8(output.stderr).unwrap();
-        assert!(!output.status.success() && output.stdout.is_empty(), "{told}");
-        assert_eq!(told.trim().lines().count(), 1, "{told}");
-        told
+        let report = String::from_utf8(output.stderr).unwrap();
+        assert!(!output.status.success() && output.stdout.is_empty(), "{report}");
+        assert_eq!(report.trim().lines().count(), 1, "{report}");
+        report
     };
     let plain = rig(&place, &passing(), "");
     let genicam = "[camera]\nsource = \"genicam\"\nid = \"a\"\nwidth_px = 100\nheight_px = 100\nframe_rate_hz = 1000\n";

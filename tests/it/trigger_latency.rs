@@ -1,4 +1,4 @@
-//! How soon the motion trigger decides.
+//! The time that the motion trigger takes to decide.
 
 use crate::support::{Background, Rig, ricochet};
 use ricochet::camera::priority;
@@ -6,21 +6,21 @@ use ricochet::synth::{MotionSetup, Scenario};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
-/// What a rig told of its decisions, us.
+/// The delays of a rig's decisions, us.
 struct Delays {
     frames: u64,
-    /// Of all frames: from when each was there until it was known whether it fires.
+    /// Over all frames, from the arrival of each until it was decided whether the trigger fires.
     median: u64,
     high: u64,
     longest: u64,
-    /// How many of all took a millisecond or longer.
+    /// The number of frames that took a millisecond or longer.
     late: u64,
-    /// As each decision that fired told it, in order.
+    /// The delays of the decisions that fired, in order.
     fired: Vec<u64>,
 }
 
 impl Delays {
-    /// From the events that a listener printed.
+    /// Reads the events that a listener printed.
     fn of(printed: &str) -> Self {
         let events: Vec<serde_json::Value> = printed.lines().map(|line| serde_json::from_str(line).unwrap()).collect();
         let texts = |kind: &str| {
@@ -30,10 +30,10 @@ impl Delays {
         let mut fired: Vec<u64> = decided.iter().map(|text| numbers(text)[0]).collect();
         fired.sort_unstable();
         let ended: Vec<&str> = texts("ended");
-        let told = ended.iter().find(|text| text.contains("from a frame to its decision")).expect("the end is told");
-        let told = numbers(told);
+        let summary = ended.iter().find(|text| text.contains("from a frame to its decision")).expect("the last event");
+        let summary = numbers(summary);
         // "N frames, median M us, 99.9 % within H us, longest L us, K of 1 ms or longer"
-        let [frames, median, 99, 9, high, longest, late, 1] = told[..] else { panic!("{told:?}") };
+        let [frames, median, 99, 9, high, longest, late, 1] = summary[..] else { panic!("{summary:?}") };
         Self { frames, median, high, longest, late, fired }
     }
 }
@@ -42,7 +42,7 @@ fn numbers(text: &str) -> Vec<u64> {
     text.split(|letter: char| !letter.is_ascii_digit()).filter_map(|digits| digits.parse().ok()).collect()
 }
 
-/// 512x512 at 10 000 frames/s in the light of a lamp whose changes rise above the threshold twice a period.
+/// 512x512 at 10 000 frames/s under a lamp whose flicker exceeds the threshold twice a period.
 fn film() -> Scenario {
     let mut scenario = Scenario::translation(0.0, 0.0, 0.0);
     let camera = &mut scenario.camera;
@@ -66,15 +66,15 @@ fn decisions(workers: u32) -> Delays {
     );
     let name = rig.name.as_str();
     let listener = Background::start(ricochet(["listen", "events", "--rig", name, "--json", "--wait", "60"]));
-    let (code, _, told) = Background::start(ricochet(["run".as_ref(), config.as_os_str()])).end();
-    // A machine that stands still for longer than the camera holds frames loses some, and says so.
-    assert!(code == Some(0) || told.contains("data were lost"), "{code:?} {told}");
-    eprint!("{told}");
+    let (code, _, stderr) = Background::start(ricochet(["run".as_ref(), config.as_os_str()])).end();
+    // A machine that stalls for longer than the camera's slots last loses frames, and reports that.
+    assert!(code == Some(0) || stderr.contains("data were lost"), "{code:?} {stderr}");
+    eprint!("{stderr}");
     Delays::of(&listener.end().1)
 }
 
-/// How late a thread of the same priority wakes that has nothing to do but to wake as often, beside threads that are
-/// busy: what this machine takes for itself, us within which 99.9 % are.
+/// The wake-up delay of a thread of the same priority that only wakes as often, with busy threads running: the delay of
+/// the machine itself, us, not exceeded by 99.9 %.
 #[expect(clippy::disallowed_methods, reason = "it measures time")]
 fn machine(busy: usize) -> u64 {
     let over = AtomicBool::new(false);
@@ -87,7 +87,7 @@ fn machine(busy: usize) -> u64 {
             });
         }
         let woken = scope.spawn(|| {
-            // Whoever may not have the priority is compared without it, as the rig is.
+            // Without the right to raise its priority, this thread has the same disadvantage as the rig.
             let _ = priority::raise(priority::HANDING_ON);
             let start = Instant::now();
             let due = (1..=4000).map(|frame| Duration::from_micros(100 * frame));
@@ -108,7 +108,7 @@ fn machine(busy: usize) -> u64 {
 
 #[test]
 #[ignore = "measures time, for some minutes"]
-fn motion_is_decided_on_within_a_millisecond_of_999_frames_in_1000() {
+fn motion_is_decided_within_a_millisecond_for_999_of_1000_frames() {
     for workers in [0, 1] {
         let (mut late, mut frames, mut high, mut own) = (0, 0, Vec::new(), Vec::new());
         for _ in 0..5 {
@@ -133,7 +133,7 @@ fn motion_is_decided_on_within_a_millisecond_of_999_frames_in_1000() {
         }
         eprintln!("{workers} workers: {late} of {frames} frames waited for a millisecond or longer");
         high.sort_unstable();
-        // A machine that is itself stolen for milliseconds spoils single films.
+        // A virtual machine that loses its processor for milliseconds spoils single films.
         assert!(high[2] < 1000, "{workers} workers: {high:?}, the machine itself: {own:?}");
     }
 }

@@ -1,4 +1,4 @@
-//! Packets made to do harm, from the camera's own address and from others.
+//! Malicious packets, from the camera's own address and from others.
 
 use super::camera::Gige;
 use super::packets::{IMAGE, LEADER, PAYLOAD, Packet, TRAILER, UNAVAILABLE, Wire};
@@ -8,10 +8,10 @@ use ricochet::camera::genicam::{FeatureValue, GenicamSettings};
 use std::net::UdpSocket;
 use std::process::Command;
 
-/// Tells the process that does the work.
+/// The variable that marks the process that does the work.
 const WORKS: &str = "RICOCHET_ALONE";
 
-/// Does the work of a test of this module in a process of its own: what falls over takes no other test with it.
+/// Does the work of a test of this module in its own process, so that a crash ends no other test.
 pub fn alone(module: &str, test: &str, work: impl FnOnce()) {
     if std::env::var(WORKS).is_ok_and(|name| name == test) {
         return work();
@@ -25,14 +25,14 @@ pub fn alone(module: &str, test: &str, work: impl FnOnce()) {
     assert!(status.success(), "{test}: {status}");
 }
 
-/// A leader that tells this kind of payload, with so many bytes of content.
+/// A leader of this payload type with so many bytes of content.
 fn leader(kind: u16, bytes: usize) -> Vec<u8> {
     let mut leader = vec![0xff; bytes];
     leader[..4].copy_from_slice(&[[0, 0], kind.to_be_bytes()].concat());
     leader
 }
 
-/// What nobody may send: too short, too long, beyond the frame, of another kind, with too many parts.
+/// Invalid packets: too short, too long, beyond the frame, of another type, with too many parts.
 fn evil(id: u64) -> Vec<Packet> {
     let mut packets = Vec::new();
     for is_extended in [false, true] {
@@ -70,13 +70,13 @@ fn with_long_ids(gige: &Gige) -> GenicamSettings {
 }
 
 #[test]
-fn packets_that_lie_do_not_reach_the_library() {
+fn invalid_packets_do_not_reach_the_library() {
     alone(module_path!(), "packets_that_lie_do_not_reach_the_library", || {
         let Some(gige) = Gige::plug_in() else { return };
         for settings in [gige.settings(), with_long_ids(&gige)] {
             let mut eye = Eye::open(&settings);
             for index in 0..20 {
-                // Of this frame, of the next, and of one far away; before, within and after a good one.
+                // Of this frame, of the next, and of one far away; before, within and after a valid one.
                 let id = 1 + index;
                 let packets = gige.frame(id, index);
                 gige.send(&evil(id));
@@ -100,7 +100,7 @@ fn packets_from_another_computer_do_not_reach_the_library() {
         let stranger = UdpSocket::bind("127.0.0.1:0").unwrap();
         let mut eye = Eye::open(&gige.settings());
         for index in 0..20 {
-            // Well made, and of the frame that comes next: pixels of another one.
+            // Well-formed, and of the next frame, with the pixels of another one.
             let mut picture = gige.picture(1 + index, 1000 + index);
             picture.stamp_ns += 7;
             gige.send_from(&stranger, &gige.wire().cut(&picture));
@@ -138,13 +138,13 @@ fn noise_of_any_length_is_survived() {
                 .map(|_| {
                     let bytes = random(700);
                     let mut packet: Vec<u8> = (0..bytes).map(|_| random(256) as u8).collect();
-                    // Mostly with a status and a content that are looked at.
+                    // Mostly with a status and a content type that are read.
                     if bytes > 8 && random(4) > 0 {
                         packet[..2].copy_from_slice(&[[0, 0], [1, 0], [0x80, 0x0c]][random(3)]);
                         packet[4] = [1, 2, 3, 0x81, 0x82, 0x83][random(6)];
                         packet[5..7].fill(0);
                     }
-                    // Of none of the good frames.
+                    // Of none of the valid frames.
                     if bytes > 4 {
                         packet[2] |= 0x40;
                     }
@@ -155,7 +155,7 @@ fn noise_of_any_length_is_survived() {
             gige.send(&gige.frame(1 + index, index));
         }
         let taken = eye.take_all().unwrap();
-        // A leader of the noise may begin a frame, behind which the good ones wait; none of them is damaged.
+        // A leader in the noise may begin a frame that delays the valid ones. None of them is damaged.
         let whole = taken.indices();
         println!("{} of 300 frames whole, {} torn", whole.len(), taken.torn.len());
         assert!(whole.is_sorted() && whole.len() > 150, "{} whole", whole.len());

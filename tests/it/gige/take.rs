@@ -1,4 +1,4 @@
-//! The product's own camera, looking at what is sent.
+//! The program's own camera, receiving what is sent.
 
 use super::camera::FRAME_BYTES;
 use crate::genicam::draw;
@@ -8,28 +8,28 @@ use ricochet::camera::{Camera, CameraError, Next};
 use ricochet::image::FrameMeta;
 use std::time::{Duration, Instant};
 
-/// Longest wait for a frame; only a failing test waits that long.
+/// The longest wait of a failing test for a frame.
 const PATIENCE: Duration = Duration::from_secs(10);
 
-/// More than any of these tests leaves lying.
+/// More slots than any of these tests leaves unread.
 const SLOTS: usize = 512;
 
-/// What came.
+/// Received frames.
 #[derive(Debug, Default)]
 pub struct Taken {
-    /// Whole frames, with the index that their pixels hold.
+    /// Complete frames, with the index in their pixels.
     pub whole: Vec<(FrameMeta, u64)>,
-    /// Why others were not whole.
+    /// The reasons of the torn ones.
     pub torn: Vec<String>,
 }
 
 impl Taken {
-    /// Sequence and index of the whole frames.
+    /// Sequence and index of the complete frames.
     pub fn places(&self) -> Vec<(u64, u64)> {
         self.whole.iter().map(|(meta, index)| (meta.sequence, *index)).collect()
     }
 
-    /// Indices of the whole frames.
+    /// Indices of the complete frames.
     pub fn indices(&self) -> Vec<u64> {
         self.whole.iter().map(|(_, index)| *index).collect()
     }
@@ -37,7 +37,7 @@ impl Taken {
 
 /// An open and started camera with its slots.
 pub struct Eye {
-    // Dropped before the memory it writes to.
+    // Dropped before the memory that it writes to.
     pub camera: GenicamCamera,
     slots: Slots,
     image: Vec<u8>,
@@ -58,7 +58,7 @@ impl Eye {
         Ok(eye)
     }
 
-    /// What comes until so many frames came, whole or torn.
+    /// Receives until there are this many frames, complete or torn.
     pub fn take(&mut self, frames: usize) -> Taken {
         let (mut taken, deadline) = (Taken::default(), Instant::now() + PATIENCE);
         while taken.whole.len() + taken.torn.len() < frames && Instant::now() < deadline {
@@ -67,22 +67,22 @@ impl Eye {
         taken
     }
 
-    /// What comes until nothing comes any more.
+    /// Receives until nothing more arrives.
     pub fn take_all(&mut self) -> Result<Taken, CameraError> {
         let mut taken = Taken::default();
-        // Longer than the library keeps a frame that is not complete.
+        // Longer than the library keeps an incomplete frame.
         while self.look(&mut taken, Duration::from_millis(250))? {}
         Ok(taken)
     }
 
-    /// What is there now.
+    /// Receives what is there now.
     pub fn take_now(&mut self) -> Result<Taken, CameraError> {
         let mut taken = Taken::default();
         while self.look(&mut taken, Duration::ZERO)? {}
         Ok(taken)
     }
 
-    /// Waits for one frame; a whole one is compared with what it says it is, byte for byte.
+    /// Waits for one frame and compares a complete one byte for byte with the frame of its index.
     fn look(&mut self, taken: &mut Taken, patience: Duration) -> Result<bool, CameraError> {
         match self.camera.next(patience)? {
             Next::Frame(mut slot, meta) => {
@@ -106,6 +106,6 @@ impl Eye {
 }
 
 #[test]
-fn the_frames_of_these_tests_have_the_size_they_say() {
+fn the_frames_of_these_tests_have_the_size_of_their_format() {
     assert_eq!(FRAME_BYTES, 8192);
 }

@@ -14,7 +14,7 @@ fn export_as(format: Format, topic: &str, file: &Path, output: &Path) -> Result<
 }
 
 #[test]
-fn results_alone_are_the_same_rows_without_the_frames() {
+fn exported_results_are_the_same_rows_without_the_frames() {
     let folder = tempfile::tempdir().unwrap();
     let (shot, results) = (folder.path().join("shot.mcap"), folder.path().join("results.mcap"));
     samples::write(&shot, &WriterOptions::default(), 60, [64, 48]).finish().unwrap();
@@ -59,12 +59,12 @@ fn results_of_a_damaged_recording_are_refused_and_leave_nothing_behind() {
     let (shot, results) = (folder.path().join("shot.mcap"), folder.path().join("results.mcap"));
     samples::write(&shot, &WriterOptions::default(), 20, [8, 8]).finish().unwrap();
     let mut bytes = std::fs::read(&shot).unwrap();
-    // In the first chunk of rows: the schema of a velocity stands in front of them.
+    // In the first chunk of rows, behind the schema of a velocity.
     let at = bytes.windows(17).position(|window| window == b"ricochet.Velocity").unwrap();
     bytes[at + 3] ^= 1;
     std::fs::write(&shot, &bytes).unwrap();
-    let told = export_as(Format::Mcap, "results", &shot, &results).unwrap_err();
-    assert!(told.contains("shot.mcap") && told.contains("CRC"), "{told}");
+    let message = export_as(Format::Mcap, "results", &shot, &results).unwrap_err();
+    assert!(message.contains("shot.mcap") && message.contains("CRC"), "{message}");
     assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
 }
 
@@ -94,7 +94,7 @@ fn frames_for_ros_2_read_back_with_their_pixels_and_times() {
             assert_eq!(&read.1, bytes);
         }
         // A reader that knows ROS 2 and nothing of this program.
-        let Some(told) = python(include_str!("read_ros2.py"), &[&bag]) else { continue };
+        let Some(message) = python(include_str!("read_ros2.py"), &[&bag]) else { continue };
         let encoding = if format == PixelFormat::Mono8 { "mono8" } else { "mono16" };
         let expected: Vec<String> = frames
             .iter()
@@ -104,7 +104,7 @@ fn frames_for_ros_2_read_back_with_their_pixels_and_times() {
                 format!("{} {} camera {width}x{height} {encoding} 0 {step} {crc:08x}", meta.stamp_ns, meta.stamp_ns)
             })
             .collect();
-        assert_eq!(told.lines().collect::<Vec<_>>(), expected);
+        assert_eq!(message.lines().collect::<Vec<_>>(), expected);
     }
 }
 
@@ -113,9 +113,9 @@ fn a_recording_without_frames_gives_no_ros_2_file() {
     let folder = tempfile::tempdir().unwrap();
     let shot = folder.path().join("shot.mcap");
     RecordingWriter::create(&shot, &samples::info(), &WriterOptions::default()).unwrap().finish().unwrap();
-    let told = export_as(Format::Ros2, "frames", &shot, &folder.path().join("bag.mcap")).unwrap_err();
-    assert!(told.contains("no image topic"), "{told}");
-    let told = export_as(Format::Ros2, "velocity", &shot, &folder.path().join("bag.mcap")).unwrap_err();
-    assert_eq!(told, "--topic velocity: not one of frames");
+    let message = export_as(Format::Ros2, "frames", &shot, &folder.path().join("bag.mcap")).unwrap_err();
+    assert!(message.contains("no image topic"), "{message}");
+    let message = export_as(Format::Ros2, "velocity", &shot, &folder.path().join("bag.mcap")).unwrap_err();
+    assert_eq!(message, "--topic velocity: not one of frames");
     assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
 }

@@ -1,4 +1,4 @@
-//! A recorder killed at random moments: what its file held is there again, and measures the same.
+//! A recorder killed at random times: its file is recovered and gives the same results.
 
 use super::recover::xorshift;
 use crate::pipeline::drift;
@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 const RATE_HZ: f64 = 2000.0;
-/// A second and a half of film.
+/// A film of 1.5 s.
 const FRAMES: u64 = 3000;
 
 type Film = Vec<(FrameMeta, Vec<u8>)>;
@@ -25,12 +25,12 @@ fn child(parent: u32, role: &str) -> Option<u32> {
     children.split_whitespace().find(is_role)?.parse().ok()
 }
 
-/// Which frames of the film lie whole in a file, found by their pixels and by nothing else.
+/// The frames of the film that lie complete in a file, found by their pixels alone.
 fn whole_frames(file: &[u8], film: &Film) -> Vec<u64> {
     let size = film[0].1.len();
     let by_sum: BTreeMap<u32, &(FrameMeta, Vec<u8>)> = film.iter().map(|f| (crc32fast::hash(&f.1), f)).collect();
     assert_eq!(by_sum.len(), film.len(), "no two frames are alike");
-    // In front of the pixels stand the number of their field in the message and their length.
+    // The pixels follow the tag of their field in the message, and their length.
     let mut mark = vec![6 << 3 | 2];
     prost::encoding::encode_varint(size as u64, &mut mark);
     let marked = file.windows(mark.len()).enumerate().filter(|(_, window)| *window == mark).map(|(at, _)| at);
@@ -39,7 +39,7 @@ fn whole_frames(file: &[u8], film: &Film) -> Vec<u64> {
     known.map(|(meta, _)| meta.sequence).collect()
 }
 
-/// The recorder of a rig at 2000 frames a second is killed after this time of writing; gives its part file.
+/// Kills the recorder of a rig at 2000 frames per second after this time of writing, and returns its part file.
 fn kill_after(rig: &Rig, film: &Path, time: Duration) -> PathBuf {
     let camera = format!("source = \"recording\"\nid = \"{}\"\npaced = true", film.display());
     let config = rig.config(&camera, "[scale]\nmm_per_px = 0.5\n[workers]\ncount = 1");
@@ -47,20 +47,20 @@ fn kill_after(rig: &Rig, film: &Path, time: Duration) -> PathBuf {
     let part = wait_until("it writes", || {
         let entries = std::fs::read_dir(rig.path("shots")).ok()?;
         let part = entries.map(|entry| entry.unwrap().path()).find(|path| path.extension().unwrap() == "part")?;
-        // Metadata and configuration have 2 kB.
+        // Metadata and configuration take 2 kB.
         (part.metadata().ok()?.len() > 100_000).then_some(part)
     });
     let recorder = child(service.0.id(), "record").expect("the recorder runs");
     std::thread::sleep(time);
     kill(recorder, 9);
-    // Before it starts another.
+    // Stopped before the rig starts another recorder.
     service.signal(9);
     let gone = || std::fs::read_to_string(format!("/proc/{recorder}/stat")).map_or(true, |stat| stat.contains(") Z "));
     wait_until("the recorder is gone", || gone().then_some(()));
     part
 }
 
-/// The same frames in a recording that was never in danger.
+/// Writes the same frames as an undisturbed recording.
 fn write_again(path: &Path, film: &Film, sequences: &[u64], like: &Path) {
     let like = Recording::open(like).unwrap();
     let config_toml = like.config_toml().unwrap().to_owned();
@@ -74,7 +74,7 @@ fn write_again(path: &Path, film: &Film, sequences: &[u64], like: &Path) {
 
 fn velocity_of(film: &Path, to: &Path) -> String {
     let output = run(["analyze".as_ref(), film.as_os_str(), "-o".as_ref(), to.as_os_str()]);
-    // A busy machine may have lost frames while they were filmed; that is told, and is the same in both.
+    // A busy machine may have lost frames during recording. That is reported, and equal in both files.
     assert!(matches!(output.status.code(), Some(0 | 6)), "{}", String::from_utf8_lossy(&output.stderr));
     csv(to, "velocity")
 }
@@ -86,7 +86,7 @@ fn kill_at(moments: u32) {
     succeed(["simulate".as_ref(), scenario.as_os_str(), "-o".as_ref(), source.as_os_str()]);
     let film = frames(&source);
     let mut random = xorshift(0x05ee_d0fd_15c0);
-    let (mut least, mut most, mut behind_header) = (usize::MAX, 0, 0);
+    let (mut fewest, mut most, mut behind_header) = (usize::MAX, 0, 0);
     for moment in 0..moments {
         let time = Duration::from_micros(random(900_000) as u64);
         let rig = Rig::new();
@@ -104,25 +104,25 @@ fn kill_at(moments: u32) {
         assert_eq!(sequences, written, "moment {moment}, after {time:?}");
         assert!(recovered.iter().all(|frame| film[frame.0.sequence as usize] == *frame), "moment {moment}");
 
-        // What a reader that stops at the open chunk would have lost.
+        // The frames that a reader gets that stops at the open chunk.
         let finished = mcap_frames(&bytes);
         behind_header += written.len() - finished;
-        (least, most) = (least.min(written.len()), most.max(written.len()));
+        (fewest, most) = (fewest.min(written.len()), most.max(written.len()));
         let again = rig.path("again.mcap");
         write_again(&again, &film, &sequences, &whole);
         let (saved, before) = (velocity_of(&whole, &rig.path("a.mcap")), velocity_of(&again, &rig.path("b.mcap")));
-        assert!(before.lines().count() == sequences.len() + 1, "a row a frame");
+        assert!(before.lines().count() == sequences.len() + 1, "one row per frame");
         assert_eq!(saved, before, "moment {moment}, {} frames", sequences.len());
     }
     println!(
-        "{moments} kills at {RATE_HZ} frames/s: {least} to {most} frames written whole, every one recovered; \
-         {behind_header} of them stood in open chunks"
+        "{moments} kills at {RATE_HZ} frames/s: {fewest} to {most} frames written completely, all recovered; \
+         {behind_header} of them were in open chunks"
     );
-    assert!(most > least + 100, "the moments differ");
+    assert!(most > fewest + 100, "the moments differ");
     assert!(behind_header > 0, "some stood in an open chunk");
 }
 
-/// Frames that the mcap crate reads from a cut file.
+/// The number of frames that the mcap crate reads from a truncated file.
 fn mcap_frames(bytes: &[u8]) -> usize {
     let options = mcap::read::Options::IgnoreEndMagic.into();
     let Ok(messages) = mcap::MessageStream::new_with_options(bytes, options) else { return 0 };
@@ -130,12 +130,12 @@ fn mcap_frames(bytes: &[u8]) -> usize {
 }
 
 #[test]
-fn a_recorder_killed_at_2000_frames_a_second_loses_no_frame_that_was_written() {
+fn a_recorder_killed_at_2000_frames_per_second_loses_no_written_frame() {
     kill_at(5);
 }
 
 #[test]
 #[ignore = "the long form of the test above: two minutes"]
-fn a_recorder_killed_at_50_moments_loses_no_frame_that_was_written() {
+fn a_recorder_killed_at_50_moments_loses_no_written_frame() {
     kill_at(50);
 }

@@ -1,4 +1,4 @@
-//! Recordings that go on in a next file.
+//! Recordings that continue in further files.
 
 use super::samples;
 use crate::support::{frames, run, succeed};
@@ -10,14 +10,14 @@ use tempfile::TempDir;
 const FRAMES: u64 = 60;
 const LIMIT_BYTES: u64 = 200_000;
 
-/// Frames and rows of every kind; a limit of `None` makes one file.
+/// Records frames and rows of every kind; without a limit into one file.
 fn record(path: &Path, split_bytes: Option<u64>) -> FinishedRecording {
     let options = WriterOptions { split_bytes, chunk_bytes: 30_000, ..WriterOptions::default() };
     let mut writer = RecordingWriter::create(path, &samples::info(), &options).unwrap();
     for sequence in 0..FRAMES {
         let (meta, bytes) = samples::frame(sequence, PixelFormat::Mono8, [128, 96], 0);
         writer.frame(&Frame { meta, bytes: &bytes }).unwrap();
-        // Rows come later than their frames, and fall into whatever file is being written then.
+        // Rows come later than their frames and go to the file that is open then.
         if let Some(late) = sequence.checked_sub(20) {
             writer.velocity(&samples::velocity(late, 0)).unwrap();
             writer.track(&samples::track(late)).unwrap();
@@ -33,7 +33,7 @@ fn record(path: &Path, split_bytes: Option<u64>) -> FinishedRecording {
     writer.finish().unwrap()
 }
 
-/// Everything in it, in the order of reading.
+/// Everything in a recording, in reading order.
 fn content(recording: &Recording) -> Vec<String> {
     let mut all: Vec<String> = recording.frames().unwrap().map(|frame| format!("{:?}", frame.unwrap())).collect();
     all.extend(recording.velocities().unwrap().map(|row| format!("{:?}", row.unwrap())));
@@ -44,7 +44,7 @@ fn content(recording: &Recording) -> Vec<String> {
 }
 
 #[test]
-fn a_split_recording_reads_like_the_whole_one_and_each_file_stands_alone() {
+fn a_split_recording_reads_like_an_unsplit_one_and_each_file_is_complete() {
     let folder = TempDir::new().unwrap();
     let (one, set) = (folder.path().join("one.mcap"), folder.path().join("set.mcap"));
     let finished = [record(&one, None), record(&set, Some(LIMIT_BYTES))];
@@ -83,7 +83,7 @@ fn a_split_recording_reads_like_the_whole_one_and_each_file_stands_alone() {
 }
 
 #[test]
-fn a_file_that_is_missing_or_unfinished_is_told() {
+fn a_missing_or_unfinished_file_is_reported() {
     let folder = TempDir::new().unwrap();
     let set = folder.path().join("set.mcap");
     record(&set, Some(LIMIT_BYTES));
@@ -93,19 +93,22 @@ fn a_file_that_is_missing_or_unfinished_is_told() {
     let moved = folder.path().join("elsewhere");
     std::fs::rename(last, &moved).unwrap();
     let recording = Recording::open(&set).unwrap();
-    let told = recording.truncated().unwrap();
-    assert!(told.contains(last.file_name().unwrap().to_str().unwrap()) && told.ends_with("not there"), "{told}");
+    let message = recording.truncated().unwrap();
+    assert!(
+        message.contains(last.file_name().unwrap().to_str().unwrap()) && message.ends_with("not there"),
+        "{message}"
+    );
     assert!(recording.velocities().unwrap().count() < rows);
     let output = run(["info".as_ref(), set.as_os_str()]);
     assert_eq!(output.status.code(), Some(6));
-    // Another recording of that name is not taken for it.
+    // A file of another recording with that name is not accepted.
     record(last, None);
     assert!(Recording::open(&set).unwrap().truncated().is_some());
     std::fs::remove_file(last).unwrap();
-    // As a recorder that was killed leaves it: recovered, the set is whole again.
+    // A part file left by a killed recorder: once recovered, the set is complete again.
     let part = ricochet::recording::part_path(last);
     let bytes = std::fs::read(&moved).unwrap();
-    // Only the magic bytes at the end are missing, so that everything can be saved.
+    // Only the magic bytes at the end are missing, so that everything can be recovered.
     std::fs::write(&part, &bytes[..bytes.len() - 8]).unwrap();
     assert!(Recording::open(&set).unwrap().truncated().unwrap().contains("unfinished"));
     recover(&part, last).unwrap();
