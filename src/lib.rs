@@ -31,6 +31,8 @@ pub mod impact;
 
 pub mod measure;
 
+pub mod track;
+
 pub mod synth;
 
 pub mod config;

@@ -1,12 +1,12 @@
 //! The ball finder: searches the outline of a ball from scratch or near a prediction.
 
 use super::Polarity;
-use super::coarse::{HoughPeak, HoughSearch, Marks};
-use super::marked::PaperHough;
+use super::annulus::{BAND_PX, INNER_BAND_PX};
+use super::hough::{HoughPeak, HoughSearch, Marks};
+use super::paper_hough::PaperHough;
 use super::params::{BallError, BallParams, OutlineMethod};
-use super::rays::{Candidate, Ransac, RansacParams};
-use super::refine::{CERTAIN_INLIERS, MAX_SHIFT_PX, Measured, SubpixelFit};
-use super::rim::{BAND_PX, INNER_BAND_PX};
+use super::ransac::{Candidate, Ransac, RansacParams};
+use super::subpixel_fit::{CERTAIN_INLIERS, MAX_SHIFT_PX, Measured, SubpixelFit};
 use crate::image::ImageView;
 use crate::results::Circle;
 

@@ -1,21 +1,21 @@
 //! Balls: their outline, centre and radius in one image.
 
-mod chance;
-mod circle;
-mod coarse;
-mod edge;
+mod annulus;
+mod circle_fit;
+mod edge_fit;
+mod edge_selection;
 mod finder;
-mod gates;
-mod harmonic;
-mod light;
-mod limb;
-mod marked;
+mod first_harmonic;
+mod hough;
+mod limb_darkening;
+mod paper_hough;
 mod params;
-mod rays;
-mod refine;
-mod rim;
-mod shrink;
-mod visible;
+mod pyramid;
+mod ransac;
+mod side_light;
+mod significance;
+mod subpixel_fit;
+mod visible_fraction;
 
 pub use finder::BallFinder;
 pub use params::{BallError, BallParams, OutlineMethod};

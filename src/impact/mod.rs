@@ -4,24 +4,24 @@
 //! once it has ended, from the flights on both sides and from contact laws
 //! fitted to the positions between.
 
-mod approach;
+mod contact_detector;
+mod contact_law;
+mod contact_onset;
 mod departure;
-mod detect;
-mod fall;
-mod family;
-mod fit;
-mod law;
-mod onset;
-mod passage;
-mod slip;
-mod solve;
-mod trail;
+mod free_fall;
+mod law_fit;
+mod law_motion;
+mod model_selection;
+mod out_of_plane;
+mod slip_end;
+mod solver;
+mod trajectory;
 
-pub use approach::{Approach, Beside};
-pub use detect::{Contact, Detector, Event};
-pub use family::{FirstGuess, Verdict, judge};
-pub use fit::{Expected, LawFit, fit_law};
-pub use law::{Family, Findings, Parameters, Units};
-pub use passage::Passages;
-pub use solve::{World, deepest_so_far, solve};
-pub use trail::{SurfaceNode, between};
+pub use contact_detector::{Contact, Detector, Event};
+pub use contact_law::{Family, Findings, Parameters, Units};
+pub use law_fit::{Expected, LawFit, fit_law};
+pub use law_motion::Passages;
+pub use model_selection::{FirstGuess, Verdict, judge};
+pub use out_of_plane::{Approach, Beside};
+pub use solver::{World, deepest_so_far, solve};
+pub use trajectory::{SurfaceNode, between};

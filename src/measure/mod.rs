@@ -5,33 +5,30 @@
 //! live tracker, the recorder (over a shot) and the offline analysis run it. Both are pure: the same
 //! frames give the same rows everywhere.
 
-mod belief;
-mod block;
-mod body;
-mod confirm;
+mod block_state;
+mod body_motion;
+mod bounding_box;
+mod consistency;
 mod error;
-mod field;
-mod known;
-mod look;
-mod order;
+mod fixed_pattern;
+mod frame_image;
+mod measurer;
 mod outline;
+mod outline_search;
 mod params;
-mod part;
-mod patch;
-mod pattern;
-mod picture;
-mod reference;
-mod rehearsal;
+mod patch_finder;
+mod pending_frame;
+mod rigid_match;
+mod ring_rotation;
 mod target;
-mod tracker;
-mod turn;
-mod whole;
+mod warm_up;
 
-pub use block::{Measured, Measurer};
+pub use crate::track::Order;
+pub use crate::track::{Tracker, TrackerParams, TrackerRows};
 pub use error::MeasureError;
-pub use look::OUTLINE_INTERVAL_FRAMES;
-pub use order::Order;
+pub use measurer::{Measured, Measurer};
 pub use outline::BodyParams;
+pub(crate) use outline::body_circle;
+pub use outline_search::OUTLINE_INTERVAL_FRAMES;
 pub use params::{MeasureParams, Share};
-pub use tracker::{Tracker, TrackerParams, TrackerRows};
-pub use whole::whole_region;
+pub use rigid_match::whole_region;

@@ -1,8 +1,8 @@
 //! The kinds of bodies: the finder of each and the outline that it detects.
 
 use super::MeasureError;
-use super::part::BoundingBox;
-use super::patch::{PatchFinder, PatchPose};
+use super::bounding_box::BoundingBox;
+use super::patch_finder::{PatchFinder, PatchPose};
 use crate::ball::{BallFinder, BallParams};
 use crate::dic::grid;
 use crate::dic::{CorrelationParams, GridPoint, Method, Patch, Region};
@@ -300,7 +300,7 @@ fn rod_circle(rod: &Rod) -> Circle {
 }
 
 /// Returns the position and size of the body of a step, if it was detected.
-pub(super) fn body_circle(step: &BodyStep) -> Option<Circle> {
+pub(crate) fn body_circle(step: &BodyStep) -> Option<Circle> {
     step.circle.or_else(|| step.rod.as_ref().map(rod_circle))
 }
 

@@ -4,34 +4,28 @@
 //! ([`smooth`]), rates become velocities along the surface's axes
 //! ([`physical`]), the only place where y turns from down to up.
 
-mod anchor;
-mod axes;
-mod chain;
-mod drift;
-mod fixed;
-mod growth;
-mod lens;
+mod center_filter;
 mod params;
-mod radius;
-mod rectifier;
-mod rolling;
-mod smooth;
-mod sums;
-mod tapes;
-mod walk;
+mod pose_integration;
+mod random_walk;
+mod rectify;
+mod scale;
+mod surface_axes;
+mod systematic;
+mod velocity_fit;
 
 pub use crate::numeric::{MAX_ORDER, Polynomial, Sample};
-pub use anchor::{Anchor, Center};
-pub use axes::{Axes, MetresPerPixel, PixelRates, Surface, gravity_px, physical};
-pub use chain::{Chain, Node};
-pub use drift::{Drift, Here};
-pub use fixed::{RunningShare, Shortening, Spans};
-pub use growth::{Growth, Seen, surely};
-pub use lens::{Distortion, Lens};
+pub use center_filter::{Anchor, Center};
 pub use params::{Form, MotionParams, RingLimits, Rotation, Scale, View};
-pub use radius::RunningRadius;
-pub use rectifier::{Calibration, Rectifier, RectifierError};
-pub use rolling::{Rolling, Shutter};
-pub use smooth::{AUTO_AHEAD_FRAMES, Known, Regime, lag_frames, local_fit, smooth};
-pub use sums::Sums;
-pub use walk::{Kept, Renewal, Walk, subset_walk};
+pub use pose_integration::{Chain, Node};
+pub use random_walk::{Kept, Renewal, Walk, subset_walk};
+pub use rectify::{Calibration, Rectifier, RectifierError};
+pub use rectify::{Distortion, Lens};
+pub use scale::RunningRadius;
+pub use surface_axes::{Axes, MetresPerPixel, PixelRates, Surface, gravity_px, physical};
+pub use systematic::Sums;
+pub use systematic::{Drift, Here};
+pub use systematic::{Growth, Seen, surely};
+pub use systematic::{Rolling, Shutter};
+pub use systematic::{RunningShare, Shortening, Spans};
+pub use velocity_fit::{AUTO_AHEAD_FRAMES, Known, Regime, lag_frames, local_fit, smooth};

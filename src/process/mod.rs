@@ -10,7 +10,6 @@ mod clock;
 mod conclude;
 mod correlate;
 mod line;
-mod order;
 mod pace;
 mod record;
 pub mod reference;

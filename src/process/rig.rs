@@ -8,10 +8,11 @@ use crate::camera::v4l2::{V4l2Camera, V4l2Settings};
 use crate::camera::{Camera, CameraError, CameraIdentity, Next, Pace, Slot, StreamFormat};
 use crate::config::{self, Config};
 use crate::image::{PixelFormat, Tone};
-use crate::measure::{BodyParams, MeasureParams, TrackerParams};
+use crate::measure::{BodyParams, MeasureParams};
 use crate::motion::{MotionParams, View};
 use crate::recording::{Recording, RecordingError};
 use crate::synth::{Scenario, World};
+use crate::track::TrackerParams;
 use std::path::PathBuf;
 use std::time::Duration;
 

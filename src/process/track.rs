@@ -2,7 +2,6 @@
 
 use super::clock::{Patience, now};
 use super::conclude::Conclusions;
-use super::order::OrderedTracker;
 use super::report::Reporter;
 use super::resume::Resume;
 use super::rig::{SUCCESSION, analysis_params, expected_format, learn_exposure, limits};
@@ -12,9 +11,10 @@ use super::summary::Summary;
 use crate::bus::{Bell, Bus, BusError, FieldSubscriber, Limits, Publisher};
 use crate::camera::StreamFormat;
 use crate::config::{Config, TriggerMode};
-use crate::measure::TrackerRows;
 use crate::message::{Event, EventKind, ImpactMessage, Role, TrackMessage, VelocityMessage};
 use crate::results::{Alarm, AlarmKind};
+use crate::track::OrderedTracker;
+use crate::track::TrackerRows;
 use std::collections::VecDeque;
 use std::time::Duration;
 

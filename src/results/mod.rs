@@ -7,6 +7,7 @@ mod alarm;
 mod field;
 mod impact;
 mod rod;
+mod rod_lines;
 mod status;
 mod step;
 mod track;
@@ -20,3 +21,5 @@ pub use status::{Phase, PointStatus};
 pub use step::{BodyStep, Circle, RigidStep};
 pub use track::TrackSample;
 pub use velocity::{BodyVelocity, VelocitySample};
+
+pub use rod_lines::{Segment, segments};

@@ -1,6 +1,6 @@
 //! The axis of a rod between its sides, and the composition of the measured rod.
 
-use super::edge::Edge;
+use super::edge_fit::Edge;
 use crate::results::{Estimate, PointStatus, Rod, RodEdge};
 
 /// Both sides of a rod.

@@ -1,11 +1,11 @@
 //! The rod finder: searches a rod by projections, then to a fraction of a pixel.
 
 use super::axis::{Axis, compose};
-use super::edge::{CleanPaint, Direction, Edge, ExpectedEdge, fit};
-use super::light::clean_paint_at;
+use super::edge_fit::{CleanPaint, Direction, Edge, ExpectedEdge, fit};
+use super::observation::RodObservation;
+use super::paint_shading::clean_paint_at;
 use super::params::{RodError, RodParams};
-use super::sight::RodObservation;
-use super::sums::{Line, TwoTone, lines};
+use super::projections::{Line, TwoTone, lines};
 use crate::image::ImageView;
 use crate::results::{Estimate, PointStatus, ROD_EDGES};
 

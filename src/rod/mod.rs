@@ -5,15 +5,15 @@
 //! step to the grey levels, which gives the edges to some thousandths of a pixel.
 
 mod axis;
-mod edge;
+mod edge_fit;
 mod finder;
-mod light;
-mod outline;
+mod observation;
+mod paint_levels;
+mod paint_shading;
 mod params;
-mod sight;
-pub mod sums;
+pub mod projections;
 
+pub use crate::results::{Segment, segments};
 pub use finder::RodFinder;
-pub use outline::{Segment, segments};
+pub use observation::RodObservation;
 pub use params::{MIN_WIDTH_PX, RodError, RodParams};
-pub use sight::RodObservation;

@@ -1,9 +1,9 @@
 //! The camera sensor: noise, quantization, packing.
 
-use super::blur::normal_cdf;
 use super::scenario::CameraSetup;
 use crate::image::PixelFormat;
 use crate::numeric::{COUNT, Stream, key, scramble};
+use crate::synth::render::normal_cdf;
 
 /// The number of noise values; 12 random bits choose one.
 const QUANTILES: usize = 4096;

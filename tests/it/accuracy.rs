@@ -4,11 +4,12 @@ use crate::measured_world::{level_rig, rows_of};
 use ricochet::ball::BallParams;
 use ricochet::dic::CorrelationParams;
 use ricochet::image::Frame;
-use ricochet::measure::{MeasureParams, Measured, Measurer, Share, TrackerRows};
+use ricochet::measure::{MeasureParams, Measured, Measurer, Share};
 use ricochet::motion::Rotation;
 use ricochet::results::{AlarmKind, Impact, PointStatus, RigidStep};
 use ricochet::synth::physics::NormalLaw;
 use ricochet::synth::{MotionSetup, OccluderSetup, PartSetup, Scenario, World};
+use ricochet::track::TrackerRows;
 use std::collections::BTreeMap;
 
 const FRAMES: u64 = 16;

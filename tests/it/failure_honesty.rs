@@ -1,9 +1,9 @@
 //! Difficult films: results are right or flagged, never silently wrong.
 
 use crate::measured_world::{level_rig, rows_of_pictures};
-use ricochet::measure::TrackerRows;
 use ricochet::results::VelocitySample;
 use ricochet::synth::{MotionSetup, Scenario, World};
+use ricochet::track::TrackerRows;
 
 /// One frame of a film: its pixels, the position of the ball and its motion.
 struct Shot {

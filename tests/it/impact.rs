@@ -1,8 +1,8 @@
 //! Collisions against simulated truth.
 
-use ricochet::measure::{Tracker, TrackerParams, TrackerRows};
 use ricochet::motion::MotionParams;
 use ricochet::results::{BodyStep, Estimate, ForceLaw, Impact, Phase, PointStatus};
+use ricochet::track::{Tracker, TrackerParams, TrackerRows};
 
 use crate::synth_physics::{Experiment, Law, Noise, Ripple, Truth, lacrosse, rod, steps, tennis};
 

@@ -2,9 +2,10 @@
 
 use ricochet::config::Config;
 use ricochet::image::Frame;
-use ricochet::measure::{Measurer, Share, Tracker, TrackerRows};
+use ricochet::measure::{Measurer, Share};
 use ricochet::motion::Rectifier;
 use ricochet::synth::World;
+use ricochet::track::{Tracker, TrackerRows};
 
 /// Everything that is measured of a world's frames with a rig file.
 pub fn rows_of(world: &World, rig: &str) -> TrackerRows {

@@ -1,8 +1,8 @@
 //! Velocities and tracks against simulated truth.
 
-use ricochet::measure::{Tracker, TrackerParams, TrackerRows};
 use ricochet::motion::{MotionParams, Scale};
 use ricochet::results::{BodyStep, Phase, PointStatus, RigidStep, VelocitySample};
+use ricochet::track::{Tracker, TrackerParams, TrackerRows};
 
 use crate::impact::track;
 use crate::synth_physics::{Experiment, Noise, Truth, lacrosse, rod, steps, tennis};

@@ -1,9 +1,9 @@
 //! Patches: polygons drawn in the first picture, followed against known truth, through occlusion and over absence.
 
 use ricochet::config::Config;
-use ricochet::measure::TrackerRows;
 use ricochet::results::PointStatus;
 use ricochet::synth::{MotionSetup, Scenario, World};
+use ricochet::track::TrackerRows;
 
 use crate::measured_world::{rows_of, rows_of_pictures};
 use crate::support::{Rig, csv, succeed};

@@ -1,8 +1,8 @@
 //! Rotations from rings, against known truth: pairwise, behind something, and of balls that turn far from frame to
 //! frame.
 
-use ricochet::measure::TrackerRows;
 use ricochet::synth::{MotionSetup, OccluderSetup, Scenario, World};
+use ricochet::track::TrackerRows;
 
 use crate::measured_world::{level_rig, rows_of};
 

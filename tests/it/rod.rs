@@ -2,10 +2,10 @@
 
 use crate::support::{Rig, csv, run, succeed};
 use ricochet::image::{Frame, Image};
-use ricochet::measure::TrackerRows;
 use ricochet::results::{Phase, PointStatus, Rod, VelocitySample};
-use ricochet::rod::{RodFinder, RodParams, sums};
+use ricochet::rod::{RodFinder, RodParams, projections};
 use ricochet::synth::{MotionSetup, Scenario, World, physics::NormalLaw};
+use ricochet::track::TrackerRows;
 
 mod scene;
 
@@ -155,14 +155,14 @@ fn black_and_white_projections_find_the_same_edges_within_a_pixel() {
     let mut bytes = vec![0; world.frame_bytes()];
     for index in [0, 60, 120, 200] {
         let image = picture(&world, index, &mut bytes);
-        let tone = sums::TwoTone::new(image.view(), REGION.map(|number| number as usize)).unwrap();
+        let tone = projections::TwoTone::new(image.view(), REGION.map(|number| number as usize)).unwrap();
         let truth = world.truth(index).center_y_px.unwrap();
-        let lines = sums::lines(&tone.down(20..43), 4);
+        let lines = projections::lines(&tone.down(20..43), 4);
         for edge in EDGES {
             let nearest = lines[..8].iter().map(|line| (line.at as f64 + 0.5 - truth - edge).abs());
             assert!(nearest.fold(f64::INFINITY, f64::min) <= 1.0, "frame {index}: {edge} is not among {lines:?}");
         }
-        let mut sides: Vec<usize> = sums::lines(&tone.across(), 4)[..2].iter().map(|line| line.at).collect();
+        let mut sides: Vec<usize> = projections::lines(&tone.across(), 4)[..2].iter().map(|line| line.at).collect();
         sides.sort_unstable();
         let middle = world.truth(index).center_x_px.unwrap();
         assert!((sides[0] as f64 + 0.5 - middle + 15.0).abs() <= 1.0, "{sides:?}");

@@ -3,9 +3,10 @@
 use ricochet::camera::simulated::{meta, stream_format};
 use ricochet::config::Config;
 use ricochet::image::Frame;
-use ricochet::measure::{Measurer, Share, TrackerRows};
+use ricochet::measure::{Measurer, Share};
 use ricochet::process::analysis_params;
 use ricochet::synth::{MotionSetup, Scenario, World};
+use ricochet::track::TrackerRows;
 
 use crate::measured_world::{level_rig, rows_of_pictures};
 

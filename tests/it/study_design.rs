@@ -4,9 +4,9 @@ use crate::measured_world::rows_of;
 use crate::support::{Rig, run, succeed};
 use ricochet::command::study::design::{Expected, foresee, spread};
 use ricochet::config::Config;
-use ricochet::measure::TrackerRows;
 use ricochet::process::{Stop, truth_world};
 use ricochet::synth::{LightSetup, MotionSetup, PatternSetup, Scenario};
+use ricochet::track::TrackerRows;
 use serde_json::Value;
 
 /// The scatter over films of the rig, each drawn with its own noise and measured like any film.

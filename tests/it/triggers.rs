@@ -6,10 +6,11 @@ use crate::support::{Background, Rig, ricochet, wait_until};
 use ricochet::camera::simulated::{meta, stream_format};
 use ricochet::config::Config;
 use ricochet::image::Frame;
-use ricochet::measure::{Measurer, Order, Share};
+use ricochet::measure::{Measurer, Share};
 use ricochet::process::analysis_params;
 use ricochet::recording::Recording;
 use ricochet::synth::{MotionSetup, Scenario, World};
+use ricochet::track::Order;
 use ricochet::trigger::Decision;
 use std::io::{Read, Write};
 

@@ -1,7 +1,7 @@
 //! Balls that are struck between two frames by something that nobody sees.
 
-use ricochet::measure::TrackerRows;
 use ricochet::synth::{MotionSetup, PartSetup, Scenario, World};
+use ricochet::track::TrackerRows;
 
 use crate::measured_world::{level_rig, rows_of};
 

@@ -3,8 +3,8 @@
 use super::{ExportError, ExportOptions};
 use crate::image::{Frame, FrameMeta, Image};
 use crate::recording::{Recording, RecordingError};
+use crate::results::segments;
 use crate::results::{PairField, TrackSample};
-use crate::rod::segments;
 use image::{Rgb, RgbImage};
 use std::collections::BTreeMap;
 use std::io;

@@ -3,13 +3,13 @@
 use crate::bus::{Bus, BusError, FieldSubscriber, FrameSample, FrameSubscriber, Limits};
 use crate::camera::{CameraIdentity, StreamFormat};
 use crate::config::{Config, TriggerMode};
-use crate::measure::TrackerParams;
 use crate::message::{Event, EventKind, Role};
 use crate::process::report::Reporter;
 use crate::process::rig::{SUCCESSION, analysis_params, expected_format, learn_exposure, limits, truth_world};
 use crate::process::stream::Stream;
 use crate::results::{BodyStep, PairField};
 use crate::synth::World;
+use crate::track::TrackerParams;
 use std::collections::VecDeque;
 use std::rc::Rc;
 

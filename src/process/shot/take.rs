@@ -1,10 +1,10 @@
 //! One camera's part of a recording.
 
 use super::Extent;
-use crate::measure::TrackerParams;
-use crate::process::order::OrderedTracker;
 use crate::results::{BodyStep, PairField, PointStatus};
 use crate::synth::World;
+use crate::track::OrderedTracker;
+use crate::track::TrackerParams;
 use std::rc::Rc;
 
 /// What is known of one camera's frames and steps so far.

@@ -1,5 +1,6 @@
 //! The description of a simulated film: the filmed objects and the camera.
 
+mod built_in;
 mod check;
 mod error;
 

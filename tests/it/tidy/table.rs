@@ -31,6 +31,7 @@ const BELOW_PROCESS: &[&str] = &[
     "trigger",
     "impact",
     "measure",
+    "track",
     "synth",
     "config",
     "message",
@@ -50,6 +51,7 @@ const BELOW_COMMAND: &[&str] = &[
     "trigger",
     "impact",
     "measure",
+    "track",
     "synth",
     "config",
     "message",
@@ -77,6 +79,7 @@ pub const ROOMS: &[Room] = &[
         &["results", "image", "numeric", "dic", "ball", "rod", "motion", "impact"],
         &["nalgebra", "thiserror"],
     ),
+    pure("track", &["results", "motion", "impact", "measure"], &["nalgebra"]),
     pure("synth", &["results", "image", "numeric", "motion"], &["nalgebra", "serde", "thiserror", "toml"]),
     open(
         "config",

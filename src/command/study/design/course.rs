@@ -6,12 +6,12 @@
 use super::noise::Noise;
 use super::rig::Rig;
 use crate::dic::STALE_DEG;
-use crate::measure::{Tracker, TrackerParams, TrackerRows};
 use crate::motion::subset_walk;
 use crate::numeric::{Stream, key};
 use crate::process::analysis_params;
 use crate::results::{BodyStep, Circle, Estimate, PointStatus, RigidStep, Rod, VelocitySample};
 use crate::synth::World;
+use crate::track::{Tracker, TrackerParams, TrackerRows};
 
 /// Purpose of these random numbers.
 const STEPS: u64 = 60;

@@ -3,10 +3,10 @@
 use super::course::Course;
 use super::noise::Noise;
 use super::rig::Rig;
-use crate::measure::TrackerRows;
 use crate::process::Stop;
 use crate::results::{BodyVelocity, Impact, Phase, VelocitySample};
 use crate::synth::World;
+use crate::track::TrackerRows;
 use std::num::NonZeroUsize;
 
 /// Share of the films in which a number has to be told, or it is not foreseen.

@@ -1,0 +1,492 @@
+//! The subpixel fit: from a circle accurate to a pixel to one accurate to a few hundredths.
+
+use super::annulus::{Annulus, Outline, SLACK_PX};
+use super::circle_fit::{CircleFit, Correction};
+use super::edge_fit::{Edge, EdgeSearch, fit_edges};
+use super::edge_selection;
+use super::edge_selection::EdgeSelection;
+use super::limb_darkening::{LimbDarkening, SECTORS, Shift, Step, VisibleRim, shift_px};
+use super::ransac::Candidate;
+use super::side_light::SideLight;
+use super::significance::evidence;
+use super::visible_fraction::{RimBin, fraction_in_image, unoccluded_fraction};
+use crate::image::ImageView;
+use crate::numeric::nth_smallest;
+use crate::results::Circle;
+
+/// The maximum number of rounds of gathering and fitting.
+const MAX_ROUNDS: usize = 6;
+/// The change of the circle at which the rounds have converged, px.
+const CONVERGED_PX: f64 = 0.003;
+/// The same near an accurate start, px.
+///
+/// The next round would move the circle a quarter as far; the noise of a circle is ten times that.
+const NEAR_CONVERGED_PX: f64 = 0.01;
+/// The distance within which the pixels gathered around another circle are as good, px.
+const REGATHER_PX: f64 = 0.1;
+/// The blur of a lens in focus, where the search for the blur starts, px.
+const USUAL_BLUR_PX: f32 = 0.8;
+const BLUR_RANGE_PX: std::ops::RangeInclusive<f32> = 0.35..=2.0;
+/// The blur up to which speckle at the rim pulls edges within the limits below, px; the limits grow with larger blurs.
+const SHARP_BLUR_PX: f32 = 0.9;
+/// The minimum inlier fraction of a blurred rim with a larger scatter, since a textured background is blurred, too.
+const MIN_INLIERS_BLURRED: f64 = 0.15;
+/// The maximum shift from the start, px; an outline that moves farther was not the ball's.
+pub(super) const MAX_SHIFT_PX: f64 = 4.0;
+/// The maximum distance of an inlier from the circle, px.
+const INLIER_PX: f32 = 0.25;
+/// The minimum number of inliers, plus a fraction of the rim inside the image.
+///
+/// These limits were set on 420 circles of balls in hard scenes and 2300 around texture, speckle and occluders
+/// of all sizes: they accept 98 % of the former and none of the latter.
+const MIN_INLIERS: f64 = 15.0;
+const MIN_INLIER_FRACTION: f64 = 0.055;
+/// The minimum inlier fraction of the used edges, and that for many inliers.
+const MIN_INLIERS_OF_USED: f64 = 0.55;
+const MIN_INLIERS_OF_USED_WHEN_MANY: f64 = 0.45;
+const MANY_INLIERS: usize = 30;
+/// The number of inliers below which the evidence against chance must reach a minimum, nats.
+///
+/// In 21 000 searches for balls of 6 to 20 px in speckled paint and texture, no false ball had as many inliers. Marks
+/// pull three or four neighbouring edges alike, in blurred images more, and the search takes the best of many
+/// circles. The three false balls with the most evidence had 31.0, 30.2 and 28.1 nats.
+const FEW_INLIERS: usize = 26;
+const MIN_EVIDENCE_NATS: f64 = 31.0;
+/// The maximum number of edges outside the circle: a distance, px, and a fraction of the inliers.
+///
+/// Marks at a rim pull its edges inwards. If more than this fraction lies farther out than this distance, those edges
+/// are the rim and the circle lies inside the ball. Of 15 000 circles in hard scenes, such circles were off by up to
+/// 8 px (80 sigmas). Of the others, 1 in 250 discs and 1 in 60 spheres had as many.
+const MAX_OUTER: (f32, f64) = (0.4, 0.14);
+const MAX_OUTER_OF_FEW: (f32, f64) = (0.4, 0.08);
+const MAX_OUTER_SPECKLED: (f32, f64) = (1.0, 0.2);
+/// The number of inliers below which fewer outer edges are allowed.
+const FEW_INLIERS_FOR_OUTER: usize = 40;
+/// The maximum robust scatter of the used edges about the circle, px.
+const MAX_SCATTER_PX: f64 = 0.28;
+/// The inlier fraction from which no other place can be the ball.
+pub(super) const CERTAIN_INLIERS: f64 = 0.3;
+/// The factor of the maximum scatter at that inlier fraction, for speckle along the rest of the rim.
+const CERTAIN_SCATTER_FACTOR: f64 = 1.5;
+/// The factor from the covariance of the fit to the observed error, and its growth with the occluded fraction.
+///
+/// Bartlett's window misses a part of the correlation of neighbours. Texture and shading are correlated over longer
+/// arcs, the more so the less of the rim is visible. The factors come from 3600 hard scenes: bright and dark, discs
+/// and spheres, 0 to 40 % occluded.
+const CENTER_FACTOR: f64 = 1.12;
+const CENTER_FACTOR_OCCLUDED: f64 = 0.5;
+const RADIUS_FACTOR: f64 = 0.95;
+const RADIUS_FACTOR_OCCLUDED: f64 = 0.95;
+/// The growth of the uncertainties of centre and radius with the outlier fraction, for edges selected by contrast.
+///
+/// The outliers are marks at a bright rim, all of which pull inwards.
+const OUTLIER_FACTORS: [f64; 2] = [2.0, 4.5];
+/// The factors of the uncertainties of centre and radius if speckles line the rim.
+const SPECKLED_FACTORS: [f64; 2] = [1.12, 2.0];
+const MIN_CENTER_SIGMA_PX: f64 = 0.005;
+const MIN_RADIUS_SIGMA_PX: f64 = 0.006;
+/// The minimum fraction of a sector's rim that makes the sector visible.
+const MIN_VISIBLE_RIM: f64 = 0.15;
+/// The uncertainty of centre and radius per clipped fraction of the contrast, px.
+///
+/// If the brighter side of the rim exceeds the range of the pixels, the edges are known by their darker side only.
+const CLIPPED_SIGMA_PX: [f64; 2] = [0.3, 1.3];
+/// The maximum clipped fraction of the contrast.
+const MAX_CLIPPED_FRACTION: f64 = 0.3;
+/// The uncertainty of centre and radius if clipped pixels are used as they are, px.
+///
+/// An exposure up to four times too long moves edges away from clipped pixels by up to 1 px.
+const INCLUDED_CLIPPED_SIGMA_PX: [f64; 2] = [0.15, 0.7];
+/// The maximum uncertainty, before these factors, px.
+const MAX_SIGMA_PX: f64 = 0.09;
+/// The maximum uncertainty for few inliers, and for a mostly visible rim, px.
+///
+/// A ball with a mostly visible rim may not be round. At 0.09 px, 51 of 60 balls stretched by 1.2 %, as by a rolling
+/// shutter, were refused.
+const MAX_SIGMA_OF_FEW_PX: f64 = 0.07;
+const MAX_SIGMA_VISIBLE_PX: f64 = 0.15;
+const MOSTLY_VISIBLE: f64 = 0.75;
+
+/// The scatter of the clean parts of a rim from which the rim may be lined with speckles, px.
+///
+/// Then all of the rim, in a narrower annulus, gives a better circle.
+const MIN_SPECKLED_SCATTER_PX: f64 = 0.15;
+/// The maximum scatter of a speckled rim, px.
+const MAX_SPECKLED_SCATTER_PX: f64 = 0.5;
+/// The minimum fraction of a speckled rim with an edge of its sign.
+const MIN_SPECKLED_EDGES: f64 = 0.5;
+/// The minimum number of inliers of a speckled rim.
+const MIN_SPECKLED_INLIERS: usize = 45;
+/// The maximum interquartile range of the levels outside a speckled rim, as a fraction of its contrast.
+///
+/// Circles in speckled paint have speckles outside, too.
+const MAX_OUTSIDE_VARIATION: f32 = 0.2;
+
+/// An accepted outline.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Measured {
+    pub circle: Circle,
+    /// The fraction of the rim inside the image that agrees with the circle, 0 to 1.
+    pub inlier_fraction: f64,
+    /// The robust scatter of the edges about the circle, px.
+    pub scatter_px: f64,
+}
+
+/// The effort of a fit.
+#[derive(Debug, Clone, Copy)]
+struct Effort {
+    /// The steps of the edge fit and of the reweighting in the first round.
+    first: (usize, usize),
+    /// The same in each later round.
+    later: (usize, usize),
+    min_rounds: usize,
+    /// The change of the outline at which later rounds have converged, px.
+    converged_px: f64,
+    /// The distance within which gathered pixels are kept, px.
+    regather_px: f64,
+    /// The maximum shift from the start, px.
+    max_shift_px: f64,
+    /// Whether the edges are close to their start.
+    is_near: bool,
+}
+
+/// The effort near an accurate start.
+const NEAR: Effort = Effort {
+    first: (1, 4),
+    later: (0, 4),
+    min_rounds: 2,
+    converged_px: NEAR_CONVERGED_PX,
+    regather_px: REGATHER_PX,
+    max_shift_px: MAX_SHIFT_PX,
+    is_near: true,
+};
+
+fn distance(a: &Outline, b: &Outline) -> f64 {
+    (a.x - b.x).hypot(a.y - b.y).max((a.radius - b.radius).abs())
+}
+
+/// The subpixel fit with its scratch memory.
+#[derive(Debug, Default)]
+pub(super) struct SubpixelFit {
+    rim: Annulus,
+    edges: Vec<Edge>,
+    selection: EdgeSelection,
+    fit: CircleFit,
+    side_light: SideLight,
+    limb: LimbDarkening,
+    slope: Vec<f32>,
+    rim_bins: Vec<RimBin>,
+}
+
+impl SubpixelFit {
+    /// Fits the circle near a candidate; `None` if its rim does not determine one.
+    pub fn circle(&mut self, image: ImageView<'_>, candidate: &Candidate) -> Option<Measured> {
+        let effort = Effort {
+            first: (4, 8),
+            later: (2, 4),
+            min_rounds: 4,
+            converged_px: CONVERGED_PX,
+            regather_px: 0.0,
+            max_shift_px: MAX_SHIFT_PX,
+            is_near: false,
+        };
+        self.fit_unclipped_or_all(image, candidate, effort)
+    }
+
+    /// Fits the circle near an accurate candidate, off by at most `max_shift_px`.
+    pub fn circle_at(&mut self, image: ImageView<'_>, candidate: &Candidate, max_shift_px: f64) -> Option<Measured> {
+        self.fit_unclipped_or_all(image, candidate, Effort { max_shift_px, ..NEAR })
+    }
+
+    /// Fits the circle near a candidate that may be off by more than the noise of an outline.
+    pub fn circle_about(&mut self, image: ImageView<'_>, candidate: &Candidate, max_shift_px: f64) -> Option<Measured> {
+        self.fit_unclipped_or_all(
+            image,
+            candidate,
+            Effort { max_shift_px, min_rounds: 3, converged_px: CONVERGED_PX, ..NEAR },
+        )
+    }
+
+    /// Fits the pixels that are not clipped, and if they do not determine a circle, all pixels.
+    fn fit_unclipped_or_all(
+        &mut self,
+        image: ImageView<'_>,
+        candidate: &Candidate,
+        effort: Effort,
+    ) -> Option<Measured> {
+        self.rim.set_includes_clipped(false);
+        let measured = self.fit_clean_or_speckled(image, candidate, effort);
+        if measured.is_some() || self.rim.white().is_infinite() {
+            return measured;
+        }
+        self.rim.set_includes_clipped(true);
+        self.fit_clean_or_speckled(image, candidate, effort)
+    }
+
+    /// Fits the clean parts of the rim, and if they disagree, all of it.
+    fn fit_clean_or_speckled(
+        &mut self,
+        image: ImageView<'_>,
+        candidate: &Candidate,
+        effort: Effort,
+    ) -> Option<Measured> {
+        self.set_speckled(false);
+        self.selection.same_sign = 0;
+        let clean = self.fit_circle(image, candidate, effort);
+        let same_sign = self.selection.same_sign as f64 / self.rim.bins().max(1) as f64;
+        let is_clipped = self.rim.white().is_finite() && !self.rim.includes_clipped();
+        if clean.is_some_and(|c| c.scatter_px < MIN_SPECKLED_SCATTER_PX) || same_sign < MIN_SPECKLED_EDGES || is_clipped
+        {
+            return clean;
+        }
+        self.set_speckled(true);
+        let speckled = self.fit_circle(image, candidate, effort);
+        speckled.or(clean)
+    }
+
+    fn set_speckled(&mut self, is_speckled: bool) {
+        self.rim.set_speckled(is_speckled);
+        self.fit.is_speckled = is_speckled;
+    }
+
+    fn fit_circle(&mut self, image: ImageView<'_>, candidate: &Candidate, effort: Effort) -> Option<Measured> {
+        let start = Outline { x: candidate.x.into(), y: candidate.y.into(), radius: candidate.radius.into() };
+        let mut outline = start;
+        let mut blur = USUAL_BLUR_PX;
+        let mut gathered = start;
+        self.edges.clear();
+        self.slope.clear();
+        self.gather(image, &start);
+        for round in 0..MAX_ROUNDS {
+            // The second gathering makes the bins independent of the start, if that was far off.
+            let apart = distance(&outline, &gathered);
+            if (round == 2 && apart > effort.regather_px) || apart > SLACK_PX {
+                self.gather(image, &outline);
+                gathered = outline;
+            } else if round > 0 {
+                self.rim.measure(&outline);
+            }
+            let (steps, reweightings) = if round == 0 { effort.first } else { effort.later };
+            fit_edges(
+                &self.rim,
+                EdgeSearch { blur, brightness_slope: &self.slope, steps, is_near: effort.is_near },
+                &mut self.edges,
+            );
+            let again = effort.is_near && round > 0 && apart <= effort.regather_px;
+            let noise = self.selection.select(&self.edges, candidate.polarity, (again, self.fit.is_speckled));
+            let fitted = self.fit.fit(&self.rim, &self.edges, &self.selection.used, noise, reweightings)?;
+            outline =
+                Outline { x: outline.x + fitted.dx, y: outline.y + fitted.dy, radius: outline.radius + fitted.dr };
+            // NaN fails the comparison.
+            let near = distance(&outline, &start) <= effort.max_shift_px;
+            if !near {
+                return None;
+            }
+            if round + 1 >= effort.min_rounds && fitted.dx.hypot(fitted.dy).max(fitted.dr.abs()) < effort.converged_px {
+                break;
+            }
+            self.move_edges(&fitted);
+            blur = self.refine_blur(blur);
+            self.side_light.slope(&self.rim, &self.edges, &self.selection.used, outline.radius, &mut self.slope);
+        }
+        self.judge(image, outline, blur)
+    }
+
+    /// Gathers the pixels around `outline`; keeps edges and slopes if the bins stay the same.
+    fn gather(&mut self, image: ImageView<'_>, outline: &Outline) {
+        let bins = self.rim.bins();
+        self.rim.gather(image, outline);
+        if bins != self.rim.bins() || self.slope.len() != self.rim.bins() {
+            self.edges.clear();
+            self.slope.clear();
+            self.slope.resize(self.rim.bins(), 0.0);
+        }
+    }
+
+    /// Shifts the edges, which are relative to the outline, against its correction.
+    fn move_edges(&mut self, fitted: &Correction) {
+        for (bin, edge) in self.edges.iter_mut().enumerate() {
+            let (cos, sin) = self.rim.direction(bin);
+            let moved = edge.shift - (fitted.dx * cos + fitted.dy * sin + fitted.dr) as f32;
+            // An edge this far out is another one, so the next fit starts at the outline.
+            edge.shift = if moved.abs() < 1.5 { moved } else { 0.0 };
+        }
+    }
+
+    /// Returns the blur after a step towards the best fit of all used bins.
+    fn refine_blur(&self, blur: f32) -> f32 {
+        let (mut gradient, mut curvature) = (0.0_f32, 0.0_f32);
+        for (bin, edge) in self.edges.iter().enumerate() {
+            let robust_weight = self.fit.robust_weight[bin];
+            if robust_weight > 0.0 {
+                // Relative to the residuals of the bin, so that texture has little weight.
+                let unit = robust_weight / (edge.rms * edge.rms + 0.1);
+                gradient += unit * edge.blur_gradient;
+                curvature += unit * edge.blur_curvature;
+            }
+        }
+        if curvature <= 0.0 {
+            return blur;
+        }
+        (blur + (gradient / curvature).clamp(-0.25, 0.25)).clamp(*BLUR_RANGE_PX.start(), *BLUR_RANGE_PX.end())
+    }
+
+    /// Accepts or rejects the fitted circle.
+    fn judge(&mut self, image: ImageView<'_>, outline: Outline, blur: f32) -> Option<Measured> {
+        let inliers = self.fit.inliers(INLIER_PX);
+        let inside = (0..self.rim.bins()).filter(|&bin| self.rim.count(bin) > 0).count().max(1) as f64;
+        let inlier_fraction = inliers as f64 / inside;
+        let used = self.selection.used.iter().filter(|used| **used).count();
+        let is_many = inliers >= MANY_INLIERS;
+        let blur_factor = f64::from(blur / SHARP_BLUR_PX).max(1.0);
+        let may_scatter = if is_many && inlier_fraction >= MIN_INLIERS_BLURRED { blur_factor } else { 1.0 };
+        let scatter_px = f64::from(self.fit.scatter_px()?);
+        let is_rim = if self.fit.is_speckled {
+            let has_edges = used as f64 > MIN_SPECKLED_EDGES * inside;
+            has_edges
+                && inliers >= MIN_SPECKLED_INLIERS
+                && scatter_px < MAX_SPECKLED_SCATTER_PX
+                && self.is_uniform_outside()
+        } else {
+            let may_scatter =
+                if inlier_fraction > CERTAIN_INLIERS { CERTAIN_SCATTER_FACTOR } else { 1.0 } * may_scatter;
+            scatter_px <= MAX_SCATTER_PX * may_scatter && self.is_beyond_chance(inliers, inside, blur_factor)
+        };
+        if !(is_rim && self.is_outermost(inliers)) {
+            return None;
+        }
+        let c = self.fit.covariance(&self.rim)?;
+        let [of_center, of_radius] =
+            [0.5 * (c[(0, 0)] + c[(1, 1)]), c[(2, 2)]].map(|variance| blur_factor * variance.sqrt());
+        let visible_fraction = self.visible_fraction(image, outline);
+        let max_sigma_px = match inliers {
+            ..FEW_INLIERS => MAX_SIGMA_OF_FEW_PX,
+            _ if visible_fraction > MOSTLY_VISIBLE => MAX_SIGMA_VISIBLE_PX,
+            _ => MAX_SIGMA_PX,
+        } * may_scatter;
+        if !(of_center < max_sigma_px && of_radius < max_sigma_px) {
+            return None;
+        }
+        let clipped = self.clipped_sigma_px()?;
+        let outlier_fraction = 1.0 - inliers as f64 / used as f64;
+        let marks = match (self.fit.is_speckled, self.selection.excludes_speckle) {
+            (true, _) => SPECKLED_FACTORS,
+            (false, true) => OUTLIER_FACTORS.map(|factor| (factor * outlier_fraction).hypot(1.0)),
+            (false, false) => [1.0; 2],
+        };
+        // Speckle pulls a blurred rim over longer arcs, too.
+        let [center, radius] = [
+            (CENTER_FACTOR + CENTER_FACTOR_OCCLUDED * (1.0 - visible_fraction)) * marks[0],
+            (RADIUS_FACTOR + RADIUS_FACTOR_OCCLUDED * (1.0 - visible_fraction)) * marks[1],
+        ]
+        .map(|factor| factor * blur_factor.sqrt());
+        let shift = self.shift(image, &outline, blur);
+        // Under side light, the edges of the brighter limb are shifted more.
+        let [amplitude_x, amplitude_y] = self.side_light.amplitude;
+        let amplitude = amplitude_x.hypot(amplitude_y).max(f64::MIN_POSITIVE);
+        let side_shift = shift.center(amplitude);
+        let circle = Circle {
+            x_px: outline.x + side_shift.value * amplitude_x / amplitude,
+            y_px: outline.y + side_shift.value * amplitude_y / amplitude,
+            radius_px: outline.radius + shift.rim.value,
+            sigma_center_px: (center * of_center).hypot(clipped[0]).hypot(side_shift.sigma).hypot(MIN_CENTER_SIGMA_PX),
+            sigma_radius_px: (radius * of_radius).hypot(clipped[1]).hypot(shift.rim.sigma).hypot(MIN_RADIUS_SIGMA_PX),
+            visible_fraction,
+        };
+        Some(Measured { circle, inlier_fraction, scatter_px })
+    }
+
+    /// Whether too many edges agree for a circle in texture; `blur_factor` is the blur relative to a sharp image.
+    fn is_beyond_chance(&self, inliers: usize, inside: f64, blur_factor: f64) -> bool {
+        let used = self.selection.used.iter().filter(|used| **used).count();
+        let is_many = inliers >= MANY_INLIERS;
+        let of_used = if is_many { MIN_INLIERS_OF_USED_WHEN_MANY } else { MIN_INLIERS_OF_USED };
+        let enough =
+            inliers as f64 >= MIN_INLIERS + MIN_INLIER_FRACTION * inside && inliers as f64 > of_used * used as f64;
+        // An edge of the opposite sign might as well have agreed.
+        let nats = || {
+            evidence(used + self.selection.opposite_sign, edge_selection::MAX_DISTANCE_PX, |within_px| {
+                self.fit.inliers(within_px)
+            })
+        };
+        enough && (inliers >= FEW_INLIERS || nats() > MIN_EVIDENCE_NATS * blur_factor)
+    }
+
+    /// Whether hardly any edge lies outside the circle.
+    fn is_outermost(&self, inliers: usize) -> bool {
+        let (distance_px, max_fraction) = match inliers {
+            _ if self.fit.is_speckled => MAX_OUTER_SPECKLED,
+            ..FEW_INLIERS_FOR_OUTER => MAX_OUTER_OF_FEW,
+            _ => MAX_OUTER,
+        };
+        self.fit.outer_edges(distance_px) as f64 <= max_fraction * inliers as f64
+    }
+
+    /// Whether the levels outside the rim hardly vary along it.
+    fn is_uniform_outside(&self) -> bool {
+        let trusted = || {
+            self.edges
+                .iter()
+                .zip(&self.fit.robust_weight)
+                .filter(|(_, robust_weight)| **robust_weight > 0.0)
+                .map(|(edge, _)| edge)
+        };
+        let mut outside: Vec<f32> = trusted().map(|edge| edge.inside - edge.contrast).collect();
+        let mut contrast: Vec<f32> = trusted().map(|edge| edge.contrast.abs()).collect();
+        let Some(last) = outside.len().checked_sub(1) else { return false };
+        let [low, high] = [last / 4, last * 3 / 4].map(|rank| nth_smallest(&mut outside, rank));
+        (high - low) < MAX_OUTSIDE_VARIATION * nth_smallest(&mut contrast, last / 2)
+    }
+
+    /// Returns the uncertainty of centre and radius because of clipped pixels, px; `None` if it is too large.
+    fn clipped_sigma_px(&self) -> Option<[f64; 2]> {
+        let white = self.rim.white();
+        if white.is_infinite() {
+            return Some([0.0; 2]);
+        }
+        if self.rim.includes_clipped() {
+            return Some(INCLUDED_CLIPPED_SIGMA_PX);
+        }
+        let (mut over, mut total) = (0.0, 0.0);
+        for (edge, robust_weight) in
+            self.edges.iter().zip(&self.fit.robust_weight).filter(|(_, robust_weight)| **robust_weight > 0.0)
+        {
+            let brighter = edge.inside.max(edge.inside - edge.contrast);
+            over += robust_weight * (brighter - white).max(0.0) / edge.contrast.abs();
+            total += robust_weight;
+        }
+        let over = f64::from(over / total);
+        (over <= MAX_CLIPPED_FRACTION).then(|| CLIPPED_SIGMA_PX.map(|each| each * over))
+    }
+
+    /// Computes the distance of the ball's rim from its fitted edges.
+    fn shift(&mut self, image: ImageView<'_>, outline: &Outline, blur: f32) -> Shift {
+        let (bins, robust_weight) = (self.edges.len(), &self.fit.robust_weight[..self.edges.len()]);
+        let mut trusted = [0.0; SECTORS];
+        let (mut inside, mut contrast, mut total) = (0.0, 0.0, 0.0);
+        for (bin, (edge, robust_weight)) in self.edges.iter().zip(robust_weight).enumerate() {
+            trusted[bin * SECTORS / bins] += if *robust_weight > 0.0 { (SECTORS as f64) / bins as f64 } else { 0.0 };
+            inside += robust_weight * edge.inside;
+            contrast += robust_weight * edge.contrast;
+            total += robust_weight;
+        }
+        let visible = VisibleRim { sectors: trusted.map(|share| share > MIN_VISIBLE_RIM), blur_px: blur.into() };
+        let darkening = self.limb.darkening(image, outline, visible);
+        let [inside, contrast] = [inside, contrast].map(|sum| f64::from(sum / total));
+        shift_px(darkening, outline.radius, Step { inside, contrast, blur_px: blur.into() })
+    }
+
+    fn visible_fraction(&mut self, image: ImageView<'_>, outline: Outline) -> f64 {
+        self.rim_bins.clear();
+        for bin in 0..self.rim.bins() {
+            let bin = match (self.rim.count(bin), self.fit.robust_weight[bin]) {
+                (0..8, _) => RimBin::Outside,
+                (_, robust_weight) if robust_weight > 0.0 => RimBin::Visible,
+                _ => RimBin::Missing,
+            };
+            self.rim_bins.push(bin);
+        }
+        let in_image = fraction_in_image(outline.x, outline.y, outline.radius, image.width(), image.height());
+        (unoccluded_fraction(&self.rim_bins) + in_image - 1.0).clamp(0.0, 1.0)
+    }
+}

@@ -1,0 +1,150 @@
+//! When the contact point stops slipping.
+
+use super::law_fit::Data;
+use super::trajectory::{ANGLE, SurfaceNode, TANGENTIAL, between};
+use crate::numeric::{Polynomial, Sample};
+use crate::results::Estimate;
+
+/// Sliding slower than so many sigmas is none.
+const SLIDING_SIGMAS: f64 = 3.0;
+/// Backward motion after the stop: so many frames in a row beyond so many sigmas.
+const BACKWARD: (usize, f64) = (3, 2.0);
+/// Fits of two widths that lie further apart than so many sigmas do not by chance.
+const CHANCE_SIGMAS: f64 = 2.0;
+/// Order of the local fits.
+const ORDER: usize = 3;
+/// Step of the search for the kink, frames.
+const STEP_FRAMES: f64 = 0.125;
+/// And around it.
+const FINE_FRAMES: f64 = STEP_FRAMES / 8.0;
+
+/// What is known of the contact before its slip is looked at; times in frames.
+#[derive(Debug, Clone, Copy)]
+pub struct Sliding {
+    /// The force begins.
+    pub start: f64,
+    /// The force is gone.
+    pub end: f64,
+    /// Speed of the contact point before, px/frame.
+    pub before: Estimate,
+    /// And after.
+    pub after: Estimate,
+    /// Radius of the body, px.
+    pub radius: f64,
+}
+
+/// When the contact point stops, frames; `None` where it did not slide before, or slid on through the whole contact.
+///
+/// A contact point that swings back shows a zero of its speed, found by local cubic fits. One that
+/// rolls from then on shows a kink: its displacement follows offset + slope t - friction x
+/// (what the normal force did to the normal displacement, `pushed`) up to the stop and is constant afterwards.
+pub fn slip_end(nodes: &[SurfaceNode], sliding: &Sliding, pushed: impl Fn(&SurfaceNode) -> f64) -> Option<Estimate> {
+    let Sliding { start, end, before, after, radius } = *sliding;
+    let side = before.value.signum();
+    let slid_on = after.value * side > SLIDING_SIGMAS * after.sigma;
+    if before.value.abs() <= SLIDING_SIGMAS * before.sigma || slid_on {
+        return None;
+    }
+    let point = |n: &SurfaceNode| Sample {
+        time_frames: n.time_frames,
+        component: n.component,
+        value: side * (n.value[TANGENTIAL] + radius * n.value[ANGLE]),
+        sigma: n.sigma[TANGENTIAL].hypot(radius * n.sigma[ANGLE]),
+        walk: (n.walk_share[TANGENTIAL] * n.sigma[TANGENTIAL]).hypot(n.walk_share[ANGLE] * radius * n.sigma[ANGLE]),
+    };
+    let half = ((end - start) / 7.0).clamp(4.0, 12.0);
+    let around = between(nodes, start - half, end + half);
+    let points: Vec<Sample> = around.iter().map(point).collect();
+    let speeds = speeds(&points, start, end, half);
+    let crossing = speeds.windows(2).position(|w| w[0].1.value > 0.0 && w[1].1.value <= 0.0)?;
+    let beyond = &speeds[crossing + 1..];
+    let is_back = |s: &(f64, Estimate)| s.1.value < -BACKWARD.1 * s.1.sigma;
+    if beyond.windows(BACKWARD.0).any(|w| w.iter().all(is_back)) {
+        let smooth = zero(speeds[crossing], speeds[crossing + 1]);
+        return Some(sharper(&points, smooth, half).unwrap_or(smooth));
+    }
+    let until = (speeds[crossing].0 + half).min(end + half);
+    let count = points.partition_point(|p| p.time_frames <= until);
+    let push: Vec<f64> = around[..count].iter().map(pushed).collect();
+    kink(&points[..count], &push, start)
+}
+
+/// Where the line through two speeds is zero.
+fn zero((t0, s0): (f64, Estimate), (t1, s1): (f64, Estimate)) -> Estimate {
+    let slope = (s0.value - s1.value) / (t1 - t0);
+    Estimate { value: t0 + s0.value / slope, sigma: (s0.sigma / slope).abs().max(STEP_FRAMES / 2.0) }
+}
+
+/// The zero by fits half as wide, nearest to that by wider ones; friction that ends at the stop leaves a kink there,
+/// which wide fits round off. How far the two lie apart beyond what their noise may do is part of the uncertainty.
+fn sharper(points: &[Sample], smooth: Estimate, half: f64) -> Option<Estimate> {
+    let narrow = speeds(points, smooth.value - half, smooth.value + half, half / 2.0);
+    let crossings = narrow.windows(2).filter(|w| w[0].1.value > 0.0 && w[1].1.value <= 0.0);
+    let zeros = crossings.map(|w| zero(w[0], w[1]));
+    let nearest = zeros.min_by(|a, b| (a.value - smooth.value).abs().total_cmp(&(b.value - smooth.value).abs()))?;
+    // Both fits have the nodes of the narrow one; what these are off by moves it more.
+    let noise = (nearest.sigma.powi(2) - smooth.sigma.powi(2)).max(0.0).sqrt();
+    let beyond = ((nearest.value - smooth.value).abs() - CHANCE_SIGMAS * noise).max(0.0);
+    Some(Estimate { value: nearest.value, sigma: nearest.sigma.hypot(beyond) })
+}
+
+/// Speed of the contact point at every node in contact.
+fn speeds(points: &[Sample], start: f64, end: f64, half: f64) -> Vec<(f64, Estimate)> {
+    points
+        .iter()
+        .filter(|p| p.time_frames >= start && p.time_frames <= end)
+        .filter_map(|p| {
+            let at = p.time_frames;
+            let first = points.partition_point(|q| q.time_frames < at - half);
+            let last = points.partition_point(|q| q.time_frames <= at + half);
+            Some((at, Polynomial::fit(&points[first..last], at, ORDER, 0.0)?.rate(at)))
+        })
+        .collect()
+}
+
+/// The stop after which the displacement is constant, by a scan; sigma from where chi2 has risen by one.
+fn kink(points: &[Sample], pushed: &[f64], start: f64) -> Option<Estimate> {
+    let data = Data::new(points);
+    let seen = data.whiten(points.iter().map(|p| p.value).collect());
+    let chi2 = |stop: f64| {
+        let share = |at: usize| -> f64 {
+            // The last node before the stop and the way on from it.
+            let next = points.partition_point(|p| p.time_frames < stop).clamp(1, points.len() - 1);
+            let (a, b) = (&points[next - 1], &points[next]);
+            let u = ((stop - a.time_frames) / (b.time_frames - a.time_frames)).clamp(0.0, 1.0);
+            if points[at].time_frames < stop {
+                pushed[at]
+            } else {
+                pushed[next - 1] + u * (pushed[next] - pushed[next - 1])
+            }
+        };
+        let time = data.whiten(points.iter().map(|p| p.time_frames.min(stop) - start).collect());
+        let push = data.whiten((0..points.len()).map(share).collect());
+        let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(x, y)| x * y).sum::<f64>();
+        let (tt, tp, pp) = (dot(&time, &time), dot(&time, &push), dot(&push, &push));
+        let (ts, ps) = (dot(&time, &seen), dot(&push, &seen));
+        let determinant = tt * pp - tp * tp;
+        let (slope, friction) = ((ts * pp - ps * tp) / determinant, (ps * tt - ts * tp) / determinant);
+        (determinant > 0.0).then(|| {
+            let rest = |i: usize| seen[i] - slope * time[i] - friction * push[i];
+            (0..seen.len()).map(|i| rest(i).powi(2)).sum::<f64>()
+        })
+    };
+    let (first, last) = (start + 2.0, points.last()?.time_frames - 1.0);
+    let steps = ((last - first) / STEP_FRAMES).floor().max(0.0) as usize;
+    let scan = |from: f64, steps: usize, step: f64| -> Vec<(f64, f64)> {
+        (0..=steps).map(|i| from + i as f64 * step).filter_map(|stop| Some((stop, chi2(stop)?))).collect()
+    };
+    let least = |scan: &[(f64, f64)]| scan.iter().copied().min_by(|a, b| a.1.total_cmp(&b.1));
+    let coarse = scan(first, steps, STEP_FRAMES);
+    let best = least(&coarse)?;
+    let near = coarse.iter().filter(|s| s.1 <= best.1 + 1.0).map(|s| s.0);
+    let (low, high) = near.fold((best.0, best.0), |(low, high), at| (low.min(at), high.max(at)));
+    // Once more where it may be, finely.
+    let from = (low - STEP_FRAMES).max(first);
+    let fine = scan(from, ((high + STEP_FRAMES - from) / FINE_FRAMES).round() as usize, FINE_FRAMES);
+    let best = least(&fine)?;
+    let inside = || fine.iter().filter(|s| s.1 <= best.1 + 1.0).map(|s| s.0);
+    let width = inside().next_back()? - inside().next()?;
+    Some(Estimate { value: best.0, sigma: (width / 2.0).max(FINE_FRAMES) })
+}

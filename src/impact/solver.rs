@@ -1,0 +1,349 @@
+//! From the nodes around a contact to its numbers.
+
+use super::contact_detector::Contact;
+use super::contact_law::Family;
+use super::departure::plausible_curves;
+use super::free_fall::fall;
+use super::model_selection::{FirstGuess, Verdict, judge};
+use super::slip_end::{Sliding, slip_end};
+use super::trajectory::{ANGLE, NORMAL, SurfaceNode, TANGENTIAL, between, samples};
+use crate::motion::Shortening;
+use crate::numeric::{Polynomial, Sample};
+use crate::results::{Estimate, ForceLaw, Impact, PointStatus};
+
+/// Longest flight used on either side, frames.
+pub(super) const FLIGHT_FRAMES: f64 = 128.0;
+/// Fewest nodes of a flight.
+const FLIGHT_MIN_NODES: usize = 4;
+/// The end as noticed may be so many frames early.
+const EARLY_FRAMES: f64 = 4.0;
+/// A stiffness left free errs about the deepest moment by about this share of the contact (simulated ripples of 25 %).
+const FREE_TURN: f64 = 0.002;
+/// Nodes the deepest moment is fitted to where no law is accepted.
+const DEEPEST_NODES: usize = 9;
+/// A contact has turned when the moment is known to so many frames.
+const CERTAIN_TURN_FRAMES: f64 = 0.5;
+/// Hindsight alone tells start and end to about so many frames.
+const HINDSIGHT_FRAMES: f64 = 1.0;
+
+/// What turns frames and px into physical numbers.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct World {
+    /// Metres a pixel is.
+    pub metres_per_px: Estimate,
+    /// Nominal frame period, s.
+    pub period_s: f64,
+    /// Gravity along normal and tangent, px/frame^2.
+    pub gravity_px: [f64; 2],
+    /// Radius of a ball, px.
+    pub radius_px: Option<Estimate>,
+    /// Mass of the body, kg, where it is known.
+    pub mass_kg: Option<f64>,
+    /// Standard uncertainty of where the centre is, px: of a body that spins, it moves the point whose speed is told.
+    pub center_sigma_px: f64,
+    /// By which share the motion of the body may be told too small.
+    pub shortening: Shortening,
+}
+
+/// Flights on both sides of the contact interval.
+struct Flights {
+    before: [Polynomial; 3],
+    after: [Polynomial; 3],
+}
+
+/// The interval of contact as known so far, frames.
+#[derive(Clone, Copy)]
+struct Interval {
+    start: Estimate,
+    deepest: Option<Estimate>,
+    end: Estimate,
+    /// Between these all is flight.
+    before_to: f64,
+    /// Nothing later is flight, however little there is.
+    before_last: f64,
+    after_from: f64,
+}
+
+/// Measures a contact that has ended, from the nodes up to `known_to_frames`.
+///
+/// The velocities on both sides are straight fits with gravity through the
+/// flights, extrapolated to start and end; restitution and impulses come from
+/// them. Start, deepest point, end, compression and acceleration come from
+/// the contact laws. `None` where a flight is too short to have a velocity yet.
+pub fn solve(nodes: &[SurfaceNode], contact: &Contact, known_to_frames: f64, world: &World) -> Option<Impact> {
+    let end = contact.end_frames?;
+    let first = contact.flight_from_frames.max(contact.start_frames - FLIGHT_FRAMES);
+    let last = known_to_frames.min(end + FLIGHT_FRAMES);
+    let nodes = between(nodes, first, last);
+    let hindsight = by_hindsight(nodes, contact, end);
+    let flights = flights(nodes, &hindsight, world)?;
+    let verdict = guess(nodes, &hindsight, &flights, world).and_then(|guess| {
+        let excess = flights.before[NORMAL].excess().max(flights.after[NORMAL].excess());
+        judge(&guess, &samples(nodes, NORMAL), excess)
+    });
+    let interval = verdict.as_ref().map_or(hindsight, |verdict| by_law(verdict, hindsight.deepest));
+    let flights = match &verdict {
+        // The law may see the end so late that there is no flight after it yet.
+        Some(_) => self::flights(nodes, &interval, world)?,
+        None => flights,
+    };
+    let mut impact = assemble(&interval, &flights, verdict.as_ref(), world);
+    let sides =
+        [between(nodes, f64::NEG_INFINITY, interval.before_to), between(nodes, interval.after_from, f64::INFINITY)];
+    impact.gravity_m_s2 = fall(&sides, world.gravity_px).map(|a| world.acceleration(a));
+    impact.slip_end_s = slip(nodes, &interval, &flights, world).map(|t| scaled(t, world.period_s, 0.0));
+    Some(impact)
+}
+
+impl World {
+    /// An acceleration in px/frame^2, in m/s^2.
+    fn acceleration(&self, a: Estimate) -> Estimate {
+        let relative = self.metres_per_px.sigma / self.metres_per_px.value;
+        scaled(a, self.metres_per_px.value / self.period_s.powi(2), relative)
+    }
+}
+
+/// What the centre's motion lost of its kinetic energy, J: of each component the speed before and after, m/s, whose
+/// sigmas hold the scale's, of this relative size.
+fn energy_lost(mass_kg: f64, components: &[[Estimate; 2]; 2], relative: f64) -> Estimate {
+    let (mut value, mut variance) = (0.0, 0.0);
+    for [before, after] in components {
+        value += 0.5 * mass_kg * (before.value.powi(2) - after.value.powi(2));
+        // One scale for all speeds: its share is taken once, for the difference.
+        let own = |v: &Estimate| (v.sigma.powi(2) - (v.value * relative).powi(2)).max(0.0);
+        variance += mass_kg.powi(2) * (before.value.powi(2) * own(before) + after.value.powi(2) * own(after));
+    }
+    Estimate { value, sigma: variance.sqrt().hypot(2.0 * value * relative) }
+}
+
+fn by_hindsight(nodes: &[SurfaceNode], contact: &Contact, end: f64) -> Interval {
+    // Where frames are missing around a limit it lies anywhere in the gap.
+    let gap = |at: f64| {
+        let i = nodes.partition_point(|n| n.time_frames < at);
+        match (i.checked_sub(1).and_then(|i| nodes.get(i)), nodes.get(i)) {
+            (Some(a), Some(b)) => (b.time_frames - a.time_frames - 1.0).max(0.0) / 12.0_f64.sqrt(),
+            _ => 0.0,
+        }
+    };
+    let newest = nodes.last().map_or(end, |n| n.time_frames);
+    let estimate = |at: f64| Estimate { value: at, sigma: HINDSIGHT_FRAMES.hypot(gap(at)) };
+    Interval {
+        start: estimate(contact.start_frames),
+        deepest: turning_point(between(nodes, contact.start_frames, end)),
+        end: Estimate { sigma: 2.0 * estimate(end).sigma, ..estimate(end) },
+        before_to: contact.flight_to_frames,
+        before_last: contact.departed_frames - 1.5,
+        // Noticed by force that is small, not gone: the first half of a short flight may still be bent.
+        after_from: end + (0.5 * (newest - end)).clamp(0.0, EARLY_FRAMES),
+    }
+}
+
+/// When a contact that may still last was deepest, frames; `None` until so many nodes are past it that it is certain.
+pub fn deepest_so_far(nodes: &[SurfaceNode], contact: &Contact) -> Option<Estimate> {
+    let contact = between(nodes, contact.start_frames, f64::INFINITY);
+    let (at, _) = contact.iter().enumerate().min_by(|a, b| a.1.value[NORMAL].total_cmp(&b.1.value[NORMAL]))?;
+    let is_past = at > 0 && at + DEEPEST_NODES / 2 < contact.len();
+    is_past.then(|| turning_point(contact)).flatten().filter(|turn| turn.sigma < CERTAIN_TURN_FRAMES)
+}
+
+/// When the normal velocity crosses zero, by a cubic through the nodes about the deepest one.
+fn turning_point(contact: &[SurfaceNode]) -> Option<Estimate> {
+    let (at, node) = contact.iter().enumerate().min_by(|a, b| a.1.value[NORMAL].total_cmp(&b.1.value[NORMAL]))?;
+    let near = &contact[at.saturating_sub(DEEPEST_NODES / 2)..(at + DEEPEST_NODES / 2 + 1).min(contact.len())];
+    let fit = Polynomial::fit(&samples(near, NORMAL), node.time_frames, 3, 0.0)?;
+    let (rate, curvature) = (fit.rate(node.time_frames), fit.curvature());
+    if curvature.value <= 3.0 * curvature.sigma {
+        return None;
+    }
+    let shift = rate.value / curvature.value;
+    // A crossing far from the deepest node means that frames are missing there.
+    (shift.abs() <= DEEPEST_NODES as f64).then(|| Estimate {
+        value: node.time_frames - shift,
+        sigma: fit.excess() * (rate.sigma / curvature.value).hypot(shift * curvature.sigma / curvature.value).max(0.02),
+    })
+}
+
+fn by_law(v: &Verdict, turned: Option<Estimate>) -> Interval {
+    let [start, mut deepest, end] = [0, 1, 2].map(|k| Estimate { value: v.findings[k], sigma: v.sigmas[k] });
+    if matches!(v.best, Family::Stiffness { .. }) {
+        // No law holds here: the positions about the turn may tell more of it than a stiffness that follows all of them.
+        deepest.sigma = deepest.sigma.hypot(FREE_TURN * v.findings[9]);
+        deepest = turned.filter(|turned| turned.sigma < deepest.sigma).unwrap_or(deepest);
+    }
+    Interval {
+        start,
+        deepest: Some(deepest),
+        end,
+        before_to: start.value - (2.0 * start.sigma).max(0.5),
+        before_last: start.value,
+        after_from: end.value + (2.0 * end.sigma).max(0.5),
+    }
+}
+
+/// A line with the acceleration that flight has: gravity's, unless the flight itself tells otherwise.
+fn line(flight: &[Sample], gravity: f64) -> Option<Polynomial> {
+    if flight.len() < FLIGHT_MIN_NODES {
+        return None;
+    }
+    plausible_curves(flight, Some(gravity)).into_iter().next()
+}
+
+fn flights(nodes: &[SurfaceNode], interval: &Interval, world: &World) -> Option<Flights> {
+    let after = between(nodes, interval.after_from, f64::INFINITY);
+    let three = |nodes: &[SurfaceNode]| {
+        let fit = |k: usize, g: f64| line(&samples(nodes, k), g);
+        Some([fit(NORMAL, world.gravity_px[NORMAL])?, fit(TANGENTIAL, world.gravity_px[TANGENTIAL])?, fit(ANGLE, 0.0)?])
+    };
+    // A short flight is used up to nearly the first node off it rather than not at all.
+    let ends = [interval.before_to, interval.before_last - 4.0, interval.before_last];
+    let before = ends.iter().find_map(|to| three(between(nodes, f64::NEG_INFINITY, *to)))?;
+    Some(Flights { before, after: three(after)? })
+}
+
+/// Rate of a flight at an uncertain moment, its own scatter included.
+fn rate_at(flight: &Polynomial, at: Estimate) -> Estimate {
+    let rate = flight.rate(at.value);
+    Estimate { value: rate.value, sigma: (rate.sigma * flight.excess()).hypot(flight.curvature().value * at.sigma) }
+}
+
+/// Start values for the laws: the deepest node and how far it is from the flight before.
+fn guess(nodes: &[SurfaceNode], interval: &Interval, flights: &Flights, world: &World) -> Option<FirstGuess> {
+    let speed = -rate_at(&flights.before[NORMAL], interval.start).value;
+    let after = rate_at(&flights.after[NORMAL], interval.end).value;
+    let contact = between(nodes, interval.start.value, interval.end.value);
+    let offset = contact.first()?.value[NORMAL];
+    // Components are strung together by extrapolated poses here, which is good enough to start from.
+    let deepest = contact.iter().min_by(|a, b| a.value[NORMAL].total_cmp(&b.value[NORMAL]))?;
+    let first = contact.first()?.time_frames;
+    let beyond = -flights.before[NORMAL].advance(first, deepest.time_frames).value - (offset - deepest.value[NORMAL]);
+    let usable = speed > 0.0 && after > 0.0 && beyond > 0.0;
+    usable.then_some(FirstGuess {
+        deepest: deepest.time_frames,
+        shortfall: beyond,
+        speed,
+        restitution: after / speed,
+        gravity: -world.gravity_px[NORMAL],
+    })
+}
+
+/// A product with a factor that has its own uncertainty.
+fn scaled(x: Estimate, factor: f64, relative_sigma: f64) -> Estimate {
+    let value = x.value * factor;
+    Estimate { value, sigma: (x.sigma * factor.abs()).hypot(value * relative_sigma) }
+}
+
+fn ratio(top: Estimate, bottom: Estimate) -> Option<Estimate> {
+    // A quotient of a number that may be zero has no meaning, nor has a sigma for it.
+    if bottom.value.abs() <= 3.0 * bottom.sigma {
+        return None;
+    }
+    let value = top.value / bottom.value;
+    Some(Estimate { value, sigma: (top.sigma / bottom.value).hypot(value * bottom.sigma / bottom.value) })
+}
+
+fn minus(a: Estimate, b: Estimate) -> Estimate {
+    Estimate { value: a.value - b.value, sigma: a.sigma.hypot(b.sigma) }
+}
+
+/// Speed of the contact point before and after, px/frame.
+///
+/// The point is c - R n of a body that turns counter-clockwise by omega, so its tangential speed is vt + omega R:
+/// zero for a ball that rolls along the tangent, which turns it clockwise.
+fn contact_point(interval: &Interval, flights: &Flights, world: &World) -> Option<[Estimate; 2]> {
+    let radius = world.radius_px?;
+    let speed = |flight: &[Polynomial; 3], at: Estimate| {
+        let (v, omega) = (rate_at(&flight[TANGENTIAL], at), rate_at(&flight[ANGLE], at));
+        let turn = (omega.sigma * radius.value).hypot(omega.value * radius.sigma.hypot(world.center_sigma_px));
+        Estimate { value: v.value + omega.value * radius.value, sigma: v.sigma.hypot(turn) }
+    };
+    Some([speed(&flights.before, interval.start), speed(&flights.after, interval.end)])
+}
+
+/// All rates of a flight at an uncertain moment, of a centre that is known no better than it is.
+fn rates_at(flight: &[Polynomial; 3], at: Estimate, world: &World) -> [Estimate; 3] {
+    let rates = [NORMAL, TANGENTIAL, ANGLE].map(|k| rate_at(&flight[k], at));
+    let whirl = rates[ANGLE].value * world.center_sigma_px;
+    let widened = |rate: Estimate| Estimate { sigma: rate.sigma.hypot(whirl), ..rate };
+    [widened(rates[NORMAL]), widened(rates[TANGENTIAL]), rates[ANGLE]]
+}
+
+/// By which share the motion of a flight may be told too small, and by which it may be off either way.
+fn off(rates: &[Estimate; 3], world: &World) -> [f64; 2] {
+    let [normal, tangential, angle] = [NORMAL, TANGENTIAL, ANGLE].map(|k| rates[k].value);
+    let rates = [tangential, normal, angle.to_degrees()];
+    [world.shortening.of(rates), world.shortening.interpolated(rates)]
+}
+
+fn slip(nodes: &[SurfaceNode], interval: &Interval, flights: &Flights, world: &World) -> Option<Estimate> {
+    let [before, after] = contact_point(interval, flights, world)?;
+    let radius = world.radius_px?.value;
+    let (start, end) = (interval.start.value, interval.end.value);
+    let origin = between(nodes, start, end).first()?;
+    let pushed = |n: &SurfaceNode| {
+        let free = flights.before[NORMAL].advance(origin.time_frames, n.time_frames).value;
+        n.value[NORMAL] - origin.value[NORMAL] - free
+    };
+    let found = slip_end(nodes, &Sliding { start, end, before, after, radius }, pushed)?;
+    // Found while the body does not touch, it is none.
+    (found.value >= start && found.value <= end).then_some(found)
+}
+
+fn assemble(interval: &Interval, flights: &Flights, verdict: Option<&Verdict>, world: &World) -> Impact {
+    let relative = world.metres_per_px.sigma / world.metres_per_px.value;
+    let speed = |x: Estimate| scaled(x, world.metres_per_px.value / world.period_s, relative);
+    let seconds = |x: Estimate| scaled(x, world.period_s, 0.0);
+    let before = rates_at(&flights.before, interval.start, world);
+    let after = rates_at(&flights.after, interval.end, world);
+    let turn = |x: Estimate| scaled(x, 1.0 / world.period_s, 0.0);
+    let found = |k: usize| verdict.map(|v| Estimate { value: v.findings[k], sigma: v.sigmas[k] });
+    let duration = found(9).unwrap_or_else(|| minus(interval.end, interval.start));
+    let impulse = |k: usize| {
+        let fall =
+            Estimate { value: world.gravity_px[k] * duration.value, sigma: world.gravity_px[k] * duration.sigma };
+        minus(minus(after[k], before[k]), fall)
+    };
+    let restitution = ratio(after[NORMAL], before[NORMAL]).map(|e| Estimate { value: -e.value, ..e });
+    let tangential = contact_point(interval, flights, world)
+        .and_then(|[first, last]| ratio(last, first))
+        .map(|e| Estimate { value: -e.value, ..e });
+    let metres = world.metres_per_px.value;
+    let moment = |k: usize| found(k).map(seconds);
+    // A point beside the centre of a body that turns goes up and down with it.
+    let spin = 0.5 * (before[ANGLE].value + after[ANGLE].value);
+    let brake = found(8).map_or((after[NORMAL].value - before[NORMAL].value) / duration.value, |a| a.value);
+    let turning = spin * world.center_sigma_px / brake;
+    // The surface carries the weight as well.
+    let push = found(8).map(|a| world.acceleration(Estimate { value: a.value - world.gravity_px[NORMAL], ..a }));
+    let off = [&before, &after].map(|rates| off(rates, world));
+    let whole = off.map(|[short, either]| short.hypot(either));
+    let [vn, vt] =
+        [NORMAL, TANGENTIAL].map(|k| [speed(before[k]).short_by(whole[0]), speed(after[k]).short_by(whole[1])]);
+    // What both are short by falls out of a quotient.
+    let [differ, either] = [off[1][0] - off[0][0], off[0][1].hypot(off[1][1])];
+    let differing = |x: Estimate| x.short_by(differ).short_by(either);
+    Impact {
+        start_s: Some(seconds(interval.start)),
+        deepest_s: interval.deepest.map(|at| seconds(Estimate { sigma: at.sigma.hypot(turning), ..at })),
+        end_s: Some(seconds(interval.end)),
+        vn_before_m_s: Some(vn[0]),
+        vn_after_m_s: Some(vn[1]),
+        vt_before_m_s: Some(vt[0]),
+        vt_after_m_s: Some(vt[1]),
+        omega_before_rad_s: Some(turn(before[ANGLE]).short_by(whole[0])),
+        omega_after_rad_s: Some(turn(after[ANGLE]).short_by(whole[1])),
+        restitution: restitution.map(differing),
+        restitution_tangential: tangential.map(differing),
+        impulse_ratio: ratio(impulse(TANGENTIAL), impulse(NORMAL)).map(differing),
+        contact_time_s: Some(seconds(duration)),
+        compression_max_mm: found(7).map(|depth| scaled(depth, metres * 1e3, relative).short_by(whole[0])),
+        acceleration_max_m_s2: found(8).map(|a| world.acceleration(a).short_by(whole[0])),
+        force_start_s: moment(3),
+        force_end_s: moment(4),
+        force_max_n: push.zip(world.mass_kg).map(|(a, mass_kg)| scaled(a, mass_kg, whole[0])),
+        energy_lost_j: world.mass_kg.map(|mass_kg| energy_lost(mass_kg, &[vn, vt], relative)),
+        force_law: verdict.map_or(ForceLaw::None, Verdict::law),
+        force_law_probability: verdict.map(Verdict::probability),
+        status: PointStatus::Valid,
+        ..Impact::unknown(0, 0, 0)
+    }
+}

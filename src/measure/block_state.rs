@@ -1,0 +1,103 @@
+//! The state of the bodies while their blocks are measured.
+
+use super::bounding_box::BoundingBox;
+use super::outline::Outline;
+use super::rigid_match::RigidMatcher;
+use crate::dic::CorrelationParams;
+use crate::results::RigidStep;
+
+/// The maximum error of the predicted position of a body that continues its motion, px.
+pub(super) const MAX_PREDICTION_ERROR_PX: f64 = 2.0;
+
+/// The state of one body within one block.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct BlockState {
+    pub(super) body: usize,
+    pub(super) block: u64,
+    /// The newest outline and its frame.
+    pub(super) outline: Option<(u64, Outline)>,
+    /// The newest frame in which it was searched and detected.
+    pub(super) detected_frame: Option<u64>,
+    /// The last measured motion.
+    pub(super) motion: Option<RigidStep>,
+    /// The motion of its centre, if that differs.
+    pub(super) center_motion: Option<RigidStep>,
+    /// Whether results contradicted each other, since another object may be taken for the body.
+    pub(super) is_ambiguous: bool,
+    /// Whether a patch was searched at every angle.
+    pub(super) was_searched: bool,
+}
+
+/// The states of all bodies in the current blocks.
+#[derive(Debug, Default)]
+pub(super) struct BlockStates {
+    states: Vec<BlockState>,
+}
+
+impl BlockStates {
+    /// Returns the state of one body within one block, empty at first.
+    pub(super) fn of(&mut self, body: usize, block: u64) -> &mut BlockState {
+        let place = self.states.iter().position(|state| (state.body, state.block) == (body, block));
+        let place = place.unwrap_or_else(|| {
+            self.states.push(BlockState {
+                body,
+                block,
+                outline: None,
+                detected_frame: None,
+                motion: None,
+                center_motion: None,
+                is_ambiguous: false,
+                was_searched: false,
+            });
+            self.states.len() - 1
+        });
+        &mut self.states[place]
+    }
+
+    /// Returns the box that holds the bodies of a block in a frame, with the search range around them.
+    pub(super) fn search_box(&self, block: u64, sequence: u64, params: &CorrelationParams) -> BoundingBox {
+        let mut bounds = BoundingBox::default();
+        for (frame, outline, state) in self.outlines_in(block) {
+            let range = f64::from(params.search_px);
+            bounds.include_search(&outline.enclosing_circle(params.subset_size_px), range);
+            if let Some(motion) = &state.motion {
+                let moved = outline.predicted(Some(motion), (sequence - frame) as f64).0;
+                bounds.include_search(&moved.enclosing_circle(params.subset_size_px), range);
+            }
+        }
+        bounds
+    }
+
+    /// Returns the box around the predicted bodies of a block, if all of them move on and have a rigid match.
+    pub(super) fn predicted_box(
+        &self,
+        block: u64,
+        sequence: u64,
+        params: &CorrelationParams,
+        rigid_matcher: &RigidMatcher,
+    ) -> Option<BoundingBox> {
+        let mut bounds = BoundingBox::default();
+        for (frame, outline, state) in self.outlines_in(block) {
+            let motion = state.motion.as_ref().filter(|_| rigid_matcher.has_reference(state.body, block))?;
+            let moved = outline.predicted(Some(motion), (sequence - frame) as f64).0;
+            bounds.include_search(&moved.enclosing_circle(params.subset_size_px), MAX_PREDICTION_ERROR_PX);
+        }
+        (!bounds.is_empty()).then_some(bounds)
+    }
+
+    /// Returns the newest outline of each body of a block, with its frame.
+    fn outlines_in(&self, block: u64) -> impl Iterator<Item = (u64, Outline, &BlockState)> {
+        let states = self.states.iter().filter(move |state| state.block == block);
+        states.filter_map(|state| state.outline.map(|(frame, outline)| (frame, outline, state)))
+    }
+
+    /// Discards the blocks before this one.
+    pub(super) fn forget_before(&mut self, block: u64) {
+        self.states.retain(|state| state.block >= block);
+    }
+
+    /// Discards everything.
+    pub(super) fn clear(&mut self) {
+        self.states.clear();
+    }
+}

@@ -1,0 +1,163 @@
+//! Consistency of a measured motion with the outlines of its body, and the reason for a missing motion.
+
+use super::measurer::Measured;
+use super::outline::Outline;
+use crate::results::{Estimate, PairField, PointStatus, RigidStep};
+
+/// The minimum tolerance between the motion of the subsets and that of the outlines, px.
+const OUTLINE_TOLERANCE_PX: f64 = 0.5;
+
+/// The minimum tolerance between a match of the whole body and the outlines, px.
+///
+/// Such a match cannot follow another body, so only the outlines may be wrong.
+const RIGID_TOLERANCE_PX: f64 = 1.5;
+
+/// The tolerance in standard uncertainties.
+const TOLERANCE_SIGMAS: f64 = 8.0;
+
+/// The maximum change of a motion that nothing else confirms, px/frame.
+const MAX_MOTION_CHANGE_PX: f64 = 1.0;
+
+/// The minimum tolerance between the step of the whole body and that of its subsets: px, px and deg.
+///
+/// If they differ by more, and by more than eight standard uncertainties, one of them follows another object.
+const SUBSET_TOLERANCE: [f64; 3] = [0.05, 0.05, 0.1];
+
+/// The maximum difference between whole body and subsets, as a fraction of the out-of-plane drift of the subsets.
+const DRIFT_TOLERANCE: f64 = 0.3;
+
+/// Whether the body found in both frames can have moved this way.
+///
+/// Subsets follow whatever is in front of most of them. If both outlines were detected (`is_detected`), they must
+/// have moved equally far. Otherwise the body must have been matched as a whole, or continue its motion `before`.
+pub(super) fn is_consistent(
+    Measured { step: measured, is_matched, .. }: &Measured,
+    before: Option<&RigidStep>,
+    (from, to): (&Result<Outline, PointStatus>, &Result<Outline, PointStatus>),
+    is_detected: bool,
+) -> bool {
+    let (Ok(Outline::Ball(from)), Ok(Outline::Ball(to)), Some(step)) = (from, to, measured.center_step()) else {
+        return true;
+    };
+    if is_detected {
+        let frames = f64::from(measured.interval_frames);
+        let apart = (to.x_px - from.x_px - frames * step.dx_px).hypot(to.y_px - from.y_px - frames * step.dy_px);
+        let tolerance_px = if *is_matched { RIGID_TOLERANCE_PX } else { OUTLINE_TOLERANCE_PX };
+        return apart <= tolerance_px.max(TOLERANCE_SIGMAS * from.sigma_center_px.hypot(to.sigma_center_px));
+    }
+    *is_matched || before.is_some_and(|before| continues(before, &step))
+}
+
+/// Whether a motion continues the one before it.
+fn continues(before: &RigidStep, step: &RigidStep) -> bool {
+    let sigma = step.sigma_dx_px.hypot(step.sigma_dy_px).hypot(before.sigma_dx_px.hypot(before.sigma_dy_px));
+    (step.dx_px - before.dx_px).hypot(step.dy_px - before.dy_px) <= MAX_MOTION_CHANGE_PX + TOLERANCE_SIGMAS * sigma
+}
+
+/// Whether the whole body moved as its subsets did.
+///
+/// The two weight a rotating front differently. They differ by a fraction of its motion relative to the rim.
+pub(super) fn agrees_with_subsets(rigid: &RigidStep, field: &RigidStep, drift: Option<[Estimate; 3]>) -> bool {
+    let drift_px = drift.map_or(0.0, |[x, y, _]| DRIFT_TOLERANCE * x.value.hypot(y.value));
+    let tolerances = [SUBSET_TOLERANCE[0] + drift_px, SUBSET_TOLERANCE[1] + drift_px, SUBSET_TOLERANCE[2]];
+    let apart = [rigid.dx_px - field.dx_px, rigid.dy_px - field.dy_px, rigid.dtheta_deg - field.dtheta_deg];
+    let sigma = [
+        rigid.sigma_dx_px.hypot(field.sigma_dx_px),
+        rigid.sigma_dy_px.hypot(field.sigma_dy_px),
+        rigid.sigma_dtheta_deg.hypot(field.sigma_dtheta_deg),
+    ];
+    apart.iter().zip(sigma).zip(tolerances).all(|((apart, sigma), tolerance)| apart.abs() <= tolerance.max(8.0 * sigma))
+}
+
+/// Returns the most frequent reason why the subsets of a field have no displacement.
+pub(super) fn failure_status(field: &PairField) -> PointStatus {
+    let count = |status: PointStatus| field.points.iter().filter(|point| point.status == status).count();
+    let invalid = PointStatus::ALL.into_iter().filter(|status| *status != PointStatus::Valid);
+    let most = invalid.max_by_key(|status| count(*status)).filter(|status| count(*status) > 0);
+    // No subset fits into the body at all.
+    most.unwrap_or(PointStatus::OutOfFrame)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::results::{BodyStep, Circle};
+
+    fn at(x_px: f64) -> Result<Outline, PointStatus> {
+        Ok(Outline::Ball(Circle {
+            x_px,
+            y_px: 80.0,
+            radius_px: 60.0,
+            sigma_center_px: 0.03,
+            sigma_radius_px: 0.03,
+            visible_fraction: 0.6,
+        }))
+    }
+
+    fn step(dx_px: f64) -> RigidStep {
+        RigidStep {
+            dx_px,
+            dy_px: 0.0,
+            dtheta_deg: 0.0,
+            sigma_dx_px: 0.002,
+            sigma_dy_px: 0.002,
+            sigma_dtheta_deg: 0.003,
+            points: 40,
+        }
+    }
+
+    fn moved(is_matched: bool, interval_frames: u32) -> Measured {
+        let (circle, rod, step, status) = (None, None, Some(step(7.8)), PointStatus::Valid);
+        let (rim_fraction, fixed_fraction) = (None, None);
+        let step = BodyStep {
+            is_whole: is_matched,
+            rim_fraction,
+            fixed_fraction,
+            growth_fraction: None,
+            is_carried: false,
+            drift: None,
+            frame: 3,
+            stamp_ns: 3,
+            body: 0,
+            interval_frames,
+            circle,
+            rod,
+            step,
+            status,
+        };
+        Measured { step, field: None, is_matched }
+    }
+
+    #[test]
+    fn a_motion_that_outlines_do_not_share_is_not_the_bodys() {
+        assert!(is_consistent(&moved(false, 1), None, (&at(100.0), &at(107.9)), true));
+        assert!(is_consistent(&moved(false, 3), None, (&at(100.0), &at(123.3)), true));
+        assert!(!is_consistent(&moved(true, 1), Some(&step(7.8)), (&at(100.0), &at(100.6)), true));
+    }
+
+    #[test]
+    fn a_centre_moves_with_its_outlines_whatever_its_pattern_does() {
+        let mut turning = moved(false, 1);
+        assert!(!is_consistent(&turning, None, (&at(100.0), &at(107.1)), true));
+        turning.step.drift = Some([-0.7, 0.0, 0.0].map(|value| Estimate { value, sigma: 0.02 }));
+        assert!(is_consistent(&turning, None, (&at(100.0), &at(107.1)), true));
+        assert!(!is_consistent(&turning, None, (&at(100.0), &at(107.8)), true));
+        assert!(
+            !agrees_with_subsets(&step(7.65), &step(7.8), None)
+                && agrees_with_subsets(&step(7.65), &step(7.8), turning.step.drift)
+        );
+    }
+
+    #[test]
+    fn a_motion_between_outlines_that_were_not_detected_needs_other_evidence() {
+        let pair = (&at(100.0), &at(107.8));
+        assert!(!is_consistent(&moved(false, 1), None, pair, false));
+        assert!(!is_consistent(&moved(false, 1), Some(&step(0.6)), pair, false));
+        assert!(is_consistent(&moved(false, 1), Some(&step(7.1)), pair, false));
+        assert!(is_consistent(&moved(true, 1), None, pair, false));
+        assert!(
+            is_consistent(&moved(false, 1), None, (&at(100.0), &Err(PointStatus::Lost)), false),
+            "nothing contradicts it"
+        );
+    }
+}

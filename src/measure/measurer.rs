@@ -1,0 +1,465 @@
+//! The measurement of blocks of frames: steps and displacement fields.
+
+use super::block_state::BlockStates;
+use super::body_motion::{center_step, dilatation, initial_motion, predicted_start, rigid_step, set_drift};
+use super::bounding_box::BoundingBox;
+use super::consistency;
+use super::error::MeasureError;
+use super::fixed_pattern::FixedPatterns;
+use super::frame_image::FrameImage;
+use super::outline::{Finder, Outline};
+use super::params::{MeasureParams, Share};
+use super::pending_frame::PendingFrame;
+use super::rigid_match::{RigidMatch, RigidMatcher, is_occluded};
+use super::ring_rotation::RingRotation;
+use super::target::Target;
+use crate::dic::{Correlator, Prepared, Start};
+use crate::image::{Frame, FrameMeta, Image};
+use crate::motion::Rotation;
+use crate::results::{BodyStep, Estimate, PairField, PointStatus, RigidStep};
+use std::collections::VecDeque;
+
+/// One body in one frame: its step and the field that the step was computed from.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Measured {
+    /// The outline of the body and its motion.
+    pub step: BodyStep,
+    /// The displacement field.
+    pub field: Option<PairField>,
+    /// Whether a match of the whole body confirms the motion.
+    pub(super) is_matched: bool,
+}
+
+/// Measures blocks of frames.
+///
+/// The step of a frame is a function of the frames from the start of its block to the
+/// target of the longest interval. It depends neither on earlier frames, nor on other
+/// workers, nor on time. At the start of a block every body is searched from scratch.
+/// Within the block each search starts from the previous frame.
+pub struct Measurer {
+    pub(super) correlator: Correlator,
+    pub(super) finders: Vec<Finder>,
+    pub(super) params: MeasureParams,
+    pub(super) share: Share,
+    pub(super) size: (usize, usize),
+    pub(super) image: FrameImage,
+    /// Frames whose motion is not measured yet, oldest first.
+    pending: VecDeque<PendingFrame>,
+    pub(super) spare: Vec<Prepared>,
+    pub(super) states: BlockStates,
+    pub(super) rigid_matcher: RigidMatcher,
+    ring_rotation: RingRotation,
+    fixed_patterns: FixedPatterns,
+}
+
+impl Measurer {
+    /// Plans the measurement of frames of this size.
+    ///
+    /// # Errors
+    ///
+    /// Returns an error if a setting is out of range or the settings do not allow a measurement.
+    pub fn new(params: &MeasureParams, share: Share, width_px: usize, height_px: usize) -> Result<Self, MeasureError> {
+        let finders =
+            params.bodies.iter().map(|body| Finder::new(body, width_px, height_px)).collect::<Result<_, _>>()?;
+        Ok(Self {
+            correlator: Correlator::new(&params.correlation, width_px, height_px)?,
+            finders,
+            share,
+            size: (width_px, height_px),
+            image: FrameImage::new(width_px, height_px, params.correction(width_px, height_px)?),
+            pending: VecDeque::new(),
+            spare: Vec::new(),
+            states: BlockStates::default(),
+            rigid_matcher: RigidMatcher::default(),
+            ring_rotation: RingRotation::default(),
+            fixed_patterns: FixedPatterns::new(params),
+            params: params.clone(),
+        })
+    }
+
+    /// Whether the patches need the image that they were drawn in.
+    pub fn needs_reference(&self) -> bool {
+        self.finders.iter().any(|finder| matches!(finder, Finder::Patch(_)))
+    }
+
+    /// Sets the image that the patches were drawn in, the first of the stream; without it patches are lost.
+    ///
+    /// # Errors
+    ///
+    /// Returns an error if the size of the image differs from the planned size.
+    pub fn set_reference(&mut self, image: &Image) -> Result<(), MeasureError> {
+        let view = image.view();
+        let (width, height) = (view.width(), view.height());
+        if (width, height) != self.size {
+            let (expected_width_px, expected_height_px) = self.size;
+            let (width_px, height_px) = (width as u32, height as u32);
+            return Err(MeasureError::Size { sequence: 0, width_px, height_px, expected_width_px, expected_height_px });
+        }
+        let mut corrected = image.clone();
+        self.image.correct(&mut corrected);
+        let mut prepared = self.spare.pop().unwrap_or_default();
+        self.correlator.prepare_part_into(corrected.view(), [0, 0, width as u32, height as u32], &mut prepared);
+        for finder in &mut self.finders {
+            if let Finder::Patch(finder) = finder {
+                finder.set_reference(&prepared);
+            }
+        }
+        self.spare.push(prepared);
+        Ok(())
+    }
+
+    /// Discards all frames, for another stream.
+    pub fn reset(&mut self) {
+        self.spare.extend(self.pending.drain(..).map(|reference| reference.prepared));
+        self.states.clear();
+        self.rigid_matcher.clear();
+        self.fixed_patterns.clear();
+    }
+
+    /// Whether this measurer needs a frame, as a member of one of its blocks or as a target of one.
+    pub fn needs(&self, sequence: u64) -> bool {
+        let block_frames = u64::from(self.params.block_frames);
+        let owns = |sequence: u64| self.share.contains(sequence / block_frames);
+        let is_target_over = |interval: &u32| sequence.checked_sub(u64::from(*interval)).is_some_and(owns);
+        owns(sequence) || self.params.intervals_frames.iter().any(is_target_over)
+    }
+
+    /// Takes the next frame of the stream and appends finished results in order.
+    ///
+    /// Frames come with rising sequence numbers. Frames that are not [needed](Self::needs) may be left out.
+    ///
+    /// # Errors
+    ///
+    /// Returns an error if the frame does not match its header, or if its size differs from the planned size.
+    pub fn push(&mut self, frame: &Frame<'_>, measured: &mut Vec<Measured>) -> Result<(), MeasureError> {
+        let meta = frame.meta;
+        if !self.needs(meta.sequence) {
+            return Ok(());
+        }
+        self.check_size(&meta)?;
+        frame.check().map_err(|source| MeasureError::Frame { sequence: meta.sequence, source })?;
+        self.image.begin();
+        let block = meta.sequence / u64::from(self.params.block_frames);
+        let own = self.measure_pending(frame, block);
+        if self.share.contains(block) {
+            self.add_pending(frame, block, own);
+            self.check_consistency();
+        } else {
+            self.spare.extend(own.map(|(prepared, _)| prepared));
+        }
+        self.emit_finished(measured);
+        Ok(())
+    }
+
+    /// Measures the motions to the current frame; returns the frame as prepared for `block` and the prepared box.
+    ///
+    /// The frame is prepared separately for each block, around the bodies of that block. The
+    /// results of a block therefore do not depend on any other block.
+    fn measure_pending(&mut self, frame: &Frame<'_>, block: u64) -> Option<(Prepared, BoundingBox)> {
+        let mut pending = std::mem::take(&mut self.pending);
+        let mut own = None;
+        let mut first = 0;
+        while let Some(of) = pending.get(first).map(|reference| reference.block) {
+            let last = pending.partition_point(|reference| reference.block <= of);
+            let sequence = frame.meta.sequence;
+            let mut prepared = self.spare.pop().unwrap_or_default();
+            let predicted = self.states.predicted_box(of, sequence, &self.params.correlation, &self.rigid_matcher);
+            let mut bounds =
+                predicted.unwrap_or_else(|| self.states.search_box(of, sequence, &self.params.correlation));
+            self.prepare(frame, bounds, &mut prepared);
+            let mut is_narrow = predicted.is_some();
+            for reference in pending.range_mut(first..last) {
+                if !self.measure(reference, Some(Target { sequence, prepared: &prepared, is_narrow })) {
+                    (bounds, is_narrow) = (self.states.search_box(of, sequence, &self.params.correlation), false);
+                    self.prepare(frame, bounds, &mut prepared);
+                    self.measure(reference, Some(Target { sequence, prepared: &prepared, is_narrow }));
+                }
+            }
+            match of == block {
+                true => own = Some((prepared, bounds)),
+                false => self.spare.push(prepared),
+            }
+            first = last;
+        }
+        self.pending = pending;
+        own
+    }
+
+    /// Prepares a box of the current frame.
+    fn prepare(&mut self, frame: &Frame<'_>, bounds: BoundingBox, prepared: &mut Prepared) {
+        let view = self.image.unpack(frame, bounds.rectangle());
+        self.correlator.prepare_part_into(view, bounds.rectangle(), prepared);
+    }
+
+    /// Finds the bodies in the current frame and keeps the frame until its targets have come.
+    fn add_pending(&mut self, frame: &Frame<'_>, block: u64, own: Option<(Prepared, BoundingBox)>) {
+        let meta = frame.meta;
+        let (outlines, origins): (Vec<_>, Vec<_>) =
+            (0..self.finders.len()).map(|body| self.find_outline(body, frame, block)).unzip();
+        let mut needed = BoundingBox::default();
+        let subset_px = self.params.correlation.subset_size_px;
+        outlines.iter().flatten().for_each(|outline| needed.include_search(&outline.enclosing_circle(subset_px), 0.0));
+        let (mut prepared, bounds) =
+            own.unwrap_or_else(|| (self.spare.pop().unwrap_or_default(), BoundingBox::default()));
+        if bounds.is_empty() || !bounds.contains(&needed) {
+            self.prepare(frame, needed, &mut prepared);
+        }
+        let oldest = self.pending.front().map_or(block, |reference| reference.block);
+        self.states.forget_before(oldest);
+        self.rigid_matcher.forget_before(oldest);
+        self.fixed_patterns.forget_before(oldest);
+        self.finders.iter_mut().for_each(|finder| finder.forget_before(oldest));
+        for (body, outline) in outlines.iter().enumerate() {
+            // The match of the whole ball detects what occludes its subsets, whatever gives its motion.
+            if let Ok(Outline::Ball(circle)) = outline
+                && (self.params.rotation == Rotation::Rigid || is_occluded(circle))
+            {
+                self.rigid_matcher.start((body, block), meta.sequence, &prepared, circle);
+            }
+        }
+        let slots = self.finders.len() * self.params.intervals_frames.len();
+        let (done, before) = (vec![None; slots], vec![None; slots]);
+        self.pending.push_back(PendingFrame { meta, block, prepared, outlines, origins, done, before });
+    }
+
+    /// Compares the motions to the newest frame with the outlines found there; withdraws inconsistent motions.
+    fn check_consistency(&mut self) {
+        let Some(target) = self.pending.pop_back() else { return };
+        let intervals = self.params.intervals_frames.len();
+        let mut pending = std::mem::take(&mut self.pending);
+        for reference in pending.iter_mut().filter(|reference| reference.block == target.block) {
+            self.retry_with_ring(reference, &target);
+            let frames = target.meta.sequence - reference.meta.sequence;
+            for slot in 0..reference.done.len() {
+                let (body, place) = (slot / intervals, slot % intervals);
+                let is_detected = reference.is_comparable(&target, body);
+                let Some(measured) = reference.done[slot].as_mut().filter(|_| self.params.is_interval(place, frames))
+                else {
+                    continue;
+                };
+                let outlines = (&reference.outlines[body], &target.outlines[body]);
+                if consistency::is_consistent(measured, reference.before[slot].as_ref(), outlines, is_detected) {
+                    continue;
+                }
+                measured.step = BodyStep { status: PointStatus::Ambiguous, ..measured.step.without_motion() };
+                if place == 0 {
+                    self.mark_ambiguous(body, target.block);
+                }
+            }
+        }
+        self.pending = pending;
+        self.pending.push_back(target);
+    }
+
+    /// Measures balls again that turned too far to be matched, now that they were detected in the newest frame.
+    fn retry_with_ring(&mut self, reference: &mut PendingFrame, target: &PendingFrame) {
+        let intervals = self.params.intervals_frames.len();
+        let frames = target.meta.sequence - reference.meta.sequence;
+        for body in 0..self.finders.len() {
+            let slot = body * intervals;
+            let is_detected = reference.is_comparable(target, body) && self.params.is_interval(0, frames);
+            let is_lost = |measured: &Measured| measured.step.step.is_none() && measured.field.is_some();
+            if !is_detected || !reference.done[slot].as_ref().is_some_and(is_lost) {
+                continue;
+            }
+            let (Ok(Outline::Ball(from)), Ok(Outline::Ball(to))) = (&reference.outlines[body], &target.outlines[body])
+            else {
+                continue;
+            };
+            let pair = (&reference.prepared, &target.prepared);
+            let Some(rate) = self.ring_rotation.motion_between(from, to, pair, frames as f64) else { continue };
+            let state = self.states.of(body, reference.block);
+            (state.motion, state.center_motion) = (Some(rate), Some(rate));
+            let target = Target { sequence: target.meta.sequence, prepared: &target.prepared, is_narrow: false };
+            let retried = self.measure_body(reference, slot, Some(target));
+            if retried.as_ref().is_some_and(|retried| retried.step.step.is_some()) {
+                reference.done[slot] = retried;
+            }
+        }
+    }
+
+    /// Stops following a body within a block, since another object may be taken for it.
+    fn mark_ambiguous(&mut self, body: usize, block: u64) {
+        self.rigid_matcher.forget(body, block);
+        let state = self.states.of(body, block);
+        (state.motion, state.is_ambiguous) = (None, true);
+    }
+
+    /// Ends the stream: appends the results of the frames without a target.
+    pub fn finish(&mut self, measured: &mut Vec<Measured>) {
+        let mut pending = std::mem::take(&mut self.pending);
+        for reference in &mut pending {
+            self.measure(reference, None);
+        }
+        self.pending = pending;
+        self.emit_finished(measured);
+        self.states.clear();
+    }
+
+    fn check_size(&self, meta: &FrameMeta) -> Result<(), MeasureError> {
+        let (expected_width_px, expected_height_px) = self.size;
+        if (meta.width_px as usize, meta.height_px as usize) == self.size {
+            return Ok(());
+        }
+        let FrameMeta { sequence, width_px, height_px, .. } = *meta;
+        Err(MeasureError::Size { sequence, width_px, height_px, expected_width_px, expected_height_px })
+    }
+
+    /// Measures the motions to this target and those whose target did not come; all of them if there is no target.
+    ///
+    /// Returns `false` if more of the target has to be prepared first.
+    fn measure(&mut self, reference: &mut PendingFrame, target: Option<Target<'_>>) -> bool {
+        for slot in 0..reference.done.len() {
+            let due = reference.meta.sequence
+                + u64::from(self.params.intervals_frames[slot % self.params.intervals_frames.len()]);
+            let is_due = target.is_none_or(|target| target.sequence >= due);
+            if reference.done[slot].is_none() && is_due {
+                let target = target.filter(|target| target.sequence == due);
+                let before = self.states.of(slot / self.params.intervals_frames.len(), reference.block).motion;
+                let Some(measured) = self.measure_body(reference, slot, target) else { return false };
+                reference.before[slot] = before;
+                reference.done[slot] = Some(measured);
+            }
+        }
+        true
+    }
+
+    /// Appends the results of frames that are measured with all targets, oldest first.
+    fn emit_finished(&mut self, measured: &mut Vec<Measured>) {
+        while self.pending.front().is_some_and(|reference| reference.done.iter().all(Option::is_some)) {
+            let Some(reference) = self.pending.pop_front() else { return };
+            measured.extend(reference.done.into_iter().flatten());
+            self.spare.push(reference.prepared);
+        }
+    }
+
+    /// Measures the motion of one body from a frame; `None` if more of the target has to be prepared first.
+    fn measure_body(&mut self, reference: &PendingFrame, slot: usize, target: Option<Target<'_>>) -> Option<Measured> {
+        let intervals = self.params.intervals_frames.len();
+        let (body, place) = (slot / intervals, slot % intervals);
+        let outline = reference.outlines[body];
+        let mut step = reference.empty_step(body, self.params.intervals_frames[place]);
+        let Ok(outline) = outline else { return Some(Measured { step, field: None, is_matched: false }) };
+        outline.write_to(&mut step);
+        let Some(target) = target else { return Some(Measured { step, field: None, is_matched: false }) };
+        let Target { sequence: target_frame, prepared, is_narrow } = target;
+        let mut field =
+            PairField { frame: step.frame, target_frame, stamp_ns: step.stamp_ns, body: step.body, points: Vec::new() };
+        let frames = f64::from(step.interval_frames);
+        // Longer intervals start from the frame's own shortest step, whatever was measured since.
+        let own = reference.done[slot - place].as_ref().and_then(|shortest| shortest.step.step);
+        let known = if place == 0 { self.states.of(body, reference.block).motion } else { own };
+        if is_narrow && known.is_none() {
+            return None;
+        }
+        let span = (reference, target, body);
+        let points = self.finders[body].points(&outline, &self.params.correlation, self.size);
+        self.correlator.set_region(self.finders[body].region(&outline, &self.params.correlation));
+        let mut rigid = known
+            .or_else(|| initial_motion(&mut self.correlator, &self.params, (reference, &target), &outline, &points))
+            .and_then(|rate| self.match_whole_body(span, &outline, &rate));
+        let known = rigid.map(|rigid| rigid.step).or(known);
+        let start = known.map_or(Start::Search, |step| predicted_start(&step, outline.center_px(), frames));
+        self.correlator.correlate(&reference.prepared, prepared, &points, start, &mut field.points);
+        if is_narrow && (rigid.is_none() || self.correlator.has_searched()) {
+            return None;
+        }
+        self.mask_occluded(span, &mut field);
+        let mut moved = self.fit_subsets((reference, target), &outline, &mut field, &mut step, start);
+        if let (None, Some(rate)) = (rigid, step.step) {
+            rigid = self.match_whole_body(span, &outline, &rate);
+            // The match shows what occludes the body.
+            if self.mask_occluded(span, &mut field) {
+                moved = self.fit_subsets((reference, target), &outline, &mut field, &mut step, start);
+            }
+        }
+        if let Outline::Patch(_) = outline {
+            // Subsets follow whatever occludes the patch. If they led astray, the patch may not have moved.
+            rigid = rigid.or_else(|| self.match_whole_body(span, &outline, &RigidStep::STILL));
+            step.step = None;
+        }
+        let rigid = rigid.filter(|rigid| {
+            let agrees =
+                step.step.is_none_or(|field| consistency::agrees_with_subsets(&rigid.step, &field, step.drift));
+            // A pattern that moves over the body soon differs from that of its reference.
+            if !agrees || step.drifts() {
+                self.rigid_matcher.forget(body, reference.block);
+            }
+            agrees
+        });
+        let is_reported = self.params.rotation == Rotation::Rigid || matches!(outline, Outline::Patch(_));
+        if let Some(rigid) = rigid.as_ref().filter(|_| is_reported && !step.drifts()) {
+            rigid.write_to(&mut step);
+        }
+        set_drift(&mut step, moved);
+        if step.step.is_none() {
+            step.status = consistency::failure_status(&field);
+        }
+        if place == 0 {
+            let state = self.states.of(body, reference.block);
+            (state.motion, state.center_motion) = (step.step, step.center_step());
+            step.fixed_fraction =
+                step.step.and_then(|_| self.fixed_patterns.bias_fraction((body, reference), &outline));
+        }
+        Some(Measured { step, field: Some(field), is_matched: rigid.is_some() })
+    }
+
+    /// Marks the subsets that show an occluder, according to the match of the whole body; returns whether any does.
+    fn mask_occluded(
+        &self,
+        (reference, target, body): (&PendingFrame, Target<'_>, usize),
+        field: &mut PairField,
+    ) -> bool {
+        let subset_px = self.params.correlation.subset_size_px;
+        let frames = (reference.meta.sequence, target.sequence);
+        self.rigid_matcher.mask_occluded((body, reference.block), frames, &mut field.points, subset_px)
+    }
+
+    /// Fits the step to the subsets; returns the motion of a ball that turns about any axis.
+    fn fit_subsets(
+        &mut self,
+        (reference, target): (&PendingFrame, Target<'_>),
+        outline: &Outline,
+        field: &mut PairField,
+        step: &mut BodyStep,
+        start: Start,
+    ) -> Option<[Estimate; 3]> {
+        let (frames, correlation) = (f64::from(step.interval_frames), &self.params.correlation);
+        step.step = rigid_step(field, outline.center_px(), frames, correlation.subset_size_px, start);
+        let moved = dilatation(field, step, outline, correlation.subset_size_px);
+        if let (Rotation::Center, Some(_)) = (self.params.rotation, &step.circle) {
+            step.step = step.step.and_then(|_| center_step(field, outline.center_px(), frames, correlation));
+        }
+        if let (Rotation::Ring(limits), Some(found), Some(circle)) =
+            (self.params.rotation, &mut step.step, &step.circle)
+        {
+            self.ring_rotation.replace(found, circle, (&reference.prepared, target.prepared), limits, frames);
+        }
+        set_drift(step, moved);
+        moved
+    }
+
+    /// Matches the whole body near a motion per frame.
+    fn match_whole_body(
+        &mut self,
+        (reference, target, body): (&PendingFrame, Target<'_>, usize),
+        outline: &Outline,
+        rate: &RigidStep,
+    ) -> Option<RigidMatch> {
+        let frames = (target.sequence - reference.meta.sequence) as f64;
+        match (outline, &mut self.finders[body]) {
+            (Outline::Ball(circle), _) => {
+                let (sequence, prepared) = (reference.meta.sequence, &reference.prepared);
+                let from = Target { sequence, prepared, is_narrow: false };
+                self.rigid_matcher.step((body, reference.block), from, target, circle, rate)
+            }
+            (Outline::Patch(pose), Finder::Patch(finder)) => {
+                let found = finder
+                    .follow((reference.block, target.sequence), target.prepared, &pose.predicted(rate, frames))
+                    .ok()?;
+                Some(RigidMatch { step: pose.step_to(&found, frames), visible_fraction: None, lever: None })
+            }
+            _ => None,
+        }
+    }
+}

@@ -1,0 +1,59 @@
+//! Frames that wait until their motion is measured.
+
+use super::measurer::Measured;
+use super::outline::Outline;
+use crate::dic::Prepared;
+use crate::image::FrameMeta;
+use crate::results::{BodyStep, PointStatus, RigidStep};
+
+/// The origin of an outline.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum OutlineOrigin {
+    /// Detected in the frame.
+    Detected,
+    /// Not searched, since the whole body was visible: predicted by its motion.
+    Reused,
+    /// Searched in vain: predicted by its motion.
+    Predicted,
+}
+
+/// A frame that waits for its targets.
+pub(super) struct PendingFrame {
+    pub(super) meta: FrameMeta,
+    pub(super) block: u64,
+    pub(super) prepared: Prepared,
+    pub(super) outlines: Vec<Result<Outline, PointStatus>>,
+    /// By body.
+    pub(super) origins: Vec<OutlineOrigin>,
+    /// The results by body and interval; `None` until the target came or was missed.
+    pub(super) done: Vec<Option<Measured>>,
+    /// The motion before each result.
+    pub(super) before: Vec<Option<RigidStep>>,
+}
+
+impl PendingFrame {
+    /// Whether the outline of a body can be compared with that in a later frame, where it was detected.
+    pub(super) fn is_comparable(&self, target: &Self, body: usize) -> bool {
+        self.origins[body] != OutlineOrigin::Predicted && target.origins[body] == OutlineOrigin::Detected
+    }
+
+    /// Returns the row of a body without any result.
+    pub(super) fn empty_step(&self, body: usize, interval_frames: u32) -> BodyStep {
+        BodyStep {
+            is_carried: self.outlines[body].is_ok() && self.origins[body] != OutlineOrigin::Detected,
+            drift: None,
+            is_whole: false,
+            rim_fraction: None,
+            fixed_fraction: None,
+            growth_fraction: None,
+            frame: self.meta.sequence,
+            stamp_ns: self.meta.stamp_ns,
+            body: u32::try_from(body).unwrap_or(u32::MAX),
+            interval_frames,
+            circle: None,
+            rod: None,
+            step: None,
+            status: self.outlines[body].err().unwrap_or_default(),
+        }
+    }
+}

@@ -1,0 +1,327 @@
+//! Rigid matches of whole bodies against a reference that their block keeps.
+//!
+//! Poses against one reference do not accumulate errors from frame to frame. The step
+//! between two frames is the difference of their poses, which cancels the noise of the
+//! reference.
+
+use crate::dic::{BodyMotion, Prepared, Region, RigidBody, Veil};
+use crate::results::{BodyStep, Circle, FieldPoint, PointStatus, RigidStep};
+
+use super::block_state::MAX_PREDICTION_ERROR_PX;
+use super::outline::RIM_CLEARANCE;
+use super::target::Target;
+
+/// The rotation against the reference from which it is renewed even if the body is occluded, deg.
+const RENEW_OCCLUDED_DEG: f64 = 10.0;
+/// The visible fraction from which a body counts as not occluded.
+const UNOCCLUDED_FRACTION: f64 = 0.97;
+/// The maximum occluded fraction of a subset. Only occluded pixels at a moving edge are detected in the step from the
+/// reference's own frame.
+const MAX_OCCLUDED_FRACTION: f64 = 0.003;
+/// The number of occluded pixels that is always allowed, since a pixel may be stuck.
+const FREE_OCCLUDED_PIXELS: f64 = 2.0;
+
+/// Returns the pixels by which a ball is matched as a whole: all but its rim.
+pub fn whole_region(circle: &Circle) -> Region {
+    Region::Disc { x_px: circle.x_px, y_px: circle.y_px, radius_px: circle.radius_px * (1.0 - RIM_CLEARANCE) }
+}
+
+/// Whether something occludes a part of a ball, judged by its rim.
+pub(super) fn is_occluded(circle: &Circle) -> bool {
+    circle.visible_fraction < UNOCCLUDED_FRACTION
+}
+
+/// The position of the reference's centre in a frame, and the rotation of the body.
+#[derive(Debug, Clone, Copy)]
+struct Pose {
+    frame: u64,
+    x_px: f64,
+    y_px: f64,
+    angle_deg: f64,
+    /// The standard uncertainties of x, y and the angle.
+    sigma: [f64; 3],
+    pixels: u32,
+    /// The visible fraction of the reference; `None` for the reference itself.
+    visible_fraction: Option<f64>,
+}
+
+/// The rigid matches of one body in one block.
+#[derive(Debug)]
+struct RigidTrack {
+    body: usize,
+    block: u64,
+    reference: RigidBody,
+    /// The pose of the reference.
+    origin: Pose,
+    radius_px: f64,
+    /// Whether nothing occluded the body in the reference.
+    is_unoccluded: bool,
+    /// In frame order.
+    poses: Vec<Pose>,
+    /// The occlusion maps of the frames in which the body was occluded.
+    occlusions: Vec<OccludedFrame>,
+}
+
+/// The occlusion of a body in a frame, relative to its reference at that time.
+#[derive(Debug)]
+struct OccludedFrame {
+    frame: u64,
+    origin: Pose,
+    center_px: (f64, f64),
+    veil: Veil,
+}
+
+/// The step measured by a match of the whole body.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct RigidMatch {
+    /// The motion of the circle's centre, per frame.
+    pub(super) step: RigidStep,
+    /// The visible fraction of the body in the first of the two frames, if known.
+    pub(super) visible_fraction: Option<f64>,
+    /// The motion that a dilatation of 1 adds, px, px and deg, if the body is not occluded.
+    pub(super) lever: Option<[f64; 3]>,
+}
+
+impl RigidMatch {
+    /// Replaces the step of the subsets.
+    pub(super) fn write_to(&self, step: &mut BodyStep) {
+        let [x, y, angle] = match (self.lever, step.growth_fraction) {
+            (Some(lever), Some(grown)) => lever.map(|lever| lever * grown.value),
+            _ => [0.0; 3],
+        };
+        let RigidStep { dx_px, dy_px, dtheta_deg, .. } = self.step;
+        let own = RigidStep { dx_px: dx_px - x, dy_px: dy_px - y, dtheta_deg: dtheta_deg - angle, ..self.step };
+        (step.step, step.is_whole) = (Some(own), true);
+        if let (Some(circle), Some(fraction)) = (&mut step.circle, self.visible_fraction) {
+            step.rim_fraction = Some(circle.visible_fraction);
+            circle.visible_fraction = fraction;
+        }
+    }
+}
+
+/// The rigid matches of all bodies in the current blocks.
+#[derive(Debug, Default)]
+pub(super) struct RigidMatcher {
+    tracks: Vec<RigidTrack>,
+    /// Discarded references, kept for reuse of their memory.
+    spare: Vec<RigidBody>,
+}
+
+impl RigidMatcher {
+    /// Discards everything.
+    pub(super) fn clear(&mut self) {
+        self.retain(|_| false);
+    }
+
+    /// Discards the blocks before this one.
+    pub(super) fn forget_before(&mut self, block: u64) {
+        self.retain(|track| track.block >= block);
+    }
+
+    fn retain(&mut self, is_kept: impl Fn(&RigidTrack) -> bool) {
+        self.spare.extend(self.tracks.extract_if(.., |track| !is_kept(track)).map(|track| track.reference));
+    }
+
+    /// Discards one body in one block, since its reference is wrong.
+    pub(super) fn forget(&mut self, body: usize, block: u64) {
+        self.retain(|track| (track.body, track.block) != (body, block));
+    }
+
+    /// Whether there is a reference of a body in a block.
+    pub(super) fn has_reference(&self, body: usize, block: u64) -> bool {
+        self.tracks.iter().any(|track| (track.body, track.block) == (body, block))
+    }
+
+    /// Whether a body was matched in a frame.
+    pub(super) fn has_match(&self, (body, block): (usize, u64), frame: u64) -> bool {
+        let track = self.tracks.iter().find(|track| (track.body, track.block) == (body, block));
+        track.is_some_and(|track| track.pose(frame).is_some())
+    }
+
+    /// Whether a body was matched in a frame without any occlusion beyond that of its reference.
+    pub(super) fn is_fully_visible(&self, (body, block): (usize, u64), frame: u64) -> bool {
+        let track = self.tracks.iter().find(|track| (track.body, track.block) == (body, block));
+        track
+            .and_then(|track| track.pose(frame))
+            .is_some_and(|pose| pose.visible_fraction.is_some_and(|fraction| fraction >= UNOCCLUDED_FRACTION))
+    }
+
+    /// Marks the subsets that show an occluder in one of two matched frames; returns whether there are any.
+    pub(super) fn mask_occluded(
+        &self,
+        (body, block): (usize, u64),
+        (from, to): (u64, u64),
+        points: &mut [FieldPoint],
+        subset_px: u32,
+    ) -> bool {
+        let track =
+            self.tracks.iter().find(|track| (track.body, track.block) == (body, block) && !track.occlusions.is_empty());
+        let Some(track) = track else { return false };
+        let (Some(from), Some(to)) = (track.pose(from), track.pose(to)) else { return false };
+        let mut any = false;
+        for point in points.iter_mut().filter(|point| point.displacement.is_some()) {
+            if track.is_occluded([&from, &to], point, subset_px) {
+                (point.displacement, point.status, any) = (None, PointStatus::Occluded, true);
+            }
+        }
+        any
+    }
+
+    /// Makes a frame the reference of a body in a block that has none.
+    pub(super) fn start(&mut self, (body, block): (usize, u64), frame: u64, prepared: &Prepared, circle: &Circle) {
+        if self.has_reference(body, block) {
+            return;
+        }
+        let (region, radius_px) = (whole_region(circle), circle.radius_px * (1.0 - RIM_CLEARANCE));
+        // Without texture, or at the image border, there is no reference and only the subsets are measured.
+        let mut reference = self.spare.pop().unwrap_or_default();
+        if reference.renew(prepared, &region).is_err() {
+            self.spare.push(reference);
+            return;
+        }
+        let pixels = reference.pixels() as u32;
+        let (x_px, y_px) = (circle.x_px, circle.y_px);
+        let origin = Pose { frame, x_px, y_px, angle_deg: 0.0, sigma: [0.0; 3], pixels, visible_fraction: None };
+        let is_unoccluded = !is_occluded(circle);
+        self.tracks.push(RigidTrack {
+            body,
+            block,
+            reference,
+            origin,
+            radius_px,
+            is_unoccluded,
+            poses: vec![origin],
+            occlusions: Vec::new(),
+        });
+    }
+
+    /// Measures the step of a body from one frame of a block to a later one, near the motion `rate` per frame.
+    pub(super) fn step(
+        &mut self,
+        (body, block): (usize, u64),
+        from: Target<'_>,
+        to: Target<'_>,
+        circle: &Circle,
+        rate: &RigidStep,
+    ) -> Option<RigidMatch> {
+        let track = self.tracks.iter_mut().find(|track| (track.body, track.block) == (body, block))?;
+        let first = match track.pose(from.sequence) {
+            Some(pose) => pose,
+            None => {
+                let nearest = *track.poses.iter().rev().find(|pose| pose.frame < from.sequence)?;
+                track.match_frame(from, nearest.predicted(circle, rate, (from.sequence - nearest.frame) as f64))?
+            }
+        };
+        let frames = (to.sequence - from.sequence) as f64;
+        let second = match track.pose(to.sequence) {
+            Some(pose) => pose,
+            None => track.match_frame(to, first.predicted(circle, rate, frames))?,
+        };
+        let is_visible = track.is_unoccluded
+            && [first, second]
+                .iter()
+                .all(|pose| pose.visible_fraction.is_none_or(|fraction| fraction >= UNOCCLUDED_FRACTION));
+        Some(RigidMatch {
+            step: first.step_to(&second, circle, frames),
+            visible_fraction: first.visible_fraction.filter(|_| track.is_unoccluded),
+            lever: is_visible.then(|| track.reference.growth_lever()),
+        })
+    }
+}
+
+impl RigidTrack {
+    fn pose(&self, frame: u64) -> Option<Pose> {
+        self.poses.iter().rev().find(|pose| pose.frame == frame).copied()
+    }
+
+    /// Matches a frame near a pose; makes it the new reference if the old one is stale.
+    fn match_frame(&mut self, target: Target<'_>, guess: Pose) -> Option<Pose> {
+        let Target { sequence: frame, prepared: target, is_narrow } = target;
+        let origin = self.origin;
+        let near = (guess.x_px - origin.x_px, guess.y_px - origin.y_px, guess.angle_deg - origin.angle_deg);
+        let found = self.reference.find_visible(target, (origin.x_px, origin.y_px), near).ok()?;
+        let BodyMotion { motion, visible_fraction, .. } = found;
+        let pose = Pose {
+            frame,
+            x_px: origin.x_px + motion.u_px,
+            y_px: origin.y_px + motion.v_px,
+            angle_deg: origin.angle_deg + motion.angle_deg,
+            sigma: [motion.sigma_u_px, motion.sigma_v_px, motion.sigma_angle_deg],
+            pixels: motion.points,
+            visible_fraction: Some(visible_fraction),
+        };
+        // Farther off, pixels outside the prepared box would count as occluded.
+        let is_predicted = (pose.x_px - guess.x_px).hypot(pose.y_px - guess.y_px) <= MAX_PREDICTION_ERROR_PX;
+        if is_narrow && !is_predicted {
+            return None;
+        }
+        let place = self.poses.partition_point(|other| other.frame < frame);
+        self.poses.insert(place, pose);
+        let center_px = self.reference.center_px();
+        self.occlusions.extend(self.reference.veil().map(|veil| OccludedFrame { frame, origin, center_px, veil }));
+        let is_occluded = visible_fraction < UNOCCLUDED_FRACTION;
+        // An occluder in the reference that moves with the body would be matched as a part of it.
+        if found.is_stale() && (!is_occluded || motion.angle_deg.abs() > RENEW_OCCLUDED_DEG) {
+            let region = Region::Disc { x_px: pose.x_px, y_px: pose.y_px, radius_px: self.radius_px };
+            if let Ok(reference) = RigidBody::new(target, &region) {
+                (self.reference, self.origin) = (reference, pose);
+                self.is_unoccluded = self.is_unoccluded && !is_occluded;
+            }
+        }
+        Some(pose)
+    }
+}
+
+impl RigidTrack {
+    /// Whether a subset of a frame shows an occluder in that frame or another.
+    fn is_occluded(&self, [from, to]: [&Pose; 2], point: &FieldPoint, subset_px: u32) -> bool {
+        let offset = (f64::from(point.x_px) - from.x_px, f64::from(point.y_px) - from.y_px);
+        let max_pixels = (MAX_OCCLUDED_FRACTION * f64::from(subset_px).powi(2)).max(FREE_OCCLUDED_PIXELS);
+        let mut near = self.occlusions.iter().filter(|occlusion| [from.frame, to.frame].contains(&occlusion.frame));
+        near.any(|OccludedFrame { origin, center_px, veil, .. }| {
+            let (x, y) = rotated(offset, origin.angle_deg - from.angle_deg);
+            let place = (origin.x_px + x - center_px.0, origin.y_px + y - center_px.1);
+            f64::from(veil.hidden(place, subset_px)) > max_pixels
+        })
+    }
+}
+
+impl Pose {
+    /// Returns the pose after some frames of a circle's motion.
+    fn predicted(&self, circle: &Circle, rate: &RigidStep, frames: f64) -> Self {
+        let angle_deg = frames * rate.dtheta_deg;
+        let (dx, dy) = rotated((self.x_px - circle.x_px, self.y_px - circle.y_px), angle_deg);
+        Self {
+            x_px: circle.x_px + frames * rate.dx_px + dx,
+            y_px: circle.y_px + frames * rate.dy_px + dy,
+            angle_deg: self.angle_deg + angle_deg,
+            ..*self
+        }
+    }
+
+    /// Returns the step of the circle's centre to a later pose, per frame.
+    fn step_to(&self, later: &Self, circle: &Circle, frames: f64) -> RigidStep {
+        let angle_deg = later.angle_deg - self.angle_deg;
+        let (dx, dy) = rotated((circle.x_px - self.x_px, circle.y_px - self.y_px), angle_deg);
+        // Both poses contain the noise of the reference, unless one is the reference.
+        let sigma = |k: usize| match (self.visible_fraction, later.visible_fraction) {
+            (Some(_), Some(_)) => (0.5 * (self.sigma[k].powi(2) + later.sigma[k].powi(2))).sqrt(),
+            _ => self.sigma[k].max(later.sigma[k]),
+        };
+        RigidStep {
+            dx_px: (later.x_px + dx - circle.x_px) / frames,
+            dy_px: (later.y_px + dy - circle.y_px) / frames,
+            dtheta_deg: angle_deg / frames,
+            sigma_dx_px: sigma(0) / frames,
+            sigma_dy_px: sigma(1) / frames,
+            sigma_dtheta_deg: sigma(2) / frames,
+            points: self.pixels.min(later.pixels),
+        }
+    }
+}
+
+/// Rotates an offset counter-clockwise on the screen.
+fn rotated((dx, dy): (f64, f64), angle_deg: f64) -> (f64, f64) {
+    let (sin, cos) = angle_deg.to_radians().sin_cos();
+    (dx * cos + dy * sin, dy * cos - dx * sin)
+}

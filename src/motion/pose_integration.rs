@@ -1,0 +1,289 @@
+//! From steps to positions.
+
+use std::collections::BTreeMap;
+
+use super::random_walk::{Kept, TRUST_IN_LONGER, Walk};
+use crate::results::{BodyStep, RigidStep};
+
+/// Longest gap the carried pose is extrapolated over, frames.
+const BRIDGE_FRAMES: f64 = 8.0;
+/// A step's sigma is not taken for smaller than this, px or deg.
+const SIGMA_FLOOR: f64 = 1e-7;
+
+/// A body's pose in one frame, carried there by its steps.
+///
+/// Poses of one component differ exactly by the measured steps between them.
+/// The noise of successive steps is that of the frames they share, with
+/// opposite signs, so a pose scatters like the steps' sigma / sqrt(2), whatever
+/// the number of steps summed. A missing step starts a new component, and steps
+/// over n frames make n interleaved ones: between components the pose is only
+/// extrapolated.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Node {
+    /// Sequence number of the frame.
+    pub frame: u64,
+    /// Time since the stream's first frame, nominal frame periods.
+    pub time_frames: f64,
+    /// Nodes of one component are linked by steps.
+    pub component: u32,
+    /// x px, y px (down), angle deg (counter-clockwise) since the body's first node.
+    pub pose: [f64; 3],
+    /// White standard uncertainty of each.
+    pub sigma: [f64; 3],
+    /// Variance that extrapolation over gaps has added to each since the first node; infinite where a gap was too long.
+    pub bridged: [f64; 3],
+    /// What the step to it adds to it and all later ones for good, as a share of `sigma`.
+    pub walk_share: [f64; 3],
+    /// The reference that the whole body was matched with last on the way here.
+    pub kept: Option<Kept>,
+}
+
+/// Adds up the steps of one body.
+#[derive(Debug, Clone)]
+pub struct Chain {
+    walk: Walk,
+    components: u32,
+    /// Poses that steps lead to, by frame and interval.
+    arrivals: BTreeMap<(u64, u32), Node>,
+    newest: Option<Node>,
+    /// The newest node with a step from it, its rates per nominal frame, and the rates before.
+    last: Option<(Node, [f64; 3], [f64; 3])>,
+}
+
+fn sound(step: &RigidStep) -> bool {
+    let numbers = [step.dx_px, step.dy_px, step.dtheta_deg, step.sigma_dx_px, step.sigma_dy_px, step.sigma_dtheta_deg];
+    numbers.iter().all(|x| x.is_finite())
+}
+
+impl Chain {
+    /// An empty chain of steps that leave `walk` for good.
+    pub fn new(walk: Walk) -> Self {
+        Self { walk, components: 0, arrivals: BTreeMap::new(), newest: None, last: None }
+    }
+
+    /// Takes the next step in frame order, the shortest of its frame; gives the frame's node unless no step leads to or from it.
+    ///
+    /// `periods` are the nominal frame periods from when the frame shows the body to when the next one does.
+    pub fn push(&mut self, step: &BodyStep, time_frames: f64, periods: f64) -> Option<Node> {
+        let arrived = self.arrive(step.frame);
+        let outgoing = step.step.filter(sound);
+        let n = f64::from(step.interval_frames.max(1));
+        let sigma_out = outgoing.map(|s| {
+            [s.sigma_dx_px, s.sigma_dy_px, s.sigma_dtheta_deg]
+                .map(|sigma| (sigma.abs() * n * std::f64::consts::FRAC_1_SQRT_2).max(SIGMA_FLOOR))
+        });
+        let mut node = match (arrived, sigma_out) {
+            (None, None) => return None,
+            (Some(node), None) => node,
+            (Some(node), Some(out)) => {
+                let sigma = std::array::from_fn(|k| ((node.sigma[k].powi(2) + out[k].powi(2)) / 2.0).sqrt());
+                Node { sigma, ..node }
+            }
+            (None, Some(sigma)) => self.begin(time_frames, sigma),
+        };
+        node.frame = step.frame;
+        node.time_frames = time_frames;
+        self.newest = Some(node);
+        if let (Some(out), Some(sigma)) = (outgoing, sigma_out) {
+            let rates = [out.dx_px, out.dy_px, out.dtheta_deg];
+            let target = step.frame + u64::from(step.interval_frames.max(1));
+            let arriving = Node { sigma, ..self.moved(&node, step.is_whole, rates.map(|rate| n * rate)) };
+            self.arrivals.insert((target, step.interval_frames), arriving);
+            let rates = rates.map(|rate| rate / periods);
+            let before = self.last.map_or(rates, |(_, rates, _)| rates);
+            self.last = Some((node, rates, before));
+        }
+        Some(node)
+    }
+
+    /// Takes a step over a longer interval, after the shortest one of its frame.
+    pub fn link(&mut self, step: &BodyStep) {
+        let Some(from) = self.newest.filter(|node| node.frame == step.frame) else { return };
+        let Some(out) = step.step.filter(sound) else { return };
+        let n = f64::from(step.interval_frames.max(1));
+        let moved = [out.dx_px, out.dy_px, out.dtheta_deg].map(|rate| n * rate);
+        let target = step.frame + u64::from(step.interval_frames);
+        self.arrivals.insert((target, step.interval_frames), self.moved(&from, step.is_whole, moved));
+    }
+
+    /// The node that a step leads to.
+    fn moved(&self, from: &Node, is_whole: bool, moved: [f64; 3]) -> Node {
+        let mut kept = from.kept;
+        let walk_share = match is_whole {
+            true => self.walk.whole(from.frame, from.pose[2], &mut kept),
+            false => self.walk.subsets(moved),
+        };
+        Node { pose: std::array::from_fn(|k| from.pose[k] + moved[k]), walk_share, kept, ..*from }
+    }
+
+    /// Where the steps to this frame lead, the longer ones tempering the shortest.
+    fn arrive(&mut self, frame: u64) -> Option<Node> {
+        let later = self.arrivals.split_off(&(frame, 0));
+        self.arrivals = later;
+        let mut arrived: Option<Node> = None;
+        while let Some(entry) = self.arrivals.first_entry().filter(|entry| entry.key().0 == frame) {
+            let longer = entry.remove();
+            arrived = Some(match arrived {
+                None => longer,
+                // Nodes of different components are not linked; the shortest step's holds.
+                Some(node) if node.component != longer.component => node,
+                Some(node) => {
+                    let temper = |k: usize| node.pose[k] + TRUST_IN_LONGER * (longer.pose[k] - node.pose[k]);
+                    Node { pose: std::array::from_fn(temper), ..node }
+                }
+            });
+        }
+        arrived
+    }
+
+    /// A node of a new component, extrapolated from the newest node there is.
+    fn begin(&mut self, time_frames: f64, sigma: [f64; 3]) -> Node {
+        // No step of its component leads to it.
+        let walk_share = [0.0; 3];
+        let kept = None;
+        let component = self.components;
+        self.components += 1;
+        let Some((last, rates, before)) = self.last else {
+            return Node {
+                frame: 0,
+                time_frames,
+                component,
+                pose: [0.0; 3],
+                sigma,
+                bridged: [0.0; 3],
+                walk_share,
+                kept,
+            };
+        };
+        let dt = time_frames - last.time_frames;
+        let pose = std::array::from_fn(|k| last.pose[k] + dt * rates[k]);
+        let bridged = std::array::from_fn(|k| {
+            if dt.abs() > BRIDGE_FRAMES {
+                return f64::INFINITY;
+            }
+            // The rate's own noise, and as much change again as it showed over the last frame.
+            let rate = 2.0 * last.sigma[k].powi(2) + (0.5 * dt * (rates[k] - before[k])).powi(2);
+            last.bridged[k] + dt * dt * rate
+        });
+        Node { frame: 0, time_frames, component, pose, sigma, bridged, walk_share, kept }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::{Renewal, subset_walk};
+    use super::*;
+    use crate::results::PointStatus;
+
+    /// Normal numbers, near enough: sums of twelve even ones.
+    struct Noise(u64);
+
+    impl Noise {
+        fn next(&mut self) -> f64 {
+            let mut even = || {
+                self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+                (self.0 >> 11) as f64 / (1_u64 << 53) as f64
+            };
+            (0..12).map(|_| even()).sum::<f64>() - 6.0
+        }
+    }
+
+    fn step(frame: u64, interval_frames: u32, dx_px: f64) -> BodyStep {
+        let dx_px = dx_px / f64::from(interval_frames);
+        let sigma = 1.0 / f64::from(interval_frames);
+        let step = RigidStep {
+            dx_px,
+            dy_px: 0.0,
+            dtheta_deg: 0.0,
+            sigma_dx_px: sigma,
+            sigma_dy_px: sigma,
+            sigma_dtheta_deg: sigma,
+            points: 9,
+        };
+        let (circle, rod, status) = (None, None, PointStatus::Valid);
+        let (is_whole, step) = (false, Some(step));
+        let (rim_fraction, fixed_fraction) = (None, None);
+        BodyStep {
+            is_whole,
+            rim_fraction,
+            fixed_fraction,
+            growth_fraction: None,
+            is_carried: false,
+            drift: None,
+            frame,
+            stamp_ns: frame,
+            body: 0,
+            interval_frames,
+            circle,
+            rod,
+            step,
+            status,
+        }
+    }
+
+    /// How far a chain of erring steps has drifted after 4000 frames, root mean square over runs.
+    fn drift(intervals: &[u32]) -> f64 {
+        let (mut noise, mut sum, runs) = (Noise(7), 0.0, 200);
+        for _ in 0..runs {
+            let mut chain = Chain::new(Walk::default());
+            let mut last = 0.0;
+            for frame in 0..4000 {
+                last = chain.push(&step(frame, intervals[0], noise.next()), frame as f64, 1.0).unwrap().pose[0];
+                intervals[1..].iter().for_each(|interval| chain.link(&step(frame, *interval, noise.next())));
+            }
+            sum += last * last;
+        }
+        (sum / f64::from(runs)).sqrt()
+    }
+
+    #[test]
+    fn a_pose_drifts_as_the_step_that_led_to_it() {
+        let mut chain = Chain::new(Walk::of(&[1], Some(Renewal { block_frames: 8, stale_deg: 3.0 })));
+        let shares = (0..6).map(|frame| {
+            let step = BodyStep { is_whole: frame == 1 || frame == 2, ..step(frame, 1, 0.5) };
+            chain.push(&step, frame as f64, 1.0).unwrap().walk_share[0]
+        });
+        let shares: Vec<f64> = shares.collect();
+        let subsets = subset_walk([0.5, 0.0, 0.0])[0];
+        let is = |k: usize, share: f64| (shares[k] - share).abs() < 1e-12;
+        assert!(is(0, 0.0) && is(1, subsets) && is(4, subsets), "{shares:?}");
+        assert!(shares[2] > 0.0 && is(3, 0.0), "only the first step with a reference leaves something: {shares:?}");
+    }
+
+    #[test]
+    fn each_of_several_interleaved_chains_has_the_renewal_in_it() {
+        let mut chain = Chain::new(Walk::of(&[3], Some(Renewal { block_frames: 6, stale_deg: 3.0 })));
+        let renewed = |frame: u64| {
+            let step = BodyStep { is_whole: true, ..step(frame, 3, 0.5) };
+            chain.push(&step, frame as f64, 1.0).unwrap().walk_share[0] > 0.0
+        };
+        // Steps from the first three frames of a block lead on with its reference, those from the others keep it.
+        let renewed: Vec<u64> =
+            (0..15).zip((0..15).map(renewed)).filter(|(_, renewed)| *renewed).map(|(f, _)| f).collect();
+        assert_eq!(renewed, [3, 4, 5, 9, 10, 11]);
+    }
+
+    #[test]
+    fn longer_intervals_keep_the_sum_from_drifting_by_as_much_as_its_share_says() {
+        let alone = drift(&[1]);
+        assert!((alone / 4000_f64.sqrt() - 1.0).abs() < 0.1, "{alone}");
+        for intervals in [&[1, 4][..], &[1, 10], &[1, 3, 9]] {
+            let share = |intervals: &[u32]| Walk::of(intervals, None).subsets([0.5, 0.0, 0.0])[0];
+            let (found, stated) = (drift(intervals) / alone, share(intervals) / share(&[1]));
+            assert!((found / stated - 1.0).abs() < 0.2, "{intervals:?}: {found}, stated {stated}");
+        }
+    }
+
+    #[test]
+    fn a_missing_step_is_bridged_by_a_longer_one() {
+        let mut chain = Chain::new(Walk::default());
+        for frame in 0..20 {
+            let mut one = step(frame, 1, 0.5);
+            one.step = one.step.filter(|_| frame != 9);
+            let node = chain.push(&one, frame as f64, 1.0).unwrap();
+            assert_eq!(node.component, 0, "frame {frame}");
+            assert!((node.pose[0] - 0.5 * frame as f64).abs() < 1e-12);
+            chain.link(&step(frame, 3, 1.5));
+        }
+    }
+}

@@ -1,0 +1,138 @@
+//! What a lens does to a picture, and how it is undone.
+
+/// Steps of Newton's method; from a point of the picture a few suffice.
+const STEPS: usize = 30;
+
+/// Undistorted coordinates are found to this, focal lengths.
+const TOLERANCE: f64 = 1e-13;
+
+/// How rays bend, as coefficients of the usual models (OpenCV's names, orders and signs).
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Distortion {
+    /// Radial and tangential (D. C. Brown, Photogramm. Eng. 37 (1971) 855), with or without a denominator: k1, k2, p1, p2,
+    /// k3, k4, k5, k6.
+    Brown([f64; 8]),
+    /// Equidistant, of wide angles: k1 to k4 of the angle's odd powers (J. Kannala, S. S. Brandt, IEEE Trans. Pattern
+    /// Anal. 28 (2006) 1335, <https://doi.org/10.1109/TPAMI.2006.153>).
+    Equidistant([f64; 4]),
+}
+
+/// A pinhole with a lens before it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Lens {
+    /// Focal lengths along x and y, px.
+    pub focal_px: [f64; 2],
+    /// Where the axis meets the picture, px.
+    pub center_px: [f64; 2],
+    /// How rays bend.
+    pub distortion: Distortion,
+}
+
+impl Distortion {
+    /// Where a ray (x/z, y/z) that would meet the picture here meets it.
+    fn bend(&self, [x, y]: [f64; 2]) -> [f64; 2] {
+        let square = x * x + y * y;
+        match self {
+            Self::Brown([k1, k2, p1, p2, k3, k4, k5, k6]) => {
+                let series = |a: f64, b: f64, c: f64| 1.0 + square * (a + square * (b + square * c));
+                let radial = series(*k1, *k2, *k3) / series(*k4, *k5, *k6);
+                let twice = 2.0 * x * y;
+                [
+                    x * radial + p1 * twice + p2 * (square + 2.0 * x * x),
+                    y * radial + p2 * twice + p1 * (square + 2.0 * y * y),
+                ]
+            }
+            Self::Equidistant([k1, k2, k3, k4]) => {
+                let radius = square.sqrt();
+                if radius < 1e-12 {
+                    return [x, y];
+                }
+                let angle = radius.atan();
+                let t = angle * angle;
+                let bent = angle * (1.0 + t * (k1 + t * (k2 + t * (k3 + t * k4))));
+                [x * bent / radius, y * bent / radius]
+            }
+        }
+    }
+}
+
+impl Lens {
+    /// Where a pixel would lie without distortion, as a ray (x/z, y/z); `None` where the model has no such ray.
+    pub fn ray(&self, [x_px, y_px]: [f64; 2]) -> Option<[f64; 2]> {
+        let seen = [(x_px - self.center_px[0]) / self.focal_px[0], (y_px - self.center_px[1]) / self.focal_px[1]];
+        let mut ray = seen;
+        for _ in 0..STEPS {
+            let bent = self.distortion.bend(ray);
+            let miss = [bent[0] - seen[0], bent[1] - seen[1]];
+            let [[a, b], [c, d]] = derivative(|ray| self.distortion.bend(ray), ray, 1e-6);
+            let det = a * d - b * c;
+            if det.is_nan() || det <= 1e-6 {
+                return None;
+            }
+            let step = [(d * miss[0] - b * miss[1]) / det, (a * miss[1] - c * miss[0]) / det];
+            ray = [ray[0] - step[0], ray[1] - step[1]];
+            if step[0].hypot(step[1]) < TOLERANCE * (1.0 + ray[0].hypot(ray[1])) {
+                return Some(ray);
+            }
+        }
+        None
+    }
+
+    /// Where a ray meets the picture, px.
+    pub fn pixel(&self, ray: [f64; 2]) -> [f64; 2] {
+        let [x, y] = self.distortion.bend(ray);
+        [self.center_px[0] + self.focal_px[0] * x, self.center_px[1] + self.focal_px[1] * y]
+    }
+}
+
+/// The derivative of a map of the plane, by central differences: rows are the outputs.
+pub(in crate::motion) fn derivative(map: impl Fn([f64; 2]) -> [f64; 2], [x, y]: [f64; 2], h: f64) -> [[f64; 2]; 2] {
+    let (right, left, down, up) = (map([x + h, y]), map([x - h, y]), map([x, y + h]), map([x, y - h]));
+    std::array::from_fn(|k| [(right[k] - left[k]) / (2.0 * h), (down[k] - up[k]) / (2.0 * h)])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn lens(distortion: Distortion) -> Lens {
+        Lens { focal_px: [812.3, 809.1], center_px: [255.2, 251.7], distortion }
+    }
+
+    #[test]
+    fn a_pixel_undistorted_and_distorted_again_is_itself() {
+        let models = [
+            Distortion::Brown([-0.31, 0.12, 0.001, -0.0007, -0.02, 0.0, 0.0, 0.0]),
+            Distortion::Brown([0.21, -0.1, 0.0, 0.0004, 0.03, 0.4, 0.05, 0.0]),
+            Distortion::Equidistant([-0.02, 0.004, 0.0, 0.0]),
+        ];
+        for model in models {
+            for at in [[0.0, 0.0], [511.0, 3.0], [255.2, 251.7], [100.5, 400.25]] {
+                let back = lens(model).pixel(lens(model).ray(at).unwrap());
+                assert!((back[0] - at[0]).hypot(back[1] - at[1]) < 1e-9, "{model:?} {at:?}: {back:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn models_bend_as_their_formulas_read() {
+        // At r = 0.5: 1 - 0.3 x 0.25 + 0.1 x 0.0625 = 0.93125.
+        let brown = Distortion::Brown([-0.3, 0.1, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]).bend([0.3, 0.4]);
+        assert!((brown[0] - 0.3 * 0.93125).abs() < 1e-12 && (brown[1] - 0.4 * 0.93125).abs() < 1e-12);
+        // p1 = 0.01, p2 = 0.02: x + 2 p1 x y + p2 (r^2 + 2 x^2), y + p1 (r^2 + 2 y^2) + 2 p2 x y.
+        let [x, y] = Distortion::Brown([0.0, 0.0, 0.01, 0.02, 0.0, 0.0, 0.0, 0.0]).bend([0.3, 0.4]);
+        assert!((x - (0.3 + 0.0024 + 0.02 * 0.43)).abs() < 1e-12 && (y - (0.4 + 0.01 * 0.57 + 0.0048)).abs() < 1e-12);
+        // A ray at 45 deg lies pi/4 focal lengths from the axis.
+        let [x, _] = Distortion::Equidistant([0.0; 4]).bend([1.0, 0.0]);
+        assert!((x - std::f64::consts::FRAC_PI_4).abs() < 1e-12);
+    }
+
+    #[test]
+    fn beyond_the_fold_of_a_barrel_there_is_no_ray() {
+        let barrel = lens(Distortion::Brown([-0.5, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]));
+        assert!(barrel.ray([255.2 + 812.3 * 0.5, 251.7]).is_some());
+        // x (1 - x^2 / 2) is highest at x = 0.816, where it is 0.544.
+        assert_eq!(barrel.ray([255.2 + 812.3 * 0.6, 251.7]), None);
+        assert_eq!(barrel.ray([f64::NAN, 0.0]), None);
+    }
+}

@@ -1,0 +1,491 @@
+//! From the recorded picture to a plane without lens and perspective.
+//!
+//! Bodies are found and followed in the picture as it was recorded. What is known of them then moves to a picture as a
+//! camera without distortion, square before the plane of motion, would have taken it: at the middle it lies on the
+//! recorded one, with the same scale and direction, and everywhere its pixels are equally large.
+
+use super::lens::{Distortion, Lens, derivative};
+use crate::results::{BodyStep, Circle, Estimate, RigidStep};
+
+/// How far apart derivatives are taken, px.
+const NEAR_PX: f64 = 1e-3;
+
+/// Places along each side at which a calibration is tried.
+const TRIED: usize = 24;
+
+/// Points of a circle that stand for it.
+const AROUND: usize = 12;
+
+/// A circle fitted to an outline that is not round is off by about so many times as much as that is off a circle, rms.
+const UNROUND: f64 = 1.5;
+
+/// Rounds in which the recorded place of a rectified one is found.
+const ROUNDS: usize = 20;
+
+/// A camera's calibration: its lens, the plane that bodies move in, or both.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Calibration {
+    /// Width and height of the calibrated picture, px.
+    pub image_px: [u32; 2],
+    /// Where the recorded picture begins in it, px.
+    pub offset_px: [u32; 2],
+    /// The lens.
+    pub lens: Option<Lens>,
+    /// From undistorted pixels (x, y, 1) to the plane, mm.
+    pub homography: Option<[[f64; 3]; 3]>,
+}
+
+/// Why a calibration cannot be used.
+#[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
+pub enum RectifierError {
+    /// Neither a lens nor a plane.
+    #[error("holds neither a lens nor a plane")]
+    Empty,
+    /// The map folds or ends within the picture.
+    #[error("does not hold at pixel ({x_px}, {y_px}) of its own picture")]
+    Folds {
+        /// Where, px.
+        x_px: f64,
+        /// Where, px.
+        y_px: f64,
+    },
+}
+
+/// Moves steps and places from the recorded picture to the rectified one, and back.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Rectifier {
+    calibration: Calibration,
+    /// The middle of the calibrated picture in the recorded one, and in the plane.
+    middle: [[f64; 2]; 2],
+    /// From the plane to rectified pixels, about the middle.
+    turn: [[f64; 2]; 2],
+    mm_per_px: Option<f64>,
+}
+
+impl Rectifier {
+    /// Makes a calibration ready.
+    ///
+    /// # Errors
+    ///
+    /// [`RectifierError`] when it is empty, or is no one-to-one map of its own picture.
+    pub fn new(calibration: Calibration) -> Result<Self, RectifierError> {
+        if calibration.lens.is_none() && calibration.homography.is_none() {
+            return Err(RectifierError::Empty);
+        }
+        let [width, height] = calibration.image_px.map(f64::from);
+        let [left, top] = calibration.offset_px.map(f64::from);
+        let middle_px = [0.5 * (width - 1.0) - left, 0.5 * (height - 1.0) - top];
+        let folds = |[x, y]: [f64; 2]| RectifierError::Folds { x_px: x + left, y_px: y + top };
+        let mut rectifier =
+            Self { calibration, middle: [middle_px; 2], turn: [[1.0, 0.0], [0.0, 1.0]], mm_per_px: None };
+        let middle = rectifier.plane(middle_px).ok_or(folds(middle_px))?;
+        let slope = rectifier.slope(middle_px, Self::plane).ok_or(folds(middle_px))?;
+        let size = determinant(&slope).abs().sqrt();
+        if !(size > 0.0 && size.is_finite()) {
+            return Err(folds(middle_px));
+        }
+        (rectifier.middle[1], rectifier.turn) = (middle, upright(&slope, size));
+        rectifier.mm_per_px = calibration.homography.map(|_| size);
+        for k in 0..TRIED * TRIED {
+            let share = |k: usize| k as f64 / (TRIED - 1) as f64;
+            let at = [share(k % TRIED) * (width - 1.0) - left, share(k / TRIED) * (height - 1.0) - top];
+            let sound = rectifier.jacobian(at).is_some_and(|j| determinant(&j) > 0.01 && determinant(&j) < 100.0);
+            if !sound {
+                return Err(folds(at));
+            }
+        }
+        Ok(rectifier)
+    }
+
+    /// What it was made of.
+    pub fn calibration(&self) -> &Calibration {
+        &self.calibration
+    }
+
+    /// How many millimetres a rectified pixel is; `None` when only the lens is known.
+    pub fn mm_per_px(&self) -> Option<f64> {
+        self.mm_per_px
+    }
+
+    /// Where the camera looks straight ahead, as a rectified place.
+    pub fn middle_px(&self) -> [f64; 2] {
+        let offset = self.calibration.offset_px.map(f64::from);
+        let ahead = self.calibration.lens.and_then(|lens| {
+            let [x, y] = lens.pixel([0.0; 2]);
+            self.place([x - offset[0], y - offset[1]])
+        });
+        ahead.unwrap_or(self.middle[0])
+    }
+
+    /// The rectified place of a pixel.
+    pub fn place(&self, at_px: [f64; 2]) -> Option<[f64; 2]> {
+        let [x, y] = self.plane(at_px)?;
+        let offset = times(&self.turn, [x - self.middle[1][0], y - self.middle[1][1]]);
+        Some([self.middle[0][0] + offset[0], self.middle[0][1] + offset[1]])
+    }
+
+    /// The pixel of a rectified place.
+    pub fn pixel(&self, place: [f64; 2]) -> Option<[f64; 2]> {
+        self.pixel_near(place, place)
+    }
+
+    fn pixel_near(&self, place: [f64; 2], mut at: [f64; 2]) -> Option<[f64; 2]> {
+        for _ in 0..ROUNDS {
+            let now = self.place(at)?;
+            let step = solve(&self.jacobian(at)?, [place[0] - now[0], place[1] - now[1]]);
+            at = [at[0] + step[0], at[1] + step[1]];
+            if step[0].hypot(step[1]) < 1e-9 {
+                return Some(at);
+            }
+        }
+        None
+    }
+
+    /// What was measured from one frame to a later one, in rectified pixels; `None` beyond the calibration.
+    ///
+    /// `outlined` says that its circle was fitted to an outline.
+    pub fn step(&self, step: &BodyStep, outlined: bool) -> Option<BodyStep> {
+        let seen = step.circle.map(|c| [c.x_px, c.y_px]).or(step.rod.map(|rod| [rod.x_px.value, rod.y_px.value]));
+        let Some(seen) = seen else { return Some(*step) };
+        let radius_px = step.circle.map_or(0.0, |circle| circle.radius_px);
+        let (center, uneven) = if outlined { self.center(seen, radius_px)? } else { (seen, 0.0) };
+        let [x, y] = self.place(center)?;
+        let jacobian = self.jacobian(center)?;
+        let (least, mean) = stretch(&jacobian);
+        // A ball's outline is not foreshortened with the plane.
+        let size = if self.mm_per_px.is_some() { least } else { mean };
+        let circle = step.circle.map(|circle| Circle {
+            x_px: x,
+            y_px: y,
+            radius_px: size * circle.radius_px,
+            sigma_center_px: mean * circle.sigma_center_px.hypot(uneven * circle.radius_px),
+            sigma_radius_px: size * circle.sigma_radius_px.hypot(uneven * circle.radius_px),
+            ..circle
+        });
+        let rod = match &step.rod {
+            Some(rod) => Some(self.rod(rod)?),
+            None => None,
+        };
+        let frames = f64::from(step.interval_frames.max(1));
+        let motion = match &step.step {
+            Some(motion) => Some(self.motion(motion, (seen, center, radius_px), &jacobian, frames)?),
+            None => None,
+        };
+        let growth_fraction = step.growth_fraction.zip(step.step).and_then(|(grown, motion)| {
+            let end = [center[0] + frames * motion.dx_px, center[1] + frames * motion.dy_px];
+            let larger = (stretch(&self.jacobian(end)?).1 / mean).ln() / frames;
+            Some(Estimate { value: grown.value + larger, ..grown })
+        });
+        // What a lens bends looks like a front that turns: its outlines alone tell that.
+        Some(BodyStep { circle, rod, growth_fraction, drift: None, step: motion, ..*step })
+    }
+
+    /// The pixel that shows the centre of a ball whose outline is fitted best by a circle, and how unsure that leaves
+    /// it, in radii.
+    ///
+    /// A lens does not leave the middle of a circle in its middle, nor a ball's outline round: which part of an outline
+    /// a circle follows that is not, its own scatter does not tell.
+    fn center(&self, seen: [f64; 2], radius_px: f64) -> Option<([f64; 2], f64)> {
+        let Some(lens) = self.calibration.lens.filter(|_| radius_px > 0.0) else { return Some((seen, 0.0)) };
+        let offset = self.calibration.offset_px.map(f64::from);
+        let mut rays = [[0.0; 2]; AROUND];
+        for (ray, [x, y]) in rays.iter_mut().zip(around(seen, radius_px)) {
+            *ray = lens.ray([x + offset[0], y + offset[1]])?;
+        }
+        let mean = |of: &dyn Fn(&[f64; 2]) -> f64| rays.iter().map(of).sum::<f64>() / AROUND as f64;
+        let middle = [mean(&|ray| ray[0]), mean(&|ray| ray[1])];
+        let far = |ray: &[f64; 2]| (ray[0] - middle[0]).hypot(ray[1] - middle[1]);
+        let radius = mean(&far);
+        let uneven = mean(&|ray| (far(ray) / radius - 1.0).powi(2)).sqrt();
+        let [x, y] = lens.pixel(middle);
+        Some(([x - offset[0], y - offset[1]], UNROUND * uneven))
+    }
+
+    /// The rigid motion in the plane that shows in the recorded picture as the one measured over a disc about `seen`.
+    fn motion(
+        &self,
+        step: &RigidStep,
+        (seen, center, radius_px): ([f64; 2], [f64; 2], f64),
+        jacobian: &[[f64; 2]; 2],
+        frames: f64,
+    ) -> Option<RigidStep> {
+        let measured = [frames * step.dx_px, frames * step.dy_px, (frames * step.dtheta_deg).to_radians()];
+        let from = self.place(center)?;
+        let end = moved(measured, seen, center);
+        let to = self.place(end)?;
+        // A turn in a plane that is seen aslant looks a little larger than it is.
+        let (least, mean) = stretch(jacobian);
+        let ratio = (mean / least).powi(2);
+        let (sin, cos) = measured[2].sin_cos();
+        let plain = measured[2] + (sin.atan2(0.5 * (ratio + 1.0 / ratio) * cos) - sin.atan2(cos));
+        let angle = plain + (rotation(&self.jacobian(end)?) - rotation(jacobian));
+        let mut motion = [to[0] - from[0], to[1] - from[1], angle];
+        if radius_px > 0.0 {
+            // The picture bends within the body, and what was measured is the mean over it.
+            let shown = self.shown(motion, from, (seen, radius_px), measured)?;
+            let wrong: [f64; 3] = std::array::from_fn(|k| measured[k] - shown[k]);
+            let [x, y] = times(jacobian, [wrong[0], wrong[1]]);
+            motion = [motion[0] + x, motion[1] + y, motion[2] + wrong[2]];
+        }
+        let [[a, b], [c, d]] = *jacobian;
+        Some(RigidStep {
+            dx_px: motion[0] / frames,
+            dy_px: motion[1] / frames,
+            dtheta_deg: motion[2].to_degrees() / frames,
+            sigma_dx_px: (a * step.sigma_dx_px).hypot(b * step.sigma_dy_px),
+            sigma_dy_px: (c * step.sigma_dx_px).hypot(d * step.sigma_dy_px),
+            ..*step
+        })
+    }
+
+    /// The motion of the pixel `seen` that fits best what the recorded picture shows around it of a motion in the plane.
+    fn shown(
+        &self,
+        [dx, dy, angle]: [f64; 3],
+        from: [f64; 2],
+        (seen, radius_px): ([f64; 2], f64),
+        near: [f64; 3],
+    ) -> Option<[f64; 3]> {
+        // The mean of a quadratic over a disc is that over a circle of this radius.
+        let ring = around(seen, radius_px * std::f64::consts::FRAC_1_SQRT_2);
+        let mut ends = [[0.0; 2]; AROUND];
+        for (end, at) in ends.iter_mut().zip(ring) {
+            let target = moved([dx, dy, angle], from, self.place(at)?);
+            *end = self.pixel_near(target, moved(near, seen, at))?;
+        }
+        let middle = [0, 1].map(|k| ends.iter().map(|end| end[k]).sum::<f64>() / AROUND as f64);
+        let (mut along, mut across) = (0.0, 0.0);
+        for (end, at) in ends.iter().zip(ring) {
+            let (a, b) = ([at[0] - seen[0], at[1] - seen[1]], [end[0] - middle[0], end[1] - middle[1]]);
+            along += a[0] * b[0] + a[1] * b[1];
+            across += a[1] * b[0] - a[0] * b[1];
+        }
+        Some([middle[0] - seen[0], middle[1] - seen[1], across.atan2(along)])
+    }
+
+    /// The place of a pixel in the plane, mm; without a plane on the picture plane, undistorted, px.
+    fn plane(&self, [x_px, y_px]: [f64; 2]) -> Option<[f64; 2]> {
+        let Calibration { offset_px, lens, homography, .. } = &self.calibration;
+        let full = [x_px + f64::from(offset_px[0]), y_px + f64::from(offset_px[1])];
+        let Some(h) = homography else {
+            // Pixels as high as they are wide.
+            let lens = lens.as_ref()?;
+            let focal_px = (lens.focal_px[0] * lens.focal_px[1]).sqrt();
+            return lens.ray(full).map(|ray| ray.map(|x| focal_px * x));
+        };
+        let [x, y] = match lens {
+            Some(lens) => Lens { distortion: Distortion::Brown([0.0; 8]), ..*lens }.pixel(lens.ray(full)?),
+            None => full,
+        };
+        let row = |k: usize| h[k][0] * x + h[k][1] * y + h[k][2];
+        let scale = row(2);
+        (scale.abs() > 1e-12).then(|| [row(0) / scale, row(1) / scale])
+    }
+
+    pub(in crate::motion) fn jacobian(&self, at: [f64; 2]) -> Option<[[f64; 2]; 2]> {
+        self.slope(at, Self::place)
+    }
+
+    fn slope(&self, at: [f64; 2], map: fn(&Self, [f64; 2]) -> Option<[f64; 2]>) -> Option<[[f64; 2]; 2]> {
+        let slope = derivative(|at| map(self, at).unwrap_or([f64::NAN; 2]), at, NEAR_PX);
+        slope.iter().flatten().all(|x| x.is_finite()).then_some(slope)
+    }
+}
+
+/// Points on a circle, evenly spaced.
+fn around([x, y]: [f64; 2], radius_px: f64) -> [[f64; 2]; AROUND] {
+    std::array::from_fn(|k| {
+        let (sin, cos) = (std::f64::consts::TAU * k as f64 / AROUND as f64).sin_cos();
+        [x + radius_px * cos, y + radius_px * sin]
+    })
+}
+
+/// Where a rigid motion of the point `about` (shift, and counter-clockwise turn in rad) takes another.
+fn moved([dx, dy, angle]: [f64; 3], about: [f64; 2], [x, y]: [f64; 2]) -> [f64; 2] {
+    let (sin, cos) = angle.sin_cos();
+    let (u, v) = (x - about[0], y - about[1]);
+    [about[0] + dx + u * cos + v * sin, about[1] + dy + v * cos - u * sin]
+}
+
+pub(in crate::motion) fn determinant([[a, b], [c, d]]: &[[f64; 2]; 2]) -> f64 {
+    a * d - b * c
+}
+
+pub(in crate::motion) fn times([[a, b], [c, d]]: &[[f64; 2]; 2], [x, y]: [f64; 2]) -> [f64; 2] {
+    [a * x + b * y, c * x + d * y]
+}
+
+fn solve(matrix: &[[f64; 2]; 2], right: [f64; 2]) -> [f64; 2] {
+    let (det, [[a, b], [c, d]]) = (determinant(matrix), *matrix);
+    [(d * right[0] - b * right[1]) / det, (a * right[1] - c * right[0]) / det]
+}
+
+/// By how much a map stretches least, and in the mean.
+pub(in crate::motion) fn stretch(matrix: &[[f64; 2]; 2]) -> (f64, f64) {
+    let squares: f64 = matrix.iter().flatten().map(|x| x * x).sum();
+    let det = determinant(matrix).abs();
+    let root = (0.25 * squares * squares - det * det).max(0.0).sqrt();
+    ((0.5 * squares - root).max(0.0).sqrt(), det.sqrt())
+}
+
+/// The rotation in a map that keeps the sides, rad, counter-clockwise on the screen.
+fn rotation([[a, b], [c, d]]: &[[f64; 2]; 2]) -> f64 {
+    (b - c).atan2(a + d)
+}
+
+/// What undoes the rotation, or reflection, of a map and its size.
+fn upright(matrix: &[[f64; 2]; 2], size: f64) -> [[f64; 2]; 2] {
+    let [[a, b], [c, d]] = *matrix;
+    // The nearest rotation, or the nearest reflection where the plane's axes are the other way round.
+    let sign = determinant(matrix).signum();
+    let (cos, sin) = (a + sign * d, c - sign * b);
+    let length = cos.hypot(sin);
+    let (cos, sin) = (cos / length, sin / length);
+    [[cos / size, sin / size], [-sign * sin / size, sign * cos / size]]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::results::PointStatus;
+
+    const BARREL: Lens = Lens {
+        focal_px: [700.0, 698.0],
+        center_px: [252.0, 259.0],
+        distortion: Distortion::Brown([-0.25, 0.08, 0.0004, -0.0003, 0.0, 0.0, 0.0, 0.0]),
+    };
+
+    /// A plane turned by 20 deg about its upright, and by 30 deg about the axis, 0.3 mm a pixel; y upwards.
+    fn aslant() -> [[f64; 3]; 3] {
+        let (sin, cos) = 30.0_f64.to_radians().sin_cos();
+        let (lean, size) = (2e-4, 0.3);
+        [[size * cos, size * sin, -70.0], [size * sin / 0.94, -size * cos / 0.94, 90.0], [lean, -0.3 * lean, 1.0]]
+    }
+
+    fn all() -> Vec<Rectifier> {
+        let calibration = Calibration { image_px: [512, 512], offset_px: [0, 0], lens: Some(BARREL), homography: None };
+        let both = Calibration { homography: Some(aslant()), ..calibration };
+        let plane = Calibration { lens: None, offset_px: [17, 40], ..both };
+        [calibration, both, plane].map(|c| Rectifier::new(c).unwrap()).to_vec()
+    }
+
+    #[test]
+    fn the_middle_stays_where_it_is_and_as_it_is() {
+        for rectifier in all() {
+            let [x, y] = rectifier.middle[0];
+            let place = rectifier.place([x, y]).unwrap();
+            assert!((place[0] - x).hypot(place[1] - y) < 1e-9, "{place:?}");
+            let jacobian = rectifier.jacobian([x, y]).unwrap();
+            assert!((determinant(&jacobian) - 1.0).abs() < 1e-6 && rotation(&jacobian).abs() < 1e-6, "{jacobian:?}");
+        }
+    }
+
+    #[test]
+    fn a_place_has_the_pixel_it_came_from() {
+        for rectifier in all() {
+            for at in [[3.0, 5.0], [400.0, 77.0], [256.0, 256.0], [470.0, 460.0]] {
+                let back = rectifier.pixel(rectifier.place(at).unwrap()).unwrap();
+                assert!((back[0] - at[0]).hypot(back[1] - at[1]) < 1e-6, "{at:?}: {back:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn distances_in_the_plane_are_those_of_the_homography() {
+        let rectifier = &all()[1];
+        let mm = rectifier.mm_per_px().unwrap();
+        let [a, b] = [[100.0, 130.0], [380.0, 300.0]];
+        let (plane, place) = (|at| rectifier.plane(at).unwrap(), |at| rectifier.place(at).unwrap());
+        let apart = |[x, y]: [f64; 2], [u, v]: [f64; 2]| (x - u).hypot(y - v);
+        assert!((mm * apart(place(a), place(b)) - apart(plane(a), plane(b))).abs() < 1e-9);
+    }
+
+    /// The rigid motion that fits best what the recorded picture shows of every pixel of a disc of 50 px radius, and by
+    /// which share the disc grows.
+    fn recorded(rectifier: &Rectifier, seen: [f64; 2], (dx, dy, turn_deg): (f64, f64, f64)) -> (RigidStep, f64) {
+        let from = rectifier.place(rectifier.center(seen, 50.0).unwrap().0).unwrap();
+        let mut pairs = Vec::new();
+        for k in 0..101 * 101 {
+            let offset = [f64::from(k % 101) - 50.0, f64::from(k / 101) - 50.0];
+            if offset[0].hypot(offset[1]) <= 50.0 {
+                let place = rectifier.place([seen[0] + offset[0], seen[1] + offset[1]]).unwrap();
+                let end = rectifier.pixel(moved([dx, dy, turn_deg.to_radians()], from, place)).unwrap();
+                pairs.push((offset, end));
+            }
+        }
+        let count = pairs.len() as f64;
+        let [x, y] = [0, 1].map(|k| pairs.iter().map(|(_, end)| end[k]).sum::<f64>() / count);
+        let (mut along, mut across, mut square) = (0.0_f64, 0.0, 0.0);
+        for ([a, b], [u, v]) in &pairs {
+            along += a * (u - x) + b * (v - y);
+            across += b * (u - x) - a * (v - y);
+            square += a * a + b * b;
+        }
+        let step = RigidStep {
+            dx_px: x - seen[0],
+            dy_px: y - seen[1],
+            dtheta_deg: across.atan2(along).to_degrees(),
+            sigma_dx_px: 0.001,
+            sigma_dy_px: 0.001,
+            sigma_dtheta_deg: 0.002,
+            points: 9,
+        };
+        (step, along.hypot(across) / square - 1.0)
+    }
+
+    #[test]
+    fn motions_in_the_plane_come_back_as_they_were() {
+        for rectifier in all() {
+            for center in [[120.0, 130.0], [380.0, 200.0], [250.0, 400.0]] {
+                for truth in [(1.3, -0.7, 0.9), (-6.0, 4.0, -8.0), (0.0, 0.0, 2.5)] {
+                    let circle = Circle {
+                        x_px: center[0],
+                        y_px: center[1],
+                        radius_px: 50.0,
+                        sigma_center_px: 0.03,
+                        sigma_radius_px: 0.03,
+                        visible_fraction: 1.0,
+                    };
+                    let (step, grown) = recorded(&rectifier, center, truth);
+                    let seen = BodyStep {
+                        is_whole: true,
+                        rim_fraction: None,
+                        fixed_fraction: None,
+                        growth_fraction: Some(Estimate { value: grown, sigma: 4e-5 }),
+                        is_carried: false,
+                        drift: None,
+                        frame: 3,
+                        stamp_ns: 3,
+                        body: 0,
+                        interval_frames: 1,
+                        circle: Some(circle),
+                        rod: None,
+                        step: Some(step),
+                        status: PointStatus::Valid,
+                    };
+                    let told = rectifier.step(&seen, true).unwrap();
+                    let (step, left) = (told.step.unwrap(), told.growth_fraction.unwrap().value);
+                    let most = 0.03 * grown.abs() + 1e-5 * (1.0 + truth.2.abs());
+                    assert!(left.abs() < most, "{center:?} {truth:?}: {left} of {grown}");
+                    let wrong = [step.dx_px - truth.0, step.dy_px - truth.1, step.dtheta_deg - truth.2];
+                    let most = 2e-4 * truth.0.hypot(truth.1) + 2e-4;
+                    assert!(wrong[0].hypot(wrong[1]) < most, "{center:?} {truth:?}: {wrong:?}");
+                    assert!(wrong[2].abs() < 2e-4 * truth.2.abs() + 3e-4, "{center:?} {truth:?}: {wrong:?}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn calibrations_that_fold_or_say_nothing_are_refused() {
+        let empty = Calibration { image_px: [512, 512], offset_px: [0, 0], lens: None, homography: None };
+        assert_eq!(Rectifier::new(empty), Err(RectifierError::Empty));
+        let folding = Lens { distortion: Distortion::Brown([-2.5, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]), ..BARREL };
+        let refused = Rectifier::new(Calibration { lens: Some(folding), ..empty });
+        assert!(matches!(refused, Err(RectifierError::Folds { .. })), "{refused:?}");
+        for homography in [[[0.0; 3]; 3], [[1.0, 0.0, 0.0], [2.0, 0.0, 0.0], [0.0, 0.0, 1.0]], [[f64::NAN; 3]; 3]] {
+            let refused = Rectifier::new(Calibration { homography: Some(homography), ..empty });
+            assert!(matches!(refused, Err(RectifierError::Folds { .. })), "{refused:?}");
+        }
+    }
+}

@@ -1,0 +1,77 @@
+//! What steps say beside a motion, summed from frame to frame.
+
+use std::collections::BTreeMap;
+use std::f64::consts::FRAC_1_SQRT_2;
+
+use crate::motion::random_walk::subset_walk;
+use crate::numeric::Sample;
+use crate::results::{BodyStep, Estimate};
+
+/// Frames kept: the longest contact that is followed, and the flights beside it.
+const KEPT: usize = 4608;
+
+/// Numbers of a body that its steps change, from what they were first, carried from frame to frame.
+///
+/// As with poses, the noise of successive steps is that of the frames they share, so that a sum scatters no more after
+/// many steps than after one, but for what each leaves for good. Steps over n frames make n interleaved components.
+#[derive(Debug, Clone)]
+pub struct Sums<const N: usize> {
+    seen: Vec<[Sample; N]>,
+    /// Sums that steps lead to, by frame.
+    arrivals: BTreeMap<u64, [Sample; N]>,
+    components: u32,
+}
+
+impl<const N: usize> Default for Sums<N> {
+    fn default() -> Self {
+        Self { seen: Vec::new(), arrivals: BTreeMap::new(), components: 0 }
+    }
+}
+
+impl<const N: usize> Sums<N> {
+    /// Takes the next step in frame order, the shortest of its frame, at its time in nominal frame periods, and what it says
+    /// that they change by a frame.
+    pub fn push(&mut self, step: &BodyStep, time_frames: f64, change: Option<[Estimate; N]>) {
+        self.arrivals = self.arrivals.split_off(&step.frame);
+        let arrived = self.arrivals.remove(&step.frame);
+        let is_sound = |change: &Estimate| change.value.is_finite() && change.sigma > 0.0 && change.sigma.is_finite();
+        let change = change.filter(|change| change.iter().all(is_sound));
+        let n = f64::from(step.interval_frames.max(1));
+        let sigmas = change.map(|change| change.map(|change| change.sigma * n * FRAC_1_SQRT_2));
+        let here = match (arrived, sigmas) {
+            (None, None) => return,
+            (Some(arrived), _) => arrived.map(|sum| Sample { time_frames, ..sum }),
+            (None, Some(sigmas)) => {
+                self.components += 1;
+                let component = self.components;
+                sigmas.map(|sigma| Sample { time_frames, component, value: 0.0, sigma, walk: 0.0 })
+            }
+        };
+        if self.seen.len() >= 2 * KEPT {
+            self.seen.drain(..KEPT);
+        }
+        self.seen.push(here);
+        if let (Some(change), Some(sigmas), Some(moved)) = (change, sigmas, &step.step) {
+            let [_, _, left] = subset_walk([n * moved.dx_px, n * moved.dy_px, n * moved.dtheta_deg]);
+            let there = |k: usize| Sample {
+                value: here[k].value + n * change[k].value,
+                sigma: sigmas[k],
+                walk: left * sigmas[k],
+                ..here[k]
+            };
+            self.arrivals.insert(step.frame + u64::from(step.interval_frames.max(1)), std::array::from_fn(there));
+        }
+    }
+
+    /// All sums, in order of time.
+    pub fn seen(&self) -> &[[Sample; N]] {
+        &self.seen
+    }
+
+    /// Those between two times, both included.
+    pub fn between(&self, from_frames: f64, to_frames: f64) -> &[[Sample; N]] {
+        let first = self.seen.partition_point(|sums| sums[0].time_frames < from_frames);
+        let end = self.seen.partition_point(|sums| sums[0].time_frames <= to_frames);
+        self.seen.get(first..end).unwrap_or_default()
+    }
+}

@@ -1,0 +1,450 @@
+//! Subpixel fit of a straight edge: one blurred step through many profiles of grey levels.
+
+use super::paint_levels::{Level, MIN_LEVELS, Paint, fit_paint, quantile};
+use crate::image::{ImageView, is_saturated};
+use crate::results::{Estimate, PointStatus};
+use nalgebra::{SMatrix, SVector};
+
+/// The minimum number of profiles of an edge.
+const MIN_PROFILES: usize = 5;
+/// The minimum fraction of the examined profiles.
+const MIN_PROFILE_FRACTION: f64 = 0.12;
+/// The quantile of the levels of a side at its paint; speckles lie closer to the level of the other side.
+const PAINT_QUANTILE: f64 = 0.85;
+/// The margin to the edge of levels that show the paint: in px, and in standard deviations of the blur.
+const PAINT_MARGIN_PX: f64 = 2.0;
+const PAINT_MARGIN_SIGMAS: f64 = 3.2;
+/// The tolerance of paint levels: a fraction of the contrast at first, then in standard deviations.
+const PAINT_TOLERANCE: f64 = 0.1;
+pub(super) const PAINT_SIGMAS: f64 = 3.0;
+/// The uncertainty of the level of speckled paint, as a fraction of the contrast.
+///
+/// The smaller one is added to that of a clean tape of about the same level, if there is one. The last is the range in
+/// which the clean level may lie farther out.
+const FREE_PAINT_SIGMA: f64 = 0.05;
+const SAME_PAINT_SIGMA: f64 = 0.006;
+const SAME_PAINT_RANGE: std::ops::RangeInclusive<f64> = -0.03..=0.12;
+/// The relative weight that fixes a known parameter.
+const FIXED_WEIGHT: f64 = 1e9;
+/// The reach of the levels that place the edge: in px, and in standard deviations of the blur.
+const CORE_PX: f64 = 2.0;
+const CORE_SIGMAS: f64 = 2.2;
+/// The residual from which a profile contains something else: in standard deviations, and as a fraction of the contrast
+/// in each round.
+const OUTLIER_SIGMAS: f64 = 3.5;
+const OUTLIER_FRACTIONS: [f64; 4] = [0.4, 0.12, 0.06, 0.05];
+/// The fraction of plausible profiles at which no better position is searched.
+const GOOD_PROFILE_FRACTION: f64 = 0.3;
+/// The minimum contrast of an edge, in standard deviations of the noise.
+const MIN_CONTRAST_SIGMAS: f64 = 8.0;
+/// The minimum reach of profiles to either side, and the maximum distance of the edge from its expected position, px.
+const MIN_DEPTH_PX: f64 = 5.0;
+const MAX_SHIFT_PX: f64 = 3.0;
+/// The range of the blur, px; an edge at the upper end is too blurred to be placed.
+const BLUR_RANGE_PX: [f64; 2] = [0.25, 1.8];
+/// The initial blur, px.
+const START_BLUR_PX: f64 = 0.8;
+/// The maximum number of Gauss-Newton steps, and the change at which they have converged, px.
+const MAX_STEPS: usize = 20;
+const CONVERGED_PX: f64 = 1e-5;
+/// The constant of Tukey's biweight.
+const TUKEY: f64 = 4.685;
+/// The uncertainty of an edge because of the model, common to all its profiles, px.
+const MODEL_SIGMA_PX: f64 = 0.002;
+/// The same for speckled paint, px, and the fraction of the shift by shading of the paint, which acts one way only.
+const SPECKLED_SIGMA_PX: f64 = 0.005;
+const SHADING_FRACTION: f64 = 0.5;
+/// The same for clipped paint: an exposure up to three times too long moves edges towards the dark by up to 0.7 px, px.
+const CLIPPED_SIGMA_PX: f64 = 0.5;
+/// The fraction of the brightest level from which paint counts as clipped.
+const CLIPPED_FRACTION: f64 = 0.99;
+
+/// The direction of an edge.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Direction {
+    /// Along the rows: profiles are parts of columns.
+    Rows,
+    /// Along the columns: profiles are parts of rows.
+    Columns,
+}
+
+/// The expected position of an edge; coordinates count along and across the edge.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct ExpectedEdge {
+    pub(super) direction: Direction,
+    /// The profiles along it, first and one past the last.
+    pub(super) along: [usize; 2],
+    /// The coordinate along the edge to which its position belongs.
+    pub(super) middle: f64,
+    /// The position across, within about 2 px.
+    pub(super) near: f64,
+    /// The slope: px across per px along.
+    pub(super) slope: f64,
+    /// The length of the profiles before and behind it, if there is room.
+    pub(super) depth: [usize; 2],
+    /// The first and the last coordinate across that may be read.
+    pub(super) room: [usize; 2],
+    /// 1 if it gets lighter across, -1 if it gets darker.
+    pub(super) sign: f64,
+    /// Blur and paint measured at clean edges of the same image.
+    pub(super) clean: Option<CleanPaint>,
+}
+
+/// Blur and paint of clean edges, which a speckled edge alone does not separate from its position.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct CleanPaint {
+    /// The standard deviation of the blur, px: the lens blurs all edges alike.
+    pub(super) blur_px: f64,
+    /// The darker and the lighter paint at the edge, DN: the tapes are of one material.
+    pub(super) paints_dn: [Estimate; 2],
+}
+
+/// A fitted edge.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Edge {
+    /// The position across, at the middle, px.
+    pub(super) at: Estimate,
+    /// The slope: px across per px along.
+    pub(super) slope: Estimate,
+    /// The standard deviation of the blur, px.
+    pub(super) blur_px: f64,
+    /// The darker and the lighter paint, DN.
+    pub(super) paints_dn: [Estimate; 2],
+    /// Whether there are speckles on one side.
+    pub(super) is_speckled: bool,
+}
+
+/// The grey levels along a line across the edge.
+struct Profile {
+    /// The coordinate along the edge, from its middle.
+    along: f64,
+    /// The coordinate of the first level across.
+    first: f64,
+    levels: Vec<f64>,
+    weight: f64,
+}
+
+/// The iterated parameters: position, slope, blur and both paints.
+#[derive(Clone, Copy)]
+struct EdgeModel {
+    at: f64,
+    slope: f64,
+    blur: f64,
+    is_blur_known: bool,
+    paints: [Paint; 2],
+    /// The change of the paints by the levels near the edge, DN.
+    moved: [f64; 2],
+}
+
+/// Returns the normal distribution function and its density.
+///
+/// M. Abramowitz and I. A. Stegun, Handbook of Mathematical Functions, 7.1.26: error below 1e-7.
+fn normal(x: f64) -> (f64, f64) {
+    const COEFFICIENTS: [f64; 5] = [1.061_405_429, -1.453_152_027, 1.421_413_741, -0.284_496_736, 0.254_829_592];
+    let t = 1.0 / (1.0 + 0.327_591_1 * x.abs() * std::f64::consts::FRAC_1_SQRT_2);
+    let bell = (-0.5 * x * x).exp();
+    let tail = 0.5 * COEFFICIENTS.iter().fold(0.0, |sum, c| sum * t + c) * t * bell;
+    (if x >= 0.0 { 1.0 - tail } else { tail }, bell / std::f64::consts::TAU.sqrt())
+}
+
+impl EdgeModel {
+    /// Returns the distance of a level of a profile behind the edge, px.
+    fn behind(&self, profile: &Profile, index: usize) -> f64 {
+        profile.first + index as f64 - self.at - self.slope * profile.along
+    }
+
+    fn contrast(&self) -> f64 {
+        self.paints[1].at(0.0) - self.paints[0].at(0.0)
+    }
+
+    /// Returns the noise of a level near the edge: the larger one of both sides.
+    fn noise(&self) -> f64 {
+        self.paints[0].noise.max(self.paints[1].noise)
+    }
+
+    /// Returns the weight of a side's paint relative to one level near the edge.
+    fn paint_weight(&self, side: usize) -> f64 {
+        (self.noise() / self.paints[side].sigma).powi(2)
+    }
+
+    /// Returns residual and derivatives of the levels of a profile that place the edge.
+    ///
+    /// The derivatives are by position, slope, blur and the levels of both sides.
+    fn core<'p>(&'p self, profile: &'p Profile) -> impl Iterator<Item = (f64, Vector)> + 'p {
+        let reach = CORE_PX.max(CORE_SIGMAS * self.blur);
+        let [before, after] = self.paints.map(|paint| paint.at(profile.along));
+        profile.levels.iter().enumerate().filter_map(move |(index, level)| {
+            let behind = self.behind(profile, index);
+            let (p, density) = normal(behind / self.blur);
+            let by_place = -(after - before) * density / self.blur;
+            let by_blur = by_place * behind / self.blur;
+            let residual = level - before - (after - before) * p;
+            let derivatives = Vector::from([by_place, by_place * profile.along, by_blur, 1.0 - p, p]);
+            (behind.abs() <= reach).then_some((residual, derivatives))
+        })
+    }
+
+    /// Returns the distance of the edge of one profile from the common one, px.
+    fn shift(&self, profile: &Profile) -> f64 {
+        let (mut right, mut normal) = (0.0, 0.0);
+        for (residual, derivatives) in self.core(profile) {
+            right += residual * derivatives[0];
+            normal += derivatives[0] * derivatives[0];
+        }
+        right / normal.max(1e-9)
+    }
+}
+
+type Vector = SVector<f64, 5>;
+type Matrix = SMatrix<f64, 5, 5>;
+
+/// Fits the edge at its expected position.
+///
+/// # Errors
+///
+/// [`PointStatus::OutOfFrame`] if it leaves the allowed range, [`PointStatus::Lost`] if there is none,
+/// [`PointStatus::LowContrast`] if it is too faint or too blurred to be placed, and
+/// [`PointStatus::LowCorrelation`] if its profiles do not agree.
+pub(super) fn fit(image: ImageView<'_>, expected: &ExpectedEdge) -> Result<Edge, PointStatus> {
+    let mut profiles = profiles(image, expected)?;
+    let paints = [Paint::default(); 2];
+    let clean = expected.clean;
+    let blur = clean.map_or(START_BLUR_PX, |clean| clean.blur_px);
+    let mut step = EdgeModel {
+        at: expected.near,
+        slope: expected.slope,
+        blur,
+        is_blur_known: clean.is_some(),
+        paints,
+        moved: [0.0; 2],
+    };
+    step.paints = paint(&profiles, &step, expected)?;
+    step.at = best_start(&profiles, &step);
+    for fraction in OUTLIER_FRACTIONS {
+        step.paints = paint(&profiles, &step, expected)?;
+        reweigh(&mut profiles, &step, fraction);
+        let kept = profiles.iter().filter(|profile| profile.weight > 0.0).count();
+        if kept < MIN_PROFILES || (kept as f64) < MIN_PROFILE_FRACTION * profiles.len() as f64 {
+            return Err(PointStatus::LowCorrelation);
+        }
+        step = solve(&profiles, step)?;
+        if (step.at - expected.near).abs() > MAX_SHIFT_PX {
+            return Err(PointStatus::Lost);
+        }
+    }
+    accept(&profiles, &step)
+}
+
+/// Reads the profiles around the expected edge, without those that leave the allowed range.
+fn profiles(image: ImageView<'_>, expected: &ExpectedEdge) -> Result<Vec<Profile>, PointStatus> {
+    let [before, behind] = expected.depth.map(|depth| depth as f64);
+    let [first, last] = expected.room.map(|place| place as f64);
+    let level = |along: usize, across: usize| match expected.direction {
+        Direction::Rows => image.at(along, across),
+        Direction::Columns => image.at(across, along),
+    };
+    let one = |along: usize| {
+        let from_middle = along as f64 - expected.middle;
+        let center = (expected.near + expected.slope * from_middle).round();
+        if !(center - MIN_DEPTH_PX >= first && center + MIN_DEPTH_PX <= last) {
+            return None;
+        }
+        let start = (center - before).max(first) as usize;
+        let end = (center + behind).min(last) as usize;
+        let levels = (start..=end).map(|across| level(along, across).map(f64::from));
+        Some(Profile { along: from_middle, first: start as f64, levels: levels.collect::<Option<_>>()?, weight: 1.0 })
+    };
+    let all = expected.along[1].saturating_sub(expected.along[0]);
+    let profiles: Vec<Profile> = (expected.along[0]..expected.along[1]).filter_map(one).collect();
+    if 2 * profiles.len() <= all || profiles.len() < MIN_PROFILES {
+        return Err(PointStatus::OutOfFrame);
+    }
+    Ok(profiles)
+}
+
+/// Estimates the paint of both sides.
+///
+/// Speckles are closer in level to the other side of the edge than the paint around them. The paint of a side is
+/// therefore the outermost level. The side without speckles gives its variation.
+fn paint(profiles: &[Profile], step: &EdgeModel, expected: &ExpectedEdge) -> Result<[Paint; 2], PointStatus> {
+    let sign = expected.sign;
+    let margin = PAINT_MARGIN_PX.max(PAINT_MARGIN_SIGMAS * step.blur);
+    let side = |of: f64| -> Vec<Level> {
+        let levels = |profile: &Profile| {
+            let along = profile.along;
+            let all = profile.levels.iter().enumerate();
+            let placed = all.map(|(index, level)| Level { along, behind: step.behind(profile, index), level: *level });
+            placed.filter(|level| of * level.behind >= margin).collect::<Vec<_>>()
+        };
+        profiles.iter().flat_map(levels).collect()
+    };
+    let sides = [side(-1.0), side(1.0)];
+    if sides.iter().any(|levels| levels.len() < MIN_LEVELS) {
+        return Err(PointStatus::OutOfFrame);
+    }
+    let sorted = sides.each_ref().map(|levels| {
+        let mut levels: Vec<f64> = levels.iter().map(|level| level.level).collect();
+        levels.sort_by(f64::total_cmp);
+        levels
+    });
+    // With sign 1 it is dark before the edge and light behind it.
+    let start: [f64; 2] = std::array::from_fn(|k| {
+        let is_light = (k == 1) == (sign > 0.0);
+        quantile(&sorted[k], if is_light { PAINT_QUANTILE } else { 1.0 - PAINT_QUANTILE })
+    });
+    let contrast = sign * (start[1] - start[0]);
+    if contrast <= 0.0 {
+        return Err(PointStatus::Lost);
+    }
+    let noise = sorted.each_ref().map(|levels| 0.7413 * (quantile(levels, 0.75) - quantile(levels, 0.25)));
+    let tolerance = (PAINT_TOLERANCE * contrast).max(PAINT_SIGMAS * noise[0].min(noise[1]));
+    let outward = |k: usize| if (k == 1) == (sign > 0.0) { 1.0 } else { -1.0 };
+    let mut paints = [Paint::default(); 2];
+    for (k, paint) in paints.iter_mut().enumerate() {
+        *paint = fit_paint(&sides[k], start[k], tolerance, outward(k))?;
+        if let Some(clean) = expected.clean.filter(|_| paint.is_speckled) {
+            let other = clean.paints_dn[usize::from(outward(k) > 0.0)];
+            let further = outward(k) * (other.value - paint.at(0.0)) / contrast;
+            // Speckles pull the observed paint towards the other side. Otherwise it is another paint.
+            if SAME_PAINT_RANGE.contains(&further) {
+                let sigma = other.sigma.hypot(SAME_PAINT_SIGMA * contrast);
+                *paint = Paint { coefficients: [other.value, 0.0, 0.0, 0.0], sigma, ..*paint };
+            } else {
+                paint.sigma = paint.sigma.max(FREE_PAINT_SIGMA * contrast);
+            }
+        }
+    }
+    Ok(paints)
+}
+
+/// Solves for position, slope, blur and the levels of both sides, which their paint constrains, by Gauss-Newton steps.
+fn solve(profiles: &[Profile], start: EdgeModel) -> Result<EdgeModel, PointStatus> {
+    let mut step = start;
+    step.moved = [0.0; 2];
+    for _ in 0..MAX_STEPS {
+        let (normal, mut right, _) = equations(profiles, &step);
+        for (k, moved) in step.moved.iter().enumerate() {
+            // Previous changes already count against the paint.
+            right[3 + k] -= moved * step.paint_weight(k);
+        }
+        let change = normal.try_inverse().ok_or(PointStatus::Lost)? * right;
+        if !change.iter().all(|x| x.is_finite()) {
+            return Err(PointStatus::Lost);
+        }
+        step.at += change[0].clamp(-1.0, 1.0);
+        step.slope += change[1].clamp(-0.05, 0.05);
+        step.blur = (step.blur + change[2].clamp(-0.4, 0.4)).clamp(BLUR_RANGE_PX[0], BLUR_RANGE_PX[1]);
+        for k in 0..2 {
+            step.moved[k] += change[3 + k];
+            step.paints[k].coefficients[0] += change[3 + k];
+        }
+        if change[0].abs() < CONVERGED_PX && change[1].abs() < 0.1 * CONVERGED_PX {
+            break;
+        }
+    }
+    Ok(step)
+}
+
+/// Returns the normal equations of one pass, and the sum of squared residuals.
+fn equations(profiles: &[Profile], step: &EdgeModel) -> (Matrix, Vector, f64) {
+    let (mut normal, mut right, mut squares) = (Matrix::zeros(), Vector::zeros(), 0.0);
+    for profile in profiles.iter().filter(|profile| profile.weight > 0.0) {
+        for (residual, derivatives) in step.core(profile) {
+            normal += derivatives * derivatives.transpose() * profile.weight;
+            right += derivatives * (profile.weight * residual);
+            squares += profile.weight * residual * residual;
+        }
+    }
+    for k in 0..2 {
+        normal[(3 + k, 3 + k)] += step.paint_weight(k);
+    }
+    if step.is_blur_known {
+        normal[(2, 2)] += FIXED_WEIGHT * normal[(0, 0)];
+    }
+    (normal, right, squares)
+}
+
+fn median(mut numbers: Vec<f64>) -> f64 {
+    numbers.sort_by(f64::total_cmp);
+    numbers.get(numbers.len() / 2).copied().unwrap_or(0.0)
+}
+
+/// Updates the weights of the profiles from their residuals and their distance from the common line.
+fn reweigh(profiles: &mut [Profile], step: &EdgeModel, fraction: f64) {
+    let limit = (fraction * step.contrast().abs()).max(OUTLIER_SIGMAS * step.noise());
+    let is_clean: Vec<bool> =
+        profiles.iter().map(|profile| step.core(profile).all(|(residual, _)| residual.abs() <= limit)).collect();
+    let shifts: Vec<f64> = profiles.iter().map(|profile| step.shift(profile)).collect();
+    let of_clean = shifts.iter().zip(&is_clean).filter(|(_, clean)| **clean).map(|(shift, _)| *shift);
+    let middle = median(of_clean.clone().collect());
+    let scatter = 1.4826 * median(of_clean.map(|shift| (shift - middle).abs()).collect());
+    for ((profile, shift), clean) in profiles.iter_mut().zip(shifts).zip(is_clean) {
+        let far = (shift - middle) / (TUKEY * scatter.max(1e-4));
+        profile.weight = if clean && far.abs() < 1.0 { (1.0 - far * far).powi(2) } else { 0.0 };
+    }
+}
+
+/// Returns the nearest position with enough plausible profiles, otherwise that with the most.
+fn best_start(profiles: &[Profile], step: &EdgeModel) -> f64 {
+    const SHIFTS_PX: [f64; 9] = [0.0, -0.5, 0.5, -1.0, 1.0, -1.5, 1.5, -2.0, 2.0];
+    let limit = OUTLIER_FRACTIONS[0] * step.contrast().abs();
+    let likely = |shift: f64| {
+        let moved = EdgeModel { at: step.at + shift, ..*step };
+        profiles.iter().filter(|profile| moved.core(profile).all(|(residual, _)| residual.abs() <= limit)).count()
+    };
+    let enough = (GOOD_PROFILE_FRACTION * profiles.len() as f64).max(MIN_PROFILES as f64) as usize;
+    let tried = SHIFTS_PX.map(|shift| (likely(shift), shift));
+    let best = tried.iter().fold((0, 0.0), |best, next| if next.0 > best.0 { *next } else { best });
+    step.at + tried.iter().find(|(count, _)| *count >= enough).unwrap_or(&best).1
+}
+
+/// Rejects an edge that is too faint or too blurred; otherwise returns it with its uncertainty.
+fn accept(profiles: &[Profile], step: &EdgeModel) -> Result<Edge, PointStatus> {
+    let used: Vec<&Profile> = profiles.iter().filter(|profile| profile.weight > 0.0).collect();
+    let (normal, _, squares) = equations(profiles, step);
+    let count: f64 = used.iter().map(|profile| profile.weight * step.core(profile).count() as f64).sum();
+    let variance = (squares / (count - 5.0).max(1.0)).max(1e-9);
+    if step.contrast().abs() < MIN_CONTRAST_SIGMAS * variance.sqrt() || step.blur >= 0.98 * BLUR_RANGE_PX[1] {
+        return Err(PointStatus::LowContrast);
+    }
+    let inverse = normal.try_inverse().ok_or(PointStatus::Lost)?;
+    // Texture along the edge is not noise of single pixels, so the scatter of the profiles counts if it is larger.
+    let chi2: f64 = used
+        .iter()
+        .map(|profile| {
+            let information: f64 = step.core(profile).map(|(_, derivatives)| derivatives[0].powi(2)).sum();
+            profile.weight * step.shift(profile).powi(2) * information
+        })
+        .sum();
+    let excess = (chi2 / variance / (used.len() as f64 - 2.0).max(1.0)).max(1.0);
+    let levels = step.paints.map(|paint| paint.at(0.0));
+    let sigma = |k: usize| (variance * excess * inverse[(k, k)]).max(0.0).sqrt();
+    let paint = |k: usize| Estimate { value: levels[k], sigma: sigma(3 + k) };
+    let is_speckled = step.paints.iter().any(|paint| paint.is_speckled);
+    let model_px = match is_clipped(profiles, levels[0].max(levels[1]) + step.noise()) {
+        true => CLIPPED_SIGMA_PX,
+        false if is_speckled => SPECKLED_SIGMA_PX.hypot(SHADING_FRACTION * shading_shift(step, &inverse)),
+        false => MODEL_SIGMA_PX,
+    };
+    Ok(Edge {
+        at: Estimate { value: step.at, sigma: sigma(0).hypot(model_px) },
+        slope: Estimate { value: step.slope, sigma: sigma(1) },
+        blur_px: step.blur,
+        paints_dn: if step.contrast() > 0.0 { [paint(0), paint(1)] } else { [paint(1), paint(0)] },
+        is_speckled,
+    })
+}
+
+/// Returns the error of an edge that fitted its own paint, if the paint is as first estimated, px.
+fn shading_shift(step: &EdgeModel, inverse: &Matrix) -> f64 {
+    (0..2).map(|k| step.moved[k] * inverse[(0, 3 + k)] / inverse[(3 + k, 3 + k)]).sum()
+}
+
+/// Whether paint of this level plus its noise reaches saturation.
+fn is_clipped(profiles: &[Profile], paint_dn: f64) -> bool {
+    let highest = profiles.iter().flat_map(|profile| &profile.levels).copied().fold(0.0, f64::max);
+    is_saturated(highest as f32) && paint_dn > CLIPPED_FRACTION * highest
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,445 @@
+//! A film rendered from a scenario.
+
+use super::background::Background;
+use super::ground_truth::{impact, phase, status, step, velocity};
+use super::scenario::{MotionSetup, Scenario, ScenarioError, Shape};
+use super::sensor::Sensor;
+use super::trajectory::{Pose, Trajectory, tangent};
+use crate::image::{Image, PixelFormat};
+use crate::numeric::{Stream, key, scramble};
+use crate::results::{Impact, VelocitySample};
+use crate::synth::render::Rod;
+use crate::synth::render::SpeckledSphere;
+use crate::synth::render::total_sigma_px;
+use crate::synth::render::{Ball, HalfPlane, Moment, Patch, Surface};
+use crate::synth::render::{DiscOutline, Occluder, visible_fraction};
+use crate::synth::render::{Field, Pattern};
+use std::ops::Range;
+
+/// The purposes of the random streams.
+const SPECKLES: u64 = 1;
+const NOISE: u64 = 4;
+/// The maximum motion during the exposure that is rendered as one moment, px.
+const MAX_SINGLE_PX: f64 = 0.05;
+/// The maximum motion during the exposure per pair of moments, px.
+const MAX_PANEL_PX: f64 = 0.5;
+/// The number of iterations for the row that shows a moving centre.
+const READ_ROUNDS: usize = 8;
+
+/// A film that is rendered frame by frame, in any order, with its ground truth.
+#[derive(Debug, Clone)]
+pub struct World {
+    scenario: Scenario,
+    format: PixelFormat,
+    /// One ball or two, from the back to the front.
+    actors: Vec<Actor>,
+    sensor: Sensor,
+    background: Background,
+    /// The index of this film of the same ball; each has its own noise.
+    take: u64,
+}
+
+/// A filmed body.
+#[derive(Debug, Clone)]
+enum Body {
+    Ball(Box<Ball>),
+    Rod(Box<Rod>),
+}
+
+impl Body {
+    fn new(scenario: &Scenario, number: u64, full_dn: f32) -> Result<Self, ScenarioError> {
+        let speckles = Stream::new(key(scenario.seed, SPECKLES, number));
+        let sigma_px = total_sigma_px(scenario.camera.blur_px);
+        let (pattern, radius_px) = (&scenario.body.pattern, scenario.radius_px());
+        let scatter = |field: Field| Pattern::scatter(pattern, field, sigma_px, speckles.clone());
+        let ball = |surface: Surface| Self::Ball(Box::new(Ball::new(scenario, surface, full_dn)));
+        Ok(match (&scenario.body.rod, scenario.body.shape) {
+            (Some(rod), _) => {
+                Self::Rod(Box::new(Rod::new(scenario, rod, scatter(Rod::field(scenario, rod))?, full_dn)))
+            }
+            (None, Shape::Disc | Shape::Plane) => ball(Surface::Flat(scatter(Field::Disc(radius_px))?)),
+            (None, Shape::Sphere) => {
+                ball(Surface::Sphere(SpeckledSphere::scatter(pattern, radius_px, sigma_px, speckles)?))
+            }
+        })
+    }
+
+    /// Draws some rows of it at a scale multiplied by `zoom`.
+    fn draw(&self, moments: &[Moment], zoom: f64, width: usize, rows: Range<usize>) -> Patch {
+        match self {
+            Self::Ball(ball) if zoom.total_cmp(&1.0).is_ne() => ball.zoomed(zoom).draw(moments, width, rows),
+            Self::Ball(ball) => ball.draw(moments, width, rows),
+            Self::Rod(rod) => rod.draw(moments, width, rows),
+        }
+    }
+}
+
+/// A body and its trajectory.
+#[derive(Debug, Clone)]
+struct Actor {
+    /// The scenario of this body alone.
+    scenario: Scenario,
+    trajectory: Trajectory,
+    body: Body,
+}
+
+impl Actor {
+    fn new(scenario: Scenario, number: u64, full_dn: f32) -> Result<Self, ScenarioError> {
+        let (trajectory, body) = (Trajectory::new(&scenario)?, Body::new(&scenario, number, full_dn)?);
+        Ok(Self { scenario, trajectory, body })
+    }
+
+    /// Returns the magnification relative to the scale, because of its changed distance.
+    fn zoom(&self, time_s: f64) -> f64 {
+        let even_s = match &self.scenario.motion {
+            MotionSetup::Impact(impact) => impact.contact_start_s,
+            MotionSetup::Constant { .. } | MotionSetup::Piecewise { .. } => 0.5e-6 * self.scenario.camera.exposure_us,
+        };
+        1.0 / (1.0 - self.scenario.scale.nearer_per_s * (time_s - even_s))
+    }
+
+    /// Returns its pose in the image.
+    fn pose(&self, time_s: f64) -> Pose {
+        let (pose, zoom, camera) = (self.trajectory.at(time_s), self.zoom(time_s), &self.scenario.camera);
+        let middle_px = [camera.width_px, camera.height_px].map(|length| 0.5 * f64::from(length - 1));
+        let place = |axis: usize| middle_px[axis] + zoom * (pose.center_px[axis] - middle_px[axis]);
+        // At a constant distance the pose stays bit-identical.
+        let is_even = zoom.total_cmp(&1.0).is_eq();
+        if is_even { pose } else { Pose { center_px: [place(0), place(1)], ..pose } }
+    }
+
+    /// Returns the trajectory of its fastest point during the exposure, px.
+    fn moved_px(&self, start_s: f64, exposure_s: f64) -> f64 {
+        let (open, shut) = (self.pose(start_s), self.pose(start_s + exposure_s));
+        let shift_px = (shut.center_px[0] - open.center_px[0]).hypot(shut.center_px[1] - open.center_px[1]);
+        let rotated_px = (shut.angle_rad - open.angle_rad).abs() * self.scenario.radius_px();
+        shift_px + rotated_px + self.trajectory.tilt_rad_s(start_s) * exposure_s * self.scenario.radius_px()
+    }
+
+    /// Returns its radius in the image, px.
+    fn radius_px(&self, time_s: f64) -> f64 {
+        self.zoom(time_s) * self.scenario.radius_px()
+    }
+
+    fn outline(&self, time_s: f64) -> DiscOutline {
+        DiscOutline { center_px: self.pose(time_s).center_px, radius_px: self.radius_px(time_s) }
+    }
+}
+
+impl World {
+    /// Prepares a scenario: solves its physics, places its speckles, renders the static image.
+    ///
+    /// # Errors
+    ///
+    /// Returns [`ScenarioError`] if the scenario cannot be rendered.
+    pub fn new(scenario: &Scenario) -> Result<Self, ScenarioError> {
+        scenario.check()?;
+        let camera = &scenario.camera;
+        let format = match camera.bits {
+            10 => PixelFormat::Mono10,
+            12 => PixelFormat::Mono12,
+            16 => PixelFormat::Mono16,
+            _ => PixelFormat::Mono8,
+        };
+        let sensor = Sensor::new(camera, format, scenario.seed);
+        let mut actors = vec![Actor::new(scenario.clone(), 0, sensor.full_dn())?];
+        if let Some(other) = &scenario.other {
+            let other = Actor::new(scenario.alone(other), 1, sensor.full_dn());
+            actors.push(other.map_err(|error| ScenarioError::Other(Box::new(error)))?);
+        }
+        let background = Background::new(scenario, sensor.full_dn());
+        Ok(Self { scenario: scenario.clone(), format, actors, sensor, background, take: 0 })
+    }
+
+    /// Films the same ball again, with the same camera and light, but another motion and other noise.
+    ///
+    /// A second ball keeps its motion. This is much faster than a new film, since the speckles and their blur are kept.
+    /// Equal takes have equal noise; take 0 has that of the first film.
+    ///
+    /// # Errors
+    ///
+    /// Returns [`ScenarioError`] if the scenario cannot be rendered with this motion.
+    pub fn retake(&self, motion: MotionSetup, take: u64) -> Result<Self, ScenarioError> {
+        let scenario = Scenario { motion, ..self.scenario.clone() };
+        scenario.check()?;
+        let mut actors = self.actors.clone();
+        (actors[0].trajectory, actors[0].scenario) = (Trajectory::new(&scenario)?, scenario.clone());
+        // An edge that is placed by the motion moves with it.
+        let background = if scenario.occluder.is_some() {
+            Background::new(&scenario, self.sensor.full_dn())
+        } else {
+            self.background.clone()
+        };
+        Ok(Self { scenario, actors, background, take, ..self.clone() })
+    }
+
+    /// The scenario of the film.
+    pub fn scenario(&self) -> &Scenario {
+        &self.scenario
+    }
+
+    /// The number of frames.
+    pub fn frames(&self) -> u64 {
+        self.scenario.camera.frames
+    }
+
+    /// The pixel layout.
+    pub fn format(&self) -> PixelFormat {
+        self.format
+    }
+
+    /// The number of pixels per row.
+    pub fn width_px(&self) -> u32 {
+        self.scenario.camera.width_px
+    }
+
+    /// The number of rows.
+    pub fn height_px(&self) -> u32 {
+        self.scenario.camera.height_px
+    }
+
+    /// The number of frames per second.
+    pub fn frame_rate_hz(&self) -> f64 {
+        self.scenario.camera.frame_rate_hz
+    }
+
+    /// The number of bytes of one frame; rows follow each other without padding.
+    pub fn frame_bytes(&self) -> usize {
+        self.background.pixels() * self.format.bytes_per_pixel()
+    }
+
+    /// The exposure start of a frame, ns since the Unix epoch.
+    pub fn stamp_ns(&self, index: u64) -> u64 {
+        self.scenario.camera.start_ns + (index as f64 * 1e9 / self.frame_rate_hz()).round() as u64
+    }
+
+    /// Renders a frame into `bytes`: always the same bytes for the same scenario and index.
+    ///
+    /// # Panics
+    ///
+    /// If the length of `bytes` is not [`frame_bytes`](Self::frame_bytes).
+    pub fn render(&self, index: u64, bytes: &mut [u8]) {
+        assert_eq!(bytes.len(), self.frame_bytes(), "bytes of a frame");
+        // The first take keeps the noise that films had before takes were introduced.
+        let noise = key(self.scenario.seed.wrapping_add(scramble(self.take)), NOISE, index);
+        let row_bytes = self.width_px() as usize * self.format.bytes_per_pixel();
+        self.draw(index, |row, light| {
+            self.sensor.expose(noise, row, light, &mut bytes[row * row_bytes..(row + 1) * row_bytes]);
+        });
+    }
+
+    /// Renders a frame without noise, fixed pattern, rounding and clipping, DN.
+    pub fn render_light(&self, index: u64) -> Image {
+        let (width, height) = (self.width_px() as usize, self.height_px() as usize);
+        let mut image = Image::new(width, height);
+        let pixels = image.data_mut();
+        self.draw(index, |row, light| pixels[row * width..(row + 1) * width].copy_from_slice(light));
+        image
+    }
+
+    /// Renders the light of a frame, row by row.
+    fn draw(&self, index: u64, mut take: impl FnMut(usize, &mut [f32])) {
+        assert!(index < self.frames(), "frame {index} of a film of {}", self.frames());
+        let height = self.height_px() as usize;
+        let is_global = self.scenario.camera.row_time_us.total_cmp(&0.0).is_eq();
+        // With a rolling shutter each row has its own time.
+        for first in (0..height).step_by(if is_global { height } else { 1 }) {
+            let rows = first..if is_global { height } else { first + 1 };
+            self.draw_rows(self.exposure_start_s(index) + self.row_delay_s(first as f64), rows, &mut take);
+        }
+    }
+
+    /// Renders the rows that are exposed at the same time.
+    fn draw_rows(&self, start_s: f64, rows: Range<usize>, take: &mut impl FnMut(usize, &mut [f32])) {
+        let width = self.width_px() as usize;
+        let times = self.exposure_times(start_s);
+        let draw = |(number, actor): (usize, &Actor)| {
+            let moments: Vec<Moment> = times.iter().map(|time_s| self.moment(number, *time_s)).collect();
+            actor.body.draw(&moments, actor.zoom(start_s + 0.5 * self.exposure_s()), width, rows.clone())
+        };
+        let patches: Vec<Patch> = self.actors.iter().enumerate().map(draw).collect();
+        let occluders: Vec<Option<HalfPlane>> =
+            times.iter().map(|time_s| self.background.occluder_at(*time_s)).collect();
+        let lamp = self.background.lamp(start_s, self.exposure_s());
+        let mut light = vec![0.0; width];
+        for row in rows {
+            self.background.row(&occluders, &patches, row, &mut light);
+            light.iter_mut().for_each(|light| *light *= lamp);
+            take(row, &mut light);
+        }
+    }
+
+    /// Returns the ground truth of the first body in a frame, as a row of the `velocity` table with zero uncertainties.
+    ///
+    /// All values belong to the middle of the exposure, which is the moment that the image shows (with a rolling
+    /// shutter, that of the row of the body's centre). `stamp_ns` is the exposure's start, as a camera reports it.
+    /// The last frame has no step.
+    pub fn truth(&self, index: u64) -> VelocitySample {
+        self.truth_of(0, index)
+    }
+
+    /// Returns the ground truth of every body in a frame; see [`truth`](Self::truth).
+    pub fn truths(&self, index: u64) -> Vec<VelocitySample> {
+        (0..self.actors.len()).map(|number| self.truth_of(number, index)).collect()
+    }
+
+    fn truth_of(&self, number: usize, index: u64) -> VelocitySample {
+        let actor = &self.actors[number];
+        let Actor { scenario, trajectory, .. } = actor;
+        let shown_s = self.shown_s(actor, index);
+        let (pose, radius_px) = (actor.pose(shown_s), actor.radius_px(shown_s));
+        let visible = self.visible_fraction(number, shown_s);
+        let next = (index + 1 < self.frames()).then(|| actor.pose(self.shown_s(actor, index + 1)));
+        VelocitySample {
+            frame: index,
+            body: number as u32,
+            stamp_ns: self.stamp_ns(index),
+            center_x_px: Some(pose.center_px[0]),
+            center_y_px: Some(pose.center_px[1]),
+            radius_px: scenario.body.rod.is_none().then_some(radius_px),
+            step: next.map(|next| step(&pose, &next)),
+            velocity: Some(velocity(&pose, tangent(scenario))),
+            visible_fraction: Some(visible),
+            phase: phase(trajectory, shown_s),
+            status: status(scenario, &pose, visible),
+        }
+    }
+
+    /// Returns the visible fraction of a body's outline.
+    fn visible_fraction(&self, number: usize, time_s: f64) -> f64 {
+        let actor = &self.actors[number];
+        if actor.scenario.body.rod.is_some() {
+            // The mark of a rod lies above the surface, which occluders the end of the rod.
+            return 1.0;
+        }
+        let Moment { pose, occluder, front } = self.moment(number, time_s);
+        match (occluder, front) {
+            (plane, Some(front)) => {
+                let occluders: Vec<Occluder> =
+                    plane.map(Occluder::Edge).into_iter().chain([Occluder::Ball(front)]).collect();
+                visible_fraction(&actor.outline(time_s), &occluders)
+            }
+            (Some(plane), None) => plane.visible_fraction(pose.center_px, actor.radius_px(time_s)),
+            (None, None) => 1.0,
+        }
+    }
+
+    /// Returns the rotation of the first body since the first frame, counter-clockwise, deg.
+    pub fn angle_deg(&self, index: u64) -> f64 {
+        let actor = &self.actors[0];
+        let angle = |index: u64| actor.trajectory.at(self.shown_s(actor, index)).angle_rad;
+        (angle(index) - angle(0)).to_degrees()
+    }
+
+    /// Returns the ground truth of the first body's collision, with zero uncertainties; times count from the first
+    /// stamp.
+    pub fn impact(&self) -> Option<Impact> {
+        self.impact_of(0)
+    }
+
+    /// Returns the ground truth of every body's collision; see [`impact`](Self::impact).
+    pub fn impacts(&self) -> Vec<Impact> {
+        (0..self.actors.len()).filter_map(|number| self.impact_of(number)).collect()
+    }
+
+    fn impact_of(&self, number: usize) -> Option<Impact> {
+        let Actor { scenario, trajectory, .. } = &self.actors[number];
+        let (MotionSetup::Impact(setup), Trajectory::Impact { collision, .. }) = (&scenario.motion, trajectory) else {
+            return None;
+        };
+        let mut impact = impact(collision, setup, 0.5e-3 * scenario.body.diameter_mm);
+        impact.body = number as u32;
+        impact.origin_ns = scenario.camera.start_ns;
+        impact.force_law = setup.law.force_law();
+        Some(impact)
+    }
+
+    /// Returns the time at which a frame shows a body's centre: the middle of its exposure after the first stamp, s.
+    fn shown_s(&self, actor: &Actor, index: u64) -> f64 {
+        let middle_s = self.exposure_start_s(index) + 0.5 * self.exposure_s();
+        // The row that shows it is read while it moves on. The iteration converges by the ratio of its speed to the
+        // readout's.
+        (0..READ_ROUNDS).fold(middle_s, |time_s, _| middle_s + self.row_delay_s(actor.pose(time_s).center_px[1]))
+    }
+
+    /// Returns the delay of a row's exposure relative to the frame's stamp, s.
+    ///
+    /// A shutter that rolls upwards begins with the last row.
+    fn row_delay_s(&self, row_px: f64) -> f64 {
+        let camera = &self.scenario.camera;
+        let first_px = if camera.row_time_us < 0.0 { f64::from(camera.height_px - 1) } else { 0.0 };
+        1e-6 * camera.row_time_us * (row_px - first_px)
+    }
+
+    /// Returns the start of a frame's exposure after the first frame's stamp, s.
+    fn exposure_start_s(&self, index: u64) -> f64 {
+        index as f64 / self.frame_rate_hz()
+    }
+
+    fn exposure_s(&self) -> f64 {
+        1e-6 * self.scenario.camera.exposure_us
+    }
+
+    fn moment(&self, number: usize, time_s: f64) -> Moment {
+        let front = self.actors.get(number + 1).map(|actor| actor.outline(time_s));
+        Moment { pose: self.actors[number].pose(time_s), occluder: self.background.occluder_at(time_s), front }
+    }
+
+    /// Returns times whose mean image is that of the exposure: two Gauss points per half pixel of motion.
+    fn exposure_times(&self, start_s: f64) -> Vec<f64> {
+        let exposure_s = self.exposure_s();
+        let moved_px = self.actors.iter().map(|actor| actor.moved_px(start_s, exposure_s)).fold(0.0, f64::max)
+            + self.background.occluder_px_s().abs() * exposure_s;
+        if moved_px < MAX_SINGLE_PX {
+            return vec![start_s + 0.5 * exposure_s];
+        }
+        let panels = (moved_px / MAX_PANEL_PX).ceil() as usize;
+        let panel_s = exposure_s / panels as f64;
+        (0..panels)
+            .flat_map(|panel| [-1.0, 1.0].map(|side| panel as f64 + 0.5 + side / 12f64.sqrt()))
+            .map(|part| start_s + part * panel_s)
+            .collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn motion(vx_px_frame: f64, start_px: [f64; 2]) -> MotionSetup {
+        MotionSetup::Constant { vx_px_frame, vy_px_frame: 0.0, omega_deg_frame: 1.0, start_px }
+    }
+
+    fn world() -> World {
+        let mut scenario = Scenario::translation(0.0, 0.0, 0.0);
+        (scenario.camera.width_px, scenario.camera.height_px) = (150, 150);
+        scenario.motion = motion(0.0, [74.2, 74.6]);
+        World::new(&scenario).unwrap()
+    }
+
+    fn frame(world: &World, index: u64) -> Vec<u8> {
+        let mut bytes = vec![0; world.frame_bytes()];
+        world.render(index, &mut bytes);
+        bytes
+    }
+
+    #[test]
+    fn a_retake_equals_a_new_film_but_for_its_noise() {
+        let first = world();
+        let moved = motion(0.7, [73.1, 75.4]);
+        let own = World::new(&Scenario { motion: moved.clone(), ..first.scenario().clone() }).unwrap();
+        let retake = first.retake(moved.clone(), 0).unwrap();
+        assert_eq!(frame(&retake, 2), frame(&own, 2), "take 0 has the first film's noise");
+        let other = first.retake(moved.clone(), 1).unwrap();
+        assert_eq!(other.render_light(2), own.render_light(2));
+        assert_eq!(other.truth(2), own.truth(2));
+        assert_ne!(frame(&other, 2), frame(&own, 2));
+        assert_ne!(frame(&other, 2), frame(&first.retake(moved, 2).unwrap(), 2));
+    }
+
+    #[test]
+    fn a_retake_is_checked_as_a_scenario_is() {
+        let error = world().retake(motion(f64::NAN, [74.0; 2]), 1).unwrap_err().to_string();
+        assert!(error.starts_with("motion.vx_px_frame = NaN is out of range"), "{error}");
+    }
+}

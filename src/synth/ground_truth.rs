@@ -1,0 +1,94 @@
+//! The ground truth of a simulated film.
+
+use super::physics::{Collision, Motion};
+use super::scenario::{ImpactSetup, Scenario, Shape};
+use super::trajectory::{Pose, Trajectory, into_surface};
+use crate::results::{BodyVelocity, Estimate, Impact, Phase, PointStatus, RigidStep};
+
+pub(super) fn phase(trajectory: &Trajectory, time_s: f64) -> Phase {
+    let Trajectory::Impact { collision, start_s, .. } = trajectory else { return Phase::Unknown };
+    let since_s = time_s - start_s;
+    match since_s {
+        _ if since_s < 0.0 => Phase::Flight,
+        _ if since_s < collision.outcome().end_s => Phase::Contact,
+        _ => Phase::Rebound,
+    }
+}
+
+pub(super) fn status(scenario: &Scenario, pose: &Pose, visible: f64) -> PointStatus {
+    let wide = scenario.radius_px();
+    let high = scenario.body.rod.as_ref().map_or(wide, |rod| 0.5 * (rod.patch_px[1] - rod.patch_px[0]));
+    let fits = |place: f64, half: f64, length: u32| place - half >= -0.5 && place + half <= f64::from(length) - 0.5;
+    let [x, y] = pose.center_px;
+    match () {
+        () if scenario.body.shape != Shape::Plane
+            && !(fits(x, wide, scenario.camera.width_px) && fits(y, high, scenario.camera.height_px)) =>
+        {
+            PointStatus::OutOfFrame
+        }
+        () if visible <= 0.0 => PointStatus::Occluded,
+        () => PointStatus::Valid,
+    }
+}
+
+pub(super) fn step(here: &Pose, next: &Pose) -> RigidStep {
+    RigidStep {
+        dx_px: next.center_px[0] - here.center_px[0],
+        dy_px: next.center_px[1] - here.center_px[1],
+        dtheta_deg: (next.angle_rad - here.angle_rad).to_degrees(),
+        sigma_dx_px: 0.0,
+        sigma_dy_px: 0.0,
+        sigma_dtheta_deg: 0.0,
+        points: 0,
+    }
+}
+
+pub(super) fn velocity(pose: &Pose, tangent: [f64; 2]) -> BodyVelocity {
+    let [vt_m_s, vn_m_s] = into_surface(pose.velocity_m_s, tangent);
+    BodyVelocity {
+        vx_m_s: pose.velocity_m_s[0],
+        vy_m_s: pose.velocity_m_s[1],
+        vn_m_s,
+        vt_m_s,
+        omega_rad_s: pose.omega_rad_s,
+        sigma_v_m_s: 0.0,
+        sigma_omega_rad_s: 0.0,
+        window_frames: 0,
+        order: 0,
+    }
+}
+
+pub(super) fn impact(collision: &Collision, setup: &ImpactSetup, radius_m: f64) -> Impact {
+    let (start_s, mass_kg) = (setup.contact_start_s, setup.mass_kg);
+    let (before, outcome) = (collision.at(0.0), collision.outcome());
+    let after = outcome.after;
+    let exact = |value: f64| Some(Estimate { value, sigma: 0.0 });
+    let squared = |motion: &Motion| motion.velocity_m_s.iter().map(|v| v * v).sum::<f64>();
+    let slide = |motion: &Motion| motion.velocity_m_s[0] + motion.omega_rad_s * radius_m;
+    let slide_before = slide(&before);
+    Impact {
+        start_s: exact(start_s),
+        deepest_s: exact(start_s + outcome.deepest_s),
+        end_s: exact(start_s + outcome.end_s),
+        vn_before_m_s: exact(before.velocity_m_s[1]),
+        vn_after_m_s: exact(after.velocity_m_s[1]),
+        vt_before_m_s: exact(before.velocity_m_s[0]),
+        vt_after_m_s: exact(after.velocity_m_s[0]),
+        omega_before_rad_s: exact(before.omega_rad_s),
+        omega_after_rad_s: exact(after.omega_rad_s),
+        restitution: exact(-after.velocity_m_s[1] / before.velocity_m_s[1]),
+        restitution_tangential: (slide_before.abs() > 0.0)
+            .then(|| Estimate { value: -slide(&after) / slide_before, sigma: 0.0 }),
+        impulse_ratio: exact(outcome.impulse_n_s[0] / outcome.impulse_n_s[1]),
+        contact_time_s: exact(outcome.end_s),
+        compression_max_mm: exact(outcome.compression_max_m * 1e3),
+        acceleration_max_m_s2: exact(outcome.acceleration_max_m_s2),
+        slip_end_s: outcome.slip_end_s.and_then(|slip_end_s| exact(start_s + slip_end_s)),
+        force_start_s: exact(start_s + outcome.force_s[0]),
+        force_end_s: exact(start_s + outcome.force_s[1]),
+        force_max_n: exact(outcome.force_max_n),
+        energy_lost_j: exact(0.5 * mass_kg * (squared(&before) - squared(&after))),
+        status: PointStatus::Valid,
+        ..Impact::unknown(0, 0, 0)
+    }
+}

@@ -1,0 +1,377 @@
+//! Rendering of the ball over a static image.
+
+use super::blurred_edge::{
+    BlurredDisc, EdgedDisc, REACH_SIGMA, bivariate_cdf, gauss_legendre, normal_cdf, total_sigma_px,
+};
+use super::occluder::{Axes, DiscOutline, Occluder, coverage, disc_chord, visible_chords};
+use super::speckle_pattern::{Line, Pattern, Speckle};
+use super::speckled_sphere::SpeckledSphere;
+use crate::synth::scenario::{LightSetup, Scenario};
+use crate::synth::trajectory::Pose;
+use std::ops::Range;
+
+/// The distance beyond which a half-plane occluders a pixel fully or not at all, in standard deviations.
+pub(crate) const EDGE_SIGMA: f64 = 4.5;
+
+/// A half-plane in front of the ball.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct HalfPlane {
+    /// A point of the edge, px.
+    pub(crate) point_px: [f64; 2],
+    /// The outward unit vector, image axes (y down).
+    pub(crate) normal: [f64; 2],
+}
+
+impl HalfPlane {
+    /// Returns the distance outside the edge, negative inside, px.
+    pub(crate) fn distance_px(&self, x_px: f64, y_px: f64) -> f64 {
+        (x_px - self.point_px[0]) * self.normal[0] + (y_px - self.point_px[1]) * self.normal[1]
+    }
+
+    /// Returns the fraction of a disc that it leaves visible.
+    pub(crate) fn visible_fraction(&self, center_px: [f64; 2], radius_px: f64) -> f64 {
+        let part = (self.distance_px(center_px[0], center_px[1]) / radius_px).clamp(-1.0, 1.0);
+        1.0 - (part.acos() - part * (1.0 - part * part).sqrt()) / std::f64::consts::PI
+    }
+}
+
+/// The positions of all moving objects at one moment.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Moment {
+    pub(crate) pose: Pose,
+    pub(crate) occluder: Option<HalfPlane>,
+    /// Another ball in front of this one.
+    pub(crate) front: Option<DiscOutline>,
+}
+
+impl Moment {
+    /// Returns the occluders of the ball, relative to a corner.
+    fn occluders(&self, corner_px: [f64; 2]) -> Vec<Occluder> {
+        let occluders = self.occluder.map(Occluder::Edge).into_iter().chain(self.front.map(Occluder::Ball));
+        occluders.map(|occluder| occluder.relative_to(corner_px)).collect()
+    }
+}
+
+/// The surface that carries the speckles of a ball.
+#[derive(Debug, Clone)]
+pub(crate) enum Surface {
+    /// Speckles and lines on a flat disc.
+    Flat(Pattern),
+    /// Speckles on a sphere.
+    Sphere(SpeckledSphere),
+}
+
+/// The properties of the ball that do not change from frame to frame.
+#[derive(Debug, Clone)]
+pub(crate) struct Ball {
+    radius_px: f64,
+    sigma_px: f64,
+    rim: BlurredDisc,
+    surface: Surface,
+    ball_dn: f32,
+    /// The fraction of the ball's light that a speckle absorbs; negative if it is brighter.
+    ink: f32,
+    light: BallLight,
+    rule: [(f64, f64); 16],
+    /// For shapes with a corner inside.
+    fine_rule: [(f64, f64); 40],
+}
+
+/// The shading of the ball: fixed in the room, moving with the ball without rotating.
+#[derive(Debug, Clone, Copy)]
+struct BallLight {
+    /// The relative change per pixel along x and y.
+    slope: [f32; 2],
+    limb: f32,
+    per_radius2: f32,
+}
+
+impl BallLight {
+    fn new(setup: &LightSetup, radius_px: f64) -> Self {
+        let (sin, cos) = setup.side_angle_deg.to_radians().sin_cos();
+        let slope = setup.side / radius_px;
+        Self {
+            slope: [(slope * cos) as f32, (-slope * sin) as f32],
+            limb: setup.limb as f32,
+            per_radius2: (1.0 / (radius_px * radius_px)) as f32,
+        }
+    }
+
+    #[inline]
+    fn at(&self, dx: f32, dy: f32) -> f32 {
+        let depth = (1.0 - (dx * dx + dy * dy) * self.per_radius2).max(0.0).sqrt();
+        (1.0 + self.slope[0] * dx + self.slope[1] * dy) * (1.0 - self.limb * (1.0 - depth))
+    }
+}
+
+/// The contribution of the ball to the static image, on the rectangle around it.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Patch {
+    /// The first column and row in the image.
+    pub(crate) left: usize,
+    pub(crate) top: usize,
+    pub(crate) width: usize,
+    pub(crate) height: usize,
+    /// The coverage of each pixel by the ball, row-major.
+    pub(crate) coverage: Vec<f32>,
+    /// The light from the ball before the illumination of the room, DN, row-major.
+    pub(crate) light_dn: Vec<f32>,
+}
+
+impl Ball {
+    pub(crate) fn new(scenario: &Scenario, surface: Surface, full_dn: f32) -> Self {
+        let radius_px = scenario.radius_px();
+        let sigma_px = total_sigma_px(scenario.camera.blur_px);
+        let shade = &scenario.shade;
+        Self {
+            radius_px,
+            sigma_px,
+            rim: BlurredDisc::new(radius_px, sigma_px),
+            surface,
+            ball_dn: full_dn * shade.ball as f32,
+            ink: if shade.ball > 0.0 { (1.0 - shade.speckle / shade.ball) as f32 } else { 0.0 },
+            light: BallLight::new(&scenario.light, radius_px),
+            rule: gauss_legendre(),
+            fine_rule: gauss_legendre(),
+        }
+    }
+
+    /// Returns the ball at another scale; speckles on a sphere keep their size.
+    pub(crate) fn zoomed(&self, zoom: f64) -> Self {
+        let radius_px = zoom * self.radius_px;
+        let surface = match &self.surface {
+            Surface::Flat(pattern) => Surface::Flat(pattern.zoomed(zoom, radius_px, self.sigma_px)),
+            Surface::Sphere(sphere) => Surface::Sphere(sphere.clone()),
+        };
+        let light = BallLight {
+            slope: self.light.slope.map(|slope| slope / zoom as f32),
+            per_radius2: self.light.per_radius2 / (zoom * zoom) as f32,
+            ..self.light
+        };
+        Self { radius_px, rim: BlurredDisc::new(radius_px, self.sigma_px), surface, light, ..self.clone() }
+    }
+
+    /// Draws the mean over several moments of equal weight, within these rows of an image of this width.
+    pub(crate) fn draw(&self, moments: &[Moment], width: usize, rows: Range<usize>) -> Patch {
+        let mut patch = self.bounding_patch(moments, width, rows);
+        let weight = 1.0 / moments.len() as f32;
+        let mut ink = vec![0.0; patch.coverage.len()];
+        for moment in moments {
+            ink.fill(0.0);
+            self.draw_pattern(moment, &patch, &mut ink);
+            self.add_light(&moment.pose, &ink, weight, &mut patch);
+            let occluders = moment.occluders([0.0; 2]);
+            if !occluders.is_empty() {
+                self.subtract_occluded(&moment.pose, &occluders, weight, &mut patch);
+            }
+        }
+        patch
+    }
+
+    /// Returns the empty rectangle around the ball at all moments.
+    fn bounding_patch(&self, moments: &[Moment], width: usize, rows: Range<usize>) -> Patch {
+        let reach = self.rim.reach_px();
+        let span = |axis: usize, within: Range<usize>| {
+            let low = moments.iter().map(|moment| moment.pose.center_px[axis]).fold(f64::INFINITY, f64::min) - reach;
+            let high =
+                moments.iter().map(|moment| moment.pose.center_px[axis]).fold(f64::NEG_INFINITY, f64::max) + reach;
+            let first = (low.floor().max(0.0) as usize).clamp(within.start, within.end);
+            let end = ((high.ceil() + 1.0).max(0.0) as usize).min(within.end);
+            (first, end.saturating_sub(first))
+        };
+        let ((left, columns), (top, rows)) = (span(0, 0..width), span(1, rows));
+        let size = columns * rows;
+        Patch { left, top, width: columns, height: rows, coverage: vec![0.0; size], light_dn: vec![0.0; size] }
+    }
+
+    /// Adds the coverage of each pixel by speckles and lines.
+    fn draw_pattern(&self, moment: &Moment, patch: &Patch, ink: &mut [f32]) {
+        let pose = &moment.pose;
+        let corner = [patch.left as f64, patch.top as f64];
+        let center = [pose.center_px[0] - corner[0], pose.center_px[1] - corner[1]];
+        let occluders = moment.occluders(corner);
+        let pattern = match &self.surface {
+            Surface::Flat(pattern) => pattern,
+            Surface::Sphere(sphere) => return sphere.draw(&pose.orientation, center, &occluders, (patch, ink)),
+        };
+        let (sin, cos) = pose.angle_rad.sin_cos();
+        // Counter-clockwise on the screen, with y down.
+        let rotated = |[x, y]: [f64; 2]| [x * cos + y * sin, y * cos - x * sin];
+        for speckle in &pattern.speckles {
+            let [x, y] = rotated([speckle.x_px, speckle.y_px]);
+            self.draw_speckle((pattern, speckle), [center[0] + x, center[1] + y], center, &occluders, (patch, ink));
+        }
+        for line in &pattern.lines {
+            let [x, y] = rotated(line.middle_px);
+            let line = Line { middle_px: [center[0] + x, center[1] + y], along: rotated(line.along), ..*line };
+            self.draw_line(&line, &occluders, patch, ink);
+        }
+    }
+
+    /// Adds the visible part of one line; an edge that cuts it is assumed to be perpendicular.
+    fn draw_line(&self, line: &Line, occluders: &[Occluder], patch: &Patch, ink: &mut [f32]) {
+        let strip = |distance: f64, half: f64| {
+            if distance.abs() < half - EDGE_SIGMA * self.sigma_px {
+                return 1.0;
+            }
+            normal_cdf((half - distance) / self.sigma_px) - normal_cdf((-half - distance) / self.sigma_px)
+        };
+        let wide = line.half_width_px + REACH_SIGMA * self.sigma_px;
+        let [x, y] = line.middle_px;
+        splat(line.middle_px, line.half_length_px + wide, patch, ink, |dx, dy| {
+            let (dx, dy) = (f64::from(dx), f64::from(dy));
+            let across = dx * line.along[1] - dy * line.along[0];
+            if across.abs() > wide {
+                return 0.0;
+            }
+            let along = dx * line.along[0] + dy * line.along[1];
+            let free = occluders.iter().map(|occluder| normal_cdf(occluder.outside(x + dx, y + dy).0 / self.sigma_px));
+            let free = free.product::<f64>();
+            (strip(across, line.half_width_px) * strip(along, line.half_length_px) * free) as f32
+        });
+    }
+
+    /// Adds the visible part of one speckle; positions are relative to the patch's corner.
+    fn draw_speckle(
+        &self,
+        (pattern, speckle): (&Pattern, &Speckle),
+        place_px: [f64; 2],
+        center_px: [f64; 2],
+        occluders: &[Occluder],
+        (patch, ink): (&Patch, &mut [f32]),
+    ) {
+        let radius_px = pattern.radii_px[speckle.size];
+        let outside_px = |occluder: &Occluder| occluder.outside(place_px[0], place_px[1]).0;
+        if occluders.iter().any(|occluder| outside_px(occluder) <= -radius_px) {
+            return;
+        }
+        // A speckle that no edge reaches is fully visible, however close it is.
+        let cuts: Vec<Occluder> =
+            occluders.iter().filter(|occluder| outside_px(occluder) < radius_px).copied().collect();
+        let to_center = [center_px[0] - place_px[0], center_px[1] - place_px[1]];
+        let reach = radius_px + REACH_SIGMA * self.sigma_px;
+        if let [Occluder::Edge(edge)] = &cuts[..] {
+            let rotated =
+                |[x, y]: [f64; 2]| [x * edge.normal[0] + y * edge.normal[1], x * edge.normal[1] - y * edge.normal[0]];
+            let outside_px = edge.distance_px(place_px[0], place_px[1]);
+            let disc = EdgedDisc {
+                radius_px,
+                edge_px: -outside_px,
+                rim_center_px: rotated(to_center),
+                rim_px: self.radius_px,
+            };
+            let rule = if speckle.crosses_rim { &self.fine_rule[..] } else { &self.rule };
+            splat(place_px, reach, patch, ink, |dx, dy| {
+                disc.coverage(rotated([f64::from(dx), f64::from(dy)]), self.sigma_px, rule) as f32
+            });
+        } else if !cuts.is_empty() {
+            let axes = Axes::new(place_px, [1.0, 0.0]);
+            let chords = visible_chords(radius_px, self.sigma_px, &axes, &cuts, |across| {
+                let [left, right] = disc_chord(radius_px, across);
+                let rim = disc_chord(self.radius_px, across - to_center[1]).map(|end| end + to_center[0]);
+                Some(if speckle.crosses_rim { [left.max(rim[0]), right.min(rim[1])] } else { [left, right] })
+            });
+            splat(place_px, reach, patch, ink, |dx, dy| {
+                coverage(&chords, f64::from(dx), f64::from(dy), self.sigma_px) as f32
+            });
+        } else if let (true, Some(disc)) = (speckle.crosses_rim, &pattern.cut_discs[speckle.size]) {
+            let distance = to_center[0].hypot(to_center[1]);
+            let [ex, ey] = to_center.map(|part| (-part / distance) as f32);
+            splat(place_px, disc.reach_px(), patch, ink, |dx, dy| disc.at(dx * ex + dy * ey, dy * ex - dx * ey));
+        } else {
+            let disc = &pattern.discs[speckle.size];
+            splat(place_px, disc.reach_px(), patch, ink, |dx, dy| disc.at(dx * dx + dy * dy));
+        }
+    }
+
+    /// Adds the light of the ball to the patch.
+    fn add_light(&self, pose: &Pose, ink: &[f32], weight: f32, patch: &mut Patch) {
+        let [x0, y0] = [patch.left as f64 - pose.center_px[0], patch.top as f64 - pose.center_px[1]];
+        let width = patch.width;
+        for row in 0..patch.height {
+            let dy = (y0 + row as f64) as f32;
+            let cells = row * width..(row + 1) * width;
+            let target = patch.coverage[cells.clone()].iter_mut().zip(&mut patch.light_dn[cells.clone()]);
+            for (column, ((coverage, light_dn), ink)) in target.zip(&ink[cells]).enumerate() {
+                let dx = x0 as f32 + column as f32;
+                let ball = self.rim.at(dx * dx + dy * dy);
+                *coverage += weight * ball;
+                *light_dn += weight * self.ball_dn * (ball - self.ink * ink) * self.light.at(dx, dy);
+            }
+        }
+    }
+
+    /// Subtracts the occluded part of the plain ball.
+    fn subtract_occluded(&self, pose: &Pose, occluders: &[Occluder], weight: f32, patch: &mut Patch) {
+        let edge_px = EDGE_SIGMA * self.sigma_px;
+        let axes = Axes::new(pose.center_px, [1.0, 0.0]);
+        // The intersection of a straight edge and a rim is determined by their angle.
+        let is_straight = matches!(occluders, [Occluder::Edge(_)]);
+        let ends = |across: f64| Some(disc_chord(self.radius_px, across));
+        let chords = if is_straight {
+            Vec::new()
+        } else {
+            visible_chords(self.radius_px, self.sigma_px, &axes, occluders, ends)
+        };
+        for index in 0..patch.coverage.len() {
+            let (x, y) = ((patch.left + index % patch.width) as f64, (patch.top + index / patch.width) as f64);
+            let (dx, dy) = (x - pose.center_px[0], y - pose.center_px[1]);
+            let mut near = occluders.iter().filter(|occluder| occluder.outside(x, y).0 <= edge_px);
+            let Some(occluder) = near.next() else { continue };
+            let ball = self.rim.at((dx * dx + dy * dy) as f32);
+            if ball <= 0.0 {
+                continue;
+            }
+            let (outside_px, normal) = occluder.outside(x, y);
+            let is_corner = near.next().is_some() || self.radius_px - dx.hypot(dy) < edge_px + 1.0;
+            let visible = match () {
+                () if occluders.iter().any(|occluder| occluder.outside(x, y).0 < -edge_px) => 0.0,
+                () if is_corner && !is_straight => coverage(&chords, dx, dy, self.sigma_px).clamp(0.0, f64::from(ball)),
+                () => self.visible_at_edge(dx, dy, outside_px + occluder.curvature_px(self.sigma_px), normal),
+            };
+            let occluded = weight * (ball - visible as f32);
+            patch.coverage[index] -= occluded;
+            patch.light_dn[index] -= occluded * self.ball_dn * self.light.at(dx as f32, dy as f32);
+        }
+    }
+
+    /// Returns the coverage by the ball near an occluding edge: the blurred overlap of disc and free half-plane.
+    fn visible_at_edge(&self, dx: f64, dy: f64, outside_px: f64, normal: [f64; 2]) -> f64 {
+        let free = outside_px / self.sigma_px;
+        let distance = dx.hypot(dy).max(1e-9);
+        // The correction for the curvature of the rim.
+        let inside = (self.radius_px - distance) / self.sigma_px - 0.5 * self.sigma_px / self.radius_px;
+        if inside > EDGE_SIGMA {
+            return normal_cdf(free);
+        }
+        let cosine = -(dx * normal[0] + dy * normal[1]) / distance;
+        bivariate_cdf(inside, free, cosine, &self.rule)
+    }
+}
+
+/// Adds a coverage to every cell within `reach` of a position; `coverage` takes coordinates relative to it, px.
+pub(crate) fn splat(
+    place_px: [f64; 2],
+    reach: f64,
+    patch: &Patch,
+    ink: &mut [f32],
+    coverage: impl Fn(f32, f32) -> f32,
+) {
+    let [x, y] = place_px;
+    let first_row = (y - reach).ceil().max(0.0) as usize;
+    let end_row = ((y + reach).floor() + 1.0).clamp(0.0, patch.height as f64) as usize;
+    for row in first_row..end_row {
+        let dy = row as f64 - y;
+        let half = (reach * reach - dy * dy).max(0.0).sqrt();
+        let first = (x - half).ceil().max(0.0) as usize;
+        let end = ((x + half).floor() + 1.0).clamp(0.0, patch.width as f64) as usize;
+        if first >= end {
+            continue;
+        }
+        let (mut dx, dy) = ((first as f64 - x) as f32, dy as f32);
+        for cell in &mut ink[row * patch.width + first..row * patch.width + end] {
+            *cell += coverage(dx, dy);
+            dx += 1.0;
+        }
+    }
+}

@@ -1,0 +1,18 @@
+//! The drawing of a frame: balls, rods, speckle patterns, occluders, blurred edges.
+
+mod ball;
+mod blurred_edge;
+mod occluder;
+mod rod;
+mod speckle_pattern;
+mod speckled_sphere;
+mod spherical_cap;
+mod texture;
+
+pub(in crate::synth) use ball::{Ball, EDGE_SIGMA, HalfPlane, Moment, Patch, Surface};
+pub(in crate::synth) use blurred_edge::{normal_cdf, total_sigma_px};
+pub(in crate::synth) use occluder::{DiscOutline, Occluder, visible_fraction};
+pub(in crate::synth) use rod::Rod;
+pub(in crate::synth) use speckle_pattern::{Field, Pattern};
+pub(in crate::synth) use speckled_sphere::SpeckledSphere;
+pub(in crate::synth) use texture::smooth;

@@ -1,0 +1,3 @@
+//! The judge of the renderer: a slow, plain twin of it.
+
+mod reference_renderer;

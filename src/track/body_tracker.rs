@@ -1,0 +1,456 @@
+//! The tracker of one body.
+
+use super::gating::ValidationGate;
+use super::tracker::TrackerRows;
+use crate::impact::{Approach, Beside, Contact, Detector, Event, SurfaceNode, World, deepest_so_far, solve};
+use crate::measure::body_circle;
+use crate::motion::{
+    Anchor, Axes, Center, Chain, Drift, Form, Growth, Here, Known, MotionParams, Node, PixelRates, Regime, Rolling,
+    RunningRadius, RunningShare, Scale, Seen, Shortening, View, gravity_px, lag_frames, physical, smooth,
+};
+use crate::results::{Alarm, AlarmKind, BodyStep, Estimate, Impact, Phase, PointStatus, TrackSample, VelocitySample};
+
+/// The lengths of the flight after the end of contact at which an impact is measured again; the last is final, frames.
+const REVISIONS_FRAMES: [f64; 2] = [16.0, 64.0];
+/// The number of frames after which a collision that could not be measured is tried again.
+const RETRY_FRAMES: f64 = 3.0;
+/// The time after the end of contact from which the first revision is final, s.
+const FINAL_AFTER_S: f64 = 0.035;
+/// The number of nodes kept beyond the reach of the local fits.
+const SPARE_NODES: u64 = 64;
+
+/// The last collision, which is measured again as the flight after it grows.
+#[derive(Debug, Clone)]
+struct PendingImpact {
+    contact: Contact,
+    number: u32,
+    revision: u32,
+    measured_to_frames: f64,
+    /// The number of [`REVISIONS_FRAMES`] that are reached.
+    stage: usize,
+    /// The standard uncertainty of the last published restitution.
+    sigma: f64,
+    /// The time of the last measurement, with or without a result.
+    tried_frames: f64,
+}
+
+/// Returns the number of revisions that are due.
+fn stage(known_frames: f64) -> usize {
+    REVISIONS_FRAMES.iter().filter(|after| known_frames >= **after).count()
+}
+
+/// The tracker of one body.
+#[derive(Debug, Clone)]
+pub struct BodyTracker {
+    body: u32,
+    params: MotionParams,
+    origin_ns: u64,
+    axes: Axes,
+    gate: ValidationGate,
+    chain: Chain,
+    anchor: Anchor,
+    radius: RunningRadius,
+    fixed: RunningShare,
+    growth: Growth,
+    drift: Drift,
+    rolling: Rolling,
+    /// The offset of a rod from the pose that its steps lead to, px.
+    rod_px: Option<[f64; 2]>,
+    /// Whether the newest step comes from a match of the whole body.
+    is_whole: bool,
+    nodes: Vec<Node>,
+    /// The newest frame, whether the body was detected in it or not.
+    newest_frame: u64,
+    first_sigma_deg: Option<f64>,
+    detector: Option<Detector>,
+    /// Whether the deepest point of the current contact was reported.
+    deepest_reported: bool,
+    pending_impact: Option<PendingImpact>,
+    collisions: u32,
+}
+
+impl BodyTracker {
+    pub fn new(body: u32, params: &MotionParams, contact: bool) -> Self {
+        let rolling = Rolling::new(params.shutter, params.form);
+        Self {
+            body,
+            params: params.clone(),
+            origin_ns: 0,
+            axes: Axes::new(params.surface_angle_deg),
+            gate: ValidationGate::default(),
+            chain: Chain::new(params.walk),
+            anchor: Anchor::new(),
+            radius: RunningRadius::new(),
+            fixed: RunningShare::default(),
+            growth: Growth::default(),
+            drift: Drift::new(rolling.rolls()),
+            rolling,
+            rod_px: None,
+            is_whole: false,
+            nodes: Vec::new(),
+            newest_frame: 0,
+            first_sigma_deg: None,
+            detector: contact.then(Detector::new),
+            deepest_reported: false,
+            pending_impact: None,
+            collisions: 0,
+        }
+    }
+
+    /// Takes the next step of this body; impacts and alarms go to `rows`.
+    ///
+    /// Returns the accepted step, which [`Self::rows`] expects.
+    pub fn push(&mut self, step: &BodyStep, origin_ns: u64, rows: &mut TrackerRows) -> BodyStep {
+        let accepted = self.gate.gate(step);
+        let later_frames = self.rolling.push(&accepted);
+        let straight = self.rolling.straightened(&accepted);
+        self.origin_ns = origin_ns;
+        let since_ns = (i128::from(step.stamp_ns) - i128::from(origin_ns)) as f64 + 0.5 * self.params.exposure_ns;
+        let time_frames = since_ns / self.params.frame_period_ns + later_frames;
+        self.process(&self.params.rectified(&straight), time_frames, rows);
+        straight
+    }
+
+    fn process(&mut self, step: &BodyStep, time_frames: f64, rows: &mut TrackerRows) {
+        self.newest_frame = step.frame;
+        // An outline that was predicted by the motion holds no information of its own.
+        let outline = body_circle(step).filter(|_| !step.is_carried);
+        if let Some(circle) = &outline {
+            self.radius.push(circle);
+        }
+        if let Some(share) = step.fixed_fraction {
+            self.fixed.push(share);
+        }
+        if step.step.is_some() {
+            self.is_whole = step.is_whole;
+        }
+        self.growth.push(step, time_frames);
+        if self.params.form == Form::Ball {
+            self.drift.push_step(time_frames, step);
+        }
+        let Some(node) = self.chain.push(step, time_frames, self.rolling.periods()) else { return };
+        let node = self.rolling.unsheared(node);
+        self.first_sigma_deg.get_or_insert(node.sigma[2]);
+        self.retain_node(node);
+        if let Some(circle) = outline.filter(|_| self.params.form == Form::Ball) {
+            self.drift.push(&node, &circle);
+        }
+        if let Some(rod) = &step.rod {
+            self.rod_px = Some([rod.x_px.value - node.pose[0], rod.y_px.value - node.pose[1]]);
+        }
+        let gravity = self.gravity().map(|g| self.axes.surface(g[0], g[1]).normal);
+        let node_on_surface = SurfaceNode::new(&node, self.axes);
+        let event = self.detector.as_mut().map_or(Event::None, |detector| {
+            let is_suspicious = detector.is_suspicious();
+            if let Some(circle) = outline.filter(|_| !is_suspicious) {
+                self.anchor.push(&node, &circle);
+            }
+            detector.push(node_on_surface, gravity)
+        });
+        if let (None, Some(circle)) = (&self.detector, &outline) {
+            self.anchor.push(&node, circle);
+        }
+        self.handle_event(event, node.time_frames, &mut rows.impacts);
+        rows.alarms.extend(self.alarm(event, step.frame, node.time_frames));
+    }
+
+    /// Returns the alarm to publish at once.
+    fn alarm(&mut self, event: Event, frame: u64, time_frames: f64) -> Option<Alarm> {
+        let period_s = self.params.frame_period_ns * 1e-9;
+        let alarm = |kind, at: Estimate| {
+            let at_s = Estimate { value: at.value * period_s, sigma: at.sigma * period_s };
+            let stamp_ns = self.origin_ns.saturating_add_signed((1e9 * at_s.value).round() as i64);
+            Alarm { body: self.body, kind, frame, at_s, stamp_ns }
+        };
+        let detector = self.detector.as_ref()?;
+        match (event, detector.contact().filter(|contact| contact.end_frames.is_none())) {
+            (Event::Began, Some(contact)) => {
+                self.deepest_reported = false;
+                Some(alarm(AlarmKind::Began, Estimate { value: contact.start_frames, sigma: 1.0 }))
+            }
+            (Event::Dismissed, _) => Some(alarm(AlarmKind::Withdrawn, Estimate { value: time_frames, sigma: 1.0 })),
+            (_, Some(contact)) if !self.deepest_reported => {
+                let turn = deepest_so_far(detector.trail(), contact)?;
+                self.deepest_reported = true;
+                Some(alarm(AlarmKind::Turned, turn))
+            }
+            _ => None,
+        }
+    }
+
+    /// Takes a step over a longer interval.
+    pub fn link(&mut self, step: &BodyStep) {
+        if !self.gate.has_rejected(step.frame) {
+            self.chain.link(&self.params.rectified(&self.rolling.straightened(step)));
+        }
+    }
+
+    /// Ends the stream.
+    pub fn finish(&mut self, impacts: &mut Vec<Impact>) {
+        self.measure_impact(f64::INFINITY, true, impacts);
+        let contact = self.detector.as_ref().and_then(|d| d.contact().copied());
+        if let Some(contact) = contact.filter(|c| c.end_frames.is_none()) {
+            impacts.push(self.unfinished(&contact));
+        }
+    }
+
+    fn retain_node(&mut self, node: Node) {
+        self.nodes.push(node);
+        let reach = u64::from(self.params.window_frames.unwrap_or(0)) + 2 * lag_frames(&self.params) + SPARE_NODES;
+        let old = self.nodes.partition_point(|n| n.frame + reach < node.frame);
+        if old >= 256 {
+            self.nodes.drain(..old);
+        }
+    }
+
+    fn gravity(&self) -> Option<[f64; 2]> {
+        let scale = self.radius.metres_per_px(self.params.scale)?;
+        Some(gravity_px(&self.params, scale.value))
+    }
+
+    fn handle_event(&mut self, event: Event, time_frames: f64, impacts: &mut Vec<Impact>) {
+        let contact = self.detector.as_ref().and_then(|d| d.contact().copied());
+        match event {
+            Event::Began => {
+                // The flight after the previous collision is over, so this revision is the final one.
+                if let Some(next) = contact {
+                    self.measure_impact(next.flight_to_frames, true, impacts);
+                }
+                self.rolling.touches();
+                self.pending_impact = None;
+            }
+            Event::Ended => {
+                let known = contact.and_then(|c| c.end_frames).map_or(0.0, |end| time_frames - end);
+                self.pending_impact = contact.map(|contact| PendingImpact {
+                    contact,
+                    number: self.collisions,
+                    revision: 0,
+                    measured_to_frames: f64::NEG_INFINITY,
+                    stage: stage(known),
+                    sigma: f64::INFINITY,
+                    tried_frames: time_frames,
+                });
+                self.collisions += 1;
+                self.measure_impact(time_frames, false, impacts);
+            }
+            Event::Dismissed => self.pending_impact = None,
+            Event::None => self.revise(time_frames, impacts),
+        }
+    }
+
+    /// Measures the last collision again when enough of the flight after it is known.
+    fn revise(&mut self, time_frames: f64, impacts: &mut Vec<Impact>) {
+        let Some(pending_impact) = &mut self.pending_impact else { return };
+        // The detector estimates the end again while the flight after it grows.
+        if let Some(contact) = self.detector.as_ref().and_then(|d| d.contact()) {
+            pending_impact.contact = *contact;
+        }
+        let Some(end) = pending_impact.contact.end_frames else { return };
+        let known = time_frames - end;
+        let stage = stage(known).max(pending_impact.stage);
+        let late = known * self.params.frame_period_ns * 1e-9 >= FINAL_AFTER_S;
+        let last = stage == REVISIONS_FRAMES.len() || (stage > 0 && late);
+        let is_retry = pending_impact.revision == 0 && time_frames - pending_impact.tried_frames >= RETRY_FRAMES;
+        let is_due = stage > pending_impact.stage || is_retry;
+        pending_impact.stage = stage;
+        if is_due || last {
+            self.measure_impact(time_frames, last, impacts);
+        }
+        if last {
+            self.pending_impact = None;
+            if let Some(detector) = &mut self.detector {
+                detector.release();
+            }
+        }
+    }
+
+    /// Returns the fraction by which measured motions may be too short.
+    fn shortening(&self) -> Shortening {
+        let radius_px = self.radius.radius_px().filter(|_| self.params.form != Form::Rod);
+        Shortening {
+            share: self.fixed.told(),
+            spans: self.params.spans,
+            is_whole: self.is_whole,
+            radius_px: radius_px.map_or(0.0, |radius| radius.value),
+        }
+    }
+
+    fn impact_context(&self) -> Option<World> {
+        // The median of radii belongs to the middle of the observed time, whatever the radius was at contact.
+        let half = 0.5 * self.growth.whole();
+        let metres_per_px = self.radius.metres_per_px(self.params.scale)?;
+        let metres_per_px = match self.params.scale {
+            Scale::BallDiameterMm(_) => metres_per_px.short_by(half),
+            Scale::MmPerPx(_) | Scale::Unknown => metres_per_px,
+        };
+        let [x, y] = gravity_px(&self.params, metres_per_px.value);
+        let gravity = self.axes.surface(x, y);
+        let radius_px = match self.params.scale {
+            _ if self.params.form != Form::Ball => None,
+            Scale::Unknown => None,
+            Scale::BallDiameterMm(mm) => Some(Estimate { value: mm * 5e-4 / metres_per_px.value, sigma: 0.0 }),
+            Scale::MmPerPx(_) => self.radius.radius_px().map(|radius| radius.short_by(half)),
+        };
+        let period_s = self.params.frame_period_ns * 1e-9;
+        let center = self.nodes.last().and_then(|node| self.anchor.center(node));
+        Some(World {
+            metres_per_px,
+            period_s,
+            gravity_px: [gravity.normal, gravity.tangential],
+            radius_px,
+            mass_kg: self.params.mass_kg,
+            center_sigma_px: center.map_or(0.0, |center| center.sigma_px),
+            shortening: self.shortening(),
+        })
+    }
+
+    /// Returns the image position of the origin of poses, px.
+    fn origin_px(&self) -> Option<[f64; 2]> {
+        let center = self.nodes.last().and_then(|node| Some((node.pose, self.anchor.center(node)?)));
+        center.map(|(pose, center)| [center.x_px - pose[0], center.y_px - pose[1]]).or(self.rod_px)
+    }
+
+    /// Returns the same relative to the principal point, along normal and tangent, px.
+    fn position(&self) -> Option<[f64; 2]> {
+        let (origin_px, [x, y]) = (self.origin_px()?, self.params.view.middle_px);
+        let place = self.axes.surface(origin_px[0] - x, origin_px[1] - y);
+        Some([place.normal, place.tangential])
+    }
+
+    /// Measures the last collision from the positions up to `time_frames`.
+    fn measure_impact(&mut self, time_frames: f64, last: bool, impacts: &mut Vec<Impact>) {
+        let (world, place) = (self.impact_context(), self.position());
+        let (Some(pending_impact), Some(detector), Some(world)) = (&mut self.pending_impact, &self.detector, world)
+        else {
+            return;
+        };
+        let newest = detector.trail().last().map_or(f64::NEG_INFINITY, |n| n.time_frames).min(time_frames);
+        if newest.total_cmp(&pending_impact.measured_to_frames).is_eq() {
+            return;
+        }
+        pending_impact.measured_to_frames = newest;
+        pending_impact.tried_frames = newest;
+        let trail = detector.trail();
+        let (growth, drift, axes) = (&self.growth, &self.drift, self.axes);
+        let middle_sigma_px = self.params.view.sigma_px;
+        let beside = place.map(|place_px| Beside { growth, drift, axes, place_px, middle_sigma_px });
+        let approach = beside.and_then(|beside| Approach::of(&beside, &pending_impact.contact, newest));
+        let measured = match approach {
+            Some(approach) => solve(&approach.evened(trail), &pending_impact.contact, newest, &world)
+                .map(|impact| approach.told(impact, trail, &world)),
+            None => solve(trail, &pending_impact.contact, newest, &world),
+        };
+        let measured = measured.map(|impact| self.rolling.told(impact, world.period_s));
+        let sigma = measured.and_then(|i| i.restitution).map_or(f64::INFINITY, |e| e.sigma);
+        // A revision replaces an earlier one if it is more certain. The final one always does.
+        if let Some(impact) = measured.filter(|_| sigma <= pending_impact.sigma || last) {
+            pending_impact.sigma = sigma;
+            let (number, revision) = (pending_impact.number, pending_impact.revision);
+            pending_impact.revision += 1;
+            let impact = if self.params.form == Form::Rod { without_spin(impact) } else { impact };
+            impacts.push(Impact { body: self.body, number, revision, origin_ns: self.origin_ns, ..impact });
+        }
+    }
+
+    /// Returns the impact of a contact that lasts beyond the end of the stream.
+    fn unfinished(&self, contact: &Contact) -> Impact {
+        let period_s = self.params.frame_period_ns * 1e-9;
+        Impact {
+            start_s: Some(Estimate { value: contact.start_frames * period_s, sigma: period_s }),
+            ..Impact::unknown(self.body, self.collisions, self.origin_ns)
+        }
+    }
+
+    /// Corrects the velocity of the centre for motion out of the plane.
+    fn in_plane(&self, rates: PixelRates, regime: Regime, node: &Node, here: &Here) -> PixelRates {
+        let rates = Drift::taken(rates, here);
+        let View { middle_px: [x, y], sigma_px } = self.params.view;
+        let Some(origin_px) = self.origin_px() else { return rates };
+        let place_px = [origin_px[0] + node.pose[0] - x, origin_px[1] + node.pose[1] - y];
+        self.growth.across(rates, regime, Seen { frame: node.frame, time_frames: node.time_frames, place_px, sigma_px })
+    }
+
+    /// Returns the centre predicted by the pose.
+    fn predicted_center(&self, node: &Node, here: &Here) -> Option<Center> {
+        let astray = self.drift.astray(node, here);
+        self.anchor.center(node).map(|center| Center { sigma_px: center.sigma_px.hypot(astray), ..center })
+    }
+
+    /// Adds the systematic uncertainty of measured motions.
+    fn with_systematic(&self, rates: PixelRates) -> PixelRates {
+        let (shortening, motion) = (self.shortening(), [rates.x.value, rates.y.value, rates.theta.value]);
+        rates.short_by(shortening.of(motion)).short_by(shortening.interpolated(motion))
+    }
+
+    /// Returns the rows of a frame whose step was pushed, from everything pushed so far.
+    pub fn rows(&self, step: &BodyStep) -> (TrackSample, VelocitySample) {
+        let is_undetected = body_circle(step).is_none();
+        let is_missing = matches!(step.status, PointStatus::Lost | PointStatus::Occluded | PointStatus::OutOfFrame)
+            || (is_undetected && step.status == PointStatus::Ambiguous);
+        let node = self.nodes.binary_search_by_key(&step.frame, |n| n.frame).ok().map(|i| self.nodes[i]);
+        let node = node.filter(|_| !is_missing);
+        let circle = step.circle.filter(|_| !is_missing);
+        let outline = body_circle(step).filter(|_| !is_missing);
+        let (regime, phase) = self.detector.as_ref().map_or((Regime::Unknown, Phase::Unknown), |d| {
+            (d.regime(step.frame), if node.is_some() { d.phase(step.frame) } else { Phase::Unknown })
+        });
+        let outline = outline.map(|c| Center { x_px: c.x_px, y_px: c.y_px, sigma_px: c.sigma_center_px });
+        let here = node.map(|node| (node, self.drift.here(&node, regime)));
+        let by_pose = |(node, here): (Node, Here)| {
+            let center = self.drift.center(&node, &here).or_else(|| self.predicted_center(&node, &here))?;
+            Some(self.drift.beside(&node, center))
+        };
+        let center = here.and_then(by_pose).and_then(|center| self.params.recorded(center)).or(outline);
+        let angle = here.filter(|(n, _)| n.bridged[2].is_finite());
+        let sigma_angle = |(n, here): (Node, Here)| {
+            let noise = (n.sigma[2].powi(2) + self.first_sigma_deg.unwrap_or(0.0).powi(2) + n.bridged[2]).sqrt();
+            noise.hypot(self.drift.twisted(&n, &here))
+        };
+        let track = TrackSample {
+            frame: step.frame,
+            body: step.body,
+            stamp_ns: step.stamp_ns,
+            center_x_px: center.map(|c| c.x_px),
+            center_y_px: center.map(|c| c.y_px),
+            angle_deg: angle.map(|(n, _)| n.pose[2]),
+            radius_px: circle.map(|c| c.radius_px),
+            sigma_center_px: center.map(|c| c.sigma_px),
+            sigma_angle_deg: angle.map(sigma_angle),
+            visible_fraction: circle.map(|c| c.visible_fraction),
+            rod: step.rod.filter(|_| !is_missing),
+            status: step.status,
+        };
+        let rates = here.and_then(|(n, here)| {
+            let known = Known { nodes: &self.nodes, to_frame: self.newest_frame, gravity: self.gravity() };
+            let rates = smooth(known, n.frame, regime, &self.params)?;
+            Some(self.rolling.unsure(self.in_plane(rates, regime, &n, &here)))
+        });
+        let scale = self.radius.metres_per_px(self.params.scale);
+        let center_sigma_px = center.map_or(0.0, |center| center.sigma_px);
+        let velocity = VelocitySample {
+            frame: step.frame,
+            body: step.body,
+            stamp_ns: step.stamp_ns,
+            center_x_px: track.center_x_px,
+            center_y_px: track.center_y_px,
+            radius_px: track.radius_px,
+            step: step
+                .step
+                .filter(|_| !is_missing)
+                .map(|moved| here.map_or(moved, |(_, here)| Drift::stepped(moved, step.drift, &here)))
+                .map(|moved| moved.about(center_sigma_px)),
+            velocity: rates.zip(scale).map(|(rates, scale)| {
+                physical(&self.with_systematic(rates.about(center_sigma_px)), scale, &self.params)
+            }),
+            visible_fraction: track.visible_fraction,
+            phase,
+            status: step.status,
+        };
+        (track, velocity)
+    }
+}
+
+/// Removes the spin, which an upright rod does not have, whatever its tilt does.
+fn without_spin(impact: Impact) -> Impact {
+    Impact { omega_before_rad_s: None, omega_after_rad_s: None, ..impact }
+}

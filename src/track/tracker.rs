@@ -1,0 +1,103 @@
+//! Tracking: steps in frame order to tracks, velocities and impacts.
+
+use std::collections::VecDeque;
+
+use super::body_tracker::BodyTracker;
+use crate::motion::{MotionParams, lag_frames};
+use crate::results::{Alarm, BodyStep, Impact, TrackSample, VelocitySample};
+
+/// The parameters of the tracker.
+#[derive(Debug, Clone, PartialEq)]
+pub struct TrackerParams {
+    /// The motion parameters of each body, in the order of the configuration.
+    pub motion: Vec<MotionParams>,
+    /// The further intervals of steps, all longer than that of `motion`, frames.
+    pub longer_frames: Vec<u32>,
+    /// Whether there is a surface to collide with; otherwise there are no phases and no impacts.
+    pub contact: bool,
+}
+
+impl TrackerParams {
+    /// Returns every interval, the shortest first, frames.
+    pub fn intervals_frames(&self) -> impl Iterator<Item = u32> {
+        self.motion.iter().take(1).map(|motion| motion.interval_frames).chain(self.longer_frames.iter().copied())
+    }
+}
+
+/// Rows that became final, in that order. The tracker appends, the caller takes them out.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct TrackerRows {
+    /// One track row per step, in the order of the steps.
+    pub tracks: Vec<TrackSample>,
+    /// One velocity row per step, in the order of the steps.
+    pub velocities: Vec<VelocitySample>,
+    /// One or several impacts per collision; the highest `revision` per `body` and `number` is valid.
+    pub impacts: Vec<Impact>,
+    /// The events of a collision before it is over.
+    pub alarms: Vec<Alarm>,
+}
+
+/// Turns steps into tracks, velocities and impacts.
+///
+/// A pure function of the sequence of steps: the same steps give the same bits, live and offline. The
+/// rows of a frame are emitted with the first step `lag_frames + 1` frames later and use nothing
+/// newer. Impacts are emitted as soon as they are measured.
+#[derive(Debug, Clone)]
+pub struct Tracker {
+    bodies: Vec<BodyTracker>,
+    lag_frames: u64,
+    shortest_frames: u32,
+    origin_ns: Option<u64>,
+    pending: VecDeque<BodyStep>,
+}
+
+impl Tracker {
+    /// Creates a tracker at the start of a stream.
+    pub fn new(params: &TrackerParams) -> Self {
+        let bodies = (0_u32..).zip(&params.motion).map(|(i, m)| BodyTracker::new(i, m, params.contact)).collect();
+        let lag_frames = params.motion.iter().map(lag_frames).max().unwrap_or(0);
+        let shortest_frames = params.intervals_frames().next().unwrap_or(1);
+        Self { bodies, lag_frames, shortest_frames, origin_ns: None, pending: VecDeque::new() }
+    }
+
+    /// Takes the next step in frame order.
+    ///
+    /// All bodies of a frame come before the next frame. Of one body, the step over the shortest interval comes first.
+    ///
+    /// # Panics
+    /// If the step's body is none of the configured ones.
+    pub fn push(&mut self, step: &BodyStep, rows: &mut TrackerRows) {
+        if step.interval_frames != self.shortest_frames {
+            self.bodies[step.body as usize].link(step);
+            return;
+        }
+        let lag = self.lag_frames;
+        self.emit(|oldest| oldest.frame.saturating_add(lag) < step.frame, rows);
+        let origin_ns = *self.origin_ns.get_or_insert(step.stamp_ns);
+        let body = &mut self.bodies[step.body as usize];
+        let accepted = body.push(step, origin_ns, rows);
+        self.pending.push_back(accepted);
+    }
+
+    /// Ends the stream: everything held back becomes final.
+    pub fn finish(&mut self, rows: &mut TrackerRows) {
+        for body in &mut self.bodies {
+            body.finish(&mut rows.impacts);
+        }
+        self.emit(|_| true, rows);
+    }
+
+    /// The number of frames by which rows lag behind steps.
+    pub fn lag_frames(&self) -> u32 {
+        u32::try_from(self.lag_frames).unwrap_or(u32::MAX)
+    }
+
+    fn emit(&mut self, is_due: impl Fn(&BodyStep) -> bool, rows: &mut TrackerRows) {
+        while let Some(step) = self.pending.front().copied().filter(&is_due) {
+            self.pending.pop_front();
+            let (track, velocity) = self.bodies[step.body as usize].rows(&step);
+            rows.tracks.push(track);
+            rows.velocities.push(velocity);
+        }
+    }
+}
