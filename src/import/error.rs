@@ -1,35 +1,35 @@
-//! What can go wrong with an import.
+//! Errors of an import.
 
 use std::path::{Path, PathBuf};
 
-/// Why a file could not be imported.
+/// The reason why a file cannot be imported.
 #[derive(Debug, thiserror::Error)]
 pub enum ImportError {
     /// No file was given.
     #[error("nothing to import: no file given")]
     Nothing,
-    /// The operating system refused.
-    #[error("{action} {}: {source}", path.display())]
+    /// The operating system returned an error.
+    #[error("cannot {action} {}: {source}", path.display())]
     Io {
-        /// What was tried.
+        /// The action that failed.
         action: &'static str,
         /// The file.
         path: PathBuf,
-        /// The system's answer.
+        /// The error of the system.
         source: std::io::Error,
     },
-    /// The file is not what it should be.
-    #[error("import {}: {reason}", path.display())]
+    /// The file has another format, or is damaged.
+    #[error("cannot import {}: {reason}", path.display())]
     Invalid {
         /// The file.
         path: PathBuf,
-        /// What is wrong, with expected and actual values.
+        /// The problem, with expected and actual values.
         reason: String,
     },
-    /// The frame rate is not known, or is no rate.
-    #[error("frame rate: {reason}")]
+    /// The frame rate is unknown or not a rate.
+    #[error("unknown frame rate: {reason}")]
     FrameRate {
-        /// What is wrong with it.
+        /// The problem.
         reason: String,
     },
 }

@@ -1,8 +1,7 @@
-//! Other people's files: image sequences, NumPy stacks, Photron and Phantom recordings, films.
+//! Files of other programs: image sequences, NumPy stacks, Photron and Phantom recordings, films.
 //!
-//! Every importer gives the same [`Footage`]: grey frames with their stamps, one
-//! after the other. A frame rate comes from the file or from the user, and is
-//! never guessed.
+//! Every importer returns the same [`Footage`]: an iterator over grey frames with their stamps. The frame rate comes
+//! from the file or from the user and is never guessed.
 
 mod error;
 mod numpy;
@@ -16,46 +15,37 @@ pub use error::ImportError;
 
 use crate::image::{FrameMeta, PixelFormat};
 use std::collections::BTreeMap;
+use std::fs::File;
 use std::path::{Path, PathBuf};
 
-/// Largest frame taken from a file, bytes.
+/// Maximum size of a frame, bytes.
 const FRAME_BYTES: u64 = 1 << 30;
+/// Memory that a frame may take on top of twice the size of its file, bytes.
+const SPARE_BYTES: u64 = 64 << 20;
 
 /// Frames of a file, or of a sequence of files.
 pub struct Footage {
-    /// Pixels a row.
+    /// Pixels per row.
     pub width_px: u32,
     /// Rows.
     pub height_px: u32,
     /// Pixel layout.
     pub format: PixelFormat,
-    /// Frames a second.
+    /// Frames per second.
     pub frame_rate_hz: f64,
-    /// How many frames there are.
+    /// Number of frames.
     pub count: u64,
-    /// What the file says of itself: camera, exposure, ...
+    /// Properties that the file states: camera, exposure, ...
     pub description: BTreeMap<String, String>,
-    /// What the user should know: frames missing, settings that contradict.
+    /// Warnings for the user: missing frames, contradicting settings.
     pub warnings: Vec<String>,
-    frames: Box<dyn Iterator<Item = Result<Numbered, ImportError>> + Send>,
-    stamps: Stamps,
-}
-
-/// A frame's number in its sequence (missing ones counted) and its pixels, rows packed.
-type Numbered = (u64, Vec<u8>);
-
-/// Stamps of frames taken at a constant rate.
-#[derive(Debug, Clone, Copy, PartialEq)]
-struct Stamps {
+    /// Stamp of the frame with number 0, ns since the Unix epoch; 0 when the file has no time.
     first_ns: u64,
-    frame_rate_hz: f64,
+    frames: Frames,
 }
 
-impl Stamps {
-    fn at(self, sequence: u64) -> u64 {
-        self.first_ns.saturating_add((sequence as f64 * 1e9 / self.frame_rate_hz).round() as u64)
-    }
-}
+/// The frames: each with its number (missing ones counted) and its pixels, rows packed.
+type Frames = Box<dyn Iterator<Item = Result<(u64, Vec<u8>), ImportError>> + Send>;
 
 impl std::fmt::Debug for Footage {
     fn fmt(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
@@ -81,7 +71,7 @@ impl Iterator for Footage {
         let meta = FrameMeta {
             sequence,
             epoch: 0,
-            stamp_ns: self.stamps.at(sequence),
+            stamp_ns: self.first_ns.saturating_add((sequence as f64 * 1e9 / self.frame_rate_hz).round() as u64),
             device_ns: 0,
             width_px: self.width_px,
             height_px: self.height_px,
@@ -92,7 +82,7 @@ impl Iterator for Footage {
     }
 }
 
-/// Whether [`open`] knows what to do with a file of this name.
+/// Whether [`open`] can read a file with this ending.
 pub fn is_importable(path: &Path) -> bool {
     matches!(
         extension(path).as_str(),
@@ -100,23 +90,22 @@ pub fn is_importable(path: &Path) -> bool {
     ) || is_film(path)
 }
 
-/// Whether the name is that of a film, which ffmpeg reads.
+/// Whether the ending is that of a film, which ffmpeg reads.
 fn is_film(path: &Path) -> bool {
     matches!(extension(path).as_str(), "avi" | "mp4" | "m4v" | "mov" | "mkv")
 }
 
-/// Opens footage: one Photron, Phantom or NumPy file, film or TIFF file of pages, or images that make a sequence in the
-/// order given.
+/// Opens footage: one Photron, Phantom or NumPy file, one film, one TIFF file of several pages, or a sequence of images
+/// in the given order.
 ///
-/// `fps` takes the place of the file's own frame rate; images have none. Where
-/// a file does not tell when it was filmed, stamps count from 0.
+/// `fps` overrides the frame rate of the file; images have none. Stamps count from 0 where a file has no time.
 ///
 /// # Errors
 ///
-/// [`ImportError`] naming the file and what is wrong with it, or the missing frame rate.
+/// [`ImportError`] with the file and its problem, or when the frame rate is missing.
 pub fn open(inputs: &[PathBuf], fps: Option<f64>) -> Result<Footage, ImportError> {
     if let Some(fps) = fps.filter(|fps| !(fps.is_finite() && *fps > 0.0)) {
-        return Err(ImportError::FrameRate { reason: format!("{fps} is not a positive number") });
+        return Err(ImportError::FrameRate { reason: format!("--fps {fps} is not a positive number") });
     }
     let first = inputs.first().ok_or(ImportError::Nothing)?;
     match (extension(first).as_str(), inputs.len()) {
@@ -125,10 +114,10 @@ pub fn open(inputs: &[PathBuf], fps: Option<f64>) -> Result<Footage, ImportError
         ("cihx" | "cih" | "mraw", 1) => photron::open(first, fps),
         (_, 1) if is_film(first) => video::open(first, fps),
         ("cine" | "cihx" | "cih" | "mraw" | "npy" | "avi" | "mp4" | "m4v" | "mov" | "mkv", _) => {
-            Err(ImportError::invalid(first, "such a file is a whole recording; give one at a time"))
+            Err(ImportError::invalid(first, "the file is a whole recording; pass one at a time"))
         }
         ("png" | "tif" | "tiff" | "bmp" | "pgm", _) => sequence::open(inputs, fps),
-        (other, _) => Err(ImportError::invalid(first, format!("files ending in {other:?} cannot be imported"))),
+        (other, _) => Err(ImportError::invalid(first, format!("files that end in {other:?} are not supported"))),
     }
 }
 
@@ -136,22 +125,44 @@ fn extension(path: &Path) -> String {
     path.extension().unwrap_or_default().to_string_lossy().to_lowercase()
 }
 
-/// Bytes of a packed frame, or why it cannot be one.
+/// Opens a file and returns its size, bytes.
+fn open_file(path: &Path) -> Result<(File, u64), ImportError> {
+    let io = |error| ImportError::io("open", path, error);
+    let file = File::open(path).map_err(io)?;
+    let bytes = file.metadata().map_err(io)?.len();
+    Ok((file, bytes))
+}
+
+/// The memory that decoding a frame of a file of this size may take, bytes.
+///
+/// What decodes to more is no film of an impact.
+fn memory_limit_bytes(file_bytes: u64) -> u64 {
+    file_bytes.saturating_mul(2).saturating_add(SPARE_BYTES).min(FRAME_BYTES)
+}
+
+/// Returns the size of a packed frame, bytes.
+///
+/// # Errors
+///
+/// [`ImportError::Invalid`] for a frame without pixels, or of more than [`FRAME_BYTES`].
 fn frame_bytes(path: &Path, width_px: u64, height_px: u64, format: PixelFormat) -> Result<u64, ImportError> {
     let bytes = width_px.checked_mul(height_px).and_then(|n| n.checked_mul(format.bytes_per_pixel() as u64));
     match bytes {
         Some(bytes) if (1..=FRAME_BYTES).contains(&bytes) => Ok(bytes),
-        _ => Err(ImportError::invalid(path, format!("frames of {width_px}x{height_px} pixels"))),
+        _ => Err(ImportError::invalid(
+            path,
+            format!("frames of {width_px}x{height_px} pixels; 1 byte to 1 GiB are supported"),
+        )),
     }
 }
 
-/// The rate to use: the user's, else the file's.
+/// Returns the rate of the user, or else that of the file.
 fn frame_rate(path: &Path, fps: Option<f64>, of_file: Option<f64>) -> Result<f64, ImportError> {
     fps.or(of_file.filter(|rate| rate.is_finite() && *rate > 0.0))
-        .ok_or_else(|| ImportError::FrameRate { reason: format!("{} does not tell it; give --fps", path.display()) })
+        .ok_or_else(|| ImportError::FrameRate { reason: format!("{} does not record it; pass --fps", path.display()) })
 }
 
-/// Unpacks pixels of `bits` (9 to 16) bits that follow each other without a gap, high bits first, to little-endian words.
+/// Unpacks pixels of `bits` (9 to 16) bits, stored without gaps and high bits first, to little-endian words.
 fn unpack_high_first(packed: &[u8], bits: u32) -> Vec<u8> {
     let mut words = Vec::with_capacity(packed.len() * 16 / bits as usize);
     let (mut held, mut held_bits) = (0_u32, 0);

@@ -1,9 +1,9 @@
-//! Phantom CINE recordings, uncompressed grey ones.
+//! Phantom CINE recordings, uncompressed and grey.
 //!
-//! Layout: "Cine File Format", Vision Research. A file header, a Windows
-//! BITMAPINFOHEADER, the camera's set-up, then a table of the images' offsets.
+//! Layout: "Cine File Format", Vision Research: a file header, a Windows BITMAPINFOHEADER, the camera's set-up, and a
+//! table with the offsets of the images.
 
-use super::{Footage, ImportError, Stamps, frame_bytes, frame_rate};
+use super::{Footage, ImportError, frame_bytes, frame_rate, open_file};
 use crate::image::PixelFormat;
 use std::collections::BTreeMap;
 use std::fs::File;
@@ -17,14 +17,14 @@ const SETUP_MARK: usize = 140;
 const SETUP_FRAME_RATE: usize = 768;
 const SETUP_REAL_BITS: usize = 896;
 const SETUP_BYTES: usize = 900;
-/// The set-up of old files ends before the frame rate and the significant bits.
+/// Minimum length of the set-up. That of old files ends before the frame rate and the significant bits.
 const SETUP_MIN_BYTES: usize = 144;
 /// `biCompression` of 10-bit pixels packed without gaps.
 const PACKED_10: u32 = 256;
-/// Most images one file may list.
+/// Maximum number of images in a file.
 const IMAGES: u32 = 1 << 24;
 
-/// An opened file and how its images are laid out.
+/// An open file and the layout of its images.
 struct Cine {
     path: PathBuf,
     file: File,
@@ -33,14 +33,14 @@ struct Cine {
     frame_bytes: usize,
     is_bottom_up: bool,
     is_packed: bool,
-    /// Levels of packed codes.
+    /// The 12-bit level of each packed 10-bit code.
     linear: Vec<u16>,
+    /// Where the table of the images' offsets begins in the file.
     offsets: u64,
 }
 
 pub(super) fn open(path: &Path, fps: Option<f64>) -> Result<Footage, ImportError> {
-    let file = File::open(path).map_err(|error| ImportError::io("open", path, error))?;
-    let file_bytes = file.metadata().map_err(|error| ImportError::io("open", path, error))?.len();
+    let (file, file_bytes) = open_file(path)?;
     let mut cine = Cine {
         path: path.to_path_buf(),
         file,
@@ -54,25 +54,26 @@ pub(super) fn open(path: &Path, fps: Option<f64>) -> Result<Footage, ImportError
     };
     let header = cine.read(0, FILE_HEADER_BYTES)?;
     if header[..2] != *b"CI" {
-        return Err(cine.invalid("not a CINE file: it does not begin with CI"));
+        return Err(cine.invalid("not a CINE file: the letters CI are missing at byte 0"));
     }
     if u16_at(&header, 4) != 0 {
-        return Err(cine.invalid(format!("compression {}; only uncompressed grey images are read", u16_at(&header, 4))));
+        return Err(
+            cine.invalid(format!("compression {}; only uncompressed grey images are supported", u16_at(&header, 4)))
+        );
     }
     let (first_image, count) = (u32_at(&header, 16) as i32, u32_at(&header, 20));
     if count == 0 || count > IMAGES {
-        return Err(cine.invalid(format!("{count} images")));
+        return Err(cine.invalid(format!("{count} images; 1 to {IMAGES} are supported")));
     }
     cine.offsets = u64::from(u32_at(&header, 32));
     let setup = cine.setup(u64::from(u32_at(&header, 28)))?;
     let bitmap = cine.read(u64::from(u32_at(&header, 24)), BITMAP_HEADER_BYTES)?;
     let (width_px, height_px, format) = cine.layout(&bitmap, &setup)?;
     let frame_rate_hz = frame_rate(path, fps, setup_rate(&setup))?;
-    // The trigger's time is kept in units of 2^-32 s.
+    // The fraction of the trigger's time has units of 2^-32 s.
     let trigger_ns =
         u64::from(u32_at(&header, 40)) * 1_000_000_000 + ((u64::from(u32_at(&header, 36)) * 1_000_000_000) >> 32);
     let first_ns = (f64::from(first_image) * 1e9 / frame_rate_hz).round() as i64;
-    let stamps = Stamps { first_ns: trigger_ns.saturating_add_signed(first_ns), frame_rate_hz };
     let frames = (0..u64::from(count)).map(move |number| Ok((number, cine.image(number)?)));
     Ok(Footage {
         width_px,
@@ -82,8 +83,8 @@ pub(super) fn open(path: &Path, fps: Option<f64>) -> Result<Footage, ImportError
         count: count.into(),
         description: description(&setup, first_image),
         warnings: Vec::new(),
+        first_ns: trigger_ns.saturating_add_signed(first_ns),
         frames: Box::new(frames),
-        stamps,
     })
 }
 
@@ -94,14 +95,14 @@ impl Cine {
 
     fn read(&self, at: u64, count: usize) -> Result<Vec<u8>, ImportError> {
         if at.checked_add(count as u64).is_none_or(|end| end > self.file_bytes) {
-            return Err(self.invalid(format!("cut off: {count} bytes at byte {at} reach over its end")));
+            return Err(self.invalid(format!("the file is cut off: {count} bytes at byte {at} reach beyond its end")));
         }
         let mut bytes = vec![0; count];
         self.file.read_exact_at(&mut bytes, at).map_err(|error| ImportError::io("read", &self.path, error))?;
         Ok(bytes)
     }
 
-    /// The set-up, as long as this file's is, checked for its mark.
+    /// Reads the set-up at byte `at`, as long as the file has it, and checks its mark.
     fn setup(&self, at: u64) -> Result<Vec<u8>, ImportError> {
         let mut setup = self.read(at, SETUP_MIN_BYTES)?;
         if setup[SETUP_MARK..SETUP_MARK + 2] != *b"ST" {
@@ -119,7 +120,9 @@ impl Cine {
         let (bits, compression) = (u16_at(bitmap, 14), u32_at(bitmap, 16));
         self.is_packed = compression == PACKED_10;
         if compression != 0 && !self.is_packed {
-            return Err(self.invalid(format!("bitmap compression {compression}; only uncompressed images are read")));
+            return Err(
+                self.invalid(format!("bitmap compression {compression}; only uncompressed images are supported"))
+            );
         }
         let real_bits = (setup.len() >= SETUP_REAL_BITS + 4).then(|| u32_at(setup, SETUP_REAL_BITS));
         let format = match (bits, real_bits) {
@@ -128,17 +131,17 @@ impl Cine {
             (16, Some(10)) => PixelFormat::Mono10,
             (16, Some(12)) => PixelFormat::Mono12,
             (16, _) => PixelFormat::Mono16,
-            (bits, _) => return Err(self.invalid(format!("{bits} bits a pixel; 8 and 16 are read"))),
+            (bits, _) => return Err(self.invalid(format!("{bits} bits per pixel; 8 and 16 are supported"))),
         };
         let (width_px, height_px) = (width.unsigned_abs(), height.unsigned_abs());
         self.frame_bytes = frame_bytes(&self.path, width_px.into(), height_px.into(), format)? as usize;
         self.row_bytes = width_px as usize * format.bytes_per_pixel();
-        // As in every Windows bitmap, a negative height means the first row comes first; packed images always do so.
+        // A negative height puts the first row first, as in every Windows bitmap. Packed images always have it first.
         self.is_bottom_up = height > 0 && !self.is_packed;
         Ok((width_px, height_px, format))
     }
 
-    /// The pixels of one image, top row first.
+    /// Reads the pixels of one image, top row first.
     fn image(&self, number: u64) -> Result<Vec<u8>, ImportError> {
         let offset = self.read(self.offsets + number * 8, 8)?;
         let at = u64::from(u32_at(&offset, 0)) | u64::from(u32_at(&offset, 4)) << 32;
@@ -151,7 +154,7 @@ impl Cine {
         if self.is_packed {
             return self.packed_image(number, pixels_at, stored);
         }
-        // Rows of a bitmap are padded to 4 bytes; cameras' widths rarely need it.
+        // Rows of a bitmap are padded to 4 bytes, which the widths of cameras rarely need.
         let padded_row = self.row_bytes.next_multiple_of(4);
         let rows = self.frame_bytes / self.row_bytes;
         let row = match stored {
@@ -169,14 +172,12 @@ impl Cine {
             false => packed(&mut bytes.chunks_exact(row)),
         })
     }
-}
 
-impl Cine {
-    /// 10-bit pixels without gaps, spread to 12 bits.
+    /// Reads 10-bit pixels stored without gaps as 12-bit levels.
     fn packed_image(&self, number: u64, at: u64, stored: usize) -> Result<Vec<u8>, ImportError> {
         let pixels = self.frame_bytes / 2;
         if !pixels.is_multiple_of(4) || stored != pixels / 4 * 5 {
-            return Err(self.invalid(format!("image {number}: {stored} bytes hold no {pixels} pixels of 10 bits")));
+            return Err(self.invalid(format!("image {number}: {stored} bytes are not {pixels} pixels of 10 bits")));
         }
         let words = super::unpack_high_first(&self.read(at, stored)?, 10);
         let codes = words.chunks_exact(2).map(|pair| u16::from_le_bytes([pair[0], pair[1]]));
@@ -184,12 +185,11 @@ impl Cine {
     }
 }
 
-/// The 12-bit level of each 10-bit code of a packed image.
+/// Computes the 12-bit level of each 10-bit code of a packed image.
 ///
-/// Packed images are coded like video, with the curve of ITU-R BT.709-6
-/// (section 1.2): black 64, white 4064, straight near black, a power of 1 / 0.45
-/// above. The constants are a least-squares fit to the levels that Phantom
-/// software gives, from which no code differs by more than 2 of 4095.
+/// Packed images are coded like video with the curve of ITU-R BT.709-6 (section 1.2): black 64, white 4064, a line near
+/// black and a power of 1 / 0.45 above. The constants are a least-squares fit to the levels of the Phantom software. No
+/// code differs from them by more than 2 of 4095.
 fn linear_levels() -> Vec<u16> {
     let level = |code: u16| {
         let code = f64::from(code);
@@ -207,7 +207,7 @@ fn linear_levels() -> Vec<u16> {
 fn setup_rate(setup: &[u8]) -> Option<f64> {
     match setup.len() >= SETUP_FRAME_RATE + 4 {
         true => Some(f64::from(u32_at(setup, SETUP_FRAME_RATE))),
-        // The 16-bit rate at the beginning is all that old files have.
+        // Old files have only the 16-bit rate at the beginning.
         false => Some(f64::from(u16_at(setup, 0))),
     }
 }

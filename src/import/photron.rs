@@ -1,16 +1,16 @@
-//! Photron recordings: a CIH or CIHX header beside an MRAW file of pixels.
+//! Photron recordings: a CIH or CIHX header next to an MRAW file of pixels.
 
-use super::{Footage, ImportError, Stamps, extension, frame_bytes, frame_rate};
+use super::{Footage, ImportError, extension, frame_bytes, frame_rate, open_file};
 use crate::image::PixelFormat;
 use std::collections::BTreeMap;
-use std::fs::{self, File};
+use std::fs;
 use std::os::unix::fs::FileExt;
 use std::path::{Path, PathBuf};
 
-/// Headers are a few kB; a larger file is something else.
+/// Maximum length of a header. Headers have a few kB.
 const HEADER_BYTES: u64 = 4 << 20;
 
-/// What the header says.
+/// The content of the header.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Header {
     width_px: u64,
@@ -18,7 +18,7 @@ struct Header {
     frames: u64,
     stored_bits: u64,
     significant_bits: u64,
-    /// Whether the significant bits stand at the upper end of a stored word.
+    /// Whether the significant bits are at the upper end of a stored word.
     is_upper: bool,
     frame_rate_hz: f64,
     skip_frames: u64,
@@ -32,23 +32,28 @@ pub(super) fn open(path: &Path, fps: Option<f64>) -> Result<Footage, ImportError
     frame_bytes(&header_path, header.width_px, header.height_px, format)?;
     let stored_bits = header.width_px * header.height_px * header.stored_bits;
     if stored_bits % 8 != 0 {
-        return Err(ImportError::invalid(&header_path, format!("a frame of {stored_bits} bits ends within a byte")));
+        return Err(ImportError::invalid(
+            &header_path,
+            format!("a frame of {stored_bits} bits does not end at a byte"),
+        ));
     }
     let stored_bytes = stored_bits / 8;
 
-    let file = File::open(&pixels_path).map_err(|error| ImportError::io("open", &pixels_path, error))?;
-    let file_bytes = file.metadata().map_err(|error| ImportError::io("open", &pixels_path, error))?.len();
+    let (file, file_bytes) = open_file(&pixels_path)?;
     let count = header.frames.min(file_bytes / stored_bytes);
     if count == 0 {
-        return Err(ImportError::invalid(&pixels_path, format!("{file_bytes} bytes hold no frame of {stored_bytes}")));
+        return Err(ImportError::invalid(
+            &pixels_path,
+            format!("{file_bytes} bytes are less than a frame of {stored_bytes}"),
+        ));
     }
     let mut warnings = Vec::new();
     if count < header.frames {
-        warnings.push(format!("the header announces {} frames, {count} are there", header.frames));
+        warnings.push(format!("the header announces {} frames, the file has {count}", header.frames));
     }
     if header.skip_frames > 1 && fps.is_none() {
         warnings.push(format!(
-            "the header says skipFrame {}: the frames may lie further apart than its record rate says",
+            "the header has skipFrame {}: the frames may be further apart than its record rate",
             header.skip_frames
         ));
     }
@@ -67,30 +72,34 @@ pub(super) fn open(path: &Path, fps: Option<f64>) -> Result<Footage, ImportError
         count,
         description: description(&text),
         warnings,
+        first_ns: 0,
         frames: Box::new(frames),
-        stamps: Stamps { first_ns: 0, frame_rate_hz },
     })
 }
 
-/// The header and the pixels, whichever of them was given.
+/// Finds the header and the pixels, given either of them.
 fn pair(path: &Path) -> Result<(PathBuf, PathBuf), ImportError> {
-    if extension(path) != "mraw" {
-        let candidates = ["mraw", "MRAW", "Mraw"].map(|ending| path.with_extension(ending));
-        let found = candidates.into_iter().find(|candidate| candidate.exists());
-        let found = found.ok_or_else(|| ImportError::invalid(path, "the .mraw file beside it is missing"))?;
-        return Ok((path.to_path_buf(), found));
+    let find = |endings: &[&str], missing: &str| {
+        let found = endings.iter().map(|ending| path.with_extension(ending)).find(|candidate| candidate.exists());
+        found.ok_or_else(|| ImportError::invalid(path, missing))
+    };
+    match extension(path).as_str() {
+        "mraw" => {
+            let header = find(&["cihx", "CIHX", "cih", "CIH"], "the .cihx or .cih header next to it is missing")?;
+            Ok((header, path.to_path_buf()))
+        }
+        _ => Ok((path.to_path_buf(), find(&["mraw", "MRAW", "Mraw"], "the .mraw file next to it is missing")?)),
     }
-    let candidates = ["cihx", "CIHX", "cih", "CIH"].map(|ending| path.with_extension(ending));
-    let found = candidates.into_iter().find(|candidate| candidate.exists());
-    let found = found.ok_or_else(|| ImportError::invalid(path, "the .cihx or .cih header beside it is missing"))?;
-    Ok((found, path.to_path_buf()))
 }
 
 fn header_text(path: &Path) -> Result<String, ImportError> {
     let io = |error| ImportError::io("open", path, error);
     let bytes = fs::metadata(path).map_err(io)?.len();
     if bytes > HEADER_BYTES {
-        return Err(ImportError::invalid(path, format!("{bytes} bytes are too many for a header")));
+        return Err(ImportError::invalid(
+            path,
+            format!("{bytes} bytes are too many for a header; at most {HEADER_BYTES} are read"),
+        ));
     }
     Ok(String::from_utf8_lossy(&fs::read(path).map_err(io)?).into_owned())
 }
@@ -102,7 +111,7 @@ fn parse(text: &str) -> Result<Header, String> {
     }
 }
 
-/// CIHX: XML behind a short binary header.
+/// Parses a CIHX header: XML after a short binary part.
 fn parse_xml(xml: &str) -> Result<Header, String> {
     let word = |path: &[&str]| element(xml, path).ok_or_else(|| format!("no <{}>", path.join("><")));
     let whole = |path: &[&str]| {
@@ -111,7 +120,7 @@ fn parse_xml(xml: &str) -> Result<Header, String> {
     };
     let kind = word(&["imageDataInfo", "colorInfo", "type"])?;
     if kind != "Mono" {
-        return Err(format!("colour type {kind:?}, only Mono can be measured"));
+        return Err(format!("colour type {kind:?}; only Mono is supported"));
     }
     let rate = word(&["recordInfo", "recordRate"])?;
     Ok(Header {
@@ -126,7 +135,7 @@ fn parse_xml(xml: &str) -> Result<Header, String> {
     })
 }
 
-/// The text inside nested elements; these headers have no attributes on the ones needed.
+/// Returns the text inside nested elements. The elements read here have no attributes.
 fn element<'a>(xml: &'a str, path: &[&str]) -> Option<&'a str> {
     path.iter().try_fold(xml, |inside, name| {
         let start = inside.find(&format!("<{name}>"))? + name.len() + 2;
@@ -135,7 +144,7 @@ fn element<'a>(xml: &'a str, path: &[&str]) -> Option<&'a str> {
     })
 }
 
-/// CIH: lines of `name : value`.
+/// Parses a CIH header: lines of `name : value`.
 fn parse_lines(text: &str) -> Result<Header, String> {
     let word = |name: &str| {
         let mut pairs = text.lines().filter_map(|line| line.split_once(':'));
@@ -147,7 +156,7 @@ fn parse_lines(text: &str) -> Result<Header, String> {
     };
     let kind = word("Color Type")?;
     if kind != "Mono" {
-        return Err(format!("colour type {kind:?}, only Mono can be measured"));
+        return Err(format!("colour type {kind:?}; only Mono is supported"));
     }
     let rate = word("Record Rate(fps)")?;
     Ok(Header {
@@ -172,12 +181,12 @@ fn format(header: &Header) -> Result<PixelFormat, String> {
         (12, _) | (16, 12) => Ok(PixelFormat::Mono12),
         (16, _) => Ok(PixelFormat::Mono16),
         (stored, significant) => {
-            Err(format!("{stored} bits a pixel, {significant} significant; 8, 10, 12 and 16 are read"))
+            Err(format!("{stored} bits per pixel, {significant} significant; 8, 10, 12 and 16 are supported"))
         }
     }
 }
 
-/// Pixels as whole bytes, little-endian, the significant bits at the lower end.
+/// Unpacks pixels to whole little-endian bytes with the significant bits at the lower end.
 fn unpack(header: &Header, stored: Vec<u8>) -> Vec<u8> {
     match header.stored_bits {
         8 => stored,

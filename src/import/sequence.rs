@@ -1,101 +1,102 @@
-//! Sequences of still images: PNG, TIFF, BMP and PGM, 8 and 16 bit; also as the pages of one TIFF file.
+//! Sequences of still images: PNG, TIFF, BMP and PGM, 8 and 16 bit, or the pages of one TIFF file.
 
-use super::pages::{self, Page};
-use super::{Footage, ImportError, Stamps, extension, frame_bytes, frame_rate};
+use super::pages::Stack;
+use super::{Footage, ImportError, extension, frame_bytes, frame_rate, memory_limit_bytes, open_file};
 use crate::image::{PixelFormat, grey_pixels};
-use image::{ImageFormat, ImageReader, Limits};
+use image::{DynamicImage, ImageReader, Limits};
 use std::collections::BTreeMap;
-use std::fs::File;
-use std::io::{BufRead, BufReader, Seek};
+use std::io::BufReader;
 use std::path::{Path, PathBuf};
 
-/// Gaps told one by one; the rest is counted.
-const GAPS: usize = 10;
-/// A decoded image may take twice the file's size and this much more.
-const SPARE_BYTES: u64 = 64 << 20;
+/// Maximum number of gaps listed one by one.
+const GAPS_MAX: usize = 10;
+
+/// The images of a sequence, each with its number and the file it is in.
+type Stills = Box<dyn Iterator<Item = (u64, PathBuf, Result<Still, ImportError>)> + Send>;
 
 pub(super) fn open(inputs: &[PathBuf], fps: Option<f64>) -> Result<Footage, ImportError> {
-    let (inputs, told) = by_number(inputs);
-    let inputs = &inputs[..];
-    let first = inputs.first().ok_or(ImportError::Nothing)?;
-    let frame_rate_hz = frame_rate(first, fps, None)?;
-    let places: Vec<(PathBuf, Option<u64>)> = match (directories(first)?, inputs) {
-        (pages, [file]) if pages.len() > 1 => pages.into_iter().map(|at| (file.clone(), Some(at))).collect(),
-        _ => inputs.iter().map(|path| (path.clone(), None)).collect(),
-    };
-    let (numbers, warnings) =
-        if places.len() == inputs.len() { numbers(inputs) } else { ((0..places.len() as u64).collect(), Vec::new()) };
-    let warnings = told.into_iter().chain(warnings).collect();
-    let count = places.len() as u64;
-    let still = |(path, place): &(PathBuf, Option<u64>)| match place {
-        Some(directory) => page(path, *directory),
-        None => read(path),
-    };
-    let first = places.first().ok_or(ImportError::Nothing)?;
-    let (size, format, _) = still(first)?;
-    let frames = places.into_iter().zip(numbers).map(move |(place, number)| {
-        let (this_size, this_format, bytes) = still(&place)?;
-        if (this_size, this_format) != (size, format) {
-            let reason = format!("{this_size:?} {}, the first image {size:?} {}", this_format.word(), format.word());
-            return Err(ImportError::invalid(&place.0, reason));
+    let first_path = inputs.first().ok_or(ImportError::Nothing)?;
+    let frame_rate_hz = frame_rate(first_path, fps, None)?;
+    let mut warnings = Vec::new();
+    let (count, mut stills): (u64, Stills) = match (stack(first_path)?, inputs) {
+        (Some(stack), [path]) if stack.pages() > 1 => {
+            let path = path.clone();
+            (stack.pages(), Box::new((0..).zip(stack).map(move |(number, still)| (number, path.clone(), still))))
         }
-        Ok((number, bytes))
-    });
+        _ => {
+            let inputs = in_numeric_order(inputs, &mut warnings);
+            let numbers = sequence_numbers(&inputs, &mut warnings);
+            let read = |(number, path): (u64, PathBuf)| (number, path.clone(), read(&path));
+            (inputs.len() as u64, Box::new(numbers.into_iter().zip(inputs).map(read)))
+        }
+    };
+    let (first_number, first_path, first) = stills.next().ok_or(ImportError::Nothing)?;
+    let first = first?;
+    let (width_px, height_px, format) = (first.width_px, first.height_px, first.format);
+    let frames =
+        std::iter::once((first_number, first_path, Ok(first))).chain(stills).map(move |(number, path, still)| {
+            let still = still?;
+            if (still.width_px, still.height_px, still.format) != (width_px, height_px, format) {
+                let reason = format!("{}, the first image is {width_px}x{height_px} {}", still.shape(), format.word());
+                return Err(ImportError::invalid(&path, reason));
+            }
+            Ok((number, still.bytes))
+        });
     Ok(Footage {
-        width_px: size.0,
-        height_px: size.1,
+        width_px,
+        height_px,
         format,
         frame_rate_hz,
         count,
         description: BTreeMap::new(),
         warnings,
+        first_ns: 0,
         frames: Box::new(frames),
-        stamps: Stamps { first_ns: 0, frame_rate_hz },
     })
 }
 
-/// The images in the order they were given, unless that is how a shell lists numbers of unequal length: 1, 10, 2.
-fn by_number(inputs: &[PathBuf]) -> (Vec<PathBuf>, Option<String>) {
+/// Sorts images by the numbers in their names where a shell listed numbers of unequal length: 1, 10, 2.
+///
+/// Any other order is kept.
+fn in_numeric_order(inputs: &[PathBuf], warnings: &mut Vec<String>) -> Vec<PathBuf> {
     let given = inputs.to_vec();
-    let Some(named) = numbers_in_names(inputs) else { return (given, None) };
+    let Some(named) = numbers_in_names(inputs) else { return given };
     let is_listed = inputs.windows(2).all(|pair| pair[0].as_os_str() < pair[1].as_os_str());
     if !is_listed || named.is_sorted() {
-        return (given, None);
+        return given;
     }
+    warnings.push("the images are taken in the order of the numbers in their names, 2 before 10".into());
     let mut numbered: Vec<(u64, PathBuf)> = named.into_iter().zip(given).collect();
     numbered.sort();
-    let sorted = numbered.into_iter().map(|(_, path)| path).collect();
-    (sorted, Some("the images are taken in the order of the numbers in their names, 2 before 10".into()))
+    numbered.into_iter().map(|(_, path)| path).collect()
 }
 
-/// Sequence numbers, from the numbers in the names where these tell of missing images.
+/// Returns the sequence number of each image, with missing images counted where the names show them.
 ///
-/// Names that differ in nothing but one rising number make a numbered sequence;
-/// its smallest step is one frame, so every fifth image is complete too.
-fn numbers(inputs: &[PathBuf]) -> (Vec<u64>, Vec<String>) {
+/// Names that differ in nothing but one rising number form a numbered sequence. Its smallest step is one frame, so a
+/// sequence of every fifth image is complete too.
+fn sequence_numbers(inputs: &[PathBuf], warnings: &mut Vec<String>) -> Vec<u64> {
     let plain = (0..inputs.len() as u64).collect();
-    let Some(named) = numbers_in_names(inputs) else { return (plain, Vec::new()) };
+    let Some(named) = numbers_in_names(inputs) else { return plain };
     let steps: Option<Vec<u64>> = named.windows(2).map(|w| w[1].checked_sub(w[0]).filter(|step| *step > 0)).collect();
-    let Some(step) = steps.as_ref().and_then(|steps| steps.iter().min()) else { return (plain, Vec::new()) };
-    let numbers: Vec<u64> = named.iter().map(|number| (number - named[0]) / step).collect();
+    let Some(step) = steps.as_ref().and_then(|steps| steps.iter().min()) else { return plain };
     if named.iter().any(|number| (number - named[0]) % step != 0) {
-        return (
-            plain,
-            vec!["the numbers in the file names have no common step; every image counts as the next".into()],
-        );
+        warnings.push("the numbers in the file names have no common step; every image counts as the next".into());
+        return plain;
     }
-    let gaps: Vec<_> = numbers.windows(2).zip(inputs).filter(|(w, _)| w[1] - w[0] > 1).collect();
-    let lost: u64 = gaps.iter().map(|(w, _)| w[1] - w[0] - 1).sum();
-    let mut warnings: Vec<String> = (gaps.iter().take(GAPS))
-        .map(|(w, path)| format!("{} images are missing after {}", w[1] - w[0] - 1, path.display()))
-        .collect();
-    if gaps.len() > GAPS {
-        warnings.push(format!("{lost} images are missing in {} places", gaps.len()));
+    let numbers: Vec<u64> = named.iter().map(|number| (number - named[0]) / step).collect();
+    let missing = numbers.windows(2).map(|w| w[1] - w[0] - 1);
+    let gaps: Vec<(u64, &PathBuf)> = missing.zip(inputs).filter(|(missing, _)| *missing > 0).collect();
+    let gap = |(missing, path): &(u64, &PathBuf)| format!("{missing} images are missing after {}", path.display());
+    warnings.extend(gaps.iter().take(GAPS_MAX).map(gap));
+    if gaps.len() > GAPS_MAX {
+        let missing: u64 = gaps.iter().map(|(missing, _)| missing).sum();
+        warnings.push(format!("{missing} images are missing in {} places", gaps.len()));
     }
-    (numbers, warnings)
+    numbers
 }
 
-/// The last number in each name, when nothing else differs between them.
+/// Returns the last number in each name; `None` unless the names differ in nothing else.
 fn numbers_in_names(inputs: &[PathBuf]) -> Option<Vec<u64>> {
     let mut frame = None;
     inputs
@@ -111,50 +112,58 @@ fn numbers_in_names(inputs: &[PathBuf]) -> Option<Vec<u64>> {
         .collect()
 }
 
-/// A grey image: width and height, layout, packed little-endian pixels.
-type Still = ((u32, u32), PixelFormat, Vec<u8>);
+/// A grey image.
+pub(super) struct Still {
+    width_px: u32,
+    height_px: u32,
+    format: PixelFormat,
+    /// Packed little-endian pixels.
+    bytes: Vec<u8>,
+}
 
+impl Still {
+    /// Takes a decoded picture of the file `path`; `None` stands for one in another format.
+    ///
+    /// # Errors
+    ///
+    /// [`ImportError::Invalid`] for a picture that is not grey.
+    pub(super) fn new(path: &Path, picture: Option<DynamicImage>) -> Result<Self, ImportError> {
+        let size = picture.as_ref().map(|picture| (picture.width(), picture.height())).unwrap_or_default();
+        let (format, bytes) = picture
+            .and_then(grey_pixels)
+            .ok_or_else(|| ImportError::invalid(path, "not a grey image of 8 or 16 bit"))?;
+        frame_bytes(path, size.0.into(), size.1.into(), format)?;
+        Ok(Self { width_px: size.0, height_px: size.1, format, bytes })
+    }
+
+    fn shape(&self) -> String {
+        format!("{}x{} {}", self.width_px, self.height_px, self.format.word())
+    }
+}
+
+/// Opens a TIFF file; `None` for any other file.
+fn stack(path: &Path) -> Result<Option<Stack>, ImportError> {
+    match extension(path).as_str() {
+        "tif" | "tiff" => Stack::open(path),
+        _ => Ok(None),
+    }
+}
+
+/// Reads a file that holds one image.
 fn read(path: &Path) -> Result<Still, ImportError> {
-    match directories(path)?[..] {
-        [] => {
-            let (file, file_bytes) = open_file(path)?;
-            let reader = ImageReader::new(BufReader::new(file)).with_guessed_format();
-            decode(path, file_bytes, reader.map_err(|error| ImportError::io("read", path, error))?)
-        }
-        [directory] => page(path, directory),
-        _ => Err(ImportError::invalid(path, "more than one page; such a file is a whole sequence, give it alone")),
+    if let Some(mut stack) = stack(path)? {
+        let reason = "the file has more than one page; pass it alone, as a whole sequence";
+        return match stack.pages() {
+            1 => stack.next().ok_or_else(|| ImportError::invalid(path, "no page"))?,
+            _ => Err(ImportError::invalid(path, reason)),
+        };
     }
-}
-
-fn open_file(path: &Path) -> Result<(File, u64), ImportError> {
-    let file = File::open(path).map_err(|error| ImportError::io("open", path, error))?;
-    let bytes = file.metadata().map_err(|error| ImportError::io("open", path, error))?.len();
-    Ok((file, bytes))
-}
-
-/// Where the pages of a TIFF file begin; empty for other files.
-fn directories(path: &Path) -> Result<Vec<u64>, ImportError> {
-    if !matches!(extension(path).as_str(), "tif" | "tiff") {
-        return Ok(Vec::new());
-    }
-    let mut file = BufReader::new(open_file(path)?.0);
-    pages::directories(&mut file).map_err(|error| ImportError::invalid(path, format!("its pages: {error}")))
-}
-
-fn page(path: &Path, directory: u64) -> Result<Still, ImportError> {
     let (file, file_bytes) = open_file(path)?;
-    let page = Page::new(file, directory).map_err(|error| ImportError::io("read", path, error))?;
-    decode(path, file_bytes, ImageReader::with_format(BufReader::new(page), ImageFormat::Tiff))
-}
-
-fn decode(path: &Path, file_bytes: u64, mut reader: ImageReader<impl BufRead + Seek>) -> Result<Still, ImportError> {
+    let reader = ImageReader::new(BufReader::new(file)).with_guessed_format();
+    let mut reader = reader.map_err(|error| ImportError::io("read", path, error))?;
     let mut limits = Limits::default();
-    limits.max_alloc = Some(file_bytes.saturating_mul(2).saturating_add(SPARE_BYTES).min(super::FRAME_BYTES));
+    limits.max_alloc = Some(memory_limit_bytes(file_bytes));
     reader.limits(limits);
-    let image = reader.decode().map_err(|error| ImportError::invalid(path, error.to_string()))?;
-    let size = (image.width(), image.height());
-    let grey = grey_pixels(image);
-    let (format, bytes) = grey.ok_or_else(|| ImportError::invalid(path, "not a grey image of 8 or 16 bit"))?;
-    frame_bytes(path, size.0.into(), size.1.into(), format)?;
-    Ok((size, format, bytes))
+    let picture = reader.decode().map_err(|error| ImportError::invalid(path, error.to_string()))?;
+    Still::new(path, Some(picture))
 }

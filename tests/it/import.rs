@@ -104,7 +104,7 @@ fn what_cannot_be_measured_is_refused() {
     assert!(refusal(&[at("small.png"), at("pages.tif")], Some(1.0)).contains("more than one page"));
     let unequal = tiff(Kind::Little, &[page_of(4, 4, 0), page_of(5, 4, 1)]);
     fs::write(at("unequal.tif"), unequal).unwrap();
-    assert!(refusal(&[at("unequal.tif")], Some(1.0)).contains("(5, 4)"));
+    assert!(refusal(&[at("unequal.tif")], Some(1.0)).contains("5x4"));
     assert!(refusal(&[at("colour.png")], Some(1.0)).contains("grey"));
     assert!(refusal(&[at("small.png"), at("large.png")], Some(1.0)).contains("large.png"));
     assert!(refusal(&[at("text.png")], Some(1.0)).contains("text.png"));

