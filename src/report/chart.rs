@@ -1,16 +1,19 @@
-//! Curves over time as SVG, coloured by the page's style sheet.
+//! Curves over time as SVG, coloured by the style sheet of the page.
 
-use super::number::{escape, fixed};
+use super::number::fixed;
+use maud::{Markup, html};
 use std::fmt::Write as _;
 
 /// Width of a chart in its own units; the page scales it.
 const WIDTH: f64 = 900.0;
+/// Free space around the plot, in the same units.
 const LEFT: f64 = 62.0;
 const RIGHT: f64 = 92.0;
 const TOP: f64 = 10.0;
+/// Height of the time axis with its numbers.
 const AXIS: f64 = 34.0;
 
-/// More points than this are thinned to the extremes of each column.
+/// Maximum number of points drawn as they are. More are thinned to the extremes of each column.
 const POINTS_MAX: usize = 1600;
 
 /// One point of a curve.
@@ -18,24 +21,24 @@ const POINTS_MAX: usize = 1600;
 pub(super) struct Point {
     /// Time, ms.
     pub(super) x: f64,
-    /// The number.
+    /// The value.
     pub(super) y: f64,
     /// Its standard uncertainty; 0 draws no band.
     pub(super) sigma: f64,
 }
 
-/// A curve: what it is called at its end, and its unbroken stretches.
+/// A curve with its label.
 #[derive(Debug, Clone)]
 pub(super) struct Curve {
     /// Class of the style sheet: `a`, `b`, `c` or `truth`.
     pub(super) class: &'static str,
-    /// Written at its end.
+    /// Text at its end; empty for none.
     pub(super) label: &'static str,
-    /// Nothing was measured between one stretch and the next.
+    /// Unbroken stretches; nothing was measured between one and the next.
     pub(super) stretches: Vec<Vec<Point>>,
 }
 
-/// What all charts of a body share.
+/// The time axis that all charts of a body share.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Timeline {
     /// First and last time, ms.
@@ -47,7 +50,7 @@ pub(super) struct Timeline {
 /// A chart.
 #[derive(Debug, Clone)]
 pub(super) struct Chart {
-    /// What is drawn, for readers who cannot see it.
+    /// Description for readers who cannot see it.
     pub(super) title: String,
     /// The curves, back to front.
     pub(super) curves: Vec<Curve>,
@@ -57,6 +60,7 @@ pub(super) struct Chart {
     pub(super) has_axis: bool,
 }
 
+/// The mapping from times and values to places in the chart.
 struct Scale {
     x: [f64; 2],
     y: [f64; 2],
@@ -73,29 +77,30 @@ impl Scale {
     }
 }
 
-/// Draws it; empty when there is nothing to draw.
-pub(super) fn draw(chart: &Chart, time: &Timeline) -> String {
-    let Some(y) = range(&chart.curves) else { return String::new() };
+/// Draws a chart; `None` when there is no point to draw.
+pub(super) fn draw(chart: &Chart, time: &Timeline) -> Option<Markup> {
+    let y = range(&chart.curves)?;
     let x = if time.span[1] > time.span[0] { time.span } else { [time.span[0] - 0.5, time.span[0] + 0.5] };
     let scale = Scale { x, y, height: chart.height };
     let total = TOP + chart.height + if chart.has_axis { AXIS } else { 6.0 };
-    let title = escape(&chart.title);
-    let mut svg = format!("<svg class=\"chart\" viewBox=\"0 0 {WIDTH} {total}\" role=\"img\" aria-label=\"{title}\">");
-    contacts(&mut svg, &scale, time);
-    grid(&mut svg, &scale, chart.has_axis);
-    for curve in &chart.curves {
-        for stretch in &curve.stretches {
-            let stretch = thinned(stretch, &scale);
-            band(&mut svg, &scale, curve.class, &stretch);
-            line(&mut svg, &scale, curve.class, &stretch);
+    Some(html! {
+        svg class="chart" viewBox={ "0 0 " (WIDTH) " " (total) } role="img" aria-label=(chart.title) {
+            @for contact in &time.contacts { (draw_contact(&scale, contact)) }
+            (grid(&scale))
+            @if chart.has_axis { (axis(&scale)) }
+            @for curve in &chart.curves {
+                @for stretch in &curve.stretches {
+                    @let stretch = thinned(stretch, &scale);
+                    (band(&scale, curve.class, &stretch))
+                    (line(&scale, curve.class, &stretch))
+                }
+            }
+            (labels(&scale, &chart.curves))
         }
-    }
-    labels(&mut svg, &scale, &chart.curves);
-    svg.push_str("</svg>");
-    svg
+    })
 }
 
-/// From the lowest to the highest point, with some air.
+/// The range of all values with their bands, and a margin.
 fn range(curves: &[Curve]) -> Option<[f64; 2]> {
     let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);
     for point in curves.iter().flat_map(|curve| curve.stretches.iter().flatten()) {
@@ -105,11 +110,11 @@ fn range(curves: &[Curve]) -> Option<[f64; 2]> {
     if !(low.is_finite() && high.is_finite()) {
         return None;
     }
-    let air = ((high - low) * 0.08).max(high.abs().max(low.abs()) * 1e-6).max(1e-9);
-    Some([low - air, high + air])
+    let margin = ((high - low) * 0.08).max(high.abs().max(low.abs()) * 1e-6).max(1e-9);
+    Some([low - margin, high + margin])
 }
 
-/// Round numbers from `span[0]` to `span[1]`, about `count` of them, and their decimals.
+/// Returns round numbers from `span[0]` to `span[1]`, about `count` of them, and their decimals.
 fn ticks(span: [f64; 2], count: f64) -> (Vec<f64>, usize) {
     let rough = (span[1] - span[0]) / count;
     let power = 10_f64.powf(rough.log10().floor());
@@ -120,59 +125,56 @@ fn ticks(span: [f64; 2], count: f64) -> (Vec<f64>, usize) {
     ((first..=last).map(|k| k as f64 * step).collect(), decimals)
 }
 
-fn contacts(svg: &mut String, scale: &Scale, time: &Timeline) {
-    let (top, low) = (TOP, TOP + scale.height);
-    for [start, deepest, end] in &time.contacts {
-        if let (Some(start), Some(end)) = (start, end) {
-            let (from, to) = (scale.x(start.max(scale.x[0])), scale.x(end.min(scale.x[1])));
-            if to > from {
-                let (width, height) = (to - from, scale.height);
-                let _ = write!(
-                    svg,
-                    "<rect class=\"contact\" x=\"{from:.1}\" y=\"{top}\" width=\"{width:.1}\" height=\"{height}\"/>"
-                );
-            }
+/// Formats a coordinate to a tenth of a unit.
+fn tenths(coordinate: f64) -> String {
+    format!("{coordinate:.1}")
+}
+
+/// Shades a contact from start to end and marks its three moments.
+fn draw_contact(scale: &Scale, contact: &[Option<f64>; 3]) -> Markup {
+    let [start, deepest, end] = *contact;
+    let shade = start.zip(end).map(|(start, end)| (scale.x(start.max(scale.x[0])), scale.x(end.min(scale.x[1]))));
+    let is_inside = |moment: &f64| *moment >= scale.x[0] && *moment <= scale.x[1];
+    let marks = [(start, "edge"), (deepest, "deepest"), (end, "edge")];
+    html! {
+        @if let Some((left, right)) = shade.filter(|(left, right)| right > left) {
+            rect class="contact" x=(tenths(left)) y=(TOP) width=(tenths(right - left)) height=(scale.height) {}
         }
-        for (moment, class) in [(start, "edge"), (deepest, "deepest"), (end, "edge")] {
-            if let Some(x) = moment.filter(|x| *x >= scale.x[0] && *x <= scale.x[1]).map(|x| scale.x(x)) {
-                let _ = write!(svg, "<path class=\"{class}\" d=\"M{x:.1} {top}V{low}\"/>");
+        @for (moment, class) in marks {
+            @if let Some(moment) = moment.filter(is_inside) {
+                path class=(class) d={ "M" (tenths(scale.x(moment))) " " (TOP) "V" (TOP + scale.height) } {}
             }
         }
     }
 }
 
-fn grid(svg: &mut String, scale: &Scale, has_axis: bool) {
-    let (right, low) = (WIDTH - RIGHT, TOP + scale.height);
+fn grid(scale: &Scale) -> Markup {
     let (levels, decimals) = ticks(scale.y, (scale.height / 34.0).max(3.0));
-    for level in levels {
-        let y = scale.y(level);
-        let class = if level.abs() < 1e-12 { "zero" } else { "grid" };
-        let (text, below) = (fixed(level, decimals), y + 4.0);
-        let _ = write!(svg, "<path class=\"{class}\" d=\"M{LEFT} {y:.1}H{right}\"/>");
-        let _ = write!(
-            svg,
-            "<text class=\"tick\" x=\"{:.1}\" y=\"{below:.1}\" text-anchor=\"end\">{text}</text>",
-            LEFT - 8.0
-        );
+    html! {
+        @for level in levels {
+            @let y = scale.y(level);
+            path class=(if level.abs() < 1e-12 { "zero" } else { "grid" })
+                d={ "M" (LEFT) " " (tenths(y)) "H" (WIDTH - RIGHT) } {}
+            text class="tick" x=(tenths(LEFT - 8.0)) y=(tenths(y + 4.0)) text-anchor="end" { (fixed(level, decimals)) }
+        }
     }
-    if !has_axis {
-        return;
-    }
-    let _ = write!(svg, "<path class=\"axis\" d=\"M{LEFT} {low}H{right}\"/>");
-    let (moments, decimals) = ticks(scale.x, 10.0);
-    for moment in moments {
-        let (x, text) = (scale.x(moment), fixed(moment, decimals));
-        let _ = write!(svg, "<path class=\"axis\" d=\"M{x:.1} {low}v5\"/>");
-        let _ = write!(
-            svg,
-            "<text class=\"tick\" x=\"{x:.1}\" y=\"{:.1}\" text-anchor=\"middle\">{text}</text>",
-            low + 19.0
-        );
-    }
-    let _ = write!(svg, "<text class=\"tick unit\" x=\"{}\" y=\"{:.1}\">ms</text>", right + 10.0, low + 19.0);
 }
 
-/// The stretch, or the lowest and highest point of each column where there are more points than anyone sees.
+fn axis(scale: &Scale) -> Markup {
+    let (right, low) = (WIDTH - RIGHT, TOP + scale.height);
+    let (moments, decimals) = ticks(scale.x, 10.0);
+    html! {
+        path class="axis" d={ "M" (LEFT) " " (low) "H" (right) } {}
+        @for moment in moments {
+            @let x = tenths(scale.x(moment));
+            path class="axis" d={ "M" (x) " " (low) "v5" } {}
+            text class="tick" x=(x) y=(tenths(low + 19.0)) text-anchor="middle" { (fixed(moment, decimals)) }
+        }
+        text class="tick unit" x=(right + 10.0) y=(tenths(low + 19.0)) { "ms" }
+    }
+}
+
+/// The points of a stretch; of more than [`POINTS_MAX`], the lowest and the highest of each column.
 fn thinned(stretch: &[Point], scale: &Scale) -> Vec<Point> {
     if stretch.len() <= POINTS_MAX {
         return stretch.to_vec();
@@ -198,46 +200,39 @@ fn path(scale: &Scale, points: impl Iterator<Item = (f64, f64)>) -> String {
     path
 }
 
-/// Two standard uncertainties to either side.
-fn band(svg: &mut String, scale: &Scale, class: &str, points: &[Point]) {
-    if points.len() < 2 || points.iter().all(|point| point.sigma <= 0.0) {
-        return;
-    }
+/// Draws a band of two standard uncertainties to either side.
+fn band(scale: &Scale, class: &str, points: &[Point]) -> Markup {
+    let has_band = points.len() > 1 && points.iter().any(|point| point.sigma > 0.0);
     let above = points.iter().map(|p| (p.x, p.y + 2.0 * p.sigma));
     let below = points.iter().rev().map(|p| (p.x, p.y - 2.0 * p.sigma));
-    let _ = write!(svg, "<path class=\"band {class}\" d=\"{}Z\"/>", path(scale, above.chain(below)));
+    html! { @if has_band { path class={ "band " (class) } d={ (path(scale, above.chain(below))) "Z" } {} } }
 }
 
-fn line(svg: &mut String, scale: &Scale, class: &str, points: &[Point]) {
-    match points {
-        [] => {}
-        [alone] => {
-            let _ = write!(
-                svg,
-                "<circle class=\"dot {class}\" cx=\"{:.1}\" cy=\"{:.1}\" r=\"1.6\"/>",
-                scale.x(alone.x),
-                scale.y(alone.y)
-            );
-        }
-        _ => {
-            let _ =
-                write!(svg, "<path class=\"line {class}\" d=\"{}\"/>", path(scale, points.iter().map(|p| (p.x, p.y))));
+fn line(scale: &Scale, class: &str, points: &[Point]) -> Markup {
+    html! {
+        @match points {
+            [] => {}
+            [alone] => circle class={ "dot " (class) } cx=(tenths(scale.x(alone.x))) cy=(tenths(scale.y(alone.y))) r="1.6" {},
+            _ => path class={ "line " (class) } d=(path(scale, points.iter().map(|p| (p.x, p.y)))) {}
         }
     }
 }
 
-/// The name of each curve at its end, moved apart where two would overlap.
-fn labels(svg: &mut String, scale: &Scale, curves: &[Curve]) {
-    let ends = curves.iter().filter(|curve| !curve.label.is_empty());
+/// Writes the label of each curve at its end, moved apart where two would overlap.
+fn labels(scale: &Scale, curves: &[Curve]) -> Markup {
+    let labelled = curves.iter().filter(|curve| !curve.label.is_empty());
     let mut ends: Vec<(f64, &Curve)> =
-        ends.filter_map(|curve| Some((scale.y(curve.stretches.iter().flatten().last()?.y), curve))).collect();
+        labelled.filter_map(|curve| Some((scale.y(curve.stretches.iter().flatten().last()?.y), curve))).collect();
     ends.sort_by(|a, b| a.0.total_cmp(&b.0));
     let mut free = TOP;
-    for (y, curve) in ends {
-        let y = y.max(free).min(TOP + scale.height);
-        free = y + 15.0;
-        let (x, class, label) = (WIDTH - RIGHT + 8.0, curve.class, curve.label);
-        let _ = write!(svg, "<text class=\"label {class}\" x=\"{x}\" y=\"{:.1}\">{label}</text>", y + 4.0);
+    for (y, _) in &mut ends {
+        *y = y.max(free).min(TOP + scale.height);
+        free = *y + 15.0;
+    }
+    html! {
+        @for (y, curve) in ends {
+            text class={ "label " (curve.class) } x=(WIDTH - RIGHT + 8.0) y=(tenths(y + 4.0)) { (curve.label) }
+        }
     }
 }
 
@@ -262,7 +257,7 @@ mod tests {
 
     #[test]
     fn an_empty_chart_draws_nothing() {
-        assert_eq!(draw(&chart(Vec::new()), &Timeline { span: [0.0, 1.0], contacts: Vec::new() }), "");
+        assert!(draw(&chart(Vec::new()), &Timeline { span: [0.0, 1.0], contacts: Vec::new() }).is_none());
     }
 
     #[test]
@@ -280,7 +275,7 @@ mod tests {
     fn a_contact_is_shaded_where_it_lies_in_the_picture() {
         let points = vec![Point { x: 0.0, y: 0.0, sigma: 0.1 }, Point { x: 10.0, y: 1.0, sigma: 0.1 }];
         let time = Timeline { span: [0.0, 10.0], contacts: vec![[Some(5.0), Some(6.0), Some(20.0)]] };
-        let svg = draw(&chart(points), &time);
+        let svg = draw(&chart(points), &time).unwrap().into_string();
         assert!(svg.contains("<rect class=\"contact\" x=\"435.0\" y=\"10\" width=\"373.0\""), "{svg}");
         assert_eq!((svg.matches("class=\"edge\"").count(), svg.matches("class=\"deepest\"").count()), (1, 1));
         assert!(svg.contains("band a") && !svg.contains("NaN"));

@@ -1,18 +1,16 @@
-//! The page that tells whether a rig is ready.
+//! The page that shows whether a rig is ready.
 
-use super::base64;
-use super::number::escape;
-use super::page::{foot, head};
-use super::picture::{Crop, png};
+use super::page::document;
+use super::picture::{Crop, data_url, png};
 use crate::image::FrameMeta;
-use std::fmt::Write as _;
+use maud::html;
 
-/// One thing that was looked at.
+/// One finding of the check.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct CheckRow {
-    /// What.
+    /// The quantity that was checked.
     pub name: String,
-    /// The number with its unit.
+    /// The value with its unit.
     pub value: String,
     /// `good`, `fair`, `bad` or `unknown`.
     pub verdict: &'static str,
@@ -20,7 +18,7 @@ pub struct CheckRow {
     pub words: String,
 }
 
-/// A picture of what the camera sees.
+/// A frame, or a part of it, as the camera sees it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct CheckPicture {
     /// Shape of the frame.
@@ -29,48 +27,52 @@ pub struct CheckPicture {
     pub bytes: Vec<u8>,
     /// The part shown: first column and row, columns and rows, px.
     pub crop: [usize; 4],
-    /// What it shows.
+    /// The caption.
     pub caption: String,
 }
 
-/// The page: facts, findings with their advice, pictures.
+/// Returns the page of a check: facts about the rig, pictures, and findings with their advice.
 pub fn check_page(rig: &str, facts: &[String], rows: &[CheckRow], pictures: &[CheckPicture]) -> String {
-    let mut html = head(&format!("{rig} – check"));
-    let items: String = facts.iter().map(|fact| format!("<li>{}</li>", escape(fact.trim()))).collect();
-    let _ = write!(
-        html,
-        "<header><h1>{}</h1><p class=\"file\">Rig check</p><ul class=\"facts\">{items}</ul></header>",
-        escape(rig)
-    );
-    let bad: Vec<String> = rows.iter().filter(|row| row.verdict == "bad").map(|row| escape(&row.name)).collect();
-    if !bad.is_empty() {
-        let _ = write!(html, "<p class=\"alert\">The rig is not ready: {}.</p>", bad.join(", "));
-    }
-    html.push_str("<section><h2>What the camera sees</h2><div class=\"moments\">");
-    for picture in pictures {
+    let bad: Vec<&str> = rows.iter().filter(|row| row.verdict == "bad").map(|row| row.name.as_str()).collect();
+    let drawn = pictures.iter().filter_map(|picture| {
         let [x, y, width, height] = picture.crop;
-        let Some(file) = png(picture.meta, &picture.bytes, Crop { x, y, width, height }) else { continue };
-        let (data, caption) = (base64::encode(&file), escape(&picture.caption));
-        let _ = write!(
-            html,
-            "<figure><img class=\"moment\" alt=\"{caption}\" src=\"data:image/png;base64,{data}\"><figcaption>{caption}</figcaption></figure>"
-        );
-    }
-    html.push_str("</div></section><section><h2>Findings</h2><table class=\"files\"><thead><tr><th>looked at</th><th>found</th><th>verdict</th><th></th></tr></thead><tbody>");
-    for row in rows {
-        let class = if row.verdict == "bad" { " class=\"far\"" } else { "" };
-        let _ = write!(
-            html,
-            "<tr><td>{}</td><td>{}</td><td{class}>{}</td><td>{}</td></tr>",
-            escape(&row.name),
-            escape(&row.value),
-            row.verdict,
-            escape(&row.words)
-        );
-    }
-    html.push_str("</tbody></table></section>");
-    html.push_str(&foot(""));
-    html
+        Some((&picture.caption, png(picture.meta, &picture.bytes, Crop { x, y, width, height })?))
+    });
+    let body = html! {
+        header {
+            h1 { (rig) }
+            p class="file" { "Rig check" }
+            ul class="facts" { @for fact in facts { li { (fact.trim()) } } }
+        }
+        @if !bad.is_empty() { p class="alert" { "The rig is not ready: " (bad.join(", ")) "." } }
+        section {
+            h2 { "Camera view" }
+            div class="moments" {
+                @for (caption, png) in drawn {
+                    figure {
+                        img class="moment" alt=(caption) src=(data_url(&png));
+                        figcaption { (caption) }
+                    }
+                }
+            }
+        }
+        section {
+            h2 { "Findings" }
+            table class="files" {
+                thead { tr { th { "quantity" } th { "value" } th { "verdict" } th {} } }
+                tbody {
+                    @for row in rows {
+                        tr {
+                            td { (row.name) } td { (row.value) }
+                            td class=[(row.verdict == "bad").then_some("far")] { (row.verdict) }
+                            td { (row.words) }
+                        }
+                    }
+                }
+            }
+        }
+    };
+    document(&format!("{rig} – check"), None, &body)
 }
 
 #[cfg(test)]
@@ -78,7 +80,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_is_bad_is_said_first_and_pictures_are_inside() {
+    fn bad_findings_come_first_and_pictures_are_inside() {
         let row = |name: &str, verdict| CheckRow {
             name: name.into(),
             value: "3 <".into(),

@@ -4,35 +4,54 @@ use super::chart::{self, Chart, Curve, Point, Timeline};
 use super::number;
 use super::shot::Shot;
 use crate::results::{BodyVelocity, Estimate, VelocitySample};
-use std::fmt::Write as _;
+use maud::{Markup, PreEscaped, html};
 
-/// Every chart of a body, one under the other on one time axis.
-pub(super) fn section(shot: &Shot, body: u32) -> String {
-    let Some(drawer) = Drawer::new(shot, body) else { return String::new() };
-    let mut html = String::from("<div class=\"curves\">");
-    html.push_str(&drawer.legend());
-    for (title, unit, number, sigma) in VELOCITIES {
-        let curves = drawer.pair(|row| row.velocity.map(|v| (number(&v), sigma(&v))));
-        let typical = drawer.typical(|row| row.velocity.map(|v| sigma(&v)));
-        drawer.figure(
-            &mut html,
-            &format!("{title}, {unit}"),
-            &typical,
-            Chart { title: title.into(), curves, height: 130.0, has_axis: false },
-        );
-    }
-    drawer.place(&mut html);
-    drawer.shape(&mut html);
-    html.push_str("</div>");
-    html
+/// Draws every chart of a body, one below the other on one time axis; `None` for a body without rows.
+pub(super) fn section(shot: &Shot, body: u32) -> Option<Markup> {
+    let drawer = Drawer::new(shot, body)?;
+    Some(html! {
+        div class="curves" {
+            (drawer.legend())
+            @for velocity in &VELOCITIES { (drawer.velocity(velocity)) }
+            (drawer.displacement())
+            @if let Some(radius) = drawer.radius() { (radius) }
+            (drawer.visible_fraction())
+        }
+    })
 }
 
-type OfVelocity = fn(&BodyVelocity) -> f64;
+/// A chart of one velocity component.
+struct VelocityChart {
+    title: &'static str,
+    /// The title with its symbol, as HTML.
+    heading: PreEscaped<&'static str>,
+    unit: &'static str,
+    value: fn(&BodyVelocity) -> f64,
+    sigma: fn(&BodyVelocity) -> f64,
+}
 
-const VELOCITIES: [(&str, &str, OfVelocity, OfVelocity); 3] = [
-    ("Normal velocity <i>v</i><sub>n</sub>", "m/s", |v| v.vn_m_s, |v| v.sigma_v_m_s),
-    ("Tangential velocity <i>v</i><sub>t</sub>", "m/s", |v| v.vt_m_s, |v| v.sigma_v_m_s),
-    ("Spin <i>ω</i>, counter-clockwise", "rad/s", |v| v.omega_rad_s, |v| v.sigma_omega_rad_s),
+const VELOCITIES: [VelocityChart; 3] = [
+    VelocityChart {
+        title: "Normal velocity",
+        heading: PreEscaped("Normal velocity <i>v</i><sub>n</sub>"),
+        unit: "m/s",
+        value: |v| v.vn_m_s,
+        sigma: |v| v.sigma_v_m_s,
+    },
+    VelocityChart {
+        title: "Tangential velocity",
+        heading: PreEscaped("Tangential velocity <i>v</i><sub>t</sub>"),
+        unit: "m/s",
+        value: |v| v.vt_m_s,
+        sigma: |v| v.sigma_v_m_s,
+    },
+    VelocityChart {
+        title: "Spin, counter-clockwise",
+        heading: PreEscaped("Spin <i>ω</i>, counter-clockwise"),
+        unit: "rad/s",
+        value: |v| v.omega_rad_s,
+        sigma: |v| v.sigma_omega_rad_s,
+    },
 ];
 
 /// Draws the rows of one body.
@@ -44,7 +63,7 @@ pub(super) struct Drawer<'a> {
 }
 
 impl<'a> Drawer<'a> {
-    /// `None` of a body without rows.
+    /// Collects the rows of a body; `None` when it has none.
     pub(super) fn new(shot: &'a Shot, body: u32) -> Option<Self> {
         let rows: Vec<&VelocitySample> = shot.velocities.iter().filter(|row| row.body == body).collect();
         let truth = shot.truth.iter().filter(|row| row.body == body).collect();
@@ -60,70 +79,69 @@ impl<'a> Drawer<'a> {
         Some(Self { shot, rows, truth, time })
     }
 
-    /// The time that all its charts span.
+    /// The time that all charts of the body span.
     pub(super) fn time(&self) -> &Timeline {
         &self.time
     }
 
-    fn legend(&self) -> String {
-        let mut html = String::from("<p class=\"legend\"><span class=\"key a\"></span>measured, band ±2<i>σ</i>");
-        if !self.truth.is_empty() {
-            html.push_str("<span class=\"key truth\"></span>truth");
-        }
-        if !self.time.contacts.is_empty() {
-            html.push_str("<span class=\"key shade\"></span>contact: start, <b class=\"deepest\">deepest</b>, end");
-        }
-        html.push_str("</p>");
-        html
-    }
-
-    fn figure(&self, html: &mut String, heading: &str, note: &str, mut chart: Chart) {
-        chart.title = chart.title.replace("<i>", "").replace("</i>", "").replace("<sub>", "").replace("</sub>", "");
-        let svg = chart::draw(&chart, &self.time);
-        if svg.is_empty() {
-            let _ = write!(
-                html,
-                "<figure><figcaption><b>{heading}</b></figcaption><p class=\"none\">not measured</p></figure>"
-            );
-        } else {
-            let _ = write!(html, "<figure><figcaption><b>{heading}</b><span>{note}</span></figcaption>{svg}</figure>");
+    fn legend(&self) -> Markup {
+        html! {
+            p class="legend" {
+                span class="key a" {} "measured, band ±2" i { "σ" }
+                @if !self.truth.is_empty() { span class="key truth" {} "truth" }
+                @if !self.time.contacts.is_empty() {
+                    span class="key shade" {} "contact: start, " b class="deepest" { "deepest" } ", end"
+                }
+            }
         }
     }
 
-    /// Stretches of a number; a lost frame or a missing number ends one.
+    fn velocity(&self, velocity: &VelocityChart) -> Markup {
+        let VelocityChart { title, heading, unit, value, sigma } = velocity;
+        let curves = self.pair(|row| row.velocity.map(|v| (value(&v), sigma(&v))));
+        let chart = Chart { title: (*title).into(), curves, height: 130.0, has_axis: false };
+        let note = self.typical(|row| row.velocity.map(|v| sigma(&v)));
+        self.figure(&html! { (heading) ", " (unit) }, note.as_ref(), &chart)
+    }
+
+    fn figure(&self, heading: &Markup, note: Option<&Markup>, chart: &Chart) -> Markup {
+        html! {
+            figure {
+                @match chart::draw(chart, &self.time) {
+                    Some(svg) => {
+                        figcaption { b { (heading) } span { @if let Some(note) = note { (note) } } }
+                        (svg)
+                    }
+                    None => { figcaption { b { (heading) } } p class="none" { "not measured" } }
+                }
+            }
+        }
+    }
+
+    /// Splits a number into stretches; a lost frame or a missing number ends one.
     fn stretches(
         &self,
         rows: &[&VelocitySample],
         number: impl Fn(&VelocitySample) -> Option<(f64, f64)>,
     ) -> Vec<Vec<Point>> {
-        let mut stretches: Vec<Vec<Point>> = Vec::new();
-        let mut last_frame = None;
-        for row in rows {
-            let Some((y, sigma)) = number(row).filter(|(y, _)| y.is_finite()) else { continue };
-            let point = Point {
-                x: 1e3 * self.shot.seconds(row.stamp_ns),
-                y,
-                sigma: if sigma.is_finite() { sigma } else { 0.0 },
-            };
-            match stretches.last_mut() {
-                Some(stretch) if last_frame == Some(row.frame.wrapping_sub(1)) => stretch.push(point),
-                _ => stretches.push(vec![point]),
-            }
-            last_frame = Some(row.frame);
-        }
-        stretches
+        let point = |row: &&VelocitySample| {
+            let (y, sigma) = number(row).filter(|(y, _)| y.is_finite())?;
+            let sigma = if sigma.is_finite() { sigma } else { 0.0 };
+            Some((row.frame, Point { x: 1e3 * self.shot.seconds(row.stamp_ns), y, sigma }))
+        };
+        stretches(rows.iter().filter_map(point))
     }
 
     fn curve(
         &self,
         class: &'static str,
         label: &'static str,
-        number: impl Fn(&VelocitySample) -> Option<(f64, f64)>,
+        number: impl Fn(&VelocitySample) -> Option<f64>,
     ) -> Curve {
-        Curve { class, label, stretches: self.stretches(&self.rows, number) }
+        Curve { class, label, stretches: self.stretches(&self.rows, |row| Some((number(row)?, 0.0))) }
     }
 
-    /// Measured over true.
+    /// The measured curve and the true one.
     pub(super) fn pair(&self, number: impl Fn(&VelocitySample) -> Option<(f64, f64)>) -> Vec<Curve> {
         let truth = self.stretches(&self.truth, |row| number(row).map(|(y, _)| (y, 0.0)));
         vec![
@@ -132,37 +150,54 @@ impl<'a> Drawer<'a> {
         ]
     }
 
-    /// The uncertainty in the middle of all.
-    fn typical(&self, sigma: impl Fn(&VelocitySample) -> Option<f64>) -> String {
+    /// The median and the largest uncertainty of a number; `None` without any.
+    fn typical(&self, sigma: impl Fn(&VelocitySample) -> Option<f64>) -> Option<Markup> {
         let mut sigmas: Vec<f64> = self.rows.iter().filter_map(|row| sigma(row)).filter(|s| s.is_finite()).collect();
         sigmas.sort_by(f64::total_cmp);
-        let (Some(middle), Some(highest)) = (sigmas.get(sigmas.len() / 2), sigmas.last()) else { return String::new() };
-        let written = |sigma: f64| number::write(Estimate { value: 0.0, sigma }, 1.0).sigma;
-        format!("<i>σ</i> {} typical, {} at most", written(*middle), written(*highest))
+        let text = |sigma: f64| number::format_estimate(Estimate { value: 0.0, sigma }, 1.0).sigma;
+        let (median, highest) = (text(*sigmas.get(sigmas.len() / 2)?), text(*sigmas.last()?));
+        Some(html! { i { "σ" } " " (median) " typical, " (highest) " at most" })
     }
 
-    /// How far the centre has come, in mm where the scale is known.
-    fn place(&self, html: &mut String) {
+    /// Draws the displacement of the centre, in mm where the scale is known.
+    fn displacement(&self) -> Markup {
         let scale = self.shot.metadata.get("scale").and_then(|text| text.strip_suffix(" mm/px")?.parse::<f64>().ok());
         let (factor, unit) = scale.map_or((1.0, "px"), |mm_per_px| (mm_per_px, "mm"));
         let first =
             |number: fn(&VelocitySample) -> Option<f64>| self.rows.iter().find_map(|row| number(row)).unwrap_or(0.0);
         let (x0, y0) = (first(|row| row.center_x_px), first(|row| row.center_y_px));
-        let x = self.curve("b", "right", |row| Some((factor * (row.center_x_px? - x0), 0.0)));
-        let y = self.curve("a", "up", |row| Some((factor * (y0 - row.center_y_px?), 0.0)));
-        let chart = Chart { title: "Place of the centre".into(), curves: vec![x, y], height: 130.0, has_axis: false };
-        self.figure(html, &format!("Way of the centre from its first place, {unit}"), "", chart);
+        let x = self.curve("b", "right", |row| Some(factor * (row.center_x_px? - x0)));
+        let y = self.curve("a", "up", |row| Some(factor * (y0 - row.center_y_px?)));
+        let title = "Displacement of the centre from its first position";
+        let chart = Chart { title: title.into(), curves: vec![x, y], height: 130.0, has_axis: false };
+        self.figure(&html! { (title) ", " (unit) }, None, &chart)
     }
 
-    fn shape(&self, html: &mut String) {
-        let radius = self.curve("a", "", |row| Some((row.radius_px?, 0.0)));
-        let has_radius = !radius.stretches.is_empty();
-        let visible = self.curve("a", "", |row| Some((100.0 * row.visible_fraction?, 0.0)));
-        if has_radius {
-            let chart = Chart { title: "Radius".into(), curves: vec![radius], height: 70.0, has_axis: false };
-            self.figure(html, "Radius, px", "", chart);
-        }
-        let chart = Chart { title: "Visible part".into(), curves: vec![visible], height: 70.0, has_axis: true };
-        self.figure(html, "Visible part, %", "", chart);
+    /// Draws the radius; `None` for a body without one.
+    fn radius(&self) -> Option<Markup> {
+        let radius = self.curve("a", "", |row| row.radius_px);
+        let is_round = !radius.stretches.is_empty();
+        let chart = Chart { title: "Radius".into(), curves: vec![radius], height: 70.0, has_axis: false };
+        is_round.then(|| self.figure(&html! { "Radius, px" }, None, &chart))
     }
+
+    fn visible_fraction(&self) -> Markup {
+        let visible = self.curve("a", "", |row| Some(100.0 * row.visible_fraction?));
+        let chart = Chart { title: "Visible fraction".into(), curves: vec![visible], height: 70.0, has_axis: true };
+        self.figure(&html! { "Visible fraction, %" }, None, &chart)
+    }
+}
+
+/// Joins the points of consecutive frames into stretches.
+pub(super) fn stretches(points: impl Iterator<Item = (u64, Point)>) -> Vec<Vec<Point>> {
+    let mut stretches: Vec<Vec<Point>> = Vec::new();
+    let mut last_frame = None;
+    for (frame, point) in points {
+        match stretches.last_mut() {
+            Some(stretch) if last_frame == Some(frame.wrapping_sub(1)) => stretch.push(point),
+            _ => stretches.push(vec![point]),
+        }
+        last_frame = Some(frame);
+    }
+    stretches
 }

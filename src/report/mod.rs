@@ -1,11 +1,10 @@
-//! One page that tells a shot to someone who was not there.
+//! Reports: one HTML page about a shot, about the repeatability of several, or about a rig check.
 //!
-//! A single HTML file: style, curves (SVG) and pictures (PNG) are inside it, nothing is asked of the network. It
-//! follows the reader's light or dark setting and prints on white. Several recordings give a page on how well
-//! their numbers repeat.
+//! A page is a single HTML file. Style sheet, curves (SVG) and pictures (PNG) are inside it, so it asks nothing of the
+//! network. It follows the light or dark setting of the reader and prints on white.
 //!
-//! The curves are written as SVG here rather than by a plotting crate: their colours come from the page's style
-//! sheet, so one drawing serves the light, the dark and the printed page.
+//! The curves are our own SVG rather than the output of a plotting crate: their colours come from the style sheet of
+//! the page, so one drawing serves the light, the dark and the printed page.
 
 mod base64;
 mod chart;
@@ -24,10 +23,10 @@ pub use check::{CheckPicture, CheckRow, check_page};
 pub use figure::{Beside, Experiment, Figure, figures};
 pub use shot::{Shot, last_revisions};
 
-/// The page of these recordings: the story of one, or how well several repeat.
+/// Returns the page of one shot, or of the repeatability of several.
 pub fn page(shots: &[Shot]) -> String {
     match shots {
-        [shot] => page::of_one(shot),
-        _ => repeat::of_several(shots),
+        [shot] => page::shot_page(shot),
+        _ => repeat::repeatability_page(shots),
     }
 }

@@ -1,17 +1,17 @@
-//! How numbers are written: to the digits their uncertainty leaves them.
+//! Numbers as text: with as many digits as their uncertainty supports.
 
 use crate::results::Estimate;
 
-/// One column of the `impact` table as people read it.
+/// One column of the `impact` table as the page shows it.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Quantity {
-    /// Its column.
+    /// The column.
     pub(super) column: &'static str,
-    /// Its name.
+    /// The name on the page.
     pub(super) label: &'static str,
-    /// Its unit on the page; empty for a plain number.
+    /// The unit on the page; empty for a plain number.
     pub(super) unit: &'static str,
-    /// From the column's unit to the page's.
+    /// The factor from the column's unit to the page's.
     pub(super) factor: f64,
 }
 
@@ -45,25 +45,25 @@ pub(super) const GROUPS: [(&str, &[Quantity]); 4] = [
     (
         "Contact",
         &[
-            quantity("start_s", "starts", "ms", 1e3),
+            quantity("start_s", "start", "ms", 1e3),
             quantity("deepest_s", "deepest", "ms", 1e3),
-            quantity("end_s", "ends", "ms", 1e3),
-            quantity("contact_time_s", "lasts", "ms", 1e3),
-            quantity("slip_end_s", "slipping stops", "ms", 1e3),
+            quantity("end_s", "end", "ms", 1e3),
+            quantity("contact_time_s", "duration", "ms", 1e3),
+            quantity("slip_end_s", "slip ends", "ms", 1e3),
             quantity("force_start_s", "force above 2 % from", "ms", 1e3),
             quantity("force_end_s", "force above 2 % until", "ms", 1e3),
-            quantity("compression_max_mm", "compressed by", "mm", 1.0),
-            quantity("acceleration_max_m_s2", "highest acceleration", "m/s²", 1.0),
-            quantity("force_max_n", "highest force", "N", 1.0),
-            quantity("energy_lost_j", "energy lost", "J", 1.0),
+            quantity("compression_max_mm", "maximum compression", "mm", 1.0),
+            quantity("acceleration_max_m_s2", "maximum acceleration", "m/s²", 1.0),
+            quantity("force_max_n", "maximum force", "N", 1.0),
+            quantity("energy_lost_j", "energy loss", "J", 1.0),
             quantity("gravity_m_s2", "gravity in flight", "m/s²", 1.0),
-            quantity("growth_before_per_s", "growth in the picture before", "%/s", 1e2),
-            quantity("growth_after_per_s", "growth in the picture after", "%/s", 1e2),
+            quantity("growth_before_per_s", "apparent growth before", "%/s", 1e2),
+            quantity("growth_after_per_s", "apparent growth after", "%/s", 1e2),
         ],
     ),
 ];
 
-/// Decimals that show two digits of `sigma` (GUM, 7.2.6: two suffice); six significant ones of `value` without it.
+/// Returns the decimals that show two digits of `sigma` (GUM, 7.2.6), or six digits of `value` without `sigma`.
 fn decimals(value: f64, sigma: f64) -> usize {
     let leading = |number: f64| number.abs().log10().floor();
     let decimals = if sigma.is_finite() && sigma > 0.0 {
@@ -78,7 +78,7 @@ fn decimals(value: f64, sigma: f64) -> usize {
     decimals.clamp(0.0, 12.0) as usize
 }
 
-/// A number with this many decimals and a real minus sign; no minus before a zero.
+/// Formats a number with a fixed number of decimals and a real minus sign; a zero has no sign.
 pub(super) fn fixed(value: f64, decimals: usize) -> String {
     let text = format!("{value:.decimals$}");
     match text.strip_prefix('-') {
@@ -88,27 +88,27 @@ pub(super) fn fixed(value: f64, decimals: usize) -> String {
     }
 }
 
-/// An estimate on the page: the number and its uncertainty to the same decimals.
+/// An estimate as text.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub(super) struct Written {
-    /// The number.
+pub(super) struct EstimateText {
+    /// The value.
     pub(super) value: String,
-    /// Its standard uncertainty; empty when it has none.
+    /// The standard uncertainty; empty when there is none.
     pub(super) sigma: String,
-    /// Decimals of both.
+    /// The decimals of both.
     pub(super) decimals: usize,
 }
 
-/// Writes a number as its uncertainty allows, in the unit that `factor` leads to.
-pub(super) fn write(estimate: Estimate, factor: f64) -> Written {
+/// Formats `factor` times an estimate to two digits of its uncertainty.
+pub(super) fn format_estimate(estimate: Estimate, factor: f64) -> EstimateText {
     let (value, sigma) = (estimate.value * factor, estimate.sigma * factor);
     let decimals = decimals(value, sigma);
     let sigma = if sigma.is_finite() && sigma > 0.0 { fixed(sigma, decimals) } else { String::new() };
-    Written { value: fixed(value, decimals), sigma, decimals }
+    EstimateText { value: fixed(value, decimals), sigma, decimals }
 }
 
-/// A number to three significant digits.
-pub(super) fn short(value: f64) -> String {
+/// Formats a number to three significant digits.
+pub(super) fn three_digits(value: f64) -> String {
     if value.abs() < 1e-12 {
         return "0".into();
     }
@@ -116,40 +116,24 @@ pub(super) fn short(value: f64) -> String {
     fixed(value, decimals)
 }
 
-/// Text as HTML shows it.
-pub(super) fn escape(text: &str) -> String {
-    let mut escaped = String::with_capacity(text.len());
-    for letter in text.chars() {
-        match letter {
-            '&' => escaped.push_str("&amp;"),
-            '<' => escaped.push_str("&lt;"),
-            '>' => escaped.push_str("&gt;"),
-            '"' => escaped.push_str("&quot;"),
-            '\'' => escaped.push_str("&#39;"),
-            other => escaped.push(other),
-        }
-    }
-    escaped
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::results::Impact;
 
-    fn told(value: f64, sigma: f64) -> [String; 2] {
-        let written = write(Estimate { value, sigma }, 1.0);
-        [written.value, written.sigma]
+    fn texts(value: f64, sigma: f64) -> [String; 2] {
+        let text = format_estimate(Estimate { value, sigma }, 1.0);
+        [text.value, text.sigma]
     }
 
     #[test]
     fn a_number_is_written_to_two_digits_of_its_uncertainty() {
-        assert_eq!(told(-1.690_349, 0.000_472), ["\u{2212}1.69035", "0.00047"]);
-        assert_eq!(told(1040.326, 0.287), ["1040.33", "0.29"]);
-        assert_eq!(told(0.797_775, 0.099_8), ["0.80", "0.10"]);
-        assert_eq!(told(12_345.6, 234.0), ["12346", "234"]);
-        assert_eq!(told(-0.001, 0.5), ["0.00", "0.50"]);
-        assert_eq!(told(1.25, 0.0), ["1.25000", ""]);
+        assert_eq!(texts(-1.690_349, 0.000_472), ["\u{2212}1.69035", "0.00047"]);
+        assert_eq!(texts(1040.326, 0.287), ["1040.33", "0.29"]);
+        assert_eq!(texts(0.797_775, 0.099_8), ["0.80", "0.10"]);
+        assert_eq!(texts(12_345.6, 234.0), ["12346", "234"]);
+        assert_eq!(texts(-0.001, 0.5), ["0.00", "0.50"]);
+        assert_eq!(texts(1.25, 0.0), ["1.25000", ""]);
     }
 
     #[test]

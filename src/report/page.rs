@@ -1,143 +1,142 @@
 //! The page of one recording.
 
-use super::number::{GROUPS, Quantity, escape, fixed, short, write};
+use super::number::{GROUPS, Quantity, fixed, format_estimate, three_digits};
 use super::shot::Shot;
 use super::{curves, snapshot};
 use crate::results::{Estimate, Impact, PointStatus};
+use maud::{DOCTYPE, Markup, PreEscaped, html};
 use std::collections::BTreeMap;
-use std::fmt::Write as _;
 
-/// Events told one by one.
+/// Maximum number of events listed one by one.
 const EVENTS_MAX: usize = 100;
-/// Longest rig file shown, bytes.
+/// Maximum length of the rig file shown, bytes.
 const CONFIG_BYTES_MAX: usize = 100_000;
 
-/// Everything from the document's beginning to its first heading.
-pub(super) fn head(title: &str) -> String {
-    let style = include_str!("style.css");
-    let title = escape(title);
-    format!(
-        "<!doctype html>\n<html lang=\"en\"><head><meta charset=\"utf-8\"><meta name=\"viewport\" \
-         content=\"width=device-width, initial-scale=1\"><title>{title}</title><style>\n{style}</style></head><body><main>\n"
-    )
+/// Wraps `body` into an HTML document with the style sheet and a footer.
+///
+/// `measured_by` is the version of ricochet that measured the recording, where it is known.
+pub(super) fn document(title: &str, measured_by: Option<&str>, body: &Markup) -> String {
+    let page = html! {
+        (DOCTYPE)
+        html lang="en" {
+            head {
+                meta charset="utf-8";
+                meta name="viewport" content="width=device-width, initial-scale=1";
+                title { (title) }
+                style { (PreEscaped(include_str!("style.css"))) }
+            }
+            body {
+                main {
+                    (body)
+                    footer {
+                        @if let Some(version) = measured_by { "Measured by ricochet " (version) ". " }
+                        "Report by ricochet " (env!("CARGO_PKG_VERSION")) ". Every " i { "σ" }
+                        " is a standard uncertainty (one standard deviation)."
+                    }
+                }
+            }
+        }
+    };
+    page.into_string() + "\n"
 }
 
-/// The document's end, with the version that made it.
-pub(super) fn foot(recorded: &str) -> String {
-    let version = env!("CARGO_PKG_VERSION");
-    format!(
-        "<footer>{recorded}Report by ricochet {version}. Every <i>σ</i> is a standard uncertainty (one standard deviation).</footer>\n</main></body></html>\n"
-    )
+/// Returns the page of one shot: its collisions, curves and records.
+pub(super) fn shot_page(shot: &Shot) -> String {
+    let rig = shot.metadata.get("rig").unwrap_or(&shot.name);
+    let has_losses = shot.frames.lost + shot.frames.unreadable > 0;
+    let body = html! {
+        (header(shot, rig))
+        @if let Some(reason) = &shot.truncated { p class="alert" { "This recording was cut off: " (reason) "." } }
+        @if has_losses { p class="alert" { (losses(shot)) } }
+        @if shot.impacts.is_empty() {
+            section { h2 { "Collision" } p class="none" { "No collision was found in this recording." } }
+        }
+        @for impact in &shot.impacts { (collision(shot, impact)) }
+        @for (body, name) in &shot.bodies {
+            @if let Some(curves) = curves::section(shot, *body) {
+                section {
+                    h2 { "Motion" @if shot.bodies.len() > 1 { " of " (name) } }
+                    (curves)
+                }
+            }
+        }
+        (records(shot))
+    };
+    document(&format!("{rig} – {}", shot.name), shot.metadata.get("version").map(String::as_str), &body)
 }
 
-/// The page.
-pub(super) fn of_one(shot: &Shot) -> String {
-    let rig = shot.metadata.get("rig").cloned().unwrap_or_else(|| shot.name.clone());
-    let mut html = head(&format!("{rig} – {}", shot.name));
-    header(&mut html, shot, &rig);
-    if let Some(reason) = &shot.truncated {
-        let _ = write!(html, "<p class=\"alert\">This recording was cut off: {}.</p>", escape(reason));
+fn header(shot: &Shot, rig: &str) -> Markup {
+    let mut facts = vec![utc(shot.origin_ns)];
+    if let Some(camera) = shot.metadata.get("camera") {
+        let serial = shot.metadata.get("serial").map(|serial| format!(" ({serial})")).unwrap_or_default();
+        facts.push(format!("{camera}{serial}"));
     }
-    if shot.frames.lost + shot.frames.unreadable > 0 {
-        let _ = write!(html, "<p class=\"alert\">{}</p>", losses(shot));
-    }
-    if shot.impacts.is_empty() {
-        html.push_str(
-            "<section><h2>Collision</h2><p class=\"none\">No collision was found in this recording.</p></section>",
-        );
-    }
-    for impact in &shot.impacts {
-        collision(&mut html, shot, impact);
-    }
-    for (body, name) in &shot.bodies {
-        let curves = curves::section(shot, *body);
-        if !curves.is_empty() {
-            let name = if shot.bodies.len() > 1 { format!(" of {}", escape(name)) } else { String::new() };
-            let _ = write!(html, "<section><h2>Motion{name}</h2>{curves}</section>");
+    facts.extend(shot.frames.rate_hz.map(|rate| format!("{} frames/s", grouped(rate))));
+    facts.extend(shot.metadata.get("scale").cloned());
+    facts.extend(shot.frames.shape.map(|m| format!("{} × {} px, {}", m.width_px, m.height_px, m.format.word())));
+    facts.push(match shot.frames.count {
+        0 => "results only, no raw frames".into(),
+        count => format!("{} frames", grouped(count as f64)),
+    });
+    html! {
+        header {
+            h1 { (rig) }
+            p class="file" { (shot.name) }
+            ul class="facts" { @for fact in &facts { li { (fact) } } }
         }
     }
-    records(&mut html, shot);
-    let version = shot.metadata.get("version").map(|v| format!("Measured by ricochet {}. ", escape(v)));
-    let _ = write!(html, "{}", foot(&version.unwrap_or_default()));
-    html
 }
 
-fn header(html: &mut String, shot: &Shot, rig: &str) {
-    let mut facts = vec![utc(shot.origin_ns)];
-    let camera = shot.metadata.get("camera").map(|camera| escape(camera));
-    let serial = shot.metadata.get("serial").map(|serial| format!(" ({})", escape(serial))).unwrap_or_default();
-    facts.extend(camera.map(|camera| format!("{camera}{serial}")));
-    facts.extend(shot.frames.rate_hz.map(|rate| format!("{} frames/s", grouped(rate))));
-    facts.extend(shot.metadata.get("scale").map(|scale| escape(scale)));
-    facts.extend(shot.frames.shape.map(|m| format!("{} × {} px, {}", m.width_px, m.height_px, m.format.word())));
-    if shot.frames.count > 0 {
-        facts.push(format!("{} frames", grouped(shot.frames.count as f64)));
-    } else {
-        facts.push("results only, no raw frames".into());
-    }
-    let items: String = facts.iter().map(|fact| format!("<li>{fact}</li>")).collect();
-    let _ = writeln!(
-        html,
-        "<header><h1>{}</h1><p class=\"file\">{}</p><ul class=\"facts\">{items}</ul></header>",
-        escape(rig),
-        escape(&shot.name)
-    );
-}
-
-/// Moments count from the recording's first frame, durations stay as they are.
+/// The numbers of an impact by column; moments count from the recording's first frame, durations stay as they are.
 fn numbers(shot: &Shot, impact: &Impact) -> BTreeMap<&'static str, Estimate> {
     let shift_s = shot.shift_s(impact);
-    let shifted = |name: &'static str, number: Estimate| {
-        (
-            name,
-            Estimate { value: if Impact::is_moment(name) { number.value + shift_s } else { number.value }, ..number },
-        )
+    let shifted = |name: &'static str, number: Estimate| Estimate {
+        value: if Impact::is_moment(name) { number.value + shift_s } else { number.value },
+        ..number
     };
-    impact.numbers().into_iter().filter_map(|(name, number)| Some(shifted(name, number?))).collect()
+    impact.numbers().into_iter().filter_map(|(name, number)| Some((name, shifted(name, number?)))).collect()
 }
 
-fn collision(html: &mut String, shot: &Shot, impact: &Impact) {
+fn collision(shot: &Shot, impact: &Impact) -> Markup {
     let measured = numbers(shot, impact);
     let truth = shot.truth_of(impact).map(|truth| numbers(shot, truth));
-    let heading = heading(shot, impact);
-    let _ = write!(html, "<section><h2>{heading}</h2>");
-    if impact.status != PointStatus::Valid {
-        let _ = write!(
-            html,
-            "<p class=\"alert\">This collision is {}: not all of it could be measured.</p>",
-            impact.status.word()
-        );
+    html! {
+        section {
+            h2 { (heading(shot, impact)) }
+            @if impact.status != PointStatus::Valid {
+                p class="alert" {
+                    "This collision is " (impact.status.word()) ": not all of it could be measured."
+                }
+            }
+            (tiles(&measured))
+            (snapshot::strip(shot, impact))
+            div class="groups" {
+                @for (name, group) in GROUPS { (table(name, group, &measured, truth.as_ref())) }
+            }
+            p class="note" {
+                "Contact law: " (impact.force_law.word())
+                @if let Some(share) = impact.force_law_probability {
+                    " (" (format!("{:.0}", 100.0 * share)) " % probable of those that follow the motion)"
+                }
+                ". Velocities along the outward normal and the tangent of the surface; times from the first frame."
+            }
+        }
     }
-    tiles(html, &measured);
-    html.push_str(&snapshot::strip(shot, impact));
-    html.push_str("<div class=\"groups\">");
-    for (name, group) in GROUPS {
-        html.push_str(&table(name, group, &measured, truth.as_ref()));
-    }
-    let law = impact.force_law.word();
-    let probable = impact
-        .force_law_probability
-        .map(|share| format!(" ({:.0} % probable of those that follow the motion)", 100.0 * share));
-    let probable = probable.unwrap_or_default();
-    let _ = writeln!(
-        html,
-        "</div><p class=\"note\">Contact law: {law}{probable}. Velocities along the outward normal and the tangent of the surface; times from the first frame.</p></section>"
-    );
 }
 
 fn heading(shot: &Shot, impact: &Impact) -> String {
     let of_body = shot.impacts.iter().filter(|other| other.body == impact.body).count();
     let mut heading = String::from("Collision");
     if of_body > 1 {
-        let _ = write!(heading, " {}", impact.number + 1);
+        heading += &format!(" {}", impact.number + 1);
     }
     if shot.bodies.len() > 1 {
-        let _ = write!(heading, " of {}", escape(&shot.body_name(impact.body)));
+        heading += &format!(" of {}", shot.body_name(impact.body));
     }
     heading
 }
 
-/// The numbers one looks for first: two before and after, or one.
+/// The headline numbers: title, one column or the columns before and after, unit, factor from the column's unit.
 const TILES: [(&str, &[&str], &str, f64); 6] = [
     ("Restitution", &["restitution"], "", 1.0),
     ("Normal velocity", &["vn_before_m_s", "vn_after_m_s"], "m/s", 1.0),
@@ -147,21 +146,29 @@ const TILES: [(&str, &[&str], &str, f64); 6] = [
     ("Compression", &["compression_max_mm"], "mm", 1.0),
 ];
 
-fn tiles(html: &mut String, measured: &BTreeMap<&str, Estimate>) {
-    html.push_str("<div class=\"tiles\">");
-    for (label, columns, unit, factor) in TILES {
-        let written: Vec<_> = columns.iter().map(|column| measured.get(column).map(|e| write(*e, factor))).collect();
-        let values = written.iter().map(|w| w.as_ref().map_or("–".to_owned(), |w| w.value.clone()));
-        let sigmas = written.iter().map(|w| w.as_ref().map_or("–".to_owned(), |w| format!("±{}", w.sigma)));
-        let values = values.collect::<Vec<_>>().join("<span class=\"to\">→</span>");
-        let sigmas = sigmas.collect::<Vec<_>>().join(" and ");
-        let pair = if columns.len() > 1 { " pair" } else { "" };
-        let _ = write!(
-            html,
-            "<div class=\"tile\"><h3>{label}</h3><p class=\"big{pair}\">{values} <small>{unit}</small></p><p class=\"sigma\">{sigmas}</p></div>"
-        );
+fn tiles(measured: &BTreeMap<&str, Estimate>) -> Markup {
+    let tile = |label: &str, columns: &[&str], unit: &str, factor: f64| {
+        let texts = columns.iter().map(|column| measured.get(column).map(|number| format_estimate(*number, factor)));
+        let (values, sigmas): (Vec<_>, Vec<_>) = texts
+            .map(|text| text.map_or(("–".into(), "–".into()), |text| (text.value, format!("±{}", text.sigma))))
+            .unzip();
+        html! {
+            div class="tile" {
+                h3 { (label) }
+                p class={ "big" @if columns.len() > 1 { " pair" } } {
+                    @for (place, value) in values.iter().enumerate() {
+                        @if place > 0 { span class="to" { "→" } }
+                        (value)
+                    }
+                    " " small { (unit) }
+                }
+                p class="sigma" { (sigmas.join(" and ")) }
+            }
+        }
+    };
+    html! {
+        div class="tiles" { @for (label, columns, unit, factor) in TILES { (tile(label, columns, unit, factor)) } }
     }
-    html.push_str("</div>");
 }
 
 fn table(
@@ -169,148 +176,160 @@ fn table(
     group: &[Quantity],
     measured: &BTreeMap<&str, Estimate>,
     truth: Option<&BTreeMap<&str, Estimate>>,
-) -> String {
-    let truth_head = if truth.is_some() {
-        "<th>true</th><th title=\"measured minus true, in standard uncertainties\">off by</th>"
-    } else {
-        ""
-    };
-    let mut html = format!(
-        "<table><thead><tr><th>{name}</th><th>measured</th><th>± <i>σ</i></th><th></th>{truth_head}</tr></thead><tbody>"
-    );
-    for quantity in group {
-        let found = measured.get(quantity.column);
-        let (value, sigma, decimals) = match found {
-            Some(estimate) => {
-                let written = write(*estimate, quantity.factor);
-                (written.value, written.sigma, written.decimals)
+) -> Markup {
+    html! {
+        table {
+            thead {
+                tr {
+                    th { (name) } th { "measured" } th { "± " i { "σ" } } th {}
+                    @if truth.is_some() {
+                        th { "true" }
+                        th title="measured minus true, in standard uncertainties" { "off by" }
+                    }
+                }
             }
-            None => ("–".into(), String::new(), 4),
-        };
-        let _ =
-            write!(html, "<tr><td>{}</td><td>{value}</td><td>{sigma}</td><td>{}</td>", quantity.label, quantity.unit);
-        if let Some(truth) = truth {
-            let true_value = truth.get(quantity.column);
-            let text = true_value.map_or("–".into(), |t| fixed(t.value * quantity.factor, decimals));
-            let _ = write!(html, "<td>{text}</td>{}", deviation(found, true_value));
+            tbody {
+                @for quantity in group {
+                    @let number = measured.get(quantity.column);
+                    @let text = number.map(|number| format_estimate(*number, quantity.factor));
+                    tr {
+                        td { (quantity.label) }
+                        td { (text.as_ref().map_or("–", |text| &text.value)) }
+                        td { (text.as_ref().map_or("", |text| &text.sigma)) }
+                        td { (quantity.unit) }
+                        @if let Some(truth) = truth {
+                            @let true_number = truth.get(quantity.column);
+                            @let decimals = text.as_ref().map_or(4, |text| text.decimals);
+                            td { (true_number.map_or("–".into(), |t| fixed(t.value * quantity.factor, decimals))) }
+                            (deviation(number, true_number))
+                        }
+                    }
+                }
+            }
         }
-        html.push_str("</tr>");
     }
-    html.push_str("</tbody></table>");
-    html
 }
 
-/// How many standard uncertainties the measured number is off; beyond three it stands out.
-fn deviation(measured: Option<&Estimate>, truth: Option<&Estimate>) -> String {
-    let (Some(measured), Some(truth)) = (measured, truth) else { return "<td></td>".into() };
-    let off = (measured.value - truth.value) / measured.sigma;
-    if !off.is_finite() {
-        return "<td></td>".into();
+/// The table cell with the deviation from the truth in standard uncertainties; more than three stand out.
+fn deviation(measured: Option<&Estimate>, truth: Option<&Estimate>) -> Markup {
+    let off = measured.zip(truth).map(|(measured, truth)| (measured.value - truth.value) / measured.sigma);
+    let Some(off) = off.filter(|off| off.is_finite()) else { return html! { td {} } };
+    html! {
+        td class=[(off.abs() > 3.0).then_some("far")] { @if off > 0.0 { "+" } (fixed(off, 1)) " " i { "σ" } }
     }
-    let class = if off.abs() > 3.0 { " class=\"far\"" } else { "" };
-    let sign = if off > 0.0 { "+" } else { "" };
-    format!("<td{class}>{sign}{} <i>σ</i></td>", fixed(off, 1))
 }
 
 fn losses(shot: &Shot) -> String {
     let frames = &shot.frames;
-    let mut text = match (frames.lost, frames.gaps) {
+    let lost = match (frames.lost, frames.gaps) {
         (1, _) => "1 frame was lost".to_owned(),
         (lost, 1) => format!("{lost} frames were lost in one gap"),
         (lost, gaps) => format!("{lost} frames were lost in {gaps} gaps"),
     };
-    if frames.unreadable > 0 {
-        let reason = frames.problem.as_deref().unwrap_or_default();
-        let _ = write!(text, "; {} cannot be read ({})", frames.unreadable, escape(reason));
+    match frames.unreadable {
+        0 => format!("{lost}."),
+        count => format!("{lost}; {count} cannot be read ({}).", frames.problem.as_deref().unwrap_or_default()),
     }
-    text.push('.');
-    text
 }
 
-fn records(html: &mut String, shot: &Shot) {
-    html.push_str("<section class=\"records\"><h2>Record</h2><div class=\"groups\">");
-    counted(html, "Bodies in frames", &statuses(shot.velocities.iter().map(|row| row.status.word())));
-    counted(html, "Subsets of the fields", &shot.field_statuses);
+fn records(shot: &Shot) -> Markup {
     let frames = &shot.frames;
-    let film = [
+    let frame_counts = BTreeMap::from([
         ("in the recording", frames.count),
         ("lost", frames.lost),
         ("gaps", frames.gaps),
         ("unreadable", frames.unreadable),
-    ];
-    counted(html, "Frames", &film.into_iter().collect());
-    html.push_str("</div>");
-    if !shot.events.is_empty() {
-        html.push_str("<table class=\"events\"><thead><tr><th>Event</th><th>at, ms</th><th></th></tr></thead><tbody>");
-        for event in shot.events.iter().take(EVENTS_MAX) {
-            let at = fixed(1e3 * shot.seconds(event.stamp_ns), 3);
-            let _ =
-                write!(html, "<tr><td>{}</td><td>{at}</td><td>{}</td></tr>", escape(&event.kind), escape(&event.text));
-        }
-        html.push_str("</tbody></table>");
-        if shot.events.len() > EVENTS_MAX {
-            let _ = write!(html, "<p class=\"note\">and {} more</p>", shot.events.len() - EVENTS_MAX);
+    ]);
+    html! {
+        section class="records" {
+            h2 { "Record" }
+            div class="groups" {
+                (count_table("Bodies in frames", &statuses(shot)))
+                (count_table("Subsets of the fields", &shot.field_statuses))
+                (count_table("Frames", &frame_counts))
+            }
+            @if !shot.events.is_empty() { (events(shot)) }
+            details {
+                summary { "About this recording" }
+                table class="about" {
+                    tbody {
+                        @for (key, value) in &shot.metadata { tr { td { (key) } td { (value) } } }
+                        tr { td { "written by" } td { (shot.library) } }
+                    }
+                }
+            }
+            @match &shot.config_toml {
+                Some(config) => {
+                    @let shown = &config[..boundary(config, CONFIG_BYTES_MAX)];
+                    details {
+                        summary { "Settings (config.toml)" }
+                        pre {
+                            (shown)
+                            @if shown.len() < config.len() {
+                                "\n# ... cut here; the recording has the whole file attached"
+                            }
+                        }
+                    }
+                }
+                None => p class="none" { "No config.toml is attached." }
+            }
         }
     }
-    let rows: String = shot
-        .metadata
-        .iter()
-        .map(|(key, value)| format!("<tr><td>{}</td><td>{}</td></tr>", escape(key), escape(value)))
-        .collect();
-    let _ = write!(
-        html,
-        "<details><summary>About this recording</summary><table class=\"about\"><tbody>{rows}<tr><td>written by</td><td>{}</td></tr></tbody></table></details>",
-        escape(&shot.library)
-    );
-    match &shot.config_toml {
-        Some(config) => {
-            let end =
-                (0..=config.len().min(CONFIG_BYTES_MAX)).rev().find(|at| config.is_char_boundary(*at)).unwrap_or(0);
-            let cut =
-                if end < config.len() { "\n# ... cut here; the whole of it is attached to the recording" } else { "" };
-            let _ = write!(
-                html,
-                "<details><summary>Settings (config.toml)</summary><pre>{}{cut}</pre></details>",
-                escape(&config[..end])
-            );
-        }
-        None => html.push_str("<p class=\"none\">No config.toml is attached.</p>"),
-    }
-    html.push_str("</section>\n");
 }
 
-fn statuses<'a>(words: impl Iterator<Item = &'a str>) -> BTreeMap<&'a str, u64> {
+/// The last character boundary of a text at or below `limit_bytes`.
+fn boundary(text: &str, limit_bytes: usize) -> usize {
+    (0..=text.len().min(limit_bytes)).rev().find(|at| text.is_char_boundary(*at)).unwrap_or(0)
+}
+
+fn events(shot: &Shot) -> Markup {
+    html! {
+        table class="events" {
+            thead { tr { th { "Event" } th { "at, ms" } th {} } }
+            tbody {
+                @for event in shot.events.iter().take(EVENTS_MAX) {
+                    tr {
+                        td { (event.kind) }
+                        td { (fixed(1e3 * shot.seconds(event.stamp_ns), 3)) }
+                        td { (event.text) }
+                    }
+                }
+            }
+        }
+        @if shot.events.len() > EVENTS_MAX { p class="note" { "and " (shot.events.len() - EVENTS_MAX) " more" } }
+    }
+}
+
+/// The number of velocity rows of each status.
+fn statuses(shot: &Shot) -> BTreeMap<&str, u64> {
     let mut counts = BTreeMap::new();
-    for word in words {
-        *counts.entry(word).or_default() += 1;
+    for row in &shot.velocities {
+        *counts.entry(row.status.word()).or_default() += 1;
     }
     counts
 }
 
-fn counted(html: &mut String, heading: &str, counts: &BTreeMap<&str, u64>) {
+/// A table of what was counted, the most frequent first.
+fn count_table(heading: &str, counts: &BTreeMap<&str, u64>) -> Markup {
     let mut counts: Vec<_> = counts.iter().filter(|(_, count)| **count > 0).collect();
-    counts.sort_by_key(|(word, count)| (std::cmp::Reverse(**count), **word));
-    let total: u64 = counts.iter().map(|(_, count)| **count).sum();
-    if total == 0 {
-        let _ = write!(
-            html,
-            "<table><thead><tr><th>{heading}</th><th></th></tr></thead><tbody><tr><td>none</td><td></td></tr></tbody></table>"
-        );
-        return;
+    counts.sort_by_key(|(name, count)| (std::cmp::Reverse(**count), **name));
+    html! {
+        table {
+            thead { tr { th { (heading) } th {} } }
+            tbody {
+                @for (name, count) in &counts { tr { td { (name) } td { (grouped(**count as f64)) } } }
+                @if counts.is_empty() { tr { td { "none" } td {} } }
+            }
+        }
     }
-    let rows: String = counts
-        .iter()
-        .map(|(word, count)| format!("<tr><td>{word}</td><td>{}</td></tr>", grouped(**count as f64)))
-        .collect();
-    let _ = write!(html, "<table><thead><tr><th>{heading}</th><th></th></tr></thead><tbody>{rows}</tbody></table>");
 }
 
-/// A count or a rate with thin spaces between thousands.
+/// Formats a count or a rate with thin spaces between thousands.
 fn grouped(number: f64) -> String {
     let text = if (number - number.round()).abs() < 1e-6 * number.abs().max(1.0) {
         format!("{number:.0}")
     } else {
-        short(number)
+        three_digits(number)
     };
     let (whole, rest) = text.split_at(text.find('.').unwrap_or(text.len()));
     let mut grouped = String::new();
@@ -323,7 +342,7 @@ fn grouped(number: f64) -> String {
     grouped + rest
 }
 
-/// Date and time of day, from days since 1970-01-01 by the civil calendar (H. Hinnant, `civil_from_days`).
+/// Formats a stamp as date and time of day, from days since 1970-01-01 (H. Hinnant, `civil_from_days`).
 pub(super) fn utc(stamp_ns: u64) -> String {
     let seconds = stamp_ns / 1_000_000_000;
     let (days, of_day) = (seconds / 86_400 + 719_468, seconds % 86_400);
@@ -364,9 +383,12 @@ mod tests {
 
     #[test]
     fn a_number_far_from_the_truth_stands_out() {
-        let estimate = |value: f64| Estimate { value, sigma: 0.1 };
-        assert_eq!(deviation(Some(&estimate(1.4)), Some(&estimate(1.0))), "<td class=\"far\">+4.0 <i>σ</i></td>");
-        assert_eq!(deviation(Some(&estimate(0.9)), Some(&estimate(1.0))), "<td>\u{2212}1.0 <i>σ</i></td>");
-        assert_eq!(deviation(None, Some(&estimate(1.0))), "<td></td>");
+        let cell = |measured: Option<f64>, truth: f64| {
+            let estimate = |value: f64| Estimate { value, sigma: 0.1 };
+            deviation(measured.map(estimate).as_ref(), Some(&estimate(truth))).into_string()
+        };
+        assert_eq!(cell(Some(1.4), 1.0), "<td class=\"far\">+4.0 <i>σ</i></td>");
+        assert_eq!(cell(Some(0.9), 1.0), "<td>\u{2212}1.0 <i>σ</i></td>");
+        assert_eq!(cell(None, 1.0), "<td></td>");
     }
 }

@@ -2,10 +2,10 @@
 
 use crate::image::{Frame, FrameMeta, Image};
 
-/// Longest side of a picture on the page, px; larger parts of a frame are averaged down to it.
+/// Maximum side of a picture on the page, px. Larger parts of a frame are averaged down to it.
 const SIDE_PX_MAX: usize = 360;
 
-/// A part of a frame in image coordinates, px; the last column and row belong to it.
+/// A part of a frame, px.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Crop {
     /// First column.
@@ -19,7 +19,7 @@ pub(super) struct Crop {
 }
 
 impl Crop {
-    /// The square of this half side about a point, as far as it lies in the frame; the whole frame without a point.
+    /// Returns the square with half side `half_px` about a point, clipped to the frame; the whole frame without a point.
     pub(super) fn about(center: Option<[f64; 2]>, half_px: f64, meta: &FrameMeta) -> Self {
         let (width, height) = (meta.width_px as usize, meta.height_px as usize);
         let span = |at: f64, size: usize| {
@@ -37,7 +37,9 @@ impl Crop {
     }
 }
 
-/// The part as an 8-bit grey PNG, its darkest grey black and its brightest white; `None` for a frame that does not unpack.
+/// Encodes a part of a frame as an 8-bit grey PNG, stretched from black to white.
+///
+/// Returns `None` for a frame that does not unpack.
 pub(super) fn png(meta: FrameMeta, bytes: &[u8], crop: Crop) -> Option<Vec<u8>> {
     let mut image = Image::default();
     Frame { meta, bytes }.unpack(&mut image).ok()?;
@@ -59,6 +61,11 @@ pub(super) fn png(meta: FrameMeta, bytes: &[u8], crop: Crop) -> Option<Vec<u8>> 
     let mut file = std::io::Cursor::new(Vec::new());
     picture.write_to(&mut file, image::ImageFormat::Png).ok()?;
     Some(file.into_inner())
+}
+
+/// Returns the `data:` URL of a PNG, which a page shows without asking for a file.
+pub(super) fn data_url(png: &[u8]) -> String {
+    format!("data:image/png;base64,{}", super::base64::encode(png))
 }
 
 #[cfg(test)]

@@ -1,4 +1,4 @@
-//! What a page needs of a recording, read in one pass over its frames.
+//! The content of a recording that its page shows, read in one pass over the frames.
 
 use super::picture::{self, Crop};
 use crate::image::FrameMeta;
@@ -6,16 +6,16 @@ use crate::recording::{EventRow, Recording, RecordingError};
 use crate::results::{Impact, PairField, TrackSample, VelocitySample};
 use std::collections::BTreeMap;
 
-/// Collisions that get pictures; the numbers of all are told.
-const PICTURED_IMPACTS: usize = 4;
+/// Maximum number of collisions with pictures. The numbers of all are shown.
+const PICTURED_IMPACTS_MAX: usize = 4;
 
 /// Half the side of a picture, in radii of the body.
 const CROP_RADII: f64 = 1.35;
 
-/// The moments of a collision that get a picture.
+/// The moments of a collision with a picture: column and title.
 const MOMENTS: [(&str, &str); 3] = [("start_s", "Contact starts"), ("deepest_s", "Deepest"), ("end_s", "Contact ends")];
 
-/// A recording as a page shows it.
+/// A recording, reduced to the content of its page.
 #[derive(Debug)]
 pub struct Shot {
     pub(super) name: String,
@@ -25,11 +25,11 @@ pub struct Shot {
     pub(super) truncated: Option<String>,
     pub(super) bodies: Vec<(u32, String)>,
     pub(super) frames: FilmSummary,
-    /// Where `t_s` counts from, ns since the Unix epoch.
+    /// The origin of `t_s`, ns since the Unix epoch.
     pub(super) origin_ns: u64,
     pub(super) velocities: Vec<VelocitySample>,
     pub(super) truth: Vec<VelocitySample>,
-    /// Rows of the first body that see a rod, by frame.
+    /// Rows of the first body that show a rod, by frame.
     pub(super) rods: Vec<TrackSample>,
     pub(super) impacts: Vec<Impact>,
     pub(super) truth_impacts: Vec<Impact>,
@@ -47,7 +47,7 @@ pub(super) struct FilmSummary {
     pub(super) rate_hz: Option<f64>,
     pub(super) lost: u64,
     pub(super) gaps: u64,
-    /// Frames, or the rest of the file, that could not be read: how many, and the first reason.
+    /// The number of frames that could not be read, and the first reason. The unreadable rest of a file counts as one.
     pub(super) unreadable: u64,
     pub(super) problem: Option<String>,
 }
@@ -55,7 +55,7 @@ pub(super) struct FilmSummary {
 /// A body at one moment of a collision.
 #[derive(Debug)]
 pub(super) struct Snapshot {
-    /// Body and number of the collision.
+    /// The collision: body and number.
     pub(super) impact: (u32, u32),
     pub(super) title: &'static str,
     /// The moment, ns since the Unix epoch.
@@ -72,17 +72,16 @@ impl Shot {
     ///
     /// # Errors
     ///
-    /// [`RecordingError`] when the system refuses, or a table of it does not decode. Frames that are damaged are
-    /// counted, not an error.
+    /// [`RecordingError`] when the system fails or a row does not decode. Damaged frames are counted instead.
     pub fn read(recording: &Recording) -> Result<Self, RecordingError> {
         Self::read_with(recording, recording)
     }
 
-    /// As [`read`](Self::read), with the frames of the film whose results these are.
+    /// Reads results, with the frames of the film that they were measured in.
     ///
     /// # Errors
     ///
-    /// As [`read`](Self::read), and when the film is another one.
+    /// As [`read`](Self::read), and [`RecordingError::Invalid`] when the film has other frames.
     pub fn read_with(recording: &Recording, film: &Recording) -> Result<Self, RecordingError> {
         let mut velocities = recording.velocities()?.collect::<Result<Vec<_>, _>>()?;
         velocities.sort_by_key(|row| (row.body, row.frame));
@@ -120,7 +119,7 @@ impl Shot {
         Ok(shot)
     }
 
-    /// One field is in memory at a time, besides those of the snapshots.
+    /// Counts the statuses of all points, with one field in memory at a time besides those of the snapshots.
     fn read_fields(&mut self, recording: &Recording) -> Result<(), RecordingError> {
         for field in recording.fields()? {
             let field = field?;
@@ -137,7 +136,7 @@ impl Shot {
 
     fn read_frames(&mut self, recording: &Recording) -> Result<(), RecordingError> {
         if recording.frame_count() == 0 {
-            self.frames.rate_hz = self.metadata.get("frame_rate_hz").and_then(|text| text.parse().ok());
+            self.frames.rate_hz = self.entry("frame_rate_hz");
             return Ok(());
         }
         let mut last: Option<FrameMeta> = None;
@@ -160,7 +159,8 @@ impl Shot {
             last = Some(meta);
             for snapshot in self.snapshots.iter_mut().filter(|s| s.row.frame == meta.sequence && s.picture.is_none()) {
                 if snapshot.row.stamp_ns != meta.stamp_ns {
-                    let reason = format!("frame {} was taken at another time: this is another film", meta.sequence);
+                    let reason =
+                        format!("frame {} has another stamp than in the results: this is another film", meta.sequence);
                     return Err(RecordingError::Invalid { path: recording.path().to_path_buf(), reason });
                 }
                 let center = snapshot.row.center_x_px.zip(snapshot.row.center_y_px).map(|(x, y)| [x, y]);
@@ -168,54 +168,58 @@ impl Shot {
                 snapshot.picture = picture::png(meta, &bytes, crop).map(|png| (crop, png));
             }
         }
-        let told = self.metadata.get("frame_rate_hz").and_then(|text| text.parse().ok());
-        self.frames.rate_hz = told.or(recording.frame_rate_hz().ok().flatten());
+        self.frames.rate_hz = self.entry("frame_rate_hz").or(recording.frame_rate_hz().ok().flatten());
         Ok(())
     }
 
-    /// The first frame's stamp; without frames what the metadata say, else the first row's.
-    fn first_stamp_ns(&self) -> u64 {
-        let told = self.metadata.get("first_stamp_ns").and_then(|text| text.parse().ok());
-        let first_row = self.velocities.iter().map(|row| row.stamp_ns).min();
-        self.frames.shape.map(|meta| meta.stamp_ns).or(told).or(first_row).unwrap_or(0)
+    /// Parses an entry of the metadata.
+    fn entry<T: std::str::FromStr>(&self, key: &str) -> Option<T> {
+        self.metadata.get(key)?.parse().ok()
     }
 
-    /// Seconds from the first frame.
+    /// The stamp of the first frame; without frames that of the metadata, or else of the first row.
+    fn first_stamp_ns(&self) -> u64 {
+        let first_row = || self.velocities.iter().map(|row| row.stamp_ns).min();
+        let recorded = || self.entry("first_stamp_ns");
+        self.frames.shape.map(|meta| meta.stamp_ns).or_else(recorded).or_else(first_row).unwrap_or(0)
+    }
+
+    /// Converts a stamp to seconds from the first frame.
     pub(super) fn seconds(&self, stamp_ns: u64) -> f64 {
         (i128::from(stamp_ns) - i128::from(self.origin_ns)) as f64 / 1e9
     }
 
-    /// A frame's number as the tables have it, counted from the first frame.
+    /// Converts a sequence number to the frame number of the tables, counted from the first frame.
     pub(super) fn frame(&self, sequence: u64) -> i128 {
-        let told = self.metadata.get("first_frame").and_then(|text| text.parse().ok());
-        let first_row = self.velocities.iter().map(|row| row.frame).min();
-        let first = self.frames.shape.map(|meta| meta.sequence).or(told).or(first_row).unwrap_or(0);
-        i128::from(sequence) - i128::from(first)
+        let first_row = || self.velocities.iter().map(|row| row.frame).min();
+        let recorded = || self.entry("first_frame");
+        let first = self.frames.shape.map(|meta| meta.sequence).or_else(recorded).or_else(first_row);
+        i128::from(sequence) - i128::from(first.unwrap_or(0))
     }
 
-    /// Seconds to add to a collision's own times.
+    /// The offset from the own times of a collision to those of the page, s.
     pub(super) fn shift_s(&self, impact: &Impact) -> f64 {
         self.seconds(impact.origin_ns)
     }
 
-    /// What really happened in this collision, where the recording knows.
+    /// The true values of a collision, where the recording has them.
     pub(super) fn truth_of(&self, impact: &Impact) -> Option<&Impact> {
         self.truth_impacts.iter().find(|truth| (truth.body, truth.number) == (impact.body, impact.number))
     }
 
-    /// Name of a body.
+    /// The name of a body.
     pub(super) fn body_name(&self, body: u32) -> String {
         self.bodies.iter().find(|(index, _)| *index == body).map_or_else(|| body.to_string(), |(_, name)| name.clone())
     }
 }
 
-/// Each collision once, as it was told last: the highest revision holds, in whatever order they are logged.
-pub fn last_revisions(told: Vec<Impact>) -> Vec<Impact> {
+/// Returns the highest revision of each collision, whatever their order.
+pub fn last_revisions(revisions: Vec<Impact>) -> Vec<Impact> {
     let mut last: BTreeMap<(u32, u32), Impact> = BTreeMap::new();
-    for impact in told {
-        let held = last.entry((impact.body, impact.number)).or_insert(impact);
-        if impact.revision >= held.revision {
-            *held = impact;
+    for impact in revisions {
+        let latest = last.entry((impact.body, impact.number)).or_insert(impact);
+        if impact.revision >= latest.revision {
+            *latest = impact;
         }
     }
     last.into_values().collect()
@@ -223,7 +227,7 @@ pub fn last_revisions(told: Vec<Impact>) -> Vec<Impact> {
 
 fn snapshots(impacts: &[Impact], rows: &[VelocitySample]) -> Vec<Snapshot> {
     let mut snapshots = Vec::new();
-    for impact in impacts.iter().take(PICTURED_IMPACTS) {
+    for impact in impacts.iter().take(PICTURED_IMPACTS_MAX) {
         for (column, title) in MOMENTS {
             let Some((_, Some(moment))) = impact.numbers().into_iter().find(|(name, _)| *name == column) else {
                 continue;
@@ -247,8 +251,8 @@ mod tests {
 
     #[test]
     fn the_highest_revision_holds_in_whatever_order_they_come() {
-        let told = |number, revision| Impact { revision, ..Impact::unknown(0, number, 0) };
-        let last = last_revisions(vec![told(1, 0), told(0, 2), told(0, 0), told(0, 1)]);
+        let impact = |number, revision| Impact { revision, ..Impact::unknown(0, number, 0) };
+        let last = last_revisions(vec![impact(1, 0), impact(0, 2), impact(0, 0), impact(0, 1)]);
         let kept: Vec<_> = last.iter().map(|impact| (impact.number, impact.revision)).collect();
         assert_eq!(kept, [(0, 2), (1, 0)]);
     }

@@ -1,62 +1,62 @@
-//! The moments of a collision as pictures, with what was measured drawn over them.
+//! The moments of a collision as pictures, with the measurement drawn over them.
 
-use super::base64;
-use super::number::{fixed, short};
-use super::picture::Crop;
+use super::number::{fixed, three_digits};
+use super::picture::{Crop, data_url};
 use super::shot::{Shot, Snapshot};
 use crate::results::{Impact, PairField};
+use maud::{Markup, html};
 use std::fmt::Write as _;
 
-/// Arrows in one picture; of more, every n-th is drawn.
+/// Maximum number of arrows in one picture. Of more, every n-th is drawn.
 const ARROWS_MAX: usize = 200;
 
-/// The pictures of a collision; a sentence where there are none.
-pub(super) fn strip(shot: &Shot, impact: &Impact) -> String {
+/// Draws the pictures of a collision, or says why there are none.
+pub(super) fn strip(shot: &Shot, impact: &Impact) -> Markup {
     let of_impact = |s: &&Snapshot| s.impact == (impact.body, impact.number);
     let shown: Vec<&Snapshot> = shot.snapshots.iter().filter(of_impact).collect();
     if shown.is_empty() {
-        return String::new();
+        return Markup::default();
     }
     if shown.iter().all(|snapshot| snapshot.picture.is_none()) {
-        return "<p class=\"none\">No pictures: this recording holds no raw frames of these moments.</p>".into();
+        return html! { p class="none" { "No pictures: this recording holds no raw frames of these moments." } };
     }
     let gain = gain(&shown);
-    let mut html = String::from("<div class=\"moments\">");
-    for snapshot in &shown {
-        let t_ms = 1e3 * shot.seconds(snapshot.moment_ns);
-        let off_ms = 1e3 * (shot.seconds(snapshot.row.stamp_ns) - shot.seconds(snapshot.moment_ns));
-        let drawn = match &snapshot.picture {
-            Some((crop, png)) => draw(snapshot, *crop, png, gain),
-            None => "<p class=\"none\">frame missing</p>".into(),
-        };
-        let speed = snapshot.row.velocity.map_or_else(String::new, |v| {
-            format!(
-                "<br><i>v</i><sub>n</sub> {} m/s, <i>v</i><sub>t</sub> {} m/s, <i>ω</i> {} rad/s",
-                short(v.vn_m_s),
-                short(v.vt_m_s),
-                short(v.omega_rad_s)
-            )
-        });
-        let frame = shot.frame(snapshot.row.frame);
-        let _ = write!(
-            html,
-            "<figure>{drawn}<figcaption><b>{}</b> at {} ms<br><span>frame {frame}, exposed {} ms {} it</span>{speed}</figcaption></figure>",
-            snapshot.title,
-            fixed(t_ms, 3),
-            fixed(off_ms.abs(), 3),
-            if off_ms < 0.0 { "before" } else { "after" },
-        );
+    html! {
+        div class="moments" { @for snapshot in &shown { (figure(shot, snapshot, gain)) } }
+        p class="note" {
+            span class="key outline" {} "detected outline" span class="key arrow" {}
+            "motion to the next frame, enlarged " (gain_text(gain)) " times in all pictures"
+        }
     }
-    html.push_str("</div>");
-    let _ = write!(
-        html,
-        "<p class=\"note\"><span class=\"key outline\"></span>outline found<span class=\"key arrow\"></span>motion to the next frame, {} times enlarged in all pictures</p>",
-        fixed(gain, if gain < 1.0 { 3 } else { 0 })
-    );
-    html
 }
 
-/// How much arrows are enlarged: the longest of all pictures spans not quite two subsets' distance.
+fn figure(shot: &Shot, snapshot: &Snapshot, gain: f64) -> Markup {
+    let moment_ms = 1e3 * shot.seconds(snapshot.moment_ns);
+    let off_ms = 1e3 * (shot.seconds(snapshot.row.stamp_ns) - shot.seconds(snapshot.moment_ns));
+    html! {
+        figure {
+            @match &snapshot.picture {
+                Some((crop, png)) => (draw(snapshot, *crop, png, gain)),
+                None => p class="none" { "frame missing" }
+            }
+            figcaption {
+                b { (snapshot.title) } " at " (fixed(moment_ms, 3)) " ms" br;
+                span {
+                    "frame " (shot.frame(snapshot.row.frame)) ", exposed " (fixed(off_ms.abs(), 3)) " ms "
+                    (if off_ms < 0.0 { "before" } else { "after" }) " it"
+                }
+                @if let Some(velocity) = snapshot.row.velocity {
+                    br;
+                    i { "v" } sub { "n" } " " (three_digits(velocity.vn_m_s)) " m/s, "
+                    i { "v" } sub { "t" } " " (three_digits(velocity.vt_m_s)) " m/s, "
+                    i { "ω" } " " (three_digits(velocity.omega_rad_s)) " rad/s"
+                }
+            }
+        }
+    }
+}
+
+/// Computes the gain of the arrows: the longest of all pictures spans at most 1.8 grid steps.
 pub(super) fn gain(shown: &[&Snapshot]) -> f64 {
     let (mut longest, mut step) = (0.0_f64, f64::INFINITY);
     for field in shown.iter().filter_map(|snapshot| snapshot.field.as_ref()) {
@@ -66,36 +66,41 @@ pub(super) fn gain(shown: &[&Snapshot]) -> f64 {
         step = apart.filter(|apart| *apart > 0.0).fold(step, f64::min);
     }
     let exact = if longest > 0.0 && step.is_finite() { 1.8 * step / longest } else { 1.0 };
-    // A round number, so that it can be remembered.
+    // A round number is easier to remember.
     let power = 10_f64.powf(exact.log10().floor());
     [5.0, 4.0, 3.0, 2.0, 1.0].into_iter().map(|k| k * power).find(|round| *round <= exact).unwrap_or(power)
 }
 
-/// A picture with what was measured over it; arrows are enlarged by `gain`.
-pub(super) fn draw(snapshot: &Snapshot, crop: Crop, png: &[u8], gain: f64) -> String {
-    let Crop { x, y, width, height } = crop;
-    // The pixel (0, 0) is centred on (0, 0): the picture begins half a pixel before.
-    let (left, top) = (x as f64 - 0.5, y as f64 - 0.5);
-    let mut svg = format!(
-        "<svg class=\"moment\" viewBox=\"{left} {top} {width} {height}\" role=\"img\" aria-label=\"{}\">\
-         <image x=\"{left}\" y=\"{top}\" width=\"{width}\" height=\"{height}\" preserveAspectRatio=\"none\" \
-         href=\"data:image/png;base64,{}\"/>",
-        snapshot.title,
-        base64::encode(png)
-    );
-    let row = &snapshot.row;
-    if let (Some(x), Some(y), Some(radius)) = (row.center_x_px, row.center_y_px, row.radius_px) {
-        let _ = write!(svg, "<circle class=\"outline\" cx=\"{x:.2}\" cy=\"{y:.2}\" r=\"{radius:.2}\"/>");
-        let _ = write!(svg, "<path class=\"outline\" d=\"M{:.2} {y:.2}h6M{x:.2} {:.2}v6\"/>", x - 3.0, y - 3.0);
-    }
-    if let Some(field) = &snapshot.field {
-        arrows(&mut svg, field, gain);
-    }
-    svg.push_str("</svg>");
-    svg
+/// Formats a gain: whole numbers from 1 on, three decimals below.
+pub(super) fn gain_text(gain: f64) -> String {
+    fixed(gain, if gain < 1.0 { 3 } else { 0 })
 }
 
-fn arrows(svg: &mut String, field: &PairField, gain: f64) {
+/// Draws a picture with outline and field over it; arrows are enlarged by `gain`.
+pub(super) fn draw(snapshot: &Snapshot, crop: Crop, png: &[u8], gain: f64) -> Markup {
+    let Crop { x, y, width, height } = crop;
+    // Pixel (0, 0) is centred on (0, 0), so the picture begins half a pixel before it.
+    let (left, top) = (x as f64 - 0.5, y as f64 - 0.5);
+    let row = &snapshot.row;
+    let arrows = snapshot.field.as_ref().map(|field| arrows(field, gain)).filter(|path| !path.is_empty());
+    html! {
+        svg class="moment" viewBox={ (left) " " (top) " " (width) " " (height) } role="img"
+            aria-label=(snapshot.title) {
+            image x=(left) y=(top) width=(width) height=(height) preserveAspectRatio="none" href=(data_url(png)) {}
+            @if let (Some(x), Some(y), Some(radius)) = (row.center_x_px, row.center_y_px, row.radius_px) {
+                circle class="outline" cx=(format!("{x:.2}")) cy=(format!("{y:.2}")) r=(format!("{radius:.2}")) {}
+                path class="outline" d=(format!("M{:.2} {y:.2}h6M{x:.2} {:.2}v6", x - 3.0, y - 3.0)) {}
+            }
+            @if let Some(path) = &arrows {
+                path class="casing" d=(path) {}
+                path class="arrow" d=(path) {}
+            }
+        }
+    }
+}
+
+/// The path of all arrows of a field, px.
+fn arrows(field: &PairField, gain: f64) -> String {
     let every = field.points.len().div_ceil(ARROWS_MAX).max(1);
     let mut path = String::new();
     for point in field.points.iter().step_by(every) {
@@ -105,18 +110,15 @@ fn arrows(svg: &mut String, field: &PairField, gain: f64) {
         let length = u.hypot(v);
         let _ = write!(path, "M{x:.1} {y:.1}l{u:.1} {v:.1}");
         if length > 1.5 {
-            // Two strokes of at most 3 px, 30 deg to either side of the way back.
+            // The head has two strokes of at most 3 px, 30 deg to either side of the shaft.
             let head = (0.35 * length).min(3.0) / length;
             let (back_x, back_y) = (-u * head, -v * head);
             let (c, s) = (0.866, 0.5);
-            let tip = (x + u, y + v);
             for sign in [1.0, -1.0] {
                 let (dx, dy) = (c * back_x - sign * s * back_y, sign * s * back_x + c * back_y);
-                let _ = write!(path, "M{:.1} {:.1}l{dx:.1} {dy:.1}", tip.0, tip.1);
+                let _ = write!(path, "M{:.1} {:.1}l{dx:.1} {dy:.1}", x + u, y + v);
             }
         }
     }
-    if !path.is_empty() {
-        let _ = write!(svg, "<path class=\"casing\" d=\"{path}\"/><path class=\"arrow\" d=\"{path}\"/>");
-    }
+    path
 }

@@ -1,32 +1,32 @@
-//! How much the same number varies from shot to shot.
+//! The variation of a number from shot to shot.
 
 use crate::results::Estimate;
 
 /// Modified z-score beyond which a value is an outlier: Iglewicz and Hoaglin, How to Detect and Handle Outliers,
 /// ASQC 1993, section 3.4.
 const OUTLIER_SCORE: f64 = 3.5;
-/// From the median absolute deviation to a standard deviation, for normal errors.
+/// Factor from the median absolute deviation to the standard deviation of normal errors.
 const MAD_TO_SIGMA: f64 = 1.482_602_218_505_602;
-/// Fewer values than this have no outliers: one of three cannot be told from two.
+/// Minimum number of values with outliers. Among three, one value cannot be distinguished from the other two.
 const VALUES_MIN: usize = 4;
 
-/// A set of values of one number.
+/// The mean and the spread of a number.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Spread {
-    /// Which of the values are outliers.
+    /// Whether each of the values is an outlier.
     pub(super) outliers: Vec<bool>,
-    /// Values that are none.
+    /// The number of values that are none.
     pub(super) kept: usize,
-    /// Mean of those kept.
+    /// Mean of the kept values.
     pub(super) mean: f64,
-    /// Their sample standard deviation; none of a single value.
+    /// Sample standard deviation of the kept values; `None` for a single value.
     pub(super) sd: Option<f64>,
-    /// Root mean square of their stated uncertainties.
+    /// Root mean square of the stated uncertainties of the kept values.
     pub(super) stated: f64,
 }
 
 impl Spread {
-    /// Of these values; `None` when there are none.
+    /// Computes the spread of values; `None` without any.
     pub(super) fn of(values: &[Estimate]) -> Option<Self> {
         let outliers = outliers(values);
         let kept: Vec<&Estimate> =
@@ -43,9 +43,10 @@ impl Spread {
     }
 }
 
-/// Values further from the median than 3.5 robust standard deviations, which are never taken smaller than the
-/// typical stated uncertainty or the value's own: numbers that agree better than they claim are no reason to throw
-/// one out, nor is one that says itself how unsure it is.
+/// Marks values further from the median than 3.5 robust standard deviations.
+///
+/// The standard deviation is at least the median stated uncertainty and at least the value's own. Values that agree
+/// better than stated, and a value that states a large uncertainty, are therefore no outliers.
 fn outliers(values: &[Estimate]) -> Vec<bool> {
     if values.len() < VALUES_MIN {
         return vec![false; values.len()];

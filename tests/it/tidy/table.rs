@@ -106,7 +106,7 @@ pub const ROOMS: &[Room] = &[
             "zstd",
         ],
     ),
-    open("report", &["results", "image", "recording"], &["image"]),
+    open("report", &["results", "image", "recording"], &["image", "maud"]),
     open("import", &["image"], &["image", "thiserror", "tiff"]),
     open(
         "camera",
@@ -166,6 +166,7 @@ pub const OUTSIDE: &[&str] = &[
     "libm",
     "log",
     "lz4",
+    "maud",
     "mcap",
     "multiversion",
     "nalgebra",
