@@ -6,7 +6,6 @@
 //! The curves are our own SVG rather than the output of a plotting crate: their colours come from the style sheet of
 //! the page, so one drawing serves the light, the dark and the printed page.
 
-mod base64;
 mod chart;
 mod check;
 mod curves;

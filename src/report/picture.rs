@@ -1,6 +1,7 @@
 //! A part of a frame as a PNG.
 
 use crate::image::{Frame, FrameMeta, Image};
+use base64::prelude::{BASE64_STANDARD, Engine as _};
 
 /// Maximum side of a picture on the page, px. Larger parts of a frame are averaged down to it.
 const SIDE_PX_MAX: usize = 360;
@@ -65,7 +66,7 @@ pub(super) fn png(meta: FrameMeta, bytes: &[u8], crop: Crop) -> Option<Vec<u8>> 
 
 /// Returns the `data:` URL of a PNG, which a page shows without asking for a file.
 pub(super) fn data_url(png: &[u8]) -> String {
-    format!("data:image/png;base64,{}", super::base64::encode(png))
+    format!("data:image/png;base64,{}", BASE64_STANDARD.encode(png))
 }
 
 #[cfg(test)]

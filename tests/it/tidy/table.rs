@@ -106,7 +106,7 @@ pub const ROOMS: &[Room] = &[
             "zstd",
         ],
     ),
-    open("report", &["results", "image", "recording"], &["image", "maud"]),
+    open("report", &["results", "image", "recording"], &["base64", "image", "maud"]),
     open("import", &["image"], &["image", "thiserror", "tiff"]),
     open(
         "camera",
@@ -152,6 +152,7 @@ pub const SINGLE_NAMES: &[(&str, &str)] = &[("message", "iceoryx2::prelude::Zero
 /// The dependencies, as they are spelled in the source; `mcap` is what the tests hold our files against.
 pub const OUTSIDE: &[&str] = &[
     "anyhow",
+    "base64",
     "bytes",
     "clap",
     "crc32fast",
