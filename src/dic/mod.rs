@@ -1,7 +1,7 @@
 //! Digital image correlation (DIC): measures the displacement of image subsets.
 //!
 //! A [`Correlator`] is planned once for an image size and a set of [`CorrelationParams`]. It prepares frames
-//! ([`Prepared`]) and measures the displacement of subsets on a grid ([`grid`]) between two of them. [`rigid_fit()`]
+//! ([`PreparedFrame`]) and measures the displacement of subsets on a grid ([`grid`]) between two of them. [`rigid_fit()`]
 //! fits the motion of a rigid body to a displacement field.
 
 mod body;
@@ -21,12 +21,15 @@ mod zncc;
 mod tests;
 
 pub use crate::numeric::instruction_set;
-pub use body::{BodyMotion, RigidBody, Ring, STALE_DEG, Turn, Veil, find_at_any_angle, find_hidden_within_angle};
-pub use correlate::{Correlator, KeptReference, Parts, Series, Start, arithmetic};
+pub use body::{
+    BodyMotion, OcclusionMap, PolarCorrelator, RigidBody, RingRotation, STALE_DEG, find_at_any_angle,
+    find_occluded_within_angle,
+};
+pub use correlate::{Correlator, KeptReference, KernelBenchmark, Series, Start, arithmetic};
 pub use error::CorrelationError;
-pub use field::{CenterVector, RigidMotion, Sphere, Swell, center_fit, rigid_fit, rigid_fit_near, swell};
+pub use field::{CenterVector, Dilatation, RigidMotion, Sphere, center_fit, fit_dilatation, rigid_fit, rigid_fit_near};
 pub use geometry::{GridPoint, Patch, Region, grid};
-pub use image::Prepared;
+pub use image::PreparedFrame;
 pub use params::{CorrelationParams, Interpolation, Method, Shape, WindowShape};
 pub use uncertainty::FixedPattern;
 pub use zncc::zncc;

@@ -5,7 +5,7 @@ use super::error::CorrelationError;
 /// The method that measures the displacement of a subset.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Method {
-    /// The paper's method: subsets splined between the pixels, FFT cross-correlation and a peak fit.
+    /// The paper's method: subsets interpolated between the pixels, FFT cross-correlation and a peak fit.
     SplineFft,
     /// FFT cross-correlation and a Gaussian through the peak.
     PeakGaussian,

@@ -5,8 +5,8 @@ use super::params::MeasureParams;
 use super::pending_frame::PendingFrame;
 use super::target::Target;
 use crate::dic::{
-    CenterVector, CorrelationParams, Correlator, GridPoint, RigidMotion, Sphere, Start, center_fit, rigid_fit_near,
-    swell,
+    CenterVector, CorrelationParams, Correlator, GridPoint, RigidMotion, Sphere, Start, center_fit, fit_dilatation,
+    rigid_fit_near,
 };
 use crate::motion::Rotation;
 use crate::results::{BodyStep, Circle, Estimate, PairField, RigidStep};
@@ -55,12 +55,12 @@ pub(super) fn dilatation(
         }
         Outline::Rod(_) | Outline::Patch(_) => None,
     };
-    let fit = swell(&field.points, ball)?;
+    let fit = fit_dilatation(&field.points, ball)?;
     // The uncertainty of the rotation per frame.
-    let sigma = fit.levers.map(|lever| Some(lever * step.step?.sigma_dtheta_deg.to_radians()));
+    let sigma = fit.sigma_ratios.map(|ratio| Some(ratio * step.step?.sigma_dtheta_deg.to_radians()));
     let frames = f64::from(step.interval_frames);
     let per_frame = |value: f64, sigma: Option<f64>| Some(Estimate { value: value / frames, sigma: sigma? });
-    step.growth_fraction = per_frame(fit.growth, sigma[0]);
+    step.growth_fraction = per_frame(fit.dilatation, sigma[0]);
     let [x, y] = fit.center_px?.map(|moved| per_frame(moved, sigma[1]));
     Some([x?, y?, per_frame(fit.angle_deg, sigma[2].map(f64::to_degrees))?])
 }
@@ -98,7 +98,7 @@ pub(super) fn center_step(
     frames: f64,
     params: &CorrelationParams,
 ) -> Option<RigidStep> {
-    let vectors: Vec<_> = field.points.iter().filter_map(|point| CenterVector::of(point, center_px)).collect();
+    let vectors: Vec<_> = field.points.iter().filter_map(|point| CenterVector::from_point(point, center_px)).collect();
     center_fit(&vectors, params.step_px, params.subset_size_px).map(|motion| per_frame(&motion, frames))
 }
 

@@ -56,7 +56,7 @@ impl FixedPatterns {
         if !is_due || moved_px < MIN_SHIFT_PX {
             return None;
         }
-        first.pattern.share(&reference.prepared, &outline.interior_rectangles())
+        first.pattern.bias_fraction(&reference.prepared, &outline.interior_rectangles())
     }
 
     /// Discards the blocks before this one.

@@ -13,7 +13,7 @@ use super::pending_frame::PendingFrame;
 use super::rigid_match::{RigidMatch, RigidMatcher, is_occluded};
 use super::ring_rotation::RingRotation;
 use super::target::Target;
-use crate::dic::{Correlator, Prepared, Start};
+use crate::dic::{Correlator, PreparedFrame, Start};
 use crate::image::{Frame, FrameMeta, Image};
 use crate::motion::Rotation;
 use crate::results::{BodyStep, Estimate, PairField, PointStatus, RigidStep};
@@ -45,7 +45,7 @@ pub struct Measurer {
     pub(super) image: FrameImage,
     /// Frames whose motion is not measured yet, oldest first.
     pending: VecDeque<PendingFrame>,
-    pub(super) spare: Vec<Prepared>,
+    pub(super) spare: Vec<PreparedFrame>,
     pub(super) states: BlockStates,
     pub(super) rigid_matcher: RigidMatcher,
     ring_rotation: RingRotation,
@@ -155,7 +155,7 @@ impl Measurer {
     ///
     /// The frame is prepared separately for each block, around the bodies of that block. The
     /// results of a block therefore do not depend on any other block.
-    fn measure_pending(&mut self, frame: &Frame<'_>, block: u64) -> Option<(Prepared, BoundingBox)> {
+    fn measure_pending(&mut self, frame: &Frame<'_>, block: u64) -> Option<(PreparedFrame, BoundingBox)> {
         let mut pending = std::mem::take(&mut self.pending);
         let mut own = None;
         let mut first = 0;
@@ -186,13 +186,13 @@ impl Measurer {
     }
 
     /// Prepares a box of the current frame.
-    fn prepare(&mut self, frame: &Frame<'_>, bounds: BoundingBox, prepared: &mut Prepared) {
+    fn prepare(&mut self, frame: &Frame<'_>, bounds: BoundingBox, prepared: &mut PreparedFrame) {
         let view = self.image.unpack(frame, bounds.rectangle());
         self.correlator.prepare_part_into(view, bounds.rectangle(), prepared);
     }
 
     /// Finds the bodies in the current frame and keeps the frame until its targets have come.
-    fn add_pending(&mut self, frame: &Frame<'_>, block: u64, own: Option<(Prepared, BoundingBox)>) {
+    fn add_pending(&mut self, frame: &Frame<'_>, block: u64, own: Option<(PreparedFrame, BoundingBox)>) {
         let meta = frame.meta;
         let (outlines, origins): (Vec<_>, Vec<_>) =
             (0..self.finders.len()).map(|body| self.find_outline(body, frame, block)).unzip();

@@ -3,7 +3,7 @@
 //! Every pose is a match with that image, so errors do not accumulate from frame to frame.
 //! Occluded pixels are left out of each match separately.
 
-use crate::dic::{BodyMotion, Patch, Prepared, Region, RigidBody, find_hidden_within_angle};
+use crate::dic::{BodyMotion, Patch, PreparedFrame, Region, RigidBody, find_occluded_within_angle};
 use crate::results::{Circle, PointStatus, RigidStep};
 
 /// The range of rotations searched in every frame for a lost patch, deg; all rotations are searched once per block.
@@ -98,7 +98,7 @@ pub(super) struct PatchFinder {
     radius_px: f64,
     reach_px: f64,
     /// The image that it was drawn in, or the reason why there is none.
-    reference: Result<(Prepared, Box<RigidBody>), PointStatus>,
+    reference: Result<(PreparedFrame, Box<RigidBody>), PointStatus>,
     /// The poses found in frames of the current blocks, by block and frame.
     found: Vec<(u64, u64, Result<PatchPose, PointStatus>)>,
 }
@@ -119,7 +119,7 @@ impl PatchFinder {
     }
 
     /// Sets the image that the polygon was drawn in.
-    pub(super) fn set_reference(&mut self, reference: &Prepared) {
+    pub(super) fn set_reference(&mut self, reference: &PreparedFrame) {
         let body = RigidBody::new(reference, &self.patch.region());
         self.reference = body.map(|body| (reference.clone(), Box::new(body)));
     }
@@ -153,7 +153,7 @@ impl PatchFinder {
     pub(super) fn follow(
         &mut self,
         (block, frame): (u64, u64),
-        target: &Prepared,
+        target: &PreparedFrame,
         near: &PatchPose,
     ) -> Result<PatchPose, PointStatus> {
         if let Some(Ok(known)) = self.cached(block, frame) {
@@ -175,7 +175,7 @@ impl PatchFinder {
     pub(super) fn find(
         &mut self,
         (block, frame): (u64, u64),
-        target: &Prepared,
+        target: &PreparedFrame,
         is_thorough: bool,
     ) -> Result<PatchPose, PointStatus> {
         let (x, y) = self.center_px;
@@ -185,9 +185,9 @@ impl PatchFinder {
         }
         if let (Err(_), Ok((reference, _))) = (&found, &self.reference) {
             let (region, center) = (self.patch.region(), self.center_px);
-            let mut start = find_hidden_within_angle(reference, target, &region, center, SEARCH_ANGLE_DEG);
+            let mut start = find_occluded_within_angle(reference, target, &region, center, SEARCH_ANGLE_DEG);
             if start.is_err() && is_thorough {
-                start = find_hidden_within_angle(reference, target, &region, center, 180.0);
+                start = find_occluded_within_angle(reference, target, &region, center, 180.0);
             }
             let start = start.and_then(|found| {
                 let is_chance = is_chance_match(found.visible_fraction, found.motion.points);
@@ -201,7 +201,7 @@ impl PatchFinder {
         found
     }
 
-    fn match_near(&mut self, target: &Prepared, [x, y, angle_deg]: [f64; 3]) -> Result<PatchPose, PointStatus> {
+    fn match_near(&mut self, target: &PreparedFrame, [x, y, angle_deg]: [f64; 3]) -> Result<PatchPose, PointStatus> {
         let (cx, cy) = self.center_px;
         let (_, body) = self.reference.as_mut().map_err(|status| *status)?;
         let BodyMotion { motion, zncc, visible_fraction } =

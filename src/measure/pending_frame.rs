@@ -2,7 +2,7 @@
 
 use super::measurer::Measured;
 use super::outline::Outline;
-use crate::dic::Prepared;
+use crate::dic::PreparedFrame;
 use crate::image::FrameMeta;
 use crate::results::{BodyStep, PointStatus, RigidStep};
 
@@ -21,7 +21,7 @@ pub(super) enum OutlineOrigin {
 pub(super) struct PendingFrame {
     pub(super) meta: FrameMeta,
     pub(super) block: u64,
-    pub(super) prepared: Prepared,
+    pub(super) prepared: PreparedFrame,
     pub(super) outlines: Vec<Result<Outline, PointStatus>>,
     /// By body.
     pub(super) origins: Vec<OutlineOrigin>,

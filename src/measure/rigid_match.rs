@@ -4,7 +4,7 @@
 //! between two frames is the difference of their poses, which cancels the noise of the
 //! reference.
 
-use crate::dic::{BodyMotion, Prepared, Region, RigidBody, Veil};
+use crate::dic::{BodyMotion, OcclusionMap, PreparedFrame, Region, RigidBody};
 use crate::results::{BodyStep, Circle, FieldPoint, PointStatus, RigidStep};
 
 use super::block_state::MAX_PREDICTION_ERROR_PX;
@@ -68,7 +68,7 @@ struct OccludedFrame {
     frame: u64,
     origin: Pose,
     center_px: (f64, f64),
-    veil: Veil,
+    veil: OcclusionMap,
 }
 
 /// The step measured by a match of the whole body.
@@ -168,7 +168,7 @@ impl RigidMatcher {
     }
 
     /// Makes a frame the reference of a body in a block that has none.
-    pub(super) fn start(&mut self, (body, block): (usize, u64), frame: u64, prepared: &Prepared, circle: &Circle) {
+    pub(super) fn start(&mut self, (body, block): (usize, u64), frame: u64, prepared: &PreparedFrame, circle: &Circle) {
         if self.has_reference(body, block) {
             return;
         }
@@ -224,7 +224,7 @@ impl RigidMatcher {
         Some(RigidMatch {
             step: first.step_to(&second, circle, frames),
             visible_fraction: first.visible_fraction.filter(|_| track.is_unoccluded),
-            lever: is_visible.then(|| track.reference.growth_lever()),
+            lever: is_visible.then(|| track.reference.dilatation_error()),
         })
     }
 }
@@ -258,7 +258,12 @@ impl RigidTrack {
         let place = self.poses.partition_point(|other| other.frame < frame);
         self.poses.insert(place, pose);
         let center_px = self.reference.center_px();
-        self.occlusions.extend(self.reference.veil().map(|veil| OccludedFrame { frame, origin, center_px, veil }));
+        self.occlusions.extend(self.reference.occlusion_map().map(|veil| OccludedFrame {
+            frame,
+            origin,
+            center_px,
+            veil,
+        }));
         let is_occluded = visible_fraction < UNOCCLUDED_FRACTION;
         // An occluder in the reference that moves with the body would be matched as a part of it.
         if found.is_stale() && (!is_occluded || motion.angle_deg.abs() > RENEW_OCCLUDED_DEG) {
@@ -281,7 +286,7 @@ impl RigidTrack {
         near.any(|OccludedFrame { origin, center_px, veil, .. }| {
             let (x, y) = rotated(offset, origin.angle_deg - from.angle_deg);
             let place = (origin.x_px + x - center_px.0, origin.y_px + y - center_px.1);
-            f64::from(veil.hidden(place, subset_px)) > max_pixels
+            f64::from(veil.occluded_pixels(place, subset_px)) > max_pixels
         })
     }
 }

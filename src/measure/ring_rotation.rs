@@ -2,7 +2,7 @@
 
 use super::consistency;
 use super::outline::RIM_CLEARANCE;
-use crate::dic::{Prepared, Ring};
+use crate::dic::{PolarCorrelator, PreparedFrame};
 use crate::motion::RingLimits;
 use crate::results::{Circle, RigidStep};
 
@@ -14,7 +14,7 @@ const INNER_FRACTION: f64 = 0.35;
 /// The ring correlator for balls.
 #[derive(Default)]
 pub(super) struct RingRotation {
-    ring: Ring,
+    ring: PolarCorrelator,
 }
 
 impl RingRotation {
@@ -25,14 +25,14 @@ impl RingRotation {
         &mut self,
         step: &mut RigidStep,
         circle: &Circle,
-        (reference, target): (&Prepared, &Prepared),
+        (reference, target): (&PreparedFrame, &PreparedFrame),
         limits: RingLimits,
         frames: f64,
     ) {
         let from = (circle.x_px, circle.y_px);
         let to = (from.0 + frames * step.dx_px, from.1 + frames * step.dy_px);
         let near = Some(frames * step.dtheta_deg);
-        let Ok(turn) = self.ring.turn((reference, from), (target, to), ring_radii(circle, limits), near) else {
+        let Ok(turn) = self.ring.rotation((reference, from), (target, to), ring_radii(circle, limits), near) else {
             return;
         };
         let turned =
@@ -47,12 +47,12 @@ impl RingRotation {
         &mut self,
         from: &Circle,
         to: &Circle,
-        (reference, target): (&Prepared, &Prepared),
+        (reference, target): (&PreparedFrame, &PreparedFrame),
         frames: f64,
     ) -> Option<RigidStep> {
         let (a, b) = ((from.x_px, from.y_px), (to.x_px, to.y_px));
         let radii = ring_radii(from, RingLimits::default());
-        let turn = self.ring.turn((reference, a), (target, b), radii, None).ok()?;
+        let turn = self.ring.rotation((reference, a), (target, b), radii, None).ok()?;
         let sigma_px = from.sigma_center_px.hypot(to.sigma_center_px) / frames;
         Some(RigidStep {
             dx_px: (b.0 - a.0) / frames,

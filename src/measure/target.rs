@@ -1,12 +1,12 @@
 //! Target frames of a motion.
 
-use crate::dic::Prepared;
+use crate::dic::PreparedFrame;
 
 /// A target frame, prepared around the bodies of one block.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Target<'a> {
     pub(super) sequence: u64,
-    pub(super) prepared: &'a Prepared,
+    pub(super) prepared: &'a PreparedFrame,
     /// Whether it is prepared only around the predicted bodies, not over the full search range.
     pub(super) is_narrow: bool,
 }

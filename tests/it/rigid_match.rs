@@ -1,7 +1,7 @@
 //! Whole-ball matching, fully visible and partly occluded, against known truth.
 
 use ricochet::dic::grid;
-use ricochet::dic::{CorrelationParams, Correlator, Prepared, Region, RigidBody, Shape, Start};
+use ricochet::dic::{CorrelationParams, Correlator, PreparedFrame, Region, RigidBody, Shape, Start};
 use ricochet::image::Frame;
 use ricochet::synth::{MotionSetup, OccluderSetup, PatternSetup, Scenario, World};
 
@@ -34,7 +34,7 @@ fn occlude(mut scenario: Scenario, (vx, vy): (f64, f64), occluded: f64, angle_de
     scenario
 }
 
-fn prepared(correlator: &Correlator, scenario: &Scenario, index: u64) -> Prepared {
+fn prepared(correlator: &Correlator, scenario: &Scenario, index: u64) -> PreparedFrame {
     let world = World::new(scenario).unwrap();
     let mut bytes = vec![0; world.frame_bytes()];
     world.render(index, &mut bytes);

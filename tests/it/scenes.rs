@@ -4,7 +4,7 @@ use crate::measured_world::rows_of;
 use crate::support::{Rig, csv, succeed};
 use ricochet::camera::simulated;
 use ricochet::dic::grid;
-use ricochet::dic::{CorrelationParams, Correlator, Prepared, Region, RigidBody, Start};
+use ricochet::dic::{CorrelationParams, Correlator, PreparedFrame, Region, RigidBody, Start};
 use ricochet::recording::Recording;
 use ricochet::results::{PointStatus, VelocitySample};
 use ricochet::synth::{MotionSetup, PartSetup, PatternSetup, Scenario, Shape, World};
@@ -181,7 +181,7 @@ fn a_sphere_that_rotates_about_an_image_axis_moves_its_front_sideways() {
     }
 }
 
-fn prepared(correlator: &Correlator, world: &World, index: u64) -> Prepared {
+fn prepared(correlator: &Correlator, world: &World, index: u64) -> PreparedFrame {
     correlator.prepare(world.render_light(index).view())
 }
 
@@ -193,7 +193,7 @@ fn bias(shape: Shape, name: &str) -> [f64; 3] {
     (scenario.camera.frames, scenario.body.pattern) = (FRAMES, PatternSetup::paper(name).unwrap());
     let world = World::new(&scenario).unwrap();
     let correlator = Correlator::new(&CorrelationParams::default(), 161, 161).unwrap();
-    let pictures: Vec<Prepared> = (0..FRAMES).map(|index| prepared(&correlator, &world, index)).collect();
+    let pictures: Vec<PreparedFrame> = (0..FRAMES).map(|index| prepared(&correlator, &world, index)).collect();
     let mut sums = [0.0; 3];
     for from in 0..FRAMES {
         // Each frame occurs once as reference and once as target.

@@ -9,7 +9,9 @@ use super::{rate, timed};
 use crate::ball::{BallFinder, BallParams};
 use crate::camera::simulated;
 use crate::dic::grid;
-use crate::dic::{CorrelationParams, Correlator, GridPoint, Prepared, Region, RigidBody, Shape, Start, rigid_fit_near};
+use crate::dic::{
+    CorrelationParams, Correlator, GridPoint, PreparedFrame, Region, RigidBody, Shape, Start, rigid_fit_near,
+};
 use crate::image::{Frame, FrameMeta, Image};
 use crate::measure::{BodyParams, MeasureParams, Measured, Measurer, OUTLINE_INTERVAL_FRAMES, Share};
 use crate::motion::Rotation;
@@ -201,8 +203,8 @@ impl Film {
 /// Two frames made ready where the ball is.
 struct Pair {
     correlator: Correlator,
-    reference: Prepared,
-    target: Prepared,
+    reference: PreparedFrame,
+    target: PreparedFrame,
     points: Vec<GridPoint>,
     near: Start,
     body: RigidBody,
@@ -216,7 +218,7 @@ impl Pair {
         let (x_px, y_px) = (circle.x_px, circle.y_px);
         let radius_px = 0.96 * circle.radius_px;
         let points = grid::disc(x_px, y_px, radius_px, STEP_PX, params.subset_size_px, 512, 512);
-        let (mut reference, mut target) = (Prepared::default(), Prepared::default());
+        let (mut reference, mut target) = (PreparedFrame::default(), PreparedFrame::default());
         let part = part_around(circle, around_px);
         correlator.prepare_part_into(first.view(), part, &mut reference);
         correlator.prepare_part_into(second.view(), part, &mut target);

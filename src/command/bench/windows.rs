@@ -9,7 +9,7 @@ use serde_json::json;
 use super::rate;
 use crate::dic::grid;
 use crate::dic::{
-    CorrelationParams, Correlator, GridPoint, Method, Parts, Region, RigidBody, Shape, Start, arithmetic,
+    CorrelationParams, Correlator, GridPoint, KernelBenchmark, Method, Region, RigidBody, Shape, Start, arithmetic,
 };
 use crate::image::Image;
 use crate::numeric::instruction_set;
@@ -126,10 +126,10 @@ pub fn windows(options: &WindowsOptions) -> anyhow::Result<()> {
 /// Microseconds that each part of a match takes on one thread.
 fn parts(frames: &(Image, Image), duration: Duration) -> [(&'static str, f64); 5] {
     // Turned by 1 deg, so that no iteration is the simple one of a mere shift.
-    let mut parts = Parts::new(frames.0.view(), frames.1.view(), (SHIFT.0, SHIFT.1, 1.0));
+    let mut parts = KernelBenchmark::new(frames.0.view(), frames.1.view(), (SHIFT.0, SHIFT.1, 1.0));
     let points = grid::rectangle([8, 8, SIDE as u32 - 16, SIDE as u32 - 16], STEP_PX, 31);
     let (second, mut next) = (frames.1.view(), points.iter().copied().cycle());
-    let mut time = |part: &mut dyn FnMut(&mut Parts, GridPoint) -> bool| {
+    let mut time = |part: &mut dyn FnMut(&mut KernelBenchmark, GridPoint) -> bool| {
         let mut call = |at| std::hint::black_box(part(&mut parts, at));
         1e6 / rate(duration, || next.by_ref().take(64).map(&mut call).count())
     };
@@ -141,7 +141,7 @@ fn parts(frames: &(Image, Image), duration: Duration) -> [(&'static str, f64); 5
                 true
             }),
         ),
-        ("subset: mean, gradients, Hessian", time(&mut |parts, at| parts.subset_of(at))),
+        ("subset: mean, gradients, Hessian", time(&mut |parts, at| parts.extract(at))),
         ("FFT correlation 32 x 32 and its peak", time(&mut |parts, at| parts.peak(at))),
         ("affine iteration, 31 x 31", time(&mut |parts, at| parts.iterate(at))),
         ("rigid iteration, ball of 8800 px", time(&mut |parts, _| parts.iterate_disc())),

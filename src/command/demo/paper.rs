@@ -2,7 +2,7 @@
 
 use crate::command::progress;
 use crate::dic::grid;
-use crate::dic::{CorrelationParams, Correlator, Method, Prepared, Start};
+use crate::dic::{CorrelationParams, Correlator, Method, PreparedFrame, Start};
 use crate::image::{Frame, Image};
 use crate::recording::Recording;
 use crate::report::Beside;
@@ -105,7 +105,7 @@ fn by_the_paper(
     };
     let (width, height) = (first.image.view().width(), first.image.view().height());
     let mut correlator = Correlator::new(&params, width, height)?.without_peak_fit();
-    let (mut reference, mut target) = (Prepared::default(), Prepared::default());
+    let (mut reference, mut target) = (PreparedFrame::default(), PreparedFrame::default());
     let (sin, cos) = setup.surface_angle_deg.to_radians().sin_cos();
     let (mut field, mut curve) = (Vec::new(), Vec::new());
     for (before, after) in film.iter().zip(film.iter().skip(interval)) {

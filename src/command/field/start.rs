@@ -1,7 +1,7 @@
 //! Where the search for the subsets begins.
 
 use super::{FieldError, FieldOptions};
-use crate::dic::{BodyMotion, CorrelationParams, Method, Prepared, Region, Shape, Start, find_at_any_angle};
+use crate::dic::{BodyMotion, CorrelationParams, Method, PreparedFrame, Region, Shape, Start, find_at_any_angle};
 use crate::results::PointStatus;
 
 /// Where the search for the subsets begins.
@@ -72,7 +72,11 @@ pub(super) fn check_turns(needed: &str, params: &CorrelationParams) -> Result<()
 /// # Errors
 ///
 /// One line when the region is nowhere in the target.
-pub(super) fn find(options: &FieldOptions, reference: &Prepared, target: &Prepared) -> Result<Found, FieldError> {
+pub(super) fn find(
+    options: &FieldOptions,
+    reference: &PreparedFrame,
+    target: &PreparedFrame,
+) -> Result<Found, FieldError> {
     match options.begin {
         Begin::Neighbor => Ok(Found { start: Start::Neighbor, told: None }),
         Begin::Search => Ok(Found { start: Start::Search, told: None }),
@@ -80,7 +84,11 @@ pub(super) fn find(options: &FieldOptions, reference: &Prepared, target: &Prepar
     }
 }
 
-fn at_any_angle(options: &FieldOptions, reference: &Prepared, target: &Prepared) -> Result<Found, FieldError> {
+fn at_any_angle(
+    options: &FieldOptions,
+    reference: &PreparedFrame,
+    target: &PreparedFrame,
+) -> Result<Found, FieldError> {
     let (width, height) = (reference.width() as f64, reference.height() as f64);
     let bounds = options.region.as_ref().and_then(Region::bounds_px);
     let rectangle = match (options.roi_px, bounds) {

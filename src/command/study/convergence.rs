@@ -9,7 +9,7 @@ use super::pairs::{self, Subject};
 use super::settle::{Answers, Change, Deviation, change, deviation, mean};
 use super::tell;
 use crate::command::{Outcome, UsageError, progress};
-use crate::dic::{CorrelationParams, Correlator, Method, Prepared, Start};
+use crate::dic::{CorrelationParams, Correlator, Method, PreparedFrame, Start};
 use crate::process::Stop;
 
 pub use super::pairs::Files;
@@ -236,7 +236,7 @@ fn is_next(before: Way, way: Way) -> bool {
 #[expect(clippy::disallowed_methods, reason = "a study of cost reads the clock")]
 fn correlate(correlator: &mut Correlator, subject: &Subject) -> (Answers, f64) {
     let (mut answers, mut field) = (Answers::new(), Vec::new());
-    let (mut reference, mut target) = (Prepared::default(), Prepared::default());
+    let (mut reference, mut target) = (PreparedFrame::default(), PreparedFrame::default());
     let mut time_s = 0.0;
     for pair in &subject.pairs {
         correlator.prepare_into(pair.reference.view(), &mut reference);

@@ -80,7 +80,7 @@ fn are_within_with<V: Vector>(
 const STRIP: usize = 4;
 
 /// Computes the column minima over strips of the rows that have a whole neighbourhood.
-pub(in crate::dic) fn least_of_strips(values: &[f32], stride: usize, minima: &mut Vec<f32>) {
+pub(in crate::dic) fn strip_minima(values: &[f32], stride: usize, minima: &mut Vec<f32>) {
     let rows = (values.len() / stride).saturating_sub(2 * RESIDUAL_REACH);
     minima.clear();
     minima.resize(rows.div_ceil(STRIP) * stride, f32::INFINITY);

@@ -9,7 +9,7 @@ mod rigid_body;
 mod rotation_search;
 mod visibility;
 
-pub use occlusion_map::Veil;
-pub use polar::{Ring, Turn};
+pub use occlusion_map::OcclusionMap;
+pub use polar::{PolarCorrelator, RingRotation};
 pub use rigid_body::{BodyMotion, RigidBody, STALE_DEG};
-pub use rotation_search::{find_at_any_angle, find_hidden_within_angle};
+pub use rotation_search::{find_at_any_angle, find_occluded_within_angle};

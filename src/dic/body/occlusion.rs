@@ -1,13 +1,13 @@
 //! Matching of a partly occluded body: determines its visible pixels and their motion together.
 
-use super::occlusion_map::Veil;
+use super::occlusion_map::OcclusionMap;
 use super::rigid_body::{BodyMotion, motion, status_of};
-use super::visibility::{Likeness, is_even};
+use super::visibility::{VisibilityMap, is_noise};
+use crate::dic::geometry::SubsetMask;
 use crate::dic::geometry::Warp;
-use crate::dic::geometry::Window;
 use crate::dic::refine::{Match, Refiner};
-use crate::dic::subset::Subset;
-use crate::dic::uncertainty::Pool;
+use crate::dic::subset::ReferenceSubset;
+use crate::dic::uncertainty::NoisePool;
 use crate::numeric::Lanes;
 use crate::results::PointStatus;
 
@@ -36,16 +36,16 @@ const MIN_NOISE_DN: f32 = 0.45;
 
 /// The visible pixels of a body, and memory to determine them.
 #[derive(Debug, Clone, Default)]
-pub(in crate::dic) struct Sight {
-    likeness: Likeness,
+pub(in crate::dic) struct OcclusionSearch {
+    visibility: VisibilityMap,
     /// The last samples of the target, minus the mean of the reference, and the last residual of the visible pixels.
     samples: Vec<Lanes>,
     residual: Vec<Lanes>,
     /// 1 where a pixel is visible, packed like the body's mask.
     kept: Vec<Lanes>,
-    window: Window,
-    subset: Subset,
-    pool: Pool,
+    window: SubsetMask,
+    subset: ReferenceSubset,
+    pool: NoisePool,
     /// The same as `kept`, extended to the edge of the occluder; empty if all pixels are visible.
     visible: Vec<Lanes>,
 }
@@ -57,16 +57,16 @@ enum Mask {
     Residual,
 }
 
-impl Sight {
+impl OcclusionSearch {
     /// Plans for a body of these pixels.
-    pub(in crate::dic) fn plan(&mut self, window: &Window) {
-        self.likeness.plan(window);
+    pub(in crate::dic) fn plan(&mut self, window: &SubsetMask) {
+        self.visibility.plan(window);
         self.visible.clear();
     }
 
     /// Whether a match of all pixels left no residual that indicates occlusion.
-    pub(in crate::dic) fn is_whole(&mut self, window: &Window, found: &Match, residual: &[Lanes]) -> bool {
-        found.zncc >= MIN_WHOLE_ZNCC && self.likeness.is_whole(window, residual, MIN_NOISE_DN)
+    pub(in crate::dic) fn is_whole(&mut self, window: &SubsetMask, found: &Match, residual: &[Lanes]) -> bool {
+        found.zncc >= MIN_WHOLE_ZNCC && self.visibility.is_whole(window, residual, MIN_NOISE_DN)
     }
 
     /// Finds the visible pixels and their motion.
@@ -115,7 +115,7 @@ impl Sight {
     /// Checks a match: its residual must be noise, and its ZNCC high enough. Otherwise a small part of the body may fit
     /// by chance.
     fn check(&self, found: Match, noise: f32) -> Result<Match, PointStatus> {
-        let is_sound = found.zncc >= MIN_ZNCC && is_even(&self.residual, noise, &self.kept);
+        let is_sound = found.zncc >= MIN_ZNCC && is_noise(&self.residual, noise, &self.kept);
         if is_sound { Ok(found) } else { Err(PointStatus::LowCorrelation) }
     }
 
@@ -127,8 +127,8 @@ impl Sight {
         let refiner = self.refiner(body);
         // The residual before the last step, which hardly changes it.
         refiner.residual_from(body, &self.samples, &mut residual);
-        let noise = self.likeness.noise(&residual, &self.kept).max(MIN_NOISE_DN);
-        let pixels = self.likeness.mark_visible(body.window, (&residual, noise), &self.kept, &mut self.visible);
+        let noise = self.visibility.noise(&residual, &self.kept).max(MIN_NOISE_DN);
+        let pixels = self.visibility.mark_visible(body.window, (&residual, noise), &self.kept, &mut self.visible);
         residual.iter_mut().zip(&self.window.mask).for_each(|(residual, mask)| *residual = *residual * *mask);
         let motion = motion(&self.refiner(body), found, offset, (&mut pool, &residual));
         (self.pool, self.residual) = (pool, residual);
@@ -141,8 +141,8 @@ impl Sight {
     }
 
     /// Returns the occluded pixels of the body as found by the last match; `None` if there are none.
-    pub(in crate::dic) fn veil(&self, window: &Window) -> Option<Veil> {
-        (!self.visible.is_empty()).then(|| Veil::new(window, &self.visible))
+    pub(in crate::dic) fn occlusion_map(&self, window: &SubsetMask) -> Option<OcclusionMap> {
+        (!self.visible.is_empty()).then(|| OcclusionMap::new(window, &self.visible))
     }
 
     /// Rebuilds the subset from the visible pixels.
@@ -184,10 +184,10 @@ impl Sight {
 
     /// Updates the visible pixels from the residual of the previously visible ones and returns its noise, DN.
     fn mask(&mut self, body: &Refiner<'_>, residual: &[Lanes], mask: Mask) -> f32 {
-        let noise = self.likeness.noise(residual, &self.kept).max(MIN_NOISE_DN);
+        let noise = self.visibility.noise(residual, &self.kept).max(MIN_NOISE_DN);
         match mask {
-            Mask::Residual => self.likeness.by_residual(body.window, residual, noise, &mut self.kept),
-            Mask::Zncc => self.likeness.by_zncc(body.window, (&body.subset.levels, residual), &mut self.kept),
+            Mask::Residual => self.visibility.by_residual(body.window, residual, noise, &mut self.kept),
+            Mask::Zncc => self.visibility.by_zncc(body.window, (&body.subset.levels, residual), &mut self.kept),
         }
         body.window.restrict(&self.kept, &mut self.window);
         noise

@@ -1,11 +1,11 @@
 //! The occluded pixels of a body as a summed-area table.
 
-use crate::dic::geometry::Window;
+use crate::dic::geometry::SubsetMask;
 use crate::numeric::{LANES, Lanes};
 
 /// The occluded pixels of a body.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Veil {
+pub struct OcclusionMap {
     /// The origin of the body's rectangle relative to its centre, px.
     left: i32,
     top: i32,
@@ -15,9 +15,9 @@ pub struct Veil {
     sums: Vec<u32>,
 }
 
-impl Veil {
+impl OcclusionMap {
     /// Builds the table of the body's pixels that are not `visible`.
-    pub(in crate::dic) fn new(window: &Window, visible: &[Lanes]) -> Self {
+    pub(in crate::dic) fn new(window: &SubsetMask, visible: &[Lanes]) -> Self {
         let ((width, height), (left, top)) = (window.extent.sides(), (window.extent.left, window.extent.top));
         let stride = width + 1;
         let mut sums = vec![0_u32; stride * (height + 1)];
@@ -41,7 +41,7 @@ impl Veil {
     }
 
     /// Returns the number of occluded pixels in an upright square about a position, px from the body's centre.
-    pub fn hidden(&self, (x, y): (f64, f64), size_px: u32) -> u32 {
+    pub fn occluded_pixels(&self, (x, y): (f64, f64), size_px: u32) -> u32 {
         let half = 0.5 * f64::from(size_px);
         let corner =
             |place: f64, first: i32, side: usize| (place + 0.5 - f64::from(first)).round().clamp(0.0, side as f64);
@@ -59,9 +59,9 @@ mod tests {
     #[test]
     fn squares_count_their_occluded_pixels() {
         let disc = |dx: i32, dy: i32| dx * dx + dy * dy <= 400;
-        let window = Window::from_test(21, disc);
+        let window = SubsetMask::from_test(21, disc);
         // Everything right of the seventh column is occluded.
-        let visible = Window::from_test(21, |dx, dy| disc(dx, dy) && dx <= 7);
+        let visible = SubsetMask::from_test(21, |dx, dy| disc(dx, dy) && dx <= 7);
         let mut packed = vec![Lanes::default(); window.mask.len()];
         for block in &window.blocks {
             let other = visible.blocks.iter().find(|other| other.dx == block.dx);
@@ -76,14 +76,14 @@ mod tests {
                 packed[block.start + row] = own.unwrap_or_default();
             }
         }
-        let veil = Veil::new(&window, &packed);
+        let map = OcclusionMap::new(&window, &packed);
         let count = |x: i32, y: i32, half: i32| {
             let inside = |dx: i32, dy: i32| (dx - x).abs() <= half && (dy - y).abs() <= half;
             let all = (-25..=25).flat_map(|dx| (-25..=25).map(move |dy| (dx, dy)));
             all.filter(|(dx, dy)| disc(*dx, *dy) && *dx > 7 && inside(*dx, *dy)).count() as u32
         };
         for (x, y, half) in [(0, 0, 7), (0, 0, 8), (4, -6, 7), (11, 3, 5), (19, 0, 9), (30, 30, 4), (0, 0, 40)] {
-            let counted = veil.hidden((f64::from(x) + 0.2, f64::from(y) - 0.3), 2 * half as u32 + 1);
+            let counted = map.occluded_pixels((f64::from(x) + 0.2, f64::from(y) - 0.3), 2 * half as u32 + 1);
             assert_eq!(counted, count(x, y, half), "{x} {y} {half}");
         }
     }

@@ -10,7 +10,7 @@ use realfft::num_complex::Complex;
 use realfft::{ComplexToReal, RealFftPlanner, RealToComplex};
 use std::sync::Arc;
 
-use crate::dic::image::Prepared;
+use crate::dic::image::PreparedFrame;
 use crate::numeric::fast_size;
 use crate::results::PointStatus;
 
@@ -43,7 +43,7 @@ const MAX_ROUNDS: usize = 4;
 
 /// The rotation between two frames, from a ring.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Turn {
+pub struct RingRotation {
     /// The rotation, counter-clockwise on the screen, -180 to 180 deg.
     pub angle_deg: f64,
     /// The standard uncertainty of the rotation, deg.
@@ -56,17 +56,17 @@ pub struct Turn {
 
 /// Measures rotations; keeps its memory and its FFT plans.
 #[derive(Default)]
-pub struct Ring {
+pub struct PolarCorrelator {
     planner: Option<RealFftPlanner<f32>>,
-    from: Polar,
-    to: Polar,
-    aligned: Polar,
-    slope: Polar,
+    from: PolarImage,
+    to: PolarImage,
+    aligned: PolarImage,
+    slope: PolarImage,
 }
 
 /// Grey levels around a centre, one row per radius, and their harmonics.
 #[derive(Default)]
-struct Polar {
+struct PolarImage {
     levels: Vec<f32>,
     spectrum: Vec<Complex<f32>>,
 }
@@ -80,7 +80,7 @@ struct Grid {
     columns: usize,
 }
 
-impl Ring {
+impl PolarCorrelator {
     /// Measures the rotation of a body whose centre is at `from` in `reference` and at `to` in `target`, px, from the
     /// pixels between two radii, px.
     ///
@@ -92,13 +92,13 @@ impl Ring {
     /// - [`PointStatus::OutOfFrame`] if too little of the ring lies in the images.
     /// - [`PointStatus::Occluded`] if too little of it is visible.
     /// - [`PointStatus::LowContrast`], [`PointStatus::LowCorrelation`] or [`PointStatus::Ambiguous`].
-    pub fn turn(
+    pub fn rotation(
         &mut self,
-        (reference, from): (&Prepared, (f64, f64)),
-        (target, to): (&Prepared, (f64, f64)),
+        (reference, from): (&PreparedFrame, (f64, f64)),
+        (target, to): (&PreparedFrame, (f64, f64)),
         (inner_px, outer_px): (f64, f64),
         near: Option<f64>,
-    ) -> Result<Turn, PointStatus> {
+    ) -> Result<RingRotation, PointStatus> {
         let outer_px = outer_px.min(room(reference, from)).min(room(target, to));
         let mut grid = Grid::new(inner_px, outer_px).ok_or(PointStatus::OutOfFrame)?;
         let (forward, backward) = self.plans(grid.columns);
@@ -115,7 +115,7 @@ impl Ring {
                 }
                 let sigma_deg = self.sigma(grid, gain).to_degrees();
                 let outer_px = grid.inner_px + grid.rows as f64;
-                return Ok(Turn { angle_deg: angle.to_degrees(), sigma_deg, zncc, outer_px });
+                return Ok(RingRotation { angle_deg: angle.to_degrees(), sigma_deg, zncc, outer_px });
             }
             if rows < MIN_ROWS {
                 return Err(PointStatus::Occluded);
@@ -246,9 +246,9 @@ impl Ring {
     }
 }
 
-impl Polar {
+impl PolarImage {
     /// Samples rows and harmonics from a frame.
-    fn sample(&mut self, frame: &Prepared, (x, y): (f64, f64), grid: Grid, forward: &dyn RealToComplex<f32>) {
+    fn sample(&mut self, frame: &PreparedFrame, (x, y): (f64, f64), grid: Grid, forward: &dyn RealToComplex<f32>) {
         let (left, top) = frame.local((0, 0));
         let (x, y) = (x + f64::from(left), y + f64::from(top));
         self.levels.clear();
@@ -259,7 +259,7 @@ impl Polar {
         for row in 0..grid.rows {
             let radius = grid.radius(row);
             for (level, (sin, cos)) in line.iter_mut().zip(&directions) {
-                *level = frame.splined.at(x + radius * cos, y - radius * sin);
+                *level = frame.interpolated.at(x + radius * cos, y - radius * sin);
             }
             // The lengths match the plan, so this cannot fail.
             let _ = forward.process(&mut line, &mut harmonics);
@@ -316,7 +316,7 @@ impl Grid {
 }
 
 /// Returns the radius of the largest circle around a position inside the prepared part of a frame, px.
-fn room(frame: &Prepared, (x, y): (f64, f64)) -> f64 {
+fn room(frame: &PreparedFrame, (x, y): (f64, f64)) -> f64 {
     let (left, top) = frame.local((0, 0));
     let (x, y) = (x + f64::from(left), y + f64::from(top));
     if x.is_nan() || y.is_nan() {
@@ -408,7 +408,7 @@ mod tests {
     fn any_rotation_is_found_without_a_start_to_a_hundredth_with_honest_uncertainty() {
         let speckle = Speckle::standard(41, 140.0);
         let reference = speckle.draw(140, 132);
-        let mut ring = Ring::default();
+        let mut ring = PolarCorrelator::default();
         for (limits, most_rms) in [((30.0, 50.0), 0.0035), ((20.0, 26.0), 0.012), ((8.0, 52.0), 0.003)] {
             let (mut square, mut reported, mut worst, mut count) = (0.0, 0.0, 0.0_f64, 0.0);
             for (case, angle_deg) in [0.07, -0.61, 2.93, 17.31, -90.4, 171.7].into_iter().enumerate() {
@@ -418,7 +418,7 @@ mod tests {
                     let seed = 300 + 20 * case as u64 + 2 * round;
                     let (a, b) = (prepared(&record(&reference, 2.0, seed)), prepared(&record(&target, 2.0, seed + 1)));
                     let to = (CENTER.0 + u, CENTER.1 + v);
-                    let found = ring.turn((&a, CENTER), (&b, to), limits, None).unwrap();
+                    let found = ring.rotation((&a, CENTER), (&b, to), limits, None).unwrap();
                     let error = found.angle_deg - angle_deg;
                     (square, reported) = (square + error * error, reported + found.sigma_deg.powi(2));
                     (worst, count) = (worst.max(error.abs()), count + 1.0);
@@ -446,21 +446,23 @@ mod tests {
                 }
             }
             let target = prepared(&image);
-            let found = Ring::default().turn((&reference, CENTER), (&target, CENTER), (12.0, 50.0), Some(0.0)).unwrap();
+            let found = PolarCorrelator::default()
+                .rotation((&reference, CENTER), (&target, CENTER), (12.0, 50.0), Some(0.0))
+                .unwrap();
             eprintln!("edge at {edge_px}: {found:?}");
             assert!((edge_px - 7.0..=edge_px + 1.0).contains(&found.outer_px), "{edge_px}: {found:?}");
             assert!((found.angle_deg - angle_deg).abs() < 5.0 * found.sigma_deg, "{edge_px}: {found:?}");
         }
         let hidden = prepared(&Image::new(140, 132));
-        let lost = Ring::default().turn((&reference, CENTER), (&hidden, CENTER), (12.0, 50.0), None);
+        let lost = PolarCorrelator::default().rotation((&reference, CENTER), (&hidden, CENTER), (12.0, 50.0), None);
         assert_eq!(lost.err(), Some(PointStatus::LowContrast));
     }
 
     #[test]
     fn other_patterns_are_refused_and_repeating_ones_are_ambiguous() {
         let frame = |seed: u64| prepared(&record(&Speckle::standard(seed, 140.0).draw(140, 132), 2.0, seed));
-        let mut ring = Ring::default();
-        let other = ring.turn((&frame(1), CENTER), (&frame(2), CENTER), (12.0, 50.0), None);
+        let mut ring = PolarCorrelator::default();
+        let other = ring.rotation((&frame(1), CENTER), (&frame(2), CENTER), (12.0, 50.0), None);
         assert!(
             matches!(other, Err(PointStatus::LowCorrelation | PointStatus::Ambiguous | PointStatus::Occluded)),
             "{other:?}"
@@ -476,8 +478,8 @@ mod tests {
             prepared(&record(&image, 1.0, 9))
         };
         let (a, b) = (star(0.0), star(2.5));
-        assert_eq!(ring.turn((&a, CENTER), (&b, CENTER), (12.0, 50.0), None).err(), Some(PointStatus::Ambiguous));
-        let near = ring.turn((&a, CENTER), (&b, CENTER), (12.0, 50.0), Some(0.0)).unwrap();
+        assert_eq!(ring.rotation((&a, CENTER), (&b, CENTER), (12.0, 50.0), None).err(), Some(PointStatus::Ambiguous));
+        let near = ring.rotation((&a, CENTER), (&b, CENTER), (12.0, 50.0), Some(0.0)).unwrap();
         assert!((near.angle_deg - 2.5).abs() < 0.05, "{near:?}");
     }
 
@@ -485,11 +487,12 @@ mod tests {
     fn rings_outside_the_image_are_refused() {
         let frame = prepared(&Speckle::standard(1, 140.0).draw(140, 132));
         for center in [(5.0, 60.0), (f64::NAN, 60.0), (60.0, 1e9)] {
-            let found = Ring::default().turn((&frame, center), (&frame, center), (12.0, 50.0), None);
+            let found = PolarCorrelator::default().rotation((&frame, center), (&frame, center), (12.0, 50.0), None);
             assert_eq!(found.err(), Some(PointStatus::OutOfFrame), "{center:?}");
         }
-        let near_edge =
-            Ring::default().turn((&frame, (30.0, 60.0)), (&frame, (30.0, 60.0)), (12.0, 50.0), None).unwrap();
+        let near_edge = PolarCorrelator::default()
+            .rotation((&frame, (30.0, 60.0)), (&frame, (30.0, 60.0)), (12.0, 50.0), None)
+            .unwrap();
         assert!(near_edge.outer_px <= 30.0 && near_edge.angle_deg.abs() < 1e-4, "{near_edge:?}");
     }
 }

@@ -3,18 +3,18 @@
 //! A rigid motion fitted to the displacements of subsets loses the pixels between and outside the subsets. One match of
 //! all pixels is closer to the Cramer-Rao bound, and cheaper.
 
-use super::occlusion::Sight;
-use super::occlusion_map::Veil;
+use super::occlusion::OcclusionSearch;
+use super::occlusion_map::OcclusionMap;
 use crate::dic::Shape;
 use crate::dic::field::RigidMotion;
 use crate::dic::geometry::Region;
+use crate::dic::geometry::SubsetMask;
 use crate::dic::geometry::Warp;
-use crate::dic::geometry::Window;
-use crate::dic::image::Prepared;
-use crate::dic::refine::{Lost, Match, Refiner};
-use crate::dic::subset::{Subset, Unusable};
-use crate::dic::uncertainty::Sharpness;
-use crate::dic::uncertainty::{Factor, Pool, Slopes};
+use crate::dic::image::PreparedFrame;
+use crate::dic::refine::{Match, MatchError, Refiner};
+use crate::dic::subset::{ReferenceSubset, Unusable};
+use crate::dic::uncertainty::GradientGain;
+use crate::dic::uncertainty::{GradientNoise, NoisePool, VarianceFactor};
 use crate::numeric::Lanes;
 use crate::results::PointStatus;
 
@@ -33,12 +33,12 @@ const STALE_ZNCC: f64 = 0.8;
 /// matched against it.
 #[derive(Debug, Clone, Default)]
 pub struct RigidBody {
-    subset: Subset,
-    window: Window,
+    subset: ReferenceSubset,
+    window: SubsetMask,
     at: (u32, u32),
     residual: Vec<Lanes>,
-    pool: Pool,
-    sight: Sight,
+    pool: NoisePool,
+    occlusion: OcclusionSearch,
     /// The gradient gain of the texture: the factor that corrects one Gauss-Newton step.
     gradient_gain: f64,
 }
@@ -68,7 +68,7 @@ impl RigidBody {
     ///
     /// [`PointStatus::OutOfFrame`] if the region extends over the edge of the frame or holds too few pixels,
     /// [`PointStatus::LowContrast`] if it has no texture.
-    pub fn new(reference: &Prepared, region: &Region) -> Result<Self, PointStatus> {
+    pub fn new(reference: &PreparedFrame, region: &Region) -> Result<Self, PointStatus> {
         let mut body = Self::default();
         body.renew(reference, region)?;
         Ok(body)
@@ -79,7 +79,7 @@ impl RigidBody {
     /// # Errors
     ///
     /// As [`Self::new`]. After an error the body must not be used.
-    pub fn renew(&mut self, reference: &Prepared, region: &Region) -> Result<(), PointStatus> {
+    pub fn renew(&mut self, reference: &PreparedFrame, region: &Region) -> Result<(), PointStatus> {
         let [left, top, right, bottom] = region.bounds_px().ok_or(PointStatus::OutOfFrame)?;
         let center = (0.5 * (left + right), 0.5 * (top + bottom));
         let half = (0.5 * (right - left).max(bottom - top)).ceil();
@@ -89,21 +89,22 @@ impl RigidBody {
         }
         let at = (center.0.round() as u32, center.1.round() as u32);
         let (x, y) = (f64::from(at.0), f64::from(at.1));
-        let window = Window::from_test(half as u32 + 1, |dx, dy| region.contains(x + f64::from(dx), y + f64::from(dy)));
+        let window =
+            SubsetMask::from_test(half as u32 + 1, |dx, dy| region.contains(x + f64::from(dx), y + f64::from(dy)));
         if window.pixels < MIN_PIXELS {
             return Err(PointStatus::OutOfFrame);
         }
         (self.at, self.window) = (at, window);
-        let Self { subset, window, pool, sight, .. } = self;
+        let Self { subset, window, pool, occlusion, .. } = self;
         subset.fill_body(reference, window, at).map_err(|unusable| match unusable {
             Unusable::OutOfFrame => PointStatus::OutOfFrame,
             Unusable::LowContrast => PointStatus::LowContrast,
         })?;
         pool.clear();
         pool.add_texture(subset, window);
-        sight.plan(window);
+        occlusion.plan(window);
         let spans = window.spans(reference.local(at), reference.levels.height());
-        self.gradient_gain = Sharpness::of(reference, &spans).gain();
+        self.gradient_gain = GradientGain::of(reference, &spans).gain();
         Ok(())
     }
 
@@ -134,13 +135,13 @@ impl RigidBody {
     /// Returns the error of a whole-body match per unit dilatation: displacement along x and y, px, and rotation, deg.
     ///
     /// A body with more edges on one side seems to move to that side when it is magnified.
-    pub fn growth_lever(&self) -> [f64; 3] {
+    pub fn dilatation_error(&self) -> [f64; 3] {
         let [u_px, v_px, angle] = self.subset.lever;
         [u_px, v_px, angle.to_degrees()]
     }
 
     /// The mask of its pixels, relative to [`Self::center_px`].
-    pub(in crate::dic) fn window(&self) -> &Window {
+    pub(in crate::dic) fn window(&self) -> &SubsetMask {
         &self.window
     }
 
@@ -154,7 +155,7 @@ impl RigidBody {
     /// [`PointStatus::OutOfFrame`] or [`PointStatus::LowCorrelation`].
     pub fn find(
         &mut self,
-        target: &Prepared,
+        target: &PreparedFrame,
         (x_px, y_px): (f64, f64),
         near: (f64, f64, f64),
     ) -> Result<BodyMotion, PointStatus> {
@@ -176,16 +177,16 @@ impl RigidBody {
     /// As [`Self::find`], or [`PointStatus::Occluded`] if less than 15 % of the body is visible.
     pub fn find_visible(
         &mut self,
-        target: &Prepared,
+        target: &PreparedFrame,
         (x_px, y_px): (f64, f64),
         near: (f64, f64, f64),
     ) -> Result<BodyMotion, PointStatus> {
         let (start, offset) = self.start((x_px, y_px), near);
-        let (mut sight, mut residual) = (std::mem::take(&mut self.sight), std::mem::take(&mut self.residual));
-        sight.clear_occlusion();
+        let (mut occlusion, mut residual) = (std::mem::take(&mut self.occlusion), std::mem::take(&mut self.residual));
+        occlusion.clear_occlusion();
         let plain = self.refiner(target).refine_near(start, self.gradient_gain, &mut residual).map_err(status_of);
         let found = match plain {
-            Ok(found) if sight.is_whole(&self.window, &found, &residual) => {
+            Ok(found) if occlusion.is_whole(&self.window, &found, &residual) => {
                 Ok(self.body_motion(target, &found, offset, &residual))
             }
             _ => {
@@ -193,26 +194,26 @@ impl RigidBody {
                 // An occluder that covers half of the body may have biased the plain match.
                 let searched = match plain {
                     Ok(found) => {
-                        let matched = sight.find(&refiner, found.warp, (found.zncc, &residual));
-                        matched.or_else(|_| sight.find(&refiner, start, (0.0, &[])))
+                        let matched = occlusion.find(&refiner, found.warp, (found.zncc, &residual));
+                        matched.or_else(|_| occlusion.find(&refiner, start, (0.0, &[])))
                     }
-                    Err(_) => sight.find(&refiner, start, (0.0, &[])),
+                    Err(_) => occlusion.find(&refiner, start, (0.0, &[])),
                 };
                 searched.map(|found| {
-                    let visible = sight.body_motion(&self.refiner(target), &found, offset);
+                    let visible = occlusion.body_motion(&self.refiner(target), &found, offset);
                     // The visible pixels are a part of the body's.
                     BodyMotion { motion: visible.motion.with_sigmas(self.gradient_gain), ..visible }
                 })
             }
         };
-        (self.sight, self.residual) = (sight, residual);
+        (self.occlusion, self.residual) = (occlusion, residual);
         found
     }
 
     /// Returns the occluded pixels, relative to [`Self::center_px`], of the last [`Self::find_visible`]; `None` if
     /// there were none.
-    pub fn veil(&self) -> Option<Veil> {
-        self.sight.veil(&self.window)
+    pub fn occlusion_map(&self) -> Option<OcclusionMap> {
+        self.occlusion.occlusion_map(&self.window)
     }
 
     /// Returns the initial warp for a motion of a point, and the offset of the point from the centre.
@@ -225,34 +226,41 @@ impl RigidBody {
     }
 
     /// Computes the motion and its uncertainty from a match of all pixels and its residual.
-    fn body_motion(&mut self, target: &Prepared, found: &Match, offset: (f64, f64), residual: &[Lanes]) -> BodyMotion {
+    fn body_motion(
+        &mut self,
+        target: &PreparedFrame,
+        found: &Match,
+        offset: (f64, f64),
+        residual: &[Lanes],
+    ) -> BodyMotion {
         let Self { subset, window, at, pool, .. } = self;
-        let refiner = Refiner { subset, window, shape: Shape::Rigid, target: &target.splined, at: target.local(*at) };
+        let refiner =
+            Refiner { subset, window, shape: Shape::Rigid, target: &target.interpolated, at: target.local(*at) };
         let motion = motion(&refiner, found, offset, (pool, residual)).with_sigmas(self.gradient_gain);
         BodyMotion { motion, zncc: found.zncc, visible_fraction: 1.0 }
     }
 
     /// Runs the match from an initial warp.
-    pub(in crate::dic) fn refine(&self, target: &Prepared, start: Warp) -> Result<Match, PointStatus> {
+    pub(in crate::dic) fn refine(&self, target: &PreparedFrame, start: Warp) -> Result<Match, PointStatus> {
         self.refiner(target).refine(start).map_err(status_of)
     }
 
-    fn refiner<'a>(&'a self, target: &'a Prepared) -> Refiner<'a> {
+    fn refiner<'a>(&'a self, target: &'a PreparedFrame) -> Refiner<'a> {
         Refiner {
             subset: &self.subset,
             window: &self.window,
             shape: Shape::Rigid,
-            target: &target.splined,
+            target: &target.interpolated,
             at: target.local(self.at),
         }
     }
 }
 
 /// Converts the failure of a match to a status.
-pub(in crate::dic) fn status_of(lost: Lost) -> PointStatus {
+pub(in crate::dic) fn status_of(lost: MatchError) -> PointStatus {
     match lost {
-        Lost::OutOfFrame => PointStatus::OutOfFrame,
-        Lost::NotConverged => PointStatus::LowCorrelation,
+        MatchError::OutOfFrame => PointStatus::OutOfFrame,
+        MatchError::NotConverged => PointStatus::LowCorrelation,
     }
 }
 
@@ -270,7 +278,7 @@ pub(in crate::dic) fn motion(
     refiner: &Refiner<'_>,
     found: &Match,
     (dx, dy): (f64, f64),
-    (pool, residual): (&mut Pool, &[Lanes]),
+    (pool, residual): (&mut NoisePool, &[Lanes]),
 ) -> RigidMotion {
     let (subset, window, pixels) = (refiner.subset, refiner.window, refiner.window.pixels);
     pool.set_residual(window, residual);
@@ -280,10 +288,10 @@ pub(in crate::dic) fn motion(
     let angle = warp.uy.atan2(1.0 + warp.ux);
     let (x, y) = warp.apply(dx, dy);
     let [along_u, along_v, along_angle] = spreads(&subset.inverse, angle, (dx, dy));
-    let factor = pool.factor().weighted_by_slopes(&Slopes::of(subset, window, residual));
+    let factor = pool.factor().weighted_by_slopes(&GradientNoise::of(subset, window, residual));
     let (var_u, var_v) = factor.variances(variance, (along_u, along_v));
     let mean = 0.5 * (factor.x + factor.y);
-    let (var_angle, _) = Factor { x: mean, y: mean }.variances(variance, (along_angle, 0.0));
+    let (var_angle, _) = VarianceFactor { x: mean, y: mean }.variances(variance, (along_angle, 0.0));
     RigidMotion {
         u_px: x - dx,
         v_px: y - dy,

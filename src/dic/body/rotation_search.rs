@@ -8,8 +8,8 @@
 use super::rigid_body::{BodyMotion, RigidBody};
 use crate::dic::geometry::Region;
 use crate::dic::geometry::Warp;
-use crate::dic::image::Plane;
-use crate::dic::image::Prepared;
+use crate::dic::image::PaddedImage;
+use crate::dic::image::PreparedFrame;
 use crate::dic::params::Interpolation;
 use crate::dic::refine::Match;
 use crate::image::Image;
@@ -58,13 +58,13 @@ struct Candidate {
 ///
 /// Some tenths of a second. Intended for the first frame and for lost bodies. Allocates.
 pub fn find_at_any_angle(
-    reference: &Prepared,
-    target: &Prepared,
+    reference: &PreparedFrame,
+    target: &PreparedFrame,
     region: &Region,
     (x_px, y_px): (f64, f64),
 ) -> Result<BodyMotion, PointStatus> {
     let mut body = RigidBody::new(reference, region)?;
-    let coarse = Coarse::new(reference, target, region, &body)?;
+    let coarse = SubsampledPair::new(reference, target, region, &body)?;
     let candidates = all_angles(&coarse.body, &coarse.reference, &coarse.target, std::f64::consts::PI);
     let matches = refined(&coarse.body, &coarse.target, &candidates);
     let best = matches.first().filter(|found| found.zncc >= MIN_ZNCC).ok_or(PointStatus::LowCorrelation)?;
@@ -91,15 +91,15 @@ pub fn find_at_any_angle(
 /// # Panics
 ///
 /// If only a part of either frame was prepared.
-pub fn find_hidden_within_angle(
-    reference: &Prepared,
-    target: &Prepared,
+pub fn find_occluded_within_angle(
+    reference: &PreparedFrame,
+    target: &PreparedFrame,
     region: &Region,
     point_px: (f64, f64),
     max_deg: f64,
 ) -> Result<BodyMotion, PointStatus> {
     let mut body = RigidBody::new(reference, region)?;
-    let mut coarse = Coarse::new(reference, target, region, &body)?;
+    let mut coarse = SubsampledPair::new(reference, target, region, &body)?;
     let (center, coarse_center) = (body.center_px(), coarse.body.center_px());
     let mut found: Vec<BodyMotion> = Vec::new();
     for candidate in all_angles(&coarse.body, &coarse.reference, &coarse.target, max_deg.to_radians()) {
@@ -123,19 +123,24 @@ pub fn find_hidden_within_angle(
 }
 
 /// The subsampled frames and the body in them.
-struct Coarse {
+struct SubsampledPair {
     factor: usize,
-    reference: Prepared,
-    target: Prepared,
+    reference: PreparedFrame,
+    target: PreparedFrame,
     body: RigidBody,
 }
 
-impl Coarse {
-    fn new(reference: &Prepared, target: &Prepared, region: &Region, body: &RigidBody) -> Result<Self, PointStatus> {
+impl SubsampledPair {
+    fn new(
+        reference: &PreparedFrame,
+        target: &PreparedFrame,
+        region: &Region,
+        body: &RigidBody,
+    ) -> Result<Self, PointStatus> {
         assert!(reference.is_whole() && target.is_whole(), "the rotation search needs whole frames");
         let factor = coarse_factor(reference, body);
-        let coarse = |frame: &Prepared| {
-            let mut prepared = Prepared::default();
+        let coarse = |frame: &PreparedFrame| {
+            let mut prepared = PreparedFrame::default();
             prepared.fill(subsampled(&frame.levels, factor).view(), Interpolation::Optimised);
             prepared
         };
@@ -163,7 +168,7 @@ fn at_point(u: f64, v: f64, angle_deg: f64, (dx, dy): (f64, f64)) -> (f64, f64, 
 }
 
 /// Returns the subsampling factor along each axis.
-fn coarse_factor(frame: &Prepared, body: &RigidBody) -> usize {
+fn coarse_factor(frame: &PreparedFrame, body: &RigidBody) -> usize {
     let radius = (body.pixels() as f64 / std::f64::consts::PI).sqrt();
     let side = frame.width().max(frame.height());
     let wanted = side.div_ceil(COARSE_SIDE);
@@ -172,7 +177,7 @@ fn coarse_factor(frame: &Prepared, body: &RigidBody) -> usize {
 }
 
 /// Averages squares of `factor` x `factor` pixels.
-fn subsampled(levels: &Plane, factor: usize) -> Image {
+fn subsampled(levels: &PaddedImage, factor: usize) -> Image {
     let (width, height) = (levels.width() / factor, levels.height() / factor);
     let mut image = Image::new(width, height);
     let scale = 1.0 / (factor * factor) as f32;
@@ -208,7 +213,7 @@ fn scaled(region: &Region, factor: usize) -> Region {
 }
 
 /// Returns the best position at each rotation up to `max_rad` that scores higher than its neighbours, best first.
-fn all_angles(body: &RigidBody, reference: &Prepared, target: &Prepared, max_rad: f64) -> Vec<Candidate> {
+fn all_angles(body: &RigidBody, reference: &PreparedFrame, target: &PreparedFrame, max_rad: f64) -> Vec<Candidate> {
     let radius = f64::from(body.window().half);
     let count = ((std::f64::consts::TAU * radius / RIM_STEP).ceil() as usize).clamp(12, 720);
     let mut search = MaskedSearch::new(target);
@@ -225,7 +230,7 @@ fn all_angles(body: &RigidBody, reference: &Prepared, target: &Prepared, max_rad
 }
 
 /// Refines the candidates to sub-pixel precision and sorts them, best first.
-fn refined(body: &RigidBody, target: &Prepared, candidates: &[Candidate]) -> Vec<Match> {
+fn refined(body: &RigidBody, target: &PreparedFrame, candidates: &[Candidate]) -> Vec<Match> {
     let (cx, cy) = body.center_px();
     let start =
         |candidate: &Candidate| Warp::rigid(candidate.center.0 - cx, candidate.center.1 - cy, candidate.angle_rad);
@@ -256,7 +261,7 @@ struct MaskedSearch {
 }
 
 impl MaskedSearch {
-    fn new(target: &Prepared) -> Self {
+    fn new(target: &PreparedFrame) -> Self {
         let (width, height) = (target.width(), target.height());
         let mut transform = Transform::new(fast_size(width.max(height)));
         let stride = transform.stride();
@@ -275,7 +280,7 @@ impl MaskedSearch {
     }
 
     /// Returns the best position of the body rotated by an angle, or `None` if it fits nowhere.
-    fn best(&mut self, body: &RigidBody, reference: &Prepared, angle_rad: f64) -> Option<Candidate> {
+    fn best(&mut self, body: &RigidBody, reference: &PreparedFrame, angle_rad: f64) -> Option<Candidate> {
         let template = Template::turned(body, reference, angle_rad);
         let (stride, size) = (self.transform.stride(), self.transform.size());
         if template.reach.0 * 2 >= self.width || template.reach.1 * 2 >= self.height {
@@ -345,7 +350,7 @@ struct Template {
 }
 
 impl Template {
-    fn turned(body: &RigidBody, reference: &Prepared, angle_rad: f64) -> Self {
+    fn turned(body: &RigidBody, reference: &PreparedFrame, angle_rad: f64) -> Self {
         let window = body.window();
         let reach = (f64::from(window.half) * std::f64::consts::SQRT_2).ceil() as i32;
         let back = Warp::rigid(0.0, 0.0, -angle_rad);
@@ -355,7 +360,7 @@ impl Template {
             for dx in -reach..=reach {
                 let (x, y) = back.apply(f64::from(dx), f64::from(dy));
                 if window.holds(x.round() as i32, y.round() as i32) {
-                    pixels.push((dx, dy, reference.splined.at(cx + x, cy + y)));
+                    pixels.push((dx, dy, reference.interpolated.at(cx + x, cy + y)));
                 }
             }
         }

@@ -6,9 +6,9 @@
 
 use multiversion::multiversion;
 
-use super::box_filter::{add_around, are_strips_within, are_within, box_sums, least_of_strips};
+use super::box_filter::{add_around, are_strips_within, are_within, box_sums, strip_minima};
 use super::median_residual::{median_size, nth_smallest};
-use crate::dic::geometry::Window;
+use crate::dic::geometry::SubsetMask;
 use crate::numeric::{LANES, Lanes};
 
 /// Half the side of the neighbourhood of the local ZNCC, px.
@@ -37,7 +37,7 @@ const PAD: usize = ZNCC_REACH;
 
 /// Memory for the maps of one body.
 #[derive(Debug, Clone, Default)]
-pub(in crate::dic) struct Likeness {
+pub(in crate::dic) struct VisibilityMap {
     stride: usize,
     mask: Vec<f32>,
     reference: Vec<f32>,
@@ -61,9 +61,9 @@ pub(in crate::dic) struct Likeness {
     sample: Vec<Lanes>,
 }
 
-impl Likeness {
+impl VisibilityMap {
     /// Plans for a body of these pixels.
-    pub(in crate::dic) fn plan(&mut self, window: &Window) {
+    pub(in crate::dic) fn plan(&mut self, window: &SubsetMask) {
         self.load(window, &[], &[]);
         let (len, stride) = (self.mask.len(), self.stride);
         for plane in [&mut self.squares, &mut self.product, &mut self.neighbours, &mut self.sums[0]] {
@@ -74,7 +74,7 @@ impl Likeness {
         add_around(&self.mask, stride, &mut self.columns, &mut self.neighbours);
         let off = self.neighbours.iter_mut().zip(&self.mask).filter(|(_, mask)| **mask < 0.5);
         off.for_each(|(near, _)| *near = OFF_BODY);
-        least_of_strips(&self.neighbours, stride, &mut self.strip_neighbours);
+        strip_minima(&self.neighbours, stride, &mut self.strip_neighbours);
         let step = (window.pixels / NOISE_SAMPLE_PIXELS).max(1);
         let pixels = |row: &Lanes| row.0.iter().filter(|mask| **mask > 0.5).count();
         self.sampled = (step, window.mask.iter().step_by(step).map(pixels).sum());
@@ -83,7 +83,7 @@ impl Likeness {
     /// Whether the residual of the planned body is noise everywhere, so that no mask would remove a pixel.
     ///
     /// `min_noise` is the lower limit of the noise, DN.
-    pub(in crate::dic) fn is_whole(&mut self, window: &Window, residual: &[Lanes], min_noise: f32) -> bool {
+    pub(in crate::dic) fn is_whole(&mut self, window: &SubsetMask, residual: &[Lanes], min_noise: f32) -> bool {
         let squares = sum_of_squares(residual);
         let (step, pixels) = self.sampled;
         self.sample.clear();
@@ -101,7 +101,7 @@ impl Likeness {
     }
 
     /// Loads the squares of a residual.
-    fn square(&mut self, window: &Window, residual: &[Lanes]) {
+    fn square(&mut self, window: &SubsetMask, residual: &[Lanes]) {
         if residual.is_empty() {
             self.squares.fill(0.0);
         }
@@ -112,7 +112,7 @@ impl Likeness {
     }
 
     /// Loads a reference and its residual, both packed like the window's mask.
-    fn load(&mut self, window: &Window, reference: &[Lanes], residual: &[Lanes]) {
+    fn load(&mut self, window: &SubsetMask, reference: &[Lanes], residual: &[Lanes]) {
         let (width, height) = window.extent.sides();
         // The lanes of whole blocks may extend over the rectangle to both sides.
         self.stride = (width + 2 * PAD + 2 * LANES).next_multiple_of(LANES);
@@ -131,7 +131,7 @@ impl Likeness {
     /// Sets `kept` to 1 where the local ZNCC is high enough, else to 0.
     pub(in crate::dic) fn by_zncc(
         &mut self,
-        window: &Window,
+        window: &SubsetMask,
         (reference, residual): (&[Lanes], &[Lanes]),
         kept: &mut Vec<Lanes>,
     ) {
@@ -160,7 +160,7 @@ impl Likeness {
     /// Sets `kept` to 1 where the local residual is noise, else to 0.
     pub(in crate::dic) fn by_residual(
         &mut self,
-        window: &Window,
+        window: &SubsetMask,
         residual: &[Lanes],
         noise: f32,
         kept: &mut Vec<Lanes>,
@@ -184,7 +184,7 @@ impl Likeness {
     /// count.
     pub(in crate::dic) fn mark_visible(
         &mut self,
-        window: &Window,
+        window: &SubsetMask,
         (residual, noise): (&[Lanes], f32),
         kept: &[Lanes],
         visible: &mut Vec<Lanes>,
@@ -229,7 +229,7 @@ impl Likeness {
 /// Whether the residual where `kept` is 1 is consistent with noise of one standard deviation.
 ///
 /// If half of a body is occluded, the median no longer represents the visible pixels and does not reveal the rest.
-pub(in crate::dic) fn is_even(residual: &[Lanes], noise: f32, kept: &[Lanes]) -> bool {
+pub(in crate::dic) fn is_noise(residual: &[Lanes], noise: f32, kept: &[Lanes]) -> bool {
     let mut square = 0.0;
     // Chunks limit the rounding of single precision: a body may have a million pixels.
     for (residual, kept) in residual.chunks(512).zip(kept.chunks(512)) {
@@ -250,7 +250,7 @@ fn count(kept: &[Lanes]) -> usize {
 }
 
 /// Returns the index of the first pixel of each row of eight.
-fn places(window: &Window, stride: usize) -> impl Iterator<Item = usize> {
+fn places(window: &SubsetMask, stride: usize) -> impl Iterator<Item = usize> {
     let (left, top) = (window.extent.left - (PAD + LANES) as i32, window.extent.top - PAD as i32);
     window.blocks.iter().flat_map(move |block| {
         let (x, y) = ((block.dx - left) as usize, (block.dy - top) as usize);
@@ -259,7 +259,7 @@ fn places(window: &Window, stride: usize) -> impl Iterator<Item = usize> {
 }
 
 /// Builds the mask of the pixels that pass a test, packed like the window's.
-fn pick(window: &Window, stride: usize, alike: impl Fn(usize) -> bool, kept: &mut Vec<Lanes>) {
+fn pick(window: &SubsetMask, stride: usize, alike: impl Fn(usize) -> bool, kept: &mut Vec<Lanes>) {
     kept.clear();
     kept.extend(places(window, stride).zip(&window.mask).map(|(first, mask)| {
         let lane = |lane: usize| if mask.0[lane] > 0.5 && alike(first + lane) { 1.0 } else { 0.0 };
@@ -287,13 +287,13 @@ mod tests {
     use super::*;
     use crate::dic::WindowShape;
 
-    fn planned(window: &Window) -> Likeness {
-        let mut likeness = Likeness::default();
-        likeness.plan(window);
-        likeness
+    fn planned(window: &SubsetMask) -> VisibilityMap {
+        let mut visibility = VisibilityMap::default();
+        visibility.plan(window);
+        visibility
     }
 
-    fn packed(window: &Window, value: impl Fn(i32, i32) -> f32) -> Vec<Lanes> {
+    fn packed(window: &SubsetMask, value: impl Fn(i32, i32) -> f32) -> Vec<Lanes> {
         let row = |block: &crate::dic::geometry::Block, row: usize| {
             let dy = block.dy + row as i32;
             Lanes(std::array::from_fn(|lane| {
@@ -315,16 +315,16 @@ mod tests {
     /// The reference implementation sums each neighbourhood separately.
     #[test]
     fn local_residuals_equal_those_summed_one_by_one_with_dirty_memory() {
-        let window = Window::new(WindowShape::Circle, 31);
+        let window = SubsetMask::new(WindowShape::Circle, 31);
         let residual = packed(&window, |dx, dy| 0.05 * speckle(dx, dy) + if dx > 6 { 20.0 } else { 0.0 });
-        let mut likeness = planned(&window);
+        let mut visibility = planned(&window);
         let mut kept = Vec::new();
         for dirty in [false, true] {
             if dirty {
-                likeness.product.fill(f32::NAN);
-                likeness.columns.fill(f32::NAN);
+                visibility.product.fill(f32::NAN);
+                visibility.columns.fill(f32::NAN);
             }
-            likeness.by_residual(&window, &residual, 4.0, &mut kept);
+            visibility.by_residual(&window, &residual, 4.0, &mut kept);
             let expected = packed(&window, |dx, dy| {
                 let (mut square, mut count) = (0.0, 0.0);
                 for (x, y) in (-3..=3).flat_map(|y| (-3..=3).map(move |x| (dx + x, dy + y))) {
@@ -343,19 +343,19 @@ mod tests {
     fn a_body_is_whole_if_every_neighbourhood_is_as_noisy_as_the_mean() {
         // The noise of the larger window is estimated from every fifth row.
         for (size, spot, expected) in [(61, 0.0, true), (61, 12.0, false), (115, 0.0, true), (115, 12.0, false)] {
-            let window = Window::new(WindowShape::Circle, size);
-            let mut likeness = planned(&window);
+            let window = SubsetMask::new(WindowShape::Circle, size);
+            let mut visibility = planned(&window);
             let third = size as i32 / 3;
             let is_spot = |dx: i32, dy: i32| dx > third && dy > third - 8;
             let residual = packed(&window, |dx, dy| 0.02 * speckle(dx, dy) + if is_spot(dx, dy) { spot } else { 0.0 });
-            assert_eq!(likeness.is_whole(&window, &residual, 0.45), expected);
+            assert_eq!(visibility.is_whole(&window, &residual, 0.45), expected);
             let mut kept = Vec::new();
             let mut slow = planned(&window);
             let noise = slow.noise(&residual, &window.mask);
             let squares = sum_of_squares(&residual) / window.pixels as f64;
             let of_all = 1.4826 * median_size(&residual, window.pixels, squares);
             assert!((of_all / noise - 1.0).abs() < 0.01);
-            let of_sample = 1.4826 * median_size(&likeness.sample, likeness.sampled.1, squares);
+            let of_sample = 1.4826 * median_size(&visibility.sample, visibility.sampled.1, squares);
             assert!((of_sample / noise - 1.0).abs() < 0.05, "{of_sample} of {noise}");
             slow.by_residual(&window, &residual, noise, &mut kept);
             assert_eq!(kept == window.mask, expected);
@@ -364,9 +364,9 @@ mod tests {
 
     #[test]
     fn larger_neighbourhoods_pass_only_where_each_of_theirs_does() {
-        let window = Window::new(WindowShape::Circle, 57);
-        let mut likeness = planned(&window);
-        let stride = likeness.stride;
+        let window = SubsetMask::new(WindowShape::Circle, 57);
+        let mut visibility = planned(&window);
+        let stride = visibility.stride;
         let (mut passed, mut hidden) = (0, 0);
         for case in 0..300 {
             // A spot of 3 to 8 px anywhere, from faint to bright.
@@ -375,8 +375,8 @@ mod tests {
             let is_spot = |dx: i32, dy: i32| (x..x + size).contains(&dx) && (y..y + size).contains(&dy);
             let residual =
                 packed(&window, |dx, dy| 0.05 * speckle(dx, dy + case) + if is_spot(dx, dy) { spot } else { 0.0 });
-            likeness.is_whole(&window, &residual, 0.45);
-            let Likeness { squares, neighbours, strip_neighbours, columns, .. } = &mut likeness;
+            visibility.is_whole(&window, &residual, 0.45);
+            let VisibilityMap { squares, neighbours, strip_neighbours, columns, .. } = &mut visibility;
             let limit = 2.5_f32.powi(2) * 0.05_f32.powi(2) * 128.0_f32.powi(2) / 3.0;
             let strips = are_strips_within((squares, strip_neighbours), stride, limit, columns);
             let each = are_within((squares, neighbours), stride, limit, columns);
@@ -389,11 +389,11 @@ mod tests {
 
     #[test]
     fn replaced_pixels_are_distinguished_from_changed_illumination() {
-        let window = Window::new(WindowShape::Circle, 61);
+        let window = SubsetMask::new(WindowShape::Circle, 61);
         let target = |dx: i32, dy: i32| if dx > 8 { speckle(dx + 900, dy) } else { 1.3 * speckle(dx, dy) + 20.0 };
         let residual = packed(&window, |dx, dy| speckle(dx, dy) - target(dx, dy));
-        let (mut likeness, mut kept) = (planned(&window), Vec::new());
-        likeness.by_zncc(&window, (&packed(&window, speckle), &residual), &mut kept);
+        let (mut visibility, mut kept) = (planned(&window), Vec::new());
+        visibility.by_zncc(&window, (&packed(&window, speckle), &residual), &mut kept);
         let wrong = kept.iter().zip(packed(&window, |dx, _| if dx > 8 { 0.0 } else { 1.0 }));
         let wrong: usize =
             wrong.map(|(a, b)| a.0.iter().zip(&b.0).filter(|(a, b)| (*a - *b).abs() > 0.5).count()).sum();

@@ -1,26 +1,26 @@
 //! The steps of a match as separate functions, for benchmarks.
 
 use crate::dic::GridPoint;
+use crate::dic::geometry::SubsetMask;
 use crate::dic::geometry::Warp;
-use crate::dic::geometry::Window;
-use crate::dic::image::Prepared;
+use crate::dic::image::PreparedFrame;
 use crate::dic::params::{CorrelationParams, Interpolation, Shape};
 use crate::dic::refine::Refiner;
-use crate::dic::search::Search;
-use crate::dic::subset::Subset;
+use crate::dic::search::IntegerSearch;
+use crate::dic::subset::ReferenceSubset;
 use crate::image::ImageView;
 use crate::numeric::{Vector, vectorized};
 
 /// The steps of matching subsets of 31 x 31 pixels, and a disc of 53 px radius (8800 px), in one pair of frames.
 ///
 /// Each method runs one step of [`Correlator::correlate`](crate::dic::Correlator::correlate) once.
-pub struct Parts {
-    frames: (Prepared, Prepared),
-    window: Window,
-    search: Search,
-    subset: Subset,
-    disc: Window,
-    body: Subset,
+pub struct KernelBenchmark {
+    frames: (PreparedFrame, PreparedFrame),
+    window: SubsetMask,
+    search: IntegerSearch,
+    subset: ReferenceSubset,
+    disc: SubsetMask,
+    body: ReferenceSubset,
     warp: Warp,
 }
 
@@ -57,7 +57,7 @@ fn multiply_add_with<V: Vector>(start: f32) -> f32 {
 /// The radius of the disc, px.
 const DISC_PX: i32 = 53;
 
-impl Parts {
+impl KernelBenchmark {
     /// Prepares a pair of frames of one size, at least 128 x 128 px. The second is moved and rotated by about the given
     /// u and v in px and angle in deg.
     ///
@@ -68,19 +68,19 @@ impl Parts {
         assert!(first.width() >= 128 && first.height() >= 128, "frames of a benchmark have room for the disc");
         let params = CorrelationParams::default();
         let mut parts = Self {
-            frames: (Prepared::default(), Prepared::default()),
-            window: Window::new(params.window, params.subset_size_px),
-            search: Search::new(params.subset_size_px as usize, params.search_px as usize),
-            subset: Subset::default(),
-            disc: Window::from_test(DISC_PX as u32, |dx, dy| dx * dx + dy * dy <= DISC_PX * DISC_PX),
-            body: Subset::default(),
+            frames: (PreparedFrame::default(), PreparedFrame::default()),
+            window: SubsetMask::new(params.window, params.subset_size_px),
+            search: IntegerSearch::new(params.subset_size_px as usize, params.search_px as usize),
+            subset: ReferenceSubset::default(),
+            disc: SubsetMask::from_test(DISC_PX as u32, |dx, dy| dx * dx + dy * dy <= DISC_PX * DISC_PX),
+            body: ReferenceSubset::default(),
             warp: Warp::rigid(u_px, v_px, angle_deg.to_radians()),
         };
         parts.prepare(first);
         std::mem::swap(&mut parts.frames.0, &mut parts.frames.1);
         parts.prepare(second);
         let at = parts.middle();
-        parts.subset_of(at);
+        parts.extract(at);
         let Self { body, disc, frames, .. } = &mut parts;
         let _ = body.fill_body(&frames.0, disc, (at.x, at.y));
         parts
@@ -96,7 +96,7 @@ impl Parts {
     }
 
     /// Extracts a subset: mean, energy, gradients and Hessian. Returns whether it is usable.
-    pub fn subset_of(&mut self, at: GridPoint) -> bool {
+    pub fn extract(&mut self, at: GridPoint) -> bool {
         self.subset.fill(&self.frames.0, &self.window, Shape::Affine, (at.x, at.y)).is_ok()
     }
 
@@ -121,6 +121,6 @@ impl Parts {
     fn refiner(&self, disc: bool, at: GridPoint) -> Refiner<'_> {
         let (subset, window, shape) =
             if disc { (&self.body, &self.disc, Shape::Rigid) } else { (&self.subset, &self.window, Shape::Affine) };
-        Refiner { subset, window, shape, target: &self.frames.1.splined, at: self.frames.1.local((at.x, at.y)) }
+        Refiner { subset, window, shape, target: &self.frames.1.interpolated, at: self.frames.1.local((at.x, at.y)) }
     }
 }

@@ -1,20 +1,20 @@
 //! The correlator: plans once, then measures one displacement field per call.
 
-use super::predicted::Carried;
-use super::subset_match::{Matcher, Searches, Solution};
+use super::predicted::PredictedUpdate;
+use super::subset_match::{Searches, SubsetMatch, SubsetMatcher};
 use crate::dic::GridPoint;
 use crate::dic::error::CorrelationError;
 use crate::dic::field::MedianTest;
 use crate::dic::geometry::Region;
+use crate::dic::geometry::SubsetMask;
 use crate::dic::geometry::Warp;
-use crate::dic::geometry::Window;
-use crate::dic::image::Prepared;
+use crate::dic::image::PreparedFrame;
 use crate::dic::params::{CorrelationParams, Method, Shape};
-use crate::dic::search::FineSearch;
-use crate::dic::search::Search;
-use crate::dic::subset::{Subset, Unusable};
-use crate::dic::uncertainty::Sharpness;
-use crate::dic::uncertainty::{Lags, POOLED, Pool, pairs_of};
+use crate::dic::search::IntegerSearch;
+use crate::dic::search::UpsampledSearch;
+use crate::dic::subset::{ReferenceSubset, Unusable};
+use crate::dic::uncertainty::GradientGain;
+use crate::dic::uncertainty::{Lags, NoisePool, POOLED, count_pairs};
 use crate::image::ImageView;
 use crate::numeric::Lanes;
 use crate::results::{Displacement, FieldPoint, PointStatus};
@@ -62,18 +62,18 @@ pub struct Correlator {
     params: CorrelationParams,
     width_px: usize,
     height_px: usize,
-    window: Window,
+    window: SubsetMask,
     /// Memory for a window clipped by the region.
-    cut: Window,
+    cut: SubsetMask,
     region: Option<Region>,
     searches: Searches,
-    subset: Subset,
-    solutions: Vec<Solution>,
+    subset: ReferenceSubset,
+    solutions: Vec<SubsetMatch>,
     residual: Vec<Lanes>,
-    carried: Carried,
+    predicted: PredictedUpdate,
     /// The pixel pairs of the whole window at each lag.
     pairs: Lags,
-    pool: Pool,
+    pool: NoisePool,
     pooled: Vec<usize>,
     median_test: MedianTest,
 }
@@ -83,10 +83,10 @@ pub struct Correlator {
 /// Created by [`Correlator::keep`]. Renew it when the body has rotated by about 3 deg or the ZNCC drops.
 #[derive(Debug, Clone)]
 pub struct KeptReference {
-    frame: Prepared,
+    frame: PreparedFrame,
     points: Vec<GridPoint>,
     /// Each subset, with its part of the window where the region or the edge clips it.
-    subsets: Vec<Result<(Subset, Option<Window>), PointStatus>>,
+    subsets: Vec<Result<(ReferenceSubset, Option<SubsetMask>), PointStatus>>,
 }
 
 impl KeptReference {
@@ -108,26 +108,26 @@ impl Correlator {
         if width_px < size as usize || height_px < size as usize {
             return Err(CorrelationError::SubsetLargerThanImage { subset_size_px: size, width_px, height_px });
         }
-        let window = Window::new(params.window, size);
+        let window = SubsetMask::new(params.window, size);
         let points = params.spline_points as usize;
         Ok(Self {
             searches: Searches {
-                pixel: Search::new(size as usize, params.search_px as usize),
-                fine: (params.method == Method::SplineFft).then(|| FineSearch::new(&window, points)),
+                pixel: IntegerSearch::new(size as usize, params.search_px as usize),
+                fine: (params.method == Method::SplineFft).then(|| UpsampledSearch::new(&window, points)),
                 peak_fit: true,
             },
             cut: window.clone(),
             region: None,
-            carried: Carried::default(),
-            pairs: pairs_of(&window),
+            predicted: PredictedUpdate::default(),
+            pairs: count_pairs(&window),
             window,
             params: params.clone(),
             width_px,
             height_px,
-            subset: Subset::default(),
+            subset: ReferenceSubset::default(),
             solutions: Vec::new(),
             residual: Vec::new(),
-            pool: Pool::default(),
+            pool: NoisePool::default(),
             pooled: Vec::new(),
             median_test: MedianTest::default(),
         })
@@ -160,8 +160,8 @@ impl Correlator {
     /// # Panics
     ///
     /// If the size of the image differs from the plan.
-    pub fn prepare(&self, image: ImageView<'_>) -> Prepared {
-        let mut prepared = Prepared::default();
+    pub fn prepare(&self, image: ImageView<'_>) -> PreparedFrame {
+        let mut prepared = PreparedFrame::default();
         self.prepare_into(image, &mut prepared);
         prepared
     }
@@ -171,7 +171,7 @@ impl Correlator {
     /// # Panics
     ///
     /// If the size of the image differs from the plan.
-    pub fn prepare_into(&self, image: ImageView<'_>, prepared: &mut Prepared) {
+    pub fn prepare_into(&self, image: ImageView<'_>, prepared: &mut PreparedFrame) {
         assert_eq!(
             (image.width(), image.height()),
             (self.width_px, self.height_px),
@@ -187,7 +187,7 @@ impl Correlator {
     /// # Panics
     ///
     /// If the size of the image differs from the plan.
-    pub fn prepare_part_into(&self, image: ImageView<'_>, part: [u32; 4], prepared: &mut Prepared) {
+    pub fn prepare_part_into(&self, image: ImageView<'_>, part: [u32; 4], prepared: &mut PreparedFrame) {
         assert_eq!(
             (image.width(), image.height()),
             (self.width_px, self.height_px),
@@ -210,8 +210,8 @@ impl Correlator {
     /// No allocation once `field` and the internal memory have grown to the number of points.
     pub fn correlate(
         &mut self,
-        reference: &Prepared,
-        target: &Prepared,
+        reference: &PreparedFrame,
+        target: &PreparedFrame,
         points: &[GridPoint],
         start: Start,
         field: &mut Vec<FieldPoint>,
@@ -220,16 +220,16 @@ impl Correlator {
         self.check_size(target);
         self.solutions.clear();
         self.searches.pixel.is_used = false;
-        let mut carried = std::mem::take(&mut self.carried);
+        let mut predicted = std::mem::take(&mut self.predicted);
         let starts = points.iter().map(|point| self.predicted_start(*point, start));
-        carried.resample((reference, target), points, &self.window, starts);
+        predicted.resample((reference, target), points, &self.window, starts);
         let (mut subset, mut cut) = (std::mem::take(&mut self.subset), std::mem::take(&mut self.cut));
         for (index, point) in points.iter().enumerate() {
             let whole = matcher(&self.params, &self.window, &subset, (reference, target), *point);
-            let solution = match carried.solve(&whole, index) {
+            let solution = match predicted.solve(&whole, index) {
                 Some(solution) => solution,
                 None => match self.extract(reference, *point, &mut subset, &mut cut) {
-                    Err(status) => Solution::failed(status),
+                    Err(status) => SubsetMatch::failed(status),
                     Ok(is_cut) => {
                         let window = if is_cut { &cut } else { &self.window };
                         let (guess, min_zncc) = self.guess(points, index, start);
@@ -243,17 +243,17 @@ impl Correlator {
         let pooled = self.choose_pooled();
         for index in pooled.iter().copied() {
             let pair = (reference, target);
-            if carried.found(index) {
+            if predicted.found(index) {
                 let matcher = matcher(&self.params, &self.window, &subset, pair, points[index]);
-                carried.pool(&matcher, index, &self.pairs, &mut self.pool);
-                self.pool.add_gradient_gain(Sharpness::within(reference, &self.window, matcher.at));
+                predicted.pool(&matcher, index, &self.pairs, &mut self.pool);
+                self.pool.add_gradient_gain(GradientGain::within(reference, &self.window, matcher.at));
             } else if let Ok(is_cut) = self.extract(reference, points[index], &mut subset, &mut cut) {
                 let window = if is_cut { &cut } else { &self.window };
                 let matcher = matcher(&self.params, window, &subset, pair, points[index]);
                 pool_residual(&matcher, &self.solutions[index], &mut self.residual, &mut self.pool);
             }
         }
-        self.carried = carried;
+        self.predicted = predicted;
         (self.subset, self.cut, self.pooled) = (subset, cut, pooled);
         self.fill(points, field);
         self.median_test.mark(points, self.params.step_px, field);
@@ -269,10 +269,10 @@ impl Correlator {
     /// # Panics
     ///
     /// If the size of the frame differs from the plan.
-    pub fn keep(&mut self, reference: Prepared, points: &[GridPoint]) -> KeptReference {
+    pub fn keep(&mut self, reference: PreparedFrame, points: &[GridPoint]) -> KeptReference {
         self.check_size(&reference);
         let keep_one = |point: &GridPoint| {
-            let (mut subset, mut cut) = (Subset::default(), self.window.clone());
+            let (mut subset, mut cut) = (ReferenceSubset::default(), self.window.clone());
             let is_cut = self.extract(&reference, *point, &mut subset, &mut cut)?;
             Ok((subset, is_cut.then_some(cut)))
         };
@@ -290,7 +290,7 @@ impl Correlator {
     pub fn correlate_kept(
         &mut self,
         kept: &KeptReference,
-        target: &Prepared,
+        target: &PreparedFrame,
         start: Start,
         field: &mut Vec<FieldPoint>,
     ) {
@@ -303,7 +303,7 @@ impl Correlator {
     pub(in crate::dic) fn correlate_from(
         &mut self,
         kept: &KeptReference,
-        target: &Prepared,
+        target: &PreparedFrame,
         starts: &[Option<Warp>],
         field: &mut Vec<FieldPoint>,
     ) {
@@ -313,14 +313,14 @@ impl Correlator {
 
     /// Returns the warps of the last field, `None` for invalid points.
     pub(in crate::dic) fn warps(&self) -> impl Iterator<Item = Option<Warp>> {
-        let valid = |solution: &&Solution| solution.status == PointStatus::Valid;
+        let valid = |solution: &&SubsetMatch| solution.status == PointStatus::Valid;
         self.solutions.iter().map(move |solution| Some(solution).filter(valid)?.found.map(|found| found.warp))
     }
 
     fn solve_kept(
         &mut self,
         kept: &KeptReference,
-        target: &Prepared,
+        target: &PreparedFrame,
         guess: impl Fn(&Self, usize) -> (Option<Warp>, f64),
     ) {
         self.check_size(&kept.frame);
@@ -329,7 +329,7 @@ impl Correlator {
         let pair = (&kept.frame, target);
         for (index, (point, subset)) in kept.points.iter().zip(&kept.subsets).enumerate() {
             let solution = match subset {
-                Err(status) => Solution::failed(*status),
+                Err(status) => SubsetMatch::failed(*status),
                 Ok((subset, cut)) => {
                     let window = cut.as_ref().unwrap_or(&self.window);
                     let (guess, min_zncc) = guess(self, index);
@@ -358,7 +358,7 @@ impl Correlator {
         start.warp(point, shape).filter(|_| is_free && turns)
     }
 
-    fn check_size(&self, frame: &Prepared) {
+    fn check_size(&self, frame: &PreparedFrame) {
         assert_eq!(
             (frame.width(), frame.height()),
             (self.width_px, self.height_px),
@@ -369,10 +369,10 @@ impl Correlator {
     /// Extracts the subset at a point of the reference and returns whether the region or the edge clips it.
     fn extract(
         &self,
-        reference: &Prepared,
+        reference: &PreparedFrame,
         point: GridPoint,
-        subset: &mut Subset,
-        cut: &mut Window,
+        subset: &mut ReferenceSubset,
+        cut: &mut SubsetMask,
     ) -> Result<bool, PointStatus> {
         let (width, height) = (self.width_px, self.height_px);
         let whole = self.window.extent.fits((point.x as isize, point.y as isize), (width, height));
@@ -404,11 +404,11 @@ impl Correlator {
         let Some(before) = index.checked_sub(1) else { return (None, 0.0) };
         let (point, neighbor, solution) = (points[index], points[before], self.solutions[before]);
         let found = solution.found.filter(|_| solution.status == PointStatus::Valid && point.y == neighbor.y);
-        let carried = found.map(|found| {
+        let predicted = found.map(|found| {
             let (dx, warp) = (f64::from(point.x) - f64::from(neighbor.x), found.warp);
             Warp { u: warp.u + warp.ux * dx, v: warp.v + warp.vx * dx, ..warp }
         });
-        (carried, TRUSTED_ZNCC)
+        (predicted, TRUSTED_ZNCC)
     }
 
     /// Selects valid matches spread over the field, in memory that goes back to `pooled`.
@@ -449,16 +449,16 @@ impl Correlator {
 /// Returns the matcher of one subset of a pair of frames.
 fn matcher<'a>(
     params: &'a CorrelationParams,
-    window: &'a Window,
-    subset: &'a Subset,
-    (reference, target): (&'a Prepared, &'a Prepared),
+    window: &'a SubsetMask,
+    subset: &'a ReferenceSubset,
+    (reference, target): (&'a PreparedFrame, &'a PreparedFrame),
     point: GridPoint,
-) -> Matcher<'a> {
-    Matcher { params, window, subset, reference, target, at: (point.x, point.y) }
+) -> SubsetMatcher<'a> {
+    SubsetMatcher { params, window, subset, reference, target, at: (point.x, point.y) }
 }
 
 /// Adds the autocorrelation of the residual of one match.
-fn pool_residual(matcher: &Matcher<'_>, solution: &Solution, residual: &mut Vec<Lanes>, pool: &mut Pool) {
+fn pool_residual(matcher: &SubsetMatcher<'_>, solution: &SubsetMatch, residual: &mut Vec<Lanes>, pool: &mut NoisePool) {
     let Some(found) = solution.found else { return };
     match matcher.params.refined_shape() {
         Shape::Quadratic => matcher.refiner().quadratic_residual(&found, residual),
@@ -466,7 +466,7 @@ fn pool_residual(matcher: &Matcher<'_>, solution: &Solution, residual: &mut Vec<
     }
     if !residual.is_empty() {
         pool.add(matcher.subset, matcher.window, residual);
-        pool.add_gradient_gain(Sharpness::within(matcher.reference, matcher.window, matcher.at));
+        pool.add_gradient_gain(GradientGain::within(matcher.reference, matcher.window, matcher.at));
     }
 }
 

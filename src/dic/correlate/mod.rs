@@ -6,6 +6,6 @@ mod predicted;
 mod series;
 mod subset_match;
 
-pub use benchmark::{Parts, arithmetic};
+pub use benchmark::{KernelBenchmark, arithmetic};
 pub use correlator::{Correlator, KeptReference, Start};
 pub use series::Series;

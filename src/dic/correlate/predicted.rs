@@ -5,20 +5,20 @@
 //! of the reference, and the sums of every subset are taken from that image. A subset whose update is too long is
 //! refined like any other.
 
-use super::subset_match::{Matcher, Solution};
+use super::subset_match::{SubsetMatch, SubsetMatcher};
 use crate::dic::GridPoint;
+use crate::dic::geometry::SubsetMask;
 use crate::dic::geometry::Warp;
-use crate::dic::geometry::Window;
-use crate::dic::image::Plane;
-use crate::dic::image::Prepared;
-use crate::dic::image::Splined;
-use crate::dic::image::{ShiftedColumn, sample_lanes};
+use crate::dic::image::InterpolatedImage;
+use crate::dic::image::PaddedImage;
+use crate::dic::image::PreparedFrame;
+use crate::dic::image::{ShiftedRows, sample_lanes};
 use crate::dic::refine::Match;
-use crate::dic::subset::Subset;
-use crate::dic::subset::{Columns, Strip};
+use crate::dic::subset::ReferenceSubset;
+use crate::dic::subset::{ColumnSums, Strip};
 use crate::dic::subset::{Layers, Moments};
-use crate::dic::uncertainty::Sharpness;
-use crate::dic::uncertainty::{Fit, Lags, Pool};
+use crate::dic::uncertainty::GradientGain;
+use crate::dic::uncertainty::{GreyLevelFit, Lags, NoisePool};
 use crate::numeric::{LANES, Lanes};
 use crate::numeric::{Vector, vectorized};
 
@@ -33,12 +33,12 @@ const MAX_TILED_GRADIENT: f64 = 0.01;
 
 /// The target of a pair of frames, resampled into the geometry of the reference.
 #[derive(Default)]
-pub(in crate::dic) struct Carried {
+pub(in crate::dic) struct PredictedUpdate {
     /// The resampled target, in the pixel grid of the reference.
-    plane: Plane,
+    plane: PaddedImage,
     /// The first and last column of the strips in each row of the reference.
     spans: Vec<(i32, i32)>,
-    columns: Columns,
+    columns: ColumnSums,
     /// The column sums of one subset that is not square.
     sums: Vec<f32>,
     /// The initial warp of each subset for which the target is resampled.
@@ -46,19 +46,19 @@ pub(in crate::dic) struct Carried {
     /// The centre of each subset in the reference, px.
     centers: Vec<(i32, i32)>,
     /// The grey-level fit of each subset found by one update.
-    fits: Vec<Option<Fit>>,
-    subset: Subset,
+    fits: Vec<Option<GreyLevelFit>>,
+    subset: ReferenceSubset,
     /// The gradient gain of the texture: the factor that corrects one Gauss-Newton step.
     gradient_gain: f64,
 }
 
-impl Carried {
+impl PredictedUpdate {
     /// Resamples the target for the subsets that `starts` has warps for. All warps must belong to one rigid motion.
     pub(in crate::dic) fn resample(
         &mut self,
-        (reference, target): (&Prepared, &Prepared),
+        (reference, target): (&PreparedFrame, &PreparedFrame),
         points: &[GridPoint],
-        window: &Window,
+        window: &SubsetMask,
         starts: impl Iterator<Item = Option<Warp>>,
     ) {
         let (width, height) = (reference.levels.width(), reference.levels.height());
@@ -68,7 +68,7 @@ impl Carried {
             let (at, to) = (reference.local((point.x, point.y)), target.local((point.x, point.y)));
             let is_sane = |warp: &Warp| {
                 warp.is_within(MAX_GRADIENT)
-                    && window.stays(warp, to, (target.splined.width(), target.splined.height()))
+                    && window.stays(warp, to, (target.interpolated.width(), target.interpolated.height()))
             };
             warp.filter(|warp| is_sane(warp) && holds(at) && !saturated(reference, window, at))
         }));
@@ -89,16 +89,16 @@ impl Carried {
         if warp.is_within(MAX_TILED_GRADIENT) {
             let gradients = (&reference.gradient_x, &reference.gradient_y);
             let gain = reference.gain_of(target);
-            resample_tiles((&target.splined, gain), gradients, strips, motion, &mut self.plane);
+            resample_tiles((&target.interpolated, gain), gradients, strips, motion, &mut self.plane);
         } else {
-            resample_rows(&target.splined, strips, motion, &mut self.plane);
+            resample_rows(&target.interpolated, strips, motion, &mut self.plane);
         }
         span(strips, (width, height), &mut self.spans);
-        self.gradient_gain = Sharpness::of(reference, &self.spans).gain();
+        self.gradient_gain = GradientGain::of(reference, &self.spans).gain();
     }
 
     /// Returns the match of a subset after one update, or `None` if it is not close enough to the predicted motion.
-    pub(in crate::dic) fn solve(&mut self, matcher: &Matcher<'_>, index: usize) -> Option<Solution> {
+    pub(in crate::dic) fn solve(&mut self, matcher: &SubsetMatcher<'_>, index: usize) -> Option<SubsetMatch> {
         let warp = (*self.starts.get(index)?)?;
         let (reference, window) = (matcher.reference, matcher.window);
         let at = self.centers[index];
@@ -109,7 +109,7 @@ impl Carried {
             Moments::of(layers, window, at, &mut self.sums)
         };
         self.subset.fill_from_moments(&moments, window.pixels, matcher.params.refined_shape()).ok()?;
-        let matcher = Matcher { subset: &self.subset, ..*matcher };
+        let matcher = SubsetMatcher { subset: &self.subset, ..*matcher };
         let (step, zncc, zncc_gain) = matcher.refiner().step_of(moments.sums(window.pixels)).ok()?;
         let is_near = step.length(f64::from(window.half)) <= MAX_UPDATE_PX;
         let found = Match {
@@ -124,7 +124,7 @@ impl Carried {
         let pixels = window.pixels as f64;
         let means = ((moments.reference / pixels) as f32, (moments.target / pixels) as f32);
         let energy = moments.products[1] - moments.target * moments.target / pixels;
-        self.fits[index] = Some(Fit { means, gain: (self.subset.energy / energy).sqrt() as f32 });
+        self.fits[index] = Some(GreyLevelFit { means, gain: (self.subset.energy / energy).sqrt() as f32 });
         Some(matcher.accept(found, None))
     }
 
@@ -134,7 +134,13 @@ impl Carried {
     }
 
     /// Adds the autocorrelation of the residual of a subset found by one update.
-    pub(in crate::dic) fn pool(&mut self, matcher: &Matcher<'_>, index: usize, pairs: &Lags, pool: &mut Pool) {
+    pub(in crate::dic) fn pool(
+        &mut self,
+        matcher: &SubsetMatcher<'_>,
+        index: usize,
+        pairs: &Lags,
+        pool: &mut NoisePool,
+    ) {
         let Some(fit) = self.fits[index] else { return };
         let layers = layers(matcher.reference, &self.plane);
         pool.add_layers(layers, matcher.window, pairs, (self.centers[index], fit));
@@ -142,8 +148,8 @@ impl Carried {
 }
 
 /// Returns the layers of a reference and a resampled target.
-fn layers<'a>(reference: &'a Prepared, target: &'a Plane) -> Layers<'a> {
-    let Prepared { levels, gradient_x, gradient_y, .. } = reference;
+fn layers<'a>(reference: &'a PreparedFrame, target: &'a PaddedImage) -> Layers<'a> {
+    let PreparedFrame { levels, gradient_x, gradient_y, .. } = reference;
     Layers { reference: levels, gradient_x, gradient_y, target }
 }
 
@@ -161,7 +167,7 @@ fn span(strips: &[Strip], (width, height): (usize, usize), spans: &mut Vec<(i32,
 }
 
 /// Whether more than half of a subset's rectangle may be saturated. Extracting the subset decides.
-fn saturated(reference: &Prepared, window: &Window, (x, y): (i32, i32)) -> bool {
+fn saturated(reference: &PreparedFrame, window: &SubsetMask, (x, y): (i32, i32)) -> bool {
     if !reference.saturation.is_finite() {
         return false;
     }
@@ -175,15 +181,15 @@ fn saturated(reference: &Prepared, window: &Window, (x, y): (i32, i32)) -> bool 
 
 vectorized! {
     /// Resamples the strips at the places where a uniform warp takes them, from `corner` on.
-    fn resample_rows(target: &Splined, strips: &[Strip], motion: ((f64, f64), Warp), out: &mut Plane) = resample_rows_with
+    fn resample_rows(target: &InterpolatedImage, strips: &[Strip], motion: ((f64, f64), Warp), out: &mut PaddedImage) = resample_rows_with
 }
 
 #[inline(always)]
 fn resample_rows_with<V: Vector>(
-    target: &Splined,
+    target: &InterpolatedImage,
     strips: &[Strip],
     (corner, warp): ((f64, f64), Warp),
-    out: &mut Plane,
+    out: &mut PaddedImage,
 ) {
     for (left, y) in strips.iter().flat_map(|strip| (strip.top..strip.end).map(|y| (strip.left, y))) {
         let (dx, dy) = (f64::from(left), f64::from(y));
@@ -201,21 +207,21 @@ vectorized! {
     /// Resamples like [`resample_rows`], in tiles that are only shifted. The reference gradients times the gain correct the
     /// displacement of each pixel relative to its tile.
     fn resample_tiles(
-        target: (&Splined, f32),
-        gradients: (&Plane, &Plane),
+        target: (&InterpolatedImage, f32),
+        gradients: (&PaddedImage, &PaddedImage),
         strips: &[Strip],
         motion: ((f64, f64), Warp),
-        out: &mut Plane,
+        out: &mut PaddedImage,
     ) = resample_tiles_with
 }
 
 #[inline(always)]
 fn resample_tiles_with<V: Vector>(
-    target: (&Splined, f32),
-    gradients: (&Plane, &Plane),
+    target: (&InterpolatedImage, f32),
+    gradients: (&PaddedImage, &PaddedImage),
     strips: &[Strip],
     motion: ((f64, f64), Warp),
-    out: &mut Plane,
+    out: &mut PaddedImage,
 ) {
     for strip in strips {
         for top in (strip.top..strip.end).step_by(LANES) {
@@ -230,17 +236,17 @@ fn resample_tiles_with<V: Vector>(
 
 #[inline(always)]
 fn resample_tile<V: Vector, const N: usize>(
-    (target, gain): (&Splined, f32),
-    gradients: (&Plane, &Plane),
+    (target, gain): (&InterpolatedImage, f32),
+    gradients: (&PaddedImage, &PaddedImage),
     ((left, top), rows): ((i32, i32), usize),
     (corner, warp): &((f64, f64), Warp),
-    out: &mut Plane,
+    out: &mut PaddedImage,
 ) {
     let middle = (0.5 * (LANES as f64 - 1.0), 0.5 * (rows as f64 - 1.0));
     let (dx, dy) = warp.apply(f64::from(left) + middle.0, f64::from(top) + middle.1);
     // The corner includes the shift of the warp.
     let start = (corner.0 + dx - warp.u - middle.0, corner.1 + dy - warp.v - middle.1);
-    let mut column = ShiftedColumn::<V, N>::new(target, start);
+    let mut column = ShiftedRows::<V, N>::new(target, start);
     let across = V::from_lanes(&Lanes::INDEX).sub(V::splat(middle.0 as f32));
     let apart = (across.mul(V::splat(gain * warp.ux as f32)), across.mul(V::splat(gain * warp.vx as f32)));
     let (first, stride) = (out.index(left as isize, top as isize), out.stride());
@@ -342,7 +348,7 @@ mod tests {
     #[test]
     fn tiles_and_pixels_resample_alike_on_any_machine() {
         let (reference, target) = pair((0.0, 0.0, 0.0), 0.0);
-        let (mut a, mut b) = (Prepared::default(), Prepared::default());
+        let (mut a, mut b) = (PreparedFrame::default(), PreparedFrame::default());
         a.fill(reference.view(), Interpolation::Optimised);
         b.fill(target.view(), Interpolation::Optimised);
         // About a third of a degree.
@@ -350,13 +356,14 @@ mod tests {
         let motion = ((-0.3, 0.7), warp);
         let strips: Vec<_> = (20..100).step_by(LANES).map(|left| Strip { left, top: 0, end: 110 }).collect();
         let gradients = (&b.gradient_x, &b.gradient_y);
-        let mut planes = [Plane::default(), Plane::default(), Plane::default(), Plane::default()];
+        let mut planes =
+            [PaddedImage::default(), PaddedImage::default(), PaddedImage::default(), PaddedImage::default()];
         planes.iter_mut().for_each(|plane| plane.reshape(140, 132));
         let [rows, tiles, plain_rows, plain_tiles] = &mut planes;
-        resample_rows(&b.splined, &strips, motion, rows);
-        resample_tiles((&b.splined, 1.0), gradients, &strips, motion, tiles);
-        resample_rows_with::<Portable>(&b.splined, &strips, motion, plain_rows);
-        resample_tiles_with::<Portable>((&b.splined, 1.0), gradients, &strips, motion, plain_tiles);
+        resample_rows(&b.interpolated, &strips, motion, rows);
+        resample_tiles((&b.interpolated, 1.0), gradients, &strips, motion, tiles);
+        resample_rows_with::<Portable>(&b.interpolated, &strips, motion, plain_rows);
+        resample_tiles_with::<Portable>((&b.interpolated, 1.0), gradients, &strips, motion, plain_tiles);
         assert!(*rows == *plain_rows && *tiles == *plain_tiles);
         let apart = |y: usize| rows.row(y)[20..100].iter().zip(&tiles.row(y)[20..100]).map(|(a, b)| (a - b).powi(2));
         let square: f32 = (4..106).flat_map(apart).sum::<f32>() / (80.0 * 102.0);

@@ -4,7 +4,7 @@ use super::correlator::{Correlator, KeptReference};
 use crate::dic::GridPoint;
 use crate::dic::field::MedianTest;
 use crate::dic::geometry::Warp;
-use crate::dic::image::Prepared;
+use crate::dic::image::PreparedFrame;
 use crate::image::ImageView;
 use crate::results::{Displacement, FieldPoint, PointStatus};
 
@@ -57,7 +57,7 @@ pub struct Series {
     median_test: MedianTest,
     renewals: u32,
     /// Memory for the newest image and the warps of its subsets.
-    target: Prepared,
+    target: PreparedFrame,
     warps: Vec<Option<Warp>>,
     sorted: Vec<f64>,
 }
@@ -82,7 +82,7 @@ impl Series {
             incremental: Vec::new(),
             median_test: MedianTest::default(),
             renewals: 0,
-            target: Prepared::default(),
+            target: PreparedFrame::default(),
             warps: Vec::new(),
             sorted: Vec::new(),
         }

@@ -1,15 +1,15 @@
 //! Matching of one subset, and the tests that accept its result.
 
 use crate::dic::Shape;
+use crate::dic::geometry::SubsetMask;
 use crate::dic::geometry::Warp;
-use crate::dic::geometry::Window;
-use crate::dic::image::Prepared;
+use crate::dic::image::PreparedFrame;
 use crate::dic::params::{CorrelationParams, Method};
-use crate::dic::refine::{Lost, Match, Refiner};
-use crate::dic::search::FineSearch;
+use crate::dic::refine::{Match, MatchError, Refiner};
 use crate::dic::search::Peak;
-use crate::dic::search::{Found, Search};
-use crate::dic::subset::Subset;
+use crate::dic::search::UpsampledSearch;
+use crate::dic::search::{IntegerSearch, SearchResult};
+use crate::dic::subset::ReferenceSubset;
 use crate::dic::uncertainty::ROUNDING;
 use crate::results::PointStatus;
 
@@ -39,7 +39,7 @@ const MAX_ROUGHNESS: f64 = 0.7;
 
 /// The result of one subset before the outlier test of the field.
 #[derive(Debug, Clone, Copy)]
-pub(in crate::dic) struct Solution {
+pub(in crate::dic) struct SubsetMatch {
     pub(in crate::dic) status: PointStatus,
     pub(in crate::dic) found: Option<Match>,
     pub(in crate::dic) peak_ratio: Option<f64>,
@@ -51,7 +51,7 @@ pub(in crate::dic) struct Solution {
     pub(in crate::dic) peak_variance: (f64, f64),
 }
 
-impl Solution {
+impl SubsetMatch {
     pub(in crate::dic) fn failed(status: PointStatus) -> Self {
         Self { status, found: None, peak_ratio: None, residual: 0.0, inverse: (0.0, 0.0), peak_variance: (0.0, 0.0) }
     }
@@ -67,28 +67,28 @@ impl Solution {
 
 /// The planned searches of a correlator.
 pub(in crate::dic) struct Searches {
-    pub(in crate::dic) pixel: Search,
+    pub(in crate::dic) pixel: IntegerSearch,
     /// For `spline-fft` only.
-    pub(in crate::dic) fine: Option<FineSearch>,
+    pub(in crate::dic) fine: Option<UpsampledSearch>,
     /// Whether the upsampled peak is fitted.
     pub(in crate::dic) peak_fit: bool,
 }
 
 /// One subset of a pair of frames.
 #[derive(Clone, Copy)]
-pub(in crate::dic) struct Matcher<'a> {
+pub(in crate::dic) struct SubsetMatcher<'a> {
     pub(in crate::dic) params: &'a CorrelationParams,
-    pub(in crate::dic) window: &'a Window,
-    pub(in crate::dic) subset: &'a Subset,
-    pub(in crate::dic) reference: &'a Prepared,
-    pub(in crate::dic) target: &'a Prepared,
+    pub(in crate::dic) window: &'a SubsetMask,
+    pub(in crate::dic) subset: &'a ReferenceSubset,
+    pub(in crate::dic) reference: &'a PreparedFrame,
+    pub(in crate::dic) target: &'a PreparedFrame,
     /// The centre in the reference, px.
     pub(in crate::dic) at: (u32, u32),
 }
 
-impl Matcher<'_> {
+impl SubsetMatcher<'_> {
     /// Finds the subset, starting from `guess` if there is one.
-    pub(in crate::dic) fn solve(&self, searches: &mut Searches, guess: Option<Warp>, min_zncc: f64) -> Solution {
+    pub(in crate::dic) fn solve(&self, searches: &mut Searches, guess: Option<Warp>, min_zncc: f64) -> SubsetMatch {
         if self.params.method != Method::IcGn {
             return self.solve_peak(searches, guess.as_ref());
         }
@@ -100,7 +100,7 @@ impl Matcher<'_> {
     }
 
     /// Runs the first-order match from the guess if that reaches a ZNCC of `min_zncc`, else after a search.
-    fn solve_first_order(&self, search: &mut Search, guess: Option<Warp>, min_zncc: f64) -> Solution {
+    fn solve_first_order(&self, search: &mut IntegerSearch, guess: Option<Warp>, min_zncc: f64) -> SubsetMatch {
         let solution = self.search(search, guess, min_zncc);
         // The guess leads out of the image and nothing else matches: the subset has left.
         let left =
@@ -109,7 +109,7 @@ impl Matcher<'_> {
     }
 
     /// Tries the guess, then the quick search, then the full search.
-    fn search(&self, search: &mut Search, guess: Option<Warp>, min_zncc: f64) -> Solution {
+    fn search(&self, search: &mut IntegerSearch, guess: Option<Warp>, min_zncc: f64) -> SubsetMatch {
         let guessed = guess.and_then(|warp| self.refiner().refine(warp).ok());
         if let Some(found) = guessed.filter(|found| found.zncc >= min_zncc.max(self.params.min_zncc)) {
             return self.accept(found, None);
@@ -128,7 +128,7 @@ impl Matcher<'_> {
         let Some(peaks) =
             search.find(self.subset, self.window, &self.target.levels, self.target.local(self.at), around)
         else {
-            return Solution::failed(PointStatus::OutOfFrame);
+            return SubsetMatch::failed(PointStatus::OutOfFrame);
         };
         let solution = self.refine_peaks(&peaks);
         if peaks.clipped && solution.status == PointStatus::Valid && self.repeats_itself(search) {
@@ -141,31 +141,31 @@ impl Matcher<'_> {
     ///
     /// Near the edge of the image the true match may have left. A repetition of a regular pattern would then be
     /// accepted instead.
-    fn repeats_itself(&self, search: &mut Search) -> bool {
+    fn repeats_itself(&self, search: &mut IntegerSearch) -> bool {
         let at = self.reference.local(self.at);
         let own = search.find(self.subset, self.window, &self.reference.levels, at, (0, 0));
         own.is_some_and(|own| own.second.is_some_and(|second| second.height > EQUAL_PEAK * own.best.height))
     }
 
     /// Finds one subset by its correlation peak alone.
-    fn solve_peak(&self, searches: &mut Searches, guess: Option<&Warp>) -> Solution {
+    fn solve_peak(&self, searches: &mut Searches, guess: Option<&Warp>) -> SubsetMatch {
         let Searches { pixel: search, fine, peak_fit } = searches;
         let around = guess.map_or((0, 0), |warp| (warp.u.round() as i32, warp.v.round() as i32));
         let Some(peaks) =
             search.find(self.subset, self.window, &self.target.levels, self.target.local(self.at), around)
         else {
-            return Solution::failed(PointStatus::OutOfFrame);
+            return SubsetMatch::failed(PointStatus::OutOfFrame);
         };
         let displacement = match (self.params.method, fine) {
             (Method::SplineFft, Some(fine)) => {
-                let frames = (&self.reference.splined, &self.target.splined);
+                let frames = (&self.reference.interpolated, &self.target.interpolated);
                 let at = (self.reference.local(self.at), self.target.local(self.at));
                 fine.find(frames, self.window, at, peaks.whole(), *peak_fit)
             }
             (Method::PeakSpline, _) => Some(peaks.offset(search.spline_top(&peaks))),
             _ => Some(peaks.offset(search.gaussian_top(&peaks))),
         };
-        let Some((u, v)) = displacement else { return Solution::failed(PointStatus::LowContrast) };
+        let Some((u, v)) = displacement else { return SubsetMatch::failed(PointStatus::LowContrast) };
         let ratio = peaks.ratio();
         let warp = Warp::shift(u, v);
         // The first Gauss-Newton step, which is not applied, estimates the error of the peak.
@@ -173,7 +173,7 @@ impl Matcher<'_> {
             Err(lost) => self.conclude(Err(lost), &peaks, ratio),
             Ok((_, zncc)) if zncc < self.params.min_zncc => {
                 let found = Match { warp, second: [[0.0; 3]; 2], zncc, iterations: 0 };
-                Solution { found: Some(found), peak_ratio: ratio, ..Solution::failed(self.failure_status()) }
+                SubsetMatch { found: Some(found), peak_ratio: ratio, ..SubsetMatch::failed(self.failure_status()) }
             }
             Ok((step, zncc)) => {
                 let solution = self.accept(Match { warp, second: [[0.0; 3]; 2], zncc, iterations: 0 }, ratio);
@@ -181,21 +181,21 @@ impl Matcher<'_> {
                 let alike = peaks.second.is_some_and(|second| second.height > EQUAL_PEAK * peaks.best.height);
                 let repeated = peaks.clipped && self.repeats_itself(search);
                 let status = if alike || repeated { PointStatus::Ambiguous } else { solution.status };
-                Solution { peak_variance, ..solution }.with_status(status)
+                SubsetMatch { peak_variance, ..solution }.with_status(status)
             }
         }
     }
 
     /// Refines a valid first-order result to second order.
-    fn refine_second_order(&self, solution: Solution) -> Solution {
+    fn refine_second_order(&self, solution: SubsetMatch) -> SubsetMatch {
         let Some(found) = solution.found else { return solution };
         match self.refiner().refine_quadratic(&found) {
             Ok(bent) if bent.found.zncc >= self.params.min_zncc => {
                 let judged = self.accept(bent.found, solution.peak_ratio);
-                Solution { inverse: bent.inverse, ..judged }
+                SubsetMatch { inverse: bent.inverse, ..judged }
             }
-            Ok(_) | Err(Lost::NotConverged) => solution.without_answer(PointStatus::LowCorrelation),
-            Err(Lost::OutOfFrame) => solution.without_answer(PointStatus::OutOfFrame),
+            Ok(_) | Err(MatchError::NotConverged) => solution.without_answer(PointStatus::LowCorrelation),
+            Err(MatchError::OutOfFrame) => solution.without_answer(PointStatus::OutOfFrame),
         }
     }
 
@@ -212,17 +212,17 @@ impl Matcher<'_> {
     /// Returns the refiner of this subset.
     pub(in crate::dic) fn refiner(&self) -> Refiner<'_> {
         let (subset, window, shape) = (self.subset, self.window, self.params.refined_shape());
-        Refiner { subset, window, shape, target: &self.target.splined, at: self.target.local(self.at) }
+        Refiner { subset, window, shape, target: &self.target.interpolated, at: self.target.local(self.at) }
     }
 
     /// Refines one peak.
-    fn refine_peak(&self, peaks: &Found, peak: &Peak) -> Result<Match, Lost> {
+    fn refine_peak(&self, peaks: &SearchResult, peak: &Peak) -> Result<Match, MatchError> {
         let (u, v) = peaks.displacement(peak);
         self.refiner().refine(Warp::shift(u, v))
     }
 
     /// Refines the best peak and its rival, if there is one, and decides between them.
-    fn refine_peaks(&self, peaks: &Found) -> Solution {
+    fn refine_peaks(&self, peaks: &SearchResult) -> SubsetMatch {
         let refine = |peak: &Peak| self.refine_peak(peaks, peak);
         let first = refine(&peaks.best);
         let ratio = peaks.ratio();
@@ -236,7 +236,7 @@ impl Matcher<'_> {
             let concluded = self.conclude(first.or(other).or(first), peaks, ratio);
             // A rival that cannot be refined because it leaves the image is judged by its peak.
             let alike = first.is_ok()
-                && other == Err(Lost::OutOfFrame)
+                && other == Err(MatchError::OutOfFrame)
                 && concluded.status == PointStatus::Valid
                 && second.height > EQUAL_PEAK * peaks.best.height;
             return if alike { concluded.with_status(PointStatus::Ambiguous) } else { concluded };
@@ -254,14 +254,14 @@ impl Matcher<'_> {
     }
 
     /// Converts one refinement to a solution.
-    fn conclude(&self, found: Result<Match, Lost>, peaks: &Found, peak_ratio: Option<f64>) -> Solution {
+    fn conclude(&self, found: Result<Match, MatchError>, peaks: &SearchResult, peak_ratio: Option<f64>) -> SubsetMatch {
         match found {
             Ok(found) if found.zncc >= self.params.min_zncc => self.accept(found, peak_ratio),
-            Ok(found) => Solution { found: Some(found), peak_ratio, ..Solution::failed(self.failure_status()) },
-            Err(Lost::OutOfFrame) if peaks.best.height > 0.7 * self.params.min_zncc => {
-                Solution { peak_ratio, ..Solution::failed(PointStatus::OutOfFrame) }
+            Ok(found) => SubsetMatch { found: Some(found), peak_ratio, ..SubsetMatch::failed(self.failure_status()) },
+            Err(MatchError::OutOfFrame) if peaks.best.height > 0.7 * self.params.min_zncc => {
+                SubsetMatch { peak_ratio, ..SubsetMatch::failed(PointStatus::OutOfFrame) }
             }
-            Err(_) => Solution { peak_ratio, ..Solution::failed(self.failure_status()) },
+            Err(_) => SubsetMatch { peak_ratio, ..SubsetMatch::failed(self.failure_status()) },
         }
     }
 
@@ -271,7 +271,7 @@ impl Matcher<'_> {
     }
 
     /// Accepts a good match: computes its residual and checks for texture in both directions.
-    pub(in crate::dic) fn accept(&self, found: Match, peak_ratio: Option<f64>) -> Solution {
+    pub(in crate::dic) fn accept(&self, found: Match, peak_ratio: Option<f64>) -> SubsetMatch {
         let subset = self.subset;
         let (pixels, parameters) = (self.window.pixels as f64, self.params.refined_shape().parameters());
         let free = (pixels - parameters as f64 - 2.0).max(1.0);
@@ -279,7 +279,7 @@ impl Matcher<'_> {
         let noise = NOISE_GRADIENT * 0.5 * residual.max(ROUNDING);
         let stripe = subset.isotropy < MIN_ISOTROPY && subset.weak_gradient < 2.0 * noise;
         let along_v = if parameters >= 6 { 3 } else { 1 };
-        Solution {
+        SubsetMatch {
             status: if stripe { PointStatus::LowContrast } else { PointStatus::Valid },
             found: Some(found),
             peak_ratio,

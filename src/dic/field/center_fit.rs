@@ -33,7 +33,7 @@ pub struct CenterVector {
 
 impl CenterVector {
     /// Converts a valid point of a field; `None` for others.
-    pub fn of(point: &FieldPoint, (x_px, y_px): (f64, f64)) -> Option<Self> {
+    pub fn from_point(point: &FieldPoint, (x_px, y_px): (f64, f64)) -> Option<Self> {
         let displacement = point.displacement.filter(|_| point.status == PointStatus::Valid)?;
         let (sigma_u, sigma_v) = (f64::from(displacement.sigma_u_px), f64::from(displacement.sigma_v_px));
         Some(Self {

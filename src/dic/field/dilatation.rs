@@ -14,10 +14,10 @@ const BENDING_FRONT_PX: f64 = 0.1;
 
 /// The change of a body's image that is not in-plane rigid motion.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Swell {
+pub struct Dilatation {
     /// The relative increase of the distances between its subsets. The body approaches the camera, or moves to where
     /// the lens magnifies more.
-    pub growth: f64,
+    pub dilatation: f64,
     /// The displacement of a ball's centre, which is also that of its outline, px. Its front moves differently if the
     /// ball rotates about an axis in the image plane.
     pub center_px: Option<[f64; 2]>,
@@ -25,7 +25,7 @@ pub struct Swell {
     pub angle_deg: f64,
     /// The ratios of the standard uncertainties of dilatation (1), centre (px) and rotation to that of the rotation of
     /// a flat body (rad).
-    pub levers: [f64; 3],
+    pub sigma_ratios: [f64; 3],
 }
 
 /// The outline of a ball in the image.
@@ -58,23 +58,23 @@ impl Sphere {
 /// and q together are exactly rotation and dilatation. a and b are the motion of the front relative to the centre. The
 /// fit is by least squares, each subset weighted by its own uncertainty. Returns `None` if there are too few subsets,
 /// or all in one place.
-pub fn swell(field: &[FieldPoint], ball: Option<Sphere>) -> Option<Swell> {
+pub fn fit_dilatation(field: &[FieldPoint], ball: Option<Sphere>) -> Option<Dilatation> {
     let fit = Fit::of(field, ball, None)?;
     let turns = fit.found[4].hypot(fit.found[5]) > BENDING_FRONT_PX;
     // Taken half center, the depth is symmetric in the rotation and the bending cancels.
     let fit = if turns { Fit::of(field, ball, Some([fit.found[0], fit.found[1]]))? } else { fit };
     let [t, s, along, across, ..] = fit.found;
-    let growth = along + across * across / (1.0 + along + (1.0 + along).hypot(across));
-    let is_finite = [growth, t, s].iter().all(|number| number.is_finite());
-    let levers = [fit.levers[2], fit.levers[0].max(fit.levers[1]), fit.levers[3]];
+    let dilatation = along + across * across / (1.0 + along + (1.0 + along).hypot(across));
+    let is_finite = [dilatation, t, s].iter().all(|number| number.is_finite());
+    let sigma_ratios = [fit.sigma_ratios[2], fit.sigma_ratios[0].max(fit.sigma_ratios[1]), fit.sigma_ratios[3]];
     let angle_deg = across.atan2(1.0 + along).to_degrees();
-    is_finite.then_some(Swell { growth, center_px: ball.map(|_| [t, s]), angle_deg, levers })
+    is_finite.then_some(Dilatation { dilatation, center_px: ball.map(|_| [t, s]), angle_deg, sigma_ratios })
 }
 
-/// The six parameters of [`swell`], and the ratio of each uncertainty to that of the rotation.
+/// The six parameters of [`fit_dilatation`], and the ratio of each uncertainty to that of the rotation.
 struct Fit {
     found: [f64; 6],
-    levers: [f64; 6],
+    sigma_ratios: [f64; 6],
 }
 
 impl Fit {
@@ -110,15 +110,15 @@ impl Fit {
             Some((inverse, found, left.max(0.0) / (count - numbers as f64)))
         };
         let (flat, flat_found, flat_left) = solved(FLAT_PARAMETERS)?;
-        let levers =
-            |inverse: &[[f64; 6]; 6], share: f64| std::array::from_fn(|k| share * (inverse[k][k] * square).sqrt());
+        let sigma_ratios =
+            |inverse: &[[f64; 6]; 6], factor: f64| std::array::from_fn(|k| factor * (inverse[k][k] * square).sqrt());
         if ball.is_none() {
-            return Some(Self { found: flat_found, levers: levers(&flat, 1.0) });
+            return Some(Self { found: flat_found, sigma_ratios: sigma_ratios(&flat, 1.0) });
         }
         let (round, found, round_left) = solved(6)?;
         // The rotation of the front is not noise.
         let share = (round_left / flat_left).min(1.0).sqrt();
-        Some(Self { found, levers: levers(&round, share) })
+        Some(Self { found, sigma_ratios: sigma_ratios(&round, share) })
     }
 }
 
@@ -149,12 +149,12 @@ mod tests {
     use crate::results::Displacement;
 
     /// A field about (60, 50) that moves by (u, v), rotates and dilates.
-    fn field((u, v): (f64, f64), angle_deg: f64, growth: f64) -> Vec<FieldPoint> {
+    fn field((u, v): (f64, f64), angle_deg: f64, dilatation: f64) -> Vec<FieldPoint> {
         let (sin, cos) = angle_deg.to_radians().sin_cos();
         let point = |k: u16| {
             let (x, y) = (f64::from(k % 7) * 11.0 + 20.0, f64::from(k / 7) * 13.0 + 14.0);
             let (dx, dy) = (x - 60.0, y - 50.0);
-            let (to_x, to_y) = ((1.0 + growth) * (cos * dx + sin * dy), (1.0 + growth) * (cos * dy - sin * dx));
+            let (to_x, to_y) = ((1.0 + dilatation) * (cos * dx + sin * dy), (1.0 + dilatation) * (cos * dy - sin * dx));
             let displacement = Displacement {
                 u_px: (to_x - dx + u) as f32,
                 v_px: (to_y - dy + v) as f32,
@@ -180,10 +180,13 @@ mod tests {
         for (motion, angle_deg) in [((0.0, 0.0), 0.0), ((3.7, -1.2), 0.0), ((0.4, 0.9), 2.9), ((-1.3, 0.2), -40.0)] {
             for truth in [0.0, 3e-5, -2e-3, 0.05] {
                 for ball in [None, Some(BALL)] {
-                    let found = swell(&field(motion, angle_deg, truth), ball).unwrap();
+                    let found = fit_dilatation(&field(motion, angle_deg, truth), ball).unwrap();
                     // Displacements are stored in single precision.
                     let rounding = 2e-7 * (1.0 + angle_deg.abs());
-                    assert!((found.growth - truth).abs() < rounding, "{motion:?} {angle_deg}: {found:?} for {truth}");
+                    assert!(
+                        (found.dilatation - truth).abs() < rounding,
+                        "{motion:?} {angle_deg}: {found:?} for {truth}"
+                    );
                     assert!((found.angle_deg - angle_deg).abs() < 60.0 * rounding, "{angle_deg}: {found:?}");
                 }
             }
@@ -211,14 +214,14 @@ mod tests {
     #[test]
     fn the_centre_moves_independently_of_its_front() {
         for (turn_deg, close) in [([0.1, -0.07], 1e-4), ([1.0, 0.5], 2e-3), ([0.0, 2.9], 3e-2)] {
-            let found = swell(&rolling([0.7, -0.3], turn_deg.map(f64::to_radians)), Some(BALL)).unwrap();
+            let found = fit_dilatation(&rolling([0.7, -0.3], turn_deg.map(f64::to_radians)), Some(BALL)).unwrap();
             let [x, y] = found.center_px.unwrap();
             assert!((x - 0.7).abs() < close && (y + 0.3).abs() < close, "{turn_deg:?}: {found:?}");
-            assert!(found.growth.abs() < 0.01 * close, "{turn_deg:?}: {found:?}");
+            assert!(found.dilatation.abs() < 0.01 * close, "{turn_deg:?}: {found:?}");
         }
-        let flat = swell(&rolling([0.7, -0.3], [0.002, -0.001]), None).unwrap();
+        let flat = fit_dilatation(&rolling([0.7, -0.3], [0.002, -0.001]), None).unwrap();
         assert!(
-            flat.growth.abs() > 1e-5 && flat.center_px.is_none(),
+            flat.dilatation.abs() > 1e-5 && flat.center_px.is_none(),
             "an unmodelled front counts as dilatation: {flat:?}"
         );
     }
@@ -234,21 +237,24 @@ mod tests {
             field
         };
         let still = noisy(field((0.7, -0.3), 0.0, 0.0));
-        let (flat, round) = (swell(&still, None).unwrap(), swell(&still, Some(BALL)).unwrap());
-        assert!((flat.levers[0] - 1.0).abs() < 1e-6 && (0.9..1.2).contains(&round.levers[0]), "{flat:?} {round:?}");
-        assert!((100.0..600.0).contains(&round.levers[1]), "{round:?}");
+        let (flat, round) = (fit_dilatation(&still, None).unwrap(), fit_dilatation(&still, Some(BALL)).unwrap());
+        assert!(
+            (flat.sigma_ratios[0] - 1.0).abs() < 1e-6 && (0.9..1.2).contains(&round.sigma_ratios[0]),
+            "{flat:?} {round:?}"
+        );
+        assert!((100.0..600.0).contains(&round.sigma_ratios[1]), "{round:?}");
         // The scatter about a rigid motion, to which the ratio refers, includes the motion of the front.
-        let rolls = swell(&noisy(rolling([0.7, -0.3], [0.02, -0.01])), Some(BALL)).unwrap();
-        assert!(rolls.levers[1] < 0.2 * round.levers[1], "{rolls:?}");
+        let rolls = fit_dilatation(&noisy(rolling([0.7, -0.3], [0.02, -0.01])), Some(BALL)).unwrap();
+        assert!(rolls.sigma_ratios[1] < 0.2 * round.sigma_ratios[1], "{rolls:?}");
     }
 
     #[test]
     fn few_subsets_or_a_single_place_give_no_estimate() {
         let mut few = field((0.3, 0.1), 0.2, 0.01);
         few.iter_mut().skip(5).for_each(|point| point.status = PointStatus::Outlier);
-        assert_eq!(swell(&few, None), None);
+        assert_eq!(fit_dilatation(&few, None), None);
         let mut same = field((0.3, 0.1), 0.0, 0.01);
         same.iter_mut().for_each(|point| (point.x_px, point.y_px) = (60.0, 50.0));
-        assert_eq!(swell(&same, None), None);
+        assert_eq!(fit_dilatation(&same, None), None);
     }
 }

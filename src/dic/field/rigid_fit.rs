@@ -72,7 +72,7 @@ struct Vector {
 
 /// A motion (u, v of the origin; angle in rad) under iteration.
 #[derive(Debug, Clone, Copy)]
-struct Turn {
+struct RigidTransform {
     u: f64,
     v: f64,
     angle: f64,
@@ -80,7 +80,7 @@ struct Turn {
     cos: f64,
 }
 
-impl Turn {
+impl RigidTransform {
     fn new(u: f64, v: f64, angle: f64) -> Self {
         let (sin, cos) = angle.sin_cos();
         Self { u, v, angle, sin, cos }
@@ -129,7 +129,7 @@ pub fn rigid_fit_near(
     if vectors.len() < 3 {
         return None;
     }
-    let predicted = near.map(|(u_px, v_px, angle_deg)| Turn::new(u_px, v_px, angle_deg.to_radians()));
+    let predicted = near.map(|(u_px, v_px, angle_deg)| RigidTransform::new(u_px, v_px, angle_deg.to_radians()));
     let mut turn = predicted.filter(|turn| is_followed(turn, &vectors)).or_else(|| first_guess(&vectors))?;
     let mut scatter = MIN_SCATTER_PX;
     for _ in 0..MAX_ROUNDS {
@@ -159,7 +159,7 @@ pub fn rigid_fit_near(
 }
 
 /// Whether at smallest three quarters of the vectors follow a motion.
-fn is_followed(turn: &Turn, vectors: &[Vector]) -> bool {
+fn is_followed(turn: &RigidTransform, vectors: &[Vector]) -> bool {
     let near = |vector: &&Vector| {
         let limit = (FOLLOWING_SIGMAS * FOLLOWING_SIGMAS * vector.variance).max(FOLLOWING_PX * FOLLOWING_PX);
         turn.squared_distance(vector) <= limit
@@ -193,9 +193,9 @@ fn collect(field: &[FieldPoint], (x, y): (f64, f64)) -> Vec<Vector> {
 }
 
 /// Returns the motion of the pair of points with the smallest median residual of all vectors.
-fn first_guess(vectors: &[Vector]) -> Option<Turn> {
+fn first_guess(vectors: &[Vector]) -> Option<RigidTransform> {
     let count = vectors.len();
-    let mut best: Option<(f64, Turn)> = None;
+    let mut best: Option<(f64, RigidTransform)> = None;
     let mut distances = Vec::with_capacity(count);
     // A fixed sequence of pairs, mostly far apart in the list and so in the image.
     let mut state = 0x2545_F491_u32;
@@ -213,7 +213,7 @@ fn first_guess(vectors: &[Vector]) -> Option<Turn> {
         }
         let (ex, ey) = (dx + b.u - a.u, dy + b.v - a.v);
         let angle = (dy * ex - dx * ey).atan2(dx * ex + dy * ey);
-        let mut turn = Turn::new(0.0, 0.0, angle);
+        let mut turn = RigidTransform::new(0.0, 0.0, angle);
         let (ra, rb) = (turn.residual(&a), turn.residual(&b));
         (turn.u, turn.v) = (0.5 * (ra.0 + rb.0), 0.5 * (ra.1 + rb.1));
         distances.clear();
@@ -230,7 +230,7 @@ fn first_guess(vectors: &[Vector]) -> Option<Turn> {
 }
 
 /// Returns the standard deviation of one residual component, from the median distance.
-fn robust_scatter(turn: &Turn, vectors: &[Vector]) -> f64 {
+fn robust_scatter(turn: &RigidTransform, vectors: &[Vector]) -> f64 {
     let mut distances: Vec<f64> = vectors.iter().map(|vector| turn.squared_distance(vector)).collect();
     let middle = distances.len() / 2;
     let (_, median, _) = distances.select_nth_unstable_by(middle, f64::total_cmp);
@@ -239,7 +239,7 @@ fn robust_scatter(turn: &Turn, vectors: &[Vector]) -> f64 {
 }
 
 /// Fits the exact rigid motion by weighted smallest squares (closed form in two dimensions).
-fn weighted_fit(vectors: &[Vector]) -> Option<Turn> {
+fn weighted_fit(vectors: &[Vector]) -> Option<RigidTransform> {
     let total: f64 = vectors.iter().map(|v| v.weight).sum();
     if total.is_nan() || total <= 0.0 {
         return None;
@@ -256,13 +256,13 @@ fn weighted_fit(vectors: &[Vector]) -> Option<Turn> {
     let angle = across.atan2(along);
     let (sin, cos) = angle.sin_cos();
     // The displacement of the origin.
-    Some(Turn { u: tx - (cos * x + sin * y), v: ty - (cos * y - sin * x), angle, sin, cos })
+    Some(RigidTransform { u: tx - (cos * x + sin * y), v: ty - (cos * y - sin * x), angle, sin, cos })
 }
 
 /// Returns the motion with its uncertainty: the influence of each vector on the weighted fit, propagated through the
 /// covariance of all vectors.
-fn with_uncertainty(turn: &Turn, vectors: &[Vector], size: f64) -> Option<RigidMotion> {
-    let Turn { sin, cos, .. } = *turn;
+fn with_uncertainty(turn: &RigidTransform, vectors: &[Vector], size: f64) -> Option<RigidMotion> {
+    let RigidTransform { sin, cos, .. } = *turn;
     // The derivative of (x', y') by the angle.
     let lever = |v: &Vector| (-sin * v.x + cos * v.y, -cos * v.x - sin * v.y);
     let mut normal = [[0.0; 3]; 3];
@@ -344,7 +344,7 @@ mod tests {
     use crate::dic::{CorrelationParams, Correlator, Start};
     use crate::results::Displacement;
 
-    fn body(turn: Turn, noise: f64, seed: u64) -> Vec<FieldPoint> {
+    fn body(turn: RigidTransform, noise: f64, seed: u64) -> Vec<FieldPoint> {
         let mut sequence = Sequence::new(seed);
         let mut field = Vec::new();
         for k in 0..49 {
@@ -381,20 +381,20 @@ mod tests {
     #[test]
     fn any_angle_is_exact_and_counter_clockwise() {
         for angle_deg in [-170.0, -90.0, -3.0, 0.01, 45.0, 179.0] {
-            let turn = Turn::new(3.0, -2.0, f64::to_radians(angle_deg));
+            let turn = RigidTransform::new(3.0, -2.0, f64::to_radians(angle_deg));
             let motion = rigid_fit(&mut body(turn, 1e-6, 1), 100.0, 90.0, 31).unwrap();
             assert!((motion.angle_deg - angle_deg).abs() < 1e-4, "{motion:?}");
             assert!((motion.u_px - 3.0).abs() < 1e-4 && (motion.v_px + 2.0).abs() < 1e-4, "{motion:?}");
         }
         // A point to the right of the centre rises on the screen: its v is negative.
-        let turn = Turn::new(0.0, 0.0, 0.1);
+        let turn = RigidTransform::new(0.0, 0.0, 0.1);
         let right = body(turn, 1e-9, 1)[26].displacement.unwrap();
         assert!(right.v_px < 0.0, "{right:?}");
     }
 
     #[test]
     fn a_third_of_the_vectors_may_follow_something_else() {
-        let turn = Turn::new(1.0, 0.5, 0.01);
+        let turn = RigidTransform::new(1.0, 0.5, 0.01);
         let mut field = body(turn, 0.005, 3);
         for point in field.iter_mut().filter(|point| point.y_px < 70.0) {
             point.displacement = Some(Displacement { u_px: 0.2, v_px: 0.1, sigma_u_px: 0.005, sigma_v_px: 0.005 });
@@ -407,7 +407,7 @@ mod tests {
 
     #[test]
     fn a_predicted_motion_is_used_only_if_the_vectors_follow_it() {
-        let turn = Turn::new(1.0, 0.5, 0.01);
+        let turn = RigidTransform::new(1.0, 0.5, 0.01);
         let fit = |near| rigid_fit_near(&mut body(turn, 0.005, 3), (100.0, 90.0), 31, near).unwrap();
         let (free, near) = (fit(None), fit(Some((1.003, 0.498, 0.01_f64.to_degrees()))));
         assert!((free.u_px - near.u_px).abs() < 1e-5 && (free.angle_deg - near.angle_deg).abs() < 1e-5);
@@ -416,7 +416,7 @@ mod tests {
 
     #[test]
     fn two_vectors_are_no_body() {
-        let mut field = body(Turn::new(0.0, 0.0, 0.0), 0.01, 1);
+        let mut field = body(RigidTransform::new(0.0, 0.0, 0.0), 0.01, 1);
         field.truncate(2);
         assert!(rigid_fit(&mut field, 0.0, 0.0, 31).is_none());
     }

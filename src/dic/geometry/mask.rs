@@ -43,7 +43,7 @@ impl Extent {
 
 /// The pixels around a centre that belong to a subset.
 #[derive(Debug, Clone, Default, PartialEq)]
-pub(in crate::dic) struct Window {
+pub(in crate::dic) struct SubsetMask {
     pub(in crate::dic) blocks: Vec<Block>,
     /// 1 where a pixel belongs, else 0; block by block, row by row.
     pub(in crate::dic) mask: Vec<Lanes>,
@@ -57,7 +57,7 @@ pub(in crate::dic) struct Window {
     radius: f64,
 }
 
-impl Window {
+impl SubsetMask {
     /// Creates a subset of the given outline and full width.
     ///
     /// The disc extends half a pixel past the outermost centres. The ring leaves out the inner half of the disc's
@@ -255,9 +255,9 @@ mod tests {
 
     #[test]
     fn windows_hold_the_pixels_of_their_outline() {
-        assert_eq!(Window::new(WindowShape::Square, 31).pixels, 961);
-        let circle = Window::new(WindowShape::Circle, 31).pixels as f64;
-        let ring = Window::new(WindowShape::Ring, 31).pixels as f64;
+        assert_eq!(SubsetMask::new(WindowShape::Square, 31).pixels, 961);
+        let circle = SubsetMask::new(WindowShape::Circle, 31).pixels as f64;
+        let ring = SubsetMask::new(WindowShape::Ring, 31).pixels as f64;
         let area = std::f64::consts::PI * 15.5 * 15.5;
         assert!((circle / area - 1.0).abs() < 0.02, "{circle}");
         assert!((ring / (0.75 * area) - 1.0).abs() < 0.03, "{ring}");
@@ -265,7 +265,7 @@ mod tests {
 
     #[test]
     fn every_pixel_of_a_window_cut_anywhere_lies_within_its_reach() {
-        let (whole, mut cut) = (Window::new(WindowShape::Square, 31), Window::default());
+        let (whole, mut cut) = (SubsetMask::new(WindowShape::Square, 31), SubsetMask::default());
         let warps = [
             Warp { u: 3.0, ux: 0.2, uy: -0.6, v: -2.0, vx: 0.9, vy: -0.3 },
             Warp::rigid(1.0, 2.0, 1.4),
@@ -288,7 +288,7 @@ mod tests {
 
     #[test]
     fn the_span_of_a_row_goes_from_its_first_to_its_last_pixel() {
-        let window = Window::from_test(12, |dx, dy| dx * dx + 2 * dy * dy <= 100 && dx != 3);
+        let window = SubsetMask::from_test(12, |dx, dy| dx * dx + 2 * dy * dy <= 100 && dx != 3);
         let spans = window.spans((20, 9), 30);
         for (y, span) in (0..).zip(spans) {
             let belongs = |x: &i32| window.holds(x - 20, y - 9);
@@ -300,7 +300,7 @@ mod tests {
     #[test]
     fn the_mask_is_symmetric_about_the_centre() {
         for shape in [WindowShape::Square, WindowShape::Circle, WindowShape::Ring] {
-            let window = Window::new(shape, 21);
+            let window = SubsetMask::new(shape, 21);
             let mut moment = (0.0, 0.0);
             for block in &window.blocks {
                 for row in 0..block.rows {

@@ -7,7 +7,7 @@ mod region;
 mod warp;
 
 pub use grid::GridPoint;
-pub(in crate::dic) use mask::{Block, Window};
+pub(in crate::dic) use mask::{Block, SubsetMask};
 pub use patch::Patch;
 pub use region::Region;
 pub(in crate::dic) use warp::Warp;

@@ -6,7 +6,7 @@
 //! one. It has a quarter of the quintic B-spline's bias at the same cost. The prefilter follows M. Unser, A. Aldroubi,
 //! M. Eden, IEEE Trans. Signal Process. 41 (1993) 834, <https://doi.org/10.1109/78.193221>.
 
-use super::padded_image::{MARGIN, Plane, mirror, mirror_row};
+use super::padded_image::{MARGIN, PaddedImage, mirror, mirror_row};
 use crate::dic::params::Interpolation;
 use crate::numeric::LANES;
 use crate::numeric::{Vector, vectorized};
@@ -98,23 +98,23 @@ fn quadratic<V: Vector>(c: &[f32; 3], x: V) -> V {
 
 /// An image that can be evaluated between its pixels.
 #[derive(Debug, Clone)]
-pub(in crate::dic) struct Splined {
+pub(in crate::dic) struct InterpolatedImage {
     /// The values that the kernel is applied to.
-    plane: Plane,
+    plane: PaddedImage,
     kernel: &'static Kernel,
     /// The root mean square of the levels, if known, DN.
     pub(in crate::dic) contrast: f32,
 }
 
-impl Default for Splined {
+impl Default for InterpolatedImage {
     fn default() -> Self {
-        Self { plane: Plane::default(), kernel: &OPTIMISED, contrast: 0.0 }
+        Self { plane: PaddedImage::default(), kernel: &OPTIMISED, contrast: 0.0 }
     }
 }
 
-impl Splined {
+impl InterpolatedImage {
     /// Interpolates the grey levels, whose margin must be mirrored.
-    pub(in crate::dic) fn fill(&mut self, levels: &Plane, interpolation: Interpolation) {
+    pub(in crate::dic) fn fill(&mut self, levels: &PaddedImage, interpolation: Interpolation) {
         match interpolation {
             Interpolation::Optimised => {
                 self.kernel = &OPTIMISED;
@@ -129,10 +129,10 @@ impl Splined {
     }
 
     /// Interpolates the grey levels in new memory.
-    pub(in crate::dic) fn new(levels: &Plane, interpolation: Interpolation) -> Self {
-        let mut splined = Self::default();
-        splined.fill(levels, interpolation);
-        splined
+    pub(in crate::dic) fn new(levels: &PaddedImage, interpolation: Interpolation) -> Self {
+        let mut interpolated = Self::default();
+        interpolated.fill(levels, interpolation);
+        interpolated
     }
 
     /// The width, px.
@@ -208,7 +208,7 @@ impl Splined {
 /// Computes quintic-spline coefficients from grey levels, margin included.
 ///
 /// Both planes have one shape. The margin of `levels` and the edges are mirrored.
-fn prefilter(levels: &Plane, coefficients: &mut Plane) {
+fn prefilter(levels: &PaddedImage, coefficients: &mut PaddedImage) {
     filter_rows(levels, coefficients);
     if levels.height() > 1 {
         filter_columns(coefficients);
@@ -259,11 +259,11 @@ fn symmetric_product<const N: usize>(one: [f64; N], other: [f64; N]) -> [f64; N]
 
 vectorized! {
     /// Filters along the rows by convolution: a recursion would proceed one pixel at a time.
-    fn filter_rows(levels: &Plane, out: &mut Plane) = filter_rows_with
+    fn filter_rows(levels: &PaddedImage, out: &mut PaddedImage) = filter_rows_with
 }
 
 #[inline(always)]
-fn filter_rows_with<V: Vector>(levels: &Plane, out: &mut Plane) {
+fn filter_rows_with<V: Vector>(levels: &PaddedImage, out: &mut PaddedImage) {
     let (width, cascade) = (levels.width(), Cascade::new());
     let (near, middle, far) = (cascade.near.map(V::splat), cascade.middle.map(V::splat), cascade.far.map(V::splat));
     // Rows with their margins. The last vector may extend over the end.
@@ -301,11 +301,11 @@ fn symmetric<V: Vector, const N: usize, const STEP: usize>(
 
 vectorized! {
     /// Filters down the columns by recursion, in strips of adjacent columns.
-    fn filter_columns(plane: &mut Plane) = filter_columns_with
+    fn filter_columns(plane: &mut PaddedImage) = filter_columns_with
 }
 
 #[inline(always)]
-fn filter_columns_with<V: Vector>(plane: &mut Plane) {
+fn filter_columns_with<V: Vector>(plane: &mut PaddedImage) {
     let (width, height, stride) = (plane.width(), plane.height(), plane.stride());
     let first = plane.index(0, 0);
     let tail: [Vec<(usize, f32)>; 2] =
@@ -375,8 +375,8 @@ const _: () = assert!(MARGIN >= 12, "the six taps, one cell of widening and eigh
 mod tests {
     use super::*;
 
-    fn noise_plane(width: usize, height: usize) -> Plane {
-        let mut plane = Plane::default();
+    fn noise_plane(width: usize, height: usize) -> PaddedImage {
+        let mut plane = PaddedImage::default();
         plane.reshape(width, height);
         let mut state = 12_345_u32;
         for y in 0..height {
@@ -416,9 +416,9 @@ mod tests {
     #[test]
     fn the_bicubic_kernel_reproduces_the_pixels() {
         let levels = noise_plane(9, 8);
-        let splined = Splined::new(&levels, Interpolation::Bicubic);
+        let interpolated = InterpolatedImage::new(&levels, Interpolation::Bicubic);
         for (x, y) in (0..72).map(|k| (k % 9, k / 9)) {
-            assert!((splined.at(x as f64, y as f64) - levels.row(y)[x]).abs() < 1e-4, "{x}, {y}");
+            assert!((interpolated.at(x as f64, y as f64) - levels.row(y)[x]).abs() < 1e-4, "{x}, {y}");
         }
     }
 

@@ -5,8 +5,8 @@ mod padded_image;
 mod prepared_frame;
 mod sampler;
 
-pub(in crate::dic) use interpolation::Splined;
-pub(in crate::dic) use padded_image::{MARGIN, Plane};
-pub use prepared_frame::Prepared;
+pub(in crate::dic) use interpolation::InterpolatedImage;
+pub(in crate::dic) use padded_image::{MARGIN, PaddedImage};
+pub use prepared_frame::PreparedFrame;
 pub(in crate::dic) use prepared_frame::gain;
-pub(in crate::dic) use sampler::{ShiftedColumn, Taps, along, sample_lanes, widened};
+pub(in crate::dic) use sampler::{ShiftedRows, Taps, lane_positions, sample_lanes, widened_weights};

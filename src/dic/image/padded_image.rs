@@ -5,13 +5,13 @@ pub(in crate::dic) const MARGIN: usize = 16;
 
 /// A width x height plane of `f32` inside a margin of [`MARGIN`] on each side.
 #[derive(Debug, Clone, Default, PartialEq)]
-pub(in crate::dic) struct Plane {
+pub(in crate::dic) struct PaddedImage {
     data: Vec<f32>,
     width: usize,
     height: usize,
 }
 
-impl Plane {
+impl PaddedImage {
     /// Resizes the plane; its content is unspecified afterwards.
     pub(in crate::dic) fn reshape(&mut self, width: usize, height: usize) {
         self.width = width;
@@ -131,7 +131,7 @@ mod tests {
 
     #[test]
     fn the_margin_repeats_the_mirrored_interior_even_of_a_tiny_plane() {
-        let mut plane = Plane::default();
+        let mut plane = PaddedImage::default();
         plane.reshape(2, 1);
         plane.row_mut(0).copy_from_slice(&[3.0, 5.0]);
         plane.mirror_margin();

@@ -2,8 +2,8 @@
 
 use multiversion::multiversion;
 
-use super::interpolation::Splined;
-use super::padded_image::Plane;
+use super::interpolation::InterpolatedImage;
+use super::padded_image::PaddedImage;
 use crate::dic::params::Interpolation;
 use crate::image::{ImageView, is_saturated};
 use crate::numeric::LANES;
@@ -13,11 +13,11 @@ use crate::numeric::LANES;
 /// Created by [`Correlator::prepare`](crate::dic::Correlator::prepare). A frame that is first a target and later a reference
 /// needs to be prepared only once.
 #[derive(Debug, Clone, Default)]
-pub struct Prepared {
-    pub(in crate::dic) levels: Plane,
-    pub(in crate::dic) gradient_x: Plane,
-    pub(in crate::dic) gradient_y: Plane,
-    pub(in crate::dic) splined: Splined,
+pub struct PreparedFrame {
+    pub(in crate::dic) levels: PaddedImage,
+    pub(in crate::dic) gradient_x: PaddedImage,
+    pub(in crate::dic) gradient_y: PaddedImage,
+    pub(in crate::dic) interpolated: InterpolatedImage,
     /// The offset subtracted from every grey level to keep single-precision sums exact, DN.
     pub(in crate::dic) offset: f32,
     /// The root mean square of the levels, which gives the relative gain of two frames, DN.
@@ -30,7 +30,7 @@ pub struct Prepared {
     size: (usize, usize),
 }
 
-impl Prepared {
+impl PreparedFrame {
     /// The width of the whole frame, px.
     pub fn width(&self) -> usize {
         self.size.0
@@ -81,8 +81,8 @@ impl Prepared {
         self.contrast = (squares / (width * height) as f64).sqrt() as f32;
         self.levels.mirror_margin();
         self.fill_gradients();
-        self.splined.fill(&self.levels, interpolation);
-        self.splined.contrast = self.contrast;
+        self.interpolated.fill(&self.levels, interpolation);
+        self.interpolated.contrast = self.contrast;
     }
 
     /// Computes fourth-order central differences; second order one pixel from the edge, one-sided on it.
@@ -198,7 +198,7 @@ mod tests {
                 b[x] = 3.0 * fx - 2.0 * fy;
             }
         }
-        let mut prepared = Prepared::default();
+        let mut prepared = PreparedFrame::default();
         prepared.fill(cubic.view(), Interpolation::Optimised);
         assert!((prepared.gradient_x.row(5)[4] - 0.3 * 16.0).abs() < 1e-3);
         assert!((prepared.gradient_y.row(5)[4] - 0.4 * 5.0).abs() < 1e-3);
@@ -211,7 +211,7 @@ mod tests {
 
     #[test]
     fn one_pixel_frames_are_prepared() {
-        let mut prepared = Prepared::default();
+        let mut prepared = PreparedFrame::default();
         prepared.fill(Image::new(1, 1).view(), Interpolation::Optimised);
         assert_eq!((prepared.width(), prepared.height()), (1, 1));
         assert_eq!(prepared.gradient_x.row(0), [0.0]);

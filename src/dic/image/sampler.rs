@@ -1,6 +1,6 @@
 //! Samples eight pixels of the warped target at a time.
 
-use super::interpolation::Splined;
+use super::interpolation::InterpolatedImage;
 use crate::numeric::Vector;
 use crate::numeric::{LANES, Lanes};
 
@@ -13,7 +13,7 @@ use crate::numeric::{LANES, Lanes};
 /// `N` is the number of taps of the target's kernel, `M` is `N` + 1.
 #[inline(always)]
 pub(in crate::dic) fn sample_lanes<V: Vector, const N: usize, const M: usize>(
-    target: &Splined,
+    target: &InterpolatedImage,
     (x, y): (f64, f64),
     ux: f64,
     vx: f64,
@@ -24,22 +24,24 @@ pub(in crate::dic) fn sample_lanes<V: Vector, const N: usize, const M: usize>(
     }
     let (end_x, end_y) = (x + last * ux, y + last * vx);
     let (cell_x, cell_y) = (x.min(end_x).floor(), y.min(end_y).floor());
-    let (along_x, along_y) = (along::<V>(x - cell_x, ux), along::<V>(y - cell_y, vx));
+    let (along_x, along_y) = (lane_positions::<V>(x - cell_x, ux), lane_positions::<V>(y - cell_y, vx));
     let (rows, stride) = target.taps::<N>(cell_x as isize, cell_y as isize);
     let taps = Taps { rows, stride };
     // Slightly early: a lane that rounds up to 1 must find its second cell.
     let (wide_x, wide_y) = (x.max(end_x) - cell_x >= 0.999_999, y.max(end_y) - cell_y >= 0.999_999);
     match (wide_x, wide_y) {
         (false, false) => taps.sum(&target.lane_weights::<V, N>(along_x), &target.lane_weights::<V, N>(along_y)),
-        (false, true) => taps.sum(&target.lane_weights::<V, N>(along_x), &widened::<V, N, M>(target, along_y)),
-        (true, false) => taps.sum(&widened::<V, N, M>(target, along_x), &target.lane_weights::<V, N>(along_y)),
-        (true, true) => taps.sum(&widened::<V, N, M>(target, along_x), &widened::<V, N, M>(target, along_y)),
+        (false, true) => taps.sum(&target.lane_weights::<V, N>(along_x), &widened_weights::<V, N, M>(target, along_y)),
+        (true, false) => taps.sum(&widened_weights::<V, N, M>(target, along_x), &target.lane_weights::<V, N>(along_y)),
+        (true, true) => {
+            taps.sum(&widened_weights::<V, N, M>(target, along_x), &widened_weights::<V, N, M>(target, along_y))
+        }
     }
 }
 
 /// Returns `start` + lane `drift`.
 #[inline(always)]
-pub(in crate::dic) fn along<V: Vector>(start: f64, drift: f64) -> V {
+pub(in crate::dic) fn lane_positions<V: Vector>(start: f64, drift: f64) -> V {
     V::splat(start as f32).add(V::from_lanes(&Lanes::INDEX).mul(V::splat(drift as f32)))
 }
 
@@ -47,7 +49,7 @@ pub(in crate::dic) fn along<V: Vector>(start: f64, drift: f64) -> V {
 ///
 /// Lanes off the mask may lie outside the image; their values are not used.
 #[inline(never)]
-fn sample_scattered(target: &Splined, (x, y): (f64, f64), ux: f64, vx: f64) -> Lanes {
+fn sample_scattered(target: &InterpolatedImage, (x, y): (f64, f64), ux: f64, vx: f64) -> Lanes {
     let (right, bottom) = (target.width() as f64 - 1.0, target.height() as f64 - 1.0);
     let mut lanes = Lanes::splat(0.0);
     for (lane, value) in lanes.0.iter_mut().enumerate() {
@@ -66,7 +68,7 @@ pub(in crate::dic) struct Taps<'a> {
 impl<'a> Taps<'a> {
     /// Starts at the tap of this index.
     #[inline(always)]
-    pub(in crate::dic) fn at(target: &'a Splined, first: usize) -> Self {
+    pub(in crate::dic) fn at(target: &'a InterpolatedImage, first: usize) -> Self {
         let (rows, stride) = target.taps_from(first);
         Self { rows, stride }
     }
@@ -97,7 +99,7 @@ const RING: usize = 8;
 /// A column of blocks of a shifted target, where all pixels share their weights.
 ///
 /// Each row is filtered along x once and kept for the `N` rows that need it.
-pub(in crate::dic) struct ShiftedColumn<'a, V, const N: usize> {
+pub(in crate::dic) struct ShiftedRows<'a, V, const N: usize> {
     rows: &'a [f32],
     stride: usize,
     weights_x: [V; N],
@@ -108,10 +110,10 @@ pub(in crate::dic) struct ShiftedColumn<'a, V, const N: usize> {
     count: usize,
 }
 
-impl<'a, V: Vector, const N: usize> ShiftedColumn<'a, V, N> {
+impl<'a, V: Vector, const N: usize> ShiftedRows<'a, V, N> {
     /// Starts at (x, y), the first lane of the first row.
     #[inline(always)]
-    pub(in crate::dic) fn new(target: &'a Splined, (x, y): (f64, f64)) -> Self {
+    pub(in crate::dic) fn new(target: &'a InterpolatedImage, (x, y): (f64, f64)) -> Self {
         let (cell_x, cell_y) = (x.floor(), y.floor());
         let (rows, stride) = target.taps::<N>(cell_x as isize, cell_y as isize);
         let weights_x = target.lane_weights(V::splat((x - cell_x) as f32));
@@ -151,7 +153,10 @@ impl<'a, V: Vector, const N: usize> ShiftedColumn<'a, V, N> {
 
 /// Returns the weights of one tap more, for lanes that lie in the second cell.
 #[inline(always)]
-pub(in crate::dic) fn widened<V: Vector, const N: usize, const M: usize>(target: &Splined, fraction: V) -> [V; M] {
+pub(in crate::dic) fn widened_weights<V: Vector, const N: usize, const M: usize>(
+    target: &InterpolatedImage,
+    fraction: V,
+) -> [V; M] {
     let one = V::splat(1.0);
     let second = fraction.at_least(one);
     let weights = target.lane_weights::<V, N>(fraction.sub(one.and(second)));
@@ -167,13 +172,13 @@ pub(in crate::dic) fn widened<V: Vector, const N: usize, const M: usize>(target:
 
 #[cfg(test)]
 mod tests {
-    use super::super::padded_image::Plane;
+    use super::super::padded_image::PaddedImage;
     use super::*;
     use crate::dic::params::Interpolation;
     use crate::numeric::Portable;
 
-    fn waves() -> Splined {
-        let mut plane = Plane::default();
+    fn waves() -> InterpolatedImage {
+        let mut plane = PaddedImage::default();
         plane.reshape(60, 50);
         for y in 0..50 {
             for (x, value) in plane.row_mut(y).iter_mut().enumerate() {
@@ -182,7 +187,7 @@ mod tests {
             }
         }
         plane.mirror_margin();
-        Splined::new(&plane, Interpolation::Optimised)
+        InterpolatedImage::new(&plane, Interpolation::Optimised)
     }
 
     #[test]
@@ -215,7 +220,7 @@ mod tests {
         let target = waves();
         for case in 0..50 {
             let (x, y) = (17.0 + f64::from(case) * 0.173, 15.0 - f64::from(case) * 0.091);
-            let mut column = ShiftedColumn::<Portable, 6>::new(&target, (x, y));
+            let mut column = ShiftedRows::<Portable, 6>::new(&target, (x, y));
             for row in 0..9 {
                 let expected = sample_lanes::<Portable, 6, 7>(&target, (x, y + f64::from(row)), 0.0, 0.0).to_lanes();
                 let found = column.next_row().to_lanes();

@@ -7,14 +7,14 @@
 //! <https://doi.org/10.1007/s11340-013-9717-6>.
 
 use super::second_order::Second;
-use super::warped_rows::{Carrier, KeptColumn, Rows, TiledColumn, TurnedColumn, WarpedColumn};
+use super::warped_rows::{RotatedRows, RowSampler, StoredRows, TiledRows, WarpedRows, WarpedTarget};
 use crate::dic::Shape;
 use crate::dic::geometry::Warp;
-use crate::dic::geometry::{Block, Window};
-use crate::dic::image::ShiftedColumn;
-use crate::dic::image::Splined;
+use crate::dic::geometry::{Block, SubsetMask};
+use crate::dic::image::InterpolatedImage;
+use crate::dic::image::ShiftedRows;
 use crate::dic::image::gain;
-use crate::dic::subset::{Subset, project};
+use crate::dic::subset::{ReferenceSubset, project};
 use crate::numeric::Lanes;
 use crate::numeric::{Vector, vectorized};
 
@@ -47,14 +47,14 @@ const MAX_QUICK_ITERATIONS: u32 = 4;
 const MAX_TILED_GRADIENT: f64 = 0.12;
 
 /// The variance below which a target holds nothing but rounding, DN^2.
-pub(in crate::dic) const LEAST_ENERGY: f64 = 1e-3;
+pub(in crate::dic) const MIN_VARIANCE: f64 = 1e-3;
 
 /// The maximum distance between two matches that count as one, px.
 const SAME_PX: f64 = 0.1;
 
 /// The reason why a subset was not found in the target.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(in crate::dic) enum Lost {
+pub(in crate::dic) enum MatchError {
     /// The iteration left the image.
     OutOfFrame,
     /// The iteration did not converge.
@@ -95,23 +95,27 @@ pub(in crate::dic) struct Sums {
 /// One reference subset and the target to match it with.
 #[derive(Clone, Copy)]
 pub(in crate::dic) struct Refiner<'a> {
-    pub(in crate::dic) subset: &'a Subset,
-    pub(in crate::dic) window: &'a Window,
+    pub(in crate::dic) subset: &'a ReferenceSubset,
+    pub(in crate::dic) window: &'a SubsetMask,
     pub(in crate::dic) shape: Shape,
     /// The target, interpolated.
-    pub(in crate::dic) target: &'a Splined,
+    pub(in crate::dic) target: &'a InterpolatedImage,
     /// The centre of the subset in the reference, px from the corner of the target's prepared part.
     pub(in crate::dic) at: (i32, i32),
 }
 
 impl Refiner<'_> {
     /// Finds the subset in the target, starting from `start`.
-    pub(in crate::dic) fn refine(&self, start: Warp) -> Result<Match, Lost> {
+    pub(in crate::dic) fn refine(&self, start: Warp) -> Result<Match, MatchError> {
         self.iterate(start, |warp| self.step(warp))
     }
 
     /// Runs [`Self::refine`] and returns the residual before the last step, which hardly changes it.
-    pub(in crate::dic) fn refine_with_residual(&self, start: Warp, residual: &mut Vec<Lanes>) -> Result<Match, Lost> {
+    pub(in crate::dic) fn refine_with_residual(
+        &self,
+        start: Warp,
+        residual: &mut Vec<Lanes>,
+    ) -> Result<Match, MatchError> {
         let mut last = Sums::default();
         let found = self.iterate(start, |warp| {
             last = self.sampled(warp, residual)?;
@@ -128,7 +132,7 @@ impl Refiner<'_> {
         start: Warp,
         gradient_gain: f64,
         residual: &mut Vec<Lanes>,
-    ) -> Result<Match, Lost> {
+    ) -> Result<Match, MatchError> {
         let sums = self.sampled(&start, residual)?;
         let (step, zncc, zncc_gain) = self.step_of(sums)?;
         let is_near = step.length(f64::from(self.window.half)) <= NEAR_PX;
@@ -140,7 +144,11 @@ impl Refiner<'_> {
     }
 
     /// Iterates with exact steps of `step_at`, after quick ones.
-    fn iterate(&self, start: Warp, mut step_at: impl FnMut(&Warp) -> Result<(Warp, f64), Lost>) -> Result<Match, Lost> {
+    fn iterate(
+        &self,
+        start: Warp,
+        mut step_at: impl FnMut(&Warp) -> Result<(Warp, f64), MatchError>,
+    ) -> Result<Match, MatchError> {
         let half = f64::from(self.window.half);
         let (mut warp, quick) = self.iterate_in_tiles(start)?;
         let mut before = None;
@@ -148,7 +156,7 @@ impl Refiner<'_> {
             let (step, zncc) = step_at(&warp)?;
             let length = step.length(half);
             if length.is_nan() || length >= half {
-                return Err(Lost::NotConverged);
+                return Err(MatchError::NotConverged);
             }
             // The steps shrink geometrically, so the sum of the remaining series can be taken at once.
             let ratio = before.map_or(1.0, |before: Warp| step.ratio(&before, half));
@@ -156,18 +164,18 @@ impl Refiner<'_> {
             let last = steady || (quick > 0 && length < LAST_STEP_PX);
             let step = if steady { step.scaled(1.0 / (1.0 - ratio)) } else { step };
             before = Some(step);
-            warp = warp.after_inverse(&step).ok_or(Lost::NotConverged)?;
+            warp = warp.after_inverse(&step).ok_or(MatchError::NotConverged)?;
             if last || length < TOLERANCE_PX {
                 return Ok(Match { warp, second: [[0.0; 3]; 2], zncc, iterations });
             }
         }
-        Err(Lost::NotConverged)
+        Err(MatchError::NotConverged)
     }
 
     /// Iterates with tiles that are only shifted, four times as fast, and returns the number of iterations.
     ///
     /// The error is proportional to the deformation, some thousandths of a pixel.
-    fn iterate_in_tiles(&self, start: Warp) -> Result<(Warp, u32), Lost> {
+    fn iterate_in_tiles(&self, start: Warp) -> Result<(Warp, u32), MatchError> {
         let half = f64::from(self.window.half);
         let mut warp = start;
         if self.shape == Shape::Translation {
@@ -180,9 +188,9 @@ impl Refiner<'_> {
             let (step, ..) = self.step_of(self.pass(&warp, true)?)?;
             let length = step.length(half);
             if length.is_nan() || length >= half {
-                return Err(Lost::NotConverged);
+                return Err(MatchError::NotConverged);
             }
-            warp = warp.after_inverse(&step).ok_or(Lost::NotConverged)?;
+            warp = warp.after_inverse(&step).ok_or(MatchError::NotConverged)?;
             if length < QUICK_TOLERANCE_PX {
                 return Ok((warp, iterations + 1));
             }
@@ -191,24 +199,28 @@ impl Refiner<'_> {
     }
 
     /// Returns the Gauss-Newton step of the reference at `warp`, and the ZNCC there.
-    pub(in crate::dic) fn step(&self, warp: &Warp) -> Result<(Warp, f64), Lost> {
+    pub(in crate::dic) fn step(&self, warp: &Warp) -> Result<(Warp, f64), MatchError> {
         self.step_of(self.pass(warp, false)?).map(|(step, zncc, _)| (step, zncc))
     }
 
     /// Returns the step of a part of `whole` from the [samples](Self::sampled) of that, the ZNCC, and its gain by the
     /// step.
-    pub(in crate::dic) fn step_from(&self, whole: &Refiner<'_>, samples: &[Lanes]) -> Result<(Warp, f64, f64), Lost> {
+    pub(in crate::dic) fn step_from(
+        &self,
+        whole: &Refiner<'_>,
+        samples: &[Lanes],
+    ) -> Result<(Warp, f64, f64), MatchError> {
         self.step_of(stored_sums_of(self, whole.subset.mean, samples))
     }
 
     /// Solves the normal equations of the sums: returns the step, the ZNCC, and its gain by the step.
-    pub(in crate::dic) fn step_of(&self, sums: Sums) -> Result<(Warp, f64, f64), Lost> {
+    pub(in crate::dic) fn step_of(&self, sums: Sums) -> Result<(Warp, f64, f64), MatchError> {
         let subset = self.subset;
         let pixels = self.window.pixels as f64;
         let mean = sums.levels / pixels;
         let (slopes, energy) = self.without_illumination(&sums, mean);
-        if energy.is_nan() || energy <= LEAST_ENERGY * pixels {
-            return Err(Lost::NotConverged);
+        if energy.is_nan() || energy <= MIN_VARIANCE * pixels {
+            return Err(MatchError::NotConverged);
         }
         let light = subset.light.as_ref();
         let product = sums.product - light.map_or(0.0, |light| light.product(slopes));
@@ -243,18 +255,18 @@ impl Refiner<'_> {
     }
 
     /// Samples the warped target once, in tiles or exactly, and computes the sums.
-    fn pass(&self, warp: &Warp, tiled: bool) -> Result<Sums, Lost> {
+    fn pass(&self, warp: &Warp, tiled: bool) -> Result<Sums, MatchError> {
         if !self.inside(warp) {
-            return Err(Lost::OutOfFrame);
+            return Err(MatchError::OutOfFrame);
         }
         Ok(if tiled { tiled_sums_of(self, warp) } else { sums_of(self, warp, &mut []) })
     }
 
     /// Samples the warped target exactly and stores the samples minus the mean of the reference.
-    pub(in crate::dic) fn sampled(&self, warp: &Warp, values: &mut Vec<Lanes>) -> Result<Sums, Lost> {
+    pub(in crate::dic) fn sampled(&self, warp: &Warp, values: &mut Vec<Lanes>) -> Result<Sums, MatchError> {
         values.clear();
         if !self.inside(warp) {
-            return Err(Lost::OutOfFrame);
+            return Err(MatchError::OutOfFrame);
         }
         values.resize(self.window.mask.len(), Lanes::splat(0.0));
         Ok(sums_of(self, warp, values))
@@ -266,21 +278,21 @@ impl Refiner<'_> {
         let mut sums = Sums::default();
         let carrier = self.carrier(warp);
         let shift = *warp == Warp::shift(warp.u, warp.v);
-        let turned = TurnedColumn::<V, N, M>::follows(warp);
+        let turned = RotatedRows::<V, N, M>::follows(warp);
         for block in &self.window.blocks {
             if shift {
                 let start = carrier.place(f64::from(block.dx), f64::from(block.dy));
-                let column = ShiftedColumn::<V, N>::new(self.target, start);
+                let column = ShiftedRows::<V, N>::new(self.target, start);
                 if self.shape == Shape::Translation {
                     self.add_block::<V, false>(&mut sums, block, column, values);
                 } else {
                     self.add_block::<V, true>(&mut sums, block, column, values);
                 }
             } else if turned {
-                let column = TurnedColumn::<V, N, M>::new(carrier, block);
+                let column = RotatedRows::<V, N, M>::new(carrier, block);
                 self.add_block::<V, true>(&mut sums, block, column, values);
             } else {
-                let column = WarpedColumn::<N, M>::new(carrier, block);
+                let column = WarpedRows::<N, M>::new(carrier, block);
                 self.add_block::<V, true>(&mut sums, block, column, values);
             }
         }
@@ -293,7 +305,7 @@ impl Refiner<'_> {
         let mut sums = Sums::default();
         let carrier = self.carrier(warp);
         for block in &self.window.blocks {
-            self.add_block::<V, true>(&mut sums, block, TiledColumn::<V, N>::new(carrier, block), &mut []);
+            self.add_block::<V, true>(&mut sums, block, TiledRows::<V, N>::new(carrier, block), &mut []);
         }
         sums
     }
@@ -303,7 +315,7 @@ impl Refiner<'_> {
     fn stored_sums_with<V: Vector>(&self, mean: f32, samples: &[Lanes]) -> Sums {
         let mut sums = Sums::default();
         for block in &self.window.blocks {
-            let column = KeptColumn::<V>::new(&samples[block.start..block.start + block.rows], mean);
+            let column = StoredRows::<V>::new(&samples[block.start..block.start + block.rows], mean);
             self.add_block::<V, true>(&mut sums, block, column, &mut []);
         }
         sums
@@ -311,8 +323,8 @@ impl Refiner<'_> {
 
     /// Returns the target under a warp.
     #[inline(always)]
-    fn carrier<'b>(&'b self, warp: &'b Warp) -> Carrier<'b> {
-        Carrier { target: self.target, at: self.at, warp, gain: gain(self.subset.contrast, self.target.contrast) }
+    fn carrier<'b>(&'b self, warp: &'b Warp) -> WarpedTarget<'b> {
+        WarpedTarget { target: self.target, at: self.at, warp, gain: gain(self.subset.contrast, self.target.contrast) }
     }
 
     /// Adds one block of columns. A pure translation needs no `LEVERS`, the position-weighted sums.
@@ -323,7 +335,7 @@ impl Refiner<'_> {
         &self,
         sums: &mut Sums,
         block: &Block,
-        mut column: impl Rows<V>,
+        mut column: impl RowSampler<V>,
         values: &mut [Lanes],
     ) {
         let packed = block.start..block.start + block.rows;

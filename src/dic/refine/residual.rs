@@ -2,9 +2,9 @@
 
 use multiversion::multiversion;
 
-use super::icgn::{LEAST_ENERGY, Refiner, Sums};
+use super::icgn::{MIN_VARIANCE, Refiner, Sums};
+use crate::dic::geometry::SubsetMask;
 use crate::dic::geometry::Warp;
-use crate::dic::geometry::Window;
 use crate::dic::subset::illumination;
 use crate::numeric::{LANES, Lanes};
 use crate::numeric::{Vector, vectorized};
@@ -34,7 +34,7 @@ impl Refiner<'_> {
     fn leave(&self, whole: &Refiner<'_>, sums: Sums, out: &mut Vec<Lanes>) {
         let pixels = self.window.pixels as f64;
         let contrast = self.without_illumination(&sums, sums.levels / pixels).1;
-        if contrast.is_nan() || contrast <= LEAST_ENERGY * pixels {
+        if contrast.is_nan() || contrast <= MIN_VARIANCE * pixels {
             // A target without contrast matches nothing, and nothing shows that it occludes the body.
             out.clear();
             return;
@@ -110,7 +110,7 @@ fn subtract_tilted_with<V: Vector>(
 
 /// Sums samples on the mask of a window, without the sums that need gradients.
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512dq+avx512vl", "x86_64+avx2"))]
-fn part_sums(samples: &[Lanes], window: &Window) -> Sums {
+fn part_sums(samples: &[Lanes], window: &SubsetMask) -> Sums {
     let mut sums = Sums::default();
     for block in &window.blocks {
         let rows = block.start..block.start + block.rows;

@@ -4,7 +4,7 @@
 //! affine match and works pixel by pixel in double precision. H. Lu, P. D. Cary, Exp. Mech. 40 (2000) 393,
 //! <https://doi.org/10.1007/BF02326485>.
 
-use super::icgn::{Lost, Match, Refiner};
+use super::icgn::{Match, MatchError, Refiner};
 use crate::dic::geometry::Warp;
 use crate::numeric::invert;
 use crate::numeric::{LANES, Lanes};
@@ -98,8 +98,8 @@ impl Refiner<'_> {
     }
 
     /// Refines a first-order match to second order.
-    pub(in crate::dic) fn refine_quadratic(&self, start: &Match) -> Result<QuadraticMatch, Lost> {
-        let inverse = invert(&self.hessian(), PARAMETERS).ok_or(Lost::NotConverged)?;
+    pub(in crate::dic) fn refine_quadratic(&self, start: &Match) -> Result<QuadraticMatch, MatchError> {
+        let inverse = invert(&self.hessian(), PARAMETERS).ok_or(MatchError::NotConverged)?;
         let (mut warp, mut second) = (start.warp, [[0.0; 3]; 2]);
         let half = f64::from(self.window.half);
         let mut values = Vec::new();
@@ -113,7 +113,7 @@ impl Refiner<'_> {
                 high.max(step[k].abs()).max(first).max(bend)
             });
             if length.is_nan() || length >= half {
-                return Err(Lost::NotConverged);
+                return Err(MatchError::NotConverged);
             }
             (warp, second) = after_inverse(&warp, &second, &step);
             if length < TOLERANCE_PX {
@@ -121,7 +121,7 @@ impl Refiner<'_> {
                 return Ok(QuadraticMatch { found, inverse: (inverse[0][0], inverse[6][6]) });
             }
         }
-        Err(Lost::NotConverged)
+        Err(MatchError::NotConverged)
     }
 
     /// Returns the sum of J J^T over the subset.
@@ -141,7 +141,7 @@ impl Refiner<'_> {
     }
 
     /// Samples the target at every pixel into `values`, in the order of [`Self::pixels`].
-    fn quadratic_values(&self, warp: &Warp, second: &Second, values: &mut Vec<f64>) -> Result<(), Lost> {
+    fn quadratic_values(&self, warp: &Warp, second: &Second, values: &mut Vec<f64>) -> Result<(), MatchError> {
         values.clear();
         let (x, y) = (f64::from(self.at.0), f64::from(self.at.1));
         let (right, bottom) = (self.target.width() as f64 - 1.0, self.target.height() as f64 - 1.0);
@@ -150,20 +150,20 @@ impl Refiner<'_> {
             let (tx, ty) = (x + tx, y + ty);
             // Written so that NaN is outside.
             if !((0.0..=right).contains(&tx) && (0.0..=bottom).contains(&ty)) {
-                return Err(Lost::OutOfFrame);
+                return Err(MatchError::OutOfFrame);
             }
             values.push(f64::from(self.target.at(tx, ty)));
         }
         Ok(())
     }
 
-    fn quadratic_pass(&self, warp: &Warp, second: &Second, values: &mut Vec<f64>) -> Result<Pass, Lost> {
+    fn quadratic_pass(&self, warp: &Warp, second: &Second, values: &mut Vec<f64>) -> Result<Pass, MatchError> {
         self.quadratic_values(warp, second, values)?;
         let count = values.len() as f64;
         let mean = values.iter().sum::<f64>() / count;
         let energy: f64 = values.iter().map(|value| (value - mean) * (value - mean)).sum();
         if energy.is_nan() || energy <= 1e-3 * count {
-            return Err(Lost::NotConverged);
+            return Err(MatchError::NotConverged);
         }
         let gain = (self.subset.energy / energy).sqrt();
         let (mut product, mut right) = (0.0, [0.0; PARAMETERS]);

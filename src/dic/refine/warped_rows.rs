@@ -2,8 +2,8 @@
 
 use crate::dic::geometry::Block;
 use crate::dic::geometry::Warp;
-use crate::dic::image::Splined;
-use crate::dic::image::{ShiftedColumn, Taps, along, sample_lanes, widened};
+use crate::dic::image::InterpolatedImage;
+use crate::dic::image::{ShiftedRows, Taps, lane_positions, sample_lanes, widened_weights};
 use crate::numeric::Vector;
 use crate::numeric::{LANES, Lanes};
 
@@ -20,25 +20,25 @@ const MAX_STRAIN: f64 = 0.02 / MAX_TURNED_ROWS as f64;
 const MAX_SLOPE: f64 = 0.12;
 
 /// The rows of a block of the target, in order.
-pub(in crate::dic) trait Rows<V> {
+pub(in crate::dic) trait RowSampler<V> {
     /// Returns the next row; `gradients` are those of the reference there, along x and y.
     fn next(&mut self, gradients: (V, V)) -> V;
 }
 
 /// Stored samples, minus a mean.
-pub(in crate::dic) struct KeptColumn<'a, V> {
+pub(in crate::dic) struct StoredRows<'a, V> {
     samples: std::slice::Iter<'a, Lanes>,
     mean: V,
 }
 
-impl<'a, V: Vector> KeptColumn<'a, V> {
+impl<'a, V: Vector> StoredRows<'a, V> {
     #[inline(always)]
     pub(in crate::dic) fn new(samples: &'a [Lanes], mean: f32) -> Self {
         Self { samples: samples.iter(), mean: V::splat(mean) }
     }
 }
 
-impl<V: Vector> Rows<V> for KeptColumn<'_, V> {
+impl<V: Vector> RowSampler<V> for StoredRows<'_, V> {
     #[inline(always)]
     fn next(&mut self, _: (V, V)) -> V {
         self.samples.next().map_or(self.mean, |row| V::from_lanes(row).add(self.mean))
@@ -47,8 +47,8 @@ impl<V: Vector> Rows<V> for KeptColumn<'_, V> {
 
 /// A target and the warp of a subset about a centre.
 #[derive(Clone, Copy)]
-pub(in crate::dic) struct Carrier<'a> {
-    pub(in crate::dic) target: &'a Splined,
+pub(in crate::dic) struct WarpedTarget<'a> {
+    pub(in crate::dic) target: &'a InterpolatedImage,
     /// The subset's centre in the target before the warp.
     pub(in crate::dic) at: (i32, i32),
     pub(in crate::dic) warp: &'a Warp,
@@ -56,7 +56,7 @@ pub(in crate::dic) struct Carrier<'a> {
     pub(in crate::dic) gain: f32,
 }
 
-impl Carrier<'_> {
+impl WarpedTarget<'_> {
     /// Returns the position in the target of an offset from the subset's centre.
     #[inline(always)]
     pub(in crate::dic) fn place(&self, dx: f64, dy: f64) -> (f64, f64) {
@@ -72,7 +72,7 @@ fn tile_rows(block: &Block, max_rows: usize) -> usize {
 }
 
 /// A block that is only shifted.
-impl<V: Vector, const N: usize> Rows<V> for ShiftedColumn<'_, V, N> {
+impl<V: Vector, const N: usize> RowSampler<V> for ShiftedRows<'_, V, N> {
     #[inline(always)]
     fn next(&mut self, _: (V, V)) -> V {
         self.next_row()
@@ -80,32 +80,32 @@ impl<V: Vector, const N: usize> Rows<V> for ShiftedColumn<'_, V, N> {
 }
 
 /// A block in tiles, each shifted like its centre.
-pub(in crate::dic) struct TiledColumn<'a, V, const N: usize> {
-    carrier: Carrier<'a>,
+pub(in crate::dic) struct TiledRows<'a, V, const N: usize> {
+    carrier: WarpedTarget<'a>,
     dx: i32,
     dy: i32,
     rows: usize,
     remaining: usize,
-    tile: ShiftedColumn<'a, V, N>,
+    tile: ShiftedRows<'a, V, N>,
 }
 
-impl<'a, V: Vector, const N: usize> TiledColumn<'a, V, N> {
+impl<'a, V: Vector, const N: usize> TiledRows<'a, V, N> {
     #[inline(always)]
-    pub(in crate::dic) fn new(carrier: Carrier<'a>, block: &Block) -> Self {
+    pub(in crate::dic) fn new(carrier: WarpedTarget<'a>, block: &Block) -> Self {
         let rows = tile_rows(block, MAX_SHIFTED_ROWS);
         let tile = Self::tile(&carrier, (block.dx, block.dy), rows);
         Self { carrier, dx: block.dx, dy: block.dy, rows, remaining: rows, tile }
     }
 
     #[inline(always)]
-    fn tile(carrier: &Carrier<'a>, (dx, dy): (i32, i32), rows: usize) -> ShiftedColumn<'a, V, N> {
+    fn tile(carrier: &WarpedTarget<'a>, (dx, dy): (i32, i32), rows: usize) -> ShiftedRows<'a, V, N> {
         let middle = (0.5 * (LANES as f64 - 1.0), 0.5 * (rows as f64 - 1.0));
         let (x, y) = carrier.place(f64::from(dx) + middle.0, f64::from(dy) + middle.1);
-        ShiftedColumn::new(carrier.target, (x - middle.0, y - middle.1))
+        ShiftedRows::new(carrier.target, (x - middle.0, y - middle.1))
     }
 }
 
-impl<V: Vector, const N: usize> Rows<V> for TiledColumn<'_, V, N> {
+impl<V: Vector, const N: usize> RowSampler<V> for TiledRows<'_, V, N> {
     #[inline(always)]
     fn next(&mut self, _: (V, V)) -> V {
         if self.remaining == 0 {
@@ -122,8 +122,8 @@ impl<V: Vector, const N: usize> Rows<V> for TiledColumn<'_, V, N> {
 ///
 /// Within a tile, rotation and strain displace pixels by a few thousandths of a pixel along a row in x and down a lane
 /// in y. The gradients correct this.
-pub(in crate::dic) struct TurnedColumn<'a, V, const N: usize, const M: usize> {
-    carrier: Carrier<'a>,
+pub(in crate::dic) struct RotatedRows<'a, V, const N: usize, const M: usize> {
+    carrier: WarpedTarget<'a>,
     dx: i32,
     dy: i32,
     rows: usize,
@@ -141,7 +141,7 @@ pub(in crate::dic) struct TurnedColumn<'a, V, const N: usize, const M: usize> {
     lane_shift: V,
 }
 
-impl<'a, V: Vector, const N: usize, const M: usize> TurnedColumn<'a, V, N, M> {
+impl<'a, V: Vector, const N: usize, const M: usize> RotatedRows<'a, V, N, M> {
     /// Whether a warp is nearly a rotation of a few degrees.
     #[inline(always)]
     pub(in crate::dic) fn follows(warp: &Warp) -> bool {
@@ -149,7 +149,7 @@ impl<'a, V: Vector, const N: usize, const M: usize> TurnedColumn<'a, V, N, M> {
     }
 
     #[inline(always)]
-    pub(in crate::dic) fn new(carrier: Carrier<'a>, block: &Block) -> Self {
+    pub(in crate::dic) fn new(carrier: WarpedTarget<'a>, block: &Block) -> Self {
         let across = V::from_lanes(&Lanes::INDEX).sub(V::splat(0.5 * (LANES as f32 - 1.0)));
         let mut column = Self {
             carrier,
@@ -170,18 +170,18 @@ impl<'a, V: Vector, const N: usize, const M: usize> TurnedColumn<'a, V, N, M> {
     /// Computes the weights of the current tile.
     #[inline(always)]
     fn begin_tile(&mut self) {
-        let Carrier { target, warp, .. } = self.carrier;
+        let WarpedTarget { target, warp, .. } = self.carrier;
         let middle = (0.5 * (LANES as f64 - 1.0), 0.5 * (self.rows as f64 - 1.0));
         let (x, y) = self.carrier.place(f64::from(self.dx) + middle.0, f64::from(self.dy) + middle.1);
         // The position of the first lane in the first row.
         let (x, y) = (x - middle.0 - middle.1 * warp.uy, y - middle.1 - middle.0 * warp.vx);
         let end_y = y + 2.0 * middle.0 * warp.vx;
         let cell_y = y.min(end_y).floor();
-        let lanes = along::<V>(y - cell_y, warp.vx);
+        let lanes = lane_positions::<V>(y - cell_y, warp.vx);
         // Slightly early: a lane that rounds up to 1 must find its second cell.
         self.is_wide = y.max(end_y) - cell_y >= 0.999_999;
         if self.is_wide {
-            self.weights_y = widened::<V, N, M>(target, lanes);
+            self.weights_y = widened_weights::<V, N, M>(target, lanes);
         } else {
             self.weights_y[..N].copy_from_slice(&target.lane_weights::<V, N>(lanes));
         }
@@ -203,7 +203,7 @@ impl<'a, V: Vector, const N: usize, const M: usize> TurnedColumn<'a, V, N, M> {
     }
 }
 
-impl<V: Vector, const N: usize, const M: usize> Rows<V> for TurnedColumn<'_, V, N, M> {
+impl<V: Vector, const N: usize, const M: usize> RowSampler<V> for RotatedRows<'_, V, N, M> {
     #[inline(always)]
     fn next(&mut self, gradients: (V, V)) -> V {
         if self.row == self.rows {
@@ -227,20 +227,20 @@ impl<V: Vector, const N: usize, const M: usize> Rows<V> for TurnedColumn<'_, V, 
 }
 
 /// A deformed block: each pixel has its own weights.
-pub(in crate::dic) struct WarpedColumn<'a, const N: usize, const M: usize> {
-    carrier: Carrier<'a>,
+pub(in crate::dic) struct WarpedRows<'a, const N: usize, const M: usize> {
+    carrier: WarpedTarget<'a>,
     dx: i32,
     dy: i32,
 }
 
-impl<'a, const N: usize, const M: usize> WarpedColumn<'a, N, M> {
+impl<'a, const N: usize, const M: usize> WarpedRows<'a, N, M> {
     #[inline(always)]
-    pub(in crate::dic) fn new(carrier: Carrier<'a>, block: &Block) -> Self {
+    pub(in crate::dic) fn new(carrier: WarpedTarget<'a>, block: &Block) -> Self {
         Self { carrier, dx: block.dx, dy: block.dy }
     }
 }
 
-impl<V: Vector, const N: usize, const M: usize> Rows<V> for WarpedColumn<'_, N, M> {
+impl<V: Vector, const N: usize, const M: usize> RowSampler<V> for WarpedRows<'_, N, M> {
     #[inline(always)]
     fn next(&mut self, _: (V, V)) -> V {
         let start = self.carrier.place(f64::from(self.dx), f64::from(self.dy));
@@ -252,16 +252,16 @@ impl<V: Vector, const N: usize, const M: usize> Rows<V> for WarpedColumn<'_, N, 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::dic::image::Prepared;
+    use crate::dic::image::PreparedFrame;
     use crate::dic::params::Interpolation;
     use crate::dic::tests::Speckle;
     use crate::numeric::Portable;
 
     /// Returns the rows of a block, sampled pixel by pixel and in rotated tiles, with the target's own gradients.
-    fn both(target: &Splined, warp: &Warp, block: &Block) -> [Vec<Lanes>; 2] {
-        let carrier = Carrier { target, at: (45, 45), warp, gain: 1.0 };
-        let mut exact = WarpedColumn::<6, 7>::new(carrier, block);
-        let mut turned = TurnedColumn::<Portable, 6, 7>::new(carrier, block);
+    fn both(target: &InterpolatedImage, warp: &Warp, block: &Block) -> [Vec<Lanes>; 2] {
+        let carrier = WarpedTarget { target, at: (45, 45), warp, gain: 1.0 };
+        let mut exact = WarpedRows::<6, 7>::new(carrier, block);
+        let mut turned = RotatedRows::<Portable, 6, 7>::new(carrier, block);
         let rows = (0..block.rows as i32).map(|row| {
             let place = |lane: usize| carrier.place(f64::from(block.dx) + lane as f64, f64::from(block.dy + row));
             let along = |dx: f64, dy: f64| {
@@ -271,7 +271,7 @@ mod tests {
                 }))
             };
             let gradients = (Portable::from_lanes(&along(0.25, 0.0)), Portable::from_lanes(&along(0.0, 0.25)));
-            (Rows::<Portable>::next(&mut exact, gradients).to_lanes(), turned.next(gradients).to_lanes())
+            (RowSampler::<Portable>::next(&mut exact, gradients).to_lanes(), turned.next(gradients).to_lanes())
         });
         let (exact, turned) = rows.unzip();
         [exact, turned]
@@ -279,19 +279,19 @@ mod tests {
 
     #[test]
     fn a_rotated_block_equals_sampling_pixel_by_pixel() {
-        let mut prepared = Prepared::default();
+        let mut prepared = PreparedFrame::default();
         prepared.fill(Speckle::standard(5, 90.0).draw(90, 90).view(), Interpolation::Optimised);
         let block = Block { dx: -9, dy: -21, rows: 43, start: 0 };
         for angle_deg in [-2.8, -1.1, -0.2, 0.03, 0.4, 1.7, 2.8_f64] {
             let warp = Warp::rigid(0.37 * angle_deg, -0.61, angle_deg.to_radians());
-            assert!(TurnedColumn::<Portable, 6, 7>::follows(&warp));
-            let [exact, turned] = both(&prepared.splined, &warp, &block);
+            assert!(RotatedRows::<Portable, 6, 7>::follows(&warp));
+            let [exact, turned] = both(&prepared.interpolated, &warp, &block);
             let pairs = exact.iter().zip(&turned).flat_map(|(a, b)| a.0.into_iter().zip(b.0));
             let worst = pairs.map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
             assert!(worst < 0.05, "{angle_deg} deg: {worst} DN");
         }
         for warp in [Warp::rigid(0.0, 0.0, 0.06), Warp { ux: 0.002, ..Warp::default() }] {
-            assert!(!TurnedColumn::<Portable, 6, 7>::follows(&warp));
+            assert!(!RotatedRows::<Portable, 6, 7>::follows(&warp));
         }
     }
 }

@@ -2,20 +2,20 @@
 
 use multiversion::multiversion;
 
-use crate::dic::geometry::Window;
-use crate::dic::image::Plane;
-use crate::dic::subset::Subset;
+use crate::dic::geometry::SubsetMask;
+use crate::dic::image::PaddedImage;
+use crate::dic::subset::ReferenceSubset;
 use crate::numeric::LANES;
 use crate::numeric::{Complex, Transform};
 
 /// Plan and memory for cross-correlations of one size.
-pub(in crate::dic) struct Correlation {
+pub(in crate::dic) struct CrossCorrelation {
     pub(in crate::dic) transform: Transform,
     pub(in crate::dic) data: Complex,
     pub(in crate::dic) product: Complex,
 }
 
-impl Correlation {
+impl CrossCorrelation {
     pub(in crate::dic) fn new(size: usize) -> Self {
         let transform = Transform::new(size);
         Self { data: transform.memory(), product: transform.memory(), transform }
@@ -23,7 +23,7 @@ impl Correlation {
 
     /// Loads the subset into the imaginary part, with the corner of its rectangle at the origin. Pixels that do not fit
     /// are dropped.
-    pub(in crate::dic) fn load_subset(&mut self, subset: &Subset, window: &Window) {
+    pub(in crate::dic) fn load_subset(&mut self, subset: &ReferenceSubset, window: &SubsetMask) {
         let (stride, size) = (self.transform.stride(), self.transform.size());
         let width = window.extent.sides().0.min(size);
         self.data.im.fill(0.0);
@@ -44,7 +44,7 @@ impl Correlation {
     /// Loads target pixels into the real part, zero-padded.
     pub(in crate::dic) fn load_area(
         &mut self,
-        target: &Plane,
+        target: &PaddedImage,
         corner: (isize, isize),
         (columns, rows): (usize, usize),
         mean: f32,
@@ -121,14 +121,14 @@ pub(in crate::dic) struct Shifts {
 }
 
 /// Local contrast of the target at each shift, from summed-area tables.
-pub(in crate::dic) struct Contrast {
+pub(in crate::dic) struct LocalContrast {
     /// Sums of all values above and to the left, with one more row and column.
     sums: Vec<f64>,
     /// The same of the squares.
     squares: Vec<f64>,
 }
 
-impl Contrast {
+impl LocalContrast {
     /// Allocates the tables for areas up to `side` x `side`.
     pub(in crate::dic) fn new(side: usize) -> Self {
         let count = (side + 1) * (side + 1);
@@ -142,7 +142,7 @@ impl Contrast {
     }
 
     /// Fills the tables from the area that `correlation` holds. Call before it runs.
-    pub(in crate::dic) fn add_up(&mut self, correlation: &Correlation, area: (usize, usize)) {
+    pub(in crate::dic) fn add_up(&mut self, correlation: &CrossCorrelation, area: (usize, usize)) {
         let (line_length, stride) = (correlation.transform.stride(), area.0 + 1);
         self.sums[..stride].fill(0.0);
         self.squares[..stride].fill(0.0);
@@ -167,7 +167,7 @@ impl Contrast {
     /// is normalised by the contrast of its square.
     pub(in crate::dic) fn normalise(
         &self,
-        correlation: &Correlation,
+        correlation: &CrossCorrelation,
         shifts: &Shifts,
         (energy, share): (f64, f64),
         surface: &mut [f32],

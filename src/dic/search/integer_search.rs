@@ -4,16 +4,16 @@
 //! the subset moved less than about half its width. The full search covers the whole range. It divides the correlation
 //! at each shift by the local contrast of the target, so the overlap does not bias the result.
 
-use super::cross_correlation::{Contrast, Correlation, Shifts};
+use super::cross_correlation::{CrossCorrelation, LocalContrast, Shifts};
 use super::peak::{Peak, Surface};
-use crate::dic::geometry::Window;
-use crate::dic::image::Plane;
-use crate::dic::subset::Subset;
+use crate::dic::geometry::SubsetMask;
+use crate::dic::image::PaddedImage;
+use crate::dic::subset::ReferenceSubset;
 use crate::numeric::{fast_size, register_size};
 
 /// The result of a search.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(in crate::dic) struct Found {
+pub(in crate::dic) struct SearchResult {
     /// The highest peak.
     pub(in crate::dic) best: Peak,
     /// The second-highest peak, if there is one.
@@ -24,7 +24,7 @@ pub(in crate::dic) struct Found {
     pub(in crate::dic) clipped: bool,
 }
 
-impl Found {
+impl SearchResult {
     /// Returns the peak ratio: the height of the highest peak over the second.
     pub(in crate::dic) fn ratio(&self) -> Option<f64> {
         self.second.map(|second| self.best.height / second.height)
@@ -49,11 +49,11 @@ impl Found {
 }
 
 /// Plans and memory for searches of one subset size.
-pub(in crate::dic) struct Search {
+pub(in crate::dic) struct IntegerSearch {
     range: usize,
-    quick: Correlation,
-    full: Correlation,
-    contrast: Contrast,
+    quick: CrossCorrelation,
+    full: CrossCorrelation,
+    contrast: LocalContrast,
     surface: Vec<f32>,
     /// The columns and rows of the surface of the last full search.
     shifts: (usize, usize),
@@ -62,7 +62,7 @@ pub(in crate::dic) struct Search {
     pub(in crate::dic) is_used: bool,
 }
 
-impl Search {
+impl IntegerSearch {
     /// Plans searches of subsets up to `window_px` wide, `range_px` to each side.
     pub(in crate::dic) fn new(window_px: usize, range_px: usize) -> Self {
         let area = window_px + 2 * range_px;
@@ -70,9 +70,9 @@ impl Search {
         let count = (2 * range_px + 1).max(quick + 2);
         Self {
             range: range_px,
-            quick: Correlation::new(quick),
-            full: Correlation::new(fast_size(area)),
-            contrast: Contrast::new(area),
+            quick: CrossCorrelation::new(quick),
+            full: CrossCorrelation::new(fast_size(area)),
+            contrast: LocalContrast::new(area),
             surface: vec![0.0; count * count],
             shifts: (0, 0),
             candidates: vec![0.0; count],
@@ -85,11 +85,11 @@ impl Search {
     /// Returns `None` if the peak lies beyond the range, or the place beyond the target.
     pub(in crate::dic) fn find_near(
         &mut self,
-        subset: &Subset,
-        window: &Window,
-        target: &Plane,
+        subset: &ReferenceSubset,
+        window: &SubsetMask,
+        target: &PaddedImage,
         at: (i32, i32),
-    ) -> Option<Found> {
+    ) -> Option<SearchResult> {
         self.is_used = true;
         let place = (at.0 as isize, at.1 as isize);
         if !window.extent.fits(place, (target.width(), target.height())) {
@@ -116,18 +116,18 @@ impl Search {
             return None;
         }
         let second = surface.second(highest, &mut self.candidates);
-        Some(Found { best: surface.top(highest.0, highest.1), second, origin, clipped: false })
+        Some(SearchResult { best: surface.top(highest.0, highest.1), second, origin, clipped: false })
     }
 
     /// Returns the sub-pixel offset of the highest peak of the last [`Self::find`], by a three-point Gaussian along
     /// each axis, px.
-    pub(in crate::dic) fn gaussian_top(&self, found: &Found) -> (f64, f64) {
+    pub(in crate::dic) fn gaussian_top(&self, found: &SearchResult) -> (f64, f64) {
         self.last_surface().gaussian(found.best.column, found.best.row)
     }
 
     /// Returns the sub-pixel offset of the highest peak of the last [`Self::find`], on a spline through the surface,
     /// px.
-    pub(in crate::dic) fn spline_top(&self, found: &Found) -> (f64, f64) {
+    pub(in crate::dic) fn spline_top(&self, found: &SearchResult) -> (f64, f64) {
         self.last_surface().spline(found.best.column, found.best.row)
     }
 
@@ -141,12 +141,12 @@ impl Search {
     /// Returns `None` if no shift keeps the subset in the target.
     pub(in crate::dic) fn find(
         &mut self,
-        subset: &Subset,
-        window: &Window,
-        target: &Plane,
+        subset: &ReferenceSubset,
+        window: &SubsetMask,
+        target: &PaddedImage,
         at: (i32, i32),
         around: (i32, i32),
-    ) -> Option<Found> {
+    ) -> Option<SearchResult> {
         self.is_used = true;
         let (extent, range) = (window.extent, self.range as i64);
         let shifts = |center: i64, (first, last): (i32, i32), length: usize| {
@@ -174,14 +174,14 @@ impl Search {
         let origin = ((left - i64::from(at.0)) as i32, (top - i64::from(at.1)) as i32);
         let clipped = columns.min(rows) < 2 * self.range + 1;
         let second = surface.second(highest, &mut self.candidates);
-        Some(Found { best: surface.top(highest.0, highest.1), second, origin, clipped })
+        Some(SearchResult { best: surface.top(highest.0, highest.1), second, origin, clipped })
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::dic::image::Prepared;
+    use crate::dic::image::PreparedFrame;
     use crate::dic::tests::{Speckle, record};
     use crate::dic::{Interpolation, Shape, WindowShape, zncc};
     use crate::image::{Image, ImageView};
@@ -217,17 +217,17 @@ mod tests {
         let speckle = Speckle::standard(5, 90.0);
         let reference = record(&speckle.draw(90, 80), 2.0, 1);
         let target = record(&speckle.moved(|_, _| (3.4, -2.2)).draw(90, 80), 2.0, 2);
-        let (mut f, mut g) = (Prepared::default(), Prepared::default());
+        let (mut f, mut g) = (PreparedFrame::default(), PreparedFrame::default());
         f.fill(reference.view(), Interpolation::Optimised);
         g.fill(target.view(), Interpolation::Optimised);
-        let window = Window::new(WindowShape::Square, 21);
-        let mut search = Search::new(21, 7);
+        let window = SubsetMask::new(WindowShape::Square, 21);
+        let mut search = IntegerSearch::new(21, 7);
         for data in [&mut search.full.data, &mut search.full.product, &mut search.quick.data] {
             data.re.fill(f32::NAN);
             data.im.fill(f32::NAN);
         }
         search.contrast.spoil();
-        let mut subset = Subset::default();
+        let mut subset = ReferenceSubset::default();
         let at = (44, 40);
         subset.fill(&f, &window, Shape::Translation, at).unwrap();
         let found = search.find(&subset, &window, &g.levels, g.local(at), (0, 0)).unwrap();
@@ -244,10 +244,10 @@ mod tests {
     #[test]
     fn searches_keep_to_the_image() {
         let speckle = Speckle::standard(6, 60.0);
-        let mut frame = Prepared::default();
+        let mut frame = PreparedFrame::default();
         frame.fill(record(&speckle.draw(60, 60), 1.0, 1).view(), Interpolation::Optimised);
-        let window = Window::new(WindowShape::Square, 31);
-        let (mut search, mut subset) = (Search::new(31, 16), Subset::default());
+        let window = SubsetMask::new(WindowShape::Square, 31);
+        let (mut search, mut subset) = (IntegerSearch::new(31, 16), ReferenceSubset::default());
         subset.fill(&frame, &window, Shape::Affine, (15, 44)).unwrap();
         let found = search.find(&subset, &window, &frame.levels, (15, 44), (0, 0)).unwrap();
         assert_eq!(found.origin, (0, -16));

@@ -5,6 +5,6 @@ mod integer_search;
 mod peak;
 mod upsampled;
 
-pub(in crate::dic) use integer_search::{Found, Search};
+pub(in crate::dic) use integer_search::{IntegerSearch, SearchResult};
 pub(in crate::dic) use peak::Peak;
-pub(in crate::dic) use upsampled::FineSearch;
+pub(in crate::dic) use upsampled::UpsampledSearch;

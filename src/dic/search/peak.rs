@@ -2,12 +2,12 @@
 
 use multiversion::multiversion;
 
-use crate::dic::image::Plane;
-use crate::dic::image::Splined;
+use crate::dic::image::InterpolatedImage;
+use crate::dic::image::PaddedImage;
 use crate::dic::params::Interpolation;
 use crate::numeric::LANES;
 
-/// The radius of the splined patch around a peak, samples.
+/// The radius of the interpolated patch around a peak, samples.
 const REACH: usize = 6;
 
 /// The sub-sample position of a peak.
@@ -84,14 +84,14 @@ impl Surface<'_> {
         }
         let (left, top) = (column.saturating_sub(REACH), row.saturating_sub(REACH));
         let (right, bottom) = ((column + REACH).min(self.columns - 1), (row + REACH).min(self.rows() - 1));
-        let mut samples = Plane::default();
+        let mut samples = PaddedImage::default();
         samples.reshape(right - left + 1, bottom - top + 1);
         for y in top..=bottom {
             let line = &self.data[y * self.columns + left..=y * self.columns + right];
             samples.row_mut(y - top).iter_mut().zip(line).for_each(|(value, sample)| *value = sample.max(-1.0));
         }
         samples.mirror_margin();
-        let surface = Splined::new(&samples, Interpolation::Optimised);
+        let surface = InterpolatedImage::new(&samples, Interpolation::Optimised);
         let (x, y) = ((column - left) as f64, (row - top) as f64);
         let (mut dx, mut dy) = (0.0, 0.0);
         // Fits smaller and smaller paraboloids to the spline. Without a maximum, moves to the highest sample.

@@ -1,23 +1,23 @@
-//! Upsampled cross-correlation: subsets are splined between the pixels first, as in PIV practice.
+//! Upsampled cross-correlation: subsets are interpolated between the pixels first, as in PIV practice.
 //!
 //! Both subsets are interpolated on a grid `points + 1` times finer and cross-correlated by FFT. The correlation at
 //! each shift is divided by the local contrast of the target. A peak fit is essential. Without it the result is a
 //! multiple of 1 / (points + 1) px, and a displacement below half of that reads zero.
 
-use super::cross_correlation::{Contrast, Correlation, Shifts};
+use super::cross_correlation::{CrossCorrelation, LocalContrast, Shifts};
 use super::peak::Surface;
-use crate::dic::geometry::Window;
-use crate::dic::image::Splined;
+use crate::dic::geometry::SubsetMask;
+use crate::dic::image::InterpolatedImage;
 use crate::numeric::fast_size;
 
 /// The search range around the integer displacement, px.
 const MARGIN_PX: usize = 2;
 
 /// Plan and memory of the upsampled search.
-pub(in crate::dic) struct FineSearch {
+pub(in crate::dic) struct UpsampledSearch {
     /// The number of fine steps per pixel.
     factor: usize,
-    correlation: Correlation,
+    correlation: CrossCorrelation,
     /// 1 on the fine grid of the subset where a pixel belongs.
     mask: Vec<f32>,
     /// The number of fine points that belong.
@@ -27,13 +27,13 @@ pub(in crate::dic) struct FineSearch {
     rows: Vec<f32>,
     /// The tap weights at each fine step after a pixel.
     phases: Vec<[f32; 6]>,
-    contrast: Contrast,
+    contrast: LocalContrast,
     surface: Vec<f32>,
 }
 
-impl FineSearch {
+impl UpsampledSearch {
     /// Plans searches of one window with `points` points between two pixels.
-    pub(in crate::dic) fn new(window: &Window, points: usize) -> Self {
+    pub(in crate::dic) fn new(window: &SubsetMask, points: usize) -> Self {
         let (factor, pixels) = (points + 1, 2 * window.half as usize);
         let side = pixels * factor + 1;
         let area = (pixels + 2 * MARGIN_PX) * factor + 1;
@@ -47,14 +47,14 @@ impl FineSearch {
         }
         Self {
             factor,
-            correlation: Correlation::new(fast_size(area)),
+            correlation: CrossCorrelation::new(fast_size(area)),
             count: mask.iter().filter(|value| **value > 0.5).count(),
             mask,
             subset: vec![0.0; side * side],
             area: vec![0.0; area * area],
             rows: vec![0.0; (pixels + 2 * MARGIN_PX + 6) * area],
             phases: vec![[0.0; 6]; factor],
-            contrast: Contrast::new(area),
+            contrast: LocalContrast::new(area),
             surface: vec![0.0; shifts * shifts],
         }
     }
@@ -64,8 +64,8 @@ impl FineSearch {
     /// With a fit it is the top of the peak, else the highest grid point. Returns `None` if the subset has no contrast.
     pub(in crate::dic) fn find(
         &mut self,
-        (reference, target): (&Splined, &Splined),
-        window: &Window,
+        (reference, target): (&InterpolatedImage, &InterpolatedImage),
+        window: &SubsetMask,
         (at, at_target): ((i32, i32), (i32, i32)),
         near: (i32, i32),
         fit: bool,
@@ -120,7 +120,7 @@ impl FineSearch {
 
 /// Interpolates `side` x `side` points from a whole pixel on, with one point per phase and pixel.
 fn upsample(
-    picture: &Splined,
+    picture: &InterpolatedImage,
     corner: (isize, isize),
     side: usize,
     phases: &[[f32; 6]],

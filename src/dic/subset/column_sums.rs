@@ -3,8 +3,8 @@
 //! Sums run down each column from the first row of the first subset. The sum over a subset is the difference between
 //! the running sums after its last and before its first row.
 
-use super::normal_equations::{DOWN, Layers, Moments, add_rows, gathered, less};
-use crate::dic::geometry::Window;
+use super::normal_equations::{DOWN, Layers, Moments, add_rows, collect_moments, subtract_before};
+use crate::dic::geometry::SubsetMask;
 use crate::numeric::LANES;
 use crate::numeric::{Vector, vectorized};
 use std::ops::Range;
@@ -25,7 +25,7 @@ pub(in crate::dic) struct Strip {
 
 /// Column sums of subsets of one shape.
 #[derive(Debug, Clone, Default)]
-pub(in crate::dic) struct Columns {
+pub(in crate::dic) struct ColumnSums {
     /// The first column of all subsets.
     left: i32,
     /// The number of columns, a multiple of eight.
@@ -58,9 +58,9 @@ vectorized! {
         sum_down_with
 }
 
-impl Columns {
+impl ColumnSums {
     /// Plans the sums over subsets of the shape of `window` about these centres.
-    pub(in crate::dic) fn plan(&mut self, window: &Window, centers: impl Iterator<Item = (i32, i32)> + Clone) {
+    pub(in crate::dic) fn plan(&mut self, window: &SubsetMask, centers: impl Iterator<Item = (i32, i32)> + Clone) {
         let extent = window.extent;
         self.sides = extent.sides();
         self.tops.clear();
@@ -113,14 +113,14 @@ impl Columns {
     }
 
     /// Returns the sums over a planned square subset about `at`. Access in row order is fastest.
-    pub(in crate::dic) fn moments(&mut self, layers: Layers<'_>, window: &Window, at: (i32, i32)) -> Moments {
+    pub(in crate::dic) fn moments(&mut self, layers: Layers<'_>, window: &SubsetMask, at: (i32, i32)) -> Moments {
         let (left, top) = (at.0 + window.extent.left, at.1 + window.extent.top);
         let place = self.place(top);
         if !self.summed.contains(&place) {
             self.sum(layers, place..self.tops.len().min(place + BAND));
         }
         let sums = &self.sums[(place - self.summed.start) * DOWN * self.count..][..DOWN * self.count];
-        gathered(&sums[(left - self.left) as usize..], self.count, window)
+        collect_moments(&sums[(left - self.left) as usize..], self.count, window)
     }
 
     fn sum(&mut self, layers: Layers<'_>, band: Range<usize>) {
@@ -167,7 +167,7 @@ fn sum_down_with<V: Vector>(
             }
             opens = next(opens + 1);
         } else {
-            less(&sums, &before[closes * SIZE..][..SIZE], rows, |k, own| {
+            subtract_before(&sums, &before[closes * SIZE..][..SIZE], rows, |k, own| {
                 own.store(&mut out[(closes * DOWN + k) * count..]);
             });
             closes = next(closes + 1);
@@ -188,13 +188,13 @@ mod tests {
         let [reference, gradient_x, gradient_y, target] = &planes;
         let layers = Layers { reference, gradient_x, gradient_y, target };
         for (size, step) in [(9, 4), (17, 5), (9, 14), (31, 6), (21, 1)] {
-            let window = Window::new(WindowShape::Square, size);
+            let window = SubsetMask::new(WindowShape::Square, size);
             let half = size as i32 / 2;
             // First rows and columns differ, and some subsets are left out.
             let places = |side: i32| (half..side - half).step_by(step);
             let centers = places(50).flat_map(|y| places(60).map(move |x| (x + y % 2, y)));
             let centers = centers.filter(|(x, y)| (x + 3 * y) % 4 != 0 && x + half < 60);
-            let mut columns = Columns::default();
+            let mut columns = ColumnSums::default();
             columns.plan(&window, centers.clone());
             for at in centers {
                 let found = all(&columns.moments(layers, &window, at));
@@ -213,9 +213,9 @@ mod tests {
         let planes = [1, 2, 3, 4].map(|seed| plane_of(seed, 80, 662));
         let [reference, gradient_x, gradient_y, target] = &planes;
         let layers = Layers { reference, gradient_x, gradient_y, target };
-        let window = Window::new(WindowShape::Square, 61);
+        let window = SubsetMask::new(WindowShape::Square, 61);
         let centers = (0..16).map(|k| (32, 30 + 40 * k));
-        let mut columns = Columns::default();
+        let mut columns = ColumnSums::default();
         columns.plan(&window, centers.clone());
         for at in centers {
             let (found, exact) = (columns.moments(layers, &window, at), slow(&planes, &window, at));
@@ -233,9 +233,9 @@ mod tests {
 
     #[test]
     fn strips_cover_every_needed_pixel_and_no_row_between() {
-        let window = Window::new(WindowShape::Square, 9);
+        let window = SubsetMask::new(WindowShape::Square, 9);
         let centers = [(10, 10), (30, 12), (12, 40), (11, 19)];
-        let mut columns = Columns::default();
+        let mut columns = ColumnSums::default();
         columns.plan(&window, centers.into_iter());
         for (x, y) in (0..60).flat_map(|y| (0..60).map(move |x| (x, y))) {
             let holds =

@@ -6,7 +6,7 @@
 //! and y.
 
 use super::reference_subset::add_powers;
-use crate::dic::geometry::Window;
+use crate::dic::geometry::SubsetMask;
 use crate::numeric::{LANES, Lanes};
 use crate::numeric::{Vector, vectorized};
 
@@ -17,7 +17,7 @@ const MIN_DETERMINANT: f64 = 1e-3;
 ///
 /// J is the Jacobian of the affine warp, (gx, gx dx, gx dy, gy, gy dx, gy dy).
 #[derive(Debug, Clone, Copy)]
-pub(in crate::dic) struct Light {
+pub(in crate::dic) struct IlluminationPlane {
     /// The centroid of the pixels relative to the centre, px.
     pub(in crate::dic) middle: [f64; 2],
     /// The second moments about the centroid, and the inverse.
@@ -29,9 +29,9 @@ pub(in crate::dic) struct Light {
     pub(in crate::dic) slopes: [f64; 2],
 }
 
-impl Light {
+impl IlluminationPlane {
     /// Fits the plane to the pixels of a window; `None` if they do not span a plane.
-    pub(in crate::dic) fn of(levels: &[Lanes], gradients: [&[Lanes]; 2], window: &Window) -> Option<Self> {
+    pub(in crate::dic) fn of(levels: &[Lanes], gradients: [&[Lanes]; 2], window: &SubsetMask) -> Option<Self> {
         let [count, x, y, xx, xy, yy] = moments(&window.mask, window);
         let middle = [x / count, y / count];
         let (xx, xy, yy) = (xx - middle[0] * x, xy - middle[0] * y, yy - middle[1] * y);
@@ -91,7 +91,7 @@ impl Light {
 }
 
 /// Returns the sums of packed values times 1, x, y, x^2, x y and y^2.
-fn moments(values: &[Lanes], window: &Window) -> [f64; 6] {
+fn moments(values: &[Lanes], window: &SubsetMask) -> [f64; 6] {
     let mut out = [0.0; 6];
     for block in &window.blocks {
         let [plain, down, twice] = powers(&values[block.start..block.start + block.rows], block.dy);

@@ -5,6 +5,6 @@ pub(in crate::dic) mod illumination;
 pub(in crate::dic) mod normal_equations;
 mod reference_subset;
 
-pub(in crate::dic) use column_sums::{Columns, Strip};
+pub(in crate::dic) use column_sums::{ColumnSums, Strip};
 pub(in crate::dic) use normal_equations::{Layers, Moments};
-pub(in crate::dic) use reference_subset::{Subset, Unusable, project};
+pub(in crate::dic) use reference_subset::{ReferenceSubset, Unusable, project};

@@ -1,7 +1,7 @@
 //! Sums for one Gauss-Newton update, in one pass over a reference and an aligned target.
 
-use crate::dic::geometry::Window;
-use crate::dic::image::Plane;
+use crate::dic::geometry::SubsetMask;
+use crate::dic::image::PaddedImage;
 use crate::dic::refine::Sums;
 use crate::numeric::{LANES, Lanes};
 use crate::numeric::{Vector, vectorized};
@@ -27,34 +27,34 @@ pub(in crate::dic) struct Moments {
 /// Aligned planes of one shape.
 #[derive(Clone, Copy)]
 pub(in crate::dic) struct Layers<'a> {
-    pub(in crate::dic) reference: &'a Plane,
-    pub(in crate::dic) gradient_x: &'a Plane,
-    pub(in crate::dic) gradient_y: &'a Plane,
-    pub(in crate::dic) target: &'a Plane,
+    pub(in crate::dic) reference: &'a PaddedImage,
+    pub(in crate::dic) gradient_x: &'a PaddedImage,
+    pub(in crate::dic) gradient_y: &'a PaddedImage,
+    pub(in crate::dic) target: &'a PaddedImage,
 }
 
 vectorized! {
     /// Sums the columns of `window` about `at`, one kind of sum after the other.
     ///
     /// The window must lie in the planes, and their values off the mask must be finite.
-    fn sum_window(layers: Layers<'_>, window: &Window, at: (i32, i32), sums: &mut [f32]) = sum_window_with
+    fn sum_window(layers: Layers<'_>, window: &SubsetMask, at: (i32, i32), sums: &mut [f32]) = sum_window_with
 }
 
 vectorized! {
     /// Adds up the column sums of a window from its first column on; `count` is the stride between kinds of sums.
-    fn total(sums: &[f32], count: usize, window: &Window, out: &mut [f64; TOTALS]) = total_with
+    fn total(sums: &[f32], count: usize, window: &SubsetMask, out: &mut [f64; TOTALS]) = total_with
 }
 
 impl Moments {
     /// Computes the sums over `window` about `at`.
     ///
     /// The window must lie in the planes, and their values off the mask must be finite. `sums` is scratch memory.
-    pub(in crate::dic) fn of(layers: Layers<'_>, window: &Window, at: (i32, i32), sums: &mut Vec<f32>) -> Self {
+    pub(in crate::dic) fn of(layers: Layers<'_>, window: &SubsetMask, at: (i32, i32), sums: &mut Vec<f32>) -> Self {
         let count = window.extent.sides().0.next_multiple_of(LANES) + LANES;
         sums.clear();
         sums.resize(DOWN * count, 0.0);
         sum_window(layers, window, at, sums);
-        gathered(sums, count, window)
+        collect_moments(sums, count, window)
     }
 
     /// Returns the sums over a target minus the mean of the reference.
@@ -136,7 +136,12 @@ pub(in crate::dic) fn add_rows<V: Vector>(
 
 /// Subtracts the running sums `before` the last `rows` rows; `out` receives the index of each sum and the difference.
 #[inline(always)]
-pub(in crate::dic) fn less<V: Vector>(all: &[V; DOWN], before: &[f32], rows: i32, mut out: impl FnMut(usize, V)) {
+pub(in crate::dic) fn subtract_before<V: Vector>(
+    all: &[V; DOWN],
+    before: &[f32],
+    rows: i32,
+    mut out: impl FnMut(usize, V),
+) {
     let before = |k: usize| V::load(&before[k * LANES..]);
     for (k, sum) in all.iter().enumerate().take(PLAIN) {
         out(k, sum.sub(before(k)));
@@ -158,7 +163,7 @@ pub(in crate::dic) fn less<V: Vector>(all: &[V; DOWN], before: &[f32], rows: i32
 }
 
 #[inline(always)]
-fn sum_window_with<V: Vector>(layers: Layers<'_>, window: &Window, at: (i32, i32), out: &mut [f32]) {
+fn sum_window_with<V: Vector>(layers: Layers<'_>, window: &SubsetMask, at: (i32, i32), out: &mut [f32]) {
     let count = out.len() / DOWN;
     for block in &window.blocks {
         let mask = &window.mask[block.start..block.start + block.rows];
@@ -176,7 +181,7 @@ fn sum_window_with<V: Vector>(layers: Layers<'_>, window: &Window, at: (i32, i32
 }
 
 /// Converts the column sums of a window to [`Moments`]; `count` is the stride between kinds of sums.
-pub(in crate::dic) fn gathered(sums: &[f32], count: usize, window: &Window) -> Moments {
+pub(in crate::dic) fn collect_moments(sums: &[f32], count: usize, window: &SubsetMask) -> Moments {
     let mut totals = [0.0; TOTALS];
     total(sums, count, window, &mut totals);
     let (mut out, end) = (Moments::default(), f64::from(window.extent.bottom + 1));
@@ -204,7 +209,7 @@ fn weighted<V: Vector>(sum: V, row: &[f32], weights: &[(usize, [V; 3]); BLOCKS],
 }
 
 #[inline(always)]
-fn total_with<V: Vector>(sums: &[f32], count: usize, window: &Window, out: &mut [f64; TOTALS]) {
+fn total_with<V: Vector>(sums: &[f32], count: usize, window: &SubsetMask, out: &mut [f64; TOTALS]) {
     let (Some(first), right) = (window.blocks.first(), V::splat(window.extent.right as f32)) else { return };
     let mut totals = [V::splat(0.0); TOTALS];
     for blocks in window.blocks.chunks(BLOCKS) {
@@ -246,12 +251,12 @@ pub(in crate::dic) mod tests {
     use crate::dic::WindowShape;
     use crate::numeric::Portable;
 
-    pub(in crate::dic) fn plane(seed: u32) -> Plane {
+    pub(in crate::dic) fn plane(seed: u32) -> PaddedImage {
         plane_of(seed, 60, 50)
     }
 
-    pub(in crate::dic) fn plane_of(seed: u32, width: usize, height: usize) -> Plane {
-        let mut plane = Plane::default();
+    pub(in crate::dic) fn plane_of(seed: u32, width: usize, height: usize) -> PaddedImage {
+        let mut plane = PaddedImage::default();
         plane.reshape(width, height);
         let mut state = seed;
         for y in 0..height {
@@ -264,7 +269,7 @@ pub(in crate::dic) mod tests {
     }
 
     /// The reference implementation, pixel by pixel in double precision.
-    pub(in crate::dic) fn slow(planes: &[Plane; 4], window: &Window, at: (i32, i32)) -> Moments {
+    pub(in crate::dic) fn slow(planes: &[PaddedImage; 4], window: &SubsetMask, at: (i32, i32)) -> Moments {
         let mut out = Moments::default();
         for (dx, dy) in (-31..=31).flat_map(|dy| (-31..=31).map(move |dx| (dx, dy))) {
             if !window.holds(dx, dy) {
@@ -302,7 +307,7 @@ pub(in crate::dic) mod tests {
         let [reference, gradient_x, gradient_y, target] = &planes;
         let layers = Layers { reference, gradient_x, gradient_y, target };
         for (shape, size) in [(WindowShape::Square, 31), (WindowShape::Circle, 29), (WindowShape::Ring, 21)] {
-            let window = Window::new(shape, size);
+            let window = SubsetMask::new(shape, size);
             let at = (30, 24);
             let mut memory = Vec::new();
             let found = Moments::of(layers, &window, at, &mut memory);

@@ -1,11 +1,11 @@
 //! Reference subsets: pixels, gradients and precomputed sums.
 
-use super::illumination::Light;
+use super::illumination::IlluminationPlane;
 use super::normal_equations::Moments;
 use crate::dic::Shape;
-use crate::dic::geometry::Window;
-use crate::dic::image::Plane;
-use crate::dic::image::Prepared;
+use crate::dic::geometry::SubsetMask;
+use crate::dic::image::PaddedImage;
+use crate::dic::image::PreparedFrame;
 use crate::numeric::invert;
 use crate::numeric::{LANES, Lanes};
 use crate::numeric::{Vector, vectorized};
@@ -31,11 +31,11 @@ const MAX_EXTRAPOLATION: f64 = 5.0;
 /// The maximum fraction of saturated pixels.
 const MAX_SATURATED_FRACTION: f64 = 0.5;
 
-/// Reference pixels, packed like [`Window::mask`], and their sums.
+/// Reference pixels, packed like [`SubsetMask::mask`], and their sums.
 ///
 /// The Jacobian of the affine warp is J = (gx, gx dx, gx dy, gy, gy dx, gy dy).
 #[derive(Debug, Clone, Default)]
-pub(in crate::dic) struct Subset {
+pub(in crate::dic) struct ReferenceSubset {
     /// The grey levels minus their mean; 0 off the mask.
     pub(in crate::dic) levels: Vec<Lanes>,
     /// The gradient along x; 0 off the mask.
@@ -64,15 +64,15 @@ pub(in crate::dic) struct Subset {
     /// The gradient energy per pixel in the weaker direction, DN^2/px^2.
     pub(in crate::dic) weak_gradient: f64,
     /// The illumination plane, if it is removed. `energy`, `jacobian_levels` and `inverse` are then without it.
-    pub(in crate::dic) light: Option<Light>,
+    pub(in crate::dic) light: Option<IlluminationPlane>,
 }
 
-impl Subset {
+impl ReferenceSubset {
     /// Extracts the subset at (x, y) of `reference`.
     pub(in crate::dic) fn fill(
         &mut self,
-        reference: &Prepared,
-        window: &Window,
+        reference: &PreparedFrame,
+        window: &SubsetMask,
         shape: Shape,
         at: (u32, u32),
     ) -> Result<(), Unusable> {
@@ -83,8 +83,8 @@ impl Subset {
     /// Extracts a whole rigid body, without its illumination plane.
     pub(in crate::dic) fn fill_body(
         &mut self,
-        reference: &Prepared,
-        window: &Window,
+        reference: &PreparedFrame,
+        window: &SubsetMask,
         at: (u32, u32),
     ) -> Result<(), Unusable> {
         self.load(reference, window, at)?;
@@ -92,7 +92,7 @@ impl Subset {
     }
 
     /// Restricts `whole` to the pixels of `window`, which must have the same blocks.
-    pub(in crate::dic) fn restrict(&mut self, whole: &Self, window: &Window, shape: Shape) -> Result<(), Unusable> {
+    pub(in crate::dic) fn restrict(&mut self, whole: &Self, window: &SubsetMask, shape: Shape) -> Result<(), Unusable> {
         for (out, from) in [
             (&mut self.levels, &whole.levels),
             (&mut self.gradient_x, &whole.gradient_x),
@@ -111,11 +111,12 @@ impl Subset {
     }
 
     /// Computes the sums from grey levels and gradients.
-    fn finish(&mut self, window: &Window, shape: Shape, with_illumination: bool) -> Result<(), Unusable> {
+    fn finish(&mut self, window: &SubsetMask, shape: Shape, with_illumination: bool) -> Result<(), Unusable> {
         self.check_contrast(window.pixels)?;
         let mut hessian = self.sum_gradients(window);
-        self.light =
-            with_illumination.then(|| Light::of(&self.levels, [&self.gradient_x, &self.gradient_y], window)).flatten();
+        self.light = with_illumination
+            .then(|| IlluminationPlane::of(&self.levels, [&self.gradient_x, &self.gradient_y], window))
+            .flatten();
         if let Some(light) = &self.light {
             light.remove_from(&self.jacobian_sum, window.pixels, &mut hessian);
             let slopes = light.slopes;
@@ -176,7 +177,7 @@ impl Subset {
     }
 
     /// Loads grey levels, their mean and energy, and gradients.
-    fn load(&mut self, reference: &Prepared, window: &Window, at: (u32, u32)) -> Result<(), Unusable> {
+    fn load(&mut self, reference: &PreparedFrame, window: &SubsetMask, at: (u32, u32)) -> Result<(), Unusable> {
         let (x, y) = reference.local(at);
         let at = (x as isize, y as isize);
         if !window.extent.fits(at, (reference.levels.width(), reference.levels.height())) {
@@ -203,7 +204,7 @@ impl Subset {
     }
 
     /// Subtracts a mean from the grey levels and sums their squares.
-    fn center(&mut self, window: &Window, mean: f32) {
+    fn center(&mut self, window: &SubsetMask, mean: f32) {
         self.energy = 0.0;
         for block in &window.blocks {
             let rows = block.start..block.start + block.rows;
@@ -212,7 +213,7 @@ impl Subset {
     }
 
     /// Computes the sums over J and returns the sum of J J^T.
-    fn sum_gradients(&mut self, window: &Window) -> [[f64; 6]; 6] {
+    fn sum_gradients(&mut self, window: &SubsetMask) -> [[f64; 6]; 6] {
         self.jacobian_sum = [0.0; 6];
         self.jacobian_levels = [0.0; 6];
         let mut moments = [[0.0; 6]; 3];
@@ -229,7 +230,7 @@ impl Subset {
 }
 
 /// Copies the pixels of a window from a plane, 0 off the mask, and returns their sum.
-fn copy_window(plane: &Plane, window: &Window, at: (isize, isize), out: &mut Vec<Lanes>) -> f64 {
+fn copy_window(plane: &PaddedImage, window: &SubsetMask, at: (isize, isize), out: &mut Vec<Lanes>) -> f64 {
     out.resize(window.mask.len(), Lanes::splat(0.0));
     let mut sum = 0.0;
     for block in &window.blocks {

@@ -1,12 +1,12 @@
 //! Invalid input: images and parameters that must end in a status or an error.
 
 use super::speckle_image::{Disc, Sequence, Speckle, record};
+use crate::dic::geometry::SubsetMask;
 use crate::dic::geometry::Warp;
-use crate::dic::geometry::Window;
 use crate::dic::geometry::grid::rectangle;
-use crate::dic::image::Prepared;
+use crate::dic::image::PreparedFrame;
 use crate::dic::refine::Refiner;
-use crate::dic::subset::Subset;
+use crate::dic::subset::ReferenceSubset;
 use crate::dic::*;
 use crate::image::Image;
 use crate::numeric::Lanes;
@@ -267,16 +267,16 @@ fn subsets_with_texture_in_one_corner_have_low_contrast() {
 /// Poor matches produce extreme warps. Any warp must be sampled within the image or refused.
 #[test]
 fn any_warp_of_any_window_anywhere_is_sampled_or_refused() {
-    let (mut reference, mut target) = (Prepared::default(), Prepared::default());
+    let (mut reference, mut target) = (PreparedFrame::default(), PreparedFrame::default());
     reference.fill(speckled(1).view(), Interpolation::Optimised);
     target.fill(speckled(2).view(), Interpolation::Optimised);
     let mut random = Sequence::new(5);
     let (mut sampled, mut residual) = (0, Vec::new());
     for case in 0..6000 {
         let shape = [WindowShape::Square, WindowShape::Circle, WindowShape::Ring][case % 3];
-        let whole = Window::new(shape, [15, 31, 45][case / 3 % 3]);
+        let whole = SubsetMask::new(shape, [15, 31, 45][case / 3 % 3]);
         let (a, b) = (random.normal(), random.normal());
-        let (mut window, mut subset) = (whole.clone(), Subset::default());
+        let (mut window, mut subset) = (whole.clone(), ReferenceSubset::default());
         if case % 4 > 1 {
             let belongs = |dx: i32, dy: i32| f64::from(dx) * a + f64::from(dy) * b < 6.0;
             if case % 4 == 2 {
@@ -300,7 +300,8 @@ fn any_warp_of_any_window_anywhere_is_sampled_or_refused() {
         let [ux, uy, vx, vy] = [bend(), bend(), bend(), bend()];
         let warp = Warp { u: 25.0 * bend(), v: 25.0 * bend(), ux, uy, vx, vy };
         let at = target.local(at);
-        let refiner = Refiner { subset: &subset, window: &window, shape: Shape::Affine, target: &target.splined, at };
+        let refiner =
+            Refiner { subset: &subset, window: &window, shape: Shape::Affine, target: &target.interpolated, at };
         for warp in [warp, Warp::shift(warp.u, warp.v), Warp::rigid(warp.u, warp.v, 3.0 * ux)] {
             sampled += i32::from(refiner.step(&warp).is_ok());
             let _ = refiner.refine(warp);

@@ -1,10 +1,10 @@
 //! The correlator on several patterns, compared with the noise bound of its own subsets.
 
 use super::speckle_image::{Speckle, record};
+use crate::dic::geometry::SubsetMask;
 use crate::dic::geometry::Warp;
-use crate::dic::geometry::Window;
 use crate::dic::geometry::grid::rectangle;
-use crate::dic::subset::Subset;
+use crate::dic::subset::ReferenceSubset;
 use crate::dic::*;
 use crate::image::Image;
 use crate::results::{FieldPoint, PointStatus};
@@ -86,9 +86,9 @@ fn correlate(clean: (&Image, &Image), sigma: f64, seed: u64) -> Vec<FieldPoint> 
 ///
 /// Computed from the fourth-order gradient of the noise-free image.
 fn unit_bound(clean: &Image) -> f64 {
-    let mut frame = Prepared::default();
+    let mut frame = PreparedFrame::default();
     frame.fill(clean.view(), Interpolation::Optimised);
-    let (mut subset, window) = (Subset::default(), Window::new(WindowShape::Square, 31));
+    let (mut subset, window) = (ReferenceSubset::default(), SubsetMask::new(WindowShape::Square, 31));
     let mut sum = 0.0;
     for point in points() {
         subset.fill(&frame, &window, Shape::Affine, (point.x, point.y)).unwrap();

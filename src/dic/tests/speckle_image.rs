@@ -3,7 +3,7 @@
 //! There is no interpolation: a displaced image is drawn from displaced centres, and each pixel is integrated by 3 x 3
 //! Gauss points.
 
-use crate::dic::image::Prepared;
+use crate::dic::image::PreparedFrame;
 use crate::dic::params::Interpolation;
 use crate::image::Image;
 
@@ -122,8 +122,8 @@ pub(in crate::dic) fn record(clean: &Image, sigma: f64, seed: u64) -> Image {
 }
 
 /// Prepares an image.
-pub(in crate::dic) fn prepared(image: &Image) -> Prepared {
-    let mut prepared = Prepared::default();
+pub(in crate::dic) fn prepared(image: &Image) -> PreparedFrame {
+    let mut prepared = PreparedFrame::default();
     prepared.fill(image.view(), Interpolation::Optimised);
     prepared
 }

@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use multiversion::multiversion;
 
-use crate::dic::image::Prepared;
+use crate::dic::image::PreparedFrame;
 use crate::numeric::LANES;
 
 /// The weights of eighth differences, taken along x and y.
@@ -53,7 +53,7 @@ struct Strip {
 impl FixedPattern {
     /// Sets the first frame. `body` covers the body's pixels as rectangles of x, y, width and height, px, one below the
     /// other.
-    pub fn begin(&mut self, first: &Prepared, body: &[[u32; 4]]) {
+    pub fn begin(&mut self, first: &PreparedFrame, body: &[[u32; 4]]) {
         self.strips.clear();
         self.values.clear();
         let mut squares = 0.0;
@@ -73,7 +73,7 @@ impl FixedPattern {
     ///
     /// `body` covers the body in that frame. The estimate scatters about its mean and may be negative. Returns `None`
     /// if the two frames have too few pixels in common.
-    pub fn share(&mut self, later: &Prepared, body: &[[u32; 4]]) -> Option<f64> {
+    pub fn bias_fraction(&mut self, later: &PreparedFrame, body: &[[u32; 4]]) -> Option<f64> {
         let (mut sum, mut pixels) = (0.0, 0);
         for (y, columns) in rows(later, body) {
             let strip = self.strips.binary_search_by_key(&y, |strip| strip.y).ok().map(|place| &self.strips[place]);
@@ -93,7 +93,7 @@ impl FixedPattern {
 }
 
 /// Returns the rows of rectangles, clipped to the prepared part of a frame.
-fn rows(frame: &Prepared, rectangles: &[[u32; 4]]) -> impl Iterator<Item = (u32, Range<u32>)> {
+fn rows(frame: &PreparedFrame, rectangles: &[[u32; 4]]) -> impl Iterator<Item = (u32, Range<u32>)> {
     let (left, top) = frame.local((0, 0));
     let within = |from: u32, length: u32, before: i32, ready: usize| {
         let first = before.unsigned_abs();
@@ -108,7 +108,12 @@ fn rows(frame: &Prepared, rectangles: &[[u32; 4]]) -> impl Iterator<Item = (u32,
 }
 
 /// Returns the eighth differences of some pixels of a row, in frame coordinates.
-fn eighths<'a>(frame: &Prepared, y: u32, columns: &Range<u32>, [down, across]: &'a mut [Vec<f32>; 2]) -> &'a [f32] {
+fn eighths<'a>(
+    frame: &PreparedFrame,
+    y: u32,
+    columns: &Range<u32>,
+    [down, across]: &'a mut [Vec<f32>; 2],
+) -> &'a [f32] {
     let (left, row) = frame.local((columns.start, y));
     let wide = columns.len() + 2 * REACH as usize;
     down.resize(wide, 0.0);
@@ -183,7 +188,7 @@ mod tests {
                 |k: u32| correlator.prepare(self.frame((1.3 * f64::from(k), 0.4 * f64::from(k)), k.into()).view());
             let mut pattern = FixedPattern::default();
             pattern.begin(&frame(0), &[BODY]);
-            (1..9).map(|k| pattern.share(&frame(k), &[BODY]).unwrap()).sum::<f64>() / 8.0
+            (1..9).map(|k| pattern.bias_fraction(&frame(k), &[BODY]).unwrap()).sum::<f64>() / 8.0
         }
 
         /// Returns the fraction by which the mean of all subsets comes short of a step.
@@ -224,12 +229,12 @@ mod tests {
 
     #[test]
     fn frames_with_too_little_overlap_give_no_estimate() {
-        let mut frame = Prepared::default();
+        let mut frame = PreparedFrame::default();
         frame.fill(Image::new(64, 64).view(), crate::dic::Interpolation::Optimised);
         let mut pattern = FixedPattern::default();
         pattern.begin(&frame, &[[0, 0, 20, 20]]);
-        assert_eq!(pattern.share(&frame, &[[10, 10, 20, 20]]), None, "a hundred pixels");
-        assert_eq!(pattern.share(&frame, &[[0, 0, 20, 20]]), None, "without any slope");
-        assert_eq!(pattern.share(&frame, &[[60, 60, u32::MAX, 9]]), None);
+        assert_eq!(pattern.bias_fraction(&frame, &[[10, 10, 20, 20]]), None, "a hundred pixels");
+        assert_eq!(pattern.bias_fraction(&frame, &[[0, 0, 20, 20]]), None, "without any slope");
+        assert_eq!(pattern.bias_fraction(&frame, &[[60, 60, u32::MAX, 9]]), None);
     }
 }

@@ -8,8 +8,8 @@
 //! displacement by the true gradient h. Noise therefore moves the result by sum g n / sum g h, not by the sum g n / sum
 //! g^2 of the inverse Hessian. Standard uncertainties from the inverse Hessian are too large by the same factor.
 
-use crate::dic::geometry::Window;
-use crate::dic::image::Prepared;
+use crate::dic::geometry::SubsetMask;
+use crate::dic::image::PreparedFrame;
 use crate::numeric::{LANES, Lanes};
 use crate::numeric::{Vector, vectorized};
 
@@ -21,14 +21,14 @@ const ROW_STEP: usize = 5;
 
 /// The sums of squares of fourth-order gradients, and of their products with those of eighth order.
 #[derive(Debug, Clone, Copy, Default)]
-pub(in crate::dic) struct Sharpness {
+pub(in crate::dic) struct GradientGain {
     squares: f64,
     products: f64,
 }
 
-impl Sharpness {
+impl GradientGain {
     /// Sums the pixels between the first and the last column of every row; rows whose first is larger are empty.
-    pub(in crate::dic) fn of(reference: &Prepared, spans: &[(i32, i32)]) -> Self {
+    pub(in crate::dic) fn of(reference: &PreparedFrame, spans: &[(i32, i32)]) -> Self {
         let mut sums = Self::default();
         for (y, (left, right)) in spans.iter().enumerate().step_by(ROW_STEP).filter(|(_, span)| span.0 <= span.1) {
             let first = reference.levels.index(*left as isize, y as isize);
@@ -39,7 +39,7 @@ impl Sharpness {
     }
 
     /// Sums the pixels of a window at a position in the reference.
-    pub(in crate::dic) fn within(reference: &Prepared, window: &Window, at: (u32, u32)) -> Self {
+    pub(in crate::dic) fn within(reference: &PreparedFrame, window: &SubsetMask, at: (u32, u32)) -> Self {
         let (x, y) = reference.local(at);
         let mut sums = Self::default();
         for block in &window.blocks {
@@ -67,11 +67,11 @@ impl Sharpness {
 
 vectorized! {
     /// Returns the sums of squares of the gradients of a row, and of their products with those of eighth order.
-    fn add_gradients(reference: &Prepared, first: usize, count: usize) -> [f64; 2] = add_gradients_with
+    fn add_gradients(reference: &PreparedFrame, first: usize, count: usize) -> [f64; 2] = add_gradients_with
 }
 
 #[inline(always)]
-fn add_gradients_with<V: Vector>(reference: &Prepared, first: usize, count: usize) -> [f64; 2] {
+fn add_gradients_with<V: Vector>(reference: &PreparedFrame, first: usize, count: usize) -> [f64; 2] {
     let mut sums = [V::splat(0.0); 2];
     // Whole vectors only: a few pixels at the end of a row do not matter.
     for x in (first..first + count / LANES * LANES).step_by(LANES) {
@@ -82,11 +82,11 @@ fn add_gradients_with<V: Vector>(reference: &Prepared, first: usize, count: usiz
 
 vectorized! {
     /// Works like [`add_gradients`] on a column of eight pixels, on its mask.
-    fn add_block(reference: &Prepared, first: usize, mask: &[Lanes]) -> [f64; 2] = add_block_with
+    fn add_block(reference: &PreparedFrame, first: usize, mask: &[Lanes]) -> [f64; 2] = add_block_with
 }
 
 #[inline(always)]
-fn add_block_with<V: Vector>(reference: &Prepared, first: usize, mask: &[Lanes]) -> [f64; 2] {
+fn add_block_with<V: Vector>(reference: &PreparedFrame, first: usize, mask: &[Lanes]) -> [f64; 2] {
     let (stride, mut sums) = (reference.levels.stride(), [V::splat(0.0); 2]);
     for (row, mask) in mask.iter().enumerate().step_by(ROW_STEP) {
         add_eight(reference, first + row * stride, V::from_lanes(mask), &mut sums);
@@ -96,7 +96,7 @@ fn add_block_with<V: Vector>(reference: &Prepared, first: usize, mask: &[Lanes])
 
 /// Adds the sums of eight neighbours, the first at `x`.
 #[inline(always)]
-fn add_eight<V: Vector>(reference: &Prepared, x: usize, mask: V, sums: &mut [V; 2]) {
+fn add_eight<V: Vector>(reference: &PreparedFrame, x: usize, mask: V, sums: &mut [V; 2]) {
     // B. Fornberg, Math. Comput. 51 (1988) 699, <https://doi.org/10.1090/S0025-5718-1988-0935077-0>, table 1.
     const EIGHTH: [f32; 4] = [4.0 / 5.0, -1.0 / 5.0, 4.0 / 105.0, -1.0 / 280.0];
     let (levels, stride) = (reference.levels.data(), reference.levels.stride());

@@ -5,5 +5,7 @@ mod gradient_gain;
 mod noise;
 
 pub use fixed_pattern::FixedPattern;
-pub(in crate::dic) use gradient_gain::Sharpness;
-pub(in crate::dic) use noise::{Factor, Fit, Lags, POOLED, Pool, ROUNDING, Slopes, pairs_of};
+pub(in crate::dic) use gradient_gain::GradientGain;
+pub(in crate::dic) use noise::{
+    GradientNoise, GreyLevelFit, Lags, NoisePool, POOLED, ROUNDING, VarianceFactor, count_pairs,
+};

@@ -6,11 +6,11 @@
 //! windows of the pair, accounts for that. Noise is also not uniform: photon noise is larger on bright paint than on
 //! dark speckles, and only noise at grey-level slopes moves the result.
 
-use super::gradient_gain::Sharpness;
-use crate::dic::geometry::{Block, Window};
-use crate::dic::image::Plane;
+use super::gradient_gain::GradientGain;
+use crate::dic::geometry::{Block, SubsetMask};
+use crate::dic::image::PaddedImage;
 use crate::dic::subset::Layers;
-use crate::dic::subset::Subset;
+use crate::dic::subset::ReferenceSubset;
 use crate::numeric::{LANES, Lanes};
 use crate::numeric::{Vector, vectorized};
 
@@ -36,13 +36,13 @@ pub(in crate::dic) type Lags = [f64; LAGS];
 
 /// Sums over the windows of one pair.
 #[derive(Debug, Clone, Default)]
-pub(in crate::dic) struct Pool {
+pub(in crate::dic) struct NoisePool {
     residual: Lags,
     pairs: Lags,
     gradient_x: Lags,
     gradient_y: Lags,
-    slopes: Slopes,
-    sharpness: Sharpness,
+    slopes: GradientNoise,
+    gradient_gain: GradientGain,
     dense: Vec<f32>,
     /// The gradients along x and y and the residual of a window in planes.
     layers: [Vec<f32>; 3],
@@ -52,14 +52,14 @@ pub(in crate::dic) struct Pool {
 ///
 /// Holds the sums of squares of the residual, of the slopes along x and y, and of the products of these squares.
 #[derive(Debug, Clone, Copy, Default)]
-pub(in crate::dic) struct Slopes {
+pub(in crate::dic) struct GradientNoise {
     sums: [f64; 5],
     pixels: f64,
 }
 
 /// The mean levels of the reference and of the target in a window, and the target's gain.
 #[derive(Debug, Clone, Copy)]
-pub(in crate::dic) struct Fit {
+pub(in crate::dic) struct GreyLevelFit {
     pub(in crate::dic) means: (f32, f32),
     pub(in crate::dic) gain: f32,
 }
@@ -74,37 +74,37 @@ enum Part {
 
 /// The factor of short-range correlation on the variance along x and y.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(in crate::dic) struct Factor {
+pub(in crate::dic) struct VarianceFactor {
     /// The factor for the variance of u.
     pub(in crate::dic) x: f64,
     /// The factor for the variance of v.
     pub(in crate::dic) y: f64,
 }
 
-impl Pool {
+impl NoisePool {
     /// Clears all sums.
     pub(in crate::dic) fn clear(&mut self) {
         for sums in [&mut self.residual, &mut self.pairs, &mut self.gradient_x, &mut self.gradient_y] {
             sums.fill(0.0);
         }
-        (self.slopes, self.sharpness) = (Slopes::default(), Sharpness::default());
+        (self.slopes, self.gradient_gain) = (GradientNoise::default(), GradientGain::default());
     }
 
     /// Adds one window with its residual, packed like the subset.
-    pub(in crate::dic) fn add(&mut self, subset: &Subset, window: &Window, residual: &[Lanes]) {
+    pub(in crate::dic) fn add(&mut self, subset: &ReferenceSubset, window: &SubsetMask, residual: &[Lanes]) {
         self.add_texture(subset, window);
         self.add_part(Part::Residual, window, residual);
-        self.slopes.add(Slopes::of(subset, window, residual));
+        self.slopes.add(GradientNoise::of(subset, window, residual));
     }
 
-    /// Adds one window in planes about `at` with its fit. `pairs` are those of [`pairs_of`]. All windows added this way
+    /// Adds one window in planes about `at` with its fit. `pairs` are those of [`count_pairs`]. All windows added this way
     /// must have one shape.
     pub(in crate::dic) fn add_layers(
         &mut self,
         layers: Layers<'_>,
-        window: &Window,
+        window: &SubsetMask,
         pairs: &Lags,
-        (at, fit): ((i32, i32), Fit),
+        (at, fit): ((i32, i32), GreyLevelFit),
     ) {
         self.pairs.iter_mut().zip(pairs).for_each(|(sum, pairs)| *sum += pairs);
         let side = side_of(window);
@@ -118,17 +118,17 @@ impl Pool {
     }
 
     /// Adds the gradient gain of the pixels of one window.
-    pub(in crate::dic) fn add_gradient_gain(&mut self, sharpness: Sharpness) {
-        self.sharpness.add(sharpness);
+    pub(in crate::dic) fn add_gradient_gain(&mut self, gradient_gain: GradientGain) {
+        self.gradient_gain.add(gradient_gain);
     }
 
     /// Returns the gradient gain, the correction of the inverse Hessian's standard uncertainties.
     pub(in crate::dic) fn gradient_gain(&self) -> f64 {
-        self.sharpness.gain()
+        self.gradient_gain.gain()
     }
 
     /// Adds one part of a window, packed like the window's mask.
-    fn add_part(&mut self, part: Part, window: &Window, rows: &[Lanes]) {
+    fn add_part(&mut self, part: Part, window: &SubsetMask, rows: &[Lanes]) {
         unpack(window, rows, &mut self.dense);
         let sums = match part {
             Part::Residual => &mut self.residual,
@@ -139,7 +139,7 @@ impl Pool {
     }
 
     /// Replaces the residual of the one window whose texture was added; an empty one clears it.
-    pub(in crate::dic) fn set_residual(&mut self, window: &Window, residual: &[Lanes]) {
+    pub(in crate::dic) fn set_residual(&mut self, window: &SubsetMask, residual: &[Lanes]) {
         self.residual.fill(0.0);
         if residual.is_empty() {
             return;
@@ -150,14 +150,14 @@ impl Pool {
     }
 
     /// Adds the sums that do not depend on the target.
-    pub(in crate::dic) fn add_texture(&mut self, subset: &Subset, window: &Window) {
-        self.pairs.iter_mut().zip(pairs_of(window)).for_each(|(sum, pairs)| *sum += pairs);
+    pub(in crate::dic) fn add_texture(&mut self, subset: &ReferenceSubset, window: &SubsetMask) {
+        self.pairs.iter_mut().zip(count_pairs(window)).for_each(|(sum, pairs)| *sum += pairs);
         self.add_part(Part::GradientX, window, &subset.gradient_x);
         self.add_part(Part::GradientY, window, &subset.gradient_y);
     }
 
     /// Returns the factors of the windows added; 1 without any.
-    pub(in crate::dic) fn factor(&self) -> Factor {
+    pub(in crate::dic) fn factor(&self) -> VarianceFactor {
         let correlated = |gradient: &Lags| {
             let zero = lag_index(0, 0);
             let variance = self.residual[zero] / self.pairs[zero].max(1.0);
@@ -176,7 +176,8 @@ impl Pool {
             }
             sum.clamp(0.1, 10.0)
         };
-        Factor { x: correlated(&self.gradient_x), y: correlated(&self.gradient_y) }.weighted_by_slopes(&self.slopes)
+        VarianceFactor { x: correlated(&self.gradient_x), y: correlated(&self.gradient_y) }
+            .weighted_by_slopes(&self.slopes)
     }
 }
 
@@ -186,7 +187,7 @@ fn lag_index(dx: isize, dy: usize) -> usize {
 }
 
 /// Returns the number of pixel pairs of a window at each lag.
-pub(in crate::dic) fn pairs_of(window: &Window) -> Lags {
+pub(in crate::dic) fn count_pairs(window: &SubsetMask) -> Lags {
     let (mut dense, mut pairs) = (Vec::new(), [0.0; LAGS]);
     unpack(window, &window.mask, &mut dense);
     add_lags(&dense, side_of(window), &mut pairs);
@@ -194,7 +195,7 @@ pub(in crate::dic) fn pairs_of(window: &Window) -> Lags {
 }
 
 /// Returns the side of the square around a window, px.
-fn side_of(window: &Window) -> usize {
+fn side_of(window: &SubsetMask) -> usize {
     2 * window.half as usize + 1
 }
 
@@ -209,13 +210,13 @@ fn dense_len(side: usize) -> usize {
 }
 
 /// Unpacks values packed like a window's mask into its square.
-fn unpack(window: &Window, packed: &[Lanes], dense: &mut Vec<f32>) {
+fn unpack(window: &SubsetMask, packed: &[Lanes], dense: &mut Vec<f32>) {
     dense.clear();
     spread(window, packed, dense);
 }
 
 /// Works like [`unpack`], into memory that is empty or of the same window.
-fn spread(window: &Window, packed: &[Lanes], dense: &mut Vec<f32>) {
+fn spread(window: &SubsetMask, packed: &[Lanes], dense: &mut Vec<f32>) {
     let side = side_of(window);
     dense.resize(dense_len(side), 0.0);
     for block in &window.blocks {
@@ -228,7 +229,7 @@ fn spread(window: &Window, packed: &[Lanes], dense: &mut Vec<f32>) {
 
 /// Returns the index of the first row of a block in the square. A last block may extend beyond the square into the
 /// zeros, where its mask has zeros too.
-fn first_of(window: &Window, block: &Block) -> usize {
+fn first_of(window: &SubsetMask, block: &Block) -> usize {
     let (left, top) = ((window.half as i32 + block.dx) as usize, (window.half as i32 + block.dy) as usize);
     top * stride_of(side_of(window)) + left
 }
@@ -237,8 +238,8 @@ vectorized! {
     /// Unpacks the gradients and the residual of a window in planes into squares and adds the sums of [`add_squares`].
     fn spread_layers(
         layers: Layers<'_>,
-        window: &Window,
-        fit: ((i32, i32), Fit),
+        window: &SubsetMask,
+        fit: ((i32, i32), GreyLevelFit),
         dense: &mut [Vec<f32>; 3],
         sums: &mut [f64; 5],
     ) = spread_layers_with
@@ -247,8 +248,8 @@ vectorized! {
 #[inline(always)]
 fn spread_layers_with<V: Vector>(
     layers: Layers<'_>,
-    window: &Window,
-    ((x, y), fit): ((i32, i32), Fit),
+    window: &SubsetMask,
+    ((x, y), fit): ((i32, i32), GreyLevelFit),
     dense: &mut [Vec<f32>; 3],
     sums: &mut [f64; 5],
 ) {
@@ -259,7 +260,7 @@ fn spread_layers_with<V: Vector>(
         let mut from = layers.reference.index((x + block.dx) as isize, (y + block.dy) as isize);
         let mut to = first_of(window, block);
         for mask in &window.mask[block.start..block.start + block.rows] {
-            let load = |plane: &Plane| V::load(&plane.data()[from..]);
+            let load = |plane: &PaddedImage| V::load(&plane.data()[from..]);
             let mask = V::from_lanes(mask);
             let (gx, gy) = (load(layers.gradient_x).mul(mask), load(layers.gradient_y).mul(mask));
             let (level, value) = (load(layers.reference).sub(means.0), load(layers.target).sub(means.1));
@@ -343,9 +344,9 @@ fn add_row<V: Vector>([x, y, left]: [V; 3], totals: &mut [V; 5]) {
     totals[4] = totals[4].plus_product(y_squared, squared);
 }
 
-impl Slopes {
+impl GradientNoise {
     /// Computes the sums of one window with its residual.
-    pub(in crate::dic) fn of(subset: &Subset, window: &Window, residual: &[Lanes]) -> Self {
+    pub(in crate::dic) fn of(subset: &ReferenceSubset, window: &SubsetMask, residual: &[Lanes]) -> Self {
         let mut slopes = Self { sums: [0.0; 5], pixels: window.pixels as f64 };
         add_squares([&subset.gradient_x, &subset.gradient_y], residual, &mut slopes.sums);
         slopes
@@ -368,10 +369,10 @@ impl Slopes {
     }
 }
 
-impl Factor {
+impl VarianceFactor {
     /// Returns the factor corrected for non-uniform noise. Photon noise is larger on bright paint than on dark
     /// speckles, and the slopes lie between them.
-    pub(in crate::dic) fn weighted_by_slopes(self, slopes: &Slopes) -> Self {
+    pub(in crate::dic) fn weighted_by_slopes(self, slopes: &GradientNoise) -> Self {
         let (x, y) = slopes.noise_ratios();
         Self { x: self.x * x, y: self.y * y }
     }
@@ -399,9 +400,9 @@ mod tests {
 
     /// Returns slopes and residual of a window in `planes` about (30, 24), packed like its mask.
     fn packed<'a>(
-        [reference, gradient_x, gradient_y, target]: &[Plane; 4],
-        window: &'a Window,
-        fit: Fit,
+        [reference, gradient_x, gradient_y, target]: &[PaddedImage; 4],
+        window: &'a SubsetMask,
+        fit: GreyLevelFit,
     ) -> [Vec<Lanes>; 3] {
         let of = |value: &dyn Fn(usize) -> f32| -> Vec<Lanes> {
             let row = |(block, row): (&Block, usize)| {
@@ -420,15 +421,15 @@ mod tests {
         let planes = [plane(1), plane(2), plane(3), plane(4)];
         let [reference, gradient_x, gradient_y, target] = &planes;
         let layers = Layers { reference, gradient_x, gradient_y, target };
-        let fit = Fit { means: (3.0, -2.0), gain: 0.9 };
+        let fit = GreyLevelFit { means: (3.0, -2.0), gain: 0.9 };
         for (shape, size) in [(WindowShape::Square, 31), (WindowShape::Circle, 29), (WindowShape::Square, 13)] {
-            let window = Window::new(shape, size);
+            let window = SubsetMask::new(shape, size);
             let [gradient_x, gradient_y, residual] = packed(&planes, &window, fit);
-            let subset = Subset { gradient_x, gradient_y, ..Subset::default() };
-            let (mut one, mut other) = (Pool::default(), Pool::default());
+            let subset = ReferenceSubset { gradient_x, gradient_y, ..ReferenceSubset::default() };
+            let (mut one, mut other) = (NoisePool::default(), NoisePool::default());
             for _ in 0..2 {
                 one.add(&subset, &window, &residual);
-                other.add_layers(layers, &window, &pairs_of(&window), ((30, 24), fit));
+                other.add_layers(layers, &window, &count_pairs(&window), ((30, 24), fit));
             }
             let (one, other) = (one.factor(), other.factor());
             assert!((one.x - 1.0).abs() > 1e-4 && (one.x / other.x - 1.0).abs() < 1e-5, "{one:?} {other:?}");
@@ -441,9 +442,9 @@ mod tests {
         let planes = [plane(1), plane(2), plane(3), plane(4)];
         let [reference, gradient_x, gradient_y, target] = &planes;
         let layers = Layers { reference, gradient_x, gradient_y, target };
-        let at = ((30, 24), Fit { means: (3.0, -2.0), gain: 0.9 });
+        let at = ((30, 24), GreyLevelFit { means: (3.0, -2.0), gain: 0.9 });
         for (shape, size) in [(WindowShape::Square, 31), (WindowShape::Circle, 29)] {
-            let window = Window::new(shape, size);
+            let window = SubsetMask::new(shape, size);
             let side = side_of(&window);
             let memory: [Vec<f32>; 3] = std::array::from_fn(|_| vec![0.0; dense_len(side)]);
             let (mut one, mut other) = ((memory.clone(), [0.0; 5]), (memory, [0.0; 5]));
@@ -461,15 +462,23 @@ mod tests {
     fn noise_is_weighted_by_the_slopes() {
         // Slopes along x where the residual is 1 DN, along y where it is 3 DN, none where it is 5 DN.
         let rows = |a: f32, b: f32, c: f32| vec![Lanes::splat(a), Lanes::splat(b), Lanes::splat(c)];
-        let subset = Subset { gradient_x: rows(7.0, 0.0, 0.0), gradient_y: rows(0.0, 4.0, 0.0), ..Subset::default() };
+        let subset = ReferenceSubset {
+            gradient_x: rows(7.0, 0.0, 0.0),
+            gradient_y: rows(0.0, 4.0, 0.0),
+            ..ReferenceSubset::default()
+        };
         let mean = (1.0 + 9.0 + 25.0) / 3.0;
-        let mut window = Window::new(WindowShape::Square, 3);
+        let mut window = SubsetMask::new(WindowShape::Square, 3);
         window.pixels = 3 * LANES;
-        let slopes = |subset: &Subset, residual: &[Lanes]| Slopes::of(subset, &window, residual);
-        let factor = Factor { x: 2.0, y: 1.0 }.weighted_by_slopes(&slopes(&subset, &rows(1.0, -3.0, 5.0)));
+        let slopes = |subset: &ReferenceSubset, residual: &[Lanes]| GradientNoise::of(subset, &window, residual);
+        let factor = VarianceFactor { x: 2.0, y: 1.0 }.weighted_by_slopes(&slopes(&subset, &rows(1.0, -3.0, 5.0)));
         assert!((factor.x - 2.0 * 0.25_f64.max(1.0 / mean)).abs() < 1e-6 && (factor.y - 9.0 / mean).abs() < 1e-6);
-        let flat = Subset { gradient_x: rows(0.0, 0.0, 0.0), gradient_y: rows(0.0, 0.0, 0.0), ..Subset::default() };
-        let factor = Factor { x: 0.7, y: 1.3 };
+        let flat = ReferenceSubset {
+            gradient_x: rows(0.0, 0.0, 0.0),
+            gradient_y: rows(0.0, 0.0, 0.0),
+            ..ReferenceSubset::default()
+        };
+        let factor = VarianceFactor { x: 0.7, y: 1.3 };
         assert_eq!(factor.weighted_by_slopes(&slopes(&flat, &rows(1.0, 1.0, 1.0))), factor);
     }
 }

@@ -7,7 +7,7 @@
 use super::noise::pixels_of;
 use super::rig::Rig;
 use crate::camera::simulated;
-use crate::dic::{Correlator, Prepared, RigidBody};
+use crate::dic::{Correlator, PreparedFrame, RigidBody};
 use crate::image::{Frame, Image};
 use crate::synth::World;
 
@@ -105,7 +105,7 @@ fn parts(takes: &[Vec<[f64; 3]>], k: usize) -> Parts {
     Parts { shared: (between / free - mean / frames as f64).max(0.0), own }
 }
 
-fn picture(film: &World, correlator: &Correlator, index: u64) -> anyhow::Result<Prepared> {
+fn picture(film: &World, correlator: &Correlator, index: u64) -> anyhow::Result<PreparedFrame> {
     let (mut bytes, mut image) = (vec![0; film.frame_bytes()], Image::default());
     film.render(index, &mut bytes);
     Frame { meta: simulated::meta(film, index), bytes: &bytes }.unpack(&mut image)?;
@@ -114,7 +114,7 @@ fn picture(film: &World, correlator: &Correlator, index: u64) -> anyhow::Result<
 
 /// Matches every frame with the first, and the last ones with each of the `renewed` that follow it; `None` where a match
 /// fails.
-fn follow(rig: &Rig, film: &World, frames: &[u64], pictures: &[Prepared], renewed: usize) -> Option<Take> {
+fn follow(rig: &Rig, film: &World, frames: &[u64], pictures: &[PreparedFrame], renewed: usize) -> Option<Take> {
     let pose = |index: &u64| {
         let truth = film.truth(*index);
         Some([truth.center_x_px?, truth.center_y_px?, film.angle_deg(*index)])

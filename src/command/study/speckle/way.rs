@@ -6,8 +6,8 @@ use crate::command::UsageError;
 use crate::dic::grid;
 use crate::dic::rigid_fit;
 use crate::dic::{
-    CenterVector, CorrelationParams, Correlator, GridPoint, Method, Prepared, Region, RigidBody, RigidMotion, Ring,
-    Start, center_fit,
+    CenterVector, CorrelationParams, Correlator, GridPoint, Method, PolarCorrelator, PreparedFrame, Region, RigidBody,
+    RigidMotion, Start, center_fit,
 };
 use crate::image::ImageView;
 use crate::results::{Circle, FieldPoint, PointStatus};
@@ -105,8 +105,8 @@ pub(super) struct Bench {
     windows: Windows,
     side_px: usize,
     field: Vec<FieldPoint>,
-    frames: [Prepared; 2],
-    ring: Ring,
+    frames: [PreparedFrame; 2],
+    ring: PolarCorrelator,
 }
 
 /// How a way finds windows.
@@ -131,7 +131,7 @@ impl Bench {
             side_px,
             field: Vec::new(),
             frames: Default::default(),
-            ring: Ring::default(),
+            ring: PolarCorrelator::default(),
         })
     }
 
@@ -201,7 +201,8 @@ impl Bench {
                 Way::Rigid => whole(reference, target, field, &circle, windows.subset_size_px),
                 _ => {
                     let center = (circle.x_px, circle.y_px);
-                    let vectors: Vec<_> = field.iter().filter_map(|point| CenterVector::of(point, center)).collect();
+                    let vectors: Vec<_> =
+                        field.iter().filter_map(|point| CenterVector::from_point(point, center)).collect();
                     as_the_paper(&vectors, *windows, why_not(field))
                 }
             }
@@ -263,8 +264,8 @@ fn fitted(field: &mut [FieldPoint], circle: &Circle, subset_size_px: u32) -> Ans
 
 /// The windows' motion of the centre, and the rotation of the ring around it.
 fn ringed(
-    ring: &mut Ring,
-    (reference, target): (&Prepared, &Prepared),
+    ring: &mut PolarCorrelator,
+    (reference, target): (&PreparedFrame, &PreparedFrame),
     field: &mut [FieldPoint],
     circle: &Circle,
     subset_size_px: u32,
@@ -273,7 +274,7 @@ fn ringed(
     let Some(near) = rigid_fit(field, circle.x_px, circle.y_px, subset_size_px) else { return none(status) };
     let (from, to) = ((circle.x_px, circle.y_px), (circle.x_px + near.u_px, circle.y_px + near.v_px));
     let radii_px = (RING_SHARE * circle.radius_px, circle.radius_px * (1.0 - RIM_CLEARANCE));
-    let turn = ring.turn((reference, from), (target, to), radii_px, Some(near.angle_deg));
+    let turn = ring.rotation((reference, from), (target, to), radii_px, Some(near.angle_deg));
     turn.map_or_else(none, |turn| {
         of(&RigidMotion { angle_deg: turn.angle_deg, sigma_angle_deg: turn.sigma_deg, ..near })
     })
@@ -281,8 +282,8 @@ fn ringed(
 
 /// Every pixel of the ball in one match, from the motion of the windows on.
 fn whole(
-    reference: &Prepared,
-    target: &Prepared,
+    reference: &PreparedFrame,
+    target: &PreparedFrame,
     field: &mut [FieldPoint],
     circle: &Circle,
     subset_size_px: u32,

@@ -1,13 +1,13 @@
 //! Tests of the refinement against the statistical correlation.
 
 use super::*;
-use crate::dic::image::Prepared;
+use crate::dic::image::PreparedFrame;
 use crate::dic::tests::{Speckle, record};
 use crate::dic::{Interpolation, WindowShape, zncc};
 use crate::image::{Image, ImageView};
 use crate::numeric::Portable;
 
-fn pair() -> (Image, Prepared, Prepared) {
+fn pair() -> (Image, PreparedFrame, PreparedFrame) {
     let speckle = Speckle::standard(71, 90.0);
     let turn = Warp::rigid(0.63, -0.31, 0.03);
     let moved = speckle.moved(|x, y| {
@@ -15,7 +15,7 @@ fn pair() -> (Image, Prepared, Prepared) {
         (tx - (x - 45.0), ty - (y - 45.0))
     });
     let reference = record(&speckle.draw(90, 90), 1.0, 1);
-    let (mut a, mut b) = (Prepared::default(), Prepared::default());
+    let (mut a, mut b) = (PreparedFrame::default(), PreparedFrame::default());
     a.fill(reference.view(), Interpolation::Optimised);
     b.fill(record(&moved.draw(90, 90), 1.0, 2).view(), Interpolation::Optimised);
     (reference, a, b)
@@ -25,15 +25,15 @@ fn pair() -> (Image, Prepared, Prepared) {
 #[test]
 fn the_answer_is_where_the_statistical_correlation_is_highest() {
     let (image, reference, target) = pair();
-    let window = Window::new(WindowShape::Square, 31);
-    let mut subset = Subset::default();
+    let window = SubsetMask::new(WindowShape::Square, 31);
+    let mut subset = ReferenceSubset::default();
     let at = (45, 44);
     subset.fill(&reference, &window, Shape::Affine, at).unwrap();
     let refiner = Refiner {
         subset: &subset,
         window: &window,
         shape: Shape::Affine,
-        target: &target.splined,
+        target: &target.interpolated,
         at: target.local(at),
     };
     let found = refiner.refine(Warp::shift(1.0, 0.0)).unwrap();
@@ -43,7 +43,7 @@ fn the_answer_is_where_the_statistical_correlation_is_highest() {
     let slow = |warp: &Warp| {
         let sample = |(dx, dy): &(i32, i32)| {
             let (x, y) = warp.apply(f64::from(*dx), f64::from(*dy));
-            target.splined.at(45.0 + x, 44.0 + y)
+            target.interpolated.at(45.0 + x, 44.0 + y)
         };
         let g: Vec<f32> = offsets.iter().map(sample).collect();
         zncc(ImageView::new(&f, 31, 31).unwrap(), ImageView::new(&g, 31, 31).unwrap()).unwrap()
@@ -69,10 +69,10 @@ fn the_answer_is_where_the_statistical_correlation_is_highest() {
 fn sums_are_equal_to_the_last_bit_with_and_without_vector_instructions() {
     let (_, reference, target) = pair();
     for shape in [WindowShape::Square, WindowShape::Circle] {
-        let window = Window::new(shape, 27);
-        let mut subset = Subset::default();
+        let window = SubsetMask::new(shape, 27);
+        let mut subset = ReferenceSubset::default();
         subset.fill(&reference, &window, Shape::Affine, (45, 44)).unwrap();
-        let target = &target.splined;
+        let target = &target.interpolated;
         let refiner = Refiner { subset: &subset, window: &window, shape: Shape::Affine, target, at: (45, 44) };
         let warps = [Warp::shift(0.3, -1.7), Warp::rigid(0.6, -0.3, 0.03), Warp::rigid(0.6, -0.3, 0.3)];
         let exact =
