@@ -98,8 +98,8 @@ fn main() -> ExitCode {
         }
         Err(error) => {
             // A process of the rig that refused to work has said why on the same standard error.
-            let is_told = error.downcast_ref::<ChildFailure>().is_some_and(|failure| failure.is_told);
-            if !is_told {
+            let is_reported = error.downcast_ref::<ChildFailure>().is_some_and(|failure| failure.is_reported);
+            if !is_reported {
                 eprintln!("ricochet: {}", line(&error));
             }
             ExitCode::from(code(&error))

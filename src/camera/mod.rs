@@ -1,4 +1,4 @@
-//! Cameras: whatever fills a slot of the ring with a frame.
+//! Cameras: every source that fills a slot of the ring with a frame.
 
 mod delivery;
 pub mod genicam;
@@ -14,162 +14,175 @@ pub use slot::Slot;
 use crate::image::{FrameMeta, PixelFormat};
 use std::time::Duration;
 
-/// Shape and rate of what a camera delivers.
+/// The image size, pixel format and frame rate of a camera stream.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct StreamFormat {
-    /// Pixels a row.
+    /// Image width, px.
     pub width_px: u32,
-    /// Rows.
+    /// Image height, px.
     pub height_px: u32,
-    /// Pixel layout.
+    /// Pixel format.
     pub format: PixelFormat,
-    /// Frames a second the camera was set to.
+    /// Configured frame rate, Hz.
     pub frame_rate_hz: f64,
-    /// How long a frame is exposed, us; 0 when it is not known.
+    /// Exposure time, us; 0 if unknown.
     pub exposure_us: f64,
 }
 
 impl StreamFormat {
-    /// Bytes a slot must hold.
+    /// Returns the number of bytes a slot must hold for one frame.
     pub fn slot_bytes(&self) -> usize {
         self.width_px as usize * self.height_px as usize * self.format.bytes_per_pixel()
     }
+
+    /// Returns the metadata of a frame without row padding, in the stream's first epoch.
+    fn meta(&self, sequence: u64, stamp_ns: u64, device_ns: u64) -> FrameMeta {
+        FrameMeta {
+            sequence,
+            epoch: 0,
+            stamp_ns,
+            device_ns,
+            width_px: self.width_px,
+            height_px: self.height_px,
+            stride_bytes: self.width_px * self.format.bytes_per_pixel() as u32,
+            format: self.format,
+        }
+    }
 }
 
-/// What a camera is, for the recording's metadata.
+/// The camera's identity, stored in the recording's metadata.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct CameraIdentity {
-    /// Maker and model.
+    /// Vendor and model.
     pub model: String,
     /// Serial number.
     pub serial: String,
 }
 
-/// Whether frames arrive by themselves or on request.
+/// Whether the camera or its consumer sets the pace.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Pace {
-    /// The camera's own clock: whoever is slow loses frames.
+    /// Frames come at the camera's own clock: a slow consumer loses frames.
     Live,
-    /// As fast as they are taken: the taker may hold it back and nothing is lost.
+    /// Frames come as fast as they are taken: the consumer may hold the camera back and nothing is lost.
     OnDemand,
 }
 
-/// What a camera says when asked for its next frame.
+/// The outcome of one call of [`Camera::next`].
 #[derive(Debug)]
 pub enum Next {
-    /// A whole frame, in the slot it was given.
+    /// A complete frame in the slot that was queued.
     Frame(Slot, FrameMeta),
-    /// A frame that did not arrive whole; the slot comes back with unspecified content.
-    Torn(Slot, String),
-    /// Nothing within the time allowed.
-    Nothing,
-    /// There will be no more frames.
+    /// An incomplete frame with the reason. The slot comes back with unspecified content.
+    Incomplete(Slot, String),
+    /// No frame arrived within the timeout.
+    Timeout,
+    /// The stream has ended.
     End,
 }
 
-/// Why a camera could not be opened or used.
+/// An error on opening or using a camera.
 #[derive(Debug, thiserror::Error)]
 pub enum CameraError {
-    /// No camera answers to this name.
-    #[error("open camera {id:?}: {reason}")]
+    /// No camera can be opened under this id.
+    #[error("cannot open camera {id:?}: {reason}")]
     NotFound {
         /// The `id` of the configuration.
         id: String,
-        /// What was tried and what happened.
+        /// What was tried, and the outcome.
         reason: String,
     },
     /// A system library is missing.
-    #[error("load {library}: {reason}; install the package {package}")]
+    #[error("cannot load {library}: {reason}; install the package {package}")]
     LibraryMissing {
         /// File name of the library.
         library: String,
-        /// The distribution's package that holds it.
+        /// The distribution's package that contains it.
         package: String,
-        /// The loader's words.
+        /// The loader's message.
         reason: String,
     },
-    /// A setting was refused.
-    #[error("set camera feature {feature} to {value}: {reason}")]
+    /// The camera refused a setting.
+    #[error("cannot set camera feature {feature} to {value}: {reason}")]
     Setting {
         /// Feature or configuration key.
         feature: String,
-        /// The value wanted.
+        /// The requested value.
         value: String,
-        /// The allowed range, or the camera's words.
+        /// The allowed range, or the camera's message.
         reason: String,
     },
-    /// What is to be simulated is unknown or cannot be filmed.
+    /// The scenario is unknown or cannot be simulated.
     #[error("{origin}: camera.scenario = {name:?}: {reason}")]
     Scenario {
         /// The rig file.
         origin: String,
         /// The scenario's name or path.
         name: String,
-        /// What is wrong with it.
+        /// The reason.
         reason: String,
     },
-    /// The camera went away.
-    #[error("camera {id:?} vanished: {reason}")]
-    Vanished {
+    /// The connection to the camera was lost.
+    #[error("lost camera {id:?}: {reason}")]
+    Lost {
         /// The `id` of the configuration.
         id: String,
-        /// What was seen.
+        /// The symptom.
         reason: String,
     },
-    /// The source file cannot be read (recordings used as a camera).
+    /// The recording that is replayed cannot be read.
     #[error(transparent)]
     Recording(#[from] crate::recording::RecordingError),
 }
 
 /// A source of frames.
 ///
-/// The caller owns the memory: it hands in slots of the ring with
-/// [`queue`](Self::queue) and gets each back, filled, from [`next`](Self::next).
-/// A camera that fills memory in the background (GenICam) holds several slots at
-/// once; one that fills on request needs one.
+/// The caller owns the memory. It hands in slots of the ring with [`queue`](Self::queue) and gets each back, filled,
+/// from [`next`](Self::next). A camera that fills memory in the background (GenICam, V4L2) holds several slots at once.
+/// One that fills memory on request needs one.
 pub trait Camera {
-    /// Shape and rate of the frames.
+    /// Returns the image size, pixel format and frame rate.
     fn format(&self) -> StreamFormat;
 
-    /// Model and serial number.
+    /// Returns the model and serial number.
     fn identity(&self) -> CameraIdentity;
 
-    /// Whether the camera can be held back.
+    /// Returns whether the camera runs on its own clock or on demand.
     fn pace(&self) -> Pace;
 
-    /// How many slots it wants to hold at once.
+    /// Returns the number of slots the camera wants to hold at once.
     fn slots(&self) -> usize;
 
-    /// Hands a slot of at least `format().slot_bytes()` bytes over.
+    /// Hands over a slot of at least `format().slot_bytes()` bytes.
     fn queue(&mut self, slot: Slot);
 
-    /// Starts delivering: called once, after the first slots were queued and every reader is ready.
+    /// Starts the stream. Called once, after the first slots were queued and every reader is ready.
     ///
     /// # Errors
     ///
-    /// When the camera refuses to start.
+    /// If the camera refuses to start.
     fn start(&mut self) -> Result<(), CameraError>;
 
-    /// Waits for the next frame, at most `timeout`.
+    /// Waits at most `timeout` for the next frame.
     ///
     /// # Errors
     ///
-    /// When the camera is gone.
+    /// If the camera is gone.
     fn next(&mut self, timeout: Duration) -> Result<Next, CameraError>;
 
-    /// Goes on with the frame of this number, where frames come from a film: what lies before it is not delivered.
+    /// Skips all frames before this sequence number, if the frames come from a film.
     ///
-    /// Called before [`start`](Self::start). `false`, and nothing else, from cameras that film.
-    fn go_to(&mut self, _sequence: u64) -> bool {
+    /// Called before [`start`](Self::start). Live cameras return `false` and ignore the call.
+    fn seek(&mut self, _sequence: u64) -> bool {
         false
     }
 
-    /// How long ago the frame given last was there, whole; zero from cameras that cannot tell.
-    fn waited(&self) -> Duration {
+    /// Returns the time since the last returned frame was complete; zero if the camera does not know.
+    fn frame_age(&self) -> Duration {
         Duration::ZERO
     }
 
-    /// Known truth of the frame with this sequence number, for simulated cameras.
+    /// Returns the ground truth of the frame with this sequence number; empty unless the camera is simulated.
     fn truth(&self, _sequence: u64) -> Vec<crate::results::VelocitySample> {
         Vec::new()
     }

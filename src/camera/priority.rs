@@ -1,16 +1,16 @@
-//! Threads that must not wait for others.
-#![expect(unsafe_code, reason = "the scheduler is spoken to through a structure of C")]
+//! Real-time scheduling of acquisition threads.
+#![expect(unsafe_code, reason = "the scheduler takes a structure of C")]
 
-/// Of the thread that receives a camera's packets, among real-time threads, 1 to 99.
+/// Real-time priority (1 to 99) of the thread that receives the camera's packets.
 pub const RECEIVING: i32 = 20;
-/// Of the thread that hands its frames on.
-pub const HANDING_ON: i32 = 10;
+/// Real-time priority (1 to 99) of the thread that publishes the frames.
+pub const PUBLISHING: i32 = 10;
 
-/// Lets this thread run before all that have no real-time priority; threads that it starts do not inherit it.
+/// Gives this thread a real-time priority. Threads that it starts do not inherit it.
 ///
 /// # Errors
 ///
-/// When this user may not: it takes root, `CAP_SYS_NICE`, or a limit on real-time priorities that allows it.
+/// If the user lacks the permission: it takes root, `CAP_SYS_NICE`, or a sufficient `RLIMIT_RTPRIO`.
 pub fn raise(priority: i32) -> std::io::Result<()> {
     let parameter = libc::sched_param { sched_priority: priority };
     // SAFETY: 0 means this thread; the parameter lives through the call.

@@ -1,6 +1,6 @@
-//! A recording as a camera: its frames again, at any pace.
+//! A recording replayed as a camera, at any speed.
 
-use super::delivery::Delivery;
+use super::delivery::DeliveryLatency;
 use super::{Camera, CameraError, CameraIdentity, Next, Pace, Slot, StreamFormat};
 use crate::image::FrameMeta;
 use crate::recording::{Frames, Recording, RecordingError};
@@ -11,41 +11,43 @@ use std::path::Path;
 use std::sync::mpsc::{self, Receiver, RecvTimeoutError};
 use std::time::{Duration, Instant};
 
-/// How fast a recording is played.
+/// The playback speed of a recording.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum PlaybackRate {
-    /// As fast as the frames are taken; nothing is ever lost.
+    /// As fast as the frames are taken; no frame is lost.
     Max,
-    /// This many times as fast as it was filmed: 1 is real time.
+    /// A multiple of the recorded speed: 1 is real time.
     Times(f64),
 }
 
-/// Whether a recording ends.
+/// Whether a recording is repeated.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Repeat {
-    /// After its last frame.
+    /// The stream ends after the last frame.
     #[default]
     Once,
-    /// Never: it begins again, with the epoch raised. Stamps and sequence numbers repeat unchanged.
+    /// The recording starts again with a higher epoch. Stamps and sequence numbers repeat unchanged.
     Forever,
 }
 
-/// A part of a recording: from `from_s` on and before `to_s`, seconds from its first frame.
+/// A part of a recording: the half-open interval from `from_s` to `to_s`, in seconds after its first frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Span {
-    /// Where it begins.
+pub struct TimeRange {
+    /// Start, s.
     pub from_s: f64,
-    /// Where it ends; the frame there no longer belongs to it.
+    /// End (exclusive), s.
     pub to_s: f64,
 }
 
-impl Span {
+impl TimeRange {
     /// The whole recording.
     pub const ALL: Self = Self { from_s: 0.0, to_s: f64::INFINITY };
 
-    /// Whether a frame comes before, within or after it; `first_ns` is the stamp of the recording's first frame.
-    pub fn place(&self, first_ns: u64, stamp_ns: u64) -> Ordering {
-        // Compared in whole nanoseconds, so that 0.003 s is the frame at 3 ms.
+    /// Returns whether a frame lies before (`Less`), within (`Equal`) or after the range.
+    ///
+    /// `first_ns` is the stamp of the recording's first frame.
+    pub fn locate(&self, first_ns: u64, stamp_ns: u64) -> Ordering {
+        // Whole nanoseconds, so that 0.003 s is the frame at 3 ms.
         let since_ns = stamp_ns.saturating_sub(first_ns);
         let ns = |seconds: f64| (seconds * 1e9).round() as u64;
         match () {
@@ -56,57 +58,57 @@ impl Span {
     }
 }
 
-/// Plays a recording with its original stamps and sequence numbers.
+/// Replays a recording with its original stamps and sequence numbers.
 #[derive(Debug)]
-pub struct RecordingCamera {
+pub struct ReplayCamera {
     recording: Recording,
     frames: Frames,
     format: StreamFormat,
     rate: PlaybackRate,
     repeat: Repeat,
-    span: Span,
+    range: TimeRange,
     /// Stamp of the recording's first frame.
     first_ns: u64,
     slots: VecDeque<Slot>,
-    /// Read, but not yet due or without a slot.
+    /// Read, but not due yet or without a slot.
     pending: Option<(FrameMeta, Bytes)>,
     /// When the first frame of this pass was due, and its stamp.
     origin: Option<(Instant, u64)>,
-    /// When the pending frame is due, at a pace of its own, and how long it took to read.
+    /// When the pending frame is due, and how long it took to read.
     due: Option<Instant>,
     reading: Duration,
-    delivery: Delivery,
-    /// Added to the recorded epochs.
+    delivery: DeliveryLatency,
+    /// Offset of the recorded epochs.
     epoch_base: u32,
     epoch_highest: u32,
-    /// Added to the recorded stamps.
+    /// Offset of the recorded stamps.
     shift_ns: i64,
     is_stepped: bool,
-    /// Frames before this one are passed over.
+    /// Frames before this one are skipped.
     begin: u64,
-    /// A word for each frame that may go, once started.
+    /// Receives one message per frame that may be published, once started.
     steps: Option<Receiver<()>>,
 }
 
-impl RecordingCamera {
-    /// Opens a recording for playing.
+impl ReplayCamera {
+    /// Opens a recording for replay.
     ///
-    /// The frame rate in [`format`](Camera::format) is that of the recording,
-    /// whatever the playback rate; 0 when one frame does not tell any.
+    /// The frame rate in [`format`](Camera::format) is that of the recording, whatever the playback rate. It is 0
+    /// if the recording has a single frame and no recorded rate.
     ///
     /// # Errors
     ///
-    /// [`CameraError::Recording`] when the file cannot be read or holds no
-    /// frames; [`CameraError::Setting`] when the rate is not a positive number.
+    /// [`CameraError::Recording`] if the file cannot be read or holds no frames.
+    /// [`CameraError::Setting`] if the rate is not a positive number.
     pub fn open(path: &Path, rate: PlaybackRate, repeat: Repeat) -> Result<Self, CameraError> {
         Self::play(Recording::open(path)?, rate, repeat)
     }
 
-    /// As [`open`](Self::open), of a recording that is open.
+    /// Replays an open recording; otherwise like [`open`](Self::open).
     ///
     /// # Errors
     ///
-    /// As [`open`](Self::open).
+    /// See [`open`](Self::open).
     pub fn play(recording: Recording, rate: PlaybackRate, repeat: Repeat) -> Result<Self, CameraError> {
         if let PlaybackRate::Times(times) = rate
             && !(times.is_finite() && times > 0.0)
@@ -115,11 +117,11 @@ impl RecordingCamera {
             return Err(CameraError::Setting { feature, value: times.to_string(), reason });
         }
         let first = recording.first_frame()?;
-        // What the camera was set to, as analysis takes it; stamps tell it only to the nanosecond. An unreadable last
-        // frame is told when playing gets there.
-        let told = recording.metadata().get("frame_rate_hz").and_then(|text| text.parse().ok());
-        let told = told.filter(|rate_hz: &f64| rate_hz.is_finite() && *rate_hz > 0.0);
-        let frame_rate_hz = told.or_else(|| recording.frame_rate_hz().ok().flatten()).unwrap_or(0.0);
+        // The configured rate comes first, as in offline analysis; stamps resolve the rate only to the
+        // nanosecond. An unreadable last frame is reported when replay gets there.
+        let recorded = recording.metadata().get("frame_rate_hz").and_then(|text| text.parse().ok());
+        let recorded = recorded.filter(|rate_hz: &f64| rate_hz.is_finite() && *rate_hz > 0.0);
+        let frame_rate_hz = recorded.or_else(|| recording.frame_rate_hz().ok().flatten()).unwrap_or(0.0);
         let format = StreamFormat {
             width_px: first.width_px,
             height_px: first.height_px,
@@ -134,14 +136,14 @@ impl RecordingCamera {
             format,
             rate,
             repeat,
-            span: Span::ALL,
+            range: TimeRange::ALL,
             first_ns: first.stamp_ns,
             slots: VecDeque::new(),
             pending: None,
             origin: None,
             due: None,
             reading: Duration::ZERO,
-            delivery: Delivery::default(),
+            delivery: DeliveryLatency::default(),
             epoch_base: 0,
             epoch_highest: 0,
             shift_ns: 0,
@@ -151,22 +153,22 @@ impl RecordingCamera {
         })
     }
 
-    /// The same, each stamp later by this much.
+    /// Adds an offset to every stamp.
     pub fn shifted(self, shift_ns: i64) -> Self {
         Self { shift_ns, ..self }
     }
 
-    /// The same, each frame waiting for a line on standard input, with whose end the film ends too.
+    /// Makes each frame wait for a line on standard input. The stream ends with that input.
     pub fn stepped(self) -> Self {
         Self { is_stepped: true, ..self }
     }
 
-    /// The same, playing only this part.
-    pub fn within(self, span: Span) -> Self {
-        Self { span, ..self }
+    /// Restricts replay to a part of the recording.
+    pub fn within(self, range: TimeRange) -> Self {
+        Self { range, ..self }
     }
 
-    /// The next frame of the part that is played.
+    /// Returns the next frame of the replayed part.
     fn next_within(&mut self) -> Option<Result<(FrameMeta, Bytes), RecordingError>> {
         loop {
             let frame = self.frames.next_shared()?;
@@ -174,7 +176,7 @@ impl RecordingCamera {
                 continue;
             }
             let place =
-                frame.as_ref().map_or(Ordering::Equal, |(meta, _)| self.span.place(self.first_ns, meta.stamp_ns));
+                frame.as_ref().map_or(Ordering::Equal, |(meta, _)| self.range.locate(self.first_ns, meta.stamp_ns));
             match place {
                 Ordering::Less => {}
                 Ordering::Equal => return Some(frame),
@@ -183,17 +185,17 @@ impl RecordingCamera {
         }
     }
 
-    /// The recording being played, for its configuration and truth.
+    /// Returns the recording, for its configuration and ground truth.
     pub fn recording(&self) -> &Recording {
         &self.recording
     }
 
-    /// Makes sure a frame is pending; `false` at the end.
+    /// Reads the next frame unless one is pending; returns `false` at the end.
     fn fetch(&mut self) -> Result<bool, CameraError> {
         if self.pending.is_some() {
             return Ok(true);
         }
-        let begun = now();
+        let begin = now();
         let mut next = self.next_within();
         if next.is_none() && self.repeat == Repeat::Forever {
             self.frames = self.recording.frames()?;
@@ -223,11 +225,11 @@ impl RecordingCamera {
         self.epoch_highest = self.epoch_highest.max(meta.epoch);
         meta.stamp_ns = meta.stamp_ns.saturating_add_signed(self.shift_ns);
         self.pending = Some((meta, pixels));
-        self.reading = now().saturating_duration_since(begun);
+        self.reading = now().saturating_duration_since(begin);
         Ok(true)
     }
 
-    /// Sleeps until the frame is due, at most `timeout`; whether it is due then.
+    /// Sleeps until the frame is due, at most `timeout`; returns whether it is due.
     fn wait(&mut self, stamp_ns: u64, timeout: Duration) -> bool {
         let PlaybackRate::Times(times) = self.rate else { return true };
         if self.is_stepped {
@@ -243,32 +245,32 @@ impl RecordingCamera {
         left <= timeout
     }
 
-    /// A frame that was copied into its slot since `begun` is there.
-    fn delivered(&mut self, begun: Instant) {
+    /// Records the delivery of a frame whose copy began at `begin`.
+    fn record_delivery(&mut self, begin: Instant) {
         let Some(due) = self.due else { return };
-        // What was read before it was due kept nobody waiting.
-        let reading = self.reading.min(begun.saturating_duration_since(due));
-        self.delivery.add(due, reading + now().saturating_duration_since(begun));
+        // Reading ahead of the due time delays nobody.
+        let reading = self.reading.min(begin.saturating_duration_since(due));
+        self.delivery.record(due, reading + now().saturating_duration_since(begin));
     }
 }
 
-#[expect(clippy::disallowed_methods, reason = "playing at a given pace is what a camera's clock does")]
+#[expect(clippy::disallowed_methods, reason = "replay at a given speed runs on the wall clock")]
 fn now() -> Instant {
     Instant::now()
 }
 
-/// Tells of every line on standard input; hangs up at its end.
+/// Starts a thread that sends one message per line on standard input, and hangs up at its end.
 fn lines() -> Receiver<()> {
     let (sender, receiver) = mpsc::channel();
     std::thread::spawn(move || {
         let lines = std::io::stdin().lines().map_while(Result::ok);
-        // Nobody listens any more once the camera is gone.
+        // Sending fails once the camera is dropped.
         let _ = lines.map(|_| ()).try_for_each(|()| sender.send(()));
     });
     receiver
 }
 
-/// Copies rows, leaving out what a row has beyond its pixels when the slot has no room for it.
+/// Copies a frame into a slot, without the row padding if the slot has no room for it; returns whether it fits.
 fn copy(meta: &mut FrameMeta, pixels: &[u8], slot: &mut [u8]) -> bool {
     if pixels.len() <= slot.len() {
         slot[..pixels.len()].copy_from_slice(pixels);
@@ -285,7 +287,7 @@ fn copy(meta: &mut FrameMeta, pixels: &[u8], slot: &mut [u8]) -> bool {
     true
 }
 
-impl Camera for RecordingCamera {
+impl Camera for ReplayCamera {
     fn format(&self) -> StreamFormat {
         self.format
     }
@@ -325,35 +327,31 @@ impl Camera for RecordingCamera {
         }
         let Some(stamp_ns) = self.pending.as_ref().map(|(meta, _)| meta.stamp_ns) else { return Ok(Next::End) };
         if self.slots.is_empty() || !self.wait(stamp_ns, timeout) {
-            return Ok(Next::Nothing);
+            return Ok(Next::Timeout);
         }
         match self.steps.as_ref().map(|steps| steps.recv_timeout(timeout)) {
             None | Some(Ok(())) => {}
-            Some(Err(RecvTimeoutError::Timeout)) => return Ok(Next::Nothing),
+            Some(Err(RecvTimeoutError::Timeout)) => return Ok(Next::Timeout),
             Some(Err(RecvTimeoutError::Disconnected)) => return Ok(Next::End),
         }
         let Some(((mut meta, pixels), mut slot)) = self.pending.take().zip(self.slots.pop_front()) else {
-            return Ok(Next::Nothing);
+            return Ok(Next::Timeout);
         };
-        let begun = now();
+        let begin = now();
         if !copy(&mut meta, &pixels, slot.bytes_mut()) {
             let reason = format!("frame {} has {} bytes, the slot {}", meta.sequence, pixels.len(), slot.len());
-            return Ok(Next::Torn(slot, reason));
+            return Ok(Next::Incomplete(slot, reason));
         }
-        self.delivered(begun);
+        self.record_delivery(begin);
         Ok(Next::Frame(slot, meta))
     }
 
-    fn go_to(&mut self, sequence: u64) -> bool {
+    fn seek(&mut self, sequence: u64) -> bool {
         self.begin = sequence;
         true
     }
 
-    fn waited(&self) -> Duration {
-        self.delivery.waited(now())
-    }
-
-    fn truth(&self, _sequence: u64) -> Vec<crate::results::VelocitySample> {
-        Vec::new()
+    fn frame_age(&self) -> Duration {
+        self.delivery.age(now())
     }
 }

@@ -1,23 +1,23 @@
-//! What setting a camera up has in common, whatever it is.
+//! Helpers for applying settings, shared by all kinds of cameras.
 
 use super::CameraError;
 use crate::config::FeatureValue;
 use std::fmt;
 
-/// For how long the taker of frames may be late at the camera's rate, s.
-const LATE_S: f64 = 0.05;
+/// The delay of the consumer that the slots of a camera must absorb, s.
+const MAX_CONSUMER_DELAY_S: f64 = 0.05;
 
-/// The error for a setting that was refused.
-pub fn setting(feature: &str, value: impl fmt::Display, reason: impl Into<String>) -> CameraError {
+/// Returns the error for a refused setting.
+pub fn setting_error(feature: &str, value: impl fmt::Display, reason: impl Into<String>) -> CameraError {
     CameraError::Setting { feature: feature.into(), value: value.to_string(), reason: reason.into() }
 }
 
-/// Sets what is left, over and over while one more succeeds: that may be what the next one waits for.
+/// Sets features repeatedly until all are set, because some can only be set after another one.
 ///
 /// # Errors
 ///
-/// The first refusal of a round in which all were refused.
-pub fn set_until_none_is_left<'a>(
+/// The first refusal, once a whole round sets no further feature.
+pub fn set_in_dependency_order<'a>(
     pending: impl IntoIterator<Item = (&'a String, &'a FeatureValue)>,
     set: impl Fn(&str, &FeatureValue) -> Result<(), CameraError>,
 ) -> Result<(), CameraError> {
@@ -40,27 +40,69 @@ pub fn set_until_none_is_left<'a>(
     }
 }
 
-/// Refuses a whole number that is out of range or between two steps.
+/// Checks that an integer lies within its range and on its increment.
 ///
 /// # Errors
 ///
-/// What is allowed.
-pub fn check_whole(value: i64, least: i64, most: i64, step: u64) -> Result<(), String> {
-    if (least..=most).contains(&value) && value.abs_diff(least).is_multiple_of(step.max(1)) {
+/// The allowed range.
+pub fn check_integer(value: i64, range: IntegerRange) -> Result<(), String> {
+    if (range.min..=range.max).contains(&value) && value.abs_diff(range.min).is_multiple_of(range.step.max(1)) {
         return Ok(());
     }
-    Err(format!("allowed {}", whole_range(least, most, step)))
+    Err(format!("allowed {range}"))
 }
 
-/// A range of whole numbers for a person.
-pub fn whole_range(least: i64, most: i64, step: u64) -> String {
-    let steps = if step > 1 { format!(" in steps of {step}") } else { String::new() };
-    format!("{least} to {most}{steps}")
+/// The allowed values of an integer setting.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct IntegerRange {
+    /// Minimum.
+    pub min: i64,
+    /// Maximum.
+    pub max: i64,
+    /// Increment from the minimum; 0 and 1 allow every integer.
+    pub step: u64,
 }
 
-/// Slots that a camera of this rate holds at once.
-pub fn slots_at(frame_rate_hz: f64, least: usize, most: usize) -> usize {
-    (least + (frame_rate_hz * LATE_S).ceil() as usize).min(most)
+impl fmt::Display for IntegerRange {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{} to {}", self.min, self.max)?;
+        if self.step > 1 { write!(f, " in steps of {}", self.step) } else { Ok(()) }
+    }
+}
+
+/// The allowed values of a real setting.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct FloatRange {
+    /// Minimum.
+    pub min: f64,
+    /// Maximum.
+    pub max: f64,
+}
+
+impl FloatRange {
+    /// Checks that a value lies within the range, which the camera may have computed with rounding.
+    ///
+    /// # Errors
+    ///
+    /// The allowed range.
+    pub fn check(self, value: f64) -> Result<(), String> {
+        let slack = 1e-9 * self.min.abs().max(self.max.abs());
+        if value.is_finite() && value >= self.min - slack && value <= self.max + slack {
+            return Ok(());
+        }
+        Err(format!("allowed {self}"))
+    }
+}
+
+impl fmt::Display for FloatRange {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{} to {}", self.min, self.max)
+    }
+}
+
+/// Returns the number of slots that a camera of this rate holds at once.
+pub fn slot_count(frame_rate_hz: f64, min: usize, max: usize) -> usize {
+    (min + (frame_rate_hz * MAX_CONSUMER_DELAY_S).ceil() as usize).min(max)
 }
 
 #[cfg(test)]
@@ -76,15 +118,15 @@ mod tests {
     #[test]
     fn what_another_setting_unlocks_is_set_after_it() {
         let done = RefCell::new(Vec::new());
-        // Each waits for the one behind it in the alphabet.
+        // Each feature is unlocked by the next one in the alphabet.
         let set = |name: &str, _: &FeatureValue| {
             if name != "c" && done.borrow().last().is_none_or(|last: &String| last.as_str() != next(name)) {
-                return Err(setting(name, true, "locked"));
+                return Err(setting_error(name, true, "locked"));
             }
             done.borrow_mut().push(name.to_owned());
             Ok(())
         };
-        set_until_none_is_left(&wanted(&["a", "b", "c"]), set).unwrap();
+        set_in_dependency_order(&wanted(&["a", "b", "c"]), set).unwrap();
         assert_eq!(*done.borrow(), ["c", "b", "a"]);
     }
 
@@ -93,27 +135,28 @@ mod tests {
     }
 
     #[test]
-    fn the_first_of_those_that_nothing_unlocks_is_told() {
+    fn the_first_feature_that_nothing_unlocks_is_reported() {
         let set = |name: &str, _: &FeatureValue| match name {
             "b" => Ok(()),
-            _ => Err(setting(name, true, "locked")),
+            _ => Err(setting_error(name, true, "locked")),
         };
-        let error = set_until_none_is_left(&wanted(&["a", "b", "c"]), set).unwrap_err();
-        assert_eq!(error.to_string(), "set camera feature a to true: locked");
+        let error = set_in_dependency_order(&wanted(&["a", "b", "c"]), set).unwrap_err();
+        assert_eq!(error.to_string(), "cannot set camera feature a to true: locked");
     }
 
     #[test]
     fn a_whole_number_keeps_to_range_and_steps() {
-        assert_eq!(check_whole(32, 16, 64, 16), Ok(()));
-        assert_eq!(check_whole(-3, -3, 3, 0), Ok(()));
-        assert_eq!(check_whole(40, 16, 64, 16), Err("allowed 16 to 64 in steps of 16".into()));
-        assert_eq!(check_whole(4, -3, 3, 1), Err("allowed -3 to 3".into()));
-        assert!(check_whole(i64::MAX, i64::MIN, i64::MAX, 1).is_ok());
+        let check = |value, min, max, step| check_integer(value, IntegerRange { min, max, step });
+        assert_eq!(check(32, 16, 64, 16), Ok(()));
+        assert_eq!(check(-3, -3, 3, 0), Ok(()));
+        assert_eq!(check(40, 16, 64, 16), Err("allowed 16 to 64 in steps of 16".into()));
+        assert_eq!(check(4, -3, 3, 1), Err("allowed -3 to 3".into()));
+        assert!(check(i64::MAX, i64::MIN, i64::MAX, 1).is_ok());
     }
 
     #[test]
-    fn slots_hold_fifty_milliseconds_more_than_the_least() {
-        assert_eq!(slots_at(2000.0, 16, 256), 116);
-        assert_eq!((slots_at(0.0, 16, 256), slots_at(20_000.0, 16, 256)), (16, 256));
+    fn slots_hold_fifty_milliseconds_more_than_the_minimum() {
+        assert_eq!(slot_count(2000.0, 16, 256), 116);
+        assert_eq!((slot_count(0.0, 16, 256), slot_count(20_000.0, 16, 256)), (16, 256));
     }
 }

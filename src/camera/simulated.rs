@@ -1,6 +1,6 @@
-//! A camera that films a simulated world.
+//! A simulated camera.
 
-use super::delivery::Delivery;
+use super::delivery::DeliveryLatency;
 use super::{Camera, CameraError, CameraIdentity, Next, Pace, Slot, StreamFormat};
 use crate::config::Pulse;
 use crate::image::FrameMeta;
@@ -9,18 +9,18 @@ use crate::synth::{Scenario, ScenarioError, World};
 use std::collections::VecDeque;
 use std::time::{Duration, Instant};
 
-/// A film drawn in advance may take this much memory.
-const FILM_MAX_BYTES: u64 = 1 << 30;
-/// Slots a paced camera asks for, so that a late taker does not lose frames at once.
+/// Maximum memory of a film that is rendered in advance.
+const MAX_FILM_BYTES: u64 = 1 << 30;
+/// Slots of a camera that runs in real time, so that a late consumer does not lose frames at once.
 const PACED_SLOTS: usize = 64;
-/// Drawing may take this share of the time between two frames, or the film is drawn in advance.
-const DRAWING_SHARE: f64 = 0.5;
+/// Maximum share of the frame period that rendering may take; a slower film is rendered in advance.
+const MAX_RENDER_SHARE: f64 = 0.5;
 
-/// The built-in scenario of this name, or the one in the file of this path.
+/// Loads the built-in scenario of this name, or the scenario file at this path.
 ///
 /// # Errors
 ///
-/// When there is neither, or the file is not a valid scenario.
+/// If there is neither, or the file is not a valid scenario.
 pub fn load_scenario(name: &str) -> Result<Scenario, ScenarioError> {
     if let Some(scenario) = Scenario::built_in(name) {
         return Ok(scenario);
@@ -33,7 +33,7 @@ pub fn load_scenario(name: &str) -> Result<Scenario, ScenarioError> {
     Scenario::from_toml(&text)
 }
 
-/// Shape and rate of a world's frames.
+/// Returns the stream format of a simulated world.
 pub fn stream_format(world: &World) -> StreamFormat {
     StreamFormat {
         width_px: world.width_px(),
@@ -44,39 +44,29 @@ pub fn stream_format(world: &World) -> StreamFormat {
     }
 }
 
-/// What is known of a world's frame besides its pixels.
+/// Returns the metadata of one frame of a simulated world.
 pub fn meta(world: &World, index: u64) -> FrameMeta {
-    let bytes_per_pixel = world.format().bytes_per_pixel();
-    FrameMeta {
-        sequence: index,
-        epoch: 0,
-        stamp_ns: world.stamp_ns(index),
-        device_ns: world.stamp_ns(index) - world.stamp_ns(0),
-        width_px: world.width_px(),
-        height_px: world.height_px(),
-        stride_bytes: world.width_px() * u32::try_from(bytes_per_pixel).unwrap_or(1),
-        format: world.format(),
-    }
+    let stamp_ns = world.stamp_ns(index);
+    stream_format(world).meta(index, stamp_ns, stamp_ns - world.stamp_ns(0))
 }
 
-/// A simulated camera; its frames are a pure function of the scenario.
+/// A simulated camera. Its frames are a pure function of the scenario.
 ///
-/// On demand it draws as fast as frames are taken and loses none. Paced, frames
-/// come at the scenario's rate by the wall clock, and one that finds no slot when
-/// its exposure starts is lost: its sequence number is skipped. Stamps come from
+/// On demand it renders as fast as frames are taken and loses none. In real time, frames come at the scenario's rate,
+/// and a frame that finds no slot when its exposure starts is lost: its sequence number is skipped. Stamps come from
 /// the scenario in both cases, never from a clock.
 #[derive(Debug)]
 pub struct SimulatedCamera {
     world: World,
     pace: Pace,
-    /// The line it waits for.
+    /// The pulses of the simulated hardware trigger line.
     pulse: Option<Pulse>,
-    /// All frames, when drawing is too slow for the pace.
+    /// All frames, if rendering is too slow for real time.
     film: Option<Vec<u8>>,
     started: Option<Instant>,
-    /// When frames were there, at a pace of its own.
-    delivery: Delivery,
-    /// How much of the film had passed by when it was started.
+    /// The delivery times, in real time.
+    delivery: DeliveryLatency,
+    /// The time of the film at its start.
     passed: Duration,
     /// Each slot with the first frame that it can take.
     slots: VecDeque<(Slot, u64)>,
@@ -84,88 +74,87 @@ pub struct SimulatedCamera {
 }
 
 impl SimulatedCamera {
-    /// Prepares the scenario; `paced` by the wall clock or on demand.
+    /// Prepares a scenario, to be played at this pace.
     ///
     /// # Errors
     ///
-    /// [`CameraError::Setting`] when the scenario cannot be filmed, or can be drawn
-    /// neither at its rate nor in advance.
-    pub fn open(scenario: Scenario, paced: bool) -> Result<Self, CameraError> {
+    /// [`CameraError::Setting`] if the scenario cannot be simulated, or can be rendered neither at its rate nor in
+    /// advance.
+    pub fn open(scenario: Scenario, pace: Pace) -> Result<Self, CameraError> {
         let world = World::new(&scenario).map_err(|error| CameraError::Setting {
             feature: "scenario".to_owned(),
             value: scenario.name.clone(),
             reason: error.to_string(),
         })?;
-        Self::film(world, paced)
+        Self::film(world, pace)
     }
 
-    /// Films this world; `paced` by the wall clock or on demand.
+    /// Films a world at this pace.
     ///
     /// # Errors
     ///
-    /// [`CameraError::Setting`] when it can be drawn neither at its rate nor in advance.
-    pub fn film(world: World, paced: bool) -> Result<Self, CameraError> {
-        let film = if paced { film_if_slow(&world)? } else { None };
-        let pace = if paced { Pace::Live } else { Pace::OnDemand };
+    /// [`CameraError::Setting`] if it can be rendered neither at its rate nor in advance.
+    pub fn film(world: World, pace: Pace) -> Result<Self, CameraError> {
+        let film = if pace == Pace::Live { render_if_slow(&world)? } else { None };
         Ok(Self {
             world,
             pace,
             pulse: None,
             film,
             started: None,
-            delivery: Delivery::default(),
+            delivery: DeliveryLatency::default(),
             passed: Duration::ZERO,
             slots: VecDeque::new(),
             index: 0,
         })
     }
 
-    /// The same, with frames only when the imitated line has a pulse.
+    /// Restricts the frames to the pulses of a simulated trigger line.
     ///
     /// # Errors
     ///
-    /// [`CameraError::Setting`] when a pulse comes before the frames of the one before are over.
+    /// [`CameraError::Setting`] if a pulse comes before the previous burst is over.
     pub fn pulsed(self, pulse: Option<Pulse>) -> Result<Self, CameraError> {
         if let Some(Pulse { period_s, burst_frames: frames }) = pulse {
-            let least_s = f64::from(frames) / self.world.frame_rate_hz();
-            if period_s < least_s {
+            let min_s = f64::from(frames) / self.world.frame_rate_hz();
+            if period_s < min_s {
                 let (feature, value) = ("camera.pulse_period_s".to_owned(), period_s.to_string());
-                let reason = format!("at least {least_s} s, as long as {frames} frames last");
+                let reason = format!("at least {min_s} s, the duration of {frames} frames");
                 return Err(CameraError::Setting { feature, value, reason });
             }
         }
         Ok(Self { pulse, ..self })
     }
 
-    /// When the exposure of a frame begins, s after the start, and how much of that the line was silent.
-    fn begins_s(&self, index: u64) -> (f64, f64) {
+    /// Returns when the exposure of a frame begins, and the silence before it.
+    fn exposure_start(&self, index: u64) -> ExposureStart {
         let period_s = 1.0 / self.world.frame_rate_hz();
         let film_s = index as f64 * period_s;
         let silent_s = self.pulse.map_or(0.0, |pulse| {
             let (pulses, frames) = (index / u64::from(pulse.burst_frames), f64::from(pulse.burst_frames));
             pulses as f64 * (pulse.period_s - frames * period_s)
         });
-        (film_s + silent_s, silent_s)
+        ExposureStart { since_start_s: film_s + silent_s, silent_s }
     }
 
-    /// The world it films.
+    /// Returns the simulated world.
     pub fn world(&self) -> &World {
         &self.world
     }
 
-    /// The true numbers of the collision, if there is one.
+    /// Returns the true values of the collision, if there is one.
     pub fn impact(&self) -> Option<Impact> {
         self.world.impact()
     }
 
-    /// Time since the start; frame `n` is exposed at `n` periods.
-    #[expect(clippy::disallowed_methods, reason = "the pace of a simulated camera is the wall clock's")]
+    /// Returns the time since the start; frame `n` is exposed at `n` periods.
+    #[expect(clippy::disallowed_methods, reason = "a simulated live camera runs on the wall clock")]
     fn elapsed(&self) -> Duration {
         self.started.map_or(Duration::ZERO, |started| self.passed + Instant::now().duration_since(started))
     }
 
-    /// The first frame whose exposure has not begun.
-    fn first_to_come(&self) -> u64 {
+    /// Returns the first frame whose exposure has not begun.
+    fn next_exposed(&self) -> u64 {
         match (self.pace, self.started) {
             (Pace::Live, Some(_)) => {
                 let (elapsed_s, rate_hz) = (self.elapsed().as_secs_f64(), self.world.frame_rate_hz());
@@ -178,14 +167,14 @@ impl SimulatedCamera {
         }
     }
 
-    /// When a frame has been read out, after the start.
+    /// Returns when a frame is completely read out, from the start.
     fn due(&self, index: u64) -> Duration {
         let camera = &self.world.scenario().camera;
         let rows_s = 1e-6 * camera.row_time_us.abs() * f64::from(camera.height_px - 1);
-        Duration::from_secs_f64(self.begins_s(index).0 + 1e-6 * camera.exposure_us + rows_s)
+        Duration::from_secs_f64(self.exposure_start(index).since_start_s + 1e-6 * camera.exposure_us + rows_s)
     }
 
-    /// Waits for a frame; whether it came within `timeout`.
+    /// Waits for a frame and returns whether it came within `timeout`.
     fn wait(&self, index: u64, timeout: Duration) -> bool {
         if self.pace == Pace::OnDemand {
             return true;
@@ -195,11 +184,11 @@ impl SimulatedCamera {
         missing <= timeout
     }
 
-    /// A frame was brought into its slot since `begun`.
-    fn delivered(&mut self, index: u64, begun: Duration) {
+    /// Records the delivery of a frame whose rendering began at `begin`.
+    fn record_delivery(&mut self, index: u64, begin: Duration) {
         if let Some(started) = self.started.filter(|_| self.pace == Pace::Live) {
-            let took = self.elapsed().saturating_sub(begun);
-            self.delivery.add(started + self.due(index), took);
+            let duration = self.elapsed().saturating_sub(begin);
+            self.delivery.record(started + self.due(index), duration);
         }
     }
 
@@ -234,11 +223,11 @@ impl Camera for SimulatedCamera {
     }
 
     fn queue(&mut self, slot: Slot) {
-        let first = self.first_to_come();
+        let first = self.next_exposed();
         self.slots.push_back((slot, first));
     }
 
-    #[expect(clippy::disallowed_methods, reason = "the pace of a simulated camera is the wall clock's")]
+    #[expect(clippy::disallowed_methods, reason = "a simulated live camera runs on the wall clock")]
     fn start(&mut self) -> Result<(), CameraError> {
         self.started = Some(Instant::now());
         Ok(())
@@ -251,34 +240,34 @@ impl Camera for SimulatedCamera {
         if self.index >= self.world.frames() {
             return Ok(Next::End);
         }
-        let Some((_, first)) = self.slots.front() else { return Ok(Next::Nothing) };
+        let Some((_, first)) = self.slots.front() else { return Ok(Next::Timeout) };
         let index = self.index.max(*first);
         if index >= self.world.frames() {
             self.index = index;
             return Ok(Next::End);
         }
         if self.started.is_none() || !self.wait(index, timeout) {
-            return Ok(Next::Nothing);
+            return Ok(Next::Timeout);
         }
-        let Some((mut slot, _)) = self.slots.pop_front() else { return Ok(Next::Nothing) };
-        let begun = self.elapsed();
+        let Some((mut slot, _)) = self.slots.pop_front() else { return Ok(Next::Timeout) };
+        let begin = self.elapsed();
         self.fill(index, &mut slot);
-        self.delivered(index, begun);
+        self.record_delivery(index, begin);
         self.index = index + 1;
         let mut meta = meta(&self.world, index);
-        let silent_ns = (self.begins_s(index).1 * 1e9).round() as u64;
+        let silent_ns = (self.exposure_start(index).silent_s * 1e9).round() as u64;
         (meta.stamp_ns, meta.device_ns) = (meta.stamp_ns + silent_ns, meta.device_ns + silent_ns);
         Ok(Next::Frame(slot, meta))
     }
 
-    fn go_to(&mut self, sequence: u64) -> bool {
+    fn seek(&mut self, sequence: u64) -> bool {
         self.index = sequence;
-        self.passed = Duration::from_secs_f64(self.begins_s(sequence).0);
+        self.passed = Duration::from_secs_f64(self.exposure_start(sequence).since_start_s);
         true
     }
 
-    fn waited(&self) -> Duration {
-        self.started.map_or(Duration::ZERO, |started| self.delivery.waited(started + self.elapsed()))
+    fn frame_age(&self) -> Duration {
+        self.started.map_or(Duration::ZERO, |started| self.delivery.age(started + self.elapsed()))
     }
 
     fn truth(&self, sequence: u64) -> Vec<VelocitySample> {
@@ -286,23 +275,31 @@ impl Camera for SimulatedCamera {
     }
 }
 
-/// Draws the whole film if drawing cannot keep up with its rate.
-fn film_if_slow(world: &World) -> Result<Option<Vec<u8>>, CameraError> {
+/// The start of a frame's exposure.
+struct ExposureStart {
+    /// Time from the start of the film, s.
+    since_start_s: f64,
+    /// The part of it during which the trigger line was silent, s.
+    silent_s: f64,
+}
+
+/// Renders the whole film if rendering cannot keep up with its rate.
+fn render_if_slow(world: &World) -> Result<Option<Vec<u8>>, CameraError> {
     let bytes = world.frame_bytes();
     let mut frame = vec![0; bytes];
-    let drawing_s = (0..3).map(|_| seconds(|| world.render(0, &mut frame))).fold(f64::INFINITY, f64::min);
-    if drawing_s * world.frame_rate_hz() < DRAWING_SHARE {
+    let render_s = (0..3).map(|_| seconds(|| world.render(0, &mut frame))).fold(f64::INFINITY, f64::min);
+    if render_s * world.frame_rate_hz() < MAX_RENDER_SHARE {
         return Ok(None);
     }
     let film_bytes = bytes as u64 * world.frames();
-    if film_bytes > FILM_MAX_BYTES {
+    if film_bytes > MAX_FILM_BYTES {
         return Err(CameraError::Setting {
             feature: "camera.frame_rate_hz".to_owned(),
             value: world.frame_rate_hz().to_string(),
             reason: format!(
-                "a frame takes {:.2} ms to draw, and {} frames of {bytes} bytes are more than the {FILM_MAX_BYTES} \
-                 bytes that may be drawn in advance: lower the rate or the number of frames, or film on demand",
-                drawing_s * 1e3,
+                "a frame takes {:.2} ms to render, and {} frames of {bytes} bytes exceed the {MAX_FILM_BYTES} bytes \
+                                 that may be rendered in advance: lower the rate or the number of frames, or set paced = false",
+                render_s * 1e3,
                 world.frames(),
             ),
         });
@@ -314,7 +311,7 @@ fn film_if_slow(world: &World) -> Result<Option<Vec<u8>>, CameraError> {
     Ok(Some(film))
 }
 
-#[expect(clippy::disallowed_methods, reason = "measures how long this machine takes to draw")]
+#[expect(clippy::disallowed_methods, reason = "measures the rendering time on this machine")]
 fn seconds(work: impl FnOnce()) -> f64 {
     let started = Instant::now();
     work();

@@ -6,7 +6,7 @@ use crate::camera::{CameraIdentity, StreamFormat};
 use crate::config::Record;
 use crate::image::{Frame, FrameMeta};
 use crate::measure::{MeasureError, MeasureParams, Measured, Measurer, Share};
-use crate::process::{Extent, Shot, Stop, analysis_params, recording_info, reference};
+use crate::process::{FrameRange, Shot, Stop, analysis_params, recording_info, reference};
 use crate::recording::{Recording, RecordingError, part_path};
 use crate::report;
 use crate::results::{Estimate, Impact};
@@ -118,9 +118,9 @@ fn measure(film: Film, output: &Path, stop: &Stop) -> anyhow::Result<(PathBuf, u
     let (first, stamp_ns) = (meta.sequence, meta.stamp_ns);
     info.metadata.insert("first_frame".into(), first.to_string());
     info.metadata.insert("first_stamp_ns".into(), stamp_ns.to_string());
-    let extent = Extent { first, last: None, patience_frames: u64::MAX };
+    let range = FrameRange { first, last: None, max_delay_frames: u64::MAX };
     let mut shot = Shot::create(output, &config, &info)?;
-    shot.begin(0, Some(&tracker_params), extent);
+    shot.begin(0, Some(&tracker_params), range);
     let bar = progress::frames(count, "analyze");
     let mut unread = 0;
     let whole = std::thread::scope(|scope| -> anyhow::Result<()> {

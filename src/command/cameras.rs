@@ -50,7 +50,7 @@ pub fn run(options: &CamerasOptions) -> anyhow::Result<()> {
 
 /// Prints what one camera can be set to; of one of the kernel also its formats, sizes and rates.
 fn tell_features(id: &str, as_json: bool) -> anyhow::Result<()> {
-    let (camera, lines) = match v4l2::is_ours(id) {
+    let (camera, lines) = match v4l2::is_v4l2_id(id) {
         true => v4l2::features(id).map(|(camera, lines)| (Some(camera), lines))?,
         false => (None, features(id)?),
     };
@@ -81,42 +81,41 @@ fn kernel_camera_as_text(camera: &v4l2::CameraListing) -> String {
         camera.path.display().to_string(),
         format!("  model    {}, serial number {serial}", camera.capability.card),
     ];
-    if let Some(reason) = &camera.closed {
+    if let Some(reason) = &camera.unavailable {
         lines.push(format!("  {reason}"));
         return lines.join("\n");
     }
     lines.push(format!("  address  {} (V4L2, driver {})", camera.capability.bus, camera.capability.driver));
     for format in &camera.formats {
-        let becomes = format.becomes.map_or("cannot be read", |format| format.word());
+        let becomes = format.ring_format.map_or("cannot be read", |format| format.word());
         lines.push(format!("  format   {} ({}), {becomes}", format.code, format.description));
-        if format.becomes.is_some() {
-            if let v4l2::Sizes::Range(_) = format.sizes {
+        if format.ring_format.is_some() {
+            if let v4l2::Sizes::Range { .. } = format.sizes {
                 lines.push(format!("    {} px", format.sizes));
             }
-            lines.extend(
-                format.rates.iter().map(|((width, height), rates)| format!("    {width}x{height} px: {rates} Hz")),
-            );
+            lines.extend(format.rates.iter().map(|(size, rates)| format!("    {size} px: {rates} Hz")));
         }
     }
     lines.join("\n")
 }
 
 fn kernel_camera_as_json(camera: &v4l2::CameraListing) -> Value {
+    let size = |size: &v4l2::FrameSize| json!([size.width_px, size.height_px]);
     let sizes = |sizes: &v4l2::Sizes| match sizes {
-        v4l2::Sizes::List(sizes) => json!(sizes),
-        v4l2::Sizes::Range([least, most, step]) => json!({ "least": least, "most": most, "step": step }),
+        v4l2::Sizes::List(sizes) => sizes.iter().map(size).collect(),
+        v4l2::Sizes::Range { min, max, step } => json!({ "least": size(min), "most": size(max), "step": size(step) }),
     };
-    let rates = |(size, rates): &((u32, u32), v4l2::Rates)| {
+    let rates = |(frame_size, rates): &(v4l2::FrameSize, v4l2::Rates)| {
         let rates = match rates {
             v4l2::Rates::List(rates) => json!(rates),
             v4l2::Rates::Range(least, most) => json!({ "least": least, "most": most }),
         };
-        json!({ "size_px": size, "rates_hz": rates })
+        json!({ "size_px": size(frame_size), "rates_hz": rates })
     };
-    let format = |format: &v4l2::FormatOffer| {
+    let format = |format: &v4l2::FormatListing| {
         json!({
             "code": format.code, "description": format.description,
-            "becomes": format.becomes.map(|format| format.word()),
+            "becomes": format.ring_format.map(|format| format.word()),
             "sizes_px": sizes(&format.sizes), "modes": format.rates.iter().map(rates).collect::<Vec<_>>(),
         })
     };
@@ -125,7 +124,7 @@ fn kernel_camera_as_json(camera: &v4l2::CameraListing) -> Value {
         "serial": camera.serial, "address": camera.capability.bus, "protocol": "V4L2",
         "formats": camera.formats.iter().map(format).collect::<Vec<_>>(),
     });
-    if let Some(reason) = &camera.closed {
+    if let Some(reason) = &camera.unavailable {
         value["error"] = json!(reason);
     }
     value
@@ -143,8 +142,8 @@ fn camera_as_text(camera: &CameraListing, details: &Result<CameraDetails, Camera
             let (width_px, height_px) = details.size_px;
             lines.push(format!("  size     {width_px} x {height_px} px"));
             lines.push(format!("  formats  {}", details.formats.join(", ")));
-            if let Some((least, most)) = details.rate_hz {
-                lines.push(format!("  rates    {least:.3} to {most:.3} Hz as it is set now"));
+            if let Some(range) = details.rate_hz {
+                lines.push(format!("  rates    {:.3} to {:.3} Hz as it is set now", range.min, range.max));
             }
             lines.push(format!("  triggers {}", details.triggers.join(", ")));
             if details.taken {
@@ -165,7 +164,7 @@ fn camera_as_json(camera: &CameraListing, details: &Result<CameraDetails, Camera
         Ok(details) => {
             value["size_px"] = json!([details.size_px.0, details.size_px.1]);
             value["formats"] = json!(details.formats);
-            value["rate_hz"] = json!(details.rate_hz.map(|(least, most)| [least, most]));
+            value["rate_hz"] = json!(details.rate_hz.map(|range| [range.min, range.max]));
             value["triggers"] = json!(details.triggers);
             value["taken"] = json!(details.taken);
         }
@@ -188,12 +187,12 @@ fn feature_as_text(line: &FeatureLine) -> String {
     let unit = if line.unit.is_empty() { String::new() } else { format!(" {}", line.unit) };
     let allowed = if line.allowed.is_empty() { String::new() } else { format!(": {}", line.allowed) };
     let access = if line.writable { "" } else { ", read only" };
-    format!("{indent}{}{value}{unit} ({}{access}{allowed})", line.name, line.kind.word())
+    format!("{indent}{}{value}{unit} ({}{access}{allowed})", line.name, line.kind.as_str())
 }
 
 fn feature_as_json(line: &FeatureLine) -> Value {
     json!({
-        "depth": line.depth, "name": line.name, "type": line.kind.word(), "value": line.value,
+        "depth": line.depth, "name": line.name, "type": line.kind.as_str(), "value": line.value,
         "allowed": line.allowed, "unit": line.unit, "writable": line.writable,
     })
 }
@@ -235,17 +234,19 @@ mod tests {
             protocol: text("GigEVision"),
         };
         let gone = Err(CameraError::NotFound { id: text("10.0.0.1"), reason: text("silence") });
-        assert!(camera_as_text(&camera, &gone).ends_with("  open camera \"10.0.0.1\": silence"));
-        assert_eq!(camera_as_json(&camera, &gone)["error"], "open camera \"10.0.0.1\": silence");
+        assert!(camera_as_text(&camera, &gone).ends_with("  cannot open camera \"10.0.0.1\": silence"));
+        assert_eq!(camera_as_json(&camera, &gone)["error"], "cannot open camera \"10.0.0.1\": silence");
     }
 
+    const VGA: v4l2::FrameSize = v4l2::FrameSize { width_px: 640, height_px: 480 };
+
     fn webcam() -> v4l2::CameraListing {
-        let rates = vec![((640, 480), v4l2::Rates::List(vec![30.0, 15.0]))];
-        let format = |code: &str, becomes, rates| v4l2::FormatOffer {
+        let rates = vec![(VGA, v4l2::Rates::List(vec![30.0, 15.0]))];
+        let format = |code: &str, ring_format, rates| v4l2::FormatListing {
             code: code.into(),
             description: "words".into(),
-            becomes,
-            sizes: v4l2::Sizes::List(vec![(640, 480)]),
+            ring_format,
+            sizes: v4l2::Sizes::List(vec![VGA]),
             rates,
         };
         let capability = v4l2::Capability {
@@ -256,7 +257,13 @@ mod tests {
         };
         let formats =
             vec![format("YUYV", Some(crate::image::PixelFormat::Mono8), rates), format("H264", None, Vec::new())];
-        v4l2::CameraListing { path: "/dev/video0".into(), capability, serial: String::new(), formats, closed: None }
+        v4l2::CameraListing {
+            path: "/dev/video0".into(),
+            capability,
+            serial: String::new(),
+            formats,
+            unavailable: None,
+        }
     }
 
     #[test]
@@ -273,7 +280,7 @@ mod tests {
 
     #[test]
     fn a_camera_of_the_kernel_that_may_not_be_opened_is_listed_with_the_reason() {
-        let closed = v4l2::CameraListing { closed: Some("Permission denied".into()), ..webcam() };
+        let closed = v4l2::CameraListing { unavailable: Some("Permission denied".into()), ..webcam() };
         let text = kernel_camera_as_text(&closed);
         assert_eq!(text, "/dev/video0\n  model    Webcam, serial number none\n  Permission denied");
         assert_eq!(kernel_camera_as_json(&closed)["error"], "Permission denied");

@@ -2,7 +2,7 @@
 
 use super::{UsageError, replay::rig_config};
 use crate::camera::StreamFormat;
-use crate::camera::recording::Span;
+use crate::camera::recording::TimeRange;
 use crate::config::Config;
 use crate::image::{Frame, FrameMeta, Image};
 use crate::import;
@@ -36,14 +36,14 @@ pub(super) struct Film {
 
 impl Film {
     /// The same film, but only this part of it.
-    pub(super) fn within(mut self, span: Span) -> Self {
-        if span == Span::ALL {
+    pub(super) fn within(mut self, span: TimeRange) -> Self {
+        if span == TimeRange::ALL {
             return self;
         }
         let mut first_ns = None;
         let mut place = move |frame: &anyhow::Result<(FrameMeta, Vec<u8>)>| {
             let Ok((meta, _)) = frame else { return Ordering::Equal };
-            span.place(*first_ns.get_or_insert(meta.stamp_ns), meta.stamp_ns)
+            span.locate(*first_ns.get_or_insert(meta.stamp_ns), meta.stamp_ns)
         };
         let placed = self.frames.map(move |frame| (place(&frame), frame));
         let inside = placed.skip_while(|(place, _)| place.is_lt()).take_while(|(place, _)| !place.is_gt());
@@ -55,7 +55,8 @@ impl Film {
 
     /// Opens a recording or the parts of one, or one other file, or images that make a sequence in the order given.
     ///
-    /// `camera` is one of several in it, by its name. `config` takes the place of the attached rig file, `fps` that of the file's frame rate.
+    /// `camera` is one of several in it, by its name. `config` takes the place of the attached rig file, `fps` that of
+    /// the file's frame rate.
     pub(super) fn open(
         inputs: &[PathBuf],
         camera: Option<&str>,
@@ -192,7 +193,7 @@ impl Part {
 }
 
 /// The part of a film that was asked for, or why it cannot be one.
-pub(super) fn span(from_s: Option<f64>, to_s: Option<f64>) -> Result<Span, UsageError> {
+pub(super) fn span(from_s: Option<f64>, to_s: Option<f64>) -> Result<TimeRange, UsageError> {
     let known = |name: &str, seconds: Option<f64>| match seconds {
         Some(s) if !(0.0..=1.0e6).contains(&s) => {
             Err(UsageError(format!("{name} {s}: not a number of seconds from 0 to 1000000")))
@@ -203,7 +204,7 @@ pub(super) fn span(from_s: Option<f64>, to_s: Option<f64>) -> Result<Span, Usage
     if to_s <= from_s {
         return Err(UsageError(format!("--to {to_s}: not behind --from, {from_s} s")));
     }
-    Ok(Span { from_s, to_s })
+    Ok(TimeRange { from_s, to_s })
 }
 
 /// A frame with the stamp that a rate from the person who asks gives it, in place of the file's own.

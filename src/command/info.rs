@@ -194,8 +194,8 @@ fn camera(
         // In the order of time, so that few wait for each other.
         let is_first = others.peek().is_none_or(|other| firsts.peek().is_some_and(|first| first <= other));
         match if is_first { firsts.next() } else { others.next() } {
-            Some(stamp_ns) if is_first => matcher.first(*stamp_ns),
-            Some(stamp_ns) => matcher.other(*stamp_ns),
+            Some(stamp_ns) if is_first => matcher.add_main(*stamp_ns),
+            Some(stamp_ns) => matcher.add_other(*stamp_ns),
             None => {}
         }
     }

@@ -5,7 +5,7 @@ mod stream;
 
 use super::film::span;
 use super::{Outcome, UsageError, progress, say, view_config};
-use crate::camera::recording::Span;
+use crate::camera::recording::TimeRange;
 use crate::config::Config;
 use crate::message::Role;
 use crate::process::{self, Child, Stop, Summary};
@@ -89,7 +89,7 @@ pub struct ReplayOptions {
 struct Played {
     recording: Recording,
     config: Config,
-    span: Span,
+    span: TimeRange,
 }
 
 /// Plays recordings through a rig each until they end or are stopped.

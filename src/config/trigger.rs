@@ -231,8 +231,11 @@ fn url(table: &Table<'_>, url: Option<String>) -> Result<Option<String>, ConfigE
     let plain = |url: &str| url.bytes().all(|byte| byte.is_ascii_graphic());
     let has_host = |rest: &str| !rest.is_empty() && !rest.starts_with(['/', ':', '?', '#']) && !rest.contains('@');
     match url {
-        Some(url) if !(plain(&url) && url.strip_prefix("http://").is_some_and(has_host)) => {
-            Err(table.refuse("url", "http://host[:port][/path]"))
+        Some(url)
+            if !(plain(&url)
+                && ["http://", "https://"].iter().any(|scheme| url.strip_prefix(scheme).is_some_and(has_host))) =>
+        {
+            Err(table.refuse("url", "http[s]://host[:port][/path]"))
         }
         url => Ok(url),
     }

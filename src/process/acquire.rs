@@ -1,13 +1,13 @@
-//! Camera to ring.
+//! Acquisition: frames from the camera to the ring.
 
-use super::action::Cause;
-use super::clock::{Every, Patience, host_ns, now};
-use super::conclude::Alone;
-use super::line::Line;
-use super::pace::Latencies;
+use super::action::TriggerCause;
+use super::clock::{PeriodicTimer, Timeout, host_ns, now};
+use super::conclude::StandaloneTrigger;
+use super::line::HardwareTrigger;
+use super::pace::LatencyHistogram;
 use super::reference;
-use super::reins;
-use super::report::Reporter;
+use super::reins as stepping;
+use super::report::StatusReporter;
 use super::resume::Resume;
 use super::rig::{SUCCESSION, Source, limits};
 use super::stop::Stop;
@@ -22,25 +22,25 @@ use std::collections::BTreeMap;
 use std::ops::Range;
 use std::time::{Duration, Instant};
 
-/// How long the readers of the frames may take to get ready.
-const READY: Duration = Duration::from_secs(15);
-/// How long an on-demand source waits for readers that do not move.
-const STUCK: Duration = Duration::from_secs(10);
-/// How long the ring stays after the last frame for readers that are still at work.
-const LINGER: Duration = Duration::from_secs(30);
+/// Time for the readers to get ready.
+const READY_TIMEOUT: Duration = Duration::from_secs(15);
+/// Time that an on-demand source waits for readers that make no progress.
+const STALL_TIMEOUT: Duration = Duration::from_secs(10);
+/// Time that the ring is kept after the last frame for readers that are still at work.
+const LINGER_TIMEOUT: Duration = Duration::from_secs(30);
 const WAIT: Duration = Duration::from_millis(50);
-/// How long a camera may take to let go of a process that died: GigE Vision cameras give it 3 s to show a sign of life.
-const LET_GO: Duration = Duration::from_secs(20);
+/// Time for a camera to release a process that died: GigE Vision cameras wait 3 s for a heartbeat.
+const RELEASE_TIMEOUT: Duration = Duration::from_secs(20);
 
 /// Runs the camera of this rig until it ends or is stopped.
 ///
-/// `resume` tells of another that was there before and died: a live camera's frames go on counting.
+/// `resume` is the last state of a predecessor that died: frames of a live camera continue its numbers.
 ///
 /// # Errors
 ///
-/// When the camera cannot be opened or goes away for good, or shared memory cannot be used.
+/// If the camera cannot be opened or is lost for good, or shared memory cannot be used.
 pub fn run(config: &Config, resume: Option<Resume>, stop: &Stop) -> anyhow::Result<Summary> {
-    let began = now();
+    let begin = now();
     let source = open(config, resume.is_some(), stop)?;
     config.check_calibration(source.format().width_px, source.format().height_px)?;
     let bus = Bus::take_part(&config.rig.name, Role::Acquire.word(), SUCCESSION)?;
@@ -50,22 +50,22 @@ pub fn run(config: &Config, resume: Option<Resume>, stop: &Stop) -> anyhow::Resu
     let limits = limits(config, &source.format());
     let ring = bus.frame_publisher(&limits, source.format().slot_bytes())?;
     let mut loop_ = Loop::new(&bus, config, limits, ring, source)?;
-    loop_.take_over(resume, began);
+    loop_.take_over(resume, begin);
     loop_.prepare(stop)?;
-    let ended = loop_.stream(config, stop);
-    let told = loop_.end();
+    let streamed = loop_.stream(config, stop);
+    let ended = loop_.end();
+    streamed?;
     ended?;
-    told?;
     Ok(loop_.summary)
 }
 
-/// Opens the camera; one whose process was killed may not know of it yet.
+/// Opens the camera. A camera whose controlling process was killed may refuse for some seconds.
 fn open(config: &Config, is_resumed: bool, stop: &Stop) -> Result<Source, CameraError> {
-    let patience = Patience::new(LET_GO);
+    let timeout = Timeout::new(RELEASE_TIMEOUT);
     loop {
         match Source::open(config) {
-            Err(error) if is_resumed && !patience.is_over() && !stop.requested() => {
-                log::info!("{error}; trying again");
+            Err(error) if is_resumed && !timeout.has_expired() && !stop.requested() => {
+                log::info!("{error}; retrying");
                 std::thread::sleep(Duration::from_millis(200));
             }
             answer => return answer,
@@ -74,33 +74,33 @@ fn open(config: &Config, is_resumed: bool, stop: &Stop) -> Result<Source, Camera
 }
 
 struct Loop {
-    // The camera goes before the ring whose slots it holds.
+    // Drop order: the camera goes before the ring whose slots it holds.
     source: Source,
     ring: FramePublisher,
     bell: Bell,
-    reporter: Reporter,
+    reporter: StatusReporter,
     readers: Readers,
     trigger: Option<MotionTrigger>,
-    line: Option<Line>,
-    /// How long after each frame was there the trigger had looked at it.
-    decisions: Latencies,
-    alone: Option<Alone>,
-    /// Whether every frame is asked for, and told of.
+    hardware_trigger: Option<HardwareTrigger>,
+    /// Time from the delivery of each frame to the decision of the motion trigger.
+    decision_latency: LatencyHistogram,
+    standalone: Option<StandaloneTrigger>,
+    /// Whether frames are played one by one on request.
     is_stepped: bool,
     /// Whether the camera waits for a pulse before each frame.
     is_pulsed: bool,
     block_frames: u32,
     summary: Summary,
     queued: usize,
-    /// Torn frames since the last whole one.
-    torn: u64,
+    /// Incomplete frames since the last complete one.
+    incomplete: u64,
     first: Option<u64>,
     next: u64,
     stamp_ns: u64,
-    /// What is added to the camera's count after it was opened anew.
+    /// Offset of the camera's count, after it was reopened.
     offset: u64,
     epoch: u32,
-    /// What the process before this one left, until the first frame, and when this one began.
+    /// The state of the dead predecessor until the first frame, and when this process began.
     resume: Option<(Resume, Instant)>,
 }
 
@@ -112,20 +112,26 @@ impl Loop {
         ring: FramePublisher,
         source: Source,
     ) -> Result<Self, anyhow::Error> {
-        let mut reporter = Reporter::new(bus, &limits, Role::Acquire, 0)?;
+        let mut reporter = StatusReporter::new(bus, &limits, Role::Acquire, 0)?;
         reporter.set_run(host_ns());
-        reporter.set_live(source.is_live());
+        if source.is_live() {
+            reporter.set_live();
+        }
         let trigger = (config.trigger.mode == TriggerMode::Motion)
             .then(|| MotionTrigger::new(config.trigger.threshold_dn, config.trigger.roi_px));
-        let line = Line::new(config);
+        let hardware_trigger = HardwareTrigger::new(config);
         Ok(Self {
             ring,
             bell: bus.bell("frames")?,
             reporter,
             readers: Readers::new(bus, &limits, config)?,
-            decisions: Latencies::default(),
-            alone: (trigger.is_some() || line.is_some()).then(|| Alone::new(config)).flatten(),
-            line,
+            decision_latency: LatencyHistogram::default(),
+            standalone: if trigger.is_some() || hardware_trigger.is_some() {
+                StandaloneTrigger::new(config)
+            } else {
+                None
+            },
+            hardware_trigger,
             trigger,
             is_stepped: config.camera.stepped,
             is_pulsed: config.camera.is_pulsed(),
@@ -133,7 +139,7 @@ impl Loop {
             source,
             summary: Summary::default(),
             queued: 0,
-            torn: 0,
+            incomplete: 0,
             first: None,
             next: 0,
             stamp_ns: 0,
@@ -143,29 +149,29 @@ impl Loop {
         })
     }
 
-    /// Goes on where a process that died was; a source on demand, which lost nothing, begins again.
-    fn take_over(&mut self, resume: Option<Resume>, began: Instant) {
+    /// Continues the predecessor's numbers. A source on demand lost nothing and starts again.
+    fn take_over(&mut self, resume: Option<Resume>, begin: Instant) {
         let Some(resume) = resume else { return };
         self.epoch = resume.epoch;
         self.reporter.set_state(self.epoch);
-        self.resume = (self.source.pace() == Pace::Live).then_some((resume, began));
+        self.resume = (self.source.pace() == Pace::Live).then_some((resume, begin));
     }
 
-    /// A film goes on with the frame that is due by now.
-    fn go_to(&mut self, config: &Config) {
-        let Some((resume, began)) = self.resume else { return };
+    /// Moves a film to the frame that is due by now.
+    fn seek(&mut self, config: &Config) {
+        let Some((resume, begin)) = self.resume else { return };
         let (rate_hz, speed) = (self.source.format().frame_rate_hz, config.camera.playback_rate);
-        let due = resume.after(speed * began.elapsed().as_secs_f64(), rate_hz);
+        let due = resume.after(speed * begin.elapsed().as_secs_f64(), rate_hz);
         let first = due.first_frame(due.stamp_ns, rate_hz, config.workers.block_frames);
-        if self.source.camera().go_to(first) {
+        if self.source.camera().seek(first) {
             self.resume = None;
         }
     }
 
-    /// A camera of its own time counts from 0 again: its first frame tells how many nobody took.
-    fn go_on(&mut self, first: &FrameMeta) {
+    /// Sets the offset of a live camera, which counts from 0 again, by the time of its first frame.
+    fn continue_count(&mut self, first: &FrameMeta) {
         let Some((resume, _)) = self.resume.take() else { return };
-        // One that waits for pulses has no rate that would tell.
+        // A pulsed camera has no frame rate to count missed frames by.
         let rate_hz = if self.is_pulsed { 0.0 } else { self.source.format().frame_rate_hz };
         let number = resume.first_frame(first.stamp_ns, rate_hz, self.block_frames);
         self.offset = number.saturating_sub(first.sequence);
@@ -179,10 +185,10 @@ impl Loop {
         let identity = format!("{}\n{}", camera.model, camera.serial);
         let earliest = self.resume.map_or(0, |(resume, _)| resume.sequence + 1);
         self.reporter.event(EventKind::Prepared, earliest, 0, &identity)?;
-        let patience = Patience::new(READY);
+        let timeout = Timeout::new(READY_TIMEOUT);
         while !stop.requested() && !self.readers.all_attached(run_id)? {
-            if patience.is_over() {
-                log::warn!("starting without {}: they did not get ready in time", self.readers.missing(run_id));
+            if timeout.has_expired() {
+                log::warn!("starting without {}: not ready in time", self.readers.missing(run_id));
                 break;
             }
             self.ring.greet();
@@ -195,15 +201,15 @@ impl Loop {
 
     fn stream(&mut self, config: &Config, stop: &Stop) -> anyhow::Result<()> {
         self.lend()?;
-        self.go_to(config);
+        self.seek(config);
         self.source.camera().start()?;
         if self.source.pace() == Pace::Live
-            && let Err(error) = priority::raise(priority::HANDING_ON)
+            && let Err(error) = priority::raise(priority::PUBLISHING)
         {
-            log::info!("frames are handed on without real-time priority: {error}");
+            log::info!("frames are published without real-time priority: {error}");
         }
         if self.is_stepped {
-            reins::tell("ready: each line on standard input plays a frame");
+            stepping::print("ready: each line on standard input plays a frame");
         }
         while !stop.requested() {
             self.reporter.status(&self.summary, self.next.saturating_sub(1), self.stamp_ns)?;
@@ -214,8 +220,8 @@ impl Loop {
             }
             match self.source.camera().next(WAIT) {
                 Ok(Next::Frame(slot, meta)) => self.publish(slot, meta)?,
-                Ok(Next::Torn(slot, cause)) => self.torn(slot, &cause),
-                Ok(Next::Nothing) => self.hush()?,
+                Ok(Next::Incomplete(slot, cause)) => self.discard(slot, &cause),
+                Ok(Next::Timeout) => self.end_on_silence()?,
                 Ok(Next::End) => return Ok(()),
                 Err(error) => self.reopen(config, stop, &error)?,
             }
@@ -223,7 +229,7 @@ impl Loop {
         Ok(())
     }
 
-    /// Hands the camera as many slots as it wants and the ring has.
+    /// Queues as many slots as the camera wants and the ring has.
     fn lend(&mut self) -> Result<(), BusError> {
         while self.queued < self.source.camera().slots().min(Limits::CAMERA_SLOTS) {
             let Some(slot) = self.ring.lend()? else { break };
@@ -236,27 +242,27 @@ impl Loop {
     fn publish(&mut self, slot: Slot, mut meta: FrameMeta) -> Result<(), BusError> {
         let mut slot = slot;
         self.queued -= 1;
-        self.go_on(&meta);
+        self.continue_count(&meta);
         meta.sequence += self.offset;
         meta.epoch = meta.epoch.max(self.epoch);
         let decided = self.decide(&meta, &mut slot);
         self.begin_shot(&meta)?;
         let exposure_us = self.source.format().exposure_us;
-        let shot = self.line.as_ref().map_or(0, Line::shot);
+        let shot = self.hardware_trigger.as_ref().map_or(0, HardwareTrigger::shot);
         self.ring.send(slot, FrameHeader { shot, ..FrameHeader::new(&meta, self.reporter.run_id(), exposure_us) })?;
         self.bell.ring();
         if self.is_stepped {
-            reins::tell(&format!("frame {} of {} ns", meta.sequence, meta.stamp_ns));
+            stepping::print(&format!("frame {} of {} ns", meta.sequence, meta.stamp_ns));
         }
         self.summary.taken += 1;
         self.summary.given += 1;
         if self.first.is_none() {
             self.first = Some(meta.sequence);
-            // A live camera counts from its first id on, whole or torn; a recording may begin with any number.
+            // A live camera counts from its first frame id, complete or not; a recording may begin with any number.
             self.next = if self.source.is_live() { self.offset } else { meta.sequence };
             self.reporter.event(EventKind::Started, meta.sequence, meta.stamp_ns, "first frame")?;
             if self.epoch > 0 {
-                let text = format!("its process was started again; epoch {}", self.epoch);
+                let text = format!("its process was restarted; epoch {}", self.epoch);
                 self.reporter.event(EventKind::Camera, meta.sequence, meta.stamp_ns, &text)?;
             }
         }
@@ -267,68 +273,68 @@ impl Loop {
             self.reporter.event(EventKind::Lost, meta.sequence, meta.stamp_ns, &text)?;
         }
         self.next = meta.sequence + 1;
-        self.torn = 0;
+        self.incomplete = 0;
         self.stamp_ns = meta.stamp_ns;
-        if let Some(took) = decided {
-            let text = format!("motion; decided {} us after the frame came", took.as_micros());
+        if let Some(latency) = decided {
+            let text = format!("motion; decided {} us after the frame came", latency.as_micros());
             self.reporter.event(EventKind::Decided, meta.sequence, meta.stamp_ns, &text)?;
-            if let Some(alone) = &mut self.alone {
-                let cause = Cause { frame: meta.sequence, stamp_ns: meta.stamp_ns, text: "motion".into() };
-                alone.trigger(&cause, &self.reporter)?;
+            if let Some(standalone) = &mut self.standalone {
+                let cause = TriggerCause { frame: meta.sequence, stamp_ns: meta.stamp_ns, text: "motion".into() };
+                standalone.trigger(&cause, &self.reporter)?;
             }
         }
-        self.alone.as_mut().map_or(Ok(()), |alone| alone.tell(&self.reporter, false))
+        self.standalone.as_mut().map_or(Ok(()), |standalone| standalone.publish(&self.reporter))
     }
 
-    /// Tells of a shot that the camera's line begins, before anybody can see its first frame.
+    /// Announces a shot of the hardware trigger before its first frame is published.
     fn begin_shot(&mut self, meta: &FrameMeta) -> Result<(), BusError> {
-        let Some(text) = self.line.as_mut().and_then(Line::frame) else { return Ok(()) };
+        let Some(text) = self.hardware_trigger.as_mut().and_then(HardwareTrigger::on_frame) else { return Ok(()) };
         self.reporter.event(EventKind::Decided, meta.sequence, meta.stamp_ns, &text)?;
-        match &mut self.alone {
+        match &mut self.standalone {
             None => Ok(()),
-            Some(alone) => {
-                alone.trigger(&Cause { frame: meta.sequence, stamp_ns: meta.stamp_ns, text }, &self.reporter)
-            }
+            Some(standalone) => standalone
+                .trigger(&TriggerCause { frame: meta.sequence, stamp_ns: meta.stamp_ns, text }, &self.reporter),
         }
     }
 
-    /// Tells of a shot that ends because the camera has been silent.
-    fn hush(&mut self) -> Result<(), BusError> {
-        if !self.line.as_mut().is_some_and(Line::nothing) {
+    /// Announces the end of a hardware-triggered shot, once the camera has been silent for long enough.
+    fn end_on_silence(&mut self) -> Result<(), BusError> {
+        if !self.hardware_trigger.as_mut().is_some_and(HardwareTrigger::on_timeout) {
             return Ok(());
         }
         self.reporter.event(EventKind::Silent, self.next, self.stamp_ns, "no frame for trigger.silence_s")
     }
 
-    /// Shows a frame to the trigger; how long after the frame was there it fires.
+    /// Evaluates the motion trigger on a frame; if it fires, returns the time since the frame's delivery.
     fn decide(&mut self, meta: &FrameMeta, slot: &mut Slot) -> Option<Duration> {
         let trigger = self.trigger.as_mut()?;
-        let (taken, waited) = (now(), self.source.camera().waited());
+        let (begin, age) = (now(), self.source.camera().frame_age());
         let fires = trigger.push(meta, slot.bytes_mut());
-        let took = waited + taken.elapsed();
-        self.decisions.add(took);
-        fires.then_some(took)
+        let latency = age + begin.elapsed();
+        self.decision_latency.add(latency);
+        fires.then_some(latency)
     }
 
-    fn torn(&mut self, slot: Slot, cause: &str) {
-        // The gap in the camera's count will say that it is missing, unless no whole frame follows.
-        self.torn += 1;
-        log::warn!("a frame did not arrive whole: {cause}");
+    /// Takes back the slot of an incomplete frame.
+    fn discard(&mut self, slot: Slot, cause: &str) {
+        // The gap in the camera's count shows the loss, unless no complete frame follows.
+        self.incomplete += 1;
+        log::warn!("incomplete frame: {cause}");
         self.queued -= 1;
         self.ring.take_back(slot);
     }
 
-    /// A live camera that vanished is opened again until it answers; frames go on under a new epoch.
+    /// Reopens a live camera that was lost until it answers; frames continue under a new epoch.
     fn reopen(&mut self, config: &Config, stop: &Stop, error: &CameraError) -> anyhow::Result<()> {
-        if !matches!(error, CameraError::Vanished { .. }) {
-            anyhow::bail!("read a frame: {error}");
+        if !matches!(error, CameraError::Lost { .. }) {
+            anyhow::bail!("cannot read a frame: {error}");
         }
         self.reporter.event(EventKind::Camera, self.next, self.stamp_ns, &error.to_string())?;
-        self.let_go();
-        let mut every = Every::new(Duration::from_millis(500));
+        self.release();
+        let mut timer = PeriodicTimer::new(Duration::from_millis(500));
         while !stop.requested() {
             self.reporter.status(&self.summary, self.next.saturating_sub(1), self.stamp_ns)?;
-            if every.due() && self.come_back(config)? {
+            if timer.due() && self.try_reopen(config)? {
                 return Ok(self.reporter.event(EventKind::Camera, self.next, self.stamp_ns, "the camera is back")?);
             }
             std::thread::sleep(Duration::from_millis(10));
@@ -336,45 +342,45 @@ impl Loop {
         Ok(())
     }
 
-    /// Closes the camera and takes every slot back that it had.
-    fn let_go(&mut self) {
+    /// Closes the camera and takes back all its slots.
+    fn release(&mut self) {
         self.source.close();
         self.ring.take_all_back();
         self.queued = 0;
     }
 
-    /// Opens the camera again and starts it; `false` when it does not answer yet, or is gone again.
-    fn come_back(&mut self, config: &Config) -> Result<bool, BusError> {
+    /// Reopens the camera and starts it; returns `false` if it does not answer yet, or is lost again.
+    fn try_reopen(&mut self, config: &Config) -> Result<bool, BusError> {
         if self.source.reopen(config).is_err() {
             return Ok(false);
         }
         self.lend()?;
         if let Err(error) = self.source.camera().start() {
-            log::debug!("start the camera again: {error}");
-            self.let_go();
+            log::debug!("cannot restart the camera: {error}");
+            self.release();
             return Ok(false);
         }
         self.epoch += 1;
         self.reporter.set_state(self.epoch);
-        // The frames between are unknown in number: at least one is missing.
+        // The number of missed frames is unknown: at least one.
         self.offset = self.next + 1;
         Ok(true)
     }
 
-    /// Tells the end and keeps the ring until its readers are done.
+    /// Announces the end of the stream and keeps the ring until its readers are done.
     fn end(&mut self) -> Result<(), BusError> {
         self.source.close();
-        self.summary.lost += self.torn;
-        if let Some(alone) = &mut self.alone {
-            alone.tell(&self.reporter, true)?;
+        self.summary.lost += self.incomplete;
+        if let Some(standalone) = &mut self.standalone {
+            standalone.finish(&self.reporter)?;
         }
-        let text = match self.decisions.words() {
+        let text = match self.decision_latency.description() {
             None => "last frame".to_owned(),
-            Some(words) => format!("last frame; from a frame to its decision: {words}"),
+            Some(latencies) => format!("last frame; from a frame to its decision: {latencies}"),
         };
         self.reporter.event(EventKind::Ended, self.next, self.stamp_ns, &text)?;
-        let patience = Patience::new(LINGER);
-        while !patience.is_over() && !self.readers.all_done(self.reporter.run_id())? {
+        let timeout = Timeout::new(LINGER_TIMEOUT);
+        while !timeout.has_expired() && !self.readers.all_done(self.reporter.run_id())? {
             self.ring.greet();
             self.reporter.status(&self.summary, self.next.saturating_sub(1), self.stamp_ns)?;
             std::thread::sleep(Duration::from_millis(2));
@@ -383,33 +389,41 @@ impl Loop {
     }
 }
 
-/// How far the readers of the frames have come.
+/// The readers of the frames and their progress.
 struct Readers {
     progress: Subscriber<Progress>,
-    expected: Vec<(u32, u32)>,
-    /// Readers that take frames all the time; an armed recorder only does after a trigger.
-    paced_by: Vec<(u32, u32)>,
-    told: BTreeMap<(u32, u32), Progress>,
+    expected: Vec<Reader>,
+    /// Readers that take frames all the time; an armed recorder does so only after a trigger.
+    paced_by: Vec<Reader>,
+    latest: BTreeMap<Reader, Progress>,
     window: u64,
+}
+
+/// A reader by its role number and index.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+struct Reader {
+    role: u32,
+    index: u32,
 }
 
 impl Readers {
     fn new(bus: &Bus, limits: &Limits, config: &Config) -> Result<Self, BusError> {
-        let workers = (0..limits.workers).map(|index| (Role::Correlate as u32, index));
-        let recorder = config.record.iter().map(|_| (Role::Record as u32, 0));
+        let reader = |role: Role, index| Reader { role: role as u32, index };
+        let workers = (0..limits.workers).map(|index| reader(Role::Correlate, index));
+        let recorder = config.record.iter().map(|_| reader(Role::Record, 0));
         let streaming = config.trigger.mode == TriggerMode::Off;
         let paced_by = workers.clone().chain(recorder.clone().filter(|_| streaming)).collect();
-        let tracker = (limits.workers > 0).then_some((Role::Track as u32, 0));
+        let tracker = (limits.workers > 0).then_some(reader(Role::Track, 0));
         let expected = workers.chain(recorder).chain(tracker).collect();
-        // A quarter of the ring in flight keeps every reader busy and every queue far from running over.
+        // A quarter of the ring in flight keeps every reader busy and every queue far from overflow.
         let window = (limits.ring_frames as u64 / 4).max(8);
-        Ok(Self { progress: bus.subscriber(limits)?, expected, paced_by, told: BTreeMap::new(), window })
+        Ok(Self { progress: bus.subscriber(limits)?, expected, paced_by, latest: BTreeMap::new(), window })
     }
 
     fn update(&mut self) -> Result<bool, BusError> {
         let mut news = false;
         while let Some(progress) = self.progress.take()? {
-            self.told.insert((progress.role, progress.index), progress);
+            self.latest.insert(Reader { role: progress.role, index: progress.index }, progress);
             news = true;
         }
         Ok(news)
@@ -417,40 +431,40 @@ impl Readers {
 
     fn all_attached(&mut self, run_id: u64) -> Result<bool, BusError> {
         self.update()?;
-        Ok(self.expected.iter().all(|who| self.told.get(who).is_some_and(|progress| progress.run_id == run_id)))
+        Ok(self.expected.iter().all(|reader| self.latest.get(reader).is_some_and(|progress| progress.run_id == run_id)))
     }
 
     fn missing(&self, run_id: u64) -> String {
-        let absent = |who: &&(u32, u32)| self.told.get(who).is_none_or(|progress| progress.run_id != run_id);
-        let names = self.expected.iter().filter(absent).map(|(role, index)| {
-            Role::from_number(*role).map_or_else(String::new, |role| format!("{} {index}", role.word()))
+        let is_absent = |reader: &&Reader| self.latest.get(reader).is_none_or(|progress| progress.run_id != run_id);
+        let names = self.expected.iter().filter(is_absent).map(|reader| {
+            let name = Role::from_number(reader.role).map_or("", Role::word);
+            format!("{name} {}", reader.index)
         });
         names.collect::<Vec<_>>().join(", ")
     }
 
     fn all_done(&mut self, run_id: u64) -> Result<bool, BusError> {
         self.update()?;
-        let done =
-            |who| self.told.get(who).is_some_and(|progress: &Progress| progress.run_id == run_id && progress.done == 1);
-        Ok(self.expected.iter().all(done))
+        let is_done = |progress: &Progress| progress.run_id == run_id && progress.done == 1;
+        Ok(self.expected.iter().all(|reader| self.latest.get(reader).is_some_and(is_done)))
     }
 
-    /// Waits until the slowest reader has left room for one more frame than `published`, or for a stop.
+    /// Waits until the slowest reader has room for one more frame than `published`, or for a stop.
     ///
-    /// A reader that does not move for long is dead or stuck: the stream then goes on without it.
+    /// A reader without progress for long is dead or stuck: the stream then continues without it.
     fn wait_for_room(&mut self, run_id: u64, published: Range<u64>, stop: &Stop) -> Result<(), BusError> {
-        let mut patience = Patience::new(STUCK);
-        while !stop.requested() && !patience.is_over() {
+        let mut timeout = Timeout::new(STALL_TIMEOUT);
+        while !stop.requested() && !timeout.has_expired() {
             if self.update()? {
-                patience.renew();
+                timeout.renew();
             }
-            let behind = |who| {
-                self.told.get(who).is_some_and(|progress: &Progress| {
+            let is_behind = |reader| {
+                self.latest.get(reader).is_some_and(|progress: &Progress| {
                     let reached = progress.next_sequence.max(published.start);
                     progress.run_id == run_id && reached.saturating_add(self.window) <= published.end
                 })
             };
-            if !self.paced_by.iter().any(behind) {
+            if !self.paced_by.iter().any(is_behind) {
                 break;
             }
             std::thread::sleep(Duration::from_micros(200));

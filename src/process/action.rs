@@ -1,43 +1,39 @@
-//! What a trigger sets off besides a shot: a program, a web service, another rig.
+//! Actions of a trigger besides the recording: a program, a web request, a trigger of another rig.
 //!
-//! Each runs on a thread of its own and is given up after a while; the loop that
-//! fired it never waits for it.
+//! Each runs on a thread of its own with a timeout. The loop that starts it never waits for it.
 
-use super::clock::{Patience, now};
+use super::clock::{Timeout, now};
 use crate::bus::Bus;
 use crate::config::Config;
 use crate::message::{Command as Request, ReplyCode};
-use std::io::{BufRead, BufReader, Read, Write};
-use std::net::{TcpStream, ToSocketAddrs};
 use std::process::{Command, Stdio};
 use std::sync::mpsc::{Receiver, Sender, channel};
 use std::time::Duration;
+use ureq::Agent;
 
-/// How long a program may run.
-const PROGRAM: Duration = Duration::from_secs(30);
-/// How long a web service, or another rig, may take to answer.
-const ANSWER: Duration = Duration::from_secs(5);
-/// How often a running program is looked at.
-const LOOK: Duration = Duration::from_millis(2);
-/// How long the end of a loop waits for what still runs.
-const END: Duration = Duration::from_secs(5);
-/// Actions under way at once; what would be more is not begun.
-const MOST: usize = 16;
-/// Longest first line of an answer, bytes.
-const LINE_BYTES: u64 = 4096;
+/// Maximum duration of a program.
+const PROGRAM_TIMEOUT: Duration = Duration::from_secs(30);
+/// Maximum duration of a web request (name look-up included) or of another rig's reply.
+const REPLY_TIMEOUT: Duration = Duration::from_secs(5);
+/// Interval of polling a running program.
+const POLL_PERIOD: Duration = Duration::from_millis(2);
+/// Time at the end of a loop for the actions that still run.
+const END_TIMEOUT: Duration = Duration::from_secs(5);
+/// Maximum number of concurrent actions; further ones are not started.
+const MAX_RUNNING: usize = 16;
 
-/// The trigger that sets off an action.
+/// The trigger behind an action.
 #[derive(Debug, Clone)]
-pub(super) struct Cause {
+pub(super) struct TriggerCause {
     pub(super) frame: u64,
     pub(super) stamp_ns: u64,
     pub(super) text: String,
 }
 
-/// How an action ended.
+/// The outcome of an action.
 #[derive(Debug)]
-pub(super) struct Ended {
-    pub(super) cause: Cause,
+pub(super) struct ActionOutcome {
+    pub(super) cause: TriggerCause,
     pub(super) text: String,
     pub(super) failed: bool,
 }
@@ -54,7 +50,7 @@ enum Action {
 pub(super) struct Actions {
     rig: String,
     actions: Vec<Action>,
-    ended: (Sender<Ended>, Receiver<Ended>),
+    outcomes: (Sender<ActionOutcome>, Receiver<ActionOutcome>),
     running: usize,
 }
 
@@ -65,77 +61,79 @@ impl Actions {
         let post = trigger.url.clone().map(Action::Post);
         let other = trigger.other_rig.clone().map(Action::Trigger);
         let actions = run.into_iter().chain(post).chain(other).collect();
-        Self { rig: config.rig.name.clone(), actions, ended: channel(), running: 0 }
+        Self { rig: config.rig.name.clone(), actions, outcomes: channel(), running: 0 }
     }
 
-    /// Begins every action.
-    pub(super) fn fire(&mut self, cause: &Cause) {
+    /// Starts every action.
+    pub(super) fn start(&mut self, cause: &TriggerCause) {
         for action in &self.actions {
-            let (action, rig, cause, sender) = (action.clone(), self.rig.clone(), cause.clone(), self.ended.0.clone());
-            let refused = |reason: String| Ended { cause: cause.clone(), text: reason, failed: true };
-            if self.running >= MOST {
-                let _ = sender.send(refused(format!("{}: not begun, {MOST} others still run", action.name())));
-                self.running += 1;
+            let sender = self.outcomes.0.clone();
+            let refuse = |reason: String| {
+                let text = format!("{}: {reason}", action.name());
+                let _ = sender.send(ActionOutcome { cause: cause.clone(), text, failed: true });
+            };
+            self.running += 1;
+            if self.running > MAX_RUNNING {
+                refuse(format!("not started, {MAX_RUNNING} others still run"));
                 continue;
             }
-            self.running += 1;
-            let (name, told, its) = (action.name(), sender.clone(), cause.clone());
+            let (action, rig, cause, sender) = (action.clone(), self.rig.clone(), cause.clone(), sender.clone());
             let work = move || {
-                let began = now();
-                let outcome = action.perform(&rig, &its);
-                let ms = began.elapsed().as_millis();
-                let (text, failed) = match outcome {
-                    Ok(how) => (format!("{}: {how} after {ms} ms", action.name()), false),
-                    Err(why) => (format!("{}: {why} after {ms} ms", action.name()), true),
-                };
-                let _ = told.send(Ended { cause: its, text, failed });
+                let begin = now();
+                let result = action.perform(&rig, &cause);
+                let ms = begin.elapsed().as_millis();
+                let failed = result.is_err();
+                let (Ok(text) | Err(text)) = result;
+                let text = format!("{}: {text} after {ms} ms", action.name());
+                let _ = sender.send(ActionOutcome { cause, text, failed });
             };
             if let Err(error) = std::thread::Builder::new().name("action".into()).spawn(work) {
-                let _ = sender.send(refused(format!("{name}: no thread: {error}")));
+                refuse(format!("cannot start a thread: {error}"));
             }
         }
     }
 
-    /// An action that has ended since, if there is one.
-    pub(super) fn ended(&mut self) -> Option<Ended> {
-        let ended = self.ended.1.try_recv().ok()?;
+    /// Returns the outcome of an action that has ended since the last call.
+    pub(super) fn next_outcome(&mut self) -> Option<ActionOutcome> {
+        let outcome = self.outcomes.1.try_recv().ok()?;
         self.running -= 1;
-        Some(ended)
+        Some(outcome)
     }
 
-    /// Waits a while for what still runs, at the end of a loop.
-    pub(super) fn last(&mut self) -> Vec<Ended> {
-        let (patience, mut all) = (Patience::new(END), Vec::new());
-        while self.running > 0 && !patience.is_over() {
-            all.extend(self.ended());
-            std::thread::sleep(LOOK);
+    /// Waits for the actions that still run, at the end of a loop.
+    pub(super) fn wait_for_all(&mut self) -> Vec<ActionOutcome> {
+        let (timeout, mut outcomes) = (Timeout::new(END_TIMEOUT), Vec::new());
+        while self.running > 0 && !timeout.has_expired() {
+            outcomes.extend(self.next_outcome());
+            std::thread::sleep(POLL_PERIOD);
         }
-        all
+        outcomes
     }
 }
 
 impl Action {
     fn name(&self) -> String {
         match self {
-            Self::Run(texts) => format!("command {}", texts[0]),
+            Self::Run(command) => format!("command {}", command[0]),
             Self::Post(url) => format!("url {url}"),
             Self::Trigger(rig) => format!("rig {rig}"),
         }
     }
 
-    fn perform(&self, rig: &str, cause: &Cause) -> Result<String, String> {
+    /// Performs the action; both results describe it for the event.
+    fn perform(&self, rig: &str, cause: &TriggerCause) -> Result<String, String> {
         match self {
-            Self::Run(texts) => run(texts, rig, cause),
+            Self::Run(command) => run(command, rig, cause),
             Self::Post(url) => post(url, rig, cause),
             Self::Trigger(other) => trigger(other),
         }
     }
 }
 
-/// Runs a program to its end; it learns of the trigger from its environment.
-fn run(texts: &[String], rig: &str, cause: &Cause) -> Result<String, String> {
-    let mut child = Command::new(&texts[0])
-        .args(&texts[1..])
+/// Runs a program to its end, with the trigger in its environment.
+fn run(command: &[String], rig: &str, cause: &TriggerCause) -> Result<String, String> {
+    let mut child = Command::new(&command[0])
+        .args(&command[1..])
         .env("RICOCHET_RIG", rig)
         .env("RICOCHET_FRAME", cause.frame.to_string())
         .env("RICOCHET_STAMP_NS", cause.stamp_ns.to_string())
@@ -144,60 +142,41 @@ fn run(texts: &[String], rig: &str, cause: &Cause) -> Result<String, String> {
         .stdout(Stdio::null())
         .spawn()
         .map_err(|error| error.to_string())?;
-    let patience = Patience::new(PROGRAM);
+    let timeout = Timeout::new(PROGRAM_TIMEOUT);
     loop {
         match child.try_wait() {
             Ok(Some(status)) if status.success() => return Ok("ended with 0".into()),
             Ok(Some(status)) => return Err(format!("ended with {status}")),
             Err(error) => return Err(error.to_string()),
-            Ok(None) if patience.is_over() => {
+            Ok(None) if timeout.has_expired() => {
                 let _ = child.kill();
                 let _ = child.wait();
                 return Err("killed".into());
             }
-            Ok(None) => std::thread::sleep(LOOK),
+            Ok(None) => std::thread::sleep(POLL_PERIOD),
         }
     }
 }
 
-/// Tells a web service in JSON; its answer must be a 2xx.
-fn post(url: &str, rig: &str, cause: &Cause) -> Result<String, String> {
-    let rest = url.strip_prefix("http://").unwrap_or(url);
-    let at = rest.find(['/', '?']).unwrap_or(rest.len());
-    let (host, path) = rest.split_at(at);
-    let path = if path.starts_with('/') { path.to_owned() } else { format!("/{path}") };
-    let has_port = host.rsplit_once(':').is_some_and(|(_, port)| port.bytes().all(|byte| byte.is_ascii_digit()));
-    let address = if has_port { host.to_owned() } else { format!("{host}:80") };
-    let told = serde_json::json!({
+/// Posts the trigger to a web service as JSON; the response status must be 2xx.
+fn post(url: &str, rig: &str, cause: &TriggerCause) -> Result<String, String> {
+    let body = serde_json::json!({
         "rig": rig, "frame": cause.frame, "stamp_ns": cause.stamp_ns, "cause": cause.text,
-    })
-    .to_string();
-    let words = |error: std::io::Error| error.to_string();
-    let socket = address.to_socket_addrs().map_err(words)?.next().ok_or("no address of this name")?;
-    let mut stream = TcpStream::connect_timeout(&socket, ANSWER).map_err(words)?;
-    stream.set_read_timeout(Some(ANSWER)).map_err(words)?;
-    stream.set_write_timeout(Some(ANSWER)).map_err(words)?;
-    let request = format!(
-        "POST {path} HTTP/1.1\r\nHost: {host}\r\nContent-Type: application/json\r\nContent-Length: {}\r\n\
-         Connection: close\r\n\r\n{told}",
-        told.len()
-    );
-    stream.write_all(request.as_bytes()).map_err(words)?;
-    let mut line = String::new();
-    BufReader::new(stream.take(LINE_BYTES)).read_line(&mut line).map_err(words)?;
-    let answer = line.trim_end();
-    let code = answer.strip_prefix("HTTP/1.").and_then(|rest| rest.split(' ').nth(1));
-    match code {
-        Some(code) if code.len() == 3 && code.starts_with('2') => Ok(format!("answered {code}")),
-        _ => Err(format!("answered {answer:?}")),
-    }
+    });
+    // No proxy: it would come from environment variables.
+    let config = Agent::config_builder().timeout_global(Some(REPLY_TIMEOUT)).max_redirects(0).proxy(None);
+    let agent: Agent = config.http_status_as_error(false).build().into();
+    let request = agent.post(url).header("Content-Type", "application/json");
+    let status = request.send(body.to_string()).map_err(|error| error.to_string())?.status();
+    let text = format!("answered {}", status.as_u16());
+    if status.is_success() { Ok(text) } else { Err(text) }
 }
 
 /// Triggers another rig.
 fn trigger(other: &str) -> Result<String, String> {
-    let words = |error: crate::bus::BusError| error.to_string();
-    let bus = Bus::join(other, "action").map_err(words)?;
-    let reply = bus.control_client().map_err(words)?.ask(Request::Trigger, ANSWER).map_err(words)?;
+    let failure = |error: crate::bus::BusError| error.to_string();
+    let bus = Bus::join(other, "action").map_err(failure)?;
+    let reply = bus.control_client().map_err(failure)?.ask(Request::Trigger, REPLY_TIMEOUT).map_err(failure)?;
     match reply.map(|reply| ReplyCode::from_number(reply.code).unwrap_or(ReplyCode::Unknown)) {
         Some(ReplyCode::Accepted) => Ok("triggered".into()),
         Some(code) => Err(code.sentence().to_owned()),

@@ -1,32 +1,32 @@
-//! The only clock of the main loops: when to tell, when to give up, never what was measured.
+//! The clock of the main loops. It controls reports and timeouts, never measurements.
 
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
-/// Now, for waiting and rates.
-#[expect(clippy::disallowed_methods, reason = "decides when loops report and give up, never what they measure")]
+/// Returns the present time, for waiting and rates.
+#[expect(clippy::disallowed_methods, reason = "controls reports and timeouts, never measurements")]
 pub(super) fn now() -> Instant {
     Instant::now()
 }
 
-/// Now in ns since the Unix epoch, for latencies and for telling one run from another.
+/// Returns the present time in ns since the Unix epoch, for latencies and run ids.
 #[expect(clippy::disallowed_methods, reason = "latencies compare the host's clock with frame stamps")]
 pub fn host_ns() -> u64 {
     SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |since| u64::try_from(since.as_nanos()).unwrap_or(u64::MAX))
 }
 
-/// Something that is due every so often.
+/// A timer for periodic work.
 #[derive(Debug)]
-pub(super) struct Every {
+pub(super) struct PeriodicTimer {
     period: Duration,
     last: Option<Instant>,
 }
 
-impl Every {
+impl PeriodicTimer {
     pub(super) fn new(period: Duration) -> Self {
         Self { period, last: None }
     }
 
-    /// Whether it is due; then it counts as done. Due at once the first time.
+    /// Returns whether the period has passed since it was last due; the first call is due at once.
     pub(super) fn due(&mut self) -> bool {
         let due = self.last.is_none_or(|last| last.elapsed() >= self.period);
         if due {
@@ -36,14 +36,14 @@ impl Every {
     }
 }
 
-/// A time after which to give up, moved on by every sign of life.
+/// A timeout that can be renewed.
 #[derive(Debug)]
-pub(super) struct Patience {
+pub(super) struct Timeout {
     limit: Duration,
     since: Instant,
 }
 
-impl Patience {
+impl Timeout {
     pub(super) fn new(limit: Duration) -> Self {
         Self { limit, since: now() }
     }
@@ -52,7 +52,7 @@ impl Patience {
         self.since = now();
     }
 
-    pub(super) fn is_over(&self) -> bool {
+    pub(super) fn has_expired(&self) -> bool {
         self.since.elapsed() >= self.limit
     }
 }

@@ -1,8 +1,8 @@
-//! What the tracker concludes from what it measures: whether a shot begins, and what the rig is doing.
+//! Triggering on live measurements, and tracking of the rig's state.
 
-use super::action::{Actions, Cause};
+use super::action::{Actions, TriggerCause};
 use super::clock::{host_ns, now};
-use super::report::Reporter;
+use super::report::StatusReporter;
 use crate::bus::BusError;
 use crate::config::{Config, TriggerMode};
 use crate::message::{Event, EventKind};
@@ -10,96 +10,101 @@ use crate::results::{BodyStep, VelocitySample};
 use crate::trigger::{Decision, MeasuredTrigger, Quiet, States};
 use std::time::Instant;
 
-/// Acts on a decision of this process where no recorder does.
+/// Executes a trigger in this process if the rig has no recorder.
 #[derive(Debug)]
-pub(super) struct Alone {
+pub(super) struct StandaloneTrigger {
     quiet: Quiet,
     actions: Actions,
 }
 
-impl Alone {
-    /// `None` where a recorder decides what a trigger starts.
+impl StandaloneTrigger {
+    /// Returns `None` if a recorder executes triggers.
     pub(super) fn new(config: &Config) -> Option<Self> {
-        let alone = || Self { quiet: Quiet::new(config.trigger.quiet_s), actions: Actions::new(config) };
-        config.record.is_none().then(alone)
+        let standalone = || Self { quiet: Quiet::new(config.trigger.quiet_s), actions: Actions::new(config) };
+        config.record.is_none().then(standalone)
     }
 
-    /// Tells of a trigger and sets off its actions, unless it comes too soon.
-    pub(super) fn trigger(&mut self, cause: &Cause, reporter: &Reporter) -> Result<(), BusError> {
+    /// Publishes a trigger and starts its actions, unless it comes within the quiet time.
+    pub(super) fn trigger(&mut self, cause: &TriggerCause, reporter: &StatusReporter) -> Result<(), BusError> {
         if !self.quiet.passes(cause.stamp_ns) {
             return Ok(());
         }
         reporter.event(EventKind::Triggered, cause.frame, cause.stamp_ns, &cause.text)?;
-        self.actions.fire(cause);
+        self.actions.start(cause);
         Ok(())
     }
 
-    /// Tells of the actions that have ended; at the end of the loop waits for those that have not.
-    pub(super) fn tell(&mut self, reporter: &Reporter, at_end: bool) -> Result<(), BusError> {
-        while let Some(ended) = self.actions.ended() {
-            reporter.action(&ended)?;
+    /// Publishes the outcomes of actions that have ended.
+    pub(super) fn publish(&mut self, reporter: &StatusReporter) -> Result<(), BusError> {
+        while let Some(outcome) = self.actions.next_outcome() {
+            reporter.action(&outcome)?;
         }
-        let last = if at_end { self.actions.last() } else { Vec::new() };
-        last.iter().try_for_each(|ended| reporter.action(ended))
+        Ok(())
+    }
+
+    /// Waits for the actions that still run, and publishes their outcomes.
+    pub(super) fn finish(&mut self, reporter: &StatusReporter) -> Result<(), BusError> {
+        self.actions.wait_for_all().iter().try_for_each(|outcome| reporter.action(outcome))
     }
 }
 
-/// Draws the conclusions.
+/// Evaluates the measured trigger and the rig's state.
 #[derive(Debug)]
-pub(super) struct Conclusions {
+pub(super) struct LiveTrigger {
     trigger: Option<MeasuredTrigger>,
-    alone: Option<Alone>,
+    standalone: Option<StandaloneTrigger>,
     states: States,
-    /// Whether the camera waits for its line.
+    /// Whether the camera has a hardware trigger.
     is_pulsed: bool,
-    /// Whether stamps are of now.
-    live: bool,
+    /// Whether stamps are of the present.
+    is_live: bool,
     exposure_ns: u64,
+    /// Decisions that are not published yet, and when the step behind each arrived.
     decided: Vec<(Decision, Instant)>,
 }
 
-impl Conclusions {
+impl LiveTrigger {
     pub(super) fn new(config: &Config) -> Self {
         let mode = config.trigger.mode;
         let streams = mode == TriggerMode::Off && config.record.is_some();
         Self {
             trigger: None,
-            alone: Alone::new(config),
+            standalone: StandaloneTrigger::new(config),
             states: States::new(config.bodies.len(), mode != TriggerMode::Off, streams),
             is_pulsed: mode == TriggerMode::Hardware,
-            live: config.camera.source.is_device(),
+            is_live: config.camera.source.is_device(),
             exposure_ns: 0,
             decided: Vec::new(),
         }
     }
 
-    /// Begins anew with a stream whose frames are known.
+    /// Restarts with a stream whose frame rate and exposure are known.
     pub(super) fn begin(&mut self, config: &Config, frame_rate_hz: f64, exposure_us: f64) {
         self.trigger = config.measured_trigger(frame_rate_hz, exposure_us);
         self.exposure_ns = (1.0e3 * config.camera.exposure_us.unwrap_or(exposure_us)).round() as u64;
     }
 
-    /// Takes the next step in frame order, which came at `came`.
-    pub(super) fn see(&mut self, step: &BodyStep, came: Instant) {
+    /// Adds the next step in frame order, which arrived at `arrival`.
+    pub(super) fn observe(&mut self, step: &BodyStep, arrival: Instant) {
         let decision = self.trigger.as_mut().and_then(|trigger| trigger.push(step));
-        self.decided.extend(decision.map(|decision| (decision, came)));
+        self.decided.extend(decision.map(|decision| (decision, arrival)));
     }
 
-    /// Takes rows that became final.
-    pub(super) fn rows(&mut self, rows: &[VelocitySample]) {
+    /// Adds rows that became final.
+    pub(super) fn add_rows(&mut self, rows: &[VelocitySample]) {
         rows.iter().for_each(|row| self.states.measured(row));
     }
 
-    /// Takes what others told.
-    pub(super) fn hear(&mut self, events: &[Event], reporter: &Reporter) -> Result<(), BusError> {
+    /// Follows the events of other processes.
+    pub(super) fn handle_events(&mut self, events: &[Event], reporter: &StatusReporter) -> Result<(), BusError> {
         for event in events {
             match event.kind() {
                 Some(EventKind::Prepared) => self.states.prepared(),
                 Some(EventKind::Started) => self.states.started(),
                 Some(EventKind::Armed) => self.states.armed(true),
                 Some(EventKind::Disarmed) => self.states.armed(false),
-                Some(EventKind::Triggered) if self.alone.is_none() => self.states.triggered(),
-                // The rows of a shot may all be out before its recording is whole, or the other way round.
+                Some(EventKind::Triggered) if self.standalone.is_none() => self.states.triggered(),
+                // The rows of a shot and its recording may become complete in either order.
                 Some(EventKind::Recorded) if self.is_pulsed => {
                     self.states.silent();
                     self.states.recorded();
@@ -107,41 +112,43 @@ impl Conclusions {
                 Some(EventKind::Recorded) => self.states.recorded(),
                 _ => continue,
             }
-            self.state(event.sequence, event.stamp_ns, reporter)?;
+            self.publish_state(event.sequence, event.stamp_ns, reporter)?;
         }
         Ok(())
     }
 
-    /// The stream's rows are out.
-    pub(super) fn end(&mut self, newest: (u64, u64), reporter: &Reporter) -> Result<(), BusError> {
+    /// Ends the stream, once all its rows are published.
+    pub(super) fn end(&mut self, newest: (u64, u64), reporter: &StatusReporter) -> Result<(), BusError> {
         self.states.ended();
-        self.tell(newest, reporter)?;
-        self.alone.as_mut().map_or(Ok(()), |alone| alone.tell(reporter, true))
+        self.publish(newest, reporter)?;
+        self.standalone.as_mut().map_or(Ok(()), |standalone| standalone.finish(reporter))
     }
 
-    /// Tells what was decided since, and the rig's state where it changed.
-    pub(super) fn tell(&mut self, newest: (u64, u64), reporter: &Reporter) -> Result<(), BusError> {
-        for (decision, came) in std::mem::take(&mut self.decided) {
-            let took_us = now().duration_since(came).as_micros();
-            let shut_ns = decision.newest_stamp_ns + self.exposure_ns;
-            let since = match self.live {
-                true => format!(", {:.1} ms after its exposure", host_ns().saturating_sub(shut_ns) as f64 * 1e-6),
+    /// Publishes new decisions, and the rig's state if it changed.
+    pub(super) fn publish(&mut self, newest: (u64, u64), reporter: &StatusReporter) -> Result<(), BusError> {
+        for (decision, arrival) in std::mem::take(&mut self.decided) {
+            let took_us = now().duration_since(arrival).as_micros();
+            let exposure_end_ns = decision.newest_stamp_ns + self.exposure_ns;
+            let since = match self.is_live {
+                true => {
+                    format!(", {:.1} ms after its exposure", host_ns().saturating_sub(exposure_end_ns) as f64 * 1e-6)
+                }
                 false => String::new(),
             };
             let Decision { frame, stamp_ns, newest_frame, what, .. } = decision;
             let text = format!("{what}; decided {took_us} us after frame {newest_frame} was measured{since}");
             reporter.event(EventKind::Decided, frame, stamp_ns, &text)?;
-            if let Some(alone) = &mut self.alone {
-                alone.trigger(&Cause { frame, stamp_ns, text: what }, reporter)?;
+            if let Some(standalone) = &mut self.standalone {
+                standalone.trigger(&TriggerCause { frame, stamp_ns, text: what }, reporter)?;
             }
         }
-        if let Some(alone) = &mut self.alone {
-            alone.tell(reporter, false)?;
+        if let Some(standalone) = &mut self.standalone {
+            standalone.publish(reporter)?;
         }
-        self.state(newest.0, newest.1, reporter)
+        self.publish_state(newest.0, newest.1, reporter)
     }
 
-    fn state(&mut self, frame: u64, stamp_ns: u64, reporter: &Reporter) -> Result<(), BusError> {
+    fn publish_state(&mut self, frame: u64, stamp_ns: u64, reporter: &StatusReporter) -> Result<(), BusError> {
         match self.states.changed() {
             Some(state) => reporter.event(EventKind::State, frame, stamp_ns, state.word()),
             None => Ok(()),

@@ -1,11 +1,11 @@
-//! Blocks of frames to displacement fields.
+//! Correlation: from blocks of frames to displacement fields.
 
-use super::clock::{Patience, now};
+use super::clock::{Timeout, now};
 use super::reference;
-use super::report::Reporter;
+use super::report::StatusReporter;
 use super::rig::{SUCCESSION, analysis_params, expected_format, limits};
 use super::stop::Stop;
-use super::stream::Stream;
+use super::stream::StreamState;
 use super::summary::Summary;
 use crate::bus::{Bell, Bus, BusError, FieldPublisher, FrameSubscriber, Subscriber};
 use crate::camera::StreamFormat;
@@ -16,22 +16,22 @@ use crate::message::{FieldHeader, Progress, Role};
 use std::time::Duration;
 
 const WAIT: Duration = Duration::from_millis(2);
-/// How long results stay readable for a tracker or recorder that is still at work.
-const LINGER: Duration = Duration::from_secs(30);
+/// Time that results stay readable for a tracker or recorder that is still at work.
+const LINGER_TIMEOUT: Duration = Duration::from_secs(30);
 
 /// Measures every `workers.count`-th block of frames, as worker `index`, until the stream ends.
 ///
-/// `resumed` says that another worker of this index was there before and died.
+/// `resumed` says that this process replaces a dead worker of the same index.
 ///
 /// # Errors
 ///
-/// When the configuration cannot be measured with, or shared memory cannot be used.
+/// If the measurement cannot be planned, or shared memory cannot be used.
 pub fn run(config: &Config, index: u32, mut resumed: bool, stop: &Stop) -> anyhow::Result<Summary> {
     let format = expected_format(config)?;
     config.check_calibration(format.width_px, format.height_px)?;
     let limits = limits(config, &format);
     let bus = Bus::take_part(&config.rig.name, &format!("{}-{index}", Role::Correlate.word()), SUCCESSION)?;
-    let mut reporter = Reporter::new(&bus, &limits, Role::Correlate, index)?;
+    let mut reporter = StatusReporter::new(&bus, &limits, Role::Correlate, index)?;
     reporter.set_queue(0, limits.ring_frames as u64);
     let mut worker = Worker {
         config,
@@ -43,21 +43,22 @@ pub fn run(config: &Config, index: u32, mut resumed: bool, stop: &Stop) -> anyho
         summary: Summary::default(),
         measured: Vec::new(),
         index,
-        wants_reference: false,
+        needs_reference: false,
         next: None,
         shot: 0,
         is_ended: true,
         block_frames: u64::from(config.workers.block_frames),
         is_late: false,
-        from: 0,
+        first_complete: 0,
         stamp_ns: 0,
         exposure_ns: 0,
     };
-    worker.wants_reference = worker.measurer.needs_reference();
+    worker.needs_reference = worker.measurer.needs_reference();
     worker.measurer.rehearse()?;
-    let mut recorded = Recorded { progress: bus.subscriber(&limits)?, done: None, expected: config.record.is_some() };
+    let mut recorder =
+        RecorderProgress { progress: bus.subscriber(&limits)?, completed: None, expected: config.record.is_some() };
     let ear = bus.ear("frames")?;
-    let mut stream = Stream::new(&bus, &limits)?;
+    let mut stream = StreamState::new(&bus, &limits)?;
     while !stop.requested() {
         if stream.update()? {
             worker.attach(&stream, resumed, stop)?;
@@ -68,14 +69,14 @@ pub fn run(config: &Config, index: u32, mut resumed: bool, stop: &Stop) -> anyho
         worker.end_shot(&stream)?;
         if ended {
             worker.finish(&stream)?;
-            linger(&mut recorded, &mut stream, stop)?;
+            linger(&mut recorder, &mut stream, stop)?;
             break;
         }
-        worker.tell()?;
-        recorded.is_over(stream.run_id)?;
+        worker.publish_status()?;
+        recorder.is_done(stream.run_id)?;
         ear.wait(WAIT);
     }
-    worker.tell_now()?;
+    worker.publish_status_now()?;
     Ok(worker.summary)
 }
 
@@ -90,32 +91,32 @@ struct Worker<'a> {
     frames: FrameSubscriber,
     fields: FieldPublisher,
     bell: Bell,
-    reporter: Reporter,
+    reporter: StatusReporter,
     measurer: Measurer,
     summary: Summary,
     measured: Vec<Measured>,
     index: u32,
-    /// Whether the picture in which patches were drawn is still to come.
-    wants_reference: bool,
+    /// Whether the reference picture of patches is still missing.
+    needs_reference: bool,
     next: Option<u64>,
-    /// The shot that the newest frame belongs to, of a camera that waits for its line, and whether it was ended.
+    /// The hardware-triggered shot of the newest frame, and whether it has ended.
     shot: u32,
     is_ended: bool,
-    /// Frames of a block.
+    /// Number of frames per block.
     block_frames: u64,
     /// Whether the stream began without this worker.
     is_late: bool,
-    /// Frames before this one belong to a block whose beginning was missed.
-    from: u64,
+    /// First frame of the first complete block.
+    first_complete: u64,
     stamp_ns: u64,
     exposure_ns: u32,
 }
 
 impl Worker<'_> {
-    /// Maps the ring of a run that was announced and tells that frames may come.
-    fn attach(&mut self, stream: &Stream, resumed: bool, stop: &Stop) -> anyhow::Result<()> {
-        if stream.goes_on && self.reporter.run_id() != 0 {
-            // What the camera's process that died left in the ring is measured to its end.
+    /// Maps the ring of a newly announced run and publishes readiness.
+    fn attach(&mut self, stream: &StreamState, resumed: bool, stop: &Stop) -> anyhow::Result<()> {
+        if stream.continues && self.reporter.run_id() != 0 {
+            // What the camera's dead process left in the ring is measured completely.
             self.drain(stop)?;
             self.measurer.finish(&mut self.measured);
             self.publish()?;
@@ -125,15 +126,15 @@ impl Worker<'_> {
         (self.shot, self.is_ended) = (0, true);
         self.next = None;
         self.is_late = resumed || stream.first.is_some();
-        self.from = 0;
+        self.first_complete = 0;
         self.reporter.set_run(stream.run_id.unwrap_or(0));
-        // One that died left no trace of how far it was: nobody shall wait for what it will never do.
+        // A dead worker left no record of its progress. Nobody must wait for frames that it will never measure.
         let reached = if self.is_late { u64::MAX } else { 0 };
-        Ok(self.reporter.progress(reached, false)?)
+        Ok(self.reporter.progress(reached)?)
     }
 
     fn drain(&mut self, stop: &Stop) -> anyhow::Result<()> {
-        let mut told = now();
+        let mut published = now();
         while !stop.requested() {
             let Some(sample) = self.frames.take()? else { break };
             let header = *sample.header();
@@ -146,7 +147,7 @@ impl Worker<'_> {
                 self.summary.lost += meta.sequence.saturating_sub(next);
             }
             if std::mem::take(&mut self.is_late) {
-                self.from = meta.sequence.next_multiple_of(self.block_frames);
+                self.first_complete = meta.sequence.next_multiple_of(self.block_frames);
             }
             self.next = Some(meta.sequence + 1);
             if header.shot != self.shot {
@@ -157,38 +158,38 @@ impl Worker<'_> {
             self.stamp_ns = meta.stamp_ns;
             self.exposure_ns = header.exposure_ns;
             self.summary.taken += 1;
-            if std::mem::take(&mut self.wants_reference) {
+            if std::mem::take(&mut self.needs_reference) {
                 let frame = Frame { meta, bytes: sample.bytes() };
-                self.refer(&frame, is_first)?;
+                self.set_reference(&frame, is_first)?;
             }
-            // A block measured from its middle on would not be what a replay measures.
-            if meta.sequence >= self.from {
+            // A block measured from its middle would differ from a replay.
+            if meta.sequence >= self.first_complete {
                 self.measurer.push(&Frame { meta, bytes: sample.bytes() }, &mut self.measured)?;
             } else if self.measurer.needs(meta.sequence) {
                 self.summary.lost += 1;
             }
             drop(sample);
             self.publish()?;
-            if told.elapsed() >= Duration::from_millis(1) {
-                self.reporter.progress(meta.sequence + 1, false)?;
-                self.tell()?;
-                told = now();
+            if published.elapsed() >= Duration::from_millis(1) {
+                self.reporter.progress(meta.sequence + 1)?;
+                self.publish_status()?;
+                published = now();
             }
         }
         if let Some(next) = self.next {
-            self.reporter.progress(next, false)?;
+            self.reporter.progress(next)?;
         }
         Ok(())
     }
 
-    /// Measures a shot to its end when the camera has been silent after it.
-    fn end_shot(&mut self, stream: &Stream) -> Result<(), BusError> {
-        // One whose last frames passed by is ended by the next.
+    /// Completes a shot once the camera has been silent after it.
+    fn end_shot(&mut self, stream: &StreamState) -> Result<(), BusError> {
+        // If a shot's last frames were missed, the next shot ends it.
         let is_over = self.next.is_some() && self.next == stream.silences.back().copied();
         if is_over { self.finish_shot() } else { Ok(()) }
     }
 
-    /// Nothing leads from this shot to the next.
+    /// Completes the shot: no measurement crosses to the next one.
     fn finish_shot(&mut self) -> Result<(), BusError> {
         if std::mem::replace(&mut self.is_ended, true) {
             return Ok(());
@@ -198,11 +199,11 @@ impl Worker<'_> {
         self.publish()
     }
 
-    /// Takes the picture in which patches were drawn, if it can be had by now.
-    fn refer(&mut self, frame: &Frame<'_>, is_first: bool) -> anyhow::Result<()> {
+    /// Sets the reference picture of patches, if it is available by now.
+    fn set_reference(&mut self, frame: &Frame<'_>, is_first: bool) -> anyhow::Result<()> {
         match reference::obtain(self.config, frame, is_first) {
             Some(picture) => self.measurer.set_reference(&picture)?,
-            None => self.wants_reference = true,
+            None => self.needs_reference = true,
         }
         Ok(())
     }
@@ -219,49 +220,49 @@ impl Worker<'_> {
         Ok(())
     }
 
-    fn finish(&mut self, stream: &Stream) -> Result<(), BusError> {
+    fn finish(&mut self, stream: &StreamState) -> Result<(), BusError> {
         self.measurer.finish(&mut self.measured);
         self.publish()?;
         if let (Some(next), Some(end)) = (self.next, stream.end) {
             self.summary.lost += end.saturating_sub(next);
         }
-        self.reporter.progress(stream.end.unwrap_or(0), true)
+        self.reporter.done(stream.end.unwrap_or(0))
     }
 
-    fn tell(&mut self) -> Result<(), BusError> {
+    fn publish_status(&mut self) -> Result<(), BusError> {
         self.reporter.status(&self.summary, self.next.unwrap_or(1) - 1, self.stamp_ns)
     }
 
-    fn tell_now(&mut self) -> Result<(), BusError> {
+    fn publish_status_now(&mut self) -> Result<(), BusError> {
         self.reporter.status_now(&self.summary, self.next.unwrap_or(1) - 1, self.stamp_ns)
     }
 }
 
 /// Whether the recorder has read everything of a run.
-struct Recorded {
+struct RecorderProgress {
     progress: Subscriber<Progress>,
-    /// The newest run it is done with; `None` as long as it is expected to come.
-    done: Option<u64>,
+    /// The latest run that it has completed.
+    completed: Option<u64>,
     expected: bool,
 }
 
-impl Recorded {
-    fn is_over(&mut self, run_id: Option<u64>) -> Result<bool, BusError> {
-        while let Some(told) = self.progress.take()? {
-            if told.role == Role::Record as u32 && told.done == 1 {
-                self.done = Some(told.run_id);
+impl RecorderProgress {
+    fn is_done(&mut self, run_id: Option<u64>) -> Result<bool, BusError> {
+        while let Some(progress) = self.progress.take()? {
+            if progress.role == Role::Record as u32 && progress.done == 1 {
+                self.completed = Some(progress.run_id);
             }
         }
-        Ok(!self.expected || self.done == run_id)
+        Ok(!self.expected || self.completed == run_id)
     }
 }
 
-/// Stays until tracker and recorder have read everything.
-fn linger(recorded: &mut Recorded, stream: &mut Stream, stop: &Stop) -> Result<(), BusError> {
-    let patience = Patience::new(LINGER);
-    while !stop.requested() && !patience.is_over() {
+/// Waits until tracker and recorder have read everything.
+fn linger(recorder: &mut RecorderProgress, stream: &mut StreamState, stop: &Stop) -> Result<(), BusError> {
+    let timeout = Timeout::new(LINGER_TIMEOUT);
+    while !stop.requested() && !timeout.has_expired() {
         stream.update()?;
-        if recorded.is_over(stream.run_id)? && stream.tracked {
+        if recorder.is_done(stream.run_id)? && stream.tracked {
             break;
         }
         std::thread::sleep(WAIT);

@@ -1,8 +1,7 @@
 //! The main loops, one file a role.
 //!
-//! Each `run` knows nothing of command lines, signals or exit codes: it gets a
-//! checked configuration and a [`Stop`], works until its stream ends or it is
-//! asked to stop, and returns a [`Summary`] of what it took, gave and lost.
+//! Each `run` knows nothing of command lines, signals or exit codes: it gets a checked configuration and a [`Stop`],
+//! works until its stream ends or it is asked to stop, and returns a [`Summary`] of what it took, gave and lost.
 
 mod acquire;
 mod action;
@@ -29,11 +28,11 @@ pub use acquire::run as acquire;
 pub use clock::host_ns;
 pub use correlate::run as correlate;
 pub use record::{Matcher, Matching, run as record};
-pub use reins::{END_OF_CONFIG, Reins};
+pub use reins::{END_OF_CONFIG, StepControl};
 pub use resume::Resume;
 pub use rig::{Source, analysis_params, open_camera, truth_world};
-pub use shot::{Extent, Shot, recording_info};
+pub use shot::{FrameRange, Shot, recording_info};
 pub use stop::Stop;
 pub use summary::Summary;
-pub use supervise::{Child, ChildFailure, run as supervise, run_led as supervise_led};
+pub use supervise::{Child, ChildFailure, run as supervise, run_stepped as supervise_stepped};
 pub use track::run as track;

@@ -1,35 +1,35 @@
-//! How long something took, over very many times.
+//! A histogram of latencies.
 
 use std::time::Duration;
 
-/// Latencies counted by microsecond.
+/// LatencyHistogram counted by microsecond.
 #[derive(Debug)]
-pub(super) struct Latencies {
-    /// How often each whole number of microseconds was seen; the last stands for all above.
+pub(super) struct LatencyHistogram {
+    /// Count of each whole number of microseconds; the last bin collects everything above.
     counts: Vec<u32>,
     total: u64,
-    most: Duration,
+    max: Duration,
 }
 
-/// Microseconds that are told apart.
-const MOST_US: usize = 20_000;
+/// Upper limit of the histogram, us.
+const MAX_US: usize = 20_000;
 
-impl Default for Latencies {
+impl Default for LatencyHistogram {
     fn default() -> Self {
-        // As long as it gets: whoever counts has no time to look for memory.
-        Self { counts: vec![0; MOST_US + 1], total: 0, most: Duration::ZERO }
+        // Allocated at once, since adding must not allocate.
+        Self { counts: vec![0; MAX_US + 1], total: 0, max: Duration::ZERO }
     }
 }
 
-impl Latencies {
-    pub(super) fn add(&mut self, took: Duration) {
-        let us = usize::try_from(took.as_micros()).unwrap_or(MOST_US).min(MOST_US);
+impl LatencyHistogram {
+    pub(super) fn add(&mut self, latency: Duration) {
+        let us = usize::try_from(latency.as_micros()).unwrap_or(MAX_US).min(MAX_US);
         self.counts[us] += 1;
         self.total += 1;
-        self.most = self.most.max(took);
+        self.max = self.max.max(latency);
     }
 
-    /// The time that this share of them stayed within, whole microseconds rounded up.
+    /// Returns the quantile of this probability, whole microseconds rounded up.
     pub(super) fn quantile_us(&self, share: f64) -> Option<u64> {
         let wanted = (share * self.total as f64).ceil() as u64;
         let mut seen = 0;
@@ -40,19 +40,20 @@ impl Latencies {
         found.filter(|_| self.total > 0).map(|us| us as u64 + 1)
     }
 
-    /// How many took a millisecond or longer.
-    fn beyond_ms(&self) -> u64 {
+    /// Returns the count of latencies of a millisecond or longer.
+    fn count_beyond_ms(&self) -> u64 {
         self.counts[1000..].iter().map(|count| u64::from(*count)).sum()
     }
 
-    /// Median, 99.9 %, longest and how many took a millisecond, in words; `None` when there were none.
-    pub(super) fn words(&self) -> Option<String> {
+    /// Describes median, 99.9 % quantile, maximum and the count beyond a millisecond; `None` if nothing was
+    /// added.
+    pub(super) fn description(&self) -> Option<String> {
         let (median, high) = (self.quantile_us(0.5)?, self.quantile_us(0.999)?);
         Some(format!(
             "{} frames, median {median} us, 99.9 % within {high} us, longest {} us, {} of 1 ms or longer",
             self.total,
-            self.most.as_micros(),
-            self.beyond_ms()
+            self.max.as_micros(),
+            self.count_beyond_ms()
         ))
     }
 }
@@ -63,12 +64,12 @@ mod tests {
 
     #[test]
     fn quantiles_are_those_of_the_sorted_times() {
-        let mut latencies = Latencies::default();
-        assert_eq!(latencies.words(), None);
+        let mut latencies = LatencyHistogram::default();
+        assert_eq!(latencies.description(), None);
         (0..1000).for_each(|us| latencies.add(Duration::from_micros(us)));
         latencies.add(Duration::from_secs(9));
         assert_eq!((latencies.quantile_us(0.5), latencies.quantile_us(0.999)), (Some(501), Some(1000)));
-        let words = "1001 frames, median 501 us, 99.9 % within 1000 us, longest 9000000 us, 1 of 1 ms or longer";
-        assert_eq!(latencies.words().unwrap(), words);
+        let text = "1001 frames, median 501 us, 99.9 % within 1000 us, longest 9000000 us, 1 of 1 ms or longer";
+        assert_eq!(latencies.description().unwrap(), text);
     }
 }

@@ -1,8 +1,7 @@
-//! Topics to recordings.
+//! Recording: from topics to files.
 //!
-//! While armed it reads nothing: its queue on the ring *is* the pre-trigger
-//! buffer, which costs no time and no copy. At a trigger it takes the whole queue
-//! at once, holds the frames in place and writes them out one by one.
+//! While armed, the recorder reads nothing: its queue on the ring *is* the pre-trigger buffer, which costs no time and
+//! no copy. At a trigger it takes the whole queue at once, holds the frames in place and writes them one by one.
 
 mod active;
 mod failure;
@@ -11,9 +10,9 @@ mod matching;
 mod retention;
 mod span;
 
-use super::action::{Actions, Cause};
-use super::clock::{Every, Patience};
-use super::conclude::Conclusions;
+use super::action::{Actions, TriggerCause};
+use super::clock::{PeriodicTimer, Timeout};
+use super::conclude::LiveTrigger;
 use super::reference;
 use super::shot::{Shot, free_path, recording_info};
 use super::stop::Stop;
@@ -25,32 +24,33 @@ use crate::image::Frame;
 use crate::message::{Command, Event, EventKind, Reply, ReplyCode};
 use crate::recording::{EventRow, RecordingInfo, ViewInfo};
 use crate::trigger::Quiet;
-use active::{Active, Window};
-use feed::Feed;
+use active::{OpenShot, ShotWindow};
+use feed::CameraFeed;
 pub use matching::{Matcher, Matching};
 use retention::Retention;
 use std::collections::VecDeque;
 use std::time::Duration;
 
 const WAIT: Duration = Duration::from_millis(2);
-/// How often an armed recorder maps writers that appeared; it consumes nothing.
+/// Interval at which an armed recorder maps new writers; this consumes nothing.
 const GREET: Duration = Duration::from_millis(100);
-/// How long the workers may be silent before the rows of their frames count as lost.
+/// Time without results after which the rows of a worker's frames count as lost.
 const SILENCE: Duration = Duration::from_secs(5);
-/// How long the recording of a stream waits for the first frame of every camera.
+/// Time for the first frame of every camera at the start of a recorded stream.
 const GATHER: Duration = Duration::from_secs(2);
 
 /// Records shots (or the whole stream) until the stream ends.
 ///
-/// A disk that is full, gone or read-only ends the recording, not the recorder: what was written stays, the loss is
-/// told and counted, and the next shot is tried anew. `resumed` says that another recorder was there before and died.
+/// A disk that is full, gone or read-only ends the recording, not the recorder. The written part stays, the loss is
+/// reported and counted, and the next shot is recorded again. `resumed` says that this process replaces a dead
+/// recorder.
 ///
 /// # Errors
 ///
-/// When the folder cannot be used from the start, or shared memory cannot be used.
+/// If the folder cannot be used from the start, or shared memory cannot be used.
 pub fn run(config: &Config, resumed: bool, stop: &Stop) -> anyhow::Result<Summary> {
     let Some(record) = &config.record else {
-        anyhow::bail!("{}: there is no [record] table, so there is nothing to record", config.origin);
+        anyhow::bail!("{}: nothing to record: there is no [record] table", config.origin);
     };
     if let Err(error) = prepare_directory(record) {
         if !resumed {
@@ -58,13 +58,13 @@ pub fn run(config: &Config, resumed: bool, stop: &Stop) -> anyhow::Result<Summar
         }
         log::warn!("{error}");
     }
-    let (first, bus) = Feed::open("", config, resumed)?;
+    let (first, bus) = CameraFeed::open("", config, resumed)?;
     let mut feeds = vec![first];
     let mut buses = Vec::new();
     for view in &config.views {
-        let (feed, bus) = Feed::open(&view.name, &view.config, resumed)?;
+        let (feed, bus) = CameraFeed::open(&view.name, &view.config, resumed)?;
         feeds.push(feed);
-        // It has the role for as long as the recorder lives.
+        // It holds the recorder's role for as long as the recorder lives.
         buses.push(bus);
     }
     let mut recorder = Recorder {
@@ -76,12 +76,12 @@ pub fn run(config: &Config, resumed: bool, stop: &Stop) -> anyhow::Result<Summar
         gather: None,
         failures: 0,
         armed: config.trigger.mode != TriggerMode::Off,
-        wish: None,
+        requested_arming: None,
         waiting: VecDeque::new(),
-        greet: Every::new(GREET),
+        greet: PeriodicTimer::new(GREET),
         quiet: Quiet::new(config.trigger.quiet_s),
         actions: Actions::new(config),
-        conclusions: (!feeds[0].is_measured()).then(|| Conclusions::new(config)),
+        live_trigger: (!feeds[0].is_measured()).then(|| LiveTrigger::new(config)),
         summary: Summary::default(),
         feeds,
         config,
@@ -92,28 +92,28 @@ pub fn run(config: &Config, resumed: bool, stop: &Stop) -> anyhow::Result<Summar
 }
 
 struct Recorder<'a> {
-    /// One a camera, the first one first.
-    feeds: Vec<Feed<'a>>,
+    /// One per camera, the main camera first.
+    feeds: Vec<CameraFeed<'a>>,
     control: ControlServer,
-    shot: Option<Active>,
+    shot: Option<OpenShot>,
     storage: Storage,
     retention: Retention,
-    /// Since when a stream goes unrecorded because its recording failed.
-    pause: Option<Patience>,
-    /// Since when the first frames of a stream are waited for.
-    gather: Option<Patience>,
-    /// Recordings in a row that failed before a frame of them was safe.
+    /// Pause of recording a stream after a failure.
+    pause: Option<Timeout>,
+    /// Wait for the first frames of a stream.
+    gather: Option<Timeout>,
+    /// Number of consecutive recordings that failed before a frame was safely stored.
     failures: u32,
     armed: bool,
-    /// What was asked for during a shot: to be armed after it, or not.
-    wish: Option<bool>,
-    /// Shots that the camera's line began while another was written: first frame, its stamp, cause.
-    waiting: VecDeque<(u64, u64, String)>,
-    greet: Every,
+    /// Arming requested during a shot, for the time after it.
+    requested_arming: Option<bool>,
+    /// Shots of the hardware trigger that began while another one was written.
+    waiting: VecDeque<TriggerCause>,
+    greet: PeriodicTimer,
     quiet: Quiet,
     actions: Actions,
-    /// What the rig is doing, where no tracker tells it.
-    conclusions: Option<Conclusions>,
+    /// The rig's state, if no tracker publishes it.
+    live_trigger: Option<LiveTrigger>,
     summary: Summary,
     config: &'a Config,
     record: &'a Record,
@@ -126,48 +126,48 @@ impl Recorder<'_> {
             self.answer()?;
             for camera in 0..self.feeds.len() {
                 let events = self.feeds[camera].stream.take();
-                if let (0, Some(conclusions)) = (camera, &mut self.conclusions) {
-                    conclusions.hear(&events, &self.feeds[0].reporter)?;
+                if let (0, Some(live_trigger)) = (camera, &mut self.live_trigger) {
+                    live_trigger.handle_events(&events, &self.feeds[0].reporter)?;
                 }
-                self.look_at(camera, &events)?;
+                self.handle_events(camera, &events)?;
             }
             let busy = self.advance()?;
             if self.is_over()? {
                 break;
             }
-            self.look_at_storage()?;
-            while let Some(ended) = self.actions.ended() {
-                self.feeds[0].reporter.action(&ended)?;
+            self.check_storage()?;
+            while let Some(outcome) = self.actions.next_outcome() {
+                self.feeds[0].reporter.action(&outcome)?;
             }
-            self.look_at_retention()?;
-            self.tell()?;
+            self.check_retention()?;
+            self.publish_status()?;
             if !busy {
                 ear.wait(WAIT);
             }
         }
-        if let Some(active) = self.shot.take() {
-            self.close(active)?;
+        if let Some(open) = self.shot.take() {
+            self.close(open)?;
         }
         for feed in &mut self.feeds {
             let end = feed.stream.end.unwrap_or(0);
-            feed.reporter.progress(end, true)?;
+            feed.reporter.done(end)?;
         }
-        for ended in self.actions.last() {
-            self.feeds[0].reporter.action(&ended)?;
+        for outcome in self.actions.wait_for_all() {
+            self.feeds[0].reporter.action(&outcome)?;
         }
-        if let Some(mut conclusions) = self.conclusions.take() {
-            // What it told itself of the last recording is part of the story.
+        if let Some(mut live_trigger) = self.live_trigger.take() {
+            // The recorder's own events of the last recording count too.
             let feed = &mut self.feeds[0];
             feed.stream.update()?;
-            conclusions.hear(&feed.stream.take(), &feed.reporter)?;
-            conclusions.end(feed.newest, &feed.reporter)?;
+            live_trigger.handle_events(&feed.stream.take(), &feed.reporter)?;
+            live_trigger.end(feed.newest, &feed.reporter)?;
         }
         let summary = &self.summary;
         self.feeds.iter_mut().try_for_each(|feed| feed.reporter.status_now(summary, feed.newest.0, feed.newest.1))?;
         Ok(())
     }
 
-    /// Takes up the runs that were announced; the cameras of a rig start together, once all are prepared.
+    /// Attaches to newly announced runs. The cameras of a rig start together, once all are prepared.
     fn attach(&mut self) -> anyhow::Result<()> {
         for camera in 0..self.feeds.len() {
             let feed = &mut self.feeds[camera];
@@ -175,21 +175,21 @@ impl Recorder<'_> {
                 continue;
             }
             if camera == 0
-                && !feed.stream.goes_on
-                && let Some(active) = self.shot.take()
+                && !feed.stream.continues
+                && let Some(open) = self.shot.take()
             {
-                self.close(active)?;
+                self.close(open)?;
             }
             let feed = &mut self.feeds[camera];
-            if let (Some(active), false) = (&mut self.shot, feed.stream.goes_on) {
-                active.courses[camera].drained = true;
-                let end = active.shot.next_frame(camera);
-                active.set_end(camera, end)?;
+            if let (Some(open), false) = (&mut self.shot, feed.stream.continues) {
+                open.progress[camera].drained = true;
+                let end = open.shot.next_frame(camera);
+                open.set_end(camera, end)?;
             }
             feed.attach();
         }
-        if self.feeds.iter().all(Feed::is_prepared) {
-            self.feeds.iter_mut().try_for_each(Feed::greet)?;
+        if self.feeds.iter().all(CameraFeed::is_prepared) {
+            self.feeds.iter_mut().try_for_each(CameraFeed::publish_ready)?;
         }
         Ok(())
     }
@@ -218,17 +218,17 @@ impl Recorder<'_> {
             Reply { code: code as u32, armed: u32::from(armed), recordings, sequence }
         })?;
         match wanted {
-            Some(Command::Arm) => self.ask_to_arm(true),
-            Some(Command::Disarm) => self.ask_to_arm(false),
+            Some(Command::Arm) => self.request_arming(true),
+            Some(Command::Disarm) => self.request_arming(false),
             Some(Command::Trigger) => self.trigger(None, "software"),
             _ => Ok(()),
         }
     }
 
-    /// What is asked for while a shot is written holds after it, whatever `rearm` says.
-    fn ask_to_arm(&mut self, armed: bool) -> anyhow::Result<()> {
+    /// Arms or disarms on request. A request during a shot also holds after it, whatever `rearm` says.
+    fn request_arming(&mut self, armed: bool) -> anyhow::Result<()> {
         if self.shot.is_some() {
-            self.wish = Some(armed);
+            self.requested_arming = Some(armed);
         }
         self.arm(armed)
     }
@@ -244,31 +244,32 @@ impl Recorder<'_> {
         self.event(kind, text)
     }
 
-    /// Tells something of the rig as a whole.
+    /// Publishes an event of the whole rig.
     fn event(&self, kind: EventKind, text: &str) -> anyhow::Result<()> {
         let feed = &self.feeds[0];
         Ok(feed.reporter.event(kind, feed.newest.0, feed.newest.1, text)?)
     }
 
-    /// Acts on triggers that others found, and keeps a shot's events with it.
-    fn look_at(&mut self, camera: usize, events: &[Event]) -> anyhow::Result<()> {
+    /// Executes triggers of other processes, and records a shot's events.
+    fn handle_events(&mut self, camera: usize, events: &[Event]) -> anyhow::Result<()> {
         for event in events {
-            self.feeds[camera].learn(event);
+            self.feeds[camera].handle_event(event);
             let is_decided = camera == 0 && event.kind() == Some(EventKind::Decided);
             let text = event.text();
             let cause = text.split_once("; ").map_or(text.as_str(), |(what, _)| what);
             if is_decided && self.config.trigger.mode == TriggerMode::Hardware {
-                // Whether it is armed is decided when its turn comes, so that it is not lost to the one before.
-                self.waiting.push_back((event.sequence, event.stamp_ns, cause.to_owned()));
-                self.next_line()?;
+                // Checked for arming only when its turn comes, so that it is not lost to the previous shot.
+                let text = cause.to_owned();
+                self.waiting.push_back(TriggerCause { frame: event.sequence, stamp_ns: event.stamp_ns, text });
+                self.start_waiting_shot()?;
             } else if is_decided && self.armed && self.shot.is_none() && self.quiet.passes(event.stamp_ns) {
                 self.trigger(Some(event.sequence), cause)?;
             }
             let prefix = self.feeds[camera].prefix();
-            if let (Some(active), Some(kind)) = (&mut self.shot, event.kind()) {
+            if let (Some(open), Some(kind)) = (&mut self.shot, event.kind()) {
                 let text = format!("{prefix}frame {}: {}", event.sequence, event.text());
                 let row = EventRow { stamp_ns: event.stamp_ns, kind: kind.word().into(), text };
-                if let Err(error) = active.shot.event(&row) {
+                if let Err(error) = open.shot.event(&row) {
                     self.abandon(&error)?;
                 }
             }
@@ -276,7 +277,7 @@ impl Recorder<'_> {
         Ok(())
     }
 
-    /// Goes on with the shot; `true` when there is more to do at once.
+    /// Advances the open shot; returns `true` if there is more to do at once.
     fn advance(&mut self) -> anyhow::Result<bool> {
         let streams = self.config.trigger.mode == TriggerMode::Off;
         if streams && self.shot.is_none() && self.feeds.iter().any(|feed| feed.stream.first.is_some()) {
@@ -297,16 +298,16 @@ impl Recorder<'_> {
         let mut goes_on = false;
         for camera in 0..self.feeds.len() {
             self.hold(camera)?;
-            self.begin_take(camera)?;
-            self.end_line(camera)?;
+            self.begin_part(camera)?;
+            self.end_at_silence(camera)?;
             let wrote = self.write_one(camera)?;
             self.take_steps(camera)?;
             goes_on |= wrote && !self.feeds[camera].held.is_empty();
         }
         self.close_if_complete()?;
         if !goes_on
-            && let Some(active) = &mut self.shot
-            && let Err(error) = active.shot.hand_over()
+            && let Some(open) = &mut self.shot
+            && let Err(error) = open.shot.hand_over()
         {
             self.abandon(&error)?;
         }
@@ -314,48 +315,48 @@ impl Recorder<'_> {
     }
 
     fn write_one(&mut self, camera: usize) -> anyhow::Result<bool> {
-        let Some(active) = &mut self.shot else { return Ok(false) };
+        let Some(open) = &mut self.shot else { return Ok(false) };
         let feed = &mut self.feeds[camera];
-        // What lies beyond the end belongs to what comes after this shot.
-        let end = active.courses[camera].end.unwrap_or(u64::MAX);
-        let has_begun = active.shot.has_begun(camera);
+        // Frames beyond the end belong to the next shot.
+        let end = open.progress[camera].end.unwrap_or(u64::MAX);
+        let has_begun = open.shot.has_begun(camera);
         if !has_begun || feed.held.front().is_none_or(|sample| sample.header().sequence >= end) {
             return Ok(false);
         }
         let Some(sample) = feed.held.pop_front() else { return Ok(false) };
         let header = *sample.header();
         if let Some(meta) = header.meta()
-            && header.sequence >= active.shot.next_frame(camera)
+            && header.sequence >= open.shot.next_frame(camera)
         {
-            if let Err(error) = active.shot.frame(camera, &Frame { meta, bytes: sample.bytes() }) {
+            if let Err(error) = open.shot.frame(camera, &Frame { meta, bytes: sample.bytes() }) {
                 self.abandon(&error)?;
                 return Ok(true);
             }
-            active.wrote(camera, header.stamp_ns);
+            open.add_written(camera, header.stamp_ns);
             self.summary.taken += 1;
             feed.newest = (header.sequence, header.stamp_ns);
             if self.config.trigger.mode == TriggerMode::Off {
-                feed.reporter.progress(header.sequence + 1, false)?;
+                feed.reporter.progress(header.sequence + 1)?;
             }
         }
         Ok(true)
     }
 
     fn take_steps(&mut self, camera: usize) -> anyhow::Result<()> {
-        let Some(active) = &mut self.shot else { return Ok(()) };
+        let Some(open) = &mut self.shot else { return Ok(()) };
         let follows = self.config.trigger.mode == TriggerMode::Hardware;
         let feed = &mut self.feeds[camera];
-        // Before the first frame it is not known which steps belong to the shot; they wait in the queue.
-        if !active.shot.has_begun(camera) {
+        // Before the first frame it is unknown which steps belong to the shot; they stay in the queue.
+        if !open.shot.has_begun(camera) {
             return Ok(());
         }
         let newest = feed.held.back().map_or(0, |sample| sample.header().sequence + 1);
-        let seen = newest.max(active.shot.next_frame(camera));
+        let seen = newest.max(open.shot.next_frame(camera));
         let mut early = std::mem::take(&mut feed.early).into_iter();
         while let Some((step, field)) = early.next().map_or_else(|| feed.next_step(), |step| Ok(Some(step)))? {
-            // The next shot may begin with frames that were measured before this one was whole; that of a line even before
-            // the end of this one was heard of.
-            let is_later = match active.courses[camera].end {
+            // Steps of the next shot may come before this one is complete, and with a hardware trigger even
+            // before its end is announced.
+            let is_later = match open.progress[camera].end {
                 Some(end) => step.frame >= end,
                 None => follows && step.frame >= seen,
             };
@@ -363,12 +364,12 @@ impl Recorder<'_> {
                 feed.early.push((step, field));
                 continue;
             }
-            match active.step((camera, feed.period_ns()), step, field) {
+            match open.step((camera, feed.period_ns()), step, field) {
                 Ok(true) => {
-                    active.courses[camera].silence.renew();
+                    open.progress[camera].silence.renew();
                     self.summary.given += 1;
                 }
-                // Steps of what comes after the shot are no sign that its own will still come.
+                // Steps of the next shot do not show that this one's will still come.
                 Ok(false) => {}
                 Err(error) => return self.abandon(&error),
             }
@@ -376,31 +377,31 @@ impl Recorder<'_> {
         Ok(())
     }
 
-    /// After a shot: waits for the next, or not.
+    /// Arms or disarms after a shot.
     fn rearm(&mut self) -> anyhow::Result<()> {
-        let wish = self.wish.take();
+        let requested_arming = self.requested_arming.take();
         match self.config.trigger.mode {
             TriggerMode::Off => Ok(()),
-            _ => self.arm(wish.unwrap_or(self.config.trigger.rearm)),
+            _ => self.arm(requested_arming.unwrap_or(self.config.trigger.rearm)),
         }
     }
 
-    fn close(&mut self, active: Active) -> anyhow::Result<()> {
-        let ends = active.ends();
-        let unsafe_frames = active.shot.missing_before(ends[0]).max(1);
+    fn close(&mut self, open: OpenShot) -> anyhow::Result<()> {
+        let ends = open.ends();
+        let unsafe_frames = open.shot.missing_before(ends[0]).max(1);
         let lost: Vec<u64> = (ends.iter().enumerate())
-            .map(|(camera, end)| active.shot.lost(camera) + end.saturating_sub(active.shot.next_frame(camera)))
+            .map(|(camera, end)| open.shot.lost(camera) + end.saturating_sub(open.shot.next_frame(camera)))
             .collect();
-        let (mut shot, stamp_ns) = (active.shot, self.feeds[0].newest.1);
-        let mut told = Ok(());
-        for (feed, matcher) in self.feeds[1..].iter().zip(active.matchers) {
+        let (mut shot, stamp_ns) = (open.shot, self.feeds[0].newest.1);
+        let mut written = Ok(());
+        for (feed, matcher) in self.feeds[1..].iter().zip(open.matchers) {
             let text = format!("{}: {}", feed.name, matcher.finish());
             feed.reporter.event(EventKind::Matched, feed.newest.0, feed.newest.1, &text)?;
             self.event(EventKind::Matched, &text)?;
             let kind = EventKind::Matched.word().into();
-            told = told.and_then(|()| shot.event(&EventRow { stamp_ns, kind, text }));
+            written = written.and_then(|()| shot.event(&EventRow { stamp_ns, kind, text }));
         }
-        let (finished, missing) = match told.and_then(|()| shot.finish(&ends)) {
+        let (finished, missing) = match written.and_then(|()| shot.finish(&ends)) {
             Ok(finished) => finished,
             Err(error) => return self.give_up(&error, unsafe_frames),
         };
@@ -409,19 +410,20 @@ impl Recorder<'_> {
         self.summary.lost += all;
         self.summary.dropped += missing;
         if all + missing > 0 {
-            let text = format!("{} and {missing} rows are missing in {}", self.told(&lost), finished.path.display());
+            let text =
+                format!("{} and {missing} rows are missing in {}", self.describe(&lost), finished.path.display());
             self.event_at(EventKind::Lost, ends[0], &text)?;
         }
         self.event_at(EventKind::Recorded, ends[0], &finished.path.display().to_string())?;
         self.retention.add(&finished.path);
         self.summary.recordings.push(finished.path);
-        let told = self.retention.enforce(None);
-        self.tell_removed(told)
+        let removed = self.retention.enforce(None);
+        self.publish_removed(removed)
     }
 
-    /// How many frames of which camera.
-    fn told(&self, lost: &[u64]) -> String {
-        let of = |(feed, lost): (&Feed<'_>, &u64)| match feed.name.as_str() {
+    /// Describes the lost frames of each camera.
+    fn describe(&self, lost: &[u64]) -> String {
+        let of = |(feed, lost): (&CameraFeed<'_>, &u64)| match feed.name.as_str() {
             "" => format!("{lost} frames"),
             name => format!("{lost} of {name}"),
         };
@@ -434,11 +436,11 @@ impl Recorder<'_> {
         Ok(feed.reporter.event(kind, frame, feed.newest.1, text)?)
     }
 
-    fn tell(&mut self) -> anyhow::Result<()> {
-        let is_troubled = self.pause.is_some() || self.storage.is_troubled();
+    fn publish_status(&mut self) -> anyhow::Result<()> {
+        let has_problem = self.pause.is_some() || self.storage.has_problem();
         let summary = &self.summary;
         for feed in &mut self.feeds {
-            feed.reporter.set_state(u32::from(self.armed) | u32::from(is_troubled) << 1);
+            feed.reporter.set_state(u32::from(self.armed) | u32::from(has_problem) << 1);
             feed.reporter.set_queue(feed.held.len() as u64, feed.limits.ring_frames as u64);
             feed.reporter.status(summary, feed.newest.0, feed.newest.1)?;
         }

@@ -1,7 +1,8 @@
-//! The picture that patches were drawn in: the stream's first.
+//! The reference picture of patches: the stream's first frame.
 //!
-//! Every process of a rig needs it, also one that was started again long after. So whoever sees the stream's first frame
-//! keeps it in a file under the rig's name; a recording carries it as an attachment, since its own first frame is another.
+//! PeriodicTimer process of a rig needs it, including one that is restarted much later. So the process that sees the
+//! first frame keeps it in a file named after the rig. A recording carries it as an attachment, since its own first
+//! frame differs.
 
 use crate::camera::CameraError;
 use crate::config::{self, BodyKind, Config};
@@ -13,7 +14,7 @@ use std::path::{Path, PathBuf};
 /// Name of the attachment.
 const NAME: &str = "reference.png";
 
-/// Whether anything is measured against that picture.
+/// Whether anything is measured against the reference picture.
 fn is_needed(config: &Config) -> bool {
     config.bodies.iter().any(|body| body.kind == BodyKind::Patch)
 }
@@ -22,13 +23,13 @@ fn path(rig: &str) -> PathBuf {
     std::env::temp_dir().join(format!("ricochet-{rig}-{NAME}"))
 }
 
-/// Begins a stream of its own: the picture of an earlier one goes, that of a recording takes its place.
+/// Starts a new stream: removes the previous picture, and restores that of a recording.
 ///
 /// # Errors
 ///
-/// When the recording cannot be read.
+/// If the recording cannot be read.
 pub(super) fn begin(config: &Config) -> Result<(), CameraError> {
-    forget(config);
+    remove(config);
     if !is_needed(config) || config.camera.source != config::Source::Recording {
         return Ok(());
     }
@@ -41,51 +42,51 @@ pub(super) fn begin(config: &Config) -> Result<(), CameraError> {
     Ok(())
 }
 
-/// Forgets the picture.
-pub(super) fn forget(config: &Config) {
+/// Removes the picture.
+pub(super) fn remove(config: &Config) {
     let _ = std::fs::remove_file(path(&config.rig.name));
 }
 
-/// The picture kept for this rig; one that was kept by somebody before it is not replaced.
+/// Stores the picture for this rig, unless another process already did.
 fn keep(config: &Config, picture: &Image) {
     let (path, Some(png)) = (path(&config.rig.name), to_png(picture)) else { return };
     let part = path.with_extension(format!("{}.part", std::process::id()));
     let written = std::fs::File::create(&part).and_then(|mut file| file.write_all(&png));
-    // A link is made only where there is none, so that all processes use one picture.
+    // A hard link never replaces a file, so all processes use the same picture.
     let kept = written.and_then(|()| std::fs::hard_link(&part, &path));
     let _ = std::fs::remove_file(&part);
     if let Err(error) = kept.or_else(|error| if path.exists() { Ok(()) } else { Err(error) }) {
-        log::warn!("{}: {error}; a process that is started again will not know the patches", path.display());
+        log::warn!("cannot keep {}: {error}; a restarted process will not find the patches", path.display());
     }
 }
 
-/// The picture as a PNG, where it is known already.
+/// Returns the stored picture as a PNG.
 pub(super) fn kept(config: &Config) -> Option<Vec<u8>> {
     if is_needed(config) { std::fs::read(path(&config.rig.name)).ok() } else { None }
 }
 
-/// The picture, taken from `frame` where that is the stream's first and none is kept.
+/// Returns the stored picture; without one, `frame` if it is the stream's first.
 pub(super) fn obtain(config: &Config, frame: &Frame<'_>, is_first: bool) -> Option<Image> {
     if let Some(picture) = kept(config).and_then(|png| from_png(&png)) {
         return Some(picture);
     }
     let picture = is_first.then(|| unpacked(frame)).flatten()?;
     keep(config, &picture);
-    // Somebody else may have been first.
+    // Another process may have been faster.
     kept(config).and_then(|png| from_png(&png)).or(Some(picture))
 }
 
-/// The picture as it is attached to a recording.
+/// Returns the picture as an attachment of a recording.
 pub fn attachment(picture: &Image) -> Option<(String, String, Vec<u8>)> {
     to_png(picture).map(attached)
 }
 
-/// The same where it is a file already.
+/// Returns a PNG as an attachment of a recording.
 pub(super) fn attached(png: Vec<u8>) -> (String, String, Vec<u8>) {
     (NAME.to_owned(), "image/png".to_owned(), png)
 }
 
-/// The picture, where `frame` is the film's first.
+/// Returns the picture from a film's first frame; `None` if no patches are measured.
 pub fn of_first_frame(frame: &Frame<'_>, config: &Config) -> Option<Image> {
     if is_needed(config) { unpacked(frame) } else { None }
 }
@@ -95,12 +96,14 @@ fn unpacked(frame: &Frame<'_>) -> Option<Image> {
     frame.unpack(&mut picture).ok().map(|()| picture)
 }
 
-/// The picture that the patches of `config` were drawn in, as far as a recording tells: the one attached, where the
-/// attached rig has the same patches, else its own first. `None` where there are no patches.
+/// Returns the reference picture of a recording; `None` if `config` has no patches.
+///
+/// It is the attached picture if the attached rig file has the same patches as `config`, and otherwise the first
+/// frame.
 ///
 /// # Errors
 ///
-/// When the recording cannot be read.
+/// If the recording cannot be read.
 pub fn of_recording(recording: &Recording, config: &Config) -> Result<Option<Image>, RecordingError> {
     if !is_needed(config) {
         return Ok(None);
@@ -112,7 +115,7 @@ pub fn of_recording(recording: &Recording, config: &Config) -> Result<Option<Ima
     {
         let path = recording.path().to_owned();
         let picture = from_png(&recording.attachment(NAME)?);
-        let reason = format!("its attachment {NAME} is no grey picture");
+        let reason = format!("its attachment {NAME} is not a grey-level image");
         return picture.map(Some).ok_or(RecordingError::Invalid { path, reason });
     }
     let Some(first) = recording.frames()?.next() else { return Ok(None) };

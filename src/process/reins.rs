@@ -1,49 +1,49 @@
-//! Letting the frames of a rig go one by one.
+//! Frame-by-frame control of a rig with a stepped camera.
 
 use std::io::{BufRead, BufReader, Write};
 use std::process::{ChildStdin, ChildStdout};
 use std::sync::mpsc::Sender;
 
-/// Ends the rig file on the standard input of a process that goes on reading there.
+/// Ends the rig file on the standard input of a process that continues to read there.
 pub const END_OF_CONFIG: u8 = 0;
 
-/// What leads a rig whose camera is stepped. Dropped, it ends the stream.
+/// Controls a rig whose camera is stepped. Dropping it ends the stream.
 #[derive(Debug)]
-pub struct Reins {
+pub struct StepControl {
     steps: ChildStdin,
-    told: BufReader<ChildStdout>,
+    answers: BufReader<ChildStdout>,
 }
 
-impl Reins {
-    /// Waits until the rig is ready for its first frame; `false` when it has ended.
+impl StepControl {
+    /// Waits until the rig is ready for its first frame; returns `false` if it has ended.
     pub fn is_ready(&mut self) -> bool {
-        self.hears()
+        self.read_answer()
     }
 
-    /// Lets a frame go and waits until it is published; `false` when the rig has ended.
+    /// Plays a frame and waits until it is published; returns `false` if the rig has ended.
     pub fn step(&mut self) -> bool {
-        self.steps.write_all(b"\n").is_ok() && self.hears()
+        self.steps.write_all(b"\n").is_ok() && self.read_answer()
     }
 
-    fn hears(&mut self) -> bool {
+    fn read_answer(&mut self) -> bool {
         let mut line = String::new();
-        self.told.read_line(&mut line).is_ok_and(|bytes| bytes > 0)
+        self.answers.read_line(&mut line).is_ok_and(|bytes| bytes > 0)
     }
 }
 
-/// Tells whoever leads.
-pub(super) fn tell(line: &str) {
+/// Prints an answer to the controlling program.
+pub(super) fn print(line: &str) {
     let mut out = std::io::stdout().lock();
-    // Nobody need listen.
+    // The controlling program may have closed the pipe.
     let _ = writeln!(out, "{line}").and_then(|()| out.flush());
 }
 
-/// Gives the reins of a process to who asked for them, else to whoever sits at the terminal.
-pub(super) fn hand_over(mut steps: ChildStdin, told: Option<ChildStdout>, to: Option<&Sender<Reins>>) {
-    match to.zip(told) {
-        Some((to, told)) => {
-            // One who no longer wants them drops them, which ends the stream.
-            let _ = to.send(Reins { steps, told: BufReader::new(told) });
+/// Connects the control of a process to the program that requested it, or else to the terminal.
+pub(super) fn connect(mut steps: ChildStdin, answers: Option<ChildStdout>, leader: Option<&Sender<StepControl>>) {
+    match leader.zip(answers) {
+        Some((leader, answers)) => {
+            // If the leader has gone, dropping the control ends the stream.
+            let _ = leader.send(StepControl { steps, answers: BufReader::new(answers) });
         }
         None => {
             std::thread::spawn(move || std::io::copy(&mut std::io::stdin(), &mut steps));

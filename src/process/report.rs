@@ -1,122 +1,134 @@
-//! Telling how a process is doing: a few times a second on `status`, after every piece of work on `progress`.
+//! Publishing of status (several times per second), progress and events of a process.
 
-use super::action::Ended;
-use super::clock::{Every, host_ns, now};
+use super::action::ActionOutcome;
+use super::clock::{PeriodicTimer, host_ns, now};
 use super::summary::Summary;
 use crate::bus::{Bus, BusError, Limits, Publisher};
 use crate::message::{Event, EventKind, Progress, Role, StatusMessage};
 use std::time::{Duration, Instant};
 
-const PERIOD: Duration = Duration::from_millis(200);
+const STATUS_PERIOD: Duration = Duration::from_millis(200);
 
-/// One process's voice on the bus.
+/// Publishes the status, progress and events of a process.
 #[derive(Debug)]
-pub(super) struct Reporter {
+pub(super) struct StatusReporter {
     status: Publisher<StatusMessage>,
     progress: Publisher<Progress>,
-    /// What begins and ends a stream has a history of its own, so that no flood of other events hides it.
+    /// Milestones of a stream have a history of their own, so that other events cannot displace them.
     milestones: Publisher<Event>,
     events: Publisher<Event>,
-    every: Every,
-    told: Progress,
+    timer: PeriodicTimer,
+    progress_message: Progress,
     rate: (Instant, u64),
-    message: StatusMessage,
-    live: bool,
+    status_message: StatusMessage,
+    is_live: bool,
 }
 
-impl Reporter {
+impl StatusReporter {
     pub(super) fn new(bus: &Bus, limits: &Limits, role: Role, index: u32) -> Result<Self, BusError> {
         Ok(Self {
             status: bus.publisher(limits)?,
             progress: bus.publisher(limits)?,
             milestones: bus.publisher(limits)?,
             events: bus.publisher(limits)?,
-            every: Every::new(PERIOD),
-            told: Progress { role: role as u32, index, ..Progress::default() },
+            timer: PeriodicTimer::new(STATUS_PERIOD),
+            progress_message: Progress { role: role as u32, index, ..Progress::default() },
             rate: (now(), 0),
-            message: StatusMessage { role: role as u32, index, pid: std::process::id(), ..StatusMessage::default() },
-            live: false,
+            status_message: StatusMessage {
+                role: role as u32,
+                index,
+                pid: std::process::id(),
+                ..StatusMessage::default()
+            },
+            is_live: false,
         })
     }
 
-    /// Whether stamps are of now, so that latencies mean something.
-    pub(super) fn set_live(&mut self, live: bool) {
-        self.live = live;
+    /// Marks the stamps as those of the present, so that latencies are meaningful.
+    pub(super) fn set_live(&mut self) {
+        self.is_live = true;
     }
 
-    /// The run that everything from here on belongs to.
+    /// Sets the run of all following messages.
     pub(super) fn set_run(&mut self, run_id: u64) {
-        self.message.run_id = run_id;
-        self.told.run_id = run_id;
+        self.status_message.run_id = run_id;
+        self.progress_message.run_id = run_id;
     }
 
     pub(super) fn run_id(&self) -> u64 {
-        self.told.run_id
+        self.progress_message.run_id
     }
 
-    /// State number of the status; see [`StatusMessage::state`].
+    /// Sets the state number; see [`StatusMessage::state`].
     pub(super) fn set_state(&mut self, state: u32) {
-        self.message.state = state;
+        self.status_message.state = state;
     }
 
-    /// How many processes were started again.
+    /// Sets the number of restarted processes.
     pub(super) fn set_restarts(&mut self, restarts: u64) {
-        self.message.restarts = restarts;
+        self.status_message.restarts = restarts;
     }
 
-    /// How full this process's queue is.
+    /// Sets the fill level of this process's queue.
     pub(super) fn set_queue(&mut self, waiting: u64, capacity: u64) {
-        self.message.waiting = waiting;
-        self.message.capacity = capacity;
+        self.status_message.waiting = waiting;
+        self.status_message.capacity = capacity;
     }
 
-    /// Tells the readiness or progress of a reader of the frames.
-    pub(super) fn progress(&mut self, next_sequence: u64, done: bool) -> Result<(), BusError> {
-        self.told.next_sequence = next_sequence;
-        self.told.done = u32::from(done);
-        self.progress.send(&self.told)
+    /// Publishes the next frame that this reader will take.
+    pub(super) fn progress(&mut self, next_sequence: u64) -> Result<(), BusError> {
+        self.progress_message.next_sequence = next_sequence;
+        self.progress_message.done = 0;
+        self.progress.send(&self.progress_message)
     }
 
-    /// Tells an event of the current run.
+    /// Publishes that this reader is done with all frames before `end`.
+    pub(super) fn done(&mut self, end: u64) -> Result<(), BusError> {
+        self.progress_message.next_sequence = end;
+        self.progress_message.done = 1;
+        self.progress.send(&self.progress_message)
+    }
+
+    /// Publishes an event of the current run.
     pub(super) fn event(&self, kind: EventKind, sequence: u64, stamp_ns: u64, text: &str) -> Result<(), BusError> {
         log::info!("{}: {text} (frame {sequence})", kind.word());
         let milestone =
             matches!(kind, EventKind::Prepared | EventKind::Started | EventKind::Ended | EventKind::Tracked);
         let publisher = if milestone { &self.milestones } else { &self.events };
-        publisher.send(&Event::new(kind, self.told.run_id, sequence, stamp_ns, text))
+        publisher.send(&Event::new(kind, self.run_id(), sequence, stamp_ns, text))
     }
 
-    /// Tells how something that a trigger set off has ended.
-    pub(super) fn action(&self, ended: &Ended) -> Result<(), BusError> {
-        if ended.failed {
-            log::warn!("{}", ended.text);
+    /// Publishes the outcome of an action.
+    pub(super) fn action(&self, outcome: &ActionOutcome) -> Result<(), BusError> {
+        if outcome.failed {
+            log::warn!("{}", outcome.text);
         }
-        self.event(EventKind::Action, ended.cause.frame, ended.cause.stamp_ns, &ended.text)
+        self.event(EventKind::Action, outcome.cause.frame, outcome.cause.stamp_ns, &outcome.text)
     }
 
-    /// Tells the counts, when it is time again.
+    /// Publishes the status if its period has passed.
     pub(super) fn status(&mut self, summary: &Summary, sequence: u64, stamp_ns: u64) -> Result<(), BusError> {
         self.milestones.greet();
         self.events.greet();
         self.progress.greet();
-        if self.every.due() { self.status_now(summary, sequence, stamp_ns) } else { Ok(()) }
+        if self.timer.due() { self.status_now(summary, sequence, stamp_ns) } else { Ok(()) }
     }
 
-    /// Tells the counts.
+    /// Publishes the status.
     pub(super) fn status_now(&mut self, summary: &Summary, sequence: u64, stamp_ns: u64) -> Result<(), BusError> {
         let elapsed_s = self.rate.0.elapsed().as_secs_f64();
         if elapsed_s > 0.0 {
-            self.message.rate_hz = (summary.taken - self.rate.1.min(summary.taken)) as f64 / elapsed_s;
+            self.status_message.rate_hz = (summary.taken - self.rate.1.min(summary.taken)) as f64 / elapsed_s;
         }
         self.rate = (now(), summary.taken);
-        let message = &mut self.message;
+        let message = &mut self.status_message;
         message.sequence = sequence;
         message.stamp_ns = stamp_ns;
         message.taken = summary.taken;
         message.given = summary.given;
         message.lost = summary.lost;
         message.dropped = summary.dropped;
-        message.latency_s = if self.live { host_ns().saturating_sub(stamp_ns) as f64 * 1e-9 } else { 0.0 };
+        message.latency_s = if self.is_live { host_ns().saturating_sub(stamp_ns) as f64 * 1e-9 } else { 0.0 };
         self.status.send(message)
     }
 }

@@ -1,21 +1,21 @@
-//! Where a process of a rig goes on that was started again.
+//! The state from which a restarted process continues.
 
 use std::fmt;
 use std::str::FromStr;
 
-/// What is known of the process that died.
+/// The last known state of a process that died.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Resume {
-    /// The newest frame it had told of; of a camera's process, the frame that it would have come to by now.
+    /// Its last published frame; for a camera process, the frame that is due by now.
     pub sequence: u64,
-    /// That frame's stamp, ns since the Unix epoch.
+    /// Stamp of that frame, ns since the Unix epoch.
     pub stamp_ns: u64,
-    /// How often the camera will have been opened anew.
+    /// Number of times the camera was reopened, including this one.
     pub epoch: u32,
 }
 
 impl Resume {
-    /// The same, so many seconds of a stream of this rate later.
+    /// Advances the state by some seconds of a stream of this rate.
     #[must_use]
     pub fn after(self, seconds: f64, frame_rate_hz: f64) -> Self {
         // A conversion from a float saturates.
@@ -25,8 +25,10 @@ impl Resume {
         Self { sequence, stamp_ns, ..self }
     }
 
-    /// The number of a first frame with this stamp, of a camera that went on filming at this rate: the numbers count
-    /// the frames that nobody took. It begins a block, so that what is measured of it does not depend on what was lost.
+    /// Returns the sequence number of the first frame after the restart, which has this stamp.
+    ///
+    /// Numbers count the frames that were missed meanwhile. The result begins a block, so that its measurement does
+    /// not depend on the loss.
     pub fn first_frame(&self, stamp_ns: u64, frame_rate_hz: f64, block_frames: u32) -> u64 {
         let frames = stamp_ns.saturating_sub(self.stamp_ns) as f64 * 1e-9 * frame_rate_hz;
         let due = self.sequence.saturating_add(1).max(self.sequence.saturating_add(frames.round() as u64));
@@ -56,14 +58,14 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_is_handed_over_comes_through_the_command_line() {
+    fn the_state_survives_the_command_line() {
         let resume = Resume { sequence: 1234, stamp_ns: 1_767_225_600_000_000_007, epoch: 3 };
         assert_eq!(resume.to_string().parse(), Ok(resume));
         assert!("12:x:1".parse::<Resume>().is_err() && "12".parse::<Resume>().is_err());
     }
 
     #[test]
-    fn numbers_go_on_with_the_frames_that_were_missed_and_begin_a_block() {
+    fn numbers_continue_after_the_missed_frames_with_the_start_of_a_block() {
         let resume = Resume { sequence: 100, stamp_ns: 5_000_000_000, epoch: 1 }.after(0.1, 500.0);
         assert_eq!((resume.sequence, resume.stamp_ns), (150, 5_100_000_000));
         // 0.3 s later 150 more frames were due.

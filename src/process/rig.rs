@@ -1,8 +1,8 @@
-//! From a configuration to the parts of a rig: the camera, the limits, what the measuring rooms are planned with.
+//! The parts of a rig from its configuration: the camera, the limits, the measurement parameters.
 
 use crate::bus::Limits;
 use crate::camera::genicam::{GenicamCamera, GenicamSettings};
-use crate::camera::recording::{PlaybackRate, RecordingCamera, Repeat, Span};
+use crate::camera::recording::{PlaybackRate, Repeat, ReplayCamera, TimeRange};
 use crate::camera::simulated::{SimulatedCamera, load_scenario};
 use crate::camera::v4l2::{V4l2Camera, V4l2Settings};
 use crate::camera::{Camera, CameraError, CameraIdentity, Next, Pace, Slot, StreamFormat};
@@ -16,15 +16,15 @@ use crate::track::TrackerParams;
 use std::path::PathBuf;
 use std::time::Duration;
 
-/// Frames the ring holds when no trigger asks for more: what a burst may bring before the workers catch up.
+/// Minimum size of the ring, frames: a burst that may arrive before the workers catch up.
 const BURST_FRAMES: usize = 512;
-/// Time a trigger may take to reach the recorder, s; the ring holds that much more than `pre_s`.
+/// Maximum time from a trigger condition to the recorder, s; the ring is larger than `pre_s` by this.
 const DECISION_S: f64 = 0.25;
 
-/// How long a process waits for the one before it in the same role to be gone.
+/// Time for the predecessor in the same role to end.
 pub(super) const SUCCESSION: Duration = Duration::from_secs(5);
 
-/// The camera of a rig, which can be closed and opened again.
+/// The camera of a rig, which can be closed and reopened.
 pub struct Source {
     camera: Box<dyn Camera>,
     format: StreamFormat,
@@ -34,52 +34,52 @@ pub struct Source {
 }
 
 impl Source {
-    /// Opens the camera that the configuration names.
+    /// Opens the configured camera.
     ///
     /// # Errors
     ///
-    /// When it does not answer or refuses a setting.
+    /// If it does not answer or refuses a setting.
     pub fn open(config: &Config) -> Result<Self, CameraError> {
         let camera = open_camera(config)?;
         let live = config.camera.source.is_device();
         Ok(Self { format: camera.format(), identity: camera.identity(), pace: camera.pace(), camera, live })
     }
 
-    /// Shape and rate of its frames.
+    /// Returns the image size, pixel format and frame rate.
     pub fn format(&self) -> StreamFormat {
         self.format
     }
 
-    /// Model and serial number.
+    /// Returns the model and serial number.
     pub fn identity(&self) -> &CameraIdentity {
         &self.identity
     }
 
-    /// Whether it can be held back.
+    /// Returns whether the camera runs on its own clock or on demand.
     pub fn pace(&self) -> Pace {
         self.pace
     }
 
-    /// Whether its stamps are of now.
+    /// Whether its stamps are of the present.
     pub fn is_live(&self) -> bool {
         self.live
     }
 
-    /// The camera itself; one that has ended when it is closed.
+    /// Returns the camera; a closed one has ended.
     pub fn camera(&mut self) -> &mut dyn Camera {
         self.camera.as_mut()
     }
 
-    /// Lets go of the camera and of every slot it holds.
+    /// Closes the camera and releases every slot it holds.
     pub fn close(&mut self) {
         self.camera = Box::new(Closed(self.format));
     }
 
-    /// Opens it again after it vanished.
+    /// Reopens the camera after it was lost.
     ///
     /// # Errors
     ///
-    /// When it still does not answer, or delivers frames of another shape.
+    /// If it still does not answer, or delivers another frame size.
     pub fn reopen(&mut self, config: &Config) -> Result<(), CameraError> {
         let camera = open_camera(config)?;
         if camera.format().slot_bytes() != self.format.slot_bytes() {
@@ -91,7 +91,7 @@ impl Source {
     }
 }
 
-/// No camera.
+/// A closed camera.
 struct Closed(StreamFormat);
 
 impl Camera for Closed {
@@ -116,31 +116,32 @@ impl Camera for Closed {
     }
 }
 
-/// Opens the camera that the configuration names.
+/// Opens the configured camera.
 ///
 /// # Errors
 ///
-/// When it does not answer or refuses a setting.
+/// If it does not answer or refuses a setting.
 pub fn open_camera(config: &Config) -> Result<Box<dyn Camera>, CameraError> {
     let camera = &config.camera;
     Ok(match camera.source {
         config::Source::Simulated => {
             let world = World::new(&scenario(config)?).map_err(|error| refused(config, &error))?;
-            Box::new(SimulatedCamera::film(world, camera.paced)?.pulsed(camera.pulse)?)
+            let pace = if camera.paced { Pace::Live } else { Pace::OnDemand };
+            Box::new(SimulatedCamera::film(world, pace)?.pulsed(camera.pulse)?)
         }
         config::Source::Recording => {
             let path = PathBuf::from(camera.id.clone().unwrap_or_default());
             let rate = if camera.paced { PlaybackRate::Times(camera.playback_rate) } else { PlaybackRate::Max };
-            let span = Span { from_s: camera.from_s, to_s: camera.to_s.unwrap_or(f64::INFINITY) };
+            let span = TimeRange { from_s: camera.from_s, to_s: camera.to_s.unwrap_or(f64::INFINITY) };
             let files: Vec<PathBuf> =
                 std::iter::once(path.clone()).chain(camera.parts.iter().map(Into::into)).collect();
             let film = Recording::joined(Recording::open_all(&files)?);
             let film = film.ok_or_else(|| RecordingError::invalid(&path, "no recording"))?;
             let film = film.of_camera(camera.view.as_deref())?;
-            let recording = RecordingCamera::play(film, rate, Repeat::Once)?.within(span).shifted(camera.shift_ns);
+            let recording = ReplayCamera::play(film, rate, Repeat::Once)?.within(span).shifted(camera.shift_ns);
             let recording = if camera.stepped { recording.stepped() } else { recording };
             if recording.format().frame_rate_hz <= 0.0 {
-                let reason = "its frames tell no frame rate; `ricochet analyze` takes one with --fps".to_owned();
+                let reason = "it has no frame rate; pass one with `ricochet analyze --fps`".to_owned();
                 return Err(RecordingError::Invalid { path, reason }.into());
             }
             Box::new(recording)
@@ -150,11 +151,11 @@ pub fn open_camera(config: &Config) -> Result<Box<dyn Camera>, CameraError> {
     })
 }
 
-/// The simulated world behind the camera, when there is one.
+/// Returns the simulated world behind the camera, if there is one.
 ///
 /// # Errors
 ///
-/// When the scenario is unknown or wrong.
+/// If the scenario is unknown or invalid.
 pub fn truth_world(config: &Config) -> Result<Option<World>, CameraError> {
     if config.camera.source != config::Source::Simulated {
         return Ok(None);
@@ -163,7 +164,7 @@ pub fn truth_world(config: &Config) -> Result<Option<World>, CameraError> {
     Ok(Some(world))
 }
 
-/// The scenario that the configuration names, filmed the way it says.
+/// Returns the configured scenario with the camera settings of the rig.
 fn scenario(config: &Config) -> Result<Scenario, CameraError> {
     let camera = &config.camera;
     let name = camera.scenario.clone().unwrap_or_else(|| "lacrosse".into());
@@ -182,14 +183,14 @@ fn refused(config: &Config, error: &dyn std::fmt::Display) -> CameraError {
     CameraError::Scenario { origin: config.origin.clone(), name, reason: error.to_string() }
 }
 
-/// What all processes of the rig agree on, given what the camera delivers.
+/// Returns the limits of the bus services, on which all processes of the rig agree.
 pub(super) fn limits(config: &Config, format: &StreamFormat) -> Limits {
     let rate_hz = format.frame_rate_hz;
     let pre = config.pre_trigger_frames(rate_hz) as usize;
     let block = config.workers.block_frames as usize;
     let waits = pre > 0;
     let ring_frames = if waits { pre + block + (DECISION_S * rate_hz).ceil() as usize } else { 0 }.max(BURST_FRAMES);
-    // A trigger takes the whole queue at once; the ring goes on behind it however slowly that is written.
+    // A trigger takes the whole queue at once, and the ring continues behind it however slow the writing is.
     let held_frames = if waits { ring_frames } else { 64 };
     let points = (0..config.bodies.len()).map(|body| {
         let along = |extent_px: f64| (extent_px / f64::from(config.correlation.step_px)).ceil() as usize + 1;
@@ -212,11 +213,11 @@ pub(super) fn limits(config: &Config, format: &StreamFormat) -> Limits {
     }
 }
 
-/// Shape of the stream that this configuration will deliver, without starting the camera.
+/// Returns the stream format of this configuration without starting the camera.
 ///
 /// # Errors
 ///
-/// When the camera would have to be asked and does not answer.
+/// If the camera must be opened for that and does not answer.
 pub(super) fn expected_format(config: &Config) -> Result<StreamFormat, CameraError> {
     let camera = &config.camera;
     if let (true, Some((width_px, height_px)), Some(frame_rate_hz)) =
@@ -229,8 +230,8 @@ pub(super) fn expected_format(config: &Config) -> Result<StreamFormat, CameraErr
     Ok(open_camera(config)?.format())
 }
 
-/// Takes the exposure out of a frame's header where neither the rig file nor the camera's name told it; `true` when it did.
-pub(super) fn learn_exposure(config: &Config, format: &mut StreamFormat, exposure_ns: u32) -> bool {
+/// Takes the exposure from a frame's header if neither rig file nor camera gave it; returns whether it did.
+pub(super) fn update_exposure(config: &Config, format: &mut StreamFormat, exposure_ns: u32) -> bool {
     let learns = config.camera.exposure_us.is_none() && format.exposure_us <= 0.0 && exposure_ns > 0;
     if learns {
         format.exposure_us = f64::from(exposure_ns) * 1e-3;
@@ -238,7 +239,7 @@ pub(super) fn learn_exposure(config: &Config, format: &mut StreamFormat, exposur
     learns
 }
 
-/// What the measurement is planned with, for frames of this shape.
+/// Returns the parameters of measurement and tracking for frames of this format.
 pub fn analysis_params(config: &Config, format: &StreamFormat) -> (MeasureParams, TrackerParams) {
     let bodies = 0..config.bodies.len();
     let measure = MeasureParams {
@@ -280,17 +281,17 @@ mod tests {
     const GENICAM: &str =
         "[camera]\nsource = \"genicam\"\nid = \"a\"\nwidth_px = 64\nheight_px = 64\nframe_rate_hz = 100\n";
 
-    /// Exposures that tracks are computed with, ns: before and after a frame's header told one.
-    fn exposures_ns(text: &str, told_ns: u32) -> (f64, f64) {
+    /// Returns the exposures that tracks are computed with, ns: before and after a frame's header gave one.
+    fn exposures_ns(text: &str, header_ns: u32) -> (f64, f64) {
         let config = Config::parse(text, "rig.toml").unwrap();
         let mut format = expected_format(&config).unwrap();
         let before = analysis_params(&config, &format).1.motion[0].exposure_ns;
-        learn_exposure(&config, &mut format, told_ns);
+        update_exposure(&config, &mut format, header_ns);
         (before, analysis_params(&config, &format).1.motion[0].exposure_ns)
     }
 
     #[test]
-    fn the_exposure_that_the_camera_was_left_with_comes_with_the_frames() {
+    fn an_exposure_that_is_not_configured_comes_with_the_frames() {
         assert_eq!(exposures_ns(GENICAM, 4_000_000), (0.0, 4.0e6));
         assert_eq!(exposures_ns(GENICAM, 0), (0.0, 0.0));
         assert_eq!(

@@ -1,4 +1,4 @@
-//! One recording being made: frames and steps in, a finished file out.
+//! A recording that is being made: frames and steps in, a finished file out.
 
 mod take;
 
@@ -14,38 +14,37 @@ use crate::track::{TrackerParams, TrackerRows};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::rc::Rc;
-use take::Take;
+use take::CameraPart;
 
-/// What is to be recorded.
+/// The frames of one camera's part of a recording.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Extent {
+pub struct FrameRange {
     /// Sequence number of the first frame.
     pub first: u64,
-    /// Sequence number of the last frame; `None` when it is not known yet.
+    /// Sequence number of the last frame; `None` if unknown yet.
     pub last: Option<u64>,
-    /// How much newer a step must be before a missing one is given up, frames.
-    pub patience_frames: u64,
+    /// Number of newer frames after which a missing step is given up.
+    pub max_delay_frames: u64,
 }
 
-/// A recording being made.
+/// A recording that is being made.
 ///
-/// The rows it writes come from a tracker of its own that sees the steps of
-/// exactly the recorded frames, so that they are a function of the file's frames
-/// alone and offline analysis of the file gives the same bytes. Each camera has a
-/// part of its own in it; 0 is the first.
+/// Its rows come from a tracker of its own that receives the steps of exactly the recorded frames. They are thus a
+/// function of the file's frames alone, and offline analysis of the file gives the same bytes. Each camera has its own
+/// part; camera 0 is the main one.
 pub struct Shot {
     writer: RecordingWriter,
-    keep_frames: bool,
-    /// One a camera; `None` until its first frame is known.
-    takes: Vec<Option<Take>>,
+    writes_frames: bool,
+    /// One per camera; `None` until its first frame is known.
+    parts: Vec<Option<CameraPart>>,
 }
 
 impl Shot {
-    /// Creates `<path>.part` for the first camera and those that `info` names.
+    /// Creates `<path>.part` for the main camera and the views in `info`.
     ///
     /// # Errors
     ///
-    /// When the file cannot be written.
+    /// If the file cannot be written.
     pub fn create(path: &Path, config: &Config, info: &RecordingInfo) -> Result<Self, RecordingError> {
         let record = config.record.as_ref();
         let compression = match record.map(|record| record.compression) {
@@ -56,167 +55,167 @@ impl Shot {
         let options = WriterOptions { compression, split_bytes, ..WriterOptions::default() };
         Ok(Self {
             writer: RecordingWriter::create(path, info, &options)?,
-            keep_frames: record.is_some_and(|record| record.raw_frames),
-            takes: (0..=info.views.len()).map(|_| None).collect(),
+            writes_frames: record.is_some_and(|record| record.raw_frames),
+            parts: (0..=info.views.len()).map(|_| None).collect(),
         })
     }
 
-    /// Begins the part of a camera; what is measured of it is computed with `params`, `None` when nothing is.
-    pub fn begin(&mut self, camera: usize, params: Option<&TrackerParams>, extent: Extent) {
-        self.takes[camera] = Some(Take::new(params, extent));
+    /// Begins the part of a camera, tracked with `params`; `None` if nothing is measured.
+    pub fn begin(&mut self, camera: usize, params: Option<&TrackerParams>, range: FrameRange) {
+        self.parts[camera] = Some(CameraPart::new(params, range));
     }
 
-    /// Says which frame a camera's part ends before.
+    /// Sets the end of a camera's part, one past its last frame.
     pub fn set_end(&mut self, camera: usize, end: u64) {
-        if let Some(take) = &mut self.takes[camera] {
-            take.extent.last = Some(end.saturating_sub(1));
+        if let Some(part) = &mut self.parts[camera] {
+            part.range.last = Some(end.saturating_sub(1));
         }
     }
 
-    /// Writes the truth of every frame of a camera beside it.
+    /// Writes the ground truth of a camera's frames from now on.
     ///
     /// # Errors
     ///
-    /// When the file cannot be written.
+    /// If the file cannot be written.
     pub fn set_truth(&mut self, camera: usize, world: Option<Rc<World>>) -> Result<(), RecordingError> {
         self.writer.turn_to(camera);
         for impact in world.iter().flat_map(|world| world.impacts()) {
             self.writer.truth_impact(&impact)?;
         }
-        if let Some(take) = &mut self.takes[camera] {
-            take.truth = world;
+        if let Some(part) = &mut self.parts[camera] {
+            part.truth = world;
         }
         Ok(())
     }
 
-    /// The next frame of a camera, in rising order.
+    /// Writes the next frame of a camera; sequence numbers rise.
     ///
     /// # Errors
     ///
-    /// When the file cannot be written.
+    /// If the file cannot be written.
     pub fn frame(&mut self, camera: usize, frame: &Frame<'_>) -> Result<(), RecordingError> {
-        let Some(take) = &mut self.takes[camera] else { return Ok(()) };
+        let Some(part) = &mut self.parts[camera] else { return Ok(()) };
         self.writer.turn_to(camera);
-        take.count(frame.meta.sequence);
-        if self.keep_frames {
+        part.count(frame.meta.sequence);
+        if self.writes_frames {
             self.writer.frame(frame)?;
         }
-        if let Some(world) = &take.truth
+        if let Some(world) = &part.truth
             && frame.meta.sequence < world.frames()
         {
             for row in world.truths(frame.meta.sequence) {
-                // Between pulses the camera's clock goes on, and the world's does not.
+                // Between pulses the camera's clock runs on, but the simulated time stands still.
                 self.writer.truth(&VelocitySample { stamp_ns: frame.meta.stamp_ns, ..row })?;
             }
         }
         Ok(())
     }
 
-    /// Hands to the system what waits of the frames so far, as nothing else is to be written at once.
+    /// Hands buffered frames to the system, when nothing else is to be written at once.
     ///
     /// # Errors
     ///
-    /// When the file cannot be written.
+    /// If the file cannot be written.
     pub fn hand_over(&mut self) -> Result<(), RecordingError> {
         self.writer.hand_over()
     }
 
-    /// Its name; of the first file when it is split.
+    /// Returns the path; that of the first file if split.
     pub fn path(&self) -> &Path {
         self.writer.path()
     }
 
-    /// What its files take so far, bytes.
+    /// Returns the size of its files so far, bytes.
     pub fn written_bytes(&self) -> u64 {
         self.writer.written_bytes()
     }
 
     /// Whether a camera's part has begun.
     pub fn has_begun(&self, camera: usize) -> bool {
-        self.takes[camera].is_some()
+        self.parts[camera].is_some()
     }
 
-    /// The first frame of a camera; 0 before its part has begun.
+    /// Returns the first frame of a camera; 0 before its part has begun.
     pub fn first_frame(&self, camera: usize) -> u64 {
-        self.takes[camera].as_ref().map_or(0, |take| take.extent.first)
+        self.parts[camera].as_ref().map_or(0, |part| part.range.first)
     }
 
-    /// One past the newest frame of a camera; 0 before its part has begun.
+    /// Returns one past the newest frame of a camera; 0 before its part has begun.
     pub fn next_frame(&self, camera: usize) -> u64 {
-        self.takes[camera].as_ref().map_or(0, |take| take.next_frame)
+        self.parts[camera].as_ref().map_or(0, |part| part.next_frame)
     }
 
-    /// Frames of a camera that are missing between the first and the newest.
+    /// Returns the number of a camera's frames that are missing between the first and the newest.
     pub fn lost(&self, camera: usize) -> u64 {
-        self.takes[camera].as_ref().map_or(0, |take| take.lost)
+        self.parts[camera].as_ref().map_or(0, |part| part.lost)
     }
 
-    /// Frames written (or, without raw frames, passed by), of all cameras.
+    /// Returns the number of frames written (or, without raw frames, passed) for all cameras.
     pub fn frames(&self) -> u64 {
-        self.takes.iter().flatten().map(|take| take.frames).sum()
+        self.parts.iter().flatten().map(|part| part.frames).sum()
     }
 
-    /// How many of the first camera's frames before `end`, and of the others' so far, may be missing in the file if
-    /// nothing more can be written.
+    /// Returns how many frames may be missing in the file if nothing more can be written: the main camera's before
+    /// `end`, and the others' so far.
     pub fn missing_before(&self, end: u64) -> u64 {
-        let due = |(camera, take): (usize, &Option<Take>)| match take {
-            Some(take) if camera == 0 => end.saturating_sub(take.extent.first),
-            Some(take) => take.frames,
+        let due = |(camera, part): (usize, &Option<CameraPart>)| match part {
+            Some(part) if camera == 0 => end.saturating_sub(part.range.first),
+            Some(part) => part.frames,
             None => 0,
         };
-        let due: u64 = self.takes.iter().enumerate().map(due).sum();
+        let due: u64 = self.parts.iter().enumerate().map(due).sum();
         due.saturating_sub(self.writer.safe_frames())
     }
 
-    /// A measured step and its field, in any order; those outside the recording are ignored, and `false` says so.
+    /// Writes a measured step and its field, in any order; returns `false` if it lies outside the recording.
     ///
     /// # Errors
     ///
-    /// When the file cannot be written.
+    /// If the file cannot be written.
     pub fn step(&mut self, camera: usize, step: BodyStep, field: Option<PairField>) -> Result<bool, RecordingError> {
-        let Some(take) = &mut self.takes[camera] else { return Ok(false) };
-        let Some((step, field)) = take.within(step, field) else { return Ok(false) };
+        let Some(part) = &mut self.parts[camera] else { return Ok(false) };
+        let Some((step, field)) = part.within(step, field) else { return Ok(false) };
         self.writer.turn_to(camera);
         if let Some(field) = &field {
             self.writer.field(field)?;
         }
-        if step.interval_frames == take.shortest_frames {
+        if step.interval_frames == part.shortest_frames {
             self.writer.annotations(step.stamp_ns, &annotations(&step, field.as_ref()))?;
         }
-        let rows = take.ordered.as_mut().map(|ordered| std::mem::take(ordered.push(step))).unwrap_or_default();
+        let rows = part.ordered.as_mut().map(|ordered| std::mem::take(ordered.push(step))).unwrap_or_default();
         self.write(camera, &rows)?;
         Ok(true)
     }
 
-    /// Something that happened during the recording.
+    /// Writes an event.
     ///
     /// # Errors
     ///
-    /// When the file cannot be written.
+    /// If the file cannot be written.
     pub fn event(&mut self, event: &EventRow) -> Result<(), RecordingError> {
         self.writer.event(event)
     }
 
     /// Whether the steps of every frame of a camera before `end` have come, or none will.
     pub fn has_steps_before(&self, camera: usize, end: u64) -> bool {
-        self.takes[camera].as_ref().is_none_or(|take| take.has_steps_before(end))
+        self.parts[camera].as_ref().is_none_or(|part| part.has_steps_before(end))
     }
 
-    /// Ends each camera's part before its frame in `ends` and gives the file its name.
+    /// Ends each camera's part at its entry of `ends` (one past the last frame) and gives the file its name.
     ///
-    /// Returns the file and how many rows had to be given up because their steps never came.
+    /// Returns the file, and the number of rows given up because their steps never came.
     ///
     /// # Errors
     ///
-    /// When the file cannot be written.
+    /// If the file cannot be written.
     pub fn finish(mut self, ends: &[u64]) -> Result<(FinishedRecording, u64), RecordingError> {
         let mut missing = 0;
         for (camera, end) in ends.iter().enumerate() {
-            let Some(take) = &mut self.takes[camera] else { continue };
-            let Some(ordered) = &mut take.ordered else { continue };
+            let Some(part) = &mut self.parts[camera] else { continue };
+            let Some(ordered) = &mut part.ordered else { continue };
             let rows = std::mem::take(ordered.finish(*end));
-            let (given_up, late) = ordered.losses();
-            missing += given_up + late;
+            let losses = ordered.losses();
+            missing += losses.lost + losses.late;
             self.write(camera, &rows)?;
         }
         Ok((self.writer.finish()?, missing))
@@ -237,7 +236,7 @@ impl Shot {
     }
 }
 
-/// Ten times the measured motion, over the outline.
+/// Draws the outline, and ten times the measured motion.
 fn annotations(step: &BodyStep, field: Option<&PairField>) -> Annotations {
     const MAGNIFICATION: f64 = 10.0;
     let vector = |point: &crate::results::FieldPoint| {
@@ -254,7 +253,7 @@ fn annotations(step: &BodyStep, field: Option<&PairField>) -> Annotations {
     }
 }
 
-/// What a recording says of itself.
+/// Returns the description of a recording: its configuration, metadata and bodies.
 pub fn recording_info(config: &Config, format: &StreamFormat, camera: &CameraIdentity, trigger: &str) -> RecordingInfo {
     let scale = match config.scale {
         Some(Scale::MmPerPx(mm)) => format!("{mm} mm/px"),
@@ -282,7 +281,7 @@ pub fn recording_info(config: &Config, format: &StreamFormat, camera: &CameraIde
     }
 }
 
-/// A name that no recording in `directory` has yet: rig, then the first frame's time in UTC.
+/// Returns an unused file name in `directory`: the rig, then the first frame's time in UTC.
 pub(super) fn free_path(directory: &Path, rig: &str, stamp_ns: u64) -> PathBuf {
     let name = format!("{rig}-{}", utc(stamp_ns));
     let taken = |path: &Path| path.exists() || recording::part_path(path).exists();
@@ -293,7 +292,7 @@ pub(super) fn free_path(directory: &Path, rig: &str, stamp_ns: u64) -> PathBuf {
     (1..u32::MAX).map(numbered).find(|path| !taken(path)).unwrap_or_else(|| numbered(u32::MAX))
 }
 
-/// `20261121-083000-123`, to the millisecond.
+/// Formats a time to the millisecond: `20261121-083000-123`.
 fn utc(stamp_ns: u64) -> String {
     let (seconds, millis) = (stamp_ns / 1_000_000_000, stamp_ns / 1_000_000 % 1000);
     let (days, time) = (seconds / 86400, seconds % 86400);

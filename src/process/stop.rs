@@ -1,9 +1,9 @@
-//! Asking a loop to end.
+//! The request to stop, shared by loops.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-/// A flag that several loops share: set once, never cleared.
+/// A flag shared by several loops; once set, it is never cleared.
 #[derive(Debug, Clone)]
 pub struct Stop {
     flag: Arc<AtomicBool>,
@@ -17,22 +17,22 @@ impl Default for Stop {
 }
 
 impl Stop {
-    /// A flag that is also raised when the process that started this one is gone.
+    /// Creates a flag that is also set when the parent process is gone.
     pub fn with_parent() -> Self {
         Self { parent: Some(std::os::unix::process::parent_id()), ..Self::default() }
     }
 
-    /// The flag itself, for a signal handler.
+    /// Returns the flag itself, for a signal handler.
     pub fn flag(&self) -> Arc<AtomicBool> {
         Arc::clone(&self.flag)
     }
 
-    /// Raises it.
+    /// Requests to stop.
     pub fn request(&self) {
         self.flag.store(true, Ordering::Relaxed);
     }
 
-    /// Whether it was raised.
+    /// Whether a stop was requested.
     pub fn requested(&self) -> bool {
         self.flag.load(Ordering::Relaxed)
             || self.parent.is_some_and(|parent| std::os::unix::process::parent_id() != parent)

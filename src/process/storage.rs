@@ -1,6 +1,6 @@
-//! The folder of the recordings: whether files can be written into it, and whether what is to come has room.
+//! The folder of the recordings: whether it is writable, and whether the next recording fits.
 
-use super::clock::Every;
+use super::clock::PeriodicTimer;
 use crate::bus::Limits;
 use crate::camera::StreamFormat;
 use crate::config::{Config, Record, TriggerMode};
@@ -10,14 +10,14 @@ use std::path::PathBuf;
 use std::time::Duration;
 
 const PERIOD: Duration = Duration::from_secs(1);
-/// Of a stream without an end, this much must have room, s.
+/// Required free space for a stream without an end, s of recording.
 const STREAM_S: f64 = 10.0;
-/// Bytes a frame takes beside its pixels: headers, index entries, rows.
+/// Size of a frame in a file without its pixels, bytes: headers, index entries, rows.
 const FRAME_BYTES: u64 = 1024;
-/// Bytes a subset takes in a file, with the arrow that viewers draw.
+/// Size of a subset in a file, bytes, including the arrow for viewers.
 const POINT_BYTES: u64 = 64;
 
-/// Makes the folder of the recordings and sees that files can be written into it.
+/// Creates the folder of the recordings and checks that it is writable.
 pub(super) fn prepare_directory(record: &Record) -> Result<(), RecordingError> {
     let path = &record.directory;
     let fail = |action, source| RecordingError::Io { action, path: path.clone(), source };
@@ -25,7 +25,7 @@ pub(super) fn prepare_directory(record: &Record) -> Result<(), RecordingError> {
     access(path, Access::WRITE_OK | Access::EXEC_OK).map_err(|error| fail("write into", error.into()))
 }
 
-/// How the folder was when last looked at.
+/// The state of the folder at the last check.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum State {
     Enough,
@@ -33,21 +33,21 @@ enum State {
     Unusable,
 }
 
-/// Watches the room in the folder of the recordings.
+/// Monitors the free space in the folder of the recordings.
 #[derive(Debug)]
 pub(super) struct Storage {
     directory: PathBuf,
-    /// Of all cameras for each frame of the first; estimate from above, pixels as they are.
+    /// Size of all cameras' data per frame of the main camera; an upper estimate with uncompressed pixels.
     frame_bytes: u64,
-    /// Frames of a whole shot, its time before the trigger included; of a stream, of the next seconds.
+    /// Frames of a whole shot including its pre-trigger time; for a stream, of the next seconds.
     shot_frames: u64,
     frames_a_second: u64,
-    every: Every,
+    timer: PeriodicTimer,
     state: State,
 }
 
 impl Storage {
-    /// For these cameras, the first one first: what each delivers, and what is measured of it.
+    /// Creates the monitor for these cameras, the main one first.
     pub(super) fn new<'a>(
         config: &Config,
         record: &Record,
@@ -63,9 +63,9 @@ impl Storage {
             bytes_a_second += (pixels + FRAME_BYTES + POINT_BYTES * points) as f64 * format.frame_rate_hz;
         }
         let shot_frames = match config.trigger.mode {
-            // How long a line fires is not known.
+            // The duration of a hardware-triggered burst is unknown.
             TriggerMode::Off | TriggerMode::Hardware => (STREAM_S * rate_hz).ceil() as u64,
-            // It begins with a block, so up to one more than asked for.
+            // A shot begins with a block, so it may be one block longer than requested.
             _ => {
                 let post = (config.trigger.post_s * rate_hz).ceil() as u64;
                 config.pre_trigger_frames(rate_hz) + post + u64::from(config.workers.block_frames)
@@ -76,16 +76,16 @@ impl Storage {
             frame_bytes: (bytes_a_second / rate_hz).ceil() as u64,
             shot_frames,
             frames_a_second: rate_hz.ceil() as u64,
-            every: Every::new(PERIOD),
+            timer: PeriodicTimer::new(PERIOD),
             state: State::Enough,
         }
     }
 
-    /// Looks, when it is time again; gives what changed, in words.
+    /// Checks the folder once per period; returns a message if its state has changed.
     ///
-    /// `left_frames` are those that the shot under way still has to write; a whole shot when `None`.
-    pub(super) fn look(&mut self, left_frames: Option<u64>) -> Option<String> {
-        if !self.every.due() {
+    /// `left_frames` is the number of frames that the open shot still has to write; a whole shot if `None`.
+    pub(super) fn check(&mut self, left_frames: Option<u64>) -> Option<String> {
+        if !self.timer.due() {
             return None;
         }
         let needed_bytes = left_frames.unwrap_or(self.shot_frames).saturating_mul(self.frame_bytes);
@@ -106,7 +106,7 @@ impl Storage {
         }
     }
 
-    /// What an ordinary user may still write there, bytes.
+    /// Returns the space available to an ordinary user, bytes.
     fn free_bytes(&self) -> std::io::Result<u64> {
         access(&self.directory, Access::WRITE_OK | Access::EXEC_OK)?;
         let stat = statvfs(&self.directory)?;
@@ -114,11 +114,11 @@ impl Storage {
     }
 
     /// Whether a recording would not fit, or cannot be written at all.
-    pub(super) fn is_troubled(&self) -> bool {
+    pub(super) fn has_problem(&self) -> bool {
         self.state != State::Enough
     }
 
-    /// Whether a second of a stream has room, so that it is worth beginning.
+    /// Whether there is room for a second of a stream, so that it is worth starting.
     pub(super) fn has_room_to_begin(&self) -> bool {
         let needed_bytes = self.frames_a_second.saturating_mul(self.frame_bytes);
         self.free_bytes().is_ok_and(|free_bytes| free_bytes >= needed_bytes)

@@ -1,40 +1,39 @@
-//! What every reader of a stream needs to know of it: which run, where it starts, where it ends.
+//! The state of a stream for its readers: its run, its start and its end.
 
 use crate::bus::{Bus, BusError, Limits, Subscriber};
 use crate::message::{Event, EventKind};
 use std::collections::VecDeque;
 
-/// Ends of shots that are kept.
-const SILENCES: usize = 4096;
+/// Maximum number of shot ends that are kept.
+const MAX_SILENCES: usize = 4096;
 
-/// The stream as told on `events`.
+/// The state of a stream, as announced on `events`.
 #[derive(Debug)]
-pub(super) struct Stream {
+pub(super) struct StreamState {
     events: Subscriber<Event>,
-    /// The newest run announced.
+    /// The latest run announced.
     pub(super) run_id: Option<u64>,
-    /// Whether that run goes on where one that died was.
-    pub(super) goes_on: bool,
-    /// First frame of that run, once it was published.
+    /// Whether that run continues one whose process died.
+    pub(super) continues: bool,
+    /// First frame of that run, once published.
     pub(super) first: Option<u64>,
     /// One past the last frame of that run, once the camera stopped.
     pub(super) end: Option<u64>,
-    /// Whether the tracker has published everything of that run.
+    /// Whether the tracker has published all results of that run.
     pub(super) tracked: bool,
-    /// One past the last frame of each shot of this run that ended with silence, the newest last; of a camera that waits
-    /// for its line.
+    /// One past the last frame of each shot that ended with silence, the newest last; only with a hardware trigger.
     pub(super) silences: VecDeque<u64>,
-    /// Events not looked at yet by [`take`](Self::take).
+    /// Events not returned by [`take`](Self::take) yet.
     pending: Vec<Event>,
 }
 
-impl Stream {
+impl StreamState {
     pub(super) fn new(bus: &Bus, limits: &Limits) -> Result<Self, BusError> {
         let events = bus.subscriber(limits)?;
         Ok(Self {
             events,
             run_id: None,
-            goes_on: false,
+            continues: false,
             first: None,
             end: None,
             tracked: false,
@@ -43,9 +42,9 @@ impl Stream {
         })
     }
 
-    /// Reads what was told since; `true` when another run has begun.
+    /// Reads new events and returns whether another run has begun.
     ///
-    /// Stops after the event that begins a run, so that its reader can end the one before.
+    /// Stops after the event that begins a run, so that its reader can finish the previous one.
     pub(super) fn update(&mut self) -> Result<bool, BusError> {
         while let Some(event) = self.events.take()? {
             self.pending.push(event);
@@ -56,7 +55,7 @@ impl Stream {
                 if event.sequence == 0 {
                     self.silences.clear();
                 }
-                self.goes_on = self.run_id.is_some() && event.sequence > 0;
+                self.continues = self.run_id.is_some() && event.sequence > 0;
                 (self.run_id, self.first, self.end, self.tracked) = (Some(event.run_id), None, None, false);
                 return Ok(true);
             }
@@ -69,7 +68,7 @@ impl Stream {
                 Some(EventKind::Tracked) => self.tracked = true,
                 Some(EventKind::Silent) => {
                     self.silences.push_back(event.sequence);
-                    if self.silences.len() > SILENCES {
+                    if self.silences.len() > MAX_SILENCES {
                         self.silences.pop_front();
                     }
                 }
@@ -79,7 +78,7 @@ impl Stream {
         Ok(false)
     }
 
-    /// Every event told since the last call.
+    /// Returns the events since the last call.
     pub(super) fn take(&mut self) -> Vec<Event> {
         std::mem::take(&mut self.pending)
     }

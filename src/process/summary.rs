@@ -1,24 +1,24 @@
-//! What a loop did.
+//! The counts of a finished loop.
 
 /// Counts of one process from start to end.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct Summary {
-    /// Frames (or rows) taken in.
+    /// Frames (or rows) received.
     pub taken: u64,
-    /// Frames (or rows) given out.
+    /// Frames (or rows) published.
     pub given: u64,
-    /// Lost before they arrived: gaps in the camera's count, overrun queues.
+    /// Lost before arrival: gaps in the camera's count, overrun queues.
     pub lost: u64,
-    /// Lost here: no free slot, torn frames, late rows.
+    /// Lost in this process: no free slot, incomplete frames, late rows.
     pub dropped: u64,
-    /// Who lost how much, in words; of a whole rig.
+    /// The losses of each process of a rig, as text.
     pub causes: Vec<String>,
     /// Files written.
     pub recordings: Vec<std::path::PathBuf>,
 }
 
 impl Summary {
-    /// Everything that was lost on the way.
+    /// Returns the total loss.
     pub fn losses(&self) -> u64 {
         self.lost + self.dropped
     }

@@ -1,9 +1,9 @@
-//! Starting the processes of a rig, watching them, starting again what dies, stopping them in order.
+//! Starts the processes of a rig, monitors them, restarts those that die, and stops them in order.
 
-use super::clock::{Every, Patience, now};
+use super::clock::{PeriodicTimer, Timeout, now};
 use super::reference;
-use super::reins::{self, END_OF_CONFIG, Reins};
-use super::report::Reporter;
+use super::reins::{self as stepping, END_OF_CONFIG, StepControl};
+use super::report::StatusReporter;
 use super::resume::Resume;
 use super::rig::{expected_format, limits};
 use super::stop::Stop;
@@ -22,37 +22,38 @@ use std::process::{Child as Process, Command, ExitStatus, Stdio};
 use std::sync::mpsc::Sender;
 use std::time::{Duration, Instant};
 
-const WATCH: Duration = Duration::from_millis(20);
-/// How often what the dead left behind is cleaned up.
-const CLEAN: Duration = Duration::from_millis(250);
+/// Interval of polling the processes.
+const POLL_PERIOD: Duration = Duration::from_millis(20);
+/// Interval of cleaning up after dead processes.
+const CLEAN_UP_PERIOD: Duration = Duration::from_millis(250);
 /// Deaths of one process after which the rig gives up.
-const MOST_DEATHS: u32 = 5;
-/// How long the processes may take to end by themselves after the camera stopped.
-const DRAIN: Duration = Duration::from_secs(60);
-/// How long a process may take to end after it was told to.
-const END: Duration = Duration::from_secs(3);
+const MAX_DEATHS: u32 = 5;
+/// Time for the processes to finish after the camera stopped.
+const DRAIN_TIMEOUT: Duration = Duration::from_secs(60);
+/// Time for a process to end after a termination signal.
+const STOP_TIMEOUT: Duration = Duration::from_secs(3);
 
-/// One process of a rig.
+/// A process of a rig.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Child {
-    /// Which camera it works for: 0 the first, then those of the views in their order.
+    /// Index of its camera: 0 the main one, then the views in their order.
     pub camera: u32,
     /// Its role.
     pub role: Role,
-    /// Which of several, from 0.
+    /// Index among processes of the same role.
     pub index: u32,
 }
 
 impl Child {
-    /// The only, or first, of this role for the first camera.
+    /// Returns the only, or first, process of this role for the main camera.
     pub const fn first(role: Role) -> Self {
         Self { camera: 0, role, index: 0 }
     }
 }
 
-/// What is watched of one camera: its part of the rig has a name of its own.
-struct Side<'a> {
-    /// What the camera is called; empty for the first.
+/// One camera of the rig, which has its own rig name on the bus.
+struct CameraGroup<'a> {
+    /// Name of the view; empty for the main camera.
     name: &'a str,
     config: &'a Config,
     frame_rate_hz: f64,
@@ -61,7 +62,7 @@ struct Side<'a> {
     _services: Vec<Box<dyn Any>>,
 }
 
-impl<'a> Side<'a> {
+impl<'a> CameraGroup<'a> {
     fn open(name: &'a str, config: &'a Config, bus: Bus) -> anyhow::Result<Self> {
         let format = expected_format(config)?;
         config.check_calibration(format.width_px, format.height_px)?;
@@ -72,7 +73,7 @@ impl<'a> Side<'a> {
         Ok(Self { name, config, frame_rate_hz, status, _bus: bus, _services: services })
     }
 
-    /// Its processes, readers before the camera; the recorder is the whole rig's.
+    /// Returns its processes, readers before the camera. The recorder is shared by all cameras.
     fn children(&self, camera: u32) -> Vec<Child> {
         let workers = (0..self.config.workers.count).map(|index| Child { camera, role: Role::Correlate, index });
         let tracker = workers.clone().next().map(|first| Child { role: Role::Track, ..first });
@@ -83,63 +84,63 @@ impl<'a> Side<'a> {
 struct Running {
     process: Option<Process>,
     deaths: u32,
-    /// Exit code of its last, regular end.
+    /// Exit code of its last regular end.
     code: Option<i32>,
 }
 
-/// The processes of a rig.
-pub struct Fleet<'a> {
+/// The supervisor of a rig.
+pub struct Supervisor<'a> {
     program: PathBuf,
     children: BTreeMap<Child, Running>,
-    /// One a camera.
-    sides: Vec<Side<'a>>,
+    /// One per camera.
+    groups: Vec<CameraGroup<'a>>,
     events: Subscriber<Event>,
-    /// The newest status of each, and when it came.
-    told: BTreeMap<Child, StatusMessage>,
-    heard: BTreeMap<Child, Instant>,
-    reporter: Reporter,
+    /// The latest status of each process, and when it arrived.
+    statuses: BTreeMap<Child, StatusMessage>,
+    status_times: BTreeMap<Child, Instant>,
+    reporter: StatusReporter,
     bus: Bus,
-    clean: Every,
+    clean_up: PeriodicTimer,
     summary: Summary,
     restarts: u64,
-    leader: Option<Sender<Reins>>,
+    leader: Option<Sender<StepControl>>,
 }
 
 /// Runs every process of a rig until its stream ends or it is asked to stop.
 ///
-/// `watch` is called every few milliseconds with the newest status of every process.
+/// `watch` is called every few milliseconds with the latest status of every process.
 ///
 /// # Errors
 ///
-/// When a process cannot be started, or dies again and again.
+/// If a process cannot be started, or dies too often.
 pub fn run(
     config: &Config,
     stop: &Stop,
     watch: impl FnMut(&BTreeMap<Child, StatusMessage>),
 ) -> anyhow::Result<Summary> {
-    run_led(config, stop, None, watch)
+    run_stepped(config, stop, None, watch)
 }
 
-/// As [`run`]; the reins of a stepped camera go to `leader`, standard input leads it when there is none.
+/// Like [`run`], but a stepped camera is controlled through `leader`; without one, through standard input.
 ///
 /// # Errors
 ///
-/// As [`run`].
-pub fn run_led(
+/// See [`run`].
+pub fn run_stepped(
     config: &Config,
     stop: &Stop,
-    leader: Option<Sender<Reins>>,
+    leader: Option<Sender<StepControl>>,
     mut watch: impl FnMut(&BTreeMap<Child, StatusMessage>),
 ) -> anyhow::Result<Summary> {
-    let mut fleet = Fleet::start(config, leader)?;
-    let outcome = fleet.watch(stop, &mut watch);
-    fleet.stop_all();
-    fleet.listen()?;
+    let mut supervisor = Supervisor::start(config, leader)?;
+    let outcome = supervisor.watch(stop, &mut watch);
+    supervisor.stop_all();
+    supervisor.receive()?;
     outcome?;
-    Ok(fleet.summary)
+    Ok(supervisor.summary)
 }
 
-/// A process of the rig ended with an error; the rig cannot go on.
+/// A process of the rig failed, and the rig cannot continue.
 #[derive(Debug, thiserror::Error)]
 #[error("`ricochet {role}` ended with exit code {code}")]
 pub struct ChildFailure {
@@ -147,55 +148,55 @@ pub struct ChildFailure {
     pub role: &'static str,
     /// Its exit code.
     pub code: i32,
-    /// Whether it has said itself, in one line, why it cannot work.
-    pub is_told: bool,
+    /// Whether the process itself has printed the reason.
+    pub is_reported: bool,
 }
 
-impl<'a> Fleet<'a> {
-    /// Starts them all.
+impl<'a> Supervisor<'a> {
+    /// Starts all processes.
     ///
     /// # Errors
     ///
-    /// When a process cannot be started, or shared memory cannot be used.
-    pub fn start(config: &'a Config, leader: Option<Sender<Reins>>) -> anyhow::Result<Self> {
+    /// If a process cannot be started, or shared memory cannot be used.
+    pub fn start(config: &'a Config, leader: Option<Sender<StepControl>>) -> anyhow::Result<Self> {
         if let Some(record) = &config.record {
             prepare_directory(record)?;
         }
         let bus = Bus::take_part(&config.rig.name, Role::Supervise.word(), Duration::ZERO)?;
         bus.clean_up_dead();
         let limits = limits(config, &expected_format(config)?);
-        let mut sides = vec![Side::open("", config, Bus::join(&config.rig.name, Role::Supervise.word())?)?];
+        let mut groups = vec![CameraGroup::open("", config, Bus::join(&config.rig.name, Role::Supervise.word())?)?];
         for view in &config.views {
             let bus = Bus::take_part(&view.config.rig.name, Role::Supervise.word(), Duration::ZERO)?;
-            sides.push(Side::open(&view.name, &view.config, bus)?);
+            groups.push(CameraGroup::open(&view.name, &view.config, bus)?);
         }
-        let mut fleet = Self {
+        let mut supervisor = Self {
             program: std::env::current_exe()?,
             children: BTreeMap::new(),
-            sides,
+            groups,
             events: bus.subscriber(&limits)?,
-            told: BTreeMap::new(),
-            heard: BTreeMap::new(),
-            reporter: Reporter::new(&bus, &limits, Role::Supervise, 0)?,
+            statuses: BTreeMap::new(),
+            status_times: BTreeMap::new(),
+            reporter: StatusReporter::new(&bus, &limits, Role::Supervise, 0)?,
             bus,
-            clean: Every::new(CLEAN),
+            clean_up: PeriodicTimer::new(CLEAN_UP_PERIOD),
             summary: Summary::default(),
             restarts: 0,
             leader,
         };
         let recorder = config.record.iter().map(|_| Child::first(Role::Record));
-        let cameras = (0..).zip(&fleet.sides).flat_map(|(camera, side)| side.children(camera));
+        let cameras = (0..).zip(&supervisor.groups).flat_map(|(camera, group)| group.children(camera));
         let children: Vec<Child> = recorder.chain(cameras).collect();
         for child in children {
-            let process = fleet.spawn(child, None)?;
-            fleet.children.insert(child, Running { process: Some(process), deaths: 0, code: None });
+            let process = supervisor.spawn(child, None)?;
+            supervisor.children.insert(child, Running { process: Some(process), deaths: 0, code: None });
         }
-        Ok(fleet)
+        Ok(supervisor)
     }
 
-    /// Starts one process; `resume` is what its dead predecessor told of.
+    /// Starts one process; `resume` is the last known state of its dead predecessor.
     fn spawn(&self, child: Child, resume: Option<Resume>) -> anyhow::Result<Process> {
-        let config = self.sides[child.camera as usize].config;
+        let config = self.groups[child.camera as usize].config;
         let mut command = Command::new(&self.program);
         command.arg(child.role.word()).arg("-").args(["--origin", &config.origin]);
         if child.role == Role::Correlate {
@@ -204,7 +205,8 @@ impl<'a> Fleet<'a> {
         if let Some(resume) = resume {
             command.args(["--resume", &resume.to_string()]);
         }
-        // A group of its own: an interrupt from the terminal reaches the supervisor, which stops the rig in order.
+        // Its own process group: an interrupt from the terminal reaches only the supervisor, which stops the rig in
+        // order.
         let is_stepped = child.role == Role::Acquire && config.camera.stepped;
         let stdout = match &self.leader {
             _ if !is_stepped => Stdio::null(),
@@ -217,38 +219,38 @@ impl<'a> Fleet<'a> {
             stdin.write_all(config.text.as_bytes())?;
             if is_stepped {
                 stdin.write_all(&[END_OF_CONFIG])?;
-                reins::hand_over(stdin, process.stdout.take(), self.leader.as_ref());
+                stepping::connect(stdin, process.stdout.take(), self.leader.as_ref());
             }
         }
         Ok(process)
     }
 
     fn watch(&mut self, stop: &Stop, watch: &mut dyn FnMut(&BTreeMap<Child, StatusMessage>)) -> anyhow::Result<()> {
-        let mut draining: Option<Patience> = None;
-        while self.alive() > 0 {
-            self.listen()?;
-            watch(&self.told);
-            if self.clean.due() {
+        let mut draining: Option<Timeout> = None;
+        while self.running_count() > 0 {
+            self.receive()?;
+            watch(&self.statuses);
+            if self.clean_up.due() {
                 self.bus.clean_up_dead();
             }
             if stop.requested() && draining.is_none() {
                 self.signal(Role::Acquire, Signal::TERM);
-                draining = Some(Patience::new(DRAIN));
+                draining = Some(Timeout::new(DRAIN_TIMEOUT));
             }
             if draining.is_none() && self.ended_by_itself() {
-                draining = Some(Patience::new(DRAIN));
+                draining = Some(Timeout::new(DRAIN_TIMEOUT));
             }
             self.reap(draining.is_some())?;
-            if draining.as_ref().is_some_and(Patience::is_over) {
-                anyhow::bail!("{} processes did not end in time", self.alive());
+            if draining.as_ref().is_some_and(Timeout::has_expired) {
+                anyhow::bail!("{} processes did not end in time", self.running_count());
             }
-            self.tell()?;
-            std::thread::sleep(WATCH);
+            self.publish_status()?;
+            std::thread::sleep(POLL_PERIOD);
         }
         Ok(())
     }
 
-    fn alive(&self) -> usize {
+    fn running_count(&self) -> usize {
         self.children.values().filter(|running| running.process.is_some()).count()
     }
 
@@ -257,13 +259,13 @@ impl<'a> Fleet<'a> {
         cameras.all(|(_, running)| running.code.is_some())
     }
 
-    fn listen(&mut self) -> anyhow::Result<()> {
-        for (camera, side) in (0..).zip(&self.sides) {
-            while let Some(status) = side.status.take()? {
+    fn receive(&mut self) -> anyhow::Result<()> {
+        for (camera, group) in (0..).zip(&self.groups) {
+            while let Some(status) = group.status.take()? {
                 if let Some(role) = Role::from_number(status.role) {
                     let child = Child { camera, role, index: status.index };
-                    self.told.insert(child, status);
-                    self.heard.insert(child, now());
+                    self.statuses.insert(child, status);
+                    self.status_times.insert(child, now());
                 }
             }
         }
@@ -275,7 +277,7 @@ impl<'a> Fleet<'a> {
         Ok(())
     }
 
-    /// Sees who ended, and starts again who should not have.
+    /// Collects processes that ended, and restarts those that died.
     fn reap(&mut self, draining: bool) -> anyhow::Result<()> {
         let children: Vec<Child> = self.children.keys().copied().collect();
         for child in children {
@@ -288,76 +290,80 @@ impl<'a> Fleet<'a> {
                     running.code = Some(code);
                     self.count_losses(child, code);
                 }
-                code => self.died(child, code, status, draining)?,
+                code => self.handle_death(child, code, status, draining)?,
             }
         }
         Ok(())
     }
 
     fn count_losses(&mut self, child: Child, code: i32) {
-        let told = self.told.get(&child).map_or(0, |status| status.lost + status.dropped);
+        let losses = self.statuses.get(&child).map_or(0, |status| status.lost + status.dropped).max(1);
         if code == 6 {
-            self.summary.lost += told.max(1);
-            self.summary.causes.push(format!("{} lost {}", self.name(child), told.max(1)));
+            self.summary.lost += losses;
+            self.summary.causes.push(format!("{} lost {losses}", self.name(child)));
         }
     }
 
-    fn died(&mut self, child: Child, code: Option<i32>, status: ExitStatus, draining: bool) -> anyhow::Result<()> {
+    fn handle_death(
+        &mut self,
+        child: Child,
+        code: Option<i32>,
+        status: ExitStatus,
+        is_draining: bool,
+    ) -> anyhow::Result<()> {
         let role = child.role.word();
-        let told = self.told.get(&child).copied();
+        let last = self.statuses.get(&child).copied().unwrap_or_default();
         self.summary.lost += 1;
         self.summary.causes.push(format!("{} ended with {status}", self.name(child)));
         self.bus.clean_up_dead();
         let Some(running) = self.children.get_mut(&child) else { return Ok(()) };
         running.deaths += 1;
-        // A refused configuration or an absent camera will not get better by asking again.
-        let is_told = matches!(code, Some(2..=3));
-        if is_told || running.deaths > MOST_DEATHS {
-            return Err(ChildFailure { role, code: code.unwrap_or(1), is_told }.into());
+        // A refused configuration or a missing camera will not get better by a restart.
+        let is_reported = matches!(code, Some(2..=3));
+        if is_reported || running.deaths > MAX_DEATHS {
+            return Err(ChildFailure { role, code: code.unwrap_or(1), is_reported }.into());
         }
-        if draining && child.role == Role::Acquire {
-            // The end of the stream will not be told any more.
+        if is_draining && child.role == Role::Acquire {
+            // The dead process will not announce the end of the stream.
             self.signal_all(Signal::TERM);
             return Ok(());
         }
-        log::warn!("{} ended with {status}; starting it again", self.name(child));
-        let sequence = told.map_or(0, |status| status.sequence);
-        let stamp_ns = told.map_or(0, |status| status.stamp_ns);
+        log::warn!("{} ended with {status}; restarting it", self.name(child));
         let process = self.spawn(child, self.resume(child))?;
         if let Some(running) = self.children.get_mut(&child) {
             running.process = Some(process);
         }
         self.restarts += 1;
-        let text = format!("{} ended with {status} and was started again", self.name(child));
-        Ok(self.reporter.event(EventKind::Restarted, sequence, stamp_ns, &text)?)
+        let text = format!("{} ended with {status} and was restarted", self.name(child));
+        Ok(self.reporter.event(EventKind::Restarted, last.sequence, last.stamp_ns, &text)?)
     }
 
-    /// What a process is called.
+    /// Returns the name of a process for messages.
     fn name(&self, child: Child) -> String {
         let name = format!("{} {}", child.role.word(), child.index);
-        match self.sides[child.camera as usize].name {
+        match self.groups[child.camera as usize].name {
             "" => name,
             camera => format!("{name} of {camera}"),
         }
     }
 
-    /// Where the successor of a process that died goes on.
+    /// Returns the state from which the successor of a dead process continues.
     fn resume(&self, child: Child) -> Option<Resume> {
-        // A camera's process that never told of a frame left nothing to go on from.
-        let told = self.told.get(&child).filter(|told| child.role != Role::Acquire || told.taken > 0);
-        let (sequence, stamp_ns) = told.map_or((0, 0), |told| (told.sequence, told.stamp_ns));
+        // A camera process that never published a frame left nothing to continue from.
+        let status = self.statuses.get(&child).filter(|status| child.role != Role::Acquire || status.taken > 0);
+        let (sequence, stamp_ns) = status.map_or((0, 0), |status| (status.sequence, status.stamp_ns));
         if child.role != Role::Acquire {
             return Some(Resume { sequence, stamp_ns, epoch: 0 });
         }
-        let side = &self.sides[child.camera as usize];
-        let since_s = self.heard.get(&child).map_or(0.0, |heard| heard.elapsed().as_secs_f64());
-        let resume = Resume { sequence, stamp_ns, epoch: told?.state + 1 };
-        Some(resume.after(since_s * side.config.camera.playback_rate, side.frame_rate_hz))
+        let group = &self.groups[child.camera as usize];
+        let since_s = self.status_times.get(&child).map_or(0.0, |time| time.elapsed().as_secs_f64());
+        let resume = Resume { sequence, stamp_ns, epoch: status?.state + 1 };
+        Some(resume.after(since_s * group.config.camera.playback_rate, group.frame_rate_hz))
     }
 
-    fn tell(&mut self) -> anyhow::Result<()> {
-        let newest = self.told.values().map(|status| (status.sequence, status.stamp_ns)).max().unwrap_or((0, 0));
-        self.reporter.set_state(self.alive() as u32);
+    fn publish_status(&mut self) -> anyhow::Result<()> {
+        let newest = self.statuses.values().map(|status| (status.sequence, status.stamp_ns)).max().unwrap_or((0, 0));
+        self.reporter.set_state(self.running_count() as u32);
         self.reporter.set_restarts(self.restarts);
         Ok(self.reporter.status(&self.summary, newest.0, newest.1)?)
     }
@@ -374,11 +380,11 @@ impl<'a> Fleet<'a> {
         }
     }
 
-    /// Ends whoever still runs: first by asking, then by force.
+    /// Ends every process that still runs: first by a termination signal, then by force.
     fn stop_all(&mut self) {
         self.signal_all(Signal::TERM);
-        let patience = Patience::new(END);
-        while self.alive() > 0 && !patience.is_over() {
+        let patience = Timeout::new(STOP_TIMEOUT);
+        while self.running_count() > 0 && !patience.has_expired() {
             for running in self.children.values_mut() {
                 if let Some(process) = &mut running.process
                     && !matches!(process.try_wait(), Ok(None))
@@ -386,22 +392,23 @@ impl<'a> Fleet<'a> {
                     running.process = None;
                 }
             }
-            std::thread::sleep(WATCH);
+            std::thread::sleep(POLL_PERIOD);
         }
         for process in self.children.values_mut().filter_map(|running| running.process.as_mut()) {
             let _ = process.kill();
             let _ = process.wait();
         }
         self.bus.clean_up_dead();
-        self.sides.iter().for_each(|side| reference::forget(side.config));
+        self.groups.iter().for_each(|group| reference::remove(group.config));
     }
 }
 
-/// The standard library can only send SIGKILL.
+/// Sends a signal; the standard library can only send SIGKILL.
 fn send(process: &Process, signal: Signal) {
     let pid = i32::try_from(process.id()).ok().and_then(rustix::process::Pid::from_raw);
     if let Some(pid) = pid {
-        // Not waited for yet, so the number cannot be another's; one that just ended needs no signal.
+        // The process was not waited for yet, so the id cannot belong to another one. If it just ended, no signal is
+        // needed.
         let _ = rustix::process::kill_process(pid, signal);
     }
 }

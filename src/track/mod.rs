@@ -9,6 +9,6 @@ mod ordered_tracker;
 mod reorder;
 mod tracker;
 
-pub use ordered_tracker::OrderedTracker;
+pub use ordered_tracker::{Losses, OrderedTracker};
 pub use reorder::Order;
 pub use tracker::{Tracker, TrackerParams, TrackerRows};

@@ -1,4 +1,4 @@
-//! Steps from several workers to rows in frame order: what the tracker does live and the recorder over a shot.
+//! Sorting of steps from several workers, and tracking; live and over a recorded shot.
 
 use super::{Order, Tracker, TrackerParams, TrackerRows};
 use crate::results::BodyStep;
@@ -9,31 +9,31 @@ pub struct OrderedTracker {
     order: Order,
     tracker: Tracker,
     rows: TrackerRows,
-    /// Steps that went into the tracker.
+    /// Steps that the tracker received.
     pub taken: u64,
 }
 
 impl OrderedTracker {
-    /// From frame `first` on; a frame is given up as lost when one `patience_frames` newer was measured.
-    pub fn new(params: &TrackerParams, first: u64, patience_frames: u64) -> Self {
+    /// Starts at frame `first`. A frame is given up as lost once one `max_delay_frames` newer was measured.
+    pub fn new(params: &TrackerParams, first: u64, max_delay_frames: u64) -> Self {
         let bodies = u32::try_from(params.motion.len()).unwrap_or(u32::MAX);
-        let mut order = Order::new(bodies, params.intervals_frames().collect(), patience_frames);
+        let mut order = Order::new(bodies, params.intervals_frames().collect(), max_delay_frames);
         order.start_at(first);
         Self { order, tracker: Tracker::new(params), rows: TrackerRows::default(), taken: 0 }
     }
 
-    /// Takes a step in whatever order it arrives; gives the rows that became final.
+    /// Adds a step in any order; returns the rows that became final.
     pub fn push(&mut self, step: BodyStep) -> &mut TrackerRows {
-        self.push_seen(step, |_| {})
+        self.push_observed(step, |_| {})
     }
 
-    /// As [`push`](Self::push), and shows every step as soon as its turn has come.
-    pub fn push_seen(&mut self, step: BodyStep, see: impl FnMut(&BodyStep)) -> &mut TrackerRows {
+    /// Like [`push`](Self::push), and passes every step to `observe` in frame order.
+    pub fn push_observed(&mut self, step: BodyStep, observe: impl FnMut(&BodyStep)) -> &mut TrackerRows {
         self.order.push(step);
-        self.advance(see)
+        self.advance(observe)
     }
 
-    /// Nothing more will come, up to frame `end` (one past the last).
+    /// Completes all frames before `end`; no step will follow.
     pub fn finish(&mut self, end: u64) -> &mut TrackerRows {
         if let Some(last) = end.checked_sub(1) {
             self.order.finish(last);
@@ -43,22 +43,31 @@ impl OrderedTracker {
         &mut self.rows
     }
 
-    /// Whether every frame before `end` went through.
+    /// Whether every frame before `end` is complete.
     pub fn has_all_before(&self, end: u64) -> bool {
         self.order.has_given_all_before(end)
     }
 
-    /// Rows that stand for lost frames, and steps that came after they were given up.
-    pub fn losses(&self) -> (u64, u64) {
-        (self.order.lost(), self.order.late())
+    /// Returns the counts of lost and late steps.
+    pub fn losses(&self) -> Losses {
+        Losses { lost: self.order.lost(), late: self.order.late() }
     }
 
-    fn advance(&mut self, mut see: impl FnMut(&BodyStep)) -> &mut TrackerRows {
+    fn advance(&mut self, mut observe: impl FnMut(&BodyStep)) -> &mut TrackerRows {
         while let Some(step) = self.order.pop() {
-            see(&step);
+            observe(&step);
             self.tracker.push(&step, &mut self.rows);
             self.taken += 1;
         }
         &mut self.rows
     }
+}
+
+/// Losses of a tracker.
+#[derive(Debug, Clone, Copy)]
+pub struct Losses {
+    /// Rows that stand for lost frames.
+    pub lost: u64,
+    /// Steps that came after their frame was given up.
+    pub late: u64,
 }

@@ -3,7 +3,7 @@
 use crate::fake_gige::{FakeGige, Wiring};
 use crate::slots::Slots;
 use ricochet::camera::genicam::GenicamCamera;
-use ricochet::camera::recording::{PlaybackRate, RecordingCamera, Repeat};
+use ricochet::camera::recording::{PlaybackRate, Repeat, ReplayCamera};
 use ricochet::camera::simulated::SimulatedCamera;
 use ricochet::camera::{Camera, Next, Pace};
 use ricochet::image::{Frame, FrameMeta};
@@ -20,8 +20,8 @@ pub const AWAY: Duration = Duration::from_millis(40);
 
 /// Runs a camera over `frames` frames and checks all that its users rely on.
 ///
-/// `known(sequence, pixels)` draws what the frame of this number must be. Answers with
-/// the longest that a frame had waited for its taker, who stays [`AWAY`] five times, as the camera tells it.
+/// `known(sequence, pixels)` draws what the frame of this number must be. Answers with the longest that a frame had
+/// waited for its taker, who stays [`AWAY`] five times, as the camera tells it.
 ///
 /// # Panics
 ///
@@ -52,7 +52,7 @@ pub fn check(camera: Box<dyn Camera>, frames: u64, known: &dyn Fn(u64, &mut [u8]
         }
         match camera.next(Duration::from_millis(100)).unwrap() {
             Next::Frame(mut slot, meta) => {
-                let wait = camera.waited();
+                let wait = camera.frame_age();
                 assert!(wait <= started.elapsed(), "a frame of {wait:?} ago is one of before the start");
                 waited = waited.max(wait);
                 assert!(held.remove(&slot.token()), "slot {} came twice", slot.token());
@@ -65,13 +65,13 @@ pub fn check(camera: Box<dyn Camera>, frames: u64, known: &dyn Fn(u64, &mut [u8]
                 slots.give_back(slot, camera);
                 (last, taken) = (Some(meta), taken + 1);
             }
-            Next::Torn(slot, cause) => {
+            Next::Incomplete(slot, cause) => {
                 assert!(held.remove(&slot.token()), "slot {} came twice", slot.token());
                 assert!(!cause.is_empty());
                 held.insert(slot.token());
                 slots.give_back(slot, camera);
             }
-            Next::Nothing => {
+            Next::Timeout => {
                 waits += 1;
                 assert!(waits < WAITS, "stuck after {taken} frames");
             }
@@ -115,11 +115,11 @@ fn small() -> Scenario {
 
 #[test]
 fn a_simulated_camera_keeps_the_contract() {
-    for paced in [false, true] {
-        let camera = SimulatedCamera::open(small(), paced).unwrap();
+    for pace in [Pace::OnDemand, Pace::Live] {
+        let camera = SimulatedCamera::open(small(), pace).unwrap();
         let world = World::new(&small()).unwrap();
         let waited = check(Box::new(camera), 50, &|number, pixels| world.render(number, pixels));
-        assert_eq!(waited >= AWAY / 2, paced, "{waited:?}");
+        assert_eq!(waited >= AWAY / 2, pace == Pace::Live, "{waited:?}");
     }
 }
 
@@ -144,7 +144,7 @@ fn a_recording_keeps_the_contract_as_a_camera() {
     }
     writer.finish().unwrap();
     for rate in [PlaybackRate::Max, PlaybackRate::Times(1.0)] {
-        let camera = RecordingCamera::open(&path, rate, Repeat::Once).unwrap();
+        let camera = ReplayCamera::open(&path, rate, Repeat::Once).unwrap();
         let waited = check(Box::new(camera), 50, &|number, pixels| world.render(number, pixels));
         assert_eq!(waited >= AWAY / 2, rate != PlaybackRate::Max, "{waited:?}");
     }

@@ -200,7 +200,7 @@ fn a_camera_that_does_not_answer_exits_with_3() {
     for command in ["run", "acquire"] {
         let message = refused(3, [command, text(&config)]);
         assert!(
-            message.starts_with("open camera \"192.0.2.7\": no GigE Vision camera answers"),
+            message.starts_with("cannot open camera \"192.0.2.7\": no GigE Vision camera answers"),
             "{command}: {message}"
         );
     }
@@ -214,7 +214,7 @@ fn without_aravis_the_missing_package_is_named() {
     let folder = config.parent().unwrap();
     for arguments in [["run", text(&config)], ["acquire", text(&config)], ["cameras", "--json"]] {
         let message = line(&ricochet(arguments).env("LD_LIBRARY_PATH", folder).output().unwrap(), 3);
-        assert!(message.starts_with("load libaravis-0.8.so.0: "), "{message}");
+        assert!(message.starts_with("cannot load libaravis-0.8.so.0: "), "{message}");
         assert!(message.ends_with("install the package libaravis-0.8-0"), "{message}");
     }
 }

@@ -62,11 +62,11 @@ fn take(camera: &mut GenicamCamera, slots: &mut Slots, frames: usize) -> Shot {
                 shot.whole.push((meta, index));
                 slots.give_back(slot, camera);
             }
-            Next::Torn(slot, cause) => {
+            Next::Incomplete(slot, cause) => {
                 shot.torn.push(cause);
                 slots.give_back(slot, camera);
             }
-            Next::Nothing => {}
+            Next::Timeout => {}
             Next::End => break,
         }
     }
@@ -95,7 +95,7 @@ fn frames_are_bit_exact_and_in_order_across_the_wrap_of_their_ids() {
     }
     // The camera uses the host's clock, so its own stamps are kept.
     assert!(shot.whole.iter().all(|(meta, _)| meta.stamp_ns == meta.device_ns));
-    assert!(matches!(camera.next(Duration::from_millis(50)).unwrap(), Next::Nothing));
+    assert!(matches!(camera.next(Duration::from_millis(50)).unwrap(), Next::Timeout));
 }
 
 fn triggered(wiring: Wiring, source: &str, fire: impl Fn(&FakeGige, &GenicamCamera)) {
@@ -108,14 +108,14 @@ fn triggered(wiring: Wiring, source: &str, fire: impl Fn(&FakeGige, &GenicamCame
     let mut camera = GenicamCamera::open(&wanted).unwrap();
     slots.queue_all(&mut camera);
     camera.start().unwrap();
-    assert!(matches!(camera.next(Duration::from_millis(300)).unwrap(), Next::Nothing), "a frame without a pulse");
+    assert!(matches!(camera.next(Duration::from_millis(300)).unwrap(), Next::Timeout), "a frame without a pulse");
     for pulse in 0..PULSES {
         fire(&gige, &camera);
         let shot = take(&mut camera, &mut slots, 1);
         assert_eq!(shot.torn, Vec::<String>::new());
         assert_eq!((shot.whole[0].0.sequence, shot.whole[0].1), (pulse, pulse));
     }
-    assert!(matches!(camera.next(Duration::from_millis(300)).unwrap(), Next::Nothing), "more frames than pulses");
+    assert!(matches!(camera.next(Duration::from_millis(300)).unwrap(), Next::Timeout), "more frames than pulses");
     assert_eq!(gige.sent(), PULSES);
 }
 
@@ -176,7 +176,7 @@ fn until_it_fails(camera: &mut GenicamCamera, slots: &Slots) -> CameraError {
     let deadline = Instant::now() + PATIENCE;
     loop {
         match camera.next(Duration::from_millis(200)) {
-            Ok(Next::Frame(slot, _) | Next::Torn(slot, _)) => slots.give_back(slot, camera),
+            Ok(Next::Frame(slot, _) | Next::Incomplete(slot, _)) => slots.give_back(slot, camera),
             Ok(_) => {}
             Err(error) => return error,
         }
@@ -194,8 +194,8 @@ fn an_unplugged_camera_vanishes_and_streams_again_when_it_is_back() {
     assert_eq!(take(&mut camera, &mut slots, 3).whole.len(), 3);
     gige.unplug();
     let error = until_it_fails(&mut camera, &slots);
-    assert!(matches!(error, CameraError::Vanished { .. }), "{error}");
-    assert!(error.to_string().starts_with("camera \"127.0.0.1\" vanished: "), "{error}");
+    assert!(matches!(error, CameraError::Lost { .. }), "{error}");
+    assert!(error.to_string().starts_with("lost camera \"127.0.0.1\": "), "{error}");
     let begin = Instant::now();
     drop(camera);
     assert!(begin.elapsed() < Duration::from_secs(1), "closing waited {:?} for a camera that is gone", begin.elapsed());
@@ -224,7 +224,7 @@ fn a_camera_taken_over_by_another_program_vanishes() {
     assert_eq!(take(&mut camera, &mut slots, 3).whole.len(), 3);
     gige.write(PRIVILEGE, 0);
     let error = until_it_fails(&mut camera, &slots);
-    assert!(matches!(error, CameraError::Vanished { .. }), "{error}");
+    assert!(matches!(error, CameraError::Lost { .. }), "{error}");
 }
 
 #[test]
@@ -237,7 +237,7 @@ fn an_address_without_a_camera_is_refused_within_seconds() {
     let error = GenicamCamera::open(&wanted).unwrap_err();
     assert_eq!(
         error.to_string(),
-        "open camera \"127.0.0.77\": no GigE Vision camera answers at 127.0.0.77, UDP port 3956"
+        "cannot open camera \"127.0.0.77\": no GigE Vision camera answers at 127.0.0.77, UDP port 3956"
     );
     assert!(begin.elapsed() < Duration::from_secs(10));
 }
@@ -247,7 +247,7 @@ fn a_camera_under_the_control_of_another_program_is_refused() {
     let Some(_gige) = FakeGige::plug_in(Wiring::Software, u64::MAX, draw) else { return };
     let first = GenicamCamera::open(&settings(50.0)).unwrap();
     let error = GenicamCamera::open(&settings(50.0)).unwrap_err();
-    assert_eq!(error.to_string(), "open camera \"127.0.0.1\": another program controls it");
+    assert_eq!(error.to_string(), "cannot open camera \"127.0.0.1\": another program controls it");
     drop(first);
     GenicamCamera::open(&settings(50.0)).unwrap();
 }

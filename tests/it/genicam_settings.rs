@@ -126,56 +126,62 @@ fn what_a_camera_cannot_be_set_to_is_refused_with_what_is_allowed() {
     for (wanted, line) in [
         (
             GenicamSettings { width_px: Some(100), ..base() },
-            "set camera feature Width to 100: allowed 16 to 2048 in steps of 16",
+            "cannot set camera feature Width to 100: allowed 16 to 2048 in steps of 16",
         ),
         (
             GenicamSettings { width_px: Some(1024), offset_x_px: Some(1040), ..base() },
-            "set camera feature OffsetX to 1040: allowed 0 to 1024 in steps of 16",
+            "cannot set camera feature OffsetX to 1040: allowed 0 to 1024 in steps of 16",
         ),
         (
             GenicamSettings { exposure_us: Some(0.5), ..base() },
-            "set camera feature exposure_us to 0.5: allowed 1 to 10000000",
+            "cannot set camera feature exposure_us to 0.5: allowed 1 to 10000000",
         ),
         (
             GenicamSettings { frame_rate_hz: Some(20_001.0), ..base() },
-            "set camera feature frame_rate_hz to 20001: allowed 0.1 to 20000",
+            "cannot set camera feature frame_rate_hz to 20001: allowed 0.1 to 20000",
         ),
         (
             GenicamSettings { trigger_source: Some("Line7".into()), ..base() },
-            "set camera feature trigger_source to Line7: allowed Line0, Line1, Software",
+            "cannot set camera feature trigger_source to Line7: allowed Line0, Line1, Software",
         ),
         (
             GenicamSettings { pixel_format: None, ..with("PixelFormat", text("RGB8")) },
-            "set camera feature PixelFormat to RGB8: choose one of Mono8, Mono10, Mono12, Mono16",
+            "cannot set camera feature PixelFormat to RGB8: choose one of Mono8, Mono10, Mono12, Mono16",
         ),
-        (with("Frobnicate", text("x")), "set camera feature Frobnicate to x: the camera has no such feature"),
-        (with("PtpEnable", FeatureValue::Integer(1)), "set camera feature PtpEnable to 1: it is of type boolean"),
+        (with("Frobnicate", text("x")), "cannot set camera feature Frobnicate to x: the camera has no such feature"),
+        (
+            with("PtpEnable", FeatureValue::Integer(1)),
+            "cannot set camera feature PtpEnable to 1: it is of type boolean",
+        ),
         (
             with("TriggerDelay", FeatureValue::Float(-1.0)),
-            "set camera feature TriggerDelay to -1: allowed 0 to 1000000",
+            "cannot set camera feature TriggerDelay to -1: allowed 0 to 1000000",
         ),
         (
             with("ExposureMode", text("Sometimes")),
-            "set camera feature ExposureMode to Sometimes: allowed Timed, TriggerWidth",
+            "cannot set camera feature ExposureMode to Sometimes: allowed Timed, TriggerWidth",
         ),
         (
             with("ExposureMode", FeatureValue::Integer(0)),
-            "set camera feature ExposureMode to 0: it is of type enumeration, allowed Timed, TriggerWidth",
+            "cannot set camera feature ExposureMode to 0: it is of type enumeration, allowed Timed, TriggerWidth",
         ),
-        (with("SensorWidth", FeatureValue::Integer(5)), "set camera feature SensorWidth to 5: it can only be read"),
+        (
+            with("SensorWidth", FeatureValue::Integer(5)),
+            "cannot set camera feature SensorWidth to 5: it can only be read",
+        ),
         (
             with("Gain", FeatureValue::Float(3.0)),
-            "set camera feature Gain to 3: another setting of the camera locks it",
+            "cannot set camera feature Gain to 3: another setting of the camera locks it",
         ),
         (
             with("LineMode[Line2]", text("Output")),
-            "set camera feature LineMode[Line2] to Output: write it Name or Name[Selector=Word]",
+            "cannot set camera feature LineMode[Line2] to Output: write it Name or Name[Selector=Word]",
         ),
         (
             with("LineMode[LineSelector=Line9]", text("Output")),
-            "set camera feature LineMode[LineSelector=Line9] to Output: allowed Line0, Line1, Line2",
+            "cannot set camera feature LineMode[LineSelector=Line9] to Output: allowed Line0, Line1, Line2",
         ),
-        (with("Width", FeatureValue::Integer(1024)), "set camera feature Width to 1024: the camera keeps 512"),
+        (with("Width", FeatureValue::Integer(1024)), "cannot set camera feature Width to 1024: the camera keeps 512"),
     ] {
         assert_eq!(GenicamCamera::open(&wanted).unwrap_err().to_string(), line);
     }

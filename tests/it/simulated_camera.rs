@@ -43,13 +43,13 @@ fn frame(next: Next) -> (Slot, FrameMeta) {
 fn on_demand_every_frame_comes_in_order_as_the_world_draws_it() {
     let scenario = small(10_000.0, 8);
     let world = World::new(&scenario).unwrap();
-    let mut camera = SimulatedCamera::open(scenario, false).unwrap();
+    let mut camera = SimulatedCamera::open(scenario, Pace::OnDemand).unwrap();
     assert_eq!((camera.pace(), camera.slots()), (Pace::OnDemand, 1));
     let format = camera.format();
     assert_eq!((format.width_px, format.height_px, format.slot_bytes()), (256, 192, world.frame_bytes()));
     let mut memory = Memory::new(1, format.slot_bytes());
     camera.queue(memory.slot(0));
-    assert!(matches!(camera.next(LONG), Ok(Next::Nothing)), "nothing comes before the start");
+    assert!(matches!(camera.next(LONG), Ok(Next::Timeout)), "nothing comes before the start");
     camera.start().unwrap();
     let mut expected = vec![0; world.frame_bytes()];
     for index in 0..8 {
@@ -59,7 +59,7 @@ fn on_demand_every_frame_comes_in_order_as_the_world_draws_it() {
         world.render(index, &mut expected);
         assert!(slot.bytes_mut() == expected, "frame {index}");
         assert_eq!(camera.truth(index), vec![world.truth(index)]);
-        assert!(matches!(camera.next(LONG), Ok(Next::Nothing | Next::End)), "no slot, no frame");
+        assert!(matches!(camera.next(LONG), Ok(Next::Timeout | Next::End)), "no slot, no frame");
         camera.queue(slot);
     }
     assert!(matches!(camera.next(LONG), Ok(Next::End)));
@@ -70,13 +70,13 @@ fn on_demand_every_frame_comes_in_order_as_the_world_draws_it() {
 #[test]
 #[expect(clippy::disallowed_methods, reason = "the camera's pace is the wall clock's")]
 fn paced_frames_do_not_come_before_their_time() {
-    let mut camera = SimulatedCamera::open(small(500.0, 10), true).unwrap();
+    let mut camera = SimulatedCamera::open(small(500.0, 10), Pace::Live).unwrap();
     assert_eq!(camera.pace(), Pace::Live);
     let mut memory = Memory::new(10, camera.format().slot_bytes());
     (0..10).for_each(|token| camera.queue(memory.slot(token)));
     let started = Instant::now();
     camera.start().unwrap();
-    assert!(matches!(camera.next(Duration::ZERO), Ok(Next::Nothing)), "frame 0 is still being exposed");
+    assert!(matches!(camera.next(Duration::ZERO), Ok(Next::Timeout)), "frame 0 is still being exposed");
     for index in 0..10u64 {
         let (slot, meta) = frame(camera.next(LONG).unwrap());
         assert_eq!((meta.sequence, slot.token()), (index, index as usize));
@@ -87,7 +87,7 @@ fn paced_frames_do_not_come_before_their_time() {
 
 #[test]
 fn a_paced_frame_without_a_slot_is_lost_and_seen_to_be() {
-    let mut camera = SimulatedCamera::open(small(1000.0, 200), true).unwrap();
+    let mut camera = SimulatedCamera::open(small(1000.0, 200), Pace::Live).unwrap();
     let mut memory = Memory::new(1, camera.format().slot_bytes());
     camera.queue(memory.slot(0));
     camera.start().unwrap();
@@ -108,7 +108,7 @@ fn a_film_too_fast_to_draw_is_drawn_in_advance_with_the_same_pixels() {
     let mut scenario = scenario;
     scenario.camera.exposure_us = 0.1;
     let world = World::new(&scenario).unwrap();
-    let mut camera = SimulatedCamera::open(scenario, true).unwrap();
+    let mut camera = SimulatedCamera::open(scenario, Pace::Live).unwrap();
     let mut memory = Memory::new(20, camera.format().slot_bytes());
     (0..20).for_each(|token| camera.queue(memory.slot(token)));
     camera.start().unwrap();
@@ -125,18 +125,18 @@ fn a_film_too_fast_to_draw_is_drawn_in_advance_with_the_same_pixels() {
 fn a_film_too_fast_to_draw_and_too_long_to_keep_is_refused() {
     let mut scenario = small(1_000_000.0, 40_000);
     scenario.camera.exposure_us = 0.5;
-    let error = SimulatedCamera::open(scenario, true).unwrap_err();
+    let error = SimulatedCamera::open(scenario, Pace::Live).unwrap_err();
     assert!(matches!(error, CameraError::Setting { .. }));
     let line = error.to_string();
-    assert!(line.starts_with("set camera feature camera.frame_rate_hz to 1000000: a frame takes"), "{line}");
+    assert!(line.starts_with("cannot set camera feature camera.frame_rate_hz to 1000000: a frame takes"), "{line}");
     assert!(line.contains("40000 frames of 49152 bytes are more than the 1073741824 bytes"), "{line}");
 }
 
 #[test]
 fn a_bad_scenario_is_refused_with_its_key() {
-    let error = SimulatedCamera::open(small(0.0, 10), false).unwrap_err().to_string();
+    let error = SimulatedCamera::open(small(0.0, 10), Pace::OnDemand).unwrap_err().to_string();
     assert_eq!(
         error,
-        "set camera feature scenario to lacrosse: camera.frame_rate_hz = 0 is out of range: allowed is 0.001 to 10000000"
+        "cannot set camera feature scenario to lacrosse: camera.frame_rate_hz = 0 is out of range: allowed is 0.001 to 10000000"
     );
 }

@@ -88,7 +88,7 @@ fn machine(busy: usize) -> u64 {
         }
         let woken = scope.spawn(|| {
             // Without the right to raise its priority, this thread has the same disadvantage as the rig.
-            let _ = priority::raise(priority::HANDING_ON);
+            let _ = priority::raise(priority::PUBLISHING);
             let start = Instant::now();
             let due = (1..=4000).map(|frame| Duration::from_micros(100 * frame));
             let mut late: Vec<u64> = due

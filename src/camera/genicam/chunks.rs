@@ -1,23 +1,24 @@
-//! What a camera sends behind each picture: its own time and number of the frame (chunk data).
+//! Chunk data: the camera's own timestamp and frame counter behind each image.
 
 use super::device::Device;
+use super::feature::Selector;
 use super::handle::{Library, Object, checked};
-use super::library::one_at_a_time;
+use super::library::discovery_lock;
 use super::sys::{ArvBuffer, ArvChunkParser};
 use std::ffi::CStr;
 
-/// Registers of the clock's ticks a second, upper and lower half (GigE Vision bootstrap registers).
+/// Registers of the timestamp tick frequency, upper and lower half (GigE Vision bootstrap registers).
 const TICKS_REGISTERS: [u64; 2] = [0x93c, 0x940];
 
-/// A frame's own stamp and that of its header come from one clock, and are taken within this.
-const AGREEMENT_NS: u64 = 1_000_000_000;
+/// Maximum difference between `ChunkTimestamp` and the timestamp of the header, which come from one clock, ns.
+const MAX_STAMP_DIFFERENCE_NS: u64 = 1_000_000_000;
 
-/// Id and size behind each chunk.
+/// Size of the id and length behind each chunk.
 const TAG_BYTES: usize = 8;
 
-/// What chunks of a frame told.
+/// The values of a frame's chunks.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub struct Told {
+pub struct ChunkValues {
     /// `ChunkTimestamp`, ns.
     pub stamp_ns: Option<u64>,
     /// `ChunkFrameID`.
@@ -31,35 +32,36 @@ pub struct Chunks {
     parser: Object<ArvChunkParser>,
     has_stamp: bool,
     has_frame_id: bool,
-    /// Ticks of the stamps a second.
+    /// Timestamp tick frequency, Hz.
     ticks_hz: u64,
-    /// Whether a frame's header tells the same clock's time.
+    /// Whether the frame header has a timestamp of the same clock.
     has_header_stamp: bool,
     is_big_endian: bool,
 }
 
 impl Chunks {
-    /// The chunks a camera was set to send; nothing when it sends none.
+    /// Prepares reading the chunks that a camera was set to send; `None` if it sends none.
     ///
     /// # Errors
     ///
-    /// The camera's words.
-    pub fn of(device: &Device) -> Result<Option<Self>, String> {
+    /// The camera's message.
+    pub fn of_device(device: &Device) -> Result<Option<Self>, String> {
         if !device.has("ChunkModeActive") || !device.boolean("ChunkModeActive")? {
             return Ok(None);
         }
         let is_on = |chunk: &str| {
-            let chunks = device.words("ChunkSelector").unwrap_or_default();
-            let is_known = chunks.iter().any(|known| known == chunk) && device.has("ChunkEnable");
-            is_known && device.boolean_of("ChunkEnable", "ChunkSelector", chunk).unwrap_or(false)
+            let is_known =
+                device.enum_entries("ChunkSelector").is_ok_and(|chunks| chunks.iter().any(|known| known == chunk));
+            let selector = Selector { name: "ChunkSelector", entry: chunk };
+            is_known && device.has("ChunkEnable") && device.selected_boolean("ChunkEnable", selector).unwrap_or(false)
         };
         let aravis = device.aravis;
-        let turn = one_at_a_time();
-        // SAFETY: an open camera; the parser is made for us and has a description of its own.
+        let guard = discovery_lock();
+        // SAFETY: an open camera; the parser is ours and has its own copy of the description.
         let parser = unsafe { Object::owned(aravis, aravis.arv_camera_create_chunk_parser(device.camera.as_ptr())) };
-        drop(turn);
+        drop(guard);
         let is_gige = device.is_gige();
-        // Other cameras count in ns, and so does this clock where it does not tell.
+        // USB3 Vision cameras count in ns, and so does this clock if the camera gives no frequency.
         let ticks_hz = if is_gige { device.ticks_hz().unwrap_or(0) } else { 1_000_000_000 };
         let chunks = Self {
             aravis,
@@ -73,8 +75,8 @@ impl Chunks {
         Ok(Some(chunks))
     }
 
-    /// What they tell of each frame, for a person.
-    pub fn words(&self) -> &'static str {
+    /// Describes their use in one phrase.
+    pub fn description(&self) -> &'static str {
         match (self.has_stamp, self.has_frame_id) {
             (true, true) => "times frames by their ChunkTimestamp and counts them by their ChunkFrameID",
             (true, false) => "times frames by their ChunkTimestamp",
@@ -83,14 +85,14 @@ impl Chunks {
         }
     }
 
-    /// Reads the chunks of a whole frame.
+    /// Reads the chunks of a complete frame.
     ///
-    /// `payload` are its bytes, `image_bytes` what the picture in front must have,
-    /// `header_ns` the stamp of its header.
+    /// `payload` holds the frame's bytes, `image_bytes` is the expected size of the image at its beginning, and
+    /// `header_ns` is the timestamp of its header.
     ///
     /// # Errors
     ///
-    /// Why the frame is not what it was set to be.
+    /// The reason why the frame does not match the camera's settings.
     ///
     /// # Safety
     ///
@@ -101,31 +103,31 @@ impl Chunks {
         payload: &[u8],
         image_bytes: usize,
         header_ns: u64,
-    ) -> Result<Told, String> {
-        match first_bytes(payload, self.is_big_endian) {
+    ) -> Result<ChunkValues, String> {
+        match image_chunk_bytes(payload, self.is_big_endian) {
             Some(bytes) if bytes == image_bytes => {}
-            Some(bytes) => return Err(format!("a picture of {bytes} bytes of {image_bytes} before its chunks")),
-            None => return Err("chunks that do not fit together".into()),
+            Some(bytes) => return Err(format!("an image of {bytes} bytes instead of {image_bytes}")),
+            None => return Err("inconsistent chunk sizes".into()),
         }
         // SAFETY: the caller's promise.
         let value = |name: &CStr| unsafe { self.value(buffer, name) };
-        let mut told = Told::default();
+        let mut values = ChunkValues::default();
         if self.has_frame_id {
-            told.frame_id = Some(value(c"ChunkFrameID")?);
+            values.frame_id = Some(value(c"ChunkFrameID")?);
         }
         if self.has_stamp {
             let stamp_ns = nanoseconds(value(c"ChunkTimestamp")?, self.ticks_hz);
-            if self.has_header_stamp && stamp_ns.abs_diff(header_ns) > AGREEMENT_NS {
-                return Err(format!("its ChunkTimestamp tells {stamp_ns} ns, its header {header_ns} ns"));
+            if self.has_header_stamp && stamp_ns.abs_diff(header_ns) > MAX_STAMP_DIFFERENCE_NS {
+                return Err(format!("ChunkTimestamp is {stamp_ns} ns, but the header has {header_ns} ns"));
             }
-            told.stamp_ns = Some(stamp_ns);
+            values.stamp_ns = Some(stamp_ns);
         }
-        Ok(told)
+        Ok(values)
     }
 
     /// # Safety
     ///
-    /// As [`read`](Self::read).
+    /// See [`read`](Self::read).
     unsafe fn value(&self, buffer: *mut ArvBuffer, name: &CStr) -> Result<u64, String> {
         let aravis = self.aravis;
         // SAFETY: a live parser, the caller's buffer, a terminated name.
@@ -133,17 +135,17 @@ impl Chunks {
             aravis.arv_chunk_parser_get_integer_value(self.parser.as_ptr(), buffer, name.as_ptr(), error)
         })
         .map_err(|reason| format!("{}: {reason}", name.to_string_lossy()))?;
-        // The library's integers have a sign, a camera's counters have none.
+        // The library's integers are signed, a camera's counters are not.
         Ok(value.cast_unsigned())
     }
 }
 
 impl Device {
-    /// Ticks of its clock a second; 0 when it does not tell.
+    /// Returns its timestamp tick frequency, Hz; 0 if the camera does not report it.
     fn ticks_hz(&self) -> Result<u64, String> {
         let mut halves = [0_u32; 2];
         for (address, half) in TICKS_REGISTERS.into_iter().zip(&mut halves) {
-            // SAFETY: an open device and a number of ours to write to.
+            // SAFETY: an open device, and an integer of ours to write to.
             checked(self.aravis, |error| unsafe {
                 self.aravis.arv_device_read_register(self.as_ptr(), address, half, error)
             })?;
@@ -157,10 +159,10 @@ fn nanoseconds(ticks: u64, ticks_hz: u64) -> u64 {
     u64::try_from(whole).unwrap_or(u64::MAX)
 }
 
-/// Size of the first chunk, the picture: each has its size behind it, so they are followed from the end.
+/// Returns the size of the first chunk, which is the image; `None` if the chunk sizes are inconsistent.
 ///
-/// Nothing when they do not lead to the beginning.
-fn first_bytes(payload: &[u8], is_big_endian: bool) -> Option<usize> {
+/// Each chunk has its size behind it, so the chunks are followed from the end.
+fn image_chunk_bytes(payload: &[u8], is_big_endian: bool) -> Option<usize> {
     let mut end = payload.len();
     loop {
         let tag = end.checked_sub(TAG_BYTES)?;
@@ -177,19 +179,19 @@ fn first_bytes(payload: &[u8], is_big_endian: bool) -> Option<usize> {
 mod tests {
     use super::*;
 
-    fn chunk(bytes: usize, told: u32) -> Vec<u8> {
-        [vec![9; bytes], 5_u32.to_be_bytes().to_vec(), told.to_be_bytes().to_vec()].concat()
+    fn chunk(bytes: usize, stated: u32) -> Vec<u8> {
+        [vec![9; bytes], 5_u32.to_be_bytes().to_vec(), stated.to_be_bytes().to_vec()].concat()
     }
 
     #[test]
-    fn the_picture_is_the_chunk_that_the_others_lead_to() {
+    fn the_image_is_the_first_chunk() {
         let payload = [chunk(100, 100), chunk(8, 8), chunk(0, 0), chunk(4, 4)].concat();
-        assert_eq!(first_bytes(&payload, true), Some(100));
-        assert_eq!(first_bytes(&chunk(100, 100), true), Some(100));
+        assert_eq!(image_chunk_bytes(&payload, true), Some(100));
+        assert_eq!(image_chunk_bytes(&chunk(100, 100), true), Some(100));
     }
 
     #[test]
-    fn chunks_that_do_not_lead_to_the_beginning_are_found() {
+    fn inconsistent_chunk_sizes_are_detected() {
         for payload in [
             vec![],
             vec![0; 7],
@@ -198,7 +200,7 @@ mod tests {
             [chunk(100, 100), chunk(8, u32::MAX)].concat(),
             [chunk(100, 100), vec![0xff; 5]].concat(),
         ] {
-            assert_eq!(first_bytes(&payload, true), None, "{} bytes", payload.len());
+            assert_eq!(image_chunk_bytes(&payload, true), None, "{} bytes", payload.len());
         }
     }
 

@@ -1,28 +1,27 @@
-//! The camera's clock in the host's time.
+//! Conversion of device timestamps to host time.
 
-/// Device clocks this near to the host's are set by it (PTP, simulators): they are taken as they are.
+/// A device clock this close to the host's is synchronised with it (PTP, simulators) and taken as it is.
 const SYNCHRONISED_NS: i64 = 100_000_000;
 
-/// Length of the windows whose least delayed frame tells the offset.
+/// Length of the windows whose least delayed frame gives the offset.
 const WINDOW_NS: i64 = 1_000_000_000;
 
-/// Fastest correction, relative: no quartz is worse, and no speed is wrong by more than this.
+/// Maximum correction of the clock rate: no quartz oscillator is worse.
 const MAX_RATE: f64 = 500e-6;
 
-/// Gains of the loop, per window.
+/// Loop gains per window.
 const PROPORTIONAL: f64 = 0.3;
 const INTEGRAL: f64 = 0.05;
 
-/// Maps stamps of the device to host time, in ns since the Unix epoch.
+/// Converts device timestamps to host time, ns since the Unix epoch.
 ///
-/// A frame arrives late by a delay that is never negative, so the frame of each
-/// second that came soonest tells the offset best (E. Olson, "A passive solution to
-/// the sensor synchronization problem", IROS 2010, <https://doi.org/10.1109/IROS.2010.5650579>).
-/// The offset follows it through a slow proportional-integral loop: without jumps,
-/// so that differences of stamps are those of the device's own clock to within
-/// 0.05 %, and after some seconds to within what the two clocks drift apart.
+/// The arrival delay of a frame is never negative, so the least delayed frame of each second gives the best estimate of
+/// the offset (E. Olson, "A passive solution to the sensor synchronization problem", IROS 2010,
+/// <https://doi.org/10.1109/IROS.2010.5650579>). The offset follows it through a slow proportional-integral loop
+/// without jumps. Differences of stamps thus equal those of the device clock to within 0.05 %, and after some seconds
+/// to within the drift between the two clocks.
 ///
-/// A device clock that agrees with the host's from the start is not touched.
+/// A device clock that agrees with the host's from the start is not changed.
 #[derive(Debug, Default)]
 pub struct DeviceClock {
     fit: Option<Fit>,
@@ -37,10 +36,10 @@ enum Fit {
 }
 
 impl DeviceClock {
-    /// The stamp of a frame in host time.
+    /// Returns the host time of a frame.
     ///
-    /// `device_ns` is the camera's stamp, 0 when it has none; `arrival_ns` the host
-    /// time when the frame's first packet came.
+    /// `device_ns` is the camera's timestamp, 0 if it has none. `arrival_ns` is the host time at which the frame's
+    /// first packet arrived.
     pub fn stamp_ns(&mut self, device_ns: u64, arrival_ns: u64) -> u64 {
         let (Ok(device), Ok(arrival)) = (i64::try_from(device_ns), i64::try_from(arrival_ns)) else {
             return arrival_ns;
@@ -90,7 +89,7 @@ mod tests {
 
     const HOST_START: u64 = 1_700_000_000_000_000_000;
 
-    /// Delays between 100 us and 1.1 ms, the same in each run.
+    /// Delays between 100 us and 1.1 ms, the same in every run.
     fn delay_ns(frame: u64) -> u64 {
         100_000 + (frame.wrapping_mul(6_364_136_223_846_793_005) >> 33) % 1_000_000
     }
@@ -126,7 +125,7 @@ mod tests {
             }
             last = stamp;
         }
-        // The least delay, 100 us, cannot be seen; the rest is the loop's.
+        // The minimum delay, 100 us, is not observable; the rest is the loop's.
         assert!(worst < 333_000, "{worst} ns");
     }
 

@@ -1,40 +1,40 @@
-//! When each buffer was filled, in the order in which they come out.
+//! The completion times of buffers, in the order in which the buffers come out.
 
 use std::collections::VecDeque;
 use std::sync::{Mutex, PoisonError};
 use std::time::Instant;
 
-/// Moments told by the receiving thread, taken by whoever takes the buffers.
+/// Completion times, added by the receiving thread and taken together with the buffers.
 ///
-/// The library hands a buffer out first and tells of it then: whoever is quick takes it before.
+/// The library hands out a buffer first and calls back then, so a fast consumer may take the buffer before its time.
 #[derive(Debug, Default)]
-pub(super) struct Completions(Mutex<Told>);
+pub(super) struct BufferTimes(Mutex<Queue>);
 
 #[derive(Debug, Default)]
-struct Told {
-    moments: VecDeque<Instant>,
-    /// Buffers that were taken before they were told of.
-    ahead: usize,
+struct Queue {
+    times: VecDeque<Instant>,
+    /// Number of buffers that were taken before their time was added.
+    taken_early: usize,
 }
 
-impl Completions {
-    /// A buffer is filled.
-    #[expect(clippy::disallowed_methods, reason = "tells how long a frame waited, never when it was filmed")]
+impl BufferTimes {
+    /// Records that a buffer is complete.
+    #[expect(clippy::disallowed_methods, reason = "measures the delivery latency, never the time of a frame")]
     pub fn add(&self) {
         let now = Instant::now();
-        let mut told = self.0.lock().unwrap_or_else(PoisonError::into_inner);
-        match told.ahead.checked_sub(1) {
-            Some(ahead) => told.ahead = ahead,
-            None => told.moments.push_back(now),
+        let mut queue = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        match queue.taken_early.checked_sub(1) {
+            Some(taken_early) => queue.taken_early = taken_early,
+            None => queue.times.push_back(now),
         }
     }
 
-    /// When the buffer that comes out now was filled; nothing when that was just now.
+    /// Returns when the buffer that comes out now was completed; `None` if just now.
     pub fn take(&self) -> Option<Instant> {
-        let mut told = self.0.lock().unwrap_or_else(PoisonError::into_inner);
-        let moment = told.moments.pop_front();
-        told.ahead += usize::from(moment.is_none());
-        moment
+        let mut queue = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        let time = queue.times.pop_front();
+        queue.taken_early += usize::from(time.is_none());
+        time
     }
 }
 
@@ -43,16 +43,16 @@ mod tests {
     use super::*;
 
     #[test]
-    fn moments_stay_with_their_buffers_when_one_is_taken_before_it_was_told_of() {
-        let completions = Completions::default();
-        completions.add();
-        completions.add();
-        let (first, second) = (completions.take(), completions.take());
+    fn times_stay_with_their_buffers_when_one_is_taken_before_its_time_was_added() {
+        let times = BufferTimes::default();
+        times.add();
+        times.add();
+        let (first, second) = (times.take(), times.take());
         assert!(first.is_some() && first <= second);
-        assert_eq!(completions.take(), None);
-        completions.add();
-        completions.add();
-        assert!(completions.take() >= second);
-        assert_eq!(completions.take(), None, "the third was taken before it was told of");
+        assert_eq!(times.take(), None);
+        times.add();
+        times.add();
+        assert!(times.take() >= second);
+        assert_eq!(times.take(), None, "the third was taken before its time was added");
     }
 }

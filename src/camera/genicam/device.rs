@@ -1,28 +1,29 @@
-//! A camera's features, by name: read, written and asked for their range.
+//! Access to a camera's features by name.
 
 use super::handle::{Library, Object, c_text, checked, free, text};
 use super::sys::{ARV_GC_ACCESS_MODE_RO, ARV_GC_ACCESS_MODE_WO};
 use super::sys::{ArvCamera, ArvDevice, ArvGcNode, GClosure, GError, GType, gpointer, guint};
+use crate::camera::setting::{FloatRange, IntegerRange};
 use std::ffi::{CString, c_char};
 use std::ptr;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-/// A gamma this near to 1 is 1.
-const STRAIGHT: f64 = 0.005;
+/// Maximum deviation of a gamma that counts as 1.
+const GAMMA_TOLERANCE: f64 = 0.005;
 
-/// What a feature holds.
+/// The type of a feature.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Kind {
-    /// True or false.
+    /// A boolean.
     Boolean,
-    /// One of a list of words.
+    /// One of several named entries.
     Enumeration,
-    /// Something to execute.
+    /// A command to execute.
     Command,
     /// A group of features.
     Category,
-    /// A whole number in a range.
+    /// An integer in a range.
     Integer,
     /// A real number in a range.
     Float,
@@ -31,8 +32,8 @@ pub enum Kind {
 }
 
 impl Kind {
-    /// The word for a person.
-    pub fn word(self) -> &'static str {
+    /// Returns the name of the type.
+    pub fn as_str(self) -> &'static str {
         match self {
             Self::Boolean => "boolean",
             Self::Enumeration => "enumeration",
@@ -45,14 +46,14 @@ impl Kind {
     }
 }
 
-/// Whether a feature may be read and written.
+/// Access to a feature.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Access {
-    /// Only read.
+    /// Read-only.
     Read,
-    /// Only written.
+    /// Write-only.
     Write,
-    /// Both.
+    /// Read and write.
     Both,
 }
 
@@ -66,10 +67,11 @@ pub struct Device {
 type Read<R> = unsafe extern "C" fn(*mut ArvDevice, *const c_char, *mut *mut GError) -> R;
 type Write<V> = unsafe extern "C" fn(*mut ArvDevice, *const c_char, V, *mut *mut GError);
 type Range<V> = unsafe extern "C" fn(*mut ArvDevice, *const c_char, *mut V, *mut V, *mut *mut GError);
-type Ask<R> = unsafe extern "C" fn(*mut ArvCamera, *mut *mut GError) -> R;
+type Call<R> = unsafe extern "C" fn(*mut ArvCamera, *mut *mut GError) -> R;
+type Bounds = unsafe extern "C" fn(*mut ArvCamera, *mut f64, *mut f64, *mut *mut GError);
 
 impl Device {
-    /// The device below the camera; valid while `self` lives.
+    /// Returns the underlying device; valid while `self` lives.
     pub(super) fn as_ptr(&self) -> *mut ArvDevice {
         // SAFETY: the camera is open and owns its device.
         unsafe { self.aravis.arv_camera_get_device(self.camera.as_ptr()) }
@@ -89,21 +91,31 @@ impl Device {
 
     fn range<V: Default>(&self, name: &str, function: Range<V>) -> Result<(V, V), String> {
         let name = c_text(name)?;
-        let (mut least, mut most) = (V::default(), V::default());
+        let (mut min, mut max) = (V::default(), V::default());
         // SAFETY: as in `read`; both bounds are ours to write to.
         checked(self.aravis, |error| unsafe {
-            function(self.as_ptr(), name.as_ptr(), &raw mut least, &raw mut most, error);
+            function(self.as_ptr(), name.as_ptr(), &raw mut min, &raw mut max, error);
         })?;
-        Ok((least, most))
+        Ok((min, max))
     }
 
-    /// Asks the camera something that takes no argument.
-    pub(super) fn ask<R>(&self, function: Ask<R>) -> Result<R, String> {
+    /// Returns the bounds of a quantity for which the library has a function of its own.
+    pub(super) fn bounds(&self, function: Bounds) -> Result<FloatRange, String> {
+        let mut range = FloatRange { min: 0.0, max: 0.0 };
+        // SAFETY: an open camera and two numbers of ours to write to.
+        checked(self.aravis, |error| unsafe {
+            function(self.camera.as_ptr(), &raw mut range.min, &raw mut range.max, error);
+        })?;
+        Ok(range)
+    }
+
+    /// Calls a function of the camera that takes no argument.
+    pub(super) fn call<R>(&self, function: Call<R>) -> Result<R, String> {
         // SAFETY: an open camera; the function is one of the library's.
         checked(self.aravis, |error| unsafe { function(self.camera.as_ptr(), error) })
     }
 
-    /// The value of an integer.
+    /// Returns the value of an integer.
     pub fn integer(&self, name: &str) -> Result<i64, String> {
         self.read(name, self.aravis.arv_device_get_integer_feature_value)
     }
@@ -113,13 +125,14 @@ impl Device {
         self.write(name, value, self.aravis.arv_device_set_integer_feature_value)
     }
 
-    /// Least and greatest value of an integer, and its step.
-    pub fn integer_range(&self, name: &str) -> Result<(i64, i64, i64), String> {
-        let (least, most) = self.range(name, self.aravis.arv_device_get_integer_feature_bounds)?;
-        Ok((least, most, self.read(name, self.aravis.arv_device_get_integer_feature_increment).unwrap_or(1).max(1)))
+    /// Returns the range of an integer.
+    pub fn integer_range(&self, name: &str) -> Result<IntegerRange, String> {
+        let (min, max) = self.range(name, self.aravis.arv_device_get_integer_feature_bounds)?;
+        let step = self.read(name, self.aravis.arv_device_get_integer_feature_increment).unwrap_or(1);
+        Ok(IntegerRange { min, max, step: step.max(1).unsigned_abs() })
     }
 
-    /// The value of a real number.
+    /// Returns the value of a real number.
     pub fn float(&self, name: &str) -> Result<f64, String> {
         self.read(name, self.aravis.arv_device_get_float_feature_value)
     }
@@ -129,12 +142,13 @@ impl Device {
         self.write(name, value, self.aravis.arv_device_set_float_feature_value)
     }
 
-    /// Least and greatest value of a real number.
-    pub fn float_range(&self, name: &str) -> Result<(f64, f64), String> {
-        self.range(name, self.aravis.arv_device_get_float_feature_bounds)
+    /// Returns the range of a real number.
+    pub fn float_range(&self, name: &str) -> Result<FloatRange, String> {
+        let (min, max) = self.range(name, self.aravis.arv_device_get_float_feature_bounds)?;
+        Ok(FloatRange { min, max })
     }
 
-    /// The value of a boolean.
+    /// Returns the value of a boolean.
     pub fn boolean(&self, name: &str) -> Result<bool, String> {
         Ok(self.read(name, self.aravis.arv_device_get_boolean_feature_value)? != 0)
     }
@@ -144,21 +158,21 @@ impl Device {
         self.write(name, i32::from(value), self.aravis.arv_device_set_boolean_feature_value)
     }
 
-    /// The value of a text or the chosen word of an enumeration.
+    /// Returns the value of a text, or the selected entry of an enumeration.
     pub fn text(&self, name: &str) -> Result<String, String> {
         let value = self.read(name, self.aravis.arv_device_get_string_feature_value)?;
-        // SAFETY: the library answers null or a terminated string that it keeps until the next call.
+        // SAFETY: the library returns null or a terminated string that it keeps until the next call.
         unsafe { text(value) }.ok_or_else(|| format!("{name} has no value"))
     }
 
-    /// Sets a text or chooses a word of an enumeration.
+    /// Sets a text, or selects an entry of an enumeration.
     pub fn set_text(&self, name: &str, value: &str) -> Result<(), String> {
         let value: CString = c_text(value)?;
         self.write(name, value.as_ptr(), self.aravis.arv_device_set_string_feature_value)
     }
 
-    /// The words of an enumeration that can be chosen now.
-    pub fn words(&self, name: &str) -> Result<Vec<String>, String> {
+    /// Returns the entries of an enumeration that are available now.
+    pub fn enum_entries(&self, name: &str) -> Result<Vec<String>, String> {
         let name = c_text(name)?;
         let mut count: guint = 0;
         let function = self.aravis.arv_device_dup_available_enumeration_feature_values_as_strings;
@@ -170,17 +184,17 @@ impl Device {
         }
         // SAFETY: the library allocated a list of `count` terminated strings, of which only the list is ours.
         unsafe {
-            let words = (0..count as usize).filter_map(|index| text(*list.add(index))).collect();
+            let entries = (0..count as usize).filter_map(|index| text(*list.add(index))).collect();
             free(self.aravis, list);
-            Ok(words)
+            Ok(entries)
         }
     }
 
-    /// Exponent of its tone curve, where it has one in use and grey levels are not light.
+    /// Returns the gamma exponent, if one is active and differs from 1.
     pub fn gamma(&self) -> Option<f64> {
         let is_on = !self.has("GammaEnable") || self.boolean("GammaEnable").unwrap_or(true);
         let gamma = self.has("Gamma").then(|| self.float("Gamma").ok()).flatten()?;
-        (is_on && gamma > 0.0 && (gamma - 1.0).abs() > STRAIGHT).then_some(gamma)
+        (is_on && gamma > 0.0 && (gamma - 1.0).abs() > GAMMA_TOLERANCE).then_some(gamma)
     }
 
     /// Executes a command.
@@ -188,19 +202,20 @@ impl Device {
         self.read(name, self.aravis.arv_device_execute_command)
     }
 
-    /// Whether the camera has this feature and offers it now.
+    /// Whether the camera has this feature and it is available now.
     pub fn has(&self, name: &str) -> bool {
         self.read(name, self.aravis.arv_device_is_feature_available).is_ok_and(|available| available != 0)
     }
 
-    /// The node of this name in the camera's description, null when there is none; it lives as long as the device.
+    /// Returns the node of this name in the camera's description, null if there is none. It lives as long as the
+    /// device.
     pub(super) fn node(&self, name: &str) -> *mut ArvGcNode {
         let Ok(name) = c_text(name) else { return ptr::null_mut() };
         // SAFETY: an open device and a terminated name.
         unsafe { self.aravis.arv_device_get_feature(self.as_ptr(), name.as_ptr()) }
     }
 
-    /// What a feature holds; nothing when the camera does not have it.
+    /// Returns the type of a feature; `None` if the camera does not have it.
     pub fn kind(&self, name: &str) -> Option<Kind> {
         self.kind_of(self.node(name))
     }
@@ -210,7 +225,7 @@ impl Device {
             return None;
         }
         let aravis = self.aravis;
-        // Order matters: an enumeration is an integer too.
+        // The order matters: an enumeration is an integer too.
         let kinds: [(Kind, unsafe extern "C" fn() -> GType); 7] = [
             (Kind::Enumeration, aravis.arv_gc_enumeration_get_type),
             (Kind::Boolean, aravis.arv_gc_boolean_get_type),
@@ -220,14 +235,14 @@ impl Device {
             (Kind::Float, aravis.arv_gc_float_get_type),
             (Kind::Text, aravis.arv_gc_string_get_type),
         ];
-        // SAFETY: `node` is an object of the library; the type functions take nothing.
+        // SAFETY: `node` is an object of the library; the type functions take no arguments.
         kinds
             .into_iter()
             .find(|(_, of)| unsafe { aravis.g_type_check_instance_is_a(node.cast(), of()) } != 0)
             .map(|(kind, _)| kind)
     }
 
-    /// Whether another setting keeps this feature from being set now.
+    /// Whether another setting locks this feature.
     pub fn is_locked(&self, name: &str) -> bool {
         let node = self.node(name);
         // SAFETY: nodes found by name are feature nodes.
@@ -235,7 +250,7 @@ impl Device {
         !node.is_null() && checked(self.aravis, locked).is_ok_and(|locked| locked != 0)
     }
 
-    /// Whether a feature may be read and written now; nothing when the camera does not have it.
+    /// Returns the present access to a feature; `None` if the camera does not have it.
     pub fn access(&self, name: &str) -> Option<Access> {
         let node = self.node(name);
         if node.is_null() {
@@ -252,28 +267,28 @@ impl Device {
 }
 
 impl Device {
-    /// Raises the flag when the camera goes away or another program takes it over.
-    pub(super) fn watch(&self, lost: &Arc<AtomicBool>) {
+    /// Raises the flag when the connection is lost or another program takes control.
+    pub(super) fn watch_connection(&self, lost: &Arc<AtomicBool>) {
         let data = Arc::into_raw(Arc::clone(lost)).cast_mut().cast();
-        // SAFETY: the handler's true type is that of the signal, (device, data); the library keeps the data until it
-        // calls `forget_flag`, which it does once, when the device goes.
+        // SAFETY: the handler's true type is that of the signal, (device, data). The library keeps the data
+        // until it calls `release_flag`, which it does once, on destroying the device.
         unsafe {
             let handler: unsafe extern "C" fn(*mut ArvDevice, gpointer) = raise_flag;
             let handler =
                 std::mem::transmute::<unsafe extern "C" fn(*mut ArvDevice, gpointer), unsafe extern "C" fn()>(handler);
             let (device, signal) = (self.as_ptr().cast(), c"control-lost".as_ptr());
-            self.aravis.g_signal_connect_data(device, signal, Some(handler), data, Some(forget_flag), 0);
+            self.aravis.g_signal_connect_data(device, signal, Some(handler), data, Some(release_flag), 0);
         }
     }
 }
 
 /// Called by the library on its own thread.
 unsafe extern "C" fn raise_flag(_device: *mut ArvDevice, data: gpointer) {
-    // SAFETY: `watch` handed this in, and the library has not called `forget_flag` yet.
+    // SAFETY: `watch_connection` passed this pointer, and the library has not called `release_flag` yet.
     unsafe { &*data.cast::<AtomicBool>() }.store(true, Ordering::Release);
 }
 
-unsafe extern "C" fn forget_flag(data: gpointer, _closure: *mut GClosure) {
-    // SAFETY: the one reference that `watch` turned into a pointer.
+unsafe extern "C" fn release_flag(data: gpointer, _closure: *mut GClosure) {
+    // SAFETY: the one reference that `watch_connection` turned into a pointer.
     drop(unsafe { Arc::from_raw(data.cast::<AtomicBool>().cast_const()) });
 }

@@ -1,17 +1,24 @@
-//! One feature set to one value: type and range checked before, read back after.
+//! Writing one feature: type and range are checked before, and the value is read back.
 
 use super::device::{Access, Device, Kind};
 use crate::camera::CameraError;
-use crate::camera::setting::{check_whole, setting, whole_range};
+use crate::camera::setting::{check_integer, setting_error};
 use crate::config::FeatureValue;
 
-/// Cameras round what they cannot keep: a read-back this near, relative, is what was set.
-const ROUNDING: f64 = 0.01;
+/// Maximum relative difference between a value and its read-back: cameras round to their own resolution.
+const MAX_ROUNDING: f64 = 0.01;
 
-/// Which feature: `Name`, or `Name[Selector=Word]` for one of several behind a selector.
+/// A feature key: `Name`, or `Name[Selector=Entry]` for one of several features behind a selector.
 struct Key<'a> {
     name: &'a str,
-    selector: Option<(&'a str, &'a str)>,
+    selector: Option<Selector<'a>>,
+}
+
+/// A selector feature and the entry that it is set to.
+#[derive(Clone, Copy)]
+pub(super) struct Selector<'a> {
+    pub(super) name: &'a str,
+    pub(super) entry: &'a str,
 }
 
 impl<'a> Key<'a> {
@@ -19,27 +26,29 @@ impl<'a> Key<'a> {
         let Some((name, rest)) = key.split_once('[') else { return Ok(Self { name: key, selector: None }) };
         let selector = rest.strip_suffix(']').and_then(|inner| inner.split_once('='));
         match selector {
-            Some(selector) if !name.is_empty() => Ok(Self { name, selector: Some(selector) }),
+            Some((selector, entry)) if !name.is_empty() => {
+                Ok(Self { name, selector: Some(Selector { name: selector, entry }) })
+            }
             _ => Err("write it Name or Name[Selector=Word]".into()),
         }
     }
 
-    /// Does something with the selector turned to this key's feature, and turns it back.
+    /// Runs `act` with the selector set to this key's entry, and restores the selector.
     fn selected<R>(&self, device: &Device, act: impl FnOnce() -> Result<R, String>) -> Result<R, String> {
-        let Some((selector, word)) = self.selector else { return act() };
+        let Some(Selector { name: selector, entry }) = self.selector else { return act() };
         match device.kind(selector) {
             Some(Kind::Enumeration) => {
                 let before = device.text(selector)?;
-                device.set_enumeration(selector, word)?;
+                device.set_enumeration(selector, entry)?;
                 act().and_then(|result| device.set_text(selector, &before).map(|()| result))
             }
             Some(Kind::Integer) => {
                 let before = device.integer(selector)?;
-                let value = word.parse().map_err(|_| format!("the selector {selector} is an integer"))?;
-                device.set_whole(selector, value)?;
+                let value = entry.parse().map_err(|_| format!("the selector {selector} is an integer"))?;
+                device.set_checked_integer(selector, value)?;
                 act().and_then(|result| device.set_integer(selector, before).map(|()| result))
             }
-            Some(kind) => Err(format!("the selector {selector} is of type {}", kind.word())),
+            Some(kind) => Err(format!("the selector {selector} is of type {}", kind.as_str())),
             None => Err(format!("the camera has no selector {selector}")),
         }
     }
@@ -50,33 +59,32 @@ impl Device {
     ///
     /// # Errors
     ///
-    /// [`CameraError::Setting`] when the camera has no such feature, it is of another
-    /// type, not to be written now, the value is outside its range, or the camera
-    /// keeps another value.
+    /// [`CameraError::Setting`] if the camera has no such feature, it has another type, it is not writable now, the
+    /// value is outside its range, or the camera keeps another value.
     pub fn set_feature(&self, key: &str, value: &FeatureValue) -> Result<(), CameraError> {
         let set = || {
             let key = Key::parse(key)?;
             key.selected(self, || self.set_and_verify(key.name, value))
         };
-        set().map_err(|reason| setting(key, value, reason))
+        set().map_err(|reason| setting_error(key, value, reason))
     }
 
-    /// Checks that a feature still has the value it was set to.
+    /// Checks that a feature still has the value it was set to, since another setting may have changed it.
     ///
     /// # Errors
     ///
-    /// [`CameraError::Setting`] when another setting changed it.
+    /// [`CameraError::Setting`] if it has another value.
     pub fn verify_feature(&self, key: &str, value: &FeatureValue) -> Result<(), CameraError> {
         let verify = || {
             let key = Key::parse(key)?;
             key.selected(self, || self.verify(key.name, value))
         };
-        verify().map_err(|reason| setting(key, value, reason))
+        verify().map_err(|reason| setting_error(key, value, reason))
     }
 
-    /// The value that a boolean has while its selector is turned to this word.
-    pub(super) fn boolean_of(&self, name: &str, selector: &str, word: &str) -> Result<bool, String> {
-        Key { name, selector: Some((selector, word)) }.selected(self, || self.boolean(name))
+    /// Returns the value of a boolean behind a selector.
+    pub(super) fn selected_boolean(&self, name: &str, selector: Selector<'_>) -> Result<bool, String> {
+        Key { name, selector: Some(selector) }.selected(self, || self.boolean(name))
     }
 
     fn set_and_verify(&self, name: &str, value: &FeatureValue) -> Result<(), String> {
@@ -94,52 +102,45 @@ impl Device {
             (Kind::Boolean, FeatureValue::Bool(value)) => self.set_boolean(name, *value)?,
             (Kind::Command, FeatureValue::Bool(true)) => return self.execute(name),
             (Kind::Command, FeatureValue::Text(word)) if word == "execute" => return self.execute(name),
-            (Kind::Integer, FeatureValue::Integer(value)) => self.set_whole(name, *value)?,
-            (Kind::Float, FeatureValue::Float(value)) => self.set_real(name, *value)?,
-            (Kind::Float, FeatureValue::Integer(value)) => self.set_real(name, *value as f64)?,
+            (Kind::Integer, FeatureValue::Integer(value)) => self.set_checked_integer(name, *value)?,
+            (Kind::Float, FeatureValue::Float(value)) => self.set_checked_float(name, *value)?,
+            (Kind::Float, FeatureValue::Integer(value)) => self.set_checked_float(name, *value as f64)?,
             (Kind::Enumeration, FeatureValue::Text(value)) => self.set_enumeration(name, value)?,
             (Kind::Text, FeatureValue::Text(value)) => self.set_text(name, value)?,
             (Kind::Command, _) => return Err("it is a command: true executes it".into()),
             (kind, _) => {
                 let allowed = self.allowed(name, kind);
                 let allowed = if allowed.is_empty() { allowed } else { format!(", allowed {allowed}") };
-                return Err(format!("it is of type {}{allowed}", kind.word()));
+                return Err(format!("it is of type {}{allowed}", kind.as_str()));
             }
         }
         self.verify(name, value)
     }
 
-    /// What a feature can be set to, for a person; empty where there is no range.
+    /// Returns the allowed values of a feature as text; empty if there is no range.
     pub(super) fn allowed(&self, name: &str, kind: Kind) -> String {
         let range = match kind {
-            Kind::Enumeration => self.words(name).map(|words| words.join(", ")),
-            Kind::Integer => {
-                self.integer_range(name).map(|(least, most, step)| whole_range(least, most, step.unsigned_abs()))
-            }
-            Kind::Float => self.float_range(name).map(|(least, most)| format!("{least} to {most}")),
+            Kind::Enumeration => self.enum_entries(name).map(|entries| entries.join(", ")),
+            Kind::Integer => self.integer_range(name).map(|range| range.to_string()),
+            Kind::Float => self.float_range(name).map(|range| range.to_string()),
             _ => Ok(String::new()),
         };
         range.unwrap_or_default()
     }
 
-    fn set_whole(&self, name: &str, value: i64) -> Result<(), String> {
-        let (least, most, step) = self.integer_range(name)?;
-        check_whole(value, least, most, step.unsigned_abs())?;
+    fn set_checked_integer(&self, name: &str, value: i64) -> Result<(), String> {
+        check_integer(value, self.integer_range(name)?)?;
         self.set_integer(name, value)
     }
 
-    fn set_real(&self, name: &str, value: f64) -> Result<(), String> {
-        let (least, most) = self.float_range(name)?;
-        check_real(value, least, most)?;
+    fn set_checked_float(&self, name: &str, value: f64) -> Result<(), String> {
+        self.float_range(name)?.check(value)?;
         self.set_float(name, value)
     }
 
-    fn set_enumeration(&self, name: &str, word: &str) -> Result<(), String> {
-        let words = self.words(name)?;
-        if !words.iter().any(|known| known == word) {
-            return Err(format!("allowed {}", words.join(", ")));
-        }
-        self.set_text(name, word)
+    fn set_enumeration(&self, name: &str, entry: &str) -> Result<(), String> {
+        check_entry(entry, &self.enum_entries(name)?)?;
+        self.set_text(name, entry)
     }
 
     fn verify(&self, name: &str, wanted: &FeatureValue) -> Result<(), String> {
@@ -164,16 +165,12 @@ impl Device {
     }
 }
 
-/// Whether a camera's read-back is what was asked for, rounded to what it can keep.
+/// Whether a value that was read back equals the requested one, up to the camera's rounding.
 pub(super) fn is_near(wanted: f64, kept: f64) -> bool {
-    (wanted - kept).abs() <= ROUNDING * wanted.abs().max(f64::MIN_POSITIVE)
+    (wanted - kept).abs() <= MAX_ROUNDING * wanted.abs().max(f64::MIN_POSITIVE)
 }
 
-/// Refuses a number outside a range that was computed with rounding.
-pub(super) fn check_real(value: f64, least: f64, most: f64) -> Result<(), String> {
-    let slack = 1e-9 * least.abs().max(most.abs());
-    if value.is_finite() && value >= least - slack && value <= most + slack {
-        return Ok(());
-    }
-    Err(format!("allowed {least} to {most}"))
+/// Checks that an enumeration has this entry.
+pub(super) fn check_entry(entry: &str, entries: &[String]) -> Result<(), String> {
+    if entries.iter().any(|known| known == entry) { Ok(()) } else { Err(format!("allowed {}", entries.join(", "))) }
 }

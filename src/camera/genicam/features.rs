@@ -1,22 +1,23 @@
-//! What a camera offers: its formats and rates, and the tree of all its features.
+//! Descriptions of a camera: its formats and rates, and the tree of all its features.
 
 use super::device::{Access, Device, Kind};
 use super::find::CameraListing;
 use super::handle::text;
 use crate::camera::CameraError;
+use crate::camera::setting::FloatRange;
 use std::collections::BTreeSet;
 use std::ffi::c_char;
 
-/// What one camera can deliver.
+/// The formats, rates and triggers of a camera.
 #[derive(Debug, Clone, PartialEq)]
 pub struct CameraDetails {
-    /// Greatest width and height, pixels.
+    /// Maximum width and height, px.
     pub size_px: (i64, i64),
-    /// Names of its pixel formats.
+    /// Names of the pixel formats.
     pub formats: Vec<String>,
-    /// Lowest and highest frame rate at its present settings, if it has any.
-    pub rate_hz: Option<(f64, f64)>,
-    /// What can trigger it.
+    /// Minimum and maximum frame rate at the present settings, Hz, if the camera has any.
+    pub rate_hz: Option<FloatRange>,
+    /// Trigger sources.
     pub triggers: Vec<String>,
     /// Whether another program controls it.
     pub taken: bool,
@@ -25,56 +26,56 @@ pub struct CameraDetails {
 /// One feature of a camera, or a category of them.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct FeatureLine {
-    /// How deep in the tree; the categories at the top have 0.
+    /// Depth in the tree; the top categories have depth 0.
     pub depth: usize,
-    /// GenICam name, as `features` of a configuration wants it.
+    /// GenICam name, as used under `features` in the configuration.
     pub name: String,
-    /// What it holds.
+    /// Type.
     pub kind: Kind,
-    /// Its value now; none for what cannot be read.
+    /// Present value; `None` if it cannot be read.
     pub value: Option<String>,
-    /// What it can be set to, for a person; empty where there is no range.
+    /// Allowed values as text; empty if there is no range.
     pub allowed: String,
-    /// Its unit; empty when it has none.
+    /// Unit; empty if it has none.
     pub unit: String,
-    /// Whether it can be set now.
+    /// Whether it can be written now.
     pub writable: bool,
 }
 
-/// Deepest level of the tree that is followed: descriptions are made by others and may run in circles.
+/// Maximum depth of the tree: descriptions come from vendors and may contain cycles.
 const MAX_DEPTH: usize = 12;
 
-/// Opens a camera for a moment and asks what it can deliver.
+/// Opens a camera for a moment and reads its capabilities.
 ///
 /// # Errors
 ///
-/// [`CameraError::NotFound`] when it does not answer.
+/// [`CameraError::NotFound`] if it does not answer.
 pub fn describe(camera: &CameraListing) -> Result<CameraDetails, CameraError> {
-    let device = Device::open_to_read(if camera.address.contains('.') { &camera.address } else { &camera.id })?;
-    let most = |names: [&str; 2]| {
+    let device = Device::open_read_only(if camera.address.contains('.') { &camera.address } else { &camera.id })?;
+    let first_of = |names: [&str; 2]| {
         names.into_iter().filter(|name| device.has(name)).find_map(|name| device.integer(name).ok()).unwrap_or(0)
     };
     let rate_hz = device
-        .ask(device.aravis.arv_camera_is_frame_rate_available)
+        .call(device.aravis.arv_camera_is_frame_rate_available)
         .is_ok_and(|available| available != 0)
         .then(|| device.rate_range_hz().ok())
         .flatten();
     Ok(CameraDetails {
-        size_px: (most(["SensorWidth", "WidthMax"]), most(["SensorHeight", "HeightMax"])),
-        formats: device.words("PixelFormat").unwrap_or_default(),
+        size_px: (first_of(["SensorWidth", "WidthMax"]), first_of(["SensorHeight", "HeightMax"])),
+        formats: device.enum_entries("PixelFormat").unwrap_or_default(),
         rate_hz,
-        triggers: device.words("TriggerSource").unwrap_or_default(),
+        triggers: device.enum_entries("TriggerSource").unwrap_or_default(),
         taken: device.is_gige() && !device.is_controlled(),
     })
 }
 
-/// Every feature of a camera in the order of its description.
+/// Returns every feature of a camera in the order of its description.
 ///
 /// # Errors
 ///
-/// [`CameraError::NotFound`] when it does not answer.
+/// [`CameraError::NotFound`] if it does not answer.
 pub fn features(id: &str) -> Result<Vec<FeatureLine>, CameraError> {
-    let device = Device::open_to_read(id)?;
+    let device = Device::open_read_only(id)?;
     let mut lines = Vec::new();
     let mut seen = BTreeSet::new();
     device.collect("Root", 0, &mut seen, &mut lines);
@@ -82,7 +83,7 @@ pub fn features(id: &str) -> Result<Vec<FeatureLine>, CameraError> {
 }
 
 impl Device {
-    /// Adds what is below a category, each feature once.
+    /// Adds everything below a category, each feature once.
     fn collect(&self, category: &str, depth: usize, seen: &mut BTreeSet<String>, lines: &mut Vec<FeatureLine>) {
         if depth > MAX_DEPTH || !seen.insert(category.to_owned()) {
             return;
@@ -120,7 +121,7 @@ impl Device {
         FeatureLine { depth, unit: self.unit(&name, kind), kind, value, allowed, writable, name }
     }
 
-    /// Names of what is in a category.
+    /// Returns the names of the features in a category.
     fn members(&self, category: &str) -> Vec<String> {
         let node = self.node(category);
         if self.kind_of(node) != Some(Kind::Category) {
@@ -140,7 +141,7 @@ impl Device {
 
     fn unit(&self, name: &str, kind: Kind) -> String {
         let node = self.node(name);
-        // SAFETY: the node is of the kind that the function wants; it answers null or a terminated string.
+        // SAFETY: the node is of the type that the function takes; it returns null or a terminated string.
         let unit = unsafe {
             match kind {
                 Kind::Integer => text(self.aravis.arv_gc_integer_get_unit(node.cast())),

@@ -1,17 +1,17 @@
-//! Owners of what the C library hands out, and its errors and strings as ours.
+//! Owners of the C library's objects, and conversion of its errors and strings.
 
 use super::sys::{Aravis, GError, gpointer};
 use std::ffi::{CStr, CString, c_char};
 use std::ptr::{self, NonNull};
 
-/// One counted reference to an object of the library, given back on drop.
+/// One counted reference to an object of the library, released on drop.
 #[derive(Debug)]
 pub struct Object<T> {
     aravis: Library,
     pointer: NonNull<T>,
 }
 
-/// The opened library, without the thousand function pointers in its debug print.
+/// The loaded library, without its function pointers in debug output.
 #[derive(Clone, Copy)]
 pub struct Library(pub &'static Aravis);
 
@@ -29,11 +29,12 @@ impl std::ops::Deref for Library {
     }
 }
 
-// SAFETY: reference counts are atomic, and cameras and streams of Aravis lock themselves; neither is tied to a thread.
+// SAFETY: reference counts are atomic, and cameras and streams of Aravis lock themselves; neither is bound to a
+// thread.
 unsafe impl<T> Send for Object<T> {}
 
 impl<T> Object<T> {
-    /// Takes over one reference; nothing for a null pointer.
+    /// Takes over one reference; returns `None` for a null pointer.
     ///
     /// # Safety
     ///
@@ -42,7 +43,7 @@ impl<T> Object<T> {
         Some(Self { aravis, pointer: NonNull::new(pointer)? })
     }
 
-    /// The object, to call the library with; valid while this owner lives.
+    /// Returns the object for calls of the library; valid while this owner lives.
     pub fn as_ptr(&self) -> *mut T {
         self.pointer.as_ptr()
     }
@@ -50,12 +51,12 @@ impl<T> Object<T> {
 
 impl<T> Drop for Object<T> {
     fn drop(&mut self) {
-        // SAFETY: `owned` took over a reference that nobody else gives back.
+        // SAFETY: `owned` took over a reference that nobody else releases.
         unsafe { self.aravis.g_object_unref(self.pointer.as_ptr().cast()) }
     }
 }
 
-/// Makes a call that reports through a GError and returns the library's words when it did.
+/// Makes a call that reports errors through a GError, and returns the library's message as the error.
 pub fn checked<R>(aravis: Library, call: impl FnOnce(*mut *mut GError) -> R) -> Result<R, String> {
     let mut error: *mut GError = ptr::null_mut();
     let result = call(&raw mut error);
@@ -70,7 +71,7 @@ pub fn checked<R>(aravis: Library, call: impl FnOnce(*mut *mut GError) -> R) -> 
     }
 }
 
-/// A copy of a string that the library keeps; nothing for a null pointer.
+/// Copies a string that the library owns; returns `None` for a null pointer.
 ///
 /// # Safety
 ///
@@ -79,17 +80,17 @@ pub unsafe fn text(string: *const c_char) -> Option<String> {
     if string.is_null() {
         return None;
     }
-    // SAFETY: the caller promised a terminated string.
+    // SAFETY: the caller guarantees a terminated string.
     Some(unsafe { CStr::from_ptr(string) }.to_string_lossy().into_owned())
 }
 
-/// A string for the library.
+/// Converts a string for the library.
 ///
 /// # Errors
 ///
-/// When it holds a zero byte.
+/// If it contains a zero byte.
 pub fn c_text(string: &str) -> Result<CString, String> {
-    CString::new(string).map_err(|_| format!("{string:?} holds a zero byte"))
+    CString::new(string).map_err(|_| format!("{string:?} contains a zero byte"))
 }
 
 /// Frees memory that the library allocated.
@@ -98,6 +99,6 @@ pub fn c_text(string: &str) -> Result<CString, String> {
 ///
 /// `memory` is null or was allocated by GLib and is not used any more.
 pub unsafe fn free<T>(aravis: Library, memory: *mut T) {
-    // SAFETY: promised by the caller.
+    // SAFETY: guaranteed by the caller.
     unsafe { aravis.g_free(memory.cast::<std::ffi::c_void>() as gpointer) }
 }

@@ -1,4 +1,4 @@
-//! GenICam cameras (GigE Vision and USB3 Vision) through Aravis, opened at run time.
+//! GenICam cameras (GigE Vision and USB3 Vision) through Aravis, which is loaded at run time.
 #![expect(unsafe_code, reason = "the camera library is a C library")]
 
 mod apply;
@@ -37,67 +37,65 @@ pub use library::library;
 pub use settings::GenicamSettings;
 pub use stream::StreamStatistics;
 
-use crate::camera::setting::{setting, slots_at};
+use crate::camera::setting::{setting_error, slot_count};
 use crate::camera::{Camera, CameraError, CameraIdentity, Next, Pace, Slot, StreamFormat};
 use crate::image::FrameMeta;
-use chunks::{Chunks, Told};
+use chunks::{ChunkValues, Chunks};
 use clock::DeviceClock;
 use sequence::FrameIds;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
-use stream::{Arrival, Sizes, Stream};
+use stream::{ReceivedBuffer, Sizes, Stream};
 
-/// Slots held at least and at most.
+/// Minimum and maximum number of slots.
 const MIN_SLOTS: usize = 16;
 const MAX_SLOTS: usize = 256;
 
-/// After this many whole frames in a row that come before those seen, the camera has begun anew.
+/// Number of consecutive complete frames older than the newest after which the camera has restarted its count.
 const MAX_STALE: u32 = 16;
 
-/// A frame's time cannot leap ahead of the time that passed here by more: slow cameras, whose frames may have waited
-/// for their taker, have less than one frame in it.
-const MAX_LEAP: Duration = Duration::from_secs(10);
+/// Maximum lead of the device time over the host time between two frames. Slow cameras, whose frames may have waited
+/// for their consumer, have less than one frame within it.
+const MAX_TIME_JUMP: Duration = Duration::from_secs(10);
 
-/// Longest wait between two looks at whether the camera is still there.
-const LOOK: Duration = Duration::from_millis(100);
+/// Interval of checking that the camera is still connected.
+const CHECK_PERIOD: Duration = Duration::from_millis(100);
 
 /// A GenICam camera.
 ///
-/// Slots given to [`queue`](Camera::queue) are written to by the library's own
-/// thread: whoever owns their memory must drop the camera first. Dropping it stops
-/// the camera, joins that thread and only then lets go of the slots.
+/// The library's own thread writes to slots given to [`queue`](Camera::queue), so the owner of their memory must drop
+/// the camera first. Dropping it stops the camera, joins that thread and only then releases the slots.
 ///
-/// Sequences start at 0 with the first frame seen, whole or torn, and keep every
-/// gap of the camera's own frame ids. A frame lost without a trace before that is
-/// not counted. A torn frame is a gap too: count one or the other.
+/// Sequence numbers start at 0 with the first frame received, complete or not, and keep every gap of the camera's frame
+/// ids. A frame lost without a trace before that is not counted. An incomplete frame is a gap too: count one or the
+/// other.
 ///
-/// A camera set to send `ChunkTimestamp` or `ChunkFrameID` behind each picture has its
-/// frames timed and counted by them instead of by what the network's protocol tells.
+/// If the camera sends `ChunkTimestamp` or `ChunkFrameID` behind each image, they replace the timestamp and frame id of
+/// the network protocol.
 ///
-/// `stamp_ns` is the camera's own clock mapped to the host's (see `clock.rs`); how
-/// a camera's stamp relates to the exposure's start is the camera's business,
-/// usually it is that start. `epoch` is 0: whoever opens cameras anew counts it.
+/// `stamp_ns` is the camera's clock converted to host time (see `clock.rs`). Its relation to the exposure depends on
+/// the camera; usually it is the start of the exposure. `epoch` is 0: whoever reopens cameras counts it.
 #[derive(Debug)]
 pub struct GenicamCamera {
-    // Order of drop: the stream goes before the device it came from.
+    // Drop order: the stream goes before the device it came from.
     stream: Stream,
     device: Device,
     id: String,
     format: StreamFormat,
     identity: CameraIdentity,
     ids: FrameIds,
-    /// Whole frames without a place, in a row.
+    /// Number of consecutive complete frames without a valid sequence number or time.
     stale: u32,
     last: Option<Accepted>,
     clock: DeviceClock,
-    /// When the frame given last was whole; nothing when that was as it was taken.
+    /// When the last returned frame was completed; `None` if just then.
     completed: Option<Instant>,
     lost: Arc<AtomicBool>,
     started: bool,
 }
 
-/// When the last whole frame was taken, by its own clock and by that of this computer.
+/// The times of the last accepted frame, by the device clock and by the host clock.
 #[derive(Debug, Clone, Copy)]
 struct Accepted {
     device_ns: u64,
@@ -106,17 +104,17 @@ struct Accepted {
 }
 
 impl Accepted {
-    /// Refuses a time of the next frame that cannot be.
+    /// Checks that the device time of the next frame is plausible.
     fn check(&self, device_ns: u64, now: Instant) -> Result<(), String> {
         if device_ns == 0 && self.device_ns != 0 {
-            return Err("it has no time, unlike the one before".into());
+            return Err("it has no timestamp, unlike the previous one".into());
         }
         let later = Duration::from_nanos(device_ns.saturating_sub(self.device_ns));
         let waited = now.saturating_duration_since(self.at);
-        if self.device_ns != 0 && later > waited + MAX_LEAP {
+        if self.device_ns != 0 && later > waited + MAX_TIME_JUMP {
             let (later, waited) = (later.as_secs_f64(), waited.as_secs_f64());
             return Err(format!(
-                "its time is {later:.1} s later than that of the one before, which came {waited:.1} s ago"
+                "its timestamp is {later:.1} s later than that of the previous frame, which arrived {waited:.1} s ago"
             ));
         }
         Ok(())
@@ -124,21 +122,21 @@ impl Accepted {
 }
 
 impl GenicamCamera {
-    /// Opens a camera and sets it up; nothing streams before [`start`](Camera::start).
+    /// Opens a camera and applies its settings; nothing streams before [`start`](Camera::start).
     ///
     /// # Errors
     ///
-    /// [`CameraError::LibraryMissing`], [`CameraError::NotFound`], or
-    /// [`CameraError::Setting`] with the feature, the value and the allowed range.
+    /// [`CameraError::LibraryMissing`], [`CameraError::NotFound`], or [`CameraError::Setting`] with the feature, the
+    /// value and the allowed range.
     pub fn open(settings: &GenicamSettings) -> Result<Self, CameraError> {
         let device = Device::open(&settings.id)?;
         let format = apply::apply(&device, settings)?;
         let lost = Arc::new(AtomicBool::new(false));
-        device.watch(&lost);
+        device.watch_connection(&lost);
         let not_found = |reason: String| CameraError::NotFound { id: settings.id.clone(), reason };
-        let chunks = Chunks::of(&device).map_err(not_found)?;
+        let chunks = Chunks::of_device(&device).map_err(not_found)?;
         if let Some(chunks) = &chunks {
-            log::info!("the camera {}", chunks.words());
+            log::info!("the camera {}", chunks.description());
         }
         let image_bytes = format.slot_bytes();
         let payload_bytes = apply::payload_bytes(&device, &format, chunks.is_some())?;
@@ -159,100 +157,93 @@ impl GenicamCamera {
         })
     }
 
-    /// Makes the camera take one frame, when its trigger source is `Software`.
+    /// Triggers one frame, if the camera's trigger source is `Software`.
     ///
     /// # Errors
     ///
-    /// [`CameraError::Setting`] when it has no software trigger.
+    /// [`CameraError::Setting`] if it has no software trigger.
     pub fn software_trigger(&self) -> Result<(), CameraError> {
         self.device
-            .ask(self.device.aravis.arv_camera_software_trigger)
-            .map_err(|reason| setting("TriggerSoftware", "execute", reason))
+            .call(self.device.aravis.arv_camera_software_trigger)
+            .map_err(|reason| setting_error("TriggerSoftware", "execute", reason))
     }
 
-    /// The open device, to read features from.
+    /// Returns the open device, to read features from.
     pub fn device(&self) -> &Device {
         &self.device
     }
 
-    /// Counts of frames and packets since the camera was opened.
+    /// Returns the counts of frames and packets since the camera was opened.
     pub fn statistics(&self) -> StreamStatistics {
         self.stream.statistics()
     }
 
-    fn vanished(&self, reason: impl Into<String>) -> CameraError {
-        CameraError::Vanished { id: self.id.clone(), reason: reason.into() }
+    fn lost(&self, reason: impl Into<String>) -> CameraError {
+        CameraError::Lost { id: self.id.clone(), reason: reason.into() }
     }
 
-    /// A frame out of the stream, accepted only when it is what the camera was set to.
-    fn judge(&mut self, arrival: Arrival, now: Instant) -> Result<Next, CameraError> {
-        let told = match self.check(&arrival) {
-            Ok(told) => told,
+    /// Validates a buffer out of the stream. A frame must match the camera's settings and come after the previous
+    /// one.
+    fn validate(&mut self, received: ReceivedBuffer, now: Instant) -> Result<Next, CameraError> {
+        let id = received.id;
+        let values = match self.check_content(&received) {
+            Ok(values) => values,
             Err(reason) => {
-                self.ids.torn(arrival.id);
-                return Ok(Next::Torn(arrival.slot, format!("frame id {}: {reason}", arrival.id)));
+                self.ids.add_incomplete(id);
+                return Ok(Next::Incomplete(received.slot, format!("frame id {id}: {reason}")));
             }
         };
-        match self.place(&arrival, told, now) {
+        match self.meta(&received, values, now) {
             Ok(meta) => {
                 self.stale = 0;
-                Ok(Next::Frame(arrival.slot, meta))
+                Ok(Next::Frame(received.slot, meta))
             }
-            Err(_) if self.stale == MAX_STALE => Err(self.vanished("it counts its frames or its time anew")),
+            Err(_) if self.stale == MAX_STALE => Err(self.lost("it restarted its frame count or its clock")),
             Err(reason) => {
                 self.stale += 1;
-                Ok(Next::Torn(arrival.slot, format!("frame id {}: {reason}", arrival.id)))
+                Ok(Next::Incomplete(received.slot, format!("frame id {id}: {reason}")))
             }
         }
     }
 
-    /// A whole frame's place in the sequence and in time.
-    fn place(&mut self, arrival: &Arrival, told: Told, now: Instant) -> Result<FrameMeta, String> {
-        let sequence = self.ids.whole(arrival.id, told.frame_id)?;
+    /// Returns the metadata of a complete frame: its sequence number and time.
+    fn meta(&mut self, received: &ReceivedBuffer, values: ChunkValues, now: Instant) -> Result<FrameMeta, String> {
+        let sequence = self.ids.add_complete(received.id, values.frame_id)?;
         if sequence == 0 {
-            log::info!("the first frame has id {}; most cameras begin with 1", arrival.id);
+            log::info!("the first frame has id {}; most cameras begin with 1", received.id);
         }
-        let device_ns = told.stamp_ns.unwrap_or(arrival.device_ns);
+        let device_ns = values.stamp_ns.unwrap_or(received.device_ns);
         if let Some(last) = &self.last {
             last.check(device_ns, now)?;
         }
-        let stamp_ns = self.clock.stamp_ns(device_ns, arrival.arrival_ns);
+        let stamp_ns = self.clock.stamp_ns(device_ns, received.arrival_ns);
         if self.last.is_some_and(|last| stamp_ns <= last.stamp_ns) {
-            return Err("its time is not later than that of the one before".into());
+            return Err("its timestamp is not later than that of the previous frame".into());
         }
         self.last = Some(Accepted { device_ns, stamp_ns, at: now });
-        Ok(FrameMeta {
-            sequence,
-            epoch: 0,
-            stamp_ns,
-            device_ns,
-            width_px: self.format.width_px,
-            height_px: self.format.height_px,
-            stride_bytes: self.format.width_px * self.format.format.bytes_per_pixel() as u32,
-            format: self.format.format,
-        })
+        Ok(self.format.meta(sequence, stamp_ns, device_ns))
     }
 
-    /// What a frame tells of itself behind its pixels, when it is whole and as the camera was set.
-    fn check(&self, arrival: &Arrival) -> Result<Told, String> {
-        if arrival.status != sys::ARV_BUFFER_STATUS_SUCCESS {
-            return Err(stream::cause(arrival.status).into());
+    /// Checks that a frame is complete and matches the camera's settings; returns its chunk values.
+    fn check_content(&self, received: &ReceivedBuffer) -> Result<ChunkValues, String> {
+        if received.status != sys::ARV_BUFFER_STATUS_SUCCESS {
+            return Err(stream::failure(received.status).into());
         }
-        // The library calls a frame whole when its last packet says so, even if that packet came early.
-        let wanted = self.format.slot_bytes();
-        let told = match &arrival.told {
-            Some(told) => (*told).clone()?,
-            None if arrival.received_bytes == wanted => Told::default(),
-            None => return Err(format!("{} bytes of {wanted}", arrival.received_bytes)),
+        // The library takes a frame as complete once the trailer arrives, even if that is early.
+        let expected_bytes = self.format.slot_bytes();
+        let values = match &received.chunks {
+            Some(values) => (*values).clone()?,
+            None if received.received_bytes == expected_bytes => ChunkValues::default(),
+            None => return Err(format!("{} bytes instead of {expected_bytes}", received.received_bytes)),
         };
         let set = (self.format.width_px.cast_signed(), self.format.height_px.cast_signed(), self.format.format as u32);
-        match arrival.image {
-            Some(image) if image == set => Ok(told),
+        match received.image {
+            Some(image) if image == set => Ok(values),
             Some((width, height, code)) => {
-                Err(format!("{width}x{height} pixels of format {code:#010x}, not as the camera was set"))
+                Err(format!("{width}x{height} px of format {code:#010x}, which differs from the camera's settings"))
             }
-            None if arrival.payload == sys::ARV_BUFFER_PAYLOAD_TYPE_CHUNK_DATA => Ok(told),
-            None => Err(format!("payload of type {}, not an image", arrival.payload)),
+            None if received.payload == sys::ARV_BUFFER_PAYLOAD_TYPE_CHUNK_DATA => Ok(values),
+            None => Err(format!("payload of type {}, not an image", received.payload)),
         }
     }
 }
@@ -271,7 +262,7 @@ impl Camera for GenicamCamera {
     }
 
     fn slots(&self) -> usize {
-        slots_at(self.format.frame_rate_hz, MIN_SLOTS, MAX_SLOTS)
+        slot_count(self.format.frame_rate_hz, MIN_SLOTS, MAX_SLOTS)
     }
 
     fn queue(&mut self, slot: Slot) {
@@ -279,7 +270,7 @@ impl Camera for GenicamCamera {
     }
 
     fn start(&mut self) -> Result<(), CameraError> {
-        self.device.ask(self.device.aravis.arv_camera_start_acquisition).map_err(|reason| self.vanished(reason))?;
+        self.device.call(self.device.aravis.arv_camera_start_acquisition).map_err(|reason| self.lost(reason))?;
         self.started = true;
         Ok(())
     }
@@ -289,20 +280,20 @@ impl Camera for GenicamCamera {
         let deadline = Instant::now() + timeout;
         loop {
             let left = deadline.saturating_duration_since(Instant::now());
-            if let Some(arrival) = self.stream.pop(left.min(LOOK)) {
-                self.completed = arrival.completed;
-                return self.judge(arrival, Instant::now());
+            if let Some(received) = self.stream.pop(left.min(CHECK_PERIOD)) {
+                self.completed = received.completed;
+                return self.validate(received, Instant::now());
             }
             if self.lost.load(Ordering::Acquire) {
-                return Err(self.vanished("it does not answer any more, or another program took it over"));
+                return Err(self.lost("it no longer answers, or another program took control of it"));
             }
             if left.is_zero() {
-                return Ok(Next::Nothing);
+                return Ok(Next::Timeout);
             }
         }
     }
 
-    fn waited(&self) -> Duration {
+    fn frame_age(&self) -> Duration {
         self.completed.map_or(Duration::ZERO, |completed| completed.elapsed())
     }
 }
@@ -312,8 +303,8 @@ impl Drop for GenicamCamera {
         if self.lost.load(Ordering::Acquire) && self.device.is_gige() {
             self.stream.abandon();
         } else if self.started {
-            // Nothing can be done about a camera that refuses to stop: closing it ends its stream.
-            let _ = self.device.ask(self.device.aravis.arv_camera_stop_acquisition);
+            // A camera that refuses to stop is closed next, which ends its stream.
+            let _ = self.device.call(self.device.aravis.arv_camera_stop_acquisition);
         }
     }
 }

@@ -1,9 +1,9 @@
-//! Frame ids of the wire as a count that never wraps.
+//! Conversion of frame ids, which may wrap, to a sequence number.
 
-/// Ids before GigE Vision 2 have 16 bits and never are 0.
+/// Number of ids before GigE Vision 2: they have 16 bits and are never 0.
 const SHORT_IDS: u64 = 65_535;
 
-/// How ids of one stream count.
+/// The range of a stream's ids.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Counting {
     /// 1 to 65535, then 1 again.
@@ -12,78 +12,77 @@ enum Counting {
     Long,
 }
 
-/// Ids this far ahead are no gap but nonsense.
-const FARTHEST: u64 = 1 << 32;
+/// Maximum gap in the ids; ids farther ahead are invalid.
+const MAX_GAP: u64 = 1 << 32;
 
-/// Unwraps the ids of one stream into a sequence that starts at 0 with the first id seen.
+/// Converts the ids of one stream to a sequence that starts at 0 with the first id.
 ///
-/// A gap in the ids is the same gap in the sequence, so each lost frame shows. A
-/// silence of 32768 frames or more in 16-bit ids cannot be told from a step back:
-/// the wire does not say more.
+/// A gap in the ids is the same gap in the sequence, so every lost frame shows. In 16-bit ids, a gap of 32768 frames or
+/// more cannot be distinguished from a step back.
 ///
-/// Where the camera puts a counter of its own into each frame, frames that it took
-/// and never sent show too: of the two gaps the larger counts.
+/// A frame counter in the chunk data also shows frames that the camera captured and never sent. Of the two gaps the
+/// larger counts.
 #[derive(Debug)]
 pub struct FrameIds {
     counting: Counting,
     last: Option<(u64, u64)>,
-    /// Only torn frames were seen so far: their ids may be as damaged as they are.
-    is_guess: bool,
+    /// Whether only incomplete frames were received so far, whose ids may be damaged too.
+    is_provisional: bool,
     counter: Option<u64>,
 }
 
 impl FrameIds {
-    /// For a stream whose ids may have 16 bits (GigE Vision) or always have 64 (USB3 Vision).
+    /// Starts a count for ids that may have 16 bits (GigE Vision) or always have 64 (USB3 Vision).
     pub fn new(gige: bool) -> Self {
         let counting = if gige { Counting::Short } else { Counting::Long };
-        Self { counting, last: None, is_guess: true, counter: None }
+        Self { counting, last: None, is_provisional: true, counter: None }
     }
 
-    /// Notes a frame that did not arrive whole: the sequence may begin with it, but never follows it.
-    pub fn torn(&mut self, id: u64) {
-        // 0: its first packet never came.
+    /// Notes an incomplete frame. The sequence may begin with it but never continues from it.
+    pub fn add_incomplete(&mut self, id: u64) {
+        // 0: its first packet was lost.
         if self.last.is_none() && id != 0 {
             self.last = Some((id, 0));
         }
     }
 
-    /// The place in the sequence of a whole frame with this id, and with this number of the camera's own counter.
+    /// Returns the sequence number of a complete frame with this id and this value of the camera's own counter.
     ///
     /// # Errors
     ///
-    /// Why it has none: an id that is invalid, or not later than that of the frame
-    /// before (a duplicate, or a camera that restarted its count).
-    pub fn whole(&mut self, id: u64, counter: Option<u64>) -> Result<u64, String> {
+    /// The reason why it has none: an invalid id, or one that is not later than the previous frame's (a duplicate, or a
+    /// camera that restarted its count).
+    pub fn add_complete(&mut self, id: u64, counter: Option<u64>) -> Result<u64, String> {
         if id > SHORT_IDS {
-            // A camera with extended ids starts at 1 too: only the size tells.
+            // A camera with extended ids starts at 1 too, so only a large id distinguishes them.
             self.counting = Counting::Long;
         }
         if id == 0 && self.counting == Counting::Short {
-            return Err("no valid id".into());
+            return Err("invalid id 0".into());
         }
         let ahead = self.last.map_or(Some((0, 0)), |(last, sequence)| Some((self.ahead(id, last)?, sequence)));
         let (ahead, sequence) = match ahead {
-            Some(place) => place,
-            None if self.is_guess => (0, 0),
-            None => return Err("not later than the one before".into()),
+            Some(ahead) => ahead,
+            None if self.is_provisional => (0, 0),
+            None => return Err("not later than the previous frame".into()),
         };
         let counted = self.counter.zip(counter).map(|(last, counter)| counter.checked_sub(last));
         if counted == Some(Some(0)) {
-            return Err("by the camera's own counter it is the frame before again".into());
+            return Err("its own counter repeats that of the previous frame".into());
         }
-        // A counter that goes back began anew, or is shorter than 64 bits: then the id alone counts.
-        let counted = counted.flatten().filter(|counted| *counted < FARTHEST).unwrap_or(0);
+        // A counter that steps back was reset or has less than 64 bits: then the id alone counts.
+        let counted = counted.flatten().filter(|counted| *counted < MAX_GAP).unwrap_or(0);
         let sequence = sequence + ahead.max(counted);
         self.last = Some((id, sequence));
-        self.is_guess = false;
+        self.is_provisional = false;
         self.counter = counter;
         Ok(sequence)
     }
 
-    /// Frames from one id to a later one; nothing when it is not later.
+    /// Returns the number of frames from one id to a later one; `None` if it is not later.
     fn ahead(&self, id: u64, last: u64) -> Option<u64> {
         match self.counting {
-            Counting::Long => id.checked_sub(last).filter(|ahead| (1..FARTHEST).contains(ahead)),
+            Counting::Long => id.checked_sub(last).filter(|ahead| (1..MAX_GAP).contains(ahead)),
             // The farther half of the circle is the past.
             Counting::Short => {
                 let ahead = (id + SHORT_IDS - last) % SHORT_IDS;
@@ -99,7 +98,7 @@ mod tests {
 
     fn sequence(gige: bool, ids: &[u64]) -> Vec<Option<u64>> {
         let mut frame_ids = FrameIds::new(gige);
-        ids.iter().map(|id| frame_ids.whole(*id, None).ok()).collect()
+        ids.iter().map(|id| frame_ids.add_complete(*id, None).ok()).collect()
     }
 
     #[test]
@@ -111,7 +110,7 @@ mod tests {
     fn three_laps_of_sixteen_bit_ids_are_one_unbroken_count() {
         let mut ids = FrameIds::new(true);
         for count in 0..3 * SHORT_IDS {
-            assert_eq!(ids.whole((65_400 + count) % SHORT_IDS + 1, None), Ok(count));
+            assert_eq!(ids.add_complete((65_400 + count) % SHORT_IDS + 1, None), Ok(count));
         }
     }
 
@@ -135,36 +134,36 @@ mod tests {
     #[test]
     fn a_torn_frame_may_begin_the_count_but_its_id_is_not_trusted() {
         let mut ids = FrameIds::new(true);
-        ids.torn(0);
-        ids.torn(10);
-        ids.torn(60_000);
-        assert_eq!(ids.whole(12, None), Ok(2));
-        ids.torn(30_000);
-        assert_eq!(ids.whole(13, None), Ok(3));
+        ids.add_incomplete(0);
+        ids.add_incomplete(10);
+        ids.add_incomplete(60_000);
+        assert_eq!(ids.add_complete(12, None), Ok(2));
+        ids.add_incomplete(30_000);
+        assert_eq!(ids.add_complete(13, None), Ok(3));
         let mut ids = FrameIds::new(true);
-        ids.torn(5000);
-        assert_eq!(ids.whole(1, None), Ok(0));
-        assert_eq!(ids.whole(2, None), Ok(1));
+        ids.add_incomplete(5000);
+        assert_eq!(ids.add_complete(1, None), Ok(0));
+        assert_eq!(ids.add_complete(2, None), Ok(1));
     }
 
     #[test]
     fn an_id_out_of_all_reach_has_no_place_and_spoils_none() {
         let mut ids = FrameIds::new(true);
-        assert_eq!(ids.whole(70_000, None), Ok(0));
-        assert!(ids.whole(u64::MAX, None).is_err());
-        assert_eq!(ids.whole(70_001, None), Ok(1));
+        assert_eq!(ids.add_complete(70_000, None), Ok(0));
+        assert!(ids.add_complete(u64::MAX, None).is_err());
+        assert_eq!(ids.add_complete(70_001, None), Ok(1));
     }
 
     #[test]
     fn frames_the_camera_never_sent_show_in_its_own_counter() {
         let mut ids = FrameIds::new(true);
-        assert_eq!(ids.whole(1, Some(0)), Ok(0));
-        assert_eq!(ids.whole(2, Some(1)), Ok(1));
-        assert_eq!(ids.whole(3, Some(5)), Ok(5));
-        assert_eq!(ids.whole(6, Some(8)), Ok(8));
-        assert!(ids.whole(7, Some(8)).is_err());
-        // Begun anew.
-        assert_eq!(ids.whole(8, Some(0)), Ok(10));
-        assert_eq!(ids.whole(9, Some(1)), Ok(11));
+        assert_eq!(ids.add_complete(1, Some(0)), Ok(0));
+        assert_eq!(ids.add_complete(2, Some(1)), Ok(1));
+        assert_eq!(ids.add_complete(3, Some(5)), Ok(5));
+        assert_eq!(ids.add_complete(6, Some(8)), Ok(8));
+        assert!(ids.add_complete(7, Some(8)).is_err());
+        // The counter was reset.
+        assert_eq!(ids.add_complete(8, Some(0)), Ok(10));
+        assert_eq!(ids.add_complete(9, Some(1)), Ok(11));
     }
 }

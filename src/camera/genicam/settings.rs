@@ -1,38 +1,39 @@
-//! What a rig asks of a GenICam camera.
+//! The settings of a GenICam camera.
 
 use crate::config::{self, FeatureValue};
 use crate::image::PixelFormat;
 use std::collections::BTreeMap;
 
-/// How to find a GenICam camera and what to set on it.
+/// The id of a GenICam camera and its settings.
 ///
-/// What is not given stays as the camera has it, except that triggers are switched
-/// off when neither `trigger_source` nor a `Trigger...` feature is given.
+/// Settings that are not given stay unchanged, except that triggers are disabled if neither `trigger_source` nor a
+/// `Trigger...` feature is given.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct GenicamSettings {
     /// IPv4 address, serial number or device id; empty for the first camera found.
     pub id: String,
-    /// Pixels a row.
+    /// Image width, px.
     pub width_px: Option<u32>,
-    /// Rows.
+    /// Image height, px.
     pub height_px: Option<u32>,
-    /// First column of the sensor.
+    /// Left column of the region of interest on the sensor, px.
     pub offset_x_px: Option<u32>,
-    /// First row of the sensor.
+    /// Top row of the region of interest on the sensor, px.
     pub offset_y_px: Option<u32>,
-    /// Pixel layout.
+    /// Pixel format.
     pub pixel_format: Option<PixelFormat>,
-    /// Frames a second; with a trigger the greatest rate expected.
+    /// Frame rate, Hz; with a trigger the maximum rate expected.
     pub frame_rate_hz: Option<f64>,
     /// Exposure time, us.
     pub exposure_us: Option<f64>,
-    /// Whether a tone curve of the camera is known, and taken out of what it delivers.
+    /// Whether the camera's gamma is configured and thus corrected for.
     pub is_tone_known: bool,
-    /// What starts a frame: `Software`, or a line such as `Line1`; none for the camera's own clock.
+    /// Frame trigger: `Software`, or a line such as `Line1`; `None` for the camera's own clock.
     pub trigger_source: Option<String>,
-    /// Further features by their GenICam name, or `Name[Selector=Word]` for one of several behind a selector.
+    /// Further features by their GenICam name, or `Name[Selector=Word]` behind a selector.
     pub features: BTreeMap<String, FeatureValue>,
-    /// Bytes of one packet, IP header included (GigE Vision); the network card's and camera's largest, at most 16 000, when not given.
+    /// Packet size including the IP header (GigE Vision), bytes. The default is the maximum of network card and
+    /// camera, at most 16 000.
     pub packet_size_bytes: Option<u32>,
 }
 

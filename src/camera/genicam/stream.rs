@@ -1,112 +1,112 @@
-//! The stream of a camera: slots go in, filled ones come out.
+//! The stream of a camera: slots go in, filled slots come out.
 //!
-//! The library writes packets straight into the slots' memory, from its own thread. Only where a camera sends
-//! something behind each picture, for which a slot has no room, they go to memory of the stream, and the picture is
-//! copied.
+//! The library writes packets into the slots' memory from its own thread. If a camera sends chunk data behind each
+//! image, for which a slot has no room, packets go to memory of the stream instead, and the image is copied.
 
-use super::chunks::{Chunks, Told};
-use super::completion::Completions;
+use super::chunks::{ChunkValues, Chunks};
+use super::completion::BufferTimes;
 use super::device::Device;
-use super::filter::Shape;
+use super::filter::StreamShape;
 use super::handle::{Library, Object, c_text, checked, text};
 use super::settings::GenicamSettings;
 use super::socket;
 use super::sys::{self, ArvBuffer, ArvStream, ArvStreamCallbackType, gpointer, guint64};
+use crate::camera::setting::IntegerRange;
 use crate::camera::{Slot, priority};
 use std::net::Ipv4Addr;
 use std::ptr::{self, NonNull};
 use std::sync::{Arc, Once};
 use std::time::{Duration, Instant};
 
-/// Largest packet chosen by ourselves: larger ones gain nothing and lose more at once.
+/// Maximum default packet size: larger packets gain nothing, and a lost one loses more.
 const MAX_PACKET_BYTES: u32 = 16_000;
 
-/// Socket memory asked for, in frames and bytes: what the receiving thread may be late by.
+/// Size of the socket buffer in frames, within limits in bytes. It absorbs delays of the receiving thread.
 const SOCKET_FRAMES: usize = 32;
 const MIN_SOCKET_BYTES: usize = 4 << 20;
 const MAX_SOCKET_BYTES: usize = 64 << 20;
 
-/// What became of one buffer.
+/// A buffer that came out of the stream.
 #[derive(Debug)]
-pub struct Arrival {
-    /// The memory given in.
+pub struct ReceivedBuffer {
+    /// The slot that was queued.
     pub slot: Slot,
-    /// Whether it holds a whole frame.
+    /// Whether it holds a complete frame.
     pub status: sys::ArvBufferStatus,
-    /// What the payload is.
+    /// Payload type.
     pub payload: sys::ArvBufferPayloadType,
-    /// Id on the wire; 0 when the frame's first packet never came.
+    /// Frame id; 0 if the frame's first packet was lost.
     pub id: u64,
-    /// The camera's stamp, ns.
+    /// The camera's timestamp, ns.
     pub device_ns: u64,
-    /// Host time when the first packet came, ns since the Unix epoch.
+    /// Host time at which the first packet arrived, ns since the Unix epoch.
     pub arrival_ns: u64,
     /// Bytes received.
     pub received_bytes: usize,
-    /// Width, height and pixel format in the frame's own header, when it has one.
+    /// Width, height and pixel format in the frame's header, if it has them.
     pub image: Option<(i32, i32, u32)>,
-    /// What the camera told behind the picture, of a whole frame of a camera that does.
-    pub told: Option<Result<Told, String>>,
-    /// When its last packet had come; nothing when that was just now.
+    /// The chunk values of a complete frame, if the camera sends any.
+    pub chunks: Option<Result<ChunkValues, String>>,
+    /// When its last packet arrived; `None` if just now.
     pub completed: Option<Instant>,
 }
 
-/// Counts of the library, since the stream began.
+/// The library's counters since the stream began.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct StreamStatistics {
-    /// Frames received whole.
+    /// Complete frames.
     pub completed: u64,
-    /// Frames begun and not completed.
+    /// Incomplete frames.
     pub failed: u64,
-    /// Packets that found no slot to go to.
+    /// Packets without a free slot.
     pub packets_without_slot: u64,
-    /// Packets asked for again.
+    /// Packets whose resend was requested.
     pub resend_requests: u64,
-    /// Packets that came after being asked for again.
+    /// Packets that arrived after a resend request.
     pub resent_packets: u64,
 }
 
 /// A camera's stream and the slots in it.
 #[derive(Debug)]
 pub struct Stream {
-    // Dropped before the slots: the last reference ends the library's thread and frees its buffers.
+    // Dropped before the slots: dropping the last reference ends the library's thread and frees its buffers.
     stream: Option<Object<ArvStream>>,
     lent: Vec<Lent>,
     aravis: Library,
     sizes: Sizes,
     chunks: Option<Chunks>,
-    completions: Arc<Completions>,
-    /// Memory for payloads that no buffer uses.
+    times: Arc<BufferTimes>,
+    /// Unused memory for payloads.
     spare: Vec<Box<[u8]>>,
 }
 
-/// A slot in the library's hands.
+/// A slot that the library holds.
 #[derive(Debug)]
 struct Lent {
     buffer: NonNull<ArvBuffer>,
     slot: Slot,
-    /// Where the payload goes when not into the slot.
+    /// Memory for the payload, if it does not go into the slot.
     payload: Option<Box<[u8]>>,
 }
 
-/// How much comes with each frame.
+/// The sizes of each frame.
 #[derive(Debug, Clone, Copy)]
 pub struct Sizes {
-    /// Pixels.
+    /// Image size, bytes.
     pub image_bytes: usize,
-    /// Pixels and chunks.
+    /// Image and chunk data, bytes.
     pub payload_bytes: usize,
 }
 
-// SAFETY: buffers are reached through their addresses only here, and the library's queues lock themselves.
+// SAFETY: buffers are accessed through their addresses only here, and the library's queues lock themselves.
 unsafe impl Send for Stream {}
 
 impl Stream {
-    /// Makes the stream of a camera whose settings are final: packet size, socket, receiving thread.
+    /// Creates the stream of a camera whose settings are final: packet size, socket, receiving thread.
     ///
     /// # Errors
     ///
-    /// The library's words.
+    /// The library's message.
     pub fn new(
         device: &Device,
         settings: &GenicamSettings,
@@ -119,18 +119,19 @@ impl Stream {
             false => None,
         };
         let camera = device.camera.as_ptr();
-        let completions = Arc::new(Completions::default());
-        let data = Arc::into_raw(Arc::clone(&completions)).cast_mut().cast();
-        // SAFETY: an open camera; the callback may run on any thread, and its data lives until the library lets it go.
+        let times = Arc::new(BufferTimes::default());
+        let data = Arc::into_raw(Arc::clone(&times)).cast_mut().cast();
+        // SAFETY: an open camera; the callback may run on any thread, and its data lives until the library releases
+        // it.
         let stream = checked(aravis, |error| unsafe {
-            aravis.arv_camera_create_stream_full(camera, Some(on_stream), data, Some(let_go), error)
+            aravis.arv_camera_create_stream_full(camera, Some(on_stream), data, Some(release_times), error)
         })?;
         // SAFETY: the library made it for us.
         let stream = unsafe { Object::owned(aravis, stream) }.ok_or("the camera offers no stream")?;
         if let Some(packet_bytes) = packet_bytes {
             prepare_socket(device, &stream, sizes.payload_bytes, packet_bytes);
         }
-        Ok(Self { stream: Some(stream), lent: Vec::new(), aravis, sizes, chunks, completions, spare: Vec::new() })
+        Ok(Self { stream: Some(stream), lent: Vec::new(), aravis, sizes, chunks, times, spare: Vec::new() })
     }
 
     fn as_ptr(&self) -> *mut ArvStream {
@@ -141,71 +142,71 @@ impl Stream {
     ///
     /// # Panics
     ///
-    /// When the slot is smaller than a frame.
+    /// If the slot is smaller than a frame.
     pub fn push(&mut self, slot: Slot) {
         let Sizes { image_bytes, payload_bytes } = self.sizes;
         assert!(slot.len() >= image_bytes, "slot of {} bytes for {image_bytes}", slot.len());
         let mut payload =
             self.chunks.is_some().then(|| self.spare.pop().unwrap_or_else(|| vec![0; payload_bytes].into()));
         let memory = payload.as_mut().map_or(slot.as_ptr(), |payload| payload.as_mut_ptr());
-        // A new buffer each time: a used one would carry the old frame's id into a torn frame.
+        // A new buffer each time: a used one would carry its old frame id into an incomplete frame.
         // SAFETY: the memory is exclusively ours and kept in `lent` for as long as the library has the buffer.
         let buffer = unsafe { self.aravis.arv_buffer_new_full(payload_bytes, memory.cast(), ptr::null_mut(), None) };
         let Some(buffer) = NonNull::new(buffer) else { return };
         self.lent.push(Lent { buffer, slot, payload });
-        // SAFETY: the stream takes the reference over.
+        // SAFETY: the stream takes over the reference.
         unsafe { self.aravis.arv_stream_push_buffer(self.as_ptr(), buffer.as_ptr()) };
     }
 
-    /// Waits for a buffer to come out, at most `timeout`.
-    pub fn pop(&mut self, timeout: Duration) -> Option<Arrival> {
+    /// Waits at most `timeout` for a buffer to come out.
+    pub fn pop(&mut self, timeout: Duration) -> Option<ReceivedBuffer> {
         let timeout_us = u64::try_from(timeout.as_micros()).unwrap_or(u64::MAX);
-        // SAFETY: a live stream; the reference of what comes out is ours.
+        // SAFETY: a live stream; the reference to the returned buffer is ours.
         let buffer = NonNull::new(unsafe { self.aravis.arv_stream_timeout_pop_buffer(self.as_ptr(), timeout_us) })?;
-        let completed = self.completions.take();
-        let place = self.lent.iter().position(|lent| lent.buffer == buffer)?;
-        let Lent { slot, payload, .. } = self.lent.swap_remove(place);
-        let mut arrival = Arrival { completed, ..self.describe(buffer.as_ptr(), slot) };
+        let completed = self.times.take();
+        let index = self.lent.iter().position(|lent| lent.buffer == buffer)?;
+        let Lent { slot, payload, .. } = self.lent.swap_remove(index);
+        let mut received = ReceivedBuffer { completed, ..self.describe(buffer.as_ptr(), slot) };
         if let Some(payload) = payload {
-            self.take_apart(buffer.as_ptr(), &mut arrival, &payload);
+            self.unpack(buffer.as_ptr(), &mut received, &payload);
             self.spare.push(payload);
         }
-        // SAFETY: popping gave us the reference; the memory stays with the slot, or is spare.
+        // SAFETY: popping gave us the reference; the memory stays with the slot or is spare.
         unsafe { self.aravis.g_object_unref(buffer.as_ptr().cast()) };
-        Some(arrival)
+        Some(received)
     }
 
-    /// Reads the chunks of a whole frame and moves its picture into the slot.
-    fn take_apart(&self, buffer: *mut ArvBuffer, arrival: &mut Arrival, payload: &[u8]) {
-        let Some(chunks) = self.chunks.as_ref().filter(|_| arrival.status == sys::ARV_BUFFER_STATUS_SUCCESS) else {
+    /// Reads the chunks of a complete frame and copies its image into the slot.
+    fn unpack(&self, buffer: *mut ArvBuffer, received: &mut ReceivedBuffer, payload: &[u8]) {
+        let Some(chunks) = self.chunks.as_ref().filter(|_| received.status == sys::ARV_BUFFER_STATUS_SUCCESS) else {
             return;
         };
-        let payload = &payload[..arrival.received_bytes.min(payload.len())];
+        let payload = &payload[..received.received_bytes.min(payload.len())];
         let image_bytes = self.sizes.image_bytes;
-        // SAFETY: a buffer out of the stream, filled, which nobody else touches.
-        let told = unsafe { chunks.read(buffer, payload, image_bytes, arrival.device_ns) };
-        if told.is_ok() {
-            arrival.slot.bytes_mut()[..image_bytes].copy_from_slice(&payload[..image_bytes]);
+        // SAFETY: a filled buffer out of the stream, which nobody else accesses.
+        let values = unsafe { chunks.read(buffer, payload, image_bytes, received.device_ns) };
+        if values.is_ok() {
+            received.slot.bytes_mut()[..image_bytes].copy_from_slice(&payload[..image_bytes]);
         }
-        arrival.told = Some(told);
+        received.chunks = Some(values);
     }
 
-    fn describe(&self, buffer: *mut ArvBuffer, slot: Slot) -> Arrival {
+    fn describe(&self, buffer: *mut ArvBuffer, slot: Slot) -> ReceivedBuffer {
         let aravis = self.aravis;
         let mut received_bytes = 0;
-        // SAFETY: a buffer out of the stream, which nobody else touches.
+        // SAFETY: a buffer out of the stream, which nobody else accesses.
         unsafe {
             let payload = aravis.arv_buffer_get_payload_type(buffer);
             let status = aravis.arv_buffer_get_status(buffer);
-            let whole = status == sys::ARV_BUFFER_STATUS_SUCCESS;
+            let is_complete = status == sys::ARV_BUFFER_STATUS_SUCCESS;
             let has_image = matches!(
                 payload,
                 sys::ARV_BUFFER_PAYLOAD_TYPE_IMAGE | sys::ARV_BUFFER_PAYLOAD_TYPE_EXTENDED_CHUNK_DATA
             );
-            if whole {
+            if is_complete {
                 aravis.arv_buffer_get_data(buffer, &raw mut received_bytes);
             }
-            Arrival {
+            ReceivedBuffer {
                 slot,
                 status,
                 payload,
@@ -213,14 +214,14 @@ impl Stream {
                 device_ns: aravis.arv_buffer_get_timestamp(buffer),
                 arrival_ns: aravis.arv_buffer_get_system_timestamp(buffer),
                 received_bytes,
-                image: (whole && has_image).then(|| {
+                image: (is_complete && has_image).then(|| {
                     (
                         aravis.arv_buffer_get_image_width(buffer),
                         aravis.arv_buffer_get_image_height(buffer),
                         aravis.arv_buffer_get_image_pixel_format(buffer),
                     )
                 }),
-                told: None,
+                chunks: None,
                 completed: None,
             }
         }
@@ -228,12 +229,12 @@ impl Stream {
 
     /// Ends the stream of a camera that is gone, without waiting for it.
     ///
-    /// The library writes goodbyes to the camera when a stream and its device go, and waits seconds for the
-    /// answers. Slots are free when this returns; the goodbyes wait on a thread of their own.
+    /// On dropping a stream and its device, the library writes to the camera and waits seconds for the answers. The
+    /// slots are free when this method returns, and a separate thread waits for the answers.
     pub fn abandon(&mut self) {
         let Some(stream) = self.stream.take() else { return };
-        // SAFETY: a live stream. The first call joins the receiving thread and frees all buffers, so that nobody
-        // writes to the slots any more; the second is there because the end of a stream wants a thread to stop.
+        // SAFETY: a live stream. The first call joins the receiving thread and frees all buffers, so that
+        // nobody writes to the slots any more. The second is needed because dropping a stream stops its thread.
         unsafe {
             self.aravis.arv_stream_stop_thread(stream.as_ptr(), 1);
             self.aravis.arv_stream_start_thread(stream.as_ptr());
@@ -242,10 +243,10 @@ impl Stream {
         std::thread::spawn(move || drop(stream));
     }
 
-    /// The library's counts.
+    /// Returns the library's counters.
     pub fn statistics(&self) -> StreamStatistics {
         let mut counts = StreamStatistics::default();
-        // SAFETY: a live stream, numbers of ours to write to, and terminated names.
+        // SAFETY: a live stream, integers of ours to write to, and terminated names.
         unsafe {
             self.aravis.arv_stream_get_statistics(
                 self.as_ptr(),
@@ -265,20 +266,19 @@ impl Stream {
 
 impl Drop for Stream {
     fn drop(&mut self) {
-        // Ours is the only reference, so this joins the receiving thread and frees every buffer: only then are
-        // the slots nobody's, and may be dropped.
+        // Ours is the only reference, so this joins the receiving thread and frees every buffer. Only then may
+        // the slots be dropped.
         self.stream = None;
         self.lent.clear();
     }
 }
 
-/// Packet size and way of receiving, before the stream is made; answers with the size.
+/// Sets the packet size and the way of receiving, before the stream is created; returns the packet size.
 fn prepare_link(device: &Device, wanted_bytes: Option<u32>) -> Result<u32, String> {
     let aravis = device.aravis;
-    let address = interface_address(device);
-    // Raw packet sockets, which the library prefers where it may, see nothing of a loopback device that answers from
-    // another address; and nothing guards them.
-    // SAFETY: an open GigE Vision camera and a constant of the library.
+    // The library prefers raw packet sockets if it has the capability. They receive nothing on a loopback device that
+    // answers from another address, and the packet filter does not cover them. SAFETY: an open GigE Vision camera and a
+    // constant of the library.
     unsafe {
         aravis
             .arv_camera_gv_set_stream_options(device.camera.as_ptr(), sys::ARV_GV_STREAM_OPTION_PACKET_SOCKET_DISABLED);
@@ -286,29 +286,30 @@ fn prepare_link(device: &Device, wanted_bytes: Option<u32>) -> Result<u32, Strin
     let bytes = match wanted_bytes {
         Some(bytes) => bytes,
         None => {
-            let mtu = address.and_then(socket::mtu_of).unwrap_or(1500);
-            let (_, camera_max, step) = device.integer_range("GevSCPSPacketSize").unwrap_or((0, i64::MAX, 1));
-            let most = i64::from(mtu.min(MAX_PACKET_BYTES)).min(camera_max);
-            u32::try_from(most - most.rem_euclid(step)).unwrap_or(1500)
+            let mtu = device_address(device).and_then(socket::mtu_to).unwrap_or(1500);
+            let range =
+                device.integer_range("GevSCPSPacketSize").unwrap_or(IntegerRange { min: 0, max: i64::MAX, step: 1 });
+            let max = i64::from(mtu.min(MAX_PACKET_BYTES)).min(range.max);
+            u32::try_from(max - max.rem_euclid(range.step.max(1).cast_signed())).unwrap_or(1500)
         }
     };
-    let size = i32::try_from(bytes).map_err(|_| format!("packets of {bytes} bytes"))?;
+    let size = i32::try_from(bytes).map_err(|_| format!("packets of {bytes} bytes are too large"))?;
     // SAFETY: an open GigE Vision camera.
     checked(aravis, |error| unsafe { aravis.arv_camera_gv_set_packet_size(device.camera.as_ptr(), size, error) })?;
-    let kept = device.ask(aravis.arv_camera_gv_get_packet_size)?;
+    let kept = device.call(aravis.arv_camera_gv_get_packet_size)?;
     if kept != bytes && wanted_bytes.is_some() {
         return Err(format!("packets of {bytes} bytes: the camera keeps {kept}"));
     }
-    log::info!("packets of {kept} bytes");
+    log::info!("packet size: {kept} bytes");
     Ok(kept)
 }
 
-/// Our own address on the way to the camera.
+/// Returns the address of our network card towards the camera.
 fn interface_address(device: &Device) -> Option<Ipv4Addr> {
     address(device, device.aravis.arv_gv_device_get_interface_address)
 }
 
-/// The camera's.
+/// Returns the camera's address.
 fn device_address(device: &Device) -> Option<Ipv4Addr> {
     address(device, device.aravis.arv_gv_device_get_device_address)
 }
@@ -329,31 +330,32 @@ fn address(
     }
 }
 
-/// Guards the socket, and sizes it now: the library would do it after the first packet, and smaller.
+/// Attaches the packet filter and sizes the socket buffer now: the library does it after the first packet, and
+/// smaller.
 fn prepare_socket(device: &Device, stream: &Object<ArvStream>, payload_bytes: usize, packet_bytes: u32) {
     let aravis = device.aravis;
-    // FIXED with no size given: the library leaves the socket as we make it.
+    // FIXED without a size: the library leaves the socket as we set it.
     set_int_property(aravis, stream, "socket-buffer", sys::ARV_GV_STREAM_SOCKET_BUFFER_FIXED.cast_signed());
     let wanted = (payload_bytes * SOCKET_FRAMES).clamp(MIN_SOCKET_BYTES, MAX_SOCKET_BYTES);
     // SAFETY: a live GigE Vision stream.
     let port = unsafe { aravis.arv_gv_stream_get_port(stream.as_ptr().cast()) };
-    let descriptor = match socket::find_udp(interface_address(device), port) {
-        Ok(descriptor) => descriptor,
-        Err(error) => return log::warn!("the stream's socket keeps its size, frames may be lost: {error}"),
+    let socket = match socket::find_udp(interface_address(device), port) {
+        Ok(socket) => socket,
+        Err(error) => return log::warn!("cannot find the stream's socket to enlarge it, frames may be lost: {error}"),
     };
     if let Some(camera) = device_address(device) {
-        let shape = Shape { camera, payload_bytes: u32::try_from(payload_bytes).unwrap_or(u32::MAX), packet_bytes };
-        if let Err(error) = shape.guard(descriptor) {
-            log::warn!("the stream's socket takes packets from everywhere: {error}");
+        let payload_bytes = u32::try_from(payload_bytes).unwrap_or(u32::MAX);
+        if let Err(error) = (StreamShape { camera, payload_bytes, packet_bytes }).attach(&socket) {
+            log::warn!("cannot filter the stream's packets, any computer may send some: {error}");
         }
     }
-    match socket::grow_receive_buffer(descriptor, wanted) {
+    match socket::set_receive_buffer(&socket, wanted) {
         Ok(bytes) if bytes < wanted => log::warn!(
-            "the stream's socket holds {bytes} bytes of the {wanted} wanted: frames may be lost; \
-             sysctl net.core.rmem_max={wanted} raises the limit"
+            "the stream's socket buffer holds {bytes} bytes instead of {wanted}, frames may be lost; \
+                         raise the limit by sysctl net.core.rmem_max={wanted}"
         ),
-        Ok(bytes) => log::info!("the stream's socket holds {bytes} bytes"),
-        Err(error) => log::warn!("the stream's socket keeps its size, frames may be lost: {error}"),
+        Ok(bytes) => log::info!("socket buffer of the stream: {bytes} bytes"),
+        Err(error) => log::warn!("cannot enlarge the stream's socket buffer, frames may be lost: {error}"),
     }
 }
 
@@ -361,7 +363,7 @@ fn set_int_property(aravis: Library, stream: &Object<ArvStream>, name: &str, val
     /// `G_TYPE_INT`: fundamental type 6, shifted by 2.
     const INT: sys::GType = 6 << 2;
     let Ok(name) = c_text(name) else { return };
-    // SAFETY: a zeroed GValue is an unset one; it is initialised as an int, which enumerations accept, and unset again.
+    // SAFETY: a zeroed GValue is unset; it is initialised as an int, which enumerations accept, and unset again.
     unsafe {
         let mut holder: sys::GValue = std::mem::zeroed();
         aravis.g_value_init(&raw mut holder, INT);
@@ -373,33 +375,33 @@ fn set_int_property(aravis: Library, stream: &Object<ArvStream>, name: &str, val
 
 /// Called by the library on its receiving thread.
 unsafe extern "C" fn on_stream(data: gpointer, kind: ArvStreamCallbackType, _buffer: *mut ArvBuffer) {
-    static TOLD: Once = Once::new();
+    static WARNED: Once = Once::new();
     if kind == sys::ARV_STREAM_CALLBACK_TYPE_BUFFER_DONE {
-        // SAFETY: what the stream was made with, until `let_go`.
-        unsafe { &*data.cast::<Completions>() }.add();
+        // SAFETY: the data of the stream, until `release_times`.
+        unsafe { &*data.cast::<BufferTimes>() }.add();
     }
     if kind != sys::ARV_STREAM_CALLBACK_TYPE_INIT {
         return;
     }
     if let Err(error) = priority::raise(priority::RECEIVING) {
-        TOLD.call_once(|| log::warn!("the receiving thread has no real-time priority: {error}"));
+        WARNED.call_once(|| log::warn!("the receiving thread has no real-time priority: {error}"));
     }
 }
 
-/// Called by the library when it calls `on_stream` no more.
-unsafe extern "C" fn let_go(data: gpointer) {
-    // SAFETY: out of `Arc::into_raw`, given back once.
-    drop(unsafe { Arc::from_raw(data.cast::<Completions>().cast_const()) });
+/// Called by the library once it no longer calls `on_stream`.
+unsafe extern "C" fn release_times(data: gpointer) {
+    // SAFETY: from `Arc::into_raw`, released once.
+    drop(unsafe { Arc::from_raw(data.cast::<BufferTimes>().cast_const()) });
 }
 
-/// Why a buffer holds no whole frame.
-pub fn cause(status: sys::ArvBufferStatus) -> &'static str {
+/// Returns the reason why a buffer holds no complete frame.
+pub fn failure(status: sys::ArvBufferStatus) -> &'static str {
     match status {
-        sys::ARV_BUFFER_STATUS_TIMEOUT => "packets still missing after the wait",
+        sys::ARV_BUFFER_STATUS_TIMEOUT => "packets still missing at the timeout",
         sys::ARV_BUFFER_STATUS_MISSING_PACKETS => "packets missing",
         sys::ARV_BUFFER_STATUS_WRONG_PACKET_ID => "a packet with a wrong number",
-        sys::ARV_BUFFER_STATUS_SIZE_MISMATCH => "more data than a frame has",
-        sys::ARV_BUFFER_STATUS_ABORTED => "cut off by the end of the stream",
+        sys::ARV_BUFFER_STATUS_SIZE_MISMATCH => "more data than a frame holds",
+        sys::ARV_BUFFER_STATUS_ABORTED => "aborted by the end of the stream",
         _ => "not filled",
     }
 }

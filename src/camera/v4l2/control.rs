@@ -1,29 +1,27 @@
-//! Controls of a driver, by name: told, set within their range, read back.
+//! Controls of a driver by name: listed, set within their range, read back.
 
 use super::device::{Device, text};
-use super::offer::LIST_MAX;
+use super::offer::MAX_LIST;
 use super::sys;
 use crate::camera::CameraError;
 use crate::camera::genicam::{FeatureLine, Kind};
-use crate::camera::setting::{check_whole, setting, whole_range};
+use crate::camera::setting::{IntegerRange, check_integer, setting_error};
 use crate::config::FeatureValue;
 use std::io;
 
-/// Longest text of a control that is read.
-const TEXT_MAX: u64 = 4096;
-/// Most controls of one device.
-const CONTROLS_MAX: usize = 1024;
+/// Maximum length of a text control, bytes.
+const MAX_TEXT_BYTES: u64 = 4096;
+/// Maximum number of controls of a device.
+const MAX_CONTROLS: usize = 1024;
 
 /// One control of a driver.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct Control {
     pub id: u32,
-    /// As `features` of a configuration wants it: lower-case, `_` between words.
+    /// As used under `features` in the configuration: lower-case, `_` between words.
     pub name: String,
     kind: u32,
-    least: i64,
-    most: i64,
-    step: u64,
+    range: IntegerRange,
     flags: u32,
 }
 
@@ -32,34 +30,30 @@ impl Control {
         self.flags & flag != 0
     }
 
-    /// Why it cannot be set now, if so.
-    fn lock(&self) -> Option<&'static str> {
+    /// Returns the reason why it cannot be set now, if there is one.
+    fn lock_reason(&self) -> Option<&'static str> {
         let locks = [
-            (sys::V4L2_CTRL_FLAG_DISABLED, "the camera has it switched off"),
+            (sys::V4L2_CTRL_FLAG_DISABLED, "the camera has disabled it"),
             (sys::V4L2_CTRL_FLAG_READ_ONLY, "it can only be read"),
             (sys::V4L2_CTRL_FLAG_GRABBED, "another program, or the running stream, locks it"),
-            (sys::V4L2_CTRL_FLAG_INACTIVE, "another control, mostly an automatic one, keeps it without effect"),
+            (sys::V4L2_CTRL_FLAG_INACTIVE, "another control, usually an automatic one, overrides it"),
         ];
         locks.iter().find(|(flag, _)| self.has(*flag)).map(|(_, reason)| *reason)
     }
-
-    fn range(&self) -> String {
-        whole_range(self.least, self.most, self.step)
-    }
 }
 
-/// The name of a control in one word, as `v4l2-ctl` spells it.
-pub(super) fn spelled(name: &str) -> String {
+/// Returns the name of a control as `v4l2-ctl` writes it.
+pub(super) fn identifier(name: &str) -> String {
     let words = name.split(|letter: char| !letter.is_ascii_alphanumeric()).filter(|word| !word.is_empty());
     words.collect::<Vec<_>>().join("_").to_ascii_lowercase()
 }
 
 impl Device {
-    /// Every control with a value of its own, in the driver's order.
+    /// Returns every control except headings, in the driver's order.
     pub(super) fn controls(&self) -> Vec<Control> {
         let mut controls = Vec::new();
         let mut raw = sys::v4l2_query_ext_ctrl::default();
-        for _ in 0..CONTROLS_MAX {
+        for _ in 0..MAX_CONTROLS {
             let after = raw.id;
             raw = sys::v4l2_query_ext_ctrl { id: after | sys::V4L2_CTRL_FLAG_NEXT_CTRL, ..Default::default() };
             // SAFETY: no pointers.
@@ -69,11 +63,9 @@ impl Device {
             let name = raw.name.map(|letter| letter.cast_unsigned());
             controls.push(Control {
                 id: raw.id,
-                name: spelled(&text(&name)),
+                name: identifier(&text(&name)),
                 kind: raw.type_,
-                least: raw.minimum,
-                most: raw.maximum,
-                step: raw.step,
+                range: IntegerRange { min: raw.minimum, max: raw.maximum, step: raw.step },
                 flags: raw.flags,
             });
         }
@@ -85,44 +77,42 @@ impl Device {
     ///
     /// # Errors
     ///
-    /// [`CameraError::Setting`] with what is allowed when there is no such control,
-    /// it is locked, the value is of another type or outside the range, or another
-    /// value is kept.
+    /// [`CameraError::Setting`] with the allowed values if there is no such control, it is locked, the value has
+    /// another type or is outside the range, or the camera keeps another value.
     pub(super) fn set_control(&self, name: &str, value: &FeatureValue) -> Result<(), CameraError> {
         let set = || {
             let control = self.control(name)?;
-            if let Some(reason) = control.lock() {
+            if let Some(reason) = control.lock_reason() {
                 return Err(reason.to_owned());
             }
             self.write(&control, value)?;
             self.verify(&control, value)
         };
-        set().map_err(|reason| setting(name, value, reason))
+        set().map_err(|reason| setting_error(name, value, reason))
     }
 
-    /// Checks that a control still has the value it was set to.
+    /// Checks that a control still has the value it was set to, since another setting may have changed it.
     ///
     /// # Errors
     ///
-    /// [`CameraError::Setting`] when another setting changed it.
+    /// [`CameraError::Setting`] if it has another value.
     pub(super) fn verify_control(&self, name: &str, value: &FeatureValue) -> Result<(), CameraError> {
         let verify = || self.verify(&self.control(name)?, value);
-        verify().map_err(|reason| setting(name, value, reason))
+        verify().map_err(|reason| setting_error(name, value, reason))
     }
 
-    /// Turns a menu to a place whose meaning is fixed, whatever the driver calls it.
-    pub(super) fn set_menu_place(&self, name: &str, place: u32) -> Result<(), String> {
+    /// Sets a menu to an index with a standard meaning; drivers name the entries differently.
+    pub(super) fn set_menu_index(&self, name: &str, index: u32) -> Result<(), String> {
         let control = self.control(name)?;
-        let choices = self.choices(&control);
-        let words: Vec<_> = choices.iter().map(|(_, word)| word.as_str()).collect();
-        let choice = choices.iter().find(|(index, _)| *index == i64::from(place));
-        let (index, word) = choice.ok_or_else(|| format!("{name} offers only {}", words.join(", ")))?;
-        self.write_whole(&control, *index).map_err(|error| format!("{name} to {word}: {error}"))?;
-        self.verify(&control, &FeatureValue::Text(word.clone()))
+        let entries = self.menu(&control);
+        let entry = entries.iter().find(|entry| entry.index == i64::from(index));
+        let entry = entry.ok_or_else(|| format!("{name} offers only {}", names_of(&entries)))?;
+        self.write_integer(&control, entry.index).map_err(|error| format!("{name} to {}: {error}", entry.name))?;
+        self.verify(&control, &FeatureValue::Text(entry.name.clone()))
     }
 
     fn control(&self, name: &str) -> Result<Control, String> {
-        let wanted = spelled(name);
+        let wanted = identifier(name);
         let controls = self.controls();
         controls.iter().find(|control| control.name == wanted).cloned().ok_or_else(|| {
             let names: Vec<_> = controls.iter().map(|control| control.name.as_str()).collect();
@@ -132,63 +122,61 @@ impl Device {
     }
 
     fn write(&self, control: &Control, value: &FeatureValue) -> Result<(), String> {
-        let whole = |value: i64| self.write_whole(control, value).map_err(|error| error.to_string());
+        let write = |value: i64| self.write_integer(control, value).map_err(|error| error.to_string());
         match (control.kind, value) {
-            (sys::V4L2_CTRL_TYPE_BOOLEAN, FeatureValue::Bool(value)) => whole(i64::from(*value)),
-            (sys::V4L2_CTRL_TYPE_BUTTON, FeatureValue::Bool(true)) => whole(1),
+            (sys::V4L2_CTRL_TYPE_BOOLEAN, FeatureValue::Bool(value)) => write(i64::from(*value)),
+            (sys::V4L2_CTRL_TYPE_BUTTON, FeatureValue::Bool(true)) => write(1),
             (sys::V4L2_CTRL_TYPE_INTEGER | sys::V4L2_CTRL_TYPE_INTEGER64, FeatureValue::Integer(value)) => {
-                check_whole(*value, control.least, control.most, control.step)?;
-                whole(*value)
+                check_integer(*value, control.range)?;
+                write(*value)
             }
             (sys::V4L2_CTRL_TYPE_BITMASK, FeatureValue::Integer(value)) => {
-                let bits = control.most & 0xffff_ffff;
+                let bits = control.range.max & 0xffff_ffff;
                 if *value < 0 || *value & !bits != 0 {
                     return Err(format!("allowed the bits of {bits:#x}"));
                 }
-                whole(*value)
+                write(*value)
             }
-            (sys::V4L2_CTRL_TYPE_MENU | sys::V4L2_CTRL_TYPE_INTEGER_MENU, _) => whole(self.choice(control, value)?),
+            (sys::V4L2_CTRL_TYPE_MENU | sys::V4L2_CTRL_TYPE_INTEGER_MENU, _) => write(self.menu_index(control, value)?),
             (sys::V4L2_CTRL_TYPE_STRING, FeatureValue::Text(value)) => self.write_text(control, value),
             (sys::V4L2_CTRL_TYPE_BUTTON, _) => Err("it is a command: true executes it".into()),
             (kind, _) => {
                 let allowed = self.allowed(control);
                 let allowed = if allowed.is_empty() { allowed } else { format!(", allowed {allowed}") };
-                Err(format!("it is of type {}{allowed}", kind_word(kind)))
+                Err(format!("it is of type {}{allowed}", type_name(kind)))
             }
         }
     }
 
-    /// The place in a menu that a word, or the number of an integer menu, means.
-    fn choice(&self, control: &Control, value: &FeatureValue) -> Result<i64, String> {
-        let choices = self.choices(control);
-        let meant = value.to_string();
-        let typed = matches!(value, FeatureValue::Text(_)) == (control.kind == sys::V4L2_CTRL_TYPE_MENU);
-        let place = choices.iter().find(|(_, word)| typed && *word == meant);
-        place.map(|(index, _)| *index).ok_or_else(|| {
-            let words: Vec<_> = choices.iter().map(|(_, word)| word.as_str()).collect();
-            format!("allowed {}", words.join(", "))
-        })
+    /// Returns the index of the menu entry with this name, or with this number in an integer menu.
+    fn menu_index(&self, control: &Control, value: &FeatureValue) -> Result<i64, String> {
+        let entries = self.menu(control);
+        let name = value.to_string();
+        let is_typed = matches!(value, FeatureValue::Text(_)) == (control.kind == sys::V4L2_CTRL_TYPE_MENU);
+        let entry = entries.iter().find(|entry| is_typed && entry.name == name);
+        entry.map(|entry| entry.index).ok_or_else(|| format!("allowed {}", names_of(&entries)))
     }
 
-    /// Places and words of a menu.
-    fn choices(&self, control: &Control) -> Vec<(i64, String)> {
-        let choice = |index: i64| {
-            let place = u32::try_from(index).ok()?;
-            let mut raw = sys::v4l2_querymenu { id: control.id, index: place, ..Default::default() };
-            // SAFETY: no pointers; the type of the control says which member is filled in, both are plain bytes.
+    /// Returns the entries of a menu.
+    fn menu(&self, control: &Control) -> Vec<MenuEntry> {
+        let entry = |index: i64| {
+            let mut raw =
+                sys::v4l2_querymenu { id: control.id, index: u32::try_from(index).ok()?, ..Default::default() };
+            // SAFETY: no pointers; the type of the control says which member is filled in, both are plain
+            // bytes.
             unsafe {
-                // Menus have holes: what the camera at hand cannot do.
+                // Menus may skip indices that the camera does not support.
                 self.call(sys::REQUEST_QUERYMENU, &mut raw).ok()?;
                 let is_number = control.kind == sys::V4L2_CTRL_TYPE_INTEGER_MENU;
                 let number = { raw.__bindgen_anon_1.value };
                 let name = { raw.__bindgen_anon_1.name };
-                Some((index, if is_number { number.to_string() } else { text(&name) }))
+                Some(MenuEntry { index, name: if is_number { number.to_string() } else { text(&name) } })
             }
         };
-        (control.least..=control.most.min(i64::from(LIST_MAX))).filter_map(choice).collect()
+        (control.range.min..=control.range.max.min(i64::from(MAX_LIST))).filter_map(entry).collect()
     }
 
-    fn write_whole(&self, control: &Control, value: i64) -> io::Result<()> {
+    fn write_integer(&self, control: &Control, value: i64) -> io::Result<()> {
         let mut one = sys::v4l2_ext_control { id: control.id, ..Default::default() };
         if control.kind == sys::V4L2_CTRL_TYPE_INTEGER64 {
             one.__bindgen_anon_1.value64 = value;
@@ -200,10 +188,9 @@ impl Device {
     }
 
     fn write_text(&self, control: &Control, value: &str) -> Result<(), String> {
-        let letters = i64::try_from(value.len()).unwrap_or(i64::MAX);
-        let fits = check_whole(letters, control.least, control.most, control.step).is_ok();
-        if !fits || value.contains('\0') {
-            return Err(format!("allowed {} bytes", control.range()));
+        let length = i64::try_from(value.len()).unwrap_or(i64::MAX);
+        if check_integer(length, control.range).is_err() || value.contains('\0') {
+            return Err(format!("allowed {} bytes", control.range));
         }
         let mut bytes = value.as_bytes().to_vec();
         bytes.push(0);
@@ -213,14 +200,14 @@ impl Device {
     }
 
     /// Reads or writes one control; a text in it must live until this returns.
-    fn transfer(&self, request: libc::c_ulong, one: &mut sys::v4l2_ext_control) -> io::Result<()> {
+    fn transfer(&self, request: u64, one: &mut sys::v4l2_ext_control) -> io::Result<()> {
         let mut list = sys::v4l2_ext_controls { count: 1, controls: one, ..Default::default() };
         list.__bindgen_anon_1.which = sys::V4L2_CTRL_WHICH_CUR_VAL;
-        // SAFETY: one entry, ours; its text, if it has one, is the caller's and as long as it says.
+        // SAFETY: one entry, ours; its text, if it has one, is the caller's and has the stated length.
         unsafe { self.call(request, &mut list) }
     }
 
-    /// The value of a control, in the words a configuration uses; none for what cannot be read.
+    /// Returns the value of a control as written in a configuration; `None` if it cannot be read.
     fn value(&self, control: &Control) -> Option<String> {
         if control.kind == sys::V4L2_CTRL_TYPE_BUTTON || control.has(sys::V4L2_CTRL_FLAG_WRITE_ONLY) {
             return None;
@@ -228,7 +215,7 @@ impl Device {
         let mut one = sys::v4l2_ext_control { id: control.id, ..Default::default() };
         let mut letters = Vec::new();
         if control.kind == sys::V4L2_CTRL_TYPE_STRING {
-            let size = u64::try_from(control.most).unwrap_or(0).min(TEXT_MAX) + 1;
+            let size = u64::try_from(control.range.max).unwrap_or(0).min(MAX_TEXT_BYTES) + 1;
             letters.resize(size as usize, 0_u8);
             one.size = size as u32;
             one.__bindgen_anon_1.string = letters.as_mut_ptr().cast();
@@ -244,22 +231,21 @@ impl Device {
             sys::V4L2_CTRL_TYPE_INTEGER64 => large.to_string(),
             sys::V4L2_CTRL_TYPE_BITMASK => small.cast_unsigned().to_string(),
             sys::V4L2_CTRL_TYPE_MENU | sys::V4L2_CTRL_TYPE_INTEGER_MENU => {
-                let choices = self.choices(control);
-                choices.into_iter().find(|(index, _)| *index == i64::from(small))?.1
+                self.menu(control).into_iter().find(|entry| entry.index == i64::from(small))?.name
             }
             _ => small.to_string(),
         })
     }
 
-    /// The value of a control that holds a number or a place in a menu; none where there is none.
+    /// Returns the value of a numeric or menu control; `None` if the camera does not have it.
     pub(super) fn number(&self, id: u32) -> Option<i64> {
         let mut one = sys::v4l2_ext_control { id, ..Default::default() };
         self.transfer(sys::REQUEST_G_EXT_CTRLS, &mut one).ok()?;
-        // SAFETY: whoever asks by number knows that the control has 32 bits.
+        // SAFETY: callers ask only for standard controls with 32 bits.
         Some(i64::from(unsafe { one.__bindgen_anon_1.value }))
     }
 
-    /// Names of what the camera adjusts by itself: automatic controls that are on, and an exposure that is not manual.
+    /// Returns the names of active automatic adjustments: automatic controls, and an exposure that is not manual.
     pub(super) fn automatic(&self) -> Vec<String> {
         let is_on = |control: &Control| match control.kind {
             sys::V4L2_CTRL_TYPE_BOOLEAN => {
@@ -283,21 +269,18 @@ impl Device {
         }
     }
 
-    /// What a control can be set to, for a person; empty where there is no range.
+    /// Returns the allowed values of a control as text; empty if there is no range.
     fn allowed(&self, control: &Control) -> String {
         match control.kind {
-            sys::V4L2_CTRL_TYPE_INTEGER | sys::V4L2_CTRL_TYPE_INTEGER64 => control.range(),
-            sys::V4L2_CTRL_TYPE_STRING => format!("{} bytes", control.range()),
-            sys::V4L2_CTRL_TYPE_BITMASK => format!("the bits of {:#x}", control.most & 0xffff_ffff),
-            sys::V4L2_CTRL_TYPE_MENU | sys::V4L2_CTRL_TYPE_INTEGER_MENU => {
-                let words: Vec<_> = self.choices(control).into_iter().map(|(_, word)| word).collect();
-                words.join(", ")
-            }
+            sys::V4L2_CTRL_TYPE_INTEGER | sys::V4L2_CTRL_TYPE_INTEGER64 => control.range.to_string(),
+            sys::V4L2_CTRL_TYPE_STRING => format!("{} bytes", control.range),
+            sys::V4L2_CTRL_TYPE_BITMASK => format!("the bits of {:#x}", control.range.max & 0xffff_ffff),
+            sys::V4L2_CTRL_TYPE_MENU | sys::V4L2_CTRL_TYPE_INTEGER_MENU => names_of(&self.menu(control)),
             _ => String::new(),
         }
     }
 
-    /// Every control as a line for a person.
+    /// Returns every control as a line of text.
     pub(super) fn feature_lines(&self) -> Vec<FeatureLine> {
         let line = |control: Control| FeatureLine {
             depth: 0,
@@ -305,7 +288,7 @@ impl Device {
             value: self.value(&control),
             allowed: self.allowed(&control),
             unit: if control.id == sys::V4L2_CID_EXPOSURE_ABSOLUTE { "100 us".into() } else { String::new() },
-            writable: control.lock().is_none(),
+            writable: control.lock_reason().is_none(),
             name: control.name,
         };
         self.controls().into_iter().map(line).collect()
@@ -322,11 +305,21 @@ fn kind(kind: u32) -> Kind {
     }
 }
 
-fn kind_word(raw: u32) -> String {
+/// One entry of a menu control.
+struct MenuEntry {
+    index: i64,
+    name: String,
+}
+
+fn names_of(menu: &[MenuEntry]) -> String {
+    menu.iter().map(|entry| entry.name.as_str()).collect::<Vec<_>>().join(", ")
+}
+
+fn type_name(raw: u32) -> String {
     match raw {
         sys::V4L2_CTRL_TYPE_INTEGER_MENU => "integer menu".into(),
         sys::V4L2_CTRL_TYPE_BITMASK => "bit mask".into(),
         raw if raw >= sys::V4L2_CTRL_COMPOUND_TYPES => "array, which cannot be set here".into(),
-        raw => kind(raw).word().into(),
+        raw => kind(raw).as_str().into(),
     }
 }

@@ -1,116 +1,135 @@
-//! The kernel's side of a video device: ioctl, poll and mmap on an open file.
+//! The system calls on a video device: ioctl, poll and mmap on an open file.
 
-use std::fs::{File, OpenOptions};
+use rustix::event::{PollFd, PollFlags, Timespec, poll};
+use rustix::fs::{Mode, OFlags, open};
+use rustix::io::Errno;
+use rustix::ioctl::{Ioctl, IoctlOutput, Opcode, ioctl};
+use rustix::mm::{MapFlags, ProtFlags, mmap, munmap};
+use std::ffi::c_void;
 use std::io;
-use std::os::fd::{AsRawFd, BorrowedFd};
-use std::os::unix::fs::OpenOptionsExt;
+use std::os::fd::{AsFd, BorrowedFd, OwnedFd};
 use std::path::Path;
-use std::ptr::NonNull;
+use std::ptr::{self, NonNull};
 use std::time::Duration;
 
-/// Argument of an ioctl, whatever its type.
-pub(super) type Argument = *mut libc::c_void;
+/// Argument of an ioctl, of any type.
+pub(super) type Argument = *mut c_void;
 
-/// How often a call that a signal interrupts is made again.
-const INTERRUPTIONS: usize = 16;
+/// Maximum number of retries of a call that a signal interrupts.
+const MAX_RETRIES: usize = 16;
 
-/// What the kernel does with an open video device; imitated in tests.
+/// The system calls on an open video device; simulated in tests.
 pub(super) trait Kernel: Send + std::fmt::Debug {
-    /// One ioctl.
+    /// Performs one ioctl.
     ///
     /// # Safety
     ///
-    /// `argument` must point to the structure that belongs to `request`, and every
-    /// pointer in it must be valid for as long as the request lets the kernel use it.
+    /// `argument` must point to the structure that belongs to `request`, and every pointer in it must be valid for as
+    /// long as the request lets the kernel use it.
     unsafe fn ioctl(&self, request: libc::c_ulong, argument: Argument) -> io::Result<()>;
 
-    /// Waits until a buffer can be taken, or something is wrong with the stream; false when neither came in time.
+    /// Waits until a buffer is ready or the stream has failed; returns `false` at the timeout.
     fn wait(&self, timeout: Duration) -> io::Result<bool>;
 
-    /// The file, to map buffers of.
+    /// Returns the file, to map buffers of it.
     fn file(&self) -> BorrowedFd<'_>;
 }
 
 /// An open device node.
 #[derive(Debug)]
-pub(super) struct Node(File);
+pub(super) struct Node(OwnedFd);
 
 impl Node {
     pub(super) fn open(path: &Path) -> io::Result<Self> {
-        // Never blocks in a call: waiting is `wait`'s and has an end.
-        let flags = libc::O_NONBLOCK | libc::O_CLOEXEC;
-        OpenOptions::new().read(true).write(true).custom_flags(flags).open(path).map(Self)
+        // Non-blocking: only `wait` waits, with a timeout.
+        let flags = OFlags::RDWR | OFlags::NONBLOCK | OFlags::CLOEXEC;
+        Ok(Self(open(path, flags, Mode::empty())?))
+    }
+}
+
+/// One ioctl that may change its argument.
+struct Request {
+    opcode: Opcode,
+    argument: Argument,
+}
+
+// SAFETY: the opcode and the argument belong together, which the caller of `Kernel::ioctl` guarantees.
+unsafe impl Ioctl for Request {
+    type Output = ();
+
+    const IS_MUTATING: bool = true;
+
+    fn opcode(&self) -> Opcode {
+        self.opcode
+    }
+
+    fn as_ptr(&mut self) -> *mut c_void {
+        self.argument
+    }
+
+    unsafe fn output_from_ptr(_output: IoctlOutput, _argument: *mut c_void) -> rustix::io::Result<()> {
+        Ok(())
     }
 }
 
 impl Kernel for Node {
     unsafe fn ioctl(&self, request: libc::c_ulong, argument: Argument) -> io::Result<()> {
-        let mut tries = 0;
-        loop {
-            // SAFETY: an open file; the caller answers for the argument.
-            if unsafe { libc::ioctl(self.0.as_raw_fd(), request as _, argument) } >= 0 {
-                return Ok(());
+        // Request codes have 32 bits.
+        let opcode = request as Opcode;
+        // SAFETY: an open file; the caller guarantees the argument.
+        let call = || unsafe { ioctl(&self.0, Request { opcode, argument }) };
+        let mut result = call();
+        for _ in 0..MAX_RETRIES {
+            if result != Err(Errno::INTR) {
+                break;
             }
-            let error = io::Error::last_os_error();
-            tries += 1;
-            if error.kind() != io::ErrorKind::Interrupted || tries > INTERRUPTIONS {
-                return Err(error);
-            }
+            result = call();
         }
+        Ok(result?)
     }
 
     fn wait(&self, timeout: Duration) -> io::Result<bool> {
-        let mut poll = libc::pollfd { fd: self.0.as_raw_fd(), events: libc::POLLIN, revents: 0 };
-        // Rounded up, so that a short wait is one.
-        let milliseconds = i32::try_from(timeout.as_micros().div_ceil(1000)).unwrap_or(i32::MAX);
-        // SAFETY: one entry of ours that lives through the call.
-        match unsafe { libc::poll(&raw mut poll, 1, milliseconds) } {
-            0 => Ok(false),
-            count if count > 0 => Ok(true),
-            _ => match io::Error::last_os_error() {
-                error if error.kind() == io::ErrorKind::Interrupted => Ok(false),
-                error => Err(error),
-            },
+        let timeout = Timespec::try_from(timeout).unwrap_or(Timespec { tv_sec: i64::MAX, tv_nsec: 0 });
+        match poll(&mut [PollFd::new(&self.0, PollFlags::IN)], Some(&timeout)) {
+            Ok(count) => Ok(count > 0),
+            Err(Errno::INTR) => Ok(false),
+            Err(error) => Err(error.into()),
         }
     }
 
     fn file(&self) -> BorrowedFd<'_> {
-        std::os::fd::AsFd::as_fd(&self.0)
+        self.0.as_fd()
     }
 }
 
-/// A buffer of the driver, mapped to be read.
+/// A buffer of the driver, mapped for reading.
 #[derive(Debug)]
 pub(super) struct Mapping {
     memory: NonNull<u8>,
     bytes: usize,
 }
 
-// SAFETY: the mapping is this value's alone, and moves with it.
+// SAFETY: the mapping belongs to this value alone, and moves with it.
 unsafe impl Send for Mapping {}
 
 impl Mapping {
-    pub(super) fn new(kernel: &dyn Kernel, offset: libc::off_t, bytes: usize) -> io::Result<Self> {
-        // Drivers may refuse a mapping that cannot be written.
-        let access = libc::PROT_READ | libc::PROT_WRITE;
-        let file = kernel.file().as_raw_fd();
-        // SAFETY: a new mapping of an open file, nowhere in particular.
-        let address = unsafe { libc::mmap(std::ptr::null_mut(), bytes, access, libc::MAP_SHARED, file, offset) };
-        if address == libc::MAP_FAILED {
-            return Err(io::Error::last_os_error());
-        }
+    pub(super) fn new(kernel: &dyn Kernel, offset: u64, bytes: usize) -> io::Result<Self> {
+        // Drivers may refuse a mapping that is not writable.
+        let access = ProtFlags::READ | ProtFlags::WRITE;
+        // SAFETY: a new mapping of an open file, at an address that the kernel chooses.
+        let address = unsafe { mmap(ptr::null_mut(), bytes, access, MapFlags::SHARED, kernel.file(), offset) }?;
         let memory = NonNull::new(address.cast()).ok_or_else(|| io::Error::other("mapped at address 0"))?;
         Ok(Self { memory, bytes })
     }
 
-    /// The first bytes of the buffer, which must be out of the driver's hands.
+    /// Returns the first bytes of the buffer, which the driver must not hold.
     pub(super) fn bytes(&self, count: usize) -> &[u8] {
-        // SAFETY: mapped for at least this many bytes while `self` lives; a buffer that was taken out of the queue
-        // is not written to before it is put in again.
+        // SAFETY: mapped for at least this many bytes while `self` lives; a dequeued buffer is not written to before
+        // it is queued again.
         unsafe { std::slice::from_raw_parts(self.memory.as_ptr(), count.min(self.bytes)) }
     }
 
-    /// Its size in bytes.
+    /// Returns the size in bytes.
     pub(super) fn len(&self) -> usize {
         self.bytes
     }
@@ -118,7 +137,7 @@ impl Mapping {
 
 impl Drop for Mapping {
     fn drop(&mut self) {
-        // SAFETY: mapped by `new`, and nobody borrows from it any more.
-        unsafe { libc::munmap(self.memory.as_ptr().cast(), self.bytes) };
+        // SAFETY: mapped by `new`, and no borrow is left. Unmapping own memory does not fail.
+        let _ = unsafe { munmap(self.memory.as_ptr().cast(), self.bytes) };
     }
 }

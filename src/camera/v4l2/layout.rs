@@ -1,23 +1,24 @@
-//! Where the grey levels lie in a driver's buffer.
+//! The pixel layout of a driver's buffers, and extraction of the grey levels.
 
+use super::offer::FrameSize;
 use super::{jpeg, sys};
 use crate::image::PixelFormat;
 
-/// How one of the kernel's pixel formats holds grey levels.
+/// A pixel format of the kernel that holds grey levels.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Layout {
-    /// The kernel's code.
+    /// Four-character code.
     pub fourcc: u32,
-    /// What becomes of it.
+    /// Pixel format in the ring.
     pub format: PixelFormat,
     packing: Packing,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Packing {
-    /// Grey levels row by row; what colour there is lies behind all of them.
+    /// Grey levels row by row; colour, if any, lies behind all of them.
     Plane,
-    /// Bytes of grey and of colour in turn, the first grey one at this place.
+    /// Grey and colour bytes alternate; the first grey byte has this index.
     Pairs(usize),
     /// A JPEG file.
     Jpeg,
@@ -27,7 +28,7 @@ const fn layout(fourcc: u32, format: PixelFormat, packing: Packing) -> Layout {
     Layout { fourcc, format, packing }
 }
 
-/// Every format that is read, the better ones first: grey ones need no copy, and compressed ones have lost something.
+/// All supported formats, the better ones first: grey formats need no copy, and compressed ones are lossy.
 pub(super) const LAYOUTS: [Layout; 9] = [
     layout(sys::FOURCC_GREY, PixelFormat::Mono8, Packing::Plane),
     layout(sys::FOURCC_Y10, PixelFormat::Mono10, Packing::Plane),
@@ -41,61 +42,61 @@ pub(super) const LAYOUTS: [Layout; 9] = [
 ];
 
 impl Layout {
-    /// Whether pictures are compressed, and not as the sensor saw them.
+    /// Whether images are compressed.
     pub fn is_compressed(&self) -> bool {
         self.packing == Packing::Jpeg
     }
 }
 
-/// The frames of one stream in the driver's buffers.
+/// The layout of a stream's frames in the driver's buffers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) struct Shape {
+pub(super) struct BufferLayout {
     pub layout: Layout,
-    pub width_px: u32,
-    pub height_px: u32,
-    /// From one row to the next in the driver's buffer.
+    pub size: FrameSize,
+    /// Distance between rows in the driver's buffer, bytes.
     pub stride_bytes: u32,
-    /// Size the driver's buffer must have.
+    /// Size of the driver's buffer, bytes.
     pub image_bytes: u32,
 }
 
-impl Shape {
-    /// Bytes of a row in the ring.
+impl BufferLayout {
+    /// Returns the size of a row in the ring, bytes.
     fn row_bytes(&self) -> usize {
-        self.width_px as usize * self.layout.format.bytes_per_pixel()
+        self.size.width_px as usize * self.layout.format.bytes_per_pixel()
     }
 
-    /// Bytes of a frame in the ring.
+    /// Returns the size of a frame in the ring, bytes.
     pub fn slot_bytes(&self) -> usize {
-        self.row_bytes() * self.height_px as usize
+        self.row_bytes() * self.size.height_px as usize
     }
 
-    /// Whether a driver's buffer is byte for byte what the ring wants.
-    pub fn is_plain(&self) -> bool {
+    /// Whether the driver's buffer has exactly the layout of the ring.
+    pub fn matches_ring(&self) -> bool {
         self.layout.packing == Packing::Plane
             && self.stride_bytes as usize == self.row_bytes()
             && self.image_bytes as usize == self.slot_bytes()
     }
 
-    /// Bytes a whole frame has in the driver's buffer at least; padding and colour behind its last row may be left out.
-    pub fn whole_bytes(&self) -> usize {
+    /// Returns the minimum size of a complete frame, bytes; padding and colour behind its last row may be
+    /// missing.
+    pub fn min_bytes(&self) -> usize {
         let row = match self.layout.packing {
             Packing::Plane => self.row_bytes(),
             Packing::Pairs(_) => 2 * self.row_bytes(),
-            Packing::Jpeg => return jpeg::LEAST_BYTES,
+            Packing::Jpeg => return jpeg::MIN_BYTES,
         };
-        self.stride_bytes as usize * (self.height_px as usize - 1) + row
+        self.stride_bytes as usize * (self.size.height_px as usize - 1) + row
     }
 
-    /// Takes the grey levels out of a driver's buffer of at least [`whole_bytes`](Self::whole_bytes).
+    /// Extracts the grey levels from a driver's buffer of at least [`min_bytes`](Self::min_bytes).
     ///
     /// # Errors
     ///
-    /// What is wrong with a compressed picture.
+    /// The defect of a compressed image.
     pub fn copy(&self, from: &[u8], to: &mut [u8]) -> Result<(), String> {
         let to = &mut to[..self.slot_bytes()];
         if self.layout.packing == Packing::Jpeg {
-            return jpeg::luma(from, (self.width_px as usize, self.height_px as usize), to);
+            return jpeg::decode_luma(from, self.size, to);
         }
         let rows = from.chunks(self.stride_bytes as usize).zip(to.chunks_exact_mut(self.row_bytes()));
         for (from, to) in rows {
@@ -109,8 +110,8 @@ impl Shape {
     }
 }
 
-/// The four letters of a format's code.
-pub(super) fn word(fourcc: u32) -> String {
+/// Returns a format's code as text.
+pub(super) fn fourcc_text(fourcc: u32) -> String {
     let letters = fourcc.to_le_bytes().map(|byte| if byte.is_ascii_graphic() { char::from(byte) } else { ' ' });
     letters.iter().collect::<String>().trim_end().to_owned()
 }
@@ -119,52 +120,53 @@ pub(super) fn word(fourcc: u32) -> String {
 mod tests {
     use super::*;
 
-    fn shape(fourcc: u32, stride_bytes: u32) -> Shape {
+    fn buffer(fourcc: u32, stride_bytes: u32) -> BufferLayout {
         let layout = LAYOUTS.into_iter().find(|layout| layout.fourcc == fourcc).unwrap();
-        Shape { layout, width_px: 4, height_px: 2, stride_bytes, image_bytes: stride_bytes * 2 }
+        let size = FrameSize { width_px: 4, height_px: 2 };
+        BufferLayout { layout, size, stride_bytes, image_bytes: stride_bytes * 2 }
     }
 
-    fn taken(shape: &Shape, from: &[u8]) -> Vec<u8> {
-        let mut to = vec![0; shape.slot_bytes()];
-        shape.copy(from, &mut to).unwrap();
+    fn copied(buffer: &BufferLayout, from: &[u8]) -> Vec<u8> {
+        let mut to = vec![0; buffer.slot_bytes()];
+        buffer.copy(from, &mut to).unwrap();
         to
     }
 
     #[test]
-    fn padding_at_the_end_of_rows_is_left_behind() {
-        let shape = shape(sys::FOURCC_GREY, 6);
-        assert!(!shape.is_plain());
-        assert_eq!(taken(&shape, &[1, 2, 3, 4, 99, 99, 5, 6, 7, 8, 99, 99]), [1, 2, 3, 4, 5, 6, 7, 8]);
+    fn padding_at_the_end_of_rows_is_left_out() {
+        let buffer = buffer(sys::FOURCC_GREY, 6);
+        assert!(!buffer.matches_ring());
+        assert_eq!(copied(&buffer, &[1, 2, 3, 4, 99, 99, 5, 6, 7, 8, 99, 99]), [1, 2, 3, 4, 5, 6, 7, 8]);
         // The padding of the last row may be missing.
-        assert_eq!(shape.whole_bytes(), 10);
-        assert_eq!(taken(&shape, &[1, 2, 3, 4, 99, 99, 5, 6, 7, 8]), [1, 2, 3, 4, 5, 6, 7, 8]);
+        assert_eq!(buffer.min_bytes(), 10);
+        assert_eq!(copied(&buffer, &[1, 2, 3, 4, 99, 99, 5, 6, 7, 8]), [1, 2, 3, 4, 5, 6, 7, 8]);
     }
 
     #[test]
-    fn luma_is_taken_out_of_both_orders_of_packed_colour() {
+    fn luma_is_extracted_from_both_orders_of_packed_colour() {
         let yuyv: Vec<u8> = (0..16).collect();
-        assert_eq!(taken(&shape(sys::FOURCC_YUYV, 8), &yuyv), [0, 2, 4, 6, 8, 10, 12, 14]);
-        assert_eq!(taken(&shape(sys::FOURCC_UYVY, 8), &yuyv), [1, 3, 5, 7, 9, 11, 13, 15]);
+        assert_eq!(copied(&buffer(sys::FOURCC_YUYV, 8), &yuyv), [0, 2, 4, 6, 8, 10, 12, 14]);
+        assert_eq!(copied(&buffer(sys::FOURCC_UYVY, 8), &yuyv), [1, 3, 5, 7, 9, 11, 13, 15]);
     }
 
     #[test]
-    fn colour_behind_the_grey_plane_is_left_behind() {
-        let shape = Shape { image_bytes: 12, ..shape(sys::FOURCC_NV12, 4) };
-        assert!(!shape.is_plain());
-        assert_eq!(taken(&shape, &[1, 2, 3, 4, 5, 6, 7, 8, 99, 99, 99, 99]), [1, 2, 3, 4, 5, 6, 7, 8]);
+    fn colour_behind_the_grey_plane_is_left_out() {
+        let buffer = BufferLayout { image_bytes: 12, ..buffer(sys::FOURCC_NV12, 4) };
+        assert!(!buffer.matches_ring());
+        assert_eq!(copied(&buffer, &[1, 2, 3, 4, 5, 6, 7, 8, 99, 99, 99, 99]), [1, 2, 3, 4, 5, 6, 7, 8]);
     }
 
     #[test]
-    fn only_grey_without_padding_is_plain() {
-        assert!(shape(sys::FOURCC_GREY, 4).is_plain());
-        assert!(shape(sys::FOURCC_Y12, 8).is_plain());
-        assert!(!shape(sys::FOURCC_Y12, 10).is_plain());
-        assert!(!shape(sys::FOURCC_YUYV, 8).is_plain());
+    fn only_grey_without_padding_matches_the_ring() {
+        assert!(buffer(sys::FOURCC_GREY, 4).matches_ring());
+        assert!(buffer(sys::FOURCC_Y12, 8).matches_ring());
+        assert!(!buffer(sys::FOURCC_Y12, 10).matches_ring());
+        assert!(!buffer(sys::FOURCC_YUYV, 8).matches_ring());
     }
 
     #[test]
-    fn codes_are_told_by_their_letters() {
-        let words = ["GREY", "Y10", "Y12", "Y16", "NV12", "YUYV", "UYVY", "MJPG", "JPEG"];
-        assert_eq!(LAYOUTS.map(|layout| word(layout.fourcc)), words);
+    fn codes_are_shown_as_text() {
+        let texts = ["GREY", "Y10", "Y12", "Y16", "NV12", "YUYV", "UYVY", "MJPG", "JPEG"];
+        assert_eq!(LAYOUTS.map(|layout| fourcc_text(layout.fourcc)), texts);
     }
 }

@@ -1,4 +1,4 @@
-//! A kernel for unit tests: ioctls answered from memory, buffers in a file that can be mapped.
+//! A simulated kernel for unit tests: it answers ioctls from memory, and its buffers lie in a file that can be mapped.
 
 use super::device::Device;
 use super::kernel::{Argument, Kernel};
@@ -11,10 +11,10 @@ use std::os::unix::fs::FileExt;
 use std::sync::{Arc, Mutex, MutexGuard};
 use std::time::Duration;
 
-/// Room of one mapped buffer in the file: a page, so that each can be mapped alone.
+/// Size of one mapped buffer in the file: a page, so that each can be mapped separately.
 const BUFFER_ROOM: u32 = 4096;
 
-/// One control of the imitated driver.
+/// A control of the simulated driver.
 #[derive(Debug, Clone)]
 pub struct MockControl {
     pub id: u32,
@@ -23,37 +23,37 @@ pub struct MockControl {
     pub range: (i64, i64, u64),
     pub words: &'static [&'static str],
     pub value: i32,
-    /// While the control of this number has this value, it has no effect.
+    /// Control and value that make this one inactive.
     pub ruled_by: Option<(u32, i32)>,
 }
 
-/// What the imitated driver is and has seen.
+/// The state of the simulated driver.
 #[derive(Debug, Default)]
 pub struct State {
     pub fourcc: u32,
     pub size: (u32, u32),
     pub padding_bytes: u32,
     pub interval: (u32, u32),
-    /// Format, (width, height) and rate, Hz, of each mode; empty for a driver that lists none and keeps what it has.
+    /// Format, (width, height) and rate, Hz, of each mode; empty for a driver that lists none and has a single one.
     pub modes: Vec<(u32, (u32, u32), u32)>,
-    /// Stamp of the frames, s on the kernel's monotonic clock.
+    /// Timestamp of the frames, s on the kernel's monotonic clock.
     pub stamp_s: i64,
-    /// Whether memory of the user is taken: at all, and at the first buffer.
+    /// Whether user memory is accepted: on request, and for the first buffer.
     pub takes_user: (bool, bool),
-    /// Every call fails with this error.
+    /// Error of every call.
     pub broken: Option<i32>,
-    /// Giving buffers fails with this error.
+    /// Error of queueing buffers.
     pub refuses_buffers: Option<i32>,
     pub controls: Vec<MockControl>,
     pub streaming: bool,
     pub memory: u32,
-    /// Buffers with the driver: number, address and size of the user's memory.
+    /// Queued buffers: index, address and size of the user memory.
     pub owned: VecDeque<(u32, u64, u32)>,
     ready: VecDeque<Filled>,
     pub buffers: u32,
 }
 
-/// A buffer that the imitated driver has filled.
+/// A buffer that the simulated driver has filled.
 #[derive(Debug)]
 struct Filled {
     index: u32,
@@ -71,7 +71,7 @@ impl Filled {
     }
 }
 
-/// The imitated driver of a camera of 4 x 2 grey pixels.
+/// The simulated driver of a camera with 4 x 2 grey pixels.
 #[derive(Debug, Clone)]
 pub struct Mock {
     state: Arc<Mutex<State>>,
@@ -85,7 +85,7 @@ impl Mock {
             size: (4, 2),
             interval: (1, 100),
             takes_user: (true, true),
-            // Later than any machine that runs this was started.
+            // Later than the start of any machine that runs this test.
             stamp_s: 4_000_000_000,
             ..State::default()
         };
@@ -100,20 +100,20 @@ impl Mock {
         Device { kernel: Box::new(self.clone()), id: "mock".into(), path: std::path::PathBuf::new() }
     }
 
-    /// The driver fills its oldest buffer with this byte; false when it has none.
+    /// Fills the oldest queued buffer with this byte; returns `false` if there is none.
     pub fn fill(&self, sequence: u32, byte: u8, flags: u32) -> bool {
         let bytes = self.state().image_bytes();
         self.fill_part(sequence, byte, flags, bytes)
     }
 
-    /// The same, but only so many bytes.
+    /// Like [`fill`](Self::fill), but with this number of bytes.
     pub fn fill_part(&self, sequence: u32, byte: u8, flags: u32, bytes: u32) -> bool {
         let mut state = self.state();
         let Some((index, address, room)) = state.owned.pop_front() else { return false };
         let pixels = vec![byte; bytes as usize];
         if state.memory == sys::V4L2_MEMORY_USERPTR {
-            assert!(bytes <= room, "written beyond the memory of the user");
-            // SAFETY: the test keeps the memory it gave until the buffer comes back.
+            assert!(bytes <= room, "written beyond the user memory");
+            // SAFETY: the test keeps its memory until the buffer comes back.
             unsafe { std::ptr::copy_nonoverlapping(pixels.as_ptr(), address as *mut u8, pixels.len()) };
         } else {
             self.file.write_all_at(&pixels, u64::from(index * BUFFER_ROOM)).unwrap();
@@ -244,9 +244,9 @@ impl State {
         modes.map(|(.., rate)| *rate).collect()
     }
 
-    /// Turns to the rate asked for, if it has it, and tells the one it has.
+    /// Sets the requested rate if it is supported, and returns the present rate.
     fn pace(&mut self, is_asked: bool, raw: &mut sys::v4l2_streamparm) {
-        // SAFETY: plain numbers; whoever asks filled them in.
+        // SAFETY: plain numbers, filled in by the caller.
         let wanted = unsafe { raw.parm.capture.timeperframe };
         let has = wanted.numerator == 1 && self.rates(self.fourcc, self.size).contains(&wanted.denominator);
         if is_asked && has {
@@ -258,7 +258,7 @@ impl State {
             sys::v4l2_captureparm { capability: sys::V4L2_CAP_TIMEPERFRAME, timeperframe, ..Default::default() };
     }
 
-    /// Turns to the mode asked for; of a format without this size to its first one, as drivers do.
+    /// Sets the requested mode; for a format without this size its first mode, as drivers do.
     fn choose(&mut self, pix: &sys::v4l2_pix_format) {
         let wanted = (pix.pixelformat, (pix.width, pix.height));
         let of_format = |(fourcc, ..): &&(u32, (u32, u32), u32)| *fourcc == wanted.0;
@@ -301,7 +301,7 @@ impl State {
         }
         let is_owned = self.owned.iter().any(|(index, ..)| *index == raw.index)
             || self.ready.iter().any(|buffer| buffer.index == raw.index);
-        // As the kernel does with a buffer that it has already.
+        // Like the kernel for a buffer that is already queued.
         if raw.index >= self.buffers || raw.memory != self.memory || is_owned {
             return refuse(libc::EINVAL);
         }

@@ -1,71 +1,87 @@
-//! Whether frames come at the rate that was set, and as evenly as their stamps say; told once.
+//! Checks of the frame rate and of the regularity of timestamps; each warning is given once.
 
-/// Frames that are looked at together.
-const FRAMES: usize = 150;
-/// A rate that is off by more than this, relative, is told.
-const RATE_OFF: f64 = 0.02;
-/// Stamps that scatter about an even pace by more than this share of a frame (1 sigma) are told.
-const SCATTER: f64 = 0.02;
+/// Number of frames per check.
+const WINDOW_FRAMES: usize = 150;
+/// Maximum relative deviation of the frame rate from its setting.
+const MAX_RATE_DEVIATION: f64 = 0.02;
+/// Maximum jitter of the timestamps (1 sigma) as a share of the frame period.
+const MAX_JITTER: f64 = 0.02;
 
-/// Watches numbers and stamps of frames.
+/// Observes sequence numbers and timestamps of frames.
 #[derive(Debug)]
-pub(super) struct Rhythm {
-    /// What was set; 0 when nothing was.
+pub(super) struct FrameTiming {
+    /// The configured rate; 0 if none.
     rate_hz: f64,
-    /// Frames after the first one of this window, and ns after it.
-    seen: Vec<(f64, f64)>,
+    /// Frames of this window, relative to its first: number and time.
+    points: Vec<Point>,
     first: Option<(u64, u64)>,
-    told_rate: bool,
-    told_scatter: bool,
+    warned_rate: bool,
+    warned_jitter: bool,
 }
 
-impl Rhythm {
+/// A frame relative to the first frame of a window.
+#[derive(Debug, Clone, Copy)]
+struct Point {
+    frames: f64,
+    time_ns: f64,
+}
+
+impl FrameTiming {
     pub fn new(rate_hz: f64) -> Self {
-        Self { rate_hz, seen: Vec::with_capacity(FRAMES), first: None, told_rate: false, told_scatter: false }
+        Self {
+            rate_hz,
+            points: Vec::with_capacity(WINDOW_FRAMES),
+            first: None,
+            warned_rate: false,
+            warned_jitter: false,
+        }
     }
 
-    /// Takes the next frame; what there is to say of the last ones.
-    pub fn see(&mut self, sequence: u64, stamp_ns: u64) -> Vec<String> {
+    /// Adds the next frame and returns new warnings.
+    pub fn observe(&mut self, sequence: u64, stamp_ns: u64) -> Vec<String> {
         let (first, start_ns) = *self.first.get_or_insert((sequence, stamp_ns));
-        self.seen.push((sequence.abs_diff(first) as f64, stamp_ns.abs_diff(start_ns) as f64));
-        if self.seen.len() < FRAMES {
+        self.points
+            .push(Point { frames: sequence.abs_diff(first) as f64, time_ns: stamp_ns.abs_diff(start_ns) as f64 });
+        if self.points.len() < WINDOW_FRAMES {
             return Vec::new();
         }
-        let (period_ns, scatter_ns) = line(&self.seen);
-        self.seen.clear();
+        let (period_ns, jitter_ns) = fit_line(&self.points);
+        self.points.clear();
         self.first = None;
-        self.judge(period_ns, scatter_ns)
+        self.check(period_ns, jitter_ns)
     }
 
-    fn judge(&mut self, period_ns: f64, scatter_ns: f64) -> Vec<String> {
-        let mut said = Vec::new();
+    fn check(&mut self, period_ns: f64, jitter_ns: f64) -> Vec<String> {
+        let mut warnings = Vec::new();
         let (rate_hz, wanted_hz) = (1e9 / period_ns, self.rate_hz);
-        if wanted_hz > 0.0 && (rate_hz / wanted_hz - 1.0).abs() > RATE_OFF && !self.told_rate {
-            self.told_rate = true;
-            said.push(format!(
-                "frames come at {rate_hz:.2} Hz, not at {wanted_hz:.2} Hz: a camera that exposes by itself takes longer \
-                 frames in the dark; set exposure_us, and bring more light"
+        if wanted_hz > 0.0 && (rate_hz / wanted_hz - 1.0).abs() > MAX_RATE_DEVIATION && !self.warned_rate {
+            self.warned_rate = true;
+            warnings.push(format!(
+                "frames arrive at {rate_hz:.2} Hz instead of {wanted_hz:.2} Hz: automatic exposure lengthens frames in \
+                 the dark; set exposure_us, and add light"
             ));
         }
-        if scatter_ns > SCATTER * period_ns && !self.told_scatter {
-            self.told_scatter = true;
-            said.push(format!(
-                "stamps scatter by {:.2} ms about an even pace, {:.0} % of a frame, and speeds from frame to frame by as \
-                 much: the driver stamps frames when they reach the computer, or their pace changes",
-                scatter_ns * 1e-6,
-                100.0 * scatter_ns / period_ns
+        if jitter_ns > MAX_JITTER * period_ns && !self.warned_jitter {
+            self.warned_jitter = true;
+            warnings.push(format!(
+                "timestamps have a jitter of {:.2} ms (1 sigma), {:.0} % of a frame period, which velocities from frame \
+                 to frame inherit: the driver stamps frames on arrival, or the frame rate varies",
+                jitter_ns * 1e-6,
+                100.0 * jitter_ns / period_ns
             ));
         }
-        said
+        warnings
     }
 }
 
-/// Slope of the line through these points, and how much they scatter about it (1 sigma).
-fn line(points: &[(f64, f64)]) -> (f64, f64) {
+/// Fits a line through the points; returns its slope and the residual standard deviation.
+fn fit_line(points: &[Point]) -> (f64, f64) {
     let count = points.len() as f64;
-    let mean = |of: fn(&(f64, f64)) -> f64| points.iter().map(of).sum::<f64>() / count;
-    let (middle, height) = (mean(|point| point.0), mean(|point| point.1));
-    let sum = |of: &dyn Fn(f64, f64) -> f64| points.iter().map(|(x, y)| of(x - middle, y - height)).sum::<f64>();
+    let mean = |of: fn(&Point) -> f64| points.iter().map(of).sum::<f64>() / count;
+    let (mean_frames, mean_ns) = (mean(|point| point.frames), mean(|point| point.time_ns));
+    let sum = |of: &dyn Fn(f64, f64) -> f64| {
+        points.iter().map(|point| of(point.frames - mean_frames, point.time_ns - mean_ns)).sum::<f64>()
+    };
     let slope = sum(&|x, y| x * y) / sum(&|x, _| x * x);
     let square = sum(&|x, y| (y - slope * x).powi(2));
     (slope, (square / (count - 2.0)).sqrt())
@@ -78,41 +94,42 @@ mod tests {
     const START_NS: u64 = 1_700_000_000_000_000_000;
     const PERIOD_NS: u64 = 33_333_333;
 
-    /// What is said of a camera set to 30 Hz whose frame `n` is stamped at `at(n)` ns.
-    fn said(frames: u64, at: impl Fn(u64) -> u64) -> Vec<String> {
-        let mut rhythm = Rhythm::new(30.0);
-        (0..frames).filter(|n| n % 7 != 3).flat_map(|n| rhythm.see(n, START_NS + at(n))).collect()
+    /// Returns the warnings for a camera set to 30 Hz whose frame `n` is stamped at `at(n)` ns.
+    fn warnings(frames: u64, at: impl Fn(u64) -> u64) -> Vec<String> {
+        let mut timing = FrameTiming::new(30.0);
+        (0..frames).filter(|n| n % 7 != 3).flat_map(|n| timing.observe(n, START_NS + at(n))).collect()
     }
 
-    /// 0 to 7 ms, the same in each run.
-    fn late_ns(n: u64) -> u64 {
+    /// Delays from 0 to 7 ms, the same in each run.
+    fn delay_ns(n: u64) -> u64 {
         (n.wrapping_mul(6_364_136_223_846_793_005) >> 40) % 7_000_000
     }
 
     #[test]
-    fn an_even_pace_is_nothing_to_speak_of_lost_frames_or_not() {
-        assert_eq!(said(2000, |n| n * PERIOD_NS), [""; 0]);
-        assert_eq!(said(2000, |n| n * PERIOD_NS + late_ns(n) / 10), [""; 0]);
+    fn a_regular_rate_gives_no_warning_even_with_lost_frames() {
+        assert_eq!(warnings(2000, |n| n * PERIOD_NS), [""; 0]);
+        assert_eq!(warnings(2000, |n| n * PERIOD_NS + delay_ns(n) / 10), [""; 0]);
     }
 
     #[test]
-    fn a_rate_that_was_not_kept_is_told_once() {
-        let said = said(2000, |n| 2 * n * PERIOD_NS);
-        assert_eq!(said.len(), 1, "{said:?}");
-        assert!(said[0].starts_with("frames come at 15.00 Hz, not at 30.00 Hz: "), "{said:?}");
+    fn a_rate_that_is_not_kept_is_reported_once() {
+        let warnings = warnings(2000, |n| 2 * n * PERIOD_NS);
+        assert_eq!(warnings.len(), 1, "{warnings:?}");
+        assert!(warnings[0].starts_with("frames arrive at 15.00 Hz instead of 30.00 Hz: "), "{warnings:?}");
     }
 
     #[test]
-    fn stamps_that_scatter_are_told_once_with_how_much() {
-        let said = said(2000, |n| n * PERIOD_NS + late_ns(n));
-        assert_eq!(said.len(), 1, "{said:?}");
-        // Even between 0 and 7 ms: 7 ms / sqrt(12) = 2.02 ms.
-        assert!(said[0].starts_with("stamps scatter by 2.0") && said[0].contains(", 6 % of a frame"), "{said:?}");
+    fn jitter_is_reported_once_with_its_amount() {
+        let warnings = warnings(2000, |n| n * PERIOD_NS + delay_ns(n));
+        assert_eq!(warnings.len(), 1, "{warnings:?}");
+        // Uniform between 0 and 7 ms: 7 ms / sqrt(12) = 2.02 ms.
+        assert!(warnings[0].starts_with("timestamps have a jitter of 2.0"), "{warnings:?}");
+        assert!(warnings[0].contains(", 6 % of a frame period"), "{warnings:?}");
     }
 
     #[test]
-    fn without_a_rate_none_can_be_missed() {
-        let mut rhythm = Rhythm::new(0.0);
-        assert!((0..1000).all(|n| rhythm.see(n, START_NS + 2 * n * PERIOD_NS).is_empty()));
+    fn without_a_configured_rate_no_deviation_is_reported() {
+        let mut timing = FrameTiming::new(0.0);
+        assert!((0..1000).all(|n| timing.observe(n, START_NS + 2 * n * PERIOD_NS).is_empty()));
     }
 }

@@ -74,13 +74,13 @@ pub(super) fn grab(config: &Config, seconds: f64, stop: &Stop) -> anyhow::Result
                 queued -= 1;
                 heard = now();
             }
-            Next::Torn(slot, _) => {
+            Next::Incomplete(slot, _) => {
                 // The gap in the count tells of it, unless no whole frame follows.
                 torn += 1;
                 ring.take_back(slot);
                 queued -= 1;
             }
-            Next::Nothing => {}
+            Next::Timeout => {}
             Next::End => break,
         }
         let enough =

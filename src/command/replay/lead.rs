@@ -1,9 +1,9 @@
 //! Several rigs, or one frame by frame: who lets the frames go.
 
 use super::{Played, Rate, Tempo};
-use crate::camera::recording::Span;
+use crate::camera::recording::TimeRange;
 use crate::image::FrameMeta;
-use crate::process::{self, Reins, Stop, Summary};
+use crate::process::{self, StepControl, Stop, Summary};
 use crate::recording::{Frames, RecordingError};
 use std::io::{BufRead, Write};
 use std::sync::mpsc::{self, Receiver};
@@ -20,11 +20,11 @@ pub(super) fn play(played: &[Played], tempo: Tempo, stop: &Stop) -> anyhow::Resu
     let mut runs = Vec::new();
     let mut players = Vec::new();
     for one in played {
-        let (leader, reins) = mpsc::channel();
-        players.push(Player::new(one, reins)?);
+        let (leader, control) = mpsc::channel();
+        players.push(Player::new(one, control)?);
         let (config, stop) = (one.config.clone(), stop.clone());
         runs.push(thread::spawn(move || {
-            let summary = process::supervise_led(&config, &stop, Some(leader), |_| ());
+            let summary = process::supervise_stepped(&config, &stop, Some(leader), |_| ());
             if summary.is_err() {
                 stop.request();
             }
@@ -51,26 +51,26 @@ pub(super) fn play(played: &[Played], tempo: Tempo, stop: &Stop) -> anyhow::Resu
 struct Player {
     name: String,
     frames: Frames,
-    span: Span,
+    span: TimeRange,
     first_ns: u64,
-    reins: Receiver<Reins>,
+    control: Receiver<StepControl>,
 }
 
 impl Player {
-    fn new(played: &Played, reins: Receiver<Reins>) -> Result<Self, RecordingError> {
+    fn new(played: &Played, control: Receiver<StepControl>) -> Result<Self, RecordingError> {
         Ok(Self {
             name: played.config.rig.name.clone(),
             frames: played.recording.frames()?,
             span: played.span,
             first_ns: played.recording.first_frame()?.stamp_ns,
-            reins,
+            control,
         })
     }
 
     fn next(&mut self) -> Result<Option<FrameMeta>, RecordingError> {
         while let Some(frame) = self.frames.next_shared() {
             let (meta, _) = frame?;
-            let place = self.span.place(self.first_ns, meta.stamp_ns);
+            let place = self.span.locate(self.first_ns, meta.stamp_ns);
             if !place.is_lt() {
                 return Ok(place.is_eq().then_some(meta));
             }
@@ -82,7 +82,7 @@ impl Player {
 /// A rig that is ready, and its next frame.
 struct Ready {
     player: Player,
-    reins: Reins,
+    control: StepControl,
     next: FrameMeta,
 }
 
@@ -99,9 +99,9 @@ impl Leader {
     fn lead(mut self, players: Vec<Player>, stop: &Stop) -> Result<bool, RecordingError> {
         let mut rigs = Vec::new();
         for mut player in players {
-            let Ok(mut reins) = player.reins.recv() else { continue };
-            if let (true, Some(next)) = (reins.is_ready(), player.next()?) {
-                rigs.push(Ready { player, reins, next });
+            let Ok(mut control) = player.control.recv() else { continue };
+            if let (true, Some(next)) = (control.is_ready(), player.next()?) {
+                rigs.push(Ready { player, control, next });
             }
         }
         let first_ns = rigs.iter().map(|rig| rig.next.stamp_ns).min().unwrap_or(0);
@@ -111,7 +111,7 @@ impl Leader {
             if !self.may_go(rig, first_ns, stop) {
                 return Ok(true);
             }
-            let next = if rig.reins.step() { rig.player.next()? } else { None };
+            let next = if rig.control.step() { rig.player.next()? } else { None };
             match next {
                 Some(next) => rig.next = next,
                 None => drop(rigs.remove(at)),

@@ -1,6 +1,6 @@
 //! Which recordings are one stream.
 
-use crate::camera::recording::Span;
+use crate::camera::recording::TimeRange;
 use crate::command::UsageError;
 use crate::image::FrameMeta;
 use crate::recording::{Recording, RecordingError};
@@ -12,7 +12,7 @@ pub(super) struct Streamed {
     /// Which of several cameras in one recording; `None` for the first.
     pub(super) camera: Option<String>,
     /// What of it is played, in seconds from its first frame.
-    pub(super) span: Span,
+    pub(super) span: TimeRange,
 }
 
 /// The recordings that go on one from the other as one each, in the order of their times; each camera's by itself.
@@ -40,7 +40,7 @@ pub(super) fn streams(files: &[PathBuf]) -> Result<Vec<Streamed>, RecordingError
     let joined = |stream: Vec<Part>| {
         let camera = stream.first().and_then(|part| part.camera.clone());
         let recording = Recording::joined(stream.into_iter().map(|part| part.recording).collect())?;
-        Some(Streamed { recording, camera, span: Span::ALL })
+        Some(Streamed { recording, camera, span: TimeRange::ALL })
     };
     Ok(streams.into_iter().filter_map(joined).collect())
 }
@@ -81,19 +81,19 @@ pub(super) fn first_ns(streams: &[Streamed]) -> Result<u64, RecordingError> {
 }
 
 /// The streams that have frames in a part of the whole, and that part of each.
-pub(super) fn within(streams: Vec<Streamed>, whole: Span) -> anyhow::Result<Vec<Streamed>> {
+pub(super) fn within(streams: Vec<Streamed>, whole: TimeRange) -> anyhow::Result<Vec<Streamed>> {
     let origin_ns = first_ns(&streams)?;
     let mut latest_ns = origin_ns;
     let mut inside = Vec::new();
     for stream in streams {
         let (first_ns, last_ns) = (stream.recording.first_frame()?.stamp_ns, stream.recording.last_frame()?.stamp_ns);
         latest_ns = latest_ns.max(last_ns);
-        if whole.place(origin_ns, last_ns).is_lt() || whole.place(origin_ns, first_ns).is_gt() {
+        if whole.locate(origin_ns, last_ns).is_lt() || whole.locate(origin_ns, first_ns).is_gt() {
             continue;
         }
         let later_s = (first_ns - origin_ns) as f64 * 1e-9;
         let span = if later_s > 0.0 {
-            Span { from_s: (whole.from_s - later_s).max(0.0), to_s: whole.to_s - later_s }
+            TimeRange { from_s: (whole.from_s - later_s).max(0.0), to_s: whole.to_s - later_s }
         } else {
             whole
         };

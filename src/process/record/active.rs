@@ -1,89 +1,90 @@
-//! A shot under way.
+//! A shot that is being written.
 
 use super::SILENCE;
-use super::feed::Feed;
+use super::feed::CameraFeed;
 use super::matching::Matcher;
-use crate::process::clock::Patience;
+use crate::process::clock::Timeout;
 use crate::process::shot::Shot;
 use crate::recording::RecordingError;
 use crate::results::{BodyStep, PairField};
 
-/// Which moments belong to a shot, ns since the Unix epoch.
+/// The time window of a shot, ns since the Unix epoch.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) struct Window {
+pub(super) struct ShotWindow {
     pub(super) from_ns: u64,
     pub(super) to_ns: u64,
 }
 
-impl Window {
+impl ShotWindow {
     /// A whole stream.
     pub(super) const ALL: Self = Self { from_ns: 0, to_ns: u64::MAX };
 }
 
-/// How far one camera has come.
-pub(super) struct Course {
-    /// One past its last frame, once that is known.
+/// The progress of one camera in a shot.
+pub(super) struct CameraProgress {
+    /// One past its last frame, once known.
     pub(super) end: Option<u64>,
-    /// Since when no step has come; of a camera beside the first, no frame either.
-    pub(super) silence: Patience,
-    /// No more frames will come.
+    /// Time without a step, or for further cameras without a frame.
+    pub(super) silence: Timeout,
+    /// Whether no more frames will come.
     pub(super) drained: bool,
-    /// Which of its line's shots this is, once a frame of it came.
+    /// The number of its hardware-triggered shot, once a frame of it came.
     pub(super) shot: Option<u32>,
-    /// Steps near the end, until it is known which lead out of the shot.
+    /// Steps near the end, until it is known which ones lead out of the shot.
     waiting: Vec<(BodyStep, Option<PairField>)>,
 }
 
-/// A shot under way.
-pub(super) struct Active {
+/// A shot that is being written.
+pub(super) struct OpenShot {
     pub(super) shot: Shot,
-    pub(super) window: Window,
-    /// One a camera.
-    pub(super) courses: Vec<Course>,
-    /// One a camera beside the first.
+    pub(super) window: ShotWindow,
+    /// One per camera.
+    pub(super) progress: Vec<CameraProgress>,
+    /// One per further camera.
     pub(super) matchers: Vec<Matcher>,
 }
 
-impl Active {
-    pub(super) fn new(shot: Shot, window: Window, feeds: &[Feed<'_>]) -> Self {
-        let course = |_: &Feed<'_>| Course {
+impl OpenShot {
+    pub(super) fn new(shot: Shot, window: ShotWindow, feeds: &[CameraFeed<'_>]) -> Self {
+        let progress = |_: &CameraFeed<'_>| CameraProgress {
             end: None,
-            silence: Patience::new(SILENCE),
+            silence: Timeout::new(SILENCE),
             drained: false,
             shot: None,
             waiting: Vec::new(),
         };
-        let period_ns = feeds.first().map_or(0.0, Feed::period_ns);
+        let period_ns = feeds.first().map_or(0.0, CameraFeed::period_ns);
         Self {
             shot,
             window,
-            courses: feeds.iter().map(course).collect(),
+            progress: feeds.iter().map(progress).collect(),
             matchers: feeds.iter().skip(1).map(|_| Matcher::new((0.5 * period_ns) as u64)).collect(),
         }
     }
 
-    /// Takes note of a frame that was written.
-    pub(super) fn wrote(&mut self, camera: usize, stamp_ns: u64) {
+    /// Notes a frame that was written.
+    pub(super) fn add_written(&mut self, camera: usize, stamp_ns: u64) {
         match camera.checked_sub(1) {
-            None => self.matchers.iter_mut().for_each(|matcher| matcher.first(stamp_ns)),
+            None => self.matchers.iter_mut().for_each(|matcher| matcher.add_main(stamp_ns)),
             Some(view) => {
-                self.matchers[view].other(stamp_ns);
-                self.courses[camera].silence.renew();
+                self.matchers[view].add_other(stamp_ns);
+                self.progress[camera].silence.renew();
             }
         }
     }
 
-    /// Says where a camera's part ends, and lets the steps go that waited for it.
+    /// Sets the end of a camera's part, and writes the steps that waited for it.
     pub(super) fn set_end(&mut self, camera: usize, end: u64) -> Result<(), RecordingError> {
-        self.courses[camera].end = Some(end);
+        self.progress[camera].end = Some(end);
         self.shot.set_end(camera, end);
-        for (step, field) in std::mem::take(&mut self.courses[camera].waiting) {
+        for (step, field) in std::mem::take(&mut self.progress[camera].waiting) {
             self.shot.step(camera, step, field)?;
         }
         Ok(())
     }
 
-    /// Takes a step, or keeps it until it is known whether it leads out of the shot; whether it belongs to it.
+    /// Adds a step, or keeps it until it is known whether it leads out of the shot; returns whether it belongs to the
+    /// shot.
     pub(super) fn step(
         &mut self,
         feed: (usize, f64),
@@ -93,25 +94,25 @@ impl Active {
         let (camera, period_ns) = feed;
         let ahead_ns = (period_ns * f64::from(step.interval_frames + 2)).ceil() as u64;
         let may_lead_out = step.stamp_ns.saturating_add(ahead_ns) > self.window.to_ns;
-        if self.courses[camera].end.is_none() && may_lead_out {
-            self.courses[camera].waiting.push((step, field));
+        if self.progress[camera].end.is_none() && may_lead_out {
+            self.progress[camera].waiting.push((step, field));
             return Ok(true);
         }
         self.shot.step(camera, step, field)
     }
 
-    /// Whether everything of a camera is there, or will never be.
-    pub(super) fn is_complete(&self, camera: usize, feed: &Feed<'_>) -> bool {
-        let course = &self.courses[camera];
-        let Some(end) = course.end else { return false };
+    /// Whether everything of a camera is written, or will never come.
+    pub(super) fn is_complete(&self, camera: usize, feed: &CameraFeed<'_>) -> bool {
+        let progress = &self.progress[camera];
+        let Some(end) = progress.end else { return false };
         let passed = feed.held.front().is_some_and(|sample| sample.header().sequence >= end);
-        let whole = self.shot.next_frame(camera) >= end || passed || course.drained;
-        whole && (self.shot.has_steps_before(camera, end) || course.silence.is_over())
+        let whole = self.shot.next_frame(camera) >= end || passed || progress.drained;
+        whole && (self.shot.has_steps_before(camera, end) || progress.silence.has_expired())
     }
 
-    /// Where each camera's part ends.
+    /// Returns the end of each camera's part.
     pub(super) fn ends(&self) -> Vec<u64> {
-        let end = |(camera, course): (usize, &Course)| course.end.unwrap_or(self.shot.next_frame(camera));
-        self.courses.iter().enumerate().map(end).collect()
+        let end = |(camera, progress): (usize, &CameraProgress)| progress.end.unwrap_or(self.shot.next_frame(camera));
+        self.progress.iter().enumerate().map(end).collect()
     }
 }

@@ -1,46 +1,46 @@
-//! When a recording cannot be written: the loss is told and counted, the part file stays, the rig goes on.
+//! Failures of writing: the loss is reported and counted, the part file stays, and the rig continues.
 
 use super::Recorder;
-use super::active::Active;
+use super::active::OpenShot;
 use crate::config::TriggerMode;
 use crate::message::EventKind;
-use crate::process::clock::Patience;
+use crate::process::clock::Timeout;
 use crate::process::storage::prepare_directory;
 use crate::recording::RecordingError;
 use std::time::Duration;
 
-/// How long a stream goes unrecorded after its recording failed; twice as long after each failure in a row.
+/// Pause of recording a stream after a failure; it doubles with each consecutive failure.
 const PAUSE: Duration = Duration::from_secs(1);
-/// Failures in a row after which the pause grows no more.
-const MOST_DOUBLINGS: u32 = 6;
+/// Number of consecutive failures after which the pause no longer grows.
+const MAX_DOUBLINGS: u32 = 6;
 
 impl Recorder<'_> {
-    /// Gives up the shot under way; its part file stays.
+    /// Abandons the open shot; its part file stays.
     pub(super) fn abandon(&mut self, error: &RecordingError) -> anyhow::Result<()> {
-        let Some(active) = self.shot.take() else { return Ok(()) };
-        let end = active.ends()[0];
-        let missing = active.shot.missing_before(end).max(1);
-        self.failures = if active.shot.frames() > missing { 0 } else { self.failures + 1 };
+        let Some(open) = self.shot.take() else { return Ok(()) };
+        let end = open.ends()[0];
+        let missing = open.shot.missing_before(end).max(1);
+        self.failures = if open.shot.frames() > missing { 0 } else { self.failures + 1 };
         self.give_up(error, missing)?;
         self.rearm()
     }
 
-    /// Tells that a recording failed, and how many of its frames may be missing; the rig goes on.
+    /// Reports that a recording failed, and the number of frames that may be missing; the rig continues.
     pub(super) fn give_up(&mut self, error: &RecordingError, missing: u64) -> anyhow::Result<()> {
         self.summary.lost += missing;
         let text = format!("up to {missing} frames are missing: {error}");
         log::warn!("{text}");
         self.event(EventKind::Lost, &text)?;
         if self.config.trigger.mode == TriggerMode::Off {
-            self.pause = Some(Patience::new(PAUSE * (1 << self.failures.min(MOST_DOUBLINGS))));
+            self.pause = Some(Timeout::new(PAUSE * (1 << self.failures.min(MAX_DOUBLINGS))));
         }
         Ok(())
     }
 
-    /// Whether a stream still has to go unrecorded.
+    /// Whether recording of a stream is paused after a failure.
     pub(super) fn is_paused(&mut self) -> anyhow::Result<bool> {
         let Some(pause) = &mut self.pause else { return Ok(false) };
-        if !pause.is_over() {
+        if !pause.has_expired() {
             return Ok(true);
         }
         pause.renew();
@@ -53,7 +53,7 @@ impl Recorder<'_> {
         Ok(false)
     }
 
-    /// Lets a frame go that cannot be recorded.
+    /// Releases one frame per camera that cannot be recorded.
     pub(super) fn pass_by(&mut self) -> anyhow::Result<bool> {
         let mut passed = false;
         for camera in 0..self.feeds.len() {
@@ -63,21 +63,21 @@ impl Recorder<'_> {
             let header = *sample.header();
             self.summary.lost += 1;
             feed.newest = (header.sequence, header.stamp_ns);
-            feed.reporter.progress(header.sequence + 1, false)?;
+            feed.reporter.progress(header.sequence + 1)?;
             passed = true;
         }
         Ok(passed)
     }
 
-    /// Tells when the room for recordings becomes too little, and when it is enough again.
-    pub(super) fn look_at_storage(&mut self) -> anyhow::Result<()> {
-        let left = |active: &Active| Some(active.courses[0].end?.saturating_sub(active.shot.next_frame(0)));
+    /// Reports when free disk space becomes too small, and when it is sufficient again.
+    pub(super) fn check_storage(&mut self) -> anyhow::Result<()> {
+        let left = |open: &OpenShot| Some(open.progress[0].end?.saturating_sub(open.shot.next_frame(0)));
         let left = self.shot.as_ref().and_then(left);
         if self.shot.is_none() && !self.armed && self.config.trigger.mode != TriggerMode::Off {
             return Ok(());
         }
-        if let Some(text) = self.storage.look(left) {
-            if self.storage.is_troubled() {
+        if let Some(text) = self.storage.check(left) {
+            if self.storage.has_problem() {
                 log::warn!("{text}");
             }
             self.event(EventKind::Storage, &text)?;

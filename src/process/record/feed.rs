@@ -1,47 +1,48 @@
-//! What the recorder takes from one camera.
+//! The recorder's input from one camera.
 
 use crate::bus::{Bus, BusError, FieldSubscriber, FrameSample, FrameSubscriber, Limits};
 use crate::camera::{CameraIdentity, StreamFormat};
 use crate::config::{Config, TriggerMode};
 use crate::message::{Event, EventKind, Role};
-use crate::process::report::Reporter;
-use crate::process::rig::{SUCCESSION, analysis_params, expected_format, learn_exposure, limits, truth_world};
-use crate::process::stream::Stream;
+use crate::process::report::StatusReporter;
+use crate::process::rig::{SUCCESSION, analysis_params, expected_format, limits, truth_world, update_exposure};
+use crate::process::stream::StreamState;
 use crate::results::{BodyStep, PairField};
 use crate::synth::World;
 use crate::track::TrackerParams;
 use std::collections::VecDeque;
 use std::rc::Rc;
 
-/// A camera's ring and what is measured of it.
-pub(super) struct Feed<'a> {
-    /// What the camera is called; empty for the first.
+/// A camera's frames and measured steps.
+pub(super) struct CameraFeed<'a> {
+    /// Name of the view; empty for the main camera.
     pub(super) name: String,
     pub(super) config: &'a Config,
     pub(super) frames: FrameSubscriber,
     pub(super) fields: FieldSubscriber,
-    pub(super) reporter: Reporter,
-    pub(super) stream: Stream,
+    pub(super) reporter: StatusReporter,
+    pub(super) stream: StreamState,
     pub(super) params: TrackerParams,
-    /// Of a simulated camera; made before frames come, as it takes a tenth of a second of a processor.
+    /// Ground truth of a simulated camera; made before frames come, because it takes a tenth of a second of a
+    /// processor.
     pub(super) truth: Option<Rc<World>>,
     pub(super) format: StreamFormat,
     pub(super) limits: Limits,
     pub(super) held: VecDeque<FrameSample>,
-    /// Steps of what comes after the shot under way, where that is another shot.
+    /// Steps that belong to the next shot.
     pub(super) early: Vec<(BodyStep, Option<PairField>)>,
     pub(super) identity: CameraIdentity,
     pub(super) newest: (u64, u64),
-    /// Whether another recorder was there before and died.
+    /// Whether this process replaces a dead recorder.
     pub(super) resumed: bool,
-    /// The run at hand, after those that it goes on from.
+    /// The current run, after those that it continues.
     runs: Vec<u64>,
-    /// Whether its camera was told that the recorder is ready for this run.
-    is_greeted: bool,
+    /// Whether readiness for the current run was published.
+    is_ready_published: bool,
 }
 
-impl<'a> Feed<'a> {
-    /// Joins the rig of a camera; with the first one comes its bus.
+impl<'a> CameraFeed<'a> {
+    /// Joins the rig of a camera; also returns its bus.
     pub(super) fn open(name: &str, config: &'a Config, resumed: bool) -> anyhow::Result<(Self, Bus)> {
         let format = expected_format(config)?;
         config.check_ring(format.slot_bytes(), format.frame_rate_hz)?;
@@ -52,8 +53,8 @@ impl<'a> Feed<'a> {
             name: name.to_owned(),
             frames: bus.frame_subscriber(&limits)?,
             fields: bus.field_subscriber(&limits)?,
-            reporter: Reporter::new(&bus, &limits, Role::Record, 0)?,
-            stream: Stream::new(&bus, &limits)?,
+            reporter: StatusReporter::new(&bus, &limits, Role::Record, 0)?,
+            stream: StreamState::new(&bus, &limits)?,
             params: analysis_params(config, &format).1,
             truth: truth_world(config)?.map(Rc::new),
             held: VecDeque::new(),
@@ -61,7 +62,7 @@ impl<'a> Feed<'a> {
             identity: CameraIdentity::default(),
             newest: (0, 0),
             runs: Vec::new(),
-            is_greeted: true,
+            is_ready_published: true,
             config,
             format,
             limits,
@@ -70,73 +71,73 @@ impl<'a> Feed<'a> {
         Ok((feed, bus))
     }
 
-    /// Whether its camera was prepared.
+    /// Whether its camera is prepared.
     pub(super) fn is_prepared(&self) -> bool {
         self.stream.run_id.is_some()
     }
 
-    /// Whether anything is measured of it.
+    /// Whether workers measure it.
     pub(super) fn is_measured(&self) -> bool {
         self.config.workers.count > 0
     }
 
-    /// What its steps are put together with, if there are any.
-    pub(super) fn measured_with(&self) -> Option<&TrackerParams> {
+    /// Returns the tracker parameters, if workers measure it.
+    pub(super) fn tracker_params(&self) -> Option<&TrackerParams> {
         self.is_measured().then_some(&self.params)
     }
 
-    /// How much newer a step must be before a missing one is given up, frames.
-    pub(super) fn patience_frames(&self) -> u64 {
+    /// Returns the number of newer frames after which a missing step is given up.
+    pub(super) fn max_delay_frames(&self) -> u64 {
         (self.limits.ring_frames + self.limits.held_frames) as u64 + 512
     }
 
-    /// Time from a frame to the next, ns.
+    /// Returns the frame period, ns.
     pub(super) fn period_ns(&self) -> f64 {
         1e9 / self.format.frame_rate_hz
     }
 
-    /// Frames of a block.
-    pub(super) fn block(&self) -> u64 {
+    /// Returns the number of frames per block.
+    pub(super) fn block_frames(&self) -> u64 {
         u64::from(self.config.workers.block_frames)
     }
 
-    /// What it is called in front of something that is told of it.
+    /// Returns the prefix of messages about this camera.
     pub(super) fn prefix(&self) -> String {
         if self.name.is_empty() { String::new() } else { format!("{}: ", self.name) }
     }
 
-    /// Takes up a run that was announced; one that goes on from the one before leaves what was held of that.
+    /// Attaches to a newly announced run. A run that continues the previous one keeps its held frames.
     pub(super) fn attach(&mut self) {
-        if !self.stream.goes_on {
+        if !self.stream.continues {
             self.held.clear();
             self.early.clear();
             self.runs.clear();
         }
-        // Only the run it was started into has a predecessor's part.
+        // Only the run it was started into was partly recorded by a predecessor.
         self.resumed &= self.reporter.run_id() == 0;
         self.frames.greet();
         self.fields.greet();
         let run_id = self.stream.run_id.unwrap_or(0);
         self.runs.push(run_id);
         self.reporter.set_run(run_id);
-        self.is_greeted = false;
+        self.is_ready_published = false;
     }
 
-    /// Tells the camera that the recorder is ready, once a run.
-    pub(super) fn greet(&mut self) -> Result<(), BusError> {
-        if std::mem::replace(&mut self.is_greeted, true) {
+    /// Publishes the recorder's readiness, once per run.
+    pub(super) fn publish_ready(&mut self) -> Result<(), BusError> {
+        if std::mem::replace(&mut self.is_ready_published, true) {
             return Ok(());
         }
         let paced = self.config.trigger.mode == TriggerMode::Off && !self.resumed;
-        self.reporter.progress(if paced { 0 } else { u64::MAX }, false)
+        self.reporter.progress(if paced { 0 } else { u64::MAX })
     }
 
-    /// Whether frames and steps of this run are taken.
+    /// Whether frames and steps of this run are accepted.
     pub(super) fn takes(&self, run_id: u64) -> bool {
         self.runs.contains(&run_id)
     }
 
-    /// The next step of the runs that are taken, those that came early first.
+    /// Returns the next step of an accepted run.
     pub(super) fn next_step(&self) -> Result<Option<(BodyStep, Option<PairField>)>, BusError> {
         while let Some((header, field)) = self.fields.take()? {
             if let (true, Some(step)) = (self.takes(header.run_id), header.step()) {
@@ -146,8 +147,8 @@ impl<'a> Feed<'a> {
         Ok(None)
     }
 
-    /// Learns which camera it is.
-    pub(super) fn learn(&mut self, event: &Event) {
+    /// Reads the camera's identity from an event.
+    pub(super) fn handle_event(&mut self, event: &Event) {
         if event.kind() == Some(EventKind::Prepared) {
             let text = event.text();
             let (model, serial) = text.split_once('\n').unwrap_or((&text, ""));
@@ -155,16 +156,16 @@ impl<'a> Feed<'a> {
         }
     }
 
-    /// Takes frames out of the queue without writing them, so that the camera cannot overwrite them, up to one that
-    /// says that it is enough.
+    /// Takes frames out of the queue without writing them, so that the camera cannot overwrite them, up to one for
+    /// which `is_last` holds.
     ///
-    /// Beyond `most` held frames they stay in the queue: what it cannot keep is this recorder's loss, where a ring held
-    /// as a whole would leave the camera no slot.
-    pub(super) fn hold(&mut self, most: usize, is_enough: impl Fn(&FrameSample) -> bool) -> Result<(), BusError> {
-        while self.held.len() < most && !self.held.back().is_some_and(&is_enough) {
+    /// Beyond `max` held frames the others stay in the queue. The recorder may lose those, but holding the whole
+    /// ring would leave the camera no slot.
+    pub(super) fn hold(&mut self, max: usize, is_last: impl Fn(&FrameSample) -> bool) -> Result<(), BusError> {
+        while self.held.len() < max && !self.held.back().is_some_and(&is_last) {
             let Some(sample) = self.frames.take()? else { break };
             if self.takes(sample.header().run_id) {
-                if learn_exposure(self.config, &mut self.format, sample.header().exposure_ns) {
+                if update_exposure(self.config, &mut self.format, sample.header().exposure_ns) {
                     self.params = analysis_params(self.config, &self.format).1;
                 }
                 self.held.push_back(sample);
@@ -173,11 +174,13 @@ impl<'a> Feed<'a> {
         Ok(())
     }
 
-    /// Where a shot begins that shall have everything from this moment on: with a block, since blocks are measured on
-    /// their own, and earlier rather than later. What lies before goes; `None` while that is not known yet.
+    /// Returns the first frame of a shot that starts at this time, and drops the frames before it; `None` if it has
+    /// not arrived yet.
+    ///
+    /// A shot starts with a block, because blocks are measured independently, and rather too early than too late.
     pub(super) fn first_from(&mut self, from_ns: u64) -> Option<u64> {
-        // What a line fires begins with its first frame.
-        let block = if self.config.trigger.mode == TriggerMode::Hardware { 1 } else { self.block() };
+        // A hardware-triggered shot begins with its first frame.
+        let block = if self.config.trigger.mode == TriggerMode::Hardware { 1 } else { self.block_frames() };
         let at = self.held.partition_point(|sample| sample.header().stamp_ns < from_ns);
         let Some(sequence) = self.held.get(at).map(|sample| sample.header().sequence) else {
             let spare = self.held.len().saturating_sub(block as usize);

@@ -1,23 +1,23 @@
-//! Which frames of two cameras show the same moment.
+//! Matching of frames that two cameras took at the same time.
 
 use std::collections::VecDeque;
 use std::fmt;
 
-/// Stamps of a camera that wait for the other's at most; one that is further behind has died.
-const WAITING_MAX: usize = 1 << 16;
+/// Maximum number of stamps that wait for the other camera; beyond that, the other camera has died.
+const MAX_WAITING: usize = 1 << 16;
 
-/// How the frames of a camera lie in time beside those of the first.
+/// The time differences between the frames of a camera and those of the main camera.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Matching {
     /// Frames of the camera.
     pub frames: u64,
-    /// Those of them that a frame of the first camera was taken within half a period of.
+    /// Frames within half a period of one of the main camera.
     pub matched: u64,
-    /// Mean of how much later those were taken than the frame of the first that is nearest, ns.
+    /// Mean delay of those to the nearest frame of the main camera, ns.
     pub mean_ns: f64,
-    /// Scatter of that about its mean (one sigma), ns.
+    /// Standard deviation of the delay, ns.
     pub scatter_ns: f64,
-    /// Largest distance in time, ns.
+    /// Maximum time difference, ns.
     pub worst_ns: u64,
 }
 
@@ -36,76 +36,77 @@ impl fmt::Display for Matching {
     }
 }
 
-/// Matches frames by their stamps, as they come; those of each camera in rising order.
+/// Matches frames by their stamps as they arrive, in rising order for each camera.
 #[derive(Debug, Clone)]
 pub struct Matcher {
     half_period_ns: u64,
-    firsts: VecDeque<u64>,
+    mains: VecDeque<u64>,
     others: VecDeque<u64>,
-    told: Matching,
+    result: Matching,
     /// Sum of squares about the mean (Welford).
     squares: f64,
 }
 
 impl Matcher {
-    /// Frames match that are no further apart than this, half the time between two frames of the first camera.
+    /// Creates a matcher; `half_period_ns` is the maximum difference, half the frame period of the main camera.
     pub fn new(half_period_ns: u64) -> Self {
         Self {
             half_period_ns,
-            firsts: VecDeque::new(),
+            mains: VecDeque::new(),
             others: VecDeque::new(),
-            told: Matching::default(),
+            result: Matching::default(),
             squares: 0.0,
         }
     }
 
-    /// A frame of the first camera.
-    pub fn first(&mut self, stamp_ns: u64) {
-        self.firsts.push_back(stamp_ns);
-        if self.firsts.len() > WAITING_MAX {
-            self.firsts.pop_front();
+    /// Adds a frame of the main camera.
+    pub fn add_main(&mut self, stamp_ns: u64) {
+        self.mains.push_back(stamp_ns);
+        if self.mains.len() > MAX_WAITING {
+            self.mains.pop_front();
         }
-        self.settle(false);
+        self.match_frames(false);
     }
 
-    /// A frame of the other camera.
-    pub fn other(&mut self, stamp_ns: u64) {
-        self.told.frames += 1;
+    /// Adds a frame of the other camera.
+    pub fn add_other(&mut self, stamp_ns: u64) {
+        self.result.frames += 1;
         self.others.push_back(stamp_ns);
-        if self.others.len() > WAITING_MAX {
+        if self.others.len() > MAX_WAITING {
             self.others.pop_front();
         }
-        self.settle(false);
+        self.match_frames(false);
     }
 
-    /// No more frames will come.
+    /// Ends the matching; no more frames will come.
     pub fn finish(mut self) -> Matching {
-        self.settle(true);
-        if self.told.matched > 1 {
-            self.told.scatter_ns = (self.squares / (self.told.matched - 1) as f64).sqrt();
+        self.match_frames(true);
+        if self.result.matched > 1 {
+            self.result.scatter_ns = (self.squares / (self.result.matched - 1) as f64).sqrt();
         }
-        self.told
+        self.result
     }
 
-    /// Decides what can be decided: the nearest frame is known once there is a later one.
-    fn settle(&mut self, is_over: bool) {
+    /// Matches frames as far as possible: the nearest frame is known once there is a later one, or no more will
+    /// come.
+    fn match_frames(&mut self, is_over: bool) {
         while let Some(other) = self.others.front().copied() {
-            while self.firsts.get(1).is_some_and(|next| next.abs_diff(other) <= self.firsts[0].abs_diff(other)) {
-                self.firsts.pop_front();
+            while self.mains.get(1).is_some_and(|next| next.abs_diff(other) <= self.mains[0].abs_diff(other)) {
+                self.mains.pop_front();
             }
-            let is_passed = self.firsts.back().is_some_and(|newest| *newest >= other);
+            let is_passed = self.mains.back().is_some_and(|newest| *newest >= other);
             if !is_passed && !is_over {
                 return;
             }
             self.others.pop_front();
-            if let Some(first) = self.firsts.front().filter(|first| first.abs_diff(other) <= self.half_period_ns) {
+            if let Some(first) = self.mains.front().filter(|first| first.abs_diff(other) <= self.half_period_ns) {
                 let apart_ns = first.abs_diff(other);
-                self.told.worst_ns = self.told.worst_ns.max(apart_ns);
+                self.result.worst_ns = self.result.worst_ns.max(apart_ns);
                 let later_ns = if other >= *first { apart_ns as f64 } else { -(apart_ns as f64) };
-                self.told.matched += 1;
-                let step = later_ns - self.told.mean_ns;
-                self.told.mean_ns += step / self.told.matched as f64;
-                self.squares += step * (later_ns - self.told.mean_ns);
+                self.result.matched += 1;
+                let step = later_ns - self.result.mean_ns;
+                self.result.mean_ns += step / self.result.matched as f64;
+                self.squares += step * (later_ns - self.result.mean_ns);
             }
         }
     }
@@ -115,43 +116,43 @@ impl Matcher {
 mod tests {
     use super::*;
 
-    /// In whatever order the frames of the two come.
-    fn both_ways(firsts: &[u64], others: &[u64]) -> Matching {
+    /// Matches frames in either order of arrival.
+    fn both_ways(mains: &[u64], others: &[u64]) -> Matching {
         let (mut late, mut early) = (Matcher::new(500), Matcher::new(500));
-        firsts.iter().for_each(|stamp| late.first(*stamp));
-        others.iter().for_each(|stamp| late.other(*stamp));
-        others.iter().for_each(|stamp| early.other(*stamp));
-        firsts.iter().for_each(|stamp| early.first(*stamp));
+        mains.iter().for_each(|stamp| late.add_main(*stamp));
+        others.iter().for_each(|stamp| late.add_other(*stamp));
+        others.iter().for_each(|stamp| early.add_other(*stamp));
+        mains.iter().for_each(|stamp| early.add_main(*stamp));
         let (late, early) = (late.finish(), early.finish());
         assert_eq!(late, early);
         late
     }
 
     #[test]
-    fn frames_of_one_moment_are_matched_and_their_distance_told() {
-        let firsts: Vec<u64> = (0..100).map(|n| 10_000 + 1000 * n).collect();
+    fn frames_of_one_moment_are_matched_and_their_difference_is_reported() {
+        let mains: Vec<u64> = (0..100).map(|n| 10_000 + 1000 * n).collect();
         // 30 or 50 ns later.
-        let others: Vec<u64> = firsts.iter().enumerate().map(|(n, stamp)| stamp + 30 + 20 * (n as u64 % 2)).collect();
-        let told = both_ways(&firsts, &others);
-        assert_eq!((told.frames, told.matched, told.worst_ns), (100, 100, 50));
-        assert!((told.mean_ns - 40.0).abs() < 1e-9 && (told.scatter_ns - 10.05).abs() < 0.01, "{told:?}");
-        let text = told.to_string();
+        let others: Vec<u64> = mains.iter().enumerate().map(|(n, stamp)| stamp + 30 + 20 * (n as u64 % 2)).collect();
+        let matching = both_ways(&mains, &others);
+        assert_eq!((matching.frames, matching.matched, matching.worst_ns), (100, 100, 50));
+        assert!((matching.mean_ns - 40.0).abs() < 1e-9 && (matching.scatter_ns - 10.05).abs() < 0.01, "{matching:?}");
+        let text = matching.to_string();
         assert!(text.starts_with("100 of 100 frames match one of the first camera, 0.040 us later"), "{text}");
     }
 
     #[test]
     fn frames_that_the_first_camera_lost_or_did_not_take_match_none() {
-        let firsts: Vec<u64> = (0..20).filter(|n| !(5..8).contains(n)).map(|n| 10_000 + 1000 * n).collect();
+        let mains: Vec<u64> = (0..20).filter(|n| !(5..8).contains(n)).map(|n| 10_000 + 1000 * n).collect();
         let others: Vec<u64> = (0..25).map(|n| 9_900 + 1000 * n).collect();
-        let told = both_ways(&firsts, &others);
-        assert_eq!((told.frames, told.matched), (25, 17));
-        assert!((told.mean_ns + 100.0).abs() < 1e-9, "{told:?}");
+        let matching = both_ways(&mains, &others);
+        assert_eq!((matching.frames, matching.matched), (25, 17));
+        assert!((matching.mean_ns + 100.0).abs() < 1e-9, "{matching:?}");
     }
 
     #[test]
     fn without_a_first_camera_nothing_matches() {
-        let told = both_ways(&[], &[5, 6]);
-        assert_eq!((told.frames, told.matched), (2, 0));
-        assert_eq!(told.to_string(), "0 of 2 frames match one of the first camera");
+        let matching = both_ways(&[], &[5, 6]);
+        assert_eq!((matching.frames, matching.matched), (2, 0));
+        assert_eq!(matching.to_string(), "0 of 2 frames match one of the first camera");
     }
 }

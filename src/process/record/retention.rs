@@ -1,32 +1,32 @@
-//! How many recordings stay: the oldest of this rig make room for new ones.
+//! Retention of recordings: the oldest of this rig are removed to make room for new ones.
 
 use super::Recorder;
 use crate::config::Record;
 use crate::message::EventKind;
-use crate::process::clock::Every;
+use crate::process::clock::PeriodicTimer;
 use crate::recording::{Recording, files_of};
 use std::collections::BTreeSet;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, SystemTime};
 
-/// How often the size of a recording under way is looked at.
+/// Interval of checking the size of the open recording.
 const PERIOD: Duration = Duration::from_secs(1);
 /// Digits of the date, the time and the milliseconds in a recording's name.
 const STAMP_DIGITS: [usize; 3] = [8, 6, 3];
 
-/// Keeps the folder of the recordings within its bounds.
+/// Keeps the folder of the recordings within its limits.
 #[derive(Debug)]
 pub(super) struct Retention {
     directory: PathBuf,
     rig: String,
     keep_last: Option<usize>,
     max_bytes: Option<u64>,
-    /// Finished by this recorder, oldest first: their order does not hang on the clock.
+    /// Finished by this recorder, oldest first; this order does not depend on the clock.
     made: Vec<PathBuf>,
-    /// Could not be removed; told once.
+    /// Recordings that cannot be removed; each is reported once.
     stuck: BTreeSet<PathBuf>,
-    every: Every,
+    timer: PeriodicTimer,
 }
 
 /// A finished recording of this rig.
@@ -34,18 +34,18 @@ pub(super) struct Retention {
 struct Kept {
     /// Its first file.
     path: PathBuf,
-    /// The files it goes on in.
+    /// Its further files.
     later: Vec<PathBuf>,
-    /// What all of them take.
+    /// Total size.
     bytes: u64,
 }
 
 /// A recording that is being written.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct UnderWay<'a> {
-    /// Its first file, which is finished when it was split.
+    /// Its first file, which is complete if the recording was split.
     pub(super) path: &'a Path,
-    /// What its files take so far.
+    /// Size of its files so far.
     pub(super) bytes: u64,
 }
 
@@ -58,18 +58,18 @@ impl Retention {
             max_bytes: record.max_bytes,
             made: Vec::new(),
             stuck: BTreeSet::new(),
-            every: Every::new(PERIOD),
+            timer: PeriodicTimer::new(PERIOD),
         }
     }
 
-    /// A recording was finished: it is the newest.
+    /// Adds a finished recording, the newest one.
     pub(super) fn add(&mut self, path: &Path) {
         self.made.push(path.to_path_buf());
     }
 
-    /// Removes what is too much, beside a recording under way; one line for each recording.
+    /// Removes recordings beyond the limits, next to an open recording; returns one line for each.
     ///
-    /// The newest finished recording stays, whatever its size.
+    /// The newest finished recording is never removed.
     pub(super) fn enforce(&mut self, under_way: Option<UnderWay<'_>>) -> Vec<String> {
         if self.keep_last.is_none() && self.max_bytes.is_none() {
             return Vec::new();
@@ -79,51 +79,51 @@ impl Retention {
         let written_bytes = under_way.map_or(0, |under_way| under_way.bytes);
         let mut count = kept.len();
         let mut bytes = kept.iter().fold(written_bytes, |sum, kept| sum.saturating_add(kept.bytes));
-        let mut told = Vec::new();
+        let mut removed = Vec::new();
         for oldest in &kept {
             let reason = match (self.keep_last, self.max_bytes) {
                 _ if count <= 1 => break,
                 (Some(last), _) if count > last => format!("keep_last = {last}"),
-                (_, Some(most)) if bytes > most => format!("max_bytes = {most}"),
+                (_, Some(max)) if bytes > max => format!("max_bytes = {max}"),
                 _ => break,
             };
             count -= 1;
             bytes -= oldest.bytes;
-            // An event has room for 200 bytes; the folder is that of the rig file.
+            // An event has room for 200 bytes; the folder is known from the rig file.
             let name = oldest.path.file_name().unwrap_or_default().to_string_lossy();
-            // The first goes last: while it is there, so is what leads to the others.
+            // The first file goes last: while it exists, it leads to the others.
             let mut files = oldest.later.iter().rev().chain([&oldest.path]);
             match files.try_for_each(fs::remove_file) {
                 Ok(()) => {
-                    told.push(format!("removed {name}, {} bytes: {reason}", oldest.bytes));
+                    removed.push(format!("removed {name}, {} bytes: {reason}", oldest.bytes));
                     self.made.retain(|path| *path != oldest.path);
                 }
-                // No newer one goes in its place.
+                // No newer one is removed instead.
                 Err(error) if self.stuck.insert(oldest.path.clone()) => {
                     log::warn!("cannot remove {name}: {error}");
-                    told.push(format!("cannot remove {name}: {error}"));
+                    removed.push(format!("cannot remove {name}: {error}"));
                 }
                 Err(_) => {}
             }
         }
-        told
+        removed
     }
 
-    /// As [`enforce`](Self::enforce), when it is time again.
-    pub(super) fn look(&mut self, under_way: UnderWay<'_>) -> Vec<String> {
-        if self.max_bytes.is_none() || !self.every.due() {
+    /// Like [`enforce`](Self::enforce), once per period.
+    pub(super) fn enforce_periodically(&mut self, under_way: UnderWay<'_>) -> Vec<String> {
+        if self.max_bytes.is_none() || !self.timer.due() {
             return Vec::new();
         }
         self.enforce(Some(under_way))
     }
 
-    /// The finished recordings of this rig, oldest first.
+    /// Returns the finished recordings of this rig, oldest first.
     fn finished(&self) -> Vec<Kept> {
         let Ok(entries) = fs::read_dir(&self.directory) else { return Vec::new() };
         let mut kept: Vec<((usize, SystemTime, PathBuf), Kept)> = entries
             .filter_map(|entry| {
                 let entry = entry.ok()?;
-                // Links are not followed: what they lead to is not this folder's.
+                // Links are not followed: their targets do not belong to this folder.
                 let about = entry.metadata().ok().filter(fs::Metadata::is_file)?;
                 let path = entry.path();
                 let of_this_rig = is_name(entry.file_name().to_str()?, &self.rig) && is_from(&path, &self.rig);
@@ -142,7 +142,7 @@ impl Retention {
     }
 }
 
-/// Whether a recorder of this rig gives such names: `RIG-20261121-083000-123.mcap`, or that with `-2`, `-3`, ...
+/// Whether a recorder of this rig uses such names: `RIG-20261121-083000-123.mcap`, or that with `-2`, `-3`, ...
 fn is_name(name: &str, rig: &str) -> bool {
     let stamp = name.strip_prefix(rig).and_then(|rest| rest.strip_prefix('-')).and_then(|r| r.strip_suffix(".mcap"));
     let Some(stamp) = stamp else { return false };
@@ -151,28 +151,28 @@ fn is_name(name: &str, rig: &str) -> bool {
     are_digits && (3..=4).contains(&parts.len()) && parts.iter().zip(STAMP_DIGITS).all(|(part, n)| part.len() == n)
 }
 
-/// Whether the file says itself that this rig recorded it.
+/// Whether the file's metadata names this rig.
 fn is_from(path: &Path, rig: &str) -> bool {
-    // Every second while a stream is written: the front of each file is all that may be read.
+    // Called every second while a stream is written, so only the head of each file is read.
     let metadata = Recording::peek_metadata(path).ok().flatten();
     metadata.is_some_and(|entries| entries.get("rig").is_some_and(|name| name == rig))
 }
 
 impl Recorder<'_> {
-    /// Tells which recordings made room.
-    pub(super) fn tell_removed(&mut self, told: Vec<String>) -> anyhow::Result<()> {
-        for text in told {
+    /// Publishes which recordings were removed.
+    pub(super) fn publish_removed(&mut self, removed: Vec<String>) -> anyhow::Result<()> {
+        for text in removed {
             self.event(EventKind::Storage, &text)?;
         }
         Ok(())
     }
 
-    /// Sees that a recording under way leaves the folder within its bounds.
-    pub(super) fn look_at_retention(&mut self) -> anyhow::Result<()> {
-        let Some(active) = &self.shot else { return Ok(()) };
-        let under_way = UnderWay { path: active.shot.path(), bytes: active.shot.written_bytes() };
-        let told = self.retention.look(under_way);
-        self.tell_removed(told)
+    /// Removes old recordings if the open one needs room.
+    pub(super) fn check_retention(&mut self) -> anyhow::Result<()> {
+        let Some(open) = &self.shot else { return Ok(()) };
+        let under_way = UnderWay { path: open.shot.path(), bytes: open.shot.written_bytes() };
+        let removed = self.retention.enforce_periodically(under_way);
+        self.publish_removed(removed)
     }
 }
 
@@ -196,7 +196,7 @@ mod tests {
         }
     }
 
-    /// A recording of this rig with an attachment of so many bytes.
+    /// Creates a recording of this rig with an attachment of this size.
     fn recording(directory: &Path, name: &str, rig: &str, bytes: usize) -> PathBuf {
         let path = directory.join(name);
         let info = RecordingInfo {
@@ -216,7 +216,7 @@ mod tests {
     }
 
     #[test]
-    fn only_names_that_a_recorder_gives_are_its_own() {
+    fn only_names_that_a_recorder_uses_are_its_own() {
         for name in ["a-20261121-083000-123.mcap", "a-20261121-083000-123-2.mcap", "a-20261121-083000-123-10.mcap"] {
             assert!(is_name(name, "a"), "{name}");
         }
@@ -255,13 +255,16 @@ mod tests {
         for name in foreign {
             fs::write(at.join(name), "mine").unwrap();
         }
-        // Of our form and name, but another rig says that it is its own.
+        // Of this form and name, but its metadata names another rig.
         recording(at, "a-20200101-000000-002.mcap", "b", 0);
         let target = recording(at, "target", "a", 0);
         std::os::unix::fs::symlink(&target, at.join("a-20200101-000000-003.mcap")).unwrap();
-        let told = retention.enforce(None);
-        assert_eq!(told.len(), 2, "{told:?}");
-        assert!(told[0].contains("a-20261124-000000-000.mcap") && told[0].ends_with("keep_last = 2"), "{told:?}");
+        let removed = retention.enforce(None);
+        assert_eq!(removed.len(), 2, "{removed:?}");
+        assert!(
+            removed[0].contains("a-20261124-000000-000.mcap") && removed[0].ends_with("keep_last = 2"),
+            "{removed:?}"
+        );
         let left = names(at);
         for name in foreign.iter().chain(&["a-20261122-000000-000.mcap", "a-20261121-000000-000.mcap", "target"]) {
             assert!(left.contains(&(*name).to_owned()), "{name} of {left:?}");
@@ -275,7 +278,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let at = folder.path();
         for k in 0..5 {
-            // Made by a recorder before this one: their times tell the order.
+            // Made by a previous recorder: their times give the order.
             let path = recording(at, &format!("a-2026112{k}-000000-000.mcap"), "a", 100_000);
             let time = SystemTime::UNIX_EPOCH + Duration::from_secs(1000 + k);
             fs::File::options().append(true).open(path).unwrap().set_modified(time).unwrap();
@@ -290,7 +293,7 @@ mod tests {
         assert_eq!(left(10_000_000), "4");
     }
 
-    /// A recording of this rig that was split into files of at most 100 kB.
+    /// Creates a recording of this rig that is split into files of at most 100 kB.
     fn split(directory: &Path, name: &str) -> Vec<PathBuf> {
         let path = directory.join(name);
         let metadata = BTreeMap::from([("rig".to_owned(), "a".to_owned())]);
@@ -325,8 +328,8 @@ mod tests {
             retention.add(path);
         }
         // The files of a recording that is being written are not touched, however many there are.
-        let told = retention.enforce(Some(UnderWay { path: &first[0], bytes: 0 }));
-        assert_eq!(told, Vec::<String>::new());
+        let removed = retention.enforce(Some(UnderWay { path: &first[0], bytes: 0 }));
+        assert_eq!(removed, Vec::<String>::new());
         assert_eq!(retention.enforce(None).len(), 1);
         assert!(first.iter().all(|path| !path.exists()) && second.iter().all(|path| path.exists()));
         let bytes = |paths: &[PathBuf]| paths.iter().map(|path| path.metadata().unwrap().len()).sum::<u64>();
@@ -339,7 +342,7 @@ mod tests {
     }
 
     #[test]
-    fn a_recording_under_way_drives_old_ones_out_as_it_grows() {
+    fn an_open_recording_displaces_old_ones_as_it_grows() {
         let folder = tempfile::tempdir().unwrap();
         let at = folder.path();
         let mut retention = Retention::new(&record(at, None, Some(450_000)), "a");
@@ -348,10 +351,10 @@ mod tests {
         }
         let part = at.join("a-20261125-000000-000.mcap.part");
         fs::write(&part, vec![0; 200_000]).unwrap();
-        let told = retention.look(UnderWay { path: &part, bytes: 200_000 });
-        assert!(told.len() == 1 && told[0].contains("a-20261120-000000-000.mcap"), "{told:?}");
+        let removed = retention.enforce_periodically(UnderWay { path: &part, bytes: 200_000 });
+        assert!(removed.len() == 1 && removed[0].contains("a-20261120-000000-000.mcap"), "{removed:?}");
         let grown = UnderWay { path: &part, bytes: 10_000_000 };
-        assert_eq!(retention.look(grown), Vec::<String>::new(), "not before it is time again");
+        assert_eq!(retention.enforce_periodically(grown), Vec::<String>::new(), "not before the period is over");
         assert!(part.exists() && names(at).len() == 3);
     }
 }

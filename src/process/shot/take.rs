@@ -1,56 +1,56 @@
 //! One camera's part of a recording.
 
-use super::Extent;
+use super::FrameRange;
 use crate::results::{BodyStep, PairField, PointStatus};
 use crate::synth::World;
 use crate::track::OrderedTracker;
 use crate::track::TrackerParams;
 use std::rc::Rc;
 
-/// What is known of one camera's frames and steps so far.
-pub(super) struct Take {
-    /// `None` when nothing is measured of this camera.
+/// The frames and steps of one camera so far.
+pub(super) struct CameraPart {
+    /// `None` if nothing is measured of this camera.
     pub(super) ordered: Option<OrderedTracker>,
     /// The interval whose displacements are drawn, frames.
     pub(super) shortest_frames: u32,
-    pub(super) extent: Extent,
+    pub(super) range: FrameRange,
     pub(super) truth: Option<Rc<World>>,
     pub(super) next_frame: u64,
-    /// Frames that are missing between the first and the newest.
+    /// Number of frames missing between the first and the newest.
     pub(super) lost: u64,
-    /// Frames that came.
+    /// Number of frames.
     pub(super) frames: u64,
 }
 
-impl Take {
-    pub(super) fn new(params: Option<&TrackerParams>, extent: Extent) -> Self {
-        let ordered = |params| OrderedTracker::new(params, extent.first, extent.patience_frames);
+impl CameraPart {
+    pub(super) fn new(params: Option<&TrackerParams>, range: FrameRange) -> Self {
+        let ordered = |params| OrderedTracker::new(params, range.first, range.max_delay_frames);
         Self {
             ordered: params.map(ordered),
             shortest_frames: params.and_then(|params| params.intervals_frames().next()).unwrap_or(1),
-            extent,
+            range,
             truth: None,
-            next_frame: extent.first,
+            next_frame: range.first,
             lost: 0,
             frames: 0,
         }
     }
 
-    /// Takes note of the next frame.
+    /// Counts the next frame.
     pub(super) fn count(&mut self, sequence: u64) {
         self.lost += sequence.saturating_sub(self.next_frame);
         self.next_frame = sequence + 1;
         self.frames += 1;
     }
 
-    /// The step as far as it belongs to this recording; `None` when it does not at all.
+    /// Returns the part of a step that belongs to this recording, if any.
     pub(super) fn within(&self, step: BodyStep, field: Option<PairField>) -> Option<(BodyStep, Option<PairField>)> {
         let target = step.frame + u64::from(step.interval_frames);
-        if step.frame < self.extent.first || self.extent.last.is_some_and(|last| step.frame > last) {
+        if step.frame < self.range.first || self.range.last.is_some_and(|last| step.frame > last) {
             return None;
         }
-        if self.extent.last.is_some_and(|last| target > last) {
-            // The recording does not hold the frame this motion leads to.
+        if self.range.last.is_some_and(|last| target > last) {
+            // The recording does not contain the target frame of this motion.
             return Some((cut_off(step), None));
         }
         Some((step, field))
@@ -61,7 +61,7 @@ impl Take {
     }
 }
 
-/// The same body in the same frame, its motion unknown: what is measured of the last frames of a recording.
+/// Removes the motion of a step, as for the last frames of a recording.
 fn cut_off(step: BodyStep) -> BodyStep {
     let is_seen = step.circle.is_some() || step.rod.is_some();
     let status = if is_seen { PointStatus::Valid } else { step.status };

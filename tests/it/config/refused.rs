@@ -215,8 +215,8 @@ fn a_trigger_without_its_inputs_is_refused() {
         ", line 5: trigger.lead_s = 0.1: does not go with mode = \"motion\"; it belongs to mode = \"predicted-contact\"",
     );
     missing(
-        "[trigger]\nurl = \"https://a/b\"",
-        ", line 4: trigger.url = \"https://a/b\": must be http://host[:port][/path]",
+        "[trigger]\nurl = \"ftp://a/b\"",
+        ", line 4: trigger.url = \"ftp://a/b\": must be http[s]://host[:port][/path]",
     );
     missing(
         "[trigger]\ncommand = []",

@@ -84,7 +84,7 @@ fn the_frame_before_sent_as_a_new_one_is_torn() {
     }
     let taken = eye.take(4);
     assert_eq!(taken.places(), [(0, 0), (1, 1), (3, 3)]);
-    assert_eq!(taken.torn, ["frame id 3: by the camera's own counter it is the frame before again"]);
+    assert_eq!(taken.torn, ["frame id 3: its own counter repeats that of the previous frame"]);
 }
 
 #[test]
@@ -94,14 +94,14 @@ fn chunks_that_are_missing_damaged_or_contradict_the_header_make_a_frame_torn() 
     let tail = FRAME_BYTES + 8;
     type Change = fn(&mut Vec<u8>, usize);
     let changes: [(Change, &str); 6] = [
-        (|payload, tail| payload.truncate(tail - 8), "chunks that do not fit together"),
+        (|payload, tail| payload.truncate(tail - 8), "inconsistent chunk sizes"),
         (|payload, tail| payload.truncate(tail), "ChunkFrameID: "),
         (|payload, tail| payload[tail + 8] ^= 1, "ChunkFrameID: "),
-        (|payload, _| *payload.last_mut().unwrap() = 9, "chunks that do not fit together"),
-        (|payload, _| drop(payload.splice(..0, [0; 16])), "a picture of 0 bytes of 8192 before its chunks"),
+        (|payload, _| *payload.last_mut().unwrap() = 9, "inconsistent chunk sizes"),
+        (|payload, _| drop(payload.splice(..0, [0; 16])), "an image of 0 bytes instead of 8192"),
         (
             |payload, tail| payload[tail + 16] ^= 1,
-            "its ChunkTimestamp tells 72057654049928186 ns, its header 60012000000 ns",
+            "ChunkTimestamp is 72057654049928186 ns, but the header has 60012000000 ns",
         ),
     ];
     for (at, (change, reason)) in changes.iter().enumerate() {

@@ -61,7 +61,7 @@ fn a_frame_whose_packets_are_not_sent_again_is_torn_and_a_gap() {
         let lost = [2, 4, 6, 8, 10, 12, 15];
         assert_eq!(taken.places(), same(all_but(20, &lost)), "{resend:?}");
         assert_eq!(taken.torn.len(), lost.len(), "{resend:?}");
-        assert!(taken.torn.iter().all(|cause| cause.ends_with("packets still missing after the wait")));
+        assert!(taken.torn.iter().all(|cause| cause.ends_with("packets still missing at the timeout")));
         assert!(eye.camera.statistics().resend_requests > 0, "they were asked for");
         assert!(gige.control().asked > 0);
     }
@@ -165,13 +165,13 @@ fn a_frame_of_another_size_or_format_than_the_camera_was_set_to_is_torn() {
         taken.torn.join("; ")
     };
     let reason = torn(&|picture| picture.width = WIDTH_PX / 2);
-    assert!(reason.contains("64x64 pixels of format 0x01080001, not as the camera was set"), "{reason}");
+    assert!(reason.contains("64x64 px of format 0x01080001, which differs from the camera's settings"), "{reason}");
     let reason = torn(&|picture| (picture.width, picture.height) = (HEIGHT_PX, WIDTH_PX));
-    assert!(reason.contains("64x128 pixels"), "{reason}");
+    assert!(reason.contains("64x128 px"), "{reason}");
     let reason = torn(&|picture| picture.format = 0x0110_0005);
     assert!(reason.contains("format 0x01100005"), "{reason}");
     let reason = torn(&|picture| picture.payload.truncate(4000));
-    assert!(reason.contains("4000 bytes of 8192"), "{reason}");
+    assert!(reason.contains("4000 bytes instead of 8192"), "{reason}");
     // Packets beyond the frame are filtered out, so that a longer frame never ends.
     let reason = torn(&|picture| picture.payload.extend([7; 4000]));
     assert!(reason.contains("packets still missing"), "{reason}");
@@ -207,7 +207,7 @@ fn a_camera_that_restarts_its_ids_vanishes_so_that_it_is_opened_again() {
         gige.send(&gige.frame(index - 29, index));
     }
     let error = eye.take_all().unwrap_err().to_string();
-    assert_eq!(error, format!("camera {:?} vanished: it counts its frames or its time anew", gige.id()));
+    assert_eq!(error, format!("lost camera {:?}: it restarted its frame count or its clock", gige.id()));
     drop(eye);
     let mut eye = Eye::open(&gige.settings());
     gige.send(&gige.frame(31, 60));
@@ -228,11 +228,11 @@ fn a_frame_with_an_impossible_time_is_torn() {
     let taken = eye.take(7);
     assert_eq!(taken.places(), [(0, 1), (3, 4), (6, 7)]);
     let [back, same, none, leap] = taken.torn.as_slice() else { panic!("{:?}", taken.torn) };
-    assert_eq!(*back, "frame id 2: its time is not later than that of the one before");
-    assert_eq!(*same, "frame id 3: its time is not later than that of the one before");
-    assert_eq!(*none, "frame id 5: it has no time, unlike the one before");
+    assert_eq!(*back, "frame id 2: its timestamp is not later than that of the previous frame");
+    assert_eq!(*same, "frame id 3: its timestamp is not later than that of the previous frame");
+    assert_eq!(*none, "frame id 5: it has no timestamp, unlike the previous one");
     assert!(
-        leap.starts_with("frame id 6: its time is 3600.0 s later than that of the one before, which came "),
+        leap.starts_with("frame id 6: its timestamp is 3600.0 s later than that of the previous frame, which arrived "),
         "{leap}"
     );
 }
@@ -248,7 +248,7 @@ fn a_camera_whose_clock_is_reset_vanishes_so_that_it_is_opened_again() {
     }
     assert_eq!(eye.take(10).places(), same(0..10));
     let error = eye.take_all().unwrap_err().to_string();
-    assert!(error.ends_with("vanished: it counts its frames or its time anew"), "{error}");
+    assert!(error.ends_with(": it restarted its frame count or its clock"), "{error}");
 }
 
 #[test]
@@ -261,7 +261,7 @@ fn control_is_taken_kept_by_the_heartbeat_and_released() {
     assert_eq!(gige.control().register(PRIVILEGE), 2, "kept");
     assert_eq!(gige.control().register(super::control::ACQUISITION), 1);
     let error = Eye::try_open(&gige.settings()).err().unwrap();
-    assert_eq!(error.to_string(), format!("open camera {:?}: another program controls it", gige.id()));
+    assert_eq!(error.to_string(), format!("cannot open camera {:?}: another program controls it", gige.id()));
     drop(eye);
     assert_eq!(gige.control().register(PRIVILEGE), 0);
     assert_eq!(gige.control().register(super::control::ACQUISITION), 0);

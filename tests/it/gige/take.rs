@@ -94,11 +94,11 @@ impl Eye {
                 taken.whole.push((meta, index));
                 self.slots.give_back(slot, &mut self.camera);
             }
-            Next::Torn(slot, cause) => {
+            Next::Incomplete(slot, cause) => {
                 taken.torn.push(cause);
                 self.slots.give_back(slot, &mut self.camera);
             }
-            Next::Nothing => return Ok(false),
+            Next::Timeout => return Ok(false),
             Next::End => panic!("a live camera does not end"),
         }
         Ok(true)

@@ -1,7 +1,7 @@
 //! A recording played as a camera.
 
 use super::samples;
-use ricochet::camera::recording::{PlaybackRate, RecordingCamera, Repeat};
+use ricochet::camera::recording::{PlaybackRate, Repeat, ReplayCamera};
 use ricochet::camera::{Camera, Next, Pace, Slot};
 use ricochet::image::{Frame, FrameMeta, PixelFormat};
 use ricochet::recording::{RecordingInfo, RecordingWriter, WriterOptions};
@@ -24,7 +24,7 @@ fn recorded(folder: &Path, sequences: &[u64]) -> PathBuf {
 
 /// The next frame, through a slot of exactly the size the camera asks for.
 #[expect(unsafe_code, reason = "slots are lent memory")]
-fn next(camera: &mut RecordingCamera) -> Option<(FrameMeta, Vec<u8>)> {
+fn next(camera: &mut ReplayCamera) -> Option<(FrameMeta, Vec<u8>)> {
     let mut memory = vec![0xa5_u8; camera.format().slot_bytes()];
     // SAFETY: `memory` outlives the slot, which is gone when this function returns.
     camera.queue(unsafe { Slot::new(NonNull::new(memory.as_mut_ptr()).unwrap(), memory.len(), 0) });
@@ -39,7 +39,7 @@ fn next(camera: &mut RecordingCamera) -> Option<(FrameMeta, Vec<u8>)> {
 fn at_max_every_frame_comes_back_with_its_stamp_and_number() {
     let folder = tempfile::tempdir().unwrap();
     let path = recorded(folder.path(), &[4, 5, 9]);
-    let mut camera = RecordingCamera::open(&path, PlaybackRate::Max, Repeat::Once).unwrap();
+    let mut camera = ReplayCamera::open(&path, PlaybackRate::Max, Repeat::Once).unwrap();
     assert_eq!(camera.pace(), Pace::OnDemand);
     assert_eq!(camera.format().frame_rate_hz.round(), 10_000.0);
     camera.start().unwrap();
@@ -53,7 +53,7 @@ fn at_max_every_frame_comes_back_with_its_stamp_and_number() {
 fn a_loop_repeats_stamps_and_numbers_and_raises_the_epoch() {
     let folder = tempfile::tempdir().unwrap();
     let path = recorded(folder.path(), &[4, 5]);
-    let mut camera = RecordingCamera::open(&path, PlaybackRate::Max, Repeat::Forever).unwrap();
+    let mut camera = ReplayCamera::open(&path, PlaybackRate::Max, Repeat::Forever).unwrap();
     camera.start().unwrap();
     let seen: Vec<_> = (0..6).map(|_| next(&mut camera).unwrap().0).map(|m| (m.sequence, m.epoch)).collect();
     assert_eq!((seen[0], seen[1]), ((4, 3), (5, 3)));
@@ -67,7 +67,7 @@ fn a_paced_recording_takes_its_time() {
     let folder = tempfile::tempdir().unwrap();
     // 0.1 ms a number: 20 ms from first to last, 40 ms at half speed.
     let path = recorded(folder.path(), &[0, 100, 200]);
-    let mut camera = RecordingCamera::open(&path, PlaybackRate::Times(0.5), Repeat::Once).unwrap();
+    let mut camera = ReplayCamera::open(&path, PlaybackRate::Times(0.5), Repeat::Once).unwrap();
     assert_eq!(camera.pace(), Pace::Live);
     camera.start().unwrap();
     let start = Instant::now();
@@ -79,11 +79,11 @@ fn a_paced_recording_takes_its_time() {
 fn nothing_is_due_before_its_time_and_nothing_is_lost_by_waiting() {
     let folder = tempfile::tempdir().unwrap();
     let path = recorded(folder.path(), &[0, 2000]);
-    let mut camera = RecordingCamera::open(&path, PlaybackRate::Times(1.0), Repeat::Once).unwrap();
+    let mut camera = ReplayCamera::open(&path, PlaybackRate::Times(1.0), Repeat::Once).unwrap();
     camera.start().unwrap();
-    assert!(matches!(camera.next(Duration::ZERO).unwrap(), Next::Nothing), "no slot");
+    assert!(matches!(camera.next(Duration::ZERO).unwrap(), Next::Timeout), "no slot");
     assert_eq!(next(&mut camera).unwrap().0.sequence, 0);
-    assert!(matches!(camera.next(Duration::from_millis(1)).unwrap(), Next::Nothing), "0.2 s early, and no slot");
+    assert!(matches!(camera.next(Duration::from_millis(1)).unwrap(), Next::Timeout), "0.2 s early, and no slot");
     assert_eq!(next(&mut camera).unwrap().0.sequence, 2000);
 }
 
@@ -92,9 +92,9 @@ fn a_rate_that_is_no_pace_and_a_file_that_is_no_recording_are_refused() {
     let folder = tempfile::tempdir().unwrap();
     let path = recorded(folder.path(), &[0]);
     for rate in [0.0, -1.0, f64::NAN, f64::INFINITY] {
-        assert!(RecordingCamera::open(&path, PlaybackRate::Times(rate), Repeat::Once).is_err());
+        assert!(ReplayCamera::open(&path, PlaybackRate::Times(rate), Repeat::Once).is_err());
     }
     let missing = folder.path().join("missing.mcap");
-    let error = RecordingCamera::open(&missing, PlaybackRate::Max, Repeat::Once).unwrap_err().to_string();
+    let error = ReplayCamera::open(&missing, PlaybackRate::Max, Repeat::Once).unwrap_err().to_string();
     assert!(error.contains("missing.mcap"), "{error}");
 }

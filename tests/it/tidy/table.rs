@@ -111,10 +111,10 @@ pub const ROOMS: &[Room] = &[
     open(
         "camera",
         &["results", "image", "synth", "config", "message", "recording"],
-        &["bytes", "libc", "libloading", "log", "thiserror", "zune_jpeg"],
+        &["bytes", "libc", "libloading", "log", "rustix", "thiserror", "zune_jpeg"],
     ),
     open("bus", &["results", "image", "config", "message", "camera"], &["iceoryx2", "log", "rustix", "thiserror"]),
-    open("process", BELOW_PROCESS, &["anyhow", "log", "rustix", "serde", "serde_json", "signal_hook", "thiserror"]),
+    open("process", BELOW_PROCESS, &["anyhow", "log", "rustix", "serde_json", "thiserror", "ureq"]),
     open(
         "command",
         BELOW_COMMAND,
@@ -183,6 +183,7 @@ pub const OUTSIDE: &[&str] = &[
     "tiff",
     "toml",
     "toml_edit",
+    "ureq",
     "zstd",
     "zune_jpeg",
 ];

@@ -73,8 +73,8 @@ impl Camera for Numbered {
     fn start(&mut self) -> Result<(), CameraError> {
         self.camera.start()
     }
-    fn waited(&self) -> Duration {
-        self.camera.waited()
+    fn frame_age(&self) -> Duration {
+        self.camera.frame_age()
     }
     fn next(&mut self, timeout: Duration) -> Result<Next, CameraError> {
         let (mut slot, mut meta) = match self.camera.next(timeout)? {
@@ -130,7 +130,7 @@ fn start(settings: &V4l2Settings) -> (Slots, V4l2Camera) {
 fn next(camera: &mut V4l2Camera) -> Result<Next, CameraError> {
     for _ in 0..WAITS {
         match camera.next(WAIT) {
-            Ok(Next::Nothing) => {}
+            Ok(Next::Timeout) => {}
             other => return other,
         }
     }
@@ -299,7 +299,7 @@ fn controls_are_set_and_read_back_and_wrong_ones_are_refused_with_the_range() {
     ];
     V4l2Camera::open(&vivid(PixelFormat::Mono8, &wanted)).unwrap();
     let (camera, lines) = features(VIVID).unwrap();
-    assert_eq!((camera.path.to_str(), camera.closed), (Some(VIVID), None));
+    assert_eq!((camera.path.to_str(), camera.unavailable), (Some(VIVID), None));
     for (name, value) in &wanted {
         let line = lines.iter().find(|line| line.name == *name).unwrap();
         assert_eq!(line.value.as_deref().map(str::trim), Some(value.to_string().as_str()), "{line:?}");
@@ -321,19 +321,19 @@ fn unknown_sizes_rates_and_formats_are_refused_with_the_known_ones() {
     let plain = vivid(PixelFormat::Mono8, &[]);
     let size = refusal(&V4l2Settings { width_px: Some(512), height_px: Some(512), ..plain.clone() });
     assert!(
-        size.contains("set camera feature width_px to 512: the camera keeps ") && size.contains("320x180"),
+        size.contains("cannot set camera feature width_px to 512: the camera keeps ") && size.contains("320x180"),
         "{size}"
     );
     let rate = refusal(&V4l2Settings { frame_rate_hz: Some(1000.0), ..plain });
-    assert!(rate.contains("set camera feature frame_rate_hz to 1000: the camera keeps 60.000"), "{rate}");
+    assert!(rate.contains("cannot set camera feature frame_rate_hz to 1000: the camera keeps 60.000"), "{rate}");
     let cameras = list();
     let vivid = cameras.iter().find(|camera| camera.path.to_str() == Some(VIVID)).unwrap();
     assert_eq!((vivid.capability.driver.as_str(), vivid.capability.card.as_str()), ("vivid", "vivid"));
     let grey = vivid.formats.iter().find(|format| format.code == "GREY").unwrap();
-    assert_eq!(grey.becomes, Some(PixelFormat::Mono8));
+    assert_eq!(grey.ring_format, Some(PixelFormat::Mono8));
     assert!(grey.sizes.to_string().starts_with("320x180, "), "{}", grey.sizes);
     let (size, rates) = &grey.rates[0];
-    assert_eq!(*size, SIZE);
+    assert_eq!((size.width_px, size.height_px), SIZE);
     assert!(rates.to_string().contains("60"), "{rates}");
     for id in ["video0", "vivid", vivid.capability.bus.as_str()] {
         V4l2Camera::open(&V4l2Settings { id: id.into(), ..V4l2Settings::default() }).unwrap();
@@ -351,14 +351,14 @@ fn damage_one(slots: &Slots, camera: &mut V4l2Camera) -> (u64, Vec<u64>) {
                 taken.push(meta.sequence);
                 slots.give_back(slot, camera);
             }
-            Next::Torn(slot, reason) => {
+            Next::Incomplete(slot, reason) => {
                 torn.push(reason);
                 slots.give_back(slot, camera);
             }
             other => panic!("{other:?}"),
         }
     }
-    torn.retain(|reason| !reason.ends_with(": not later than the one before"));
+    torn.retain(|reason| !reason.ends_with(": not later than the previous frame"));
     let number =
         |reason: &str| reason.strip_prefix("frame ")?.strip_suffix(": the driver marks it as damaged")?.parse().ok();
     match torn.as_slice() {
@@ -423,7 +423,7 @@ fn an_unplugged_or_broken_camera_has_vanished_and_can_be_opened_again() {
                 Err(error) => break error,
             }
         };
-        assert!(matches!(error, CameraError::Vanished { .. }) && error.to_string().contains(word), "{error}");
+        assert!(matches!(error, CameraError::Lost { .. }) && error.to_string().contains(word), "{error}");
         drop(camera);
         let (_slots, mut camera) = start(&vivid(PixelFormat::Mono8, &[]));
         assert_eq!(frame(&mut camera).1, 0);
@@ -440,7 +440,7 @@ fn a_camera_in_use_is_refused_with_the_reason_and_a_timeout_harms_nothing() {
         let (slot, sequence) = loop {
             match camera.next(Duration::from_millis(5)).unwrap() {
                 Next::Frame(slot, meta) => break (slot, meta.sequence),
-                Next::Nothing => vain += 1,
+                Next::Timeout => vain += 1,
                 other => panic!("{other:?}"),
             }
         };

@@ -71,8 +71,8 @@ fn settings_that_a_camera_lacks_are_refused_with_the_range_and_exit_code_3() {
     let rig = Rig::new();
     let base = format!("source = \"v4l2\"\nid = \"{VIVID}\"\nwidth_px = 320\nheight_px = 180\nframe_rate_hz = ");
     for (rest, wanted) in [
-        ("60\nfeatures = { brightness = 256 }", "set camera feature brightness to 256: allowed 0 to 255"),
-        ("7", "set camera feature frame_rate_hz to 7: the camera keeps "),
+        ("60\nfeatures = { brightness = 256 }", "cannot set camera feature brightness to 256: allowed 0 to 255"),
+        ("7", "cannot set camera feature frame_rate_hz to 7: the camera keeps "),
     ] {
         let config = rig.config(&format!("{base}{rest}"), "");
         let output = crate::support::run(["acquire".as_ref(), config.as_os_str()]);

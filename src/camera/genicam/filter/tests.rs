@@ -1,6 +1,5 @@
 use super::*;
 use std::net::UdpSocket;
-use std::os::fd::AsRawFd;
 use std::time::Duration;
 
 const PAYLOAD_BYTES: u32 = 1000;
@@ -11,8 +10,9 @@ const PACKET_BYTES: u32 = 28 + 8 + 200;
 fn pair() -> (UdpSocket, UdpSocket) {
     let receiver = UdpSocket::bind("127.0.0.1:0").unwrap();
     receiver.set_read_timeout(Some(Duration::from_secs(5))).unwrap();
-    let shape = Shape { camera: Ipv4Addr::new(127, 0, 0, 9), payload_bytes: PAYLOAD_BYTES, packet_bytes: PACKET_BYTES };
-    shape.guard(receiver.as_raw_fd()).unwrap();
+    let shape =
+        StreamShape { camera: Ipv4Addr::new(127, 0, 0, 9), payload_bytes: PAYLOAD_BYTES, packet_bytes: PACKET_BYTES };
+    shape.attach(&receiver).unwrap();
     (receiver, UdpSocket::bind("127.0.0.9:0").unwrap())
 }
 

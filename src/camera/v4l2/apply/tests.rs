@@ -1,6 +1,6 @@
-//! Settings and controls against an imitated driver.
+//! Settings and controls against a simulated driver.
 
-use super::super::advice::advice;
+use super::super::advice::warnings;
 use super::super::mock::{Mock, MockControl};
 use super::*;
 use crate::image::PixelFormat;
@@ -63,7 +63,7 @@ fn text(word: &str) -> FeatureValue {
 fn controls_are_set_by_name_and_those_that_lock_others_first() {
     let mock = mock();
     let wanted = with(&[
-        // Without effect while the automatic one is on, which comes later in the alphabet.
+        // Inactive while the automatic one is on, which comes later in the alphabet.
         ("gain", FeatureValue::Integer(42)),
         ("gain_automatic", FeatureValue::Bool(false)),
         ("Power Line Frequency", text("Auto")),
@@ -85,14 +85,22 @@ fn exposure_in_us_turns_the_automatic_one_off_and_lands_in_its_control() {
 fn what_a_control_cannot_be_is_refused_with_what_it_can() {
     let off = ("gain_automatic", FeatureValue::Bool(false));
     for (name, value, said) in [
-        ("gain", FeatureValue::Integer(61), "set camera feature gain to 61: allowed 0 to 60 in steps of 2"),
-        ("gain", FeatureValue::Integer(7), "set camera feature gain to 7: allowed 0 to 60 in steps of 2"),
-        ("gain", text("much"), "set camera feature gain to much: it is of type integer, allowed 0 to 60 in steps of 2"),
-        ("zoom", FeatureValue::Bool(false), "set camera feature zoom to false: it is a command: true executes it"),
+        ("gain", FeatureValue::Integer(61), "cannot set camera feature gain to 61: allowed 0 to 60 in steps of 2"),
+        ("gain", FeatureValue::Integer(7), "cannot set camera feature gain to 7: allowed 0 to 60 in steps of 2"),
+        (
+            "gain",
+            text("much"),
+            "cannot set camera feature gain to much: it is of type integer, allowed 0 to 60 in steps of 2",
+        ),
+        (
+            "zoom",
+            FeatureValue::Bool(false),
+            "cannot set camera feature zoom to false: it is a command: true executes it",
+        ),
         (
             "power_line_frequency",
             text("60 Hz"),
-            "set camera feature power_line_frequency to 60 Hz: allowed Disabled, 50 Hz, Auto",
+            "cannot set camera feature power_line_frequency to 60 Hz: allowed Disabled, 50 Hz, Auto",
         ),
     ] {
         assert_eq!(refusal(&with(&[(name, value), off.clone()])), said);
@@ -100,14 +108,17 @@ fn what_a_control_cannot_be_is_refused_with_what_it_can() {
     let unknown = refusal(&with(&[("gian", FeatureValue::Integer(1))]));
     assert!(unknown.ends_with("no such control; it has gain, gain_automatic, power_line_frequency, zoom, auto_exposure, exposure_time_absolute"), "{unknown}");
     let ruled = refusal(&with(&[("gain", FeatureValue::Integer(2))]));
-    assert!(ruled.ends_with("another control, mostly an automatic one, keeps it without effect"), "{ruled}");
+    assert!(ruled.ends_with("another control, usually an automatic one, overrides it"), "{ruled}");
 }
 
 #[test]
 fn an_exposure_between_two_steps_or_beyond_the_range_is_refused() {
     let exposure = |us| refusal(&V4l2Settings { exposure_us: Some(us), ..V4l2Settings::default() });
-    assert_eq!(exposure(150.0), "set camera feature exposure_us to 150: allowed in steps of 100 us");
-    assert_eq!(exposure(600_000.0), "set camera feature exposure_us to 600000: allowed 1 to 5000, in units of 100 us");
+    assert_eq!(exposure(150.0), "cannot set camera feature exposure_us to 150: allowed in steps of 100 us");
+    assert_eq!(
+        exposure(600_000.0),
+        "cannot set camera feature exposure_us to 600000: allowed 1 to 5000, in units of 100 us"
+    );
 }
 
 #[test]
@@ -115,23 +126,26 @@ fn formats_sizes_and_rates_a_camera_does_not_keep_are_refused() {
     let format = V4l2Settings { pixel_format: Some(PixelFormat::Mono12), ..V4l2Settings::default() };
     assert_eq!(
         refusal(&format),
-        "set camera feature pixel_format to Mono12: the camera offers GREY; GREY, Y10, Y12, Y16, NV12, YUYV, UYVY, MJPG, JPEG can be read"
+        "cannot set camera feature pixel_format to Mono12: the camera offers GREY; ricochet supports GREY, Y10, Y12, Y16, NV12, YUYV, UYVY, MJPG, JPEG"
     );
     let size = V4l2Settings { width_px: Some(512), ..V4l2Settings::default() };
-    assert_eq!(refusal(&size), "set camera feature width_px to 512: the camera keeps 4; sizes as GREY: not told");
+    assert_eq!(
+        refusal(&size),
+        "cannot set camera feature width_px to 512: the camera keeps 4; sizes as GREY: not listed"
+    );
     let rate = V4l2Settings { frame_rate_hz: Some(1000.0), ..V4l2Settings::default() };
     assert_eq!(
         refusal(&rate),
-        "set camera feature frame_rate_hz to 1000: the camera keeps 100.000; rates at this size: not told Hz"
+        "cannot set camera feature frame_rate_hz to 1000: the camera keeps 100.000; rates at this size: not listed Hz"
     );
 }
 
 #[test]
-fn the_rate_told_is_the_one_the_driver_keeps() {
+fn the_reported_rate_is_the_one_the_driver_keeps() {
     assert_eq!(apply(&mock().device(), &V4l2Settings::default()).unwrap().frame_rate_hz.to_bits(), 100.0_f64.to_bits());
 }
 
-/// A webcam that has its largest picture at a useful rate only compressed.
+/// A webcam whose largest image has a useful rate only if compressed.
 fn webcam() -> Mock {
     let mock = mock();
     mock.state().modes = vec![
@@ -150,7 +164,7 @@ fn mode(width_px: u32, height_px: u32, frame_rate_hz: f64) -> V4l2Settings {
 }
 
 #[test]
-fn the_least_damaged_format_with_the_size_and_rate_is_taken() {
+fn the_least_lossy_format_with_the_size_and_rate_is_taken() {
     for (wanted, code) in [
         (mode(320, 240, 30.0), "NV12"),
         (mode(640, 480, 30.0), "YUYV"),
@@ -159,32 +173,36 @@ fn the_least_damaged_format_with_the_size_and_rate_is_taken() {
     ] {
         let mock = webcam();
         let applied = apply(&mock.device(), &wanted).unwrap();
-        assert_eq!(word(applied.shape.layout.fourcc), code);
+        assert_eq!(fourcc_text(applied.buffer.layout.fourcc), code);
         assert_eq!(Some(applied.frame_rate_hz), wanted.frame_rate_hz);
-        assert_eq!(Some((applied.shape.width_px, applied.shape.height_px)), wanted.width_px.zip(wanted.height_px));
+        let size = applied.buffer.size;
+        assert_eq!(Some((size.width_px, size.height_px)), wanted.width_px.zip(wanted.height_px));
     }
     let rate = apply(&webcam().device(), &mode(320, 240, 60.0)).unwrap_err().to_string();
-    assert_eq!(rate, "set camera feature frame_rate_hz to 60: the camera keeps 30.000; rates at this size: 30 Hz");
+    assert_eq!(
+        rate,
+        "cannot set camera feature frame_rate_hz to 60: the camera keeps 30.000; rates at this size: 30 Hz"
+    );
     let size = apply(&webcam().device(), &mode(512, 512, 30.0)).unwrap_err().to_string();
     assert!(size.contains("sizes as NV12: 320x240"), "{size}");
 }
 
 #[test]
-fn an_exposure_is_told_where_it_is_fixed_and_only_there() {
-    let told = |settings: &V4l2Settings, mock: &Mock| apply(&mock.device(), settings).unwrap().exposure_us;
+fn an_exposure_is_reported_only_if_it_is_fixed() {
+    let reported = |settings: &V4l2Settings, mock: &Mock| apply(&mock.device(), settings).unwrap().exposure_us;
     let mock = mock();
     let plain = V4l2Settings::default();
-    assert_eq!(told(&plain, &mock).to_bits(), 0.0_f64.to_bits(), "the camera chooses it anew for each frame");
-    assert_eq!(told(&with(&[("auto_exposure", text("Manual Mode"))]), &mock).to_bits(), 15_600.0_f64.to_bits());
-    assert_eq!(told(&V4l2Settings { exposure_us: Some(500.0), ..plain }, &mock).to_bits(), 500.0_f64.to_bits());
+    assert_eq!(reported(&plain, &mock).to_bits(), 0.0_f64.to_bits(), "the camera chooses it for each frame");
+    assert_eq!(reported(&with(&[("auto_exposure", text("Manual Mode"))]), &mock).to_bits(), 15_600.0_f64.to_bits());
+    assert_eq!(reported(&V4l2Settings { exposure_us: Some(500.0), ..plain }, &mock).to_bits(), 500.0_f64.to_bits());
 }
 
 #[test]
-fn what_the_camera_does_by_itself_is_told_until_it_is_switched_off() {
-    let told = |mock: &Mock, settings: &V4l2Settings| {
+fn automatic_adjustments_are_reported_until_they_are_switched_off() {
+    let given = |mock: &Mock, settings: &V4l2Settings| {
         let device = mock.device();
         let applied = apply(&device, settings).unwrap();
-        advice(&device, &applied, settings)
+        warnings(&device, &applied, settings)
     };
     let mock = webcam();
     mock.state().controls.push(MockControl {
@@ -207,20 +225,23 @@ fn what_the_camera_does_by_itself_is_told_until_it_is_switched_off() {
         ruled_by: None,
     };
     mock.state().controls.insert(4, gamma);
-    let advice = told(&mock, &mode(1280, 720, 30.0));
-    assert_eq!(advice.len(), 5);
-    assert!(advice[0].starts_with("pictures come compressed (MJPG)"), "{advice:?}");
-    assert!(advice[1].starts_with("the camera adjusts gain_automatic, auto_exposure by itself"), "{advice:?}");
-    assert!(advice[2].starts_with("in the dark the camera takes fewer frames"), "{advice:?}");
-    assert!(advice[3].starts_with("its control gamma stands at 220, where 100"), "{advice:?}");
-    assert!(advice[4].contains("mostly rolls, row by row: what falls 7 px a frame"), "{advice:?}");
-    let known = V4l2Settings { is_tone_known: true, is_shutter_known: true, ..mode(1280, 720, 30.0) };
-    assert_eq!(told(&mock, &known), advice[..3]);
+    let warnings = given(&mock, &mode(1280, 720, 30.0));
+    assert_eq!(warnings.len(), 5);
+    assert!(warnings[0].starts_with("images are compressed (MJPG)"), "{warnings:?}");
+    assert!(warnings[1].starts_with("the camera adjusts gain_automatic, auto_exposure automatically"), "{warnings:?}");
+    assert!(warnings[2].starts_with("in the dark the camera lowers its frame rate"), "{warnings:?}");
+    assert!(warnings[3].starts_with("its control gamma is 220, but usually only 100"), "{warnings:?}");
+    assert!(
+        warnings[4].contains("usually have a rolling shutter: the speed of what falls 7 px per frame"),
+        "{warnings:?}"
+    );
+    let known = V4l2Settings { is_gamma_known: true, is_row_time_known: true, ..mode(1280, 720, 30.0) };
+    assert_eq!(given(&mock, &known), warnings[..3]);
     let fixed = V4l2Settings {
-        is_shutter_known: true,
+        is_row_time_known: true,
         exposure_us: Some(1000.0),
         ..with(&[("gain_automatic", FeatureValue::Bool(false)), ("gamma", FeatureValue::Integer(100))])
     };
     mock.state().fourcc = sys::FOURCC_YUYV;
-    assert_eq!(told(&mock, &V4l2Settings { width_px: Some(640), height_px: Some(480), ..fixed }), [""; 0]);
+    assert_eq!(given(&mock, &V4l2Settings { width_px: Some(640), height_px: Some(480), ..fixed }), [""; 0]);
 }

@@ -1,11 +1,10 @@
-//! JPEG pictures as a webcam makes them, whose grey levels are known exactly.
+//! JPEG images like those of a webcam, with exactly known grey levels.
 //!
-//! Each block of 8 x 8 px is of one grey level, so that its only coefficient says that
-//! level without rounding. Colour has half the width, and the Huffman tables are left
-//! out, as most webcams do. Written from ITU-T T.81: Annex B for the segments, K.3 for
-//! the codes.
+//! Each block of 8 x 8 px has one grey level, so that its only coefficient gives that level without rounding. Chroma
+//! has half the width, and the Huffman tables are omitted, as in most webcams. Written from ITU-T T.81: Annex B for the
+//! segments, K.3 for the codes.
 
-/// Codes for the size of a difference, by that size: bits and their number.
+/// The code of each difference size: bits and their number.
 type Codes = [(u32, u32); 12];
 
 const LUMA: Codes = [
@@ -36,11 +35,11 @@ const CHROMA: Codes = [
     (0b11_1111_1110, 10),
     (0b111_1111_1110, 11),
 ];
-/// What ends a block without further coefficients.
+/// The code that ends a block.
 const LUMA_END: (u32, u32) = (0b1010, 4);
 const CHROMA_END: (u32, u32) = (0b00, 2);
 
-/// Writes bits, highest first, with a zero byte behind each 0xff.
+/// Writes bits, highest first, and a zero byte after each 0xff.
 struct Bits {
     bytes: Vec<u8>,
     waiting: u64,
@@ -61,7 +60,7 @@ impl Bits {
         }
     }
 
-    /// A block of one level, as its difference from the block before.
+    /// Writes a block of one level, as its difference from the previous block.
     fn block(&mut self, codes: &Codes, end: (u32, u32), level: u8, last: &mut i32) {
         let coefficient = 8 * (i32::from(level) - 128);
         let difference = coefficient - *last;
@@ -74,7 +73,7 @@ impl Bits {
     }
 }
 
-/// A colour picture of which `level(column, row)` says the grey level of each block of 8 x 8 px.
+/// Encodes a colour image whose 8 x 8 px blocks have the grey level `level(column, row)`.
 ///
 /// The width must be a multiple of 16, the height of 8.
 pub fn picture((width, height): (u16, u16), level: impl Fn(usize, usize) -> u8) -> Vec<u8> {
@@ -92,7 +91,7 @@ pub fn picture((width, height): (u16, u16), level: impl Fn(usize, usize) -> u8) 
             for column in [2 * pair, 2 * pair + 1] {
                 bits.block(&LUMA, LUMA_END, level(column, row), &mut last[0]);
             }
-            // Colours that differ from block to block: whoever takes them for grey is found out.
+            // Colours differ between blocks, which exposes a decoder that takes them for grey.
             bits.block(&CHROMA, CHROMA_END, (40 + 50 * (pair % 4)) as u8, &mut last[1]);
             bits.block(&CHROMA, CHROMA_END, (210 - 60 * (row % 3)) as u8, &mut last[2]);
         }

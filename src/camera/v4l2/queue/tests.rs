@@ -1,4 +1,4 @@
-//! The queue, and the camera over it, against an imitated driver.
+//! The queue, and the camera over it, against a simulated driver.
 
 use super::super::mock::Mock;
 use super::super::{V4l2Camera, V4l2Settings};
@@ -10,7 +10,7 @@ use std::ptr::NonNull;
 const ROOM: usize = 16;
 const SHORT: Duration = Duration::from_millis(1);
 
-/// Memory for slots; made first, so that it goes last.
+/// Memory for slots; created first, so that it is dropped last.
 struct Memories(Vec<[u8; ROOM]>);
 
 impl Memories {
@@ -48,12 +48,12 @@ fn frame(camera: &mut V4l2Camera) -> (Slot, u64) {
 
 fn torn(camera: &mut V4l2Camera) -> (Slot, String) {
     match camera.next(SHORT).unwrap() {
-        Next::Torn(slot, reason) => (slot, reason),
+        Next::Incomplete(slot, reason) => (slot, reason),
         other => panic!("{other:?}"),
     }
 }
 
-/// Runs a hundred frames through and looks at each byte.
+/// Passes a hundred frames through and checks each byte.
 fn run_through(mock: &Mock, copies: bool) {
     let mut memories = Memories::new(6);
     let mut camera = started(mock, &mut memories);
@@ -101,7 +101,7 @@ fn a_wait_in_vain_gives_no_buffer_back_and_the_stream_goes_on() {
         let mut camera = started(&mock, &mut memories);
         let owned = mock.state().owned.clone();
         for _ in 0..20 {
-            assert!(matches!(camera.next(SHORT).unwrap(), Next::Nothing));
+            assert!(matches!(camera.next(SHORT).unwrap(), Next::Timeout));
         }
         assert_eq!(mock.state().owned, owned);
         mock.fill(0, 7, 0);
@@ -117,10 +117,10 @@ fn a_frame_from_before_the_start_is_no_frame_and_its_count_says_nothing() {
         let mut memories = Memories::new(6);
         let mut camera = started(&mock, &mut memories);
         let owned = mock.state().owned.len();
-        // A second after the machine was started.
+        // A second after the start of the machine.
         let stamp_s = std::mem::replace(&mut mock.state().stamp_s, 1);
         mock.fill(0, 7, 0);
-        assert!(matches!(camera.next(SHORT).unwrap(), Next::Nothing));
+        assert!(matches!(camera.next(SHORT).unwrap(), Next::Timeout));
         assert_eq!(mock.state().owned.len(), owned, "its buffer is with the driver again");
         mock.state().stamp_s = stamp_s;
         for (count, sequence) in [(40, 0), (41, 1)] {
@@ -153,8 +153,8 @@ fn damaged_short_and_repeated_frames_are_torn_and_leave_a_gap() {
     mock.fill(3, 5, 0);
     assert_eq!(frame(&mut camera).1, 0);
     assert_eq!(torn(&mut camera).1, "frame 1: the driver marks it as damaged");
-    assert_eq!(torn(&mut camera).1, "frame 2: 5 bytes of 8");
-    assert_eq!(torn(&mut camera).1, "frame 2: not later than the one before");
+    assert_eq!(torn(&mut camera).1, "frame 2: 5 bytes instead of 8");
+    assert_eq!(torn(&mut camera).1, "frame 2: not later than the previous frame");
     assert_eq!(frame(&mut camera).1, 3);
 }
 
@@ -167,7 +167,7 @@ fn without_a_slot_nothing_is_lost_that_the_driver_can_hold() {
     mock.fill(0, 1, 0);
     mock.fill(1, 2, 0);
     let (slot, _) = frame(&mut camera);
-    assert!(matches!(camera.next(SHORT).unwrap(), Next::Nothing));
+    assert!(matches!(camera.next(SHORT).unwrap(), Next::Timeout));
     camera.queue(slot);
     let (mut slot, sequence) = frame(&mut camera);
     assert_eq!((sequence, slot.bytes_mut()[0]), (1, 2));
@@ -189,13 +189,13 @@ fn slots_beyond_the_drivers_buffers_wait_their_turn() {
 
 #[test]
 fn an_unplugged_camera_has_vanished_and_is_dropped_in_peace() {
-    for (code, word) in [(libc::ENODEV, "it was unplugged"), (libc::EIO, "its driver gave up the stream")] {
+    for (code, word) in [(libc::ENODEV, "it was unplugged"), (libc::EIO, "its driver reports an input/output error")] {
         let mock = Mock::new();
         let mut memories = Memories::new(6);
         let mut camera = started(&mock, &mut memories);
         mock.state().broken = Some(code);
         match camera.next(SHORT) {
-            Err(CameraError::Vanished { id, reason }) => assert_eq!((id.as_str(), reason.as_str()), ("mock", word)),
+            Err(CameraError::Lost { id, reason }) => assert_eq!((id.as_str(), reason.as_str()), ("mock", word)),
             other => panic!("{other:?}"),
         }
     }
@@ -213,7 +213,7 @@ fn a_refused_buffer_comes_back_as_torn_and_refusals_without_end_are_the_end() {
     let mut refusals = 0;
     let error = loop {
         match camera.next(SHORT) {
-            Ok(Next::Torn(slot, reason)) => {
+            Ok(Next::Incomplete(slot, reason)) => {
                 assert!(reason.starts_with("the driver refused the buffer: "), "{reason}");
                 camera.queue(slot);
                 refusals += 1;
