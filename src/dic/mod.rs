@@ -28,8 +28,8 @@ pub use body::{
 pub use correlate::{Correlator, KeptReference, KernelBenchmark, Series, Start, arithmetic};
 pub use error::CorrelationError;
 pub use field::{CenterVector, Dilatation, RigidMotion, Sphere, center_fit, fit_dilatation, rigid_fit, rigid_fit_near};
-pub use geometry::{GridPoint, Patch, Region, grid};
-pub use image::PreparedFrame;
-pub use params::{CorrelationParams, Interpolation, Method, Shape, WindowShape};
+pub use geometry::{GridPoint, Patch, Region, Shape, WindowShape, grid};
+pub use image::{Interpolation, PreparedFrame};
+pub use params::{CorrelationParams, Method};
 pub use uncertainty::FixedPattern;
 pub use zncc::zncc;

@@ -1,6 +1,8 @@
 //! Parameters of a correlator.
 
 use super::error::CorrelationError;
+use super::geometry::{Shape, WindowShape};
+use super::image::Interpolation;
 
 /// The method that measures the displacement of a subset.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -13,40 +15,6 @@ pub enum Method {
     PeakSpline,
     /// FFT cross-correlation, then inverse-compositional Gauss-Newton (IC-GN) on an interpolated target.
     IcGn,
-}
-
-/// The interpolation of a target between its pixels.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Interpolation {
-    /// A quintic prefilter and a six-tap kernel optimised for speckle, with a bias of at most 0.0003 px.
-    Optimised,
-    /// A cubic B-spline through 4 x 4 pixels, as in OpenCorr, with some thousandths of a pixel of bias on sharp
-    /// speckle. For comparisons with OpenCorr.
-    Bicubic,
-}
-
-/// The shape function: the deformation of a subset between reference and target.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Shape {
-    /// Translation (2 parameters).
-    Translation,
-    /// Translation and rotation (3).
-    Rigid,
-    /// Translation and linear deformation (6).
-    Affine,
-    /// Translation and second-order deformation (12).
-    Quadratic,
-}
-
-/// The outline of a subset.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum WindowShape {
-    /// The whole square.
-    Square,
-    /// The inscribed disc.
-    Circle,
-    /// The disc without its inner half.
-    Ring,
 }
 
 /// The parameters that a correlator is planned with.
@@ -98,16 +66,6 @@ impl Method {
     ];
 }
 
-impl Interpolation {
-    /// The names in configurations and on the command line.
-    pub const WORDS: [(&str, Self); 2] = [("optimised", Self::Optimised), ("bicubic", Self::Bicubic)];
-}
-
-impl WindowShape {
-    /// The names in configurations and on the command line.
-    pub const WORDS: [(&str, Self); 3] = [("square", Self::Square), ("circle", Self::Circle), ("ring", Self::Ring)];
-}
-
 impl CorrelationParams {
     /// Returns the shape function of the refinement. The correlation-peak methods allow translations only.
     pub(super) fn refined_shape(&self) -> Shape {
@@ -135,25 +93,5 @@ impl CorrelationParams {
             return refuse("min_zncc", self.min_zncc.to_string(), "0 to 1");
         }
         Ok(())
-    }
-}
-
-impl Shape {
-    /// The names in configurations and on the command line.
-    pub const WORDS: [(&str, Self); 4] = [
-        ("translation", Self::Translation),
-        ("rigid", Self::Rigid),
-        ("affine", Self::Affine),
-        ("quadratic", Self::Quadratic),
-    ];
-
-    /// Returns the number of parameters.
-    pub(super) fn parameters(self) -> usize {
-        match self {
-            Self::Translation => 2,
-            Self::Rigid => 3,
-            Self::Affine => 6,
-            Self::Quadratic => crate::dic::refine::PARAMETERS,
-        }
     }
 }

@@ -2,8 +2,7 @@
 
 use multiversion::multiversion;
 
-use crate::numeric::LANES;
-use crate::numeric::{Vector, vectorized};
+use crate::numeric::{LANES, Vector, vectorized};
 
 /// Half the side of the neighbourhood over which residuals are summed, px.
 pub(in crate::dic) const RESIDUAL_REACH: usize = 3;

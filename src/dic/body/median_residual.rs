@@ -1,7 +1,6 @@
 //! Robust size of residuals: medians by bisection over the bits of single-precision numbers.
 
-use crate::numeric::{LANES, Lanes};
-use crate::numeric::{Vector, vectorized};
+use crate::numeric::{LANES, Lanes, Vector, vectorized};
 
 /// The width of the final bracket of [`median_size`] in bits: less than 1 % of a square.
 const BRACKET_BITS: u32 = 65536;

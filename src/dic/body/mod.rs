@@ -2,6 +2,7 @@
 
 mod box_filter;
 mod median_residual;
+mod motion;
 mod occlusion;
 mod occlusion_map;
 mod polar;
@@ -9,7 +10,8 @@ mod rigid_body;
 mod rotation_search;
 mod visibility;
 
+pub use motion::{BodyMotion, STALE_DEG};
 pub use occlusion_map::OcclusionMap;
 pub use polar::{PolarCorrelator, RingRotation};
-pub use rigid_body::{BodyMotion, RigidBody, STALE_DEG};
+pub use rigid_body::RigidBody;
 pub use rotation_search::{find_at_any_angle, find_occluded_within_angle};

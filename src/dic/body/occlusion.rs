@@ -1,10 +1,9 @@
 //! Matching of a partly occluded body: determines its visible pixels and their motion together.
 
+use super::motion::{BodyMotion, motion, status_of};
 use super::occlusion_map::OcclusionMap;
-use super::rigid_body::{BodyMotion, motion, status_of};
 use super::visibility::{VisibilityMap, is_noise};
-use crate::dic::geometry::SubsetMask;
-use crate::dic::geometry::Warp;
+use crate::dic::geometry::{SubsetMask, Warp};
 use crate::dic::refine::{Match, Refiner};
 use crate::dic::subset::ReferenceSubset;
 use crate::dic::uncertainty::NoisePool;

@@ -3,29 +3,19 @@
 //! A rigid motion fitted to the displacements of subsets loses the pixels between and outside the subsets. One match of
 //! all pixels is closer to the Cramer-Rao bound, and cheaper.
 
+use super::motion::{BodyMotion, motion, spreads, status_of};
 use super::occlusion::OcclusionSearch;
 use super::occlusion_map::OcclusionMap;
-use crate::dic::Shape;
-use crate::dic::field::RigidMotion;
-use crate::dic::geometry::Region;
-use crate::dic::geometry::SubsetMask;
-use crate::dic::geometry::Warp;
+use crate::dic::geometry::{Region, Shape, SubsetMask, Warp};
 use crate::dic::image::PreparedFrame;
-use crate::dic::refine::{Match, MatchError, Refiner};
+use crate::dic::refine::{Match, Refiner};
 use crate::dic::subset::{ReferenceSubset, Unusable};
-use crate::dic::uncertainty::GradientGain;
-use crate::dic::uncertainty::{GradientNoise, NoisePool, VarianceFactor};
+use crate::dic::uncertainty::{GradientGain, NoisePool};
 use crate::numeric::Lanes;
 use crate::results::PointStatus;
 
 /// The minimum number of pixels of a rigid match.
 const MIN_PIXELS: usize = 81;
-
-/// The rotation above which a reference should be renewed, deg.
-pub const STALE_DEG: f64 = 3.0;
-
-/// The ZNCC below which a reference should be renewed.
-const STALE_ZNCC: f64 = 0.8;
 
 /// A rigid body in its reference frame.
 ///
@@ -41,24 +31,6 @@ pub struct RigidBody {
     occlusion: OcclusionSearch,
     /// The gradient gain of the texture: the factor that corrects one Gauss-Newton step.
     gradient_gain: f64,
-}
-
-/// The motion of a body between two frames.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct BodyMotion {
-    /// The motion of the requested point; `points` counts pixels.
-    pub motion: RigidMotion,
-    /// The zero-mean normalised cross-correlation of the matched pixels, -1 to 1.
-    pub zncc: f64,
-    /// The visible fraction of the reference pixels, 0 to 1.
-    pub visible_fraction: f64,
-}
-
-impl BodyMotion {
-    /// Whether the reference should be renewed, because the body rotated too far or the correlation dropped.
-    pub fn is_stale(&self) -> bool {
-        self.motion.angle_deg.abs() > STALE_DEG || self.zncc < STALE_ZNCC
-    }
 }
 
 impl RigidBody {
@@ -253,53 +225,6 @@ impl RigidBody {
             target: &target.interpolated,
             at: target.local(self.at),
         }
-    }
-}
-
-/// Converts the failure of a match to a status.
-pub(in crate::dic) fn status_of(lost: MatchError) -> PointStatus {
-    match lost {
-        MatchError::OutOfFrame => PointStatus::OutOfFrame,
-        MatchError::NotConverged => PointStatus::LowCorrelation,
-    }
-}
-
-/// Propagates the inverse Hessian to the variances of u and v at an offset from the centre, and of the angle (rad).
-fn spreads(inverse: &[[f64; 6]; 6], angle: f64, (dx, dy): (f64, f64)) -> [f64; 3] {
-    // Derivatives of u and v at the offset with respect to (u, v, angle) of the centre.
-    let (sin, cos) = angle.sin_cos();
-    let rows = [[1.0, 0.0, -sin * dx + cos * dy], [0.0, 1.0, -cos * dx - sin * dy], [0.0, 0.0, 1.0]];
-    rows.map(|a| (0..3).map(|i| (0..3).map(|j| a[i] * inverse[i][j] * a[j]).sum::<f64>()).sum())
-}
-
-/// Returns the motion and its uncertainty at an offset from the centre. `pool` holds the texture of the matched pixels,
-/// and `residual` is the residual of the match.
-pub(in crate::dic) fn motion(
-    refiner: &Refiner<'_>,
-    found: &Match,
-    (dx, dy): (f64, f64),
-    (pool, residual): (&mut NoisePool, &[Lanes]),
-) -> RigidMotion {
-    let (subset, window, pixels) = (refiner.subset, refiner.window, refiner.window.pixels);
-    pool.set_residual(window, residual);
-    let free = (pixels as f64 - 7.0).max(1.0);
-    let variance = 2.0 * subset.energy * (1.0 - found.zncc) / free;
-    let warp = found.warp;
-    let angle = warp.uy.atan2(1.0 + warp.ux);
-    let (x, y) = warp.apply(dx, dy);
-    let [along_u, along_v, along_angle] = spreads(&subset.inverse, angle, (dx, dy));
-    let factor = pool.factor().weighted_by_slopes(&GradientNoise::of(subset, window, residual));
-    let (var_u, var_v) = factor.variances(variance, (along_u, along_v));
-    let mean = 0.5 * (factor.x + factor.y);
-    let (var_angle, _) = VarianceFactor { x: mean, y: mean }.variances(variance, (along_angle, 0.0));
-    RigidMotion {
-        u_px: x - dx,
-        v_px: y - dy,
-        angle_deg: angle.to_degrees(),
-        sigma_u_px: var_u.sqrt(),
-        sigma_v_px: var_v.sqrt(),
-        sigma_angle_deg: var_angle.sqrt().to_degrees(),
-        points: pixels as u32,
     }
 }
 

@@ -5,12 +5,10 @@
 //! <https://doi.org/10.1109/TIP.2011.2181402>; only the template is masked here). The best candidates are refined on
 //! the subsampled images, and the best match of these on the full images.
 
-use super::rigid_body::{BodyMotion, RigidBody};
-use crate::dic::geometry::Region;
-use crate::dic::geometry::Warp;
-use crate::dic::image::PaddedImage;
-use crate::dic::image::PreparedFrame;
-use crate::dic::params::Interpolation;
+use super::motion::BodyMotion;
+use super::rigid_body::RigidBody;
+use crate::dic::geometry::{Region, Warp};
+use crate::dic::image::{Interpolation, PaddedImage, PreparedFrame};
 use crate::dic::refine::Match;
 use crate::image::Image;
 use crate::numeric::{Complex, Transform, fast_size};

@@ -285,7 +285,7 @@ fn sum_of_squares(residual: &[Lanes]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::dic::WindowShape;
+    use crate::dic::geometry::WindowShape;
 
     fn planned(window: &SubsetMask) -> VisibilityMap {
         let mut visibility = VisibilityMap::default();

@@ -1,10 +1,9 @@
 //! The steps of a match as separate functions, for benchmarks.
 
 use crate::dic::GridPoint;
-use crate::dic::geometry::SubsetMask;
-use crate::dic::geometry::Warp;
-use crate::dic::image::PreparedFrame;
-use crate::dic::params::{CorrelationParams, Interpolation, Shape};
+use crate::dic::geometry::{Shape, SubsetMask, Warp};
+use crate::dic::image::{Interpolation, PreparedFrame};
+use crate::dic::params::CorrelationParams;
 use crate::dic::refine::Refiner;
 use crate::dic::search::IntegerSearch;
 use crate::dic::subset::ReferenceSubset;

@@ -7,20 +7,12 @@
 
 use super::subset_match::{SubsetMatch, SubsetMatcher};
 use crate::dic::GridPoint;
-use crate::dic::geometry::SubsetMask;
-use crate::dic::geometry::Warp;
-use crate::dic::image::InterpolatedImage;
-use crate::dic::image::PaddedImage;
-use crate::dic::image::PreparedFrame;
-use crate::dic::image::{ShiftedRows, sample_lanes};
+use crate::dic::geometry::{SubsetMask, Warp};
+use crate::dic::image::{InterpolatedImage, PaddedImage, PreparedFrame, ShiftedRows, sample_lanes};
 use crate::dic::refine::Match;
-use crate::dic::subset::ReferenceSubset;
-use crate::dic::subset::{ColumnSums, Strip};
-use crate::dic::subset::{Layers, Moments};
-use crate::dic::uncertainty::GradientGain;
-use crate::dic::uncertainty::{GreyLevelFit, Lags, NoisePool};
-use crate::numeric::{LANES, Lanes};
-use crate::numeric::{Vector, vectorized};
+use crate::dic::subset::{ColumnSums, Layers, Moments, ReferenceSubset, Strip};
+use crate::dic::uncertainty::{GradientGain, GreyLevelFit, Lags, NoisePool};
+use crate::numeric::{LANES, Lanes, Vector, vectorized};
 
 /// The maximum length of a first step that leaves an error below a thousandth of a pixel, px.
 const MAX_UPDATE_PX: f64 = 0.03;

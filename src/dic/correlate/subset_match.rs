@@ -1,14 +1,10 @@
 //! Matching of one subset, and the tests that accept its result.
 
-use crate::dic::Shape;
-use crate::dic::geometry::SubsetMask;
-use crate::dic::geometry::Warp;
+use crate::dic::geometry::{Shape, SubsetMask, Warp};
 use crate::dic::image::PreparedFrame;
 use crate::dic::params::{CorrelationParams, Method};
 use crate::dic::refine::{Match, MatchError, Refiner};
-use crate::dic::search::Peak;
-use crate::dic::search::UpsampledSearch;
-use crate::dic::search::{IntegerSearch, SearchResult};
+use crate::dic::search::{IntegerSearch, Peak, SearchResult, UpsampledSearch};
 use crate::dic::subset::ReferenceSubset;
 use crate::dic::uncertainty::ROUNDING;
 use crate::results::PointStatus;

@@ -1,7 +1,8 @@
 //! Pixel masks of subsets, in blocks of eight columns.
 
+use super::grid::GridPoint;
+use super::shape::WindowShape;
 use super::warp::Warp;
-use crate::dic::{GridPoint, WindowShape};
 use crate::numeric::{LANES, Lanes};
 
 /// Eight neighbouring columns of a subset and the rows in which they have pixels.

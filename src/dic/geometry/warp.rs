@@ -1,6 +1,6 @@
 //! First-order warps of a subset.
 
-use crate::dic::Shape;
+use super::shape::Shape;
 
 /// The first-order warp of a subset: an offset (dx, dy) from its centre moves to (u + (1 + ux) dx + uy dy, v + vx dx +
 /// (1 + vy) dy).
@@ -13,6 +13,9 @@ pub(in crate::dic) struct Warp {
     pub(in crate::dic) vx: f64,
     pub(in crate::dic) vy: f64,
 }
+
+/// The second-order part of a warp: coefficients of dx^2, dx dy, dy^2 for u and for v.
+pub(in crate::dic) type Second = [[f64; 3]; 2];
 
 impl Warp {
     /// Returns a translation.

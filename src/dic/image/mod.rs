@@ -6,6 +6,7 @@ mod prepared_frame;
 mod sampler;
 
 pub(in crate::dic) use interpolation::InterpolatedImage;
+pub use interpolation::Interpolation;
 pub(in crate::dic) use padded_image::{MARGIN, PaddedImage};
 pub use prepared_frame::PreparedFrame;
 pub(in crate::dic) use prepared_frame::gain;

@@ -2,9 +2,8 @@
 
 use multiversion::multiversion;
 
-use super::interpolation::InterpolatedImage;
+use super::interpolation::{InterpolatedImage, Interpolation};
 use super::padded_image::PaddedImage;
-use crate::dic::params::Interpolation;
 use crate::image::{ImageView, is_saturated};
 use crate::numeric::LANES;
 

@@ -1,8 +1,7 @@
 //! Samples eight pixels of the warped target at a time.
 
 use super::interpolation::InterpolatedImage;
-use crate::numeric::Vector;
-use crate::numeric::{LANES, Lanes};
+use crate::numeric::{LANES, Lanes, Vector};
 
 /// Samples the target at (x + lane (1 + ux), y + lane vx) for the eight lanes.
 ///
@@ -174,7 +173,7 @@ pub(in crate::dic) fn widened_weights<V: Vector, const N: usize, const M: usize>
 mod tests {
     use super::super::padded_image::PaddedImage;
     use super::*;
-    use crate::dic::params::Interpolation;
+    use crate::dic::image::Interpolation;
     use crate::numeric::Portable;
 
     fn waves() -> InterpolatedImage {

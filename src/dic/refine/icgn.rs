@@ -6,17 +6,11 @@
 //! interpolation errs, and double the bias. B. Pan, K. Li, W. Tong, Exp. Mech. 53 (2013) 1277,
 //! <https://doi.org/10.1007/s11340-013-9717-6>.
 
-use super::second_order::Second;
 use super::warped_rows::{RotatedRows, RowSampler, StoredRows, TiledRows, WarpedRows, WarpedTarget};
-use crate::dic::Shape;
-use crate::dic::geometry::Warp;
-use crate::dic::geometry::{Block, SubsetMask};
-use crate::dic::image::InterpolatedImage;
-use crate::dic::image::ShiftedRows;
-use crate::dic::image::gain;
-use crate::dic::subset::{ReferenceSubset, project};
-use crate::numeric::Lanes;
-use crate::numeric::{Vector, vectorized};
+use crate::dic::geometry::{Block, Second, Shape, SubsetMask, Warp};
+use crate::dic::image::{InterpolatedImage, ShiftedRows, gain};
+use crate::dic::subset::{ReferenceSubset, Sums, project};
+use crate::numeric::{Lanes, Vector, vectorized};
 
 /// The step length that ends the iteration, px.
 const TOLERANCE_PX: f64 = 0.002;
@@ -79,17 +73,6 @@ impl Match {
     pub(in crate::dic) fn is_near(&self, other: &Self) -> bool {
         (self.warp.u - other.warp.u).hypot(self.warp.v - other.warp.v) < SAME_PX
     }
-}
-
-/// The sums of one pass over the warped target, minus the mean of the reference.
-#[derive(Debug, Clone, Copy, Default)]
-pub(in crate::dic) struct Sums {
-    pub(in crate::dic) levels: f64,
-    /// The sums of levels times x and y.
-    pub(in crate::dic) places: [f64; 2],
-    pub(in crate::dic) energy: f64,
-    pub(in crate::dic) product: f64,
-    pub(in crate::dic) jacobian: [f64; 6],
 }
 
 /// One reference subset and the target to match it with.

@@ -5,5 +5,4 @@ mod residual;
 mod second_order;
 mod warped_rows;
 
-pub(in crate::dic) use icgn::{Match, MatchError, Refiner, Sums};
-pub(in crate::dic) use second_order::PARAMETERS;
+pub(in crate::dic) use icgn::{Match, MatchError, Refiner};

@@ -2,12 +2,10 @@
 
 use multiversion::multiversion;
 
-use super::icgn::{MIN_VARIANCE, Refiner, Sums};
-use crate::dic::geometry::SubsetMask;
-use crate::dic::geometry::Warp;
-use crate::dic::subset::illumination;
-use crate::numeric::{LANES, Lanes};
-use crate::numeric::{Vector, vectorized};
+use super::icgn::{MIN_VARIANCE, Refiner};
+use crate::dic::geometry::{SubsetMask, Warp};
+use crate::dic::subset::{Sums, plane_row};
+use crate::numeric::{LANES, Lanes, Vector, vectorized};
 
 impl Refiner<'_> {
     /// Computes the residual, packed like the subset; empty if the warped subset leaves the image.
@@ -58,8 +56,7 @@ impl Refiner<'_> {
         let beside: [f64; 2] = std::array::from_fn(|axis| slopes[axis] - light.slopes[axis] / gain);
         for block in &whole.window.blocks {
             let rows = block.start..block.start + block.rows;
-            let plane =
-                Tilted { first: illumination::row(beside, light.middle, (block.dx, block.dy)), down: beside[1] as f32 };
+            let plane = Tilted { first: plane_row(beside, light.middle, (block.dx, block.dy)), down: beside[1] as f32 };
             let layers = (&whole.subset.levels[rows.clone()], &whole.window.mask[rows.clone()]);
             subtract_tilted(layers, even, plane, &mut out[rows]);
         }

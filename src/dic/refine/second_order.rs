@@ -5,9 +5,8 @@
 //! <https://doi.org/10.1007/BF02326485>.
 
 use super::icgn::{Match, MatchError, Refiner};
-use crate::dic::geometry::Warp;
-use crate::numeric::invert;
-use crate::numeric::{LANES, Lanes};
+use crate::dic::geometry::{Second, Warp};
+use crate::numeric::{LANES, Lanes, invert};
 
 /// The number of parameters: displacement, gradients and second derivatives of u, then of v.
 pub(in crate::dic) const PARAMETERS: usize = 12;
@@ -20,9 +19,6 @@ const MAX_ITERATIONS: u32 = 25;
 
 /// A polynomial of second order in the offset: coefficients of 1, dx, dy, dx^2, dx dy, dy^2.
 type Polynomial = [f64; 6];
-
-/// The second-order part of a warp: coefficients of dx^2, dx dy, dy^2 for u and for v.
-pub(in crate::dic) type Second = [[f64; 3]; 2];
 
 /// Returns the warped offset (dx, dy).
 fn place(warp: &Warp, second: &Second, dx: f64, dy: f64) -> (f64, f64) {

@@ -1,11 +1,8 @@
 //! Rows of eight columns of a warped target.
 
-use crate::dic::geometry::Block;
-use crate::dic::geometry::Warp;
-use crate::dic::image::InterpolatedImage;
-use crate::dic::image::{ShiftedRows, Taps, lane_positions, sample_lanes, widened_weights};
-use crate::numeric::Vector;
-use crate::numeric::{LANES, Lanes};
+use crate::dic::geometry::{Block, Warp};
+use crate::dic::image::{InterpolatedImage, ShiftedRows, Taps, lane_positions, sample_lanes, widened_weights};
+use crate::numeric::{LANES, Lanes, Vector};
 
 /// The maximum number of rows of a shifted tile.
 const MAX_SHIFTED_ROWS: usize = LANES;
@@ -252,8 +249,7 @@ impl<V: Vector, const N: usize, const M: usize> RowSampler<V> for WarpedRows<'_,
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::dic::image::PreparedFrame;
-    use crate::dic::params::Interpolation;
+    use crate::dic::image::{Interpolation, PreparedFrame};
     use crate::dic::tests::Speckle;
     use crate::numeric::Portable;
 

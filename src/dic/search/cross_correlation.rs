@@ -5,8 +5,7 @@ use multiversion::multiversion;
 use crate::dic::geometry::SubsetMask;
 use crate::dic::image::PaddedImage;
 use crate::dic::subset::ReferenceSubset;
-use crate::numeric::LANES;
-use crate::numeric::{Complex, Transform};
+use crate::numeric::{Complex, LANES, Transform};
 
 /// Plan and memory for cross-correlations of one size.
 pub(in crate::dic) struct CrossCorrelation {

@@ -2,9 +2,7 @@
 
 use multiversion::multiversion;
 
-use crate::dic::image::InterpolatedImage;
-use crate::dic::image::PaddedImage;
-use crate::dic::params::Interpolation;
+use crate::dic::image::{InterpolatedImage, Interpolation, PaddedImage};
 use crate::numeric::LANES;
 
 /// The radius of the interpolated patch around a peak, samples.

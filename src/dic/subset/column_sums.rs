@@ -5,8 +5,7 @@
 
 use super::normal_equations::{DOWN, Layers, Moments, add_rows, collect_moments, subtract_before};
 use crate::dic::geometry::SubsetMask;
-use crate::numeric::LANES;
-use crate::numeric::{Vector, vectorized};
+use crate::numeric::{LANES, Vector, vectorized};
 use std::ops::Range;
 
 /// The number of subset rows that are summed at a time, which bounds the memory.
@@ -179,7 +178,7 @@ fn sum_down_with<V: Vector>(
 mod tests {
     use super::super::normal_equations::tests::{all, plane, plane_of, slow};
     use super::*;
-    use crate::dic::WindowShape;
+    use crate::dic::geometry::WindowShape;
     use crate::numeric::Portable;
 
     #[test]

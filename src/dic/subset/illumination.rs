@@ -5,10 +5,8 @@
 //! grey levels of each image and removed together with mean and gain. The match uses only what is orthogonal to 1, x
 //! and y.
 
-use super::reference_subset::add_powers;
 use crate::dic::geometry::SubsetMask;
-use crate::numeric::{LANES, Lanes};
-use crate::numeric::{Vector, vectorized};
+use crate::numeric::{LANES, Lanes, Vector, vectorized};
 
 /// The minimum ratio of the determinant to the product of the second moments. Below, the pixels lie nearly on a line.
 const MIN_DETERMINANT: f64 = 1e-3;
@@ -103,6 +101,15 @@ fn moments(values: &[Lanes], window: &SubsetMask) -> [f64; 6] {
     out
 }
 
+/// Adds `value`, `value` dy and `value` dy^2.
+#[inline(always)]
+pub(in crate::dic) fn add_powers<V: Vector>(sums: &mut [V; 3], value: V, dy: V) {
+    let lever = value.mul(dy);
+    sums[0] = sums[0].add(value);
+    sums[1] = sums[1].add(lever);
+    sums[2] = sums[2].add(lever.mul(dy));
+}
+
 vectorized! {
     /// Sums the rows of a block, times 1, dy and dy^2.
     fn powers(values: &[Lanes], dy: i32) -> [Lanes; 3] = powers_with
@@ -118,7 +125,7 @@ fn powers_with<V: Vector>(values: &[Lanes], dy: i32) -> [Lanes; 3] {
 }
 
 /// Returns the values of a plane on the columns of a block, in one row.
-pub(in crate::dic) fn row(slopes: [f64; 2], about: [f64; 2], (dx, dy): (i32, i32)) -> Lanes {
+pub(in crate::dic) fn plane_row(slopes: [f64; 2], about: [f64; 2], (dx, dy): (i32, i32)) -> Lanes {
     let first = slopes[0] * (f64::from(dx) - about[0]) + slopes[1] * (f64::from(dy) - about[1]);
     Lanes(std::array::from_fn::<f32, LANES, _>(|lane| (first + slopes[0] * lane as f64) as f32))
 }

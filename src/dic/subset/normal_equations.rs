@@ -2,9 +2,18 @@
 
 use crate::dic::geometry::SubsetMask;
 use crate::dic::image::PaddedImage;
-use crate::dic::refine::Sums;
-use crate::numeric::{LANES, Lanes};
-use crate::numeric::{Vector, vectorized};
+use crate::numeric::{LANES, Lanes, Vector, vectorized};
+
+/// The sums of one pass over the warped target, minus the mean of the reference.
+#[derive(Debug, Clone, Copy, Default)]
+pub(in crate::dic) struct Sums {
+    pub(in crate::dic) levels: f64,
+    /// The sums of levels times x and y.
+    pub(in crate::dic) places: [f64; 2],
+    pub(in crate::dic) energy: f64,
+    pub(in crate::dic) product: f64,
+    pub(in crate::dic) jacobian: [f64; 6],
+}
 
 /// Sums over the pixels of a window.
 ///
@@ -248,7 +257,7 @@ fn total_with<V: Vector>(sums: &[f32], count: usize, window: &SubsetMask, out: &
 #[cfg(test)]
 pub(in crate::dic) mod tests {
     use super::*;
-    use crate::dic::WindowShape;
+    use crate::dic::geometry::WindowShape;
     use crate::numeric::Portable;
 
     pub(in crate::dic) fn plane(seed: u32) -> PaddedImage {

@@ -1,14 +1,10 @@
 //! Reference subsets: pixels, gradients and precomputed sums.
 
-use super::illumination::IlluminationPlane;
+use super::illumination::{IlluminationPlane, add_powers};
 use super::normal_equations::Moments;
-use crate::dic::Shape;
-use crate::dic::geometry::SubsetMask;
-use crate::dic::image::PaddedImage;
-use crate::dic::image::PreparedFrame;
-use crate::numeric::invert;
-use crate::numeric::{LANES, Lanes};
-use crate::numeric::{Vector, vectorized};
+use crate::dic::geometry::{Shape, SubsetMask};
+use crate::dic::image::{PaddedImage, PreparedFrame};
+use crate::numeric::{LANES, Lanes, Vector, invert, vectorized};
 
 /// The reason why a reference subset cannot be matched.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -326,15 +322,6 @@ fn second_moments_with<V: Vector>(gx: &[Lanes], gy: &[Lanes], dy: i32, sums: &mu
     for (to, from) in sums.second.iter_mut().zip([xx, xy, yy]) {
         *to = [from[0].to_lanes(), from[1].to_lanes(), from[2].to_lanes()];
     }
-}
-
-/// Adds `value`, `value` dy and `value` dy^2.
-#[inline(always)]
-pub(in crate::dic) fn add_powers<V: Vector>(sums: &mut [V; 3], value: V, dy: V) {
-    let lever = value.mul(dy);
-    sums[0] = sums[0].add(value);
-    sums[1] = sums[1].add(lever);
-    sums[2] = sums[2].add(lever.mul(dy));
 }
 
 vectorized! {

@@ -1,9 +1,8 @@
 //! Invalid input: images and parameters that must end in a status or an error.
 
 use super::speckle_image::{Disc, Sequence, Speckle, record};
-use crate::dic::geometry::SubsetMask;
-use crate::dic::geometry::Warp;
 use crate::dic::geometry::grid::rectangle;
+use crate::dic::geometry::{SubsetMask, Warp};
 use crate::dic::image::PreparedFrame;
 use crate::dic::refine::Refiner;
 use crate::dic::subset::ReferenceSubset;

@@ -1,9 +1,8 @@
 //! The correlator on several patterns, compared with the noise bound of its own subsets.
 
 use super::speckle_image::{Speckle, record};
-use crate::dic::geometry::SubsetMask;
-use crate::dic::geometry::Warp;
 use crate::dic::geometry::grid::rectangle;
+use crate::dic::geometry::{SubsetMask, Warp};
 use crate::dic::subset::ReferenceSubset;
 use crate::dic::*;
 use crate::image::Image;

@@ -3,8 +3,7 @@
 //! There is no interpolation: a displaced image is drawn from displaced centres, and each pixel is integrated by 3 x 3
 //! Gauss points.
 
-use crate::dic::image::PreparedFrame;
-use crate::dic::params::Interpolation;
+use crate::dic::image::{Interpolation, PreparedFrame};
 use crate::image::Image;
 
 /// One disc: centre and radius, px.

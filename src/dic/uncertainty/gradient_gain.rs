@@ -10,8 +10,7 @@
 
 use crate::dic::geometry::SubsetMask;
 use crate::dic::image::PreparedFrame;
-use crate::numeric::{LANES, Lanes};
-use crate::numeric::{Vector, vectorized};
+use crate::numeric::{LANES, Lanes, Vector, vectorized};
 
 /// The minimum gradient gain of a texture that can be tracked.
 const MIN_GAIN: f64 = 0.75;

@@ -9,10 +9,8 @@
 use super::gradient_gain::GradientGain;
 use crate::dic::geometry::{Block, SubsetMask};
 use crate::dic::image::PaddedImage;
-use crate::dic::subset::Layers;
-use crate::dic::subset::ReferenceSubset;
-use crate::numeric::{LANES, Lanes};
-use crate::numeric::{Vector, vectorized};
+use crate::dic::subset::{Layers, ReferenceSubset};
+use crate::numeric::{LANES, Lanes, Vector, vectorized};
 
 /// The largest lag, px.
 const REACH: usize = 2;
@@ -394,7 +392,7 @@ impl VarianceFactor {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::dic::WindowShape;
+    use crate::dic::geometry::WindowShape;
     use crate::dic::subset::normal_equations::tests::plane;
     use crate::numeric::Portable;
 
