@@ -1,4 +1,4 @@
-//! The command line; the only room that names clap.
+//! The command line. This is the only room that names clap.
 
 use crate::command::analyze::{self, AnalyzeOptions};
 use crate::command::bench::{self, LiveOptions, RecordOptions, WindowsOptions};
@@ -27,7 +27,7 @@ use replay::Replay;
 use std::path::PathBuf;
 use study::Study;
 
-/// Films an impact with a high-speed camera and measures it while it happens.
+/// Measures an impact live with a high-speed camera.
 #[derive(Debug, Parser)]
 #[command(name = "ricochet", version, max_term_width = 100)]
 struct Line {
@@ -35,93 +35,93 @@ struct Line {
     command: Command,
 }
 
-/// What was asked for.
+/// The subcommands.
 #[derive(Debug, Subcommand)]
 pub enum Command {
-    /// Run a simulated rig with all its processes and compare what it measures with the truth.
+    /// Run a simulated rig with all its processes and compare the measurement with the truth.
     #[command(after_help = "Example: ricochet demo lacrosse --output shots")]
     Demo(Demo),
-    /// Run a rig: camera, workers, tracker and recorder, each a process of its own.
+    /// Run a rig: camera, workers, tracker and recorder, each in its own process.
     #[command(after_help = "Example: ricochet run config/genicam.toml")]
     Run {
-        /// The rig file.
+        /// Rig file.
         config: PathBuf,
     },
-    /// One process of a rig: the camera fills the ring.
+    /// Run one process of a rig: the camera writes frames into the ring.
     #[command(after_help = "Example: ricochet acquire rig.toml")]
     Acquire(RoleLine),
-    /// One process of a rig: measures blocks of frames.
+    /// Run one process of a rig: a worker measures blocks of frames.
     #[command(after_help = "Example: ricochet correlate rig.toml --worker 1")]
     Correlate(RoleLine),
-    /// One process of a rig: tracks, velocities and impacts, in frame order.
+    /// Run one process of a rig: the tracker publishes tracks, velocities and impacts in frame order.
     #[command(after_help = "Example: ricochet track rig.toml")]
     Track(RoleLine),
-    /// One process of a rig: writes recordings.
+    /// Run one process of a rig: the recorder writes recordings.
     #[command(after_help = "Example: ricochet record rig.toml")]
     Record(RoleLine),
-    /// List the cameras in reach, their formats and rates.
+    /// List the available cameras with their formats and frame rates.
     #[command(after_help = "Example: ricochet cameras --features 192.168.1.20")]
     Cameras(Cameras),
-    /// Tell whether a rig is ready for a drop: noise floor, light, pattern, focus, lost frames.
+    /// Check whether a rig is ready: noise floor, light, speckle pattern, focus, lost frames.
     #[command(after_help = "Example: ricochet check rig.toml -o check.html")]
     Check(Check),
-    /// Tell how the processes of a running rig are doing.
+    /// Show the state of each process of a running rig.
     #[command(after_help = "Example: ricochet status --rig lacrosse")]
     Status(Rig),
-    /// Make a running rig wait for a trigger.
+    /// Arm a running rig so that it waits for a trigger.
     #[command(after_help = "Example: ricochet arm --rig lacrosse")]
     Arm(Rig),
-    /// Make a running rig ignore triggers.
+    /// Disarm a running rig so that it ignores triggers.
     #[command(after_help = "Example: ricochet disarm --rig lacrosse")]
     Disarm(Rig),
-    /// Record a shot around this moment.
+    /// Trigger a running rig: record a shot around this moment.
     #[command(after_help = "Example: ricochet trigger --rig lacrosse")]
     Trigger(Rig),
     /// Print a live topic: field, track, velocity, impact, status or events.
     #[command(after_help = "Example: ricochet listen velocity --rig lacrosse --json")]
     Listen(Listen),
-    /// Play a recording's frames on the live topics, through a rig.
+    /// Replay the frames of a recording through a rig and publish its live topics.
     #[command(after_help = "Example: ricochet replay recordings/lacrosse.mcap --rate max")]
     Replay(Replay),
     /// Measure a recording offline.
     #[command(after_help = "Example: ricochet analyze recordings/lacrosse.mcap -o results.mcap")]
     Analyze(Analyze),
-    /// Displacement field of two still images, or of a series against its first.
+    /// Measure the displacement field of two still images, or of a series against its first image.
     #[command(after_help = "Example: ricochet field before.bmp after.bmp -o field.csv --picture field.png")]
     Field(Box<Field>),
-    /// Tell how fast this machine measures, part by part.
+    /// Benchmark this machine: how fast it measures and records.
     #[command(after_help = "Example: ricochet bench windows --json")]
     Bench(Bench),
-    /// Write a topic of a recording as a table.
+    /// Export a topic of a recording as a table, pictures, a film or a recording.
     #[command(after_help = "Example: ricochet export shot.mcap --topic velocity --format csv -o velocity.csv")]
     Export(Export),
-    /// Tell a recording on one page: numbers, curves, pictures; several recordings: how well they repeat.
+    /// Write a report page of a recording (numbers, curves, pictures), or a repeatability page of several.
     #[command(after_help = "Example: ricochet report shot.mcap -o shot.html")]
     Report(Report),
-    /// Tell what is in a recording, and what is wrong with it.
+    /// Show the contents of a recording and any damage.
     #[command(after_help = "Example: ricochet info shot.mcap --json")]
     Info(Info),
-    /// Bring back every whole frame of a recording that was cut off.
+    /// Recover every complete frame of a recording that was cut off.
     #[command(after_help = "Example: ricochet recover shot.mcap.part -o shot.mcap")]
     Recover(Recover),
-    /// Turn other people's footage into a recording.
+    /// Convert footage of other programs or cameras into a recording.
     #[command(after_help = "Example: ricochet import frame_*.tif --fps 10000 -o shot.mcap")]
     Import(Import),
-    /// Draw a simulated impact into a recording, with the truth beside it.
+    /// Render a simulated impact into a recording together with its ground truth.
     #[command(after_help = "Example: ricochet simulate lacrosse -o lacrosse.mcap")]
     Simulate(Simulate),
-    /// Study what settings, speckle patterns and methods do to the answers.
+    /// Study how settings, speckle patterns and methods affect accuracy.
     #[command(after_help = "Example: ricochet study convergence --json")]
     Study(Study),
 }
 
-/// Arguments of a command.
+/// The arguments of `demo`.
 #[derive(Debug, Args)]
 pub struct Demo {
-    /// The experiment: lacrosse, tennis or rod.
+    /// Experiment: lacrosse, tennis or rod.
     #[arg(default_value = "lacrosse")]
     experiment: String,
-    /// Directory of the recording.
+    /// Directory for the recording.
     #[arg(short, long)]
     output: Option<PathBuf>,
     /// Number of correlation workers.
@@ -132,15 +132,15 @@ pub struct Demo {
     json: bool,
 }
 
-/// Arguments of a command.
+/// The arguments of the commands that run one process of a rig.
 #[derive(Debug, Args)]
 pub struct RoleLine {
-    /// The rig file; `-` reads it from standard input.
+    /// Rig file; `-` reads it from standard input.
     config: PathBuf,
-    /// The camera that it works for, by the name of its [view]; the first when absent.
+    /// Camera to work for, by the name of its [view] [default: the first].
     #[arg(long, value_name = "NAME")]
     camera: Option<String>,
-    /// Which correlation worker, from 0.
+    /// Index of the correlation worker, from 0.
     #[arg(long, default_value_t = 0)]
     worker: u32,
     #[arg(long, hide = true)]
@@ -151,10 +151,10 @@ pub struct RoleLine {
     supervised: bool,
 }
 
-/// Arguments of a command.
+/// The arguments of `cameras`.
 #[derive(Debug, Args)]
 pub struct Cameras {
-    /// Print what the camera of this address, name or device file can be set to.
+    /// List the features of the camera with this address, name or device file.
     #[arg(long, value_name = "ID")]
     features: Option<String>,
     /// Print JSON.
@@ -162,15 +162,15 @@ pub struct Cameras {
     json: bool,
 }
 
-/// Arguments of a command.
+/// The arguments of `check`.
 #[derive(Debug, Args)]
 pub struct Check {
-    /// The rig file.
+    /// Rig file.
     config: PathBuf,
-    /// How long the camera is watched, s.
+    /// How long to film, s.
     #[arg(long, default_value_t = 1.0)]
     seconds: f64,
-    /// The HTML page to write.
+    /// HTML page to write.
     #[arg(short, long)]
     output: Option<PathBuf>,
     /// Print JSON.
@@ -178,7 +178,7 @@ pub struct Check {
     json: bool,
 }
 
-/// Arguments of a command.
+/// The arguments of the commands that talk to a running rig.
 #[derive(Debug, Args)]
 pub struct Rig {
     /// Name of the rig.
@@ -189,47 +189,47 @@ pub struct Rig {
     json: bool,
 }
 
-/// Arguments of a command.
+/// The arguments of `listen`.
 #[derive(Debug, Args)]
 pub struct Listen {
-    /// field, track, velocity, impact, status or events.
+    /// Topic: field, track, velocity, impact, status or events.
     topic: String,
     /// Name of the rig.
     #[arg(long, default_value = "rig")]
     rig: String,
-    /// Print one JSON object a line.
+    /// Print one JSON object per line.
     #[arg(long)]
     json: bool,
     /// Stop after this many lines.
     #[arg(long)]
     count: Option<u64>,
-    /// Wait this long for a rig that does not run yet, s.
+    /// Wait at most this long for a rig that is not running yet, s.
     #[arg(long, default_value_t = 0.0, value_name = "SECONDS")]
     wait: f64,
 }
 
-/// Arguments of a command.
+/// The arguments of `analyze`.
 #[derive(Debug, Args)]
 pub struct Analyze {
-    /// A recording, the parts of one stream, other people's footage, or the images of one sequence.
+    /// A recording, the parts of one stream, footage of another program, or the images of one sequence.
     #[arg(required = true)]
     inputs: Vec<PathBuf>,
-    /// Which of several cameras, by the name of its view; the first when absent.
+    /// Camera to measure, by the name of its view [default: the first].
     #[arg(long, value_name = "NAME")]
     camera: Option<String>,
-    /// The rig file; the attached one when absent.
+    /// Rig file [default: the one attached to the recording].
     #[arg(long)]
     config: Option<PathBuf>,
-    /// Frame rate, Hz; takes the place of the file's own, for those that tell none or that of their playback.
+    /// Frame rate, Hz; replaces the file's own, for files that record none or only a playback rate.
     #[arg(long)]
     fps: Option<f64>,
-    /// Begin here, seconds from the first frame.
+    /// Start at this time after the first frame, s.
     #[arg(long, value_name = "S")]
     from: Option<f64>,
-    /// End before this, seconds from the first frame.
+    /// Stop before this time after the first frame, s.
     #[arg(long, value_name = "S")]
     to: Option<f64>,
-    /// The results file; beside the recording when absent.
+    /// Results file [default: next to the recording].
     #[arg(short, long)]
     output: Option<PathBuf>,
     /// Number of workers; the results do not depend on it.
@@ -240,20 +240,20 @@ pub struct Analyze {
     json: bool,
 }
 
-/// Arguments of a command.
+/// The arguments of `bench`.
 #[derive(Debug, Args)]
 pub struct Bench {
-    /// windows: subsets a second, by method and number of threads; live: what a frame takes on one core; record: how
-    /// fast recordings are written, beside a plain write of the same bytes.
+    /// windows: subsets per second for each method and number of threads; live: time per frame on one core; record:
+    /// recording rate compared with a plain write of the same bytes.
     #[arg(default_value = "windows", value_parser = ["live", "windows", "record"])]
     part: String,
-    /// windows: largest number of threads; as many as this machine runs at once when absent.
+    /// windows: maximum number of threads [default: the number of cores].
     #[arg(long)]
     threads: Option<usize>,
-    /// How long each row is measured, s.
+    /// Measuring time per row, s.
     #[arg(long, default_value_t = 0.5)]
     seconds: f64,
-    /// record: the folder to write into; the files are removed again.
+    /// record: directory to write into; the files are removed afterwards.
     #[arg(long, default_value = ".")]
     directory: PathBuf,
     /// Print JSON.
@@ -261,7 +261,7 @@ pub struct Bench {
     json: bool,
 }
 
-/// Arguments of a command.
+/// The arguments of `export`.
 #[derive(Debug, Args)]
 pub struct Export {
     /// The recording.
@@ -274,35 +274,35 @@ pub struct Export {
     /// ffmpeg. Recordings: mcap (everything but the frames) or ros2 (the frames as sensor_msgs/msg/Image).
     #[arg(long, default_value = "csv")]
     format: String,
-    /// Which of several cameras, by the name of its view; the first when absent.
+    /// Camera to export, by the name of its view [default: the first].
     #[arg(long, value_name = "NAME")]
     camera: Option<String>,
-    /// The file or the directory to write; of csv, standard output when absent.
+    /// File or directory to write [default for csv: standard output].
     #[arg(short, long)]
     output: Option<PathBuf>,
-    /// Frames that a film shows in a second.
+    /// Playback rate of a film, frames per second.
     #[arg(long, default_value_t = 25.0, value_name = "HZ")]
     fps: f64,
 }
 
-/// Arguments of a command.
+/// The arguments of `report`.
 #[derive(Debug, Args)]
 pub struct Report {
     /// One recording, or several of the same experiment.
     #[arg(required = true)]
     files: Vec<PathBuf>,
-    /// Which of several cameras, by the name of its view; the first when absent.
+    /// Camera to report on, by the name of its view [default: the first].
     #[arg(long, value_name = "NAME")]
     camera: Option<String>,
-    /// The film that results alone were measured from: the page shows its frames.
+    /// Film that the results were measured from; the page shows its frames.
     #[arg(long)]
     film: Option<PathBuf>,
-    /// The HTML page to write; beside the first recording when absent.
+    /// HTML page to write [default: next to the first recording].
     #[arg(short, long)]
     output: Option<PathBuf>,
 }
 
-/// Arguments of a command.
+/// The arguments of `info`.
 #[derive(Debug, Args)]
 pub struct Info {
     /// The recording.
@@ -312,37 +312,37 @@ pub struct Info {
     json: bool,
 }
 
-/// Arguments of a command.
+/// The arguments of `recover`.
 #[derive(Debug, Args)]
 pub struct Recover {
-    /// The recording that was cut off.
+    /// Recording that was cut off.
     file: PathBuf,
-    /// The recording to write.
+    /// Recording to write.
     #[arg(short, long)]
     output: PathBuf,
 }
 
-/// Arguments of a command.
+/// The arguments of `import`.
 #[derive(Debug, Args)]
 pub struct Import {
-    /// One Photron, Phantom or NumPy (.npy) file, film (AVI, MP4, MOV, MKV, with an installed ffmpeg) or TIFF of several
-    /// pages, or the images of one sequence, in order.
+    /// A Photron, Phantom or NumPy (.npy) file, a film (AVI, MP4, MOV, MKV; needs ffmpeg), a multi-page TIFF, or the
+    /// images of one sequence in order.
     #[arg(required = true)]
     inputs: Vec<PathBuf>,
-    /// Frame rate, Hz; takes the place of the file's own.
+    /// Frame rate, Hz; replaces the file's own.
     #[arg(long)]
     fps: Option<f64>,
-    /// The recording to write.
+    /// Recording to write.
     #[arg(short, long)]
     output: PathBuf,
 }
 
-/// Arguments of a command.
+/// The arguments of `simulate`.
 #[derive(Debug, Args)]
 pub struct Simulate {
-    /// lacrosse, or the path of a scenario file.
+    /// A built-in scenario such as lacrosse, or the path of a scenario file.
     scenario: String,
-    /// The recording to write.
+    /// Recording to write.
     #[arg(short, long)]
     output: PathBuf,
     /// Print JSON.
@@ -350,16 +350,16 @@ pub struct Simulate {
     json: bool,
 }
 
-/// What came of the command line.
+/// The parsed command line.
 #[derive(Debug)]
 pub enum Parsed {
-    /// Something to run.
+    /// A command to run.
     Run(Command),
-    /// Help or an error was printed; the exit code to end with.
+    /// Help or an error was printed; the exit code.
     Told(u8),
 }
 
-/// Reads the command line; prints help and errors itself.
+/// Parses the command line and prints help and errors.
 pub fn parse() -> Parsed {
     match Line::try_parse() {
         Ok(line) => Parsed::Run(line.command),
@@ -374,14 +374,14 @@ pub fn parse() -> Parsed {
     }
 }
 
-/// What clap says over several lines, without the usage that `--help` repeats.
+/// Joins clap's message into one line, without the usage that `--help` repeats.
 fn one_line(text: &str) -> String {
     let told = text.lines().take_while(|line| !line.starts_with("Usage:") && !line.starts_with("For more"));
     let words = told.flat_map(str::split_whitespace).collect::<Vec<_>>().join(" ");
     words.strip_prefix("error: ").unwrap_or(&words).to_owned()
 }
 
-/// Whether this process belongs to a supervisor and shall end with it.
+/// Whether this process was started by a supervisor and has to end with it.
 pub fn is_supervised(command: &Command) -> bool {
     match command {
         Command::Acquire(line) | Command::Correlate(line) | Command::Track(line) | Command::Record(line) => {
@@ -395,7 +395,7 @@ pub fn is_supervised(command: &Command) -> bool {
 ///
 /// # Errors
 ///
-/// What the command meets.
+/// Any error of the command.
 pub fn run(command: Command, stop: &Stop) -> anyhow::Result<Outcome> {
     match command {
         Command::Run { config } => rig::run(&config, stop),
@@ -430,7 +430,7 @@ pub fn run(command: Command, stop: &Stop) -> anyhow::Result<Outcome> {
     }
 }
 
-/// The commands that look at files and cameras.
+/// Runs the commands that read files or list cameras.
 fn inspect(command: Command) -> anyhow::Result<Outcome> {
     match command {
         Command::Cameras(Cameras { features, json }) => {

@@ -1,17 +1,17 @@
-//! The one program: every role and every command.
+//! The `ricochet` program: every role and every command.
 
 use ricochet::cli::{self, Parsed};
 use ricochet::command::Outcome;
 use ricochet::process::{ChildFailure, Stop};
 use std::process::ExitCode;
 
-/// The one table of exit codes: 0 clean, 1 internal, 2 usage or configuration, 3 camera, 4 bus, 5 recording,
-/// 6 finished but data were lost.
+/// Returns the exit code: 0 clean, 1 internal, 2 usage or configuration, 3 camera, 4 bus, 5 recording, 6 finished but
+/// data were lost.
 fn code(error: &anyhow::Error) -> u8 {
     error.chain().find_map(code_of).unwrap_or(1)
 }
 
-/// The exit code of one cause; `None` when it decides nothing.
+/// Returns the exit code of one cause; `None` when it does not decide.
 fn code_of(cause: &(dyn std::error::Error + 'static)) -> Option<u8> {
     use ricochet::{ball, bus, camera, command, config, dic, import, measure, process, recording, synth};
     let is_usage = cause.is::<config::ConfigError>()
@@ -62,7 +62,7 @@ fn code_of(cause: &(dyn std::error::Error + 'static)) -> Option<u8> {
     cause.is::<bus::BusError>().then_some(4)
 }
 
-/// The error and its causes in one line; a cause that the line ends with already is not told twice.
+/// Joins the error and its causes into one line; a cause that the line already ends with is not repeated.
 fn line(error: &anyhow::Error) -> String {
     let flat =
         |text: String| if text.contains('\n') { text.split_whitespace().collect::<Vec<_>>().join(" ") } else { text };
@@ -82,11 +82,11 @@ fn main() -> ExitCode {
     let stop = if cli::is_supervised(&command) { Stop::with_parent() } else { Stop::default() };
     for signal in [signal_hook::consts::SIGINT, signal_hook::consts::SIGTERM] {
         if let Err(error) = signal_hook::flag::register(signal, stop.flag()) {
-            eprintln!("ricochet: listen for signals: {error}");
+            eprintln!("ricochet: cannot install signal handlers: {error}");
             return ExitCode::from(1);
         }
     }
-    // What a process of a rig lost, its supervisor tells with the rest.
+    // The supervisor reports the losses of its processes together with its own.
     let is_supervised = cli::is_supervised(&command);
     match cli::run(command, &stop) {
         Ok(Outcome::Clean) => ExitCode::SUCCESS,
@@ -97,7 +97,7 @@ fn main() -> ExitCode {
             ExitCode::from(6)
         }
         Err(error) => {
-            // A process of the rig that refused to work has said why on the same standard error.
+            // A process of the rig that failed has printed its error on the same standard error.
             let is_reported = error.downcast_ref::<ChildFailure>().is_some_and(|failure| failure.is_reported);
             if !is_reported {
                 eprintln!("ricochet: {}", line(&error));

@@ -1,4 +1,4 @@
-//! The line of `ricochet field`.
+//! The arguments of `ricochet field`.
 
 use clap::Args;
 use clap::builder::{PossibleValuesParser, TypedValueParser};
@@ -8,62 +8,62 @@ use crate::command::field::{Begin, FieldOptions, Quantity};
 use crate::config::{Config, ConfigError};
 use crate::dic::{self, CorrelationParams, Interpolation, Method, Shape, WindowShape};
 
-/// Arguments of a command.
+/// The arguments of `field`.
 #[derive(Debug, Args)]
 pub struct Field {
-    /// The image before.
+    /// Reference image.
     reference: PathBuf,
-    /// The image after.
+    /// Target image.
     target: PathBuf,
-    /// More images after it: all of them are a series in this order, and --output and --picture name directories.
+    /// Further target images; with any of them --output and --picture name directories.
     #[arg(value_name = "TARGET")]
     later: Vec<PathBuf>,
-    /// A rig file whose [correlation] table is used.
+    /// Rig file whose [correlation] table is used.
     #[arg(long)]
     config: Option<PathBuf>,
-    /// The table to write; standard output when absent.
+    /// Table to write [default: standard output].
     #[arg(short, long)]
     output: Option<PathBuf>,
     /// Region of interest: x,y,width,height in px.
     #[arg(long, value_name = "X,Y,W,H")]
     roi: Option<Region>,
-    /// Region of interest: three corners or more, x,y in px, with spaces between them; in place of --roi.
+    /// Region of interest instead of --roi: at least three corners x,y in px, separated by spaces.
     #[arg(long, value_name = "X,Y X,Y X,Y...", conflicts_with = "roi")]
     polygon: Option<Corners>,
-    /// A hole in the polygon; as often as needed.
+    /// Hole in the polygon; may be repeated.
     #[arg(long, value_name = "X,Y X,Y X,Y...", requires = "polygon")]
     hole: Vec<Corners>,
-    /// Also subsets that the edge of the picture or of the region cuts, as long as half of their pixels are left.
+    /// Also use subsets cut by the edge of the image or region, if at least half of their pixels remain.
     #[arg(long)]
     partial: bool,
     /// Subset size, odd, px.
     #[arg(long, value_name = "PX")]
     subset: Option<u32>,
-    /// From one subset to the next, px.
+    /// Grid step between subsets, px.
     #[arg(long, value_name = "PX")]
     step: Option<u32>,
-    /// How displacements are found.
+    /// Correlation method.
     #[arg(long, value_parser = words(&Method::WORDS))]
     method: Option<Method>,
-    /// How subsets may deform (method ic-gn).
+    /// Shape function of the subsets (method ic-gn).
     #[arg(long, value_parser = words(&Shape::WORDS))]
     shape: Option<Shape>,
-    /// Outline of the subsets.
+    /// Shape of the subset window.
     #[arg(long, value_parser = words(&WindowShape::WORDS))]
     window: Option<WindowShape>,
-    /// How the target is interpolated; bicubic is OpenCorr's, less exact, to compare with its results.
+    /// Interpolation of the target; bicubic matches OpenCorr and is less accurate.
     #[arg(long, value_parser = words(&Interpolation::WORDS))]
     interpolation: Option<Interpolation>,
-    /// Largest displacement looked for, px.
+    /// Search range: maximum displacement, px.
     #[arg(long, value_name = "PX")]
     search: Option<u32>,
-    /// Where the search begins; any-angle looks for the whole region first, at every angle and in the whole target.
+    /// Initial guess; any-angle first searches the whole region at every angle in the whole target.
     #[arg(long, value_parser = words(&Begin::WORDS), default_value = "neighbor")]
     start: Begin,
-    /// A PNG of the vectors over the reference.
+    /// PNG picture of the vectors over the reference.
     #[arg(long)]
     picture: Option<PathBuf>,
-    /// Show this in colours in the picture, in place of the vectors.
+    /// Draw a colour map of this quantity instead of the vectors.
     #[arg(long, value_parser = words(&Quantity::WORDS), requires = "picture")]
     map: Option<Quantity>,
     /// Print JSON.
@@ -71,13 +71,13 @@ pub struct Field {
     json: bool,
 }
 
-/// One of the words of a setting, as what it stands for.
+/// Parses one of the listed names into its value.
 fn words<T: Copy + Send + Sync + 'static>(words: &'static [(&'static str, T)]) -> impl TypedValueParser<Value = T> {
     PossibleValuesParser::new(words.iter().map(|(word, _)| *word))
         .try_map(|word| words.iter().find(|(known, _)| *known == word).map(|(_, meaning)| *meaning).ok_or(word))
 }
 
-/// Four numbers with commas between them.
+/// A rectangle x, y, width, height, written with commas.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Region(pub(super) [u32; 4]);
 
@@ -87,11 +87,11 @@ impl std::str::FromStr for Region {
     fn from_str(text: &str) -> Result<Self, String> {
         let numbers: Result<Vec<u32>, _> = text.split(',').map(|number| number.trim().parse()).collect();
         let region = numbers.ok().and_then(|numbers| <[u32; 4]>::try_from(numbers).ok());
-        region.map(Self).ok_or_else(|| "four whole numbers of pixels, x,y,width,height".to_owned())
+        region.map(Self).ok_or_else(|| "expected four whole numbers of pixels: x,y,width,height".to_owned())
     }
 }
 
-/// Corners of a polygon.
+/// The corners of a polygon.
 #[derive(Debug, Clone)]
 struct Corners(Vec<[f64; 2]>);
 
@@ -108,12 +108,16 @@ impl std::str::FromStr for Corners {
         let corners = corners.filter(|corners| corners.len() >= 3);
         corners
             .map(Self)
-            .ok_or_else(|| "three corners or more, x,y in px, each within 65536, spaces between".to_owned())
+            .ok_or_else(|| "expected at least three corners x,y in px, separated by spaces, each within 65536".to_owned())
     }
 }
 
 impl Field {
-    /// What was asked for: the rig file's settings, and over them those of the self.
+    /// Returns the options: the rig file's settings, overridden by those of the command line.
+    ///
+    /// # Errors
+    ///
+    /// [`ConfigError`] when the rig file cannot be used.
     pub(super) fn options(self) -> Result<FieldOptions, ConfigError> {
         let mut params = match &self.config {
             Some(path) => Config::load(path)?.correlation(),

@@ -1,4 +1,4 @@
-//! The line of `ricochet study`.
+//! The arguments of `ricochet study`.
 
 use clap::{Args, Subcommand};
 use std::num::NonZeroUsize;
@@ -11,20 +11,20 @@ use crate::command::study::design::{self, DesignOptions};
 use crate::command::study::speckle::{self, SpeckleOptions, SpeckleStudy};
 use crate::process::Stop;
 
-/// Arguments of a command.
+/// The arguments of `study`.
 #[derive(Debug, Args)]
 pub struct Study {
     #[command(subcommand)]
     name: Name,
 }
 
-/// Which study.
+/// The studies.
 #[derive(Debug, Subcommand)]
 enum Name {
-    /// How the answers of spline-fft settle with more spline points between the pixels.
+    /// Study how the answers of spline-fft converge with the number of spline points between pixels.
     ///
-    /// Numbers of points from 0 to 20, with the fit of the correlation peak and without it. Without images, on a
-    /// drawn ball moved by known amounts that lie on none of the grids; then errors are told as well.
+    /// Tries 0 to 20 points, with and without a fit of the correlation peak. Without images it measures a rendered
+    /// ball moved by known amounts off every spline grid, and reports the errors as well.
     #[command(after_help = "Example: ricochet study convergence before.bmp after.bmp --roi 40,40,120,120 -o settle")]
     Convergence(Convergence),
     /// Speckle patterns in translation along one axis (Fig. 3 of the paper).
@@ -39,43 +39,43 @@ enum Name {
     /// Speckle patterns in translation and rotation together (Fig. 6).
     #[command(after_help = "Example: ricochet study general --speeds off-grid -o studies")]
     General(Speckle),
-    /// Splined windows against splined peaks, from 0.1 to 2 px a frame, and what each costs (Fig. 7).
+    /// Splined windows against splined peaks, from 0.1 to 2 px per frame, with their cost (Fig. 7).
     #[command(after_help = "Example: ricochet study peak -o studies")]
     Peak(Speckle),
-    /// Every method over the noise of the camera, from none to 16 grey levels.
+    /// Every method over the camera noise, from 0 to 16 grey levels.
     #[command(after_help = "Example: ricochet study noise --patterns a-III,e-II -o studies")]
     Noise(Speckle),
-    /// Every method over the blur of the lens, from 0.3 to 2 px.
+    /// Every method over the lens blur, from 0.3 to 2 px.
     #[command(after_help = "Example: ricochet study blur -o studies")]
     Blur(Speckle),
     /// Every method over the frame rate: the same motion in up to 32 times smaller steps.
     #[command(after_help = "Example: ricochet study rate --methods ic-gn,rigid -o studies")]
     Rate(Speckle),
-    /// What a rig is going to be off by, and what to change first.
+    /// Predict the uncertainty of a rig, and what to change first.
     ///
-    /// A few pictures are drawn as the rig would take them: its ball, scale, rate, exposure, noise and pattern. The
-    /// noise bound of their texture goes through the rig's own fits of velocities, flights and contact. Changes are
-    /// then tried one by one, and told by what they leave of the scatter.
+    /// A few frames are rendered as the rig would record them: its ball, scale, rate, exposure, noise and pattern.
+    /// The noise bound of their texture is propagated through the rig's own fits of velocity, flight and contact.
+    /// Changes are then tried one by one and ranked by the scatter that remains.
     #[command(after_help = "Example: ricochet study design --config rig.toml --scenario lacrosse --noise-dn 2.5")]
     Design(Design),
 }
 
-/// Arguments of a design.
+/// The arguments of `study design`.
 #[derive(Debug, Args)]
 struct Design {
-    /// The rig file.
+    /// Rig file.
     #[arg(long, value_name = "RIG")]
     config: PathBuf,
-    /// What is going to be filmed: a built-in scenario or a scenario file; the rig's own, or lacrosse, when left out.
+    /// Scenario to film: a built-in name or a scenario file [default: the rig's own, else lacrosse].
     #[arg(long, value_name = "NAME|FILE")]
     scenario: Option<String>,
-    /// Noise of a pixel at half of full scale, grey levels; the scenario's when left out (`ricochet check` measures it).
+    /// Pixel noise at half of full scale, grey levels, as measured by `ricochet check` [default: the scenario's].
     #[arg(long, value_name = "DN")]
     noise_dn: Option<f64>,
-    /// Tell the scatter only.
+    /// Only print the scatter, without advice.
     #[arg(long)]
     no_advice: bool,
-    /// A directory for design.csv and design_advice.csv; made when it is not there.
+    /// Directory for design.csv and design_advice.csv; created if missing.
     #[arg(short, long, value_name = "DIR")]
     output: Option<PathBuf>,
     /// Print JSON.
@@ -83,40 +83,40 @@ struct Design {
     json: bool,
 }
 
-/// Arguments of a speckle study.
+/// Measures films of the paper's speckle patterns.
 ///
-/// Films of the paper's patterns are drawn at its speeds, and at others that lie on no grid of spline points, and
-/// measured by several methods. With a directory, a study that was stopped is gone on with by the same command.
+/// Films are rendered at the paper's speeds and at others that lie on no spline grid, and are measured by several
+/// methods. With --output, repeating the command resumes a study that was stopped.
 #[derive(Debug, Args)]
 struct Speckle {
-    /// Patterns, a-I to f-II; all 16 when left out (e-II where a study is not about patterns).
+    /// Patterns, a-I to f-II [default: all 16; e-II where the study is not about patterns].
     #[arg(long, value_name = "NAME,...", value_delimiter = ',')]
     patterns: Vec<String>,
-    /// Methods: paper, paper-fit, peak-plain, peak-spline, ic-gn, rigid; the study's own when left out.
+    /// Methods: paper, paper-fit, peak-plain, peak-spline, ic-gn, ring, rigid [default: those of the study].
     #[arg(long, value_name = "NAME,...", value_delimiter = ',')]
     methods: Vec<String>,
-    /// Sets of speeds: paper, off-grid; both when left out.
+    /// Sets of speeds: paper, off-grid [default: both].
     #[arg(long, value_name = "NAME,...", value_delimiter = ',')]
     speeds: Vec<String>,
-    /// Frames a film, 2 to 12.
+    /// Frames per film, 2 to 12.
     #[arg(long, value_name = "COUNT", default_value_t = 3)]
     frames: u64,
-    /// Size of the windows, odd, px.
+    /// Subset size, odd, px.
     #[arg(long, value_name = "PX", default_value_t = 25)]
     subset: u32,
-    /// From one window to the next, px.
+    /// Grid step between subsets, px.
     #[arg(long, value_name = "PX", default_value_t = 12)]
     step: u32,
-    /// Standard deviation of the noise, grey levels of 255; 2 when left out.
+    /// Standard deviation of the noise, grey levels of 255 [default: 2].
     #[arg(long, value_name = "DN")]
     noise_dn: Option<f64>,
-    /// Seed of speckles and noise.
+    /// Seed of the speckles and the noise.
     #[arg(long, value_name = "NUMBER", default_value_t = 1)]
     seed: u64,
-    /// Threads; all cores when left out. The results do not depend on it.
+    /// Number of threads [default: all cores]; the results do not depend on it.
     #[arg(long, value_name = "COUNT")]
     threads: Option<NonZeroUsize>,
-    /// A directory for the tables and the figure; made when it is not there.
+    /// Directory for the tables and the figure; created if missing.
     #[arg(short, long, value_name = "DIR")]
     output: Option<PathBuf>,
     /// Print JSON.
@@ -124,13 +124,13 @@ struct Speckle {
     json: bool,
 }
 
-/// Arguments of a study.
+/// The arguments of `study convergence`.
 #[derive(Debug, Args)]
 struct Convergence {
-    /// The image before; a drawn pattern when absent.
+    /// Reference image [default: a rendered pattern].
     #[arg(requires = "target")]
     reference: Option<PathBuf>,
-    /// The image after.
+    /// Target image.
     target: Option<PathBuf>,
     /// Region of interest of the images: x,y,width,height in px.
     #[arg(long, value_name = "X,Y,W,H", requires = "reference")]
@@ -138,16 +138,16 @@ struct Convergence {
     /// Subset size, odd, px.
     #[arg(long, value_name = "PX", default_value_t = 31)]
     subset: u32,
-    /// From one subset to the next, px.
+    /// Grid step between subsets, px.
     #[arg(long, value_name = "PX", default_value_t = 20)]
     step: u32,
-    /// Largest displacement looked for, px.
+    /// Search range: maximum displacement, px.
     #[arg(long, value_name = "PX", default_value_t = 16)]
     search: u32,
-    /// Settled is where 99 % of the answers change by less, px; at most 1.
+    /// Converged when 99 % of the answers change by less than this, px; at most 1.
     #[arg(long, value_name = "PX", default_value_t = 0.001)]
     tolerance_px: f64,
-    /// A directory for convergence.csv and convergence.svg; made when it is not there.
+    /// Directory for convergence.csv and convergence.svg; created if missing.
     #[arg(short, long, value_name = "DIR")]
     output: Option<PathBuf>,
     /// Print JSON.
@@ -156,7 +156,7 @@ struct Convergence {
 }
 
 impl Study {
-    /// Runs the study that was named.
+    /// Runs the chosen study.
     pub(super) fn run(self, stop: &Stop) -> anyhow::Result<Outcome> {
         match self.name {
             Name::Convergence(line) => convergence::run(&line.options(), stop),

@@ -14,29 +14,29 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::mpsc::{Receiver, Sender, SyncSender, channel, sync_channel};
 
-/// Frames that may wait for one worker.
+/// Length of each worker's queue, frames.
 const WAITING: usize = 16;
 
-/// What to measure, and how.
+/// The options of `ricochet analyze`.
 #[derive(Debug, Clone, PartialEq)]
 pub struct AnalyzeOptions {
-    /// The recording.
+    /// The recording or footage.
     pub inputs: Vec<PathBuf>,
-    /// Which of several cameras, by its name; the first when absent.
+    /// The camera to measure; the first when absent.
     pub camera: Option<String>,
     /// The rig file; the attached one when absent.
     pub config: Option<PathBuf>,
-    /// Frame rate in place of the file's own, Hz.
+    /// Frame rate, Hz; replaces the file's own.
     pub fps: Option<f64>,
-    /// Where to begin, seconds from the first frame.
+    /// Start of the measured interval, seconds from the first frame.
     pub from_s: Option<f64>,
-    /// Where to end, seconds from the first frame; the frame there is no longer measured.
+    /// End of the measured interval, seconds from the first frame; the frame at this time is excluded.
     pub to_s: Option<f64>,
-    /// Where the results go; beside the recording when absent.
+    /// The results file; next to the recording when absent.
     pub output: Option<PathBuf>,
     /// Number of workers; the results do not depend on it.
     pub workers: Option<u32>,
-    /// Tell the impacts as JSON.
+    /// Print the impacts as JSON.
     pub json: bool,
 }
 
@@ -54,13 +54,13 @@ pub fn run(options: &AnalyzeOptions, stop: &Stop) -> anyhow::Result<Outcome> {
     }
     if film.config.workers.count == 0 {
         let (origin, input) = (&film.config.origin, options.inputs[0].display());
-        let reason = "0 workers, or no bodies; give a rig file with --config, or --workers";
-        return Err(UsageError(format!("{input}: nothing is measured by {origin}: {reason}")).into());
+        let reason = "0 workers or no bodies; pass a rig file with --config, or --workers";
+        return Err(UsageError(format!("{input}: nothing to measure with {origin}: {reason}")).into());
     }
     film.config.record = Some(results_record());
     let output = options.output.clone().unwrap_or_else(|| free_results_path(&options.inputs, camera));
     if output.exists() {
-        return Err(UsageError(format!("{}: the file exists already", output.display())).into());
+        return Err(UsageError(format!("{}: cannot write: the file already exists", output.display())).into());
     }
     let truncated = film.truncated.clone();
     let (path, missing) = measure(film, &output, stop)?;
@@ -81,7 +81,7 @@ fn results_record() -> Record {
     }
 }
 
-/// `shot.results-1.mcap` beside `shot.mcap`, or the next free number.
+/// Returns `shot.results-1.mcap` next to `shot.mcap`, or the next free number.
 fn free_results_path(inputs: &[PathBuf], camera: Option<&str>) -> PathBuf {
     let input = inputs.first().map_or_else(|| Path::new("film"), PathBuf::as_path);
     let stem = input.file_stem().map_or_else(|| "recording".into(), |stem| stem.to_string_lossy().into_owned());
@@ -93,7 +93,7 @@ fn free_results_path(inputs: &[PathBuf], camera: Option<&str>) -> PathBuf {
 type Job = Arc<(FrameMeta, Vec<u8>)>;
 type Answer = Result<Vec<Measured>, MeasureError>;
 
-/// Measures every frame; gives the results file and how many frames are missing.
+/// Measures every frame; returns the results file and the number of missing frames.
 fn measure(film: Film, output: &Path, stop: &Stop) -> anyhow::Result<(PathBuf, u64)> {
     let Film { format, config, metadata, count, frames, reference, .. } = film;
     config.check_calibration(format.width_px, format.height_px)?;
@@ -112,7 +112,7 @@ fn measure(film: Film, output: &Path, stop: &Stop) -> anyhow::Result<(PathBuf, u
             return Err(frames
                 .next()
                 .and_then(Result::err)
-                .unwrap_or_else(|| UsageError("a film of 0 frames".into()).into()));
+                .unwrap_or_else(|| UsageError("cannot measure a film of 0 frames".into()).into()));
         }
     };
     let (first, stamp_ns) = (meta.sequence, meta.stamp_ns);
@@ -137,7 +137,7 @@ fn measure(film: Film, output: &Path, stop: &Stop) -> anyhow::Result<(PathBuf, u
         drop(answers);
         for frame in frames {
             if stop.requested() {
-                // What is measured so far is whole; the rest counts as missing.
+                // Everything measured so far is complete; the rest counts as missing.
                 unread = count.saturating_sub(shot.frames()).max(1);
                 break;
             }
@@ -152,7 +152,7 @@ fn measure(film: Film, output: &Path, stop: &Stop) -> anyhow::Result<(PathBuf, u
     });
     bar.finish_and_clear();
     if let Err(error) = whole {
-        // What failed can be measured again; nobody shall take a part of it for the result.
+        // A partial results file could be mistaken for the whole result.
         drop(shot);
         let _ = std::fs::remove_file(part_path(output));
         return Err(error);
@@ -168,7 +168,7 @@ fn plan(params: &MeasureParams, index: u32, of: u32, format: &StreamFormat) -> R
 
 fn hand_out(workers: &[SyncSender<Job>], job: &Job) {
     for worker in workers {
-        // A worker that is gone has answered with its error.
+        // A worker that has ended has sent its error.
         let _ = worker.send(Arc::clone(job));
     }
 }
@@ -195,7 +195,7 @@ fn take(shot: &mut Shot, answer: Answer) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Every collision as it is known best.
+/// Returns the last revision of every impact.
 pub(super) fn last_revisions(recording: &Recording) -> Result<Vec<Impact>, RecordingError> {
     Ok(report::last_revisions(recording.impacts()?.collect::<Result<_, _>>()?))
 }

@@ -1,36 +1,36 @@
-//! `ricochet cameras`: the cameras in reach and what they can do.
+//! `ricochet cameras`: lists the available cameras and their features.
 
 use super::say;
 use crate::camera::genicam::{CameraDetails, CameraListing, FeatureLine, Kind, describe, features, list};
 use crate::camera::{CameraError, v4l2};
 use serde_json::{Value, json};
 
-/// What to tell.
+/// The options of `ricochet cameras`.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct CamerasOptions {
-    /// One JSON document instead of text.
+    /// Print JSON instead of text.
     pub json: bool,
-    /// Id, address, serial number or device file of the camera whose features are told instead of the list.
+    /// Id, address, serial number or device file of the camera whose features are listed.
     pub features_of: Option<String>,
 }
 
-/// Prints the cameras in reach, or the features of one.
+/// Prints the available cameras, or the features of one.
 ///
-/// Without the GenICam library the kernel's cameras are told all the same.
+/// Without the GenICam library the V4L2 cameras are still listed.
 ///
 /// # Errors
 ///
-/// [`CameraError`] when there is no camera and the GenICam library is missing, or the one meant does not answer.
+/// [`CameraError`] when there is no camera and the GenICam library is missing, or the selected camera does not reply.
 pub fn run(options: &CamerasOptions) -> anyhow::Result<()> {
     if let Some(id) = &options.features_of {
-        return tell_features(id, options.json);
+        return print_features(id, options.json);
     }
     let kernels = v4l2::list();
     let genicam = match list() {
         Ok(cameras) => cameras,
         Err(error) if kernels.is_empty() => return Err(error.into()),
         Err(error) => {
-            log::warn!("GenICam cameras are left out: {error}");
+            log::warn!("cannot list GenICam cameras: {error}");
             Vec::new()
         }
     };
@@ -40,7 +40,7 @@ pub fn run(options: &CamerasOptions) -> anyhow::Result<()> {
         let cameras: Vec<_> = cameras.chain(kernels.iter().map(kernel_camera_as_json)).collect();
         say(&json!({ "cameras": cameras }).to_string());
     } else if genicam.is_empty() && kernels.is_empty() {
-        say("no camera answers on any network card or USB port, and the kernel has none");
+        say("no camera found on any network interface or USB port, and no V4L2 device");
     } else {
         genicam.iter().for_each(|(details, camera)| say(&camera_as_text(camera, details)));
         kernels.iter().for_each(|camera| say(&kernel_camera_as_text(camera)));
@@ -48,8 +48,8 @@ pub fn run(options: &CamerasOptions) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Prints what one camera can be set to; of one of the kernel also its formats, sizes and rates.
-fn tell_features(id: &str, as_json: bool) -> anyhow::Result<()> {
+/// Prints the features of one camera; of a V4L2 camera also its formats, sizes and rates.
+fn print_features(id: &str, as_json: bool) -> anyhow::Result<()> {
     let (camera, lines) = match v4l2::is_v4l2_id(id) {
         true => v4l2::features(id).map(|(camera, lines)| (Some(camera), lines))?,
         false => (None, features(id)?),
@@ -74,7 +74,7 @@ fn tell_features(id: &str, as_json: bool) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// A camera of the kernel in a few lines, what to write in a configuration first.
+/// Formats a V4L2 camera as text; the id for the configuration comes first.
 fn kernel_camera_as_text(camera: &v4l2::CameraListing) -> String {
     let serial = if camera.serial.is_empty() { "none" } else { &camera.serial };
     let mut lines = vec![
@@ -87,7 +87,7 @@ fn kernel_camera_as_text(camera: &v4l2::CameraListing) -> String {
     }
     lines.push(format!("  address  {} (V4L2, driver {})", camera.capability.bus, camera.capability.driver));
     for format in &camera.formats {
-        let becomes = format.ring_format.map_or("cannot be read", |format| format.word());
+        let becomes = format.ring_format.map_or("not supported", |format| format.word());
         lines.push(format!("  format   {} ({}), {becomes}", format.code, format.description));
         if format.ring_format.is_some() {
             if let v4l2::Sizes::Range { .. } = format.sizes {
@@ -130,7 +130,7 @@ fn kernel_camera_as_json(camera: &v4l2::CameraListing) -> Value {
     value
 }
 
-/// A camera in a few lines, what to write in a configuration first.
+/// Formats a GenICam camera as text; the id for the configuration comes first.
 fn camera_as_text(camera: &CameraListing, details: &Result<CameraDetails, CameraError>) -> String {
     let mut lines = vec![
         camera.id.clone(),
@@ -173,7 +173,7 @@ fn camera_as_json(camera: &CameraListing, details: &Result<CameraDetails, Camera
     value
 }
 
-/// A feature in a line, indented by its depth.
+/// Formats a feature as one line, indented by its depth.
 fn feature_as_text(line: &FeatureLine) -> String {
     let indent = "  ".repeat(line.depth);
     if line.kind == Kind::Category {
@@ -271,7 +271,7 @@ mod tests {
         assert_eq!(
             kernel_camera_as_text(&webcam()),
             "/dev/video0\n  model    Webcam, serial number none\n  address  usb-1 (V4L2, driver uvcvideo)\n  \
-             format   YUYV (words), Mono8\n    640x480 px: 30, 15 Hz\n  format   H264 (words), cannot be read"
+             format   YUYV (words), Mono8\n    640x480 px: 30, 15 Hz\n  format   H264 (words), not supported"
         );
         let json = kernel_camera_as_json(&webcam());
         assert_eq!(json["formats"][0]["modes"][0], json!({ "size_px": [640, 480], "rates_hz": [30.0, 15.0] }));

@@ -7,11 +7,11 @@ use std::time::Duration;
 
 const PATIENCE: Duration = Duration::from_secs(2);
 
-/// Asks a running rig to do something and tells its answer.
+/// Sends a request to a running rig and prints the reply.
 ///
 /// # Errors
 ///
-/// When no such rig runs, nobody answers, or the rig refuses.
+/// When no such rig runs, nobody replies, or the rig refuses.
 pub fn run(rig: &str, command: Command, json: bool) -> anyhow::Result<Outcome> {
     let bus = Bus::join(rig, "control")?;
     let reply = bus.control_client()?.ask(command, PATIENCE)?;

@@ -1,4 +1,4 @@
-//! Frames to measure offline: a recording, or other people's footage.
+//! The frames to measure offline: a recording, or footage of another program or camera.
 
 use super::{UsageError, replay::rig_config};
 use crate::camera::StreamFormat;
@@ -13,29 +13,29 @@ use std::collections::BTreeMap;
 use std::iter::Peekable;
 use std::path::{Path, PathBuf};
 
-/// One frame after the other, with their stamps.
+/// The frames with their time stamps, in order.
 pub(super) type Frames = Box<dyn Iterator<Item = anyhow::Result<(FrameMeta, Vec<u8>)>>>;
 
-/// A film that was opened.
+/// An opened film.
 pub(super) struct Film {
-    /// Shape and rate of its frames.
+    /// Size, pixel format and frame rate.
     pub(super) format: StreamFormat,
-    /// How many there are.
+    /// The number of frames.
     pub(super) count: u64,
-    /// What the file says of itself.
+    /// The metadata of the file.
     pub(super) metadata: BTreeMap<String, String>,
-    /// Why it ends too early, when it does.
+    /// The reason why the file is truncated, if it is.
     pub(super) truncated: Option<String>,
-    /// The rig it is measured with.
+    /// The configuration to measure with.
     pub(super) config: Config,
-    /// The picture in which its patches were drawn, where it has any.
+    /// The image in which the patches were drawn, if there are any.
     pub(super) reference: Option<Image>,
     /// The frames.
     pub(super) frames: Frames,
 }
 
 impl Film {
-    /// The same film, but only this part of it.
+    /// Restricts the film to an interval.
     pub(super) fn within(mut self, span: TimeRange) -> Self {
         if span == TimeRange::ALL {
             return self;
@@ -53,10 +53,10 @@ impl Film {
         self
     }
 
-    /// Opens a recording or the parts of one, or one other file, or images that make a sequence in the order given.
+    /// Opens a recording, the parts of one, another file, or the images of a sequence in the order given.
     ///
-    /// `camera` is one of several in it, by its name. `config` takes the place of the attached rig file, `fps` that of
-    /// the file's frame rate.
+    /// `camera` selects one of several cameras by name. `config` replaces the attached rig file, `fps` the file's
+    /// frame rate.
     pub(super) fn open(
         inputs: &[PathBuf],
         camera: Option<&str>,
@@ -64,18 +64,20 @@ impl Film {
         fps: Option<f64>,
     ) -> anyhow::Result<Self> {
         if let Some(fps) = fps.filter(|fps| !(fps.is_finite() && *fps > 0.0)) {
-            return Err(UsageError(format!("--fps {fps}: not a positive number")).into());
+            return Err(UsageError(format!("--fps {fps}: must be a positive number")).into());
         }
         match inputs {
             [first, ..] if import::is_importable(first) => match camera {
-                Some(camera) => Err(UsageError(format!("--camera {camera}: {} has one", first.display())).into()),
+                Some(camera) => {
+                    Err(UsageError(format!("--camera {camera}: {} has only one camera", first.display())).into())
+                }
                 None => Self::footage(inputs, config, fps),
             },
             _ => Self::recordings(inputs, camera, config, fps),
         }
     }
 
-    /// One recording, or the parts of a stream that was recorded into several.
+    /// Opens one recording, or the recorded parts of one stream.
     fn recordings(
         paths: &[PathBuf],
         camera: Option<&str>,
@@ -90,15 +92,15 @@ impl Film {
             pair[1].check_follows(&pair[0], config)?;
         }
         let Some(Part { recording, first, .. }) = parts.first() else {
-            return Err(UsageError("no recording given".into()).into());
+            return Err(UsageError("no recording was given".into()).into());
         };
         let (meta, recording) = (*first, recording.clone());
         let config = rig_config(&recording, camera, config)?;
-        let told = recording.metadata().get("frame_rate_hz").and_then(|text| text.parse().ok());
-        let told = told.filter(|rate_hz: &f64| rate_hz.is_finite() && *rate_hz > 0.0);
-        let Some(frame_rate_hz) = fps.or(told).or(recording.frame_rate_hz()?) else {
+        let recorded = recording.metadata().get("frame_rate_hz").and_then(|text| text.parse().ok());
+        let recorded = recorded.filter(|rate_hz: &f64| rate_hz.is_finite() && *rate_hz > 0.0);
+        let Some(frame_rate_hz) = fps.or(recorded).or(recording.frame_rate_hz()?) else {
             let path = recording.path().display();
-            return Err(UsageError(format!("{path}: no frame rate can be told; give one with --fps")).into());
+            return Err(UsageError(format!("{path}: the frame rate is unknown; pass it with --fps")).into());
         };
         Ok(Self {
             format: StreamFormat {
@@ -123,7 +125,9 @@ impl Film {
     fn footage(inputs: &[PathBuf], config: Option<&Path>, fps: Option<f64>) -> anyhow::Result<Self> {
         let Some(config) = config else {
             let first = inputs.first().map_or_else(String::new, |path| path.display().to_string());
-            return Err(UsageError(format!("{first}: no config.toml is attached; give one with --config")).into());
+            return Err(
+                UsageError(format!("{first}: no config.toml is attached; pass a rig file with --config")).into()
+            );
         };
         let footage = import::open(inputs, fps)?;
         for warning in &footage.warnings {
@@ -153,7 +157,7 @@ impl Film {
     }
 }
 
-/// One recording of several that make a film.
+/// One of the recordings that form a film.
 struct Part {
     recording: Recording,
     first: FrameMeta,
@@ -166,7 +170,7 @@ impl Part {
         let first = match frames.peek() {
             Some(Ok((meta, _))) => *meta,
             _ => {
-                let reason = "no frame of it can be read".to_owned();
+                let reason = "no readable frame".to_owned();
                 let none = || RecordingError::Invalid { path: recording.path().to_owned(), reason };
                 return Err(frames.next().and_then(Result::err).unwrap_or_else(none).into());
             }
@@ -174,40 +178,42 @@ impl Part {
         Ok(Self { recording, first, frames })
     }
 
-    /// Refuses what is no later part of the same stream.
+    /// Checks that this part continues the same stream.
     fn check_follows(&self, before: &Self, config: Option<&Path>) -> anyhow::Result<()> {
         let [name, name_before] = [self, before].map(|part| part.recording.path().display().to_string());
         let shape = |meta: &FrameMeta| (meta.width_px, meta.height_px, meta.format);
         let last = before.recording.last_frame()?;
         let reason = if shape(&self.first) != shape(&before.first) {
-            "its frames have another shape"
+            "its frames differ in size or pixel format"
         } else if last.sequence >= self.first.sequence || last.stamp_ns >= self.first.stamp_ns {
-            "its frames do not come after the last of those"
+            "its frames do not follow the last frame of that recording"
         } else if config.is_none() && self.recording.config_toml() != before.recording.config_toml() {
-            "another config.toml is attached; give one with --config"
+            "its attached config.toml differs; pass a rig file with --config"
         } else {
             return Ok(());
         };
-        Err(UsageError(format!("{name}: no later part of the recording in {name_before}: {reason}")).into())
+        Err(UsageError(format!("{name}: does not continue the recording in {name_before}: {reason}")).into())
     }
 }
 
-/// The part of a film that was asked for, or why it cannot be one.
+/// Returns the interval between `--from` and `--to`.
+///
+/// # Errors
+///
+/// [`UsageError`] when one is out of range or they are in the wrong order.
 pub(super) fn span(from_s: Option<f64>, to_s: Option<f64>) -> Result<TimeRange, UsageError> {
     let known = |name: &str, seconds: Option<f64>| match seconds {
-        Some(s) if !(0.0..=1.0e6).contains(&s) => {
-            Err(UsageError(format!("{name} {s}: not a number of seconds from 0 to 1000000")))
-        }
+        Some(s) if !(0.0..=1.0e6).contains(&s) => Err(UsageError(format!("{name} {s}: must be 0 to 1000000 s"))),
         seconds => Ok(seconds),
     };
     let (from_s, to_s) = (known("--from", from_s)?.unwrap_or(0.0), known("--to", to_s)?.unwrap_or(f64::INFINITY));
     if to_s <= from_s {
-        return Err(UsageError(format!("--to {to_s}: not behind --from, {from_s} s")));
+        return Err(UsageError(format!("--to {to_s}: must be greater than --from, {from_s} s")));
     }
     Ok(TimeRange { from_s, to_s })
 }
 
-/// A frame with the stamp that a rate from the person who asks gives it, in place of the file's own.
+/// Recomputes the time stamp of a frame from a frame rate given by the user.
 fn restamped(meta: FrameMeta, first: &FrameMeta, fps: f64) -> FrameMeta {
     let since_ns = meta.sequence.saturating_sub(first.sequence) as f64 * 1e9 / fps;
     FrameMeta { stamp_ns: first.stamp_ns.saturating_add(since_ns.round() as u64), ..meta }

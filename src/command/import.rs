@@ -1,33 +1,33 @@
-//! `ricochet import`: other people's footage as a recording.
+//! `ricochet import`: converts footage of other programs or cameras into a recording.
 
 use crate::image::Frame;
 use crate::import::{self, ImportError};
 use crate::recording::{RecordingError, RecordingInfo, RecordingWriter, WriterOptions};
 use std::path::PathBuf;
 
-/// What to import, and where to.
+/// The options of `ricochet import`.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ImportOptions {
-    /// One Photron, Phantom or NumPy file, film or TIFF of several pages, or images that make a sequence in this order.
+    /// A Photron, Phantom or NumPy file, a film, a multi-page TIFF, or the images of one sequence in order.
     pub inputs: Vec<PathBuf>,
-    /// Frames a second; takes the place of the file's own.
+    /// Frame rate, Hz; replaces the file's own.
     pub fps: Option<f64>,
-    /// The new recording; it may not exist yet.
+    /// The recording to write; it must not exist yet.
     pub output: PathBuf,
 }
 
-/// What was imported.
+/// The result of an import.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Imported {
     /// The new recording.
     pub path: PathBuf,
-    /// Frames in it.
+    /// The number of frames.
     pub frames: u64,
-    /// What the user should know.
+    /// Warnings for the user.
     pub warnings: Vec<String>,
 }
 
-/// Why nothing was imported.
+/// The reason why an import failed.
 #[derive(Debug, thiserror::Error)]
 pub enum Failure {
     /// The footage cannot be read.
@@ -38,12 +38,11 @@ pub enum Failure {
     Recording(#[from] RecordingError),
 }
 
-/// Imports footage; its settings become metadata of the recording.
+/// Imports footage and stores its settings as metadata of the recording.
 ///
 /// # Errors
 ///
-/// [`Failure`] naming the file that cannot be read or written. An unfinished
-/// recording stays as its part file.
+/// [`Failure`] naming the file that cannot be read or written. An unfinished recording remains as a part file.
 pub fn run(options: &ImportOptions) -> Result<Imported, Failure> {
     let footage = import::open(&options.inputs, options.fps)?;
     let mut metadata = footage.description.clone();

@@ -1,4 +1,4 @@
-//! `ricochet info`: what a recording holds, and what is wrong with it.
+//! `ricochet info`: the contents of a recording and any damage.
 
 use crate::process::{Matcher, Matching};
 use crate::recording::{Recording, RecordingError};
@@ -8,137 +8,137 @@ use std::fmt::Write as _;
 use std::io::{self, Write as _};
 use std::path::PathBuf;
 
-/// Gaps listed one by one; the rest is counted.
+/// Maximum number of gaps listed one by one; all gaps are counted.
 const GAPS: usize = 100;
 
-/// What to look at, and how to print it.
+/// The options of `ricochet info`.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct InfoOptions {
     /// The recording.
     pub file: PathBuf,
-    /// JSON instead of a table for people.
+    /// Print JSON instead of text.
     pub json: bool,
 }
 
-/// Everything `info` finds out.
+/// The contents of a recording.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Info {
-    /// The file; the first one when it was split.
+    /// The file; the first one of a split recording.
     pub file: PathBuf,
-    /// The files it goes on in.
+    /// The files that continue it.
     pub later_files: Vec<PathBuf>,
-    /// Its size, all files together.
+    /// The size of all files together.
     pub bytes: u64,
     /// The program that wrote it.
     pub library: String,
-    /// Where and why it stops being readable.
+    /// The place and reason where it stops being readable.
     pub truncated: Option<String>,
-    /// Everything damaged in it.
+    /// The damaged parts.
     pub damage: Vec<String>,
-    /// Its frames, when it has any that can be read.
+    /// The frames, if any can be read.
     pub frames: Option<FramesInfo>,
-    /// Why its frames cannot be read, or not all of them.
+    /// The reason why no frame, or not every frame, can be read.
     pub frames_error: Option<String>,
     /// The further cameras.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub cameras: Vec<CameraInfo>,
-    /// Its topics.
+    /// The topics.
     pub topics: Vec<TopicInfo>,
     /// Names of the bodies.
     pub bodies: Vec<String>,
-    /// Its metadata records.
+    /// The metadata records.
     pub metadata: BTreeMap<String, BTreeMap<String, String>>,
-    /// Names and sizes of its attachments, bytes.
+    /// Names and sizes of the attachments, bytes.
     pub attachments: BTreeMap<String, u64>,
 }
 
-/// A camera beside the first.
+/// A further camera of the recording.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct CameraInfo {
-    /// Its name.
+    /// The name of the camera.
     pub name: String,
-    /// Its frames, when it has any that can be read.
+    /// The frames, if any can be read.
     pub frames: Option<FramesInfo>,
-    /// Why its frames cannot be read, or not all of them.
+    /// The reason why no frame, or not every frame, can be read.
     pub frames_error: Option<String>,
-    /// Names of the bodies that were measured.
+    /// Names of the measured bodies.
     pub bodies: Vec<String>,
-    /// How its frames lie in time beside those of the first camera.
+    /// The time offset of its frames against those of the first camera.
     pub matching: MatchingInfo,
 }
 
-/// How the frames of a camera lie in time beside those of the first.
+/// The time offset of a camera's frames against those of the first camera.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct MatchingInfo {
-    /// Frames that one of the first camera was taken within half a period of.
+    /// Number of frames within half a period of a frame of the first camera.
     pub matched: u64,
-    /// Mean of how much later they were taken, ns.
+    /// Mean delay against the first camera, ns.
     pub mean_ns: f64,
-    /// Scatter of that about its mean (one sigma), ns.
+    /// Scatter of the delay (1 sigma), ns.
     pub scatter_ns: f64,
-    /// Largest distance in time, ns.
+    /// Maximum absolute delay, ns.
     pub worst_ns: u64,
-    /// The same in words.
+    /// The same as text.
     #[serde(skip)]
     words: String,
 }
 
-/// A topic and how much it holds.
+/// A topic and its number of messages.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct TopicInfo {
-    /// Its name.
+    /// The name of the topic.
     pub topic: String,
-    /// Name of its messages' schema.
+    /// The name of the schema.
     pub schema: String,
-    /// How its messages are encoded.
+    /// The encoding of the messages.
     pub encoding: String,
-    /// How many there are.
+    /// The number of messages.
     pub messages: u64,
 }
 
 /// The frames of a recording.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct FramesInfo {
-    /// How many can be read.
+    /// Number of readable frames.
     pub count: u64,
-    /// Pixels a row.
+    /// Width, pixels.
     pub width_px: u32,
-    /// Rows.
+    /// Height, pixels.
     pub height_px: u32,
     /// Pixel layout.
     pub pixel_format: &'static str,
-    /// Frames a second, lost ones counted.
+    /// Frame rate including lost frames.
     pub frame_rate_hz: Option<f64>,
     /// First and last sequence number.
     pub sequence: [u64; 2],
     /// First and last exposure start, ns since the Unix epoch.
     pub stamp_ns: [u64; 2],
-    /// Time from the first to the last.
+    /// Time from the first to the last frame.
     pub duration_s: f64,
-    /// How often the camera was opened anew in between.
+    /// Number of times the camera was reopened.
     pub reopened: u64,
-    /// Frames missing by their sequence numbers; `None` where the file has none.
+    /// Number of missing sequence numbers; `None` if the file records none.
     pub lost: Option<u64>,
-    /// Places where frames are missing.
+    /// Number of gaps.
     pub gap_count: u64,
-    /// The first of them.
+    /// The first gaps.
     pub gaps: Vec<Gap>,
 }
 
-/// A place where frames are missing.
+/// A gap in the sequence numbers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 pub struct Gap {
-    /// Sequence number of the last frame before it.
+    /// Sequence number of the last frame before the gap.
     pub after: u64,
-    /// How many are missing.
+    /// Number of missing frames.
     pub lost: u64,
 }
 
-/// Prints what the recording holds; returns it.
+/// Prints the contents of a recording and returns them.
 ///
 /// # Errors
 ///
-/// [`RecordingError`] when it cannot be opened at all, or the output is closed.
+/// [`RecordingError`] when the recording cannot be opened or standard output is closed.
 pub fn run(options: &InfoOptions) -> Result<Info, RecordingError> {
     let info = look(&Recording::open(&options.file)?)?;
     let mut text = match options.json {
@@ -151,11 +151,11 @@ pub fn run(options: &InfoOptions) -> Result<Info, RecordingError> {
     Ok(info)
 }
 
-/// Reads the whole recording, every CRC checked.
+/// Reads the whole recording and checks every CRC.
 ///
 /// # Errors
 ///
-/// [`RecordingError::Io`] when the system refuses.
+/// [`RecordingError::Io`] when a file cannot be read.
 pub fn look(recording: &Recording) -> Result<Info, RecordingError> {
     let (frames, frames_error, stamps) = frames(recording)?;
     let half_period_ns = frames.as_ref().and_then(|frames| Some((0.5e9 / frames.frame_rate_hz?) as u64)).unwrap_or(0);
@@ -191,7 +191,7 @@ fn camera(
     let mut matcher = Matcher::new(half_period_ns);
     let (mut firsts, mut others) = (firsts.iter().peekable(), others.iter().peekable());
     while firsts.peek().is_some() || others.peek().is_some() {
-        // In the order of time, so that few wait for each other.
+        // In time order, so that few stamps wait for their counterpart.
         let is_first = others.peek().is_none_or(|other| firsts.peek().is_some_and(|first| first <= other));
         match if is_first { firsts.next() } else { others.next() } {
             Some(stamp_ns) if is_first => matcher.add_main(*stamp_ns),
@@ -206,7 +206,7 @@ fn camera(
     Ok(CameraInfo { name, frames, frames_error, bodies: view.bodies().to_vec(), matching })
 }
 
-/// Frames, why not all of them, and their stamps.
+/// Frames, the reason why some are missing, and their time stamps.
 type Looked = (Option<FramesInfo>, Option<String>, Vec<u64>);
 
 fn frames(recording: &Recording) -> Result<Looked, RecordingError> {
@@ -277,11 +277,11 @@ impl FramesInfo {
     }
 }
 
-/// The table for people.
+/// Formats the contents as text.
 fn table(info: &Info) -> String {
     let mut text = String::new();
     let mut line = |name: &str, value: String| {
-        // Names come from the file, and a terminal obeys control characters.
+        // Names come from the file, and a terminal interprets control characters.
         let value: String = value.chars().map(|c| if c.is_control() { '?' } else { c }).collect();
         let _ = writeln!(text, "{name:<14}{value}");
     };

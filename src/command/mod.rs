@@ -1,4 +1,4 @@
-//! What a person runs and waits for, one file a command.
+//! The commands of the program, one file per command.
 
 pub mod analyze;
 pub mod bench;
@@ -27,27 +27,27 @@ use crate::process::Summary;
 use std::io::Write;
 use std::path::Path;
 
-/// How a command ended that did not fail.
+/// The outcome of a command that did not fail.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Outcome {
-    /// Everything is there.
+    /// Nothing was lost.
     Clean,
-    /// It finished, but this much was lost.
+    /// The command finished, but data were lost.
     Lost {
-        /// Frames, rows or messages; at least 1.
+        /// The number of lost frames, rows or messages; at least 1.
         count: u64,
-        /// Where and why, as far as it is known.
+        /// The place and reason of the loss, if known.
         cause: Option<String>,
     },
 }
 
 impl Outcome {
-    /// Clean when nothing was lost.
+    /// Returns `Clean` if `lost` is 0.
     pub fn of_losses(lost: u64) -> Self {
         if lost == 0 { Self::Clean } else { Self::Lost { count: lost, cause: None } }
     }
 
-    /// Clean when a rig lost nothing; else who lost what.
+    /// Returns the outcome of a rig, with the causes of its losses.
     pub fn of_rig(summary: &Summary) -> Self {
         match Self::of_losses(summary.losses()) {
             Self::Lost { count, .. } if !summary.causes.is_empty() => {
@@ -57,7 +57,7 @@ impl Outcome {
         }
     }
 
-    /// As [`of_losses`](Self::of_losses), one more when the file was cut off.
+    /// Returns the outcome of a file; a truncated file counts as one more loss.
     pub fn of_file(lost: u64, path: &Path, truncated: Option<&str>) -> Self {
         match truncated {
             None => Self::of_losses(lost),
@@ -66,12 +66,12 @@ impl Outcome {
     }
 }
 
-/// The command line asks for something that does not make sense.
+/// An error in the command line.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("{0}")]
 pub struct UsageError(pub String);
 
-/// The rig of the camera of this name, of the first where none is named.
+/// Selects the configuration of one camera by name, or that of the first camera.
 ///
 /// # Errors
 ///
@@ -80,16 +80,16 @@ pub(crate) fn view_config(config: Config, camera: Option<&str>) -> Result<Config
     let Some(name) = camera else { return Ok(config) };
     let views: Vec<&str> = config.views.iter().map(|view| view.name.as_str()).collect();
     let known = if views.is_empty() { "it has one camera".into() } else { format!("it has {views:?}") };
-    let refusal = UsageError(format!("--camera {name}: {} has no such [view]: {known}", config.origin));
+    let refusal = UsageError(format!("--camera {name}: {} has no such [view], {known}", config.origin));
     config.views.into_iter().find(|view| view.name == name).map(|view| view.config).ok_or(refusal)
 }
 
-/// Writes a line to standard output; a reader that went away is no error.
+/// Prints a line to standard output and ignores a closed pipe.
 pub fn say(line: &str) {
     let _ = writeln!(std::io::stdout().lock(), "{line}");
 }
 
-/// Columns of text, each as wide as its widest cell; all but the first to the right.
+/// Formats rows as columns, each as wide as its widest cell; all but the first are right-aligned.
 pub fn table(rows: &[Vec<String>]) -> String {
     let columns = rows.iter().map(Vec::len).max().unwrap_or(0);
     let width = |column: usize| {

@@ -1,13 +1,13 @@
-//! Bars for work that takes a while; nothing when nobody looks.
+//! Progress bars on standard error, hidden when that is not a terminal.
 
 use indicatif::{ProgressBar, ProgressStyle};
 
-/// A bar over `total` frames on standard error, hidden when that is not a terminal.
+/// Returns a bar over `total` frames.
 pub fn frames(total: u64, what: &'static str) -> ProgressBar {
     bar(total, what, "{prefix:10} [{bar:40}] {pos}/{len} frames, {per_sec}, {eta} left")
 }
 
-/// A bar over `total` parts that do not all take the same time, so only their share is told.
+/// Returns a bar over `total` parts of unequal duration; it shows a percentage only.
 pub fn parts(total: u64, what: &'static str) -> ProgressBar {
     bar(total, what, "{prefix:10} [{bar:40}] {percent} %, {elapsed} so far")
 }

@@ -1,23 +1,23 @@
-//! `ricochet recover`: a whole file out of what is left of one.
+//! `ricochet recover`: recovers the complete messages of a damaged recording.
 
 use crate::recording::{RecordingError, Recovered, recover};
 use std::io::{self, Write as _};
 use std::path::PathBuf;
 
-/// What to recover, and where to.
+/// The options of `ricochet recover`.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct RecoverOptions {
-    /// The damaged or unfinished recording; it is left as it is.
+    /// The damaged or unfinished recording; it is not changed.
     pub file: PathBuf,
-    /// The new one; it may not exist yet.
+    /// The recording to write; it must not exist yet.
     pub output: PathBuf,
 }
 
-/// Recovers, and prints what was saved and what was not.
+/// Recovers a recording and prints a summary.
 ///
 /// # Errors
 ///
-/// [`RecordingError`] when the file cannot be opened or the new one not written.
+/// [`RecordingError`] when the file cannot be opened or the new recording cannot be written.
 pub fn run(options: &RecoverOptions) -> Result<Recovered, RecordingError> {
     let recovered = recover(&options.file, &options.output)?;
     let mut text = format!(

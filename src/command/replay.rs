@@ -1,4 +1,4 @@
-//! `ricochet replay`: the frames of recordings on the live topics.
+//! `ricochet replay`: publishes the frames of recordings on the live topics.
 
 mod lead;
 mod stream;
@@ -13,12 +13,12 @@ use crate::recording::Recording;
 use std::path::{Path, PathBuf};
 use stream::Streamed;
 
-/// How fast to play.
+/// The playback rate.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Rate {
-    /// As fast as the rig takes the frames; nothing is lost.
+    /// As fast as the rig takes the frames, without loss.
     Max,
-    /// This many times real time; who is too slow loses frames, as with a camera.
+    /// A multiple of real time; a slow reader loses frames, as with a camera.
     Times(f64),
 }
 
@@ -34,12 +34,12 @@ impl std::str::FromStr for Rate {
     }
 }
 
-/// What lets the frames go.
+/// The condition that releases the next frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Tempo {
-    /// Their own times, or who takes them.
+    /// The playback rate.
     Rate(Rate),
-    /// A line on standard input for each.
+    /// A line on standard input per frame.
     Step,
 }
 
@@ -49,63 +49,63 @@ impl From<Rate> for Tempo {
     }
 }
 
-/// The times that replayed frames carry.
+/// The time stamps of replayed frames.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Times {
-    /// Those recorded.
+    /// The recorded stamps.
     Recorded,
-    /// The same distances, from this moment on.
+    /// Shifted to begin now.
     Present,
-    /// The same distances, from here on, ns since the Unix epoch.
+    /// Shifted to begin at this time, ns since the Unix epoch.
     From(u64),
 }
 
-/// What to play, and how.
+/// The options of `ricochet replay`.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ReplayOptions {
     /// The recordings.
     pub files: Vec<PathBuf>,
-    /// The rig to play them on; the attached one when absent.
+    /// The rig file; the attached one when absent.
     pub config: Option<PathBuf>,
-    /// How fast.
+    /// The playback rate, or stepping.
     pub tempo: Tempo,
-    /// Which times the frames carry.
+    /// The time stamps of the frames.
     pub times: Times,
-    /// How many times; `None` until stopped.
+    /// The number of passes; `None` until stopped.
     pub passes: Option<u32>,
-    /// Where to begin, seconds from the first frame.
+    /// Start of the interval, seconds from the first frame.
     pub from_s: Option<f64>,
-    /// Where to end, seconds from the first frame.
+    /// End of the interval, seconds from the first frame.
     pub to_s: Option<f64>,
     /// Directory to record the results into.
     pub output: Option<PathBuf>,
-    /// Name of the rig, so that it does not meet the one that made the recording.
+    /// The name of the rig; it must differ from that of a running rig that made the recording.
     pub rig: Option<String>,
     /// Number of workers.
     pub workers: Option<u32>,
 }
 
-/// A stream and the rig that it is played on.
+/// A stream and the rig that plays it.
 struct Played {
     recording: Recording,
     config: Config,
     span: TimeRange,
 }
 
-/// Plays recordings through a rig each until they end or are stopped.
+/// Plays each recording through a rig of its own until the end or a stop.
 ///
-/// Recordings that go on one from the other are one stream. Streams of several cameras, and those that overlap in
-/// time, have a rig each; frames of all are published in the order of their times.
+/// Recordings that continue each other form one stream. Streams of several cameras, and those that overlap in time,
+/// get one rig each; the frames of all rigs are published in time order.
 ///
 /// # Errors
 ///
-/// When a recording cannot be read, or a rig cannot be run.
+/// When a recording cannot be read or a rig cannot run.
 pub fn run(options: &ReplayOptions, stop: &Stop) -> anyhow::Result<Outcome> {
     let whole = span(options.from_s, options.to_s)?;
     let streams = stream::within(stream::streams(&options.files)?, whole)?;
     let mut lost = 0;
     for pass in 1_u32.. {
-        // Each pass is a run of its own: stamps and sequence numbers begin again, and nothing spans two passes.
+        // Each pass is a separate run: stamps and sequence numbers restart, and nothing spans two passes.
         let played = rigs(options, &streams)?;
         let (summaries, is_over) = match (options.tempo, played.as_slice()) {
             (Tempo::Rate(_), [alone]) => (vec![play(alone, stop)?], false),
@@ -126,13 +126,13 @@ pub fn run(options: &ReplayOptions, stop: &Stop) -> anyhow::Result<Outcome> {
     Ok(Outcome::of_file(lost, recording.path(), recording.truncated()))
 }
 
-/// One stream, at the pace of its camera.
+/// Plays one stream, paced by its camera source.
 fn play(played: &Played, stop: &Stop) -> anyhow::Result<Summary> {
     let total = played.recording.frame_count();
     let bar = progress::frames(total, "replay");
     let tracker = Child::first(Role::Track);
-    let summary = process::supervise(&played.config, stop, |told| {
-        if let Some(status) = told.get(&tracker) {
+    let summary = process::supervise(&played.config, stop, |latest| {
+        if let Some(status) = latest.get(&tracker) {
             bar.set_position(status.given.min(total));
         }
     })?;
@@ -140,7 +140,7 @@ fn play(played: &Played, stop: &Stop) -> anyhow::Result<Summary> {
     Ok(summary)
 }
 
-/// A rig for each stream, all names different.
+/// Returns a rig per stream, with distinct names.
 fn rigs(options: &ReplayOptions, streams: &[Streamed]) -> anyhow::Result<Vec<Played>> {
     let is_led = streams.len() > 1 || options.tempo == Tempo::Step;
     let first_ns = stream::first_ns(streams)?;
@@ -196,7 +196,7 @@ fn changes(options: &ReplayOptions, is_led: bool) -> Vec<(&'static str, toml_edi
     changes
 }
 
-/// This name, numbered when another rig has it.
+/// Returns this name, with a number appended if it is taken.
 fn free_name(name: &str, taken: &[String]) -> String {
     let numbered = |number: usize| {
         let ending = format!("-{number}");
@@ -210,20 +210,20 @@ fn replay_name(rig: &str) -> String {
     if rig.starts_with("replay-") { rig.to_owned() } else { format!("replay-{rig}").chars().take(32).collect() }
 }
 
-/// The rig that a recording is measured with, or that of one of its cameras: the one given, else the one attached.
+/// Returns the configuration of a recording or of one of its cameras: the given rig file, else the attached one.
 ///
 /// # Errors
 ///
-/// When none is given and none attached, or it is wrong.
+/// When none is given and none is attached, or when it is invalid.
 pub fn rig_config(recording: &Recording, camera: Option<&str>, given: Option<&Path>) -> anyhow::Result<Config> {
     if let Some(path) = given {
         let config = Config::load(path)?;
-        // One that knows several cameras says how each is measured; any other is meant for the one at hand.
+        // A rig file with several cameras configures each of them; any other applies to the selected camera.
         return Ok(if config.views.is_empty() { config } else { view_config(config, camera)? });
     }
     let path = recording.path().display();
     match recording.config_toml() {
         Some(text) => Ok(Config::parse(text, &format!("config.toml in {path}"))?),
-        None => Err(UsageError(format!("{path}: no config.toml is attached; give one with --config")).into()),
+        None => Err(UsageError(format!("{path}: no config.toml is attached; pass a rig file with --config")).into()),
     }
 }

@@ -1,4 +1,4 @@
-//! `ricochet report`: recordings as one page.
+//! `ricochet report`: a report page of one or several recordings.
 
 use super::{Outcome, UsageError, say};
 use crate::recording::Recording;
@@ -6,35 +6,37 @@ use crate::report::{self, Shot};
 use anyhow::Context;
 use std::path::{Path, PathBuf};
 
-/// What to report on, and where to.
+/// The options of `ricochet report`.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct ReportOptions {
     /// The recordings.
     pub files: Vec<PathBuf>,
-    /// Which of several cameras, by its name; the first when absent.
+    /// The camera to report on; the first when absent.
     pub camera: Option<String>,
-    /// Where the frames are, when the one recording holds results alone.
+    /// The recording of the frames when `files` holds results only.
     pub film: Option<PathBuf>,
-    /// The page; beside the first recording when absent.
+    /// The page to write; next to the first recording when absent.
     pub output: Option<PathBuf>,
 }
 
-/// Writes the page and prints where it is.
+/// Writes the page and prints its path.
 ///
 /// # Errors
 ///
-/// When a recording cannot be read, or the page not be written.
+/// When a recording cannot be read or the page cannot be written.
 pub fn run(options: &ReportOptions) -> anyhow::Result<Outcome> {
     let Some(first) = options.files.first() else {
         return Err(UsageError("give at least one recording".into()).into());
     };
-    let output = options.output.clone().unwrap_or_else(|| beside(first, options.files.len()));
+    let output = options.output.clone().unwrap_or_else(|| default_path(first, options.files.len()));
     let same = |file: &PathBuf| file.canonicalize().ok().zip(output.canonicalize().ok()).is_some_and(|(a, b)| a == b);
     if options.files.iter().any(same) {
-        return Err(UsageError(format!("{}: the page would take the place of a recording", output.display())).into());
+        return Err(
+            UsageError(format!("{}: cannot write the page: it would overwrite a recording", output.display())).into()
+        );
     }
     if options.film.is_some() && options.files.len() > 1 {
-        return Err(UsageError("--film: give one recording of results with it".into()).into());
+        return Err(UsageError("--film: only allowed with a single recording of results".into()).into());
     }
     let mut shots = Vec::with_capacity(options.files.len());
     for file in &options.files {
@@ -50,7 +52,7 @@ pub fn run(options: &ReportOptions) -> anyhow::Result<Outcome> {
     Ok(Outcome::Clean)
 }
 
-/// `shot.html` beside `shot.mcap`; of several, `repeatability.html` beside the first.
-fn beside(first: &Path, count: usize) -> PathBuf {
+/// Returns `shot.html` next to `shot.mcap`, or `repeatability.html` next to the first of several.
+fn default_path(first: &Path, count: usize) -> PathBuf {
     if count == 1 { first.with_extension("html") } else { first.with_file_name("repeatability.html") }
 }

@@ -1,4 +1,4 @@
-//! `ricochet run` and the roles it starts.
+//! `ricochet run` and the commands that run one process of a rig.
 
 use super::Outcome;
 use crate::config::Config;
@@ -7,31 +7,34 @@ use crate::process::{self, Resume, Stop, Summary};
 use std::io::BufRead;
 use std::path::{Path, PathBuf};
 
-/// What one process of a rig is started with.
+/// The options of one process of a rig.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct RoleOptions {
     /// The rig file; `-` reads it from standard input.
     pub config: PathBuf,
-    /// What errors call a file from standard input.
+    /// The name that error messages use for a file read from standard input.
     pub origin: Option<String>,
-    /// The camera that it works for; the first when absent.
+    /// The camera to work for; the first when absent.
     pub camera: Option<String>,
-    /// Which worker, from 0.
+    /// The index of the worker, from 0.
     pub worker: u32,
-    /// What a dead predecessor told of.
+    /// The state that a failed predecessor left.
     pub resume: Option<Resume>,
 }
 
-/// Runs one process of a rig until its stream ends or it is stopped.
+/// Runs one process of a rig until its stream ends or a stop is requested.
 ///
 /// # Errors
 ///
-/// What the process meets.
+/// Any error of the process.
 pub fn role(role: Role, options: &RoleOptions, stop: &Stop) -> anyhow::Result<Outcome> {
     let config = load(&options.config, options.origin.as_deref())?;
     let config = match &options.camera {
         Some(_) if role == Role::Record => {
-            return Err(super::UsageError("--camera: the recorder is that of all cameras".into()).into());
+            return Err(super::UsageError(
+                "--camera: not available for record, one recorder serves all cameras".into(),
+            )
+            .into());
         }
         camera => super::view_config(config, camera.as_deref())?,
     };
@@ -40,17 +43,20 @@ pub fn role(role: Role, options: &RoleOptions, stop: &Stop) -> anyhow::Result<Ou
     if is_measuring && config.workers.count == 0 {
         let origin = &config.origin;
         return Err(
-            super::UsageError(format!("{origin}: nothing is measured: there are 0 workers, or no bodies")).into()
+            super::UsageError(format!("{origin}: nothing to measure: 0 workers or no bodies configured")).into()
         );
     }
     if role == Role::Correlate && options.worker >= config.workers.count {
         let (worker, count) = (options.worker, config.workers.count);
-        let most = count - 1;
-        return Err(super::UsageError(format!("--worker {worker}: the rig has {count} workers, 0 to {most}")).into());
+        let last = count - 1;
+        return Err(super::UsageError(format!(
+            "--worker {worker}: the rig has {count} workers, allowed are 0 to {last}"
+        ))
+        .into());
     }
     if role == Role::Record && config.record.is_none() {
         let origin = &config.origin;
-        return Err(super::UsageError(format!("{origin}: there is no [record] table, so nothing is recorded")).into());
+        return Err(super::UsageError(format!("{origin}: nothing to record: add a [record] table")).into());
     }
     let resumed = options.resume.is_some();
     let summary = match role {
@@ -63,15 +69,15 @@ pub fn role(role: Role, options: &RoleOptions, stop: &Stop) -> anyhow::Result<Ou
     Ok(outcome(&summary))
 }
 
-/// Runs a whole rig until its stream ends or it is stopped; tells where the recordings lie.
+/// Runs a whole rig until its stream ends or a stop is requested, and prints the paths of the recordings.
 ///
 /// # Errors
 ///
-/// When a process cannot be started, or cannot go on.
+/// When a process cannot be started or cannot continue.
 pub fn run(config: &Path, stop: &Stop) -> anyhow::Result<Outcome> {
     let config = load(config, None)?;
     let summary = process::supervise(&config, stop, |_| ())?;
-    // Those that had to make room for newer ones are no longer there.
+    // Older recordings may have been deleted to make room.
     for path in summary.recordings.iter().filter(|path| path.exists()) {
         super::say(&path.display().to_string());
     }

@@ -1,4 +1,4 @@
-//! `ricochet simulate`: the video generator.
+//! `ricochet simulate`: renders a simulated impact into a recording.
 
 use super::{Outcome, UsageError, progress, say};
 use crate::camera::{CameraIdentity, StreamFormat, simulated};
@@ -9,28 +9,28 @@ use crate::recording::{RecordingWriter, WriterOptions};
 use crate::synth::{ScenarioError, World};
 use std::path::PathBuf;
 
-/// What to draw, and where to.
+/// The options of `ricochet simulate`.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct SimulateOptions {
     /// A built-in scenario or the path of a scenario file.
     pub scenario: String,
     /// The recording to write.
     pub output: PathBuf,
-    /// Tell the result as JSON.
+    /// Print the result as JSON.
     pub json: bool,
 }
 
-/// Built-in scenarios that differ from a built-in experiment in their physics only.
+/// Built-in scenarios that differ from a built-in experiment only in their physics.
 const VARIANTS: [(&str, &str); 3] =
     [("lacrosse-sphere", "lacrosse"), ("tennis-physical", "tennis"), ("rod-ringing", "rod")];
-/// Room around the way of a ball that is looked for among two, px.
+/// Margin around the path of one of two balls in its search region, px.
 const ROOM_PX: f64 = 8.0;
 
-/// Draws every frame of a scenario into a recording, with the truth beside it.
+/// Renders every frame of a scenario into a recording, with the ground truth.
 ///
 /// # Errors
 ///
-/// When the scenario is unknown or wrong, or the recording cannot be written.
+/// When the scenario is unknown or invalid, or the recording cannot be written.
 pub fn run(options: &SimulateOptions) -> anyhow::Result<Outcome> {
     let named = |error: ScenarioError| match error {
         ScenarioError::Unreadable { .. } => UsageError(error.to_string()),
@@ -42,10 +42,10 @@ pub fn run(options: &SimulateOptions) -> anyhow::Result<Outcome> {
     let format = simulated::stream_format(&world);
     let camera = CameraIdentity { model: "simulated".into(), serial: options.scenario.clone() };
     let mut info = recording_info(&config, &format, &camera, "none: simulated");
-    // A film is the same wherever it is drawn.
+    // A simulated film must not depend on the host.
     info.metadata.remove("host");
     if options.output.exists() {
-        return Err(UsageError(format!("{}: the file exists already", options.output.display())).into());
+        return Err(UsageError(format!("{}: cannot write: the file already exists", options.output.display())).into());
     }
     let mut writer = RecordingWriter::create(&options.output, &info, &WriterOptions::default())?;
     for impact in world.impacts() {
@@ -77,14 +77,14 @@ fn draw(world: &World, format: &StreamFormat, writer: &mut RecordingWriter) -> a
     Ok(())
 }
 
-/// The rig that would have filmed it: what measures the recording when nothing else is said.
+/// Returns the configuration attached to the recording, which is the default for measuring it.
 fn config(world: &World, name: &str) -> anyhow::Result<Config> {
     let scenario = world.scenario();
     let built_in = format!("{name}.toml");
     if let Some(text) = super::demo::built_in_config(name) {
         return Ok(Config::parse(text, &built_in)?);
     }
-    // A variant of a built-in experiment is measured as the experiment is.
+    // A variant of a built-in experiment uses the configuration of that experiment.
     let experiment = VARIANTS.iter().find(|(variant, _)| *variant == name);
     if let Some(text) = experiment.and_then(|(_, experiment)| super::demo::built_in_config(experiment)) {
         return Ok(Config::parse(text, &built_in)?.with(&[("camera.scenario", name.into())])?);
@@ -105,7 +105,7 @@ fn config(world: &World, name: &str) -> anyhow::Result<Config> {
     Ok(Config::parse(&text, &built_in)?)
 }
 
-/// Tables of two balls: each is looked for by its size, where its way leads.
+/// Returns the body tables of two balls, each with a search region around its path.
 fn both(world: &World) -> String {
     let scenario = world.scenario();
     let diameters = [Some(scenario.body.diameter_mm), scenario.other.as_ref().map(|other| other.body.diameter_mm)];
@@ -122,7 +122,7 @@ fn both(world: &World) -> String {
         }
         let [x, y] = [(span[0], world.width_px()), (span[1], world.height_px())].map(|([low, high], length)| {
             let length = f64::from(length);
-            // A ball that is never in the picture is looked for everywhere.
+            // A ball that is never visible is searched for in the whole image.
             let first = (low - ROOM_PX).floor().clamp(0.0, length);
             let end = (high + ROOM_PX).ceil().clamp(0.0, length);
             if end - first < 16.0 { [0.0, length] } else { [first, end - first] }

@@ -1,4 +1,4 @@
-//! `ricochet status`: how a running rig is doing.
+//! `ricochet status`: the state of a running rig.
 
 use super::{Outcome, say, table};
 use crate::bus::{Bus, BusError};
@@ -6,11 +6,11 @@ use crate::message::{Role, StatusMessage};
 use std::collections::BTreeMap;
 use std::time::Duration;
 
-/// Every process tells its status five times a second.
+/// Listening time; every process publishes its status five times per second.
 const LISTEN: Duration = Duration::from_millis(600);
 const PAUSE: Duration = Duration::from_millis(20);
 
-/// Prints the newest status of every process of the rig.
+/// Prints the latest status of every process of the rig.
 ///
 /// # Errors
 ///
@@ -44,7 +44,7 @@ pub fn run(rig: &str, json: bool) -> anyhow::Result<Outcome> {
 fn name(status: &StatusMessage) -> String {
     match Role::from_number(status.role) {
         Some(Role::Correlate) => format!("correlate {}", status.index),
-        Some(Role::Record) if status.state & 2 != 0 => "record (no room)".into(),
+        Some(Role::Record) if status.state & 2 != 0 => "record (disk full)".into(),
         Some(Role::Record) if status.state & 1 != 0 => "record (armed)".into(),
         Some(role) => role.word().into(),
         None => "?".into(),

@@ -290,6 +290,6 @@ fn a_recording_can_be_checked_and_its_page_is_complete() {
     assert!(!html.contains("http://") && !html.contains("https://"), "the page loads nothing from the network");
     let again = run(arguments);
     assert_eq!(again.status.code(), Some(2), "no file is overwritten");
-    assert!(String::from_utf8(again.stderr).unwrap().contains("the file exists already"));
+    assert!(String::from_utf8(again.stderr).unwrap().contains("the file already exists"));
     assert!(succeed(["check", "--help"]).contains("Example: ricochet check"));
 }

@@ -136,16 +136,16 @@ fn an_image_with_too_few_bytes_is_refused_with_its_sizes() {
 fn a_recording_of_another_program_needs_a_configuration() {
     let rig = Rig::new();
     let path = foreign(&rig, "foreign.mcap", &[image("mono8", 64, 48, 64, 3072); 3]);
-    let wanted = format!("{}: no config.toml is attached; give one with --config", path.display());
+    let wanted = format!("{}: no config.toml is attached; pass a rig file with --config", path.display());
     assert_eq!(refused(2, ["analyze", text(&path)]), wanted);
     assert_eq!(refused(2, ["replay", text(&path)]), wanted);
     let config = rig.config("source = \"simulated\"", "");
     let one = foreign(&rig, "one.mcap", &[image("mono8", 64, 48, 64, 3072)]);
     let message = refused(2, ["analyze", text(&one), "--config", text(&config)]);
-    assert_eq!(message, format!("{}: no frame rate can be told; give one with --fps", one.display()));
+    assert_eq!(message, format!("{}: the frame rate is unknown; pass it with --fps", one.display()));
     let message = refused(5, ["replay", text(&one), "--config", text(&config)]);
     assert!(message.contains(text(&one)) && message.contains("no frame rate"), "{message}");
-    assert_eq!(refused(2, ["analyze", text(&one), "--fps", "0"]), "--fps 0: not a positive number");
+    assert_eq!(refused(2, ["analyze", text(&one), "--fps", "0"]), "--fps 0: must be a positive number");
 }
 
 #[test]
@@ -224,10 +224,10 @@ fn a_role_that_the_rig_does_not_have_is_refused() {
     let rig = Rig::new();
     let config = rig.config("source = \"simulated\"", "[workers]\ncount = 2");
     let message = refused(2, ["correlate", text(&config), "--worker", "2"]);
-    assert_eq!(message, "--worker 2: the rig has 2 workers, 0 to 1");
+    assert_eq!(message, "--worker 2: the rig has 2 workers, allowed are 0 to 1");
     let bare = rig.file("bare.toml", "[camera]\nsource = \"simulated\"\n");
     let message = refused(2, ["record", text(&bare)]);
-    assert_eq!(message, format!("{}: there is no [record] table, so nothing is recorded", bare.display()));
+    assert_eq!(message, format!("{}: nothing to record: add a [record] table", bare.display()));
 }
 
 #[test]
@@ -297,7 +297,7 @@ fn images_that_do_not_match_are_refused_with_their_sizes() {
     let message = refused(2, ["field", text(&small), text(&large)]);
     assert_eq!(
         message,
-        format!("{} is 40 x 30 px, {} is 80 x 60 px: both images need one size", small.display(), large.display())
+        format!("{} is 40 x 30 px, {} is 80 x 60 px: both images need the same size", small.display(), large.display())
     );
     let message = refused(2, ["field", text(&small), text(&small), "--subset", "61"]);
     assert!(message.contains("61") && message.contains("40 x 30"), "{message}");
@@ -307,9 +307,9 @@ fn images_that_do_not_match_are_refused_with_their_sizes() {
     assert!(message.contains("--roi [70, 0, 20, 20]") && message.contains("80 x 60"), "{message}");
     let notes = rig.file("notes.bmp", "no picture");
     let message = refused(5, ["field", text(&notes), text(&small)]);
-    assert!(message.starts_with(&format!("read {}: ", notes.display())), "{message}");
+    assert!(message.starts_with(&format!("cannot read {}: ", notes.display())), "{message}");
     let message = refused(5, ["field", "missing.bmp", text(&small)]);
-    assert_eq!(message, format!("read missing.bmp: {NO_FILE}"));
+    assert_eq!(message, format!("cannot read missing.bmp: {NO_FILE}"));
 }
 
 #[test]
@@ -346,7 +346,7 @@ fn a_wrong_option_is_reported_in_one_line() {
         (["replay", "film.mcap", "--rate", "0"].as_slice(), "\"0\" is neither `max` nor a number from 0.001 to 1000"),
         (&["analyze", "film.mcap", "--workers", "65"], "65 is not in 1..=64"),
         (&["info"], "<FILE>"),
-        (&["field", "a.bmp", "b.bmp", "--roi", "1,2,3"], "four whole numbers of pixels, x,y,width,height"),
+        (&["field", "a.bmp", "b.bmp", "--roi", "1,2,3"], "expected four whole numbers of pixels: x,y,width,height"),
         (&["inspect"], "unrecognized subcommand 'inspect'"),
     ] {
         let message = refused(2, arguments);
@@ -389,12 +389,12 @@ fn an_impossible_part_of_a_recording_is_refused() {
     let film = film(&rig);
     for command in ["replay", "analyze"] {
         let message = refused(2, [command, text(&film), "--from", "0.3", "--to", "0.2"]);
-        assert_eq!(message, "--to 0.2: not behind --from, 0.3 s");
+        assert_eq!(message, "--to 0.2: must be greater than --from, 0.3 s");
         let message = refused(2, [command, text(&film), "--from", "nan"]);
-        assert_eq!(message, "--from NaN: not a number of seconds from 0 to 1000000");
+        assert_eq!(message, "--from NaN: must be 0 to 1000000 s");
     }
     let message = refused(2, ["replay", text(&film), "--from", "1000"]);
-    assert!(message.starts_with("--from 1000: the last frame lies at "), "{message}");
+    assert!(message.starts_with("--from 1000: beyond the last frame at "), "{message}");
     refused(2, ["analyze", text(&film), "--from", "1000"]);
     refused(2, ["replay", text(&film), "--loop=0"]);
 }

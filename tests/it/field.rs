@@ -161,7 +161,7 @@ fn a_polygon_with_a_hole_selects_its_points_and_changes_no_displacement() {
     assert_eq!(refused.status.code(), Some(2));
     let away = crate::support::run(["field", &names[0], &names[1], "--polygon", "200,200 300,200 300,300"]);
     let line = String::from_utf8(away.stderr).unwrap();
-    assert!(away.status.code() == Some(2) && line.contains("no subset of"), "{line}");
+    assert!(away.status.code() == Some(2) && line.contains("no subset centre of"), "{line}");
 }
 
 #[test]
@@ -203,7 +203,7 @@ fn wrong_input_is_one_line_with_the_file_and_the_sizes() {
     let text_file = directory.path().join("notes.txt");
     std::fs::write(&text_file, "not a picture").unwrap();
     let text = message(&options(&reference, &text_file));
-    assert!(text.contains("notes.txt") && text.contains("not a BMP, PNG, TIFF or PGM image"), "{text}");
+    assert!(text.contains("notes.txt") && text.contains("not a readable BMP, PNG, TIFF or PGM image"), "{text}");
     let small = directory.path().join("small.png");
     image::GrayImage::new(20, 30).save(&small).unwrap();
     let text = message(&options(&reference, &small));
@@ -212,7 +212,7 @@ fn wrong_input_is_one_line_with_the_file_and_the_sizes() {
     assert!(text.contains("subset_size_px is 31") && text.contains("20 x 30"), "{text}");
     let outside = FieldOptions { roi_px: Some([90, 0, 40, 40]), ..options(&reference, &target) };
     let text = message(&outside);
-    assert!(text.contains("not within") && text.contains("96 x 80 px"), "{text}");
+    assert!(text.contains("exceeds") && text.contains("96 x 80 px"), "{text}");
 }
 
 /// The quantile at `share` of the values.

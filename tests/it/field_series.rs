@@ -38,7 +38,7 @@ fn a_ball_is_followed_through_twenty_degrees_from_the_first_picture_on() {
         let k = index + 1;
         let name = format!("{}: ", frames[k].display());
         assert!(line.starts_with(&name) && line.contains("subsets valid, mean u "), "{line}");
-        if line.ends_with("; the reference is renewed by it") {
+        if line.ends_with("; reference updated") {
             renewed.push(k);
         }
         let field = rows(&tables.join(format!("field_{k:04}.csv")));
@@ -175,29 +175,40 @@ fn what_cannot_be_a_series_is_one_line() {
     let tables = rig.path("tables");
     let mut images = frames.clone();
     images[3] = small;
-    refused(2, &images, &["-o", text(&tables)], "small.png is 200 x 240 px: both images need one size");
+    refused(2, &images, &["-o", text(&tables)], "small.png is 200 x 240 px: both images need the same size");
     images[3] = rig.path("missing.png");
     refused(5, &images, &["-o", text(&tables)], "missing.png");
     images[3] = rig.file("notes.txt", "not a picture");
-    refused(5, &images, &["-o", text(&tables)], "notes.txt: not a BMP, PNG, TIFF or PGM image");
+    refused(5, &images, &["-o", text(&tables)], "notes.txt: not a readable BMP, PNG, TIFF or PGM image");
     assert!(!tables.exists(), "nothing is made before all images are looked at");
     refused(2, &frames, &["--start", "any-angle"], "--start any-angle: with several targets ");
     refused(2, &frames, &["--start", "search"], "--start search: with several targets ");
     for method in ["spline-fft", "peak-gaussian", "peak-spline"] {
-        let wanted = format!("several targets: the method is {method}, whose subsets do not turn, allowed: ic-gn");
+        let wanted =
+            format!("several targets: needs subsets that can rotate, but the method is {method}; allowed: ic-gn");
         refused(2, &frames, &["--method", method], &wanted);
     }
-    refused(2, &frames, &["--shape", "translation"], "several targets: the shape is translation");
+    refused(
+        2,
+        &frames,
+        &["--shape", "translation"],
+        "several targets: needs subsets that can rotate, but the shape is translation",
+    );
     let file = rig.file("field.csv", "earlier");
     for option in ["-o", "--picture"] {
-        refused(2, &frames, &[option, text(&file)], "field.csv: is a file, a directory is needed");
+        refused(2, &frames, &[option, text(&file)], "field.csv: is a file, expected a directory");
     }
     assert_eq!(std::fs::read_to_string(&file).unwrap(), "earlier");
     let input = rig.path("field_0002.png");
     std::fs::copy(&frames[1], &input).unwrap();
     images[3] = input.clone();
-    refused(2, &images, &["--picture", text(&rig.path(""))], "field_0002.png: is one of the images");
+    refused(
+        2,
+        &images,
+        &["--picture", text(&rig.path(""))],
+        "field_0002.png: cannot write: it would overwrite one of the images",
+    );
     assert_eq!(std::fs::read(input).unwrap(), std::fs::read(&frames[1]).unwrap());
     succeed(line(&frames, &["-o", text(&tables)]));
-    refused(2, &frames[..3], &["-o", text(&tables)], "field_0003.csv: is of a longer series");
+    refused(2, &frames[..3], &["-o", text(&tables)], "field_0003.csv: cannot write next to it");
 }

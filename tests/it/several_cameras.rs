@@ -246,7 +246,7 @@ fn a_camera_without_bodies_is_recorded_and_not_measured() {
     let refused = crate::support::run(["analyze", recording.to_str().unwrap(), "--camera", "side"]);
     assert_eq!(refused.status.code(), Some(2));
     let stderr = String::from_utf8(refused.stderr).unwrap();
-    assert!(stderr.contains("nothing is measured by") && stderr.contains("0 workers, or no bodies"), "{stderr}");
+    assert!(stderr.contains("nothing to measure with") && stderr.contains("0 workers or no bodies"), "{stderr}");
     let by_hand = crate::support::run(["track", config.to_str().unwrap(), "--camera", "side"]);
     assert_eq!(by_hand.status.code(), Some(2), "{by_hand:?}");
 }

@@ -96,7 +96,7 @@ fn two_files_are_studied_against_their_ic_gn_displacement() {
     };
     let printed = succeed(line(&["--subset", "21", "--roi", "8,8,76,60"]));
     let verdict = printed.lines().find(|line| line.starts_with("with the peak fit: ")).unwrap();
-    assert!(verdict.contains("settled at"), "{verdict}");
+    assert!(verdict.contains("converged at"), "{verdict}");
     assert!(verdict.contains("ic-gn: mean u 2.00") && verdict.contains("v -1.00"), "{verdict}");
     let study: Value = serde_json::from_str(&succeed(line(&["--subset", "21", "--json"]))).unwrap();
     for row in study["rows"].as_array().unwrap().iter().filter(|row| row["method"] == "spline-fft") {
@@ -110,7 +110,7 @@ fn two_files_are_studied_against_their_ic_gn_displacement() {
     std::fs::write(output.join("convergence.csv"), "earlier\n".repeat(10_000)).unwrap();
     let printed =
         succeed(line(&["--subset", "21"]).into_iter().chain(["-o".into(), output.to_str().unwrap().to_owned()]));
-    assert!(printed.contains("with the peak fit: settled"), "{printed}");
+    assert!(printed.contains("with the peak fit: converged"), "{printed}");
     let table = std::fs::read_to_string(output.join("convergence.csv")).unwrap();
     assert!(table.starts_with("method,") && !table.contains("earlier"));
     let figure = std::fs::read_to_string(output.join("convergence.svg")).unwrap();
@@ -137,15 +137,15 @@ fn impossible_studies_are_refused_in_one_line() {
     };
     refused(2, &[reference], "<TARGET>");
     refused(2, &["--roi", "0,0,50,50"], "REFERENCE");
-    refused(2, &["--tolerance-px", "nan"], "--tolerance-px NaN: more than 0, at most 1");
+    refused(2, &["--tolerance-px", "nan"], "--tolerance-px NaN: must be above 0 and at most 1");
     refused(2, &["--subset", "30"], "subset_size_px is 30");
-    refused(2, &["--subset", "107"], "--subset 107: has no room");
-    refused(2, &[reference, target, "--roi", "90,0,40,40"], "not within");
-    refused(2, &[reference, target, "-o", target], "target.bmp: is a file, a directory is needed");
+    refused(2, &["--subset", "107"], "--subset 107: too large");
+    refused(2, &[reference, target, "--roi", "90,0,40,40"], "exceeds");
+    refused(2, &[reference, target, "-o", target], "target.bmp: is a file, expected a directory");
     let input = rig.path("convergence.csv");
     std::fs::copy(target, &input).unwrap();
     let folder = rig.path("").to_str().unwrap().to_owned();
-    refused(2, &[reference, input.to_str().unwrap(), "-o", &folder], "would be overwritten");
+    refused(2, &[reference, input.to_str().unwrap(), "-o", &folder], "it would overwrite");
     assert_eq!(std::fs::read(input).unwrap(), std::fs::read(target).unwrap());
     refused(5, &["missing.png", target], "missing.png");
     refused(5, &["-o", "/dev/null/settle"], "write /dev/null/settle");

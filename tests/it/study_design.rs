@@ -2,7 +2,7 @@
 
 use crate::measured_world::rows_of;
 use crate::support::{Rig, run, succeed};
-use ricochet::command::study::design::{Expected, foresee, spread};
+use ricochet::command::study::design::{Expected, predict, spread};
 use ricochet::config::Config;
 use ricochet::process::{Stop, truth_world};
 use ricochet::synth::{LightSetup, MotionSetup, PatternSetup, Scenario};
@@ -25,18 +25,18 @@ fn measured_scatter(config: &Config, films: u64) -> Vec<Expected> {
 
 /// The predicted scatter over the measured one, by name.
 fn ratios(config: &Config, films: u64) -> Vec<(String, f64)> {
-    let foreseen = foresee(config, &Stop::default()).unwrap();
+    let predicted = predict(config, &Stop::default()).unwrap();
     let measured_scatter = measured_scatter(config, films);
     let ratio = |expected: &Expected| {
         let found = measured_scatter.iter().find(|found| found.name == expected.name)?;
         let ratio = expected.sigma / found.sigma;
         eprintln!(
-            "{:24} foreseen {:.3e} shown {:.3e} {} ratio {ratio:.3}; mean error foreseen {:.3e} shown {:.3e}",
+            "{:24} predicted {:.3e} shown {:.3e} {} ratio {ratio:.3}; mean error predicted {:.3e} shown {:.3e}",
             expected.name, expected.sigma, found.sigma, expected.unit, expected.offset, found.offset
         );
         Some((expected.name.clone(), ratio))
     };
-    foreseen.iter().filter_map(ratio).collect()
+    predicted.iter().filter_map(ratio).collect()
 }
 
 /// A rig that records this scenario.

@@ -131,7 +131,7 @@ fn an_interrupted_study_names_what_is_missing_and_the_same_command_finishes_it()
     study.signal(2);
     let (code, printed, stderr) = study.end();
     assert_eq!(code, Some(6), "{stderr}");
-    assert!(printed.is_empty() && stderr.contains("the same command goes on with the rest"), "{printed}{stderr}");
+    assert!(printed.is_empty() && stderr.contains("repeat the command to resume"), "{printed}{stderr}");
     assert!(!part.join("translation.svg").exists(), "no figure of half a study");
     succeed(into(&line, &part));
     succeed(into(&line, &whole));
@@ -167,7 +167,7 @@ fn a_table_of_another_study_is_neither_resumed_nor_changed() {
     let ends: Vec<usize> = text.match_indices('\n').map(|(at, _)| at + 1).collect();
     let half = text[..ends[2]].replacen(",valid\n", ",lost\n", 2);
     std::fs::write(&films, &half).unwrap();
-    refused(&[], "rotation_films.csv: film 1 was measured otherwise than this program does; choose another directory");
+    refused(&[], "rotation_films.csv: film 1 was measured differently by another version; choose another directory");
     assert_eq!(std::fs::read_to_string(&films).unwrap(), half);
     // A row that is not in the plan.
     let changed = String::from_utf8(before).unwrap().replacen("off-grid,spin,2,", "off-grid,spin,1,", 1);
@@ -175,7 +175,7 @@ fn a_table_of_another_study_is_neither_resumed_nor_changed() {
     refused(&[], "rotation_films.csv: line 4 is not a row of this study");
     assert_eq!(std::fs::read_to_string(&films).unwrap(), changed);
     std::fs::remove_file(directory.join("rotation_settings.json")).unwrap();
-    refused(&[], "rotation_films.csv: has no settings beside it");
+    refused(&[], "rotation_films.csv: cannot read its settings");
 }
 
 #[test]
@@ -246,13 +246,13 @@ fn wrong_options_are_refused_in_one_line_with_value_and_allowed_range() {
         assert!(stderr.lines().count() == 1 && stderr.contains(wanted), "{stderr}");
         assert!(output.stdout.is_empty());
     };
-    refused(2, &["--patterns", "g-I"], "--patterns \"g-I\": allowed is a-I, a-II, a-III, b-I");
-    refused(2, &["--patterns", "e-I,e-I"], "--patterns \"e-I\": is there twice");
-    refused(2, &["--methods", "hough"], "--methods \"hough\": allowed is paper, paper-fit, peak-spline");
-    refused(2, &["--speeds", "fast"], "--speeds \"fast\": allowed is paper, off-grid");
-    refused(2, &["--frames", "1"], "--frames 1: allowed is 2 to 12");
-    refused(2, &["--noise-dn", "nan"], "--noise-dn NaN: allowed is 0 to 64");
-    refused(2, &["--noise-dn=-1"], "--noise-dn -1: allowed is 0 to 64");
+    refused(2, &["--patterns", "g-I"], "--patterns \"g-I\": allowed are a-I, a-II, a-III, b-I");
+    refused(2, &["--patterns", "e-I,e-I"], "--patterns \"e-I\": given twice");
+    refused(2, &["--methods", "hough"], "--methods \"hough\": allowed are paper, paper-fit, peak-spline");
+    refused(2, &["--speeds", "fast"], "--speeds \"fast\": allowed are paper, off-grid");
+    refused(2, &["--frames", "1"], "--frames 1: must be 2 to 12");
+    refused(2, &["--noise-dn", "nan"], "--noise-dn NaN: must be 0 to 64");
+    refused(2, &["--noise-dn=-1"], "--noise-dn -1: must be 0 to 64");
     refused(2, &["--subset", "24"], "subset_size_px is 24");
     refused(2, &["--step", "0"], "step_px is 0");
     refused(
@@ -266,10 +266,10 @@ fn wrong_options_are_refused_in_one_line_with_value_and_allowed_range() {
         let stderr = String::from_utf8(output.stderr).unwrap();
         assert!(output.status.code() == Some(2) && stderr.contains(wanted), "{stderr}");
     };
-    swept(&["noise", "--noise-dn", "2"], "--noise-dn 2: the study of noise has its own");
-    swept(&["rate", "--speeds", "paper"], "--speeds: the study of rate has speeds of its own");
+    swept(&["noise", "--noise-dn", "2"], "--noise-dn 2: not allowed, study noise has its own levels");
+    swept(&["rate", "--speeds", "paper"], "--speeds: not allowed, study rate has its own speeds");
     let file = rig.file("is-a-file", "");
-    refused(2, &["-o", file.to_str().unwrap()], "is-a-file: is a file, a directory is needed");
+    refused(2, &["-o", file.to_str().unwrap()], "is-a-file: is a file, expected a directory");
     refused(5, &["-o", "/dev/null/studies"], "/dev/null/studies");
 }
 

@@ -1,4 +1,4 @@
-//! `ricochet bench live`: what a frame of a film takes on one core, and its parts.
+//! `ricochet bench live`: the time per frame of a film on one core, and its parts.
 
 use std::io::Write;
 use std::time::Duration;
@@ -18,25 +18,25 @@ use crate::motion::Rotation;
 use crate::results::{Circle, FieldPoint};
 use crate::synth::{Scenario, World};
 
-/// Motion of the ball, px, px and deg a frame.
+/// Motion of the ball per frame, px, px and deg.
 const MOTION: (f64, f64, f64) = (0.37, -0.21, 0.13);
 
-/// From one subset centre to the next, px: 60 subsets of 31 x 31 px on a ball of 120 px.
+/// Grid step, px: 60 subsets of 31 x 31 px on a ball of 120 px.
 const STEP_PX: u32 = 9;
 
-/// Around a ball that is foretold so many px are made ready, and around one that is searched for.
-const FORETOLD_PX: f64 = 8.0;
+/// Margin that is prepared around a predicted ball and around a searched one, px.
+const PREDICTED_PX: f64 = 8.0;
 const SEARCHED_PX: f64 = 22.0;
 
-/// Frames that a worker measures in one go: in the first of them the ball is looked for anywhere.
+/// Frames per block; in the first of them the ball is searched for anywhere.
 const BLOCK_FRAMES: u32 = 16;
 
-/// What `ricochet bench live` was asked to do.
+/// The options of `ricochet bench live`.
 #[derive(Debug, Clone)]
 pub struct LiveOptions {
-    /// Machine-readable output.
+    /// Print JSON instead of text.
     pub json: bool,
-    /// How long each part is measured, s.
+    /// Measuring time per part, s.
     pub seconds: f64,
 }
 
@@ -44,20 +44,20 @@ pub struct LiveOptions {
 ///
 /// # Errors
 ///
-/// When the result cannot be written.
+/// When the ball cannot be measured or the result cannot be printed.
 pub fn live(options: &LiveOptions) -> anyhow::Result<()> {
     let duration = Duration::from_secs_f64(options.seconds.clamp(0.01, 60.0));
     let film = Film::new()?;
     let whole = film.frame_us(Rotation::Rigid, duration)?;
     let alone = film.frame_us(Rotation::Field, duration)?;
     let (subsets, parts) = film.parts_us(duration)?;
-    let mut rows = vec![("a frame, whole ball and subsets", whole.all)];
-    let rest = whole.all - parts.of_a_frame.iter().map(|(_, us)| us).sum::<f64>();
-    rows.extend(parts.of_a_frame);
-    rows.push(("  the rest", rest));
-    rows.push(("a frame in which the ball is followed", whole.following));
-    rows.push(("a frame in which it is looked for, one in 8", whole.finding));
-    rows.push(("a frame, subsets alone", alone.all));
+    let mut rows = vec![("frame, whole ball and subsets", whole.all)];
+    let rest = whole.all - parts.per_frame.iter().map(|(_, us)| us).sum::<f64>();
+    rows.extend(parts.per_frame);
+    rows.push(("  other", rest));
+    rows.push(("frame in which the ball is tracked", whole.following));
+    rows.push(("frame in which the ball is searched, 1 in 8", whole.finding));
+    rows.push(("frame, subsets only", alone.all));
     rows.extend(parts.other);
     let mut out = std::io::stdout().lock();
     if options.json {
@@ -72,22 +72,22 @@ pub fn live(options: &LiveOptions) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Frames at the start of a block in which the ball is looked for: anywhere, and then how it moves.
+/// Frames at the start of a block in which the ball, and then its motion, is searched for.
 const FINDING_FRAMES: u64 = 2;
 
-/// Mean microseconds a frame, each the middle of its repeats: what interrupts the program moves none of them.
+/// Mean time per frame, us, over the medians of repeats, which outliers do not affect.
 struct Frames {
     all: f64,
-    /// Where the ball is known from the frames before.
+    /// Frames in which the ball is predicted from previous frames.
     following: f64,
-    /// In the first frames of a block.
+    /// The first frames of a block.
     finding: f64,
 }
 
-/// Microseconds of parts of the work.
+/// Times of parts, us.
 struct Rows {
-    /// What a frame takes, whole ball and subsets.
-    of_a_frame: Vec<(&'static str, f64)>,
+    /// The parts of a frame with whole-body match and subsets.
+    per_frame: Vec<(&'static str, f64)>,
     other: Vec<(&'static str, f64)>,
 }
 
@@ -110,7 +110,7 @@ impl Film {
         Ok(Self { frames: drawn.collect(), ball: BallParams::new(50.0, 70.0) })
     }
 
-    /// Microseconds of everything that a worker does with a frame.
+    /// Measures the time a worker needs per frame, us.
     fn frame_us(&self, rotation: Rotation, duration: Duration) -> anyhow::Result<Frames> {
         let params = MeasureParams {
             correlation: CorrelationParams { step_px: STEP_PX, ..CorrelationParams::default() },
@@ -139,7 +139,7 @@ impl Film {
             return Err(error.into());
         }
         let is_finding = |frame: usize| frame as u64 % u64::from(BLOCK_FRAMES) < FINDING_FRAMES;
-        let us: Vec<f64> = seconds.iter_mut().map(|seconds| 1e6 * middle(seconds)).collect();
+        let us: Vec<f64> = seconds.iter_mut().map(|seconds| 1e6 * median(seconds)).collect();
         let mean = |of: &dyn Fn(usize) -> bool| {
             let of = || us.iter().enumerate().filter(|(frame, _)| of(*frame));
             of().map(|(_, us)| us).sum::<f64>() / of().count() as f64
@@ -147,24 +147,24 @@ impl Film {
         Ok(Frames { all: mean(&|_| true), following: mean(&|frame| !is_finding(frame)), finding: mean(&is_finding) })
     }
 
-    /// How many subsets there are, and microseconds of each part of a frame.
+    /// Returns the number of subsets, and measures the parts of a frame, us.
     fn parts_us(&self, duration: Duration) -> anyhow::Result<(usize, Rows)> {
         let (mut first, mut second) = (Image::new(512, 512), Image::new(512, 512));
         for (image, (meta, bytes)) in [(&mut first, &self.frames[20]), (&mut second, &self.frames[21])] {
             Frame { meta: *meta, bytes }.unpack(image)?;
         }
         let mut finder = BallFinder::new(&self.ball, 512, 512)?;
-        let circle = finder.find(first.view()).ok_or_else(|| anyhow::anyhow!("the ball of the film is not found"))?;
+        let circle = finder.find(first.view()).ok_or_else(|| anyhow::anyhow!("cannot find the ball of the film"))?;
         let moved = Circle { x_px: circle.x_px + MOTION.0, y_px: circle.y_px + MOTION.1, ..circle };
         let cold = rate(duration, || usize::from(finder.find(second.view()).is_some()));
-        // The whole ball was matched before: it is there.
+        // The whole-body match has confirmed the ball.
         let follow = rate(duration, || usize::from(finder.follow_closely(second.view(), &moved, true).is_some()));
         let images = (&first, &second);
-        let mut pair = Pair::new(&circle, images, Shape::Affine, FORETOLD_PX)?;
+        let mut pair = Pair::new(&circle, images, Shape::Affine, PREDICTED_PX)?;
         let mut anywhere = Pair::new(&circle, images, Shape::Affine, SEARCHED_PX)?;
         let mut still = Pair::new(&circle, images, Shape::Translation, SEARCHED_PX)?;
         let subsets = pair.points.len();
-        let part = part_around(&circle, FORETOLD_PX);
+        let part = part_around(&circle, PREDICTED_PX);
         let (meta, bytes) = &self.frames[21];
         let unpack =
             rate(duration, || usize::from(Frame { meta: *meta, bytes }.unpack_part(part, &mut second).is_ok()));
@@ -172,7 +172,7 @@ impl Film {
             pair.correlator.prepare_part_into(second.view(), part, &mut pair.target);
             1
         });
-        let carried = rate(duration, || pair.subsets(pair.near));
+        let predicted = rate(duration, || pair.subsets(pair.near));
         let fit = rate(duration, || pair.fit(&circle));
         let neighbor = rate(duration, || anywhere.subsets(Start::Neighbor));
         let whole = rate(duration, || usize::from(pair.whole(&circle)));
@@ -182,25 +182,23 @@ impl Film {
             still.correlator.correlate_kept(&kept, &still.target, still.near, &mut field);
             1
         });
-        let of_a_frame = [
-            ("  unpack the ball's part of a frame", unpack),
-            ("  make it ready", ready),
-            ("  match the whole ball, mask included", whole),
-            ("  subsets: affine, by the whole ball's motion", carried),
-            ("  the motion that they show", fit),
-            ("  follow the circle, once in 4 frames", OUTLINE_INTERVAL_FRAMES as f64 * follow),
-            ("  find the circle anywhere, once in 16 frames", f64::from(BLOCK_FRAMES) * cold),
+        let per_frame = [
+            ("  unpack the region of the ball", unpack),
+            ("  prepare it", ready),
+            ("  match the whole ball, with its mask", whole),
+            ("  subsets: affine, from the ball's motion", predicted),
+            ("  fit their rigid motion", fit),
+            ("  track the circle, once in 4 frames", OUTLINE_INTERVAL_FRAMES as f64 * follow),
+            ("  search the circle anywhere, once in 16 frames", f64::from(BLOCK_FRAMES) * cold),
         ];
-        let other = [
-            ("subsets: affine, each from its neighbour", neighbor),
-            ("subsets: translation, a kept reference", translation),
-        ];
+        let other =
+            [("subsets: affine, from neighbours", neighbor), ("subsets: translation, kept reference", translation)];
         let us = |(name, rate): (&'static str, f64)| (name, 1e6 / rate);
-        Ok((subsets, Rows { of_a_frame: of_a_frame.map(us).to_vec(), other: other.map(us).to_vec() }))
+        Ok((subsets, Rows { per_frame: per_frame.map(us).to_vec(), other: other.map(us).to_vec() }))
     }
 }
 
-/// Two frames made ready where the ball is.
+/// Two prepared frames around the ball.
 struct Pair {
     correlator: Correlator,
     reference: PreparedFrame,
@@ -223,38 +221,38 @@ impl Pair {
         correlator.prepare_part_into(first.view(), part, &mut reference);
         correlator.prepare_part_into(second.view(), part, &mut target);
         let body = RigidBody::new(&reference, &Region::Disc { x_px, y_px, radius_px })
-            .map_err(|status| anyhow::anyhow!("ball of the film: {}", status.word()))?;
+            .map_err(|status| anyhow::anyhow!("cannot match the ball of the film: {}", status.word()))?;
         let near = Start::Motion { x_px, y_px, u_px: MOTION.0, v_px: MOTION.1, angle_deg: MOTION.2 };
         Ok(Self { correlator, reference, target, points, near, body, field: Vec::new() })
     }
 
-    /// All subsets against a reference that is new.
+    /// Correlates all subsets with a new reference.
     fn subsets(&mut self, start: Start) -> usize {
         self.correlator.correlate(&self.reference, &self.target, &self.points, start, &mut self.field);
         1
     }
 
-    /// The motion that the last field shows.
+    /// Fits the rigid motion of the last field.
     fn fit(&mut self, circle: &Circle) -> usize {
         let subset_px = self.correlator.params().subset_size_px;
         let motion = rigid_fit_near(&mut self.field, (circle.x_px, circle.y_px), subset_px, Some(MOTION));
         usize::from(motion.is_some())
     }
 
-    /// The whole ball, from a start about as far off as a prediction is.
+    /// Matches the whole ball, from a start as far off as a typical prediction.
     fn whole(&mut self, circle: &Circle) -> bool {
         let near = (MOTION.0 - 0.004, MOTION.1 + 0.003, MOTION.2 + 0.006);
         self.body.find_visible(&self.target, (circle.x_px, circle.y_px), near).is_ok()
     }
 }
 
-/// The middle one of some numbers.
-fn middle(numbers: &mut [f64]) -> f64 {
+/// Returns the median.
+fn median(numbers: &mut [f64]) -> f64 {
     numbers.sort_by(f64::total_cmp);
     numbers[numbers.len() / 2]
 }
 
-/// The part of a frame that holds a ball and so many px around it.
+/// Returns the part of a frame that holds a ball and a margin.
 fn part_around(circle: &Circle, around_px: f64) -> [u32; 4] {
     let reach = circle.radius_px + around_px;
     let side = (2.0 * reach).ceil() as u32 + 1;
@@ -266,13 +264,13 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_part_of_a_frame_takes_its_time() {
+    fn every_part_of_a_frame_takes_time() {
         let film = Film::new().unwrap();
         let frame = film.frame_us(Rotation::Rigid, Duration::from_millis(1)).unwrap();
         assert!([frame.all, frame.following, frame.finding].iter().all(|us| us.is_finite() && *us > 0.0));
         let (subsets, parts) = film.parts_us(Duration::from_millis(1)).unwrap();
         assert!((55..75).contains(&subsets), "{subsets}");
-        let mut rows = parts.of_a_frame.iter().chain(&parts.other);
-        assert!(rows.all(|(_, us)| us.is_finite() && *us > 0.0), "{:?} {:?}", parts.of_a_frame, parts.other);
+        let mut rows = parts.per_frame.iter().chain(&parts.other);
+        assert!(rows.all(|(_, us)| us.is_finite() && *us > 0.0), "{:?} {:?}", parts.per_frame, parts.other);
     }
 }

@@ -1,4 +1,4 @@
-//! `ricochet bench`: how fast this machine measures and records.
+//! `ricochet bench`: the measuring and recording speed of this machine.
 
 mod live;
 mod record;
@@ -10,7 +10,7 @@ pub use live::{LiveOptions, live};
 pub use record::{RecordOptions, record};
 pub use windows::{WindowsOptions, windows};
 
-/// Calls a second, each weighed by what it gives, over the given time.
+/// Returns the sum of the calls' results per second over a duration.
 #[expect(clippy::disallowed_methods, reason = "a benchmark reads the clock")]
 fn rate(duration: Duration, mut round: impl FnMut() -> usize) -> f64 {
     let (start, mut points) = (Instant::now(), 0);
@@ -20,7 +20,7 @@ fn rate(duration: Duration, mut round: impl FnMut() -> usize) -> f64 {
     points as f64 / start.elapsed().as_secs_f64()
 }
 
-/// What a call gives, and the seconds it took.
+/// Returns the result of a call and its duration, s.
 #[expect(clippy::disallowed_methods, reason = "a benchmark reads the clock")]
 fn timed<T>(call: impl FnOnce() -> T) -> (T, f64) {
     let start = Instant::now();

@@ -1,4 +1,4 @@
-//! `ricochet bench record`: how fast recordings are written, beside a plain write of the same bytes.
+//! `ricochet bench record`: the recording rate, compared with a plain write of the same bytes.
 
 use crate::image::{Frame, FrameMeta, PixelFormat};
 use crate::recording::{RecordingInfo, RecordingWriter, WriterOptions, part_path};
@@ -11,46 +11,46 @@ use std::time::Instant;
 
 const SIDE_PX: u32 = 512;
 const FRAME_BYTES: usize = (SIDE_PX * SIDE_PX) as usize;
-/// Frames written in one go, 134 MB of them.
+/// Frames per turn, 134 MB.
 const FRAMES: u64 = 512;
-/// Different frames among them.
+/// Number of distinct frames.
 const POOL: usize = 16;
-/// The recorder forces its file to the disk this often; so does the plain write.
+/// Sync interval of the recorder and of the plain write, frames.
 const SYNC_FRAMES: u64 = 256;
-/// Turns of both, at least and at most.
+/// Minimum and maximum number of turns.
 const TURNS: std::ops::Range<usize> = 3..200;
 
-/// What `ricochet bench record` was asked to do.
+/// The options of `ricochet bench record`.
 #[derive(Debug, Clone)]
 pub struct RecordOptions {
-    /// Machine-readable output.
+    /// Print JSON instead of text.
     pub json: bool,
-    /// How long it goes on, s; three turns at least.
+    /// Minimum duration, s; at least three turns are run.
     pub seconds: f64,
-    /// The folder written into, and cleaned up.
+    /// The directory to write into; it is cleaned up.
     pub directory: PathBuf,
 }
 
-/// What one way of writing took.
+/// The time of one turn.
 #[derive(Debug, Clone, Copy)]
-struct Taken {
+struct Timing {
     wall_s: f64,
-    /// Processor time of the process, the system's part included.
+    /// Processor time of the process, user and system.
     cpu_s: f64,
 }
 
-/// Writes frames of 512 x 512 px as plain bytes and as a recording, in turns, and prints the medians.
+/// Writes frames of 512 x 512 px as plain bytes and as a recording in turns, and prints the medians.
 ///
 /// # Errors
 ///
-/// When the folder cannot be written into, or the result cannot be written.
+/// When the directory cannot be written, or the result cannot be printed.
 pub fn record(options: &RecordOptions) -> anyhow::Result<()> {
     let pool: Vec<Vec<u8>> = (1..=POOL as u32).map(noise).collect();
     let files = Files::new(&options.directory);
     let (mut plain, mut recorded) = (Vec::new(), Vec::new());
     let start = now();
     while plain.len() < TURNS.start || (start.elapsed().as_secs_f64() < options.seconds && plain.len() < TURNS.end) {
-        // Each way goes first in every other turn: what was written before still fills the disk's queue.
+        // The order alternates because the previous write still fills the queue of the disk.
         if plain.len() % 2 == 0 {
             plain.push(files.plain(&pool)?);
             recorded.push(files.recording(&pool)?);
@@ -59,21 +59,21 @@ pub fn record(options: &RecordOptions) -> anyhow::Result<()> {
             plain.push(files.plain(&pool)?);
         }
     }
-    tell(options, &plain, &recorded)
+    print(options, &plain, &recorded)
 }
 
-fn tell(options: &RecordOptions, plain: &[Taken], recorded: &[Taken]) -> anyhow::Result<()> {
-    let rate = |taken: &Taken| FRAMES as f64 / taken.wall_s;
-    let cpu_us = |taken: &Taken| taken.cpu_s * 1e6 / FRAMES as f64;
+fn print(options: &RecordOptions, plain: &[Timing], recorded: &[Timing]) -> anyhow::Result<()> {
+    let rate = |timing: &Timing| FRAMES as f64 / timing.wall_s;
+    let cpu_us = |timing: &Timing| timing.cpu_s * 1e6 / FRAMES as f64;
     let rates = [median(plain.iter().map(rate)), median(recorded.iter().map(rate))];
     let cpus = [median(plain.iter().map(cpu_us)), median(recorded.iter().map(cpu_us))];
-    // Turn by turn, so that what slows the machine down for a while slows both.
+    // Compared turn by turn, so that a temporary slowdown affects both.
     let ratio = median(plain.iter().zip(recorded).map(|(plain, recorded)| plain.wall_s / recorded.wall_s));
     let above_us = median(plain.iter().zip(recorded).map(|(plain, recorded)| cpu_us(recorded) - cpu_us(plain)));
     let mut out = std::io::stdout().lock();
     if options.json {
         let row = |at: usize| json!({ "frames_per_s": rates[at], "cpu_us_per_frame": cpus[at] });
-        let told = json!({
+        let report = json!({
             "frame_bytes": FRAME_BYTES,
             "turns": plain.len(),
             "plain_write": row(0),
@@ -81,7 +81,7 @@ fn tell(options: &RecordOptions, plain: &[Taken], recorded: &[Taken]) -> anyhow:
             "rate_ratio": ratio,
             "cpu_us_per_frame_above_plain": above_us,
         });
-        writeln!(out, "{}", serde_json::to_string_pretty(&told)?)?;
+        writeln!(out, "{}", serde_json::to_string_pretty(&report)?)?;
         return Ok(());
     }
     let title = format!("512 x 512 px, {} turns of {FRAMES} frames", plain.len());
@@ -94,7 +94,7 @@ fn tell(options: &RecordOptions, plain: &[Taken], recorded: &[Taken]) -> anyhow:
     Ok(())
 }
 
-/// The files of the benchmark; removed when it ends.
+/// The files of the benchmark; deleted on drop.
 struct Files {
     plain: PathBuf,
     recording: PathBuf,
@@ -106,8 +106,8 @@ impl Files {
         Self { plain: name("raw"), recording: name("mcap") }
     }
 
-    fn plain(&self, pool: &[Vec<u8>]) -> anyhow::Result<Taken> {
-        let taken = taken(|| {
+    fn plain(&self, pool: &[Vec<u8>]) -> anyhow::Result<Timing> {
+        let timing = timed(|| {
             let mut file = File::create(&self.plain).with_context(|| self.plain.display().to_string())?;
             for number in 0..FRAMES {
                 file.write_all(&pool[number as usize % pool.len()])?;
@@ -118,15 +118,15 @@ impl Files {
             Ok(file.sync_all()?)
         });
         self.remove();
-        taken
+        timing
     }
 
-    fn recording(&self, pool: &[Vec<u8>]) -> anyhow::Result<Taken> {
-        let taken = taken(|| {
+    fn recording(&self, pool: &[Vec<u8>]) -> anyhow::Result<Timing> {
+        let timing = timed(|| {
             let options = WriterOptions::default();
             let mut writer = RecordingWriter::create(&self.recording, &RecordingInfo::default(), &options)?;
             for sequence in 0..FRAMES {
-                // 10 000 frames a second: rows are batched as they are at that rate.
+                // 10 000 frames per second, so that rows are batched as at that rate.
                 let meta = FrameMeta {
                     sequence,
                     stamp_ns: sequence * 100_000,
@@ -142,7 +142,7 @@ impl Files {
             Ok(())
         });
         self.remove();
-        taken
+        timing
     }
 
     fn remove(&self) {
@@ -159,10 +159,10 @@ impl Drop for Files {
     }
 }
 
-fn taken(write: impl FnOnce() -> anyhow::Result<()>) -> anyhow::Result<Taken> {
+fn timed(write: impl FnOnce() -> anyhow::Result<()>) -> anyhow::Result<Timing> {
     let (start, before_s) = (now(), cpu_s());
     write()?;
-    Ok(Taken { wall_s: start.elapsed().as_secs_f64(), cpu_s: cpu_s() - before_s })
+    Ok(Timing { wall_s: start.elapsed().as_secs_f64(), cpu_s: cpu_s() - before_s })
 }
 
 #[expect(clippy::disallowed_methods, reason = "a benchmark reads the clock")]
@@ -170,13 +170,13 @@ fn now() -> Instant {
     Instant::now()
 }
 
-/// Processor time of this process, with that of the thread that waits for the disk.
+/// Returns the processor time of this process, including the disk thread.
 fn cpu_s() -> f64 {
     let time = rustix::time::clock_gettime(rustix::time::ClockId::ProcessCPUTime);
     time.tv_sec as f64 + time.tv_nsec as f64 * 1e-9
 }
 
-/// A frame that does not compress (Marsaglia's xorshift).
+/// Returns an incompressible frame (Marsaglia's xorshift).
 fn noise(seed: u32) -> Vec<u8> {
     let mut state = seed;
     let mut next = || {

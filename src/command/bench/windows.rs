@@ -1,4 +1,4 @@
-//! `ricochet bench windows`: how many subsets a second this machine correlates.
+//! `ricochet bench windows`: the correlation rate in subsets per second.
 
 use std::io::Write;
 use std::sync::Barrier;
@@ -17,44 +17,44 @@ use crate::numeric::instruction_set;
 /// Side of the test images, px.
 const SIDE: usize = 512;
 
-/// From one subset centre to the next, px.
+/// Grid step between subset centres, px.
 const STEP_PX: u32 = 16;
 
 /// Displacement of the test pattern, px.
 const SHIFT: (f64, f64) = (0.37, -0.185);
 
-/// What `ricochet bench windows` was asked to do.
+/// The options of `ricochet bench windows`.
 #[derive(Debug, Clone)]
 pub struct WindowsOptions {
-    /// Machine-readable output.
+    /// Print JSON instead of text.
     pub json: bool,
-    /// Largest number of threads; as many as this machine runs at once when there is none.
+    /// Maximum number of threads; the available parallelism when absent.
     pub threads: Option<usize>,
-    /// How long each row is measured, s.
+    /// Measuring time per row, s.
     pub seconds: f64,
 }
 
-/// One way of correlating.
+/// A benchmarked method.
 #[derive(Clone, Copy)]
 struct Case {
     name: &'static str,
     kind: Kind,
     method: Method,
     shape: Shape,
-    /// Fields a round.
+    /// Number of points per round.
     points: Points,
 }
 
-/// What a round consists of.
+/// The work of a round.
 #[derive(Clone, Copy, PartialEq)]
 enum Kind {
-    /// Both frames made ready, then a field from the given start.
+    /// Prepares both frames, then correlates a field from the given start.
     Cold(Start),
-    /// A kept reference, from a start about 0.03 px off.
+    /// Correlates with a kept reference, from a start about 0.03 px off.
     Kept,
-    /// One rigid match of a whole ball.
+    /// Matches a whole ball rigidly.
     Body,
-    /// Fused multiply-adds on registers alone: what more threads gain on this machine at best.
+    /// Fused multiply-adds on registers only: the upper bound of the speed-up by threads on this machine.
     Arithmetic,
 }
 
@@ -64,16 +64,16 @@ enum Points {
     Few,
 }
 
-/// One line of the result.
+/// A row of the result.
 struct Row {
     name: &'static str,
     threads: usize,
     points_per_s: f64,
-    /// Times the rate of one thread.
+    /// Relative to one thread.
     speedup: f64,
 }
 
-/// How often the numbers of threads take turns, so that a machine whose speed drifts is fair to all.
+/// Number of turns of each thread count; they alternate, so that a drifting machine speed affects all equally.
 const TURNS: u32 = 15;
 
 const CASES: [Case; 10] = [
@@ -86,20 +86,20 @@ const CASES: [Case; 10] = [
     case("peak-gaussian", Kind::Cold(Start::Search), Method::PeakGaussian, Shape::Translation, Points::Field),
     case("spline-fft, 2 points", Kind::Cold(Start::Search), Method::SplineFft, Shape::Translation, Points::Few),
     case("whole ball of 8800 px, rigid", Kind::Body, Method::IcGn, Shape::Rigid, Points::Few),
-    case("limit: arithmetic on registers", Kind::Arithmetic, Method::IcGn, Shape::Translation, Points::Few),
+    case("limit: register arithmetic", Kind::Arithmetic, Method::IcGn, Shape::Translation, Points::Few),
 ];
 
 const fn case(name: &'static str, kind: Kind, method: Method, shape: Shape, points: Points) -> Case {
     Case { name, kind, method, shape, points }
 }
 
-/// Measures every method with 1, 2, ... threads and prints points a second.
+/// Measures every method with 1, 2, ... threads and prints points per second.
 ///
-/// A point is a 31 x 31 subset; cold cases count everything from the grey levels on.
+/// A point is a 31 x 31 subset. Cold cases include the preparation of both frames.
 ///
 /// # Errors
 ///
-/// When the result cannot be written.
+/// When the result cannot be printed.
 pub fn windows(options: &WindowsOptions) -> anyhow::Result<()> {
     let most = options.threads.unwrap_or_else(|| std::thread::available_parallelism().map_or(1, usize::from)).max(1);
     let counts = (0..usize::BITS).map(|power| 1 << power).take_while(|count| *count < most).chain([most]);
@@ -123,9 +123,9 @@ pub fn windows(options: &WindowsOptions) -> anyhow::Result<()> {
     print(&rows, &parts(&frames, duration), options.json)
 }
 
-/// Microseconds that each part of a match takes on one thread.
+/// Measures the time of each part of a match on one thread, us.
 fn parts(frames: &(Image, Image), duration: Duration) -> [(&'static str, f64); 5] {
-    // Turned by 1 deg, so that no iteration is the simple one of a mere shift.
+    // Rotated by 1 deg, so that no iteration takes the shortcut for pure translation.
     let mut parts = KernelBenchmark::new(frames.0.view(), frames.1.view(), (SHIFT.0, SHIFT.1, 1.0));
     let points = grid::rectangle([8, 8, SIDE as u32 - 16, SIDE as u32 - 16], STEP_PX, 31);
     let (second, mut next) = (frames.1.view(), points.iter().copied().cycle());
@@ -190,7 +190,7 @@ fn print(rows: &[Row], parts: &[(&str, f64)], as_json: bool) -> anyhow::Result<(
     Ok(())
 }
 
-/// Points a second of all threads together.
+/// Returns the points per second of all threads together.
 fn measure(case: &Case, threads: usize, frames: &(Image, Image), duration: Duration) -> anyhow::Result<f64> {
     let ready = Barrier::new(threads);
     std::thread::scope(|scope| {
@@ -203,7 +203,7 @@ fn measure(case: &Case, threads: usize, frames: &(Image, Image), duration: Durat
     })
 }
 
-/// Points a second of one thread, from the moment that all are ready.
+/// Returns the points per second of one thread after all threads are ready.
 fn work(case: &Case, frames: &(Image, Image), duration: Duration, ready: &Barrier) -> anyhow::Result<f64> {
     let params =
         CorrelationParams { method: case.method, shape: case.shape, step_px: STEP_PX, ..CorrelationParams::default() };
@@ -217,7 +217,8 @@ fn work(case: &Case, frames: &(Image, Image), duration: Duration, ready: &Barrie
     let kept = correlator.keep(a.clone(), &points);
     let center = (0.5 * SIDE as f64, 0.5 * SIDE as f64);
     let ball = Region::Disc { x_px: center.0, y_px: center.1, radius_px: 53.0 };
-    let mut body = RigidBody::new(&a, &ball).map_err(|status| anyhow::anyhow!("test ball: {}", status.word()))?;
+    let mut body =
+        RigidBody::new(&a, &ball).map_err(|status| anyhow::anyhow!("cannot match the test ball: {}", status.word()))?;
     let mut field = Vec::new();
     let mut round = |field: &mut Vec<_>| -> usize {
         match case.kind {
@@ -243,14 +244,14 @@ fn work(case: &Case, frames: &(Image, Image), duration: Duration, ready: &Barrie
     Ok(rate(duration, || round(&mut field)))
 }
 
-/// The middle one of some figures.
+/// Returns the median.
 fn median(figures: impl Iterator<Item = f64>) -> f64 {
     let mut figures: Vec<f64> = figures.collect();
     figures.sort_by(f64::total_cmp);
     figures[figures.len() / 2]
 }
 
-/// Speckle discs of 3 to 6 px with soft rims, shifted, with some noise.
+/// Renders speckle discs of 3 to 6 px with soft edges, shifted, with noise.
 fn pattern((u, v): (f64, f64), noise_seed: u32) -> Image {
     let mut state = 7_u32;
     let random = |state: &mut u32| {

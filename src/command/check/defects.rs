@@ -1,16 +1,16 @@
-//! Pixels that show the same whatever is before them.
+//! Detection of defective pixels: those that read the same whatever is in front of them.
 
 use super::grab::Grabbed;
 use crate::image::{Correction, Frame, Image};
 
-/// A pixel stands out that is beyond its neighbours, all but one, by so many standard deviations of the noise ...
+/// A defective pixel differs from all but one of its neighbours by this many standard deviations of the noise ...
 const NOISES: f64 = 10.0;
-/// ... and by this share of full scale: what a lens shows is spread over more pixels than one or two.
+/// ... and by this fraction of full scale, since a lens spreads an object over more than two pixels.
 const SHARE: f64 = 0.06;
-/// In this share of the frames it does.
+/// Fraction of the frames in which it does.
 const FRAMES_SHARE: f64 = 0.9;
 
-/// Column and row of the pixels that stand out from their neighbours in nearly every frame kept.
+/// Returns column and row of the pixels that stand out from their neighbours in nearly every kept frame.
 pub(super) fn find(
     grabbed: &Grabbed,
     correction: &Correction,
@@ -18,25 +18,25 @@ pub(super) fn find(
     full_dn: f64,
 ) -> anyhow::Result<Vec<[u32; 2]>> {
     let (width, height) = (grabbed.format.width_px as usize, grabbed.format.height_px as usize);
-    let least_dn = (NOISES * noise_dn).max(SHARE * full_dn) as f32;
+    let min_dn = (NOISES * noise_dn).max(SHARE * full_dn) as f32;
     let (mut image, mut counts) = (Image::default(), vec![0_u32; width * height]);
     for (meta, bytes) in &grabbed.frames {
         image.reshape(width, height);
         correction.unpack(&Frame { meta: *meta, bytes }, [0, 0, meta.width_px, meta.height_px], &mut image)?;
         let data = image.view().data();
         let places = counts.iter_mut().enumerate();
-        places.for_each(|(at, count)| *count += u32::from(stands_out(data, (at % width, at / width), width, least_dn)));
+        places.for_each(|(at, count)| *count += u32::from(stands_out(data, (at % width, at / width), width, min_dn)));
     }
-    let least = FRAMES_SHARE * grabbed.frames.len() as f64;
-    let found = counts.iter().enumerate().filter(|(_, count)| **count > 0 && f64::from(**count) >= least);
+    let min_frames = FRAMES_SHARE * grabbed.frames.len() as f64;
+    let found = counts.iter().enumerate().filter(|(_, count)| **count > 0 && f64::from(**count) >= min_frames);
     Ok(found.map(|(at, _)| [(at % width) as u32, (at / width) as u32]).collect())
 }
 
-/// Whether a pixel is brighter, or darker, than its neighbours, all but one, by so much.
-fn stands_out(data: &[f32], (x, y): (usize, usize), width: usize, least_dn: f32) -> bool {
+/// Whether a pixel is brighter, or darker, than all but one of its neighbours by `min_dn`.
+fn stands_out(data: &[f32], (x, y): (usize, usize), width: usize, min_dn: f32) -> bool {
     let height = data.len() / width;
     let level = data[y * width + x];
-    // By the largest and the second largest of how much each neighbour exceeds it, and is exceeded.
+    // The two largest differences of the neighbours above the pixel, and below it.
     let (mut brighter, mut darker) = ([f32::NEG_INFINITY; 2], [f32::NEG_INFINITY; 2]);
     for row in y.saturating_sub(1)..(y + 2).min(height) {
         for column in x.saturating_sub(1)..(x + 2).min(width) {
@@ -47,7 +47,7 @@ fn stands_out(data: &[f32], (x, y): (usize, usize), width: usize, least_dn: f32)
             }
         }
     }
-    brighter[1] < -least_dn || darker[1] < -least_dn
+    brighter[1] < -min_dn || darker[1] < -min_dn
 }
 
 /// Keeps the two largest numbers.

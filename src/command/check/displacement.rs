@@ -1,4 +1,4 @@
-//! What the rig's own measurement makes of still frames.
+//! The noise floor: displacements that the rig measures in static frames.
 
 use super::grab::{Grabbed, now};
 use crate::config::Config;
@@ -7,36 +7,36 @@ use crate::measure::{Measured, Measurer, Share};
 use crate::process::{analysis_params, reference};
 use crate::results::{PairField, PointStatus};
 
-/// A body stands still when its mean motion stays under so many standard errors, or under `STILL_PX`.
+/// A body is static if its mean motion is below this many standard errors, or below `STILL_PX` and `STILL_DEG`.
 const STILL_SIGMAS: f64 = 5.0;
-/// Motion that is still called none, px and deg a frame.
+/// Negligible motion, px and deg per frame.
 const STILL_PX: f64 = 0.01;
 const STILL_DEG: f64 = 0.01;
 
-/// Fewest displacements a scatter is taken from.
-const FEWEST_POINTS: usize = 30;
+/// Minimum number of displacements for a scatter.
+const MIN_POINTS: usize = 30;
 
-/// Displacements of what should not move.
+/// The measurement of a static scene.
 pub(super) struct Floor {
     /// Every measurement.
     pub(super) measured: Vec<Measured>,
-    /// Scatter of the subsets' displacements, per axis, px; `None` when the body moves or next to nothing was measured.
+    /// Scatter of the subset displacements per axis, px; `None` if the body moves or too few subsets were measured.
     pub(super) subset_px: Option<f64>,
-    /// Scatter of the body's own motion, per axis, px and deg.
+    /// Scatter of the body motion per axis, px and deg; `None` if the body moves.
     pub(super) body_px: Option<f64>,
     pub(super) body_deg: Option<f64>,
-    /// Mean motion a frame of a body that moves, px and deg.
+    /// Mean motion per frame of a moving body, px and deg.
     pub(super) moves: Option<(f64, f64)>,
-    /// Share of the frames in which a body was found.
+    /// Fraction of the frames in which a body was found.
     pub(super) found: f64,
-    /// Share of the subsets that were measured.
+    /// Fraction of the subsets that are valid.
     pub(super) valid: f64,
-    /// Frames a second that one worker measures.
+    /// Frames per second measured by one worker.
     pub(super) rate_hz: f64,
 }
 
 impl Floor {
-    /// The fields of the first pair, one a body.
+    /// Returns the fields of the first frame pair, one per body.
     pub(super) fn first_fields(&self) -> Vec<&PairField> {
         let first = self.measured.iter().filter_map(|measured| measured.field.as_ref()).map(|field| field.frame).min();
         let fields = self.measured.iter().filter_map(|measured| measured.field.as_ref());
@@ -44,7 +44,11 @@ impl Floor {
     }
 }
 
-/// Measures the kept frames as the rig would.
+/// Measures the kept frames with the rig's own configuration.
+///
+/// # Errors
+///
+/// When the frames cannot be measured.
 pub(super) fn floor(config: &Config, grabbed: &Grabbed) -> anyhow::Result<Floor> {
     let format = grabbed.format;
     let (params, _) = analysis_params(config, &format);
@@ -92,13 +96,12 @@ fn means(steps: &[[f64; 3]]) -> [f64; 3] {
 }
 
 fn spreads(steps: &[[f64; 3]]) -> Option<[f64; 3]> {
-    let (means, least) = (means(steps), 2.0);
+    let means = means(steps);
     let squares = |axis: usize| steps.iter().map(|step| (step[axis] - means[axis]).powi(2)).sum::<f64>();
-    (steps.len() as f64 >= least)
-        .then(|| std::array::from_fn(|axis| (squares(axis) / (steps.len() as f64 - 1.0)).sqrt()))
+    (steps.len() >= 2).then(|| std::array::from_fn(|axis| (squares(axis) / (steps.len() as f64 - 1.0)).sqrt()))
 }
 
-/// Mean motion a frame, px and deg, when it is one.
+/// Returns the mean motion per frame, px and deg, if it is significant.
 fn motion(steps: &[[f64; 3]]) -> Option<(f64, f64)> {
     let (means, spreads) = (means(steps), spreads(steps)?);
     let clear = |axis: usize, still: f64| {
@@ -108,14 +111,14 @@ fn motion(steps: &[[f64; 3]]) -> Option<(f64, f64)> {
         .then(|| (means[0].hypot(means[1]), means[2].abs()))
 }
 
-/// Scatter of the subsets' displacements over all frames, root mean square over both axes.
+/// Returns the scatter of the subset displacements over all frames, root mean square over both axes.
 fn subsets(measured: &[Measured]) -> Option<f64> {
     let fields = measured.iter().filter_map(|measured| measured.field.as_ref());
     let valid = fields.flat_map(|field| &field.points).filter(|point| point.status == PointStatus::Valid);
     let moved: Vec<[f64; 2]> = valid
         .filter_map(|point| point.displacement.map(|moved| [f64::from(moved.u_px), f64::from(moved.v_px)]))
         .collect();
-    if moved.len() < FEWEST_POINTS {
+    if moved.len() < MIN_POINTS {
         return None;
     }
     let count = moved.len() as f64;

@@ -1,58 +1,60 @@
-//! What of a still picture is the sensor's own.
+//! The fixed-pattern noise of the sensor, estimated from static frames.
 
 use super::region::{Region, Stack, quantile};
 
-/// Fourth differences, taken along x and y: they leave nothing of light that bends no more than cubic, and little of what
-/// a lens can show.
+/// Coefficients of the fourth difference along x and y. It cancels illumination up to cubic order and leaves little
+/// of what a lens can image.
 const FOURTH: [f64; 5] = [1.0, -4.0, 6.0, -4.0, 1.0];
-/// By how much they are larger than what pixels differ by: the sum of their squares along either, once for both.
+/// Sum of the squared coefficients along one axis: the gain of the 2-D filter on pixel noise.
 const GAIN: f64 = 70.0;
-/// Pixels around one that are looked at.
+/// Half width of the filter, px.
 const REACH: usize = 2;
-/// Share of the places that are looked at, the flattest: rendered speckles through lenses that blur by 0.5 to 1 px leave
-/// 0.3 DN at most there.
+/// Fraction of the positions that are used, the flattest. Rendered speckles with a lens blur of 0.5 to 1 px leave at
+/// most 0.3 DN there.
 const FLAT_SHARE: f64 = 0.03;
-/// Fewest places.
-const LEAST_PLACES: usize = 1000;
-/// Standard deviations in a median of sizes.
+/// Minimum number of positions.
+const MIN_PLACES: usize = 1000;
+/// Standard deviation over the median absolute value of normal noise.
 const FROM_MEDIAN: f64 = 1.4826;
 
-/// What the sensor adds to every picture alike.
+/// The fixed pattern that the sensor adds to every frame.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Fixed {
-    /// Standard deviation of the pixels' own differences from one another, DN.
+    /// Standard deviation of the pixel-to-pixel differences, DN.
     pub(super) dn: f64,
-    /// Root mean square of the slope of the grey level along x and y, DN/px.
+    /// Root mean square of the image gradient along x and y, DN/px.
     pub(super) slope_dn_px: f64,
 }
 
 impl Fixed {
-    /// By which share at most steps over subsets come out too short while they are shorter than a pixel: where light is
-    /// flattest it is often brightest, and gains differ by more there.
+    /// Returns the maximum relative underestimate of subpixel displacements of subsets.
     ///
-    /// The pattern does not move. In the least squares of a match it speaks for no step by its own slope squared, about its
-    /// spread, as the speckles do for theirs by their slope.
+    /// The flattest parts are often the brightest, where gains differ by more, so this is an upper bound.
+    ///
+    /// The pattern does not move. In the least squares of a match it votes for zero displacement with the square of
+    /// its own gradient, about its standard deviation, against that of the speckles.
     pub(super) fn short(&self) -> f64 {
         (self.dn / self.slope_dn_px).powi(2)
     }
 }
 
-/// Standard deviation of the pixels' own differences from one another, which stay, DN; `None` of a scene that moves or
-/// of which too little is seen.
+/// Estimates the standard deviation of the constant pixel-to-pixel differences, DN. Returns `None` if the scene moves
+/// or too little of it is visible.
 ///
-/// Neighbouring pixels differ by it where what the lens shows does not: it is read where the light is flattest.
+/// It is estimated where the image is flattest, so that neighbouring pixels differ by the sensor and not by the
+/// scene.
 pub(super) fn fixed_dn(stack: &Stack, region: &Region, noise_dn: Option<f64>, full_dn: f64) -> Option<f64> {
     let data = stack.mean.view().data();
     let seen = |at: usize| region.mask[at] && f64::from(stack.highest[at]) < full_dn && stack.lowest[at] > 0.0;
     let whole = |at: usize| around(at, region.width).all(seen);
     let rows = REACH..region.height.saturating_sub(REACH);
     let places = rows.flat_map(|y| (REACH..region.width.saturating_sub(REACH)).map(move |x| y * region.width + x));
-    let told: Vec<[f32; 2]> = places.filter(|at| whole(*at)).map(|at| tell(data, at, region.width)).collect();
-    if told.len() < LEAST_PLACES {
+    let residuals: Vec<[f32; 2]> = places.filter(|at| whole(*at)).map(|at| residual(data, at, region.width)).collect();
+    if residuals.len() < MIN_PLACES {
         return None;
     }
-    let flat = quantile(&mut told.iter().map(|[bend, _]| *bend).collect::<Vec<_>>(), FLAT_SHARE) as f32;
-    let mut sizes: Vec<f32> = told.iter().filter(|[bend, _]| *bend <= flat).map(|[_, size]| *size).collect();
+    let flat = quantile(&mut residuals.iter().map(|[bend, _]| *bend).collect::<Vec<_>>(), FLAT_SHARE) as f32;
+    let mut sizes: Vec<f32> = residuals.iter().filter(|[bend, _]| *bend <= flat).map(|[_, size]| *size).collect();
     let spread_dn = FROM_MEDIAN * quantile(&mut sizes, 0.5) / GAIN;
     Some((spread_dn.powi(2) - noise_dn?.powi(2) / stack.frames as f64).max(0.0).sqrt())
 }
@@ -62,14 +64,14 @@ fn around(at: usize, width: usize) -> impl Iterator<Item = usize> {
     (0..=2 * REACH).flat_map(move |y| (0..=2 * REACH).map(move |x| first + y * width + x))
 }
 
-/// How uneven and bent the light is about a pixel, and the size of the fourth differences there.
-fn tell(data: &[f32], at: usize, width: usize) -> [f32; 2] {
+/// Returns the local unevenness and curvature of the illumination, and the magnitude of the fourth difference.
+fn residual(data: &[f32], at: usize, width: usize) -> [f32; 2] {
     let (mut terms, mut fourth) = ([0.0_f64; 5], 0.0);
     for (k, near) in around(at, width).enumerate() {
         let (column, row) = (k % FOURTH.len(), k / FOURTH.len());
         let (x, y) = (column as f64 - REACH as f64, row as f64 - REACH as f64);
         let level = f64::from(data[near]);
-        // Legendre's polynomials over five points, each over the root of the sum of its squares.
+        // Legendre polynomials over five points, each normalised by the root of its sum of squares.
         let bent = |x: f64| (x * x - 2.0) / 70.0_f64.sqrt();
         let shapes = [x / 50.0_f64.sqrt(), y / 50.0_f64.sqrt(), bent(x), bent(y), x * y / 10.0];
         terms.iter_mut().zip(shapes).for_each(|(term, shape)| *term += shape * level);

@@ -1,4 +1,4 @@
-//! Frames of a rig's camera, without its other processes.
+//! Frames from the camera of a rig, without its other processes.
 
 use crate::bus::{Bus, Limits};
 use crate::camera::{CameraError, CameraIdentity, Next, Pace, StreamFormat};
@@ -7,39 +7,43 @@ use crate::image::FrameMeta;
 use crate::process::{Source, Stop};
 use std::time::{Duration, Instant};
 
-/// Frames kept and looked at: two blocks of the default length and the one their last pair leads to.
+/// Number of frames kept: two blocks of the default length and the target of the last pair.
 pub(super) const KEPT: usize = 33;
-/// Most frames taken from a source that waits for its taker.
-const ON_DEMAND_MOST: usize = 1000;
-/// How long a camera may be silent.
+/// Maximum number of frames taken from a source on demand.
+const ON_DEMAND_MAX: usize = 1000;
+/// Timeout of a silent camera.
 const SILENCE: Duration = Duration::from_secs(5);
 const WAIT: Duration = Duration::from_millis(50);
-/// Of how many rows one is looked at for the brightness of a frame.
+/// Row step for the mean grey level of a frame.
 const ROW_STEP: usize = 4;
 
-/// What the camera delivered.
+/// The frames that the camera delivered.
 pub(super) struct Grabbed {
     pub(super) format: StreamFormat,
     pub(super) camera: CameraIdentity,
     /// The first frames.
     pub(super) frames: Vec<(FrameMeta, Vec<u8>)>,
-    /// Stamp and mean grey level of every frame, s from the first and DN.
+    /// Time since the first frame, s, and mean grey level, DN, of every frame.
     pub(super) means: Vec<(f64, f64)>,
-    /// Frames missing among those that came, torn ones included.
+    /// Number of lost frames, including incomplete ones.
     pub(super) lost: u64,
     /// Whether the camera sets the pace.
     pub(super) is_live: bool,
 }
 
 impl Grabbed {
-    /// Frames a second, by the stamps.
+    /// Returns the frame rate from the time stamps.
     pub(super) fn rate_hz(&self) -> Option<f64> {
         let (last, count) = (self.means.last()?.0, self.means.len() as u64 - 1 + self.lost);
         (last > 0.0).then(|| count as f64 / last)
     }
 }
 
-/// Films for so many seconds.
+/// Films for `seconds`.
+///
+/// # Errors
+///
+/// When the camera cannot be opened or delivers fewer than 3 frames.
 pub(super) fn grab(config: &Config, seconds: f64, stop: &Stop) -> anyhow::Result<Grabbed> {
     let mut source = Source::open(config)?;
     let format = source.format();
@@ -51,7 +55,7 @@ pub(super) fn grab(config: &Config, seconds: f64, stop: &Stop) -> anyhow::Result
         Grabbed { format, camera: source.identity().clone(), frames: Vec::new(), means: Vec::new(), lost: 0, is_live };
     let (mut queued, mut next, mut torn, mut first_ns) = (0, None, 0, None);
     let mut began = now();
-    let mut heard = began;
+    let mut last_frame = began;
     let mut started = false;
     while !stop.requested() {
         while queued < source.camera().slots().min(Limits::CAMERA_SLOTS) {
@@ -61,7 +65,7 @@ pub(super) fn grab(config: &Config, seconds: f64, stop: &Stop) -> anyhow::Result
         }
         if !std::mem::replace(&mut started, true) {
             source.camera().start()?;
-            (began, heard) = (now(), now());
+            (began, last_frame) = (now(), now());
         }
         match source.camera().next(WAIT)? {
             Next::Frame(mut slot, meta) => {
@@ -72,10 +76,10 @@ pub(super) fn grab(config: &Config, seconds: f64, stop: &Stop) -> anyhow::Result
                 torn = 0;
                 ring.take_back(slot);
                 queued -= 1;
-                heard = now();
+                last_frame = now();
             }
             Next::Incomplete(slot, _) => {
-                // The gap in the count tells of it, unless no whole frame follows.
+                // The gap in the sequence numbers counts it, unless no complete frame follows.
                 torn += 1;
                 ring.take_back(slot);
                 queued -= 1;
@@ -84,11 +88,11 @@ pub(super) fn grab(config: &Config, seconds: f64, stop: &Stop) -> anyhow::Result
             Next::End => break,
         }
         let enough =
-            if is_live { began.elapsed().as_secs_f64() >= seconds } else { grabbed.means.len() >= ON_DEMAND_MOST };
+            if is_live { began.elapsed().as_secs_f64() >= seconds } else { grabbed.means.len() >= ON_DEMAND_MAX };
         if enough && grabbed.means.len() >= KEPT {
             break;
         }
-        if heard.elapsed() > SILENCE {
+        if last_frame.elapsed() > SILENCE {
             break;
         }
     }
@@ -101,7 +105,11 @@ pub(super) fn grab(config: &Config, seconds: f64, stop: &Stop) -> anyhow::Result
             Some(trigger) => format!("; it waits for a trigger on {trigger}"),
             None => String::new(),
         };
-        return Err(CameraError::NotFound { id, reason: format!("{came} frames came, and 3 are needed{waits}") }.into());
+        return Err(CameraError::NotFound {
+            id,
+            reason: format!("received {came} frames, at least 3 are needed{waits}"),
+        }
+        .into());
     }
     Ok(grabbed)
 }
@@ -111,7 +119,7 @@ impl Grabbed {
         let since_s = meta.stamp_ns.saturating_sub(first_ns) as f64 * 1e-9;
         self.means.push((since_s, mean_dn(meta, bytes)));
         if self.frames.len() < KEPT {
-            // Numbered from 0, so that blocks begin where they are looked for.
+            // Renumbered from 0, so that blocks begin where the measurer expects them.
             let renumbered = FrameMeta { sequence: self.frames.len() as u64, ..*meta };
             let size = meta.stride_bytes as usize * meta.height_px as usize;
             self.frames.push((renumbered, bytes[..size.min(bytes.len())].to_vec()));

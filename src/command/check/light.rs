@@ -1,27 +1,28 @@
-//! Whether the light is steady.
+//! Detection of flicker in the illumination.
 
-/// Most frames a swing is looked for in, and most frequencies.
-const FRAMES_MOST: usize = 2048;
-const FREQUENCIES_MOST: usize = 1024;
-/// Swings of brightness that are told with a frequency, as a share.
-const CLEAR: f64 = 0.003;
-/// Share of the whole swing that the one at that frequency must make up.
-const MOST_OF_IT: f64 = 0.7;
-/// Periods that must have been seen for that.
-const PERIODS: f64 = 1.5;
+/// Maximum number of frames and of frequencies in the search.
+const MAX_FRAMES: usize = 2048;
+const MAX_FREQUENCIES: usize = 1024;
+/// Minimum relative amplitude for which a frequency is reported.
+const MIN_AMPLITUDE: f64 = 0.003;
+/// Minimum fraction of the amplitude at that frequency.
+const MIN_EXPLAINED: f64 = 0.7;
+/// Minimum number of observed periods.
+const MIN_PERIODS: f64 = 1.5;
 
-/// How the brightness swings.
+/// The flicker of the illumination.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Flicker {
-    /// Half of the difference between the brightest and the darkest frame, as a share of the mean.
+    /// Half of the difference between the brightest and the darkest frame, relative to the mean.
     pub(super) share: f64,
-    /// How often, Hz, when that can be told.
+    /// The frequency, Hz, if it can be determined.
     pub(super) frequency_hz: Option<f64>,
-    /// How long it was looked for, s.
+    /// The observation time, s.
     pub(super) seen_s: f64,
 }
 
-/// Reads the swing from stamps (s) and mean grey levels; `None` of fewer than three frames or of black ones.
+/// Estimates the flicker from times (s) and mean grey levels; returns `None` for fewer than three frames or black
+/// ones.
 pub(super) fn flicker(means: &[(f64, f64)]) -> Option<Flicker> {
     let mean = means.iter().map(|(_, level)| level).sum::<f64>() / means.len() as f64;
     if means.len() < 3 || mean <= 0.0 {
@@ -30,17 +31,17 @@ pub(super) fn flicker(means: &[(f64, f64)]) -> Option<Flicker> {
     let (low, high) = means.iter().fold((f64::INFINITY, 0.0_f64), |(low, high), (_, v)| (low.min(*v), high.max(*v)));
     let share = 0.5 * (high - low) / mean;
     let seen_s = means[means.len() - 1].0 - means[0].0;
-    let frequency_hz = (share > CLEAR && seen_s > 0.0).then(|| strongest(means, mean, share)).flatten();
+    let frequency_hz = (share > MIN_AMPLITUDE && seen_s > 0.0).then(|| strongest(means, mean, share)).flatten();
     Some(Flicker { share, frequency_hz, seen_s })
 }
 
-/// The frequency of the strongest swing, from one and a half periods up to half the frame rate.
+/// Returns the frequency of the strongest oscillation, from one and a half periods up to half the frame rate.
 fn strongest(means: &[(f64, f64)], mean: f64, share: f64) -> Option<f64> {
-    let means = &means[..means.len().min(FRAMES_MOST)];
+    let means = &means[..means.len().min(MAX_FRAMES)];
     let seen_s = means[means.len() - 1].0 - means[0].0;
     let highest = 0.5 * (means.len() - 1) as f64 / seen_s;
-    let lowest = PERIODS / seen_s;
-    let count = ((4.0 * (highest - lowest) * seen_s).ceil().max(1.0) as usize).min(FREQUENCIES_MOST);
+    let lowest = MIN_PERIODS / seen_s;
+    let count = ((4.0 * (highest - lowest) * seen_s).ceil().max(1.0) as usize).min(MAX_FREQUENCIES);
     let power = |hz: f64| {
         let (mut cos, mut sin) = (0.0, 0.0);
         for (at, level) in means {
@@ -52,8 +53,8 @@ fn strongest(means: &[(f64, f64)], mean: f64, share: f64) -> Option<f64> {
     };
     let at = |k: usize| lowest + (highest - lowest) * k as f64 / count as f64;
     let best = (0..=count).max_by(|a, b| power(at(*a)).total_cmp(&power(at(*b))))?;
-    // The strongest at the lower end, or one that is little of the whole, is a swing too slow to be told.
-    let explains = 2.0 * power(at(best)) / means.len() as f64 >= MOST_OF_IT * share;
+    // A maximum at the lowest frequency, or a small part of the amplitude, means a drift that is too slow to resolve.
+    let explains = 2.0 * power(at(best)) / means.len() as f64 >= MIN_EXPLAINED * share;
     (highest > lowest && best > 0 && explains).then(|| at(best))
 }
 
@@ -67,7 +68,7 @@ mod tests {
     }
 
     #[test]
-    fn a_lamp_on_the_mains_is_told_with_swing_and_frequency() {
+    fn a_lamp_on_the_mains_has_its_amplitude_and_frequency() {
         let flicker = flicker(&lamp(1000.0, 300, 0.08, 100.0)).unwrap();
         assert!((flicker.share - 0.08).abs() < 0.005, "{flicker:?}");
         assert!((flicker.frequency_hz.unwrap() - 100.0).abs() < 2.0, "{flicker:?}");

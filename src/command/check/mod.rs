@@ -1,4 +1,4 @@
-//! `ricochet check`: whether a rig is ready, before the drop.
+//! `ricochet check`: checks whether a rig is ready.
 
 mod defects;
 mod displacement;
@@ -24,76 +24,79 @@ use region::{Region, Stack};
 use serde_json::json;
 use std::path::PathBuf;
 
-/// Findings that are counts, not shares.
+/// Findings that are counts, not fractions.
 const COUNTS: [&str; 2] = ["lost-frames", "defective-pixels"];
-/// Longest film, s.
-const SECONDS_MOST: f64 = 600.0;
+/// Maximum film duration, s.
+const MAX_SECONDS: f64 = 600.0;
 
-/// What to check, and how.
+/// The options of `ricochet check`.
 #[derive(Debug, Clone, PartialEq)]
 pub struct CheckOptions {
     /// The rig file.
     pub config: PathBuf,
-    /// How long the camera is watched, s.
+    /// Film duration, s.
     pub seconds: f64,
-    /// The page to write, when one is wanted.
+    /// The HTML page to write.
     pub output: Option<PathBuf>,
     /// Print JSON.
     pub json: bool,
 }
 
-/// The rig cannot measure as it stands.
+/// The rig is not ready.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("rig {rig:?} is not ready: {what}")]
 pub struct NotReady {
     /// Name of the rig.
     pub rig: String,
-    /// What is bad.
+    /// The names of the bad findings.
     pub what: String,
 }
 
-/// Films with the rig's camera, tells what stands in the way of a good measurement, and writes a page about it.
+/// Films with the rig's camera, prints the findings, and writes them as a page.
 ///
 /// # Errors
 ///
-/// [`NotReady`] when something is bad; when the rig file, the camera or the page's file cannot be used.
+/// [`NotReady`] when a finding is bad, and any error of the rig file, the camera or the page.
 pub fn run(options: &CheckOptions, stop: &Stop) -> anyhow::Result<Outcome> {
-    if !(options.seconds > 0.0 && options.seconds <= SECONDS_MOST) {
-        return Err(UsageError(format!("--seconds {}: not above 0 and at most {SECONDS_MOST}", options.seconds)).into());
+    if !(options.seconds > 0.0 && options.seconds <= MAX_SECONDS) {
+        return Err(
+            UsageError(format!("--seconds {}: must be above 0 and at most {MAX_SECONDS}", options.seconds)).into()
+        );
     }
     if let Some(output) = options.output.as_ref().filter(|output| output.exists()) {
-        return Err(UsageError(format!("{}: the file exists already", output.display())).into());
+        return Err(UsageError(format!("{}: cannot write: the file already exists", output.display())).into());
     }
     let config = Config::load(&options.config)?;
     let grabbed = grab::grab(&config, options.seconds, stop)?;
     let floor = displacement::floor(&config, &grabbed)?;
-    let looked = look(&config, &grabbed, &floor)?;
-    tell(&config, &grabbed, &looked, options.json);
+    let inspection = inspect(&config, &grabbed, &floor)?;
+    print(&config, &grabbed, &inspection, options.json);
     if let Some(output) = &options.output {
-        let page = page(&config, &grabbed, &looked);
-        std::fs::write(output, page).map_err(|error| UsageError(format!("{}: {error}", output.display())))?;
+        let page = page(&config, &grabbed, &inspection);
+        std::fs::write(output, page)
+            .map_err(|error| UsageError(format!("{}: cannot write: {error}", output.display())))?;
         if !options.json {
             say(&output.display().to_string());
         }
     }
     let bad = |finding: &&Finding| finding.verdict == Verdict::Bad && finding.name != "lost-frames";
-    let what = looked.findings.iter().filter(bad).map(|finding| finding.name).collect::<Vec<_>>().join(", ");
+    let what = inspection.findings.iter().filter(bad).map(|finding| finding.name).collect::<Vec<_>>().join(", ");
     if !what.is_empty() {
         return Err(NotReady { rig: config.rig.name.clone(), what }.into());
     }
     Ok(Outcome::of_losses(grabbed.lost))
 }
 
-/// What was seen.
-struct Looked {
+/// The findings and the data for the pictures of the page.
+struct Inspection {
     findings: Vec<Finding>,
     stack: Stack,
     region: Region,
-    /// Column and row of pixels that do not see.
+    /// Column and row of the defective pixels.
     defective_px: Vec<[u32; 2]>,
 }
 
-fn look(config: &Config, grabbed: &Grabbed, floor: &Floor) -> anyhow::Result<Looked> {
+fn inspect(config: &Config, grabbed: &Grabbed, floor: &Floor) -> anyhow::Result<Inspection> {
     let format = grabbed.format;
     let subset_px = config.correlation.subset_size_px;
     let (width, height) = (format.width_px as usize, format.height_px as usize);
@@ -115,7 +118,7 @@ fn look(config: &Config, grabbed: &Grabbed, floor: &Floor) -> anyhow::Result<Loo
         flicker: light::flicker(&grabbed.means),
         defective_px: &defective_px,
         fixed: fixed::fixed_dn(&stack, &region, levels.noise_dn, full_dn).map(|dn| Fixed { dn, slope_dn_px: slope }),
-        // Two noisy pictures, one sum of squared slopes (Pan et al. 2008, doi:10.1364/OE.16.007037).
+        // Two noisy images and one sum of squared gradients (Pan et al. 2008, doi:10.1364/OE.16.007037).
         expected_px: (slope > 0.0)
             .then_some(levels.noise_dn)
             .flatten()
@@ -123,10 +126,10 @@ fn look(config: &Config, grabbed: &Grabbed, floor: &Floor) -> anyhow::Result<Loo
         full_dn,
     };
     let findings = seen.findings();
-    Ok(Looked { findings, stack, region, defective_px })
+    Ok(Inspection { findings, stack, region, defective_px })
 }
 
-/// A number as people read it.
+/// Formats the value of a finding for people.
 fn shown(finding: &Finding) -> String {
     match finding.value {
         None => "-".into(),
@@ -138,8 +141,8 @@ fn shown(finding: &Finding) -> String {
     }
 }
 
-fn tell(config: &Config, grabbed: &Grabbed, looked: &Looked, json: bool) {
-    let findings = &looked.findings;
+fn print(config: &Config, grabbed: &Grabbed, inspection: &Inspection, json: bool) {
+    let findings = &inspection.findings;
     if json {
         let rows = findings.iter().map(|finding| {
             json!({
@@ -148,12 +151,12 @@ fn tell(config: &Config, grabbed: &Grabbed, looked: &Looked, json: bool) {
             })
         });
         let worst = findings.iter().map(|finding| finding.verdict).max().unwrap_or(Verdict::Unknown);
-        let told = json!({
+        let report = json!({
             "rig": config.rig.name, "camera": grabbed.camera.model, "serial": grabbed.camera.serial,
             "frames": grabbed.means.len(), "ready": worst != Verdict::Bad, "findings": rows.collect::<Vec<_>>(),
-            "defective_px": looked.defective_px,
+            "defective_px": inspection.defective_px,
         });
-        return say(&told.to_string());
+        return say(&report.to_string());
     }
     let cells = |finding: &Finding| vec![finding.name.to_owned(), shown(finding), finding.verdict.word().to_owned()];
     let rows: Vec<Vec<String>> = findings.iter().map(cells).collect();
@@ -162,8 +165,8 @@ fn tell(config: &Config, grabbed: &Grabbed, looked: &Looked, json: bool) {
     }
 }
 
-fn page(config: &Config, grabbed: &Grabbed, looked: &Looked) -> String {
-    let Looked { findings, stack, region, .. } = looked;
+fn page(config: &Config, grabbed: &Grabbed, inspection: &Inspection) -> String {
+    let Inspection { findings, stack, region, .. } = inspection;
     let format = grabbed.format;
     let row = |finding: &Finding| report::CheckRow {
         name: finding.name.replace('-', " "),
@@ -182,12 +185,12 @@ fn page(config: &Config, grabbed: &Grabbed, looked: &Looked) -> String {
             caption: caption.into(),
         };
         pictures.push(picture(whole, "The first frame"));
-        pictures.push(picture([x0, y0, x1 - x0, y1 - y0], "What is measured"));
+        pictures.push(picture([x0, y0, x1 - x0, y1 - y0], "Measured region"));
         if !stack.noise.is_empty() {
-            let most = stack.noise.iter().fold(f32::MIN_POSITIVE, |most, noise| most.max(*noise));
-            let grey = stack.noise.iter().map(|noise| (255.0 * noise / most) as u8).collect();
+            let max = stack.noise.iter().fold(f32::MIN_POSITIVE, |max, noise| max.max(*noise));
+            let grey = stack.noise.iter().map(|noise| (255.0 * noise / max) as u8).collect();
             let meta = FrameMeta { stride_bytes: meta.width_px, format: crate::image::PixelFormat::Mono8, ..*meta };
-            let caption = format!("Noise from frame to frame; white is {most:.1} DN");
+            let caption = format!("Temporal noise; white is {max:.1} DN");
             pictures.push(report::CheckPicture { meta, bytes: grey, crop: whole, caption });
         }
     }

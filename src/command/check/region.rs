@@ -1,10 +1,10 @@
-//! Which pixels are looked at, and what the pictures say there.
+//! The pixels to evaluate, and the statistics of the frames.
 
 use super::grab::Grabbed;
 use crate::image::{Correction, Frame, Image};
 use crate::results::PairField;
 
-/// Pixels of the bodies, or of the whole picture where no body was found.
+/// The pixels of the bodies, or of the whole image if no body was found.
 pub(super) struct Region {
     pub(super) width: usize,
     pub(super) height: usize,
@@ -12,7 +12,7 @@ pub(super) struct Region {
 }
 
 impl Region {
-    /// The pixels that these subsets cover; all of them when there are none.
+    /// Returns the pixels covered by the subsets, or all pixels if there are no subsets.
     pub(super) fn of(fields: &[&PairField], subset_px: u32, width: usize, height: usize) -> Self {
         let mut mask = vec![false; width * height];
         let half = f64::from(subset_px) / 2.0;
@@ -31,7 +31,7 @@ impl Region {
         Self { width, height, mask }
     }
 
-    /// Places of the pixels whose neighbours on all four sides belong too.
+    /// Iterates over the indices of pixels whose four neighbours are in the region too.
     pub(super) fn inner(&self) -> impl Iterator<Item = usize> {
         let width = self.width;
         let rows = 1..self.height.saturating_sub(1);
@@ -39,12 +39,12 @@ impl Region {
         places.filter(move |at| [*at, at - 1, at + 1, at - width, at + width].iter().all(|at| self.mask[*at]))
     }
 
-    /// The values of these pixels.
+    /// Iterates over the values of these pixels.
     pub(super) fn values<'a>(&'a self, data: &'a [f32]) -> impl Iterator<Item = f32> + 'a {
         data.iter().zip(&self.mask).filter(|(_, inside)| **inside).map(|(value, _)| *value)
     }
 
-    /// First and one past the last column and row.
+    /// Returns the first column and row, and one past the last.
     pub(super) fn bounds(&self) -> [usize; 4] {
         let places = || self.mask.iter().enumerate().filter(|(_, inside)| **inside).map(|(at, _)| at);
         let columns = || places().map(|at| at % self.width);
@@ -58,23 +58,26 @@ impl Region {
     }
 }
 
-/// The frames kept, put together.
+/// Pixel statistics over the kept frames.
 pub(super) struct Stack {
-    /// Mean over the frames (of a scene that moves, its first frame), DN.
+    /// Mean over the frames, DN; of a moving scene the first frame.
     pub(super) mean: Image,
-    /// Standard deviation from frame to frame, DN; empty of a scene that moves.
+    /// Standard deviation over the frames, DN; empty for a moving scene.
     pub(super) noise: Vec<f32>,
-    /// Largest grey level of each pixel, DN.
+    /// Maximum grey level of each pixel, DN.
     pub(super) highest: Vec<f32>,
-    /// Smallest grey level of each pixel, DN.
+    /// Minimum grey level of each pixel, DN.
     pub(super) lowest: Vec<f32>,
-    /// Frames that went into the mean.
+    /// Number of frames in the mean.
     pub(super) frames: usize,
 }
 
 impl Stack {
-    /// Puts the kept frames together, corrected. Frames are brought to one brightness
-    /// before they are compared.
+    /// Computes the statistics of the corrected frames, normalised to the same brightness.
+    ///
+    /// # Errors
+    ///
+    /// When a frame cannot be unpacked.
     pub(super) fn of(grabbed: &Grabbed, moves: bool, correction: &Correction) -> anyhow::Result<Self> {
         let mut images = Vec::new();
         for (meta, bytes) in grabbed.frames.iter().take(if moves { 1 } else { usize::MAX }) {
@@ -111,7 +114,7 @@ fn mean(data: &[f32]) -> f64 {
     data.iter().map(|value| f64::from(*value)).sum::<f64>() / data.len().max(1) as f64
 }
 
-/// The value that this share of the values stays under; 0 of none.
+/// Returns the quantile of the values; 0 for none.
 pub(super) fn quantile(values: &mut [f32], share: f64) -> f64 {
     if values.is_empty() {
         return 0.0;

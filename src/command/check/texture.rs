@@ -1,31 +1,31 @@
-//! What a still picture says: grey levels, edges, speckles.
+//! Grey levels, sharpness and speckles of a static image.
 
 use super::region::{Region, Stack, quantile};
 
-/// Overlap of a disc with itself falls to one half when it is shifted by this share of its diameter.
+/// Shift, relative to its diameter, at which a disc overlaps itself by one half.
 const HALF_OVERLAP: f64 = 0.404;
-/// Steepest share of pixels, which edges are judged by.
+/// Quantile of the gradient that selects edges.
 const STEEP_SHARE: f64 = 0.98;
-/// Half side of the square in which an edge's two sides are looked for, px.
+/// Half width of the window for the height of an edge, px.
 const SIDE_PX: usize = 3;
-/// Blurs that are told apart, standard deviation, px.
+/// Range of the blur estimate, standard deviation, px.
 const BLUR_PX: [f64; 2] = [0.3, 5.0];
 
 /// Grey levels within a region.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Levels {
-    /// Levels that 1 % and 99 % of the pixels stay under, DN.
+    /// The 1 % and 99 % quantiles, DN.
     pub(super) low_dn: f64,
     pub(super) high_dn: f64,
-    /// Share of pixels at the largest level in some frame.
+    /// Fraction of pixels at the maximum level in some frame.
     pub(super) saturated: f64,
-    /// Share of pixels at 0 in some frame.
+    /// Fraction of pixels at 0 in some frame.
     pub(super) black: f64,
-    /// Root mean square of the noise from frame to frame, DN; `None` of a scene that moves.
+    /// Root mean square of the temporal noise, DN; `None` for a moving scene.
     pub(super) noise_dn: Option<f64>,
 }
 
-/// Reads the grey levels.
+/// Computes the grey levels.
 pub(super) fn levels(stack: &Stack, region: &Region, full_dn: f64) -> Levels {
     let mut means: Vec<f32> = region.values(stack.mean.view().data()).collect();
     let count = means.len().max(1) as f64;
@@ -34,7 +34,7 @@ pub(super) fn levels(stack: &Stack, region: &Region, full_dn: f64) -> Levels {
     let squares: Vec<f64> = if stack.noise.is_empty() {
         Vec::new()
     } else {
-        // Pixels at an end of the scale have lost their noise.
+        // Clipped pixels have lost their noise.
         let clipped = |at: usize| f64::from(stack.highest[at]) >= full_dn || stack.lowest[at] <= 0.0;
         let inside = (0..region.mask.len()).filter(|at| region.mask[*at] && !clipped(*at));
         inside.map(|at| f64::from(stack.noise[at]).powi(2)).collect()
@@ -48,7 +48,7 @@ pub(super) fn levels(stack: &Stack, region: &Region, full_dn: f64) -> Levels {
     }
 }
 
-/// Root mean square of the slope of the grey level along x and y, DN/px.
+/// Returns the root mean square of the image gradient along x and y, DN/px.
 pub(super) fn slope_dn_px(stack: &Stack, region: &Region, noise_dn: f64) -> f64 {
     let data = stack.mean.view().data();
     let (mut sum, mut count) = (0.0, 0.0);
@@ -57,7 +57,7 @@ pub(super) fn slope_dn_px(stack: &Stack, region: &Region, noise_dn: f64) -> f64 
         sum += (x * x + y * y) / 2.0;
         count += 1.0;
     }
-    // What noise is left in the mean has slopes of its own.
+    // The remaining noise of the mean image adds to the gradient.
     let of_noise = noise_dn * noise_dn / stack.frames as f64 / 2.0;
     (sum / f64::max(count, 1.0) - of_noise).max(0.0).sqrt()
 }
@@ -67,9 +67,9 @@ fn slopes(data: &[f32], at: usize, width: usize) -> (f64, f64) {
     (half(data[at + 1], data[at - 1]), half(data[at + width], data[at - width]))
 }
 
-/// Blur of the sharpest edges as the standard deviation of a Gaussian, px; `None` without edges.
+/// Returns the blur of the sharpest edges as the standard deviation of a Gaussian, px; `None` without edges.
 ///
-/// The slope in the middle of a blurred step, held against its height.
+/// Uses the slope at the centre of a blurred step, relative to its height.
 pub(super) fn blur_px(stack: &Stack, region: &Region) -> Option<f64> {
     let data = stack.mean.view().data();
     let steep: Vec<(usize, f64)> = region
@@ -80,16 +80,16 @@ pub(super) fn blur_px(stack: &Stack, region: &Region) -> Option<f64> {
         })
         .collect();
     let mut all: Vec<f32> = steep.iter().map(|(_, slope)| *slope as f32).collect();
-    let least = quantile(&mut all, STEEP_SHARE);
+    let min_slope = quantile(&mut all, STEEP_SHARE);
     let mut blurs: Vec<f32> = steep
         .iter()
-        .filter(|(_, slope)| *slope >= least && *slope > 0.0)
+        .filter(|(_, slope)| *slope >= min_slope && *slope > 0.0)
         .map(|(at, slope)| blur_of(slope / height(data, *at, region)) as f32)
         .collect();
     (!blurs.is_empty()).then(|| quantile(&mut blurs, 0.5))
 }
 
-/// Difference of the levels on both sides of an edge.
+/// Returns the difference of the grey levels on both sides of an edge.
 fn height(data: &[f32], at: usize, region: &Region) -> f64 {
     let (x, y) = (at % region.width, at / region.width);
     let columns = x.saturating_sub(SIDE_PX)..(x + SIDE_PX + 1).min(region.width);
@@ -99,7 +99,7 @@ fn height(data: &[f32], at: usize, region: &Region) -> f64 {
     f64::from(high - low).max(f64::MIN_POSITIVE)
 }
 
-/// The blur whose step has this slope, by central differences, as a share of its height.
+/// Returns the blur of a step with this relative slope in central differences.
 fn blur_of(share: f64) -> f64 {
     let [mut low, mut high] = BLUR_PX;
     for _ in 0..40 {
@@ -112,33 +112,33 @@ fn blur_of(share: f64) -> f64 {
 /// Speckles within a region.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Speckles {
-    /// Diameter of discs whose pattern resembles itself as far, px; `None` without a pattern.
+    /// Diameter of discs with the same autocorrelation width, px; `None` without a pattern.
     pub(super) size_px: Option<f64>,
-    /// Share of the area that the rarer of dark and bright covers.
+    /// Fraction of the area covered by the rarer of dark and bright.
     pub(super) coverage: f64,
 }
 
-/// Reads size and density of the speckles. `reach_px` is how far the pattern is held against itself.
+/// Computes size and density of the speckles from the autocorrelation up to `reach_px`.
 pub(super) fn speckles(stack: &Stack, region: &Region, noise_dn: f64, reach_px: usize) -> Speckles {
     let data = stack.mean.view().data();
     let values: Vec<f32> = region.values(data).collect();
     let middle = otsu(&values);
     let bright = values.iter().filter(|value| **value > middle).count() as f64 / values.len().max(1) as f64;
     let mean = values.iter().map(|v| f64::from(*v)).sum::<f64>() / values.len().max(1) as f64;
-    let likeness: Vec<f64> = (0..=reach_px).map(|lag| covariance(data, region, mean, lag)).collect();
+    let covariances: Vec<f64> = (0..=reach_px).map(|lag| covariance(data, region, mean, lag)).collect();
     let floor_from = reach_px / 2;
-    let floor = likeness[floor_from..].iter().sum::<f64>() / (likeness.len() - floor_from) as f64;
-    let whole = likeness[0] - noise_dn * noise_dn / stack.frames as f64 - floor;
-    let half = |lag: usize| (likeness[lag] - floor) / whole - 0.5;
-    let crossing = (1..=floor_from).find(|lag| half(*lag) <= 0.0).filter(|_| whole > 0.0);
+    let floor = covariances[floor_from..].iter().sum::<f64>() / (covariances.len() - floor_from) as f64;
+    let whole = covariances[0] - noise_dn * noise_dn / stack.frames as f64 - floor;
+    let above_half = |lag: usize| (covariances[lag] - floor) / whole - 0.5;
+    let crossing = (1..=floor_from).find(|lag| above_half(*lag) <= 0.0).filter(|_| whole > 0.0);
     let size = crossing.map(|lag| {
-        let before = if lag == 1 { 0.5 } else { half(lag - 1) };
-        (lag as f64 - 1.0 + before / (before - half(lag))) / HALF_OVERLAP
+        let before = if lag == 1 { 0.5 } else { above_half(lag - 1) };
+        (lag as f64 - 1.0 + before / (before - above_half(lag))) / HALF_OVERLAP
     });
     Speckles { size_px: size, coverage: bright.min(1.0 - bright) }
 }
 
-/// Covariance of the grey levels of pixels so far apart along x or y.
+/// Computes the autocovariance of the grey levels at a lag along x and y.
 fn covariance(data: &[f32], region: &Region, mean: f64, lag: usize) -> f64 {
     let (mut sum, mut count) = (0.0, 0.0);
     for y in 0..region.height {
@@ -161,7 +161,7 @@ fn covariance(data: &[f32], region: &Region, mean: f64, lag: usize) -> f64 {
     sum / f64::max(count, 1.0)
 }
 
-/// The level that parts dark from bright with the least spread on both sides (Otsu 1979, doi:10.1109/TSMC.1979.4310076).
+/// Returns the threshold between dark and bright (Otsu 1979, doi:10.1109/TSMC.1979.4310076).
 fn otsu(values: &[f32]) -> f32 {
     let (low, high) = values.iter().fold((f32::INFINITY, 0.0_f32), |(low, high), v| (low.min(*v), high.max(*v)));
     if high <= low || values.is_empty() {

@@ -1,4 +1,4 @@
-//! `ricochet demo`: the whole line with nothing attached, judged against the truth.
+//! `ricochet demo`: runs the whole pipeline on a simulated camera and compares the result with the truth.
 
 mod paper;
 
@@ -20,38 +20,38 @@ const BUILT_IN: [(&str, &str); 3] = [
     ("rod", include_str!("../../../config/rod.toml")),
 ];
 
-/// The rig file of a built-in experiment.
+/// Returns the rig file of a built-in experiment.
 pub(super) fn built_in_config(name: &str) -> Option<&'static str> {
     BUILT_IN.iter().find(|(known, _)| *known == name).map(|(_, text)| *text)
 }
 
-/// Which experiment to run, and where to.
+/// The options of `ricochet demo`.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct DemoOptions {
-    /// Name of the experiment.
+    /// The name of the experiment.
     pub experiment: String,
-    /// Directory of the recording; the rig file's own when absent.
+    /// The directory of the recording; that of the rig file when absent.
     pub output: Option<PathBuf>,
     /// Number of workers.
     pub workers: Option<u32>,
-    /// Tell the comparison as JSON.
+    /// Print the comparison as JSON.
     pub json: bool,
 }
 
-/// A measured number may be off by this much.
+/// The tolerance of a measured number.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Tolerance {
-    /// This share of the true value.
+    /// A fraction of the true value.
     Share(f64),
-    /// This many frames.
+    /// A number of frames.
     Frames(f64),
-    /// This much, in the column's unit.
+    /// An amount in the column's unit.
     Amount(f64),
-    /// Told, not judged.
+    /// Reported without a limit.
     Free,
 }
 
-/// What is compared: column, heading, unit, factor from the column's unit, tolerance.
+/// A compared number: column, heading, unit, factor from the column's unit, tolerance.
 type Line = (&'static str, &'static str, &'static str, f64, Tolerance);
 
 const LINES: [Line; 12] = [
@@ -69,7 +69,7 @@ const LINES: [Line; 12] = [
     ("compression_max_mm", "compressed by", "mm", 1.0, Tolerance::Free),
 ];
 
-/// A rod has no spin, and nothing moves it along the flat.
+/// The numbers of a rod, which has no spin and no tangential motion.
 const ROD_LINES: [Line; 9] = [
     ("vn_before_m_s", "normal speed before", "m/s", 1.0, Tolerance::Share(0.0015)),
     ("vn_after_m_s", "normal speed after", "m/s", 1.0, Tolerance::Share(0.003)),
@@ -82,18 +82,18 @@ const ROD_LINES: [Line; 9] = [
     ("acceleration_max_m_s2", "acceleration at most", "m/s^2", 1.0, Tolerance::Free),
 ];
 
-/// Runs a simulated rig with all its processes and prints what it measured beside the truth.
+/// Runs a simulated rig with all its processes and prints the measurement against the truth.
 ///
 /// # Errors
 ///
-/// When the rig cannot be run, or what it measured is off by more than it may be.
+/// When the rig cannot run or a measured number is out of tolerance.
 pub fn run(options: &DemoOptions, stop: &Stop) -> anyhow::Result<Outcome> {
     let config = config(options)?;
     let total = process::truth_world(&config)?.map_or(0, |world| world.frames());
     let bar = progress::frames(total, "measure");
     let tracker = Child::first(Role::Track);
-    let summary = process::supervise(&config, stop, |told| {
-        if let Some(status) = told.get(&tracker) {
+    let summary = process::supervise(&config, stop, |latest| {
+        if let Some(status) = latest.get(&tracker) {
             bar.set_position(status.given.min(total));
         }
     })?;
@@ -108,7 +108,7 @@ pub fn run(options: &DemoOptions, stop: &Stop) -> anyhow::Result<Outcome> {
     let figures = figures(&config, &options.experiment, path)?;
     let agrees = compare(path, &figures, if is_rod { &ROD_LINES } else { &LINES }, options.json)?;
     if !agrees {
-        anyhow::bail!("the measurement is off by more than it may be; the recording is {}", path.display());
+        anyhow::bail!("the measurement is out of tolerance; the recording is {}", path.display());
     }
     Ok(Outcome::of_rig(&summary))
 }
@@ -117,7 +117,7 @@ fn config(options: &DemoOptions) -> anyhow::Result<Config> {
     let name = &options.experiment;
     let Some(text) = built_in_config(name) else {
         let known = BUILT_IN.map(|(name, _)| name).join(", ");
-        return Err(UsageError(format!("experiment {name:?} is not one of: {known}")).into());
+        return Err(UsageError(format!("experiment {name:?} is unknown, allowed are {known}")).into());
     };
     let config = Config::parse(text, &format!("{name}.toml"))?;
     let rig = format!("demo-{}", std::process::id());
@@ -131,13 +131,13 @@ fn config(options: &DemoOptions) -> anyhow::Result<Config> {
     Ok(config.with(&changes)?)
 }
 
-/// Draws the paper's figures of the experiment beside its recording; tells where they are.
+/// Draws the paper's figures of the experiment next to its recording; returns their paths.
 fn figures(config: &Config, experiment: &str, path: &Path) -> anyhow::Result<Vec<PathBuf>> {
     let recording = Recording::open(path)?;
     let shot = Shot::read(&recording)?;
     let mm_per_px = match config.scale {
         Some(Scale::MmPerPx(mm_per_px)) => mm_per_px,
-        _ => anyhow::bail!("{}: scale.mm_per_px is needed to draw positions", config.origin),
+        _ => anyhow::bail!("{}: cannot draw positions: scale.mm_per_px is missing", config.origin),
     };
     let surface_angle_deg = config.surface.angle_deg;
     let beside = if experiment == "rod" {
@@ -155,7 +155,7 @@ fn figures(config: &Config, experiment: &str, path: &Path) -> anyhow::Result<Vec
     report::figures(&shot, &experiment).into_iter().map(write).collect()
 }
 
-/// Prints the table; `true` when everything judged is within its tolerance.
+/// Prints the comparison; returns whether every number is within tolerance.
 fn compare(path: &Path, figures: &[PathBuf], lines: &[Line], json: bool) -> anyhow::Result<bool> {
     let recording = Recording::open(path)?;
     let measured = last_revisions(&recording)?;

@@ -1,4 +1,4 @@
-//! A rod's velocity by the paper's settings, to be drawn beside what is measured.
+//! The velocity of a rod with the paper's settings, drawn next to the measured one.
 
 use crate::command::progress;
 use crate::dic::grid;
@@ -12,28 +12,28 @@ use crate::rod::{RodFinder, RodObservation, RodParams};
 /// Spline points between two pixels, as in the paper.
 const SPLINE_POINTS: u32 = 5;
 
-/// A frame is compared with the one this many frames later: the ends of what the paper tried on its rod.
+/// Frame intervals and their labels: the extremes of those the paper tried on its rod.
 const INTERVALS: [(usize, &str); 2] = [(5, "5th next"), (15, "15th next")];
 
-/// Windows and the way between them, px: three on the tape of the simulated rod.
+/// Subset size and grid step, px: three subsets fit on the tape of the simulated rod.
 const WINDOW_PX: u32 = 25;
 const STEP_PX: u32 = 12;
 
-/// Largest displacement looked for, px: the simulated rod moves by 1.4 px in 15 frames.
+/// Search range, px: the simulated rod moves by 1.4 px in 15 frames.
 const SEARCH_PX: u32 = 4;
 
-/// What a rod's frames are compared with.
+/// The setup of a rod experiment.
 #[derive(Debug)]
 pub(super) struct Setup<'a> {
-    /// The rod's outline.
+    /// The search parameters of the rod.
     pub(super) rod: &'a RodParams,
-    /// Length of a pixel, mm.
+    /// The scale, mm per pixel.
     pub(super) mm_per_px: f64,
     /// The surface's tangent, counter-clockwise from x, deg.
     pub(super) surface_angle_deg: f64,
 }
 
-/// A frame, when it was taken, and what a rod's windows may lie on in it.
+/// A frame, its time stamp, and the tape that subsets may lie on.
 struct Still {
     stamp_ns: u64,
     image: Image,
@@ -41,15 +41,15 @@ struct Still {
     tape_px: Option<[u32; 4]>,
 }
 
-/// The normal velocity in a recording as section 4.1 of the paper has it, once for each interval.
+/// Computes the normal velocity in a recording as in section 4.1 of the paper, once per interval.
 ///
-/// Windows on the speckled tape, splined with 5 points between the pixels; the highest grid point of their correlation
-/// without a fit; the mean over the windows, and nothing fitted over time. A velocity is told of the middle between
-/// its two frames.
+/// Subsets on the speckled tape are interpolated with 5 spline points between pixels. The highest grid point of their
+/// correlation is taken without a fit, and the mean over the subsets without smoothing over time. A velocity belongs
+/// to the midpoint between its two frames.
 ///
 /// # Errors
 ///
-/// When the recording cannot be read, or no rod is found in any of its frames.
+/// When the recording cannot be read, or no rod is found in any frame.
 pub(super) fn velocities(recording: &Recording, setup: &Setup<'_>) -> anyhow::Result<Vec<Beside>> {
     let mut film = Vec::new();
     let mut finder = None;
@@ -66,7 +66,7 @@ pub(super) fn velocities(recording: &Recording, setup: &Setup<'_>) -> anyhow::Re
         film.push(Still { stamp_ns: meta.stamp_ns, image, tape_px });
     }
     if film.iter().all(|still| still.tape_px.is_none()) {
-        anyhow::bail!("{}: no rod is found in any frame", recording.path().display());
+        anyhow::bail!("{}: cannot find the rod in any frame", recording.path().display());
     }
     let bar = progress::frames((INTERVALS.len() * film.len()) as u64, "compare");
     let curves = INTERVALS.map(|(interval, label)| {
@@ -77,7 +77,7 @@ pub(super) fn velocities(recording: &Recording, setup: &Setup<'_>) -> anyhow::Re
     curves.into_iter().collect()
 }
 
-/// Whole pixels of the speckled tape.
+/// Returns the bounding box of the speckled tape in whole pixels.
 fn tape(sight: &RodObservation) -> [u32; 4] {
     let [left, top, right, low] = sight.tape_px();
     let whole = |place: f64| place.round().max(0.0) as u32;
@@ -86,7 +86,7 @@ fn tape(sight: &RodObservation) -> [u32; 4] {
     [left, top, whole(x + right + 1.0).saturating_sub(left), whole(y + low + 1.0).saturating_sub(top)]
 }
 
-/// Moment between two frames and normal velocity, m/s, of each pair of frames so far apart.
+/// Computes the time between two frames and the normal velocity, m/s, of each pair `interval` frames apart.
 fn by_the_paper(
     film: &[Still],
     spline_points: u32,
@@ -133,7 +133,7 @@ mod tests {
     use crate::camera::simulated;
     use crate::synth::{Scenario, World};
 
-    /// The paper's rod as it is simulated.
+    /// The paper's rod as simulated.
     fn film() -> (World, Vec<Still>, RodParams) {
         let world = World::new(&Scenario::built_in("rod").unwrap()).unwrap();
         let rod = RodParams::new(4);
@@ -150,20 +150,20 @@ mod tests {
         (world, stills, rod)
     }
 
-    /// What the paper saw and put down to its camera: the velocity stays at zero for a while. The truth does not.
+    /// The paper saw the velocity stay at zero for a while and blamed its camera; the true velocity does not.
     #[test]
     fn the_papers_settings_keep_the_velocity_at_zero_for_a_while() {
         let (world, film, rod) = film();
         let setup = Setup { rod: &rod, mm_per_px: 0.3, surface_angle_deg: 0.0 };
         let first_ns = film[0].stamp_ns;
         let true_at = |stamp_ns: u64| {
-            // Between two frames as on the line through them.
+            // Linear interpolation between two frames.
             let place = (stamp_ns - first_ns) as f64 / 25_000.0;
             let velocity = |index: f64| world.truth(index as u64).velocity.unwrap().vn_m_s;
             velocity(place.floor()) + place.fract() * (velocity(place.ceil()) - velocity(place.floor()))
         };
-        // Spline points, frames from one to the other, how many velocities are zero at least, and how fast the rod moves
-        // at most while they are: half a step of the grid.
+        // Spline points, frame interval, minimum number of zero velocities, and minimum of the maximum true speed at
+        // those times: half a step of the grid.
         for (points, interval, least, fast_m_s) in [(5, 1, 100, 0.9), (5, 5, 8, 0.18), (10, 5, 5, 0.1), (5, 15, 1, 0.0)]
         {
             let curve = by_the_paper(&film, points, interval, &setup, || {}).unwrap();

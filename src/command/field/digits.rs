@@ -1,13 +1,13 @@
-//! Numbers written into a picture, in letters of 3 x 5 dots.
+//! Numbers drawn into a picture with a font of 3 x 5 dots.
 
 use image::{Rgb, RgbImage};
 
-/// Dots of a letter across and down, and the free column after it.
+/// Width, height and pitch of a character, dots.
 const ACROSS: u32 = 3;
 const DOWN: u32 = 5;
 const PITCH: u32 = ACROSS + 1;
 
-/// The rows of a letter from top to bottom, three bits each, the left dot highest.
+/// Returns the rows of a character from top to bottom, three bits each, the left dot first.
 fn rows(letter: char) -> [u8; 5] {
     match letter {
         '0' => [0b111, 0b101, 0b101, 0b101, 0b111],
@@ -26,17 +26,17 @@ fn rows(letter: char) -> [u8; 5] {
     }
 }
 
-/// Width of a number, px.
+/// Returns the width of a number, px.
 pub(super) fn width(text: &str, scale: u32) -> u32 {
     (text.chars().count() as u32 * PITCH).saturating_sub(1) * scale
 }
 
-/// Height of a number, px.
+/// Returns the height of a number, px.
 pub(super) fn height(scale: u32) -> u32 {
     DOWN * scale
 }
 
-/// Writes a number in black, its top left corner at a pixel; what does not fit is cut off.
+/// Draws a number in black with its top left corner at a pixel; clips it at the edge.
 pub(super) fn write(picture: &mut RgbImage, (left, top): (u32, u32), scale: u32, text: &str) {
     for (place, letter) in text.chars().enumerate() {
         let start = left + place as u32 * PITCH * scale;
@@ -71,7 +71,7 @@ mod tests {
     }
 
     #[test]
-    fn no_two_letters_look_alike() {
+    fn no_two_characters_look_alike() {
         let letters: Vec<char> = "0123456789-.".chars().collect();
         for (k, a) in letters.iter().enumerate() {
             assert!(letters[..k].iter().all(|b| rows(*a) != rows(*b)), "{a}");

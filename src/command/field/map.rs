@@ -1,4 +1,4 @@
-//! One quantity of the field in colours over the reference, with a bar of the colours below.
+//! A colour map of one quantity of the field over the reference, with a colour bar.
 
 use image::{Rgb, RgbImage};
 
@@ -7,24 +7,24 @@ use super::picture::grey;
 use crate::image::ImageView;
 use crate::results::FieldPoint;
 
-/// What a map shows.
+/// The quantity of a colour map.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Quantity {
     /// Displacement along x, px.
     U,
     /// Displacement along y, px.
     V,
-    /// How alike the subsets are, -1 to 1.
+    /// Zero-normalised cross-correlation coefficient, -1 to 1.
     Zncc,
-    /// Standard uncertainty of the displacement, px: root mean square of that along x and along y.
+    /// Standard uncertainty of the displacement, px: root mean square over x and y.
     Sigma,
 }
 
 impl Quantity {
-    /// What each is called on the command line.
+    /// Names on the command line.
     pub const WORDS: [(&str, Self); 4] = [("u", Self::U), ("v", Self::V), ("zncc", Self::Zncc), ("sigma", Self::Sigma)];
 
-    /// Its name and unit.
+    /// Returns the name and the unit.
     fn title(self) -> (&'static str, &'static str) {
         match self {
             Self::U => ("u", " px"),
@@ -34,7 +34,7 @@ impl Quantity {
         }
     }
 
-    /// Its value at a point; `None` where the displacement is not valid.
+    /// Returns the value at a point; `None` where the displacement is not valid.
     fn of(self, point: &FieldPoint) -> Option<f32> {
         let found = point.displacement?;
         match self {
@@ -46,7 +46,8 @@ impl Quantity {
     }
 }
 
-/// Viridis at ten equal steps (S. van der Walt, N. Smith, <https://bids.github.io/colormap/>): equal steps look equal.
+/// Viridis at ten equal steps (S. van der Walt, N. Smith, <https://bids.github.io/colormap/>), a perceptually uniform
+/// map.
 const VIRIDIS: [[u8; 3]; 10] = [
     [68, 1, 84],
     [72, 40, 120],
@@ -60,13 +61,13 @@ const VIRIDIS: [[u8; 3]; 10] = [
     [253, 231, 37],
 ];
 
-/// Height of the bar, px.
+/// Height of the colour bar, px.
 const BAR_PX: u32 = 8;
 
-/// Free space around the bar and its numbers, px.
+/// Margin around the colour bar and its labels, px.
 const MARGIN_PX: u32 = 3;
 
-/// The lowest and the highest value of a map.
+/// The range of values in a map.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Range {
     low: f32,
@@ -74,7 +75,7 @@ pub(super) struct Range {
 }
 
 impl Range {
-    /// Of all valid points; `None` when there is none.
+    /// Returns the range of all valid points; `None` if there are none.
     fn of(field: &[FieldPoint], quantity: Quantity) -> Option<Self> {
         let values = field.iter().filter_map(|point| quantity.of(point));
         values.fold(None, |range, value| {
@@ -83,13 +84,13 @@ impl Range {
         })
     }
 
-    /// Where a value lies in it, 0 to 1; in the middle of a range without extent.
+    /// Returns the position of a value in the range, 0 to 1; 0.5 for an empty range.
     fn share(self, value: f32) -> f32 {
         let span = self.high - self.low;
         if span > 0.0 { ((value - self.low) / span).clamp(0.0, 1.0) } else { 0.5 }
     }
 
-    /// Both ends with as many decimals as tell a hundredth of the range, at most 8.
+    /// Formats both ends with enough decimals to resolve a hundredth of the range, at most 8.
     fn texts(self) -> [String; 2] {
         let span = f64::from(self.high - self.low);
         let decimals = if span > 0.0 { (2.0 - span.log10().floor()).clamp(0.0, 8.0) as usize } else { 4 };
@@ -97,7 +98,7 @@ impl Range {
     }
 }
 
-/// The colour of a share, 0 to 1.
+/// Returns the colour at a position, 0 to 1.
 fn color(share: f32) -> Rgb<u8> {
     let place = share.clamp(0.0, 1.0) * (VIRIDIS.len() - 1) as f32;
     let first = (place as usize).min(VIRIDIS.len() - 2);
@@ -109,17 +110,17 @@ fn color(share: f32) -> Rgb<u8> {
     Rgb([mix(0), mix(1), mix(2)])
 }
 
-/// A drawn map and what it shows, in words.
+/// A colour map and its legend.
 pub(super) struct Map {
     pub(super) picture: RgbImage,
-    /// The quantity with its range, or that nothing is valid.
+    /// The quantity and its range, or that no point is valid.
     pub(super) legend: String,
 }
 
-/// The reference in grey; around each valid point a square one step wide in the colour of its value.
+/// Draws the reference in grey, and around each valid point a square one step wide in the colour of its value.
 ///
-/// The squares cover the picture, so that one colour is one value; what has no valid answer stays grey. Below
-/// comes the bar, with the lowest value at its left end and the highest at its right.
+/// The squares touch without overlap. Points without a valid displacement stay grey. The colour bar below is labelled
+/// with the minimum on the left and the maximum on the right.
 pub(super) fn map(image: ImageView<'_>, field: &[FieldPoint], quantity: Quantity, step_px: u32) -> Map {
     let mut picture = grey(image);
     let (name, unit) = quantity.title();
@@ -135,7 +136,7 @@ pub(super) fn map(image: ImageView<'_>, field: &[FieldPoint], quantity: Quantity
     Map { picture: with_bar(&picture, &low, &high), legend: format!("map of {name} from {low} to {high}{unit}") }
 }
 
-/// Fills a square around a whole pixel; of an even side, one pixel more lies to the left and above.
+/// Fills a square around a pixel; an even side extends one pixel further to the left and up.
 fn square(picture: &mut RgbImage, (x, y): (f32, f32), side_px: u32, color: Rgb<u8>) {
     let range = |center: f32, size: u32| {
         let start = center.round() as i64 - i64::from(side_px / 2);
@@ -149,7 +150,7 @@ fn square(picture: &mut RgbImage, (x, y): (f32, f32), side_px: u32, color: Rgb<u
     }
 }
 
-/// The picture with the bar and the numbers of its ends below; widened where the numbers ask for it.
+/// Adds the colour bar and its labels below the picture, widening it if the labels need room.
 fn with_bar(picture: &RgbImage, low: &str, high: &str) -> RgbImage {
     let scale = if picture.width() >= 480 { 3 } else { 2 };
     let [left, right] = [low, high].map(|text| digits::width(text, scale));
@@ -191,7 +192,7 @@ mod tests {
         assert!(steps[0] < 16.0 && steps[30] > 89.0, "{steps:?}");
         let mean = (steps[30] - steps[0]) / 30.0;
         for pair in steps.windows(2) {
-            // Rounding to whole levels and straight lines between ten colours leave a third.
+            // Rounding to 8 bits and linear interpolation between ten colours cause up to a third.
             assert!((pair[1] - pair[0] - mean).abs() < 0.35 * mean, "{pair:?} against {mean}");
         }
     }
@@ -215,7 +216,7 @@ mod tests {
         assert_eq!((at(16, 12), at(23, 12)), (color(0.5), color(0.5)), "squares touch and do not overlap");
         assert_eq!(at(36, 12), color(1.0));
         assert_eq!((at(28, 12), at(7, 12), at(12, 16), at(60, 30)), (grey, grey, grey, grey));
-        // The bar: darkest at the left, lightest at the right, as the values are.
+        // The colour bar: darkest on the left, lightest on the right, like the values.
         let row = 40 + MARGIN_PX + BAR_PX / 2;
         assert_eq!((at(MARGIN_PX, row), at(95 - MARGIN_PX, row)), (color(0.0), color(1.0)));
         let dark = |range: std::ops::Range<u32>| {

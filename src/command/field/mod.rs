@@ -1,4 +1,4 @@
-//! `ricochet field`: the displacement field between two still images, or through a series of them.
+//! `ricochet field`: the displacement field between two still images, or of a series of images.
 
 mod digits;
 pub(super) mod folder;
@@ -23,56 +23,56 @@ pub use map::Quantity;
 pub use start::Begin;
 use table::Layout;
 
-/// What `ricochet field` was asked to do.
+/// The options of `ricochet field`.
 #[derive(Debug, Clone)]
 pub struct FieldOptions {
-    /// The image before.
+    /// The reference image.
     pub reference: PathBuf,
-    /// The image after.
+    /// The target image.
     pub target: PathBuf,
-    /// Images after that one: with any, all of them are a series in this order, and `output` and `picture` are
-    /// directories that get a file for each.
+    /// Further targets. With any, all targets form a series in this order, and `output` and `picture` are directories
+    /// that get one file per target.
     pub later: Vec<PathBuf>,
-    /// How to correlate.
+    /// The correlation settings.
     pub params: CorrelationParams,
-    /// Only this part of the reference: x, y, width, height.
+    /// A rectangle of the reference to evaluate: x, y, width, height.
     pub roi_px: Option<[u32; 4]>,
-    /// Only what lies in this polygon and not in its holes; in place of `roi_px`.
+    /// A polygon with holes to evaluate instead of `roi_px`.
     pub region: Option<Region>,
-    /// Also subsets that an edge cuts.
+    /// Also use subsets that are cut by an edge.
     pub partial: bool,
-    /// The table; standard output when there is none.
+    /// The table to write; standard output when absent.
     pub output: Option<PathBuf>,
-    /// Rows as JSON lines instead of CSV.
+    /// Write JSON lines instead of CSV.
     pub json: bool,
-    /// A PNG of the reference with the vectors, or a map, over it.
+    /// A PNG of the reference with the vectors or a colour map over it.
     pub picture: Option<PathBuf>,
-    /// What the picture shows in colours, in place of the vectors.
+    /// The quantity of the colour map; vectors when absent.
     pub map: Option<Quantity>,
-    /// Where the search for the subsets begins.
+    /// The initial guess.
     pub begin: Begin,
 }
 
-/// Why no field could be measured.
+/// The reason why a field could not be measured.
 #[derive(Debug, thiserror::Error)]
 pub enum FieldError {
-    /// The options or the images do not go together.
+    /// The options or images are inconsistent.
     #[error("{0}")]
     Usage(String),
     /// An image cannot be read.
-    #[error("read {}: {reason}", path.display())]
+    #[error("cannot read {}: {reason}", path.display())]
     Read {
-        /// The file.
+        /// The path of the image.
         path: PathBuf,
-        /// What is wrong with it.
+        /// The reason.
         reason: String,
     },
     /// The table or the picture cannot be written.
-    #[error("write {to}: {reason}")]
+    #[error("cannot write {to}: {reason}")]
     Write {
-        /// Where to.
+        /// The path or stream.
         to: String,
-        /// The system's answer.
+        /// The reason.
         reason: String,
     },
     /// A setting is out of range.
@@ -90,11 +90,11 @@ impl FieldError {
     }
 }
 
-/// Measures the field, or those of a series, and writes tables, pictures and one line of summary for each.
+/// Measures the field, or those of a series, and writes tables, pictures and one summary line per field.
 ///
 /// # Errors
 ///
-/// One line naming the file, the key or both sizes.
+/// [`FieldError`] naming the file, the option or both image sizes.
 pub fn run(options: &FieldOptions, stop: &Stop) -> Result<Outcome, FieldError> {
     if !options.later.is_empty() {
         return series::run(options, stop);
@@ -103,12 +103,15 @@ pub fn run(options: &FieldOptions, stop: &Stop) -> Result<Outcome, FieldError> {
     Ok(Outcome::Clean)
 }
 
-/// Two images.
+/// Measures the field of two images.
 fn pair(options: &FieldOptions) -> Result<(), FieldError> {
     let inputs = [&options.reference, &options.target];
     let outputs = [&options.output, &options.picture].into_iter().flatten();
     if let Some(path) = outputs.into_iter().find(|path| inputs.iter().any(|input| is_same_file(path, input))) {
-        return Err(FieldError::Usage(format!("{}: is one of the images, and would be overwritten", path.display())));
+        return Err(FieldError::Usage(format!(
+            "{}: cannot write: it would overwrite one of the images",
+            path.display()
+        )));
     }
     let (reference, target) = stills::read_pair(&options.reference, &options.target)?;
     let (a, b) = (reference.view(), target.view());
@@ -126,8 +129,8 @@ fn pair(options: &FieldOptions) -> Result<(), FieldError> {
         Some(path) => save_picture(options, a, &field, path)?,
         None => None,
     };
-    let told: Vec<String> = [Some(summary(&field)), start, legend].into_iter().flatten().collect();
-    eprintln!("{}", told.join("; "));
+    let notes: Vec<String> = [Some(summary(&field)), start, legend].into_iter().flatten().collect();
+    eprintln!("{}", notes.join("; "));
     Ok(())
 }
 
@@ -135,7 +138,7 @@ fn to_standard_output(reason: impl std::fmt::Display) -> FieldError {
     FieldError::write(Path::new("standard output"), reason)
 }
 
-/// Draws the vectors or the map; gives the map's legend.
+/// Draws the vectors or the colour map; returns the legend of the map.
 fn save_picture(
     options: &FieldOptions,
     reference: ImageView<'_>,
@@ -155,7 +158,7 @@ fn save_picture(
 }
 
 impl FieldOptions {
-    /// What the subsets are cut to.
+    /// Returns the region that subsets are cut to.
     fn cut(&self) -> Option<Region> {
         let rectangle = |[x, y, width, height]: [u32; 4]| {
             let (left, top) = (f64::from(x) - 0.5, f64::from(y) - 0.5);
@@ -169,7 +172,8 @@ impl FieldOptions {
     }
 }
 
-/// Correlates the two images over the region asked for; gives the start as well, where one was looked for.
+/// Correlates two images over the region of interest; returns the field and a description of the initial guess, if
+/// searched.
 fn measure(
     options: &FieldOptions,
     reference: ImageView<'_>,
@@ -184,10 +188,10 @@ fn measure(
     let mut field = Vec::with_capacity(points.len());
     let found = start::find(options, &reference, &target)?;
     correlator.correlate(&reference, &target, &points, found.start, &mut field);
-    Ok((field, found.told))
+    Ok((field, found.note))
 }
 
-/// One line: how many vectors, how large, how sure.
+/// Summarises a field in one line: counts, mean displacement and uncertainty.
 fn summary(field: &[FieldPoint]) -> String {
     let valid: Vec<_> = field.iter().filter_map(|point| point.displacement).collect();
     let mut line = format!("{} of {} subsets valid", valid.len(), field.len());

@@ -1,9 +1,9 @@
-//! The field over the reference, as a picture.
+//! A picture of the displacement vectors over the reference.
 
 use crate::image::ImageView;
 use crate::results::FieldPoint;
 
-/// An image in grey, its highest level white.
+/// Converts an image to grey, with its maximum level white.
 pub(super) fn grey(image: ImageView<'_>) -> image::RgbImage {
     let high = image.data().iter().fold(1.0_f32, |high, level| high.max(*level));
     image::RgbImage::from_fn(image.width() as u32, image.height() as u32, |x, y| {
@@ -12,7 +12,7 @@ pub(super) fn grey(image: ImageView<'_>) -> image::RgbImage {
     })
 }
 
-/// The reference in grey with an arrow for each vector, enlarged so that the longest spans one step.
+/// Draws the reference in grey with an arrow per vector, scaled so that the longest spans one step.
 pub(super) fn arrows(image: ImageView<'_>, field: &[FieldPoint], step_px: u32) -> image::RgbImage {
     let mut picture = grey(image);
     let longest = field.iter().filter_map(|p| p.displacement).map(|d| d.u_px.hypot(d.v_px)).fold(0.0, f32::max);
@@ -27,7 +27,7 @@ pub(super) fn arrows(image: ImageView<'_>, field: &[FieldPoint], step_px: u32) -
     picture
 }
 
-/// A straight line with a dot at its beginning.
+/// Draws a straight line with a dot at its start.
 fn line(picture: &mut image::RgbImage, from: (f32, f32), to: (f32, f32), color: [u8; 3]) {
     let steps = (to.0 - from.0).abs().max((to.1 - from.1).abs()).ceil().max(1.0) as i32;
     let mut dot = |x: f32, y: f32| {

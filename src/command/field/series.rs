@@ -1,4 +1,4 @@
-//! Several targets: each against one reference, which is kept as long as it serves.
+//! A series of targets, correlated with one reference until it has to be updated.
 
 use std::collections::BTreeSet;
 use std::io::BufWriter;
@@ -12,11 +12,11 @@ use crate::image::ImageView;
 use crate::process::Stop;
 use crate::results::FieldPoint;
 
-/// Measures every target and tells one line of each.
+/// Measures every target and prints one summary line each.
 pub(super) fn run(options: &FieldOptions, stop: &Stop) -> Result<Outcome, FieldError> {
     check(options)?;
     let targets: Vec<&Path> = std::iter::once(&options.target).chain(&options.later).map(PathBuf::as_path).collect();
-    // All are looked at before the first is measured: a wrong one is told at once.
+    // All sizes are checked first, so that a wrong image is reported before the first measurement.
     let reference = (options.reference.as_path(), stills::size_px(&options.reference)?);
     for target in &targets {
         stills::check_size(reference, (target, stills::size_px(target)?))?;
@@ -43,9 +43,9 @@ pub(super) fn run(options: &FieldOptions, stop: &Stop) -> Result<Outcome, FieldE
         let is_renewed = series.renewals() > renewals;
         bar.suspend(|| -> Result<(), FieldError> {
             let legend = outputs.write(index, target, first.view(), &field)?;
-            let renewed = is_renewed.then(|| "the reference is renewed by it".to_owned());
-            let told: Vec<String> = [Some(summary(&field)), renewed, legend].into_iter().flatten().collect();
-            eprintln!("{}: {}", target.display(), told.join("; "));
+            let renewed = is_renewed.then(|| "reference updated".to_owned());
+            let notes: Vec<String> = [Some(summary(&field)), renewed, legend].into_iter().flatten().collect();
+            eprintln!("{}: {}", target.display(), notes.join("; "));
             Ok(())
         })?;
         bar.inc(1);
@@ -54,36 +54,35 @@ pub(super) fn run(options: &FieldOptions, stop: &Stop) -> Result<Outcome, FieldE
     Ok(Outcome::Clean)
 }
 
-/// Refuses what a series cannot do.
+/// Checks that the options allow a series.
 ///
 /// # Errors
 ///
-/// One line naming the option and what is allowed.
+/// [`FieldError::Usage`] naming the option and the allowed values.
 fn check(options: &FieldOptions) -> Result<(), FieldError> {
     if options.begin != Begin::Neighbor {
         let word = Begin::WORDS.iter().find(|(_, begin)| *begin == options.begin).map_or("", |(word, _)| word);
         return Err(FieldError::Usage(format!(
-            "--start {word}: with several targets a subset begins where the target before had it; leave it out"
+            "--start {word}: not allowed with several targets, which start from the previous one"
         )));
     }
-    // When the reference is renewed, it is the subset that tells how far its material has turned and stretched.
+    // When the reference is updated, the subset itself supplies the rotation and stretch of its material so far.
     start::check_turns("several targets", &options.params)
 }
 
-/// Where tables and pictures go.
+/// The output files of a series.
 struct Outputs<'a> {
     options: &'a FieldOptions,
-    /// Digits of a file's number: names in order of the alphabet are in order of the series.
+    /// Digits of a file's number, so that alphabetical order is the order of the series.
     digits: usize,
 }
 
 impl<'a> Outputs<'a> {
-    /// Makes the directories, and the head of a table on standard output.
+    /// Creates the directories and writes the table header to standard output.
     ///
     /// # Errors
     ///
-    /// One line when an image would be overwritten, when files of a longer series would stay behind, or a directory
-    /// cannot be made.
+    /// When an image would be overwritten, files of a longer series would remain, or a directory cannot be created.
     fn make(options: &'a FieldOptions, targets: &[&Path]) -> Result<Self, FieldError> {
         let outputs = Self { options, digits: targets.len().to_string().len().max(4) };
         let inputs: BTreeSet<PathBuf> = std::iter::once(&options.reference.as_path())
@@ -93,13 +92,14 @@ impl<'a> Outputs<'a> {
         let paths = |index: usize| [outputs.table(index), outputs.picture(index)].into_iter().flatten();
         for path in (0..targets.len()).flat_map(paths) {
             if path.canonicalize().is_ok_and(|path| inputs.contains(&path)) {
-                let told = format!("{}: is one of the images, and would be overwritten", path.display());
-                return Err(FieldError::Usage(told));
+                let reason = format!("{}: cannot write: it would overwrite one of the images", path.display());
+                return Err(FieldError::Usage(reason));
             }
         }
         if let Some(path) = paths(targets.len()).find(|path| path.exists()) {
-            let told = format!("{}: is of a longer series, and would seem to be of this one", path.display());
-            return Err(FieldError::Usage(told));
+            let reason =
+                format!("{}: cannot write next to it: it belongs to a longer series; delete it first", path.display());
+            return Err(FieldError::Usage(reason));
         }
         for (option, path) in [("--output", &options.output), ("--picture", &options.picture)] {
             if let Some(path) = path {
@@ -112,7 +112,7 @@ impl<'a> Outputs<'a> {
         Ok(outputs)
     }
 
-    /// On standard output all fields are in one table.
+    /// Returns the layout; on standard output all fields share one table.
     fn layout(&self) -> Layout {
         Layout { json: self.options.json, named: self.options.output.is_none() }
     }
@@ -130,7 +130,7 @@ impl<'a> Outputs<'a> {
         directory.map(|directory| directory.join(format!("field_{:0digits$}.{extension}", index + 1)))
     }
 
-    /// Writes the table and the picture of one target; gives the legend of a map.
+    /// Writes the table and the picture of one target; returns the legend of a map.
     fn write(
         &self,
         index: usize,

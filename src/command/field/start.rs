@@ -1,46 +1,46 @@
-//! Where the search for the subsets begins.
+//! The initial guess of the subset search.
 
 use super::{FieldError, FieldOptions};
 use crate::dic::{BodyMotion, CorrelationParams, Method, PreparedFrame, Region, Shape, Start, find_at_any_angle};
 use crate::results::PointStatus;
 
-/// Where the search for the subsets begins.
+/// The initial guess of the subset search.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Begin {
-    /// At the answer of the neighbour, or anywhere within the search range where there is none.
+    /// The result of a neighbour, or a search of the whole range where there is none.
     Neighbor,
-    /// Anywhere within the search range.
+    /// A search of the whole range.
     Search,
-    /// At the motion of the whole region, which is looked for at every angle and in the whole target first.
+    /// The motion of the whole region, found by searching every angle and the whole target.
     AnyAngle,
 }
 
 impl Begin {
-    /// What each is called on the command line.
+    /// Names on the command line.
     pub const WORDS: [(&str, Self); 3] =
         [("neighbor", Self::Neighbor), ("search", Self::Search), ("any-angle", Self::AnyAngle)];
 }
 
-/// Smallest radius of a disc that is looked for, px: a smaller one may be matched by chance.
-const LEAST_RADIUS_PX: f64 = 20.0;
+/// Minimum radius of a disc to search, px; a smaller one may match by chance.
+const MIN_RADIUS_PX: f64 = 20.0;
 
-/// Edge of the picture that is left out where no region is given, px.
+/// Margin at the edge of the image when no region is given, px.
 const MARGIN_PX: f64 = 8.0;
 
-/// ZNCC from which on no further part of the region is tried.
-const SURE_ZNCC: f64 = 0.9;
+/// ZNCC above which no further part of the region is tried.
+const CERTAIN_ZNCC: f64 = 0.9;
 
-/// A start, and what was found for it, in words.
+/// An initial guess, and a note for the user if it was searched.
 pub(super) struct Found {
     pub(super) start: Start,
-    pub(super) told: Option<String>,
+    pub(super) note: Option<String>,
 }
 
-/// Refuses a start at any angle for subsets that cannot turn.
+/// Checks that subsets can rotate if the search covers every angle.
 ///
 /// # Errors
 ///
-/// One line naming the method or the shape.
+/// [`FieldError::Usage`] naming the method or the shape.
 pub(super) fn check(options: &FieldOptions) -> Result<(), FieldError> {
     match options.begin {
         Begin::AnyAngle => check_turns("--start any-angle", &options.params),
@@ -48,14 +48,16 @@ pub(super) fn check(options: &FieldOptions) -> Result<(), FieldError> {
     }
 }
 
-/// Refuses subsets that cannot turn, for something that needs them to.
+/// Checks that subsets can rotate.
 ///
 /// # Errors
 ///
-/// One line naming what needs it, and the method or the shape.
+/// [`FieldError::Usage`] naming the feature that needs it, and the method or the shape.
 pub(super) fn check_turns(needed: &str, params: &CorrelationParams) -> Result<(), FieldError> {
     let refuse = |key: &str, word: &str, range: &str| {
-        Err(FieldError::Usage(format!("{needed}: {key} is {word}, whose subsets do not turn, allowed: {range}")))
+        Err(FieldError::Usage(format!(
+            "{needed}: needs subsets that can rotate, but {key} is {word}; allowed: {range}"
+        )))
     };
     if params.method != Method::IcGn {
         let word = Method::WORDS.iter().find(|(_, method)| *method == params.method).map_or("", |(word, _)| word);
@@ -67,19 +69,15 @@ pub(super) fn check_turns(needed: &str, params: &CorrelationParams) -> Result<()
     Ok(())
 }
 
-/// The start that was asked for.
+/// Finds the initial guess.
 ///
 /// # Errors
 ///
-/// One line when the region is nowhere in the target.
-pub(super) fn find(
-    options: &FieldOptions,
-    reference: &PreparedFrame,
-    target: &PreparedFrame,
-) -> Result<Found, FieldError> {
+/// [`FieldError::Usage`] when the region is not found in the target.
+pub(super) fn find(options: &FieldOptions, reference: &PreparedFrame, target: &PreparedFrame) -> Result<Found, FieldError> {
     match options.begin {
-        Begin::Neighbor => Ok(Found { start: Start::Neighbor, told: None }),
-        Begin::Search => Ok(Found { start: Start::Search, told: None }),
+        Begin::Neighbor => Ok(Found { start: Start::Neighbor, note: None }),
+        Begin::Search => Ok(Found { start: Start::Search, note: None }),
         Begin::AnyAngle => at_any_angle(options, reference, target),
     }
 }
@@ -102,44 +100,44 @@ fn at_any_angle(
         match find_at_any_angle(reference, target, &region, (x_px, y_px)) {
             Ok(found) if best.is_none_or(|best| found.zncc > best.zncc) => best = Some(found),
             Ok(_) => {}
-            // That it is ambiguous says more than that a part was out of frame.
+            // `Ambiguous` says more than that a part was out of frame.
             Err(status) => {
                 why = Some(if why == Some(PointStatus::Ambiguous) { PointStatus::Ambiguous } else { status })
             }
         }
-        if best.is_some_and(|best| best.zncc >= SURE_ZNCC) {
+        if best.is_some_and(|best| best.zncc >= CERTAIN_ZNCC) {
             break;
         }
     }
-    let least = options.params.min_zncc;
-    let Some(BodyMotion { motion, zncc, .. }) = best.filter(|best| best.zncc >= least) else {
+    let min_zncc = options.params.min_zncc;
+    let Some(BodyMotion { motion, zncc, .. }) = best.filter(|best| best.zncc >= min_zncc) else {
         let why = match (best, why) {
-            (Some(best), _) => format!("the best match has a ZNCC of {:.3}, less than {least}", best.zncc),
+            (Some(best), _) => format!("the best match has a ZNCC of {:.3}, below min_zncc = {min_zncc}", best.zncc),
             (None, Some(status)) => status.word().to_owned(),
-            (None, None) => format!("the region is smaller than {} px", 2.0 * LEAST_RADIUS_PX),
+            (None, None) => format!("the region is smaller than {} px", 2.0 * MIN_RADIUS_PX),
         };
         return Err(FieldError::Usage(format!(
-            "--start any-angle: the region of {} is not found in {}: {why}",
+            "--start any-angle: cannot find the region of {} in {}: {why}",
             options.reference.display(),
             options.target.display()
         )));
     };
     let (u_px, v_px, angle_deg) = (motion.u_px, motion.v_px, motion.angle_deg);
-    let told = format!(
-        "start: turned {angle_deg:.3} deg, ({x_px:.1}, {y_px:.1}) moved u {u_px:.3} px, v {v_px:.3} px, ZNCC {zncc:.3}"
+    let note = format!(
+        "start: rotation {angle_deg:.3} deg, displacement of ({x_px:.1}, {y_px:.1}) u {u_px:.3} px, v {v_px:.3} px, ZNCC {zncc:.3}"
     );
-    Ok(Found { start: Start::Motion { x_px, y_px, u_px, v_px, angle_deg }, told: Some(told) })
+    Ok(Found { start: Start::Motion { x_px, y_px, u_px, v_px, angle_deg }, note: Some(note) })
 }
 
-/// Centre of the pixels of a rectangle (x, y, width, height).
+/// Returns the centre of the pixels of a rectangle (x, y, width, height).
 fn center([x, y, width, height]: [f64; 4]) -> [f64; 2] {
     [x + 0.5 * (width - 1.0), y + 0.5 * (height - 1.0)]
 }
 
-/// The rectangle and parts of it, the largest first.
+/// Returns the rectangle and parts of it, the largest first.
 ///
-/// All of it settles the angle best, but has room in the picture at few angles only; discs turn freely, and
-/// small ones are still seen when a part has left the picture.
+/// The whole rectangle determines the angle best but fits into the image at few angles only. Discs can rotate freely,
+/// and small ones are still visible when a part has left the image.
 fn regions(rectangle: [f64; 4]) -> Vec<Region> {
     let [x, y, width, height] = rectangle;
     let (left, top, right, bottom) = (x - 0.5, y - 0.5, x + width - 0.5, y + height - 0.5);
@@ -154,8 +152,8 @@ fn regions(rectangle: [f64; 4]) -> Vec<Region> {
     };
     let discs = [disc(cx, cy, large)].into_iter().chain(corners(0.7 * large));
     let discs = discs.chain([disc(cx, cy, 0.5 * large)]).chain(corners(0.5 * large));
-    let is_large = |region: &Region| !matches!(region, Region::Disc { radius_px, .. } if *radius_px < LEAST_RADIUS_PX);
-    let all = (large >= LEAST_RADIUS_PX).then_some(Region::Polygon { outline_px, holes_px: Vec::new() });
+    let is_large = |region: &Region| !matches!(region, Region::Disc { radius_px, .. } if *radius_px < MIN_RADIUS_PX);
+    let all = (large >= MIN_RADIUS_PX).then_some(Region::Polygon { outline_px, holes_px: Vec::new() });
     all.into_iter().chain(discs.filter(is_large)).collect()
 }
 
@@ -170,7 +168,7 @@ mod tests {
         for part in &parts {
             let [left, top, right, bottom] = part.bounds_px().unwrap();
             assert!(left >= 9.5 && top >= 19.5 && right <= 209.5 && bottom <= 119.5, "{part:?}");
-            assert!(right - left >= 2.0 * LEAST_RADIUS_PX, "{part:?}");
+            assert!(right - left >= 2.0 * MIN_RADIUS_PX, "{part:?}");
         }
         assert_eq!(regions([0.0, 0.0, 60.0, 60.0]).len(), 6, "half of it is too small");
         assert!(regions([0.0, 0.0, 30.0, 200.0]).is_empty());

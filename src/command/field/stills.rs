@@ -1,4 +1,4 @@
-//! Two still images and the subsets on them.
+//! Reading of still images and the grid of subsets on them.
 
 use std::fs::File;
 use std::io::BufReader;
@@ -9,11 +9,11 @@ use crate::dic::grid;
 use crate::dic::{CorrelationParams, GridPoint};
 use crate::image::Image;
 
-/// Reads two images of one size.
+/// Reads two images of the same size.
 ///
 /// # Errors
 ///
-/// One line naming the file that cannot be read, or both sizes.
+/// [`FieldError`] naming the file that cannot be read, or both sizes.
 pub(in crate::command) fn read_pair(reference: &Path, target: &Path) -> Result<(Image, Image), FieldError> {
     let (a, b) = (read_still(reference)?, read_still(target)?);
     let size = |image: &Image| (image.view().width(), image.view().height());
@@ -21,11 +21,11 @@ pub(in crate::command) fn read_pair(reference: &Path, target: &Path) -> Result<(
     Ok((a, b))
 }
 
-/// Refuses a target of another size than the reference's.
+/// Checks that the target has the size of the reference.
 ///
 /// # Errors
 ///
-/// One line with both sizes.
+/// [`FieldError::Usage`] with both sizes.
 pub(super) fn check_size(
     (reference, before): (&Path, (usize, usize)),
     (target, after): (&Path, (usize, usize)),
@@ -34,7 +34,7 @@ pub(super) fn check_size(
         return Ok(());
     }
     Err(FieldError::Usage(format!(
-        "{} is {} x {} px, {} is {} x {} px: both images need one size",
+        "{} is {} x {} px but {} is {} x {} px: both images need the same size",
         reference.display(),
         before.0,
         before.1,
@@ -44,21 +44,21 @@ pub(super) fn check_size(
     )))
 }
 
-/// Width and height of an image, px, as its head has them.
+/// Reads width and height of an image from its header, px.
 ///
 /// # Errors
 ///
-/// One line naming the file that cannot be read.
+/// [`FieldError::Read`] naming the file.
 pub(super) fn size_px(path: &Path) -> Result<(usize, usize), FieldError> {
     let (width, height) = open(path)?.into_dimensions().map_err(|error| unreadable(path, &error))?;
     Ok((width as usize, height as usize))
 }
 
-/// The subsets of an image, or of a region of it; at least one.
+/// Returns the subset centres of an image or a region of it, at least one.
 ///
 /// # Errors
 ///
-/// One line when the region reaches over the edge or has no room for a subset.
+/// [`FieldError::Usage`] when the region exceeds the image or has no room for a subset.
 pub(in crate::command) fn points(
     name: &Path,
     (width, height): (usize, usize),
@@ -70,29 +70,29 @@ pub(in crate::command) fn points(
     if points.is_empty() {
         let ([_, _, width, height], subset_px) = (roi, params.subset_size_px);
         return Err(FieldError::Usage(format!(
-            "{}: {width} x {height} px have no room for a subset of {subset_px} px",
+            "{}: {width} x {height} px are too small for a subset of {subset_px} px",
             name.display()
         )));
     }
     Ok(points)
 }
 
-/// The rectangle asked for, else the whole image.
+/// Returns the given rectangle, or the whole image.
 fn checked_roi(name: &Path, (width, height): (usize, usize), roi_px: Option<[u32; 4]>) -> Result<[u32; 4], FieldError> {
     let name = name.display();
     let roi = roi_px.unwrap_or([0, 0, width as u32, height as u32]);
     let inside = |start: u32, extent: u32, size: usize| u64::from(start) + u64::from(extent) <= size as u64;
     if !(inside(roi[0], roi[2], width) && inside(roi[1], roi[3], height)) {
-        return Err(FieldError::Usage(format!("--roi {roi:?}: not within {name} of {width} x {height} px")));
+        return Err(FieldError::Usage(format!("--roi {roi:?}: exceeds {name} of {width} x {height} px")));
     }
     Ok(roi)
 }
 
-/// The subsets that were asked for: of the polygon, else of the rectangle, else of the whole image.
+/// Returns the subset centres of the polygon, the rectangle or the whole image.
 ///
 /// # Errors
 ///
-/// As [`points`]; when no subset has its centre in the polygon.
+/// Like [`points`], and when no subset centre lies in the polygon.
 pub(super) fn points_of(options: &FieldOptions, (width, height): (usize, usize)) -> Result<Vec<GridPoint>, FieldError> {
     let (name, params) = (&options.reference, &options.params);
     let all = |roi_px| {
@@ -106,18 +106,18 @@ pub(super) fn points_of(options: &FieldOptions, (width, height): (usize, usize))
     let mut found = all(None)?;
     found.retain(|point| region.contains(f64::from(point.x), f64::from(point.y)));
     if found.is_empty() {
-        return Err(FieldError::Usage(format!("--polygon: no subset of {} has its centre in it", name.display())));
+        return Err(FieldError::Usage(format!("--polygon: no subset centre of {} lies inside", name.display())));
     }
     Ok(found)
 }
 
-/// Reads a BMP, PNG, TIFF or PGM image of 8 or 16 bit; colours become luma, and that is said.
+/// Reads a BMP, PNG, TIFF or PGM image of 8 or 16 bit; converts colours to luma with a note on standard error.
 pub(super) fn read_still(path: &Path) -> Result<Image, FieldError> {
     let picture = open(path)?.decode().map_err(|error| unreadable(path, &error))?;
     let color = picture.color();
-    // Grey images with a palette are decoded as colours; those with equal channels are none.
+    // Grey images with a palette are decoded as colour images with equal channels.
     if color.has_color() && picture.to_rgb16().pixels().any(|p| p.0[0] != p.0[1] || p.0[1] != p.0[2]) {
-        eprintln!("{}: colours turned into grey (ITU-R BT.709 luma)", path.display());
+        eprintln!("{}: converted to grey (ITU-R BT.709 luma)", path.display());
     }
     let (width, height) = (picture.width() as usize, picture.height() as usize);
     let data: Vec<f32> = if color.bytes_per_pixel() > color.channel_count() {
@@ -134,5 +134,5 @@ fn open(path: &Path) -> Result<image::ImageReader<BufReader<File>>, FieldError> 
 }
 
 fn unreadable(path: &Path, error: &image::ImageError) -> FieldError {
-    FieldError::read(path, format!("not a BMP, PNG, TIFF or PGM image that can be read: {error}"))
+    FieldError::read(path, format!("not a readable BMP, PNG, TIFF or PGM image: {error}"))
 }

@@ -1,4 +1,4 @@
-//! The rows of a field.
+//! The output table of a field.
 
 use std::fs::File;
 use std::io::{BufWriter, Write};
@@ -7,23 +7,23 @@ use std::path::Path;
 use super::FieldError;
 use crate::results::FieldPoint;
 
-/// Columns of the table.
+/// The columns of the table.
 const COLUMNS: [&str; 9] = ["x_px", "y_px", "u_px", "v_px", "sigma_u_px", "sigma_v_px", "zncc", "peak_ratio", "status"];
 
-/// Column before them where one table holds several fields.
+/// The first column of a table of several fields.
 const TARGET: &str = "target";
 
-/// How rows are written.
+/// The layout of a table.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Layout {
-    /// JSON lines with nulls where a number is missing; else CSV with empty cells.
+    /// JSON lines with null for missing numbers, else CSV with empty cells.
     pub(super) json: bool,
-    /// Whether each row begins with the name of its target.
+    /// Whether each row starts with the name of its target.
     pub(super) named: bool,
 }
 
 impl Layout {
-    /// Writes what comes before all rows.
+    /// Writes the header.
     pub(super) fn head(self, out: impl Write) -> anyhow::Result<()> {
         if !self.json {
             let mut table = csv::Writer::from_writer(out);
@@ -61,11 +61,11 @@ impl Layout {
         Ok(())
     }
 
-    /// Writes a file of one field, whose rows need no name; a file of that name is replaced.
+    /// Writes the table of one field to a file, replacing an existing one.
     ///
     /// # Errors
     ///
-    /// One line naming the file.
+    /// [`FieldError::Write`] naming the file.
     pub(super) fn write_file(self, path: &Path, field: &[FieldPoint]) -> Result<(), FieldError> {
         let layout = Self { named: false, ..self };
         let mut file = BufWriter::new(File::create(path).map_err(|error| FieldError::write(path, error))?);
@@ -74,7 +74,7 @@ impl Layout {
     }
 }
 
-/// The values of one row; missing ones are `None`.
+/// Returns the values of a row; missing ones are `None`.
 fn row(point: &FieldPoint) -> [Option<f32>; 8] {
     let displacement = point.displacement;
     [

@@ -1,4 +1,4 @@
-//! Several rigs, or one frame by frame: who lets the frames go.
+//! Releases the frames of several rigs in time order, or of one rig step by step.
 
 use super::{Played, Rate, Tempo};
 use crate::camera::recording::TimeRange;
@@ -10,12 +10,12 @@ use std::sync::mpsc::{self, Receiver};
 use std::thread;
 use std::time::{Duration, Instant};
 
-/// How long a pause may last before it is seen whether to stop.
+/// Maximum sleep between two checks for a stop.
 const NAP: Duration = Duration::from_millis(50);
-/// How long the last word of who leads is waited for after all rigs have ended.
+/// Maximum wait for the leader thread after all rigs have ended.
 const PATIENCE: Duration = Duration::from_secs(2);
 
-/// Runs a rig for each and lets their frames go in the order of time; the second says that who leads wants no more.
+/// Runs a rig per stream and releases the frames in time order; also returns whether the user ended the replay.
 pub(super) fn play(played: &[Played], tempo: Tempo, stop: &Stop) -> anyhow::Result<(Vec<Summary>, bool)> {
     let mut runs = Vec::new();
     let mut players = Vec::new();
@@ -33,7 +33,7 @@ pub(super) fn play(played: &[Played], tempo: Tempo, stop: &Stop) -> anyhow::Resu
     }
     let (done, outcome) = mpsc::channel();
     let stopped = stop.clone();
-    // Not waited for: it may sit at a terminal where nobody types.
+    // Not joined: the thread may be blocked on standard input.
     thread::spawn(move || {
         let ended = Leader { tempo, ahead: 0, origin: None }.lead(players, &stopped);
         done.send(ended)
@@ -42,12 +42,12 @@ pub(super) fn play(played: &[Played], tempo: Tempo, stop: &Stop) -> anyhow::Resu
     for run in runs {
         summaries.push(run.join().map_err(|_| anyhow::anyhow!("a supervisor panicked"))??);
     }
-    // Who leads knows of the end before the rigs do, unless it still asks whoever sits at the terminal.
+    // The leader notices the end before the rigs do, unless it still waits for input.
     let patience = if stop.requested() { Duration::ZERO } else { PATIENCE };
     Ok((summaries, outcome.recv_timeout(patience).unwrap_or(Ok(true))?))
 }
 
-/// The frames of a rig that are still to be published.
+/// The frames of a rig that have not been published yet.
 struct Player {
     name: String,
     frames: Frames,
@@ -88,14 +88,14 @@ struct Ready {
 
 struct Leader {
     tempo: Tempo,
-    /// Frames that may go before the next question.
+    /// Frames to release before the next prompt.
     ahead: u64,
-    /// When the first frame went, and its stamp.
+    /// The time when the first frame was released, and its stamp.
     origin: Option<(Instant, u64)>,
 }
 
 impl Leader {
-    /// Lets all frames go; `true` when it was ended before the last.
+    /// Releases all frames; returns `true` if it was ended before the last.
     fn lead(mut self, players: Vec<Player>, stop: &Stop) -> Result<bool, RecordingError> {
         let mut rigs = Vec::new();
         for mut player in players {
@@ -105,7 +105,7 @@ impl Leader {
             }
         }
         let first_ns = rigs.iter().map(|rig| rig.next.stamp_ns).min().unwrap_or(0);
-        // The earliest; of several at one time the one that comes first.
+        // The earliest frame; of several at one time the first rig.
         while let Some(at) = (0..rigs.len()).min_by_key(|at| rigs[*at].next.stamp_ns) {
             let rig = &mut rigs[at];
             if !self.may_go(rig, first_ns, stop) {
@@ -120,7 +120,7 @@ impl Leader {
         Ok(false)
     }
 
-    /// Waits until a frame may go; `false` to end here.
+    /// Waits until a frame may be released; returns `false` to end here.
     fn may_go(&mut self, rig: &Ready, first_ns: u64, stop: &Stop) -> bool {
         match self.tempo {
             Tempo::Rate(Rate::Max) => {}
@@ -150,13 +150,16 @@ impl Leader {
     }
 }
 
-/// Asks whoever sits there how many frames may go; `None` to end.
+/// Prompts for the number of frames to release; returns `None` to end.
 fn ask(rig: &Ready, first_ns: u64) -> Option<u64> {
     let at_s = rig.next.stamp_ns.saturating_sub(first_ns) as f64 * 1e-9;
-    let mut told = std::io::stderr();
+    let mut stderr = std::io::stderr();
     loop {
         let (name, sequence) = (&rig.player.name, rig.next.sequence);
-        let _ = write!(told, "{name}: frame {sequence} at {at_s:.6} s; Enter plays it, a number so many, q ends: ");
+        let _ = write!(
+            stderr,
+            "{name}: frame {sequence} at {at_s:.6} s; Enter plays it, a number plays that many, q ends: "
+        );
         let mut line = String::new();
         let read = std::io::stdin().lock().read_line(&mut line);
         match line.trim() {
@@ -166,7 +169,7 @@ fn ask(rig: &Ready, first_ns: u64) -> Option<u64> {
             text => match text.parse::<u64>().ok().filter(|count| *count > 0) {
                 Some(count) => return Some(count),
                 None => {
-                    let _ = writeln!(told, "{text:?} is neither empty, nor a number from 1 on, nor q");
+                    let _ = writeln!(stderr, "{text:?}: expected Enter, a number of at least 1, or q");
                 }
             },
         }

@@ -1,4 +1,4 @@
-//! Which recordings are one stream.
+//! Groups recordings into streams.
 
 use crate::camera::recording::TimeRange;
 use crate::command::UsageError;
@@ -9,13 +9,13 @@ use std::path::PathBuf;
 /// A stream of one camera.
 pub(super) struct Streamed {
     pub(super) recording: Recording,
-    /// Which of several cameras in one recording; `None` for the first.
+    /// The name of a further camera; `None` for the first.
     pub(super) camera: Option<String>,
-    /// What of it is played, in seconds from its first frame.
+    /// The interval to play, in seconds from its first frame.
     pub(super) span: TimeRange,
 }
 
-/// The recordings that go on one from the other as one each, in the order of their times; each camera's by itself.
+/// Joins recordings that continue each other, separately for each camera, in time order.
 pub(super) fn streams(files: &[PathBuf]) -> Result<Vec<Streamed>, RecordingError> {
     let mut parts = Vec::new();
     for recording in Recording::open_all(files)? {
@@ -27,7 +27,7 @@ pub(super) fn streams(files: &[PathBuf]) -> Result<Vec<Streamed>, RecordingError
             parts.push(Part { first: recording.first_frame()?, last: recording.last_frame()?, recording, camera });
         }
     }
-    // Stable: of two that begin at one time, the one that was named first comes first.
+    // The sort is stable: of two that begin at the same time, the one named first comes first.
     parts.sort_by_key(|part| part.first.stamp_ns);
     let mut streams: Vec<Vec<Part>> = Vec::new();
     for part in parts {
@@ -53,14 +53,14 @@ struct Part {
 }
 
 impl Part {
-    /// Whether it is a later part of the stream that the other is of.
+    /// Whether this part continues the stream of `before`.
     fn follows(&self, before: &Self) -> bool {
         let shape = |meta: &FrameMeta| (meta.width_px, meta.height_px, meta.format);
         let about = |part: &Self| {
             let entry = |key: &str| part.recording.metadata().get(key).cloned();
             (entry("rig"), entry("camera"), entry("serial"), part.recording.config_toml().map(str::to_owned))
         };
-        // Files of others number their frames from 0: nothing tells that one goes on from the other.
+        // Other programs number their frames from 0, so a continuation cannot be recognised.
         self.recording.is_ours()
             && self.camera == before.camera
             && about(self) == about(before)
@@ -71,7 +71,7 @@ impl Part {
     }
 }
 
-/// When the first frame of all was taken.
+/// Returns the stamp of the earliest frame of all streams.
 pub(super) fn first_ns(streams: &[Streamed]) -> Result<u64, RecordingError> {
     let mut first_ns = u64::MAX;
     for stream in streams {
@@ -80,7 +80,7 @@ pub(super) fn first_ns(streams: &[Streamed]) -> Result<u64, RecordingError> {
     Ok(first_ns)
 }
 
-/// The streams that have frames in a part of the whole, and that part of each.
+/// Returns the streams that have frames in an interval of the whole, restricted to it.
 pub(super) fn within(streams: Vec<Streamed>, whole: TimeRange) -> anyhow::Result<Vec<Streamed>> {
     let origin_ns = first_ns(&streams)?;
     let mut latest_ns = origin_ns;
@@ -101,7 +101,7 @@ pub(super) fn within(streams: Vec<Streamed>, whole: TimeRange) -> anyhow::Result
     }
     if inside.is_empty() {
         let last_s = latest_ns.saturating_sub(origin_ns) as f64 * 1e-9;
-        return Err(UsageError(format!("--from {}: the last frame lies at {last_s} s", whole.from_s)).into());
+        return Err(UsageError(format!("--from {}: beyond the last frame at {last_s} s", whole.from_s)).into());
     }
     Ok(inside)
 }

@@ -1,4 +1,4 @@
-//! `ricochet study convergence`: how the answers of `spline-fft` settle with more spline points between the pixels.
+//! `ricochet study convergence`: convergence of `spline-fft` with the number of spline points between pixels.
 
 use std::path::PathBuf;
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
@@ -14,33 +14,33 @@ use crate::process::Stop;
 
 pub use super::pairs::Files;
 
-/// Numbers of spline points between two pixels that are tried, in this order.
+/// The numbers of spline points to try, in this order.
 pub const SPLINE_POINTS: [u32; 9] = [0, 1, 2, 3, 5, 7, 10, 14, 20];
 
-/// How often a stop is looked for while a field is being measured.
+/// Poll interval for a stop while a field is measured.
 const LOOK: Duration = Duration::from_millis(100);
 
-/// What `ricochet study convergence` was asked to do.
+/// The options of `ricochet study convergence`.
 #[derive(Debug, Clone)]
 pub struct ConvergenceOptions {
-    /// The images; a drawn pattern with known displacements when there are none.
+    /// The images; a rendered pattern with known displacements when absent.
     pub files: Option<Files>,
     /// Full width of a subset, odd, px: 9 to 255.
     pub subset_size_px: u32,
-    /// From one subset to the next, px: 1 to 255.
+    /// Grid step, px: 1 to 255.
     pub step_px: u32,
-    /// Largest displacement looked for, px.
+    /// Search range, px.
     pub search_px: u32,
-    /// Settled is where 99 % of the answers change by less, px; more than 0, at most 1.
+    /// Converged when 99 % of the answers change by less, px; above 0, at most 1.
     pub tolerance_px: f64,
-    /// A directory for the table and the figure, made when it is not there.
+    /// A directory for the table and the figure, created if missing.
     pub output: Option<PathBuf>,
     /// Print one JSON object.
     pub json: bool,
 }
 
 impl ConvergenceOptions {
-    /// The parameters of one way to measure.
+    /// Returns the correlation settings of one method.
     fn params(&self, way: Way) -> CorrelationParams {
         let (method, spline_points) = match way {
             Way::Spline { spline_points, .. } => (Method::SplineFft, spline_points),
@@ -57,44 +57,44 @@ impl ConvergenceOptions {
     }
 }
 
-/// One way to measure.
+/// A method of the study.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Way {
     /// `spline-fft`.
     Spline {
-        /// Points between two pixels.
+        /// Number of points between two pixels.
         spline_points: u32,
-        /// Whether the correlation peak is fitted.
+        /// The treatment of the correlation peak.
         peak: Peak,
     },
     /// `ic-gn`, for comparison.
     IcGn,
 }
 
-/// What becomes of the highest grid point of a correlation peak.
+/// The treatment of the highest grid point of a correlation peak.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Peak {
-    /// The top of a fit around it is the answer.
+    /// The maximum of a fit around it is the answer.
     Fitted,
-    /// It is the answer itself.
+    /// The grid point itself is the answer.
     Highest,
 }
 
-/// What one way to measure gave.
+/// The result of one method.
 #[derive(Debug, Clone)]
 pub(super) struct Row {
     pub(super) way: Way,
-    /// Subsets of all pairs.
+    /// Number of subsets of all pairs.
     pub(super) subsets: usize,
-    /// Those with a valid answer.
+    /// Number of subsets with a valid answer.
     pub(super) valid: usize,
-    /// Against the number of points before.
+    /// Change against the previous number of points.
     pub(super) change: Option<Change>,
-    /// Against `ic-gn`.
+    /// Difference from `ic-gn`.
     pub(super) from_ic_gn: Option<Change>,
-    /// Against the truth, where it is known.
+    /// Error against the truth, if known.
     pub(super) error: Option<Deviation>,
-    /// Mean displacement, px; of a single pair.
+    /// Mean displacement of a single pair, px.
     pub(super) mean_px: Option<[f64; 2]>,
     /// Time of all fields, s.
     pub(super) time_s: f64,
@@ -104,13 +104,16 @@ pub(super) struct Row {
 ///
 /// # Errors
 ///
-/// One line naming the option, the file or both sizes.
+/// [`UsageError`] or [`FieldError`](crate::command::field::FieldError) naming the option, the file or both image
+/// sizes.
 pub fn run(options: &ConvergenceOptions, stop: &Stop) -> anyhow::Result<Outcome> {
     if !(options.tolerance_px > 0.0 && options.tolerance_px <= 1.0) {
-        return Err(UsageError(format!("--tolerance-px {}: more than 0, at most 1", options.tolerance_px)).into());
+        return Err(
+            UsageError(format!("--tolerance-px {}: must be above 0 and at most 1", options.tolerance_px)).into()
+        );
     }
     let subject = subject(options)?;
-    // Opened before the work, so that a wrong path is told at once.
+    // Opened before the work, so that a wrong path is reported at once.
     let output = options.output.as_ref().map(|path| Output::open(path, options.files.as_ref())).transpose()?;
     let ways = ways();
     let rows = measure(options, subject, &ways, stop)?;
@@ -119,9 +122,9 @@ pub fn run(options: &ConvergenceOptions, stop: &Stop) -> anyhow::Result<Outcome>
         output.write(&study)?;
     }
     if options.json {
-        study.say_json()
+        study.print_json()
     } else {
-        study.say_table()
+        study.print_table()
     }
     Ok(match missing {
         0 => Outcome::Clean,
@@ -129,10 +132,11 @@ pub fn run(options: &ConvergenceOptions, stop: &Stop) -> anyhow::Result<Outcome>
     })
 }
 
-/// What is measured: the files, or the drawn pattern.
+/// Returns the frames to measure: the files, or the rendered pattern.
 fn subject(options: &ConvergenceOptions) -> anyhow::Result<Subject> {
     let params = options.params(Way::IcGn);
-    // Planned for any size that has room: settings out of range are told before anything is read or drawn.
+    // Planned for any size that has room, so that settings out of range are reported before anything is read or
+    // rendered.
     Correlator::new(&params, 1 << 10, 1 << 10)?;
     let subject = match &options.files {
         Some(files) => pairs::read(files, &params)?,
@@ -141,13 +145,13 @@ fn subject(options: &ConvergenceOptions) -> anyhow::Result<Subject> {
     Ok(subject)
 }
 
-/// Every way to measure, in the order of the table: `ic-gn` first, since all others are compared with it.
+/// Returns all methods in the order of the table: `ic-gn` first, since the others are compared with it.
 fn ways() -> Vec<Way> {
     let spline = |peak: Peak| SPLINE_POINTS.map(|spline_points| Way::Spline { spline_points, peak });
     [Way::IcGn].into_iter().chain(spline(Peak::Fitted)).chain(spline(Peak::Highest)).collect()
 }
 
-/// About how long a way takes, in any unit: the area to transform grows with the square of the points.
+/// Returns the relative duration of a method: the transformed area grows with the square of the points.
 fn cost(way: Way) -> u64 {
     match way {
         Way::IcGn => 1,
@@ -155,7 +159,7 @@ fn cost(way: Way) -> u64 {
     }
 }
 
-/// Measures in a thread of its own, so that a stop need not wait for the end of a field; gives the rows it came to.
+/// Measures in a separate thread, so that a stop does not have to wait for a field; returns the completed rows.
 fn measure(options: &ConvergenceOptions, subject: Subject, ways: &[Way], stop: &Stop) -> anyhow::Result<Vec<Row>> {
     let (width, height) = subject.size();
     let plan = |way: &Way| Ok((*way, plan(options, *way, (width, height))?));
@@ -177,7 +181,7 @@ fn measure(options: &ConvergenceOptions, subject: Subject, ways: &[Way], stop: &
     Ok(rows)
 }
 
-/// Takes rows until there are no more, or a stop; tells whether it was a stop.
+/// Receives rows until the channel closes or a stop; returns whether it was stopped.
 fn collect(receiver: &Receiver<Row>, stop: &Stop, mut take: impl FnMut(Row)) -> bool {
     loop {
         match receiver.recv_timeout(LOOK) {
@@ -199,7 +203,7 @@ fn plan(options: &ConvergenceOptions, way: Way, (width, height): (usize, usize))
     })
 }
 
-/// Sends a row for each way, until nobody takes them.
+/// Sends one row per method, until the receiver is gone.
 fn work(planned: Vec<(Way, Correlator)>, subject: &Subject, rows: &Sender<Row>) {
     let truth_px: Option<Vec<_>> = subject.pairs.iter().map(|pair| pair.truth_px).collect();
     let (mut ic_gn, mut before): (Option<Answers>, Option<(Way, Answers)>) = (None, None);
@@ -227,12 +231,12 @@ fn work(planned: Vec<(Way, Correlator)>, subject: &Subject, rows: &Sender<Row>) 
     }
 }
 
-/// Whether two ways differ in their number of points only.
+/// Whether two methods differ only in their number of points.
 fn is_next(before: Way, way: Way) -> bool {
     matches!((before, way), (Way::Spline { peak: a, .. }, Way::Spline { peak: b, .. }) if a == b)
 }
 
-/// The answers of every pair, one after the other, and the time the fields took, s.
+/// Returns the answers of all pairs in order, and the correlation time, s.
 #[expect(clippy::disallowed_methods, reason = "a study of cost reads the clock")]
 fn correlate(correlator: &mut Correlator, subject: &Subject) -> (Answers, f64) {
     let (mut answers, mut field) = (Answers::new(), Vec::new());

@@ -1,25 +1,25 @@
-//! The study as a figure: logarithmic curves over the number of spline points, in one SVG that needs nothing else.
+//! The figure of the convergence study: logarithmic curves over the number of spline points, as a self-contained SVG.
 
 use std::fmt::Write as _;
 
 use super::convergence::SPLINE_POINTS;
 
-/// Width of the figure and of the free space around a plot, px.
+/// Width of the figure and its margins, px.
 const WIDTH: f64 = 760.0;
 const LEFT: f64 = 84.0;
 const RIGHT: f64 = 24.0;
-/// Height of the heading, of a panel's title and legend, of its plot, and of its numbers below, px.
+/// Height of the heading, and of a panel's title and legend, plot, and axis labels, px.
 const HEADING: f64 = 74.0;
 const ABOVE: f64 = 50.0;
 const PLOT: f64 = 250.0;
 const BELOW: f64 = 62.0;
-/// Height of the strip for what is zero, px.
+/// Height of the strip for zeros, px.
 const STRIP: f64 = 34.0;
 
-/// Below, a length is nothing but rounding in single precision and is drawn as zero, px.
-const LEAST_PX: f64 = 1e-7;
+/// Smaller lengths are rounding errors of single precision and are drawn as zero, px.
+const ZERO_PX: f64 = 1e-7;
 
-/// Its background is white on every page, and its colours differ for the colour-blind (M. Okabe, K. Ito, 2008).
+/// The background is white on every page, and the colours suit the colour-blind (M. Okabe, K. Ito, 2008).
 const STYLE: &str = "text{font:13px system-ui,sans-serif;fill:#222}\
     .head{font-size:17px;font-weight:600}.title{font-weight:600}.small{font-size:12px;fill:#555}\
     .grid{stroke:#ddd}.axis{stroke:#222;fill:none}\
@@ -29,15 +29,15 @@ const STYLE: &str = "text{font:13px system-ui,sans-serif;fill:#222}\
     .bound.curve{stroke:#888;stroke-width:1.4;stroke-dasharray:2 3}\
     .ring{fill:none;stroke:#222;stroke-width:1.6}";
 
-/// How a curve looks.
+/// The line style of a curve.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Look {
     /// Blue with discs.
     Discs,
     /// Orange with squares.
     Squares,
-    /// Broken black line.
-    Broken,
+    /// Dashed black line.
+    Dashed,
     /// Dotted grey line.
     Dotted,
 }
@@ -47,33 +47,33 @@ impl Look {
         match self {
             Self::Discs => "a",
             Self::Squares => "b",
-            Self::Broken => "level",
+            Self::Dashed => "level",
             Self::Dotted => "bound",
         }
     }
 }
 
-/// One curve and its entry in the legend.
+/// A curve and its legend entry.
 #[derive(Debug, Clone)]
 pub(super) struct Curve {
     pub(super) look: Look,
     pub(super) name: String,
-    /// Lengths, one for each number of spline points; `None` where there is none.
+    /// The lengths, one per number of spline points; `None` where there is none.
     pub(super) values_px: [Option<f64>; SPLINE_POINTS.len()],
-    /// Which of them is marked.
+    /// The index of the ringed point.
     pub(super) ring: Option<usize>,
 }
 
-/// One plot.
+/// A plot.
 #[derive(Debug, Clone)]
 pub(super) struct Panel {
     pub(super) title: String,
-    /// What the upward axis has, with its unit.
+    /// The label of the vertical axis, with its unit.
     pub(super) label: String,
     pub(super) curves: Vec<Curve>,
 }
 
-/// The whole figure; lines of the heading first.
+/// Draws the figure below the lines of its heading.
 pub(super) fn draw(heading: &[String; 3], panels: &[Panel]) -> String {
     let height = HEADING + (ABOVE + PLOT + BELOW) * panels.len() as f64;
     let [title, of, verdict] = heading.each_ref().map(|line| plain(line));
@@ -95,35 +95,35 @@ pub(super) fn draw(heading: &[String; 3], panels: &[Panel]) -> String {
     svg
 }
 
-/// From lengths to places, top to bottom.
+/// The vertical axis.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Scale {
-    /// Powers of ten at both ends.
+    /// Exponents of ten at both ends.
     low: i32,
     high: i32,
-    /// Height of the strip for zeros; 0 without any.
+    /// Height of the strip for zeros; 0 if there are none.
     strip: f64,
 }
 
 impl Scale {
-    /// Whole powers of ten around all values.
+    /// Returns an axis of whole decades around all values.
     fn of(curves: &[Curve]) -> Self {
         let values = || curves.iter().flat_map(|curve| curve.values_px).flatten();
         let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);
-        for value in values().filter(|value| *value >= LEAST_PX) {
+        for value in values().filter(|value| *value >= ZERO_PX) {
             (low, high) = (low.min(value.log10()), high.max(value.log10()));
         }
-        let strip = if values().any(|value| value < LEAST_PX) { STRIP } else { 0.0 };
+        let strip = if values().any(|value| value < ZERO_PX) { STRIP } else { 0.0 };
         if low > high {
             return Self { low: -3, high: 0, strip };
         }
-        // A value on a power of ten is not drawn onto the frame.
+        // A value on a power of ten must not coincide with the frame.
         let (low, high) = ((low - 0.02).floor() as i32, (high + 0.02).ceil() as i32);
         Self { low, high: high.max(low + 1), strip }
     }
 
     fn y(self, value_px: f64) -> f64 {
-        if value_px < LEAST_PX {
+        if value_px < ZERO_PX {
             return ABOVE + PLOT - 0.5 * self.strip;
         }
         let share = (f64::from(self.high) - value_px.log10()) / f64::from(self.high - self.low);
@@ -131,7 +131,7 @@ impl Scale {
     }
 }
 
-/// Where a number of spline points lies, evenly spaced.
+/// Returns the horizontal position of an index; positions are evenly spaced.
 fn x(index: usize) -> f64 {
     let apart = (WIDTH - LEFT - RIGHT) / SPLINE_POINTS.len() as f64;
     LEFT + apart * (index as f64 + 0.5)
@@ -177,8 +177,8 @@ impl Curve {
         let class = self.look.class();
         let place = |(index, value): (usize, &Option<f64>)| value.map(|value| (x(index), scale.y(value), value));
         let places: Vec<_> = self.values_px.iter().enumerate().map(place).collect();
-        // No line leads to a zero: on a logarithmic axis its length would mean nothing.
-        let is_drawn = |place: &Option<(f64, f64, f64)>| place.is_some_and(|(_, _, value)| value >= LEAST_PX);
+        // No line leads to a zero: its length would be meaningless on a logarithmic axis.
+        let is_drawn = |place: &Option<(f64, f64, f64)>| place.is_some_and(|(_, _, value)| value >= ZERO_PX);
         for stretch in places.split(|place| !is_drawn(place)).filter(|stretch| stretch.len() > 1) {
             let points = stretch.iter().flatten().map(|(x, y, _)| format!("{x:.1} {y:.1}"));
             let path = points.collect::<Vec<_>>().join("L");
@@ -192,7 +192,7 @@ impl Curve {
         }
     }
 
-    /// Its entry in the legend.
+    /// Draws the legend entry.
     fn explain(&self, svg: &mut String, from: f64) {
         let (class, y) = (self.look.class(), ABOVE - 16.0);
         let _ = writeln!(svg, "<path class=\"{class} curve\" d=\"M{from:.1} {y}h30\"/>");
@@ -202,7 +202,7 @@ impl Curve {
 }
 
 impl Look {
-    /// One point, where the look has marks.
+    /// Draws a marker, if the style has one.
     fn mark(self, svg: &mut String, (x, y): (f64, f64)) {
         let _ = match self {
             Self::Discs => writeln!(svg, "<circle class=\"a dot\" cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"4\"/>"),
@@ -210,7 +210,7 @@ impl Look {
                 let (x, y) = (x - 3.5, y - 3.5);
                 writeln!(svg, "<rect class=\"b dot\" x=\"{x:.1}\" y=\"{y:.1}\" width=\"7\" height=\"7\"/>")
             }
-            Self::Broken | Self::Dotted => Ok(()),
+            Self::Dashed | Self::Dotted => Ok(()),
         };
     }
 }
@@ -226,7 +226,7 @@ pub(super) fn power_of_ten(power: i32) -> String {
     }
 }
 
-/// Text that XML takes.
+/// Escapes text for XML.
 pub(super) fn plain(text: &str) -> String {
     let letter = |letter: char| match letter {
         '&' => "&amp;".to_owned(),

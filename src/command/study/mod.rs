@@ -1,5 +1,5 @@
-//! `ricochet study`: what the method's settings do to its answers (`convergence`), and how well patterns and methods do
-//! on films whose motion is known (`speckle`); what a rig is going to be off by (`design`).
+//! `ricochet study`: convergence of `spline-fft` with its settings (`convergence`), accuracy of patterns and methods
+//! on rendered films (`speckle`), and the predicted uncertainty of a rig (`design`).
 
 pub mod convergence;
 pub mod design;

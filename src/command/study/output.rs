@@ -1,4 +1,4 @@
-//! The files of a study.
+//! The output files of the convergence study.
 
 use std::fs::File;
 use std::io::Write as _;
@@ -9,7 +9,7 @@ use super::tell::Study;
 use crate::command::UsageError;
 use crate::command::field::{FieldError, folder};
 
-/// A file that is open for writing, and its name.
+/// An open file and its path.
 #[derive(Debug)]
 struct Opened {
     path: PathBuf,
@@ -24,17 +24,17 @@ pub(super) struct Output {
 }
 
 impl Output {
-    /// Makes the directory and both files; files of these names are replaced.
+    /// Creates the directory and both files, replacing existing ones.
     ///
     /// # Errors
     ///
-    /// One line when the directory is a file, or when one of the files is an input or cannot be made.
+    /// When the directory is a file, a file is an input, or a file cannot be created.
     pub(super) fn open(directory: &Path, inputs: Option<&Files>) -> anyhow::Result<Self> {
         folder::make("--output", directory)?;
         let paths = ["convergence.csv", "convergence.svg"].map(|name| directory.join(name));
         if let Some(path) = paths.iter().find(|path| pairs::is_input(inputs, path)) {
-            let told = format!("{}: is one of the images, and would be overwritten", path.display());
-            return Err(UsageError(told).into());
+            let reason = format!("{}: cannot write: it would overwrite one of the images", path.display());
+            return Err(UsageError(reason).into());
         }
         let open = |path: PathBuf| match File::create(&path) {
             Ok(file) => Ok(Opened { path, file }),
@@ -44,11 +44,11 @@ impl Output {
         Ok(Self { table: table?, figure: figure? })
     }
 
-    /// Writes what came out.
+    /// Writes the results.
     ///
     /// # Errors
     ///
-    /// One line naming the file that cannot be written.
+    /// [`FieldError`] naming the file that cannot be written.
     pub(super) fn write(self, study: &Study<'_>) -> anyhow::Result<()> {
         let Self { table, mut figure } = self;
         study.write_csv(table.file).map_err(|error| FieldError::write(&table.path, error))?;

@@ -1,4 +1,4 @@
-//! Pairs of frames to study: two files, or a drawn pattern whose displacement is known.
+//! Frame pairs of a study: two files, or a rendered pattern with known displacements.
 
 use std::path::{Path, PathBuf};
 
@@ -9,42 +9,42 @@ use crate::dic::{CorrelationParams, GridPoint};
 use crate::image::{Frame, Image};
 use crate::synth::{MotionSetup, Scenario, World};
 
-/// Displacements of the drawn pattern, px: one pair of frames each.
+/// Displacements of the rendered pattern, px, one per pair of frames.
 ///
-/// All lie 0.01 px and more off the grids that the spline points of the study make: on such a grid the
-/// highest grid point would look perfect.
+/// All lie at least 0.01 px off the grids of the study's spline points. On such a grid the highest grid point would
+/// look perfect.
 pub(super) const DRAWN_PX: [[f64; 2]; 5] = [[0.02, -0.31], [0.22, 0.69], [0.56, -0.89], [0.78, -1.22], [1.44, 1.7]];
 
-/// Side of the drawn frames, px.
+/// Side of the rendered frames, px.
 const SIDE_PX: u32 = 192;
 
-/// Diameter of the drawn ball, px.
+/// Diameter of the rendered ball, px.
 const DIAMETER_PX: f64 = 150.0;
 
-/// Centre of the drawn ball in the first frame, off the pixel grid.
+/// Centre of the rendered ball in the first frame, off the pixel grid.
 const CENTER_PX: [f64; 2] = [95.63, 95.29];
 
-/// Two files instead of the drawn pattern.
+/// Two images to measure instead of the rendered pattern.
 #[derive(Debug, Clone)]
 pub struct Files {
-    /// The image before.
+    /// The reference image.
     pub reference: PathBuf,
-    /// The image after.
+    /// The target image.
     pub target: PathBuf,
-    /// Only this part of the reference: x, y, width, height.
+    /// A rectangle of the reference to evaluate: x, y, width, height.
     pub roi_px: Option<[u32; 4]>,
 }
 
-/// Two frames of one size.
+/// Two frames of the same size.
 #[derive(Debug)]
 pub(super) struct Pair {
     pub(super) reference: Image,
     pub(super) target: Image,
-    /// The displacement it was drawn with, the same everywhere.
+    /// The rendered displacement, which is uniform.
     pub(super) truth_px: Option<[f64; 2]>,
 }
 
-/// What a study correlates: the same subsets on every pair.
+/// The input of a study: the same subsets on every pair.
 #[derive(Debug)]
 pub(super) struct Subject {
     pub(super) pairs: Vec<Pair>,
@@ -52,17 +52,17 @@ pub(super) struct Subject {
 }
 
 impl Subject {
-    /// Width and height of all frames, px.
+    /// Returns width and height of the frames, px.
     pub(super) fn size(&self) -> (usize, usize) {
         self.pairs.first().map_or((0, 0), |pair| (pair.reference.view().width(), pair.reference.view().height()))
     }
 }
 
-/// One pair of files, with the subsets on it.
+/// Reads a pair of files and places subsets on it.
 ///
 /// # Errors
 ///
-/// One line naming the file, both sizes, or the region.
+/// When a file cannot be read, the sizes differ, or the region exceeds the image.
 pub(super) fn read(files: &Files, params: &CorrelationParams) -> anyhow::Result<Subject> {
     let (reference, target) = stills::read_pair(&files.reference, &files.target)?;
     let size = (reference.view().width(), reference.view().height());
@@ -70,17 +70,17 @@ pub(super) fn read(files: &Files, params: &CorrelationParams) -> anyhow::Result<
     Ok(Subject { pairs: vec![Pair { reference, target, truth_px: None }], points })
 }
 
-/// A ball with speckles, drawn without any interpolation, with 2 grey levels of noise: a pair for each displacement.
+/// Renders a speckled ball without interpolation and with 2 grey levels of noise, one pair per displacement.
 ///
 /// # Errors
 ///
-/// When the subsets are too large for it.
+/// When the subsets are too large for the ball.
 pub(super) fn draw(displacements_px: &[[f64; 2]], params: &CorrelationParams) -> anyhow::Result<Subject> {
     let ([x, y], side) = (CENTER_PX, SIDE_PX as usize);
     let points = grid::disc(x, y, 0.5 * DIAMETER_PX, params.step_px, params.subset_size_px, side, side);
     if points.is_empty() {
         return Err(UsageError(format!(
-            "--subset {}: has no room on the drawn ball of {DIAMETER_PX} px: at most 105",
+            "--subset {}: too large for the rendered ball of {DIAMETER_PX} px, at most 105",
             params.subset_size_px
         ))
         .into());
@@ -106,7 +106,7 @@ fn draw_pair([u, v]: [f64; 2]) -> anyhow::Result<Pair> {
     Ok(Pair { reference: frame(0)?, target: frame(1)?, truth_px: Some([u, v]) })
 }
 
-/// Whether a path is one of the files.
+/// Whether a path is one of the input files.
 pub(super) fn is_input(files: Option<&Files>, path: &Path) -> bool {
     let inputs = files.map_or([None, None], |files| [Some(&files.reference), Some(&files.target)]);
     inputs.into_iter().flatten().any(|input| crate::command::export::is_same_file(path, input))
@@ -135,7 +135,7 @@ mod tests {
         let (a, b) = (subject.pairs[0].reference.view(), subject.pairs[0].target.view());
         let differences = a.data().iter().zip(b.data()).map(|(a, b)| f64::from(a - b).powi(2));
         let rms = (differences.sum::<f64>() / a.data().len() as f64).sqrt();
-        // Two frames with a noise of 2 grey levels each, rounded.
+        // Two rounded frames with 2 grey levels of noise each.
         assert!((rms - 2.86).abs() < 0.1, "{rms}");
         assert!(subject.points.len() >= 20, "{}", subject.points.len());
         assert!(draw(&[[0.0, 0.0]], &CorrelationParams { subset_size_px: 107, ..params }).is_err());

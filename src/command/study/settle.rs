@@ -1,31 +1,31 @@
-//! What changes from one answer to the next, and when it no longer does.
+//! The convergence criterion: the change between successive answers.
 
-/// The displacement of every subset of every pair, in one order; `None` where there is no valid answer.
+/// The displacement of every subset of every pair in a fixed order; `None` if it is not valid.
 pub(super) type Answers = Vec<Option<[f64; 2]>>;
 
-/// How far two sets of answers lie apart, where both have one.
+/// The difference between two sets of answers, over subsets valid in both.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Change {
-    /// Subsets with an answer in both.
+    /// Number of subsets valid in both.
     pub(super) compared: usize,
     /// Median of |du| and of |dv|, px.
     pub(super) median_px: [f64; 2],
-    /// What 99 % of |du| and of |dv| lie within, px.
-    pub(super) most_px: [f64; 2],
+    /// The 99 % quantile of |du| and of |dv|, px.
+    pub(super) p99_px: [f64; 2],
 }
 
-/// How far answers lie from the truth.
+/// The error of answers against the truth.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Deviation {
-    /// Largest mean error of one pair along one axis, by size, px: what the fraction of the displacement does.
+    /// Maximum absolute mean error of one pair along one axis, px: the bias due to the fraction of the displacement.
     pub(super) bias_px: f64,
-    /// Root mean square of all errors along both axes, px.
+    /// Root mean square error over both axes, px.
     pub(super) rms_px: f64,
-    /// Largest error along one axis, by size, px.
+    /// Maximum absolute error along one axis, px.
     pub(super) max_px: f64,
 }
 
-/// How far the answers lie apart; `None` when no subset has both.
+/// Compares two sets of answers; returns `None` if no subset is valid in both.
 pub(super) fn change(before: &Answers, after: &Answers) -> Option<Change> {
     let both: Vec<_> = before.iter().zip(after).filter_map(|(a, b)| a.zip(*b)).collect();
     let apart = |axis: usize| {
@@ -37,19 +37,19 @@ pub(super) fn change(before: &Answers, after: &Answers) -> Option<Change> {
     Some(Change {
         compared: both.len(),
         median_px: [quantile(&du, 0.5)?, quantile(&dv, 0.5)?],
-        most_px: [quantile(&du, 0.99)?, quantile(&dv, 0.99)?],
+        p99_px: [quantile(&du, 0.99)?, quantile(&dv, 0.99)?],
     })
 }
 
-/// The smallest value that at least the given share of the sorted values does not exceed.
+/// Returns the smallest value not exceeded by at least the given fraction of the sorted values.
 fn quantile(sorted: &[f64], share: f64) -> Option<f64> {
     let rank = (share * sorted.len() as f64).ceil().max(1.0) as usize;
     sorted.get(rank - 1).copied()
 }
 
-/// How far answers lie from the truth of their pair; `None` when there is no answer.
+/// Compares answers with the truth of their pair; returns `None` if there are no answers.
 ///
-/// The answers of all pairs follow each other, equally many of each.
+/// All pairs have the same number of answers, stored one pair after the other.
 pub(super) fn deviation(answers: &Answers, truth_px: &[[f64; 2]]) -> Option<Deviation> {
     let each = answers.len().checked_div(truth_px.len())?.max(1);
     let (mut bias_px, mut squares, mut max_px, mut count) = (0.0_f64, 0.0, 0.0_f64, 0_usize);
@@ -67,41 +67,41 @@ pub(super) fn deviation(answers: &Answers, truth_px: &[[f64; 2]]) -> Option<Devi
     (count > 0).then(|| Deviation { bias_px, rms_px: (squares / count as f64).sqrt(), max_px })
 }
 
-/// The mean of all answers; `None` when there is none.
+/// Returns the mean of all answers; `None` if there are none.
 pub(super) fn mean(answers: &Answers) -> Option<[f64; 2]> {
     let found: Vec<_> = answers.iter().flatten().collect();
     let along = |axis: usize| found.iter().map(|answer| answer[axis]).sum::<f64>() / found.len() as f64;
     (!found.is_empty()).then(|| [along(0), along(1)])
 }
 
-/// One number of spline points.
+/// The result for one number of spline points.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Stage {
     pub(super) spline_points: u32,
-    /// Subsets with a valid answer.
+    /// Number of subsets with a valid answer.
     pub(super) valid: usize,
-    /// Against the stage before.
+    /// Change against the previous stage.
     pub(super) change: Option<Change>,
     /// Whether answers are multiples of 1 / (points + 1) px.
     pub(super) on_grid: bool,
 }
 
 impl Stage {
-    /// Whether its answer is that of the stage before.
+    /// Whether its answers agree with those of the previous stage.
     ///
-    /// An answer on a grid is known to half a grid step only. When two grids agree more closely than that, it is
-    /// the grids that agree, not the measurements: a shift too small for either reads 0 on both.
+    /// An answer on a grid is only known to half a grid step. Two grids that agree more closely than that agree as
+    /// grids, not as measurements: a shift too small for either reads 0 on both.
     fn agrees(&self, tolerance_px: f64) -> bool {
         let resolved = !self.on_grid || 0.5 / f64::from(self.spline_points + 1) <= tolerance_px;
         resolved
             && self.change.is_some_and(|change| {
-                let [du, dv] = change.most_px;
+                let [du, dv] = change.p99_px;
                 du < tolerance_px && dv < tolerance_px && 2 * change.compared >= self.valid
             })
     }
 }
 
-/// The number of spline points from which on 99 % of the answers change by less than the tolerance.
+/// Returns the number of spline points from which on 99 % of the answers change by less than the tolerance.
 pub(super) fn settled(stages: &[Stage], tolerance_px: f64) -> Option<u32> {
     let last = stages.iter().rposition(|stage| !stage.agrees(tolerance_px));
     stages.get(last.map_or(0, |last| last + 1)).map(|stage| stage.spline_points)
@@ -112,7 +112,7 @@ mod tests {
     use super::*;
 
     fn stage(spline_points: u32, change_px: f64) -> Stage {
-        let change = Change { compared: 10, median_px: [0.0; 2], most_px: [0.5 * change_px, change_px] };
+        let change = Change { compared: 10, median_px: [0.0; 2], p99_px: [0.5 * change_px, change_px] };
         Stage { spline_points, valid: 10, change: Some(change), on_grid: false }
     }
 
@@ -121,7 +121,7 @@ mod tests {
     }
 
     #[test]
-    fn the_first_stage_after_which_nothing_changes_any_more_has_settled() {
+    fn the_first_stage_after_which_nothing_changes_has_converged() {
         let stages = [first(), stage(1, 0.01), stage(2, 0.0009), stage(3, 0.0004)];
         assert_eq!(settled(&stages, 0.001), Some(2));
         assert_eq!(settled(&stages, 0.02), Some(1));
@@ -133,7 +133,7 @@ mod tests {
     }
 
     #[test]
-    fn grids_that_agree_on_zero_have_not_settled() {
+    fn grids_that_agree_on_zero_have_not_converged() {
         let still = |points: u32| Stage { on_grid: true, ..stage(points, 0.0) };
         let stages = [first(), still(1), still(5), still(20)];
         assert_eq!(settled(&stages, 0.001), None);
@@ -142,7 +142,7 @@ mod tests {
     }
 
     #[test]
-    fn a_few_subsets_that_agree_do_not_speak_for_all() {
+    fn agreement_of_a_few_subsets_is_not_convergence() {
         let few = Stage { valid: 21, ..stage(2, 0.0001) };
         assert_eq!(settled(&[first(), few], 0.001), None);
     }
@@ -156,7 +156,7 @@ mod tests {
         assert_eq!(change.compared, 98);
         // Of 0..99 without 7 and 8 the 49th is 50, the 98th (99 % of 98, rounded up) is 99.
         assert!((change.median_px[0] - 0.050).abs() < 1e-9 && (change.median_px[1] - 0.100).abs() < 1e-9, "{change:?}");
-        assert!((change.most_px[0] - 0.099).abs() < 1e-9 && (change.most_px[1] - 0.198).abs() < 1e-9, "{change:?}");
+        assert!((change.p99_px[0] - 0.099).abs() < 1e-9 && (change.p99_px[1] - 0.198).abs() < 1e-9, "{change:?}");
         assert_eq!(super::change(&vec![None], &vec![Some([0.0; 2])]), None);
     }
 

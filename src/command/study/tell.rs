@@ -1,4 +1,4 @@
-//! The table of a study, for people and for programs.
+//! The output of the convergence study: table, JSON and figure.
 
 use std::io::Write;
 use std::path::Path;
@@ -11,17 +11,17 @@ use super::pairs::DRAWN_PX;
 use super::settle::{Stage, settled};
 use crate::command::{say, table};
 
-/// What was asked and what came out.
+/// The options and the results.
 pub(super) struct Study<'a> {
     pub(super) options: &'a ConvergenceOptions,
     pub(super) rows: &'a [Row],
 }
 
-/// One cell of the table: its name and its value.
+/// A cell of the table: name and value.
 type Cell = (&'static str, Value);
 
 impl Row {
-    /// Everything that is known of it; what is missing is null.
+    /// Returns all values of the row; missing ones are null.
     fn cells(&self) -> Vec<Cell> {
         let (method, spline_points, peak_fit) = match self.way {
             Way::IcGn => ("ic-gn", None, None),
@@ -37,8 +37,8 @@ impl Row {
             ("compared", json!(change.map(|change| change.compared))),
             ("change_median_u_px", json!(change.map(|change| change.median_px[0]))),
             ("change_median_v_px", json!(change.map(|change| change.median_px[1]))),
-            ("change_p99_u_px", json!(change.map(|change| change.most_px[0]))),
-            ("change_p99_v_px", json!(change.map(|change| change.most_px[1]))),
+            ("change_p99_u_px", json!(change.map(|change| change.p99_px[0]))),
+            ("change_p99_v_px", json!(change.map(|change| change.p99_px[1]))),
             ("ic_gn_median_u_px", json!(from.map(|from| from.median_px[0]))),
             ("ic_gn_median_v_px", json!(from.map(|from| from.median_px[1]))),
             ("mean_u_px", json!(self.mean_px.map(|mean| mean[0]))),
@@ -50,7 +50,7 @@ impl Row {
         ]
     }
 
-    /// The displacement, or how far it is from the truth, in words.
+    /// Describes the displacement, or its error against the truth.
     fn answer(&self) -> String {
         match (self.error, self.mean_px) {
             (Some(error), _) => format!("bias {:.4}, rms {:.4} px", error.bias_px, error.rms_px),
@@ -61,7 +61,7 @@ impl Row {
 }
 
 impl Study<'_> {
-    /// The rows of one kind of peak.
+    /// Returns the rows with one treatment of the peak.
     fn of(&self, wanted: Peak) -> Vec<(u32, &Row)> {
         let points = |row: &Row| match row.way {
             Way::Spline { spline_points, peak } if peak == wanted => Some(spline_points),
@@ -70,7 +70,7 @@ impl Study<'_> {
         self.rows.iter().filter_map(|row| Some((points(row)?, row))).collect()
     }
 
-    /// The number of points that settled.
+    /// Returns the number of points from which on the answers have converged.
     fn settled(&self, peak: Peak) -> Option<u32> {
         let stage = |(spline_points, row): (u32, &Row)| Stage {
             spline_points,
@@ -82,7 +82,7 @@ impl Study<'_> {
         settled(&stages, self.options.tolerance_px)
     }
 
-    /// What came of one kind of peak, in one line.
+    /// Summarises one treatment of the peak in one line.
     fn verdict(&self, peak: Peak) -> String {
         let (rows, settled) = (self.of(peak), self.settled(peak));
         let name = match peak {
@@ -97,14 +97,14 @@ impl Study<'_> {
         let ic_gn = self.rows.iter().find(|row| row.way == Way::IcGn).map_or_else(String::new, Row::answer);
         let verdict = match settled {
             Some(points) => {
-                format!("settled at {points} points (99 % change by less than {tolerance_px} px from there on)")
+                format!("converged at {points} points (99 % change by less than {tolerance_px} px from there on)")
             }
-            None => format!("did not settle to {tolerance_px} px within {last} points"),
+            None => format!("did not converge to {tolerance_px} px within {last} points"),
         };
         format!("{name}: {verdict}, {}; ic-gn: {ic_gn}", row.answer())
     }
 
-    /// The curves of the figure.
+    /// Draws the figure.
     pub(super) fn figure(&self) -> String {
         let options = self.options;
         let (subset_px, step_px) = (options.subset_size_px, options.step_px);
@@ -113,15 +113,15 @@ impl Study<'_> {
                 let name = |path: &Path| path.file_name().unwrap_or_default().to_string_lossy().into_owned();
                 format!("{} to {}", name(&files.reference), name(&files.target))
             }
-            None => format!("a drawn ball moved by {} known displacements", DRAWN_PX.len()),
+            None => format!("a rendered ball moved by {} known displacements", DRAWN_PX.len()),
         };
         let of = format!("{of}; subsets of {subset_px} px, {step_px} px apart");
         let settled = |peak: Peak| match self.settled(peak) {
-            Some(points) => format!("settled at {points} points (ring)"),
-            None => "did not settle".to_owned(),
+            Some(points) => format!("converged at {points} points (ring)"),
+            None => "did not converge".to_owned(),
         };
         let verdict = format!(
-            "With the peak fit: {}. Without it: {}; answers are known to half a grid step.",
+            "With the peak fit: {}. Without it: {}; answers are only known to half a grid step.",
             settled(Peak::Fitted),
             settled(Peak::Highest)
         );
@@ -129,24 +129,24 @@ impl Study<'_> {
         if options.files.is_none() {
             panels.push(self.errors());
         }
-        figure::draw(&["How spline-fft settles with more spline points".to_owned(), of, verdict], &panels)
+        figure::draw(&["Convergence of spline-fft with the number of spline points".to_owned(), of, verdict], &panels)
     }
 
     fn changes(&self) -> Panel {
-        let change_px = |row: &Row| row.change.map(|change| change.most_px[0].max(change.most_px[1]));
+        let change_px = |row: &Row| row.change.map(|change| change.p99_px[0].max(change.p99_px[1]));
         let bound_px = |points: u32| Some(0.5 / f64::from(points + 1));
         let tolerance_px = self.options.tolerance_px;
         let mut curves = self.curves(change_px);
         let line = |look: Look, name: String, values_px| Curve { look, name, values_px, ring: None };
         curves.push(line(
-            Look::Broken,
+            Look::Dashed,
             format!("tolerance {tolerance_px} px"),
             [Some(tolerance_px); SPLINE_POINTS.len()],
         ));
         curves.push(line(Look::Dotted, "half a grid step".to_owned(), SPLINE_POINTS.map(bound_px)));
         Panel {
-            title: "Change of the answers from the number of points before; the larger of u and v".to_owned(),
-            label: "99 % change by less, px".to_owned(),
+            title: "Change against the previous number of points; the larger of u and v".to_owned(),
+            label: "99 % quantile of the change, px".to_owned(),
             curves,
         }
     }
@@ -155,11 +155,11 @@ impl Study<'_> {
         let mut curves = self.curves(|row| row.error.map(|error| error.rms_px));
         let ic_gn = self.rows.iter().find(|row| row.way == Way::IcGn).and_then(|row| row.error);
         let values_px = [ic_gn.map(|error| error.rms_px); SPLINE_POINTS.len()];
-        curves.push(Curve { look: Look::Broken, name: "ic-gn".to_owned(), values_px, ring: None });
+        curves.push(Curve { look: Look::Dashed, name: "ic-gn".to_owned(), values_px, ring: None });
         Panel { title: "Error against the truth".to_owned(), label: "rms error, px".to_owned(), curves }
     }
 
-    /// A curve with and one without the peak fit; a ring where it settled.
+    /// Returns a curve with and one without the peak fit, ringed at convergence.
     fn curves(&self, value_px: impl Fn(&Row) -> Option<f64>) -> Vec<Curve> {
         let curve = |(look, peak, name): (Look, Peak, &str)| {
             let rows = self.of(peak);
@@ -175,8 +175,8 @@ impl Study<'_> {
         looks.into_iter().map(curve).collect()
     }
 
-    /// Prints the table and the verdicts.
-    pub(super) fn say_table(&self) {
+    /// Prints the table and the summary.
+    pub(super) fn print_table(&self) {
         let truth = self.options.files.is_none();
         let px = |value: Option<f64>| value.map_or_else(|| "-".to_owned(), |value| format!("{value:.5}"));
         let last = if truth { ["bias", "rms", "max"] } else { ["mean u", "mean v", ""] };
@@ -192,7 +192,7 @@ impl Study<'_> {
             let axis = |change: Option<[f64; 2]>| [px(change.map(|px| px[0])), px(change.map(|px| px[1]))];
             let mut line = vec![points, fit.to_owned(), format!("{}/{}", row.valid, row.subsets)];
             line.extend(axis(row.change.map(|change| change.median_px)));
-            line.extend(axis(row.change.map(|change| change.most_px)));
+            line.extend(axis(row.change.map(|change| change.p99_px)));
             line.extend(axis(row.from_ic_gn.map(|change| change.median_px)));
             if truth {
                 line.extend([px(row.error.map(|e| e.bias_px)), px(row.error.map(|e| e.rms_px))]);
@@ -204,14 +204,14 @@ impl Study<'_> {
             line.push(format!("{:.2}", row.time_s));
             lines.push(line);
         }
-        say("lengths in px; |du|, |dv|: median change against the row before, and against ic-gn");
+        say("lengths in px; |du|, |dv|: median change against the previous row, and against ic-gn");
         say(&table(&lines));
         say(&self.verdict(Peak::Fitted));
         say(&self.verdict(Peak::Highest));
     }
 
     /// Prints everything as one JSON object.
-    pub(super) fn say_json(&self) {
+    pub(super) fn print_json(&self) {
         let options = self.options;
         let rows: Vec<Value> =
             self.rows.iter().map(|row| Value::Object(row.cells().into_iter().map(named).collect())).collect();
@@ -233,7 +233,7 @@ impl Study<'_> {
         .to_string());
     }
 
-    /// Writes the table; what is missing is an empty cell.
+    /// Writes the table as CSV; missing values are empty cells.
     pub(super) fn write_csv(&self, out: impl Write) -> anyhow::Result<()> {
         let mut csv = csv::Writer::from_writer(out);
         for (index, row) in self.rows.iter().enumerate() {

@@ -1,40 +1,40 @@
-//! What to change first.
+//! The changes to a rig that reduce its uncertainty most.
 
 use super::rig::Rig;
-use super::spread::{Expected, Foreseen};
+use super::spread::{Expected, Prediction};
 use crate::config::BodyKind;
 use crate::motion::{Rotation, Scale};
 use crate::process::Stop;
 use crate::synth::{MotionSetup, PatternSetup};
 
-/// Patterns that are tried in place of the rig's own.
+/// Patterns to try instead of the rig's own.
 const PATTERNS: [&str; 5] = ["a-III", "b-III", "e-I", "e-II", "f-II"];
 
-/// How much larger the body is tried in the picture.
+/// Magnification to try.
 const LARGER: f64 = 1.5;
 
-/// Scatter is not halved by less than this.
+/// A change helps if the scatter falls below this fraction.
 const WORTH: f64 = 0.97;
 
 /// A change that was tried.
 #[derive(Debug, Clone)]
 pub(super) struct Advice {
-    /// What to do.
+    /// The description of the change.
     pub(super) words: String,
-    /// Scatter of each number of [`judged`] after it, as a share of what it is now.
+    /// Scatter of each number of [`judged`] after the change, relative to the present one.
     pub(super) shares: Vec<(String, f64)>,
-    /// Geometric mean of the shares.
+    /// Geometric mean of the ratios.
     pub(super) mean: f64,
 }
 
 impl Advice {
-    /// Whether it is worth its while.
+    /// Whether the change reduces the scatter noticeably.
     pub(super) fn helps(&self) -> bool {
         self.mean < WORTH
     }
 }
 
-/// Numbers that a change is judged by.
+/// Returns the names of the numbers that a change is judged by.
 pub(super) fn judged(rows: &[Expected]) -> Vec<String> {
     let wanted = [
         "motion.vn_m_s",
@@ -45,23 +45,27 @@ pub(super) fn judged(rows: &[Expected]) -> Vec<String> {
         "start_s",
         "end_s",
     ];
-    let is_told = |name: &&&str| rows.iter().any(|row| row.name == ***name && row.sigma > 0.0);
-    wanted.iter().filter(is_told).map(|name| (*name).to_owned()).collect()
+    let is_predicted = |name: &&&str| rows.iter().any(|row| row.name == ***name && row.sigma > 0.0);
+    wanted.iter().filter(is_predicted).map(|name| (*name).to_owned()).collect()
 }
 
-/// Tries every change there is, best first; those that cannot be made are left out. `None` after a stop.
+/// Tries every change and returns the feasible ones, best first; `None` after a stop.
+///
+/// # Errors
+///
+/// When the rig itself cannot be predicted.
 pub(super) fn advice(
     rig: &Rig,
     films: u64,
     stop: &Stop,
     mut tick: impl FnMut(),
 ) -> anyhow::Result<Option<Vec<Advice>>> {
-    let Some(now) = Foreseen::of(rig, films, stop)? else { return Ok(None) };
+    let Some(now) = Prediction::of(rig, films, stop)? else { return Ok(None) };
     let names = judged(&now.rows);
     let mut found = Vec::new();
     for (words, changed) in changes(rig) {
-        // A change that leads to a rig that cannot film is no advice.
-        match Foreseen::of(&changed, films, stop) {
+        // A change that makes the rig unusable is left out.
+        match Prediction::of(&changed, films, stop) {
             Ok(None) => return Ok(None),
             Ok(Some(then)) => found.extend(compare(words, &names, &now, &then)),
             Err(_) => {}
@@ -72,7 +76,7 @@ pub(super) fn advice(
     Ok(Some(found))
 }
 
-fn compare(words: String, names: &[String], now: &Foreseen, then: &Foreseen) -> Option<Advice> {
+fn compare(words: String, names: &[String], now: &Prediction, then: &Prediction) -> Option<Advice> {
     let share = |name: &String| Some((name.clone(), then.sigma(name)? / now.sigma(name)?));
     let shares = names.iter().map(share).collect::<Option<Vec<_>>>()?;
     let logs: f64 = shares.iter().map(|(_, share)| share.max(1e-6).ln()).sum();
@@ -80,12 +84,12 @@ fn compare(words: String, names: &[String], now: &Foreseen, then: &Foreseen) -> 
     Some(Advice { words, shares, mean })
 }
 
-/// Number of changes that are tried.
+/// Returns the number of changes.
 pub(super) fn count(rig: &Rig) -> u64 {
     changes(rig).len() as u64
 }
 
-/// The changes, each with what the rig would be.
+/// Returns the changes, each with the changed rig.
 fn changes(rig: &Rig) -> Vec<(String, Rig)> {
     let camera = &rig.scenario.camera;
     let mut changes = vec![faster(rig)];
@@ -105,7 +109,7 @@ fn changes(rig: &Rig) -> Vec<(String, Rig)> {
     let blur_px = 1e-6 * camera.exposure_us * rig.speed_px_s();
     if blur_px > 0.0 {
         let words = format!(
-            "half the exposure ({} us, {:.2} px of motion in place of {blur_px:.2}) with twice the light",
+            "half the exposure ({} us, {:.2} px of motion blur instead of {blur_px:.2}) with twice the light",
             0.5 * camera.exposure_us,
             0.5 * blur_px
         );
@@ -113,7 +117,7 @@ fn changes(rig: &Rig) -> Vec<(String, Rig)> {
     }
     if camera.blur_px > 0.5 {
         let sharp_px = (camera.blur_px / 1.4).max(0.5);
-        change(format!("a sharper picture (blur {sharp_px:.2} px in place of {:.2})", camera.blur_px), &|rig| {
+        change(format!("a sharper image (blur {sharp_px:.2} px instead of {:.2})", camera.blur_px), &|rig| {
             rig.scenario.camera.blur_px = sharp_px;
         });
     }
@@ -132,26 +136,26 @@ fn set_exposure(rig: &mut Rig, exposure_us: f64) {
     rig.config.camera.exposure_us = Some(exposure_us);
 }
 
-/// Other speckles.
+/// Other speckle patterns.
 fn patterns(rig: &Rig) -> Vec<(String, Rig)> {
     let own = &rig.scenario.body.pattern;
     let words = |pattern: &PatternSetup| {
         let share = 100.0 * pattern.coverage;
-        format!("of {} to {} px^2 on {share:.0} %", pattern.area_min_px2, pattern.area_max_px2)
+        format!("of {} to {} px^2 covering {share:.0} %", pattern.area_min_px2, pattern.area_max_px2)
     };
     let with = |name: &str| {
         let pattern = PatternSetup::paper(name).filter(|pattern| pattern != own)?;
         let mut changed = rig.clone();
         // A rod has no lines.
         let lines = if rig.scenario.body.rod.is_some() { 0 } else { pattern.lines };
-        let told = format!("speckles {} (pattern {name}) in place of those {}", words(&pattern), words(own));
+        let change = format!("speckles {} (pattern {name}) instead of {}", words(&pattern), words(own));
         changed.scenario.body.pattern = PatternSetup { lines, ..pattern };
-        Some((told, changed))
+        Some((change, changed))
     };
     PATTERNS.iter().filter_map(|name| with(name)).collect()
 }
 
-/// Twice the frames of the same motion.
+/// Twice the frame rate for the same motion.
 fn faster(rig: &Rig) -> (String, Rig) {
     let mut changed = rig.clone();
     let camera = &mut changed.scenario.camera;
@@ -163,11 +167,11 @@ fn faster(rig: &Rig) -> (String, Rig) {
     changed.scenario.rescale_motion(1.0, 0.5);
     let shorter = exposure_us < rig.scenario.camera.exposure_us;
     let exposed =
-        if shorter { format!(", exposed for {exposure_us:.0} us with as much more light") } else { String::new() };
+        if shorter { format!(", exposure {exposure_us:.0} us with correspondingly more light") } else { String::new() };
     (format!("twice the frame rate ({rate_hz:.0} Hz){exposed}"), changed)
 }
 
-/// More of the flight, before a collision and after.
+/// A longer flight before and after a collision.
 fn longer(rig: &Rig) -> Option<(String, Rig)> {
     let mut changed = rig.clone();
     let camera = &mut changed.scenario.camera;
@@ -180,30 +184,30 @@ fn longer(rig: &Rig) -> Option<(String, Rig)> {
             camera.frames = ((film_s + 2.0 * flight_s) * camera.frame_rate_hz).round() as u64;
         }
     }
-    Some(("film longer: twice the flight before, as much more after".into(), changed))
+    Some(("a longer film: twice the flight before contact, and as much more after it".into(), changed))
 }
 
-/// Settings of the measurement that could be better.
+/// Better settings of the measurement.
 fn by_method(rig: &Rig) -> Vec<(String, Rig)> {
     let mut changes = Vec::new();
     if let Some(window) = rig.config.velocity.window_frames {
         let mut wider = rig.clone();
         wider.config.velocity.window_frames = Some(2 * window + 1);
-        changes.push((format!("velocity.window_frames = {} in place of {window}", 2 * window + 1), wider));
+        changes.push((format!("velocity.window_frames = {} instead of {window}", 2 * window + 1), wider));
         let mut free = rig.clone();
         free.config.velocity.window_frames = None;
-        changes.push(("velocity.window_frames left out: the fit chooses its window".into(), free));
+        changes.push(("velocity.window_frames omitted: the fit chooses its window".into(), free));
     }
     if matches!(rig.config.rotation, Rotation::Field | Rotation::Center) && rig.config.bodies[0].kind == BodyKind::Ball
     {
         let mut rigid = rig.clone();
         rigid.config.rotation = Rotation::Rigid;
-        changes.push(("rotation.method = \"rigid\": every pixel in one match".into(), rigid));
+        changes.push(("rotation.method = \"rigid\": all pixels in one match".into(), rigid));
     }
     changes
 }
 
-/// The same scene on more pixels.
+/// The same scene at a higher magnification.
 fn larger(rig: &Rig) -> Option<(String, Rig)> {
     let mut changed = rig.clone();
     let Rig { config, scenario } = &mut changed;
@@ -232,8 +236,5 @@ fn larger(rig: &Rig) -> Option<(String, Rig)> {
         body.roi_px = body.roi_px.map(|roi| roi.map(scaled));
     }
     let diameter_px = 2.0 * scenario.radius_px();
-    Some((
-        format!("the body {LARGER} times as large in the picture ({diameter_px:.0} px), its speckles with it"),
-        changed,
-    ))
+    Some((format!("{LARGER} times the magnification (body of {diameter_px:.0} px, larger speckles)"), changed))
 }

@@ -1,7 +1,7 @@
-//! What the motion and the collision come to when poses scatter as foreseen.
+//! Propagation of the predicted pose noise to the motion and the collision.
 //!
-//! The steps that the pictures would give, truth and noise, go through the tracker that serves the rig: its local
-//! fits, its flights and its contact laws say what becomes of the noise (propagation of distributions, JCGM 101).
+//! The simulated steps, truth plus noise, go through the rig's own tracker. Its local fits, flights and contact laws
+//! propagate the noise (Monte Carlo propagation of distributions, JCGM 101).
 
 use super::noise::Noise;
 use super::rig::Rig;
@@ -13,16 +13,16 @@ use crate::results::{BodyStep, Circle, Estimate, PointStatus, RigidStep, Rod, Ve
 use crate::synth::World;
 use crate::track::{Tracker, TrackerParams, TrackerRows};
 
-/// Purpose of these random numbers.
+/// Purpose of these random numbers in the key of the generator.
 const STEPS: u64 = 60;
 
-/// The body's way, and what is measured of it.
+/// The path of the body and the simulated measurement.
 #[derive(Debug, Clone)]
 pub(super) struct Course {
     noise: Noise,
-    /// Truth of each frame, with the angle, deg.
+    /// The truth of each frame, and the angle, deg.
     frames: Vec<(VelocitySample, f64)>,
-    /// Frames whose reference is a new one.
+    /// Whether the reference is updated in each frame.
     renewed: Vec<bool>,
     intervals: Vec<u32>,
     params: TrackerParams,
@@ -46,7 +46,7 @@ impl Course {
         Self { noise, frames, renewed, intervals: measure.intervals_frames, params }
     }
 
-    /// Rows of one film more, with noise of its own.
+    /// Returns the tracker's rows for one film with its own noise.
     pub(super) fn rows(&self, run: u64) -> TrackerRows {
         let mut stream = Stream::new(key(1, STEPS, run));
         let white: Vec<[f64; 3]> = (0..self.frames.len()).map(|index| self.white(index, &mut stream)).collect();
@@ -62,16 +62,16 @@ impl Course {
         rows
     }
 
-    /// Less of a hidden body is left to be matched.
+    /// Returns the scatter of a pose, which grows when the body is partly occluded.
     fn sigma(&self, index: usize) -> [f64; 3] {
         let truth = &self.frames[index].0;
         let share = truth.visible_fraction.unwrap_or(1.0).max(0.05);
-        // The frame whose picture this one is matched with.
+        // The frame that this one is matched with.
         let reference = self.renewed[..=index].iter().rposition(|renewed| *renewed).unwrap_or(0);
         self.noise.pose_at(self.moved(reference, index)).map(|sigma| sigma / share.sqrt())
     }
 
-    /// How far the centre moves from frame to frame, px.
+    /// Returns the motion of the centre between two frames, px.
     fn moved(&self, from: usize, to: usize) -> [f64; 2] {
         let place = |at: usize| {
             let truth = &self.frames[at].0;
@@ -89,7 +89,7 @@ impl Course {
         self.frames.get(index).is_some_and(|(truth, _)| truth.status == PointStatus::Valid)
     }
 
-    /// The outline in a frame, without a motion.
+    /// Returns the outline in a frame, without a motion.
     fn seen(&self, index: usize, stream: &mut Stream) -> BodyStep {
         let (truth, _) = &self.frames[index];
         let (is_seen, like) = (self.is_seen(index), &self.noise.step);
@@ -121,7 +121,7 @@ impl Course {
     }
 
     fn step(&self, index: usize, interval: u32, white: &[[f64; 3]], stream: &mut Stream) -> Option<RigidStep> {
-        // Drawn whether it is needed or not, so that every variant of a rig has the same noise.
+        // Drawn in any case, so that every variant of a rig has the same noise.
         let walk: [f64; 3] = std::array::from_fn(|_| stream.normal());
         let to = index + interval as usize;
         if !(self.is_seen(index) && self.is_seen(to)) {

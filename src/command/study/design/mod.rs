@@ -1,4 +1,4 @@
-//! `ricochet study design`: what a rig is going to be off by, before it is built, and what to change first.
+//! `ricochet study design`: the predicted uncertainty of a rig, and what to change first.
 
 mod advice;
 mod course;
@@ -12,7 +12,7 @@ mod tell;
 use std::path::PathBuf;
 
 use self::rig::Rig;
-use self::spread::Foreseen;
+use self::spread::Prediction;
 use crate::command::field::folder;
 use crate::command::{Outcome, UsageError, progress};
 use crate::config::Config;
@@ -20,57 +20,56 @@ use crate::process::Stop;
 
 pub use self::spread::{Expected, spread};
 
-/// Films that a scatter is taken from.
+/// Number of films for a scatter.
 const FILMS: u64 = 200;
 
-/// Films that a change is tried with: the same noise with it and without, so fewer do.
+/// Number of films for a change; fewer suffice, since the noise is the same with and without it.
 const FILMS_OF_A_CHANGE: u64 = 48;
 
-/// What `ricochet study design` was asked to do.
+/// The options of `ricochet study design`.
 #[derive(Debug, Clone, PartialEq)]
 pub struct DesignOptions {
     /// The rig file.
     pub config: PathBuf,
-    /// What is going to be filmed: a built-in scenario or the path of one; the rig's own when it simulates, else
-    /// `lacrosse`.
+    /// A built-in scenario or the path of one; by default that of a simulated rig, else `lacrosse`.
     pub scenario: Option<String>,
-    /// Noise of a pixel at half of full scale, grey levels; the scenario's when left out.
+    /// Pixel noise at half of full scale, grey levels; that of the scenario when absent.
     pub noise_dn: Option<f64>,
-    /// Whether changes are left out.
+    /// Whether to skip the advice.
     pub without_advice: bool,
-    /// A directory for the tables, made when it is not there.
+    /// A directory for the tables, created if missing.
     pub output: Option<PathBuf>,
     /// Print one JSON object.
     pub json: bool,
 }
 
-/// What is foreseen of a rig, for callers that judge it.
+/// Predicts the uncertainty of a rig.
 ///
 /// # Errors
 ///
-/// One line when the rig cannot film or follow what it is meant to.
-pub fn foresee(config: &Config, stop: &Stop) -> anyhow::Result<Vec<Expected>> {
+/// When the rig cannot film or track its scenario.
+pub fn predict(config: &Config, stop: &Stop) -> anyhow::Result<Vec<Expected>> {
     let rig = Rig::new(config.clone(), None, None)?;
-    Ok(Foreseen::of(&rig, FILMS, stop)?.map_or_else(Vec::new, |foreseen| foreseen.rows))
+    Ok(Prediction::of(&rig, FILMS, stop)?.map_or_else(Vec::new, |prediction| prediction.rows))
 }
 
-/// Foresees a rig and prints what it found.
+/// Predicts the uncertainty of a rig, tries changes and prints the results.
 ///
 /// # Errors
 ///
-/// One line when the rig file is wrong, or the rig cannot film or follow what it is meant to.
+/// When the rig file is invalid, or the rig cannot film or track its scenario.
 pub fn run(options: &DesignOptions, stop: &Stop) -> anyhow::Result<Outcome> {
     if let Some(noise_dn) = options.noise_dn.filter(|noise_dn| !(0.0..=16384.0).contains(noise_dn)) {
-        return Err(UsageError(format!("--noise-dn {noise_dn}: 0 to a quarter of full scale")).into());
+        return Err(UsageError(format!("--noise-dn {noise_dn}: must be 0 to a quarter of full scale")).into());
     }
     let config = Config::load(&options.config)?;
     if let Some(directory) = &options.output {
         folder::make("--output", directory)?;
     }
     let rig = Rig::new(config, options.scenario.as_deref(), options.noise_dn)?;
-    let stopped = || Outcome::Lost { count: 1, cause: Some("stopped before everything was foreseen".into()) };
+    let stopped = || Outcome::Lost { count: 1, cause: Some("stopped before the prediction was complete".into()) };
     let bar = progress::parts(if options.without_advice { 1 } else { 1 + advice::count(&rig) }, "design");
-    let Some(foreseen) = Foreseen::of(&rig, FILMS, stop)? else { return Ok(stopped()) };
+    let Some(prediction) = Prediction::of(&rig, FILMS, stop)? else { return Ok(stopped()) };
     bar.inc(1);
     let advice = match options.without_advice {
         true => Some(Vec::new()),
@@ -78,14 +77,14 @@ pub fn run(options: &DesignOptions, stop: &Stop) -> anyhow::Result<Outcome> {
     };
     bar.finish_and_clear();
     let Some(advice) = advice else { return Ok(stopped()) };
-    let told = tell::Told { rig: &rig, foreseen: &foreseen, advice: &advice };
+    let output = tell::Output { rig: &rig, prediction: &prediction, advice: &advice };
     if let Some(directory) = &options.output {
-        told.write(directory)?;
+        output.write(directory)?;
     }
     if options.json {
-        told.json()
+        output.print_json()
     } else {
-        told.table()
+        output.print_table()
     }
     Ok(Outcome::Clean)
 }

@@ -1,4 +1,4 @@
-//! How much a pose scatters, from the pictures that the rig is going to take.
+//! The scatter of a pose, estimated from rendered frames of the rig.
 
 use super::rig::Rig;
 use super::{renewal, subsets};
@@ -12,72 +12,70 @@ use crate::results::{BodyStep, Circle, PointStatus};
 use crate::synth::World;
 use std::ops::Range;
 
-/// Pictures that are drawn and measured to see how the body is followed.
+/// Number of frames that are rendered and measured to see how the body is tracked.
 const PICTURES: u64 = 3;
 
-/// Frames that a reference is renewed within.
+/// Length of a block: the reference is updated at least this often, frames.
 const RENEWED_FRAMES: u64 = 16;
 
-/// Share of a body in sight from which on it counts as unhidden.
-const WHOLE: f64 = 0.97;
+/// Minimum visible fraction of a body that counts as fully visible.
+const MIN_VISIBLE: f64 = 0.97;
 
-/// What the pictures leave uncertain.
+/// The uncertainty of a pose.
 #[derive(Debug, Clone)]
 pub(super) struct Noise {
-    /// Of a pose of the whole body: x px, y px, angle deg.
+    /// Scatter of a pose: x px, y px, angle deg.
     pub(super) pose: [f64; 3],
-    /// What the renewal of a reference leaves for good, in the same units, when the whole body is matched.
+    /// Random-walk error added by an update of the reference in whole-body matching, in the same units.
     pub(super) renewal: [f64; 3],
-    /// How much more than assumed a step over subsets leaves for good, where it is not: x, y and angle.
+    /// Random-walk error of a step over subsets, relative to the assumed one: x, y and angle.
     pub(super) walk: [f64; 3],
-    /// The sigma that a match states of a pose, over what it scatters by.
+    /// Reported sigma of a pose over its actual scatter.
     pub(super) stated: [f64; 3],
-    /// How much interpolation takes of the variance of a pose half-way between whole pixels, along each axis.
+    /// Reduction of the variance of a pose by interpolation half-way between pixels, per axis.
     pub(super) smoothing: f64,
-    /// Noise of a pixel of the body, where its grey levels change, DN.
+    /// Noise of the body's pixels, weighted by their gradients, DN.
     pub(super) pixel_dn: f64,
-    /// How the body was seen in the frame `seen`.
+    /// A measured step of the body.
     pub(super) step: BodyStep,
-    /// How far from the truth, px.
+    /// Offset of the measured centre from the truth, px.
     pub(super) off_px: [f64; 2],
 }
 
-/// No more of it is taken.
-const MOST_SMOOTHED: f64 = 0.4;
+/// Maximum of the reduction.
+const MAX_SMOOTHING: f64 = 0.4;
 
 impl Noise {
-    /// Scatter of a pose of a body that has moved so far from where its reference was taken, px.
+    /// Returns the scatter of a pose of a body that has moved by `moved_px` since its reference was taken.
     pub(super) fn pose_at(&self, moved_px: [f64; 2]) -> [f64; 3] {
         let left = (1.0 - self.smoothing * between_pixels(moved_px)).sqrt();
         self.pose.map(|sigma| left * sigma)
     }
 
-    /// Of a rig, by the noise bound of its pattern where all pixels are matched at once, and by what steps over subsets
-    /// are seen to scatter where they are not.
+    /// Estimates the noise of a rig. Whole-body matching uses the noise bound of the pattern, subsets use the
+    /// observed scatter of steps.
     ///
     /// # Errors
     ///
-    /// One line when the body cannot be followed in the pictures.
+    /// When the body cannot be tracked in the rendered frames.
     pub(super) fn of(rig: &Rig, world: &World) -> anyhow::Result<Self> {
         let origin = &rig.config.origin;
         let longest = u64::from(rig.config.intervals_frames[0]);
         let is_seen = |index: &u64| {
             let truth = world.truth(*index);
-            truth.status == PointStatus::Valid && truth.visible_fraction.is_none_or(|share| share >= WHOLE)
+            truth.status == PointStatus::Valid && truth.visible_fraction.is_none_or(|share| share >= MIN_VISIBLE)
         };
         let pictures = PICTURES + longest;
         let first = (0..world.frames())
             .find(|index| index + pictures <= world.frames() && is_seen(index) && is_seen(&(index + pictures - 1)));
         let Some(first) = first else {
-            return Err(
-                UsageError(format!("{origin}: the body is never whole in the picture for {pictures} frames")).into()
-            );
+            return Err(UsageError(format!("{origin}: the body is never fully visible for {pictures} frames")).into());
         };
         let steps = measured(rig, world, first..first + pictures)?;
-        let told: Vec<&BodyStep> = steps.iter().filter(|step| step.step.is_some()).collect();
-        let Some(step) = told.first().map(|step| **step) else {
+        let found: Vec<&BodyStep> = steps.iter().filter(|step| step.step.is_some()).collect();
+        let Some(step) = found.first().map(|step| **step) else {
             let status = steps.first().map_or(PointStatus::Lost, |step| step.status);
-            let why = format!("{origin}: the body cannot be followed in the pictures foreseen: {}", status.word());
+            let why = format!("{origin}: cannot track the body in the rendered frames: {}", status.word());
             return Err(UsageError(why).into());
         };
         let truth = world.truth(step.frame);
@@ -96,7 +94,7 @@ impl Noise {
                 (bound, matched.renewal, [1.0; 3], [1.0; 3])
             }
             false => {
-                let (stated, seen) = (stated(&told), subsets::stepped(rig, world, first)?);
+                let (stated, seen) = (stated(&found), subsets::stepped(rig, world, first)?);
                 let over = |k: usize| if seen.pose[k] > 0.0 { stated[k] / seen.pose[k] } else { 1.0 };
                 (seen.pose, [0.0; 3], seen.walk, [0, 1, 2].map(over))
             }
@@ -107,7 +105,7 @@ impl Noise {
     }
 }
 
-/// Steps of a few frames over the shortest interval, as the rig measures them.
+/// Returns the steps of a few frames over the shortest interval, measured as the rig does.
 fn measured(rig: &Rig, world: &World, frames: Range<u64>) -> anyhow::Result<Vec<BodyStep>> {
     let (params, _) = analysis_params(&rig.config, &rig.format());
     let mut rows = steps(&params, world, frames)?;
@@ -115,11 +113,11 @@ fn measured(rig: &Rig, world: &World, frames: Range<u64>) -> anyhow::Result<Vec<
     Ok(rows)
 }
 
-/// Every step of a few frames of a film.
+/// Measures every step of a few frames of a film.
 ///
 /// # Errors
 ///
-/// When the settings cannot be measured with.
+/// When the settings cannot be used.
 pub(super) fn steps(params: &MeasureParams, film: &World, frames: Range<u64>) -> anyhow::Result<Vec<BodyStep>> {
     let (width, height) = (film.width_px() as usize, film.height_px() as usize);
     let mut measurer = Measurer::new(params, Share::ALL, width, height)?;
@@ -132,17 +130,16 @@ pub(super) fn steps(params: &MeasureParams, film: &World, frames: Range<u64>) ->
     Ok(rows.into_iter().map(|row| row.step).collect())
 }
 
-/// The least scatter that the texture of the ball allows; half of a match's variance is the other frame's.
+/// Returns the lower bound of the scatter for this texture; half of a match's variance belongs to the other frame.
 fn bound(rig: &Rig, light: &Image, [x_px, y_px]: [f64; 2], pixel_dn: f64) -> anyhow::Result<[f64; 3]> {
     let correlator = Correlator::new(&rig.config.correlation(), light.view().width(), light.view().height())?;
     let body = RigidBody::new(&correlator.prepare(light.view()), &pixels_of(rig, [x_px, y_px])).map_err(|status| {
-        UsageError(format!("{}: the body cannot be matched as a whole: {}", rig.config.origin, status.word()))
+        UsageError(format!("{}: cannot match the whole body: {}", rig.config.origin, status.word()))
     })?;
     Ok(body.expected_sigma((x_px, y_px), pixel_dn).map(|sigma| sigma * std::f64::consts::FRAC_1_SQRT_2))
 }
 
-/// How much interpolation takes of the variance of a pose half-way between whole pixels, along each axis; by least
-/// squares.
+/// Fits the reduction of the variance of a pose by interpolation half-way between pixels, by least squares.
 fn smoothed(poses: &[([f64; 3], [f64; 2])], bound: &[f64; 3]) -> f64 {
     let (mut squares, mut products) = (0.0, 0.0);
     for (variances, moved) in poses {
@@ -150,22 +147,22 @@ fn smoothed(poses: &[([f64; 3], [f64; 2])], bound: &[f64; 3]) -> f64 {
         let between = between_pixels(*moved);
         (squares, products) = (squares + between * between, products + missing * between);
     }
-    if squares > 0.0 { (products / squares).clamp(0.0, MOST_SMOOTHED) } else { 0.0 }
+    if squares > 0.0 { (products / squares).clamp(0.0, MAX_SMOOTHING) } else { 0.0 }
 }
 
-/// How far between whole pixels a displacement leads: 0 where both of its parts are whole, 2 where both are half-way.
+/// Returns how far a displacement is from whole pixels: 0 where both components are whole, 2 where both are half-way.
 fn between_pixels(moved: [f64; 2]) -> f64 {
     moved.iter().map(|part| (std::f64::consts::PI * part).sin().powi(2)).sum()
 }
 
-/// The pixels that the rig matches a ball by.
+/// Returns the pixels of a ball used in whole-body matching.
 pub(super) fn pixels_of(rig: &Rig, [x_px, y_px]: [f64; 2]) -> Region {
     let radius_px = rig.scenario.radius_px();
     let (sigma_center_px, sigma_radius_px, visible_fraction) = (0.0, 0.0, 1.0);
     whole_region(&Circle { x_px, y_px, radius_px, sigma_center_px, sigma_radius_px, visible_fraction })
 }
 
-/// What fits to subsets state, root mean square; a step has the noise of two poses.
+/// Returns the reported sigma of subset fits, root mean square per pose; a step has the noise of two poses.
 fn stated(steps: &[&BodyStep]) -> [f64; 3] {
     let mut sums = [0.0; 3];
     for (step, frames) in steps.iter().filter_map(|step| Some((step.step?, f64::from(step.interval_frames)))) {
@@ -176,7 +173,7 @@ fn stated(steps: &[&BodyStep]) -> [f64; 3] {
     sums.map(|sum| (sum / steps.len().max(1) as f64).sqrt())
 }
 
-/// Noise of the body's pixels, each counted by how much it tells of the motion.
+/// Returns the noise of the body's pixels, weighted by their squared gradients.
 fn pixel_noise_dn(rig: &Rig, light: &Image, [x_px, y_px]: [f64; 2]) -> f64 {
     let (view, radius_px) = (light.view(), rig.scenario.radius_px());
     let (mut weights, mut sum) = (0.0, 0.0);

@@ -1,8 +1,8 @@
-//! What matches of the whole body scatter by, and what the renewal of their reference leaves for good.
+//! The scatter of whole-body matches, and the permanent error of a reference update.
 //!
-//! A pose by way of a second reference is not quite that of the first: the noise of the frame between them was
-//! interpolated once and is taken as it is the other time. How much that comes to depends on how finely the pattern is
-//! sampled, so it is seen on a few pictures of this very rig, drawn several times.
+//! A pose measured by way of a second reference differs slightly from a direct one. The noise of the frame between
+//! them is interpolated once as a target and used as is as a reference. The effect depends on how finely the pattern
+//! is sampled, so it is observed on rendered frames of this rig with independent noise.
 
 use super::noise::pixels_of;
 use super::rig::Rig;
@@ -11,48 +11,48 @@ use crate::dic::{Correlator, PreparedFrame, RigidBody};
 use crate::image::{Frame, Image};
 use crate::synth::World;
 
-/// How often the pictures are drawn: what a renewal leaves is known to 15 %, the scatter of a pose to 4 %.
+/// Number of renderings: the error of an update is known to 15 %, the scatter of a pose to 4 %.
 const TAKES: u64 = 24;
 
-/// Last frames that are compared.
+/// Number of last frames that are compared.
 const LAST: u64 = 4;
 
-/// Where between first and last a reference is renewed, in sixteenths: by how far between whole pixels the body has gone
-/// by then counts.
+/// Frames in which the reference is updated, in sixteenths of the interval. They differ in how far the body is from
+/// whole pixels.
 const RENEWED_AT: [u64; 3] = [5, 8, 11];
 
-/// What matches of the whole body were seen to do, of each x px, y px and angle deg.
+/// The observed errors of whole-body matches in x px, y px and angle deg.
 #[derive(Debug, Clone)]
 pub(super) struct Matched {
-    /// Scatter of what a renewal between them leaves.
+    /// Scatter of the permanent error of an update.
     pub(super) renewal: [f64; 3],
-    /// Variance of a pose in each of several frames, and how far the body had moved by then, px.
+    /// Variance of a pose in each of several frames, and the motion of the body since the first frame, px.
     pub(super) poses: Vec<([f64; 3], [f64; 2])>,
 }
 
-/// One drawing of the pictures, of each the frames behind the first.
+/// The matches of one rendering.
 struct Take {
-    /// By way of each renewed reference less straight on, to each of the last frames.
+    /// Path through each updated reference minus the direct match, for each of the last frames.
     closures: Vec<Vec<[f64; 3]>>,
-    /// From the first frame to each.
+    /// Direct match from the first frame to each other frame.
     straight: Vec<[f64; 3]>,
 }
 
-/// Scatter that all frames of a take share, and that of each by itself.
+/// Variance shared by all frames of a rendering, and of each frame alone.
 struct Parts {
     shared: f64,
     own: Vec<f64>,
 }
 
-/// Sees how poses from `first` to `last` scatter, and what a renewal between them leaves.
+/// Observes the scatter of poses from `first` to `last`, and the permanent error of an update between them.
 ///
-/// Both ways from the first frame to a last one differ by what the renewal leaves in all later frames, and by how that
-/// last frame is interpolated, which is no more than its own noise: several last frames tell one from the other. A pose
-/// has less noise than its pixels where they are interpolated, more so the finer the pattern.
+/// Both paths from the first to a last frame differ by the error of the update, which all later frames share, and by
+/// the interpolation of the last frame, which is its own noise. Several last frames separate the two. Interpolation
+/// reduces the noise of a pose, the more so the finer the pattern.
 ///
 /// # Errors
 ///
-/// When a film cannot be drawn or its settings cannot be measured with.
+/// When a film cannot be rendered or the settings cannot be used.
 pub(super) fn matched(rig: &Rig, world: &World, (first, last): (u64, u64)) -> anyhow::Result<Matched> {
     let (width, height) = (world.width_px() as usize, world.height_px() as usize);
     let correlator = Correlator::new(&rig.config.correlation(), width, height)?;
@@ -81,7 +81,7 @@ pub(super) fn matched(rig: &Rig, world: &World, (first, last): (u64, u64)) -> an
     Ok(Matched { renewal: [0, 1, 2].map(|k| (left(k) / closures.len().max(1) as f64).sqrt()), poses })
 }
 
-/// Variances of what varies from take to take, what is the same in all of them left out.
+/// Separates the variance over renderings into a shared part and a part of each frame.
 fn parts(takes: &[Vec<[f64; 3]>], k: usize) -> Parts {
     let (count, frames) = (takes.len(), takes.first().map_or(0, Vec::len));
     if count < 2 || frames == 0 {
@@ -112,7 +112,7 @@ fn picture(film: &World, correlator: &Correlator, index: u64) -> anyhow::Result<
     Ok(correlator.prepare(image.view()))
 }
 
-/// Matches every frame with the first, and the last ones with each of the `renewed` that follow it; `None` where a match
+/// Matches every frame with the first, and the last frames with each updated reference; returns `None` if a match
 /// fails.
 fn follow(rig: &Rig, film: &World, frames: &[u64], pictures: &[PreparedFrame], renewed: usize) -> Option<Take> {
     let pose = |index: &u64| {
@@ -146,7 +146,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_differs_from_last_frame_to_last_frame_is_not_taken_for_what_lasts() {
+    fn the_noise_of_the_last_frames_is_not_mistaken_for_a_lasting_error() {
         let mut stream = crate::numeric::Stream::new(7);
         let take = |stream: &mut crate::numeric::Stream, shared: f64, own: f64| {
             let lasting = shared * stream.normal();

@@ -1,4 +1,4 @@
-//! The rig that is foreseen: its settings, and what it is going to film.
+//! The rig of a prediction: its configuration and scenario.
 
 use crate::camera::{StreamFormat, simulated};
 use crate::command::UsageError;
@@ -7,10 +7,10 @@ use crate::image::PixelFormat;
 use crate::process;
 use crate::synth::{MotionSetup, PartSetup, Scenario, World};
 
-/// Share of its radius that a body may move while the shutter is open.
+/// Maximum motion during the exposure, as a fraction of the radius.
 const BLUR_SHARE: f64 = 0.25;
 
-/// Settings, and a film made with them.
+/// A configuration and the scenario it films.
 #[derive(Debug, Clone)]
 pub(super) struct Rig {
     pub(super) config: Config,
@@ -18,21 +18,25 @@ pub(super) struct Rig {
 }
 
 impl Rig {
-    /// The rig of a file. What it films is its own scenario, or `scenario`, seen by the rig's camera.
+    /// Combines a configuration with its own scenario, or with `scenario` as seen by the rig's camera.
     ///
     /// # Errors
     ///
-    /// One line when nothing can be foreseen: the rig measures a file, or does not say how large things look.
+    /// When nothing can be predicted, because the rig replays a recording or its scale is unknown.
     pub(super) fn new(mut config: Config, scenario: Option<&str>, noise_dn: Option<f64>) -> anyhow::Result<Self> {
         let origin = config.origin.clone();
         let refuse = |why: &str| UsageError(format!("{origin}: {why}"));
         if config.bodies.len() != 1 {
-            return Err(refuse(&format!("one body can be foreseen, this rig has {}", config.bodies.len())).into());
+            return Err(refuse(&format!(
+                "only rigs with one body can be predicted, this one has {}",
+                config.bodies.len()
+            ))
+            .into());
         }
         let mut scenario = match config.camera.source {
             Source::Recording => {
                 return Err(
-                    refuse("source = \"recording\" is filmed already: measure it with `ricochet analyze`").into()
+                    refuse("source = \"recording\" cannot be predicted: measure it with `ricochet analyze`").into()
                 );
             }
             Source::Simulated => {
@@ -41,7 +45,7 @@ impl Rig {
                 }
                 match process::truth_world(&config).map_err(|error| UsageError(error.to_string()))? {
                     Some(world) => world.scenario().clone(),
-                    None => return Err(refuse("there is nothing simulated to foresee").into()),
+                    None => return Err(refuse("no scenario to predict: set camera.scenario").into()),
                 }
             }
             Source::Genicam | Source::V4l2 => {
@@ -58,16 +62,16 @@ impl Rig {
         Ok(rig)
     }
 
-    /// Draws what it films.
+    /// Returns the film of the scenario.
     ///
     /// # Errors
     ///
-    /// One line when the scenario cannot be filmed.
+    /// When the scenario cannot be rendered.
     pub(super) fn world(&self) -> anyhow::Result<World> {
         World::new(&self.scenario).map_err(|error| UsageError(format!("{}: {error}", self.config.origin)).into())
     }
 
-    /// Frames as its camera delivers them.
+    /// Returns the format of the camera's frames.
     pub(super) fn format(&self) -> StreamFormat {
         let camera = &self.scenario.camera;
         let format = match camera.bits {
@@ -85,7 +89,7 @@ impl Rig {
         }
     }
 
-    /// Speed of the body's fastest point, px/s.
+    /// Returns the speed of the body's fastest point, px/s.
     pub(super) fn speed_px_s(&self) -> f64 {
         let Scenario { camera, scale, motion, .. } = &self.scenario;
         match motion {
@@ -109,11 +113,11 @@ impl Rig {
         }
     }
 
-    /// Refuses what cannot be filmed, or not be followed.
+    /// Checks that the body can be filmed and tracked.
     ///
     /// # Errors
     ///
-    /// One line with the numbers that are at odds.
+    /// [`UsageError`] with the inconsistent numbers.
     pub(super) fn check(&self) -> anyhow::Result<()> {
         let Self { config, scenario } = self;
         let refuse = |why: String| Err(UsageError(format!("{}: {why}", config.origin)).into());
@@ -135,26 +139,26 @@ impl Rig {
         if step_px > f64::from(search_px) {
             return refuse(format!(
                 "the body moves {step_px:.1} px from frame to frame, and correlation.search_px = {search_px}: \
-                 search further, or film at {:.0} Hz",
+                 increase search_px, or film at {:.0} Hz",
                 (camera.frame_rate_hz * step_px / f64::from(search_px)).ceil()
             ));
         }
         if config.bodies[0].kind == BodyKind::Patch {
-            return refuse("the first body is a patch; what is foreseen is a ball or a rod".into());
+            return refuse("the body is a patch; only balls and rods can be predicted".into());
         }
         let is_rod = config.bodies[0].kind == BodyKind::Rod;
         match is_rod == scenario.body.rod.is_some() {
             true => Ok(()),
-            false if is_rod => refuse(format!("the rig follows a rod, scenario {:?} films a ball", scenario.name)),
-            false => refuse(format!("the rig follows a ball, scenario {:?} films a rod", scenario.name)),
+            false if is_rod => refuse(format!("the rig tracks a rod, but scenario {:?} films a ball", scenario.name)),
+            false => refuse(format!("the rig tracks a ball, but scenario {:?} films a rod", scenario.name)),
         }
     }
 }
 
-/// A film of another camera as this rig's camera would take it.
+/// Converts a scenario to the view of this rig's camera.
 fn seen_by(config: &Config, mut scenario: Scenario) -> Result<Scenario, String> {
     let Some(Scale::MmPerPx(mm_per_px)) = config.scale else {
-        return Err("scale.mm_per_px is needed to foresee how large the body looks".into());
+        return Err("scale.mm_per_px is needed to predict the size of the body in the image".into());
     };
     let (camera, was) = (&config.camera, scenario.camera.clone());
     let setup = &mut scenario.camera;
@@ -162,7 +166,7 @@ fn seen_by(config: &Config, mut scenario: Scenario) -> Result<Scenario, String> 
     setup.frame_rate_hz = camera.frame_rate_hz.unwrap_or(was.frame_rate_hz);
     setup.exposure_us = camera.exposure_us.unwrap_or(was.exposure_us);
     setup.bits = camera.pixel_format.map_or(was.bits, PixelFormat::bits);
-    // Levels of another depth.
+    // Grey levels of another bit depth.
     setup.noise_dn = was.noise_dn * 2f64.powi(setup.bits as i32 - was.bits as i32);
     setup.frames = (was.frames as f64 * setup.frame_rate_hz / was.frame_rate_hz).round().max(2.0) as u64;
     let middle_px = [setup.width_px, setup.height_px].map(|length| 0.5 * f64::from(length));
@@ -176,7 +180,7 @@ fn seen_by(config: &Config, mut scenario: Scenario) -> Result<Scenario, String> 
         MotionSetup::Constant { vx_px_frame, vy_px_frame, start_px, .. } => {
             *start_px = [middle_px[0] - half * *vx_px_frame, middle_px[1] - half * *vy_px_frame];
         }
-        // Where it goes is the scenario's: only its first place is made fit.
+        // The path belongs to the scenario; only its start is adapted.
         MotionSetup::Piecewise { start_px, .. } => *start_px = middle_px,
         MotionSetup::Impact(impact) => {
             impact.contact_center_px = middle_px;

@@ -1,4 +1,4 @@
-//! Scatter and mean error of every number, over many films.
+//! Scatter and mean error of every result over many films.
 
 use super::course::Course;
 use super::noise::Noise;
@@ -9,29 +9,29 @@ use crate::synth::World;
 use crate::track::TrackerRows;
 use std::num::NonZeroUsize;
 
-/// Share of the films in which a number has to be told, or it is not foreseen.
-const LEAST_TOLD: f64 = 0.5;
+/// Minimum fraction of the films with a result; otherwise it is not predicted.
+const MIN_FRACTION: f64 = 0.5;
 
-/// What is foreseen of one number.
+/// The predicted uncertainty of one result.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Expected {
-    /// Its name: a column of the `impact` table, or that of a velocity with its phase before it.
+    /// The name: a column of the `impact` table, or a velocity column prefixed by its phase.
     pub name: String,
-    /// Its unit.
+    /// The unit.
     pub unit: &'static str,
-    /// Standard deviation from film to film, without the odd ones.
+    /// Standard deviation over films, without outliers.
     pub sigma: f64,
-    /// Mean error: of a number in many frames, its root mean square over them.
+    /// Mean error; its root mean square over frames for a velocity.
     pub offset: f64,
-    /// Its true value; of a number in many frames, the mean size.
+    /// True value; the mean absolute value for a velocity.
     pub truth: f64,
-    /// Share of the films that tell it.
-    pub told: f64,
-    /// Share of those that are farther off than their scatter explains, and left out of it and of the mean.
-    pub odd: f64,
+    /// Fraction of the films that have the result.
+    pub fraction: f64,
+    /// Fraction of those that are outliers, excluded from scatter and mean.
+    pub outliers: f64,
 }
 
-/// A column of `velocity`: name, unit, number.
+/// A velocity column: name, unit, accessor.
 type OfVelocity = (&'static str, &'static str, fn(&BodyVelocity) -> f64);
 
 const VELOCITIES: [OfVelocity; 3] = [
@@ -43,46 +43,46 @@ const VELOCITIES: [OfVelocity; 3] = [
 const PHASES: [(&str, Phase); 4] =
     [("motion", Phase::Unknown), ("flight", Phase::Flight), ("contact", Phase::Contact), ("rebound", Phase::Rebound)];
 
-/// Films farther from the others than so many of their scatters are left out of it.
-const ODD_SIGMAS: f64 = 5.0;
+/// Outlier threshold, in multiples of the scatter.
+const OUTLIER_SIGMAS: f64 = 5.0;
 
-/// Share of a normal distribution within one sigma.
+/// Probability of a normal distribution within one sigma.
 const ONE_SIGMA: f64 = 0.682_7;
 
-/// Errors of one number in films.
+/// Errors of one result over films.
 #[derive(Debug, Clone, Default)]
 struct Errors(Vec<f64>);
 
-/// What they come to.
+/// The statistics of the errors.
 struct Scatter {
     mean: f64,
     variance: f64,
-    /// Share of the films left out.
-    odd: f64,
+    /// Fraction of outliers.
+    outliers: f64,
 }
 
 impl Errors {
-    /// Mean and variance without the odd ones: now and then another contact law is taken, with a sigma to match, and a
-    /// single such film would make up most of a plain variance.
+    /// Computes mean and variance without outliers. A single film that selects another contact law would dominate the
+    /// plain variance, although it also reports a large sigma.
     fn scatter(&self) -> Option<Scatter> {
         let mut sorted = self.0.clone();
         sorted.sort_by(f64::total_cmp);
         let median = *sorted.get(sorted.len() / 2)?;
         let mut apart: Vec<f64> = sorted.iter().map(|error| (error - median).abs()).collect();
         apart.sort_by(f64::total_cmp);
-        let most = ODD_SIGMAS * apart[((apart.len() - 1) as f64 * ONE_SIGMA).round() as usize];
+        let most = OUTLIER_SIGMAS * apart[((apart.len() - 1) as f64 * ONE_SIGMA).round() as usize];
         sorted.retain(|error| (error - median).abs() <= most);
         let count = sorted.len() as f64;
         let mean = sorted.iter().sum::<f64>() / count;
         let squares: f64 = sorted.iter().map(|error| (error - mean).powi(2)).sum();
-        let odd = 1.0 - count / self.0.len() as f64;
-        (count >= 2.0).then(|| Scatter { mean, variance: squares / (count - 1.0), odd })
+        let outliers = 1.0 - count / self.0.len() as f64;
+        (count >= 2.0).then(|| Scatter { mean, variance: squares / (count - 1.0), outliers })
     }
 }
 
-/// Scatter and mean error of films of which the truth is known.
+/// Computes scatter and mean error over films with known truth.
 ///
-/// A number in many frames is pooled over the frames of a phase in which most films tell it.
+/// A velocity is pooled over the frames of a phase in which most films have it.
 pub fn spread(truth: &[VelocitySample], impact: Option<&Impact>, films: &[TrackerRows], is_rod: bool) -> Vec<Expected> {
     let mut rows = Vec::new();
     for (word, phase) in PHASES {
@@ -107,18 +107,18 @@ fn of_velocity(
     truth: &[VelocitySample],
     films: &[TrackerRows],
 ) -> Option<Expected> {
-    let (mut variance, mut offset, mut size, mut frames, mut told, mut odd) = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0);
+    let (mut variance, mut offset, mut size, mut frames, mut fraction, mut outliers) = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0);
     for (index, row) in truth.iter().enumerate().filter(|(_, row)| row.phase == phase) {
         let Some(exact) = row.velocity.as_ref().map(number) else { continue };
         let measured = films.iter().filter_map(|film| film.velocities.get(index)?.velocity.as_ref());
         let errors = Errors(measured.map(|velocity| number(velocity) - exact).collect());
         let count = errors.0.len() as f64;
-        let Some(own) = errors.scatter().filter(|_| count >= LEAST_TOLD * films.len() as f64) else { continue };
+        let Some(own) = errors.scatter().filter(|_| count >= MIN_FRACTION * films.len() as f64) else { continue };
         variance += own.variance;
-        // What is left of the noise in the mean over the films is no offset.
+        // The residual noise of the mean over films is not an offset.
         offset += (own.mean.powi(2) - own.variance / count).max(0.0);
-        (size, frames, told, odd) =
-            (size + exact.abs(), frames + 1.0, told + count / films.len() as f64, odd + own.odd);
+        (size, frames, fraction, outliers) =
+            (size + exact.abs(), frames + 1.0, fraction + count / films.len() as f64, outliers + own.outliers);
     }
     (frames > 0.0).then(|| Expected {
         name: format!("{word}.{name}"),
@@ -126,49 +126,49 @@ fn of_velocity(
         sigma: f64::sqrt(variance / frames),
         offset: f64::sqrt(offset / frames),
         truth: size / frames,
-        told: told / frames,
-        odd: odd / frames,
+        fraction: fraction / frames,
+        outliers: outliers / frames,
     })
 }
 
 fn of_impact(name: &'static str, exact: f64, films: &[TrackerRows]) -> Option<Expected> {
-    let told = films.iter().filter_map(|film| {
+    let measured = films.iter().filter_map(|film| {
         let last = film.impacts.iter().filter(|impact| impact.number == 0).max_by_key(|impact| impact.revision)?;
         last.numbers().into_iter().find(|(column, _)| *column == name)?.1
     });
-    let errors = Errors(told.map(|told| told.value - exact).collect());
-    let told = errors.0.len() as f64 / films.len() as f64;
-    let Scatter { mean, variance, odd } = errors.scatter().filter(|_| told >= LEAST_TOLD)?;
+    let errors = Errors(measured.map(|measured| measured.value - exact).collect());
+    let fraction = errors.0.len() as f64 / films.len() as f64;
+    let Scatter { mean, variance, outliers } = errors.scatter().filter(|_| fraction >= MIN_FRACTION)?;
     Some(Expected {
         name: name.into(),
         unit: unit(name),
         sigma: variance.sqrt(),
         offset: mean,
         truth: exact,
-        told,
-        odd,
+        fraction,
+        outliers,
     })
 }
 
-/// The unit that ends the name of a column.
+/// Returns the unit from the end of a column's name.
 fn unit(name: &str) -> &'static str {
     let units = [("_rad_s", "rad/s"), ("_m_s2", "m/s^2"), ("_m_s", "m/s"), ("_mm", "mm"), ("_s", "s")];
     units.iter().find(|(end, _)| name.ends_with(end)).map_or("", |(_, unit)| unit)
 }
 
-/// What a rig's pictures leave uncertain, and what that comes to.
+/// The noise of a rig's poses and the predicted uncertainty of its results.
 #[derive(Debug, Clone)]
-pub(super) struct Foreseen {
+pub(super) struct Prediction {
     pub(super) noise: Noise,
     pub(super) rows: Vec<Expected>,
 }
 
-impl Foreseen {
-    /// Of a rig, over `films` films; `None` after a stop.
+impl Prediction {
+    /// Predicts a rig from `films` films; returns `None` after a stop.
     ///
     /// # Errors
     ///
-    /// One line when the rig cannot film or follow the body.
+    /// When the rig cannot film or track the body.
     pub(super) fn of(rig: &Rig, films: u64, stop: &Stop) -> anyhow::Result<Option<Self>> {
         rig.check()?;
         let world = rig.world()?;
@@ -179,7 +179,7 @@ impl Foreseen {
         Ok(Some(Self { noise, rows }))
     }
 
-    /// Scatter of a number.
+    /// Returns the predicted scatter of a result.
     pub(super) fn sigma(&self, name: &str) -> Option<f64> {
         self.rows.iter().find(|row| row.name == name).map(|row| row.sigma)
     }
@@ -189,7 +189,7 @@ fn truth(world: &World) -> Vec<VelocitySample> {
     (0..world.frames()).map(|index| world.truth(index)).collect()
 }
 
-/// Every film, on all cores, in order.
+/// Simulates all films on all cores, in order.
 fn all(course: &Course, films: u64, stop: &Stop) -> anyhow::Result<Option<Vec<TrackerRows>>> {
     let threads = std::thread::available_parallelism().map_or(1, NonZeroUsize::get).min(films.max(1) as usize);
     let share = |thread: usize| (thread as u64..films).step_by(threads);
@@ -203,7 +203,7 @@ fn all(course: &Course, films: u64, stop: &Stop) -> anyhow::Result<Option<Vec<Tr
         let workers: Vec<_> = (0..threads).map(work).collect();
         workers.into_iter().map(std::thread::ScopedJoinHandle::join).collect::<Result<Vec<_>, _>>()
     });
-    let mut measured = measured.map_err(|_| anyhow::anyhow!("a thread that foresees panicked"))?.concat();
+    let mut measured = measured.map_err(|_| anyhow::anyhow!("a prediction thread panicked"))?.concat();
     measured.sort_by_key(|(film, _)| *film);
     let is_whole = measured.len() as u64 == films;
     Ok(is_whole.then(|| measured.into_iter().map(|(_, rows)| rows).collect()))
@@ -214,13 +214,13 @@ mod tests {
     use super::*;
 
     #[test]
-    fn one_film_that_is_far_off_does_not_make_the_scatter() {
+    fn an_outlier_does_not_change_the_scatter() {
         let mut errors: Vec<f64> = (0..99).map(|k| f64::from(k - 49) / 28.6).collect();
         let plain = Errors(errors.clone()).scatter().unwrap();
-        assert!((plain.variance - 1.0).abs() < 0.05 && plain.odd.abs() < 1e-12, "{}", plain.variance);
+        assert!((plain.variance - 1.0).abs() < 0.05 && plain.outliers.abs() < 1e-12, "{}", plain.variance);
         errors.push(40.0);
-        let odd = Errors(errors).scatter().unwrap();
-        assert!((odd.variance - plain.variance).abs() < 0.02 && (odd.odd - 0.01).abs() < 1e-9);
+        let outliers = Errors(errors).scatter().unwrap();
+        assert!((outliers.variance - plain.variance).abs() < 0.02 && (outliers.outliers - 0.01).abs() < 1e-9);
         assert!(Errors(vec![1.0]).scatter().is_none() && Errors(Vec::new()).scatter().is_none());
     }
 }

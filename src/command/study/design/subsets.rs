@@ -1,8 +1,8 @@
-//! The white noise of a pose that steps over subsets lead to, and how much they leave for good.
+//! The white noise of a pose from steps over subsets, and their permanent error.
 //!
-//! Short steps and a long one between the same two frames have the noise of the same two poses: what they differ by is
-//! what each of them left, and what a step scatters by beyond that is the noise of its two poses. Both depend on how
-//! finely the pattern is sampled, so they are seen on films of this very rig.
+//! Short steps and one long step between the same two frames share the noise of the same two poses. Their difference
+//! is the permanent error of the steps, and the remaining scatter of a step is the noise of its two poses. Both
+//! depend on how finely the pattern is sampled, so they are observed on films of this rig.
 
 use super::noise::steps;
 use super::rig::Rig;
@@ -11,27 +11,27 @@ use crate::process::analysis_params;
 use crate::results::BodyStep;
 use crate::synth::World;
 
-/// How often the film is drawn; with as many long steps one after the other, the ratio is known to 7 %.
+/// Number of renderings and of consecutive long steps: the ratio is known to 7 %.
 const TAKES: u64 = 16;
 const LONG_STEPS: u64 = 6;
 
-/// What a long step spans where the rig has one interval only, short ones.
+/// Length of a long step in short ones, if the rig has only one interval.
 const LONG: u32 = 8;
 
-/// What steps were seen to do, of each x px, y px and angle deg.
+/// The observed errors of steps in x px, y px and angle deg.
 #[derive(Debug, Clone)]
 pub(super) struct Stepped {
     /// White noise of a pose.
     pub(super) pose: [f64; 3],
-    /// How much more than assumed a step leaves for good.
+    /// Permanent error of a step relative to the assumed one.
     pub(super) walk: [f64; 3],
 }
 
-/// Sees how steps from `first` on scatter.
+/// Observes the scatter of steps from frame `first` on.
 ///
 /// # Errors
 ///
-/// When a film cannot be drawn or its settings cannot be measured with.
+/// When a film cannot be rendered or the settings cannot be used.
 pub(super) fn stepped(rig: &Rig, world: &World, first: u64) -> anyhow::Result<Stepped> {
     let intervals = &rig.config.intervals_frames;
     let short = intervals[0];
@@ -66,11 +66,11 @@ pub(super) fn stepped(rig: &Rig, world: &World, first: u64) -> anyhow::Result<St
             }
         }
     }
-    let told = parts.map(|parts| parts.told());
-    Ok(Stepped { pose: told.map(|[pose, _]| pose), walk: told.map(|[_, walk]| walk) })
+    let estimates = parts.map(|parts| parts.estimate());
+    Ok(Stepped { pose: estimates.map(|[pose, _]| pose), walk: estimates.map(|[_, walk]| walk) })
 }
 
-/// Sums of variances, and of the squared shares that they are expected to leave.
+/// Sums of variances and of the squared expected errors.
 #[derive(Debug, Clone, Copy, Default)]
 struct Parts {
     closed: f64,
@@ -94,15 +94,15 @@ impl Parts {
         }
     }
 
-    /// White noise of a pose, and how much of it is left for each share that is expected to be.
-    fn told(&self) -> [f64; 2] {
+    /// Returns the white noise of a pose, and the permanent error per unit of the expected one.
+    fn estimate(&self) -> [f64; 2] {
         let left = if self.closed_shares > 0.0 { self.closed / self.closed_shares } else { 0.0 };
         let pose = 0.5 * (self.stepped - left * self.stepped_shares) / self.steps.max(1.0);
         if pose > 0.0 { [pose.sqrt(), (left / pose).sqrt()] } else { [0.0, 1.0] }
     }
 }
 
-/// The sum of the short steps less the long one; `None` where one is missing.
+/// Returns the sum of the short steps minus the long one; `None` if one is missing.
 fn closure(rows: &[BodyStep], start: u64, short: u32, long: u32) -> Option<[f64; 3]> {
     let mut sum = moved(rows, start, long)?.map(|whole| -whole);
     for from in (start..start + u64::from(long)).step_by(short as usize) {
@@ -112,14 +112,14 @@ fn closure(rows: &[BodyStep], start: u64, short: u32, long: u32) -> Option<[f64;
     Some(sum)
 }
 
-/// What a step over this interval moved by.
+/// Returns the motion of a step over this interval.
 fn moved(rows: &[BodyStep], from: u64, interval: u32) -> Option<[f64; 3]> {
     let row = rows.iter().find(|row| row.frame == from && row.interval_frames == interval)?;
     let step = row.step?;
     Some([step.dx_px, step.dy_px, step.dtheta_deg].map(|mean| mean * f64::from(interval)))
 }
 
-/// About the mean: what is the same in all takes is no noise.
+/// Returns the variance about the mean, which all renderings share.
 fn variance(values: impl Iterator<Item = f64> + Clone) -> Option<f64> {
     let (count, sum) = values.clone().fold((0.0, 0.0), |(count, sum), value| (count + 1.0, sum + value));
     let mean = sum / count;
@@ -132,7 +132,7 @@ mod tests {
     use crate::numeric::Stream;
 
     #[test]
-    fn what_a_step_leaves_is_told_from_the_noise_of_its_poses() {
+    fn the_permanent_error_of_a_step_is_separated_from_the_noise_of_its_poses() {
         const STEPS: usize = 8;
         let (share, mut stream) = (0.3_f64, Stream::new(5));
         for (pose, left) in [(1.0, 0.0), (0.5, 1.0), (2.0, 0.6)] {
@@ -150,7 +150,7 @@ mod tests {
             let mut parts = Parts::default();
             parts.close(&closures, 0, (STEPS + 1) as f64 * share.powi(2));
             steps.iter().for_each(|steps| parts.step(steps, 0, share.powi(2)));
-            let [white, walk] = parts.told();
+            let [white, walk] = parts.estimate();
             assert!((white / pose - 1.0).abs() < 0.03, "{pose}: {white}");
             assert!((walk - left / pose).abs() < 0.04, "{pose}, {left}: {walk}");
         }

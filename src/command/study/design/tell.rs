@@ -1,52 +1,54 @@
-//! What is printed.
+//! The output of the design study.
 
 use super::advice::Advice;
 use super::rig::Rig;
-use super::spread::{Expected, Foreseen};
+use super::spread::{Expected, Prediction};
 use super::{FILMS, FILMS_OF_A_CHANGE};
 use crate::command::field::FieldError;
 use crate::command::{say, table};
 use serde_json::json;
 use std::path::Path;
 
-/// Everything that was found of a rig.
-pub(super) struct Told<'a> {
+/// The results for a rig.
+pub(super) struct Output<'a> {
     pub(super) rig: &'a Rig,
-    pub(super) foreseen: &'a Foreseen,
+    pub(super) prediction: &'a Prediction,
     pub(super) advice: &'a [Advice],
 }
 
-impl Told<'_> {
-    pub(super) fn json(&self) {
-        let Self { rig, foreseen, advice } = self;
+impl Output<'_> {
+    pub(super) fn print_json(&self) {
+        let Self { rig, prediction, advice } = self;
         let camera = &rig.scenario.camera;
-        let [x, y, angle] = foreseen.noise.pose;
-        let rows: Vec<_> = foreseen.rows.iter().map(row).collect();
+        let [x, y, angle] = prediction.noise.pose;
+        let rows: Vec<_> = prediction.rows.iter().map(row).collect();
         let advice = advice.iter().map(|advice| {
             let shares: serde_json::Map<_, _> =
                 advice.shares.iter().map(|(name, share)| (name.clone(), json!(share))).collect();
             json!({ "change": advice.words, "mean_share": advice.mean, "shares": shares })
         });
-        let told = json!({
+        let report = json!({
             "rig": rig.config.origin, "scenario": rig.scenario.name,
             "frame_rate_hz": camera.frame_rate_hz, "exposure_us": camera.exposure_us, "noise_dn": camera.noise_dn,
             "diameter_px": 2.0 * rig.scenario.radius_px(), "motion_blur_px": self.blur_px(),
-            "pixel_noise_dn": foreseen.noise.pixel_dn, "is_whole": foreseen.noise.step.is_whole,
+            "pixel_noise_dn": prediction.noise.pixel_dn, "is_whole": prediction.noise.step.is_whole,
             "sigma_x_px": x, "sigma_y_px": y, "sigma_angle_deg": angle,
             "films": FILMS, "films_of_a_change": FILMS_OF_A_CHANGE,
             "expected": rows, "advice": advice.collect::<Vec<_>>(),
         });
-        say(&told.to_string());
+        say(&report.to_string());
     }
 
-    /// Writes `design.csv`, a row a number, and `design_advice.csv`, a row a change; files of these names are replaced.
+    /// Writes `design.csv`, one row per result, and `design_advice.csv`, one row per change, replacing existing
+    /// files.
     ///
     /// # Errors
     ///
-    /// One line naming the file that cannot be written.
+    /// [`FieldError`] naming the file that cannot be written.
     pub(super) fn write(&self, directory: &Path) -> anyhow::Result<()> {
-        let expected = self.foreseen.rows.iter().map(|row| {
-            let numbers = [row.truth, row.sigma, row.offset, row.told, row.odd].map(|number| number.to_string());
+        let expected = self.prediction.rows.iter().map(|row| {
+            let numbers =
+                [row.truth, row.sigma, row.offset, row.fraction, row.outliers].map(|number| number.to_string());
             [vec![row.name.clone(), row.unit.to_owned()], numbers.to_vec()].concat()
         });
         let header = ["name", "unit", "true", "sigma", "mean_error", "told", "odd"].map(str::to_owned).to_vec();
@@ -65,12 +67,12 @@ impl Told<'_> {
         1e-6 * self.rig.scenario.camera.exposure_us * self.rig.speed_px_s()
     }
 
-    pub(super) fn table(&self) {
-        let Self { rig, foreseen, .. } = self;
-        let (camera, noise) = (&rig.scenario.camera, &foreseen.noise);
+    pub(super) fn print_table(&self) {
+        let Self { rig, prediction, .. } = self;
+        let (camera, noise) = (&rig.scenario.camera, &prediction.noise);
         let [x, y, angle] = noise.pose;
         say(&format!(
-            "{}: {} of {:.1} px, {} Hz, {} us ({:.2} px of motion), noise {} of {} grey levels",
+            "{}: {} of {:.1} px, {} Hz, {} us ({:.2} px of motion blur), noise {} of {} grey levels",
             rig.config.origin,
             if rig.scenario.body.rod.is_some() { "rod" } else { "ball" },
             2.0 * rig.scenario.radius_px(),
@@ -80,26 +82,28 @@ impl Told<'_> {
             camera.noise_dn,
             2u32.pow(camera.bits)
         ));
-        let how = if noise.step.is_whole { "all pixels in one match" } else { "from subsets" };
-        say(&format!("a pose, {how}: {x:.5} px, {y:.5} px, {angle:.5} deg (1 sigma)\n"));
-        let header = ["expected", "true", "scatter (1 sigma)", "of it", "mean error", ""].map(str::to_owned).to_vec();
-        let rows: Vec<_> = std::iter::once(header).chain(foreseen.rows.iter().map(cells)).collect();
+        let method = if noise.step.is_whole { "whole-body match" } else { "subsets" };
+        say(&format!("pose noise ({method}): {x:.5} px, {y:.5} px, {angle:.5} deg (1 sigma)\n"));
+        let header = ["result", "true", "scatter (1 sigma)", "relative", "mean error", ""].map(str::to_owned).to_vec();
+        let rows: Vec<_> = std::iter::once(header).chain(prediction.rows.iter().map(cells)).collect();
         say(&table(&rows));
-        if let Some(row) = foreseen.rows.iter().max_by(|a, b| a.odd.total_cmp(&b.odd)).filter(|row| row.odd > 0.0) {
-            let share = 100.0 * row.odd;
-            say(&format!("\nup to {share:.1} % of the films ({}) are far off the others, and left out", row.name));
+        if let Some(row) =
+            prediction.rows.iter().max_by(|a, b| a.outliers.total_cmp(&b.outliers)).filter(|row| row.outliers > 0.0)
+        {
+            let share = 100.0 * row.outliers;
+            say(&format!("\nup to {share:.1} % of the films ({}) are outliers and excluded", row.name));
         }
-        self.say_advice();
+        self.print_advice();
     }
 
-    fn say_advice(&self) {
+    fn print_advice(&self) {
         if self.advice.is_empty() {
             return;
         }
-        say("\nwhat to change first, with what is left of the scatter:");
+        say("\nchanges to the rig, with the remaining scatter:");
         let helpful: Vec<&Advice> = self.advice.iter().filter(|advice| advice.helps()).collect();
         if helpful.is_empty() {
-            say("nothing that was tried helps by more than 3 %");
+            say("no change reduces the scatter by more than 3 %");
             return;
         }
         let names = helpful[0].shares.iter().map(|(name, _)| name.clone());
@@ -127,7 +131,7 @@ fn file(path: &Path, header: Vec<String>, rows: impl Iterator<Item = Vec<String>
 fn row(expected: &Expected) -> serde_json::Value {
     json!({
         "name": expected.name, "unit": expected.unit, "true": expected.truth, "sigma": expected.sigma,
-        "mean_error": expected.offset, "told": expected.told, "odd": expected.odd,
+        "mean_error": expected.offset, "told": expected.fraction, "odd": expected.outliers,
     })
 }
 
@@ -135,7 +139,7 @@ fn percent(share: f64) -> String {
     format!("{:.0} %", 100.0 * share)
 }
 
-/// Three significant digits, times in ms.
+/// Formats three significant digits, with times in ms.
 fn cells(expected: &Expected) -> Vec<String> {
     let (factor, unit) = if expected.unit == "s" { (1e3, "ms") } else { (1.0, expected.unit) };
     let digits = |value: f64| {

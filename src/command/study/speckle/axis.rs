@@ -1,21 +1,21 @@
-//! Logarithmic axes, colours and words that the figures of the speckle studies share.
+//! Logarithmic axes, colours and captions shared by the figures of the speckle studies.
 
 use std::fmt::Write as _;
 
 use super::way::Way;
 use crate::command::study::figure::{plain, power_of_ten, text};
 
-/// Height of the heading and of one line of the caption, px.
+/// Height of the heading and of a caption line, px.
 pub(super) const HEADING: f64 = 34.0;
 pub(super) const LINE: f64 = 17.0;
 
-/// Lines and letters.
+/// The style sheet.
 const STYLE: &str = "text{font:12px system-ui,sans-serif;fill:#222}.head{font-size:17px;font-weight:600}\
     .title{font-weight:600}.small{fill:#555}.grid{stroke:#ddd}.axis{stroke:#222;fill:none}\
     .spread{stroke:#222;stroke-width:1;fill:none}.level{stroke:#222;stroke-dasharray:5 4;fill:none}\
     .curve{stroke-width:2;fill:none}";
 
-/// The colour of a method; they differ for the colour-blind too (M. Okabe, K. Ito, 2008).
+/// Returns the colour of a method; the palette suits the colour-blind (M. Okabe, K. Ito, 2008).
 pub(super) fn colour(way: Way) -> &'static str {
     match way {
         Way::Paper => "#d55e00",
@@ -28,7 +28,7 @@ pub(super) fn colour(way: Way) -> &'static str {
     }
 }
 
-/// From values to places, whole powers of ten at both ends.
+/// A vertical logarithmic axis of whole decades.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct LogAxis {
     low: i32,
@@ -37,7 +37,7 @@ pub(super) struct LogAxis {
 }
 
 impl LogAxis {
-    /// Whole powers of ten around all values that are more than 0.
+    /// Returns an axis of whole decades around all positive values.
     pub(super) fn around(values: impl Iterator<Item = f64>, height: f64) -> Self {
         let logs = values.filter(|value| *value > 0.0).map(f64::log10);
         let (low, high) =
@@ -49,13 +49,13 @@ impl LogAxis {
         Self { low, high: high.max(low + 1), height }
     }
 
-    /// Distance from the top, px; what lies below the axis, as 0 does, is at its foot.
+    /// Returns the distance from the top, px; values below the axis, such as 0, lie at its foot.
     pub(super) fn y(self, value: f64) -> f64 {
         let share = (f64::from(self.high) - value.max(f64::MIN_POSITIVE).log10()) / f64::from(self.high - self.low);
         self.height * share.clamp(0.0, 1.0)
     }
 
-    /// Lines and numbers of the powers, and the frame, from (`left`, `top`) on.
+    /// Draws grid lines, labels and frame from (`left`, `top`) on.
     pub(super) fn draw(self, svg: &mut String, (left, top): (f64, f64), width: f64) {
         for power in self.low..=self.high {
             let y = top + self.y(10_f64.powi(power));
@@ -66,13 +66,13 @@ impl LogAxis {
     }
 }
 
-/// A point of a curve: full, or hollow where answers are missing behind it.
+/// Draws a marker of a curve, hollow if answers are missing.
 pub(super) fn mark(svg: &mut String, way: Way, (x, y): (f64, f64), missing: usize) {
     let (colour, inside) = (colour(way), if missing > 0 { "#fff" } else { colour(way) });
     let _ = writeln!(svg, "<circle fill=\"{inside}\" stroke=\"{colour}\" cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"3\"/>");
 }
 
-/// Begins a figure with its heading and what was run.
+/// Starts a figure with its heading and caption.
 pub(super) fn begin((width, height): (f64, f64), heading: &str, caption: &[String]) -> String {
     let heading = plain(heading);
     let mut svg = format!(
@@ -87,13 +87,13 @@ pub(super) fn begin((width, height): (f64, f64), heading: &str, caption: &[Strin
     svg
 }
 
-/// A line with each method's colour and name, and what is told of it.
+/// Draws a legend line: a colour and a label per method.
 pub(super) fn legend(svg: &mut String, y: f64, entries: &[(Way, String)]) {
     let mut x = 14.0;
-    for (way, told) in entries {
+    for (way, label) in entries {
         let _ = writeln!(svg, "<path fill=\"{}\" d=\"M{x:.0} {y:.0}h12v12h-12z\"/>", colour(*way));
-        text(svg, (x + 17.0, y + 10.0), "", &plain(told));
-        x += 36.0 + 6.2 * told.chars().count() as f64;
+        text(svg, (x + 17.0, y + 10.0), "", &plain(label));
+        x += 36.0 + 6.2 * label.chars().count() as f64;
     }
 }
 

@@ -1,4 +1,4 @@
-//! Figs. 3 to 6: a bar for each pattern and method, with the spread of the films.
+//! Figs. 3 to 6: a bar per pattern and method, with the standard deviation over films.
 
 use std::fmt::Write as _;
 
@@ -9,33 +9,33 @@ use super::way::Way;
 use crate::command::study::figure::text;
 use crate::synth::PatternSetup;
 
-/// Free space at the left of a panel, and the height of one with its title and letters, px.
+/// Left margin of a panel, and heights of its plot, title and labels, px.
 const LEFT: f64 = 58.0;
 const PLOT: f64 = 130.0;
 const ABOVE: f64 = 26.0;
 const BELOW: f64 = 26.0;
 
-/// Width of a bar, and between two patterns, px.
+/// Width of a bar, and gap between two patterns, px.
 const BAR: f64 = 6.0;
 const GAP: f64 = 7.0;
 
-/// What is on the upward axes.
+/// Titles of the vertical axes.
 const TITLES: [&str; 3] =
     ["mean |error| along x, px/frame", "mean |error| along y, px/frame", "mean |error| of the rotation, deg/frame"];
 
-/// What a figure shows.
+/// The data of a figure.
 pub(super) struct Figure<'a> {
     pub(super) study: SpeckleStudy,
-    /// Groups of the case that the study's figure is about.
+    /// The groups of the case that the figure is about.
     pub(super) groups: &'a [Group],
     pub(super) patterns: &'a [usize],
     pub(super) speeds: &'a [Speeds],
     pub(super) ways: &'a [Way],
-    /// What was run, line by line.
+    /// The lines of the caption.
     pub(super) caption: &'a [String],
 }
 
-/// Errors of the paper's best ball, as far as its text has numbers: px/frame along x and y, deg/frame.
+/// Returns the errors of the paper's best ball, where its text reports them: px/frame along x and y, deg/frame.
 fn best_of_the_paper(study: SpeckleStudy) -> [Option<f64>; 3] {
     match study {
         SpeckleStudy::Translation => [Some(0.02), Some(0.03), Some(0.01)],
@@ -46,17 +46,17 @@ fn best_of_the_paper(study: SpeckleStudy) -> [Option<f64>; 3] {
 }
 
 impl Figure<'_> {
-    /// Width of a panel's plot.
+    /// Returns the width of a panel's plot.
     fn width(&self) -> f64 {
         (self.patterns.len() as f64 * self.pitch()).max(260.0)
     }
 
-    /// From one pattern to the next.
+    /// Returns the distance from one pattern to the next.
     fn pitch(&self) -> f64 {
         self.ways.len() as f64 * BAR + GAP
     }
 
-    /// The whole figure.
+    /// Draws the figure.
     pub(super) fn draw(&self) -> String {
         let top = HEADING + LINE * self.caption.len() as f64 + 34.0;
         let (across, down) = (LEFT + self.width() + 14.0, ABOVE + PLOT + BELOW);
@@ -77,7 +77,7 @@ impl Figure<'_> {
         svg
     }
 
-    /// The same axis for both sets of speeds, and for x and y.
+    /// Returns the axis, which both sets of speeds share, and so do x and y.
     fn axis(&self, row: usize) -> LogAxis {
         let rows = if row == 2 { 2..3 } else { 0..2 };
         let paper = best_of_the_paper(self.study);
@@ -155,7 +155,7 @@ mod tests {
         let svg = figure.draw();
         assert!(svg.contains("what was run") && svg.contains(">aI</text>") && svg.contains(">aII</text>"));
         assert_eq!(svg.matches('\u{d7}').count(), 3, "one in each panel");
-        // Panels with bars of the first method: two patterns each, "v-H" is the height of a bar.
+        // Panels with bars of the first method: two patterns each; "v-H" is the height of a bar.
         let heights: Vec<f64> = svg
             .lines()
             .filter(|line| line.starts_with("<path fill=\"#d55e00\"") && line.matches('M').count() == 2)

@@ -1,44 +1,44 @@
-//! The balls of the study and their films, drawn without any interpolation.
+//! The balls of the study and their films, rendered without interpolation.
 
 use super::plan::{Film, Speeds};
 use crate::image::{Frame, Image};
 use crate::synth::{MotionSetup, PatternSetup, Scenario, ScenarioError, World};
 
-/// Side of all frames, px.
+/// Side of the frames, px.
 pub(super) const SIDE_PX: u32 = 160;
 
-/// Diameter of the balls with patterns a to d (tennis) and e and f (lacrosse), px; as filmed for the paper.
+/// Diameter of the balls with patterns a to d (tennis) and e and f (lacrosse), px, as filmed for the paper.
 pub(super) const DIAMETERS_PX: [f64; 2] = [114.0, 123.0];
 
-/// Where the studied motion of a film is in its middle, px: the middle of the frame, less what the film adds.
+/// Centre of the ball in the middle of a film, px, without the subpixel offset of the film.
 const MIDDLE_PX: f64 = 79.0;
 
-/// Takes of each set of speeds; more than any study has films of one pattern.
+/// Number of takes reserved per set of speeds, more than a study has films of one pattern.
 const TAKES: u64 = 1000;
 
-/// Steps of a sequence that fills the unit square evenly (powers of the plastic number's inverse).
+/// Increments of a sequence that fills the unit square evenly (powers of the inverse plastic number).
 const EVEN: [f64; 2] = [0.754_877_666_246_692_8, 0.569_840_290_998_053_2];
 
-/// What all films of a study share.
+/// The settings shared by all films of a study.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Filming {
-    /// Frames a film.
+    /// Frames per film.
     pub(super) frames: u64,
     /// Standard deviation of the noise, grey levels of 255.
     pub(super) noise_dn: f64,
-    /// Standard deviation of the lens's blur, px.
+    /// Standard deviation of the lens blur, px.
     pub(super) blur_px: f64,
-    /// Of the speckles and the noise.
+    /// Seed of the speckles and the noise.
     pub(super) seed: u64,
 }
 
-/// Radius of the ball with this pattern, px.
+/// Returns the radius of the ball with this pattern, px.
 pub(super) fn radius_px(pattern: usize) -> f64 {
     let lacrosse = PatternSetup::PAPER[pattern].starts_with(['e', 'f']);
     0.5 * DIAMETERS_PX[usize::from(lacrosse)]
 }
 
-/// A ball with one of the paper's patterns, at rest.
+/// Returns a static ball with one of the paper's patterns.
 ///
 /// # Errors
 ///
@@ -58,7 +58,7 @@ pub(super) fn ball(pattern: usize, filming: &Filming) -> Result<World, ScenarioE
     World::new(&scenario)
 }
 
-/// The film of a ball in motion; it begins somewhere else between the pixels each time.
+/// Returns the film of a moving ball, with a subpixel start position of its own.
 ///
 /// # Errors
 ///
@@ -77,18 +77,18 @@ pub(super) fn film(ball: &World, film: &Film, filming: &Filming) -> Result<Reel,
     Ok(Reel { world: ball.retake(motion, take)? })
 }
 
-/// A film whose frames can be drawn.
+/// A film whose frames can be rendered.
 #[derive(Debug)]
 pub(super) struct Reel {
     world: World,
 }
 
 impl Reel {
-    /// Draws a frame into memory used before.
+    /// Renders a frame into reused memory.
     ///
     /// # Errors
     ///
-    /// When the drawn bytes are not a frame.
+    /// When the rendered bytes are not a frame.
     pub(super) fn draw(&self, index: u64, bytes: &mut Vec<u8>, image: &mut Image) -> anyhow::Result<()> {
         bytes.resize(self.world.frame_bytes(), 0);
         self.world.render(index, bytes);
@@ -96,7 +96,7 @@ impl Reel {
         Ok(())
     }
 
-    /// Centre of the ball, px.
+    /// Returns the centre of the ball, px.
     #[cfg(test)]
     fn center_px(&self, index: u64) -> [Option<f64>; 2] {
         let truth = self.world.truth(index);
@@ -112,7 +112,7 @@ mod tests {
     const FILMING: Filming = Filming { frames: 3, noise_dn: 2.0, blur_px: 0.7, seed: 1 };
 
     #[test]
-    fn every_pattern_of_the_paper_can_be_strewn() {
+    fn every_pattern_of_the_paper_can_be_rendered() {
         for (name, pattern) in patterns() {
             let world = ball(pattern, &FILMING).unwrap_or_else(|error| panic!("{name}: {error}"));
             assert_eq!(world.scenario().body.pattern, PatternSetup::paper(name).unwrap());
@@ -122,7 +122,7 @@ mod tests {
     }
 
     #[test]
-    fn films_move_as_told_begin_between_other_pixels_and_have_noise_of_their_own() {
+    fn films_move_as_planned_start_at_different_subpixel_positions_and_have_their_own_noise() {
         let world = ball(13, &FILMING).unwrap();
         let films = SpeckleStudy::Translation.plan(&[13], &Speeds::ALL);
         let mut fractions = Vec::new();
@@ -142,9 +142,9 @@ mod tests {
         }
         fractions.sort_by(f64::total_cmp);
         let widest = fractions.windows(2).map(|pair| pair[1] - pair[0]).fold(0.0, f64::max);
-        // Films of one study are some of a series that is even as a whole.
+        // The films of one study are a subset of a series that is even as a whole.
         assert!(widest < 0.35, "{fractions:?}");
-        // Two films at rest: the corner shows nothing but noise.
+        // Two static films: the corner shows only noise.
         let rest = |speeds: Speeds| films.iter().position(|film| film.speeds == speeds).unwrap();
         assert_ne!(pictures[rest(Speeds::Paper)][..20], pictures[rest(Speeds::OffGrid)][..20]);
     }

@@ -1,8 +1,8 @@
-//! The table of films on the disk, written film by film, and taken up where it was left.
+//! The table of films on disk, written film by film and resumable.
 //!
-//! Films are written in the order of the plan, each with one call, so that what an interruption leaves is a
-//! beginning of the whole table and perhaps a part of one film more. That part is cut off. The last whole film is
-//! measured anew: what another program measured otherwise is not gone on with.
+//! Films are written in the order of the plan with one call each. An interruption thus leaves a complete beginning of
+//! the table and at most a part of one film, which is cut off. The last complete film is measured again, and the
+//! study is only resumed if this program measures the same.
 
 use std::fs::{File, OpenOptions};
 use std::io::{Seek, SeekFrom, Write};
@@ -16,25 +16,25 @@ use super::way::Way;
 use crate::command::UsageError;
 use crate::command::field::{FieldError, folder};
 
-/// What to do about a table that is not gone on with.
-const ANOTHER: &str = "choose another directory, or remove both files to begin anew";
+/// Advice for a table that cannot be resumed.
+const ADVICE: &str = "choose another directory, or delete both files to start again";
 
-/// What the rows of a study are of.
+/// The films and methods of a study.
 #[derive(Debug, Clone)]
 pub(super) struct Contents<'a> {
     pub(super) films: &'a [Film],
     pub(super) ways: &'a [Way],
-    /// Frames a film.
+    /// Frames per film.
     pub(super) frames: u64,
 }
 
 impl Contents<'_> {
-    /// Rows of one film.
+    /// Returns the number of rows per film.
     pub(super) fn rows(&self) -> usize {
         self.ways.len() * (self.frames as usize - 1)
     }
 
-    /// Whether these are the rows of a film, all of them and in order.
+    /// Whether these are all rows of a film, in order.
     fn are_of(&self, film: &Film, rows: &[Row]) -> bool {
         let wanted = (0..self.frames - 1).flat_map(|frame| self.ways.iter().map(move |way| (frame, *way)));
         rows.iter().zip(wanted).all(|(row, (frame, way))| row.is_of(film, frame, way))
@@ -50,12 +50,12 @@ pub(super) struct Journal {
 }
 
 impl Journal {
-    /// Opens or makes the table in a directory, and gives the rows of the films that are there already.
+    /// Opens or creates the table in a directory; returns it with the rows of the completed films.
     ///
     /// # Errors
     ///
-    /// One line when the directory is a file, when its table was made with other settings or is not that of this
-    /// study, or when a file cannot be read or written.
+    /// When the directory is a file, the table belongs to another study or other settings, or a file cannot be read
+    /// or written.
     pub(super) fn open(
         directory: &Path,
         name: &str,
@@ -68,26 +68,26 @@ impl Journal {
         let open = OpenOptions::new().read(true).write(true).create(true).truncate(false).open(&path);
         let mut file = open.map_err(|error| FieldError::write(&path, error))?;
         let bytes = std::fs::read(&path).map_err(|error| FieldError::write(&path, error))?;
-        let (rows, whole) = take_up(&path, &bytes, contents)?;
+        let (rows, whole) = read_completed(&path, &bytes, contents)?;
         file.set_len(whole).map_err(|error| FieldError::write(&path, error))?;
         file.seek(SeekFrom::End(0)).map_err(|error| FieldError::write(&path, error))?;
         Ok((Self { path, file, has_header: whole > 0 }, rows))
     }
 
-    /// That the last film kept is not what this program measures of it.
-    pub(super) fn measured_otherwise(&self, film: usize) -> UsageError {
+    /// Returns the error that the last film was measured differently.
+    pub(super) fn measured_differently(&self, film: usize) -> UsageError {
         UsageError(format!(
-            "{}: film {} was measured otherwise than this program does; {ANOTHER}",
+            "{}: film {} was measured differently by another version; {ADVICE}",
             self.path.display(),
             film + 1
         ))
     }
 
-    /// Adds the rows of one film.
+    /// Appends the rows of one film.
     ///
     /// # Errors
     ///
-    /// One line when the file cannot be written.
+    /// [`FieldError`] when the file cannot be written.
     pub(super) fn add(&mut self, rows: &[Row]) -> anyhow::Result<()> {
         let mut csv = csv::WriterBuilder::new().has_headers(!self.has_header).from_writer(Vec::new());
         rows.iter().try_for_each(|row| csv.serialize(row))?;
@@ -98,22 +98,22 @@ impl Journal {
     }
 }
 
-/// Compares the settings of a table that is there with these, or writes them beside a new one.
+/// Compares the settings of an existing table with these, or writes them next to a new one.
 fn check_settings(path: &Path, table: &Path, settings: &Value) -> anyhow::Result<()> {
     if !table.exists() {
         let text = format!("{settings:#}\n");
         return Ok(std::fs::write(path, text).map_err(|error| FieldError::write(path, error))?);
     }
     let text = std::fs::read_to_string(path).map_err(|error| {
-        UsageError(format!("{}: has no settings beside it ({}: {error}); {ANOTHER}", table.display(), path.display()))
+        UsageError(format!("{}: cannot read its settings ({}: {error}); {ADVICE}", table.display(), path.display()))
     })?;
     let before: Value = serde_json::from_str(&text)
-        .map_err(|error| UsageError(format!("{}: is not what a study wrote: {error}; {ANOTHER}", path.display())))?;
+        .map_err(|error| UsageError(format!("{}: not the settings of a study: {error}; {ADVICE}", path.display())))?;
     let keys = settings.as_object().into_iter().flatten().map(|(key, _)| key);
     match keys.into_iter().find(|key| before[key.as_str()] != settings[key.as_str()]) {
         None => Ok(()),
         Some(key) => Err(UsageError(format!(
-            "{}: {key} is {} there, {} now; {ANOTHER}",
+            "{}: {key} is {} there, {} now; {ADVICE}",
             path.display(),
             before[key.as_str()],
             settings[key.as_str()]
@@ -122,21 +122,21 @@ fn check_settings(path: &Path, table: &Path, settings: &Value) -> anyhow::Result
     }
 }
 
-/// The rows of the whole films at the beginning of a table, and how many bytes they take.
-fn take_up(path: &Path, bytes: &[u8], contents: &Contents<'_>) -> anyhow::Result<(Vec<Row>, u64)> {
-    let strange = |line: u64| {
-        let told = "is not a row of this study; remove the file to begin anew";
-        UsageError(format!("{}: line {line} {told}", path.display()))
+/// Reads the rows of the complete films at the beginning of a table, and their length in bytes.
+fn read_completed(path: &Path, bytes: &[u8], contents: &Contents<'_>) -> anyhow::Result<(Vec<Row>, u64)> {
+    let foreign = |line: u64| {
+        let reason = "is not a row of this study; delete the file to start again";
+        UsageError(format!("{}: line {line} {reason}", path.display()))
     };
-    // What follows the last end of a line was being written when the study ended.
+    // An incomplete last line was being written when the study ended.
     let written = bytes.iter().rposition(|byte| *byte == b'\n').map_or(0, |last| last + 1);
     let mut reader = csv::Reader::from_reader(&bytes[..written]);
     let mut ends = Vec::new();
     let mut rows: Vec<Row> = Vec::new();
-    let headers = reader.headers().map_err(|_| strange(1))?.clone();
+    let headers = reader.headers().map_err(|_| foreign(1))?.clone();
     let mut record = csv::StringRecord::new();
-    while reader.read_record(&mut record).map_err(|_| strange(rows.len() as u64 + 2))? {
-        let row = record.deserialize(Some(&headers)).map_err(|_| strange(rows.len() as u64 + 2))?;
+    while reader.read_record(&mut record).map_err(|_| foreign(rows.len() as u64 + 2))? {
+        let row = record.deserialize(Some(&headers)).map_err(|_| foreign(rows.len() as u64 + 2))?;
         rows.push(row);
         ends.push(reader.position().byte());
     }
@@ -145,7 +145,7 @@ fn take_up(path: &Path, bytes: &[u8], contents: &Contents<'_>) -> anyhow::Result
     for (number, rows) in rows.chunks(each).enumerate() {
         let is_known = contents.films.get(number).is_some_and(|film| contents.are_of(film, rows));
         if !is_known {
-            return Err(strange((number * each) as u64 + 2).into());
+            return Err(foreign((number * each) as u64 + 2).into());
         }
     }
     rows.truncate(films * each);

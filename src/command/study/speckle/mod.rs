@@ -1,6 +1,8 @@
-//! `ricochet study translation`, `translation2`, `rotation`, `general` and `peak`: the speckle studies of the paper
-//! (Figs. 3 to 7), on its speeds and on others that no grid of spline points favours; and `noise`, `blur` and `rate`,
-//! which go over one setting of the camera.
+//! The speckle studies.
+//!
+//! `ricochet study translation`, `translation2`, `rotation`, `general` and `peak` repeat the paper's studies (Figs. 3
+//! to 7) at its speeds and at others off every grid of spline points. `noise`, `blur` and `rate` vary one setting of
+//! the camera.
 
 mod axis;
 mod bars;
@@ -32,56 +34,56 @@ use crate::process::Stop;
 
 pub use self::plan::SpeckleStudy;
 
-/// Noise of the films, grey levels of 255, where nothing else is said.
+/// Default noise of the films, grey levels of 255.
 const NOISE_DN: f64 = 2.0;
 
-/// Blur of the lens, standard deviation, px.
+/// Standard deviation of the lens blur, px.
 const BLUR_PX: f64 = 0.7;
 
-/// What a speckle study was asked to do.
+/// The options of a speckle study.
 #[derive(Debug, Clone)]
 pub struct SpeckleOptions {
-    /// Which one.
+    /// The study.
     pub study: SpeckleStudy,
-    /// Patterns of the paper, as `e-I`; all of them when empty (the peak study: e-II).
+    /// Patterns of the paper, such as `e-I`; all when empty (e-II where the study is not about patterns).
     pub patterns: Vec<String>,
-    /// Methods; the study's own when empty.
+    /// Methods; those of the study when empty.
     pub methods: Vec<String>,
-    /// `paper`, `off-grid` or both; both when empty. A study over a setting has speeds of its own.
+    /// `paper`, `off-grid` or both; both when empty. A study over a setting has its own speeds.
     pub speeds: Vec<String>,
-    /// Frames a film: 2 to 12, in which the fastest ball stays in the picture.
+    /// Frames per film: 2 to 12, in which the fastest ball stays in the frame.
     pub frames: u64,
-    /// Full width of a window, odd, px: 9 to 255.
+    /// Full width of a subset, odd, px: 9 to 255.
     pub subset_size_px: u32,
-    /// From one window to the next, px: 1 to 255.
+    /// Grid step, px: 1 to 255.
     pub step_px: u32,
-    /// Standard deviation of the noise, grey levels of 255: 0 to 64; 2 when there is none. The study of noise has its own.
+    /// Standard deviation of the noise, grey levels of 255: 0 to 64; 2 when absent. The noise study has its own.
     pub noise_dn: Option<f64>,
-    /// Of the speckles and the noise.
+    /// Seed of the speckles and the noise.
     pub seed: u64,
-    /// Threads; as many as the machine runs at once when there is none.
+    /// Number of threads; the available parallelism when absent.
     pub threads: Option<NonZeroUsize>,
-    /// A directory for the tables and the figure, made when it is not there; what it has of this study is kept.
+    /// A directory for the tables and the figure, created if missing; completed films in it are kept.
     pub output: Option<PathBuf>,
     /// Print one JSON object.
     pub json: bool,
 }
 
-/// A study whose films are all measured.
+/// A completed study.
 struct Finished<'a> {
     options: &'a SpeckleOptions,
     job: &'a Job,
     rows: &'a [Row],
 }
 
-/// Runs a study, or goes on with one.
+/// Runs or resumes a study.
 ///
 /// # Errors
 ///
-/// One line naming the option, or the file that is not that of this study or cannot be written.
+/// When an option is invalid, or a file belongs to another study or cannot be written.
 pub fn run(options: &SpeckleOptions, stop: &Stop) -> anyhow::Result<Outcome> {
     let job = job(options)?;
-    // Settings that leave no room are told before anything is made.
+    // Settings without room for a subset are reported before anything is created.
     let bench = Bench::new(&job.ways, job.windows, film::SIDE_PX)?;
     bench.check_room(film::DIAMETERS_PX[0])?;
     let contents = Contents { films: &job.films, ways: &job.ways, frames: job.filming.frames };
@@ -93,10 +95,10 @@ pub fn run(options: &SpeckleOptions, stop: &Stop) -> anyhow::Result<Outcome> {
         opened.transpose()?.map_or((None, Vec::new()), |(journal, rows)| (Some(journal), rows));
     let done = rows.len() / contents.rows();
     if let (Some(journal), Some(last)) = (&journal, done.checked_sub(1).filter(|_| done < job.films.len())) {
-        // A program that measures otherwise must not go on with what another one began.
+        // A program that measures differently must not resume the study.
         let kept = &rows[last * contents.rows()..];
-        if *kept != job.only(last)?[..] {
-            return Err(journal.measured_otherwise(last).into());
+        if *kept != job.measure_single(last)?[..] {
+            return Err(journal.measured_differently(last).into());
         }
     }
     let bar = progress::parts(job.films.len() as u64, "study");
@@ -114,46 +116,46 @@ pub fn run(options: &SpeckleOptions, stop: &Stop) -> anyhow::Result<Outcome> {
     measured?;
     let missing = job.films.len() - rows.len() / contents.rows();
     if missing > 0 {
-        let rest = if journal.is_some() { "; the same command goes on with the rest" } else { "" };
-        let cause = format!("films not measured when it was stopped{rest}");
+        let rest = if journal.is_some() { "; repeat the command to resume" } else { "" };
+        let cause = format!("films not measured before the stop{rest}");
         return Ok(Outcome::Lost { count: missing as u64, cause: Some(cause) });
     }
-    Finished { options, job: &job, rows: &rows }.tell()?;
+    Finished { options, job: &job, rows: &rows }.publish()?;
     Ok(Outcome::Clean)
 }
 
-/// The films and methods that the options ask for.
+/// Resolves the films and methods of the options.
 fn job(options: &SpeckleOptions) -> Result<Job, UsageError> {
     let study = options.study;
     let single = study == SpeckleStudy::Peak || !study.levels().is_empty();
-    let words = |given: &[String], otherwise: &[&str]| -> Vec<String> {
+    let or_default = |given: &[String], otherwise: &[&str]| -> Vec<String> {
         if given.is_empty() { otherwise.iter().map(|word| (*word).to_owned()).collect() } else { given.to_vec() }
     };
     let names = plan::patterns();
     let all: Vec<&str> = names.iter().map(|(name, _)| *name).collect();
-    let patterns = words(&options.patterns, if single { &["e-II"] } else { &all });
+    let patterns = or_default(&options.patterns, if single { &["e-II"] } else { &all });
     let methods: &[&str] = if study == SpeckleStudy::Peak {
         &["paper", "peak-plain", "peak-spline", "paper-fit", "ic-gn"]
     } else {
         &["paper", "paper-fit", "ic-gn", "rigid"]
     };
-    let methods = words(&options.methods, methods);
+    let methods = or_default(&options.methods, methods);
     if !study.levels().is_empty() && !options.speeds.is_empty() {
-        return Err(UsageError(format!("--speeds: the study of {} has speeds of its own", study.word())));
+        return Err(UsageError(format!("--speeds: not allowed, study {} has its own speeds", study.word())));
     }
     let sets: &[&str] = if study.levels().is_empty() { &Speeds::ALL.map(Speeds::word) } else { &["off-grid"] };
-    let speeds = words(&options.speeds, sets);
+    let speeds = or_default(&options.speeds, sets);
     let speeds = plan::chosen("--speeds", &speeds, &Speeds::ALL.map(|speeds| (speeds.word(), speeds)))?;
     let patterns = plan::chosen("--patterns", &patterns, &names)?;
     if !(2..=12).contains(&options.frames) {
-        return Err(UsageError(format!("--frames {}: allowed is 2 to 12", options.frames)));
+        return Err(UsageError(format!("--frames {}: must be 2 to 12", options.frames)));
     }
     if let (SpeckleStudy::Noise, Some(noise_dn)) = (study, options.noise_dn) {
-        return Err(UsageError(format!("--noise-dn {noise_dn}: the study of noise has its own")));
+        return Err(UsageError(format!("--noise-dn {noise_dn}: not allowed, study noise has its own levels")));
     }
     let noise_dn = options.noise_dn.unwrap_or(NOISE_DN);
     if !(0.0..=64.0).contains(&noise_dn) {
-        return Err(UsageError(format!("--noise-dn {noise_dn}: allowed is 0 to 64")));
+        return Err(UsageError(format!("--noise-dn {noise_dn}: must be 0 to 64")));
     }
     Ok(Job {
         study,
@@ -164,7 +166,7 @@ fn job(options: &SpeckleOptions) -> Result<Job, UsageError> {
     })
 }
 
-/// Everything that the films' rows depend on; a table made with other settings is not gone on with.
+/// Returns everything the rows depend on; a table made with other settings is not resumed.
 fn settings(options: &SpeckleOptions, job: &Job) -> Value {
     let mut patterns: Vec<&str> = Vec::new();
     let mut speeds: Vec<&str> = Vec::new();

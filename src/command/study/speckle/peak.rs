@@ -1,4 +1,4 @@
-//! Fig. 7: splined windows against splined peaks, over the speed, and what each costs.
+//! Fig. 7: splined windows against splined peaks over the speed, and their cost.
 
 use std::fmt::Write as _;
 use std::time::Instant;
@@ -15,20 +15,20 @@ use super::way::{Bench, Way};
 use crate::command::study::figure::text;
 use crate::image::Image;
 
-/// Width and height of a plot, and the space around it, px.
+/// Width and height of a plot, and its margins, px.
 const WIDTH: f64 = 440.0;
 const PLOT: f64 = 240.0;
 const LEFT: f64 = 66.0;
 const ABOVE: f64 = 28.0;
 const BELOW: f64 = 46.0;
 
-/// How often each method's windows are timed; the least of these figures is told, since others on the machine only add.
+/// Number of timings per method; the minimum is reported, since other load only adds time.
 const TURNS: usize = 9;
 
-/// The largest speed on the axis, px/frame.
-const MOST_PX: f64 = 2.1;
+/// Maximum speed on the axis, px/frame.
+const MAX_PX: f64 = 2.1;
 
-/// One method at one speed.
+/// The result of one method at one speed.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Point {
     pub(super) speeds: Speeds,
@@ -54,11 +54,11 @@ pub(super) struct Line {
     bias_x_px: Option<f64>,
 }
 
-/// What the windows of one method cost.
+/// The cost of a method.
 #[derive(Debug, Clone, Copy, Serialize)]
 pub(super) struct Cost {
     pub(super) method: &'static str,
-    /// Time of one window on one thread, made ready and found, us.
+    /// Time per subset on one thread, us.
     pub(super) us_per_window: f64,
 }
 
@@ -81,7 +81,7 @@ impl Point {
     }
 }
 
-/// Every method at every speed, all patterns together; by speeds, method, speed.
+/// Returns every method at every speed over all patterns, sorted by speeds, method and speed.
 pub(super) fn points(job: &Job, rows: &[Row]) -> Vec<Point> {
     let mut points = Vec::new();
     for speeds in Speeds::ALL {
@@ -111,11 +111,11 @@ pub(super) fn points(job: &Job, rows: &[Row]) -> Vec<Point> {
     points
 }
 
-/// Times the windows of every method on one film, methods in turn.
+/// Measures the cost of every method on one film, alternating the methods.
 ///
 /// # Errors
 ///
-/// When the film cannot be drawn.
+/// When the film cannot be rendered.
 #[expect(clippy::disallowed_methods, reason = "a study of cost reads the clock")]
 pub(super) fn costs(job: &Job) -> anyhow::Result<Vec<Cost>> {
     let Some(plan) = job.films.first() else { return Ok(Vec::new()) };
@@ -129,7 +129,7 @@ pub(super) fn costs(job: &Job) -> anyhow::Result<Vec<Cost>> {
     for _ in 0..TURNS {
         for (place, times) in times.iter_mut().enumerate() {
             let began = Instant::now();
-            let windows = bench.again(place, (before.view(), after.view()));
+            let windows = bench.correlate_again(place, (before.view(), after.view()));
             times.push(1e6 * began.elapsed().as_secs_f64() / windows.max(1) as f64);
         }
     }
@@ -140,7 +140,7 @@ pub(super) fn costs(job: &Job) -> anyhow::Result<Vec<Cost>> {
     Ok(job.ways.iter().zip(times).map(cost).collect())
 }
 
-/// The whole figure.
+/// Draws the figure.
 pub(super) fn draw(job: &Job, points: &[Point], costs: &[Cost], caption: &[String]) -> String {
     let top = HEADING + LINE * caption.len() as f64 + 34.0;
     let shown: Vec<Speeds> =
@@ -163,7 +163,7 @@ pub(super) fn draw(job: &Job, points: &[Point], costs: &[Cost], caption: &[Strin
         text(&mut svg, (left - LEFT + 14.0, top - 12.0), "class=\"title\"", &title);
         axis.draw(&mut svg, (left, top), WIDTH);
         for tenth in (0..=20).step_by(2) {
-            let x = left + WIDTH * 0.1 * f64::from(tenth) / MOST_PX;
+            let x = left + WIDTH * 0.1 * f64::from(tenth) / MAX_PX;
             text(&mut svg, (x, top + PLOT + 15.0), "text-anchor=\"middle\"", &format!("{:.1}", 0.1 * f64::from(tenth)));
         }
         let middle = left + 0.5 * WIDTH;
@@ -177,7 +177,7 @@ pub(super) fn draw(job: &Job, points: &[Point], costs: &[Cost], caption: &[Strin
     svg
 }
 
-/// One method's curve; it breaks where there is no answer.
+/// Draws the curve of one method, with a gap where there is no answer.
 fn curve<'a>(
     svg: &mut String,
     (left, top): (f64, f64),
@@ -191,7 +191,7 @@ fn curve<'a>(
             joined = false;
             continue;
         };
-        let (x, y) = (left + WIDTH * point.speed_px_frame / MOST_PX, top + axis.y(error.mean));
+        let (x, y) = (left + WIDTH * point.speed_px_frame / MAX_PX, top + axis.y(error.mean));
         let _ = write!(path, "{}{x:.1} {y:.1}", if joined { 'L' } else { 'M' });
         axis::mark(&mut marks, way, (x, y), point.missing);
         joined = true;
@@ -218,7 +218,7 @@ mod tests {
         }
     }
 
-    /// A row for every film and method, off by a hundredth for each pixel of speed, or missing.
+    /// A row per film and method with an error of 1 % of the speed, or missing.
     fn rows(job: &Job, is_missing: impl Fn(&Film, Way) -> bool) -> Vec<Row> {
         let row = |film: &Film, way: Way| {
             let speed = film.velocity.px_frame[0];

@@ -1,31 +1,31 @@
-//! Correlation as Eq. 4 of the paper reads: windows at the same place, filled up with zeros, nothing divided out.
+//! Cross-correlation as in Eq. 4 of the paper: windows at the same place, zero-padded, without normalisation.
 //!
-//! The further a window is shifted, the less of it still overlaps, and the lower its sum gets: that draws the peak
-//! to zero. This is here to show how far; measurements divide by what overlaps.
+//! The more a window is shifted, the smaller the overlap and the sum, which biases the peak towards zero. This module
+//! shows by how much; measurements normalise by the overlap.
 
 use crate::dic::{CenterVector, GridPoint};
 use crate::image::{Image, ImageView};
 use crate::results::Circle;
 use crate::synth::PictureMover;
 
-/// Largest shift along each axis, px.
+/// Maximum shift along each axis, px.
 const REACH_PX: usize = 6;
 
-/// Shifts along each axis.
+/// Number of shifts along each axis.
 const SIDE: usize = 2 * REACH_PX + 1;
 
-/// Plan and memory.
+/// The plan and its buffers.
 #[derive(Debug)]
 pub(super) struct Plain {
     subset_size_px: usize,
-    /// Steps of the splined peak to a pixel.
+    /// Grid points per px on the splined peak.
     per_px: u32,
     windows: [Vec<f32>; 2],
     surface: Image,
 }
 
 impl Plain {
-    /// For windows of this size, with a number of points between two samples of the peak.
+    /// Returns a plan for windows of this size with a number of spline points between two samples of the peak.
     pub(super) fn new(subset_size_px: u32, spline_points: u32) -> Self {
         Self {
             subset_size_px: subset_size_px as usize,
@@ -35,8 +35,8 @@ impl Plain {
         }
     }
 
-    /// The vector of one window, its place counted from the ball's centre; `None` when it reaches over the edge, or
-    /// its peak lies at the end of the shifts.
+    /// Returns the displacement of one window, at its position relative to the ball's centre. Returns `None` when the
+    /// window exceeds the image or the peak lies at the maximum shift.
     pub(super) fn vector(
         &mut self,
         (before, after): (ImageView<'_>, ImageView<'_>),
@@ -52,11 +52,11 @@ impl Plain {
         Some(CenterVector { x_px, y_px, u_px, v_px, sigma_px: 0.0 })
     }
 
-    /// The sum of products at every shift.
+    /// Computes the sum of products at every shift.
     fn correlate(&mut self) {
         let (size, reach) = (self.subset_size_px as isize, REACH_PX as isize);
         let [before, after] = &self.windows;
-        // Where a row of one lies over the other, shifted.
+        // The overlap of two rows at a shift.
         let overlap = |shift: isize| (-shift).max(0)..size - shift.max(0);
         for (row, sums) in self.surface.rows_mut().enumerate() {
             let dy = row as isize - reach;
@@ -76,7 +76,7 @@ impl Plain {
         }
     }
 
-    /// The highest point of the splined surface near its highest sample.
+    /// Returns the highest grid point of the splined surface around its highest sample.
     fn top(&self) -> Option<[f64; 2]> {
         let data = self.surface.view().data();
         let best = (0..data.len()).fold(0, |best, index| if data[index] > data[best] { index } else { best });
@@ -102,7 +102,7 @@ impl Plain {
     }
 }
 
-/// A window without its mean; `None` when it reaches over the edge.
+/// Copies a window and subtracts its mean; returns `None` when it exceeds the image.
 fn cut(image: ImageView<'_>, at: GridPoint, size: usize, window: &mut Vec<f32>) -> Option<()> {
     let corner = |place: u32| (place as usize).checked_sub(size / 2);
     let (left, top) = (corner(at.x)?, corner(at.y)?);
@@ -120,7 +120,7 @@ fn cut(image: ImageView<'_>, at: GridPoint, size: usize, window: &mut Vec<f32>) 
 mod tests {
     use super::*;
 
-    /// A pattern without structure, moved by whole pixels.
+    /// A smooth pattern, shifted by whole pixels.
     fn pattern(shift: usize) -> Image {
         let mut image = Image::new(64, 64);
         for (y, row) in image.rows_mut().enumerate() {

@@ -1,24 +1,24 @@
-//! Which films a study has: the paper's speeds and spins in all combinations, and the same off every grid.
+//! The films of a study: all combinations of the paper's speeds and spins, and the same off every grid.
 
 use crate::command::UsageError;
 use crate::synth::PatternSetup;
 
-/// Speeds along each axis, px/frame; each study takes some of their combinations.
+/// Number of speeds along each axis, px/frame; each study uses some of the combinations.
 const SPEEDS_PX: usize = 6;
 
-/// Spins, deg/frame.
+/// Number of spins, deg/frame.
 const SPINS_DEG: usize = 4;
 
-/// Films of one pattern and one set of speeds: 6 speeds along x, 6 along y, 4 spins.
+/// Number of films of one pattern and set of speeds: 6 speeds along x, 6 along y, 4 spins.
 pub(super) const FILMS: usize = SPEEDS_PX * SPEEDS_PX * SPINS_DEG;
 
-/// Speeds of the peak study: 0.1 to 2 px/frame, by 0.1.
+/// Number of speeds of the peak study: 0.1 to 2 px/frame in steps of 0.1.
 const PEAK_FILMS: usize = 20;
 
-/// Films of each of those speeds: the ball lies elsewhere between the pixels in each.
+/// Films per speed of the peak study, each at a subpixel position of its own.
 const PEAK_TAKES: usize = 8;
 
-/// Motions of a study over a setting at each of its levels: px/frame along x and y, deg/frame; off every grid.
+/// Motions at each level of a study over a setting: px/frame along x and y, deg/frame; off every grid.
 const MOTIONS: [[f64; 3]; 8] = [
     [0.13, 0.77, 0.83],
     [0.37, 1.23, -1.71],
@@ -30,78 +30,78 @@ const MOTIONS: [[f64; 3]; 8] = [
     [0.77, 1.87, -0.37],
 ];
 
-/// One of the speckle studies.
+/// A speckle study.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum SpeckleStudy {
-    /// Along one axis, without spin (Fig. 3).
+    /// Translation along one axis, without spin (Fig. 3).
     Translation,
-    /// Along both axes, without spin (Fig. 4).
+    /// Translation along both axes, without spin (Fig. 4).
     Translation2,
-    /// Spin alone (Fig. 5).
+    /// Spin without translation (Fig. 5).
     Rotation,
-    /// Along both axes with spin (Fig. 6); films along one axis with spin are measured as well.
+    /// Translation along both axes with spin (Fig. 6); films along one axis with spin are measured as well.
     General,
     /// Splined windows against a splined peak, along x (Fig. 7).
     Peak,
-    /// Over the noise of the camera.
+    /// Variation of the camera noise.
     Noise,
-    /// Over the blur of the lens.
+    /// Variation of the lens blur.
     Blur,
-    /// Over the frame rate: the same motion, in ever smaller steps.
+    /// Variation of the frame rate: the same motion in smaller and smaller steps.
     Rate,
 }
 
 /// A set of speeds and spins.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Speeds {
-    /// Those of the paper: all but 0.1 lie on the grid that 5 points between two pixels make.
+    /// The paper's: all but 0.1 lie on the grid of 5 points between two pixels.
     Paper,
-    /// Others of the same size, off every such grid.
+    /// Similar ones off every such grid.
     OffGrid,
 }
 
-/// What the ball of a film does.
+/// The kind of motion in a film.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Case {
-    /// Nothing.
+    /// No motion.
     Rest,
-    /// Along x or y.
+    /// Translation along x or y.
     OneAxis,
-    /// Along both.
+    /// Translation along both axes.
     TwoAxes,
-    /// Turns.
+    /// Spin.
     Spin,
-    /// Turns and goes along x or y.
+    /// Spin and translation along x or y.
     OneAxisSpin,
-    /// Turns and goes along both.
+    /// Spin and translation along both axes.
     General,
 }
 
-/// Velocity of a film's ball, all of it known exactly.
+/// The true velocity of a film's ball.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Velocity {
-    /// Along x and along y (down), px/frame.
+    /// Translation along x and along y (down), px/frame.
     pub(super) px_frame: [f64; 2],
-    /// Counter-clockwise, deg/frame.
+    /// Spin, counter-clockwise, deg/frame.
     pub(super) deg_frame: f64,
 }
 
-/// One film to draw and to measure.
+/// A film to render and measure.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Film {
-    /// Which pattern: its place in [`PatternSetup::PAPER`].
+    /// Index of the pattern in [`PatternSetup::PAPER`].
     pub(super) pattern: usize,
     pub(super) speeds: Speeds,
-    /// Its number among all films of the pattern and the set of speeds; the same in every study that has it.
+    /// Number among all films of the pattern and set of speeds, the same in every study that uses it.
     pub(super) number: usize,
     pub(super) case: Case,
     pub(super) velocity: Velocity,
-    /// Which of the study's levels; 0 where it has none.
+    /// Index of the study's level; 0 if it has none.
     pub(super) level: usize,
 }
 
 impl SpeckleStudy {
-    /// Its name on the command line and in the names of its files.
+    /// Returns the name on the command line and in file names.
     pub(super) fn word(self) -> &'static str {
         match self {
             Self::Translation => "translation",
@@ -115,7 +115,7 @@ impl SpeckleStudy {
         }
     }
 
-    /// The heading of its figure.
+    /// Returns the heading of the figure.
     pub(super) fn heading(self) -> &'static str {
         match self {
             Self::Translation => "Speckle patterns: translation in one direction (the paper's Fig. 3)",
@@ -123,17 +123,17 @@ impl SpeckleStudy {
             Self::Rotation => "Speckle patterns: pure rotation (the paper's Fig. 5)",
             Self::General => "Speckle patterns: general motion (the paper's Fig. 6)",
             Self::Peak => "Splined windows and splined peaks (the paper's Fig. 7)",
-            Self::Noise => "What noise does to the methods",
-            Self::Blur => "What the blur of the lens does to the methods",
-            Self::Rate => "What a faster camera does from one frame to the next",
+            Self::Noise => "Accuracy of the methods over the noise",
+            Self::Blur => "Accuracy of the methods over the lens blur",
+            Self::Rate => "Accuracy of the methods over the frame rate",
         }
     }
 
-    /// How its figure is read, line by line.
+    /// Returns the lines that explain the figure.
     pub(super) fn reading(self) -> impl Iterator<Item = &'static str> {
         const BARS: &str =
             "Logarithmic axes; thin lines: mean +- standard deviation of the films; ! where answers are missing.";
-        const BEST: &str = "Broken line: the paper's best ball, where its text has a number.";
+        const BEST: &str = "Dashed line: the paper's best ball, where its text reports a number.";
         let lines: &'static [&'static str] = match self {
             Self::Translation | Self::Translation2 => &[
                 BARS,
@@ -152,7 +152,7 @@ impl SpeckleStudy {
         lines.iter().copied()
     }
 
-    /// The values of the setting that a study goes over: grey levels of 255, px, or times the slowest rate.
+    /// Returns the levels of the varied setting: grey levels of 255, px, or multiples of the slowest rate.
     pub(super) fn levels(self) -> &'static [f64] {
         match self {
             Self::Noise => &[0.0, 1.0, 2.0, 4.0, 8.0, 16.0],
@@ -162,7 +162,7 @@ impl SpeckleStudy {
         }
     }
 
-    /// The case that the paper's figure shows.
+    /// Returns the case of the paper's figure.
     pub(super) fn figure(self) -> Case {
         match self {
             Self::Translation | Self::Peak => Case::OneAxis,
@@ -172,7 +172,7 @@ impl SpeckleStudy {
         }
     }
 
-    /// Whether the study has films of this case.
+    /// Whether the study includes films of this case.
     pub(super) fn has(self, case: Case) -> bool {
         match self {
             Self::Translation => matches!(case, Case::Rest | Case::OneAxis),
@@ -184,7 +184,7 @@ impl SpeckleStudy {
         }
     }
 
-    /// Every film of one pattern and one set of speeds.
+    /// Returns the films of one pattern and set of speeds.
     fn films(self, pattern: usize, speeds: Speeds) -> Vec<Film> {
         let film = |(number, velocity): (usize, Velocity)| {
             let case = Case::of(&velocity);
@@ -193,14 +193,14 @@ impl SpeckleStudy {
         };
         let velocities: Vec<Velocity> = match self {
             Self::Peak => (0..PEAK_FILMS * PEAK_TAKES).map(|number| speeds.peak(number / PEAK_TAKES)).collect(),
-            Self::Noise | Self::Blur | Self::Rate => self.swept(),
+            Self::Noise | Self::Blur | Self::Rate => self.level_motions(),
             _ => (0..FILMS).map(|number| speeds.velocity(number)).collect(),
         };
         velocities.into_iter().enumerate().map(film).filter(|film| self.has(film.case)).collect()
     }
 
-    /// The motions at every level of a study over a setting.
-    fn swept(self) -> Vec<Velocity> {
+    /// Returns the motions at every level of a study over a setting.
+    fn level_motions(self) -> Vec<Velocity> {
         let motion = |level: f64, [x, y, turn]: [f64; 3]| {
             let slower = if self == Self::Rate { level } else { 1.0 };
             Velocity { px_frame: [x / slower, y / slower], deg_frame: turn / slower }
@@ -208,7 +208,7 @@ impl SpeckleStudy {
         self.levels().iter().flat_map(|level| MOTIONS.map(|of| motion(*level, of))).collect()
     }
 
-    /// Every film of the study, in the order of its table.
+    /// Returns all films of the study, in the order of its table.
     pub(super) fn plan(self, patterns: &[usize], speeds: &[Speeds]) -> Vec<Film> {
         let both = patterns.iter().flat_map(|pattern| speeds.iter().map(move |speeds| (*pattern, *speeds)));
         both.flat_map(|(pattern, speeds)| self.films(pattern, speeds)).collect()
@@ -225,7 +225,7 @@ impl Speeds {
         }
     }
 
-    /// Speeds along an axis, px/frame.
+    /// Returns the speeds along an axis, px/frame.
     fn px_frame(self) -> [f64; SPEEDS_PX] {
         match self {
             Self::Paper => [0.0, 0.1, 0.5, 1.0, 1.5, 2.0],
@@ -233,7 +233,7 @@ impl Speeds {
         }
     }
 
-    /// Spins, deg/frame.
+    /// Returns the spins, deg/frame.
     fn deg_frame(self) -> [f64; SPINS_DEG] {
         match self {
             Self::Paper => [0.0, 1.0, 2.0, 3.0],
@@ -241,8 +241,8 @@ impl Speeds {
         }
     }
 
-    /// Which speeds and spins these are, for a caption.
-    pub(super) fn told(self, study: SpeckleStudy) -> String {
+    /// Describes the speeds and spins for a caption.
+    pub(super) fn describe(self, study: SpeckleStudy) -> String {
         let listed = |values: &[f64]| values.iter().map(f64::to_string).collect::<Vec<_>>().join(", ");
         if study == SpeckleStudy::Peak {
             let steps: Vec<f64> = (0..PEAK_FILMS).map(|step| self.peak(step).px_frame[0]).collect();
@@ -262,18 +262,18 @@ impl Speeds {
         }
     }
 
-    /// The velocity of a film of the four studies: spins in turn, then speeds along y, then along x.
+    /// Returns the velocity of a film of the first four studies; the spin varies fastest, then y, then x.
     fn velocity(self, number: usize) -> Velocity {
         let (speeds, spins) = (self.px_frame(), self.deg_frame());
         let [x, y] = [number / SPINS_DEG / SPEEDS_PX, number / SPINS_DEG % SPEEDS_PX];
         Velocity { px_frame: [speeds[x], speeds[y]], deg_frame: spins[number % SPINS_DEG] }
     }
 
-    /// The velocity of the peak study's step: tenths of a pixel, or some way beside them.
+    /// Returns the velocity of a step of the peak study: tenths of a pixel, or a little less.
     fn peak(self, step: usize) -> Velocity {
-        let beside_px = if self == Self::Paper { 0.0 } else { -0.017 };
-        // Rounded: 0.1 * 3 is not 0.3.
-        let speed_px = ((100.0 * (step + 1) as f64 + 1000.0 * beside_px).round()) / 1000.0;
+        let offset_px = if self == Self::Paper { 0.0 } else { -0.017 };
+        // Rounded, because 0.1 * 3 is not 0.3.
+        let speed_px = ((100.0 * (step + 1) as f64 + 1000.0 * offset_px).round()) / 1000.0;
         Velocity { px_frame: [speed_px, 0.0], deg_frame: 0.0 }
     }
 }
@@ -303,11 +303,11 @@ impl Case {
     }
 }
 
-/// The values behind a comma-separated option, each once, in the order given.
+/// Resolves the values of a comma-separated option, in the given order.
 ///
 /// # Errors
 ///
-/// One line naming the option, the value and what is allowed.
+/// [`UsageError`] naming the option, the unknown or repeated value and the allowed ones.
 pub(super) fn chosen<T: Copy + PartialEq>(
     option: &str,
     given: &[String],
@@ -317,21 +317,21 @@ pub(super) fn chosen<T: Copy + PartialEq>(
     for word in given {
         let Some((_, value)) = allowed.iter().find(|(name, _)| name == word) else {
             let names: Vec<&str> = allowed.iter().map(|(name, _)| *name).collect();
-            return Err(UsageError(format!("{option} {word:?}: allowed is {}", names.join(", "))));
+            return Err(UsageError(format!("{option} {word:?}: allowed are {}", names.join(", "))));
         };
         if chosen.contains(value) {
-            return Err(UsageError(format!("{option} {word:?}: is there twice")));
+            return Err(UsageError(format!("{option} {word:?}: given twice")));
         }
         chosen.push(*value);
     }
     if chosen.is_empty() {
         let names: Vec<&str> = allowed.iter().map(|(name, _)| *name).collect();
-        return Err(UsageError(format!("{option}: nothing is named; allowed is {}", names.join(", "))));
+        return Err(UsageError(format!("{option}: no value given, allowed are {}", names.join(", "))));
     }
     Ok(chosen)
 }
 
-/// Names and places of the paper's patterns.
+/// Returns names and indices of the paper's patterns.
 pub(super) fn patterns() -> Vec<(&'static str, usize)> {
     PatternSetup::PAPER.into_iter().enumerate().map(|(place, name)| (name, place)).collect()
 }
@@ -382,7 +382,7 @@ mod tests {
     fn the_peak_study_goes_by_tenths_from_a_tenth_to_two_pixels() {
         let films = SpeckleStudy::Peak.films(13, Speeds::Paper);
         assert_eq!(films.len(), PEAK_FILMS * PEAK_TAKES);
-        // To the bit: they are written into tables.
+        // Exact to the bit, because they are written into tables.
         let along = |film: &Film| film.velocity.px_frame.map(|px| px.to_string());
         assert_eq!(along(&films[0]), ["0.1", "0"]);
         assert_eq!(along(&films[2 * PEAK_TAKES]), ["0.3", "0"]);
@@ -413,8 +413,8 @@ mod tests {
             super::chosen("--of", &words, &allowed).map_err(|error| error.to_string())
         };
         assert_eq!(chosen(&["y", "x"]), Ok(vec![2, 1]));
-        assert_eq!(chosen(&["z"]), Err("--of \"z\": allowed is x, y".to_owned()));
-        assert_eq!(chosen(&["x", "x"]), Err("--of \"x\": is there twice".to_owned()));
+        assert_eq!(chosen(&["z"]), Err("--of \"z\": allowed are x, y".to_owned()));
+        assert_eq!(chosen(&["x", "x"]), Err("--of \"x\": given twice".to_owned()));
         assert!(chosen(&[]).is_err());
     }
 }

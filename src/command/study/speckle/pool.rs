@@ -1,4 +1,4 @@
-//! Films measured on all cores, given out in their order.
+//! Worker threads that measure films; results are delivered in order.
 
 use std::collections::BTreeMap;
 use std::collections::btree_map::Entry;
@@ -13,7 +13,7 @@ use crate::image::Image;
 use crate::process::Stop;
 use crate::synth::World;
 
-/// Everything that decides what a film measures.
+/// The settings that determine the results of a study.
 #[derive(Debug, Clone)]
 pub(super) struct Job {
     pub(super) study: SpeckleStudy,
@@ -23,20 +23,20 @@ pub(super) struct Job {
     pub(super) filming: Filming,
 }
 
-/// Balls by pattern and level.
+/// The balls by pattern and level.
 type Balls = BTreeMap<(usize, usize), World>;
 
-/// The rows of a film, or why it could not be measured; and which one it is.
+/// The index of a film, and its rows or error.
 type Done = (usize, anyhow::Result<Vec<Row>>);
 
 impl Job {
-    /// Measures the films from `first` on and hands their rows over in order, until all are done or a stop.
+    /// Measures the films from `first` on and passes their rows to `take` in order, until all are done or a stop.
     ///
-    /// What a film's rows hold is a function of the job alone, not of the number of threads.
+    /// The rows of a film depend on the job only, not on the number of threads.
     ///
     /// # Errors
     ///
-    /// What a film or `take` fails with.
+    /// Any error of a film or of `take`.
     pub(super) fn run(
         &self,
         first: usize,
@@ -58,24 +58,24 @@ impl Job {
             drop(sender);
             let given = in_order(first, receiver, &mut take);
             for worker in workers {
-                worker.join().map_err(|_| anyhow::anyhow!("a thread that measures panicked"))??;
+                worker.join().map_err(|_| anyhow::anyhow!("a measuring thread panicked"))??;
             }
             given
         })
     }
 
-    /// The rows of one film.
+    /// Measures a single film.
     ///
     /// # Errors
     ///
-    /// What the film fails with.
-    pub(super) fn only(&self, number: usize) -> anyhow::Result<Vec<Row>> {
+    /// Any error of the film.
+    pub(super) fn measure_single(&self, number: usize) -> anyhow::Result<Vec<Row>> {
         let film = &self.films[number];
         let ball = film::ball(film.pattern, &self.filming_of(film))?;
         self.measure(&mut Bench::new(&self.ways, self.windows, SIDE_PX)?, &ball, film)
     }
 
-    /// The ball of each pattern before each camera that is still needed.
+    /// Returns the balls that are still needed, per pattern and level.
     fn balls(&self, first: usize) -> anyhow::Result<Balls> {
         let mut balls = Balls::new();
         for film in &self.films[first..] {
@@ -86,7 +86,7 @@ impl Job {
         Ok(balls)
     }
 
-    /// How a film is taken: what the study goes over is that of its level.
+    /// Returns the settings of a film, with the varied setting at its level.
     fn filming_of(&self, film: &Film) -> Filming {
         let Some(level) = self.study.levels().get(film.level).copied() else { return self.filming };
         match self.study {
@@ -96,7 +96,7 @@ impl Job {
         }
     }
 
-    /// One thread: the next film that nobody has taken, until there are none, a stop, or nobody to hand rows to.
+    /// Runs one thread: takes the next film until there are none, a stop, or the receiver is gone.
     fn work(&self, balls: &Balls, next: &AtomicUsize, stop: &Stop, sender: &SyncSender<Done>) -> anyhow::Result<()> {
         let mut bench = Bench::new(&self.ways, self.windows, SIDE_PX)?;
         while !stop.requested() {
@@ -110,7 +110,7 @@ impl Job {
         Ok(())
     }
 
-    /// Draws one film and measures it with every method.
+    /// Renders one film and measures it with every method.
     fn measure(&self, bench: &mut Bench, ball: &World, plan: &Film) -> anyhow::Result<Vec<Row>> {
         let reel = film::film(ball, plan, &self.filming)?;
         let (mut bytes, mut before, mut after) = (Vec::new(), Image::default(), Image::default());
@@ -128,14 +128,14 @@ impl Job {
     }
 }
 
-/// Hands over what comes, each only after all before it.
+/// Passes results to `take` in order.
 fn in_order(
     first: usize,
     receiver: Receiver<Done>,
     take: &mut impl FnMut(Vec<Row>) -> anyhow::Result<()>,
 ) -> anyhow::Result<()> {
     let (mut next, mut early) = (first, BTreeMap::new());
-    // Leaving drops the receiver, which ends the threads.
+    // Returning early drops the receiver, which ends the threads.
     for (number, rows) in receiver {
         early.insert(number, rows);
         while let Some(rows) = early.remove(&next) {

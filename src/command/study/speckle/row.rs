@@ -6,26 +6,26 @@ use super::plan::{Film, SpeckleStudy};
 use super::way::{Answer, Way};
 use crate::synth::PatternSetup;
 
-/// Numbers of the table have this many decimals at most; read back they are the same.
+/// Scale of the rounding to 7 decimals, which the table preserves exactly.
 const DECIMALS: f64 = 1e7;
 
-/// What one method measured; an empty cell is a number that is missing, and `status` says why.
+/// The result of one method; a missing number is an empty cell, and `status` gives the reason.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub(super) struct Row {
     pub(super) pattern: String,
     pub(super) speeds: String,
     pub(super) case: String,
-    /// Its number among the films of a pattern and a set of speeds.
+    /// Number among the films of a pattern and set of speeds.
     pub(super) film: usize,
-    /// The first frame of the pair.
+    /// First frame of the pair.
     pub(super) frame: u64,
     pub(super) method: String,
-    /// The setting that the study goes over; a column of that study alone.
+    /// The varied setting; only one of these columns exists in a study.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub(super) noise_dn: Option<f64>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub(super) blur_px: Option<f64>,
-    /// Times the slowest frame rate.
+    /// Frame rate relative to the slowest.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub(super) rate: Option<f64>,
     /// True velocity.
@@ -39,7 +39,7 @@ pub(super) struct Row {
     pub(super) sigma_dx_px: Option<f64>,
     pub(super) sigma_dy_px: Option<f64>,
     pub(super) sigma_dtheta_deg: Option<f64>,
-    /// Windows, or pixels, behind it.
+    /// Number of subsets or pixels used.
     pub(super) points: u32,
     pub(super) status: String,
 }
@@ -73,12 +73,12 @@ impl Row {
         }
     }
 
-    /// The setting that the study goes over, where it does.
+    /// Returns the level of the varied setting, if any.
     pub(super) fn level(&self) -> Option<f64> {
         self.noise_dn.or(self.blur_px).or(self.rate)
     }
 
-    /// Measured less true along x, along y (px) and about the axis (deg).
+    /// Returns measured minus true along x and y (px) and in rotation (deg).
     pub(super) fn error(&self) -> [Option<f64>; 3] {
         let less = |measured: Option<f64>, truth: f64| measured.map(|measured| measured - truth);
         [
@@ -92,7 +92,7 @@ impl Row {
         (&self.pattern, &self.speeds, &self.case, self.film, self.frame, &self.method)
     }
 
-    /// Whether it is what this method says of this pair of frames.
+    /// Whether this is the row of a method on a pair of frames.
     pub(super) fn is_of(&self, film: &Film, frame: u64, way: Way) -> bool {
         let pattern = PatternSetup::PAPER[film.pattern];
         self.key() == (pattern, film.speeds.word(), film.case.word(), film.number, frame, way.word())
@@ -100,6 +100,6 @@ impl Row {
 }
 
 fn rounded(value: f64) -> f64 {
-    // Adding 0 makes -0 a 0.
+    // Adding 0 turns -0 into 0.
     (value * DECIMALS).round() / DECIMALS + 0.0
 }

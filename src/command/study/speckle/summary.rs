@@ -1,4 +1,4 @@
-//! Mean absolute errors and their spread, as the paper's figures show them.
+//! Mean absolute errors and their standard deviation, as in the paper's figures.
 
 use serde::Serialize;
 
@@ -7,18 +7,18 @@ use super::row::Row;
 use super::way::Way;
 use crate::synth::PatternSetup;
 
-/// Absolute errors along one axis.
+/// Statistics of the absolute errors along one axis.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Spread {
-    /// Pairs of frames with an answer.
+    /// Number of frame pairs with an answer.
     pub(super) count: usize,
-    /// Mean of the absolute errors.
+    /// Mean absolute error.
     pub(super) mean: f64,
-    /// Their standard deviation, as the bars of the paper's figures have it; `None` from a single one.
+    /// Standard deviation of the absolute errors, like the error bars of the paper; `None` for a single one.
     pub(super) spread: Option<f64>,
-    /// The largest.
+    /// Maximum absolute error.
     pub(super) max: f64,
-    /// Mean error, with its sign.
+    /// Mean signed error.
     pub(super) bias: f64,
 }
 
@@ -45,13 +45,13 @@ pub(super) struct Group {
     pub(super) case: Case,
     pub(super) way: Way,
     pub(super) films: usize,
-    /// Pairs of frames.
+    /// Number of frame pairs.
     pub(super) pairs: usize,
-    /// Pairs that it had no answer for.
+    /// Number of frame pairs without an answer.
     pub(super) missing: usize,
     /// Errors along x and y, px/frame, and of the rotation, deg/frame.
     ///
-    /// Along one axis, only films that move along it count: across it nothing has to be measured.
+    /// In the one-axis cases only films that move along the axis count.
     pub(super) errors: [Option<Spread>; 3],
 }
 
@@ -83,7 +83,7 @@ impl Group {
     pub(super) fn line(&self) -> Line {
         let part = |axis: usize, part: fn(&Spread) -> Option<f64>| {
             let value = self.errors[axis].as_ref().and_then(part)?;
-            // As many decimals as the films have.
+            // Rounded to the decimals of the table of films.
             Some((value * 1e7).round() / 1e7 + 0.0)
         };
         let (mean, spread) = (|s: &Spread| Some(s.mean), |s: &Spread| s.spread);
@@ -112,7 +112,7 @@ impl Group {
     }
 }
 
-/// The groups of a study's films, in the order of pattern, speeds, case and method.
+/// Groups the rows of a study, in the order of pattern, speeds, case and method.
 pub(super) fn groups(films: &[Film], ways: &[Way], rows: &[Row]) -> Vec<Group> {
     let each = rows.len() / films.len().max(1);
     let mut groups: Vec<(Group, [Vec<f64>; 3])> = Vec::new();
@@ -161,7 +161,7 @@ mod tests {
     use super::*;
     use crate::results::PointStatus;
 
-    /// Rows of a study whose answers are off by `error(film, way, pair)`.
+    /// Rows of a study with errors of `error(film, way, pair)`.
     fn rows(films: &[Film], ways: &[Way], error: impl Fn(&Film, Way, u64) -> Option<[f64; 3]>) -> Vec<Row> {
         let mut rows = Vec::new();
         for film in films {
@@ -180,7 +180,7 @@ mod tests {
     }
 
     #[test]
-    fn means_and_spreads_are_those_of_their_pattern_method_and_case() {
+    fn statistics_are_grouped_by_pattern_method_and_case() {
         let films = SpeckleStudy::Translation.plan(&[2, 5], &[Speeds::Paper]);
         let ways = [Way::Paper, Way::Rigid];
         let rows = rows(&films, &ways, |film, way, frame| {

@@ -12,18 +12,18 @@ use super::summary::Spread;
 use super::way::Way;
 use crate::command::study::figure::text;
 
-/// Width and height of a plot, and the space around it, px.
+/// Width and height of a plot, and its margins, px.
 const WIDTH: f64 = 420.0;
 const PLOT: f64 = 220.0;
 const LEFT: f64 = 66.0;
 const ABOVE: f64 = 28.0;
 const BELOW: f64 = 46.0;
 
-/// How the printed table is read.
+/// Explanation above the printed table.
 pub(super) const READING: &str =
     "mean absolute error: px/frame (mean of x and y) / deg/frame; ! where answers are missing";
 
-/// One method at one level, all patterns together.
+/// The result of one method at one level, over all patterns.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Point {
     pub(super) way: Way,
@@ -32,7 +32,7 @@ pub(super) struct Point {
     pub(super) missing: usize,
     /// Errors along x and y, px/frame, and of the rotation, deg/frame.
     pub(super) errors: [Option<Spread>; 3],
-    /// Error of the velocity and of the spin as a share of their size.
+    /// Relative errors of the velocity and of the spin.
     pub(super) shares: [Option<Spread>; 2],
 }
 
@@ -59,7 +59,7 @@ pub(super) struct Line {
 }
 
 impl Point {
-    /// Errors of all rows of a method at a level.
+    /// Computes the statistics of a method at a level.
     fn of(way: Way, level: f64, rows: &[&Row]) -> Self {
         let errors: Vec<[f64; 3]> = rows.iter().filter_map(|row| known(row)).collect();
         let along = |axis: usize| Spread::of(&errors.iter().map(|error| error[axis]).collect::<Vec<_>>());
@@ -103,7 +103,7 @@ impl Point {
         }
     }
 
-    /// What the figure shows: px/frame and deg/frame; over the frame rate, shares of the speed and of the spin in %.
+    /// Returns the values in the figure: px/frame and deg/frame, or relative errors in % for the frame rate.
     fn shown(&self, study: SpeckleStudy) -> [Option<f64>; 2] {
         let [x, y, turn] = self.errors.map(|error| error.map(|error| error.mean));
         match study {
@@ -118,7 +118,7 @@ fn known(row: &Row) -> Option<[f64; 3]> {
     Some([x?, y?, turn?])
 }
 
-/// Every method at every level; by method, then level.
+/// Returns every method at every level, sorted by method and level.
 pub(super) fn points(job: &Job, rows: &[Row]) -> Vec<Point> {
     let point = |way: Way, level: f64| {
         let is_of = |row: &&Row| row.method == way.word() && row.level().is_some_and(|at| (at - level).abs() < 1e-9);
@@ -127,7 +127,7 @@ pub(super) fn points(job: &Job, rows: &[Row]) -> Vec<Point> {
     job.ways.iter().flat_map(|way| job.study.levels().iter().map(move |level| point(*way, *level))).collect()
 }
 
-/// The printed table.
+/// Returns the printed table.
 pub(super) fn cells(job: &Job, points: &[Point]) -> Vec<Vec<String>> {
     let head = std::iter::once(label(job.study).to_owned()).chain(job.ways.iter().map(|way| way.word().to_owned()));
     let mut lines = vec![head.collect::<Vec<_>>()];
@@ -144,7 +144,7 @@ pub(super) fn cells(job: &Job, points: &[Point]) -> Vec<Vec<String>> {
     lines
 }
 
-/// What the levels are.
+/// Returns the label of the varied setting.
 fn label(study: SpeckleStudy) -> &'static str {
     match study {
         SpeckleStudy::Noise => "noise, grey levels of 255",
@@ -153,7 +153,7 @@ fn label(study: SpeckleStudy) -> &'static str {
     }
 }
 
-/// The whole figure: a curve for each method, motion at the left, rotation at the right.
+/// Draws the figure: a curve per method, translation on the left, rotation on the right.
 pub(super) fn draw(job: &Job, points: &[Point], caption: &[String]) -> String {
     let top = HEADING + LINE * caption.len() as f64 + 34.0;
     let across = LEFT + WIDTH + 20.0;
@@ -213,7 +213,7 @@ mod tests {
         }
     }
 
-    /// Off by 0.003 px along x, 0.004 px along y and 0.01 deg; the whole ball has no answer at the last level.
+    /// Errors of 0.003 px along x, 0.004 px along y and 0.01 deg; the rigid method has no answer at the last level.
     fn rows(job: &Job) -> Vec<Row> {
         let row = |film: &super::super::plan::Film, way: Way| {
             let [x, y] = film.velocity.px_frame;

@@ -1,4 +1,4 @@
-//! What a finished study writes and prints.
+//! The output of a completed speckle study.
 
 use std::path::Path;
 
@@ -15,7 +15,7 @@ use crate::command::field::FieldError;
 use crate::command::{say, table};
 use crate::synth::PatternSetup;
 
-/// Along which errors the best are looked for: the mean of x and y, or the rotation.
+/// The error that the best pattern is chosen by: the mean of x and y, or the rotation.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Measure {
     Translation,
@@ -23,16 +23,16 @@ enum Measure {
 }
 
 impl Finished<'_> {
-    /// Writes the tables and the figure, and prints what came out.
-    pub(super) fn tell(&self) -> anyhow::Result<()> {
+    /// Writes the tables and the figure, and prints a summary.
+    pub(super) fn publish(&self) -> anyhow::Result<()> {
         match self.options.study {
-            SpeckleStudy::Peak => self.tell_peak(),
-            SpeckleStudy::Noise | SpeckleStudy::Blur | SpeckleStudy::Rate => self.tell_sweep(),
-            _ => self.tell_patterns(),
+            SpeckleStudy::Peak => self.publish_peak(),
+            SpeckleStudy::Noise | SpeckleStudy::Blur | SpeckleStudy::Rate => self.publish_sweep(),
+            _ => self.publish_patterns(),
         }
     }
 
-    fn tell_patterns(&self) -> anyhow::Result<()> {
+    fn publish_patterns(&self) -> anyhow::Result<()> {
         let groups = summary::groups(&self.job.films, &self.job.ways, self.rows);
         let lines: Vec<summary::Line> = groups.iter().map(Group::line).collect();
         let shown: Vec<Group> =
@@ -45,14 +45,14 @@ impl Finished<'_> {
             self.write(directory, ".svg", figure.as_bytes())?;
         }
         if self.options.json {
-            self.say_json(json!({ "groups": lines, "best": self.best(&shown) }));
+            self.print_json(json!({ "groups": lines, "best": self.best(&shown) }));
         } else {
-            self.say_patterns(&shown);
+            self.print_patterns(&shown);
         }
         Ok(())
     }
 
-    fn tell_peak(&self) -> anyhow::Result<()> {
+    fn publish_peak(&self) -> anyhow::Result<()> {
         let points = peak::points(self.job, self.rows);
         let costs = peak::costs(self.job)?;
         let lines: Vec<peak::Line> = points.iter().map(peak::Point::line).collect();
@@ -64,14 +64,14 @@ impl Finished<'_> {
             self.write(directory, ".svg", figure.as_bytes())?;
         }
         if self.options.json {
-            self.say_json(json!({ "speeds": lines, "time": costs }));
+            self.print_json(json!({ "speeds": lines, "time": costs }));
         } else {
-            self.say_peak(&points, &costs);
+            self.print_peak(&points, &costs);
         }
         Ok(())
     }
 
-    fn tell_sweep(&self) -> anyhow::Result<()> {
+    fn publish_sweep(&self) -> anyhow::Result<()> {
         let points = sweep::points(self.job, self.rows);
         let lines: Vec<sweep::Line> = points.iter().map(|point| point.line(self.job.study)).collect();
         if let Some(directory) = &self.options.output {
@@ -80,7 +80,7 @@ impl Finished<'_> {
             self.write(directory, ".svg", sweep::draw(self.job, &points, &self.caption(&groups)).as_bytes())?;
         }
         if self.options.json {
-            self.say_json(json!({ "levels": lines }));
+            self.print_json(json!({ "levels": lines }));
         } else {
             say(sweep::READING);
             say(&table(&sweep::cells(self.job, &points)));
@@ -90,7 +90,7 @@ impl Finished<'_> {
 
     fn patterns(&self) -> Vec<usize> {
         let mut patterns: Vec<usize> = self.job.films.iter().map(|film| film.pattern).collect();
-        // The films of a pattern follow each other.
+        // The films of a pattern are consecutive.
         patterns.dedup();
         patterns
     }
@@ -100,7 +100,7 @@ impl Finished<'_> {
         Speeds::ALL.into_iter().filter(has).collect()
     }
 
-    /// What was run, and how to read the figure.
+    /// Returns the caption: the settings, and an explanation of the figure.
     fn caption(&self, shown: &[Group]) -> Vec<String> {
         let (job, study) = (self.job, self.options.study);
         let films: Vec<usize> = shown.iter().map(|group| group.films).collect();
@@ -116,23 +116,23 @@ impl Finished<'_> {
             DIAMETERS_PX[1]
         )];
         caption.push(format!(
-            "in {SIDE_PX} x {SIDE_PX} px, drawn without interpolation, {}; the ball's centre is looked for, not given.",
+            "in {SIDE_PX} x {SIDE_PX} px, rendered without interpolation, {}; the ball's centre is detected, not given.",
             self.camera()
         ));
         let points = "5 points between pixels where windows or peaks are splined";
         caption.push(format!("Windows of {} px, {} px apart; {points}.", windows.subset_size_px, windows.step_px));
         caption.extend(study.reading().map(str::to_owned));
-        let set = |speeds: &Speeds| format!("{}: {}", speeds.word(), speeds.told(study));
+        let set = |speeds: &Speeds| format!("{}: {}", speeds.word(), speeds.describe(study));
         caption.push(speeds.iter().map(set).collect::<Vec<_>>().join("; "));
         let missing: usize = shown.iter().map(|group| group.missing).sum();
         if missing > 0 {
             let pairs: usize = shown.iter().map(|group| group.pairs).sum();
-            caption.push(format!("{missing} of {pairs} answers are missing: they count nowhere."));
+            caption.push(format!("{missing} of {pairs} answers are missing and not counted."));
         }
         caption
     }
 
-    /// The camera of the films.
+    /// Describes the camera of the films.
     fn camera(&self) -> String {
         let Filming { noise_dn, blur_px, .. } = self.job.filming;
         match self.options.study {
@@ -142,7 +142,7 @@ impl Finished<'_> {
         }
     }
 
-    /// The pattern with the least mean error, for each set of speeds and method.
+    /// Returns the best pattern for each set of speeds and method.
     fn best(&self, shown: &[Group]) -> Vec<Best> {
         let measures = [Measure::Translation, Measure::Rotation];
         let of = |speeds: Speeds, way: Way| measures.into_iter().filter_map(move |of| best(shown, speeds, way, of));
@@ -150,7 +150,7 @@ impl Finished<'_> {
         sets.iter().flat_map(|speeds| self.job.ways.iter().flat_map(move |way| of(*speeds, *way))).collect()
     }
 
-    fn say_patterns(&self, shown: &[Group]) {
+    fn print_patterns(&self, shown: &[Group]) {
         let mut head = vec!["pattern".to_owned()];
         for speeds in self.speeds() {
             head.extend(self.job.ways.iter().map(|way| format!("{} {}", speeds.word(), way.word())));
@@ -184,7 +184,7 @@ impl Finished<'_> {
         say(&format!("\n{}", table(&lines)));
     }
 
-    fn say_peak(&self, points: &[peak::Point], costs: &[peak::Cost]) {
+    fn print_peak(&self, points: &[peak::Point], costs: &[peak::Cost]) {
         for speeds in self.speeds() {
             let head = ["px/frame".to_owned()].into_iter().chain(self.job.ways.iter().map(|way| way.word().to_owned()));
             let mut lines = vec![head.collect::<Vec<_>>()];
@@ -200,17 +200,17 @@ impl Finished<'_> {
             say(&format!("mean absolute error along x, px/frame; {} speeds", speeds.word()));
             say(&table(&lines));
         }
-        let told = costs.iter().map(|cost| format!("{} {:.1}", cost.method, cost.us_per_window));
-        say(&format!("us a window, one thread: {}", told.collect::<Vec<_>>().join(", ")));
+        let times = costs.iter().map(|cost| format!("{} {:.1}", cost.method, cost.us_per_window));
+        say(&format!("us per window, one thread: {}", times.collect::<Vec<_>>().join(", ")));
     }
 
-    /// The settings and what came out, as one object.
-    fn say_json(&self, found: Value) {
-        let mut told = super::settings(self.options, self.job);
-        if let (Some(told), Value::Object(found)) = (told.as_object_mut(), found) {
-            told.extend(found);
+    /// Prints the settings and the results as one JSON object.
+    fn print_json(&self, found: Value) {
+        let mut report = super::settings(self.options, self.job);
+        if let (Some(report), Value::Object(found)) = (report.as_object_mut(), found) {
+            report.extend(found);
         }
-        say(&told.to_string());
+        say(&report.to_string());
     }
 
     fn write_table(&self, directory: &Path, ending: &str, lines: &[impl Serialize]) -> anyhow::Result<()> {
@@ -243,19 +243,19 @@ impl Measure {
     }
 }
 
-/// The pattern that a method measures best.
+/// The best pattern of a method.
 #[derive(Debug, Serialize)]
 struct Best {
     speeds: &'static str,
     method: &'static str,
-    /// Mean of the errors along x and y, or of the rotation.
+    /// The kind of error.
     of: &'static str,
     pattern: &'static str,
     /// Mean absolute error, px/frame or deg/frame.
     mean: f64,
 }
 
-/// The group with the least mean error; one that misses answers is not the best.
+/// Returns the group with the smallest mean error among those without missing answers.
 fn best(groups: &[Group], speeds: Speeds, way: Way, of: Measure) -> Option<Best> {
     let whole = groups.iter().filter(|group| (group.speeds, group.way, group.missing) == (speeds, way, 0));
     let (group, mean) = whole.filter_map(|group| Some((group, of.of(group)?))).min_by(|a, b| a.1.total_cmp(&b.1))?;

@@ -1,4 +1,4 @@
-//! The methods that are compared, each from two frames to the motion of the ball's centre.
+//! The compared methods: each measures the motion of the ball's centre from two frames.
 
 use super::plain::Plain;
 use crate::ball::{BallFinder, BallParams};
@@ -15,42 +15,42 @@ use crate::results::{Circle, FieldPoint, PointStatus};
 /// Spline points between two pixels, as in the paper.
 const SPLINE_POINTS: u32 = 5;
 
-/// Largest displacement looked for, px: twice the fastest film's, and what a spin adds at the rim.
+/// Search range, px: twice the fastest film's displacement plus that of the rim by rotation.
 const SEARCH_PX: u32 = 8;
 
-/// Share of the radius that windows keep clear of the rim, as in a measurement.
+/// Margin between subsets and the rim, as a fraction of the radius, as in a measurement.
 const RIM_CLEARANCE: f64 = 0.04;
 
-/// Inner radius of the ring, as a share of the ball's, as in a measurement.
+/// Inner radius of the ring, as a fraction of the ball's, as in a measurement.
 const RING_SHARE: f64 = 0.35;
 
-/// Radii of balls that are looked for, px.
+/// Range of radii in the ball search, px.
 const RADII_PX: [f64; 2] = [48.0, 72.0];
 
-/// Fewest windows that a motion is believed from.
-const FEWEST: usize = 3;
+/// Minimum number of windows for a motion.
+const MIN_WINDOWS: usize = 3;
 
-/// One method.
+/// A compared method.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Way {
-    /// The paper's as it reads: windows splined with 5 points, the highest grid point of their correlation.
+    /// The paper's method: windows splined with 5 points, the highest grid point of their correlation.
     Paper,
-    /// The same with a fit of the peak.
+    /// The same with a peak fit.
     PaperFit,
-    /// Plain windows, and a spline through the normalised correlation's peak.
+    /// Plain windows, and a spline through the peak of the normalised correlation.
     PeakSpline,
-    /// Plain windows, correlated as Eq. 4 reads, without regard to how much they overlap; 5 points on the peak.
+    /// Plain windows, correlated by Eq. 4 without normalisation by the overlap; 5 points on the peak.
     PeakPlain,
-    /// Windows refined by IC-GN, and the rigid motion that fits them best.
+    /// Subsets refined by IC-GN, and the rigid motion that fits them best.
     IcGn,
-    /// The centre by IC-GN windows, the rotation from a ring of pixels around it.
+    /// The centre by IC-GN subsets, the rotation by a ring of pixels around it.
     Ring,
-    /// The whole ball at once.
+    /// The whole ball in one match.
     Rigid,
 }
 
 impl Way {
-    /// What each is called on the command line and in tables.
+    /// Names on the command line and in tables.
     pub(super) const WORDS: [(&str, Self); 7] = [
         ("paper", Self::Paper),
         ("paper-fit", Self::PaperFit),
@@ -65,7 +65,7 @@ impl Way {
         Self::WORDS.iter().find(|(_, way)| *way == self).map_or("", |(word, _)| word)
     }
 
-    /// In a legend.
+    /// Returns the label in a legend.
     pub(super) fn title(self) -> &'static str {
         match self {
             Self::Paper => "paper: splined windows, highest point",
@@ -79,26 +79,26 @@ impl Way {
     }
 }
 
-/// Size and spacing of the windows, px.
+/// Size and grid step of the windows, px.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Windows {
     pub(super) subset_size_px: u32,
     pub(super) step_px: u32,
 }
 
-/// What one method says of one pair of frames.
+/// The result of one method on one pair of frames.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Answer {
-    /// Displacement of the ball's centre along x and y, px, and rotation, deg; `None` where there is none.
+    /// Displacement of the ball's centre along x and y, px, and rotation, deg.
     pub(super) step: Option<[f64; 3]>,
-    /// Their standard uncertainties, where the method knows them.
+    /// Their standard uncertainties, if the method estimates them.
     pub(super) sigma: Option<[f64; 3]>,
-    /// Windows, or pixels, that it rests on.
+    /// Number of windows or pixels used.
     pub(super) points: u32,
     pub(super) status: PointStatus,
 }
 
-/// Everything one thread needs to measure, planned once.
+/// The plan and buffers of one thread.
 pub(super) struct Bench {
     ways: Vec<(Way, Engine)>,
     finder: BallFinder,
@@ -109,7 +109,7 @@ pub(super) struct Bench {
     ring: PolarCorrelator,
 }
 
-/// How a way finds windows.
+/// The correlator of a method.
 enum Engine {
     Correlator(Box<Correlator>),
     Plain(Plain),
@@ -120,7 +120,7 @@ impl Bench {
     ///
     /// # Errors
     ///
-    /// When a window's size or step is out of range, or there is no room for one.
+    /// When the window size or step is out of range, or there is no room for a window.
     pub(super) fn new(ways: &[Way], windows: Windows, side_px: u32) -> anyhow::Result<Self> {
         let side_px = side_px as usize;
         let engine = |way: &Way| -> anyhow::Result<(Way, Engine)> { Ok((*way, engine(*way, windows, side_px)?)) };
@@ -135,11 +135,11 @@ impl Bench {
         })
     }
 
-    /// Refuses windows of which too few fit into a ball.
+    /// Checks that enough windows fit on a ball.
     ///
     /// # Errors
     ///
-    /// One line naming the options.
+    /// [`UsageError`] naming the options.
     pub(super) fn check_room(&self, diameter_px: f64) -> Result<(), UsageError> {
         let middle = 0.5 * self.side_px as f64;
         let radius_px = 0.5 * diameter_px;
@@ -153,18 +153,18 @@ impl Bench {
         };
         let Windows { subset_size_px, step_px } = self.windows;
         let count = points(&circle, self.windows, self.side_px).len();
-        if count > FEWEST {
+        if count > MIN_WINDOWS {
             return Ok(());
         }
         Err(UsageError(format!(
             "--subset {subset_size_px} --step {step_px}: {count} windows fit into a ball of {diameter_px} px, more than \
-             {FEWEST} are needed"
+             {MIN_WINDOWS} are needed"
         )))
     }
 
-    /// What every method says of two frames, in the order planned.
+    /// Measures two frames with every method, in the planned order.
     ///
-    /// The ball is found in the first of them; nothing is known beforehand but a range of its radius.
+    /// The ball is detected in the first frame; only the range of its radius is known in advance.
     pub(super) fn measure(&mut self, before: ImageView<'_>, after: ImageView<'_>) -> Vec<Answer> {
         let Some(circle) = self.finder.find(before) else {
             let lost = Answer { step: None, sigma: None, points: 0, status: PointStatus::Lost };
@@ -172,7 +172,7 @@ impl Bench {
         };
         let Self { ways, windows, field, frames, side_px, ring, .. } = self;
         let [reference, target] = frames;
-        // The interpolation is the same for all.
+        // All methods share the interpolation.
         for (image, frame) in [(before, &mut *reference), (after, &mut *target)] {
             let prepared = ways.iter().find_map(|(_, engine)| match engine {
                 Engine::Correlator(correlator) => Some(correlator),
@@ -210,8 +210,8 @@ impl Bench {
         ways.iter_mut().map(answer).collect()
     }
 
-    /// Correlates the windows of one method alone, on frames measured last; gives their number.
-    pub(super) fn again(&mut self, place: usize, (before, after): (ImageView<'_>, ImageView<'_>)) -> usize {
+    /// Correlates the windows of one method on the last measured frames; returns their number.
+    pub(super) fn correlate_again(&mut self, place: usize, (before, after): (ImageView<'_>, ImageView<'_>)) -> usize {
         let Some(circle) = self.finder.find(before) else { return 0 };
         let points = points(&circle, self.windows, self.side_px);
         match &mut self.ways[place].1 {
@@ -231,7 +231,7 @@ fn engine(way: Way, windows: Windows, side_px: usize) -> anyhow::Result<Engine> 
     let method = match way {
         Way::Paper | Way::PaperFit => Method::SplineFft,
         Way::PeakSpline | Way::PeakPlain => Method::PeakSpline,
-        // A whole ball starts from what its windows say.
+        // A whole-body match starts from the motion of the subsets.
         Way::IcGn | Way::Ring | Way::Rigid => Method::IcGn,
     };
     let params = CorrelationParams {
@@ -250,19 +250,19 @@ fn engine(way: Way, windows: Windows, side_px: usize) -> anyhow::Result<Engine> 
     })
 }
 
-/// The windows on a ball.
+/// Returns the windows on a ball.
 fn points(circle: &Circle, windows: Windows, side_px: usize) -> Vec<GridPoint> {
     let radius_px = circle.radius_px * (1.0 - RIM_CLEARANCE);
     grid::disc(circle.x_px, circle.y_px, radius_px, windows.step_px, windows.subset_size_px, side_px, side_px)
 }
 
-/// The rigid motion that fits a field best, weighted by the vectors' uncertainties.
+/// Fits the rigid motion of a field, weighted by the uncertainties of the vectors.
 fn fitted(field: &mut [FieldPoint], circle: &Circle, subset_size_px: u32) -> Answer {
     let status = why_not(field);
     rigid_fit(field, circle.x_px, circle.y_px, subset_size_px).map_or_else(|| none(status), |motion| of(&motion))
 }
 
-/// The windows' motion of the centre, and the rotation of the ring around it.
+/// Combines the centre's motion from the windows with the rotation of the ring.
 fn ringed(
     ring: &mut PolarCorrelator,
     (reference, target): (&PreparedFrame, &PreparedFrame),
@@ -280,7 +280,7 @@ fn ringed(
     })
 }
 
-/// Every pixel of the ball in one match, from the motion of the windows on.
+/// Matches all pixels of the ball, starting from the motion of the windows.
 fn whole(
     reference: &PreparedFrame,
     target: &PreparedFrame,
@@ -297,11 +297,12 @@ fn whole(
     found.map_or_else(none, |found| of(&found.motion))
 }
 
-/// As the paper reads: the field interpolated at the ball's centre, and the mean of the windows' rotations about it.
+/// Evaluates a field like the paper: interpolated at the ball's centre, with the mean rotation of the windows about
+/// it.
 ///
-/// `otherwise` is told when there are too few vectors for either.
+/// Returns the status `otherwise` if there are too few vectors.
 fn as_the_paper(valid: &[CenterVector], windows: Windows, otherwise: PointStatus) -> Answer {
-    // The paper states no uncertainty.
+    // The paper reports no uncertainty.
     let answer = |motion: RigidMotion| Answer { sigma: None, ..of(&motion) };
     center_fit(valid, windows.step_px, windows.subset_size_px).map_or_else(|| none(otherwise), answer)
 }
@@ -319,7 +320,7 @@ fn none(status: PointStatus) -> Answer {
     Answer { step: None, sigma: None, points: 0, status }
 }
 
-/// What most windows without an answer have.
+/// Returns the most frequent status of windows without an answer.
 fn why_not(field: &[FieldPoint]) -> PointStatus {
     let count = |status: PointStatus| field.iter().filter(|point| point.status == status).count();
     let failures = PointStatus::ALL.into_iter().filter(|status| *status != PointStatus::Valid);
@@ -331,7 +332,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_picture_without_a_ball_is_lost_by_every_method() {
+    fn every_method_reports_a_frame_without_a_ball_as_lost() {
         let ways = Way::WORDS.map(|(_, way)| way);
         let mut bench = Bench::new(&ways, Windows { subset_size_px: 25, step_px: 12 }, 160).unwrap();
         let image = crate::image::Image::new(160, 160);
