@@ -76,7 +76,7 @@ fn line(error: &anyhow::Error) -> String {
 fn main() -> ExitCode {
     let command = match cli::parse() {
         Parsed::Run(command) => command,
-        Parsed::Told(code) => return ExitCode::from(code),
+        Parsed::Printed(code) => return ExitCode::from(code),
     };
     env_logger::Builder::from_env(env_logger::Env::default().default_filter_or("warn")).format_timestamp(None).init();
     let stop = if cli::is_supervised(&command) { Stop::with_parent() } else { Stop::default() };

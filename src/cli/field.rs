@@ -4,7 +4,7 @@ use clap::Args;
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use std::path::PathBuf;
 
-use crate::command::field::{Begin, FieldOptions, Quantity};
+use crate::command::field::{Begin, Corners, FieldOptions, Quantity, Roi};
 use crate::config::{Config, ConfigError};
 use crate::dic::{self, CorrelationParams, Interpolation, Method, Shape, WindowShape};
 
@@ -26,7 +26,7 @@ pub struct Field {
     output: Option<PathBuf>,
     /// Region of interest: x,y,width,height in px.
     #[arg(long, value_name = "X,Y,W,H")]
-    roi: Option<Region>,
+    roi: Option<Roi>,
     /// Region of interest instead of --roi: at least three corners x,y in px, separated by spaces.
     #[arg(long, value_name = "X,Y X,Y X,Y...", conflicts_with = "roi")]
     polygon: Option<Corners>,
@@ -75,41 +75,6 @@ pub struct Field {
 fn words<T: Copy + Send + Sync + 'static>(words: &'static [(&'static str, T)]) -> impl TypedValueParser<Value = T> {
     PossibleValuesParser::new(words.iter().map(|(word, _)| *word))
         .try_map(|word| words.iter().find(|(known, _)| *known == word).map(|(_, meaning)| *meaning).ok_or(word))
-}
-
-/// A rectangle x, y, width, height, written with commas.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Region(pub(super) [u32; 4]);
-
-impl std::str::FromStr for Region {
-    type Err = String;
-
-    fn from_str(text: &str) -> Result<Self, String> {
-        let numbers: Result<Vec<u32>, _> = text.split(',').map(|number| number.trim().parse()).collect();
-        let region = numbers.ok().and_then(|numbers| <[u32; 4]>::try_from(numbers).ok());
-        region.map(Self).ok_or_else(|| "expected four whole numbers of pixels: x,y,width,height".to_owned())
-    }
-}
-
-/// The corners of a polygon.
-#[derive(Debug, Clone)]
-struct Corners(Vec<[f64; 2]>);
-
-impl std::str::FromStr for Corners {
-    type Err = String;
-
-    fn from_str(text: &str) -> Result<Self, String> {
-        let corner = |corner: &str| {
-            let (x, y) = corner.split_once(',')?;
-            let number = |text: &str| text.parse().ok().filter(|px: &f64| px.abs() <= 65_536.0);
-            Some([number(x)?, number(y)?])
-        };
-        let corners: Option<Vec<[f64; 2]>> = text.split_whitespace().map(corner).collect();
-        let corners = corners.filter(|corners| corners.len() >= 3);
-        corners
-            .map(Self)
-            .ok_or_else(|| "expected at least three corners x,y in px, separated by spaces, each within 65536".to_owned())
-    }
 }
 
 impl Field {

@@ -18,25 +18,34 @@ use std::sync::mpsc::{Receiver, Sender, SyncSender, channel, sync_channel};
 const WAITING: usize = 16;
 
 /// The options of `ricochet analyze`.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, clap::Args)]
 pub struct AnalyzeOptions {
-    /// The recording or footage.
+    /// A recording, the parts of one stream, footage of another program, or the images of one sequence.
+    #[arg(required = true)]
     pub inputs: Vec<PathBuf>,
-    /// The camera to measure; the first when absent.
+    /// Camera to measure, by the name of its view [default: the first].
+    #[arg(long, value_name = "NAME")]
     pub camera: Option<String>,
-    /// The rig file; the attached one when absent.
+    /// Rig file [default: the one attached to the recording].
+    #[arg(long)]
     pub config: Option<PathBuf>,
-    /// Frame rate, Hz; replaces the file's own.
+    /// Frame rate, Hz; replaces the file's own, for files that record none or only a playback rate.
+    #[arg(long)]
     pub fps: Option<f64>,
-    /// Start of the measured interval, seconds from the first frame.
+    /// Start at this time after the first frame, s.
+    #[arg(long = "from", value_name = "S")]
     pub from_s: Option<f64>,
-    /// End of the measured interval, seconds from the first frame; the frame at this time is excluded.
+    /// Stop before this time after the first frame, s.
+    #[arg(long = "to", value_name = "S")]
     pub to_s: Option<f64>,
-    /// The results file; next to the recording when absent.
+    /// Results file [default: next to the recording].
+    #[arg(short, long)]
     pub output: Option<PathBuf>,
     /// Number of workers; the results do not depend on it.
+    #[arg(long, value_parser = clap::value_parser!(u32).range(1..=64))]
     pub workers: Option<u32>,
-    /// Print the impacts as JSON.
+    /// Print JSON.
+    #[arg(long)]
     pub json: bool,
 }
 

@@ -1,17 +1,19 @@
 //! `ricochet cameras`: lists the available cameras and their features.
 
-use super::say;
+use super::{Outcome, say};
 use crate::camera::genicam::{CameraDetails, CameraListing, FeatureLine, Kind, describe, features, list};
 use crate::camera::{CameraError, v4l2};
 use serde_json::{Value, json};
 
 /// The options of `ricochet cameras`.
-#[derive(Debug, Clone, PartialEq, Eq, Default)]
+#[derive(Debug, Clone, PartialEq, Eq, Default, clap::Args)]
 pub struct CamerasOptions {
-    /// Print JSON instead of text.
+    /// List the features of the camera with this address, name or device file.
+    #[arg(long, value_name = "ID")]
+    pub features: Option<String>,
+    /// Print JSON.
+    #[arg(long)]
     pub json: bool,
-    /// Id, address, serial number or device file of the camera whose features are listed.
-    pub features_of: Option<String>,
 }
 
 /// Prints the available cameras, or the features of one.
@@ -21,9 +23,10 @@ pub struct CamerasOptions {
 /// # Errors
 ///
 /// [`CameraError`] when there is no camera and the GenICam library is missing, or the selected camera does not reply.
-pub fn run(options: &CamerasOptions) -> anyhow::Result<()> {
-    if let Some(id) = &options.features_of {
-        return print_features(id, options.json);
+pub fn run(options: &CamerasOptions) -> anyhow::Result<Outcome> {
+    if let Some(id) = &options.features {
+        print_features(id, options)?;
+        return Ok(Outcome::Clean);
     }
     let kernels = v4l2::list();
     let genicam = match list() {
@@ -45,31 +48,29 @@ pub fn run(options: &CamerasOptions) -> anyhow::Result<()> {
         genicam.iter().for_each(|(details, camera)| say(&camera_as_text(camera, details)));
         kernels.iter().for_each(|camera| say(&kernel_camera_as_text(camera)));
     }
-    Ok(())
+    Ok(Outcome::Clean)
 }
 
 /// Prints the features of one camera; of a V4L2 camera also its formats, sizes and rates.
-fn print_features(id: &str, as_json: bool) -> anyhow::Result<()> {
+fn print_features(id: &str, options: &CamerasOptions) -> anyhow::Result<()> {
     let (camera, lines) = match v4l2::is_v4l2_id(id) {
         true => v4l2::features(id).map(|(camera, lines)| (Some(camera), lines))?,
         false => (None, features(id)?),
     };
-    if as_json {
-        let lines = Value::from(lines.iter().map(feature_as_json).collect::<Vec<_>>());
-        let told = camera.map_or_else(
-            || lines.clone(),
-            |camera| {
-                let mut told = kernel_camera_as_json(&camera);
-                told["features"] = lines.clone();
-                told
-            },
-        );
-        say(&told.to_string());
+    if options.json {
+        let lines: Vec<Value> = lines.iter().map(feature_as_json).collect();
+        let report = match camera {
+            None => Value::from(lines),
+            Some(camera) => {
+                let mut report = kernel_camera_as_json(&camera);
+                report["features"] = lines.into();
+                report
+            }
+        };
+        say(&report.to_string());
         return Ok(());
     }
-    if let Some(camera) = camera {
-        say(&kernel_camera_as_text(&camera));
-    }
+    camera.iter().for_each(|camera| say(&kernel_camera_as_text(camera)));
     lines.iter().for_each(|line| say(&feature_as_text(line)));
     Ok(())
 }

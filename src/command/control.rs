@@ -7,19 +7,31 @@ use std::time::Duration;
 
 const PATIENCE: Duration = Duration::from_secs(2);
 
+/// The options of the commands that talk to a running rig.
+#[derive(Debug, Clone, PartialEq, Eq, clap::Args)]
+pub struct RigOptions {
+    /// Name of the rig.
+    #[arg(long, default_value = "rig")]
+    pub rig: String,
+    /// Print JSON.
+    #[arg(long)]
+    pub json: bool,
+}
+
 /// Sends a request to a running rig and prints the reply.
 ///
 /// # Errors
 ///
 /// When no such rig runs, nobody replies, or the rig refuses.
-pub fn run(rig: &str, command: Command, json: bool) -> anyhow::Result<Outcome> {
+pub fn run(options: &RigOptions, command: Command) -> anyhow::Result<Outcome> {
+    let rig = &options.rig;
     let bus = Bus::join(rig, "control")?;
     let reply = bus.control_client()?.ask(command, PATIENCE)?;
     let Some(reply) = reply else {
-        return Err(BusError::NoRig { rig: rig.to_owned(), service: format!("ricochet/{rig}/control") }.into());
+        return Err(BusError::NoRig { rig: rig.clone(), service: format!("ricochet/{rig}/control") }.into());
     };
     let code = ReplyCode::from_number(reply.code).unwrap_or(ReplyCode::Unknown);
-    if json {
+    if options.json {
         let answer = serde_json::json!({
             "accepted": code == ReplyCode::Accepted, "answer": code.sentence(), "armed": reply.armed == 1,
             "recordings": reply.recordings, "sequence": reply.sequence,

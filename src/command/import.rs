@@ -6,13 +6,17 @@ use crate::recording::{RecordingError, RecordingInfo, RecordingWriter, WriterOpt
 use std::path::PathBuf;
 
 /// The options of `ricochet import`.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, clap::Args)]
 pub struct ImportOptions {
-    /// A Photron, Phantom or NumPy file, a film, a multi-page TIFF, or the images of one sequence in order.
+    /// A Photron, Phantom or NumPy (.npy) file, a film (AVI, MP4, MOV, MKV; needs ffmpeg), a multi-page TIFF, or the
+    /// images of one sequence in order.
+    #[arg(required = true)]
     pub inputs: Vec<PathBuf>,
     /// Frame rate, Hz; replaces the file's own.
+    #[arg(long)]
     pub fps: Option<f64>,
-    /// The recording to write; it must not exist yet.
+    /// Recording to write.
+    #[arg(short, long)]
     pub output: PathBuf,
 }
 

@@ -12,11 +12,12 @@ use std::path::PathBuf;
 const GAPS: usize = 100;
 
 /// The options of `ricochet info`.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq, Eq, clap::Args)]
 pub struct InfoOptions {
     /// The recording.
     pub file: PathBuf,
-    /// Print JSON instead of text.
+    /// Print JSON.
+    #[arg(long)]
     pub json: bool,
 }
 

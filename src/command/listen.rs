@@ -14,17 +14,21 @@ const PAUSE: Duration = Duration::from_millis(1);
 const TOPICS: &str = "field, track, velocity, impact, status, events";
 
 /// What to listen to.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, clap::Args)]
 pub struct ListenOptions {
-    /// The topic.
+    /// Topic: field, track, velocity, impact, status or events.
     pub topic: String,
     /// Name of the rig.
+    #[arg(long, default_value = "rig")]
     pub rig: String,
-    /// One JSON object a line instead of columns.
+    /// Print one JSON object per line.
+    #[arg(long)]
     pub json: bool,
     /// Stop after this many lines.
+    #[arg(long)]
     pub count: Option<u64>,
-    /// How long to wait for a rig that is not there yet, s.
+    /// Wait at most this long for a rig that is not running yet, s.
+    #[arg(long = "wait", default_value_t = 0.0, value_name = "SECONDS")]
     pub wait_s: f64,
 }
 

@@ -5,11 +5,12 @@ use std::io::{self, Write as _};
 use std::path::PathBuf;
 
 /// The options of `ricochet recover`.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq, Eq, clap::Args)]
 pub struct RecoverOptions {
-    /// The damaged or unfinished recording; it is not changed.
+    /// Recording that was cut off; it is not changed.
     pub file: PathBuf,
-    /// The recording to write; it must not exist yet.
+    /// Recording to write.
+    #[arg(short, long)]
     pub output: PathBuf,
 }
 

@@ -43,46 +43,53 @@ pub enum Tempo {
     Step,
 }
 
-impl From<Rate> for Tempo {
-    fn from(rate: Rate) -> Self {
-        Self::Rate(rate)
-    }
-}
-
-/// The time stamps of replayed frames.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Times {
-    /// The recorded stamps.
-    Recorded,
-    /// Shifted to begin now.
-    Present,
-    /// Shifted to begin at this time, ns since the Unix epoch.
-    From(u64),
-}
-
 /// The options of `ricochet replay`.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, clap::Args)]
 pub struct ReplayOptions {
-    /// The recordings.
+    /// Recordings. Parts of one stream are played as one; each further camera gets a rig of its own, merged by time.
+    #[arg(required = true)]
     pub files: Vec<PathBuf>,
-    /// The rig file; the attached one when absent.
-    pub config: Option<PathBuf>,
-    /// The playback rate, or stepping.
-    pub tempo: Tempo,
-    /// The time stamps of the frames.
-    pub times: Times,
-    /// The number of passes; `None` until stopped.
-    pub passes: Option<u32>,
-    /// Start of the interval, seconds from the first frame.
+    /// Playback rate: `max`, or a multiple of real time.
+    #[arg(long, default_value = "1")]
+    pub rate: Rate,
+    /// Play one frame per line on standard input (Enter); a number plays that many, `q` or end of input stops.
+    #[arg(long, conflicts_with = "rate")]
+    pub step: bool,
+    /// Shift the time stamps to begin now, or at this time (ns since the Unix epoch).
+    #[arg(long, value_name = "NS", num_args = 0..=1, require_equals = true)]
+    pub shift_times: Option<Option<u64>>,
+    /// Play this many times; without a number until stopped.
+    #[arg(long = "loop", value_name = "N", require_equals = true, value_parser = clap::value_parser!(u32).range(1..))]
+    pub passes: Option<Option<u32>>,
+    /// Start at this time after the first frame, s.
+    #[arg(long = "from", value_name = "S")]
     pub from_s: Option<f64>,
-    /// End of the interval, seconds from the first frame.
+    /// Stop before this time after the first frame, s.
+    #[arg(long = "to", value_name = "S")]
     pub to_s: Option<f64>,
+    /// Rig file [default: the one attached to the recording].
+    #[arg(long)]
+    pub config: Option<PathBuf>,
     /// Directory to record the results into.
+    #[arg(short, long)]
     pub output: Option<PathBuf>,
-    /// The name of the rig; it must differ from that of a running rig that made the recording.
+    /// Name of the rig [default: `replay-` and the recorded name].
+    #[arg(long)]
     pub rig: Option<String>,
-    /// Number of workers.
+    /// Number of correlation workers.
+    #[arg(long, value_parser = clap::value_parser!(u32).range(1..=64))]
     pub workers: Option<u32>,
+}
+
+impl ReplayOptions {
+    fn tempo(&self) -> Tempo {
+        if self.step { Tempo::Step } else { Tempo::Rate(self.rate) }
+    }
+
+    /// Whether this is the last pass.
+    fn is_last(&self, pass: u32) -> bool {
+        self.passes.unwrap_or(Some(1)).is_some_and(|passes| pass >= passes)
+    }
 }
 
 /// A stream and the rig that plays it.
@@ -107,9 +114,9 @@ pub fn run(options: &ReplayOptions, stop: &Stop) -> anyhow::Result<Outcome> {
     for pass in 1_u32.. {
         // Each pass is a separate run: stamps and sequence numbers restart, and nothing spans two passes.
         let played = rigs(options, &streams)?;
-        let (summaries, is_over) = match (options.tempo, played.as_slice()) {
+        let (summaries, is_over) = match (options.tempo(), played.as_slice()) {
             (Tempo::Rate(_), [alone]) => (vec![play(alone, stop)?], false),
-            _ => lead::play(&played, options.tempo, stop)?,
+            _ => lead::play(&played, options.tempo(), stop)?,
         };
         for summary in &summaries {
             lost += summary.losses();
@@ -117,7 +124,7 @@ pub fn run(options: &ReplayOptions, stop: &Stop) -> anyhow::Result<Outcome> {
                 say(&path.display().to_string());
             }
         }
-        if is_over || stop.requested() || options.passes.is_some_and(|passes| pass >= passes) {
+        if is_over || stop.requested() || options.is_last(pass) {
             break;
         }
     }
@@ -142,12 +149,12 @@ fn play(played: &Played, stop: &Stop) -> anyhow::Result<Summary> {
 
 /// Returns a rig per stream, with distinct names.
 fn rigs(options: &ReplayOptions, streams: &[Streamed]) -> anyhow::Result<Vec<Played>> {
-    let is_led = streams.len() > 1 || options.tempo == Tempo::Step;
+    let is_led = streams.len() > 1 || options.step;
     let first_ns = stream::first_ns(streams)?;
-    let begin_ns = match options.times {
-        Times::Recorded => first_ns,
-        Times::Present => process::host_ns(),
-        Times::From(ns) => ns,
+    let begin_ns = match options.shift_times {
+        None => first_ns,
+        Some(None) => process::host_ns(),
+        Some(Some(ns)) => ns,
     };
     let shift_ns = i64::try_from(i128::from(begin_ns) - i128::from(first_ns))
         .map_err(|_| UsageError(format!("--shift-times={begin_ns}: too far from the recorded times")))?;
@@ -180,11 +187,11 @@ fn rigs(options: &ReplayOptions, streams: &[Streamed]) -> anyhow::Result<Vec<Pla
 }
 
 fn changes(options: &ReplayOptions, is_led: bool) -> Vec<(&'static str, toml_edit::Value)> {
-    let paced = !is_led && options.tempo != Tempo::Rate(Rate::Max);
+    let paced = !is_led && options.tempo() != Tempo::Rate(Rate::Max);
     let mut changes: Vec<(&str, toml_edit::Value)> = vec![("camera.paced", paced.into())];
     if is_led {
         changes.push(("camera.stepped", true.into()));
-    } else if let Tempo::Rate(Rate::Times(times)) = options.tempo {
+    } else if let Tempo::Rate(Rate::Times(times)) = options.tempo() {
         changes.push(("camera.playback_rate", times.into()));
     }
     if let Some(workers) = options.workers {

@@ -7,15 +7,19 @@ use anyhow::Context;
 use std::path::{Path, PathBuf};
 
 /// The options of `ricochet report`.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq, Eq, clap::Args)]
 pub struct ReportOptions {
-    /// The recordings.
+    /// One recording, or several of the same experiment.
+    #[arg(required = true)]
     pub files: Vec<PathBuf>,
-    /// The camera to report on; the first when absent.
+    /// Camera to report on, by the name of its view [default: the first].
+    #[arg(long, value_name = "NAME")]
     pub camera: Option<String>,
-    /// The recording of the frames when `files` holds results only.
+    /// Film that the results were measured from; the page shows its frames.
+    #[arg(long)]
     pub film: Option<PathBuf>,
-    /// The page to write; next to the first recording when absent.
+    /// HTML page to write [default: next to the first recording].
+    #[arg(short, long)]
     pub output: Option<PathBuf>,
 }
 

@@ -8,18 +8,25 @@ use std::io::BufRead;
 use std::path::{Path, PathBuf};
 
 /// The options of one process of a rig.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq, Eq, clap::Args)]
 pub struct RoleOptions {
-    /// The rig file; `-` reads it from standard input.
+    /// Rig file; `-` reads it from standard input.
     pub config: PathBuf,
-    /// The name that error messages use for a file read from standard input.
-    pub origin: Option<String>,
-    /// The camera to work for; the first when absent.
+    /// Camera to work for, by the name of its [view] [default: the first].
+    #[arg(long, value_name = "NAME")]
     pub camera: Option<String>,
-    /// The index of the worker, from 0.
+    /// Index of the correlation worker, from 0.
+    #[arg(long, default_value_t = 0)]
     pub worker: u32,
+    /// The name that error messages use for a file read from standard input.
+    #[arg(long, hide = true)]
+    pub origin: Option<String>,
     /// The state that a failed predecessor left.
+    #[arg(long, hide = true)]
     pub resume: Option<Resume>,
+    /// Whether a supervisor started the process, so that it has to end with it.
+    #[arg(long, hide = true)]
+    pub supervised: bool,
 }
 
 /// Runs one process of a rig until its stream ends or a stop is requested.

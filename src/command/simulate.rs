@@ -10,13 +10,15 @@ use crate::synth::{ScenarioError, World};
 use std::path::PathBuf;
 
 /// The options of `ricochet simulate`.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq, Eq, clap::Args)]
 pub struct SimulateOptions {
-    /// A built-in scenario or the path of a scenario file.
+    /// A built-in scenario such as lacrosse, or the path of a scenario file.
     pub scenario: String,
-    /// The recording to write.
+    /// Recording to write.
+    #[arg(short, long)]
     pub output: PathBuf,
-    /// Print the result as JSON.
+    /// Print JSON.
+    #[arg(long)]
     pub json: bool,
 }
 

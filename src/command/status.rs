@@ -1,5 +1,6 @@
 //! `ricochet status`: the state of a running rig.
 
+use super::control::RigOptions;
 use super::{Outcome, say, table};
 use crate::bus::{Bus, BusError};
 use crate::message::{Role, StatusMessage};
@@ -15,7 +16,8 @@ const PAUSE: Duration = Duration::from_millis(20);
 /// # Errors
 ///
 /// When no such rig runs.
-pub fn run(rig: &str, json: bool) -> anyhow::Result<Outcome> {
+pub fn run(options: &RigOptions) -> anyhow::Result<Outcome> {
+    let rig = &options.rig;
     let bus = Bus::join(rig, "status")?;
     let topic = bus.listen::<StatusMessage>()?;
     let mut newest: BTreeMap<(u32, u32), StatusMessage> = BTreeMap::new();
@@ -26,9 +28,9 @@ pub fn run(rig: &str, json: bool) -> anyhow::Result<Outcome> {
         std::thread::sleep(PAUSE);
     }
     if newest.is_empty() {
-        return Err(BusError::NoRig { rig: rig.to_owned(), service: format!("ricochet/{rig}/status") }.into());
+        return Err(BusError::NoRig { rig: rig.clone(), service: format!("ricochet/{rig}/status") }.into());
     }
-    if json {
+    if options.json {
         let all: Vec<_> = newest.values().map(as_json).collect();
         say(&serde_json::json!({ "rig": rig, "processes": all }).to_string());
     } else {

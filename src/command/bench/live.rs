@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use serde_json::json;
 
-use super::{rate, timed};
+use super::{BenchOptions, rate, timed};
 use crate::ball::{BallFinder, BallParams};
 use crate::camera::simulated;
 use crate::dic::grid;
@@ -31,21 +31,12 @@ const SEARCHED_PX: f64 = 22.0;
 /// Frames per block; in the first of them the ball is searched for anywhere.
 const BLOCK_FRAMES: u32 = 16;
 
-/// The options of `ricochet bench live`.
-#[derive(Debug, Clone)]
-pub struct LiveOptions {
-    /// Print JSON instead of text.
-    pub json: bool,
-    /// Measuring time per part, s.
-    pub seconds: f64,
-}
-
 /// Measures the frames of a simulated film of 512 x 512 px with one ball of 120 px.
 ///
 /// # Errors
 ///
 /// When the ball cannot be measured or the result cannot be printed.
-pub fn live(options: &LiveOptions) -> anyhow::Result<()> {
+pub(super) fn run(options: &BenchOptions) -> anyhow::Result<()> {
     let duration = Duration::from_secs_f64(options.seconds.clamp(0.01, 60.0));
     let film = Film::new()?;
     let whole = film.frame_us(Rotation::Rigid, duration)?;

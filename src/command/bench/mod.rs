@@ -4,11 +4,54 @@ mod live;
 mod record;
 mod windows;
 
+use super::Outcome;
+use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
-pub use live::{LiveOptions, live};
-pub use record::{RecordOptions, record};
-pub use windows::{WindowsOptions, windows};
+/// The options of `ricochet bench`.
+#[derive(Debug, Clone, clap::Args)]
+pub struct BenchOptions {
+    /// Part to measure.
+    #[arg(default_value = "windows")]
+    pub part: Part,
+    /// windows: maximum number of threads [default: the number of cores].
+    #[arg(long)]
+    pub threads: Option<usize>,
+    /// Measuring time per row, s.
+    #[arg(long, default_value_t = 0.5)]
+    pub seconds: f64,
+    /// record: directory to write into; the files are removed afterwards.
+    #[arg(long, default_value = ".")]
+    pub directory: PathBuf,
+    /// Print JSON.
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// A part of the work that can be measured by itself.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+pub enum Part {
+    /// Time per frame on one core.
+    Live,
+    /// Subsets per second for each method and number of threads.
+    Windows,
+    /// Recording rate, compared with a plain write of the same bytes.
+    Record,
+}
+
+/// Measures a part and prints the result.
+///
+/// # Errors
+///
+/// When the part cannot be measured or the result cannot be printed.
+pub fn run(options: &BenchOptions) -> anyhow::Result<Outcome> {
+    match options.part {
+        Part::Live => live::run(options)?,
+        Part::Windows => windows::run(options)?,
+        Part::Record => record::run(options)?,
+    }
+    Ok(Outcome::Clean)
+}
 
 /// Returns the sum of the calls' results per second over a duration.
 #[expect(clippy::disallowed_methods, reason = "a benchmark reads the clock")]

@@ -1,5 +1,6 @@
 //! `ricochet bench record`: the recording rate, compared with a plain write of the same bytes.
 
+use super::BenchOptions;
 use crate::image::{Frame, FrameMeta, PixelFormat};
 use crate::recording::{RecordingInfo, RecordingWriter, WriterOptions, part_path};
 use anyhow::Context as _;
@@ -20,17 +21,6 @@ const SYNC_FRAMES: u64 = 256;
 /// Minimum and maximum number of turns.
 const TURNS: std::ops::Range<usize> = 3..200;
 
-/// The options of `ricochet bench record`.
-#[derive(Debug, Clone)]
-pub struct RecordOptions {
-    /// Print JSON instead of text.
-    pub json: bool,
-    /// Minimum duration, s; at least three turns are run.
-    pub seconds: f64,
-    /// The directory to write into; it is cleaned up.
-    pub directory: PathBuf,
-}
-
 /// The time of one turn.
 #[derive(Debug, Clone, Copy)]
 struct Timing {
@@ -44,7 +34,7 @@ struct Timing {
 /// # Errors
 ///
 /// When the directory cannot be written, or the result cannot be printed.
-pub fn record(options: &RecordOptions) -> anyhow::Result<()> {
+pub(super) fn run(options: &BenchOptions) -> anyhow::Result<()> {
     let pool: Vec<Vec<u8>> = (1..=POOL as u32).map(noise).collect();
     let files = Files::new(&options.directory);
     let (mut plain, mut recorded) = (Vec::new(), Vec::new());
@@ -62,7 +52,7 @@ pub fn record(options: &RecordOptions) -> anyhow::Result<()> {
     print(options, &plain, &recorded)
 }
 
-fn print(options: &RecordOptions, plain: &[Timing], recorded: &[Timing]) -> anyhow::Result<()> {
+fn print(options: &BenchOptions, plain: &[Timing], recorded: &[Timing]) -> anyhow::Result<()> {
     let rate = |timing: &Timing| FRAMES as f64 / timing.wall_s;
     let cpu_us = |timing: &Timing| timing.cpu_s * 1e6 / FRAMES as f64;
     let rates = [median(plain.iter().map(rate)), median(recorded.iter().map(rate))];

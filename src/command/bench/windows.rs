@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use serde_json::json;
 
-use super::rate;
+use super::{BenchOptions, rate};
 use crate::dic::grid;
 use crate::dic::{
     CorrelationParams, Correlator, GridPoint, KernelBenchmark, Method, Region, RigidBody, Shape, Start, arithmetic,
@@ -22,17 +22,6 @@ const STEP_PX: u32 = 16;
 
 /// Displacement of the test pattern, px.
 const SHIFT: (f64, f64) = (0.37, -0.185);
-
-/// The options of `ricochet bench windows`.
-#[derive(Debug, Clone)]
-pub struct WindowsOptions {
-    /// Print JSON instead of text.
-    pub json: bool,
-    /// Maximum number of threads; the available parallelism when absent.
-    pub threads: Option<usize>,
-    /// Measuring time per row, s.
-    pub seconds: f64,
-}
 
 /// A benchmarked method.
 #[derive(Clone, Copy)]
@@ -100,7 +89,7 @@ const fn case(name: &'static str, kind: Kind, method: Method, shape: Shape, poin
 /// # Errors
 ///
 /// When the result cannot be printed.
-pub fn windows(options: &WindowsOptions) -> anyhow::Result<()> {
+pub(super) fn run(options: &BenchOptions) -> anyhow::Result<()> {
     let most = options.threads.unwrap_or_else(|| std::thread::available_parallelism().map_or(1, usize::from)).max(1);
     let counts = (0..usize::BITS).map(|power| 1 << power).take_while(|count| *count < most).chain([most]);
     let counts: Vec<usize> = counts.collect();

@@ -30,15 +30,18 @@ const COUNTS: [&str; 2] = ["lost-frames", "defective-pixels"];
 const MAX_SECONDS: f64 = 600.0;
 
 /// The options of `ricochet check`.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, clap::Args)]
 pub struct CheckOptions {
-    /// The rig file.
+    /// Rig file.
     pub config: PathBuf,
-    /// Film duration, s.
+    /// How long to film, s.
+    #[arg(long, default_value_t = 1.0)]
     pub seconds: f64,
-    /// The HTML page to write.
+    /// HTML page to write.
+    #[arg(short, long)]
     pub output: Option<PathBuf>,
     /// Print JSON.
+    #[arg(long)]
     pub json: bool,
 }
 

@@ -26,15 +26,19 @@ pub(super) fn built_in_config(name: &str) -> Option<&'static str> {
 }
 
 /// The options of `ricochet demo`.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq, Eq, clap::Args)]
 pub struct DemoOptions {
-    /// The name of the experiment.
+    /// Experiment: lacrosse, tennis or rod.
+    #[arg(default_value = "lacrosse")]
     pub experiment: String,
-    /// The directory of the recording; that of the rig file when absent.
+    /// Directory for the recording.
+    #[arg(short, long)]
     pub output: Option<PathBuf>,
-    /// Number of workers.
+    /// Number of correlation workers.
+    #[arg(long, value_parser = clap::value_parser!(u32).range(1..=64))]
     pub workers: Option<u32>,
-    /// Print the comparison as JSON.
+    /// Print JSON.
+    #[arg(long)]
     pub json: bool,
 }
 

@@ -4,6 +4,7 @@ mod digits;
 pub(super) mod folder;
 mod map;
 mod picture;
+mod roi;
 mod series;
 mod start;
 pub(super) mod stills;
@@ -20,6 +21,7 @@ use crate::process::Stop;
 use crate::results::{FieldPoint, PointStatus};
 
 pub use map::Quantity;
+pub use roi::{Corners, Roi};
 pub use start::Begin;
 use table::Layout;
 

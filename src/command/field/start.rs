@@ -74,7 +74,11 @@ pub(super) fn check_turns(needed: &str, params: &CorrelationParams) -> Result<()
 /// # Errors
 ///
 /// [`FieldError::Usage`] when the region is not found in the target.
-pub(super) fn find(options: &FieldOptions, reference: &PreparedFrame, target: &PreparedFrame) -> Result<Found, FieldError> {
+pub(super) fn find(
+    options: &FieldOptions,
+    reference: &PreparedFrame,
+    target: &PreparedFrame,
+) -> Result<Found, FieldError> {
     match options.begin {
         Begin::Neighbor => Ok(Found { start: Start::Neighbor, note: None }),
         Begin::Search => Ok(Found { start: Start::Search, note: None }),

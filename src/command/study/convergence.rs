@@ -12,7 +12,8 @@ use crate::command::{Outcome, UsageError, progress};
 use crate::dic::{CorrelationParams, Correlator, Method, PreparedFrame, Start};
 use crate::process::Stop;
 
-pub use super::pairs::Files;
+use super::pairs::Files;
+use crate::command::field::Roi;
 
 /// The numbers of spline points to try, in this order.
 pub const SPLINE_POINTS: [u32; 9] = [0, 1, 2, 3, 5, 7, 10, 14, 20];
@@ -21,25 +22,43 @@ pub const SPLINE_POINTS: [u32; 9] = [0, 1, 2, 3, 5, 7, 10, 14, 20];
 const LOOK: Duration = Duration::from_millis(100);
 
 /// The options of `ricochet study convergence`.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, clap::Args)]
 pub struct ConvergenceOptions {
-    /// The images; a rendered pattern with known displacements when absent.
-    pub files: Option<Files>,
-    /// Full width of a subset, odd, px: 9 to 255.
+    /// Reference image [default: a rendered pattern].
+    #[arg(requires = "target")]
+    pub reference: Option<PathBuf>,
+    /// Target image.
+    pub target: Option<PathBuf>,
+    /// Region of interest of the images: x,y,width,height in px.
+    #[arg(long = "roi", value_name = "X,Y,W,H", requires = "reference")]
+    pub roi_px: Option<Roi>,
+    /// Subset size, odd, px.
+    #[arg(long = "subset", value_name = "PX", default_value_t = 31)]
     pub subset_size_px: u32,
-    /// Grid step, px: 1 to 255.
+    /// Grid step between subsets, px.
+    #[arg(long = "step", value_name = "PX", default_value_t = 20)]
     pub step_px: u32,
-    /// Search range, px.
+    /// Search range: maximum displacement, px.
+    #[arg(long = "search", value_name = "PX", default_value_t = 16)]
     pub search_px: u32,
-    /// Converged when 99 % of the answers change by less, px; above 0, at most 1.
+    /// Converged when 99 % of the answers change by less than this, px; at most 1.
+    #[arg(long, value_name = "PX", default_value_t = 0.001)]
     pub tolerance_px: f64,
-    /// A directory for the table and the figure, created if missing.
+    /// Directory for convergence.csv and convergence.svg; created if missing.
+    #[arg(short, long, value_name = "DIR")]
     pub output: Option<PathBuf>,
-    /// Print one JSON object.
+    /// Print JSON.
+    #[arg(long)]
     pub json: bool,
 }
 
 impl ConvergenceOptions {
+    /// Returns the images to measure, if any.
+    pub(super) fn files(&self) -> Option<Files<'_>> {
+        let (reference, target) = self.reference.as_deref().zip(self.target.as_deref())?;
+        Some(Files { reference, target, roi_px: self.roi_px.map(|roi| roi.0) })
+    }
+
     /// Returns the correlation settings of one method.
     fn params(&self, way: Way) -> CorrelationParams {
         let (method, spline_points) = match way {
@@ -114,7 +133,7 @@ pub fn run(options: &ConvergenceOptions, stop: &Stop) -> anyhow::Result<Outcome>
     }
     let subject = subject(options)?;
     // Opened before the work, so that a wrong path is reported at once.
-    let output = options.output.as_ref().map(|path| Output::open(path, options.files.as_ref())).transpose()?;
+    let output = options.output.as_ref().map(|path| Output::open(path, options.files())).transpose()?;
     let ways = ways();
     let rows = measure(options, subject, &ways, stop)?;
     let (missing, study) = (ways.len() - rows.len(), tell::Study { options, rows: &rows });
@@ -138,8 +157,8 @@ fn subject(options: &ConvergenceOptions) -> anyhow::Result<Subject> {
     // Planned for any size that has room, so that settings out of range are reported before anything is read or
     // rendered.
     Correlator::new(&params, 1 << 10, 1 << 10)?;
-    let subject = match &options.files {
-        Some(files) => pairs::read(files, &params)?,
+    let subject = match options.files() {
+        Some(files) => pairs::read(&files, &params)?,
         None => pairs::draw(&pairs::DRAWN_PX, &params)?,
     };
     Ok(subject)
@@ -262,7 +281,9 @@ mod tests {
 
     fn options() -> ConvergenceOptions {
         ConvergenceOptions {
-            files: None,
+            reference: None,
+            target: None,
+            roi_px: None,
             subset_size_px: 21,
             step_px: 24,
             search_px: 4,

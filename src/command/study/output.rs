@@ -29,7 +29,7 @@ impl Output {
     /// # Errors
     ///
     /// When the directory is a file, a file is an input, or a file cannot be created.
-    pub(super) fn open(directory: &Path, inputs: Option<&Files>) -> anyhow::Result<Self> {
+    pub(super) fn open(directory: &Path, inputs: Option<Files<'_>>) -> anyhow::Result<Self> {
         folder::make("--output", directory)?;
         let paths = ["convergence.csv", "convergence.svg"].map(|name| directory.join(name));
         if let Some(path) = paths.iter().find(|path| pairs::is_input(inputs, path)) {

@@ -1,6 +1,6 @@
 //! Frame pairs of a study: two files, or a rendered pattern with known displacements.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use crate::command::UsageError;
 use crate::command::field::stills;
@@ -25,14 +25,12 @@ const DIAMETER_PX: f64 = 150.0;
 const CENTER_PX: [f64; 2] = [95.63, 95.29];
 
 /// Two images to measure instead of the rendered pattern.
-#[derive(Debug, Clone)]
-pub struct Files {
-    /// The reference image.
-    pub reference: PathBuf,
-    /// The target image.
-    pub target: PathBuf,
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Files<'a> {
+    pub(super) reference: &'a Path,
+    pub(super) target: &'a Path,
     /// A rectangle of the reference to evaluate: x, y, width, height.
-    pub roi_px: Option<[u32; 4]>,
+    pub(super) roi_px: Option<[u32; 4]>,
 }
 
 /// Two frames of the same size.
@@ -63,10 +61,10 @@ impl Subject {
 /// # Errors
 ///
 /// When a file cannot be read, the sizes differ, or the region exceeds the image.
-pub(super) fn read(files: &Files, params: &CorrelationParams) -> anyhow::Result<Subject> {
-    let (reference, target) = stills::read_pair(&files.reference, &files.target)?;
+pub(super) fn read(files: &Files<'_>, params: &CorrelationParams) -> anyhow::Result<Subject> {
+    let (reference, target) = stills::read_pair(files.reference, files.target)?;
     let size = (reference.view().width(), reference.view().height());
-    let points = stills::points(&files.reference, size, files.roi_px, params)?;
+    let points = stills::points(files.reference, size, files.roi_px, params)?;
     Ok(Subject { pairs: vec![Pair { reference, target, truth_px: None }], points })
 }
 
@@ -107,9 +105,9 @@ fn draw_pair([u, v]: [f64; 2]) -> anyhow::Result<Pair> {
 }
 
 /// Whether a path is one of the input files.
-pub(super) fn is_input(files: Option<&Files>, path: &Path) -> bool {
-    let inputs = files.map_or([None, None], |files| [Some(&files.reference), Some(&files.target)]);
-    inputs.into_iter().flatten().any(|input| crate::command::export::is_same_file(path, input))
+pub(super) fn is_input(files: Option<Files<'_>>, path: &Path) -> bool {
+    let mut inputs = files.into_iter().flat_map(|files| [files.reference, files.target]);
+    inputs.any(|input| crate::command::export::is_same_file(path, input))
 }
 
 #[cfg(test)]

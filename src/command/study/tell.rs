@@ -108,10 +108,10 @@ impl Study<'_> {
     pub(super) fn figure(&self) -> String {
         let options = self.options;
         let (subset_px, step_px) = (options.subset_size_px, options.step_px);
-        let of = match &options.files {
+        let of = match options.files() {
             Some(files) => {
                 let name = |path: &Path| path.file_name().unwrap_or_default().to_string_lossy().into_owned();
-                format!("{} to {}", name(&files.reference), name(&files.target))
+                format!("{} to {}", name(files.reference), name(files.target))
             }
             None => format!("a rendered ball moved by {} known displacements", DRAWN_PX.len()),
         };
@@ -126,7 +126,7 @@ impl Study<'_> {
             settled(Peak::Highest)
         );
         let mut panels = vec![self.changes()];
-        if options.files.is_none() {
+        if options.reference.is_none() {
             panels.push(self.errors());
         }
         figure::draw(&["Convergence of spline-fft with the number of spline points".to_owned(), of, verdict], &panels)
@@ -177,7 +177,7 @@ impl Study<'_> {
 
     /// Prints the table and the summary.
     pub(super) fn print_table(&self) {
-        let truth = self.options.files.is_none();
+        let truth = self.options.reference.is_none();
         let px = |value: Option<f64>| value.map_or_else(|| "-".to_owned(), |value| format!("{value:.5}"));
         let last = if truth { ["bias", "rms", "max"] } else { ["mean u", "mean v", ""] };
         let head =
@@ -215,11 +215,11 @@ impl Study<'_> {
         let options = self.options;
         let rows: Vec<Value> =
             self.rows.iter().map(|row| Value::Object(row.cells().into_iter().map(named).collect())).collect();
-        let files = options.files.as_ref();
+        let files = options.files();
         say(&json!({
             "study": "convergence",
-            "reference": files.map(|files| &files.reference),
-            "target": files.map(|files| &files.target),
+            "reference": files.map(|files| files.reference),
+            "target": files.map(|files| files.target),
             "roi_px": files.and_then(|files| files.roi_px),
             "displacements_px": files.is_none().then_some(DRAWN_PX),
             "subset_size_px": options.subset_size_px,

@@ -120,6 +120,7 @@ pub const ROOMS: &[Room] = &[
         BELOW_COMMAND,
         &[
             "anyhow",
+            "clap",
             "crc32fast",
             "csv",
             "env_logger",

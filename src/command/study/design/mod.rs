@@ -27,19 +27,25 @@ const FILMS: u64 = 200;
 const FILMS_OF_A_CHANGE: u64 = 48;
 
 /// The options of `ricochet study design`.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, clap::Args)]
 pub struct DesignOptions {
-    /// The rig file.
+    /// Rig file.
+    #[arg(long, value_name = "RIG")]
     pub config: PathBuf,
-    /// A built-in scenario or the path of one; by default that of a simulated rig, else `lacrosse`.
+    /// Scenario to film: a built-in name or a scenario file [default: the rig's own, else lacrosse].
+    #[arg(long, value_name = "NAME|FILE")]
     pub scenario: Option<String>,
-    /// Pixel noise at half of full scale, grey levels; that of the scenario when absent.
+    /// Pixel noise at half of full scale, grey levels, as measured by `ricochet check` [default: the scenario's].
+    #[arg(long, value_name = "DN")]
     pub noise_dn: Option<f64>,
-    /// Whether to skip the advice.
-    pub without_advice: bool,
-    /// A directory for the tables, created if missing.
+    /// Only print the scatter, without advice.
+    #[arg(long)]
+    pub no_advice: bool,
+    /// Directory for design.csv and design_advice.csv; created if missing.
+    #[arg(short, long, value_name = "DIR")]
     pub output: Option<PathBuf>,
-    /// Print one JSON object.
+    /// Print JSON.
+    #[arg(long)]
     pub json: bool,
 }
 
@@ -68,10 +74,10 @@ pub fn run(options: &DesignOptions, stop: &Stop) -> anyhow::Result<Outcome> {
     }
     let rig = Rig::new(config, options.scenario.as_deref(), options.noise_dn)?;
     let stopped = || Outcome::Lost { count: 1, cause: Some("stopped before the prediction was complete".into()) };
-    let bar = progress::parts(if options.without_advice { 1 } else { 1 + advice::count(&rig) }, "design");
+    let bar = progress::parts(if options.no_advice { 1 } else { 1 + advice::count(&rig) }, "design");
     let Some(prediction) = Prediction::of(&rig, FILMS, stop)? else { return Ok(stopped()) };
     bar.inc(1);
-    let advice = match options.without_advice {
+    let advice = match options.no_advice {
         true => Some(Vec::new()),
         false => advice::advice(&rig, FILMS_OF_A_CHANGE, stop, || bar.inc(1))?,
     };

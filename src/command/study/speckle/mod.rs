@@ -40,32 +40,44 @@ const NOISE_DN: f64 = 2.0;
 /// Standard deviation of the lens blur, px.
 const BLUR_PX: f64 = 0.7;
 
-/// The options of a speckle study.
-#[derive(Debug, Clone)]
+/// Measures films of the paper's speckle patterns.
+///
+/// Films are rendered at the paper's speeds and at others that lie on no spline grid, and are measured by several
+/// methods. With --output, repeating the command resumes a study that was stopped.
+#[derive(Debug, Clone, clap::Args)]
 pub struct SpeckleOptions {
-    /// The study.
-    pub study: SpeckleStudy,
-    /// Patterns of the paper, such as `e-I`; all when empty (e-II where the study is not about patterns).
+    /// Patterns, a-I to f-II [default: all 16; e-II where the study is not about patterns].
+    #[arg(long, value_name = "NAME,...", value_delimiter = ',')]
     pub patterns: Vec<String>,
-    /// Methods; those of the study when empty.
+    /// Methods: paper, paper-fit, peak-plain, peak-spline, ic-gn, ring, rigid [default: those of the study].
+    #[arg(long, value_name = "NAME,...", value_delimiter = ',')]
     pub methods: Vec<String>,
-    /// `paper`, `off-grid` or both; both when empty. A study over a setting has its own speeds.
+    /// Sets of speeds: paper, off-grid [default: both].
+    #[arg(long, value_name = "NAME,...", value_delimiter = ',')]
     pub speeds: Vec<String>,
-    /// Frames per film: 2 to 12, in which the fastest ball stays in the frame.
+    /// Frames per film, 2 to 12.
+    #[arg(long, value_name = "COUNT", default_value_t = 3)]
     pub frames: u64,
-    /// Full width of a subset, odd, px: 9 to 255.
+    /// Subset size, odd, px.
+    #[arg(long = "subset", value_name = "PX", default_value_t = 25)]
     pub subset_size_px: u32,
-    /// Grid step, px: 1 to 255.
+    /// Grid step between subsets, px.
+    #[arg(long = "step", value_name = "PX", default_value_t = 12)]
     pub step_px: u32,
-    /// Standard deviation of the noise, grey levels of 255: 0 to 64; 2 when absent. The noise study has its own.
+    /// Standard deviation of the noise, grey levels of 255 [default: 2].
+    #[arg(long, value_name = "DN")]
     pub noise_dn: Option<f64>,
     /// Seed of the speckles and the noise.
+    #[arg(long, value_name = "NUMBER", default_value_t = 1)]
     pub seed: u64,
-    /// Number of threads; the available parallelism when absent.
+    /// Number of threads [default: all cores]; the results do not depend on it.
+    #[arg(long, value_name = "COUNT")]
     pub threads: Option<NonZeroUsize>,
-    /// A directory for the tables and the figure, created if missing; completed films in it are kept.
+    /// Directory for the tables and the figure; created if missing.
+    #[arg(short, long, value_name = "DIR")]
     pub output: Option<PathBuf>,
-    /// Print one JSON object.
+    /// Print JSON.
+    #[arg(long)]
     pub json: bool,
 }
 
@@ -81,16 +93,14 @@ struct Finished<'a> {
 /// # Errors
 ///
 /// When an option is invalid, or a file belongs to another study or cannot be written.
-pub fn run(options: &SpeckleOptions, stop: &Stop) -> anyhow::Result<Outcome> {
-    let job = job(options)?;
+pub fn run(study: SpeckleStudy, options: &SpeckleOptions, stop: &Stop) -> anyhow::Result<Outcome> {
+    let job = job(study, options)?;
     // Settings without room for a subset are reported before anything is created.
     let bench = Bench::new(&job.ways, job.windows, film::SIDE_PX)?;
     bench.check_room(film::DIAMETERS_PX[0])?;
     let contents = Contents { films: &job.films, ways: &job.ways, frames: job.filming.frames };
-    let opened = options
-        .output
-        .as_ref()
-        .map(|directory| Journal::open(directory, options.study.word(), &settings(options, &job), &contents));
+    let opened =
+        options.output.as_ref().map(|directory| Journal::open(directory, study.word(), &settings(&job), &contents));
     let (mut journal, mut rows) =
         opened.transpose()?.map_or((None, Vec::new()), |(journal, rows)| (Some(journal), rows));
     let done = rows.len() / contents.rows();
@@ -125,8 +135,7 @@ pub fn run(options: &SpeckleOptions, stop: &Stop) -> anyhow::Result<Outcome> {
 }
 
 /// Resolves the films and methods of the options.
-fn job(options: &SpeckleOptions) -> Result<Job, UsageError> {
-    let study = options.study;
+fn job(study: SpeckleStudy, options: &SpeckleOptions) -> Result<Job, UsageError> {
     let single = study == SpeckleStudy::Peak || !study.levels().is_empty();
     let or_default = |given: &[String], otherwise: &[&str]| -> Vec<String> {
         if given.is_empty() { otherwise.iter().map(|word| (*word).to_owned()).collect() } else { given.to_vec() }
@@ -167,7 +176,7 @@ fn job(options: &SpeckleOptions) -> Result<Job, UsageError> {
 }
 
 /// Returns everything the rows depend on; a table made with other settings is not resumed.
-fn settings(options: &SpeckleOptions, job: &Job) -> Value {
+fn settings(job: &Job) -> Value {
     let mut patterns: Vec<&str> = Vec::new();
     let mut speeds: Vec<&str> = Vec::new();
     for Film { pattern, speeds: set, .. } in &job.films {
@@ -180,7 +189,7 @@ fn settings(options: &SpeckleOptions, job: &Job) -> Value {
         }
     }
     json!({
-        "study": options.study.word(),
+        "study": job.study.word(),
         "version": env!("CARGO_PKG_VERSION"),
         "patterns": patterns,
         "speeds": speeds,
@@ -188,7 +197,7 @@ fn settings(options: &SpeckleOptions, job: &Job) -> Value {
         "frames": job.filming.frames,
         "subset_size_px": job.windows.subset_size_px,
         "step_px": job.windows.step_px,
-        "noise_dn": (options.study != SpeckleStudy::Noise).then_some(job.filming.noise_dn),
+        "noise_dn": (job.study != SpeckleStudy::Noise).then_some(job.filming.noise_dn),
         "seed": job.filming.seed,
         "films": job.films.len(),
     })

@@ -25,7 +25,7 @@ enum Measure {
 impl Finished<'_> {
     /// Writes the tables and the figure, and prints a summary.
     pub(super) fn publish(&self) -> anyhow::Result<()> {
-        match self.options.study {
+        match self.job.study {
             SpeckleStudy::Peak => self.publish_peak(),
             SpeckleStudy::Noise | SpeckleStudy::Blur | SpeckleStudy::Rate => self.publish_sweep(),
             _ => self.publish_patterns(),
@@ -35,11 +35,10 @@ impl Finished<'_> {
     fn publish_patterns(&self) -> anyhow::Result<()> {
         let groups = summary::groups(&self.job.films, &self.job.ways, self.rows);
         let lines: Vec<summary::Line> = groups.iter().map(Group::line).collect();
-        let shown: Vec<Group> =
-            groups.iter().filter(|group| group.case == self.options.study.figure()).cloned().collect();
+        let shown: Vec<Group> = groups.iter().filter(|group| group.case == self.job.study.figure()).cloned().collect();
         if let Some(directory) = &self.options.output {
             let (patterns, speeds, caption) = (self.patterns(), self.speeds(), self.caption(&shown));
-            let (study, ways, groups) = (self.options.study, &self.job.ways[..], &shown[..]);
+            let (study, ways, groups) = (self.job.study, &self.job.ways[..], &shown[..]);
             let figure = Figure { study, groups, patterns: &patterns, speeds: &speeds, ways, caption: &caption }.draw();
             self.write_table(directory, "", &lines)?;
             self.write(directory, ".svg", figure.as_bytes())?;
@@ -102,7 +101,7 @@ impl Finished<'_> {
 
     /// Returns the caption: the settings, and an explanation of the figure.
     fn caption(&self, shown: &[Group]) -> Vec<String> {
-        let (job, study) = (self.job, self.options.study);
+        let (job, study) = (self.job, self.job.study);
         let films: Vec<usize> = shown.iter().map(|group| group.films).collect();
         let (patterns, speeds) = (self.patterns(), self.speeds());
         let names: Vec<&str> = patterns.iter().map(|pattern| PatternSetup::PAPER[*pattern]).collect();
@@ -135,7 +134,7 @@ impl Finished<'_> {
     /// Describes the camera of the films.
     fn camera(&self) -> String {
         let Filming { noise_dn, blur_px, .. } = self.job.filming;
-        match self.options.study {
+        match self.job.study {
             SpeckleStudy::Noise => format!("lens blur {blur_px} px"),
             SpeckleStudy::Blur => format!("noise {noise_dn} of 255 grey levels"),
             _ => format!("noise {noise_dn} of 255 grey levels, lens blur {blur_px} px"),
@@ -206,7 +205,7 @@ impl Finished<'_> {
 
     /// Prints the settings and the results as one JSON object.
     fn print_json(&self, found: Value) {
-        let mut report = super::settings(self.options, self.job);
+        let mut report = super::settings(self.job);
         if let (Some(report), Value::Object(found)) = (report.as_object_mut(), found) {
             report.extend(found);
         }
@@ -221,7 +220,7 @@ impl Finished<'_> {
     }
 
     fn write(&self, directory: &Path, ending: &str, bytes: &[u8]) -> anyhow::Result<()> {
-        let path = directory.join(format!("{}{ending}", self.options.study.word()));
+        let path = directory.join(format!("{}{ending}", self.job.study.word()));
         Ok(std::fs::write(&path, bytes).map_err(|error| FieldError::write(&path, error))?)
     }
 }
