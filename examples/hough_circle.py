@@ -1,11 +1,11 @@
-"""How well and how fast a ball is found, beside OpenCV's Hough transform for circles, in the same pictures.
+"""Compares the ball finder with OpenCV's Hough transform for circles on the same images: accuracy and speed.
 
     pip install numpy opencv-python-headless mcap-protobuf-support
     taskset -c 0 python3 examples/hough_circle.py [target/release/ricochet]
 
-Simulated films of a speckled ball of 114 px before a textured ground, in uneven light, with 2 grey levels of noise, so
-that the truth is known; the ball is brighter than the ground, then darker. OpenCV is given the radius within 7 px, a
-picture smoothed as its manual advises, and the best of its settings tried.
+The images are simulated, so that the truth is known: a speckled ball of 114 px in front of a textured background, in
+uneven light, with 2 grey levels of noise. The ball is brighter than the background, then darker. OpenCV gets the radius
+within 7 px, an image smoothed as its manual recommends, and the best of several settings.
 """
 
 import csv
@@ -56,7 +56,7 @@ def table(program: str, recording: pathlib.Path, topic: str) -> list[dict[str, s
 
 
 def frames(recording: pathlib.Path):
-    """The pictures of a recording."""
+    """The images of a recording."""
     with recording.open("rb") as file:
         for message in read_protobuf_messages(file, topics=["/camera/image"]):
             image = message.proto_msg
@@ -64,7 +64,7 @@ def frames(recording: pathlib.Path):
 
 
 def hough(picture: np.ndarray, settings: tuple[int, float, float, float]) -> np.ndarray | None:
-    """Centre and radius of the first circle, px."""
+    """Returns centre and radius of the first circle, px."""
     method, step, edge, votes = settings
     smooth = cv2.GaussianBlur(picture, (9, 9), 2)
     found = cv2.HoughCircles(smooth, method, step, 60, param1=edge, param2=votes, minRadius=50, maxRadius=64)
@@ -77,7 +77,7 @@ SETTINGS = [
 
 
 def films(program: str, folder: pathlib.Path, shades: tuple[float, float, float]):
-    """Pictures, true centres and measured centres of some films."""
+    """Simulates films and returns their images, true centres and measured centres."""
     rig = folder / "rig.toml"
     rig.write_text(RIG)
     for seed in SEEDS:
@@ -121,7 +121,7 @@ def main() -> None:
             errors = [e for pair in found for e in pair]
             if len(errors) == 2 * len(rows) and (not best or statistics.mean(errors) < statistics.mean(best)):
                 best, chosen = errors, settings
-        print(f"ball {name} than the ground, {len(rows)} frames")
+        print(f"ball {name} than the background, {len(rows)} frames")
         print(f"  ricochet               {summary(ours, len(rows))}")
         print(f"  OpenCV {cv2.__version__} HoughCircles {summary(best, len(rows))}")
         if best:
@@ -130,11 +130,11 @@ def main() -> None:
             while time.perf_counter() - start < 1:
                 hough(rows[count % len(rows)][0], chosen)
                 count += 1
-            print(f"  HoughCircles {1e6 * (time.perf_counter() - start) / count:.0f} us a frame")
-    told = json.loads(subprocess.run([program, "bench", "live", "--json"], check=True, capture_output=True).stdout)
-    for row in told["live"]:
+            print(f"  HoughCircles {1e6 * (time.perf_counter() - start) / count:.0f} us per frame")
+    report = json.loads(subprocess.run([program, "bench", "live", "--json"], check=True, capture_output=True).stdout)
+    for row in report["live"]:
         if "circle" in row["part"]:
-            print(f"ricochet, {row['part']}: {row['us']:.0f} us a frame")
+            print(f"ricochet, {row['part']}: {row['us']:.0f} us per frame")
 
 
 if __name__ == "__main__":

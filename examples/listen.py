@@ -1,8 +1,8 @@
 """Prints the velocities of a running rig as they are measured: python3 listen.py RIG
 
-Needs: pip install iceoryx2==0.10.0 (the version ricochet speaks; it is part of the layout of shared memory).
-Reading costs the rig nothing: a reader that is too slow loses its own oldest messages and sees that in the
-sequence numbers.
+Needs: pip install iceoryx2==0.10.0 (the version that ricochet uses, because it determines the layout of shared memory).
+Reading does not slow the rig down. A reader that is too slow loses its oldest messages and notices that in the sequence
+numbers.
 """
 
 import ctypes
@@ -11,17 +11,17 @@ import time
 
 import iceoryx2 as iox2
 
-TRACKED = 11  # kind of the event that says that every result was published
+TRACKED = 11  # kind of the event after the last result
 
 
 class Number(ctypes.Structure):
-    """A number, and whether it was measured at all."""
+    """A number, and whether it was measured."""
 
     _fields_ = [("value", ctypes.c_double), ("known", ctypes.c_uint64)]
 
 
 class Velocity(ctypes.Structure):
-    """One body in one frame: ricochet.Velocity.v1."""
+    """The velocity of one body in one frame: ricochet.Velocity.v1."""
 
     _fields_ = [(name, ctypes.c_uint64) for name in "run_id sequence stamp_ns".split()]
     _fields_ += [(name, ctypes.c_uint32) for name in "body status phase points window_frames order".split()]
@@ -39,7 +39,7 @@ class Velocity(ctypes.Structure):
 
 
 class Event(ctypes.Structure):
-    """Something happened: ricochet.Event.v1."""
+    """An event: ricochet.Event.v1."""
 
     _fields_ = [(name, ctypes.c_uint64) for name in "run_id sequence stamp_ns".split()]
     _fields_ += [("kind", ctypes.c_uint32), ("text_bytes", ctypes.c_uint32), ("text", ctypes.c_uint8 * 200)]
@@ -50,7 +50,7 @@ class Event(ctypes.Structure):
 
 
 def wait_for(node, topic, message):
-    """Opens a topic, once the rig runs."""
+    """Opens a topic once the rig runs."""
     name = iox2.ServiceName.new(f"ricochet/{sys.argv[1]}/{topic}")
     while True:
         try:
@@ -63,7 +63,7 @@ def wait_for(node, topic, message):
 
 
 def take(subscriber):
-    """Every message that is there."""
+    """Takes every message that has arrived."""
     while (sample := subscriber.receive()) is not None:
         yield sample.payload().contents
         sample.delete()
@@ -75,7 +75,7 @@ velocity_service, velocities = wait_for(node, "velocity", Velocity)
 event_service, events = wait_for(node, "events", Event)
 over = False
 while not over:
-    # Asked before the last look at the velocities, so that none told before the end is missed.
+    # Read before the velocities, so that none published before the end is missed.
     for event in take(events):
         over = event.kind == TRACKED
     for row in take(velocities):

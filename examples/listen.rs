@@ -1,7 +1,7 @@
 //! Prints the velocities of a running rig as they are measured:
 //! `cargo run --release --example listen -- RIG`
 //!
-//! Reading costs the rig nothing: a reader that is too slow loses its own oldest messages and sees that in the
+//! Reading does not slow the rig down. A reader that is too slow loses its oldest messages and notices that in the
 //! frame numbers.
 #![allow(clippy::print_stdout, reason = "an example that prints")]
 
@@ -16,7 +16,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let events = wait_for::<Event>(&bus)?;
     let mut over = false;
     while !over {
-        // Asked before the last look at the velocities, so that none told before the end is missed.
+        // Read before the velocities, so that none published before the end is missed.
         while let Some(event) = events.take()? {
             over = event.kind() == Some(EventKind::Tracked);
         }
@@ -31,7 +31,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     Ok(())
 }
 
-/// Opens a topic, once the rig runs.
+/// Opens a topic once the rig runs.
 fn wait_for<T: Topic>(bus: &Bus) -> Result<Subscriber<T>, BusError> {
     loop {
         match bus.listen() {

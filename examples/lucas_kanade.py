@@ -1,10 +1,10 @@
-"""How many times as long as OpenCV's pyramidal Lucas-Kanade a subset takes, on one core, side by side.
+"""Compares the time per subset with OpenCV's pyramidal Lucas-Kanade, on one core.
 
     pip install numpy opencv-python-headless
     taskset -c 0 python3 examples/lucas_kanade.py [target/release/ricochet]
 
-Both correlate 31 x 31 pixels at 900 places of a 512 x 512 picture, everything from the grey levels on. The two take
-turns, so that a machine whose speed drifts is fair to both; the medians of the ratios are printed.
+Both correlate 31 x 31 pixels at 900 points of a 512 x 512 image, all preparation included. They run in turns, so that a
+drift of the machine's speed affects both. The medians of the ratios are printed.
 """
 
 import json
@@ -20,7 +20,7 @@ ROUNDS = 7
 
 
 def pattern(shift: float) -> np.ndarray:
-    """Speckle discs of 3 to 6 px with soft rims on 512 x 512 px, 2 grey levels of noise."""
+    """Draws speckle discs of 3 to 6 px with soft rims on 512 x 512 px, with 2 grey levels of noise."""
     random = np.random.default_rng(7)
     clear = np.ones((512, 512))
     rows, columns = np.mgrid[-6:7, -6:7]
@@ -34,7 +34,7 @@ def pattern(shift: float) -> np.ndarray:
 
 
 def lucas_kanade(first: np.ndarray, second: np.ndarray, places: np.ndarray) -> float:
-    """Microseconds a place, pyramids included."""
+    """Returns microseconds per point, pyramids included."""
     count, start = 0, time.perf_counter()
     while time.perf_counter() - start < 0.5:
         cv2.calcOpticalFlowPyrLK(first, second, places, None, winSize=(31, 31), maxLevel=3)
@@ -43,11 +43,11 @@ def lucas_kanade(first: np.ndarray, second: np.ndarray, places: np.ndarray) -> f
 
 
 def windows(program: str) -> dict[str, float]:
-    """Microseconds a subset by method, and of the parts of a match, on one thread."""
+    """Returns microseconds per subset for each method, and for the parts of a match, on one thread."""
     line = [program, "bench", "windows", "--json", "--threads", "1", "--seconds", "0.4"]
-    told = json.loads(subprocess.run(line, check=True, capture_output=True, text=True).stdout)
-    parts = {row["part"]: row["us"] for row in told["parts"]}
-    return {row["method"]: 1e6 / row["points_per_s"] for row in told["windows"]} | parts
+    report = json.loads(subprocess.run(line, check=True, capture_output=True, text=True).stdout)
+    parts = {row["part"]: row["us"] for row in report["parts"]}
+    return {row["method"]: 1e6 / row["points_per_s"] for row in report["windows"]} | parts
 
 
 def main() -> None:

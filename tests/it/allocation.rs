@@ -1,15 +1,15 @@
-//! The largest piece of memory that was asked for.
+//! The largest allocation of a run.
 
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 #[global_allocator]
-static WATCHED: Watched = Watched;
+static WATCHED: Recorded = Recorded;
 
 static LARGEST_BYTES: AtomicUsize = AtomicUsize::new(0);
 
-/// The system's memory, with a note of the largest request.
-struct Watched;
+/// The system allocator, with a record of the largest request.
+struct Recorded;
 
 fn note(bytes: usize) {
     if bytes > LARGEST_BYTES.load(Ordering::Relaxed) {
@@ -18,8 +18,8 @@ fn note(bytes: usize) {
 }
 
 #[expect(unsafe_code, reason = "an allocator is unsafe by its trait; this one only counts")]
-// SAFETY: every request goes to the system's allocator as it is.
-unsafe impl GlobalAlloc for Watched {
+// SAFETY: every request goes to the system allocator unchanged.
+unsafe impl GlobalAlloc for Recorded {
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
         note(layout.size());
         // SAFETY: the caller keeps the contract.
@@ -44,7 +44,7 @@ unsafe impl GlobalAlloc for Watched {
     }
 }
 
-/// Runs something and gives the largest piece of memory that any thread asked for meanwhile, bytes.
+/// Runs something and returns the largest allocation of any thread meanwhile, bytes.
 pub fn largest_bytes<T>(run: impl FnOnce() -> T) -> (T, usize) {
     LARGEST_BYTES.store(0, Ordering::Relaxed);
     let result = run();

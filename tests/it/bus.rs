@@ -1,4 +1,4 @@
-//! The bus: what arrives, what is lost and seen to be lost, and who never waits for whom.
+//! The bus: delivery, visible losses, and processes that never wait for each other.
 
 use ricochet::bus::{Bus, BusError, Limits};
 use ricochet::image::FrameMeta;
@@ -48,7 +48,7 @@ fn frames_arrive_bit_exact_in_order_and_aligned() {
 }
 
 #[test]
-fn a_reader_that_sleeps_keeps_the_newest_and_never_stops_the_writer() {
+fn a_sleeping_reader_keeps_the_newest_and_never_stops_the_writer() {
     let bus = Bus::join(&rig_name(), "test").unwrap();
     let mut ring = bus.frame_publisher(&LIMITS, 64).unwrap();
     let reader = bus.frame_subscriber(&LIMITS).unwrap();
@@ -64,7 +64,7 @@ fn a_reader_that_sleeps_keeps_the_newest_and_never_stops_the_writer() {
 }
 
 #[test]
-fn a_reader_that_holds_everything_costs_slots_not_time() {
+fn a_reader_that_holds_every_frame_costs_slots_and_no_time() {
     let bus = Bus::join(&rig_name(), "test").unwrap();
     let mut ring = bus.frame_publisher(&LIMITS, 64).unwrap();
     let reader = bus.frame_subscriber(&LIMITS).unwrap();
@@ -96,7 +96,7 @@ fn a_late_reader_gets_the_newest_events_at_once() {
 }
 
 #[test]
-fn an_outsider_is_told_when_no_rig_runs() {
+fn a_missing_rig_is_reported() {
     let name = rig_name();
     let bus = Bus::join(&name, "test").unwrap();
     let error = bus.listen::<VelocityMessage>().unwrap_err();

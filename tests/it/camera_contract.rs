@@ -1,4 +1,4 @@
-//! What every camera keeps to, whatever it is.
+//! The contract of every camera.
 
 use crate::fake_gige::{FakeGige, Wiring};
 use crate::slots::Slots;
@@ -12,16 +12,16 @@ use ricochet::synth::{Scenario, World};
 use std::collections::BTreeSet;
 use std::time::{Duration, Instant};
 
-/// Waits without a frame after which a camera counts as stuck.
+/// The number of waits without a frame after which a camera counts as stuck.
 const WAITS: usize = 200;
 
-/// How long the taker stays away a few times, beyond one frame.
+/// A pause of the receiver, longer than a frame.
 pub const AWAY: Duration = Duration::from_millis(40);
 
 /// Runs a camera over `frames` frames and checks all that its users rely on.
 ///
-/// `known(sequence, pixels)` draws what the frame of this number must be. Answers with the longest that a frame had
-/// waited for its taker, who stays [`AWAY`] five times, as the camera tells it.
+/// `known(sequence, pixels)` draws the expected frame of a number. Returns the longest time that a frame waited for its
+/// receiver, as reported by the camera. The receiver pauses five times for [`AWAY`].
 ///
 /// # Panics
 ///
@@ -33,13 +33,13 @@ pub fn check(camera: Box<dyn Camera>, frames: u64, known: &dyn Fn(u64, &mut [u8]
     assert!(format.width_px > 0 && format.height_px > 0 && format.frame_rate_hz >= 0.0);
     assert!(camera.slots() > 0);
     let count = camera.slots() + 2;
-    // Longer than a frame: a ring's slots are rounded up.
+    // Longer than a frame, because the slots of a ring are rounded up.
     let mut slots = Slots::new(count, format.slot_bytes() + 64);
     // Dropped before the slots, which it may still hold.
     let mut camera = camera;
     let camera = camera.as_mut();
     slots.queue_all(camera);
-    // A camera may bring frames before its start has come back.
+    // A camera may deliver frames before `start` returns.
     let started = Instant::now();
     camera.start().unwrap();
     let mut held: BTreeSet<usize> = (0..count).collect();
@@ -53,7 +53,7 @@ pub fn check(camera: Box<dyn Camera>, frames: u64, known: &dyn Fn(u64, &mut [u8]
         match camera.next(Duration::from_millis(100)).unwrap() {
             Next::Frame(mut slot, meta) => {
                 let wait = camera.frame_age();
-                assert!(wait <= started.elapsed(), "a frame of {wait:?} ago is one of before the start");
+                assert!(wait <= started.elapsed(), "a frame waited {wait:?}, since before the start");
                 waited = waited.max(wait);
                 assert!(held.remove(&slot.token()), "slot {} came twice", slot.token());
                 check_meta(&meta, last.as_ref(), camera);
@@ -93,7 +93,7 @@ fn check_meta(meta: &FrameMeta, last: Option<&FrameMeta>, camera: &dyn Camera) {
     assert!(meta.stamp_ns > last.stamp_ns, "stamps go back at frame {}", meta.sequence);
     assert!(meta.device_ns == 0 || meta.device_ns > last.device_ns, "the camera's clock goes back");
     assert!(meta.epoch == last.epoch);
-    assert!(camera.pace() == Pace::Live || meta.sequence == last.sequence + 1, "a camera that waits lost a frame");
+    assert!(camera.pace() == Pace::Live || meta.sequence == last.sequence + 1, "a camera on demand lost a frame");
 }
 
 #[test]
@@ -104,7 +104,7 @@ fn a_genicam_camera_keeps_the_contract() {
     assert!(waited >= AWAY / 2, "{waited:?}");
 }
 
-/// A moving ball in a small picture.
+/// A moving ball in a small image.
 fn small() -> Scenario {
     let mut scenario = Scenario::translation(0.7, -0.3, 0.5);
     let camera = &mut scenario.camera;

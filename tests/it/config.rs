@@ -1,4 +1,4 @@
-//! The rig file: what it says when something is wrong, and what it means when nothing is.
+//! The rig file: its meaning, and the messages about errors in it.
 
 mod accepted;
 mod files;
@@ -14,7 +14,7 @@ pub fn parse(text: &str) -> Config {
     Config::parse(text, "rig.toml").unwrap_or_else(|error| panic!("refused:\n{text}\n{error}"))
 }
 
-/// What is said of `text`; a panic when it is accepted or more than one line is said.
+/// The message that refuses `text`. Panics if the text is accepted or the message has several lines.
 pub fn refusal(text: &str) -> String {
     let message = match Config::parse(text, "rig.toml") {
         Ok(_) => panic!("accepted:\n{text}"),
@@ -24,9 +24,9 @@ pub fn refusal(text: &str) -> String {
     message
 }
 
-/// Each addition to a simulated rig is refused with this sentence after the file's name.
+/// Checks that each addition to a simulated rig is refused with this message after the name of the file.
 pub fn refused_on_a_simulated_rig(cases: &[(&str, &str)]) {
-    for (addition, said) in cases {
-        assert_eq!(refusal(&format!("{SIMULATED}{addition}\n")), format!("rig.toml{said}"), "for {addition}");
+    for (addition, message) in cases {
+        assert_eq!(refusal(&format!("{SIMULATED}{addition}\n")), format!("rig.toml{message}"), "for {addition}");
     }
 }

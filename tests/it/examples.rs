@@ -1,15 +1,15 @@
-//! The examples read and hear the numbers that the recording holds.
+//! The examples print the numbers of a recording and of a running rig.
 
 use crate::support::{Background, Rig, ricochet, succeed};
 use ricochet::recording::Recording;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-/// An example's program: built beside the tests by the same `cargo test`.
+/// The program of an example, built together with the tests by `cargo test`.
 fn example(name: &str) -> Command {
     let tests = std::env::current_exe().unwrap();
     let built = tests.parent().and_then(Path::parent).unwrap().join("examples").join(name);
-    assert!(built.exists(), "{} is not there: run the whole of cargo test --release once", built.display());
+    assert!(built.exists(), "{} does not exist: run cargo test --release once", built.display());
     Command::new(built)
 }
 
@@ -17,13 +17,13 @@ fn script(name: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("examples").join(name)
 }
 
-/// Python with the modules a script needs, or says that it was left out.
+/// Python with the modules of a script, or a message that the test was left out.
 fn python(script_name: &str, modules: &str) -> Option<Command> {
     let importable = Command::new("python3").args(["-c", &format!("import {modules}")]).output();
     if !importable.is_ok_and(|output| output.status.success()) {
         let required = crate::support::is_required("PYTHON");
-        assert!(!required, "python3 with the modules {modules} is required and not there");
-        eprintln!("left out: {script_name}: python3 with the modules {modules} is not there");
+        assert!(!required, "python3 with the modules {modules} is required but not installed");
+        eprintln!("left out: {script_name}: python3 with the modules {modules} is not installed");
         return None;
     }
     let mut command = Command::new("python3");
@@ -31,10 +31,10 @@ fn python(script_name: &str, modules: &str) -> Option<Command> {
     Some(command)
 }
 
-/// Frame, normal and tangential velocity, spin.
+/// Frame number, normal and tangential velocity, spin.
 type Row = (u64, [u64; 3]);
 
-/// What an example printed, numbers bit by bit.
+/// The rows printed by an example, numbers bit by bit.
 fn rows(printed: &str) -> Vec<Row> {
     let row = |line: &str| {
         let words: Vec<&str> = line.split(' ').collect();
@@ -45,7 +45,7 @@ fn rows(printed: &str) -> Vec<Row> {
     printed.lines().map(row).collect()
 }
 
-/// What a recording holds.
+/// The rows of a recording.
 fn recorded(path: &Path) -> Vec<Row> {
     let samples = Recording::open(path).unwrap().velocities().unwrap().map(Result::unwrap);
     samples
@@ -77,7 +77,7 @@ fn the_reading_examples_print_every_velocity_of_a_recording() {
 }
 
 #[test]
-fn the_listening_examples_hear_what_the_recording_holds() {
+fn the_listening_examples_print_every_velocity_of_the_rig() {
     let rig = Rig::new();
     let camera = "source = \"simulated\"\npaced = false\nexposure_us = 20";
     let config = rig.config(camera, "[scale]\nmm_per_px = 0.5142\n[workers]\ncount = 1");
@@ -88,22 +88,22 @@ fn the_listening_examples_hear_what_the_recording_holds() {
             Background::start(command)
         })
         .collect();
-    let (code, _, told) = Background::start(ricochet(["run".as_ref(), config.as_os_str()])).end();
-    assert_eq!(code, Some(0), "{told}");
-    let heard: Vec<Vec<Row>> = listeners
+    let (code, _, stderr) = Background::start(ricochet(["run".as_ref(), config.as_os_str()])).end();
+    assert_eq!(code, Some(0), "{stderr}");
+    let received: Vec<Vec<Row>> = listeners
         .into_iter()
         .map(|listener| {
-            let (code, printed, told) = listener.end();
-            assert_eq!(code, Some(0), "{told}");
+            let (code, printed, stderr) = listener.end();
+            assert_eq!(code, Some(0), "{stderr}");
             rows(&printed)
         })
         .collect();
     let expected = recorded(&rig.recordings()[0]);
     assert!(expected.len() >= 90, "only {} velocities", expected.len());
     let expected_frames: Vec<u64> = expected.iter().map(|(frame, _)| *frame).collect();
-    for heard in heard {
-        let frames: Vec<u64> = heard.iter().map(|(frame, _)| *frame).collect();
-        assert_eq!(frames, expected_frames, "not every frame was heard");
-        assert!(heard == expected, "the numbers differ");
+    for received in received {
+        let frames: Vec<u64> = received.iter().map(|(frame, _)| *frame).collect();
+        assert_eq!(frames, expected_frames, "a frame is missing");
+        assert!(received == expected, "the numbers differ");
     }
 }

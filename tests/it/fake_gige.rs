@@ -11,10 +11,10 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 use tempfile::NamedTempFile;
 
-/// Where the camera is: what to write as `id`.
+/// The address of the camera, for `id`.
 pub const ADDRESS: &str = "127.0.0.1";
 
-/// What fires the camera when its trigger is armed.
+/// The trigger source that is wired up.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Wiring {
     /// The command `TriggerSoftware`.
@@ -25,17 +25,17 @@ pub enum Wiring {
 
 type Source = Box<dyn Fn(u64, &mut [u8]) + Send + Sync>;
 
-/// What the camera's thread reaches through a pointer.
+/// Data that the camera's thread reaches through a pointer.
 struct Shared {
     source: Source,
     /// Frames drawn so far.
     sent: Arc<AtomicU64>,
-    /// The camera stops by itself after this many.
+    /// The number of frames after which the camera stops by itself.
     limit: u64,
     camera: AtomicPtr<sys::ArvFakeCamera>,
 }
 
-/// A running camera; gone when dropped, as if unplugged.
+/// A running camera. Dropping it unplugs it.
 pub struct FakeGige {
     aravis: &'static sys::Aravis,
     /// Null while unplugged.
@@ -48,12 +48,11 @@ pub struct FakeGige {
 }
 
 impl FakeGige {
-    /// Plugs a camera in that sends frame 0, 1, ... `limit - 1`, each drawn by `source(index, pixels)`.
+    /// Plugs in a camera that sends frames 0 to `limit - 1`, each drawn by `source(index, pixels)`.
     ///
-    /// Nothing when Aravis is not installed, with a line on stderr; a panic instead
-    /// when RICOCHET_REQUIRE_ARAVIS=1. The camera's rate, size and trigger are set by whoever opens it;
-    /// it sends nothing before acquisition starts. One camera at a time: the next
-    /// waits for this one's end.
+    /// Returns `None` with a line on stderr if Aravis is not installed, and panics then with RICOCHET_REQUIRE_ARAVIS=1.
+    /// Rate, size and trigger are set by the program that opens the camera. It sends nothing before acquisition starts.
+    /// One camera runs at a time, and the next one waits for its end.
     pub fn plug_in(
         wiring: Wiring,
         limit: u64,
@@ -65,7 +64,7 @@ impl FakeGige {
         Some(Self::at(aravis, ADDRESS, wiring, limit, source, Some(port)))
     }
 
-    /// As [`plug_in`](Self::plug_in), at an address that nobody else uses.
+    /// As [`plug_in`](Self::plug_in), at another address.
     pub fn plug_in_at(
         address: &'static str,
         limit: u64,
@@ -97,14 +96,14 @@ impl FakeGige {
         gige
     }
 
-    /// Takes the camera off the network, without a word to whoever uses it.
+    /// Takes the camera off the network without notice.
     pub fn unplug(&mut self) {
         // SAFETY: the last reference joins the camera's thread.
         unsafe { self.aravis.g_object_unref(self.gige.cast()) };
         self.gige = ptr::null_mut();
     }
 
-    /// Plugs it in again, as new; its frames go on counting.
+    /// Plugs the camera in again. Its frame numbers continue.
     pub fn plug_back(&mut self) {
         let path = CString::new(self.description.path().to_str().unwrap()).unwrap();
         self.gige = start(self.aravis, self.address, &path);
@@ -119,16 +118,16 @@ impl FakeGige {
 
     fn camera(&self) -> *mut sys::ArvFakeCamera {
         assert!(!self.gige.is_null(), "the camera is unplugged");
-        // SAFETY: the camera runs; its inner one lives as long.
+        // SAFETY: the camera runs, and its inner one lives as long.
         unsafe { self.aravis.arv_gv_fake_camera_get_fake_camera(self.gige) }
     }
 
-    /// Frames drawn so far: sent or being sent.
+    /// The number of frames drawn so far, sent or being sent.
     pub fn sent(&self) -> u64 {
         self.sent.load(Ordering::Acquire)
     }
 
-    /// A rising edge on Line1 (or the software trigger, as wired).
+    /// Sends a rising edge on Line1, or the software trigger, as wired.
     pub fn pulse(&self) {
         self.write(sys::ARV_FAKE_CAMERA_REGISTER_TRIGGER_SOFTWARE, 1);
     }
@@ -146,16 +145,16 @@ impl FakeGige {
         }
     }
 
-    /// A register, as the camera has it.
+    /// Reads a register of the camera.
     pub fn register(&self, address: u32) -> u32 {
         let mut value = 0;
-        // SAFETY: the camera runs; the value is ours to write to.
+        // SAFETY: the camera runs, and the value is ours to write to.
         let read = unsafe { self.aravis.arv_fake_camera_read_register(self.camera(), address, &raw mut value) };
         assert!(read != 0, "register {address:#x}");
         value
     }
 
-    /// Writes a register behind the client's back.
+    /// Writes a register without the client's knowledge.
     pub fn write(&self, address: u32, value: u32) {
         // SAFETY: the camera runs.
         assert!(unsafe { self.aravis.arv_fake_camera_write_register(self.camera(), address, value) } != 0);
@@ -167,12 +166,12 @@ impl Drop for FakeGige {
         if !self.gige.is_null() {
             self.unplug();
         }
-        // SAFETY: made by Box::into_raw, and the camera's thread, which reached it, has ended.
+        // SAFETY: made by Box::into_raw, and the camera's thread, which used it, has ended.
         drop(unsafe { Box::from_raw(self.shared) });
     }
 }
 
-/// Whether Aravis is here; says so when a test is left out.
+/// Aravis if it is installed, or a message that the test was left out.
 pub fn aravis_or_leave_out() -> Option<&'static sys::Aravis> {
     match library() {
         Ok(aravis) => Some(aravis),
@@ -184,12 +183,12 @@ pub fn aravis_or_leave_out() -> Option<&'static sys::Aravis> {
     }
 }
 
-/// Waits its turn for the port when another process has a camera on it.
+/// Starts the camera, after waiting for the port if another process has a camera on it.
 fn start(aravis: &'static sys::Aravis, at: &str, description: &CString) -> *mut sys::ArvGvFakeCamera {
     let address = CString::new(at).unwrap();
     let deadline = Instant::now() + Duration::from_secs(60);
     loop {
-        // SAFETY: terminated strings; the reference is ours.
+        // SAFETY: terminated strings, and the reference is ours.
         unsafe {
             let gige = aravis.arv_gv_fake_camera_new_full(address.as_ptr(), c"R1".as_ptr(), description.as_ptr());
             if aravis.arv_gv_fake_camera_is_running(gige) != 0 {
@@ -202,11 +201,11 @@ fn start(aravis: &'static sys::Aravis, at: &str, description: &CString) -> *mut 
     }
 }
 
-/// Called by the library on the camera's thread, once a frame.
+/// Called by the library on the camera's thread for each frame.
 unsafe extern "C" fn draw(buffer: *mut sys::ArvBuffer, data: *mut c_void, _exposure: u32, _gain: u32, format: u32) {
     let aravis = library().unwrap();
-    // SAFETY: `plug_in` handed this in and frees it only after this thread has ended; the library's buffer is as large
-    // as the frame it describes, and nobody reads it meanwhile.
+    // SAFETY: `plug_in` passed this in and frees it only after this thread has ended. The library's buffer is as large
+    // as the frame that it describes, and nobody reads it meanwhile.
     unsafe {
         let shared = &*data.cast::<Shared>();
         let width = aravis.arv_buffer_get_image_width(buffer) as usize;

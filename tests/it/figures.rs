@@ -1,11 +1,11 @@
-//! The figures that `ricochet demo` draws beside its recording.
+//! The figures that `ricochet demo` draws next to its recording.
 
 use std::path::Path;
 
-/// Largest file, bytes: three pictures and some curves.
+/// The largest file, bytes: three images and some curves.
 const BYTES_MAX: u64 = 400_000;
 
-/// Every tag is closed by its own, in order.
+/// Whether every tag is closed by its own, in order.
 fn is_well_formed(svg: &str) -> bool {
     let mut open: Vec<&str> = Vec::new();
     for tag in svg.split('<').skip(1) {
@@ -31,16 +31,16 @@ fn is_well_formed(svg: &str) -> bool {
     open.is_empty()
 }
 
-/// Points of all lines of a class.
+/// The number of points of all lines of a class.
 fn points(svg: &str, class: &str) -> usize {
     let start = format!("<path class=\"line {class}\" d=\"");
     let lines = svg.split(start.as_str()).skip(1).map(|rest| rest.split_once('"').unwrap().0);
     lines.map(|line| line.matches(['M', 'L']).count()).sum()
 }
 
-/// The files that lie in `folder`, one for each of `expected`: the end of the name, the axes' words, and how many
-/// curves have a point for nearly each of `frames` frames, beside as many of the truth; 0 for three pictures. Where the
-/// paper's settings are shown, the truth is drawn once more with them.
+/// Checks the figures in `folder`, one for each of `expected`: the end of the file name, the words at the axes, and the
+/// number of curves with a point for nearly each of `frames` frames, next to as many of the truth; 0 for three images.
+/// A figure with the paper's settings shows the truth a second time with them.
 pub fn check(folder: &Path, frames: usize, expected: &[(&str, &[&str], usize)]) {
     let mut files: Vec<_> = std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path()).collect();
     files.retain(|file| file.extension().is_some_and(|end| end == "svg"));
@@ -51,7 +51,7 @@ pub fn check(folder: &Path, frames: usize, expected: &[(&str, &[&str], usize)]) 
         let svg = std::fs::read_to_string(file).unwrap();
         assert!(std::fs::metadata(file).unwrap().len() < BYTES_MAX, "{name}: {} bytes", svg.len());
         assert!(svg.starts_with("<svg xmlns=\"http://www.w3.org/2000/svg\"") && is_well_formed(&svg), "{name}");
-        // A picture may have these letters by chance.
+        // The base64 text of an image may contain these letters.
         assert!(*curves == 0 || !(svg.contains("NaN") || svg.contains("inf")), "{name}");
         for word in *words {
             assert!(svg.contains(word), "{name}: no {word:?}");

@@ -1,4 +1,4 @@
-//! A rig on a network camera when something goes wrong around it.
+//! Faults around a rig with a network camera.
 
 use crate::fake_gige::{ADDRESS, FakeGige, Wiring};
 use crate::genicam::{draw, settings};
@@ -19,21 +19,21 @@ fn rig_file(rig: &Rig) -> std::path::PathBuf {
 }
 
 #[test]
-fn a_camera_that_another_program_controls_is_told_in_one_line() {
+fn a_camera_that_another_program_controls_is_refused_in_one_line() {
     let Some(_gige) = FakeGige::plug_in(Wiring::Software, u64::MAX, draw) else { return };
     let _holder = GenicamCamera::open(&settings(50.0)).unwrap();
     let rig = Rig::new();
     let config = rig_file(&rig);
     for command in ["run", "acquire", "check"] {
         let output = run([command.as_ref(), config.as_os_str()]);
-        let told = String::from_utf8(output.stderr).unwrap();
-        assert_eq!((output.status.code(), told.lines().count()), (Some(3), 1), "{command}: {told}");
-        assert!(told.contains(ADDRESS) && told.contains("control"), "{told}");
+        let stderr = String::from_utf8(output.stderr).unwrap();
+        assert_eq!((output.status.code(), stderr.lines().count()), (Some(3), 1), "{command}: {stderr}");
+        assert!(stderr.contains(ADDRESS) && stderr.contains("control"), "{stderr}");
     }
 }
 
 #[test]
-fn a_killed_camera_process_takes_the_camera_over_again_and_counts_on() {
+fn a_restarted_camera_process_takes_over_the_camera_and_continues_the_count() {
     let Some(gige) = FakeGige::plug_in(Wiring::Software, u64::MAX, draw) else { return };
     let rig = Rig::new();
     let config = rig_file(&rig);
@@ -46,15 +46,15 @@ fn a_killed_camera_process_takes_the_camera_over_again_and_counts_on() {
             is_there.then_some(status)
         })
     };
-    let before = filmed("it films", 0, 30);
+    let before = filmed("frames arrive", 0, 30);
     kill(u32::try_from(number(&before, "acquire", "pid")).unwrap(), 9);
     let at = number(&before, "record", "sequence");
-    let after = filmed("it films again", 1, at + 40);
+    let after = filmed("frames arrive again", 1, at + 40);
     assert_eq!(number(&after, "record", "pid"), number(&before, "record", "pid"), "nothing else was started again");
     assert_eq!(number(&after, "run", "restarts"), 1);
     service.signal(2);
-    let (code, printed, told) = service.end();
-    assert_eq!(code, Some(6), "{told}");
+    let (code, printed, stderr) = service.end();
+    assert_eq!(code, Some(6), "{stderr}");
     assert_eq!(printed.lines().count(), 1, "{printed}");
     let film = frames(std::path::Path::new(printed.trim()));
     let jumps: Vec<_> = film.windows(2).filter(|pair| pair[1].0.epoch != pair[0].0.epoch).collect();
@@ -63,9 +63,9 @@ fn a_killed_camera_process_takes_the_camera_over_again_and_counts_on() {
     let away_s = (next.stamp_ns - last.stamp_ns) as f64 * 1e-9;
     let missed = next.sequence - last.sequence;
     println!("away for {away_s:.2} s, {missed} numbers further");
-    // The camera lets go of a process that is dead after 3 s; from then on it takes no longer than that again.
+    // The camera releases a dead program after 3 s, and starting again takes no longer than that.
     assert!(away_s < 6.5, "{away_s} s");
-    // The numbers count the frames that were due, and begin a block.
+    // The numbers count the frames that were due, and start a block.
     let due = away_s * 50.0;
     assert!(missed as f64 >= due - 2.0 && missed as f64 <= due + 18.0, "{missed} of {due}");
     assert_eq!((last.epoch, next.epoch, next.sequence % 16), (0, 1, 0));

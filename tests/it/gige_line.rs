@@ -1,5 +1,5 @@
-//! A real GigE Vision stream through the whole line: camera in this process, UDP on loopback, every other part a
-//! process of its own.
+//! A real GigE Vision stream through the whole pipeline: camera in this process, UDP on loopback, every other part in
+//! its own process.
 
 use crate::fake_gige::{ADDRESS, FakeGige, Wiring};
 use crate::support::{Background, Rig, csv, frames, process, ricochet, status, succeed, wait_until};
@@ -8,7 +8,7 @@ use std::sync::Arc;
 
 const FRAMES: u64 = 100;
 
-/// The lacrosse drop as a camera with 512x512 px sees it.
+/// The lacrosse drop in frames of 512x512 px.
 fn film() -> Vec<Vec<u8>> {
     let mut scenario = Scenario::built_in("lacrosse").unwrap();
     scenario.camera.width_px = 512;
@@ -23,7 +23,7 @@ fn film() -> Vec<Vec<u8>> {
 }
 
 #[test]
-fn a_drop_filmed_over_the_network_is_recorded_bit_exact_and_analysed_to_the_same_bytes() {
+fn a_drop_received_over_the_network_is_recorded_exactly_and_analysed_to_the_same_bytes() {
     let film = Arc::new(film());
     let shown = Arc::clone(&film);
     let draw = move |index: u64, pixels: &mut [u8]| pixels.copy_from_slice(&shown[(index % FRAMES) as usize]);
@@ -37,7 +37,7 @@ fn a_drop_filmed_over_the_network_is_recorded_bit_exact_and_analysed_to_the_same
     let name = rig.name.as_str();
     let listener = Background::start(ricochet(["listen", "velocity", "--rig", name, "--json", "--wait", "60"]));
     let service = Background::start(ricochet(["run".as_ref(), config.as_os_str()]));
-    let told = wait_until("all frames arrived", || {
+    let status = wait_until("all frames arrived", || {
         let status = status(name)?;
         let acquire = process(&status, "acquire", 0)?.clone();
         let arrived = acquire["taken"].as_u64()? + acquire["lost"].as_u64()? + acquire["dropped"].as_u64()?;
@@ -49,7 +49,7 @@ fn a_drop_filmed_over_the_network_is_recorded_bit_exact_and_analysed_to_the_same
 
     let recording = &rig.recordings()[0];
     let recorded = frames(recording);
-    let lost = told["lost"].as_u64().unwrap() + told["dropped"].as_u64().unwrap();
+    let lost = status["lost"].as_u64().unwrap() + status["dropped"].as_u64().unwrap();
     println!("{} of {FRAMES} frames arrived, {lost} counted as lost", recorded.len());
     assert_eq!(recorded.len() as u64 + lost, FRAMES, "every loss is counted");
     assert_eq!(code, Some(if lost == 0 { 0 } else { 6 }), "{complaints}");
@@ -81,7 +81,7 @@ fn a_drop_filmed_over_the_network_is_recorded_bit_exact_and_analysed_to_the_same
     assert!(valid as u64 + lost >= FRAMES - 2, "{valid} velocities");
 }
 
-/// Frames that the network lost are missing in the film, and the exit code says so.
+/// Runs a command that must succeed, with the exit code for lost data if the network lost frames.
 fn succeed_or_lossy(arguments: &[&std::ffi::OsStr], lost: u64) {
     if lost == 0 {
         succeed(arguments);
@@ -91,7 +91,7 @@ fn succeed_or_lossy(arguments: &[&std::ffi::OsStr], lost: u64) {
 }
 
 #[test]
-fn the_exposure_the_camera_was_left_with_is_measured_with_and_kept() {
+fn the_present_exposure_of_the_camera_is_used_and_recorded() {
     let world = {
         let mut scenario = Scenario::built_in("lacrosse").unwrap();
         (scenario.camera.width_px, scenario.camera.height_px) = (256, 192);
@@ -119,7 +119,7 @@ fn the_exposure_the_camera_was_left_with_is_measured_with_and_kept() {
         csv(&results, "impact")
     };
     let live = csv(recording, "impact");
-    assert_eq!(impacts(None, "again.mcap"), live, "analysis uses the exposure that the recording tells");
+    assert_eq!(impacts(None, "again.mcap"), live, "analysis uses the exposure of the recording");
     let start_s = |table: &str| table.lines().nth(1).and_then(|row| row.split(',').nth(1)?.parse::<f64>().ok());
     let short = rig.file(
         "short.toml",

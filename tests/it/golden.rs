@@ -1,7 +1,7 @@
-//! Texts that people read, kept word for word.
+//! Texts for users, compared word by word.
 //!
-//! After a change that is meant, `RICOCHET_WRITE_GOLDEN=1 cargo test --release golden` writes the files of
-//! `tests/golden/` anew; what changed is then seen in the difference. They hold no versions, paths or times.
+//! After an intended change, `RICOCHET_WRITE_GOLDEN=1 cargo test --release golden` rewrites the files of
+//! `tests/golden/`. The diff then shows what changed. The texts hold no versions, paths or times.
 
 use crate::support::{ricochet, succeed};
 use std::path::{Path, PathBuf};
@@ -44,7 +44,7 @@ fn golden_info_of_the_recorded_shot() {
     let output = ricochet(["info", "lacrosse.mcap"]).current_dir(recordings).output().unwrap();
     assert!(output.status.success());
     let text = String::from_utf8(output.stdout).unwrap();
-    // The versions of this program and of its library go with the file, not with this text.
+    // The versions of this program and of its library belong to the file and not to this text.
     let lines = text.lines().map(|line| match line.split_once(" = ") {
         Some((name, _)) if name.ends_with(": version") => format!("{name} = (version)\n"),
         _ if line.starts_with("written by") => "written by    (library)\n".to_owned(),

@@ -165,7 +165,8 @@ fn assert_study(experiment: &Experiment, limits: &Limits) {
     within(4, limits.vn);
     within(5, limits.vn);
     assert!(errors[1].worst() <= 0.05_f64.max(4.0 * limits.deepest), "{name}: deepest {}", errors[1].worst());
-    // Of a ball that spins, restitution and speeds are less sure than these circles without a common error are.
+    // The circles drawn here have no common error. Those of a film may have one, which the uncertainty of a spinning
+    // ball includes.
     for k in [3, 4, 5, 6, 10] {
         let (one, two) = (errors[k].covered(1.0), errors[k].covered(2.0));
         let pull = errors[k].pulls();

@@ -5,7 +5,7 @@
     clippy::disallowed_methods,
     clippy::float_cmp,
     clippy::print_stdout,
-    reason = "a test fails by panicking, compares floats to the bit, says what it measured or left out, and waits by the clock"
+    reason = "a test fails by panicking, compares floats to the bit, prints what it measured or left out, and waits by the clock"
 )]
 
 mod accuracy;

@@ -1,4 +1,4 @@
-//! What a rig tells of a film, without a rig.
+//! Measures simulated films with a rig file, without processes.
 
 use ricochet::config::Config;
 use ricochet::image::Frame;
@@ -7,7 +7,7 @@ use ricochet::motion::Rectifier;
 use ricochet::synth::World;
 use ricochet::track::{Tracker, TrackerRows};
 
-/// Everything that is measured of a world's frames with a rig file.
+/// Measures the frames of a world.
 pub fn rows_of(world: &World, rig: &str) -> TrackerRows {
     let picture = |index| {
         let mut bytes = vec![0; world.frame_bytes()];
@@ -17,7 +17,7 @@ pub fn rows_of(world: &World, rig: &str) -> TrackerRows {
     rows_of_pictures((0..world.frames()).map(picture), world, rig)
 }
 
-/// The same of other pictures, taken as the world's camera would.
+/// Measures other images with the format and times of a world's camera.
 pub fn rows_of_pictures(pictures: impl Iterator<Item = Vec<u8>>, world: &World, rig: &str) -> TrackerRows {
     let config = Config::parse(rig, "film.toml").unwrap();
     let format = ricochet::camera::simulated::stream_format(world);
@@ -48,14 +48,14 @@ pub fn level_rig(mm_per_px: f64) -> String {
     rig + "[[body]]\nname = \"ball\"\nkind = \"ball\"\nmin_radius_px = 50\nmax_radius_px = 70\n"
 }
 
-/// Weights of four samples around a place between the middle two (Keys' cubic).
+/// The weights of four samples around a position between the middle two (Keys' cubic).
 fn weights(t: f64) -> [f64; 4] {
     let near = |d: f64| (1.5 * d - 2.5) * d * d + 1.0;
     let far = |d: f64| ((-0.5 * d + 2.5) * d - 4.0) * d + 2.0;
     [far(1.0 + t), near(t), near(1.0 - t), far(2.0 - t)]
 }
 
-/// The picture that shows at every pixel what another shows at its rectified place.
+/// The image that shows at every pixel what another shows at its rectified position.
 pub fn through(rectifier: &Rectifier, picture: &[u8], [width, height]: [usize; 2]) -> Vec<u8> {
     let level = |x: i64, y: i64| f64::from(picture[y as usize * width + x as usize]);
     let at = |k: usize| {

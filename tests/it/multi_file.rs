@@ -19,14 +19,14 @@ fn write(path: &Path, film: &Film, range: std::ops::Range<usize>, config_toml: &
 }
 
 #[test]
-fn the_parts_of_a_stream_are_measured_as_one_and_others_are_refused() {
+fn files_of_one_stream_are_measured_as_one_and_others_are_refused() {
     let rig = Rig::new();
     let scenario = rig.file("drift.toml", &drift(90, 1000.0));
     let source = rig.path("film.mcap");
     succeed(["simulate".as_ref(), scenario.as_os_str(), "-o".as_ref(), source.as_os_str()]);
     let (film, like) = (frames(&source), Recording::open(&source).unwrap());
     let config = like.config_toml().unwrap();
-    // Neither ends where a block does.
+    // No file ends at the end of a block.
     let parts: Vec<PathBuf> = ["c", "a", "b"].iter().map(|name| rig.path(&format!("{name}.mcap"))).collect();
     for (path, range) in parts.iter().zip([0..37, 37..41, 41..90]) {
         write(path, &film, range, config, &like);
@@ -38,20 +38,20 @@ fn the_parts_of_a_stream_are_measured_as_one_and_others_are_refused() {
         run(words)
     };
     assert!(analyze(&[&source], "whole.mcap").status.success());
-    // In any order given: their times tell it.
+    // The order of the arguments does not matter, because the stamps give the order.
     assert!(analyze(&[&parts[1], &parts[2], &parts[0]], "parts.mcap").status.success());
     for topic in ["velocity", "field", "track"] {
         assert_eq!(csv(&rig.path("parts.mcap"), topic), csv(&rig.path("whole.mcap"), topic), "{topic}");
     }
     let gap = analyze(&[&parts[0], &parts[2]], "gap.mcap");
-    assert_eq!(gap.status.code(), Some(6), "the four frames between are missing, and told");
+    assert_eq!(gap.status.code(), Some(6), "the four missing frames are reported");
     assert!(String::from_utf8_lossy(&gap.stderr).contains('4'), "{}", String::from_utf8_lossy(&gap.stderr));
 
     let refused = |inputs: &[&PathBuf], reason: &str| {
         let output = analyze(inputs, "none.mcap");
-        let told = String::from_utf8(output.stderr).unwrap();
-        assert_eq!((output.status.code(), told.lines().count()), (Some(2), 1), "{told}");
-        assert!(told.contains(reason), "{told}");
+        let stderr = String::from_utf8(output.stderr).unwrap();
+        assert_eq!((output.status.code(), stderr.lines().count()), (Some(2), 1), "{stderr}");
+        assert!(stderr.contains(reason), "{stderr}");
     };
     refused(&[&source, &parts[0]], "do not come after the last");
     let other = rig.path("other.mcap");

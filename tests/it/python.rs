@@ -1,4 +1,4 @@
-//! Recordings and the Python library `mcap`, from the camera to the table and back.
+//! Recordings and the Python library `mcap`, in both directions.
 
 use crate::support::{Rig, csv, frames, python, succeed};
 use ricochet::recording::Recording;
@@ -8,7 +8,7 @@ use std::path::Path;
 const RIG_FILE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/config/lacrosse.toml");
 
 #[test]
-fn what_a_rig_recorded_is_to_python_what_it_is_to_us() {
+fn python_reads_the_same_values_from_a_recording() {
     let rig = Rig::new();
     let scenario = rig.file("drift.toml", &crate::pipeline::drift(60, 1000.0));
     let camera = format!("source = \"simulated\"\nscenario = \"{}\"\npaced = false", scenario.display());
@@ -16,10 +16,10 @@ fn what_a_rig_recorded_is_to_python_what_it_is_to_us() {
     let printed = succeed(["run".as_ref(), config.as_os_str()]);
     let path = Path::new(printed.trim());
     let Some(text) = python(include_str!("python/read_results.py"), &[path]) else { return };
-    let told: Value = serde_json::from_str(&text).unwrap();
+    let content: Value = serde_json::from_str(&text).unwrap();
 
-    assert_eq!(told["config"], serde_json::json!([std::fs::read_to_string(&config).unwrap()]));
-    let images = told["images"].as_array().unwrap();
+    assert_eq!(content["config"], serde_json::json!([std::fs::read_to_string(&config).unwrap()]));
+    let images = content["images"].as_array().unwrap();
     let ours = frames(path);
     assert_eq!((images.len(), ours.len()), (60, 60));
     for (image, (meta, pixels)) in images.iter().zip(&ours) {
@@ -27,11 +27,11 @@ fn what_a_rig_recorded_is_to_python_what_it_is_to_us() {
         let wanted = serde_json::json!([meta.stamp_ns, meta.width_px, meta.height_px, meta.stride_bytes, crc]);
         assert_eq!(*image, wanted, "frame {}", meta.sequence);
     }
-    let measured = rows_are_those_of_the_table(&told["rows"], &csv(path, "velocity"));
+    let measured = rows_are_those_of_the_table(&content["rows"], &csv(path, "velocity"));
     assert!(measured > 50, "only {measured} rows have a velocity");
 }
 
-/// Compares every number bit for bit; gives how many rows have a velocity.
+/// Compares every number bit by bit and returns the number of rows with a velocity.
 fn rows_are_those_of_the_table(rows: &Value, table: &str) -> usize {
     let mut reader = csv::Reader::from_reader(table.as_bytes());
     let header = reader.headers().unwrap().clone();
@@ -52,7 +52,7 @@ fn rows_are_those_of_the_table(rows: &Value, table: &str) -> usize {
 }
 
 #[test]
-fn images_alone_from_python_are_measured_like_the_film_they_came_from() {
+fn images_written_by_python_give_the_same_results() {
     let rig = Rig::new();
     let film = rig.path("film.mcap");
     succeed(["simulate".as_ref(), "lacrosse".as_ref(), "-o".as_ref(), film.as_os_str()]);

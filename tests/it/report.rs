@@ -1,4 +1,4 @@
-//! The page that tells a shot, and the one that tells how well several repeat.
+//! The page of a shot, and the page on the repeatability of several.
 
 use crate::browser;
 use crate::recording::samples;
@@ -11,10 +11,10 @@ use std::path::{Path, PathBuf};
 
 const SIZE_MAX: usize = 3 << 20;
 
-/// Sequence number of a synthetic recording's first frame, which its tables call 0.
+/// The sequence number of the first frame of a synthetic recording, which is 0 in its tables.
 const FIRST: u64 = 5000;
 
-/// Every address the page names; those of pictures inside it are no requests.
+/// The addresses that the page requests. Images inside the page are no requests.
 fn requests(page: &str) -> Vec<&str> {
     let mut found: Vec<&str> = Vec::new();
     for key in ["src=\"", "href=\"", "url(", "@import", "srcset=", "http://", "https://", "<script", "<link", "<iframe"]
@@ -25,7 +25,7 @@ fn requests(page: &str) -> Vec<&str> {
     found
 }
 
-/// A measured shot of the simulated ball.
+/// Measures a shot of the simulated ball.
 fn measured(rig: &Rig) -> PathBuf {
     let (film, measured) = (rig.path("film.mcap"), rig.path("measured.mcap"));
     let config = Path::new(env!("CARGO_MANIFEST_DIR")).join("config/lacrosse.toml");
@@ -36,7 +36,7 @@ fn measured(rig: &Rig) -> PathBuf {
 }
 
 #[test]
-fn the_page_of_a_shot_holds_its_numbers_and_asks_for_nothing() {
+fn the_page_of_a_shot_holds_its_numbers_and_requests_nothing() {
     let rig = Rig::new();
     let (shot, page) = (measured(&rig), rig.path("page.html"));
     let printed = succeed(["report".as_ref(), shot.as_os_str(), "-o".as_ref(), page.as_os_str()]);
@@ -70,7 +70,7 @@ fn the_page_of_a_shot_holds_its_numbers_and_asks_for_nothing() {
 }
 
 #[test]
-fn results_alone_show_the_frames_of_their_film_and_of_no_other() {
+fn exported_results_show_the_frames_of_their_own_film_only() {
     let rig = Rig::new();
     let (shot, page) = (measured(&rig), rig.path("page.html"));
     let film = rig.path("film.mcap");
@@ -96,16 +96,16 @@ fn results_alone_show_the_frames_of_their_film_and_of_no_other() {
     }
     writer.finish().unwrap();
     let output = report(&before);
-    let told = String::from_utf8(output.stderr).unwrap();
-    assert_eq!(output.status.code(), Some(5), "{told}");
-    assert!(told.contains("this is another film") && told.contains("before.mcap"), "{told}");
+    let stderr = String::from_utf8(output.stderr).unwrap();
+    assert_eq!(output.status.code(), Some(5), "{stderr}");
+    assert!(stderr.contains("this is another film") && stderr.contains("before.mcap"), "{stderr}");
     assert!(!page.exists());
     let arguments = ["report".as_ref(), shot.as_os_str(), other.as_os_str(), "--film".as_ref(), film.as_os_str()];
     assert_eq!(run(arguments).status.code(), Some(2));
 }
 
 #[test]
-fn a_page_that_asks_for_something_or_fails_would_be_seen() {
+fn a_page_with_requests_or_errors_is_noticed() {
     let rig = Rig::new();
     let text = "<img src=\"http://example.invalid/x.png\"><script>console.error(\"oops\")</script>";
     let page = rig.file("bad.html", &format!("<html><body>{text}</body></html>"));
@@ -115,7 +115,7 @@ fn a_page_that_asks_for_something_or_fails_would_be_seen() {
     assert_eq!(shown.boxes.len(), 1);
 }
 
-/// A recording of `frames` frames of 128 x 96 px with one collision of this restitution.
+/// Writes a recording of `frames` frames of 128 x 96 px with one collision of this restitution.
 fn synthetic(path: &Path, frames: u64, restitution: f64, skip: Option<u64>) {
     let info = RecordingInfo { config_toml: "[rig]\nname = \"<test>\"\n".into(), ..samples::info() };
     let mut writer = RecordingWriter::create(path, &info, &WriterOptions::default()).unwrap();
@@ -155,24 +155,24 @@ fn page_of(paths: &[PathBuf]) -> String {
 }
 
 #[test]
-fn a_thousand_noisy_frames_make_a_page_under_3_mb_that_tells_its_losses() {
+fn a_thousand_noisy_frames_make_a_page_under_3_mb_that_reports_the_losses() {
     let rig = Rig::new();
     let path = rig.path("long.mcap");
     synthetic(&path, 1000, 0.8, Some(500));
     let html = page_of(&[path]);
     assert!(html.len() < SIZE_MAX, "{} bytes", html.len());
-    assert!(html.contains("1 frame was lost."), "the loss is told at the top");
+    assert!(html.contains("1 frame was lost."), "the loss is reported at the top");
     assert!(html.contains("<td>occluded</td><td>20</td>") && html.contains("<td>valid</td><td>979</td>"));
     assert_eq!(html.matches("data:image/png").count(), 3, "start, deepest, end");
     assert!(html.contains("frame 101,") && html.contains("frame 203,") && html.contains("frame 305,"));
     assert!(html.contains("name = &quot;&lt;test&gt;&quot;"), "what is written in a file is text, not markup");
     assert_eq!(requests(&html), [""; 0]);
-    // The lost frame parts every curve in two stretches.
+    // The lost frame splits every curve in two.
     assert_eq!(html.matches("<path class=\"line a\"").count(), 2 * 6);
 }
 
 #[test]
-fn a_recording_without_frames_says_so() {
+fn the_page_of_a_recording_without_frames_reports_that() {
     let rig = Rig::new();
     let path = rig.path("results.mcap");
     let mut writer = RecordingWriter::create(&path, &samples::info(), &WriterOptions::default()).unwrap();
@@ -195,7 +195,7 @@ fn several_recordings_give_mean_spread_and_the_outlier_by_its_number() {
     let arguments = ["report".as_ref(), "-o".as_ref(), page.as_os_str()];
     succeed(arguments.into_iter().chain(paths.iter().map(|path| path.as_os_str())));
     let html = std::fs::read_to_string(&page).unwrap();
-    // Without the sixth: mean 0.8, sd sqrt(1e-5 / 4) = 0.00158.
+    // Without the sixth: mean 0.8, standard deviation sqrt(1e-5 / 4) = 0.00158.
     let row = "<td>0.8000</td><td>0.0016</td><td></td><td>0.0010</td><td>5 of 6</td>";
     assert!(html.contains(row), "{}", &html[html.find("restitution").unwrap()..][..300]);
     assert!(html.contains("text-anchor=\"end\">6</text>"), "the outlier is shot 6");
@@ -204,7 +204,7 @@ fn several_recordings_give_mean_spread_and_the_outlier_by_its_number() {
 }
 
 #[test]
-fn a_page_never_takes_the_place_of_a_recording() {
+fn a_page_never_overwrites_a_recording() {
     let rig = Rig::new();
     let path = rig.path("shot.mcap");
     synthetic(&path, 2, 0.8, None);

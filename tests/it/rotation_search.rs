@@ -1,4 +1,4 @@
-//! `ricochet field --start any-angle`: bodies that turned far and moved half the picture.
+//! `ricochet field --start any-angle`: bodies with large rotations and displacements.
 
 use crate::support::{Rig, run};
 use ricochet::command::Outcome;
@@ -11,12 +11,12 @@ use ricochet::synth::{MotionSetup, Scenario, World};
 use std::path::{Path, PathBuf};
 
 const SIZE_PX: (u32, u32) = (320, 240);
-/// Centre of the ball before, and the square in it that is measured.
+/// The centre of the ball in the reference, and the square that is measured.
 const CENTER_PX: [f64; 2] = [84.4, 104.7];
 const RADIUS_PX: f64 = 60.0;
 const ROI_PX: [u32; 4] = [43, 63, 83, 83];
 
-/// A ball that moves and turns by this much from frame to frame, drawn without interpolation.
+/// Draws a ball that moves and rotates by this much from frame to frame, without interpolation.
 pub fn write_frames(rig: &Rig, shift_px: [f64; 2], angle_deg: f64, frames: u64) -> Vec<PathBuf> {
     let mut scenario = Scenario::translation(0.0, 0.0, 0.0);
     (scenario.camera.width_px, scenario.camera.height_px, scenario.camera.frames) = (SIZE_PX.0, SIZE_PX.1, frames);
@@ -38,7 +38,7 @@ pub fn write_frames(rig: &Rig, shift_px: [f64; 2], angle_deg: f64, frames: u64) 
     (0..frames).map(&mut save).collect()
 }
 
-/// Before and after a turn.
+/// The images before and after a rotation.
 fn write_pair(rig: &Rig, shift_px: [f64; 2], angle_deg: f64) -> (PathBuf, PathBuf) {
     let frames = write_frames(rig, shift_px, angle_deg, 2);
     (frames[0].clone(), frames[1].clone())
@@ -82,14 +82,14 @@ pub fn rows(path: &Path) -> Vec<FieldPoint> {
     reader.records().map(|record| row(record.unwrap())).collect()
 }
 
-/// Where a point of the ball goes.
+/// The position of a point of the ball after the motion.
 fn moved((x, y): (f64, f64), shift_px: [f64; 2], angle_deg: f64) -> (f64, f64) {
     let (sin, cos) = angle_deg.to_radians().sin_cos();
     let (dx, dy) = (x - CENTER_PX[0], y - CENTER_PX[1]);
     (CENTER_PX[0] + shift_px[0] + cos * dx + sin * dy, CENTER_PX[1] + shift_px[1] - sin * dx + cos * dy)
 }
 
-/// Largest distance of a displacement from the truth, px.
+/// The largest distance of a displacement from the truth, px.
 pub fn farthest(field: &[FieldPoint], shift_px: [f64; 2], angle_deg: f64) -> f64 {
     let error = |point: &FieldPoint| {
         let found = point.displacement?;
@@ -101,7 +101,7 @@ pub fn farthest(field: &[FieldPoint], shift_px: [f64; 2], angle_deg: f64) -> f64
 }
 
 #[test]
-fn every_window_of_a_body_that_turned_and_crossed_the_picture_is_found() {
+fn every_window_of_a_body_with_a_large_motion_is_found() {
     let rig = Rig::new();
     let output = rig.path("field.csv");
     let cases = [
@@ -127,17 +127,17 @@ fn every_window_of_a_body_that_turned_and_crossed_the_picture_is_found() {
         let fitted = rigid_fit(&mut field, CENTER_PX[0], CENTER_PX[1], 25).unwrap();
         let error_deg = fitted.angle_deg - angle_deg;
         println!(
-            "{shift_px:?} px, {angle_deg} deg, {shape:?}: {} windows, angle off by {error_deg:.4} deg, shift by {:.4} {:.4} px, \
+            "{shift_px:?} px, {angle_deg} deg, {shape:?}: {} windows, angle error {error_deg:.4} deg, displacement {:.4} {:.4} px, \
              farthest window {farthest:.3} px",
             fitted.points,
             fitted.u_px - shift_px[0],
             fitted.v_px - shift_px[1]
         );
-        assert!(error_deg.abs() < 0.01, "{angle_deg} deg: off by {error_deg} deg");
+        assert!(error_deg.abs() < 0.01, "{angle_deg} deg: error {error_deg} deg");
         assert!((fitted.u_px - shift_px[0]).hypot(fitted.v_px - shift_px[1]) < 0.01, "{fitted:?}");
-        // Quadratic windows of 25 px scatter most.
+        // Second-order windows of 25 px scatter most.
         assert!(farthest < 0.04, "{angle_deg} deg, {shape:?}: {farthest} px");
-        // Without it they are not found at these angles, but by chance.
+        // Without the rotation search they are found at these angles by chance only.
         measure(&FieldOptions { begin: Begin::Neighbor, ..options }).unwrap();
         let valid = rows(&output).iter().filter(|point| point.status == PointStatus::Valid).count();
         assert!(valid * 10 < field.len(), "{angle_deg} deg needs its start: {valid}");
@@ -145,7 +145,7 @@ fn every_window_of_a_body_that_turned_and_crossed_the_picture_is_found() {
 }
 
 #[test]
-fn windows_that_left_the_picture_are_told_and_all_others_are_found() {
+fn windows_that_left_the_image_are_reported_and_all_others_are_found() {
     let rig = Rig::new();
     let output = rig.path("field.csv");
     let (shift_px, angle_deg) = ([205.4, -11.3], 90.0);
@@ -161,7 +161,7 @@ fn windows_that_left_the_picture_are_told_and_all_others_are_found() {
         let right =
             [(-12.0, -12.0), (12.0, -12.0), (-12.0, 12.0), (12.0, 12.0)].map(corner).into_iter().fold(0.0, f64::max);
         let edge_px = f64::from(SIZE_PX.0) - 1.0;
-        // Within a hundredth of a pixel of the edge either is right.
+        // Within 0.01 px of the edge either is right.
         if right < edge_px - 0.01 {
             stayed += 1;
             assert_eq!(point.status, PointStatus::Valid, "{point:?}");
@@ -170,13 +170,13 @@ fn windows_that_left_the_picture_are_told_and_all_others_are_found() {
             assert_eq!(point.displacement, None, "{point:?}");
         }
     }
-    println!("{stayed} windows stayed, {left} left the picture");
+    println!("{stayed} windows stayed, {left} left the image");
     assert!(stayed >= 20 && left >= 7, "{stayed} stayed, {left} left");
     assert!(farthest(&field, shift_px, angle_deg) < 0.04);
 }
 
 #[test]
-fn without_a_region_the_middle_of_the_picture_is_looked_for() {
+fn without_a_region_the_middle_of_the_image_is_searched_for() {
     let rig = Rig::new();
     let output = rig.path("field.csv");
     for angle_deg in [30.0, -90.0] {
@@ -195,7 +195,7 @@ fn without_a_region_the_middle_of_the_picture_is_looked_for() {
 }
 
 #[test]
-fn a_start_that_cannot_be_is_one_line() {
+fn an_impossible_start_is_refused_in_one_line() {
     let rig = Rig::new();
     let (reference, target) = write_pair(&rig, [0.0, 0.0], 30.0);
     let blank = rig.path("blank.png");
@@ -204,9 +204,9 @@ fn a_start_that_cannot_be_is_one_line() {
     let refused = |target: &Path, rest: &[&str], wanted: &str| {
         let start = ["field", reference.to_str().unwrap(), target.to_str().unwrap(), "--start", "any-angle"];
         let output = run(start.iter().chain(rest));
-        let told = String::from_utf8(output.stderr).unwrap();
-        assert_eq!(output.status.code(), Some(2), "{told}");
-        assert!(told.lines().count() == 1 && told.contains(wanted), "{told}");
+        let stderr = String::from_utf8(output.stderr).unwrap();
+        assert_eq!(output.status.code(), Some(2), "{stderr}");
+        assert!(stderr.lines().count() == 1 && stderr.contains(wanted), "{stderr}");
         assert!(output.stdout.is_empty());
     };
     refused(&blank, &["--roi", "43,63,83,83"], "blank.png: low-correlation");

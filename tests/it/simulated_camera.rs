@@ -1,4 +1,4 @@
-//! The simulated camera behind the camera trait.
+//! The simulated camera through the camera trait.
 #![expect(unsafe_code, reason = "slots are lent memory")]
 #![expect(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
 
@@ -11,7 +11,7 @@ use std::time::{Duration, Instant};
 
 const LONG: Duration = Duration::from_secs(60);
 
-/// Memory for slots; it outlives them in every test.
+/// Memory for slots, which outlives them in every test.
 struct Memory(Vec<Vec<u8>>);
 
 impl Memory {
@@ -21,7 +21,7 @@ impl Memory {
 
     fn slot(&mut self, token: usize) -> Slot {
         let piece = &mut self.0[token];
-        // SAFETY: the vector outlives the slot and nobody reads it before the slot came back.
+        // SAFETY: the vector outlives the slot, and nobody reads it before the slot is returned.
         unsafe { Slot::new(NonNull::new(piece.as_mut_ptr()).unwrap(), piece.len(), token) }
     }
 }
@@ -40,7 +40,7 @@ fn frame(next: Next) -> (Slot, FrameMeta) {
 }
 
 #[test]
-fn on_demand_every_frame_comes_in_order_as_the_world_draws_it() {
+fn on_demand_every_frame_comes_in_order_as_rendered() {
     let scenario = small(10_000.0, 8);
     let world = World::new(&scenario).unwrap();
     let mut camera = SimulatedCamera::open(scenario, Pace::OnDemand).unwrap();
@@ -86,17 +86,17 @@ fn paced_frames_do_not_come_before_their_time() {
 }
 
 #[test]
-fn a_paced_frame_without_a_slot_is_lost_and_seen_to_be() {
-    let mut camera = SimulatedCamera::open(small(1000.0, 200), Pace::Live).unwrap();
+fn a_paced_frame_without_a_slot_is_a_visible_loss() {
+    let mut camera = SimulatedCamera::open(small(1000.0, 200), true).unwrap();
     let mut memory = Memory::new(1, camera.format().slot_bytes());
     camera.queue(memory.slot(0));
     camera.start().unwrap();
     let (slot, meta) = frame(camera.next(LONG).unwrap());
-    assert_eq!(meta.sequence, 0, "this slot was there in time");
+    assert_eq!(meta.sequence, 0, "this slot was queued in time");
     std::thread::sleep(Duration::from_millis(30));
     camera.queue(slot);
     let (slot, meta) = frame(camera.next(LONG).unwrap());
-    assert!(meta.sequence >= 30, "frame {} came although nobody was there to take it", meta.sequence);
+    assert!(meta.sequence >= 30, "frame {} came although no slot was queued", meta.sequence);
     std::thread::sleep(Duration::from_millis(200));
     camera.queue(slot);
     assert!(matches!(camera.next(LONG), Ok(Next::End)), "the film is over");

@@ -1,4 +1,4 @@
-//! The simulated world, seen from outside.
+//! The simulated world through its public interface.
 #![expect(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
 
 use ricochet::results::{ForceLaw, Phase, PointStatus};
@@ -24,14 +24,14 @@ fn checksum(bytes: &[u8]) -> u64 {
 }
 
 #[test]
-fn the_lacrosse_film_is_the_same_as_ever() {
+fn the_lacrosse_film_has_its_checksum() {
     let world = world(&lacrosse());
     let sums: Vec<u64> = [0, 37, 99].map(|index| checksum(&frame(&world, index))).to_vec();
     assert_eq!(sums, [0x31e5_7fde_4fa3_3f96, 0xb986_21fd_84c3_e1cd, 0xb917_4400_693a_9cf7], "{sums:#x?}");
 }
 
 #[test]
-fn frames_do_not_depend_on_the_order_or_on_the_world_they_are_drawn_in() {
+fn frames_do_not_depend_on_their_order_or_on_the_world_object() {
     let (one, other) = (world(&lacrosse()), world(&lacrosse()));
     let forwards: Vec<Vec<u8>> = (0..5).map(|index| frame(&one, index)).collect();
     std::thread::scope(|scope| {
@@ -52,7 +52,7 @@ fn another_seed_is_another_ball_and_other_noise() {
 }
 
 #[test]
-fn the_lacrosse_ball_stays_in_the_picture_over_a_visible_flat() {
+fn the_lacrosse_ball_stays_in_the_image_above_a_visible_flat() {
     let world = world(&lacrosse());
     for index in 0..world.frames() {
         let truth = world.truth(index);
@@ -91,7 +91,7 @@ fn the_tennis_ball_leaves_with_the_spins_of_the_paper() {
 }
 
 #[test]
-fn the_rod_bounces_as_in_the_paper_with_its_tape_where_the_truth_says() {
+fn the_rod_bounces_as_in_the_paper_with_its_tape_at_the_true_position() {
     let world = world(&Scenario::built_in("rod").unwrap());
     let impact = world.impact().unwrap();
     let value = |estimate: Option<ricochet::results::Estimate>| estimate.unwrap().value;
@@ -108,7 +108,7 @@ fn the_rod_bounces_as_in_the_paper_with_its_tape_where_the_truth_says() {
         assert_eq!((truth.status, truth.radius_px, truth.visible_fraction), (PointStatus::Valid, None, Some(1.0)));
         let picture = world.render_light(index);
         let (rod_dn, tape_dn) = (255.0 * 0.08, 255.0 * 0.7);
-        // The clean tape lies 20 to 40 px above the rod's end, which lies 85 px under the mark.
+        // The clean tape lies 20 to 40 px above the end of the rod, which lies 85 px below the mark.
         let middle_px = truth.center_y_px.unwrap() + 55.0;
         let (mut sum, mut moment) = (0.0, 0.0);
         for row in (middle_px - 15.0) as usize..(middle_px + 16.0) as usize {
@@ -122,7 +122,7 @@ fn the_rod_bounces_as_in_the_paper_with_its_tape_where_the_truth_says() {
 }
 
 #[test]
-fn a_ringing_rod_swings_about_the_rod_that_does_not() {
+fn a_ringing_rod_oscillates_about_a_rigid_one() {
     let (still, ringing) =
         (world(&Scenario::built_in("rod").unwrap()), world(&Scenario::built_in("rod-ringing").unwrap()));
     let speed = |world: &World, index: u64| world.truth(index).velocity.unwrap().vy_m_s;
@@ -136,7 +136,7 @@ fn a_ringing_rod_swings_about_the_rod_that_does_not() {
 }
 
 #[test]
-fn a_rod_does_nothing_that_only_a_ball_can_do() {
+fn a_rod_refuses_the_keys_of_a_ball() {
     let mut spinning = Scenario::built_in("rod").unwrap();
     if let MotionSetup::Impact(impact) = &mut spinning.motion {
         impact.omega_rad_s = 1.0;
@@ -153,7 +153,7 @@ fn a_rod_does_nothing_that_only_a_ball_can_do() {
 }
 
 #[test]
-fn every_pattern_of_the_study_can_be_strewn() {
+fn every_pattern_of_the_study_can_be_drawn() {
     for name in PatternSetup::PAPER {
         let scenario = Scenario::built_in(&format!("pattern-{name}")).unwrap();
         assert_eq!(scenario.body.pattern, PatternSetup::paper(name).unwrap());
@@ -161,7 +161,7 @@ fn every_pattern_of_the_study_can_be_strewn() {
         let dark = frame(&world, 0).iter().filter(|pixel| **pixel > 120).count() as f64;
         let bright_share = dark / (std::f64::consts::PI * 3600.0);
         let expected = 1.0 - scenario.body.pattern.coverage;
-        // Blur rounds small speckles off: the share of bright pixels is near, not equal.
+        // Blur removes part of small speckles, so the share of bright pixels is near the cover and not equal.
         assert!((bright_share - expected).abs() < 0.1, "{name}: {bright_share} bright, expected {expected}");
     }
     assert!(Scenario::built_in("pattern-g-I").is_none() && Scenario::built_in("squash").is_none());
@@ -182,7 +182,7 @@ fn truth_is_consistent_with_its_own_differences() {
         let velocity = here.velocity.unwrap();
         let vx = (after.center_x_px.unwrap() - before.center_x_px.unwrap()) * 0.5 * rate_hz * m_per_px;
         let vy = -(after.center_y_px.unwrap() - before.center_y_px.unwrap()) * 0.5 * rate_hz * m_per_px;
-        // Where contact begins and ends, acceleration jumps by up to 170 m/s^2 within 0.2 ms.
+        // At the beginning and end of contact the acceleration jumps by up to 170 m/s^2 within 0.2 ms.
         assert!((vx - velocity.vx_m_s).abs() < 0.01 && (vy - velocity.vy_m_s).abs() < 0.01, "{index}: {vx} {vy}");
         assert!((velocity.vn_m_s - velocity.vy_m_s).abs() < 1e-12 && (velocity.vt_m_s - velocity.vx_m_s).abs() < 1e-12);
     }
@@ -226,7 +226,7 @@ fn stamps_are_a_pure_function_of_the_frame() {
     assert_eq!([0, 1, 2, 3].map(|index| world.stamp_ns(index) - start), [0, 33_333, 66_667, 100_000]);
 }
 
-/// A ball in even light without noise, and in the middle of the picture.
+/// A ball in even light without noise, in the middle of the image.
 fn plain(vx_px_frame: f64, omega_deg_frame: f64) -> Scenario {
     let mut scenario = Scenario::translation(0.0, 0.0, 0.0);
     (scenario.camera.width_px, scenario.camera.height_px) = (161, 161);
@@ -237,7 +237,7 @@ fn plain(vx_px_frame: f64, omega_deg_frame: f64) -> Scenario {
 }
 
 #[test]
-fn a_positive_spin_turns_the_picture_counter_clockwise() {
+fn a_positive_spin_rotates_the_image_counter_clockwise() {
     let world = world(&plain(0.0, 90.0));
     let (before, after) = (world.render_light(0), world.render_light(1));
     let mut worst = 0f32;
@@ -252,7 +252,7 @@ fn a_positive_spin_turns_the_picture_counter_clockwise() {
 }
 
 #[test]
-fn a_whole_pixel_of_motion_moves_the_picture_by_a_whole_pixel() {
+fn motion_by_a_whole_pixel_shifts_the_image_by_a_whole_pixel() {
     let world = world(&plain(3.0, 0.0));
     let (before, after) = (world.render_light(0), world.render_light(1));
     for y in 0..161 {
@@ -264,13 +264,13 @@ fn a_whole_pixel_of_motion_moves_the_picture_by_a_whole_pixel() {
 }
 
 #[test]
-fn a_long_exposure_shows_the_mean_of_short_ones() {
+fn a_long_exposure_is_the_mean_of_short_ones() {
     let mut long = plain(2.0, 0.0);
     long.camera.exposure_us = 1e6 / long.camera.frame_rate_hz;
     let mut short = plain(2.0 / 64.0, 0.0);
     short.camera.frames = 64;
     let MotionSetup::Constant { start_px, .. } = &mut short.motion else { unreachable!() };
-    // The long picture shows the ball where it is in the middle of the exposure.
+    // The long exposure shows the ball at its position in the middle of the exposure.
     start_px[0] -= 31.5 * 2.0 / 64.0;
     let (long, short) = (world(&long), world(&short));
     let mut mean = vec![0f32; 161 * 161];
@@ -305,7 +305,7 @@ fn deep_cameras_use_their_whole_range() {
 }
 
 #[test]
-fn a_ball_that_leaves_the_picture_says_so_and_is_still_drawn() {
+fn a_ball_that_leaves_the_image_is_flagged_and_still_drawn() {
     let mut scenario = plain(20.0, 0.0);
     scenario.camera.frames = 12;
     let world = world(&scenario);
@@ -324,7 +324,7 @@ fn a_scenario_survives_toml() {
     }
 }
 
-/// The error that comes of one changed line of the lacrosse scenario.
+/// The error for a lacrosse scenario in which one line is replaced.
 fn refused(old: &str, new: &str) -> String {
     let text = toml::to_string(&lacrosse()).unwrap();
     assert!(text.contains(old), "{old:?} is not in\n{text}");
@@ -399,7 +399,7 @@ fn bad_scenarios_get_one_clear_line_each() {
 }
 
 #[test]
-fn an_occluder_needs_a_place() {
+fn an_occluder_needs_a_position() {
     let mut scenario = plain(0.0, 0.0);
     scenario.occluder = lacrosse().occluder;
     let error = World::new(&scenario).unwrap_err().to_string();
@@ -407,7 +407,7 @@ fn an_occluder_needs_a_place() {
 }
 
 #[test]
-fn a_half_hidden_ball_is_half_visible() {
+fn a_half_occluded_ball_is_half_visible() {
     let mut scenario = plain(0.0, 0.0);
     scenario.occluder = lacrosse().occluder;
     if let Some(occluder) = &mut scenario.occluder {
@@ -441,19 +441,19 @@ fn at_least_300_frames_of_512_x_512_are_drawn_in_a_second_on_one_core() {
         times_s.sort_by(f64::total_cmp);
         let [best, median, worst] = [0, 50, 99].map(|at| 1.0 / times_s[at]);
         eprintln!("{shape:?}: {median:.0} frames/s in the median, {best:.0} at best, {worst:.0} at worst");
-        // What else the machine does is not the drawing's fault.
+        // The best of several turns excludes other load of the machine.
         assert!(best > 300.0, "{shape:?}: {best:.0} frames/s");
     }
 }
 
 #[test]
-fn a_lamp_on_the_mains_swings_by_the_share_asked_for() {
+fn mains_flicker_has_the_requested_amplitude() {
     let mut scenario = plain(0.0, 0.0);
     scenario.camera.frames = 100;
     (scenario.light.flicker, scenario.light.flicker_hz) = (0.05, 100.0);
     let world = world(&scenario);
     let total = |index: u64| world.render_light(index).view().data().iter().copied().map(f64::from).sum::<f64>();
-    // 10 000 frames a second: a quarter of a swing is 25 frames.
+    // At 10 000 frames per second a quarter of a period is 25 frames.
     for (index, share) in [(0, 1.0), (25, 1.05), (50, 1.0), (75, 0.95)] {
         assert!((total(index) / total(0) - share).abs() < 1e-4, "frame {index}");
     }
@@ -470,7 +470,7 @@ fn a_lens_darkens_the_corners() {
 }
 
 #[test]
-fn a_moving_edge_hides_more_and_more_of_the_ball() {
+fn a_moving_edge_occludes_more_and_more_of_the_ball() {
     let mut scenario = plain(0.0, 0.0);
     scenario.camera.exposure_us = 50.0;
     scenario.occluder = lacrosse().occluder;
@@ -481,18 +481,18 @@ fn a_moving_edge_hides_more_and_more_of_the_ball() {
     let world = world(&scenario);
     let visible: Vec<f64> = (0..7).map(|index| world.truth(index).visible_fraction.unwrap()).collect();
     assert!(visible[0] > 0.999 && visible.windows(2).all(|pair| pair[1] <= pair[0]), "{visible:?}");
-    // The picture of frame 6 shows the middle of its exposure: the edge is at 5 + 12.5 x 6.25 px.
+    // Frame 6 shows the middle of its exposure, when the edge is at 5 + 12.5 x 6.25 px.
     let edge_px = 5.0 + 12.5 * 6.25;
     assert!((visible[6] - (1.0 - half_disc_share((edge_px - 80.0) / 60.0))).abs() < 1e-9, "{visible:?}");
     let picture = world.render_light(6);
     let row = picture.view().row(2);
     let (flat_dn, ground_dn) = (255.0 * 0.38, 255.0 * 0.12);
-    // Light counts the pixels that the occluder has taken of this row.
+    // The light of this row gives the number of pixels that the occluder covers.
     let taken: f64 = row.iter().map(|light| (f64::from(*light) - ground_dn) / (flat_dn - ground_dn)).sum();
     assert!((taken - (edge_px + 0.5)).abs() < 0.01, "{taken} px of {}", edge_px + 0.5);
 }
 
-/// Share of a unit disc on the left of a line at `place`.
+/// The share of a unit disc to the left of a line at `place`.
 fn half_disc_share(place: f64) -> f64 {
     0.5 + (place.asin() + place * (1.0 - place * place).sqrt()) / std::f64::consts::PI
 }

@@ -1,5 +1,5 @@
-//! Cameras of the kernel, for real: a virtual machine boots the distribution's kernel with its virtual cameras and
-//! runs the tests of `inside` in it.
+//! Real V4L2 cameras: a virtual machine boots the distribution's kernel with its virtual cameras and runs the tests of
+//! `inside` in it.
 
 mod drivers;
 mod inside;
@@ -10,10 +10,10 @@ mod sample;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-/// Where the tests for the virtual machine are.
+/// The modules with the tests for the virtual machine.
 const INSIDE: [&str; 2] = ["v4l2::inside::", "v4l2::rig::"];
 
-/// What `tests/vm/prepare.sh` laid out, or what is missing.
+/// Checks that `tests/vm/prepare.sh` has prepared the machine, or returns what is missing.
 fn machine() -> Result<(), String> {
     let cache = std::env::var_os("XDG_CACHE_HOME").map(PathBuf::from).or_else(|| {
         let home = PathBuf::from(std::env::var_os("HOME")?);
@@ -30,7 +30,7 @@ fn machine() -> Result<(), String> {
     if complete.exists() { Ok(()) } else { Err("tests/vm/prepare.sh was not run".into()) }
 }
 
-/// How many tests are for the virtual machine.
+/// The number of tests for the virtual machine.
 fn tests_inside() -> usize {
     let list =
         Command::new(std::env::current_exe().unwrap()).args(INSIDE).args(["--ignored", "--list"]).output().unwrap();
@@ -40,7 +40,7 @@ fn tests_inside() -> usize {
 }
 
 #[test]
-fn cameras_of_the_kernel_do_all_that_is_claimed_in_a_virtual_machine() {
+fn v4l2_cameras_pass_their_tests_in_a_virtual_machine() {
     if let Err(reason) = machine() {
         assert!(
             std::env::var("RICOCHET_REQUIRE_VM").map_or(true, |value| value != "1"),
@@ -61,13 +61,13 @@ fn cameras_of_the_kernel_do_all_that_is_claimed_in_a_virtual_machine() {
     let console = String::from_utf8_lossy(&output.stdout);
     let errors = String::from_utf8_lossy(&output.stderr);
     println!("{console}{errors}in {:.1} s", started.elapsed().as_secs_f64());
-    assert!(console.lines().any(|line| line.trim() == "RESULT 0"), "the machine told no success");
+    assert!(console.lines().any(|line| line.trim() == "RESULT 0"), "the machine reported no success");
     let passed = format!("test result: ok. {} passed", tests_inside());
     assert!(console.contains(&passed), "not all of its tests ran");
 }
 
 #[test]
-fn the_bindings_are_what_bindgen_makes_of_the_header() {
+fn the_bindings_equal_the_output_of_bindgen() {
     let room = Path::new(env!("CARGO_MANIFEST_DIR")).join("src/camera/v4l2");
     let committed = std::fs::read_to_string(room.join("sys.rs")).unwrap();
     let folder = tempfile::tempdir().unwrap();

@@ -1,14 +1,13 @@
 #!/usr/bin/env bash
-# Boots the virtual machine that `prepare.sh` laid out and runs a program in it.
+# Boots the virtual machine that `prepare.sh` has prepared and runs a program in it.
 #
 #   tests/vm/boot.sh [--with FILE] PROGRAM [ARGUMENT...]     prints its console
 #
-# The program runs as it is, with the shared libraries of this machine beside it,
-# once the virtual cameras are there: vivid as the first video device, the
-# loop-back camera as /dev/video10. FILE is another program that it starts, found
-# there where it is here. The last line is "RESULT" and the exit code. No KVM is
-# needed; VM_LIMIT_S (240) ends a machine that hangs. Wants qemu-system-x86_64,
-# busybox (static) and cpio.
+# The program runs unchanged, with the shared libraries of this machine, once the
+# virtual cameras exist: vivid as the first video device, the loop-back camera as
+# /dev/video10. FILE is another program that it starts, copied to the same path.
+# The last line is "RESULT" and the exit code. KVM is not needed. VM_LIMIT_S (240)
+# ends a machine that hangs. Needs qemu-system-x86_64, busybox (static) and cpio.
 set -euo pipefail
 
 cache=${XDG_CACHE_HOME:-$HOME/.cache}/ricochet-vm/current
@@ -31,7 +30,7 @@ if [[ -n $other ]]; then
     mkdir -p "$tree/$(dirname "$other")"
     strip -o "$tree/$other" "$other"
 fi
-# The loader looks where its cache says, and here there is none: by name, in one folder.
+# The machine has no loader cache, so that all libraries go to one directory.
 ldd "$program" ${other:+"$other"} | sed -n 's/.*\(=> \|^\t\)\(\/[^ ]*\) (.*/\2/p' | while read -r library; do
     cp -L "$library" "$tree/lib64/"
 done
@@ -42,7 +41,7 @@ done
     echo '/bin/busybox --install -s /bin'
     echo 'mount -t proc proc /proc; mount -t sysfs sys /sys; mount -t devtmpfs dev /dev; mount -t tmpfs run /run'
     echo 'mkdir -p /dev/shm; mount -t tmpfs shm /dev/shm'
-    # Kernel messages that reach the console in the middle of a line break it.
+    # Kernel messages on the console would break lines of output.
     echo 'echo 1 >/proc/sys/kernel/printk'
     while read -r module; do
         case $module in

@@ -1,13 +1,13 @@
 #!/usr/bin/env bash
-# Lays out what the virtual machine of the V4L2 tests boots: the distribution's
-# kernel with its virtual camera (vivid), and the loop-back camera built for it.
+# Prepares the virtual machine of the V4L2 tests: the distribution's kernel with its
+# virtual camera (vivid), and the loop-back camera built for it.
 #
-#   tests/vm/prepare.sh         prints the folder; seconds after the first time
+#   tests/vm/prepare.sh         prints the directory; takes seconds after the first time
 #
-# Debian 12 on x86-64; fetches apt's lists where there are none. Packages are downloaded and
-# taken apart, not installed; what is needed of them (10 MB) is kept by version
-# under ${XDG_CACHE_HOME:-~/.cache}/ricochet-vm. Building the loop-back module
-# wants gcc, make and libelf1.
+# For Debian 12 on x86-64. Fetches the lists of apt if there are none. Packages are
+# downloaded and unpacked, not installed. The files needed of them (10 MB) are kept by
+# version under ${XDG_CACHE_HOME:-~/.cache}/ricochet-vm. Building the loop-back module
+# needs gcc, make and libelf1.
 set -euo pipefail
 
 self=$(realpath "$0")
@@ -36,9 +36,9 @@ cd "$work"
 headers=linux-headers-$release
 common=linux-headers-${release%-amd64}-common
 kbuild=linux-kbuild-$(cut -d. -f1,2 <<<"$release")
-# apt drops its rights where it can, and says so where this folder is out of their reach.
+# apt drops its privileges, and warns if it then cannot write to this directory.
 if ! apt-get download -q "$image" "$headers" "$common" "$kbuild" $loopback >&2; then
-    # Lists from before the last security update name what is no longer there.
+    # Lists from before the last security update name packages that no longer exist.
     [[ ${1-} != again ]] || exit 1
     apt-get update -q >&2
     cd /
@@ -64,13 +64,13 @@ cp tools/usr/src/v4l2loopback-*/*.[ch] module/
 echo 'obj-m := v4l2loopback.o' >module/Kbuild
 make -s -C "tools/usr/src/$headers" M="$work/module" modules >&2
 
-# Modules in the order of their needs, each before whatever names it.
+# Modules in the order of their dependencies.
 mkdir all
 find kernel/lib/modules module -name '*.ko' -exec cp -t all {} +
 needs() { tr '\0' '\n' <"all/$1.ko" | sed -n 's/^depends=//p' | tr , '\n'; }
 : >made/order
 visit() {
-    # A module's name has _ where its file may have -; what is not among the files is built into the kernel.
+    # A module name has _ where its file may have -. A module without a file is built into the kernel.
     local file=${1//_/-} need
     [[ -e all/$file.ko ]] || file=$1
     if [[ ! -e all/$file.ko ]] || grep -qx "$file" made/order; then

@@ -8,7 +8,7 @@
 # bindgen: cargo install bindgen-cli --version 0.73.2 --locked
 #
 # The file is committed, so that nobody needs any of this to build; the test
-# `the_bindings_are_what_bindgen_makes_of_the_headers` runs this script where it can.
+# `the_bindings_equal_the_output_of_bindgen` runs this script where it can.
 # BINDGEN names another bindgen than the one in the PATH.
 set -eu
 

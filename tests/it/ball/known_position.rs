@@ -1,4 +1,4 @@
-//! Balls that are known to be where they are looked for, since the whole of each was matched.
+//! Balls at a known position, because the whole ball was matched.
 
 use super::scene::{Random, Scene};
 use super::{finder, mean};
@@ -6,13 +6,13 @@ use ricochet::image::ImageView;
 use ricochet::results::Circle;
 
 #[test]
-fn an_outline_is_right_and_says_how_unsure_it_is_also_where_little_of_the_rim_agrees() {
+fn an_outline_is_right_with_a_fitting_sigma_where_little_of_the_rim_agrees() {
     for hidden in [0.0, 0.2, 0.4] {
         let (mut errors, mut pulls, mut doubted) = (Vec::new(), Vec::new(), 0);
         for seed in 0..120 {
             let scene = Scene::hard(seed, seed.is_multiple_of(2), hidden);
             let (data, mut r) = (scene.render(), Random(seed));
-            // As far as an outline some frames ago is off.
+            // The typical error of an outline some frames earlier.
             let mut off = || r.uniform(-0.1, 0.1);
             let (x_px, y_px, radius_px) = (scene.x + off(), scene.y + off(), scene.radius + off());
             let near =
@@ -29,7 +29,7 @@ fn an_outline_is_right_and_says_how_unsure_it_is_also_where_little_of_the_rim_ag
         let (worst, pull) = (errors.iter().copied().fold(0.0, f64::max), mean(&pulls).sqrt());
         let count = errors.len() / 2;
         println!(
-            "{hidden} hidden: {count} of 120, mean {:.4}, worst {worst:.3} px, pull {pull:.2}; {doubted} else searched",
+            "{hidden} occluded: {count} of 120, mean {:.4}, worst {worst:.3} px, pull {pull:.2}; {doubted} searched again",
             mean(&errors)
         );
         assert!(count > 80 && doubted > 5, "{count} {doubted}");

@@ -1,10 +1,10 @@
-//! Pictures without a ball: paint full of round marks, and texture.
+//! Images without a ball: paint full of round marks, and texture.
 
 use super::scene::{Random, blur};
 
 pub const SIDE: usize = 240;
 
-/// One in four is texture, the others marks of up to 5 px of radius, dark and bright in turn.
+/// An image of texture (one in four), or of marks of up to 5 px radius, dark and bright in turn.
 pub fn picture(seed: u64) -> Vec<f32> {
     let mut r = Random(seed.wrapping_mul(0x9e37_79b9_7f4a_7c15) ^ 0xabcd);
     let area = r.uniform(3_f64.ln(), 60_f64.ln()).exp();
@@ -28,7 +28,7 @@ pub fn picture(seed: u64) -> Vec<f32> {
     grey
 }
 
-/// Discs that fall at random, the largest of this area, px^2: 1 where one lies.
+/// A mask of random discs, the largest of this area, px^2.
 fn marks(r: &mut Random, area: f64, cover: f64) -> Vec<f32> {
     let mut mask = vec![0.0_f32; SIDE * SIDE];
     let side = SIDE as f64;

@@ -1,4 +1,4 @@
-//! What a rig file means.
+//! The meaning of rig files.
 
 use super::{SIMULATED, parse};
 use ricochet::config::{Compression, Config, FeatureValue, Scale, Source, Surface, TriggerMode};
@@ -7,7 +7,7 @@ use ricochet::image::PixelFormat;
 use std::path::{Path, PathBuf};
 
 #[test]
-fn a_camera_alone_is_a_whole_rig_with_the_documented_defaults() {
+fn a_camera_alone_is_a_rig_with_the_documented_defaults() {
     let config = parse(SIMULATED);
     assert_eq!(config.rig.name, "rig");
     assert_eq!((config.camera.source, config.camera.scenario.as_deref()), (Source::Simulated, Some("lacrosse")));
@@ -26,7 +26,7 @@ fn a_camera_alone_is_a_whole_rig_with_the_documented_defaults() {
     assert_eq!((config.text.as_str(), config.origin.as_str()), (SIMULATED, "rig.toml"));
 }
 
-/// Every key there is, none with its default.
+/// Every key, none with its default value.
 pub const FULL: &str = r#"rig = { name = "drop_1" }
 scale = { ball_diameter_mm = 40 }
 surface = { angle_deg = 19.5 }
@@ -65,7 +65,7 @@ name = "right"
 "#;
 
 #[test]
-fn every_key_of_the_camera_arrives_where_it_belongs() {
+fn every_key_of_the_camera_is_used() {
     let config = parse(FULL);
     assert_eq!(config.rig.name, "drop_1");
     let camera = &config.camera;
@@ -90,7 +90,7 @@ fn every_key_of_the_camera_arrives_where_it_belongs() {
 }
 
 #[test]
-fn every_key_of_the_measurement_arrives_where_it_belongs() {
+fn every_key_of_the_measurement_is_used() {
     let config = parse(FULL);
     let names: Vec<&str> = config.bodies.iter().map(|body| body.name.as_str()).collect();
     assert_eq!((names, config.bodies[0].roi_px), (vec!["left", "right"], Some([0, 0, 640, 320])));
@@ -117,7 +117,7 @@ fn every_key_of_the_measurement_arrives_where_it_belongs() {
 }
 
 #[test]
-fn an_edge_says_the_angle_and_triggers_on_it_are_told_apart() {
+fn an_edge_gives_the_angle_and_the_trigger_modes_on_it_differ() {
     let config = parse(&format!(
         "{SIMULATED}[scale]\nmm_per_px = 0.5\n[surface]\nedge = [[0, 100], [100, 0]]\n[trigger]\n\
          mode = \"predicted-contact\"\nbody = \"ball\"\nlead_s = 0.5\nquiet_s = 3\ncommand = [\"a\", \"b\"]\n\
@@ -134,7 +134,7 @@ fn an_edge_says_the_angle_and_triggers_on_it_are_told_apart() {
 }
 
 #[test]
-fn what_is_told_of_a_cameras_frames_holds_for_a_recording_of_them() {
+fn properties_of_a_cameras_frames_apply_to_their_recording() {
     let camera = parse(FULL).fed_from("film.mcap".as_ref(), &[]).unwrap().camera;
     assert_eq!((camera.source, camera.exposure_us), (Source::Recording, Some(1.0)));
     assert_eq!((camera.gamma, camera.row_time_us), (0.45, Some(-0.003)));
@@ -145,7 +145,7 @@ fn what_is_told_of_a_cameras_frames_holds_for_a_recording_of_them() {
 }
 
 #[test]
-fn a_view_is_a_rig_of_its_own_that_takes_nothing_of_the_first_camera() {
+fn a_view_is_a_separate_rig_that_inherits_nothing_from_the_first_camera() {
     let text = "[rig]\nname = \"drop\"\n[camera]\nsource = \"simulated\"\n[scale]\nmm_per_px = 0.5\n[velocity]\norder = 3\n\
                 [trigger]\nmode = \"motion\"\npre_s = 0.2\n[record]\ndirectory = \"a\"\n[workers]\ncount = 3\nblock_frames = 8\n\
                 [view.top.camera]\nsource = \"genicam\"\nid = \"x\"\nwidth_px = 64\nheight_px = 64\nframe_rate_hz = 9\n\
@@ -159,7 +159,7 @@ fn a_view_is_a_rig_of_its_own_that_takes_nothing_of_the_first_camera() {
     assert_eq!((side.workers.count, top.workers.count), (3, 0), "without bodies nothing is measured");
     assert_eq!((top.workers.block_frames, top.trigger.mode, top.trigger.pre_s), (8, TriggerMode::Software, 0.2));
     assert_eq!((top.camera.id.as_deref(), top.camera.features.len(), top.record.is_some()), (Some("x"), 1, true));
-    // What its processes are started with is the same again.
+    // The text that its processes get parses to the same configuration.
     assert_eq!(Config::parse(&top.text, &top.origin).unwrap(), *top);
     assert!(side.views.is_empty() && config.fed_from("film.mcap".as_ref(), &[]).unwrap().views.is_empty());
 }
@@ -229,11 +229,11 @@ fn motion_is_planned_from_the_file_and_needs_a_scale() {
 }
 
 #[test]
-fn gravity_points_along_the_way_the_lacrosse_ball_comes_in() {
+fn gravity_points_along_the_path_of_the_falling_lacrosse_ball() {
     let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("config/lacrosse.toml");
     let config = Config::load(file).unwrap();
     let (vn_m_s, vt_m_s): (f64, f64) = (-1.69, 0.57);
     let falling_deg = vn_m_s.atan2(vt_m_s).to_degrees() + config.surface.angle_deg;
-    // The paper rounds its speeds to 0.01 m/s and its angle to 1 deg.
+    // The paper rounds its velocities to 0.01 m/s and its angle to 1 deg.
     assert!((falling_deg - config.velocity.gravity_angle_deg).abs() < 1.0, "the ball falls along {falling_deg} deg");
 }

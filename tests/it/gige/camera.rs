@@ -1,4 +1,4 @@
-//! The camera: answers on a loopback address of its own, sends what a test tells it to.
+//! The camera: it answers on its own loopback address and sends the packets that a test asks for.
 
 use super::control::{
     ACQUISITION, CAPABILITY, CHUNK_FRAME_ID, CHUNK_MODE, CHUNK_STAMP, Control, DESCRIPTION, FORMAT, HEARTBEAT, HEIGHT,
@@ -17,15 +17,15 @@ use std::time::Duration;
 pub const WIDTH_PX: u32 = 128;
 pub const HEIGHT_PX: u32 = 64;
 pub const FRAME_BYTES: usize = (WIDTH_PX * HEIGHT_PX) as usize;
-/// 16 packets of payload a frame, with ids of both lengths.
+/// 16 packets of payload per frame, with block ids of both lengths.
 pub const PACKET_BYTES: u32 = 564;
-/// By how much the stamp in the chunks is later than that in the header.
+/// The delay of the stamp in the chunks against that in the header.
 pub const CHUNK_LATER_NS: u64 = 250;
 
 const GVCP_PORT: u16 = 3956;
 const CHUNK_IDS: [u32; 3] = [1, 0xa5a5_0001, 0xa5a5_0002];
 
-/// A running camera; gone when dropped.
+/// A running camera, unplugged when dropped.
 pub struct Gige {
     address: Ipv4Addr,
     control: Arc<Mutex<Control>>,
@@ -35,12 +35,12 @@ pub struct Gige {
 }
 
 impl Gige {
-    /// Plugs a camera in; nothing when Aravis is not installed.
+    /// Plugs in a camera, or returns `None` if Aravis is not installed.
     pub fn plug_in() -> Option<Self> {
         Self::described_by(include_bytes!("camera.xml"))
     }
 
-    /// A camera that tells this description of itself.
+    /// Plugs in a camera with this description.
     pub fn described_by(description: &[u8]) -> Option<Self> {
         aravis_or_leave_out()?;
         let socket = free_place();
@@ -56,17 +56,17 @@ impl Gige {
         Some(Self { address, control, stream, is_gone, thread: Some(thread) })
     }
 
-    /// What to write as `id`.
+    /// The value for `id`.
     pub fn id(&self) -> String {
         self.address.to_string()
     }
 
-    /// Where it listens to commands.
+    /// The address on which it receives commands.
     pub fn port(&self) -> SocketAddrV4 {
         SocketAddrV4::new(self.address, GVCP_PORT)
     }
 
-    /// Settings that it keeps.
+    /// Settings that it accepts.
     pub fn settings(&self) -> GenicamSettings {
         GenicamSettings {
             id: self.id(),
@@ -78,12 +78,12 @@ impl Gige {
         }
     }
 
-    /// Its registers and habits.
+    /// Its registers and its behaviour.
     pub fn control(&self) -> MutexGuard<'_, Control> {
         self.control.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// How its packets are made now.
+    /// The present format of its packets.
     pub fn wire(&self) -> Wire {
         self.control().wire()
     }
@@ -95,7 +95,7 @@ impl Gige {
         width * height * (format >> 16 & 0xff) / 8
     }
 
-    /// Frame `index` as it is set to take it, under this id.
+    /// Frame `index` with the present settings, under this block id.
     pub fn picture(&self, id: u64, index: u64) -> Picture {
         let mut payload = vec![0; self.picture_bytes()];
         let control = self.control();
@@ -122,7 +122,7 @@ impl Gige {
         Picture { id, stamp_ns: stamp_ns(index), kind, format, width, height, payload }
     }
 
-    /// A frame's packets, remembered to be sent again.
+    /// Cuts a frame into packets, which are kept to be sent again.
     pub fn cut(&self, picture: &Picture) -> Vec<Packet> {
         const REMEMBERED: usize = 64;
         let mut control = self.control();
@@ -134,23 +134,23 @@ impl Gige {
         packets
     }
 
-    /// Packets of frame `index` under this id.
+    /// The packets of frame `index` under this block id.
     pub fn frame(&self, id: u64, index: u64) -> Vec<Packet> {
         self.cut(&self.picture(id, index))
     }
 
-    /// Whether it was told to take frames.
+    /// Whether acquisition was started.
     pub fn is_started(&self) -> bool {
         self.control().register(ACQUISITION) == 1
     }
 
-    /// Sends packets on the stream, and leaves the receiver the time of one frame.
+    /// Sends packets on the stream and waits for the time of one frame.
     pub fn send<'a>(&self, packets: impl IntoIterator<Item = &'a Packet>) {
         self.send_from(&self.stream, packets);
         std::thread::sleep(Duration::from_micros(500));
     }
 
-    /// Sends packets to where the stream goes, from another socket.
+    /// Sends packets to the receiver of the stream from another socket.
     pub fn send_from<'a>(&self, socket: &UdpSocket, packets: impl IntoIterator<Item = &'a Packet>) {
         let control = self.control();
         let to = Ipv4Addr::from_bits(control.register(STREAM_ADDRESS));
@@ -171,7 +171,7 @@ impl Drop for Gige {
     }
 }
 
-/// The camera's clock when it takes this frame: 1 ms a frame, a minute after it was switched on.
+/// The camera's clock at this frame: 1 ms per frame, from a minute after power-up.
 pub fn stamp_ns(index: u64) -> u64 {
     60_000_000_000 + index * 1_000_000
 }
@@ -183,10 +183,10 @@ fn place(socket: &UdpSocket) -> SocketAddrV4 {
     }
 }
 
-/// A socket on the camera's port of a loopback address that nobody else uses.
+/// A socket on the camera's port of an unused loopback address.
 fn free_place() -> UdpSocket {
     static NEXT: AtomicU16 = AtomicU16::new(1);
-    // Test processes that run at the same time begin at addresses of their own.
+    // Test processes that run at the same time start at different addresses.
     let process = std::process::id() % 223;
     for _ in 0..2000 {
         let [high, low] = NEXT.fetch_add(1, Ordering::Relaxed).to_be_bytes();
@@ -204,9 +204,9 @@ fn listen(socket: &UdpSocket, stream: &UdpSocket, control: &Mutex<Control>, is_g
     while !is_gone.load(Ordering::Acquire) {
         let heard = socket.recv_from(&mut request);
         let mut control = control.lock().unwrap_or_else(PoisonError::into_inner);
-        control.look_at_the_clock();
+        control.check_heartbeat();
         let Ok((size, from)) = heard else { continue };
-        let reply = control.obey(&request[..size], from);
+        let reply = control.execute(&request[..size], from);
         let to = Ipv4Addr::from_bits(control.register(STREAM_ADDRESS));
         let port = (control.register(STREAM_PORT) & 0xffff) as u16;
         drop(control);
@@ -219,7 +219,7 @@ fn listen(socket: &UdpSocket, stream: &UdpSocket, control: &Mutex<Control>, is_g
     }
 }
 
-/// The camera's memory when it is switched on.
+/// The camera's memory at power-up.
 fn registers(address: Ipv4Addr, description: &[u8]) -> Vec<u8> {
     let mut memory = vec![0; DESCRIPTION];
     let mut text = |at: usize, text: &str| memory[at..][..text.len()].copy_from_slice(text.as_bytes());
@@ -228,7 +228,7 @@ fn registers(address: Ipv4Addr, description: &[u8]) -> Vec<u8> {
     text(0xd8, "L1");
     text(URL, &format!("Local:camera.xml;{DESCRIPTION:x};{:x}", description.len()));
     memory.extend(description);
-    // Read in words.
+    // Memory is read in 4-byte words.
     memory.extend([0; 3]);
     let mut control = Control::new(memory);
     for (register, value) in [
@@ -238,7 +238,7 @@ fn registers(address: Ipv4Addr, description: &[u8]) -> Vec<u8> {
         (0x24, address.to_bits()),
         (0x600, 1),
         (0x904, 1),
-        // Memory can be written, packets sent again, answers put off.
+        // Memory writes, packet resend and pending acknowledge are supported.
         (CAPABILITY, 0x26),
         (HEARTBEAT, 3000),
         // 1 GHz.

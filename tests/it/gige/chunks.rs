@@ -1,4 +1,4 @@
-//! What the camera tells behind each picture is what frames are timed and counted by.
+//! Chunk data behind each image, by which frames are timed and counted.
 
 use super::camera::{CHUNK_LATER_NS, FRAME_BYTES, Gige, stamp_ns};
 use super::take::Eye;
@@ -35,7 +35,7 @@ fn a_camera_with_chunks_keeps_the_contract() {
 }
 
 #[test]
-fn frames_are_timed_by_their_chunk_and_are_as_long_as_their_pixels() {
+fn frames_are_timed_by_their_chunk_and_have_the_size_of_their_pixels() {
     let Some(gige) = Gige::plug_in() else { return };
     let mut eye = Eye::open(&with_chunks(&gige, &["FrameID", "Timestamp"]));
     assert_eq!(eye.camera.format().slot_bytes(), FRAME_BYTES);
@@ -50,7 +50,7 @@ fn frames_are_timed_by_their_chunk_and_are_as_long_as_their_pixels() {
 }
 
 #[test]
-fn without_its_chunk_the_time_is_that_of_the_header() {
+fn without_a_timestamp_chunk_the_time_is_that_of_the_header() {
     let Some(gige) = Gige::plug_in() else { return };
     for chunks in [&["FrameID"][..], &[]] {
         let mut eye = Eye::open(&with_chunks(&gige, chunks));
@@ -65,10 +65,10 @@ fn without_its_chunk_the_time_is_that_of_the_header() {
 }
 
 #[test]
-fn frames_that_the_camera_took_and_never_sent_are_gaps() {
+fn frames_that_the_camera_never_sent_are_gaps() {
     let Some(gige) = Gige::plug_in() else { return };
     let mut eye = Eye::open(&with_chunks(&gige, &["FrameID"]));
-    // The ids on the wire follow each other.
+    // The block ids are consecutive.
     for (id, index) in [(1, 0), (2, 1), (3, 7), (4, 8)] {
         gige.send(&gige.frame(id, index));
     }
@@ -76,7 +76,7 @@ fn frames_that_the_camera_took_and_never_sent_are_gaps() {
 }
 
 #[test]
-fn the_frame_before_sent_as_a_new_one_is_torn() {
+fn the_previous_frame_sent_as_a_new_one_is_torn() {
     let Some(gige) = Gige::plug_in() else { return };
     let mut eye = Eye::open(&with_chunks(&gige, &["FrameID"]));
     for (id, index) in [(1, 0), (2, 1), (3, 1), (4, 3)] {
@@ -88,7 +88,7 @@ fn the_frame_before_sent_as_a_new_one_is_torn() {
 }
 
 #[test]
-fn chunks_that_are_missing_damaged_or_contradict_the_header_make_a_frame_torn() {
+fn missing_damaged_or_contradictory_chunks_make_a_frame_torn() {
     let Some(gige) = Gige::plug_in() else { return };
     let mut eye = Eye::open(&with_chunks(&gige, &["FrameID", "Timestamp"]));
     let tail = FRAME_BYTES + 8;
@@ -112,18 +112,18 @@ fn chunks_that_are_missing_damaged_or_contradict_the_header_make_a_frame_torn() 
         gige.send(&gige.cut(&picture));
         let taken = eye.take(2);
         assert_eq!(taken.indices(), [id], "{:?}", taken.torn);
-        let told = taken.torn.join("; ");
-        assert!(told.contains(reason), "change {at}: {told}");
+        let message = taken.torn.join("; ");
+        assert!(message.contains(reason), "change {at}: {message}");
     }
 }
 
 #[test]
-fn lost_packets_of_chunks_are_asked_for_again() {
+fn lost_packets_of_chunks_are_requested_again() {
     let Some(gige) = Gige::plug_in() else { return };
     let mut eye = Eye::open(&with_chunks(&gige, &["FrameID", "Timestamp"]));
     for index in 0..10 {
         let mut packets = gige.frame(1 + index, index);
-        // The last of the payload holds the chunks.
+        // The last packet of the payload holds the chunks.
         packets.remove(packets.len() - 2);
         gige.send(&packets);
     }

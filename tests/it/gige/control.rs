@@ -1,4 +1,4 @@
-//! The control side of the camera (GigE Vision, GVCP): registers, who may write them, what was asked for again.
+//! The control side of the camera (GigE Vision, GVCP): registers, control privilege, requests to resend.
 
 use super::packets::{Packet, UNAVAILABLE, Wire};
 use std::collections::BTreeMap;
@@ -23,10 +23,10 @@ pub const CHUNK_MODE: u32 = 0xe010;
 pub const CHUNK_FRAME_ID: u32 = 0xe018;
 pub const CHUNK_STAMP: u32 = 0xe01c;
 pub const EXTENDED_IDS: u32 = 0xe030;
-/// Where the description is.
+/// The address of the description.
 pub const DESCRIPTION: usize = 0x1_0000;
 
-/// Commands; the answer to each has the next number.
+/// Commands. The code of an acknowledge is the next number.
 const DISCOVER: u16 = 0x02;
 const RESEND: u16 = 0x40;
 const READ_REGISTERS: u16 = 0x80;
@@ -36,42 +36,42 @@ const WRITE_MEMORY: u16 = 0x86;
 const PENDING: u16 = 0x89;
 const KEY: u8 = 0x42;
 
-/// Why a command is refused.
+/// Reasons to refuse a command.
 const NOT_IMPLEMENTED: u8 = 0x01;
 const INVALID_PARAMETER: u8 = 0x02;
 const INVALID_ADDRESS: u8 = 0x03;
 const ACCESS_DENIED: u8 = 0x06;
 
-/// What the camera does when asked for packets again.
+/// The camera's response to a request to resend packets.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Resend {
     /// Sends them.
     Answer,
-    /// Tells that it has them no more.
+    /// Reports that the packets are no longer available.
     Refuse,
     /// Does not answer.
     Silence,
 }
 
-/// Changes an answer on its way out.
+/// Changes an answer before it is sent.
 pub type Disguise = Box<dyn FnMut(&mut Vec<u8>) + Send>;
 
-/// The camera's registers and habits.
+/// The camera's registers and behaviour.
 pub struct Control {
     pub memory: Vec<u8>,
     pub resend: Resend,
-    /// Frames sent, to be sent again.
+    /// Frames sent, kept to be sent again.
     pub sent: BTreeMap<u64, Vec<Packet>>,
-    /// Packets asked for again.
+    /// The number of packets requested again.
     pub asked: u64,
-    /// Writes that are first put off with this many ms.
+    /// The time announced by a pending acknowledge before each write is answered, ms.
     pub put_off_ms: Option<u16>,
     pub disguise: Option<Disguise>,
     owner: Option<SocketAddr>,
     heard: Instant,
 }
 
-/// What goes out after a command.
+/// The answer to a command.
 #[derive(Debug, Default)]
 pub struct Reply {
     /// On the control channel.
@@ -106,8 +106,8 @@ impl Control {
         Wire { is_extended: self.register(EXTENDED_IDS) == 1, packet_bytes }
     }
 
-    /// Takes control away from who was not heard for too long.
-    pub fn look_at_the_clock(&mut self) {
+    /// Takes control from a program whose heartbeat is overdue.
+    pub fn check_heartbeat(&mut self) {
         let patience = Duration::from_millis(u64::from(self.register(HEARTBEAT)));
         if self.owner.is_some() && self.heard.elapsed() > patience {
             self.set(PRIVILEGE, 0);
@@ -115,8 +115,8 @@ impl Control {
         }
     }
 
-    /// Does what a command says.
-    pub fn obey(&mut self, request: &[u8], from: SocketAddr) -> Reply {
+    /// Executes a command.
+    pub fn execute(&mut self, request: &[u8], from: SocketAddr) -> Reply {
         if request.len() < 8 || request[0] != KEY {
             return Reply::default();
         }
@@ -186,7 +186,7 @@ impl Control {
         Ok(())
     }
 
-    /// The packets first to last of a frame, as the camera sends them again.
+    /// The requested packets of a frame, marked as sent again.
     fn send_again(&mut self, body: &[u8], is_extended: bool) -> Vec<Packet> {
         let mask = if is_extended { u32::MAX } else { 0x00ff_ffff };
         if body.len() < if is_extended { 20 } else { 12 } {

@@ -1,5 +1,5 @@
-//! The GenICam back end against a camera of our own on a loopback address, which does what no imitation of the
-//! library does: sends again, sends chunk data and ids of 64 bits, mixes up, repeats, cuts off and lies.
+//! The GenICam back end against a camera of our own on a loopback address. Unlike the library's imitation it resends
+//! packets, sends chunk data and 64-bit block ids, and reorders, repeats, truncates and falsifies packets.
 
 mod camera;
 mod chunks;

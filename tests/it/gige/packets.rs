@@ -1,22 +1,22 @@
 //! Packets of a stream (GigE Vision, GVSP), as a camera makes them.
 
-/// One packet, from its status on.
+/// One packet, beginning with its status.
 pub type Packet = Vec<u8>;
 
-/// Contents of a packet.
+/// Content types of a packet.
 pub const LEADER: u8 = 1;
 pub const TRAILER: u8 = 2;
 pub const PAYLOAD: u8 = 3;
 
-/// Payloads of a leader.
+/// Payload types of a leader.
 pub const IMAGE: u16 = 0x0001;
 pub const IMAGE_WITH_CHUNKS: u16 = 0x4001;
 
-/// Status of a packet that was asked for again, and of one that is there no more.
+/// The status of a packet that was sent again, and of one that is no longer available.
 pub const RESENT: u16 = 0x0100;
 pub const UNAVAILABLE: u16 = 0x800c;
 
-/// Headers of IP and UDP, which the size of a packet counts too.
+/// Headers of IP and UDP, which count in the size of a packet.
 const NETWORK_BYTES: usize = 28;
 
 /// A frame to be cut into packets.
@@ -31,12 +31,12 @@ pub struct Picture {
     pub payload: Vec<u8>,
 }
 
-/// How packets are made.
+/// The format of packets.
 #[derive(Debug, Clone, Copy)]
 pub struct Wire {
-    /// Ids of 64 bits.
+    /// Whether block ids have 64 bits.
     pub is_extended: bool,
-    /// Bytes of a packet with all headers.
+    /// The size of a packet with all headers.
     pub packet_bytes: usize,
 }
 
@@ -57,17 +57,17 @@ impl Wire {
         packet
     }
 
-    /// Bytes of a header.
+    /// The size of a header.
     pub fn header_bytes(self) -> usize {
         if self.is_extended { 20 } else { 8 }
     }
 
-    /// Bytes of payload in each packet but the last.
+    /// The payload of each packet but the last, bytes.
     pub fn room(self) -> usize {
         self.packet_bytes - NETWORK_BYTES - self.header_bytes()
     }
 
-    /// Leader, payload, trailer.
+    /// Cuts an image into leader, payload and trailer.
     pub fn cut(self, picture: &Picture) -> Vec<Packet> {
         let mut leader = [0_u16.to_be_bytes(), picture.kind.to_be_bytes()].concat();
         leader.extend(picture.stamp_ns.to_be_bytes());
@@ -93,7 +93,7 @@ impl Wire {
         }
     }
 
-    /// The same packet, told to be sent again.
+    /// The same packet, marked as sent again.
     pub fn again(self, packet: &[u8]) -> Packet {
         let mut packet = packet.to_vec();
         packet[..2].copy_from_slice(&RESENT.to_be_bytes());

@@ -1,11 +1,11 @@
-//! TIFF files of several pages.
+//! TIFF files with several pages.
 
 use super::{frames, refusal};
 use ricochet::image::PixelFormat;
 use ricochet::import;
 use std::fs;
 
-/// The forms of a TIFF file: byte order, and 64-bit offsets.
+/// Variants of a TIFF file: byte order, and 64-bit offsets.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Kind {
     Little,
@@ -53,7 +53,7 @@ pub fn tiff(kind: Kind, pages: &[Page]) -> Vec<u8> {
         ];
         file.extend(number(entries.len() as u64, count_bytes));
         for (tag, value) in entries {
-            // Of type LONG, 4 bytes, at the front of their field.
+            // Type LONG, 4 bytes, at the start of the field.
             let mut field = number(value as u64, 4);
             field.resize(wide, 0);
             file.extend([number(tag, 2), number(4, 2), number(1, wide), field].concat());
@@ -86,7 +86,7 @@ fn the_pages_of_a_tiff_file_are_a_sequence() {
 }
 
 #[test]
-fn pages_that_lead_back_or_out_of_the_file_are_refused() {
+fn page_offsets_that_loop_or_leave_the_file_are_refused() {
     let folder = tempfile::tempdir().unwrap();
     let path = [folder.path().join("stack.tif")];
     for kind in KINDS {
@@ -94,19 +94,19 @@ fn pages_that_lead_back_or_out_of_the_file_are_refused() {
         for length in 0..whole.len() {
             fs::write(&path[0], &whole[..length]).unwrap();
             let line = match import::open(&path, Some(1.0)) {
-                // Cut behind the first page's directory, its pixels may be there still.
+                // Truncated behind the first page's directory, the file may still hold its pixels.
                 Ok(footage) => footage.filter_map(Result::err).map(|error| error.to_string()).collect(),
                 Err(error) => error.to_string(),
             };
             assert!(line.contains("stack.tif") && !line.contains('\n'), "{kind:?} cut at {length}: {line}");
         }
     }
-    // The first directory has 8 entries from byte 8 on; where the next one lies stands behind them.
+    // The first directory has 8 entries from byte 8 on, followed by the offset of the next one.
     let mut looped = tiff(Kind::Little, &[page_of(4, 4, 0), page_of(4, 4, 1)]);
     looped[8 + 2 + 8 * 12..][..4].copy_from_slice(&8_u32.to_le_bytes());
     fs::write(&path[0], &looped).unwrap();
     assert!(refusal(&path, Some(1.0)).contains("cycle"));
-    // The count of the values in the last entry.
+    // The value count of the last entry.
     let mut large = tiff(Kind::Little, &[page_of(4, 4, 0)]);
     large[8 + 2 + 7 * 12 + 4..][..4].copy_from_slice(&(1_u32 << 23).to_le_bytes());
     fs::write(&path[0], &large).unwrap();

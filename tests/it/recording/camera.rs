@@ -1,4 +1,4 @@
-//! A recording played as a camera.
+//! A recording played like a camera.
 
 use super::samples;
 use ricochet::camera::recording::{PlaybackRate, Repeat, ReplayCamera};
@@ -22,7 +22,7 @@ fn recorded(folder: &Path, sequences: &[u64]) -> PathBuf {
     path
 }
 
-/// The next frame, through a slot of exactly the size the camera asks for.
+/// The next frame, in a slot of exactly the size that the camera asks for.
 #[expect(unsafe_code, reason = "slots are lent memory")]
 fn next(camera: &mut ReplayCamera) -> Option<(FrameMeta, Vec<u8>)> {
     let mut memory = vec![0xa5_u8; camera.format().slot_bytes()];
@@ -36,7 +36,7 @@ fn next(camera: &mut ReplayCamera) -> Option<(FrameMeta, Vec<u8>)> {
 }
 
 #[test]
-fn at_max_every_frame_comes_back_with_its_stamp_and_number() {
+fn at_max_every_frame_has_its_recorded_stamp_and_number() {
     let folder = tempfile::tempdir().unwrap();
     let path = recorded(folder.path(), &[4, 5, 9]);
     let mut camera = ReplayCamera::open(&path, PlaybackRate::Max, Repeat::Once).unwrap();
@@ -63,9 +63,9 @@ fn a_loop_repeats_stamps_and_numbers_and_raises_the_epoch() {
 
 #[test]
 #[expect(clippy::disallowed_methods, reason = "the pace is what is tested")]
-fn a_paced_recording_takes_its_time() {
+fn a_paced_recording_takes_its_recorded_time() {
     let folder = tempfile::tempdir().unwrap();
-    // 0.1 ms a number: 20 ms from first to last, 40 ms at half speed.
+    // 0.1 ms per number: 20 ms from first to last, 40 ms at half speed.
     let path = recorded(folder.path(), &[0, 100, 200]);
     let mut camera = ReplayCamera::open(&path, PlaybackRate::Times(0.5), Repeat::Once).unwrap();
     assert_eq!(camera.pace(), Pace::Live);
@@ -76,7 +76,7 @@ fn a_paced_recording_takes_its_time() {
 }
 
 #[test]
-fn nothing_is_due_before_its_time_and_nothing_is_lost_by_waiting() {
+fn no_frame_is_early_and_none_is_lost_by_waiting() {
     let folder = tempfile::tempdir().unwrap();
     let path = recorded(folder.path(), &[0, 2000]);
     let mut camera = ReplayCamera::open(&path, PlaybackRate::Times(1.0), Repeat::Once).unwrap();
@@ -88,7 +88,7 @@ fn nothing_is_due_before_its_time_and_nothing_is_lost_by_waiting() {
 }
 
 #[test]
-fn a_rate_that_is_no_pace_and_a_file_that_is_no_recording_are_refused() {
+fn an_impossible_rate_and_a_file_that_is_no_recording_are_refused() {
     let folder = tempfile::tempdir().unwrap();
     let path = recorded(folder.path(), &[0]);
     for rate in [0.0, -1.0, f64::NAN, f64::INFINITY] {

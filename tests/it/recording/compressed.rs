@@ -1,4 +1,4 @@
-//! Compressed images of other people's recordings.
+//! Compressed images in recordings of other programs.
 
 use foxglove::messages::{CompressedImage, Timestamp};
 use image::{DynamicImage, GrayImage, ImageBuffer, ImageFormat, Luma, RgbImage};
@@ -16,7 +16,7 @@ fn packed(picture: impl Into<DynamicImage>, format: ImageFormat) -> Vec<u8> {
     bytes.into_inner()
 }
 
-/// A file with this message.
+/// A file with this one message.
 fn file(schema: &str, encoding: &str, message: &[u8]) -> Vec<u8> {
     let mut bytes = Vec::new();
     let mut writer = mcap::Writer::new(Cursor::new(&mut bytes)).unwrap();
@@ -29,7 +29,7 @@ fn file(schema: &str, encoding: &str, message: &[u8]) -> Vec<u8> {
     bytes
 }
 
-/// The one frame of such a file.
+/// Reads the one frame of such a file.
 fn read(schema: &str, encoding: &str, message: &[u8]) -> Read {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("foreign.mcap");
@@ -76,7 +76,7 @@ fn shade(x: u32, y: u32) -> u8 {
 }
 
 #[test]
-fn png_pixels_come_out_exactly_in_both_depths_and_jpeg_within_its_loss() {
+fn png_is_read_exactly_in_both_depths_and_jpeg_within_its_loss() {
     let grey = GrayImage::from_fn(9, 5, |x, y| Luma([shade(x, y)]));
     let (meta, pixels) = foxglove(&packed(grey.clone(), ImageFormat::Png)).unwrap();
     assert_eq!((meta.width_px, meta.height_px, meta.stride_bytes, meta.stamp_ns), (9, 5, 9, 3_000_000_004));
@@ -90,13 +90,13 @@ fn png_pixels_come_out_exactly_in_both_depths_and_jpeg_within_its_loss() {
     let (meta, pixels) = foxglove(&packed(smooth.clone(), ImageFormat::Jpeg)).unwrap();
     assert_eq!((meta.width_px, meta.height_px, meta.format), (64, 48, PixelFormat::Mono8));
     let off = pixels.iter().zip(smooth.as_raw()).map(|(a, b)| a.abs_diff(*b)).max().unwrap();
-    println!("JPEG: at most {off} of 255 off");
-    // Quality 75 of a smooth ramp: the table's smallest steps are 8 to 16 levels of a coefficient.
+    println!("JPEG: largest error {off} of 255");
+    // At quality 75 the finest quantization steps of a smooth ramp are 8 to 16 levels of a coefficient.
     assert!(off <= 8, "{off}");
 }
 
 #[test]
-fn ros_2_compressed_images_are_read_and_their_cut_messages_refused() {
+fn ros_2_compressed_images_are_read_and_truncated_ones_refused() {
     let grey = GrayImage::from_fn(6, 4, |x, y| Luma([shade(x, y)]));
     let message = ros2(&packed(grey.clone(), ImageFormat::Png));
     for length in 0..message.len() {
@@ -108,23 +108,23 @@ fn ros_2_compressed_images_are_read_and_their_cut_messages_refused() {
 }
 
 #[test]
-fn what_is_no_grey_png_or_jpeg_is_refused() {
+fn images_that_are_no_grey_png_or_jpeg_are_refused() {
     let colour = RgbImage::from_pixel(4, 4, image::Rgb([1, 2, 3]));
-    let told = |payload: &[u8]| {
+    let refusal = |payload: &[u8]| {
         let line = foxglove(payload).unwrap_err().to_string();
         assert!(line.contains("frame 0") && !line.contains('\n'), "{line}");
         line
     };
-    assert!(told(&packed(colour, ImageFormat::Png)).contains("grey"));
-    assert!(told(b"RIFF\x10\0\0\0WEBPVP8 ").contains("neither PNG nor JPEG"));
-    assert!(told(&packed(GrayImage::new(4, 4), ImageFormat::Bmp)).contains("neither PNG nor JPEG"));
-    assert!(told(b"").contains("neither PNG nor JPEG"));
-    // A picture that says it is larger than the machine's memory.
+    assert!(refusal(&packed(colour, ImageFormat::Png)).contains("grey"));
+    assert!(refusal(b"RIFF\x10\0\0\0WEBPVP8 ").contains("neither PNG nor JPEG"));
+    assert!(refusal(&packed(GrayImage::new(4, 4), ImageFormat::Bmp)).contains("neither PNG nor JPEG"));
+    assert!(refusal(b"").contains("neither PNG nor JPEG"));
+    // An image whose header claims more than the memory of the machine.
     let mut huge = packed(GrayImage::new(4, 4), ImageFormat::Png);
     huge[16..24].copy_from_slice(&[0, 3, 0, 0, 0, 3, 0, 0]);
     let crc = crc32fast::hash(&huge[12..29]);
     huge[29..33].copy_from_slice(&crc.to_be_bytes());
-    assert!(told(&huge).to_lowercase().contains("limit"), "{}", told(&huge));
+    assert!(refusal(&huge).to_lowercase().contains("limit"), "{}", refusal(&huge));
 }
 
 #[test]
@@ -152,5 +152,5 @@ fn mutated_payloads_never_panic() {
         read += usize::from(foxglove(&payload).is_ok());
     }
     println!("{read} of 2000 were still read");
-    assert!(read > 50, "some mutations leave a picture: {read}");
+    assert!(read > 50, "some mutations leave a readable image: {read}");
 }

@@ -1,4 +1,4 @@
-//! The container is ours; what it must look like is not.
+//! The MCAP container against the crate `mcap`.
 
 use super::samples;
 use mcap::records::Record;
@@ -10,7 +10,7 @@ use std::io::Cursor;
 /// Chunks of a few frames.
 const SMALL: WriterOptions = WriterOptions { compression: Compression::None, chunk_bytes: 4000, split_bytes: None };
 
-/// The same calls to the writer of the crate `mcap`, chunk for chunk.
+/// Writes the same messages with the crate `mcap`, chunk for chunk.
 fn again(ours: &[u8]) -> Vec<u8> {
     let mut bytes = Vec::new();
     let mut options = mcap::WriteOptions::new().compression(None).chunk_size(None);
@@ -60,7 +60,7 @@ fn again(ours: &[u8]) -> Vec<u8> {
     bytes
 }
 
-/// Reads a whole file with every checksum looked at; how many checked chunks there were.
+/// Reads a whole file with all checksums and returns the number of checked chunks.
 fn checked_chunks(bytes: &[u8]) -> usize {
     let options = LinearReaderOptions::default()
         .with_prevalidate_chunk_crcs(true)
@@ -95,10 +95,10 @@ fn checked_chunks(bytes: &[u8]) -> usize {
 }
 
 #[test]
-fn every_file_is_to_the_byte_what_the_mcap_crate_writes() {
+fn every_file_equals_that_of_the_mcap_crate_to_the_byte() {
     let folder = tempfile::tempdir().unwrap();
     let path = |name: &str| folder.path().join(name);
-    // Large frames are written from where they are; of small ones several share a chunk.
+    // Large frames are written without a copy. Of small ones, several share a chunk.
     samples::write(&path("small.mcap"), &SMALL, 30, [40, 30]).finish().unwrap();
     samples::write(&path("large.mcap"), &WriterOptions::default(), 40, [400, 300]).finish().unwrap();
     samples::write(&path("none.mcap"), &WriterOptions::default(), 0, [8, 8]).finish().unwrap();
@@ -117,7 +117,7 @@ fn every_file_is_to_the_byte_what_the_mcap_crate_writes() {
 }
 
 #[test]
-fn the_checksums_of_compressed_files_are_those_of_the_format() {
+fn the_checksums_of_compressed_files_are_valid() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("shot.mcap");
     let options = WriterOptions { compression: Compression::Zstd1, ..SMALL };
@@ -130,12 +130,12 @@ fn the_checksums_of_compressed_files_are_those_of_the_format() {
 
 #[test]
 #[should_panic(expected = "BadDataCrc")]
-fn a_wrong_checksum_of_the_data_would_be_seen() {
+fn a_wrong_data_checksum_is_noticed() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("shot.mcap");
     samples::write(&path, &SMALL, 3, [8, 8]).finish().unwrap();
     let mut bytes = fs::read(&path).unwrap();
-    // In the name of the program, which no other sum vouches for.
+    // The byte changed is in the name of the program, which no other checksum covers.
     let at = bytes.windows(8).position(|window| window == b"ricochet").unwrap();
     bytes[at] ^= 1;
     checked_chunks(&bytes);

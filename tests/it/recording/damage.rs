@@ -1,4 +1,4 @@
-//! Files that were cut off, damaged, or made to break the reader.
+//! Truncated, damaged and malicious files.
 
 use super::samples;
 use ricochet::command::info;
@@ -9,7 +9,7 @@ use ricochet::recording::{
 
 pub const SMALL: WriterOptions = WriterOptions { compression: Compression::None, chunk_bytes: 1500, split_bytes: None };
 
-/// Reads everything there is; returns the readable frames.
+/// Reads a whole recording and returns the readable frames.
 pub fn read_all(recording: &Recording) -> Vec<Vec<u8>> {
     let frames = recording.frames().map(|frames| frames.map_while(Result::ok).map(|(_, bytes)| bytes).collect());
     let _ = recording.velocities().map(Iterator::count);
@@ -25,7 +25,7 @@ pub fn read_all(recording: &Recording) -> Vec<Vec<u8>> {
 }
 
 #[test]
-fn a_file_cut_off_anywhere_gives_the_frames_before_the_cut() {
+fn a_file_truncated_anywhere_gives_the_frames_before_the_cut() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("shot.mcap");
     let mut writer = RecordingWriter::create(&path, &samples::info(), &SMALL).unwrap();
@@ -45,7 +45,7 @@ fn a_file_cut_off_anywhere_gives_the_frames_before_the_cut() {
             assert!(length < 8, "only a file without its magic bytes is refused, not {length} bytes");
             continue;
         };
-        let reason = recording.truncated().expect("a cut file says so").to_owned();
+        let reason = recording.truncated().expect("a reason for the cut").to_owned();
         assert!(reason.contains("cut off at byte"), "{reason}");
         let read = read_all(&recording);
         assert_eq!(read, frames[..read.len()], "cut at {length}");
@@ -56,11 +56,11 @@ fn a_file_cut_off_anywhere_gives_the_frames_before_the_cut() {
 }
 
 #[test]
-fn a_killed_writer_loses_no_frame_it_had_taken() {
+fn a_killed_writer_loses_no_accepted_frame() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("shot.mcap");
     let mut writer = RecordingWriter::create(&path, &samples::info(), &WriterOptions::default()).unwrap();
-    // 23 frames of 90 kB: the last chunk is open, its header does not know its length yet.
+    // 23 frames of 90 kB. The last chunk is open, and its header has no length yet.
     for sequence in 0..23 {
         let (meta, bytes) = samples::frame(sequence, PixelFormat::Mono8, [300, 300], 0);
         writer.frame(&Frame { meta, bytes: &bytes }).unwrap();
@@ -97,7 +97,7 @@ fn a_flipped_bit_in_a_frame_is_an_error_and_never_a_wrong_pixel() {
 }
 
 #[test]
-fn a_flipped_bit_behind_an_unfinished_chunk_header_is_an_error_too() {
+fn a_flipped_bit_behind_an_unfinished_chunk_header_is_an_error() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("shot.mcap");
     let mut writer = RecordingWriter::create(&path, &RecordingInfo::default(), &WriterOptions::default()).unwrap();
@@ -115,7 +115,7 @@ fn a_flipped_bit_behind_an_unfinished_chunk_header_is_an_error_too() {
 }
 
 #[test]
-fn what_is_no_recording_is_refused_in_one_line() {
+fn files_that_are_no_recording_are_refused_in_one_line() {
     let folder = tempfile::tempdir().unwrap();
     let refusal = |name: &str, content: &[u8]| {
         let path = folder.path().join(name);

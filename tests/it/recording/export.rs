@@ -95,7 +95,7 @@ fn rows_are_sorted_by_frame_and_body_and_count_from_the_first_frame() {
 }
 
 #[test]
-fn an_impact_appears_once_with_its_last_revision_and_its_times_count_from_the_first_frame() {
+fn an_impact_appears_once_with_its_last_revision_and_times_from_the_first_frame() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("shot.mcap");
     let mut writer = RecordingWriter::create(&path, &samples::info(), &WriterOptions::default()).unwrap();
@@ -171,7 +171,7 @@ fn options(
     export::ExportOptions { file, topic, format, camera: None, output, playback_hz: 25.0 }
 }
 
-/// A Parquet file's rows as the texts that the CSV file has, read by the crate's own reader.
+/// The rows of a Parquet file as the texts of the CSV file, read with the crate's own reader.
 fn parquet_table(path: &std::path::Path) -> Vec<Vec<String>> {
     use parquet::file::reader::{FileReader, SerializedFileReader};
     use parquet::record::Field;
@@ -210,7 +210,7 @@ fn parquet_holds_every_cell_of_the_csv_table() {
 }
 
 #[test]
-fn pictures_show_the_frame_and_what_was_measured_over_it() {
+fn pictures_show_the_frame_and_the_results_over_it() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("shot.mcap");
     let mut writer = RecordingWriter::create(&path, &samples::info(), &WriterOptions::default()).unwrap();
@@ -237,14 +237,14 @@ fn pictures_show_the_frame_and_what_was_measured_over_it() {
     for (x, y) in [(0, 0), (319, 0), (17, 113), (319, 199)] {
         assert_eq!(plain.get_pixel(2 * x + 1, 2 * y).0, [bytes[(y * 320 + x) as usize]; 3]);
     }
-    // Pixel (210, 100) is on the outline; its middle lies at (421, 201) of the enlarged picture.
+    // Pixel (210, 100) is on the outline. Its centre lies at (421, 201) of the enlarged image.
     assert_eq!(outlined.get_pixel(421, 201).0, [53, 224, 111]);
     let drawn = plain.pixels().zip(outlined.pixels()).filter(|(a, b)| a != b).count();
     assert!((500..2000).contains(&drawn), "{drawn} pixels drawn");
 }
 
 #[test]
-fn pictures_and_parquet_want_to_know_where_to() {
+fn pictures_and_parquet_need_an_output_path() {
     for format in [export::Format::Png, export::Format::Parquet, export::Format::Npz] {
         let options =
             export::ExportOptions { output: None, ..options("shot.mcap".as_ref(), "field", format, "x".as_ref()) };
@@ -274,8 +274,8 @@ fn numpy_reads_the_columns_of_the_csv() {
             export::run(&export::ExportOptions { file, topic, format, camera: None, output, playback_hz: 25.0 })
                 .unwrap();
         }
-        let Some(told) = python(include_str!("read_npz.py"), &[&npz, &csv]) else { return };
-        let count: usize = told.trim().parse().unwrap();
+        let Some(printed) = python(include_str!("read_npz.py"), &[&npz, &csv]) else { return };
+        let count: usize = printed.trim().parse().unwrap();
         assert!(count >= rows, "{topic}: {count} rows");
     }
 }

@@ -1,4 +1,4 @@
-//! Other people's MCAP files.
+//! MCAP files of other programs.
 
 use foxglove::messages::{RawImage, Timestamp};
 use prost::Message as _;
@@ -68,7 +68,7 @@ fn open(bytes: &[u8]) -> (tempfile::TempDir, Recording) {
 }
 
 #[test]
-fn images_alone_are_enough_whatever_the_file_is_packed_like() {
+fn images_alone_are_enough_in_any_chunking_and_compression() {
     let plain = || mcap::WriteOptions::new().compression(None);
     let packings = [
         plain(),
@@ -113,7 +113,7 @@ fn both_names_of_both_depths_are_understood_and_colours_are_refused() {
 }
 
 #[test]
-fn sizes_that_do_not_agree_are_refused() {
+fn contradictory_sizes_are_refused() {
     let odd = [
         image("mono8", 4, 2, 4, 7),
         image("mono8", 4, 2, 4, 9),
@@ -130,7 +130,7 @@ fn sizes_that_do_not_agree_are_refused() {
 }
 
 #[test]
-fn the_images_own_timestamp_goes_before_the_log_time() {
+fn the_timestamp_of_the_image_is_preferred_to_the_log_time() {
     let mut bytes = Vec::new();
     let mut writer = mcap::Writer::new(Cursor::new(&mut bytes)).unwrap();
     let channel = image_channel(&mut writer, "/cam");
@@ -146,7 +146,7 @@ fn the_images_own_timestamp_goes_before_the_log_time() {
 }
 
 #[test]
-fn a_file_without_one_image_topic_says_what_it_holds() {
+fn a_file_without_an_image_topic_is_refused_with_its_topics() {
     let none = file(mcap::WriteOptions::new(), &[]);
     let error = open(&none).1.frames().unwrap_err().to_string();
     assert!(error.contains("holds no frames"), "{error}");
@@ -185,7 +185,7 @@ fn a_topic_of_our_name_with_another_schema_is_refused() {
     assert!(error.contains("/velocity") && error.contains("geometry_msgs/Twist"), "{error}");
 }
 
-/// A `sensor_msgs/msg/Image` in little-endian CDR, aligned as the standard asks.
+/// A `sensor_msgs/msg/Image` in little-endian CDR, aligned as the standard requires.
 fn ros2_image(frame_id: &str, encoding: &str, size: [u32; 2], step: u32, data: &[u8]) -> Vec<u8> {
     let mut body: Vec<u8> = Vec::new();
     let number = |body: &mut Vec<u8>, value: u32| {
@@ -211,7 +211,7 @@ fn ros2_image(frame_id: &str, encoding: &str, size: [u32; 2], step: u32, data: &
 }
 
 #[test]
-fn ros_2_images_are_read_and_their_cut_messages_refused() {
+fn ros_2_images_are_read_and_truncated_ones_refused() {
     for (frame_id, encoding) in [("", "mono8"), ("camera", "8UC1"), ("cam_1", "mono8")] {
         let message = ros2_image(frame_id, encoding, [3, 2], 4, &[1, 2, 3, 0, 4, 5, 6, 0]);
         for length in 0..=message.len() {

@@ -1,4 +1,4 @@
-//! Recordings: what goes in comes out, whatever happens to the file in between.
+//! Recordings: written, damaged, recovered and read.
 
 mod camera;
 mod compressed;

@@ -1,17 +1,17 @@
-//! The packages that Foxglove and Lichtblick are made of read our files.
+//! The packages of Foxglove and Lichtblick read our files.
 
 use super::samples;
 use ricochet::image::PixelFormat;
 use ricochet::recording::{Compression, WriterOptions};
 use std::process::Command;
 
-/// What the script prints of a recording; `None`, and a line, where the packages are not there.
+/// The script's output for a recording, or `None` and a line without the packages.
 fn node(path: &std::path::Path) -> Option<String> {
     let needed = "require('@mcap/core'); require('@mcap/support'); require('@foxglove/schemas/internal')";
     if !Command::new("node").args(["-e", needed]).output().is_ok_and(|output| output.status.success()) {
         let required = crate::support::is_required("NODE");
-        assert!(!required, "node with @mcap/core, @mcap/support and @foxglove/schemas is required and not there");
-        eprintln!("left out: node with the packages @mcap/core, @mcap/support and @foxglove/schemas is not there");
+        assert!(!required, "node with @mcap/core, @mcap/support and @foxglove/schemas is required but not installed");
+        eprintln!("left out: node with the packages @mcap/core, @mcap/support and @foxglove/schemas is not installed");
         return None;
     }
     let output = Command::new("node").args(["-e", include_str!("read_recording.js")]).arg(path).output().unwrap();
@@ -41,10 +41,10 @@ fn the_packages_of_the_viewers_read_pixels_and_numbers() {
             let bits = sample.velocity.map_or("none".into(), |v| format!("{:016x}", v.vx_m_s.to_bits()));
             expected.push(format!("velocity {k} {} {bits} {}", sample.stamp_ns, sample.status.word()));
         }
-        let mut told: Vec<&str> = text.lines().collect();
-        // Messages of one time come in the order of the file: frames and rows stand in chunks of their own.
-        told[4..].sort_unstable();
+        let mut lines: Vec<&str> = text.lines().collect();
+        // Messages with equal times come in the order of the file, where frames and rows have separate chunks.
+        lines[4..].sort_unstable();
         expected[4..].sort_unstable();
-        assert_eq!(told, expected, "{compression:?}");
+        assert_eq!(lines, expected, "{compression:?}");
     }
 }

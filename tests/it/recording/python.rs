@@ -34,7 +34,7 @@ fn the_python_library_reads_pixels_rows_and_the_configuration() {
 fn a_file_of_the_python_library_with_nothing_but_images_is_read() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("python.mcap");
-    // The schema is the one under test's own, so that no third package is needed.
+    // The schema comes from a recording of this program, so that no third package is needed.
     let schema = folder.path().join("python.mcap.schema");
     std::fs::write(&schema, ricochet::recording::Topic::Image.schema_data()).unwrap();
     if python(include_str!("write_images.py"), &[&path]).is_none() {

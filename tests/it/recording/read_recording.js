@@ -1,4 +1,4 @@
-// Prints what the packages of the Foxglove viewers read of a recording: images, velocities, attachments, metadata.
+// Prints a recording as read by the packages of the Foxglove viewers: images, velocities, attachments, metadata.
 "use strict";
 const fs = require("fs");
 const { McapIndexedReader } = require("@mcap/core");

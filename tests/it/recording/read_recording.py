@@ -1,4 +1,4 @@
-"""Prints what a recording holds, read by the Python mcap library alone."""
+"""Prints the content of a recording, read with the Python mcap library alone."""
 
 import json
 import struct

@@ -1,4 +1,4 @@
-"""Prints what a recording holds, as Rerun loads it: images as its Image, rows as the messages they are."""
+"""Prints a recording as loaded by Rerun: images as its Image, rows as their messages."""
 
 import struct
 import sys

@@ -6,13 +6,13 @@ use ricochet::recording::{Compression, WriterOptions};
 use std::path::Path;
 use std::process::Command;
 
-/// What the script prints of a recording; `None`, and a line, where Rerun is not there.
+/// The script's output for a recording, or `None` and a line without Rerun.
 fn rerun(path: &Path) -> Option<String> {
     let importable = Command::new("python3").args(["-c", "import rerun.chunk"]).output();
     if !importable.is_ok_and(|output| output.status.success()) {
         let required = crate::support::is_required("RERUN");
-        assert!(!required, "python3 with rerun-sdk 0.41 is required and not there");
-        eprintln!("left out: python3 with rerun-sdk 0.41 is not there");
+        assert!(!required, "python3 with rerun-sdk 0.41 is required but not installed");
+        eprintln!("left out: python3 with rerun-sdk 0.41 is not installed");
         return None;
     }
     let output = Command::new("python3").arg("-c").arg(include_str!("read_rerun.py")).arg(path).output().unwrap();
@@ -37,9 +37,9 @@ fn rerun_loads_pixels_as_images_and_numbers_to_the_last_bit() {
             let bits = sample.velocity.map_or("none".into(), |v| format!("{:016x}", v.vx_m_s.to_bits()));
             expected.push(format!("velocity {k} {} {bits} {}", sample.stamp_ns, sample.status.word()));
         }
-        let mut told: Vec<&str> = text.lines().collect();
-        told.sort_unstable();
+        let mut lines: Vec<&str> = text.lines().collect();
+        lines.sort_unstable();
         expected.sort_unstable();
-        assert_eq!(told, expected, "{compression:?}");
+        assert_eq!(lines, expected, "{compression:?}");
     }
 }

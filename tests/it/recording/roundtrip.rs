@@ -1,4 +1,4 @@
-//! What goes in comes out, to the last bit.
+//! Values written and read, equal to the last bit.
 
 use super::samples;
 use ricochet::image::{Frame, PixelFormat};
@@ -9,14 +9,14 @@ use std::collections::BTreeSet;
 use std::fmt::Debug;
 use std::path::Path;
 
-/// `{:?}` shows every bit of a float, the sign of zero included; `==` does not.
+/// Compares by `{:?}`, which shows every bit of a float and the sign of zero. `==` does not.
 fn assert_same<T: Debug>(read: impl Iterator<Item = Result<T, RecordingError>>, written: impl Iterator<Item = T>) {
     let (read, written): (Vec<_>, Vec<_>) = (read.map(Result::unwrap).collect(), written.collect());
     assert_eq!(format!("{read:?}"), format!("{written:?}"));
 }
 
 #[test]
-fn every_row_comes_back_to_the_last_bit_plain_and_compressed() {
+fn every_row_is_read_to_the_last_bit_plain_and_compressed() {
     for compression in [Compression::None, Compression::Zstd1] {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("shot.mcap");
@@ -45,12 +45,12 @@ fn every_row_comes_back_to_the_last_bit_plain_and_compressed() {
 }
 
 #[test]
-fn frames_of_every_format_come_back_with_header_and_padding() {
+fn frames_of_every_format_are_read_with_header_and_padding() {
     for format in PixelFormat::ALL {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("shot.mcap");
         let mut writer = RecordingWriter::create(&path, &RecordingInfo::default(), &WriterOptions::default()).unwrap();
-        // Beyond 32 bits: the message's own counter would not hold it.
+        // Beyond 32 bits, which the message's own counter cannot hold.
         let sequences = [7, 8, 11, (1 << 40) + 5];
         for sequence in sequences {
             let (meta, bytes) = samples::frame(sequence, format, [33, 21], 6);
@@ -66,7 +66,7 @@ fn frames_of_every_format_come_back_with_header_and_padding() {
 }
 
 #[test]
-fn a_frame_whose_bytes_do_not_fit_its_header_is_refused_and_the_recording_goes_on() {
+fn a_frame_that_contradicts_its_header_is_refused_and_the_recording_continues() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("shot.mcap");
     let mut writer = RecordingWriter::create(&path, &RecordingInfo::default(), &WriterOptions::default()).unwrap();
@@ -83,17 +83,17 @@ fn neither_a_recording_nor_an_unfinished_one_is_ever_overwritten() {
     let path = folder.path().join("shot.mcap");
     let create = || RecordingWriter::create(&path, &RecordingInfo::default(), &WriterOptions::default());
     let first = create().unwrap();
-    assert!(matches!(create(), Err(RecordingError::Refused { .. })), "the part file is there");
+    assert!(matches!(create(), Err(RecordingError::Refused { .. })), "the part file exists");
     std::fs::write(&path, "someone else's").unwrap();
     assert!(matches!(first.finish(), Err(RecordingError::Refused { .. })), "the name was taken meanwhile");
     assert_eq!(std::fs::read(&path).unwrap(), b"someone else's");
     assert!(Recording::open(&part_path(&path)).unwrap().truncated().is_none(), "nothing is lost");
     std::fs::remove_file(part_path(&path)).unwrap();
-    assert!(matches!(create(), Err(RecordingError::Refused { .. })), "the file is there");
+    assert!(matches!(create(), Err(RecordingError::Refused { .. })), "the file exists");
 }
 
 #[test]
-fn a_writer_that_is_dropped_leaves_everything_in_the_part_file() {
+fn a_dropped_writer_leaves_everything_in_the_part_file() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("shot.mcap");
     drop(samples::write(&path, &WriterOptions::default(), 5, [16, 16]));
@@ -122,7 +122,7 @@ fn frames_fields_and_rows_never_share_a_chunk() {
     }
 }
 
-/// The topics of each chunk, by another reader.
+/// The topics of each chunk, read with another reader.
 fn chunk_topics(path: &Path) -> Vec<BTreeSet<String>> {
     let summary = mcap::Summary::read(&std::fs::read(path).unwrap()).unwrap().unwrap();
     let topics = |index: &mcap::records::ChunkIndex| {

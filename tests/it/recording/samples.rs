@@ -1,4 +1,4 @@
-//! Frames and rows to write, full of numbers that are easily spoiled.
+//! Frames and rows to write, with values that are easily corrupted.
 
 use ricochet::image::{Frame, FrameMeta, PixelFormat};
 use ricochet::recording::{Annotations, EventRow, RecordingInfo, RecordingWriter, StatusRow, WriterOptions};
@@ -9,7 +9,7 @@ use ricochet::results::{
 use std::collections::BTreeMap;
 use std::path::Path;
 
-/// 2026-01-01, with nanoseconds that no f64 second could hold.
+/// 2026-01-01, with nanoseconds that seconds in f64 cannot hold.
 pub const START_NS: u64 = 1_767_225_600_123_456_789;
 
 const AWKWARD: [f64; 8] =
@@ -19,7 +19,7 @@ pub fn number(seed: u64) -> f64 {
     AWKWARD[seed as usize % AWKWARD.len()]
 }
 
-/// A frame and its bytes; the content is a fixed function of the sequence number.
+/// A frame and its bytes, which are a fixed function of the sequence number.
 pub fn frame(sequence: u64, format: PixelFormat, size: [u32; 2], padding: u32) -> (FrameMeta, Vec<u8>) {
     let stride_bytes = size[0] * format.bytes_per_pixel() as u32 + padding;
     let meta = FrameMeta {

@@ -1,4 +1,4 @@
-//! Finding the way in a large file without reading it.
+//! Seeking in a large file without reading all of it.
 
 use super::samples;
 use super::speed::bytes_read;
@@ -9,7 +9,7 @@ use std::path::Path;
 const FRAMES: u64 = 480;
 const SIZE: [u32; 2] = [512, 512];
 
-/// A shot of 126 MB: frames of 512 x 512 px at 2000 a second, and a velocity for each.
+/// A shot of 126 MB: frames of 512 x 512 px at 2000 per second, and a velocity for each.
 fn write(path: &Path, compression: Compression) -> u64 {
     let pool: Vec<_> = (0..8).map(|k| samples::frame(k, PixelFormat::Mono8, SIZE, 0).1).collect();
     let options = WriterOptions { compression, ..WriterOptions::default() };
@@ -40,7 +40,7 @@ fn the_velocities_of_a_large_file_are_read_without_its_frames() {
 }
 
 #[test]
-fn what_a_recording_says_of_itself_is_read_from_its_front() {
+fn the_metadata_of_a_recording_is_read_from_its_front() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("shot.mcap");
     samples::write(&path, &WriterOptions::default(), 40, [300, 300]).finish().unwrap();
@@ -73,5 +73,5 @@ fn any_frame_is_found_by_reading_one_chunk() {
         at = number + 1;
     }
     frames.skip_frames(3);
-    assert!(frames.next().is_none(), "behind the end there are none");
+    assert!(frames.next().is_none(), "no frames behind the end");
 }

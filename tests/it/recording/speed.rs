@@ -1,4 +1,4 @@
-//! What writing and reading cost; run with `--ignored --nocapture`.
+//! The cost of writing and reading. Run with `--ignored --nocapture`.
 
 use super::samples;
 use ricochet::image::{Frame, PixelFormat};
@@ -9,13 +9,13 @@ use std::time::Instant;
 /// A file of 1 GB.
 const FRAMES: u64 = 4096;
 
-/// Processor time of this thread, s.
+/// The processor time of this thread, s.
 fn cpu_s() -> f64 {
     let text = std::fs::read_to_string("/proc/thread-self/schedstat").unwrap();
     text.split_whitespace().next().unwrap().parse::<f64>().unwrap() * 1e-9
 }
 
-/// Bytes this thread has asked the system for.
+/// The bytes that this thread has read.
 pub fn bytes_read() -> u64 {
     let text = std::fs::read_to_string("/proc/thread-self/io").unwrap();
     text.lines().find_map(|line| line.strip_prefix("rchar: ")).unwrap().parse().unwrap()
@@ -29,7 +29,7 @@ fn figures_of_512x512_frames() {
     let pool: Vec<_> = (0..16).map(|k| samples::frame(k, PixelFormat::Mono8, [512, 512], 0)).collect();
     let report = |name: &str, start: Instant, cpu: f64| {
         let (wall_s, cpu_us) = (start.elapsed().as_secs_f64(), (cpu_s() - cpu) * 1e6 / FRAMES as f64);
-        println!("{name}: {:.0} frames/s, {cpu_us:.1} us of this thread a frame", FRAMES as f64 / wall_s);
+        println!("{name}: {:.0} frames/s, {cpu_us:.1} us of this thread per frame", FRAMES as f64 / wall_s);
     };
     for round in 0..1 {
         let (start, cpu) = (Instant::now(), cpu_s());
@@ -74,7 +74,7 @@ fn figures_of_512x512_frames() {
                 })
                 .collect();
             seeks.sort();
-            println!("a frame anywhere: {:?} in the median, {:?} at most", seeks[32], seeks[63]);
+            println!("any frame: median {:?}, max {:?}", seeks[32], seeks[63]);
             std::fs::remove_file(&path).unwrap();
         }
     }

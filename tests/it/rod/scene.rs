@@ -1,22 +1,22 @@
-//! A leaning rod drawn from its formula: black, with two light tapes.
+//! A tilted rod drawn from its formula: black, with two light tapes.
 
 use ricochet::image::Image;
 
-/// A picture of a rod, and so its truth.
+/// An image of a rod, and so its truth.
 #[derive(Clone, Copy)]
 pub struct Scene {
     pub width: usize,
     pub height: usize,
-    /// The middle of the rod at the upper tape's middle.
+    /// The middle of the rod at the middle of the upper tape.
     pub center: [f64; 2],
     pub half_width: f64,
     /// Counter-clockwise on the screen.
     pub tilt_deg: f64,
-    /// Edges of both tapes from the centre downwards.
+    /// Edges of both tapes, from the centre downwards.
     pub edges: [f64; 4],
     pub blur: f64,
     pub noise: f64,
-    /// Grey levels of ground, rod and tapes.
+    /// Grey levels of background, rod and tapes.
     pub shades: [f64; 3],
     pub seed: u64,
 }
@@ -34,7 +34,7 @@ pub const SCENE: Scene = Scene {
     seed: 1,
 };
 
-/// Noise that looks normal: sums of twelve even numbers.
+/// Nearly normal noise: sums of twelve uniform numbers.
 fn normal(state: &mut u64) -> f64 {
     let mut even = || {
         *state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
@@ -43,7 +43,7 @@ fn normal(state: &mut u64) -> f64 {
     (0..12).map(|_| even()).sum::<f64>() - 6.0
 }
 
-/// Integral of the normal density, by its series for small numbers (error under 1e-9 up to 5).
+/// The integral of the normal density, by its series (error under 1e-9 up to 5).
 fn integral(x: f64) -> f64 {
     if x.abs() > 5.0 {
         return if x > 0.0 { 1.0 } else { 0.0 };
@@ -65,7 +65,7 @@ impl Scene {
         for y in 0..self.height {
             for x in 0..self.width {
                 let (dx, dy) = (x as f64 - self.center[0], y as f64 - self.center[1]);
-                // Back from the picture to the upright rod.
+                // From the image to the upright rod.
                 let (across, along) = (dx * cos - dy * sin, dx * sin + dy * cos);
                 let step = |distance: f64| integral(distance / self.blur);
                 let inside = step(across + self.half_width) - step(across - self.half_width);
@@ -85,7 +85,7 @@ impl Scene {
         if is_clear { (0.5 + 0.5 * (1.3 * across + 0.4 * along).sin() * (0.9 * along).cos()).powi(3) } else { 0.0 }
     }
 
-    /// Where the edges cross the middle of the rod.
+    /// The points where the edges cross the middle of the rod.
     pub fn edges_px(&self) -> [f64; 4] {
         let cos = self.tilt_deg.to_radians().cos();
         self.edges.map(|edge| self.center[1] + edge * cos)

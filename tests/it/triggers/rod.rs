@@ -5,7 +5,7 @@ use crate::measured_world::through;
 use ricochet::config::Config;
 use ricochet::synth::{MotionSetup, Scenario, World};
 
-/// From the middle of the speckled tape to the rod's end, and from its lowest edge, px.
+/// The distances from the middle of the speckled tape and from its lowest edge to the end of the rod, px.
 const BELOW_PX: [f64; 2] = [85.0, 20.0];
 const MM_PER_PX: f64 = 0.3;
 
@@ -19,7 +19,7 @@ fn rig(edge_px: f64, trigger: &str) -> Config {
     Config::parse(&text, "rig.toml").unwrap()
 }
 
-/// One drop and where its end touches, px and frames.
+/// One drop, and where and when its end touches, px and frames.
 fn drop_scenario(number: u64) -> (Scenario, f64, f64) {
     let mut dice = Dice((number + 1).wrapping_mul(0x9E37_79B9_7F4A_7C15));
     let mut scenario = Scenario::built_in("rod").unwrap();
@@ -27,7 +27,7 @@ fn drop_scenario(number: u64) -> (Scenario, f64, f64) {
     (scenario.light.flicker, scenario.light.flicker_hz) = (0.08, 120.0);
     let MotionSetup::Impact(impact) = &mut scenario.motion else { panic!("a drop") };
     impact.vn_m_s = -dice.between(0.7, 3.0);
-    // The speckled tape is in the picture from the first frame on.
+    // The speckled tape is in the image from the first frame on.
     impact.contact_start_s = (6.5e-3 / -impact.vn_m_s).min(2.4e-3) * dice.between(0.8, 1.0);
     impact.contact_center_px = [dice.between(25.0, 39.0), dice.between(56.0, 57.0)];
     let (edge_px, start_s) = (impact.contact_center_px[1] + BELOW_PX[0], impact.contact_start_s);
@@ -38,14 +38,14 @@ fn drop_scenario(number: u64) -> (Scenario, f64, f64) {
 }
 
 #[test]
-fn the_contact_of_a_rods_end_is_told_within_two_frames_in_fifty_drops() {
+fn the_contact_of_a_rods_end_is_predicted_within_two_frames_in_fifty_drops() {
     let drops = |index: u64| -> Vec<f64> {
         let one = |number| {
             let (scenario, edge_px, contact) = drop_scenario(number);
             let config = rig(edge_px, "mode = \"predicted-contact\"");
             let decisions = decide(&World::new(&scenario).unwrap(), &config);
             assert_eq!(decisions.len(), 1, "drop {number}: {decisions:#?}");
-            println!("drop {number}: {} off by {:.2}", decisions[0].what, decisions[0].frame as f64 - contact);
+            println!("drop {number}: {} error {:.2}", decisions[0].what, decisions[0].frame as f64 - contact);
             decisions[0].frame as f64 - contact
         };
         (index..50).step_by(2).map(one).collect()
@@ -58,12 +58,12 @@ fn the_contact_of_a_rods_end_is_told_within_two_frames_in_fifty_drops() {
 }
 
 #[test]
-fn the_gap_below_a_rod_is_undershot_where_it_is_and_a_surface_out_of_reach_is_not_touched() {
+fn gap_triggers_fire_at_their_threshold_and_a_distant_surface_is_not_touched() {
     let (mut scenario, edge_px, contact) = drop_scenario(0);
     let MotionSetup::Impact(impact) = &mut scenario.motion else { panic!("a drop") };
     impact.vn_m_s = -2.0;
     let world = World::new(&scenario).unwrap();
-    // 2 m/s at 40 000 frames/s are 0.05 mm a frame, and gravity hardly adds to it: 1 mm is 20 frames before the touch.
+    // 2 m/s at 40 000 frames/s are 0.05 mm per frame, and gravity adds little: 1 mm is 20 frames before contact.
     let gap = decide(&world, &rig(edge_px, "mode = \"gap\"\ngap_mm = 1"));
     assert_eq!(gap.len(), 1, "{gap:?}");
     assert!((gap[0].frame as f64 - (contact - 20.0)).abs() <= 3.0, "{contact}: {gap:?}");
@@ -71,7 +71,7 @@ fn the_gap_below_a_rod_is_undershot_where_it_is_and_a_surface_out_of_reach_is_no
     assert_eq!(far, [], "never nearer than 4.5 mm, less what the contact yields");
 }
 
-/// A camera that looks up at the rod: its plane's pixels are a fifth larger at the top than at the foot.
+/// The calibration of a camera that looks up at the rod: pixels cover a fifth more at the top than at the foot.
 fn aslant(width_px: u32, height_px: u32, mm: f64) -> String {
     let entries = [1.0, 0.0, -9.0, 0.0, 1.0, -20.0].map(|x| mm * x);
     format!(
@@ -81,11 +81,11 @@ fn aslant(width_px: u32, height_px: u32, mm: f64) -> String {
 }
 
 #[test]
-fn the_contact_of_a_rod_seen_aslant_is_told_where_the_calibration_has_it() {
+fn the_contact_of_a_rod_seen_obliquely_is_predicted_with_the_calibration() {
     for number in 0..6 {
         let (mut scenario, edge_px, contact) = drop_scenario(number);
         let MotionSetup::Impact(impact) = &mut scenario.motion else { panic!("a drop") };
-        // The picture ends where the plane's does not.
+        // The image ends elsewhere than the plane.
         impact.contact_center_px[0] = 30.0 + 0.37 * number as f64;
         let world = World::new(&scenario).unwrap();
         let calibrated = |mm: f64, edge: [[f64; 2]; 2], end_mm: f64| {
@@ -97,7 +97,7 @@ fn the_contact_of_a_rod_seen_aslant_is_told_where_the_calibration_has_it() {
             );
             Config::parse(&text, "rig.toml").unwrap()
         };
-        // As large in its middle as the film is.
+        // The scale in the middle is that of the film.
         let rough = calibrated(1.0, [[0.0, 1.0], [9.0, 1.0]], 1.0).calibration.unwrap().mm_per_px().unwrap();
         let mm = MM_PER_PX / rough;
         let rectifier = calibrated(mm, [[0.0, 1.0], [9.0, 1.0]], 1.0).calibration.unwrap();
@@ -107,7 +107,7 @@ fn the_contact_of_a_rod_seen_aslant_is_told_where_the_calibration_has_it() {
         let decisions = decide_on(&world, &config, |bytes| *bytes = through(&rectifier, bytes, size));
         assert_eq!(decisions.len(), 1, "drop {number}: {decisions:#?}");
         let off = decisions[0].frame as f64 - contact;
-        println!("drop {number}: {} off by {off:.2}; the edge shows at {edge:?}, is at {edge_px}", decisions[0].what);
-        assert!(off.abs() <= 2.0, "drop {number}: off by {off} frames");
+        println!("drop {number}: {} error {off:.2}; the edge appears at {edge:?}, true {edge_px}", decisions[0].what);
+        assert!(off.abs() <= 2.0, "drop {number}: error {off} frames");
     }
 }

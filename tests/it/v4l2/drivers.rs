@@ -1,4 +1,4 @@
-//! The virtual cameras of the virtual machine, from their other side.
+//! The driver side of the virtual cameras in the virtual machine.
 #![expect(unsafe_code, reason = "drivers are spoken to through structures of C")]
 
 use ricochet::camera::v4l2::sys;
@@ -11,13 +11,13 @@ use std::time::Duration;
 
 /// The kernel's test camera.
 pub const VIVID: &str = "/dev/video0";
-/// The camera that shows what a program writes to it.
+/// The camera that shows the frames a program writes to it.
 pub const LOOPBACK: &str = "/dev/video10";
 
-/// Pause between two frames of the loop-back camera.
+/// The time between two frames of the loop-back camera.
 const PERIOD: Duration = Duration::from_millis(4);
 
-/// What can be done to vivid; its drivers' documentation calls these error injection.
+/// Faults that vivid can inject (error injection in its documentation).
 #[derive(Debug, Clone, Copy)]
 pub enum Fault {
     DropPercent = 0x00f0_f040,
@@ -33,12 +33,12 @@ fn open(path: &str) -> File {
 
 fn call<T>(file: &File, request: libc::c_ulong, argument: &mut T) {
     assert_eq!((request >> 16) & 0x3fff, size_of::<T>() as libc::c_ulong);
-    // SAFETY: the structure has the size of the request's; pointers in it live through the call.
+    // SAFETY: the structure has the size of the request's, and pointers in it live through the call.
     let result = unsafe { libc::ioctl(file.as_raw_fd(), request as _, std::ptr::from_mut(argument)) };
     assert!(result >= 0, "ioctl {request:#x}: {}", std::io::Error::last_os_error());
 }
 
-/// Does something to vivid while it streams for somebody else.
+/// Injects a fault into vivid while another program streams.
 pub fn inject(fault: Fault, value: i32) {
     let mut one = sys::v4l2_ext_control { id: fault as u32, ..Default::default() };
     one.__bindgen_anon_1.value = value;
@@ -55,7 +55,7 @@ pub struct Writer {
 impl Writer {
     /// Sets format and size, and returns once the first frame is written: only then can the camera be read.
     ///
-    /// `draw(number)` gives the bytes of a frame, which has at most `frame_bytes`.
+    /// `draw(number)` returns the bytes of a frame, at most `frame_bytes`.
     pub fn start(
         (width, height): (u32, u32),
         fourcc: u32,
@@ -88,10 +88,10 @@ impl Writer {
         };
         write(0);
         let stop = Arc::new(AtomicBool::new(false));
-        let told = Arc::clone(&stop);
+        let stop_requested = Arc::clone(&stop);
         let thread = std::thread::spawn(move || {
             let mut number = 0;
-            while !told.load(Ordering::Relaxed) {
+            while !stop_requested.load(Ordering::Relaxed) {
                 number += 1;
                 write(number);
                 std::thread::sleep(PERIOD);
