@@ -87,7 +87,7 @@ fn paced_frames_do_not_come_before_their_time() {
 
 #[test]
 fn a_paced_frame_without_a_slot_is_a_visible_loss() {
-    let mut camera = SimulatedCamera::open(small(1000.0, 200), true).unwrap();
+    let mut camera = SimulatedCamera::open(small(1000.0, 200), Pace::Live).unwrap();
     let mut memory = Memory::new(1, camera.format().slot_bytes());
     camera.queue(memory.slot(0));
     camera.start().unwrap();
