@@ -3,30 +3,30 @@
 use std::path::Path;
 use std::process::{Command, Output};
 
-/// Pixels the page is wide; high enough for all of it.
+/// The width of the page, and a height that is enough for all of it, px.
 pub const SIZE_PX: [u32; 2] = [1100, 6000];
 
-/// What became of a page.
+/// The result of showing a page.
 pub struct Shown {
     pub picture: image::RgbImage,
-    /// Addresses it asked for, beside its own.
+    /// Addresses that the page requested, other than its own.
     pub requests: Vec<String>,
-    /// What it wrote on the console, errors among it.
+    /// Console output, including errors.
     pub console: Vec<String>,
-    /// Left, top, width and height of what was asked for, px.
+    /// Left, top, width and height of the elements asked for, px.
     pub boxes: Vec<[f64; 4]>,
     /// Width and height of the whole content, px.
     pub content_px: [f64; 2],
 }
 
-/// Shows a page and looks where `selector` leads; says that it was left out where there is no Chromium.
+/// Shows a page and measures the elements of `selector`. Reports that the test was left out if there is no Chromium.
 pub fn show(page: &Path, selector: &str) -> Option<Shown> {
     let program = ["chromium", "chromium-browser", "google-chrome"]
         .into_iter()
         .find(|name| Command::new(name).arg("--version").output().is_ok_and(|output| output.status.success()));
     let Some(program) = program else {
         let required = crate::support::is_required("CHROMIUM");
-        assert!(!required, "Chromium is required and not there");
+        assert!(!required, "Chromium is required but not installed");
         eprintln!("left out: no Chromium to render the page with");
         return None;
     };
@@ -34,12 +34,12 @@ pub fn show(page: &Path, selector: &str) -> Option<Shown> {
     let (picture, log) = (folder.path().join("page.png"), folder.path().join("net.json"));
     let options = [format!("--screenshot={}", picture.display()), format!("--log-net-log={}", log.display())];
     let output = run(program, folder.path(), page, &options);
-    let told = String::from_utf8_lossy(&output.stderr).into_owned();
+    let log = String::from_utf8_lossy(&output.stderr).into_owned();
     let (boxes, content_px) = measure(program, folder.path(), page, selector);
     Some(Shown {
         picture: image::open(&picture).unwrap().into_rgb8(),
         requests: requests(&std::fs::read_to_string(&log).unwrap()),
-        console: told.lines().filter(|line| line.contains(":CONSOLE")).map(str::to_owned).collect(),
+        console: log.lines().filter(|line| line.contains(":CONSOLE")).map(str::to_owned).collect(),
         boxes,
         content_px,
     })
@@ -51,13 +51,13 @@ fn run(program: &str, folder: &Path, page: &Path, options: &[String]) -> Output 
     command.args(["--force-device-scale-factor=1", "--disable-background-networking"]).args(options);
     command.arg(format!("--window-size={},{}", SIZE_PX[0], SIZE_PX[1]));
     command.arg(format!("--user-data-dir={}", folder.join("profile").display()));
-    // Nothing from outside can help the page.
+    // The page gets nothing from the network.
     let output = command.arg("--proxy-server=127.0.0.1:9").arg(format!("file://{}", page.display())).output().unwrap();
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     output
 }
 
-/// A copy of the page with a script at its end tells where things lie.
+/// Measures boxes by a script at the end of a copy of the page.
 fn measure(program: &str, folder: &Path, page: &Path, selector: &str) -> (Vec<[f64; 4]>, [f64; 2]) {
     let script = format!(
         "<script>const root = document.documentElement;\
@@ -68,21 +68,21 @@ fn measure(program: &str, folder: &Path, page: &Path, selector: &str) -> (Vec<[f
     let copy = folder.join("measured.html");
     std::fs::write(&copy, std::fs::read_to_string(page).unwrap() + &script).unwrap();
     let dom = String::from_utf8(run(program, folder, &copy, &["--dump-dom".into()]).stdout).unwrap();
-    let told = |key: &str| {
+    let numbers_of = |key: &str| {
         let from = dom.find(&format!("data-{key}=\"")).unwrap() + key.len() + 7;
         let text = &dom[from..][..dom[from..].find('"').unwrap()];
         let numbers = |text: &str| text.split(',').map(|number| number.parse().unwrap()).collect::<Vec<f64>>();
         text.split(';').filter(|text| !text.is_empty()).map(numbers).collect::<Vec<_>>()
     };
-    let boxes = told("boxes").into_iter().map(|numbers| numbers.try_into().unwrap()).collect();
-    (boxes, told("content").remove(0).try_into().unwrap())
+    let boxes = numbers_of("boxes").into_iter().map(|numbers| numbers.try_into().unwrap()).collect();
+    (boxes, numbers_of("content").remove(0).try_into().unwrap())
 }
 
-/// Addresses in Chromium's log of its network that a page asked for; what the browser itself wants has no origin.
+/// The addresses in Chromium's network log that a page requested. Requests of the browser itself have no origin.
 fn requests(log: &str) -> Vec<String> {
     let mut found = Vec::new();
     for line in log.lines() {
-        // One event a line.
+        // One event per line.
         let Ok(event) = serde_json::from_str::<serde_json::Value>(line.trim_end_matches([',', ']'])) else { continue };
         let text = |key: &str| event["params"][key].as_str();
         let Some((initiator, url)) = text("initiator").zip(text("url")) else { continue };
@@ -94,7 +94,7 @@ fn requests(log: &str) -> Vec<String> {
 }
 
 impl Shown {
-    /// How many colours there are in a box, and the part of it that has not the most frequent one.
+    /// The number of colours in a box, and the share of it that does not have the most frequent one.
     pub fn drawn(&self, [x, y, width, height]: [f64; 4]) -> (usize, f64) {
         let mut colours = std::collections::BTreeMap::<[u8; 3], u64>::new();
         for row in y.ceil() as u32..(y + height) as u32 {
@@ -103,7 +103,7 @@ impl Shown {
             }
         }
         let all: u64 = colours.values().sum();
-        let most = colours.values().max().copied().unwrap_or(0);
-        (colours.len(), (all - most) as f64 / all.max(1) as f64)
+        let largest = colours.values().max().copied().unwrap_or(0);
+        (colours.len(), (all - largest) as f64 / all.max(1) as f64)
     }
 }

@@ -1,11 +1,11 @@
-//! A clock of the system that is set while a rig runs.
+//! A system clock that is set while a rig runs.
 
 use crate::pipeline::drift;
 use crate::support::{Background, Rig, frames, process, ricochet, status, succeed, wait_until};
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-/// Puts itself before the C library: the clock is off by as many seconds as a file says.
+/// Overrides the C library: the clock is shifted by the seconds in a file.
 const SHIM: &str = r#"
 #define _GNU_SOURCE
 #include <stdio.h>
@@ -27,7 +27,7 @@ int clock_gettime(clockid_t id, struct timespec *now) {
 }
 "#;
 
-/// The library of it; `None`, and a line, where there is no C compiler.
+/// Compiles the library, or returns `None` and prints a line without a C compiler.
 fn shim(rig: &Rig) -> Option<PathBuf> {
     let (source, library) = (rig.file("shim.c", SHIM), rig.path("shim.so"));
     let built = Command::new("cc").args(["-shared", "-fPIC", "-o"]).arg(&library).arg(&source).status();
@@ -38,7 +38,7 @@ fn shim(rig: &Rig) -> Option<PathBuf> {
     None
 }
 
-/// What `date` says under it, s since the epoch.
+/// The output of `date` with the library, s since the epoch.
 fn seconds(library: &Path, offset: &Path) -> i64 {
     let mut date = Command::new("date");
     let output = date.arg("+%s").env("LD_PRELOAD", library).env("TEST_CLOCK_OFFSET", offset).output().unwrap();
@@ -65,26 +65,26 @@ fn a_clock_that_is_set_back_and_forth_costs_neither_frames_nor_shots() {
     wait("it measures", 60);
     for (shot, step) in ["0", "-3600", "86400", "-40000000"].into_iter().enumerate() {
         rig.file("offset", step);
-        let told = seconds(&library, &offset) - before;
-        assert!((told - step.parse::<i64>().unwrap()).abs() < 600, "the clock is off by {told} s for {step}");
+        let shift_s = seconds(&library, &offset) - before;
+        assert!((shift_s - step.parse::<i64>().unwrap()).abs() < 600, "the clock is shifted by {shift_s} s for {step}");
         let now = measured(&wait("it answers", 0));
-        wait("it goes on measuring", now + 30);
+        wait("the rig still measures", now + 30);
         succeed(["trigger", "--rig", rig.name.as_str()]);
         wait_until("the shot is written", || (rig.recordings().len() == shot + 1).then_some(()));
         wait_until("it is armed again", || {
-            let told = status(&rig.name)?;
-            (process(&told, "record", 0)?["state"].as_u64() == Some(1)).then_some(())
+            let report = status(&rig.name)?;
+            (process(&report, "record", 0)?["state"].as_u64() == Some(1)).then_some(())
         });
     }
     let after = wait("it answers", 0);
     for name in ["acquire", "correlate", "track", "record"] {
-        let told = process(&after, name, 0).unwrap();
-        assert_eq!((told["lost"].as_u64(), told["dropped"].as_u64()), (Some(0), Some(0)), "{name}: {after}");
+        let report = process(&after, name, 0).unwrap();
+        assert_eq!((report["lost"].as_u64(), report["dropped"].as_u64()), (Some(0), Some(0)), "{name}: {after}");
     }
     assert_eq!(process(&after, "run", 0).unwrap()["restarts"].as_u64(), Some(0), "{after}");
     service.signal(2);
-    let (code, _, told) = service.end();
-    assert_eq!(code, Some(0), "nothing was lost: {told}");
+    let (code, _, stderr) = service.end();
+    assert_eq!(code, Some(0), "nothing was lost: {stderr}");
     for path in rig.recordings() {
         let metas: Vec<_> = frames(&path).into_iter().map(|(meta, _)| meta).collect();
         assert!(metas.len() >= 36, "{} frames", metas.len());

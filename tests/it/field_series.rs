@@ -1,4 +1,4 @@
-//! `ricochet field` with several targets: a series of pictures, each measured from the first.
+//! `ricochet field` with several targets: a series of images, each measured from the first.
 
 use crate::rotation_search::{farthest, rows, write_frames};
 use crate::support::{Rig, run, succeed};
@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 
 const SETTINGS: [&str; 6] = ["--roi", "43,63,83,83", "--subset", "25", "--step", "8"];
 
-/// `ricochet field` with these images and settings.
+/// The arguments of `ricochet field` with these images and settings.
 fn line(images: &[PathBuf], rest: &[&str]) -> Vec<String> {
     let images = images.iter().map(|path| path.to_str().unwrap());
     let words = std::iter::once("field").chain(images).chain(SETTINGS).chain(rest.iter().copied());
@@ -23,16 +23,16 @@ fn text(path: &Path) -> &str {
 }
 
 #[test]
-fn a_ball_is_followed_through_twenty_degrees_from_the_first_picture_on() {
+fn a_ball_is_followed_over_20_deg_from_the_first_image() {
     let rig = Rig::new();
     let (shift_px, angle_deg) = ([6.3, -1.7], 2.3);
     let frames = write_frames(&rig, shift_px, angle_deg, 10);
     let (tables, pictures) = (rig.path("new/tables"), rig.path("pictures"));
     let output = run(line(&frames, &["-o", text(&tables), "--picture", text(&pictures)]));
-    let told = String::from_utf8(output.stderr).unwrap();
-    assert!(output.status.success() && output.stdout.is_empty(), "{told}");
-    let lines: Vec<&str> = told.lines().collect();
-    assert_eq!(lines.len(), 9, "a line for each target: {told}");
+    let stderr = String::from_utf8(output.stderr).unwrap();
+    assert!(output.status.success() && output.stdout.is_empty(), "{stderr}");
+    let lines: Vec<&str> = stderr.lines().collect();
+    assert_eq!(lines.len(), 9, "one line per target: {stderr}");
     let mut renewed = Vec::new();
     for (index, line) in lines.iter().enumerate() {
         let k = index + 1;
@@ -46,23 +46,23 @@ fn a_ball_is_followed_through_twenty_degrees_from_the_first_picture_on() {
         assert!(field.iter().all(|point| point.status == PointStatus::Valid), "picture {k}");
         let off = farthest(&field, shift_px.map(|step| step * k as f64), angle_deg * k as f64);
         println!("picture {k}: farthest window {off:.4} px");
-        // Windows of 25 px scatter by some 0.005 px; a renewal in whole pixels would be off by up to 0.7 px.
+        // Windows of 25 px scatter by some 0.005 px. A renewal in whole pixels would be off by up to 0.7 px.
         assert!(off < 0.04, "picture {k}: {off} px");
         let picture = image::open(pictures.join(format!("field_{k:04}.png"))).unwrap();
         assert_eq!((picture.width(), picture.height()), (320, 240));
     }
-    // 2.3 deg are kept, 4.6 deg are not.
+    // A reference is kept at 2.3 deg and renewed at 4.6 deg.
     assert_eq!(renewed, [2, 4, 6, 8]);
     assert_eq!(std::fs::read_dir(&tables).unwrap().count(), 9);
-    // Alone against the first picture the last is not found.
+    // Alone against the first image, the last is not found.
     let alone = rig.path("alone.csv");
     succeed(line(&[frames[0].clone(), frames[9].clone()], &["-o", text(&alone)]));
     let valid = rows(&alone).iter().filter(|point| point.status == PointStatus::Valid).count();
-    assert!(valid * 10 < rows(&alone).len(), "it needs the pictures between: {valid}");
+    assert!(valid * 10 < rows(&alone).len(), "the images between are needed: {valid}");
 }
 
 #[test]
-fn windows_that_left_the_picture_are_lost_and_have_no_numbers() {
+fn windows_that_left_the_image_are_lost_and_have_no_numbers() {
     let rig = Rig::new();
     let (shift_px, angle_deg) = ([-14.3, 0.6], 3.4);
     let frames = write_frames(&rig, shift_px, angle_deg, 6);
@@ -108,7 +108,7 @@ fn on_standard_output_every_row_begins_with_its_target() {
         let target = at.split(',').next().unwrap();
         assert!(row.starts_with(&format!("{{\"target\":\"{target}\",\"x_px\":")), "{row}");
     }
-    // Files hold one field each: the same rows as of one target, which have no such key.
+    // Files hold one field each, with the same rows as for one target, and without a target key.
     succeed(line(&frames, &["--json", "-o", text(&tables)]));
     let lines = std::fs::read_to_string(tables.join("field_0002.jsonl")).unwrap();
     assert_eq!(lines.lines().count(), fields[1].len());
@@ -119,23 +119,23 @@ fn on_standard_output_every_row_begins_with_its_target() {
 }
 
 #[test]
-fn each_picture_of_a_series_has_its_map_with_its_own_legend() {
+fn each_map_of_a_series_has_its_own_legend() {
     let rig = Rig::new();
     let frames = write_frames(&rig, [1.3, 0.4], 0.0, 3);
     let folder = rig.path("maps");
     let output = run(line(&frames, &["-o", text(&folder), "--picture", text(&folder), "--map", "u"]));
-    let told = String::from_utf8(output.stderr).unwrap();
-    let starts: Vec<f64> = told
+    let stderr = String::from_utf8(output.stderr).unwrap();
+    let starts: Vec<f64> = stderr
         .lines()
         .map(|line| line.split_once("; map of u from ").unwrap().1.split(' ').next().unwrap().parse().unwrap())
         .collect();
-    assert!((starts[0] - 1.3).abs() < 0.03 && (starts[1] - 2.6).abs() < 0.03, "{told}");
+    assert!((starts[0] - 1.3).abs() < 0.03 && (starts[1] - 2.6).abs() < 0.03, "{stderr}");
     let height = |k: u32| image::open(folder.join(format!("field_{k:04}.png"))).unwrap().height();
     assert!(height(1) > 240 && height(2) > 240, "the bar comes below");
 }
 
 #[test]
-fn a_stop_ends_a_series_and_tells_how_many_are_missing() {
+fn a_stop_ends_a_series_and_reports_how_many_are_missing() {
     let rig = Rig::new();
     let frames = write_frames(&rig, [1.3, 0.4], 0.0, 4);
     let stop = Stop::default();
@@ -160,14 +160,14 @@ fn a_stop_ends_a_series_and_tells_how_many_are_missing() {
 }
 
 #[test]
-fn what_cannot_be_a_series_is_one_line() {
+fn an_impossible_series_is_refused_in_one_line() {
     let rig = Rig::new();
     let frames = write_frames(&rig, [1.3, 0.4], 0.0, 4);
     let refused = |code: i32, images: &[PathBuf], rest: &[&str], wanted: &str| {
         let output = run(line(images, rest));
-        let told = String::from_utf8(output.stderr).unwrap();
-        assert_eq!(output.status.code(), Some(code), "{told}");
-        assert!(told.lines().count() == 1 && told.contains(wanted), "{told}");
+        let stderr = String::from_utf8(output.stderr).unwrap();
+        assert_eq!(output.status.code(), Some(code), "{stderr}");
+        assert!(stderr.lines().count() == 1 && stderr.contains(wanted), "{stderr}");
         assert!(output.stdout.is_empty());
     };
     let small = rig.path("small.png");

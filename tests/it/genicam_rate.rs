@@ -1,4 +1,4 @@
-//! How fast frames come in, beside the camera library's own receive loop.
+//! The frame rate that comes through, compared with the camera library's own receive loop.
 #![expect(unsafe_code, reason = "the loop to compare with is written against the C library")]
 #![expect(clippy::disallowed_methods, reason = "a rate needs a clock")]
 
@@ -11,14 +11,14 @@ use std::ffi::CString;
 use std::ptr;
 use std::time::{Duration, Instant};
 
-/// Short turns in pairs: what else the machine does meets both alike. Many of them: a turn is fast or slow by whether
-/// sender and receiver happen to share a processor.
+/// Short turns in pairs, so that other load affects both alike. Many of them, because a turn is fast or slow depending
+/// on whether sender and receiver share a processor.
 const SPAN: Duration = Duration::from_millis(250);
 const TURNS: usize = 48;
 const FRAME_BYTES: usize = 512 * 512;
 const BUFFERS: usize = 200;
 
-/// Whole frames a second through a camera of this program.
+/// Complete frames per second through a camera of this program.
 fn ours(packet_bytes: u32) -> f64 {
     let mut slots = Slots::new(BUFFERS, FRAME_BYTES);
     let wanted = GenicamSettings { packet_size_bytes: Some(packet_bytes), ..settings(20_000.0) };
@@ -39,10 +39,10 @@ fn ours(packet_bytes: u32) -> f64 {
     f64::from(whole) / begin.elapsed().as_secs_f64()
 }
 
-/// Whole frames a second through the library alone, with its own memory.
+/// Complete frames per second through the library alone, with its own memory.
 ///
-/// Its socket is as large as it can be made through the library: as the system allows, from the second frame on. Its
-/// thread has the priority that ours has, which on a loopback device costs the sender more than it gives.
+/// Its socket is as large as the library allows, from the second frame on. Its thread has the same priority as ours,
+/// which on a loopback device costs the sender more than it gains.
 fn library_alone(aravis: &sys::Aravis, packet_bytes: i32) -> f64 {
     let address = CString::new(ADDRESS).unwrap();
     let none = ptr::null_mut();
@@ -87,7 +87,7 @@ fn library_alone(aravis: &sys::Aravis, packet_bytes: i32) -> f64 {
 unsafe extern "C" fn prefer(_: *mut std::ffi::c_void, kind: sys::ArvStreamCallbackType, _: *mut sys::ArvBuffer) {
     if kind == sys::ARV_STREAM_CALLBACK_TYPE_INIT {
         let parameter = libc::sched_param { sched_priority: 20 };
-        // SAFETY: 0 means this thread; the parameter lives through the call. A refusal is the same for both loops.
+        // SAFETY: 0 means this thread, and the parameter lives through the call. A refusal affects both loops alike.
         unsafe { libc::sched_setscheduler(0, libc::SCHED_RR, &raw const parameter) };
     }
 }
@@ -99,16 +99,16 @@ fn mean(rates: impl ExactSizeIterator<Item = f64>) -> f64 {
 
 #[test]
 #[ignore = "a measurement, to be run alone: cargo test --release --test it rate -- --ignored --nocapture"]
-fn flat_out_at_least_nine_tenths_of_the_frames_the_library_alone_gets_come_through() {
+fn at_full_speed_at_least_nine_tenths_of_the_librarys_frame_rate_come_through() {
     let Some(aravis) = aravis_or_leave_out() else { return };
-    // Only the first bytes change: the imitated camera should spend its time sending.
+    // Only the first bytes change, so that the imitated camera spends its time sending.
     let Some(_gige) = FakeGige::plug_in(Wiring::Software, u64::MAX, |index, pixels| {
         pixels[..8].copy_from_slice(&index.to_le_bytes());
     }) else {
         return;
     };
     let share = |packet_bytes: i32| {
-        // Whoever comes first in a pair comes second in the next.
+        // The order alternates from pair to pair.
         let pair = |turn: usize| {
             let first = turn.is_multiple_of(2).then(|| library_alone(aravis, packet_bytes));
             let through = ours(packet_bytes.cast_unsigned());
@@ -123,7 +123,7 @@ fn flat_out_at_least_nine_tenths_of_the_frames_the_library_alone_gets_come_throu
         );
         share
     };
-    // That of one size is known to no better than a tenth.
+    // The share at one size is known to a tenth only.
     let share = mean([1500, 9000, 16_000].into_iter().map(share));
     println!("{share:.2} in the mean");
     assert!(share >= 0.9);

@@ -1,4 +1,4 @@
-//! Shots on a camera's own line: it sends nothing until a pulse comes, and a shot ends with silence.
+//! Hardware-triggered shots: the camera sends nothing until a pulse comes, and a shot ends with silence.
 
 use crate::fake_gige::{ADDRESS, FakeGige, Wiring};
 use crate::genicam::draw;
@@ -9,7 +9,7 @@ use ricochet::recording::Recording;
 use std::path::Path;
 use std::time::Duration;
 
-/// A rig whose camera waits for Line1, filming.
+/// Starts a rig whose camera waits for Line1.
 fn armed(rig: &Rig, gige: &FakeGige) -> Background {
     let source = format!(
         "source = \"genicam\"\nid = \"{ADDRESS}\"\nwidth_px = 512\nheight_px = 512\npixel_format = \"Mono8\"\n\
@@ -23,14 +23,14 @@ fn armed(rig: &Rig, gige: &FakeGige) -> Background {
     service
 }
 
-/// Numbers and pictures of a recording's frames.
+/// The sequence numbers and image indices of a recording's frames.
 fn indices(path: &Path) -> Vec<(u64, u64)> {
     let index = |bytes: &[u8]| u64::from_le_bytes(bytes[..8].try_into().unwrap());
     frames(path).iter().map(|(meta, bytes)| (meta.sequence, index(bytes))).collect()
 }
 
 #[test]
-fn each_of_20_pulses_is_a_shot_of_its_own_the_first_one_included() {
+fn each_of_20_pulses_makes_its_own_shot_the_first_one_included() {
     let Some(gige) = FakeGige::plug_in(Wiring::Line1, u64::MAX, draw) else { return };
     let rig = Rig::new();
     let service = armed(&rig, &gige);
@@ -44,8 +44,8 @@ fn each_of_20_pulses_is_a_shot_of_its_own_the_first_one_included() {
     assert_eq!(refused.status.code(), Some(2));
     assert!(String::from_utf8(refused.stderr).unwrap().contains("shots begin on the camera's line"));
     service.signal(2);
-    let (code, printed, told) = service.end();
-    assert_eq!((code, printed.lines().count()), (Some(0), 20), "{told}");
+    let (code, printed, stderr) = service.end();
+    assert_eq!((code, printed.lines().count()), (Some(0), 20), "{stderr}");
     let mut shots: Vec<_> = rig.recordings().iter().map(|path| indices(path)).collect();
     shots.sort();
     assert_eq!(shots, (0..20).map(|pulse| vec![(pulse, pulse)]).collect::<Vec<_>>());
@@ -66,13 +66,13 @@ fn pulses_without_silence_between_are_one_shot() {
             sent += 1;
             wait_until("the frame is sent", || (gige.sent() == sent).then_some(()));
         }
-        // Not until the shot is written: the next one waits for its turn.
+        // The shot is still being written when the next one begins.
         std::thread::sleep(Duration::from_millis(400));
     }
     wait_until("all shots are written", || (rig.recordings().len() == 5).then_some(()));
     service.signal(2);
-    let (code, _, told) = service.end();
-    assert_eq!(code, Some(0), "{told}");
+    let (code, _, stderr) = service.end();
+    assert_eq!(code, Some(0), "{stderr}");
     let mut shots: Vec<_> = rig.recordings().iter().map(|path| indices(path)).collect();
     shots.sort();
     let mut numbers = 0..;
@@ -82,12 +82,12 @@ fn pulses_without_silence_between_are_one_shot() {
 }
 
 #[test]
-fn shots_of_an_imitated_line_are_measured_by_themselves_live_and_afterwards() {
+fn shots_of_an_imitated_line_are_measured_separately_live_and_analysed() {
     let rig = Rig::new();
     let film = rig.file("drift.toml", &drift(60, 200.0));
     let source =
         format!("source = \"simulated\"\nscenario = \"{}\"\npulse_period_s = 0.6\npulse_frames = 12", film.display());
-    // Blocks of 8 frames begin within shots, and reach from one into the next.
+    // Blocks of 8 frames begin within shots and extend from one into the next.
     let rest = "[scale]\nmm_per_px = 0.5\n[trigger]\nmode = \"hardware\"\nsilence_s = 0.2\n[workers]\ncount = 2\nblock_frames = 8";
     let config = rig.config(&source, rest);
     let listen = |topic: &str| {
@@ -95,11 +95,11 @@ fn shots_of_an_imitated_line_are_measured_by_themselves_live_and_afterwards() {
         Background::start(ricochet(["listen", topic, "--rig", name, "--json", "--wait", "60"]))
     };
     let (velocity, events) = (listen("velocity"), listen("events"));
-    let (code, printed, told) = Background::start(ricochet(["run".as_ref(), config.as_os_str()])).end();
-    assert_eq!((code, printed.lines().count()), (Some(0), 5), "{told}");
+    let (code, printed, stderr) = Background::start(ricochet(["run".as_ref(), config.as_os_str()])).end();
+    assert_eq!((code, printed.lines().count()), (Some(0), 5), "{stderr}");
     let live: Vec<serde_json::Value> =
         velocity.end().1.lines().map(|line| serde_json::from_str(line).unwrap()).collect();
-    assert_eq!(live.len(), 60, "a row a frame");
+    assert_eq!(live.len(), 60, "one row per frame");
     for (shot, path) in printed.lines().map(Path::new).enumerate() {
         let film = frames(path);
         let sequences: Vec<u64> = film.iter().map(|(meta, _)| meta.sequence).collect();
@@ -124,14 +124,18 @@ fn shots_of_an_imitated_line_are_measured_by_themselves_live_and_afterwards() {
         assert!(rows[..11].iter().all(|row| row[column("dx_px")].parse::<f64>().unwrap().abs() < 1.0));
     }
     let stamps: Vec<u64> = live.iter().map(|line| line["stamp_ns"].as_u64().unwrap()).collect();
-    assert_eq!((stamps[1] - stamps[0], stamps[12] - stamps[0]), (5_000_000, 600_000_000), "the camera's clock goes on");
+    assert_eq!(
+        (stamps[1] - stamps[0], stamps[12] - stamps[0]),
+        (5_000_000, 600_000_000),
+        "the camera's clock continues"
+    );
     let states = states(&events.end().1);
     let written = states.iter().filter(|state| *state == "writing").count();
     assert_eq!(written, 5, "{states:?}");
     assert!(states.iter().filter(|state| *state == "done").count() >= 4, "{states:?}");
 }
 
-/// What a rig told that it was doing, from the lines of a listener to its events.
+/// The states of a rig, from the lines of a listener to its events.
 fn states(events: &str) -> Vec<String> {
     let events = events.lines().map(|line| serde_json::from_str::<serde_json::Value>(line).unwrap());
     let states = events.filter(|event| event["kind"] == "state");
@@ -139,7 +143,7 @@ fn states(events: &str) -> Vec<String> {
 }
 
 #[test]
-fn a_rig_that_only_films_tells_what_it_is_doing() {
+fn a_rig_that_only_records_reports_its_states() {
     let rig = Rig::new();
     let film = rig.file("drift.toml", &drift(36, 200.0));
     let source =
@@ -148,12 +152,12 @@ fn a_rig_that_only_films_tells_what_it_is_doing() {
     let config = rig.config(&source, rest);
     let events =
         Background::start(ricochet(["listen", "events", "--rig", rig.name.as_str(), "--json", "--wait", "60"]));
-    let (code, printed, told) = Background::start(ricochet(["run".as_ref(), config.as_os_str()])).end();
-    assert_eq!((code, printed.lines().count()), (Some(0), 3), "{told}");
+    let (code, printed, stderr) = Background::start(ricochet(["run".as_ref(), config.as_os_str()])).end();
+    assert_eq!((code, printed.lines().count()), (Some(0), 3), "{stderr}");
     let states = states(&events.end().1);
     let mut order = states.iter();
     for wanted in ["preparing", "armed", "writing", "armed", "writing", "armed", "writing", "done"] {
-        assert!(order.any(|state| state == wanted), "{wanted} in its place among {states:?}");
+        assert!(order.any(|state| state == wanted), "{wanted} in order among {states:?}");
     }
 }
 
@@ -168,8 +172,8 @@ fn two_cameras_on_one_line_share_each_shot() {
     );
     let trigger = "[trigger]\nmode = \"hardware\"\nsilence_s = 0.3\n[workers]\ncount = 1\nblock_frames = 8";
     let config = rig.config(&source, &format!("[scale]\nmm_per_px = 0.5\n{view}\n{trigger}"));
-    let (code, printed, told) = Background::start(ricochet(["run".as_ref(), config.as_os_str()])).end();
-    assert_eq!((code, printed.lines().count()), (Some(0), 3), "{told}");
+    let (code, printed, stderr) = Background::start(ricochet(["run".as_ref(), config.as_os_str()])).end();
+    assert_eq!((code, printed.lines().count()), (Some(0), 3), "{stderr}");
     for (shot, path) in printed.lines().map(Path::new).enumerate() {
         let recording = Recording::open(path).unwrap();
         let wanted: Vec<u64> = (12 * shot as u64..12 * (shot as u64 + 1)).collect();

@@ -17,7 +17,7 @@ pub fn track(steps: &[BodyStep], params: &MotionParams) -> TrackerRows {
     rows
 }
 
-/// Error and error over sigma, noise seed by noise seed.
+/// Errors and errors over sigma, one per noise seed.
 #[derive(Default)]
 struct Errors {
     error: Vec<f64>,
@@ -110,7 +110,7 @@ fn study(experiment: &Experiment, seeds: u64, interval: usize) -> Study {
     study_of(|_| *experiment, seeds, interval)
 }
 
-/// As [`study`], each seed with an experiment of its own.
+/// As [`study`], with a separate experiment for each seed.
 fn study_of(make: impl Fn(&mut Noise) -> Experiment, seeds: u64, interval: usize) -> Study {
     let mut errors: [Errors; 17] = Default::default();
     let mut laws = Vec::new();
@@ -142,7 +142,7 @@ fn study_of(make: impl Fn(&mut Noise) -> Experiment, seeds: u64, interval: usize
     Study { errors, laws }
 }
 
-/// Errors of these must stay under these: start, deepest, end (frames), e (points), vn (%), spin (% of its change).
+/// Limits of the errors: start, deepest, end (frames), e (points), vn (%), spin (% of its change).
 struct Limits {
     start: f64,
     deepest: f64,
@@ -155,7 +155,7 @@ fn assert_study(experiment: &Experiment, limits: &Limits) {
     let Study { errors, laws } = study(experiment, 50, 1);
     let name = experiment.name;
     let within = |k: usize, limit: f64| {
-        assert!(errors[k].rms() <= limit, "{name}: {} off by {} rms, limit {limit}", NAMES[k], errors[k].rms());
+        assert!(errors[k].rms() <= limit, "{name}: {} error {} rms, limit {limit}", NAMES[k], errors[k].rms());
         assert!(errors[k].bias().abs() <= limit / 2.0, "{name}: {} bias {}", NAMES[k], errors[k].bias());
     };
     within(0, limits.start);
@@ -165,14 +165,12 @@ fn assert_study(experiment: &Experiment, limits: &Limits) {
     within(4, limits.vn);
     within(5, limits.vn);
     assert!(errors[1].worst() <= 0.05_f64.max(4.0 * limits.deepest), "{name}: deepest {}", errors[1].worst());
-    // The circles drawn here have no common error. Those of a film may have one, which the uncertainty of a spinning
-    // ball includes.
+    // The circles drawn here have no common error. Those of a film may have one, which the uncertainty of a spinning ball
+    // includes.
     for k in [3, 4, 5, 6, 10] {
         let (one, two) = (errors[k].covered(1.0), errors[k].covered(2.0));
         let pull = errors[k].pulls();
         assert!(one >= 0.5 && two >= 0.85, "{name}: {} covered {one}, {two}", NAMES[k]);
-        // The circles drawn here have no error in common, which those of a film may have: of a ball that spins the
-        // uncertainty allows for it.
         assert!((0.2..=1.4).contains(&pull), "{name}: {} has error over sigma of {pull} rms", NAMES[k]);
     }
     for k in [0, 1, 2, 8, 9, 11, 12, 13, 14, 15, 16] {
@@ -212,7 +210,7 @@ fn a_rod_is_measured_under_both_laws() {
 }
 
 #[test]
-fn spin_and_tangential_velocity_change_as_they_did() {
+fn the_change_of_spin_and_tangential_velocity_is_measured() {
     for interval in [1, 2, 5] {
         let Study { errors, .. } = study(&tennis(true), 20, interval);
         assert!(errors[7].worst() < 1.0, "spin after, % of its change: {}", errors[7].worst());
@@ -230,8 +228,8 @@ fn longer_intervals_measure_the_same_collision() {
     }
 }
 
-/// The experiments with a stiffness that ripples over the stroke, and how far.
-fn strangers() -> [(Experiment, f64); 6] {
+/// The experiments with a stiffness that ripples over the stroke, and the limit of the error.
+fn rippled_experiments() -> [(Experiment, f64); 6] {
     let (lacrosse_m, tennis_m, rod_m) = (2.25e-3, 7.2e-3, 0.405e-3);
     [
         (lacrosse(true), lacrosse_m),
@@ -245,8 +243,8 @@ fn strangers() -> [(Experiment, f64); 6] {
 
 fn rippled(base: Experiment, ripple: Ripple) -> Experiment {
     let law = match base.law {
-        Law::HuntCrossley(k, c) => Law::Stranger(k, c, ripple),
-        Law::KelvinVoigt(k, c) => Law::StrangeSpring(k, c, ripple),
+        Law::HuntCrossley(k, c) => Law::RippledHuntCrossley(k, c, ripple),
+        Law::KelvinVoigt(k, c) => Law::RippledKelvinVoigt(k, c, ripple),
         other => other,
     };
     Experiment { law, ..base }
@@ -254,7 +252,7 @@ fn rippled(base: Experiment, ripple: Ripple) -> Experiment {
 
 #[test]
 fn a_law_outside_the_fitted_family_moves_the_ends_and_little_else() {
-    for (base, stroke_m) in strangers() {
+    for (base, stroke_m) in rippled_experiments() {
         let Study { errors, .. } = study(&rippled(base, Ripple::over(stroke_m)), 25, 1);
         let name = base.name;
         assert!(errors[0].rms() < 0.4 && errors[2].rms() < 0.6, "{name}: ends");
@@ -269,7 +267,7 @@ fn a_law_outside_the_fitted_family_moves_the_ends_and_little_else() {
 #[test]
 fn sigmas_cover_the_ends_under_ripples_of_any_length_and_phase() {
     let (mut one, mut two, mut numbers) = (0.0, 0.0, 0.0);
-    for (base, stroke) in strangers() {
+    for (base, stroke) in rippled_experiments() {
         let make = |noise: &mut Noise| {
             let (periods, phase) = (0.5 + noise.uniform(), noise.uniform());
             rippled(base, Ripple { stroke, periods, phase })
@@ -307,7 +305,7 @@ fn missing_steps_in_contact_cost_little() {
     }
 }
 
-/// Poses in px of a body that is never touched.
+/// Positions in px of a body that is never in contact.
 fn flight(frames: usize, vn_px: f64, gravity_px: f64) -> Vec<[f64; 3]> {
     (0..frames).map(|i| i as f64).map(|t| [0.2 * t, vn_px * t + 0.5 * gravity_px * t * t, 0.05 * t]).collect()
 }
@@ -318,7 +316,7 @@ fn no_collision_is_no_impact() {
     let gravity = 9.81e-8 / 0.5142e-3;
     for seed in 0..200 {
         let mut noise = Noise::new(seed + 40);
-        // Falling, rising, hovering without gravity, held and then let go.
+        // Falling, rising, hovering without gravity, held and then released.
         let frames = 100 + (seed % 5) as usize * 40;
         let mut poses = match seed % 4 {
             0 => flight(frames, 0.33, gravity),
@@ -327,7 +325,7 @@ fn no_collision_is_no_impact() {
             _ => [vec![[5.0, 5.0, 0.0]; 60], flight(frames, 0.0, gravity)].concat(),
         };
         if seed % 3 == 1 {
-            // One wrong step: everything after it is shifted.
+            // One wrong step, which shifts everything after it.
             for p in &mut poses[50..] {
                 (p[0], p[1]) = (p[0] + 0.3, p[1] - 0.2);
             }
@@ -359,17 +357,17 @@ fn a_held_ball_that_is_dropped_bounces_once() {
 }
 
 #[test]
-fn every_bounce_of_several_has_its_row() {
+fn each_of_several_bounces_has_its_row() {
     let experiment = Experiment { vn_m_s: -0.3, before_frames: 60, after_frames: 1_500, ..lacrosse(true) };
     let truth = experiment.simulate(0.4);
     assert!(truth.bounces.len() >= 3);
     let rows = track(&truth.steps(1, &mut Noise::new(5)), &experiment.params());
     for (number, [start, end, restitution]) in truth.bounces.iter().enumerate() {
-        let told = rows.impacts.iter().rfind(|i| i.number as usize == number).expect("every bounce");
-        let (begun, over) = (told.start_s.expect("start"), told.end_s.expect("end"));
+        let reported = rows.impacts.iter().rfind(|i| i.number as usize == number).expect("every bounce");
+        let (begun, over) = (reported.start_s.expect("start"), reported.end_s.expect("end"));
         assert!((begun.value * 1e4 - start).abs() < 1.0, "bounce {number} starts at {begun:?}, truly {start}");
         assert!((over.value * 1e4 - end).abs() < 1.0, "bounce {number} ends at {over:?}, truly {end}");
-        let e = told.restitution.expect("restitution");
+        let e = reported.restitution.expect("restitution");
         assert!((e.value - restitution).abs() < 4.0 * e.sigma && e.sigma < 0.005, "{e:?} truly {restitution}");
     }
     assert!(rows.impacts.iter().all(|i| (i.number as usize) < truth.bounces.len()));
@@ -383,18 +381,18 @@ fn revisions_come_in_time_and_get_sharper() {
         let mut tracker =
             Tracker::new(&TrackerParams { motion: vec![experiment.params()], longer_frames: vec![], contact: true });
         let mut rows = TrackerRows::default();
-        let mut told = Vec::new();
+        let mut reported = Vec::new();
         for step in &steps {
             tracker.push(step, &mut rows);
-            told.extend(rows.impacts.drain(..).map(|i| (step.frame as f64 - truth.end, i)));
+            reported.extend(rows.impacts.drain(..).map(|i| (step.frame as f64 - truth.end, i)));
         }
         tracker.finish(&mut rows);
         assert!(rows.impacts.is_empty(), "frozen before the stream ended");
-        assert!(told[0].0 <= 20.0, "{}: restitution {} frames after the end", experiment.name, told[0].0);
-        assert!(told.iter().enumerate().all(|(i, (_, impact))| impact.revision as usize == i));
-        let sigmas: Vec<f64> = told.iter().map(|(_, i)| i.restitution.unwrap().sigma).collect();
+        assert!(reported[0].0 <= 20.0, "{}: restitution {} frames after the end", experiment.name, reported[0].0);
+        assert!(reported.iter().enumerate().all(|(i, (_, impact))| impact.revision as usize == i));
+        let sigmas: Vec<f64> = reported.iter().map(|(_, i)| i.restitution.unwrap().sigma).collect();
         assert!(sigmas.windows(2).all(|w| w[1] <= w[0]), "{}: {sigmas:?}", experiment.name);
-        let errors = told
+        let errors = reported
             .iter()
             .map(|(_, i)| i.restitution.unwrap())
             .map(|e| (e.value + truth.after[0] / truth.before[0]).abs() / e.sigma);
@@ -404,7 +402,7 @@ fn revisions_come_in_time_and_get_sharper() {
 }
 
 #[test]
-fn a_stream_cut_off_in_contact_says_that_it_began() {
+fn a_stream_that_ends_in_contact_reports_the_start() {
     let truth = tennis(true).simulate(0.5);
     let steps = truth.steps(1, &mut Noise::new(6));
     let rows = track(&steps[..70], &truth.experiment.params());
@@ -434,14 +432,14 @@ fn a_tilted_surface_changes_nothing_but_the_axes() {
 }
 
 #[test]
-fn of_a_ball_that_turns_the_turning_point_is_less_sure_where_its_centre_is() {
+fn the_deepest_moment_of_a_spinning_ball_includes_the_uncertainty_of_its_centre() {
     let sigmas_s = |omega_rad_s: f64| {
         let truth = Experiment { omega_rad_s, ..lacrosse(false) }.simulate(0.25);
         [0.02, 1.0].map(|sigma_center_px| {
             let mut steps = truth.steps(1, &mut Noise::new(3));
             let circles = steps.iter_mut().filter_map(|step| step.circle.as_mut());
             circles.for_each(|circle| circle.sigma_center_px = sigma_center_px);
-            // That it turns about no other axis is seen by its field.
+            // The field shows that it rotates about no other axis.
             steps.iter_mut().for_each(|step| step.drift = Some([Estimate { value: 0.0, sigma: 2e-3 }; 3]));
             let rows = track(&steps, &truth.experiment.params());
             rows.impacts.last().and_then(|impact| impact.deepest_s).expect("a turning point").sigma
@@ -479,12 +477,12 @@ fn a_contact_point_that_swings_back_has_its_stop_found() {
                 None => assert!(found.is_none(), "slides on, but {found:?}"),
             }
         }
-        eprintln!("mu {mu}: stop off by at most {worst:.2} frames");
+        eprintln!("mu {mu}: largest error of the stop {worst:.2} frames");
         assert!(worst < 1.5, "{worst}");
     }
 }
 
-/// Some 200 realisations of each; what is told with a sigma lies within it, and within two, as often as it should.
+/// In some 200 realisations each, the truth lies within one and within two sigma as often as it should.
 #[test]
 #[ignore = "takes minutes"]
 fn sigmas_cover_the_truth_in_200_realisations() {

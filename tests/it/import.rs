@@ -1,4 +1,4 @@
-//! Other people's files.
+//! Files of other programs.
 
 use image::{GrayImage, ImageBuffer, Luma, RgbImage};
 use ricochet::command;
@@ -53,7 +53,7 @@ fn stills_of_every_kind_make_a_sequence_with_exact_pixels_and_stamps() {
 }
 
 #[test]
-fn missing_stills_are_told_and_keep_their_place_in_time() {
+fn missing_stills_are_reported_and_keep_their_time() {
     let folder = tempfile::tempdir().unwrap();
     let sequence = |numbers: &[u32]| -> Vec<PathBuf> {
         let paths: Vec<_> = numbers.iter().map(|k| folder.path().join(format!("drop2_{k:04}.png"))).collect();
@@ -80,19 +80,19 @@ fn stills_listed_by_a_shell_are_taken_by_their_numbers() {
     (8..=11).for_each(|k| GrayImage::from_pixel(4, 4, Luma([k])).save(at(k)).unwrap());
     let levels = |order: [u8; 4]| {
         let footage = import::open(&order.map(at), Some(1000.0)).unwrap();
-        let told = footage.warnings.join("\n");
-        (footage.map(|frame| frame.unwrap().1[0]).collect::<Vec<_>>(), told)
+        let message = footage.warnings.join("\n");
+        (footage.map(|frame| frame.unwrap().1[0]).collect::<Vec<_>>(), message)
     };
-    // As `drop_*.png` becomes it.
-    let (read, told) = levels([10, 11, 8, 9]);
+    // The order of a shell for `drop_*.png`.
+    let (read, message) = levels([10, 11, 8, 9]);
     assert_eq!(read, [8, 9, 10, 11]);
-    assert!(told.contains("2 before 10") && told.lines().count() == 1, "{told}");
+    assert!(message.contains("2 before 10") && message.lines().count() == 1, "{message}");
     assert_eq!(levels([8, 9, 10, 11]), (vec![8, 9, 10, 11], String::new()));
     assert_eq!(levels([11, 10, 9, 8]).0, [11, 10, 9, 8], "an order that no shell gives is meant");
 }
 
 #[test]
-fn what_cannot_be_measured_is_refused() {
+fn inputs_that_cannot_be_measured_are_refused() {
     let folder = tempfile::tempdir().unwrap();
     let at = |name: &str| folder.path().join(name);
     RgbImage::from_pixel(4, 4, image::Rgb([1, 2, 3])).save(at("colour.png")).unwrap();
@@ -125,7 +125,7 @@ fn cihx(width: u32, height: u32, frames: u32, bits: [u32; 2], side: &str) -> Str
     )
 }
 
-/// Packs high bits first, one bit at a time.
+/// Packs values bit by bit, high bits first.
 fn pack(values: &[u16], bits: u32) -> Vec<u8> {
     let mut packed = vec![0_u8; (values.len() * bits as usize).div_ceil(8)];
     let all = values.iter().flat_map(|value| (0..bits).rev().map(move |bit| value >> bit & 1));
@@ -152,7 +152,7 @@ fn an_import_becomes_a_recording_with_the_same_frames() {
 }
 
 #[test]
-fn photron_pixels_of_every_depth_come_out_as_they_went_in() {
+fn photron_pixels_of_every_depth_are_read_exactly() {
     let folder = tempfile::tempdir().unwrap();
     let (header, pixels) = (folder.path().join("shot.cihx"), folder.path().join("shot.mraw"));
     let cases = [
@@ -190,7 +190,7 @@ fn photron_pixels_of_every_depth_come_out_as_they_went_in() {
 }
 
 #[test]
-fn photron_headers_that_cannot_be_are_refused_and_missing_frames_told() {
+fn impossible_photron_headers_are_refused_and_missing_frames_reported() {
     let folder = tempfile::tempdir().unwrap();
     let (header, pixels) = (folder.path().join("shot.cihx"), folder.path().join("shot.mraw"));
     fs::write(&header, cihx(8, 4, 3, [8, 8], "Lower")).unwrap();
@@ -265,7 +265,7 @@ fn write_cine(folder: &Path, bytes: &[u8]) -> [PathBuf; 1] {
 }
 
 #[test]
-fn phantom_images_come_out_upright_whichever_way_they_are_stored() {
+fn phantom_images_are_upright_in_either_storage_order() {
     let folder = tempfile::tempdir().unwrap();
     let rows: Vec<Vec<u8>> = (0..3_u8).map(|y| (0..8).map(|x| x + 10 * y).collect()).collect();
     let upright = rows.concat();
@@ -274,7 +274,7 @@ fn phantom_images_come_out_upright_whichever_way_they_are_stored() {
         let read = frames(&write_cine(folder.path(), &cine(8, height, 8, 8, &[stored.clone(), stored.clone()])), None);
         assert_eq!(read.len(), 2);
         assert!(read.iter().all(|(_, pixels)| *pixels == upright));
-        // Trigger at 1000.5 s, two images before it at 1000 frames a second.
+        // Trigger at 1000.5 s, two images before it at 1000 frames per second.
         assert_eq!([read[0].0.stamp_ns, read[1].0.stamp_ns], [1_000_498_000_000, 1_000_499_000_000]);
         let deep = frames(&write_cine(folder.path(), &cine(4, height, 16, 12, std::slice::from_ref(stored))), None);
         assert_eq!((deep[0].0.format, &deep[0].1), (PixelFormat::Mono12, &upright));
@@ -284,7 +284,7 @@ fn phantom_images_come_out_upright_whichever_way_they_are_stored() {
 #[test]
 fn packed_phantom_images_are_spread_to_12_bits_top_row_first() {
     let folder = tempfile::tempdir().unwrap();
-    // Codes and the levels Phantom software gives them.
+    // Codes and the levels that Phantom software assigns to them.
     let known =
         [(1, 5), (64, 64), (128, 125), (256, 290), (512, 998), (768, 2267), (900, 3159), (1014, 4064), (1015, 4095)];
     let mut codes: Vec<u16> = (0..1024).collect();
@@ -305,7 +305,7 @@ fn packed_phantom_images_are_spread_to_12_bits_top_row_first() {
 }
 
 #[test]
-fn a_phantom_file_cut_off_anywhere_is_refused_in_one_line() {
+fn a_phantom_file_truncated_anywhere_is_refused_in_one_line() {
     let folder = tempfile::tempdir().unwrap();
     let whole = cine(8, 3, 8, 8, &[vec![1; 24], vec![2; 24]]);
     for length in 0..whole.len() {
@@ -370,10 +370,10 @@ fn a_numpy_array_that_is_no_stack_of_frames_is_refused() {
         (b"\x93NUMPY\x02\0\xff\xff\xff\xff".to_vec(), "4294967295 bytes"),
         (b"not an array".to_vec(), "magic"),
     ];
-    for (bytes, told) in bad {
+    for (bytes, message) in bad {
         fs::write(&path[0], bytes).unwrap();
         let line = refusal(&path, Some(1.0));
-        assert!(line.contains("stack.npy") && line.contains(told), "{line}");
+        assert!(line.contains("stack.npy") && line.contains(message), "{line}");
     }
     let whole = npy("|u1", "False", "(2, 3, 4)", &data);
     for length in 0..whole.len() {
@@ -396,7 +396,7 @@ fn a_stack_that_numpy_saved_has_its_pixels() {
     assert_eq!(pixels, expected);
 }
 
-/// A small file of every kind, with the ending of its name.
+/// A small file of every kind, with its file extension.
 pub fn seeds() -> Vec<(&'static str, Vec<u8>)> {
     let folder = tempfile::tempdir().unwrap();
     let still = |ending: &'static str| {
@@ -419,7 +419,7 @@ pub fn seeds() -> Vec<(&'static str, Vec<u8>)> {
     seeds
 }
 
-/// The folder of real recordings, if it was named.
+/// The directory of real recordings, if it was named.
 fn real_data() -> Option<PathBuf> {
     let folder = std::env::var_os("RICOCHET_REAL_DATA").map(PathBuf::from);
     if folder.is_none() {

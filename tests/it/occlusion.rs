@@ -1,4 +1,4 @@
-//! Subsets of a ball that something hides in part.
+//! Partly occluded subsets of a ball.
 
 use ricochet::config::Config;
 use ricochet::image::Frame;
@@ -16,7 +16,7 @@ const START_PX: [f64; 2] = [137.3, 124.6];
 const SPEED_PX: [f64; 2] = [-0.9, 0.35];
 const OMEGA_DEG: f64 = 2.0;
 
-/// A ball that moves before an edge and turns by 2 deg a frame, so that its reference is far from the frame soon.
+/// A ball that moves behind an edge and rotates by 2 deg per frame, so that its reference is soon far from the frame.
 fn world() -> World {
     let mut scenario = Scenario { seed: 11, ..Scenario::built_in("lacrosse").unwrap() };
     (scenario.camera.frames, scenario.camera.width_px, scenario.camera.height_px) = (24, 256, 256);
@@ -35,14 +35,14 @@ fn world() -> World {
     World::new(&scenario).unwrap()
 }
 
-/// By how much the ball moves at a place from a frame to the next, px.
+/// The displacement of a point of the ball from a frame to the next, px.
 fn moved_px(frame: u64, [x, y]: [f64; 2]) -> [f64; 2] {
     let center = [0, 1].map(|axis| START_PX[axis] + frame as f64 * SPEED_PX[axis]);
     let ((sin, cos), [x, y]) = (OMEGA_DEG.to_radians().sin_cos(), [x - center[0], y - center[1]]);
     [SPEED_PX[0] + x * (cos - 1.0) + y * sin, SPEED_PX[1] - x * sin + y * (cos - 1.0)]
 }
 
-/// Share of the pixels about a place that lie behind the edge.
+/// The share of the pixels around a point that lie behind the edge.
 fn behind([x, y]: [f64; 2]) -> f64 {
     let (sin, cos) = NORMAL_DEG.to_radians().sin_cos();
     let half = SUBSET_PX / 2;
@@ -54,9 +54,9 @@ fn behind([x, y]: [f64; 2]) -> f64 {
     all.filter(|(dx, dy)| is_behind(*dx, *dy)).count() as f64 / f64::from(SUBSET_PX * SUBSET_PX)
 }
 
-/// By chance alone, subsets a third of which lay behind the edge had passed for valid.
+/// With the significance test alone, subsets that lay one third behind the edge were accepted.
 #[test]
-fn subsets_that_see_what_hides_the_ball_are_left_out_and_no_others() {
+fn occluded_subsets_are_left_out_and_no_others() {
     let world = world();
     let (width, height) = (world.width_px() as usize, world.height_px() as usize);
     for method in ["rigid", "field"] {
@@ -72,11 +72,11 @@ fn subsets_that_see_what_hides_the_ball_are_left_out_and_no_others() {
             measurer.push(&Frame { meta, bytes: &bytes }, &mut measured).unwrap();
         }
         measurer.finish(&mut measured);
-        let (mut farthest, mut hidden, mut behind_edge, mut valid, mut wrong, mut clear) = (0.0_f64, 0, 0, 0, 0, 0);
+        let (mut farthest, mut occluded, mut behind_edge, mut valid, mut wrong, mut clear) = (0.0_f64, 0, 0, 0, 0, 0);
         let fields = measured.iter().filter_map(|row| Some((row.step.frame, row.field.as_ref()?)));
         for (frame, point) in fields.flat_map(|(frame, field)| field.points.iter().map(move |point| (frame, point))) {
             let place = [point.x_px, point.y_px].map(f64::from);
-            hidden += usize::from(point.status == PointStatus::Occluded);
+            occluded += usize::from(point.status == PointStatus::Occluded);
             if let Some(moved) = point.displacement.filter(|_| point.status == PointStatus::Valid) {
                 let [u, v] = moved_px(frame, place);
                 let off = (f64::from(moved.u_px) - u).hypot(f64::from(moved.v_px) - v);
@@ -84,17 +84,17 @@ fn subsets_that_see_what_hides_the_ball_are_left_out_and_no_others() {
                 valid += 1;
                 behind_edge += usize::from(behind(place).max(behind([place[0] + u, place[1] + v])) > 0.1);
             }
-            // Clear of the edge by more than its blur and the step to the next frame.
+            // Clear of the edge by more than its blur and the displacement to the next frame.
             if behind([place[0] - 3.0, place[1] - 3.0]).max(behind([place[0] - 4.0, place[1] + 3.0])) <= 0.0 {
                 clear += 1;
                 wrong += usize::from(point.status == PointStatus::Occluded);
             }
         }
         println!(
-            "{method}: {hidden} subsets hidden; of {valid} valid ones {behind_edge} are by more than a tenth behind the edge, \
-             and none is off by more than {farthest:.1} sigmas; {wrong} of {clear} clear ones left out"
+            "{method}: {occluded} subsets occluded; {behind_edge} of {valid} valid ones are more than a tenth behind the edge, \
+             with errors up to {farthest:.1} sigma; {wrong} of {clear} clear ones left out"
         );
-        assert!(hidden > 200 && 100 * behind_edge < valid && farthest < 4.0, "{method}");
+        assert!(occluded > 200 && 100 * behind_edge < valid && farthest < 4.0, "{method}");
         assert!(clear > 200 && 50 * wrong < clear, "{method}");
     }
 }

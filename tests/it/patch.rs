@@ -1,4 +1,4 @@
-//! Patches: polygons drawn in the first picture, followed against known truth, through occlusion and over absence.
+//! Patches: polygons drawn in the first image, followed against known truth, through occlusion and absence.
 
 use ricochet::config::Config;
 use ricochet::results::PointStatus;
@@ -11,7 +11,7 @@ use crate::support::{Rig, csv, succeed};
 const SIDE: usize = 260;
 const MM_PER_PX: f64 = 0.5142;
 
-/// A ball that moves and turns steadily: its diameter and first place, px, and its motion a frame, px and deg.
+/// A ball in uniform motion: its diameter and first position, px, and its motion per frame, px and deg.
 #[derive(Clone, Copy)]
 struct Course {
     seed: u64,
@@ -34,7 +34,7 @@ impl Course {
         World::new(&scenario).unwrap()
     }
 
-    /// Where a point of the ball that was at `at` in the first frame is in another.
+    /// The position in a later frame of a point of the ball that was at `at` in the first frame.
     fn place(&self, at: [f64; 2], frame: u64) -> [f64; 2] {
         let frame = frame as f64;
         let (sin, cos) = (self.rate[2] * frame).to_radians().sin_cos();
@@ -62,7 +62,8 @@ fn octagon([x, y]: [f64; 2], radius_px: f64) -> String {
     format!("polygon_px = [{}]\ncenter_px = [{x}, {y}]", corners.join(", "))
 }
 
-/// Errors of the place, px, and of the angle, deg, of a body in the frames it was found in; how many those are.
+/// The errors of position, px, and angle, deg, of a body in the frames where it was found, and the number of those
+/// frames.
 fn judge(rows: &TrackerRows, body: u32, course: &Course, point: [f64; 2]) -> ([f64; 2], usize) {
     let (mut square, mut count, mut turns) = ([0.0; 2], 0, 0);
     for track in rows.tracks.iter().filter(|track| track.body == body) {
@@ -70,7 +71,7 @@ fn judge(rows: &TrackerRows, body: u32, course: &Course, point: [f64; 2]) -> ([f
         let truth = course.place(point, track.frame);
         square[0] += 0.5 * ((x - truth[0]).powi(2) + (y - truth[1]).powi(2));
         count += 1;
-        // How far it turned since its first frame is not known after a long absence.
+        // The rotation since the first frame is unknown after a long absence.
         if let Some(angle) = track.angle_deg {
             square[1] += (angle - course.rate[2] * track.frame as f64).powi(2);
             turns += 1;
@@ -80,7 +81,7 @@ fn judge(rows: &TrackerRows, body: u32, course: &Course, point: [f64; 2]) -> ([f
 }
 
 #[test]
-fn a_polygon_with_a_hole_is_followed_to_thousandths() {
+fn a_polygon_with_a_hole_is_followed_within_thousandths_of_a_pixel() {
     let course = Course { seed: 7, diameter_px: 114.0, start: [110.3, 112.7], rate: [0.83, 0.41, 1.37] };
     let world = course.world(60);
     let polygon = "polygon_px = [[80, 85], [140, 80], [150, 120], [120, 150], [85, 135]]\n\
@@ -93,13 +94,13 @@ fn a_polygon_with_a_hole_is_followed_to_thousandths() {
     for row in &rows.velocities {
         let velocity = row.velocity.unwrap();
         assert!((velocity.omega_rad_s / (1.37_f64.to_radians() * 1e4) - 1.0).abs() < 0.01, "frame {}", row.frame);
-        // The point told lies 2.7 px from the ball's centre, and goes round it.
+        // The reported point lies 2.7 px from the centre of the ball and moves around it.
         assert!((velocity.vx_m_s - 0.83 * speed).abs() < 0.09 * speed, "frame {}", row.frame);
         assert!(row.step.is_none_or(|step| step.sigma_dx_px < 0.005) && row.visible_fraction.unwrap() > 0.97);
     }
 }
 
-/// Two balls in one picture, the second in front of the first.
+/// Two balls in one image, the second in front of the first.
 fn crossing(back: &Course, front: &Course, frames: u64) -> (World, Vec<Vec<u8>>) {
     let (behind, before) = (back.world(frames), front.world(frames));
     let picture = |index| {
@@ -120,7 +121,7 @@ fn crossing(back: &Course, front: &Course, frames: u64) -> (World, Vec<Vec<u8>>)
 }
 
 #[test]
-fn patches_are_followed_through_mutual_occlusion_and_picked_up_again() {
+fn patches_are_followed_through_mutual_occlusion_and_found_again() {
     let back = Course { seed: 11, diameter_px: 80.0, start: [60.4, 120.2], rate: [2.13, 0.21, 0.9] };
     for (name, offset_px, block_frames) in [("half", 44.0, 64), ("half", 44.0, 16), ("whole", 3.0, 16)] {
         let front =
@@ -133,8 +134,10 @@ fn patches_are_followed_through_mutual_occlusion_and_picked_up_again() {
             &format!("{}[workers]\nblock_frames = {block_frames}\n", rig(&bodies)),
         );
         let (of_back, of_front) = (judge(&rows, 0, &back, back.start), judge(&rows, 1, &front, front.start));
-        let least = rows.tracks.iter().filter(|t| t.body == 0).filter_map(|t| t.visible_fraction).fold(1.0, f64::min);
-        println!("{name}, blocks of {block_frames}: back {of_back:?}, least in sight {least:.2}; front {of_front:?}");
+        let minimum = rows.tracks.iter().filter(|t| t.body == 0).filter_map(|t| t.visible_fraction).fold(1.0, f64::min);
+        println!(
+            "{name}, blocks of {block_frames}: back {of_back:?}, minimum visible {minimum:.2}; front {of_front:?}"
+        );
         assert!(of_front.1 == 60 && of_front.0[0] < 0.004 && of_front.0[1] < 0.006, "{name}: {of_front:?}");
         assert!(of_back.0[0] < 0.02 && of_back.0[1] < 0.03, "{name}: {of_back:?}");
         let last = rows.tracks.iter().rev().find(|track| track.body == 0).unwrap();
@@ -144,7 +147,7 @@ fn patches_are_followed_through_mutual_occlusion_and_picked_up_again() {
         assert!(
             match (name, block_frames) {
                 ("half", 64) => lost == 0,
-                // It may be hidden too far when a block begins.
+                // The patch may be occluded too far when a block begins.
                 ("half", _) => lost <= 16,
                 _ => (1..40).contains(&lost),
             },
@@ -154,7 +157,7 @@ fn patches_are_followed_through_mutual_occlusion_and_picked_up_again() {
 }
 
 #[test]
-fn a_patch_that_was_away_is_found_again_wherever_and_however_turned() {
+fn an_absent_patch_is_found_again_anywhere_at_any_angle() {
     let course = Course { seed: 5, diameter_px: 90.0, start: [70.3, 80.7], rate: [2.4, 1.9, 6.3] };
     let world = course.world(48);
     let picture = |index: u64| {
@@ -165,7 +168,7 @@ fn a_patch_that_was_away_is_found_again_wherever_and_however_turned() {
     let rows = rows_of_pictures((0..48).map(picture), &world, &rig(&[("p", octagon(course.start, 36.0))]));
     for track in &rows.tracks {
         let away = (12..30).contains(&track.frame);
-        // Within the block in which it comes back it is looked for little turned only.
+        // Within the block in which it returns, it is searched at small rotations only.
         if away || track.frame < 32 && track.frame >= 12 {
             assert!(!away || track.center_x_px.is_none() && track.status == PointStatus::Lost, "{track:?}");
             continue;
@@ -189,7 +192,7 @@ fn a_patch_without_texture_has_no_numbers() {
 }
 
 #[test]
-fn patches_that_cannot_be_meant_are_refused_by_name() {
+fn impossible_patches_are_refused_by_name() {
     let refused = |patch: &str| Config::parse(&rig(&[("p", patch.to_owned())]), "rig.toml").unwrap_err().to_string();
     let cases = [
         ("", "body[0].polygon_px"),
@@ -209,9 +212,9 @@ fn patches_that_cannot_be_meant_are_refused_by_name() {
 }
 
 #[test]
-fn a_rig_keeps_the_picture_its_patches_were_drawn_in_and_replays_to_the_byte() {
+fn a_rig_keeps_the_reference_image_of_its_patches_and_replays_to_the_byte() {
     let rig = Rig::new();
-    // The falling ball of the built-in film, drawn around in its first picture.
+    // The falling ball of the built-in film, outlined in its first frame.
     let scenario = Scenario::built_in("lacrosse").unwrap();
     let world = World::new(&scenario).unwrap();
     let truth = world.truth(0);

@@ -1,4 +1,4 @@
-//! The pre-trigger ring: free until it is needed, then written out whole.
+//! The pre-trigger ring: it costs nothing until it is needed, and is then written out completely.
 
 use crate::support::{Background, Rig, process, ricochet, status, succeed, wait_until};
 use ricochet::image::{Frame, FrameMeta};
@@ -7,19 +7,19 @@ use std::io::Write;
 use std::path::Path;
 use std::time::Instant;
 
-/// What is filmed: a ring of `pre` frames, triggered when it has been full for a while.
+/// A film with a ring of `pre` frames, triggered some time after the ring is full.
 struct Setup {
     pre: u64,
     post: u64,
     side_px: u32,
     rate_hz: u64,
-    /// What may pass until the test has seen that the ring is full, and triggered.
+    /// Frames that may pass until the test has noticed the full ring and triggered.
     spare: u64,
 }
 
 impl Setup {
     fn frames(&self) -> u64 {
-        // What passes before the trigger, and what follows it.
+        // Frames before the trigger, and frames after it.
         self.pre + 2 * self.post + self.spare
     }
 
@@ -34,7 +34,7 @@ impl Setup {
         }
     }
 
-    /// Pixels that tell their frame.
+    /// Fills pixels that identify their frame.
     fn paint(sequence: u64, bytes: &mut [u8]) {
         bytes.chunks_exact_mut(8).step_by(64).for_each(|place| place.copy_from_slice(&sequence.to_le_bytes()));
     }
@@ -50,13 +50,13 @@ impl Setup {
     }
 }
 
-/// Processor time of a process and its threads so far, s; `None` when it has ended.
+/// The processor time of a process so far, s, or `None` after its end.
 fn cpu_s(pid: u64) -> Option<f64> {
     let tasks = std::fs::read_dir(format!("/proc/{pid}/task")).ok()?;
     Some(tasks.map(|task| task_cpu_s(&task.unwrap().path())).sum())
 }
 
-/// Processor time of this thread so far, s.
+/// The processor time of this thread so far, s.
 fn own_cpu_s() -> f64 {
     task_cpu_s(Path::new("/proc/thread-self"))
 }
@@ -66,13 +66,13 @@ fn task_cpu_s(task: &Path) -> f64 {
     text.split_whitespace().next().map_or(0.0, |ns| ns.parse::<f64>().unwrap() * 1e-9)
 }
 
-/// What a write takes.
+/// The cost of a write.
 struct Taken {
     frames_per_s: f64,
     cpu_us_a_frame: f64,
 }
 
-/// What a plain write takes of frames that lie in memory, as they do in the ring, forced to the disk as often.
+/// The cost of writing frames that lie in memory, as in the ring, with a plain file and as many forced writes to disk.
 #[expect(clippy::disallowed_methods, reason = "it measures time")]
 fn plain(folder: &Path, setup: &Setup, frames: u64) -> Taken {
     let frame_bytes = (setup.side_px * setup.side_px) as usize;
@@ -98,7 +98,7 @@ fn fill_and_drain(setup: &Setup) {
     let rig = Rig::new();
     let film = rig.path("film.mcap");
     setup.film(&film);
-    // What waits for the disk would slow down what comes next.
+    // Data that still waits for the disk would slow down the measurement.
     assert!(std::process::Command::new("sync").status().unwrap().success());
     let camera = format!("source = \"recording\"\nid = \"{}\"\npaced = true", film.display());
     let (pre_s, post_s) = (setup.pre as f64 / setup.rate_hz as f64, setup.post as f64 / setup.rate_hz as f64);
@@ -108,12 +108,14 @@ fn fill_and_drain(setup: &Setup) {
     );
     let config = rig.config(&camera, &rest);
     let service = Background::start(ricochet(["run".as_ref(), config.as_os_str()]));
-    let number =
-        |name: &str, key: &str| status(&rig.name).and_then(|told| process(&told, name, 0)?[key].as_u64()).unwrap_or(0);
-    wait_until("it films", || (number("acquire", "sequence") > 10).then_some(()));
-    // Beside the camera and the worker, as the shot is written later; the film lasts no longer than the ring and this.
-    let beside = plain(&rig.path(""), setup, setup.pre / 20);
-    let pid = wait_until("the recorder tells its number", || Some(number("record", "pid")).filter(|pid| *pid > 0));
+    let number = |name: &str, key: &str| {
+        status(&rig.name).and_then(|report| process(&report, name, 0)?[key].as_u64()).unwrap_or(0)
+    };
+    wait_until("frames arrive", || (number("acquire", "sequence") > 10).then_some(()));
+    // Measured next to the camera and the worker, like the shot. The film lasts no longer than the ring and this.
+    let concurrent = plain(&rig.path(""), setup, setup.pre / 20);
+    let pid =
+        wait_until("the recorder reports its process id", || Some(number("record", "pid")).filter(|pid| *pid > 0));
     let (start, cpu_before_s) = (Instant::now(), cpu_s(pid).unwrap());
     wait_until("the ring is full", || (number("acquire", "sequence") > setup.pre + setup.post / 2).then_some(()));
     let share = (cpu_s(pid).unwrap() - cpu_before_s) / start.elapsed().as_secs_f64();
@@ -124,7 +126,7 @@ fn fill_and_drain(setup: &Setup) {
     succeed(["trigger", "--rig", rig.name.as_str()]);
     let mut cpu_drained_s = cpu_before_s;
     wait_until("the shot is written", || {
-        // Where the film ends meanwhile, the rig ends with the shot.
+        // If the film ends meanwhile, the rig ends with the shot.
         cpu_drained_s = cpu_s(pid).unwrap_or(cpu_drained_s);
         (number("record", "taken") > setup.pre + setup.post || rig.recordings().len() == 1).then_some(())
     });
@@ -147,7 +149,7 @@ fn fill_and_drain(setup: &Setup) {
     assert!(count > setup.pre + setup.post, "{count} frames");
     println!(
         "{count} frames: {:.2} % of a processor before the trigger; written in {taken_s:.2} s, {:.0} us of processor \
-         time a frame",
+         time per frame",
         100.0 * share,
         1e6 * cpu_drain_s / count as f64
     );
@@ -155,13 +157,13 @@ fn fill_and_drain(setup: &Setup) {
     std::fs::remove_file(&film).unwrap();
     let (rate, alone) = (count as f64 / taken_s, plain(&rig.path(""), setup, count));
     println!(
-        "{rate:.0} frames/s: {:.2} of a plain write of as many with nothing beside it ({:.0} frames/s, {:.0} us of \
-         processor time), {:.2} of one of a few beside the camera and the worker ({:.0} frames/s)",
+        "{rate:.0} frames/s: {:.2} of an undisturbed plain write of as many ({:.0} frames/s, {:.0} us of \
+         processor time), {:.2} of one of a few next to the camera and the worker ({:.0} frames/s)",
         rate / alone.frames_per_s,
         alone.frames_per_s,
         alone.cpu_us_a_frame,
-        rate / beside.frames_per_s,
-        beside.frames_per_s
+        rate / concurrent.frames_per_s,
+        concurrent.frames_per_s
     );
 }
 

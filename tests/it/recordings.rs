@@ -1,4 +1,4 @@
-//! The recordings that come with the program, and every rig file that needs no camera.
+//! The recordings in the repository, and every rig file that needs no camera.
 
 use crate::support::{Rig, csv, ricochet, succeed};
 use ricochet::config::{Config, Source};
@@ -10,7 +10,7 @@ fn root(name: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join(name)
 }
 
-/// The cells of the table in `recordings/README.md`, one row a file.
+/// The cells of the table in `recordings/README.md`, one row per file.
 fn table() -> Vec<Vec<String>> {
     let text = std::fs::read_to_string(root("recordings/README.md")).unwrap();
     let rows = text.lines().filter(|line| line.starts_with("| `"));
@@ -18,7 +18,7 @@ fn table() -> Vec<Vec<String>> {
 }
 
 #[test]
-fn every_recording_is_the_one_the_table_describes() {
+fn every_recording_matches_its_row_of_the_table() {
     let rows = table();
     let mut listed: Vec<String> = rows.iter().map(|row| row[0].clone()).collect();
     listed.sort();
@@ -39,11 +39,11 @@ fn every_recording_is_the_one_the_table_describes() {
         assert_eq!(recording.frame_count().to_string(), row[2], "{}", row[0]);
         assert_eq!(recording.metadata()["frame_rate_hz"], row[3]);
         assert_eq!(recording.metadata()["rig"], row[1]);
-        assert!(!recording.metadata().contains_key("host"), "it tells on which machine it was made");
+        assert!(!recording.metadata().contains_key("host"), "the recording names the machine it was made on");
     }
 }
 
-/// `name value` pairs of the table's truth.
+/// The `name value` pairs of the truth in the table.
 fn truth(row: &[String]) -> Vec<(String, f64)> {
     let pair = |text: &str| {
         let (name, value) = text.trim().split_once(' ').unwrap();
@@ -75,12 +75,12 @@ fn the_recorded_shot_is_replayed_and_analysed_to_its_truth() {
         assert_eq!(csv(Path::new(printed.trim()), topic), csv(&results, topic), "{topic}");
     }
     let (measured, known) = (csv(&results, "impact"), csv(&film, "truth_impact"));
-    let told = truth(&row);
-    assert!(told.len() >= 5, "{told:?}");
-    for (name, value) in told {
+    let values = truth(&row);
+    assert!(values.len() >= 5, "{values:?}");
+    for (name, value) in values {
         let (truth, measured) = (number(&known, &name), number(&measured, &name));
         println!("{name}: measured {measured}, true {truth}");
-        // The table's digits are cut at the sixth.
+        // The table is truncated to six digits.
         assert!(
             (truth - value).abs() <= 1e-6 * value.abs().max(1.0),
             "{name} in the table: {value}, in the file: {truth}"
@@ -107,7 +107,7 @@ fn every_rig_file_that_needs_no_camera_runs() {
             continue;
         }
         let rig = Rig::new();
-        // As it stands but for its name, which another rig of this machine may have.
+        // Unchanged except for the name, which another rig of this machine may have.
         let text = std::fs::read_to_string(&path).unwrap();
         let renamed = text.replacen(&format!("name = {:?}", config.rig.name), &format!("name = {:?}", rig.name), 1);
         assert_ne!(renamed, text);
@@ -119,10 +119,10 @@ fn every_rig_file_that_needs_no_camera_runs() {
             std::fs::copy(root("recordings/lacrosse.mcap"), film).unwrap();
         }
         let output = ricochet(["run".as_ref(), copy.as_os_str()]).current_dir(home).output().unwrap();
-        let told = String::from_utf8(output.stderr).unwrap();
-        // How full this machine's disk is says nothing about the file.
-        let told: Vec<&str> = told.lines().filter(|line| !line.contains("bytes are free in")).collect();
-        assert_eq!((output.status.code(), told), (Some(0), vec![]), "{}", path.display());
+        let stderr = String::from_utf8(output.stderr).unwrap();
+        // A message on the free space of this machine is not about the file.
+        let stderr: Vec<&str> = stderr.lines().filter(|line| !line.contains("bytes are free in")).collect();
+        assert_eq!((output.status.code(), stderr), (Some(0), vec![]), "{}", path.display());
         let printed = String::from_utf8(output.stdout).unwrap();
         let recordings: Vec<&str> = printed.lines().collect();
         assert_eq!(recordings.len(), usize::from(config.record.is_some()), "{}", path.display());

@@ -1,4 +1,4 @@
-//! Speckled spheres: towards the rim their marks are narrow and line it, and hardly any of it is clean.
+//! Speckled spheres, whose marks become narrow towards the rim and leave hardly any of it clean.
 
 #![expect(clippy::unwrap_used, clippy::print_stdout, reason = "a test fails by unwrapping and prints what it measured")]
 
@@ -30,9 +30,9 @@ fn within(pulls: &[f64], sigmas: f64) -> f64 {
     pulls.iter().filter(|pull| pull.abs() < sigmas).count() as f64 / pulls.len() as f64
 }
 
-/// By its clean parts alone 75 of 140 such balls were not found, and the radius of the others was 0.12 px too small.
+/// From its clean parts alone, 75 of 140 such balls were not found, and the radius of the others was 0.12 px too small.
 #[test]
-fn a_speckled_sphere_is_found_and_as_large_as_it_is() {
+fn a_speckled_sphere_is_found_with_an_unbiased_radius() {
     let (mut off, mut pulls, mut of_radius, mut of_radius_pulls) = (vec![], vec![], vec![], vec![]);
     for seed in 60..80 {
         let world = sphere(seed);
@@ -55,7 +55,7 @@ fn a_speckled_sphere_is_found_and_as_large_as_it_is() {
     assert!(covered.iter().all(|[one, two]| *one > 0.6 && *two > 0.9), "{covered:?}");
 }
 
-/// A circle in speckled paint has steps of one sign along more of it than chance would have it, too.
+/// A circle in speckled paint, too, has steps of one sign along more of it than chance explains.
 #[test]
 fn no_ball_is_found_in_speckled_paint() {
     for seed in 0..12 {
@@ -88,8 +88,8 @@ fn no_ball_is_found_in_speckled_paint() {
     }
 }
 
-/// The ball was lost as contact began in the first and the last two of these films, and the last speed before it was
-/// off by 42 and 39 sigmas.
+/// In the first and the last two of these films, the ball was lost when contact began, and the last speed before it was
+/// off by 42 and 39 sigma.
 #[test]
 fn a_speckled_sphere_is_followed_through_its_collision() {
     for seed in [63, 67, 71] {
@@ -97,9 +97,11 @@ fn a_speckled_sphere_is_followed_through_its_collision() {
         let rows = rows_of(&world, include_str!("../../config/lacrosse.toml"));
         let mut pulls = Vec::new();
         for row in &rows.velocities {
-            let told = row.velocity.unwrap_or_else(|| panic!("seed {seed}, frame {}: no velocity", row.frame));
+            let velocity = row.velocity.unwrap_or_else(|| panic!("seed {seed}, frame {}: no velocity", row.frame));
             let truth = world.truth(row.frame).velocity.unwrap();
-            pulls.extend([told.vn_m_s - truth.vn_m_s, told.vt_m_s - truth.vt_m_s].map(|off| off / told.sigma_v_m_s));
+            pulls.extend(
+                [velocity.vn_m_s - truth.vn_m_s, velocity.vt_m_s - truth.vt_m_s].map(|off| off / velocity.sigma_v_m_s),
+            );
         }
         let worst = pulls.iter().fold(0.0_f64, |most, pull| most.max(pull.abs()));
         let impact = rows.impacts.last().unwrap();

@@ -1,4 +1,4 @@
-//! Scenes of the simulated world: every built-in film, spheres, motion in stretches, two balls at once.
+//! Simulated scenes: every built-in film, spheres, piecewise motion, two balls.
 
 use crate::measured_world::rows_of;
 use crate::support::{Rig, csv, succeed};
@@ -54,7 +54,7 @@ const PATTERNS: [u64; 16] = [
 ];
 
 #[test]
-fn every_built_in_film_is_the_same_as_ever() {
+fn every_built_in_film_has_its_checksum() {
     let sums = Scenario::BUILT_IN.map(|name| {
         let world = built_in(name);
         (name, [0, world.frames() / 2, world.frames() - 1].map(|index| checksum(&world, index)))
@@ -78,12 +78,12 @@ fn plain(shape: Shape, parts: Vec<PartSetup>) -> Scenario {
 }
 
 #[test]
-fn motion_in_stretches_changes_its_speed_where_it_says_and_never_jumps() {
+fn piecewise_motion_changes_speed_at_its_times_and_never_jumps() {
     let mut scenario =
         plain(Shape::Disc, vec![part(3.5, 1.0, -0.5, 2.0), part(2.0, 0.0, 0.0, -1.0), part(1.0, -2.0, 0.25, 0.0)]);
     scenario.camera.exposure_us = 60.0;
     let world = World::new(&scenario).unwrap();
-    // Frame n shows n frames of motion; the last stretch goes on.
+    // Frame n shows n frames of motion. The last part continues.
     let expected = [
         (0, [80.0, 80.0], 0.0),
         (3, [83.0, 78.5], 6.0),
@@ -108,7 +108,7 @@ fn motion_in_stretches_changes_its_speed_where_it_says_and_never_jumps() {
 }
 
 #[test]
-fn one_stretch_draws_what_a_constant_motion_draws() {
+fn one_part_of_motion_equals_a_constant_motion() {
     let constant = Scenario::translation(0.37, 0.13, 0.35);
     let MotionSetup::Constant { start_px, .. } = constant.motion else { unreachable!() };
     let motion = MotionSetup::Piecewise { start_px, parts: vec![part(1.0, 0.37, 0.13, 0.35)] };
@@ -120,7 +120,7 @@ fn one_stretch_draws_what_a_constant_motion_draws() {
 }
 
 #[test]
-fn a_sphere_that_spins_in_the_picture_s_plane_turns_as_a_rigid_picture() {
+fn a_sphere_that_spins_in_the_image_plane_rotates_like_a_rigid_image() {
     let world = World::new(&plain(Shape::Sphere, vec![part(9.0, 0.0, 0.0, 90.0)])).unwrap();
     let (before, after) = (world.render_light(0), world.render_light(1));
     let mut worst = 0f32;
@@ -134,7 +134,7 @@ fn a_sphere_that_spins_in_the_picture_s_plane_turns_as_a_rigid_picture() {
 }
 
 #[test]
-fn light_stands_in_the_room_while_the_ball_turns() {
+fn light_is_stationary_while_the_ball_rotates() {
     for shape in [Shape::Disc, Shape::Sphere] {
         let mut scenario = plain(shape, vec![part(9.0, 0.0, 0.0, 90.0)]);
         scenario.body.pattern.coverage = 0.0;
@@ -147,7 +147,7 @@ fn light_stands_in_the_room_while_the_ball_turns() {
     }
 }
 
-/// Mean difference of two pictures in a square around a place, one of them shifted, DN.
+/// The mean difference of two images in a square around a point, one of them shifted, DN.
 fn apart(before: &World, at: [usize; 2], shift: [isize; 2]) -> f32 {
     let (first, second) = (before.render_light(0), before.render_light(1));
     let mut sum = 0.0;
@@ -164,7 +164,7 @@ fn apart(before: &World, at: [usize; 2], shift: [isize; 2]) -> f32 {
 }
 
 #[test]
-fn a_sphere_that_turns_about_an_axis_in_the_picture_carries_its_front_sideways() {
+fn a_sphere_that_rotates_about_an_image_axis_moves_its_front_sideways() {
     // 2 px on a radius of 60 px.
     let turn_deg = (2.0f64 / 60.0).to_degrees();
     for (tilt_deg_frame, shift) in [([0.0, turn_deg], [2, 0]), ([turn_deg, 0.0], [0, 2]), ([0.0, -turn_deg], [-2, 0])] {
@@ -172,7 +172,7 @@ fn a_sphere_that_turns_about_an_axis_in_the_picture_carries_its_front_sideways()
         let world = World::new(&plain(Shape::Sphere, vec![turning])).unwrap();
         let (moved, still) = (apart(&world, [80, 80], shift), apart(&world, [80, 80], [0, 0]));
         assert!(moved < 1.5 && still > 15.0, "{tilt_deg_frame:?}: {moved} {still} DN");
-        // At 60 deg off the view it is half as far.
+        // At 60 deg from the viewing direction the displacement is half as large.
         let side = |reach: isize| if shift[0] == 0 { [80, (80 + reach) as usize] } else { [(80 + reach) as usize, 80] };
         let half = shift.map(|part| part / 2);
         let (near, far) = (apart(&world, side(51), half), apart(&world, side(51), shift));
@@ -185,7 +185,7 @@ fn prepared(correlator: &Correlator, world: &World, index: u64) -> PreparedFrame
     correlator.prepare(world.render_light(index).view())
 }
 
-/// Mean error of the best correlator over many fractions of a pixel in both pictures: px, px, deg.
+/// The mean error of the best correlator over many fractions of a pixel in both images: px, px, deg.
 fn bias(shape: Shape, name: &str) -> [f64; 3] {
     const FRAMES: u64 = 60;
     let step = [0.1237, 0.0861, 0.047];
@@ -196,7 +196,7 @@ fn bias(shape: Shape, name: &str) -> [f64; 3] {
     let pictures: Vec<PreparedFrame> = (0..FRAMES).map(|index| prepared(&correlator, &world, index)).collect();
     let mut sums = [0.0; 3];
     for from in 0..FRAMES {
-        // Any frame to any other, each as often.
+        // Each frame occurs once as reference and once as target.
         let to = (7 * from + 13) % FRAMES;
         let [x, y, _] = step.map(|step| 80.0 + step * from as f64);
         let truth = step.map(|step| step * (to as f64 - from as f64));
@@ -222,7 +222,7 @@ fn the_best_correlator_finds_no_bias_in_discs_or_spheres() {
 }
 
 #[test]
-fn two_balls_that_strike_each_other_touch_once_and_keep_their_momentum() {
+fn two_colliding_balls_touch_once_and_conserve_momentum() {
     let world = built_in("pair");
     let distance = |index: u64| {
         let [first, second] = &world.truths(index)[..] else { panic!("two bodies") };
@@ -243,14 +243,14 @@ fn two_balls_that_strike_each_other_touch_once_and_keep_their_momentum() {
         let sum = |pair: &[[f64; 2]; 2]| pair[0][axis] + pair[1][axis];
         assert!((sum(&before) - sum(&after)).abs() < 1e-9);
     }
-    // Along the line of centres they part at 0.8 of the speed they met with; y is up.
+    // Along the line of centres they separate at 0.8 of their approach speed. y is up.
     let (sin, cos) = 20f64.to_radians().sin_cos();
     let along = |pair: &[[f64; 2]; 2]| (pair[0][0] - pair[1][0]) * cos + (pair[0][1] - pair[1][1]) * sin;
     assert!((along(&after) / along(&before) + 0.8).abs() < 1e-9, "{} {}", along(&before), along(&after));
 }
 
 #[test]
-fn a_ball_in_front_hides_the_other_and_is_never_hidden() {
+fn the_front_ball_occludes_the_other_and_is_never_occluded() {
     let world = built_in("passing");
     let visible = |index: u64| {
         let truths = world.truths(index);
@@ -259,9 +259,9 @@ fn a_ball_in_front_hides_the_other_and_is_never_hidden() {
     };
     let seen: Vec<f64> = (0..world.frames()).map(visible).collect();
     assert_eq!((seen[0], seen[139]), (1.0, 1.0));
-    let least = seen.iter().copied().fold(1.0, f64::min);
-    assert!((0.7..0.85).contains(&least), "{least}");
-    // Frame 70: the small ball's middle shows its own light.
+    let minimum = seen.iter().copied().fold(1.0, f64::min);
+    assert!((0.7..0.85).contains(&minimum), "{minimum}");
+    // In frame 70 the middle of the small ball has its own grey level.
     let mut alone = Scenario::built_in("passing").unwrap();
     let other = alone.other.take().unwrap();
     let back = World::new(&alone).unwrap().render_light(70);
@@ -273,12 +273,12 @@ fn a_ball_in_front_hides_the_other_and_is_never_hidden() {
     assert!(changed.count() > 15);
     let brightest = (x - 10..=x + 10).map(|x| both.view().at(x, y).unwrap()).fold(0.0, f32::max);
     assert!(f64::from(brightest) < 255.0 * other.shade.ball * 1.12, "{brightest}");
-    // Far from the front ball nothing is changed.
+    // Far from the front ball nothing changes.
     assert_eq!(both.view().at(128, 50), back.view().at(128, 50));
 }
 
 #[test]
-fn a_film_of_two_balls_holds_the_truth_of_both_and_is_measured_as_it_is() {
+fn a_film_of_two_balls_holds_the_truth_of_both_and_its_measurement_agrees() {
     for name in ["pair", "passing"] {
         let rig = Rig::new();
         let film = rig.path("film.mcap");
@@ -298,7 +298,7 @@ fn a_film_of_two_balls_holds_the_truth_of_both_and_is_measured_as_it_is() {
         for row in &rows.velocities {
             let exact = world.truths(row.frame)[row.body as usize];
             let (Some(step), Some(exact_step)) = (row.step, exact.step) else { continue };
-            // What turns over the rim is not rigid, and says so or is off.
+            // Subsets that rotate over the rim are not rigid, and are flagged or off.
             if name == "passing" && (row.body == 0 && row.frame >= 69) {
                 continue;
             }
@@ -309,13 +309,13 @@ fn a_film_of_two_balls_holds_the_truth_of_both_and_is_measured_as_it_is() {
         }
         let rms = squares.map(|sum| (sum / f64::max(count, 1.0)).sqrt());
         eprintln!("{name}: {count} steps of {}, rms {rms:.5?}", rows.velocities.len());
-        let least = if name == "pair" { 220.0 } else { 40.0 };
-        assert!(count > least, "{name}: {count} steps of {}", rows.velocities.len());
+        let minimum = if name == "pair" { 220.0 } else { 40.0 };
+        assert!(count > minimum, "{name}: {count} steps of {}", rows.velocities.len());
         assert!(rms.iter().all(|rms| *rms < 0.02), "{name}: {rms:?}");
     }
 }
 
-/// The error that comes of one changed piece of a scenario's text.
+/// The error for a scenario in whose text one piece is replaced.
 fn refused(scenario: &Scenario, old: &str, new: &str) -> String {
     let text = toml::to_string(scenario).unwrap();
     assert!(text.contains(old), "{old:?} is not in\n{text}");
@@ -377,7 +377,7 @@ fn bad_scenes_get_one_clear_line_each() {
 
 /// The scenario files of docs/scenarios.md.
 #[test]
-fn the_scenarios_of_the_manual_can_be_filmed() {
+fn the_scenarios_of_the_manual_can_be_rendered() {
     let manual = include_str!("../../docs/scenarios.md");
     let files: Vec<&str> = manual.split("```toml\n").skip(1).map(|rest| rest.split_once("```").unwrap().0).collect();
     assert!(files.len() >= 2);
@@ -391,7 +391,7 @@ fn the_scenarios_of_the_manual_can_be_filmed() {
 }
 
 #[test]
-fn a_plane_is_speckled_from_edge_to_edge_and_moves_as_its_truth_says() {
+fn a_plane_is_speckled_from_edge_to_edge_and_moves_like_its_truth() {
     let world = built_in("plane");
     let params = CorrelationParams { step_px: 16, ..CorrelationParams::default() };
     let (width, height) = (world.width_px() as usize, world.height_px() as usize);
@@ -413,10 +413,10 @@ fn a_plane_is_speckled_from_edge_to_edge_and_moves_as_its_truth_says() {
             f64::from(moved.u_px) - (to_x + dx * cos + dy * sin - x - dx),
             f64::from(moved.v_px) - (to_y + dy * cos - dx * sin - y - dy),
         ];
-        assert!(off.iter().all(|off| off.abs() < 0.01), "{point:?} is off by {off:?} px");
+        assert!(off.iter().all(|off| off.abs() < 0.01), "{point:?}: error {off:?} px");
         found += 1;
     }
-    // What leaves the picture at the right and at the top is not found.
+    // Points that leave the image at the right and at the top are not found.
     assert!(found * 10 >= field.len() * 8, "{found} of {}", field.len());
     assert!((0..world.frames()).all(|index| world.truth(index).status == PointStatus::Valid));
     let mut striking = Scenario::built_in("lacrosse").unwrap();

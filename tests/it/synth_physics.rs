@@ -1,12 +1,12 @@
-//! Simulated impacts: the truth the measurement is held against.
+//! Simulated impacts with known truth.
 //!
-//! Own integration in SI units (Runge-Kutta, 400 steps a frame), nothing shared with the measured code.
+//! Independent integration in SI units (Runge-Kutta, 400 steps per frame) that shares nothing with the measured code.
 
 use ricochet::motion::{Form, MotionParams, Scale, Shutter, Spans, View, Walk};
 use ricochet::results::{BodyStep, Circle, Estimate, PointStatus, RigidStep};
 
-/// How much less sure than a rotation, in rad, it is where a ball's centre goes whatever its front does, px: that of a
-/// ball of some 60 px in radius in full sight.
+/// The uncertainty of the motion of a ball's centre relative to its front, px per rad of uncertainty of its rotation,
+/// for a fully visible ball of some 60 px radius.
 const LEVER_PX: f64 = 300.0;
 
 /// Gaussian noise with a constant seed.
@@ -37,25 +37,25 @@ pub enum Law {
     KelvinVoigt(f64, f64),
     /// Stiffness N/m^1.5, damping s/m.
     HuntCrossley(f64, f64),
-    /// Hunt-Crossley whose stiffness ripples: no fitted law contains it.
-    Stranger(f64, f64, Ripple),
-    /// Kelvin-Voigt whose stiffness ripples likewise.
-    StrangeSpring(f64, f64, Ripple),
+    /// Hunt-Crossley with a rippled stiffness, which no fitted law contains.
+    RippledHuntCrossley(f64, f64, Ripple),
+    /// Kelvin-Voigt with a rippled stiffness.
+    RippledKelvinVoigt(f64, f64, Ripple),
 }
 
-/// A stiffness that goes up and down by a quarter.
+/// A stiffness that varies by a quarter.
 #[derive(Clone, Copy)]
 pub struct Ripple {
     /// m.
     pub stroke: f64,
-    /// Over the stroke.
+    /// Number of periods over the stroke.
     pub periods: f64,
-    /// Where it begins, periods.
+    /// The phase at the beginning, periods.
     pub phase: f64,
 }
 
 impl Ripple {
-    /// One period over the stroke, neither stiff nor soft where it begins.
+    /// One period over the stroke, with the mean stiffness at the beginning.
     pub fn over(stroke: f64) -> Self {
         Self { stroke, periods: 1.0, phase: 0.0 }
     }
@@ -145,7 +145,7 @@ pub fn rod(hunt_crossley: bool) -> Experiment {
     .named("rod")
 }
 
-/// Everything true of one impact.
+/// The true values of one impact.
 #[derive(Clone)]
 pub struct Truth {
     pub experiment: Experiment,
@@ -182,8 +182,8 @@ impl Experiment {
         match self.law {
             Law::KelvinVoigt(k, c) => k * depth + c * speed,
             Law::HuntCrossley(k, c) => k * depth.powf(1.5) * (1.0 + c * speed),
-            Law::Stranger(k, c, ripple) => k * depth.powf(1.5) * ripple.at(depth) * (1.0 + c * speed),
-            Law::StrangeSpring(k, c, ripple) => k * depth * ripple.at(depth) + c * speed,
+            Law::RippledHuntCrossley(k, c, ripple) => k * depth.powf(1.5) * ripple.at(depth) * (1.0 + c * speed),
+            Law::RippledKelvinVoigt(k, c, ripple) => k * depth * ripple.at(depth) + c * speed,
         }
     }
 
@@ -310,7 +310,7 @@ impl Experiment {
             view: View::default(),
             surface_angle_deg: self.surface_angle_deg,
             gravity_m_s2: 9.81,
-            // Gravity stays against the surface's normal, so that a tilt of the surface tilts the whole experiment.
+            // Gravity stays opposite to the surface normal, so that a tilt of the surface tilts the whole experiment.
             gravity_angle_deg: self.surface_angle_deg - 90.0,
             window_frames: None,
             order: 2,
@@ -326,7 +326,7 @@ impl Experiment {
     }
 }
 
-/// The first and the last moment at 2 % of the highest force.
+/// The first and the last time at 2 % of the peak force.
 fn faint(forces: &[[f64; 2]]) -> [f64; 2] {
     let limit = 0.02 * forces.iter().map(|[_, force]| *force).fold(0.0, f64::max);
     let strong = |at: &[f64; 2]| at[1] >= limit;
@@ -385,12 +385,13 @@ pub fn steps(
             points: 64,
         })
     };
-    // Nothing turns about another axis, and subsets see that to some hundred times what they see a turn to.
-    let unsure = [LEVER_PX * sigma_deg.to_radians(), LEVER_PX * sigma_deg.to_radians(), sigma_deg];
-    let off: Vec<[f64; 3]> = poses.iter().map(|_| unsure.map(|sigma| sigma * noise.gauss())).collect();
+    // There is no rotation about another axis, and subsets detect one some hundred times less precisely than one in the
+    // image plane.
+    let uncertain = [LEVER_PX * sigma_deg.to_radians(), LEVER_PX * sigma_deg.to_radians(), sigma_deg];
+    let off: Vec<[f64; 3]> = poses.iter().map(|_| uncertain.map(|sigma| sigma * noise.gauss())).collect();
     let beside = |i: usize, k: usize| {
         let value = (off[(i + n).min(off.len() - 1)][k] - off[i][k]) / per;
-        Estimate { value, sigma: root2 * unsure[k] / per }
+        Estimate { value, sigma: root2 * uncertain[k] / per }
     };
     (0..poses.len())
         .map(|i| BodyStep {

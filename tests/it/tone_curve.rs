@@ -1,10 +1,10 @@
-//! Films of cameras whose grey levels are not light but a power of it.
+//! Films of cameras with a tone curve: grey levels that are a power of the light.
 
 use ricochet::synth::{Scenario, World};
 
 use crate::measured_world::rows_of_pictures;
 
-/// A film as a camera of this gamma shows it: rounded again, with a dither that depends on nothing but the place.
+/// The frames as a camera of this gamma records them, rounded again with a dither that depends on the position only.
 fn pictures(world: &World, gamma: f64) -> impl Iterator<Item = Vec<u8>> {
     (0..world.frames()).map(move |index| {
         let mut bytes = vec![0; world.frame_bytes()];
@@ -19,26 +19,26 @@ fn pictures(world: &World, gamma: f64) -> impl Iterator<Item = Vec<u8>> {
     })
 }
 
-/// How far off are the radius, px, and what is told of the collision: the largest share of its sigma, of those that a
-/// tone curve bends most.
+/// The error of the radius, px, and the largest error, in sigmas, of the numbers of the collision that a tone curve
+/// affects most.
 fn off(world: &World, gamma: f64, rig: &str) -> (f64, f64) {
     let rows = rows_of_pictures(pictures(world, gamma), world, rig);
     let radii = rows.tracks.iter().filter_map(|track| Some(track.radius_px? - world.truth(track.frame).radius_px?));
     let (sum, count) = radii.fold((0.0, 0.0), |(sum, count), off| (sum + off, count + 1.0));
-    let (told, truth) = (rows.impacts.last().unwrap().numbers(), world.impact().unwrap().numbers());
-    let pulls = told.into_iter().zip(truth).filter(|((number, _), _)| **number == *"restitution_tangential");
-    let pull = pulls.filter_map(|((_, told), (_, truth))| Some((told?.value - truth?.value) / told?.sigma));
+    let (measured, truth) = (rows.impacts.last().unwrap().numbers(), world.impact().unwrap().numbers());
+    let pulls = measured.into_iter().zip(truth).filter(|((number, _), _)| **number == *"restitution_tangential");
+    let pull = pulls.filter_map(|((_, measured), (_, truth))| Some((measured?.value - truth?.value) / measured?.sigma));
     (sum / count, pull.fold(0.0, |most, pull: f64| most.max(pull.abs())))
 }
 
-/// Without the key the radius was 0.14 to 0.24 px too large, and the tangential restitution off by 5 to 9 sigmas.
+/// Without the key the radius was 0.14 to 0.24 px too large, and the tangential restitution off by 5 to 9 sigma.
 #[test]
-fn a_tone_curve_that_is_told_is_taken_out() {
+fn a_known_tone_curve_is_corrected() {
     let rig = include_str!("../../config/lacrosse.toml");
-    let told = |gamma: f64| rig.replacen("[camera]", &format!("[camera]\ngamma = {gamma}"), 1);
+    let corrected = |gamma: f64| rig.replacen("[camera]", &format!("[camera]\ngamma = {gamma}"), 1);
     let world = World::new(&Scenario { seed: 71, ..Scenario::built_in("lacrosse").unwrap() }).unwrap();
     for gamma in [0.7, 0.45] {
-        let (bent, straight) = (off(&world, gamma, rig), off(&world, gamma, &told(gamma)));
+        let (bent, straight) = (off(&world, gamma, rig), off(&world, gamma, &corrected(gamma)));
         println!(
             "gamma {gamma}: radius {:+.3} px, {:.1} sigmas; taken out {:+.3}, {:.1}",
             bent.0, bent.1, straight.0, straight.1

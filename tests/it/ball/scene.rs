@@ -1,6 +1,6 @@
-//! Balls drawn from their formula, three samples a pixel, blurred as a lens does.
+//! Balls drawn from their formula, with three samples per pixel and axis, blurred like by a lens.
 
-/// Samples a pixel along each axis; odd, so that one of them is the pixel's centre.
+/// Samples per pixel along each axis. Odd, so that one of them is the centre of the pixel.
 const FINE: usize = 3;
 
 /// SplitMix64: the same numbers everywhere.
@@ -25,12 +25,12 @@ impl Random {
     }
 }
 
-/// Something in front of the ball.
+/// An occluder in front of the ball.
 #[derive(Debug, Clone, Copy)]
 pub struct Occluder {
     /// Direction from the ball's centre to the occluder, rad.
     pub angle: f64,
-    /// Share of the ball's diameter behind it; 0 touches the rim.
+    /// The occluded share of the ball's diameter; 0 touches the rim.
     pub hidden: f64,
     pub grey: f64,
     /// 1 / radius of the edge, positive when it bulges towards the ball.
@@ -38,16 +38,16 @@ pub struct Occluder {
     pub texture: f64,
 }
 
-/// What the speckle lies on.
+/// The surface that carries the speckle.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Surface {
     /// A disc: marks are as wide at the rim as in the middle.
     Flat,
-    /// A sphere: marks grow narrow towards the rim.
+    /// A sphere: marks become narrow towards the rim.
     Sphere,
 }
 
-/// A picture with (or without) a ball, and so its truth.
+/// An image with or without a ball, and so its truth.
 #[derive(Debug, Clone)]
 pub struct Scene {
     pub width: usize,
@@ -56,20 +56,20 @@ pub struct Scene {
     pub y: f64,
     pub radius: f64,
     pub blur: f64,
-    /// `None`: there is no ball.
+    /// The grey level of the ball, or `None` without a ball.
     pub ball: Option<f64>,
     pub ground: f64,
-    /// Share of the ball covered by dark speckle, its areas in px^2, and what it lets through.
+    /// The share of the ball covered by dark speckle, the areas of marks in px^2, and their transmission.
     pub cover: f64,
     pub areas: (f64, f64),
     pub transmission: f64,
     pub surface: Surface,
-    /// Ground texture: rms and correlation length.
+    /// Background texture: rms and correlation length.
     pub texture: f64,
     pub correlation: f64,
     pub gradient: f64,
     pub side_light: f64,
-    /// Where it comes from, rad; by the seed where it is not told.
+    /// The direction of the side light, rad; random by the seed if `None`.
     pub side_light_rad: Option<f64>,
     pub limb: f64,
     pub occluder: Option<Occluder>,
@@ -105,7 +105,7 @@ impl Scene {
         }
     }
 
-    /// A ball with everything that disturbs: speckle, light, texture behind, an occluder in front.
+    /// A ball with all disturbances: speckle, light, texture behind, an occluder in front.
     pub fn hard(seed: u64, bright: bool, hidden: f64) -> Self {
         let mut r = Random(seed.wrapping_mul(0x1234_5678_9abc_def1) ^ 0x5151);
         let (ball, ground) = if bright {
@@ -138,7 +138,7 @@ impl Scene {
         }
     }
 
-    /// The picture in whole grey levels 0 to 255.
+    /// The image in whole grey levels 0 to 255.
     pub fn render(&self) -> Vec<f32> {
         let mut r = Random(self.seed ^ 0x00c0_ffee);
         let (w, h) = (self.width * FINE, self.height * FINE);
@@ -186,7 +186,7 @@ impl Scene {
         image
     }
 
-    /// Share of the ball's disc that is in the image and in front of the occluder.
+    /// The share of the ball's disc that is in the image and in front of the occluder.
     pub fn visible(&self) -> f64 {
         let (mut all, mut seen) = (0, 0);
         let reach = (2.0 * self.radius).ceil() as i32;
@@ -205,7 +205,7 @@ impl Scene {
         f64::from(seen) / f64::from(all)
     }
 
-    /// How far a point is behind the occluder's edge, px.
+    /// The distance of a point behind the edge of the occluder, px.
     fn behind(&self, o: &Occluder, dx: f64, dy: f64) -> f64 {
         let (nx, ny) = (o.angle.cos(), o.angle.sin());
         let edge = self.radius * (1.0 - 2.0 * o.hidden);
@@ -222,7 +222,7 @@ impl Scene {
     fn speckle_of_sphere(&self, r: &mut Random) -> Vec<f32> {
         let (w, h) = (self.width * FINE, self.height * FINE);
         let mut mask = vec![0.0_f32; w * h];
-        // As of a flat ball, of the half of the sphere that is seen.
+        // The same density as on a flat ball, over the visible hemisphere.
         let wanted = -(1.0 - self.cover).ln() * std::f64::consts::TAU * self.radius.powi(2);
         let mut laid = 0.0;
         while laid < wanted {
@@ -256,7 +256,7 @@ impl Scene {
         let (w, h) = (self.width * FINE, self.height * FINE);
         let mut mask = vec![0.0_f32; w * h];
         let wanted = self.cover * std::f64::consts::PI * self.radius.powi(2);
-        // Discs that fall at random overlap: covering the share c takes -ln(1 - c) discs' worth of area.
+        // Random discs overlap: a cover of c takes an area of -ln(1 - c).
         let wanted = if self.cover > 0.0 { -(1.0 - self.cover).ln() / self.cover * wanted } else { 0.0 };
         let mut laid = 0.0;
         while laid < wanted {
@@ -285,7 +285,7 @@ impl Scene {
     }
 }
 
-/// Pixel coordinate of a fine sample.
+/// The pixel coordinate of a fine sample.
 fn place(i: usize) -> f64 {
     (i as f64 - (FINE / 2) as f64) / FINE as f64
 }

@@ -1,4 +1,4 @@
-//! Files that are refused as a whole, and values that do not go together.
+//! Files that are refused as a whole, and values that contradict each other.
 
 use super::{GENICAM, SIMULATED, parse, refusal, refused_on_a_simulated_rig};
 use ricochet::config::{Config, ConfigError};
@@ -58,8 +58,8 @@ fn text_that_is_not_toml_is_refused_with_its_line() {
         ("\u{1}", 1),
         ("[camera]\nsource = \"simulated", 2),
     ] {
-        let said = refusal(text);
-        assert!(said.starts_with(&format!("rig.toml, line {line}: not TOML: ")), "{said}");
+        let message = refusal(text);
+        assert!(message.starts_with(&format!("rig.toml, line {line}: not TOML: ")), "{message}");
     }
 }
 
@@ -88,8 +88,8 @@ fn files_that_cannot_be_read_are_named() {
 
 #[test]
 fn long_values_are_cut_in_messages() {
-    let said = refusal(&format!("{SIMULATED}[rig]\nname = \"{}\"\n", "long ".repeat(100)));
-    assert!(said.len() < 200 && said.contains("...: must be"), "{said}");
+    let message = refusal(&format!("{SIMULATED}[rig]\nname = \"{}\"\n", "long ".repeat(100)));
+    assert!(message.len() < 200 && message.contains("...: must be"), "{message}");
 }
 
 #[test]
@@ -102,8 +102,8 @@ fn damaged_files_are_accepted_or_refused_in_one_line_and_never_panic() {
             [text[..at].to_string(), damage(at, ""), damage(at, "-"), damage(at, "\u{e9}\""), damage(at, "\n[")];
         for variant in variants {
             if let Err(error) = Config::parse(&variant, "rig.toml") {
-                let said = error.to_string();
-                assert!(!said.contains('\n') && said.starts_with("rig.toml"), "{said:?} for:\n{variant}");
+                let message = error.to_string();
+                assert!(!message.contains('\n') && message.starts_with("rig.toml"), "{message:?} for:\n{variant}");
                 refused += 1;
             }
         }

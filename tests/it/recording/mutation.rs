@@ -1,4 +1,4 @@
-//! Files changed at random: each reader refuses them or reads them, without a panic and within its memory.
+//! Files changed at random: each reader refuses or reads them, without a panic and within its memory.
 
 use super::damage::{SMALL, read_all};
 use super::recover::xorshift;
@@ -12,25 +12,25 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::time::{Duration, Instant};
 
-/// The largest piece of memory that a reader may ask for beside twice the size of the file.
+/// The largest allocation of a reader, in addition to twice the size of the file.
 const PIECE_BYTES: usize = 64 << 20;
-/// All memory of the process, kB: 64 MiB for what is read and as much for what its decoder holds, as the files have a
-/// few kB, and 16 MiB for everything else; memory that a library in C asks for by itself is in it.
+/// The memory of the process, kB: 64 MiB for what is read, as much for its decoder, since the files have a few kB, and
+/// 16 MiB for everything else, including the memory of C libraries.
 const MEMORY_KB: u32 = 144 << 10;
-/// Set in the process that does the work: rounds, or seconds with an `s` behind them.
+/// The variable for the process that does the work: rounds, or seconds followed by `s`.
 const BUDGET: &str = "RICOCHET_MUTATE";
-/// How long the ignored tests go on, s.
+/// The variable with the duration of the ignored tests, s.
 const SECONDS: &str = "RICOCHET_MUTATE_SECONDS";
 
-/// How long to go on.
+/// The budget of a test.
 enum Budget {
     Rounds(usize),
     Time(Duration),
 }
 
 impl Budget {
-    /// `None` in the process that only starts the one that works.
-    fn told() -> Option<Self> {
+    /// The budget from the environment, or `None` in the process that only starts the one that works.
+    fn from_environment() -> Option<Self> {
         let text = std::env::var(BUDGET).ok()?;
         Some(match text.strip_suffix('s') {
             Some(seconds) => Self::Time(Duration::from_secs_f64(seconds.parse().unwrap())),
@@ -46,31 +46,31 @@ impl Budget {
     }
 }
 
-/// Runs a test of this module in a process of its own, with a limit on its memory.
+/// Runs a test of this module in its own process with a limit on its memory.
 fn limited(test: &str, budget: &str) {
     let status = Command::new("sh")
         .args(["-c", &format!("ulimit -d {MEMORY_KB}; exec \"$0\" \"$@\"")])
         .arg(std::env::current_exe().unwrap())
         .args(["--exact", &format!("recording::mutation::{test}"), "--test-threads=1", "--nocapture"])
         .env(BUDGET, budget)
-        // Without memory a backtrace waits for ever.
+        // With no memory left, a backtrace never ends.
         .env("RUST_BACKTRACE", "0")
         .status()
         .unwrap();
     assert!(status.success(), "{status}; the file is the newest in {}", env!("CARGO_TARGET_TMPDIR"));
 }
 
-/// The ignored tests' budget.
+/// The budget of the ignored tests.
 fn long() -> String {
     format!("{}s", std::env::var(SECONDS).unwrap_or_else(|_| "600".into()))
 }
 
-/// Where the file of a failed round stays.
+/// The path at which the file of a failed round stays.
 fn kept(test: &str, ending: &str) -> PathBuf {
     Path::new(env!("CARGO_TARGET_TMPDIR")).join(format!("mutated-{test}{ending}"))
 }
 
-/// Changes seeds and reads them; `read` gives how many frames there were.
+/// Changes seeds and reads them with `read`, which returns the number of frames.
 fn mutate_and_read(test: &str, seeds: &[(&str, Vec<u8>)], budget: &Budget, read: impl Fn(&Path) -> usize) {
     let mut random = xorshift(0x2545_f491_4f6c_dd1d);
     let (start, mut round, mut frames, mut largest) = (Instant::now(), 0, 0, 0);
@@ -94,7 +94,7 @@ fn mutate_and_read(test: &str, seeds: &[(&str, Vec<u8>)], budget: &Budget, read:
     for (ending, _) in seeds {
         let _ = std::fs::remove_file(kept(test, ending));
     }
-    println!("{test}: {round} files, {frames} frames read, {largest} bytes in one piece at most");
+    println!("{test}: {round} files, {frames} frames read, largest allocation {largest} bytes");
     assert!(8 * frames > round, "many mutations leave frames to read: {frames} in {round} files");
 }
 
@@ -181,7 +181,7 @@ fn read_films(test: &str, budget: &Budget) {
 
 #[test]
 fn mutated_recordings_are_read_or_refused() {
-    match Budget::told() {
+    match Budget::from_environment() {
         Some(budget) => read_recordings("recordings", &budget),
         None => limited("mutated_recordings_are_read_or_refused", "3000"),
     }
@@ -189,7 +189,7 @@ fn mutated_recordings_are_read_or_refused() {
 
 #[test]
 fn mutated_imports_are_read_or_refused() {
-    match Budget::told() {
+    match Budget::from_environment() {
         Some(budget) => read_imports("imports", &budget),
         None => limited("mutated_imports_are_read_or_refused", "6000"),
     }
@@ -197,7 +197,7 @@ fn mutated_imports_are_read_or_refused() {
 
 #[test]
 fn mutated_films_are_read_or_refused() {
-    match Budget::told() {
+    match Budget::from_environment() {
         Some(budget) => read_films("films", &budget),
         None if film::has_ffmpeg() => limited("mutated_films_are_read_or_refused", "30"),
         None => {}

@@ -1,4 +1,4 @@
-//! Whole files again out of damaged ones.
+//! Recovery of damaged files.
 
 use super::samples;
 use ricochet::image::{Frame, PixelFormat};
@@ -10,7 +10,7 @@ use std::process::{Command, Stdio};
 
 const SIZE: [u32; 2] = [300, 300];
 
-/// Numbers below a bound, from a seed.
+/// Random numbers below a bound, from a seed.
 pub fn xorshift(seed: u64) -> impl FnMut(usize) -> usize {
     let mut state = seed;
     move |below| {
@@ -31,7 +31,7 @@ fn frames(recording: &Recording) -> Vec<u64> {
 }
 
 #[test]
-fn a_killed_recording_is_whole_again_with_every_frame_and_attachment() {
+fn a_killed_recording_is_recovered_with_every_frame_and_attachment() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("shot.mcap");
     let mut writer = RecordingWriter::create(&path, &samples::info(), &WriterOptions::default()).unwrap();
@@ -73,7 +73,7 @@ fn every_complete_frame_of_a_file_cut_at_random_is_recovered() {
             let before = Recording::open(&cut_path).unwrap().frames().map_or(0, |f| f.filter(Result::is_ok).count());
             let recovered = recover(&cut_path, &to).unwrap();
             assert_eq!(recovered.frames, before as u64, "cut at {cut}");
-            // 4 frames a chunk, so an open compressed chunk loses at most that many.
+            // 4 frames per chunk, so an open compressed chunk loses at most that many.
             let complete = (cut.saturating_sub(20_000) / (whole.len() / 20)).saturating_sub(5);
             assert!(recovered.frames >= complete as u64, "cut at {cut}: {} frames", recovered.frames);
             let recording = Recording::open(&to).unwrap();
@@ -86,7 +86,7 @@ fn every_complete_frame_of_a_file_cut_at_random_is_recovered() {
 }
 
 #[test]
-fn a_damaged_chunk_is_left_out_and_told() {
+fn a_damaged_chunk_is_left_out_and_reported() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("shot.mcap");
     let options = WriterOptions { chunk_bytes: 100_000, ..WriterOptions::default() };
@@ -111,7 +111,7 @@ fn recovering_never_overwrites() {
     assert!(matches!(recover(&path, &path), Err(RecordingError::Refused { .. })));
 }
 
-/// Writes frames for ever, printing each one's number when it was taken; a process of its own, to be killed.
+/// Writes frames until killed, and prints the number of each written one. Runs in its own process.
 #[test]
 #[ignore = "the victim of the next test"]
 fn victim_that_writes_frames() {
@@ -139,7 +139,7 @@ fn every_frame_taken_before_a_kill_9_is_recovered() {
             .stdout(Stdio::piped())
             .spawn()
             .unwrap();
-        // Killed while it goes on writing, at another place each time.
+        // Killed while it writes, at a different point each time.
         let lines = BufReader::new(victim.stdout.take().unwrap()).lines().map(Result::unwrap);
         let mut taken = lines.filter_map(|line| line.split("taken ").nth(1).and_then(|n| n.parse::<u64>().ok()));
         let seen = taken.nth(3 + round * 37 % 90).unwrap();
