@@ -78,7 +78,7 @@ impl Shot {
     ///
     /// If the file cannot be written.
     pub fn set_truth(&mut self, camera: usize, world: Option<Rc<World>>) -> Result<(), RecordingError> {
-        self.writer.turn_to(camera);
+        self.writer.select_camera(camera);
         for impact in world.iter().flat_map(|world| world.impacts()) {
             self.writer.truth_impact(&impact)?;
         }
@@ -95,7 +95,7 @@ impl Shot {
     /// If the file cannot be written.
     pub fn frame(&mut self, camera: usize, frame: &Frame<'_>) -> Result<(), RecordingError> {
         let Some(part) = &mut self.parts[camera] else { return Ok(()) };
-        self.writer.turn_to(camera);
+        self.writer.select_camera(camera);
         part.count(frame.meta.sequence);
         if self.writes_frames {
             self.writer.frame(frame)?;
@@ -117,7 +117,7 @@ impl Shot {
     ///
     /// If the file cannot be written.
     pub fn hand_over(&mut self) -> Result<(), RecordingError> {
-        self.writer.hand_over()
+        self.writer.write_buffered()
     }
 
     /// Returns the path; that of the first file if split.
@@ -175,7 +175,7 @@ impl Shot {
     pub fn step(&mut self, camera: usize, step: BodyStep, field: Option<PairField>) -> Result<bool, RecordingError> {
         let Some(part) = &mut self.parts[camera] else { return Ok(false) };
         let Some((step, field)) = part.within(step, field) else { return Ok(false) };
-        self.writer.turn_to(camera);
+        self.writer.select_camera(camera);
         if let Some(field) = &field {
             self.writer.field(field)?;
         }
@@ -222,7 +222,7 @@ impl Shot {
     }
 
     fn write(&mut self, camera: usize, rows: &TrackerRows) -> Result<(), RecordingError> {
-        self.writer.turn_to(camera);
+        self.writer.select_camera(camera);
         for sample in &rows.tracks {
             self.writer.track(sample)?;
         }

@@ -1,13 +1,13 @@
-//! What viewers draw over a frame.
+//! Annotations that viewers draw over a frame.
 
 use foxglove::messages::{CircleAnnotation, Color, ImageAnnotations, Point2, PointsAnnotation, points_annotation};
 
-/// Circles and arrows in image axes (pixel centres at whole numbers), px.
+/// Circles and arrows in image axes, px; pixel centres are at whole numbers.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Annotations {
-    /// Centre x, centre y, radius.
+    /// Circles: centre x, centre y, radius.
     pub circles: Vec<[f64; 3]>,
-    /// From (x, y) to (x, y).
+    /// Arrows from one (x, y) to another.
     pub vectors: Vec<[[f64; 2]; 2]>,
 }
 
@@ -45,7 +45,7 @@ impl Annotations {
     }
 }
 
-/// Foxglove counts from the top-left corner of the top-left pixel, this program from its centre.
+/// Converts to Foxglove's axes, which begin at the top-left corner of the top-left pixel instead of at its centre.
 fn corner_origin(x_px: f64, y_px: f64) -> Point2 {
     Point2 { x: x_px + 0.5, y: y_px + 0.5 }
 }

@@ -1,15 +1,15 @@
-//! Small messages waiting for a chunk of their own.
+//! Small messages that are gathered into chunks of their own.
 
 use super::schema::Topic;
 
 /// Encoded messages of one kind, held back until they fill a chunk.
 ///
-/// Readers can skip whole chunks only, so messages are gathered by size: a
-/// reader of `/velocity` then never touches the frames.
+/// Readers can skip whole chunks only. Small messages in their own chunks allow a reader of `/velocity` to skip all
+/// frames.
 #[derive(Debug, Default)]
 pub(super) struct Batch {
     bytes: Vec<u8>,
-    /// Camera, topic, log time and where each ends.
+    /// Camera, topic, log time and end of each message.
     messages: Vec<(usize, Topic, u64, usize)>,
     first_ns: Option<u64>,
 }
@@ -21,7 +21,7 @@ impl Batch {
         self.messages.push((camera, topic, log_time_ns, self.bytes.len()));
     }
 
-    /// Whether it holds `limit_bytes` or reaches back further than `limit_ns` from `now_ns`.
+    /// Whether the batch holds `limit_bytes`, or its first message is `limit_ns` older than `now_ns`.
     pub(super) fn is_due(&self, now_ns: u64, limit_bytes: usize, limit_ns: u64) -> bool {
         self.bytes.len() >= limit_bytes || self.first_ns.is_some_and(|first| now_ns.saturating_sub(first) >= limit_ns)
     }
@@ -30,12 +30,12 @@ impl Batch {
         self.messages.is_empty()
     }
 
-    /// At most what it takes in a file.
+    /// An upper bound of the batch's size in a file, bytes.
     pub(super) fn expected_bytes(&self) -> u64 {
         self.bytes.len() as u64 + self.messages.len() as u64 * super::split::MESSAGE_BYTES
     }
 
-    /// Every message in the order it came: camera, topic, log time, bytes.
+    /// Returns every message in the order of arrival: camera, topic, log time, bytes.
     pub(super) fn iter(&self) -> impl Iterator<Item = (usize, Topic, u64, &[u8])> {
         let starts = std::iter::once(0).chain(self.messages.iter().map(|message| message.3));
         let bytes = |start: usize, end: usize| &self.bytes[start..end];

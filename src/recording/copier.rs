@@ -1,4 +1,4 @@
-//! Messages of one file into another, exactly as they are.
+//! Copies of messages from one file to another, byte by byte.
 
 use super::reader::Message;
 use super::record::{Channel, Schema};
@@ -14,32 +14,32 @@ pub(super) struct Copied<'a> {
     pub(super) is_frame: bool,
 }
 
-/// Copies messages, and the channels and schemas they need.
+/// Copies messages with the channels and schemas they need.
 pub(super) struct Copier<'a> {
     recording: &'a Recording,
     writer: &'a mut RecordingWriter,
-    /// Channels of the old file to those of the new one.
+    /// The channel in the new file for each channel of the old one.
     channels: BTreeMap<u16, u16>,
     messages: u64,
 }
 
 impl<'a> Copier<'a> {
-    /// From a recording into a new one.
+    /// Prepares to copy from a recording into a new one.
     pub(super) fn new(recording: &'a Recording, writer: &'a mut RecordingWriter) -> Self {
         Self { recording, writer, channels: BTreeMap::new(), messages: 0 }
     }
 
-    /// The recording copied from.
+    /// The recording that is copied.
     pub(super) fn recording(&self) -> &'a Recording {
         self.recording
     }
 
-    /// How many messages were copied.
+    /// The number of messages copied so far.
     pub(super) fn messages(&self) -> u64 {
         self.messages
     }
 
-    /// Ends the chunk: a chunk for a chunk keeps frames and rows apart.
+    /// Ends the chunk. One new chunk per old chunk keeps frames and rows separate.
     pub(super) fn end_chunk(&mut self) -> Result<(), RecordingError> {
         self.writer.flush()
     }

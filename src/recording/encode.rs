@@ -1,4 +1,4 @@
-//! Frames as messages.
+//! Frames encoded as messages.
 
 use super::schema::proto;
 use crate::image::{Frame, PixelFormat};
@@ -9,7 +9,7 @@ use prost::encoding::{WireType, encode_key, encode_varint};
 /// Field number of `data` in `foxglove.RawImage`.
 const DATA_TAG: u32 = 6;
 
-/// What is known of the frame beside its pixels, whose CRC-32 this is.
+/// Encodes the properties of a frame and the CRC-32 of its pixels.
 pub(super) fn info(frame: &Frame<'_>, pixels_crc32: u32, message: &mut Vec<u8>) {
     let meta = &frame.meta;
     message.clear();
@@ -26,7 +26,7 @@ pub(super) fn info(frame: &Frame<'_>, pixels_crc32: u32, message: &mut Vec<u8>) 
     );
 }
 
-/// The image message up to its pixels, which come last so that they need not be copied.
+/// Encodes the image message up to its pixels. The pixels come last, so they need no copy.
 pub(super) fn image(frame: &Frame<'_>, message: &mut Vec<u8>) {
     let meta = &frame.meta;
     let encoding = match meta.format {
@@ -48,14 +48,15 @@ pub(super) fn image(frame: &Frame<'_>, message: &mut Vec<u8>) {
     encode_varint(frame.bytes.len() as u64, message);
 }
 
+/// Converts a stamp to Foxglove's timestamp.
 pub(super) fn timestamp(stamp_ns: u64) -> Timestamp {
     let seconds = u32::try_from(stamp_ns / 1_000_000_000).unwrap_or(u32::MAX);
     Timestamp::new(seconds, (stamp_ns % 1_000_000_000) as u32)
 }
 
-/// At most what a frame takes in a file.
+/// An upper bound of a frame's size in a file, bytes.
 pub(super) fn expected_bytes(frame: &Frame<'_>) -> u64 {
-    /// Both messages beside the pixels.
+    /// Both messages without the pixels.
     const HEADERS_BYTES: u64 = 256;
     frame.bytes.len() as u64 + HEADERS_BYTES + 2 * super::split::MESSAGE_BYTES
 }

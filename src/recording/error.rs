@@ -1,34 +1,34 @@
-//! What can go wrong with a recording.
+//! Errors of a recording.
 
 use std::path::{Path, PathBuf};
 
-/// Why a recording could not be written or read.
+/// The reason why a recording cannot be written or read.
 #[derive(Debug, thiserror::Error)]
 pub enum RecordingError {
-    /// The operating system refused.
-    #[error("{action} {}: {source}", path.display())]
+    /// The operating system returned an error.
+    #[error("cannot {action} {}: {source}", path.display())]
     Io {
-        /// What was tried: "open", "write", "sync", "rename".
+        /// The action that failed: "open", "write", "sync", "rename".
         action: &'static str,
         /// The file.
         path: PathBuf,
-        /// The system's answer.
+        /// The error of the system.
         source: std::io::Error,
     },
-    /// The file is not what it should be.
-    #[error("read {}: {reason}", path.display())]
+    /// The file has another format, or is damaged.
+    #[error("cannot read {}: {reason}", path.display())]
     Invalid {
         /// The file.
         path: PathBuf,
-        /// What is wrong, with byte offset or expected and actual values.
+        /// The problem, with byte offset or expected and actual values.
         reason: String,
     },
-    /// What was to be written does not fit a recording, or would overwrite one.
-    #[error("write {}: {reason}", path.display())]
+    /// The data do not fit a recording, or the file would overwrite another.
+    #[error("cannot write {}: {reason}", path.display())]
     Refused {
         /// The file.
         path: PathBuf,
-        /// What is wrong with it.
+        /// The problem.
         reason: String,
     },
 }

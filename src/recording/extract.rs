@@ -1,4 +1,4 @@
-//! Parts of a recording as files of their own: its results alone, or its frames for ROS 2.
+//! Extracts of a recording as separate files: its results without frames, or its frames for ROS 2.
 
 use super::container::{Container, Payload, Settings};
 use super::copier::Copier;
@@ -10,14 +10,14 @@ use std::collections::BTreeMap;
 use std::io;
 use std::path::Path;
 
-/// Small messages compress well, and a chunk is what a reader loads at once.
+/// Small messages compress well. A reader loads whole chunks, so these are small.
 const RESULTS: WriterOptions =
     WriterOptions { compression: Compression::Zstd1, chunk_bytes: 1 << 20, split_bytes: None };
 const ROS2_CHUNK_BYTES: u64 = 4 << 20;
 /// The topic that camera drivers of ROS publish on.
 const ROS2_TOPIC: &str = "/camera/image_raw";
 const ROS2_SCHEMA_NAME: &str = "sensor_msgs/msg/Image";
-/// The message and those it is made of, as ROS 2 bags describe them.
+/// The definition of the message and of its parts, as in ROS 2 bags.
 const ROS2_SCHEMA: &str = "\
 std_msgs/Header header
 uint32 height
@@ -36,13 +36,13 @@ int32 sec
 uint32 nanosec
 ";
 
-/// Copies everything but the frames into a new recording, compressed; returns the number of messages.
+/// Copies everything but the frames into a new, compressed recording; returns the number of messages.
 ///
-/// Metadata and attachments come along, and chunks stay what they were, so that a reader of one topic loads no other.
+/// Metadata and attachments are copied too. Each chunk stays a chunk, so a reader of one topic skips the others.
 ///
 /// # Errors
 ///
-/// [`RecordingError`] when the old file cannot be opened or is damaged, or the new one not written.
+/// [`RecordingError`] when the old file cannot be opened or is damaged, or the new one cannot be written.
 pub fn copy_results(from: &Path, to: &Path) -> Result<u64, RecordingError> {
     let recording = Recording::open(from)?;
     let mut writer = RecordingWriter::start(to, part::part_path(to), &RESULTS)?;
@@ -53,7 +53,7 @@ pub fn copy_results(from: &Path, to: &Path) -> Result<u64, RecordingError> {
         }
         Err(error) => {
             drop(writer);
-            Err(give_up(to, error))
+            Err(discard(to, error))
         }
     }
 }
@@ -61,7 +61,7 @@ pub fn copy_results(from: &Path, to: &Path) -> Result<u64, RecordingError> {
 fn copy(recording: &Recording, writer: &mut RecordingWriter) -> Result<u64, RecordingError> {
     for (name, entries) in recording.metadata_records().iter().filter(|(name, _)| name != CONTINUED_NAME) {
         let mut entries = entries.clone();
-        // The copy is one file.
+        // The copy is a single file.
         split::SPLIT_KEYS.iter().for_each(|key| drop(entries.remove(*key)));
         writer.metadata(name, entries)?;
     }
@@ -79,7 +79,7 @@ fn copy_rows(recording: &Recording, writer: &mut RecordingWriter) -> Result<u64,
         recording.is_image(channel) || named && recording.is_ours()
     };
     for number in 0..recording.section_count() {
-        // A chunk of nothing but frames is not worth loading.
+        // A chunk of frames only is not loaded.
         if recording.section_channels(number).is_some_and(|channels| channels.into_iter().all(is_of_frames)) {
             continue;
         }
@@ -95,11 +95,11 @@ fn copy_rows(recording: &Recording, writer: &mut RecordingWriter) -> Result<u64,
     Ok(copier.messages())
 }
 
-/// Writes the frames as `sensor_msgs/msg/Image` in CDR, as ROS 2 records them; returns how many.
+/// Writes the frames as `sensor_msgs/msg/Image` in CDR, as ROS 2 records them; returns their number.
 ///
 /// # Errors
 ///
-/// [`RecordingError`] when the old one cannot be read, or the new one not written.
+/// [`RecordingError`] when the old file cannot be read, or the new one cannot be written.
 pub fn copy_as_ros2(from: &Recording, to: &Path) -> Result<u64, RecordingError> {
     let frames = from.frames()?;
     let part = part::part_path(to);
@@ -107,12 +107,12 @@ pub fn copy_as_ros2(from: &Recording, to: &Path) -> Result<u64, RecordingError> 
     let written = write_ros2(file, &part, frames);
     match written.and_then(|count| part::publish(to, &part).map(|()| count)) {
         Ok(count) => Ok(count),
-        Err(error) => Err(give_up(to, error)),
+        Err(error) => Err(discard(to, error)),
     }
 }
 
-/// Takes away what was begun: it can be made again.
-fn give_up(to: &Path, error: RecordingError) -> RecordingError {
+/// Removes the unfinished file, which can be made again.
+fn discard(to: &Path, error: RecordingError) -> RecordingError {
     let _ = std::fs::remove_file(part::part_path(to));
     error
 }
@@ -132,7 +132,7 @@ fn write_ros2(file: std::fs::File, part: &Path, frames: super::Frames) -> Result
     for frame in frames {
         let (meta, pixels) = frame?;
         encode(&meta, pixels.len(), &mut message).map_err(|reason| RecordingError::refused(part, reason))?;
-        // The header has room for the low half of the number.
+        // The message header has room for the low half of the number only.
         let sequence = (meta.sequence & u64::from(u32::MAX)) as u32;
         let (log_time_ns, publish_time_ns) = (meta.stamp_ns, meta.stamp_ns);
         let header = MessageHeader { channel, sequence, log_time_ns, publish_time_ns };
@@ -145,12 +145,14 @@ fn write_ros2(file: std::fs::File, part: &Path, frames: super::Frames) -> Result
     Ok(count)
 }
 
-/// An image up to its pixels in little-endian CDR (OMG DDS-XTypes 1.3, section 7.4.3): numbers are aligned to their size, counted from
-/// behind the first four bytes.
+/// Encodes an image up to its pixels in little-endian CDR (OMG DDS-XTypes 1.3, section 7.4.3).
+///
+/// Numbers are aligned to their size. Alignment counts from after the first four bytes.
 fn encode(meta: &FrameMeta, pixels_bytes: usize, message: &mut Vec<u8>) -> Result<(), String> {
     let seconds = i32::try_from(meta.stamp_ns / 1_000_000_000)
-        .map_err(|_| format!("frame {}: its time does not fit the 32-bit seconds of ROS", meta.sequence))?;
-    let count = u32::try_from(pixels_bytes).map_err(|_| format!("frame {}: too large", meta.sequence))?;
+        .map_err(|_| format!("frame {}: its time exceeds the 32-bit seconds of ROS", meta.sequence))?;
+    let count = u32::try_from(pixels_bytes)
+        .map_err(|_| format!("frame {}: {pixels_bytes} bytes exceed the 32-bit length of ROS", meta.sequence))?;
     let encoding = match meta.format {
         PixelFormat::Mono8 => "mono8",
         PixelFormat::Mono10 | PixelFormat::Mono12 | PixelFormat::Mono16 => "mono16",
@@ -170,13 +172,14 @@ fn encode(meta: &FrameMeta, pixels_bytes: usize, message: &mut Vec<u8>) -> Resul
     Ok(())
 }
 
+/// Appends an aligned number.
 fn number(value: u32, message: &mut Vec<u8>) {
-    // The first four bytes do not count, and are four.
+    // The first four bytes do not count, but they keep the alignment to 4.
     message.resize(message.len().next_multiple_of(4), 0);
     message.extend(value.to_le_bytes());
 }
 
-/// A string: its length with the closing zero, the bytes, the zero.
+/// Appends a string: its length with the closing zero, the bytes, the zero.
 fn text(value: &str, message: &mut Vec<u8>) {
     number(value.len() as u32 + 1, message);
     message.extend(value.as_bytes());

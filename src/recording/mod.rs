@@ -1,9 +1,8 @@
-//! Recordings: the only room that names MCAP.
+//! Recordings: MCAP files with frames and results.
 //!
-//! A recording is one MCAP file: frames as `foxglove.RawImage`, results as our
-//! own protobuf messages (`schema/*.proto`), the rig's configuration attached.
-//! Written by [`RecordingWriter`], read by [`Recording`], which takes unfinished
-//! files and other people's files too.
+//! A recording is one MCAP file, or several when it is split by size. Frames are `foxglove.RawImage`, results are our
+//! own protobuf messages (`schema/*.proto`), and the rig's configuration is attached. [`RecordingWriter`] writes it.
+//! [`Recording`] reads it, and reads unfinished files and files of other programs too.
 
 mod annotations;
 mod batch;
@@ -35,11 +34,11 @@ pub use schema::Topic;
 pub use split::files_of;
 pub use writer::{Compression, FinishedRecording, RecordingInfo, RecordingWriter, ViewInfo, WriterOptions};
 
-/// Name of the metadata record every recording of ours has.
+/// Name of the metadata record that every recording of ours has.
 const METADATA_NAME: &str = "ricochet";
 /// Name of the attached configuration.
 const CONFIG_NAME: &str = "config.toml";
-/// Name of the metadata record at the end of a file that goes on in a next one.
+/// Name of the metadata record at the end of a file that continues in a next one.
 const CONTINUED_NAME: &str = "continued";
-/// Name of the metadata record a recovered recording has besides.
+/// Name of the additional metadata record of a recovered recording.
 const RECOVERED_NAME: &str = "recovered";

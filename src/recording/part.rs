@@ -1,4 +1,4 @@
-//! The file while it is being written: a name of its own until it is whole.
+//! The part file: a recording under a temporary name until it is complete.
 
 use super::RecordingError;
 use rustix::fs::{FallocateFlags, fallocate};
@@ -8,16 +8,16 @@ use std::ops::RangeInclusive;
 use std::os::unix::fs::{FileExt, MetadataExt};
 use std::path::{Path, PathBuf};
 
-/// Room is asked for in steps of what a file has already, in these bounds, bytes.
+/// Bounds of a reservation, bytes. Each reservation is as large as everything before it, within these bounds.
 const STEPS_BYTES: RangeInclusive<u64> = 1 << 20..=64 << 20;
 
-/// The open part file. After a write that failed it takes nothing more: what lies in it has no hole.
+/// The open part file. After a failed write it refuses further ones, so that its content has no hole.
 pub(super) struct PartFile {
     file: File,
     is_broken: bool,
     /// Bytes appended.
     length: u64,
-    /// Bytes that have room on the disk already; `None` where that cannot be had.
+    /// Bytes reserved on the disk; `None` where the file system cannot reserve.
     reserved: Option<u64>,
 }
 
@@ -26,10 +26,10 @@ impl PartFile {
         Self { file, is_broken: false, length: 0, reserved: Some(0) }
     }
 
-    /// Has room made for what comes, which is not part of the file yet.
+    /// Reserves disk space for the coming writes without growing the file.
     ///
-    /// Then a write need not look for room block by block, which takes it a quarter of its time. Where the disk has too
-    /// little room, or the file system cannot do it, writes go on without.
+    /// A write into reserved space takes three quarters of the time, since it allocates no blocks. Without space, or on a
+    /// file system that cannot reserve, writes continue without a reservation.
     fn reserve(&mut self, bytes: usize) {
         let Some(reserved) = self.reserved else { return };
         let wanted = self.length + bytes as u64;
@@ -51,12 +51,12 @@ impl PartFile {
 }
 
 impl PartFile {
-    /// Appends two pieces, the second from where it is, in one call of the system where it takes both.
+    /// Appends two pieces without a copy, in one system call where the system takes both.
     pub(super) fn append(&mut self, head: &[u8], body: &[u8]) -> io::Result<()> {
         self.reserve(head.len() + body.len());
         let mut pieces = [IoSlice::new(head), IoSlice::new(body)];
         let mut pieces = &mut pieces[..];
-        // Empty ones go.
+        // Drops empty pieces.
         IoSlice::advance_slices(&mut pieces, 0);
         while !pieces.is_empty() {
             let written = self.attempt(|file| match file.write_vectored(pieces) {
@@ -75,31 +75,31 @@ impl PartFile {
         Ok(())
     }
 
-    /// Writes over bytes that are there already.
+    /// Overwrites bytes of the file.
     pub(super) fn replace(&mut self, bytes: &[u8], at: u64) -> io::Result<()> {
         self.attempt(|file| file.write_all_at(bytes, at))
     }
 }
 
 impl Drop for PartFile {
-    /// Gives back the room that was not needed.
+    /// Releases the unused part of the reservation.
     fn drop(&mut self) {
         let _ = self.file.set_len(self.length);
     }
 }
 
-/// Whether the name still leads to the open file; a removed file goes on taking bytes that no one will see.
+/// Whether the name still refers to the open file. A removed file would take bytes that nobody can read.
 pub(super) fn is_in_place(part: &Path, handle: &File) -> bool {
     let same = |named: fs::Metadata, open: fs::Metadata| (named.dev(), named.ino()) == (open.dev(), open.ino());
     part.symlink_metadata().is_ok_and(|named| handle.metadata().is_ok_and(|open| same(named, open)))
 }
 
-/// The name a recording has until it is finished: `shot.mcap` is written as `shot.mcap.part`.
+/// Returns the name of an unfinished recording: `shot.mcap` is written as `shot.mcap.part`.
 pub fn part_path(path: &Path) -> PathBuf {
     with_ending(path, ".part")
 }
 
-/// The name a recovered recording has until it is finished; the part file it comes from may have the other one.
+/// Returns the name of an unfinished recovered recording. The part file it comes from may have the usual one.
 pub(super) fn recovering_path(path: &Path) -> PathBuf {
     with_ending(path, ".recovering")
 }
@@ -110,10 +110,17 @@ fn with_ending(path: &Path, ending: &str) -> PathBuf {
     PathBuf::from(name)
 }
 
-/// Creates `part`, the unfinished form of `path`; neither may exist.
+/// Creates `part`, the unfinished form of `path`.
+///
+/// # Errors
+///
+/// [`RecordingError::Refused`] when either file exists; [`RecordingError::Io`] when the system fails.
 pub(super) fn create(path: &Path, part: &Path) -> Result<File, RecordingError> {
     if path.symlink_metadata().is_ok() {
-        return Err(RecordingError::refused(path, "the file exists, and recordings are never overwritten"));
+        return Err(RecordingError::refused(
+            path,
+            "the file exists, and a recording is never overwritten; choose another name",
+        ));
     }
     OpenOptions::new().write(true).create_new(true).open(part).map_err(|error| match error.kind() {
         std::io::ErrorKind::AlreadyExists => {
@@ -123,17 +130,21 @@ pub(super) fn create(path: &Path, part: &Path) -> Result<File, RecordingError> {
     })
 }
 
-/// Gives a written, synced part file its final name, without ever replacing another file.
+/// Gives a complete, synced part file its final name, without replacing another file.
+///
+/// # Errors
+///
+/// [`RecordingError`] when the name is taken or the system fails; the part file stays.
 pub(super) fn publish(path: &Path, part: &Path) -> Result<(), RecordingError> {
     match fs::hard_link(part, path) {
         Ok(()) => fs::remove_file(part).map_err(|error| RecordingError::io("remove", part, error))?,
         Err(error) if error.kind() == std::io::ErrorKind::AlreadyExists => {
             return Err(RecordingError::refused(
                 path,
-                format!("the file appeared meanwhile; the recording is whole in {}", part.display()),
+                format!("the file appeared meanwhile; the complete recording is {}", part.display()),
             ));
         }
-        // File systems without hard links (FAT, some network shares).
+        // Some file systems have no hard links (FAT, some network shares).
         Err(_) if path.symlink_metadata().is_err() => {
             fs::rename(part, path).map_err(|error| RecordingError::io("rename", part, error))?;
         }
@@ -142,7 +153,7 @@ pub(super) fn publish(path: &Path, part: &Path) -> Result<(), RecordingError> {
     sync_directory(path)
 }
 
-/// Makes the new name itself survive a power cut.
+/// Syncs the directory, so that the new name survives a power cut.
 fn sync_directory(path: &Path) -> Result<(), RecordingError> {
     let directory = match path.parent() {
         Some(parent) if !parent.as_os_str().is_empty() => parent,

@@ -1,13 +1,15 @@
-//! Pictures that are attached: grey levels as a PNG file, and back.
+//! Attached pictures: grey levels to PNG and back.
 
 use crate::image::{Image, PixelFormat, grey_pixels};
 use image::{ExtendedColorType, ImageEncoder, ImageFormat};
 use std::io::Cursor;
 
-/// Most that reading one may need, bytes.
+/// Maximum memory for decoding a picture, bytes.
 const PICTURE_BYTES: u64 = 1 << 30;
 
-/// A picture of whole grey levels of 0 to 65535 as PNG, of 8 bit where they fit; `None` if it cannot be encoded.
+/// Encodes a picture of whole grey levels from 0 to 65535 as PNG, in 8 bit where they fit.
+///
+/// Returns `None` when the picture has no pixels or is too large.
 pub fn to_png(picture: &Image) -> Option<Vec<u8>> {
     let view = picture.view();
     let (width, height) = (u32::try_from(view.width()).ok()?, u32::try_from(view.height()).ok()?);
@@ -19,14 +21,14 @@ pub fn to_png(picture: &Image) -> Option<Vec<u8>> {
         let pixels: Vec<u8> = levels().map(|level| level as u8).collect();
         encoder.write_image(&pixels, width, height, ExtendedColorType::L8)
     } else {
-        // The encoder takes the machine's own byte order.
+        // The encoder expects the byte order of the machine.
         let pixels: Vec<u8> = levels().flat_map(u16::to_ne_bytes).collect();
         encoder.write_image(&pixels, width, height, ExtendedColorType::L16)
     };
     written.ok().map(|()| png)
 }
 
-/// The grey levels of a PNG; `None` if it is none, or has colours.
+/// Decodes the grey levels of a PNG; `None` for other data and for a picture in colour.
 pub fn from_png(png: &[u8]) -> Option<Image> {
     let mut reader = image::ImageReader::with_format(Cursor::new(png), ImageFormat::Png);
     let mut limits = image::Limits::default();
@@ -48,12 +50,12 @@ mod tests {
 
     #[test]
     fn pictures_of_8_and_16_bit_come_back_as_they_were() {
-        for most in [255, 4095, 65_535] {
-            let levels: Vec<f32> = (0..35 * 21).map(|k| (k * 977 % (most + 1)) as f32).collect();
+        for highest in [255, 4095, 65_535] {
+            let levels: Vec<f32> = (0..35 * 21).map(|k| (k * 977 % (highest + 1)) as f32).collect();
             let picture = Image::from_vec(levels, 35, 21).unwrap();
             let png = to_png(&picture).unwrap();
             let back = from_png(&png).unwrap();
-            assert!((0..21).all(|y| back.view().row(y) == picture.view().row(y)), "{most}");
+            assert!((0..21).all(|y| back.view().row(y) == picture.view().row(y)), "{highest}");
         }
         assert!(from_png(b"no picture").is_none() && from_png(&[]).is_none());
     }

@@ -1,15 +1,17 @@
-//! Records of an MCAP file: how they are told apart, and what those in front of messages hold.
+//! Records of an MCAP file: opcodes and parsers.
 //!
-//! Layout: MCAP specification, <https://mcap.dev/spec>. Every length is checked when a record is read.
+//! Layout: MCAP specification, <https://mcap.dev/spec>. Every length is checked when a record is parsed.
 
 use std::collections::BTreeMap;
 
+/// The first and the last bytes of a file.
 pub(super) const MAGIC: &[u8; 8] = b"\x89MCAP0\r\n";
-/// Opcode and length in front of every record.
+/// Length of the opcode and the length before every record.
 pub(super) const PREFIX_BYTES: u64 = 9;
-/// Channel, sequence, log time and publish time in front of a message's data.
+/// Length of channel, sequence, log time and publish time before the data of a message.
 pub(super) const MESSAGE_HEADER_BYTES: u64 = 22;
 
+/// Opcodes of the records.
 pub(super) mod op {
     pub(in super::super) const HEADER: u8 = 0x01;
     pub(in super::super) const FOOTER: u8 = 0x02;
@@ -28,7 +30,7 @@ pub(super) mod op {
     pub(in super::super) const DATA_END: u8 = 0x0f;
 }
 
-/// Takes fields off the front of a record's body; `None` when it is too short.
+/// Parses the fields of a record's body from its front; `None` when the body is too short.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Fields<'a>(pub(super) &'a [u8]);
 
@@ -51,7 +53,7 @@ impl<'a> Fields<'a> {
         self.take(8)?.try_into().ok().map(u64::from_le_bytes)
     }
 
-    /// Bytes behind a 32-bit length.
+    /// Takes bytes preceded by a 32-bit length.
     pub(super) fn block(&mut self) -> Option<&'a [u8]> {
         let length = self.u32()?;
         self.take(usize::try_from(length).ok()?)
@@ -71,7 +73,7 @@ impl<'a> Fields<'a> {
     }
 }
 
-/// How messages of a channel are to be understood.
+/// The description of a message type.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub(crate) struct Schema {
     pub(crate) name: String,
@@ -102,7 +104,7 @@ pub(super) fn channel(body: &[u8]) -> Option<(u16, Channel)> {
     Some((id, Channel { schema, topic, encoding, metadata: fields.map()? }))
 }
 
-/// What stands in front of a message's data.
+/// The header of a message.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct MessageHeader {
     pub(super) channel: u16,
@@ -121,18 +123,18 @@ pub(super) fn message_header(body: &[u8]) -> Option<MessageHeader> {
     })
 }
 
-/// What stands in front of a chunk's records.
+/// The header of a chunk.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct ChunkHeader {
     pub(super) uncompressed_bytes: u64,
     pub(super) crc: u32,
     pub(super) compression: String,
     pub(super) stored_bytes: u64,
-    /// Bytes of this header.
+    /// Length of this header.
     pub(super) bytes: u64,
 }
 
-/// Parses from the first bytes of a chunk record's body.
+/// Parses the header from the first bytes of a chunk record's body.
 pub(super) fn chunk_header(body: &[u8]) -> Option<ChunkHeader> {
     let mut fields = Fields(body);
     fields.take(16)?;

@@ -1,4 +1,4 @@
-//! A whole file again out of what is left of one.
+//! Recovery of a complete recording from a damaged or unfinished one.
 
 use super::copier::Copier;
 use super::reader::Message;
@@ -9,54 +9,53 @@ use prost::Message as _;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-/// What could be saved.
+/// The result of a recovery.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Recovered {
     /// The new file.
     pub path: PathBuf,
-    /// Frames in it.
+    /// The number of frames in it.
     pub frames: u64,
-    /// Messages in it, frames included.
+    /// The number of messages in it, frames included.
     pub messages: u64,
-    /// What could not be saved, and why.
+    /// The parts that could not be saved, with the reason.
     pub skipped: Vec<String>,
 }
 
-/// Copies every message that can be trusted into a new, whole file.
+/// Copies every message that passes its checksum into a new, complete file.
 ///
-/// Also those behind the header of the chunk that was being written when the
-/// file was cut off; there each frame's own checksum decides. The old file is
-/// left as it is, and nothing is overwritten. Works on other people's files too.
+/// This includes the messages of the chunk that was open when the file was cut off. There the checksum of each frame
+/// decides. The old file stays unchanged, and no file is overwritten. Files of other programs are recovered too.
 ///
 /// # Errors
 ///
-/// [`RecordingError`] when the old file cannot be opened or the new one not written.
+/// [`RecordingError`] when the old file cannot be opened or the new one cannot be written.
 pub fn recover(from: &Path, to: &Path) -> Result<Recovered, RecordingError> {
     let recording = Recording::open_one(from)?;
     let mut writer = RecordingWriter::start(to, part::recovering_path(to), &WriterOptions::default())?;
     let mut skipped: Vec<String> = recording.truncated().map(str::to_owned).into_iter().collect();
     describe(&recording, &mut writer, &mut skipped)?;
-    let mut sieve = Sieve { copier: Copier::new(&recording, &mut writer), info: None };
+    let mut filter = MessageFilter { copier: Copier::new(&recording, &mut writer), info: None };
     for number in 0..recording.section_count() {
         let mut torn = 0;
         let damage = recording.visit_section(number, |message| {
-            let is_saved = sieve.message(message)?;
+            let is_saved = filter.message(message)?;
             torn += u64::from(!is_saved);
             Ok(())
         })?;
         skipped.extend(damage);
         if torn > 0 {
-            skipped.push(format!("{torn} messages that are incomplete or fail their checksum"));
+            skipped.push(format!("{torn} messages are incomplete or fail their checksum"));
         }
-        sieve.copier.end_chunk()?;
-        sieve.info = None;
+        filter.copier.end_chunk()?;
+        filter.info = None;
     }
-    let messages = sieve.copier.messages();
+    let messages = filter.copier.messages();
     let finished = writer.finish()?;
     Ok(Recovered { path: finished.path, frames: finished.frames, messages, skipped })
 }
 
-/// Copies metadata and attachments, and says that the file was recovered.
+/// Copies metadata and attachments, and records that the file was recovered.
 fn describe(
     recording: &Recording,
     writer: &mut RecordingWriter,
@@ -77,15 +76,15 @@ fn describe(
     Ok(())
 }
 
-/// Sorts out which messages can be trusted.
-struct Sieve<'a> {
+/// Separates intact messages from damaged ones.
+struct MessageFilter<'a> {
     copier: Copier<'a>,
-    /// Frame information that waits for its image.
+    /// Frame information whose image has not come yet.
     info: Option<Message>,
 }
 
-impl Sieve<'_> {
-    /// Copies a message; whether it could be trusted.
+impl MessageFilter<'_> {
+    /// Copies a message if it is intact; returns whether it was.
     fn message(&mut self, message: Message) -> Result<bool, RecordingError> {
         let recording = self.copier.recording();
         let Some(channel) = recording.channels().get(&message.channel) else { return Ok(false) };
@@ -104,7 +103,7 @@ impl Sieve<'_> {
     }
 }
 
-/// Whether this is the information of this image, and its checksum that of these pixels.
+/// Whether the information belongs to the image, and its checksum matches the pixels.
 fn belongs(info: &Message, image: &Message) -> bool {
     let pair = proto::FrameInfo::decode(info.data.clone()).ok().zip(RawImage::decode(image.data.clone()).ok());
     (info.sequence, info.log_time_ns) == (image.sequence, image.log_time_ns)

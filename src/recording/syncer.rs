@@ -1,4 +1,4 @@
-//! Forces a file to the disk while it is being written, and has the system forget it there.
+//! Syncs a file to the disk while it is written, and drops it from the system's cache.
 
 use rustix::fs::{Advice, fadvise};
 use std::fs::File;
@@ -7,19 +7,19 @@ use std::num::NonZeroU64;
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::thread::{Builder, JoinHandle};
 
-/// What stays in the system's cache for those who read it next, bytes: a short recording as a whole.
+/// Size of the end of a file that stays in the system's cache, bytes. A short recording stays there as a whole.
 const CACHED_BYTES: u64 = 256 << 20;
 
-/// A thread that waits for the disk, so that the writing does not.
+/// A thread that waits for the disk, so that the writer does not.
 ///
-/// Of a long recording only the end stays in the system's cache: what comes takes the pages of what left it. Otherwise
-/// each would need new memory, which can cost several times what the write itself does, and push out what others keep.
-/// One order at a time is under way, so no more than what is written during it waits for the next.
+/// Only the end of a long recording stays in the system's cache, so that new data reuse the pages of old data. New pages
+/// can cost several times the write itself, and they evict the pages of other programs. At most one sync runs at a time,
+/// so the next one has only the data written meanwhile.
 #[derive(Default)]
 pub(super) struct Syncer {
     thread: Option<Thread>,
-    /// Whether an order is under way.
-    is_asked: bool,
+    /// Whether a sync is running.
+    is_running: bool,
 }
 
 struct Thread {
@@ -29,24 +29,30 @@ struct Thread {
 }
 
 impl Syncer {
-    /// Has everything that the system was handed of this file forced to the disk.
+    /// Starts a sync of everything written so far.
     ///
-    /// Fails for the order before, whose end it waits for.
-    pub(super) fn ask(&mut self, file: &File) -> io::Result<()> {
+    /// # Errors
+    ///
+    /// The error of the previous sync, which it waits for.
+    pub(super) fn start(&mut self, file: &File) -> io::Result<()> {
         self.wait()?;
         let thread = match self.thread.take() {
             Some(thread) => thread,
             None => Thread::start(file.try_clone()?)?,
         };
         let sent = self.thread.insert(thread).orders.send(());
-        self.is_asked = true;
+        self.is_running = true;
         sent.map_err(io::Error::other)
     }
 
-    /// Waits for the end of the order under way, if there is one.
+    /// Waits for the running sync, if any.
+    ///
+    /// # Errors
+    ///
+    /// The error of that sync.
     pub(super) fn wait(&mut self) -> io::Result<()> {
         match &self.thread {
-            Some(thread) if std::mem::take(&mut self.is_asked) => thread.outcomes.recv().map_err(io::Error::other)?,
+            Some(thread) if std::mem::take(&mut self.is_running) => thread.outcomes.recv().map_err(io::Error::other)?,
             _ => Ok(()),
         }
     }
@@ -64,19 +70,19 @@ impl Drop for Syncer {
 impl Thread {
     fn start(file: File) -> io::Result<Self> {
         let (orders, ordered) = sync_channel(1);
-        let (told, outcomes) = sync_channel(1);
+        let (reply, outcomes) = sync_channel(1);
         let handle = Builder::new()
             .name("sync".into())
-            .spawn(move || while ordered.recv().is_ok() && told.send(sync(&file)).is_ok() {})?;
+            .spawn(move || while ordered.recv().is_ok() && reply.send(sync(&file)).is_ok() {})?;
         Ok(Self { orders, outcomes, handle })
     }
 }
 
 fn sync(file: &File) -> io::Result<()> {
-    let handed_over = file.metadata()?.len();
+    let written_bytes = file.metadata()?.len();
     file.sync_data()?;
-    if let Some(front) = NonZeroU64::new(handed_over.saturating_sub(CACHED_BYTES)) {
-        // What cannot leave stays.
+    if let Some(front) = NonZeroU64::new(written_bytes.saturating_sub(CACHED_BYTES)) {
+        // A failure costs cache, not data.
         let _ = fadvise(file, 0, Some(front), Advice::DontNeed);
     }
     Ok(())

@@ -1,4 +1,4 @@
-//! Writing a recording.
+//! Writer of a recording.
 
 mod info;
 mod rows;
@@ -19,38 +19,39 @@ use std::fs::File;
 use std::io;
 use std::path::{Path, PathBuf};
 
-/// Bytes written before they are forced to the disk.
+/// Bytes written between two syncs to the disk.
 const SYNC_BYTES: u64 = 64 << 20;
-/// Recorded time after which what was written is forced to the disk, however little it is.
+/// Recorded time between two syncs to the disk, however little was written.
 const SYNC_NS: u64 = 1_000_000_000;
-/// Small messages are written at least this often, so that a crash loses little.
+/// Maximum recorded time that small messages are held back, so that a crash loses little.
 const BATCH_NS: u64 = 100_000_000;
+/// Size at which held-back rows and fields are written, bytes.
 const ROWS_BYTES: usize = 1 << 20;
 const FIELDS_BYTES: usize = 4 << 20;
 
-/// Channels of a camera of which nothing was written.
-const NONE_YET: [Option<u16>; Topic::ALL.len()] = [None; Topic::ALL.len()];
-/// Entries of the metadata record `ricochet`: the names of the further cameras.
+/// The channels of a camera before its first message.
+const NO_CHANNELS: [Option<u16>; Topic::ALL.len()] = [None; Topic::ALL.len()];
+/// Entries of the metadata record `ricochet`: the names of the additional cameras.
 pub(super) const VIEW_KEY: &str = "view";
 
-/// Whether chunks are compressed.
+/// The compression of chunks.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Compression {
-    /// Not at all: the only way to keep up with a camera.
+    /// None, the only way to keep up with a camera.
     #[default]
     None,
     /// Zstandard level 1, on the writing thread: about a quarter smaller, several times slower.
     Zstd1,
 }
 
-/// How to write a recording.
+/// Options of a recording writer.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct WriterOptions {
-    /// Whether chunks are compressed.
+    /// The compression of chunks.
     pub compression: Compression,
-    /// Size at which a chunk is closed, bytes; a reader that seeks reads one chunk.
+    /// Size at which a chunk is closed, bytes. A reader that seeks loads one chunk.
     pub chunk_bytes: u64,
-    /// Size at which the recording goes on in a next file, bytes; no file becomes larger unless one message is.
+    /// Maximum size of a file, bytes; then the recording continues in a next one. A larger message exceeds it.
     pub split_bytes: Option<u64>,
 }
 
@@ -60,69 +61,66 @@ impl Default for WriterOptions {
     }
 }
 
-/// What became of a finished recording.
+/// A finished recording.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct FinishedRecording {
-    /// Its final name; of the first file when it was split.
+    /// Its final name; that of the first file when it was split.
     pub path: PathBuf,
-    /// Frames in it.
+    /// The number of frames in it.
     pub frames: u64,
     /// Its size, all files together.
     pub bytes: u64,
 }
 
-/// Writes one recording as `<path>.part` and gives it its name when it is whole.
+/// Writes a recording as `<path>.part` and renames it when it is complete.
 ///
-/// Frames, fields and all other rows go into chunks of their own. Every call
-/// may block on the disk, so the recorder owns a thread. Dropped without
-/// [`finish`](Self::finish) it leaves the part file, readable up to the last call.
+/// Frames, fields and all other rows go into separate chunks. Every call may block on the disk. A writer that is dropped
+/// without [`finish`](Self::finish) leaves the part file, which is readable up to the last call.
 pub struct RecordingWriter {
     path: PathBuf,
     part: PathBuf,
-    /// `None` when it is complete.
+    /// `None` when the file is complete.
     container: Option<Container>,
-    /// Whether frames are handed to the system before their chunk ends.
+    /// Whether frames are written before their chunk ends.
     is_direct: bool,
     handle: File,
     syncer: Syncer,
-    /// Of each camera, those of its topics that were written.
+    /// The channels of each camera by topic, once they are written.
     channels: Vec<[Option<u16>; Topic::ALL.len()]>,
-    /// Names of the further cameras.
+    /// Names of the additional cameras.
     views: Vec<String>,
-    /// Whose frames and rows come: 0 the first camera's, then those of `views`.
+    /// The camera whose frames and rows are written: 0 for the first, then those of `views`.
     camera: usize,
     rows: Batch,
     fields: Batch,
     scratch: Vec<u8>,
     frames: u64,
-    /// Of these, those the system has taken whole.
+    /// The number of frames that are completely in the file.
     safe_frames: u64,
     unsynced_bytes: u64,
-    /// Stamp of the frame after which the file was last forced to the disk.
+    /// Stamp of the frame before the last sync.
     synced_ns: Option<u64>,
     pub(super) split: Option<Split>,
-    /// Whether the present file has any.
+    /// Whether the current file has messages.
     pub(super) has_messages: bool,
 }
 
 impl RecordingWriter {
-    /// Starts the recording that will be called `path`.
+    /// Creates the part file of the recording `path` and writes its description.
     ///
     /// # Errors
     ///
-    /// [`RecordingError::Refused`] when the file or its part exists, and when a
-    /// name among the attachments is taken twice; [`RecordingError::Io`] when
-    /// the system refuses.
+    /// [`RecordingError::Refused`] when the file or its part exists; [`RecordingError::Io`] when the system fails.
     pub fn create(path: &Path, info: &RecordingInfo, options: &WriterOptions) -> Result<Self, RecordingError> {
         let mut writer = Self::start(path, part::part_path(path), options)?;
         writer.views = info.views.iter().map(|view| view.name.clone()).collect();
-        writer.channels = vec![NONE_YET; 1 + info.views.len()];
+        writer.channels = vec![NO_CHANNELS; 1 + info.views.len()];
         writer.split = options.split_bytes.map(|bytes| Split::new(path, bytes, info, options));
-        let told = writer.split.as_ref().map(Split::info);
-        writer.describe(told.as_ref().unwrap_or(info)).map(|()| writer)
+        let of_file = writer.split.as_ref().map(Split::info);
+        writer.describe(of_file.as_ref().unwrap_or(info)).map(|()| writer)
     }
 
-    /// Starts a recording that says nothing of itself yet.
+    /// Creates the part file of a recording without a description.
     pub(super) fn start(path: &Path, part: PathBuf, options: &WriterOptions) -> Result<Self, RecordingError> {
         let (container, handle) = open(path, &part, options)?;
         Ok(Self {
@@ -132,7 +130,7 @@ impl RecordingWriter {
             is_direct: options.compression == Compression::None,
             handle,
             syncer: Syncer::default(),
-            channels: vec![NONE_YET],
+            channels: vec![NO_CHANNELS],
             views: Vec::new(),
             camera: 0,
             rows: Batch::default(),
@@ -147,21 +145,26 @@ impl RecordingWriter {
         })
     }
 
-    /// Takes up a next file in place of the one that is complete.
-    pub(super) fn begin(&mut self, path: &Path, part: PathBuf, options: &WriterOptions) -> Result<(), RecordingError> {
+    /// Creates the next file after the current one is complete.
+    pub(super) fn begin_file(
+        &mut self,
+        path: &Path,
+        part: PathBuf,
+        options: &WriterOptions,
+    ) -> Result<(), RecordingError> {
         let (container, handle) = open(path, &part, options)?;
         (self.container, self.handle, self.part) = (Some(container), handle, part);
         (self.path, self.syncer) = (path.to_path_buf(), Syncer::default());
-        (self.channels, self.has_messages) = (vec![NONE_YET; 1 + self.views.len()], false);
+        (self.channels, self.has_messages) = (vec![NO_CHANNELS; 1 + self.views.len()], false);
         Ok(())
     }
 
-    /// Says first what the file is of.
+    /// Writes the description at the beginning of the file.
     pub(super) fn describe(&mut self, info: &RecordingInfo) -> Result<(), RecordingError> {
-        // Before any channel: afterwards they would cut off a chunk without messages, which some readers refuse.
+        // Metadata after a channel would close a chunk without messages, which some readers refuse.
         let described = self.describe_all(info);
         if described.is_err() {
-            // Made here and still without a message: nothing is lost with it.
+            // The file has no message yet, so nothing is lost.
             let _ = std::fs::remove_file(&self.part);
         }
         described
@@ -200,8 +203,8 @@ impl RecordingWriter {
     ///
     /// # Errors
     ///
-    /// [`RecordingError::Refused`] when the bytes do not fit the header;
-    /// [`RecordingError::Io`] when the disk is full or gone.
+    /// [`RecordingError::Refused`] when the bytes do not fit the shape; [`RecordingError::Io`] when the disk is full or
+    /// gone.
     pub fn frame(&mut self, frame: &Frame<'_>) -> Result<(), RecordingError> {
         let meta = &frame.meta;
         let row_bytes = u64::from(meta.width_px) * meta.format.bytes_per_pixel() as u64;
@@ -209,7 +212,7 @@ impl RecordingWriter {
             return Err(RecordingError::refused(
                 &self.path,
                 format!(
-                    "frame {}: {} bytes, stride {} do not make {}x{} {}",
+                    "frame {}: {} bytes with stride {} are not {}x{} {}",
                     meta.sequence,
                     frame.bytes.len(),
                     meta.stride_bytes,
@@ -219,7 +222,7 @@ impl RecordingWriter {
                 ),
             ));
         }
-        self.write_due(meta.stamp_ns)?;
+        self.write_due_batches(meta.stamp_ns)?;
         self.make_room(encode::expected_bytes(frame))?;
         let mut message = std::mem::take(&mut self.scratch);
         let body_crc = crc32fast::hash(frame.bytes);
@@ -237,76 +240,76 @@ impl RecordingWriter {
         let synced_ns = *self.synced_ns.get_or_insert(meta.stamp_ns);
         if self.unsynced_bytes >= SYNC_BYTES || meta.stamp_ns.saturating_sub(synced_ns) >= SYNC_NS {
             self.synced_ns = Some(meta.stamp_ns);
-            return self.sync_beside();
+            return self.start_sync();
         }
         Ok(())
     }
 
-    /// Whose frames and rows come from here on: 0 is the first camera, then the further ones in their order.
+    /// Selects the camera of the following frames and rows: 0 is the first, then the additional ones in order.
     ///
     /// # Panics
     ///
-    /// When there are not so many.
-    pub fn turn_to(&mut self, camera: usize) {
+    /// When `camera` exceeds the number of additional cameras.
+    pub fn select_camera(&mut self, camera: usize) {
         assert!(camera <= self.views.len(), "camera {camera} of {}", 1 + self.views.len());
         self.camera = camera;
     }
 
-    /// The file while it is written.
+    /// The part file.
     pub fn part(&self) -> &Path {
         &self.part
     }
 
-    /// What the files take so far, bytes; what is held back does not count.
+    /// The size of the files so far, bytes, without messages that are held back.
     pub fn written_bytes(&self) -> u64 {
         let finished = self.split.as_ref().map_or(0, |split| split.finished_bytes);
         finished + self.handle.metadata().map_or(0, |about| about.len())
     }
 
-    /// The name the recording will have; of its first file when it is split.
+    /// The final name of the recording; that of its first file when it is split.
     pub fn path(&self) -> &Path {
         self.split.as_ref().map_or(&self.path, |split| split.first())
     }
 
-    /// Frames added so far.
+    /// The number of frames added so far.
     pub fn frames(&self) -> u64 {
         self.frames
     }
 
-    /// How many of them can be read in the part file whatever happens to this process.
+    /// The number of frames that stay readable in the part file if this process dies.
     pub fn safe_frames(&self) -> u64 {
         let finished = self.split.as_ref().map_or(0, |split| split.finished_frames);
         if part::is_in_place(&self.part, &self.handle) { self.safe_frames } else { finished }
     }
 
-    /// Hands to the system what waits of the frames so far, where nothing else is to be written at once.
+    /// Writes the buffered end of the last frame; for a pause without another frame.
     ///
-    /// Of each frame a part waits for the next one, so that writes are as large and as well placed as they can be.
+    /// The end of each frame is buffered until the next one, so that writes are large and aligned.
     ///
     /// # Errors
     ///
     /// [`RecordingError::Io`] when the disk is full or gone.
-    pub fn hand_over(&mut self) -> Result<(), RecordingError> {
-        self.call(Container::hand_over)?;
+    pub fn write_buffered(&mut self) -> Result<(), RecordingError> {
+        self.call(Container::write_buffered)?;
         self.count_safe(0);
         Ok(())
     }
 
-    /// Writes everything that is held back and forces it to the disk.
+    /// Writes everything that is held back and syncs it to the disk.
     ///
     /// # Errors
     ///
     /// [`RecordingError::Io`] when the disk is full or gone, or the file was removed.
     pub fn sync(&mut self) -> Result<(), RecordingError> {
-        self.sync_beside()?;
+        self.start_sync()?;
         self.syncer.wait().map_err(|error| RecordingError::io("sync", &self.part, error))
     }
 
-    /// Completes the file: index, footer, sync, final name, sync of the directory.
+    /// Completes the recording: index, footer, sync, final name, sync of the directory.
     ///
     /// # Errors
     ///
-    /// [`RecordingError`] naming the step that failed; the part file stays.
+    /// [`RecordingError`] with the step that failed; the part file stays.
     pub fn finish(mut self) -> Result<FinishedRecording, RecordingError> {
         self.write_batches()?;
         let last = self.complete()?;
@@ -319,12 +322,12 @@ impl RecordingWriter {
 }
 
 impl RecordingWriter {
-    /// Completes the present file; its size.
+    /// Completes the current file and returns its size, bytes.
     pub(super) fn complete(&mut self) -> Result<u64, RecordingError> {
         if let Some(container) = self.container.take() {
             container.finish().map_err(|error| RecordingError::io("write", &self.part, error))?;
         }
-        self.check_place()?;
+        self.check_in_place()?;
         self.unsynced_bytes = 0;
         let io = |error| RecordingError::io("sync", &self.part, error);
         self.syncer.wait().and_then(|()| self.handle.sync_all()).map_err(io)?;
@@ -333,16 +336,17 @@ impl RecordingWriter {
         Ok(bytes)
     }
 
-    /// As [`sync`](Self::sync), but the disk is waited for at the next one; its error is told then.
-    fn sync_beside(&mut self) -> Result<(), RecordingError> {
+    /// Starts a sync in the background; the next sync returns its error.
+    fn start_sync(&mut self) -> Result<(), RecordingError> {
         self.write_batches()?;
         self.flush()?;
         self.unsynced_bytes = 0;
-        self.check_place()?;
-        self.syncer.ask(&self.handle).map_err(|error| RecordingError::io("sync", &self.part, error))
+        self.check_in_place()?;
+        self.syncer.start(&self.handle).map_err(|error| RecordingError::io("sync", &self.part, error))
     }
 
-    fn write_due(&mut self, now_ns: u64) -> Result<(), RecordingError> {
+    /// Writes the batches that are large or old enough.
+    fn write_due_batches(&mut self, now_ns: u64) -> Result<(), RecordingError> {
         if self.rows.is_due(now_ns, ROWS_BYTES, BATCH_NS) || self.fields.is_due(now_ns, FIELDS_BYTES, BATCH_NS) {
             return self.write_batches();
         }
@@ -368,26 +372,26 @@ impl RecordingWriter {
         Ok(())
     }
 
-    /// Ends the chunk and hands it to the system.
+    /// Ends the chunk and writes it.
     pub(super) fn flush(&mut self) -> Result<(), RecordingError> {
         self.call(Container::flush)?;
         self.safe_frames = self.frames;
         Ok(())
     }
 
-    /// Takes note of how many frames are with the system after one of so many bytes.
+    /// Updates the number of written frames after a frame of `bytes`.
     fn count_safe(&mut self, bytes: usize) {
-        let waiting = self.container.as_ref().map_or(0, Container::waiting_bytes);
-        match waiting {
+        let buffered = self.container.as_ref().map_or(0, Container::buffered_bytes);
+        match buffered {
             _ if !self.is_direct => {}
             0 => self.safe_frames = self.frames,
-            // Only of the last one something waits.
-            waiting if waiting < bytes => self.safe_frames = self.frames - 1,
+            // Only a part of the last frame is buffered.
+            buffered if buffered < bytes => self.safe_frames = self.frames - 1,
             _ => {}
         }
     }
 
-    fn check_place(&self) -> Result<(), RecordingError> {
+    fn check_in_place(&self) -> Result<(), RecordingError> {
         if part::is_in_place(&self.part, &self.handle) {
             return Ok(());
         }
@@ -403,7 +407,7 @@ impl RecordingWriter {
         message: &Payload<'_>,
     ) -> Result<(), RecordingError> {
         let channel = self.channel(topic)?;
-        // The header has room for the low half; frame_info holds the whole number.
+        // The header has room for the low half only. FrameInfo has the whole number.
         let sequence = (sequence & u64::from(u32::MAX)) as u32;
         let header = MessageHeader { channel, sequence, log_time_ns: time_ns, publish_time_ns: time_ns };
         self.unsynced_bytes += message.len() as u64;
@@ -425,7 +429,7 @@ impl RecordingWriter {
             data: topic.schema_data().into_owned(),
         };
         if let Some(split) = &mut self.split {
-            // Once in front, once more at the end.
+            // The schema is written before the messages and repeated at the end.
             split.add(2 * schema.data.len());
         }
         let prefix = camera.checked_sub(1).map_or_else(String::new, |view| format!("/{}", self.views[view]));
@@ -438,7 +442,7 @@ impl RecordingWriter {
         Ok(id)
     }
 
-    /// Adds a message exactly as it is, on a channel of [`call`](Self::call)'s making.
+    /// Adds a message of another file byte by byte, on a channel of this one.
     pub(super) fn copy(&mut self, channel: u16, message: &Copied<'_>) -> Result<(), RecordingError> {
         let header = MessageHeader {
             channel,
@@ -451,6 +455,7 @@ impl RecordingWriter {
         self.call(|container| container.message(&header, &Payload::of(message.data)))
     }
 
+    /// Runs an action on the container of the current file.
     pub(super) fn call<T>(
         &mut self,
         action: impl FnOnce(&mut Container) -> io::Result<T>,
@@ -463,7 +468,7 @@ impl RecordingWriter {
 }
 
 impl Drop for RecordingWriter {
-    /// Keeps what was held back; an error has no one left to tell.
+    /// Writes what is held back. An error here cannot be returned.
     fn drop(&mut self) {
         if self.container.is_some() {
             let _ = self.write_batches().and_then(|()| self.flush());
@@ -471,6 +476,7 @@ impl Drop for RecordingWriter {
     }
 }
 
+/// Creates a part file and returns its container, and a second handle for syncs.
 fn open(path: &Path, part: &Path, options: &WriterOptions) -> Result<(Container, File), RecordingError> {
     let file = part::create(path, part)?;
     let handle = file.try_clone().map_err(|error| RecordingError::io("open", part, error))?;

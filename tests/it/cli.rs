@@ -43,13 +43,13 @@ const NO_FILE: &str = "No such file or directory (os error 2)";
 #[test]
 fn a_missing_recording_is_named_once_and_exits_with_5() {
     for command in ["info", "analyze", "replay"] {
-        assert_eq!(refused(5, [command, "missing.mcap"]), format!("open missing.mcap: {NO_FILE}"), "{command}");
+        assert_eq!(refused(5, [command, "missing.mcap"]), format!("cannot open missing.mcap: {NO_FILE}"), "{command}");
     }
     let message = refused(5, ["export", "missing.mcap", "--topic", "velocity"]);
-    assert_eq!(message, format!("open missing.mcap: {NO_FILE}"));
+    assert_eq!(message, format!("cannot open missing.mcap: {NO_FILE}"));
     let rig = Rig::new();
     let config = rig.config("source = \"recording\"\nid = \"missing.mcap\"", "");
-    assert_eq!(refused(5, ["run", text(&config)]), format!("open missing.mcap: {NO_FILE}"));
+    assert_eq!(refused(5, ["run", text(&config)]), format!("cannot open missing.mcap: {NO_FILE}"));
 }
 
 #[test]
@@ -60,7 +60,7 @@ fn a_file_that_is_not_mcap_is_refused_at_its_byte() {
         let message = refused(5, [command, text(&path)]);
         assert_eq!(
             message,
-            format!("read {}: not an MCAP file: the magic bytes are missing at byte 0", path.display())
+            format!("cannot read {}: not an MCAP file: the magic bytes are missing at byte 0", path.display())
         );
     }
 }
@@ -99,7 +99,7 @@ fn a_recording_without_images_is_refused_with_its_topics() {
     let empty = foreign(&rig, "empty.mcap", &[]);
     let config = rig.config("source = \"simulated\"", "");
     let message = refused(5, ["analyze", text(&empty), "--config", text(&config)]);
-    assert_eq!(message, format!("read {}: holds no frames", empty.display()));
+    assert_eq!(message, format!("cannot read {}: it has no frames", empty.display()));
     let other = rig.path("other.mcap");
     let mut writer = mcap::Writer::new(std::io::BufWriter::new(std::fs::File::create(&other).unwrap())).unwrap();
     let channel = writer.add_channel(0, "/imu", "json", &std::collections::BTreeMap::new()).unwrap();
@@ -111,7 +111,7 @@ fn a_recording_without_images_is_refused_with_its_topics() {
         refused(5, ["analyze", text(&other), "--config", text(&config)]),
         refused(5, ["replay", text(&other), "--config", text(&config)]),
     ] {
-        assert!(message.contains("no image topic") && message.contains("it holds /imu"), "{message}");
+        assert!(message.contains("no image topic") && message.contains("it has /imu"), "{message}");
     }
 }
 
@@ -121,7 +121,7 @@ fn an_image_with_too_few_bytes_is_refused_with_its_sizes() {
     let config = rig.config("source = \"simulated\"", "[scale]\nmm_per_px = 0.5");
     let short = foreign(&rig, "short.mcap", &[image("mono8", 64, 48, 64, 3071); 3]);
     let message = refused(5, ["analyze", text(&short), "--config", text(&config)]);
-    assert!(message.contains("frame 0: 3071 bytes do not make 64x48 mono8 with step 64"), "{message}");
+    assert!(message.contains("frame 0: 3071 bytes are not 64x48 mono8 with step 64"), "{message}");
     let changes = foreign(
         &rig,
         "changes.mcap",
@@ -273,12 +273,12 @@ fn an_unwritable_directory_is_named_before_anything_starts() {
         &format!("[camera]\nsource = \"simulated\"\n[record]\ndirectory = \"{}\"\n", blocked.display()),
     );
     let message = refused(5, ["run", text(&config)]);
-    assert_eq!(message, format!("create {}: Not a directory (os error 20)", blocked.display()));
+    assert_eq!(message, format!("cannot create {}: Not a directory (os error 20)", blocked.display()));
     let message = refused(5, ["record", text(&config)]);
-    assert_eq!(message, format!("create {}: Not a directory (os error 20)", blocked.display()));
+    assert_eq!(message, format!("cannot create {}: Not a directory (os error 20)", blocked.display()));
     let output = blocked.join("film.mcap");
     let message = refused(5, ["simulate", text(&scenario), "-o", text(&output)]);
-    assert!(message.starts_with(&format!("create {}", output.display())), "{message}");
+    assert!(message.starts_with(&format!("cannot create {}", output.display())), "{message}");
 }
 
 /// Writes an image in the simplest format.

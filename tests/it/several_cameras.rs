@@ -108,7 +108,7 @@ fn every_command_handles_the_second_camera() {
     let refused = crate::support::run(["export", file, "--camera", "top", "--topic", "velocity"]);
     assert_eq!(refused.status.code(), Some(5));
     let stderr = String::from_utf8(refused.stderr).unwrap();
-    assert!(stderr.contains("no camera named \"top\" beside the first: it has [\"side\"]"), "{stderr}");
+    assert!(stderr.contains("no additional camera named \"top\": it has [\"side\"]"), "{stderr}");
 
     let shots = rig.path("replayed");
     let replay = ["replay", file, "--rate", "max", "-o", shots.to_str().unwrap(), "--rig", &rig.name];

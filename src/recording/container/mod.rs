@@ -163,12 +163,12 @@ impl Container {
     }
 
     /// How many of the last bytes the system has not got yet; what a chunk waits to compress does not count.
-    pub(super) fn waiting_bytes(&self) -> usize {
-        self.sink.waiting_bytes()
+    pub(super) fn buffered_bytes(&self) -> usize {
+        self.sink.buffered_bytes()
     }
 
     /// Hands to the system what waits; the chunk goes on.
-    pub(super) fn hand_over(&mut self) -> io::Result<()> {
+    pub(super) fn write_buffered(&mut self) -> io::Result<()> {
         self.sink.flush()
     }
 

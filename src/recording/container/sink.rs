@@ -28,7 +28,7 @@ impl Sink {
     }
 
     /// How many of the last bytes the system has not got yet.
-    pub(super) fn waiting_bytes(&self) -> usize {
+    pub(super) fn buffered_bytes(&self) -> usize {
         self.pending.len()
     }
 

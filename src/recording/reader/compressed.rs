@@ -1,4 +1,4 @@
-//! Compressed images of other people's recordings: PNG and JPEG.
+//! Compressed images in files of other programs: PNG and JPEG.
 
 use crate::image::{PixelFormat, grey_pixels};
 use bytes::Bytes;
@@ -9,20 +9,20 @@ use std::io::Cursor;
 
 pub(super) const SCHEMA_NAME: &str = "foxglove.CompressedImage";
 
-/// Largest picture unpacked, bytes: a few of a file may announce far more than they hold.
+/// Maximum size of a decoded picture, bytes. A small file may announce a huge one.
 const PICTURE_BYTES: u64 = 256 << 20;
 
-/// Reads a `foxglove.CompressedImage`.
+/// Decodes a `foxglove.CompressedImage`.
 pub(super) fn image(message: Bytes) -> Result<RawImage, String> {
     let image = CompressedImage::decode(message).map_err(|error| error.to_string())?;
     decode(&image.data, image.timestamp)
 }
 
-/// Unpacks a picture by what it is, whatever the message calls it.
+/// Decodes a picture by its content, whatever format the message names.
 pub(super) fn decode(payload: &[u8], timestamp: Option<Timestamp>) -> Result<RawImage, String> {
     let format = image::guess_format(payload).ok();
     let Some(format @ (ImageFormat::Png | ImageFormat::Jpeg)) = format else {
-        return Err("neither PNG nor JPEG, the only compressed images that are read".into());
+        return Err("the image is neither PNG nor JPEG, the only supported compressions".into());
     };
     let mut reader = ImageReader::with_format(Cursor::new(payload), format);
     let mut limits = Limits::default();

@@ -10,16 +10,16 @@ use foxglove::messages::RawImage;
 use prost::Message as _;
 use std::sync::Arc;
 
-/// Frames in the order of their time, one chunk in memory at a time.
+/// Frames in the order of their time, with one chunk in memory at a time.
 ///
-/// Frames of ours come back with everything their header said. Those of others
-/// are numbered from 0; their stamp is the image's own timestamp, or the log
-/// time where it has none.
+/// Frames of our own files have their full header. Those of other programs are numbered from 0, and their stamp is the
+/// timestamp of the image, or its log time without one.
 #[derive(Debug)]
 pub struct Frames {
     messages: Messages,
-    /// Of each file.
+    /// The channels with frame information, by file.
     info_channels: Vec<Vec<u16>>,
+    /// Sequence, log time and content of the last frame information.
     info: Option<(u32, u64, proto::FrameInfo)>,
     index: u64,
 }
@@ -30,18 +30,17 @@ impl Recording {
         self.inner.kind(channel).is_some()
     }
 
-    /// How many frames it holds, 0 when it has no (single) image topic.
+    /// The number of frames; 0 when there is not exactly one image topic.
     pub fn frame_count(&self) -> u64 {
         self.inners().map(|inner| inner.frame_count()).sum()
     }
 
-    /// The frames.
+    /// Returns an iterator over the frames.
     ///
     /// # Errors
     ///
-    /// [`RecordingError::Invalid`] when there is no image topic, more than one,
-    /// or no frame in it. The iterator's items are errors where a chunk is
-    /// damaged, or a frame's size or encoding is not one that can be measured.
+    /// [`RecordingError::Invalid`] when there is no image topic, more than one, or no frame in it. The iterator returns
+    /// an error for a damaged chunk, and for a frame with an unsupported size or encoding.
     pub fn frames(&self) -> Result<Frames, RecordingError> {
         let inner = &self.inner;
         let mut files = Vec::new();
@@ -49,11 +48,11 @@ impl Recording {
         for inner in self.inners() {
             let mut channels = match inner.image_channels() {
                 Ok(channels) => channels,
-                // Of several files one may hold rows alone.
+                // One of several files may have rows only.
                 Err(_) if inner.frame_count() < self.frame_count() => Vec::new(),
                 Err(error) => return Err(error),
             };
-            // Only our own files have the pair; elsewhere a topic of that name means something else.
+            // Only our own files have frame information; elsewhere a topic of that name has another meaning.
             let info = if inner.is_ours() { inner.channels_of(Topic::FrameInfo)? } else { Vec::new() };
             channels.extend(&info);
             files.push((Arc::clone(inner), channels));
@@ -61,44 +60,44 @@ impl Recording {
         }
         if self.frame_count() == 0 {
             let cut = self.truncated().map(|reason| format!(" ({reason})")).unwrap_or_default();
-            return Err(inner.invalid(format!("holds no frames{cut}")));
+            return Err(inner.invalid(format!("it has no frames{cut}")));
         }
         Ok(Frames { messages: Messages::new(files)?, info_channels, info: None, index: 0 })
     }
 
-    /// What is known of the first frame.
+    /// Returns the header of the first frame.
     ///
     /// # Errors
     ///
     /// As [`frames`](Self::frames).
     pub fn first_frame(&self) -> Result<FrameMeta, RecordingError> {
         let first = self.frames()?.next_shared();
-        Ok(first.ok_or_else(|| self.inner.invalid("holds no frames"))??.0)
+        Ok(first.ok_or_else(|| self.inner.invalid("it has no frames"))??.0)
     }
 
-    /// What is known of the last frame.
+    /// Returns the header of the last frame.
     ///
     /// # Errors
     ///
     /// As [`frames`](Self::frames).
     pub fn last_frame(&self) -> Result<FrameMeta, RecordingError> {
         let mut frames = self.frames()?;
-        let messages = frames.messages_a_frame();
+        let messages = frames.messages_per_frame();
         frames.index = (frames.messages.len() as u64 / messages).saturating_sub(1);
         if self.truncated().is_some() {
-            // The last pair may be half a one: of two pairs the last whole one.
+            // The last pair may be incomplete, so the last complete one of two pairs counts.
             frames.messages.keep_last(2 * messages as usize);
             let last = std::iter::from_fn(|| frames.next_shared()).filter_map(Result::ok).last();
-            return Ok(last.ok_or_else(|| self.inner.invalid("holds no whole frame at its end"))?.0);
+            return Ok(last.ok_or_else(|| self.inner.invalid("it has no complete frame at its end"))?.0);
         }
         frames.messages.keep_last(messages as usize);
         let last = frames.next_shared();
-        Ok(last.ok_or_else(|| self.inner.invalid("holds no frames"))??.0)
+        Ok(last.ok_or_else(|| self.inner.invalid("it has no frames"))??.0)
     }
 
-    /// Frames a second between the first and the last frame, lost ones counted where they are known.
+    /// Returns the mean frame rate, with lost frames counted where they are known.
     ///
-    /// `None` when there is one frame only, or the camera was opened anew in between.
+    /// `None` for a single frame, or when the camera was reopened in between.
     ///
     /// # Errors
     ///
@@ -112,14 +111,14 @@ impl Recording {
         Ok(Some(frames as f64 * 1e9 / ns as f64))
     }
 
-    /// How long a frame was exposed, us, as the metadata say it; 0 when they do not.
+    /// The exposure time from the metadata, us; 0 when they have none.
     pub fn exposure_us(&self) -> f64 {
-        let told = self.metadata().get("exposure_us").and_then(|text| text.parse().ok());
-        told.filter(|exposure_us: &f64| exposure_us.is_finite() && *exposure_us >= 0.0).unwrap_or(0.0)
+        let recorded = self.metadata().get("exposure_us").and_then(|text| text.parse().ok());
+        recorded.filter(|exposure_us: &f64| exposure_us.is_finite() && *exposure_us >= 0.0).unwrap_or(0.0)
     }
 }
 
-/// How an image topic is encoded.
+/// The encoding of an image topic.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Kind {
     /// `foxglove.RawImage` in protobuf.
@@ -133,7 +132,7 @@ enum Kind {
 }
 
 impl Inner {
-    /// How many frames are in this file.
+    /// The number of frames in this file.
     pub(super) fn frame_count(&self) -> u64 {
         let channels = self.image_channels().unwrap_or_default();
         channels.iter().filter_map(|id| self.counts.get(id)).sum()
@@ -150,7 +149,7 @@ impl Inner {
         }
     }
 
-    /// Channels of the one image topic.
+    /// Returns the channels of the image topic, which must be the only one.
     pub(super) fn image_channels(&self) -> Result<Vec<u16>, RecordingError> {
         let ours = self.is_ours();
         let images: Vec<_> = (self.structure.channels.iter())
@@ -163,7 +162,7 @@ impl Inner {
             held.sort();
             let held = if held.is_empty() { "no topics".into() } else { held.join(", ") };
             let known = "foxglove.RawImage, sensor_msgs/msg/Image or CompressedImage of either";
-            return Err(self.invalid(format!("no image topic ({known}); it holds {held}")));
+            return Err(self.invalid(format!("no image topic ({known}); it has {held}")));
         };
         if images.iter().any(|(_, c)| c.topic != first.topic) {
             let mut topics: Vec<_> = images.iter().map(|(_, c)| c.topic.as_str()).collect();
@@ -176,27 +175,27 @@ impl Inner {
 }
 
 impl Frames {
-    /// A frame of ours is a pair of messages.
-    fn messages_a_frame(&self) -> u64 {
+    /// The number of messages per frame: a frame of our own files is a pair.
+    fn messages_per_frame(&self) -> u64 {
         if self.info_channels.iter().all(Vec::is_empty) { 1 } else { 2 }
     }
 
-    /// Upper bound of the frames left.
+    /// An upper bound of the number of frames left.
     pub fn left(&self) -> usize {
         self.messages.len()
     }
 
-    /// Goes on with the frame this many frames further on, without reading those between.
+    /// Skips `count` frames without reading them.
     ///
-    /// Reads one chunk when the next frame is asked for; behind the end there are none.
+    /// The next frame reads one chunk. After the end there are no frames.
     pub fn skip_frames(&mut self, count: u64) {
-        let messages = self.messages_a_frame().saturating_mul(count);
+        let messages = self.messages_per_frame().saturating_mul(count);
         self.messages.skip_next(usize::try_from(messages).unwrap_or(usize::MAX));
         self.index = self.index.saturating_add(count);
         self.info = None;
     }
 
-    /// The next frame, its pixels shared with the chunk they came from.
+    /// Returns the next frame; its pixels share the memory of their chunk.
     pub(crate) fn next_shared(&mut self) -> Option<Result<(FrameMeta, Bytes), RecordingError>> {
         loop {
             let message = match self.messages.next()? {
@@ -224,7 +223,7 @@ impl Frames {
         Ok(())
     }
 
-    /// A frame; `None` for the last image of a file that was cut off before what belongs to it.
+    /// Decodes a frame; `None` for the last image of a file that was cut off before its frame information.
     fn frame(&mut self, message: Message) -> Result<Option<(FrameMeta, Bytes)>, String> {
         let index = self.index;
         self.index += 1;
@@ -252,7 +251,7 @@ impl Frames {
         meta.format = PixelFormat::from_code(info.pixel_format)
             .filter(|format| format.bytes_per_pixel() == meta.format.bytes_per_pixel())
             .ok_or_else(|| {
-                named(format!("pixel format {:#010x} does not go with {}", info.pixel_format, image.encoding))
+                named(format!("pixel format {:#010x} does not match encoding {}", info.pixel_format, image.encoding))
             })?;
         if !message.is_checked && crc32fast::hash(&image.data) != info.pixels_crc32 {
             return Err(named("its pixels are damaged: the CRC differs".into()));
@@ -273,19 +272,19 @@ impl Iterator for Frames {
     }
 }
 
-/// The frame's shape, when its bytes fill it exactly.
+/// Returns the shape of a frame if its bytes fill it exactly.
 fn shape(image: &RawImage) -> Result<FrameMeta, String> {
     let format = match image.encoding.as_str() {
         "mono8" | "8UC1" => PixelFormat::Mono8,
         "mono16" | "16UC1" => PixelFormat::Mono16,
-        other => return Err(format!("encoding {other:?} cannot be measured, only mono8, 8UC1, mono16 and 16UC1")),
+        other => return Err(format!("encoding {other:?} is not supported, only mono8, 8UC1, mono16 and 16UC1")),
     };
     let (width, height, step) = (image.width, image.height, image.step);
     let row_bytes = u64::from(width) * format.bytes_per_pixel() as u64;
     let fits = row_bytes > 0 && height > 0 && u64::from(step) >= row_bytes;
     if !fits || u64::from(step) * u64::from(height) != image.data.len() as u64 {
         let bytes = image.data.len();
-        return Err(format!("{bytes} bytes do not make {width}x{height} {} with step {step}", image.encoding));
+        return Err(format!("{bytes} bytes are not {width}x{height} {} with step {step}", image.encoding));
     }
     Ok(FrameMeta { width_px: width, height_px: height, stride_bytes: step, format, ..FrameMeta::default() })
 }

@@ -7,13 +7,13 @@ use super::{Inner, Recording, RecordingError};
 use bytes::Bytes;
 use std::sync::Arc;
 
-/// Takes the place of an offset where a section could not be looked into.
+/// Replaces the offset of a section that cannot be read.
 const UNREADABLE: u64 = u64::MAX;
 const ENTRY_BYTES: u64 = size_of::<Entry>() as u64;
-/// An index may take twice the file's size and this much more.
+/// Memory that an index may take on top of twice the file's size, bytes.
 const SPARE_BYTES: u64 = 32 << 20;
 
-/// Where a message is; ordered by time, then by file and place in it.
+/// The place of a message, ordered by time, then by file and offset.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 struct Entry {
     log_time_ns: u64,
@@ -22,34 +22,36 @@ struct Entry {
     offset: u64,
 }
 
-/// A message as it stands in the file.
+/// A message as it is in the file.
 #[derive(Debug, Clone)]
 pub(crate) struct Message {
-    /// Which of several files it is from.
+    /// The number of its file.
     pub(crate) file: u32,
     pub(crate) channel: u16,
     pub(crate) sequence: u32,
     pub(crate) log_time_ns: u64,
     pub(crate) publish_time_ns: u64,
     pub(crate) data: Bytes,
-    /// Whether a CRC of the file vouches for it.
+    /// Whether a CRC of the file covers it.
     pub(crate) is_checked: bool,
 }
 
 /// Reads messages one by one, with one chunk in memory at a time.
 ///
-/// A damaged chunk gives one error; the messages after it follow.
+/// A damaged chunk returns one error. Reading continues after it.
 #[derive(Debug)]
 pub(crate) struct Messages {
-    /// Files and the channels read of each.
+    /// The files, each with the channels to read.
     files: Vec<(Arc<Inner>, Vec<u16>)>,
     entries: std::vec::IntoIter<Entry>,
+    /// File and section in memory.
     loaded: Option<([u32; 2], Source)>,
+    /// File and section that cannot be read.
     failed: Option<[u32; 2]>,
 }
 
 impl Messages {
-    /// Looks up where the messages of these channels of these files are.
+    /// Finds the messages of the given channels of each file.
     pub(super) fn new(files: Vec<(Arc<Inner>, Vec<u16>)>) -> Result<Self, RecordingError> {
         let mut entries = Vec::new();
         for (number, (inner, channels)) in (0..).zip(&files) {
@@ -73,21 +75,25 @@ impl Messages {
                 Ok(()) => {}
                 Err(Unreadable::Io(error)) => return Err(inner.io(error)),
                 Err(Unreadable::Damaged(_)) => {
-                    // Kept in its place, so that reading on to here tells of it.
+                    // The entry makes reading return the error at this place.
                     entries.truncate(before);
                     let log_time_ns = entries.last().map_or(0, |entry: &Entry| entry.log_time_ns);
                     entries.push(Entry { log_time_ns, file, section: number, offset: UNREADABLE });
                 }
             }
             if entries.len() as u64 * ENTRY_BYTES > 2 * inner.file_bytes + SPARE_BYTES {
-                return Err(inner.invalid(format!("{} messages in so small a file", entries.len())));
+                return Err(inner.invalid(format!(
+                    "{} messages in {} bytes are too many",
+                    entries.len(),
+                    inner.file_bytes
+                )));
             }
         }
         all.append(&mut entries);
         Ok(())
     }
 
-    /// Messages left to read.
+    /// The number of messages left to read.
     pub(super) fn len(&self) -> usize {
         self.entries.len()
     }
@@ -107,12 +113,12 @@ impl Messages {
         }
     }
 
-    /// One of the files.
+    /// Returns one of the files.
     pub(super) fn inner(&self, file: u32) -> &Inner {
         &self.files[file as usize].0
     }
 
-    /// Whether nothing is left to read of this file.
+    /// Whether every message of a file was read.
     pub(super) fn is_over(&self, file: u32) -> bool {
         self.entries.as_slice().iter().all(|entry| entry.file != file)
     }
@@ -133,7 +139,7 @@ impl Messages {
             .filter(|(header, _)| header.log_time_ns == entry.log_time_ns && channels.contains(&header.channel))
             .ok_or_else(|| {
                 Unreadable::Damaged(format!(
-                    "the chunk whose records begin at byte {}: its index points at byte {} where no such message is",
+                    "the chunk with records from byte {}: its index points at byte {}, which has no such message",
                     section.offset, entry.offset
                 ))
             })?;
@@ -171,20 +177,24 @@ impl Iterator for Messages {
 }
 
 impl Recording {
-    /// How many stretches of messages the file has.
+    /// The number of sections in the file.
     pub(in super::super) fn section_count(&self) -> usize {
         self.inner.structure.sections.len()
     }
 
-    /// The channels one stretch holds messages of, where the file has an index for it.
+    /// Returns the channels of a section that has an index.
     pub(in super::super) fn section_channels(&self, number: usize) -> Option<Vec<u16>> {
         let index = &self.inner.structure.sections.get(number)?.index;
         (!index.is_empty()).then(|| index.iter().map(|entry| entry.channel).collect())
     }
 
-    /// Visits every message of one stretch that can be trusted, in the order of the file.
+    /// Visits every intact message of a section in the order of the file.
     ///
-    /// Returns what is wrong with the rest of it.
+    /// Returns the damage of the rest of the section, if any.
+    ///
+    /// # Errors
+    ///
+    /// The error of `visit`; [`RecordingError::Io`] when the system fails.
     pub(in super::super) fn visit_section(
         &self,
         number: usize,

@@ -1,9 +1,7 @@
-//! Reading a recording: whole, unfinished, cut off, or someone else's.
+//! Reader of recordings: complete, unfinished, cut off, or written by other programs.
 //!
-//! The file's structure is walked with every length checked against the file,
-//! chunks are checked against their CRC before a message is taken from them,
-//! and nothing is allocated on the word of the file alone; so a hostile file
-//! can be refused, but cannot crash the reader or eat the memory.
+//! Every length is checked against the file, every chunk against its CRC before a message is taken from it, and no size
+//! in the file is allocated unchecked. A hostile file is therefore refused without a crash or exhausted memory.
 
 mod compressed;
 mod frames;
@@ -29,10 +27,10 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use walk::{AttachmentRef, Coding, Structure};
 
-/// Largest attachment handed out.
+/// Maximum size of an attachment that is read, bytes.
 const ATTACHMENT_BYTES: u64 = 64 << 20;
 
-/// An attachment's name, type and size.
+/// An attachment: name, type and size.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Attachment {
     /// File name.
@@ -43,9 +41,9 @@ pub struct Attachment {
     pub bytes: u64,
 }
 
-/// A recording opened for reading, of one file or of several that go on one from the other; cheap to clone.
+/// A recording opened for reading, of one file or of several that continue each other; cheap to clone.
 ///
-/// What it says of itself (metadata, configuration, attachments) is what the first file says.
+/// Metadata, configuration and attachments are those of the first file.
 #[derive(Debug, Clone)]
 pub struct Recording {
     /// The first file.
@@ -68,7 +66,7 @@ struct Inner {
 }
 
 impl Recording {
-    /// Opens this file alone, whatever it goes on in.
+    /// Opens a single file of a recording.
     ///
     /// # Errors
     ///
@@ -80,7 +78,7 @@ impl Recording {
         if !about.is_file() {
             return Err(RecordingError::invalid(path, "not a regular file"));
         }
-        let structure = walk::walk(&file, about.len())
+        let structure = walk::scan(&file, about.len())
             .map_err(|error| RecordingError::io("read", path, error))?
             .map_err(|reason| RecordingError::invalid(path, reason))?;
         let mut inner = Inner {
@@ -94,16 +92,16 @@ impl Recording {
             config_toml: None,
             damage: Vec::new(),
         };
-        inner.learn()?;
+        inner.count_messages()?;
         inner.describe()?;
         Ok(Self { inner: Arc::new(inner), rest: Arc::default() })
     }
 
-    /// What a recording of ours says of itself, read from the front of the file alone; `None` for other files.
+    /// Reads the metadata record `ricochet` from the beginning of a file; `None` for files of other programs.
     ///
     /// # Errors
     ///
-    /// [`RecordingError::Io`] when there is no such file or the system refuses.
+    /// [`RecordingError::Io`] when there is no such file or the system fails.
     pub fn peek_metadata(path: &Path) -> Result<Option<BTreeMap<String, String>>, RecordingError> {
         let io = |error| RecordingError::io("open", path, error);
         let file = File::open(path).map_err(io)?;
@@ -111,32 +109,32 @@ impl Recording {
         walk::leading_metadata(&file, bytes, METADATA_NAME).map_err(|error| RecordingError::io("read", path, error))
     }
 
-    /// The file.
+    /// The path of the first file.
     pub fn path(&self) -> &Path {
         &self.inner.path
     }
 
-    /// Size of its files, bytes.
+    /// The size of all files, bytes.
     pub fn bytes(&self) -> u64 {
         self.inners().map(|inner| inner.file_bytes).sum()
     }
 
-    /// The program that wrote it, in its own words.
+    /// The name and version of the program that wrote the file.
     pub fn library(&self) -> &str {
         &self.inner.structure.library
     }
 
-    /// Where and why the file stops being readable; `None` when it is whole.
+    /// Where and why the file ends early; `None` when it is complete.
     pub fn truncated(&self) -> Option<&str> {
         self.rest.truncated.as_deref().or(self.inner.structure.truncated.as_deref())
     }
 
-    /// What was found damaged while opening; [`verify`](Self::verify) looks at everything.
+    /// The damage found while opening; [`verify`](Self::verify) checks everything.
     pub fn damage(&self) -> &[String] {
         if self.rest.files.is_empty() { &self.inner.damage } else { &self.rest.damage }
     }
 
-    /// Whether this program wrote it.
+    /// Whether ricochet wrote the recording.
     pub fn is_ours(&self) -> bool {
         self.inner.is_ours()
     }
@@ -146,7 +144,7 @@ impl Recording {
         self.inner.config_toml.as_deref()
     }
 
-    /// Entries of the metadata record `ricochet`; empty in other people's files.
+    /// Entries of the metadata record `ricochet`; empty in files of other programs.
     pub fn metadata(&self) -> &BTreeMap<String, String> {
         &self.inner.metadata
     }
@@ -183,15 +181,15 @@ impl Recording {
     /// [`RecordingError::Invalid`] when there is none, or it is damaged or larger than 64 MiB.
     pub fn attachment(&self, name: &str) -> Result<Vec<u8>, RecordingError> {
         let found = self.inner.structure.attachments.iter().find(|a| a.name == name);
-        let found = found.ok_or_else(|| self.inner.invalid(format!("no attachment {name:?}")))?;
+        let found = found.ok_or_else(|| self.inner.invalid(format!("it has no attachment {name:?}")))?;
         self.inner.attachment(found)
     }
 
-    /// Reads the whole file and lists everything that is wrong with it, beyond being cut off.
+    /// Reads all files and lists all damage other than a missing end.
     ///
     /// # Errors
     ///
-    /// [`RecordingError::Io`] when the system refuses.
+    /// [`RecordingError::Io`] when the system fails.
     pub fn verify(&self) -> Result<Vec<String>, RecordingError> {
         let mut damage = Vec::new();
         for inner in self.inners() {
@@ -203,24 +201,23 @@ impl Recording {
 
 impl Inner {
     fn verify(&self) -> Result<Vec<String>, RecordingError> {
-        let inner = self;
-        let mut damage = inner.damage.clone();
-        for section in &inner.structure.sections {
-            match section::load(&inner.file, inner.file_bytes, section) {
+        let mut damage = self.damage.clone();
+        for section in &self.structure.sections {
+            match section::load(&self.file, self.file_bytes, section) {
                 Ok(_) => {}
                 Err(Unreadable::Damaged(reason)) if damage.contains(&reason) => {}
                 Err(Unreadable::Damaged(reason)) => damage.push(reason),
-                Err(Unreadable::Io(error)) => return Err(inner.io(error)),
+                Err(Unreadable::Io(error)) => return Err(self.io(error)),
             }
         }
-        for attachment in &inner.structure.attachments {
-            if let Err(error @ RecordingError::Invalid { .. }) = inner.attachment(attachment) {
+        for attachment in &self.structure.attachments {
+            if let Err(error @ RecordingError::Invalid { .. }) = self.attachment(attachment) {
                 damage.push(error.to_string());
             }
         }
-        if let Some((end, crc)) = inner.structure.data_end.filter(|(_, crc)| *crc != 0) {
+        if let Some((end, crc)) = self.structure.data_end.filter(|(_, crc)| *crc != 0) {
             let data = Source::File { offset: 0, bytes: end };
-            let got = section::streamed_crc(&inner.file, &data).map_err(|error| inner.io(error))?;
+            let got = section::streamed_crc(&self.file, &data).map_err(|error| self.io(error))?;
             if got != crc {
                 damage.push(format!("bytes 0 to {end}: CRC {crc:08x} expected, got {got:08x}"));
             }
@@ -240,8 +237,8 @@ impl Inner {
         RecordingError::io("read", &self.path, error)
     }
 
-    /// Counts the messages, and looks for channels inside the chunks where the file's end does not list them.
-    fn learn(&mut self) -> Result<(), RecordingError> {
+    /// Counts the messages, and searches chunks for channels that no index lists.
+    fn count_messages(&mut self) -> Result<(), RecordingError> {
         let mut sections = std::mem::take(&mut self.structure.sections);
         for section in &mut sections {
             let known = section.index.iter().all(|index| self.structure.channels.contains_key(&index.channel));
@@ -252,12 +249,12 @@ impl Inner {
                 continue;
             }
             match self.scan_section(section) {
-                Ok(sense_bytes) if section.coding == Coding::Plain => {
-                    if section.whole && sense_bytes < section.bytes {
+                Ok(parsed_bytes) if section.coding == Coding::Plain => {
+                    if section.whole && parsed_bytes < section.bytes {
                         self.damage
-                            .push(format!("the records from byte {} on do not parse", section.offset + sense_bytes));
+                            .push(format!("the records from byte {} on do not parse", section.offset + parsed_bytes));
                     }
-                    section.bytes = sense_bytes;
+                    section.bytes = parsed_bytes;
                 }
                 Ok(_) => {}
                 Err(Unreadable::Damaged(reason)) => self.damage.push(reason),
@@ -270,7 +267,7 @@ impl Inner {
 
     fn scan_section(&mut self, section: &walk::Section) -> Result<u64, Unreadable> {
         let records = match section.coding {
-            // The CRC is checked when a message is read; here only the outline counts.
+            // The CRC is checked when a message is read.
             Coding::Plain => Source::File { offset: section.offset, bytes: section.bytes },
             Coding::Zstd | Coding::Lz4 => section::load(&self.file, self.file_bytes, section)?,
         };
@@ -287,7 +284,7 @@ impl Inner {
         })
     }
 
-    /// Takes out of the metadata and attachments what every reader needs.
+    /// Extracts the metadata, bodies and configuration that every reader needs.
     fn describe(&mut self) -> Result<(), RecordingError> {
         if let Some((_, entries)) = self.structure.metadata.iter().find(|(name, _)| name == METADATA_NAME) {
             self.metadata = entries.clone();
@@ -308,7 +305,7 @@ impl Inner {
     fn attachment(&self, attachment: &AttachmentRef) -> Result<Vec<u8>, RecordingError> {
         if attachment.content_bytes > ATTACHMENT_BYTES {
             return Err(self.invalid(format!(
-                "attachment {:?} has {} bytes, at most {ATTACHMENT_BYTES} are read",
+                "attachment {:?} has {} bytes; at most {ATTACHMENT_BYTES} are read",
                 attachment.name, attachment.content_bytes
             )));
         }

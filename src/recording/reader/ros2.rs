@@ -7,15 +7,15 @@ use foxglove::messages::{RawImage, Timestamp};
 pub(super) const SCHEMA_NAME: &str = "sensor_msgs/msg/Image";
 pub(super) const COMPRESSED_SCHEMA_NAME: &str = "sensor_msgs/msg/CompressedImage";
 
-/// Bytes of the encapsulation header; alignment counts from behind it.
+/// Length of the encapsulation header. Alignment counts from its end.
 const ENCAPSULATION_BYTES: usize = 4;
 
-/// Reads a `sensor_msgs/msg/Image` in little-endian CDR (OMG DDS-XTypes 1.3, section 7.4.3).
+/// Decodes a `sensor_msgs/msg/Image` in little-endian CDR (OMG DDS-XTypes 1.3, section 7.4.3).
 pub(super) fn image(message: &Bytes) -> Result<RawImage, String> {
     read(message, parse)
 }
 
-/// Reads a `sensor_msgs/msg/CompressedImage` in the same encoding.
+/// Decodes a `sensor_msgs/msg/CompressedImage` in the same encoding.
 pub(super) fn compressed_image(message: &Bytes) -> Result<RawImage, String> {
     read(message, parse_compressed)
 }
@@ -26,7 +26,7 @@ fn read(
 ) -> Result<RawImage, String> {
     match message.get(..2) {
         Some([0, 1]) => {}
-        _ => return Err("not little-endian CDR".into()),
+        _ => return Err("the message is not little-endian CDR".into()),
     }
     let mut cdr = Cdr { bytes: message, at: ENCAPSULATION_BYTES };
     parse(&mut cdr).ok_or_else(|| format!("the message ends within its fields, at byte {}", cdr.at))?
@@ -51,13 +51,14 @@ fn parse(cdr: &mut Cdr<'_>) -> Option<Result<RawImage, String>> {
     let start = cdr.at;
     cdr.take(count)?;
     if is_big_endian && encoding.contains("16") {
-        return Some(Err("16-bit pixels are big-endian, only little-endian ones are read".into()));
+        return Some(Err("16-bit pixels are big-endian; only little-endian ones are supported".into()));
     }
     let timestamp = Some(Timestamp::new(seconds, nanoseconds));
     let data = cdr.bytes.slice(start..start + count);
     Some(Ok(RawImage { timestamp, frame_id, width, height, encoding, step, data }))
 }
 
+/// A position in a CDR message.
 struct Cdr<'a> {
     bytes: &'a Bytes,
     at: usize,
@@ -77,7 +78,7 @@ impl<'a> Cdr<'a> {
         self.take(4)?.try_into().ok().map(u32::from_le_bytes)
     }
 
-    /// A string, whose length counts its closing zero.
+    /// Reads a string, whose length includes the closing zero.
     fn text(&mut self) -> Option<String> {
         let length = self.u32()? as usize;
         let bytes = self.take(length)?;

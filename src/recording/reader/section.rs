@@ -1,4 +1,4 @@
-//! The records inside a section.
+//! The records of a section.
 
 use super::source::{Source, Window};
 use super::walk::{Coding, Section, prefix};
@@ -7,15 +7,15 @@ use bytes::Bytes;
 use std::fs::File;
 use std::io::{self, Read};
 
-/// Chunks up to this size are checked and kept in memory; larger ones are checked and read piece by piece.
+/// Maximum size of a chunk that is kept in memory, bytes. Larger ones are checked and read piece by piece.
 const MEMORY_BYTES: u64 = 64 << 20;
 
-/// Why a section cannot be read.
+/// The reason why a section cannot be read.
 #[derive(Debug)]
 pub(super) enum Unreadable {
-    /// The operating system refused.
+    /// The operating system returned an error.
     Io(io::Error),
-    /// Its content is wrong.
+    /// The content is damaged, with a description.
     Damaged(String),
 }
 
@@ -25,9 +25,9 @@ impl From<io::Error> for Unreadable {
     }
 }
 
-/// The records of a section, checked against its CRC and decompressed.
+/// Reads the records of a section, checks their CRC and decompresses them.
 ///
-/// Never takes more memory than the file's size and 64 MiB.
+/// Takes at most the file's size plus 64 MiB of memory.
 pub(super) fn load(file: &File, file_bytes: u64, section: &Section) -> Result<Source, Unreadable> {
     let stored = Source::File { offset: section.offset, bytes: section.bytes };
     let records = match section.coding {
@@ -50,11 +50,12 @@ fn check(section: &Section, crc: u32) -> Result<(), Unreadable> {
         return Ok(());
     }
     Err(Unreadable::Damaged(format!(
-        "the chunk whose records begin at byte {} is damaged: CRC {:08x} expected, got {crc:08x}",
+        "the chunk with records from byte {} is damaged: CRC {:08x} expected, got {crc:08x}",
         section.offset, section.crc
     )))
 }
 
+/// Computes the CRC-32 of bytes piece by piece.
 pub(super) fn streamed_crc(file: &File, source: &Source) -> io::Result<u32> {
     let mut hasher = crc32fast::Hasher::new();
     let mut at = 0;
@@ -67,12 +68,13 @@ pub(super) fn streamed_crc(file: &File, source: &Source) -> io::Result<u32> {
 }
 
 fn decompress(file: &File, file_bytes: u64, section: &Section) -> Result<Bytes, Unreadable> {
-    let damaged = |reason: String| {
-        Unreadable::Damaged(format!("the chunk whose records begin at byte {}: {reason}", section.offset))
-    };
+    let damaged =
+        |reason: String| Unreadable::Damaged(format!("the chunk with records from byte {}: {reason}", section.offset));
     let expected = section.uncompressed_bytes;
     if expected > MEMORY_BYTES + file_bytes {
-        return Err(damaged(format!("claims {expected} bytes after decompression, more than a file of this size may")));
+        return Err(damaged(format!(
+            "{expected} bytes after decompression are more than a file of this size may have"
+        )));
     }
     let capacity = usize::try_from(expected).map_err(io::Error::other)?;
     let stored = Source::File { offset: section.offset, bytes: section.bytes }.read(file, 0, section.bytes)?;
@@ -83,7 +85,7 @@ fn decompress(file: &File, file_bytes: u64, section: &Section) -> Result<Bytes, 
             decoder.take(expected + 1).read_to_end(&mut records).map(|_| records)
         }),
     };
-    let records = records.map_err(|error| damaged(format!("does not decompress: {error}")))?;
+    let records = records.map_err(|error| damaged(format!("it does not decompress: {error}")))?;
     if records.len() != capacity {
         return Err(damaged(format!("{expected} bytes expected after decompression, got {}", records.len())));
     }
@@ -93,15 +95,19 @@ fn decompress(file: &File, file_bytes: u64, section: &Section) -> Result<Bytes, 
 /// One record inside a section.
 #[derive(Debug)]
 pub(super) enum Found<'a> {
-    /// A message: where its record begins in the section, what stands before its data.
+    /// A message: the offset of its record in the section, and its header.
     Message { at: u64, header: MessageHeader },
     /// A schema or a channel.
     Description { opcode: u8, body: &'a [u8] },
 }
 
-/// Visits the records of a section in order, up to its end or to where it stops making sense.
+/// Visits the records of a section in order, up to its end or to the first record that does not parse.
 ///
-/// Returns the bytes that made sense, or the visitor's refusal.
+/// Returns the number of parsed bytes.
+///
+/// # Errors
+///
+/// The reason returned by `visit`, or an error of the system.
 pub(super) fn scan(
     file: &File,
     records: &Source,
@@ -131,7 +137,7 @@ pub(super) fn scan(
     }
 }
 
-/// The message whose record begins at `at`: what stands before its data, and the data.
+/// Reads the message whose record begins at `at`: its header and its data.
 pub(super) fn message(file: &File, records: &Source, at: u64) -> io::Result<Option<(MessageHeader, Bytes)>> {
     if at.checked_add(PREFIX_BYTES).is_none_or(|body| body > records.len()) {
         return Ok(None);

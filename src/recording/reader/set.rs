@@ -1,4 +1,4 @@
-//! Several files that are one recording: one that was split by size, or the parts of one stream.
+//! Several files as one recording: one that was split by size, or the parts of one stream.
 
 use super::{Inner, Recording};
 use crate::recording::{CONTINUED_NAME, RecordingError, part_path, split};
@@ -6,26 +6,26 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// What a recording has beside its first file.
+/// The files of a recording after the first.
 #[derive(Debug, Default)]
 pub(super) struct Rest {
     pub(super) files: Vec<Arc<Inner>>,
-    /// Why a later file, or the row of them, ends too early.
+    /// Why a later file, or their sequence, ends early.
     pub(super) truncated: Option<String>,
     /// Damage of all files, each with its name.
     pub(super) damage: Vec<String>,
 }
 
 impl Recording {
-    /// Opens a recording and finds its way around in it, without reading the frames.
+    /// Opens a recording and reads its structure, but no frames.
     ///
-    /// With the first file of a recording that was split by size come those it goes on in. A file that was cut off
-    /// opens too, as far as it reaches; see [`truncated`](Self::truncated), also for a file that is missing.
+    /// The first file of a split recording opens the later ones too. A file that was cut off opens as far as it is
+    /// readable. [`truncated`](Self::truncated) reports it, and reports a missing later file.
     ///
     /// # Errors
     ///
-    /// [`RecordingError::Io`] when there is no such file or the system refuses;
-    /// [`RecordingError::Invalid`] when it is not an MCAP file.
+    /// [`RecordingError::Io`] when there is no such file or the system fails; [`RecordingError::Invalid`] when it is not an
+    /// MCAP file.
     pub fn open(path: &Path) -> Result<Self, RecordingError> {
         let mut files = vec![Self::open_one(path)?];
         let mut missing = None;
@@ -39,8 +39,8 @@ impl Recording {
             if !belongs {
                 let next = next.file_name().unwrap_or_default().to_string_lossy().into_owned();
                 let is_cut = part_path(&split::numbered(path, number)).exists();
-                let found = if is_cut { "unfinished; `ricochet recover` completes it" } else { "not there" };
-                missing = Some(format!("it goes on in {next}, which is {found}"));
+                let found = if is_cut { "unfinished; `ricochet recover` completes it" } else { "missing" };
+                missing = Some(format!("it continues in {next}, which is {found}"));
                 break;
             }
             files.push(Self::open_one(&next)?);
@@ -48,7 +48,7 @@ impl Recording {
         Ok(Self::of_files(files, missing))
     }
 
-    /// Opens several; a later file of a split recording, given beside its first, belongs to that one.
+    /// Opens several recordings. A later file of a split recording is merged with its first file.
     ///
     /// # Errors
     ///
@@ -60,21 +60,21 @@ impl Recording {
         Ok(all.into_iter().filter(|recording| !later.contains(&place(recording.path()))).collect())
     }
 
-    /// Several recordings as one, their messages in the order of their time.
+    /// Joins several recordings to one, with messages in the order of their time.
     ///
-    /// Whether that makes sense is for the caller to say.
+    /// The caller decides whether they belong together.
     pub fn joined(recordings: Vec<Self>) -> Option<Self> {
         let missing = recordings.iter().find_map(|recording| recording.rest.truncated.clone());
         let singles = recordings.iter().flat_map(Self::singles).collect::<Vec<_>>();
         (!singles.is_empty()).then(|| Self::of_files(singles, missing))
     }
 
-    /// Its files, the first one first.
+    /// The paths of the files in order.
     pub fn files(&self) -> impl Iterator<Item = &Path> {
         self.inners().map(|inner| inner.path.as_path())
     }
 
-    /// Each of its files alone.
+    /// Returns each file as a recording of its own.
     pub(in super::super) fn singles(&self) -> impl Iterator<Item = Self> {
         self.inners().map(Self::single)
     }
@@ -83,7 +83,7 @@ impl Recording {
         std::iter::once(&self.inner).chain(&self.rest.files)
     }
 
-    /// What is said of one file of several, with its name.
+    /// Prefixes a text about one of several files with the name of the file.
     pub(super) fn named(&self, inner: &Inner, text: &str) -> String {
         let name = inner.path.file_name().unwrap_or_default().to_string_lossy();
         if self.rest.files.is_empty() { text.to_owned() } else { format!("{name}: {text}") }
@@ -97,20 +97,20 @@ impl Recording {
         let mut inners = files.into_iter().map(|file| file.inner).collect::<Vec<_>>();
         let inner = inners.remove(0);
         let whole = Self { inner, rest: Arc::new(Rest { files: inners, ..Rest::default() }) };
-        let told = |of: fn(&Inner) -> Vec<String>| -> Vec<String> {
+        let collect = |of: fn(&Inner) -> Vec<String>| -> Vec<String> {
             let named = |inner: &Arc<Inner>| of(inner).into_iter().map(|text| whole.named(inner, &text)).collect();
             whole.inners().flat_map::<Vec<String>, _>(named).collect()
         };
-        let cut = told(|inner| inner.structure.truncated.iter().cloned().collect());
+        let cut = collect(|inner| inner.structure.truncated.iter().cloned().collect());
         let rest = Rest {
             truncated: cut.into_iter().next().or(missing),
-            damage: told(|inner| inner.damage.clone()),
+            damage: collect(|inner| inner.damage.clone()),
             files: whole.rest.files.clone(),
         };
         Self { inner: whole.inner, rest: Arc::new(rest) }
     }
 
-    /// The name that the files of a split recording share, when this is the first of them.
+    /// The name that the files of a split recording share, if this is the first.
     fn split_name(&self) -> Option<&str> {
         split::first_name(self.metadata())
     }

@@ -1,24 +1,24 @@
-//! Reading pieces of a file that may be cut off, damaged or hostile.
+//! Access to parts of a file that may be cut off, damaged or hostile.
 
 use bytes::Bytes;
 use std::fs::File;
 use std::io::{self, ErrorKind};
 use std::os::unix::fs::FileExt;
 
-/// Bytes looked at around a position; large records are stepped over, not read.
+/// Bytes read around a position. Large records are skipped, not read.
 const WINDOW_BYTES: usize = 2 << 10;
 
-/// A stretch of bytes: a part of the file, or a decompressed chunk.
+/// A range of bytes: a part of the file, or a decompressed chunk.
 #[derive(Debug)]
 pub(super) enum Source {
     /// `bytes` of the file from `offset` on.
     File {
-        /// Where it begins in the file.
+        /// Its offset in the file.
         offset: u64,
-        /// How long it is.
+        /// Its length.
         bytes: u64,
     },
-    /// Already in memory.
+    /// Bytes in memory.
     Memory(Bytes),
 }
 
@@ -30,7 +30,11 @@ impl Source {
         }
     }
 
-    /// `count` bytes at `at`; `UnexpectedEof` when they reach over the end.
+    /// Reads `count` bytes at `at`.
+    ///
+    /// # Errors
+    ///
+    /// `UnexpectedEof` when they reach beyond the end.
     pub(super) fn read(&self, file: &File, at: u64, count: u64) -> io::Result<Bytes> {
         let end = at.checked_add(count).filter(|end| *end <= self.len()).ok_or(ErrorKind::UnexpectedEof)?;
         match self {
@@ -39,13 +43,13 @@ impl Source {
                 file.read_exact_at(&mut buffer, offset + at)?;
                 Ok(buffer.into())
             }
-            // In range: `end` is at most the length of something in memory.
+            // The cast is exact: `end` is at most the length of bytes in memory.
             Self::Memory(bytes) => Ok(bytes.slice(at as usize..end as usize)),
         }
     }
 }
 
-/// Looks at few bytes at a time without a system call each.
+/// Reads few bytes at a time without a system call for each.
 #[derive(Debug)]
 pub(super) struct Window<'a> {
     file: &'a File,
@@ -59,7 +63,7 @@ impl<'a> Window<'a> {
         Self { file, source, at: 0, buffer: Bytes::new() }
     }
 
-    /// The bytes at `at`: `count` of them, or as many as there are before the end.
+    /// Returns `count` bytes at `at`, or fewer at the end.
     pub(super) fn peek(&mut self, at: u64, count: usize) -> io::Result<&[u8]> {
         let left = self.source.len().saturating_sub(at);
         let count = (count as u64).min(left);

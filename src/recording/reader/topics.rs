@@ -11,20 +11,20 @@ use std::collections::BTreeMap;
 use std::marker::PhantomData;
 use std::sync::Arc;
 
-/// What a topic holds.
+/// The content of a topic.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct TopicSummary {
     /// Its name.
     pub topic: String,
     /// The name of its messages' schema.
     pub schema: String,
-    /// How its messages are encoded: `protobuf`, `json`, `cdr`, ...
+    /// The encoding of its messages: `protobuf`, `json`, `cdr`, ...
     pub encoding: String,
-    /// How many there are.
+    /// The number of messages.
     pub messages: u64,
 }
 
-/// Rows of one topic, read as they are asked for, in the order of their time.
+/// Rows of one topic in the order of their time, read on demand.
 #[derive(Debug)]
 pub struct Rows<T> {
     messages: Messages,
@@ -51,7 +51,7 @@ impl<T: Row> Iterator for Rows<T> {
 }
 
 impl Recording {
-    /// Every topic with its schema and how many messages it holds, by name.
+    /// Returns every topic with its schema and its number of messages, by name.
     pub fn topics(&self) -> Vec<TopicSummary> {
         let mut topics = BTreeMap::new();
         for inner in self.inners() {
@@ -65,7 +65,7 @@ impl Recording {
         topics.into_iter().map(summary).collect()
     }
 
-    /// Velocities. Errors as [`fields`](Self::fields), here and below.
+    /// Reads the velocities. The errors here and below are those of [`fields`](Self::fields).
     ///
     /// # Errors
     ///
@@ -74,7 +74,7 @@ impl Recording {
         self.rows(Topic::Velocity)
     }
 
-    /// True velocities of a simulated shot.
+    /// Reads the true velocities of a simulated shot.
     ///
     /// # Errors
     ///
@@ -83,7 +83,7 @@ impl Recording {
         self.rows(Topic::Truth)
     }
 
-    /// Places.
+    /// Reads the tracked positions.
     ///
     /// # Errors
     ///
@@ -92,7 +92,7 @@ impl Recording {
         self.rows(Topic::Track)
     }
 
-    /// Collisions, every revision of each.
+    /// Reads the collisions, every revision of each.
     ///
     /// # Errors
     ///
@@ -101,7 +101,7 @@ impl Recording {
         self.rows(Topic::Impact)
     }
 
-    /// True collisions of a simulated shot.
+    /// Reads the true collisions of a simulated shot.
     ///
     /// # Errors
     ///
@@ -110,18 +110,17 @@ impl Recording {
         self.rows(Topic::TruthImpact)
     }
 
-    /// Displacement fields.
+    /// Reads the displacement fields.
     ///
     /// # Errors
     ///
-    /// [`RecordingError::Invalid`] when the topic holds another schema;
-    /// [`RecordingError::Io`] when the system refuses. The iterator's items are
-    /// errors where a chunk is damaged or a message does not decode.
+    /// [`RecordingError::Invalid`] when the topic has another schema; [`RecordingError::Io`] when the system fails. The
+    /// iterator returns an error for a damaged chunk, and for a message that does not decode.
     pub fn fields(&self) -> Result<Rows<PairField>, RecordingError> {
         self.rows(Topic::Field)
     }
 
-    /// Events.
+    /// Reads the events.
     ///
     /// # Errors
     ///
@@ -130,7 +129,7 @@ impl Recording {
         self.rows(Topic::Events)
     }
 
-    /// How the rig's processes were doing.
+    /// Reads the status of the rig's processes.
     ///
     /// # Errors
     ///
@@ -163,14 +162,18 @@ impl Inner {
         self.structure.schemas.get(&schema).map_or("", |schema| &schema.name)
     }
 
-    /// Channels of one of our topics; refuses one that holds something else.
+    /// Returns the channels of one of our topics.
+    ///
+    /// # Errors
+    ///
+    /// [`RecordingError::Invalid`] when the topic has another schema or encoding.
     pub(super) fn channels_of(&self, topic: Topic) -> Result<Vec<u16>, RecordingError> {
         let mut channels = Vec::new();
         for (id, channel) in self.structure.channels.iter().filter(|(_, channel)| channel.topic == topic.name()) {
             let schema = self.schema_name(channel.schema);
             if schema != topic.schema_name() || channel.encoding != "protobuf" {
                 return Err(self.invalid(format!(
-                    "topic {} holds {} as {schema:?}, not protobuf as {:?}",
+                    "topic {} has {} messages of schema {schema:?}, not protobuf messages of {:?}",
                     topic.name(),
                     channel.encoding,
                     topic.schema_name()

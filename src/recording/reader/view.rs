@@ -1,4 +1,4 @@
-//! One camera of several in a recording.
+//! The view of one of several cameras in a recording.
 
 use super::{Inner, Recording, RecordingError};
 use crate::recording::METADATA_NAME;
@@ -8,23 +8,23 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 impl Recording {
-    /// Names of the cameras beside the first.
+    /// The names of the additional cameras.
     pub fn views(&self) -> Vec<String> {
         (0..).map_while(|index| self.metadata().get(&format!("{VIEW_KEY}.{index}")).cloned()).collect()
     }
 
-    /// What is told of the camera of this name, as if it were alone; the recording itself is that of the first.
+    /// Returns the recording of one additional camera, as if it were alone. The recording itself is that of the first.
     ///
-    /// Events, and what is found damaged, stay those of all.
+    /// Events and damage stay those of all cameras.
     ///
     /// # Errors
     ///
-    /// [`RecordingError::Invalid`] when there is no such camera; [`RecordingError::Io`] when the system refuses.
+    /// [`RecordingError::Invalid`] when there is no such camera; [`RecordingError::Io`] when the system fails.
     pub fn view(&self, name: &str) -> Result<Self, RecordingError> {
         let views = self.views();
         if !views.iter().any(|view| view == name) {
             let known = if views.is_empty() { "it has one camera".into() } else { format!("it has {views:?}") };
-            return Err(self.inner.invalid(format!("no camera named {name:?} beside the first: {known}")));
+            return Err(self.inner.invalid(format!("no additional camera named {name:?}: {known}")));
         }
         let mut inners = Vec::new();
         for inner in self.inners() {
@@ -39,7 +39,7 @@ impl Recording {
         Ok(Self { inner: first, rest: Arc::new(rest) })
     }
 
-    /// The camera of this name, or the first where none is named.
+    /// Returns the recording of the named camera, or of the first without a name.
     ///
     /// # Errors
     ///
@@ -62,7 +62,7 @@ impl Inner {
             }
             structure.channels.insert(id, channel);
         }
-        // Its own record and attachments take the names that those of the first camera have.
+        // Its own record and attachments take the names of those of the first camera.
         structure.metadata.retain(|(of, _)| of != METADATA_NAME);
         for (of, _) in structure.metadata.iter_mut().filter(|(of, _)| *of == metadata_name) {
             *of = METADATA_NAME.to_owned();

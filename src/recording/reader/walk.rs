@@ -1,4 +1,4 @@
-//! The structure of a file: which records stand where, up to its end or to where it was cut off.
+//! The structure of a file: the records and their places, up to its end or to where it was cut off.
 
 use super::source::{Source, Window};
 use crate::recording::record::{self, Channel, Fields, PREFIX_BYTES, Schema, op};
@@ -6,14 +6,14 @@ use std::collections::BTreeMap;
 use std::fs::File;
 use std::io;
 
-/// Schemas, channels and metadata together may be this large; ours take a few kB.
+/// Maximum size of all schemas, channels and metadata, bytes. Ours take a few kB.
 const DESCRIPTION_BYTES: u64 = 8 << 20;
-/// More attachments than this are not a recording.
+/// Maximum number of attachments.
 const ATTACHMENTS: usize = 1024;
-/// Longest chunk header looked at; the compression's name is the only part without a fixed size.
+/// Maximum length of a chunk header, bytes. Only the name of the compression has no fixed length.
 const CHUNK_HEADER_BYTES: usize = 256;
 
-/// How the records of a section are stored.
+/// The encoding of a section's records.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Coding {
     Plain,
@@ -21,54 +21,54 @@ pub(super) enum Coding {
     Lz4,
 }
 
-/// Where a chunk's index lists the messages of one channel.
+/// The part of a chunk's index with the messages of one channel.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct IndexRef {
     pub(super) channel: u16,
     /// Offset of the entries in the file.
     pub(super) offset: u64,
-    /// How many entries.
+    /// The number of entries.
     pub(super) entries: u64,
 }
 
-/// A stretch of the file that holds messages: a chunk's records, or messages outside any chunk.
+/// A part of the file with messages: the records of a chunk, or messages outside any chunk.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct Section {
-    /// Where its stored bytes begin in the file.
+    /// Offset of the stored bytes in the file.
     pub(super) offset: u64,
-    /// Stored bytes that are there.
+    /// Length of the stored bytes.
     pub(super) bytes: u64,
     pub(super) coding: Coding,
-    /// Bytes after decompression.
+    /// Length after decompression.
     pub(super) uncompressed_bytes: u64,
-    /// CRC-32 of the uncompressed records; 0 when there is none.
+    /// CRC-32 of the uncompressed records; 0 for none.
     pub(super) crc: u32,
-    /// Whether every byte of it is there.
+    /// Whether the file has every byte of it.
     pub(super) whole: bool,
-    /// Messages by channel; empty when the file has no index for it.
+    /// The index by channel; empty when the file has none.
     pub(super) index: Vec<IndexRef>,
 }
 
 impl Section {
-    /// Whether the next message outside a chunk may simply be appended.
+    /// Whether the section is a run of messages outside chunks that can grow.
     fn is_loose(&self) -> bool {
         self.coding == Coding::Plain && self.crc == 0 && self.whole && self.index.is_empty()
     }
 }
 
-/// An attachment's place.
+/// An attachment and its place.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct AttachmentRef {
     pub(super) name: String,
     pub(super) media_type: String,
-    /// Where the record's body begins in the file.
+    /// Offset of the record's body in the file.
     pub(super) body: u64,
-    /// Bytes of the body in front of the content.
+    /// Length of the body before the content.
     pub(super) header_bytes: u64,
     pub(super) content_bytes: u64,
 }
 
-/// Everything found on the way through a file.
+/// The structure of a file.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Structure {
     pub(super) library: String,
@@ -77,17 +77,19 @@ pub(super) struct Structure {
     pub(super) sections: Vec<Section>,
     pub(super) metadata: Vec<(String, BTreeMap<String, String>)>,
     pub(super) attachments: Vec<AttachmentRef>,
-    /// Where the data section ends and the CRC-32 of everything before, 0 for none.
+    /// The end of the data section and the CRC-32 of everything before it; 0 for none.
     pub(super) data_end: Option<(u64, u32)>,
-    /// Why and where the file stops being readable; `None` for a whole file.
+    /// Why and where the file ends early; `None` for a complete file.
     pub(super) truncated: Option<String>,
     description_bytes: u64,
 }
 
-/// Walks the file from record to record without reading the messages.
+/// Scans the file from record to record without reading the messages.
 ///
-/// Fails only when the system does, or when the file is no MCAP at all; then the message says so.
-pub(super) fn walk(file: &File, file_bytes: u64) -> io::Result<Result<Structure, String>> {
+/// # Errors
+///
+/// The outer error when the system fails; the inner one when the file is not MCAP.
+pub(super) fn scan(file: &File, file_bytes: u64) -> io::Result<Result<Structure, String>> {
     let source = Source::File { offset: 0, bytes: file_bytes };
     let mut window = Window::new(file, &source);
     if window.peek(0, record::MAGIC.len())? != record::MAGIC {
@@ -117,13 +119,13 @@ pub(super) fn walk(file: &File, file_bytes: u64) -> io::Result<Result<Structure,
         at = body + length;
     };
     if problem.is_some() {
-        structure.forget_last_index();
+        structure.drop_last_index();
     }
     structure.truncated = problem;
     Ok(Ok(structure))
 }
 
-/// The first metadata record of this name, looked for in front of the messages only.
+/// Reads the first metadata record with a name, searched before the messages only.
 pub(super) fn leading_metadata(
     file: &File,
     file_bytes: u64,
@@ -156,7 +158,7 @@ pub(super) fn leading_metadata(
     Ok(None)
 }
 
-/// Opcode and length of the record that begins with these bytes.
+/// Parses opcode and length of a record.
 pub(super) fn prefix(bytes: &[u8]) -> Option<(u8, u64)> {
     let (opcode, length) = bytes.split_first()?;
     let opcode = (*opcode != 0).then_some(*opcode)?;
@@ -194,12 +196,16 @@ impl Structure {
                 self.data_end = Some((body - PREFIX_BYTES, crc));
                 Ok(Ok(()))
             }
-            // Indexes of the summary section are not needed, and records of others are theirs.
+            // The indexes of the summary and unknown records are not needed.
             _ => Ok(Ok(())),
         }
     }
 
-    /// Accounts for a descriptive record of this length, or refuses it.
+    /// Counts a descriptive record of `length` bytes against the limit.
+    ///
+    /// # Errors
+    ///
+    /// A description when the limit is exceeded.
     pub(super) fn admit(&mut self, length: u64) -> Result<(), String> {
         self.description_bytes = self.description_bytes.saturating_add(length);
         if self.description_bytes > DESCRIPTION_BYTES {
@@ -208,7 +214,7 @@ impl Structure {
         Ok(())
     }
 
-    /// Takes in a header, schema, channel or metadata record.
+    /// Stores a header, schema, channel or metadata record; `None` when it does not parse.
     pub(super) fn describe(&mut self, opcode: u8, body: &[u8]) -> Option<()> {
         match opcode {
             op::HEADER => {
@@ -236,7 +242,7 @@ impl Structure {
     fn chunk(&mut self, head: &[u8], body: u64, length: u64) -> Result<(), String> {
         let header = record::chunk_header(head).ok_or("the chunk header does not parse")?;
         let coding = coding(&header.compression).ok_or_else(|| {
-            format!("chunk compression {:?} is not known, only none, zstd and lz4", header.compression)
+            format!("chunk compression {:?} is not supported, only none, zstd and lz4", header.compression)
         })?;
         let room = length - header.bytes;
         if header.stored_bytes > room {
@@ -254,10 +260,10 @@ impl Structure {
         Ok(())
     }
 
-    /// The chunk that was being written when the file was cut off: its records are there, its sizes are not.
+    /// Stores the chunk that was open when the file was cut off: it has records but no sizes.
     fn torn_chunk(&mut self, head: &[u8], body: u64, file_bytes: u64) {
         let Some(header) = record::chunk_header(head) else { return };
-        // The rest of a compressed stream cannot be told from damage.
+        // The rest of a compressed stream looks like damage.
         if coding(&header.compression) != Some(Coding::Plain) {
             return;
         }
@@ -288,7 +294,7 @@ impl Structure {
         Ok(())
     }
 
-    /// A message outside any chunk joins those right before it.
+    /// Adds a message outside any chunk to those right before it.
     fn loose_message(&mut self, body: u64, length: u64) {
         let (start, end) = (body - PREFIX_BYTES, body + length);
         match self.sections.last_mut() {
@@ -326,8 +332,8 @@ impl Structure {
         Ok(())
     }
 
-    /// Where a file was cut off, the last chunk's index may lack channels.
-    fn forget_last_index(&mut self) {
+    /// Drops the index of the last chunk, which may be incomplete in a file that was cut off.
+    fn drop_last_index(&mut self) {
         if let Some(last) = self.sections.last_mut() {
             last.index.clear();
         }

@@ -1,8 +1,8 @@
-//! What a recording says of itself.
+//! The description of a recording.
 
 use std::collections::BTreeMap;
 
-/// What a recording says of itself, written first.
+/// The description of a recording, written at its beginning.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct RecordingInfo {
     /// The rig's configuration, attached as `config.toml`; empty for none.
@@ -11,26 +11,26 @@ pub struct RecordingInfo {
     pub metadata: BTreeMap<String, String>,
     /// Names of the bodies, in the order of the configuration; entries `body.0`, `body.1`, ... of the metadata.
     pub bodies: Vec<String>,
-    /// Further attachments: file name, media type, content.
+    /// Additional attachments: file name, media type, content.
     pub attachments: Vec<(String, String, Vec<u8>)>,
-    /// Further cameras.
+    /// Additional cameras.
     pub views: Vec<ViewInfo>,
 }
 
-/// What a recording says of a further camera: in metadata `ricochet/NAME` and an attachment `NAME/config.toml`.
+/// The description of an additional camera: metadata `ricochet/NAME` and attachment `NAME/config.toml`.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct ViewInfo {
-    /// What the camera is called; the topics of its frames and results begin with `/NAME`.
+    /// The name of the camera. The topics of its frames and results begin with `/NAME`.
     pub name: String,
-    /// Its own configuration, as if it were alone.
+    /// Its configuration as a rig of its own.
     pub config_toml: String,
-    /// Entries as those of the first camera.
+    /// Entries like those of the first camera.
     pub metadata: BTreeMap<String, String>,
     /// Names of the bodies that it sees.
     pub bodies: Vec<String>,
 }
 
-/// The entries, and the names of the bodies among them.
+/// Returns the entries with the names of the bodies added.
 pub(super) fn with_bodies(entries: &BTreeMap<String, String>, bodies: &[String]) -> BTreeMap<String, String> {
     let named = bodies.iter().enumerate().map(|(index, body)| (format!("body.{index}"), body.clone()));
     entries.clone().into_iter().chain(named).collect()

@@ -1,4 +1,4 @@
-//! The rows of a recording, held back until they fill a chunk of their own.
+//! The rows of a recording, held back until they fill chunks of their own.
 
 use super::RecordingWriter;
 use crate::recording::rows::{EventRow, Row, StatusRow};
@@ -11,13 +11,13 @@ impl RecordingWriter {
     ///
     /// # Errors
     ///
-    /// [`RecordingError::Io`] when the disk is full or gone; as for every row below.
+    /// [`RecordingError::Io`] when the disk is full or gone. The methods below have the same errors.
     pub fn field(&mut self, field: &PairField) -> Result<(), RecordingError> {
         self.fields.push(self.camera, Topic::Field, field.stamp_ns, &field.to_message());
-        self.write_due(field.stamp_ns)
+        self.write_due_batches(field.stamp_ns)
     }
 
-    /// Adds a place. Errors as [`field`](Self::field).
+    /// Adds a tracked position. Errors as [`field`](Self::field).
     pub fn track(&mut self, sample: &TrackSample) -> Result<(), RecordingError> {
         self.row(Topic::Track, sample.stamp_ns, sample)
     }
@@ -44,29 +44,29 @@ impl RecordingWriter {
 
     /// Adds an event. Errors as [`field`](Self::field).
     pub fn event(&mut self, event: &EventRow) -> Result<(), RecordingError> {
-        // Of the rig as a whole.
+        // Events belong to the whole rig.
         self.rows.push(0, Topic::Events, event.stamp_ns, &event.to_message());
-        self.write_due(event.stamp_ns)
+        self.write_due_batches(event.stamp_ns)
     }
 
-    /// Adds how a process is doing. Errors as [`field`](Self::field).
+    /// Adds the status of a process. Errors as [`field`](Self::field).
     pub fn status(&mut self, status: &StatusRow) -> Result<(), RecordingError> {
         self.row(Topic::Status, status.stamp_ns, status)
     }
 
-    /// Adds what viewers draw over the frame of this stamp. Errors as [`field`](Self::field).
+    /// Adds the annotations of the frame with this stamp. Errors as [`field`](Self::field).
     pub fn annotations(&mut self, stamp_ns: u64, annotations: &Annotations) -> Result<(), RecordingError> {
         self.fields.push(self.camera, Topic::Annotations, stamp_ns, &annotations.to_message(stamp_ns));
-        self.write_due(stamp_ns)
+        self.write_due_batches(stamp_ns)
     }
 
     fn row<R: Row>(&mut self, topic: Topic, log_time_ns: u64, row: &R) -> Result<(), RecordingError> {
         self.rows.push(self.camera, topic, log_time_ns, &row.to_message());
-        self.write_due(log_time_ns)
+        self.write_due_batches(log_time_ns)
     }
 }
 
-/// When a collision is logged: at its start, or where its times count from while that is not known.
+/// The log time of a collision: its start, or the origin of its times while the start is unknown.
 fn impact_time_ns(impact: &Impact) -> u64 {
     let start_ns = impact.start_s.map_or(0.0, |start| (start.value * 1e9).max(0.0));
     impact.origin_ns.saturating_add(start_ns as u64)

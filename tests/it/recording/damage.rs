@@ -65,7 +65,7 @@ fn a_killed_writer_loses_no_accepted_frame() {
         let (meta, bytes) = samples::frame(sequence, PixelFormat::Mono8, [300, 300], 0);
         writer.frame(&Frame { meta, bytes: &bytes }).unwrap();
     }
-    writer.hand_over().unwrap();
+    writer.write_buffered().unwrap();
     std::mem::forget(writer);
     let recording = Recording::open(&part_path(&path)).unwrap();
     assert!(recording.truncated().is_some());
@@ -103,7 +103,7 @@ fn a_flipped_bit_behind_an_unfinished_chunk_header_is_an_error() {
     let mut writer = RecordingWriter::create(&path, &RecordingInfo::default(), &WriterOptions::default()).unwrap();
     let (meta, pixels) = samples::frame(0, PixelFormat::Mono8, [300, 300], 0);
     writer.frame(&Frame { meta, bytes: &pixels }).unwrap();
-    writer.hand_over().unwrap();
+    writer.write_buffered().unwrap();
     std::mem::forget(writer);
     let part = part_path(&path);
     let mut bytes = std::fs::read(&part).unwrap();

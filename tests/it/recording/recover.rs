@@ -43,7 +43,7 @@ fn a_killed_recording_is_recovered_with_every_frame_and_attachment() {
             writer.sync().unwrap();
         }
     }
-    writer.hand_over().unwrap();
+    writer.write_buffered().unwrap();
     std::mem::forget(writer);
     let before = fs::read(part_path(&path)).unwrap();
 
@@ -123,7 +123,7 @@ fn victim_that_writes_frames() {
         let (meta, bytes) = samples::frame(sequence, PixelFormat::Mono8, SIZE, 0);
         writer.frame(&Frame { meta, bytes: &bytes }).unwrap();
         writer.track(&samples::track(sequence)).unwrap();
-        writer.hand_over().unwrap();
+        writer.write_buffered().unwrap();
         writeln!(out, "taken {sequence}").unwrap();
     }
 }
