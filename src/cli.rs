@@ -24,6 +24,7 @@ mod study;
 use clap::error::ErrorKind;
 use clap::{Args, Parser, Subcommand};
 use field::Field;
+use std::ffi::OsString;
 use std::path::PathBuf;
 use study::Study;
 
@@ -150,7 +151,12 @@ pub enum Parsed {
 
 /// Parses the command line and prints help and errors.
 pub fn parse() -> Parsed {
-    match Line::try_parse() {
+    parse_from(std::env::args_os())
+}
+
+/// Parses these words as a command line that begins with the program's name, like [`parse`].
+pub fn parse_from(words: impl IntoIterator<Item = impl Into<OsString> + Clone>) -> Parsed {
+    match Line::try_parse_from(words) {
         Ok(line) => Parsed::Run(line.command),
         Err(error) if error.use_stderr() && error.kind() != ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand => {
             eprintln!("ricochet: {}; see `ricochet --help`", one_line(&error.to_string()));

@@ -40,6 +40,7 @@ mod hardware_trigger;
 mod illumination;
 mod impact;
 mod import;
+mod manual;
 mod measured_world;
 mod motion;
 mod multi_file;
