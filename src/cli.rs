@@ -1,5 +1,7 @@
 //! The command line: the list of commands. Each command declares its options in its own file.
 
+use super::console::Outcome;
+use crate::command;
 use crate::command::analyze::{self, AnalyzeOptions};
 use crate::command::bench::{self, BenchOptions};
 use crate::command::cameras::{self, CamerasOptions};
@@ -15,7 +17,7 @@ use crate::command::replay::{self, ReplayOptions};
 use crate::command::report::{self, ReportOptions};
 use crate::command::rig::{self, RoleOptions};
 use crate::command::simulate::{self, SimulateOptions};
-use crate::command::{self, Outcome, status};
+use crate::command::status;
 use crate::message::{Command as Request, Role};
 use crate::process::Stop;
 mod field;

@@ -41,6 +41,8 @@ pub mod message;
 
 pub mod recording;
 
+pub mod plot;
+
 pub mod report;
 
 pub mod import;
@@ -51,6 +53,10 @@ pub mod bus;
 
 pub mod process;
 
+pub mod console;
+
 pub mod command;
+
+pub mod study;
 
 pub mod cli;

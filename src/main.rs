@@ -1,7 +1,7 @@
 //! The `ricochet` program: every role and every command.
 
 use ricochet::cli::{self, Parsed};
-use ricochet::command::Outcome;
+use ricochet::console::Outcome;
 use ricochet::process::{ChildFailure, Stop};
 use std::process::ExitCode;
 
@@ -13,9 +13,9 @@ fn code(error: &anyhow::Error) -> u8 {
 
 /// Returns the exit code of one cause; `None` when it does not decide.
 fn code_of(cause: &(dyn std::error::Error + 'static)) -> Option<u8> {
-    use ricochet::{ball, bus, camera, command, config, dic, import, measure, process, recording, synth};
+    use ricochet::{ball, bus, camera, command, config, console, dic, import, measure, process, recording, synth};
     let is_usage = cause.is::<config::ConfigError>()
-        || cause.is::<command::UsageError>()
+        || cause.is::<console::UsageError>()
         || cause.is::<synth::ScenarioError>()
         || cause.is::<measure::MeasureError>()
         || cause.is::<dic::CorrelationError>()

@@ -1,10 +1,10 @@
 //! Cameras: every source that fills a slot of the ring with a frame.
 
-mod delivery;
+mod delivery_latency;
+mod feature_setting;
 pub mod genicam;
-pub mod priority;
-pub mod recording;
-mod setting;
+pub mod realtime_priority;
+pub mod replay;
 pub mod simulated;
 mod slot;
 pub mod v4l2;

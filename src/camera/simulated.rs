@@ -1,6 +1,6 @@
 //! A simulated camera.
 
-use super::delivery::DeliveryLatency;
+use super::delivery_latency::DeliveryLatency;
 use super::{Camera, CameraError, CameraIdentity, Next, Pace, Slot, StreamFormat};
 use crate::config::Pulse;
 use crate::image::FrameMeta;

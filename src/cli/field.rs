@@ -4,9 +4,10 @@ use clap::Args;
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use std::path::PathBuf;
 
-use crate::command::field::{Begin, Corners, FieldOptions, Quantity, Roi};
+use crate::command::field::{Begin, Corners, FieldOptions, Roi};
 use crate::config::{Config, ConfigError};
 use crate::dic::{self, CorrelationParams, Interpolation, Method, Shape, WindowShape};
+use crate::plot::color_map::Quantity;
 
 /// The arguments of `field`.
 #[derive(Debug, Args)]

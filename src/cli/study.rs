@@ -2,11 +2,12 @@
 
 use clap::Subcommand;
 
-use crate::command::Outcome;
-use crate::command::study::convergence::{self, ConvergenceOptions};
-use crate::command::study::design::{self, DesignOptions};
-use crate::command::study::speckle::{self, SpeckleOptions, SpeckleStudy};
+use crate::console::Outcome;
 use crate::process::Stop;
+use crate::study::speckle::SpeckleStudy;
+use crate::study::{ConvergenceOptions, convergence};
+use crate::study::{DesignOptions, design};
+use crate::study::{SpeckleOptions, speckle};
 
 /// The studies.
 #[derive(Debug, Subcommand)]

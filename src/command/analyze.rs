@@ -1,12 +1,12 @@
 //! `ricochet analyze`: measures a recording offline.
 
-use super::film::{Film, span};
-use super::{Outcome, UsageError, progress, say, table};
+use super::frame_source::{Film, span};
 use crate::camera::{CameraIdentity, StreamFormat};
 use crate::config::Record;
+use crate::console::{Outcome, UsageError, progress, say, table};
 use crate::image::{Frame, FrameMeta};
 use crate::measure::{MeasureError, MeasureParams, Measured, Measurer, Share};
-use crate::process::{FrameRange, Shot, Stop, analysis_params, recording_info, reference};
+use crate::process::{FrameRange, Shot, Stop, analysis_params, recording_info, reference_picture};
 use crate::recording::{Recording, RecordingError, part_path};
 use crate::report;
 use crate::results::{Estimate, Impact};
@@ -113,7 +113,7 @@ fn measure(film: Film, output: &Path, stop: &Stop) -> anyhow::Result<(PathBuf, u
             info.metadata.insert(key.to_owned(), value.clone());
         }
     }
-    info.attachments.extend(reference.as_ref().and_then(reference::attachment));
+    info.attachments.extend(reference.as_ref().and_then(reference_picture::attachment));
     let mut frames = frames.peekable();
     let meta = match frames.peek() {
         Some(Ok((meta, _))) => *meta,

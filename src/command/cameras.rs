@@ -1,8 +1,8 @@
 //! `ricochet cameras`: lists the available cameras and their features.
 
-use super::{Outcome, say};
 use crate::camera::genicam::{CameraDetails, CameraListing, FeatureLine, Kind, describe, features, list};
 use crate::camera::{CameraError, v4l2};
+use crate::console::{Outcome, say};
 use serde_json::{Value, json};
 
 /// The options of `ricochet cameras`.

@@ -1,7 +1,7 @@
 //! `ricochet arm`, `disarm` and `trigger`.
 
-use super::{Outcome, UsageError, say};
 use crate::bus::{Bus, BusError};
+use crate::console::{Outcome, UsageError, say};
 use crate::message::{Command, ReplyCode};
 use std::time::Duration;
 

@@ -1,7 +1,8 @@
 //! `ricochet listen`: prints a live topic.
 
-use super::{Outcome, UsageError, rod, say};
+use super::rod;
 use crate::bus::{Bus, BusError, Subscriber, Topic};
+use crate::console::{Outcome, UsageError, say};
 use crate::message::{
     Event, EventKind, FieldHeader, ImpactMessage, Number, Role, StatusMessage, TrackMessage, VelocityMessage,
 };

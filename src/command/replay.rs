@@ -3,10 +3,11 @@
 mod lead;
 mod stream;
 
-use super::film::span;
-use super::{Outcome, UsageError, progress, say, view_config};
-use crate::camera::recording::TimeRange;
+use super::frame_source::span;
+use super::view_config;
+use crate::camera::replay::TimeRange;
 use crate::config::Config;
+use crate::console::{Outcome, UsageError, progress, say};
 use crate::message::Role;
 use crate::process::{self, Child, Stop, Summary};
 use crate::recording::Recording;

@@ -1,6 +1,6 @@
 //! `ricochet report`: a report page of one or several recordings.
 
-use super::{Outcome, UsageError, say};
+use crate::console::{Outcome, UsageError, say};
 use crate::recording::Recording;
 use crate::report::{self, Shot};
 use anyhow::Context;

@@ -1,7 +1,7 @@
 //! `ricochet run` and the commands that run one process of a rig.
 
-use super::Outcome;
 use crate::config::Config;
+use crate::console::Outcome;
 use crate::message::Role;
 use crate::process::{self, Resume, Stop, Summary};
 use std::io::BufRead;
@@ -38,7 +38,7 @@ pub fn role(role: Role, options: &RoleOptions, stop: &Stop) -> anyhow::Result<Ou
     let config = load(&options.config, options.origin.as_deref())?;
     let config = match &options.camera {
         Some(_) if role == Role::Record => {
-            return Err(super::UsageError(
+            return Err(crate::console::UsageError(
                 "--camera: not available for record, one recorder serves all cameras".into(),
             )
             .into());
@@ -49,21 +49,22 @@ pub fn role(role: Role, options: &RoleOptions, stop: &Stop) -> anyhow::Result<Ou
     let is_measuring = matches!(role, Role::Correlate | Role::Track);
     if is_measuring && config.workers.count == 0 {
         let origin = &config.origin;
-        return Err(
-            super::UsageError(format!("{origin}: nothing to measure: 0 workers or no bodies configured")).into()
-        );
+        return Err(crate::console::UsageError(format!(
+            "{origin}: nothing to measure: 0 workers or no bodies configured"
+        ))
+        .into());
     }
     if role == Role::Correlate && options.worker >= config.workers.count {
         let (worker, count) = (options.worker, config.workers.count);
         let last = count - 1;
-        return Err(super::UsageError(format!(
+        return Err(crate::console::UsageError(format!(
             "--worker {worker}: the rig has {count} workers, allowed are 0 to {last}"
         ))
         .into());
     }
     if role == Role::Record && config.record.is_none() {
         let origin = &config.origin;
-        return Err(super::UsageError(format!("{origin}: nothing to record: add a [record] table")).into());
+        return Err(crate::console::UsageError(format!("{origin}: nothing to record: add a [record] table")).into());
     }
     let resumed = options.resume.is_some();
     let summary = match role {
@@ -86,7 +87,7 @@ pub fn run(config: &Path, stop: &Stop) -> anyhow::Result<Outcome> {
     let summary = process::supervise(&config, stop, |_| ())?;
     // Older recordings may have been deleted to make room.
     for path in summary.recordings.iter().filter(|path| path.exists()) {
-        super::say(&path.display().to_string());
+        crate::console::say(&path.display().to_string());
     }
     Ok(outcome(&summary))
 }

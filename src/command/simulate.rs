@@ -1,8 +1,8 @@
 //! `ricochet simulate`: renders a simulated impact into a recording.
 
-use super::{Outcome, UsageError, progress, say};
 use crate::camera::{CameraIdentity, StreamFormat, simulated};
 use crate::config::Config;
+use crate::console::{Outcome, UsageError, progress, say};
 use crate::image::Frame;
 use crate::process::recording_info;
 use crate::recording::{RecordingWriter, WriterOptions};

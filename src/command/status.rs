@@ -1,8 +1,8 @@
 //! `ricochet status`: the state of a running rig.
 
 use super::control::RigOptions;
-use super::{Outcome, say, table};
 use crate::bus::{Bus, BusError};
+use crate::console::{Outcome, say, table};
 use crate::message::{Role, StatusMessage};
 use std::collections::BTreeMap;
 use std::time::Duration;

@@ -2,18 +2,18 @@
 
 use super::action::TriggerCause;
 use super::clock::{PeriodicTimer, Timeout, host_ns, now};
-use super::conclude::StandaloneTrigger;
-use super::line::HardwareTrigger;
-use super::pace::LatencyHistogram;
-use super::reference;
-use super::reins as stepping;
-use super::report::StatusReporter;
+use super::hardware_trigger::HardwareTrigger;
+use super::latency::LatencyHistogram;
+use super::live_trigger::StandaloneTrigger;
+use super::reference_picture;
 use super::resume::Resume;
-use super::rig::{SUCCESSION, Source, limits};
+use super::setup::{SUCCESSION, Source, limits};
+use super::status_reporter::StatusReporter;
+use super::stepping;
 use super::stop::Stop;
 use super::summary::Summary;
 use crate::bus::{Bell, Bus, BusError, FramePublisher, Limits, Subscriber};
-use crate::camera::{CameraError, Next, Pace, Slot, priority};
+use crate::camera::{CameraError, Next, Pace, Slot, realtime_priority};
 use crate::config::{Config, TriggerMode};
 use crate::image::FrameMeta;
 use crate::message::{EventKind, FrameHeader, Progress, Role};
@@ -45,7 +45,7 @@ pub fn run(config: &Config, resume: Option<Resume>, stop: &Stop) -> anyhow::Resu
     config.check_calibration(source.format().width_px, source.format().height_px)?;
     let bus = Bus::take_part(&config.rig.name, Role::Acquire.word(), SUCCESSION)?;
     if resume.is_none() {
-        reference::begin(config)?;
+        reference_picture::begin(config)?;
     }
     let limits = limits(config, &source.format());
     let ring = bus.frame_publisher(&limits, source.format().slot_bytes())?;
@@ -204,7 +204,7 @@ impl Loop {
         self.seek(config);
         self.source.camera().start()?;
         if self.source.pace() == Pace::Live
-            && let Err(error) = priority::raise(priority::PUBLISHING)
+            && let Err(error) = realtime_priority::raise(realtime_priority::PUBLISHING)
         {
             log::info!("frames are published without real-time priority: {error}");
         }

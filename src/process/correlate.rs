@@ -1,11 +1,11 @@
 //! Correlation: from blocks of frames to displacement fields.
 
 use super::clock::{Timeout, now};
-use super::reference;
-use super::report::StatusReporter;
-use super::rig::{SUCCESSION, analysis_params, expected_format, limits};
+use super::reference_picture;
+use super::setup::{SUCCESSION, analysis_params, expected_format, limits};
+use super::status_reporter::StatusReporter;
 use super::stop::Stop;
-use super::stream::StreamState;
+use super::stream_state::StreamState;
 use super::summary::Summary;
 use crate::bus::{Bell, Bus, BusError, FieldPublisher, FrameSubscriber, Subscriber};
 use crate::camera::StreamFormat;
@@ -201,7 +201,7 @@ impl Worker<'_> {
 
     /// Sets the reference picture of patches, if it is available by now.
     fn set_reference(&mut self, frame: &Frame<'_>, is_first: bool) -> anyhow::Result<()> {
-        match reference::obtain(self.config, frame, is_first) {
+        match reference_picture::obtain(self.config, frame, is_first) {
             Some(picture) => self.measurer.set_reference(&picture)?,
             None => self.needs_reference = true,
         }

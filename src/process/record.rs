@@ -3,17 +3,16 @@
 //! While armed, the recorder reads nothing: its queue on the ring *is* the pre-trigger buffer, which costs no time and
 //! no copy. At a trigger it takes the whole queue at once, holds the frames in place and writes them one by one.
 
-mod active;
-mod failure;
-mod feed;
-mod matching;
+mod camera_feed;
+mod frame_matching;
+mod open_shot;
 mod retention;
-mod span;
+mod shot_window;
+mod write_failure;
 
 use super::action::{Actions, TriggerCause};
 use super::clock::{PeriodicTimer, Timeout};
-use super::conclude::LiveTrigger;
-use super::reference;
+use super::live_trigger::LiveTrigger;
 use super::shot::{Shot, free_path, recording_info};
 use super::stop::Stop;
 use super::storage::{Storage, prepare_directory};
@@ -24,9 +23,9 @@ use crate::image::Frame;
 use crate::message::{Command, Event, EventKind, Reply, ReplyCode};
 use crate::recording::{EventRow, RecordingInfo, ViewInfo};
 use crate::trigger::Quiet;
-use active::{OpenShot, ShotWindow};
-use feed::CameraFeed;
-pub use matching::{Matcher, Matching};
+use camera_feed::CameraFeed;
+pub use frame_matching::{Matcher, Matching};
+use open_shot::{OpenShot, ShotWindow};
 use retention::Retention;
 use std::collections::VecDeque;
 use std::time::Duration;

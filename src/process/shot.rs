@@ -1,6 +1,6 @@
 //! A recording that is being made: frames and steps in, a finished file out.
 
-mod take;
+mod camera_part;
 
 use crate::camera::{CameraIdentity, StreamFormat};
 use crate::config::{Compression, Config, Scale};
@@ -11,10 +11,10 @@ use crate::results::{BodyStep, PairField, VelocitySample};
 use crate::rod;
 use crate::synth::World;
 use crate::track::{TrackerParams, TrackerRows};
+use camera_part::CameraPart;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::rc::Rc;
-use take::CameraPart;
 
 /// The frames of one camera's part of a recording.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -1,11 +1,12 @@
 //! Starts the processes of a rig, monitors them, restarts those that die, and stops them in order.
 
 use super::clock::{PeriodicTimer, Timeout, now};
-use super::reference;
-use super::reins::{self as stepping, END_OF_CONFIG, StepControl};
-use super::report::StatusReporter;
+use super::reference_picture;
 use super::resume::Resume;
-use super::rig::{expected_format, limits};
+use super::setup::{expected_format, limits};
+use super::status_reporter::StatusReporter;
+use super::stepping;
+use super::stepping::{END_OF_CONFIG, StepControl};
 use super::stop::Stop;
 use super::storage::prepare_directory;
 use super::summary::Summary;
@@ -399,7 +400,7 @@ impl<'a> Supervisor<'a> {
             let _ = process.wait();
         }
         self.bus.clean_up_dead();
-        self.groups.iter().for_each(|group| reference::remove(group.config));
+        self.groups.iter().for_each(|group| reference_picture::remove(group.config));
     }
 }
 

@@ -1,12 +1,12 @@
 //! Tracking: from fields in any order to tracks, velocities and impacts in frame order.
 
 use super::clock::{Timeout, now};
-use super::conclude::LiveTrigger;
-use super::report::StatusReporter;
+use super::live_trigger::LiveTrigger;
 use super::resume::Resume;
-use super::rig::{SUCCESSION, analysis_params, expected_format, limits, update_exposure};
+use super::setup::{SUCCESSION, analysis_params, expected_format, limits, update_exposure};
+use super::status_reporter::StatusReporter;
 use super::stop::Stop;
-use super::stream::StreamState;
+use super::stream_state::StreamState;
 use super::summary::Summary;
 use crate::bus::{Bell, Bus, BusError, FieldSubscriber, Limits, Publisher};
 use crate::camera::StreamFormat;

@@ -16,7 +16,7 @@ const YELLOW: Color = Color { r: 1.0, g: 0.85, b: 0.1, a: 1.0 };
 
 impl Annotations {
     pub(super) fn to_message(&self, stamp_ns: u64) -> ImageAnnotations {
-        let timestamp = Some(super::encode::timestamp(stamp_ns));
+        let timestamp = Some(super::frame_message::timestamp(stamp_ns));
         let circles = self
             .circles
             .iter()

@@ -1,8 +1,9 @@
 //! Extracts of a recording as separate files: its results without frames, or its frames for ROS 2.
 
 use super::container::{Container, Payload, Settings};
-use super::copier::Copier;
-use super::part::{self, PartFile};
+use super::message_copy::Copier;
+use super::part_file;
+use super::part_file::PartFile;
 use super::record::{Channel, MessageHeader, Schema};
 use super::{CONTINUED_NAME, Compression, Recording, RecordingError, RecordingWriter, Topic, WriterOptions, split};
 use crate::image::{FrameMeta, PixelFormat};
@@ -45,7 +46,7 @@ uint32 nanosec
 /// [`RecordingError`] when the old file cannot be opened or is damaged, or the new one cannot be written.
 pub fn copy_results(from: &Path, to: &Path) -> Result<u64, RecordingError> {
     let recording = Recording::open(from)?;
-    let mut writer = RecordingWriter::start(to, part::part_path(to), &RESULTS)?;
+    let mut writer = RecordingWriter::start(to, part_file::part_path(to), &RESULTS)?;
     match copy(&recording, &mut writer) {
         Ok(messages) => {
             writer.finish()?;
@@ -102,10 +103,10 @@ fn copy_rows(recording: &Recording, writer: &mut RecordingWriter) -> Result<u64,
 /// [`RecordingError`] when the old file cannot be read, or the new one cannot be written.
 pub fn copy_as_ros2(from: &Recording, to: &Path) -> Result<u64, RecordingError> {
     let frames = from.frames()?;
-    let part = part::part_path(to);
-    let file = part::create(to, &part)?;
+    let part = part_file::part_path(to);
+    let file = part_file::create(to, &part)?;
     let written = write_ros2(file, &part, frames);
-    match written.and_then(|count| part::publish(to, &part).map(|()| count)) {
+    match written.and_then(|count| part_file::publish(to, &part).map(|()| count)) {
         Ok(count) => Ok(count),
         Err(error) => Err(discard(to, error)),
     }
@@ -113,7 +114,7 @@ pub fn copy_as_ros2(from: &Recording, to: &Path) -> Result<u64, RecordingError> 
 
 /// Removes the unfinished file, which can be made again.
 fn discard(to: &Path, error: RecordingError) -> RecordingError {
-    let _ = std::fs::remove_file(part::part_path(to));
+    let _ = std::fs::remove_file(part_file::part_path(to));
     error
 }
 

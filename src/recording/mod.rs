@@ -5,28 +5,28 @@
 //! [`Recording`] reads it, and reads unfinished files and files of other programs too.
 
 mod annotations;
-mod batch;
 mod container;
-mod copier;
-mod encode;
+mod disk_sync;
 mod error;
 mod extract;
-mod part;
-mod picture;
+mod frame_message;
+mod message_copy;
+mod part_file;
+mod png_attachment;
 mod reader;
 mod record;
 mod recover;
+mod row_batch;
 mod rows;
 mod schema;
 mod split;
-mod syncer;
 mod writer;
 
 pub use annotations::Annotations;
 pub use error::RecordingError;
 pub use extract::{copy_as_ros2, copy_results};
-pub use part::part_path;
-pub use picture::{from_png, to_png};
+pub use part_file::part_path;
+pub use png_attachment::{from_png, to_png};
 pub use reader::{Attachment, Frames, Recording, Rows, TopicSummary};
 pub use recover::{Recovered, recover};
 pub use rows::{EventRow, StatusRow};

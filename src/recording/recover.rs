@@ -1,9 +1,9 @@
 //! Recovery of a complete recording from a damaged or unfinished one.
 
-use super::copier::Copier;
+use super::message_copy::Copier;
 use super::reader::Message;
 use super::schema::proto;
-use super::{RECOVERED_NAME, Recording, RecordingError, RecordingWriter, Topic, WriterOptions, part};
+use super::{RECOVERED_NAME, Recording, RecordingError, RecordingWriter, Topic, WriterOptions, part_file};
 use foxglove::messages::RawImage;
 use prost::Message as _;
 use std::collections::BTreeMap;
@@ -32,7 +32,7 @@ pub struct Recovered {
 /// [`RecordingError`] when the old file cannot be opened or the new one cannot be written.
 pub fn recover(from: &Path, to: &Path) -> Result<Recovered, RecordingError> {
     let recording = Recording::open_one(from)?;
-    let mut writer = RecordingWriter::start(to, part::recovering_path(to), &WriterOptions::default())?;
+    let mut writer = RecordingWriter::start(to, part_file::recovering_path(to), &WriterOptions::default())?;
     let mut skipped: Vec<String> = recording.truncated().map(str::to_owned).into_iter().collect();
     describe(&recording, &mut writer, &mut skipped)?;
     let mut filter = MessageFilter { copier: Copier::new(&recording, &mut writer), info: None };

@@ -1,7 +1,7 @@
 //! A recording that continues in a next file when one is full.
 
 use super::writer::{RecordingInfo, RecordingWriter, WriterOptions};
-use super::{CONTINUED_NAME, Recording, RecordingError, part};
+use super::{CONTINUED_NAME, Recording, RecordingError, part_file};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
@@ -88,7 +88,7 @@ impl RecordingWriter {
         split.finished_frames = frames;
         split.expected_bytes = END_BYTES;
         let (info, options) = (split.info(), split.options);
-        self.begin_file(&next, part::part_path(&next), &options)?;
+        self.begin_file(&next, part_file::part_path(&next), &options)?;
         self.describe(&info)
     }
 }

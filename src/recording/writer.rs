@@ -3,15 +3,15 @@
 mod info;
 mod rows;
 
-use super::batch::Batch;
 use super::container::{Container, Payload, Settings};
-use super::copier::Copied;
-use super::part::PartFile;
+use super::disk_sync::Syncer;
+use super::message_copy::Copied;
+use super::part_file::PartFile;
 use super::record::{Channel, MessageHeader, Schema};
+use super::row_batch::Batch;
 use super::schema::Topic;
 use super::split::Split;
-use super::syncer::Syncer;
-use super::{RecordingError, encode, part};
+use super::{RecordingError, frame_message, part_file};
 use crate::image::Frame;
 pub use info::{RecordingInfo, ViewInfo};
 use std::collections::BTreeMap;
@@ -112,7 +112,7 @@ impl RecordingWriter {
     ///
     /// [`RecordingError::Refused`] when the file or its part exists; [`RecordingError::Io`] when the system fails.
     pub fn create(path: &Path, info: &RecordingInfo, options: &WriterOptions) -> Result<Self, RecordingError> {
-        let mut writer = Self::start(path, part::part_path(path), options)?;
+        let mut writer = Self::start(path, part_file::part_path(path), options)?;
         writer.views = info.views.iter().map(|view| view.name.clone()).collect();
         writer.channels = vec![NO_CHANNELS; 1 + info.views.len()];
         writer.split = options.split_bytes.map(|bytes| Split::new(path, bytes, info, options));
@@ -223,13 +223,13 @@ impl RecordingWriter {
             ));
         }
         self.write_due_batches(meta.stamp_ns)?;
-        self.make_room(encode::expected_bytes(frame))?;
+        self.make_room(frame_message::expected_bytes(frame))?;
         let mut message = std::mem::take(&mut self.scratch);
         let body_crc = crc32fast::hash(frame.bytes);
-        encode::info(frame, body_crc, &mut message);
+        frame_message::info(frame, body_crc, &mut message);
         let mut result = self.message(Topic::FrameInfo, meta.sequence, meta.stamp_ns, &Payload::of(&message));
         if result.is_ok() {
-            encode::image(frame, &mut message);
+            frame_message::image(frame, &mut message);
             let image = Payload { head: &message, body: frame.bytes, body_crc };
             result = self.message(Topic::Image, meta.sequence, meta.stamp_ns, &image);
         }
@@ -279,7 +279,7 @@ impl RecordingWriter {
     /// The number of frames that stay readable in the part file if this process dies.
     pub fn safe_frames(&self) -> u64 {
         let finished = self.split.as_ref().map_or(0, |split| split.finished_frames);
-        if part::is_in_place(&self.part, &self.handle) { self.safe_frames } else { finished }
+        if part_file::is_in_place(&self.part, &self.handle) { self.safe_frames } else { finished }
     }
 
     /// Writes the buffered end of the last frame; for a pause without another frame.
@@ -332,7 +332,7 @@ impl RecordingWriter {
         let io = |error| RecordingError::io("sync", &self.part, error);
         self.syncer.wait().and_then(|()| self.handle.sync_all()).map_err(io)?;
         let bytes = self.handle.metadata().map_err(io)?.len();
-        part::publish(&self.path, &self.part)?;
+        part_file::publish(&self.path, &self.part)?;
         Ok(bytes)
     }
 
@@ -392,7 +392,7 @@ impl RecordingWriter {
     }
 
     fn check_in_place(&self) -> Result<(), RecordingError> {
-        if part::is_in_place(&self.part, &self.handle) {
+        if part_file::is_in_place(&self.part, &self.handle) {
             return Ok(());
         }
         let gone = std::io::Error::new(std::io::ErrorKind::NotFound, "the file was removed while it was written");
@@ -478,7 +478,7 @@ impl Drop for RecordingWriter {
 
 /// Creates a part file and returns its container, and a second handle for syncs.
 fn open(path: &Path, part: &Path, options: &WriterOptions) -> Result<(Container, File), RecordingError> {
-    let file = part::create(path, part)?;
+    let file = part_file::create(path, part)?;
     let handle = file.try_clone().map_err(|error| RecordingError::io("open", part, error))?;
     let settings = Settings { profile: "", compression: options.compression, chunk_bytes: options.chunk_bytes };
     let container = Container::create(PartFile::new(file), settings);

@@ -1,8 +1,9 @@
 //! The curves of one body.
 
-use super::chart::{self, Chart, Curve, Point, Timeline};
-use super::number;
 use super::shot::Shot;
+use crate::plot::number;
+use crate::plot::time_chart;
+use crate::plot::time_chart::{Chart, Curve, Point, Timeline};
 use crate::results::{BodyVelocity, Estimate, VelocitySample};
 use maud::{Markup, PreEscaped, html};
 
@@ -107,7 +108,7 @@ impl<'a> Drawer<'a> {
     fn figure(&self, heading: &Markup, note: Option<&Markup>, chart: &Chart) -> Markup {
         html! {
             figure {
-                @match chart::draw(chart, &self.time) {
+                @match time_chart::draw(chart, &self.time) {
                     Some(svg) => {
                         figcaption { b { (heading) } span { @if let Some(note) = note { (note) } } }
                         (svg)

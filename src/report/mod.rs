@@ -6,12 +6,10 @@
 //! The curves are our own SVG rather than the output of a plotting crate: their colours come from the style sheet of
 //! the page, so one drawing serves the light, the dark and the printed page.
 
-mod chart;
 mod check;
 mod curves;
-mod figure;
-mod number;
 mod page;
+mod paper_figures;
 mod picture;
 mod repeat;
 mod shot;
@@ -19,7 +17,7 @@ mod snapshot;
 mod spread;
 
 pub use check::{CheckPicture, CheckRow, check_page};
-pub use figure::{Beside, Experiment, Figure, figures};
+pub use paper_figures::{Beside, Experiment, Figure, figures};
 pub use shot::{Shot, last_revisions};
 
 /// Returns the page of one shot, or of the repeatability of several.

@@ -1,9 +1,9 @@
 //! The page of several recordings: how well their numbers repeat.
 
-use super::number::{GROUPS, Quantity, fixed, format_estimate};
 use super::page::{document, utc};
 use super::shot::Shot;
 use super::spread::Spread;
+use crate::plot::number::{GROUPS, Quantity, fixed, format_estimate};
 use crate::results::{Estimate, Impact};
 use maud::{Markup, html};
 use std::collections::BTreeSet;

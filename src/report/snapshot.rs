@@ -1,8 +1,8 @@
 //! The moments of a collision as pictures, with the measurement drawn over them.
 
-use super::number::{fixed, three_digits};
 use super::picture::{Crop, data_url};
 use super::shot::{Shot, Snapshot};
+use crate::plot::number::{fixed, three_digits};
 use crate::results::{Impact, PairField};
 use maud::{Markup, html};
 use std::fmt::Write as _;

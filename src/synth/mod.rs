@@ -6,7 +6,6 @@
 mod background;
 mod film;
 mod ground_truth;
-mod mover;
 mod orientation;
 pub mod physics;
 mod render;
@@ -16,8 +15,8 @@ mod sensor;
 mod tests;
 mod trajectory;
 
+pub use crate::study::PictureMover;
 pub use film::World;
-pub use mover::PictureMover;
 pub use scenario::{
     BodySetup, CameraSetup, ImpactSetup, LightSetup, MotionSetup, OccluderSetup, OtherSetup, PartSetup, PatternSetup,
     RingingSetup, RodSetup, ScaleSetup, Scenario, ScenarioError, ShadeSetup, Shape, SurfaceSetup,

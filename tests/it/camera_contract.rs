@@ -3,7 +3,7 @@
 use crate::fake_gige::{FakeGige, Wiring};
 use crate::slots::Slots;
 use ricochet::camera::genicam::GenicamCamera;
-use ricochet::camera::recording::{PlaybackRate, Repeat, ReplayCamera};
+use ricochet::camera::replay::{PlaybackRate, Repeat, ReplayCamera};
 use ricochet::camera::simulated::SimulatedCamera;
 use ricochet::camera::{Camera, Next, Pace};
 use ricochet::image::{Frame, FrameMeta};

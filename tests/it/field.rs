@@ -2,10 +2,11 @@
 
 use std::path::{Path, PathBuf};
 
-use ricochet::command::Outcome;
-use ricochet::command::field::{Begin, FieldError, FieldOptions, Quantity};
+use ricochet::command::field::{Begin, FieldError, FieldOptions};
+use ricochet::console::Outcome;
 use ricochet::dic::{CorrelationParams, Correlator, Interpolation, Region, find_at_any_angle};
 use ricochet::image::Image;
+use ricochet::plot::color_map::Quantity;
 use ricochet::process::Stop;
 
 fn options(reference: &Path, target: &Path) -> FieldOptions {

@@ -2,8 +2,8 @@
 
 use crate::rotation_search::{farthest, rows, write_frames};
 use crate::support::{Rig, run, succeed};
-use ricochet::command::Outcome;
 use ricochet::command::field::{Begin, FieldOptions};
+use ricochet::console::Outcome;
 use ricochet::dic::CorrelationParams;
 use ricochet::process::Stop;
 use ricochet::results::PointStatus;

@@ -1,8 +1,8 @@
 //! `ricochet field --start any-angle`: bodies with large rotations and displacements.
 
 use crate::support::{Rig, run};
-use ricochet::command::Outcome;
 use ricochet::command::field::{Begin, FieldError, FieldOptions};
+use ricochet::console::Outcome;
 use ricochet::dic::rigid_fit;
 use ricochet::dic::{CorrelationParams, Shape};
 use ricochet::process::Stop;

@@ -2,9 +2,9 @@
 
 use crate::measured_world::rows_of;
 use crate::support::{Rig, run, succeed};
-use ricochet::command::study::design::{Expected, predict, spread};
 use ricochet::config::Config;
 use ricochet::process::{Stop, truth_world};
+use ricochet::study::design::{Expected, predict, spread};
 use ricochet::synth::{LightSetup, MotionSetup, PatternSetup, Scenario};
 use ricochet::track::TrackerRows;
 use serde_json::Value;

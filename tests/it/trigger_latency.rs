@@ -1,7 +1,7 @@
 //! The time that the motion trigger takes to decide.
 
 use crate::support::{Background, Rig, ricochet};
-use ricochet::camera::priority;
+use ricochet::camera::realtime_priority;
 use ricochet::synth::{MotionSetup, Scenario};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
@@ -88,7 +88,7 @@ fn machine(busy: usize) -> u64 {
         }
         let woken = scope.spawn(|| {
             // Without the right to raise its priority, this thread has the same disadvantage as the rig.
-            let _ = priority::raise(priority::PUBLISHING);
+            let _ = realtime_priority::raise(realtime_priority::PUBLISHING);
             let start = Instant::now();
             let due = (1..=4000).map(|frame| Duration::from_micros(100 * frame));
             let mut late: Vec<u64> = due

@@ -5,7 +5,7 @@ use super::feature::{check_entry, is_near};
 use super::handle::{c_text, checked};
 use super::settings::GenicamSettings;
 use super::sys::ARV_AUTO_OFF;
-use crate::camera::setting::{FloatRange, set_in_dependency_order, setting_error};
+use crate::camera::feature_setting::{FloatRange, set_in_dependency_order, setting_error};
 use crate::camera::{CameraError, StreamFormat};
 use crate::config::FeatureValue;
 use crate::image::PixelFormat;

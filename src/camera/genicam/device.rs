@@ -3,7 +3,7 @@
 use super::handle::{Library, Object, c_text, checked, free, text};
 use super::sys::{ARV_GC_ACCESS_MODE_RO, ARV_GC_ACCESS_MODE_WO};
 use super::sys::{ArvCamera, ArvDevice, ArvGcNode, GClosure, GError, GType, gpointer, guint};
-use crate::camera::setting::{FloatRange, IntegerRange};
+use crate::camera::feature_setting::{FloatRange, IntegerRange};
 use std::ffi::{CString, c_char};
 use std::ptr;
 use std::sync::Arc;

@@ -2,7 +2,7 @@
 
 use super::device::{Access, Device, Kind};
 use crate::camera::CameraError;
-use crate::camera::setting::{check_integer, setting_error};
+use crate::camera::feature_setting::{check_integer, setting_error};
 use crate::config::FeatureValue;
 
 /// Maximum relative difference between a value and its read-back: cameras round to their own resolution.

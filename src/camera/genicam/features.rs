@@ -1,10 +1,10 @@
 //! Descriptions of a camera: its formats and rates, and the tree of all its features.
 
 use super::device::{Access, Device, Kind};
-use super::find::CameraListing;
+use super::discovery::CameraListing;
 use super::handle::text;
 use crate::camera::CameraError;
-use crate::camera::setting::FloatRange;
+use crate::camera::feature_setting::FloatRange;
 use std::collections::BTreeSet;
 use std::ffi::c_char;
 

@@ -4,15 +4,11 @@
 mod apply;
 mod chunks;
 mod clock;
-mod completion;
 mod device;
 mod feature;
 mod features;
-mod filter;
-mod find;
 mod handle;
 mod library;
-mod sequence;
 mod settings;
 mod socket;
 mod stream;
@@ -28,21 +24,25 @@ mod stream;
     reason = "generated"
 )]
 pub mod sys;
+mod buffer_times;
+mod discovery;
+mod frame_ids;
+mod packet_filter;
 
 pub use crate::config::FeatureValue;
 pub use device::{Access, Device, Kind};
+pub use discovery::{CameraListing, list};
 pub use features::{CameraDetails, FeatureLine, describe, features};
-pub use find::{CameraListing, list};
 pub use library::library;
 pub use settings::GenicamSettings;
 pub use stream::StreamStatistics;
 
-use crate::camera::setting::{setting_error, slot_count};
+use super::feature_setting::{setting_error, slot_count};
 use crate::camera::{Camera, CameraError, CameraIdentity, Next, Pace, Slot, StreamFormat};
 use crate::image::FrameMeta;
 use chunks::{ChunkValues, Chunks};
 use clock::DeviceClock;
-use sequence::FrameIds;
+use frame_ids::FrameIds;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};

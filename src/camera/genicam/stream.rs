@@ -3,16 +3,16 @@
 //! The library writes packets into the slots' memory from its own thread. If a camera sends chunk data behind each
 //! image, for which a slot has no room, packets go to memory of the stream instead, and the image is copied.
 
+use super::buffer_times::BufferTimes;
 use super::chunks::{ChunkValues, Chunks};
-use super::completion::BufferTimes;
 use super::device::Device;
-use super::filter::StreamShape;
 use super::handle::{Library, Object, c_text, checked, text};
+use super::packet_filter::StreamShape;
 use super::settings::GenicamSettings;
 use super::socket;
 use super::sys::{self, ArvBuffer, ArvStream, ArvStreamCallbackType, gpointer, guint64};
-use crate::camera::setting::IntegerRange;
-use crate::camera::{Slot, priority};
+use crate::camera::feature_setting::IntegerRange;
+use crate::camera::{Slot, realtime_priority};
 use std::net::Ipv4Addr;
 use std::ptr::{self, NonNull};
 use std::sync::{Arc, Once};
@@ -383,7 +383,7 @@ unsafe extern "C" fn on_stream(data: gpointer, kind: ArvStreamCallbackType, _buf
     if kind != sys::ARV_STREAM_CALLBACK_TYPE_INIT {
         return;
     }
-    if let Err(error) = priority::raise(priority::RECEIVING) {
+    if let Err(error) = realtime_priority::raise(realtime_priority::RECEIVING) {
         WARNED.call_once(|| log::warn!("the receiving thread has no real-time priority: {error}"));
     }
 }

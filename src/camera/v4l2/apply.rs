@@ -1,12 +1,12 @@
 //! Applies a rig's settings to the driver: format and size, then rate, then controls.
 
 use super::device::Device;
-use super::layout::{BufferLayout, LAYOUTS, Layout, fourcc_text};
-use super::offer::{FrameSize, interval_of_rate, is_same_rate, rate_hz};
+use super::modes::{FrameSize, interval_of_rate, is_same_rate, rate_hz};
+use super::pixel_layout::{BufferLayout, LAYOUTS, Layout, fourcc_text};
 use super::settings::V4l2Settings;
 use super::sys;
 use crate::camera::CameraError;
-use crate::camera::setting::{set_in_dependency_order, setting_error};
+use crate::camera::feature_setting::{set_in_dependency_order, setting_error};
 use crate::config::FeatureValue;
 use std::io;
 

@@ -1,11 +1,11 @@
 //! Controls of a driver by name: listed, set within their range, read back.
 
 use super::device::{Device, text};
-use super::offer::MAX_LIST;
+use super::modes::MAX_LIST;
 use super::sys;
 use crate::camera::CameraError;
+use crate::camera::feature_setting::{IntegerRange, check_integer, setting_error};
 use crate::camera::genicam::{FeatureLine, Kind};
-use crate::camera::setting::{IntegerRange, check_integer, setting_error};
 use crate::config::FeatureValue;
 use std::io;
 

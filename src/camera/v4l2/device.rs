@@ -1,8 +1,8 @@
 //! An open video device: each ioctl as a typed call.
 
-use super::find;
+use super::discovery;
 use super::kernel::{Kernel, Mapping, Node};
-use super::offer::{FrameSize, MAX_LIST, Rates, Sizes};
+use super::modes::{FrameSize, MAX_LIST, Rates, Sizes};
 use super::sys;
 use crate::camera::CameraError;
 use std::io;
@@ -57,7 +57,7 @@ impl Device {
     pub(super) fn open(path: &Path) -> Result<Self, CameraError> {
         let id = path.display().to_string();
         let not_found = |reason: String| CameraError::NotFound { id: id.clone(), reason };
-        let node = Node::open(path).map_err(|error| not_found(find::open_failure(&error)))?;
+        let node = Node::open(path).map_err(|error| not_found(discovery::open_failure(&error)))?;
         let device = Self { kernel: Box::new(node), id: id.clone(), path: path.into() };
         let capability = device.capability().map_err(|error| not_found(format!("no video device: {error}")))?;
         match capability.refusal() {

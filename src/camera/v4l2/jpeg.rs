@@ -1,6 +1,6 @@
 //! Decoding the luma of motion JPEG images.
 
-use super::offer::FrameSize;
+use super::modes::FrameSize;
 use zune_jpeg::JpegDecoder;
 use zune_jpeg::zune_core::bytestream::ZCursor;
 use zune_jpeg::zune_core::colorspace::ColorSpace;

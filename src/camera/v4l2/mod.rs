@@ -6,21 +6,15 @@
 //! only if nothing else has the requested size and rate, because compression removes speckle detail.
 #![expect(unsafe_code, reason = "the kernel is spoken to through structures of C")]
 
-mod advice;
 mod apply;
 mod control;
 mod device;
-mod find;
 mod jpeg;
 mod kernel;
-mod layout;
 #[cfg(test)]
 mod mock;
-mod offer;
 mod queue;
-mod rhythm;
 mod settings;
-mod stamp;
 #[rustfmt::skip]
 #[doc(hidden)]
 #[allow(
@@ -34,21 +28,27 @@ mod stamp;
     reason = "generated"
 )]
 pub mod sys;
+mod auto_controls;
+mod discovery;
+mod frame_timing;
+mod modes;
+mod pixel_layout;
+mod timestamps;
 
 pub use device::{Capability, Device};
-pub use find::{CameraListing, FormatListing, features, is_v4l2_id, list};
-pub use offer::{FrameSize, Rates, Sizes};
+pub use discovery::{CameraListing, FormatListing, features, is_v4l2_id, list};
+pub use modes::{FrameSize, Rates, Sizes};
 pub use settings::V4l2Settings;
 
-use crate::camera::setting::slot_count;
+use super::feature_setting::slot_count;
 use crate::camera::{Camera, CameraError, CameraIdentity, Next, Pace, Slot, StreamFormat};
 use apply::Applied;
-use layout::BufferLayout;
+use frame_timing::FrameTiming;
+use pixel_layout::BufferLayout;
 use queue::{BUFFERS_MAX, BUFFERS_MIN, BufferInfo, Dequeued, Queue};
-use rhythm::FrameTiming;
-use stamp::{HostClock, Sequences, is_stale, monotonic_ns};
 use std::io;
 use std::time::Duration;
+use timestamps::{HostClock, Sequences, is_stale, monotonic_ns};
 
 /// Minimum number of slots.
 const MIN_SLOTS: usize = 2 * BUFFERS_MIN;
@@ -95,7 +95,7 @@ impl V4l2Camera {
     fn with_device(device: Device, settings: &V4l2Settings) -> Result<Self, CameraError> {
         let applied = apply::apply(&device, settings)?;
         let Applied { buffer, frame_rate_hz, exposure_us } = applied;
-        for warning in advice::warnings(&device, &applied, settings) {
+        for warning in auto_controls::warnings(&device, &applied, settings) {
             log::warn!("{}: {warning}", device.id);
         }
         let format = StreamFormat {

@@ -5,9 +5,9 @@
 
 use super::device::{Device, Memory};
 use super::kernel::Mapping;
-use super::layout::BufferLayout;
-use super::stamp::monotonic_ns;
+use super::pixel_layout::BufferLayout;
 use super::sys;
+use super::timestamps::monotonic_ns;
 use crate::camera::Slot;
 use std::collections::VecDeque;
 use std::io;

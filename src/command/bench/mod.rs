@@ -4,7 +4,7 @@ mod live;
 mod record;
 mod windows;
 
-use super::Outcome;
+use crate::console::Outcome;
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 

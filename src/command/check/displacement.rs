@@ -4,7 +4,7 @@ use super::grab::{Grabbed, now};
 use crate::config::Config;
 use crate::image::Frame;
 use crate::measure::{Measured, Measurer, Share};
-use crate::process::{analysis_params, reference};
+use crate::process::{analysis_params, reference_picture};
 use crate::results::{PairField, PointStatus};
 
 /// A body is static if its mean motion is below this many standard errors, or below `STILL_PX` and `STILL_DEG`.
@@ -55,7 +55,8 @@ pub(super) fn floor(config: &Config, grabbed: &Grabbed) -> anyhow::Result<Floor>
     let shortest = params.intervals_frames[0];
     let mut measurer = Measurer::new(&params, Share::ALL, format.width_px as usize, format.height_px as usize)?;
     let first = grabbed.frames.first();
-    let picture = first.and_then(|(meta, bytes)| reference::of_first_frame(&Frame { meta: *meta, bytes }, config));
+    let picture =
+        first.and_then(|(meta, bytes)| reference_picture::of_first_frame(&Frame { meta: *meta, bytes }, config));
     picture.iter().try_for_each(|picture| measurer.set_reference(picture))?;
     let mut measured = Vec::new();
     let began = now();

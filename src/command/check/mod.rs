@@ -11,8 +11,8 @@ mod texture;
 
 pub use finding::{Finding, Verdict};
 
-use super::{Outcome, UsageError, say, table};
 use crate::config::Config;
+use crate::console::{Outcome, UsageError, say, table};
 use crate::image::FrameMeta;
 use crate::process::{Stop, analysis_params};
 use crate::report;

@@ -1,17 +1,17 @@
 //! `ricochet demo`: runs the whole pipeline on a simulated camera and compares the result with the truth.
 
-mod paper;
+mod paper_settings;
 
 use super::analyze::last_revisions;
-use super::{Outcome, UsageError, progress, say, table};
 use crate::config::{BodyKind, Config, Scale};
+use crate::console::{Outcome, UsageError, progress, say, table};
 use crate::message::Role;
 use crate::process::{self, Child, Stop};
 use crate::recording::Recording;
 use crate::report::{self, Experiment, Figure, Shot};
 use crate::results::{Estimate, Impact};
 use anyhow::Context as _;
-use paper::Setup;
+use paper_settings::Setup;
 use std::path::{Path, PathBuf};
 
 const BUILT_IN: [(&str, &str); 3] = [
@@ -145,7 +145,7 @@ fn figures(config: &Config, experiment: &str, path: &Path) -> anyhow::Result<Vec
     };
     let surface_angle_deg = config.surface.angle_deg;
     let beside = if experiment == "rod" {
-        paper::velocities(&recording, &Setup { rod: &config.rod(0), mm_per_px, surface_angle_deg })?
+        paper_settings::velocities(&recording, &Setup { rod: &config.rod(0), mm_per_px, surface_angle_deg })?
     } else {
         Vec::new()
     };

@@ -146,7 +146,7 @@ pub fn run(options: &ExportOptions) -> Result<Exported, ExportError> {
 }
 
 /// Whether both paths lead to one file that exists.
-pub(super) fn is_same_file(a: &Path, b: &Path) -> bool {
+pub(crate) fn is_same_file(a: &Path, b: &Path) -> bool {
     matches!((a.canonicalize(), b.canonicalize()), (Ok(a), Ok(b)) if a == b)
 }
 

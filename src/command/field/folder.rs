@@ -9,7 +9,7 @@ use super::FieldError;
 /// # Errors
 ///
 /// When a file has this name, or the directory cannot be created.
-pub(in crate::command) fn make(option: &str, path: &Path) -> Result<(), FieldError> {
+pub(crate) fn make(option: &str, path: &Path) -> Result<(), FieldError> {
     if path.exists() && !path.is_dir() {
         return Err(FieldError::Usage(format!("{option} {}: is a file, expected a directory", path.display())));
     }

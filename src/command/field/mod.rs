@@ -1,26 +1,23 @@
 //! `ricochet field`: the displacement field between two still images, or of a series of images.
 
-mod digits;
-pub(super) mod folder;
-mod map;
-mod picture;
+pub(crate) mod folder;
 mod roi;
 mod series;
 mod start;
-pub(super) mod stills;
+pub(crate) mod stills;
 mod table;
 
 use std::io::BufWriter;
 use std::path::{Path, PathBuf};
 
-use super::Outcome;
 use super::export::is_same_file;
+use crate::console::Outcome;
 use crate::dic::{CorrelationError, CorrelationParams, Correlator, Region};
 use crate::image::ImageView;
 use crate::process::Stop;
 use crate::results::{FieldPoint, PointStatus};
 
-pub use map::Quantity;
+pub use crate::plot::color_map::Quantity;
 pub use roi::{Corners, Roi};
 pub use start::Begin;
 use table::Layout;
@@ -87,7 +84,7 @@ impl FieldError {
         Self::Read { path: path.to_owned(), reason: reason.to_string() }
     }
 
-    pub(in crate::command) fn write(to: &Path, reason: impl std::fmt::Display) -> Self {
+    pub(crate) fn write(to: &Path, reason: impl std::fmt::Display) -> Self {
         Self::Write { to: to.display().to_string(), reason: reason.to_string() }
     }
 }
@@ -149,9 +146,9 @@ fn save_picture(
 ) -> Result<Option<String>, FieldError> {
     let step_px = options.params.step_px;
     let (drawn, legend) = match options.map {
-        None => (picture::arrows(reference, field, step_px), None),
+        None => (crate::plot::arrows::arrows(reference, field, step_px), None),
         Some(quantity) => {
-            let map = map::map(reference, field, quantity, step_px);
+            let map = crate::plot::color_map::map(reference, field, quantity, step_px);
             (map.picture, Some(map.legend))
         }
     };

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 use super::table::Layout;
 use super::{Begin, FieldError, FieldOptions, folder, save_picture, start, stills, summary, to_standard_output};
-use crate::command::{Outcome, progress};
+use crate::console::{Outcome, progress};
 use crate::dic::{Correlator, Series};
 use crate::image::ImageView;
 use crate::process::Stop;

@@ -14,7 +14,7 @@ use crate::image::Image;
 /// # Errors
 ///
 /// [`FieldError`] naming the file that cannot be read, or both sizes.
-pub(in crate::command) fn read_pair(reference: &Path, target: &Path) -> Result<(Image, Image), FieldError> {
+pub(crate) fn read_pair(reference: &Path, target: &Path) -> Result<(Image, Image), FieldError> {
     let (a, b) = (read_still(reference)?, read_still(target)?);
     let size = |image: &Image| (image.view().width(), image.view().height());
     check_size((reference, size(&a)), (target, size(&b)))?;
@@ -26,7 +26,7 @@ pub(in crate::command) fn read_pair(reference: &Path, target: &Path) -> Result<(
 /// # Errors
 ///
 /// [`FieldError::Usage`] with both sizes.
-pub(super) fn check_size(
+pub(crate) fn check_size(
     (reference, before): (&Path, (usize, usize)),
     (target, after): (&Path, (usize, usize)),
 ) -> Result<(), FieldError> {
@@ -49,7 +49,7 @@ pub(super) fn check_size(
 /// # Errors
 ///
 /// [`FieldError::Read`] naming the file.
-pub(super) fn size_px(path: &Path) -> Result<(usize, usize), FieldError> {
+pub(crate) fn size_px(path: &Path) -> Result<(usize, usize), FieldError> {
     let (width, height) = open(path)?.into_dimensions().map_err(|error| unreadable(path, &error))?;
     Ok((width as usize, height as usize))
 }
@@ -59,7 +59,7 @@ pub(super) fn size_px(path: &Path) -> Result<(usize, usize), FieldError> {
 /// # Errors
 ///
 /// [`FieldError::Usage`] when the region exceeds the image or has no room for a subset.
-pub(in crate::command) fn points(
+pub(crate) fn points(
     name: &Path,
     (width, height): (usize, usize),
     roi_px: Option<[u32; 4]>,
@@ -93,7 +93,7 @@ fn checked_roi(name: &Path, (width, height): (usize, usize), roi_px: Option<[u32
 /// # Errors
 ///
 /// Like [`points`], and when no subset centre lies in the polygon.
-pub(super) fn points_of(options: &FieldOptions, (width, height): (usize, usize)) -> Result<Vec<GridPoint>, FieldError> {
+pub(crate) fn points_of(options: &FieldOptions, (width, height): (usize, usize)) -> Result<Vec<GridPoint>, FieldError> {
     let (name, params) = (&options.reference, &options.params);
     let all = |roi_px| {
         let whole = points(name, (width, height), roi_px, params)?;
@@ -112,7 +112,7 @@ pub(super) fn points_of(options: &FieldOptions, (width, height): (usize, usize))
 }
 
 /// Reads a BMP, PNG, TIFF or PGM image of 8 or 16 bit; converts colours to luma with a note on standard error.
-pub(super) fn read_still(path: &Path) -> Result<Image, FieldError> {
+pub(crate) fn read_still(path: &Path) -> Result<Image, FieldError> {
     let picture = open(path)?.decode().map_err(|error| unreadable(path, &error))?;
     let color = picture.color();
     // Grey images with a palette are decoded as colour images with equal channels.

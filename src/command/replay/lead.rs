@@ -1,7 +1,7 @@
 //! Releases the frames of several rigs in time order, or of one rig step by step.
 
 use super::{Played, Rate, Tempo};
-use crate::camera::recording::TimeRange;
+use crate::camera::replay::TimeRange;
 use crate::image::FrameMeta;
 use crate::process::{self, StepControl, Stop, Summary};
 use crate::recording::{Frames, RecordingError};

@@ -1,7 +1,7 @@
 //! Groups recordings into streams.
 
-use crate::camera::recording::TimeRange;
-use crate::command::UsageError;
+use crate::camera::replay::TimeRange;
+use crate::console::UsageError;
 use crate::image::FrameMeta;
 use crate::recording::{Recording, RecordingError};
 use std::path::PathBuf;

@@ -9,7 +9,7 @@ mod layout;
 mod sink;
 mod summary;
 
-use super::part::PartFile;
+use super::part_file::PartFile;
 use super::record::{Channel, MAGIC, MessageHeader, Schema, op};
 use super::writer::Compression;
 use chunk::Chunk;

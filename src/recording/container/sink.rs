@@ -1,6 +1,6 @@
 //! The file, with what waits for the next write.
 
-use crate::recording::part::PartFile;
+use crate::recording::part_file::PartFile;
 use std::io;
 
 /// Pages of this size are the largest that a write is cut at; the system keeps what it writes in pages as large as the

@@ -1,8 +1,9 @@
 //! The messages of some channels, in the order of their log time.
 
-use super::section::{self, Found, Unreadable};
-use super::source::Source;
-use super::walk::Section;
+use super::byte_source::Source;
+use super::chunk_section;
+use super::chunk_section::{Found, Unreadable};
+use super::scan::Section;
 use super::{Inner, Recording, RecordingError};
 use bytes::Bytes;
 use std::sync::Arc;
@@ -129,10 +130,10 @@ impl Messages {
         let place = [entry.file, entry.section];
         if self.loaded.as_ref().is_none_or(|(loaded, _)| *loaded != place) {
             self.loaded = None;
-            self.loaded = Some((place, section::load(&inner.file, inner.file_bytes, section)?));
+            self.loaded = Some((place, chunk_section::load(&inner.file, inner.file_bytes, section)?));
         }
         let found = match &self.loaded {
-            Some((_, records)) => section::message(&inner.file, records, entry.offset)?,
+            Some((_, records)) => chunk_section::message(&inner.file, records, entry.offset)?,
             None => None,
         };
         let (header, data) = found
@@ -202,15 +203,15 @@ impl Recording {
     ) -> Result<Option<String>, RecordingError> {
         let inner = &*self.inner;
         let Some(section) = inner.structure.sections.get(number) else { return Ok(None) };
-        let records = match section::load(&inner.file, inner.file_bytes, section) {
+        let records = match chunk_section::load(&inner.file, inner.file_bytes, section) {
             Ok(records) => records,
             Err(Unreadable::Damaged(reason)) => return Ok(Some(reason)),
             Err(Unreadable::Io(error)) => return Err(inner.io(error)),
         };
         let mut refusal = None;
-        let scanned = section::scan(&inner.file, &records, |found| {
+        let scanned = chunk_section::scan(&inner.file, &records, |found| {
             let Found::Message { at, .. } = found else { return Ok(()) };
-            let visited = match section::message(&inner.file, &records, at) {
+            let visited = match chunk_section::message(&inner.file, &records, at) {
                 Ok(Some((header, data))) => visit(Message {
                     file: 0,
                     channel: header.channel,
@@ -266,8 +267,8 @@ fn scanned(
     channels: &[u16],
     entries: &mut Vec<Entry>,
 ) -> Result<(), Unreadable> {
-    let records = section::load(&inner.file, inner.file_bytes, section)?;
-    section::scan(&inner.file, &records, |found| {
+    let records = chunk_section::load(&inner.file, inner.file_bytes, section)?;
+    chunk_section::scan(&inner.file, &records, |found| {
         if let Found::Message { at, header } = found
             && channels.contains(&header.channel)
         {

@@ -3,29 +3,29 @@
 //! Every length is checked against the file, every chunk against its CRC before a message is taken from it, and no size
 //! in the file is allocated unchecked. A hostile file is therefore refused without a crash or exhausted memory.
 
+mod byte_source;
+mod camera_view;
+mod chunk_section;
 mod compressed;
+mod file_set;
 mod frames;
 mod messages;
 mod ros2;
-mod section;
-mod set;
-mod source;
+mod scan;
 mod topics;
-mod view;
-mod walk;
 
 pub use frames::Frames;
 pub(super) use messages::Message;
 pub use topics::{Rows, TopicSummary};
 
 use super::{CONFIG_NAME, METADATA_NAME, RecordingError};
-use section::{Found, Unreadable};
-use source::Source;
+use byte_source::Source;
+use chunk_section::{Found, Unreadable};
+use scan::{AttachmentRef, Coding, Structure};
 use std::collections::BTreeMap;
 use std::fs::File;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use walk::{AttachmentRef, Coding, Structure};
 
 /// Maximum size of an attachment that is read, bytes.
 const ATTACHMENT_BYTES: u64 = 64 << 20;
@@ -48,7 +48,7 @@ pub struct Attachment {
 pub struct Recording {
     /// The first file.
     inner: Arc<Inner>,
-    rest: Arc<set::Rest>,
+    rest: Arc<file_set::Rest>,
 }
 
 #[derive(Debug)]
@@ -78,7 +78,7 @@ impl Recording {
         if !about.is_file() {
             return Err(RecordingError::invalid(path, "not a regular file"));
         }
-        let structure = walk::scan(&file, about.len())
+        let structure = scan::scan(&file, about.len())
             .map_err(|error| RecordingError::io("read", path, error))?
             .map_err(|reason| RecordingError::invalid(path, reason))?;
         let mut inner = Inner {
@@ -106,7 +106,7 @@ impl Recording {
         let io = |error| RecordingError::io("open", path, error);
         let file = File::open(path).map_err(io)?;
         let bytes = file.metadata().map_err(io)?.len();
-        walk::leading_metadata(&file, bytes, METADATA_NAME).map_err(|error| RecordingError::io("read", path, error))
+        scan::leading_metadata(&file, bytes, METADATA_NAME).map_err(|error| RecordingError::io("read", path, error))
     }
 
     /// The path of the first file.
@@ -203,7 +203,7 @@ impl Inner {
     fn verify(&self) -> Result<Vec<String>, RecordingError> {
         let mut damage = self.damage.clone();
         for section in &self.structure.sections {
-            match section::load(&self.file, self.file_bytes, section) {
+            match chunk_section::load(&self.file, self.file_bytes, section) {
                 Ok(_) => {}
                 Err(Unreadable::Damaged(reason)) if damage.contains(&reason) => {}
                 Err(Unreadable::Damaged(reason)) => damage.push(reason),
@@ -217,7 +217,7 @@ impl Inner {
         }
         if let Some((end, crc)) = self.structure.data_end.filter(|(_, crc)| *crc != 0) {
             let data = Source::File { offset: 0, bytes: end };
-            let got = section::streamed_crc(&self.file, &data).map_err(|error| self.io(error))?;
+            let got = chunk_section::streamed_crc(&self.file, &data).map_err(|error| self.io(error))?;
             if got != crc {
                 damage.push(format!("bytes 0 to {end}: CRC {crc:08x} expected, got {got:08x}"));
             }
@@ -265,14 +265,14 @@ impl Inner {
         Ok(())
     }
 
-    fn scan_section(&mut self, section: &walk::Section) -> Result<u64, Unreadable> {
+    fn scan_section(&mut self, section: &scan::Section) -> Result<u64, Unreadable> {
         let records = match section.coding {
             // The CRC is checked when a message is read.
             Coding::Plain => Source::File { offset: section.offset, bytes: section.bytes },
-            Coding::Zstd | Coding::Lz4 => section::load(&self.file, self.file_bytes, section)?,
+            Coding::Zstd | Coding::Lz4 => chunk_section::load(&self.file, self.file_bytes, section)?,
         };
         let (structure, counts) = (&mut self.structure, &mut self.counts);
-        section::scan(&self.file, &records, |found| match found {
+        chunk_section::scan(&self.file, &records, |found| match found {
             Found::Message { header, .. } => {
                 *counts.entry(header.channel).or_default() += 1;
                 Ok(())

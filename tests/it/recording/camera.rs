@@ -1,7 +1,7 @@
 //! A recording played like a camera.
 
 use super::samples;
-use ricochet::camera::recording::{PlaybackRate, Repeat, ReplayCamera};
+use ricochet::camera::replay::{PlaybackRate, Repeat, ReplayCamera};
 use ricochet::camera::{Camera, Next, Pace, Slot};
 use ricochet::image::{Frame, FrameMeta, PixelFormat};
 use ricochet::recording::{RecordingInfo, RecordingWriter, WriterOptions};

@@ -56,11 +56,39 @@ const BELOW_COMMAND: &[&str] = &[
     "config",
     "message",
     "recording",
+    "plot",
     "report",
     "import",
     "camera",
     "bus",
     "process",
+    "console",
+];
+
+const BELOW_STUDY: &[&str] = &[
+    "results",
+    "image",
+    "numeric",
+    "dic",
+    "ball",
+    "rod",
+    "motion",
+    "trigger",
+    "impact",
+    "measure",
+    "track",
+    "synth",
+    "config",
+    "message",
+    "recording",
+    "plot",
+    "report",
+    "import",
+    "camera",
+    "bus",
+    "process",
+    "console",
+    "command",
 ];
 
 /// The rooms in the order of src/lib.rs.
@@ -115,6 +143,7 @@ pub const ROOMS: &[Room] = &[
     ),
     open("bus", &["results", "image", "config", "message", "camera"], &["iceoryx2", "log", "rustix", "thiserror"]),
     open("process", BELOW_PROCESS, &["anyhow", "log", "rustix", "serde_json", "thiserror", "ureq"]),
+    open("console", &["process"], &["indicatif", "thiserror"]),
     open(
         "command",
         BELOW_COMMAND,
@@ -139,7 +168,12 @@ pub const ROOMS: &[Room] = &[
             "toml_edit",
         ],
     ),
-    open("cli", &["dic", "config", "message", "process", "command"], &["anyhow", "clap", "log"]),
+    open(
+        "study",
+        BELOW_STUDY,
+        &["anyhow", "csv", "image", "libm", "log", "nalgebra", "realfft", "serde", "serde_json", "thiserror", "toml"],
+    ),
+    open("cli", &["dic", "config", "message", "process", "command", "console", "study"], &["anyhow", "clap", "log"]),
 ];
 
 /// What src/main.rs may name of the outside; of the rooms it may name all.

@@ -1,8 +1,8 @@
 //! Settings and controls against a simulated driver.
 
-use super::super::advice::warnings;
 use super::super::mock::{Mock, MockControl};
 use super::*;
+use crate::camera::v4l2::auto_controls::warnings;
 use crate::image::PixelFormat;
 use std::collections::BTreeMap;
 

@@ -1,0 +1,221 @@
+//! The frames to measure offline: a recording, or footage of another program or camera.
+
+use super::replay::rig_config;
+use crate::camera::StreamFormat;
+use crate::camera::replay::TimeRange;
+use crate::config::Config;
+use crate::console::UsageError;
+use crate::image::{Frame, FrameMeta, Image};
+use crate::import;
+use crate::process::reference_picture;
+use crate::recording::{self, Recording, RecordingError};
+use std::cmp::Ordering;
+use std::collections::BTreeMap;
+use std::iter::Peekable;
+use std::path::{Path, PathBuf};
+
+/// The frames with their time stamps, in order.
+pub(super) type Frames = Box<dyn Iterator<Item = anyhow::Result<(FrameMeta, Vec<u8>)>>>;
+
+/// An opened film.
+pub(super) struct Film {
+    /// Size, pixel format and frame rate.
+    pub(super) format: StreamFormat,
+    /// The number of frames.
+    pub(super) count: u64,
+    /// The metadata of the file.
+    pub(super) metadata: BTreeMap<String, String>,
+    /// The reason why the file is truncated, if it is.
+    pub(super) truncated: Option<String>,
+    /// The configuration to measure with.
+    pub(super) config: Config,
+    /// The image in which the patches were drawn, if there are any.
+    pub(super) reference: Option<Image>,
+    /// The frames.
+    pub(super) frames: Frames,
+}
+
+impl Film {
+    /// Restricts the film to an interval.
+    pub(super) fn within(mut self, span: TimeRange) -> Self {
+        if span == TimeRange::ALL {
+            return self;
+        }
+        let mut first_ns = None;
+        let mut place = move |frame: &anyhow::Result<(FrameMeta, Vec<u8>)>| {
+            let Ok((meta, _)) = frame else { return Ordering::Equal };
+            span.locate(*first_ns.get_or_insert(meta.stamp_ns), meta.stamp_ns)
+        };
+        let placed = self.frames.map(move |frame| (place(&frame), frame));
+        let inside = placed.skip_while(|(place, _)| place.is_lt()).take_while(|(place, _)| !place.is_gt());
+        self.frames = Box::new(inside.map(|(_, frame)| frame));
+        let most = (span.to_s - span.from_s) * self.format.frame_rate_hz;
+        self.count = self.count.min(most.ceil() as u64);
+        self
+    }
+
+    /// Opens a recording, the parts of one, another file, or the images of a sequence in the order given.
+    ///
+    /// `camera` selects one of several cameras by name. `config` replaces the attached rig file, `fps` the file's
+    /// frame rate.
+    pub(super) fn open(
+        inputs: &[PathBuf],
+        camera: Option<&str>,
+        config: Option<&Path>,
+        fps: Option<f64>,
+    ) -> anyhow::Result<Self> {
+        if let Some(fps) = fps.filter(|fps| !(fps.is_finite() && *fps > 0.0)) {
+            return Err(UsageError(format!("--fps {fps}: must be a positive number")).into());
+        }
+        match inputs {
+            [first, ..] if import::is_importable(first) => match camera {
+                Some(camera) => {
+                    Err(UsageError(format!("--camera {camera}: {} has only one camera", first.display())).into())
+                }
+                None => Self::footage(inputs, config, fps),
+            },
+            _ => Self::recordings(inputs, camera, config, fps),
+        }
+    }
+
+    /// Opens one recording, or the recorded parts of one stream.
+    fn recordings(
+        paths: &[PathBuf],
+        camera: Option<&str>,
+        config: Option<&Path>,
+        fps: Option<f64>,
+    ) -> anyhow::Result<Self> {
+        let recordings = Recording::open_all(paths)?.into_iter().map(|recording| recording.of_camera(camera));
+        let parts = recordings.map(|recording| Part::open(recording?));
+        let mut parts = parts.collect::<anyhow::Result<Vec<_>>>()?;
+        parts.sort_by_key(|part| part.first.stamp_ns);
+        for pair in parts.windows(2) {
+            pair[1].check_follows(&pair[0], config)?;
+        }
+        let Some(Part { recording, first, .. }) = parts.first() else {
+            return Err(UsageError("no recording was given".into()).into());
+        };
+        let (meta, recording) = (*first, recording.clone());
+        let config = rig_config(&recording, camera, config)?;
+        let recorded = recording.metadata().get("frame_rate_hz").and_then(|text| text.parse().ok());
+        let recorded = recorded.filter(|rate_hz: &f64| rate_hz.is_finite() && *rate_hz > 0.0);
+        let Some(frame_rate_hz) = fps.or(recorded).or(recording.frame_rate_hz()?) else {
+            let path = recording.path().display();
+            return Err(UsageError(format!("{path}: the frame rate is unknown; pass it with --fps")).into());
+        };
+        Ok(Self {
+            format: StreamFormat {
+                width_px: meta.width_px,
+                height_px: meta.height_px,
+                format: meta.format,
+                frame_rate_hz,
+                exposure_us: recording.exposure_us(),
+            },
+            count: parts.iter().map(|part| part.recording.frame_count()).sum(),
+            metadata: recording.metadata().clone(),
+            truncated: parts.iter().find_map(|part| part.recording.truncated().map(str::to_owned)),
+            reference: reference_picture::of_recording(&recording, &config)?,
+            config,
+            frames: Box::new(parts.into_iter().flat_map(|part| part.frames).map(move |frame| {
+                let (next, bytes) = frame?;
+                Ok((fps.map_or(next, |fps| restamped(next, &meta, fps)), bytes))
+            })),
+        })
+    }
+
+    fn footage(inputs: &[PathBuf], config: Option<&Path>, fps: Option<f64>) -> anyhow::Result<Self> {
+        let Some(config) = config else {
+            let first = inputs.first().map_or_else(String::new, |path| path.display().to_string());
+            return Err(
+                UsageError(format!("{first}: no config.toml is attached; pass a rig file with --config")).into()
+            );
+        };
+        let footage = import::open(inputs, fps)?;
+        for warning in &footage.warnings {
+            log::warn!("{warning}");
+        }
+        let format = StreamFormat {
+            width_px: footage.width_px,
+            height_px: footage.height_px,
+            format: footage.format,
+            frame_rate_hz: footage.frame_rate_hz,
+            exposure_us: 0.0,
+        };
+        let (count, metadata, config) = (footage.count, footage.description.clone(), Config::load(config)?);
+        let mut frames = footage.peekable();
+        let first = frames.peek().and_then(|first| first.as_ref().ok());
+        let reference =
+            first.and_then(|(meta, bytes)| reference_picture::of_first_frame(&Frame { meta: *meta, bytes }, &config));
+        Ok(Self {
+            format,
+            count,
+            metadata,
+            truncated: None,
+            reference,
+            config,
+            frames: Box::new(frames.map(|frame| Ok(frame?))),
+        })
+    }
+}
+
+/// One of the recordings that form a film.
+struct Part {
+    recording: Recording,
+    first: FrameMeta,
+    frames: Peekable<recording::Frames>,
+}
+
+impl Part {
+    fn open(recording: Recording) -> anyhow::Result<Self> {
+        let mut frames = recording.frames()?.peekable();
+        let first = match frames.peek() {
+            Some(Ok((meta, _))) => *meta,
+            _ => {
+                let reason = "no readable frame".to_owned();
+                let none = || RecordingError::Invalid { path: recording.path().to_owned(), reason };
+                return Err(frames.next().and_then(Result::err).unwrap_or_else(none).into());
+            }
+        };
+        Ok(Self { recording, first, frames })
+    }
+
+    /// Checks that this part continues the same stream.
+    fn check_follows(&self, before: &Self, config: Option<&Path>) -> anyhow::Result<()> {
+        let [name, name_before] = [self, before].map(|part| part.recording.path().display().to_string());
+        let shape = |meta: &FrameMeta| (meta.width_px, meta.height_px, meta.format);
+        let last = before.recording.last_frame()?;
+        let reason = if shape(&self.first) != shape(&before.first) {
+            "its frames differ in size or pixel format"
+        } else if last.sequence >= self.first.sequence || last.stamp_ns >= self.first.stamp_ns {
+            "its frames do not follow the last frame of that recording"
+        } else if config.is_none() && self.recording.config_toml() != before.recording.config_toml() {
+            "its attached config.toml differs; pass a rig file with --config"
+        } else {
+            return Ok(());
+        };
+        Err(UsageError(format!("{name}: does not continue the recording in {name_before}: {reason}")).into())
+    }
+}
+
+/// Returns the interval between `--from` and `--to`.
+///
+/// # Errors
+///
+/// [`UsageError`] when one is out of range or they are in the wrong order.
+pub(super) fn span(from_s: Option<f64>, to_s: Option<f64>) -> Result<TimeRange, UsageError> {
+    let known = |name: &str, seconds: Option<f64>| match seconds {
+        Some(s) if !(0.0..=1.0e6).contains(&s) => Err(UsageError(format!("{name} {s}: must be 0 to 1000000 s"))),
+        seconds => Ok(seconds),
+    };
+    let (from_s, to_s) = (known("--from", from_s)?.unwrap_or(0.0), known("--to", to_s)?.unwrap_or(f64::INFINITY));
+    if to_s <= from_s {
+        return Err(UsageError(format!("--to {to_s}: must be greater than --from, {from_s} s")));
+    }
+    Ok(TimeRange { from_s, to_s })
+}
+
+/// Recomputes the time stamp of a frame from a frame rate given by the user.
+fn restamped(meta: FrameMeta, first: &FrameMeta, fps: f64) -> FrameMeta {
+    let since_ns = meta.sequence.saturating_sub(first.sequence) as f64 * 1e9 / fps;
+    FrameMeta { stamp_ns: first.stamp_ns.saturating_add(since_ns.round() as u64), ..meta }
+}

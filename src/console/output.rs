@@ -1,0 +1,82 @@
+//! What a command prints and how it ends.
+
+use crate::process::Summary;
+use std::io::Write;
+use std::path::Path;
+
+/// The outcome of a command that did not fail.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Outcome {
+    /// Nothing was lost.
+    Clean,
+    /// The command finished, but data were lost.
+    Lost {
+        /// The number of lost frames, rows or messages; at least 1.
+        count: u64,
+        /// The place and reason of the loss, if known.
+        cause: Option<String>,
+    },
+}
+
+impl Outcome {
+    /// Returns `Clean` if `lost` is 0.
+    pub fn of_losses(lost: u64) -> Self {
+        if lost == 0 { Self::Clean } else { Self::Lost { count: lost, cause: None } }
+    }
+
+    /// Returns the outcome of a rig, with the causes of its losses.
+    pub fn of_rig(summary: &Summary) -> Self {
+        match Self::of_losses(summary.losses()) {
+            Self::Lost { count, .. } if !summary.causes.is_empty() => {
+                Self::Lost { count, cause: Some(summary.causes.join(", ")) }
+            }
+            outcome => outcome,
+        }
+    }
+
+    /// Returns the outcome of a file; a truncated file counts as one more loss.
+    pub fn of_file(lost: u64, path: &Path, truncated: Option<&str>) -> Self {
+        match truncated {
+            None => Self::of_losses(lost),
+            Some(reason) => Self::Lost { count: lost + 1, cause: Some(format!("{}: {reason}", path.display())) },
+        }
+    }
+}
+
+/// An error in the command line.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("{0}")]
+pub struct UsageError(pub String);
+
+/// Prints a line to standard output and ignores a closed pipe.
+pub fn say(line: &str) {
+    let _ = writeln!(std::io::stdout().lock(), "{line}");
+}
+
+/// Formats rows as columns, each as wide as its widest cell; all but the first are right-aligned.
+pub fn table(rows: &[Vec<String>]) -> String {
+    let columns = rows.iter().map(Vec::len).max().unwrap_or(0);
+    let width = |column: usize| {
+        rows.iter().filter_map(|row| row.get(column)).map(|cell| cell.chars().count()).max().unwrap_or(0)
+    };
+    let widths: Vec<usize> = (0..columns).map(width).collect();
+    let line = |row: &Vec<String>| {
+        let cells = row.iter().zip(&widths).enumerate().map(|(column, (cell, width))| match column {
+            0 => format!("{cell:<width$}"),
+            _ => format!("{cell:>width$}"),
+        });
+        cells.collect::<Vec<_>>().join("  ").trim_end().to_owned()
+    };
+    rows.iter().map(line).collect::<Vec<_>>().join("\n")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn columns_line_up_with_the_widest_cell() {
+        let row = |cells: [&str; 2]| cells.map(str::to_owned).to_vec();
+        assert_eq!(table(&[row(["a", "1"]), row(["long", "100"])]), "a       1\nlong  100");
+    }
+}

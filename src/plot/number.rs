@@ -1,0 +1,147 @@
+//! Numbers as text: with as many digits as their uncertainty supports.
+
+use crate::results::Estimate;
+
+/// One column of the `impact` table as the page shows it.
+#[derive(Debug, Clone, Copy)]
+pub struct Quantity {
+    /// The column.
+    pub column: &'static str,
+    /// The name on the page.
+    pub label: &'static str,
+    /// The unit on the page; empty for a plain number.
+    pub unit: &'static str,
+    /// The factor from the column's unit to the page's.
+    pub factor: f64,
+}
+
+const fn quantity(column: &'static str, label: &'static str, unit: &'static str, factor: f64) -> Quantity {
+    Quantity { column, label, unit, factor }
+}
+
+/// Every number of a collision, grouped as the page shows them.
+pub const GROUPS: [(&str, &[Quantity]); 4] = [
+    (
+        "Normal",
+        &[
+            quantity("vn_before_m_s", "velocity before", "m/s", 1.0),
+            quantity("vn_after_m_s", "velocity after", "m/s", 1.0),
+            quantity("restitution", "restitution", "", 1.0),
+        ],
+    ),
+    (
+        "Tangential",
+        &[
+            quantity("vt_before_m_s", "velocity before", "m/s", 1.0),
+            quantity("vt_after_m_s", "velocity after", "m/s", 1.0),
+            quantity("restitution_tangential", "restitution", "", 1.0),
+            quantity("impulse_ratio", "impulse ratio", "", 1.0),
+        ],
+    ),
+    (
+        "Spin",
+        &[quantity("omega_before_rad_s", "before", "rad/s", 1.0), quantity("omega_after_rad_s", "after", "rad/s", 1.0)],
+    ),
+    (
+        "Contact",
+        &[
+            quantity("start_s", "start", "ms", 1e3),
+            quantity("deepest_s", "deepest", "ms", 1e3),
+            quantity("end_s", "end", "ms", 1e3),
+            quantity("contact_time_s", "duration", "ms", 1e3),
+            quantity("slip_end_s", "slip ends", "ms", 1e3),
+            quantity("force_start_s", "force above 2 % from", "ms", 1e3),
+            quantity("force_end_s", "force above 2 % until", "ms", 1e3),
+            quantity("compression_max_mm", "maximum compression", "mm", 1.0),
+            quantity("acceleration_max_m_s2", "maximum acceleration", "m/s²", 1.0),
+            quantity("force_max_n", "maximum force", "N", 1.0),
+            quantity("energy_lost_j", "energy loss", "J", 1.0),
+            quantity("gravity_m_s2", "gravity in flight", "m/s²", 1.0),
+            quantity("growth_before_per_s", "apparent growth before", "%/s", 1e2),
+            quantity("growth_after_per_s", "apparent growth after", "%/s", 1e2),
+        ],
+    ),
+];
+
+/// Returns the decimals that show two digits of `sigma` (GUM, 7.2.6), or six digits of `value` without `sigma`.
+fn decimals(value: f64, sigma: f64) -> usize {
+    let leading = |number: f64| number.abs().log10().floor();
+    let decimals = if sigma.is_finite() && sigma > 0.0 {
+        // 0.0998 is written 0.10 with two digits, so round before counting.
+        let rounded = format!("{sigma:.1e}").parse::<f64>().unwrap_or(sigma);
+        1.0 - leading(rounded)
+    } else if value.is_finite() && value.abs() > 0.0 {
+        5.0 - leading(value)
+    } else {
+        0.0
+    };
+    decimals.clamp(0.0, 12.0) as usize
+}
+
+/// Formats a number with a fixed number of decimals and a real minus sign; a zero has no sign.
+pub fn fixed(value: f64, decimals: usize) -> String {
+    let text = format!("{value:.decimals$}");
+    match text.strip_prefix('-') {
+        Some(digits) if digits.bytes().any(|b| matches!(b, b'1'..=b'9')) => format!("\u{2212}{digits}"),
+        Some(digits) => digits.to_owned(),
+        None => text,
+    }
+}
+
+/// An estimate as text.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct EstimateText {
+    /// The value.
+    pub value: String,
+    /// The standard uncertainty; empty when there is none.
+    pub sigma: String,
+    /// The decimals of both.
+    pub decimals: usize,
+}
+
+/// Formats `factor` times an estimate to two digits of its uncertainty.
+pub fn format_estimate(estimate: Estimate, factor: f64) -> EstimateText {
+    let (value, sigma) = (estimate.value * factor, estimate.sigma * factor);
+    let decimals = decimals(value, sigma);
+    let sigma = if sigma.is_finite() && sigma > 0.0 { fixed(sigma, decimals) } else { String::new() };
+    EstimateText { value: fixed(value, decimals), sigma, decimals }
+}
+
+/// Formats a number to three significant digits.
+pub fn three_digits(value: f64) -> String {
+    if value.abs() < 1e-12 {
+        return "0".into();
+    }
+    let decimals = (2.0 - value.abs().log10().floor()).clamp(0.0, 9.0) as usize;
+    fixed(value, decimals)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::results::Impact;
+
+    fn texts(value: f64, sigma: f64) -> [String; 2] {
+        let text = format_estimate(Estimate { value, sigma }, 1.0);
+        [text.value, text.sigma]
+    }
+
+    #[test]
+    fn a_number_is_written_to_two_digits_of_its_uncertainty() {
+        assert_eq!(texts(-1.690_349, 0.000_472), ["\u{2212}1.69035", "0.00047"]);
+        assert_eq!(texts(1040.326, 0.287), ["1040.33", "0.29"]);
+        assert_eq!(texts(0.797_775, 0.099_8), ["0.80", "0.10"]);
+        assert_eq!(texts(12_345.6, 234.0), ["12346", "234"]);
+        assert_eq!(texts(-0.001, 0.5), ["0.00", "0.50"]);
+        assert_eq!(texts(1.25, 0.0), ["1.25000", ""]);
+    }
+
+    #[test]
+    fn every_number_of_a_collision_is_on_the_page_once() {
+        let mut columns: Vec<_> = GROUPS.iter().flat_map(|(_, group)| group.iter().map(|q| q.column)).collect();
+        let mut expected = Impact::unknown(0, 0, 0).numbers().map(|(name, _)| name).to_vec();
+        columns.sort_unstable();
+        expected.sort_unstable();
+        assert_eq!(columns, expected);
+    }
+}

@@ -1,0 +1,283 @@
+//! Curves over time as SVG, coloured by the style sheet of the page.
+
+use super::number::fixed;
+use maud::{Markup, html};
+use std::fmt::Write as _;
+
+/// Width of a chart in its own units; the page scales it.
+const WIDTH: f64 = 900.0;
+/// Free space around the plot, in the same units.
+const LEFT: f64 = 62.0;
+const RIGHT: f64 = 92.0;
+const TOP: f64 = 10.0;
+/// Height of the time axis with its numbers.
+const AXIS: f64 = 34.0;
+
+/// Maximum number of points drawn as they are. More are thinned to the extremes of each column.
+const POINTS_MAX: usize = 1600;
+
+/// One point of a curve.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Point {
+    /// Time, ms.
+    pub x: f64,
+    /// The value.
+    pub y: f64,
+    /// Its standard uncertainty; 0 draws no band.
+    pub sigma: f64,
+}
+
+/// A curve with its label.
+#[derive(Debug, Clone)]
+pub struct Curve {
+    /// Class of the style sheet: `a`, `b`, `c` or `truth`.
+    pub class: &'static str,
+    /// Text at its end; empty for none.
+    pub label: &'static str,
+    /// Unbroken stretches; nothing was measured between one and the next.
+    pub stretches: Vec<Vec<Point>>,
+}
+
+/// The time axis that all charts of a body share.
+#[derive(Debug, Clone, Default)]
+pub struct Timeline {
+    /// First and last time, ms.
+    pub span: [f64; 2],
+    /// Contacts: start, deepest, end, ms.
+    pub contacts: Vec<[Option<f64>; 3]>,
+}
+
+/// A chart.
+#[derive(Debug, Clone)]
+pub struct Chart {
+    /// Description for readers who cannot see it.
+    pub title: String,
+    /// The curves, back to front.
+    pub curves: Vec<Curve>,
+    /// Height of the plot alone.
+    pub height: f64,
+    /// Whether the time axis has numbers.
+    pub has_axis: bool,
+}
+
+/// The mapping from times and values to places in the chart.
+struct Scale {
+    x: [f64; 2],
+    y: [f64; 2],
+    height: f64,
+}
+
+impl Scale {
+    fn x(&self, x: f64) -> f64 {
+        LEFT + (x - self.x[0]) / (self.x[1] - self.x[0]) * (WIDTH - LEFT - RIGHT)
+    }
+
+    fn y(&self, y: f64) -> f64 {
+        TOP + (self.y[1] - y) / (self.y[1] - self.y[0]) * self.height
+    }
+}
+
+/// Draws a chart; `None` when there is no point to draw.
+pub fn draw(chart: &Chart, time: &Timeline) -> Option<Markup> {
+    let y = range(&chart.curves)?;
+    let x = if time.span[1] > time.span[0] { time.span } else { [time.span[0] - 0.5, time.span[0] + 0.5] };
+    let scale = Scale { x, y, height: chart.height };
+    let total = TOP + chart.height + if chart.has_axis { AXIS } else { 6.0 };
+    Some(html! {
+        svg class="chart" viewBox={ "0 0 " (WIDTH) " " (total) } role="img" aria-label=(chart.title) {
+            @for contact in &time.contacts { (draw_contact(&scale, contact)) }
+            (grid(&scale))
+            @if chart.has_axis { (axis(&scale)) }
+            @for curve in &chart.curves {
+                @for stretch in &curve.stretches {
+                    @let stretch = thinned(stretch, &scale);
+                    (band(&scale, curve.class, &stretch))
+                    (line(&scale, curve.class, &stretch))
+                }
+            }
+            (labels(&scale, &chart.curves))
+        }
+    })
+}
+
+/// The range of all values with their bands, and a margin.
+fn range(curves: &[Curve]) -> Option<[f64; 2]> {
+    let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);
+    for point in curves.iter().flat_map(|curve| curve.stretches.iter().flatten()) {
+        low = low.min(point.y - 2.0 * point.sigma);
+        high = high.max(point.y + 2.0 * point.sigma);
+    }
+    if !(low.is_finite() && high.is_finite()) {
+        return None;
+    }
+    let margin = ((high - low) * 0.08).max(high.abs().max(low.abs()) * 1e-6).max(1e-9);
+    Some([low - margin, high + margin])
+}
+
+/// Returns round numbers from `span[0]` to `span[1]`, about `count` of them, and their decimals.
+fn ticks(span: [f64; 2], count: f64) -> (Vec<f64>, usize) {
+    let rough = (span[1] - span[0]) / count;
+    let power = 10_f64.powf(rough.log10().floor());
+    let step = [1.0, 2.0, 5.0, 10.0].into_iter().map(|k| k * power).find(|step| *step >= rough).unwrap_or(rough);
+    let decimals = (-(step * 1.000_001).log10().floor()).clamp(0.0, 9.0) as usize;
+    // An end that is a whole step is a tick, whichever way its quotient is rounded.
+    let (first, last) = ((span[0] / step - 1e-6).ceil() as i64, (span[1] / step + 1e-6).floor() as i64);
+    ((first..=last).map(|k| k as f64 * step).collect(), decimals)
+}
+
+/// Formats a coordinate to a tenth of a unit.
+fn tenths(coordinate: f64) -> String {
+    format!("{coordinate:.1}")
+}
+
+/// Shades a contact from start to end and marks its three moments.
+fn draw_contact(scale: &Scale, contact: &[Option<f64>; 3]) -> Markup {
+    let [start, deepest, end] = *contact;
+    let shade = start.zip(end).map(|(start, end)| (scale.x(start.max(scale.x[0])), scale.x(end.min(scale.x[1]))));
+    let is_inside = |moment: &f64| *moment >= scale.x[0] && *moment <= scale.x[1];
+    let marks = [(start, "edge"), (deepest, "deepest"), (end, "edge")];
+    html! {
+        @if let Some((left, right)) = shade.filter(|(left, right)| right > left) {
+            rect class="contact" x=(tenths(left)) y=(TOP) width=(tenths(right - left)) height=(scale.height) {}
+        }
+        @for (moment, class) in marks {
+            @if let Some(moment) = moment.filter(is_inside) {
+                path class=(class) d={ "M" (tenths(scale.x(moment))) " " (TOP) "V" (TOP + scale.height) } {}
+            }
+        }
+    }
+}
+
+fn grid(scale: &Scale) -> Markup {
+    let (levels, decimals) = ticks(scale.y, (scale.height / 34.0).max(3.0));
+    html! {
+        @for level in levels {
+            @let y = scale.y(level);
+            path class=(if level.abs() < 1e-12 { "zero" } else { "grid" })
+                d={ "M" (LEFT) " " (tenths(y)) "H" (WIDTH - RIGHT) } {}
+            text class="tick" x=(tenths(LEFT - 8.0)) y=(tenths(y + 4.0)) text-anchor="end" { (fixed(level, decimals)) }
+        }
+    }
+}
+
+fn axis(scale: &Scale) -> Markup {
+    let (right, low) = (WIDTH - RIGHT, TOP + scale.height);
+    let (moments, decimals) = ticks(scale.x, 10.0);
+    html! {
+        path class="axis" d={ "M" (LEFT) " " (low) "H" (right) } {}
+        @for moment in moments {
+            @let x = tenths(scale.x(moment));
+            path class="axis" d={ "M" (x) " " (low) "v5" } {}
+            text class="tick" x=(x) y=(tenths(low + 19.0)) text-anchor="middle" { (fixed(moment, decimals)) }
+        }
+        text class="tick unit" x=(right + 10.0) y=(tenths(low + 19.0)) { "ms" }
+    }
+}
+
+/// The points of a stretch; of more than [`POINTS_MAX`], the lowest and the highest of each column.
+fn thinned(stretch: &[Point], scale: &Scale) -> Vec<Point> {
+    if stretch.len() <= POINTS_MAX {
+        return stretch.to_vec();
+    }
+    let mut kept: Vec<Point> = Vec::with_capacity(POINTS_MAX + 2);
+    let column = |point: &Point| scale.x(point.x).floor() as i64;
+    for points in stretch.chunk_by(|a, b| column(a) == column(b)) {
+        let lowest = (0..points.len()).min_by(|a, b| points[*a].y.total_cmp(&points[*b].y)).unwrap_or(0);
+        let highest = (0..points.len()).max_by(|a, b| points[*a].y.total_cmp(&points[*b].y)).unwrap_or(0);
+        kept.push(points[lowest.min(highest)]);
+        if lowest != highest {
+            kept.push(points[lowest.max(highest)]);
+        }
+    }
+    kept
+}
+
+fn path(scale: &Scale, points: impl Iterator<Item = (f64, f64)>) -> String {
+    let mut path = String::new();
+    for (k, (x, y)) in points.enumerate() {
+        let _ = write!(path, "{}{:.1} {:.1}", if k == 0 { 'M' } else { 'L' }, scale.x(x), scale.y(y));
+    }
+    path
+}
+
+/// Draws a band of two standard uncertainties to either side.
+fn band(scale: &Scale, class: &str, points: &[Point]) -> Markup {
+    let has_band = points.len() > 1 && points.iter().any(|point| point.sigma > 0.0);
+    let above = points.iter().map(|p| (p.x, p.y + 2.0 * p.sigma));
+    let below = points.iter().rev().map(|p| (p.x, p.y - 2.0 * p.sigma));
+    html! { @if has_band { path class={ "band " (class) } d={ (path(scale, above.chain(below))) "Z" } {} } }
+}
+
+fn line(scale: &Scale, class: &str, points: &[Point]) -> Markup {
+    html! {
+        @match points {
+            [] => {}
+            [alone] => circle class={ "dot " (class) } cx=(tenths(scale.x(alone.x))) cy=(tenths(scale.y(alone.y))) r="1.6" {},
+            _ => path class={ "line " (class) } d=(path(scale, points.iter().map(|p| (p.x, p.y)))) {}
+        }
+    }
+}
+
+/// Writes the label of each curve at its end, moved apart where two would overlap.
+fn labels(scale: &Scale, curves: &[Curve]) -> Markup {
+    let labelled = curves.iter().filter(|curve| !curve.label.is_empty());
+    let mut ends: Vec<(f64, &Curve)> =
+        labelled.filter_map(|curve| Some((scale.y(curve.stretches.iter().flatten().last()?.y), curve))).collect();
+    ends.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let mut free = TOP;
+    for (y, _) in &mut ends {
+        *y = y.max(free).min(TOP + scale.height);
+        free = *y + 15.0;
+    }
+    html! {
+        @for (y, curve) in ends {
+            text class={ "label " (curve.class) } x=(WIDTH - RIGHT + 8.0) y=(tenths(y + 4.0)) { (curve.label) }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn chart(points: Vec<Point>) -> Chart {
+        let curves = vec![Curve { class: "a", label: "vn", stretches: vec![points] }];
+        Chart { title: "t".into(), curves, height: 100.0, has_axis: true }
+    }
+
+    #[test]
+    fn ticks_are_round_and_inside() {
+        let (ticks, decimals) = ticks([-0.34, 1.72], 4.0);
+        assert_eq!((ticks.len(), decimals), (2, 0), "{ticks:?}");
+        let (ticks, decimals) = super::ticks([0.0, 9.9], 10.0);
+        assert_eq!((ticks, decimals), ((0..10).map(f64::from).collect(), 0));
+        let (ticks, decimals) = super::ticks([61.5, 61.6], 4.0);
+        assert_eq!((ticks.len(), decimals), (3, 2), "{ticks:?}");
+    }
+
+    #[test]
+    fn an_empty_chart_draws_nothing() {
+        assert!(draw(&chart(Vec::new()), &Timeline { span: [0.0, 1.0], contacts: Vec::new() }).is_none());
+    }
+
+    #[test]
+    fn thinning_keeps_a_single_peak() {
+        let mut points: Vec<Point> = (0..100_000).map(|k| Point { x: f64::from(k), y: 0.0, sigma: 0.0 }).collect();
+        points[54_321].y = 1.0;
+        let scale = Scale { x: [0.0, 99_999.0], y: [0.0, 1.0], height: 100.0 };
+        let thin = thinned(&points, &scale);
+        assert!(thin.len() <= 2 * WIDTH as usize, "{}", thin.len());
+        assert!(thin.contains(&points[54_321]));
+        assert!(thin.is_sorted_by(|a, b| a.x <= b.x));
+    }
+
+    #[test]
+    fn a_contact_is_shaded_where_it_lies_in_the_picture() {
+        let points = vec![Point { x: 0.0, y: 0.0, sigma: 0.1 }, Point { x: 10.0, y: 1.0, sigma: 0.1 }];
+        let time = Timeline { span: [0.0, 10.0], contacts: vec![[Some(5.0), Some(6.0), Some(20.0)]] };
+        let svg = draw(&chart(points), &time).unwrap().into_string();
+        assert!(svg.contains("<rect class=\"contact\" x=\"435.0\" y=\"10\" width=\"373.0\""), "{svg}");
+        assert_eq!((svg.matches("class=\"edge\"").count(), svg.matches("class=\"deepest\"").count()), (1, 1));
+        assert!(svg.contains("band a") && !svg.contains("NaN"));
+    }
+}

@@ -1,0 +1,157 @@
+//! Triggering on live measurements, and tracking of the rig's state.
+
+use super::action::{Actions, TriggerCause};
+use super::clock::{host_ns, now};
+use super::status_reporter::StatusReporter;
+use crate::bus::BusError;
+use crate::config::{Config, TriggerMode};
+use crate::message::{Event, EventKind};
+use crate::results::{BodyStep, VelocitySample};
+use crate::trigger::{Decision, MeasuredTrigger, Quiet, States};
+use std::time::Instant;
+
+/// Executes a trigger in this process if the rig has no recorder.
+#[derive(Debug)]
+pub(super) struct StandaloneTrigger {
+    quiet: Quiet,
+    actions: Actions,
+}
+
+impl StandaloneTrigger {
+    /// Returns `None` if a recorder executes triggers.
+    pub(super) fn new(config: &Config) -> Option<Self> {
+        let standalone = || Self { quiet: Quiet::new(config.trigger.quiet_s), actions: Actions::new(config) };
+        config.record.is_none().then(standalone)
+    }
+
+    /// Publishes a trigger and starts its actions, unless it comes within the quiet time.
+    pub(super) fn trigger(&mut self, cause: &TriggerCause, reporter: &StatusReporter) -> Result<(), BusError> {
+        if !self.quiet.passes(cause.stamp_ns) {
+            return Ok(());
+        }
+        reporter.event(EventKind::Triggered, cause.frame, cause.stamp_ns, &cause.text)?;
+        self.actions.start(cause);
+        Ok(())
+    }
+
+    /// Publishes the outcomes of actions that have ended.
+    pub(super) fn publish(&mut self, reporter: &StatusReporter) -> Result<(), BusError> {
+        while let Some(outcome) = self.actions.next_outcome() {
+            reporter.action(&outcome)?;
+        }
+        Ok(())
+    }
+
+    /// Waits for the actions that still run, and publishes their outcomes.
+    pub(super) fn finish(&mut self, reporter: &StatusReporter) -> Result<(), BusError> {
+        self.actions.wait_for_all().iter().try_for_each(|outcome| reporter.action(outcome))
+    }
+}
+
+/// Evaluates the measured trigger and the rig's state.
+#[derive(Debug)]
+pub(super) struct LiveTrigger {
+    trigger: Option<MeasuredTrigger>,
+    standalone: Option<StandaloneTrigger>,
+    states: States,
+    /// Whether the camera has a hardware trigger.
+    is_pulsed: bool,
+    /// Whether stamps are of the present.
+    is_live: bool,
+    exposure_ns: u64,
+    /// Decisions that are not published yet, and when the step behind each arrived.
+    decided: Vec<(Decision, Instant)>,
+}
+
+impl LiveTrigger {
+    pub(super) fn new(config: &Config) -> Self {
+        let mode = config.trigger.mode;
+        let streams = mode == TriggerMode::Off && config.record.is_some();
+        Self {
+            trigger: None,
+            standalone: StandaloneTrigger::new(config),
+            states: States::new(config.bodies.len(), mode != TriggerMode::Off, streams),
+            is_pulsed: mode == TriggerMode::Hardware,
+            is_live: config.camera.source.is_device(),
+            exposure_ns: 0,
+            decided: Vec::new(),
+        }
+    }
+
+    /// Restarts with a stream whose frame rate and exposure are known.
+    pub(super) fn begin(&mut self, config: &Config, frame_rate_hz: f64, exposure_us: f64) {
+        self.trigger = config.measured_trigger(frame_rate_hz, exposure_us);
+        self.exposure_ns = (1.0e3 * config.camera.exposure_us.unwrap_or(exposure_us)).round() as u64;
+    }
+
+    /// Adds the next step in frame order, which arrived at `arrival`.
+    pub(super) fn observe(&mut self, step: &BodyStep, arrival: Instant) {
+        let decision = self.trigger.as_mut().and_then(|trigger| trigger.push(step));
+        self.decided.extend(decision.map(|decision| (decision, arrival)));
+    }
+
+    /// Adds rows that became final.
+    pub(super) fn add_rows(&mut self, rows: &[VelocitySample]) {
+        rows.iter().for_each(|row| self.states.measured(row));
+    }
+
+    /// Follows the events of other processes.
+    pub(super) fn handle_events(&mut self, events: &[Event], reporter: &StatusReporter) -> Result<(), BusError> {
+        for event in events {
+            match event.kind() {
+                Some(EventKind::Prepared) => self.states.prepared(),
+                Some(EventKind::Started) => self.states.started(),
+                Some(EventKind::Armed) => self.states.armed(true),
+                Some(EventKind::Disarmed) => self.states.armed(false),
+                Some(EventKind::Triggered) if self.standalone.is_none() => self.states.triggered(),
+                // The rows of a shot and its recording may become complete in either order.
+                Some(EventKind::Recorded) if self.is_pulsed => {
+                    self.states.silent();
+                    self.states.recorded();
+                }
+                Some(EventKind::Recorded) => self.states.recorded(),
+                _ => continue,
+            }
+            self.publish_state(event.sequence, event.stamp_ns, reporter)?;
+        }
+        Ok(())
+    }
+
+    /// Ends the stream, once all its rows are published.
+    pub(super) fn end(&mut self, newest: (u64, u64), reporter: &StatusReporter) -> Result<(), BusError> {
+        self.states.ended();
+        self.publish(newest, reporter)?;
+        self.standalone.as_mut().map_or(Ok(()), |standalone| standalone.finish(reporter))
+    }
+
+    /// Publishes new decisions, and the rig's state if it changed.
+    pub(super) fn publish(&mut self, newest: (u64, u64), reporter: &StatusReporter) -> Result<(), BusError> {
+        for (decision, arrival) in std::mem::take(&mut self.decided) {
+            let took_us = now().duration_since(arrival).as_micros();
+            let exposure_end_ns = decision.newest_stamp_ns + self.exposure_ns;
+            let since = match self.is_live {
+                true => {
+                    format!(", {:.1} ms after its exposure", host_ns().saturating_sub(exposure_end_ns) as f64 * 1e-6)
+                }
+                false => String::new(),
+            };
+            let Decision { frame, stamp_ns, newest_frame, what, .. } = decision;
+            let text = format!("{what}; decided {took_us} us after frame {newest_frame} was measured{since}");
+            reporter.event(EventKind::Decided, frame, stamp_ns, &text)?;
+            if let Some(standalone) = &mut self.standalone {
+                standalone.trigger(&TriggerCause { frame, stamp_ns, text: what }, reporter)?;
+            }
+        }
+        if let Some(standalone) = &mut self.standalone {
+            standalone.publish(reporter)?;
+        }
+        self.publish_state(newest.0, newest.1, reporter)
+    }
+
+    fn publish_state(&mut self, frame: u64, stamp_ns: u64, reporter: &StatusReporter) -> Result<(), BusError> {
+        match self.states.changed() {
+            Some(state) => reporter.event(EventKind::State, frame, stamp_ns, state.word()),
+            None => Ok(()),
+        }
+    }
+}

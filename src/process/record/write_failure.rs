@@ -1,0 +1,87 @@
+//! Failures of writing: the loss is reported and counted, the part file stays, and the rig continues.
+
+use super::Recorder;
+use super::open_shot::OpenShot;
+use crate::config::TriggerMode;
+use crate::message::EventKind;
+use crate::process::clock::Timeout;
+use crate::process::storage::prepare_directory;
+use crate::recording::RecordingError;
+use std::time::Duration;
+
+/// Pause of recording a stream after a failure; it doubles with each consecutive failure.
+const PAUSE: Duration = Duration::from_secs(1);
+/// Number of consecutive failures after which the pause no longer grows.
+const MAX_DOUBLINGS: u32 = 6;
+
+impl Recorder<'_> {
+    /// Abandons the open shot; its part file stays.
+    pub(super) fn abandon(&mut self, error: &RecordingError) -> anyhow::Result<()> {
+        let Some(open) = self.shot.take() else { return Ok(()) };
+        let end = open.ends()[0];
+        let missing = open.shot.missing_before(end).max(1);
+        self.failures = if open.shot.frames() > missing { 0 } else { self.failures + 1 };
+        self.give_up(error, missing)?;
+        self.rearm()
+    }
+
+    /// Reports that a recording failed, and the number of frames that may be missing; the rig continues.
+    pub(super) fn give_up(&mut self, error: &RecordingError, missing: u64) -> anyhow::Result<()> {
+        self.summary.lost += missing;
+        let text = format!("up to {missing} frames are missing: {error}");
+        log::warn!("{text}");
+        self.event(EventKind::Lost, &text)?;
+        if self.config.trigger.mode == TriggerMode::Off {
+            self.pause = Some(Timeout::new(PAUSE * (1 << self.failures.min(MAX_DOUBLINGS))));
+        }
+        Ok(())
+    }
+
+    /// Whether recording of a stream is paused after a failure.
+    pub(super) fn is_paused(&mut self) -> anyhow::Result<bool> {
+        let Some(pause) = &mut self.pause else { return Ok(false) };
+        if !pause.has_expired() {
+            return Ok(true);
+        }
+        pause.renew();
+        if prepare_directory(self.record).is_err() || !self.storage.has_room_to_begin() {
+            return Ok(true);
+        }
+        self.pause = None;
+        self.feeds.iter_mut().for_each(|feed| feed.resumed = true);
+        self.event(EventKind::Storage, "recording again")?;
+        Ok(false)
+    }
+
+    /// Releases one frame per camera that cannot be recorded.
+    pub(super) fn pass_by(&mut self) -> anyhow::Result<bool> {
+        let mut passed = false;
+        for camera in 0..self.feeds.len() {
+            self.hold(camera)?;
+            let feed = &mut self.feeds[camera];
+            let Some(sample) = feed.held.pop_front() else { continue };
+            let header = *sample.header();
+            self.summary.lost += 1;
+            feed.newest = (header.sequence, header.stamp_ns);
+            feed.reporter.progress(header.sequence + 1)?;
+            passed = true;
+        }
+        Ok(passed)
+    }
+
+    /// Reports when free disk space becomes too small, and when it is sufficient again.
+    pub(super) fn check_storage(&mut self) -> anyhow::Result<()> {
+        let left = |open: &OpenShot| Some(open.progress[0].end?.saturating_sub(open.shot.next_frame(0)));
+        let left = self.shot.as_ref().and_then(left);
+        if self.shot.is_none() && !self.armed && self.config.trigger.mode != TriggerMode::Off {
+            return Ok(());
+        }
+        if let Some(text) = self.storage.check(left) {
+            if self.storage.has_problem() {
+                log::warn!("{text}");
+            }
+            self.event(EventKind::Storage, &text)?;
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,89 @@
+//! The view of one of several cameras in a recording.
+
+use super::{Inner, Recording, RecordingError};
+use crate::recording::METADATA_NAME;
+use crate::recording::schema::Topic;
+use crate::recording::writer::VIEW_KEY;
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+impl Recording {
+    /// The names of the additional cameras.
+    pub fn views(&self) -> Vec<String> {
+        (0..).map_while(|index| self.metadata().get(&format!("{VIEW_KEY}.{index}")).cloned()).collect()
+    }
+
+    /// Returns the recording of one additional camera, as if it were alone. The recording itself is that of the first.
+    ///
+    /// Events and damage stay those of all cameras.
+    ///
+    /// # Errors
+    ///
+    /// [`RecordingError::Invalid`] when there is no such camera; [`RecordingError::Io`] when the system fails.
+    pub fn view(&self, name: &str) -> Result<Self, RecordingError> {
+        let views = self.views();
+        if !views.iter().any(|view| view == name) {
+            let known = if views.is_empty() { "it has one camera".into() } else { format!("it has {views:?}") };
+            return Err(self.inner.invalid(format!("no additional camera named {name:?}: {known}")));
+        }
+        let mut inners = Vec::new();
+        for inner in self.inners() {
+            inners.push(Arc::new(inner.view(name)?));
+        }
+        let first = inners.remove(0);
+        let rest = super::file_set::Rest {
+            files: inners,
+            truncated: self.rest.truncated.clone(),
+            damage: self.rest.damage.clone(),
+        };
+        Ok(Self { inner: first, rest: Arc::new(rest) })
+    }
+
+    /// Returns the recording of the named camera, or of the first without a name.
+    ///
+    /// # Errors
+    ///
+    /// As [`view`](Self::view).
+    pub fn of_camera(self, name: Option<&str>) -> Result<Self, RecordingError> {
+        name.map_or(Ok(self.clone()), |name| self.view(name))
+    }
+}
+
+impl Inner {
+    fn view(&self, name: &str) -> Result<Self, RecordingError> {
+        let mut structure = self.structure.clone();
+        let (prefix, metadata_name) = (format!("/{name}"), format!("{METADATA_NAME}/{name}"));
+        let all = std::mem::take(&mut structure.channels);
+        for (id, mut channel) in all {
+            match channel.topic.strip_prefix(&prefix).filter(|topic| topic.starts_with('/')) {
+                Some(own) => channel.topic = own.to_owned(),
+                None if channel.topic == Topic::Events.name() => {}
+                None => continue,
+            }
+            structure.channels.insert(id, channel);
+        }
+        // Its own record and attachments take the names of those of the first camera.
+        structure.metadata.retain(|(of, _)| of != METADATA_NAME);
+        for (of, _) in structure.metadata.iter_mut().filter(|(of, _)| *of == metadata_name) {
+            *of = METADATA_NAME.to_owned();
+        }
+        let own = |of: &str| of.strip_prefix(name).and_then(|of| of.strip_prefix('/')).map(str::to_owned);
+        structure.attachments.retain(|attachment| own(&attachment.name).is_some());
+        for attachment in &mut structure.attachments {
+            attachment.name = own(&attachment.name).unwrap_or_default();
+        }
+        let mut inner = Self {
+            path: self.path.clone(),
+            file: self.file.try_clone().map_err(|error| self.io(error))?,
+            file_bytes: self.file_bytes,
+            structure,
+            counts: self.counts.clone(),
+            metadata: BTreeMap::new(),
+            bodies: Vec::new(),
+            config_toml: None,
+            damage: self.damage.clone(),
+        };
+        inner.describe()?;
+        Ok(inner)
+    }
+}

@@ -1,0 +1,354 @@
+//! The structure of a file: the records and their places, up to its end or to where it was cut off.
+
+use super::byte_source::{Source, Window};
+use crate::recording::record::{self, Channel, Fields, PREFIX_BYTES, Schema, op};
+use std::collections::BTreeMap;
+use std::fs::File;
+use std::io;
+
+/// Maximum size of all schemas, channels and metadata, bytes. Ours take a few kB.
+const DESCRIPTION_BYTES: u64 = 8 << 20;
+/// Maximum number of attachments.
+const ATTACHMENTS: usize = 1024;
+/// Maximum length of a chunk header, bytes. Only the name of the compression has no fixed length.
+const CHUNK_HEADER_BYTES: usize = 256;
+
+/// The encoding of a section's records.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Coding {
+    Plain,
+    Zstd,
+    Lz4,
+}
+
+/// The part of a chunk's index with the messages of one channel.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct IndexRef {
+    pub(super) channel: u16,
+    /// Offset of the entries in the file.
+    pub(super) offset: u64,
+    /// The number of entries.
+    pub(super) entries: u64,
+}
+
+/// A part of the file with messages: the records of a chunk, or messages outside any chunk.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(super) struct Section {
+    /// Offset of the stored bytes in the file.
+    pub(super) offset: u64,
+    /// Length of the stored bytes.
+    pub(super) bytes: u64,
+    pub(super) coding: Coding,
+    /// Length after decompression.
+    pub(super) uncompressed_bytes: u64,
+    /// CRC-32 of the uncompressed records; 0 for none.
+    pub(super) crc: u32,
+    /// Whether the file has every byte of it.
+    pub(super) whole: bool,
+    /// The index by channel; empty when the file has none.
+    pub(super) index: Vec<IndexRef>,
+}
+
+impl Section {
+    /// Whether the section is a run of messages outside chunks that can grow.
+    fn is_loose(&self) -> bool {
+        self.coding == Coding::Plain && self.crc == 0 && self.whole && self.index.is_empty()
+    }
+}
+
+/// An attachment and its place.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(super) struct AttachmentRef {
+    pub(super) name: String,
+    pub(super) media_type: String,
+    /// Offset of the record's body in the file.
+    pub(super) body: u64,
+    /// Length of the body before the content.
+    pub(super) header_bytes: u64,
+    pub(super) content_bytes: u64,
+}
+
+/// The structure of a file.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Structure {
+    pub(super) library: String,
+    pub(super) schemas: BTreeMap<u16, Schema>,
+    pub(super) channels: BTreeMap<u16, Channel>,
+    pub(super) sections: Vec<Section>,
+    pub(super) metadata: Vec<(String, BTreeMap<String, String>)>,
+    pub(super) attachments: Vec<AttachmentRef>,
+    /// The end of the data section and the CRC-32 of everything before it; 0 for none.
+    pub(super) data_end: Option<(u64, u32)>,
+    /// Why and where the file ends early; `None` for a complete file.
+    pub(super) truncated: Option<String>,
+    description_bytes: u64,
+}
+
+/// Scans the file from record to record without reading the messages.
+///
+/// # Errors
+///
+/// The outer error when the system fails; the inner one when the file is not MCAP.
+pub(super) fn scan(file: &File, file_bytes: u64) -> io::Result<Result<Structure, String>> {
+    let source = Source::File { offset: 0, bytes: file_bytes };
+    let mut window = Window::new(file, &source);
+    if window.peek(0, record::MAGIC.len())? != record::MAGIC {
+        return Ok(Err("not an MCAP file: the magic bytes are missing at byte 0".into()));
+    }
+    let mut structure = Structure::default();
+    let mut at = record::MAGIC.len() as u64;
+    let problem = loop {
+        let Some((opcode, length)) = prefix(window.peek(at, PREFIX_BYTES as usize)?) else {
+            break Some(format!("cut off at byte {at}: no footer"));
+        };
+        let body = at + PREFIX_BYTES;
+        if length > file_bytes - body {
+            if opcode == op::CHUNK {
+                structure.torn_chunk(window.peek(body, CHUNK_HEADER_BYTES)?, body, file_bytes);
+            }
+            break Some(format!("cut off at byte {at}: the record there is longer than the rest of the file"));
+        }
+        if opcode == op::FOOTER {
+            let end = body + length;
+            let magic = window.peek(end, record::MAGIC.len())? == record::MAGIC;
+            break (!magic).then(|| format!("cut off at byte {end}: the magic bytes at the end are missing"));
+        }
+        if let Err(reason) = structure.record(&mut window, opcode, body, length)? {
+            break Some(format!("damaged at byte {at}: {reason}"));
+        }
+        at = body + length;
+    };
+    if problem.is_some() {
+        structure.drop_last_index();
+    }
+    structure.truncated = problem;
+    Ok(Ok(structure))
+}
+
+/// Reads the first metadata record with a name, searched before the messages only.
+pub(super) fn leading_metadata(
+    file: &File,
+    file_bytes: u64,
+    name: &str,
+) -> io::Result<Option<BTreeMap<String, String>>> {
+    let source = Source::File { offset: 0, bytes: file_bytes };
+    let mut window = Window::new(file, &source);
+    if window.peek(0, record::MAGIC.len())? != record::MAGIC {
+        return Ok(None);
+    }
+    let mut structure = Structure::default();
+    let mut at = record::MAGIC.len() as u64;
+    while let Some((opcode, length)) = prefix(window.peek(at, PREFIX_BYTES as usize)?) {
+        let body = at + PREFIX_BYTES;
+        if length > file_bytes - body || !matches!(opcode, op::HEADER | op::METADATA | op::ATTACHMENT) {
+            break;
+        }
+        if opcode == op::METADATA {
+            if structure.admit(length).is_err() {
+                break;
+            }
+            let bytes = window.peek(body, clamp(length, usize::MAX))?;
+            structure.describe(opcode, bytes);
+            if let Some((_, entries)) = structure.metadata.pop().filter(|(found, _)| found == name) {
+                return Ok(Some(entries));
+            }
+        }
+        at = body + length;
+    }
+    Ok(None)
+}
+
+/// Parses opcode and length of a record.
+pub(super) fn prefix(bytes: &[u8]) -> Option<(u8, u64)> {
+    let (opcode, length) = bytes.split_first()?;
+    let opcode = (*opcode != 0).then_some(*opcode)?;
+    Some((opcode, u64::from_le_bytes(length.try_into().ok()?)))
+}
+
+impl Structure {
+    fn record(
+        &mut self,
+        window: &mut Window<'_>,
+        opcode: u8,
+        body: u64,
+        length: u64,
+    ) -> io::Result<Result<(), String>> {
+        match opcode {
+            op::CHUNK => Ok(self.chunk(window.peek(body, clamp(length, CHUNK_HEADER_BYTES))?, body, length)),
+            op::MESSAGE_INDEX => Ok(self.message_index(window.peek(body, clamp(length, 6))?, body, length)),
+            op::MESSAGE => {
+                self.loose_message(body, length);
+                Ok(Ok(()))
+            }
+            op::ATTACHMENT => {
+                let head = window.peek(body, clamp(length, 1024))?.to_vec();
+                Ok(self.attachment(&head, body, length))
+            }
+            op::HEADER | op::SCHEMA | op::CHANNEL | op::METADATA => {
+                if let Err(reason) = self.admit(length) {
+                    return Ok(Err(reason));
+                }
+                let bytes = window.peek(body, clamp(length, usize::MAX))?;
+                Ok(self.describe(opcode, bytes).ok_or_else(|| "the record does not parse".into()))
+            }
+            op::DATA_END => {
+                let crc = Fields(window.peek(body, clamp(length, 4))?).u32().unwrap_or(0);
+                self.data_end = Some((body - PREFIX_BYTES, crc));
+                Ok(Ok(()))
+            }
+            // The indexes of the summary and unknown records are not needed.
+            _ => Ok(Ok(())),
+        }
+    }
+
+    /// Counts a descriptive record of `length` bytes against the limit.
+    ///
+    /// # Errors
+    ///
+    /// A description when the limit is exceeded.
+    pub(super) fn admit(&mut self, length: u64) -> Result<(), String> {
+        self.description_bytes = self.description_bytes.saturating_add(length);
+        if self.description_bytes > DESCRIPTION_BYTES {
+            return Err(format!("more than {DESCRIPTION_BYTES} bytes of schemas, channels and metadata"));
+        }
+        Ok(())
+    }
+
+    /// Stores a header, schema, channel or metadata record; `None` when it does not parse.
+    pub(super) fn describe(&mut self, opcode: u8, body: &[u8]) -> Option<()> {
+        match opcode {
+            op::HEADER => {
+                let mut fields = Fields(body);
+                fields.text()?;
+                self.library = fields.text()?.to_owned();
+            }
+            op::SCHEMA => {
+                let (id, schema) = record::schema(body)?;
+                self.schemas.entry(id).or_insert(schema);
+            }
+            op::CHANNEL => {
+                let (id, channel) = record::channel(body)?;
+                self.channels.entry(id).or_insert(channel);
+            }
+            _ => {
+                let mut fields = Fields(body);
+                let name = fields.text()?.to_owned();
+                self.metadata.push((name, fields.map()?));
+            }
+        }
+        Some(())
+    }
+
+    fn chunk(&mut self, head: &[u8], body: u64, length: u64) -> Result<(), String> {
+        let header = record::chunk_header(head).ok_or("the chunk header does not parse")?;
+        let coding = coding(&header.compression).ok_or_else(|| {
+            format!("chunk compression {:?} is not supported, only none, zstd and lz4", header.compression)
+        })?;
+        let room = length - header.bytes;
+        if header.stored_bytes > room {
+            return Err(format!("a chunk of {} bytes in a record with room for {room}", header.stored_bytes));
+        }
+        self.sections.push(Section {
+            offset: body + header.bytes,
+            bytes: header.stored_bytes,
+            coding,
+            uncompressed_bytes: header.uncompressed_bytes,
+            crc: header.crc,
+            whole: true,
+            index: Vec::new(),
+        });
+        Ok(())
+    }
+
+    /// Stores the chunk that was open when the file was cut off: it has records but no sizes.
+    fn torn_chunk(&mut self, head: &[u8], body: u64, file_bytes: u64) {
+        let Some(header) = record::chunk_header(head) else { return };
+        // The rest of a compressed stream looks like damage.
+        if coding(&header.compression) != Some(Coding::Plain) {
+            return;
+        }
+        let offset = body + header.bytes;
+        let bytes = file_bytes - offset;
+        self.sections.push(Section {
+            offset,
+            bytes,
+            coding: Coding::Plain,
+            uncompressed_bytes: bytes,
+            crc: 0,
+            whole: false,
+            index: Vec::new(),
+        });
+    }
+
+    fn message_index(&mut self, head: &[u8], body: u64, length: u64) -> Result<(), String> {
+        let mut fields = Fields(head);
+        let parsed = fields.u16().zip(fields.u32());
+        let (channel, bytes) = parsed.ok_or("the message index does not parse")?;
+        if u64::from(bytes) > length - 6 || bytes % 16 != 0 {
+            return Err(format!("a message index of {bytes} bytes in a record of {length}"));
+        }
+        let index = IndexRef { channel, offset: body + 6, entries: u64::from(bytes) / 16 };
+        if let Some(section) = self.sections.last_mut() {
+            section.index.push(index);
+        }
+        Ok(())
+    }
+
+    /// Adds a message outside any chunk to those right before it.
+    fn loose_message(&mut self, body: u64, length: u64) {
+        let (start, end) = (body - PREFIX_BYTES, body + length);
+        match self.sections.last_mut() {
+            Some(last) if last.is_loose() && last.offset + last.bytes == start => {
+                last.bytes = end - last.offset;
+                last.uncompressed_bytes = last.bytes;
+            }
+            _ => self.sections.push(Section {
+                offset: start,
+                bytes: end - start,
+                coding: Coding::Plain,
+                uncompressed_bytes: end - start,
+                crc: 0,
+                whole: true,
+                index: Vec::new(),
+            }),
+        }
+    }
+
+    fn attachment(&mut self, head: &[u8], body: u64, length: u64) -> Result<(), String> {
+        if self.attachments.len() >= ATTACHMENTS {
+            return Err(format!("more than {ATTACHMENTS} attachments"));
+        }
+        let mut fields = Fields(head);
+        let parsed = (|| {
+            fields.take(16)?;
+            Some((fields.text()?.to_owned(), fields.text()?.to_owned(), fields.u64()?))
+        })();
+        let (name, media_type, content_bytes) = parsed.ok_or("the attachment does not parse")?;
+        let header_bytes = (head.len() - fields.0.len()) as u64;
+        if content_bytes.checked_add(header_bytes + 4) != Some(length) {
+            return Err(format!("an attachment of {content_bytes} bytes in a record of {length}"));
+        }
+        self.attachments.push(AttachmentRef { name, media_type, body, header_bytes, content_bytes });
+        Ok(())
+    }
+
+    /// Drops the index of the last chunk, which may be incomplete in a file that was cut off.
+    fn drop_last_index(&mut self) {
+        if let Some(last) = self.sections.last_mut() {
+            last.index.clear();
+        }
+    }
+}
+
+fn coding(compression: &str) -> Option<Coding> {
+    match compression {
+        "" => Some(Coding::Plain),
+        "zstd" => Some(Coding::Zstd),
+        "lz4" => Some(Coding::Lz4),
+        _ => None,
+    }
+}
+
+fn clamp(length: u64, limit: usize) -> usize {
+    usize::try_from(length).unwrap_or(usize::MAX).min(limit)
+}

@@ -1,0 +1,338 @@
+//! `ricochet study convergence`: convergence of `spline-fft` with the number of spline points between pixels.
+
+mod criterion;
+mod figure;
+pub(in crate::study) mod image_pairs;
+mod output;
+use std::path::PathBuf;
+use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
+use std::time::{Duration, Instant};
+
+use super::output_files::Output;
+use crate::console::{Outcome, UsageError, progress};
+use crate::dic::{CorrelationParams, Correlator, Method, PreparedFrame, Start};
+use crate::process::Stop;
+use criterion::{Answers, Change, Deviation, change, deviation, mean};
+use image_pairs::Subject;
+
+use crate::command::field::Roi;
+pub(super) use image_pairs::Files;
+
+/// The numbers of spline points to try, in this order.
+pub const SPLINE_POINTS: [u32; 9] = [0, 1, 2, 3, 5, 7, 10, 14, 20];
+
+/// Poll interval for a stop while a field is measured.
+const LOOK: Duration = Duration::from_millis(100);
+
+/// The options of `ricochet study convergence`.
+#[derive(Debug, Clone, clap::Args)]
+pub struct ConvergenceOptions {
+    /// Reference image [default: a rendered pattern].
+    #[arg(requires = "target")]
+    pub reference: Option<PathBuf>,
+    /// Target image.
+    pub target: Option<PathBuf>,
+    /// Region of interest of the images: x,y,width,height in px.
+    #[arg(long = "roi", value_name = "X,Y,W,H", requires = "reference")]
+    pub roi_px: Option<Roi>,
+    /// Subset size, odd, px.
+    #[arg(long = "subset", value_name = "PX", default_value_t = 31)]
+    pub subset_size_px: u32,
+    /// Grid step between subsets, px.
+    #[arg(long = "step", value_name = "PX", default_value_t = 20)]
+    pub step_px: u32,
+    /// Search range: maximum displacement, px.
+    #[arg(long = "search", value_name = "PX", default_value_t = 16)]
+    pub search_px: u32,
+    /// Converged when 99 % of the answers change by less than this, px; at most 1.
+    #[arg(long, value_name = "PX", default_value_t = 0.001)]
+    pub tolerance_px: f64,
+    /// Directory for convergence.csv and convergence.svg; created if missing.
+    #[arg(short, long, value_name = "DIR")]
+    pub output: Option<PathBuf>,
+    /// Print JSON.
+    #[arg(long)]
+    pub json: bool,
+}
+
+impl ConvergenceOptions {
+    /// Returns the images to measure, if any.
+    pub(super) fn files(&self) -> Option<Files<'_>> {
+        let (reference, target) = self.reference.as_deref().zip(self.target.as_deref())?;
+        Some(Files { reference, target, roi_px: self.roi_px.map(|roi| roi.0) })
+    }
+
+    /// Returns the correlation settings of one method.
+    fn params(&self, way: Way) -> CorrelationParams {
+        let (method, spline_points) = match way {
+            Way::Spline { spline_points, .. } => (Method::SplineFft, spline_points),
+            Way::IcGn => (Method::IcGn, 0),
+        };
+        CorrelationParams {
+            method,
+            spline_points,
+            subset_size_px: self.subset_size_px,
+            step_px: self.step_px,
+            search_px: self.search_px,
+            ..CorrelationParams::default()
+        }
+    }
+}
+
+/// A method of the study.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Way {
+    /// `spline-fft`.
+    Spline {
+        /// Number of points between two pixels.
+        spline_points: u32,
+        /// The treatment of the correlation peak.
+        peak: Peak,
+    },
+    /// `ic-gn`, for comparison.
+    IcGn,
+}
+
+/// The treatment of the highest grid point of a correlation peak.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Peak {
+    /// The maximum of a fit around it is the answer.
+    Fitted,
+    /// The grid point itself is the answer.
+    Highest,
+}
+
+/// The result of one method.
+#[derive(Debug, Clone)]
+pub(super) struct Row {
+    pub(super) way: Way,
+    /// Number of subsets of all pairs.
+    pub(super) subsets: usize,
+    /// Number of subsets with a valid answer.
+    pub(super) valid: usize,
+    /// Change against the previous number of points.
+    pub(super) change: Option<Change>,
+    /// Difference from `ic-gn`.
+    pub(super) from_ic_gn: Option<Change>,
+    /// Error against the truth, if known.
+    pub(super) error: Option<Deviation>,
+    /// Mean displacement of a single pair, px.
+    pub(super) mean_px: Option<[f64; 2]>,
+    /// Time of all fields, s.
+    pub(super) time_s: f64,
+}
+
+/// Runs the study and prints its table.
+///
+/// # Errors
+///
+/// [`UsageError`] or [`FieldError`](crate::command::field::FieldError) naming the option, the file or both image
+/// sizes.
+pub fn run(options: &ConvergenceOptions, stop: &Stop) -> anyhow::Result<Outcome> {
+    if !(options.tolerance_px > 0.0 && options.tolerance_px <= 1.0) {
+        return Err(
+            UsageError(format!("--tolerance-px {}: must be above 0 and at most 1", options.tolerance_px)).into()
+        );
+    }
+    let subject = subject(options)?;
+    // Opened before the work, so that a wrong path is reported at once.
+    let output = options.output.as_ref().map(|path| Output::open(path, options.files())).transpose()?;
+    let ways = ways();
+    let rows = measure(options, subject, &ways, stop)?;
+    let (missing, study) = (ways.len() - rows.len(), output::Study { options, rows: &rows });
+    if let Some(output) = output {
+        output.write(&study)?;
+    }
+    if options.json {
+        study.print_json()
+    } else {
+        study.print_table()
+    }
+    Ok(match missing {
+        0 => Outcome::Clean,
+        count => Outcome::Lost { count: count as u64, cause: Some("stopped before every row was measured".into()) },
+    })
+}
+
+/// Returns the frames to measure: the files, or the rendered pattern.
+fn subject(options: &ConvergenceOptions) -> anyhow::Result<Subject> {
+    let params = options.params(Way::IcGn);
+    // Planned for any size that has room, so that settings out of range are reported before anything is read or
+    // rendered.
+    Correlator::new(&params, 1 << 10, 1 << 10)?;
+    let subject = match options.files() {
+        Some(files) => image_pairs::read(&files, &params)?,
+        None => image_pairs::draw(&image_pairs::DRAWN_PX, &params)?,
+    };
+    Ok(subject)
+}
+
+/// Returns all methods in the order of the table: `ic-gn` first, since the others are compared with it.
+fn ways() -> Vec<Way> {
+    let spline = |peak: Peak| SPLINE_POINTS.map(|spline_points| Way::Spline { spline_points, peak });
+    [Way::IcGn].into_iter().chain(spline(Peak::Fitted)).chain(spline(Peak::Highest)).collect()
+}
+
+/// Returns the relative duration of a method: the transformed area grows with the square of the points.
+fn cost(way: Way) -> u64 {
+    match way {
+        Way::IcGn => 1,
+        Way::Spline { spline_points, .. } => 1 + u64::from(spline_points + 1).pow(2),
+    }
+}
+
+/// Measures in a separate thread, so that a stop does not have to wait for a field; returns the completed rows.
+fn measure(options: &ConvergenceOptions, subject: Subject, ways: &[Way], stop: &Stop) -> anyhow::Result<Vec<Row>> {
+    let (width, height) = subject.size();
+    let plan = |way: &Way| Ok((*way, plan(options, *way, (width, height))?));
+    let planned = ways.iter().map(plan).collect::<anyhow::Result<Vec<_>>>()?;
+    let (sender, receiver) = channel();
+    let worker = std::thread::spawn(move || work(planned, &subject, &sender));
+    let bar = progress::parts(ways.iter().map(|way| cost(*way)).sum(), "study");
+    bar.enable_steady_tick(LOOK);
+    let mut rows = Vec::new();
+    let is_stopped = collect(&receiver, stop, |row| {
+        bar.inc(cost(row.way));
+        rows.push(row);
+    });
+    bar.finish_and_clear();
+    // After a stop the worker ends with the process: it holds nothing but memory.
+    if !is_stopped && worker.join().is_err() {
+        return Err(anyhow::anyhow!("the thread that measures panicked"));
+    }
+    Ok(rows)
+}
+
+/// Receives rows until the channel closes or a stop; returns whether it was stopped.
+fn collect(receiver: &Receiver<Row>, stop: &Stop, mut take: impl FnMut(Row)) -> bool {
+    loop {
+        match receiver.recv_timeout(LOOK) {
+            Ok(row) => take(row),
+            Err(RecvTimeoutError::Disconnected) => return false,
+            Err(RecvTimeoutError::Timeout) => {}
+        }
+        if stop.requested() {
+            return true;
+        }
+    }
+}
+
+fn plan(options: &ConvergenceOptions, way: Way, (width, height): (usize, usize)) -> anyhow::Result<Correlator> {
+    let correlator = Correlator::new(&options.params(way), width, height)?;
+    Ok(match way {
+        Way::Spline { peak: Peak::Highest, .. } => correlator.without_peak_fit(),
+        _ => correlator,
+    })
+}
+
+/// Sends one row per method, until the receiver is gone.
+fn work(planned: Vec<(Way, Correlator)>, subject: &Subject, rows: &Sender<Row>) {
+    let truth_px: Option<Vec<_>> = subject.pairs.iter().map(|pair| pair.truth_px).collect();
+    let (mut ic_gn, mut before): (Option<Answers>, Option<(Way, Answers)>) = (None, None);
+    for (way, mut correlator) in planned {
+        let (answers, time_s) = correlate(&mut correlator, subject);
+        let follows = before.as_ref().filter(|(earlier, _)| is_next(*earlier, way));
+        let row = Row {
+            way,
+            subsets: answers.len(),
+            valid: answers.iter().flatten().count(),
+            change: follows.and_then(|(_, earlier)| change(earlier, &answers)),
+            from_ic_gn: ic_gn.as_ref().and_then(|ic_gn| change(ic_gn, &answers)),
+            error: truth_px.as_ref().and_then(|truth_px| deviation(&answers, truth_px)),
+            mean_px: mean(&answers).filter(|_| subject.pairs.len() == 1),
+            time_s,
+        };
+        if way == Way::IcGn {
+            ic_gn = Some(answers);
+        } else {
+            before = Some((way, answers));
+        }
+        if rows.send(row).is_err() {
+            return;
+        }
+    }
+}
+
+/// Whether two methods differ only in their number of points.
+fn is_next(before: Way, way: Way) -> bool {
+    matches!((before, way), (Way::Spline { peak: a, .. }, Way::Spline { peak: b, .. }) if a == b)
+}
+
+/// Returns the answers of all pairs in order, and the correlation time, s.
+#[expect(clippy::disallowed_methods, reason = "a study of cost reads the clock")]
+fn correlate(correlator: &mut Correlator, subject: &Subject) -> (Answers, f64) {
+    let (mut answers, mut field) = (Answers::new(), Vec::new());
+    let (mut reference, mut target) = (PreparedFrame::default(), PreparedFrame::default());
+    let mut time_s = 0.0;
+    for pair in &subject.pairs {
+        correlator.prepare_into(pair.reference.view(), &mut reference);
+        correlator.prepare_into(pair.target.view(), &mut target);
+        let began = Instant::now();
+        correlator.correlate(&reference, &target, &subject.points, Start::Search, &mut field);
+        time_s += began.elapsed().as_secs_f64();
+        let answer = |point: &crate::results::FieldPoint| {
+            point.displacement.map(|found| [f64::from(found.u_px), f64::from(found.v_px)])
+        };
+        answers.extend(field.iter().map(answer));
+    }
+    (answers, time_s)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn options() -> ConvergenceOptions {
+        ConvergenceOptions {
+            reference: None,
+            target: None,
+            roi_px: None,
+            subset_size_px: 21,
+            step_px: 24,
+            search_px: 4,
+            tolerance_px: 0.001,
+            output: None,
+            json: false,
+        }
+    }
+
+    fn row(options: &ConvergenceOptions, displacement_px: [f64; 2], way: Way) -> Row {
+        let subject = image_pairs::draw(&[displacement_px], &options.params(Way::IcGn)).unwrap();
+        measure(options, subject, &[way], &Stop::default()).unwrap().remove(0)
+    }
+
+    #[test]
+    fn without_the_peak_fit_a_small_shift_reads_zero_and_with_it_it_is_found() {
+        let way = |peak: Peak| Way::Spline { spline_points: 5, peak };
+        let highest = row(&options(), [0.06, -0.05], way(Peak::Highest));
+        assert_eq!(highest.mean_px, Some([0.0, 0.0]), "every answer is the grid point 0");
+        let fitted = row(&options(), [0.06, -0.05], way(Peak::Fitted));
+        let [u, v] = fitted.mean_px.unwrap();
+        assert!((u - 0.06).abs() < 0.01 && (v + 0.05).abs() < 0.01, "{u} {v}");
+        assert!(fitted.error.unwrap().rms_px < 0.5 * highest.error.unwrap().rms_px);
+    }
+
+    #[test]
+    fn without_the_peak_fit_answers_are_multiples_of_the_grid_step() {
+        let (options, way) = (options(), Way::Spline { spline_points: 2, peak: Peak::Highest });
+        let subject = image_pairs::draw(&[[0.56, -0.89]], &options.params(way)).unwrap();
+        let mut correlator = plan(&options, way, subject.size()).unwrap();
+        let (answers, _) = correlate(&mut correlator, &subject);
+        assert!(answers.iter().flatten().count() >= 10);
+        for part in answers.iter().flatten().flatten() {
+            assert!((3.0 * part - (3.0 * part).round()).abs() < 1e-5, "{part}");
+        }
+    }
+
+    #[test]
+    fn a_stop_ends_the_study_with_the_rows_it_came_to() {
+        let (stop, options) = (Stop::default(), options());
+        stop.request();
+        let subject = subject(&options).unwrap();
+        let rows = measure(&options, subject, &ways(), &stop).unwrap();
+        assert!(rows.len() < ways().len(), "{} rows", rows.len());
+    }
+}
+
+pub(in crate::study) use figure::{plain, power_of_ten, text};
+pub(in crate::study) use output::Study;

@@ -1,0 +1,240 @@
+//! The changes to a rig that reduce its uncertainty most.
+
+use super::rig::Rig;
+use super::scatter::{Expected, Prediction};
+use crate::config::BodyKind;
+use crate::motion::{Rotation, Scale};
+use crate::process::Stop;
+use crate::synth::{MotionSetup, PatternSetup};
+
+/// Patterns to try instead of the rig's own.
+const PATTERNS: [&str; 5] = ["a-III", "b-III", "e-I", "e-II", "f-II"];
+
+/// Magnification to try.
+const LARGER: f64 = 1.5;
+
+/// A change helps if the scatter falls below this fraction.
+const WORTH: f64 = 0.97;
+
+/// A change that was tried.
+#[derive(Debug, Clone)]
+pub(super) struct Advice {
+    /// The description of the change.
+    pub(super) words: String,
+    /// Scatter of each number of [`judged`] after the change, relative to the present one.
+    pub(super) shares: Vec<(String, f64)>,
+    /// Geometric mean of the ratios.
+    pub(super) mean: f64,
+}
+
+impl Advice {
+    /// Whether the change reduces the scatter noticeably.
+    pub(super) fn helps(&self) -> bool {
+        self.mean < WORTH
+    }
+}
+
+/// Returns the names of the numbers that a change is judged by.
+pub(super) fn judged(rows: &[Expected]) -> Vec<String> {
+    let wanted = [
+        "motion.vn_m_s",
+        "motion.omega_rad_s",
+        "flight.vn_m_s",
+        "flight.omega_rad_s",
+        "restitution",
+        "start_s",
+        "end_s",
+    ];
+    let is_predicted = |name: &&&str| rows.iter().any(|row| row.name == ***name && row.sigma > 0.0);
+    wanted.iter().filter(is_predicted).map(|name| (*name).to_owned()).collect()
+}
+
+/// Tries every change and returns the feasible ones, best first; `None` after a stop.
+///
+/// # Errors
+///
+/// When the rig itself cannot be predicted.
+pub(super) fn advice(
+    rig: &Rig,
+    films: u64,
+    stop: &Stop,
+    mut tick: impl FnMut(),
+) -> anyhow::Result<Option<Vec<Advice>>> {
+    let Some(now) = Prediction::of(rig, films, stop)? else { return Ok(None) };
+    let names = judged(&now.rows);
+    let mut found = Vec::new();
+    for (words, changed) in changes(rig) {
+        // A change that makes the rig unusable is left out.
+        match Prediction::of(&changed, films, stop) {
+            Ok(None) => return Ok(None),
+            Ok(Some(then)) => found.extend(compare(words, &names, &now, &then)),
+            Err(_) => {}
+        }
+        tick();
+    }
+    found.sort_by(|a: &Advice, b: &Advice| a.mean.total_cmp(&b.mean));
+    Ok(Some(found))
+}
+
+fn compare(words: String, names: &[String], now: &Prediction, then: &Prediction) -> Option<Advice> {
+    let share = |name: &String| Some((name.clone(), then.sigma(name)? / now.sigma(name)?));
+    let shares = names.iter().map(share).collect::<Option<Vec<_>>>()?;
+    let logs: f64 = shares.iter().map(|(_, share)| share.max(1e-6).ln()).sum();
+    let mean = (logs / shares.len().max(1) as f64).exp();
+    Some(Advice { words, shares, mean })
+}
+
+/// Returns the number of changes.
+pub(super) fn count(rig: &Rig) -> u64 {
+    changes(rig).len() as u64
+}
+
+/// Returns the changes, each with the changed rig.
+fn changes(rig: &Rig) -> Vec<(String, Rig)> {
+    let camera = &rig.scenario.camera;
+    let mut changes = vec![faster(rig)];
+    let mut change = |words: String, edit: &dyn Fn(&mut Rig)| {
+        let mut changed = rig.clone();
+        edit(&mut changed);
+        changes.push((words, changed));
+    };
+    if camera.noise_dn > 0.0 {
+        change(
+            format!("half the noise ({} grey levels): more light or a better sensor", 0.5 * camera.noise_dn),
+            &|rig| {
+                rig.scenario.camera.noise_dn *= 0.5;
+            },
+        );
+    }
+    let blur_px = 1e-6 * camera.exposure_us * rig.speed_px_s();
+    if blur_px > 0.0 {
+        let words = format!(
+            "half the exposure ({} us, {:.2} px of motion blur instead of {blur_px:.2}) with twice the light",
+            0.5 * camera.exposure_us,
+            0.5 * blur_px
+        );
+        change(words, &|rig| set_exposure(rig, 0.5 * rig.scenario.camera.exposure_us));
+    }
+    if camera.blur_px > 0.5 {
+        let sharp_px = (camera.blur_px / 1.4).max(0.5);
+        change(format!("a sharper image (blur {sharp_px:.2} px instead of {:.2})", camera.blur_px), &|rig| {
+            rig.scenario.camera.blur_px = sharp_px;
+        });
+    }
+    change("more contrast: body at 0.9 of full scale, speckles at 0.05".into(), &|rig| {
+        (rig.scenario.shade.ball, rig.scenario.shade.speckle) = (0.9, 0.05);
+    });
+    changes.extend(patterns(rig));
+    changes.extend(longer(rig));
+    changes.extend(by_method(rig));
+    changes.extend(larger(rig));
+    changes
+}
+
+fn set_exposure(rig: &mut Rig, exposure_us: f64) {
+    rig.scenario.camera.exposure_us = exposure_us;
+    rig.config.camera.exposure_us = Some(exposure_us);
+}
+
+/// Other speckle patterns.
+fn patterns(rig: &Rig) -> Vec<(String, Rig)> {
+    let own = &rig.scenario.body.pattern;
+    let words = |pattern: &PatternSetup| {
+        let share = 100.0 * pattern.coverage;
+        format!("of {} to {} px^2 covering {share:.0} %", pattern.area_min_px2, pattern.area_max_px2)
+    };
+    let with = |name: &str| {
+        let pattern = PatternSetup::paper(name).filter(|pattern| pattern != own)?;
+        let mut changed = rig.clone();
+        // A rod has no lines.
+        let lines = if rig.scenario.body.rod.is_some() { 0 } else { pattern.lines };
+        let change = format!("speckles {} (pattern {name}) instead of {}", words(&pattern), words(own));
+        changed.scenario.body.pattern = PatternSetup { lines, ..pattern };
+        Some((change, changed))
+    };
+    PATTERNS.iter().filter_map(|name| with(name)).collect()
+}
+
+/// Twice the frame rate for the same motion.
+fn faster(rig: &Rig) -> (String, Rig) {
+    let mut changed = rig.clone();
+    let camera = &mut changed.scenario.camera;
+    camera.frame_rate_hz *= 2.0;
+    camera.frames *= 2;
+    let (rate_hz, exposure_us) = (camera.frame_rate_hz, camera.exposure_us.min(1e6 / camera.frame_rate_hz));
+    changed.config.camera.frame_rate_hz = Some(rate_hz);
+    set_exposure(&mut changed, exposure_us);
+    changed.scenario.rescale_motion(1.0, 0.5);
+    let shorter = exposure_us < rig.scenario.camera.exposure_us;
+    let exposed =
+        if shorter { format!(", exposure {exposure_us:.0} us with correspondingly more light") } else { String::new() };
+    (format!("twice the frame rate ({rate_hz:.0} Hz){exposed}"), changed)
+}
+
+/// A longer flight before and after a collision.
+fn longer(rig: &Rig) -> Option<(String, Rig)> {
+    let mut changed = rig.clone();
+    let camera = &mut changed.scenario.camera;
+    let film_s = camera.frames as f64 / camera.frame_rate_hz;
+    match &mut changed.scenario.motion {
+        MotionSetup::Constant { .. } | MotionSetup::Piecewise { .. } => camera.frames *= 2,
+        MotionSetup::Impact(impact) => {
+            let flight_s = impact.contact_start_s;
+            impact.contact_start_s *= 2.0;
+            camera.frames = ((film_s + 2.0 * flight_s) * camera.frame_rate_hz).round() as u64;
+        }
+    }
+    Some(("a longer film: twice the flight before contact, and as much more after it".into(), changed))
+}
+
+/// Better settings of the measurement.
+fn by_method(rig: &Rig) -> Vec<(String, Rig)> {
+    let mut changes = Vec::new();
+    if let Some(window) = rig.config.velocity.window_frames {
+        let mut wider = rig.clone();
+        wider.config.velocity.window_frames = Some(2 * window + 1);
+        changes.push((format!("velocity.window_frames = {} instead of {window}", 2 * window + 1), wider));
+        let mut free = rig.clone();
+        free.config.velocity.window_frames = None;
+        changes.push(("velocity.window_frames omitted: the fit chooses its window".into(), free));
+    }
+    if matches!(rig.config.rotation, Rotation::Field | Rotation::Center) && rig.config.bodies[0].kind == BodyKind::Ball
+    {
+        let mut rigid = rig.clone();
+        rigid.config.rotation = Rotation::Rigid;
+        changes.push(("rotation.method = \"rigid\": all pixels in one match".into(), rigid));
+    }
+    changes
+}
+
+/// The same scene at a higher magnification.
+fn larger(rig: &Rig) -> Option<(String, Rig)> {
+    let mut changed = rig.clone();
+    let Rig { config, scenario } = &mut changed;
+    if scenario.body.rod.is_some() {
+        return None;
+    }
+    let scaled = |length: u32| (f64::from(length) * LARGER).round() as u32;
+    let camera = &mut scenario.camera;
+    (camera.width_px, camera.height_px) = (scaled(camera.width_px), scaled(camera.height_px));
+    scenario.scale.mm_per_px /= LARGER;
+    let pattern = &mut scenario.body.pattern;
+    (pattern.area_min_px2, pattern.area_max_px2) =
+        (pattern.area_min_px2 * LARGER * LARGER, pattern.area_max_px2 * LARGER * LARGER);
+    if let Some(occluder) = &mut scenario.occluder {
+        occluder.point_px = occluder.point_px.map(|point| point.map(|at| at * LARGER));
+        occluder.speed_px_frame *= LARGER;
+    }
+    scenario.rescale_motion(LARGER, 1.0);
+    let camera = &scenario.camera;
+    (config.camera.width_px, config.camera.height_px) = (Some(camera.width_px), Some(camera.height_px));
+    if let Some(Scale::MmPerPx(mm_per_px)) = &mut config.scale {
+        *mm_per_px /= LARGER;
+    }
+    for body in &mut config.bodies {
+        [&mut body.min_radius_px, &mut body.max_radius_px].into_iter().flatten().for_each(|radius| *radius *= LARGER);
+        body.roi_px = body.roi_px.map(|roi| roi.map(scaled));
+    }
+    let diameter_px = 2.0 * scenario.radius_px();
+    Some((format!("{LARGER} times the magnification (body of {diameter_px:.0} px, larger speckles)"), changed))
+}

@@ -1,0 +1,96 @@
+//! `ricochet study design`: the predicted uncertainty of a rig, and what to change first.
+
+mod advice;
+mod monte_carlo;
+mod output;
+mod pose_noise;
+mod reference_renewal;
+mod rig;
+mod scatter;
+mod subset_noise;
+
+use std::path::PathBuf;
+
+use self::rig::Rig;
+use self::scatter::Prediction;
+use crate::command::field::folder;
+use crate::config::Config;
+use crate::console::{Outcome, UsageError, progress};
+use crate::process::Stop;
+
+pub use self::scatter::{Expected, spread};
+
+/// Number of films for a scatter.
+const FILMS: u64 = 200;
+
+/// Number of films for a change; fewer suffice, since the noise is the same with and without it.
+const FILMS_OF_A_CHANGE: u64 = 48;
+
+/// The options of `ricochet study design`.
+#[derive(Debug, Clone, PartialEq, clap::Args)]
+pub struct DesignOptions {
+    /// Rig file.
+    #[arg(long, value_name = "RIG")]
+    pub config: PathBuf,
+    /// Scenario to film: a built-in name or a scenario file [default: the rig's own, else lacrosse].
+    #[arg(long, value_name = "NAME|FILE")]
+    pub scenario: Option<String>,
+    /// Pixel noise at half of full scale, grey levels, as measured by `ricochet check` [default: the scenario's].
+    #[arg(long, value_name = "DN")]
+    pub noise_dn: Option<f64>,
+    /// Only print the scatter, without advice.
+    #[arg(long)]
+    pub no_advice: bool,
+    /// Directory for design.csv and design_advice.csv; created if missing.
+    #[arg(short, long, value_name = "DIR")]
+    pub output: Option<PathBuf>,
+    /// Print JSON.
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// Predicts the uncertainty of a rig.
+///
+/// # Errors
+///
+/// When the rig cannot film or track its scenario.
+pub fn predict(config: &Config, stop: &Stop) -> anyhow::Result<Vec<Expected>> {
+    let rig = Rig::new(config.clone(), None, None)?;
+    Ok(Prediction::of(&rig, FILMS, stop)?.map_or_else(Vec::new, |prediction| prediction.rows))
+}
+
+/// Predicts the uncertainty of a rig, tries changes and prints the results.
+///
+/// # Errors
+///
+/// When the rig file is invalid, or the rig cannot film or track its scenario.
+pub fn run(options: &DesignOptions, stop: &Stop) -> anyhow::Result<Outcome> {
+    if let Some(noise_dn) = options.noise_dn.filter(|noise_dn| !(0.0..=16384.0).contains(noise_dn)) {
+        return Err(UsageError(format!("--noise-dn {noise_dn}: must be 0 to a quarter of full scale")).into());
+    }
+    let config = Config::load(&options.config)?;
+    if let Some(directory) = &options.output {
+        folder::make("--output", directory)?;
+    }
+    let rig = Rig::new(config, options.scenario.as_deref(), options.noise_dn)?;
+    let stopped = || Outcome::Lost { count: 1, cause: Some("stopped before the prediction was complete".into()) };
+    let bar = progress::parts(if options.no_advice { 1 } else { 1 + advice::count(&rig) }, "design");
+    let Some(prediction) = Prediction::of(&rig, FILMS, stop)? else { return Ok(stopped()) };
+    bar.inc(1);
+    let advice = match options.no_advice {
+        true => Some(Vec::new()),
+        false => advice::advice(&rig, FILMS_OF_A_CHANGE, stop, || bar.inc(1))?,
+    };
+    bar.finish_and_clear();
+    let Some(advice) = advice else { return Ok(stopped()) };
+    let output = output::Output { rig: &rig, prediction: &prediction, advice: &advice };
+    if let Some(directory) = &options.output {
+        output.write(directory)?;
+    }
+    if options.json {
+        output.print_json()
+    } else {
+        output.print_table()
+    }
+    Ok(Outcome::Clean)
+}

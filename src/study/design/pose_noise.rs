@@ -1,0 +1,192 @@
+//! The scatter of a pose, estimated from rendered frames of the rig.
+
+use super::rig::Rig;
+use super::{reference_renewal, subset_noise};
+use crate::camera::simulated;
+use crate::console::UsageError;
+use crate::dic::{Correlator, Region, RigidBody};
+use crate::image::{Frame, Image};
+use crate::measure::{MeasureParams, Measured, Measurer, Share, whole_region};
+use crate::process::analysis_params;
+use crate::results::{BodyStep, Circle, PointStatus};
+use crate::synth::World;
+use std::ops::Range;
+
+/// Number of frames that are rendered and measured to see how the body is tracked.
+const PICTURES: u64 = 3;
+
+/// Length of a block: the reference is updated at least this often, frames.
+const RENEWED_FRAMES: u64 = 16;
+
+/// Minimum visible fraction of a body that counts as fully visible.
+const MIN_VISIBLE: f64 = 0.97;
+
+/// The uncertainty of a pose.
+#[derive(Debug, Clone)]
+pub(super) struct Noise {
+    /// Scatter of a pose: x px, y px, angle deg.
+    pub(super) pose: [f64; 3],
+    /// Random-walk error added by an update of the reference in whole-body matching, in the same units.
+    pub(super) renewal: [f64; 3],
+    /// Random-walk error of a step over subsets, relative to the assumed one: x, y and angle.
+    pub(super) walk: [f64; 3],
+    /// Reported sigma of a pose over its actual scatter.
+    pub(super) stated: [f64; 3],
+    /// Reduction of the variance of a pose by interpolation half-way between pixels, per axis.
+    pub(super) smoothing: f64,
+    /// Noise of the body's pixels, weighted by their gradients, DN.
+    pub(super) pixel_dn: f64,
+    /// A measured step of the body.
+    pub(super) step: BodyStep,
+    /// Offset of the measured centre from the truth, px.
+    pub(super) off_px: [f64; 2],
+}
+
+/// Maximum of the reduction.
+const MAX_SMOOTHING: f64 = 0.4;
+
+impl Noise {
+    /// Returns the scatter of a pose of a body that has moved by `moved_px` since its reference was taken.
+    pub(super) fn pose_at(&self, moved_px: [f64; 2]) -> [f64; 3] {
+        let left = (1.0 - self.smoothing * between_pixels(moved_px)).sqrt();
+        self.pose.map(|sigma| left * sigma)
+    }
+
+    /// Estimates the noise of a rig. Whole-body matching uses the noise bound of the pattern, subsets use the
+    /// observed scatter of steps.
+    ///
+    /// # Errors
+    ///
+    /// When the body cannot be tracked in the rendered frames.
+    pub(super) fn of(rig: &Rig, world: &World) -> anyhow::Result<Self> {
+        let origin = &rig.config.origin;
+        let longest = u64::from(rig.config.intervals_frames[0]);
+        let is_seen = |index: &u64| {
+            let truth = world.truth(*index);
+            truth.status == PointStatus::Valid && truth.visible_fraction.is_none_or(|share| share >= MIN_VISIBLE)
+        };
+        let pictures = PICTURES + longest;
+        let first = (0..world.frames())
+            .find(|index| index + pictures <= world.frames() && is_seen(index) && is_seen(&(index + pictures - 1)));
+        let Some(first) = first else {
+            return Err(UsageError(format!("{origin}: the body is never fully visible for {pictures} frames")).into());
+        };
+        let steps = measured(rig, world, first..first + pictures)?;
+        let found: Vec<&BodyStep> = steps.iter().filter(|step| step.step.is_some()).collect();
+        let Some(step) = found.first().map(|step| **step) else {
+            let status = steps.first().map_or(PointStatus::Lost, |step| step.status);
+            let why = format!("{origin}: cannot track the body in the rendered frames: {}", status.word());
+            return Err(UsageError(why).into());
+        };
+        let truth = world.truth(step.frame);
+        let center_px = [truth.center_x_px.unwrap_or_default(), truth.center_y_px.unwrap_or_default()];
+        let light = world.render_light(first);
+        let pixel_dn = pixel_noise_dn(rig, &light, center_px);
+        let mut smoothing = 0.0;
+        let (pose, renewal, walk, stated) = match step.is_whole {
+            true => {
+                let bound = bound(rig, &light, center_px, pixel_dn)?;
+                let last =
+                    (first..first + RENEWED_FRAMES).take_while(|index| *index < world.frames() && is_seen(index));
+                let last = last.last().unwrap_or(first);
+                let matched = reference_renewal::matched(rig, world, (first, last))?;
+                smoothing = smoothed(&matched.poses, &bound);
+                (bound, matched.renewal, [1.0; 3], [1.0; 3])
+            }
+            false => {
+                let (stated, seen) = (stated(&found), subset_noise::stepped(rig, world, first)?);
+                let over = |k: usize| if seen.pose[k] > 0.0 { stated[k] / seen.pose[k] } else { 1.0 };
+                (seen.pose, [0.0; 3], seen.walk, [0, 1, 2].map(over))
+            }
+        };
+        let place = step.circle.map(|c| [c.x_px, c.y_px]).or(step.rod.map(|rod| [rod.x_px.value, rod.y_px.value]));
+        let off_px = place.map_or([0.0; 2], |place| [place[0] - center_px[0], place[1] - center_px[1]]);
+        Ok(Self { pose, renewal, walk, stated, smoothing, pixel_dn, step, off_px })
+    }
+}
+
+/// Returns the steps of a few frames over the shortest interval, measured as the rig does.
+fn measured(rig: &Rig, world: &World, frames: Range<u64>) -> anyhow::Result<Vec<BodyStep>> {
+    let (params, _) = analysis_params(&rig.config, &rig.format());
+    let mut rows = steps(&params, world, frames)?;
+    rows.retain(|step| step.interval_frames == rig.config.intervals_frames[0]);
+    Ok(rows)
+}
+
+/// Measures every step of a few frames of a film.
+///
+/// # Errors
+///
+/// When the settings cannot be used.
+pub(super) fn steps(params: &MeasureParams, film: &World, frames: Range<u64>) -> anyhow::Result<Vec<BodyStep>> {
+    let (width, height) = (film.width_px() as usize, film.height_px() as usize);
+    let mut measurer = Measurer::new(params, Share::ALL, width, height)?;
+    let (mut rows, mut bytes): (Vec<Measured>, _) = (Vec::new(), vec![0; film.frame_bytes()]);
+    for index in frames {
+        film.render(index, &mut bytes);
+        measurer.push(&Frame { meta: simulated::meta(film, index), bytes: &bytes }, &mut rows)?;
+    }
+    measurer.finish(&mut rows);
+    Ok(rows.into_iter().map(|row| row.step).collect())
+}
+
+/// Returns the lower bound of the scatter for this texture; half of a match's variance belongs to the other frame.
+fn bound(rig: &Rig, light: &Image, [x_px, y_px]: [f64; 2], pixel_dn: f64) -> anyhow::Result<[f64; 3]> {
+    let correlator = Correlator::new(&rig.config.correlation(), light.view().width(), light.view().height())?;
+    let body = RigidBody::new(&correlator.prepare(light.view()), &pixels_of(rig, [x_px, y_px])).map_err(|status| {
+        UsageError(format!("{}: cannot match the whole body: {}", rig.config.origin, status.word()))
+    })?;
+    Ok(body.expected_sigma((x_px, y_px), pixel_dn).map(|sigma| sigma * std::f64::consts::FRAC_1_SQRT_2))
+}
+
+/// Fits the reduction of the variance of a pose by interpolation half-way between pixels, by least squares.
+fn smoothed(poses: &[([f64; 3], [f64; 2])], bound: &[f64; 3]) -> f64 {
+    let (mut squares, mut products) = (0.0, 0.0);
+    for (variances, moved) in poses {
+        let missing = 1.0 - variances.iter().zip(bound).map(|(seen, bound)| seen / bound.powi(2)).sum::<f64>() / 3.0;
+        let between = between_pixels(*moved);
+        (squares, products) = (squares + between * between, products + missing * between);
+    }
+    if squares > 0.0 { (products / squares).clamp(0.0, MAX_SMOOTHING) } else { 0.0 }
+}
+
+/// Returns how far a displacement is from whole pixels: 0 where both components are whole, 2 where both are half-way.
+fn between_pixels(moved: [f64; 2]) -> f64 {
+    moved.iter().map(|part| (std::f64::consts::PI * part).sin().powi(2)).sum()
+}
+
+/// Returns the pixels of a ball used in whole-body matching.
+pub(super) fn pixels_of(rig: &Rig, [x_px, y_px]: [f64; 2]) -> Region {
+    let radius_px = rig.scenario.radius_px();
+    let (sigma_center_px, sigma_radius_px, visible_fraction) = (0.0, 0.0, 1.0);
+    whole_region(&Circle { x_px, y_px, radius_px, sigma_center_px, sigma_radius_px, visible_fraction })
+}
+
+/// Returns the reported sigma of subset fits, root mean square per pose; a step has the noise of two poses.
+fn stated(steps: &[&BodyStep]) -> [f64; 3] {
+    let mut sums = [0.0; 3];
+    for (step, frames) in steps.iter().filter_map(|step| Some((step.step?, f64::from(step.interval_frames)))) {
+        for (sum, sigma) in sums.iter_mut().zip([step.sigma_dx_px, step.sigma_dy_px, step.sigma_dtheta_deg]) {
+            *sum += (frames * sigma).powi(2) / 2.0;
+        }
+    }
+    sums.map(|sum| (sum / steps.len().max(1) as f64).sqrt())
+}
+
+/// Returns the noise of the body's pixels, weighted by their squared gradients.
+fn pixel_noise_dn(rig: &Rig, light: &Image, [x_px, y_px]: [f64; 2]) -> f64 {
+    let (view, radius_px) = (light.view(), rig.scenario.radius_px());
+    let (mut weights, mut sum) = (0.0, 0.0);
+    for y in 1..view.height() - 1 {
+        for x in 1..view.width() - 1 {
+            if (x as f64 - x_px).hypot(y as f64 - y_px) > radius_px {
+                continue;
+            }
+            let at = |dx: usize, dy: usize| f64::from(view.row(y + dy - 1)[x + dx - 1]);
+            let weight = (at(2, 1) - at(0, 1)).powi(2) + (at(1, 2) - at(1, 0)).powi(2);
+            weights += weight;
+            sum += weight * rig.scenario.camera.noise_variance_dn2(at(1, 1));
+        }
+    }
+    if weights > 0.0 { (sum / weights).sqrt() } else { rig.scenario.camera.noise_variance_dn2(0.0).sqrt() }
+}

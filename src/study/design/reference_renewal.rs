@@ -1,0 +1,163 @@
+//! The scatter of whole-body matches, and the permanent error of a reference update.
+//!
+//! A pose measured by way of a second reference differs slightly from a direct one. The noise of the frame between
+//! them is interpolated once as a target and used as is as a reference. The effect depends on how finely the pattern
+//! is sampled, so it is observed on rendered frames of this rig with independent noise.
+
+use super::pose_noise::pixels_of;
+use super::rig::Rig;
+use crate::camera::simulated;
+use crate::dic::{Correlator, PreparedFrame, RigidBody};
+use crate::image::{Frame, Image};
+use crate::synth::World;
+
+/// Number of renderings: the error of an update is known to 15 %, the scatter of a pose to 4 %.
+const TAKES: u64 = 24;
+
+/// Number of last frames that are compared.
+const LAST: u64 = 4;
+
+/// Frames in which the reference is updated, in sixteenths of the interval. They differ in how far the body is from
+/// whole pixels.
+const RENEWED_AT: [u64; 3] = [5, 8, 11];
+
+/// The observed errors of whole-body matches in x px, y px and angle deg.
+#[derive(Debug, Clone)]
+pub(super) struct Matched {
+    /// Scatter of the permanent error of an update.
+    pub(super) renewal: [f64; 3],
+    /// Variance of a pose in each of several frames, and the motion of the body since the first frame, px.
+    pub(super) poses: Vec<([f64; 3], [f64; 2])>,
+}
+
+/// The matches of one rendering.
+struct Take {
+    /// Path through each updated reference minus the direct match, for each of the last frames.
+    closures: Vec<Vec<[f64; 3]>>,
+    /// Direct match from the first frame to each other frame.
+    straight: Vec<[f64; 3]>,
+}
+
+/// Variance shared by all frames of a rendering, and of each frame alone.
+struct Parts {
+    shared: f64,
+    own: Vec<f64>,
+}
+
+/// Observes the scatter of poses from `first` to `last`, and the permanent error of an update between them.
+///
+/// Both paths from the first to a last frame differ by the error of the update, which all later frames share, and by
+/// the interpolation of the last frame, which is its own noise. Several last frames separate the two. Interpolation
+/// reduces the noise of a pose, the more so the finer the pattern.
+///
+/// # Errors
+///
+/// When a film cannot be rendered or the settings cannot be used.
+pub(super) fn matched(rig: &Rig, world: &World, (first, last): (u64, u64)) -> anyhow::Result<Matched> {
+    let (width, height) = (world.width_px() as usize, world.height_px() as usize);
+    let correlator = Correlator::new(&rig.config.correlation(), width, height)?;
+    let mut renewed = RENEWED_AT.map(|at| first + (at * (last - first) / 16).max(1)).to_vec();
+    renewed.dedup();
+    renewed.retain(|at| *at < last);
+    let lasts = (last + 1).saturating_sub(LAST).max(renewed.last().unwrap_or(&first) + 1)..=last;
+    let frames: Vec<u64> = [first].into_iter().chain(renewed.iter().copied()).chain(lasts).collect();
+    let (mut closures, mut straight) = (vec![Vec::new(); renewed.len()], Vec::new());
+    for take in 1..=TAKES {
+        let film = world.retake(rig.scenario.motion.clone(), take)?;
+        let pictures = frames.iter().map(|index| picture(&film, &correlator, *index)).collect::<Result<Vec<_>, _>>()?;
+        if let Some(take) = follow(rig, &film, &frames, &pictures, renewed.len()) {
+            closures.iter_mut().zip(take.closures).for_each(|(all, own)| all.push(own));
+            straight.push(take.straight);
+        }
+    }
+    let own = [0, 1, 2].map(|k| parts(&straight, k).own);
+    let place = |frame: u64| {
+        let truth = world.truth(frame);
+        [truth.center_x_px, truth.center_y_px].map(Option::unwrap_or_default)
+    };
+    let moved = |frame: u64| [0, 1].map(|k| place(frame)[k] - place(first)[k]);
+    let poses = (0..own[0].len()).map(|at| (own.each_ref().map(|own| own[at]), moved(frames[at + 1]))).collect();
+    let left = |k: usize| closures.iter().map(|takes| parts(takes, k).shared).sum::<f64>();
+    Ok(Matched { renewal: [0, 1, 2].map(|k| (left(k) / closures.len().max(1) as f64).sqrt()), poses })
+}
+
+/// Separates the variance over renderings into a shared part and a part of each frame.
+fn parts(takes: &[Vec<[f64; 3]>], k: usize) -> Parts {
+    let (count, frames) = (takes.len(), takes.first().map_or(0, Vec::len));
+    if count < 2 || frames == 0 {
+        return Parts { shared: 0.0, own: Vec::new() };
+    }
+    let mean = |frame: usize| takes.iter().map(|take| take[frame][k]).sum::<f64>() / count as f64;
+    let means: Vec<f64> = (0..frames).map(mean).collect();
+    let (mut between, mut within) = (0.0, vec![0.0; frames]);
+    for take in takes {
+        let off = |frame: usize| take[frame][k] - means[frame];
+        let shared = (0..frames).map(off).sum::<f64>() / frames as f64;
+        between += shared * shared;
+        within.iter_mut().enumerate().for_each(|(frame, sum)| *sum += (off(frame) - shared).powi(2));
+    }
+    let free = (count - 1) as f64;
+    if frames == 1 {
+        return Parts { shared: between / free, own: Vec::new() };
+    }
+    let own: Vec<f64> = within.iter().map(|sum| sum * frames as f64 / (free * (frames - 1) as f64)).collect();
+    let mean = own.iter().sum::<f64>() / frames as f64;
+    Parts { shared: (between / free - mean / frames as f64).max(0.0), own }
+}
+
+fn picture(film: &World, correlator: &Correlator, index: u64) -> anyhow::Result<PreparedFrame> {
+    let (mut bytes, mut image) = (vec![0; film.frame_bytes()], Image::default());
+    film.render(index, &mut bytes);
+    Frame { meta: simulated::meta(film, index), bytes: &bytes }.unpack(&mut image)?;
+    Ok(correlator.prepare(image.view()))
+}
+
+/// Matches every frame with the first, and the last frames with each updated reference; returns `None` if a match
+/// fails.
+fn follow(rig: &Rig, film: &World, frames: &[u64], pictures: &[PreparedFrame], renewed: usize) -> Option<Take> {
+    let pose = |index: &u64| {
+        let truth = film.truth(*index);
+        Some([truth.center_x_px?, truth.center_y_px?, film.angle_deg(*index)])
+    };
+    let poses = frames.iter().map(pose).collect::<Option<Vec<_>>>()?;
+    let body = |at: usize| RigidBody::new(&pictures[at], &pixels_of(rig, [poses[at][0], poses[at][1]])).ok();
+    let step = |body: &mut RigidBody, from: usize, to: usize| {
+        let [x, y, _] = poses[from];
+        let near: [f64; 3] = std::array::from_fn(|k| poses[to][k] - poses[from][k]);
+        let motion = body.find(&pictures[to], (x, y), (near[0], near[1], near[2])).ok()?.motion;
+        Some([motion.u_px, motion.v_px, motion.angle_deg])
+    };
+    let mut first = body(0)?;
+    let straight = (1..frames.len()).map(|to| step(&mut first, 0, to)).collect::<Option<Vec<_>>>()?;
+    let close = |at: usize| {
+        let mut second = body(at)?;
+        let way = |to: usize| {
+            let by_way = step(&mut second, at, to)?;
+            Some(std::array::from_fn(|k| straight[at - 1][k] + by_way[k] - straight[to - 1][k]))
+        };
+        (renewed + 1..frames.len()).map(way).collect::<Option<Vec<_>>>()
+    };
+    let closures = (1..=renewed).map(close).collect::<Option<Vec<_>>>()?;
+    Some(Take { closures, straight })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_noise_of_the_last_frames_is_not_mistaken_for_a_lasting_error() {
+        let mut stream = crate::numeric::Stream::new(7);
+        let take = |stream: &mut crate::numeric::Stream, shared: f64, own: f64| {
+            let lasting = shared * stream.normal();
+            (0..4).map(|last| [lasting + own * stream.normal() + f64::from(last), 0.0, 0.0]).collect::<Vec<_>>()
+        };
+        for (shared, own) in [(0.3, 0.5), (0.5, 0.0), (0.0, 0.5)] {
+            let takes: Vec<_> = (0..4000).map(|_| take(&mut stream, shared, own)).collect();
+            let [first, second] = [0, 1].map(|k| parts(&takes, k));
+            assert!((first.shared - shared * shared).abs() < 0.01, "{shared}, {own}: {}", first.shared);
+            assert!(first.own.iter().all(|seen| (seen - own * own).abs() < 0.03), "{shared}, {own}: {:?}", first.own);
+            assert_eq!((second.shared.to_bits(), second.own), (0, vec![0.0; 4]));
+        }
+    }
+}

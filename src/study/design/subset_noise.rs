@@ -1,0 +1,158 @@
+//! The white noise of a pose from steps over subsets, and their permanent error.
+//!
+//! Short steps and one long step between the same two frames share the noise of the same two poses. Their difference
+//! is the permanent error of the steps, and the remaining scatter of a step is the noise of its two poses. Both
+//! depend on how finely the pattern is sampled, so they are observed on films of this rig.
+
+use super::pose_noise::steps;
+use super::rig::Rig;
+use crate::motion::subset_walk;
+use crate::process::analysis_params;
+use crate::results::BodyStep;
+use crate::synth::World;
+
+/// Number of renderings and of consecutive long steps: the ratio is known to 7 %.
+const TAKES: u64 = 16;
+const LONG_STEPS: u64 = 6;
+
+/// Length of a long step in short ones, if the rig has only one interval.
+const LONG: u32 = 8;
+
+/// The observed errors of steps in x px, y px and angle deg.
+#[derive(Debug, Clone)]
+pub(super) struct Stepped {
+    /// White noise of a pose.
+    pub(super) pose: [f64; 3],
+    /// Permanent error of a step relative to the assumed one.
+    pub(super) walk: [f64; 3],
+}
+
+/// Observes the scatter of steps from frame `first` on.
+///
+/// # Errors
+///
+/// When a film cannot be rendered or the settings cannot be used.
+pub(super) fn stepped(rig: &Rig, world: &World, first: u64) -> anyhow::Result<Stepped> {
+    let intervals = &rig.config.intervals_frames;
+    let short = intervals[0];
+    let long = intervals.get(1).copied().unwrap_or(short * LONG);
+    let (mut params, _) = analysis_params(&rig.config, &rig.format());
+    params.intervals_frames = vec![short, long];
+    let count = (world.frames() - 1 - first).min(LONG_STEPS * u64::from(long)) / u64::from(long);
+    let frames = first..first + count * u64::from(long) + 1;
+    let mut takes = Vec::new();
+    for take in 1..=TAKES {
+        takes.push(steps(&params, &world.retake(rig.scenario.motion.clone(), take)?, frames.clone())?);
+    }
+    let shares = |from: u64, interval: u32| {
+        let pose = |frame: u64| {
+            let truth = world.truth(frame);
+            [truth.center_x_px.unwrap_or_default(), truth.center_y_px.unwrap_or_default(), world.angle_deg(frame)]
+        };
+        let (here, there) = (pose(from), pose(from + u64::from(interval)));
+        subset_walk([0, 1, 2].map(|k| there[k] - here[k]))
+    };
+    let mut parts = [Parts::default(); 3];
+    for start in (0..count).map(|at| first + at * u64::from(long)) {
+        let shorts: Vec<u64> = (start..start + u64::from(long)).step_by(short as usize).collect();
+        let closures: Vec<_> = takes.iter().filter_map(|rows| closure(rows, start, short, long)).collect();
+        let whole = shares(start, long);
+        for (k, parts) in parts.iter_mut().enumerate() {
+            let each: f64 = shorts.iter().map(|from| shares(*from, short)[k].powi(2)).sum();
+            parts.close(&closures, k, each + whole[k].powi(2));
+            for from in &shorts {
+                let moved: Vec<_> = takes.iter().filter_map(|rows| moved(rows, *from, short)).collect();
+                parts.step(&moved, k, shares(*from, short)[k].powi(2));
+            }
+        }
+    }
+    let estimates = parts.map(|parts| parts.estimate());
+    Ok(Stepped { pose: estimates.map(|[pose, _]| pose), walk: estimates.map(|[_, walk]| walk) })
+}
+
+/// Sums of variances and of the squared expected errors.
+#[derive(Debug, Clone, Copy, Default)]
+struct Parts {
+    closed: f64,
+    closed_shares: f64,
+    stepped: f64,
+    stepped_shares: f64,
+    steps: f64,
+}
+
+impl Parts {
+    fn close(&mut self, off: &[[f64; 3]], k: usize, shares: f64) {
+        if let Some(variance) = variance(off.iter().map(|off| off[k])) {
+            (self.closed, self.closed_shares) = (self.closed + variance, self.closed_shares + shares);
+        }
+    }
+
+    fn step(&mut self, moved: &[[f64; 3]], k: usize, shares: f64) {
+        if let Some(variance) = variance(moved.iter().map(|moved| moved[k])) {
+            (self.stepped, self.stepped_shares) = (self.stepped + variance, self.stepped_shares + shares);
+            self.steps += 1.0;
+        }
+    }
+
+    /// Returns the white noise of a pose, and the permanent error per unit of the expected one.
+    fn estimate(&self) -> [f64; 2] {
+        let left = if self.closed_shares > 0.0 { self.closed / self.closed_shares } else { 0.0 };
+        let pose = 0.5 * (self.stepped - left * self.stepped_shares) / self.steps.max(1.0);
+        if pose > 0.0 { [pose.sqrt(), (left / pose).sqrt()] } else { [0.0, 1.0] }
+    }
+}
+
+/// Returns the sum of the short steps minus the long one; `None` if one is missing.
+fn closure(rows: &[BodyStep], start: u64, short: u32, long: u32) -> Option<[f64; 3]> {
+    let mut sum = moved(rows, start, long)?.map(|whole| -whole);
+    for from in (start..start + u64::from(long)).step_by(short as usize) {
+        let step = moved(rows, from, short)?;
+        sum = [0, 1, 2].map(|k| sum[k] + step[k]);
+    }
+    Some(sum)
+}
+
+/// Returns the motion of a step over this interval.
+fn moved(rows: &[BodyStep], from: u64, interval: u32) -> Option<[f64; 3]> {
+    let row = rows.iter().find(|row| row.frame == from && row.interval_frames == interval)?;
+    let step = row.step?;
+    Some([step.dx_px, step.dy_px, step.dtheta_deg].map(|mean| mean * f64::from(interval)))
+}
+
+/// Returns the variance about the mean, which all renderings share.
+fn variance(values: impl Iterator<Item = f64> + Clone) -> Option<f64> {
+    let (count, sum) = values.clone().fold((0.0, 0.0), |(count, sum), value| (count + 1.0, sum + value));
+    let mean = sum / count;
+    (count > 2.0).then(|| values.map(|value| (value - mean).powi(2)).sum::<f64>() / (count - 1.0))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::numeric::Stream;
+
+    #[test]
+    fn the_permanent_error_of_a_step_is_separated_from_the_noise_of_its_poses() {
+        const STEPS: usize = 8;
+        let (share, mut stream) = (0.3_f64, Stream::new(5));
+        for (pose, left) in [(1.0, 0.0), (0.5, 1.0), (2.0, 0.6)] {
+            let (mut steps, mut closures) = (vec![Vec::new(); STEPS], Vec::new());
+            for _ in 0..4000 {
+                let poses: [f64; STEPS + 1] = std::array::from_fn(|_| pose * stream.normal());
+                let mut sum = poses[0] - poses[STEPS] + left * share * stream.normal();
+                for (k, steps) in steps.iter_mut().enumerate() {
+                    let step = poses[k + 1] - poses[k] + left * share * stream.normal();
+                    steps.push([step; 3]);
+                    sum += step;
+                }
+                closures.push([sum; 3]);
+            }
+            let mut parts = Parts::default();
+            parts.close(&closures, 0, (STEPS + 1) as f64 * share.powi(2));
+            steps.iter().for_each(|steps| parts.step(steps, 0, share.powi(2)));
+            let [white, walk] = parts.estimate();
+            assert!((white / pose - 1.0).abs() < 0.03, "{pose}: {white}");
+            assert!((walk - left / pose).abs() < 0.04, "{pose}, {left}: {walk}");
+        }
+    }
+}

@@ -1,0 +1,365 @@
+//! The compared methods: each measures the motion of the ball's centre from two frames.
+
+use super::plain_correlation::Plain;
+use crate::ball::{BallFinder, BallParams};
+use crate::console::UsageError;
+use crate::dic::grid;
+use crate::dic::rigid_fit;
+use crate::dic::{
+    CenterVector, CorrelationParams, Correlator, GridPoint, Method, PolarCorrelator, PreparedFrame, Region, RigidBody,
+    RigidMotion, Start, center_fit,
+};
+use crate::image::ImageView;
+use crate::results::{Circle, FieldPoint, PointStatus};
+
+/// Spline points between two pixels, as in the paper.
+const SPLINE_POINTS: u32 = 5;
+
+/// Search range, px: twice the fastest film's displacement plus that of the rim by rotation.
+const SEARCH_PX: u32 = 8;
+
+/// Margin between subsets and the rim, as a fraction of the radius, as in a measurement.
+const RIM_CLEARANCE: f64 = 0.04;
+
+/// Inner radius of the ring, as a fraction of the ball's, as in a measurement.
+const RING_SHARE: f64 = 0.35;
+
+/// Range of radii in the ball search, px.
+const RADII_PX: [f64; 2] = [48.0, 72.0];
+
+/// Minimum number of windows for a motion.
+const MIN_WINDOWS: usize = 3;
+
+/// A compared method.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Way {
+    /// The paper's method: windows splined with 5 points, the highest grid point of their correlation.
+    Paper,
+    /// The same with a peak fit.
+    PaperFit,
+    /// Plain windows, and a spline through the peak of the normalised correlation.
+    PeakSpline,
+    /// Plain windows, correlated by Eq. 4 without normalisation by the overlap; 5 points on the peak.
+    PeakPlain,
+    /// Subsets refined by IC-GN, and the rigid motion that fits them best.
+    IcGn,
+    /// The centre by IC-GN subsets, the rotation by a ring of pixels around it.
+    Ring,
+    /// The whole ball in one match.
+    Rigid,
+}
+
+impl Way {
+    /// Names on the command line and in tables.
+    pub(super) const WORDS: [(&str, Self); 7] = [
+        ("paper", Self::Paper),
+        ("paper-fit", Self::PaperFit),
+        ("peak-spline", Self::PeakSpline),
+        ("peak-plain", Self::PeakPlain),
+        ("ic-gn", Self::IcGn),
+        ("ring", Self::Ring),
+        ("rigid", Self::Rigid),
+    ];
+
+    pub(super) fn word(self) -> &'static str {
+        Self::WORDS.iter().find(|(_, way)| *way == self).map_or("", |(word, _)| word)
+    }
+
+    /// Returns the label in a legend.
+    pub(super) fn title(self) -> &'static str {
+        match self {
+            Self::Paper => "paper: splined windows, highest point",
+            Self::PaperFit => "splined windows, peak fitted",
+            Self::PeakSpline => "peak splined, normalised",
+            Self::PeakPlain => "peak splined, as Eq. 4",
+            Self::IcGn => "IC-GN windows",
+            Self::Ring => "ring around the centre",
+            Self::Rigid => "whole ball, rigid",
+        }
+    }
+}
+
+/// Size and grid step of the windows, px.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Windows {
+    pub(super) subset_size_px: u32,
+    pub(super) step_px: u32,
+}
+
+/// The result of one method on one pair of frames.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Answer {
+    /// Displacement of the ball's centre along x and y, px, and rotation, deg.
+    pub(super) step: Option<[f64; 3]>,
+    /// Their standard uncertainties, if the method estimates them.
+    pub(super) sigma: Option<[f64; 3]>,
+    /// Number of windows or pixels used.
+    pub(super) points: u32,
+    pub(super) status: PointStatus,
+}
+
+/// The plan and buffers of one thread.
+pub(super) struct Bench {
+    ways: Vec<(Way, Engine)>,
+    finder: BallFinder,
+    windows: Windows,
+    side_px: usize,
+    field: Vec<FieldPoint>,
+    frames: [PreparedFrame; 2],
+    ring: PolarCorrelator,
+}
+
+/// The correlator of a method.
+enum Engine {
+    Correlator(Box<Correlator>),
+    Plain(Plain),
+}
+
+impl Bench {
+    /// Plans the methods for square frames.
+    ///
+    /// # Errors
+    ///
+    /// When the window size or step is out of range, or there is no room for a window.
+    pub(super) fn new(ways: &[Way], windows: Windows, side_px: u32) -> anyhow::Result<Self> {
+        let side_px = side_px as usize;
+        let engine = |way: &Way| -> anyhow::Result<(Way, Engine)> { Ok((*way, engine(*way, windows, side_px)?)) };
+        Ok(Self {
+            ways: ways.iter().map(engine).collect::<anyhow::Result<_>>()?,
+            finder: BallFinder::new(&BallParams::new(RADII_PX[0], RADII_PX[1]), side_px, side_px)?,
+            windows,
+            side_px,
+            field: Vec::new(),
+            frames: Default::default(),
+            ring: PolarCorrelator::default(),
+        })
+    }
+
+    /// Checks that enough windows fit on a ball.
+    ///
+    /// # Errors
+    ///
+    /// [`UsageError`] naming the options.
+    pub(super) fn check_room(&self, diameter_px: f64) -> Result<(), UsageError> {
+        let middle = 0.5 * self.side_px as f64;
+        let radius_px = 0.5 * diameter_px;
+        let circle = Circle {
+            x_px: middle,
+            y_px: middle,
+            radius_px,
+            sigma_center_px: 0.0,
+            sigma_radius_px: 0.0,
+            visible_fraction: 1.0,
+        };
+        let Windows { subset_size_px, step_px } = self.windows;
+        let count = points(&circle, self.windows, self.side_px).len();
+        if count > MIN_WINDOWS {
+            return Ok(());
+        }
+        Err(UsageError(format!(
+            "--subset {subset_size_px} --step {step_px}: {count} windows fit into a ball of {diameter_px} px, more than \
+             {MIN_WINDOWS} are needed"
+        )))
+    }
+
+    /// Measures two frames with every method, in the planned order.
+    ///
+    /// The ball is detected in the first frame; only the range of its radius is known in advance.
+    pub(super) fn measure(&mut self, before: ImageView<'_>, after: ImageView<'_>) -> Vec<Answer> {
+        let Some(circle) = self.finder.find(before) else {
+            let lost = Answer { step: None, sigma: None, points: 0, status: PointStatus::Lost };
+            return vec![lost; self.ways.len()];
+        };
+        let Self { ways, windows, field, frames, side_px, ring, .. } = self;
+        let [reference, target] = frames;
+        // All methods share the interpolation.
+        for (image, frame) in [(before, &mut *reference), (after, &mut *target)] {
+            let prepared = ways.iter().find_map(|(_, engine)| match engine {
+                Engine::Correlator(correlator) => Some(correlator),
+                Engine::Plain(_) => None,
+            });
+            if let Some(correlator) = prepared {
+                correlator.prepare_into(image, frame);
+            }
+        }
+        let points = points(&circle, *windows, *side_px);
+        let images = (before, after);
+        let answer = |(way, engine): &mut (Way, Engine)| {
+            match engine {
+                Engine::Correlator(correlator) => {
+                    correlator.correlate(reference, target, &points, Start::Search, field);
+                }
+                Engine::Plain(plain) => {
+                    let vectors: Vec<CenterVector> =
+                        points.iter().filter_map(|at| plain.vector(images, *at, &circle)).collect();
+                    return as_the_paper(&vectors, *windows, PointStatus::LowCorrelation);
+                }
+            }
+            match way {
+                Way::IcGn => fitted(field, &circle, windows.subset_size_px),
+                Way::Ring => ringed(ring, (reference, target), field, &circle, windows.subset_size_px),
+                Way::Rigid => whole(reference, target, field, &circle, windows.subset_size_px),
+                _ => {
+                    let center = (circle.x_px, circle.y_px);
+                    let vectors: Vec<_> =
+                        field.iter().filter_map(|point| CenterVector::from_point(point, center)).collect();
+                    as_the_paper(&vectors, *windows, why_not(field))
+                }
+            }
+        };
+        ways.iter_mut().map(answer).collect()
+    }
+
+    /// Correlates the windows of one method on the last measured frames; returns their number.
+    pub(super) fn correlate_again(&mut self, place: usize, (before, after): (ImageView<'_>, ImageView<'_>)) -> usize {
+        let Some(circle) = self.finder.find(before) else { return 0 };
+        let points = points(&circle, self.windows, self.side_px);
+        match &mut self.ways[place].1 {
+            Engine::Correlator(correlator) => {
+                correlator.correlate(&self.frames[0], &self.frames[1], &points, Start::Search, &mut self.field);
+            }
+            Engine::Plain(plain) => {
+                let found = points.iter().filter_map(|at| plain.vector((before, after), *at, &circle));
+                std::hint::black_box(found.count());
+            }
+        }
+        points.len()
+    }
+}
+
+fn engine(way: Way, windows: Windows, side_px: usize) -> anyhow::Result<Engine> {
+    let method = match way {
+        Way::Paper | Way::PaperFit => Method::SplineFft,
+        Way::PeakSpline | Way::PeakPlain => Method::PeakSpline,
+        // A whole-body match starts from the motion of the subsets.
+        Way::IcGn | Way::Ring | Way::Rigid => Method::IcGn,
+    };
+    let params = CorrelationParams {
+        method,
+        spline_points: if method == Method::SplineFft { SPLINE_POINTS } else { 0 },
+        subset_size_px: windows.subset_size_px,
+        step_px: windows.step_px,
+        search_px: SEARCH_PX,
+        ..CorrelationParams::default()
+    };
+    let correlator = Correlator::new(&params, side_px, side_px)?;
+    Ok(match way {
+        Way::PeakPlain => Engine::Plain(Plain::new(windows.subset_size_px, SPLINE_POINTS)),
+        Way::Paper => Engine::Correlator(Box::new(correlator.without_peak_fit())),
+        _ => Engine::Correlator(Box::new(correlator)),
+    })
+}
+
+/// Returns the windows on a ball.
+fn points(circle: &Circle, windows: Windows, side_px: usize) -> Vec<GridPoint> {
+    let radius_px = circle.radius_px * (1.0 - RIM_CLEARANCE);
+    grid::disc(circle.x_px, circle.y_px, radius_px, windows.step_px, windows.subset_size_px, side_px, side_px)
+}
+
+/// Fits the rigid motion of a field, weighted by the uncertainties of the vectors.
+fn fitted(field: &mut [FieldPoint], circle: &Circle, subset_size_px: u32) -> Answer {
+    let status = why_not(field);
+    rigid_fit(field, circle.x_px, circle.y_px, subset_size_px).map_or_else(|| none(status), |motion| of(&motion))
+}
+
+/// Combines the centre's motion from the windows with the rotation of the ring.
+fn ringed(
+    ring: &mut PolarCorrelator,
+    (reference, target): (&PreparedFrame, &PreparedFrame),
+    field: &mut [FieldPoint],
+    circle: &Circle,
+    subset_size_px: u32,
+) -> Answer {
+    let status = why_not(field);
+    let Some(near) = rigid_fit(field, circle.x_px, circle.y_px, subset_size_px) else { return none(status) };
+    let (from, to) = ((circle.x_px, circle.y_px), (circle.x_px + near.u_px, circle.y_px + near.v_px));
+    let radii_px = (RING_SHARE * circle.radius_px, circle.radius_px * (1.0 - RIM_CLEARANCE));
+    let turn = ring.rotation((reference, from), (target, to), radii_px, Some(near.angle_deg));
+    turn.map_or_else(none, |turn| {
+        of(&RigidMotion { angle_deg: turn.angle_deg, sigma_angle_deg: turn.sigma_deg, ..near })
+    })
+}
+
+/// Matches all pixels of the ball, starting from the motion of the windows.
+fn whole(
+    reference: &PreparedFrame,
+    target: &PreparedFrame,
+    field: &mut [FieldPoint],
+    circle: &Circle,
+    subset_size_px: u32,
+) -> Answer {
+    let status = why_not(field);
+    let Some(near) = rigid_fit(field, circle.x_px, circle.y_px, subset_size_px) else { return none(status) };
+    let radius_px = circle.radius_px * (1.0 - RIM_CLEARANCE);
+    let region = Region::Disc { x_px: circle.x_px, y_px: circle.y_px, radius_px };
+    let found = RigidBody::new(reference, &region)
+        .and_then(|mut body| body.find(target, (circle.x_px, circle.y_px), (near.u_px, near.v_px, near.angle_deg)));
+    found.map_or_else(none, |found| of(&found.motion))
+}
+
+/// Evaluates a field like the paper: interpolated at the ball's centre, with the mean rotation of the windows about
+/// it.
+///
+/// Returns the status `otherwise` if there are too few vectors.
+fn as_the_paper(valid: &[CenterVector], windows: Windows, otherwise: PointStatus) -> Answer {
+    // The paper reports no uncertainty.
+    let answer = |motion: RigidMotion| Answer { sigma: None, ..of(&motion) };
+    center_fit(valid, windows.step_px, windows.subset_size_px).map_or_else(|| none(otherwise), answer)
+}
+
+fn of(motion: &RigidMotion) -> Answer {
+    Answer {
+        step: Some([motion.u_px, motion.v_px, motion.angle_deg]),
+        sigma: Some([motion.sigma_u_px, motion.sigma_v_px, motion.sigma_angle_deg]),
+        points: motion.points,
+        status: PointStatus::Valid,
+    }
+}
+
+fn none(status: PointStatus) -> Answer {
+    Answer { step: None, sigma: None, points: 0, status }
+}
+
+/// Returns the most frequent status of windows without an answer.
+fn why_not(field: &[FieldPoint]) -> PointStatus {
+    let count = |status: PointStatus| field.iter().filter(|point| point.status == status).count();
+    let failures = PointStatus::ALL.into_iter().filter(|status| *status != PointStatus::Valid);
+    failures.max_by_key(|status| count(*status)).filter(|status| count(*status) > 0).unwrap_or(PointStatus::Lost)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_method_reports_a_frame_without_a_ball_as_lost() {
+        let ways = Way::WORDS.map(|(_, way)| way);
+        let mut bench = Bench::new(&ways, Windows { subset_size_px: 25, step_px: 12 }, 160).unwrap();
+        let image = crate::image::Image::new(160, 160);
+        let answers = bench.measure(image.view(), image.view());
+        assert_eq!(answers.len(), ways.len());
+        assert!(answers.iter().all(|answer| answer.status == PointStatus::Lost && answer.step.is_none()));
+    }
+
+    #[test]
+    fn only_the_papers_method_as_it_reads_takes_a_slow_ball_for_a_resting_one() {
+        use super::super::film::{self, Filming, SIDE_PX};
+        use super::super::films_plan::{Case, Film, Speeds, Velocity};
+        let filming = Filming { frames: 2, noise_dn: 2.0, blur_px: 0.7, seed: 1 };
+        let velocity = Velocity { px_frame: [0.06, 0.06], deg_frame: 0.0 };
+        let plan = Film { pattern: 13, speeds: Speeds::OffGrid, number: 3, case: Case::TwoAxes, velocity, level: 0 };
+        let reel = film::film(&film::ball(13, &filming).unwrap(), &plan, &filming).unwrap();
+        let (mut bytes, mut images) = (Vec::new(), [crate::image::Image::default(), crate::image::Image::default()]);
+        for (index, image) in images.iter_mut().enumerate() {
+            reel.draw(index as u64, &mut bytes, image).unwrap();
+        }
+        let ways = [Way::Paper, Way::PaperFit, Way::IcGn, Way::Rigid];
+        let mut bench = Bench::new(&ways, Windows { subset_size_px: 25, step_px: 20 }, SIDE_PX).unwrap();
+        let answers = bench.measure(images[0].view(), images[1].view());
+        let steps: Vec<[f64; 3]> = answers.iter().map(|answer| answer.step.unwrap()).collect();
+        assert!(steps[0].iter().all(|part| part.abs() < 1e-12), "the grid's nearest point is 0: {steps:?}");
+        for (step, most_px) in steps[1..].iter().zip([0.015, 0.005, 0.004]) {
+            assert!((step[0] - 0.06).abs() < most_px && (step[1] - 0.06).abs() < most_px, "{steps:?}");
+        }
+    }
+}

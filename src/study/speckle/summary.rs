@@ -1,0 +1,227 @@
+//! Mean absolute errors and their standard deviation, as in the paper's figures.
+
+use serde::Serialize;
+
+use super::films_plan::{Case, Film, Speeds};
+use super::methods::Way;
+use super::row::Row;
+use crate::synth::PatternSetup;
+
+/// Statistics of the absolute errors along one axis.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Spread {
+    /// Number of frame pairs with an answer.
+    pub(super) count: usize,
+    /// Mean absolute error.
+    pub(super) mean: f64,
+    /// Standard deviation of the absolute errors, like the error bars of the paper; `None` for a single one.
+    pub(super) spread: Option<f64>,
+    /// Maximum absolute error.
+    pub(super) max: f64,
+    /// Mean signed error.
+    pub(super) bias: f64,
+}
+
+impl Spread {
+    pub(super) fn of(errors: &[f64]) -> Option<Self> {
+        let count = errors.len() as f64;
+        let mean = errors.iter().map(|error| error.abs()).sum::<f64>() / count;
+        let squares: f64 = errors.iter().map(|error| (error.abs() - mean).powi(2)).sum();
+        (!errors.is_empty()).then(|| Self {
+            count: errors.len(),
+            mean,
+            spread: (errors.len() > 1).then(|| (squares / (count - 1.0)).sqrt()),
+            max: errors.iter().fold(0.0, |max, error| max.max(error.abs())),
+            bias: errors.iter().sum::<f64>() / count,
+        })
+    }
+}
+
+/// One method on all films of one pattern, set of speeds and case.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Group {
+    pub(super) pattern: usize,
+    pub(super) speeds: Speeds,
+    pub(super) case: Case,
+    pub(super) way: Way,
+    pub(super) films: usize,
+    /// Number of frame pairs.
+    pub(super) pairs: usize,
+    /// Number of frame pairs without an answer.
+    pub(super) missing: usize,
+    /// Errors along x and y, px/frame, and of the rotation, deg/frame.
+    ///
+    /// In the one-axis cases only films that move along the axis count.
+    pub(super) errors: [Option<Spread>; 3],
+}
+
+/// A row of the summary table.
+#[derive(Debug, Serialize)]
+pub(super) struct Line {
+    pattern: &'static str,
+    speeds: &'static str,
+    case: &'static str,
+    method: &'static str,
+    films: usize,
+    pairs: usize,
+    missing: usize,
+    mean_x_px: Option<f64>,
+    spread_x_px: Option<f64>,
+    max_x_px: Option<f64>,
+    bias_x_px: Option<f64>,
+    mean_y_px: Option<f64>,
+    spread_y_px: Option<f64>,
+    max_y_px: Option<f64>,
+    bias_y_px: Option<f64>,
+    mean_deg: Option<f64>,
+    spread_deg: Option<f64>,
+    max_deg: Option<f64>,
+    bias_deg: Option<f64>,
+}
+
+impl Group {
+    pub(super) fn line(&self) -> Line {
+        let part = |axis: usize, part: fn(&Spread) -> Option<f64>| {
+            let value = self.errors[axis].as_ref().and_then(part)?;
+            // Rounded to the decimals of the table of films.
+            Some((value * 1e7).round() / 1e7 + 0.0)
+        };
+        let (mean, spread) = (|s: &Spread| Some(s.mean), |s: &Spread| s.spread);
+        let (max, bias) = (|s: &Spread| Some(s.max), |s: &Spread| Some(s.bias));
+        Line {
+            pattern: PatternSetup::PAPER[self.pattern],
+            speeds: self.speeds.word(),
+            case: self.case.word(),
+            method: self.way.word(),
+            films: self.films,
+            pairs: self.pairs,
+            missing: self.missing,
+            mean_x_px: part(0, mean),
+            spread_x_px: part(0, spread),
+            max_x_px: part(0, max),
+            bias_x_px: part(0, bias),
+            mean_y_px: part(1, mean),
+            spread_y_px: part(1, spread),
+            max_y_px: part(1, max),
+            bias_y_px: part(1, bias),
+            mean_deg: part(2, mean),
+            spread_deg: part(2, spread),
+            max_deg: part(2, max),
+            bias_deg: part(2, bias),
+        }
+    }
+}
+
+/// Groups the rows of a study, in the order of pattern, speeds, case and method.
+pub(super) fn groups(films: &[Film], ways: &[Way], rows: &[Row]) -> Vec<Group> {
+    let each = rows.len() / films.len().max(1);
+    let mut groups: Vec<(Group, [Vec<f64>; 3])> = Vec::new();
+    let mut begin = 0;
+    for (index, (film, rows)) in films.iter().zip(rows.chunks(each.max(1))).enumerate() {
+        let before = index.checked_sub(1).map(|before| films[before]);
+        if before.is_none_or(|before| (before.pattern, before.speeds) != (film.pattern, film.speeds)) {
+            begin = groups.len();
+        }
+        let place = groups[begin..].iter().position(|(group, _)| group.case == film.case).map(|place| begin + place);
+        let place = place.unwrap_or_else(|| {
+            groups.extend(ways.iter().map(|way| (empty(film, *way), Default::default())));
+            groups.len() - ways.len()
+        });
+        for (number, (group, errors)) in groups[place..place + ways.len()].iter_mut().enumerate() {
+            group.films += 1;
+            rows.iter().skip(number).step_by(ways.len()).for_each(|row| add(group, errors, row));
+        }
+    }
+    let finish = |(group, errors): (Group, [Vec<f64>; 3])| Group { errors: errors.map(|e| Spread::of(&e)), ..group };
+    groups.into_iter().map(finish).collect()
+}
+
+fn empty(film: &Film, way: Way) -> Group {
+    let Film { pattern, speeds, case, .. } = *film;
+    Group { pattern, speeds, case, way, films: 0, pairs: 0, missing: 0, errors: [None; 3] }
+}
+
+fn add(group: &mut Group, errors: &mut [Vec<f64>; 3], row: &Row) {
+    group.pairs += 1;
+    let is_across = |speed: f64| matches!(group.case, Case::OneAxis | Case::OneAxisSpin) && speed <= 0.0;
+    let skipped = [is_across(row.vx_px_frame), is_across(row.vy_px_frame), false];
+    let [x, y, turn] = row.error();
+    if x.is_none() {
+        group.missing += 1;
+    }
+    for ((errors, error), skipped) in errors.iter_mut().zip([x, y, turn]).zip(skipped) {
+        errors.extend(error.filter(|_| !skipped));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::films_plan::SpeckleStudy;
+    use super::super::methods::Answer;
+    use super::*;
+    use crate::results::PointStatus;
+
+    /// Rows of a study with errors of `error(film, way, pair)`.
+    fn rows(films: &[Film], ways: &[Way], error: impl Fn(&Film, Way, u64) -> Option<[f64; 3]>) -> Vec<Row> {
+        let mut rows = Vec::new();
+        for film in films {
+            for frame in 0..2 {
+                for way in ways {
+                    let step = error(film, *way, frame).map(|[x, y, turn]| {
+                        let [vx, vy] = film.velocity.px_frame;
+                        [vx + x, vy + y, film.velocity.deg_frame + turn]
+                    });
+                    let answer = Answer { step, sigma: None, points: 9, status: PointStatus::Valid };
+                    rows.push(Row::new((SpeckleStudy::General, film), frame, *way, &answer));
+                }
+            }
+        }
+        rows
+    }
+
+    #[test]
+    fn statistics_are_grouped_by_pattern_method_and_case() {
+        let films = SpeckleStudy::Translation.plan(&[2, 5], &[Speeds::Paper]);
+        let ways = [Way::Paper, Way::Rigid];
+        let rows = rows(&films, &ways, |film, way, frame| {
+            let sign = if frame == 0 { 1.0 } else { -3.0 };
+            let size = if way == Way::Rigid { 0.001 } else { 0.02 } * (film.pattern as f64);
+            Some([sign * size, 2.0 * sign * size, 0.5 * sign * size])
+        });
+        let groups = groups(&films, &ways, &rows);
+        assert_eq!(groups.len(), 2 * 2 * 2, "two patterns, at rest and along an axis, two methods");
+        let of = |pattern: usize, case: Case, way: Way| {
+            let mut found = groups.iter().filter(|g| (g.pattern, g.case, g.way) == (pattern, case, way));
+            let group = found.next().unwrap();
+            assert!(found.next().is_none());
+            group
+        };
+        let group = of(5, Case::OneAxis, Way::Rigid);
+        assert_eq!((group.films, group.pairs, group.missing), (10, 20, 0));
+        let [x, y, turn] = group.errors.map(Option::unwrap);
+        // Five films move along x, two pairs each: errors of 0.005 and -0.015 px.
+        assert_eq!((x.count, turn.count), (10, 20));
+        assert!(
+            (x.mean - 0.010).abs() < 1e-6 && (x.max - 0.015).abs() < 1e-6 && (x.bias + 0.005).abs() < 1e-6,
+            "{x:?}"
+        );
+        assert!((x.spread.unwrap() - 0.005 * (10.0_f64 / 9.0).sqrt()).abs() < 1e-6, "{x:?}");
+        assert!((y.mean - 0.020).abs() < 1e-6 && (turn.mean - 0.005).abs() < 1e-6, "{y:?} {turn:?}");
+        let coarse = of(2, Case::OneAxis, Way::Paper).errors[0].unwrap();
+        assert!((coarse.mean - 0.08).abs() < 1e-6, "{coarse:?}");
+        assert_eq!(of(2, Case::Rest, Way::Paper).errors[0].unwrap().count, 2);
+    }
+
+    #[test]
+    fn an_answer_that_is_missing_is_counted_and_is_not_a_zero() {
+        let films = SpeckleStudy::Rotation.plan(&[9], &[Speeds::OffGrid]);
+        let rows = rows(&films, &[Way::IcGn], |film, _, frame| (film.number != 2 || frame > 0).then_some([0.3; 3]));
+        let groups = groups(&films, &[Way::IcGn], &rows);
+        assert_eq!((groups[0].pairs, groups[0].missing), (6, 1));
+        let error = groups[0].errors[0].unwrap();
+        assert!(error.count == 5 && (error.mean - 0.3).abs() < 1e-6, "{error:?}");
+        let none = super::groups(&films, &[Way::IcGn], &super::tests::rows(&films, &[Way::IcGn], |_, _, _| None));
+        assert_eq!(none[0].errors, [None; 3]);
+        assert_eq!(none[0].missing, 6);
+    }
+}

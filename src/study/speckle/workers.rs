@@ -1,0 +1,147 @@
+//! Worker threads that measure films; results are delivered in order.
+
+use std::collections::BTreeMap;
+use std::collections::btree_map::Entry;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
+
+use super::film::{self, Filming, SIDE_PX};
+use super::films_plan::{Film, SpeckleStudy};
+use super::methods::{Bench, Way, Windows};
+use super::row::Row;
+use crate::image::Image;
+use crate::process::Stop;
+use crate::synth::World;
+
+/// The settings that determine the results of a study.
+#[derive(Debug, Clone)]
+pub(super) struct Job {
+    pub(super) study: SpeckleStudy,
+    pub(super) films: Vec<Film>,
+    pub(super) ways: Vec<Way>,
+    pub(super) windows: Windows,
+    pub(super) filming: Filming,
+}
+
+/// The balls by pattern and level.
+type Balls = BTreeMap<(usize, usize), World>;
+
+/// The index of a film, and its rows or error.
+type Done = (usize, anyhow::Result<Vec<Row>>);
+
+impl Job {
+    /// Measures the films from `first` on and passes their rows to `take` in order, until all are done or a stop.
+    ///
+    /// The rows of a film depend on the job only, not on the number of threads.
+    ///
+    /// # Errors
+    ///
+    /// Any error of a film or of `take`.
+    pub(super) fn run(
+        &self,
+        first: usize,
+        threads: usize,
+        stop: &Stop,
+        mut take: impl FnMut(Vec<Row>) -> anyhow::Result<()>,
+    ) -> anyhow::Result<()> {
+        let next = AtomicUsize::new(first);
+        let balls = self.balls(first)?;
+        std::thread::scope(|scope| {
+            let (sender, receiver) = sync_channel(2 * threads);
+            let work = |sender: SyncSender<Done>| self.work(&balls, &next, stop, &sender);
+            let workers: Vec<_> = (0..threads)
+                .map(|_| {
+                    let sender = sender.clone();
+                    scope.spawn(move || work(sender))
+                })
+                .collect();
+            drop(sender);
+            let given = in_order(first, receiver, &mut take);
+            for worker in workers {
+                worker.join().map_err(|_| anyhow::anyhow!("a measuring thread panicked"))??;
+            }
+            given
+        })
+    }
+
+    /// Measures a single film.
+    ///
+    /// # Errors
+    ///
+    /// Any error of the film.
+    pub(super) fn measure_single(&self, number: usize) -> anyhow::Result<Vec<Row>> {
+        let film = &self.films[number];
+        let ball = film::ball(film.pattern, &self.filming_of(film))?;
+        self.measure(&mut Bench::new(&self.ways, self.windows, SIDE_PX)?, &ball, film)
+    }
+
+    /// Returns the balls that are still needed, per pattern and level.
+    fn balls(&self, first: usize) -> anyhow::Result<Balls> {
+        let mut balls = Balls::new();
+        for film in &self.films[first..] {
+            if let Entry::Vacant(place) = balls.entry((film.pattern, film.level)) {
+                place.insert(film::ball(film.pattern, &self.filming_of(film))?);
+            }
+        }
+        Ok(balls)
+    }
+
+    /// Returns the settings of a film, with the varied setting at its level.
+    fn filming_of(&self, film: &Film) -> Filming {
+        let Some(level) = self.study.levels().get(film.level).copied() else { return self.filming };
+        match self.study {
+            SpeckleStudy::Noise => Filming { noise_dn: level, ..self.filming },
+            SpeckleStudy::Blur => Filming { blur_px: level, ..self.filming },
+            _ => self.filming,
+        }
+    }
+
+    /// Runs one thread: takes the next film until there are none, a stop, or the receiver is gone.
+    fn work(&self, balls: &Balls, next: &AtomicUsize, stop: &Stop, sender: &SyncSender<Done>) -> anyhow::Result<()> {
+        let mut bench = Bench::new(&self.ways, self.windows, SIDE_PX)?;
+        while !stop.requested() {
+            let number = next.fetch_add(1, Ordering::Relaxed);
+            let Some(plan) = self.films.get(number) else { break };
+            let Some(ball) = balls.get(&(plan.pattern, plan.level)) else { break };
+            if sender.send((number, self.measure(&mut bench, ball, plan))).is_err() {
+                break;
+            }
+        }
+        Ok(())
+    }
+
+    /// Renders one film and measures it with every method.
+    fn measure(&self, bench: &mut Bench, ball: &World, plan: &Film) -> anyhow::Result<Vec<Row>> {
+        let reel = film::film(ball, plan, &self.filming)?;
+        let (mut bytes, mut before, mut after) = (Vec::new(), Image::default(), Image::default());
+        reel.draw(0, &mut bytes, &mut before)?;
+        let mut rows = Vec::new();
+        for frame in 0..self.filming.frames - 1 {
+            reel.draw(frame + 1, &mut bytes, &mut after)?;
+            let answers = bench.measure(before.view(), after.view());
+            rows.extend(
+                self.ways.iter().zip(&answers).map(|(way, answer)| Row::new((self.study, plan), frame, *way, answer)),
+            );
+            std::mem::swap(&mut before, &mut after);
+        }
+        Ok(rows)
+    }
+}
+
+/// Passes results to `take` in order.
+fn in_order(
+    first: usize,
+    receiver: Receiver<Done>,
+    take: &mut impl FnMut(Vec<Row>) -> anyhow::Result<()>,
+) -> anyhow::Result<()> {
+    let (mut next, mut early) = (first, BTreeMap::new());
+    // Returning early drops the receiver, which ends the threads.
+    for (number, rows) in receiver {
+        early.insert(number, rows);
+        while let Some(rows) = early.remove(&next) {
+            take(rows?)?;
+            next += 1;
+        }
+    }
+    Ok(())
+}
