@@ -9,20 +9,20 @@ use crc32fast::Hasher;
 use std::collections::BTreeMap;
 use std::io;
 
-/// What the name of [`Compression::Zstd1`] says.
+/// The level of [`Compression::Zstd1`].
 const ZSTD_LEVEL: i32 = 1;
 
-/// A chunk that takes messages.
+/// An open chunk.
 pub(super) struct Chunk {
-    /// Where its record begins in the file.
+    /// Offset of its record in the file.
     start: u64,
-    /// Of the records in it.
+    /// CRC-32 of the records in it.
     crc: Hasher,
-    /// Log time and place of the messages, by channel.
+    /// Log time and offset of the messages, by channel.
     places: BTreeMap<u16, Vec<(u64, u64)>>,
     /// First and last log time.
     times: Option<(u64, u64)>,
-    /// The records, where they wait to be compressed.
+    /// The records of a chunk that is compressed at its end.
     plain: Option<Vec<u8>>,
 }
 
@@ -31,7 +31,7 @@ impl Chunk {
         let start = sink.position();
         let plain = match compression {
             Compression::Zstd1 => Some(Vec::new()),
-            // Its records follow as they come, so its sizes are filled in when it ends.
+            // The records are written as they come. The sizes follow at the end.
             Compression::None => {
                 sink.put(&head(&Head::UNKNOWN)?)?;
                 None
@@ -40,12 +40,12 @@ impl Chunk {
         Ok(Self { start, crc: Hasher::new(), places: BTreeMap::new(), times: None, plain })
     }
 
-    /// Bytes of the records in it.
+    /// The size of the records in it, bytes.
     pub(super) fn bytes(&self) -> u64 {
         self.crc.total_len()
     }
 
-    /// Takes note of a message that is put next.
+    /// Indexes the message that is put next.
     pub(super) fn index(&mut self, header: &MessageHeader) {
         let time = header.log_time_ns;
         let (first, last) = self.times.unwrap_or((time, time));
@@ -54,7 +54,7 @@ impl Chunk {
         self.places.entry(header.channel).or_default().push(place);
     }
 
-    /// Appends a record, or the part of it in front of its body.
+    /// Appends a record, or the part of it before its body.
     pub(super) fn put(&mut self, sink: &mut Sink, bytes: &[u8]) -> io::Result<()> {
         self.crc.update(bytes);
         match &mut self.plain {
@@ -74,7 +74,7 @@ impl Chunk {
         Ok(())
     }
 
-    /// Completes the chunk and writes its index behind it; `file_crc` goes on over both.
+    /// Completes the chunk and writes its index after it. `file_crc` is extended over both.
     pub(super) fn end(self, sink: &mut Sink, file_crc: &mut Hasher) -> io::Result<ChunkIndex> {
         let (first, last) = self.times.unwrap_or((0, 0));
         let plain_bytes = self.bytes();
@@ -127,7 +127,7 @@ impl Chunk {
     }
 }
 
-/// What stands in front of a chunk's records.
+/// The header of a chunk.
 struct Head {
     times: [u64; 2],
     plain_bytes: u64,
@@ -137,12 +137,12 @@ struct Head {
 }
 
 impl Head {
-    /// Until the chunk ends: no reader takes its lengths for true.
+    /// The header of an open chunk. No reader accepts its lengths.
     const UNKNOWN: Self =
         Self { times: [0; 2], plain_bytes: u64::MAX, crc: u32::MAX, compression: "", stored_bytes: u64::MAX };
 }
 
-/// Prefix and head of a chunk's record.
+/// Encodes prefix and header of a chunk's record.
 fn head(about: &Head) -> io::Result<Vec<u8>> {
     let mut out = Vec::new();
     record(&mut out, op::CHUNK, |out| {
@@ -153,7 +153,7 @@ fn head(about: &Head) -> io::Result<Vec<u8>> {
         out.extend(about.stored_bytes.to_le_bytes());
         Ok(())
     })?;
-    // The records that follow are part of it.
+    // The length includes the records that follow.
     let length = ((out.len() - 9) as u64).saturating_add(about.stored_bytes);
     out[1..9].copy_from_slice(&length.to_le_bytes());
     Ok(out)

@@ -1,11 +1,11 @@
-//! Records as bytes.
+//! The encoding of records.
 
 use super::Payload;
 use crate::recording::record::{Channel, MESSAGE_HEADER_BYTES, MessageHeader, Schema, op};
 use std::collections::BTreeMap;
 use std::io;
 
-/// Puts a record behind what is there: opcode, length, body.
+/// Appends a record: opcode, length, body.
 pub(super) fn record(
     out: &mut Vec<u8>,
     opcode: u8,
@@ -35,7 +35,7 @@ pub(super) fn channel(out: &mut Vec<u8>, id: u16, channel: &Channel) -> io::Resu
     map(out, &channel.metadata)
 }
 
-/// A message's record up to its body.
+/// Appends the record of a message up to its body.
 pub(super) fn message(out: &mut Vec<u8>, header: &MessageHeader, payload: &Payload<'_>) {
     out.push(op::MESSAGE);
     out.extend((MESSAGE_HEADER_BYTES + payload.len() as u64).to_le_bytes());
@@ -50,7 +50,7 @@ pub(super) fn text(out: &mut Vec<u8>, text: &str) -> io::Result<()> {
     block(out, text.as_bytes())
 }
 
-/// Bytes behind a 32-bit length.
+/// Appends bytes preceded by a 32-bit length.
 pub(super) fn block(out: &mut Vec<u8>, bytes: &[u8]) -> io::Result<()> {
     out.extend(number::<u32>(bytes.len())?.to_le_bytes());
     out.extend_from_slice(bytes);
@@ -66,13 +66,17 @@ pub(super) fn map(out: &mut Vec<u8>, entries: &BTreeMap<String, String>) -> io::
     block(out, &bytes)
 }
 
-/// Numbers by channel.
+/// Appends a map from channels to numbers.
 pub(super) fn numbers(out: &mut Vec<u8>, entries: &BTreeMap<u16, u64>) -> io::Result<()> {
     let pair = |(channel, value): (&u16, &u64)| [&channel.to_le_bytes()[..], &value.to_le_bytes()].concat();
     block(out, &entries.iter().flat_map(pair).collect::<Vec<u8>>())
 }
 
-/// A number in the width that the format has for it.
+/// Converts a number to the width of its field.
+///
+/// # Errors
+///
+/// When the number is too large for the field.
 pub(super) fn number<T: TryFrom<usize>>(value: usize) -> io::Result<T> {
-    T::try_from(value).map_err(|_| io::Error::other(format!("{value} is more than an MCAP record can hold")))
+    T::try_from(value).map_err(|_| io::Error::other(format!("{value} exceeds a field of an MCAP record")))
 }

@@ -1,8 +1,7 @@
 //! The container of a recording: an MCAP file, written record by record.
 //!
-//! Layout: MCAP specification, <https://mcap.dev/spec>. Frames go from their slot in shared memory straight to the
-//! system, without a copy of ours, and each byte is summed up once: the checksums of a chunk and of the whole file are
-//! put together from those of its frames.
+//! Layout: MCAP specification, <https://mcap.dev/spec>. Frames go from their slot in shared memory to the system without
+//! a copy, and each byte is checksummed once: the CRCs of a chunk and of the file are combined from those of its frames.
 
 mod chunk;
 mod layout;
@@ -20,17 +19,17 @@ use std::collections::BTreeMap;
 use std::io;
 use summary::{AttachmentIndex, MetadataIndex, Summary};
 
-/// How a container is written.
+/// Options of a container.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Settings {
-    /// What the messages are made for: "ros2", or nothing in particular.
+    /// The profile of the file: "ros2", or empty for none.
     pub(super) profile: &'static str,
     pub(super) compression: Compression,
     /// Size at which a chunk is closed, bytes.
     pub(super) chunk_bytes: u64,
 }
 
-/// What a message holds: bytes that are copied, then bytes that are written from where they are.
+/// The data of a message: a head that is copied, then a body that is written without a copy.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Payload<'a> {
     pub(super) head: &'a [u8],
@@ -40,7 +39,7 @@ pub(super) struct Payload<'a> {
 }
 
 impl<'a> Payload<'a> {
-    /// Bytes in one piece; many of them are not copied.
+    /// Takes data in one piece; large data are not copied.
     pub(super) fn of(bytes: &'a [u8]) -> Self {
         const MANY_BYTES: usize = 16 << 10;
         match bytes.len() {
@@ -54,15 +53,16 @@ impl<'a> Payload<'a> {
     }
 }
 
-/// An MCAP file being written.
+/// An MCAP file that is being written.
 ///
-/// Unless it is compressed, messages are handed to the system as they come, in an open chunk too, but for the last part
-/// of the last one. After an error nothing more can be written. Dropped without [`finish`](Self::finish) it has no footer, and so says that it is not whole.
+/// Without compression, messages are written as they come, in an open chunk too; only the end of the last one is
+/// buffered. After an error nothing more can be written. A container that is dropped without [`finish`](Self::finish)
+/// leaves a file without a footer, which readers recognize as unfinished.
 pub(super) struct Container {
     sink: Sink,
     settings: Settings,
     chunk: Option<Chunk>,
-    /// CRC-32 of everything in front of the open chunk.
+    /// CRC-32 of everything before the open chunk.
     crc: Hasher,
     schemas: Vec<Schema>,
     channels: Vec<Channel>,
@@ -105,7 +105,7 @@ impl Container {
     pub(super) fn attach(&mut self, name: &str, media_type: &str, content: &[u8]) -> io::Result<()> {
         let (offset, length) = self.outside(op::ATTACHMENT, |out| {
             let start = out.len();
-            // Times at which it was logged and made: none.
+            // No log time and no creation time.
             out.extend([0; 16]);
             text(out, name)?;
             text(out, media_type)?;
@@ -121,7 +121,7 @@ impl Container {
         Ok(())
     }
 
-    /// The number of a schema, which is written if it is new.
+    /// Returns the number of a schema, which is written if it is new.
     pub(super) fn schema(&mut self, schema: &Schema) -> io::Result<u16> {
         if let Some(known) = self.schemas.iter().position(|known| known == schema) {
             return number(known + 1);
@@ -132,8 +132,9 @@ impl Container {
         Ok(id)
     }
 
-    /// The number of a channel, which is written if it is new; its schema is one of [`schema`](Self::schema)'s numbers,
-    /// or 0 for none.
+    /// Returns the number of a channel, which is written if it is new.
+    ///
+    /// Its schema is a number from [`schema`](Self::schema), or 0 for none.
     pub(super) fn channel(&mut self, channel: &Channel) -> io::Result<u16> {
         if let Some(known) = self.channels.iter().position(|known| known == channel) {
             return number(known + 1);
@@ -144,7 +145,7 @@ impl Container {
         Ok(id)
     }
 
-    /// Adds a message on one of [`channel`](Self::channel)'s numbers.
+    /// Adds a message on a channel from [`channel`](Self::channel).
     pub(super) fn message(&mut self, header: &MessageHeader, payload: &Payload<'_>) -> io::Result<()> {
         self.summary.count(header);
         if self.chunk.as_ref().is_some_and(|chunk| chunk.bytes() > self.settings.chunk_bytes) {
@@ -162,17 +163,17 @@ impl Container {
         written
     }
 
-    /// How many of the last bytes the system has not got yet; what a chunk waits to compress does not count.
+    /// The number of buffered bytes, without those of a chunk that is compressed at its end.
     pub(super) fn buffered_bytes(&self) -> usize {
         self.sink.buffered_bytes()
     }
 
-    /// Hands to the system what waits; the chunk goes on.
+    /// Writes the buffered bytes without ending the chunk.
     pub(super) fn write_buffered(&mut self) -> io::Result<()> {
         self.sink.flush()
     }
 
-    /// Ends the chunk and hands everything to the system.
+    /// Ends the chunk and writes everything.
     pub(super) fn flush(&mut self) -> io::Result<()> {
         self.end_chunk()?;
         self.sink.flush()
@@ -194,7 +195,7 @@ impl Container {
         self.sink.flush()
     }
 
-    /// Writes a record that stands in no chunk: where, and its length with its prefix.
+    /// Writes a record outside any chunk; returns its offset and its length with the prefix.
     fn outside(&mut self, opcode: u8, fill: impl FnOnce(&mut Vec<u8>) -> io::Result<()>) -> io::Result<(u64, u64)> {
         self.end_chunk()?;
         let mut bytes = Vec::new();
@@ -205,7 +206,7 @@ impl Container {
         Ok((offset, bytes.len() as u64))
     }
 
-    /// Writes a record that stands in a chunk.
+    /// Writes a record inside a chunk.
     fn inside(&mut self, opcode: u8, fill: impl FnOnce(&mut Vec<u8>) -> io::Result<()>) -> io::Result<()> {
         let mut bytes = Vec::new();
         record(&mut bytes, opcode, fill)?;

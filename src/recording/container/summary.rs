@@ -1,19 +1,19 @@
-//! The summary at the end of a file: what is in it, and where.
+//! The summary at the end of a file: its content with offsets.
 
 use super::layout::{self, number, numbers, record, text};
 use crate::recording::record::{Channel, MessageHeader, Schema, op};
 use std::collections::BTreeMap;
 use std::io;
 
-/// Where a chunk is.
+/// The index entry of a chunk.
 pub(super) struct ChunkIndex {
     /// First and last log time of its messages.
     pub(super) times: [u64; 2],
-    /// Where its record begins.
+    /// Offset of its record.
     pub(super) start: u64,
     /// Length of the record with its prefix.
     pub(super) length: u64,
-    /// Where its index begins, by channel.
+    /// Offset of its message index, by channel.
     pub(super) index_offsets: BTreeMap<u16, u64>,
     pub(super) index_bytes: u64,
     pub(super) compression: &'static str,
@@ -21,7 +21,7 @@ pub(super) struct ChunkIndex {
     pub(super) plain_bytes: u64,
 }
 
-/// Where an attachment is.
+/// The index entry of an attachment.
 pub(super) struct AttachmentIndex {
     pub(super) offset: u64,
     pub(super) length: u64,
@@ -30,14 +30,14 @@ pub(super) struct AttachmentIndex {
     pub(super) media_type: String,
 }
 
-/// Where a metadata record is.
+/// The index entry of a metadata record.
 pub(super) struct MetadataIndex {
     pub(super) offset: u64,
     pub(super) length: u64,
     pub(super) name: String,
 }
 
-/// Everything that the end of a file tells.
+/// The content of the summary.
 #[derive(Default)]
 pub(super) struct Summary {
     pub(super) chunks: Vec<ChunkIndex>,
@@ -50,7 +50,7 @@ pub(super) struct Summary {
 }
 
 impl Summary {
-    /// Takes note of a message.
+    /// Counts a message.
     pub(super) fn count(&mut self, header: &MessageHeader) {
         let time = header.log_time_ns;
         let (first, last) = self.times.unwrap_or((time, time));
@@ -58,7 +58,7 @@ impl Summary {
         *self.counts.entry(header.channel).or_default() += 1;
     }
 
-    /// The summary that begins at byte `start`, and the footer.
+    /// Encodes the summary, which begins at byte `start`, and the footer.
     pub(super) fn write(&self, start: u64, schemas: &[Schema], channels: &[Channel]) -> io::Result<Vec<u8>> {
         let mut out = Vec::new();
         let mut groups = Vec::new();
@@ -137,7 +137,7 @@ fn chunk(out: &mut Vec<u8>, index: &ChunkIndex) -> io::Result<()> {
 }
 
 fn attachment(out: &mut Vec<u8>, index: &AttachmentIndex) -> io::Result<()> {
-    // The times at which it was logged and made are 0, as in the attachment itself.
+    // Log time and creation time are 0, as in the attachment itself.
     for value in [index.offset, index.length, 0, 0, index.content_bytes] {
         out.extend(value.to_le_bytes());
     }
@@ -145,7 +145,7 @@ fn attachment(out: &mut Vec<u8>, index: &AttachmentIndex) -> io::Result<()> {
     text(out, &index.media_type)
 }
 
-/// The footer; its CRC is that of the summary and of the footer up to it.
+/// Appends the footer. Its CRC covers the summary and the footer before it.
 fn footer(out: &mut Vec<u8>, start: u64, offsets: u64) {
     out.push(op::FOOTER);
     for value in [20, start, offsets] {
