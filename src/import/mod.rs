@@ -41,11 +41,63 @@ pub struct Footage {
     pub warnings: Vec<String>,
     /// Stamp of the frame with number 0, ns since the Unix epoch; 0 when the file has no time.
     first_ns: u64,
-    frames: Frames,
+    frames: Box<dyn Iterator<Item = Numbered> + Send>,
 }
 
-/// The frames: each with its number (missing ones counted) and its pixels, rows packed.
-type Frames = Box<dyn Iterator<Item = Result<(u64, Vec<u8>), ImportError>> + Send>;
+/// A frame: its number, with missing ones counted, and its pixels, rows packed.
+type Numbered = Result<(u64, Vec<u8>), ImportError>;
+
+/// Size and pixel layout of a frame.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Shape {
+    width_px: u32,
+    height_px: u32,
+    format: PixelFormat,
+}
+
+impl Shape {
+    /// Checks the shape of the frames of `path`.
+    ///
+    /// # Errors
+    ///
+    /// [`ImportError::Invalid`] for a frame without pixels, or of more than [`FRAME_BYTES`].
+    fn new(path: &Path, width_px: u64, height_px: u64, format: PixelFormat) -> Result<Self, ImportError> {
+        let bytes = width_px.checked_mul(height_px).and_then(|n| n.checked_mul(format.bytes_per_pixel() as u64));
+        match bytes {
+            // Sizes within the limit fit.
+            Some(1..=FRAME_BYTES) => Ok(Self { width_px: width_px as u32, height_px: height_px as u32, format }),
+            _ => {
+                let reason = format!("frames of {width_px}x{height_px} pixels; 1 byte to 1 GiB are supported");
+                Err(ImportError::invalid(path, reason))
+            }
+        }
+    }
+
+    /// The size of a packed frame, bytes.
+    fn bytes(self) -> u64 {
+        u64::from(self.width_px) * u64::from(self.height_px) * self.format.bytes_per_pixel() as u64
+    }
+}
+
+impl std::fmt::Display for Shape {
+    fn fmt(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(formatter, "{}x{} {}", self.width_px, self.height_px, self.format.word())
+    }
+}
+
+impl Footage {
+    /// Collects frames without a time, properties and warnings.
+    fn new(
+        shape: Shape,
+        frame_rate_hz: f64,
+        count: u64,
+        frames: impl Iterator<Item = Numbered> + Send + 'static,
+    ) -> Self {
+        let Shape { width_px, height_px, format } = shape;
+        let (description, warnings, frames) = (BTreeMap::new(), Vec::new(), Box::new(frames));
+        Self { width_px, height_px, format, frame_rate_hz, count, description, warnings, first_ns: 0, frames }
+    }
+}
 
 impl std::fmt::Debug for Footage {
     fn fmt(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
@@ -64,21 +116,17 @@ impl Iterator for Footage {
     type Item = Result<(FrameMeta, Vec<u8>), ImportError>;
 
     fn next(&mut self) -> Option<Self::Item> {
-        let (sequence, bytes) = match self.frames.next()? {
-            Ok(frame) => frame,
-            Err(error) => return Some(Err(error)),
-        };
-        let meta = FrameMeta {
+        let meta = |sequence: u64| FrameMeta {
             sequence,
-            epoch: 0,
             stamp_ns: self.first_ns.saturating_add((sequence as f64 * 1e9 / self.frame_rate_hz).round() as u64),
-            device_ns: 0,
             width_px: self.width_px,
             height_px: self.height_px,
             stride_bytes: self.width_px * self.format.bytes_per_pixel() as u32,
             format: self.format,
+            ..FrameMeta::default()
         };
-        Some(Ok((meta, bytes)))
+        let frame = self.frames.next()?;
+        Some(frame.map(|(sequence, bytes)| (meta(sequence), bytes)))
     }
 }
 
@@ -138,22 +186,6 @@ fn open_file(path: &Path) -> Result<(File, u64), ImportError> {
 /// What decodes to more is no film of an impact.
 fn memory_limit_bytes(file_bytes: u64) -> u64 {
     file_bytes.saturating_mul(2).saturating_add(SPARE_BYTES).min(FRAME_BYTES)
-}
-
-/// Returns the size of a packed frame, bytes.
-///
-/// # Errors
-///
-/// [`ImportError::Invalid`] for a frame without pixels, or of more than [`FRAME_BYTES`].
-fn frame_bytes(path: &Path, width_px: u64, height_px: u64, format: PixelFormat) -> Result<u64, ImportError> {
-    let bytes = width_px.checked_mul(height_px).and_then(|n| n.checked_mul(format.bytes_per_pixel() as u64));
-    match bytes {
-        Some(bytes) if (1..=FRAME_BYTES).contains(&bytes) => Ok(bytes),
-        _ => Err(ImportError::invalid(
-            path,
-            format!("frames of {width_px}x{height_px} pixels; 1 byte to 1 GiB are supported"),
-        )),
-    }
 }
 
 /// Returns the rate of the user, or else that of the file.

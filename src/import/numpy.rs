@@ -2,9 +2,8 @@
 //!
 //! Layout: "A simple file format for NumPy arrays" (NumPy Enhancement Proposal 1).
 
-use super::{Footage, ImportError, frame_bytes, frame_rate, open_file};
+use super::{Footage, ImportError, Shape, frame_rate, open_file};
 use crate::image::PixelFormat;
-use std::collections::BTreeMap;
 use std::fs::File;
 use std::os::unix::fs::FileExt;
 use std::path::Path;
@@ -20,10 +19,8 @@ pub(super) fn open(path: &Path, fps: Option<f64>) -> Result<Footage, ImportError
     let array = Array::parse(&header).map_err(invalid)?;
     let [count, height_px, width_px] = array.shape;
     let format = if array.is_wide { PixelFormat::Mono16 } else { PixelFormat::Mono8 };
-    let bytes = frame_bytes(path, width_px, height_px, format)?;
-    let (Ok(width_px), Ok(height_px)) = (u32::try_from(width_px), u32::try_from(height_px)) else {
-        return Err(invalid(format!("frames of {width_px}x{height_px} pixels")));
-    };
+    let shape = Shape::new(path, width_px, height_px, format)?;
+    let bytes = shape.bytes();
     let end = count.checked_mul(bytes).and_then(|all| all.checked_add(start));
     if count == 0 || end != Some(file_bytes) {
         let rest = file_bytes - start;
@@ -40,17 +37,7 @@ pub(super) fn open(path: &Path, fps: Option<f64>) -> Result<Footage, ImportError
         }
         Ok((number, pixels))
     });
-    Ok(Footage {
-        width_px,
-        height_px,
-        format,
-        frame_rate_hz,
-        count,
-        description: BTreeMap::new(),
-        warnings: Vec::new(),
-        first_ns: 0,
-        frames: Box::new(frames),
-    })
+    Ok(Footage::new(shape, frame_rate_hz, count, frames))
 }
 
 /// Returns the text of the header and the offset of the pixels.

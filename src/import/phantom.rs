@@ -3,7 +3,7 @@
 //! Layout: "Cine File Format", Vision Research: a file header, a Windows BITMAPINFOHEADER, the camera's set-up, and a
 //! table with the offsets of the images.
 
-use super::{Footage, ImportError, frame_bytes, frame_rate, open_file};
+use super::{Footage, ImportError, Shape, frame_rate, open_file};
 use crate::image::PixelFormat;
 use std::collections::BTreeMap;
 use std::fs::File;
@@ -68,7 +68,7 @@ pub(super) fn open(path: &Path, fps: Option<f64>) -> Result<Footage, ImportError
     cine.offsets = u64::from(u32_at(&header, 32));
     let setup = cine.setup(u64::from(u32_at(&header, 28)))?;
     let bitmap = cine.read(u64::from(u32_at(&header, 24)), BITMAP_HEADER_BYTES)?;
-    let (width_px, height_px, format) = cine.layout(&bitmap, &setup)?;
+    let shape = cine.layout(&bitmap, &setup)?;
     let frame_rate_hz = frame_rate(path, fps, setup_rate(&setup))?;
     // The fraction of the trigger's time has units of 2^-32 s.
     let trigger_ns =
@@ -76,15 +76,9 @@ pub(super) fn open(path: &Path, fps: Option<f64>) -> Result<Footage, ImportError
     let first_ns = (f64::from(first_image) * 1e9 / frame_rate_hz).round() as i64;
     let frames = (0..u64::from(count)).map(move |number| Ok((number, cine.image(number)?)));
     Ok(Footage {
-        width_px,
-        height_px,
-        format,
-        frame_rate_hz,
-        count: count.into(),
         description: description(&setup, first_image),
-        warnings: Vec::new(),
         first_ns: trigger_ns.saturating_add_signed(first_ns),
-        frames: Box::new(frames),
+        ..Footage::new(shape, frame_rate_hz, count.into(), frames)
     })
 }
 
@@ -115,7 +109,7 @@ impl Cine {
         Ok(setup)
     }
 
-    fn layout(&mut self, bitmap: &[u8], setup: &[u8]) -> Result<(u32, u32, PixelFormat), ImportError> {
+    fn layout(&mut self, bitmap: &[u8], setup: &[u8]) -> Result<Shape, ImportError> {
         let (width, height) = (u32_at(bitmap, 4) as i32, u32_at(bitmap, 8) as i32);
         let (bits, compression) = (u16_at(bitmap, 14), u32_at(bitmap, 16));
         self.is_packed = compression == PACKED_10;
@@ -133,12 +127,12 @@ impl Cine {
             (16, _) => PixelFormat::Mono16,
             (bits, _) => return Err(self.invalid(format!("{bits} bits per pixel; 8 and 16 are supported"))),
         };
-        let (width_px, height_px) = (width.unsigned_abs(), height.unsigned_abs());
-        self.frame_bytes = frame_bytes(&self.path, width_px.into(), height_px.into(), format)? as usize;
-        self.row_bytes = width_px as usize * format.bytes_per_pixel();
+        let shape = Shape::new(&self.path, width.unsigned_abs().into(), height.unsigned_abs().into(), format)?;
+        self.frame_bytes = shape.bytes() as usize;
+        self.row_bytes = shape.width_px as usize * format.bytes_per_pixel();
         // A negative height puts the first row first, as in every Windows bitmap. Packed images always have it first.
         self.is_bottom_up = height > 0 && !self.is_packed;
-        Ok((width_px, height_px, format))
+        Ok(shape)
     }
 
     /// Reads the pixels of one image, top row first.

@@ -1,11 +1,12 @@
 //! Photron recordings: a CIH or CIHX header next to an MRAW file of pixels.
 
-use super::{Footage, ImportError, extension, frame_bytes, frame_rate, open_file};
+use super::{Footage, ImportError, Shape, extension, frame_rate, open_file};
 use crate::image::PixelFormat;
 use std::collections::BTreeMap;
 use std::fs;
 use std::os::unix::fs::FileExt;
 use std::path::{Path, PathBuf};
+use std::str::FromStr;
 
 /// Maximum length of a header. Headers have a few kB.
 const HEADER_BYTES: u64 = 4 << 20;
@@ -27,9 +28,9 @@ struct Header {
 pub(super) fn open(path: &Path, fps: Option<f64>) -> Result<Footage, ImportError> {
     let (header_path, pixels_path) = pair(path)?;
     let text = header_text(&header_path)?;
-    let header = parse(&text).map_err(|reason| ImportError::invalid(&header_path, reason))?;
+    let header = Header::parse(&text).map_err(|reason| ImportError::invalid(&header_path, reason))?;
     let format = format(&header).map_err(|reason| ImportError::invalid(&header_path, reason))?;
-    frame_bytes(&header_path, header.width_px, header.height_px, format)?;
+    let shape = Shape::new(&header_path, header.width_px, header.height_px, format)?;
     let stored_bits = header.width_px * header.height_px * header.stored_bits;
     if stored_bits % 8 != 0 {
         return Err(ImportError::invalid(
@@ -64,17 +65,8 @@ pub(super) fn open(path: &Path, fps: Option<f64>) -> Result<Footage, ImportError
             .map_err(|error| ImportError::io("read", &pixels_path, error))?;
         Ok((number, unpack(&header, stored)))
     });
-    Ok(Footage {
-        width_px: header.width_px as u32,
-        height_px: header.height_px as u32,
-        format,
-        frame_rate_hz,
-        count,
-        description: description(&text),
-        warnings,
-        first_ns: 0,
-        frames: Box::new(frames),
-    })
+    let description = description(&text);
+    Ok(Footage { description, warnings, ..Footage::new(shape, frame_rate_hz, count, frames) })
 }
 
 /// Finds the header and the pixels, given either of them.
@@ -104,35 +96,62 @@ fn header_text(path: &Path) -> Result<String, ImportError> {
     Ok(String::from_utf8_lossy(&fs::read(path).map_err(io)?).into_owned())
 }
 
-fn parse(text: &str) -> Result<Header, String> {
-    match text.find("<cih>") {
-        Some(start) => parse_xml(&text[start..]),
-        None => parse_lines(text),
+/// The name of a property in a CIHX header (XML) and in a CIH header (lines of `name : value`).
+struct Key {
+    path: &'static [&'static str],
+    name: &'static str,
+}
+
+impl Key {
+    const fn new(path: &'static [&'static str], name: &'static str) -> Self {
+        Self { path, name }
+    }
+
+    /// Returns the text of the property in the header.
+    fn text<'a>(&self, header: &'a str) -> Result<&'a str, String> {
+        // A short binary part precedes the XML.
+        if let Some(start) = header.find("<cih>") {
+            return element(&header[start..], self.path).ok_or_else(|| format!("no <{}>", self.path.join("><")));
+        }
+        let mut lines = header.lines().filter_map(|line| line.split_once(':'));
+        let line = lines.find(|(name, _)| name.trim() == self.name);
+        line.map(|(_, value)| value.trim()).ok_or_else(|| format!("no {:?}", self.name))
+    }
+
+    /// Returns the property as a number.
+    fn number<T: FromStr>(&self, header: &str) -> Result<T, String> {
+        let text = self.text(header)?;
+        text.parse().map_err(|_| format!("{} is {text:?}, not a number", self.name))
     }
 }
 
-/// Parses a CIHX header: XML after a short binary part.
-fn parse_xml(xml: &str) -> Result<Header, String> {
-    let word = |path: &[&str]| element(xml, path).ok_or_else(|| format!("no <{}>", path.join("><")));
-    let whole = |path: &[&str]| {
-        let word = word(path)?;
-        word.parse::<u64>().map_err(|_| format!("<{}> is {word:?}, not a whole number", path.join("><")))
-    };
-    let kind = word(&["imageDataInfo", "colorInfo", "type"])?;
-    if kind != "Mono" {
-        return Err(format!("colour type {kind:?}; only Mono is supported"));
+const COLOR_TYPE: Key = Key::new(&["imageDataInfo", "colorInfo", "type"], "Color Type");
+const WIDTH: Key = Key::new(&["imageDataInfo", "resolution", "width"], "Image Width");
+const HEIGHT: Key = Key::new(&["imageDataInfo", "resolution", "height"], "Image Height");
+const FRAMES: Key = Key::new(&["frameInfo", "totalFrame"], "Total Frame");
+const STORED_BITS: Key = Key::new(&["imageDataInfo", "colorInfo", "bit"], "Color Bit");
+const SIGNIFICANT_BITS: Key = Key::new(&["imageDataInfo", "effectiveBit", "depth"], "EffectiveBit Depth");
+const SIDE: Key = Key::new(&["imageDataInfo", "effectiveBit", "side"], "EffectiveBit Side");
+const RECORD_RATE: Key = Key::new(&["recordInfo", "recordRate"], "Record Rate(fps)");
+const SKIP_FRAMES: Key = Key::new(&["frameInfo", "skipFrame"], "skipFrame");
+
+impl Header {
+    fn parse(text: &str) -> Result<Self, String> {
+        let kind = COLOR_TYPE.text(text)?;
+        if kind != "Mono" {
+            return Err(format!("colour type {kind:?}; only Mono is supported"));
+        }
+        Ok(Self {
+            width_px: WIDTH.number(text)?,
+            height_px: HEIGHT.number(text)?,
+            frames: FRAMES.number(text)?,
+            stored_bits: STORED_BITS.number(text)?,
+            significant_bits: SIGNIFICANT_BITS.number(text)?,
+            is_upper: SIDE.text(text)? != "Lower",
+            frame_rate_hz: RECORD_RATE.number(text)?,
+            skip_frames: SKIP_FRAMES.number(text).unwrap_or(1),
+        })
     }
-    let rate = word(&["recordInfo", "recordRate"])?;
-    Ok(Header {
-        width_px: whole(&["imageDataInfo", "resolution", "width"])?,
-        height_px: whole(&["imageDataInfo", "resolution", "height"])?,
-        frames: whole(&["frameInfo", "totalFrame"])?,
-        stored_bits: whole(&["imageDataInfo", "colorInfo", "bit"])?,
-        significant_bits: whole(&["imageDataInfo", "effectiveBit", "depth"])?,
-        is_upper: word(&["imageDataInfo", "effectiveBit", "side"])? != "Lower",
-        frame_rate_hz: rate.parse().map_err(|_| format!("record rate {rate:?}"))?,
-        skip_frames: whole(&["frameInfo", "skipFrame"]).unwrap_or(1),
-    })
 }
 
 /// Returns the text inside nested elements. The elements read here have no attributes.
@@ -141,33 +160,6 @@ fn element<'a>(xml: &'a str, path: &[&str]) -> Option<&'a str> {
         let start = inside.find(&format!("<{name}>"))? + name.len() + 2;
         let length = inside[start..].find(&format!("</{name}>"))?;
         Some(inside[start..start + length].trim())
-    })
-}
-
-/// Parses a CIH header: lines of `name : value`.
-fn parse_lines(text: &str) -> Result<Header, String> {
-    let word = |name: &str| {
-        let mut pairs = text.lines().filter_map(|line| line.split_once(':'));
-        pairs.find(|(key, _)| key.trim() == name).map(|(_, value)| value.trim()).ok_or_else(|| format!("no {name:?}"))
-    };
-    let whole = |name: &str| {
-        let word = word(name)?;
-        word.parse::<u64>().map_err(|_| format!("{name} is {word:?}, not a whole number"))
-    };
-    let kind = word("Color Type")?;
-    if kind != "Mono" {
-        return Err(format!("colour type {kind:?}; only Mono is supported"));
-    }
-    let rate = word("Record Rate(fps)")?;
-    Ok(Header {
-        width_px: whole("Image Width")?,
-        height_px: whole("Image Height")?,
-        frames: whole("Total Frame")?,
-        stored_bits: whole("Color Bit")?,
-        significant_bits: whole("EffectiveBit Depth")?,
-        is_upper: word("EffectiveBit Side")? != "Lower",
-        frame_rate_hz: rate.parse().map_err(|_| format!("record rate {rate:?}"))?,
-        skip_frames: 1,
     })
 }
 

@@ -1,10 +1,9 @@
 //! Sequences of still images: PNG, TIFF, BMP and PGM, 8 and 16 bit, or the pages of one TIFF file.
 
 use super::pages::Stack;
-use super::{Footage, ImportError, extension, frame_bytes, frame_rate, memory_limit_bytes, open_file};
-use crate::image::{PixelFormat, grey_pixels};
+use super::{Footage, ImportError, Shape, extension, frame_rate, memory_limit_bytes, open_file};
+use crate::image::grey_pixels;
 use image::{DynamicImage, ImageReader, Limits};
-use std::collections::BTreeMap;
 use std::io::BufReader;
 use std::path::{Path, PathBuf};
 
@@ -32,27 +31,17 @@ pub(super) fn open(inputs: &[PathBuf], fps: Option<f64>) -> Result<Footage, Impo
     };
     let (first_number, first_path, first) = stills.next().ok_or(ImportError::Nothing)?;
     let first = first?;
-    let (width_px, height_px, format) = (first.width_px, first.height_px, first.format);
+    let shape = first.shape;
     let frames =
         std::iter::once((first_number, first_path, Ok(first))).chain(stills).map(move |(number, path, still)| {
             let still = still?;
-            if (still.width_px, still.height_px, still.format) != (width_px, height_px, format) {
-                let reason = format!("{}, the first image is {width_px}x{height_px} {}", still.shape(), format.word());
+            if still.shape != shape {
+                let reason = format!("the image is {}, but the first one is {shape}", still.shape);
                 return Err(ImportError::invalid(&path, reason));
             }
             Ok((number, still.bytes))
         });
-    Ok(Footage {
-        width_px,
-        height_px,
-        format,
-        frame_rate_hz,
-        count,
-        description: BTreeMap::new(),
-        warnings,
-        first_ns: 0,
-        frames: Box::new(frames),
-    })
+    Ok(Footage { warnings, ..Footage::new(shape, frame_rate_hz, count, frames) })
 }
 
 /// Sorts images by the numbers in their names where a shell listed numbers of unequal length: 1, 10, 2.
@@ -114,9 +103,7 @@ fn numbers_in_names(inputs: &[PathBuf]) -> Option<Vec<u64>> {
 
 /// A grey image.
 pub(super) struct Still {
-    width_px: u32,
-    height_px: u32,
-    format: PixelFormat,
+    shape: Shape,
     /// Packed little-endian pixels.
     bytes: Vec<u8>,
 }
@@ -132,12 +119,7 @@ impl Still {
         let (format, bytes) = picture
             .and_then(grey_pixels)
             .ok_or_else(|| ImportError::invalid(path, "not a grey image of 8 or 16 bit"))?;
-        frame_bytes(path, size.0.into(), size.1.into(), format)?;
-        Ok(Self { width_px: size.0, height_px: size.1, format, bytes })
-    }
-
-    fn shape(&self) -> String {
-        format!("{}x{} {}", self.width_px, self.height_px, self.format.word())
+        Ok(Self { shape: Shape::new(path, size.0.into(), size.1.into(), format)?, bytes })
     }
 }
 

@@ -1,6 +1,6 @@
 //! Films of any kind, decoded by an installed ffmpeg.
 
-use super::{Footage, ImportError, frame_bytes, frame_rate, memory_limit_bytes, open_file};
+use super::{Footage, ImportError, Numbered, Shape, frame_rate, memory_limit_bytes, open_file};
 use crate::image::PixelFormat;
 use std::collections::BTreeMap;
 use std::ffi::OsString;
@@ -17,7 +17,8 @@ pub(super) fn open(path: &Path, fps: Option<f64>) -> Result<Footage, ImportError
     let (width_px, height_px) = (stream.number("width", path)?, stream.number("height", path)?);
     let pixels = stream.entry("pix_fmt");
     let format = if stream.bits() > 8 { PixelFormat::Mono16 } else { PixelFormat::Mono8 };
-    let bytes = frame_bytes(path, width_px, height_px, format)?;
+    let shape = Shape::new(path, width_px, height_px, format)?;
+    let bytes = shape.bytes();
     if bytes > memory_limit_bytes(file_bytes) {
         return Err(ImportError::invalid(path, format!("frames of {bytes} bytes in a file of {file_bytes}")));
     }
@@ -33,19 +34,8 @@ pub(super) fn open(path: &Path, fps: Option<f64>) -> Result<Footage, ImportError
     }
     let decoder = Decoder::start(path, format, bytes)?;
     let count = stream.number("nb_read_packets", path)?;
-    let mut description = BTreeMap::new();
-    description.insert("codec".to_owned(), stream.entry("codec_name").to_owned());
-    Ok(Footage {
-        width_px: width_px as u32,
-        height_px: height_px as u32,
-        format,
-        frame_rate_hz,
-        count,
-        description,
-        warnings,
-        first_ns: 0,
-        frames: Box::new(decoder),
-    })
+    let description = BTreeMap::from([("codec".to_owned(), stream.entry("codec_name").to_owned())]);
+    Ok(Footage { description, warnings, ..Footage::new(shape, frame_rate_hz, count, decoder) })
 }
 
 /// The properties of the first video stream of a file, as ffprobe prints them.
@@ -153,7 +143,7 @@ impl Decoder {
 }
 
 impl Iterator for Decoder {
-    type Item = Result<(u64, Vec<u8>), ImportError>;
+    type Item = Numbered;
 
     fn next(&mut self) -> Option<Self::Item> {
         let frame = self.read().transpose()?;
