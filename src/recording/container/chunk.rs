@@ -1,6 +1,6 @@
 //! A chunk: messages that are indexed, checked and compressed together.
 
-use super::layout::{number, record, text};
+use super::layout::{Body, prefix};
 use super::sink::Sink;
 use super::summary::ChunkIndex;
 use crate::recording::record::{MessageHeader, op};
@@ -33,7 +33,7 @@ impl Chunk {
             Compression::Zstd1 => Some(Vec::new()),
             // The records are written as they come. The sizes follow at the end.
             Compression::None => {
-                sink.put(&head(&Head::UNKNOWN)?)?;
+                sink.put(&Header::UNKNOWN.encode())?;
                 None
             }
         };
@@ -78,57 +78,52 @@ impl Chunk {
     pub(super) fn end(self, sink: &mut Sink, file_crc: &mut Hasher) -> io::Result<ChunkIndex> {
         let (first, last) = self.times.unwrap_or((0, 0));
         let plain_bytes = self.bytes();
-        let known = |compression, stored_bytes| Head {
+        let stored = self.plain.map(|plain| zstd::bulk::compress(&plain, ZSTD_LEVEL)).transpose()?;
+        let header = Header {
             times: [first, last],
             plain_bytes,
             crc: self.crc.clone().finalize(),
-            compression,
-            stored_bytes,
+            compression: if stored.is_some() { "zstd" } else { "" },
+            stored_bytes: stored.as_ref().map_or(plain_bytes, |stored| stored.len() as u64),
         };
-        let about = match &self.plain {
-            Some(plain) => {
-                let stored = zstd::bulk::compress(plain, ZSTD_LEVEL)?;
-                let about = known("zstd", stored.len() as u64);
-                let head = head(&about)?;
-                file_crc.update(&head);
-                file_crc.update(&stored);
+        let head = header.encode();
+        file_crc.update(&head);
+        match &stored {
+            Some(stored) => {
+                file_crc.update(stored);
                 sink.put(&head)?;
-                sink.put_through(&stored)?;
-                about
+                sink.put_through(stored)?;
             }
             None => {
-                let about = known("", plain_bytes);
-                let head = head(&about)?;
-                file_crc.update(&head);
                 file_crc.combine(&self.crc);
                 sink.replace(&head, self.start)?;
-                about
             }
-        };
+        }
         let end = sink.position();
         let mut indexes = Vec::new();
         let mut index_offsets = BTreeMap::new();
         for (channel, places) in &self.places {
             index_offsets.insert(*channel, end + indexes.len() as u64);
-            record(&mut indexes, op::MESSAGE_INDEX, |out| index(out, *channel, places))?;
+            let entries = Body::default().u64s(places.iter().flat_map(|(time, offset)| [*time, *offset]));
+            indexes.extend(Body::default().u16(*channel).block(&entries.into_bytes()).record(op::MESSAGE_INDEX));
         }
         file_crc.update(&indexes);
         sink.put(&indexes)?;
         Ok(ChunkIndex {
-            times: about.times,
+            times: header.times,
             start: self.start,
             length: end - self.start,
             index_offsets,
             index_bytes: indexes.len() as u64,
-            compression: about.compression,
-            stored_bytes: about.stored_bytes,
+            compression: header.compression,
+            stored_bytes: header.stored_bytes,
             plain_bytes,
         })
     }
 }
 
 /// The header of a chunk.
-struct Head {
+struct Header {
     times: [u64; 2],
     plain_bytes: u64,
     crc: u32,
@@ -136,35 +131,17 @@ struct Head {
     stored_bytes: u64,
 }
 
-impl Head {
+impl Header {
     /// The header of an open chunk. No reader accepts its lengths.
     const UNKNOWN: Self =
         Self { times: [0; 2], plain_bytes: u64::MAX, crc: u32::MAX, compression: "", stored_bytes: u64::MAX };
-}
 
-/// Encodes prefix and header of a chunk's record.
-fn head(about: &Head) -> io::Result<Vec<u8>> {
-    let mut out = Vec::new();
-    record(&mut out, op::CHUNK, |out| {
-        about.times.iter().for_each(|time| out.extend(time.to_le_bytes()));
-        out.extend(about.plain_bytes.to_le_bytes());
-        out.extend(about.crc.to_le_bytes());
-        text(out, about.compression)?;
-        out.extend(about.stored_bytes.to_le_bytes());
-        Ok(())
-    })?;
-    // The length includes the records that follow.
-    let length = ((out.len() - 9) as u64).saturating_add(about.stored_bytes);
-    out[1..9].copy_from_slice(&length.to_le_bytes());
-    Ok(out)
-}
-
-fn index(out: &mut Vec<u8>, channel: u16, places: &[(u64, u64)]) -> io::Result<()> {
-    out.extend(channel.to_le_bytes());
-    out.extend(number::<u32>(places.len() * 16)?.to_le_bytes());
-    for (log_time_ns, offset) in places {
-        out.extend(log_time_ns.to_le_bytes());
-        out.extend(offset.to_le_bytes());
+    /// Encodes prefix and header of a chunk's record.
+    fn encode(&self) -> Vec<u8> {
+        let header = Body::default().u64s(self.times).u64(self.plain_bytes).u32(self.crc).text(self.compression);
+        let header = header.u64(self.stored_bytes).into_bytes();
+        // The length includes the records that follow.
+        let length = (header.len() as u64).saturating_add(self.stored_bytes);
+        [&prefix(op::CHUNK, length)[..], &header].concat()
     }
-    Ok(())
 }

@@ -3,80 +3,100 @@
 use super::Payload;
 use crate::recording::record::{Channel, MESSAGE_HEADER_BYTES, MessageHeader, Schema, op};
 use std::collections::BTreeMap;
-use std::io;
 
-/// Appends a record: opcode, length, body.
-pub(super) fn record(
-    out: &mut Vec<u8>,
-    opcode: u8,
-    fill: impl FnOnce(&mut Vec<u8>) -> io::Result<()>,
-) -> io::Result<()> {
-    out.push(opcode);
-    out.extend([0; 8]);
-    let body = out.len();
-    fill(out)?;
-    let length = (out.len() - body) as u64;
-    out[body - 8..body].copy_from_slice(&length.to_le_bytes());
-    Ok(())
+/// The body of a record that is being encoded, field by field.
+#[derive(Default)]
+pub(super) struct Body(Vec<u8>);
+
+impl Body {
+    pub(super) fn bytes(mut self, bytes: &[u8]) -> Self {
+        self.0.extend_from_slice(bytes);
+        self
+    }
+
+    pub(super) fn u16(self, value: u16) -> Self {
+        self.bytes(&value.to_le_bytes())
+    }
+
+    pub(super) fn u32(self, value: u32) -> Self {
+        self.bytes(&value.to_le_bytes())
+    }
+
+    pub(super) fn u64(self, value: u64) -> Self {
+        self.bytes(&value.to_le_bytes())
+    }
+
+    pub(super) fn u64s(self, values: impl IntoIterator<Item = u64>) -> Self {
+        values.into_iter().fold(self, Self::u64)
+    }
+
+    /// Appends bytes preceded by a 32-bit length.
+    ///
+    /// # Panics
+    ///
+    /// When there are 4 GiB or more.
+    pub(super) fn block(self, bytes: &[u8]) -> Self {
+        assert!(u32::try_from(bytes.len()).is_ok(), "{} bytes exceed a field of an MCAP record", bytes.len());
+        self.u32(bytes.len() as u32).bytes(bytes)
+    }
+
+    pub(super) fn text(self, text: &str) -> Self {
+        self.block(text.as_bytes())
+    }
+
+    pub(super) fn map(self, entries: &BTreeMap<String, String>) -> Self {
+        let pairs = entries.iter().fold(Self::default(), |pairs, (key, value)| pairs.text(key).text(value));
+        self.block(&pairs.0)
+    }
+
+    /// Appends a map from channels to numbers.
+    pub(super) fn numbers(self, entries: &BTreeMap<u16, u64>) -> Self {
+        let pairs = entries.iter().fold(Self::default(), |pairs, (channel, number)| pairs.u16(*channel).u64(*number));
+        self.block(&pairs.0)
+    }
+
+    /// Appends the CRC-32 of everything from byte `start` on.
+    pub(super) fn crc(self, start: usize) -> Self {
+        let crc = crc32fast::hash(&self.0[start..]);
+        self.u32(crc)
+    }
+
+    /// Returns the record: opcode, length, body.
+    pub(super) fn record(self, opcode: u8) -> Vec<u8> {
+        let mut record = prefix(opcode, self.0.len() as u64).to_vec();
+        record.extend(self.0);
+        record
+    }
+
+    /// Returns the body alone.
+    pub(super) fn into_bytes(self) -> Vec<u8> {
+        self.0
+    }
 }
 
-pub(super) fn schema(out: &mut Vec<u8>, id: u16, schema: &Schema) -> io::Result<()> {
-    out.extend(id.to_le_bytes());
-    text(out, &schema.name)?;
-    text(out, &schema.encoding)?;
-    block(out, &schema.data)
+/// The bytes before the body of a record.
+pub(super) fn prefix(opcode: u8, length: u64) -> [u8; 9] {
+    let mut prefix = [opcode; 9];
+    prefix[1..].copy_from_slice(&length.to_le_bytes());
+    prefix
 }
 
-pub(super) fn channel(out: &mut Vec<u8>, id: u16, channel: &Channel) -> io::Result<()> {
-    out.extend(id.to_le_bytes());
-    out.extend(channel.schema.to_le_bytes());
-    text(out, &channel.topic)?;
-    text(out, &channel.encoding)?;
-    map(out, &channel.metadata)
+pub(super) fn schema(id: u16, schema: &Schema) -> Vec<u8> {
+    Body::default().u16(id).text(&schema.name).text(&schema.encoding).block(&schema.data).record(op::SCHEMA)
 }
 
-/// Appends the record of a message up to its body.
+pub(super) fn channel(id: u16, channel: &Channel) -> Vec<u8> {
+    let Channel { schema, topic, encoding, metadata } = channel;
+    Body::default().u16(id).u16(*schema).text(topic).text(encoding).map(metadata).record(op::CHANNEL)
+}
+
+/// Encodes the record of a message up to its body.
 pub(super) fn message(out: &mut Vec<u8>, header: &MessageHeader, payload: &Payload<'_>) {
-    out.push(op::MESSAGE);
-    out.extend((MESSAGE_HEADER_BYTES + payload.len() as u64).to_le_bytes());
+    out.clear();
+    out.extend(prefix(op::MESSAGE, MESSAGE_HEADER_BYTES + payload.len() as u64));
     out.extend(header.channel.to_le_bytes());
     out.extend(header.sequence.to_le_bytes());
     out.extend(header.log_time_ns.to_le_bytes());
     out.extend(header.publish_time_ns.to_le_bytes());
     out.extend_from_slice(payload.head);
-}
-
-pub(super) fn text(out: &mut Vec<u8>, text: &str) -> io::Result<()> {
-    block(out, text.as_bytes())
-}
-
-/// Appends bytes preceded by a 32-bit length.
-pub(super) fn block(out: &mut Vec<u8>, bytes: &[u8]) -> io::Result<()> {
-    out.extend(number::<u32>(bytes.len())?.to_le_bytes());
-    out.extend_from_slice(bytes);
-    Ok(())
-}
-
-pub(super) fn map(out: &mut Vec<u8>, entries: &BTreeMap<String, String>) -> io::Result<()> {
-    let mut bytes = Vec::new();
-    for (key, value) in entries {
-        text(&mut bytes, key)?;
-        text(&mut bytes, value)?;
-    }
-    block(out, &bytes)
-}
-
-/// Appends a map from channels to numbers.
-pub(super) fn numbers(out: &mut Vec<u8>, entries: &BTreeMap<u16, u64>) -> io::Result<()> {
-    let pair = |(channel, value): (&u16, &u64)| [&channel.to_le_bytes()[..], &value.to_le_bytes()].concat();
-    block(out, &entries.iter().flat_map(pair).collect::<Vec<u8>>())
-}
-
-/// Converts a number to the width of its field.
-///
-/// # Errors
-///
-/// When the number is too large for the field.
-pub(super) fn number<T: TryFrom<usize>>(value: usize) -> io::Result<T> {
-    T::try_from(value).map_err(|_| io::Error::other(format!("{value} exceeds a field of an MCAP record")))
 }

@@ -13,7 +13,7 @@ use super::record::{Channel, MAGIC, MessageHeader, Schema, op};
 use super::writer::Compression;
 use chunk::Chunk;
 use crc32fast::Hasher;
-use layout::{map, number, record, text};
+use layout::Body;
 use sink::Sink;
 use std::collections::BTreeMap;
 use std::io;
@@ -64,8 +64,6 @@ pub(super) struct Container {
     chunk: Option<Chunk>,
     /// CRC-32 of everything before the open chunk.
     crc: Hasher,
-    schemas: Vec<Schema>,
-    channels: Vec<Channel>,
     summary: Summary,
     scratch: Vec<u8>,
 }
@@ -77,44 +75,30 @@ impl Container {
             settings,
             chunk: None,
             crc: Hasher::new(),
-            schemas: Vec::new(),
-            channels: Vec::new(),
             summary: Summary::default(),
             scratch: Vec::new(),
         };
         container.crc.update(MAGIC);
         container.sink.put(MAGIC)?;
-        container.outside(op::HEADER, |out| {
-            text(out, settings.profile)?;
-            text(out, concat!("ricochet ", env!("CARGO_PKG_VERSION")))
-        })?;
+        let library = concat!("ricochet ", env!("CARGO_PKG_VERSION"));
+        container.put_outside(&Body::default().text(settings.profile).text(library).record(op::HEADER))?;
         Ok(container)
     }
 
     /// Adds a metadata record; ends the chunk.
     pub(super) fn metadata(&mut self, name: &str, entries: &BTreeMap<String, String>) -> io::Result<()> {
-        let (offset, length) = self.outside(op::METADATA, |out| {
-            text(out, name)?;
-            map(out, entries)
-        })?;
-        self.summary.metadata.push(MetadataIndex { offset, length, name: name.into() });
+        let record = Body::default().text(name).map(entries).record(op::METADATA);
+        let offset = self.put_outside(&record)?;
+        self.summary.metadata.push(MetadataIndex { offset, length: record.len() as u64, name: name.into() });
         Ok(())
     }
 
     /// Adds an attachment; ends the chunk.
     pub(super) fn attach(&mut self, name: &str, media_type: &str, content: &[u8]) -> io::Result<()> {
-        let (offset, length) = self.outside(op::ATTACHMENT, |out| {
-            let start = out.len();
-            // No log time and no creation time.
-            out.extend([0; 16]);
-            text(out, name)?;
-            text(out, media_type)?;
-            out.extend((content.len() as u64).to_le_bytes());
-            out.extend(content);
-            let crc = crc32fast::hash(&out[start..]);
-            out.extend(crc.to_le_bytes());
-            Ok(())
-        })?;
+        // No log time and no creation time.
+        let body = Body::default().u64s([0, 0]).text(name).text(media_type);
+        let record = body.u64(content.len() as u64).bytes(content).crc(0).record(op::ATTACHMENT);
+        let (offset, length) = (self.put_outside(&record)?, record.len() as u64);
         let content_bytes = content.len() as u64;
         let (name, media_type) = (name.into(), media_type.into());
         self.summary.attachments.push(AttachmentIndex { offset, length, content_bytes, name, media_type });
@@ -123,12 +107,13 @@ impl Container {
 
     /// Returns the number of a schema, which is written if it is new.
     pub(super) fn schema(&mut self, schema: &Schema) -> io::Result<u16> {
-        if let Some(known) = self.schemas.iter().position(|known| known == schema) {
-            return number(known + 1);
+        let schemas = &self.summary.schemas;
+        let place = schemas.iter().position(|known| known == schema).unwrap_or(schemas.len());
+        let id = u16::try_from(place + 1).map_err(io::Error::other)?;
+        if place == schemas.len() {
+            self.put_inside(&layout::schema(id, schema))?;
+            self.summary.schemas.push(schema.clone());
         }
-        let id = number(self.schemas.len() + 1)?;
-        self.inside(op::SCHEMA, |out| layout::schema(out, id, schema))?;
-        self.schemas.push(schema.clone());
         Ok(id)
     }
 
@@ -136,12 +121,13 @@ impl Container {
     ///
     /// Its schema is a number from [`schema`](Self::schema), or 0 for none.
     pub(super) fn channel(&mut self, channel: &Channel) -> io::Result<u16> {
-        if let Some(known) = self.channels.iter().position(|known| known == channel) {
-            return number(known + 1);
+        let channels = &self.summary.channels;
+        let place = channels.iter().position(|known| known == channel).unwrap_or(channels.len());
+        let id = u16::try_from(place + 1).map_err(io::Error::other)?;
+        if place == channels.len() {
+            self.put_inside(&layout::channel(id, channel))?;
+            self.summary.channels.push(channel.clone());
         }
-        let id = number(self.channels.len() + 1)?;
-        self.inside(op::CHANNEL, |out| layout::channel(out, id, channel))?;
-        self.channels.push(channel.clone());
         Ok(id)
     }
 
@@ -152,7 +138,6 @@ impl Container {
             self.end_chunk()?;
         }
         let mut record = std::mem::take(&mut self.scratch);
-        record.clear();
         layout::message(&mut record, header, payload);
         let written = self.open_chunk().and_then(|(chunk, sink)| {
             chunk.index(header);
@@ -182,36 +167,26 @@ impl Container {
     /// Completes the file: end of the data, summary, footer.
     pub(super) fn finish(mut self) -> io::Result<()> {
         self.end_chunk()?;
-        let crc = self.crc.finalize();
-        let mut end = Vec::new();
-        record(&mut end, op::DATA_END, |out| {
-            out.extend(crc.to_le_bytes());
-            Ok(())
-        })?;
-        self.sink.put(&end)?;
-        let written = self.summary.write(self.sink.position(), &self.schemas, &self.channels)?;
-        self.sink.put(&written)?;
+        self.sink.put(&Body::default().u32(self.crc.finalize()).record(op::DATA_END))?;
+        let summary = self.summary.encode(self.sink.position());
+        self.sink.put(&summary)?;
         self.sink.put(MAGIC)?;
         self.sink.flush()
     }
 
-    /// Writes a record outside any chunk; returns its offset and its length with the prefix.
-    fn outside(&mut self, opcode: u8, fill: impl FnOnce(&mut Vec<u8>) -> io::Result<()>) -> io::Result<(u64, u64)> {
+    /// Writes a record outside any chunk; returns its offset.
+    fn put_outside(&mut self, record: &[u8]) -> io::Result<u64> {
         self.end_chunk()?;
-        let mut bytes = Vec::new();
-        record(&mut bytes, opcode, fill)?;
         let offset = self.sink.position();
-        self.crc.update(&bytes);
-        self.sink.put(&bytes)?;
-        Ok((offset, bytes.len() as u64))
+        self.crc.update(record);
+        self.sink.put(record)?;
+        Ok(offset)
     }
 
     /// Writes a record inside a chunk.
-    fn inside(&mut self, opcode: u8, fill: impl FnOnce(&mut Vec<u8>) -> io::Result<()>) -> io::Result<()> {
-        let mut bytes = Vec::new();
-        record(&mut bytes, opcode, fill)?;
+    fn put_inside(&mut self, record: &[u8]) -> io::Result<()> {
         let (chunk, sink) = self.open_chunk()?;
-        chunk.put(sink, &bytes)
+        chunk.put(sink, record)
     }
 
     fn open_chunk(&mut self) -> io::Result<(&mut Chunk, &mut Sink)> {

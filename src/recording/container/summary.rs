@@ -1,9 +1,8 @@
 //! The summary at the end of a file: its content with offsets.
 
-use super::layout::{self, number, numbers, record, text};
+use super::layout::{self, Body};
 use crate::recording::record::{Channel, MessageHeader, Schema, op};
 use std::collections::BTreeMap;
-use std::io;
 
 /// The index entry of a chunk.
 pub(super) struct ChunkIndex {
@@ -40,6 +39,8 @@ pub(super) struct MetadataIndex {
 /// The content of the summary.
 #[derive(Default)]
 pub(super) struct Summary {
+    pub(super) schemas: Vec<Schema>,
+    pub(super) channels: Vec<Channel>,
     pub(super) chunks: Vec<ChunkIndex>,
     pub(super) attachments: Vec<AttachmentIndex>,
     pub(super) metadata: Vec<MetadataIndex>,
@@ -59,98 +60,55 @@ impl Summary {
     }
 
     /// Encodes the summary, which begins at byte `start`, and the footer.
-    pub(super) fn write(&self, start: u64, schemas: &[Schema], channels: &[Channel]) -> io::Result<Vec<u8>> {
-        let mut out = Vec::new();
-        let mut groups = Vec::new();
-        let mut group = |out: &mut Vec<u8>, opcode: u8, from: usize| {
-            if out.len() > from {
-                groups.push((opcode, start + from as u64, (out.len() - from) as u64));
-            }
-        };
-        for (id, schema) in (1..).zip(schemas) {
-            record(&mut out, op::SCHEMA, |out| layout::schema(out, id, schema))?;
+    pub(super) fn encode(&self, start: u64) -> Vec<u8> {
+        let groups: [(u8, Vec<u8>); 6] = [
+            (op::SCHEMA, (1..).zip(&self.schemas).flat_map(|(id, schema)| layout::schema(id, schema)).collect()),
+            (op::CHANNEL, (1..).zip(&self.channels).flat_map(|(id, channel)| layout::channel(id, channel)).collect()),
+            (op::STATISTICS, self.statistics()),
+            (op::CHUNK_INDEX, self.chunks.iter().flat_map(ChunkIndex::record).collect()),
+            (op::ATTACHMENT_INDEX, self.attachments.iter().flat_map(AttachmentIndex::record).collect()),
+            (op::METADATA_INDEX, self.metadata.iter().flat_map(MetadataIndex::record).collect()),
+        ];
+        let (mut out, mut offsets) = (Vec::new(), Vec::new());
+        for (opcode, records) in groups.into_iter().filter(|(_, records)| !records.is_empty()) {
+            let group = [start + out.len() as u64, records.len() as u64];
+            offsets.extend(Body::default().bytes(&[opcode]).u64s(group).record(op::SUMMARY_OFFSET));
+            out.extend(records);
         }
-        group(&mut out, op::SCHEMA, 0);
-        let from = out.len();
-        for (id, channel) in (1..).zip(channels) {
-            record(&mut out, op::CHANNEL, |out| layout::channel(out, id, channel))?;
-        }
-        group(&mut out, op::CHANNEL, from);
-        let from = out.len();
-        record(&mut out, op::STATISTICS, |out| self.statistics(out, schemas.len(), channels.len()))?;
-        group(&mut out, op::STATISTICS, from);
-        let from = out.len();
-        for index in &self.chunks {
-            record(&mut out, op::CHUNK_INDEX, |out| chunk(out, index))?;
-        }
-        group(&mut out, op::CHUNK_INDEX, from);
-        let from = out.len();
-        for index in &self.attachments {
-            record(&mut out, op::ATTACHMENT_INDEX, |out| attachment(out, index))?;
-        }
-        group(&mut out, op::ATTACHMENT_INDEX, from);
-        let from = out.len();
-        for index in &self.metadata {
-            record(&mut out, op::METADATA_INDEX, |out| {
-                out.extend(index.offset.to_le_bytes());
-                out.extend(index.length.to_le_bytes());
-                text(out, &index.name)
-            })?;
-        }
-        group(&mut out, op::METADATA_INDEX, from);
-        let offsets = start + out.len() as u64;
-        for (opcode, from, length) in groups {
-            record(&mut out, op::SUMMARY_OFFSET, |out| {
-                out.push(opcode);
-                out.extend(from.to_le_bytes());
-                out.extend(length.to_le_bytes());
-                Ok(())
-            })?;
-        }
-        footer(&mut out, start, offsets);
-        Ok(out)
+        let offsets_start = start + out.len() as u64;
+        out.extend(offsets);
+        // The CRC of the footer covers the summary and the footer before it.
+        out.extend(layout::prefix(op::FOOTER, 20));
+        Body::default().bytes(&out).u64(start).u64(offsets_start).crc(0).into_bytes()
     }
 
-    fn statistics(&self, out: &mut Vec<u8>, schemas: usize, channels: usize) -> io::Result<()> {
+    fn statistics(&self) -> Vec<u8> {
         let (first, last) = self.times.unwrap_or((0, 0));
-        out.extend(self.counts.values().sum::<u64>().to_le_bytes());
-        out.extend(number::<u16>(schemas)?.to_le_bytes());
-        for count in [channels, self.attachments.len(), self.metadata.len(), self.chunks.len()] {
-            out.extend(number::<u32>(count)?.to_le_bytes());
-        }
-        out.extend(first.to_le_bytes());
-        out.extend(last.to_le_bytes());
-        numbers(out, &self.counts)
+        let counts = [self.channels.len(), self.attachments.len(), self.metadata.len(), self.chunks.len()];
+        let body = Body::default().u64(self.counts.values().sum()).u16(self.schemas.len() as u16);
+        let body = counts.into_iter().fold(body, |body, count| body.u32(count as u32));
+        body.u64(first).u64(last).numbers(&self.counts).record(op::STATISTICS)
     }
 }
 
-fn chunk(out: &mut Vec<u8>, index: &ChunkIndex) -> io::Result<()> {
-    for value in [index.times[0], index.times[1], index.start, index.length] {
-        out.extend(value.to_le_bytes());
+impl ChunkIndex {
+    fn record(&self) -> Vec<u8> {
+        let body = Body::default().u64s(self.times).u64(self.start).u64(self.length).numbers(&self.index_offsets);
+        let body = body.u64(self.index_bytes).text(self.compression).u64(self.stored_bytes).u64(self.plain_bytes);
+        body.record(op::CHUNK_INDEX)
     }
-    numbers(out, &index.index_offsets)?;
-    out.extend(index.index_bytes.to_le_bytes());
-    text(out, index.compression)?;
-    out.extend(index.stored_bytes.to_le_bytes());
-    out.extend(index.plain_bytes.to_le_bytes());
-    Ok(())
 }
 
-fn attachment(out: &mut Vec<u8>, index: &AttachmentIndex) -> io::Result<()> {
-    // Log time and creation time are 0, as in the attachment itself.
-    for value in [index.offset, index.length, 0, 0, index.content_bytes] {
-        out.extend(value.to_le_bytes());
+impl AttachmentIndex {
+    fn record(&self) -> Vec<u8> {
+        // Log time and creation time are 0, as in the attachment itself.
+        let body = Body::default().u64s([self.offset, self.length, 0, 0, self.content_bytes]);
+        body.text(&self.name).text(&self.media_type).record(op::ATTACHMENT_INDEX)
     }
-    text(out, &index.name)?;
-    text(out, &index.media_type)
 }
 
-/// Appends the footer. Its CRC covers the summary and the footer before it.
-fn footer(out: &mut Vec<u8>, start: u64, offsets: u64) {
-    out.push(op::FOOTER);
-    for value in [20, start, offsets] {
-        out.extend(value.to_le_bytes());
+impl MetadataIndex {
+    fn record(&self) -> Vec<u8> {
+        Body::default().u64(self.offset).u64(self.length).text(&self.name).record(op::METADATA_INDEX)
     }
-    let crc = crc32fast::hash(out);
-    out.extend(crc.to_le_bytes());
 }
