@@ -4,6 +4,9 @@ mod criterion;
 mod figure;
 pub(in crate::study) mod image_pairs;
 mod output;
+pub(in crate::study) use figure::{plain, power_of_ten, text};
+pub(in crate::study) use output::Study;
+
 use std::path::PathBuf;
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
 use std::time::{Duration, Instant};
@@ -333,6 +336,3 @@ mod tests {
         assert!(rows.len() < ways().len(), "{} rows", rows.len());
     }
 }
-
-pub(in crate::study) use figure::{plain, power_of_ten, text};
-pub(in crate::study) use output::Study;
