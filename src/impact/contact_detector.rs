@@ -1,4 +1,4 @@
-//! Notices contact while it happens.
+//! Online detection of contact.
 
 use std::collections::VecDeque;
 
@@ -9,83 +9,84 @@ use crate::motion::{AUTO_AHEAD_FRAMES, Regime};
 use crate::numeric::Polynomial;
 use crate::results::{Estimate, Phase};
 
-/// A position further than this from the flight's curve is off it, sigmas.
+/// The minimum distance from the flight's curve that counts as a departure, sigmas.
 const OFF_SIGMAS: f64 = 6.0;
-/// So many in a row, to one side, are a departure.
+/// The number of consecutive departed positions, all to one side, that make a departure.
 const OFF_FRAMES: u32 = 3;
-/// A departure that still looks like a jump after so many is one.
+/// The number of frames after which a departure that still fits a jump is dismissed as one.
 const JUMP_FRAMES: u32 = 8;
-/// Approach slower than so many sigmas is none.
+/// The minimum approach speed of a collision, sigmas.
 const APPROACH_SIGMAS: f64 = 6.0;
-/// Nodes of the flight a new one is judged by, at most.
+/// The maximum number of flight nodes that a new node is compared with.
 const FLIGHT_NODES: usize = 48;
-/// And at least.
+/// The minimum number of flight nodes that a new node is compared with.
 const FLIGHT_MIN_NODES: usize = 6;
-/// Newest nodes kept out of the flight's fit, so that a slow beginning does not bend it.
+/// The newest nodes that the fit of the flight leaves out, so that a slow onset does not bend it.
 const GUARD_NODES: usize = 4;
-/// Frames between the first node off the curve and what is certainly flight.
+/// Frames between the first departed node and the end of what is certainly flight.
 const CERTAIN_FRAMES: f64 = 9.0;
-/// Nodes the running acceleration is fitted to.
+/// The number of nodes in the running fit of the acceleration.
 const ACCELERATION_NODES: usize = 7;
-/// Free again: the acceleration is gravity's within this share of the strongest one.
+/// The maximum deviation of the acceleration from gravity after a contact, as a share of the peak acceleration.
 const QUIET_SHARE: f64 = 0.02;
-/// Most nodes the end is judged by.
+/// The maximum number of nodes that the end of a contact is judged by.
 const QUIET_NODES: usize = 40;
-/// Where these do not tell a share of it, so many nodes after what looked like a contact tell whether any force acts,
+/// The number of nodes after a possible contact that decide whether a force acts, where [`QUIET_SHARE`] cannot be
+/// resolved.
 const FORCELESS_NODES: usize = 16;
-/// when it is so many sigmas.
+/// The minimum force that counts as present, sigmas.
 const FORCE_SIGMAS: f64 = 3.0;
-/// The quiet stretch begins up to so many frames before the force is gone.
+/// The maximum lead of the force-free stretch over the end of the force, frames.
 const QUIET_EARLY_FRAMES: f64 = 4.0;
-/// The end is judged anew when so many frames have passed since the quiet stretch began.
+/// Frames since the start of the force-free stretch at which the end is judged again.
 const END_AGAIN_FRAMES: [u32; 4] = [10, 14, 18, 26];
-/// Nodes kept in flight.
+/// The number of nodes kept in flight.
 const KEPT_NODES: usize = 256;
-/// Longest stretch of nodes a contact may span with the flight before it.
-const MOST_NODES: usize = 4096;
-/// Changes of regime remembered.
+/// The maximum number of nodes of a contact and the flight before it.
+const MAX_NODES: usize = 4096;
+/// The number of changes of regime that are kept.
 const KEPT_BREAKS: usize = 16;
 
-/// A contact as noticed, before any law is fitted. Times in frames since the stream's first.
+/// A detected contact before any law is fitted. Times in frames since the stream's first.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Contact {
-    /// The flight before is known from here.
+    /// The start of the known flight before the contact.
     pub flight_from_frames: f64,
-    /// To here it is certainly flight.
+    /// The end of what is certainly flight.
     pub flight_to_frames: f64,
-    /// The force begins, by the hinge.
+    /// The onset of the force, by the hinge fit.
     pub start_frames: f64,
-    /// First node off the flight's curve.
+    /// The first node off the flight's curve.
     pub departed_frames: f64,
-    /// Normal velocity before, px/frame.
+    /// The normal velocity before contact, px/frame.
     pub approach: Estimate,
-    /// Strongest normal acceleration seen, px/frame^2.
+    /// The peak normal acceleration so far, px/frame^2.
     pub acceleration_max: f64,
-    /// Free again from here on; `None` while it lasts.
+    /// The start of the flight after the contact; `None` while the contact lasts.
     pub end_frames: Option<f64>,
 }
 
-/// What a new node changed.
+/// The effect of a new node.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Event {
-    /// Nothing.
+    /// No change.
     None,
-    /// Contact was noticed.
+    /// A contact was detected.
     Began,
-    /// Its end was noticed.
+    /// The end of the contact was detected.
     Ended,
-    /// It was none, or lasts for ever.
+    /// The contact was withdrawn: there was none, or it never ends.
     Dismissed,
 }
 
-/// From one frame on the motion follows another rule.
+/// A change of the motion's regime.
 #[derive(Debug, Clone, Copy)]
 struct Break {
     from: u64,
-    /// First frame after a contact; `from` where the flight only starts anew.
+    /// The first frame after a contact; `from` where the flight only restarts.
     to: Option<u64>,
-    /// From here on frames were told to be after it before a later `to` was known.
-    told_after: Option<u64>,
+    /// Frames from here on were published as "after contact" before a later `to` was known.
+    published_after: Option<u64>,
     speed: f64,
     acceleration: f64,
 }
@@ -96,25 +97,24 @@ impl Break {
     }
 }
 
-/// Watches the normal coordinate of one body.
+/// A contact detector for the normal coordinate of one body.
 ///
-/// In flight each new position is held against the parabola through the flight
-/// so far (gravity known); three in a row more than six sigmas to the outer
-/// side, of a body that approaches the surface, are contact. Contact is over when
-/// the acceleration has become gravity's again. There is no threshold in px.
+/// In flight, each new position is compared with the parabola through the flight so far (gravity known). Three
+/// consecutive positions more than six sigmas to the outer side, of a body that approaches the surface, are a contact.
+/// The contact ends when the acceleration has returned to gravity's. No threshold is in px.
 #[derive(Debug, Clone)]
 pub struct Detector {
     trail: Vec<SurfaceNode>,
     flight_from: f64,
     off: Option<(f64, f64, u32)>,
     contact: Option<Contact>,
-    /// Frames since the quiet stretch after a contact began at the given time.
+    /// The start of the force-free stretch after a contact, and the frames since then.
     quiet: Option<(f64, u32)>,
     breaks: VecDeque<Break>,
 }
 
 impl Detector {
-    /// Nothing seen yet.
+    /// Creates a detector without any node.
     pub fn new() -> Self {
         Self {
             trail: Vec::new(),
@@ -126,24 +126,24 @@ impl Detector {
         }
     }
 
-    /// The nodes remembered, in order.
+    /// Returns the stored nodes in order.
     pub fn trail(&self) -> &[SurfaceNode] {
         &self.trail
     }
 
-    /// The contact that lasts, or the last one until [`Detector::release`].
+    /// Returns the current contact, or the last one until [`Detector::release`].
     pub fn contact(&self) -> Option<&Contact> {
         self.contact.as_ref()
     }
 
-    /// Forgets the last contact and the nodes that were kept for it.
+    /// Discards the last contact and the nodes kept for it.
     pub fn release(&mut self) {
         if self.contact.is_some_and(|c| c.end_frames.is_some()) {
             self.contact = None;
         }
     }
 
-    /// Whether the surface, or something not decided yet, may be acting on the body.
+    /// Whether a contact, or an undecided departure, may be acting on the body.
     pub fn is_suspicious(&self) -> bool {
         self.off.is_some() || self.contact.is_some_and(|c| c.end_frames.is_none())
     }
@@ -209,7 +209,7 @@ impl Detector {
                 Event::None
             }
             begun => {
-                // Without a common offset (frames lost) the start lies anywhere between the last node and this one.
+                // Without a common offset (lost frames), the onset lies anywhere between the last node and this one.
                 let between = 0.5 * (flight[flight.len() - 1].time_frames + from);
                 self.begin(begun.map_or(between, |o| o.start_frames), from, rate);
                 Event::Began
@@ -217,12 +217,12 @@ impl Detector {
         }
     }
 
-    /// The flight starts anew at `from_frames`: released, or a wrong step.
+    /// Restarts the flight at `from_frames`, after a release or a wrong step.
     fn restart(&mut self, from_frames: f64) {
         self.flight_from = from_frames;
         self.off = None;
         let from = self.frame_at(from_frames);
-        self.remember(Break { from, to: Some(from), told_after: None, speed: 0.0, acceleration: 0.0 });
+        self.remember(Break { from, to: Some(from), published_after: None, speed: 0.0, acceleration: 0.0 });
     }
 
     fn begin(&mut self, start_frames: f64, departed_frames: f64, approach: Estimate) {
@@ -239,7 +239,7 @@ impl Detector {
             end_frames: None,
         });
         let from = self.frame_at(start_frames);
-        self.remember(Break { from, to: None, told_after: None, speed: approach.value.abs(), acceleration: 0.0 });
+        self.remember(Break { from, to: None, published_after: None, speed: approach.value.abs(), acceleration: 0.0 });
     }
 
     fn watch_contact(&mut self, mut contact: Contact, gravity: f64) -> Event {
@@ -255,7 +255,7 @@ impl Detector {
         let forceless = || forceless(between(&self.trail, contact.departed_frames, f64::INFINITY), gravity);
         if let Some((from, rate)) = quiet(&since, gravity, contact.acceleration_max).unwrap_or_else(forceless) {
             if rate.value < -APPROACH_SIGMAS * rate.sigma {
-                // Free, and still on its way in: whatever that was, it was no collision.
+                // Free of force but still approaching: it was no collision.
                 return self.dismiss(from);
             }
             contact.end_frames = Some(from);
@@ -264,16 +264,16 @@ impl Detector {
             self.quiet = Some((from, since.iter().filter(|s| s.time_frames >= from).count() as u32));
             return Event::Ended;
         }
-        if self.trail.len() >= MOST_NODES { self.dismiss(since[since.len() - 1].time_frames) } else { Event::None }
+        if self.trail.len() >= MAX_NODES { self.dismiss(since[since.len() - 1].time_frames) } else { Event::None }
     }
 
     fn set_end(&mut self, end_frames: f64) {
         self.flight_from = end_frames;
         let (to, newest) = (self.frame_at(end_frames), self.trail[self.trail.len() - 1].frame);
         if let Some(b) = self.breaks.back_mut() {
-            // Of frames so far back it was told already what they are.
-            let told = b.to.filter(|before| before + AUTO_AHEAD_FRAMES < newest);
-            b.told_after = b.told_after.or(told);
+            // Frames this old have been published already.
+            let was_published = b.to.filter(|before| before + AUTO_AHEAD_FRAMES < newest);
+            b.published_after = b.published_after.or(was_published);
             b.to = Some(to.max(b.from + 1));
         }
         if let Some(contact) = &mut self.contact {
@@ -281,7 +281,7 @@ impl Detector {
         }
     }
 
-    /// Looks back from the flight after a contact for the moment the force was gone.
+    /// Searches backwards from the flight after a contact for the end of the force.
     fn judge_end(&mut self, gravity: Option<f64>) {
         let Some((from, count)) = self.quiet else { return };
         let count = count + 1;
@@ -320,7 +320,7 @@ impl Detector {
         self.breaks.push_back(new);
     }
 
-    /// What is known of the motion at a frame.
+    /// Returns the known regime of the motion at a frame.
     pub fn regime(&self, frame: u64) -> Regime {
         let next = self.breaks.partition_point(|b| b.from <= frame);
         let to = self.breaks.get(next).map_or(u64::MAX, |b| b.from.saturating_sub(1));
@@ -333,11 +333,11 @@ impl Detector {
         }
     }
 
-    /// Flight, contact or rebound at a frame, as far as is known by now.
+    /// Returns the phase at a frame: flight, contact or rebound, as known by now.
     pub fn phase(&self, frame: u64) -> Phase {
         let newest = self.breaks.iter().rev().find(|b| b.from <= frame);
-        // Of a contact that has been told to be over it is not told again that it lasts.
-        let is_over = newest.and_then(|b| b.told_after).is_some_and(|after| after <= frame);
+        // A contact that was published as ended is not published as lasting again.
+        let is_over = newest.and_then(|b| b.published_after).is_some_and(|after| after <= frame);
         match self.regime(frame) {
             Regime::Contact { .. } if !is_over => Phase::Contact,
             _ if self.breaks.iter().any(|b| b.is_contact() && b.from <= frame) => Phase::Rebound,
@@ -359,7 +359,8 @@ fn curvature(nodes: &[crate::numeric::Sample]) -> Option<Estimate> {
     Some(Estimate { value: a.value, sigma: a.sigma * fit.excess() })
 }
 
-/// Whether the newest nodes are free of force; if so, since when and how fast. `None` where they do not tell.
+/// Whether the newest nodes are free of force; if so, since when and at which speed. `None` where the data cannot
+/// decide.
 fn quiet(since: &[crate::numeric::Sample], gravity: f64, strongest: f64) -> Option<Option<(f64, Estimate)>> {
     let mut width = 5;
     while width <= QUIET_NODES.min(since.len()) {
@@ -377,9 +378,9 @@ fn quiet(since: &[crate::numeric::Sample], gravity: f64, strongest: f64) -> Opti
     None
 }
 
-/// Whether no force can be told from none in the nodes since a departure; if so, since when and how fast.
+/// Whether the nodes since a departure are consistent with no force; if so, since when and at which speed.
 ///
-/// A blow between two frames, or poses that wander, may look like the begin of a contact.
+/// An impact between two frames, or poses that drift, may look like the onset of a contact.
 fn forceless(since: &[SurfaceNode], gravity: f64) -> Option<(f64, Estimate)> {
     let newest = samples(&since[since.len().saturating_sub(QUIET_NODES)..], NORMAL);
     if newest.len() < FORCELESS_NODES {
@@ -395,7 +396,7 @@ fn forceless(since: &[SurfaceNode], gravity: f64) -> Option<(f64, Estimate)> {
 mod tests {
     use super::*;
 
-    /// What a detector says of these positions, up to 4 sigmas of noise apart, and in which frame.
+    /// The detector's events for these positions, with up to 4 sigmas of noise, and the frame of each.
     fn events(frames: u64, position: impl Fn(f64) -> f64) -> (Vec<(u64, Event)>, Detector) {
         let (mut detector, sigma) = (Detector::new(), 1.3e-3);
         let mut events = Vec::new();
@@ -420,24 +421,24 @@ mod tests {
 
     #[test]
     fn a_blow_that_leaves_a_body_on_its_way_in_is_no_contact_for_good() {
-        // It is noticed late, when no force is left to be seen.
+        // The contact is detected late, when no force is left to detect.
         let creeps = |t: f64| -2.58 * t + 2e-5 * (t - 17.0).clamp(0.0, 9.0).powi(3) + 0.0044 * (t - 26.0).max(0.0);
-        let (told, detector) = events(80, creeps);
-        let [(began, Event::Began), (over, Event::Dismissed)] = told[..] else { panic!("{told:?}") };
-        assert!(over < began + 26 && detector.phase(79) == Phase::Flight, "{told:?}");
+        let (was_published, detector) = events(80, creeps);
+        let [(began, Event::Began), (over, Event::Dismissed)] = was_published[..] else { panic!("{was_published:?}") };
+        assert!(over < began + 26 && detector.phase(79) == Phase::Flight, "{was_published:?}");
     }
 
     #[test]
     fn a_contact_that_is_gentle_and_long_lasts_until_it_is_over() {
-        // Half a period of 300 frames from a speed of 0.5 px/frame on.
+        // Half a period of 300 frames, from a speed of 0.5 px/frame on.
         let omega = std::f64::consts::PI / 300.0;
         let position = |t: f64| match t - 40.0 {
             since if since <= 0.0 => -0.5 * since,
             since if since <= 300.0 => -0.5 * (omega * since).sin() / omega,
             since => 0.5 * (since - 300.0),
         };
-        let (told, _) = events(400, position);
-        let [(began, Event::Began), (over, Event::Ended)] = told[..] else { panic!("{told:?}") };
-        assert!(began < 80 && (336..360).contains(&over), "{told:?}");
+        let (was_published, _) = events(400, position);
+        let [(began, Event::Began), (over, Event::Ended)] = was_published[..] else { panic!("{was_published:?}") };
+        assert!(began < 80 && (336..360).contains(&over), "{was_published:?}");
     }
 }

@@ -6,9 +6,9 @@ use crate::numeric::{exp, ln};
 
 /// A family of contact laws, from stiff to free.
 ///
-/// All are cases of F/m = A (s(y) (y/y0)^n + c r(y) (v/v0) (y/y0)^m) with the depth y, its rate v,
-/// fixed units y0 and v0, and a stiffness factor s = 1 + b1 T1 + ... + bd Td (Chebyshev) of 2 y/y0 - 1.
-/// The damping is a share of the spring's force, r = s, or a dashpot of its own, r = 1.
+/// All are cases of F/m = A (s(y) (y/y0)^n + c r(y) (v/v0) (y/y0)^m) with the depth y, its rate v, fixed units y0 and
+/// v0, and a stiffness factor s = 1 + b1 T1 + ... + bd Td (Chebyshev) of 2 y/y0 - 1. The damping is either proportional
+/// to the spring's force, r = s, or an independent dashpot, r = 1.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Family {
     /// n = 1, m = 0.
@@ -23,29 +23,29 @@ pub enum Family {
     Stiffness {
         /// Degree of s, at most 7.
         degree: usize,
-        /// Whether the damping is a dashpot of its own, m = 0.
+        /// Whether the damping is an independent dashpot, m = 0.
         dashpot: bool,
     },
 }
 
-/// Most parameters a law has: start, speed, ln A, c, n, m, b1 to b7.
-pub const MOST_PARAMETERS: usize = 13;
+/// The maximum number of parameters of a law: start, speed, ln A, c, n, m, b1 to b7.
+pub const MAX_PARAMETERS: usize = 13;
 
-/// Parameters in the order of [`MOST_PARAMETERS`]; the first [`Family::count`] are free, the rest follow.
-pub type Parameters = [f64; MOST_PARAMETERS];
+/// Parameters in the order of [`MAX_PARAMETERS`]; the first [`Family::count`] are free, the rest follow.
+pub type Parameters = [f64; MAX_PARAMETERS];
 
 impl Family {
-    /// How many parameters are free.
+    /// Returns the number of free parameters.
     pub fn count(self) -> usize {
         match self {
             Self::KelvinVoigt | Self::HuntCrossley => 4,
             Self::Power => 5,
             Self::TwoExponents => 6,
-            Self::Stiffness { degree, .. } => 6 + degree.min(MOST_PARAMETERS - 6),
+            Self::Stiffness { degree, .. } => 6 + degree.min(MAX_PARAMETERS - 6),
         }
     }
 
-    /// Sets what is not free.
+    /// Fills in the parameters that are not free.
     pub fn complete(self, p: &Parameters) -> Parameters {
         let mut p = *p;
         match self {
@@ -60,7 +60,7 @@ impl Family {
     }
 }
 
-/// Units the parameters are measured in, and the free fall along the depth.
+/// The units of the parameters, and the free fall along the depth.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Units {
     /// Depth, px.
@@ -71,16 +71,16 @@ pub struct Units {
     pub gravity: f64,
 }
 
-/// What a law says of a contact: start, deepest, end, 2 % start, 2 % end (frames), speed before and after
-/// (px/frame, inwards positive), greatest depth (px), greatest acceleration outwards (px/frame^2), duration (frames).
+/// The quantities that a law predicts for a contact: start, deepest, end, 2 % start, 2 % end (frames), speed before and
+/// after (px/frame, inwards positive), maximum depth (px), peak outward acceleration (px/frame^2), duration (frames).
 ///
-/// The duration stands for itself, since the errors of start and end are not independent.
+/// The duration is separate because the errors of start and end are not independent.
 pub type Findings = [f64; 10];
 
-/// One number of each of some sets of parameters, whose motions are followed side by side.
+/// One number for each of several sets of parameters that are integrated in parallel.
 pub(super) type Row<const SETS: usize> = [f64; SETS];
 
-/// Where bodies are in their contacts: frames since its start, px, px/frame and px/frame^2.
+/// The states of bodies in their contacts: frames since its start, px, px/frame and px/frame^2.
 #[derive(Debug, Clone, Copy)]
 #[repr(align(64))]
 pub(super) struct States<const SETS: usize> {
@@ -90,16 +90,16 @@ pub(super) struct States<const SETS: usize> {
     pub(super) force: Row<SETS>,
 }
 
-/// A law with several sets of its numbers, which may not differ by much.
+/// A law with several sets of parameters that differ little.
 #[derive(Debug, Clone)]
 pub(super) struct Law<const SETS: usize> {
     form: u8,
     /// A in place of its logarithm.
-    p: [Row<SETS>; MOST_PARAMETERS],
+    p: [Row<SETS>; MAX_PARAMETERS],
     pub(super) units: Units,
 }
 
-/// How the force is computed.
+/// The form in which the force is computed.
 const LINEAR: u8 = 0;
 const HERTZ: u8 = 1;
 const POWER: u8 = 2;
@@ -107,16 +107,17 @@ const EXPONENTS: u8 = 3;
 const STIFFNESS: u8 = 4;
 const DASHPOT: u8 = 5;
 
-/// Least share of the unit of depth whose logarithm is taken.
-const LEAST: f64 = 1e-300;
+/// The minimum depth, as a share of the unit of depth, whose logarithm is taken.
+const MIN_DEPTH: f64 = 1e-300;
 
 impl<const SETS: usize> Law<SETS> {
-    /// With as many sets as there are; the last of them stands for those that are not.
+    /// Creates the law for these sets; the last set also fills the unused lanes.
     ///
     /// # Panics
-    /// If there are none.
+    ///
+    /// If `sets` is empty.
     pub(super) fn new(family: Family, sets: &[Parameters], units: &Units) -> Self {
-        let mut p = [[0.0; SETS]; MOST_PARAMETERS];
+        let mut p = [[0.0; SETS]; MAX_PARAMETERS];
         for (set, own) in (0..SETS).map(|set| (set, &sets[set.min(sets.len() - 1)])) {
             p.iter_mut().zip(own).for_each(|(row, value)| row[set] = *value);
             p[2][set] = own[2].exp();
@@ -132,22 +133,22 @@ impl<const SETS: usize> Law<SETS> {
         Self { form, p, units: *units }
     }
 
-    /// The first touch.
+    /// Returns the states at first contact.
     pub(super) fn start(&self) -> States<SETS> {
         let zero = [0.0; SETS];
         let touch = States { time: zero, depth: zero, speed: self.p[1], force: zero };
-        // A step of no length computes the force.
+        // A step of zero length computes the force.
         let mut start = touch;
         self.advance(&touch, &zero, &mut start);
         start
     }
 
-    /// One step of Runge and Kutta of order 4 each, of these lengths in frames.
+    /// Advances each set by one fourth-order Runge-Kutta step of its own length in frames.
     pub(super) fn advance(&self, from: &States<SETS>, step: &Row<SETS>, to: &mut States<SETS>) {
         advance(self, from, step, to);
     }
 
-    /// The force on a body of one set, px/frame^2.
+    /// Returns the force on the body of one set, px/frame^2.
     #[inline(always)]
     fn force<const FORM: u8>(&self, set: usize, depth: f64, speed: f64) -> f64 {
         let [_, _, size, damping, n, m, stiffness @ ..] = &self.p;
@@ -157,7 +158,7 @@ impl<const SETS: usize> Law<SETS> {
             LINEAR => (y, 1.0),
             HERTZ => (y * y.sqrt(), y * y.sqrt()),
             _ => {
-                let log = ln(if y > LEAST { y } else { LEAST });
+                let log = ln(if y > MIN_DEPTH { y } else { MIN_DEPTH });
                 let spring = exp(n[set] * log);
                 (spring, if FORM == POWER || FORM == DASHPOT { spring } else { exp(m[set] * log) })
             }
@@ -208,9 +209,9 @@ fn advance<const SETS: usize>(law: &Law<SETS>, from: &States<SETS>, step: &Row<S
     }
 }
 
-/// 1 + b1 T1 + ... + b7 T7 of one set at `x`.
+/// Returns 1 + b1 T1 + ... + b7 T7 of one set at `x`.
 #[inline(always)]
-fn chebyshev<const SETS: usize>(b: &[Row<SETS>; MOST_PARAMETERS - 6], set: usize, x: f64) -> f64 {
+fn chebyshev<const SETS: usize>(b: &[Row<SETS>; MAX_PARAMETERS - 6], set: usize, x: f64) -> f64 {
     let (mut sum, mut lower, mut here) = (1.0, 1.0, x);
     for row in b {
         sum += row[set] * here;

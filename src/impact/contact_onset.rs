@@ -1,30 +1,30 @@
-//! When positions began to leave a curve.
+//! The moment at which positions begin to leave a curve.
 
 use super::departure::residual;
 use crate::numeric::{Polynomial, Sample};
 
-/// Exponents of the hinge: contact laws leave the parabola like t^2 (a dashpot) to t^3.5 (Hunt-Crossley).
+/// The exponents of the hinge: contact laws leave the parabola like t^2 (a dashpot) to t^3.5 (Hunt-Crossley).
 const EXPONENTS: [f64; 2] = [2.0, 2.75];
-/// Finest step of the search, frames.
+/// The finest step of the search, frames.
 const STEP_FRAMES: f64 = 0.25;
-/// How far before the first sample off the curve the search goes, frames.
+/// The range of the search before the first departed sample, frames.
 const BACK_FRAMES: f64 = 10.0;
 
-/// A gradual beginning against a jump.
+/// A gradual onset compared with a jump.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Onset {
-    /// Best beginning of a hinge a (t - t0)^p, p = 2 or 2.75, frames.
+    /// The best start of a hinge a (t - t0)^p, p = 2 or 2.75, frames.
     pub start_frames: f64,
-    /// Whether the hinge fits better than a jump in position, as one wrong step makes it.
+    /// Whether the hinge fits better than a jump in position, which one wrong step would cause.
     pub gradual: bool,
 }
 
-/// The same samples with time running backwards, so that an end becomes an onset.
+/// Returns the same samples with time reversed, so that an end becomes an onset.
 pub fn mirrored(samples: &[Sample]) -> Vec<Sample> {
     samples.iter().rev().map(|s| Sample { time_frames: -s.time_frames, ..*s }).collect()
 }
 
-/// Fits a hinge and a jump to the samples' distances from `curve`; `departed_frames` is the first sample off it.
+/// Fits a hinge and a jump to the samples' distances from `curve`; `departed_frames` is the first departed sample.
 pub fn onset(curve: &Polynomial, since: &[Sample], departed_frames: f64) -> Option<Onset> {
     let off: Vec<(f64, f64, f64)> = since
         .iter()

@@ -1,22 +1,23 @@
-//! Whether a position still lies on the parabola of the flight before it.
+//! The test whether a position lies on the parabola of the flight before it.
 
 use crate::numeric::{Polynomial, Sample};
 use crate::results::Estimate;
 
-/// A measured acceleration within so many sigmas of a known one may be it.
+/// The maximum difference between a measured and a known acceleration that are taken as equal, sigmas.
 const SAME_ACCELERATION: f64 = 4.0;
 
-/// What the flight before says of a new position.
+/// A new position compared with the flight before it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Departure {
-    /// Distance from the nearest plausible curve in its standard uncertainty, positive along the outward normal.
+    /// Distance from the nearest plausible curve in units of its standard uncertainty, positive along the outward
+    /// normal.
     pub sigmas: f64,
-    /// Normal velocity at the end of the flight, the least certain of the plausible ones, px/frame.
+    /// Normal velocity at the end of the flight, the most uncertain of the plausible ones, px/frame.
     pub rate: Estimate,
 }
 
-/// The curves the flight may be on: with gravity, without acceleration (held, or rolling on a level), or, where
-/// neither agrees with the measured acceleration, with that.
+/// Returns the curves that the flight may follow: with gravity, without acceleration (held, or rolling on a level), or,
+/// where neither agrees with the measured acceleration, with the measured one.
 pub fn plausible_curves(flight: &[Sample], gravity: Option<f64>) -> Vec<Polynomial> {
     let (Some(first), Some(last)) = (flight.first(), flight.last()) else { return Vec::new() };
     let middle = 0.5 * (first.time_frames + last.time_frames);
@@ -32,8 +33,8 @@ pub fn plausible_curves(flight: &[Sample], gravity: Option<f64>) -> Vec<Polynomi
     if curves.is_empty() { free.into_iter().collect() } else { curves }
 }
 
-/// Sample minus curve with its uncertainty, the curve's included. A component without offset in the curve's fit is
-/// measured from its first sample in `since`.
+/// Returns sample minus curve with its uncertainty, including the curve's. In a component without an offset in the
+/// curve's fit, it is measured from the component's first sample in `since`.
 pub fn residual(curve: &Polynomial, since: &[Sample], sample: &Sample) -> Option<Estimate> {
     let excess = curve.excess();
     if let Some(at) = curve.predict(sample.time_frames, sample.component) {
@@ -45,7 +46,7 @@ pub fn residual(curve: &Polynomial, since: &[Sample], sample: &Sample) -> Option
     Some(Estimate { value: sample.value - first.value - advance.value, sigma: excess * advance.sigma.hypot(noise) })
 }
 
-/// Judges the last of `since` by the `flight` before it; `None` where they have nothing in common.
+/// Compares the last of `since` with the `flight` before it; `None` where they have no component in common.
 pub fn departure(flight: &[Sample], since: &[Sample], gravity: Option<f64>) -> Option<Departure> {
     let (end, sample) = (flight.last()?, since.last()?);
     let mut out: Option<Departure> = None;
@@ -64,7 +65,7 @@ pub fn departure(flight: &[Sample], since: &[Sample], gravity: Option<f64>) -> O
                 } else {
                     o.sigmas
                 },
-                // Approach is negative: the larger ratio is the less certain approach.
+                // An approach is negative: the larger ratio is the less certain approach.
                 rate: if certainty > o.rate.value / o.rate.sigma { rate } else { o.rate },
             },
         });

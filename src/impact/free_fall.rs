@@ -1,13 +1,13 @@
-//! How a body falls in free flight, which checks the scale.
+//! The acceleration in free flight, which checks the scale.
 
 use super::trajectory::{NORMAL, SurfaceNode, TANGENTIAL, samples};
 use crate::numeric::Polynomial;
 use crate::results::Estimate;
 
-/// Acceleration along gravity in some flights, px/frame^2, with no other acceleration assumed; `None` where gravity is
-/// switched off or no flight is long enough to bend.
+/// Estimates the acceleration along gravity in several flights, px/frame^2, without assuming another acceleration.
+/// `None` where gravity is switched off or no flight is long enough to curve.
 ///
-/// A scale wrong by a share shows as gravity wrong by the same share.
+/// A relative error of the scale appears as the same relative error of gravity.
 pub fn fall(flights: &[&[SurfaceNode]], gravity_px: [f64; 2]) -> Option<Estimate> {
     let strength = gravity_px[NORMAL].hypot(gravity_px[TANGENTIAL]);
     if strength <= 0.0 {
@@ -15,22 +15,24 @@ pub fn fall(flights: &[&[SurfaceNode]], gravity_px: [f64; 2]) -> Option<Estimate
     }
     let (mut sum, mut weight) = (0.0, 0.0);
     for flight in flights {
-        let Some(bend) = bend(flight, gravity_px.map(|part| part / strength)) else { continue };
-        sum += bend.value / bend.sigma.powi(2);
-        weight += bend.sigma.powi(-2);
+        let Some(acceleration_along) = acceleration_along(flight, gravity_px.map(|part| part / strength)) else {
+            continue;
+        };
+        sum += acceleration_along.value / acceleration_along.sigma.powi(2);
+        weight += acceleration_along.sigma.powi(-2);
     }
     (weight > 0.0).then(|| Estimate { value: sum / weight, sigma: weight.powf(-0.5) })
 }
 
-/// Acceleration of one flight along a direction given as its parts along normal and tangent.
-fn bend(flight: &[SurfaceNode], direction: [f64; 2]) -> Option<Estimate> {
+/// Estimates the acceleration of one flight along a direction given by its normal and tangential components.
+fn acceleration_along(flight: &[SurfaceNode], direction: [f64; 2]) -> Option<Estimate> {
     let middle = 0.5 * (flight.first()?.time_frames + flight.last()?.time_frames);
     let (mut value, mut variance) = (0.0, 0.0_f64);
     for (k, part) in [NORMAL, TANGENTIAL].into_iter().zip(direction) {
         let fit = Polynomial::fit(&samples(flight, k), middle, 2, 0.0)?;
-        let bend = fit.curvature();
-        value += part * bend.value;
-        variance += (part * bend.sigma * fit.excess()).powi(2);
+        let acceleration_along = fit.curvature();
+        value += part * acceleration_along.value;
+        variance += (part * acceleration_along.sigma * fit.excess()).powi(2);
     }
     (variance > 0.0).then(|| Estimate { value, sigma: variance.sqrt() })
 }

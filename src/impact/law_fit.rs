@@ -2,55 +2,56 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use super::contact_law::{Family, Findings, MOST_PARAMETERS, Parameters, Units};
-use super::law_motion::Passages;
+use super::contact_law::{Family, Findings, MAX_PARAMETERS, Parameters, Units};
+use super::law_motion::LawMotions;
 use crate::numeric::Sample;
 
-/// Most rounds of one fit.
+/// The maximum number of iterations of one fit.
 const ROUNDS: usize = 60;
-/// After so many only a large gain justifies another.
+/// The number of iterations after which only a large gain justifies another.
 const USUAL_ROUNDS: usize = 15;
-/// A large gain of chi2.
+/// A large gain of chi2 per iteration.
 const LARGE_GAIN: f64 = 0.5;
-/// Converged: chi2 falls by less, a law with few parameters and one with many (its parameters replace each other).
+/// The gain of chi2 below which a fit has converged: for a law with few parameters, and for one with many, whose
+/// parameters are nearly degenerate.
 const SETTLED: [f64; 2] = [1e-3, 1e-2];
-/// A law that misses by so many sigmas, and comes nearer by no more than this share of chi2 a round, is none of this contact.
+/// The misfit at which a law is given up, sigmas, where chi2 falls by no more than [`HOPELESS_GAIN`] per iteration.
 const HOPELESS_SIGMAS: f64 = 10.0;
 const HOPELESS_GAIN: f64 = 0.02;
-/// Expected size of the stiffness factor's coefficients: the finer a ripple, the smaller.
+/// The expected size of the stiffness factor's coefficients; finer ripples are smaller.
 const RIPPLES: [f64; 7] = [0.3, 0.2, 0.2, 0.1, 0.1, 0.05, 0.05];
-/// An exponent that is expected to be about so much, give or take so much.
+/// The expected value and spread of an exponent.
 pub type Expected = [f64; 2];
-/// Bounds of both exponents.
+/// The bounds of both exponents.
 const EXPONENTS: (f64, f64) = (0.0, 4.0);
 
-/// Sets of parameters that are followed side by side, of laws that have few and of those that have many: vectors hold
-/// eight numbers at most.
+/// The number of parameter sets integrated in parallel, for laws with few and with many parameters. A vector holds at
+/// most eight numbers.
 const FEW: usize = 8;
 const MANY: usize = 16;
-const _: () = assert!(MOST_PARAMETERS < MANY);
+const _: () = assert!(MAX_PARAMETERS < MANY);
 
 /// A law fitted to one contact.
 #[derive(Debug, Clone)]
 pub struct LawFit {
-    /// Which.
+    /// The family.
     pub family: Family,
-    /// Its parameters.
+    /// Its fitted parameters.
     pub parameters: Parameters,
     /// Sum of squared residuals (and priors) in sigmas.
     pub chi2: f64,
     /// Degrees of freedom.
     pub freedom: f64,
-    /// What its free exponents and stiffness cost: twice the logarithm of how much the positions narrow down what was
-    /// expected of them (the Occam factor of Laplace's approximation of the evidence).
+    /// The Occam factor of the free exponents and stiffness, in Laplace's approximation of the evidence: twice the
+    /// logarithm of how much the positions narrow the prior.
     pub narrowing: f64,
-    /// What it says.
+    /// The predicted quantities.
     pub findings: Findings,
-    /// Standard uncertainties of that, by propagation, the samples' sigmas and walks taken as they are.
+    /// Their propagated standard uncertainties, with the samples' sigmas and walks as given.
     pub sigmas: Findings,
 }
 
-/// Positions grouped by component, for taking them about their means.
+/// Positions grouped by component, so that each component's mean can be removed.
 pub(super) struct Data<'a> {
     samples: &'a [Sample],
     /// Index of each sample's component and each component's total weight.
@@ -75,7 +76,7 @@ impl<'a> Data<'a> {
         Self { samples, group, weight }
     }
 
-    /// Values about their component's mean, in sigmas.
+    /// Returns values relative to their component's mean, in sigmas.
     pub(super) fn whiten(&self, mut values: Vec<f64>) -> Vec<f64> {
         let mut mean = vec![0.0; self.weight.len()];
         for (i, s) in self.samples.iter().enumerate() {
@@ -89,8 +90,7 @@ impl<'a> Data<'a> {
 }
 
 impl Data<'_> {
-    /// Variance of a number that is a sum of the whitened values with these weights, from what each step adds to all
-    /// positions after it.
+    /// Returns the variance of a weighted sum of the whitened values that results from the random walk of the steps.
     fn walk_variance(&self, weights: &DVector<f64>) -> f64 {
         let mut later = vec![0.0; self.weight.len()];
         let mut variance = 0.0;
@@ -102,39 +102,40 @@ impl Data<'_> {
     }
 }
 
-/// The motion at one set of parameters: depths at the samples and findings.
+/// The motion for one set of parameters: depths at the samples and predicted quantities.
 struct Outcome {
     depths: Vec<f64>,
     findings: Findings,
-    /// `None` where the motion cannot be told on either side.
+    /// `None` where neither one-sided difference yields a motion.
     slopes: Option<Slopes>,
 }
 
-/// How residuals and findings change with each parameter.
+/// Derivatives of residuals and predicted quantities by each parameter.
 struct Slopes {
     jacobian: DMatrix<f64>,
     gradients: DMatrix<f64>,
 }
 
-/// The motions at some parameters, and at those moved in one of them each.
+/// The motions for one set of parameters and for that set with one parameter changed at a time.
 struct Motions {
-    /// At each sample.
+    /// Depths at each sample.
     depths: Vec<[f64; MANY]>,
     findings: Vec<Findings>,
-    /// Which of them the law allows and come back.
+    /// Whether the law allows the set and the body rebounds.
     sound: Vec<bool>,
 }
 
 struct Problem<'a> {
     family: Family,
-    /// Of spring and damping, for those that are free.
+    /// The prior of the spring's and the damping's exponent, for those that are free.
     exponents: [Expected; 2],
     units: Units,
     data: Data<'a>,
 }
 
 impl Problem<'_> {
-    /// The motion at these parameters, with its slopes by forward differences, or backward where that leads to no motion.
+    /// Computes the motion and its derivatives, by forward differences, or backward ones where a forward step yields no
+    /// motion.
     fn outcome(&self, p: &Parameters) -> Option<Outcome> {
         let p = self.family.complete(p);
         let mut steps: Vec<f64> = (0..self.family.count()).map(|k| self.step_of(k)).collect();
@@ -149,13 +150,13 @@ impl Problem<'_> {
         Some(Outcome { depths, findings: motions.findings[0], slopes })
     }
 
-    /// Whether the law makes sense with these parameters.
+    /// Whether the law is physical with these parameters.
     fn allows(&self, p: &Parameters) -> bool {
         let exponents = p[4..6].iter().all(|n| (EXPONENTS.0..=EXPONENTS.1).contains(n));
         exponents && p[1] > 0.0 && p.iter().all(|x| x.is_finite())
     }
 
-    /// The motion at `p`, and with each of its parameters moved by a step.
+    /// Computes the motion at `p`, and with each of its parameters changed by a step.
     fn motions(&self, p: &Parameters, steps: &[f64]) -> Motions {
         let (mut sets, mut sound) = (vec![*p], vec![true]);
         for (k, step) in steps.iter().enumerate() {
@@ -174,7 +175,7 @@ impl Problem<'_> {
     }
 
     fn follow<const SETS: usize>(&self, sets: &[Parameters], motions: &mut Motions) {
-        let passages = Passages::<SETS>::new(self.family, sets, &self.units);
+        let passages = LawMotions::<SETS>::new(self.family, sets, &self.units);
         motions.sound.iter_mut().enumerate().for_each(|(set, sound)| *sound &= passages.comes_back(set));
         let starts: [f64; SETS] = std::array::from_fn(|set| sets[set.min(sets.len() - 1)][0]);
         motions.findings.extend(passages.findings(&starts));
@@ -185,7 +186,7 @@ impl Problem<'_> {
         }));
     }
 
-    /// Residuals in sigmas, the priors behind.
+    /// Returns the residuals in sigmas, followed by those of the priors.
     fn residuals(&self, p: &Parameters, outcome: &Outcome) -> DVector<f64> {
         // The depth grows against the normal, so position plus depth is constant.
         let sum = self.data.samples.iter().zip(&outcome.depths).map(|(s, d)| s.value + d).collect();
@@ -197,8 +198,8 @@ impl Problem<'_> {
         DVector::from_vec(rows)
     }
 
-    /// What a free parameter behind the fourth is expected to be: the first percents of a force show too little to tell
-    /// its exponent and its beginning apart.
+    /// Returns the prior of a free parameter after the fourth: the first per cent of a force constrain its exponent and
+    /// its onset only jointly.
     fn expected(&self, parameter: usize) -> Expected {
         match parameter {
             4 | 5 => self.exponents[parameter - 4],
@@ -214,7 +215,7 @@ impl Problem<'_> {
         }
     }
 
-    /// Differences of the motions over the steps.
+    /// Returns the differences of the motions over the steps.
     fn slopes(&self, motions: &Motions, steps: &[f64]) -> Slopes {
         let (samples, count) = (self.data.samples.len(), steps.len());
         let mut jacobian = DMatrix::zeros(samples + count - 4, count);
@@ -234,7 +235,7 @@ impl Problem<'_> {
         Slopes { jacobian, gradients }
     }
 
-    /// Levenberg-Marquardt (Marquardt 1963, doi:10.1137/0111030).
+    /// Minimises by Levenberg-Marquardt (Marquardt 1963, doi:10.1137/0111030).
     fn solve(&self, start: &Parameters) -> Option<LawFit> {
         let mut p = self.family.complete(start);
         let mut outcome = self.outcome(&p)?;
@@ -282,7 +283,7 @@ impl Problem<'_> {
     fn conclude(&self, p: &Parameters, outcome: &Outcome, chi2: f64) -> Option<LawFit> {
         let Slopes { jacobian, gradients } = outcome.slopes.as_ref()?;
         let normal = jacobian.tr_mul(jacobian);
-        // Parameters on the scale of their own effect, so that the inverse is well conditioned.
+        // Parameters are scaled by their own effect, so that the inverse is well conditioned.
         let scale = DVector::from_fn(normal.nrows(), |k, _| normal[(k, k)].powf(-0.5));
         if scale.iter().any(|s| !s.is_finite()) {
             return None;
@@ -313,7 +314,7 @@ impl Problem<'_> {
 }
 
 impl Problem<'_> {
-    /// See [`LawFit::narrowing`]; from the covariance of all parameters over `scale` on both sides.
+    /// Computes [`LawFit::narrowing`] from the covariance of all parameters, divided by `scale` on both sides.
     fn narrowing(&self, inverse: &DMatrix<f64>, scale: &DVector<f64>) -> Option<f64> {
         let free = self.family.count() - 4;
         if free == 0 {
@@ -325,8 +326,9 @@ impl Problem<'_> {
     }
 }
 
-/// Fits one family to positions along the outward normal, from `start`, the free ones of its exponents being expected
-/// near `exponents`. `None` where it does not converge to a contact that ends, or the positions do not determine it.
+/// Fits one family to positions along the outward normal, starting at `start`, with its free exponents expected near
+/// `exponents`. Returns `None` where the fit does not converge to a contact that ends, or the positions do not
+/// determine it.
 pub fn fit_law(
     family: Family,
     start: &Parameters,

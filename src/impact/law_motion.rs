@@ -1,33 +1,36 @@
-//! The motion that contact laws make.
+//! The motion under a contact law.
 
 use std::f64::consts::FRAC_PI_2;
 
 use super::contact_law::{Family, Findings, Law, Parameters, Row, States, Units};
 
-/// Steps of the integration a time unit T is cut into.
+/// Integration steps per time unit.
 const STEPS: f64 = 64.0;
-/// Longest contact, time units.
+/// The maximum duration of a contact, time units.
 const LONGEST: f64 = 6.0;
 
-/// The motions through one contact by up to `SETS` sets of one law's parameters; times since its start, depths along the inward
-/// normal.
+/// The motions through one contact for up to `SETS` parameter sets of one law; times since its start, depths along the
+/// inward normal.
 #[derive(Debug, Clone)]
-pub struct Passages<const SETS: usize> {
+pub struct LawMotions<const SETS: usize> {
     law: Law<SETS>,
-    /// A step apart, until every set has come back.
+    /// The states at every step, until every set has rebounded.
     states: Vec<States<SETS>>,
     end: States<SETS>,
-    /// Of each set, how many of the states are before its end; 0 where it does not come back.
+    /// The number of states before the end of each set; 0 where it does not rebound.
     counts: [usize; SETS],
     step: f64,
 }
 
-impl<const SETS: usize> Passages<SETS> {
-    /// Integrates y'' = gravity - F/m from the first touch until the force is back to zero (Runge-Kutta of order 4,
-    /// 64 steps a `units.depth / units.speed * pi / 2`).
+impl<const SETS: usize> LawMotions<SETS> {
+    /// Integrates y'' = gravity - F/m from the first contact until the force is back to zero, by fourth-order
+    /// Runge-Kutta with 64 steps per `units.depth
+    /// units.speed * pi
+    /// 2`.
     ///
     /// # Panics
-    /// If there is none, or more than `SETS` of them.
+    ///
+    /// If `sets` is empty or holds more than `SETS`.
     pub fn new(family: Family, sets: &[Parameters], units: &Units) -> Self {
         assert!((1..=SETS).contains(&sets.len()), "{} sets of parameters", sets.len());
         let law = Law::new(family, sets, units);
@@ -49,7 +52,7 @@ impl<const SETS: usize> Passages<SETS> {
             if next.time[0] > longest {
                 return;
             }
-            if !goes_on(&next) {
+            if !is_in_contact(&next) {
                 for (set, open) in open.iter_mut().enumerate() {
                     let (depth, speed) = (next.depth[set], next.speed[set]);
                     let is_over = speed < 0.0 && (next.force[set] <= 0.0 || depth <= 0.0);
@@ -63,7 +66,7 @@ impl<const SETS: usize> Passages<SETS> {
         }
     }
 
-    /// The moment within one step at which the force, or the depth, reaches zero (Illinois false position).
+    /// Finds the moment within one step at which the force, or the depth, reaches zero (Illinois false position).
     fn end(&mut self) {
         let (from, steps) = (self.gather(|own, set| own.counts[set].max(1) - 1), [self.step; SETS]);
         let whole = self.advanced(&from, &steps);
@@ -97,7 +100,7 @@ impl<const SETS: usize> Passages<SETS> {
             }
         }
         for set in 0..SETS {
-            // A contact that comes and goes within a step is none that these steps could follow.
+            // A contact shorter than one step cannot be resolved by these steps.
             if best.time[set].is_nan() || best.time[set] <= from.time[set] {
                 self.counts[set] = 0;
             }
@@ -111,7 +114,7 @@ impl<const SETS: usize> Passages<SETS> {
         to
     }
 
-    /// Of each set the state of some place in time; behind the last before its end comes this.
+    /// Returns the state of each set at some index; the index after the last one before the end is the end itself.
     fn gather(&self, place: impl Fn(&Self, usize) -> usize) -> States<SETS> {
         let mut out = self.end;
         for set in 0..SETS {
@@ -128,12 +131,12 @@ impl<const SETS: usize> Passages<SETS> {
         if place < self.counts[set].max(1) { &self.states[place] } else { &self.end }
     }
 
-    /// Whether the force of a set comes back to zero.
+    /// Whether the force of a set returns to zero.
     pub fn comes_back(&self, set: usize) -> bool {
         self.counts[set] > 0
     }
 
-    /// Depths at times since the starts, of each set at its own.
+    /// Returns the depth of each set at its own time since the start.
     pub fn depths(&self, times: &[f64; SETS]) -> [f64; SETS] {
         let fall = |from: &States<SETS>, set: usize| {
             let dt = times[set] - from.time[set];
@@ -154,11 +157,11 @@ impl<const SETS: usize> Passages<SETS> {
         out
     }
 
-    /// What happened to each set; `starts` are the times of the first touch.
+    /// Returns the predicted quantities of each set; `starts` are the times of first contact.
     pub fn findings(&self, starts: &[f64; SETS]) -> [Findings; SETS] {
-        let (turn, strongest) = (self.turn(), self.strongest());
-        let faint = strongest.map(|(most, _)| 0.02 * most);
-        let (rise, fall) = self.faint(&faint);
+        let (turn, peak_force) = (self.turn(), self.peak_force());
+        let level_times = peak_force.map(|(most, _)| 0.02 * most);
+        let (rise, fall) = self.level_times(&level_times);
         std::array::from_fn(|set| {
             let start = starts[set];
             [
@@ -170,13 +173,13 @@ impl<const SETS: usize> Passages<SETS> {
                 self.states[0].speed[set],
                 self.end.speed[set],
                 turn.depth[set],
-                strongest[set].1 - self.law.units.gravity,
+                peak_force[set].1 - self.law.units.gravity,
                 self.end.time[set],
             ]
         })
     }
 
-    /// Where the speed is zero (Newton, from the line between the states about it).
+    /// Finds the zero of the speed by Newton's method, starting from the line between the neighbouring states.
     fn turn(&self) -> States<SETS> {
         let turns: [usize; SETS] = std::array::from_fn(|set| {
             let count = self.counts[set].max(1);
@@ -195,8 +198,8 @@ impl<const SETS: usize> Passages<SETS> {
         state
     }
 
-    /// When the forces first and last are these.
-    fn faint(&self, levels: &Row<SETS>) -> (Row<SETS>, Row<SETS>) {
+    /// Returns the first and the last time at which the forces have these values.
+    fn level_times(&self, levels: &Row<SETS>) -> (Row<SETS>, Row<SETS>) {
         let mut rises = [0; SETS];
         let mut falls = [0; SETS];
         for set in 0..SETS {
@@ -208,8 +211,8 @@ impl<const SETS: usize> Passages<SETS> {
         let at = |places: &[usize; SETS]| self.gather(|_, set| places[set]);
         let after = |places: &[usize; SETS]| self.gather(|_, set| places[set] + 1);
         let before = rises.map(|rise| rise.max(1) - 1);
-        let mut rise = self.passes(levels, &at(&before), &after(&before));
-        let fall = self.passes(levels, &at(&falls), &after(&falls));
+        let mut rise = self.level_crossing(levels, &at(&before), &after(&before));
+        let fall = self.level_crossing(levels, &at(&falls), &after(&falls));
         for set in 0..SETS {
             if rises[set] == 0 {
                 rise[set] = 0.0;
@@ -218,8 +221,9 @@ impl<const SETS: usize> Passages<SETS> {
         (rise, fall)
     }
 
-    /// When the force is of a level, between two neighbouring states (false position; forces bend strongly near nothing).
-    fn passes(&self, levels: &Row<SETS>, a: &States<SETS>, b: &States<SETS>) -> Row<SETS> {
+    /// Finds the time at which the force crosses a level between two neighbouring states, by false position; forces
+    /// curve strongly near zero.
+    fn level_crossing(&self, levels: &Row<SETS>, a: &States<SETS>, b: &States<SETS>) -> Row<SETS> {
         let ends = |s: &States<SETS>| -> [(f64, f64); SETS] {
             std::array::from_fn(|set| (s.time[set], s.force[set] - levels[set]))
         };
@@ -239,8 +243,9 @@ impl<const SETS: usize> Passages<SETS> {
         std::array::from_fn(|set| if low[set].1.abs() < high[set].1.abs() { low[set].0 } else { high[set].0 })
     }
 
-    /// The greatest of the states' forces, and the greatest force, by a parabola through the three states about it.
-    fn strongest(&self) -> [(f64, f64); SETS] {
+    /// Returns the largest of the states' forces, and the peak force of the parabola through the three states around
+    /// it.
+    fn peak_force(&self) -> [(f64, f64); SETS] {
         std::array::from_fn(|set| {
             let count = self.counts[set].max(1);
             let f = |place: usize| self.state(place, set).force[set];
@@ -255,8 +260,8 @@ impl<const SETS: usize> Passages<SETS> {
     }
 }
 
-/// Whether all are numbers, and nobody has come back.
-fn goes_on<const SETS: usize>(s: &States<SETS>) -> bool {
+/// Whether all states are finite and no set has rebounded.
+fn is_in_contact<const SETS: usize>(s: &States<SETS>) -> bool {
     let mut all = true;
     for set in 0..SETS {
         all &= s.depth[set] > 0.0 && s.depth[set] < f64::MAX && (s.speed[set] >= 0.0 || s.force[set] > 0.0);
@@ -264,7 +269,7 @@ fn goes_on<const SETS: usize>(s: &States<SETS>) -> bool {
     all
 }
 
-/// The depth of a set between two of its states (Hermite).
+/// Returns the depth of a set between two of its states (Hermite interpolation).
 #[inline(always)]
 fn between<const SETS: usize>(a: &States<SETS>, b: &States<SETS>, set: usize, time: f64) -> f64 {
     let h = b.time[set] - a.time[set];
@@ -282,10 +287,10 @@ mod tests {
 
     const SETS: usize = 8;
 
-    /// What happens to one set, in the last place.
-    fn findings(family: Family, p: &Parameters, units: &Units, start: f64) -> Option<(Findings, Passages<SETS>)> {
+    /// The predicted quantities of one set, in the last lane.
+    fn findings(family: Family, p: &Parameters, units: &Units, start: f64) -> Option<(Findings, LawMotions<SETS>)> {
         let other = Parameters::from(*p).map(|x| 1.01 * x);
-        let passages = Passages::new(family, &[family.complete(&other), *p], units);
+        let passages = LawMotions::new(family, &[family.complete(&other), *p], units);
         passages.comes_back(1).then(|| (passages.findings(&[start; SETS])[1], passages))
     }
 
@@ -306,7 +311,7 @@ mod tests {
 
     #[test]
     fn an_undamped_spring_takes_half_a_period() {
-        // F/m = w^2 y with w = 0.1 a frame, written with y0 = v0/w.
+        // F/m = w^2 y with w = 0.1 per frame, written with y0 = v0/w.
         let units = Units { depth: 5.0, speed: 0.5, gravity: 0.0 };
         let p = [0.0, 0.5, 0.05_f64.ln(), 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0];
         let (found, _) = findings(Family::KelvinVoigt, &p, &units, 7.0).unwrap();
@@ -320,7 +325,7 @@ mod tests {
 
     #[test]
     fn a_damped_spring_gives_the_textbook_restitution_and_ends_inside() {
-        // Kelvin-Voigt with damping ratio z: force zero at e = exp(-z t/sqrt(1-z^2)) type restitution, still compressed.
+        // Kelvin-Voigt with damping ratio z: the force vanishes while the spring is still compressed.
         let (w, z): (f64, f64) = (0.1, 0.1);
         let units = Units { depth: 5.0, speed: 0.5, gravity: 0.0 };
         let p = [
@@ -341,7 +346,7 @@ mod tests {
         let (found, passages) = findings(Family::KelvinVoigt, &p, &units, 0.0).unwrap();
         let root = (1.0 - z * z).sqrt();
         let expected = (-z / root * (root * 2.0 * z).atan2(2.0 * z * z - 1.0)).exp();
-        // The turn is where w0 sin(wd t) slows to nothing: tan(wd t) = sqrt(1 - z^2)/z.
+        // At the turning point the speed vanishes: tan(wd t) = sqrt(1 - z^2)/z.
         let turn = (root / z).atan() / (w * root);
         assert!((found[1] - turn).abs() < 1e-6, "{} against {turn}", found[1]);
         assert!((-found[6] / found[5] - expected).abs() < 1e-6, "{} against {expected}", -found[6] / found[5]);

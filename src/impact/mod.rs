@@ -1,8 +1,7 @@
-//! Collisions: when contact begins and ends, and what it did to the body.
+//! Collisions: the times of contact and its effect on the body.
 //!
-//! [`Detector`] notices contact while positions come in; [`solve`] measures it
-//! once it has ended, from the flights on both sides and from contact laws
-//! fitted to the positions between.
+//! [`Detector`] detects contact while positions arrive. [`solve`] measures it once it has ended, from the flights on
+//! both sides and from contact laws fitted to the positions between them.
 
 mod contact_detector;
 mod contact_law;
@@ -20,8 +19,8 @@ mod trajectory;
 pub use contact_detector::{Contact, Detector, Event};
 pub use contact_law::{Family, Findings, Parameters, Units};
 pub use law_fit::{Expected, LawFit, fit_law};
-pub use law_motion::Passages;
+pub use law_motion::LawMotions;
 pub use model_selection::{FirstGuess, Verdict, judge};
-pub use out_of_plane::{Approach, Beside};
+pub use out_of_plane::{DilatationRates, OutOfPlane};
 pub use solver::{World, deepest_so_far, solve};
 pub use trajectory::{SurfaceNode, between};

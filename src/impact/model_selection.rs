@@ -1,4 +1,4 @@
-//! Which law, and what all of them together say.
+//! The choice among contact laws, and the average over them.
 
 use std::f64::consts::SQRT_2;
 
@@ -7,61 +7,62 @@ use super::law_fit::{Expected, LawFit, fit_law};
 use crate::numeric::Sample;
 use crate::results::ForceLaw;
 
-/// The freest law may still tell times if its residuals are not larger than so many sigmas.
+/// The maximum misfit of the freest law at which its times are still used, sigmas.
 const CLOSE_SIGMAS: f64 = 3.0;
 
-/// Share of the greatest depth at which the force of a y^1.5 contact passes 2 % of its peak: 0.02^(2/3).
+/// Share of the maximum depth at which the force of a y^1.5 contact passes 2 % of its peak: 0.02^(2/3).
 const UNSEEN: f64 = 0.074;
 
-/// Share of a normal distribution within one sigma.
+/// Probability of a normal variable within one sigma.
 const ONE_SIGMA: f64 = 0.682_7;
 
-/// Exponents or a stiffness left free know start and end to about this share of the time that the force is too small to
-/// be seen (simulated ripples of 25 % over the stroke, of any length and phase; so are the shares that follow).
+/// The uncertainty of start and end under free exponents or stiffness, as a share of the time in which the force is too
+/// small to detect. This share and the following ones come from simulated stiffness ripples of 25 % of any length and
+/// phase.
 const FREE_END: f64 = 0.75;
 
-/// And the moments of 2 % force to about this share of how well they know start and end.
-const FREE_FAINT: f64 = 0.4;
+/// The uncertainty of the moments of 2 % force, as a share of that of start and end.
+const FREE_LEVEL: f64 = 0.4;
 
-/// What the noise hides of how the force begins it hides from the free stiffness, too: start and moment of 2 % force are
-/// off by so many of their own sigmas on top.
-const HIDDEN: [f64; 2] = [1.0, 2.0];
+/// Additional errors of the start and of the moment of 2 % force under a free stiffness, in their own sigmas. The noise
+/// masks the onset of the force from the free stiffness too.
+const MASKED_ONSET: [f64; 2] = [1.0, 2.0];
 
-/// And the peak of the force to about this share.
+/// The relative uncertainty of the peak force under a free stiffness.
 const FREE_PEAK: f64 = 0.02;
 
-/// With a dashpot of its own, start and end are known to about these shares of the contact.
+/// The uncertainty of start and end with an independent dashpot, as shares of the contact.
 const DASHPOT: [f64; 2] = [0.0025, 0.007];
 
-/// Displacements are off by about so much that no fit of theirs shows, px: what interpolation and uneven light leave.
-const UNTOLD_PX: f64 = 0.0004;
+/// The displacement error that no residual reveals, px: the remainder of interpolation and uneven illumination.
+const RESIDUAL_PX: f64 = 0.0004;
 
-/// And each step by about this share of what it leaves for good in the same sense as its neighbours: seen at the turn of
-/// rendered balls, the only moment that is told to a thousandth of a frame.
+/// The share of a step's random walk that has the same sign as its neighbours'. It was measured at the turning point of
+/// rendered balls, the only moment known to a thousandth of a frame.
 const DRIFT: f64 = 0.25;
 
-/// Exponents that any contact may have: those of a spring, of smooth bodies (3/2) and of cones (2) are in it.
+/// The prior of the exponents of any contact; it includes springs, smooth bodies (3/2) and cones (2).
 const ANY: [Expected; 2] = [[1.25, 0.25], [0.75, 0.75]];
 
-/// How far exponents may be from those of the nearest simple law, where the stiffness takes up what they do not.
+/// The prior deviation of the exponents from those of the nearest simple law, where the stiffness absorbs the rest.
 const NEAR: [f64; 2] = [0.05, 0.2];
 
-/// How much likelier a law without free exponents is than any other before the motion is looked at.
+/// The prior odds of a law without free exponents over any other.
 const KNOWN_ODDS: f64 = 10.0;
 
-/// Degrees of a free stiffness.
+/// The degrees of a free stiffness.
 const DEGREES: [usize; 3] = [3, 5, 7];
 
-/// Positions that scatter about a law by less than their sigmas were surer than these, down to this share of the variance:
-/// some 200 of them know it to a tenth.
-const LEAST_SCATTER: f64 = 0.8;
+/// The minimum variance ratio that is used where positions scatter about a law by less than their sigmas. About 200
+/// positions determine the ratio to a tenth.
+const MIN_SCATTER: f64 = 0.8;
 
-/// What two straight flights say of a contact: where the fits of the laws begin. Frames, px, inwards positive.
+/// Start values for the fits from the two straight flights. Frames, px, inwards positive.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct FirstGuess {
     /// The deepest moment.
     pub deepest: f64,
-    /// How far the flight before would have gone beyond the deepest point.
+    /// The distance by which the flight before, extrapolated, passes the deepest point.
     pub shortfall: f64,
     /// Speed before.
     pub speed: f64,
@@ -71,27 +72,27 @@ pub struct FirstGuess {
     pub gravity: f64,
 }
 
-/// What the laws that passed say together.
+/// The combined result of the laws that passed.
 #[derive(Debug, Clone)]
 pub struct Verdict {
     /// The most probable law.
     pub best: Family,
-    /// How probable each of those that passed is, their sum 1.
+    /// The probability of each law that passed; the sum is 1.
     pub probabilities: Vec<(Family, f64)>,
-    /// Means over the laws with these weights.
+    /// The means over the laws, weighted by probability.
     pub findings: Findings,
-    /// Their standard uncertainties: the laws' own, the spread between them, the laws' misfit, and for exponents or a
-    /// stiffness left free how little start and end are then known.
+    /// Their standard uncertainties: the laws' own, the spread between the laws, the misfit, and, under free exponents
+    /// or stiffness, the uncertainty of start and end.
     pub sigmas: Findings,
 }
 
 impl Verdict {
-    /// What results call the most probable law.
+    /// Returns the name of the most probable law in the results.
     pub fn law(&self) -> ForceLaw {
         word(self.best)
     }
 
-    /// How probable what is called so is, 0 to 1.
+    /// Returns the probability of that name, 0 to 1.
     pub fn probability(&self) -> f64 {
         let same = self.probabilities.iter().filter(|(family, _)| word(*family) == self.law());
         same.map(|(_, probability)| probability).sum::<f64>().min(1.0)
@@ -108,14 +109,15 @@ fn word(family: Family) -> ForceLaw {
 }
 
 impl FirstGuess {
-    /// Parameters of a law with exponent `n` and units to count them in; `ratio` = time to the deepest point over
-    /// depth/speed (1.57 for a spring, 1.47 for n = 3/2).
+    /// Returns the parameters of a law with exponents `n` and `m`, and their units. `ratio` is the time to the deepest
+    /// point over depth/speed (1.57 for a spring, 1.47 for n = 3/2).
     fn parameters(&self, n: f64, m: f64, ratio: f64) -> (Parameters, Units) {
         let depth = self.shortfall / (ratio - 1.0);
         let units = Units { depth, speed: self.speed, gravity: self.gravity };
         let e = self.restitution.clamp(0.05, 1.0);
         let root_e = e.sqrt();
-        // Energy at the deepest point is about v^2 e / 2; the damper takes the rest.
+        // The energy at the deepest point is about v^2 e
+        // 2; the damper takes the rest.
         let size = 0.5 * (n + 1.0) * self.speed.powi(2) * root_e / depth;
         let damping = 1.5 * (1.0 - e) * if m > 0.5 { 1.0 } else { 0.4 };
         let start = self.deepest - ratio * depth / self.speed;
@@ -123,17 +125,18 @@ impl FirstGuess {
     }
 }
 
-/// Fits every family and weighs them by their evidence in Laplace's approximation (Kass & Raftery 1995,
-/// doi:10.1080/01621459.1995.10476572): chi2, and what the positions narrow down of each law's free parameters.
+/// Fits every family and weights them by their evidence in Laplace's approximation (Kass & Raftery 1995,
+/// doi:10.1080/01621459.1995.10476572), which combines chi2 with the narrowing of each law's free parameters.
 ///
-/// A law passes with chi2/freedom up to `excess^2` (1 + 4 sqrt(2/freedom)), `excess` being by how much the flights
-/// scatter more than their sigmas; among those that pass the criterion decides. If none does, the law with free
-/// stiffness is taken if it comes within three sigmas, its misfit in the uncertainties; else `None`.
+/// A law passes if chi2/freedom is at most `excess^2` (1 + 4 sqrt(2/freedom)), where `excess` is the ratio of the
+/// flights' scatter to their sigmas. Among the laws that pass, the evidence decides. If none passes, the law with free
+/// stiffness is taken if its misfit is within three sigmas; the misfit then enters the uncertainties. Otherwise the
+/// result is `None`.
 pub fn judge(guess: &FirstGuess, samples: &[Sample], excess: f64) -> Option<Verdict> {
     let fits = fit_all(guess, samples);
     let mut passed: Vec<&LawFit> = fits.iter().filter(|f| passes(f, excess)).collect();
     if passed.is_empty() {
-        // No law holds, but one with its stiffness free may follow the motion closely enough to tell times by.
+        // No law passes, but one with a free stiffness may follow the motion closely enough to yield times.
         let close = |f: &&LawFit| f.chi2 / f.freedom <= (CLOSE_SIGMAS * excess).powi(2);
         passed.extend(fits.iter().filter(|f| matches!(f.family, Family::Stiffness { .. })).filter(close));
     }
@@ -155,10 +158,10 @@ pub fn judge(guess: &FirstGuess, samples: &[Sample], excess: f64) -> Option<Verd
     Some(Verdict { best: best.family, probabilities, findings, sigmas })
 }
 
-/// Half the width of the interval about zero that holds 68.3 % of a mixture of normal distributions, each given by
-/// `[weight, mean, sigma]`, the weights' sum 1.
+/// Returns half the width of the interval about zero that holds 68.3 % of a mixture of normal distributions. Each is
+/// given by `[weight, mean, sigma]`; the weights sum to 1.
 ///
-/// A law with a small weight and far less sure of the moment would rule the standard deviation and nothing else.
+/// A law of small weight and large uncertainty would otherwise dominate the standard deviation.
 fn spread(laws: &[[f64; 3]]) -> f64 {
     let farthest = laws.iter().map(|[_, mean, sigma]| mean.abs() + 4.0 * sigma).fold(0.0, f64::max);
     let held = |half: f64| -> f64 {
@@ -173,9 +176,9 @@ fn spread(laws: &[[f64; 3]]) -> f64 {
     high
 }
 
-/// What a law's free parameters cost, and that it is none of those that are known. Exponents that are merely fitted say no
-/// more of how the force begins than a stiffness that is, which costs at least `least`: neither is preferred to the other
-/// for having fewer parameters.
+/// Returns the cost of a law's free parameters, including the prior odds of the known laws. Fitted exponents constrain
+/// the onset of the force no better than a fitted stiffness, which costs at least `least`. Neither is therefore
+/// preferred for having fewer parameters.
 fn cost(f: &LawFit, least: f64) -> f64 {
     match f.family {
         Family::KelvinVoigt | Family::HuntCrossley => 0.0,
@@ -188,33 +191,33 @@ fn passes(f: &LawFit, excess: f64) -> bool {
     f.chi2 / f.freedom <= excess.powi(2) * (1.0 + 4.0 * (2.0 / f.freedom).sqrt())
 }
 
-/// A law's own variance of one finding, its misfit and its freedom at both ends included, where each step drifts by so
-/// much.
+/// Returns a law's own variance of one quantity, including its misfit and its freedom at both ends, where each step
+/// drifts by `drift_px`.
 fn own_variance(f: &LawFit, k: usize, drift_px: f64) -> f64 {
-    let own = f.sigmas[k].powi(2) * (f.chi2 / f.freedom).max(LEAST_SCATTER);
-    // Where exponents or the stiffness are free, start and end are what they make of the unseen first and last two
-    // percents of the force, over which a y^1.5 contact takes UNSEEN of its depth; the depth is counted from the start.
+    let own = f.sigmas[k].powi(2) * (f.chi2 / f.freedom).max(MIN_SCATTER);
+    // Under free exponents or stiffness, start and end depend on the first and last two per cent of the force, which
+    // are not observed. A y^1.5 contact takes UNSEEN of its depth over them; the depth is counted from the start.
     let [start, _, end, first, last, before, after, depth, peak, lasts] = f.findings;
     let (begins, ends, faint, hidden) = match f.family {
-        // A dashpot pushes at once and lets go at once.
+        // A dashpot pushes and releases at once.
         Family::Stiffness { dashpot: true, .. } => {
             (DASHPOT[0] * lasts, (end - last).max(DASHPOT[1] * lasts), 1.0, [0.0; 2])
         }
         _ => {
             let unseen = |seen: f64, speed: f64| FREE_END * seen.max(UNSEEN * depth / speed.abs());
-            (unseen(first - start, before), unseen(end - last, after), FREE_FAINT, HIDDEN)
+            (unseen(first - start, before), unseen(end - last, after), FREE_LEVEL, MASKED_ONSET)
         }
     };
-    // One displacement that is off shifts where the body seems to touch and to let go, in opposite senses; the stiffness
-    // makes up for half of what it does to the peak.
-    let (touches, leaves) = (UNTOLD_PX / before.abs(), UNTOLD_PX / after.abs());
-    let untold = match k {
+    // A wrong displacement shifts the apparent start and end in opposite senses. The stiffness compensates half of its
+    // effect on the peak.
+    let (touches, leaves) = (RESIDUAL_PX / before.abs(), RESIDUAL_PX / after.abs());
+    let residual = match k {
         0 | 3 => touches,
         // From one end of the contact to the other.
-        1 => (UNTOLD_PX / lasts).hypot(drift_px) / peak,
+        1 => (RESIDUAL_PX / lasts).hypot(drift_px) / peak,
         2 | 4 => leaves,
-        7 => UNTOLD_PX,
-        8 => 0.5 * UNTOLD_PX * peak / depth,
+        7 => RESIDUAL_PX,
+        8 => 0.5 * RESIDUAL_PX * peak / depth,
         9 => touches + leaves,
         _ => 0.0,
     };
@@ -227,11 +230,11 @@ fn own_variance(f: &LawFit, k: usize, drift_px: f64) -> f64 {
         4 => faint * ends,
         7 => before * begins,
         8 => FREE_PEAK * peak,
-        // Both ends are off inwards or outwards together.
+        // Both ends err inwards or outwards together.
         9 => begins + ends,
         _ => 0.0,
     };
-    own + unknown.powi(2) + untold.powi(2)
+    own + unknown.powi(2) + residual.powi(2)
 }
 
 fn fit_all(guess: &FirstGuess, samples: &[Sample]) -> Vec<LawFit> {
@@ -246,8 +249,9 @@ fn fit_all(guess: &FirstGuess, samples: &[Sample]) -> Vec<LawFit> {
         None => from_guess(Family::Power, 1.3, 1.3, 1.5),
     };
     let two = two_exponents(&spring, &power, samples);
-    // The simpler law that comes nearer says how the force begins, which the positions hardly show: begun at two free
-    // exponents, or at the other, the free stiffness may follow the same motion by a force that begins frames apart.
+    // The better of the simple laws fixes the onset of the force, which the positions hardly constrain. Starting from
+    // two free exponents, or from the other law, the free stiffness may reach the same motion with a force that begins
+    // frames apart.
     let chi2 = |law: &Option<(LawFit, Units)>| law.as_ref().map_or(f64::INFINITY, |(fit, _)| fit.chi2);
     let near = if chi2(&hertz) < chi2(&spring) { &hertz } else { &spring };
     let near = near.as_ref().or(two.as_ref());
@@ -255,8 +259,8 @@ fn fit_all(guess: &FirstGuess, samples: &[Sample]) -> Vec<LawFit> {
     [spring, hertz, power, two].into_iter().flatten().map(|(fit, _)| fit).chain(free).collect()
 }
 
-/// Laws with their stiffness free, begun at a neighbour: of one degree after the other until the motion is followed, two
-/// at least, so that what they disagree in is seen.
+/// Fits laws with a free stiffness, starting from a neighbour. The degree rises until the motion is followed; at least
+/// two degrees are fitted, so that their disagreement is visible.
 fn free((fit, units): &(LawFit, Units), samples: &[Sample]) -> Vec<LawFit> {
     // The factor is a polynomial over the stroke, so its unit is the depth reached.
     let (start, units) = rescale(&fit.parameters, units, fit.findings[7]);
@@ -272,7 +276,8 @@ fn free((fit, units): &(LawFit, Units), samples: &[Sample]) -> Vec<LawFit> {
     fits
 }
 
-/// The law with two free exponents, begun at the better of its two neighbours, and if that does not do, at the other.
+/// Fits the law with two free exponents, starting from the better of its two neighbours, and from the other if that
+/// fails.
 fn two_exponents(
     spring: &Option<(LawFit, Units)>,
     power: &Option<(LawFit, Units)>,
@@ -296,7 +301,7 @@ fn two_exponents(
     best
 }
 
-/// The same law with another unit of depth.
+/// Returns the same law with another unit of depth.
 fn rescale(p: &Parameters, units: &Units, depth: f64) -> (Parameters, Units) {
     let ratio = depth / units.depth;
     let mut out = *p;

@@ -1,43 +1,44 @@
-//! When the contact point stops slipping.
+//! The moment at which the contact point stops slipping.
 
 use super::law_fit::Data;
 use super::trajectory::{ANGLE, SurfaceNode, TANGENTIAL, between};
 use crate::numeric::{Polynomial, Sample};
 use crate::results::Estimate;
 
-/// Sliding slower than so many sigmas is none.
+/// The minimum sliding speed that counts as sliding, sigmas.
 const SLIDING_SIGMAS: f64 = 3.0;
-/// Backward motion after the stop: so many frames in a row beyond so many sigmas.
+/// Backward motion after the stop: the number of consecutive nodes and their minimum distance, sigmas.
 const BACKWARD: (usize, f64) = (3, 2.0);
-/// Fits of two widths that lie further apart than so many sigmas do not by chance.
+/// The maximum difference between fits of two widths that noise explains, sigmas.
 const CHANCE_SIGMAS: f64 = 2.0;
-/// Order of the local fits.
+/// The order of the local fits.
 const ORDER: usize = 3;
-/// Step of the search for the kink, frames.
+/// The step of the search for the kink, frames.
 const STEP_FRAMES: f64 = 0.125;
-/// And around it.
+/// The step of the fine search, frames.
 const FINE_FRAMES: f64 = STEP_FRAMES / 8.0;
 
-/// What is known of the contact before its slip is looked at; times in frames.
+/// The contact as known before its slip is analysed; times in frames.
 #[derive(Debug, Clone, Copy)]
 pub struct Sliding {
-    /// The force begins.
+    /// The onset of the force.
     pub start: f64,
-    /// The force is gone.
+    /// The end of the force.
     pub end: f64,
     /// Speed of the contact point before, px/frame.
     pub before: Estimate,
-    /// And after.
+    /// Speed of the contact point after, px/frame.
     pub after: Estimate,
     /// Radius of the body, px.
     pub radius: f64,
 }
 
-/// When the contact point stops, frames; `None` where it did not slide before, or slid on through the whole contact.
+/// Finds the moment at which the contact point stops, frames. Returns `None` where it did not slide before, or slid
+/// through the whole contact.
 ///
-/// A contact point that swings back shows a zero of its speed, found by local cubic fits. One that
-/// rolls from then on shows a kink: its displacement follows offset + slope t - friction x
-/// (what the normal force did to the normal displacement, `pushed`) up to the stop and is constant afterwards.
+/// A contact point that reverses has a zero of its speed, found by local cubic fits. One that rolls from then on has a
+/// kink: its displacement follows offset + slope t - friction x (the displacement caused by the normal force, `pushed`)
+/// up to the stop and is constant afterwards.
 pub fn slip_end(nodes: &[SurfaceNode], sliding: &Sliding, pushed: impl Fn(&SurfaceNode) -> f64) -> Option<Estimate> {
     let Sliding { start, end, before, after, radius } = *sliding;
     let side = before.value.signum();
@@ -61,7 +62,7 @@ pub fn slip_end(nodes: &[SurfaceNode], sliding: &Sliding, pushed: impl Fn(&Surfa
     let is_back = |s: &(f64, Estimate)| s.1.value < -BACKWARD.1 * s.1.sigma;
     if beyond.windows(BACKWARD.0).any(|w| w.iter().all(is_back)) {
         let smooth = zero(speeds[crossing], speeds[crossing + 1]);
-        return Some(sharper(&points, smooth, half).unwrap_or(smooth));
+        return Some(refined_zero(&points, smooth, half).unwrap_or(smooth));
     }
     let until = (speeds[crossing].0 + half).min(end + half);
     let count = points.partition_point(|p| p.time_frames <= until);
@@ -69,26 +70,26 @@ pub fn slip_end(nodes: &[SurfaceNode], sliding: &Sliding, pushed: impl Fn(&Surfa
     kink(&points[..count], &push, start)
 }
 
-/// Where the line through two speeds is zero.
+/// Returns the zero of the line through two speeds.
 fn zero((t0, s0): (f64, Estimate), (t1, s1): (f64, Estimate)) -> Estimate {
     let slope = (s0.value - s1.value) / (t1 - t0);
     Estimate { value: t0 + s0.value / slope, sigma: (s0.sigma / slope).abs().max(STEP_FRAMES / 2.0) }
 }
 
-/// The zero by fits half as wide, nearest to that by wider ones; friction that ends at the stop leaves a kink there,
-/// which wide fits round off. How far the two lie apart beyond what their noise may do is part of the uncertainty.
-fn sharper(points: &[Sample], smooth: Estimate, half: f64) -> Option<Estimate> {
+/// Refines the zero by fits of half the width, nearest to the zero of the wider ones. Friction that ends at the stop
+/// leaves a kink, which wide fits round off. The difference beyond what noise explains is part of the uncertainty.
+fn refined_zero(points: &[Sample], smooth: Estimate, half: f64) -> Option<Estimate> {
     let narrow = speeds(points, smooth.value - half, smooth.value + half, half / 2.0);
     let crossings = narrow.windows(2).filter(|w| w[0].1.value > 0.0 && w[1].1.value <= 0.0);
     let zeros = crossings.map(|w| zero(w[0], w[1]));
     let nearest = zeros.min_by(|a, b| (a.value - smooth.value).abs().total_cmp(&(b.value - smooth.value).abs()))?;
-    // Both fits have the nodes of the narrow one; what these are off by moves it more.
+    // Both fits share the nodes of the narrow one; errors of these move it more.
     let noise = (nearest.sigma.powi(2) - smooth.sigma.powi(2)).max(0.0).sqrt();
     let beyond = ((nearest.value - smooth.value).abs() - CHANCE_SIGMAS * noise).max(0.0);
     Some(Estimate { value: nearest.value, sigma: nearest.sigma.hypot(beyond) })
 }
 
-/// Speed of the contact point at every node in contact.
+/// Returns the speed of the contact point at every node in contact.
 fn speeds(points: &[Sample], start: f64, end: f64, half: f64) -> Vec<(f64, Estimate)> {
     points
         .iter()
@@ -102,13 +103,13 @@ fn speeds(points: &[Sample], start: f64, end: f64, half: f64) -> Vec<(f64, Estim
         .collect()
 }
 
-/// The stop after which the displacement is constant, by a scan; sigma from where chi2 has risen by one.
+/// Finds the stop after which the displacement is constant, by a scan; sigma is where chi2 has risen by one.
 fn kink(points: &[Sample], pushed: &[f64], start: f64) -> Option<Estimate> {
     let data = Data::new(points);
     let seen = data.whiten(points.iter().map(|p| p.value).collect());
     let chi2 = |stop: f64| {
         let share = |at: usize| -> f64 {
-            // The last node before the stop and the way on from it.
+            // The last node before the stop and the slope after it.
             let next = points.partition_point(|p| p.time_frames < stop).clamp(1, points.len() - 1);
             let (a, b) = (&points[next - 1], &points[next]);
             let u = ((stop - a.time_frames) / (b.time_frames - a.time_frames)).clamp(0.0, 1.0);
@@ -140,7 +141,7 @@ fn kink(points: &[Sample], pushed: &[f64], start: f64) -> Option<Estimate> {
     let best = least(&coarse)?;
     let near = coarse.iter().filter(|s| s.1 <= best.1 + 1.0).map(|s| s.0);
     let (low, high) = near.fold((best.0, best.0), |(low, high), at| (low.min(at), high.max(at)));
-    // Once more where it may be, finely.
+    // A second, finer scan around the minimum.
     let from = (low - STEP_FRAMES).max(first);
     let fine = scan(from, ((high + STEP_FRAMES - from) / FINE_FRAMES).round() as usize, FINE_FRAMES);
     let best = least(&fine)?;

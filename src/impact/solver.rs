@@ -1,4 +1,4 @@
-//! From the nodes around a contact to its numbers.
+//! The quantities of a collision from the nodes around its contact.
 
 use super::contact_detector::Contact;
 use super::contact_law::Family;
@@ -11,25 +11,25 @@ use crate::motion::Shortening;
 use crate::numeric::{Polynomial, Sample};
 use crate::results::{Estimate, ForceLaw, Impact, PointStatus};
 
-/// Longest flight used on either side, frames.
+/// The maximum length of a flight on either side, frames.
 pub(super) const FLIGHT_FRAMES: f64 = 128.0;
-/// Fewest nodes of a flight.
+/// The minimum number of nodes of a flight.
 const FLIGHT_MIN_NODES: usize = 4;
-/// The end as noticed may be so many frames early.
+/// The maximum lead of the detected end over the real one, frames.
 const EARLY_FRAMES: f64 = 4.0;
-/// A stiffness left free errs about the deepest moment by about this share of the contact (simulated ripples of 25 %).
+/// The error of the deepest moment under a free stiffness, as a share of the contact (simulated ripples of 25 %).
 const FREE_TURN: f64 = 0.002;
-/// Nodes the deepest moment is fitted to where no law is accepted.
+/// The number of nodes that the deepest moment is fitted to where no law is accepted.
 const DEEPEST_NODES: usize = 9;
-/// A contact has turned when the moment is known to so many frames.
+/// The uncertainty of the turning point below which a contact has turned, frames.
 const CERTAIN_TURN_FRAMES: f64 = 0.5;
-/// Hindsight alone tells start and end to about so many frames.
+/// The uncertainty of start and end where only the later flight is known, frames.
 const HINDSIGHT_FRAMES: f64 = 1.0;
 
-/// What turns frames and px into physical numbers.
+/// The conversion from frames and px to physical quantities.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct World {
-    /// Metres a pixel is.
+    /// The scale, metres per px.
     pub metres_per_px: Estimate,
     /// Nominal frame period, s.
     pub period_s: f64,
@@ -39,9 +39,9 @@ pub struct World {
     pub radius_px: Option<Estimate>,
     /// Mass of the body, kg, where it is known.
     pub mass_kg: Option<f64>,
-    /// Standard uncertainty of where the centre is, px: of a body that spins, it moves the point whose speed is told.
+    /// The standard uncertainty of the centre, px. For a rotating body it moves the point whose speed is reported.
     pub center_sigma_px: f64,
-    /// By which share the motion of the body may be told too small.
+    /// The possible underestimate of the motion, as a share.
     pub shortening: Shortening,
 }
 
@@ -57,19 +57,18 @@ struct Interval {
     start: Estimate,
     deepest: Option<Estimate>,
     end: Estimate,
-    /// Between these all is flight.
+    /// The latest moment of certain flight before.
     before_to: f64,
-    /// Nothing later is flight, however little there is.
+    /// The latest moment of flight, however short it is.
     before_last: f64,
     after_from: f64,
 }
 
 /// Measures a contact that has ended, from the nodes up to `known_to_frames`.
 ///
-/// The velocities on both sides are straight fits with gravity through the
-/// flights, extrapolated to start and end; restitution and impulses come from
-/// them. Start, deepest point, end, compression and acceleration come from
-/// the contact laws. `None` where a flight is too short to have a velocity yet.
+/// The velocities on both sides are linear fits with gravity through the flights, extrapolated to start and end.
+/// Restitution and impulses follow from them. Start, deepest point, end, compression and acceleration come from the
+/// contact laws. Returns `None` where a flight is too short for a velocity.
 pub fn solve(nodes: &[SurfaceNode], contact: &Contact, known_to_frames: f64, world: &World) -> Option<Impact> {
     let end = contact.end_frames?;
     let first = contact.flight_from_frames.max(contact.start_frames - FLIGHT_FRAMES);
@@ -83,7 +82,7 @@ pub fn solve(nodes: &[SurfaceNode], contact: &Contact, known_to_frames: f64, wor
     });
     let interval = verdict.as_ref().map_or(hindsight, |verdict| by_law(verdict, hindsight.deepest));
     let flights = match &verdict {
-        // The law may see the end so late that there is no flight after it yet.
+        // A law may put the end so late that no flight after it exists yet.
         Some(_) => self::flights(nodes, &interval, world)?,
         None => flights,
     };
@@ -96,20 +95,20 @@ pub fn solve(nodes: &[SurfaceNode], contact: &Contact, known_to_frames: f64, wor
 }
 
 impl World {
-    /// An acceleration in px/frame^2, in m/s^2.
+    /// Converts an acceleration from px/frame^2 to m/s^2.
     fn acceleration(&self, a: Estimate) -> Estimate {
         let relative = self.metres_per_px.sigma / self.metres_per_px.value;
         scaled(a, self.metres_per_px.value / self.period_s.powi(2), relative)
     }
 }
 
-/// What the centre's motion lost of its kinetic energy, J: of each component the speed before and after, m/s, whose
-/// sigmas hold the scale's, of this relative size.
+/// Returns the loss of the centre's kinetic energy, J, from the speeds before and after of each component, m/s. Their
+/// sigmas contain the scale's, of this relative size.
 fn energy_lost(mass_kg: f64, components: &[[Estimate; 2]; 2], relative: f64) -> Estimate {
     let (mut value, mut variance) = (0.0, 0.0);
     for [before, after] in components {
         value += 0.5 * mass_kg * (before.value.powi(2) - after.value.powi(2));
-        // One scale for all speeds: its share is taken once, for the difference.
+        // All speeds share one scale: its uncertainty enters once, for the difference.
         let own = |v: &Estimate| (v.sigma.powi(2) - (v.value * relative).powi(2)).max(0.0);
         variance += mass_kg.powi(2) * (before.value.powi(2) * own(before) + after.value.powi(2) * own(after));
     }
@@ -117,7 +116,7 @@ fn energy_lost(mass_kg: f64, components: &[[Estimate; 2]; 2], relative: f64) -> 
 }
 
 fn by_hindsight(nodes: &[SurfaceNode], contact: &Contact, end: f64) -> Interval {
-    // Where frames are missing around a limit it lies anywhere in the gap.
+    // Where frames are missing around a limit, it lies anywhere in the gap.
     let gap = |at: f64| {
         let i = nodes.partition_point(|n| n.time_frames < at);
         match (i.checked_sub(1).and_then(|i| nodes.get(i)), nodes.get(i)) {
@@ -133,12 +132,12 @@ fn by_hindsight(nodes: &[SurfaceNode], contact: &Contact, end: f64) -> Interval 
         end: Estimate { sigma: 2.0 * estimate(end).sigma, ..estimate(end) },
         before_to: contact.flight_to_frames,
         before_last: contact.departed_frames - 1.5,
-        // Noticed by force that is small, not gone: the first half of a short flight may still be bent.
+        // The end was detected by a small force, not by none: the first half of a short flight may still be curved.
         after_from: end + (0.5 * (newest - end)).clamp(0.0, EARLY_FRAMES),
     }
 }
 
-/// When a contact that may still last was deepest, frames; `None` until so many nodes are past it that it is certain.
+/// Returns the deepest moment of a contact that may still last, frames; `None` until enough nodes lie after it.
 pub fn deepest_so_far(nodes: &[SurfaceNode], contact: &Contact) -> Option<Estimate> {
     let contact = between(nodes, contact.start_frames, f64::INFINITY);
     let (at, _) = contact.iter().enumerate().min_by(|a, b| a.1.value[NORMAL].total_cmp(&b.1.value[NORMAL]))?;
@@ -146,7 +145,7 @@ pub fn deepest_so_far(nodes: &[SurfaceNode], contact: &Contact) -> Option<Estima
     is_past.then(|| turning_point(contact)).flatten().filter(|turn| turn.sigma < CERTAIN_TURN_FRAMES)
 }
 
-/// When the normal velocity crosses zero, by a cubic through the nodes about the deepest one.
+/// Finds the zero of the normal velocity by a cubic through the nodes around the deepest one.
 fn turning_point(contact: &[SurfaceNode]) -> Option<Estimate> {
     let (at, node) = contact.iter().enumerate().min_by(|a, b| a.1.value[NORMAL].total_cmp(&b.1.value[NORMAL]))?;
     let near = &contact[at.saturating_sub(DEEPEST_NODES / 2)..(at + DEEPEST_NODES / 2 + 1).min(contact.len())];
@@ -156,7 +155,7 @@ fn turning_point(contact: &[SurfaceNode]) -> Option<Estimate> {
         return None;
     }
     let shift = rate.value / curvature.value;
-    // A crossing far from the deepest node means that frames are missing there.
+    // A zero far from the deepest node means that frames are missing there.
     (shift.abs() <= DEEPEST_NODES as f64).then(|| Estimate {
         value: node.time_frames - shift,
         sigma: fit.excess() * (rate.sigma / curvature.value).hypot(shift * curvature.sigma / curvature.value).max(0.02),
@@ -166,7 +165,8 @@ fn turning_point(contact: &[SurfaceNode]) -> Option<Estimate> {
 fn by_law(v: &Verdict, turned: Option<Estimate>) -> Interval {
     let [start, mut deepest, end] = [0, 1, 2].map(|k| Estimate { value: v.findings[k], sigma: v.sigmas[k] });
     if matches!(v.best, Family::Stiffness { .. }) {
-        // No law holds here: the positions about the turn may tell more of it than a stiffness that follows all of them.
+        // No law passes: the positions around the turn may constrain it better than a stiffness that follows all of
+        // them.
         deepest.sigma = deepest.sigma.hypot(FREE_TURN * v.findings[9]);
         deepest = turned.filter(|turned| turned.sigma < deepest.sigma).unwrap_or(deepest);
     }
@@ -180,7 +180,7 @@ fn by_law(v: &Verdict, turned: Option<Estimate>) -> Interval {
     }
 }
 
-/// A line with the acceleration that flight has: gravity's, unless the flight itself tells otherwise.
+/// Fits a flight with gravity's acceleration, or with its own where the flight contradicts gravity.
 fn line(flight: &[Sample], gravity: f64) -> Option<Polynomial> {
     if flight.len() < FLIGHT_MIN_NODES {
         return None;
@@ -194,25 +194,25 @@ fn flights(nodes: &[SurfaceNode], interval: &Interval, world: &World) -> Option<
         let fit = |k: usize, g: f64| line(&samples(nodes, k), g);
         Some([fit(NORMAL, world.gravity_px[NORMAL])?, fit(TANGENTIAL, world.gravity_px[TANGENTIAL])?, fit(ANGLE, 0.0)?])
     };
-    // A short flight is used up to nearly the first node off it rather than not at all.
+    // A short flight is used up to nearly the first departed node rather than not at all.
     let ends = [interval.before_to, interval.before_last - 4.0, interval.before_last];
     let before = ends.iter().find_map(|to| three(between(nodes, f64::NEG_INFINITY, *to)))?;
     Some(Flights { before, after: three(after)? })
 }
 
-/// Rate of a flight at an uncertain moment, its own scatter included.
+/// Returns the rate of a flight at an uncertain moment, including its own scatter.
 fn rate_at(flight: &Polynomial, at: Estimate) -> Estimate {
     let rate = flight.rate(at.value);
     Estimate { value: rate.value, sigma: (rate.sigma * flight.excess()).hypot(flight.curvature().value * at.sigma) }
 }
 
-/// Start values for the laws: the deepest node and how far it is from the flight before.
+/// Returns start values for the laws: the deepest node and its distance from the flight before.
 fn guess(nodes: &[SurfaceNode], interval: &Interval, flights: &Flights, world: &World) -> Option<FirstGuess> {
     let speed = -rate_at(&flights.before[NORMAL], interval.start).value;
     let after = rate_at(&flights.after[NORMAL], interval.end).value;
     let contact = between(nodes, interval.start.value, interval.end.value);
     let offset = contact.first()?.value[NORMAL];
-    // Components are strung together by extrapolated poses here, which is good enough to start from.
+    // Components are linked by extrapolated poses here, which is good enough for start values.
     let deepest = contact.iter().min_by(|a, b| a.value[NORMAL].total_cmp(&b.value[NORMAL]))?;
     let first = contact.first()?.time_frames;
     let beyond = -flights.before[NORMAL].advance(first, deepest.time_frames).value - (offset - deepest.value[NORMAL]);
@@ -233,7 +233,7 @@ fn scaled(x: Estimate, factor: f64, relative_sigma: f64) -> Estimate {
 }
 
 fn ratio(top: Estimate, bottom: Estimate) -> Option<Estimate> {
-    // A quotient of a number that may be zero has no meaning, nor has a sigma for it.
+    // A quotient by a number that may be zero has no meaning, and neither has its sigma.
     if bottom.value.abs() <= 3.0 * bottom.sigma {
         return None;
     }
@@ -245,10 +245,10 @@ fn minus(a: Estimate, b: Estimate) -> Estimate {
     Estimate { value: a.value - b.value, sigma: a.sigma.hypot(b.sigma) }
 }
 
-/// Speed of the contact point before and after, px/frame.
+/// Returns the speed of the contact point before and after, px/frame.
 ///
-/// The point is c - R n of a body that turns counter-clockwise by omega, so its tangential speed is vt + omega R:
-/// zero for a ball that rolls along the tangent, which turns it clockwise.
+/// The point is c - R n of a body that rotates counter-clockwise by omega, so its tangential speed is vt + omega R. It
+/// is zero for a ball that rolls along the tangent, which rotates it clockwise.
 fn contact_point(interval: &Interval, flights: &Flights, world: &World) -> Option<[Estimate; 2]> {
     let radius = world.radius_px?;
     let speed = |flight: &[Polynomial; 3], at: Estimate| {
@@ -259,7 +259,7 @@ fn contact_point(interval: &Interval, flights: &Flights, world: &World) -> Optio
     Some([speed(&flights.before, interval.start), speed(&flights.after, interval.end)])
 }
 
-/// All rates of a flight at an uncertain moment, of a centre that is known no better than it is.
+/// Returns all rates of a flight at an uncertain moment, including the uncertainty of the centre.
 fn rates_at(flight: &[Polynomial; 3], at: Estimate, world: &World) -> [Estimate; 3] {
     let rates = [NORMAL, TANGENTIAL, ANGLE].map(|k| rate_at(&flight[k], at));
     let whirl = rates[ANGLE].value * world.center_sigma_px;
@@ -267,7 +267,7 @@ fn rates_at(flight: &[Polynomial; 3], at: Estimate, world: &World) -> [Estimate;
     [widened(rates[NORMAL]), widened(rates[TANGENTIAL]), rates[ANGLE]]
 }
 
-/// By which share the motion of a flight may be told too small, and by which it may be off either way.
+/// Returns the share by which a flight's motion may be underestimated, and its symmetric uncertainty.
 fn off(rates: &[Estimate; 3], world: &World) -> [f64; 2] {
     let [normal, tangential, angle] = [NORMAL, TANGENTIAL, ANGLE].map(|k| rates[k].value);
     let rates = [tangential, normal, angle.to_degrees()];
@@ -284,7 +284,7 @@ fn slip(nodes: &[SurfaceNode], interval: &Interval, flights: &Flights, world: &W
         n.value[NORMAL] - origin.value[NORMAL] - free
     };
     let found = slip_end(nodes, &Sliding { start, end, before, after, radius }, pushed)?;
-    // Found while the body does not touch, it is none.
+    // A stop outside the contact is none.
     (found.value >= start && found.value <= end).then_some(found)
 }
 
@@ -308,7 +308,7 @@ fn assemble(interval: &Interval, flights: &Flights, verdict: Option<&Verdict>, w
         .map(|e| Estimate { value: -e.value, ..e });
     let metres = world.metres_per_px.value;
     let moment = |k: usize| found(k).map(seconds);
-    // A point beside the centre of a body that turns goes up and down with it.
+    // A point off the centre of a rotating body moves up and down with it.
     let spin = 0.5 * (before[ANGLE].value + after[ANGLE].value);
     let brake = found(8).map_or((after[NORMAL].value - before[NORMAL].value) / duration.value, |a| a.value);
     let turning = spin * world.center_sigma_px / brake;
@@ -318,7 +318,7 @@ fn assemble(interval: &Interval, flights: &Flights, verdict: Option<&Verdict>, w
     let whole = off.map(|[short, either]| short.hypot(either));
     let [vn, vt] =
         [NORMAL, TANGENTIAL].map(|k| [speed(before[k]).short_by(whole[0]), speed(after[k]).short_by(whole[1])]);
-    // What both are short by falls out of a quotient.
+    // The common part of both underestimates cancels in a quotient.
     let [differ, either] = [off[1][0] - off[0][0], off[0][1].hypot(off[1][1])];
     let differing = |x: Estimate| x.short_by(differ).short_by(either);
     Impact {

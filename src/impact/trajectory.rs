@@ -10,13 +10,13 @@ pub struct SurfaceNode {
     pub frame: u64,
     /// Time since the stream's first frame, nominal frame periods.
     pub time_frames: f64,
-    /// Nodes of one component are linked by steps.
+    /// The component; nodes of one component are linked by steps.
     pub component: u32,
     /// Along the outward normal px, along the tangent px, angle rad (counter-clockwise).
     pub value: [f64; 3],
     /// White standard uncertainty of each.
     pub sigma: [f64; 3],
-    /// What the step to it adds for good, as a share of `sigma`.
+    /// The random-walk part of the step to this node, as a share of `sigma`.
     pub walk_share: [f64; 3],
 }
 
@@ -28,7 +28,7 @@ pub const TANGENTIAL: usize = 1;
 pub const ANGLE: usize = 2;
 
 impl SurfaceNode {
-    /// Turns a pose to the surface's axes.
+    /// Rotates a pose into the surface's axes.
     pub fn new(node: &Node, axes: Axes) -> Self {
         let at = axes.surface(node.pose[0], node.pose[1]);
         let sigma = axes.surface_sigma(node.sigma[0], node.sigma[1]);
@@ -42,7 +42,7 @@ impl SurfaceNode {
         }
     }
 
-    /// One coordinate of it.
+    /// Returns one coordinate.
     pub fn sample(&self, coordinate: usize) -> Sample {
         Sample {
             time_frames: self.time_frames,
@@ -54,12 +54,12 @@ impl SurfaceNode {
     }
 }
 
-/// One coordinate of every node.
+/// Returns one coordinate of every node.
 pub fn samples(nodes: &[SurfaceNode], coordinate: usize) -> Vec<Sample> {
     nodes.iter().map(|n| n.sample(coordinate)).collect()
 }
 
-/// The nodes from one time to another, both included.
+/// Returns the nodes from one time to another, both included.
 pub fn between(nodes: &[SurfaceNode], from_frames: f64, to_frames: f64) -> &[SurfaceNode] {
     let first = nodes.partition_point(|n| n.time_frames < from_frames);
     let end = nodes.partition_point(|n| n.time_frames <= to_frames);

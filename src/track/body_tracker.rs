@@ -2,7 +2,7 @@
 
 use super::gating::ValidationGate;
 use super::tracker::TrackerRows;
-use crate::impact::{Approach, Beside, Contact, Detector, Event, SurfaceNode, World, deepest_so_far, solve};
+use crate::impact::{Contact, Detector, DilatationRates, Event, OutOfPlane, SurfaceNode, World, deepest_so_far, solve};
 use crate::measure::body_circle;
 use crate::motion::{
     Anchor, Axes, Center, Chain, Drift, Form, Growth, Here, Known, MotionParams, Node, PixelRates, Regime, Rolling,
@@ -333,11 +333,11 @@ impl BodyTracker {
         let trail = detector.trail();
         let (growth, drift, axes) = (&self.growth, &self.drift, self.axes);
         let middle_sigma_px = self.params.view.sigma_px;
-        let beside = place.map(|place_px| Beside { growth, drift, axes, place_px, middle_sigma_px });
-        let approach = beside.and_then(|beside| Approach::of(&beside, &pending_impact.contact, newest));
+        let out_of_plane = place.map(|place_px| OutOfPlane { growth, drift, axes, place_px, middle_sigma_px });
+        let approach = out_of_plane.and_then(|motion| DilatationRates::of(&motion, &pending_impact.contact, newest));
         let measured = match approach {
-            Some(approach) => solve(&approach.evened(trail), &pending_impact.contact, newest, &world)
-                .map(|impact| approach.told(impact, trail, &world)),
+            Some(approach) => solve(&approach.at_constant_distance(trail), &pending_impact.contact, newest, &world)
+                .map(|impact| approach.correct(impact, trail, &world)),
             None => solve(trail, &pending_impact.contact, newest, &world),
         };
         let measured = measured.map(|impact| self.rolling.told(impact, world.period_s));
