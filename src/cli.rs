@@ -24,7 +24,7 @@ mod field;
 mod study;
 
 use clap::error::ErrorKind;
-use clap::{Args, Parser, Subcommand};
+use clap::{Parser, Subcommand};
 use field::Field;
 use std::ffi::OsString;
 use std::path::PathBuf;
@@ -97,7 +97,7 @@ pub enum Command {
     Bench(BenchOptions),
     /// Export a topic of a recording as a table, pictures, a film or a recording.
     #[command(after_help = "Example: ricochet export shot.mcap --topic velocity --format csv -o velocity.csv")]
-    Export(Export),
+    Export(ExportOptions),
     /// Write a report page of a recording (numbers, curves, pictures), or a repeatability page of several.
     #[command(after_help = "Example: ricochet report shot.mcap -o shot.html")]
     Report(ReportOptions),
@@ -116,30 +116,6 @@ pub enum Command {
     /// Study how settings, speckle patterns and methods affect accuracy.
     #[command(subcommand, after_help = "Example: ricochet study convergence --json")]
     Study(Study),
-}
-
-/// The arguments of `export`.
-#[derive(Debug, Args)]
-pub struct Export {
-    /// The recording.
-    file: PathBuf,
-    /// Tables: velocity, field, track, impact, truth or events. Pictures and films: frames, track or field. mcap:
-    /// results. ros2: frames.
-    #[arg(long)]
-    topic: String,
-    /// Tables: csv, parquet or npz (NumPy). Pictures: png (a directory of them). Films: mp4 or gif, with an installed
-    /// ffmpeg. Recordings: mcap (everything but the frames) or ros2 (the frames as sensor_msgs/msg/Image).
-    #[arg(long, default_value = "csv")]
-    format: String,
-    /// Camera to export, by the name of its view [default: the first].
-    #[arg(long, value_name = "NAME")]
-    camera: Option<String>,
-    /// File or directory to write [default for csv: standard output].
-    #[arg(short, long)]
-    output: Option<PathBuf>,
-    /// Playback rate of a film, frames per second.
-    #[arg(long, default_value_t = 25.0, value_name = "HZ")]
-    fps: f64,
 }
 
 /// The parsed command line.
@@ -212,9 +188,7 @@ pub fn run(command: Command, stop: &Stop) -> anyhow::Result<Outcome> {
         Command::Analyze(options) => analyze::run(&options, stop),
         Command::Field(arguments) => Ok(command::field::run(&arguments.options()?, stop)?),
         Command::Bench(options) => bench::run(&options),
-        Command::Export(Export { file, topic, format, camera, output, fps: playback_hz }) => {
-            let format = export::Format::from_word(&format)?;
-            let options = ExportOptions { file, topic, format, camera, output, playback_hz };
+        Command::Export(options) => {
             let exported = export::run(&options)?;
             Ok(Outcome::of_file(0, &options.file, exported.truncated.as_deref()))
         }

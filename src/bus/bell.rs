@@ -1,8 +1,7 @@
-//! Waking readers: at most about once a millisecond, never once a frame.
+//! Notifications that wake readers, at most about once per millisecond and never once per frame.
 //!
-//! Waking a sleeping reader costs the writer some ten microseconds; at 10 000
-//! frames a second that would be a core. Readers also wake by themselves every
-//! few milliseconds, so a bell that was not rung loses nothing.
+//! To wake a sleeping reader costs the writer some ten microseconds. At 10 000 frames per second that would be a core.
+//! Readers also wake by themselves every few milliseconds, so a skipped notification loses nothing.
 
 use super::{Bus, BusError};
 use iceoryx2::port::listener::Listener;
@@ -13,9 +12,10 @@ use std::time::{Duration, Instant};
 
 type Service = PortFactory<ipc::Service>;
 
-const REST: Duration = Duration::from_millis(1);
+/// The minimum time between notifications.
+const MIN_INTERVAL: Duration = Duration::from_millis(1);
 
-/// Wakes whoever listens.
+/// Wakes the readers of a topic.
 #[derive(Debug)]
 pub struct Bell {
     port: Notifier<ipc::Service>,
@@ -24,18 +24,18 @@ pub struct Bell {
 }
 
 impl Bell {
-    /// Rings, unless it rang within the last millisecond.
+    /// Wakes the readers, unless that was done within the last millisecond.
     pub fn ring(&mut self) {
         #[expect(clippy::disallowed_methods, reason = "decides when readers wake, never what they measure")]
         let now = Instant::now();
-        if self.last.is_none_or(|last| now.duration_since(last) >= REST) {
+        if self.last.is_none_or(|last| now.duration_since(last) >= MIN_INTERVAL) {
             let _ = self.port.notify();
             self.last = Some(now);
         }
     }
 }
 
-/// Waits for a bell.
+/// Waits for the notifications of a topic.
 #[derive(Debug)]
 pub struct Ear {
     port: Listener<ipc::Service>,
@@ -43,9 +43,9 @@ pub struct Ear {
 }
 
 impl Ear {
-    /// Sleeps until the bell rings, at most `timeout`.
+    /// Sleeps until the next notification, at most `timeout`.
     pub fn wait(&self, timeout: Duration) {
-        // An interrupted wait is only a short one.
+        // An interrupted wait is only shorter.
         let _ = self.port.timed_wait(|_| (), timeout);
     }
 }
@@ -61,34 +61,34 @@ impl Bus {
             .event_id_max_value(15)
             .disable_deadline()
             .open_or_create()
-            .map_err(|error| BusError::new("create the bell of", &self.full_name(topic), error))
+            .map_err(|error| BusError::new("create the notifications of", &self.full_name(topic), error))
     }
 
-    /// The bell of this topic.
+    /// Creates the notifier of this topic.
     ///
     /// # Errors
     ///
-    /// When shared memory cannot be used.
+    /// [`BusError::Service`] when shared memory cannot be used.
     pub fn bell(&self, topic: &str) -> Result<Bell, BusError> {
         let service = self.bell_service(topic)?;
         let port = service
             .notifier_builder()
             .create()
-            .map_err(|error| BusError::new("ring the bell of", &self.full_name(topic), error))?;
+            .map_err(|error| BusError::new("notify readers of", &self.full_name(topic), error))?;
         Ok(Bell { port, _service: service, last: None })
     }
 
-    /// An ear for the bell of this topic.
+    /// Creates a listener for the notifications of this topic.
     ///
     /// # Errors
     ///
-    /// When shared memory cannot be used.
+    /// [`BusError::Service`] when shared memory cannot be used.
     pub fn ear(&self, topic: &str) -> Result<Ear, BusError> {
         let service = self.bell_service(topic)?;
         let port = service
             .listener_builder()
             .create()
-            .map_err(|error| BusError::new("hear the bell of", &self.full_name(topic), error))?;
+            .map_err(|error| BusError::new("wait for", &self.full_name(topic), error))?;
         Ok(Ear { port, _service: service })
     }
 }

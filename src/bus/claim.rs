@@ -1,4 +1,4 @@
-//! A role of a rig has one process at a time.
+//! Claims, which give each role of a rig to one process at a time.
 
 use super::BusError;
 use std::io::ErrorKind;
@@ -10,15 +10,15 @@ const PAUSE: Duration = Duration::from_millis(10);
 
 /// A role that is taken until this is dropped or the process ends, however it ends.
 ///
-/// It is an address in the system's table of local sockets, which needs no file: there is nothing to clean up after a
-/// process that was killed. Nobody ever connects to it.
+/// It is an address in the system's table of local sockets. That needs no file, so nothing remains of a process that was
+/// killed. Nobody ever connects to it.
 #[derive(Debug)]
 pub(super) struct Claim {
     _address: UnixListener,
 }
 
 impl Claim {
-    /// Takes a role, waiting at most `patience` for the process that has it.
+    /// Takes a role. Waits at most `patience` for the process that has it.
     pub(super) fn take(rig: &str, role: &str, patience: Duration) -> Result<Self, BusError> {
         let fail = |error: std::io::Error| BusError::new("take the role", &format!("ricochet/{rig}/{role}"), error);
         let address = SocketAddr::from_abstract_name(format!("ricochet/{rig}/{role}")).map_err(fail)?;
@@ -41,7 +41,7 @@ impl Claim {
 /// Whether any process of this rig has a role.
 pub(super) fn any(rig: &str) -> bool {
     let name = format!(" @ricochet/{rig}/");
-    // Where the table cannot be read nothing is known, so nobody is declared dead.
+    // Without the table nothing is known, so the rig counts as alive.
     std::fs::read_to_string("/proc/net/unix").map_or(true, |table| table.contains(&name))
 }
 

@@ -12,7 +12,7 @@ const TOPIC: &str = "control";
 
 type Service = PortFactory<ipc::Service, Request, (), Reply, ()>;
 
-/// Answers requests.
+/// The server side, which answers requests.
 #[derive(Debug)]
 pub struct ControlServer {
     port: Server<ipc::Service, Request, (), Reply, ()>,
@@ -20,22 +20,22 @@ pub struct ControlServer {
 }
 
 impl ControlServer {
-    /// Answers every request that waits.
+    /// Answers all pending requests.
     ///
     /// # Errors
     ///
-    /// When shared memory cannot be used.
+    /// [`BusError::Service`] when shared memory cannot be used.
     pub fn answer(&self, mut reply: impl FnMut(Option<Command>) -> Reply) -> Result<(), BusError> {
         while let Some(request) = self.port.receive().map_err(|error| BusError::new("read", TOPIC, error))? {
             let answer = reply(Command::from_number(request.command));
-            // Whoever asked may be gone by now; that is its own affair.
+            // The client may be gone by now.
             let _ = request.send_copy(answer);
         }
         Ok(())
     }
 }
 
-/// Asks.
+/// The client side, which sends requests.
 #[derive(Debug)]
 pub struct ControlClient {
     port: Client<ipc::Service, Request, (), Reply, ()>,
@@ -43,11 +43,11 @@ pub struct ControlClient {
 }
 
 impl ControlClient {
-    /// Sends a request and waits for its answer, at most `patience`; `None` when nobody answers.
+    /// Sends a request and waits at most `patience` for the answer; `None` when nobody answers.
     ///
     /// # Errors
     ///
-    /// When shared memory cannot be used.
+    /// [`BusError::Service`] when shared memory cannot be used.
     pub fn ask(&self, command: Command, patience: Duration) -> Result<Option<Reply>, BusError> {
         let request = Request { command: command as u32, reserved: 0 };
         let pending = self.port.send_copy(request).map_err(|error| BusError::new("ask", TOPIC, error))?;
@@ -79,11 +79,11 @@ impl Bus {
             .map_err(|error| BusError::new("create", &self.full_name(TOPIC), error))
     }
 
-    /// The one who answers.
+    /// Creates the server.
     ///
     /// # Errors
     ///
-    /// When shared memory cannot be used.
+    /// [`BusError::Service`] when shared memory cannot be used.
     pub fn control_server(&self) -> Result<ControlServer, BusError> {
         let service = self.control_service()?;
         let port = service
@@ -93,11 +93,11 @@ impl Bus {
         Ok(ControlServer { port, _service: service })
     }
 
-    /// One who asks: the rig must be running.
+    /// Creates a client.
     ///
     /// # Errors
     ///
-    /// [`BusError::NoRig`] when it is not.
+    /// [`BusError::NoRig`] when the rig is not running.
     pub fn control_client(&self) -> Result<ControlClient, BusError> {
         let service = self
             .node

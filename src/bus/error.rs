@@ -1,24 +1,24 @@
-//! What can go wrong on the bus.
+//! The errors of the bus.
 
-/// Why shared memory could not be used.
+/// The reason why shared memory could not be used.
 #[derive(Debug, thiserror::Error)]
 pub enum BusError {
     /// iceoryx2 refused.
-    #[error("{action} {service}: {reason}")]
+    #[error("cannot {action} {service}: {reason}")]
     Service {
-        /// What was tried.
+        /// The action that failed.
         action: &'static str,
         /// The rig or the service.
         service: String,
-        /// The answer.
+        /// The reason given by iceoryx2.
         reason: String,
     },
     /// No rig of this name is running.
     #[error("no rig named {rig:?} is running ({service} does not exist); start it with `ricochet run`")]
     NoRig {
-        /// The name asked for.
+        /// The name.
         rig: String,
-        /// The service that was looked for.
+        /// The service that does not exist.
         service: String,
     },
     /// Another process of this rig has the same role.
@@ -29,8 +29,8 @@ pub enum BusError {
         /// The role.
         role: String,
     },
-    /// Every process of the rig is gone, and none told the end of the stream.
-    #[error("rig {rig:?} died without telling the end of its stream; what it told last may be missing")]
+    /// All processes of the rig are gone, and the end of the stream was not announced.
+    #[error("rig {rig:?} exited without closing its stream; its last results may be missing")]
     Died {
         /// The rig.
         rig: String,
@@ -40,15 +40,15 @@ pub enum BusError {
         "shared memory holds {free_bytes} free bytes, the ring needs {needed_bytes}; lower [trigger] pre_s or the frame size, or enlarge /dev/shm"
     )]
     Memory {
-        /// What the ring needs.
+        /// The bytes that the ring needs.
         needed_bytes: u64,
-        /// What is free.
+        /// The bytes that are free.
         free_bytes: u64,
     },
 }
 
 impl BusError {
-    /// An answer of iceoryx2, in words.
+    /// An error of iceoryx2.
     pub fn new(action: &'static str, service: &str, reason: impl std::fmt::Debug) -> Self {
         Self::Service { action, service: service.to_owned(), reason: format!("{reason:?}") }
     }

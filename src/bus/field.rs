@@ -1,4 +1,4 @@
-//! The `field` topic: one body's step and its displacement field.
+//! The `field` topic: the step of one body and its displacement field.
 
 use super::{Bus, BusError, Limits};
 use crate::message::{FieldHeader, FieldPointMessage};
@@ -13,24 +13,24 @@ const TOPIC: &str = "field";
 
 type Service = PortFactory<ipc::Service, [FieldPointMessage], FieldHeader>;
 
-/// Writes fields.
+/// Publishes fields.
 #[derive(Debug)]
 pub struct FieldPublisher {
     port: Publisher<ipc::Service, [FieldPointMessage], FieldHeader>,
     _service: Service,
-    most_points: usize,
+    max_points: usize,
 }
 
 impl FieldPublisher {
-    /// Sends a step and its field (empty when there is none).
+    /// Publishes a step and its field (empty when there is none).
     ///
     /// # Errors
     ///
-    /// When shared memory cannot be used, or the field has more points than the rig allows.
+    /// [`BusError::Service`] when shared memory cannot be used, or the field has more points than the rig allows.
     pub fn send(&self, header: &FieldHeader, field: Option<&PairField>) -> Result<(), BusError> {
         let points = field.map_or(&[][..], |field| &field.points);
-        if points.len() > self.most_points {
-            let reason = format!("a field of {} points, at most {} fit", points.len(), self.most_points);
+        if points.len() > self.max_points {
+            let reason = format!("the field has {} points, at most {} fit", points.len(), self.max_points);
             return Err(BusError::new("publish", TOPIC, reason));
         }
         let fail = |error| BusError::new("publish", TOPIC, error);
@@ -42,7 +42,7 @@ impl FieldPublisher {
     }
 }
 
-/// Reads fields.
+/// Receives fields.
 #[derive(Debug)]
 pub struct FieldSubscriber {
     port: Subscriber<ipc::Service, [FieldPointMessage], FieldHeader>,
@@ -50,11 +50,11 @@ pub struct FieldSubscriber {
 }
 
 impl FieldSubscriber {
-    /// The oldest unread step and its field.
+    /// Returns the oldest unread step and its field, if there is one.
     ///
     /// # Errors
     ///
-    /// When shared memory cannot be used.
+    /// [`BusError::Service`] when shared memory cannot be used.
     pub fn take(&self) -> Result<Option<(FieldHeader, Option<PairField>)>, BusError> {
         match self.port.receive() {
             Ok(None) => Ok(None),
@@ -66,7 +66,7 @@ impl FieldSubscriber {
         }
     }
 
-    /// Maps writers that appeared since; consumes nothing.
+    /// Connects to writers that joined since the last call; consumes nothing.
     pub fn greet(&self) {
         let _ = self.port.update_connections();
     }
@@ -89,11 +89,11 @@ impl Bus {
             .map_err(|error| BusError::new("create", &self.full_name(TOPIC), error))
     }
 
-    /// A writer of fields, one a worker.
+    /// Creates a publisher of fields, one per worker.
     ///
     /// # Errors
     ///
-    /// When shared memory cannot be used.
+    /// [`BusError::Service`] when shared memory cannot be used.
     pub fn field_publisher(&self, limits: &Limits) -> Result<FieldPublisher, BusError> {
         let service = self.field_service(limits)?;
         let chunks = 2 * limits.field_depth() + 64;
@@ -105,23 +105,23 @@ impl Bus {
             .override_sample_preallocation(move |worst| worst.min(chunks))
             .create()
             .map_err(|error| BusError::new("write", &self.full_name(TOPIC), error))?;
-        Ok(FieldPublisher { port, _service: service, most_points: limits.field_points })
+        Ok(FieldPublisher { port, _service: service, max_points: limits.field_points })
     }
 
-    /// A reader of fields, for a process of the rig.
+    /// Creates a subscriber of fields for a process of the rig.
     ///
     /// # Errors
     ///
-    /// When shared memory cannot be used.
+    /// [`BusError::Service`] when shared memory cannot be used.
     pub fn field_subscriber(&self, limits: &Limits) -> Result<FieldSubscriber, BusError> {
         self.read_field(self.field_service(limits)?, limits.field_depth())
     }
 
-    /// A reader of fields, for any other program: the rig must be running.
+    /// Creates a subscriber of fields for any other program.
     ///
     /// # Errors
     ///
-    /// [`BusError::NoRig`] when it is not.
+    /// [`BusError::NoRig`] when the rig is not running.
     pub fn listen_field(&self) -> Result<FieldSubscriber, BusError> {
         let service = self
             .node

@@ -1,4 +1,4 @@
-//! The ring of frames: bytes with a header, written once, read by everyone.
+//! The ring of frames: bytes with a header, written once and read by all.
 #![expect(unsafe_code, reason = "slots of the ring are lent to cameras, which write them through a pointer")]
 
 use super::{Bus, BusError, Limits, memory};
@@ -20,9 +20,9 @@ const TOPIC: &str = "frames";
 type Service = PortFactory<ipc::Service, [u8], FrameHeader>;
 type Loan = SampleMutUninit<ipc::Service, [MaybeUninit<u8>], FrameHeader>;
 
-/// Writes the ring.
+/// Publishes frames into the ring.
 pub struct FramePublisher {
-    // Loans go before the port that owns their memory.
+    // Loans are dropped before the port that owns their memory.
     loans: Vec<Option<Loan>>,
     port: Publisher<ipc::Service, [u8], FrameHeader>,
     _service: Service,
@@ -30,11 +30,11 @@ pub struct FramePublisher {
 }
 
 impl FramePublisher {
-    /// Lends a slot of the ring to a camera; `None` when every slot is held by slow readers.
+    /// Lends a slot of the ring to a camera; `None` when slow readers hold all slots.
     ///
     /// # Errors
     ///
-    /// When shared memory cannot be used.
+    /// [`BusError::Service`] when shared memory cannot be used.
     pub fn lend(&mut self) -> Result<Option<Slot>, BusError> {
         let mut loan = match self.port.loan_slice_uninit(self.slot_bytes) {
             Ok(loan) => loan,
@@ -57,7 +57,7 @@ impl FramePublisher {
     ///
     /// # Errors
     ///
-    /// When shared memory cannot be used.
+    /// [`BusError::Service`] when shared memory cannot be used.
     pub fn send(&mut self, slot: Slot, header: FrameHeader) -> Result<(), BusError> {
         let Some(mut loan) = self.loans.get_mut(slot.token()).and_then(Option::take) else {
             return Err(BusError::new("publish", TOPIC, "a slot of another ring"));
@@ -68,24 +68,24 @@ impl FramePublisher {
         sample.send().map(|_| ()).map_err(|error| BusError::new("publish", TOPIC, error))
     }
 
-    /// Takes an unused slot back.
+    /// Returns an unused slot to the ring.
     pub fn take_back(&mut self, slot: Slot) {
         if let Some(loan) = self.loans.get_mut(slot.token()) {
             *loan = None;
         }
     }
 
-    /// Takes every slot back that a camera which is gone still held.
+    /// Returns all slots to the ring that a camera which is gone still holds.
     pub fn take_all_back(&mut self) {
         self.loans.clear();
     }
 
-    /// Connects readers that joined since the last frame.
+    /// Connects to readers that joined since the last frame.
     pub fn greet(&self) {
         let _ = self.port.update_connections();
     }
 
-    /// Touches every page of the ring, so that the first frames cost no page faults.
+    /// Touches all pages of the ring, so that the first frames cause no page faults.
     ///
     /// # Errors
     ///
@@ -105,18 +105,18 @@ impl FramePublisher {
 pub struct FrameSample(Sample<ipc::Service, [u8], FrameHeader>);
 
 impl FrameSample {
-    /// What stands before the pixels.
+    /// Returns the header of the frame.
     pub fn header(&self) -> &FrameHeader {
         self.0.user_header()
     }
 
-    /// The pixels.
+    /// Returns the pixels.
     pub fn bytes(&self) -> &[u8] {
         self.0.payload()
     }
 }
 
-/// Reads the ring.
+/// Receives frames from the ring.
 #[derive(Debug)]
 pub struct FrameSubscriber {
     port: Subscriber<ipc::Service, [u8], FrameHeader>,
@@ -124,17 +124,18 @@ pub struct FrameSubscriber {
 }
 
 impl FrameSubscriber {
-    /// The oldest unread frame, if there is one.
+    /// Returns the oldest unread frame, if there is one.
     ///
     /// # Errors
     ///
-    /// When shared memory cannot be used.
+    /// [`BusError::Service`] when shared memory cannot be used.
     pub fn take(&self) -> Result<Option<FrameSample>, BusError> {
         self.port.receive().map(|sample| sample.map(FrameSample)).map_err(|error| BusError::new("read", TOPIC, error))
     }
 
-    /// Maps writers that appeared since; consumes nothing. Without it a reader
-    /// that only waits loses everything when the writer dies.
+    /// Connects to writers that joined since the last call; consumes nothing.
+    ///
+    /// Without it, a reader that only waits loses all frames when the writer dies.
     pub fn greet(&self) {
         let _ = self.port.update_connections();
     }
@@ -157,7 +158,7 @@ impl Bus {
             .map_err(|error| BusError::new("create", &self.full_name(TOPIC), error))
     }
 
-    /// The writer of the ring, with slots of `slot_bytes`.
+    /// Creates the publisher of the ring, with slots of `slot_bytes`.
     ///
     /// # Errors
     ///
@@ -177,11 +178,11 @@ impl Bus {
         Ok(FramePublisher { loans: Vec::new(), port, _service: service, slot_bytes })
     }
 
-    /// A reader of the ring whose queue is as long as the ring.
+    /// Creates a subscriber whose queue is as long as the ring.
     ///
     /// # Errors
     ///
-    /// When shared memory cannot be used.
+    /// [`BusError::Service`] when shared memory cannot be used.
     pub fn frame_subscriber(&self, limits: &Limits) -> Result<FrameSubscriber, BusError> {
         let service = self.frames_service(limits)?;
         let port = service

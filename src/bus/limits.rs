@@ -1,37 +1,37 @@
-//! How much of everything a rig may hold.
+//! The sizes of queues and pools in shared memory.
 
-/// Sizes that all processes of a rig agree on.
+/// The sizes that all processes of a rig agree on.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Limits {
-    /// Correlation workers.
+    /// The number of correlation workers.
     pub workers: u32,
-    /// Fields that are measured of a frame: bodies times intervals.
+    /// The number of fields per frame: bodies times intervals.
     pub fields: u32,
-    /// Frames every reader's queue can hold: the pre-trigger ring.
+    /// The number of frames that the queue of each reader can hold: the pre-trigger ring.
     pub ring_frames: usize,
-    /// Frames the recorder may hold on top while it writes.
+    /// The number of further frames that the recorder may hold while it writes.
     pub held_frames: usize,
-    /// Most subsets a field may have.
+    /// The maximum number of subsets of a field.
     pub field_points: usize,
 }
 
 impl Limits {
-    /// Slots a camera may hold at once.
+    /// The maximum number of slots that a camera holds at once.
     pub const CAMERA_SLOTS: usize = 64;
-    /// Readers of the frames beside workers and recorder.
+    /// The maximum number of readers of the frames besides workers and recorder.
     pub const SPARE_READERS: usize = 4;
 
-    /// Frames that exist in shared memory at once.
+    /// Returns the number of frames in shared memory.
     pub fn frame_chunks(&self) -> usize {
         self.ring_frames + self.held_frames + 4 * self.workers as usize + Self::CAMERA_SLOTS + 32
     }
 
-    /// Entries a reader's queue of field messages can hold.
+    /// Returns the number of field messages that the queue of a reader can hold.
     pub fn field_depth(&self) -> usize {
         (self.ring_frames + self.held_frames) * self.fields as usize + 64
     }
 
-    /// Entries a reader's queue of small messages can hold.
+    /// Returns the number of small messages that the queue of a reader can hold.
     pub const fn small_depth() -> usize {
         4096
     }

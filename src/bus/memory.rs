@@ -1,11 +1,11 @@
-//! Whether the ring fits, and touching its pages before the first frame.
+//! The memory of the ring: checks that it fits, and touches its pages before the first frame.
 #![expect(unsafe_code, reason = "madvise acts on memory of the bus library")]
 
 use super::BusError;
 use rustix::mm::{Advice, madvise};
 use std::ffi::c_void;
 
-/// Refuses when `/dev/shm` has fewer than `needed_bytes` free.
+/// Checks that `/dev/shm` has `needed_bytes` free.
 pub(super) fn require(needed_bytes: u64) -> Result<(), BusError> {
     let Ok(stat) = rustix::fs::statvfs("/dev/shm") else { return Ok(()) };
     let free_bytes = stat.f_bavail * stat.f_frsize;
@@ -17,7 +17,7 @@ pub(super) fn require(needed_bytes: u64) -> Result<(), BusError> {
 
 /// Makes every page of the mapping that holds `address` present and writable.
 ///
-/// A kernel without this request (before 5.14) is no error: the pages then come one by one.
+/// A kernel before 5.14 does not know the request. That is no error; the pages are then mapped one by one.
 pub(super) fn populate(address: usize) -> Result<(), BusError> {
     let Some((start, end)) = mapping(address) else { return Ok(()) };
     let bytes = end - start;
@@ -29,7 +29,7 @@ pub(super) fn populate(address: usize) -> Result<(), BusError> {
     }
 }
 
-/// First and one-past-last address of the mapping that holds `address`.
+/// Returns the first and the one-past-last address of the mapping that holds `address`.
 fn mapping(address: usize) -> Option<(usize, usize)> {
     let maps = std::fs::read_to_string("/proc/self/maps").ok()?;
     maps.lines().find_map(|line| {

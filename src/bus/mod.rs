@@ -1,12 +1,11 @@
-//! Shared memory between the processes of a rig; the only room that opens iceoryx2.
+//! Shared memory between the processes of a rig. This is the only room that opens iceoryx2.
 //!
-//! Services are named `ricochet/RIG/TOPIC`. Every limit is stated here and never
-//! left to a default, because all processes must ask for the same: the processes
-//! of a rig derive them from one configuration ([`Limits`]); other programs open
-//! what is there.
+//! Services are named `ricochet/RIG/TOPIC`. All limits are set here and never left to a default, because all processes
+//! must request the same. The processes of a rig derive them from one configuration ([`Limits`]); other programs open the
+//! services that exist.
 //!
-//! Every topic overflows safely: a slow, dead or absent reader loses its own
-//! oldest entries, sees that in the sequence numbers, and never slows a writer.
+//! Each topic overflows safely. A slow, dead or absent reader loses its own oldest messages, detects that by the sequence
+//! numbers, and never slows a writer.
 
 mod bell;
 mod claim;
@@ -30,7 +29,7 @@ use iceoryx2::prelude::{LogLevel, Node, NodeBuilder, NodeName, ServiceName, Sign
 use std::any::Any;
 use std::time::Duration;
 
-/// One process's membership of a rig.
+/// The membership of a process in a rig.
 #[derive(Debug)]
 pub struct Bus {
     node: Node<ipc::Service>,
@@ -39,11 +38,11 @@ pub struct Bus {
 }
 
 impl Bus {
-    /// Joins the rig of this name; `role` is what `iox2 node list` shows.
+    /// Joins the rig of this name. `iox2 node list` shows the `role`.
     ///
     /// # Errors
     ///
-    /// When shared memory cannot be used.
+    /// [`BusError::Service`] when shared memory cannot be used.
     pub fn join(rig: &str, role: &str) -> Result<Self, BusError> {
         iceoryx2::prelude::set_log_level_from_env_or(LogLevel::Fatal);
         let name =
@@ -56,27 +55,27 @@ impl Bus {
         Ok(Self { node, rig: rig.to_owned(), _claim: None })
     }
 
-    /// Joins in a role that one process of a rig has at a time, waiting at most `patience` for one that is ending.
+    /// Joins in a role that only one process of a rig has at a time. Waits at most `patience` for one that is ending.
     ///
     /// # Errors
     ///
-    /// [`BusError::Taken`] when another process has the role; when shared memory cannot be used.
-    pub fn take_part(rig: &str, role: &str, patience: Duration) -> Result<Self, BusError> {
+    /// [`BusError::Taken`] when another process has the role; [`BusError::Service`] when shared memory cannot be used.
+    pub fn join_as(rig: &str, role: &str, patience: Duration) -> Result<Self, BusError> {
         let claim = claim::Claim::take(rig, role, patience)?;
         Ok(Self { _claim: Some(claim), ..Self::join(rig, role)? })
     }
 
-    /// Frees what processes that were killed left behind, so that their places can be taken again.
+    /// Frees the resources of processes that were killed.
     pub fn clean_up_dead(&self) {
         let _ = self.node.try_cleanup_dead_nodes();
     }
 
-    /// Whether any process of this rig lives, listeners aside.
+    /// Whether any process of this rig is alive, listeners aside.
     pub fn is_alive(&self) -> bool {
         claim::any(&self.rig)
     }
 
-    /// Name of the rig.
+    /// Returns the name of the rig.
     pub fn rig(&self) -> &str {
         &self.rig
     }
@@ -90,12 +89,11 @@ impl Bus {
         format!("ricochet/{}/{topic}", self.rig)
     }
 
-    /// Opens every service of a rig and keeps it open, so that a process that
-    /// dies and comes back finds the same limits.
+    /// Opens all services of a rig and keeps them open, so that a process that dies and is restarted finds the same limits.
     ///
     /// # Errors
     ///
-    /// When a service exists with other limits, or shared memory cannot be used.
+    /// [`BusError::Service`] when a service exists with other limits, or shared memory cannot be used.
     pub fn hold(&self, limits: &Limits) -> Result<Vec<Box<dyn Any>>, BusError> {
         use crate::message::{Event, ImpactMessage, Progress, StatusMessage, TrackMessage, VelocityMessage};
         Ok(vec![

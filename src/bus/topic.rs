@@ -9,11 +9,11 @@ use iceoryx2::prelude::{ZeroCopySend, ipc};
 use iceoryx2::service::port_factory::publish_subscribe::PortFactory;
 use std::fmt::Debug;
 
-/// A message with a topic of its own.
+/// A message that has a topic of its own.
 pub trait Topic: ZeroCopySend + Debug + Copy + 'static {
-    /// Last part of the service's name.
+    /// The last part of the service's name.
     const NAME: &'static str;
-    /// How many of the newest a late reader gets at once.
+    /// The number of past messages that a new reader receives.
     const HISTORY: usize;
 }
 
@@ -44,7 +44,7 @@ impl Topic for Progress {
 
 type Service<T> = PortFactory<ipc::Service, T, ()>;
 
-/// Writes a topic.
+/// Publishes a topic.
 #[derive(Debug)]
 pub struct Publisher<T: Topic> {
     port: Port<ipc::Service, T, ()>,
@@ -52,22 +52,22 @@ pub struct Publisher<T: Topic> {
 }
 
 impl<T: Topic> Publisher<T> {
-    /// Sends one message to every reader.
+    /// Publishes a message.
     ///
     /// # Errors
     ///
-    /// When shared memory cannot be used.
+    /// [`BusError::Service`] when shared memory cannot be used.
     pub fn send(&self, message: &T) -> Result<(), BusError> {
         self.port.send_copy(*message).map(|_| ()).map_err(|error| BusError::new("publish", T::NAME, error))
     }
 
-    /// Hands the history to readers that joined since the last message.
+    /// Sends the history to readers that joined since the last message.
     pub fn greet(&self) {
         let _ = self.port.update_connections();
     }
 }
 
-/// Reads a topic.
+/// Receives a topic.
 #[derive(Debug)]
 pub struct Subscriber<T: Topic> {
     port: SubscriberPort<ipc::Service, T, ()>,
@@ -75,11 +75,11 @@ pub struct Subscriber<T: Topic> {
 }
 
 impl<T: Topic> Subscriber<T> {
-    /// The oldest unread message, if there is one.
+    /// Returns the oldest unread message, if there is one.
     ///
     /// # Errors
     ///
-    /// When shared memory cannot be used.
+    /// [`BusError::Service`] when shared memory cannot be used.
     pub fn take(&self) -> Result<Option<T>, BusError> {
         match self.port.receive() {
             Ok(sample) => Ok(sample.map(|sample| *sample.payload())),
@@ -105,11 +105,11 @@ impl Bus {
             .map_err(|error| BusError::new("create", &self.full_name(T::NAME), error))
     }
 
-    /// A writer of this topic.
+    /// Creates a publisher of this topic.
     ///
     /// # Errors
     ///
-    /// When shared memory cannot be used.
+    /// [`BusError::Service`] when shared memory cannot be used.
     pub fn publisher<T: Topic>(&self, limits: &Limits) -> Result<Publisher<T>, BusError> {
         let service = self.topic_service::<T>(limits)?;
         let port = service
@@ -121,20 +121,20 @@ impl Bus {
         Ok(Publisher { port, _service: service })
     }
 
-    /// A reader of this topic, for a process of the rig.
+    /// Creates a subscriber of this topic for a process of the rig.
     ///
     /// # Errors
     ///
-    /// When shared memory cannot be used.
+    /// [`BusError::Service`] when shared memory cannot be used.
     pub fn subscriber<T: Topic>(&self, limits: &Limits) -> Result<Subscriber<T>, BusError> {
         self.read(self.topic_service::<T>(limits)?)
     }
 
-    /// A reader of this topic, for any other program: the rig must be running.
+    /// Creates a subscriber of this topic for any other program.
     ///
     /// # Errors
     ///
-    /// [`BusError::NoRig`] when it is not.
+    /// [`BusError::NoRig`] when the rig is not running.
     pub fn listen<T: Topic>(&self) -> Result<Subscriber<T>, BusError> {
         let service = self.node.service_builder(&self.service_name(T::NAME)?).publish_subscribe::<T>().open().map_err(
             |error| match error {

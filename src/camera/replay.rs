@@ -214,10 +214,10 @@ impl ReplayCamera {
                     meta.sequence,
                     meta.width_px,
                     meta.height_px,
-                    meta.format.word(),
+                    meta.format.as_str(),
                     self.format.width_px,
                     self.format.height_px,
-                    self.format.format.word()
+                    self.format.format.as_str()
                 ),
             }));
         }

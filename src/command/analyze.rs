@@ -1,6 +1,7 @@
 //! `ricochet analyze`: measures a recording offline.
 
 use super::frame_source::{Film, span};
+use super::json_cells;
 use crate::camera::{CameraIdentity, StreamFormat};
 use crate::config::Record;
 use crate::console::{Outcome, UsageError, progress, say, table};
@@ -233,12 +234,6 @@ fn tell(impacts: &[Impact], results: &Recording, path: &Path, json: bool) {
 fn as_json(impact: &Impact, results: &Recording) -> serde_json::Value {
     let mut row = serde_json::Map::new();
     row.insert("body".into(), results.body_name(impact.body).into());
-    for (name, estimate) in impact.numbers() {
-        row.insert(name.to_owned(), estimate.map(|estimate| estimate.value).into());
-        row.insert(format!("sigma_{name}"), estimate.map(|estimate| estimate.sigma).into());
-    }
-    row.insert("force_law".into(), impact.force_law.word().into());
-    row.insert("force_law_probability".into(), impact.force_law_probability.into());
-    row.insert("status".into(), impact.status.word().into());
+    row.extend(json_cells(impact, &Impact::pairs()).map(|(name, value)| (name.to_owned(), value)));
     serde_json::Value::Object(row)
 }

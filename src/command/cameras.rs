@@ -88,7 +88,7 @@ fn kernel_camera_as_text(camera: &v4l2::CameraListing) -> String {
     }
     lines.push(format!("  address  {} (V4L2, driver {})", camera.capability.bus, camera.capability.driver));
     for format in &camera.formats {
-        let becomes = format.ring_format.map_or("not supported", |format| format.word());
+        let becomes = format.ring_format.map_or("not supported", |format| format.as_str());
         lines.push(format!("  format   {} ({}), {becomes}", format.code, format.description));
         if format.ring_format.is_some() {
             if let v4l2::Sizes::Range { .. } = format.sizes {
@@ -116,7 +116,7 @@ fn kernel_camera_as_json(camera: &v4l2::CameraListing) -> Value {
     let format = |format: &v4l2::FormatListing| {
         json!({
             "code": format.code, "description": format.description,
-            "becomes": format.ring_format.map(|format| format.word()),
+            "becomes": format.ring_format.map(|format| format.as_str()),
             "sizes_px": sizes(&format.sizes), "modes": format.rates.iter().map(rates).collect::<Vec<_>>(),
         })
     };

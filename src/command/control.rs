@@ -33,13 +33,13 @@ pub fn run(options: &RigOptions, command: Command) -> anyhow::Result<Outcome> {
     let code = ReplyCode::from_number(reply.code).unwrap_or(ReplyCode::Unknown);
     if options.json {
         let answer = serde_json::json!({
-            "accepted": code == ReplyCode::Accepted, "answer": code.sentence(), "armed": reply.armed == 1,
+            "accepted": code == ReplyCode::Accepted, "answer": code.as_str(), "armed": reply.armed == 1,
             "recordings": reply.recordings, "sequence": reply.sequence,
         });
         say(&answer.to_string());
     }
     if code != ReplyCode::Accepted {
-        return Err(UsageError(format!("rig {rig:?}: {}", code.sentence())).into());
+        return Err(UsageError(format!("rig {rig:?}: {}", code.as_str())).into());
     }
     Ok(Outcome::Clean)
 }

@@ -235,7 +235,7 @@ fn frames(recording: &Recording) -> Result<Looked, RecordingError> {
                 count: 0,
                 width_px: meta.width_px,
                 height_px: meta.height_px,
-                pixel_format: meta.format.word(),
+                pixel_format: meta.format.as_str(),
                 frame_rate_hz: None,
                 sequence: [meta.sequence; 2],
                 stamp_ns: [meta.stamp_ns; 2],

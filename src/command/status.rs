@@ -48,7 +48,7 @@ fn name(status: &StatusMessage) -> String {
         Some(Role::Correlate) => format!("correlate {}", status.index),
         Some(Role::Record) if status.state & 2 != 0 => "record (disk full)".into(),
         Some(Role::Record) if status.state & 1 != 0 => "record (armed)".into(),
-        Some(role) => role.word().into(),
+        Some(role) => role.as_str().into(),
         None => "?".into(),
     }
 }
@@ -72,7 +72,7 @@ fn as_row(status: &StatusMessage) -> Vec<String> {
 
 fn as_json(status: &StatusMessage) -> serde_json::Value {
     serde_json::json!({
-        "process": Role::from_number(status.role).map_or("?", Role::word),
+        "process": Role::from_number(status.role).map_or("?", Role::as_str),
         "index": status.index, "pid": status.pid, "state": status.state, "run_id": status.run_id,
         "sequence": status.sequence, "stamp_ns": status.stamp_ns, "rate_hz": status.rate_hz, "taken": status.taken,
         "given": status.given, "lost": status.lost, "dropped": status.dropped, "waiting": status.waiting,

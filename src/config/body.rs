@@ -156,12 +156,12 @@ fn body(table: &Table<'_>, raw: RawBody, alone: bool, image_px: Option<(u32, u32
 
 fn kind(table: &Table<'_>, word: Option<&str>) -> Result<BodyKind, ConfigError> {
     let kinds = [("ball", BodyKind::Ball), ("rod", BodyKind::Rod), ("patch", BodyKind::Patch)];
-    Ok(table.word("kind", word, &kinds)?.unwrap_or(BodyKind::Ball))
+    Ok(table.choice("kind", word, &kinds)?.unwrap_or(BodyKind::Ball))
 }
 
 fn outline(table: &Table<'_>, word: Option<&str>) -> Result<OutlineMethod, ConfigError> {
     let methods = [("edges", OutlineMethod::Edges), ("marked", OutlineMethod::Marked)];
-    Ok(table.word("outline", word, &methods)?.unwrap_or_default())
+    Ok(table.choice("outline", word, &methods)?.unwrap_or_default())
 }
 
 /// The polygon of a patch.

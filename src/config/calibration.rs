@@ -131,7 +131,7 @@ fn square(numbers: &[f64]) -> Option<[[f64; 3]; 3]> {
 }
 
 fn lens(table: &Table<'_>, raw: &RawCalibration) -> Result<Option<Lens>, ConfigError> {
-    let model = table.word("distortion_model", raw.distortion_model.as_deref(), &MODELS)?.unwrap_or(Model::Brown);
+    let model = table.choice("distortion_model", raw.distortion_model.as_deref(), &MODELS)?.unwrap_or(Model::Brown);
     let Some(numbers) = &raw.camera_matrix else {
         let given = [("distortion", raw.distortion.is_some()), ("distortion_model", raw.distortion_model.is_some())];
         return match given.iter().find(|(_, given)| *given) {

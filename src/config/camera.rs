@@ -5,39 +5,24 @@ use super::error::ConfigError;
 use super::raw::RawCamera;
 use super::text::path_name;
 use crate::image::PixelFormat;
+use crate::results::named_enum;
 use std::collections::BTreeMap;
 
-/// Who delivers the frames.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Source {
-    /// Frames are drawn from a scenario whose truth is known.
-    Simulated,
-    /// Frames are read from a recording.
-    Recording,
-    /// A GigE Vision or USB3 Vision camera.
-    Genicam,
-    /// A camera of the Linux kernel.
-    V4l2,
+named_enum! {
+    /// Who delivers the frames.
+    Source: "source" {
+        /// Frames are drawn from a scenario whose truth is known.
+        Simulated = 0 "simulated",
+        /// Frames are read from a recording.
+        Recording = 1 "recording",
+        /// A GigE Vision or USB3 Vision camera.
+        Genicam = 2 "genicam",
+        /// A camera of the Linux kernel.
+        V4l2 = 3 "v4l2",
+    }
 }
 
 impl Source {
-    const WORDS: [(&'static str, Self); 4] = [
-        ("simulated", Self::Simulated),
-        ("recording", Self::Recording),
-        ("genicam", Self::Genicam),
-        ("v4l2", Self::V4l2),
-    ];
-
-    /// The word used in configurations.
-    pub fn word(self) -> &'static str {
-        match self {
-            Self::Simulated => "simulated",
-            Self::Recording => "recording",
-            Self::Genicam => "genicam",
-            Self::V4l2 => "v4l2",
-        }
-    }
-
     /// Whether it is a camera of glass and silicon: set up by the rig, and live.
     pub fn is_device(self) -> bool {
         matches!(self, Self::Genicam | Self::V4l2)
@@ -179,7 +164,7 @@ const EXPOSURE: Bounds = Bounds::above(0.0, 1.0e7, "us");
 pub(super) fn camera(table: &Table<'_>, raw: RawCamera) -> Result<Camera, ConfigError> {
     let source = source(table, raw.source.as_deref())?;
     refuse_strangers(table, source, &raw)?;
-    let formats = PixelFormat::ALL.map(|format| (format.word(), format));
+    let formats = PixelFormat::ALL.map(|format| (format.as_str(), format));
     let camera = Camera {
         source,
         scenario: match source {
@@ -199,7 +184,7 @@ pub(super) fn camera(table: &Table<'_>, raw: RawCamera) -> Result<Camera, Config
         height_px: table.whole("height_px", raw.height_px, SIZE_PX, "px")?,
         offset_x_px: table.whole("offset_x_px", raw.offset_x_px, OFFSET_PX, "px")?,
         offset_y_px: table.whole("offset_y_px", raw.offset_y_px, OFFSET_PX, "px")?,
-        pixel_format: table.word("pixel_format", raw.pixel_format.as_deref(), &formats)?,
+        pixel_format: table.choice("pixel_format", raw.pixel_format.as_deref(), &formats)?,
         frame_rate_hz: table.number("frame_rate_hz", raw.frame_rate_hz, RATE)?,
         exposure_us: table.number("exposure_us", raw.exposure_us, EXPOSURE)?,
         gamma: table.number("gamma", raw.gamma, GAMMA)?.unwrap_or(1.0),
@@ -249,10 +234,12 @@ fn pulse(
 }
 
 fn source(table: &Table<'_>, word: Option<&str>) -> Result<Source, ConfigError> {
-    let words = listed(Source::WORDS.iter().map(|(word, _)| *word));
+    let words = listed(Source::ALL.map(Source::as_str).into_iter());
     match word {
         None => Err(table.refuse("source", words)),
-        word => table.word("source", word, &Source::WORDS)?.ok_or_else(|| table.refuse("source", words)),
+        word => table
+            .choice("source", word, &Source::ALL.map(|source| (source.as_str(), source)))?
+            .ok_or_else(|| table.refuse("source", words)),
     }
 }
 
@@ -286,8 +273,8 @@ fn refuse_strangers(table: &Table<'_>, source: Source, raw: &RawCamera) -> Resul
     match keys.iter().find(|(_, given, sources)| *given && !sources.contains(&source)) {
         None => Ok(()),
         Some((key, _, sources)) => {
-            let belongs_to = format!("source = {}", listed(sources.iter().map(|source| source.word())));
-            Err(table.text.out_of_place(&table.key(key), &format!("source = {:?}", source.word()), &belongs_to))
+            let belongs_to = format!("source = {}", listed(sources.iter().map(|source| source.as_str())));
+            Err(table.text.out_of_place(&table.key(key), &format!("source = {:?}", source.as_str()), &belongs_to))
         }
     }
 }
@@ -299,7 +286,7 @@ fn refuse_gaps(table: &Table<'_>, camera: &Camera) -> Result<(), ConfigError> {
     if !camera.source.is_device() {
         return Ok(());
     }
-    let needed = |what: &str| format!("{what} for source = {:?}", camera.source.word());
+    let needed = |what: &str| format!("{what} for source = {:?}", camera.source.as_str());
     if camera.id.is_none() {
         let genicam = camera.source == Source::Genicam;
         let place = if genicam { "the address, serial number" } else { "the device file, place, serial number" };

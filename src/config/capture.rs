@@ -59,7 +59,7 @@ pub(super) fn record(table: &Table<'_>, raw: RawRecord) -> Result<Record, Config
     let words = [("none", Compression::None), ("zstd", Compression::Zstd)];
     Ok(Record {
         directory: directory.ok_or_else(|| table.refuse("directory", "the path of a folder"))?.into(),
-        compression: table.word("compression", raw.compression.as_deref(), &words)?.unwrap_or(Compression::None),
+        compression: table.choice("compression", raw.compression.as_deref(), &words)?.unwrap_or(Compression::None),
         raw_frames: raw.raw_frames.unwrap_or(true),
         ring_bytes_max: table.whole("ring_bytes_max", raw.ring_bytes_max, 1 << 20..=1 << 40, "bytes")?,
         keep_last: table.whole("keep_last", raw.keep_last, 1..=1_000_000, "recordings")?,

@@ -86,7 +86,12 @@ impl<'t> Table<'t> {
     }
 
     /// One of a few words.
-    pub fn word<T: Copy>(&self, key: &str, value: Option<&str>, words: &[(&str, T)]) -> Result<Option<T>, ConfigError> {
+    pub fn choice<T: Copy>(
+        &self,
+        key: &str,
+        value: Option<&str>,
+        words: &[(&str, T)],
+    ) -> Result<Option<T>, ConfigError> {
         let Some(value) = value else { return Ok(None) };
         let found = words.iter().find(|(word, _)| *word == value);
         found.map(|(_, meaning)| Some(*meaning)).ok_or_else(|| self.refuse(key, listed(words.iter().map(|(w, _)| *w))))

@@ -31,9 +31,9 @@ pub(super) fn correlation(
     let default = CorrelationParams::default();
     let zncc = Bounds::closed(0.0, 1.0, "");
     let params = CorrelationParams {
-        method: table.word("method", raw.method.as_deref(), &Method::WORDS)?.unwrap_or(default.method),
-        shape: table.word("shape", raw.shape.as_deref(), &Shape::WORDS)?.unwrap_or(default.shape),
-        window: table.word("window", raw.window.as_deref(), &WindowShape::WORDS)?.unwrap_or(default.window),
+        method: table.choice("method", raw.method.as_deref(), &Method::WORDS)?.unwrap_or(default.method),
+        shape: table.choice("shape", raw.shape.as_deref(), &Shape::WORDS)?.unwrap_or(default.shape),
+        window: table.choice("window", raw.window.as_deref(), &WindowShape::WORDS)?.unwrap_or(default.window),
         subset_size_px: table
             .whole("subset_size_px", raw.subset_size_px, 9..=255, "px, odd")?
             .unwrap_or(default.subset_size_px),
@@ -42,7 +42,7 @@ pub(super) fn correlation(
         search_px: table.whole("search_px", raw.search_px, 1..=1024, "px")?.unwrap_or(default.search_px),
         min_zncc: table.number("min_zncc", raw.min_zncc, zncc)?.unwrap_or(default.min_zncc),
         interpolation: table
-            .word("interpolation", raw.interpolation.as_deref(), &Interpolation::WORDS)?
+            .choice("interpolation", raw.interpolation.as_deref(), &Interpolation::WORDS)?
             .unwrap_or(default.interpolation),
     };
     if params.subset_size_px.is_multiple_of(2) {

@@ -114,7 +114,7 @@ pub(super) fn rotation(table: &Table<'_>, raw: &RawRotation) -> Result<Rotation,
         ("center", Rotation::Center),
         ("ring", Rotation::Ring(ring)),
     ];
-    let method = table.word("method", raw.method.as_deref(), &words)?.unwrap_or_default();
+    let method = table.choice("method", raw.method.as_deref(), &words)?.unwrap_or_default();
     let given = [("ring_inner_px", ring.inner_px), ("ring_outer_px", ring.outer_px)];
     let is_ring = matches!(method, Rotation::Ring(_));
     if let (false, Some((key, _))) = (is_ring, given.iter().find(|(_, px)| px.is_some())) {

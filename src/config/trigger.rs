@@ -5,45 +5,31 @@ use super::check::{Bounds, Table, listed};
 use super::error::ConfigError;
 use super::raw::RawTrigger;
 use crate::motion::Scale;
+use crate::results::named_enum;
 
-/// What starts a shot.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum TriggerMode {
-    /// Nothing: with a `[record]` table the whole stream becomes one recording.
-    Off,
-    /// The command `ricochet trigger`, or a program that asks for it.
-    Software,
-    /// The camera's own line: it sends nothing until a pulse comes, and a shot is what it sends until it is silent.
-    Hardware,
-    /// Something moves in the picture.
-    Motion,
-    /// A body comes into `roi_px`, or into sight.
-    Enter,
-    /// A body's speed rises above `speed_m_s`.
-    Speed,
-    /// The gap between a ball, or a rod's end, and the surface's edge becomes smaller than `gap_mm`.
-    Gap,
-    /// A ball, or a rod's end, is about to touch the surface's edge.
-    PredictedContact,
+named_enum! {
+    /// What starts a shot.
+    TriggerMode: "mode" {
+        /// Nothing: with a `[record]` table the whole stream becomes one recording.
+        Off = 0 "off",
+        /// The command `ricochet trigger`, or a program that asks for it.
+        Software = 1 "software",
+        /// The camera's own line: it sends nothing until a pulse comes, and a shot is what it sends until it is silent.
+        Hardware = 2 "hardware",
+        /// Something moves in the picture.
+        Motion = 3 "motion",
+        /// A body comes into `roi_px`, or into sight.
+        Enter = 4 "enter",
+        /// A body's speed rises above `speed_m_s`.
+        Speed = 5 "speed",
+        /// The gap between a ball, or a rod's end, and the surface's edge becomes smaller than `gap_mm`.
+        Gap = 6 "gap",
+        /// A ball, or a rod's end, is about to touch the surface's edge.
+        PredictedContact = 7 "predicted-contact",
+    }
 }
 
 impl TriggerMode {
-    const WORDS: [(&'static str, Self); 8] = [
-        ("off", Self::Off),
-        ("software", Self::Software),
-        ("hardware", Self::Hardware),
-        ("motion", Self::Motion),
-        ("enter", Self::Enter),
-        ("speed", Self::Speed),
-        ("gap", Self::Gap),
-        ("predicted-contact", Self::PredictedContact),
-    ];
-
-    /// The word used in configurations.
-    pub fn word(self) -> &'static str {
-        Self::WORDS.iter().find(|(_, mode)| *mode == self).map_or("off", |(word, _)| word)
-    }
-
     /// Whether it is decided from what was measured of the bodies.
     pub fn is_measured(self) -> bool {
         matches!(self, Self::Enter | Self::Speed | Self::Gap | Self::PredictedContact)
@@ -123,7 +109,9 @@ const AROUND: [TriggerMode; 6] = [
 ];
 
 pub(super) fn trigger(table: &Table<'_>, raw: RawTrigger, around: &Surroundings<'_>) -> Result<Trigger, ConfigError> {
-    let mode = table.word("mode", raw.mode.as_deref(), &TriggerMode::WORDS)?.unwrap_or(TriggerMode::Off);
+    let mode = table
+        .choice("mode", raw.mode.as_deref(), &TriggerMode::ALL.map(|mode| (mode.as_str(), mode)))?
+        .unwrap_or(TriggerMode::Off);
     refuse_strangers(table, mode, &raw)?;
     let trigger = Trigger {
         mode,
@@ -166,8 +154,8 @@ fn refuse_strangers(table: &Table<'_>, mode: TriggerMode, raw: &RawTrigger) -> R
     match keys.iter().find(|(_, given, modes)| *given && mode != Off && !modes.contains(&mode)) {
         None => Ok(()),
         Some((key, _, modes)) => {
-            let belongs_to = format!("mode = {}", listed(modes.iter().map(|mode| mode.word())));
-            Err(table.text.out_of_place(&table.key(key), &format!("mode = {:?}", mode.word()), &belongs_to))
+            let belongs_to = format!("mode = {}", listed(modes.iter().map(|mode| mode.as_str())));
+            Err(table.text.out_of_place(&table.key(key), &format!("mode = {:?}", mode.as_str()), &belongs_to))
         }
     }
 }
@@ -181,7 +169,7 @@ fn refuse_gaps(table: &Table<'_>, trigger: &Trigger, around: &Surroundings<'_>) 
         let names = listed(around.bodies.iter().map(|body| body.name.as_str()));
         return Err(table.refuse("body", format!("the name of a body: {names}")));
     }
-    let needed = |what: &str| format!("{what} for mode = {:?}", mode.word());
+    let needed = |what: &str| format!("{what} for mode = {:?}", mode.as_str());
     if mode == Hardware && !around.is_pulsed {
         let what = "the line that the camera waits for (of a simulated one, camera.pulse_period_s)";
         return Err(table.text.refuse("camera.trigger_source", needed(what)));

@@ -1,21 +1,24 @@
 //! How a camera lays out its pixels.
 
-/// Pixel layout of a raw frame.
-///
-/// The numbers are the codes of the GenICam Pixel Format Naming Convention, so
-/// a header can be read without this library.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
-#[repr(u32)]
-pub enum PixelFormat {
-    /// One byte a pixel.
-    #[default]
-    Mono8 = 0x0108_0001,
-    /// 10 significant bits in a little-endian 16-bit word.
-    Mono10 = 0x0110_0003,
-    /// 12 significant bits in a little-endian 16-bit word.
-    Mono12 = 0x0110_0005,
-    /// A little-endian 16-bit word a pixel.
-    Mono16 = 0x0110_0007,
+use crate::results::named_enum;
+
+named_enum! {
+    /// Pixel layout of a raw frame.
+    ///
+    /// The numbers are the codes of the GenICam Pixel Format Naming Convention, so
+    /// a header can be read without this library. The names are GenICam's.
+    #[derive(Default)]
+    PixelFormat: "pixel format" {
+        /// One byte a pixel.
+        #[default]
+        Mono8 = 0x0108_0001 "Mono8",
+        /// 10 significant bits in a little-endian 16-bit word.
+        Mono10 = 0x0110_0003 "Mono10",
+        /// 12 significant bits in a little-endian 16-bit word.
+        Mono12 = 0x0110_0005 "Mono12",
+        /// A little-endian 16-bit word a pixel.
+        Mono16 = 0x0110_0007 "Mono16",
+    }
 }
 
 /// Grey levels at which common sensors saturate, DN.
@@ -27,29 +30,6 @@ pub fn is_saturated(highest: f32) -> bool {
 }
 
 impl PixelFormat {
-    /// Every format this program reads.
-    pub const ALL: [Self; 4] = [Self::Mono8, Self::Mono10, Self::Mono12, Self::Mono16];
-
-    /// The name used in configurations and by GenICam.
-    pub fn word(self) -> &'static str {
-        match self {
-            Self::Mono8 => "Mono8",
-            Self::Mono10 => "Mono10",
-            Self::Mono12 => "Mono12",
-            Self::Mono16 => "Mono16",
-        }
-    }
-
-    /// The format of this name, if there is one.
-    pub fn from_word(word: &str) -> Option<Self> {
-        Self::ALL.into_iter().find(|format| format.word() == word)
-    }
-
-    /// The format of this GenICam code, if it is one of ours.
-    pub fn from_code(code: u32) -> Option<Self> {
-        Self::ALL.into_iter().find(|format| *format as u32 == code)
-    }
-
     /// Bytes one pixel takes in memory.
     pub fn bytes_per_pixel(self) -> usize {
         match self {

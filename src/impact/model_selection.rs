@@ -89,17 +89,17 @@ pub struct Verdict {
 impl Verdict {
     /// Returns the name of the most probable law in the results.
     pub fn law(&self) -> ForceLaw {
-        word(self.best)
+        law_of(self.best)
     }
 
     /// Returns the probability of that name, 0 to 1.
     pub fn probability(&self) -> f64 {
-        let same = self.probabilities.iter().filter(|(family, _)| word(*family) == self.law());
+        let same = self.probabilities.iter().filter(|(family, _)| law_of(*family) == self.law());
         same.map(|(_, probability)| probability).sum::<f64>().min(1.0)
     }
 }
 
-fn word(family: Family) -> ForceLaw {
+fn law_of(family: Family) -> ForceLaw {
     match family {
         Family::KelvinVoigt => ForceLaw::KelvinVoigt,
         Family::HuntCrossley => ForceLaw::HuntCrossley,

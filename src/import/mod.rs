@@ -81,7 +81,7 @@ impl Shape {
 
 impl std::fmt::Display for Shape {
     fn fmt(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        write!(formatter, "{}x{} {}", self.width_px, self.height_px, self.format.word())
+        write!(formatter, "{}x{} {}", self.width_px, self.height_px, self.format.as_str())
     }
 }
 

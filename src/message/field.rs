@@ -1,7 +1,9 @@
 //! Displacement fields: a header for the body and its step, and a slice of points.
 
 use super::{Number, RodMessage};
-use crate::results::{BodyStep, Circle, Displacement, Estimate, FieldPoint, PairField, PointStatus, RigidStep};
+use crate::results::{
+    BodyStep, Circle, Displacement, Estimate, FieldPoint, PairField, PointStatus, RigidStep, field_row,
+};
 use iceoryx2::prelude::ZeroCopySend;
 
 /// One body in one frame, its outline and its motion to the next frame.
@@ -158,7 +160,7 @@ impl FieldHeader {
             body: self.body,
             interval_frames: self.interval_frames,
             circle,
-            rod: self.rod.rod(),
+            rod: self.rod.into(),
             step,
             status: PointStatus::from_number(self.status)?,
         })
@@ -183,68 +185,68 @@ impl FieldHeader {
     }
 }
 
-/// One subset of a field.
-#[derive(Debug, Clone, Copy, PartialEq, Default, ZeroCopySend)]
-#[type_name("ricochet.FieldPoint.v1")]
-#[repr(C)]
-pub struct FieldPointMessage {
-    /// Subset centre in the reference frame, px.
-    pub x_px: f32,
-    /// Subset centre in the reference frame, px.
-    pub y_px: f32,
-    /// Displacement along x, px; holds only for a valid status.
-    pub u_px: f32,
-    /// Displacement along y (down), px; holds only for a valid status.
-    pub v_px: f32,
-    /// Standard uncertainty of `u_px`.
-    pub sigma_u_px: f32,
-    /// Standard uncertainty of `v_px`.
-    pub sigma_v_px: f32,
-    /// ZNCC; missing when below -1.
-    pub zncc: f32,
-    /// Peak ratio; missing when negative.
-    pub peak_ratio: f32,
-    /// Number of the `PointStatus`.
-    pub status: u32,
-}
-
+/// The value of a number that is missing.
 const MISSING: f32 = -2.0;
 
-impl From<&FieldPoint> for FieldPointMessage {
-    fn from(point: &FieldPoint) -> Self {
-        let motion = point.displacement;
-        Self {
-            x_px: point.x_px,
-            y_px: point.y_px,
-            u_px: motion.map_or(0.0, |motion| motion.u_px),
-            v_px: motion.map_or(0.0, |motion| motion.v_px),
-            sigma_u_px: motion.map_or(MISSING, |motion| motion.sigma_u_px),
-            sigma_v_px: motion.map_or(MISSING, |motion| motion.sigma_v_px),
-            zncc: point.zncc.unwrap_or(MISSING),
-            peak_ratio: point.peak_ratio.unwrap_or(MISSING),
-            status: point.status as u32,
-        }
-    }
+/// Returns the number unless it is [`MISSING`].
+fn present(number: f32) -> Option<f32> {
+    (number > MISSING).then_some(number)
 }
 
-impl From<&FieldPointMessage> for FieldPoint {
-    fn from(message: &FieldPointMessage) -> Self {
-        let displacement = (message.sigma_u_px >= 0.0).then_some(Displacement {
-            u_px: message.u_px,
-            v_px: message.v_px,
-            sigma_u_px: message.sigma_u_px,
-            sigma_v_px: message.sigma_v_px,
-        });
-        Self {
-            x_px: message.x_px,
-            y_px: message.y_px,
-            displacement,
-            zncc: (message.zncc >= -1.5).then_some(message.zncc),
-            peak_ratio: (message.peak_ratio >= 0.0).then_some(message.peak_ratio),
-            status: PointStatus::from_number(message.status).unwrap_or(PointStatus::Lost),
+/// Derives the message of a subset from the columns of the row.
+macro_rules! field_message {
+    (
+        position { $($(#[$position_doc:meta])* $position:ident = $position_tag:tt,)* }
+        displacement { $($(#[$part_doc:meta])* $part:ident = $part_tag:tt,)* }
+        sigmas { $($(#[$sigma_doc:meta])* $sigma:ident = $sigma_tag:tt,)* }
+        scores { $($(#[$score_doc:meta])* $score:ident = $score_tag:tt,)* }
+        status = $status_tag:tt,
+    ) => {
+        /// One subset of a field. Displacements hold only where their uncertainties are not missing; missing numbers are -2.
+        #[derive(Debug, Clone, Copy, PartialEq, Default, ZeroCopySend)]
+        #[type_name("ricochet.FieldPoint.v1")]
+        #[repr(C)]
+        pub struct FieldPointMessage {
+            $($(#[$position_doc])* pub $position: f32,)*
+            $($(#[$part_doc])* pub $part: f32,)*
+            $($(#[$sigma_doc])* pub $sigma: f32,)*
+            $($(#[$score_doc])* pub $score: f32,)*
+            /// The number of the `PointStatus`.
+            pub status: u32,
         }
-    }
+
+        impl From<&FieldPoint> for FieldPointMessage {
+            fn from(point: &FieldPoint) -> Self {
+                Self {
+                    $($position: point.$position,)*
+                    $($part: point.displacement.map_or(0.0, |displacement| displacement.$part),)*
+                    $($sigma: point.displacement.map_or(MISSING, |displacement| displacement.$sigma),)*
+                    $($score: point.$score.unwrap_or(MISSING),)*
+                    status: point.status as u32,
+                }
+            }
+        }
+
+        impl From<&FieldPointMessage> for FieldPoint {
+            fn from(message: &FieldPointMessage) -> Self {
+                let displacement = || {
+                    Some(Displacement {
+                        $($part: message.$part,)*
+                        $($sigma: present(message.$sigma)?,)*
+                    })
+                };
+                Self {
+                    $($position: message.$position,)*
+                    displacement: displacement(),
+                    $($score: present(message.$score),)*
+                    status: PointStatus::from_number(message.status).unwrap_or(PointStatus::Lost),
+                }
+            }
+        }
+    };
 }
+
+field_row!(field_message);
 
 const _: () = assert!(size_of::<Number>() == 16 && size_of::<FieldPointMessage>() == 36);
 

@@ -1,9 +1,9 @@
-//! Header of a frame in the ring; the payload is its bytes.
+//! The header of a frame in the ring; the payload is its pixels.
 
 use crate::image::{FrameMeta, PixelFormat};
 use iceoryx2::prelude::ZeroCopySend;
 
-/// What stands before the pixels of every frame: 64 bytes, aligned to 64.
+/// The header in front of the pixels of each frame: 64 bytes, aligned to 64.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, ZeroCopySend)]
 #[type_name("ricochet.FrameHeader.v1")]
 #[repr(C)]
@@ -11,25 +11,25 @@ use iceoryx2::prelude::ZeroCopySend;
 pub struct FrameHeader {
     /// Counts the camera's frames, lost ones included; a jump is a loss.
     pub sequence: u64,
-    /// Exposure start, ns since the Unix epoch.
+    /// The start of the exposure, ns since the Unix epoch.
     pub stamp_ns: u64,
-    /// The camera's own clock at exposure start, ns; 0 when it has none.
+    /// The camera's own clock at the start of the exposure, ns; 0 when it has none.
     pub device_ns: u64,
-    /// Which start of the acquire process this frame belongs to.
+    /// The start of the acquire process that this frame belongs to.
     pub run_id: u64,
-    /// Pixels a row.
+    /// The number of pixels per row.
     pub width_px: u32,
-    /// Rows.
+    /// The number of rows.
     pub height_px: u32,
-    /// Bytes from one row to the next.
+    /// The number of bytes from one row to the next.
     pub stride_bytes: u32,
-    /// GenICam pixel format code.
+    /// The GenICam code of the pixel format.
     pub pixel_format: u32,
-    /// Raised each time the camera is opened anew.
+    /// Raised each time the camera is opened again.
     pub epoch: u32,
-    /// How long the frame was exposed, ns; 0 when the camera does not tell. The largest value stands for more.
+    /// The exposure time, ns; 0 when it is unknown. Longer times are clipped to the maximum.
     pub exposure_ns: u32,
-    /// Which shot of a camera that waits for its line, counted from 1; 0 of others. Nothing is measured from a shot to
+    /// The shot of a camera with a hardware trigger, counted from 1; 0 for other cameras. Nothing is measured from one shot to
     /// the next.
     pub shot: u32,
     /// Zero.
@@ -39,7 +39,7 @@ pub struct FrameHeader {
 const _: () = assert!(size_of::<FrameHeader>() == 64 && align_of::<FrameHeader>() == 64);
 
 impl FrameHeader {
-    /// The header of a frame of this run, exposed for so long (0: not known).
+    /// Creates the header of a frame of this run with this exposure time (0: unknown).
     pub fn new(meta: &FrameMeta, run_id: u64, exposure_us: f64) -> Self {
         Self {
             sequence: meta.sequence,
@@ -58,7 +58,7 @@ impl FrameHeader {
         }
     }
 
-    /// What it says of the frame; `None` when the pixel format is not one of ours.
+    /// Returns the description of the frame; `None` when the pixel format is unknown.
     pub fn meta(&self) -> Option<FrameMeta> {
         Some(FrameMeta {
             sequence: self.sequence,
@@ -68,7 +68,7 @@ impl FrameHeader {
             width_px: self.width_px,
             height_px: self.height_px,
             stride_bytes: self.stride_bytes,
-            format: PixelFormat::from_code(self.pixel_format)?,
+            format: PixelFormat::from_number(self.pixel_format)?,
         })
     }
 }

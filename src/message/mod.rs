@@ -1,11 +1,10 @@
-//! What crosses a process border: fixed-size `repr(C)` values with versioned names.
+//! The messages between processes: fixed-size `repr(C)` values with versioned names.
 //!
-//! A program in C, Python or Rust reads a topic by declaring the same layout
-//! under the same type name (`ricochet.Velocity.v1`). A change that only uses
-//! reserved space keeps the version; any other change raises it, and readers of
-//! the old version are refused by the bus instead of misreading.
+//! A program in C, Python or Rust reads a topic by declaring the same layout under the same type name
+//! (`ricochet.Velocity.v1`). A change that only uses reserved space keeps the version. Any other change raises it, and the
+//! bus refuses readers of the old version, which would misread it.
 //!
-//! Numbers that were not measured have `known = 0` in their [`Number`].
+//! A number that was not measured has `known = 0` in its [`Number`].
 
 mod control;
 mod event;
@@ -14,9 +13,8 @@ mod frame;
 mod impact;
 mod number;
 mod rod;
+mod sample;
 mod status;
-mod track;
-mod velocity;
 
 pub use control::{Command, Reply, ReplyCode, Request};
 pub use event::{EVENT_TEXT_BYTES, Event, EventKind};
@@ -25,6 +23,5 @@ pub use frame::FrameHeader;
 pub use impact::{EstimateMessage, ImpactMessage};
 pub use number::Number;
 pub use rod::RodMessage;
+pub use sample::{TrackMessage, VelocityMessage};
 pub use status::{Progress, Role, StatusMessage};
-pub use track::TrackMessage;
-pub use velocity::VelocityMessage;

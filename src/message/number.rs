@@ -1,8 +1,8 @@
-//! A number that may be missing.
+//! Numbers that may be missing.
 
 use iceoryx2::prelude::ZeroCopySend;
 
-/// A number and whether it was measured at all.
+/// A number that may be missing.
 #[derive(Debug, Clone, Copy, PartialEq, Default, ZeroCopySend)]
 #[type_name("ricochet.Number.v1")]
 #[repr(C)]

@@ -3,38 +3,38 @@
 use crate::results::{Estimate, PointStatus, ROD_EDGES, Rod, RodEdge};
 use iceoryx2::prelude::ZeroCopySend;
 
-/// A rod as it was seen in one frame.
+/// A rod in one frame.
 #[derive(Debug, Clone, Copy, PartialEq, Default, ZeroCopySend)]
 #[type_name("ricochet.Rod.v1")]
 #[repr(C)]
 pub struct RodMessage {
-    /// 1 when a rod was seen; nothing below holds otherwise.
+    /// 1 when there is a rod; otherwise the fields below have no meaning.
     pub known: u32,
-    /// Edges that are followed, from the top downwards; entries of the arrays beyond them are zero.
+    /// The number of tracked edges, from the top downwards; entries of the arrays beyond them are zero.
     pub edges: u32,
-    /// For each edge, number of its `PointStatus`.
+    /// For each edge, the number of its `PointStatus`.
     pub edge_status: [u32; ROD_EDGES],
-    /// For each edge, 1 when its place was measured.
+    /// For each edge, 1 when its position was measured.
     pub edge_known: [u32; ROD_EDGES],
-    /// Where each edge crosses the middle of the rod, px (down).
+    /// The position where each edge crosses the middle of the rod, px (down).
     pub edge_px: [f64; ROD_EDGES],
-    /// Standard uncertainty of each.
+    /// The standard uncertainty of each, px.
     pub sigma_edge_px: [f64; ROD_EDGES],
-    /// Middle between the sides, px.
+    /// The middle between the sides, px.
     pub x_px: f64,
-    /// Standard uncertainty of `x_px`.
+    /// The standard uncertainty of `x_px`.
     pub sigma_x_px: f64,
     /// The point that moves with it, px (down).
     pub y_px: f64,
-    /// Standard uncertainty of `y_px`.
+    /// The standard uncertainty of `y_px`.
     pub sigma_y_px: f64,
-    /// Half the distance between the sides, px.
+    /// Half of the distance between the sides, px.
     pub half_width_px: f64,
-    /// Standard uncertainty of `half_width_px`.
+    /// The standard uncertainty of `half_width_px`.
     pub sigma_half_width_px: f64,
-    /// How far it leans from upright, counter-clockwise on the screen, deg.
+    /// The tilt from upright, counter-clockwise on the screen, deg.
     pub tilt_deg: f64,
-    /// Standard uncertainty of `tilt_deg`.
+    /// The standard uncertainty of `tilt_deg`.
     pub sigma_tilt_deg: f64,
 }
 
@@ -61,20 +61,20 @@ impl From<Option<Rod>> for RodMessage {
     }
 }
 
-impl RodMessage {
-    /// The rod it tells; `None` when there is none.
-    pub fn rod(&self) -> Option<Rod> {
+impl From<RodMessage> for Option<Rod> {
+    fn from(message: RodMessage) -> Self {
         let estimate = |value, sigma| Estimate { value, sigma };
         let edge = |index: usize| RodEdge {
-            y_px: (self.edge_known[index] == 1).then(|| estimate(self.edge_px[index], self.sigma_edge_px[index])),
-            status: PointStatus::from_number(self.edge_status[index]).unwrap_or(PointStatus::Lost),
+            y_px: (message.edge_known[index] == 1)
+                .then(|| estimate(message.edge_px[index], message.sigma_edge_px[index])),
+            status: PointStatus::from_number(message.edge_status[index]).unwrap_or(PointStatus::Lost),
         };
-        (self.known == 1).then(|| Rod {
-            x_px: estimate(self.x_px, self.sigma_x_px),
-            y_px: estimate(self.y_px, self.sigma_y_px),
-            half_width_px: estimate(self.half_width_px, self.sigma_half_width_px),
-            tilt_deg: estimate(self.tilt_deg, self.sigma_tilt_deg),
-            edges: std::array::from_fn(|index| (index < self.edges as usize).then(|| edge(index))),
+        (message.known == 1).then(|| Rod {
+            x_px: estimate(message.x_px, message.sigma_x_px),
+            y_px: estimate(message.y_px, message.sigma_y_px),
+            half_width_px: estimate(message.half_width_px, message.sigma_half_width_px),
+            tilt_deg: estimate(message.tilt_deg, message.sigma_tilt_deg),
+            edges: std::array::from_fn(|index| (index < message.edges as usize).then(|| edge(index))),
         })
     }
 }
@@ -99,7 +99,7 @@ mod tests {
                 None,
             ],
         };
-        assert_eq!(RodMessage::from(Some(rod)).rod(), Some(rod));
-        assert_eq!(RodMessage::from(None).rod(), None);
+        assert_eq!(Option::from(RodMessage::from(Some(rod))), Some(rod));
+        assert_eq!(Option::<Rod>::from(RodMessage::from(None)), None);
     }
 }

@@ -43,7 +43,7 @@ pub fn run(config: &Config, resume: Option<Resume>, stop: &Stop) -> anyhow::Resu
     let begin = now();
     let source = open(config, resume.is_some(), stop)?;
     config.check_calibration(source.format().width_px, source.format().height_px)?;
-    let bus = Bus::take_part(&config.rig.name, Role::Acquire.word(), SUCCESSION)?;
+    let bus = Bus::join_as(&config.rig.name, Role::Acquire.as_str(), SUCCESSION)?;
     if resume.is_none() {
         reference_picture::begin(config)?;
     }
@@ -437,7 +437,7 @@ impl Readers {
     fn missing(&self, run_id: u64) -> String {
         let is_absent = |reader: &&Reader| self.latest.get(reader).is_none_or(|progress| progress.run_id != run_id);
         let names = self.expected.iter().filter(is_absent).map(|reader| {
-            let name = Role::from_number(reader.role).map_or("", Role::word);
+            let name = Role::from_number(reader.role).map_or("", Role::as_str);
             format!("{name} {}", reader.index)
         });
         names.collect::<Vec<_>>().join(", ")

@@ -179,7 +179,7 @@ fn trigger(other: &str) -> Result<String, String> {
     let reply = bus.control_client().map_err(failure)?.ask(Request::Trigger, REPLY_TIMEOUT).map_err(failure)?;
     match reply.map(|reply| ReplyCode::from_number(reply.code).unwrap_or(ReplyCode::Unknown)) {
         Some(ReplyCode::Accepted) => Ok("triggered".into()),
-        Some(code) => Err(code.sentence().to_owned()),
+        Some(code) => Err(code.as_str().to_owned()),
         None => Err("no answer".into()),
     }
 }

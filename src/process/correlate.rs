@@ -30,7 +30,7 @@ pub fn run(config: &Config, index: u32, mut resumed: bool, stop: &Stop) -> anyho
     let format = expected_format(config)?;
     config.check_calibration(format.width_px, format.height_px)?;
     let limits = limits(config, &format);
-    let bus = Bus::take_part(&config.rig.name, &format!("{}-{index}", Role::Correlate.word()), SUCCESSION)?;
+    let bus = Bus::join_as(&config.rig.name, &format!("{}-{index}", Role::Correlate.as_str()), SUCCESSION)?;
     let mut reporter = StatusReporter::new(&bus, &limits, Role::Correlate, index)?;
     reporter.set_queue(0, limits.ring_frames as u64);
     let mut worker = Worker {

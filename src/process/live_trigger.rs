@@ -150,7 +150,7 @@ impl LiveTrigger {
 
     fn publish_state(&mut self, frame: u64, stamp_ns: u64, reporter: &StatusReporter) -> Result<(), BusError> {
         match self.states.changed() {
-            Some(state) => reporter.event(EventKind::State, frame, stamp_ns, state.word()),
+            Some(state) => reporter.event(EventKind::State, frame, stamp_ns, state.as_str()),
             None => Ok(()),
         }
     }

@@ -267,7 +267,7 @@ impl Recorder<'_> {
             let prefix = self.feeds[camera].prefix();
             if let (Some(open), Some(kind)) = (&mut self.shot, event.kind()) {
                 let text = format!("{prefix}frame {}: {}", event.sequence, event.text());
-                let row = EventRow { stamp_ns: event.stamp_ns, kind: kind.word().into(), text };
+                let row = EventRow { stamp_ns: event.stamp_ns, kind: kind.as_str().into(), text };
                 if let Err(error) = open.shot.event(&row) {
                     self.abandon(&error)?;
                 }
@@ -397,7 +397,7 @@ impl Recorder<'_> {
             let text = format!("{}: {}", feed.name, matcher.finish());
             feed.reporter.event(EventKind::Matched, feed.newest.0, feed.newest.1, &text)?;
             self.event(EventKind::Matched, &text)?;
-            let kind = EventKind::Matched.word().into();
+            let kind = EventKind::Matched.as_str().into();
             written = written.and_then(|()| shot.event(&EventRow { stamp_ns, kind, text }));
         }
         let (finished, missing) = match written.and_then(|()| shot.finish(&ends)) {

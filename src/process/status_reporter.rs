@@ -91,7 +91,7 @@ impl StatusReporter {
 
     /// Publishes an event of the current run.
     pub(super) fn event(&self, kind: EventKind, sequence: u64, stamp_ns: u64, text: &str) -> Result<(), BusError> {
-        log::info!("{}: {text} (frame {sequence})", kind.word());
+        log::info!("{}: {text} (frame {sequence})", kind.as_str());
         let milestone =
             matches!(kind, EventKind::Prepared | EventKind::Started | EventKind::Ended | EventKind::Tracked);
         let publisher = if milestone { &self.milestones } else { &self.events };

@@ -163,12 +163,12 @@ impl<'a> Supervisor<'a> {
         if let Some(record) = &config.record {
             prepare_directory(record)?;
         }
-        let bus = Bus::take_part(&config.rig.name, Role::Supervise.word(), Duration::ZERO)?;
+        let bus = Bus::join_as(&config.rig.name, Role::Supervise.as_str(), Duration::ZERO)?;
         bus.clean_up_dead();
         let limits = limits(config, &expected_format(config)?);
-        let mut groups = vec![CameraGroup::open("", config, Bus::join(&config.rig.name, Role::Supervise.word())?)?];
+        let mut groups = vec![CameraGroup::open("", config, Bus::join(&config.rig.name, Role::Supervise.as_str())?)?];
         for view in &config.views {
-            let bus = Bus::take_part(&view.config.rig.name, Role::Supervise.word(), Duration::ZERO)?;
+            let bus = Bus::join_as(&view.config.rig.name, Role::Supervise.as_str(), Duration::ZERO)?;
             groups.push(CameraGroup::open(&view.name, &view.config, bus)?);
         }
         let mut supervisor = Self {
@@ -199,7 +199,7 @@ impl<'a> Supervisor<'a> {
     fn spawn(&self, child: Child, resume: Option<Resume>) -> anyhow::Result<Process> {
         let config = self.groups[child.camera as usize].config;
         let mut command = Command::new(&self.program);
-        command.arg(child.role.word()).arg("-").args(["--origin", &config.origin]);
+        command.arg(child.role.as_str()).arg("-").args(["--origin", &config.origin]);
         if child.role == Role::Correlate {
             command.args(["--worker", &child.index.to_string()]);
         }
@@ -312,7 +312,7 @@ impl<'a> Supervisor<'a> {
         status: ExitStatus,
         is_draining: bool,
     ) -> anyhow::Result<()> {
-        let role = child.role.word();
+        let role = child.role.as_str();
         let last = self.statuses.get(&child).copied().unwrap_or_default();
         self.summary.lost += 1;
         self.summary.causes.push(format!("{} ended with {status}", self.name(child)));
@@ -341,7 +341,7 @@ impl<'a> Supervisor<'a> {
 
     /// Returns the name of a process for messages.
     fn name(&self, child: Child) -> String {
-        let name = format!("{} {}", child.role.word(), child.index);
+        let name = format!("{} {}", child.role.as_str(), child.index);
         match self.groups[child.camera as usize].name {
             "" => name,
             camera => format!("{name} of {camera}"),

@@ -32,7 +32,7 @@ pub fn run(config: &Config, resumed: Option<Resume>, stop: &Stop) -> anyhow::Res
     let format = expected_format(config)?;
     config.check_calibration(format.width_px, format.height_px)?;
     let limits = limits(config, &format);
-    let bus = Bus::take_part(&config.rig.name, Role::Track.word(), SUCCESSION)?;
+    let bus = Bus::join_as(&config.rig.name, Role::Track.as_str(), SUCCESSION)?;
     let mut reporter = StatusReporter::new(&bus, &limits, Role::Track, 0)?;
     reporter.set_queue(0, limits.field_depth() as u64);
     let mut loop_ = Loop {

@@ -1,78 +1,45 @@
 //! Which topics a recording holds, and the schema each is written with.
 
+pub(super) mod proto;
+
+use super::rows::{Field, Impact, Track, Velocity};
+use crate::results::named_enum;
 use foxglove::Encode;
 use foxglove::messages::{ImageAnnotations, RawImage};
 use std::borrow::Cow;
 
-/// The messages of `schema/*.proto`.
-pub(super) mod proto {
-    #![allow(clippy::all, reason = "generated from the .proto files")]
-    include!(concat!(env!("OUT_DIR"), "/ricochet.rs"));
-}
-
-/// A topic of a recording.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Topic {
-    /// The frames, as `foxglove.RawImage`.
-    Image,
-    /// What an image message cannot hold of a frame.
-    FrameInfo,
-    /// Circles and vectors to draw over the frames, as `foxglove.ImageAnnotations`.
-    Annotations,
-    /// Displacement fields.
-    Field,
-    /// Where the bodies are.
-    Track,
-    /// How fast they move.
-    Velocity,
-    /// What the collisions did.
-    Impact,
-    /// How the rig's processes are doing.
-    Status,
-    /// Triggers and changes of state.
-    Events,
-    /// The velocities a simulated camera drew.
-    Truth,
-    /// The collisions a simulated camera drew.
-    TruthImpact,
+named_enum! {
+    /// A topic of a recording.
+    Topic: "topic" {
+        /// The frames, as `foxglove.RawImage`.
+        Image = 0 "/camera/image",
+        /// What an image message cannot hold of a frame.
+        FrameInfo = 1 "/camera/frame_info",
+        /// Circles and vectors to draw over the frames, as `foxglove.ImageAnnotations`.
+        Annotations = 2 "/camera/annotations",
+        /// Displacement fields.
+        Field = 3 "/field",
+        /// Where the bodies are.
+        Track = 4 "/track",
+        /// How fast they move.
+        Velocity = 5 "/velocity",
+        /// What the collisions did.
+        Impact = 6 "/impact",
+        /// How the rig's processes are doing.
+        Status = 7 "/status",
+        /// Triggers and changes of state.
+        Events = 8 "/events",
+        /// The velocities a simulated camera drew.
+        Truth = 9 "/truth",
+        /// The collisions a simulated camera drew.
+        TruthImpact = 10 "/truth_impact",
+    }
 }
 
 impl Topic {
-    /// Every topic.
-    pub const ALL: [Self; 11] = [
-        Self::Image,
-        Self::FrameInfo,
-        Self::Annotations,
-        Self::Field,
-        Self::Track,
-        Self::Velocity,
-        Self::Impact,
-        Self::Status,
-        Self::Events,
-        Self::Truth,
-        Self::TruthImpact,
-    ];
-
-    /// Its name in the file.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Image => "/camera/image",
-            Self::FrameInfo => "/camera/frame_info",
-            Self::Annotations => "/camera/annotations",
-            Self::Field => "/field",
-            Self::Track => "/track",
-            Self::Velocity => "/velocity",
-            Self::Impact => "/impact",
-            Self::Status => "/status",
-            Self::Events => "/events",
-            Self::Truth => "/truth",
-            Self::TruthImpact => "/truth_impact",
-        }
-    }
-
     /// Whether a channel of this name is this topic's, of whichever camera.
     pub fn is_named_by(self, channel: &str) -> bool {
-        let camera = channel.strip_suffix(self.name());
+        let camera = channel.strip_suffix(self.as_str());
         camera.is_some_and(|camera| camera.is_empty() || (camera.starts_with('/') && !camera[1..].contains('/')))
     }
 
@@ -93,21 +60,20 @@ impl Topic {
 
     /// Its schema: a serialised protobuf `FileDescriptorSet`.
     pub fn schema_data(self) -> Cow<'static, [u8]> {
-        macro_rules! compiled {
-            ($name:literal) => {
-                Cow::Borrowed(include_bytes!(concat!(env!("OUT_DIR"), "/", $name, ".bin")).as_slice())
-            };
-        }
+        let schema = |file: &str, messages: &[(&str, &[proto::Field])]| Cow::Owned(proto::schema(file, messages));
         match self {
             Self::Image => RawImage::get_schema().map(|schema| schema.data).unwrap_or_default(),
             Self::Annotations => ImageAnnotations::get_schema().map(|schema| schema.data).unwrap_or_default(),
-            Self::FrameInfo => compiled!("frame_info"),
-            Self::Field => compiled!("field"),
-            Self::Track => compiled!("track"),
-            Self::Velocity | Self::Truth => compiled!("velocity"),
-            Self::Impact | Self::TruthImpact => compiled!("impact"),
-            Self::Status => compiled!("status"),
-            Self::Events => compiled!("event"),
+            Self::FrameInfo => schema("frame_info", &[("FrameInfo", proto::FrameInfo::FIELDS)]),
+            Self::Field => schema("field", &[("Field", Field::FIELDS)]),
+            Self::Track => schema(
+                "track",
+                &[("RodEdge", proto::RodEdge::FIELDS), ("Rod", proto::Rod::FIELDS), ("Track", Track::FIELDS)],
+            ),
+            Self::Velocity | Self::Truth => schema("velocity", &[("Velocity", Velocity::FIELDS)]),
+            Self::Impact | Self::TruthImpact => schema("impact", &[("Impact", Impact::FIELDS)]),
+            Self::Status => schema("status", &[("Reading", proto::Reading::FIELDS), ("Status", proto::Status::FIELDS)]),
+            Self::Events => schema("event", &[("Event", proto::Event::FIELDS)]),
         }
     }
 }
@@ -118,6 +84,21 @@ mod tests {
     use prost::Message;
 
     #[test]
+    fn the_schemas_are_complete() {
+        for topic in Topic::ALL {
+            let set = prost_types::FileDescriptorSet::decode(topic.schema_data().as_ref()).unwrap();
+            for file in set.file.iter().filter(|file| file.package() == "ricochet") {
+                let messages = file.message_type.iter().map(|message| message.name());
+                let names: Vec<&str> = messages.chain(file.enum_type.iter().map(|values| values.name())).collect();
+                for field in file.message_type.iter().flat_map(|message| &message.field) {
+                    let name = field.type_name().strip_prefix(".ricochet.");
+                    assert!(field.type_name.is_none() || name.is_some_and(|name| names.contains(&name)), "{field:?}");
+                }
+            }
+        }
+    }
+
+    #[test]
     fn every_schema_is_a_descriptor_set_that_defines_its_message() {
         for topic in Topic::ALL {
             let set = prost_types::FileDescriptorSet::decode(topic.schema_data().as_ref()).unwrap();
@@ -126,7 +107,7 @@ mod tests {
                 .iter()
                 .flat_map(|file| file.message_type.iter().map(|m| format!("{}.{}", file.package(), m.name())))
                 .collect();
-            assert!(names.iter().any(|name| name == topic.schema_name()), "{}: {names:?}", topic.name());
+            assert!(names.iter().any(|name| name == topic.schema_name()), "{}: {names:?}", topic.as_str());
         }
     }
 }

@@ -218,7 +218,7 @@ impl RecordingWriter {
                     meta.stride_bytes,
                     meta.width_px,
                     meta.height_px,
-                    meta.format.word()
+                    meta.format.as_str()
                 ),
             ));
         }
@@ -434,7 +434,7 @@ impl RecordingWriter {
         }
         let prefix = camera.checked_sub(1).map_or_else(String::new, |view| format!("/{}", self.views[view]));
         let id = self.call(|container| {
-            let (topic, encoding) = (prefix + topic.name(), schema.encoding.clone());
+            let (topic, encoding) = (prefix + topic.as_str(), schema.encoding.clone());
             let schema = container.schema(&schema)?;
             container.channel(&Channel { schema, topic, encoding, metadata: BTreeMap::new() })
         })?;

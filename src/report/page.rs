@@ -73,7 +73,7 @@ fn header(shot: &Shot, rig: &str) -> Markup {
     }
     facts.extend(shot.frames.rate_hz.map(|rate| format!("{} frames/s", grouped(rate))));
     facts.extend(shot.metadata.get("scale").cloned());
-    facts.extend(shot.frames.shape.map(|m| format!("{} × {} px, {}", m.width_px, m.height_px, m.format.word())));
+    facts.extend(shot.frames.shape.map(|m| format!("{} × {} px, {}", m.width_px, m.height_px, m.format.as_str())));
     facts.push(match shot.frames.count {
         0 => "results only, no raw frames".into(),
         count => format!("{} frames", grouped(count as f64)),
@@ -89,12 +89,8 @@ fn header(shot: &Shot, rig: &str) -> Markup {
 
 /// The numbers of an impact by column; moments count from the recording's first frame, durations stay as they are.
 fn numbers(shot: &Shot, impact: &Impact) -> BTreeMap<&'static str, Estimate> {
-    let shift_s = shot.shift_s(impact);
-    let shifted = |name: &'static str, number: Estimate| Estimate {
-        value: if Impact::is_moment(name) { number.value + shift_s } else { number.value },
-        ..number
-    };
-    impact.numbers().into_iter().filter_map(|(name, number)| Some((name, shifted(name, number?)))).collect()
+    let shifted = impact.shifted(shot.shift_s(impact));
+    shifted.numbers().into_iter().filter_map(|(name, number)| Some((name, number?))).collect()
 }
 
 fn collision(shot: &Shot, impact: &Impact) -> Markup {
@@ -105,7 +101,7 @@ fn collision(shot: &Shot, impact: &Impact) -> Markup {
             h2 { (heading(shot, impact)) }
             @if impact.status != PointStatus::Valid {
                 p class="alert" {
-                    "This collision is " (impact.status.word()) ": not all of it could be measured."
+                    "This collision is " (impact.status.as_str()) ": not all of it could be measured."
                 }
             }
             (tiles(&measured))
@@ -114,7 +110,7 @@ fn collision(shot: &Shot, impact: &Impact) -> Markup {
                 @for (name, group) in GROUPS { (table(name, group, &measured, truth.as_ref())) }
             }
             p class="note" {
-                "Contact law: " (impact.force_law.word())
+                "Contact law: " (impact.force_law.as_str())
                 @if let Some(share) = impact.force_law_probability {
                     " (" (format!("{:.0}", 100.0 * share)) " % probable of those that follow the motion)"
                 }
@@ -304,7 +300,7 @@ fn events(shot: &Shot) -> Markup {
 fn statuses(shot: &Shot) -> BTreeMap<&str, u64> {
     let mut counts = BTreeMap::new();
     for row in &shot.velocities {
-        *counts.entry(row.status.word()).or_default() += 1;
+        *counts.entry(row.status.as_str()).or_default() += 1;
     }
     counts
 }

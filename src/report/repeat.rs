@@ -82,11 +82,10 @@ struct SpreadRow<'a> {
 
 impl<'a> SpreadRow<'a> {
     fn new(group: &'a str, quantity: &'a Quantity, impacts: &[Option<&Impact>]) -> Self {
-        let of = |impact: &Impact| impact.numbers().into_iter().find(|(name, _)| *name == quantity.column)?.1;
         let values: Vec<(usize, Estimate)> = (1..)
             .zip(impacts)
             .filter_map(|(shot, impact)| {
-                let Estimate { value, sigma } = of((*impact)?)?;
+                let Estimate { value, sigma } = (*impact)?.get(quantity.column)?;
                 Some((shot, Estimate { value: value * quantity.factor, sigma: sigma * quantity.factor }))
             })
             .collect();

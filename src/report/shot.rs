@@ -124,7 +124,7 @@ impl Shot {
         for field in recording.fields()? {
             let field = field?;
             for point in &field.points {
-                *self.field_statuses.entry(point.status.word()).or_default() += 1;
+                *self.field_statuses.entry(point.status.as_str()).or_default() += 1;
             }
             let shown = |s: &&mut Snapshot| s.field.is_none() && (s.row.frame, s.row.body) == (field.frame, field.body);
             for snapshot in self.snapshots.iter_mut().filter(shown) {
@@ -229,9 +229,7 @@ fn snapshots(impacts: &[Impact], rows: &[VelocitySample]) -> Vec<Snapshot> {
     let mut snapshots = Vec::new();
     for impact in impacts.iter().take(PICTURED_IMPACTS_MAX) {
         for (column, title) in MOMENTS {
-            let Some((_, Some(moment))) = impact.numbers().into_iter().find(|(name, _)| *name == column) else {
-                continue;
-            };
+            let Some(moment) = impact.get(column) else { continue };
             if !(moment.value.is_finite() && moment.value >= 0.0) {
                 continue;
             }

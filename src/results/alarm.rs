@@ -1,29 +1,29 @@
-//! What is told of a collision while it lasts.
+//! Alarms, which are published while a collision lasts.
 
 use super::Estimate;
 
-/// What was noticed.
+/// The kind of an alarm.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum AlarmKind {
     /// Contact began.
     Began,
-    /// The body is thrown back: the deepest moment has passed.
+    /// The body is thrown back, so the deepest position has passed.
     Turned,
-    /// What was told as contact was none.
+    /// The contact is withdrawn: there was none.
     Withdrawn,
 }
 
-/// A collision noticed while it lasts; its numbers come later, as an [`Impact`](super::Impact).
+/// The detection of a collision while it lasts. Its numbers follow later, as an [`Impact`](super::Impact).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Alarm {
-    /// Index of the body in the configuration.
+    /// The index of the body in the configuration.
     pub body: u32,
-    /// What was noticed.
+    /// The kind.
     pub kind: AlarmKind,
-    /// The frame by which it was noticed.
+    /// The frame by which it was detected.
     pub frame: u64,
-    /// When it happened, s after the first frame; as well as is known at once.
+    /// The first estimate of the time, s after the first frame.
     pub at_s: Estimate,
-    /// The same, ns since the Unix epoch.
+    /// The same time, ns since the Unix epoch.
     pub stamp_ns: u64,
 }

@@ -1,201 +1,195 @@
-//! What a collision did.
+//! The `impact` row: what a collision did to a body.
 
-use super::PointStatus;
+use super::columns::{Cell, Column};
+use super::named::named_enum;
+use super::{Estimate, PointStatus};
 
-/// A number with its standard uncertainty.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Estimate {
-    /// The number.
-    pub value: f64,
-    /// Its standard uncertainty, same unit.
-    pub sigma: f64,
-}
-
-impl Estimate {
-    /// The same where the true number may differ by a share of it.
-    #[must_use]
-    pub fn short_by(self, share: f64) -> Self {
-        Self { sigma: self.sigma.hypot(share * self.value), ..self }
+named_enum! {
+    /// The contact law that describes the collision best.
+    #[derive(Default)]
+    ForceLaw: "force_law" {
+        /// No law was accepted; the times come from the motion alone.
+        #[default]
+        None = 0 "none",
+        /// Spring and dashpot, F = k y + c v.
+        KelvinVoigt = 1 "kelvin-voigt",
+        /// F = k y^1.5 (1 + c v).
+        HuntCrossley = 2 "hunt-crossley",
+        /// F = k y^n (1 + c v), n free.
+        PowerLaw = 3 "power-law",
     }
 }
 
-/// The contact law that described the collision best.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
-#[repr(u32)]
-pub enum ForceLaw {
-    /// No law was accepted; the times come from the motion alone.
-    #[default]
-    None = 0,
-    /// Spring and dashpot, F = k y + c v.
-    KelvinVoigt = 1,
-    /// F = k y^1.5 (1 + c v).
-    HuntCrossley = 2,
-    /// F = k y^n (1 + c v), n free.
-    PowerLaw = 3,
-}
-
-impl ForceLaw {
-    /// Every law, in the order of its number.
-    pub const ALL: [Self; 4] = [Self::None, Self::KelvinVoigt, Self::HuntCrossley, Self::PowerLaw];
-
-    /// The word used in tables.
-    pub fn word(self) -> &'static str {
-        match self {
-            Self::None => "none",
-            Self::KelvinVoigt => "kelvin-voigt",
-            Self::HuntCrossley => "hunt-crossley",
-            Self::PowerLaw => "power-law",
+/// Hands the measured numbers of the `impact` row to a macro, in the order of the table: each with its number in the protobuf
+/// message, and its standard uncertainty with its own. A `Moment` counts from [`Impact::origin_ns`].
+macro_rules! impact_row {
+    ($derive:ident) => {
+        $derive! {
+            /// The start of the force, s.
+            start_s: Moment = 10, sigma_start_s = 11;
+            /// The time at which the normal velocity crosses zero, s.
+            deepest_s: Moment = 12, sigma_deepest_s = 13;
+            /// The end of the force, s.
+            end_s: Moment = 14, sigma_end_s = 15;
+            /// The normal velocity at the start (negative: towards the surface), m/s.
+            vn_before_m_s: Quantity = 16, sigma_vn_before_m_s = 17;
+            /// The normal velocity at the end, m/s.
+            vn_after_m_s: Quantity = 18, sigma_vn_after_m_s = 19;
+            /// The tangential velocity at the start, m/s.
+            vt_before_m_s: Quantity = 20, sigma_vt_before_m_s = 21;
+            /// The tangential velocity at the end, m/s.
+            vt_after_m_s: Quantity = 22, sigma_vt_after_m_s = 23;
+            /// The spin before, counter-clockwise positive, rad/s.
+            omega_before_rad_s: Quantity = 24, sigma_omega_before_rad_s = 25;
+            /// The spin after, counter-clockwise positive, rad/s.
+            omega_after_rad_s: Quantity = 26, sigma_omega_after_rad_s = 27;
+            /// The normal speed after over the normal speed before (no unit).
+            restitution: Quantity = 28, sigma_restitution = 29;
+            /// The tangential restitution -(s after)/(s before), s the tangential speed of the contact point (no unit).
+            restitution_tangential: Quantity = 30, sigma_restitution_tangential = 31;
+            /// The tangential impulse over the normal impulse (no unit).
+            impulse_ratio: Quantity = 32, sigma_impulse_ratio = 33;
+            /// The duration of the contact, end minus start, s.
+            contact_time_s: Quantity = 34, sigma_contact_time_s = 35;
+            /// The deepest point of the centre below its position at the start, mm.
+            compression_max_mm: Quantity = 36, sigma_compression_max_mm = 37;
+            /// The highest normal acceleration, m/s².
+            acceleration_max_m_s2: Quantity = 38, sigma_acceleration_max_m_s2 = 39;
+            /// The time at which the contact point stops slipping, s.
+            slip_end_s: Moment = 40, sigma_slip_end_s = 41;
+            /// The time at which the force rises above 2 % of its peak, s.
+            force_start_s: Moment = 42, sigma_force_start_s = 43;
+            /// The time at which it falls below that again, s.
+            force_end_s: Moment = 44, sigma_force_end_s = 45;
+            /// The highest normal force, if the mass is known, N.
+            force_max_n: Quantity = 46, sigma_force_max_n = 47;
+            /// The kinetic energy that the centre's motion lost, without that of the spin, if the mass is known, J.
+            energy_lost_j: Quantity = 48, sigma_energy_lost_j = 49;
+            /// The acceleration along gravity in the free flights on both sides, m/s². Compared with gravity itself it
+            /// checks the scale.
+            gravity_m_s2: Quantity = 50, sigma_gravity_m_s2 = 51;
+            /// The relative growth of the body's image per second in the flight before: it came nearer to the camera, or
+            /// went to where the lens draws it larger. The other numbers are those of a body at its distance at first touch.
+            growth_before_per_s: Quantity = 53, sigma_growth_before_per_s = 54;
+            /// The relative growth of the body's image per second in the flight after.
+            growth_after_per_s: Quantity = 55, sigma_growth_after_per_s = 56;
         }
-    }
+    };
+}
+pub(crate) use impact_row;
 
-    /// The law with this word, if there is one.
-    pub fn from_word(word: &str) -> Option<Self> {
-        Self::ALL.into_iter().find(|law| law.word() == word)
-    }
-
-    /// The law with this number, if there is one.
-    pub fn from_number(number: u32) -> Option<Self> {
-        Self::ALL.into_iter().find(|law| *law as u32 == number)
-    }
+/// Whether a number is a time on the recording's clock.
+#[derive(Clone, Copy, PartialEq)]
+enum Meaning {
+    Moment,
+    Quantity,
 }
 
-/// How many numbers an [`Impact`] has.
-pub const IMPACT_NUMBERS: usize = 23;
+/// Derives the row from its numbers: the struct and its columns.
+macro_rules! impact_struct {
+    ($($(#[$doc:meta])* $number:ident: $Meaning:ident = $tag:tt, $sigma:ident = $sigma_tag:tt;)+) => {
+        /// The number of measured numbers of an [`Impact`].
+        pub const IMPACT_NUMBERS: usize = [$(stringify!($number)),+].len();
 
-/// One collision of one body.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Impact {
-    /// Index of the body in the configuration.
-    pub body: u32,
-    /// Counts the collisions of this body from 0.
-    pub number: u32,
-    /// Counts up each time the same collision is told again with better numbers.
-    pub revision: u32,
-    /// The moment the `_s` times below count from, ns since the Unix epoch: the stream's first frame.
-    pub origin_ns: u64,
-    /// The force begins.
-    pub start_s: Option<Estimate>,
-    /// The normal velocity crosses zero.
-    pub deepest_s: Option<Estimate>,
-    /// The force is back to zero.
-    pub end_s: Option<Estimate>,
-    /// Normal velocity at the start (negative: towards the surface).
-    pub vn_before_m_s: Option<Estimate>,
-    /// Normal velocity at the end.
-    pub vn_after_m_s: Option<Estimate>,
-    /// Tangential velocity at the start.
-    pub vt_before_m_s: Option<Estimate>,
-    /// Tangential velocity at the end.
-    pub vt_after_m_s: Option<Estimate>,
-    /// Spin before, counter-clockwise positive.
-    pub omega_before_rad_s: Option<Estimate>,
-    /// Spin after.
-    pub omega_after_rad_s: Option<Estimate>,
-    /// Normal speed after over normal speed before.
-    pub restitution: Option<Estimate>,
-    /// Change of sign and size of the contact point's tangential speed, -(s after)/(s before).
-    pub restitution_tangential: Option<Estimate>,
-    /// Tangential impulse over normal impulse.
-    pub impulse_ratio: Option<Estimate>,
-    /// End minus start.
-    pub contact_time_s: Option<Estimate>,
-    /// Deepest point of the centre below where contact started, mm.
-    pub compression_max_mm: Option<Estimate>,
-    /// Highest normal acceleration.
-    pub acceleration_max_m_s2: Option<Estimate>,
-    /// The contact point stops slipping.
-    pub slip_end_s: Option<Estimate>,
-    /// The force passes 2 % of its peak on its way up.
-    pub force_start_s: Option<Estimate>,
-    /// And on its way down.
-    pub force_end_s: Option<Estimate>,
-    /// Highest normal force, where the mass is known.
-    pub force_max_n: Option<Estimate>,
-    /// Kinetic energy that the centre's motion lost, where the mass is known; that of the spin is not in it.
-    pub energy_lost_j: Option<Estimate>,
-    /// Acceleration of the free flights on both sides along gravity: beside gravity itself, a check of the scale.
-    pub gravity_m_s2: Option<Estimate>,
-    /// By which share a second the body grew in the picture in the flight before: it came nearer to the camera, or went to
-    /// where the lens draws it larger. The numbers above are those of a body at the distance it has at first touch.
-    pub growth_before_per_s: Option<Estimate>,
-    /// And after.
-    pub growth_after_per_s: Option<Estimate>,
-    /// The contact law behind the times.
-    pub force_law: ForceLaw,
-    /// How probable that law is among those that follow the motion, 0 to 1; `None` where none was fitted.
-    pub force_law_probability: Option<f64>,
-    /// What became of it.
-    pub status: PointStatus,
+        /// One collision of one body.
+        #[derive(Debug, Clone, Copy, PartialEq)]
+        pub struct Impact {
+            /// The index of the body in the configuration.
+            pub body: u32,
+            /// Counts the collisions of this body from 0.
+            pub number: u32,
+            /// Counts up each time the same collision is published again with better numbers.
+            pub revision: u32,
+            /// The origin of the `_s` moments below, ns since the Unix epoch: the stream's first frame.
+            pub origin_ns: u64,
+            $($(#[$doc])* pub $number: Option<Estimate>,)+
+            /// The contact law behind the times.
+            pub force_law: ForceLaw,
+            /// The probability of that law among those that follow the motion, 0 to 1; `None` where none was fitted.
+            pub force_law_probability: Option<f64>,
+            /// The status of the measurement.
+            pub status: PointStatus,
+        }
+
+        impl Impact {
+            /// The columns of the numbers, in the order of the table.
+            const VALUES: [Column<Self>; IMPACT_NUMBERS] =
+                [$(Column::double(stringify!($number), |row| Cell::Double(row.$number.map(|e| e.value)))),+];
+
+            /// The columns of their standard uncertainties.
+            const SIGMAS: [Column<Self>; IMPACT_NUMBERS] =
+                [$(Column::double(stringify!($sigma), |row| Cell::Double(row.$number.map(|e| e.sigma)))),+];
+
+            /// A collision of which nothing is known yet.
+            pub fn unknown(body: u32, number: u32, origin_ns: u64) -> Self {
+                Self {
+                    body,
+                    number,
+                    revision: 0,
+                    origin_ns,
+                    $($number: None,)+
+                    force_law: ForceLaw::None,
+                    force_law_probability: None,
+                    status: PointStatus::Lost,
+                }
+            }
+
+            /// Returns the impact with its moments counted from `shift_s` earlier; durations stay as they are.
+            #[must_use]
+            pub fn shifted(mut self, shift_s: f64) -> Self {
+                $(
+                    if let (Meaning::Moment, Some(moment)) = (Meaning::$Meaning, &mut self.$number) {
+                        moment.value += shift_s;
+                    }
+                )+
+                self
+            }
+
+            /// Whether the number of this name is a moment, which counts from [`Impact::origin_ns`], and not a duration.
+            pub fn is_moment(name: &str) -> bool {
+                [$((stringify!($number), Meaning::$Meaning)),+].contains(&(name, Meaning::Moment))
+            }
+
+            /// Returns every measured number with its column's name, in the order of the table.
+            pub fn numbers(&self) -> [(&'static str, Option<Estimate>); IMPACT_NUMBERS] {
+                [$((stringify!($number), self.$number)),+]
+            }
+        }
+    };
 }
+
+impact_row!(impact_struct);
+
+/// The numbers up to the end of slip, which stand before `status`, with their uncertainties behind it. Numbers added later
+/// stand last, each next to its uncertainty, so that no column of the table ever moves.
+const FIRST_NUMBERS: usize = 16;
 
 impl Impact {
-    /// A collision of which nothing is known yet.
-    pub fn unknown(body: u32, number: u32, origin_ns: u64) -> Self {
-        Self {
-            body,
-            number,
-            revision: 0,
-            origin_ns,
-            start_s: None,
-            deepest_s: None,
-            end_s: None,
-            vn_before_m_s: None,
-            vn_after_m_s: None,
-            vt_before_m_s: None,
-            vt_after_m_s: None,
-            omega_before_rad_s: None,
-            omega_after_rad_s: None,
-            restitution: None,
-            restitution_tangential: None,
-            impulse_ratio: None,
-            contact_time_s: None,
-            compression_max_mm: None,
-            acceleration_max_m_s2: None,
-            slip_end_s: None,
-            force_start_s: None,
-            force_end_s: None,
-            force_max_n: None,
-            energy_lost_j: None,
-            gravity_m_s2: None,
-            growth_before_per_s: None,
-            growth_after_per_s: None,
-            force_law: ForceLaw::None,
-            force_law_probability: None,
-            status: PointStatus::Lost,
-        }
+    const FORCE_LAW: Column<Self> = Column::text("force_law", |row| Cell::Text(row.force_law.as_str().into()));
+    const PROBABILITY: Column<Self> =
+        Column::double("force_law_probability", |row| Cell::Double(row.force_law_probability));
+    const STATUS: Column<Self> = Column::text("status", |row| Cell::Text(row.status.as_str().into()));
+
+    /// Returns the measured number of this name.
+    pub fn get(&self, name: &str) -> Option<Estimate> {
+        self.numbers().into_iter().find(|(column, _)| *column == name).and_then(|(_, number)| number)
     }
 
-    /// Whether a number of this name is a moment, which counts from [`Impact::origin_ns`], and no duration.
-    pub fn is_moment(name: &str) -> bool {
-        matches!(name, "start_s" | "deepest_s" | "end_s" | "slip_end_s" | "force_start_s" | "force_end_s")
+    /// Returns the columns of the table behind the body.
+    pub fn table() -> Vec<Column<Self>> {
+        let [values, sigmas] = [Self::VALUES, Self::SIGMAS];
+        let (first, later) = values.split_at(FIRST_NUMBERS);
+        let (motion, slip) = first.split_at(FIRST_NUMBERS - 1);
+        let (first_sigmas, later_sigmas) = sigmas.split_at(FIRST_NUMBERS);
+        let mut columns = [motion, &[Self::FORCE_LAW], slip, &[Self::STATUS], first_sigmas].concat();
+        columns.extend(later.iter().zip(later_sigmas).flat_map(|(value, sigma)| [*value, *sigma]));
+        columns.push(Self::PROBABILITY);
+        columns
     }
 
-    /// Every measured number with its column name, in the order of the table.
-    pub fn numbers(&self) -> [(&'static str, Option<Estimate>); IMPACT_NUMBERS] {
-        [
-            ("start_s", self.start_s),
-            ("deepest_s", self.deepest_s),
-            ("end_s", self.end_s),
-            ("vn_before_m_s", self.vn_before_m_s),
-            ("vn_after_m_s", self.vn_after_m_s),
-            ("vt_before_m_s", self.vt_before_m_s),
-            ("vt_after_m_s", self.vt_after_m_s),
-            ("omega_before_rad_s", self.omega_before_rad_s),
-            ("omega_after_rad_s", self.omega_after_rad_s),
-            ("restitution", self.restitution),
-            ("restitution_tangential", self.restitution_tangential),
-            ("impulse_ratio", self.impulse_ratio),
-            ("contact_time_s", self.contact_time_s),
-            ("compression_max_mm", self.compression_max_mm),
-            ("acceleration_max_m_s2", self.acceleration_max_m_s2),
-            ("slip_end_s", self.slip_end_s),
-            ("force_start_s", self.force_start_s),
-            ("force_end_s", self.force_end_s),
-            ("force_max_n", self.force_max_n),
-            ("energy_lost_j", self.energy_lost_j),
-            ("gravity_m_s2", self.gravity_m_s2),
-            ("growth_before_per_s", self.growth_before_per_s),
-            ("growth_after_per_s", self.growth_after_per_s),
-        ]
+    /// Returns the columns of a JSON object: each number next to its uncertainty.
+    pub fn pairs() -> Vec<Column<Self>> {
+        let pairs = Self::VALUES.into_iter().zip(Self::SIGMAS).flat_map(|(value, sigma)| [value, sigma]);
+        pairs.chain([Self::FORCE_LAW, Self::PROBABILITY, Self::STATUS]).collect()
     }
 }

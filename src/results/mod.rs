@@ -1,11 +1,14 @@
-//! What was measured: the rows every room, topic and table speaks.
+//! The results: the rows of every topic and table.
 //!
-//! Plain values without behaviour. A number that could not be measured is
-//! `None` and a status says why; there is no NaN and no zero in its place.
+//! A number that could not be measured is `None`, and a status gives the reason. There is never a NaN or a zero in its
+//! place.
 
 mod alarm;
+mod columns;
+mod estimate;
 mod field;
 mod impact;
+mod named;
 mod rod;
 mod rod_lines;
 mod status;
@@ -14,12 +17,19 @@ mod track;
 mod velocity;
 
 pub use alarm::{Alarm, AlarmKind};
+pub use columns::{Cell, Column, Heading, Kind, Sample};
+pub use estimate::Estimate;
+pub(crate) use field::field_row;
 pub use field::{Displacement, FieldPoint, PairField};
-pub use impact::{Estimate, ForceLaw, IMPACT_NUMBERS, Impact};
+pub(crate) use impact::impact_row;
+pub use impact::{ForceLaw, IMPACT_NUMBERS, Impact};
+pub use named::UnknownName;
+pub(crate) use named::named_enum;
 pub use rod::{ROD_EDGES, Rod, RodEdge};
-pub use status::{Phase, PointStatus};
-pub use step::{BodyStep, Circle, RigidStep};
-pub use track::TrackSample;
-pub use velocity::{BodyVelocity, VelocitySample};
-
 pub use rod_lines::{Segment, segments};
+pub use status::{Phase, PointStatus};
+pub use step::{BodyStep, Circle};
+pub use track::TrackSample;
+pub(crate) use track::track_row;
+pub(crate) use velocity::velocity_row;
+pub use velocity::{BodyVelocity, RigidStep, VelocitySample};

@@ -1,6 +1,6 @@
 //! What one pair of frames says of one body.
 
-use super::{Estimate, PointStatus, Rod};
+use super::{Estimate, PointStatus, RigidStep, Rod};
 
 /// A ball's outline in one frame; of a patch, a disc of its area about the point that is told.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -17,27 +17,6 @@ pub struct Circle {
     pub sigma_radius_px: f64,
     /// Share of the disc's area that is not hidden, 0 to 1.
     pub visible_fraction: f64,
-}
-
-/// A body's motion from one frame to the next.
-///
-/// Measured over `interval_frames` and divided by it, so always per frame.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct RigidStep {
-    /// Motion of the body's centre along x, px/frame.
-    pub dx_px: f64,
-    /// Motion of the body's centre along y (down), px/frame.
-    pub dy_px: f64,
-    /// Rotation, counter-clockwise as seen on the screen, deg/frame.
-    pub dtheta_deg: f64,
-    /// Standard uncertainty of `dx_px`.
-    pub sigma_dx_px: f64,
-    /// Standard uncertainty of `dy_px`.
-    pub sigma_dy_px: f64,
-    /// Standard uncertainty of `dtheta_deg`.
-    pub sigma_dtheta_deg: f64,
-    /// How many subsets it rests on.
-    pub points: u32,
 }
 
 impl RigidStep {

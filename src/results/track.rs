@@ -1,32 +1,42 @@
-//! Where a body is.
+//! The `track` row: where a body is.
 
-use super::{PointStatus, Rod};
+use super::Rod;
+use super::columns::sample_row;
 
-/// One body's place in one frame.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct TrackSample {
-    /// Sequence number of the frame.
-    pub frame: u64,
-    /// Index of the body in the configuration.
-    pub body: u32,
-    /// Exposure start, ns since the Unix epoch.
-    pub stamp_ns: u64,
-    /// Centre, px.
-    pub center_x_px: Option<f64>,
-    /// Centre, px (down).
-    pub center_y_px: Option<f64>,
-    /// Turned since the body's first frame, counter-clockwise on the screen, deg.
-    pub angle_deg: Option<f64>,
-    /// Radius, px.
-    pub radius_px: Option<f64>,
-    /// Standard uncertainty of each centre coordinate, px.
-    pub sigma_center_px: Option<f64>,
-    /// Standard uncertainty of the angle, deg.
-    pub sigma_angle_deg: Option<f64>,
-    /// Share of the body that is not hidden, 0 to 1.
-    pub visible_fraction: Option<f64>,
-    /// The rod, where the body is one.
-    pub rod: Option<Rod>,
-    /// What became of it.
-    pub status: PointStatus,
+/// Hands the columns of the `track` row to a macro, each with its number in the protobuf message.
+macro_rules! track_row {
+    ($derive:ident) => {
+        $derive! {
+            /// A row of the `track` table: the position of one body in one frame.
+            TrackSample(TrackMessage, "ricochet.Track.v2", Track) {
+                numbers {
+                    /// The centre along x, px.
+                    center_x_px = 4,
+                    /// The centre along y (down), px.
+                    center_y_px = 5,
+                    /// The rotation since the body's first frame, counter-clockwise on the screen, deg.
+                    angle_deg = 6,
+                    /// The radius, px.
+                    radius_px = 7,
+                    /// The standard uncertainty of each centre coordinate, px.
+                    sigma_center_px = 8,
+                    /// The standard uncertainty of the rotation, deg.
+                    sigma_angle_deg = 9,
+                    /// The visible share of the body, 0 to 1.
+                    visible_fraction = 10,
+                }
+                groups {}
+                numbers {}
+                names {}
+                status = 11,
+                nested {
+                    /// The rod, if the body is one.
+                    rod: Rod, RodMessage = 12,
+                }
+            }
+        }
+    };
 }
+pub(crate) use track_row;
+
+track_row!(sample_row);

@@ -1,53 +1,86 @@
-//! How fast a body moves and turns.
+//! The `velocity` row: how fast a body moves and turns.
 
-use super::{Phase, PointStatus, RigidStep};
+use super::Phase;
+use super::columns::sample_row;
 
-/// Smoothed physical velocity of one body at one frame.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct BodyVelocity {
-    /// Along x (right), m/s.
-    pub vx_m_s: f64,
-    /// Along y (**up**), m/s.
-    pub vy_m_s: f64,
-    /// Along the outward normal of the struck surface, m/s.
-    pub vn_m_s: f64,
-    /// Along the surface's tangent, m/s.
-    pub vt_m_s: f64,
-    /// Spin, counter-clockwise positive, rad/s.
-    pub omega_rad_s: f64,
-    /// Standard uncertainty of each velocity component, m/s.
-    pub sigma_v_m_s: f64,
-    /// Standard uncertainty of the spin, rad/s.
-    pub sigma_omega_rad_s: f64,
-    /// Frames the local fit spanned.
-    pub window_frames: u32,
-    /// Order of the polynomial fitted to the positions.
-    pub order: u32,
+/// Hands the columns of the `velocity` row to a macro, each with its number in the protobuf message.
+macro_rules! velocity_row {
+    ($derive:ident) => {
+        $derive! {
+            /// A row of the `velocity` table: one body in one frame.
+            VelocitySample(VelocityMessage, "ricochet.Velocity.v1", Velocity) {
+                numbers {
+                    /// The centre along x, px.
+                    center_x_px = 4,
+                    /// The centre along y (down), px.
+                    center_y_px = 5,
+                    /// The radius, px.
+                    radius_px = 6,
+                }
+                groups {
+                    /// The unsmoothed motion of a body from one frame to the next.
+                    ///
+                    /// It is measured over `interval_frames` and divided by it, so it is always per frame.
+                    step: RigidStep {
+                        numbers {
+                            /// The motion of the body's centre along x, px/frame.
+                            dx_px = 7,
+                            /// The motion of the body's centre along y (down), px/frame.
+                            dy_px = 8,
+                            /// The rotation, counter-clockwise as seen on the screen, deg/frame.
+                            dtheta_deg = 9,
+                            /// The standard uncertainty of `dx_px`, px/frame.
+                            sigma_dx_px = 10,
+                            /// The standard uncertainty of `dy_px`, px/frame.
+                            sigma_dy_px = 11,
+                            /// The standard uncertainty of `dtheta_deg`, deg/frame.
+                            sigma_dtheta_deg = 12,
+                        }
+                        counts {
+                            /// The number of subsets it rests on.
+                            points = 13,
+                        }
+                    }
+                    /// The smoothed physical velocity of a body.
+                    velocity: BodyVelocity {
+                        numbers {
+                            /// The velocity along x (right), m/s.
+                            vx_m_s = 14,
+                            /// The velocity along y (**up**), m/s.
+                            vy_m_s = 15,
+                            /// The velocity along the outward normal of the struck surface, m/s.
+                            vn_m_s = 16,
+                            /// The velocity along the surface's tangent, m/s.
+                            vt_m_s = 17,
+                            /// The spin, counter-clockwise positive, rad/s.
+                            omega_rad_s = 18,
+                            /// The standard uncertainty of each velocity component, m/s.
+                            sigma_v_m_s = 19,
+                            /// The standard uncertainty of the spin, rad/s.
+                            sigma_omega_rad_s = 20,
+                        }
+                        counts {
+                            /// The number of frames the local fit spans.
+                            window_frames = 21,
+                            /// The order of the polynomial fitted to the positions.
+                            order = 22,
+                        }
+                    }
+                }
+                numbers {
+                    /// The visible share of the body, 0 to 1.
+                    visible_fraction = 23,
+                }
+                names {
+                    /// The phase of the collision, as known when the sample was published.
+                    phase: Phase = 24,
+                }
+                status = 25,
+                nested {}
+            }
+        }
+    };
 }
+pub(crate) use velocity_row;
 
-/// One row of the `velocity` table: one body in one frame.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct VelocitySample {
-    /// Sequence number of the frame.
-    pub frame: u64,
-    /// Index of the body in the configuration.
-    pub body: u32,
-    /// Exposure start, ns since the Unix epoch.
-    pub stamp_ns: u64,
-    /// Centre, px.
-    pub center_x_px: Option<f64>,
-    /// Centre, px (down).
-    pub center_y_px: Option<f64>,
-    /// Radius, px.
-    pub radius_px: Option<f64>,
-    /// Unsmoothed motion from this frame to the next.
-    pub step: Option<RigidStep>,
-    /// Smoothed physical velocity.
-    pub velocity: Option<BodyVelocity>,
-    /// Share of the body that is not hidden, 0 to 1.
-    pub visible_fraction: Option<f64>,
-    /// Flight, contact or rebound, as known when the sample was published.
-    pub phase: Phase,
-    /// What became of it.
-    pub status: PointStatus,
-}
+velocity_row!(sample_row);

@@ -1,151 +1,162 @@
-//! Where a body will be: its newest places and steps, fitted in free flight.
+//! The prediction of a position: a fit of the newest positions and steps of a body in free flight.
 
 use crate::results::{BodyStep, PointStatus, Rod};
 use std::collections::VecDeque;
 
-/// Outlines are not believed beyond this, px: their error stays the same from frame to frame.
-const PLACE_FLOOR_PX: f64 = 0.05;
-/// Steps are not believed beyond this, px/frame.
-const STEP_FLOOR_PX: f64 = 0.003;
-/// A place further than this from where the flight leads is off it, sigmas ...
-const OFF_SIGMAS: f64 = 6.0;
-/// ... and at least so many px.
-const OFF_PX: f64 = 0.5;
-/// So many in a row are another flight.
-const OFF_FRAMES: usize = 3;
+/// The minimum uncertainty of a position, px. Outlines have an error that stays the same from frame to frame.
+const MIN_POSITION_SIGMA_PX: f64 = 0.05;
+/// The minimum uncertainty of a step, px/frame.
+const MIN_STEP_SIGMA_PX: f64 = 0.003;
+/// The distance from the predicted position beyond which a position is an outlier, sigmas ...
+const OUTLIER_SIGMAS: f64 = 6.0;
+/// ... and at least this, px.
+const OUTLIER_PX: f64 = 0.5;
+/// The number of consecutive outliers that begin another flight.
+const OUTLIER_FRAMES: usize = 3;
 
-/// A body in one frame.
+/// The position of a body in one frame, and its motion.
 #[derive(Debug, Clone, Copy)]
-struct Place {
+struct Position {
     frame: u64,
     at_px: [f64; 2],
     sigma_px: f64,
     radius_px: f64,
-    /// Motion to the next frame, px/frame, its sigma, and over how many frames it was measured.
-    step: Option<([f64; 2], f64, f64)>,
+    step: Option<Step>,
 }
 
-/// Where a body is and how fast it moves at the newest frame; image axes, px and frames.
+/// The motion from a frame to a later one.
+#[derive(Debug, Clone, Copy)]
+struct Step {
+    /// Along x and y, px/frame.
+    rate_px: [f64; 2],
+    /// The standard uncertainty of each, px/frame.
+    sigma_px: f64,
+    /// The interval it was measured over, frames.
+    interval_frames: f64,
+}
+
+/// The position and the motion of a body at the newest frame; image axes, px and frames.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Fit {
     /// The newest frame.
     pub frame: u64,
-    /// Frames it rests on.
+    /// The number of frames it rests on.
     pub frames: usize,
-    /// Centre.
+    /// The centre.
     pub at_px: [f64; 2],
-    /// Motion a frame.
+    /// The motion per frame.
     pub rate_px: [f64; 2],
-    /// Standard uncertainty of the centre along each axis.
+    /// The standard uncertainty of the centre along each axis.
     pub sigma_at_px: f64,
-    /// Standard uncertainty of the motion along each axis.
+    /// The standard uncertainty of the motion along each axis.
     pub sigma_rate_px: f64,
-    /// Covariance of the two.
+    /// The covariance of the two.
     covariance: f64,
-    /// Mean radius; 0 where the body has none.
+    /// The mean radius; 0 where the body has none.
     pub radius_px: f64,
 }
 
 impl Fit {
-    /// Standard uncertainty of the centre so many frames from now.
+    /// Returns the standard uncertainty of the centre this many frames later.
     pub fn sigma_after(&self, frames: f64) -> f64 {
         let variance =
             self.sigma_at_px.powi(2) + frames * (2.0 * self.covariance + frames * self.sigma_rate_px.powi(2));
-        // Outlines err alike in neighbouring frames, which no number of them takes away.
-        (variance.max(self.sigma_at_px.powi(2)) + PLACE_FLOOR_PX * PLACE_FLOOR_PX).sqrt()
+        // The error of outlines is correlated between neighbouring frames, so it does not average out.
+        (variance.max(self.sigma_at_px.powi(2)) + MIN_POSITION_SIGMA_PX * MIN_POSITION_SIGMA_PX).sqrt()
     }
 }
 
-/// The newest stretch of free flight of one body.
+/// The present free flight of one body.
 #[derive(Debug, Clone)]
 pub(super) struct Flight {
-    /// Frames the fit looks back at most.
-    back_frames: usize,
-    /// How far a rod's end lies below its lowest edge, px; `None`: the body's centre flies.
+    /// The maximum number of frames in the fit.
+    max_frames: usize,
+    /// The distance of a rod's end below its lowest edge, px; `None` for the flight of the body's centre.
     end_px: Option<f64>,
-    places: VecDeque<Place>,
-    /// Newest places that lie off the flight before them.
-    off: usize,
+    positions: VecDeque<Position>,
+    /// The number of outliers at the end of `positions`.
+    outliers: usize,
 }
 
 impl Flight {
-    /// Nothing seen yet; fits look back so many frames at most. `end_px`: how far the end of a rod, whose flight it then
-    /// is, lies below its lowest edge.
-    pub fn new(back_frames: usize, end_px: Option<f64>) -> Self {
-        Self { back_frames, end_px, places: VecDeque::new(), off: 0 }
+    /// Creates an empty flight whose fits use at most `max_frames` frames. With `end_px` it is the flight of a rod's end,
+    /// which lies this far below its lowest edge.
+    pub fn new(max_frames: usize, end_px: Option<f64>) -> Self {
+        Self { max_frames, end_px, positions: VecDeque::new(), outliers: 0 }
     }
 
     /// Forgets everything.
     pub fn reset(&mut self) {
-        self.places.clear();
-        self.off = 0;
+        self.positions.clear();
+        self.outliers = 0;
     }
 
-    /// Takes the next frame's step; `false` where the body was not seen in it. `gravity_px` in px/frame^2, image axes.
+    /// Takes the step of the next frame and returns whether the body is visible in it. `gravity_px` in px/frame², image
+    /// axes.
     pub fn push(&mut self, step: &BodyStep, gravity_px: [f64; 2]) -> bool {
-        let Some(place) = place(step, self.end_px) else { return false };
-        let expected = self.fit_of(self.places.len() - self.off, gravity_px);
-        let is_off = expected.is_some_and(|fit| {
-            let ahead = (place.frame - fit.frame) as f64;
-            let far = |axis: usize| {
-                let led = fit.at_px[axis] + ahead * (fit.rate_px[axis] + 0.5 * ahead * gravity_px[axis]);
-                (place.at_px[axis] - led).abs()
+        let Some(position) = position(step, self.end_px) else { return false };
+        let expected = self.fit_of(self.positions.len() - self.outliers, gravity_px);
+        let is_outlier = expected.is_some_and(|fit| {
+            let ahead = (position.frame - fit.frame) as f64;
+            let distance = |axis: usize| {
+                let predicted = fit.at_px[axis] + ahead * (fit.rate_px[axis] + 0.5 * ahead * gravity_px[axis]);
+                (position.at_px[axis] - predicted).abs()
             };
-            far(0).max(far(1)) > (OFF_SIGMAS * fit.sigma_after(ahead).hypot(place.sigma_px)).max(OFF_PX)
+            distance(0).max(distance(1))
+                > (OUTLIER_SIGMAS * fit.sigma_after(ahead).hypot(position.sigma_px)).max(OUTLIER_PX)
         });
-        self.places.push_back(place);
-        self.off = if is_off { self.off + 1 } else { 0 };
-        if self.off >= OFF_FRAMES {
-            self.places.drain(..self.places.len() - self.off);
-            self.off = 0;
+        self.positions.push_back(position);
+        self.outliers = if is_outlier { self.outliers + 1 } else { 0 };
+        if self.outliers >= OUTLIER_FRAMES {
+            self.positions.drain(..self.positions.len() - self.outliers);
+            self.outliers = 0;
         }
-        while self.places.len() > self.back_frames {
-            self.places.pop_front();
+        while self.positions.len() > self.max_frames {
+            self.positions.pop_front();
         }
         true
     }
 
-    /// The newest radius; `None` when nothing was seen.
+    /// Returns the newest radius; `None` before the body was visible.
     pub fn radius_px(&self) -> Option<f64> {
-        self.places.back().map(|place| place.radius_px)
+        self.positions.back().map(|position| position.radius_px)
     }
 
-    /// Whether the newest place lies off the flight before it.
-    pub fn is_off(&self) -> bool {
-        self.off > 0
+    /// Whether the newest position is an outlier.
+    pub fn ends_with_outlier(&self) -> bool {
+        self.outliers > 0
     }
 
-    /// The flight as its newest frames tell it; `None` from fewer than three.
+    /// Fits the flight to its newest frames; `None` if there are fewer than three.
     pub fn fit(&self, gravity_px: [f64; 2]) -> Option<Fit> {
-        self.fit_of(self.places.len(), gravity_px)
+        self.fit_of(self.positions.len(), gravity_px)
     }
 
-    /// Least squares over the first `count` places: centre and motion at the last of them, gravity known.
+    /// Fits the first `count` positions and returns the centre and the motion at the last of them. Linear least squares
+    /// with known gravity.
     fn fit_of(&self, count: usize, gravity_px: [f64; 2]) -> Option<Fit> {
         if count < 3 {
             return None;
         }
-        let last = self.places.get(count - 1)?;
+        let last = self.positions.get(count - 1)?;
         let (mut normal, mut right) = ([0.0; 3], [[0.0; 2]; 2]);
-        for place in self.places.iter().take(count) {
-            let t = place.frame as f64 - last.frame as f64;
-            let weight = place.sigma_px.powi(-2);
+        for position in self.positions.iter().take(count) {
+            let t = position.frame as f64 - last.frame as f64;
+            let weight = position.sigma_px.powi(-2);
             normal[0] += weight;
             normal[1] += weight * t;
             normal[2] += weight * t * t;
             for axis in 0..2 {
-                let free = place.at_px[axis] - 0.5 * gravity_px[axis] * t * t;
+                let free = position.at_px[axis] - 0.5 * gravity_px[axis] * t * t;
                 right[axis][0] += weight * free;
                 right[axis][1] += weight * t * free;
             }
-            // The last place's own step leads to a frame that is not told yet.
-            let Some((rate, sigma, interval)) = place.step.filter(|(.., interval)| t + interval <= 0.0) else {
-                continue;
-            };
-            let weight = sigma.powi(-2);
+            // The step of the last position leads to a frame beyond the fit.
+            let Some(step) = position.step.filter(|step| t + step.interval_frames <= 0.0) else { continue };
+            let weight = step.sigma_px.powi(-2);
             normal[2] += weight;
             for axis in 0..2 {
-                right[axis][1] += weight * (rate[axis] - gravity_px[axis] * (t + 0.5 * interval));
+                right[axis][1] += weight * (step.rate_px[axis] - gravity_px[axis] * (t + 0.5 * step.interval_frames));
             }
         }
         let determinant = normal[0] * normal[2] - normal[1] * normal[1];
@@ -158,7 +169,7 @@ impl Flight {
             (at, rate)
         };
         let [(x, dx), (y, dy)] = right.map(solve);
-        let radii = self.places.iter().take(count).map(|place| place.radius_px);
+        let radii = self.positions.iter().take(count).map(|position| position.radius_px);
         Some(Fit {
             frame: last.frame,
             frames: count,
@@ -172,16 +183,17 @@ impl Flight {
     }
 }
 
-/// Where a body was seen.
+/// Returns the position of a body in a frame, px.
 pub(super) fn center_px(step: &BodyStep) -> Option<[f64; 2]> {
-    place(step, None).map(|place| place.at_px)
+    position(step, None).map(|position| position.at_px)
 }
 
-fn place(step: &BodyStep, end_px: Option<f64>) -> Option<Place> {
-    let gone = matches!(step.status, PointStatus::Lost | PointStatus::Occluded | PointStatus::OutOfFrame);
-    let motion = step.step.map(|motion| {
-        let sigma = motion.sigma_dx_px.max(motion.sigma_dy_px).max(STEP_FLOOR_PX);
-        ([motion.dx_px, motion.dy_px], sigma, f64::from(step.interval_frames.max(1)))
+fn position(step: &BodyStep, end_px: Option<f64>) -> Option<Position> {
+    let is_gone = matches!(step.status, PointStatus::Lost | PointStatus::Occluded | PointStatus::OutOfFrame);
+    let motion = step.step.map(|motion| Step {
+        rate_px: [motion.dx_px, motion.dy_px],
+        sigma_px: motion.sigma_dx_px.max(motion.sigma_dy_px).max(MIN_STEP_SIGMA_PX),
+        interval_frames: f64::from(step.interval_frames.max(1)),
     });
     let (at_px, sigma_px, radius_px) = match (&step.circle, &step.rod) {
         (_, Some(rod)) if end_px.is_some() => {
@@ -192,11 +204,17 @@ fn place(step: &BodyStep, end_px: Option<f64>) -> Option<Place> {
         (None, Some(rod)) => ([rod.x_px.value, rod.y_px.value], rod.x_px.sigma.max(rod.y_px.sigma), 0.0),
         (None, None) => return None,
     };
-    let sound = at_px.iter().all(|x| x.is_finite()) && !gone;
-    sound.then_some(Place { frame: step.frame, at_px, sigma_px: sigma_px.max(PLACE_FLOOR_PX), radius_px, step: motion })
+    let is_valid = at_px.iter().all(|x| x.is_finite()) && !is_gone;
+    is_valid.then_some(Position {
+        frame: step.frame,
+        at_px,
+        sigma_px: sigma_px.max(MIN_POSITION_SIGMA_PX),
+        radius_px,
+        step: motion,
+    })
 }
 
-/// The end of a rod `below_px` below its lowest edge, and the sigma of it; `None` while that edge is not seen.
+/// Returns the end of a rod, `below_px` below its lowest edge, and its uncertainty; `None` while that edge is not visible.
 fn end(rod: &Rod, below_px: f64) -> Option<([f64; 2], f64)> {
     let edge = rod.edges.iter().flatten().last()?.y_px?;
     let (sin, cos) = rod.tilt_deg.value.to_radians().sin_cos();

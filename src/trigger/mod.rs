@@ -1,4 +1,4 @@
-//! What starts a shot, and what a rig is doing.
+//! The conditions that start a shot, and the state of a rig.
 
 mod flight;
 mod measured;

@@ -1,44 +1,43 @@
-//! Something moves in the picture.
+//! A trigger on motion in the image.
 
 use crate::image::FrameMeta;
 
 /// Fires when the mean absolute change of grey level from one frame to the next exceeds a threshold.
 ///
-/// It looks at every second row of its region: a body that matters covers
-/// hundreds of pixels, and the answer must come before the next frame.
+/// It reads every second row of its region. A body that matters covers hundreds of pixels, and the answer must come
+/// before the next frame.
 #[derive(Debug)]
 pub struct MotionTrigger {
     threshold_dn: f64,
     roi_px: Option<[u32; 4]>,
-    /// The rows of the frame before, byte by byte.
-    before: Vec<u8>,
+    /// The rows of the previous frame, byte by byte.
+    previous: Vec<u8>,
     shape: (u32, u32, usize),
-    above: bool,
+    is_above: bool,
 }
 
 impl MotionTrigger {
-    /// A trigger for changes above `threshold_dn` digital numbers within `roi_px` (x, y, width, height; `None` = all).
+    /// Creates a trigger for changes above `threshold_dn` grey levels within `roi_px` (x, y, width, height; `None` = all).
     pub fn new(threshold_dn: f64, roi_px: Option<[u32; 4]>) -> Self {
-        Self { threshold_dn, roi_px, before: Vec::new(), shape: (0, 0, 0), above: false }
+        Self { threshold_dn, roi_px, previous: Vec::new(), shape: (0, 0, 0), is_above: false }
     }
 
-    /// Looks at the next frame; `true` when motion begins in it.
+    /// Takes the next frame and returns whether motion begins in it.
     ///
-    /// It fires once for each time the change rises above the threshold. The
-    /// first frame, and the first of another shape, only serve for comparison.
+    /// The trigger fires once each time the change rises above the threshold. The first frame, and the first frame of
+    /// another shape, are only the reference of the next one.
     pub fn push(&mut self, meta: &FrameMeta, bytes: &[u8]) -> bool {
         let size = meta.format.bytes_per_pixel();
         let shape = (meta.width_px, meta.height_px, size);
         if std::mem::replace(&mut self.shape, shape) != shape {
-            self.before.clear();
+            self.previous.clear();
         }
-        let above = self.change(meta, bytes, size) > self.threshold_dn;
-        let fires = above && !self.above;
-        self.above = above;
-        fires
+        let is_above = self.change(meta, bytes, size) > self.threshold_dn;
+        let was_above = std::mem::replace(&mut self.is_above, is_above);
+        is_above && !was_above
     }
 
-    /// Mean absolute change since the frame before, DN; 0 where the two cannot be compared.
+    /// Returns the mean absolute change since the previous frame, DN; 0 where the two cannot be compared.
     fn change(&mut self, meta: &FrameMeta, bytes: &[u8], size: usize) -> f64 {
         let [x, y, width, height] = self.roi_px.unwrap_or([0, 0, meta.width_px, meta.height_px]);
         let columns = x.min(meta.width_px) as usize * size..(x + width).min(meta.width_px) as usize * size;
@@ -46,18 +45,18 @@ impl MotionTrigger {
         for row in (y..(y + height).min(meta.height_px)).step_by(2) {
             let start = row as usize * meta.stride_bytes as usize;
             let Some(line) = bytes.get(start + columns.start..start + columns.end) else { break };
-            match self.before.get_mut(at..at + line.len()) {
-                Some(before) => {
-                    sum += if size == 1 { change_of_bytes(before, line) } else { change_of_pairs(before, line) };
-                    before.copy_from_slice(line);
+            match self.previous.get_mut(at..at + line.len()) {
+                Some(previous) => {
+                    sum += if size == 1 { change_of_bytes(previous, line) } else { change_of_pairs(previous, line) };
+                    previous.copy_from_slice(line);
                 }
-                None => self.before.extend_from_slice(line),
+                None => self.previous.extend_from_slice(line),
             }
             at += line.len();
         }
-        let is_whole = at == self.before.len();
-        self.before.truncate(at);
-        if is_whole { sum as f64 / (at / size).max(1) as f64 } else { 0.0 }
+        let is_complete = at == self.previous.len();
+        self.previous.truncate(at);
+        if is_complete { sum as f64 / (at / size).max(1) as f64 } else { 0.0 }
     }
 }
 

@@ -1,26 +1,26 @@
-//! The least time from one trigger to the next.
+//! The minimum time between triggers.
 
-/// Lets a trigger pass only when enough time has gone by since the one before.
+/// Holds back triggers that follow the previous one too soon.
 ///
-/// Times are the frames' stamps, so that the answer does not depend on when it is asked for.
+/// Times are the stamps of the frames, so the result does not depend on the clock of the process.
 #[derive(Debug, Clone, Copy)]
 pub struct Quiet {
-    least_ns: u64,
+    min_ns: u64,
     last_ns: Option<u64>,
 }
 
 impl Quiet {
-    /// At least `least_s` seconds from a trigger to the next.
-    pub fn new(least_s: f64) -> Self {
-        Self { least_ns: (1.0e9 * least_s).round() as u64, last_ns: None }
+    /// Requires at least `min_s` seconds between triggers.
+    pub fn new(min_s: f64) -> Self {
+        Self { min_ns: (1.0e9 * min_s).round() as u64, last_ns: None }
     }
 
-    /// Whether a trigger at this stamp may pass. It then counts as the last one.
+    /// Whether a trigger at this stamp may pass. If so, it counts as the last one.
     ///
-    /// A stamp before the last one's is that of another run or of a camera whose clock stepped back: it passes.
+    /// An earlier stamp than the last one belongs to another run, or to a camera whose clock stepped back. It passes.
     pub fn passes(&mut self, stamp_ns: u64) -> bool {
         let too_soon =
-            self.last_ns.and_then(|last_ns| stamp_ns.checked_sub(last_ns)).is_some_and(|ns| ns < self.least_ns);
+            self.last_ns.and_then(|last_ns| stamp_ns.checked_sub(last_ns)).is_some_and(|ns| ns < self.min_ns);
         if !too_soon {
             self.last_ns = Some(stamp_ns);
         }

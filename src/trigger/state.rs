@@ -1,58 +1,44 @@
-//! What the rig as a whole is doing.
+//! The state of the rig as a whole.
 
-use crate::results::{Phase, VelocitySample};
+use crate::results::{Phase, VelocitySample, named_enum};
 
-/// A body falls when its speed towards the surface exceeds so many of its sigmas.
-const FALL_SIGMAS: f64 = 5.0;
-/// One that falls does so until its speed is below so many.
-const STILL_FALLS_SIGMAS: f64 = 2.5;
+/// The speed towards the surface from which a body counts as falling, sigmas.
+const FALL_START_SIGMAS: f64 = 5.0;
+/// The speed below which a falling body no longer counts as falling, sigmas.
+const FALL_END_SIGMAS: f64 = 2.5;
 
-/// What a rig is doing.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub enum RigState {
-    /// No stream, or one that nothing waits for.
-    Idle,
-    /// The camera is about to start.
-    Preparing,
-    /// Frames come and a trigger is waited for.
-    Armed,
-    /// A body moves towards the surface.
-    Falling,
-    /// A body touches the surface.
-    Impact,
-    /// A recording is being made.
-    Writing,
-    /// A recording was completed, or the stream has ended.
-    Done,
-}
-
-impl RigState {
-    /// The word used on `events`.
-    pub fn word(self) -> &'static str {
-        match self {
-            Self::Idle => "idle",
-            Self::Preparing => "preparing",
-            Self::Armed => "armed",
-            Self::Falling => "falling",
-            Self::Impact => "impact",
-            Self::Writing => "writing",
-            Self::Done => "done",
-        }
+named_enum! {
+    /// The state of a rig; its name is the text of `state` events.
+    RigState: "state" {
+        /// No stream, or one that nothing waits for.
+        Idle = 0 "idle",
+        /// The camera is about to start.
+        Preparing = 1 "preparing",
+        /// Frames come and a trigger is waited for.
+        Armed = 2 "armed",
+        /// A body moves towards the surface.
+        Falling = 3 "falling",
+        /// A body touches the surface.
+        Impact = 4 "impact",
+        /// A recording is being made.
+        Writing = 5 "writing",
+        /// A recording was completed, or the stream has ended.
+        Done = 6 "done",
     }
 }
 
-/// What a body is doing.
+/// The state of a body.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Doing {
-    Nothing,
+enum BodyState {
+    Idle,
     Falling,
     Touching,
 }
 
-/// Puts together what the processes of a rig tell into one state.
+/// Combines the events of the processes of a rig and the motion of its bodies into one state.
 ///
-/// What a body does goes before what the recorder does: a shot whose ball is in
-/// the air is `falling` although its frames are being written.
+/// Bodies take precedence over the recorder: while a ball is in the air the state is `falling`, although its frames are
+/// being written.
 #[derive(Debug, Clone)]
 pub struct States {
     prepared: bool,
@@ -61,13 +47,13 @@ pub struct States {
     armed: bool,
     writing: bool,
     recorded: bool,
-    bodies: Vec<Doing>,
-    told: RigState,
+    bodies: Vec<BodyState>,
+    reported: RigState,
 }
 
 impl States {
-    /// A rig of so many bodies that has not begun. It is `armed` when it waits for a trigger from the start, and
-    /// `writing` when its whole stream is kept.
+    /// Creates the state of a rig with this number of bodies, before its stream. A rig that waits for a trigger from the
+    /// start is `armed`; one that records its whole stream is `writing`.
     pub fn new(bodies: usize, armed: bool, writing: bool) -> Self {
         Self {
             prepared: false,
@@ -76,81 +62,81 @@ impl States {
             armed,
             writing,
             recorded: false,
-            bodies: vec![Doing::Nothing; bodies],
-            told: RigState::Idle,
+            bodies: vec![BodyState::Idle; bodies],
+            reported: RigState::Idle,
         }
     }
 
-    /// The state told last.
+    /// Returns the state that was reported last.
     pub fn state(&self) -> RigState {
-        self.told
+        self.reported
     }
 
-    /// A camera was opened; its first frame is yet to come.
+    /// Notes that a camera was opened and has not delivered a frame yet.
     pub fn prepared(&mut self) {
         (self.prepared, self.started, self.ended, self.recorded) = (true, false, false, false);
-        self.bodies.fill(Doing::Nothing);
+        self.bodies.fill(BodyState::Idle);
     }
 
-    /// The first frame has come.
+    /// Notes the first frame.
     pub fn started(&mut self) {
         self.started = true;
     }
 
-    /// The last frame has come.
+    /// Notes the last frame.
     pub fn ended(&mut self) {
         self.ended = true;
-        self.bodies.fill(Doing::Nothing);
+        self.bodies.fill(BodyState::Idle);
     }
 
-    /// The recorder waits for a trigger, or no longer does.
+    /// Notes whether the recorder waits for a trigger.
     pub fn armed(&mut self, armed: bool) {
         self.armed = armed;
         self.recorded = false;
     }
 
-    /// A shot has begun.
+    /// Notes the begin of a shot.
     pub fn triggered(&mut self) {
         self.writing = true;
     }
 
-    /// A camera that waits for its line is silent: nothing is seen of the bodies.
+    /// Notes that a camera with a hardware trigger is silent, so no body is visible.
     pub fn silent(&mut self) {
-        self.bodies.fill(Doing::Nothing);
+        self.bodies.fill(BodyState::Idle);
     }
 
-    /// A shot is complete, or had to be given up.
+    /// Notes that a shot is complete or was given up.
     pub fn recorded(&mut self) {
         (self.writing, self.recorded) = (false, true);
     }
 
-    /// What was measured of a body in a frame.
+    /// Takes the measured velocity of a body in a frame.
     pub fn measured(&mut self, row: &VelocitySample) {
-        let fell = self.bodies.get(row.body as usize) == Some(&Doing::Falling);
-        let sigmas = if fell { STILL_FALLS_SIGMAS } else { FALL_SIGMAS };
-        let falls = row.velocity.is_some_and(|velocity| velocity.vn_m_s < -sigmas * velocity.sigma_v_m_s);
-        if let Some(doing) = self.bodies.get_mut(row.body as usize) {
-            *doing = match row.phase {
-                Phase::Contact => Doing::Touching,
-                Phase::Flight | Phase::Rebound | Phase::Unknown if falls => Doing::Falling,
-                _ => Doing::Nothing,
+        let was_falling = self.bodies.get(row.body as usize) == Some(&BodyState::Falling);
+        let sigmas = if was_falling { FALL_END_SIGMAS } else { FALL_START_SIGMAS };
+        let is_falling = row.velocity.is_some_and(|velocity| velocity.vn_m_s < -sigmas * velocity.sigma_v_m_s);
+        if let Some(state) = self.bodies.get_mut(row.body as usize) {
+            *state = match row.phase {
+                Phase::Contact => BodyState::Touching,
+                Phase::Flight | Phase::Rebound | Phase::Unknown if is_falling => BodyState::Falling,
+                _ => BodyState::Idle,
             };
         }
     }
 
-    /// The state now, if it is another than the one told last; it then counts as told.
+    /// Returns the present state if it differs from the one reported last, and counts it as reported.
     pub fn changed(&mut self) -> Option<RigState> {
         let now = self.now();
-        (std::mem::replace(&mut self.told, now) != now).then_some(now)
+        (std::mem::replace(&mut self.reported, now) != now).then_some(now)
     }
 
     fn now(&self) -> RigState {
-        let any = |doing| self.bodies.contains(&doing);
+        let any = |state| self.bodies.contains(&state);
         match () {
             () if !self.prepared => RigState::Idle,
             () if !self.started && !self.ended => RigState::Preparing,
-            () if any(Doing::Touching) => RigState::Impact,
-            () if any(Doing::Falling) => RigState::Falling,
+            () if any(BodyState::Touching) => RigState::Impact,
+            () if any(BodyState::Falling) => RigState::Falling,
             () if self.writing => RigState::Writing,
             () if self.recorded || self.ended => RigState::Done,
             () if self.armed => RigState::Armed,
@@ -194,10 +180,10 @@ mod tests {
     #[test]
     fn a_shot_goes_from_idle_through_fall_and_impact_to_done_and_back_to_armed() {
         let mut states = States::new(1, true, false);
-        let mut told = vec![states.state()];
+        let mut reported = vec![states.state()];
         let mut step = |act: &dyn Fn(&mut States)| {
             act(&mut states);
-            told.extend(states.changed());
+            reported.extend(states.changed());
         };
         step(&|states| states.prepared());
         step(&|states| states.started());
@@ -209,8 +195,8 @@ mod tests {
         step(&|states| states.recorded());
         step(&|states| states.armed(true));
         step(&|states| states.ended());
-        let words: Vec<&str> = told.iter().map(|state| state.word()).collect();
-        assert_eq!(words, ["idle", "preparing", "armed", "falling", "impact", "writing", "done", "armed", "done"]);
+        let names: Vec<&str> = reported.iter().map(|state| state.as_str()).collect();
+        assert_eq!(names, ["idle", "preparing", "armed", "falling", "impact", "writing", "done", "armed", "done"]);
     }
 
     #[test]

@@ -138,7 +138,7 @@ fn study_of(make: impl Fn(&mut Noise) -> Experiment, seeds: u64, interval: usize
         eprintln!("  {name:10} {:8.4} {:8.4} {:8.4}   {:.2} {:.2}", e.bias(), e.rms(), e.worst(), cover.0, cover.1);
     }
     let count = |law: ForceLaw| laws.iter().filter(|l| **l == law).count();
-    eprintln!("  laws {:?}", ForceLaw::ALL.map(|l| (l.word(), count(l))));
+    eprintln!("  laws {:?}", ForceLaw::ALL.map(|l| (l.as_str(), count(l))));
     Study { errors, laws }
 }
 

@@ -437,6 +437,6 @@ fn a_listener_does_not_wait_for_a_dead_rig() {
     let (code, printed, stderr) = listener.end();
     assert_eq!(code, Some(4), "{stderr}");
     assert!(printed.lines().count() > 10, "{printed}");
-    assert!(stderr.contains("died without telling the end"), "{stderr}");
+    assert!(stderr.contains("exited without closing its stream"), "{stderr}");
     service.end();
 }

@@ -351,7 +351,7 @@ fn elastic_waves_in_the_rod_are_not_taken_for_a_contact_law() {
     assert!(free <= 0.15, "{free} % before contact");
     let (measured, truth) = (rows.impacts.last().unwrap(), world.impact().unwrap());
     let (before, exact) = (measured.vn_before_m_s.unwrap(), truth.vn_before_m_s.unwrap().value);
-    println!("law {}, before {before:?} for {exact}", measured.force_law.word());
+    println!("law {}, before {before:?} for {exact}", measured.force_law.as_str());
     println!("restitution {:?} for {}", measured.restitution, truth.restitution.unwrap().value);
     assert!((before.value - exact).abs() <= 0.002 * exact.abs());
     let off = measured.restitution.unwrap().value - truth.restitution.unwrap().value;

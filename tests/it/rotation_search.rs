@@ -75,7 +75,7 @@ pub fn rows(path: &Path) -> Vec<FieldPoint> {
             sigma_u_px: number(4).unwrap(),
             sigma_v_px: number(5).unwrap(),
         });
-        let status = PointStatus::ALL.into_iter().find(|status| status.word() == &row[8]).unwrap();
+        let status = PointStatus::ALL.into_iter().find(|status| status.as_str() == &row[8]).unwrap();
         let (x_px, y_px) = (number(0).unwrap(), number(1).unwrap());
         FieldPoint { x_px, y_px, displacement, zncc: number(6), peak_ratio: None, status }
     };

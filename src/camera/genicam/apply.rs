@@ -103,12 +103,12 @@ fn check_region(settings: &GenicamSettings, stream: &StreamFormat) -> Result<(),
 
 fn set_format(device: &Device, settings: &GenicamSettings) -> Result<PixelFormat, CameraError> {
     if let Some(format) = settings.pixel_format {
-        device.set_feature("PixelFormat", &FeatureValue::Text(format.word().into()))?;
+        device.set_feature("PixelFormat", &FeatureValue::Text(format.as_str().into()))?;
     }
     let current = |reason| setting_error("PixelFormat", "its current value", reason);
     let code = device.call(device.aravis.arv_camera_get_pixel_format).map_err(current)?;
-    PixelFormat::from_code(code).ok_or_else(|| {
-        let supported: Vec<_> = PixelFormat::ALL.iter().map(|format| format.word()).collect();
+    PixelFormat::from_number(code).ok_or_else(|| {
+        let supported: Vec<_> = PixelFormat::ALL.iter().map(|format| format.as_str()).collect();
         let name = device.text("PixelFormat").unwrap_or_else(|_| format!("{code:#010x}"));
         setting_error("PixelFormat", name, format!("choose one of {}", supported.join(", ")))
     })

@@ -65,7 +65,7 @@ fn select_layout(device: &Device, settings: &V4l2Settings) -> Result<Layout, Cam
     // If none has the size and rate, setting the first one fails and lists what it supports.
     let best = usable.iter().find(|layout| may_support(device, settings, layout.fourcc)).or(usable.first());
     best.map(|layout| **layout).ok_or_else(|| {
-        let value = settings.pixel_format.map_or("any", |format| format.word());
+        let value = settings.pixel_format.map_or("any", |format| format.as_str());
         let offered: Vec<_> = offered.iter().map(|(fourcc, _)| fourcc_text(*fourcc)).collect();
         let supported: Vec<_> = LAYOUTS.iter().map(|layout| fourcc_text(layout.fourcc)).collect();
         let reason = format!("the camera offers {}; ricochet supports {}", offered.join(", "), supported.join(", "));

@@ -212,7 +212,7 @@ impl Pair {
         correlator.prepare_part_into(first.view(), part, &mut reference);
         correlator.prepare_part_into(second.view(), part, &mut target);
         let body = RigidBody::new(&reference, &Region::Disc { x_px, y_px, radius_px })
-            .map_err(|status| anyhow::anyhow!("cannot match the ball of the film: {}", status.word()))?;
+            .map_err(|status| anyhow::anyhow!("cannot match the ball of the film: {}", status.as_str()))?;
         let near = Start::Motion { x_px, y_px, u_px: MOTION.0, v_px: MOTION.1, angle_deg: MOTION.2 };
         Ok(Self { correlator, reference, target, points, near, body, field: Vec::new() })
     }

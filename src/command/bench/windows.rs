@@ -206,8 +206,8 @@ fn work(case: &Case, frames: &(Image, Image), duration: Duration, ready: &Barrie
     let kept = correlator.keep(a.clone(), &points);
     let center = (0.5 * SIDE as f64, 0.5 * SIDE as f64);
     let ball = Region::Disc { x_px: center.0, y_px: center.1, radius_px: 53.0 };
-    let mut body =
-        RigidBody::new(&a, &ball).map_err(|status| anyhow::anyhow!("cannot match the test ball: {}", status.word()))?;
+    let mut body = RigidBody::new(&a, &ball)
+        .map_err(|status| anyhow::anyhow!("cannot match the test ball: {}", status.as_str()))?;
     let mut field = Vec::new();
     let mut round = |field: &mut Vec<_>| -> usize {
         match case.kind {

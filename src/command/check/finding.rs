@@ -25,7 +25,7 @@ pub enum Verdict {
 
 impl Verdict {
     /// Returns the name used in output.
-    pub fn word(self) -> &'static str {
+    pub fn as_str(self) -> &'static str {
         match self {
             Self::Good => "good",
             Self::Unknown => "unknown",

@@ -150,7 +150,7 @@ fn print(config: &Config, grabbed: &Grabbed, inspection: &Inspection, json: bool
         let rows = findings.iter().map(|finding| {
             json!({
                 "name": finding.name, "value": finding.value, "unit": finding.unit,
-                "verdict": finding.verdict.word(), "text": finding.words,
+                "verdict": finding.verdict.as_str(), "text": finding.words,
             })
         });
         let worst = findings.iter().map(|finding| finding.verdict).max().unwrap_or(Verdict::Unknown);
@@ -161,7 +161,7 @@ fn print(config: &Config, grabbed: &Grabbed, inspection: &Inspection, json: bool
         });
         return say(&report.to_string());
     }
-    let cells = |finding: &Finding| vec![finding.name.to_owned(), shown(finding), finding.verdict.word().to_owned()];
+    let cells = |finding: &Finding| vec![finding.name.to_owned(), shown(finding), finding.verdict.as_str().to_owned()];
     let rows: Vec<Vec<String>> = findings.iter().map(cells).collect();
     for (line, finding) in table(&rows).lines().zip(findings) {
         say(&format!("{line}  {}", finding.words));
@@ -174,7 +174,7 @@ fn page(config: &Config, grabbed: &Grabbed, inspection: &Inspection) -> String {
     let row = |finding: &Finding| report::CheckRow {
         name: finding.name.replace('-', " "),
         value: shown(finding),
-        verdict: finding.verdict.word(),
+        verdict: finding.verdict.as_str(),
         words: finding.words.clone(),
     };
     let mut pictures = Vec::new();
@@ -199,7 +199,7 @@ fn page(config: &Config, grabbed: &Grabbed, inspection: &Inspection) -> String {
     }
     let facts = [
         format!("{} {}", grabbed.camera.model, grabbed.camera.serial),
-        format!("{} x {} px, {}", format.width_px, format.height_px, format.format.word()),
+        format!("{} x {} px, {}", format.width_px, format.height_px, format.format.as_str()),
         format!("{} frames at {} Hz", grabbed.means.len(), format.frame_rate_hz),
     ];
     report::check_page(&config.rig.name, &facts, &findings.iter().map(row).collect::<Vec<_>>(), &pictures)

@@ -199,10 +199,7 @@ struct Compared {
 impl Compared {
     fn new(line: &Line, measured: &Impact, truth: &Impact, frame_s: f64) -> Self {
         let (column, heading, unit, factor, tolerance) = *line;
-        let of = |impact: &Impact| {
-            impact.numbers().into_iter().find(|(name, _)| *name == column).and_then(|(_, estimate)| estimate)
-        };
-        let (measured, truth) = (of(measured), of(truth).map(|estimate| estimate.value));
+        let (measured, truth) = (measured.get(column), truth.get(column).map(|estimate| estimate.value));
         let error = measured.zip(truth).map(|(measured, truth)| (measured.value - truth).abs());
         let allowed = truth.map(|truth| match tolerance {
             Tolerance::Share(share) => share * truth.abs(),

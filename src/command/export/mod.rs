@@ -1,4 +1,4 @@
-//! `ricochet export`: the tables of a recording, its frames as pictures or a film, and parts of it as recordings.
+//! `ricochet export`: the tables of a recording, its frames as images or a video, and parts of it as recordings.
 
 mod npz;
 mod parquet;
@@ -8,62 +8,38 @@ mod sink;
 mod video;
 
 use crate::recording::{self, Recording, RecordingError};
+use crate::results::named_enum;
 use sink::Csv;
 use std::fs::File;
 use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
 
-/// File formats tables can be exported as.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum Format {
-    /// Comma-separated values, one header line.
-    #[default]
-    Csv,
-    /// Apache Parquet, the same columns with their types.
-    Parquet,
-    /// A NumPy archive, an array a column.
-    Npz,
-    /// A directory of PNG pictures, what was measured drawn over them.
-    Png,
-    /// The same as a film in H.264.
-    Mp4,
-    /// The same as an animation that any page shows.
-    Gif,
-    /// Everything but the frames, as a recording.
-    Mcap,
-    /// The frames as a ROS 2 recording.
-    Ros2,
+named_enum! {
+    /// The file formats of an export.
+    #[derive(Default)]
+    Format: "format" {
+        /// Comma-separated values, one header line.
+        #[default]
+        Csv = 0 "csv",
+        /// Apache Parquet, the same columns with their types.
+        Parquet = 1 "parquet",
+        /// A NumPy archive with an array per column.
+        Npz = 2 "npz",
+        /// A directory of PNG images with the results drawn over them.
+        Png = 3 "png",
+        /// The same as a video in H.264.
+        Mp4 = 4 "mp4",
+        /// The same as an animation that any page shows.
+        Gif = 5 "gif",
+        /// Everything but the frames, as a recording.
+        Mcap = 6 "mcap",
+        /// The frames as a ROS 2 recording.
+        Ros2 = 7 "ros2",
+    }
 }
 
-/// Every format and its name.
-const FORMATS: [(&str, Format); 8] = [
-    ("csv", Format::Csv),
-    ("parquet", Format::Parquet),
-    ("npz", Format::Npz),
-    ("png", Format::Png),
-    ("mp4", Format::Mp4),
-    ("gif", Format::Gif),
-    ("mcap", Format::Mcap),
-    ("ros2", Format::Ros2),
-];
-
 impl Format {
-    /// The format of this name.
-    ///
-    /// # Errors
-    ///
-    /// [`ExportError::Usage`] listing the formats there are.
-    pub fn from_word(word: &str) -> Result<Self, ExportError> {
-        let found = FORMATS.iter().find(|(name, _)| *name == word).map(|(_, format)| *format);
-        let names: Vec<&str> = FORMATS.iter().map(|(name, _)| *name).collect();
-        found.ok_or_else(|| ExportError::Usage(format!("--format {word}: not one of {}", names.join(", "))))
-    }
-
-    fn word(self) -> &'static str {
-        FORMATS.iter().find(|(_, format)| *format == self).map_or("", |(name, _)| name)
-    }
-
-    /// What can be exported so.
+    /// Returns the topics that can be exported in this format.
     fn topics(self) -> &'static [&'static str] {
         match self {
             Self::Csv | Self::Parquet | Self::Npz => &TABLES,
@@ -74,37 +50,44 @@ impl Format {
     }
 }
 
-/// What to export, and where to.
-#[derive(Debug, Clone, PartialEq)]
+/// The options of an export.
+#[derive(Debug, Clone, PartialEq, clap::Args)]
 pub struct ExportOptions {
     /// The recording.
     pub file: PathBuf,
-    /// Which table: one of [`TABLES`]; of pictures and films, one of [`PICTURES`]; `results` or `frames` of recordings.
+    /// Tables: velocity, field, track, impact, truth or events. Pictures and films: frames, track or field. mcap:
+    /// results. ros2: frames.
+    #[arg(long)]
     pub topic: String,
-    /// As what.
+    /// Tables: csv, parquet or npz (NumPy). Pictures: png (a directory of them). Films: mp4 or gif, with an installed
+    /// ffmpeg. Recordings: mcap (everything but the frames) or ros2 (the frames as sensor_msgs/msg/Image).
+    #[arg(long, default_value = "csv")]
     pub format: Format,
-    /// Which of several cameras, by its name; the first when absent.
+    /// Camera to export, by the name of its view [default: the first].
+    #[arg(long, value_name = "NAME")]
     pub camera: Option<String>,
-    /// Where to; standard output when there is none, which only CSV takes.
+    /// File or directory to write [default for csv: standard output].
+    #[arg(short, long)]
     pub output: Option<PathBuf>,
-    /// Frames of the recording that a film shows in a second, above 0 and at most 1000.
+    /// Playback rate of a film, frames per second.
+    #[arg(long = "fps", default_value_t = 25.0, value_name = "HZ")]
     pub playback_hz: f64,
 }
 
 impl ExportOptions {
-    /// The recording, of the camera that is asked for.
+    /// Opens the recording at the chosen camera.
     fn recording(&self) -> Result<Recording, RecordingError> {
         Recording::open(&self.file)?.of_camera(self.camera.as_deref())
     }
 }
 
-/// The tables a recording can hold.
+/// The tables that a recording can hold.
 pub const TABLES: [&str; 7] = ["velocity", "field", "track", "impact", "truth", "truth_impact", "events"];
 
-/// What pictures can show: the frame alone, with the outline, with outline and displacements.
+/// The contents of images: the frame alone, with the outline, with outline and displacements.
 pub const PICTURES: [&str; 3] = ["frames", "track", "field"];
 
-/// Why a table could not be exported.
+/// The reason why an export failed.
 #[derive(Debug, thiserror::Error)]
 pub enum ExportError {
     /// The options are wrong.
@@ -114,25 +97,25 @@ pub enum ExportError {
     #[error(transparent)]
     Recording(#[from] RecordingError),
     /// The table cannot be written.
-    #[error("write {to}: {source}")]
+    #[error("cannot write {to}: {source}")]
     Write {
-        /// Where to.
+        /// The target.
         to: String,
-        /// The system's answer.
+        /// The error of the system.
         source: io::Error,
     },
 }
 
-/// What was exported.
+/// The outcome of an export.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Exported {
-    /// Rows of the table, pictures, or messages.
+    /// The number of rows, images or messages.
     pub rows: u64,
-    /// Why the recording ends too early, when it does: rows are missing then.
+    /// The reason why the recording is truncated and rows are missing, if it is.
     pub truncated: Option<String>,
 }
 
-/// Exports one table, or the frames as pictures.
+/// Exports one table, or the frames.
 ///
 /// # Errors
 ///
@@ -145,12 +128,12 @@ pub fn run(options: &ExportOptions) -> Result<Exported, ExportError> {
     Ok(Exported { rows, truncated: Recording::open(&options.file)?.truncated().map(str::to_owned) })
 }
 
-/// Whether both paths lead to one file that exists.
+/// Whether both paths lead to the same file, and it exists.
 pub(crate) fn is_same_file(a: &Path, b: &Path) -> bool {
     matches!((a.canonicalize(), b.canonicalize()), (Ok(a), Ok(b)) if a == b)
 }
 
-/// Writes the table or the pictures; returns their number.
+/// Writes the table or the images and returns their number.
 fn write(options: &ExportOptions) -> Result<u64, ExportError> {
     let topic = options.topic.as_str();
     let known = options.format.topics();
@@ -163,17 +146,19 @@ fn write(options: &ExportOptions) -> Result<u64, ExportError> {
     }
     let output = || {
         let path = options.output.as_deref();
-        path.ok_or_else(|| ExportError::Usage(format!("--format {}: say where to with -o", options.format.word())))
+        path.ok_or_else(|| {
+            ExportError::Usage(format!("--format {}: needs a target, give it with -o", options.format.as_str()))
+        })
     };
     let create = |path: &Path| {
         File::create(path).map_err(|source| ExportError::Write { to: path.display().to_string(), source })
     };
-    // What is missing on the command line is told before a recording is read or a file is made.
+    // The options are checked before a recording is read or a file is created.
     match options.format {
         Format::Png => picture::write_all(options, output()?),
         Format::Mp4 | Format::Gif => video::write(options, output()?),
         Format::Mcap if options.camera.is_some() => {
-            Err(ExportError::Usage("--camera: --format mcap keeps what was measured of all cameras".into()))
+            Err(ExportError::Usage("--camera: --format mcap keeps the results of all cameras".into()))
         }
         Format::Mcap => Ok(recording::copy_results(&options.file, output()?)?),
         Format::Ros2 => Ok(recording::copy_as_ros2(&options.recording()?, output()?)?),
@@ -199,7 +184,7 @@ fn write(options: &ExportOptions) -> Result<u64, ExportError> {
     }
 }
 
-/// Writes one of [`TABLES`] as CSV; returns its rows. `name` names the target in errors.
+/// Writes one of [`TABLES`] as CSV and returns the number of its rows. Errors call the target `name`.
 ///
 /// # Errors
 ///

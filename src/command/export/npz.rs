@@ -1,20 +1,21 @@
-//! Tables as NumPy archives: a zip file with an array (`.npy`) for each column.
+//! Tables as NumPy archives: a zip file with an array (`.npy`) per column.
 //!
 //! Layouts: "A simple file format for NumPy arrays" (NumPy Enhancement Proposal 1); PKWARE APPNOTE 6.3, stored entries.
 
-use super::sink::{Cell, Column, Kind, Sink};
+use super::sink::Sink;
 use super::{ExportError, rows};
 use crate::recording::Recording;
+use crate::results::{Cell, Heading, Kind};
 use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::{self, BufWriter, Write};
 
-/// Arrays begin at a multiple of this, bytes.
+/// The alignment of the data of an array, bytes.
 const ALIGNMENT: usize = 64;
-/// 1 January 1980, the first day of the format: the same table gives the same file.
+/// The date of all entries, 1 January 1980, so that the same table gives the same file.
 const DATE: u16 = 1 << 5 | 1;
 
-/// Writes a table; returns its rows. The columns are in memory until then.
+/// Writes a table and returns the number of its rows. All columns are held in memory.
 pub(super) fn write(recording: &Recording, topic: &str, file: File, name: &str) -> Result<u64, ExportError> {
     let mut table = Table { name, columns: Vec::new(), rows: 0 };
     rows::send(recording, topic, &mut table)?;
@@ -29,20 +30,20 @@ pub(super) fn write(recording: &Recording, topic: &str, file: File, name: &str) 
 
 struct Table<'a> {
     name: &'a str,
-    columns: Vec<(String, Values)>,
+    columns: Vec<(&'static str, Values)>,
     rows: u64,
 }
 
-/// A column, little-endian as its array will be; a missing number is NaN.
+/// A column, little-endian as in its array; a missing number is NaN.
 enum Values {
-    /// Numbers of this type, NumPy's word for it.
+    /// Numbers of this NumPy type.
     Numbers(&'static str, Vec<u8>),
-    /// Words, each once, and which of them stands in each row.
+    /// The distinct texts, and the index of the one in each row.
     Words(BTreeMap<String, usize>, Vec<usize>),
 }
 
 impl Sink for Table<'_> {
-    fn header(&mut self, columns: &[Column]) -> Result<(), ExportError> {
+    fn header(&mut self, columns: &[Heading]) -> Result<(), ExportError> {
         let values = |kind| match kind {
             Kind::Integer => Values::Numbers("<i8", Vec::new()),
             Kind::Stamp => Values::Numbers("<u8", Vec::new()),
@@ -50,7 +51,7 @@ impl Sink for Table<'_> {
             Kind::Single => Values::Numbers("<f4", Vec::new()),
             Kind::Text => Values::Words(BTreeMap::new(), Vec::new()),
         };
-        self.columns = columns.iter().map(|column| (column.name.clone(), values(column.kind))).collect();
+        self.columns = columns.iter().map(|column| (column.name, values(column.kind))).collect();
         Ok(())
     }
 
@@ -84,12 +85,12 @@ impl Values {
                 let number = number.filter(|number| number.is_finite()).unwrap_or(f32::NAN);
                 bytes.extend(number.to_le_bytes());
             }
-            (_, cell) => return Err(io::Error::other(format!("{cell:?} is not of its column's kind"))),
+            (_, cell) => return Err(io::Error::other(format!("{cell:?} is not of the type of its column"))),
         }
         Ok(())
     }
 
-    /// The whole array: header, then the values.
+    /// Returns the array: the header, then the values.
     fn array(&self, rows: u64) -> Vec<u8> {
         match self {
             Self::Numbers(kind, bytes) => {
@@ -98,7 +99,7 @@ impl Values {
                 array
             }
             Self::Words(known, places) => {
-                // Fixed width: each word as long as the longest, in UTF-32.
+                // Fixed width: each text as long as the longest, in UTF-32.
                 let longest = known.keys().map(|word| word.chars().count()).max().unwrap_or(0).max(1);
                 let mut array = header(&format!("<U{longest}"), rows);
                 let mut encoded = vec![Vec::new(); known.len()];
@@ -123,11 +124,11 @@ fn header(kind: &str, rows: u64) -> Vec<u8> {
     [b"\x93NUMPY\x01\x00", &length[..], text.as_bytes()].concat()
 }
 
-/// A zip file whose entries are stored as they are.
+/// A zip file with stored entries.
 struct Archive<W: Write> {
     to: W,
     written: usize,
-    /// What will stand at its end.
+    /// The directory at its end.
     directory: Vec<u8>,
     entries: u16,
 }
@@ -135,7 +136,7 @@ struct Archive<W: Write> {
 impl<W: Write> Archive<W> {
     fn add(&mut self, name: &str, content: &[u8]) -> io::Result<()> {
         let offset = size(self.written)?;
-        // What the header of an entry and its line in the directory have in common.
+        // The common part of the header of an entry and of its record in the directory.
         let mut common = Vec::new();
         let version_to_read = 20_u16;
         [version_to_read, 0, 0, 0, DATE].iter().for_each(|field| common.extend(field.to_le_bytes()));
@@ -152,7 +153,7 @@ impl<W: Write> Archive<W> {
         self.directory.extend(b"PK\x01\x02");
         self.directory.extend(version_to_read.to_le_bytes());
         self.directory.extend(common);
-        // Comment, disk, kind and rights: none.
+        // No comment, disk, type or permissions.
         self.directory.extend([0; 10]);
         self.directory.extend(offset.to_le_bytes());
         self.directory.extend(name.as_bytes());
@@ -179,7 +180,7 @@ impl<W: Write> Archive<W> {
     }
 }
 
-/// A size or place as the format holds it.
+/// Returns a size or offset as the format stores it.
 fn size(bytes: usize) -> io::Result<u32> {
     u32::try_from(bytes).map_err(|_| io::Error::other("an npz file holds at most 4 GiB; use --format parquet"))
 }

@@ -1,8 +1,9 @@
-//! Tables as Apache Parquet, plain columns without compression: every reader takes them.
+//! Tables as Apache Parquet, with plain columns without compression, which all readers support.
 
-use super::sink::{Cell, Column, Kind, Sink};
+use super::sink::Sink;
 use super::{ExportError, rows};
 use crate::recording::Recording;
+use crate::results::{Cell, Heading, Kind};
 use parquet::basic::{ConvertedType, Repetition, Type as Physical};
 use parquet::data_type::{ByteArray, ByteArrayType, DataType, DoubleType, FloatType, Int64Type};
 use parquet::errors::ParquetError;
@@ -14,10 +15,10 @@ use std::fs::File;
 use std::io;
 use std::sync::Arc;
 
-/// Rows written in one go; so many are in memory.
+/// The number of rows per group, which are held in memory.
 const GROUP_ROWS: usize = 1 << 16;
 
-/// Writes a table; returns its rows. What the recording says of itself becomes the file's metadata.
+/// Writes a table and returns the number of its rows. The metadata of the recording become those of the file.
 pub(super) fn write(recording: &Recording, topic: &str, file: File, name: &str) -> Result<u64, ExportError> {
     let entries = recording.metadata().iter();
     let metadata = entries.map(|(key, value)| KeyValue::new(format!("ricochet.{key}"), value.clone())).collect();
@@ -33,11 +34,11 @@ pub(super) fn write(recording: &Recording, topic: &str, file: File, name: &str) 
 
 struct Table<'a> {
     name: &'a str,
-    /// Until the header is known.
+    /// The file, until the header is known.
     file: Option<File>,
     metadata: Vec<KeyValue>,
     writer: Option<SerializedFileWriter<File>>,
-    columns: Vec<Column>,
+    columns: Vec<Heading>,
     rows: Vec<Vec<Cell>>,
     count: u64,
 }
@@ -47,7 +48,7 @@ fn failure(name: &str, error: ParquetError) -> ExportError {
 }
 
 impl Sink for Table<'_> {
-    fn header(&mut self, columns: &[Column]) -> Result<(), ExportError> {
+    fn header(&mut self, columns: &[Heading]) -> Result<(), ExportError> {
         let Some(file) = self.file.take() else { return Ok(()) };
         let properties = WriterProperties::builder()
             .set_created_by(concat!("ricochet ", env!("CARGO_PKG_VERSION")).into())
@@ -66,8 +67,8 @@ impl Sink for Table<'_> {
     }
 }
 
-fn schema(columns: &[Column]) -> Result<Arc<Type>, ParquetError> {
-    let field = |column: &Column| {
+fn schema(columns: &[Heading]) -> Result<Arc<Type>, ParquetError> {
+    let field = |column: &Heading| {
         let (physical, converted) = match column.kind {
             Kind::Integer => (Physical::INT64, ConvertedType::NONE),
             Kind::Stamp => (Physical::INT64, ConvertedType::UINT_64),
@@ -79,7 +80,7 @@ fn schema(columns: &[Column]) -> Result<Arc<Type>, ParquetError> {
             Kind::Double | Kind::Single => Repetition::OPTIONAL,
             Kind::Integer | Kind::Stamp | Kind::Text => Repetition::REQUIRED,
         };
-        let field = Type::primitive_type_builder(&column.name, physical).with_converted_type(converted);
+        let field = Type::primitive_type_builder(column.name, physical).with_converted_type(converted);
         field.with_repetition(repetition).build().map(Arc::new)
     };
     let fields = columns.iter().map(field).collect::<Result<_, _>>()?;
@@ -133,18 +134,18 @@ fn write_column<'a>(
     Ok(())
 }
 
-/// A whole number; a stamp keeps its bits, which the column's type says are unsigned.
+/// Returns a whole number. A stamp keeps its bits, which the type of the column declares as unsigned.
 fn whole(cell: &Cell) -> Result<i64, ParquetError> {
     match cell {
         Cell::Integer(number) => {
             i64::try_from(*number).map_err(|_| ParquetError::General(format!("{number} does not fit 64 bits")))
         }
         Cell::Stamp(stamp_ns) => Ok(stamp_ns.cast_signed()),
-        _ => Err(ParquetError::General("a cell that is not a whole number".into())),
+        _ => Err(ParquetError::General("the cell is not a whole number".into())),
     }
 }
 
-/// Numbers that are there, and for each cell whether one is.
+/// Writes the numbers that are present, and for each cell whether it is.
 fn numbers<'a, T: DataType>(
     writer: &mut SerializedColumnWriter<'_>,
     cells: impl Iterator<Item = &'a Cell>,

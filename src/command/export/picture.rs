@@ -1,4 +1,4 @@
-//! Frames as PNG pictures, with what was measured drawn over them.
+//! Frames as PNG images, with the results drawn over them.
 
 use super::{ExportError, ExportOptions};
 use crate::image::{Frame, FrameMeta, Image};
@@ -10,12 +10,12 @@ use std::collections::BTreeMap;
 use std::io;
 use std::path::Path;
 
-/// Small frames are enlarged by a whole number until they are about this wide, px.
+/// The width to which small frames are enlarged, by a whole number, px.
 const WIDTH_PX: u32 = 640;
 const OUTLINE: Rgb<u8> = Rgb([53, 224, 111]);
 const ARROW: Rgb<u8> = Rgb([255, 210, 31]);
 
-/// Writes a picture for each frame into a directory; returns how many.
+/// Writes an image per frame into a directory and returns their number.
 pub(super) fn write_all(options: &ExportOptions, directory: &Path) -> Result<u64, ExportError> {
     let to = directory.display().to_string();
     let failed = |source| ExportError::Write { to: to.clone(), source };
@@ -34,7 +34,7 @@ pub(super) fn write_all(options: &ExportOptions, directory: &Path) -> Result<u64
     Ok(count)
 }
 
-/// Draws every frame, in order, with what belongs to one of [`PICTURES`](super::PICTURES).
+/// Draws all frames in order, with the content of one of [`PICTURES`](super::PICTURES).
 pub(super) fn draw(
     recording: &Recording,
     topic: &str,
@@ -56,7 +56,7 @@ pub(super) fn draw(
             Err(error) => return take(meta.sequence, Err(error)),
         };
         tracks.get(&meta.sequence).into_iter().flatten().for_each(|sample| canvas.outline(sample));
-        // Fields and frames both come in the order of their time: only those of this frame are held.
+        // Fields and frames are both ordered by time, so only the fields of this frame are held.
         while topic == "field"
             && fields.peek().is_some_and(|f| f.as_ref().map_or(true, |f| f.stamp_ns <= meta.stamp_ns))
         {
@@ -70,8 +70,8 @@ pub(super) fn draw(
     Ok(())
 }
 
-/// How much displacements over the shortest interval are enlarged, the same in all frames: the longest spans about
-/// the distance of two subsets. And that interval, frames.
+/// Returns the magnification of displacements over the shortest interval, and that interval, frames. The magnification is
+/// the same in all frames; the longest displacement spans about the distance of two subsets.
 fn gain(recording: &Recording) -> Result<(f32, u64), RecordingError> {
     let (mut longest, mut step, mut interval) = (0.0_f32, f32::INFINITY, u64::MAX);
     for field in recording.fields()? {
@@ -91,7 +91,7 @@ fn gain(recording: &Recording) -> Result<(f32, u64), RecordingError> {
     Ok((if longest > 0.0 && step.is_finite() { 2.0 * step / longest } else { 1.0 }, interval))
 }
 
-/// The frame's pixels as 8-bit grey, black to white over the full range of its format; rows packed.
+/// Returns the pixels of a frame as 8-bit grey levels over the full range of its format, without padding.
 pub(super) fn grey_levels(meta: FrameMeta, bytes: &[u8]) -> io::Result<Vec<u8>> {
     let mut image = Image::default();
     Frame { meta, bytes }.unpack(&mut image).map_err(io::Error::other)?;
@@ -108,7 +108,7 @@ struct Canvas {
 }
 
 impl Canvas {
-    /// The frame in grey over its full range, so that brightness is the same in all pictures.
+    /// Draws the frame in grey over its full range, so that the brightness is the same in all images.
     fn of(meta: FrameMeta, bytes: &[u8]) -> Result<Self, io::Error> {
         let scale = WIDTH_PX.div_ceil(meta.width_px.max(1)).clamp(1, 4);
         let levels = grey_levels(meta, bytes)?;
@@ -119,7 +119,7 @@ impl Canvas {
     }
 
     fn dot(&mut self, x: f32, y: f32, color: Rgb<u8>) {
-        // The pixel (0, 0) is centred on (0, 0).
+        // The centre of pixel (0, 0) is (0, 0).
         let (x, y) = (((x + 0.5) * self.scale).floor(), ((y + 0.5) * self.scale).floor());
         if x >= 0.0 && y >= 0.0 && x < self.picture.width() as f32 && y < self.picture.height() as f32 {
             self.picture.put_pixel(x as u32, y as u32, color);

@@ -1,4 +1,4 @@
-//! Frames as a film for people to watch, made by an installed ffmpeg.
+//! Frames as a video, encoded by an installed ffmpeg.
 
 use super::picture::{draw, grey_levels};
 use super::{ExportError, ExportOptions, Format};
@@ -8,25 +8,25 @@ use std::path::Path;
 use std::process::{Child, ChildStdin, Command, Stdio};
 use std::thread::JoinHandle;
 
-/// Bytes kept of what ffmpeg says when it fails.
-const TOLD_BYTES: u64 = 64 << 10;
+/// The number of bytes kept of the messages of ffmpeg.
+const MESSAGE_BYTES: u64 = 64 << 10;
 
-/// Writes the frames as a film; returns how many. Nothing lies on the disk but the film itself.
+/// Writes the frames as a video and returns their number. No other file is written.
 pub(super) fn write(options: &ExportOptions, to: &Path) -> Result<u64, ExportError> {
     let recording = options.recording()?;
     let failed = |source| ExportError::Write { to: to.display().to_string(), source };
-    let mut film: Option<Film> = None;
+    let mut video: Option<Video> = None;
     let mut count = 0;
     let mut take = |[width, height]: [u32; 2], kind: &'static str, pixels: &[u8]| {
-        let film = match &mut film {
-            Some(film) => film,
-            none => none.insert(Film::start(options, to, [width, height], kind)?),
+        let video = match &mut video {
+            Some(video) => video,
+            none => none.insert(Video::start(options, to, [width, height], kind)?),
         };
-        if film.size != [width, height] {
+        if video.size != [width, height] {
             return Err(failed(io::Error::other(format!("frame {count} has another size than the first one"))));
         }
         count += 1;
-        film.push(pixels).map_err(failed)
+        video.push(pixels).map_err(failed)
     };
     if options.topic == "frames" {
         for frame in recording.frames()? {
@@ -40,22 +40,22 @@ pub(super) fn write(options: &ExportOptions, to: &Path) -> Result<u64, ExportErr
             take([picture.width(), picture.height()], "rgb24", picture.as_raw())
         })?;
     }
-    film.map_or(Ok(()), Film::finish).map_err(failed)?;
+    video.map_or(Ok(()), Video::finish).map_err(failed)?;
     Ok(count)
 }
 
-/// A film being made.
-struct Film {
+/// A video that is being encoded.
+struct Video {
     size: [u32; 2],
     ffmpeg: Child,
-    /// Gone once ffmpeg went away.
+    /// The input of ffmpeg; `None` once it exited.
     frames: Option<ChildStdin>,
-    told: JoinHandle<String>,
+    messages: JoinHandle<String>,
 }
 
-impl Film {
+impl Video {
     fn start(options: &ExportOptions, to: &Path, size: [u32; 2], kind: &str) -> Result<Self, ExportError> {
-        let word = options.format.word();
+        let word = options.format.as_str();
         let spawned = Command::new("ffmpeg")
             .args(arguments(options, size, kind))
             .arg(file_address(to))
@@ -71,21 +71,21 @@ impl Film {
             _ => ExportError::Write { to: "ffmpeg".into(), source: error },
         })?;
         let mut stderr = ffmpeg.stderr.take();
-        let told = std::thread::spawn(move || {
+        let messages = std::thread::spawn(move || {
             let mut text = Vec::new();
             if let Some(pipe) = &mut stderr {
-                let _ = pipe.take(TOLD_BYTES).read_to_end(&mut text);
+                let _ = pipe.take(MESSAGE_BYTES).read_to_end(&mut text);
                 let _ = io::copy(pipe, &mut io::sink());
             }
             String::from_utf8_lossy(&text).into_owned()
         });
-        Ok(Self { size, frames: ffmpeg.stdin.take(), ffmpeg, told })
+        Ok(Self { size, frames: ffmpeg.stdin.take(), ffmpeg, messages })
     }
 
     fn push(&mut self, pixels: &[u8]) -> io::Result<()> {
         let Some(frames) = &mut self.frames else { return Ok(()) };
         match frames.write_all(pixels) {
-            // It has gone, and says why at the end.
+            // It exited; its messages give the reason at the end.
             Err(error) if error.kind() == ErrorKind::BrokenPipe => self.frames = None,
             written => written?,
         }
@@ -93,29 +93,29 @@ impl Film {
     }
 
     fn finish(mut self) -> io::Result<()> {
-        let is_whole = self.frames.take().is_some();
+        let is_complete = self.frames.take().is_some();
         let status = self.ffmpeg.wait()?;
-        let told = self.told.join().unwrap_or_default();
-        if status.success() && is_whole {
+        let messages = self.messages.join().unwrap_or_default();
+        if status.success() && is_complete {
             return Ok(());
         }
-        let line = told.lines().map(str::trim).rfind(|line| !line.is_empty()).unwrap_or("it did not say why");
+        let line = messages.lines().map(str::trim).rfind(|line| !line.is_empty()).unwrap_or("it gave no reason");
         Err(io::Error::other(format!("ffmpeg ended with {status}: {line}")))
     }
 }
 
-/// Raw frames from standard input, as a film that common players show.
+/// Returns the arguments that encode raw frames from standard input as a video for common players.
 fn arguments(options: &ExportOptions, [width, height]: [u32; 2], kind: &str) -> Vec<OsString> {
     let (size, rate) = (format!("{width}x{height}"), options.playback_hz.to_string());
     let mut words: Vec<&str> = "-nostdin -hide_banner -loglevel error -f rawvideo -pixel_format".split(' ').collect();
     words.extend([kind, "-video_size", &size, "-framerate", &rate, "-i", "pipe:0"]);
     match (options.format, kind) {
-        // Grey has 256 levels, as many as a GIF has colours.
+        // A GIF has 256 colours, as many as there are grey levels.
         (Format::Gif, "gray") => words.extend(["-pix_fmt", "gray", "-f", "gif"]),
         (Format::Gif, _) => {
             words.extend(["-filter_complex", "split[a][b];[a]palettegen[p];[b][p]paletteuse=dither=none", "-f", "gif"]);
         }
-        // Players want 4:2:0, which halves both sides of the colours.
+        // Players need 4:2:0, which halves both dimensions of the colour planes.
         _ => words.extend([
             "-vf",
             "pad=ceil(iw/2)*2:ceil(ih/2)*2",
@@ -135,7 +135,7 @@ fn arguments(options: &ExportOptions, [width, height]: [u32; 2], kind: &str) -> 
     words.into_iter().map(OsString::from).collect()
 }
 
-/// The file, whatever its name begins with.
+/// Returns the address of a file, whatever its name begins with.
 fn file_address(path: &Path) -> OsString {
     let mut address = OsString::from("file:");
     address.push(path);

@@ -208,7 +208,7 @@ fn summary(field: &[FieldPoint]) -> String {
     for status in PointStatus::ALL.into_iter().skip(1) {
         let count = field.iter().filter(|point| point.status == status).count();
         if count > 0 {
-            line += &format!(", {count} {}", status.word());
+            line += &format!(", {count} {}", status.as_str());
         }
     }
     line

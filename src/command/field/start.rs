@@ -117,7 +117,7 @@ fn at_any_angle(
     let Some(BodyMotion { motion, zncc, .. }) = best.filter(|best| best.zncc >= min_zncc) else {
         let why = match (best, why) {
             (Some(best), _) => format!("the best match has a ZNCC of {:.3}, below min_zncc = {min_zncc}", best.zncc),
-            (None, Some(status)) => status.word().to_owned(),
+            (None, Some(status)) => status.as_str().to_owned(),
             (None, None) => format!("the region is smaller than {} px", 2.0 * MIN_RADIUS_PX),
         };
         return Err(FieldError::Usage(format!(

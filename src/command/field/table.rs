@@ -5,10 +5,8 @@ use std::io::{BufWriter, Write};
 use std::path::Path;
 
 use super::FieldError;
+use crate::command::json_cells;
 use crate::results::FieldPoint;
-
-/// The columns of the table.
-const COLUMNS: [&str; 9] = ["x_px", "y_px", "u_px", "v_px", "sigma_u_px", "sigma_v_px", "zncc", "peak_ratio", "status"];
 
 /// The first column of a table of several fields.
 const TARGET: &str = "target";
@@ -27,7 +25,8 @@ impl Layout {
     pub(super) fn head(self, out: impl Write) -> anyhow::Result<()> {
         if !self.json {
             let mut table = csv::Writer::from_writer(out);
-            table.write_record(self.named.then_some(TARGET).into_iter().chain(COLUMNS))?;
+            let names = FieldPoint::COLUMNS.iter().map(|column| column.heading.name);
+            table.write_record(self.named.then_some(TARGET).into_iter().chain(names))?;
             table.flush()?;
         }
         Ok(())
@@ -42,18 +41,14 @@ impl Layout {
                 if let Some(name) = &name {
                     object.insert(TARGET.to_owned(), serde_json::json!(name));
                 }
-                for (name, value) in COLUMNS.into_iter().zip(row(point)) {
-                    object.insert(name.to_owned(), serde_json::json!(value));
-                }
-                object.insert("status".to_owned(), serde_json::json!(point.status.word()));
+                object.extend(json_cells(point, FieldPoint::COLUMNS).map(|(name, value)| (name.to_owned(), value)));
                 writeln!(out, "{}", serde_json::Value::Object(object))?;
             }
         } else {
             let mut table = csv::Writer::from_writer(&mut out);
             for point in field {
-                let cells = row(point).map(|value| value.map_or(String::new(), |value| value.to_string()));
-                let cells = name.as_deref().into_iter().chain(cells.iter().map(String::as_str));
-                table.write_record(cells.chain([point.status.word()]))?;
+                let cells = FieldPoint::COLUMNS.iter().map(|column| (column.cell)(point).to_string());
+                table.write_record(name.clone().into_iter().chain(cells))?;
             }
             table.flush()?;
         }
@@ -72,19 +67,4 @@ impl Layout {
         let written = layout.head(&mut file).and_then(|()| layout.rows(field, path, file));
         written.map_err(|error| FieldError::write(path, error))
     }
-}
-
-/// Returns the values of a row; missing ones are `None`.
-fn row(point: &FieldPoint) -> [Option<f32>; 8] {
-    let displacement = point.displacement;
-    [
-        Some(point.x_px),
-        Some(point.y_px),
-        displacement.map(|d| d.u_px),
-        displacement.map(|d| d.v_px),
-        displacement.map(|d| d.sigma_u_px),
-        displacement.map(|d| d.sigma_v_px),
-        point.zncc,
-        point.peak_ratio,
-    ]
 }

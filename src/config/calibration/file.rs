@@ -47,13 +47,13 @@ pub(super) fn numbers(text: &str) -> Result<Numbers, String> {
 /// A file of named values.
 trait Named {
     /// A single number or word.
-    fn word(&self, name: &str) -> Option<String>;
+    fn text(&self, name: &str) -> Option<String>;
     /// A list of numbers, also one within a matrix; the error says what is wrong with it.
     fn list(&self, name: &str) -> Result<Option<Vec<f64>>, String>;
 }
 
 fn of(file: &impl Named) -> Result<Numbers, String> {
-    let word = |names: &[&str]| names.iter().find_map(|name| file.word(name));
+    let word = |names: &[&str]| names.iter().find_map(|name| file.text(name));
     let list = |names: &[&str]| -> Result<Option<Vec<f64>>, String> {
         for name in names {
             if let Some(list) = file.list(name)? {
@@ -73,7 +73,7 @@ fn of(file: &impl Named) -> Result<Numbers, String> {
 }
 
 impl Named for Value {
-    fn word(&self, name: &str) -> Option<String> {
+    fn text(&self, name: &str) -> Option<String> {
         match self.get(name)? {
             Value::String(word) => Some(word.clone()),
             Value::Number(number) => Some(number.to_string()),
@@ -94,7 +94,7 @@ impl Named for Value {
 }
 
 impl Named for &str {
-    fn word(&self, name: &str) -> Option<String> {
+    fn text(&self, name: &str) -> Option<String> {
         let (_, rest) = self.lines().filter_map(|line| line.split_once(':')).find(|(key, _)| *key == name)?;
         Some(rest.split('#').next()?.trim().trim_matches(['"', '\'']).to_owned())
     }

@@ -48,7 +48,7 @@ impl<'a> CameraFeed<'a> {
         config.check_ring(format.slot_bytes(), format.frame_rate_hz)?;
         config.check_calibration(format.width_px, format.height_px)?;
         let limits = limits(config, &format);
-        let bus = Bus::take_part(&config.rig.name, Role::Record.word(), SUCCESSION)?;
+        let bus = Bus::join_as(&config.rig.name, Role::Record.as_str(), SUCCESSION)?;
         let feed = Self {
             name: name.to_owned(),
             frames: bus.frame_subscriber(&limits)?,

@@ -57,7 +57,7 @@ impl Inner {
         for (id, mut channel) in all {
             match channel.topic.strip_prefix(&prefix).filter(|topic| topic.starts_with('/')) {
                 Some(own) => channel.topic = own.to_owned(),
-                None if channel.topic == Topic::Events.name() => {}
+                None if channel.topic == Topic::Events.as_str() => {}
                 None => continue,
             }
             structure.channels.insert(id, channel);

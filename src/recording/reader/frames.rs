@@ -154,7 +154,7 @@ impl Inner {
         let ours = self.is_ours();
         let images: Vec<_> = (self.structure.channels.iter())
             .filter(|(id, _)| self.kind(**id).is_some())
-            .filter(|(_, c)| !ours || c.topic == Topic::Image.name())
+            .filter(|(_, c)| !ours || c.topic == Topic::Image.as_str())
             .collect();
         let Some((_, first)) = images.first() else {
             let topics = self.structure.channels.values();
@@ -248,7 +248,7 @@ impl Frames {
             None if is_cut(&self.messages) => return Ok(None),
             info => info.ok_or_else(|| named("its frame information is missing".into()))?,
         };
-        meta.format = PixelFormat::from_code(info.pixel_format)
+        meta.format = PixelFormat::from_number(info.pixel_format)
             .filter(|format| format.bytes_per_pixel() == meta.format.bytes_per_pixel())
             .ok_or_else(|| {
                 named(format!("pixel format {:#010x} does not match encoding {}", info.pixel_format, image.encoding))

@@ -141,7 +141,7 @@ impl Recording {
     fn rows<T>(&self, topic: Topic) -> Result<Rows<T>, RecordingError> {
         let of_file = |inner: &Arc<Inner>| Ok((Arc::clone(inner), inner.channels_of(topic)?));
         let messages = Messages::new(self.inners().map(of_file).collect::<Result<_, RecordingError>>()?)?;
-        Ok(Rows { messages, topic: topic.name(), row: PhantomData })
+        Ok(Rows { messages, topic: topic.as_str(), row: PhantomData })
     }
 }
 
@@ -169,12 +169,12 @@ impl Inner {
     /// [`RecordingError::Invalid`] when the topic has another schema or encoding.
     pub(super) fn channels_of(&self, topic: Topic) -> Result<Vec<u16>, RecordingError> {
         let mut channels = Vec::new();
-        for (id, channel) in self.structure.channels.iter().filter(|(_, channel)| channel.topic == topic.name()) {
+        for (id, channel) in self.structure.channels.iter().filter(|(_, channel)| channel.topic == topic.as_str()) {
             let schema = self.schema_name(channel.schema);
             if schema != topic.schema_name() || channel.encoding != "protobuf" {
                 return Err(self.invalid(format!(
                     "topic {} has {} messages of schema {schema:?}, not protobuf messages of {:?}",
-                    topic.name(),
+                    topic.as_str(),
                     channel.encoding,
                     topic.schema_name()
                 )));

@@ -75,7 +75,7 @@ impl Noise {
         let found: Vec<&BodyStep> = steps.iter().filter(|step| step.step.is_some()).collect();
         let Some(step) = found.first().map(|step| **step) else {
             let status = steps.first().map_or(PointStatus::Lost, |step| step.status);
-            let why = format!("{origin}: cannot track the body in the rendered frames: {}", status.word());
+            let why = format!("{origin}: cannot track the body in the rendered frames: {}", status.as_str());
             return Err(UsageError(why).into());
         };
         let truth = world.truth(step.frame);
@@ -134,7 +134,7 @@ pub(super) fn steps(params: &MeasureParams, film: &World, frames: Range<u64>) ->
 fn bound(rig: &Rig, light: &Image, [x_px, y_px]: [f64; 2], pixel_dn: f64) -> anyhow::Result<[f64; 3]> {
     let correlator = Correlator::new(&rig.config.correlation(), light.view().width(), light.view().height())?;
     let body = RigidBody::new(&correlator.prepare(light.view()), &pixels_of(rig, [x_px, y_px])).map_err(|status| {
-        UsageError(format!("{}: cannot match the whole body: {}", rig.config.origin, status.word()))
+        UsageError(format!("{}: cannot match the whole body: {}", rig.config.origin, status.as_str()))
     })?;
     Ok(body.expected_sigma((x_px, y_px), pixel_dn).map(|sigma| sigma * std::f64::consts::FRAC_1_SQRT_2))
 }

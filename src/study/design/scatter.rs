@@ -134,7 +134,7 @@ fn of_velocity(
 fn of_impact(name: &'static str, exact: f64, films: &[TrackerRows]) -> Option<Expected> {
     let measured = films.iter().filter_map(|film| {
         let last = film.impacts.iter().filter(|impact| impact.number == 0).max_by_key(|impact| impact.revision)?;
-        last.numbers().into_iter().find(|(column, _)| *column == name)?.1
+        last.get(name)
     });
     let errors = Errors(measured.map(|measured| measured.value - exact).collect());
     let fraction = errors.0.len() as f64 / films.len() as f64;

@@ -69,7 +69,7 @@ impl Figure<'_> {
             let axis = self.axis(row);
             for (column, speeds) in self.speeds.iter().enumerate() {
                 let corner = (across * column as f64, top + down * row as f64);
-                let title = format!("{title}; {} speeds", speeds.word());
+                let title = format!("{title}; {} speeds", speeds.as_str());
                 text(&mut svg, (corner.0 + 14.0, corner.1 + 14.0), "class=\"title\"", &title);
                 self.panel(&mut svg, (corner.0 + LEFT, corner.1 + ABOVE), axis, (row, *speeds));
             }

@@ -102,7 +102,7 @@ pub(super) struct Film {
 
 impl SpeckleStudy {
     /// Returns the name on the command line and in file names.
-    pub(super) fn word(self) -> &'static str {
+    pub(super) fn as_str(self) -> &'static str {
         match self {
             Self::Translation => "translation",
             Self::Translation2 => "translation2",
@@ -218,7 +218,7 @@ impl SpeckleStudy {
 impl Speeds {
     pub(super) const ALL: [Self; 2] = [Self::Paper, Self::OffGrid];
 
-    pub(super) fn word(self) -> &'static str {
+    pub(super) fn as_str(self) -> &'static str {
         match self {
             Self::Paper => "paper",
             Self::OffGrid => "off-grid",
@@ -279,7 +279,7 @@ impl Speeds {
 }
 
 impl Case {
-    pub(super) fn word(self) -> &'static str {
+    pub(super) fn as_str(self) -> &'static str {
         match self {
             Self::Rest => "rest",
             Self::OneAxis => "one-axis",

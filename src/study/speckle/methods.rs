@@ -61,7 +61,7 @@ impl Way {
         ("rigid", Self::Rigid),
     ];
 
-    pub(super) fn word(self) -> &'static str {
+    pub(super) fn as_str(self) -> &'static str {
         Self::WORDS.iter().find(|(_, way)| *way == self).map_or("", |(word, _)| word)
     }
 

@@ -100,7 +100,7 @@ pub fn run(study: SpeckleStudy, options: &SpeckleOptions, stop: &Stop) -> anyhow
     bench.check_room(film::DIAMETERS_PX[0])?;
     let contents = Contents { films: &job.films, ways: &job.ways, frames: job.filming.frames };
     let opened =
-        options.output.as_ref().map(|directory| Journal::open(directory, study.word(), &settings(&job), &contents));
+        options.output.as_ref().map(|directory| Journal::open(directory, study.as_str(), &settings(&job), &contents));
     let (mut journal, mut rows) =
         opened.transpose()?.map_or((None, Vec::new()), |(journal, rows)| (Some(journal), rows));
     let done = rows.len() / contents.rows();
@@ -150,11 +150,11 @@ fn job(study: SpeckleStudy, options: &SpeckleOptions) -> Result<Job, UsageError>
     };
     let methods = or_default(&options.methods, methods);
     if !study.levels().is_empty() && !options.speeds.is_empty() {
-        return Err(UsageError(format!("--speeds: not allowed, study {} has its own speeds", study.word())));
+        return Err(UsageError(format!("--speeds: not allowed, study {} has its own speeds", study.as_str())));
     }
-    let sets: &[&str] = if study.levels().is_empty() { &Speeds::ALL.map(Speeds::word) } else { &["off-grid"] };
+    let sets: &[&str] = if study.levels().is_empty() { &Speeds::ALL.map(Speeds::as_str) } else { &["off-grid"] };
     let speeds = or_default(&options.speeds, sets);
-    let speeds = films_plan::chosen("--speeds", &speeds, &Speeds::ALL.map(|speeds| (speeds.word(), speeds)))?;
+    let speeds = films_plan::chosen("--speeds", &speeds, &Speeds::ALL.map(|speeds| (speeds.as_str(), speeds)))?;
     let patterns = films_plan::chosen("--patterns", &patterns, &names)?;
     if !(2..=12).contains(&options.frames) {
         return Err(UsageError(format!("--frames {}: must be 2 to 12", options.frames)));
@@ -184,16 +184,16 @@ fn settings(job: &Job) -> Value {
         if !patterns.contains(&name) {
             patterns.push(name);
         }
-        if !speeds.contains(&set.word()) {
-            speeds.push(set.word());
+        if !speeds.contains(&set.as_str()) {
+            speeds.push(set.as_str());
         }
     }
     json!({
-        "study": job.study.word(),
+        "study": job.study.as_str(),
         "version": env!("CARGO_PKG_VERSION"),
         "patterns": patterns,
         "speeds": speeds,
-        "methods": job.ways.iter().map(|way| way.word()).collect::<Vec<_>>(),
+        "methods": job.ways.iter().map(|way| way.as_str()).collect::<Vec<_>>(),
         "frames": job.filming.frames,
         "subset_size_px": job.windows.subset_size_px,
         "step_px": job.windows.step_px,

@@ -121,7 +121,7 @@ impl Finished<'_> {
         let points = "5 points between pixels where windows or peaks are splined";
         caption.push(format!("Windows of {} px, {} px apart; {points}.", windows.subset_size_px, windows.step_px));
         caption.extend(study.reading().map(str::to_owned));
-        let set = |speeds: &Speeds| format!("{}: {}", speeds.word(), speeds.describe(study));
+        let set = |speeds: &Speeds| format!("{}: {}", speeds.as_str(), speeds.describe(study));
         caption.push(speeds.iter().map(set).collect::<Vec<_>>().join("; "));
         let missing: usize = shown.iter().map(|group| group.missing).sum();
         if missing > 0 {
@@ -152,7 +152,7 @@ impl Finished<'_> {
     fn print_patterns(&self, shown: &[Group]) {
         let mut head = vec!["pattern".to_owned()];
         for speeds in self.speeds() {
-            head.extend(self.job.ways.iter().map(|way| format!("{} {}", speeds.word(), way.word())));
+            head.extend(self.job.ways.iter().map(|way| format!("{} {}", speeds.as_str(), way.as_str())));
         }
         let mut lines = vec![head];
         for pattern in self.patterns() {
@@ -169,13 +169,14 @@ impl Finished<'_> {
         say("mean absolute error: px/frame (mean of x and y) / deg/frame; ! where answers are missing");
         say(&table(&lines));
         let sets = self.speeds();
-        let head = sets.iter().flat_map(|s| [format!("{} px/frame", s.word()), format!("{} deg/frame", s.word())]);
+        let head = sets.iter().flat_map(|s| [format!("{} px/frame", s.as_str()), format!("{} deg/frame", s.as_str())]);
         let mut lines = vec![["best pattern".to_owned()].into_iter().chain(head).collect::<Vec<_>>()];
         let found = self.best(shown);
         for way in &self.job.ways {
-            let mut line = vec![way.word().to_owned()];
+            let mut line = vec![way.as_str().to_owned()];
             for (speeds, of) in sets.iter().flat_map(|s| [(s, Measure::Translation), (s, Measure::Rotation)]) {
-                let best = found.iter().find(|b| (b.speeds, b.of, b.method) == (speeds.word(), of.word(), way.word()));
+                let best =
+                    found.iter().find(|b| (b.speeds, b.of, b.method) == (speeds.as_str(), of.as_str(), way.as_str()));
                 line.push(best.map_or_else(|| "-".to_owned(), |b| format!("{:.5} {}", b.mean, b.pattern)));
             }
             lines.push(line);
@@ -185,7 +186,8 @@ impl Finished<'_> {
 
     fn print_peak(&self, points: &[peak_figure::Point], costs: &[peak_figure::Cost]) {
         for speeds in self.speeds() {
-            let head = ["px/frame".to_owned()].into_iter().chain(self.job.ways.iter().map(|way| way.word().to_owned()));
+            let head =
+                ["px/frame".to_owned()].into_iter().chain(self.job.ways.iter().map(|way| way.as_str().to_owned()));
             let mut lines = vec![head.collect::<Vec<_>>()];
             let of = |point: &&peak_figure::Point| point.speeds == speeds;
             let mut steps: Vec<f64> = points.iter().filter(of).map(|point| point.speed_px_frame).collect();
@@ -196,7 +198,7 @@ impl Finished<'_> {
                 line.extend(points.iter().filter(here).map(|point| px(point.error.map(|error| error.mean))));
                 lines.push(line);
             }
-            say(&format!("mean absolute error along x, px/frame; {} speeds", speeds.word()));
+            say(&format!("mean absolute error along x, px/frame; {} speeds", speeds.as_str()));
             say(&table(&lines));
         }
         let times = costs.iter().map(|cost| format!("{} {:.1}", cost.method, cost.us_per_window));
@@ -220,13 +222,13 @@ impl Finished<'_> {
     }
 
     fn write(&self, directory: &Path, ending: &str, bytes: &[u8]) -> anyhow::Result<()> {
-        let path = directory.join(format!("{}{ending}", self.job.study.word()));
+        let path = directory.join(format!("{}{ending}", self.job.study.as_str()));
         Ok(std::fs::write(&path, bytes).map_err(|error| FieldError::write(&path, error))?)
     }
 }
 
 impl Measure {
-    fn word(self) -> &'static str {
+    fn as_str(self) -> &'static str {
         match self {
             Self::Translation => "px_frame",
             Self::Rotation => "deg_frame",
@@ -259,7 +261,7 @@ fn best(groups: &[Group], speeds: Speeds, way: Way, of: Measure) -> Option<Best>
     let whole = groups.iter().filter(|group| (group.speeds, group.way, group.missing) == (speeds, way, 0));
     let (group, mean) = whole.filter_map(|group| Some((group, of.of(group)?))).min_by(|a, b| a.1.total_cmp(&b.1))?;
     let pattern = PatternSetup::PAPER[group.pattern];
-    Some(Best { speeds: speeds.word(), method: way.word(), of: of.word(), pattern, mean: round(mean) })
+    Some(Best { speeds: speeds.as_str(), method: way.as_str(), of: of.as_str(), pattern, mean: round(mean) })
 }
 
 fn cell(group: &Group) -> String {

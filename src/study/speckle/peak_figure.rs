@@ -69,8 +69,8 @@ impl Point {
             self.error.as_ref().and_then(part).map(|value| (value * 1e7).round() / 1e7 + 0.0)
         };
         Line {
-            speeds: self.speeds.word(),
-            method: self.way.word(),
+            speeds: self.speeds.as_str(),
+            method: self.way.as_str(),
             vx_px_frame: self.speed_px_frame,
             pairs: self.pairs,
             missing: self.missing,
@@ -94,7 +94,7 @@ pub(super) fn points(job: &Job, rows: &[Row]) -> Vec<Point> {
             for speed in &steps {
                 let of = |row: &&Row| {
                     let apart = row.vx_px_frame - speed;
-                    row.speeds == speeds.word() && row.method == way.word() && apart.abs() < 1e-9
+                    row.speeds == speeds.as_str() && row.method == way.as_str() && apart.abs() < 1e-9
                 };
                 let errors: Vec<Option<f64>> = rows.iter().filter(of).map(|row| row.error()[0]).collect();
                 let known: Vec<f64> = errors.iter().copied().flatten().collect();
@@ -136,7 +136,7 @@ pub(super) fn costs(job: &Job) -> anyhow::Result<Vec<Cost>> {
     }
     let cost = |(way, mut times): (&Way, Vec<f64>)| {
         times.sort_by(f64::total_cmp);
-        Cost { method: way.word(), us_per_window: (100.0 * times[0]).round() / 100.0 }
+        Cost { method: way.as_str(), us_per_window: (100.0 * times[0]).round() / 100.0 }
     };
     Ok(job.ways.iter().zip(times).map(cost).collect())
 }
@@ -160,7 +160,7 @@ pub(super) fn draw(job: &Job, points: &[Point], costs: &[Cost], caption: &[Strin
     let axis = LogAxis::around(means, PLOT);
     for (column, speeds) in shown.iter().enumerate() {
         let (left, top) = (across * column as f64 + LEFT, below + ABOVE);
-        let title = format!("mean |error| along x, px/frame; {} speeds", speeds.word());
+        let title = format!("mean |error| along x, px/frame; {} speeds", speeds.as_str());
         text(&mut svg, (left - LEFT + 14.0, top - 12.0), "class=\"title\"", &title);
         axis.draw(&mut svg, (left, top), WIDTH);
         for tenth in (0..=20).step_by(2) {
@@ -248,7 +248,7 @@ mod tests {
             }
         }
         assert_eq!(points.iter().filter(|point| point.error.is_none()).count(), 1);
-        let costs = job.ways.iter().map(|way| Cost { method: way.word(), us_per_window: 7.0 }).collect::<Vec<_>>();
+        let costs = job.ways.iter().map(|way| Cost { method: way.as_str(), us_per_window: 7.0 }).collect::<Vec<_>>();
         let figure = draw(&job, &points, &costs, &["caption <of> it".to_owned()]);
         assert!(figure.contains("caption &lt;of&gt; it") && figure.contains("(7 us a window)"));
         let curves: Vec<&str> = figure.lines().filter(|line| line.contains("class=\"curve\"")).collect();

@@ -51,11 +51,11 @@ impl Row {
         let level = |of: SpeckleStudy| study.levels().get(film.level).copied().filter(|_| study == of);
         Self {
             pattern: PatternSetup::PAPER[film.pattern].to_owned(),
-            speeds: film.speeds.word().to_owned(),
-            case: film.case.word().to_owned(),
+            speeds: film.speeds.as_str().to_owned(),
+            case: film.case.as_str().to_owned(),
             film: film.number,
             frame,
-            method: way.word().to_owned(),
+            method: way.as_str().to_owned(),
             noise_dn: level(SpeckleStudy::Noise),
             blur_px: level(SpeckleStudy::Blur),
             rate: level(SpeckleStudy::Rate),
@@ -69,7 +69,7 @@ impl Row {
             sigma_dy_px: part(answer.sigma, 1),
             sigma_dtheta_deg: part(answer.sigma, 2),
             points: answer.points,
-            status: answer.status.word().to_owned(),
+            status: answer.status.as_str().to_owned(),
         }
     }
 
@@ -95,7 +95,7 @@ impl Row {
     /// Whether this is the row of a method on a pair of frames.
     pub(super) fn is_of(&self, film: &Film, frame: u64, way: Way) -> bool {
         let pattern = PatternSetup::PAPER[film.pattern];
-        self.key() == (pattern, film.speeds.word(), film.case.word(), film.number, frame, way.word())
+        self.key() == (pattern, film.speeds.as_str(), film.case.as_str(), film.number, frame, way.as_str())
     }
 }
 

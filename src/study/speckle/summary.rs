@@ -90,9 +90,9 @@ impl Group {
         let (max, bias) = (|s: &Spread| Some(s.max), |s: &Spread| Some(s.bias));
         Line {
             pattern: PatternSetup::PAPER[self.pattern],
-            speeds: self.speeds.word(),
-            case: self.case.word(),
-            method: self.way.word(),
+            speeds: self.speeds.as_str(),
+            case: self.case.as_str(),
+            method: self.way.as_str(),
             films: self.films,
             pairs: self.pairs,
             missing: self.missing,

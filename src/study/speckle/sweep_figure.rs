@@ -90,7 +90,7 @@ impl Point {
             noise_dn: level(SpeckleStudy::Noise),
             blur_px: level(SpeckleStudy::Blur),
             rate: level(SpeckleStudy::Rate),
-            method: self.way.word(),
+            method: self.way.as_str(),
             pairs: self.pairs,
             missing: self.missing,
             mean_x_px: mean(x),
@@ -122,7 +122,7 @@ fn known(row: &Row) -> Option<[f64; 3]> {
 /// Returns every method at every level, sorted by method and level.
 pub(super) fn points(job: &Job, rows: &[Row]) -> Vec<Point> {
     let point = |way: Way, level: f64| {
-        let is_of = |row: &&Row| row.method == way.word() && row.level().is_some_and(|at| (at - level).abs() < 1e-9);
+        let is_of = |row: &&Row| row.method == way.as_str() && row.level().is_some_and(|at| (at - level).abs() < 1e-9);
         Point::of(way, level, &rows.iter().filter(is_of).collect::<Vec<_>>())
     };
     job.ways.iter().flat_map(|way| job.study.levels().iter().map(move |level| point(*way, *level))).collect()
@@ -130,7 +130,7 @@ pub(super) fn points(job: &Job, rows: &[Row]) -> Vec<Point> {
 
 /// Returns the printed table.
 pub(super) fn cells(job: &Job, points: &[Point]) -> Vec<Vec<String>> {
-    let head = std::iter::once(label(job.study).to_owned()).chain(job.ways.iter().map(|way| way.word().to_owned()));
+    let head = std::iter::once(label(job.study).to_owned()).chain(job.ways.iter().map(|way| way.as_str().to_owned()));
     let mut lines = vec![head.collect::<Vec<_>>()];
     for level in job.study.levels() {
         let mut line = vec![level.to_string()];

@@ -74,7 +74,7 @@ fn frames_for_ros_2_read_back_with_their_pixels_and_times() {
     for (format, size, padding) in
         [(PixelFormat::Mono8, [20, 10], 0), (PixelFormat::Mono12, [7, 5], 0), (PixelFormat::Mono8, [21, 4], 3)]
     {
-        let name = format!("{}-{padding}", format.word());
+        let name = format!("{}-{padding}", format.as_str());
         let (shot, bag) = (folder.path().join(format!("{name}.mcap")), folder.path().join(format!("{name}-ros.mcap")));
         let mut writer = RecordingWriter::create(&shot, &samples::info(), &WriterOptions::default()).unwrap();
         let frames: Vec<_> = (0..9).map(|k| samples::frame(k, format, size, padding)).collect();

@@ -39,7 +39,7 @@ fn the_packages_of_the_viewers_read_pixels_and_numbers() {
             expected.push(format!("image {} 20x10 mono8 step 20 {} bytes {crc:08x}", meta.stamp_ns, pixels.len()));
             let sample = samples::velocity(k, 0);
             let bits = sample.velocity.map_or("none".into(), |v| format!("{:016x}", v.vx_m_s.to_bits()));
-            expected.push(format!("velocity {k} {} {bits} {}", sample.stamp_ns, sample.status.word()));
+            expected.push(format!("velocity {k} {} {bits} {}", sample.stamp_ns, sample.status.as_str()));
         }
         let mut lines: Vec<&str> = text.lines().collect();
         // Messages with equal times come in the order of the file, where frames and rows have separate chunks.

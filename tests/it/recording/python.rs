@@ -21,7 +21,7 @@ fn the_python_library_reads_pixels_rows_and_the_configuration() {
     for k in 0..10 {
         let sample = samples::velocity(k, 0);
         let bits = sample.velocity.map_or("none".into(), |v| format!("{:016x}", v.vx_m_s.to_bits()));
-        expected.push(format!("velocity {k} {} {bits} {}", sample.stamp_ns, sample.status.word()));
+        expected.push(format!("velocity {k} {} {bits} {}", sample.stamp_ns, sample.status.as_str()));
     }
     let field = samples::field(0);
     let measured = field.points.iter().filter(|point| point.displacement.is_some()).count();

@@ -35,7 +35,7 @@ fn rerun_loads_pixels_as_images_and_numbers_to_the_last_bit() {
             expected.push(format!("image {} 20x10 {} bytes {crc:08x}", meta.stamp_ns, pixels.len()));
             let sample = samples::velocity(k, 0);
             let bits = sample.velocity.map_or("none".into(), |v| format!("{:016x}", v.vx_m_s.to_bits()));
-            expected.push(format!("velocity {k} {} {bits} {}", sample.stamp_ns, sample.status.word()));
+            expected.push(format!("velocity {k} {} {bits} {}", sample.stamp_ns, sample.status.as_str()));
         }
         let mut lines: Vec<&str> = text.lines().collect();
         lines.sort_unstable();
