@@ -407,7 +407,8 @@ fn mean(places: impl Iterator<Item = Estimate> + Clone) -> Estimate {
 }
 
 /// Estimates the noise of single pixels from the median difference of neighbours.
-fn noise_dn(image: ImageView<'_>, [left, top, width, height]: [usize; 4]) -> f32 {
+fn noise_dn(image: ImageView<'_>, region: [usize; 4]) -> f32 {
+    let [left, top, width, height] = region;
     let rows = (top..top + height).map(|y| &image.row(y)[left..left + width]);
     let mut differences: Vec<f32> = rows.flat_map(|row| row.windows(2).map(|pair| (pair[1] - pair[0]).abs())).collect();
     if differences.is_empty() {

@@ -75,7 +75,7 @@ pub fn fit_paint(levels: &[Level], start: f64, tolerance: f64, outward: f64) -> 
     for round in 0..PASSES {
         let is_search = round < SEARCH_PASSES;
         let within = if is_search || paint.is_speckled { DENSE_SIGMAS } else { CLEAN_SIGMAS };
-        let mut pass = sum_levels(levels, &paint, within * paint.noise, scale, (outward, tolerance));
+        let mut pass = sum_levels(levels, &paint, within * paint.noise, scale, outward, tolerance);
         if pass.kept < MIN_LEVELS {
             return Err(PointStatus::LowCorrelation);
         }
@@ -98,7 +98,7 @@ pub fn fit_paint(levels: &[Level], start: f64, tolerance: f64, outward: f64) -> 
     Ok(paint)
 }
 
-fn sum_levels(levels: &[Level], paint: &Paint, within: f64, scale: f64, (outward, tolerance): (f64, f64)) -> Pass {
+fn sum_levels(levels: &[Level], paint: &Paint, within: f64, scale: f64, outward: f64, tolerance: f64) -> Pass {
     let (normal, right) = (SMatrix::zeros(), SVector::zeros());
     let mut pass = Pass { normal, right, kept: 0, squares: 0.0, outer: 0 };
     for Level { along, behind, level } in levels {

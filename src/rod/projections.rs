@@ -35,7 +35,8 @@ impl TwoTone {
     /// # Panics
     ///
     /// If the region exceeds the image.
-    pub fn new(image: ImageView<'_>, [left, top, width, height]: [usize; 4]) -> Option<Self> {
+    pub fn new(image: ImageView<'_>, region: [usize; 4]) -> Option<Self> {
+        let [left, top, width, height] = region;
         let rows = || (top..top + height).map(|y| &image.row(y)[left..left + width]);
         let pixels = || rows().flatten().copied();
         let (low, high) = pixels().fold((f32::INFINITY, f32::NEG_INFINITY), |(low, high), v| (low.min(v), high.max(v)));

@@ -158,7 +158,7 @@ impl Ball {
         let mut ink = vec![0.0; patch.coverage.len()];
         for moment in moments {
             ink.fill(0.0);
-            self.draw_pattern(moment, &patch, &mut ink);
+            self.draw_pattern(moment, &mut Canvas { patch: &patch, ink: &mut ink });
             self.add_light(&moment.pose, &ink, weight, &mut patch);
             let occluders = moment.occluders([0.0; 2]);
             if !occluders.is_empty() {
@@ -185,31 +185,33 @@ impl Ball {
     }
 
     /// Adds the coverage of each pixel by speckles and lines.
-    fn draw_pattern(&self, moment: &Moment, patch: &Patch, ink: &mut [f32]) {
+    fn draw_pattern(&self, moment: &Moment, canvas: &mut Canvas<'_>) {
         let pose = &moment.pose;
-        let corner = [patch.left as f64, patch.top as f64];
+        let corner = [canvas.patch.left as f64, canvas.patch.top as f64];
         let center = [pose.center_px[0] - corner[0], pose.center_px[1] - corner[1]];
         let occluders = moment.occluders(corner);
         let pattern = match &self.surface {
             Surface::Flat(pattern) => pattern,
-            Surface::Sphere(sphere) => return sphere.draw(&pose.orientation, center, &occluders, (patch, ink)),
+            Surface::Sphere(sphere) => return sphere.draw(&pose.orientation, center, &occluders, canvas),
         };
         let (sin, cos) = pose.angle_rad.sin_cos();
         // Counter-clockwise on the screen, with y down.
         let rotated = |[x, y]: [f64; 2]| [x * cos + y * sin, y * cos - x * sin];
         for speckle in &pattern.speckles {
             let [x, y] = rotated([speckle.x_px, speckle.y_px]);
-            self.draw_speckle((pattern, speckle), [center[0] + x, center[1] + y], center, &occluders, (patch, ink));
+            let placed =
+                PlacedSpeckle { pattern, speckle, place_px: [center[0] + x, center[1] + y], center_px: center };
+            self.draw_speckle(&placed, &occluders, canvas);
         }
         for line in &pattern.lines {
             let [x, y] = rotated(line.middle_px);
             let line = Line { middle_px: [center[0] + x, center[1] + y], along: rotated(line.along), ..*line };
-            self.draw_line(&line, &occluders, patch, ink);
+            self.draw_line(&line, &occluders, canvas);
         }
     }
 
     /// Adds the visible part of one line; an edge that cuts it is assumed to be perpendicular.
-    fn draw_line(&self, line: &Line, occluders: &[Occluder], patch: &Patch, ink: &mut [f32]) {
+    fn draw_line(&self, line: &Line, occluders: &[Occluder], canvas: &mut Canvas<'_>) {
         let strip = |distance: f64, half: f64| {
             if distance.abs() < half - EDGE_SIGMA * self.sigma_px {
                 return 1.0;
@@ -218,7 +220,7 @@ impl Ball {
         };
         let wide = line.half_width_px + REACH_SIGMA * self.sigma_px;
         let [x, y] = line.middle_px;
-        splat(line.middle_px, line.half_length_px + wide, patch, ink, |dx, dy| {
+        splat(line.middle_px, line.half_length_px + wide, canvas, |dx, dy| {
             let (dx, dy) = (f64::from(dx), f64::from(dy));
             let across = dx * line.along[1] - dy * line.along[0];
             if across.abs() > wide {
@@ -232,14 +234,8 @@ impl Ball {
     }
 
     /// Adds the visible part of one speckle; positions are relative to the patch's corner.
-    fn draw_speckle(
-        &self,
-        (pattern, speckle): (&Pattern, &Speckle),
-        place_px: [f64; 2],
-        center_px: [f64; 2],
-        occluders: &[Occluder],
-        (patch, ink): (&Patch, &mut [f32]),
-    ) {
+    fn draw_speckle(&self, placed: &PlacedSpeckle<'_>, occluders: &[Occluder], canvas: &mut Canvas<'_>) {
+        let PlacedSpeckle { pattern, speckle, place_px, center_px } = *placed;
         let radius_px = pattern.radii_px[speckle.size];
         let outside_px = |occluder: &Occluder| occluder.outside(place_px[0], place_px[1]).0;
         if occluders.iter().any(|occluder| outside_px(occluder) <= -radius_px) {
@@ -261,7 +257,7 @@ impl Ball {
                 rim_px: self.radius_px,
             };
             let rule = if speckle.crosses_rim { &self.fine_rule[..] } else { &self.rule };
-            splat(place_px, reach, patch, ink, |dx, dy| {
+            splat(place_px, reach, canvas, |dx, dy| {
                 disc.coverage(rotated([f64::from(dx), f64::from(dy)]), self.sigma_px, rule) as f32
             });
         } else if !cuts.is_empty() {
@@ -271,16 +267,16 @@ impl Ball {
                 let rim = disc_chord(self.radius_px, across - to_center[1]).map(|end| end + to_center[0]);
                 Some(if speckle.crosses_rim { [left.max(rim[0]), right.min(rim[1])] } else { [left, right] })
             });
-            splat(place_px, reach, patch, ink, |dx, dy| {
+            splat(place_px, reach, canvas, |dx, dy| {
                 coverage(&chords, f64::from(dx), f64::from(dy), self.sigma_px) as f32
             });
         } else if let (true, Some(disc)) = (speckle.crosses_rim, &pattern.cut_discs[speckle.size]) {
             let distance = to_center[0].hypot(to_center[1]);
             let [ex, ey] = to_center.map(|part| (-part / distance) as f32);
-            splat(place_px, disc.reach_px(), patch, ink, |dx, dy| disc.at(dx * ex + dy * ey, dy * ex - dx * ey));
+            splat(place_px, disc.reach_px(), canvas, |dx, dy| disc.at(dx * ex + dy * ey, dy * ex - dx * ey));
         } else {
             let disc = &pattern.discs[speckle.size];
-            splat(place_px, disc.reach_px(), patch, ink, |dx, dy| disc.at(dx * dx + dy * dy));
+            splat(place_px, disc.reach_px(), canvas, |dx, dy| disc.at(dx * dx + dy * dy));
         }
     }
 
@@ -349,14 +345,23 @@ impl Ball {
     }
 }
 
-/// Adds a coverage to every cell within `reach` of a position; `coverage` takes coordinates relative to it, px.
-pub(crate) fn splat(
+/// A patch whose ink is drawn: the coverage of its pixels by speckles and lines, row-major.
+pub(crate) struct Canvas<'a> {
+    pub(crate) patch: &'a Patch,
+    pub(crate) ink: &'a mut [f32],
+}
+
+/// A speckle of a pattern, with its position and that of the ball's centre from the patch's corner, px.
+struct PlacedSpeckle<'a> {
+    pattern: &'a Pattern,
+    speckle: &'a Speckle,
     place_px: [f64; 2],
-    reach: f64,
-    patch: &Patch,
-    ink: &mut [f32],
-    coverage: impl Fn(f32, f32) -> f32,
-) {
+    center_px: [f64; 2],
+}
+
+/// Adds a coverage to every cell within `reach` of a position; `coverage` takes coordinates relative to it, px.
+pub(crate) fn splat(place_px: [f64; 2], reach: f64, canvas: &mut Canvas<'_>, coverage: impl Fn(f32, f32) -> f32) {
+    let Canvas { patch, ink } = canvas;
     let [x, y] = place_px;
     let first_row = (y - reach).ceil().max(0.0) as usize;
     let end_row = ((y + reach).floor() + 1.0).clamp(0.0, patch.height as f64) as usize;

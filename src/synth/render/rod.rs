@@ -1,6 +1,6 @@
 //! Rendering of an upright rod with its tapes: strips and speckles in closed form.
 
-use super::ball::{Moment, Patch, splat};
+use super::ball::{Canvas, Moment, Patch, splat};
 use super::blurred_edge::{REACH_SIGMA, normal_cdf, total_sigma_px};
 use super::speckle_pattern::{Field, Pattern};
 use crate::synth::scenario::{RodSetup, Scenario};
@@ -61,7 +61,9 @@ impl Rod {
             for speckle in &self.pattern.speckles {
                 let disc = &self.pattern.discs[speckle.size];
                 let place = [x + speckle.x_px, y + speckle.y_px - top as f64];
-                splat(place, disc.reach_px(), &patch, &mut ink, |dx, dy| disc.at(dx * dx + dy * dy));
+                splat(place, disc.reach_px(), &mut Canvas { patch: &patch, ink: &mut ink }, |dx, dy| {
+                    disc.at(dx * dx + dy * dy)
+                });
             }
             self.paint(moment, &ink, weight, &mut patch);
         }

@@ -1,6 +1,6 @@
 //! Speckles on a full sphere, which can rotate about any axis.
 
-use super::ball::{Patch, splat};
+use super::ball::{Canvas, splat};
 use super::occluder::{Axes, Occluder, coverage, visible_chords};
 use super::speckle_pattern::{TRIALS, areas_px2, draw_sizes};
 use super::spherical_cap::{CapTable, SphericalCap};
@@ -69,7 +69,7 @@ impl SpeckledSphere {
         orientation: &Orientation,
         center_px: [f64; 2],
         occluders: &[Occluder],
-        (patch, ink): (&Patch, &mut [f32]),
+        canvas: &mut Canvas<'_>,
     ) {
         for spot in &self.spots {
             let [x, y, z] = orientation.of(spot.direction);
@@ -83,18 +83,11 @@ impl SpeckledSphere {
             let outward = if flat > 0.0 { [x / flat, -y / flat] } else { [1.0, 0.0] };
             let reach = cap.origin_px(tilt_rad);
             let place = [center_px[0] + reach * outward[0], center_px[1] + reach * outward[1]];
-            self.draw_spot(table, tilt_rad, &Axes::new(place, outward), occluders, (patch, ink));
+            self.draw_spot(table, tilt_rad, &Axes::new(place, outward), occluders, canvas);
         }
     }
 
-    fn draw_spot(
-        &self,
-        table: &CapTable,
-        tilt_rad: f64,
-        axes: &Axes,
-        occluders: &[Occluder],
-        (patch, ink): (&Patch, &mut [f32]),
-    ) {
+    fn draw_spot(&self, table: &CapTable, tilt_rad: f64, axes: &Axes, occluders: &[Occluder], canvas: &mut Canvas<'_>) {
         let (cap, [x, y]) = (table.cap(), axes.origin_px);
         // The visible part of a speckle on the rim lies slightly off its origin.
         let extent = cap.radius_px * (1.0 + cap.radius_px / self.ball_px);
@@ -107,13 +100,13 @@ impl SpeckledSphere {
             let chords = visible_chords(cap.half_px(tilt_rad), self.sigma_px, axes, occluders, |across| {
                 cap.ends_px(tilt_rad, across)
             });
-            splat([x, y], table.reach_px(), patch, ink, |dx, dy| {
+            splat([x, y], table.reach_px(), canvas, |dx, dy| {
                 let (along, across) = (project(dx, dy, axes.along), project(dx, dy, axes.across));
                 coverage(&chords, f64::from(along), f64::from(across), self.sigma_px) as f32
             });
         } else {
             let view = table.tilted(tilt_rad);
-            splat([x, y], table.reach_px(), patch, ink, |dx, dy| {
+            splat([x, y], table.reach_px(), canvas, |dx, dy| {
                 view.at(project(dx, dy, axes.along), project(dx, dy, axes.across))
             });
         }

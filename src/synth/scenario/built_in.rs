@@ -261,7 +261,8 @@ fn rod(name: &str, ringing: Option<RingingSetup>) -> Scenario {
 }
 
 /// Returns a segment of motion in the image plane.
-fn segment(frames: f64, [vx_px_frame, vy_px_frame]: [f64; 2], omega_deg_frame: f64) -> PartSetup {
+fn segment(frames: f64, velocity_px_frame: [f64; 2], omega_deg_frame: f64) -> PartSetup {
+    let [vx_px_frame, vy_px_frame] = velocity_px_frame;
     PartSetup { frames, vx_px_frame, vy_px_frame, omega_deg_frame, tilt_deg_frame: [0.0; 2] }
 }
 
