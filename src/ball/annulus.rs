@@ -1,5 +1,7 @@
 //! The annulus: the pixels along a rim, sorted into bins by angle.
 
+use super::RimKind;
+use super::first_harmonic::Directions;
 use crate::image::{ImageView, is_saturated};
 
 /// The number of bins processed at a time by vector instructions.
@@ -32,6 +34,15 @@ pub(super) struct Outline {
 /// One pixel of every bin of a block.
 pub(super) type Lane = [f32; LANES];
 
+/// The use of clipped pixels in the edge fit.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub(super) enum ClippedPixels {
+    #[default]
+    Excluded,
+    /// Used as they are.
+    Included,
+}
+
 /// The pixels near a circle, binned by angle.
 #[derive(Debug, Default)]
 pub(super) struct Annulus {
@@ -51,27 +62,41 @@ pub(super) struct Annulus {
     places: Vec<f32>,
     /// The saturation level; infinite if no pixel is saturated.
     white: f32,
-    includes_clipped: bool,
-    is_speckled: bool,
+    clipped: ClippedPixels,
+    kind: RimKind,
+}
+
+/// The pixels of a block, relative to the gathered circle, and their grey levels.
+#[derive(Clone, Copy)]
+struct Pixels<'a> {
+    x: &'a [Lane],
+    y: &'a [Lane],
+    grey: &'a [Lane],
+}
+
+/// The circle that distances are measured from, and the limits of the annulus.
+#[derive(Clone, Copy)]
+struct Band {
+    x: f32,
+    y: f32,
+    radius: f32,
+    /// Pixels of this level and brighter are left out.
+    white: f32,
+    /// The reach inside the circle, px.
+    inner: f32,
 }
 
 /// Computes the distances of pixels from a circle and selects those in the annulus.
 #[multiversion::multiversion(targets("x86_64+avx512f+avx512bw+avx512dq+avx512vl", "x86_64+avx2+fma"))]
-fn measure_block(
-    [x, y, grey]: [&[Lane]; 3],
-    counts: &Lane,
-    (shift, radius): ((f32, f32), f32),
-    (white, inner): (f32, f32),
-    (distance, weight): (&mut [Lane], &mut [Lane]),
-) {
-    let pixels = x.iter().zip(y).zip(grey).zip(distance.iter_mut().zip(weight)).enumerate();
+fn measure_block(pixels: Pixels<'_>, counts: &Lane, band: Band, distance: &mut [Lane], weight: &mut [Lane]) {
+    let pixels = pixels.x.iter().zip(pixels.y).zip(pixels.grey).zip(distance.iter_mut().zip(weight)).enumerate();
     for (slot, (((x, y), grey), (distance, weight))) in pixels {
         for i in 0..LANES {
-            let (dx, dy) = (x[i] - shift.0, y[i] - shift.1);
-            let d = (dx * dx + dy * dy).sqrt() - radius;
+            let (dx, dy) = (x[i] - band.x, y[i] - band.y);
+            let d = (dx * dx + dy * dy).sqrt() - band.radius;
             // Slots without a pixel hold old values. `&` evaluates all: branches would prevent vectorization.
-            let filled = ((slot as f32) < counts[i]) & (grey[i] < white);
-            let near = (d < BAND_PX as f32) & (d > -inner) & filled;
+            let filled = ((slot as f32) < counts[i]) & (grey[i] < band.white);
+            let near = (d < BAND_PX as f32) & (d > -band.inner) & filled;
             weight[i] = if near { 1.0 } else { 0.0 };
             distance[i] = if near { d } else { 0.0 };
         }
@@ -91,19 +116,19 @@ fn maximum(grey: &[Lane]) -> f32 {
 }
 
 impl Annulus {
-    /// Sets whether clipped pixels are included as they are.
-    pub fn set_includes_clipped(&mut self, includes_clipped: bool) {
-        self.includes_clipped = includes_clipped;
+    /// Sets the use of clipped pixels.
+    pub fn set_clipped(&mut self, clipped: ClippedPixels) {
+        self.clipped = clipped;
     }
 
-    /// Sets whether speckles line the rim, as on a sphere; the annulus then reaches less far inside.
-    pub fn set_speckled(&mut self, is_speckled: bool) {
-        self.is_speckled = is_speckled;
+    /// Sets the kind of rim; the annulus reaches less far inside a speckled one.
+    pub fn set_kind(&mut self, kind: RimKind) {
+        self.kind = kind;
     }
 
-    /// Whether clipped pixels are included.
-    pub fn includes_clipped(&self) -> bool {
-        self.includes_clipped
+    /// The use of clipped pixels.
+    pub fn clipped(&self) -> ClippedPixels {
+        self.clipped
     }
 
     /// The level from which gathered pixels are clipped; infinite if none is.
@@ -122,8 +147,8 @@ impl Annulus {
     }
 
     /// Returns cosines and sines of the directions of all bins, padded to a multiple of [`LANES`].
-    pub fn directions(&self) -> [&[f32]; 2] {
-        [&self.unit[0], &self.unit[1]]
+    pub fn directions(&self) -> Directions<'_> {
+        Directions { cos: &self.unit[0], sin: &self.unit[1] }
     }
 
     /// Returns the number of pixels in a bin.
@@ -164,16 +189,19 @@ impl Annulus {
 
     /// Updates the distances for `outline`, which must be within [`SLACK_PX`] of the circle of the last gathering.
     pub fn measure(&mut self, outline: &Outline) {
-        let shift = ((outline.x - self.middle.x) as f32, (outline.y - self.middle.y) as f32);
-        let radius = outline.radius as f32;
-        let white = if self.includes_clipped { f32::INFINITY } else { self.white };
-        let inner = if self.is_speckled { SPECKLED_BAND_PX } else { INNER_BAND_PX } as f32;
+        let band = Band {
+            x: (outline.x - self.middle.x) as f32,
+            y: (outline.y - self.middle.y) as f32,
+            radius: outline.radius as f32,
+            white: if self.clipped == ClippedPixels::Included { f32::INFINITY } else { self.white },
+            inner: if self.kind == RimKind::Speckled { SPECKLED_BAND_PX } else { INNER_BAND_PX } as f32,
+        };
         for block in 0..self.count.len() / LANES {
             let range = self.slots(block);
-            let pixels = [&self.x, &self.y, &self.grey].map(|list| &list[range.clone()]);
+            let [x, y, grey] = [&self.x, &self.y, &self.grey].map(|list| &list[range.clone()]);
             let counts = std::array::from_fn(|lane| self.count[block * LANES + lane] as f32);
-            let out = (&mut self.distance[range.clone()], &mut self.weight[range]);
-            measure_block(pixels, &counts, (shift, radius), (white, inner), out);
+            let (distance, weight) = (&mut self.distance[range.clone()], &mut self.weight[range]);
+            measure_block(Pixels { x, y, grey }, &counts, band, distance, weight);
         }
     }
 

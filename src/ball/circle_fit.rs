@@ -2,6 +2,7 @@
 
 use nalgebra::{Matrix3, Vector3};
 
+use super::RimKind;
 use super::annulus::{Annulus, LANES};
 use super::edge_fit::Edge;
 use super::first_harmonic::{Limits, normal_equations, residuals, reweigh};
@@ -13,16 +14,21 @@ const TUKEY: f32 = 4.0;
 const MAX_RESIDUAL_PX: f32 = 0.7;
 const MAX_RESIDUAL_SPECKLED_PX: f32 = 1.5;
 /// The rank of the residual that gives their scale: below one half because of many outliers.
-const SCALE_RANK: f64 = 0.3;
-/// The normal quantile of that rank: |z| is below it in 30 of 100 draws.
-const SCALE_QUANTILE: f32 = 0.385_32;
-const SPECKLED_SCALE: (f64, f32) = (0.5, 0.6745);
+const CLEAN_SCALE: ScaleRank = ScaleRank { rank: 0.3, quantile: 0.385_32 };
+const SPECKLED_SCALE: ScaleRank = ScaleRank { rank: 0.5, quantile: 0.6745 };
 /// The change of the circle at which the reweighting has converged, px.
 const CONVERGED_PX: f32 = 1e-4;
 /// The roughness of a printed or painted rim, which no noise model contains, px.
 const RIM_ROUGHNESS_PX: f32 = 0.03;
 /// The number of neighbouring bins whose residuals may be correlated.
 const CORRELATED_BINS: usize = 8;
+
+/// A rank of absolute residuals with its quantile of the normal distribution: |z| is below it in `rank` of all draws.
+#[derive(Clone, Copy)]
+struct ScaleRank {
+    rank: f64,
+    quantile: f32,
+}
 
 /// A correction of a circle, px.
 #[derive(Debug, Clone, Copy)]
@@ -41,8 +47,7 @@ pub(super) struct CircleFit {
     root: Vec<f32>,
     /// Tukey's weight of every bin, 0 if the bin is not used.
     pub robust_weight: Vec<f32>,
-    /// Whether speckles line the rim.
-    pub is_speckled: bool,
+    pub rim_kind: RimKind,
     residual: Vec<f32>,
     sorted: Vec<f32>,
     /// The limits of the last round.
@@ -69,7 +74,10 @@ impl CircleFit {
         for _ in 0..rounds {
             self.update_residuals(rim, answer);
             let scale = self.scale()?;
-            let plain = if self.is_speckled { MAX_RESIDUAL_SPECKLED_PX } else { MAX_RESIDUAL_PX };
+            let plain = match self.rim_kind {
+                RimKind::Clean => MAX_RESIDUAL_PX,
+                RimKind::Speckled => MAX_RESIDUAL_SPECKLED_PX,
+            };
             let limits = Limits { weighted: TUKEY * scale, plain };
             self.limits = limits;
             let Self { shift, weight, root, robust_weight, residual, .. } = self;
@@ -132,8 +140,11 @@ impl CircleFit {
         robust_scale(&mut self.sorted, rank).map(|scale| scale.max(1e-6))
     }
 
-    fn rank(&self) -> (f64, f32) {
-        if self.is_speckled { SPECKLED_SCALE } else { (SCALE_RANK, SCALE_QUANTILE) }
+    fn rank(&self) -> ScaleRank {
+        match self.rim_kind {
+            RimKind::Clean => CLEAN_SCALE,
+            RimKind::Speckled => SPECKLED_SCALE,
+        }
     }
 
     /// Returns the covariance of the correction, px^2: that of an M-estimator with correlated residuals.
@@ -208,7 +219,7 @@ impl CircleFit {
 }
 
 /// Returns the robust standard deviation of residuals from their sizes; `None` if there are too few.
-fn robust_scale(sizes: &mut Vec<f32>, (rank, quantile): (f64, f32)) -> Option<f32> {
-    let rank = (sizes.len() as f64 * rank) as usize;
-    (sizes.len() >= 6).then(|| nth_smallest(sizes, rank) / quantile)
+fn robust_scale(sizes: &mut Vec<f32>, scale: ScaleRank) -> Option<f32> {
+    let rank = (sizes.len() as f64 * scale.rank) as usize;
+    (sizes.len() >= 6).then(|| nth_smallest(sizes, rank) / scale.quantile)
 }

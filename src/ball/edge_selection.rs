@@ -1,7 +1,7 @@
 //! Selection of the bins that show the rim, and not speckle or an occluder.
 
-use super::Polarity;
 use super::edge_fit::Edge;
+use super::{Polarity, RimKind};
 use crate::numeric::{MOST, nth_highest, nth_smallest};
 
 /// The minimum contrast of an edge, in units of the image noise.
@@ -16,6 +16,13 @@ const STRIDE: usize = 4;
 const CLEAN_RANK: f32 = 0.85;
 /// The fraction of the clean contrast that an edge of a brighter ball must reach.
 const CLEAN_FRACTION: f32 = 0.8;
+
+/// The origin of the contrast that represents clean rim.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum CleanContrast {
+    Estimated,
+    Reused,
+}
 
 /// The edge selection with its scratch memory.
 #[derive(Debug, Default)]
@@ -38,8 +45,8 @@ pub(super) struct EdgeSelection {
 impl EdgeSelection {
     /// Selects the bins to use; returns the noise of the image, grey levels.
     ///
-    /// With `again`, the contrast of clean rim is reused from the last call, for the same bins.
-    pub fn select(&mut self, edges: &[Edge], polarity: Polarity, (again, is_speckled): (bool, bool)) -> f32 {
+    /// With [`CleanContrast::Reused`], `edges` must belong to the bins of the last call.
+    pub fn select(&mut self, edges: &[Edge], polarity: Polarity, kind: RimKind, clean: CleanContrast) -> f32 {
         let noise = self.noise(edges);
         let sign = match polarity {
             Polarity::Brighter => 1.0,
@@ -56,9 +63,9 @@ impl EdgeSelection {
         // On a darker ball, speckle and paint are both darker than the background and both good edges.
         // On a brighter one, the dark speckle has the wrong contrast or little of it.
         self.same_sign = self.used.iter().filter(|used| **used).count();
-        self.excludes_speckle = polarity == Polarity::Brighter && !is_speckled;
+        self.excludes_speckle = polarity == Polarity::Brighter && kind == RimKind::Clean;
         if self.excludes_speckle {
-            if !again || self.clean.len() != self.used.len().div_ceil(STRIDE) {
+            if clean == CleanContrast::Estimated || self.clean.len() != self.used.len().div_ceil(STRIDE) {
                 self.estimate_clean_contrast();
             }
             self.drop_speckle();

@@ -5,7 +5,7 @@ use super::annulus::{BAND_PX, INNER_BAND_PX};
 use super::hough::{HoughPeak, HoughSearch, Marks};
 use super::paper_hough::PaperHough;
 use super::params::{BallError, BallParams, OutlineMethod};
-use super::ransac::{Candidate, Ransac, RansacParams};
+use super::ransac::{Candidate, Ransac, RansacParams, RoughCircle};
 use super::subpixel_fit::{CERTAIN_INLIERS, MAX_SHIFT_PX, Measured, SubpixelFit};
 use crate::image::ImageView;
 use crate::results::Circle;
@@ -41,6 +41,15 @@ const FOLLOW_REACH_PX: f32 = 5.0;
 const PREDICTION_REACH_PX: f64 = 1.0;
 
 const CLOSE: RansacParams = RansacParams { reach_px: 4.0, tolerance_px: 0.6, draws: 120, rays: 120 };
+
+/// The certainty that a ball is at its predicted position.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Presence {
+    /// Something else may be there.
+    Uncertain,
+    /// The ball is known to be there, for example from a match of its pattern.
+    Certain,
+}
 
 /// The number of Hough peaks that are examined, and how closely.
 #[derive(Debug, Clone, Copy)]
@@ -166,20 +175,24 @@ impl BallFinder {
     ///
     /// If the size of `image` differs from the planned size.
     pub fn follow(&mut self, image: ImageView<'_>, near: &Circle) -> Option<Circle> {
-        self.follow_closely(image, near, false).or_else(|| self.search_near(image, near))
+        self.follow_closely(image, near, Presence::Uncertain).or_else(|| self.search_near(image, near))
     }
 
     /// Finds the ball only within a pixel of `near`, and only if the result is certain.
     ///
-    /// If `is_there`, any circle that its edges determine is certain. Otherwise enough of the rim must agree to
+    /// If its presence there is certain, any circle that its edges determine is accepted. Otherwise enough of the rim must agree to
     /// exclude a better circle elsewhere.
     ///
     /// # Panics
     ///
     /// If the size of `image` differs from the planned size.
-    pub fn follow_closely(&mut self, image: ImageView<'_>, near: &Circle, is_there: bool) -> Option<Circle> {
+    pub fn follow_closely(&mut self, image: ImageView<'_>, near: &Circle, presence: Presence) -> Option<Circle> {
         let near = self.valid_prediction(image, near)?;
-        let circle = self.fit_at(image, near, if is_there { 0.0 } else { CERTAIN_INLIERS })?;
+        let min_inliers = match presence {
+            Presence::Certain => 0.0,
+            Presence::Uncertain => CERTAIN_INLIERS,
+        };
+        let circle = self.fit_at(image, near, min_inliers)?;
         self.apply_method(image, circle)
     }
 
@@ -195,15 +208,15 @@ impl BallFinder {
     }
 
     /// Returns the predicted circle if it can be searched.
-    fn valid_prediction(&self, image: ImageView<'_>, near: &Circle) -> Option<(f32, f32, f32)> {
+    fn valid_prediction(&self, image: ImageView<'_>, near: &Circle) -> Option<RoughCircle> {
         self.check_shape(image);
-        let near = (near.x_px as f32, near.y_px as f32, near.radius_px as f32);
-        let is_finite = near.0.is_finite() && near.1.is_finite() && near.2.is_finite();
-        (image.width() >= 8 && image.height() >= 8 && is_finite && near.2 >= 3.0).then_some(near)
+        let near = RoughCircle { x: near.x_px as f32, y: near.y_px as f32, radius: near.radius_px as f32 };
+        let is_finite = near.x.is_finite() && near.y.is_finite() && near.radius.is_finite();
+        (image.width() >= 8 && image.height() >= 8 && is_finite && near.radius >= 3.0).then_some(near)
     }
 
     /// Searches the outline near a prediction by its edges.
-    fn search_around(&mut self, image: ImageView<'_>, near: (f32, f32, f32)) -> Option<Circle> {
+    fn search_around(&mut self, image: ImageView<'_>, near: RoughCircle) -> Option<Circle> {
         let params = RansacParams { reach_px: FOLLOW_REACH_PX, tolerance_px: 0.7, draws: 60, rays: 120 };
         let candidate = self.ransac.search(image, near, params)?;
         if let Some(measured) = self.measure(image, &candidate) {
@@ -211,15 +224,14 @@ impl BallFinder {
         }
         // If speckle outnumbers the rim, the prediction itself may be the better candidate.
         [Polarity::Brighter, Polarity::Darker].into_iter().find_map(|polarity| {
-            let candidate = Candidate { x: near.0, y: near.1, radius: near.2, support: 1.0, polarity };
+            let candidate = Candidate::at(near, polarity);
             self.measure(image, &candidate).map(|m| m.circle)
         })
     }
 
     /// Fits the outline at its prediction; accepts it above an inlier fraction of `min_inliers`.
-    fn fit_at(&mut self, image: ImageView<'_>, (x, y, radius): (f32, f32, f32), min_inliers: f64) -> Option<Circle> {
-        let polarity = polarity(image, (x, y, radius))?;
-        let candidate = Candidate { x, y, radius, support: 1.0, polarity };
+    fn fit_at(&mut self, image: ImageView<'_>, near: RoughCircle, min_inliers: f64) -> Option<Circle> {
+        let candidate = Candidate::at(near, polarity(image, near)?);
         let measured = self.fit.circle_at(image, &candidate, PREDICTION_REACH_PX)?;
         self.accept(measured, min_inliers)
     }
@@ -258,7 +270,11 @@ impl BallFinder {
             let reach_px = (peak.spread + 3.0).max(REACH_PX);
             let params =
                 RansacParams { reach_px, tolerance_px: effort.tolerance_px, draws: effort.draws, rays: effort.rays };
-            self.candidates.extend(self.ransac.search(image, (peak.x, peak.y, peak.radius), params));
+            self.candidates.extend(self.ransac.search(
+                image,
+                RoughCircle { x: peak.x, y: peak.y, radius: peak.radius },
+                params,
+            ));
         }
         self.keep_finalists();
     }
@@ -348,7 +364,10 @@ impl BallFinder {
             let (x, y) = self.hough.to_reduced(peak.band, peak.x, peak.y);
             let reach_px = (peak.spread / scale + 2.0).max(3.0);
             let params = RansacParams { reach_px, tolerance_px: 0.5, draws: 120, rays: 120 };
-            let Some(reduced) = self.ransac.search(view, (x, y, peak.radius / scale), params) else { continue };
+            let Some(reduced) = self.ransac.search(view, RoughCircle { x, y, radius: peak.radius / scale }, params)
+            else {
+                continue;
+            };
             let (x, y) = self.hough.to_full(peak.band, reduced.x, reduced.y);
             let full = Candidate { x, y, radius: reduced.radius * scale, ..reduced };
             let near = RansacParams { reach_px: 2.5, tolerance_px: 0.6, draws: 120, rays: 120 };
@@ -389,7 +408,8 @@ impl BallFinder {
 }
 
 /// Returns the polarity of a circle's rim; `None` if hardly any of the rim lies in the image.
-fn polarity(image: ImageView<'_>, (x, y, radius): (f32, f32, f32)) -> Option<Polarity> {
+fn polarity(image: ImageView<'_>, circle: RoughCircle) -> Option<Polarity> {
+    let RoughCircle { x, y, radius } = circle;
     const DIRECTIONS: usize = 48;
     let (mut difference, mut count) = (0.0, 0);
     for k in 0..DIRECTIONS {

@@ -12,10 +12,18 @@ pub(super) struct Limits {
     pub plain: f32,
 }
 
-/// Computes the residuals of the values after subtracting `a cos + b sin + c`.
+/// The directions of the bins along a rim, padded to a multiple of [`LANES`].
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Directions<'a> {
+    pub cos: &'a [f32],
+    pub sin: &'a [f32],
+}
+
+/// Computes the residuals of the values after subtracting `a cos + b sin + c`; `harmonic` holds a, b and c.
 #[multiversion::multiversion(targets("x86_64+avx512f+avx512bw+avx512dq+avx512vl", "x86_64+avx2+fma"))]
-pub(super) fn residuals(values: &[f32], [cos, sin]: [&[f32]; 2], [a, b, c]: [f32; 3], out: &mut [f32]) {
-    for (((out, value), cos), sin) in out.iter_mut().zip(values).zip(cos).zip(sin) {
+pub(super) fn residuals(values: &[f32], directions: Directions<'_>, harmonic: [f32; 3], out: &mut [f32]) {
+    let [a, b, c] = harmonic;
+    for (((out, value), cos), sin) in out.iter_mut().zip(values).zip(directions.cos).zip(directions.sin) {
         *out = value - (cos * a + sin * b + c);
     }
 }
@@ -28,14 +36,14 @@ pub(super) fn residuals(values: &[f32], [cos, sin]: [&[f32]; 2], [a, b, c]: [f32
 #[multiversion::multiversion(targets("x86_64+avx512f+avx512bw+avx512dq+avx512vl", "x86_64+avx2+fma"))]
 pub(super) fn reweigh(
     bins: [&[f32]; 4],
-    [cos, sin]: [&[f32]; 2],
+    directions: Directions<'_>,
     limits: Limits,
     robust_weight: &mut [f32],
 ) -> [[f32; LANES]; 9] {
     let (weighted, plain) = (1.0 / limits.weighted, 1.0 / limits.plain);
     // With arrays the compiler needs no bounds check per lane.
     let [value, weight, root, residual] = bins.map(|list| list.as_chunks::<LANES>().0);
-    let (cos, sin) = (cos.as_chunks::<LANES>().0, sin.as_chunks::<LANES>().0);
+    let (cos, sin) = (directions.cos.as_chunks::<LANES>().0, directions.sin.as_chunks::<LANES>().0);
     let bins = value.iter().zip(weight).zip(root.iter().zip(residual)).zip(cos.iter().zip(sin));
     let mut sums = [[0.0; LANES]; 9];
     for (robust_weight, (((value, weight), (root, residual)), (cos, sin))) in

@@ -55,6 +55,14 @@ struct Edge {
     uy: f32,
 }
 
+/// A cell of an accumulator.
+#[derive(Debug, Clone, Copy)]
+struct Votes {
+    x: f32,
+    y: f32,
+    count: f32,
+}
+
 /// The planned search with its scratch memory.
 #[derive(Debug)]
 pub(super) struct HoughSearch {
@@ -74,7 +82,7 @@ pub(super) struct HoughSearch {
     darker: Vec<f32>,
     box_sum: Vec<f32>,
     box_rows: Vec<f32>,
-    peaks: Vec<(f32, f32, f32)>,
+    peaks: Vec<Votes>,
     score: Vec<f32>,
     sums: Vec<f32>,
     spokes: Vec<(f32, f32)>,
@@ -188,7 +196,7 @@ impl HoughSearch {
             pick_peaks(&self.box_sum, width, height, &mut self.peaks);
         }
         let peaks = std::mem::take(&mut self.peaks);
-        for &(x, y, _) in &peaks {
+        for &Votes { x, y, .. } in &peaks {
             self.add_peak(band, x, y, found);
         }
         self.peaks = peaks;
@@ -208,7 +216,7 @@ impl HoughSearch {
                 (&grey[row - width..row], &grey[row..row + width], &grey[row + width..row + 2 * width]);
             let (gx, gy, size) =
                 (&mut self.gx[row..row + width], &mut self.gy[row..row + width], &mut self.size[row..row + width]);
-            differences([above, here, below], gx, gy, size);
+            differences(above, here, below, gx, gy, size);
         }
         self.sample.clear();
         self.sample.extend(self.size.iter().step_by(if width * height > 4096 { 5 } else { 1 }));
@@ -349,16 +357,16 @@ fn sum_3x3(votes: &[f32], width: usize, height: usize, rows: &mut Vec<f32>, sums
     sums.clear();
     sums.resize(width * height, 0.0);
     for (row, out) in votes.chunks_exact(width).zip(rows.chunks_exact_mut(width)) {
-        add_three([row, &row[1..], &row[2..]], &mut out[1..width - 1]);
+        add_three(row, &row[1..], &row[2..], &mut out[1..width - 1]);
     }
     // The rows are contiguous, so they are added as one.
     let inner = &mut sums[width..(height - 1) * width];
-    add_three([rows, &rows[width..], &rows[2 * width..]], inner);
+    add_three(rows, &rows[width..], &rows[2 * width..], inner);
 }
 
 /// Computes central differences along a row and across it, and their magnitude.
 #[multiversion::multiversion(targets("x86_64+avx512f+avx512bw+avx512dq+avx512vl", "x86_64+avx2+fma"))]
-fn differences([above, here, below]: [&[f32]; 3], gx: &mut [f32], gy: &mut [f32], size: &mut [f32]) {
+fn differences(above: &[f32], here: &[f32], below: &[f32], gx: &mut [f32], gy: &mut [f32], size: &mut [f32]) {
     let inner = here.len() - 2;
     let (left, right, above, below) = (&here[..inner], &here[2..], &above[1..][..inner], &below[1..][..inner]);
     let (gx, gy, size) = (&mut gx[1..][..inner], &mut gy[1..][..inner], &mut size[1..][..inner]);
@@ -369,7 +377,7 @@ fn differences([above, here, below]: [&[f32]; 3], gx: &mut [f32], gy: &mut [f32]
 }
 
 #[multiversion::multiversion(targets("x86_64+avx512f+avx512bw+avx512dq+avx512vl", "x86_64+avx2+fma"))]
-fn add_three([a, b, c]: [&[f32]; 3], out: &mut [f32]) {
+fn add_three(a: &[f32], b: &[f32], c: &[f32], out: &mut [f32]) {
     for (((out, a), b), c) in out.iter_mut().zip(a).zip(b).zip(c) {
         *out = a + b + c;
     }
@@ -389,8 +397,8 @@ fn maximum(values: &[f32]) -> f32 {
     maximum.iter().chain(rest).fold(0.0, |a, &b| if b > a { b } else { a })
 }
 
-/// Appends the highest peaks of `sums`, at least three cells apart, as (x, y, height).
-fn pick_peaks(sums: &[f32], width: usize, height: usize, peaks: &mut Vec<(f32, f32, f32)>) {
+/// Appends the highest peaks of `sums`, at least three cells apart.
+fn pick_peaks(sums: &[f32], width: usize, height: usize, peaks: &mut Vec<Votes>) {
     let first = peaks.len();
     // A ball may have fewer votes than the edge of an occluder, but not far fewer.
     let floor = 0.3 * maximum(sums);
@@ -403,28 +411,28 @@ fn pick_peaks(sums: &[f32], width: usize, height: usize, peaks: &mut Vec<(f32, f
         for x in 1..width - 1 {
             let here = sums[row + x];
             let full = peaks.len() - first >= PEAKS;
-            if here <= floor || (full && here <= peaks[peaks.len() - 1].2) {
+            if here <= floor || (full && here <= peaks[peaks.len() - 1].count) {
                 continue;
             }
             let around = [row + x - 1, row + x + 1, row + x - width, row + x + width];
             if around.iter().any(|&i| sums[i] > here) {
                 continue;
             }
-            insert_peak(peaks, first, (x as f32, y as f32, here));
+            insert_peak(peaks, first, Votes { x: x as f32, y: y as f32, count: here });
         }
     }
 }
 
 /// Inserts a peak; keeps `peaks[first..]` sorted, distinct and no longer than [`PEAKS`].
-fn insert_peak(peaks: &mut Vec<(f32, f32, f32)>, first: usize, peak: (f32, f32, f32)) {
-    let near = |p: &(f32, f32, f32)| (p.0 - peak.0).abs() < 3.0 && (p.1 - peak.1).abs() < 3.0;
+fn insert_peak(peaks: &mut Vec<Votes>, first: usize, peak: Votes) {
+    let near = |other: &Votes| (other.x - peak.x).abs() < 3.0 && (other.y - peak.y).abs() < 3.0;
     if let Some(i) = peaks[first..].iter().position(near) {
-        if peaks[first + i].2 >= peak.2 {
+        if peaks[first + i].count >= peak.count {
             return;
         }
         peaks.remove(first + i);
     }
-    let at = peaks[first..].iter().position(|p| p.2 < peak.2).map_or(peaks.len(), |i| first + i);
+    let at = peaks[first..].iter().position(|other| other.count < peak.count).map_or(peaks.len(), |i| first + i);
     peaks.insert(at, peak);
     peaks.truncate(first + PEAKS);
 }

@@ -8,6 +8,7 @@
 use nalgebra::{Matrix4, Vector4};
 
 use super::annulus::{LANES, Lane, Outline};
+use super::ransac::RoughCircle;
 use crate::image::ImageView;
 use crate::numeric::nth_smallest;
 use crate::results::Estimate;
@@ -62,6 +63,24 @@ const MIN_CONTRAST_FRACTION: f64 = 0.3;
 /// The pixels of the cells of a block.
 type Pixels = [Lane; SAMPLES];
 
+/// Points on a ball, in radii from its centre: one of each cell of a block.
+#[derive(Debug, Clone, Copy, Default)]
+struct Points {
+    x: Lane,
+    y: Lane,
+    /// 1 - depth, where the depth is that of the sphere towards the camera.
+    shallow: Lane,
+}
+
+impl Points {
+    fn add(&mut self, lane: usize, point: [f32; 3]) {
+        let [x, y, shallow] = point;
+        self.x[lane] += x;
+        self.y[lane] += y;
+        self.shallow[lane] += shallow;
+    }
+}
+
 /// The mean step along the rim.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Step {
@@ -93,20 +112,21 @@ struct Light {
 
 impl Light {
     #[inline(always)]
-    fn at(&self, [x, y, shallow]: &[Lane; 3]) -> Lane {
+    fn at(&self, points: &Points) -> Lane {
         // Never zero, since grey levels are divided by it.
         let least = MIN_LIGHT_FRACTION * self.middle;
-        std::array::from_fn(|i| (self.middle + self.x * x[i] + self.y * y[i] - self.limb * shallow[i]).max(least))
+        std::array::from_fn(|i| {
+            (self.middle + self.x * points.x[i] + self.y * points.y[i] - self.limb * points.shallow[i]).max(least)
+        })
     }
 }
 
 /// The cells, in radii of the ball, with scratch memory.
 #[derive(Debug)]
 pub(super) struct LimbDarkening {
-    /// x, y and 1 - depth of the samples.
-    samples: [Vec<[Lane; 3]>; BLOCKS],
-    /// The means of these over each cell.
-    means: [[Lane; 3]; BLOCKS],
+    samples: [Vec<Points>; BLOCKS],
+    /// The means of the samples of each cell.
+    means: [Points; BLOCKS],
     residual: [Lane; BLOCKS],
     sorted: Vec<f32>,
 }
@@ -114,8 +134,8 @@ pub(super) struct LimbDarkening {
 impl Default for LimbDarkening {
     fn default() -> Self {
         let mut cells = Self {
-            samples: std::array::from_fn(|_| vec![[[0.0; LANES]; 3]; SAMPLES]),
-            means: [[[0.0; LANES]; 3]; BLOCKS],
+            samples: std::array::from_fn(|_| vec![Points::default(); SAMPLES]),
+            means: [Points::default(); BLOCKS],
             residual: [[0.0; LANES]; BLOCKS],
             sorted: Vec::new(),
         };
@@ -129,10 +149,9 @@ impl Default for LimbDarkening {
                 let angle = ((cell % SECTORS) as f64 + along) * std::f64::consts::TAU / SECTORS as f64;
                 let reach = inner + (outer - inner) * across;
                 let (x, y) = (reach * angle.cos(), reach * angle.sin());
-                for (k, of) in [x, y, 1.0 - (1.0 - reach * reach).sqrt()].into_iter().enumerate() {
-                    cells.samples[block][sample][k][lane] = of as f32;
-                    cells.means[block][k][lane] += (of / SAMPLES as f64) as f32;
-                }
+                let shallow = 1.0 - (1.0 - reach * reach).sqrt();
+                cells.samples[block][sample].add(lane, [x, y, shallow].map(|value| value as f32));
+                cells.means[block].add(lane, [x, y, shallow].map(|value| (value / SAMPLES as f64) as f32));
             }
         }
         cells
@@ -171,7 +190,8 @@ impl LimbDarkening {
 
     /// Returns the grey levels of the samples of a block; NaN outside the image.
     fn gather(&self, image: ImageView<'_>, outline: &Outline, block: usize) -> Pixels {
-        let circle = [outline.x as f32 + 0.5, outline.y as f32 + 0.5, outline.radius as f32];
+        let circle =
+            RoughCircle { x: outline.x as f32 + 0.5, y: outline.y as f32 + 0.5, radius: outline.radius as f32 };
         let places = places(&self.samples[block], circle, image.width(), image.height());
         places.map(|places| places.map(|at| image.data().get(at as usize).copied().unwrap_or(f32::NAN)))
     }
@@ -218,7 +238,7 @@ impl LimbDarkening {
             for i in 0..LANES {
                 // Excluded cells may hold NaN.
                 let (w, v) = (weight[i], if weight[i] > 0.0 { level[i] } else { 0.0 });
-                let row = [means[0][i], means[1][i], means[2][i], 1.0];
+                let row = [means.x[i], means.y[i], means.shallow[i], 1.0];
                 let mut at = 0;
                 for a in 0..4 {
                     for b in a..4 {
@@ -237,9 +257,9 @@ impl LimbDarkening {
 
     fn update_residuals(&mut self, levels: &[Lane; BLOCKS], answer: Vector4<f64>) {
         let [a, b, c, d]: [f32; 4] = answer.cast().into();
-        for ((residual, level), [x, y, z]) in self.residual.iter_mut().zip(levels).zip(&self.means) {
+        for ((residual, level), means) in self.residual.iter_mut().zip(levels).zip(&self.means) {
             for i in 0..LANES {
-                let left = level[i] - (a * x[i] + b * y[i] + c * z[i] + d);
+                let left = level[i] - (a * means.x[i] + b * means.y[i] + c * means.shallow[i] + d);
                 residual[i] = if left.is_finite() { left } else { 0.0 };
             }
         }
@@ -257,12 +277,12 @@ impl LimbDarkening {
 
 /// Returns the indices of the samples in the data of the image; -1 outside the image, which no index matches.
 #[multiversion::multiversion(targets("x86_64+avx512f+avx512bw+avx512dq+avx512vl", "x86_64+avx2+fma"))]
-fn places(samples: &[[Lane; 3]], [x, y, radius]: [f32; 3], width: usize, height: usize) -> [[i32; LANES]; SAMPLES] {
+fn places(samples: &[Points], circle: RoughCircle, width: usize, height: usize) -> [[i32; LANES]; SAMPLES] {
     let (right, bottom, row) = (width as f32, height as f32, width as i32);
     let mut places = [[-1; LANES]; SAMPLES];
-    for (places, [dx, dy, _]) in places.iter_mut().zip(samples) {
+    for (places, Points { x: dx, y: dy, .. }) in places.iter_mut().zip(samples) {
         for i in 0..LANES {
-            let (x, y) = (x + radius * dx[i], y + radius * dy[i]);
+            let (x, y) = (circle.x + circle.radius * dx[i], circle.y + circle.radius * dy[i]);
             // `&` evaluates all four: branches would prevent vectorization.
             let is_inside = (x >= 0.0) & (x < right) & (y >= 0.0) & (y < bottom);
             let at = (y as i32).wrapping_mul(row).wrapping_add(x as i32);
@@ -297,7 +317,7 @@ fn usable(grey: &[Pixels; BLOCKS], is_visible: [bool; SECTORS], is_clear: [bool;
 
 /// Returns the third highest and the third lowest pixel of each cell, each scaled to the middle of its cell.
 #[multiversion::multiversion(targets("x86_64+avx512f+avx512bw+avx512dq+avx512vl", "x86_64+avx2+fma"))]
-fn rank(grey: &Pixels, samples: &[[Lane; 3]], middle: &[Lane; 3], light: Light) -> [Lane; 2] {
+fn rank(grey: &Pixels, samples: &[Points], middle: &Points, light: Light) -> [Lane; 2] {
     let mut high = [[f32::NEG_INFINITY; LANES]; RANK];
     let mut low = [[f32::INFINITY; LANES]; RANK];
     let middles = light.at(middle);

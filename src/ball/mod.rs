@@ -17,8 +17,18 @@ mod significance;
 mod subpixel_fit;
 mod visible_fraction;
 
-pub use finder::BallFinder;
+pub use finder::{BallFinder, Presence};
 pub use params::{BallError, BallParams, OutlineMethod};
+
+/// The state of the rim of a ball.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+enum RimKind {
+    /// Parts of the rim are free of speckles and used alone.
+    #[default]
+    Clean,
+    /// Speckles line the rim, as on a sphere, and all of it is used.
+    Speckled,
+}
 
 /// The brightness of a ball relative to its background.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

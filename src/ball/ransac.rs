@@ -30,6 +30,22 @@ pub(super) struct Candidate {
     pub polarity: Polarity,
 }
 
+impl Candidate {
+    /// Creates a candidate that is tried whatever its support.
+    pub fn at(circle: RoughCircle, polarity: Polarity) -> Self {
+        let RoughCircle { x, y, radius } = circle;
+        Self { x, y, radius, support: 1.0, polarity }
+    }
+}
+
+/// A circle known to some pixels, px.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct RoughCircle {
+    pub x: f32,
+    pub y: f32,
+    pub radius: f32,
+}
+
 /// The parameters of a search around a circle.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct RansacParams {
@@ -67,8 +83,8 @@ struct Offset {
 }
 
 impl Ransac {
-    /// Returns the best circle of either sign around (`x`, `y`, `radius`).
-    pub fn search(&mut self, image: ImageView<'_>, near: (f32, f32, f32), params: RansacParams) -> Option<Candidate> {
+    /// Returns the best circle of either sign around another one.
+    pub fn search(&mut self, image: ImageView<'_>, near: RoughCircle, params: RansacParams) -> Option<Candidate> {
         let best = [Polarity::Brighter, Polarity::Darker];
         self.unwrap(image, near, params);
         best.into_iter()
@@ -83,13 +99,14 @@ impl Ransac {
         candidate: &Candidate,
         params: RansacParams,
     ) -> Option<Candidate> {
-        let near = (candidate.x, candidate.y, candidate.radius);
+        let near = RoughCircle { x: candidate.x, y: candidate.y, radius: candidate.radius };
         self.unwrap(image, near, params);
         self.circle(near, candidate.polarity, params)
     }
 
     /// Finds the strongest steps along rays through the rim.
-    fn unwrap(&mut self, image: ImageView<'_>, (x, y, radius): (f32, f32, f32), params: RansacParams) {
+    fn unwrap(&mut self, image: ImageView<'_>, near: RoughCircle, params: RansacParams) {
+        let RoughCircle { x, y, radius } = near;
         let rays = ((std::f32::consts::TAU * radius / RAY_STEP_PX) as usize).clamp(MIN_RAYS, params.rays);
         self.plan(rays);
         self.inside = 0;
@@ -103,7 +120,8 @@ impl Ransac {
             }
             self.inside += 1;
             self.profile.clear();
-            sample_line(image, (x + low * cos, y + low * sin), (cos, sin), samples, &mut self.profile);
+            let line = Ray { x: x + low * cos, y: y + low * sin, dx: cos, dy: sin };
+            sample_line(image, line, samples, &mut self.profile);
             self.pick_steps(ray, low);
         }
     }
@@ -155,7 +173,7 @@ impl Ransac {
         }
     }
 
-    fn circle(&mut self, near: (f32, f32, f32), polarity: Polarity, params: RansacParams) -> Option<Candidate> {
+    fn circle(&mut self, near: RoughCircle, polarity: Polarity, params: RansacParams) -> Option<Candidate> {
         // Outwards, the rim of a brighter ball is a step down.
         let sign = match polarity {
             Polarity::Brighter => 0,
@@ -168,7 +186,7 @@ impl Ransac {
         let mut tried = 0;
         // Most draws are refused at no cost, because the circle through the three steps is far from the candidate.
         for _ in 0..params.draws * 8 {
-            let Some(offset) = self.draw(sign, near.2, params.reach_px) else { continue };
+            let Some(offset) = self.draw(sign, near.radius, params.reach_px) else { continue };
             let support = self.support(sign, offset, params.tolerance_px);
             if support > best.0 {
                 best = (support, offset);
@@ -188,8 +206,8 @@ impl Ransac {
         }
         let (support, offset) = best;
         (support > 0.0).then_some(Candidate {
-            x: near.0 + offset.dx,
-            y: near.1 + offset.dy,
+            x: near.x + offset.dx,
+            y: near.y + offset.dy,
             radius: offset.radius,
             support,
             polarity,
@@ -288,12 +306,20 @@ pub(super) fn within(image: ImageView<'_>, x: f32, y: f32) -> bool {
     x >= 0.0 && y >= 0.0 && x < (image.width() - 1) as f32 && y < (image.height() - 1) as f32
 }
 
-/// Samples grey levels bilinearly at `count` points from `from` on, `step` apart, all [`within`] the image.
-fn sample_line(image: ImageView<'_>, from: (f32, f32), step: (f32, f32), count: usize, out: &mut Vec<f32>) {
+/// The first sample on a ray, and the step to the next, px.
+struct Ray {
+    x: f32,
+    y: f32,
+    dx: f32,
+    dy: f32,
+}
+
+/// Samples grey levels bilinearly at `count` points of a ray, all [`within`] the image.
+fn sample_line(image: ImageView<'_>, ray: Ray, count: usize, out: &mut Vec<f32>) {
     // Fixed point with 16 fractional bits: stepping in integers is cheaper than rounding every coordinate.
     const ONE: f32 = 65536.0;
-    let (mut x, mut y) = ((from.0 * ONE) as i32, (from.1 * ONE) as i32);
-    let (dx, dy) = ((step.0 * ONE) as i32, (step.1 * ONE) as i32);
+    let (mut x, mut y) = ((ray.x * ONE) as i32, (ray.y * ONE) as i32);
+    let (dx, dy) = ((ray.dx * ONE) as i32, (ray.dy * ONE) as i32);
     let (data, width) = (image.data(), image.width());
     for _ in 0..count {
         let (fx, fy) = ((x & 0xffff) as f32 * (1.0 / ONE), (y & 0xffff) as f32 * (1.0 / ONE));

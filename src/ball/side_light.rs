@@ -4,7 +4,7 @@ use nalgebra::Vector3;
 
 use super::annulus::{Annulus, LANES};
 use super::edge_fit::Edge;
-use super::first_harmonic::{Limits, normal_equations, residuals, reweigh};
+use super::first_harmonic::{Directions, Limits, normal_equations, residuals, reweigh};
 use crate::numeric::nth_smallest;
 
 /// The number of rounds of reweighting.
@@ -44,7 +44,7 @@ impl SideLight {
         let Some(harmonic) = self.harmonic(rim, edges, used) else { return };
         self.amplitude = [harmonic[0], harmonic[1]];
         let [x, y] = self.amplitude.map(|v| (-v / radius) as f32);
-        let [cos, sin] = rim.directions();
+        let Directions { cos, sin } = rim.directions();
         for (slope, (cos, sin)) in slope.iter_mut().zip(cos.iter().zip(sin)) {
             *slope = x * cos + y * sin;
         }

@@ -1,10 +1,10 @@
 //! The subpixel fit: from a circle accurate to a pixel to one accurate to a few hundredths.
 
-use super::annulus::{Annulus, Outline, SLACK_PX};
+use super::RimKind;
+use super::annulus::{Annulus, ClippedPixels, Outline, SLACK_PX};
 use super::circle_fit::{CircleFit, Correction};
 use super::edge_fit::{Edge, EdgeSearch, fit_edges};
-use super::edge_selection;
-use super::edge_selection::EdgeSelection;
+use super::edge_selection::{self, CleanContrast, EdgeSelection};
 use super::limb_darkening::{LimbDarkening, SECTORS, Shift, Step, VisibleRim, shift_px};
 use super::ransac::Candidate;
 use super::side_light::SideLight;
@@ -214,12 +214,12 @@ impl SubpixelFit {
         candidate: &Candidate,
         effort: Effort,
     ) -> Option<Measured> {
-        self.rim.set_includes_clipped(false);
+        self.rim.set_clipped(ClippedPixels::Excluded);
         let measured = self.fit_clean_or_speckled(image, candidate, effort);
         if measured.is_some() || self.rim.white().is_infinite() {
             return measured;
         }
-        self.rim.set_includes_clipped(true);
+        self.rim.set_clipped(ClippedPixels::Included);
         self.fit_clean_or_speckled(image, candidate, effort)
     }
 
@@ -230,23 +230,23 @@ impl SubpixelFit {
         candidate: &Candidate,
         effort: Effort,
     ) -> Option<Measured> {
-        self.set_speckled(false);
+        self.set_rim_kind(RimKind::Clean);
         self.selection.same_sign = 0;
         let clean = self.fit_circle(image, candidate, effort);
         let same_sign = self.selection.same_sign as f64 / self.rim.bins().max(1) as f64;
-        let is_clipped = self.rim.white().is_finite() && !self.rim.includes_clipped();
+        let is_clipped = self.rim.white().is_finite() && self.rim.clipped() == ClippedPixels::Excluded;
         if clean.is_some_and(|c| c.scatter_px < MIN_SPECKLED_SCATTER_PX) || same_sign < MIN_SPECKLED_EDGES || is_clipped
         {
             return clean;
         }
-        self.set_speckled(true);
+        self.set_rim_kind(RimKind::Speckled);
         let speckled = self.fit_circle(image, candidate, effort);
         speckled.or(clean)
     }
 
-    fn set_speckled(&mut self, is_speckled: bool) {
-        self.rim.set_speckled(is_speckled);
-        self.fit.is_speckled = is_speckled;
+    fn set_rim_kind(&mut self, kind: RimKind) {
+        self.rim.set_kind(kind);
+        self.fit.rim_kind = kind;
     }
 
     fn fit_circle(&mut self, image: ImageView<'_>, candidate: &Candidate, effort: Effort) -> Option<Measured> {
@@ -272,8 +272,9 @@ impl SubpixelFit {
                 EdgeSearch { blur, brightness_slope: &self.slope, steps, is_near: effort.is_near },
                 &mut self.edges,
             );
-            let again = effort.is_near && round > 0 && apart <= effort.regather_px;
-            let noise = self.selection.select(&self.edges, candidate.polarity, (again, self.fit.is_speckled));
+            let is_same = effort.is_near && round > 0 && apart <= effort.regather_px;
+            let clean = if is_same { CleanContrast::Reused } else { CleanContrast::Estimated };
+            let noise = self.selection.select(&self.edges, candidate.polarity, self.fit.rim_kind, clean);
             let fitted = self.fit.fit(&self.rim, &self.edges, &self.selection.used, noise, reweightings)?;
             outline =
                 Outline { x: outline.x + fitted.dx, y: outline.y + fitted.dy, radius: outline.radius + fitted.dr };
@@ -341,7 +342,7 @@ impl SubpixelFit {
         let blur_factor = f64::from(blur / SHARP_BLUR_PX).max(1.0);
         let may_scatter = if is_many && inlier_fraction >= MIN_INLIERS_BLURRED { blur_factor } else { 1.0 };
         let scatter_px = f64::from(self.fit.scatter_px()?);
-        let is_rim = if self.fit.is_speckled {
+        let is_rim = if self.fit.rim_kind == RimKind::Speckled {
             let has_edges = used as f64 > MIN_SPECKLED_EDGES * inside;
             has_edges
                 && inliers >= MIN_SPECKLED_INLIERS
@@ -369,10 +370,10 @@ impl SubpixelFit {
         }
         let clipped = self.clipped_sigma_px()?;
         let outlier_fraction = 1.0 - inliers as f64 / used as f64;
-        let marks = match (self.fit.is_speckled, self.selection.excludes_speckle) {
-            (true, _) => SPECKLED_FACTORS,
-            (false, true) => OUTLIER_FACTORS.map(|factor| (factor * outlier_fraction).hypot(1.0)),
-            (false, false) => [1.0; 2],
+        let marks = match (self.fit.rim_kind, self.selection.excludes_speckle) {
+            (RimKind::Speckled, _) => SPECKLED_FACTORS,
+            (RimKind::Clean, true) => OUTLIER_FACTORS.map(|factor| (factor * outlier_fraction).hypot(1.0)),
+            (RimKind::Clean, false) => [1.0; 2],
         };
         // Speckle pulls a blurred rim over longer arcs, too.
         let [center, radius] = [
@@ -415,7 +416,7 @@ impl SubpixelFit {
     /// Whether hardly any edge lies outside the circle.
     fn is_outermost(&self, inliers: usize) -> bool {
         let (distance_px, max_fraction) = match inliers {
-            _ if self.fit.is_speckled => MAX_OUTER_SPECKLED,
+            _ if self.fit.rim_kind == RimKind::Speckled => MAX_OUTER_SPECKLED,
             ..FEW_INLIERS_FOR_OUTER => MAX_OUTER_OF_FEW,
             _ => MAX_OUTER,
         };
@@ -444,7 +445,7 @@ impl SubpixelFit {
         if white.is_infinite() {
             return Some([0.0; 2]);
         }
-        if self.rim.includes_clipped() {
+        if self.rim.clipped() == ClippedPixels::Included {
             return Some(INCLUDED_CLIPPED_SIGMA_PX);
         }
         let (mut over, mut total) = (0.0, 0.0);

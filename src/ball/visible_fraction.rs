@@ -11,6 +11,13 @@ pub(super) enum RimBin {
     Outside,
 }
 
+/// A circular run of bins.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+struct Run {
+    first: usize,
+    length: usize,
+}
+
 /// The fraction of the bins behind an occluder that look like rim by chance.
 const FALSE_RIM_RATE: f64 = 0.05;
 /// The minimum log likelihood ratio of an occluder against a row of speckles, nats.
@@ -21,7 +28,7 @@ const MIN_EVIDENCE_NATS: f64 = 6.0;
 /// The occluded arc is the most likely circular run of bins, given the rate of visible rim outside it and behind an
 /// occluder. A chord cuts off the occluded area.
 pub(super) fn unoccluded_fraction(bins: &[RimBin]) -> f64 {
-    let mut occluded = (0, 0);
+    let mut occluded = Run::default();
     for _ in 0..4 {
         let visible = visible_rate_outside(bins, occluded);
         // A rim visible at the chance rate contains no information.
@@ -31,20 +38,20 @@ pub(super) fn unoccluded_fraction(bins: &[RimBin]) -> f64 {
         }
         occluded = run;
     }
-    let half_angle = std::f64::consts::PI * occluded.1 as f64 / bins.len().max(1) as f64;
+    let half_angle = std::f64::consts::PI * occluded.length as f64 / bins.len().max(1) as f64;
     1.0 - (half_angle - half_angle.sin() * half_angle.cos()) / std::f64::consts::PI
 }
 
-/// Returns the rate of visible rim outside a run of (first, length) bins.
-fn visible_rate_outside(bins: &[RimBin], (first, length): (usize, usize)) -> f64 {
-    let outside = bins.iter().chain(bins).skip(first + length).take(bins.len().saturating_sub(length));
+/// Returns the rate of visible rim outside a run of bins.
+fn visible_rate_outside(bins: &[RimBin], run: Run) -> f64 {
+    let outside = bins.iter().chain(bins).skip(run.first + run.length).take(bins.len().saturating_sub(run.length));
     let count = |bin: RimBin| outside.clone().filter(|s| **s == bin).count();
     let visible = count(RimBin::Visible);
     visible as f64 / (visible + count(RimBin::Missing)).max(1) as f64
 }
 
-/// Returns the run, as (first, length), with the most evidence of an occluder; length 0 if there is too little.
-fn likeliest_run(bins: &[RimBin], visible: f64) -> (usize, usize) {
+/// Returns the run with the most evidence of an occluder; length 0 if there is too little.
+fn likeliest_run(bins: &[RimBin], visible: f64) -> Run {
     let count = bins.len();
     let (rim, missing) = ((FALSE_RIM_RATE / visible).ln(), ((1.0 - FALSE_RIM_RATE) / (1.0 - visible)).ln());
     let gain = |bin: RimBin| match bin {
@@ -52,7 +59,7 @@ fn likeliest_run(bins: &[RimBin], visible: f64) -> (usize, usize) {
         RimBin::Missing => missing,
         RimBin::Outside => 0.0,
     };
-    let (mut best, mut run) = (MIN_EVIDENCE_NATS, (0, 0));
+    let (mut best, mut run) = (MIN_EVIDENCE_NATS, Run::default());
     let (mut sum, mut first) = (0.0, 0);
     // Twice around, so that a run across the first bin is not split.
     for (i, bin) in bins.iter().chain(bins).enumerate() {
@@ -61,7 +68,7 @@ fn likeliest_run(bins: &[RimBin], visible: f64) -> (usize, usize) {
         }
         sum += gain(*bin);
         if sum > best && i + 1 - first <= count {
-            (best, run) = (sum, (first % count, i + 1 - first));
+            (best, run) = (sum, Run { first: first % count, length: i + 1 - first });
         }
     }
     run

@@ -9,11 +9,17 @@ use crate::results::RigidStep;
 /// The maximum error of the predicted position of a body that continues its motion, px.
 pub(super) const MAX_PREDICTION_ERROR_PX: f64 = 2.0;
 
+/// One body within one block.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct BodyKey {
+    pub(super) body: usize,
+    pub(super) block: u64,
+}
+
 /// The state of one body within one block.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct BlockState {
-    pub(super) body: usize,
-    pub(super) block: u64,
+    pub(super) key: BodyKey,
     /// The newest outline and its frame.
     pub(super) outline: Option<(u64, Outline)>,
     /// The newest frame in which it was searched and detected.
@@ -36,12 +42,11 @@ pub(super) struct BlockStates {
 
 impl BlockStates {
     /// Returns the state of one body within one block, empty at first.
-    pub(super) fn of(&mut self, body: usize, block: u64) -> &mut BlockState {
-        let place = self.states.iter().position(|state| (state.body, state.block) == (body, block));
+    pub(super) fn of(&mut self, key: BodyKey) -> &mut BlockState {
+        let place = self.states.iter().position(|state| state.key == key);
         let place = place.unwrap_or_else(|| {
             self.states.push(BlockState {
-                body,
-                block,
+                key,
                 outline: None,
                 detected_frame: None,
                 motion: None,
@@ -78,7 +83,7 @@ impl BlockStates {
     ) -> Option<BoundingBox> {
         let mut bounds = BoundingBox::default();
         for (frame, outline, state) in self.outlines_in(block) {
-            let motion = state.motion.as_ref().filter(|_| rigid_matcher.has_reference(state.body, block))?;
+            let motion = state.motion.as_ref().filter(|_| rigid_matcher.has_reference(state.key))?;
             let moved = outline.predicted(Some(motion), (sequence - frame) as f64).0;
             bounds.include_search(&moved.enclosing_circle(params.subset_size_px), MAX_PREDICTION_ERROR_PX);
         }
@@ -87,13 +92,13 @@ impl BlockStates {
 
     /// Returns the newest outline of each body of a block, with its frame.
     fn outlines_in(&self, block: u64) -> impl Iterator<Item = (u64, Outline, &BlockState)> {
-        let states = self.states.iter().filter(move |state| state.block == block);
+        let states = self.states.iter().filter(move |state| state.key.block == block);
         states.filter_map(|state| state.outline.map(|(frame, outline)| (frame, outline, state)))
     }
 
     /// Discards the blocks before this one.
     pub(super) fn forget_before(&mut self, block: u64) {
-        self.states.retain(|state| state.block >= block);
+        self.states.retain(|state| state.key.block >= block);
     }
 
     /// Discards everything.

@@ -26,7 +26,7 @@ fn sparse_points(points: &[GridPoint]) -> Option<Vec<GridPoint>> {
 /// Fits the motion of the centre and the rotation, per frame, to all valid subsets; `near` is the predicted motion.
 pub(super) fn rigid_step(
     field: &mut PairField,
-    center_px: (f64, f64),
+    outline: &Outline,
     frames: f64,
     subset_size_px: u32,
     near: Start,
@@ -35,7 +35,7 @@ pub(super) fn rigid_step(
         Start::Motion { u_px, v_px, angle_deg, .. } => Some((u_px, v_px, angle_deg)),
         Start::Search | Start::Neighbor => None,
     };
-    let motion = rigid_fit_near(&mut field.points, center_px, subset_size_px, near)?;
+    let motion = rigid_fit_near(&mut field.points, outline.center_px(), subset_size_px, near)?;
     (motion.points >= MIN_POINTS).then(|| per_frame(&motion, frames))
 }
 
@@ -78,7 +78,8 @@ pub(super) fn set_drift(step: &mut BodyStep, motion: Option<[Estimate; 3]>) {
 pub(super) fn initial_motion(
     correlator: &mut Correlator,
     params: &MeasureParams,
-    (reference, target): (&PendingFrame, &Target<'_>),
+    reference: &PendingFrame,
+    target: &Target<'_>,
     outline: &Outline,
     points: &[GridPoint],
 ) -> Option<RigidStep> {
@@ -88,17 +89,18 @@ pub(super) fn initial_motion(
     let mut field = PairField { frame, target_frame, stamp_ns: 0, body: 0, points: Vec::new() };
     correlator.correlate(&reference.prepared, target.prepared, &sparse, Start::Search, &mut field.points);
     let subset_px = params.correlation.subset_size_px;
-    rigid_step(&mut field, outline.center_px(), (target_frame - frame) as f64, subset_px, Start::Search)
+    rigid_step(&mut field, outline, (target_frame - frame) as f64, subset_px, Start::Search)
 }
 
 /// Fits the same from the displacement at the centre and the rotations of the subsets about it.
 pub(super) fn center_step(
     field: &PairField,
-    center_px: (f64, f64),
+    outline: &Outline,
     frames: f64,
     params: &CorrelationParams,
 ) -> Option<RigidStep> {
-    let vectors: Vec<_> = field.points.iter().filter_map(|point| CenterVector::from_point(point, center_px)).collect();
+    let vectors: Vec<_> =
+        field.points.iter().filter_map(|point| CenterVector::from_point(point, outline.center_px())).collect();
     center_fit(&vectors, params.step_px, params.subset_size_px).map(|motion| per_frame(&motion, frames))
 }
 
@@ -115,7 +117,8 @@ fn per_frame(motion: &RigidMotion, frames: f64) -> RigidStep {
 }
 
 /// Returns the predicted displacement of the body over the frames of a step.
-pub(super) fn predicted_start(step: &RigidStep, (x_px, y_px): (f64, f64), frames: f64) -> Start {
+pub(super) fn predicted_start(step: &RigidStep, outline: &Outline, frames: f64) -> Start {
+    let (x_px, y_px) = outline.center_px();
     Start::Motion {
         x_px,
         y_px,

@@ -26,20 +26,30 @@ const SUBSET_TOLERANCE: [f64; 3] = [0.05, 0.05, 0.1];
 /// The maximum difference between whole body and subsets, as a fraction of the out-of-plane drift of the subsets.
 const DRIFT_TOLERANCE: f64 = 0.3;
 
+/// The outlines of a body in a reference and its target.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct OutlinePair<'a> {
+    pub(super) reference: &'a Result<Outline, PointStatus>,
+    pub(super) target: &'a Result<Outline, PointStatus>,
+    /// Whether both were detected, so that they can be compared.
+    pub(super) are_detected: bool,
+}
+
 /// Whether the body found in both frames can have moved this way.
 ///
-/// Subsets follow whatever is in front of most of them. If both outlines were detected (`is_detected`), they must
+/// Subsets follow whatever is in front of most of them. If both outlines were detected, they must
 /// have moved equally far. Otherwise the body must have been matched as a whole, or continue its motion `before`.
 pub(super) fn is_consistent(
     Measured { step: measured, is_matched, .. }: &Measured,
     before: Option<&RigidStep>,
-    (from, to): (&Result<Outline, PointStatus>, &Result<Outline, PointStatus>),
-    is_detected: bool,
+    outlines: OutlinePair<'_>,
 ) -> bool {
-    let (Ok(Outline::Ball(from)), Ok(Outline::Ball(to)), Some(step)) = (from, to, measured.center_step()) else {
+    let (Ok(Outline::Ball(from)), Ok(Outline::Ball(to)), Some(step)) =
+        (outlines.reference, outlines.target, measured.center_step())
+    else {
         return true;
     };
-    if is_detected {
+    if outlines.are_detected {
         let frames = f64::from(measured.interval_frames);
         let apart = (to.x_px - from.x_px - frames * step.dx_px).hypot(to.y_px - from.y_px - frames * step.dy_px);
         let tolerance_px = if *is_matched { RIGID_TOLERANCE_PX } else { OUTLINE_TOLERANCE_PX };
@@ -94,6 +104,14 @@ mod tests {
         }))
     }
 
+    fn pair<'a>(
+        reference: &'a Result<Outline, PointStatus>,
+        target: &'a Result<Outline, PointStatus>,
+        are_detected: bool,
+    ) -> OutlinePair<'a> {
+        OutlinePair { reference, target, are_detected }
+    }
+
     fn step(dx_px: f64) -> RigidStep {
         RigidStep {
             dx_px,
@@ -130,18 +148,18 @@ mod tests {
 
     #[test]
     fn a_motion_that_outlines_do_not_share_is_not_the_bodys() {
-        assert!(is_consistent(&moved(false, 1), None, (&at(100.0), &at(107.9)), true));
-        assert!(is_consistent(&moved(false, 3), None, (&at(100.0), &at(123.3)), true));
-        assert!(!is_consistent(&moved(true, 1), Some(&step(7.8)), (&at(100.0), &at(100.6)), true));
+        assert!(is_consistent(&moved(false, 1), None, pair(&at(100.0), &at(107.9), true)));
+        assert!(is_consistent(&moved(false, 3), None, pair(&at(100.0), &at(123.3), true)));
+        assert!(!is_consistent(&moved(true, 1), Some(&step(7.8)), pair(&at(100.0), &at(100.6), true)));
     }
 
     #[test]
     fn a_centre_moves_with_its_outlines_whatever_its_pattern_does() {
         let mut turning = moved(false, 1);
-        assert!(!is_consistent(&turning, None, (&at(100.0), &at(107.1)), true));
+        assert!(!is_consistent(&turning, None, pair(&at(100.0), &at(107.1), true)));
         turning.step.drift = Some([-0.7, 0.0, 0.0].map(|value| Estimate { value, sigma: 0.02 }));
-        assert!(is_consistent(&turning, None, (&at(100.0), &at(107.1)), true));
-        assert!(!is_consistent(&turning, None, (&at(100.0), &at(107.8)), true));
+        assert!(is_consistent(&turning, None, pair(&at(100.0), &at(107.1), true)));
+        assert!(!is_consistent(&turning, None, pair(&at(100.0), &at(107.8), true)));
         assert!(
             !agrees_with_subsets(&step(7.65), &step(7.8), None)
                 && agrees_with_subsets(&step(7.65), &step(7.8), turning.step.drift)
@@ -150,13 +168,14 @@ mod tests {
 
     #[test]
     fn a_motion_between_outlines_that_were_not_detected_needs_other_evidence() {
-        let pair = (&at(100.0), &at(107.8));
-        assert!(!is_consistent(&moved(false, 1), None, pair, false));
-        assert!(!is_consistent(&moved(false, 1), Some(&step(0.6)), pair, false));
-        assert!(is_consistent(&moved(false, 1), Some(&step(7.1)), pair, false));
-        assert!(is_consistent(&moved(true, 1), None, pair, false));
+        let (from, to) = (at(100.0), at(107.8));
+        let outlines = pair(&from, &to, false);
+        assert!(!is_consistent(&moved(false, 1), None, outlines));
+        assert!(!is_consistent(&moved(false, 1), Some(&step(0.6)), outlines));
+        assert!(is_consistent(&moved(false, 1), Some(&step(7.1)), outlines));
+        assert!(is_consistent(&moved(true, 1), None, outlines));
         assert!(
-            is_consistent(&moved(false, 1), None, (&at(100.0), &Err(PointStatus::Lost)), false),
+            is_consistent(&moved(false, 1), None, pair(&from, &Err(PointStatus::Lost), false)),
             "nothing contradicts it"
         );
     }

@@ -1,5 +1,6 @@
 //! The bias of short steps by the fixed pattern of the sensor, estimated within blocks.
 
+use super::block_state::BodyKey;
 use super::outline::Outline;
 use super::params::MeasureParams;
 use super::pending_frame::PendingFrame;
@@ -13,8 +14,7 @@ const SAMPLES_PER_BLOCK: u64 = 4;
 /// The first frame of a block in which a body was measured.
 #[derive(Debug)]
 struct FirstFrame {
-    body: usize,
-    block: u64,
+    key: BodyKey,
     frame: u64,
     center_px: (f64, f64),
     pattern: FixedPattern,
@@ -38,16 +38,13 @@ impl FixedPatterns {
     /// Estimates by which fraction short steps are too short, from a frame and the first of its block.
     ///
     /// Most frames are not compared and give `None`.
-    pub(super) fn bias_fraction(
-        &mut self,
-        (body, reference): (usize, &PendingFrame),
-        outline: &Outline,
-    ) -> Option<f64> {
-        let (block, frame, center_px) = (reference.block, reference.meta.sequence, outline.center_px());
-        let Some(first) = self.firsts.iter_mut().find(|first| (first.body, first.block) == (body, block)) else {
+    pub(super) fn bias_fraction(&mut self, body: usize, reference: &PendingFrame, outline: &Outline) -> Option<f64> {
+        let key = BodyKey { body, block: reference.block };
+        let (frame, center_px) = (reference.meta.sequence, outline.center_px());
+        let Some(first) = self.firsts.iter_mut().find(|first| first.key == key) else {
             let mut pattern = self.spare.pop().unwrap_or_default();
             pattern.begin(&reference.prepared, &outline.interior_rectangles());
-            self.firsts.push(FirstFrame { body, block, frame, center_px, pattern });
+            self.firsts.push(FirstFrame { key, frame, center_px, pattern });
             return None;
         };
         let since = frame - first.frame;
@@ -61,7 +58,7 @@ impl FixedPatterns {
 
     /// Discards the blocks before this one.
     pub(super) fn forget_before(&mut self, block: u64) {
-        self.spare.extend(self.firsts.extract_if(.., |first| first.block < block).map(|first| first.pattern));
+        self.spare.extend(self.firsts.extract_if(.., |first| first.key.block < block).map(|first| first.pattern));
     }
 
     /// Discards everything.

@@ -30,7 +30,8 @@ impl FrameImage {
     /// Returns the frame, unpacked at least within a rectangle: x, y, width and height, clipped to the frame.
     ///
     /// Pixels outside the rectangle may belong to earlier frames.
-    pub(super) fn unpack(&mut self, frame: &Frame<'_>, [x, y, width, height]: [u32; 4]) -> ImageView<'_> {
+    pub(super) fn unpack(&mut self, frame: &Frame<'_>, rectangle: [u32; 4]) -> ImageView<'_> {
+        let [x, y, width, height] = rectangle;
         let (right, bottom) = (frame.meta.width_px, frame.meta.height_px);
         let requested =
             [x.min(right), y.min(bottom), x.saturating_add(width).min(right), y.saturating_add(height).min(bottom)];

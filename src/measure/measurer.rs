@@ -1,18 +1,19 @@
 //! The measurement of blocks of frames: steps and displacement fields.
 
-use super::block_state::BlockStates;
+use super::block_state::{BlockStates, BodyKey};
 use super::body_motion::{center_step, dilatation, initial_motion, predicted_start, rigid_step, set_drift};
 use super::bounding_box::BoundingBox;
-use super::consistency;
+use super::consistency::{self, OutlinePair};
 use super::error::MeasureError;
 use super::fixed_pattern::FixedPatterns;
 use super::frame_image::FrameImage;
 use super::outline::{Finder, Outline};
-use super::params::{MeasureParams, Share};
+use super::params::{ImageSize, MeasureParams, Share};
+use super::patch_finder::FrameKey;
 use super::pending_frame::PendingFrame;
 use super::rigid_match::{RigidMatch, RigidMatcher, is_occluded};
 use super::ring_rotation::RingRotation;
-use super::target::Target;
+use super::target::{FramePair, Interval, Target};
 use crate::dic::{Correlator, PreparedFrame, Start};
 use crate::image::{Frame, FrameMeta, Image};
 use crate::motion::Rotation;
@@ -30,6 +31,20 @@ pub struct Measured {
     pub(super) is_matched: bool,
 }
 
+/// One body from a reference to its target.
+#[derive(Clone, Copy)]
+struct Span<'a> {
+    body: usize,
+    reference: &'a PendingFrame,
+    target: Target<'a>,
+}
+
+impl Span<'_> {
+    fn key(&self) -> BodyKey {
+        BodyKey { body: self.body, block: self.reference.block }
+    }
+}
+
 /// Measures blocks of frames.
 ///
 /// The step of a frame is a function of the frames from the start of its block to the
@@ -41,7 +56,7 @@ pub struct Measurer {
     pub(super) finders: Vec<Finder>,
     pub(super) params: MeasureParams,
     pub(super) share: Share,
-    pub(super) size: (usize, usize),
+    pub(super) size: ImageSize,
     pub(super) image: FrameImage,
     /// Frames whose motion is not measured yet, oldest first.
     pending: VecDeque<PendingFrame>,
@@ -65,7 +80,7 @@ impl Measurer {
             correlator: Correlator::new(&params.correlation, width_px, height_px)?,
             finders,
             share,
-            size: (width_px, height_px),
+            size: ImageSize { width: width_px, height: height_px },
             image: FrameImage::new(width_px, height_px, params.correction(width_px, height_px)?),
             pending: VecDeque::new(),
             spare: Vec::new(),
@@ -90,8 +105,8 @@ impl Measurer {
     pub fn set_reference(&mut self, image: &Image) -> Result<(), MeasureError> {
         let view = image.view();
         let (width, height) = (view.width(), view.height());
-        if (width, height) != self.size {
-            let (expected_width_px, expected_height_px) = self.size;
+        if (ImageSize { width, height }) != self.size {
+            let ImageSize { width: expected_width_px, height: expected_height_px } = self.size;
             let (width_px, height_px) = (width as u32, height as u32);
             return Err(MeasureError::Size { sequence: 0, width_px, height_px, expected_width_px, expected_height_px });
         }
@@ -214,7 +229,7 @@ impl Measurer {
             if let Ok(Outline::Ball(circle)) = outline
                 && (self.params.rotation == Rotation::Rigid || is_occluded(circle))
             {
-                self.rigid_matcher.start((body, block), meta.sequence, &prepared, circle);
+                self.rigid_matcher.start(BodyKey { body, block }, meta.sequence, &prepared, circle);
             }
         }
         let slots = self.finders.len() * self.params.intervals_frames.len();
@@ -237,13 +252,17 @@ impl Measurer {
                 else {
                     continue;
                 };
-                let outlines = (&reference.outlines[body], &target.outlines[body]);
-                if consistency::is_consistent(measured, reference.before[slot].as_ref(), outlines, is_detected) {
+                let outlines = OutlinePair {
+                    reference: &reference.outlines[body],
+                    target: &target.outlines[body],
+                    are_detected: is_detected,
+                };
+                if consistency::is_consistent(measured, reference.before[slot].as_ref(), outlines) {
                     continue;
                 }
                 measured.step = BodyStep { status: PointStatus::Ambiguous, ..measured.step.without_motion() };
                 if place == 0 {
-                    self.mark_ambiguous(body, target.block);
+                    self.mark_ambiguous(BodyKey { body, block: target.block });
                 }
             }
         }
@@ -266,9 +285,9 @@ impl Measurer {
             else {
                 continue;
             };
-            let pair = (&reference.prepared, &target.prepared);
+            let pair = FramePair { reference: &reference.prepared, target: &target.prepared };
             let Some(rate) = self.ring_rotation.motion_between(from, to, pair, frames as f64) else { continue };
-            let state = self.states.of(body, reference.block);
+            let state = self.states.of(BodyKey { body, block: reference.block });
             (state.motion, state.center_motion) = (Some(rate), Some(rate));
             let target = Target { sequence: target.meta.sequence, prepared: &target.prepared, is_narrow: false };
             let retried = self.measure_body(reference, slot, Some(target));
@@ -279,9 +298,9 @@ impl Measurer {
     }
 
     /// Stops following a body within a block, since another object may be taken for it.
-    fn mark_ambiguous(&mut self, body: usize, block: u64) {
-        self.rigid_matcher.forget(body, block);
-        let state = self.states.of(body, block);
+    fn mark_ambiguous(&mut self, key: BodyKey) {
+        self.rigid_matcher.forget(key);
+        let state = self.states.of(key);
         (state.motion, state.is_ambiguous) = (None, true);
     }
 
@@ -297,8 +316,8 @@ impl Measurer {
     }
 
     fn check_size(&self, meta: &FrameMeta) -> Result<(), MeasureError> {
-        let (expected_width_px, expected_height_px) = self.size;
-        if (meta.width_px as usize, meta.height_px as usize) == self.size {
+        let ImageSize { width: expected_width_px, height: expected_height_px } = self.size;
+        if (meta.width_px as usize, meta.height_px as usize) == (expected_width_px, expected_height_px) {
             return Ok(());
         }
         let FrameMeta { sequence, width_px, height_px, .. } = *meta;
@@ -315,7 +334,8 @@ impl Measurer {
             let is_due = target.is_none_or(|target| target.sequence >= due);
             if reference.done[slot].is_none() && is_due {
                 let target = target.filter(|target| target.sequence == due);
-                let before = self.states.of(slot / self.params.intervals_frames.len(), reference.block).motion;
+                let body = slot / self.params.intervals_frames.len();
+                let before = self.states.of(BodyKey { body, block: reference.block }).motion;
                 let Some(measured) = self.measure_body(reference, slot, target) else { return false };
                 reference.before[slot] = before;
                 reference.done[slot] = Some(measured);
@@ -337,6 +357,7 @@ impl Measurer {
     fn measure_body(&mut self, reference: &PendingFrame, slot: usize, target: Option<Target<'_>>) -> Option<Measured> {
         let intervals = self.params.intervals_frames.len();
         let (body, place) = (slot / intervals, slot % intervals);
+        let key = BodyKey { body, block: reference.block };
         let outline = reference.outlines[body];
         let mut step = reference.empty_step(body, self.params.intervals_frames[place]);
         let Ok(outline) = outline else { return Some(Measured { step, field: None, is_matched: false }) };
@@ -348,29 +369,29 @@ impl Measurer {
         let frames = f64::from(step.interval_frames);
         // Longer intervals start from the frame's own shortest step, whatever was measured since.
         let own = reference.done[slot - place].as_ref().and_then(|shortest| shortest.step.step);
-        let known = if place == 0 { self.states.of(body, reference.block).motion } else { own };
+        let known = if place == 0 { self.states.of(key).motion } else { own };
         if is_narrow && known.is_none() {
             return None;
         }
-        let span = (reference, target, body);
+        let span = Span { body, reference, target };
         let points = self.finders[body].points(&outline, &self.params.correlation, self.size);
         self.correlator.set_region(self.finders[body].region(&outline, &self.params.correlation));
         let mut rigid = known
-            .or_else(|| initial_motion(&mut self.correlator, &self.params, (reference, &target), &outline, &points))
+            .or_else(|| initial_motion(&mut self.correlator, &self.params, reference, &target, &outline, &points))
             .and_then(|rate| self.match_whole_body(span, &outline, &rate));
         let known = rigid.map(|rigid| rigid.step).or(known);
-        let start = known.map_or(Start::Search, |step| predicted_start(&step, outline.center_px(), frames));
+        let start = known.map_or(Start::Search, |step| predicted_start(&step, &outline, frames));
         self.correlator.correlate(&reference.prepared, prepared, &points, start, &mut field.points);
         if is_narrow && (rigid.is_none() || self.correlator.has_searched()) {
             return None;
         }
         self.mask_occluded(span, &mut field);
-        let mut moved = self.fit_subsets((reference, target), &outline, &mut field, &mut step, start);
+        let mut moved = self.fit_subsets(span, &outline, &mut field, &mut step, start);
         if let (None, Some(rate)) = (rigid, step.step) {
             rigid = self.match_whole_body(span, &outline, &rate);
             // The match shows what occludes the body.
             if self.mask_occluded(span, &mut field) {
-                moved = self.fit_subsets((reference, target), &outline, &mut field, &mut step, start);
+                moved = self.fit_subsets(span, &outline, &mut field, &mut step, start);
             }
         }
         if let Outline::Patch(_) = outline {
@@ -383,7 +404,7 @@ impl Measurer {
                 step.step.is_none_or(|field| consistency::agrees_with_subsets(&rigid.step, &field, step.drift));
             // A pattern that moves over the body soon differs from that of its reference.
             if !agrees || step.drifts() {
-                self.rigid_matcher.forget(body, reference.block);
+                self.rigid_matcher.forget(key);
             }
             agrees
         });
@@ -396,66 +417,59 @@ impl Measurer {
             step.status = consistency::failure_status(&field);
         }
         if place == 0 {
-            let state = self.states.of(body, reference.block);
+            let state = self.states.of(key);
             (state.motion, state.center_motion) = (step.step, step.center_step());
-            step.fixed_fraction =
-                step.step.and_then(|_| self.fixed_patterns.bias_fraction((body, reference), &outline));
+            step.fixed_fraction = step.step.and_then(|_| self.fixed_patterns.bias_fraction(body, reference, &outline));
         }
         Some(Measured { step, field: Some(field), is_matched: rigid.is_some() })
     }
 
     /// Marks the subsets that show an occluder, according to the match of the whole body; returns whether any does.
-    fn mask_occluded(
-        &self,
-        (reference, target, body): (&PendingFrame, Target<'_>, usize),
-        field: &mut PairField,
-    ) -> bool {
+    fn mask_occluded(&self, span: Span<'_>, field: &mut PairField) -> bool {
         let subset_px = self.params.correlation.subset_size_px;
-        let frames = (reference.meta.sequence, target.sequence);
-        self.rigid_matcher.mask_occluded((body, reference.block), frames, &mut field.points, subset_px)
+        let frames = Interval { from: span.reference.meta.sequence, to: span.target.sequence };
+        self.rigid_matcher.mask_occluded(span.key(), frames, &mut field.points, subset_px)
     }
 
     /// Fits the step to the subsets; returns the motion of a ball that turns about any axis.
     fn fit_subsets(
         &mut self,
-        (reference, target): (&PendingFrame, Target<'_>),
+        span: Span<'_>,
         outline: &Outline,
         field: &mut PairField,
         step: &mut BodyStep,
         start: Start,
     ) -> Option<[Estimate; 3]> {
         let (frames, correlation) = (f64::from(step.interval_frames), &self.params.correlation);
-        step.step = rigid_step(field, outline.center_px(), frames, correlation.subset_size_px, start);
+        step.step = rigid_step(field, outline, frames, correlation.subset_size_px, start);
         let moved = dilatation(field, step, outline, correlation.subset_size_px);
         if let (Rotation::Center, Some(_)) = (self.params.rotation, &step.circle) {
-            step.step = step.step.and_then(|_| center_step(field, outline.center_px(), frames, correlation));
+            step.step = step.step.and_then(|_| center_step(field, outline, frames, correlation));
         }
         if let (Rotation::Ring(limits), Some(found), Some(circle)) =
             (self.params.rotation, &mut step.step, &step.circle)
         {
-            self.ring_rotation.replace(found, circle, (&reference.prepared, target.prepared), limits, frames);
+            let pair = FramePair { reference: &span.reference.prepared, target: span.target.prepared };
+            self.ring_rotation.replace(found, circle, pair, limits, frames);
         }
         set_drift(step, moved);
         moved
     }
 
     /// Matches the whole body near a motion per frame.
-    fn match_whole_body(
-        &mut self,
-        (reference, target, body): (&PendingFrame, Target<'_>, usize),
-        outline: &Outline,
-        rate: &RigidStep,
-    ) -> Option<RigidMatch> {
+    fn match_whole_body(&mut self, span: Span<'_>, outline: &Outline, rate: &RigidStep) -> Option<RigidMatch> {
+        let Span { body, reference, target } = span;
         let frames = (target.sequence - reference.meta.sequence) as f64;
         match (outline, &mut self.finders[body]) {
             (Outline::Ball(circle), _) => {
                 let (sequence, prepared) = (reference.meta.sequence, &reference.prepared);
                 let from = Target { sequence, prepared, is_narrow: false };
-                self.rigid_matcher.step((body, reference.block), from, target, circle, rate)
+                self.rigid_matcher.step(span.key(), from, target, circle, rate)
             }
             (Outline::Patch(pose), Finder::Patch(finder)) => {
+                let near = pose.predicted(rate, frames);
                 let found = finder
-                    .follow((reference.block, target.sequence), target.prepared, &pose.predicted(rate, frames))
+                    .follow(FrameKey { block: reference.block, frame: target.sequence }, target.prepared, &near)
                     .ok()?;
                 Some(RigidMatch { step: pose.step_to(&found, frames), visible_fraction: None, lever: None })
             }

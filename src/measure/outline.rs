@@ -2,8 +2,9 @@
 
 use super::MeasureError;
 use super::bounding_box::BoundingBox;
+use super::params::ImageSize;
 use super::patch_finder::{PatchFinder, PatchPose};
-use crate::ball::{BallFinder, BallParams};
+use crate::ball::{BallFinder, BallParams, Presence};
 use crate::dic::grid;
 use crate::dic::{CorrelationParams, GridPoint, Method, Patch, Region};
 use crate::image::ImageView;
@@ -36,6 +37,13 @@ pub(super) enum Outline {
     Ball(Circle),
     Rod(RodObservation),
     Patch(PatchPose),
+}
+
+/// The range of a search near a predicted outline.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum SearchRange {
+    Close,
+    Wide,
 }
 
 /// The finder of one body.
@@ -72,25 +80,34 @@ impl Finder {
         }
     }
 
-    /// Returns the box to unpack for a search at the predicted position or, unless `closely`, near it.
+    /// Returns the box to unpack for a search near the predicted position.
     ///
     /// `None` stands for the full frame.
-    pub(super) fn search_box(&self, near: &Outline, closely: bool) -> Option<BoundingBox> {
+    pub(super) fn search_box(&self, near: &Outline, range: SearchRange) -> Option<BoundingBox> {
         match (self, near) {
             (Self::Ball(_), Outline::Ball(near)) => {
                 let mut search = BoundingBox::default();
-                search.include(near, if closely { BallFinder::CLOSE_RANGE_PX } else { BallFinder::FOLLOW_RANGE_PX });
+                let range_px = match range {
+                    SearchRange::Close => BallFinder::CLOSE_RANGE_PX,
+                    SearchRange::Wide => BallFinder::FOLLOW_RANGE_PX,
+                };
+                search.include(near, range_px);
                 Some(search)
             }
             _ => None,
         }
     }
 
-    /// Searches a ball at its predicted position, where it certainly is if `is_there`; other bodies give `None`.
-    pub(super) fn follow_closely(&mut self, image: ImageView<'_>, near: &Outline, is_there: bool) -> Option<Outline> {
+    /// Searches a ball at its predicted position; other bodies give `None`.
+    pub(super) fn follow_closely(
+        &mut self,
+        image: ImageView<'_>,
+        near: &Outline,
+        presence: Presence,
+    ) -> Option<Outline> {
         match (self, near) {
             (Self::Ball(finder), Outline::Ball(near)) => {
-                finder.follow_closely(image, near, is_there).map(Outline::Ball)
+                finder.follow_closely(image, near, presence).map(Outline::Ball)
             }
             _ => None,
         }
@@ -108,7 +125,7 @@ impl Finder {
     }
 
     /// Returns the centres of the subsets on the body.
-    pub(super) fn points(&self, outline: &Outline, params: &CorrelationParams, size: (usize, usize)) -> Vec<GridPoint> {
+    pub(super) fn points(&self, outline: &Outline, params: &CorrelationParams, size: ImageSize) -> Vec<GridPoint> {
         match (self, outline) {
             (Self::Patch(finder), Outline::Patch(pose)) => patch_points(&finder.region_at(pose), params, size),
             _ => outline.points(params, size),
@@ -205,14 +222,14 @@ impl Outline {
     }
 
     /// Returns the centres of the subsets on the body.
-    fn points(&self, params: &CorrelationParams, (width, height): (usize, usize)) -> Vec<GridPoint> {
+    fn points(&self, params: &CorrelationParams, size: ImageSize) -> Vec<GridPoint> {
         match self {
             Self::Ball(circle) => {
                 let radius_px = circle.radius_px * (1.0 - RIM_CLEARANCE);
                 let (step_px, subset_px) = (params.step_px, params.subset_size_px);
-                grid::disc(circle.x_px, circle.y_px, radius_px, step_px, subset_px, width, height)
+                grid::disc(circle.x_px, circle.y_px, radius_px, step_px, subset_px, size.width, size.height)
             }
-            Self::Rod(observation) => rod_points(observation, params, (width, height)),
+            Self::Rod(observation) => rod_points(observation, params, size),
             Self::Patch(_) => Vec::new(),
         }
     }
@@ -248,11 +265,7 @@ fn tape_corners(observation: &RodObservation) -> [[f64; 2]; 4] {
 }
 
 /// Returns the subset centres on the tape: whole subsets if it has room for them, otherwise along its middle.
-fn rod_points(
-    observation: &RodObservation,
-    params: &CorrelationParams,
-    (width, height): (usize, usize),
-) -> Vec<GridPoint> {
+fn rod_points(observation: &RodObservation, params: &CorrelationParams, size: ImageSize) -> Vec<GridPoint> {
     let half = f64::from(params.subset_size_px / 2);
     let [left, top, right, bottom] = observation.tape_px();
     let (x, y) = (observation.rod.x_px.value, observation.rod.y_px.value);
@@ -267,13 +280,13 @@ fn rod_points(
         let fits = |place: &f64| place - half >= 0.0 && place + half <= limit as f64 - 1.0;
         places.filter(fits).map(|place| place as u32).collect()
     };
-    let columns = along(x + left, x + right, width);
-    let rows = along(y + top, y + bottom, height);
+    let columns = along(x + left, x + right, size.width);
+    let rows = along(y + top, y + bottom, size.height);
     rows.into_iter().flat_map(|y| columns.iter().map(move |x| GridPoint { x: *x, y })).collect()
 }
 
 /// Returns the subset centres within a polygon, on a grid about its middle.
-fn patch_points(region: &Region, params: &CorrelationParams, (width, height): (usize, usize)) -> Vec<GridPoint> {
+fn patch_points(region: &Region, params: &CorrelationParams, size: ImageSize) -> Vec<GridPoint> {
     let Some([left, top, right, bottom]) = region.bounds_px() else { return Vec::new() };
     let (half, step) = (f64::from(params.subset_size_px / 2), f64::from(params.step_px));
     let places = |low: f64, high: f64, limit: usize| -> Vec<u32> {
@@ -282,7 +295,7 @@ fn patch_points(region: &Region, params: &CorrelationParams, (width, height): (u
         let fits = |place: &f64| place - half >= 0.0 && place + half <= limit as f64 - 1.0;
         (-reach..=reach).map(|k| middle + f64::from(k) * step).filter(fits).map(|place| place as u32).collect()
     };
-    let (columns, rows) = (places(left, right, width), places(top, bottom, height));
+    let (columns, rows) = (places(left, right, size.width), places(top, bottom, size.height));
     let points = rows.into_iter().flat_map(|y| columns.iter().map(move |x| GridPoint { x: *x, y }));
     points.filter(|point| region.contains(f64::from(point.x), f64::from(point.y))).collect()
 }

@@ -1,8 +1,11 @@
 //! Search of the bodies in a frame: the outlines of balls and rods, the poses of patches.
 
+use super::block_state::BodyKey;
 use super::measurer::Measurer;
-use super::outline::{Finder, Outline};
+use super::outline::{Finder, Outline, SearchRange};
+use super::patch_finder::{AngleRange, FrameKey};
 use super::pending_frame::OutlineOrigin;
+use crate::ball::Presence;
 use crate::image::Frame;
 use crate::results::PointStatus;
 
@@ -20,8 +23,8 @@ impl Measurer {
         if matches!(self.finders[body], Finder::Patch(_)) {
             return (self.find_patch(body, frame, block), OutlineOrigin::Detected);
         }
-        let meta = &frame.meta;
-        let state = *self.states.of(body, block);
+        let (meta, key) = (&frame.meta, BodyKey { body, block });
+        let state = *self.states.of(key);
         if state.is_ambiguous {
             return (Err(PointStatus::Ambiguous), OutlineOrigin::Predicted);
         }
@@ -30,19 +33,20 @@ impl Measurer {
             .outline
             .map(|(sequence, outline)| outline.predicted(motion.as_ref(), (meta.sequence - sequence) as f64));
         if let Some((outline, true)) = expected
-            && self.can_reuse_outline(body, block, meta.sequence)
+            && self.can_reuse_outline(key, meta.sequence)
         {
-            self.states.of(body, block).outline = Some((meta.sequence, outline));
+            self.states.of(key).outline = Some((meta.sequence, outline));
             return (Ok(outline), OutlineOrigin::Reused);
         }
         // If the whole body was matched, and detected a moment ago, no other circle is its outline.
-        let is_there = self.is_detected_since(body, block, meta.sequence.saturating_sub(OUTLINE_INTERVAL_FRAMES))
-            && self.rigid_matcher.has_match((body, block), meta.sequence);
+        let is_certain = self.is_detected_since(key, meta.sequence.saturating_sub(OUTLINE_INTERVAL_FRAMES))
+            && self.rigid_matcher.has_match(key, meta.sequence);
+        let presence = if is_certain { Presence::Certain } else { Presence::Uncertain };
         let finder = &mut self.finders[body];
         let followed = expected.and_then(|(near, _)| {
-            let view = self.image.unpack_box(frame, finder.search_box(&near, true));
-            finder.follow_closely(view, &near, is_there).or_else(|| {
-                let view = self.image.unpack_box(frame, finder.search_box(&near, false));
+            let view = self.image.unpack_box(frame, finder.search_box(&near, SearchRange::Close));
+            finder.follow_closely(view, &near, presence).or_else(|| {
+                let view = self.image.unpack_box(frame, finder.search_box(&near, SearchRange::Wide));
                 finder.follow(view, &near).ok()
             })
         });
@@ -53,7 +57,7 @@ impl Measurer {
             (None, Some(outline)) => (Ok(outline), OutlineOrigin::Predicted),
             (None, None) => (finder.find(self.image.unpack_all(frame)), OutlineOrigin::Detected),
         };
-        let state = self.states.of(body, block);
+        let state = self.states.of(key);
         state.outline = found.ok().map(|outline| (meta.sequence, outline));
         if origin == OutlineOrigin::Detected && found.is_ok() {
             state.detected_frame = Some(meta.sequence);
@@ -66,38 +70,39 @@ impl Measurer {
     /// It can if the whole body was matched in this frame without occlusion, and its outline was detected shortly
     /// before. Outlines of neighbouring frames have mostly the same error. The motion between them is ten times more
     /// certain.
-    fn can_reuse_outline(&mut self, body: usize, block: u64, frame: u64) -> bool {
+    fn can_reuse_outline(&mut self, key: BodyKey, frame: u64) -> bool {
         // The motion over several frames says less about the last of them.
         self.params.intervals_frames.first() == Some(&1)
-            && self.is_detected_since(body, block, (frame + 1).saturating_sub(OUTLINE_INTERVAL_FRAMES))
-            && self.rigid_matcher.is_fully_visible((body, block), frame)
+            && self.is_detected_since(key, (frame + 1).saturating_sub(OUTLINE_INTERVAL_FRAMES))
+            && self.rigid_matcher.is_fully_visible(key, frame)
     }
 
     /// Whether an outline was detected in this frame or a later one.
-    fn is_detected_since(&mut self, body: usize, block: u64, frame: u64) -> bool {
-        self.states.of(body, block).detected_frame.is_some_and(|detected| detected >= frame)
+    fn is_detected_since(&mut self, key: BodyKey, frame: u64) -> bool {
+        self.states.of(key).detected_frame.is_some_and(|detected| detected >= frame)
     }
 
     /// Returns the pose of a patch in the current frame, from the motion to it or searched from scratch.
     fn find_patch(&mut self, body: usize, frame: &Frame<'_>, block: u64) -> Result<Outline, PointStatus> {
-        let of = (block, frame.meta.sequence);
+        let key = FrameKey { block, frame: frame.meta.sequence };
         let Finder::Patch(finder) = &mut self.finders[body] else { return Err(PointStatus::Lost) };
-        let found = match finder.cached(of.0, of.1) {
+        let found = match finder.cached(key) {
             Some(Ok(pose)) => Ok(pose),
             before => {
-                let is_thorough = !self.states.of(body, block).was_searched;
-                let (width, height) = (self.size.0 as u32, self.size.1 as u32);
+                let was_searched = self.states.of(BodyKey { body, block }).was_searched;
+                let angles = if was_searched { AngleRange::Small } else { AngleRange::Full };
+                let (width, height) = (self.size.width as u32, self.size.height as u32);
                 let mut full_frame = self.spare.pop().unwrap_or_default();
                 let view = self.image.unpack_all(frame);
                 self.correlator.prepare_part_into(view, [0, 0, width, height], &mut full_frame);
-                let found = finder.find(of, &full_frame, is_thorough);
+                let found = finder.find(key, &full_frame, angles);
                 self.spare.push(full_frame);
                 // The match near the predicted pose detects an occlusion more reliably.
                 let is_occluded = matches!(before, Some(Err(PointStatus::Occluded)));
                 found.map_err(|_| if is_occluded { PointStatus::Occluded } else { PointStatus::Lost })
             }
         };
-        let state = self.states.of(body, block);
+        let state = self.states.of(BodyKey { body, block });
         (state.was_searched, state.outline) =
             (true, found.ok().map(|pose| (frame.meta.sequence, Outline::Patch(pose))));
         if found.is_err() {

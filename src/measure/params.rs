@@ -41,6 +41,13 @@ impl MeasureParams {
     }
 }
 
+/// The size of the frames, px.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct ImageSize {
+    pub(super) width: usize,
+    pub(super) height: usize,
+}
+
 /// The blocks that one worker measures: those with number modulo `of` equal to `index`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Share {

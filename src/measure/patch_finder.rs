@@ -23,6 +23,20 @@ fn is_chance_match(visible_fraction: f64, pixels: u32) -> bool {
     visible_fraction < MIN_VISIBLE_FRACTION && pixels < MIN_VISIBLE_PIXELS
 }
 
+/// A frame as part of a block.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct FrameKey {
+    pub(super) block: u64,
+    pub(super) frame: u64,
+}
+
+/// The rotations among which a patch is searched.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum AngleRange {
+    Small,
+    Full,
+}
+
 /// The pose of a patch in one frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct PatchPose {
@@ -99,8 +113,8 @@ pub(super) struct PatchFinder {
     reach_px: f64,
     /// The image that it was drawn in, or the reason why there is none.
     reference: Result<(PreparedFrame, Box<RigidBody>), PointStatus>,
-    /// The poses found in frames of the current blocks, by block and frame.
-    found: Vec<(u64, u64, Result<PatchPose, PointStatus>)>,
+    /// The poses found in frames of the current blocks.
+    found: Vec<(FrameKey, Result<PatchPose, PointStatus>)>,
 }
 
 impl PatchFinder {
@@ -141,42 +155,42 @@ impl PatchFinder {
 
     /// Discards the blocks before this one.
     pub(super) fn forget_before(&mut self, block: u64) {
-        self.found.retain(|(of, _, _)| *of >= block);
+        self.found.retain(|(key, _)| key.block >= block);
     }
 
     /// Returns the pose found in a frame of a block, if it was searched.
-    pub(super) fn cached(&self, block: u64, frame: u64) -> Option<Result<PatchPose, PointStatus>> {
-        self.found.iter().rev().find(|(of, at, _)| (*of, *at) == (block, frame)).map(|(_, _, found)| *found)
+    pub(super) fn cached(&self, key: FrameKey) -> Option<Result<PatchPose, PointStatus>> {
+        self.found.iter().rev().find(|(of, _)| *of == key).map(|(_, found)| *found)
     }
 
     /// Searches the patch near its predicted pose.
     pub(super) fn follow(
         &mut self,
-        (block, frame): (u64, u64),
+        key: FrameKey,
         target: &PreparedFrame,
         near: &PatchPose,
     ) -> Result<PatchPose, PointStatus> {
-        if let Some(Ok(known)) = self.cached(block, frame) {
+        if let Some(Ok(known)) = self.cached(key) {
             return Ok(known);
         }
         let found = self.match_near(target, near.pose);
-        self.store(block, frame, found);
+        self.store(key, found);
         found
     }
 
-    fn store(&mut self, block: u64, frame: u64, found: Result<PatchPose, PointStatus>) {
-        self.found.retain(|(of, at, _)| (*of, *at) != (block, frame));
-        self.found.push((block, frame, found));
+    fn store(&mut self, key: FrameKey, found: Result<PatchPose, PointStatus>) {
+        self.found.retain(|(of, _)| *of != key);
+        self.found.push((key, found));
     }
 
     /// Searches the patch in a full frame from scratch.
     ///
-    /// Tries its reference position, then all positions at small rotations and, if `is_thorough`, at all rotations.
+    /// Tries its reference position, then all positions at small rotations and, for the full range, at all rotations.
     pub(super) fn find(
         &mut self,
-        (block, frame): (u64, u64),
+        key: FrameKey,
         target: &PreparedFrame,
-        is_thorough: bool,
+        angles: AngleRange,
     ) -> Result<PatchPose, PointStatus> {
         let (x, y) = self.center_px;
         let mut found = self.match_near(target, [x, y, 0.0]);
@@ -186,7 +200,7 @@ impl PatchFinder {
         if let (Err(_), Ok((reference, _))) = (&found, &self.reference) {
             let (region, center) = (self.patch.region(), self.center_px);
             let mut start = find_occluded_within_angle(reference, target, &region, center, SEARCH_ANGLE_DEG);
-            if start.is_err() && is_thorough {
+            if start.is_err() && angles == AngleRange::Full {
                 start = find_occluded_within_angle(reference, target, &region, center, 180.0);
             }
             let start = start.and_then(|found| {
@@ -197,11 +211,12 @@ impl PatchFinder {
                 self.match_near(target, [x + motion.u_px, y + motion.v_px, motion.angle_deg])
             });
         }
-        self.store(block, frame, found);
+        self.store(key, found);
         found
     }
 
-    fn match_near(&mut self, target: &PreparedFrame, [x, y, angle_deg]: [f64; 3]) -> Result<PatchPose, PointStatus> {
+    fn match_near(&mut self, target: &PreparedFrame, pose: [f64; 3]) -> Result<PatchPose, PointStatus> {
+        let [x, y, angle_deg] = pose;
         let (cx, cy) = self.center_px;
         let (_, body) = self.reference.as_mut().map_err(|status| *status)?;
         let BodyMotion { motion, zncc, visible_fraction } =

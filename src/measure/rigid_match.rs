@@ -7,9 +7,9 @@
 use crate::dic::{BodyMotion, OcclusionMap, PreparedFrame, Region, RigidBody};
 use crate::results::{BodyStep, Circle, FieldPoint, PointStatus, RigidStep};
 
-use super::block_state::MAX_PREDICTION_ERROR_PX;
+use super::block_state::{BodyKey, MAX_PREDICTION_ERROR_PX};
 use super::outline::RIM_CLEARANCE;
-use super::target::Target;
+use super::target::{Interval, Target};
 
 /// The rotation against the reference from which it is renewed even if the body is occluded, deg.
 const RENEW_OCCLUDED_DEG: f64 = 10.0;
@@ -48,8 +48,7 @@ struct Pose {
 /// The rigid matches of one body in one block.
 #[derive(Debug)]
 struct RigidTrack {
-    body: usize,
-    block: u64,
+    key: BodyKey,
     reference: RigidBody,
     /// The pose of the reference.
     origin: Pose,
@@ -115,7 +114,7 @@ impl RigidMatcher {
 
     /// Discards the blocks before this one.
     pub(super) fn forget_before(&mut self, block: u64) {
-        self.retain(|track| track.block >= block);
+        self.retain(|track| track.key.block >= block);
     }
 
     fn retain(&mut self, is_kept: impl Fn(&RigidTrack) -> bool) {
@@ -123,44 +122,43 @@ impl RigidMatcher {
     }
 
     /// Discards one body in one block, since its reference is wrong.
-    pub(super) fn forget(&mut self, body: usize, block: u64) {
-        self.retain(|track| (track.body, track.block) != (body, block));
+    pub(super) fn forget(&mut self, key: BodyKey) {
+        self.retain(|track| track.key != key);
+    }
+
+    fn track(&self, key: BodyKey) -> Option<&RigidTrack> {
+        self.tracks.iter().find(|track| track.key == key)
     }
 
     /// Whether there is a reference of a body in a block.
-    pub(super) fn has_reference(&self, body: usize, block: u64) -> bool {
-        self.tracks.iter().any(|track| (track.body, track.block) == (body, block))
+    pub(super) fn has_reference(&self, key: BodyKey) -> bool {
+        self.track(key).is_some()
     }
 
     /// Whether a body was matched in a frame.
-    pub(super) fn has_match(&self, (body, block): (usize, u64), frame: u64) -> bool {
-        let track = self.tracks.iter().find(|track| (track.body, track.block) == (body, block));
-        track.is_some_and(|track| track.pose(frame).is_some())
+    pub(super) fn has_match(&self, key: BodyKey, frame: u64) -> bool {
+        self.track(key).is_some_and(|track| track.pose(frame).is_some())
     }
 
     /// Whether a body was matched in a frame without any occlusion beyond that of its reference.
-    pub(super) fn is_fully_visible(&self, (body, block): (usize, u64), frame: u64) -> bool {
-        let track = self.tracks.iter().find(|track| (track.body, track.block) == (body, block));
-        track
-            .and_then(|track| track.pose(frame))
-            .is_some_and(|pose| pose.visible_fraction.is_some_and(|fraction| fraction >= UNOCCLUDED_FRACTION))
+    pub(super) fn is_fully_visible(&self, key: BodyKey, frame: u64) -> bool {
+        let fraction = self.track(key).and_then(|track| track.pose(frame)?.visible_fraction);
+        fraction.is_some_and(|fraction| fraction >= UNOCCLUDED_FRACTION)
     }
 
     /// Marks the subsets that show an occluder in one of two matched frames; returns whether there are any.
     pub(super) fn mask_occluded(
         &self,
-        (body, block): (usize, u64),
-        (from, to): (u64, u64),
+        key: BodyKey,
+        frames: Interval,
         points: &mut [FieldPoint],
         subset_px: u32,
     ) -> bool {
-        let track =
-            self.tracks.iter().find(|track| (track.body, track.block) == (body, block) && !track.occlusions.is_empty());
-        let Some(track) = track else { return false };
-        let (Some(from), Some(to)) = (track.pose(from), track.pose(to)) else { return false };
+        let Some(track) = self.track(key).filter(|track| !track.occlusions.is_empty()) else { return false };
+        let (Some(from), Some(_)) = (track.pose(frames.from), track.pose(frames.to)) else { return false };
         let mut any = false;
         for point in points.iter_mut().filter(|point| point.displacement.is_some()) {
-            if track.is_occluded([&from, &to], point, subset_px) {
+            if track.is_occluded(&from, frames.to, point, subset_px) {
                 (point.displacement, point.status, any) = (None, PointStatus::Occluded, true);
             }
         }
@@ -168,8 +166,8 @@ impl RigidMatcher {
     }
 
     /// Makes a frame the reference of a body in a block that has none.
-    pub(super) fn start(&mut self, (body, block): (usize, u64), frame: u64, prepared: &PreparedFrame, circle: &Circle) {
-        if self.has_reference(body, block) {
+    pub(super) fn start(&mut self, key: BodyKey, frame: u64, prepared: &PreparedFrame, circle: &Circle) {
+        if self.has_reference(key) {
             return;
         }
         let (region, radius_px) = (whole_region(circle), circle.radius_px * (1.0 - RIM_CLEARANCE));
@@ -184,8 +182,7 @@ impl RigidMatcher {
         let origin = Pose { frame, x_px, y_px, angle_deg: 0.0, sigma: [0.0; 3], pixels, visible_fraction: None };
         let is_unoccluded = !is_occluded(circle);
         self.tracks.push(RigidTrack {
-            body,
-            block,
+            key,
             reference,
             origin,
             radius_px,
@@ -198,13 +195,13 @@ impl RigidMatcher {
     /// Measures the step of a body from one frame of a block to a later one, near the motion `rate` per frame.
     pub(super) fn step(
         &mut self,
-        (body, block): (usize, u64),
+        key: BodyKey,
         from: Target<'_>,
         to: Target<'_>,
         circle: &Circle,
         rate: &RigidStep,
     ) -> Option<RigidMatch> {
-        let track = self.tracks.iter_mut().find(|track| (track.body, track.block) == (body, block))?;
+        let track = self.tracks.iter_mut().find(|track| track.key == key)?;
         let first = match track.pose(from.sequence) {
             Some(pose) => pose,
             None => {
@@ -278,13 +275,13 @@ impl RigidTrack {
 }
 
 impl RigidTrack {
-    /// Whether a subset of a frame shows an occluder in that frame or another.
-    fn is_occluded(&self, [from, to]: [&Pose; 2], point: &FieldPoint, subset_px: u32) -> bool {
+    /// Whether a subset of the frame of `from` shows an occluder in that frame or another.
+    fn is_occluded(&self, from: &Pose, to_frame: u64, point: &FieldPoint, subset_px: u32) -> bool {
         let offset = (f64::from(point.x_px) - from.x_px, f64::from(point.y_px) - from.y_px);
         let max_pixels = (MAX_OCCLUDED_FRACTION * f64::from(subset_px).powi(2)).max(FREE_OCCLUDED_PIXELS);
-        let mut near = self.occlusions.iter().filter(|occlusion| [from.frame, to.frame].contains(&occlusion.frame));
+        let mut near = self.occlusions.iter().filter(|occlusion| [from.frame, to_frame].contains(&occlusion.frame));
         near.any(|OccludedFrame { origin, center_px, veil, .. }| {
-            let (x, y) = rotated(offset, origin.angle_deg - from.angle_deg);
+            let (x, y) = rotated(offset.0, offset.1, origin.angle_deg - from.angle_deg);
             let place = (origin.x_px + x - center_px.0, origin.y_px + y - center_px.1);
             f64::from(veil.occluded_pixels(place, subset_px)) > max_pixels
         })
@@ -295,7 +292,7 @@ impl Pose {
     /// Returns the pose after some frames of a circle's motion.
     fn predicted(&self, circle: &Circle, rate: &RigidStep, frames: f64) -> Self {
         let angle_deg = frames * rate.dtheta_deg;
-        let (dx, dy) = rotated((self.x_px - circle.x_px, self.y_px - circle.y_px), angle_deg);
+        let (dx, dy) = rotated(self.x_px - circle.x_px, self.y_px - circle.y_px, angle_deg);
         Self {
             x_px: circle.x_px + frames * rate.dx_px + dx,
             y_px: circle.y_px + frames * rate.dy_px + dy,
@@ -307,7 +304,7 @@ impl Pose {
     /// Returns the step of the circle's centre to a later pose, per frame.
     fn step_to(&self, later: &Self, circle: &Circle, frames: f64) -> RigidStep {
         let angle_deg = later.angle_deg - self.angle_deg;
-        let (dx, dy) = rotated((circle.x_px - self.x_px, circle.y_px - self.y_px), angle_deg);
+        let (dx, dy) = rotated(circle.x_px - self.x_px, circle.y_px - self.y_px, angle_deg);
         // Both poses contain the noise of the reference, unless one is the reference.
         let sigma = |k: usize| match (self.visible_fraction, later.visible_fraction) {
             (Some(_), Some(_)) => (0.5 * (self.sigma[k].powi(2) + later.sigma[k].powi(2))).sqrt(),
@@ -326,7 +323,7 @@ impl Pose {
 }
 
 /// Rotates an offset counter-clockwise on the screen.
-fn rotated((dx, dy): (f64, f64), angle_deg: f64) -> (f64, f64) {
+fn rotated(dx: f64, dy: f64, angle_deg: f64) -> (f64, f64) {
     let (sin, cos) = angle_deg.to_radians().sin_cos();
     (dx * cos + dy * sin, dy * cos - dx * sin)
 }

@@ -2,7 +2,8 @@
 
 use super::consistency;
 use super::outline::RIM_CLEARANCE;
-use crate::dic::{PolarCorrelator, PreparedFrame};
+use super::target::FramePair;
+use crate::dic::PolarCorrelator;
 use crate::motion::RingLimits;
 use crate::results::{Circle, RigidStep};
 
@@ -25,18 +26,23 @@ impl RingRotation {
         &mut self,
         step: &mut RigidStep,
         circle: &Circle,
-        (reference, target): (&PreparedFrame, &PreparedFrame),
+        frames: FramePair<'_>,
         limits: RingLimits,
-        frames: f64,
+        interval_frames: f64,
     ) {
         let from = (circle.x_px, circle.y_px);
-        let to = (from.0 + frames * step.dx_px, from.1 + frames * step.dy_px);
-        let near = Some(frames * step.dtheta_deg);
-        let Ok(turn) = self.ring.rotation((reference, from), (target, to), ring_radii(circle, limits), near) else {
+        let to = (from.0 + interval_frames * step.dx_px, from.1 + interval_frames * step.dy_px);
+        let near = Some(interval_frames * step.dtheta_deg);
+        let Ok(turn) =
+            self.ring.rotation((frames.reference, from), (frames.target, to), ring_radii(circle, limits), near)
+        else {
             return;
         };
-        let turned =
-            RigidStep { dtheta_deg: turn.angle_deg / frames, sigma_dtheta_deg: turn.sigma_deg / frames, ..*step };
+        let turned = RigidStep {
+            dtheta_deg: turn.angle_deg / interval_frames,
+            sigma_dtheta_deg: turn.sigma_deg / interval_frames,
+            ..*step
+        };
         if consistency::agrees_with_subsets(&turned, step, None) {
             *step = turned;
         }
@@ -47,20 +53,20 @@ impl RingRotation {
         &mut self,
         from: &Circle,
         to: &Circle,
-        (reference, target): (&PreparedFrame, &PreparedFrame),
-        frames: f64,
+        frames: FramePair<'_>,
+        interval_frames: f64,
     ) -> Option<RigidStep> {
         let (a, b) = ((from.x_px, from.y_px), (to.x_px, to.y_px));
         let radii = ring_radii(from, RingLimits::default());
-        let turn = self.ring.rotation((reference, a), (target, b), radii, None).ok()?;
-        let sigma_px = from.sigma_center_px.hypot(to.sigma_center_px) / frames;
+        let turn = self.ring.rotation((frames.reference, a), (frames.target, b), radii, None).ok()?;
+        let sigma_px = from.sigma_center_px.hypot(to.sigma_center_px) / interval_frames;
         Some(RigidStep {
-            dx_px: (b.0 - a.0) / frames,
-            dy_px: (b.1 - a.1) / frames,
-            dtheta_deg: turn.angle_deg / frames,
+            dx_px: (b.0 - a.0) / interval_frames,
+            dy_px: (b.1 - a.1) / interval_frames,
+            dtheta_deg: turn.angle_deg / interval_frames,
             sigma_dx_px: sigma_px,
             sigma_dy_px: sigma_px,
-            sigma_dtheta_deg: turn.sigma_deg / frames,
+            sigma_dtheta_deg: turn.sigma_deg / interval_frames,
             points: 0,
         })
     }

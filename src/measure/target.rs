@@ -2,6 +2,20 @@
 
 use crate::dic::PreparedFrame;
 
+/// The sequence numbers of a reference and its target.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Interval {
+    pub(super) from: u64,
+    pub(super) to: u64,
+}
+
+/// The prepared frames of a reference and its target.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct FramePair<'a> {
+    pub(super) reference: &'a PreparedFrame,
+    pub(super) target: &'a PreparedFrame,
+}
+
 /// A target frame, prepared around the bodies of one block.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Target<'a> {

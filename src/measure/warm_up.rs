@@ -3,6 +3,7 @@
 use super::error::MeasureError;
 use super::measurer::Measurer;
 use super::outline::BodyParams;
+use super::params::ImageSize;
 use crate::ball::BallParams;
 use crate::image::{Frame, FrameMeta, PixelFormat};
 
@@ -28,7 +29,7 @@ impl Measurer {
             _ => None,
         });
         let Some(ball) = ball.filter(|_| !self.needs_reference()) else { return Ok(()) };
-        let (width, height) = self.size;
+        let ImageSize { width, height } = self.size;
         let mut bytes = vec![0; width * height];
         let mut measured = Vec::new();
         let first = u64::from(self.share.index) * u64::from(self.params.block_frames);
@@ -52,7 +53,8 @@ impl Measurer {
 }
 
 /// Draws a speckled ball in the middle of its search region, shifted to the right by some pixels.
-fn draw(ball: &BallParams, (width, height): (usize, usize), right_px: usize, bytes: &mut [u8]) {
+fn draw(ball: &BallParams, size: ImageSize, right_px: usize, bytes: &mut [u8]) {
+    let ImageSize { width, height } = size;
     let [x, y, w, h] = ball.roi_px.unwrap_or([0, 0, width as u32, height as u32]).map(|px| px as usize);
     let (center_x, center_y) = (x + w / 2, y + h / 2);
     let radius = (0.5 * (ball.min_radius_px + ball.max_radius_px)) as usize;

@@ -34,6 +34,15 @@ struct PendingImpact {
     tried_frames: f64,
 }
 
+/// The kind of a measurement of a collision.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Revision {
+    /// Replaces an earlier one if it is more certain.
+    Preliminary,
+    /// Replaces all earlier ones.
+    Final,
+}
+
 /// Returns the number of revisions that are due.
 fn stage(known_frames: f64) -> usize {
     REVISIONS_FRAMES.iter().filter(|after| known_frames >= **after).count()
@@ -70,7 +79,7 @@ pub struct BodyTracker {
 }
 
 impl BodyTracker {
-    pub fn new(body: u32, params: &MotionParams, contact: bool) -> Self {
+    pub fn new(body: u32, params: &MotionParams, detector: Option<Detector>) -> Self {
         let rolling = Rolling::new(params.shutter, params.form);
         Self {
             body,
@@ -90,7 +99,7 @@ impl BodyTracker {
             nodes: Vec::new(),
             newest_frame: 0,
             first_sigma_deg: None,
-            detector: contact.then(Detector::new),
+            detector,
             deepest_reported: false,
             pending_impact: None,
             collisions: 0,
@@ -187,7 +196,7 @@ impl BodyTracker {
 
     /// Ends the stream.
     pub fn finish(&mut self, impacts: &mut Vec<Impact>) {
-        self.measure_impact(f64::INFINITY, true, impacts);
+        self.measure_impact(f64::INFINITY, Revision::Final, impacts);
         let contact = self.detector.as_ref().and_then(|d| d.contact().copied());
         if let Some(contact) = contact.filter(|c| c.end_frames.is_none()) {
             impacts.push(self.unfinished(&contact));
@@ -214,7 +223,7 @@ impl BodyTracker {
             Event::Began => {
                 // The flight after the previous collision is over, so this revision is the final one.
                 if let Some(next) = contact {
-                    self.measure_impact(next.flight_to_frames, true, impacts);
+                    self.measure_impact(next.flight_to_frames, Revision::Final, impacts);
                 }
                 self.rolling.touches();
                 self.pending_impact = None;
@@ -231,7 +240,7 @@ impl BodyTracker {
                     tried_frames: time_frames,
                 });
                 self.collisions += 1;
-                self.measure_impact(time_frames, false, impacts);
+                self.measure_impact(time_frames, Revision::Preliminary, impacts);
             }
             Event::Dismissed => self.pending_impact = None,
             Event::None => self.revise(time_frames, impacts),
@@ -254,7 +263,8 @@ impl BodyTracker {
         let is_due = stage > pending_impact.stage || is_retry;
         pending_impact.stage = stage;
         if is_due || last {
-            self.measure_impact(time_frames, last, impacts);
+            let revision = if last { Revision::Final } else { Revision::Preliminary };
+            self.measure_impact(time_frames, revision, impacts);
         }
         if last {
             self.pending_impact = None;
@@ -318,7 +328,7 @@ impl BodyTracker {
     }
 
     /// Measures the last collision from the positions up to `time_frames`.
-    fn measure_impact(&mut self, time_frames: f64, last: bool, impacts: &mut Vec<Impact>) {
+    fn measure_impact(&mut self, time_frames: f64, revision: Revision, impacts: &mut Vec<Impact>) {
         let (world, place) = (self.impact_context(), self.position());
         let (Some(pending_impact), Some(detector), Some(world)) = (&mut self.pending_impact, &self.detector, world)
         else {
@@ -343,7 +353,7 @@ impl BodyTracker {
         let measured = measured.map(|impact| self.rolling.told(impact, world.period_s));
         let sigma = measured.and_then(|i| i.restitution).map_or(f64::INFINITY, |e| e.sigma);
         // A revision replaces an earlier one if it is more certain. The final one always does.
-        if let Some(impact) = measured.filter(|_| sigma <= pending_impact.sigma || last) {
+        if let Some(impact) = measured.filter(|_| sigma <= pending_impact.sigma || revision == Revision::Final) {
             pending_impact.sigma = sigma;
             let (number, revision) = (pending_impact.number, pending_impact.revision);
             pending_impact.revision += 1;

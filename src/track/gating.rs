@@ -64,7 +64,7 @@ impl ValidationGate {
         };
         self.missing = 0;
         let (center_px, sigma_px) = ([circle.x_px, circle.y_px], circle.sigma_center_px);
-        if self.last.is_some_and(|last| !last.admits(step.frame, center_px, sigma_px, self.is_ambiguous)) {
+        if self.last.is_some_and(|last| !last.admits(step.frame, center_px, sigma_px, self.growth_px(&last))) {
             self.rejected += 1;
             self.is_ambiguous = true;
             if self.rejected < MAX_REJECTED_FRAMES {
@@ -80,6 +80,12 @@ impl ValidationGate {
         *step
     }
 
+    /// Returns the growth of the gate per frame without a measured motion, px.
+    fn growth_px(&self, last: &Position) -> f64 {
+        let speed_px = last.motion_px[0].hypot(last.motion_px[1]);
+        if self.is_ambiguous { GATE_GROWTH_AMBIGUOUS_PX } else { GATE_GROWTH_PX + GATE_GROWTH_SPEEDS * speed_px }
+    }
+
     /// Whether the ball of the newest frame was rejected.
     pub fn has_rejected(&self, frame: u64) -> bool {
         self.rejected_frame == Some(frame)
@@ -87,14 +93,12 @@ impl ValidationGate {
 }
 
 impl Position {
-    /// Whether the ball can have moved from this position to another.
-    fn admits(&self, frame: u64, center_px: [f64; 2], sigma_px: f64, is_ambiguous: bool) -> bool {
+    /// Whether the ball can have moved from this position to another; `growth_px` is the growth of the gate per frame.
+    fn admits(&self, frame: u64, center_px: [f64; 2], sigma_px: f64, growth_px: f64) -> bool {
         let frames = frame.saturating_sub(self.frame) as f64;
         let apart: [f64; 2] = std::array::from_fn(|k| center_px[k] - self.center_px[k] - frames * self.motion_px[k]);
-        let speed_px = self.motion_px[0].hypot(self.motion_px[1]);
         let unmeasured = if self.is_measured { frames - 1.0 } else { frames };
-        let growth_px = unmeasured
-            * if is_ambiguous { GATE_GROWTH_AMBIGUOUS_PX } else { GATE_GROWTH_PX + GATE_GROWTH_SPEEDS * speed_px };
+        let growth_px = unmeasured * growth_px;
         apart[0].hypot(apart[1]) <= GATE_RADIUS_PX.max(GATE_SIGMAS * sigma_px.hypot(self.sigma_px)) + growth_px
     }
 }

@@ -89,7 +89,7 @@ impl Order {
                 Some(step) => Some(step),
                 None if self.is_given_up(next.0) => {
                     self.lost += 1;
-                    self.lost_row(next)
+                    self.lost_row(next.0, next.1)
                 }
                 None => return None,
             };
@@ -138,7 +138,7 @@ impl Order {
     }
 
     /// Returns a row for a missing step; `None` if its time cannot be interpolated.
-    fn lost_row(&self, (frame, slot): (u64, u32)) -> Option<BodyStep> {
+    fn lost_row(&self, frame: u64, slot: u32) -> Option<BodyStep> {
         let mut ahead = self.waiting.values().filter(|s| s.frame >= frame);
         let first = ahead.next().copied();
         let second = first.and_then(|f| ahead.find(|s| s.frame > f.frame).copied());

@@ -3,6 +3,7 @@
 use std::collections::VecDeque;
 
 use super::body_tracker::BodyTracker;
+use crate::impact::Detector;
 use crate::motion::{MotionParams, lag_frames};
 use crate::results::{Alarm, BodyStep, Impact, TrackSample, VelocitySample};
 
@@ -54,7 +55,10 @@ pub struct Tracker {
 impl Tracker {
     /// Creates a tracker at the start of a stream.
     pub fn new(params: &TrackerParams) -> Self {
-        let bodies = (0_u32..).zip(&params.motion).map(|(i, m)| BodyTracker::new(i, m, params.contact)).collect();
+        let bodies = (0_u32..)
+            .zip(&params.motion)
+            .map(|(i, m)| BodyTracker::new(i, m, params.contact.then(Detector::new)))
+            .collect();
         let lag_frames = params.motion.iter().map(lag_frames).max().unwrap_or(0);
         let shortest_frames = params.intervals_frames().next().unwrap_or(1);
         Self { bodies, lag_frames, shortest_frames, origin_ns: None, pending: VecDeque::new() }

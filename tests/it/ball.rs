@@ -8,7 +8,7 @@ mod scene;
 mod small;
 mod tally;
 
-use ricochet::ball::{BallFinder, BallParams, OutlineMethod};
+use ricochet::ball::{BallFinder, BallParams, OutlineMethod, Presence};
 use ricochet::image::ImageView;
 use ricochet::results::Circle;
 use scene::{Occluder, Random, Scene};
@@ -267,7 +267,11 @@ fn following_closely_searches_no_farther_than_documented() {
             let params = BallParams { outline, ..BallParams::new(50.0, 68.0) };
             let mut finder = BallFinder::new(&params, scene.width, scene.height).unwrap();
             let [here, there] = [&data, &elsewhere].map(|data| {
-                finder.follow_closely(ImageView::new(data, scene.width, scene.height).unwrap(), &near, false)
+                finder.follow_closely(
+                    ImageView::new(data, scene.width, scene.height).unwrap(),
+                    &near,
+                    Presence::Uncertain,
+                )
             });
             assert_eq!(here, there, "seed {seed}");
             found += usize::from(here.is_some());

@@ -6,7 +6,7 @@ use std::time::Duration;
 use serde_json::json;
 
 use super::{BenchOptions, rate, timed};
-use crate::ball::{BallFinder, BallParams};
+use crate::ball::{BallFinder, BallParams, Presence};
 use crate::camera::simulated;
 use crate::dic::grid;
 use crate::dic::{
@@ -149,7 +149,8 @@ impl Film {
         let moved = Circle { x_px: circle.x_px + MOTION.0, y_px: circle.y_px + MOTION.1, ..circle };
         let cold = rate(duration, || usize::from(finder.find(second.view()).is_some()));
         // The whole-body match has confirmed the ball.
-        let follow = rate(duration, || usize::from(finder.follow_closely(second.view(), &moved, true).is_some()));
+        let follow =
+            rate(duration, || usize::from(finder.follow_closely(second.view(), &moved, Presence::Certain).is_some()));
         let images = (&first, &second);
         let mut pair = Pair::new(&circle, images, Shape::Affine, PREDICTED_PX)?;
         let mut anywhere = Pair::new(&circle, images, Shape::Affine, SEARCHED_PX)?;

@@ -2,6 +2,7 @@
 
 use super::scene::{Random, Scene};
 use super::{finder, mean};
+use ricochet::ball::Presence;
 use ricochet::image::ImageView;
 use ricochet::results::Circle;
 
@@ -19,8 +20,8 @@ fn an_outline_is_right_with_a_fitting_sigma_where_little_of_the_rim_agrees() {
                 Circle { x_px, y_px, radius_px, sigma_center_px: 0.1, sigma_radius_px: 0.1, visible_fraction: 1.0 };
             let (mut finder, view) =
                 (finder(50.0, 68.0, &scene), ImageView::new(&data, scene.width, scene.height).unwrap());
-            let Some(found) = finder.follow_closely(view, &near, true) else { continue };
-            doubted += usize::from(finder.follow_closely(view, &near, false).is_none());
+            let Some(found) = finder.follow_closely(view, &near, Presence::Certain) else { continue };
+            doubted += usize::from(finder.follow_closely(view, &near, Presence::Uncertain).is_none());
             for error in [found.x_px - scene.x, found.y_px - scene.y] {
                 errors.push(error.abs());
                 pulls.push((error / found.sigma_center_px).powi(2));
