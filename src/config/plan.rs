@@ -5,7 +5,7 @@ use super::text::Text;
 use super::{Body, BodyKind, Config, TriggerMode};
 use crate::ball::BallParams;
 use crate::dic::{CorrelationParams, STALE_DEG};
-use crate::motion::{Form, MotionParams, Rectifier, Renewal, Scale, Shutter, Spans, View, Walk};
+use crate::motion::{Form, Intervals, MotionParams, RandomWalk, Rectifier, Renewal, Scale, Shutter, View};
 use crate::rod::{MIN_WIDTH_PX, RodParams};
 use crate::trigger::{BodyWatch, Condition, MeasuredTrigger};
 
@@ -99,8 +99,8 @@ impl Config {
                 BodyKind::Patch => Form::Patch,
             },
             interval_frames: self.intervals_frames[0],
-            walk: Walk::of(&self.intervals_frames, renewal),
-            spans: Spans::of(&self.intervals_frames, renewal),
+            walk: RandomWalk::of(&self.intervals_frames, renewal),
+            spans: Intervals::of(&self.intervals_frames, renewal),
             exposure_ns: 1.0e3 * self.camera.exposure_us.unwrap_or(exposure_us),
             shutter: Shutter {
                 row_time_frames: 1.0e-6 * self.camera.row_time_us.unwrap_or(0.0) * frame_rate_hz,

@@ -8,7 +8,7 @@
 use super::contact_detector::Contact;
 use super::solver::{FLIGHT_FRAMES, World};
 use super::trajectory::{ANGLE, NORMAL, SurfaceNode, TANGENTIAL, between};
-use crate::motion::{Axes, Drift, Growth, surely};
+use crate::motion::{Axes, OutlineDrift, SizeChange, significant};
 use crate::results::{Estimate, Impact};
 
 /// The maximum time that the force may last after the detected end, frames.
@@ -29,9 +29,9 @@ const NONE: Estimate = Estimate { value: 0.0, sigma: 0.0 };
 #[derive(Debug, Clone, Copy)]
 pub struct OutOfPlane<'a> {
     /// The change of its size.
-    pub growth: &'a Growth,
+    pub growth: &'a SizeChange,
     /// The drift of its outline relative to its poses.
-    pub drift: &'a Drift,
+    pub drift: &'a OutlineDrift,
     /// The axes of the surface.
     pub axes: Axes,
     /// The position of the poses' origin relative to the principal point, along normal and tangent, px.
@@ -51,7 +51,7 @@ pub struct DilatationRates {
     contact_frames: [f64; 2],
     /// Lengths of the flights.
     flight_frames: [f64; 2],
-    /// Drift of a ball relative to its pose before and after, along normal and tangent, px per frame, and of its angle,
+    /// OutlineDrift of a ball relative to its pose before and after, along normal and tangent, px per frame, and of its angle,
     /// rad per frame.
     drift: [[Estimate; 3]; 2],
     /// The position of the pose's origin relative to the principal point, along normal and tangent, px.
@@ -70,7 +70,7 @@ impl DilatationRates {
         let flights = [(from, contact.flight_to_frames), (end + EARLY_FRAMES, to)];
         let seen = flights.map(|(from, to)| motion.growth.rate(from, to));
         let drifts =
-            [motion.drift.supposed(flights[0].0, flights[0].1), motion.drift.surely(flights[1].0, flights[1].1)];
+            [motion.drift.expected(flights[0].0, flights[0].1), motion.drift.significant(flights[1].0, flights[1].1)];
         let drift = drifts.map(|drift| {
             let [x, y, turn] = drift?;
             let (value, sigma) = (motion.axes.surface(x.value, y.value), motion.axes.surface_sigma(x.sigma, y.sigma));
@@ -83,7 +83,7 @@ impl DilatationRates {
         let after = after.unwrap_or(before.map(|drift| Estimate { sigma: drift.value.hypot(drift.sigma), ..drift }));
         Some(Self {
             seen,
-            rates: significant(seen),
+            rates: approach_rates(seen),
             contact_frames: [start, end],
             flight_frames: [start - from, to - end],
             drift: [before, after],
@@ -170,8 +170,8 @@ impl DilatationRates {
 ///
 /// Both flights are combined. A dilatation that rotates with the body is no approach: the scale of the image varies
 /// from place to place.
-fn significant(seen: [Option<Estimate>; 2]) -> [Estimate; 2] {
-    let [before, after] = seen.map(|seen| seen.map_or(NONE, surely));
+fn approach_rates(seen: [Option<Estimate>; 2]) -> [Estimate; 2] {
+    let [before, after] = seen.map(|seen| seen.map_or(NONE, significant));
     if before.value * after.value < 0.0 {
         return [before, after].map(|rate| Estimate { value: 0.0, sigma: rate.value.hypot(rate.sigma) });
     }
@@ -181,10 +181,10 @@ fn significant(seen: [Option<Estimate>; 2]) -> [Estimate; 2] {
             (Some(a), Some(b)) => {
                 let (of_a, of_b) = (a.sigma.powi(-2), changed(b).sigma.powi(-2));
                 let value = (of_a * a.value + of_b * b.value) / (of_a + of_b);
-                surely(Estimate { value, sigma: (of_a + of_b).powf(-0.5) })
+                significant(Estimate { value, sigma: (of_a + of_b).powf(-0.5) })
             }
-            (Some(own), None) => surely(own),
-            (None, other) => other.map_or(NONE, |other| changed(surely(other))),
+            (Some(own), None) => significant(own),
+            (None, other) => other.map_or(NONE, |other| changed(significant(other))),
         }
     };
     [both(seen[0], seen[1]), both(seen[1], seen[0])]
@@ -251,22 +251,22 @@ mod tests {
 
     #[test]
     fn what_both_flights_show_is_put_together_and_chance_is_left_out() {
-        assert_eq!(significant([seen(1.5e-6), seen(-1e-6)]), [NONE; 2]);
-        assert_eq!(significant([None, None]), [NONE; 2]);
-        let [before, after] = significant([seen(3e-5), seen(2.6e-5)]);
+        assert_eq!(approach_rates([seen(1.5e-6), seen(-1e-6)]), [NONE; 2]);
+        assert_eq!(approach_rates([None, None]), [NONE; 2]);
+        let [before, after] = approach_rates([seen(3e-5), seen(2.6e-5)]);
         assert!((before.value - 3e-5).abs() < 1e-6 && (after.value - 2.6e-5).abs() < 1e-6, "{before:?} {after:?}");
         // Not significant by itself, but with the flight after.
         let weak = Some(Estimate { value: 1.5e-5, sigma: 1e-5 });
-        let [before, _] = significant([weak, seen(3e-5)]);
+        let [before, _] = approach_rates([weak, seen(3e-5)]);
         assert!((1.2e-5..3e-5).contains(&before.value) && before.sigma > 4e-6, "{before:?}");
         // Not measured yet.
-        let [_, after] = significant([seen(3e-5), None]);
+        let [_, after] = approach_rates([seen(3e-5), None]);
         assert!((after.value - 3e-5).abs() < 1e-6 && after.sigma > 5e-6, "{after:?}");
     }
 
     #[test]
     fn growth_that_turns_with_the_body_widens_the_sigma() {
-        let [before, after] = significant([seen(3e-5), seen(-4e-5)]);
+        let [before, after] = approach_rates([seen(3e-5), seen(-4e-5)]);
         assert!(before.value.abs() <= 0.0 && after.value.abs() <= 0.0);
         assert!((before.sigma - 3e-5).abs() < 1e-6 && (after.sigma - 4e-5).abs() < 1e-6);
     }

@@ -7,7 +7,7 @@ use super::free_fall::fall;
 use super::model_selection::{FirstGuess, Verdict, judge};
 use super::slip_end::{Sliding, slip_end};
 use super::trajectory::{ANGLE, NORMAL, SurfaceNode, TANGENTIAL, between, samples};
-use crate::motion::Shortening;
+use crate::motion::SpeedBias;
 use crate::numeric::{Polynomial, Sample};
 use crate::results::{Estimate, ForceLaw, Impact, PointStatus};
 
@@ -42,7 +42,7 @@ pub struct World {
     /// The standard uncertainty of the centre, px. For a rotating body it moves the point whose speed is reported.
     pub center_sigma_px: f64,
     /// The possible underestimate of the motion, as a share.
-    pub shortening: Shortening,
+    pub shortening: SpeedBias,
 }
 
 /// Flights on both sides of the contact interval.

@@ -1,6 +1,6 @@
 //! A body's positions along the surface's axes.
 
-use crate::motion::{Axes, Node};
+use crate::motion::{Axes, Pose};
 use crate::numeric::Sample;
 
 /// One pose along the surface's normal and tangent.
@@ -29,7 +29,7 @@ pub const ANGLE: usize = 2;
 
 impl SurfaceNode {
     /// Rotates a pose into the surface's axes.
-    pub fn new(node: &Node, axes: Axes) -> Self {
+    pub fn new(node: &Pose, axes: Axes) -> Self {
         let at = axes.surface(node.pose[0], node.pose[1]);
         let sigma = axes.surface_sigma(node.sigma[0], node.sigma[1]);
         Self {

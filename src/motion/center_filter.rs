@@ -1,94 +1,93 @@
-//! The body's centre: carried by its steps, anchored by its outlines.
+//! The body's centre: a Kalman filter that propagates it by the steps and corrects it by the outlines.
 
-use super::Node;
+use super::Pose;
 use crate::results::{Circle, Estimate};
 
-/// Share of an outline's variance that is common to all frames of a film and does not average.
+/// Share of an outline's variance that is common to all frames of a film and does not average out.
 const COMMON: f64 = 0.5;
-/// Drift of the carried pose per frame, in units of its white sigma.
+/// OutlineDrift of the propagated pose per frame, in units of its white sigma.
 const DRIFT: f64 = 0.15;
-/// An outline further off than this is not believed, sigmas.
+/// The gate: an outline further off than this is rejected, sigmas.
 const GATE: f64 = 6.0;
-/// Disbelieved on end for so many frames and the carried pose is given up instead.
+/// The time of consecutive rejections after which the propagated pose is dropped instead, frames.
 const PATIENCE_FRAMES: f64 = 8.0;
-/// So many that were given up are kept: rows are told some frames later.
+/// The number of dropped offsets that are kept, since rows are published some frames later.
 const PAST: usize = 8;
-/// A pose that left its outlines may have done so at any time: so much of the way is not known.
-const UNSURE_WAY: f64 = 0.3;
+/// Uncertainty of the time at which a pose left its outlines, as a share of the distance.
+const LEAVE_TIME_SHARE: f64 = 0.3;
 
-/// Where a centre is.
+/// The position of a centre.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Center {
-    /// Centre, px.
+    /// Centre x, px.
     pub x_px: f64,
-    /// Centre, px (down).
+    /// Centre y (down), px.
     pub y_px: f64,
     /// Standard uncertainty of each coordinate, px.
     pub sigma_px: f64,
 }
 
-/// Running estimate of the constant between a carried pose and the centre.
+/// A Kalman filter for the constant offset between a propagated pose and the centre.
 ///
-/// Steps give the centre's motion ten times better than outlines do, outlines
-/// its place: one offset, a scalar Kalman filter an axis with a slow drift for
-/// what summed steps may gather. Where it begins anew, what it was holds for the
-/// nodes before.
+/// Steps give the centre's motion ten times better than outlines do; outlines give its position. The state is one
+/// offset per axis, with a slow drift for the accumulated error of the steps. Where the filter restarts, its earlier
+/// state holds for the earlier nodes.
 #[derive(Debug, Clone, Default)]
-pub struct Anchor {
-    hold: Option<Hold>,
-    /// Since when outlines are disbelieved, and what the newest of them says.
-    disbelieved: Option<(f64, Hold)>,
-    /// What was given up, the oldest first.
-    past: Vec<Past>,
+pub struct CenterFilter {
+    hold: Option<Offset>,
+    /// The start of the current rejections, and the offset of the newest rejected outline.
+    disbelieved: Option<(f64, Offset)>,
+    /// Dropped offsets, oldest first.
+    past: Vec<PastOffset>,
 }
 
 /// An offset that outlines agree on.
 #[derive(Debug, Clone, Copy)]
-struct Hold {
+struct Offset {
     offset: [Estimate; 2],
     common: f64,
-    /// Of the node whose outline was believed last.
+    /// The component of the node whose outline was accepted last.
     component: u32,
     bridged: [f64; 2],
     time_frames: f64,
 }
 
-/// An offset that was given up.
+/// A dropped offset.
 #[derive(Debug, Clone, Copy)]
-struct Past {
-    hold: Hold,
-    /// When another one took its place.
+struct PastOffset {
+    hold: Offset,
+    /// The time at which its successor took over.
     until_frames: f64,
-    /// Whether the pose left it little by little, rather than the body was lost.
+    /// Whether the pose drifted away gradually; otherwise the body was lost.
     is_left: bool,
 }
 
-impl Hold {
-    fn new(node: &Node, offset: [Estimate; 2], variance: f64) -> Self {
+impl Offset {
+    fn new(node: &Pose, offset: [Estimate; 2], variance: f64) -> Self {
         let bridged = [node.bridged[0], node.bridged[1]];
         Self { offset, common: variance, component: node.component, bridged, time_frames: node.time_frames }
     }
 
-    /// Variance of what lies between a node and the one whose outline was believed last, along x and y, px^2.
-    fn gap(&self, node: &Node) -> [f64; 2] {
+    /// Returns the variance between a node and the one whose outline was accepted last, along x and y, px^2.
+    fn gap(&self, node: &Pose) -> [f64; 2] {
         if node.component == self.component {
             return [0.0; 2];
         }
         std::array::from_fn(|k| {
             let gap = (node.bridged[k] - self.bridged[k]).abs();
-            // Behind a gap that cannot be bridged another one tells nothing of its own.
+            // After a gap that cannot be bridged, a further outline adds nothing of its own.
             if gap.is_nan() { f64::INFINITY } else { gap }
         })
     }
 
-    /// Variance of the offset at a node.
-    fn prior(&self, node: &Node) -> [f64; 2] {
+    /// Returns the variance of the offset at a node.
+    fn prior(&self, node: &Pose) -> [f64; 2] {
         let (dt, gap) = ((node.time_frames - self.time_frames).max(0.0), self.gap(node));
         std::array::from_fn(|k| self.offset[k].sigma.powi(2) + (DRIFT * node.sigma[k]).powi(2) * dt + gap[k])
     }
 
-    /// The same with another outline that is believed.
-    fn with(&self, node: &Node, seen: [f64; 2], variance: f64) -> Self {
+    /// Returns the state updated by an accepted outline.
+    fn with(&self, node: &Pose, seen: [f64; 2], variance: f64) -> Self {
         let prior = self.prior(node);
         let offset = std::array::from_fn(|k| {
             let (gain, old) = (prior[k] / (prior[k] + variance), self.offset[k].value);
@@ -97,7 +96,7 @@ impl Hold {
         Self { common: self.common + 0.02 * (variance - self.common), ..Self::new(node, offset, variance) }
     }
 
-    fn center(&self, node: &Node) -> Option<Center> {
+    fn center(&self, node: &Pose) -> Option<Center> {
         let gap = self.gap(node);
         let own = |k: usize| self.offset[k].sigma.powi(2) + node.sigma[k].powi(2) + gap[k];
         let variance = (0..2).map(own).sum::<f64>() / 2.0 + COMMON * self.common;
@@ -109,20 +108,20 @@ impl Hold {
     }
 }
 
-impl Anchor {
-    /// Nothing seen yet.
+impl CenterFilter {
+    /// Creates a filter without any outline.
     pub fn new() -> Self {
         Self::default()
     }
 
-    /// Takes the outline found in a node's frame.
-    pub fn push(&mut self, node: &Node, circle: &Circle) {
+    /// Takes the outline detected in a node's frame.
+    pub fn push(&mut self, node: &Pose, circle: &Circle) {
         let seen = [circle.x_px - node.pose[0], circle.y_px - node.pose[1]];
         let variance = circle.sigma_center_px.powi(2).max(1e-12);
         if !(seen.iter().all(|x| x.is_finite()) && variance.is_finite()) {
             return;
         }
-        let fresh = Hold::new(node, seen.map(|value| Estimate { value, sigma: variance.sqrt() }), variance);
+        let fresh = Offset::new(node, seen.map(|value| Estimate { value, sigma: variance.sqrt() }), variance);
         let Some(hold) = self.hold else {
             self.hold = Some(fresh);
             return;
@@ -135,7 +134,7 @@ impl Anchor {
             if self.past.len() == PAST {
                 self.past.remove(0);
             }
-            self.past.push(Past { hold, until_frames: node.time_frames, is_left: !is_lost });
+            self.past.push(PastOffset { hold, until_frames: node.time_frames, is_left: !is_lost });
             self.hold = Some(fresh);
         } else if believed {
             self.hold = Some(hold.with(node, seen, variance));
@@ -147,9 +146,9 @@ impl Anchor {
         self.disbelieved = None;
     }
 
-    /// The centre in a node's frame; `None` before the first outline and over a gap that cannot be bridged.
-    pub fn center(&self, node: &Node) -> Option<Center> {
-        let leads_to = |past: &Past| past.hold.gap(node).iter().all(|gap| gap.is_finite());
+    /// Returns the centre in a node's frame; `None` before the first outline and across a gap that cannot be bridged.
+    pub fn center(&self, node: &Pose) -> Option<Center> {
+        let leads_to = |past: &PastOffset| past.hold.gap(node).iter().all(|gap| gap.is_finite());
         let now = self.past.iter().position(|past| node.time_frames < past.until_frames && leads_to(past));
         let Some(index) = now else { return self.newest(node) };
         let past = &self.past[index];
@@ -158,19 +157,19 @@ impl Anchor {
         if !past.is_left || node.time_frames <= began_frames {
             return Some(center);
         }
-        // On the way from one to the next.
+        // Between one offset and the next.
         let next = self.past.get(index + 1).map_or(self.hold, |next| Some(next.hold))?.center(node)?;
         let share = (node.time_frames - began_frames) / (past.until_frames - began_frames);
         let way = [next.x_px - center.x_px, next.y_px - center.y_px];
         Some(Center {
             x_px: center.x_px + share * way[0],
             y_px: center.y_px + share * way[1],
-            sigma_px: center.sigma_px.max(next.sigma_px).hypot(UNSURE_WAY * way[0].hypot(way[1])),
+            sigma_px: center.sigma_px.max(next.sigma_px).hypot(LEAVE_TIME_SHARE * way[0].hypot(way[1])),
         })
     }
 
-    /// The centre by the newest offset. It may be as far off as outlines say that are not believed yet.
-    fn newest(&self, node: &Node) -> Option<Center> {
+    /// Returns the centre by the newest offset. Its uncertainty includes the outlines that are rejected so far.
+    fn newest(&self, node: &Pose) -> Option<Center> {
         let hold = self.hold?;
         let center = hold.center(node)?;
         let Some((_, doubt)) = self.disbelieved.filter(|_| node.time_frames > hold.time_frames) else {
@@ -186,8 +185,8 @@ impl Anchor {
 mod tests {
     use super::*;
 
-    fn node(time_frames: f64, component: u32, bridged: f64) -> Node {
-        Node {
+    fn node(time_frames: f64, component: u32, bridged: f64) -> Pose {
+        Pose {
             frame: time_frames as u64,
             time_frames,
             component,
@@ -206,13 +205,13 @@ mod tests {
 
     #[test]
     fn behind_each_gap_that_cannot_be_bridged_the_first_outline_is_believed() {
-        let mut anchor = Anchor::new();
+        let mut anchor = CenterFilter::new();
         let nodes = [node(3.0, 0, 0.0), node(40.0, 1, f64::INFINITY), node(90.0, 2, f64::INFINITY)];
         for (node, x_px) in nodes.iter().zip([50.0, 70.0, 40.0]) {
             anchor.push(node, &circle(x_px));
             assert!((anchor.center(node).unwrap().x_px - x_px).abs() < 1e-9);
         }
-        // What lay before is not where this offset leads to, but where its own did.
+        // Earlier nodes follow their own offset, not this one.
         assert!((anchor.center(&nodes[0]).unwrap().x_px - 50.0).abs() < 1e-9);
         assert!((anchor.center(&node(50.0, 1, f64::INFINITY)).unwrap().x_px - 75.0).abs() < 1e-9);
         assert!((anchor.center(&node(85.0, 2, f64::INFINITY)).unwrap().x_px - 37.5).abs() < 1e-9);
@@ -221,7 +220,7 @@ mod tests {
     #[test]
     fn a_pose_that_outlines_have_left_for_eight_frames_is_given_up() {
         for every in [1, 4] {
-            let mut anchor = Anchor::new();
+            let mut anchor = CenterFilter::new();
             anchor.push(&node(0.0, 0, 0.0), &circle(50.0));
             for frame in (4..=11).step_by(every) {
                 anchor.push(&node(f64::from(frame), 0, 0.0), &circle(90.0));
@@ -231,7 +230,7 @@ mod tests {
             assert!((anchor.center(&last).unwrap().x_px - 56.0).abs() < 0.1);
             anchor.push(&last, &circle(90.0));
             assert!((anchor.center(&last).unwrap().x_px - 90.0).abs() < 0.1);
-            // It holds from there on; before, it was where it was, and in between nobody knows.
+            // The offset holds from there on; earlier nodes keep the old one, and in between it is uncertain.
             assert!((anchor.center(&node(0.0, 0, 0.0)).unwrap().x_px - 50.0).abs() < 0.1);
             let between = anchor.center(&node(6.0, 0, 0.0)).unwrap();
             assert!(between.x_px > 53.0 && between.x_px < 87.0 && between.sigma_px > 8.0, "{between:?}");

@@ -1,18 +1,18 @@
-//! What the motion of a body is computed with.
+//! Parameters of the motion of a body.
 
-use super::{Center, Rectifier, Shutter, Spans, Walk};
+use super::{Center, Intervals, RandomWalk, Rectifier, Shutter};
 use crate::results::BodyStep;
 
-/// How far from a picture's middle a camera may look straight ahead, as a share of the picture: lenses sit a little beside
-/// it, and a part that is read out of the sensor need not be its middle.
-const UNSURE_MIDDLE: f64 = 0.05;
-/// The same of a calibrated lens.
-const CALIBRATED_MIDDLE: f64 = 0.005;
+/// Uncertainty of the principal point as a share of the image: lenses are slightly decentred, and a sensor's readout
+/// window need not be centred.
+const PRINCIPAL_POINT_SHARE: f64 = 0.05;
+/// The same for a calibrated lens.
+const CALIBRATED_POINT_SHARE: f64 = 0.005;
 
-/// How many millimetres a pixel is.
+/// The scale.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Scale {
-    /// Not known: results stay in pixels.
+    /// Unknown: results stay in pixels.
     Unknown,
     /// Given by the user.
     MmPerPx(f64),
@@ -20,105 +20,109 @@ pub enum Scale {
     BallDiameterMm(f64),
 }
 
-/// What the motion of a body, its rotation and that of its centre, is taken from.
+/// The source of a body's motion, its rotation and its centre's.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub enum Rotation {
-    /// One match of all its pixels in sight against a reference that is kept; the subsets where that fails.
+    /// One match of all visible pixels against a kept reference, and the subsets where that fails.
     #[default]
     Rigid,
     /// The displacement field: least squares over all valid subsets.
     Field,
-    /// The displacement field at the centre, and the mean of its subsets' rotations about it: the paper's way.
+    /// The displacement field at the centre, and the mean rotation of its subsets about it: the paper's method.
     Center,
-    /// A ring of pixels around the centre, unwrapped and correlated along the angle; the centre is carried by the field.
+    /// A ring of pixels around the centre, unwrapped and correlated along the angle; the field moves the centre.
     Ring(RingLimits),
 }
 
-/// Radii between which a ring lies; those left out follow from the ball's.
+/// The radii of a ring; missing ones follow from the ball's.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct RingLimits {
     /// Inner radius, px.
     pub inner_px: Option<f64>,
-    /// Outer radius, px; never more than the ball's.
+    /// Outer radius, px; at most the ball's.
     pub outer_px: Option<f64>,
 }
 
-/// What kind of body it is, as far as its motion goes.
+/// The kind of body, as far as its motion is concerned.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Form {
-    /// It spins, and touches the surface at a radius from its centre.
+    /// It rotates, and touches the surface at one radius from its centre.
     Ball,
-    /// It stays upright and strikes with its end: it has no spin and no radius.
+    /// It stays upright and strikes with its end; it has no spin and no radius.
     Rod,
-    /// It turns, but where it touches is not known: it has no radius.
+    /// It rotates, but its contact point is unknown; it has no radius.
     Patch,
 }
 
-/// Where the camera looks straight ahead: what comes nearer grows about it.
+/// The principal point: the image magnifies about it when a body comes closer.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct View {
-    /// In the rectified picture, px.
+    /// The principal point in the rectified image, px.
     pub middle_px: [f64; 2],
-    /// How well it is known, px.
+    /// Its standard uncertainty, px.
     pub sigma_px: f64,
 }
 
 impl View {
-    /// Of pictures of this size: their middle, where nothing else is known.
+    /// Returns the principal point for images of this size: their centre, where nothing else is known.
     pub fn of([width_px, height_px]: [u32; 2], rectifier: Option<&Rectifier>) -> Self {
         let size = [width_px, height_px].map(f64::from);
         let longest_px = size[0].max(size[1]);
         match rectifier {
-            None => Self { middle_px: size.map(|length| 0.5 * (length - 1.0)), sigma_px: UNSURE_MIDDLE * longest_px },
-            // What leaves a plane that is seen aslant grows about the foot of the camera, wherever that is.
+            None => Self {
+                middle_px: size.map(|length| 0.5 * (length - 1.0)),
+                sigma_px: PRINCIPAL_POINT_SHARE * longest_px,
+            },
+            // Motion out of a plane that is seen obliquely magnifies about the foot of the camera, whose position is
+            // unknown.
             Some(rectifier) if rectifier.mm_per_px().is_some() => {
                 Self { middle_px: rectifier.middle_px(), sigma_px: longest_px }
             }
-            Some(rectifier) => Self { middle_px: rectifier.middle_px(), sigma_px: CALIBRATED_MIDDLE * longest_px },
+            Some(rectifier) => Self { middle_px: rectifier.middle_px(), sigma_px: CALIBRATED_POINT_SHARE * longest_px },
         }
     }
 }
 
-/// Everything the motion of a body is computed with.
+/// All parameters of a body's motion.
 #[derive(Debug, Clone, PartialEq)]
 pub struct MotionParams {
     /// Pixels to millimetres.
     pub scale: Scale,
-    /// From the recorded picture to one without lens and perspective, where the camera was calibrated; scale, surface and
-    /// gravity are those of that picture.
+    /// From the recorded image to one without lens distortion and perspective, for a calibrated camera. Scale, surface
+    /// and gravity refer to that image.
     pub rectifier: Option<Rectifier>,
-    /// Where the camera looks straight ahead.
+    /// The principal point.
     pub view: View,
     /// Direction of the struck surface's tangent, counter-clockwise from x, deg.
     pub surface_angle_deg: f64,
-    /// Strength of gravity, m/s^2; 0 switches it off.
+    /// Gravity, m/s^2; 0 switches it off.
     pub gravity_m_s2: f64,
-    /// Direction in which things fall, counter-clockwise from x (y up), deg; -90 for a level camera.
+    /// The direction of free fall, counter-clockwise from x (y up), deg; -90 for a level camera.
     pub gravity_angle_deg: f64,
-    /// Frames the local velocity fit spans, odd; `None` lets the fit choose.
+    /// Frames of the local velocity fit, odd; `None` lets the fit choose.
     pub window_frames: Option<u32>,
     /// Order of the local fit to the positions: 1 to 4.
     pub order: u32,
     /// Mass of the body, kg, where it is known.
     pub mass_kg: Option<f64>,
-    /// Whether it is a ball or a rod.
+    /// The kind of body.
     pub form: Form,
-    /// The interval each step was measured over, frames; the shortest of several.
+    /// The interval of each step, frames; the shortest of several.
     pub interval_frames: u32,
-    /// Noise of a step that the next step does not take back.
-    pub walk: Walk,
-    /// Over how many frames motion is measured.
-    pub spans: Spans,
-    /// How long a frame was exposed, ns; what a frame shows is the moment half of it after its stamp. 0 when unknown.
+    /// The noise of a step that the next step does not cancel.
+    pub walk: RandomWalk,
+    /// The intervals over which motion is measured.
+    pub spans: Intervals,
+    /// Exposure time, ns; a frame shows the moment half of it after its stamp. 0 when unknown.
     pub exposure_ns: f64,
-    /// When the rows of a frame were exposed.
+    /// The timing of a frame's rows.
     pub shutter: Shutter,
-    /// Nominal time from frame to frame, ns; only for gaps, times come from the stamps.
+    /// Nominal frame period, ns. It is used for gaps alone; times come from the stamps.
     pub frame_period_ns: f64,
 }
 
 impl MotionParams {
-    /// What was measured in the recorded picture, as the rectified one shows it; without numbers beyond the calibration.
+    /// Converts a step from the recorded to the rectified image; its numbers are `None` beyond the calibration.
     pub fn rectified(&self, step: &BodyStep) -> BodyStep {
         let Some(rectifier) = &self.rectifier else { return *step };
         rectifier.step(step, self.form == Form::Ball).unwrap_or(BodyStep {
@@ -129,7 +133,7 @@ impl MotionParams {
         })
     }
 
-    /// Where a centre in the rectified picture lies in the recorded one.
+    /// Returns the position in the recorded image of a centre in the rectified one.
     pub fn recorded(&self, center: Center) -> Option<Center> {
         let Some(rectifier) = &self.rectifier else { return Some(center) };
         let [x_px, y_px] = rectifier.pixel([center.x_px, center.y_px])?;

@@ -1,53 +1,52 @@
-//! From steps to positions.
+//! Integration of steps to poses.
 
 use std::collections::BTreeMap;
 
-use super::random_walk::{Kept, TRUST_IN_LONGER, Walk};
+use super::random_walk::{KeptReference, LONG_STEP_WEIGHT, RandomWalk};
 use crate::results::{BodyStep, RigidStep};
 
-/// Longest gap the carried pose is extrapolated over, frames.
+/// The maximum gap over which a pose is extrapolated, frames.
 const BRIDGE_FRAMES: f64 = 8.0;
-/// A step's sigma is not taken for smaller than this, px or deg.
+/// The minimum sigma of a step, px or deg.
 const SIGMA_FLOOR: f64 = 1e-7;
 
-/// A body's pose in one frame, carried there by its steps.
+/// A body's pose in one frame, integrated from its steps.
 ///
-/// Poses of one component differ exactly by the measured steps between them.
-/// The noise of successive steps is that of the frames they share, with
-/// opposite signs, so a pose scatters like the steps' sigma / sqrt(2), whatever
-/// the number of steps summed. A missing step starts a new component, and steps
-/// over n frames make n interleaved ones: between components the pose is only
-/// extrapolated.
+/// Poses of one component differ exactly by the measured steps between them. The noise of successive steps is that of
+/// the frames they share, with opposite signs. A pose therefore scatters like the steps' sigma
+/// sqrt(2), however many steps are summed. A missing step starts a new component, and steps over n frames make n
+/// interleaved components. Between components the pose is extrapolated.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Node {
+pub struct Pose {
     /// Sequence number of the frame.
     pub frame: u64,
     /// Time since the stream's first frame, nominal frame periods.
     pub time_frames: f64,
-    /// Nodes of one component are linked by steps.
+    /// The component; nodes of one component are linked by steps.
     pub component: u32,
     /// x px, y px (down), angle deg (counter-clockwise) since the body's first node.
     pub pose: [f64; 3],
     /// White standard uncertainty of each.
     pub sigma: [f64; 3],
-    /// Variance that extrapolation over gaps has added to each since the first node; infinite where a gap was too long.
+    /// Variance added to each coordinate by extrapolation over gaps since the first node; infinite where a gap was too
+    /// long.
     pub bridged: [f64; 3],
-    /// What the step to it adds to it and all later ones for good, as a share of `sigma`.
+    /// The random-walk part of the step to this node, as a share of `sigma`. It stays in all later nodes.
     pub walk_share: [f64; 3],
-    /// The reference that the whole body was matched with last on the way here.
-    pub kept: Option<Kept>,
+    /// The reference of the last whole-body match on the way here.
+    pub kept: Option<KeptReference>,
 }
 
-/// Adds up the steps of one body.
+/// The integrator of one body's steps.
 #[derive(Debug, Clone)]
-pub struct Chain {
-    walk: Walk,
+pub struct PoseIntegrator {
+    walk: RandomWalk,
     components: u32,
-    /// Poses that steps lead to, by frame and interval.
-    arrivals: BTreeMap<(u64, u32), Node>,
-    newest: Option<Node>,
+    /// Poses at the ends of steps, by frame and interval.
+    arrivals: BTreeMap<(u64, u32), Pose>,
+    newest: Option<Pose>,
     /// The newest node with a step from it, its rates per nominal frame, and the rates before.
-    last: Option<(Node, [f64; 3], [f64; 3])>,
+    last: Option<(Pose, [f64; 3], [f64; 3])>,
 }
 
 fn sound(step: &RigidStep) -> bool {
@@ -55,16 +54,17 @@ fn sound(step: &RigidStep) -> bool {
     numbers.iter().all(|x| x.is_finite())
 }
 
-impl Chain {
-    /// An empty chain of steps that leave `walk` for good.
-    pub fn new(walk: Walk) -> Self {
+impl PoseIntegrator {
+    /// Creates an empty chain of steps with this random walk.
+    pub fn new(walk: RandomWalk) -> Self {
         Self { walk, components: 0, arrivals: BTreeMap::new(), newest: None, last: None }
     }
 
-    /// Takes the next step in frame order, the shortest of its frame; gives the frame's node unless no step leads to or from it.
+    /// Takes the next step in frame order, the shortest of its frame. Returns the frame's node unless no step leads to
+    /// or from it.
     ///
-    /// `periods` are the nominal frame periods from when the frame shows the body to when the next one does.
-    pub fn push(&mut self, step: &BodyStep, time_frames: f64, periods: f64) -> Option<Node> {
+    /// `periods` is the time between the exposures of the body in this frame and the next, in nominal frame periods.
+    pub fn push(&mut self, step: &BodyStep, time_frames: f64, periods: f64) -> Option<Pose> {
         let arrived = self.arrive(step.frame);
         let outgoing = step.step.filter(sound);
         let n = f64::from(step.interval_frames.max(1));
@@ -77,7 +77,7 @@ impl Chain {
             (Some(node), None) => node,
             (Some(node), Some(out)) => {
                 let sigma = std::array::from_fn(|k| ((node.sigma[k].powi(2) + out[k].powi(2)) / 2.0).sqrt());
-                Node { sigma, ..node }
+                Pose { sigma, ..node }
             }
             (None, Some(sigma)) => self.begin(time_frames, sigma),
         };
@@ -87,7 +87,7 @@ impl Chain {
         if let (Some(out), Some(sigma)) = (outgoing, sigma_out) {
             let rates = [out.dx_px, out.dy_px, out.dtheta_deg];
             let target = step.frame + u64::from(step.interval_frames.max(1));
-            let arriving = Node { sigma, ..self.moved(&node, step.is_whole, rates.map(|rate| n * rate)) };
+            let arriving = Pose { sigma, ..self.moved(&node, step.is_whole, rates.map(|rate| n * rate)) };
             self.arrivals.insert((target, step.interval_frames), arriving);
             let rates = rates.map(|rate| rate / periods);
             let before = self.last.map_or(rates, |(_, rates, _)| rates);
@@ -106,45 +106,45 @@ impl Chain {
         self.arrivals.insert((target, step.interval_frames), self.moved(&from, step.is_whole, moved));
     }
 
-    /// The node that a step leads to.
-    fn moved(&self, from: &Node, is_whole: bool, moved: [f64; 3]) -> Node {
+    /// Returns the node at the end of a step.
+    fn moved(&self, from: &Pose, is_whole: bool, moved: [f64; 3]) -> Pose {
         let mut kept = from.kept;
         let walk_share = match is_whole {
             true => self.walk.whole(from.frame, from.pose[2], &mut kept),
             false => self.walk.subsets(moved),
         };
-        Node { pose: std::array::from_fn(|k| from.pose[k] + moved[k]), walk_share, kept, ..*from }
+        Pose { pose: std::array::from_fn(|k| from.pose[k] + moved[k]), walk_share, kept, ..*from }
     }
 
-    /// Where the steps to this frame lead, the longer ones tempering the shortest.
-    fn arrive(&mut self, frame: u64) -> Option<Node> {
+    /// Returns the node of this frame, in which the longer steps correct the shortest.
+    fn arrive(&mut self, frame: u64) -> Option<Pose> {
         let later = self.arrivals.split_off(&(frame, 0));
         self.arrivals = later;
-        let mut arrived: Option<Node> = None;
+        let mut arrived: Option<Pose> = None;
         while let Some(entry) = self.arrivals.first_entry().filter(|entry| entry.key().0 == frame) {
             let longer = entry.remove();
             arrived = Some(match arrived {
                 None => longer,
-                // Nodes of different components are not linked; the shortest step's holds.
+                // Nodes of different components are not linked, so the shortest step's holds.
                 Some(node) if node.component != longer.component => node,
                 Some(node) => {
-                    let temper = |k: usize| node.pose[k] + TRUST_IN_LONGER * (longer.pose[k] - node.pose[k]);
-                    Node { pose: std::array::from_fn(temper), ..node }
+                    let temper = |k: usize| node.pose[k] + LONG_STEP_WEIGHT * (longer.pose[k] - node.pose[k]);
+                    Pose { pose: std::array::from_fn(temper), ..node }
                 }
             });
         }
         arrived
     }
 
-    /// A node of a new component, extrapolated from the newest node there is.
-    fn begin(&mut self, time_frames: f64, sigma: [f64; 3]) -> Node {
+    /// Starts a new component, extrapolated from the newest node.
+    fn begin(&mut self, time_frames: f64, sigma: [f64; 3]) -> Pose {
         // No step of its component leads to it.
         let walk_share = [0.0; 3];
         let kept = None;
         let component = self.components;
         self.components += 1;
         let Some((last, rates, before)) = self.last else {
-            return Node {
+            return Pose {
                 frame: 0,
                 time_frames,
                 component,
@@ -161,11 +161,11 @@ impl Chain {
             if dt.abs() > BRIDGE_FRAMES {
                 return f64::INFINITY;
             }
-            // The rate's own noise, and as much change again as it showed over the last frame.
+            // The noise of the rate, and a further change as large as the one over the last frame.
             let rate = 2.0 * last.sigma[k].powi(2) + (0.5 * dt * (rates[k] - before[k])).powi(2);
             last.bridged[k] + dt * dt * rate
         });
-        Node { frame: 0, time_frames, component, pose, sigma, bridged, walk_share, kept }
+        Pose { frame: 0, time_frames, component, pose, sigma, bridged, walk_share, kept }
     }
 }
 
@@ -175,7 +175,7 @@ mod tests {
     use super::*;
     use crate::results::PointStatus;
 
-    /// Normal numbers, near enough: sums of twelve even ones.
+    /// Approximately normal numbers: sums of twelve uniform ones.
     struct Noise(u64);
 
     impl Noise {
@@ -221,11 +221,11 @@ mod tests {
         }
     }
 
-    /// How far a chain of erring steps has drifted after 4000 frames, root mean square over runs.
+    /// The root mean square drift of a chain of noisy steps after 4000 frames, over several runs.
     fn drift(intervals: &[u32]) -> f64 {
         let (mut noise, mut sum, runs) = (Noise(7), 0.0, 200);
         for _ in 0..runs {
-            let mut chain = Chain::new(Walk::default());
+            let mut chain = PoseIntegrator::new(RandomWalk::default());
             let mut last = 0.0;
             for frame in 0..4000 {
                 last = chain.push(&step(frame, intervals[0], noise.next()), frame as f64, 1.0).unwrap().pose[0];
@@ -238,7 +238,7 @@ mod tests {
 
     #[test]
     fn a_pose_drifts_as_the_step_that_led_to_it() {
-        let mut chain = Chain::new(Walk::of(&[1], Some(Renewal { block_frames: 8, stale_deg: 3.0 })));
+        let mut chain = PoseIntegrator::new(RandomWalk::of(&[1], Some(Renewal { block_frames: 8, stale_deg: 3.0 })));
         let shares = (0..6).map(|frame| {
             let step = BodyStep { is_whole: frame == 1 || frame == 2, ..step(frame, 1, 0.5) };
             chain.push(&step, frame as f64, 1.0).unwrap().walk_share[0]
@@ -252,12 +252,12 @@ mod tests {
 
     #[test]
     fn each_of_several_interleaved_chains_has_the_renewal_in_it() {
-        let mut chain = Chain::new(Walk::of(&[3], Some(Renewal { block_frames: 6, stale_deg: 3.0 })));
+        let mut chain = PoseIntegrator::new(RandomWalk::of(&[3], Some(Renewal { block_frames: 6, stale_deg: 3.0 })));
         let renewed = |frame: u64| {
             let step = BodyStep { is_whole: true, ..step(frame, 3, 0.5) };
             chain.push(&step, frame as f64, 1.0).unwrap().walk_share[0] > 0.0
         };
-        // Steps from the first three frames of a block lead on with its reference, those from the others keep it.
+        // Steps from the first three frames of a block continue its reference, those from the others keep it.
         let renewed: Vec<u64> =
             (0..15).zip((0..15).map(renewed)).filter(|(_, renewed)| *renewed).map(|(f, _)| f).collect();
         assert_eq!(renewed, [3, 4, 5, 9, 10, 11]);
@@ -268,7 +268,7 @@ mod tests {
         let alone = drift(&[1]);
         assert!((alone / 4000_f64.sqrt() - 1.0).abs() < 0.1, "{alone}");
         for intervals in [&[1, 4][..], &[1, 10], &[1, 3, 9]] {
-            let share = |intervals: &[u32]| Walk::of(intervals, None).subsets([0.5, 0.0, 0.0])[0];
+            let share = |intervals: &[u32]| RandomWalk::of(intervals, None).subsets([0.5, 0.0, 0.0])[0];
             let (found, stated) = (drift(intervals) / alone, share(intervals) / share(&[1]));
             assert!((found / stated - 1.0).abs() < 0.2, "{intervals:?}: {found}, stated {stated}");
         }
@@ -276,7 +276,7 @@ mod tests {
 
     #[test]
     fn a_missing_step_is_bridged_by_a_longer_one() {
-        let mut chain = Chain::new(Walk::default());
+        let mut chain = PoseIntegrator::new(RandomWalk::default());
         for frame in 0..20 {
             let mut one = step(frame, 1, 0.5);
             one.step = one.step.filter(|_| frame != 9);

@@ -3,12 +3,12 @@
 use super::{MetresPerPixel, Scale};
 use crate::results::{Circle, Estimate};
 
-/// Most outlines kept; then every second is let go.
+/// The maximum number of outlines kept; every second one is then dropped.
 const KEPT: usize = 512;
-/// An outline hidden less than this tells the radius best.
-const WHOLE: f64 = 0.95;
+/// The visible fraction from which an outline counts as unoccluded.
+const UNOCCLUDED_FRACTION: f64 = 0.95;
 
-/// Robust running radius of a ball: the median over the outlines seen so far, the unhidden ones if there are any.
+/// A robust running radius of a ball: the median over the outlines so far, of the unoccluded ones if there are any.
 #[derive(Debug, Clone)]
 pub struct RunningRadius {
     whole: Sorted,
@@ -53,7 +53,7 @@ impl Sorted {
 }
 
 impl RunningRadius {
-    /// Nothing seen yet.
+    /// Creates an estimate without any outline.
     pub fn new() -> Self {
         Self { whole: Sorted::new(), any: Sorted::new() }
     }
@@ -63,16 +63,17 @@ impl RunningRadius {
         if !(circle.radius_px > 0.0 && circle.radius_px.is_finite() && circle.sigma_radius_px.is_finite()) {
             return;
         }
-        let list = if circle.visible_fraction >= WHOLE { &mut self.whole } else { &mut self.any };
+        let list = if circle.visible_fraction >= UNOCCLUDED_FRACTION { &mut self.whole } else { &mut self.any };
         list.push(circle.radius_px, circle.sigma_radius_px.abs());
     }
 
-    /// The radius in px. Its sigma is a single outline's: the error of outlines of one film is mostly common.
+    /// Returns the radius, px. Its sigma is a single outline's, because the errors of outlines of one film are mostly
+    /// common.
     pub fn radius_px(&self) -> Option<Estimate> {
         self.whole.median.or(self.any.median)
     }
 
-    /// Metres a pixel is; `None` while it rests on a radius not seen yet.
+    /// Returns the scale, m/px; `None` while it depends on a radius that is not measured yet.
     pub fn metres_per_px(&self, scale: Scale) -> Option<MetresPerPixel> {
         match scale {
             Scale::MmPerPx(mm) => Some(Estimate { value: mm * 1e-3, sigma: 0.0 }),

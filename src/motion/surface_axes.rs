@@ -3,15 +3,13 @@
 use super::MotionParams;
 use crate::results::{BodyVelocity, Estimate};
 
-/// Metres a pixel is, with its standard uncertainty.
+/// The scale, m/px, with its standard uncertainty.
 pub type MetresPerPixel = Estimate;
 
-/// Directions of the struck surface.
+/// The directions of the struck surface.
 ///
-/// The tangent is the image's x axis turned counter-clockwise by the surface
-/// angle; the normal is the tangent turned counter-clockwise by 90 deg, so that
-/// it points up from a level floor and a falling ball has a negative normal
-/// velocity.
+/// The tangent is the image's x axis rotated counter-clockwise by the surface angle. The normal is the tangent rotated
+/// counter-clockwise by 90 deg, so it points up from a level floor, and a falling ball has a negative normal velocity.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Axes {
     cos: f64,
@@ -28,19 +26,19 @@ pub struct Surface {
 }
 
 impl Axes {
-    /// Axes of a surface at `surface_angle_deg`, counter-clockwise from x.
+    /// Creates the axes of a surface at `surface_angle_deg`, counter-clockwise from x.
     pub fn new(surface_angle_deg: f64) -> Self {
         let (sin, cos) = surface_angle_deg.to_radians().sin_cos();
         Self { cos, sin }
     }
 
-    /// Turns a vector of the image (x right, y down) to the surface's axes, same unit.
+    /// Converts an image vector (x right, y down) to the surface's axes, same unit.
     pub fn surface(&self, x: f64, y_down: f64) -> Surface {
         let y_up = -y_down;
         Surface { normal: y_up * self.cos - x * self.sin, tangential: x * self.cos + y_up * self.sin }
     }
 
-    /// Standard uncertainties along normal and tangent of a vector with independent sigmas along x and y.
+    /// Returns the standard uncertainties along normal and tangent of a vector with independent sigmas along x and y.
     pub fn surface_sigma(&self, sigma_x: f64, sigma_y: f64) -> Surface {
         Surface {
             normal: (sigma_y * self.cos).hypot(sigma_x * self.sin),
@@ -49,7 +47,7 @@ impl Axes {
     }
 }
 
-/// Gravity in image axes (x right, y down), px/frame^2.
+/// Returns gravity in image axes (x right, y down), px/frame^2.
 pub fn gravity_px(params: &MotionParams, metres_per_px: f64) -> [f64; 2] {
     let (sin, cos) = params.gravity_angle_deg.to_radians().sin_cos();
     let period_s = params.frame_period_ns * 1e-9;
@@ -57,7 +55,7 @@ pub fn gravity_px(params: &MotionParams, metres_per_px: f64) -> [f64; 2] {
     [strength * cos, -strength * sin]
 }
 
-/// Rates of the three coordinates of a body, per nominal frame period, image axes.
+/// The rates of a body's three coordinates per nominal frame period, image axes.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PixelRates {
     /// Along x, px/frame.
@@ -66,35 +64,34 @@ pub struct PixelRates {
     pub y: Estimate,
     /// Counter-clockwise, deg/frame.
     pub theta: Estimate,
-    /// Frames the fit spanned.
+    /// The number of frames of the fit.
     pub window_frames: u32,
-    /// Its order.
+    /// The order of the fit.
     pub order: u32,
 }
 
 impl PixelRates {
-    /// The same of a body whose centre is known to `center_sigma_px` only: a point beside the centre of a body that
-    /// turns has another velocity.
+    /// Includes the uncertainty of the centre: a point off the centre of a rotating body has another velocity.
     pub fn about(self, center_sigma_px: f64) -> Self {
         let whirl = self.theta.value.to_radians() * center_sigma_px;
         let widened = |rate: Estimate| Estimate { sigma: rate.sigma.hypot(whirl), ..rate };
         Self { x: widened(self.x), y: widened(self.y), ..self }
     }
 
-    /// The same with what else each may be off by.
-    pub fn unsure_by(self, [x, y, theta]: [f64; 3]) -> Self {
+    /// Adds further uncertainties of each rate.
+    pub fn widened_by(self, [x, y, theta]: [f64; 3]) -> Self {
         let widened = |rate: Estimate, by: f64| Estimate { sigma: rate.sigma.hypot(by), ..rate };
         Self { x: widened(self.x, x), y: widened(self.y, y), theta: widened(self.theta, theta), ..self }
     }
 
-    /// The same where the true ones may be larger by a share of themselves.
-    pub fn short_by(self, share: f64) -> Self {
+    /// Widens the sigmas for true rates that may be larger by a share of themselves.
+    pub fn biased_by(self, share: f64) -> Self {
         let [x, y, theta] = [self.x, self.y, self.theta].map(|rate| rate.short_by(share));
         Self { x, y, theta, ..self }
     }
 }
 
-/// Turns rates in pixels and frames into physical velocities.
+/// Converts rates in pixels and frames to physical velocities.
 pub fn physical(rates: &PixelRates, scale: MetresPerPixel, params: &MotionParams) -> BodyVelocity {
     let period_s = params.frame_period_ns * 1e-9;
     let per_frame = scale.value / period_s;
@@ -117,7 +114,7 @@ pub fn physical(rates: &PixelRates, scale: MetresPerPixel, params: &MotionParams
 
 #[cfg(test)]
 mod tests {
-    use super::super::{Form, Scale, Shutter, Spans, Walk};
+    use super::super::{Form, Intervals, RandomWalk, Scale, Shutter};
     use super::*;
 
     fn params(surface_angle_deg: f64) -> MotionParams {
@@ -133,8 +130,8 @@ mod tests {
             mass_kg: None,
             form: Form::Ball,
             interval_frames: 1,
-            walk: Walk::default(),
-            spans: Spans::default(),
+            walk: RandomWalk::default(),
+            spans: Intervals::default(),
             exposure_ns: 0.0,
             shutter: Shutter::default(),
             frame_period_ns: 100_000.0,
@@ -157,7 +154,8 @@ mod tests {
 
     #[test]
     fn a_tilted_surface_turns_normal_and_tangent() {
-        // Surface rising to the right by 30 deg: a ball flying straight up its slope has only a tangential velocity.
+        // A surface rising to the right by 30 deg: a ball that moves straight up its slope has a tangential velocity
+        // only.
         let (sin, cos) = 30.0_f64.to_radians().sin_cos();
         let along = Axes::new(30.0).surface(cos, -sin);
         assert!((along.tangential - 1.0).abs() < 1e-12 && along.normal.abs() < 1e-12);

@@ -1,62 +1,62 @@
-//! The velocity at one frame: a local fit to the carried poses.
+//! The velocity at one frame: a local fit to the integrated poses.
 
-use super::{MotionParams, Node, PixelRates};
+use super::{MotionParams, PixelRates, Pose};
 use crate::numeric::{MAX_ORDER, Polynomial, Sample};
 use crate::results::Estimate;
 
-/// Newest data a sample waits for when the fit chooses its window, frames.
+/// The lag of a sample when the fit chooses its window, frames.
 pub const AUTO_AHEAD_FRAMES: u64 = 20;
-/// Window and order of the fit while nothing is known of the motion.
+/// Window and order of the fit while the regime is unknown.
 const DEFAULT: (u32, usize) = (9, 2);
-/// Free flight is fitted this far ahead (contact that is not noticed yet lies further), frames.
+/// The reach ahead of the fit in free flight, frames; an undetected contact lies further ahead.
 const FLIGHT_AHEAD: u64 = 14;
-/// And this far back.
+/// The reach back of the fit in free flight, frames.
 const FLIGHT_BACK: u64 = 40;
-/// Order of the fit during contact.
+/// The order of the fit during contact.
 const CONTACT_ORDER: usize = 4;
-/// A measured acceleration within so many sigmas of a known one is taken for it.
+/// The maximum difference between a measured and a known acceleration that are taken as equal, sigmas.
 const SAME_ACCELERATION: f64 = 3.5;
-/// How much stronger the fifth derivative of a contact is than that of half a sine: contacts begin and end more sharply.
+/// The ratio of a contact's fifth derivative to that of half a sine: contacts begin and end more sharply.
 const SHARPNESS: f64 = 10.0;
 
-/// Rates of two orders differ by more than their noise from so many sigmas on.
-const SURELY: f64 = 2.0;
-/// How many nodes from a moment a blow is looked for, and how much of it is left there.
-const BLOWS: [(isize, f64); 5] = [(0, 1.0), (-1, 0.7), (1, 0.7), (-2, 0.4), (2, 0.4)];
-/// A scatter about a line so many times that of the samples' own sigmas is no noise that these do not know of.
-const MOST_EXCESS: f64 = 4.0;
-/// Half width of the fit across the moment at which a force sets in or ends, frames.
+/// The minimum significant difference between the rates of two orders, sigmas.
+const SIGNIFICANT_SIGMAS: f64 = 2.0;
+/// The offsets in nodes at which an impact between frames is searched, and the share of it that is left there.
+const IMPACT_OFFSETS: [(isize, f64); 5] = [(0, 1.0), (-1, 0.7), (1, 0.7), (-2, 0.4), (2, 0.4)];
+/// The maximum ratio of the scatter about a line to the samples' sigmas that counts as unmodelled noise.
+const MAX_EXCESS: f64 = 4.0;
+/// The half width of the fit across the moment at which a force sets in or ends, frames.
 const ACROSS_FRAMES: u64 = 8;
-/// Inside of a contact, so many frames from there on the order-4 window errs by what that fit does, ever less,
+/// The decay length of the error of the order-4 window inside a contact, frames,
 const INSIDE_FRAMES: f64 = 6.0;
-/// and at least by this share of the strongest acceleration, frames.
+/// and its minimum as a share of the peak acceleration, frames.
 const KINK: f64 = 0.02;
-/// Outside, the flight is off by a share of what the two are apart, over so many frames: a force that sets in is noticed
-/// at once,
+/// The error of the flight outside a contact as a share of the difference, and its decay length, frames: the onset of a
+/// force is detected at once,
 const BEFORE: (f64, f64) = (0.4, 1.5);
-/// the rest of one that ends is not.
+/// and its end is not.
 const AFTER: (f64, f64) = (0.6, 3.0);
 
-/// What may be unseen in the last frame before a body is lost, and the ones before, in units of a step's noise: so much
-/// weaker than that a force goes unnoticed.
+/// The possible unobserved change in the last frame before a body is lost, and in the frames before it, in units of a
+/// step's noise. A weaker force is not detected.
 const UNSEEN: [f64; BRINK_FRAMES] = [2.5, 1.5, 0.7, 0.3];
 const BRINK_FRAMES: usize = 4;
 
-/// What is known of a body around a frame.
+/// The known motion of a body around a frame.
 #[derive(Debug, Clone, Copy)]
-pub struct Known<'a> {
-    /// Where it was, in order of frames.
-    pub nodes: &'a [Node],
-    /// The newest frame looked at: where no node is before it, the body was not seen.
+pub struct KnownMotion<'a> {
+    /// Its nodes in order of frames.
+    pub nodes: &'a [Pose],
+    /// The newest frame that was measured; without a node before it the body was not visible.
     pub to_frame: u64,
-    /// Gravity in the picture, px/frame^2.
+    /// Gravity in the image, px/frame^2.
     pub gravity: Option<[f64; 2]>,
 }
 
-/// What is known of the motion around a frame.
+/// The known regime of the motion around a frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Regime {
-    /// Nothing.
+    /// Unknown.
     Unknown,
     /// Free of the surface from one frame to another, both included.
     Flight {
@@ -65,11 +65,11 @@ pub enum Regime {
         /// Last frame.
         to: u64,
     },
-    /// Touching the surface.
+    /// In contact with the surface.
     Contact {
         /// Approach speed, px/frame.
         speed_px: f64,
-        /// Strongest acceleration so far, px/frame^2.
+        /// Peak acceleration so far, px/frame^2.
         acceleration_px: f64,
         /// First frame.
         from: u64,
@@ -78,19 +78,18 @@ pub enum Regime {
     },
 }
 
-/// Fits one polynomial of `order` a coordinate to all `nodes`, about `at_frames`, and gives the rates there.
+/// Fits one polynomial of `order` per coordinate to all `nodes`, about `at_frames`, and returns the rates there.
 ///
-/// Savitzky-Golay fit generalised to true times, gaps and interleaved chains:
-/// every component has its own free offset, the other coefficients are shared
-/// (Savitzky & Golay 1964, doi:10.1021/ac60214a047). Where the nodes do not
-/// determine the order it is lowered; `None` where they determine no rate.
-/// The sigmas are propagated from the nodes' and widened where the scatter about the fit is significantly larger.
-pub fn local_fit(nodes: &[Node], at_frames: f64, order: u32) -> Option<PixelRates> {
+/// A Savitzky-Golay fit generalised to true times, gaps and interleaved components. Every component has its own free
+/// offset, and the other coefficients are shared (Savitzky & Golay 1964, doi:10.1021/ac60214a047). Where the nodes do
+/// not determine the order it is lowered; `None` where they determine no rate. The sigmas are propagated from the
+/// nodes', and widened where the scatter about the fit is significantly larger.
+pub fn local_fit(nodes: &[Pose], at_frames: f64, order: u32) -> Option<PixelRates> {
     fit_rates(nodes, at_frames, order as usize, [0.0; 2])
 }
 
-fn samples(nodes: &[Node], axis: usize) -> Vec<Sample> {
-    let sample = |n: &Node| Sample {
+fn samples(nodes: &[Pose], axis: usize) -> Vec<Sample> {
+    let sample = |n: &Pose| Sample {
         time_frames: n.time_frames,
         component: n.component,
         value: n.pose[axis],
@@ -100,7 +99,7 @@ fn samples(nodes: &[Node], axis: usize) -> Vec<Sample> {
     nodes.iter().map(sample).collect()
 }
 
-fn fit_rates(nodes: &[Node], at_frames: f64, order: usize, gravity: [f64; 2]) -> Option<PixelRates> {
+fn fit_rates(nodes: &[Pose], at_frames: f64, order: usize, gravity: [f64; 2]) -> Option<PixelRates> {
     let acceleration = [gravity[0], gravity[1], 0.0];
     let mut order = order;
     let fits = loop {
@@ -119,26 +118,26 @@ fn fit_rates(nodes: &[Node], at_frames: f64, order: usize, gravity: [f64; 2]) ->
     Some(PixelRates { x, y, theta, window_frames: u32::try_from(span).ok()?, order: u32::try_from(order).ok()? })
 }
 
-/// The same, and how far off the order is for the motion: by how much the rates of the next order whose rates differ are
-/// others, beyond their noise.
-fn fit_and_doubt(nodes: &[Node], at_frames: f64, order: usize) -> Option<PixelRates> {
+/// Fits as [`local_fit`], with the truncation error in the sigmas: the difference from the rates of the next order that
+/// changes them, beyond their noise.
+fn fit_and_doubt(nodes: &[Pose], at_frames: f64, order: usize) -> Option<PixelRates> {
     let rates = fit_rates(nodes, at_frames, order, [0.0; 2])?;
-    // About the middle of a window, an even order has the rates of the odd one below.
+    // In the middle of a window, an even order has the rates of the odd one below.
     let finer = fit_rates(nodes, at_frames, ((order + 1) | 1).min(MAX_ORDER), [0.0; 2])?;
     if finer.order <= rates.order {
         return Some(rates);
     }
     let apart = |rate: Estimate, finer: Estimate| {
         let noise = (finer.sigma.powi(2) - rate.sigma.powi(2)).max(0.0);
-        ((finer.value - rate.value).powi(2) - SURELY.powi(2) * noise).max(0.0).sqrt()
+        ((finer.value - rate.value).powi(2) - SIGNIFICANT_SIGMAS.powi(2) * noise).max(0.0).sqrt()
     };
-    let rates = rates.unsure_by([apart(rates.x, finer.x), apart(rates.y, finer.y), apart(rates.theta, finer.theta)]);
-    Some(rates.unsure_by(blow(nodes, at_frames, order)))
+    let rates = rates.widened_by([apart(rates.x, finer.x), apart(rates.y, finer.y), apart(rates.theta, finer.theta)]);
+    Some(rates.widened_by(blow(nodes, at_frames, order)))
 }
 
-/// Half of what the speed seems to change by at once near a moment, beyond the noise: a blow between two frames bends no curve
-/// and so hides from a higher order.
-fn blow(nodes: &[Node], at_frames: f64, order: usize) -> [f64; 3] {
+/// Returns half of the sudden change of speed near a moment, beyond the noise. An impact between two frames bends no
+/// curve, so a higher order does not reveal it.
+fn blow(nodes: &[Pose], at_frames: f64, order: usize) -> [f64; 3] {
     let fits =
         |axis: usize| Polynomial::fit(&samples(nodes, axis), at_frames, order, 0.0).is_none_or(|f| f.excess() <= 1.0);
     if (0..3).all(fits) {
@@ -146,14 +145,14 @@ fn blow(nodes: &[Node], at_frames: f64, order: usize) -> [f64; 3] {
     }
     let middle = nodes.partition_point(|node| node.time_frames < at_frames);
     let mut most = [0.0_f64; 3];
-    for (away, share) in BLOWS {
+    for (away, share) in IMPACT_OFFSETS {
         let Some(split) = middle.checked_add_signed(away).filter(|split| *split < nodes.len()) else { continue };
         let at_frames = nodes[split].time_frames;
         let sides = [&nodes[..=split], &nodes[split..]].map(|side| fit_rates(side, at_frames, order, [0.0; 2]));
         let [Some(before), Some(after)] = sides else { continue };
         let axes = [(before.x, after.x), (before.y, after.y), (before.theta, after.theta)];
         for (most, (before, after)) in most.iter_mut().zip(axes) {
-            let noise = SURELY * before.sigma.hypot(after.sigma);
+            let noise = SIGNIFICANT_SIGMAS * before.sigma.hypot(after.sigma);
             let change = ((after.value - before.value).powi(2) - noise * noise).max(0.0).sqrt();
             *most = most.max(0.5 * share * change);
         }
@@ -161,14 +160,15 @@ fn blow(nodes: &[Node], at_frames: f64, order: usize) -> [f64; 3] {
     most
 }
 
-fn between(nodes: &[Node], from: u64, to: u64) -> &[Node] {
+fn between(nodes: &[Pose], from: u64, to: u64) -> &[Pose] {
     let first = nodes.partition_point(|n| n.frame < from);
     let end = nodes.partition_point(|n| n.frame <= to);
     &nodes[first..end.max(first)]
 }
 
-/// A window of `width` frames about `frame`, moved inwards at the ends of the nodes but never past `frame + ahead`.
-fn window(nodes: &[Node], frame: u64, width: u64, ahead: u64) -> &[Node] {
+/// Returns a window of `width` frames about `frame`, moved inwards at the ends of the nodes but never past `frame +
+/// ahead`.
+fn window(nodes: &[Pose], frame: u64, width: u64, ahead: u64) -> &[Pose] {
     let (Some(first), Some(last)) = (nodes.first(), nodes.last()) else { return nodes };
     let last = last.frame.min(frame + ahead);
     let width = width.max(2);
@@ -177,23 +177,23 @@ fn window(nodes: &[Node], frame: u64, width: u64, ahead: u64) -> &[Node] {
     between(nodes, (to + 1).saturating_sub(width).max(first.frame), to)
 }
 
-/// The rates at the node of `frame`, from nodes no newer than `frame + ahead`.
+/// Estimates the rates at the node of `frame`, from nodes no newer than `frame + ahead`.
 ///
-/// With a window in `params` it is the plain local fit of that window and order, whose sigmas have in them by how much
-/// a higher order tells other rates.
-/// Without, the motion's regime chooses both:
+/// With a window in `params`, it is the plain local fit of that window and order, and the sigmas include the difference
+/// from a higher order. Otherwise the regime selects both:
 ///
-/// - in flight a straight line with known gravity over up to 55 frames of the same flight, after testing that the
+/// - in flight, a straight line with known gravity over up to 55 frames of the same flight, after testing that the
 ///   acceleration there is gravity's (or none);
-/// - in contact order 4 over the window with the smallest noise^2 + bias^2, noise = 3.06 sigma / h^1.5 and bias
-///   = |5th derivative| h^4 / 504 for a window of 2 h + 1 frames, the derivative being estimated from the approach speed
-///   and the strongest acceleration seen;
+/// - in contact, order 4 over the window with the smallest noise^2 + bias^2. For a window of 2 h + 1 frames, noise =
+///   3.06 sigma
+/// h^1.5 and bias = |5th derivative| h^4
+/// 504, with the derivative estimated from the approach speed and the peak acceleration;
 /// - otherwise order 2 over 9 frames.
 ///
-/// Where the force sets in or ends, neither is right: the sigmas of frames near there have in them how far the two are
-/// apart, and those where a body is lost or seen again what its last steps leave open.
-pub fn smooth(known: Known<'_>, frame: u64, regime: Regime, params: &MotionParams) -> Option<PixelRates> {
-    let Known { nodes, gravity, .. } = known;
+/// Where the force sets in or ends, neither fit is right: the sigmas of frames near there include the difference
+/// between the two. The sigmas near a frame in which a body is lost, or detected again, include the unobserved force.
+pub fn smooth(known: KnownMotion<'_>, frame: u64, regime: Regime, params: &MotionParams) -> Option<PixelRates> {
+    let KnownMotion { nodes, gravity, .. } = known;
     let at = nodes[nodes.binary_search_by_key(&frame, |n| n.frame).ok()?];
     let n = u64::from(params.interval_frames.max(1));
     let plain =
@@ -207,7 +207,7 @@ pub fn smooth(known: Known<'_>, frame: u64, regime: Regime, params: &MotionParam
         Regime::Flight { from, to } => {
             let (back, ahead) = (from.max(frame.saturating_sub(FLIGHT_BACK)), to.min(frame + FLIGHT_AHEAD));
             let rates = in_flight(between(nodes, back, ahead), at.time_frames, gravity).or_else(fallback)?;
-            rates.unsure_by(unseen(known, frame, n))
+            rates.widened_by(unseen(known, frame, n))
         }
         Regime::Contact { speed_px, acceleration_px, .. } => {
             let sigma = (at.sigma[0] + at.sigma[1]) / 2.0;
@@ -216,13 +216,13 @@ pub fn smooth(known: Known<'_>, frame: u64, regime: Regime, params: &MotionParam
             let rates = fit_rates(across, at.time_frames, CONTACT_ORDER, [0.0; 2])?;
             let bias_px = contact_bias(half, speed_px, acceleration_px);
             let [_, _, blow] = blow(across, at.time_frames, CONTACT_ORDER);
-            rates.unsure_by([bias_px, bias_px, blow])
+            rates.widened_by([bias_px, bias_px, blow])
         }
     };
     let nodes = between(nodes, 0, frame + AUTO_AHEAD_FRAMES);
     let widened = |rates: PixelRates, edge: &Edge| {
         let apart = edge.apart(nodes, gravity).unwrap_or_default();
-        rates.unsure_by(std::array::from_fn(|k| edge.share * apart[k].hypot(edge.kink_px[k])))
+        rates.widened_by(std::array::from_fn(|k| edge.share * apart[k].hypot(edge.kink_px[k])))
     };
     Some(edges(frame, regime).iter().flatten().fold(rates, widened))
 }
@@ -231,15 +231,15 @@ pub fn smooth(known: Known<'_>, frame: u64, regime: Regime, params: &MotionParam
 struct Edge {
     /// The first frame after it.
     frame: u64,
-    /// First and last frame of the flight beside it.
+    /// First and last frame of the flight next to it.
     flight: (u64, u64),
-    /// How much of what is not known there is left in the frame asked for.
+    /// The share of the difference that remains in the given frame.
     share: f64,
-    /// What that is at least, per frame.
+    /// The minimum of that, per frame.
     kink_px: [f64; 3],
 }
 
-/// The moments before and after a frame that are near.
+/// Returns the moments before and after a frame that are near.
 fn edges(frame: u64, regime: Regime) -> [Option<Edge>; 2] {
     let before = |edge: u64, from: u64| (edge.saturating_sub(FLIGHT_BACK).max(from), edge.saturating_sub(1));
     let after = |edge: u64, to: u64| (edge, to.min(edge.saturating_add(FLIGHT_AHEAD)));
@@ -265,10 +265,10 @@ fn edges(frame: u64, regime: Regime) -> [Option<Edge>; 2] {
 }
 
 impl Edge {
-    /// How far apart the flight and a fit across the moment are there, per frame: x, y and the angle.
+    /// Returns the difference between the flight and a fit across the moment, per frame: x, y and the angle.
     ///
-    /// The one does not know of the force, the other draws it out over its window; the truth lies between them.
-    fn apart(&self, nodes: &[Node], gravity: Option<[f64; 2]>) -> Option<[f64; 3]> {
+    /// The flight omits the force, and the fit spreads it over its window; the truth lies between them.
+    fn apart(&self, nodes: &[Pose], gravity: Option<[f64; 2]>) -> Option<[f64; 3]> {
         let at_frames = nodes[nodes.binary_search_by_key(&self.frame, |n| n.frame).ok()?].time_frames;
         let flight = in_flight(between(nodes, self.flight.0, self.flight.1), at_frames, gravity)?;
         let across = window(nodes, self.frame, 2 * ACROSS_FRAMES + 1, ACROSS_FRAMES);
@@ -278,20 +278,20 @@ impl Edge {
     }
 }
 
-/// How far ahead of a frame [`smooth`] looks, frames.
+/// Returns how far ahead of a frame [`smooth`] looks, frames.
 pub fn lag_frames(params: &MotionParams) -> u64 {
     params.window_frames.map_or(AUTO_AHEAD_FRAMES, |width| u64::from(width / 2).max(AUTO_AHEAD_FRAMES))
 }
 
-/// What a force that acts where the body is not seen may have made of the rates beside there already, per frame.
+/// Returns the possible effect of an unobserved force on the rates next to a gap, per frame.
 ///
-/// A body that is lost as a contact begins has hardly been decelerated before, and the flight does not tell: as much as its
-/// last steps leave open.
-fn unseen(known: Known<'_>, frame: u64, interval: u64) -> [f64; 3] {
+/// A body that is lost as a contact begins has hardly been decelerated before, and the flight does not reveal it. The
+/// bound is what its last steps leave open.
+fn unseen(known: KnownMotion<'_>, frame: u64, interval: u64) -> [f64; 3] {
     let to_frame = known.to_frame.min(frame + AUTO_AHEAD_FRAMES);
     let nodes = between(known.nodes, 0, to_frame);
     let Ok(own) = nodes.binary_search_by_key(&frame, |node| node.frame) else { return [0.0; 3] };
-    let is_gap = |pair: &[Node]| pair[1].frame > pair[0].frame + 1;
+    let is_gap = |pair: &[Pose]| pair[1].frame > pair[0].frame + 1;
     let later = nodes[own..].windows(2).take(BRINK_FRAMES).position(is_gap);
     let ends = || nodes.len() - 1 - own < BRINK_FRAMES && nodes.last().is_some_and(|last| last.frame < to_frame);
     let later = later.or_else(|| ends().then(|| nodes.len() - 1 - own));
@@ -301,12 +301,12 @@ fn unseen(known: Known<'_>, frame: u64, interval: u64) -> [f64; 3] {
     std::array::from_fn(|axis| UNSEEN[away] * noise(axis))
 }
 
-/// A line with gravity (or none) where the measured acceleration agrees with it.
-fn in_flight(nodes: &[Node], at_frames: f64, gravity: Option<[f64; 2]>) -> Option<PixelRates> {
+/// Fits a line with gravity (or none) where the measured acceleration agrees with it.
+fn in_flight(nodes: &[Pose], at_frames: f64, gravity: Option<[f64; 2]>) -> Option<PixelRates> {
     let (first, last) = (nodes.first()?, nodes.last()?);
     let middle = 0.5 * (first.time_frames + last.time_frames);
     let free = [0, 1].map(|axis| Polynomial::fit(&samples(nodes, axis), middle, 2, 0.0));
-    if free.iter().flatten().any(|fit| fit.excess() > MOST_EXCESS) {
+    if free.iter().flatten().any(|fit| fit.excess() > MAX_EXCESS) {
         return None;
     }
     let agrees = |known: &[f64; 2]| {
@@ -321,7 +321,7 @@ fn in_flight(nodes: &[Node], at_frames: f64, gravity: Option<[f64; 2]>) -> Optio
     fit_rates(nodes, at_frames, 1, known)
 }
 
-/// Half width of the order-4 window with the smallest noise^2 + bias^2.
+/// Returns the half width of the order-4 window with the smallest noise^2 + bias^2.
 fn contact_half_width(sigma: f64, speed_px: f64, acceleration_px: f64) -> u64 {
     let cost = |half: u64| {
         9.375 * sigma * sigma / (half as f64).powi(3) + contact_bias(half, speed_px, acceleration_px).powi(2)
@@ -329,7 +329,7 @@ fn contact_half_width(sigma: f64, speed_px: f64, acceleration_px: f64) -> u64 {
     (4..=12).min_by(|a, b| cost(*a).total_cmp(&cost(*b))).unwrap_or(6)
 }
 
-/// What the order-4 window leaves out inside a contact, px/frame.
+/// Returns the truncation error of the order-4 window inside a contact, px/frame.
 fn contact_bias(half: u64, speed_px: f64, acceleration_px: f64) -> f64 {
     let omega = (acceleration_px / speed_px.max(1e-9)).clamp(0.0, 1.0);
     let fifth = SHARPNESS * speed_px * omega.powi(4) * std::f64::consts::FRAC_1_SQRT_2;

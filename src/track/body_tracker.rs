@@ -5,8 +5,9 @@ use super::tracker::TrackerRows;
 use crate::impact::{Contact, Detector, DilatationRates, Event, OutOfPlane, SurfaceNode, World, deepest_so_far, solve};
 use crate::measure::body_circle;
 use crate::motion::{
-    Anchor, Axes, Center, Chain, Drift, Form, Growth, Here, Known, MotionParams, Node, PixelRates, Regime, Rolling,
-    RunningRadius, RunningShare, Scale, Seen, Shortening, View, gravity_px, lag_frames, physical, smooth,
+    Axes, Center, CenterFilter, Form, KnownMotion, LocalDrift, MotionParams, OutlineDrift, PixelRates, Pose,
+    PoseIntegrator, Regime, RollingShutter, RunningBias, RunningRadius, Scale, SizeChange, SpeedBias, View,
+    ViewPosition, gravity_px, lag_frames, physical, smooth,
 };
 use crate::results::{Alarm, AlarmKind, BodyStep, Estimate, Impact, Phase, PointStatus, TrackSample, VelocitySample};
 
@@ -56,18 +57,18 @@ pub struct BodyTracker {
     origin_ns: u64,
     axes: Axes,
     gate: ValidationGate,
-    chain: Chain,
-    anchor: Anchor,
+    chain: PoseIntegrator,
+    anchor: CenterFilter,
     radius: RunningRadius,
-    fixed: RunningShare,
-    growth: Growth,
-    drift: Drift,
-    rolling: Rolling,
+    fixed: RunningBias,
+    growth: SizeChange,
+    drift: OutlineDrift,
+    rolling: RollingShutter,
     /// The offset of a rod from the pose that its steps lead to, px.
     rod_px: Option<[f64; 2]>,
     /// Whether the newest step comes from a match of the whole body.
     is_whole: bool,
-    nodes: Vec<Node>,
+    nodes: Vec<Pose>,
     /// The newest frame, whether the body was detected in it or not.
     newest_frame: u64,
     first_sigma_deg: Option<f64>,
@@ -80,19 +81,19 @@ pub struct BodyTracker {
 
 impl BodyTracker {
     pub fn new(body: u32, params: &MotionParams, detector: Option<Detector>) -> Self {
-        let rolling = Rolling::new(params.shutter, params.form);
+        let rolling = RollingShutter::new(params.shutter, params.form);
         Self {
             body,
             params: params.clone(),
             origin_ns: 0,
             axes: Axes::new(params.surface_angle_deg),
             gate: ValidationGate::default(),
-            chain: Chain::new(params.walk),
-            anchor: Anchor::new(),
+            chain: PoseIntegrator::new(params.walk),
+            anchor: CenterFilter::new(),
             radius: RunningRadius::new(),
-            fixed: RunningShare::default(),
-            growth: Growth::default(),
-            drift: Drift::new(rolling.rolls()),
+            fixed: RunningBias::default(),
+            growth: SizeChange::default(),
+            drift: OutlineDrift::new(rolling.rolls()),
             rolling,
             rod_px: None,
             is_whole: false,
@@ -203,7 +204,7 @@ impl BodyTracker {
         }
     }
 
-    fn retain_node(&mut self, node: Node) {
+    fn retain_node(&mut self, node: Pose) {
         self.nodes.push(node);
         let reach = u64::from(self.params.window_frames.unwrap_or(0)) + 2 * lag_frames(&self.params) + SPARE_NODES;
         let old = self.nodes.partition_point(|n| n.frame + reach < node.frame);
@@ -275,10 +276,10 @@ impl BodyTracker {
     }
 
     /// Returns the fraction by which measured motions may be too short.
-    fn shortening(&self) -> Shortening {
+    fn shortening(&self) -> SpeedBias {
         let radius_px = self.radius.radius_px().filter(|_| self.params.form != Form::Rod);
-        Shortening {
-            share: self.fixed.told(),
+        SpeedBias {
+            share: self.fixed.significant(),
             spans: self.params.spans,
             is_whole: self.is_whole,
             radius_px: radius_px.map_or(0.0, |radius| radius.value),
@@ -350,7 +351,7 @@ impl BodyTracker {
                 .map(|impact| approach.correct(impact, trail, &world)),
             None => solve(trail, &pending_impact.contact, newest, &world),
         };
-        let measured = measured.map(|impact| self.rolling.told(impact, world.period_s));
+        let measured = measured.map(|impact| self.rolling.widen_times(impact, world.period_s));
         let sigma = measured.and_then(|i| i.restitution).map_or(f64::INFINITY, |e| e.sigma);
         // A revision replaces an earlier one if it is more certain. The final one always does.
         if let Some(impact) = measured.filter(|_| sigma <= pending_impact.sigma || revision == Revision::Final) {
@@ -372,24 +373,30 @@ impl BodyTracker {
     }
 
     /// Corrects the velocity of the centre for motion out of the plane.
-    fn in_plane(&self, rates: PixelRates, regime: Regime, node: &Node, here: &Here) -> PixelRates {
-        let rates = Drift::taken(rates, here);
+    fn in_plane(&self, rates: PixelRates, regime: Regime, node: &Pose, here: &LocalDrift) -> PixelRates {
+        let rates = OutlineDrift::apply_to_rates(rates, here);
         let View { middle_px: [x, y], sigma_px } = self.params.view;
         let Some(origin_px) = self.origin_px() else { return rates };
         let place_px = [origin_px[0] + node.pose[0] - x, origin_px[1] + node.pose[1] - y];
-        self.growth.across(rates, regime, Seen { frame: node.frame, time_frames: node.time_frames, place_px, sigma_px })
+        self.growth.across(
+            rates,
+            regime,
+            ViewPosition { frame: node.frame, time_frames: node.time_frames, place_px, sigma_px },
+        )
     }
 
     /// Returns the centre predicted by the pose.
-    fn predicted_center(&self, node: &Node, here: &Here) -> Option<Center> {
-        let astray = self.drift.astray(node, here);
-        self.anchor.center(node).map(|center| Center { sigma_px: center.sigma_px.hypot(astray), ..center })
+    fn predicted_center(&self, node: &Pose, here: &LocalDrift) -> Option<Center> {
+        let center_uncertainty_px = self.drift.center_uncertainty_px(node, here);
+        self.anchor
+            .center(node)
+            .map(|center| Center { sigma_px: center.sigma_px.hypot(center_uncertainty_px), ..center })
     }
 
     /// Adds the systematic uncertainty of measured motions.
     fn with_systematic(&self, rates: PixelRates) -> PixelRates {
         let (shortening, motion) = (self.shortening(), [rates.x.value, rates.y.value, rates.theta.value]);
-        rates.short_by(shortening.of(motion)).short_by(shortening.interpolated(motion))
+        rates.biased_by(shortening.of(motion)).biased_by(shortening.interpolated(motion))
     }
 
     /// Returns the rows of a frame whose step was pushed, from everything pushed so far.
@@ -406,15 +413,15 @@ impl BodyTracker {
         });
         let outline = outline.map(|c| Center { x_px: c.x_px, y_px: c.y_px, sigma_px: c.sigma_center_px });
         let here = node.map(|node| (node, self.drift.here(&node, regime)));
-        let by_pose = |(node, here): (Node, Here)| {
+        let by_pose = |(node, here): (Pose, LocalDrift)| {
             let center = self.drift.center(&node, &here).or_else(|| self.predicted_center(&node, &here))?;
-            Some(self.drift.beside(&node, center))
+            Some(self.drift.widened(&node, center))
         };
         let center = here.and_then(by_pose).and_then(|center| self.params.recorded(center)).or(outline);
         let angle = here.filter(|(n, _)| n.bridged[2].is_finite());
-        let sigma_angle = |(n, here): (Node, Here)| {
+        let sigma_angle = |(n, here): (Pose, LocalDrift)| {
             let noise = (n.sigma[2].powi(2) + self.first_sigma_deg.unwrap_or(0.0).powi(2) + n.bridged[2]).sqrt();
-            noise.hypot(self.drift.twisted(&n, &here))
+            noise.hypot(self.drift.angle_uncertainty_deg(&n, &here))
         };
         let track = TrackSample {
             frame: step.frame,
@@ -431,9 +438,9 @@ impl BodyTracker {
             status: step.status,
         };
         let rates = here.and_then(|(n, here)| {
-            let known = Known { nodes: &self.nodes, to_frame: self.newest_frame, gravity: self.gravity() };
+            let known = KnownMotion { nodes: &self.nodes, to_frame: self.newest_frame, gravity: self.gravity() };
             let rates = smooth(known, n.frame, regime, &self.params)?;
-            Some(self.rolling.unsure(self.in_plane(rates, regime, &n, &here)))
+            Some(self.rolling.widen_rates(self.in_plane(rates, regime, &n, &here)))
         });
         let scale = self.radius.metres_per_px(self.params.scale);
         let center_sigma_px = center.map_or(0.0, |center| center.sigma_px);
@@ -447,7 +454,7 @@ impl BodyTracker {
             step: step
                 .step
                 .filter(|_| !is_missing)
-                .map(|moved| here.map_or(moved, |(_, here)| Drift::stepped(moved, step.drift, &here)))
+                .map(|moved| here.map_or(moved, |(_, here)| OutlineDrift::apply_to_step(moved, step.drift, &here)))
                 .map(|moved| moved.about(center_sigma_px)),
             velocity: rates.zip(scale).map(|(rates, scale)| {
                 physical(&self.with_systematic(rates.about(center_sigma_px)), scale, &self.params)

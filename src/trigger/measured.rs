@@ -1,7 +1,7 @@
 //! Triggers on measured motion: a body enters, is fast, is near the surface, or is about to touch it.
 
 use super::flight::{Fit, Flight, center_px};
-use crate::motion::{Axes, MotionParams, Rolling, Scale, gravity_px};
+use crate::motion::{Axes, MotionParams, RollingShutter, Scale, gravity_px};
 use crate::results::BodyStep;
 
 /// The number of consecutive frames without a body after which it is gone and may appear as a new one.
@@ -98,7 +98,7 @@ pub struct MeasuredTrigger {
 struct Body {
     watch: BodyWatch,
     flight: Flight,
-    rolling: Rolling,
+    rolling: RollingShutter,
     absent_frames: u32,
     /// Whether it is inside the region, once that is confirmed.
     inside: Option<bool>,
@@ -122,7 +122,7 @@ impl MeasuredTrigger {
         let is_ready = !matches!(condition, Condition::Gap { .. });
         let body = |watch: BodyWatch| Body {
             flight: Flight::new(max_frames, watch.end_px),
-            rolling: Rolling::new(watch.motion.shutter, watch.motion.form),
+            rolling: RollingShutter::new(watch.motion.shutter, watch.motion.form),
             watch,
             absent_frames: 0,
             inside: None,

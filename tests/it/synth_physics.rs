@@ -2,7 +2,7 @@
 //!
 //! Independent integration in SI units (Runge-Kutta, 400 steps per frame) that shares nothing with the measured code.
 
-use ricochet::motion::{Form, MotionParams, Scale, Shutter, Spans, View, Walk};
+use ricochet::motion::{Form, Intervals, MotionParams, RandomWalk, Scale, Shutter, View};
 use ricochet::results::{BodyStep, Circle, Estimate, PointStatus, RigidStep};
 
 /// The uncertainty of the motion of a ball's centre relative to its front, px per rad of uncertainty of its rotation,
@@ -317,8 +317,8 @@ impl Experiment {
             mass_kg: Some(self.mass_kg),
             form: Form::Ball,
             interval_frames: 1,
-            walk: Walk::default(),
-            spans: Spans::default(),
+            walk: RandomWalk::default(),
+            spans: Intervals::default(),
             exposure_ns: 0.0,
             shutter: Shutter::default(),
             frame_period_ns: 1e9 / self.frame_rate_hz,

@@ -1,35 +1,35 @@
-//! What a lens does to a picture, and how it is undone.
+//! Lens distortion and its inverse.
 
-/// Steps of Newton's method; from a point of the picture a few suffice.
+/// The maximum number of Newton steps; a few suffice from a point of the image.
 const STEPS: usize = 30;
 
-/// Undistorted coordinates are found to this, focal lengths.
+/// The tolerance of undistorted coordinates, focal lengths.
 const TOLERANCE: f64 = 1e-13;
 
-/// How rays bend, as coefficients of the usual models (OpenCV's names, orders and signs).
+/// A distortion model with the coefficients of OpenCV (names, order and signs).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Distortion {
     /// Radial and tangential (D. C. Brown, Photogramm. Eng. 37 (1971) 855), with or without a denominator: k1, k2, p1, p2,
     /// k3, k4, k5, k6.
     Brown([f64; 8]),
-    /// Equidistant, of wide angles: k1 to k4 of the angle's odd powers (J. Kannala, S. S. Brandt, IEEE Trans. Pattern
+    /// Equidistant, for wide angles: k1 to k4 of the angle's odd powers (J. Kannala, S. S. Brandt, IEEE Trans. Pattern
     /// Anal. 28 (2006) 1335, <https://doi.org/10.1109/TPAMI.2006.153>).
     Equidistant([f64; 4]),
 }
 
-/// A pinhole with a lens before it.
+/// A pinhole camera with lens distortion.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Lens {
     /// Focal lengths along x and y, px.
     pub focal_px: [f64; 2],
-    /// Where the axis meets the picture, px.
+    /// The principal point, px.
     pub center_px: [f64; 2],
-    /// How rays bend.
+    /// The distortion model.
     pub distortion: Distortion,
 }
 
 impl Distortion {
-    /// Where a ray (x/z, y/z) that would meet the picture here meets it.
+    /// Distorts a ray (x/z, y/z).
     fn bend(&self, [x, y]: [f64; 2]) -> [f64; 2] {
         let square = x * x + y * y;
         match self {
@@ -57,7 +57,7 @@ impl Distortion {
 }
 
 impl Lens {
-    /// Where a pixel would lie without distortion, as a ray (x/z, y/z); `None` where the model has no such ray.
+    /// Returns the undistorted ray (x/z, y/z) of a pixel; `None` where the model has no such ray.
     pub fn ray(&self, [x_px, y_px]: [f64; 2]) -> Option<[f64; 2]> {
         let seen = [(x_px - self.center_px[0]) / self.focal_px[0], (y_px - self.center_px[1]) / self.focal_px[1]];
         let mut ray = seen;
@@ -78,14 +78,14 @@ impl Lens {
         None
     }
 
-    /// Where a ray meets the picture, px.
+    /// Returns the pixel of a ray, px.
     pub fn pixel(&self, ray: [f64; 2]) -> [f64; 2] {
         let [x, y] = self.distortion.bend(ray);
         [self.center_px[0] + self.focal_px[0] * x, self.center_px[1] + self.focal_px[1] * y]
     }
 }
 
-/// The derivative of a map of the plane, by central differences: rows are the outputs.
+/// Returns the Jacobian of a map of the plane, by central differences; rows are the outputs.
 pub(in crate::motion) fn derivative(map: impl Fn([f64; 2]) -> [f64; 2], [x, y]: [f64; 2], h: f64) -> [[f64; 2]; 2] {
     let (right, left, down, up) = (map([x + h, y]), map([x - h, y]), map([x, y + h]), map([x, y - h]));
     std::array::from_fn(|k| [(right[k] - left[k]) / (2.0 * h), (down[k] - up[k]) / (2.0 * h)])

@@ -1,33 +1,33 @@
-//! From the recorded picture to a plane without lens and perspective.
+//! The map from the recorded image to a plane without lens distortion and perspective.
 //!
-//! Bodies are found and followed in the picture as it was recorded. What is known of them then moves to a picture as a
-//! camera without distortion, square before the plane of motion, would have taken it: at the middle it lies on the
-//! recorded one, with the same scale and direction, and everywhere its pixels are equally large.
+//! Bodies are detected and followed in the recorded image. Their results are then mapped to the image of an ideal
+//! camera that faces the plane of motion. At its centre that image coincides with the recorded one in position, scale
+//! and direction, and all its pixels are equally large.
 
 use super::lens::{Distortion, Lens, derivative};
 use crate::results::{BodyStep, Circle, Estimate, RigidStep};
 
-/// How far apart derivatives are taken, px.
+/// The step of numerical derivatives, px.
 const NEAR_PX: f64 = 1e-3;
 
-/// Places along each side at which a calibration is tried.
-const TRIED: usize = 24;
+/// Positions along each side at which a calibration is checked.
+const CHECKED_POSITIONS: usize = 24;
 
-/// Points of a circle that stand for it.
-const AROUND: usize = 12;
+/// The number of points that represent a circle.
+const CIRCLE_POINTS: usize = 12;
 
-/// A circle fitted to an outline that is not round is off by about so many times as much as that is off a circle, rms.
-const UNROUND: f64 = 1.5;
+/// The error of a circle fitted to an outline that is not round, in units of the outline's rms deviation from a circle.
+const UNROUND_ERROR: f64 = 1.5;
 
-/// Rounds in which the recorded place of a rectified one is found.
+/// The maximum number of iterations of the inverse map.
 const ROUNDS: usize = 20;
 
-/// A camera's calibration: its lens, the plane that bodies move in, or both.
+/// A camera's calibration: its lens, the plane of motion, or both.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Calibration {
-    /// Width and height of the calibrated picture, px.
+    /// Width and height of the calibrated image, px.
     pub image_px: [u32; 2],
-    /// Where the recorded picture begins in it, px.
+    /// The position of the recorded image in the calibrated one, px.
     pub offset_px: [u32; 2],
     /// The lens.
     pub lens: Option<Lens>,
@@ -35,39 +35,39 @@ pub struct Calibration {
     pub homography: Option<[[f64; 3]; 3]>,
 }
 
-/// Why a calibration cannot be used.
+/// The reason why a calibration cannot be used.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 pub enum RectifierError {
-    /// Neither a lens nor a plane.
+    /// It has neither a lens nor a plane.
     #[error("holds neither a lens nor a plane")]
     Empty,
-    /// The map folds or ends within the picture.
+    /// The map folds or ends within the image.
     #[error("does not hold at pixel ({x_px}, {y_px}) of its own picture")]
     Folds {
-        /// Where, px.
+        /// Position x, px.
         x_px: f64,
-        /// Where, px.
+        /// Position y, px.
         y_px: f64,
     },
 }
 
-/// Moves steps and places from the recorded picture to the rectified one, and back.
+/// The map of steps and positions between the recorded and the rectified image.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Rectifier {
     calibration: Calibration,
-    /// The middle of the calibrated picture in the recorded one, and in the plane.
+    /// The centre of the calibrated image, in the recorded image and in the plane.
     middle: [[f64; 2]; 2],
-    /// From the plane to rectified pixels, about the middle.
+    /// From the plane to rectified pixels, relative to the centre.
     turn: [[f64; 2]; 2],
     mm_per_px: Option<f64>,
 }
 
 impl Rectifier {
-    /// Makes a calibration ready.
+    /// Prepares a calibration.
     ///
     /// # Errors
     ///
-    /// [`RectifierError`] when it is empty, or is no one-to-one map of its own picture.
+    /// [`RectifierError`] when it is empty, or not a one-to-one map of its own image.
     pub fn new(calibration: Calibration) -> Result<Self, RectifierError> {
         if calibration.lens.is_none() && calibration.homography.is_none() {
             return Err(RectifierError::Empty);
@@ -86,9 +86,12 @@ impl Rectifier {
         }
         (rectifier.middle[1], rectifier.turn) = (middle, upright(&slope, size));
         rectifier.mm_per_px = calibration.homography.map(|_| size);
-        for k in 0..TRIED * TRIED {
-            let share = |k: usize| k as f64 / (TRIED - 1) as f64;
-            let at = [share(k % TRIED) * (width - 1.0) - left, share(k / TRIED) * (height - 1.0) - top];
+        for k in 0..CHECKED_POSITIONS * CHECKED_POSITIONS {
+            let share = |k: usize| k as f64 / (CHECKED_POSITIONS - 1) as f64;
+            let at = [
+                share(k % CHECKED_POSITIONS) * (width - 1.0) - left,
+                share(k / CHECKED_POSITIONS) * (height - 1.0) - top,
+            ];
             let sound = rectifier.jacobian(at).is_some_and(|j| determinant(&j) > 0.01 && determinant(&j) < 100.0);
             if !sound {
                 return Err(folds(at));
@@ -97,17 +100,17 @@ impl Rectifier {
         Ok(rectifier)
     }
 
-    /// What it was made of.
+    /// Returns the calibration.
     pub fn calibration(&self) -> &Calibration {
         &self.calibration
     }
 
-    /// How many millimetres a rectified pixel is; `None` when only the lens is known.
+    /// Returns the scale of the rectified image, mm/px; `None` when only the lens is known.
     pub fn mm_per_px(&self) -> Option<f64> {
         self.mm_per_px
     }
 
-    /// Where the camera looks straight ahead, as a rectified place.
+    /// Returns the principal point in the rectified image.
     pub fn middle_px(&self) -> [f64; 2] {
         let offset = self.calibration.offset_px.map(f64::from);
         let ahead = self.calibration.lens.and_then(|lens| {
@@ -117,14 +120,14 @@ impl Rectifier {
         ahead.unwrap_or(self.middle[0])
     }
 
-    /// The rectified place of a pixel.
+    /// Returns the rectified position of a pixel.
     pub fn place(&self, at_px: [f64; 2]) -> Option<[f64; 2]> {
         let [x, y] = self.plane(at_px)?;
         let offset = times(&self.turn, [x - self.middle[1][0], y - self.middle[1][1]]);
         Some([self.middle[0][0] + offset[0], self.middle[0][1] + offset[1]])
     }
 
-    /// The pixel of a rectified place.
+    /// Returns the pixel of a rectified position.
     pub fn pixel(&self, place: [f64; 2]) -> Option<[f64; 2]> {
         self.pixel_near(place, place)
     }
@@ -141,9 +144,9 @@ impl Rectifier {
         None
     }
 
-    /// What was measured from one frame to a later one, in rectified pixels; `None` beyond the calibration.
+    /// Converts a step to rectified pixels; `None` beyond the calibration.
     ///
-    /// `outlined` says that its circle was fitted to an outline.
+    /// `outlined` states that its circle was fitted to an outline.
     pub fn step(&self, step: &BodyStep, outlined: bool) -> Option<BodyStep> {
         let seen = step.circle.map(|c| [c.x_px, c.y_px]).or(step.rod.map(|rod| [rod.x_px.value, rod.y_px.value]));
         let Some(seen) = seen else { return Some(*step) };
@@ -176,32 +179,32 @@ impl Rectifier {
             let larger = (stretch(&self.jacobian(end)?).1 / mean).ln() / frames;
             Some(Estimate { value: grown.value + larger, ..grown })
         });
-        // What a lens bends looks like a front that turns: its outlines alone tell that.
+        // Lens distortion looks like a rotation out of the plane; only outlines separate the two.
         Some(BodyStep { circle, rod, growth_fraction, drift: None, step: motion, ..*step })
     }
 
-    /// The pixel that shows the centre of a ball whose outline is fitted best by a circle, and how unsure that leaves
-    /// it, in radii.
+    /// Returns the pixel of the centre of the ball whose outline is best fitted by a circle, and its uncertainty in
+    /// radii.
     ///
-    /// A lens does not leave the middle of a circle in its middle, nor a ball's outline round: which part of an outline
-    /// a circle follows that is not, its own scatter does not tell.
+    /// A lens preserves neither the centre of a circle nor the roundness of a ball's outline. The part of the outline
+    /// that a circle follows is unknown, and the scatter of the fit does not reveal it.
     fn center(&self, seen: [f64; 2], radius_px: f64) -> Option<([f64; 2], f64)> {
         let Some(lens) = self.calibration.lens.filter(|_| radius_px > 0.0) else { return Some((seen, 0.0)) };
         let offset = self.calibration.offset_px.map(f64::from);
-        let mut rays = [[0.0; 2]; AROUND];
+        let mut rays = [[0.0; 2]; CIRCLE_POINTS];
         for (ray, [x, y]) in rays.iter_mut().zip(around(seen, radius_px)) {
             *ray = lens.ray([x + offset[0], y + offset[1]])?;
         }
-        let mean = |of: &dyn Fn(&[f64; 2]) -> f64| rays.iter().map(of).sum::<f64>() / AROUND as f64;
+        let mean = |of: &dyn Fn(&[f64; 2]) -> f64| rays.iter().map(of).sum::<f64>() / CIRCLE_POINTS as f64;
         let middle = [mean(&|ray| ray[0]), mean(&|ray| ray[1])];
         let far = |ray: &[f64; 2]| (ray[0] - middle[0]).hypot(ray[1] - middle[1]);
         let radius = mean(&far);
         let uneven = mean(&|ray| (far(ray) / radius - 1.0).powi(2)).sqrt();
         let [x, y] = lens.pixel(middle);
-        Some(([x - offset[0], y - offset[1]], UNROUND * uneven))
+        Some(([x - offset[0], y - offset[1]], UNROUND_ERROR * uneven))
     }
 
-    /// The rigid motion in the plane that shows in the recorded picture as the one measured over a disc about `seen`.
+    /// Finds the rigid motion in the plane whose recorded image matches the one measured over a disc about `seen`.
     fn motion(
         &self,
         step: &RigidStep,
@@ -213,7 +216,7 @@ impl Rectifier {
         let from = self.place(center)?;
         let end = moved(measured, seen, center);
         let to = self.place(end)?;
-        // A turn in a plane that is seen aslant looks a little larger than it is.
+        // A rotation in a plane that is seen obliquely appears slightly larger than it is.
         let (least, mean) = stretch(jacobian);
         let ratio = (mean / least).powi(2);
         let (sin, cos) = measured[2].sin_cos();
@@ -221,7 +224,7 @@ impl Rectifier {
         let angle = plain + (rotation(&self.jacobian(end)?) - rotation(jacobian));
         let mut motion = [to[0] - from[0], to[1] - from[1], angle];
         if radius_px > 0.0 {
-            // The picture bends within the body, and what was measured is the mean over it.
+            // The image is curved within the body, and the measurement is the mean over it.
             let shown = self.shown(motion, from, (seen, radius_px), measured)?;
             let wrong: [f64; 3] = std::array::from_fn(|k| measured[k] - shown[k]);
             let [x, y] = times(jacobian, [wrong[0], wrong[1]]);
@@ -238,7 +241,7 @@ impl Rectifier {
         })
     }
 
-    /// The motion of the pixel `seen` that fits best what the recorded picture shows around it of a motion in the plane.
+    /// Returns the best-fit rigid motion of the pixel `seen` in the recorded image for a motion in the plane.
     fn shown(
         &self,
         [dx, dy, angle]: [f64; 3],
@@ -246,14 +249,14 @@ impl Rectifier {
         (seen, radius_px): ([f64; 2], f64),
         near: [f64; 3],
     ) -> Option<[f64; 3]> {
-        // The mean of a quadratic over a disc is that over a circle of this radius.
+        // The mean of a quadratic over a disc equals that over a circle of this radius.
         let ring = around(seen, radius_px * std::f64::consts::FRAC_1_SQRT_2);
-        let mut ends = [[0.0; 2]; AROUND];
+        let mut ends = [[0.0; 2]; CIRCLE_POINTS];
         for (end, at) in ends.iter_mut().zip(ring) {
             let target = moved([dx, dy, angle], from, self.place(at)?);
             *end = self.pixel_near(target, moved(near, seen, at))?;
         }
-        let middle = [0, 1].map(|k| ends.iter().map(|end| end[k]).sum::<f64>() / AROUND as f64);
+        let middle = [0, 1].map(|k| ends.iter().map(|end| end[k]).sum::<f64>() / CIRCLE_POINTS as f64);
         let (mut along, mut across) = (0.0, 0.0);
         for (end, at) in ends.iter().zip(ring) {
             let (a, b) = ([at[0] - seen[0], at[1] - seen[1]], [end[0] - middle[0], end[1] - middle[1]]);
@@ -263,12 +266,12 @@ impl Rectifier {
         Some([middle[0] - seen[0], middle[1] - seen[1], across.atan2(along)])
     }
 
-    /// The place of a pixel in the plane, mm; without a plane on the picture plane, undistorted, px.
+    /// Returns the position of a pixel in the plane, mm; without a plane, in the undistorted image, px.
     fn plane(&self, [x_px, y_px]: [f64; 2]) -> Option<[f64; 2]> {
         let Calibration { offset_px, lens, homography, .. } = &self.calibration;
         let full = [x_px + f64::from(offset_px[0]), y_px + f64::from(offset_px[1])];
         let Some(h) = homography else {
-            // Pixels as high as they are wide.
+            // Square pixels.
             let lens = lens.as_ref()?;
             let focal_px = (lens.focal_px[0] * lens.focal_px[1]).sqrt();
             return lens.ray(full).map(|ray| ray.map(|x| focal_px * x));
@@ -292,15 +295,15 @@ impl Rectifier {
     }
 }
 
-/// Points on a circle, evenly spaced.
-fn around([x, y]: [f64; 2], radius_px: f64) -> [[f64; 2]; AROUND] {
+/// Returns evenly spaced points on a circle.
+fn around([x, y]: [f64; 2], radius_px: f64) -> [[f64; 2]; CIRCLE_POINTS] {
     std::array::from_fn(|k| {
-        let (sin, cos) = (std::f64::consts::TAU * k as f64 / AROUND as f64).sin_cos();
+        let (sin, cos) = (std::f64::consts::TAU * k as f64 / CIRCLE_POINTS as f64).sin_cos();
         [x + radius_px * cos, y + radius_px * sin]
     })
 }
 
-/// Where a rigid motion of the point `about` (shift, and counter-clockwise turn in rad) takes another.
+/// Moves a point by a rigid motion about `about`: shift, and counter-clockwise rotation in rad.
 fn moved([dx, dy, angle]: [f64; 3], about: [f64; 2], [x, y]: [f64; 2]) -> [f64; 2] {
     let (sin, cos) = angle.sin_cos();
     let (u, v) = (x - about[0], y - about[1]);
@@ -320,7 +323,7 @@ fn solve(matrix: &[[f64; 2]; 2], right: [f64; 2]) -> [f64; 2] {
     [(d * right[0] - b * right[1]) / det, (a * right[1] - c * right[0]) / det]
 }
 
-/// By how much a map stretches least, and in the mean.
+/// Returns the minimum and the mean stretch of a linear map.
 pub(in crate::motion) fn stretch(matrix: &[[f64; 2]; 2]) -> (f64, f64) {
     let squares: f64 = matrix.iter().flatten().map(|x| x * x).sum();
     let det = determinant(matrix).abs();
@@ -328,15 +331,15 @@ pub(in crate::motion) fn stretch(matrix: &[[f64; 2]; 2]) -> (f64, f64) {
     ((0.5 * squares - root).max(0.0).sqrt(), det.sqrt())
 }
 
-/// The rotation in a map that keeps the sides, rad, counter-clockwise on the screen.
+/// Returns the rotation of a linear map that preserves handedness, rad, counter-clockwise on the screen.
 fn rotation([[a, b], [c, d]]: &[[f64; 2]; 2]) -> f64 {
     (b - c).atan2(a + d)
 }
 
-/// What undoes the rotation, or reflection, of a map and its size.
+/// Returns the inverse of a linear map's rotation, or reflection, and of its size.
 fn upright(matrix: &[[f64; 2]; 2], size: f64) -> [[f64; 2]; 2] {
     let [[a, b], [c, d]] = *matrix;
-    // The nearest rotation, or the nearest reflection where the plane's axes are the other way round.
+    // The nearest rotation, or the nearest reflection where the plane's axes have the other handedness.
     let sign = determinant(matrix).signum();
     let (cos, sin) = (a + sign * d, c - sign * b);
     let length = cos.hypot(sin);
@@ -355,7 +358,7 @@ mod tests {
         distortion: Distortion::Brown([-0.25, 0.08, 0.0004, -0.0003, 0.0, 0.0, 0.0, 0.0]),
     };
 
-    /// A plane turned by 20 deg about its upright, and by 30 deg about the axis, 0.3 mm a pixel; y upwards.
+    /// A plane rotated by 20 deg about its vertical and by 30 deg about the optical axis, 0.3 mm/px; y upwards.
     fn aslant() -> [[f64; 3]; 3] {
         let (sin, cos) = 30.0_f64.to_radians().sin_cos();
         let (lean, size) = (2e-4, 0.3);
@@ -400,8 +403,7 @@ mod tests {
         assert!((mm * apart(place(a), place(b)) - apart(plane(a), plane(b))).abs() < 1e-9);
     }
 
-    /// The rigid motion that fits best what the recorded picture shows of every pixel of a disc of 50 px radius, and by
-    /// which share the disc grows.
+    /// The best-fit rigid motion in the recorded image of a disc of 50 px radius, and its dilatation.
     fn recorded(rectifier: &Rectifier, seen: [f64; 2], (dx, dy, turn_deg): (f64, f64, f64)) -> (RigidStep, f64) {
         let from = rectifier.place(rectifier.center(seen, 50.0).unwrap().0).unwrap();
         let mut pairs = Vec::new();
@@ -463,8 +465,8 @@ mod tests {
                         step: Some(step),
                         status: PointStatus::Valid,
                     };
-                    let told = rectifier.step(&seen, true).unwrap();
-                    let (step, left) = (told.step.unwrap(), told.growth_fraction.unwrap().value);
+                    let measured = rectifier.step(&seen, true).unwrap();
+                    let (step, left) = (measured.step.unwrap(), measured.growth_fraction.unwrap().value);
                     let most = 0.03 * grown.abs() + 1e-5 * (1.0 + truth.2.abs());
                     assert!(left.abs() < most, "{center:?} {truth:?}: {left} of {grown}");
                     let wrong = [step.dx_px - truth.0, step.dy_px - truth.1, step.dtheta_deg - truth.2];

@@ -1,13 +1,13 @@
-//! A rod without lens and perspective: its middle line, and the edges of its tapes on it.
+//! A rod without lens distortion and perspective: its centre line, and the edges of its tapes on it.
 
 use super::rectifier::{Rectifier, determinant, stretch, times};
 use crate::results::{Estimate, Rod, RodEdge};
 
 impl Rectifier {
-    /// A rod in rectified pixels; `None` beyond the calibration.
+    /// Returns a rod in rectified pixels; `None` beyond the calibration.
     ///
-    /// Its middle line is taken as straight over its length in the recorded picture. Sigmas are those of a map that is
-    /// even about the rod.
+    /// Its centre line is taken as straight over its length in the recorded image. The sigmas assume a map that is
+    /// uniform about the rod.
     pub(in crate::motion) fn rod(&self, rod: &Rod) -> Option<Rod> {
         let (sin, cos) = rod.tilt_deg.value.to_radians().sin_cos();
         let seen = [rod.x_px.value, rod.y_px.value];
@@ -20,7 +20,7 @@ impl Rectifier {
         let [down_x, down_y] = jacobian[1];
         let place = |at: Estimate| {
             let [_, y] = self.place([seen[0] + (at.value - seen[1]) * sin / cos, at.value])?;
-            // The middle line is off to the side by its own sigma.
+            // The centre line is displaced sideways by its own sigma.
             Some(Estimate { value: y, sigma: (down_x * rod.x_px.sigma).hypot(down_y * at.sigma) })
         };
         let mut edges = rod.edges;
@@ -50,7 +50,7 @@ mod tests {
     use crate::motion::{Calibration, Distortion, Lens};
     use crate::results::PointStatus;
 
-    /// A plane that leans back by a third over the picture and is turned by 20 deg, seen through a lens.
+    /// A plane tilted back by a third over the image and rotated by 20 deg, seen through a lens.
     fn rectifier() -> Rectifier {
         let (sin, cos) = 20.0_f64.to_radians().sin_cos();
         let lens = Lens {
@@ -82,15 +82,17 @@ mod tests {
             tilt_deg: sure((below[0] - above[0]).atan2(below[1] - above[1]).to_degrees()),
             edges,
         };
-        let told = rectifier.rod(&rod).unwrap();
+        let measured = rectifier.rod(&rod).unwrap();
         assert!((rod.tilt_deg.value - tilt_deg).abs() > 0.5, "the picture shows another one: {:?}", rod.tilt_deg);
-        assert!((told.tilt_deg.value - tilt_deg).abs() < 0.01, "{:?}", told.tilt_deg);
-        assert!((told.y_px.value - down(20.0)[1]).abs() < 1e-6 && (told.x_px.value - down(20.0)[0]).abs() < 1e-6);
+        assert!((measured.tilt_deg.value - tilt_deg).abs() < 0.01, "{:?}", measured.tilt_deg);
+        assert!(
+            (measured.y_px.value - down(20.0)[1]).abs() < 1e-6 && (measured.x_px.value - down(20.0)[0]).abs() < 1e-6
+        );
         for (k, along) in along.into_iter().enumerate().filter(|(k, _)| *k != 2) {
-            let seen = told.edges[k].and_then(|edge| edge.y_px).unwrap();
+            let seen = measured.edges[k].and_then(|edge| edge.y_px).unwrap();
             assert!((seen.value - down(along)[1]).abs() < 0.02, "{k}: {seen:?}, {:?}", down(along));
             assert!((0.005..0.02).contains(&seen.sigma), "{seen:?}");
         }
-        assert_eq!(told.edges[2], edges[2]);
+        assert_eq!(measured.edges[2], edges[2]);
     }
 }

@@ -1,4 +1,4 @@
-//! What steps say beside a motion, summed from frame to frame.
+//! Cumulative sums of additional quantities of steps.
 
 use std::collections::BTreeMap;
 use std::f64::consts::FRAC_1_SQRT_2;
@@ -7,30 +7,30 @@ use crate::motion::random_walk::subset_walk;
 use crate::numeric::Sample;
 use crate::results::{BodyStep, Estimate};
 
-/// Frames kept: the longest contact that is followed, and the flights beside it.
+/// The number of frames kept: the longest contact that is followed, and the flights around it.
 const KEPT: usize = 4608;
 
-/// Numbers of a body that its steps change, from what they were first, carried from frame to frame.
+/// The sums of N quantities that change with each step, relative to their first value.
 ///
-/// As with poses, the noise of successive steps is that of the frames they share, so that a sum scatters no more after
-/// many steps than after one, but for what each leaves for good. Steps over n frames make n interleaved components.
+/// As with poses, the noise of successive steps is that of the frames they share. A sum therefore scatters no more
+/// after many steps than after one, except for its random walk. Steps over n frames make n interleaved components.
 #[derive(Debug, Clone)]
-pub struct Sums<const N: usize> {
+pub struct CumulativeSums<const N: usize> {
     seen: Vec<[Sample; N]>,
-    /// Sums that steps lead to, by frame.
+    /// CumulativeSums at the ends of steps, by frame.
     arrivals: BTreeMap<u64, [Sample; N]>,
     components: u32,
 }
 
-impl<const N: usize> Default for Sums<N> {
+impl<const N: usize> Default for CumulativeSums<N> {
     fn default() -> Self {
         Self { seen: Vec::new(), arrivals: BTreeMap::new(), components: 0 }
     }
 }
 
-impl<const N: usize> Sums<N> {
-    /// Takes the next step in frame order, the shortest of its frame, at its time in nominal frame periods, and what it says
-    /// that they change by a frame.
+impl<const N: usize> CumulativeSums<N> {
+    /// Takes the next step in frame order, the shortest of its frame: its time in nominal frame periods and the change
+    /// of each quantity per frame.
     pub fn push(&mut self, step: &BodyStep, time_frames: f64, change: Option<[Estimate; N]>) {
         self.arrivals = self.arrivals.split_off(&step.frame);
         let arrived = self.arrivals.remove(&step.frame);
@@ -63,12 +63,12 @@ impl<const N: usize> Sums<N> {
         }
     }
 
-    /// All sums, in order of time.
+    /// Returns all sums in order of time.
     pub fn seen(&self) -> &[[Sample; N]] {
         &self.seen
     }
 
-    /// Those between two times, both included.
+    /// Returns the sums between two times, both included.
     pub fn between(&self, from_frames: f64, to_frames: f64) -> &[[Sample; N]] {
         let first = self.seen.partition_point(|sums| sums[0].time_frames < from_frames);
         let end = self.seen.partition_point(|sums| sums[0].time_frames <= to_frames);

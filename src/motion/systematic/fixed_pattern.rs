@@ -1,37 +1,39 @@
-//! What the sensor's fixed pattern and interpolation may take from speeds or add to them.
+//! Errors of speeds from the sensor's fixed pattern and from interpolation.
 
 use std::f64::consts::PI;
 
-use crate::motion::random_walk::{Renewal, TRUST_IN_LONGER};
+use crate::motion::random_walk::{LONG_STEP_WEIGHT, Renewal};
 
-/// Most intervals at once.
-const MOST_INTERVALS: usize = 4;
-/// Fewest frames whose word is taken.
-const LEAST_SEEN: u32 = 3;
-/// The slope of [`along`] at zero: 2 (8 / 12 + 1 / 24).
-const ALONG_SLOPE: f64 = 17.0 / 12.0;
-/// From here on, px, what is left of it swings about zero, below [`SWINGS`] over the square of the way (seen on rendered
-/// speckles: 0.12 at 1.6 px, -0.04 at 2.2).
+/// The maximum number of intervals.
+const MAX_INTERVALS: usize = 4;
+/// The minimum number of frames of an estimate.
+const MIN_SAMPLES: u32 = 3;
+/// The slope of [`along`] at zero: 2 (8
+/// 12 + 1
+/// 24).
+const BIAS_SLOPE: f64 = 17.0 / 12.0;
+/// The displacement from which the residual oscillates about zero, px; it stays below [`SWINGS`] over the square of the
+/// displacement (measured on rendered speckles: 0.12 at 1.6 px, -0.04 at 2.2).
 const SWINGS_PX: f64 = 1.2;
 const SWINGS: f64 = 0.3;
 
-/// What interpolation leaves in each step that carries all pixels to the same place between others, px: seen on 400 rendered
+/// The interpolation error of a step that moves all pixels to the same sub-pixel position, px. Measured on 400 rendered
 /// rods that fall by 1.44 px in 16 frames.
-const INTERPOLATED_PX: f64 = 5e-5;
-/// Where rotation moves pixels apart by more than this, px, they lie at all places between others.
+const INTERPOLATION_PX: f64 = 5e-5;
+/// The relative displacement by rotation from which pixels lie at all sub-pixel positions, px.
 const MIXED_PX: f64 = 0.5;
 
-/// Running mean of the share by which steps of far less than a pixel come out short.
+/// A running mean of the share by which sub-pixel steps are underestimated.
 #[derive(Debug, Clone, Copy, Default)]
-pub struct RunningShare {
+pub struct RunningBias {
     seen: u32,
     mean: f64,
-    /// Sum of the squares of what they are off by.
+    /// The sum of the squared uncertainties.
     squares: f64,
 }
 
-impl RunningShare {
-    /// Takes what one more frame shows.
+impl RunningBias {
+    /// Takes the share of one more frame.
     pub fn push(&mut self, share: f64) {
         if !share.is_finite() {
             return;
@@ -42,9 +44,9 @@ impl RunningShare {
         self.squares += off * (share - self.mean);
     }
 
-    /// The share, as far as it is larger than chance alone would make it; 0 at first.
-    pub fn told(&self) -> f64 {
-        if self.seen < LEAST_SEEN {
+    /// Returns the significant part of the share; 0 at first.
+    pub fn significant(&self) -> f64 {
+        if self.seen < MIN_SAMPLES {
             return 0.0;
         }
         let seen = f64::from(self.seen);
@@ -52,25 +54,26 @@ impl RunningShare {
     }
 }
 
-/// Over how many frames motion is measured, and how much each of them has to say.
+/// The intervals over which motion is measured, with their weights.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct Spans {
-    /// Frames and weight, of steps over subsets.
-    intervals: [(f64, f64); MOST_INTERVALS],
-    /// Frames over which a reference of the whole body is kept; `None` where it is kept for good.
+pub struct Intervals {
+    /// Interval in frames and weight of each step over subsets.
+    intervals: [(f64, f64); MAX_INTERVALS],
+    /// Frames for which a whole-body reference is kept; `None` where it is never renewed.
     kept_frames: Option<f64>,
 }
 
-impl Spans {
-    /// Of steps over these intervals, the shortest first, and of whole bodies whose references are renewed like this.
+impl Intervals {
+    /// Creates the weights for steps over these intervals, the shortest first, and for whole-body references renewed by
+    /// this rule.
     ///
-    /// With trust g in steps over n times as many frames, poses move on by [(1 - g) a + g n b] / [1 - g + g n] where the
-    /// shorter steps say a and the longer ones b.
+    /// With weight g of steps over n times as many frames, poses move by [(1 - g) a + g n b]
+    /// [1 - g + g n] for shorter steps a and longer steps b.
     pub fn of(intervals_frames: &[u32], renewal: Option<Renewal>) -> Self {
-        let mut intervals = [(0.0, 0.0); MOST_INTERVALS];
+        let mut intervals = [(0.0, 0.0); MAX_INTERVALS];
         let shortest = intervals_frames.first().map_or(1.0, |interval| f64::from((*interval).max(1)));
-        let g = TRUST_IN_LONGER;
-        for (place, interval) in intervals_frames.iter().take(MOST_INTERVALS).enumerate() {
+        let g = LONG_STEP_WEIGHT;
+        for (place, interval) in intervals_frames.iter().take(MAX_INTERVALS).enumerate() {
             let n = f64::from(*interval) / shortest;
             let longer = if place == 0 { 1.0 } else { g * n / (1.0 - g + g * n) };
             intervals[..place].iter_mut().for_each(|(_, weight)| *weight *= 1.0 - longer);
@@ -79,72 +82,74 @@ impl Spans {
         Self { intervals, kept_frames: renewal.map(|renewal| f64::from(renewal.block_frames)) }
     }
 
-    /// How much of the share is left in speeds along x and y, px/frame.
+    /// Returns the part of the share that remains in speeds along x and y, px/frame.
     fn left(&self, [x_px, y_px]: [f64; 2], is_whole: bool) -> f64 {
         let alike = |frames: f64| alike([frames * x_px, frames * y_px]);
         match (is_whole, self.kept_frames) {
             (true, Some(frames)) => alike(frames),
-            // It was drawn elsewhere.
+            // The reference was drawn at another position.
             (true, None) => 0.0,
             (false, _) => self.intervals.iter().map(|(frames, weight)| weight * alike(*frames)).sum(),
         }
     }
 
-    /// What interpolation leaves of steps over subsets, as a share of a speed, px/frame, of a body whose points its rotation
-    /// moves by `turned_px`.
+    /// Returns the interpolation error of steps over subsets as a share of a speed, px/frame, of a body whose rotation
+    /// moves its points by `turned_px`.
     fn interpolated(&self, speed_px: f64, turned_px: f64) -> f64 {
         let steps = self.intervals.iter().filter(|(frames, _)| *frames > 0.0 && frames * turned_px < MIXED_PX);
-        // It is nothing for no motion, and like a sine of the way.
-        steps.map(|(frames, weight)| weight * INTERPOLATED_PX * (2.0 * PI).min(1.0 / (frames * speed_px))).sum()
+        // It vanishes at rest and is periodic in the displacement.
+        steps.map(|(frames, weight)| weight * INTERPOLATION_PX * (2.0 * PI).min(1.0 / (frames * speed_px))).sum()
     }
 }
 
-/// By which share speeds may be off.
+/// The possible relative error of speeds.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct Shortening {
-    /// That of steps of far less than a pixel.
+pub struct SpeedBias {
+    /// The underestimate of sub-pixel steps, as a share.
     pub share: f64,
-    /// Over how many frames speeds were measured.
-    pub spans: Spans,
-    /// Whether they are matches of the whole body with a kept reference.
+    /// The intervals over which speeds were measured.
+    pub spans: Intervals,
+    /// Whether the speeds are whole-body matches with a kept reference.
     pub is_whole: bool,
-    /// Radius of a body that turns, px.
+    /// Radius of a rotating body, px.
     pub radius_px: f64,
 }
 
-impl Shortening {
-    /// By which they may be short at these rates along x and y, px/frame, and of the angle, deg/frame: 0 to `share`.
+impl SpeedBias {
+    /// Returns the possible underestimate at these rates along x and y, px/frame, and of the angle, deg/frame: 0 to
+    /// `share`.
     pub fn of(&self, rates: [f64; 3]) -> f64 {
         let turned_px = self.turned_px(rates);
         let [x_px, y_px, _] = rates;
         self.share * self.spans.left([x_px.hypot(turned_px), y_px.hypot(turned_px)], self.is_whole)
     }
 
-    /// By which interpolation may have them off, either way.
+    /// Returns the symmetric interpolation error at these rates, as a share.
     pub fn interpolated(&self, rates: [f64; 3]) -> f64 {
         if self.is_whole { 0.0 } else { self.spans.interpolated(rates[0].hypot(rates[1]), self.turned_px(rates)) }
     }
 
-    /// By so much along either axis its rotation moves a point of a disc, root mean square, px/frame.
+    /// Returns the root mean square displacement along either axis that the rotation causes on a disc, px/frame.
     fn turned_px(&self, [_, _, angle_deg]: [f64; 3]) -> f64 {
         0.5 * angle_deg.to_radians().abs() * self.radius_px
     }
 }
 
-/// How much of what speaks for no motion reaches a step of (x, y) px, as a share of that of the shortest: 0 to 1.
+/// Returns the bias towards zero of a step of (x, y) px, as a share of that of the shortest step: 0 to 1.
 ///
-/// Along each axis it is what [`along`] says, less the likeness of what is interpolated across. From where that swings
-/// about zero, what it stays below.
+/// Along each axis it follows [`along`], reduced by the correlation of what is interpolated across. Beyond the first
+/// zero it is replaced by its bound.
 fn alike([x_px, y_px]: [f64; 2]) -> f64 {
     let square = x_px * x_px + y_px * y_px;
     if square < 1e-12 {
         return 1.0;
     }
-    let spoken = (x_px * along(x_px) * sinc(y_px) + y_px * along(y_px) * sinc(x_px)) / (ALONG_SLOPE * square);
+    let spoken = (x_px * along(x_px) * sinc(y_px) + y_px * along(y_px) * sinc(x_px)) / (BIAS_SLOPE * square);
     if square < SWINGS_PX * SWINGS_PX { spoken } else { spoken.max(SWINGS / square) }.clamp(0.0, 1.0)
 }
 
-/// White noise of pixels, its slope by fourth-order differences, times itself `x_px` further, interpolated between.
+/// Returns the correlation of white pixel noise, whose slope is taken by fourth-order differences, with itself
+/// interpolated `x_px` further.
 fn along(x_px: f64) -> f64 {
     let odd = |n: f64| sinc(x_px - n) - sinc(x_px + n);
     (8.0 * odd(1.0) - odd(2.0)) / 12.0
@@ -161,21 +166,21 @@ mod tests {
 
     #[test]
     fn what_one_frame_shows_is_averaged_and_chance_is_left_out() {
-        let mut none = RunningShare::default();
+        let mut none = RunningBias::default();
         [1e-3, 1e-3].into_iter().for_each(|share| none.push(share));
-        assert!(none.told() <= 0.0, "two are too few");
+        assert!(none.significant() <= 0.0, "two are too few");
         none.push(-2e-3);
-        assert!(none.told() <= 0.0, "{}", none.told());
-        let mut some = RunningShare::default();
+        assert!(none.significant() <= 0.0, "{}", none.significant());
+        let mut some = RunningBias::default();
         (0..100).for_each(|k| some.push(if k % 2 == 0 { 2e-3 } else { 4e-3 }));
-        assert!((some.told() - 2.9e-3).abs() < 2e-6, "{}", some.told());
+        assert!((some.significant() - 2.9e-3).abs() < 2e-6, "{}", some.significant());
     }
 
     #[test]
     fn longer_intervals_and_faster_bodies_leave_less_of_it() {
-        let shortening = |intervals: &[u32], is_whole: bool| Shortening {
+        let shortening = |intervals: &[u32], is_whole: bool| SpeedBias {
             share: 1.0,
-            spans: Spans::of(intervals, Some(Renewal { block_frames: 16, stale_deg: 3.0 })),
+            spans: Intervals::of(intervals, Some(Renewal { block_frames: 16, stale_deg: 3.0 })),
             is_whole,
             radius_px: 50.0,
         };
@@ -184,20 +189,20 @@ mod tests {
         assert!((of(&[1, 16], 0.0) - 1.0).abs() < 1e-12 && (of(&[1, 2, 4, 8], 0.0) - 1.0).abs() < 1e-12);
         assert!(of(&[1], 0.086) > 0.97 && (0.7..0.8).contains(&of(&[1, 8], 0.086)));
         assert!(of(&[1, 16], 0.086) < 0.3 && of(&[1], 3.0) < 0.04);
-        // As seen on rendered speckles that move along a row, and along a diagonal.
+        // Measured on rendered speckles that move along a row, and along a diagonal.
         let seen = [(0.2, 1.06, 0.86), (0.4, 0.94, 0.72), (0.8, 0.69, 0.37), (1.2, 0.37, 0.06), (1.6, 0.12, -0.07)];
         for (px, row, diagonal) in seen {
             let half_px = px * std::f64::consts::FRAC_1_SQRT_2;
             let off = [alike([px, 0.0]) - row, alike([half_px, half_px]) - diagonal];
             assert!((-0.1..0.2).contains(&off[0]) && (-0.05..0.2).contains(&off[1]), "{px} px: {off:?}");
         }
-        // Interpolation leaves less of longer steps, and nothing that rotation averages.
+        // Interpolation affects longer steps less, and rotation averages it out.
         let slow = shortening(&[1, 16], false);
         assert!(slow.interpolated([0.0; 3]) < 4e-4);
         let [px, turned] = [[0.0, 0.09, 0.0], [0.0, 0.09, 2.0]].map(|rates| 0.09 * slow.interpolated(rates));
         assert!((4e-6..7e-6).contains(&px) && turned <= 0.0, "{px} {turned}");
         assert!(shortening(&[1], true).interpolated([0.0, 0.09, 0.0]) <= 0.0);
-        // A kept reference sees all the way since it was taken, and rotation moves pixels as well.
+        // A kept reference sees the whole displacement since it was taken, and rotation moves pixels as well.
         assert!(shortening(&[1], true).of([0.2, 0.0, 0.0]) < 0.04);
         assert!(shortening(&[1], false).of([0.0, 0.0, 3.0]) < 0.2);
     }

@@ -8,8 +8,8 @@ mod out_of_plane_translation;
 mod rolling_shutter;
 mod rotation_prior;
 
-pub use cumulative::Sums;
-pub use fixed_pattern::{RunningShare, Shortening, Spans};
-pub use out_of_plane_rotation::{Drift, Here};
-pub use out_of_plane_translation::{Growth, Seen, surely};
-pub use rolling_shutter::{Rolling, Shutter};
+pub use cumulative::CumulativeSums;
+pub use fixed_pattern::{Intervals, RunningBias, SpeedBias};
+pub use out_of_plane_rotation::{LocalDrift, OutlineDrift};
+pub use out_of_plane_translation::{SizeChange, ViewPosition, significant};
+pub use rolling_shutter::{RollingShutter, Shutter};

@@ -1,30 +1,30 @@
-//! How the size of a body in the picture changes.
+//! The change of a body's size in the image, caused by motion towards the camera or away from it.
 
-use crate::motion::{PixelRates, Regime, Sums};
+use crate::motion::{CumulativeSums, PixelRates, Regime};
 use crate::numeric::{Polynomial, Sample};
 use crate::results::{BodyStep, Estimate};
 
-/// Fewest frames whose word is taken.
-const LEAST_SEEN: usize = 8;
-/// Growth of fewer sigmas may be chance.
+/// The minimum number of frames of an estimate.
+const MIN_SAMPLES: usize = 8;
+/// The minimum significance of a dilatation, sigmas.
 const CHANCE_SIGMAS: f64 = 2.0;
-/// So many frames before and after a moment tell the growth there, in flight.
+/// The half width of the window for the dilatation in flight, frames.
 const BACK: u64 = 40;
 const AHEAD: u64 = 14;
 
-/// The size of a body, as the logarithm of what it was first, carried from frame to frame by its steps.
+/// The size of a body as a logarithm relative to its first size, integrated from its steps.
 #[derive(Debug, Clone, Default)]
-pub struct Growth {
-    sizes: Sums<1>,
+pub struct SizeChange {
+    sizes: CumulativeSums<1>,
 }
 
-impl Growth {
+impl SizeChange {
     /// Takes the next step in frame order, the shortest of its frame, at its time in nominal frame periods.
     pub fn push(&mut self, step: &BodyStep, time_frames: f64) {
         self.sizes.push(step, time_frames, step.growth_fraction.map(|grown| [grown]));
     }
 
-    /// How much larger it is than when it was first seen; `None` where its steps do not lead there.
+    /// Returns the dilatation since the first frame; `None` where steps do not lead there.
     fn since_first(&self, time_frames: f64) -> Option<Estimate> {
         let seen = self.sizes.seen();
         let [first] = *seen.first()?;
@@ -34,18 +34,18 @@ impl Growth {
         Some(Estimate { value: here.value - first.value, sigma: here.sigma.hypot(first.sigma).hypot(walked) })
     }
 
-    /// By which share it has surely grown since it was first seen: 0 or more.
+    /// Returns the significant dilatation since the first frame, at least 0.
     pub fn whole(&self) -> f64 {
         let seen = self.sizes.seen();
         let (Some([first]), Some([last])) = (seen.first(), seen.last()) else { return 0.0 };
-        let rate = self.rate(first.time_frames, last.time_frames).map(surely);
+        let rate = self.rate(first.time_frames, last.time_frames).map(significant);
         rate.map_or(0.0, |rate| (rate.value * (last.time_frames - first.time_frames)).abs())
     }
 
-    /// By which share a frame it grows between two times, both included; `None` where too little is seen.
+    /// Returns the dilatation per frame between two times, both included; `None` where there are too few data.
     pub fn rate(&self, from_frames: f64, to_frames: f64) -> Option<Estimate> {
         let seen: Vec<Sample> = self.sizes.between(from_frames, to_frames).iter().map(|[size]| *size).collect();
-        if seen.len() < LEAST_SEEN {
+        if seen.len() < MIN_SAMPLES {
             return None;
         }
         let middle = 0.5 * (seen[0].time_frames + seen[seen.len() - 1].time_frames);
@@ -55,46 +55,47 @@ impl Growth {
     }
 }
 
-/// Where a body is seen at a moment.
+/// The position of a body at a moment.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Seen {
+pub struct ViewPosition {
     /// Its frame.
     pub frame: u64,
     /// Its time, nominal frame periods.
     pub time_frames: f64,
-    /// From where the camera looks straight ahead, px.
+    /// Position relative to the principal point, px.
     pub place_px: [f64; 2],
-    /// How well that is known, px.
+    /// Its standard uncertainty, px.
     pub sigma_px: f64,
 }
 
-impl Growth {
-    /// The rates across the view of a body that comes nearer, or goes away; what is not known of that is in their sigmas.
+impl SizeChange {
+    /// Returns the rates across the view of a body that moves towards the camera or away; the unknown part enters their
+    /// sigmas.
     ///
-    /// A place p in the picture moves by the growth times p as well. How large the picture's scale is where the body is now
-    /// is known no better than it has changed since the body was first seen.
-    pub fn across(&self, rates: PixelRates, regime: Regime, seen: Seen) -> PixelRates {
+    /// A position p in the image also moves by the dilatation times p. The scale at the body's present distance is no
+    /// better known than it has changed since the first frame.
+    pub fn across(&self, rates: PixelRates, regime: Regime, seen: ViewPosition) -> PixelRates {
         let (from, to) = match regime {
             Regime::Flight { from, to } => (from.max(seen.frame.saturating_sub(BACK)), to.min(seen.frame + AHEAD)),
-            // Flattened, it seems to grow.
+            // A flattened ball appears to grow.
             Regime::Contact { from, .. } => (from.saturating_sub(BACK + AHEAD), from.saturating_sub(1)),
             Regime::Unknown => (seen.frame.saturating_sub(BACK), seen.frame + AHEAD),
         };
         let time = |frame: u64| seen.time_frames + frame as f64 - seen.frame as f64;
-        let told = self.rate(time(from) - 0.5, time(to) + 0.5).map(surely);
-        // A flight that has just begun says too little: what was before tells how much there may be of it.
+        let dilatation = self.rate(time(from) - 0.5, time(to) + 0.5).map(significant);
+        // A flight that has just begun constrains it too little; the flight before bounds it.
         let before = || {
             let from = seen.frame.saturating_sub(AHEAD);
-            let before = self.rate(time(from) - 0.5, time(to) + 0.5).map(surely)?;
+            let before = self.rate(time(from) - 0.5, time(to) + 0.5).map(significant)?;
             Some(Estimate { value: 0.0, sigma: before.value.hypot(before.sigma) })
         };
-        let Some(told) = told.or_else(before) else { return rates };
+        let Some(dilatation) = dilatation.or_else(before) else { return rates };
         let since = self.sizes.seen().first().map_or(0.0, |[first]| seen.time_frames - first.time_frames);
-        let already = self.since_first(seen.time_frames).map_or(0.0, |size| surely(size).value);
+        let already = self.since_first(seen.time_frames).map_or(0.0, |size| significant(size).value);
         let across = |rate: Estimate, place_px: f64| {
-            let value = rate.value - told.value * place_px;
-            let place = (told.sigma * place_px).hypot(told.value * seen.sigma_px);
-            let larger = (told.value.hypot(told.sigma) * since.max((BACK + AHEAD) as f64)).hypot(already);
+            let value = rate.value - dilatation.value * place_px;
+            let place = (dilatation.sigma * place_px).hypot(dilatation.value * seen.sigma_px);
+            let larger = (dilatation.value.hypot(dilatation.sigma) * since.max((BACK + AHEAD) as f64)).hypot(already);
             Estimate { value, sigma: rate.sigma.hypot(place).hypot(larger * rate.value) }
         };
         let [x, y] = seen.place_px;
@@ -102,9 +103,9 @@ impl Growth {
     }
 }
 
-/// Growth as far as it is more than chance, and how well that is known: none within twice its sigma, and ever more of what
-/// is seen beyond. Bodies mostly keep their distance, and what is not surely seen is not taken out.
-pub fn surely(seen: Estimate) -> Estimate {
+/// Returns the significant part of a dilatation with its uncertainty: zero within twice the sigma, and an increasing
+/// part beyond. Bodies mostly keep their distance, so an insignificant dilatation is not corrected.
+pub fn significant(seen: Estimate) -> Estimate {
     let share = 1.0 - (CHANCE_SIGMAS * seen.sigma / seen.value).powi(2);
     if share > 0.0 {
         Estimate { value: share * seen.value, sigma: share.sqrt() * seen.sigma }
@@ -137,10 +138,11 @@ mod tests {
         }
     }
 
-    /// Of what is seen of frames whose sizes scatter: the noise of a frame is in the step to it and in that from it.
-    fn grown(interval_frames: u32, missing: &[u64]) -> Growth {
+    /// The dilatation measured in frames whose sizes scatter: the noise of a frame is in the step to it and in the step
+    /// from it.
+    fn grown(interval_frames: u32, missing: &[u64]) -> SizeChange {
         let noise = |frame: u64| 2.8e-5 * ((frame * 37 % 17) as f64 - 8.0) / 5.0;
-        let mut growth = Growth::default();
+        let mut growth = SizeChange::default();
         for frame in 0..60 {
             let value = 3e-5 + (noise(frame + u64::from(interval_frames)) - noise(frame)) / f64::from(interval_frames);
             growth.push(&step(frame, interval_frames, (!missing.contains(&frame)).then_some(value)), frame as f64);
@@ -155,16 +157,20 @@ mod tests {
             assert!((rate.value - 3e-5).abs() < 2.0 * rate.sigma && rate.sigma < 2.0 * most, "{rate:?}");
         }
         assert_eq!(grown(1, &[]).rate(10.0, 14.0), None, "too few");
-        let told = grown(1, &[]).rate(0.0, 59.0).map(surely).unwrap();
-        assert!((told.value - 3e-5).abs() < 2e-6, "{told:?}");
+        let dilatation = grown(1, &[]).rate(0.0, 59.0).map(significant).unwrap();
+        assert!((dilatation.value - 3e-5).abs() < 2e-6, "{dilatation:?}");
     }
 
     #[test]
     fn what_may_be_chance_is_left_out() {
-        let told = |value: f64| surely(Estimate { value, sigma: 1.0 });
-        assert!(told(1.9).value.abs() <= 0.0 && told(-2.0).sigma.abs() <= 0.0 && told(0.0).value.abs() <= 0.0);
-        assert!((1.0..4.0).contains(&-told(-4.0).value) && (told(50.0).value - 50.0).abs() < 0.1);
-        assert!((told(50.0).sigma - 1.0).abs() < 0.01);
+        let dilatation = |value: f64| significant(Estimate { value, sigma: 1.0 });
+        assert!(
+            dilatation(1.9).value.abs() <= 0.0
+                && dilatation(-2.0).sigma.abs() <= 0.0
+                && dilatation(0.0).value.abs() <= 0.0
+        );
+        assert!((1.0..4.0).contains(&-dilatation(-4.0).value) && (dilatation(50.0).value - 50.0).abs() < 0.1);
+        assert!((dilatation(50.0).sigma - 1.0).abs() < 0.01);
     }
 
     #[test]
@@ -178,7 +184,7 @@ mod tests {
             window_frames: 41,
             order: 1,
         };
-        let seen = Seen { frame: 30, time_frames: 30.0, place_px: [200.0, -90.0], sigma_px: 5.0 };
+        let seen = ViewPosition { frame: 30, time_frames: 30.0, place_px: [200.0, -90.0], sigma_px: 5.0 };
         let across = growth.across(rates, Regime::Flight { from: 0, to: u64::MAX }, seen);
         assert!(
             across.x.value.abs() < 3.0 * across.x.sigma && across.y.value.abs() < 3.0 * across.y.sigma,
@@ -186,7 +192,7 @@ mod tests {
         );
         assert!(across.x.value.abs() < 5e-4 && across.x.sigma < 1e-3 && across.x.sigma > 1e-4, "{across:?}");
         assert_eq!((across.theta, across.order), (rates.theta, rates.order));
-        let steady = Growth::default().across(rates, Regime::Unknown, seen);
+        let steady = SizeChange::default().across(rates, Regime::Unknown, seen);
         assert_eq!(steady, rates, "nothing is known of its size");
     }
 }

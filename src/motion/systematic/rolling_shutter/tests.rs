@@ -1,4 +1,4 @@
-//! Discs and rods as rows show them that follow each other, by the definition alone.
+//! Discs and rods imaged row after row, by the definition alone.
 
 use super::*;
 use crate::results::{PointStatus, ROD_EDGES, RodEdge};
@@ -21,10 +21,10 @@ const STEP: BodyStep = BodyStep {
     status: PointStatus::Valid,
 };
 
-/// A disc filmed by a camera whose rows follow each other, by the definition alone: the slow twin.
+/// A disc filmed by a rolling shutter, by the definition alone: the slow twin.
 struct Film {
     row_time_frames: f64,
-    /// Its speed at frame 0 and what it gains a frame, px.
+    /// Its speed at frame 0 and its change per frame, px.
     speed_px: [f64; 2],
     gain_px: [f64; 2],
     turn_rad: f64,
@@ -40,7 +40,7 @@ impl Film {
         [cos * x + sin * y, cos * y - sin * x]
     }
 
-    /// Where and when a frame shows a point of the disc.
+    /// The position and time at which a frame shows a point of the disc.
     fn shown(&self, frame: u64, point_px: [f64; 2]) -> ([f64; 2], f64) {
         let mut time = frame as f64;
         let mut at = [0.0; 2];
@@ -52,14 +52,14 @@ impl Film {
         (at, time)
     }
 
-    /// Which point of the disc a frame shows at a place.
+    /// The point of the disc that a frame shows at a position.
     fn point_px(&self, frame: u64, at: [f64; 2]) -> [f64; 2] {
         let time = frame as f64 + self.row_time_frames * at[1];
         let center = self.center_px(time);
         Self::turned([at[0] - center[0], at[1] - center[1]], -self.turn_rad * time)
     }
 
-    /// What outline and subsets tell from one frame to the next.
+    /// The outline and subsets from one frame to the next.
     fn step(&self, frame: u64) -> BodyStep {
         let (center, _) = self.shown(frame, [0.0; 2]);
         let rim = (0..360).map(|k| {
@@ -95,12 +95,12 @@ impl Film {
     }
 }
 
-fn rolling(row_time_frames: f64) -> Rolling {
-    Rolling::new(Shutter { row_time_frames, ..Shutter::default() }, Form::Ball)
+fn rolling(row_time_frames: f64) -> RollingShutter {
+    RollingShutter::new(Shutter { row_time_frames, ..Shutter::default() }, Form::Ball)
 }
 
-fn node(angle_deg: f64) -> Node {
-    Node {
+fn node(angle_deg: f64) -> Pose {
+    Pose {
         frame: 0,
         time_frames: 0.0,
         component: 0,
@@ -113,7 +113,7 @@ fn node(angle_deg: f64) -> Node {
 }
 
 #[test]
-fn a_ball_is_as_large_as_it_is_and_told_of_the_moment_its_centre_was_exposed() {
+fn a_ball_is_as_large_as_it_is_at_the_moment_its_centre_was_exposed() {
     for row_time_frames in [0.005, -0.005, 0.0] {
         for speed_px in [[3.0, 4.0], [-2.0, -6.0], [8.0, 0.0]] {
             let film = Film { row_time_frames, speed_px, gain_px: [0.0; 2], turn_rad: 0.0 };
@@ -122,16 +122,19 @@ fn a_ball_is_as_large_as_it_is_and_told_of_the_moment_its_centre_was_exposed() {
                 let step = film.step(frame);
                 let later = rolling.push(&step);
                 let straight = rolling.straightened(&step);
-                let (seen, told) = (step.circle.unwrap(), straight.circle.unwrap());
+                let (seen, measured) = (step.circle.unwrap(), straight.circle.unwrap());
                 let (_, time) = film.shown(frame, [0.0; 2]);
                 assert!((frame as f64 + later - time).abs() < 1e-6, "{later} at {frame}, truly {time}");
-                let (was, is) = (seen.radius_px - RADIUS_PX, told.radius_px - RADIUS_PX);
-                assert!(is.abs() <= told.sigma_radius_px + 1e-9 && told.sigma_radius_px < 1.5, "{was} {is} {told:?}");
+                let (was, is) = (seen.radius_px - RADIUS_PX, measured.radius_px - RADIUS_PX);
+                assert!(
+                    is.abs() <= measured.sigma_radius_px + 1e-9 && measured.sigma_radius_px < 1.5,
+                    "{was} {is} {measured:?}"
+                );
                 let by = row_time_frames * speed_px[1];
                 assert!((was - 0.5 * by * RADIUS_PX).abs() < 0.1, "{was} px at {by}");
-                // Periods between pictures make a step a speed.
-                let told_px = straight.step.unwrap().dy_px / rolling.periods();
-                assert!((told_px - speed_px[1]).abs() < 1e-6, "{told_px} for {speed_px:?}");
+                // Periods between images make a step a speed.
+                let measured_px = straight.step.unwrap().dy_px / rolling.periods();
+                assert!((measured_px - speed_px[1]).abs() < 1e-6, "{measured_px} for {speed_px:?}");
             }
         }
     }
@@ -147,11 +150,17 @@ fn a_ball_that_turns_does_not_sink() {
             rolling.push(&step);
             let straight = rolling.straightened(&step);
             let truth = film.shown(frame + 1, [0.0; 2]).0[1] - film.shown(frame, [0.0; 2]).0[1];
-            let (seen, told) = (step.step.unwrap().dy_px - truth, straight.step.unwrap());
-            let off = told.dy_px - truth;
+            let (seen, measured) = (step.step.unwrap().dy_px - truth, straight.step.unwrap());
+            let off = measured.dy_px - truth;
             assert!(seen * row_time_frames > 0.0, "downwards with the rows: {seen}");
-            assert!(off.abs() < 0.25 * seen.abs() && off.abs() < 2.0 * told.sigma_dy_px, "{off} of {seen}, {told:?}");
-            assert!((told.dtheta_deg.to_radians() / turn_rad / rolling.periods() - 1.0).abs() < 2e-3, "{told:?}");
+            assert!(
+                off.abs() < 0.25 * seen.abs() && off.abs() < 2.0 * measured.sigma_dy_px,
+                "{off} of {seen}, {measured:?}"
+            );
+            assert!(
+                (measured.dtheta_deg.to_radians() / turn_rad / rolling.periods() - 1.0).abs() < 2e-3,
+                "{measured:?}"
+            );
         }
     }
 }
@@ -165,10 +174,10 @@ fn a_ball_that_is_pushed_aside_is_not_turned_by_it() {
     for frame in 0..12 {
         let step = film.step(frame);
         rolling.push(&step);
-        let told_deg = rolling.unsheared(node(angle_deg)).pose[2];
+        let measured_deg = rolling.unsheared(node(angle_deg)).pose[2];
         let truth_deg = (film.turn_rad * (film.shown(frame, [0.0; 2]).1 - first)).to_degrees();
         // The first frame has no step before it.
-        let off = told_deg - truth_deg;
+        let off = measured_deg - truth_deg;
         worst = worst.max(if frame == 0 { 0.0 } else { off.abs() });
         seen = seen.max((angle_deg - truth_deg).abs());
         angle_deg += step.step.unwrap().dtheta_deg;
@@ -179,7 +188,7 @@ fn a_ball_that_is_pushed_aside_is_not_turned_by_it() {
 #[test]
 fn a_rod_has_its_edges_and_its_tilt_of_one_moment() {
     let (row_time_frames, speed_px, tilt_deg) = (0.004, [1.5, 5.0], 2.0_f64);
-    // A disc stands for the rod's middle line.
+    // A disc represents the rod's centre line.
     let film = Film { row_time_frames, speed_px, gain_px: [0.0; 2], turn_rad: 0.0 };
     let slope = tilt_deg.to_radians().tan();
     let along = [-40.0, -10.0, 15.0, 50.0];
@@ -192,7 +201,7 @@ fn a_rod_has_its_edges_and_its_tilt_of_one_moment() {
         let edges: [Option<RodEdge>; ROD_EDGES] = along.map(edge);
         let rod = Rod {
             x_px: sure(middle[0]),
-            // The point that tells it is another from the second frame on.
+            // Another point represents it from the second frame on.
             y_px: sure(middle[1]),
             half_width_px: sure(12.0),
             tilt_deg: sure((below[0] - middle[0]).atan2(below[1] - middle[1]).to_degrees()),
@@ -203,10 +212,10 @@ fn a_rod_has_its_edges_and_its_tilt_of_one_moment() {
         let step = BodyStep { frame, rod: Some(rod), step: Some(moved), ..STEP };
         let later = rolling.push(&step);
         assert!((later - row_time_frames * middle[1]).abs() < 1e-9);
-        let told = rolling.straightened(&step).rod.unwrap();
+        let measured = rolling.straightened(&step).rod.unwrap();
         assert!((rod.tilt_deg.value - tilt_deg).abs() > 0.2, "{rod:?}");
-        assert!((told.tilt_deg.value - tilt_deg).abs() < 1e-6, "{told:?}");
-        for (edge, along) in told.edges.iter().flatten().zip(along) {
+        assert!((measured.tilt_deg.value - tilt_deg).abs() < 1e-6, "{measured:?}");
+        for (edge, along) in measured.edges.iter().flatten().zip(along) {
             let off = edge.y_px.unwrap().value - middle[1] - along;
             assert!(off.abs() < 1e-6, "{along}: {off}");
         }
@@ -214,7 +223,7 @@ fn a_rod_has_its_edges_and_its_tilt_of_one_moment() {
 }
 
 #[test]
-fn a_rod_that_is_told_by_another_point_is_seen_when_it_was() {
+fn a_rod_represented_by_another_point_is_seen_when_it_was() {
     let mut rolling = rolling(0.004);
     let sure = |value: f64| Estimate { value, sigma: 0.01 };
     for frame in 0..6 {
@@ -235,7 +244,7 @@ fn a_rod_that_is_told_by_another_point_is_seen_when_it_was() {
 #[test]
 fn rows_that_are_exposed_at_once_change_nothing() {
     let film = Film { row_time_frames: 0.0, speed_px: [3.0, 4.0], gain_px: [0.2, -0.3], turn_rad: 0.02 };
-    let mut rolling = Rolling::new(Shutter::default().over([640, 480]), Form::Ball);
+    let mut rolling = RollingShutter::new(Shutter::default().over([640, 480]), Form::Ball);
     for frame in 0..3 {
         let step = film.step(frame);
         assert!(rolling.push(&step).abs() <= 0.0);
@@ -243,6 +252,6 @@ fn rows_that_are_exposed_at_once_change_nothing() {
         assert_eq!(rolling.unsheared(node(1.5)), node(1.5));
     }
     let upwards = Shutter { row_time_frames: -0.001, ..Shutter::default() }.over([640, 480]);
-    let later = Rolling::new(upwards, Form::Ball).push(&film.step(0));
+    let later = RollingShutter::new(upwards, Form::Ball).push(&film.step(0));
     assert!((later - 0.001 * (479.0 - 90.0)).abs() < 1e-12, "the last row comes first: {later}");
 }
