@@ -261,7 +261,8 @@ fn fit_all(guess: &FirstGuess, samples: &[Sample]) -> Vec<LawFit> {
 
 /// Fits laws with a free stiffness, starting from a neighbour. The degree rises until the motion is followed; at least
 /// two degrees are fitted, so that their disagreement is visible.
-fn free((fit, units): &(LawFit, Units), samples: &[Sample]) -> Vec<LawFit> {
+fn free(neighbour: &(LawFit, Units), samples: &[Sample]) -> Vec<LawFit> {
+    let (fit, units) = neighbour;
     // The factor is a polynomial over the stroke, so its unit is the depth reached.
     let (start, units) = rescale(&fit.parameters, units, fit.findings[7]);
     let dashpot = fit.family == Family::KelvinVoigt;

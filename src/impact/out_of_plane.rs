@@ -119,7 +119,8 @@ impl DilatationRates {
     }
 
     /// Returns the sum since first contact of a quantity with these rates per frame before and after.
-    fn integrated(&self, [before, after]: [f64; 2], time_frames: f64) -> f64 {
+    fn integrated(&self, rates: [f64; 2], time_frames: f64) -> f64 {
+        let [before, after] = rates;
         let [start, end] = self.contact_frames;
         let between = 0.5 * (before + after);
         match time_frames {
@@ -151,7 +152,7 @@ impl DilatationRates {
         // A change of another spin component within the contact cannot be timed.
         let spun = 0.5 * (self.drift[1][NORMAL].value - self.drift[0][NORMAL].value).abs() * speed;
         let spins = [0, 1].map(|side| self.drift[side][ANGLE].sigma / world.period_s);
-        widen(&mut impact, (normal, spun), (along, spins), world);
+        widen(&mut impact, &SpeedErrors { normal, spun, along, spins }, world);
         for (side, spin) in [&mut impact.omega_before_rad_s, &mut impact.omega_after_rad_s].into_iter().enumerate() {
             widen_sigma(
                 spin,
@@ -190,8 +191,18 @@ fn approach_rates(seen: [Option<Estimate>; 2]) -> [Estimate; 2] {
     [both(seen[0], seen[1]), both(seen[1], seen[0])]
 }
 
+/// Errors of the speeds before and after, m/s and rad/s.
+struct SpeedErrors {
+    normal: [f64; 2],
+    /// Normal velocity from a change of another spin component within the contact.
+    spun: f64,
+    along: [f64; 2],
+    spins: [f64; 2],
+}
+
 /// Adds the uncertainty of the speeds before and after to everything that follows from them.
-fn widen(impact: &mut Impact, (normal, spun): ([f64; 2], f64), (along, spins): ([f64; 2], [f64; 2]), world: &World) {
+fn widen(impact: &mut Impact, errors: &SpeedErrors, world: &World) {
+    let SpeedErrors { normal, spun, along, spins } = *errors;
     let value = |number: Option<Estimate>| number.map_or(0.0, |number| number.value);
     let (vn, vt) = (
         [value(impact.vn_before_m_s), value(impact.vn_after_m_s)],

@@ -71,7 +71,8 @@ pub fn slip_end(nodes: &[SurfaceNode], sliding: &Sliding, pushed: impl Fn(&Surfa
 }
 
 /// Returns the zero of the line through two speeds.
-fn zero((t0, s0): (f64, Estimate), (t1, s1): (f64, Estimate)) -> Estimate {
+fn zero(before: (f64, Estimate), after: (f64, Estimate)) -> Estimate {
+    let ((t0, s0), (t1, s1)) = (before, after);
     let slope = (s0.value - s1.value) / (t1 - t0);
     Estimate { value: t0 + s0.value / slope, sigma: (s0.sigma / slope).abs().max(STEP_FRAMES / 2.0) }
 }

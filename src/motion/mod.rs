@@ -4,27 +4,31 @@
 //! along the surface's axes ([`physical`]). This is the only place where y turns from down to up.
 
 mod center_filter;
+mod form;
 mod params;
 mod pose_integration;
 mod random_walk;
 mod rectify;
 mod scale;
+mod shutter;
 mod surface_axes;
 mod systematic;
 mod velocity_fit;
 
 pub use crate::numeric::{MAX_ORDER, Polynomial, Sample};
 pub use center_filter::{Center, CenterFilter};
-pub use params::{Form, MotionParams, RingLimits, Rotation, Scale, View};
+pub use form::Form;
+pub use params::{MotionParams, RingLimits, Rotation, Scale, View};
 pub use pose_integration::{Pose, PoseIntegrator};
 pub use random_walk::{KeptReference, RandomWalk, Renewal, subset_walk};
 pub use rectify::{Calibration, Rectifier, RectifierError};
 pub use rectify::{Distortion, Lens};
 pub use scale::RunningRadius;
+pub use shutter::Shutter;
 pub use surface_axes::{Axes, MetresPerPixel, PixelRates, Surface, gravity_px, physical};
 pub use systematic::CumulativeSums;
+pub use systematic::RollingShutter;
 pub use systematic::{Intervals, RunningBias, SpeedBias};
 pub use systematic::{LocalDrift, OutlineDrift};
-pub use systematic::{RollingShutter, Shutter};
 pub use systematic::{SizeChange, ViewPosition, significant};
 pub use velocity_fit::{AUTO_AHEAD_FRAMES, KnownMotion, Regime, lag_frames, local_fit, smooth};

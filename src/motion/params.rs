@@ -1,6 +1,6 @@
 //! Parameters of the motion of a body.
 
-use super::{Center, Intervals, RandomWalk, Rectifier, Shutter};
+use super::{Center, Form, Intervals, RandomWalk, Rectifier, Shutter};
 use crate::results::BodyStep;
 
 /// Uncertainty of the principal point as a share of the image: lenses are slightly decentred, and a sensor's readout
@@ -43,17 +43,6 @@ pub struct RingLimits {
     pub outer_px: Option<f64>,
 }
 
-/// The kind of body, as far as its motion is concerned.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Form {
-    /// It rotates, and touches the surface at one radius from its centre.
-    Ball,
-    /// It stays upright and strikes with its end; it has no spin and no radius.
-    Rod,
-    /// It rotates, but its contact point is unknown; it has no radius.
-    Patch,
-}
-
 /// The principal point: the image magnifies about it when a body comes closer.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct View {
@@ -65,8 +54,8 @@ pub struct View {
 
 impl View {
     /// Returns the principal point for images of this size: their centre, where nothing else is known.
-    pub fn of([width_px, height_px]: [u32; 2], rectifier: Option<&Rectifier>) -> Self {
-        let size = [width_px, height_px].map(f64::from);
+    pub fn of(size_px: [u32; 2], rectifier: Option<&Rectifier>) -> Self {
+        let size = size_px.map(f64::from);
         let longest_px = size[0].max(size[1]);
         match rectifier {
             None => Self {
@@ -125,12 +114,7 @@ impl MotionParams {
     /// Converts a step from the recorded to the rectified image; its numbers are `None` beyond the calibration.
     pub fn rectified(&self, step: &BodyStep) -> BodyStep {
         let Some(rectifier) = &self.rectifier else { return *step };
-        rectifier.step(step, self.form == Form::Ball).unwrap_or(BodyStep {
-            circle: None,
-            rod: None,
-            step: None,
-            ..*step
-        })
+        rectifier.step(step, self.form).unwrap_or(BodyStep { circle: None, rod: None, step: None, ..*step })
     }
 
     /// Returns the position in the recorded image of a centre in the rectified one.

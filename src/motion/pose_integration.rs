@@ -87,7 +87,7 @@ impl PoseIntegrator {
         if let (Some(out), Some(sigma)) = (outgoing, sigma_out) {
             let rates = [out.dx_px, out.dy_px, out.dtheta_deg];
             let target = step.frame + u64::from(step.interval_frames.max(1));
-            let arriving = Pose { sigma, ..self.moved(&node, step.is_whole, rates.map(|rate| n * rate)) };
+            let arriving = Pose { sigma, ..self.moved(&node, step, rates.map(|rate| n * rate)) };
             self.arrivals.insert((target, step.interval_frames), arriving);
             let rates = rates.map(|rate| rate / periods);
             let before = self.last.map_or(rates, |(_, rates, _)| rates);
@@ -103,13 +103,13 @@ impl PoseIntegrator {
         let n = f64::from(step.interval_frames.max(1));
         let moved = [out.dx_px, out.dy_px, out.dtheta_deg].map(|rate| n * rate);
         let target = step.frame + u64::from(step.interval_frames);
-        self.arrivals.insert((target, step.interval_frames), self.moved(&from, step.is_whole, moved));
+        self.arrivals.insert((target, step.interval_frames), self.moved(&from, step, moved));
     }
 
-    /// Returns the node at the end of a step.
-    fn moved(&self, from: &Pose, is_whole: bool, moved: [f64; 3]) -> Pose {
+    /// Returns the node at the end of a step of this size.
+    fn moved(&self, from: &Pose, step: &BodyStep, moved: [f64; 3]) -> Pose {
         let mut kept = from.kept;
-        let walk_share = match is_whole {
+        let walk_share = match step.is_whole {
             true => self.walk.whole(from.frame, from.pose[2], &mut kept),
             false => self.walk.subsets(moved),
         };

@@ -95,7 +95,10 @@ impl RandomWalk {
 }
 
 /// Returns the random walk of one step over subsets as shares of a pose's white noise: x, y and angle.
-pub fn subset_walk([dx_px, dy_px, angle_deg]: [f64; 3]) -> [f64; 3] {
+///
+/// `moved` is the displacement, px, px and deg.
+pub fn subset_walk(moved: [f64; 3]) -> [f64; 3] {
+    let [dx_px, dy_px, angle_deg] = moved;
     let between = (PI * dx_px).sin().powi(2) + (PI * dy_px).sin().powi(2) + (angle_deg / MIXED_DEG).powi(2);
     let between = between.min(1.0).sqrt();
     std::array::from_fn(|k| SUBSETS_STILL[k].hypot(SUBSETS_MOVED[k] * between))

@@ -79,7 +79,8 @@ impl PixelRates {
     }
 
     /// Adds further uncertainties of each rate.
-    pub fn widened_by(self, [x, y, theta]: [f64; 3]) -> Self {
+    pub fn widened_by(self, sigmas: [f64; 3]) -> Self {
+        let [x, y, theta] = sigmas;
         let widened = |rate: Estimate, by: f64| Estimate { sigma: rate.sigma.hypot(by), ..rate };
         Self { x: widened(self.x, x), y: widened(self.y, y), theta: widened(self.theta, theta), ..self }
     }

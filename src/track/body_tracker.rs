@@ -93,7 +93,7 @@ impl BodyTracker {
             radius: RunningRadius::new(),
             fixed: RunningBias::default(),
             growth: SizeChange::default(),
-            drift: OutlineDrift::new(rolling.rolls()),
+            drift: OutlineDrift::new(&rolling),
             rolling,
             rod_px: None,
             is_whole: false,

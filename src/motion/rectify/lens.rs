@@ -30,7 +30,8 @@ pub struct Lens {
 
 impl Distortion {
     /// Distorts a ray (x/z, y/z).
-    fn bend(&self, [x, y]: [f64; 2]) -> [f64; 2] {
+    fn bend(&self, ray: [f64; 2]) -> [f64; 2] {
+        let [x, y] = ray;
         let square = x * x + y * y;
         match self {
             Self::Brown([k1, k2, p1, p2, k3, k4, k5, k6]) => {
@@ -58,8 +59,8 @@ impl Distortion {
 
 impl Lens {
     /// Returns the undistorted ray (x/z, y/z) of a pixel; `None` where the model has no such ray.
-    pub fn ray(&self, [x_px, y_px]: [f64; 2]) -> Option<[f64; 2]> {
-        let seen = [(x_px - self.center_px[0]) / self.focal_px[0], (y_px - self.center_px[1]) / self.focal_px[1]];
+    pub fn ray(&self, pixel: [f64; 2]) -> Option<[f64; 2]> {
+        let seen: [f64; 2] = std::array::from_fn(|k| (pixel[k] - self.center_px[k]) / self.focal_px[k]);
         let mut ray = seen;
         for _ in 0..STEPS {
             let bent = self.distortion.bend(ray);
@@ -86,7 +87,8 @@ impl Lens {
 }
 
 /// Returns the Jacobian of a map of the plane, by central differences; rows are the outputs.
-pub(in crate::motion) fn derivative(map: impl Fn([f64; 2]) -> [f64; 2], [x, y]: [f64; 2], h: f64) -> [[f64; 2]; 2] {
+pub(in crate::motion) fn derivative(map: impl Fn([f64; 2]) -> [f64; 2], at: [f64; 2], h: f64) -> [[f64; 2]; 2] {
+    let [x, y] = at;
     let (right, left, down, up) = (map([x + h, y]), map([x - h, y]), map([x, y + h]), map([x, y - h]));
     std::array::from_fn(|k| [(right[k] - left[k]) / (2.0 * h), (down[k] - up[k]) / (2.0 * h)])
 }

@@ -5,6 +5,7 @@
 //! and direction, and all its pixels are equally large.
 
 use super::lens::{Distortion, Lens, derivative};
+use crate::motion::Form;
 use crate::results::{BodyStep, Circle, Estimate, RigidStep};
 
 /// The step of numerical derivatives, px.
@@ -49,6 +50,15 @@ pub enum RectifierError {
         /// Position y, px.
         y_px: f64,
     },
+}
+
+/// The disc over which a motion was measured, in the recorded image.
+struct Disc {
+    /// Its centre, px.
+    seen: [f64; 2],
+    /// The pixel of the ball's centre, px.
+    center: [f64; 2],
+    radius_px: f64,
 }
 
 /// The map of steps and positions between the recorded and the rectified image.
@@ -146,12 +156,12 @@ impl Rectifier {
 
     /// Converts a step to rectified pixels; `None` beyond the calibration.
     ///
-    /// `outlined` states that its circle was fitted to an outline.
-    pub fn step(&self, step: &BodyStep, outlined: bool) -> Option<BodyStep> {
+    /// The circle of a ball is its outline.
+    pub fn step(&self, step: &BodyStep, form: Form) -> Option<BodyStep> {
         let seen = step.circle.map(|c| [c.x_px, c.y_px]).or(step.rod.map(|rod| [rod.x_px.value, rod.y_px.value]));
         let Some(seen) = seen else { return Some(*step) };
         let radius_px = step.circle.map_or(0.0, |circle| circle.radius_px);
-        let (center, uneven) = if outlined { self.center(seen, radius_px)? } else { (seen, 0.0) };
+        let (center, uneven) = if form == Form::Ball { self.center(seen, radius_px)? } else { (seen, 0.0) };
         let [x, y] = self.place(center)?;
         let jacobian = self.jacobian(center)?;
         let (least, mean) = stretch(&jacobian);
@@ -171,7 +181,7 @@ impl Rectifier {
         };
         let frames = f64::from(step.interval_frames.max(1));
         let motion = match &step.step {
-            Some(motion) => Some(self.motion(motion, (seen, center, radius_px), &jacobian, frames)?),
+            Some(motion) => Some(self.motion(motion, &Disc { seen, center, radius_px }, &jacobian, frames)?),
             None => None,
         };
         let growth_fraction = step.growth_fraction.zip(step.step).and_then(|(grown, motion)| {
@@ -205,13 +215,8 @@ impl Rectifier {
     }
 
     /// Finds the rigid motion in the plane whose recorded image matches the one measured over a disc about `seen`.
-    fn motion(
-        &self,
-        step: &RigidStep,
-        (seen, center, radius_px): ([f64; 2], [f64; 2], f64),
-        jacobian: &[[f64; 2]; 2],
-        frames: f64,
-    ) -> Option<RigidStep> {
+    fn motion(&self, step: &RigidStep, disc: &Disc, jacobian: &[[f64; 2]; 2], frames: f64) -> Option<RigidStep> {
+        let Disc { seen, center, radius_px } = *disc;
         let measured = [frames * step.dx_px, frames * step.dy_px, (frames * step.dtheta_deg).to_radians()];
         let from = self.place(center)?;
         let end = moved(measured, seen, center);
@@ -225,7 +230,7 @@ impl Rectifier {
         let mut motion = [to[0] - from[0], to[1] - from[1], angle];
         if radius_px > 0.0 {
             // The image is curved within the body, and the measurement is the mean over it.
-            let shown = self.shown(motion, from, (seen, radius_px), measured)?;
+            let shown = self.shown(motion, from, disc, measured)?;
             let wrong: [f64; 3] = std::array::from_fn(|k| measured[k] - shown[k]);
             let [x, y] = times(jacobian, [wrong[0], wrong[1]]);
             motion = [motion[0] + x, motion[1] + y, motion[2] + wrong[2]];
@@ -242,18 +247,13 @@ impl Rectifier {
     }
 
     /// Returns the best-fit rigid motion of the pixel `seen` in the recorded image for a motion in the plane.
-    fn shown(
-        &self,
-        [dx, dy, angle]: [f64; 3],
-        from: [f64; 2],
-        (seen, radius_px): ([f64; 2], f64),
-        near: [f64; 3],
-    ) -> Option<[f64; 3]> {
+    fn shown(&self, motion: [f64; 3], from: [f64; 2], disc: &Disc, near: [f64; 3]) -> Option<[f64; 3]> {
         // The mean of a quadratic over a disc equals that over a circle of this radius.
+        let Disc { seen, radius_px, .. } = *disc;
         let ring = around(seen, radius_px * std::f64::consts::FRAC_1_SQRT_2);
         let mut ends = [[0.0; 2]; CIRCLE_POINTS];
         for (end, at) in ends.iter_mut().zip(ring) {
-            let target = moved([dx, dy, angle], from, self.place(at)?);
+            let target = moved(motion, from, self.place(at)?);
             *end = self.pixel_near(target, moved(near, seen, at))?;
         }
         let middle = [0, 1].map(|k| ends.iter().map(|end| end[k]).sum::<f64>() / CIRCLE_POINTS as f64);
@@ -267,9 +267,9 @@ impl Rectifier {
     }
 
     /// Returns the position of a pixel in the plane, mm; without a plane, in the undistorted image, px.
-    fn plane(&self, [x_px, y_px]: [f64; 2]) -> Option<[f64; 2]> {
+    fn plane(&self, pixel: [f64; 2]) -> Option<[f64; 2]> {
         let Calibration { offset_px, lens, homography, .. } = &self.calibration;
-        let full = [x_px + f64::from(offset_px[0]), y_px + f64::from(offset_px[1])];
+        let full: [f64; 2] = std::array::from_fn(|k| pixel[k] + f64::from(offset_px[k]));
         let Some(h) = homography else {
             // Square pixels.
             let lens = lens.as_ref()?;
@@ -296,26 +296,28 @@ impl Rectifier {
 }
 
 /// Returns evenly spaced points on a circle.
-fn around([x, y]: [f64; 2], radius_px: f64) -> [[f64; 2]; CIRCLE_POINTS] {
+fn around(center: [f64; 2], radius_px: f64) -> [[f64; 2]; CIRCLE_POINTS] {
     std::array::from_fn(|k| {
         let (sin, cos) = (std::f64::consts::TAU * k as f64 / CIRCLE_POINTS as f64).sin_cos();
-        [x + radius_px * cos, y + radius_px * sin]
+        [center[0] + radius_px * cos, center[1] + radius_px * sin]
     })
 }
 
 /// Moves a point by a rigid motion about `about`: shift, and counter-clockwise rotation in rad.
-fn moved([dx, dy, angle]: [f64; 3], about: [f64; 2], [x, y]: [f64; 2]) -> [f64; 2] {
+fn moved(motion: [f64; 3], about: [f64; 2], point: [f64; 2]) -> [f64; 2] {
+    let [dx, dy, angle] = motion;
     let (sin, cos) = angle.sin_cos();
-    let (u, v) = (x - about[0], y - about[1]);
+    let (u, v) = (point[0] - about[0], point[1] - about[1]);
     [about[0] + dx + u * cos + v * sin, about[1] + dy + v * cos - u * sin]
 }
 
-pub(in crate::motion) fn determinant([[a, b], [c, d]]: &[[f64; 2]; 2]) -> f64 {
+pub(in crate::motion) fn determinant(matrix: &[[f64; 2]; 2]) -> f64 {
+    let [[a, b], [c, d]] = matrix;
     a * d - b * c
 }
 
-pub(in crate::motion) fn times([[a, b], [c, d]]: &[[f64; 2]; 2], [x, y]: [f64; 2]) -> [f64; 2] {
-    [a * x + b * y, c * x + d * y]
+pub(in crate::motion) fn times(matrix: &[[f64; 2]; 2], vector: [f64; 2]) -> [f64; 2] {
+    matrix.map(|row| row[0] * vector[0] + row[1] * vector[1])
 }
 
 fn solve(matrix: &[[f64; 2]; 2], right: [f64; 2]) -> [f64; 2] {
@@ -332,7 +334,8 @@ pub(in crate::motion) fn stretch(matrix: &[[f64; 2]; 2]) -> (f64, f64) {
 }
 
 /// Returns the rotation of a linear map that preserves handedness, rad, counter-clockwise on the screen.
-fn rotation([[a, b], [c, d]]: &[[f64; 2]; 2]) -> f64 {
+fn rotation(matrix: &[[f64; 2]; 2]) -> f64 {
+    let [[a, b], [c, d]] = matrix;
     (b - c).atan2(a + d)
 }
 
@@ -465,7 +468,7 @@ mod tests {
                         step: Some(step),
                         status: PointStatus::Valid,
                     };
-                    let measured = rectifier.step(&seen, true).unwrap();
+                    let measured = rectifier.step(&seen, Form::Ball).unwrap();
                     let (step, left) = (measured.step.unwrap(), measured.growth_fraction.unwrap().value);
                     let most = 0.03 * grown.abs() + 1e-5 * (1.0 + truth.2.abs());
                     assert!(left.abs() < most, "{center:?} {truth:?}: {left} of {grown}");

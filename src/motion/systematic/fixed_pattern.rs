@@ -82,15 +82,15 @@ impl Intervals {
         Self { intervals, kept_frames: renewal.map(|renewal| f64::from(renewal.block_frames)) }
     }
 
-    /// Returns the part of the share that remains in speeds along x and y, px/frame.
-    fn left(&self, [x_px, y_px]: [f64; 2], is_whole: bool) -> f64 {
-        let alike = |frames: f64| alike([frames * x_px, frames * y_px]);
-        match (is_whole, self.kept_frames) {
-            (true, Some(frames)) => alike(frames),
-            // The reference was drawn at another position.
-            (true, None) => 0.0,
-            (false, _) => self.intervals.iter().map(|(frames, weight)| weight * alike(*frames)).sum(),
-        }
+    /// Returns the part of the share that remains in speeds along x and y from whole-body matches, px/frame.
+    fn left_in_whole_body(&self, speed_px: [f64; 2]) -> f64 {
+        // A reference that is never renewed was drawn at another position.
+        self.kept_frames.map_or(0.0, |frames| alike(frames * speed_px[0], frames * speed_px[1]))
+    }
+
+    /// Returns the part of the share that remains in speeds along x and y from steps over subsets, px/frame.
+    fn left_in_subsets(&self, speed_px: [f64; 2]) -> f64 {
+        self.intervals.iter().map(|(frames, weight)| weight * alike(frames * speed_px[0], frames * speed_px[1])).sum()
     }
 
     /// Returns the interpolation error of steps over subsets as a share of a speed, px/frame, of a body whose rotation
@@ -119,18 +119,21 @@ impl SpeedBias {
     /// Returns the possible underestimate at these rates along x and y, px/frame, and of the angle, deg/frame: 0 to
     /// `share`.
     pub fn of(&self, rates: [f64; 3]) -> f64 {
-        let turned_px = self.turned_px(rates);
+        let turned_px = self.turned_px(rates[2]);
         let [x_px, y_px, _] = rates;
-        self.share * self.spans.left([x_px.hypot(turned_px), y_px.hypot(turned_px)], self.is_whole)
+        let speed_px = [x_px.hypot(turned_px), y_px.hypot(turned_px)];
+        let left =
+            if self.is_whole { self.spans.left_in_whole_body(speed_px) } else { self.spans.left_in_subsets(speed_px) };
+        self.share * left
     }
 
     /// Returns the symmetric interpolation error at these rates, as a share.
     pub fn interpolated(&self, rates: [f64; 3]) -> f64 {
-        if self.is_whole { 0.0 } else { self.spans.interpolated(rates[0].hypot(rates[1]), self.turned_px(rates)) }
+        if self.is_whole { 0.0 } else { self.spans.interpolated(rates[0].hypot(rates[1]), self.turned_px(rates[2])) }
     }
 
     /// Returns the root mean square displacement along either axis that the rotation causes on a disc, px/frame.
-    fn turned_px(&self, [_, _, angle_deg]: [f64; 3]) -> f64 {
+    fn turned_px(&self, angle_deg: f64) -> f64 {
         0.5 * angle_deg.to_radians().abs() * self.radius_px
     }
 }
@@ -139,7 +142,7 @@ impl SpeedBias {
 ///
 /// Along each axis it follows [`along`], reduced by the correlation of what is interpolated across. Beyond the first
 /// zero it is replaced by its bound.
-fn alike([x_px, y_px]: [f64; 2]) -> f64 {
+fn alike(x_px: f64, y_px: f64) -> f64 {
     let square = x_px * x_px + y_px * y_px;
     if square < 1e-12 {
         return 1.0;
@@ -193,7 +196,7 @@ mod tests {
         let seen = [(0.2, 1.06, 0.86), (0.4, 0.94, 0.72), (0.8, 0.69, 0.37), (1.2, 0.37, 0.06), (1.6, 0.12, -0.07)];
         for (px, row, diagonal) in seen {
             let half_px = px * std::f64::consts::FRAC_1_SQRT_2;
-            let off = [alike([px, 0.0]) - row, alike([half_px, half_px]) - diagonal];
+            let off = [alike(px, 0.0) - row, alike(half_px, half_px) - diagonal];
             assert!((-0.1..0.2).contains(&off[0]) && (-0.05..0.2).contains(&off[1]), "{px} px: {off:?}");
         }
         // Interpolation affects longer steps less, and rotation averages it out.

@@ -12,4 +12,4 @@ pub use cumulative::CumulativeSums;
 pub use fixed_pattern::{Intervals, RunningBias, SpeedBias};
 pub use out_of_plane_rotation::{LocalDrift, OutlineDrift};
 pub use out_of_plane_translation::{SizeChange, ViewPosition, significant};
-pub use rolling_shutter::{RollingShutter, Shutter};
+pub use rolling_shutter::RollingShutter;

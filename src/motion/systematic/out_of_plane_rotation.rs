@@ -1,7 +1,7 @@
 //! The drift of a body's outline relative to the pose of its pattern, caused by rotation out of the image plane.
 
-use super::rotation_prior::{ROTATING_SHARE, unseen};
-use crate::motion::{Center, CumulativeSums, PixelRates, Pose, Regime};
+use super::rotation_prior::{ROTATING_SHARE, Source, unseen};
+use crate::motion::{Center, CumulativeSums, PixelRates, Pose, Regime, RollingShutter};
 use crate::numeric::{Polynomial, Sample};
 use crate::results::{BodyStep, Circle, Estimate, RigidStep};
 
@@ -98,8 +98,8 @@ pub struct LocalDrift {
 
 impl OutlineDrift {
     /// Creates an estimate for a camera with a rolling or a global shutter.
-    pub fn new(is_rolling: bool) -> Self {
-        Self { lean: if is_rolling { 1.0 } else { 0.0 }, ..Self::default() }
+    pub fn new(rolling: &RollingShutter) -> Self {
+        Self { lean: if rolling.rolls() { 1.0 } else { 0.0 }, ..Self::default() }
     }
 
     /// Takes the outline detected in a node's frame.
@@ -227,7 +227,9 @@ impl OutlineDrift {
     fn significant_part(&self, from_frames: f64, to_frames: f64, rates: &Rates) -> [Estimate; 3] {
         let Rates { px, share, turn } = *rates;
         let likely_px = self.likely_px(from_frames, to_frames);
-        let unseen = likely_px.map_or([0.0; 2], |likely_px| unseen(px, likely_px, turn.is_some()));
+        let unseen = likely_px.map_or([0.0; 2], |likely_px| {
+            unseen(px, likely_px, if turn.is_some() { Source::Subsets } else { Source::Outlines })
+        });
         let shrink = |Estimate { value, sigma }: Estimate, unseen: f64| {
             let widened = share.sqrt() * sigma.hypot((1.0 - share) * value);
             Estimate { value: share * value, sigma: widened.hypot((1.0 - share).sqrt() * unseen) }
@@ -398,7 +400,8 @@ impl OutlineDrift {
 
     /// Returns the centre at a node by the outlines between two times and the drift then, and the rms deviation of the
     /// outlines from their line, px.
-    fn along(&self, node: &Pose, (from, to): (f64, f64), rates: [Estimate; 2]) -> Option<(Center, f64)> {
+    fn along(&self, node: &Pose, span_frames: (f64, f64), rates: [Estimate; 2]) -> Option<(Center, f64)> {
+        let (from, to) = span_frames;
         let before = self.seen.partition_point(|seen| seen[0].time_frames <= to);
         let near = match self.between(from, to) {
             [] => self.seen.get(before.checked_sub(1)?..before)?,

@@ -1,6 +1,6 @@
 //! The correction for cameras that expose the rows of a frame one after another.
 
-use crate::motion::{Form, PixelRates, Pose};
+use crate::motion::{Form, PixelRates, Pose, Shutter};
 use crate::results::{BodyStep, Circle, Estimate, Impact, RigidStep, Rod};
 
 /// The weight of the measured position of a ball against its propagated one in the estimate of its row.
@@ -33,38 +33,14 @@ const EFFECTIVE_ROW_OFFSET: f64 = 0.02;
 /// The minimum speed of the rows relative to a body at which they still image it.
 const MIN_ROW_SPEED: f64 = 0.1;
 
-/// The timing of a frame's rows.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct Shutter {
-    /// The delay of each row after the one above it, frame periods: 0 for a global shutter, negative where it rolls
-    /// upwards.
-    pub row_time_frames: f64,
-    /// The row that is exposed at the frame's stamp.
-    pub first_row_px: f64,
-    /// The last column and row of the image, where they are known, px.
-    pub last_px: Option<[f64; 2]>,
-}
-
-impl Shutter {
-    /// Returns the shutter for images of this size; one that rolls upwards begins with the last row.
-    ///
-    /// Rows above that the camera leaves out shift all moments alike, and nothing else.
-    #[must_use]
-    pub fn over(self, size_px: [u32; 2]) -> Self {
-        let last_px = size_px.map(|length_px| f64::from(length_px.saturating_sub(1)));
-        let first_row_px = if self.row_time_frames < 0.0 { last_px[1] } else { 0.0 };
-        Self { first_row_px, last_px: Some(last_px), ..self }
-    }
-
-    /// Returns the share of a ball that is not followed: the occluded part, and the part too near the image border for
-    /// subsets.
-    fn unfollowed(&self, circle: &Circle) -> f64 {
-        let beyond_px =
-            |at: f64, last: f64| (circle.radius_px + SUBSET_PX - at).max(at + circle.radius_px + SUBSET_PX - last);
-        let beyond_px = self.last_px.map_or(0.0, |[x, y]| beyond_px(circle.x_px, x).max(beyond_px(circle.y_px, y)));
-        let share = CAP * (beyond_px.max(0.0) / circle.radius_px.max(1.0)).powf(1.5);
-        (1.0 - circle.visible_fraction).max(share).min(1.0)
-    }
+/// Returns the share of a ball that is not followed: the occluded part, and the part too near the image border for
+/// subsets.
+fn unfollowed(shutter: &Shutter, circle: &Circle) -> f64 {
+    let beyond_px =
+        |at: f64, last: f64| (circle.radius_px + SUBSET_PX - at).max(at + circle.radius_px + SUBSET_PX - last);
+    let beyond_px = shutter.last_px.map_or(0.0, |[x, y]| beyond_px(circle.x_px, x).max(beyond_px(circle.y_px, y)));
+    let share = CAP * (beyond_px.max(0.0) / circle.radius_px.max(1.0)).powf(1.5);
+    (1.0 - circle.visible_fraction).max(share).min(1.0)
 }
 
 /// The effect of the row timing on one body.
@@ -117,7 +93,7 @@ impl RollingShutter {
         self.row_px = self.row(step);
         self.frame = step.frame;
         if let Some(circle) = step.circle {
-            (self.radius_px, self.hidden) = (circle.radius_px, self.shutter.unfollowed(&circle));
+            (self.radius_px, self.hidden) = (circle.radius_px, unfollowed(&self.shutter, &circle));
         }
         // The occluded part lies to one side of the rest.
         let row_offset_px =
@@ -305,8 +281,8 @@ impl RollingShutter {
     }
 }
 
-fn length([x, y]: [f64; 2]) -> f64 {
-    x.hypot(y)
+fn length(vector: [f64; 2]) -> f64 {
+    vector[0].hypot(vector[1])
 }
 
 /// Returns the distance between the mean of a ball's rows and its centre while its speed changes, px.

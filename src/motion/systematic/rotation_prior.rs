@@ -13,13 +13,22 @@ const RESOLVED_SHARE: f64 = 0.1;
 /// An exponent beyond which a probability is negligible.
 const MAX_EXPONENT: f64 = 50.0;
 
+/// The source of the rates of a drift.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Source {
+    /// Outlines alone.
+    Outlines,
+    /// Steps over subsets.
+    Subsets,
+}
+
 /// Returns the possible drift along x and y where it is taken as zero. Some balls rotate with a drift of the order of
 /// `likely_px`, and some more slowly.
 ///
-/// Subsets would detect the slow ones, which count only where `by_subsets` is false.
-pub fn unseen(rates: [Estimate; 2], likely_px: f64, by_subsets: bool) -> [f64; 2] {
+/// The slow ones count only where the rates come from outlines, since subsets would detect them.
+pub fn unseen(rates: [Estimate; 2], likely_px: f64, source: Source) -> [f64; 2] {
     let slow = |slowness: i32| (ROTATING_SHARE / f64::from(SLOWNESSES), likely_px * CLASS_RATIO.powi(slowness));
-    let slow = (1..=SLOWNESSES).filter(|_| !by_subsets).map(slow);
+    let slow = (1..=SLOWNESSES).filter(|_| source == Source::Outlines).map(slow);
     let (mut all, mut squares) = (1.0, [0.0; 2]);
     for (share, px) in std::iter::once((ROTATING_SHARE, likely_px)).chain(slow) {
         let likely = px * px;
@@ -46,15 +55,15 @@ mod tests {
 
     #[test]
     fn the_less_is_seen_the_more_may_be_hidden() {
-        let of = |value: f64, sigma: f64, by_subsets: bool| {
-            unseen([Estimate { value, sigma }, Estimate { value: 0.0, sigma }], 1.0, by_subsets)[0]
+        let of = |value: f64, sigma: f64, source: Source| {
+            unseen([Estimate { value, sigma }, Estimate { value: 0.0, sigma }], 1.0, source)[0]
         };
         // A precise zero leaves nothing; an imprecise one leaves what some balls do.
-        assert!(of(0.0, 1e-3, true) < 1e-4 && (0.2..0.4).contains(&of(0.0, 10.0, true)));
+        assert!(of(0.0, 1e-3, Source::Subsets) < 1e-4 && (0.2..0.4).contains(&of(0.0, 10.0, Source::Subsets)));
         // Slow rotations lie below the resolution of outlines.
-        let [outlines, subsets] = [false, true].map(|by_subsets| of(0.0, 5e-3, by_subsets));
+        let [outlines, subsets] = [Source::Outlines, Source::Subsets].map(|source| of(0.0, 5e-3, source));
         assert!((3e-4..2e-3).contains(&outlines) && subsets < 0.3 * outlines, "{outlines} {subsets}");
         // Three sigmas are probably none, six sigmas probably some.
-        assert!(of(0.015, 5e-3, false) < of(0.03, 5e-3, false));
+        assert!(of(0.015, 5e-3, Source::Outlines) < of(0.03, 5e-3, Source::Outlines));
     }
 }
