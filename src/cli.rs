@@ -18,6 +18,7 @@ use crate::command::report::{self, ReportOptions};
 use crate::command::rig::{self, RoleOptions};
 use crate::command::simulate::{self, SimulateOptions};
 use crate::command::status;
+use crate::failure::Failure;
 use crate::message::{Command as Request, Role};
 use crate::process::Stop;
 mod field;
@@ -169,7 +170,7 @@ pub fn is_supervised(command: &Command) -> bool {
 /// # Errors
 ///
 /// Any error of the command.
-pub fn run(command: Command, stop: &Stop) -> anyhow::Result<Outcome> {
+pub fn run(command: Command, stop: &Stop) -> Result<Outcome, Failure> {
     match command {
         Command::Demo(options) => demo::run(&options, stop),
         Command::Run { config } => rig::run(&config, stop),

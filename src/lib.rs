@@ -11,6 +11,8 @@
 //! The rooms below are listed bottom to top; each names only rooms above it in
 //! this list. Rooms up to [`measure`] are pure: no clock, no file, no thread.
 
+pub mod failure;
+
 pub mod results;
 
 pub mod image;

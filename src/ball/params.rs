@@ -1,5 +1,7 @@
 //! Parameters of a ball finder.
 
+use crate::failure::{ExitCode, Fatal};
+
 /// The minimum radius for the edge fit, px.
 pub(super) const MIN_RADIUS_PX: f64 = 6.0;
 /// The maximum radius, px, which bounds the memory of a finder.
@@ -68,6 +70,12 @@ pub enum BallError {
         /// The allowed range.
         range: String,
     },
+}
+
+impl Fatal for BallError {
+    fn exit_code(&self) -> ExitCode {
+        ExitCode::Usage
+    }
 }
 
 impl BallError {

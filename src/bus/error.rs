@@ -1,5 +1,7 @@
 //! The errors of the bus.
 
+use crate::failure::{ExitCode, Fatal};
+
 /// The reason why shared memory could not be used.
 #[derive(Debug, thiserror::Error)]
 pub enum BusError {
@@ -45,6 +47,12 @@ pub enum BusError {
         /// The bytes that are free.
         free_bytes: u64,
     },
+}
+
+impl Fatal for BusError {
+    fn exit_code(&self) -> ExitCode {
+        ExitCode::Bus
+    }
 }
 
 impl BusError {

@@ -11,6 +11,7 @@ pub mod v4l2;
 
 pub use slot::Slot;
 
+use crate::failure::{ExitCode, Fatal};
 use crate::image::{FrameMeta, PixelFormat};
 use std::time::Duration;
 
@@ -133,6 +134,16 @@ pub enum CameraError {
     /// The recording that is replayed cannot be read.
     #[error(transparent)]
     Recording(#[from] crate::recording::RecordingError),
+}
+
+impl Fatal for CameraError {
+    fn exit_code(&self) -> ExitCode {
+        match self {
+            Self::Recording(error) => error.exit_code(),
+            Self::Scenario { .. } => ExitCode::Usage,
+            _ => ExitCode::Camera,
+        }
+    }
 }
 
 /// A source of frames.

@@ -3,6 +3,7 @@
 use clap::Subcommand;
 
 use crate::console::Outcome;
+use crate::failure::Failure;
 use crate::process::Stop;
 use crate::study::speckle::SpeckleStudy;
 use crate::study::{ConvergenceOptions, convergence};
@@ -57,7 +58,7 @@ impl Study {
     /// # Errors
     ///
     /// Any error of the study.
-    pub(super) fn run(&self, stop: &Stop) -> anyhow::Result<Outcome> {
+    pub(super) fn run(&self, stop: &Stop) -> Result<Outcome, Failure> {
         let (study, options) = match self {
             Self::Convergence(options) => return convergence::run(options, stop),
             Self::Design(options) => return design::run(options, stop),

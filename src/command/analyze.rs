@@ -5,6 +5,7 @@ use super::json_cells;
 use crate::camera::{CameraIdentity, StreamFormat};
 use crate::config::Record;
 use crate::console::{Outcome, UsageError, progress, say, table};
+use crate::failure::Failure;
 use crate::image::{Frame, FrameMeta};
 use crate::measure::{MeasureError, MeasureParams, Measured, Measurer, Share};
 use crate::process::{FrameRange, Shot, Stop, analysis_params, recording_info, reference_picture};
@@ -55,7 +56,7 @@ pub struct AnalyzeOptions {
 /// # Errors
 ///
 /// When the film or the rig file cannot be used, or the results cannot be written.
-pub fn run(options: &AnalyzeOptions, stop: &Stop) -> anyhow::Result<Outcome> {
+pub fn run(options: &AnalyzeOptions, stop: &Stop) -> Result<Outcome, Failure> {
     let span = span(options.from_s, options.to_s)?;
     let camera = options.camera.as_deref();
     let mut film = Film::open(&options.inputs, camera, options.config.as_deref(), options.fps)?.within(span);
@@ -104,7 +105,7 @@ type Job = Arc<(FrameMeta, Vec<u8>)>;
 type Answer = Result<Vec<Measured>, MeasureError>;
 
 /// Measures every frame; returns the results file and the number of missing frames.
-fn measure(film: Film, output: &Path, stop: &Stop) -> anyhow::Result<(PathBuf, u64)> {
+fn measure(film: Film, output: &Path, stop: &Stop) -> Result<(PathBuf, u64), Failure> {
     let Film { format, config, metadata, count, frames, reference, .. } = film;
     config.check_calibration(format.width_px, format.height_px)?;
     let (measure_params, tracker_params) = analysis_params(&config, &format);
@@ -133,7 +134,7 @@ fn measure(film: Film, output: &Path, stop: &Stop) -> anyhow::Result<(PathBuf, u
     shot.begin(0, Some(&tracker_params), range);
     let bar = progress::frames(count, "analyze");
     let mut unread = 0;
-    let whole = std::thread::scope(|scope| -> anyhow::Result<()> {
+    let whole = std::thread::scope(|scope| -> Result<(), Failure> {
         let (answers, results) = channel();
         let mut workers = Vec::new();
         for index in 0..config.workers.count {
@@ -198,7 +199,7 @@ fn work(mut measurer: Measurer, todo: &Receiver<Job>, answers: &Sender<Answer>) 
     let _ = answers.send(Ok(measured));
 }
 
-fn take(shot: &mut Shot, answer: Answer) -> anyhow::Result<()> {
+fn take(shot: &mut Shot, answer: Answer) -> Result<(), Failure> {
     for measured in answer? {
         shot.step(0, measured.step, measured.field)?;
     }

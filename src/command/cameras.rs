@@ -3,6 +3,7 @@
 use crate::camera::genicam::{CameraDetails, CameraListing, FeatureLine, Kind, describe, features, list};
 use crate::camera::{CameraError, v4l2};
 use crate::console::{Outcome, say};
+use crate::failure::Failure;
 use serde_json::{Value, json};
 
 /// The options of `ricochet cameras`.
@@ -23,7 +24,7 @@ pub struct CamerasOptions {
 /// # Errors
 ///
 /// [`CameraError`] when there is no camera and the GenICam library is missing, or the selected camera does not reply.
-pub fn run(options: &CamerasOptions) -> anyhow::Result<Outcome> {
+pub fn run(options: &CamerasOptions) -> Result<Outcome, Failure> {
     if let Some(id) = &options.features {
         print_features(id, options)?;
         return Ok(Outcome::Clean);
@@ -52,7 +53,7 @@ pub fn run(options: &CamerasOptions) -> anyhow::Result<Outcome> {
 }
 
 /// Prints the features of one camera; of a V4L2 camera also its formats, sizes and rates.
-fn print_features(id: &str, options: &CamerasOptions) -> anyhow::Result<()> {
+fn print_features(id: &str, options: &CamerasOptions) -> Result<(), Failure> {
     let (camera, lines) = match v4l2::is_v4l2_id(id) {
         true => v4l2::features(id).map(|(camera, lines)| (Some(camera), lines))?,
         false => (None, features(id)?),

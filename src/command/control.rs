@@ -2,6 +2,7 @@
 
 use crate::bus::{Bus, BusError};
 use crate::console::{Outcome, UsageError, say};
+use crate::failure::Failure;
 use crate::message::{Command, ReplyCode};
 use std::time::Duration;
 
@@ -23,7 +24,7 @@ pub struct RigOptions {
 /// # Errors
 ///
 /// When no such rig runs, nobody replies, or the rig refuses.
-pub fn run(options: &RigOptions, command: Command) -> anyhow::Result<Outcome> {
+pub fn run(options: &RigOptions, command: Command) -> Result<Outcome, Failure> {
     let rig = &options.rig;
     let bus = Bus::join(rig, "control")?;
     let reply = bus.control_client()?.ask(command, PATIENCE)?;

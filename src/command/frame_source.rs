@@ -5,6 +5,7 @@ use crate::camera::StreamFormat;
 use crate::camera::replay::TimeRange;
 use crate::config::Config;
 use crate::console::UsageError;
+use crate::failure::Failure;
 use crate::image::{Frame, FrameMeta, Image};
 use crate::import;
 use crate::process::reference_picture;
@@ -15,7 +16,7 @@ use std::iter::Peekable;
 use std::path::{Path, PathBuf};
 
 /// The frames with their time stamps, in order.
-pub(super) type Frames = Box<dyn Iterator<Item = anyhow::Result<(FrameMeta, Vec<u8>)>>>;
+pub(super) type Frames = Box<dyn Iterator<Item = Result<(FrameMeta, Vec<u8>), Failure>>>;
 
 /// An opened film.
 pub(super) struct Film {
@@ -42,7 +43,7 @@ impl Film {
             return self;
         }
         let mut first_ns = None;
-        let mut place = move |frame: &anyhow::Result<(FrameMeta, Vec<u8>)>| {
+        let mut place = move |frame: &Result<(FrameMeta, Vec<u8>), Failure>| {
             let Ok((meta, _)) = frame else { return Ordering::Equal };
             span.locate(*first_ns.get_or_insert(meta.stamp_ns), meta.stamp_ns)
         };
@@ -63,7 +64,7 @@ impl Film {
         camera: Option<&str>,
         config: Option<&Path>,
         fps: Option<f64>,
-    ) -> anyhow::Result<Self> {
+    ) -> Result<Self, Failure> {
         if let Some(fps) = fps.filter(|fps| !(fps.is_finite() && *fps > 0.0)) {
             return Err(UsageError(format!("--fps {fps}: must be a positive number")).into());
         }
@@ -84,10 +85,10 @@ impl Film {
         camera: Option<&str>,
         config: Option<&Path>,
         fps: Option<f64>,
-    ) -> anyhow::Result<Self> {
+    ) -> Result<Self, Failure> {
         let recordings = Recording::open_all(paths)?.into_iter().map(|recording| recording.of_camera(camera));
         let parts = recordings.map(|recording| Part::open(recording?));
-        let mut parts = parts.collect::<anyhow::Result<Vec<_>>>()?;
+        let mut parts = parts.collect::<Result<Vec<_>, Failure>>()?;
         parts.sort_by_key(|part| part.first.stamp_ns);
         for pair in parts.windows(2) {
             pair[1].check_follows(&pair[0], config)?;
@@ -123,7 +124,7 @@ impl Film {
         })
     }
 
-    fn footage(inputs: &[PathBuf], config: Option<&Path>, fps: Option<f64>) -> anyhow::Result<Self> {
+    fn footage(inputs: &[PathBuf], config: Option<&Path>, fps: Option<f64>) -> Result<Self, Failure> {
         let Some(config) = config else {
             let first = inputs.first().map_or_else(String::new, |path| path.display().to_string());
             return Err(
@@ -166,7 +167,7 @@ struct Part {
 }
 
 impl Part {
-    fn open(recording: Recording) -> anyhow::Result<Self> {
+    fn open(recording: Recording) -> Result<Self, Failure> {
         let mut frames = recording.frames()?.peekable();
         let first = match frames.peek() {
             Some(Ok((meta, _))) => *meta,
@@ -180,7 +181,7 @@ impl Part {
     }
 
     /// Checks that this part continues the same stream.
-    fn check_follows(&self, before: &Self, config: Option<&Path>) -> anyhow::Result<()> {
+    fn check_follows(&self, before: &Self, config: Option<&Path>) -> Result<(), Failure> {
         let [name, name_before] = [self, before].map(|part| part.recording.path().display().to_string());
         let shape = |meta: &FrameMeta| (meta.width_px, meta.height_px, meta.format);
         let last = before.recording.last_frame()?;

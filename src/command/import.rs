@@ -1,5 +1,6 @@
 //! `ricochet import`: converts footage of other programs or cameras into a recording.
 
+use crate::failure::{ExitCode, Fatal};
 use crate::image::Frame;
 use crate::import::{self, ImportError};
 use crate::recording::{RecordingError, RecordingInfo, RecordingWriter, WriterOptions};
@@ -40,6 +41,15 @@ pub enum Failure {
     /// The recording cannot be written.
     #[error(transparent)]
     Recording(#[from] RecordingError),
+}
+
+impl Fatal for Failure {
+    fn exit_code(&self) -> ExitCode {
+        match self {
+            Self::Import(error) => error.exit_code(),
+            Self::Recording(error) => error.exit_code(),
+        }
+    }
 }
 
 /// Imports footage and stores its settings as metadata of the recording.

@@ -3,6 +3,7 @@
 use super::{json_cells, rod};
 use crate::bus::{Bus, BusError, Subscriber, Topic};
 use crate::console::{Outcome, UsageError, say};
+use crate::failure::Failure;
 use crate::message::{Event, EventKind, ImpactMessage, Role, StatusMessage, TrackMessage, VelocityMessage};
 use crate::process::Stop;
 use crate::results::{FieldPoint, Impact, PointStatus, Sample, TrackSample, VelocitySample};
@@ -36,7 +37,7 @@ pub struct ListenOptions {
 /// # Errors
 ///
 /// [`UsageError`] when there is no such topic, [`BusError::NoRig`] when there is no such rig.
-pub fn run(options: &ListenOptions, stop: &Stop) -> anyhow::Result<Outcome> {
+pub fn run(options: &ListenOptions, stop: &Stop) -> Result<Outcome, Failure> {
     if !TOPICS.split(", ").any(|topic| topic == options.topic) {
         return Err(UsageError(format!("topic {:?} is not one of {TOPICS}", options.topic)).into());
     }
@@ -115,7 +116,7 @@ fn follow<T: Topic>(
     row: fn(&T) -> Option<Map<String, Value>>,
     printer: &mut Printer,
     stop: &Stop,
-) -> anyhow::Result<Outcome> {
+) -> Result<Outcome, Failure> {
     while !stop.requested() {
         // Checked before the topic is read for the last time, so that no message before the end is missed.
         let over = watch.is_over()?;
@@ -134,7 +135,7 @@ fn follow<T: Topic>(
     Ok(Outcome::Clean)
 }
 
-fn follow_field(bus: &Bus, mut watch: Watch<'_>, printer: &mut Printer, stop: &Stop) -> anyhow::Result<Outcome> {
+fn follow_field(bus: &Bus, mut watch: Watch<'_>, printer: &mut Printer, stop: &Stop) -> Result<Outcome, Failure> {
     let topic = bus.listen_field()?;
     while !stop.requested() {
         let over = watch.is_over()?;

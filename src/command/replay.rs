@@ -8,6 +8,7 @@ use super::view_config;
 use crate::camera::replay::TimeRange;
 use crate::config::Config;
 use crate::console::{Outcome, UsageError, progress, say};
+use crate::failure::Failure;
 use crate::message::Role;
 use crate::process::{self, Child, Stop, Summary};
 use crate::recording::Recording;
@@ -108,7 +109,7 @@ struct Played {
 /// # Errors
 ///
 /// When a recording cannot be read or a rig cannot run.
-pub fn run(options: &ReplayOptions, stop: &Stop) -> anyhow::Result<Outcome> {
+pub fn run(options: &ReplayOptions, stop: &Stop) -> Result<Outcome, Failure> {
     let whole = span(options.from_s, options.to_s)?;
     let streams = stream::within(stream::streams(&options.files)?, whole)?;
     let mut lost = 0;
@@ -135,7 +136,7 @@ pub fn run(options: &ReplayOptions, stop: &Stop) -> anyhow::Result<Outcome> {
 }
 
 /// Plays one stream, paced by its camera source.
-fn play(played: &Played, stop: &Stop) -> anyhow::Result<Summary> {
+fn play(played: &Played, stop: &Stop) -> Result<Summary, Failure> {
     let total = played.recording.frame_count();
     let bar = progress::frames(total, "replay");
     let tracker = Child::first(Role::Track);
@@ -149,7 +150,7 @@ fn play(played: &Played, stop: &Stop) -> anyhow::Result<Summary> {
 }
 
 /// Returns a rig per stream, with distinct names.
-fn rigs(options: &ReplayOptions, streams: &[Streamed]) -> anyhow::Result<Vec<Played>> {
+fn rigs(options: &ReplayOptions, streams: &[Streamed]) -> Result<Vec<Played>, Failure> {
     let is_led = streams.len() > 1 || options.step;
     let first_ns = stream::first_ns(streams)?;
     let begin_ns = match options.shift_times {
@@ -223,7 +224,7 @@ fn replay_name(rig: &str) -> String {
 /// # Errors
 ///
 /// When none is given and none is attached, or when it is invalid.
-pub fn rig_config(recording: &Recording, camera: Option<&str>, given: Option<&Path>) -> anyhow::Result<Config> {
+pub fn rig_config(recording: &Recording, camera: Option<&str>, given: Option<&Path>) -> Result<Config, Failure> {
     if let Some(path) = given {
         let config = Config::load(path)?;
         // A rig file with several cameras configures each of them; any other applies to the selected camera.

@@ -1,9 +1,9 @@
 //! `ricochet report`: a report page of one or several recordings.
 
 use crate::console::{Outcome, UsageError, say};
+use crate::failure::Failure;
 use crate::recording::Recording;
 use crate::report::{self, Shot};
-use anyhow::Context;
 use std::path::{Path, PathBuf};
 
 /// The options of `ricochet report`.
@@ -28,7 +28,7 @@ pub struct ReportOptions {
 /// # Errors
 ///
 /// When a recording cannot be read or the page cannot be written.
-pub fn run(options: &ReportOptions) -> anyhow::Result<Outcome> {
+pub fn run(options: &ReportOptions) -> Result<Outcome, Failure> {
     let Some(first) = options.files.first() else {
         return Err(UsageError("give at least one recording".into()).into());
     };
@@ -51,7 +51,8 @@ pub fn run(options: &ReportOptions) -> anyhow::Result<Outcome> {
             None => Shot::read(&recording)?,
         });
     }
-    std::fs::write(&output, report::page(&shots)).with_context(|| format!("write {}", output.display()))?;
+    std::fs::write(&output, report::page(&shots))
+        .map_err(|error| Failure::internal(format!("cannot write {}: {error}", output.display())))?;
     say(&output.display().to_string());
     Ok(Outcome::Clean)
 }

@@ -2,6 +2,7 @@
 
 use crate::config::Config;
 use crate::console::Outcome;
+use crate::failure::Failure;
 use crate::message::Role;
 use crate::process::{self, Resume, Stop, Summary};
 use std::io::BufRead;
@@ -34,7 +35,7 @@ pub struct RoleOptions {
 /// # Errors
 ///
 /// Any error of the process.
-pub fn role(role: Role, options: &RoleOptions, stop: &Stop) -> anyhow::Result<Outcome> {
+pub fn role(role: Role, options: &RoleOptions, stop: &Stop) -> Result<Outcome, Failure> {
     let config = load(&options.config, options.origin.as_deref())?;
     let config = match &options.camera {
         Some(_) if role == Role::Record => {
@@ -82,7 +83,7 @@ pub fn role(role: Role, options: &RoleOptions, stop: &Stop) -> anyhow::Result<Ou
 /// # Errors
 ///
 /// When a process cannot be started or cannot continue.
-pub fn run(config: &Path, stop: &Stop) -> anyhow::Result<Outcome> {
+pub fn run(config: &Path, stop: &Stop) -> Result<Outcome, Failure> {
     let config = load(config, None)?;
     let summary = process::supervise(&config, stop, |_| ())?;
     // Older recordings may have been deleted to make room.
@@ -96,7 +97,7 @@ fn outcome(summary: &Summary) -> Outcome {
     Outcome::of_rig(summary)
 }
 
-fn load(path: &Path, origin: Option<&str>) -> anyhow::Result<Config> {
+fn load(path: &Path, origin: Option<&str>) -> Result<Config, Failure> {
     if path != Path::new("-") {
         return Ok(Config::load(path)?);
     }

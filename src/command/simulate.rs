@@ -3,6 +3,7 @@
 use crate::camera::{CameraIdentity, StreamFormat, simulated};
 use crate::config::Config;
 use crate::console::{Outcome, UsageError, progress, say};
+use crate::failure::Failure;
 use crate::image::Frame;
 use crate::process::recording_info;
 use crate::recording::{RecordingWriter, WriterOptions};
@@ -33,7 +34,7 @@ const ROOM_PX: f64 = 8.0;
 /// # Errors
 ///
 /// When the scenario is unknown or invalid, or the recording cannot be written.
-pub fn run(options: &SimulateOptions) -> anyhow::Result<Outcome> {
+pub fn run(options: &SimulateOptions) -> Result<Outcome, Failure> {
     let named = |error: ScenarioError| match error {
         ScenarioError::Unreadable { .. } => UsageError(error.to_string()),
         error => UsageError(format!("{}: {error}", options.scenario)),
@@ -64,7 +65,7 @@ pub fn run(options: &SimulateOptions) -> anyhow::Result<Outcome> {
     Ok(Outcome::Clean)
 }
 
-fn draw(world: &World, format: &StreamFormat, writer: &mut RecordingWriter) -> anyhow::Result<()> {
+fn draw(world: &World, format: &StreamFormat, writer: &mut RecordingWriter) -> Result<(), Failure> {
     let mut bytes = vec![0; format.slot_bytes()];
     let bar = progress::frames(world.frames(), "simulate");
     for index in 0..world.frames() {
@@ -80,7 +81,7 @@ fn draw(world: &World, format: &StreamFormat, writer: &mut RecordingWriter) -> a
 }
 
 /// Returns the configuration attached to the recording, which is the default for measuring it.
-fn config(world: &World, name: &str) -> anyhow::Result<Config> {
+fn config(world: &World, name: &str) -> Result<Config, Failure> {
     let scenario = world.scenario();
     let built_in = format!("{name}.toml");
     if let Some(text) = super::demo::built_in_config(name) {

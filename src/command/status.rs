@@ -3,6 +3,7 @@
 use super::control::RigOptions;
 use crate::bus::{Bus, BusError};
 use crate::console::{Outcome, say, table};
+use crate::failure::Failure;
 use crate::message::{Role, StatusMessage};
 use std::collections::BTreeMap;
 use std::time::Duration;
@@ -16,7 +17,7 @@ const PAUSE: Duration = Duration::from_millis(20);
 /// # Errors
 ///
 /// When no such rig runs.
-pub fn run(options: &RigOptions) -> anyhow::Result<Outcome> {
+pub fn run(options: &RigOptions) -> Result<Outcome, Failure> {
     let rig = &options.rig;
     let bus = Bus::join(rig, "status")?;
     let topic = bus.listen::<StatusMessage>()?;

@@ -1,5 +1,7 @@
 //! What is wrong with a rig file, in one line.
 
+use crate::failure::{ExitCode, Fatal};
+
 /// Why a configuration was refused.
 ///
 /// Every variant prints as one line that names the file, the key, the value and
@@ -86,4 +88,10 @@ pub enum ConfigError {
         /// What to write instead.
         instead: String,
     },
+}
+
+impl Fatal for ConfigError {
+    fn exit_code(&self) -> ExitCode {
+        ExitCode::Usage
+    }
 }

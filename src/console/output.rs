@@ -1,5 +1,6 @@
 //! What a command prints and how it ends.
 
+use crate::failure::{ExitCode, Fatal};
 use crate::process::Summary;
 use std::io::Write;
 use std::path::Path;
@@ -17,6 +18,10 @@ pub enum Outcome {
         cause: Option<String>,
     },
 }
+
+impl Fatal for csv::Error {}
+
+impl Fatal for serde_json::Error {}
 
 impl Outcome {
     /// Returns `Clean` if `lost` is 0.
@@ -47,6 +52,12 @@ impl Outcome {
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("{0}")]
 pub struct UsageError(pub String);
+
+impl Fatal for UsageError {
+    fn exit_code(&self) -> ExitCode {
+        ExitCode::Usage
+    }
+}
 
 /// Prints a line to standard output and ignores a closed pipe.
 pub fn say(line: &str) {

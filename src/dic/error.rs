@@ -1,5 +1,7 @@
 //! Errors of planning a correlator.
 
+use crate::failure::{ExitCode, Fatal};
+
 /// The reason why a correlator cannot be planned.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum CorrelationError {
@@ -23,4 +25,10 @@ pub enum CorrelationError {
         /// The height of the image, px.
         height_px: usize,
     },
+}
+
+impl Fatal for CorrelationError {
+    fn exit_code(&self) -> ExitCode {
+        ExitCode::Usage
+    }
 }

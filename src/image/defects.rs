@@ -59,6 +59,8 @@ pub enum DefectError {
     },
 }
 
+impl crate::failure::Fatal for DefectError {}
+
 impl Defects {
     /// Pixels by column and row, in pictures of this size; `None` when there are none.
     ///

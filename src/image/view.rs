@@ -10,6 +10,8 @@ pub struct ShapeError {
     pub actual: usize,
 }
 
+impl crate::failure::Fatal for ShapeError {}
+
 /// An image of grey levels in digital numbers (DN), row-major, borrowed.
 #[derive(Debug, Clone, Copy)]
 pub struct ImageView<'a> {

@@ -1,5 +1,6 @@
 //! Errors of an import.
 
+use crate::failure::{ExitCode, Fatal};
 use std::path::{Path, PathBuf};
 
 /// The reason why a file cannot be imported.
@@ -32,6 +33,15 @@ pub enum ImportError {
         /// The problem.
         reason: String,
     },
+}
+
+impl Fatal for ImportError {
+    fn exit_code(&self) -> ExitCode {
+        match self {
+            Self::FrameRate { .. } | Self::Nothing => ExitCode::Usage,
+            _ => ExitCode::Recording,
+        }
+    }
 }
 
 impl ImportError {

@@ -2,6 +2,7 @@
 
 use crate::ball::BallError;
 use crate::dic::CorrelationError;
+use crate::failure::{ExitCode, Fatal};
 use crate::image::{DefectError, ShapeError};
 use crate::rod::RodError;
 
@@ -44,4 +45,10 @@ pub enum MeasureError {
         /// The height of the stream.
         expected_height_px: usize,
     },
+}
+
+impl Fatal for MeasureError {
+    fn exit_code(&self) -> ExitCode {
+        ExitCode::Usage
+    }
 }

@@ -8,13 +8,14 @@ use super::live_trigger::StandaloneTrigger;
 use super::reference_picture;
 use super::resume::Resume;
 use super::setup::{SUCCESSION, Source, limits};
-use super::status_reporter::StatusReporter;
+use super::status_reporter::{FrameStamp, StatusReporter};
 use super::stepping;
 use super::stop::Stop;
 use super::summary::Summary;
 use crate::bus::{Bell, Bus, BusError, FramePublisher, Limits, Subscriber};
 use crate::camera::{CameraError, Next, Pace, Slot, realtime_priority};
 use crate::config::{Config, TriggerMode};
+use crate::failure::Failure;
 use crate::image::FrameMeta;
 use crate::message::{EventKind, FrameHeader, Progress, Role};
 use crate::trigger::MotionTrigger;
@@ -39,7 +40,7 @@ const RELEASE_TIMEOUT: Duration = Duration::from_secs(20);
 /// # Errors
 ///
 /// If the camera cannot be opened or is lost for good, or shared memory cannot be used.
-pub fn run(config: &Config, resume: Option<Resume>, stop: &Stop) -> anyhow::Result<Summary> {
+pub fn run(config: &Config, resume: Option<Resume>, stop: &Stop) -> Result<Summary, Failure> {
     let begin = now();
     let source = open(config, resume.is_some(), stop)?;
     config.check_calibration(source.format().width_px, source.format().height_px)?;
@@ -105,13 +106,7 @@ struct Loop {
 }
 
 impl Loop {
-    fn new(
-        bus: &Bus,
-        config: &Config,
-        limits: Limits,
-        ring: FramePublisher,
-        source: Source,
-    ) -> Result<Self, anyhow::Error> {
+    fn new(bus: &Bus, config: &Config, limits: Limits, ring: FramePublisher, source: Source) -> Result<Self, Failure> {
         let mut reporter = StatusReporter::new(bus, &limits, Role::Acquire, 0)?;
         reporter.set_run(host_ns());
         if source.is_live() {
@@ -178,13 +173,13 @@ impl Loop {
     }
 
     /// Touches the ring, announces it and waits until every reader has attached.
-    fn prepare(&mut self, stop: &Stop) -> anyhow::Result<()> {
+    fn prepare(&mut self, stop: &Stop) -> Result<(), Failure> {
         self.ring.touch()?;
         let run_id = self.reporter.run_id();
         let camera = self.source.identity();
         let identity = format!("{}\n{}", camera.model, camera.serial);
         let earliest = self.resume.map_or(0, |(resume, _)| resume.sequence + 1);
-        self.reporter.event(EventKind::Prepared, earliest, 0, &identity)?;
+        self.reporter.event(EventKind::Prepared, FrameStamp { sequence: earliest, stamp_ns: 0 }, &identity)?;
         let timeout = Timeout::new(READY_TIMEOUT);
         while !stop.requested() && !self.readers.all_attached(run_id)? {
             if timeout.has_expired() {
@@ -192,14 +187,14 @@ impl Loop {
                 break;
             }
             self.ring.greet();
-            self.reporter.status(&self.summary, 0, 0)?;
+            self.reporter.status(&self.summary, FrameStamp::default())?;
             std::thread::sleep(Duration::from_millis(1));
         }
         self.ring.greet();
         Ok(())
     }
 
-    fn stream(&mut self, config: &Config, stop: &Stop) -> anyhow::Result<()> {
+    fn stream(&mut self, config: &Config, stop: &Stop) -> Result<(), Failure> {
         self.lend()?;
         self.seek(config);
         self.source.camera().start()?;
@@ -212,7 +207,7 @@ impl Loop {
             stepping::print("ready: each line on standard input plays a frame");
         }
         while !stop.requested() {
-            self.reporter.status(&self.summary, self.next.saturating_sub(1), self.stamp_ns)?;
+            self.reporter.status(&self.summary, self.newest())?;
             self.lend()?;
             if self.source.pace() == Pace::OnDemand {
                 let first = self.first.unwrap_or(self.next);
@@ -239,14 +234,24 @@ impl Loop {
         Ok(())
     }
 
-    fn publish(&mut self, slot: Slot, mut meta: FrameMeta) -> Result<(), BusError> {
-        let mut slot = slot;
+    /// Returns the newest frame.
+    fn newest(&self) -> FrameStamp {
+        FrameStamp { sequence: self.next.saturating_sub(1), stamp_ns: self.stamp_ns }
+    }
+
+    /// Publishes an event after the newest frame.
+    fn event(&self, kind: EventKind, text: &str) -> Result<(), BusError> {
+        self.reporter.event(kind, FrameStamp { sequence: self.next, stamp_ns: self.stamp_ns }, text)
+    }
+
+    fn publish(&mut self, mut slot: Slot, mut meta: FrameMeta) -> Result<(), BusError> {
         self.queued -= 1;
         self.continue_count(&meta);
         meta.sequence += self.offset;
         meta.epoch = meta.epoch.max(self.epoch);
+        let frame = FrameStamp { sequence: meta.sequence, stamp_ns: meta.stamp_ns };
         let decided = self.decide(&meta, &mut slot);
-        self.begin_shot(&meta)?;
+        self.begin_shot(frame)?;
         let exposure_us = self.source.format().exposure_us;
         let shot = self.hardware_trigger.as_ref().map_or(0, HardwareTrigger::shot);
         self.ring.send(slot, FrameHeader { shot, ..FrameHeader::new(&meta, self.reporter.run_id(), exposure_us) })?;
@@ -260,41 +265,37 @@ impl Loop {
             self.first = Some(meta.sequence);
             // A live camera counts from its first frame id, complete or not; a recording may begin with any number.
             self.next = if self.source.is_live() { self.offset } else { meta.sequence };
-            self.reporter.event(EventKind::Started, meta.sequence, meta.stamp_ns, "first frame")?;
+            self.reporter.event(EventKind::Started, frame, "first frame")?;
             if self.epoch > 0 {
                 let text = format!("its process was restarted; epoch {}", self.epoch);
-                self.reporter.event(EventKind::Camera, meta.sequence, meta.stamp_ns, &text)?;
+                self.reporter.event(EventKind::Camera, frame, &text)?;
             }
         }
         let gap = meta.sequence.saturating_sub(self.next);
         if gap > 0 {
             self.summary.lost += gap;
             let text = format!("the camera lost {gap} frames");
-            self.reporter.event(EventKind::Lost, meta.sequence, meta.stamp_ns, &text)?;
+            self.reporter.event(EventKind::Lost, frame, &text)?;
         }
         self.next = meta.sequence + 1;
         self.incomplete = 0;
         self.stamp_ns = meta.stamp_ns;
         if let Some(latency) = decided {
             let text = format!("motion; decided {} us after the frame came", latency.as_micros());
-            self.reporter.event(EventKind::Decided, meta.sequence, meta.stamp_ns, &text)?;
+            self.reporter.event(EventKind::Decided, frame, &text)?;
             if let Some(standalone) = &mut self.standalone {
-                let cause = TriggerCause { frame: meta.sequence, stamp_ns: meta.stamp_ns, text: "motion".into() };
-                standalone.trigger(&cause, &self.reporter)?;
+                standalone.trigger(&TriggerCause { frame, text: "motion".into() }, &self.reporter)?;
             }
         }
         self.standalone.as_mut().map_or(Ok(()), |standalone| standalone.publish(&self.reporter))
     }
 
     /// Announces a shot of the hardware trigger before its first frame is published.
-    fn begin_shot(&mut self, meta: &FrameMeta) -> Result<(), BusError> {
+    fn begin_shot(&mut self, frame: FrameStamp) -> Result<(), BusError> {
         let Some(text) = self.hardware_trigger.as_mut().and_then(HardwareTrigger::on_frame) else { return Ok(()) };
-        self.reporter.event(EventKind::Decided, meta.sequence, meta.stamp_ns, &text)?;
-        match &mut self.standalone {
-            None => Ok(()),
-            Some(standalone) => standalone
-                .trigger(&TriggerCause { frame: meta.sequence, stamp_ns: meta.stamp_ns, text }, &self.reporter),
-        }
+        self.reporter.event(EventKind::Decided, frame, &text)?;
+        let Some(standalone) = &mut self.standalone else { return Ok(()) };
+        standalone.trigger(&TriggerCause { frame, text }, &self.reporter)
     }
 
     /// Announces the end of a hardware-triggered shot, once the camera has been silent for long enough.
@@ -302,7 +303,7 @@ impl Loop {
         if !self.hardware_trigger.as_mut().is_some_and(HardwareTrigger::on_timeout) {
             return Ok(());
         }
-        self.reporter.event(EventKind::Silent, self.next, self.stamp_ns, "no frame for trigger.silence_s")
+        self.event(EventKind::Silent, "no frame for trigger.silence_s")
     }
 
     /// Evaluates the motion trigger on a frame; if it fires, returns the time since the frame's delivery.
@@ -325,17 +326,17 @@ impl Loop {
     }
 
     /// Reopens a live camera that was lost until it answers; frames continue under a new epoch.
-    fn reopen(&mut self, config: &Config, stop: &Stop, error: &CameraError) -> anyhow::Result<()> {
+    fn reopen(&mut self, config: &Config, stop: &Stop, error: &CameraError) -> Result<(), Failure> {
         if !matches!(error, CameraError::Lost { .. }) {
-            anyhow::bail!("cannot read a frame: {error}");
+            return Err(Failure::internal(format!("cannot read a frame: {error}")));
         }
-        self.reporter.event(EventKind::Camera, self.next, self.stamp_ns, &error.to_string())?;
+        self.event(EventKind::Camera, &error.to_string())?;
         self.release();
         let mut timer = PeriodicTimer::new(Duration::from_millis(500));
         while !stop.requested() {
-            self.reporter.status(&self.summary, self.next.saturating_sub(1), self.stamp_ns)?;
+            self.reporter.status(&self.summary, self.newest())?;
             if timer.due() && self.try_reopen(config)? {
-                return Ok(self.reporter.event(EventKind::Camera, self.next, self.stamp_ns, "the camera is back")?);
+                return Ok(self.event(EventKind::Camera, "the camera is back")?);
             }
             std::thread::sleep(Duration::from_millis(10));
         }
@@ -378,14 +379,14 @@ impl Loop {
             None => "last frame".to_owned(),
             Some(latencies) => format!("last frame; from a frame to its decision: {latencies}"),
         };
-        self.reporter.event(EventKind::Ended, self.next, self.stamp_ns, &text)?;
+        self.event(EventKind::Ended, &text)?;
         let timeout = Timeout::new(LINGER_TIMEOUT);
         while !timeout.has_expired() && !self.readers.all_done(self.reporter.run_id())? {
             self.ring.greet();
-            self.reporter.status(&self.summary, self.next.saturating_sub(1), self.stamp_ns)?;
+            self.reporter.status(&self.summary, self.newest())?;
             std::thread::sleep(Duration::from_millis(2));
         }
-        self.reporter.status_now(&self.summary, self.next.saturating_sub(1), self.stamp_ns)
+        self.reporter.status_now(&self.summary, self.newest())
     }
 }
 

@@ -3,6 +3,7 @@
 //! Each runs on a thread of its own with a timeout. The loop that starts it never waits for it.
 
 use super::clock::{Timeout, now};
+use super::status_reporter::FrameStamp;
 use crate::bus::Bus;
 use crate::config::Config;
 use crate::message::{Command as Request, ReplyCode};
@@ -25,8 +26,7 @@ const MAX_RUNNING: usize = 16;
 /// The trigger behind an action.
 #[derive(Debug, Clone)]
 pub(super) struct TriggerCause {
-    pub(super) frame: u64,
-    pub(super) stamp_ns: u64,
+    pub(super) frame: FrameStamp,
     pub(super) text: String,
 }
 
@@ -135,8 +135,8 @@ fn run(command: &[String], rig: &str, cause: &TriggerCause) -> Result<String, St
     let mut child = Command::new(&command[0])
         .args(&command[1..])
         .env("RICOCHET_RIG", rig)
-        .env("RICOCHET_FRAME", cause.frame.to_string())
-        .env("RICOCHET_STAMP_NS", cause.stamp_ns.to_string())
+        .env("RICOCHET_FRAME", cause.frame.sequence.to_string())
+        .env("RICOCHET_STAMP_NS", cause.frame.stamp_ns.to_string())
         .env("RICOCHET_CAUSE", &cause.text)
         .stdin(Stdio::null())
         .stdout(Stdio::null())
@@ -161,7 +161,7 @@ fn run(command: &[String], rig: &str, cause: &TriggerCause) -> Result<String, St
 /// Posts the trigger to a web service as JSON; the response status must be 2xx.
 fn post(url: &str, rig: &str, cause: &TriggerCause) -> Result<String, String> {
     let body = serde_json::json!({
-        "rig": rig, "frame": cause.frame, "stamp_ns": cause.stamp_ns, "cause": cause.text,
+        "rig": rig, "frame": cause.frame.sequence, "stamp_ns": cause.frame.stamp_ns, "cause": cause.text,
     });
     // No proxy: it would come from environment variables.
     let config = Agent::config_builder().timeout_global(Some(REPLY_TIMEOUT)).max_redirects(0).proxy(None);

@@ -3,13 +3,14 @@
 use super::clock::{Timeout, now};
 use super::reference_picture;
 use super::setup::{SUCCESSION, analysis_params, expected_format, limits};
-use super::status_reporter::StatusReporter;
+use super::status_reporter::{FrameStamp, StatusReporter};
 use super::stop::Stop;
 use super::stream_state::StreamState;
 use super::summary::Summary;
 use crate::bus::{Bell, Bus, BusError, FieldPublisher, FrameSubscriber, Subscriber};
 use crate::camera::StreamFormat;
 use crate::config::Config;
+use crate::failure::Failure;
 use crate::image::Frame;
 use crate::measure::{Measured, Measurer, Share};
 use crate::message::{FieldHeader, Progress, Role};
@@ -26,7 +27,7 @@ const LINGER_TIMEOUT: Duration = Duration::from_secs(30);
 /// # Errors
 ///
 /// If the measurement cannot be planned, or shared memory cannot be used.
-pub fn run(config: &Config, index: u32, mut resumed: bool, stop: &Stop) -> anyhow::Result<Summary> {
+pub fn run(config: &Config, index: u32, mut resumed: bool, stop: &Stop) -> Result<Summary, Failure> {
     let format = expected_format(config)?;
     config.check_calibration(format.width_px, format.height_px)?;
     let limits = limits(config, &format);
@@ -50,7 +51,7 @@ pub fn run(config: &Config, index: u32, mut resumed: bool, stop: &Stop) -> anyho
         block_frames: u64::from(config.workers.block_frames),
         is_late: false,
         first_complete: 0,
-        stamp_ns: 0,
+        newest: FrameStamp::default(),
         exposure_ns: 0,
     };
     worker.needs_reference = worker.measurer.needs_reference();
@@ -80,7 +81,7 @@ pub fn run(config: &Config, index: u32, mut resumed: bool, stop: &Stop) -> anyho
     Ok(worker.summary)
 }
 
-fn plan(config: &Config, index: u32, format: &StreamFormat) -> anyhow::Result<Measurer> {
+fn plan(config: &Config, index: u32, format: &StreamFormat) -> Result<Measurer, Failure> {
     let (params, _) = analysis_params(config, format);
     let share = Share { index, of: config.workers.count };
     Ok(Measurer::new(&params, share, format.width_px as usize, format.height_px as usize)?)
@@ -108,13 +109,13 @@ struct Worker<'a> {
     is_late: bool,
     /// First frame of the first complete block.
     first_complete: u64,
-    stamp_ns: u64,
+    newest: FrameStamp,
     exposure_ns: u32,
 }
 
 impl Worker<'_> {
     /// Maps the ring of a newly announced run and publishes readiness.
-    fn attach(&mut self, stream: &StreamState, resumed: bool, stop: &Stop) -> anyhow::Result<()> {
+    fn attach(&mut self, stream: &StreamState, resumed: bool, stop: &Stop) -> Result<(), Failure> {
         if stream.continues && self.reporter.run_id() != 0 {
             // What the camera's dead process left in the ring is measured completely.
             self.drain(stop)?;
@@ -123,6 +124,7 @@ impl Worker<'_> {
         }
         self.frames.greet();
         self.measurer.reset();
+        self.newest = FrameStamp::default();
         (self.shot, self.is_ended) = (0, true);
         self.next = None;
         self.is_late = resumed || stream.first.is_some();
@@ -133,7 +135,7 @@ impl Worker<'_> {
         Ok(self.reporter.progress(reached)?)
     }
 
-    fn drain(&mut self, stop: &Stop) -> anyhow::Result<()> {
+    fn drain(&mut self, stop: &Stop) -> Result<(), Failure> {
         let mut published = now();
         while !stop.requested() {
             let Some(sample) = self.frames.take()? else { break };
@@ -155,7 +157,7 @@ impl Worker<'_> {
                 self.shot = header.shot;
             }
             self.is_ended = false;
-            self.stamp_ns = meta.stamp_ns;
+            self.newest = FrameStamp { sequence: meta.sequence, stamp_ns: meta.stamp_ns };
             self.exposure_ns = header.exposure_ns;
             self.summary.taken += 1;
             if std::mem::take(&mut self.needs_reference) {
@@ -200,7 +202,7 @@ impl Worker<'_> {
     }
 
     /// Sets the reference picture of patches, if it is available by now.
-    fn set_reference(&mut self, frame: &Frame<'_>, is_first: bool) -> anyhow::Result<()> {
+    fn set_reference(&mut self, frame: &Frame<'_>, is_first: bool) -> Result<(), Failure> {
         match reference_picture::obtain(self.config, frame, is_first) {
             Some(picture) => self.measurer.set_reference(&picture)?,
             None => self.needs_reference = true,
@@ -230,11 +232,11 @@ impl Worker<'_> {
     }
 
     fn publish_status(&mut self) -> Result<(), BusError> {
-        self.reporter.status(&self.summary, self.next.unwrap_or(1) - 1, self.stamp_ns)
+        self.reporter.status(&self.summary, self.newest)
     }
 
     fn publish_status_now(&mut self) -> Result<(), BusError> {
-        self.reporter.status_now(&self.summary, self.next.unwrap_or(1) - 1, self.stamp_ns)
+        self.reporter.status_now(&self.summary, self.newest)
     }
 }
 

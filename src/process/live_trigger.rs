@@ -2,7 +2,7 @@
 
 use super::action::{Actions, TriggerCause};
 use super::clock::{host_ns, now};
-use super::status_reporter::StatusReporter;
+use super::status_reporter::{FrameStamp, StatusReporter};
 use crate::bus::BusError;
 use crate::config::{Config, TriggerMode};
 use crate::message::{Event, EventKind};
@@ -26,10 +26,10 @@ impl StandaloneTrigger {
 
     /// Publishes a trigger and starts its actions, unless it comes within the quiet time.
     pub(super) fn trigger(&mut self, cause: &TriggerCause, reporter: &StatusReporter) -> Result<(), BusError> {
-        if !self.quiet.passes(cause.stamp_ns) {
+        if !self.quiet.passes(cause.frame.stamp_ns) {
             return Ok(());
         }
-        reporter.event(EventKind::Triggered, cause.frame, cause.stamp_ns, &cause.text)?;
+        reporter.event(EventKind::Triggered, cause.frame, &cause.text)?;
         self.actions.start(cause);
         Ok(())
     }
@@ -112,20 +112,20 @@ impl LiveTrigger {
                 Some(EventKind::Recorded) => self.states.recorded(),
                 _ => continue,
             }
-            self.publish_state(event.sequence, event.stamp_ns, reporter)?;
+            self.publish_state(FrameStamp { sequence: event.sequence, stamp_ns: event.stamp_ns }, reporter)?;
         }
         Ok(())
     }
 
     /// Ends the stream, once all its rows are published.
-    pub(super) fn end(&mut self, newest: (u64, u64), reporter: &StatusReporter) -> Result<(), BusError> {
+    pub(super) fn end(&mut self, newest: FrameStamp, reporter: &StatusReporter) -> Result<(), BusError> {
         self.states.ended();
         self.publish(newest, reporter)?;
         self.standalone.as_mut().map_or(Ok(()), |standalone| standalone.finish(reporter))
     }
 
     /// Publishes new decisions, and the rig's state if it changed.
-    pub(super) fn publish(&mut self, newest: (u64, u64), reporter: &StatusReporter) -> Result<(), BusError> {
+    pub(super) fn publish(&mut self, newest: FrameStamp, reporter: &StatusReporter) -> Result<(), BusError> {
         for (decision, arrival) in std::mem::take(&mut self.decided) {
             let took_us = now().duration_since(arrival).as_micros();
             let exposure_end_ns = decision.newest_stamp_ns + self.exposure_ns;
@@ -136,21 +136,22 @@ impl LiveTrigger {
                 false => String::new(),
             };
             let Decision { frame, stamp_ns, newest_frame, what, .. } = decision;
+            let frame = FrameStamp { sequence: frame, stamp_ns };
             let text = format!("{what}; decided {took_us} us after frame {newest_frame} was measured{since}");
-            reporter.event(EventKind::Decided, frame, stamp_ns, &text)?;
+            reporter.event(EventKind::Decided, frame, &text)?;
             if let Some(standalone) = &mut self.standalone {
-                standalone.trigger(&TriggerCause { frame, stamp_ns, text: what }, reporter)?;
+                standalone.trigger(&TriggerCause { frame, text: what }, reporter)?;
             }
         }
         if let Some(standalone) = &mut self.standalone {
             standalone.publish(reporter)?;
         }
-        self.publish_state(newest.0, newest.1, reporter)
+        self.publish_state(newest, reporter)
     }
 
-    fn publish_state(&mut self, frame: u64, stamp_ns: u64, reporter: &StatusReporter) -> Result<(), BusError> {
+    fn publish_state(&mut self, frame: FrameStamp, reporter: &StatusReporter) -> Result<(), BusError> {
         match self.states.changed() {
-            Some(state) => reporter.event(EventKind::State, frame, stamp_ns, state.as_str()),
+            Some(state) => reporter.event(EventKind::State, frame, state.as_str()),
             None => Ok(()),
         }
     }

@@ -34,5 +34,5 @@ pub use shot::{FrameRange, Shot, recording_info};
 pub use stepping::{END_OF_CONFIG, StepControl};
 pub use stop::Stop;
 pub use summary::Summary;
-pub use supervise::{Child, ChildFailure, run as supervise, run_stepped as supervise_stepped};
+pub use supervise::{Child, run as supervise, run_stepped as supervise_stepped};
 pub use track::run as track;

@@ -14,13 +14,15 @@ use super::action::{Actions, TriggerCause};
 use super::clock::{PeriodicTimer, Timeout};
 use super::live_trigger::LiveTrigger;
 use super::shot::{Shot, free_path, recording_info};
+use super::status_reporter::FrameStamp;
 use super::stop::Stop;
 use super::storage::{Storage, prepare_directory};
 use super::summary::Summary;
 use crate::bus::{ControlServer, Ear};
 use crate::config::{Config, Record, TriggerMode};
+use crate::failure::Failure;
 use crate::image::Frame;
-use crate::message::{Command, Event, EventKind, Reply, ReplyCode};
+use crate::message::{Command, Event, EventKind, FrameHeader, Reply, ReplyCode};
 use crate::recording::{EventRow, RecordingInfo, ViewInfo};
 use crate::trigger::Quiet;
 use camera_feed::CameraFeed;
@@ -47,9 +49,9 @@ const GATHER: Duration = Duration::from_secs(2);
 /// # Errors
 ///
 /// If the folder cannot be used from the start, or shared memory cannot be used.
-pub fn run(config: &Config, resumed: bool, stop: &Stop) -> anyhow::Result<Summary> {
+pub fn run(config: &Config, resumed: bool, stop: &Stop) -> Result<Summary, Failure> {
     let Some(record) = &config.record else {
-        anyhow::bail!("{}: nothing to record: there is no [record] table", config.origin);
+        return Err(Failure::internal(format!("{}: nothing to record: there is no [record] table", config.origin)));
     };
     if let Err(error) = prepare_directory(record) {
         if !resumed {
@@ -90,6 +92,11 @@ pub fn run(config: &Config, resumed: bool, stop: &Stop) -> anyhow::Result<Summar
     Ok(recorder.summary)
 }
 
+/// Returns the sequence number and stamp of a frame.
+fn stamp_of(header: &FrameHeader) -> FrameStamp {
+    FrameStamp { sequence: header.sequence, stamp_ns: header.stamp_ns }
+}
+
 struct Recorder<'a> {
     /// One per camera, the main camera first.
     feeds: Vec<CameraFeed<'a>>,
@@ -119,7 +126,7 @@ struct Recorder<'a> {
 }
 
 impl Recorder<'_> {
-    fn serve(&mut self, ear: &Ear, stop: &Stop) -> anyhow::Result<()> {
+    fn serve(&mut self, ear: &Ear, stop: &Stop) -> Result<(), Failure> {
         while !stop.requested() {
             self.attach()?;
             self.answer()?;
@@ -162,12 +169,12 @@ impl Recorder<'_> {
             live_trigger.end(feed.newest, &feed.reporter)?;
         }
         let summary = &self.summary;
-        self.feeds.iter_mut().try_for_each(|feed| feed.reporter.status_now(summary, feed.newest.0, feed.newest.1))?;
+        self.feeds.iter_mut().try_for_each(|feed| feed.reporter.status_now(summary, feed.newest))?;
         Ok(())
     }
 
     /// Attaches to newly announced runs. The cameras of a rig start together, once all are prepared.
-    fn attach(&mut self) -> anyhow::Result<()> {
+    fn attach(&mut self) -> Result<(), Failure> {
         for camera in 0..self.feeds.len() {
             let feed = &mut self.feeds[camera];
             if !feed.stream.update()? {
@@ -193,13 +200,13 @@ impl Recorder<'_> {
         Ok(())
     }
 
-    fn answer(&mut self) -> anyhow::Result<()> {
+    fn answer(&mut self) -> Result<(), Failure> {
         let mut wanted = None;
         let (armed, busy) = (self.armed, self.shot.is_some());
         let off = self.config.trigger.mode == TriggerMode::Off;
         let line = self.config.trigger.mode == TriggerMode::Hardware;
         let recordings = self.summary.recordings.len() as u64;
-        let (sequence, has_frames) = (self.feeds[0].newest.0, self.feeds[0].stream.first.is_some());
+        let (sequence, has_frames) = (self.feeds[0].newest.sequence, self.feeds[0].stream.first.is_some());
         self.control.answer(|command| {
             let code = match command {
                 Some(Command::Status) => ReplyCode::Accepted,
@@ -225,14 +232,14 @@ impl Recorder<'_> {
     }
 
     /// Arms or disarms on request. A request during a shot also holds after it, whatever `rearm` says.
-    fn request_arming(&mut self, armed: bool) -> anyhow::Result<()> {
+    fn request_arming(&mut self, armed: bool) -> Result<(), Failure> {
         if self.shot.is_some() {
             self.requested_arming = Some(armed);
         }
         self.arm(armed)
     }
 
-    fn arm(&mut self, armed: bool) -> anyhow::Result<()> {
+    fn arm(&mut self, armed: bool) -> Result<(), Failure> {
         self.armed = armed;
         let (kind, text) = match (armed, self.shot.is_some()) {
             (true, false) => (EventKind::Armed, "armed"),
@@ -244,13 +251,13 @@ impl Recorder<'_> {
     }
 
     /// Publishes an event of the whole rig.
-    fn event(&self, kind: EventKind, text: &str) -> anyhow::Result<()> {
+    fn event(&self, kind: EventKind, text: &str) -> Result<(), Failure> {
         let feed = &self.feeds[0];
-        Ok(feed.reporter.event(kind, feed.newest.0, feed.newest.1, text)?)
+        Ok(feed.reporter.event(kind, feed.newest, text)?)
     }
 
     /// Executes triggers of other processes, and records a shot's events.
-    fn handle_events(&mut self, camera: usize, events: &[Event]) -> anyhow::Result<()> {
+    fn handle_events(&mut self, camera: usize, events: &[Event]) -> Result<(), Failure> {
         for event in events {
             self.feeds[camera].handle_event(event);
             let is_decided = camera == 0 && event.kind() == Some(EventKind::Decided);
@@ -259,7 +266,10 @@ impl Recorder<'_> {
             if is_decided && self.config.trigger.mode == TriggerMode::Hardware {
                 // Checked for arming only when its turn comes, so that it is not lost to the previous shot.
                 let text = cause.to_owned();
-                self.waiting.push_back(TriggerCause { frame: event.sequence, stamp_ns: event.stamp_ns, text });
+                self.waiting.push_back(TriggerCause {
+                    frame: FrameStamp { sequence: event.sequence, stamp_ns: event.stamp_ns },
+                    text,
+                });
                 self.start_waiting_shot()?;
             } else if is_decided && self.armed && self.shot.is_none() && self.quiet.passes(event.stamp_ns) {
                 self.trigger(Some(event.sequence), cause)?;
@@ -277,7 +287,7 @@ impl Recorder<'_> {
     }
 
     /// Advances the open shot; returns `true` if there is more to do at once.
-    fn advance(&mut self) -> anyhow::Result<bool> {
+    fn advance(&mut self) -> Result<bool, Failure> {
         let streams = self.config.trigger.mode == TriggerMode::Off;
         if streams && self.shot.is_none() && self.feeds.iter().any(|feed| feed.stream.first.is_some()) {
             if self.is_paused()? {
@@ -313,7 +323,7 @@ impl Recorder<'_> {
         Ok(goes_on)
     }
 
-    fn write_one(&mut self, camera: usize) -> anyhow::Result<bool> {
+    fn write_one(&mut self, camera: usize) -> Result<bool, Failure> {
         let Some(open) = &mut self.shot else { return Ok(false) };
         let feed = &mut self.feeds[camera];
         // Frames beyond the end belong to the next shot.
@@ -333,7 +343,7 @@ impl Recorder<'_> {
             }
             open.add_written(camera, header.stamp_ns);
             self.summary.taken += 1;
-            feed.newest = (header.sequence, header.stamp_ns);
+            feed.newest = stamp_of(&header);
             if self.config.trigger.mode == TriggerMode::Off {
                 feed.reporter.progress(header.sequence + 1)?;
             }
@@ -341,7 +351,7 @@ impl Recorder<'_> {
         Ok(true)
     }
 
-    fn take_steps(&mut self, camera: usize) -> anyhow::Result<()> {
+    fn take_steps(&mut self, camera: usize) -> Result<(), Failure> {
         let Some(open) = &mut self.shot else { return Ok(()) };
         let follows = self.config.trigger.mode == TriggerMode::Hardware;
         let feed = &mut self.feeds[camera];
@@ -377,7 +387,7 @@ impl Recorder<'_> {
     }
 
     /// Arms or disarms after a shot.
-    fn rearm(&mut self) -> anyhow::Result<()> {
+    fn rearm(&mut self) -> Result<(), Failure> {
         let requested_arming = self.requested_arming.take();
         match self.config.trigger.mode {
             TriggerMode::Off => Ok(()),
@@ -385,17 +395,17 @@ impl Recorder<'_> {
         }
     }
 
-    fn close(&mut self, open: OpenShot) -> anyhow::Result<()> {
+    fn close(&mut self, open: OpenShot) -> Result<(), Failure> {
         let ends = open.ends();
         let unsafe_frames = open.shot.missing_before(ends[0]).max(1);
         let lost: Vec<u64> = (ends.iter().enumerate())
             .map(|(camera, end)| open.shot.lost(camera) + end.saturating_sub(open.shot.next_frame(camera)))
             .collect();
-        let (mut shot, stamp_ns) = (open.shot, self.feeds[0].newest.1);
+        let (mut shot, stamp_ns) = (open.shot, self.feeds[0].newest.stamp_ns);
         let mut written = Ok(());
         for (feed, matcher) in self.feeds[1..].iter().zip(open.matchers) {
             let text = format!("{}: {}", feed.name, matcher.finish());
-            feed.reporter.event(EventKind::Matched, feed.newest.0, feed.newest.1, &text)?;
+            feed.reporter.event(EventKind::Matched, feed.newest, &text)?;
             self.event(EventKind::Matched, &text)?;
             let kind = EventKind::Matched.as_str().into();
             written = written.and_then(|()| shot.event(&EventRow { stamp_ns, kind, text }));
@@ -430,18 +440,18 @@ impl Recorder<'_> {
         cameras.filter(|(feed, lost)| feed.name.is_empty() || **lost > 0).map(of).collect::<Vec<_>>().join(", ")
     }
 
-    fn event_at(&self, kind: EventKind, frame: u64, text: &str) -> anyhow::Result<()> {
+    fn event_at(&self, kind: EventKind, frame: u64, text: &str) -> Result<(), Failure> {
         let feed = &self.feeds[0];
-        Ok(feed.reporter.event(kind, frame, feed.newest.1, text)?)
+        Ok(feed.reporter.event(kind, FrameStamp { sequence: frame, ..feed.newest }, text)?)
     }
 
-    fn publish_status(&mut self) -> anyhow::Result<()> {
+    fn publish_status(&mut self) -> Result<(), Failure> {
         let has_problem = self.pause.is_some() || self.storage.has_problem();
         let summary = &self.summary;
         for feed in &mut self.feeds {
             feed.reporter.set_state(u32::from(self.armed) | u32::from(has_problem) << 1);
             feed.reporter.set_queue(feed.held.len() as u64, feed.limits.ring_frames as u64);
-            feed.reporter.status(summary, feed.newest.0, feed.newest.1)?;
+            feed.reporter.status(summary, feed.newest)?;
         }
         Ok(())
     }

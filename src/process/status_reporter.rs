@@ -7,6 +7,13 @@ use crate::bus::{Bus, BusError, Limits, Publisher};
 use crate::message::{Event, EventKind, Progress, Role, StatusMessage};
 use std::time::{Duration, Instant};
 
+/// The sequence number and stamp of a frame.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Default)]
+pub(super) struct FrameStamp {
+    pub(super) sequence: u64,
+    pub(super) stamp_ns: u64,
+}
+
 const STATUS_PERIOD: Duration = Duration::from_millis(200);
 
 /// Publishes the status, progress and events of a process.
@@ -90,12 +97,12 @@ impl StatusReporter {
     }
 
     /// Publishes an event of the current run.
-    pub(super) fn event(&self, kind: EventKind, sequence: u64, stamp_ns: u64, text: &str) -> Result<(), BusError> {
-        log::info!("{}: {text} (frame {sequence})", kind.as_str());
+    pub(super) fn event(&self, kind: EventKind, frame: FrameStamp, text: &str) -> Result<(), BusError> {
+        log::info!("{}: {text} (frame {})", kind.as_str(), frame.sequence);
         let milestone =
             matches!(kind, EventKind::Prepared | EventKind::Started | EventKind::Ended | EventKind::Tracked);
         let publisher = if milestone { &self.milestones } else { &self.events };
-        publisher.send(&Event::new(kind, self.run_id(), sequence, stamp_ns, text))
+        publisher.send(&Event::new(kind, self.run_id(), frame.sequence, frame.stamp_ns, text))
     }
 
     /// Publishes the outcome of an action.
@@ -103,32 +110,32 @@ impl StatusReporter {
         if outcome.failed {
             log::warn!("{}", outcome.text);
         }
-        self.event(EventKind::Action, outcome.cause.frame, outcome.cause.stamp_ns, &outcome.text)
+        self.event(EventKind::Action, outcome.cause.frame, &outcome.text)
     }
 
     /// Publishes the status if its period has passed.
-    pub(super) fn status(&mut self, summary: &Summary, sequence: u64, stamp_ns: u64) -> Result<(), BusError> {
+    pub(super) fn status(&mut self, summary: &Summary, newest: FrameStamp) -> Result<(), BusError> {
         self.milestones.greet();
         self.events.greet();
         self.progress.greet();
-        if self.timer.due() { self.status_now(summary, sequence, stamp_ns) } else { Ok(()) }
+        if self.timer.due() { self.status_now(summary, newest) } else { Ok(()) }
     }
 
     /// Publishes the status.
-    pub(super) fn status_now(&mut self, summary: &Summary, sequence: u64, stamp_ns: u64) -> Result<(), BusError> {
+    pub(super) fn status_now(&mut self, summary: &Summary, newest: FrameStamp) -> Result<(), BusError> {
         let elapsed_s = self.rate.0.elapsed().as_secs_f64();
         if elapsed_s > 0.0 {
             self.status_message.rate_hz = (summary.taken - self.rate.1.min(summary.taken)) as f64 / elapsed_s;
         }
         self.rate = (now(), summary.taken);
         let message = &mut self.status_message;
-        message.sequence = sequence;
-        message.stamp_ns = stamp_ns;
+        message.sequence = newest.sequence;
+        message.stamp_ns = newest.stamp_ns;
         message.taken = summary.taken;
         message.given = summary.given;
         message.lost = summary.lost;
         message.dropped = summary.dropped;
-        message.latency_s = if self.is_live { host_ns().saturating_sub(stamp_ns) as f64 * 1e-9 } else { 0.0 };
+        message.latency_s = if self.is_live { host_ns().saturating_sub(newest.stamp_ns) as f64 * 1e-9 } else { 0.0 };
         self.status.send(message)
     }
 }

@@ -4,7 +4,7 @@ use super::clock::{PeriodicTimer, Timeout, now};
 use super::reference_picture;
 use super::resume::Resume;
 use super::setup::{expected_format, limits};
-use super::status_reporter::StatusReporter;
+use super::status_reporter::{FrameStamp, StatusReporter};
 use super::stepping;
 use super::stepping::{END_OF_CONFIG, StepControl};
 use super::stop::Stop;
@@ -12,6 +12,7 @@ use super::storage::prepare_directory;
 use super::summary::Summary;
 use crate::bus::{Bus, Subscriber};
 use crate::config::Config;
+use crate::failure::{ExitCode, Failure, Fatal};
 use crate::message::{Event, EventKind, Role, StatusMessage};
 use rustix::process::Signal;
 use std::any::Any;
@@ -64,7 +65,7 @@ struct CameraGroup<'a> {
 }
 
 impl<'a> CameraGroup<'a> {
-    fn open(name: &'a str, config: &'a Config, bus: Bus) -> anyhow::Result<Self> {
+    fn open(name: &'a str, config: &'a Config, bus: Bus) -> Result<Self, Failure> {
         let format = expected_format(config)?;
         config.check_calibration(format.width_px, format.height_px)?;
         config.check_ring(format.slot_bytes(), format.frame_rate_hz)?;
@@ -118,7 +119,7 @@ pub fn run(
     config: &Config,
     stop: &Stop,
     watch: impl FnMut(&BTreeMap<Child, StatusMessage>),
-) -> anyhow::Result<Summary> {
+) -> Result<Summary, Failure> {
     run_stepped(config, stop, None, watch)
 }
 
@@ -132,7 +133,7 @@ pub fn run_stepped(
     stop: &Stop,
     leader: Option<Sender<StepControl>>,
     mut watch: impl FnMut(&BTreeMap<Child, StatusMessage>),
-) -> anyhow::Result<Summary> {
+) -> Result<Summary, Failure> {
     let mut supervisor = Supervisor::start(config, leader)?;
     let outcome = supervisor.watch(stop, &mut watch);
     supervisor.stop_all();
@@ -144,13 +145,22 @@ pub fn run_stepped(
 /// A process of the rig failed, and the rig cannot continue.
 #[derive(Debug, thiserror::Error)]
 #[error("`ricochet {role}` ended with exit code {code}")]
-pub struct ChildFailure {
+struct ChildFailure {
     /// Its subcommand.
-    pub role: &'static str,
-    /// Its exit code.
-    pub code: i32,
+    role: &'static str,
+    code: i32,
     /// Whether the process itself has printed the reason.
-    pub is_reported: bool,
+    is_reported: bool,
+}
+
+impl Fatal for ChildFailure {
+    fn exit_code(&self) -> ExitCode {
+        ExitCode::from_number(self.code)
+    }
+
+    fn is_reported(&self) -> bool {
+        self.is_reported
+    }
 }
 
 impl<'a> Supervisor<'a> {
@@ -159,7 +169,7 @@ impl<'a> Supervisor<'a> {
     /// # Errors
     ///
     /// If a process cannot be started, or shared memory cannot be used.
-    pub fn start(config: &'a Config, leader: Option<Sender<StepControl>>) -> anyhow::Result<Self> {
+    pub fn start(config: &'a Config, leader: Option<Sender<StepControl>>) -> Result<Self, Failure> {
         if let Some(record) = &config.record {
             prepare_directory(record)?;
         }
@@ -196,7 +206,7 @@ impl<'a> Supervisor<'a> {
     }
 
     /// Starts one process; `resume` is the last known state of its dead predecessor.
-    fn spawn(&self, child: Child, resume: Option<Resume>) -> anyhow::Result<Process> {
+    fn spawn(&self, child: Child, resume: Option<Resume>) -> Result<Process, Failure> {
         let config = self.groups[child.camera as usize].config;
         let mut command = Command::new(&self.program);
         command.arg(child.role.as_str()).arg("-").args(["--origin", &config.origin]);
@@ -226,7 +236,7 @@ impl<'a> Supervisor<'a> {
         Ok(process)
     }
 
-    fn watch(&mut self, stop: &Stop, watch: &mut dyn FnMut(&BTreeMap<Child, StatusMessage>)) -> anyhow::Result<()> {
+    fn watch(&mut self, stop: &Stop, watch: &mut dyn FnMut(&BTreeMap<Child, StatusMessage>)) -> Result<(), Failure> {
         let mut draining: Option<Timeout> = None;
         while self.running_count() > 0 {
             self.receive()?;
@@ -243,7 +253,7 @@ impl<'a> Supervisor<'a> {
             }
             self.reap(draining.is_some())?;
             if draining.as_ref().is_some_and(Timeout::has_expired) {
-                anyhow::bail!("{} processes did not end in time", self.running_count());
+                return Err(Failure::internal(format!("{} processes did not end in time", self.running_count())));
             }
             self.publish_status()?;
             std::thread::sleep(POLL_PERIOD);
@@ -260,7 +270,7 @@ impl<'a> Supervisor<'a> {
         cameras.all(|(_, running)| running.code.is_some())
     }
 
-    fn receive(&mut self) -> anyhow::Result<()> {
+    fn receive(&mut self) -> Result<(), Failure> {
         for (camera, group) in (0..).zip(&self.groups) {
             while let Some(status) = group.status.take()? {
                 if let Some(role) = Role::from_number(status.role) {
@@ -279,7 +289,7 @@ impl<'a> Supervisor<'a> {
     }
 
     /// Collects processes that ended, and restarts those that died.
-    fn reap(&mut self, draining: bool) -> anyhow::Result<()> {
+    fn reap(&mut self, draining: bool) -> Result<(), Failure> {
         let children: Vec<Child> = self.children.keys().copied().collect();
         for child in children {
             let Some(running) = self.children.get_mut(&child) else { continue };
@@ -311,7 +321,7 @@ impl<'a> Supervisor<'a> {
         code: Option<i32>,
         status: ExitStatus,
         is_draining: bool,
-    ) -> anyhow::Result<()> {
+    ) -> Result<(), Failure> {
         let role = child.role.as_str();
         let last = self.statuses.get(&child).copied().unwrap_or_default();
         self.summary.lost += 1;
@@ -336,7 +346,7 @@ impl<'a> Supervisor<'a> {
         }
         self.restarts += 1;
         let text = format!("{} ended with {status} and was restarted", self.name(child));
-        Ok(self.reporter.event(EventKind::Restarted, last.sequence, last.stamp_ns, &text)?)
+        Ok(self.reporter.event(EventKind::Restarted, frame_of(&last), &text)?)
     }
 
     /// Returns the name of a process for messages.
@@ -352,7 +362,7 @@ impl<'a> Supervisor<'a> {
     fn resume(&self, child: Child) -> Option<Resume> {
         // A camera process that never published a frame left nothing to continue from.
         let status = self.statuses.get(&child).filter(|status| child.role != Role::Acquire || status.taken > 0);
-        let (sequence, stamp_ns) = status.map_or((0, 0), |status| (status.sequence, status.stamp_ns));
+        let FrameStamp { sequence, stamp_ns } = status.map_or_else(FrameStamp::default, frame_of);
         if child.role != Role::Acquire {
             return Some(Resume { sequence, stamp_ns, epoch: 0 });
         }
@@ -362,11 +372,11 @@ impl<'a> Supervisor<'a> {
         Some(resume.after(since_s * group.config.camera.playback_rate, group.frame_rate_hz))
     }
 
-    fn publish_status(&mut self) -> anyhow::Result<()> {
-        let newest = self.statuses.values().map(|status| (status.sequence, status.stamp_ns)).max().unwrap_or((0, 0));
+    fn publish_status(&mut self) -> Result<(), Failure> {
+        let newest = self.statuses.values().map(frame_of).max().unwrap_or_default();
         self.reporter.set_state(self.running_count() as u32);
         self.reporter.set_restarts(self.restarts);
-        Ok(self.reporter.status(&self.summary, newest.0, newest.1)?)
+        Ok(self.reporter.status(&self.summary, newest)?)
     }
 
     fn signal_all(&self, signal: Signal) {
@@ -402,6 +412,11 @@ impl<'a> Supervisor<'a> {
         self.bus.clean_up_dead();
         self.groups.iter().for_each(|group| reference_picture::remove(group.config));
     }
+}
+
+/// Returns the newest frame of a process.
+fn frame_of(status: &StatusMessage) -> FrameStamp {
+    FrameStamp { sequence: status.sequence, stamp_ns: status.stamp_ns }
 }
 
 /// Sends a signal; the standard library can only send SIGKILL.

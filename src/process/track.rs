@@ -4,13 +4,14 @@ use super::clock::{Timeout, now};
 use super::live_trigger::LiveTrigger;
 use super::resume::Resume;
 use super::setup::{SUCCESSION, analysis_params, expected_format, limits, update_exposure};
-use super::status_reporter::StatusReporter;
+use super::status_reporter::{FrameStamp, StatusReporter};
 use super::stop::Stop;
 use super::stream_state::StreamState;
 use super::summary::Summary;
 use crate::bus::{Bell, Bus, BusError, FieldSubscriber, Limits, Publisher};
 use crate::camera::StreamFormat;
 use crate::config::{Config, TriggerMode};
+use crate::failure::Failure;
 use crate::message::{Event, EventKind, ImpactMessage, Role, TrackMessage, VelocityMessage};
 use crate::results::{Alarm, AlarmKind};
 use crate::track::{Losses, OrderedTracker, TrackerRows};
@@ -28,7 +29,7 @@ const SILENCE: Duration = Duration::from_secs(5);
 /// # Errors
 ///
 /// If shared memory cannot be used.
-pub fn run(config: &Config, resumed: Option<Resume>, stop: &Stop) -> anyhow::Result<Summary> {
+pub fn run(config: &Config, resumed: Option<Resume>, stop: &Stop) -> Result<Summary, Failure> {
     let format = expected_format(config)?;
     config.check_calibration(format.width_px, format.height_px)?;
     let limits = limits(config, &format);
@@ -53,7 +54,7 @@ pub fn run(config: &Config, resumed: Option<Resume>, stop: &Stop) -> anyhow::Res
         published_end: 0,
         measured: 0,
         limits,
-        newest: (0, 0),
+        newest: FrameStamp::default(),
     };
     let ear = bus.ear("field")?;
     let mut stream = StreamState::new(&bus, &limits)?;
@@ -72,12 +73,12 @@ pub fn run(config: &Config, resumed: Option<Resume>, stop: &Stop) -> anyhow::Res
             break;
         }
         loop_.live_trigger.publish(loop_.newest, &loop_.reporter)?;
-        loop_.reporter.status(&loop_.summary, loop_.newest.0, loop_.newest.1)?;
+        loop_.reporter.status(&loop_.summary, loop_.newest)?;
         if !progressed {
             ear.wait(WAIT);
         }
     }
-    loop_.reporter.status_now(&loop_.summary, loop_.newest.0, loop_.newest.1)?;
+    loop_.reporter.status_now(&loop_.summary, loop_.newest)?;
     Ok(loop_.summary)
 }
 
@@ -102,7 +103,7 @@ struct Loop<'a> {
     /// One past the newest measured frame of this run.
     measured: u64,
     limits: Limits,
-    newest: (u64, u64),
+    newest: FrameStamp,
 }
 
 impl Loop<'_> {
@@ -111,7 +112,7 @@ impl Loop<'_> {
         // begins.
         self.flush(self.measured)?;
         // Otherwise the status would show a frame of the previous run.
-        (self.measured, self.newest) = (0, (0, 0));
+        (self.measured, self.newest) = (0, FrameStamp::default());
         self.shots.clear();
         (self.shot, self.published_end) = (None, 0);
         self.fields.greet();
@@ -199,7 +200,7 @@ impl Loop<'_> {
             AlarmKind::Turned => (EventKind::Deepest, format!("{name}: deepest at {ms:.3} ms")),
             AlarmKind::Withdrawn => (EventKind::Withdrawn, format!("{name}: contact withdrawn")),
         };
-        self.reporter.event(kind, alarm.frame, alarm.stamp_ns, &text)
+        self.reporter.event(kind, FrameStamp { sequence: alarm.frame, stamp_ns: alarm.stamp_ns }, &text)
     }
 
     fn publish(&mut self, rows: &TrackerRows) -> Result<(), BusError> {
@@ -207,7 +208,7 @@ impl Loop<'_> {
         let run_id = self.reporter.run_id();
         for sample in &rows.tracks {
             self.tracks.send(&TrackMessage::new(sample, run_id))?;
-            self.newest = (sample.frame, sample.stamp_ns);
+            self.newest = FrameStamp { sequence: sample.frame, stamp_ns: sample.stamp_ns };
         }
         for sample in &rows.velocities {
             self.velocities.send(&VelocityMessage::new(sample, run_id))?;
@@ -252,7 +253,7 @@ impl Loop<'_> {
             if is_published || self.ordered.as_ref().is_some_and(|ordered| ordered.has_all_before(end)) {
                 break;
             }
-            self.reporter.status(&self.summary, self.newest.0, self.newest.1)?;
+            self.reporter.status(&self.summary, self.newest)?;
             std::thread::sleep(WAIT);
         }
         if self.ordered.is_none() && end > first.max(self.published_end) {
@@ -261,7 +262,11 @@ impl Loop<'_> {
         }
         self.flush(end)?;
         self.live_trigger.end(self.newest, &self.reporter)?;
-        self.reporter.event(EventKind::Tracked, end, self.newest.1, "every result was published")?;
+        self.reporter.event(
+            EventKind::Tracked,
+            FrameStamp { sequence: end, ..self.newest },
+            "every result was published",
+        )?;
         self.reporter.done(end)
     }
 }

@@ -1,5 +1,6 @@
 //! Errors of a recording.
 
+use crate::failure::{ExitCode, Fatal};
 use std::path::{Path, PathBuf};
 
 /// The reason why a recording cannot be written or read.
@@ -31,6 +32,12 @@ pub enum RecordingError {
         /// The problem.
         reason: String,
     },
+}
+
+impl Fatal for RecordingError {
+    fn exit_code(&self) -> ExitCode {
+        ExitCode::Recording
+    }
 }
 
 impl RecordingError {

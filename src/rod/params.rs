@@ -61,3 +61,5 @@ pub enum RodError {
         range: String,
     },
 }
+
+impl crate::failure::Fatal for RodError {}

@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 
 use crate::command::field::{FieldError, folder};
 use crate::console::UsageError;
+use crate::failure::Failure;
 use crate::study::convergence::Study;
 use crate::study::convergence::{Files, image_pairs};
 
@@ -29,7 +30,7 @@ impl Output {
     /// # Errors
     ///
     /// When the directory is a file, a file is an input, or a file cannot be created.
-    pub(super) fn open(directory: &Path, inputs: Option<Files<'_>>) -> anyhow::Result<Self> {
+    pub(super) fn open(directory: &Path, inputs: Option<Files<'_>>) -> Result<Self, Failure> {
         folder::make("--output", directory)?;
         let paths = ["convergence.csv", "convergence.svg"].map(|name| directory.join(name));
         if let Some(path) = paths.iter().find(|path| image_pairs::is_input(inputs, path)) {
@@ -49,7 +50,7 @@ impl Output {
     /// # Errors
     ///
     /// [`FieldError`] naming the file that cannot be written.
-    pub(super) fn write(self, study: &Study<'_>) -> anyhow::Result<()> {
+    pub(super) fn write(self, study: &Study<'_>) -> Result<(), Failure> {
         let Self { table, mut figure } = self;
         study.write_csv(table.file).map_err(|error| FieldError::write(&table.path, error))?;
         let written = figure.file.write_all(study.figure().as_bytes());

@@ -12,6 +12,7 @@ use crate::dic::grid;
 use crate::dic::{
     CorrelationParams, Correlator, GridPoint, PreparedFrame, Region, RigidBody, Shape, Start, rigid_fit_near,
 };
+use crate::failure::Failure;
 use crate::image::{Frame, FrameMeta, Image};
 use crate::measure::{BodyParams, MeasureParams, Measured, Measurer, OUTLINE_INTERVAL_FRAMES, Share};
 use crate::motion::Rotation;
@@ -36,7 +37,7 @@ const BLOCK_FRAMES: u32 = 16;
 /// # Errors
 ///
 /// When the ball cannot be measured or the result cannot be printed.
-pub(super) fn run(options: &BenchOptions) -> anyhow::Result<()> {
+pub(super) fn run(options: &BenchOptions) -> Result<(), Failure> {
     let duration = Duration::from_secs_f64(options.seconds.clamp(0.01, 60.0));
     let film = Film::new()?;
     let whole = film.frame_us(Rotation::Rigid, duration)?;
@@ -89,7 +90,7 @@ struct Film {
 }
 
 impl Film {
-    fn new() -> anyhow::Result<Self> {
+    fn new() -> Result<Self, Failure> {
         let mut scenario = Scenario::translation(MOTION.0, MOTION.1, MOTION.2);
         scenario.camera.frames = 64;
         let world = World::new(&scenario)?;
@@ -102,7 +103,7 @@ impl Film {
     }
 
     /// Measures the time a worker needs per frame, us.
-    fn frame_us(&self, rotation: Rotation, duration: Duration) -> anyhow::Result<Frames> {
+    fn frame_us(&self, rotation: Rotation, duration: Duration) -> Result<Frames, Failure> {
         let params = MeasureParams {
             correlation: CorrelationParams { step_px: STEP_PX, ..CorrelationParams::default() },
             intervals_frames: vec![1],
@@ -139,13 +140,13 @@ impl Film {
     }
 
     /// Returns the number of subsets, and measures the parts of a frame, us.
-    fn parts_us(&self, duration: Duration) -> anyhow::Result<(usize, Rows)> {
+    fn parts_us(&self, duration: Duration) -> Result<(usize, Rows), Failure> {
         let (mut first, mut second) = (Image::new(512, 512), Image::new(512, 512));
         for (image, (meta, bytes)) in [(&mut first, &self.frames[20]), (&mut second, &self.frames[21])] {
             Frame { meta: *meta, bytes }.unpack(image)?;
         }
         let mut finder = BallFinder::new(&self.ball, 512, 512)?;
-        let circle = finder.find(first.view()).ok_or_else(|| anyhow::anyhow!("cannot find the ball of the film"))?;
+        let circle = finder.find(first.view()).ok_or_else(|| Failure::internal("cannot find the ball of the film"))?;
         let moved = Circle { x_px: circle.x_px + MOTION.0, y_px: circle.y_px + MOTION.1, ..circle };
         let cold = rate(duration, || usize::from(finder.find(second.view()).is_some()));
         // The whole-body match has confirmed the ball.
@@ -202,7 +203,7 @@ struct Pair {
 }
 
 impl Pair {
-    fn new(circle: &Circle, (first, second): (&Image, &Image), shape: Shape, around_px: f64) -> anyhow::Result<Self> {
+    fn new(circle: &Circle, (first, second): (&Image, &Image), shape: Shape, around_px: f64) -> Result<Self, Failure> {
         let params = CorrelationParams { step_px: STEP_PX, shape, ..CorrelationParams::default() };
         let correlator = Correlator::new(&params, 512, 512)?;
         let (x_px, y_px) = (circle.x_px, circle.y_px);
@@ -213,7 +214,7 @@ impl Pair {
         correlator.prepare_part_into(first.view(), part, &mut reference);
         correlator.prepare_part_into(second.view(), part, &mut target);
         let body = RigidBody::new(&reference, &Region::Disc { x_px, y_px, radius_px })
-            .map_err(|status| anyhow::anyhow!("cannot match the ball of the film: {}", status.as_str()))?;
+            .map_err(|status| Failure::internal(format!("cannot match the ball of the film: {}", status.as_str())))?;
         let near = Start::Motion { x_px, y_px, u_px: MOTION.0, v_px: MOTION.1, angle_deg: MOTION.2 };
         Ok(Self { correlator, reference, target, points, near, body, field: Vec::new() })
     }

@@ -5,6 +5,7 @@ mod record;
 mod windows;
 
 use crate::console::Outcome;
+use crate::failure::Failure;
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
@@ -44,7 +45,7 @@ pub enum Part {
 /// # Errors
 ///
 /// When the part cannot be measured or the result cannot be printed.
-pub fn run(options: &BenchOptions) -> anyhow::Result<Outcome> {
+pub fn run(options: &BenchOptions) -> Result<Outcome, Failure> {
     match options.part {
         Part::Live => live::run(options)?,
         Part::Windows => windows::run(options)?,

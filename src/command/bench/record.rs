@@ -1,9 +1,9 @@
 //! `ricochet bench record`: the recording rate, compared with a plain write of the same bytes.
 
 use super::BenchOptions;
+use crate::failure::Failure;
 use crate::image::{Frame, FrameMeta, PixelFormat};
 use crate::recording::{RecordingInfo, RecordingWriter, WriterOptions, part_path};
-use anyhow::Context as _;
 use serde_json::json;
 use std::fs::File;
 use std::io::Write;
@@ -34,7 +34,7 @@ struct Timing {
 /// # Errors
 ///
 /// When the directory cannot be written, or the result cannot be printed.
-pub(super) fn run(options: &BenchOptions) -> anyhow::Result<()> {
+pub(super) fn run(options: &BenchOptions) -> Result<(), Failure> {
     let pool: Vec<Vec<u8>> = (1..=POOL as u32).map(noise).collect();
     let files = Files::new(&options.directory);
     let (mut plain, mut recorded) = (Vec::new(), Vec::new());
@@ -52,7 +52,7 @@ pub(super) fn run(options: &BenchOptions) -> anyhow::Result<()> {
     print(options, &plain, &recorded)
 }
 
-fn print(options: &BenchOptions, plain: &[Timing], recorded: &[Timing]) -> anyhow::Result<()> {
+fn print(options: &BenchOptions, plain: &[Timing], recorded: &[Timing]) -> Result<(), Failure> {
     let rate = |timing: &Timing| FRAMES as f64 / timing.wall_s;
     let cpu_us = |timing: &Timing| timing.cpu_s * 1e6 / FRAMES as f64;
     let rates = [median(plain.iter().map(rate)), median(recorded.iter().map(rate))];
@@ -96,9 +96,10 @@ impl Files {
         Self { plain: name("raw"), recording: name("mcap") }
     }
 
-    fn plain(&self, pool: &[Vec<u8>]) -> anyhow::Result<Timing> {
+    fn plain(&self, pool: &[Vec<u8>]) -> Result<Timing, Failure> {
         let timing = timed(|| {
-            let mut file = File::create(&self.plain).with_context(|| self.plain.display().to_string())?;
+            let mut file = File::create(&self.plain)
+                .map_err(|error| Failure::internal(format!("cannot write {}: {error}", self.plain.display())))?;
             for number in 0..FRAMES {
                 file.write_all(&pool[number as usize % pool.len()])?;
                 if (number + 1) % SYNC_FRAMES == 0 {
@@ -111,7 +112,7 @@ impl Files {
         timing
     }
 
-    fn recording(&self, pool: &[Vec<u8>]) -> anyhow::Result<Timing> {
+    fn recording(&self, pool: &[Vec<u8>]) -> Result<Timing, Failure> {
         let timing = timed(|| {
             let options = WriterOptions::default();
             let mut writer = RecordingWriter::create(&self.recording, &RecordingInfo::default(), &options)?;
@@ -149,7 +150,7 @@ impl Drop for Files {
     }
 }
 
-fn timed(write: impl FnOnce() -> anyhow::Result<()>) -> anyhow::Result<Timing> {
+fn timed(write: impl FnOnce() -> Result<(), Failure>) -> Result<Timing, Failure> {
     let (start, before_s) = (now(), cpu_s());
     write()?;
     Ok(Timing { wall_s: start.elapsed().as_secs_f64(), cpu_s: cpu_s() - before_s })

@@ -11,6 +11,7 @@ use crate::dic::grid;
 use crate::dic::{
     CorrelationParams, Correlator, GridPoint, KernelBenchmark, Method, Region, RigidBody, Shape, Start, arithmetic,
 };
+use crate::failure::Failure;
 use crate::image::Image;
 use crate::numeric::instruction_set;
 
@@ -89,7 +90,7 @@ const fn case(name: &'static str, kind: Kind, method: Method, shape: Shape, poin
 /// # Errors
 ///
 /// When the result cannot be printed.
-pub(super) fn run(options: &BenchOptions) -> anyhow::Result<()> {
+pub(super) fn run(options: &BenchOptions) -> Result<(), Failure> {
     let most = options.threads.unwrap_or_else(|| std::thread::available_parallelism().map_or(1, usize::from)).max(1);
     let counts = (0..usize::BITS).map(|power| 1 << power).take_while(|count| *count < most).chain([most]);
     let counts: Vec<usize> = counts.collect();
@@ -137,7 +138,7 @@ fn parts(frames: &(Image, Image), duration: Duration) -> [(&'static str, f64); 5
     ]
 }
 
-fn print(rows: &[Row], parts: &[(&str, f64)], as_json: bool) -> anyhow::Result<()> {
+fn print(rows: &[Row], parts: &[(&str, f64)], as_json: bool) -> Result<(), Failure> {
     let mut out = std::io::stdout().lock();
     if as_json {
         let row = |row: &Row| {
@@ -180,20 +181,20 @@ fn print(rows: &[Row], parts: &[(&str, f64)], as_json: bool) -> anyhow::Result<(
 }
 
 /// Returns the points per second of all threads together.
-fn measure(case: &Case, threads: usize, frames: &(Image, Image), duration: Duration) -> anyhow::Result<f64> {
+fn measure(case: &Case, threads: usize, frames: &(Image, Image), duration: Duration) -> Result<f64, Failure> {
     let ready = Barrier::new(threads);
     std::thread::scope(|scope| {
         let workers: Vec<_> = (0..threads).map(|_| scope.spawn(|| work(case, frames, duration, &ready))).collect();
         let mut sum = 0.0;
         for worker in workers {
-            sum += worker.join().map_err(|_| anyhow::anyhow!("a worker of the benchmark panicked"))??;
+            sum += worker.join().map_err(|_| Failure::internal("a worker of the benchmark panicked"))??;
         }
         Ok(sum)
     })
 }
 
 /// Returns the points per second of one thread after all threads are ready.
-fn work(case: &Case, frames: &(Image, Image), duration: Duration, ready: &Barrier) -> anyhow::Result<f64> {
+fn work(case: &Case, frames: &(Image, Image), duration: Duration, ready: &Barrier) -> Result<f64, Failure> {
     let params =
         CorrelationParams { method: case.method, shape: case.shape, step_px: STEP_PX, ..CorrelationParams::default() };
     let mut correlator = Correlator::new(&params, SIDE, SIDE)?;
@@ -207,7 +208,7 @@ fn work(case: &Case, frames: &(Image, Image), duration: Duration, ready: &Barrie
     let center = (0.5 * SIDE as f64, 0.5 * SIDE as f64);
     let ball = Region::Disc { x_px: center.0, y_px: center.1, radius_px: 53.0 };
     let mut body = RigidBody::new(&a, &ball)
-        .map_err(|status| anyhow::anyhow!("cannot match the test ball: {}", status.as_str()))?;
+        .map_err(|status| Failure::internal(format!("cannot match the test ball: {}", status.as_str())))?;
     let mut field = Vec::new();
     let mut round = |field: &mut Vec<_>| -> usize {
         match case.kind {

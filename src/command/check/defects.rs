@@ -1,6 +1,7 @@
 //! Detection of defective pixels: those that read the same whatever is in front of them.
 
 use super::grab::Grabbed;
+use crate::failure::Failure;
 use crate::image::{Correction, Frame, Image};
 
 /// A defective pixel differs from all but one of its neighbours by this many standard deviations of the noise ...
@@ -16,7 +17,7 @@ pub(super) fn find(
     correction: &Correction,
     noise_dn: f64,
     full_dn: f64,
-) -> anyhow::Result<Vec<[u32; 2]>> {
+) -> Result<Vec<[u32; 2]>, Failure> {
     let (width, height) = (grabbed.format.width_px as usize, grabbed.format.height_px as usize);
     let min_dn = (NOISES * noise_dn).max(SHARE * full_dn) as f32;
     let (mut image, mut counts) = (Image::default(), vec![0_u32; width * height]);

@@ -2,6 +2,7 @@
 
 use super::grab::{Grabbed, now};
 use crate::config::Config;
+use crate::failure::Failure;
 use crate::image::Frame;
 use crate::measure::{Measured, Measurer, Share};
 use crate::process::{analysis_params, reference_picture};
@@ -49,7 +50,7 @@ impl Floor {
 /// # Errors
 ///
 /// When the frames cannot be measured.
-pub(super) fn floor(config: &Config, grabbed: &Grabbed) -> anyhow::Result<Floor> {
+pub(super) fn floor(config: &Config, grabbed: &Grabbed) -> Result<Floor, Failure> {
     let format = grabbed.format;
     let (params, _) = analysis_params(config, &format);
     let shortest = params.intervals_frames[0];

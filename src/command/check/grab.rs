@@ -3,6 +3,7 @@
 use crate::bus::{Bus, Limits};
 use crate::camera::{CameraError, CameraIdentity, Next, Pace, StreamFormat};
 use crate::config::Config;
+use crate::failure::Failure;
 use crate::image::FrameMeta;
 use crate::process::{Source, Stop};
 use std::time::{Duration, Instant};
@@ -44,7 +45,7 @@ impl Grabbed {
 /// # Errors
 ///
 /// When the camera cannot be opened or delivers fewer than 3 frames.
-pub(super) fn grab(config: &Config, seconds: f64, stop: &Stop) -> anyhow::Result<Grabbed> {
+pub(super) fn grab(config: &Config, seconds: f64, stop: &Stop) -> Result<Grabbed, Failure> {
     let mut source = Source::open(config)?;
     let format = source.format();
     let bus = Bus::join_as(&format!("check-{}", std::process::id()), "check", Duration::ZERO)?;

@@ -13,6 +13,7 @@ pub use finding::{Finding, Verdict};
 
 use crate::config::Config;
 use crate::console::{Outcome, UsageError, say, table};
+use crate::failure::{ExitCode, Failure, Fatal};
 use crate::image::FrameMeta;
 use crate::process::{Stop, analysis_params};
 use crate::report;
@@ -55,12 +56,18 @@ pub struct NotReady {
     pub what: String,
 }
 
+impl Fatal for NotReady {
+    fn exit_code(&self) -> ExitCode {
+        ExitCode::Camera
+    }
+}
+
 /// Films with the rig's camera, prints the findings, and writes them as a page.
 ///
 /// # Errors
 ///
 /// [`NotReady`] when a finding is bad, and any error of the rig file, the camera or the page.
-pub fn run(options: &CheckOptions, stop: &Stop) -> anyhow::Result<Outcome> {
+pub fn run(options: &CheckOptions, stop: &Stop) -> Result<Outcome, Failure> {
     if !(options.seconds > 0.0 && options.seconds <= MAX_SECONDS) {
         return Err(
             UsageError(format!("--seconds {}: must be above 0 and at most {MAX_SECONDS}", options.seconds)).into()
@@ -99,7 +106,7 @@ struct Inspection {
     defective_px: Vec<[u32; 2]>,
 }
 
-fn inspect(config: &Config, grabbed: &Grabbed, floor: &Floor) -> anyhow::Result<Inspection> {
+fn inspect(config: &Config, grabbed: &Grabbed, floor: &Floor) -> Result<Inspection, Failure> {
     let format = grabbed.format;
     let subset_px = config.correlation.subset_size_px;
     let (width, height) = (format.width_px as usize, format.height_px as usize);

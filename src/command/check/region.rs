@@ -1,6 +1,7 @@
 //! The pixels to evaluate, and the statistics of the frames.
 
 use super::grab::Grabbed;
+use crate::failure::Failure;
 use crate::image::{Correction, Frame, Image};
 use crate::results::PairField;
 
@@ -78,7 +79,7 @@ impl Stack {
     /// # Errors
     ///
     /// When a frame cannot be unpacked.
-    pub(super) fn of(grabbed: &Grabbed, moves: bool, correction: &Correction) -> anyhow::Result<Self> {
+    pub(super) fn of(grabbed: &Grabbed, moves: bool, correction: &Correction) -> Result<Self, Failure> {
         let mut images = Vec::new();
         for (meta, bytes) in grabbed.frames.iter().take(if moves { 1 } else { usize::MAX }) {
             let mut image = Image::default();

@@ -5,12 +5,12 @@ mod paper_settings;
 use super::analyze::last_revisions;
 use crate::config::{BodyKind, Config, Scale};
 use crate::console::{Outcome, UsageError, progress, say, table};
+use crate::failure::Failure;
 use crate::message::Role;
 use crate::process::{self, Child, Stop};
 use crate::recording::Recording;
 use crate::report::{self, Experiment, Figure, Shot};
 use crate::results::{Estimate, Impact};
-use anyhow::Context as _;
 use paper_settings::Setup;
 use std::path::{Path, PathBuf};
 
@@ -91,7 +91,7 @@ const ROD_LINES: [Line; 9] = [
 /// # Errors
 ///
 /// When the rig cannot run or a measured number is out of tolerance.
-pub fn run(options: &DemoOptions, stop: &Stop) -> anyhow::Result<Outcome> {
+pub fn run(options: &DemoOptions, stop: &Stop) -> Result<Outcome, Failure> {
     let config = config(options)?;
     let total = process::truth_world(&config)?.map_or(0, |world| world.frames());
     let bar = progress::frames(total, "measure");
@@ -106,18 +106,21 @@ pub fn run(options: &DemoOptions, stop: &Stop) -> anyhow::Result<Outcome> {
         return Ok(Outcome::of_rig(&summary));
     }
     let Some(path) = summary.recordings.last() else {
-        anyhow::bail!("the rig ended without a recording");
+        return Err(Failure::internal("the rig ended without a recording"));
     };
     let is_rod = config.bodies.iter().all(|body| body.kind == BodyKind::Rod);
     let figures = figures(&config, &options.experiment, path)?;
     let agrees = compare(path, &figures, if is_rod { &ROD_LINES } else { &LINES }, options.json)?;
     if !agrees {
-        anyhow::bail!("the measurement is out of tolerance; the recording is {}", path.display());
+        return Err(Failure::internal(format!(
+            "the measurement is out of tolerance; the recording is {}",
+            path.display()
+        )));
     }
     Ok(Outcome::of_rig(&summary))
 }
 
-fn config(options: &DemoOptions) -> anyhow::Result<Config> {
+fn config(options: &DemoOptions) -> Result<Config, Failure> {
     let name = &options.experiment;
     let Some(text) = built_in_config(name) else {
         let known = BUILT_IN.map(|(name, _)| name).join(", ");
@@ -136,12 +139,17 @@ fn config(options: &DemoOptions) -> anyhow::Result<Config> {
 }
 
 /// Draws the paper's figures of the experiment next to its recording; returns their paths.
-fn figures(config: &Config, experiment: &str, path: &Path) -> anyhow::Result<Vec<PathBuf>> {
+fn figures(config: &Config, experiment: &str, path: &Path) -> Result<Vec<PathBuf>, Failure> {
     let recording = Recording::open(path)?;
     let shot = Shot::read(&recording)?;
     let mm_per_px = match config.scale {
         Some(Scale::MmPerPx(mm_per_px)) => mm_per_px,
-        _ => anyhow::bail!("{}: cannot draw positions: scale.mm_per_px is missing", config.origin),
+        _ => {
+            return Err(Failure::internal(format!(
+                "{}: cannot draw positions: scale.mm_per_px is missing",
+                config.origin
+            )));
+        }
     };
     let surface_angle_deg = config.surface.angle_deg;
     let beside = if experiment == "rod" {
@@ -153,22 +161,27 @@ fn figures(config: &Config, experiment: &str, path: &Path) -> anyhow::Result<Vec
     let stem = path.file_stem().map_or_else(|| "demo".into(), |stem| stem.to_string_lossy().into_owned());
     let write = |figure: Figure| {
         let file = path.with_file_name(format!("{stem}-{}.svg", figure.name));
-        std::fs::write(&file, figure.svg).with_context(|| format!("write {}", file.display()))?;
+        std::fs::write(&file, figure.svg)
+            .map_err(|error| Failure::internal(format!("cannot write {}: {error}", file.display())))?;
         Ok(file)
     };
     report::figures(&shot, &experiment).into_iter().map(write).collect()
 }
 
 /// Prints the comparison; returns whether every number is within tolerance.
-fn compare(path: &Path, figures: &[PathBuf], lines: &[Line], json: bool) -> anyhow::Result<bool> {
+fn compare(path: &Path, figures: &[PathBuf], lines: &[Line], json: bool) -> Result<bool, Failure> {
     let recording = Recording::open(path)?;
     let measured = last_revisions(&recording)?;
     let truths = recording.truth_impacts()?.collect::<Result<Vec<_>, _>>()?;
     let [truth] = &truths[..] else {
-        anyhow::bail!("{}: expected the truth of one impact, found {}", path.display(), truths.len());
+        return Err(Failure::internal(format!(
+            "{}: expected the truth of one impact, found {}",
+            path.display(),
+            truths.len()
+        )));
     };
     let [measured] = &measured[..] else {
-        anyhow::bail!("{}: expected one impact, measured {}", path.display(), measured.len());
+        return Err(Failure::internal(format!("{}: expected one impact, measured {}", path.display(), measured.len())));
     };
     let rate_hz = recording.metadata().get("frame_rate_hz").and_then(|text| text.parse::<f64>().ok());
     let frame_s = 1.0 / rate_hz.unwrap_or(f64::NAN);

@@ -3,6 +3,7 @@
 use crate::console::progress;
 use crate::dic::grid;
 use crate::dic::{CorrelationParams, Correlator, Method, PreparedFrame, Start};
+use crate::failure::Failure;
 use crate::image::{Frame, Image};
 use crate::recording::Recording;
 use crate::report::Beside;
@@ -50,7 +51,7 @@ struct Still {
 /// # Errors
 ///
 /// When the recording cannot be read, or no rod is found in any frame.
-pub(super) fn velocities(recording: &Recording, setup: &Setup<'_>) -> anyhow::Result<Vec<Beside>> {
+pub(super) fn velocities(recording: &Recording, setup: &Setup<'_>) -> Result<Vec<Beside>, Failure> {
     let mut film = Vec::new();
     let mut finder = None;
     for frame in recording.frames()? {
@@ -66,7 +67,7 @@ pub(super) fn velocities(recording: &Recording, setup: &Setup<'_>) -> anyhow::Re
         film.push(Still { stamp_ns: meta.stamp_ns, image, tape_px });
     }
     if film.iter().all(|still| still.tape_px.is_none()) {
-        anyhow::bail!("{}: cannot find the rod in any frame", recording.path().display());
+        return Err(Failure::internal(format!("{}: cannot find the rod in any frame", recording.path().display())));
     }
     let bar = progress::frames((INTERVALS.len() * film.len()) as u64, "compare");
     let curves = INTERVALS.map(|(interval, label)| {
@@ -93,7 +94,7 @@ fn by_the_paper(
     interval: usize,
     setup: &Setup<'_>,
     looked_at: impl Fn(),
-) -> anyhow::Result<Vec<(u64, f64)>> {
+) -> Result<Vec<(u64, f64)>, Failure> {
     let Some(first) = film.first() else { return Ok(Vec::new()) };
     let params = CorrelationParams {
         method: Method::SplineFft,

@@ -7,6 +7,7 @@ mod rows;
 mod sink;
 mod video;
 
+use crate::failure::{ExitCode, Fatal};
 use crate::recording::{self, Recording, RecordingError};
 use crate::results::named_enum;
 use sink::Csv;
@@ -104,6 +105,12 @@ pub enum ExportError {
         /// The error of the system.
         source: io::Error,
     },
+}
+
+impl Fatal for ExportError {
+    fn exit_code(&self) -> ExitCode {
+        if matches!(self, Self::Usage(_)) { ExitCode::Usage } else { ExitCode::Recording }
+    }
 }
 
 /// The outcome of an export.

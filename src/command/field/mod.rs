@@ -13,6 +13,7 @@ use std::path::{Path, PathBuf};
 use super::export::is_same_file;
 use crate::console::Outcome;
 use crate::dic::{CorrelationError, CorrelationParams, Correlator, Region};
+use crate::failure::{ExitCode, Fatal};
 use crate::image::ImageView;
 use crate::process::Stop;
 use crate::results::{FieldPoint, PointStatus};
@@ -77,6 +78,12 @@ pub enum FieldError {
     /// A setting is out of range.
     #[error(transparent)]
     Correlation(#[from] CorrelationError),
+}
+
+impl Fatal for FieldError {
+    fn exit_code(&self) -> ExitCode {
+        if matches!(self, Self::Usage(_) | Self::Correlation(_)) { ExitCode::Usage } else { ExitCode::Recording }
+    }
 }
 
 impl FieldError {

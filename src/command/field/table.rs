@@ -6,6 +6,7 @@ use std::path::Path;
 
 use super::FieldError;
 use crate::command::json_cells;
+use crate::failure::Failure;
 use crate::results::FieldPoint;
 
 /// The first column of a table of several fields.
@@ -22,7 +23,7 @@ pub(super) struct Layout {
 
 impl Layout {
     /// Writes the header.
-    pub(super) fn head(self, out: impl Write) -> anyhow::Result<()> {
+    pub(super) fn head(self, out: impl Write) -> Result<(), Failure> {
         if !self.json {
             let mut table = csv::Writer::from_writer(out);
             let names = FieldPoint::COLUMNS.iter().map(|column| column.heading.name);
@@ -33,7 +34,7 @@ impl Layout {
     }
 
     /// Writes the rows of one field.
-    pub(super) fn rows(self, field: &[FieldPoint], target: &Path, mut out: impl Write) -> anyhow::Result<()> {
+    pub(super) fn rows(self, field: &[FieldPoint], target: &Path, mut out: impl Write) -> Result<(), Failure> {
         let name = self.named.then(|| target.display().to_string());
         if self.json {
             for point in field {

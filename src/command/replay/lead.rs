@@ -2,6 +2,7 @@
 
 use super::{Played, Rate, Tempo};
 use crate::camera::replay::TimeRange;
+use crate::failure::Failure;
 use crate::image::FrameMeta;
 use crate::process::{self, StepControl, Stop, Summary};
 use crate::recording::{Frames, RecordingError};
@@ -16,7 +17,7 @@ const NAP: Duration = Duration::from_millis(50);
 const PATIENCE: Duration = Duration::from_secs(2);
 
 /// Runs a rig per stream and releases the frames in time order; also returns whether the user ended the replay.
-pub(super) fn play(played: &[Played], tempo: Tempo, stop: &Stop) -> anyhow::Result<(Vec<Summary>, bool)> {
+pub(super) fn play(played: &[Played], tempo: Tempo, stop: &Stop) -> Result<(Vec<Summary>, bool), Failure> {
     let mut runs = Vec::new();
     let mut players = Vec::new();
     for one in played {
@@ -40,7 +41,7 @@ pub(super) fn play(played: &[Played], tempo: Tempo, stop: &Stop) -> anyhow::Resu
     });
     let mut summaries = Vec::new();
     for run in runs {
-        summaries.push(run.join().map_err(|_| anyhow::anyhow!("a supervisor panicked"))??);
+        summaries.push(run.join().map_err(|_| Failure::internal("a supervisor panicked"))??);
     }
     // The leader notices the end before the rigs do, unless it still waits for input.
     let patience = if stop.requested() { Duration::ZERO } else { PATIENCE };

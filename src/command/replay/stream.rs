@@ -2,6 +2,7 @@
 
 use crate::camera::replay::TimeRange;
 use crate::console::UsageError;
+use crate::failure::Failure;
 use crate::image::FrameMeta;
 use crate::recording::{Recording, RecordingError};
 use std::path::PathBuf;
@@ -81,7 +82,7 @@ pub(super) fn first_ns(streams: &[Streamed]) -> Result<u64, RecordingError> {
 }
 
 /// Returns the streams that have frames in an interval of the whole, restricted to it.
-pub(super) fn within(streams: Vec<Streamed>, whole: TimeRange) -> anyhow::Result<Vec<Streamed>> {
+pub(super) fn within(streams: Vec<Streamed>, whole: TimeRange) -> Result<Vec<Streamed>, Failure> {
     let origin_ns = first_ns(&streams)?;
     let mut latest_ns = origin_ns;
     let mut inside = Vec::new();

@@ -3,9 +3,10 @@
 use crate::bus::{Bus, BusError, FieldSubscriber, FrameSample, FrameSubscriber, Limits};
 use crate::camera::{CameraIdentity, StreamFormat};
 use crate::config::{Config, TriggerMode};
+use crate::failure::Failure;
 use crate::message::{Event, EventKind, Role};
 use crate::process::setup::{SUCCESSION, analysis_params, expected_format, limits, truth_world, update_exposure};
-use crate::process::status_reporter::StatusReporter;
+use crate::process::status_reporter::{FrameStamp, StatusReporter};
 use crate::process::stream_state::StreamState;
 use crate::results::{BodyStep, PairField};
 use crate::synth::World;
@@ -32,7 +33,7 @@ pub(super) struct CameraFeed<'a> {
     /// Steps that belong to the next shot.
     pub(super) early: Vec<(BodyStep, Option<PairField>)>,
     pub(super) identity: CameraIdentity,
-    pub(super) newest: (u64, u64),
+    pub(super) newest: FrameStamp,
     /// Whether this process replaces a dead recorder.
     pub(super) resumed: bool,
     /// The current run, after those that it continues.
@@ -43,7 +44,7 @@ pub(super) struct CameraFeed<'a> {
 
 impl<'a> CameraFeed<'a> {
     /// Joins the rig of a camera; also returns its bus.
-    pub(super) fn open(name: &str, config: &'a Config, resumed: bool) -> anyhow::Result<(Self, Bus)> {
+    pub(super) fn open(name: &str, config: &'a Config, resumed: bool) -> Result<(Self, Bus), Failure> {
         let format = expected_format(config)?;
         config.check_ring(format.slot_bytes(), format.frame_rate_hz)?;
         config.check_calibration(format.width_px, format.height_px)?;
@@ -60,7 +61,7 @@ impl<'a> CameraFeed<'a> {
             held: VecDeque::new(),
             early: Vec::new(),
             identity: CameraIdentity::default(),
-            newest: (0, 0),
+            newest: FrameStamp::default(),
             runs: Vec::new(),
             is_ready_published: true,
             config,

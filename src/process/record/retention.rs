@@ -2,6 +2,7 @@
 
 use super::Recorder;
 use crate::config::Record;
+use crate::failure::Failure;
 use crate::message::EventKind;
 use crate::process::clock::PeriodicTimer;
 use crate::recording::{Recording, files_of};
@@ -160,7 +161,7 @@ fn is_from(path: &Path, rig: &str) -> bool {
 
 impl Recorder<'_> {
     /// Publishes which recordings were removed.
-    pub(super) fn publish_removed(&mut self, removed: Vec<String>) -> anyhow::Result<()> {
+    pub(super) fn publish_removed(&mut self, removed: Vec<String>) -> Result<(), Failure> {
         for text in removed {
             self.event(EventKind::Storage, &text)?;
         }
@@ -168,7 +169,7 @@ impl Recorder<'_> {
     }
 
     /// Removes old recordings if the open one needs room.
-    pub(super) fn check_retention(&mut self) -> anyhow::Result<()> {
+    pub(super) fn check_retention(&mut self) -> Result<(), Failure> {
         let Some(open) = &self.shot else { return Ok(()) };
         let under_way = UnderWay { path: open.shot.path(), bytes: open.shot.written_bytes() };
         let removed = self.retention.enforce_periodically(under_way);

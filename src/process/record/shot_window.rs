@@ -3,11 +3,12 @@
 use super::super::reference_picture;
 use super::*;
 use crate::bus::FrameSample;
+use crate::failure::Failure;
 use crate::process::shot::FrameRange;
 
 impl Recorder<'_> {
     /// Takes the whole queue and starts a shot around frame `at` (the newest if `None`).
-    pub(super) fn trigger(&mut self, at: Option<u64>, cause: &str) -> anyhow::Result<()> {
+    pub(super) fn trigger(&mut self, at: Option<u64>, cause: &str) -> Result<(), Failure> {
         for feed in &mut self.feeds {
             feed.hold(feed.limits.ring_frames + feed.limits.held_frames - 1, |_| false)?;
         }
@@ -33,8 +34,10 @@ impl Recorder<'_> {
         // For a trigger within the stream's first block, the first frame is still to come.
         let start_ns = feed.held.front().map_or(newest.stamp_ns, |sample| sample.header().stamp_ns);
         let window = ShotWindow { from_ns: start_ns.saturating_sub(half_ns), to_ns: stamp_of(last) + half_ns };
-        self.event_of_frame(EventKind::Triggered, at, newest.stamp_ns, cause)?;
-        self.actions.start(&TriggerCause { frame: at, stamp_ns: newest.stamp_ns, text: cause.to_owned() });
+        self.execute(&TriggerCause {
+            frame: FrameStamp { sequence: at, stamp_ns: newest.stamp_ns },
+            text: cause.to_owned(),
+        })?;
         self.begin(window, start_ns, &format!("{cause} at frame {at}"), last + 1 - first)?;
         let Some(open) = &mut self.shot else { return self.rearm() };
         let feed = &self.feeds[0];
@@ -45,26 +48,25 @@ impl Recorder<'_> {
     }
 
     /// Starts the next waiting shot of the hardware trigger, unless one is being written.
-    pub(super) fn start_waiting_shot(&mut self) -> anyhow::Result<()> {
+    pub(super) fn start_waiting_shot(&mut self) -> Result<(), Failure> {
         while self.shot.is_none()
             && let Some(cause) = self.waiting.pop_front()
         {
-            if !self.armed || !self.quiet.passes(cause.stamp_ns) {
+            if !self.armed || !self.quiet.passes(cause.frame.stamp_ns) {
                 continue;
             }
-            let TriggerCause { frame: first, stamp_ns, text } = &cause;
-            self.event_of_frame(EventKind::Triggered, *first, *stamp_ns, text)?;
-            self.actions.start(&cause);
+            self.execute(&cause)?;
+            let FrameStamp { sequence: first, stamp_ns } = cause.frame;
             // The other cameras receive the same pulse; their clocks may differ by less than the silence.
             let half_ns = (0.5e9 * self.config.trigger.silence_s) as u64;
             let window = ShotWindow { from_ns: stamp_ns.saturating_sub(half_ns), to_ns: u64::MAX };
-            self.begin(window, *stamp_ns, &format!("{text} at frame {first}"), 1)?;
+            self.begin(window, stamp_ns, &format!("{} at frame {first}", cause.text), 1)?;
             let Some(open) = &mut self.shot else {
                 self.rearm()?;
                 continue;
             };
             let feed = &self.feeds[0];
-            let range = FrameRange { first: *first, last: None, max_delay_frames: feed.max_delay_frames() };
+            let range = FrameRange { first, last: None, max_delay_frames: feed.max_delay_frames() };
             open.shot.begin(0, feed.tracker_params(), range);
             self.add_truth(0)?;
         }
@@ -72,7 +74,7 @@ impl Recorder<'_> {
     }
 
     /// Ends a hardware-triggered shot where the camera was silent.
-    pub(super) fn end_at_silence(&mut self, camera: usize) -> anyhow::Result<()> {
+    pub(super) fn end_at_silence(&mut self, camera: usize) -> Result<(), Failure> {
         let Some(open) = self.shot.as_mut().filter(|open| open.shot.has_begun(camera)) else { return Ok(()) };
         if open.progress[camera].end.is_some() {
             return Ok(());
@@ -92,7 +94,7 @@ impl Recorder<'_> {
         let next = feed.held.iter().find(is_later).map(|sample| sample.header().sequence);
         let silent = feed.stream.silences.iter().copied().find(|end| *end > first);
         // A dead camera process announces no silence.
-        let begun = self.waiting.iter().map(|shot| shot.frame).find(|begun| camera == 0 && *begun > first);
+        let begun = self.waiting.iter().map(|cause| cause.frame.sequence).find(|begun| camera == 0 && *begun > first);
         let Some(end) = silent.into_iter().chain(next).chain(begun).min() else { return Ok(()) };
         match open.set_end(camera, end) {
             Ok(()) => Ok(()),
@@ -100,12 +102,15 @@ impl Recorder<'_> {
         }
     }
 
-    fn event_of_frame(&self, kind: EventKind, frame: u64, stamp_ns: u64, text: &str) -> anyhow::Result<()> {
-        Ok(self.feeds[0].reporter.event(kind, frame, stamp_ns, text)?)
+    /// Publishes a trigger and starts its actions.
+    fn execute(&mut self, cause: &TriggerCause) -> Result<(), Failure> {
+        self.feeds[0].reporter.event(EventKind::Triggered, cause.frame, &cause.text)?;
+        self.actions.start(cause);
+        Ok(())
     }
 
     /// Starts the recording of a whole stream, once a frame of every camera has come or the wait for it is over.
-    pub(super) fn begin_stream(&mut self) -> anyhow::Result<()> {
+    pub(super) fn begin_stream(&mut self) -> Result<(), Failure> {
         for camera in 0..self.feeds.len() {
             self.hold(camera)?;
         }
@@ -122,7 +127,7 @@ impl Recorder<'_> {
 
     /// Creates the recording; on failure, `frames` are counted as lost. Each camera's part begins with its first
     /// frame.
-    fn begin(&mut self, window: ShotWindow, stamp_ns: u64, cause: &str, frames: u64) -> anyhow::Result<()> {
+    fn begin(&mut self, window: ShotWindow, stamp_ns: u64, cause: &str, frames: u64) -> Result<(), Failure> {
         let path = free_path(&self.record.directory, &self.config.rig.name, stamp_ns);
         let info = self.info(cause);
         // The folder may have been removed since the last shot.
@@ -158,7 +163,7 @@ impl Recorder<'_> {
         info
     }
 
-    fn add_truth(&mut self, camera: usize) -> anyhow::Result<()> {
+    fn add_truth(&mut self, camera: usize) -> Result<(), Failure> {
         let (truth, Some(open)) = (self.feeds[camera].truth.clone(), &mut self.shot) else { return Ok(()) };
         match open.shot.set_truth(camera, truth) {
             Ok(()) => Ok(()),
@@ -167,7 +172,7 @@ impl Recorder<'_> {
     }
 
     /// Holds the frames of a camera that belong to the shot.
-    pub(super) fn hold(&mut self, camera: usize) -> anyhow::Result<()> {
+    pub(super) fn hold(&mut self, camera: usize) -> Result<(), Failure> {
         let (end, to_ns) = match &self.shot {
             None => (u64::MAX, u64::MAX),
             Some(open) if camera == 0 => (open.progress[0].end.unwrap_or(u64::MAX), u64::MAX),
@@ -180,7 +185,7 @@ impl Recorder<'_> {
     }
 
     /// Ends the part of a further camera with its first frame after the shot's window.
-    fn find_end(&mut self, camera: usize) -> anyhow::Result<()> {
+    fn find_end(&mut self, camera: usize) -> Result<(), Failure> {
         let Some(open) = self.shot.as_mut().filter(|open| camera > 0 && open.progress[camera].end.is_none()) else {
             return Ok(());
         };
@@ -194,7 +199,7 @@ impl Recorder<'_> {
     }
 
     /// Begins the part of a camera with its first frame in the shot.
-    pub(super) fn begin_part(&mut self, camera: usize) -> anyhow::Result<()> {
+    pub(super) fn begin_part(&mut self, camera: usize) -> Result<(), Failure> {
         let Some(open) = self.shot.as_mut().filter(|open| !open.shot.has_begun(camera)) else {
             return Ok(());
         };
@@ -220,7 +225,7 @@ impl Recorder<'_> {
         self.add_truth(camera)
     }
 
-    pub(super) fn close_if_complete(&mut self) -> anyhow::Result<()> {
+    pub(super) fn close_if_complete(&mut self) -> Result<(), Failure> {
         let Some(open) = &mut self.shot else { return Ok(()) };
         if !open.is_complete(0, &self.feeds[0]) {
             return Ok(());
@@ -250,7 +255,7 @@ impl Recorder<'_> {
     }
 
     /// Handles the ends of streams; returns `true` if nothing is left to do.
-    pub(super) fn is_over(&mut self) -> anyhow::Result<bool> {
+    pub(super) fn is_over(&mut self) -> Result<bool, Failure> {
         for camera in 0..self.feeds.len() {
             let Some(end) = self.feeds[camera].stream.end else { continue };
             self.hold(camera)?;

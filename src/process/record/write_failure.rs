@@ -1,8 +1,9 @@
 //! Failures of writing: the loss is reported and counted, the part file stays, and the rig continues.
 
-use super::Recorder;
 use super::open_shot::OpenShot;
+use super::{Recorder, stamp_of};
 use crate::config::TriggerMode;
+use crate::failure::Failure;
 use crate::message::EventKind;
 use crate::process::clock::Timeout;
 use crate::process::storage::prepare_directory;
@@ -16,7 +17,7 @@ const MAX_DOUBLINGS: u32 = 6;
 
 impl Recorder<'_> {
     /// Abandons the open shot; its part file stays.
-    pub(super) fn abandon(&mut self, error: &RecordingError) -> anyhow::Result<()> {
+    pub(super) fn abandon(&mut self, error: &RecordingError) -> Result<(), Failure> {
         let Some(open) = self.shot.take() else { return Ok(()) };
         let end = open.ends()[0];
         let missing = open.shot.missing_before(end).max(1);
@@ -26,7 +27,7 @@ impl Recorder<'_> {
     }
 
     /// Reports that a recording failed, and the number of frames that may be missing; the rig continues.
-    pub(super) fn give_up(&mut self, error: &RecordingError, missing: u64) -> anyhow::Result<()> {
+    pub(super) fn give_up(&mut self, error: &RecordingError, missing: u64) -> Result<(), Failure> {
         self.summary.lost += missing;
         let text = format!("up to {missing} frames are missing: {error}");
         log::warn!("{text}");
@@ -38,7 +39,7 @@ impl Recorder<'_> {
     }
 
     /// Whether recording of a stream is paused after a failure.
-    pub(super) fn is_paused(&mut self) -> anyhow::Result<bool> {
+    pub(super) fn is_paused(&mut self) -> Result<bool, Failure> {
         let Some(pause) = &mut self.pause else { return Ok(false) };
         if !pause.has_expired() {
             return Ok(true);
@@ -54,7 +55,7 @@ impl Recorder<'_> {
     }
 
     /// Releases one frame per camera that cannot be recorded.
-    pub(super) fn pass_by(&mut self) -> anyhow::Result<bool> {
+    pub(super) fn pass_by(&mut self) -> Result<bool, Failure> {
         let mut passed = false;
         for camera in 0..self.feeds.len() {
             self.hold(camera)?;
@@ -62,7 +63,7 @@ impl Recorder<'_> {
             let Some(sample) = feed.held.pop_front() else { continue };
             let header = *sample.header();
             self.summary.lost += 1;
-            feed.newest = (header.sequence, header.stamp_ns);
+            feed.newest = stamp_of(&header);
             feed.reporter.progress(header.sequence + 1)?;
             passed = true;
         }
@@ -70,7 +71,7 @@ impl Recorder<'_> {
     }
 
     /// Reports when free disk space becomes too small, and when it is sufficient again.
-    pub(super) fn check_storage(&mut self) -> anyhow::Result<()> {
+    pub(super) fn check_storage(&mut self) -> Result<(), Failure> {
         let left = |open: &OpenShot| Some(open.progress[0].end?.saturating_sub(open.shot.next_frame(0)));
         let left = self.shot.as_ref().and_then(left);
         if self.shot.is_none() && !self.armed && self.config.trigger.mode != TriggerMode::Off {

@@ -6,6 +6,7 @@ use crate::command::field::stills;
 use crate::console::UsageError;
 use crate::dic::grid;
 use crate::dic::{CorrelationParams, GridPoint};
+use crate::failure::Failure;
 use crate::image::{Frame, Image};
 use crate::synth::{MotionSetup, Scenario, World};
 
@@ -62,7 +63,7 @@ impl Subject {
 /// # Errors
 ///
 /// When a file cannot be read, the sizes differ, or the region exceeds the image.
-pub(in crate::study) fn read(files: &Files<'_>, params: &CorrelationParams) -> anyhow::Result<Subject> {
+pub(in crate::study) fn read(files: &Files<'_>, params: &CorrelationParams) -> Result<Subject, Failure> {
     let (reference, target) = stills::read_pair(files.reference, files.target)?;
     let size = (reference.view().width(), reference.view().height());
     let points = stills::points(files.reference, size, files.roi_px, params)?;
@@ -74,7 +75,7 @@ pub(in crate::study) fn read(files: &Files<'_>, params: &CorrelationParams) -> a
 /// # Errors
 ///
 /// When the subsets are too large for the ball.
-pub(in crate::study) fn draw(displacements_px: &[[f64; 2]], params: &CorrelationParams) -> anyhow::Result<Subject> {
+pub(in crate::study) fn draw(displacements_px: &[[f64; 2]], params: &CorrelationParams) -> Result<Subject, Failure> {
     let ([x, y], side) = (CENTER_PX, SIDE_PX as usize);
     let points = grid::disc(x, y, 0.5 * DIAMETER_PX, params.step_px, params.subset_size_px, side, side);
     if points.is_empty() {
@@ -85,10 +86,10 @@ pub(in crate::study) fn draw(displacements_px: &[[f64; 2]], params: &Correlation
         .into());
     }
     let pairs = displacements_px.iter().map(|displacement_px| draw_pair(*displacement_px));
-    Ok(Subject { pairs: pairs.collect::<anyhow::Result<_>>()?, points })
+    Ok(Subject { pairs: pairs.collect::<Result<_, Failure>>()?, points })
 }
 
-fn draw_pair([u, v]: [f64; 2]) -> anyhow::Result<Pair> {
+fn draw_pair([u, v]: [f64; 2]) -> Result<Pair, Failure> {
     let mut scenario = Scenario::translation(u, v, 0.0);
     (scenario.camera.width_px, scenario.camera.height_px, scenario.camera.frames) = (SIDE_PX, SIDE_PX, 2);
     scenario.body.diameter_mm = DIAMETER_PX * scenario.scale.mm_per_px;
@@ -96,7 +97,7 @@ fn draw_pair([u, v]: [f64; 2]) -> anyhow::Result<Pair> {
         MotionSetup::Constant { vx_px_frame: u, vy_px_frame: v, omega_deg_frame: 0.0, start_px: CENTER_PX };
     let world = World::new(&scenario)?;
     let mut bytes = vec![0; world.frame_bytes()];
-    let mut frame = |index: u64| -> anyhow::Result<Image> {
+    let mut frame = |index: u64| -> Result<Image, Failure> {
         world.render(index, &mut bytes);
         let mut image = Image::default();
         Frame { meta: crate::camera::simulated::meta(&world, index), bytes: &bytes }.unpack(&mut image)?;

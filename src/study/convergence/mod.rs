@@ -14,6 +14,7 @@ use std::time::{Duration, Instant};
 use super::output_files::Output;
 use crate::console::{Outcome, UsageError, progress};
 use crate::dic::{CorrelationParams, Correlator, Method, PreparedFrame, Start};
+use crate::failure::Failure;
 use crate::process::Stop;
 use criterion::{Answers, Change, Deviation, change, deviation, mean};
 use image_pairs::Subject;
@@ -131,7 +132,7 @@ pub(super) struct Row {
 ///
 /// [`UsageError`] or [`FieldError`](crate::command::field::FieldError) naming the option, the file or both image
 /// sizes.
-pub fn run(options: &ConvergenceOptions, stop: &Stop) -> anyhow::Result<Outcome> {
+pub fn run(options: &ConvergenceOptions, stop: &Stop) -> Result<Outcome, Failure> {
     if !(options.tolerance_px > 0.0 && options.tolerance_px <= 1.0) {
         return Err(
             UsageError(format!("--tolerance-px {}: must be above 0 and at most 1", options.tolerance_px)).into()
@@ -158,7 +159,7 @@ pub fn run(options: &ConvergenceOptions, stop: &Stop) -> anyhow::Result<Outcome>
 }
 
 /// Returns the frames to measure: the files, or the rendered pattern.
-fn subject(options: &ConvergenceOptions) -> anyhow::Result<Subject> {
+fn subject(options: &ConvergenceOptions) -> Result<Subject, Failure> {
     let params = options.params(Way::IcGn);
     // Planned for any size that has room, so that settings out of range are reported before anything is read or
     // rendered.
@@ -185,10 +186,10 @@ fn cost(way: Way) -> u64 {
 }
 
 /// Measures in a separate thread, so that a stop does not have to wait for a field; returns the completed rows.
-fn measure(options: &ConvergenceOptions, subject: Subject, ways: &[Way], stop: &Stop) -> anyhow::Result<Vec<Row>> {
+fn measure(options: &ConvergenceOptions, subject: Subject, ways: &[Way], stop: &Stop) -> Result<Vec<Row>, Failure> {
     let (width, height) = subject.size();
     let plan = |way: &Way| Ok((*way, plan(options, *way, (width, height))?));
-    let planned = ways.iter().map(plan).collect::<anyhow::Result<Vec<_>>>()?;
+    let planned = ways.iter().map(plan).collect::<Result<Vec<_>, Failure>>()?;
     let (sender, receiver) = channel();
     let worker = std::thread::spawn(move || work(planned, &subject, &sender));
     let bar = progress::parts(ways.iter().map(|way| cost(*way)).sum(), "study");
@@ -201,7 +202,7 @@ fn measure(options: &ConvergenceOptions, subject: Subject, ways: &[Way], stop: &
     bar.finish_and_clear();
     // After a stop the worker ends with the process: it holds nothing but memory.
     if !is_stopped && worker.join().is_err() {
-        return Err(anyhow::anyhow!("the thread that measures panicked"));
+        return Err(Failure::internal("the thread that measures panicked"));
     }
     Ok(rows)
 }
@@ -220,7 +221,7 @@ fn collect(receiver: &Receiver<Row>, stop: &Stop, mut take: impl FnMut(Row)) -> 
     }
 }
 
-fn plan(options: &ConvergenceOptions, way: Way, (width, height): (usize, usize)) -> anyhow::Result<Correlator> {
+fn plan(options: &ConvergenceOptions, way: Way, (width, height): (usize, usize)) -> Result<Correlator, Failure> {
     let correlator = Correlator::new(&options.params(way), width, height)?;
     Ok(match way {
         Way::Spline { peak: Peak::Highest, .. } => correlator.without_peak_fit(),

@@ -10,6 +10,7 @@ use super::figure::{self, Curve, Look, Panel};
 use super::image_pairs::DRAWN_PX;
 use super::{ConvergenceOptions, Peak, Row, SPLINE_POINTS, Way};
 use crate::console::{say, table};
+use crate::failure::Failure;
 
 /// The options and the results.
 pub(in crate::study) struct Study<'a> {
@@ -234,7 +235,7 @@ impl Study<'_> {
     }
 
     /// Writes the table as CSV; missing values are empty cells.
-    pub(in crate::study) fn write_csv(&self, out: impl Write) -> anyhow::Result<()> {
+    pub(in crate::study) fn write_csv(&self, out: impl Write) -> Result<(), Failure> {
         let mut csv = csv::Writer::from_writer(out);
         for (index, row) in self.rows.iter().enumerate() {
             let cells = row.cells();

@@ -3,6 +3,7 @@
 use super::rig::Rig;
 use super::scatter::{Expected, Prediction};
 use crate::config::BodyKind;
+use crate::failure::Failure;
 use crate::motion::{Rotation, Scale};
 use crate::process::Stop;
 use crate::synth::{MotionSetup, PatternSetup};
@@ -59,7 +60,7 @@ pub(super) fn advice(
     films: u64,
     stop: &Stop,
     mut tick: impl FnMut(),
-) -> anyhow::Result<Option<Vec<Advice>>> {
+) -> Result<Option<Vec<Advice>>, Failure> {
     let Some(now) = Prediction::of(rig, films, stop)? else { return Ok(None) };
     let names = judged(&now.rows);
     let mut found = Vec::new();

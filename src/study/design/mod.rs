@@ -16,6 +16,7 @@ use self::scatter::Prediction;
 use crate::command::field::folder;
 use crate::config::Config;
 use crate::console::{Outcome, UsageError, progress};
+use crate::failure::Failure;
 use crate::process::Stop;
 
 pub use self::scatter::{Expected, spread};
@@ -54,7 +55,7 @@ pub struct DesignOptions {
 /// # Errors
 ///
 /// When the rig cannot film or track its scenario.
-pub fn predict(config: &Config, stop: &Stop) -> anyhow::Result<Vec<Expected>> {
+pub fn predict(config: &Config, stop: &Stop) -> Result<Vec<Expected>, Failure> {
     let rig = Rig::new(config.clone(), None, None)?;
     Ok(Prediction::of(&rig, FILMS, stop)?.map_or_else(Vec::new, |prediction| prediction.rows))
 }
@@ -64,7 +65,7 @@ pub fn predict(config: &Config, stop: &Stop) -> anyhow::Result<Vec<Expected>> {
 /// # Errors
 ///
 /// When the rig file is invalid, or the rig cannot film or track its scenario.
-pub fn run(options: &DesignOptions, stop: &Stop) -> anyhow::Result<Outcome> {
+pub fn run(options: &DesignOptions, stop: &Stop) -> Result<Outcome, Failure> {
     if let Some(noise_dn) = options.noise_dn.filter(|noise_dn| !(0.0..=16384.0).contains(noise_dn)) {
         return Err(UsageError(format!("--noise-dn {noise_dn}: must be 0 to a quarter of full scale")).into());
     }

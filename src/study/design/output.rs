@@ -6,6 +6,7 @@ use super::scatter::{Expected, Prediction};
 use super::{FILMS, FILMS_OF_A_CHANGE};
 use crate::command::field::FieldError;
 use crate::console::{say, table};
+use crate::failure::Failure;
 use serde_json::json;
 use std::path::Path;
 
@@ -45,7 +46,7 @@ impl Output<'_> {
     /// # Errors
     ///
     /// [`FieldError`] naming the file that cannot be written.
-    pub(super) fn write(&self, directory: &Path) -> anyhow::Result<()> {
+    pub(super) fn write(&self, directory: &Path) -> Result<(), Failure> {
         let expected = self.prediction.rows.iter().map(|row| {
             let numbers =
                 [row.truth, row.sigma, row.offset, row.fraction, row.outliers].map(|number| number.to_string());
@@ -121,10 +122,10 @@ impl Output<'_> {
     }
 }
 
-fn file(path: &Path, header: Vec<String>, rows: impl Iterator<Item = Vec<String>>) -> anyhow::Result<()> {
+fn file(path: &Path, header: Vec<String>, rows: impl Iterator<Item = Vec<String>>) -> Result<(), Failure> {
     let mut csv = csv::Writer::from_writer(Vec::new());
     std::iter::once(header).chain(rows).try_for_each(|row| csv.write_record(row))?;
-    let bytes = csv.into_inner().map_err(|error| anyhow::anyhow!("{error}"))?;
+    let bytes = csv.into_inner().map_err(|error| Failure::internal(format!("{error}")))?;
     Ok(std::fs::write(path, bytes).map_err(|error| FieldError::write(path, error))?)
 }
 

@@ -5,6 +5,7 @@ use super::{reference_renewal, subset_noise};
 use crate::camera::simulated;
 use crate::console::UsageError;
 use crate::dic::{Correlator, Region, RigidBody};
+use crate::failure::Failure;
 use crate::image::{Frame, Image};
 use crate::measure::{MeasureParams, Measured, Measurer, Share, whole_region};
 use crate::process::analysis_params;
@@ -58,7 +59,7 @@ impl Noise {
     /// # Errors
     ///
     /// When the body cannot be tracked in the rendered frames.
-    pub(super) fn of(rig: &Rig, world: &World) -> anyhow::Result<Self> {
+    pub(super) fn of(rig: &Rig, world: &World) -> Result<Self, Failure> {
         let origin = &rig.config.origin;
         let longest = u64::from(rig.config.intervals_frames[0]);
         let is_seen = |index: &u64| {
@@ -106,7 +107,7 @@ impl Noise {
 }
 
 /// Returns the steps of a few frames over the shortest interval, measured as the rig does.
-fn measured(rig: &Rig, world: &World, frames: Range<u64>) -> anyhow::Result<Vec<BodyStep>> {
+fn measured(rig: &Rig, world: &World, frames: Range<u64>) -> Result<Vec<BodyStep>, Failure> {
     let (params, _) = analysis_params(&rig.config, &rig.format());
     let mut rows = steps(&params, world, frames)?;
     rows.retain(|step| step.interval_frames == rig.config.intervals_frames[0]);
@@ -118,7 +119,7 @@ fn measured(rig: &Rig, world: &World, frames: Range<u64>) -> anyhow::Result<Vec<
 /// # Errors
 ///
 /// When the settings cannot be used.
-pub(super) fn steps(params: &MeasureParams, film: &World, frames: Range<u64>) -> anyhow::Result<Vec<BodyStep>> {
+pub(super) fn steps(params: &MeasureParams, film: &World, frames: Range<u64>) -> Result<Vec<BodyStep>, Failure> {
     let (width, height) = (film.width_px() as usize, film.height_px() as usize);
     let mut measurer = Measurer::new(params, Share::ALL, width, height)?;
     let (mut rows, mut bytes): (Vec<Measured>, _) = (Vec::new(), vec![0; film.frame_bytes()]);
@@ -131,7 +132,7 @@ pub(super) fn steps(params: &MeasureParams, film: &World, frames: Range<u64>) ->
 }
 
 /// Returns the lower bound of the scatter for this texture; half of a match's variance belongs to the other frame.
-fn bound(rig: &Rig, light: &Image, [x_px, y_px]: [f64; 2], pixel_dn: f64) -> anyhow::Result<[f64; 3]> {
+fn bound(rig: &Rig, light: &Image, [x_px, y_px]: [f64; 2], pixel_dn: f64) -> Result<[f64; 3], Failure> {
     let correlator = Correlator::new(&rig.config.correlation(), light.view().width(), light.view().height())?;
     let body = RigidBody::new(&correlator.prepare(light.view()), &pixels_of(rig, [x_px, y_px])).map_err(|status| {
         UsageError(format!("{}: cannot match the whole body: {}", rig.config.origin, status.as_str()))

@@ -8,6 +8,7 @@ use super::pose_noise::pixels_of;
 use super::rig::Rig;
 use crate::camera::simulated;
 use crate::dic::{Correlator, PreparedFrame, RigidBody};
+use crate::failure::Failure;
 use crate::image::{Frame, Image};
 use crate::synth::World;
 
@@ -53,7 +54,7 @@ struct Parts {
 /// # Errors
 ///
 /// When a film cannot be rendered or the settings cannot be used.
-pub(super) fn matched(rig: &Rig, world: &World, (first, last): (u64, u64)) -> anyhow::Result<Matched> {
+pub(super) fn matched(rig: &Rig, world: &World, (first, last): (u64, u64)) -> Result<Matched, Failure> {
     let (width, height) = (world.width_px() as usize, world.height_px() as usize);
     let correlator = Correlator::new(&rig.config.correlation(), width, height)?;
     let mut renewed = RENEWED_AT.map(|at| first + (at * (last - first) / 16).max(1)).to_vec();
@@ -105,7 +106,7 @@ fn parts(takes: &[Vec<[f64; 3]>], k: usize) -> Parts {
     Parts { shared: (between / free - mean / frames as f64).max(0.0), own }
 }
 
-fn picture(film: &World, correlator: &Correlator, index: u64) -> anyhow::Result<PreparedFrame> {
+fn picture(film: &World, correlator: &Correlator, index: u64) -> Result<PreparedFrame, Failure> {
     let (mut bytes, mut image) = (vec![0; film.frame_bytes()], Image::default());
     film.render(index, &mut bytes);
     Frame { meta: simulated::meta(film, index), bytes: &bytes }.unpack(&mut image)?;

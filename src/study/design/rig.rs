@@ -3,6 +3,7 @@
 use crate::camera::{StreamFormat, simulated};
 use crate::config::{BodyKind, Config, Scale, Source};
 use crate::console::UsageError;
+use crate::failure::Failure;
 use crate::image::PixelFormat;
 use crate::process;
 use crate::synth::{MotionSetup, PartSetup, Scenario, World};
@@ -23,7 +24,7 @@ impl Rig {
     /// # Errors
     ///
     /// When nothing can be predicted, because the rig replays a recording or its scale is unknown.
-    pub(super) fn new(mut config: Config, scenario: Option<&str>, noise_dn: Option<f64>) -> anyhow::Result<Self> {
+    pub(super) fn new(mut config: Config, scenario: Option<&str>, noise_dn: Option<f64>) -> Result<Self, Failure> {
         let origin = config.origin.clone();
         let refuse = |why: &str| UsageError(format!("{origin}: {why}"));
         if config.bodies.len() != 1 {
@@ -67,7 +68,7 @@ impl Rig {
     /// # Errors
     ///
     /// When the scenario cannot be rendered.
-    pub(super) fn world(&self) -> anyhow::Result<World> {
+    pub(super) fn world(&self) -> Result<World, Failure> {
         World::new(&self.scenario).map_err(|error| UsageError(format!("{}: {error}", self.config.origin)).into())
     }
 
@@ -118,7 +119,7 @@ impl Rig {
     /// # Errors
     ///
     /// [`UsageError`] with the inconsistent numbers.
-    pub(super) fn check(&self) -> anyhow::Result<()> {
+    pub(super) fn check(&self) -> Result<(), Failure> {
         let Self { config, scenario } = self;
         let refuse = |why: String| Err(UsageError(format!("{}: {why}", config.origin)).into());
         if let Err(error) = scenario.check() {

@@ -3,6 +3,7 @@
 use super::monte_carlo::Course;
 use super::pose_noise::Noise;
 use super::rig::Rig;
+use crate::failure::Failure;
 use crate::process::Stop;
 use crate::results::{BodyVelocity, Impact, Phase, VelocitySample};
 use crate::synth::World;
@@ -169,7 +170,7 @@ impl Prediction {
     /// # Errors
     ///
     /// When the rig cannot film or track the body.
-    pub(super) fn of(rig: &Rig, films: u64, stop: &Stop) -> anyhow::Result<Option<Self>> {
+    pub(super) fn of(rig: &Rig, films: u64, stop: &Stop) -> Result<Option<Self>, Failure> {
         rig.check()?;
         let world = rig.world()?;
         let noise = Noise::of(rig, &world)?;
@@ -190,7 +191,7 @@ fn truth(world: &World) -> Vec<VelocitySample> {
 }
 
 /// Simulates all films on all cores, in order.
-fn all(course: &Course, films: u64, stop: &Stop) -> anyhow::Result<Option<Vec<TrackerRows>>> {
+fn all(course: &Course, films: u64, stop: &Stop) -> Result<Option<Vec<TrackerRows>>, Failure> {
     let threads = std::thread::available_parallelism().map_or(1, NonZeroUsize::get).min(films.max(1) as usize);
     let share = |thread: usize| (thread as u64..films).step_by(threads);
     let measured = std::thread::scope(|scope| {
@@ -203,7 +204,7 @@ fn all(course: &Course, films: u64, stop: &Stop) -> anyhow::Result<Option<Vec<Tr
         let workers: Vec<_> = (0..threads).map(work).collect();
         workers.into_iter().map(std::thread::ScopedJoinHandle::join).collect::<Result<Vec<_>, _>>()
     });
-    let mut measured = measured.map_err(|_| anyhow::anyhow!("a prediction thread panicked"))?.concat();
+    let mut measured = measured.map_err(|_| Failure::internal("a prediction thread panicked"))?.concat();
     measured.sort_by_key(|(film, _)| *film);
     let is_whole = measured.len() as u64 == films;
     Ok(is_whole.then(|| measured.into_iter().map(|(_, rows)| rows).collect()))

@@ -6,6 +6,7 @@
 
 use super::pose_noise::steps;
 use super::rig::Rig;
+use crate::failure::Failure;
 use crate::motion::subset_walk;
 use crate::process::analysis_params;
 use crate::results::BodyStep;
@@ -32,7 +33,7 @@ pub(super) struct Stepped {
 /// # Errors
 ///
 /// When a film cannot be rendered or the settings cannot be used.
-pub(super) fn stepped(rig: &Rig, world: &World, first: u64) -> anyhow::Result<Stepped> {
+pub(super) fn stepped(rig: &Rig, world: &World, first: u64) -> Result<Stepped, Failure> {
     let intervals = &rig.config.intervals_frames;
     let short = intervals[0];
     let long = intervals.get(1).copied().unwrap_or(short * LONG);

@@ -1,6 +1,7 @@
 //! The balls of the study and their films, rendered without interpolation.
 
 use super::films_plan::{Film, Speeds};
+use crate::failure::Failure;
 use crate::image::{Frame, Image};
 use crate::synth::{MotionSetup, PatternSetup, Scenario, ScenarioError, World};
 
@@ -89,7 +90,7 @@ impl Reel {
     /// # Errors
     ///
     /// When the rendered bytes are not a frame.
-    pub(super) fn draw(&self, index: u64, bytes: &mut Vec<u8>, image: &mut Image) -> anyhow::Result<()> {
+    pub(super) fn draw(&self, index: u64, bytes: &mut Vec<u8>, image: &mut Image) -> Result<(), Failure> {
         bytes.resize(self.world.frame_bytes(), 0);
         self.world.render(index, bytes);
         Frame { meta: crate::camera::simulated::meta(&self.world, index), bytes }.unpack(image)?;

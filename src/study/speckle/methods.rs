@@ -9,6 +9,7 @@ use crate::dic::{
     CenterVector, CorrelationParams, Correlator, GridPoint, Method, PolarCorrelator, PreparedFrame, Region, RigidBody,
     RigidMotion, Start, center_fit,
 };
+use crate::failure::Failure;
 use crate::image::ImageView;
 use crate::results::{Circle, FieldPoint, PointStatus};
 
@@ -121,11 +122,11 @@ impl Bench {
     /// # Errors
     ///
     /// When the window size or step is out of range, or there is no room for a window.
-    pub(super) fn new(ways: &[Way], windows: Windows, side_px: u32) -> anyhow::Result<Self> {
+    pub(super) fn new(ways: &[Way], windows: Windows, side_px: u32) -> Result<Self, Failure> {
         let side_px = side_px as usize;
-        let engine = |way: &Way| -> anyhow::Result<(Way, Engine)> { Ok((*way, engine(*way, windows, side_px)?)) };
+        let engine = |way: &Way| -> Result<(Way, Engine), Failure> { Ok((*way, engine(*way, windows, side_px)?)) };
         Ok(Self {
-            ways: ways.iter().map(engine).collect::<anyhow::Result<_>>()?,
+            ways: ways.iter().map(engine).collect::<Result<_, Failure>>()?,
             finder: BallFinder::new(&BallParams::new(RADII_PX[0], RADII_PX[1]), side_px, side_px)?,
             windows,
             side_px,
@@ -227,7 +228,7 @@ impl Bench {
     }
 }
 
-fn engine(way: Way, windows: Windows, side_px: usize) -> anyhow::Result<Engine> {
+fn engine(way: Way, windows: Windows, side_px: usize) -> Result<Engine, Failure> {
     let method = match way {
         Way::Paper | Way::PaperFit => Method::SplineFft,
         Way::PeakSpline | Way::PeakPlain => Method::PeakSpline,

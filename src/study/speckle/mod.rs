@@ -30,6 +30,7 @@ use self::resume_table::{Contents, Journal};
 use self::row::Row;
 use self::workers::Job;
 use crate::console::{Outcome, UsageError, progress};
+use crate::failure::Failure;
 use crate::process::Stop;
 
 pub use self::films_plan::SpeckleStudy;
@@ -93,7 +94,7 @@ struct Finished<'a> {
 /// # Errors
 ///
 /// When an option is invalid, or a file belongs to another study or cannot be written.
-pub fn run(study: SpeckleStudy, options: &SpeckleOptions, stop: &Stop) -> anyhow::Result<Outcome> {
+pub fn run(study: SpeckleStudy, options: &SpeckleOptions, stop: &Stop) -> Result<Outcome, Failure> {
     let job = job(study, options)?;
     // Settings without room for a subset are reported before anything is created.
     let bench = Bench::new(&job.ways, job.windows, film::SIDE_PX)?;

@@ -13,6 +13,7 @@ use super::summary::{self, Group};
 use super::{Finished, peak_figure, sweep_figure};
 use crate::command::field::FieldError;
 use crate::console::{say, table};
+use crate::failure::Failure;
 use crate::synth::PatternSetup;
 
 /// The error that the best pattern is chosen by: the mean of x and y, or the rotation.
@@ -24,7 +25,7 @@ enum Measure {
 
 impl Finished<'_> {
     /// Writes the tables and the figure, and prints a summary.
-    pub(super) fn publish(&self) -> anyhow::Result<()> {
+    pub(super) fn publish(&self) -> Result<(), Failure> {
         match self.job.study {
             SpeckleStudy::Peak => self.publish_peak(),
             SpeckleStudy::Noise | SpeckleStudy::Blur | SpeckleStudy::Rate => self.publish_sweep(),
@@ -32,7 +33,7 @@ impl Finished<'_> {
         }
     }
 
-    fn publish_patterns(&self) -> anyhow::Result<()> {
+    fn publish_patterns(&self) -> Result<(), Failure> {
         let groups = summary::groups(&self.job.films, &self.job.ways, self.rows);
         let lines: Vec<summary::Line> = groups.iter().map(Group::line).collect();
         let shown: Vec<Group> = groups.iter().filter(|group| group.case == self.job.study.figure()).cloned().collect();
@@ -51,7 +52,7 @@ impl Finished<'_> {
         Ok(())
     }
 
-    fn publish_peak(&self) -> anyhow::Result<()> {
+    fn publish_peak(&self) -> Result<(), Failure> {
         let points = peak_figure::points(self.job, self.rows);
         let costs = peak_figure::costs(self.job)?;
         let lines: Vec<peak_figure::Line> = points.iter().map(peak_figure::Point::line).collect();
@@ -70,7 +71,7 @@ impl Finished<'_> {
         Ok(())
     }
 
-    fn publish_sweep(&self) -> anyhow::Result<()> {
+    fn publish_sweep(&self) -> Result<(), Failure> {
         let points = sweep_figure::points(self.job, self.rows);
         let lines: Vec<sweep_figure::Line> = points.iter().map(|point| point.line(self.job.study)).collect();
         if let Some(directory) = &self.options.output {
@@ -214,14 +215,14 @@ impl Finished<'_> {
         say(&report.to_string());
     }
 
-    fn write_table(&self, directory: &Path, ending: &str, lines: &[impl Serialize]) -> anyhow::Result<()> {
+    fn write_table(&self, directory: &Path, ending: &str, lines: &[impl Serialize]) -> Result<(), Failure> {
         let mut csv = csv::Writer::from_writer(Vec::new());
         lines.iter().try_for_each(|line| csv.serialize(line))?;
-        let bytes = csv.into_inner().map_err(|error| anyhow::anyhow!("{error}"))?;
+        let bytes = csv.into_inner().map_err(|error| Failure::internal(format!("{error}")))?;
         self.write(directory, &format!("{ending}.csv"), &bytes)
     }
 
-    fn write(&self, directory: &Path, ending: &str, bytes: &[u8]) -> anyhow::Result<()> {
+    fn write(&self, directory: &Path, ending: &str, bytes: &[u8]) -> Result<(), Failure> {
         let path = directory.join(format!("{}{ending}", self.job.study.as_str()));
         Ok(std::fs::write(&path, bytes).map_err(|error| FieldError::write(&path, error))?)
     }

@@ -13,6 +13,7 @@ use super::methods::{Bench, Way};
 use super::row::Row;
 use super::summary::Spread;
 use super::workers::Job;
+use crate::failure::Failure;
 use crate::image::Image;
 use crate::study::convergence::text;
 
@@ -118,7 +119,7 @@ pub(super) fn points(job: &Job, rows: &[Row]) -> Vec<Point> {
 ///
 /// When the film cannot be rendered.
 #[expect(clippy::disallowed_methods, reason = "a study of cost reads the clock")]
-pub(super) fn costs(job: &Job) -> anyhow::Result<Vec<Cost>> {
+pub(super) fn costs(job: &Job) -> Result<Vec<Cost>, Failure> {
     let Some(plan) = job.films.first() else { return Ok(Vec::new()) };
     let reel = film::film(&film::ball(plan.pattern, &job.filming)?, plan, &job.filming)?;
     let (mut bytes, mut before, mut after) = (Vec::new(), Image::default(), Image::default());

@@ -15,6 +15,7 @@ use super::methods::Way;
 use super::row::Row;
 use crate::command::field::{FieldError, folder};
 use crate::console::UsageError;
+use crate::failure::Failure;
 
 /// Advice for a table that cannot be resumed.
 const ADVICE: &str = "choose another directory, or delete both files to start again";
@@ -61,7 +62,7 @@ impl Journal {
         name: &str,
         settings: &Value,
         contents: &Contents<'_>,
-    ) -> anyhow::Result<(Self, Vec<Row>)> {
+    ) -> Result<(Self, Vec<Row>), Failure> {
         folder::make("--output", directory)?;
         let path = directory.join(format!("{name}_films.csv"));
         check_settings(&directory.join(format!("{name}_settings.json")), &path, settings)?;
@@ -88,10 +89,10 @@ impl Journal {
     /// # Errors
     ///
     /// [`FieldError`] when the file cannot be written.
-    pub(super) fn add(&mut self, rows: &[Row]) -> anyhow::Result<()> {
+    pub(super) fn add(&mut self, rows: &[Row]) -> Result<(), Failure> {
         let mut csv = csv::WriterBuilder::new().has_headers(!self.has_header).from_writer(Vec::new());
         rows.iter().try_for_each(|row| csv.serialize(row))?;
-        let bytes = csv.into_inner().map_err(|error| anyhow::anyhow!("{error}"))?;
+        let bytes = csv.into_inner().map_err(|error| Failure::internal(format!("{error}")))?;
         self.file.write_all(&bytes).map_err(|error| FieldError::write(&self.path, error))?;
         self.has_header = true;
         Ok(())
@@ -99,7 +100,7 @@ impl Journal {
 }
 
 /// Compares the settings of an existing table with these, or writes them next to a new one.
-fn check_settings(path: &Path, table: &Path, settings: &Value) -> anyhow::Result<()> {
+fn check_settings(path: &Path, table: &Path, settings: &Value) -> Result<(), Failure> {
     if !table.exists() {
         let text = format!("{settings:#}\n");
         return Ok(std::fs::write(path, text).map_err(|error| FieldError::write(path, error))?);
@@ -123,7 +124,7 @@ fn check_settings(path: &Path, table: &Path, settings: &Value) -> anyhow::Result
 }
 
 /// Reads the rows of the complete films at the beginning of a table, and their length in bytes.
-fn read_completed(path: &Path, bytes: &[u8], contents: &Contents<'_>) -> anyhow::Result<(Vec<Row>, u64)> {
+fn read_completed(path: &Path, bytes: &[u8], contents: &Contents<'_>) -> Result<(Vec<Row>, u64), Failure> {
     let foreign = |line: u64| {
         let reason = "is not a row of this study; delete the file to start again";
         UsageError(format!("{}: line {line} {reason}", path.display()))

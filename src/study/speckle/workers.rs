@@ -9,6 +9,7 @@ use super::film::{self, Filming, SIDE_PX};
 use super::films_plan::{Film, SpeckleStudy};
 use super::methods::{Bench, Way, Windows};
 use super::row::Row;
+use crate::failure::Failure;
 use crate::image::Image;
 use crate::process::Stop;
 use crate::synth::World;
@@ -27,7 +28,7 @@ pub(super) struct Job {
 type Balls = BTreeMap<(usize, usize), World>;
 
 /// The index of a film, and its rows or error.
-type Done = (usize, anyhow::Result<Vec<Row>>);
+type Done = (usize, Result<Vec<Row>, Failure>);
 
 impl Job {
     /// Measures the films from `first` on and passes their rows to `take` in order, until all are done or a stop.
@@ -42,8 +43,8 @@ impl Job {
         first: usize,
         threads: usize,
         stop: &Stop,
-        mut take: impl FnMut(Vec<Row>) -> anyhow::Result<()>,
-    ) -> anyhow::Result<()> {
+        mut take: impl FnMut(Vec<Row>) -> Result<(), Failure>,
+    ) -> Result<(), Failure> {
         let next = AtomicUsize::new(first);
         let balls = self.balls(first)?;
         std::thread::scope(|scope| {
@@ -58,7 +59,7 @@ impl Job {
             drop(sender);
             let given = in_order(first, receiver, &mut take);
             for worker in workers {
-                worker.join().map_err(|_| anyhow::anyhow!("a measuring thread panicked"))??;
+                worker.join().map_err(|_| Failure::internal("a measuring thread panicked"))??;
             }
             given
         })
@@ -69,14 +70,14 @@ impl Job {
     /// # Errors
     ///
     /// Any error of the film.
-    pub(super) fn measure_single(&self, number: usize) -> anyhow::Result<Vec<Row>> {
+    pub(super) fn measure_single(&self, number: usize) -> Result<Vec<Row>, Failure> {
         let film = &self.films[number];
         let ball = film::ball(film.pattern, &self.filming_of(film))?;
         self.measure(&mut Bench::new(&self.ways, self.windows, SIDE_PX)?, &ball, film)
     }
 
     /// Returns the balls that are still needed, per pattern and level.
-    fn balls(&self, first: usize) -> anyhow::Result<Balls> {
+    fn balls(&self, first: usize) -> Result<Balls, Failure> {
         let mut balls = Balls::new();
         for film in &self.films[first..] {
             if let Entry::Vacant(place) = balls.entry((film.pattern, film.level)) {
@@ -97,7 +98,7 @@ impl Job {
     }
 
     /// Runs one thread: takes the next film until there are none, a stop, or the receiver is gone.
-    fn work(&self, balls: &Balls, next: &AtomicUsize, stop: &Stop, sender: &SyncSender<Done>) -> anyhow::Result<()> {
+    fn work(&self, balls: &Balls, next: &AtomicUsize, stop: &Stop, sender: &SyncSender<Done>) -> Result<(), Failure> {
         let mut bench = Bench::new(&self.ways, self.windows, SIDE_PX)?;
         while !stop.requested() {
             let number = next.fetch_add(1, Ordering::Relaxed);
@@ -111,7 +112,7 @@ impl Job {
     }
 
     /// Renders one film and measures it with every method.
-    fn measure(&self, bench: &mut Bench, ball: &World, plan: &Film) -> anyhow::Result<Vec<Row>> {
+    fn measure(&self, bench: &mut Bench, ball: &World, plan: &Film) -> Result<Vec<Row>, Failure> {
         let reel = film::film(ball, plan, &self.filming)?;
         let (mut bytes, mut before, mut after) = (Vec::new(), Image::default(), Image::default());
         reel.draw(0, &mut bytes, &mut before)?;
@@ -132,8 +133,8 @@ impl Job {
 fn in_order(
     first: usize,
     receiver: Receiver<Done>,
-    take: &mut impl FnMut(Vec<Row>) -> anyhow::Result<()>,
-) -> anyhow::Result<()> {
+    take: &mut impl FnMut(Vec<Row>) -> Result<(), Failure>,
+) -> Result<(), Failure> {
     let (mut next, mut early) = (first, BTreeMap::new());
     // Returning early drops the receiver, which ends the threads.
     for (number, rows) in receiver {

@@ -1,5 +1,6 @@
 //! Errors of a scenario.
 
+use crate::failure::{ExitCode, Fatal};
 use crate::synth::physics::PhysicsError;
 
 /// The reason why a scenario cannot be rendered.
@@ -100,4 +101,10 @@ pub enum ScenarioError {
     /// The ball does not bounce.
     #[error("motion: {0}")]
     Physics(#[from] PhysicsError),
+}
+
+impl Fatal for ScenarioError {
+    fn exit_code(&self) -> ExitCode {
+        ExitCode::Usage
+    }
 }

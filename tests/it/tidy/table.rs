@@ -21,6 +21,7 @@ const fn open(name: &'static str, rooms: &'static [&'static str], crates: &'stat
 }
 
 const BELOW_PROCESS: &[&str] = &[
+    "failure",
     "results",
     "image",
     "numeric",
@@ -41,6 +42,7 @@ const BELOW_PROCESS: &[&str] = &[
     "bus",
 ];
 const BELOW_COMMAND: &[&str] = &[
+    "failure",
     "results",
     "image",
     "numeric",
@@ -66,6 +68,7 @@ const BELOW_COMMAND: &[&str] = &[
 ];
 
 const BELOW_STUDY: &[&str] = &[
+    "failure",
     "results",
     "image",
     "numeric",
@@ -93,31 +96,36 @@ const BELOW_STUDY: &[&str] = &[
 
 /// The rooms in the order of src/lib.rs.
 pub const ROOMS: &[Room] = &[
+    open("failure", &[], &["thiserror"]),
     pure("results", &[], &[]),
-    pure("image", &["results"], &["image", "multiversion", "thiserror"]),
+    pure("image", &["failure", "results"], &["image", "multiversion", "thiserror"]),
     pure("numeric", &[], &["multiversion", "nalgebra"]),
-    pure("dic", &["results", "image", "numeric"], &["libm", "multiversion", "nalgebra", "realfft", "thiserror"]),
-    pure("ball", &["results", "image", "numeric"], &["multiversion", "nalgebra", "thiserror"]),
-    pure("rod", &["results", "image"], &["nalgebra", "thiserror"]),
+    pure(
+        "dic",
+        &["failure", "results", "image", "numeric"],
+        &["libm", "multiversion", "nalgebra", "realfft", "thiserror"],
+    ),
+    pure("ball", &["failure", "results", "image", "numeric"], &["multiversion", "nalgebra", "thiserror"]),
+    pure("rod", &["failure", "results", "image"], &["nalgebra", "thiserror"]),
     pure("motion", &["results"], &["nalgebra", "thiserror"]),
     pure("trigger", &["results", "image", "motion"], &[]),
     pure("impact", &["results", "numeric", "motion"], &["libm", "multiversion", "nalgebra", "thiserror"]),
     pure(
         "measure",
-        &["results", "image", "numeric", "dic", "ball", "rod", "motion", "impact"],
+        &["failure", "results", "image", "numeric", "dic", "ball", "rod", "motion", "impact"],
         &["nalgebra", "thiserror"],
     ),
     pure("track", &["results", "motion", "impact", "measure"], &["nalgebra"]),
-    pure("synth", &["results", "image", "numeric", "motion"], &["nalgebra", "serde", "thiserror", "toml"]),
+    pure("synth", &["failure", "results", "image", "numeric", "motion"], &["nalgebra", "serde", "thiserror", "toml"]),
     open(
         "config",
-        &["results", "image", "dic", "ball", "rod", "motion", "trigger"],
+        &["failure", "results", "image", "dic", "ball", "rod", "motion", "trigger"],
         &["serde", "serde_json", "thiserror", "toml", "toml_edit"],
     ),
     open("message", &["results", "image"], &["thiserror"]),
     open(
         "recording",
-        &["results", "image", "config", "message"],
+        &["failure", "results", "image", "config", "message"],
         &[
             "bytes",
             "crc32fast",
@@ -135,20 +143,23 @@ pub const ROOMS: &[Room] = &[
         ],
     ),
     open("report", &["results", "image", "recording"], &["base64", "image", "maud"]),
-    open("import", &["image"], &["image", "thiserror", "tiff"]),
+    open("import", &["failure", "image"], &["image", "thiserror", "tiff"]),
     open(
         "camera",
-        &["results", "image", "synth", "config", "message", "recording"],
+        &["failure", "results", "image", "synth", "config", "message", "recording"],
         &["bytes", "libc", "libloading", "log", "rustix", "thiserror", "zune_jpeg"],
     ),
-    open("bus", &["results", "image", "config", "message", "camera"], &["iceoryx2", "log", "rustix", "thiserror"]),
-    open("process", BELOW_PROCESS, &["anyhow", "log", "rustix", "serde_json", "thiserror", "ureq"]),
-    open("console", &["process"], &["indicatif", "thiserror"]),
+    open(
+        "bus",
+        &["failure", "results", "image", "config", "message", "camera"],
+        &["iceoryx2", "log", "rustix", "thiserror"],
+    ),
+    open("process", BELOW_PROCESS, &["log", "rustix", "serde_json", "thiserror", "ureq"]),
+    open("console", &["failure", "process"], &["csv", "indicatif", "serde_json", "thiserror"]),
     open(
         "command",
         BELOW_COMMAND,
         &[
-            "anyhow",
             "clap",
             "crc32fast",
             "csv",
@@ -171,13 +182,13 @@ pub const ROOMS: &[Room] = &[
     open(
         "study",
         BELOW_STUDY,
-        &["anyhow", "csv", "image", "libm", "log", "nalgebra", "realfft", "serde", "serde_json", "thiserror", "toml"],
+        &["csv", "image", "libm", "log", "nalgebra", "realfft", "serde", "serde_json", "thiserror", "toml"],
     ),
-    open("cli", &["dic", "config", "message", "process", "command", "console", "study"], &["anyhow", "clap", "log"]),
+    open("cli", &["failure", "dic", "config", "message", "process", "command", "console", "study"], &["clap", "log"]),
 ];
 
 /// What src/main.rs may name of the outside; of the rooms it may name all.
-pub const MAIN_CRATES: &[&str] = &["anyhow", "env_logger", "log", "signal_hook"];
+pub const MAIN_CRATES: &[&str] = &["env_logger", "log", "signal_hook"];
 
 /// Single names a room may take from a crate that is otherwise closed to it.
 ///
@@ -186,7 +197,6 @@ pub const SINGLE_NAMES: &[(&str, &str)] = &[("message", "iceoryx2::prelude::Zero
 
 /// The dependencies, as they are spelled in the source; `mcap` is what the tests hold our files against.
 pub const OUTSIDE: &[&str] = &[
-    "anyhow",
     "base64",
     "bytes",
     "clap",
