@@ -185,9 +185,8 @@ fn window(nodes: &[Pose], frame: u64, width: u64, ahead: u64) -> &[Pose] {
 /// - in flight, a straight line with known gravity over up to 55 frames of the same flight, after testing that the
 ///   acceleration there is gravity's (or none);
 /// - in contact, order 4 over the window with the smallest noise^2 + bias^2. For a window of 2 h + 1 frames, noise =
-///   3.06 sigma
-/// h^1.5 and bias = |5th derivative| h^4
-/// 504, with the derivative estimated from the approach speed and the peak acceleration;
+///   3.06 sigma / h^1.5 and bias = |5th derivative| h^4 / 504, with the derivative estimated from the approach speed and
+///   the peak acceleration;
 /// - otherwise order 2 over 9 frames.
 ///
 /// Where the force sets in or ends, neither fit is right: the sigmas of frames near there include the difference
