@@ -2,7 +2,7 @@
 
 use super::edge_fit::Edge;
 use super::{Polarity, RimKind};
-use crate::numeric::{MOST, nth_highest, nth_smallest};
+use crate::numeric::{MAX_COUNT, nth_highest, nth_smallest};
 
 /// The minimum contrast of an edge, in units of the image noise.
 const MIN_CONTRAST: f32 = 8.0;
@@ -98,7 +98,7 @@ impl EdgeSelection {
         );
         self.clean.clear();
         for first in (0..bins).step_by(STRIDE) {
-            let mut near = [f32::NEG_INFINITY; MOST];
+            let mut near = [f32::NEG_INFINITY; MAX_COUNT];
             near[..=2 * reach].copy_from_slice(&self.around[first..=first + 2 * reach]);
             let count = near.iter().filter(|contrast| **contrast > f32::NEG_INFINITY).count();
             let rank = (count.saturating_sub(1) as f32 * CLEAN_RANK).round() as usize;
@@ -114,4 +114,4 @@ impl EdgeSelection {
     }
 }
 
-const _: () = assert!(NEIGHBOURS <= MOST);
+const _: () = assert!(NEIGHBOURS <= MAX_COUNT);

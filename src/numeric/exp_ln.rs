@@ -1,28 +1,28 @@
-//! Exponential and logarithm without a branch, so that a loop over several numbers becomes vector instructions, and the
-//! same to the last bit on every machine.
+//! The exponential and the logarithm without branches. Loops over several numbers become vector instructions, and
+//! results are equal to the last bit on every machine.
 
 use std::f64::consts::{FRAC_1_SQRT_2, LOG2_E, SQRT_2};
 
 /// The first 32 bits of the logarithm of 2, and the rest.
 const LN_2: [f64; 2] = [f64::from_bits(0x3FE6_2E42_FEE0_0000), 1.908_214_929_270_587_7e-10];
-/// Added to a number of less than 2^51, it leaves the nearest whole one in the last bits.
+/// A constant that rounds a number below 2^51 to the nearest integer, which is left in the last bits.
 const ROUND: f64 = 6_755_399_441_055_744.0;
-/// 2^52, in whose last bits a whole number may be put.
-const WHOLE: f64 = 4_503_599_627_370_496.0;
+/// 2^52, whose last bits hold an integer.
+const INTEGER_BITS: f64 = 4_503_599_627_370_496.0;
 const BIAS: u64 = 1023;
 const MANTISSA_BITS: u32 = 52;
-/// Beyond, the exponential of a double has no bits left or too many.
-const MOST: f64 = 700.0;
+/// The limit beyond which the exponential of a double underflows or overflows.
+const MAX_EXPONENT: f64 = 700.0;
 
-/// The exponential, of numbers up to 700 in size; of larger ones, that of 700.
+/// Returns the exponential of a number, clamped to 700 in size.
 #[inline(always)]
 pub fn exp(x: f64) -> f64 {
-    let x = if x > MOST { MOST } else { x };
-    let x = if x < -MOST { -MOST } else { x };
+    let x = if x > MAX_EXPONENT { MAX_EXPONENT } else { x };
+    let x = if x < -MAX_EXPONENT { -MAX_EXPONENT } else { x };
     let shifted = x * LOG2_E + ROUND;
     let whole = shifted - ROUND;
     let r = (x - whole * LN_2[0]) - whole * LN_2[1];
-    // Taylor's series of what is within half of ln 2, in pairs, which need not wait for each other.
+    // The Taylor series within half of ln 2, in independent pairs of terms.
     let (r2, r4) = (r * r, (r * r) * (r * r));
     let p01 = 1.0 + r;
     let p23 = 1.0 / 2.0 + r * (1.0 / 6.0);
@@ -37,13 +37,13 @@ pub fn exp(x: f64) -> f64 {
     series * scale
 }
 
-/// The natural logarithm of a positive number that is not subnormal.
+/// Returns the natural logarithm of a positive number that is not subnormal.
 #[inline(always)]
 pub fn ln(x: f64) -> f64 {
     let bits = x.to_bits();
-    let exponent = f64::from_bits((bits >> MANTISSA_BITS) | WHOLE.to_bits()) - WHOLE - BIAS as f64;
+    let exponent = f64::from_bits((bits >> MANTISSA_BITS) | INTEGER_BITS.to_bits()) - INTEGER_BITS - BIAS as f64;
     let mantissa = f64::from_bits((bits & ((1 << MANTISSA_BITS) - 1)) | (BIAS << MANTISSA_BITS));
-    // Between the roots of a half and of 2.
+    // Between the roots of one half and of 2.
     let is_high = mantissa > SQRT_2;
     let mantissa = if is_high { 0.5 * mantissa } else { mantissa };
     let exponent = if is_high { exponent + 1.0 } else { exponent };

@@ -15,7 +15,7 @@ pub use exp_ln::{exp, ln};
 pub use fft2d::{Complex, Transform, fast_size, register_size};
 pub use lanes::{LANES, Lanes};
 pub use normal::normal;
-pub use order_statistics::{MOST, nth_highest, nth_smallest};
+pub use order_statistics::{MAX_COUNT, nth_highest, nth_smallest};
 pub use polynomial::{MAX_ORDER, Polynomial, Sample};
 pub use random::{COUNT, Stream, key, scramble};
 pub use symmetric::invert;

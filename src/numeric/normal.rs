@@ -1,9 +1,9 @@
 //! The normal distribution, cheap enough to be evaluated for every rim pixel.
 
-/// The standard normal integral and density at `t`.
+/// Returns the standard normal integral and density at `t`.
 ///
-/// Branch-free, so that loops over it become vector instructions. Absolute
-/// error below 5e-7 (Abramowitz & Stegun 26.2.17, and the rounding of `f32`).
+/// Branch-free, so that loops over it become vector instructions. The absolute error is below 5e-7 (Abramowitz & Stegun
+/// 26.2.17, and the rounding of `f32`).
 #[inline(always)]
 pub fn normal(t: f32) -> (f32, f32) {
     let density = 0.398_942_3 * exp_of_negative(-0.5 * t * t);
@@ -13,7 +13,7 @@ pub fn normal(t: f32) -> (f32, f32) {
     (if t < 0.0 { tail } else { 1.0 - tail }, density)
 }
 
-/// `exp(x)` for `x` <= 0, relative error below 3e-7.
+/// Returns `exp(x)` for `x` <= 0, relative error below 3e-7.
 #[inline(always)]
 fn exp_of_negative(x: f32) -> f32 {
     // Adding 1.5 * 2^23 rounds to the nearest integer and leaves it in the low bits of the mantissa.

@@ -1,45 +1,45 @@
-//! The value of some rank, found by counting: no branch depends on the values, so that none is guessed wrongly.
+//! Order statistics by counting. No branch depends on the values, so none is mispredicted.
 
 /// Values counted at a time, for vector instructions.
 const LANES: usize = 16;
 
-/// Bits that are not told of a value: it is known to one part in four thousand.
-const LEFT_OUT_BITS: u32 = 11;
+/// The low bits of a value that are ignored: the result is exact to one part in four thousand.
+const IGNORED_BITS: u32 = 11;
 
-/// The value that `rank` others are smaller than, of values none of which is negative; a little less than it is.
+/// Returns the value that `rank` others are smaller than, rounded down, of non-negative values.
 ///
 /// Pads `values` with infinities.
 pub fn nth_smallest(values: &mut Vec<f32>, rank: usize) -> f32 {
     values.resize(values.len().next_multiple_of(LANES), f32::INFINITY);
-    // Numbers that are not negative are in the order of their bits.
+    // Non-negative floats sort like their bits.
     f32::from_bits(bits_of_rank(values, rank as u32))
 }
 
 #[multiversion::multiversion(targets("x86_64+avx512f+avx512bw+avx512dq+avx512vl", "x86_64+avx2+fma"))]
 fn bits_of_rank(values: &[f32], rank: u32) -> u32 {
     let mut bits = 0;
-    for place in (LEFT_OUT_BITS..31).rev() {
+    for place in (IGNORED_BITS..31).rev() {
         let limit = bits + (1 << place);
         let count: u32 = values.iter().map(|value| u32::from(value.to_bits() < limit)).sum();
-        // Added or not without a branch.
+        // A bit is added without a branch.
         bits += u32::from(count <= rank) << place;
     }
     bits
 }
 
-/// Most values of a neighbourhood.
-pub const MOST: usize = 3 * LANES;
+/// The maximum number of values of a neighbourhood.
+pub const MAX_COUNT: usize = 3 * LANES;
 
-/// The `rank`th highest of at most 48 values, from 1; those left out are minus infinity.
+/// Returns the `rank`th highest of at most 48 values, from 1. Unused values must be minus infinity.
 #[multiversion::multiversion(targets("x86_64+avx512f+avx512bw+avx512dq+avx512vl", "x86_64+avx2+fma"))]
-pub fn nth_highest(values: &[f32; MOST], rank: u32) -> f32 {
-    let mut higher = [0_u32; MOST];
+pub fn nth_highest(values: &[f32; MAX_COUNT], rank: u32) -> f32 {
+    let mut higher = [0_u32; MAX_COUNT];
     for other in values {
-        for lane in 0..MOST {
+        for lane in 0..MAX_COUNT {
             higher[lane] += u32::from(*other > values[lane]);
         }
     }
-    // The least of those that fewer than so many are higher than.
+    // The lowest of those that fewer than `rank` values exceed.
     let mut least = [f32::INFINITY; LANES];
     for (values, higher) in values.chunks_exact(LANES).zip(higher.chunks_exact(LANES)) {
         for lane in 0..LANES {
@@ -47,7 +47,7 @@ pub fn nth_highest(values: &[f32; MOST], rank: u32) -> f32 {
             least[lane] = if value < least[lane] { value } else { least[lane] };
         }
     }
-    // By halves: one after the other, each would wait for the last.
+    // By halves, because in sequence each comparison would wait for the last.
     for half in [8, 4, 2, 1] {
         for lane in 0..half {
             least[lane] = if least[lane + half] < least[lane] { least[lane + half] } else { least[lane] };
@@ -73,7 +73,7 @@ mod tests {
                 .collect();
             let mut sorted = values.clone();
             sorted.sort_by(f32::total_cmp);
-            let mut padded = [f32::NEG_INFINITY; MOST];
+            let mut padded = [f32::NEG_INFINITY; MAX_COUNT];
             padded[..count].copy_from_slice(&values);
             for (rank, expected) in sorted.iter().enumerate() {
                 let found = nth_smallest(&mut values, rank);

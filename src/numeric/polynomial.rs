@@ -1,16 +1,16 @@
-//! Weighted polynomials through positions that are known up to an offset.
+//! Weighted polynomial fits through positions that share unknown offsets.
 
 use nalgebra::{SMatrix, SVector};
 
 use crate::results::Estimate;
 
-/// Highest order a [`Polynomial`] can have.
+/// The maximum order of a [`Polynomial`].
 pub const MAX_ORDER: usize = 5;
 
 type Matrix = SMatrix<f64, MAX_ORDER, MAX_ORDER>;
 type Vector = SVector<f64, MAX_ORDER>;
 
-/// Under this a column is a combination of the others (in units of its own length).
+/// The minimum length of a column that is independent of the others, in units of its own length.
 const SINGULAR: f64 = 1e-7;
 
 /// One position in time. Samples of one component share an unknown offset.
@@ -18,13 +18,14 @@ const SINGULAR: f64 = 1e-7;
 pub struct Sample {
     /// Time, nominal frame periods.
     pub time_frames: f64,
-    /// Which offset belongs to it.
+    /// The component, whose samples share one offset.
     pub component: u32,
     /// The position, px or deg.
     pub value: f64,
     /// Its white standard uncertainty, same unit as `value`.
     pub sigma: f64,
-    /// Standard uncertainty that the step to it adds to it and to all later ones of its component, same unit.
+    /// The random walk of the step to this sample: its standard uncertainty stays in all later samples of the
+    /// component. Same unit.
     pub walk: f64,
 }
 
@@ -37,19 +38,19 @@ struct Component {
     powers: Vector,
 }
 
-/// What one sample says of the coefficients of an order.
+/// The contribution of one sample to the normal equations.
 struct Row<const ORDER: usize> {
-    /// Of its component.
+    /// The index of its component.
     place: usize,
     lever: SVector<f64, ORDER>,
     weight: f64,
 }
 
-/// `value = offset(component) + sum of c_k (t - at)^k + acceleration (t - at)^2 / 2`, k from 1 to the order.
+/// The curve `value = offset(component) + sum of c_k (t - at)^k + acceleration (t - at)^2
+/// 2`, k from 1 to the order.
 ///
-/// The offsets are eliminated by taking every component about its weighted
-/// mean, which is the exact least-squares answer and leaves only the shared
-/// coefficients to solve for.
+/// The offsets are eliminated by removing each component's weighted mean. This is the exact least-squares solution, and
+/// only the shared coefficients remain.
 #[derive(Debug, Clone)]
 pub struct Polynomial {
     at_frames: f64,
@@ -63,11 +64,10 @@ pub struct Polynomial {
 }
 
 impl Polynomial {
-    /// Fits a polynomial of `order` (1 to [`MAX_ORDER`]) about `at_frames`, the part
-    /// `acceleration` (per frame^2) of the curvature being known.
+    /// Fits a polynomial of `order` (1 to [`MAX_ORDER`]) about `at_frames` with a known `acceleration` (per frame^2).
     ///
-    /// `None` where the samples do not determine it: fewer than `order` differences
-    /// within components, or times that coincide.
+    /// Returns `None` where the samples do not determine it: fewer than `order` differences within components, or
+    /// coinciding times.
     pub fn fit(samples: &[Sample], at_frames: f64, order: usize, acceleration: f64) -> Option<Self> {
         assert!((1..=MAX_ORDER).contains(&order), "order {order} is not within 1 to {MAX_ORDER}");
         let far = |s: &Sample| (s.time_frames - at_frames).abs();
@@ -144,7 +144,7 @@ impl Polynomial {
             normal += *weight * lever * lever.transpose();
             right += *weight * (s.value - self.known(s.time_frames) - self.components[*place].value) * lever;
         }
-        // Unit diagonal, so that the pivots tell how nearly singular it is.
+        // The columns are scaled to a unit diagonal, so that the pivots measure the conditioning.
         let length = SVector::<f64, ORDER>::from_fn(|i, _| normal[(i, i)].sqrt());
         if length.iter().any(|l| !(*l > 0.0 && l.is_finite())) {
             return None;
@@ -169,9 +169,9 @@ impl Polynomial {
         Some(Row { place, lever: lever.fixed_rows::<ORDER>(0).into_owned(), weight: s.sigma.powi(-2) })
     }
 
-    /// What a random walk of the poses adds to the covariance of the coefficients.
+    /// Returns the covariance of the coefficients that results from the random walk of the poses.
     ///
-    /// A disturbance of one step moves every later pose of its component; the estimate answers with the sum of the
+    /// A disturbance of one step moves every later pose of its component; the estimate responds with the sum of the
     /// gains of those poses.
     fn walk<const ORDER: usize>(
         &self,
@@ -193,7 +193,7 @@ impl Polynomial {
         self.components.iter().find(|c| c.id == id)
     }
 
-    /// First derivative at `time_frames`, per frame.
+    /// Returns the first derivative at `time_frames`, per frame.
     pub fn rate(&self, time_frames: f64) -> Estimate {
         let u = (time_frames - self.at_frames) / self.unit_frames;
         let mut power = 1.0 / self.unit_frames;
@@ -206,7 +206,7 @@ impl Polynomial {
         Estimate { value: self.coefficients.dot(&gradient) + known, sigma: self.spread(&gradient) }
     }
 
-    /// Second derivative at the centre of the fit, per frame^2, the known part included.
+    /// Returns the second derivative at the centre of the fit, per frame^2, including the known part.
     pub fn curvature(&self) -> Estimate {
         let unit = 2.0 / self.unit_frames.powi(2);
         Estimate {
@@ -215,43 +215,44 @@ impl Polynomial {
         }
     }
 
-    /// The curve at `time_frames` for a component that took part in the fit.
+    /// Returns the curve at `time_frames` for a component of the fit; `None` for another one.
     pub fn predict(&self, time_frames: f64, component: u32) -> Option<Estimate> {
         let c = self.component(component)?;
         let (value, lever) = self.curve(time_frames, c);
         Some(Estimate { value, sigma: self.spread(&lever).hypot(c.weight.powf(-0.5)) })
     }
 
-    /// The curve of a component at a time, and what its coefficients are taken times.
+    /// Returns the curve of a component at a time, and the factors of its coefficients.
     fn curve(&self, time_frames: f64, c: &Component) -> (f64, Vector) {
         let lever = self.powers(time_frames) - c.powers;
         (c.value + self.coefficients.dot(&lever) + self.known(time_frames), lever)
     }
 
-    /// How far the curve moves from one time to another, whatever the offset.
+    /// Returns the displacement of the curve from one time to another, which no offset affects.
     pub fn advance(&self, from_frames: f64, to_frames: f64) -> Estimate {
         let lever = self.powers(to_frames) - self.powers(from_frames);
         let known = self.known(to_frames) - self.known(from_frames);
         Estimate { value: self.coefficients.dot(&lever) + known, sigma: self.spread(&lever) }
     }
 
-    /// Sample minus curve, with the sample's own sigma, for a component of the fit.
+    /// Returns sample minus curve, with the sample's own sigma, for a component of the fit.
     pub fn residual(&self, sample: &Sample) -> Option<(f64, f64)> {
         let (value, _) = self.curve(sample.time_frames, self.component(sample.component)?);
         Some((sample.value - value, sample.sigma))
     }
 
-    /// Sum of squared residuals in units of the samples' sigmas.
+    /// Returns the sum of squared residuals in units of the samples' sigmas.
     pub fn chi2(&self) -> f64 {
         self.chi2
     }
 
-    /// Degrees of freedom left.
+    /// Returns the degrees of freedom.
     pub fn freedom(&self) -> usize {
         self.freedom
     }
 
-    /// By how much the scatter about the curve exceeds the samples' own sigmas; 1 unless it does so significantly.
+    /// Returns the ratio of the scatter about the curve to the samples' own sigmas; 1 unless it is significantly
+    /// larger.
     pub fn excess(&self) -> f64 {
         let freedom = self.freedom as f64;
         let limit = freedom + 3.0 * (2.0 * freedom).sqrt();
@@ -272,7 +273,7 @@ mod tests {
     }
 
     fn samples(offsets: &[(f64, f64, f64)]) -> Vec<Sample> {
-        // (from, to, offset) a component, one sample a frame.
+        // (from, to, offset) of each component, with one sample per frame.
         let mut out = Vec::new();
         for (id, (from, to, offset)) in offsets.iter().enumerate() {
             let mut t = *from;
