@@ -181,7 +181,7 @@ fn rigs(options: &ReplayOptions, streams: &[Streamed]) -> Result<Vec<Played>, Fa
         if !parts.is_empty() {
             changes.push(("camera.parts", parts.into_iter().collect::<toml_edit::Array>().into()));
         }
-        let config = base.fed_from(recording.path(), &changes)?;
+        let config = base.with_recording(recording.path(), &changes)?;
         names.push(name);
         played.push(Played { recording: recording.clone(), config, span: *span });
     }

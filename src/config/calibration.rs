@@ -1,4 +1,4 @@
-//! `[calibration]`: the camera's lens, and the plane that bodies move in.
+//! `[calibration]`: the camera's lens, and the plane of motion.
 
 mod file;
 
@@ -8,17 +8,18 @@ use super::raw::RawCalibration;
 use crate::motion::{Calibration, Distortion, Lens, Rectifier};
 use toml_edit::{Array, DocumentMut, TableLike, Value, value};
 
-/// Most coefficients a model has here.
-const MOST: usize = 8;
+/// The maximum number of coefficients of the Brown model.
+const COEFFICIENTS_MAX: usize = 8;
 const FOCAL: Bounds = Bounds::closed(1.0, 1.0e6, "px");
 
-/// How a lens bends rays, by the names that OpenCV, ROS and Foxglove have for it.
+/// A model of lens distortion.
 #[derive(Clone, Copy)]
 enum Model {
     Brown,
     Equidistant,
 }
 
+/// The names of the models in OpenCV, ROS and Foxglove.
 const MODELS: [(&str, Model); 5] = [
     ("plumb_bob", Model::Brown),
     ("rational_polynomial", Model::Brown),
@@ -27,13 +28,13 @@ const MODELS: [(&str, Model); 5] = [
     ("kannala_brandt", Model::Equidistant),
 ];
 
-/// Puts the numbers of the files that a rig file names into its text, so that the text needs no other file.
+/// Replaces the calibration files that a rig file names by their numbers, so that its text needs no other file.
 ///
-/// `None` when it names none.
+/// Returns `None` when it names none.
 ///
 /// # Errors
 ///
-/// The key and why its file cannot be used, to follow "must be".
+/// The key, and the end of a sentence that begins with "must be".
 pub(super) fn embedded(
     text: &str,
     read: impl Fn(&str) -> Result<String, String>,
@@ -59,7 +60,7 @@ pub(super) fn embedded(
     is_changed.then(|| Ok(document.to_string()))
 }
 
-/// Puts the numbers of the file that a table names into it; `None` when it names none.
+/// Inserts the numbers of the file that a table names; `None` when it names none.
 fn embed(table: &mut dyn TableLike, read: &impl Fn(&str) -> Result<String, String>) -> Option<Result<(), String>> {
     let name = table.get("file")?.as_str()?.to_owned();
     let numbers = match read(&name).and_then(|content| file::numbers(&content)) {
@@ -71,44 +72,42 @@ fn embed(table: &mut dyn TableLike, read: &impl Fn(&str) -> Result<String, Strin
         }
     };
     table.remove("file");
-    let list = |numbers: &[f64]| value(Value::Array(numbers.iter().copied().collect::<Array>()));
     if let Some(size) = numbers.image_px {
-        table.insert("image_px", value(Value::Array(size.iter().map(|px| i64::from(*px)).collect::<Array>())));
+        table.insert("image_px", value(size.iter().map(|px| i64::from(*px)).collect::<Array>()));
     }
-    let lists = [
-        ("camera_matrix", numbers.camera_matrix.as_deref()),
-        ("distortion", numbers.distortion.as_deref()),
-        ("homography_mm", numbers.homography_mm.as_deref()),
+    let list = |numbers: Vec<f64>| Value::Array(numbers.into_iter().collect());
+    let values = [
+        ("camera_matrix", numbers.camera_matrix.map(list)),
+        ("distortion", numbers.distortion.map(list)),
+        ("homography_mm", numbers.homography_mm.map(list)),
+        ("distortion_model", numbers.model.map(Value::from)),
     ];
-    for (key, numbers) in lists {
-        // What the rig file says itself holds.
-        if let (Some(numbers), false) = (numbers, table.contains_key(key)) {
-            table.insert(key, list(numbers));
+    for (key, given) in values {
+        // Keys of the rig file take precedence.
+        if let (Some(given), false) = (given, table.contains_key(key)) {
+            table.insert(key, value(given));
         }
-    }
-    if let Some(model) = numbers.model.filter(|_| !table.contains_key("distortion_model")) {
-        table.insert("distortion_model", value(model));
     }
     Some(Ok(()))
 }
 
-/// The calibration, made ready; `offset_px` is the corner of the camera's window where the table says nothing.
+/// Checks a calibration; `offset_px` is the corner of the camera's window, the default for the key of that name.
 pub(super) fn calibration(
     table: &Table<'_>,
     raw: &RawCalibration,
     offset_px: Option<[u32; 2]>,
 ) -> Result<Rectifier, ConfigError> {
     if raw.file.is_some() {
-        return Err(table.refuse("file", "left out here: only a rig file that is read from disk can name another"));
+        return Err(table.refuse("file", "left out here, because only a rig file on disk can name another file"));
     }
     let pair = |key: &str, given: &Option<Vec<i64>>, range: std::ops::RangeInclusive<i64>| {
-        let refusal = || table.refuse(key, format!("[x, y], each {} to {} px", range.start(), range.end()));
         let Some(given) = given else { return Ok(None) };
         let numbers: Vec<u32> = given.iter().filter(|px| range.contains(px)).map(|px| *px as u32).collect();
-        <[u32; 2]>::try_from(numbers).map(Some).map_err(|_| refusal())
+        let allowed = || format!("[x, y], each {} to {} px", range.start(), range.end());
+        <[u32; 2]>::try_from(numbers).map(Some).map_err(|_| table.refuse(key, allowed()))
     };
     let image_px = pair("image_px", &raw.image_px, 16..=65_535)?
-        .ok_or_else(|| table.refuse("image_px", "[width, height] of the calibrated picture in px"))?;
+        .ok_or_else(|| table.refuse("image_px", "[width, height] of the calibrated image in px"))?;
     let offset_px = pair("offset_px", &raw.offset_px, 0..=65_535)?.or(offset_px).unwrap_or_default();
     let lens = lens(table, raw)?;
     let homography = match &raw.homography_mm {
@@ -118,18 +117,19 @@ pub(super) fn calibration(
     let calibration = Calibration { image_px, offset_px, lens, homography };
     Rectifier::new(calibration).map_err(|error| {
         let key = if raw.homography_mm.is_some() { "homography_mm" } else { "camera_matrix" };
-        table.refuse(key, format!("part of a usable calibration, and this one {error}"))
+        table.refuse(key, format!("part of a usable calibration, but this one {error}"))
     })
 }
 
 const SQUARE: &str = "3 x 3 finite numbers, row by row";
 
-/// Nine finite numbers as rows.
+/// Reads nine finite numbers as rows.
 fn square(numbers: &[f64]) -> Option<[[f64; 3]; 3]> {
-    let sound = numbers.len() == 9 && numbers.iter().all(|x| x.is_finite());
-    sound.then(|| std::array::from_fn(|row| std::array::from_fn(|column| numbers[3 * row + column])))
+    let is_square = numbers.len() == 9 && numbers.iter().all(|x| x.is_finite());
+    is_square.then(|| std::array::from_fn(|row| std::array::from_fn(|column| numbers[3 * row + column])))
 }
 
+/// Checks the camera matrix and the distortion; `None` without a matrix.
 fn lens(table: &Table<'_>, raw: &RawCalibration) -> Result<Option<Lens>, ConfigError> {
     let model = table.choice("distortion_model", raw.distortion_model.as_deref(), &MODELS)?.unwrap_or(Model::Brown);
     let Some(numbers) = &raw.camera_matrix else {
@@ -141,22 +141,21 @@ fn lens(table: &Table<'_>, raw: &RawCalibration) -> Result<Option<Lens>, ConfigE
     };
     let matrix = square(numbers).filter(|[first, second, third]| {
         let is_pinhole = [first[1], second[0], third[0], third[1], third[2] - 1.0].iter().all(|x| x.abs() < 1e-12);
-        is_pinhole && FOCAL.hold(first[0]) && FOCAL.hold(second[1])
+        is_pinhole && FOCAL.contains(first[0]) && FOCAL.contains(second[1])
     });
     let [[fx, _, cx], [_, fy, cy], _] = matrix.ok_or_else(|| {
         table.refuse("camera_matrix", "[fx, 0, cx, 0, fy, cy, 0, 0, 1] with focal lengths of 1 to 1000000 px")
     })?;
-    let most = match model {
-        Model::Brown => MOST,
+    let max = match model {
+        Model::Brown => COEFFICIENTS_MAX,
         Model::Equidistant => 4,
     };
     let given = raw.distortion.as_deref().unwrap_or_default();
-    // Longer lists are of models that bend otherwise, unless the rest is 0.
-    let (known, rest) = given.split_at(given.len().min(most));
+    // A longer list belongs to another model, unless the rest is 0.
+    let (known, rest) = given.split_at(given.len().min(max));
     if rest.iter().any(|x| *x != 0.0) || known.iter().any(|x| !x.is_finite()) {
-        return Err(
-            table.refuse("distortion", format!("at most {most} finite numbers: thin prisms and tilts are not known"))
-        );
+        let allowed = format!("at most {max} finite numbers; thin prisms and tilted sensors are not supported");
+        return Err(table.refuse("distortion", allowed));
     }
     let coefficient = |k: usize| known.get(k).copied().unwrap_or(0.0);
     let distortion = match model {

@@ -1,10 +1,12 @@
-//! Small checks that every table of the rig file is put through.
+//! Checks that every table of the rig file shares.
 
 use super::error::ConfigError;
 use super::text::Text;
+use crate::results::UnknownName;
 use std::ops::RangeInclusive;
+use std::str::FromStr;
 
-/// The numbers a value may have.
+/// The range of a number, with its unit.
 #[derive(Clone, Copy)]
 pub(super) struct Bounds {
     low: f64,
@@ -14,34 +16,34 @@ pub(super) struct Bounds {
 }
 
 impl Bounds {
-    /// From `low` to `high`, both allowed.
+    /// Allows `low` to `high`, both included.
     pub const fn closed(low: f64, high: f64, unit: &'static str) -> Self {
         Self { low, high, low_is_allowed: true, unit }
     }
 
-    /// More than `low`, at most `high`.
+    /// Allows values above `low` and at most `high`.
     pub const fn above(low: f64, high: f64, unit: &'static str) -> Self {
         Self { low, high, low_is_allowed: false, unit }
     }
 
-    pub(super) fn hold(self, value: f64) -> bool {
-        let high_enough = if self.low_is_allowed { value >= self.low } else { value > self.low };
-        high_enough && value <= self.high
+    /// Whether the value is within the range.
+    pub fn contains(self, value: f64) -> bool {
+        value <= self.high && (value > self.low || self.low_is_allowed && value >= self.low)
     }
 
-    fn words(self) -> String {
+    fn allowed(self) -> String {
         let Self { low, high, unit, .. } = self;
-        let words =
+        let range =
             if self.low_is_allowed { format!("{low} to {high}") } else { format!("above {low} and at most {high}") };
-        with_unit(words, unit)
+        with_unit(range, unit)
     }
 }
 
-fn with_unit(words: String, unit: &str) -> String {
-    if unit.is_empty() { words } else { format!("{words} {unit}") }
+fn with_unit(range: String, unit: &str) -> String {
+    if unit.is_empty() { range } else { format!("{range} {unit}") }
 }
 
-/// One table of the file, by its path.
+/// A table of the file, by its path.
 pub(super) struct Table<'t> {
     pub text: &'t Text<'t>,
     path: String,
@@ -52,26 +54,44 @@ impl<'t> Table<'t> {
         Self { text, path: path.into() }
     }
 
-    /// Full path of one of its keys.
+    /// Returns the full path of a key.
     pub fn key(&self, key: &str) -> String {
         format!("{}.{key}", self.path)
     }
 
-    /// Refuses the value of one of its keys; `allowed` completes the sentence "must be ...".
+    /// Refuses the value of a key; `allowed` completes the sentence "must be ...".
     pub fn refuse(&self, key: &str, allowed: impl Into<String>) -> ConfigError {
         self.text.refuse(&self.key(key), allowed)
     }
 
-    /// A finite number within bounds.
+    /// Refuses a key that belongs to the settings `owners`, not to the chosen one.
+    pub fn foreign(&self, key: &str, chosen: impl Into<String>, owners: impl Into<String>) -> ConfigError {
+        self.text.foreign(&self.key(key), chosen, owners)
+    }
+
+    /// Refuses the first given key that does not belong to the chosen value of `setting`.
+    pub fn check_owners<T: Copy + PartialEq>(
+        &self,
+        setting: Setting<T>,
+        chosen: T,
+        keys: &[OwnedKey<'_, T>],
+    ) -> Result<(), ConfigError> {
+        match keys.iter().find(|(_, is_given, owners)| *is_given && !owners.contains(&chosen)) {
+            None => Ok(()),
+            Some((key, _, owners)) => Err(self.foreign(key, setting.assignment(&[chosen]), setting.assignment(owners))),
+        }
+    }
+
+    /// Checks the range of a number.
     pub fn number(&self, key: &str, value: Option<f64>, bounds: Bounds) -> Result<Option<f64>, ConfigError> {
         match value {
-            Some(value) if !bounds.hold(value) => Err(self.refuse(key, bounds.words())),
+            Some(value) if !bounds.contains(value) => Err(self.refuse(key, bounds.allowed())),
             value => Ok(value),
         }
     }
 
-    /// A whole number within a range.
-    pub fn whole<T: TryFrom<i64>>(
+    /// Checks the range of a whole number.
+    pub fn integer<T: TryFrom<i64>>(
         &self,
         key: &str,
         value: Option<i64>,
@@ -85,7 +105,17 @@ impl<'t> Table<'t> {
         }
     }
 
-    /// One of a few words.
+    /// Parses the name of an enum's value.
+    pub fn named<T: FromStr<Err = UnknownName>>(
+        &self,
+        key: &str,
+        value: Option<&str>,
+    ) -> Result<Option<T>, ConfigError> {
+        let value = value.map(str::parse).transpose();
+        value.map_err(|error: UnknownName| self.refuse(key, quoted(error.known.iter().copied())))
+    }
+
+    /// Looks up the meaning of a word.
     pub fn choice<T: Copy>(
         &self,
         key: &str,
@@ -94,11 +124,11 @@ impl<'t> Table<'t> {
     ) -> Result<Option<T>, ConfigError> {
         let Some(value) = value else { return Ok(None) };
         let found = words.iter().find(|(word, _)| *word == value);
-        found.map(|(_, meaning)| Some(*meaning)).ok_or_else(|| self.refuse(key, listed(words.iter().map(|(w, _)| *w))))
+        found.map(|(_, meaning)| Some(*meaning)).ok_or_else(|| self.refuse(key, quoted(words.iter().map(|(w, _)| *w))))
     }
 
-    /// A text with something in it, on one line.
-    pub fn filled(&self, key: &str, value: Option<String>) -> Result<Option<String>, ConfigError> {
+    /// Checks that a text is a line that is not empty.
+    pub fn line(&self, key: &str, value: Option<String>) -> Result<Option<String>, ConfigError> {
         match value {
             Some(value) if value.trim().is_empty() || value.chars().any(char::is_control) => {
                 Err(self.refuse(key, "a text of one line that is not empty"))
@@ -107,7 +137,15 @@ impl<'t> Table<'t> {
         }
     }
 
-    /// A region as x, y, width, height; inside the image where its size is known.
+    /// Checks a name of 1 to `length_max` of the characters `a-z 0-9 _ -`.
+    pub fn name(&self, key: &str, value: String, length_max: usize) -> Result<String, ConfigError> {
+        if is_name(&value, length_max) {
+            return Ok(value);
+        }
+        Err(self.refuse(key, format!("1 to {length_max} of the characters a-z 0-9 _ -")))
+    }
+
+    /// Checks a region as x, y, width, height; inside the image if its size is known.
     pub fn region(
         &self,
         key: &str,
@@ -115,27 +153,44 @@ impl<'t> Table<'t> {
         image_px: Option<(u32, u32)>,
     ) -> Result<Option<[u32; 4]>, ConfigError> {
         let Some(value) = value else { return Ok(None) };
-        let (width, height) = image_px.map_or((65_535, 65_535), |(width, height)| (width.into(), height.into()));
-        let fits = |start: i64, size: i64, limit: i64| {
-            start >= 0 && size >= 1 && start <= limit && size <= limit && start + size <= limit
-        };
-        let refusal = || {
-            let room = if image_px.is_some() { "the image of" } else { "an image of at most" };
-            self.refuse(key, format!("[x, y, width, height] inside {room} {width} x {height} px"))
-        };
-        let [x, y, w, h] = <[i64; 4]>::try_from(value).map_err(|_| refusal())?;
-        if !fits(x, w, width) || !fits(y, h, height) {
-            return Err(refusal());
+        let (width, height) = image_px.unwrap_or((65_535, 65_535));
+        let numbers: Option<Vec<u32>> = value.iter().map(|px| u32::try_from(*px).ok()).collect();
+        let fits =
+            |start: u32, size: u32, limit: u32| size >= 1 && start.checked_add(size).is_some_and(|end| end <= limit);
+        match numbers.as_deref() {
+            Some(&[x, y, w, h]) if fits(x, w, width) && fits(y, h, height) => Ok(Some([x, y, w, h])),
+            _ => {
+                let room = if image_px.is_some() { "the image of" } else { "an image of at most" };
+                Err(self.refuse(key, format!("[x, y, width, height] inside {room} {width} x {height} px")))
+            }
         }
-        let mut region = [0; 4];
-        for (to, from) in region.iter_mut().zip([x, y, w, h]) {
-            *to = u32::try_from(from).map_err(|_| refusal())?;
-        }
-        Ok(Some(region))
     }
 }
 
-/// The words there are, each in quotes.
-pub(super) fn listed<'w>(words: impl Iterator<Item = &'w str>) -> String {
+/// A key, whether the file has it, and the values of a setting that it belongs to.
+pub(super) type OwnedKey<'a, T> = (&'static str, bool, &'a [T]);
+
+/// A key whose values are those of an enum.
+#[derive(Clone, Copy)]
+pub(super) struct Setting<T> {
+    pub key: &'static str,
+    pub name: fn(T) -> &'static str,
+}
+
+impl<T: Copy> Setting<T> {
+    /// Returns `key = "name"`, with the names of all these values.
+    pub fn assignment(self, values: &[T]) -> String {
+        format!("{} = {}", self.key, quoted(values.iter().map(|value| (self.name)(*value))))
+    }
+}
+
+/// Whether a name has 1 to `length_max` of the characters `a-z 0-9 _ -`.
+pub(super) fn is_name(name: &str, length_max: usize) -> bool {
+    let letter = |byte: u8| byte.is_ascii_lowercase() || byte.is_ascii_digit() || b"_-".contains(&byte);
+    (1..=length_max).contains(&name.len()) && name.bytes().all(letter)
+}
+
+/// Returns a list of words, each in quotes.
+pub(super) fn quoted<'w>(words: impl Iterator<Item = &'w str>) -> String {
     words.map(|word| format!("{word:?}")).collect::<Vec<_>>().join(", ")
 }

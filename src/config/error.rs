@@ -1,93 +1,83 @@
-//! What is wrong with a rig file, in one line.
+//! The error of a refused rig file.
 
 use crate::failure::{ExitCode, Fatal};
 
-/// Why a configuration was refused.
+/// A refused configuration.
 ///
-/// Every variant prints as one line that names the file, the key, the value and
-/// what is allowed in its place.
+/// It prints as one line with the file, the line, the key, the value and the allowed range.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct ConfigError {
+    /// The file as it was named.
+    pub origin: String,
+    /// The line, from 1, where one is to blame.
+    pub line: Option<usize>,
+    /// The reason.
+    pub problem: Box<Problem>,
+}
+
+/// The reason why a configuration is refused.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-pub enum ConfigError {
-    /// The file cannot be read at all.
-    #[error("read configuration {origin}: {reason}")]
-    Unreadable {
-        /// The file as it was named.
-        origin: String,
-        /// The system's answer.
-        reason: String,
-    },
+pub enum Problem {
+    /// The file cannot be read.
+    #[error("{0}")]
+    Unreadable(String),
     /// The text is not TOML.
-    #[error("{origin}, line {line}: not TOML: {reason}")]
-    Syntax {
-        /// The file as it was named.
-        origin: String,
-        /// Line the parser stopped in, from 1.
-        line: usize,
-        /// The parser's words.
-        reason: String,
-    },
-    /// A key that means nothing here.
-    #[error("{origin}, line {line}: unknown key {key}; the nearest known key is {nearest}")]
+    #[error("not TOML: {0}")]
+    Syntax(String),
+    /// The key does not exist.
+    #[error("unknown key {key}; the nearest known key is {nearest}")]
     UnknownKey {
-        /// The file as it was named.
-        origin: String,
-        /// Line of the key, from 1.
-        line: usize,
-        /// Path of the key, as `table.key`.
+        /// The key with its table.
         key: String,
-        /// Path of the known key that is spelled most like it.
+        /// The known key with the most similar spelling.
         nearest: String,
     },
-    /// A value of the wrong type, out of its range, or at odds with another one.
-    #[error("{origin}, line {line}: {key} = {value}: must be {allowed}")]
+    /// The value has the wrong type, is out of range or contradicts another one.
+    #[error("{key} = {value}: must be {allowed}")]
     Value {
-        /// The file as it was named.
-        origin: String,
-        /// Line of the value, from 1.
-        line: usize,
-        /// Path of the key.
+        /// The key with its table.
         key: String,
-        /// The value as it stands in the file, shortened to one line.
+        /// The value in the file, shortened to one line.
         value: String,
-        /// The range with its unit, or the words there are.
+        /// The range with its unit, or the possible words.
         allowed: String,
     },
-    /// A key without which the rest makes no sense.
-    #[error("{origin}: {key} is missing: must be {allowed}")]
+    /// A required key is missing.
+    #[error("{key} is missing: must be {allowed}")]
     Missing {
-        /// The file as it was named.
-        origin: String,
-        /// Path of the key.
+        /// The key with its table.
         key: String,
-        /// The range with its unit, or the words there are.
+        /// The range with its unit, or the possible words.
         allowed: String,
     },
-    /// A key that belongs to another setting than the one chosen.
-    #[error("{origin}, line {line}: {key} = {value}: does not go with {settings}")]
-    OutOfPlace {
-        /// The file as it was named.
-        origin: String,
-        /// Line of the key, from 1.
-        line: usize,
-        /// Path of the key.
+    /// The key belongs to another setting than the chosen one.
+    #[error("{key} = {value}: does not go with {chosen}; it belongs to {owners}")]
+    Foreign {
+        /// The key with its table.
         key: String,
-        /// The value as it stands in the file, shortened to one line.
+        /// The value in the file, shortened to one line.
         value: String,
-        /// The setting it was met with, and the ones it belongs to.
-        settings: String,
+        /// The chosen setting.
+        chosen: String,
+        /// The settings that the key belongs to.
+        owners: String,
     },
-    /// A setting of the file format that this version of the program cannot do.
-    #[error("{origin}, line {line}: {what} is not offered by this version; {instead}")]
-    NotOffered {
-        /// The file as it was named.
-        origin: String,
-        /// Line of the key, from 1.
-        line: usize,
-        /// The setting, as `table.key = value` or `table [table]`.
-        what: String,
-        /// What to write instead.
-        instead: String,
-    },
+    /// This version does not support the table.
+    #[error("the table [{0}] is not supported by this version; leave it out")]
+    Unsupported(String),
+}
+
+impl std::error::Error for ConfigError {}
+
+impl std::fmt::Display for ConfigError {
+    fn fmt(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let Self { origin, line, problem } = self;
+        match (problem.as_ref(), line) {
+            (Problem::Unreadable(_), _) => write!(formatter, "cannot read {origin}: {problem}"),
+            (_, Some(line)) => write!(formatter, "{origin}, line {line}: {problem}"),
+            (_, None) => write!(formatter, "{origin}: {problem}"),
+        }
+    }
 }
 
 impl Fatal for ConfigError {

@@ -1,4 +1,4 @@
-//! `[scale]`, `[surface]`, `[rotation]`, `[velocity]`: from pixels to physics.
+//! `[scale]`, `[surface]`, `[rotation]`, `[velocity]`: from pixels to physical quantities.
 
 use super::body::DIAMETER;
 use super::check::{Bounds, Table};
@@ -7,42 +7,42 @@ use super::raw::{RawRotation, RawScale, RawSurface, RawVelocity};
 use super::text::Text;
 use crate::motion::{Rectifier, RingLimits, Rotation, Scale};
 
-/// `[surface]`: what the bodies strike.
+/// `[surface]`: the surface that bodies strike.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Surface {
-    /// Direction of its tangent in the picture, counter-clockwise from x, -180 to 180 deg, default 0 (level, and the
-    /// body above it). The outward normal is a quarter turn further counter-clockwise.
-    /// Left out with `edge` given: the edge's own direction, from its first point to its second.
+    /// The direction of its tangent in the image, counter-clockwise from x, -180 to 180 deg. The outward normal is a quarter
+    /// turn further counter-clockwise. Default: the direction of `edge` from its first point to its second, else 0
+    /// (level, with the body above).
     pub angle_deg: f64,
     /// Two points of the edge that bodies touch, `[[x, y], [x, y]]` in px, -65535 to 65535, at least 1 px apart, within
-    /// 2 deg of `angle_deg`. Triggers on the gap or a predicted contact need it; a contact counts only between the
-    /// two points.
+    /// 2 deg of `angle_deg`. Triggers on the gap or a predicted contact need it. A contact counts only between the points.
     pub edge: Option<[[f64; 2]; 2]>,
 }
 
-/// `[velocity]`: how positions become velocities.
+/// `[velocity]`: the fit of velocities to positions.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Velocity {
-    /// Frames the local fit spans, odd, 3 to 1001 frames and more than `order`; left out, the fit chooses.
+    /// The number of frames of the local fit, odd, 3 to 1001 frames and more than `order`. Default: chosen by the fit.
     pub window_frames: Option<u32>,
-    /// Order of the polynomial fitted to the positions, 1 to 4, default 2.
+    /// The order of the polynomial fitted to the positions, 1 to 4, default 2.
     pub order: u32,
-    /// Strength of gravity, 0 to 100 m/s^2, default 9.80665; 0 switches it off.
+    /// The acceleration of gravity, 0 to 100 m/s^2, default 9.80665; 0 switches it off.
     pub gravity_m_s2: f64,
-    /// Direction in which things fall, counter-clockwise from x with y up, -180 to 180 deg, default -90 (a level
-    /// camera). A camera tilted by t counter-clockwise sees things fall at -90 - t.
+    /// The direction of gravity, counter-clockwise from x with y up, -180 to 180 deg, default -90 (a level camera). For a
+    /// camera tilted by t counter-clockwise it is -90 - t.
     pub gravity_angle_deg: f64,
 }
 
 const MM_PER_PX: Bounds = Bounds::closed(1.0e-6, 1.0e3, "mm/px");
 const ANGLE: Bounds = Bounds::closed(-180.0, 180.0, "deg");
-/// How far the edge's direction may be from the angle given beside it, deg.
-const EDGE_APART_DEG: f64 = 2.0;
+/// The maximum angle between the edge and a given `angle_deg`, deg.
+const EDGE_ANGLE_MAX_DEG: f64 = 2.0;
 const RING: Bounds = Bounds::closed(1.0, 32_768.0, "px");
-/// A thinner ring tells nothing.
-const LEAST_RING_PX: f64 = 4.0;
+/// The minimum width of a ring, px.
+const MIN_RING_PX: f64 = 4.0;
 const ORDER_DEFAULT: u32 = 2;
 
+/// Checks the scale; a calibrated plane has its own.
 pub(super) fn scale(
     table: &Table<'_>,
     raw: &RawScale,
@@ -58,7 +58,7 @@ pub(super) fn scale(
         };
     }
     match (mm_per_px, diameter_mm) {
-        (Some(_), Some(_)) => Err(table.refuse("ball_diameter_mm", "left out, because mm_per_px is given too")),
+        (Some(_), Some(_)) => Err(table.refuse("ball_diameter_mm", "left out, because mm_per_px is given")),
         (Some(mm_per_px), None) => Ok(Some(Scale::MmPerPx(mm_per_px))),
         (None, diameter_mm) => Ok(diameter_mm.map(Scale::BallDiameterMm)),
     }
@@ -72,24 +72,25 @@ pub(super) fn surface(table: &Table<'_>, raw: &RawSurface) -> Result<Surface, Co
     let points = edge.iter().map(point).collect::<Result<Vec<_>, _>>()?;
     let [first, second] = <[[f64; 2]; 2]>::try_from(points).map_err(|_| refusal())?;
     let along = [second[0] - first[0], second[1] - first[1]];
-    let sound = first.iter().chain(&second).all(|x| x.abs() <= 65_535.0) && along[0].hypot(along[1]) >= 1.0;
-    if !sound {
+    let is_within = first.iter().chain(&second).all(|x| x.abs() <= 65_535.0);
+    if !is_within || along[0].hypot(along[1]) < 1.0 {
         return Err(refusal());
     }
     // The image's y points down.
     let edge_deg = (-along[1]).atan2(along[0]).to_degrees();
     let apart_deg = |angle_deg: f64| (angle_deg - edge_deg + 90.0).rem_euclid(180.0) - 90.0;
     match angle_deg {
-        Some(angle_deg) if apart_deg(angle_deg).abs() > EDGE_APART_DEG => {
-            let allowed =
-                format!("within {EDGE_APART_DEG} deg of surface.angle_deg = {angle_deg}, and is at {edge_deg:.1} deg");
+        Some(angle_deg) if apart_deg(angle_deg).abs() > EDGE_ANGLE_MAX_DEG => {
+            let allowed = format!(
+                "within {EDGE_ANGLE_MAX_DEG} deg of surface.angle_deg = {angle_deg}, but is at {edge_deg:.1} deg"
+            );
             Err(table.refuse("edge", allowed))
         }
         angle_deg => Ok(Surface { angle_deg: angle_deg.unwrap_or(edge_deg), edge: Some([first, second]) }),
     }
 }
 
-/// Refuses an edge that lies where the calibration says nothing.
+/// Refuses an edge outside the range of the calibration.
 pub(super) fn check_edge(
     file: &Text<'_>,
     surface: &Surface,
@@ -99,10 +100,10 @@ pub(super) fn check_edge(
     if edge.iter().all(|end| calibration.place(*end).is_some()) {
         return Ok(());
     }
-    Err(file.refuse("surface.edge", "two points where the calibration holds"))
+    Err(file.refuse("surface.edge", "two points within the range of the calibration"))
 }
 
-/// What motion and spin are taken from.
+/// Checks the method for motion and spin.
 pub(super) fn rotation(table: &Table<'_>, raw: &RawRotation) -> Result<Rotation, ConfigError> {
     let ring = RingLimits {
         inner_px: table.number("ring_inner_px", raw.ring_inner_px, RING)?,
@@ -116,16 +117,14 @@ pub(super) fn rotation(table: &Table<'_>, raw: &RawRotation) -> Result<Rotation,
     ];
     let method = table.choice("method", raw.method.as_deref(), &words)?.unwrap_or_default();
     let given = [("ring_inner_px", ring.inner_px), ("ring_outer_px", ring.outer_px)];
-    let is_ring = matches!(method, Rotation::Ring(_));
-    if let (false, Some((key, _))) = (is_ring, given.iter().find(|(_, px)| px.is_some())) {
-        let word = words.iter().find(|(_, of)| *of == method).map_or("", |(word, _)| word);
-        let with = format!("method = \"{word}\"");
-        return Err(table.text.out_of_place(&table.key(key), &with, "method = \"ring\""));
+    if let (false, Some((key, _))) = (method == Rotation::Ring(ring), given.iter().find(|(_, px)| px.is_some())) {
+        let chosen = words.iter().find(|(_, other)| *other == method).map_or("", |(word, _)| word);
+        return Err(table.foreign(key, format!("method = {chosen:?}"), "method = \"ring\""));
     }
     match ring.inner_px.zip(ring.outer_px) {
-        Some((inner_px, outer_px)) if outer_px - inner_px < LEAST_RING_PX => {
+        Some((inner_px, outer_px)) if outer_px - inner_px < MIN_RING_PX => {
             Err(table
-                .refuse("ring_outer_px", format!("at least {LEAST_RING_PX} px more than ring_inner_px = {inner_px}")))
+                .refuse("ring_outer_px", format!("at least {MIN_RING_PX} px more than ring_inner_px = {inner_px}")))
         }
         _ => Ok(method),
     }
@@ -134,8 +133,8 @@ pub(super) fn rotation(table: &Table<'_>, raw: &RawRotation) -> Result<Rotation,
 pub(super) fn velocity(table: &Table<'_>, raw: &RawVelocity) -> Result<Velocity, ConfigError> {
     let gravity = Bounds::closed(0.0, 100.0, "m/s^2");
     let velocity = Velocity {
-        window_frames: table.whole("window_frames", raw.window_frames, 3..=1001, "frames, odd")?,
-        order: table.whole("order", raw.order, 1..=4, "")?.unwrap_or(ORDER_DEFAULT),
+        window_frames: table.integer("window_frames", raw.window_frames, 3..=1001, "frames, odd")?,
+        order: table.integer("order", raw.order, 1..=4, "")?.unwrap_or(ORDER_DEFAULT),
         gravity_m_s2: table.number("gravity_m_s2", raw.gravity_m_s2, gravity)?.unwrap_or(9.806_65),
         gravity_angle_deg: table.number("gravity_angle_deg", raw.gravity_angle_deg, ANGLE)?.unwrap_or(-90.0),
     };

@@ -1,14 +1,12 @@
-//! The rig file: TOML in, checked settings out.
+//! The rig file: from TOML to checked settings.
 //!
-//! Two stages. The first reads names and types and nothing else (`raw`); the
-//! second checks every number and word and how they go together, so that nothing
-//! downstream checks again. What the file format knows but this version cannot
-//! do is refused by name; nothing is accepted and then ignored.
+//! There are two stages. The first reads only names and types (`raw`). The second checks every number and word and their
+//! combinations, so that nothing downstream checks again. Settings that this version does not support are refused by
+//! name. No setting is accepted and then ignored.
 //!
-//! Every error is one line with the file, the line, the key, the value and what
-//! is allowed. Relative paths in the file (`camera.id` of a recording,
-//! `camera.scenario`, `record.directory`) start at the working directory, so that
-//! a file may be kept anywhere and its text means the same inside a recording.
+//! Every error is one line with the file, the line, the key, the value and the allowed range. Relative paths in the file
+//! (`camera.id` of a recording, `camera.scenario`, `record.directory`) start at the working directory. The file may be
+//! anywhere, and its text means the same inside a recording.
 //!
 //! ```
 //! use ricochet::config::Config;
@@ -44,7 +42,7 @@ pub use crate::motion::{Rectifier, Rotation, Scale};
 pub use body::{Body, BodyKind};
 pub use camera::{Camera, FeatureValue, Pulse, Source};
 pub use capture::{Compression, Record, Workers};
-pub use error::ConfigError;
+pub use error::{ConfigError, Problem};
 pub use geometry::{Surface, Velocity};
 pub use trigger::{Trigger, TriggerMode};
 pub use view::View;
@@ -55,59 +53,60 @@ use std::io::Read;
 use std::path::Path;
 use text::Text;
 
-/// A rig file is a page or two; whatever is larger than this is something else, bytes.
+/// The maximum size of a rig file, bytes. A larger file is something else.
 const FILE_BYTES_MAX: u64 = 1 << 20;
+const RIG_NAME_MAX: usize = 32;
 
-/// `[rig]`: the rig as a whole.
+/// `[rig]`: the rig.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Rig {
-    /// Its name in shared memory, 1 to 32 of `a-z 0-9 _ -`, default `rig`. Two rigs on one machine need two names.
+    /// The name in shared memory, 1 to 32 of `a-z 0-9 _ -`, default `rig`. Two rigs on one machine need different names.
     pub name: String,
 }
 
-/// A whole rig, checked.
+/// A rig, checked.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Config {
-    /// `[rig]`: the rig as a whole.
+    /// `[rig]`: the rig.
     pub rig: Rig,
-    /// `[camera]`: where the frames come from.
+    /// `[camera]`: the source of the frames.
     pub camera: Camera,
-    /// `[scale]`: either `mm_per_px` (0.000001 to 1000 mm/px) or `ball_diameter_mm` (above 0, at most 10000 mm;
-    /// then the scale follows from the measured radius), or that of the calibrated plane. `None` without: pixels only.
+    /// `[scale]`: either `mm_per_px` (0.000001 to 1000 mm/px), or `ball_diameter_mm` (above 0, at most 10000 mm), which
+    /// takes the scale from the measured radius, or the scale of the calibrated plane. `None`: results are in pixels only.
     pub scale: Option<Scale>,
-    /// `[calibration]`: the camera's lens (`camera_matrix`, `distortion_model`, `distortion`), the plane that bodies move
-    /// in (`homography_mm`, from undistorted pixels), or both, of a picture of `image_px` in which the recorded one
-    /// begins at `offset_px`; or the `file` that holds them, whose numbers take its place in `text`. `None` when the file
-    /// has no such table: then a pixel is equally large everywhere.
+    /// `[calibration]`: the camera's lens (`camera_matrix`, `distortion_model`, `distortion`), the plane of motion
+    /// (`homography_mm`, from undistorted pixels), or both. They hold for an image of `image_px`, in which the recorded one
+    /// begins at `offset_px`. `file` names a file with these numbers, which replace it in `text`. `None`: a pixel has the
+    /// same size everywhere.
     pub calibration: Option<Rectifier>,
-    /// `[surface]`: what the bodies strike.
+    /// `[surface]`: the surface that bodies strike.
     pub surface: Surface,
-    /// `[[body]]`: what is followed, 1 to 16; a ball named `ball` when the file has none.
+    /// `[[body]]`: the bodies to follow, 1 to 16. A file without any has a ball named `ball`.
     pub bodies: Vec<Body>,
-    /// `[correlation]`: how displacements are found. Ranges: `subset_size_px` odd, 9 to 255; `step_px` 1 to 255;
-    /// `spline_points` 0 to 20; `search_px` 1 to 1024; `min_zncc` 0 to 1. Which methods,
-    /// shapes and windows can be used is decided where the correlator is planned.
+    /// `[correlation]`: the measurement of displacements. Ranges: `subset_size_px` odd, 9 to 255; `step_px` 1 to 255;
+    /// `spline_points` 0 to 20; `search_px` 1 to 1024; `min_zncc` 0 to 1. The correlator decides which methods, shapes and
+    /// windows can be combined.
     pub correlation: CorrelationParams,
-    /// `[correlation] interval_frames`: from reference to target, rising, each 1 to 255 frames, default `[1]`. The
-    /// first leads from frame to frame, longer ones keep the sum of its steps from drifting.
+    /// `[correlation] interval_frames`: the intervals from reference to target, rising, each 1 to 255 frames, default
+    /// `[1]`. Longer ones keep the sum of the first one's steps from drifting.
     pub intervals_frames: Vec<u32>,
-    /// `[rotation]`: what motion and spin of balls are taken from, `method` default `rigid`. A `ring` lies between
-    /// `ring_inner_px` and `ring_outer_px`, each 1 to 32768 px and at least 4 px apart; left out, 0.35 and 0.96 of the
-    /// ball's radius. A rod's motion always comes from its subsets: where all bodies are rods, only `field` is taken.
+    /// `[rotation]`: the source of motion and spin of balls, `method` default `rigid`. A `ring` is between `ring_inner_px`
+    /// and `ring_outer_px`, each 1 to 32768 px and at least 4 px apart, default 0.35 and 0.96 of the ball's radius. The
+    /// motion of a rod always comes from its subsets. If all bodies are rods, only `field` is accepted.
     pub rotation: Rotation,
-    /// `[velocity]`: how positions become velocities.
+    /// `[velocity]`: the fit of velocities to positions.
     pub velocity: Velocity,
-    /// `[trigger]`: what starts a shot.
+    /// `[trigger]`: the start of a shot.
     pub trigger: Trigger,
-    /// `[record]`: where recordings go; `None` when the file has no such table, then nothing is kept.
+    /// `[record]`: the recordings; `None` without this table, and then nothing is recorded.
     pub record: Option<Record>,
-    /// `[workers]`: how the measuring is shared out.
+    /// `[workers]`: the division of the work.
     pub workers: Workers,
-    /// `[view.NAME]`: further cameras, at most 8, in the order of their names.
+    /// `[view.NAME]`: further cameras, at most 8, in order of their names.
     pub views: Vec<View>,
-    /// The file, letter by letter, but for the numbers of a calibration file; attached to every recording.
+    /// The text of the file, with calibration files replaced by their numbers. It is attached to every recording.
     pub text: String,
-    /// What errors call the file.
+    /// The name of the file in error messages.
     pub origin: String,
 }
 
@@ -116,16 +115,17 @@ impl Config {
     ///
     /// # Errors
     ///
-    /// When the file cannot be read, is larger than 1 MiB, is not UTF-8, or [`parse`](Self::parse) refuses it.
+    /// [`ConfigError`] when the file cannot be read, is larger than 1 MiB, is not UTF-8, or [`parse`](Self::parse) refuses
+    /// it.
     pub fn load(path: impl AsRef<Path>) -> Result<Self, ConfigError> {
         let origin = path.as_ref().display().to_string();
         match read_small(path.as_ref()) {
             Ok(text) => Self::parse_with_files(&text, &origin),
-            Err(reason) => Err(ConfigError::Unreadable { origin, reason }),
+            Err(reason) => Err(ConfigError { origin, line: None, problem: Problem::Unreadable(reason).into() }),
         }
     }
 
-    /// As [`parse`](Self::parse), after the numbers of the calibration file were put in the place of its name.
+    /// Replaces calibration files by their numbers, then [parses](Self::parse).
     fn parse_with_files(text: &str, origin: &str) -> Result<Self, ConfigError> {
         match calibration::embedded(text, |name| read_small(Path::new(name))) {
             None => Self::parse(text, origin),
@@ -134,18 +134,18 @@ impl Config {
         }
     }
 
-    /// Checks the text of a rig file; `origin` is what errors call it.
+    /// Checks the text of a rig file; `origin` is its name in error messages.
     ///
     /// # Errors
     ///
-    /// When it is not TOML, has an unknown key, a wrong type, a value out of range, two values at odds, or asks for
-    /// what this version does not offer.
+    /// [`ConfigError`] when the text is not TOML or has an unknown key, a wrong type, a value out of range, contradicting
+    /// values, or an unsupported setting.
     pub fn parse(text: &str, origin: &str) -> Result<Self, ConfigError> {
         let file = Text::new(text, origin)?;
         let raw = file.raw()?;
         for (path, given) in [("serve", raw.serve.is_some()), ("bridge", raw.bridge.is_some())] {
             if given {
-                return Err(file.not_offered(path, "leave it out"));
+                return Err(file.unsupported(path));
             }
         }
         let record = raw.record.map(|record| capture::record(&Table::new(&file, "record"), record)).transpose()?;
@@ -154,7 +154,7 @@ impl Config {
         let (correlation, rotation, velocity) = (raw.correlation, raw.rotation, raw.velocity);
         let picture = RawView { camera, scale, surface, calibration, body: raw.body, correlation, rotation, velocity };
         let picture = Picture::new(&file, picture)?;
-        let around = trigger::Surroundings {
+        let context = trigger::TriggerContext {
             image_px: picture.camera.image_px(),
             bodies: &picture.bodies,
             scale: picture.scale,
@@ -163,7 +163,7 @@ impl Config {
             rig: &rig.name,
         };
         let mut config = Self {
-            trigger: trigger::trigger(&Table::new(&file, "trigger"), raw.trigger, &around)?,
+            trigger: trigger::trigger(&Table::new(&file, "trigger"), raw.trigger, &context)?,
             rig,
             scale: picture.scale,
             surface: picture.surface,
@@ -186,7 +186,7 @@ impl Config {
     }
 }
 
-/// What belongs to one camera and its picture, checked.
+/// The settings of one camera and its image, checked.
 struct Picture {
     camera: Camera,
     scale: Option<Scale>,
@@ -225,24 +225,25 @@ impl Picture {
         Ok(picture)
     }
 
-    /// Refuses what goes with none of the bodies.
+    /// Refuses settings that do not apply to the kinds of the bodies.
     fn check_bodies(&self, file: &Text<'_>, method: Option<&str>) -> Result<(), ConfigError> {
         let has = |kind: BodyKind| self.bodies.iter().any(|body| body.kind == kind);
         if let (true, Some(Scale::BallDiameterMm(_))) = (has(BodyKind::Patch), self.scale) {
-            return Err(file.out_of_place("scale.ball_diameter_mm", "kind = \"patch\"", "kind = \"ball\""));
+            let (chosen, owner) = (BodyKind::Patch.assignment(), BodyKind::Ball.assignment());
+            return Err(file.foreign("scale.ball_diameter_mm", chosen, owner));
         }
         if let (false, Rotation::Ring(_) | Rotation::Center) = (has(BodyKind::Ball), self.rotation) {
             return Err(file.refuse("rotation.method", "\"rigid\" or \"field\", since no body is a ball"));
         }
         let only_rods = !has(BodyKind::Ball) && !has(BodyKind::Patch);
         if only_rods && method.is_some_and(|method| method != "field") {
-            return Err(file.out_of_place("rotation.method", "kind = \"rod\"", "kind = \"ball\""));
+            return Err(file.foreign("rotation.method", BodyKind::Rod.assignment(), BodyKind::Ball.assignment()));
         }
         Ok(())
     }
 }
 
-/// A small file's text; why not, otherwise.
+/// Reads a small file, or returns the reason why it cannot.
 fn read_small(path: &Path) -> Result<String, String> {
     let mut text = String::new();
     let read = std::fs::File::open(path).and_then(|file| file.take(FILE_BYTES_MAX + 1).read_to_string(&mut text));
@@ -254,10 +255,5 @@ fn read_small(path: &Path) -> Result<String, String> {
 }
 
 fn rig(table: &Table<'_>, name: Option<String>) -> Result<Rig, ConfigError> {
-    let letter = |byte: u8| byte.is_ascii_lowercase() || byte.is_ascii_digit() || b"_-".contains(&byte);
-    let name = name.unwrap_or_else(|| "rig".into());
-    if (1..=32).contains(&name.len()) && name.bytes().all(letter) {
-        return Ok(Rig { name });
-    }
-    Err(table.refuse("name", "1 to 32 of the characters a-z 0-9 _ -"))
+    Ok(Rig { name: table.name("name", name.unwrap_or_else(|| "rig".into()), RIG_NAME_MAX)? })
 }

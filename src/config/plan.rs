@@ -1,4 +1,4 @@
-//! What the measuring rooms are planned with, out of one configuration.
+//! The parameters of the measuring rooms, derived from a configuration.
 
 use super::error::ConfigError;
 use super::text::Text;
@@ -9,22 +9,22 @@ use crate::motion::{Form, Intervals, MotionParams, RandomWalk, Rectifier, Renewa
 use crate::rod::{MIN_WIDTH_PX, RodParams};
 use crate::trigger::{BodyWatch, Condition, MeasuredTrigger};
 
-/// Radii looked for around the predicted one: room for a wrong lens or a ball nearer than the scale's plane.
+/// The range of radii relative to the predicted one. It allows for a wrong scale, or a ball out of the plane of motion.
 const RADIUS_TOLERANCE: (f64, f64) = (0.8, 1.25);
-/// Radii looked for when nothing is known, as shares of the image's smaller side.
+/// The range of radii if nothing is known, relative to the image's smaller side.
 const RADIUS_SHARE: (f64, f64) = (0.04, 0.45);
-/// The smallest ball whose outline can be told, px.
-const LEAST_RADIUS_PX: f64 = 6.0;
-/// When only one end of the range is given and the default for the other crosses it: their least ratio.
-const RADIUS_RATIO: f64 = 1.5;
+/// The radius of the smallest ball whose outline can be measured, px.
+const MIN_RADIUS_PX: f64 = 6.0;
+/// The minimum ratio of both radii, if only one is given and the default for the other contradicts it.
+const MIN_RADIUS_RATIO: f64 = 1.5;
 
 impl Config {
-    /// What the correlator is planned with; the same for every body.
+    /// Returns the parameters of the correlator, the same for every body.
     pub fn correlation(&self) -> CorrelationParams {
         self.correlation.clone()
     }
 
-    /// What the ball finder of one body is planned with, for images of this size in px.
+    /// Returns the parameters of a body's ball finder, for images of this size in px.
     ///
     /// # Panics
     ///
@@ -34,18 +34,18 @@ impl Config {
         let side_px = f64::from(width_px.min(height_px));
         let (lowest, highest) = match self.predicted_radius_px(body) {
             Some(radius_px) => (RADIUS_TOLERANCE.0 * radius_px, RADIUS_TOLERANCE.1 * radius_px),
-            None => ((RADIUS_SHARE.0 * side_px).max(LEAST_RADIUS_PX), RADIUS_SHARE.1 * side_px),
+            None => ((RADIUS_SHARE.0 * side_px).max(MIN_RADIUS_PX), RADIUS_SHARE.1 * side_px),
         };
         let (min_radius_px, max_radius_px) = match (body.min_radius_px, body.max_radius_px) {
             (None, None) => (lowest, highest),
-            (Some(min_px), None) => (min_px, highest.max(RADIUS_RATIO * min_px)),
-            (None, Some(max_px)) => (lowest.min(max_px / RADIUS_RATIO), max_px),
+            (Some(min_px), None) => (min_px, highest.max(MIN_RADIUS_RATIO * min_px)),
+            (None, Some(max_px)) => (lowest.min(max_px / MIN_RADIUS_RATIO), max_px),
             (Some(min_px), Some(max_px)) => (min_px, max_px),
         };
         BallParams { min_radius_px, max_radius_px, roi_px: body.roi_px, outline: body.outline }
     }
 
-    /// What the rod finder of one body is planned with.
+    /// Returns the parameters of a body's rod finder.
     ///
     /// # Panics
     ///
@@ -56,8 +56,8 @@ impl Config {
         match self.predicted_radius_px(body) {
             None => any,
             Some(radius_px) => {
-                let least = (2.0 * RADIUS_TOLERANCE.0 * radius_px).max(MIN_WIDTH_PX);
-                RodParams { width_px: [least, (2.0 * RADIUS_TOLERANCE.1 * radius_px).max(1.5 * least)], ..any }
+                let min = (2.0 * RADIUS_TOLERANCE.0 * radius_px).max(MIN_WIDTH_PX);
+                RodParams { width_px: [min, (2.0 * RADIUS_TOLERANCE.1 * radius_px).max(1.5 * min)], ..any }
             }
         }
     }
@@ -69,8 +69,9 @@ impl Config {
         }
     }
 
-    /// What the motion of one body is computed with, at this nominal frame rate in Hz; `exposure_us` is the camera's
-    /// own, used where the file gives none.
+    /// Returns the parameters for the motion of a body at this nominal frame rate in Hz.
+    ///
+    /// `exposure_us` is the camera's own exposure time, used if the file gives none.
     ///
     /// # Panics
     ///
@@ -80,7 +81,7 @@ impl Config {
             (Scale::BallDiameterMm(_), Some(diameter_mm)) => Scale::BallDiameterMm(diameter_mm),
             (scale, _) => scale,
         };
-        // Patches are matched with the first picture for good.
+        // Patches are always matched with the first frame.
         let renewal = (self.bodies[body].kind != BodyKind::Patch)
             .then_some(Renewal { block_frames: self.workers.block_frames, stale_deg: STALE_DEG });
         MotionParams {
@@ -110,8 +111,9 @@ impl Config {
         }
     }
 
-    /// What decides from measured motion, at this nominal frame rate in Hz; `None` in modes that do not. `exposure_us`
-    /// as in [`motion`](Self::motion).
+    /// Returns the trigger on measured motion at this nominal frame rate in Hz; `None` in other modes.
+    ///
+    /// `exposure_us` is that of [`motion`](Self::motion).
     pub fn measured_trigger(&self, frame_rate_hz: f64, exposure_us: f64) -> Option<MeasuredTrigger> {
         let trigger = &self.trigger;
         let condition = match trigger.mode {
@@ -125,7 +127,8 @@ impl Config {
         let watch = |(index, body): (usize, &Body)| BodyWatch {
             name: body.name.clone(),
             motion: self.motion(index, frame_rate_hz, exposure_us),
-            is_watched: trigger.body.as_ref().is_none_or(|name| *name == body.name) && (!strikes || body.has_rim()),
+            is_watched: trigger.body.as_ref().is_none_or(|name| *name == body.name)
+                && (!strikes || body.has_known_extent()),
             end_px: body.end_mm.filter(|_| strikes).zip(self.scale).and_then(|(end_mm, scale)| match scale {
                 Scale::MmPerPx(mm_per_px) => Some(end_mm / mm_per_px),
                 _ => None,
@@ -135,29 +138,29 @@ impl Config {
         Some(MeasuredTrigger::new(condition, bodies, self.surface.edge))
     }
 
-    /// Frames the ring must hold so that nothing from before a trigger is lost, at this rate in Hz.
+    /// Returns the number of frames from before a trigger that the ring must hold, at this rate in Hz.
     ///
-    /// 0 when no trigger is awaited or nothing is kept.
+    /// It is 0 without a trigger or without a recorder.
     pub fn pre_trigger_frames(&self, frame_rate_hz: f64) -> u64 {
         if self.record.is_none() || matches!(self.trigger.mode, TriggerMode::Off | TriggerMode::Hardware) {
             return 0;
         }
-        // Within range: pre_s is at most 60 s and the rate at most 1 MHz.
+        // The product fits, because pre_s is at most 60 s and the rate at most 1 MHz.
         (self.trigger.pre_s * frame_rate_hz).ceil() as u64
     }
 
-    /// Refuses a pre-trigger time that needs a larger ring than `record.ring_bytes_max` allows.
+    /// Checks that the ring can hold the pre-trigger time.
     ///
-    /// Checked when the file is read if it names size and rate of the frames; to be checked again with those of the
-    /// opened camera if it does not.
+    /// A file that gives size and rate of the frames is checked when it is read. Otherwise the values of the opened camera
+    /// have to be checked.
     ///
     /// # Errors
     ///
-    /// When `pre_s` at this rate in Hz, with frames of this many bytes, does not fit.
+    /// [`ConfigError`] when `pre_s` needs more than `record.ring_bytes_max`, at this rate in Hz and with frames of this size.
     pub fn check_ring(&self, frame_bytes: usize, frame_rate_hz: f64) -> Result<(), ConfigError> {
-        let Some(most) = self.record.as_ref().and_then(|record| record.ring_bytes_max) else { return Ok(()) };
+        let Some(max) = self.record.as_ref().and_then(|record| record.ring_bytes_max) else { return Ok(()) };
         let needed = u128::from(self.pre_trigger_frames(frame_rate_hz)) * frame_bytes as u128;
-        if needed <= u128::from(most) {
+        if needed <= u128::from(max) {
             return Ok(());
         }
         let pre_s = self.trigger.pre_s;
@@ -165,11 +168,11 @@ impl Config {
         Err(Text::new(&self.text, &self.origin)?.refuse("record.ring_bytes_max", allowed))
     }
 
-    /// Refuses a calibration of another picture than this one, px.
+    /// Checks that the calibration applies to images of this size in px.
     ///
     /// # Errors
     ///
-    /// When the picture does not lie in the calibrated one, or is smaller and nothing says where it begins.
+    /// [`ConfigError`] when the image exceeds the calibrated one, or is smaller and its corner is unknown.
     pub fn check_calibration(&self, width_px: u32, height_px: u32) -> Result<(), ConfigError> {
         let Some(calibration) = self.calibration.as_ref().map(Rectifier::calibration) else { return Ok(()) };
         let [x, y] = calibration.offset_px;
@@ -180,7 +183,8 @@ impl Config {
             return Ok(());
         }
         let allowed = format!(
-            "those of a picture that the recorded one of {width_px} x {height_px} px is, or lies in from calibration.offset_px = [{x}, {y}] on"
+            "the size of the recorded image, {width_px} x {height_px} px, or of a larger one that contains it at \
+             calibration.offset_px = [{x}, {y}]"
         );
         Err(Text::new(&self.text, &self.origin)?.refuse("calibration.image_px", allowed))
     }

@@ -1,7 +1,6 @@
-//! The rig file as it is spelled: names and types only, nothing checked.
+//! The rig file as it is written: names and types only, nothing checked.
 //!
-//! Every key is optional here and numbers are as wide as TOML has them, so that
-//! the next stage, which knows the ranges, words every refusal.
+//! Every key is optional here, and numbers are as wide as in TOML. The next stage, which has the ranges, words every error.
 
 use serde::Deserialize;
 use std::collections::BTreeMap;
@@ -27,7 +26,7 @@ pub(super) struct RawConfig {
     pub bridge: Option<RawBridge>,
 }
 
-/// What belongs to one camera and its picture.
+/// The tables of one camera and its image.
 #[derive(Debug, Default, Deserialize)]
 #[serde(deny_unknown_fields, default, expecting = "tables")]
 pub(super) struct RawView {
@@ -41,88 +40,7 @@ pub(super) struct RawView {
     pub velocity: RawVelocity,
 }
 
-#[derive(Debug, Default, Deserialize)]
-#[serde(deny_unknown_fields, default, expecting = "a table")]
-pub(super) struct RawRig {
-    pub name: Option<String>,
-}
-
-#[derive(Debug, Default, Deserialize)]
-#[serde(deny_unknown_fields, default, expecting = "a table")]
-pub(super) struct RawCamera {
-    pub source: Option<String>,
-    pub id: Option<String>,
-    pub scenario: Option<String>,
-    pub paced: Option<bool>,
-    pub playback_rate: Option<f64>,
-    pub from_s: Option<f64>,
-    pub to_s: Option<f64>,
-    pub parts: Option<Vec<String>>,
-    pub view: Option<String>,
-    pub shift_ns: Option<i64>,
-    pub stepped: Option<bool>,
-    pub width_px: Option<i64>,
-    pub height_px: Option<i64>,
-    pub offset_x_px: Option<i64>,
-    pub offset_y_px: Option<i64>,
-    pub pixel_format: Option<String>,
-    pub frame_rate_hz: Option<f64>,
-    pub exposure_us: Option<f64>,
-    pub gamma: Option<f64>,
-    pub row_time_us: Option<f64>,
-    pub defective_px: Option<Vec<Vec<i64>>>,
-    pub trigger_source: Option<String>,
-    pub pulse_period_s: Option<f64>,
-    pub pulse_frames: Option<i64>,
-    pub packet_size_bytes: Option<i64>,
-    pub features: BTreeMap<String, toml::Value>,
-}
-
-#[derive(Debug, Default, Deserialize)]
-#[serde(deny_unknown_fields, default, expecting = "a table")]
-pub(super) struct RawScale {
-    pub mm_per_px: Option<f64>,
-    pub ball_diameter_mm: Option<f64>,
-}
-
-#[derive(Debug, Default, Deserialize)]
-#[serde(deny_unknown_fields, default, expecting = "a table")]
-pub(super) struct RawCalibration {
-    pub file: Option<String>,
-    pub image_px: Option<Vec<i64>>,
-    pub offset_px: Option<Vec<i64>>,
-    pub camera_matrix: Option<Vec<f64>>,
-    pub distortion_model: Option<String>,
-    pub distortion: Option<Vec<f64>>,
-    pub homography_mm: Option<Vec<f64>>,
-}
-
-#[derive(Debug, Default, Deserialize)]
-#[serde(deny_unknown_fields, default, expecting = "a table")]
-pub(super) struct RawSurface {
-    pub angle_deg: Option<f64>,
-    pub edge: Option<Vec<Vec<f64>>>,
-}
-
-#[derive(Debug, Default, Deserialize)]
-#[serde(deny_unknown_fields, default, expecting = "a table")]
-pub(super) struct RawBody {
-    pub name: Option<String>,
-    pub kind: Option<String>,
-    pub diameter_mm: Option<f64>,
-    pub mass_kg: Option<f64>,
-    pub min_radius_px: Option<f64>,
-    pub max_radius_px: Option<f64>,
-    pub outline: Option<String>,
-    pub edges: Option<i64>,
-    pub end_mm: Option<f64>,
-    pub roi_px: Option<Vec<i64>>,
-    pub polygon_px: Option<Vec<Vec<f64>>>,
-    pub holes_px: Option<Vec<Vec<Vec<f64>>>>,
-    pub center_px: Option<Vec<f64>>,
-}
-
-/// A number or a list of them.
+/// One number or a list.
 #[derive(Debug, Deserialize)]
 #[serde(untagged, expecting = "a whole number or a list of them")]
 pub(super) enum OneOrMore {
@@ -130,86 +48,137 @@ pub(super) enum OneOrMore {
     More(Vec<i64>),
 }
 
-#[derive(Debug, Default, Deserialize)]
-#[serde(deny_unknown_fields, default, expecting = "a table")]
-pub(super) struct RawCorrelation {
-    pub method: Option<String>,
-    pub shape: Option<String>,
-    pub window: Option<String>,
-    pub subset_size_px: Option<i64>,
-    pub step_px: Option<i64>,
-    pub spline_points: Option<i64>,
-    pub search_px: Option<i64>,
-    pub interval_frames: Option<OneOrMore>,
-    pub min_zncc: Option<f64>,
-    pub interpolation: Option<String>,
+/// Defines tables whose keys are all optional.
+macro_rules! tables {
+    ($($table:ident { $($key:ident: $type:ty,)* })*) => {$(
+        #[derive(Debug, Default, Deserialize)]
+        #[serde(deny_unknown_fields, default, expecting = "a table")]
+        pub(super) struct $table { $(pub $key: Option<$type>,)* }
+    )*};
 }
 
-#[derive(Debug, Default, Deserialize)]
-#[serde(deny_unknown_fields, default, expecting = "a table")]
-pub(super) struct RawRotation {
-    pub method: Option<String>,
-    pub ring_inner_px: Option<f64>,
-    pub ring_outer_px: Option<f64>,
-}
-
-#[derive(Debug, Default, Deserialize)]
-#[serde(deny_unknown_fields, default, expecting = "a table")]
-pub(super) struct RawVelocity {
-    pub window_frames: Option<i64>,
-    pub order: Option<i64>,
-    pub gravity_m_s2: Option<f64>,
-    pub gravity_angle_deg: Option<f64>,
-}
-
-#[derive(Debug, Default, Deserialize)]
-#[serde(deny_unknown_fields, default, expecting = "a table")]
-pub(super) struct RawTrigger {
-    pub mode: Option<String>,
-    pub threshold_dn: Option<f64>,
-    pub roi_px: Option<Vec<i64>>,
-    pub body: Option<String>,
-    pub speed_m_s: Option<f64>,
-    pub gap_mm: Option<f64>,
-    pub lead_s: Option<f64>,
-    pub silence_s: Option<f64>,
-    pub pre_s: Option<f64>,
-    pub post_s: Option<f64>,
-    pub quiet_s: Option<f64>,
-    pub rearm: Option<bool>,
-    pub command: Option<Vec<String>>,
-    pub url: Option<String>,
-    pub other_rig: Option<String>,
-}
-
-#[derive(Debug, Default, Deserialize)]
-#[serde(deny_unknown_fields, default, expecting = "a table")]
-pub(super) struct RawRecord {
-    pub directory: Option<String>,
-    pub compression: Option<String>,
-    pub raw_frames: Option<bool>,
-    pub ring_bytes_max: Option<i64>,
-    pub keep_last: Option<i64>,
-    pub max_bytes: Option<i64>,
-    pub split_bytes: Option<i64>,
-}
-
-#[derive(Debug, Default, Deserialize)]
-#[serde(deny_unknown_fields, default, expecting = "a table")]
-pub(super) struct RawWorkers {
-    pub count: Option<i64>,
-    pub block_frames: Option<i64>,
-}
-
-#[derive(Debug, Default, Deserialize)]
-#[serde(deny_unknown_fields, default, expecting = "a table")]
-pub(super) struct RawServe {
-    pub http: Option<String>,
-    pub foxglove: Option<String>,
-}
-
-#[derive(Debug, Default, Deserialize)]
-#[serde(deny_unknown_fields, default, expecting = "a table")]
-pub(super) struct RawBridge {
-    pub zenoh: Option<toml::Value>,
+tables! {
+    RawRig {
+        name: String,
+    }
+    RawCamera {
+        source: String,
+        id: String,
+        scenario: String,
+        paced: bool,
+        playback_rate: f64,
+        from_s: f64,
+        to_s: f64,
+        parts: Vec<String>,
+        view: String,
+        shift_ns: i64,
+        stepped: bool,
+        width_px: i64,
+        height_px: i64,
+        offset_x_px: i64,
+        offset_y_px: i64,
+        pixel_format: String,
+        frame_rate_hz: f64,
+        exposure_us: f64,
+        gamma: f64,
+        row_time_us: f64,
+        defective_px: Vec<Vec<i64>>,
+        trigger_source: String,
+        pulse_period_s: f64,
+        pulse_frames: i64,
+        packet_size_bytes: i64,
+        features: BTreeMap<String, toml::Value>,
+    }
+    RawScale {
+        mm_per_px: f64,
+        ball_diameter_mm: f64,
+    }
+    RawCalibration {
+        file: String,
+        image_px: Vec<i64>,
+        offset_px: Vec<i64>,
+        camera_matrix: Vec<f64>,
+        distortion_model: String,
+        distortion: Vec<f64>,
+        homography_mm: Vec<f64>,
+    }
+    RawSurface {
+        angle_deg: f64,
+        edge: Vec<Vec<f64>>,
+    }
+    RawBody {
+        name: String,
+        kind: String,
+        diameter_mm: f64,
+        mass_kg: f64,
+        min_radius_px: f64,
+        max_radius_px: f64,
+        outline: String,
+        edges: i64,
+        end_mm: f64,
+        roi_px: Vec<i64>,
+        polygon_px: Vec<Vec<f64>>,
+        holes_px: Vec<Vec<Vec<f64>>>,
+        center_px: Vec<f64>,
+    }
+    RawCorrelation {
+        method: String,
+        shape: String,
+        window: String,
+        subset_size_px: i64,
+        step_px: i64,
+        spline_points: i64,
+        search_px: i64,
+        interval_frames: OneOrMore,
+        min_zncc: f64,
+        interpolation: String,
+    }
+    RawRotation {
+        method: String,
+        ring_inner_px: f64,
+        ring_outer_px: f64,
+    }
+    RawVelocity {
+        window_frames: i64,
+        order: i64,
+        gravity_m_s2: f64,
+        gravity_angle_deg: f64,
+    }
+    RawTrigger {
+        mode: String,
+        threshold_dn: f64,
+        roi_px: Vec<i64>,
+        body: String,
+        speed_m_s: f64,
+        gap_mm: f64,
+        lead_s: f64,
+        silence_s: f64,
+        pre_s: f64,
+        post_s: f64,
+        quiet_s: f64,
+        rearm: bool,
+        command: Vec<String>,
+        url: String,
+        other_rig: String,
+    }
+    RawRecord {
+        directory: String,
+        compression: String,
+        raw_frames: bool,
+        ring_bytes_max: i64,
+        keep_last: i64,
+        max_bytes: i64,
+        split_bytes: i64,
+    }
+    RawWorkers {
+        count: i64,
+        block_frames: i64,
+    }
+    RawServe {
+        http: String,
+        foxglove: String,
+    }
+    RawBridge {
+        zenoh: toml::Value,
+    }
 }

@@ -1,46 +1,45 @@
-//! The rig file as text: where each key stands, and errors that say so.
+//! The rig file as text: the position of each key, for error messages.
 
-use super::error::ConfigError;
+use super::error::{ConfigError, Problem};
 use super::raw::RawConfig;
 use std::ops::Range;
 use toml::de::{DeTable, DeValue};
 
-/// A value longer than this is cut in an error message, characters.
+/// The number of characters of a value that an error message shows.
 const SHOWN_CHARACTERS: usize = 60;
 
-/// One key, or one element of a list, and where it stands.
+/// The position of a key, or of an element of a list.
 #[derive(Clone)]
 struct Place {
     path: String,
-    /// Where in `path` its own name begins.
+    /// The start of its own name in `path`.
     name_at: usize,
     key: Range<usize>,
     value: Range<usize>,
 }
 
-/// A rig file that is at least TOML.
+/// The text of a rig file that is valid TOML.
 pub(super) struct Text<'t> {
     text: &'t str,
     origin: &'t str,
     places: Vec<Place>,
-    /// What stands in front of every path that is asked for.
+    /// The table that paths start from, with a dot at its end.
     prefix: String,
 }
 
 impl<'t> Text<'t> {
-    /// Parses the text as TOML of any content; `origin` names it in errors.
+    /// Parses the text as TOML with any content; `origin` names it in errors.
     pub fn new(text: &'t str, origin: &'t str) -> Result<Self, ConfigError> {
-        let table = DeTable::parse(text).map_err(|error| ConfigError::Syntax {
-            origin: origin.into(),
-            line: line_of(text, error.span().map_or(text.len(), |span| span.start)),
-            reason: one_line(error.message()),
+        let table = DeTable::parse(text).map_err(|error| {
+            let line = Some(line_of(text, error.span().map_or(text.len(), |span| span.start)));
+            ConfigError { origin: origin.into(), line, problem: Problem::Syntax(one_line(error.message())).into() }
         })?;
         let mut places = Vec::new();
         collect_table(table.get_ref(), "", &mut places);
         Ok(Self { text, origin, places, prefix: String::new() })
     }
 
-    /// The same file, in which paths begin inside a table.
+    /// Returns the same file with paths that start from a table.
     pub fn within(&self, prefix: &str) -> Self {
         Self { places: self.places.clone(), prefix: prefix.to_owned(), ..*self }
     }
@@ -52,68 +51,56 @@ impl<'t> Text<'t> {
 
     /// Refuses the value at `path`, or its absence; `allowed` completes the sentence "must be ...".
     pub fn refuse(&self, path: &str, allowed: impl Into<String>) -> ConfigError {
-        let path = self.full(path);
-        let (origin, key, allowed) = (self.origin.to_string(), path.clone(), allowed.into());
-        match self.place(&path) {
-            Some(place) => {
-                ConfigError::Value { origin, line: self.line(place), key, value: self.shown(&place.value), allowed }
-            }
-            None => ConfigError::Missing { origin, key, allowed },
-        }
-    }
-
-    /// Refuses a key that belongs to another setting than the one it was met with.
-    pub fn out_of_place(&self, path: &str, with: &str, belongs_to: &str) -> ConfigError {
-        let path = self.full(path);
-        let place = self.place(&path);
-        ConfigError::OutOfPlace {
-            origin: self.origin.into(),
-            line: place.map_or(1, |place| self.line(place)),
-            key: path.clone(),
-            value: place.map_or_else(String::new, |place| self.shown(&place.value)),
-            settings: format!("{with}; it belongs to {belongs_to}"),
-        }
-    }
-
-    /// Refuses a value that this version cannot do.
-    pub fn not_offered(&self, path: &str, instead: impl Into<String>) -> ConfigError {
-        let path = self.full(path);
-        let place = self.place(&path);
-        let what = match place {
-            Some(place) if self.text[place.value.clone()].starts_with(&format!("[{path}]")) => {
-                format!("the table [{path}]")
-            }
-            Some(place) => format!("{path} = {}", self.shown(&place.value)),
-            None => path.clone(),
+        let (key, allowed) = (self.full(path), allowed.into());
+        let problem = match self.place(&key) {
+            Some(place) => Problem::Value { key: key.clone(), value: self.shown(&place.value), allowed },
+            None => Problem::Missing { key: key.clone(), allowed },
         };
-        let line = place.map_or(1, |place| self.line(place));
-        ConfigError::NotOffered { origin: self.origin.into(), line, what, instead: instead.into() }
+        self.error(&key, problem)
+    }
+
+    /// Refuses a key that belongs to the settings `owners`, not to the chosen one.
+    pub fn foreign(&self, path: &str, chosen: impl Into<String>, owners: impl Into<String>) -> ConfigError {
+        let key = self.full(path);
+        let value = self.place(&key).map_or_else(String::new, |place| self.shown(&place.value));
+        self.error(&key, Problem::Foreign { key: key.clone(), value, chosen: chosen.into(), owners: owners.into() })
+    }
+
+    /// Refuses a table that this version does not support.
+    pub fn unsupported(&self, path: &str) -> ConfigError {
+        self.error(&self.full(path), Problem::Unsupported(self.full(path)))
+    }
+
+    /// Returns the error of a key, with its line if the file has it.
+    fn error(&self, key: &str, problem: Problem) -> ConfigError {
+        let line = self.place(key).map(|place| line_of(self.text, place.value.start));
+        ConfigError { origin: self.origin.into(), line, problem: problem.into() }
     }
 
     fn full(&self, path: &str) -> String {
         format!("{}{path}", self.prefix)
     }
 
-    /// Turns serde's words into ours.
+    /// Translates an error of serde.
     fn explain(&self, error: &toml::de::Error) -> ConfigError {
         let message = error.message();
         let span = error.span().unwrap_or(0..self.text.len());
-        let line = line_of(self.text, span.start);
-        let origin = self.origin.to_string();
-        let Some(place) = self.place_at(&span) else {
-            return ConfigError::Syntax { origin, line, reason: one_line(message) };
+        let problem = match self.place_at(&span) {
+            None => Problem::Syntax(one_line(message)),
+            Some(place) if message.starts_with("unknown field") => {
+                let (table, name) = place.path.split_at(place.name_at);
+                let nearest = format!("{table}{}", nearest(name, known_words(message)));
+                Problem::UnknownKey { key: place.path.clone(), nearest }
+            }
+            Some(place) => {
+                let allowed = message.rsplit_once("expected ").map_or(message, |(_, expected)| expected);
+                Problem::Value { key: place.path.clone(), value: self.shown(&span), allowed: plain_type(allowed) }
+            }
         };
-        let key = place.path.clone();
-        if message.starts_with("unknown field") {
-            let (table, name) = key.split_at(place.name_at);
-            let nearest = format!("{table}{}", nearest(name, known_words(message)));
-            return ConfigError::UnknownKey { origin, line, key, nearest };
-        }
-        let allowed = message.rsplit_once("expected ").map_or(message, |(_, expected)| expected);
-        ConfigError::Value { origin, line, key, value: self.shown(&span), allowed: plain_type(allowed) }
+        ConfigError { origin: self.origin.into(), line: Some(line_of(self.text, span.start)), problem: problem.into() }
     }
 
-    /// The key or value an error points at: the same span, else the smallest around it.
+    /// Finds the key or value that an error refers to: the smallest one around its span.
     fn place_at(&self, span: &Range<usize>) -> Option<&Place> {
         let around = |range: &Range<usize>| range.start <= span.start && span.end <= range.end;
         let size = |place: &Place| {
@@ -127,10 +114,6 @@ impl<'t> Text<'t> {
         self.places.iter().find(|place| place.path == path)
     }
 
-    fn line(&self, place: &Place) -> usize {
-        line_of(self.text, place.value.start)
-    }
-
     fn shown(&self, span: &Range<usize>) -> String {
         let line = one_line(&self.text[span.clone()]);
         if line.chars().count() <= SHOWN_CHARACTERS {
@@ -140,7 +123,7 @@ impl<'t> Text<'t> {
     }
 }
 
-/// A key as it stands in a path: in quotes, with escapes, when it is more than a plain word.
+/// Returns a key as it is written in a path: in quotes with escapes, unless it is a plain word.
 pub(super) fn path_name(key: &str) -> String {
     let plain = |byte: u8| byte.is_ascii_alphanumeric() || b"_-".contains(&byte);
     if !key.is_empty() && key.bytes().all(plain) { key.into() } else { format!("{key:?}") }
@@ -155,19 +138,14 @@ fn collect_table(table: &DeTable<'_>, parent: &str, places: &mut Vec<Place>) {
     }
 }
 
-fn collect_value(value: &DeValue<'_>, path: &str, places: &mut Vec<Place>) {
+fn collect_value(value: &DeValue<'_>, parent: &str, places: &mut Vec<Place>) {
     match value {
-        DeValue::Table(table) => collect_table(table, path, places),
+        DeValue::Table(table) => collect_table(table, parent, places),
         DeValue::Array(array) => {
             for (index, element) in array.iter().enumerate() {
-                let element_path = format!("{path}[{index}]");
-                collect_value(element.get_ref(), &element_path, places);
-                places.push(Place {
-                    path: element_path,
-                    name_at: path.len(),
-                    key: element.span(),
-                    value: element.span(),
-                });
+                let path = format!("{parent}[{index}]");
+                collect_value(element.get_ref(), &path, places);
+                places.push(Place { path, name_at: parent.len(), key: element.span(), value: element.span() });
             }
         }
         _ => {}
@@ -182,18 +160,18 @@ fn one_line(text: &str) -> String {
     text.split_whitespace().collect::<Vec<_>>().join(" ")
 }
 
-/// The names serde lists after "expected", each between backticks.
+/// Returns the names that serde lists after "expected", each between backticks.
 fn known_words(message: &str) -> impl Iterator<Item = &str> {
     let expected = message.rsplit_once(", expected").map_or("", |(_, expected)| expected);
     expected.split('`').skip(1).step_by(2)
 }
 
-/// The known word that is spelled most like `name`.
+/// Returns the known word with the most similar spelling.
 fn nearest<'w>(name: &str, known: impl Iterator<Item = &'w str>) -> &'w str {
     known.min_by_key(|word| edit_distance(name, word)).unwrap_or_default()
 }
 
-/// Letters to add, drop or change to get from one word to the other (Levenshtein).
+/// Counts the letters to add, drop or change to get from one word to the other (Levenshtein).
 fn edit_distance(from: &str, to: &str) -> usize {
     let to: Vec<char> = to.chars().collect();
     let mut row: Vec<usize> = (0..=to.len()).collect();
@@ -209,7 +187,7 @@ fn edit_distance(from: &str, to: &str) -> usize {
     row[to.len()]
 }
 
-/// Names of types as a user of TOML knows them.
+/// Returns the name of a type as a user of TOML knows it.
 fn plain_type(expected: &str) -> String {
     match expected {
         "i64" => "a whole number".into(),

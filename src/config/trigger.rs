@@ -1,28 +1,28 @@
-//! `[trigger]`: what starts a shot, how much of the stream belongs to it, and what else it sets off.
+//! `[trigger]`: the start of a shot, its length, and further actions.
 
-use super::body::{Body, BodyKind, with};
-use super::check::{Bounds, Table, listed};
+use super::body::{Body, BodyKind};
+use super::check::{Bounds, OwnedKey, Setting, Table, quoted};
 use super::error::ConfigError;
 use super::raw::RawTrigger;
 use crate::motion::Scale;
 use crate::results::named_enum;
 
 named_enum! {
-    /// What starts a shot.
+    /// The condition that starts a shot.
     TriggerMode: "mode" {
-        /// Nothing: with a `[record]` table the whole stream becomes one recording.
+        /// None. With a `[record]` table the whole stream becomes one recording.
         Off = 0 "off",
-        /// The command `ricochet trigger`, or a program that asks for it.
+        /// The command `ricochet trigger`, or a request of another program.
         Software = 1 "software",
-        /// The camera's own line: it sends nothing until a pulse comes, and a shot is what it sends until it is silent.
+        /// The camera's own line. It sends nothing before a pulse, and a shot is what it sends until it falls silent.
         Hardware = 2 "hardware",
-        /// Something moves in the picture.
+        /// Grey levels change.
         Motion = 3 "motion",
-        /// A body comes into `roi_px`, or into sight.
+        /// A body enters `roi_px`, or the image.
         Enter = 4 "enter",
-        /// A body's speed rises above `speed_m_s`.
+        /// A body exceeds `speed_m_s`.
         Speed = 5 "speed",
-        /// The gap between a ball, or a rod's end, and the surface's edge becomes smaller than `gap_mm`.
+        /// The gap between a ball, or a rod's end, and the surface's edge falls below `gap_mm`.
         Gap = 6 "gap",
         /// A ball, or a rod's end, is about to touch the surface's edge.
         PredictedContact = 7 "predicted-contact",
@@ -30,62 +30,61 @@ named_enum! {
 }
 
 impl TriggerMode {
-    /// Whether it is decided from what was measured of the bodies.
+    const SETTING: Setting<Self> = Setting { key: "mode", name: Self::as_str };
+
+    /// Whether the decision depends on measured motion.
     pub fn is_measured(self) -> bool {
         matches!(self, Self::Enter | Self::Speed | Self::Gap | Self::PredictedContact)
     }
 }
 
-/// `[trigger]`: what starts a shot, how much of the stream belongs to it, and what else it sets off.
+/// `[trigger]`: the start of a shot, its length, and further actions.
 ///
-/// With mode `off` the other values are checked and otherwise unused. A shot may
-/// be asked for with `ricochet trigger` in every other mode but `hardware`.
+/// With mode `off` the other values are checked and otherwise unused. `ricochet trigger` starts a shot in every other mode
+/// but `hardware`.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Trigger {
-    /// Default `off`.
+    /// The mode, default `off`.
     pub mode: TriggerMode,
-    /// Mean absolute change of the grey level from a frame to the next, over `roi_px`, that counts as motion: above
-    /// 0 and at most 65535 DN, default 5 (noise of standard deviation s alone changes the level by 1.13 s). For
-    /// mode `motion`.
+    /// The mean absolute change of the grey levels in `roi_px` from one frame to the next that counts as motion, above 0
+    /// and at most 65535 DN, default 5. Noise of standard deviation s alone gives 1.13 s. For mode `motion`.
     pub threshold_dn: f64,
-    /// Region watched, `[x, y, width, height]` in px, inside the image; left out, the whole image. Mode `motion`: where
-    /// grey levels are compared. Mode `enter`: where the body's centre must come.
+    /// The watched region, `[x, y, width, height]` in px, inside the image. Default: the whole image. Mode `motion`
+    /// compares its grey levels. Mode `enter` waits for a body's centre in it.
     pub roi_px: Option<[u32; 4]>,
-    /// The body that may start a shot; left out, every one. For the modes `enter`, `speed`, `gap` and
-    /// `predicted-contact`.
+    /// The body that may start a shot. Default: every body. For the modes `enter`, `speed`, `gap` and `predicted-contact`.
     pub body: Option<String>,
-    /// Speed that a body must exceed, above 0 and at most 100000 m/s; needed by mode `speed`, which needs a `[scale]`.
+    /// The speed to exceed, above 0 and at most 100000 m/s. Required by mode `speed`, which needs a `[scale]`.
     pub speed_m_s: Option<f64>,
-    /// Gap between the ball's rim, or the rod's end, and `surface.edge`, 0 to 100000 mm; needed by mode `gap`, which needs
-    /// a `[scale]`.
+    /// The gap between the ball's rim, or the rod's end, and `surface.edge`, 0 to 100000 mm. Required by mode `gap`, which
+    /// needs a `[scale]`.
     pub gap_mm: Option<f64>,
-    /// How long before the contact it is told at most, 0 to 10 s, default 0.01. It is told later when the contact's
-    /// moment cannot be known to half a frame that early, and at the contact when it cannot be known before. For mode
+    /// The maximum time from the prediction to the contact, 0 to 10 s, default 0.01. The prediction comes later if the
+    /// moment of contact is not known to half a frame that early, and at the contact if it cannot be known before. For mode
     /// `predicted-contact`, which needs a `[scale]`.
     pub lead_s: f64,
-    /// Silence of the camera that ends a shot, 0.01 to 3600 s, default 0.2; the next frame begins another. For mode
-    /// `hardware`.
+    /// The silence of the camera that ends a shot, 0.01 to 3600 s, default 0.2. The next frame begins another shot. For
+    /// mode `hardware`.
     pub silence_s: f64,
-    /// Time kept from before the trigger, 0 to 60 s, default 0.05; the ring of frames must hold it. Not for mode
+    /// The time recorded before the trigger, 0 to 60 s, default 0.05. The ring of frames must hold it. Not for mode
     /// `hardware`.
     pub pre_s: f64,
-    /// Time kept from the trigger on, above 0 and at most 3600 s, default 0.1. Not for mode `hardware`.
+    /// The time recorded from the trigger on, above 0 and at most 3600 s, default 0.1. Not for mode `hardware`.
     pub post_s: f64,
-    /// Least time from a trigger to the next, 0 to 86400 s, default 0; what meets the condition sooner is passed over.
-    /// `ricochet trigger` does not wait for it.
+    /// The minimum time between triggers, 0 to 86400 s, default 0. Earlier ones are ignored, except `ricochet trigger`.
     pub quiet_s: f64,
-    /// Whether the rig arms itself again after a shot, default true; otherwise it waits for `ricochet arm`.
+    /// Whether the rig arms itself again after a shot, default true. Otherwise it waits for `ricochet arm`.
     pub rearm: bool,
-    /// Program to run at each trigger and its arguments, 1 to 64 texts; no shell is involved.
+    /// The program to run at each trigger, with its arguments, 1 to 64 texts. No shell is involved.
     pub command: Vec<String>,
-    /// Address of a web service that is told of each trigger by a POST, `http://host[:port][/path]`.
+    /// The address of a web service that receives a POST at each trigger, `http://host[:port][/path]`.
     pub url: Option<String>,
-    /// Another rig on this machine that is triggered too, by its name.
+    /// The name of another rig on this machine to trigger as well.
     pub other_rig: Option<String>,
 }
 
-/// What a trigger goes together with in the rest of the file.
-pub(super) struct Surroundings<'a> {
+/// The settings of the rest of the file that a trigger depends on.
+pub(super) struct TriggerContext<'a> {
     pub image_px: Option<(u32, u32)>,
     pub bodies: &'a [Body],
     pub scale: Option<Scale>,
@@ -98,8 +97,8 @@ pub(super) struct Surroundings<'a> {
 const COMMAND_TEXTS_MAX: usize = 64;
 const LEAD_S: f64 = 0.01;
 const SILENCE_S: f64 = 0.2;
-/// Every mode that keeps what lies around a moment.
-const AROUND: [TriggerMode; 6] = [
+/// The modes that record the frames around a moment.
+const TIMED: [TriggerMode; 6] = [
     TriggerMode::Software,
     TriggerMode::Motion,
     TriggerMode::Enter,
@@ -108,18 +107,20 @@ const AROUND: [TriggerMode; 6] = [
     TriggerMode::PredictedContact,
 ];
 
-pub(super) fn trigger(table: &Table<'_>, raw: RawTrigger, around: &Surroundings<'_>) -> Result<Trigger, ConfigError> {
-    let mode = table
-        .choice("mode", raw.mode.as_deref(), &TriggerMode::ALL.map(|mode| (mode.as_str(), mode)))?
-        .unwrap_or(TriggerMode::Off);
-    refuse_strangers(table, mode, &raw)?;
+pub(super) fn trigger(
+    table: &Table<'_>,
+    raw: RawTrigger,
+    context: &TriggerContext<'_>,
+) -> Result<Trigger, ConfigError> {
+    let mode = table.named("mode", raw.mode.as_deref())?.unwrap_or(TriggerMode::Off);
+    check_owners(table, mode, &raw)?;
     let trigger = Trigger {
         mode,
         threshold_dn: table
             .number("threshold_dn", raw.threshold_dn, Bounds::above(0.0, 65_535.0, "DN"))?
             .unwrap_or(5.0),
-        roi_px: table.region("roi_px", raw.roi_px.as_deref(), around.image_px)?,
-        body: table.filled("body", raw.body)?,
+        roi_px: table.region("roi_px", raw.roi_px.as_deref(), context.image_px)?,
+        body: table.line("body", raw.body)?,
         speed_m_s: table.number("speed_m_s", raw.speed_m_s, Bounds::above(0.0, 1.0e5, "m/s"))?,
         gap_mm: table.number("gap_mm", raw.gap_mm, Bounds::closed(0.0, 1.0e5, "mm"))?,
         lead_s: table.number("lead_s", raw.lead_s, Bounds::closed(0.0, 10.0, "s"))?.unwrap_or(LEAD_S),
@@ -130,52 +131,46 @@ pub(super) fn trigger(table: &Table<'_>, raw: RawTrigger, around: &Surroundings<
         rearm: raw.rearm.unwrap_or(true),
         command: command(table, raw.command)?,
         url: url(table, raw.url)?,
-        other_rig: table.filled("other_rig", raw.other_rig)?,
+        other_rig: table.line("other_rig", raw.other_rig)?,
     };
-    if trigger.other_rig.as_deref() == Some(around.rig) {
+    if trigger.other_rig.as_deref() == Some(context.rig) {
         return Err(table.refuse("other_rig", "the name of another rig than this one"));
     }
-    refuse_gaps(table, &trigger, around)?;
+    check_required(table, &trigger, context)?;
     Ok(trigger)
 }
 
-/// Refuses thresholds of another mode, rather than ignoring them.
-fn refuse_strangers(table: &Table<'_>, mode: TriggerMode, raw: &RawTrigger) -> Result<(), ConfigError> {
-    use TriggerMode::{Enter, Gap, Hardware, Off, PredictedContact, Speed};
-    let keys: [(&str, bool, &[TriggerMode]); 7] = [
+/// Refuses keys of another mode, instead of ignoring them.
+fn check_owners(table: &Table<'_>, mode: TriggerMode, raw: &RawTrigger) -> Result<(), ConfigError> {
+    use TriggerMode::{Enter, Gap, Hardware, PredictedContact, Speed};
+    let keys: [OwnedKey<'_, TriggerMode>; 7] = [
         ("body", raw.body.is_some(), &[Enter, Speed, Gap, PredictedContact]),
         ("speed_m_s", raw.speed_m_s.is_some(), &[Speed]),
         ("gap_mm", raw.gap_mm.is_some(), &[Gap]),
         ("lead_s", raw.lead_s.is_some(), &[PredictedContact]),
         ("silence_s", raw.silence_s.is_some(), &[Hardware]),
-        ("pre_s", raw.pre_s.is_some(), &AROUND),
-        ("post_s", raw.post_s.is_some(), &AROUND),
+        ("pre_s", raw.pre_s.is_some(), &TIMED),
+        ("post_s", raw.post_s.is_some(), &TIMED),
     ];
-    match keys.iter().find(|(_, given, modes)| *given && mode != Off && !modes.contains(&mode)) {
-        None => Ok(()),
-        Some((key, _, modes)) => {
-            let belongs_to = format!("mode = {}", listed(modes.iter().map(|mode| mode.as_str())));
-            Err(table.text.out_of_place(&table.key(key), &format!("mode = {:?}", mode.as_str()), &belongs_to))
-        }
-    }
+    if mode == TriggerMode::Off { Ok(()) } else { table.check_owners(TriggerMode::SETTING, mode, &keys) }
 }
 
-/// Refuses a mode without what it is decided from.
-fn refuse_gaps(table: &Table<'_>, trigger: &Trigger, around: &Surroundings<'_>) -> Result<(), ConfigError> {
+/// Refuses a mode without the settings that it requires.
+fn check_required(table: &Table<'_>, trigger: &Trigger, context: &TriggerContext<'_>) -> Result<(), ConfigError> {
     use TriggerMode::{Gap, Hardware, PredictedContact, Speed};
     let mode = trigger.mode;
     let watched = |body: &&Body| trigger.body.as_ref().is_none_or(|name| *name == body.name);
-    if trigger.body.is_some() && !around.bodies.iter().any(|body| watched(&body)) {
-        let names = listed(around.bodies.iter().map(|body| body.name.as_str()));
+    if trigger.body.is_some() && !context.bodies.iter().any(|body| watched(&body)) {
+        let names = quoted(context.bodies.iter().map(|body| body.name.as_str()));
         return Err(table.refuse("body", format!("the name of a body: {names}")));
     }
     let needed = |what: &str| format!("{what} for mode = {:?}", mode.as_str());
-    if mode == Hardware && !around.is_pulsed {
-        let what = "the line that the camera waits for (of a simulated one, camera.pulse_period_s)";
+    if mode == Hardware && !context.is_pulsed {
+        let what = "the line that the camera waits for (camera.pulse_period_s for a simulated one)";
         return Err(table.text.refuse("camera.trigger_source", needed(what)));
     }
-    if matches!(mode, Speed | Gap | PredictedContact) && around.scale.is_none() {
-        return Err(table.text.refuse("scale.mm_per_px", needed("given, or ball_diameter_mm in its place,")));
+    if matches!(mode, Speed | Gap | PredictedContact) && context.scale.is_none() {
+        return Err(table.text.refuse("scale.mm_per_px", needed("given, or ball_diameter_mm instead,")));
     }
     if mode == Speed && trigger.speed_m_s.is_none() {
         return Err(table.refuse("speed_m_s", needed("above 0 and at most 100000 m/s")));
@@ -186,21 +181,21 @@ fn refuse_gaps(table: &Table<'_>, trigger: &Trigger, around: &Surroundings<'_>) 
     if !matches!(mode, Gap | PredictedContact) {
         return Ok(());
     }
-    if !around.has_edge {
+    if !context.has_edge {
         return Err(table.text.refuse("surface.edge", needed("two points of the edge, [[x, y], [x, y]] in px,")));
     }
-    // A patch does not tell how far the body around it reaches.
-    if around.bodies.iter().filter(watched).all(|body| body.kind == BodyKind::Patch) {
-        return Err(table.text.out_of_place(&table.key("mode"), with(BodyKind::Patch), with(BodyKind::Ball)));
+    // The extent of the body around a patch is unknown.
+    if context.bodies.iter().filter(watched).all(|body| body.kind == BodyKind::Patch) {
+        return Err(table.foreign("mode", BodyKind::Patch.assignment(), BodyKind::Ball.assignment()));
     }
-    let mut rods = (0..).zip(around.bodies).filter(|(_, body)| watched(body) && body.kind == BodyKind::Rod);
+    let mut rods = (0..).zip(context.bodies).filter(|(_, body)| watched(body) && body.kind == BodyKind::Rod);
     match rods.next() {
-        // Nor do its tapes where a rod's end is.
-        Some((index, _)) if !around.bodies.iter().any(|body| watched(&body) && body.has_rim()) => {
+        // The end of a rod does not follow from its tapes.
+        Some((index, _)) if !context.bodies.iter().any(|body| watched(&body) && body.has_known_extent()) => {
             let key = format!("body[{index}].end_mm");
             Err(table.text.refuse(&key, needed("0 to 10000 mm from its lowest edge to its end")))
         }
-        Some((_, rod)) if rod.end_mm.is_some() && !matches!(around.scale, Some(Scale::MmPerPx(_))) => {
+        Some((_, rod)) if rod.end_mm.is_some() && !matches!(context.scale, Some(Scale::MmPerPx(_))) => {
             Err(table.text.refuse("scale.mm_per_px", needed("given, for the end of a rod,")))
         }
         _ => Ok(()),
@@ -209,10 +204,10 @@ fn refuse_gaps(table: &Table<'_>, trigger: &Trigger, around: &Surroundings<'_>) 
 
 fn command(table: &Table<'_>, texts: Option<Vec<String>>) -> Result<Vec<String>, ConfigError> {
     let Some(texts) = texts else { return Ok(Vec::new()) };
-    let sound = (1..=COMMAND_TEXTS_MAX).contains(&texts.len())
+    let is_valid = (1..=COMMAND_TEXTS_MAX).contains(&texts.len())
         && texts.first().is_some_and(|program| !program.trim().is_empty())
         && texts.iter().all(|text| !text.contains('\0'));
-    if sound { Ok(texts) } else { Err(table.refuse("command", "a program and its arguments, 1 to 64 texts")) }
+    if is_valid { Ok(texts) } else { Err(table.refuse("command", "a program and its arguments, 1 to 64 texts")) }
 }
 
 fn url(table: &Table<'_>, url: Option<String>) -> Result<Option<String>, ConfigError> {

@@ -1,59 +1,58 @@
-//! `[view.NAME]`: further cameras that film the same shots.
+//! `[view.NAME]`: further cameras for the same shots.
 
+use super::check::is_name;
 use super::error::ConfigError;
 use super::raw::RawView;
 use super::text::Text;
-use super::{Config, Picture, TriggerMode};
+use super::{Config, Picture, RIG_NAME_MAX, TriggerMode};
 use std::collections::BTreeMap;
 use toml_edit::{DocumentMut, Item, Table, value};
 
-/// `[view.NAME]`: a further camera, with tables of its own: `[view.NAME.camera]`, which must be given, and
-/// `[view.NAME.scale]`, `.surface`, `.calibration`, `.correlation`, `.rotation`, `.velocity` and `[[view.NAME.body]]`.
+/// `[view.NAME]`: a further camera.
 ///
-/// Nothing of them is taken from the first camera: what is left out has its default. A view without bodies is filmed
-/// and recorded, but not measured. Triggers are those of the first camera.
+/// It has its own tables: `[view.NAME.camera]`, which is required, `.scale`, `.surface`, `.calibration`, `.correlation`,
+/// `.rotation`, `.velocity` and `[[view.NAME.body]]`. A missing key has its default, not the value of the first camera. A
+/// view without bodies is filmed and recorded, but not measured. Triggers are those of the first camera.
 #[derive(Debug, Clone, PartialEq)]
 pub struct View {
-    /// 1 to 16 of `a-z 0-9 _ -`; what recordings, tables and `--camera` call it.
+    /// The name in recordings, tables and `--camera`: 1 to 16 of `a-z 0-9 _ -`.
     pub name: String,
-    /// The camera as a rig of its own: its name is that of the whole rig, `-` and the name of the view.
+    /// The camera as a separate rig, named after the whole rig, `-` and the view.
     pub config: Config,
 }
 
 const VIEWS_MAX: usize = 8;
 const NAME_MAX: usize = 16;
-const RIG_NAME_MAX: usize = 32;
-/// Tables that a view may have, as the first camera has them.
+/// The tables that a view shares with the first camera's.
 const TABLES: [&str; 8] = ["camera", "scale", "surface", "calibration", "body", "correlation", "rotation", "velocity"];
 
-/// Checks the views and makes a rig of each.
+/// Checks the views and derives a rig from each.
 pub(super) fn views(file: &Text<'_>, raw: BTreeMap<String, RawView>, whole: &Config) -> Result<Vec<View>, ConfigError> {
     if raw.len() > VIEWS_MAX {
         return Err(file.refuse("view", format!("at most {VIEWS_MAX} tables")));
     }
     let mut views = Vec::new();
     for (name, raw) in raw {
-        let letter = |byte: u8| byte.is_ascii_lowercase() || byte.is_ascii_digit() || b"_-".contains(&byte);
         let rig = format!("{}-{name}", whole.rig.name);
-        if !((1..=NAME_MAX).contains(&name.len()) && name.bytes().all(letter) && rig.len() <= RIG_NAME_MAX) {
+        if !is_name(&name, NAME_MAX) || rig.len() > RIG_NAME_MAX {
             let allowed = format!(
                 "named with 1 to {NAME_MAX} of the characters a-z 0-9 _ -, and at most {RIG_NAME_MAX} together with \
                  rig.name"
             );
             return Err(file.refuse(&format!("view.{}", super::text::path_name(&name)), allowed));
         }
-        let is_measured = !raw.body.is_empty();
-        // Checked where it stands, so that what is wrong is told with its place in the file.
+        let worker_count = raw.body.is_empty().then_some(0);
+        // This check reports errors with their line in the file.
         Picture::new(&file.within(&format!("view.{name}.")), raw)?;
-        let text = text_of(whole, &name, &rig, is_measured);
+        let text = text_of(whole, &name, &rig, worker_count);
         let config = Config::parse(&text, &format!("{} [view.{name}]", whole.origin))?;
         views.push(View { name, config });
     }
     Ok(views)
 }
 
-/// The rig file of one view.
-fn text_of(whole: &Config, name: &str, rig: &str, is_measured: bool) -> String {
+/// Returns the rig file of a view, with this number of workers instead of the whole rig's.
+fn text_of(whole: &Config, name: &str, rig: &str, worker_count: Option<i64>) -> String {
     // The text was parsed before, so it parses again.
     let document = whole.text.parse::<DocumentMut>().unwrap_or_default();
     let own = document.get("view").and_then(|views| views.get(name));
@@ -83,8 +82,10 @@ fn text_of(whole: &Config, name: &str, rig: &str, is_measured: bool) -> String {
             view.insert(key, item.clone());
         }
     }
-    if !is_measured && let Some(workers) = view.entry("workers").or_insert_with(|| table(&[])).as_table_like_mut() {
-        workers.insert("count", value(0));
+    if let Some(count) = worker_count
+        && let Some(workers) = view.entry("workers").or_insert_with(|| table(&[])).as_table_like_mut()
+    {
+        workers.insert("count", value(count));
     }
     view.to_string()
 }

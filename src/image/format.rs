@@ -1,36 +1,36 @@
-//! How a camera lays out its pixels.
+//! Pixel formats of cameras.
 
 use crate::results::named_enum;
 
 named_enum! {
-    /// Pixel layout of a raw frame.
+    /// The pixel layout of a raw frame.
     ///
-    /// The numbers are the codes of the GenICam Pixel Format Naming Convention, so
-    /// a header can be read without this library. The names are GenICam's.
+    /// The numbers are the codes of the GenICam Pixel Format Naming Convention, so that a header can be read without this
+    /// library. The names are GenICam's.
     #[derive(Default)]
     PixelFormat: "pixel format" {
-        /// One byte a pixel.
+        /// One byte per pixel.
         #[default]
         Mono8 = 0x0108_0001 "Mono8",
         /// 10 significant bits in a little-endian 16-bit word.
         Mono10 = 0x0110_0003 "Mono10",
         /// 12 significant bits in a little-endian 16-bit word.
         Mono12 = 0x0110_0005 "Mono12",
-        /// A little-endian 16-bit word a pixel.
+        /// One little-endian 16-bit word per pixel.
         Mono16 = 0x0110_0007 "Mono16",
     }
 }
 
-/// Grey levels at which common sensors saturate, DN.
+/// The grey levels at which common sensors saturate, DN.
 const SATURATED_LEVELS: [f32; 5] = [255.0, 1023.0, 4095.0, 16383.0, 65535.0];
 
-/// Whether pixels of this level, the highest of a picture, are as bright as a camera tells: brighter ones look alike.
+/// Whether the highest grey level of an image is the full scale of a camera, so that brighter pixels look the same.
 pub fn is_saturated(highest: f32) -> bool {
     SATURATED_LEVELS.iter().any(|level| (level - highest).abs() < 0.5)
 }
 
 impl PixelFormat {
-    /// Bytes one pixel takes in memory.
+    /// Returns the number of bytes per pixel.
     pub fn bytes_per_pixel(self) -> usize {
         match self {
             Self::Mono8 => 1,
@@ -38,7 +38,7 @@ impl PixelFormat {
         }
     }
 
-    /// Significant bits, hence the largest grey level `2^bits - 1`.
+    /// Returns the number of significant bits. The maximum grey level is `2^bits - 1`.
     pub fn bits(self) -> u32 {
         match self {
             Self::Mono8 => 8,

@@ -1,86 +1,84 @@
-//! One raw frame as the camera delivered it.
+//! Raw frames, as the camera delivers them.
 
+use super::{Image, PixelFormat, PixelRect, ShapeError};
 use multiversion::multiversion;
 
-use super::{Image, PixelFormat, ShapeError};
-
-/// Everything known of a frame besides its pixels.
+/// The header of a frame: everything but its pixels.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct FrameMeta {
-    /// Counts the camera's frames, lost ones included; a jump is a loss.
+    /// The number of the frame, counting lost ones too. A jump is a loss.
     pub sequence: u64,
-    /// Raised each time the camera is opened anew.
+    /// A number that rises each time the camera is opened again.
     pub epoch: u32,
-    /// Exposure start, ns since the Unix epoch (device clock mapped to host).
+    /// The start of the exposure, ns since the Unix epoch (device clock mapped to host).
     pub stamp_ns: u64,
-    /// The camera's own clock at exposure start, ns; 0 when it has none.
+    /// The camera's own clock at the start of the exposure, ns; 0 if it has none.
     pub device_ns: u64,
-    /// Pixels a row.
+    /// The number of pixels per row.
     pub width_px: u32,
-    /// Rows.
+    /// The number of rows.
     pub height_px: u32,
-    /// Bytes from one row to the next.
+    /// The number of bytes from one row to the next.
     pub stride_bytes: u32,
-    /// Pixel layout.
+    /// The pixel layout.
     pub format: PixelFormat,
 }
 
 impl FrameMeta {
-    /// Bytes the pixels take, padding at the end of rows included.
+    /// Returns the size of the pixels in bytes, including the padding at the end of rows.
     pub fn size_bytes(&self) -> usize {
         self.stride_bytes as usize * self.height_px as usize
     }
 }
 
-/// A frame: what is known of it and its bytes, borrowed.
+/// A frame whose pixels are borrowed.
 #[derive(Debug, Clone, Copy)]
 pub struct Frame<'a> {
-    /// What is known of it.
+    /// The header.
     pub meta: FrameMeta,
-    /// `meta.size_bytes()` bytes, row by row.
+    /// The pixels row by row, `meta.size_bytes()` bytes.
     pub bytes: &'a [u8],
 }
 
 impl Frame<'_> {
-    /// Unpacks the frame to grey levels in digital numbers (DN), into `image`.
+    /// Unpacks the frame to grey levels in digital numbers (DN).
     ///
-    /// `image` is resized when its shape differs, and not allocated anew otherwise.
+    /// Resizes `image` if its shape differs. Allocates nothing otherwise.
     ///
     /// # Errors
     ///
-    /// [`ShapeError`] when there are fewer bytes than the header promises.
+    /// [`ShapeError`] when there are fewer bytes than the header requires.
     pub fn unpack(&self, image: &mut Image) -> Result<(), ShapeError> {
-        self.unpack_part([0, 0, self.meta.width_px, self.meta.height_px], image)
+        self.unpack_part(PixelRect::whole(self.meta.width_px, self.meta.height_px), image)
     }
 
-    /// As [`Self::unpack`], but only a part of the frame: x, y, width and height, clipped to the frame.
+    /// Unpacks a part of the frame like [`Self::unpack`], clipped to the frame.
     ///
-    /// `image` is as large as the frame, and holds beside the part what it held before.
+    /// `image` has the size of the frame. Outside the part it keeps its content.
     ///
     /// # Errors
     ///
-    /// As [`Self::unpack`].
-    pub fn unpack_part(&self, [x, y, width, height]: [u32; 4], image: &mut Image) -> Result<(), ShapeError> {
+    /// See [`Self::unpack`].
+    pub fn unpack_part(&self, part: PixelRect, image: &mut Image) -> Result<(), ShapeError> {
         self.check()?;
-        let size = (self.meta.width_px as usize, self.meta.height_px as usize);
+        let (width, height) = (self.meta.width_px as usize, self.meta.height_px as usize);
         let (stride, bytes_per_pixel) = (self.meta.stride_bytes as usize, self.meta.format.bytes_per_pixel());
-        if (image.view().width(), image.view().height()) != size {
-            image.reshape(size.0, size.1);
+        if (image.view().width(), image.view().height()) != (width, height) {
+            image.reshape(width, height);
         }
-        let (left, top) = ((x as usize).min(size.0), (y as usize).min(size.1));
-        let (right, bottom) = (left.saturating_add(width as usize).min(size.0), top.saturating_add(height as usize));
-        for (row, target) in image.rows_mut().enumerate().take(bottom).skip(top) {
+        let part = part.clipped(PixelRect::whole(self.meta.width_px, self.meta.height_px));
+        let (left, right) = (part.left as usize, part.right as usize);
+        for (row, target) in image.rows_mut().enumerate().take(part.bottom as usize).skip(part.top as usize) {
             let bytes = &self.bytes[row * stride + left * bytes_per_pixel..row * stride + right * bytes_per_pixel];
-            let target = &mut target[left..right];
             match bytes_per_pixel {
-                1 => widen_bytes(bytes, target),
-                _ => widen_pairs(bytes, target),
+                1 => widen_bytes(bytes, &mut target[left..right]),
+                _ => widen_words(bytes, &mut target[left..right]),
             }
         }
         Ok(())
     }
 
-    /// Whether the bytes are those that the header promises.
+    /// Checks that there are as many bytes as the header requires.
     ///
     /// # Errors
     ///
@@ -96,15 +94,15 @@ impl Frame<'_> {
     }
 }
 
-/// Grey levels of one byte each.
+/// Converts grey levels of one byte each.
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512dq+avx512vl", "x86_64+avx2"))]
 fn widen_bytes(bytes: &[u8], out: &mut [f32]) {
     out.iter_mut().zip(bytes).for_each(|(out, byte)| *out = f32::from(*byte));
 }
 
-/// Grey levels of two bytes each, the lower one first.
+/// Converts grey levels of two bytes each, in little-endian order.
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512dq+avx512vl", "x86_64+avx2"))]
-fn widen_pairs(bytes: &[u8], out: &mut [f32]) {
-    let pairs = bytes.as_chunks::<2>().0;
-    out.iter_mut().zip(pairs).for_each(|(out, pair)| *out = f32::from(u16::from_le_bytes(*pair)));
+fn widen_words(bytes: &[u8], out: &mut [f32]) {
+    let words = bytes.as_chunks::<2>().0;
+    out.iter_mut().zip(words).for_each(|(out, word)| *out = f32::from(u16::from_le_bytes(*word)));
 }

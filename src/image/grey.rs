@@ -1,11 +1,11 @@
-//! Grey levels out of decoded pictures.
+//! Grey levels of decoded images.
 
 use super::PixelFormat;
 use image::DynamicImage;
 
-/// Layout and packed little-endian pixels of a grey picture of 8 or 16 bit; `None` for one in colour.
+/// Returns the layout and the packed little-endian pixels of a grey image of 8 or 16 bit; `None` for one in colour.
 ///
-/// Three equal channels count as grey: bitmaps with a grey palette and many cameras' JPEG decode to them.
+/// Three equal channels count as grey, since bitmaps with a grey palette and the JPEG of many cameras decode to them.
 pub fn grey_pixels(picture: DynamicImage) -> Option<(PixelFormat, Vec<u8>)> {
     match picture {
         DynamicImage::ImageLuma8(picture) => Some((PixelFormat::Mono8, picture.into_raw())),

@@ -1,10 +1,11 @@
-//! Pictures: raw camera frames and the grey-level images computed from them.
+//! Raw camera frames, and the grey-level images computed from them.
 
 mod correction;
 mod defects;
 mod format;
 mod frame;
 mod grey;
+mod rect;
 mod tone;
 mod view;
 
@@ -13,5 +14,6 @@ pub use defects::{DefectError, Defects};
 pub use format::{PixelFormat, is_saturated};
 pub use frame::{Frame, FrameMeta};
 pub use grey::grey_pixels;
+pub use rect::PixelRect;
 pub use tone::Tone;
 pub use view::{Image, ImageView, ShapeError};

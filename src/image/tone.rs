@@ -1,19 +1,19 @@
-//! A camera's tone curve, taken out of its grey levels.
+//! The tone curve of a camera, removed from its grey levels.
 
-use super::{Image, PixelFormat};
+use super::{Image, PixelFormat, PixelRect};
 use std::sync::Arc;
 
-/// The light behind each grey level of a camera whose grey levels go as a power of it.
+/// The light behind each grey level of a camera with a power-law tone curve.
 ///
-/// `grey / full = (light / full)^gamma`, so that black and full scale stay what they are (IEC 61966-2-1 for displays, which
-/// cameras made for them imitate).
+/// `grey / full = (light / full)^gamma`, so that black and full scale stay as they are. Cameras made for viewing imitate
+/// the curve of displays (IEC 61966-2-1).
 #[derive(Debug, Clone, PartialEq)]
 pub struct Tone {
     light: Arc<[f32]>,
 }
 
 impl Tone {
-    /// The curve of a camera with this exponent; `None` for 1, where grey levels are light.
+    /// Tabulates the curve of a camera with this exponent; `None` for 1, where grey levels are proportional to the light.
     pub fn new(gamma: f64, format: PixelFormat) -> Option<Self> {
         let levels = 1_u32 << format.bits();
         let full = f64::from(levels - 1);
@@ -21,17 +21,16 @@ impl Tone {
         (gamma.total_cmp(&1.0).is_ne()).then(|| Self { light: (0..levels).map(light).collect() })
     }
 
-    /// Puts light in the place of grey levels: left, top, right and bottom of them, px, the last two outside.
-    pub fn straighten(&self, image: &mut Image, [left, top, right, bottom]: [u32; 4]) {
-        let [left, top, right, bottom] = [left, top, right, bottom].map(|edge| edge as usize);
-        for row in image.rows_mut().take(bottom).skip(top) {
-            let right = right.min(row.len());
-            row[left.min(right)..right].iter_mut().for_each(|grey| *grey = self.light(*grey));
+    /// Replaces the grey levels of a part by the light behind them.
+    pub fn linearize(&self, image: &mut Image, part: PixelRect) {
+        for row in image.rows_mut().take(part.bottom as usize).skip(part.top as usize) {
+            let right = (part.right as usize).min(row.len());
+            row[(part.left as usize).min(right)..right].iter_mut().for_each(|grey| *grey = self.light(*grey));
         }
     }
 
     fn light(&self, grey: f32) -> f32 {
-        // Words may hold more than their significant bits: such levels are beyond full scale.
+        // A 16-bit word can exceed the significant bits; such a level is beyond full scale.
         self.light.get(grey as usize).or(self.light.last()).copied().unwrap_or(grey)
     }
 }
@@ -41,7 +40,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn black_and_white_stay_and_what_is_between_is_what_the_camera_saw() {
+    fn black_and_white_stay_and_levels_between_become_the_light() {
         for (format, full) in [(PixelFormat::Mono8, 255.0_f32), (PixelFormat::Mono12, 4095.0)] {
             let tone = Tone::new(0.45, format).unwrap();
             assert_eq!((tone.light(0.0), tone.light(full), tone.light(full + 9.0)), (0.0, full, full));
@@ -54,14 +53,15 @@ mod tests {
     }
 
     #[test]
-    fn only_what_is_asked_for_is_changed() {
+    fn only_the_requested_part_changes() {
         let mut image = Image::new(4, 3);
         image.rows_mut().for_each(|row| row.fill(100.0));
-        Tone::new(0.5, PixelFormat::Mono8).unwrap().straighten(&mut image, [1, 1, 3, 9]);
+        let part = PixelRect { left: 1, top: 1, right: 3, bottom: 9 };
+        Tone::new(0.5, PixelFormat::Mono8).unwrap().linearize(&mut image, part);
         let inside = 100.0_f32 * 100.0 / 255.0;
         for (k, grey) in image.view().data().iter().enumerate() {
-            let is_asked = (1..3).contains(&(k % 4)) && k / 4 >= 1;
-            assert!((grey - if is_asked { inside } else { 100.0 }).abs() < 1e-4, "{k}: {grey}");
+            let is_inside = (1..3).contains(&(k % 4)) && k / 4 >= 1;
+            assert!((grey - if is_inside { inside } else { 100.0 }).abs() < 1e-4, "{k}: {grey}");
         }
     }
 }

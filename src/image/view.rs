@@ -1,12 +1,12 @@
 //! Grey-level images: owned and borrowed.
 
-/// The data do not have the size that the shape asks for.
+/// The data do not fit the shape.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 #[error("expected {expected} values, got {actual}")]
 pub struct ShapeError {
-    /// Values (or bytes) the shape asks for.
+    /// The number of values (or bytes) that the shape requires.
     pub expected: usize,
-    /// Values (or bytes) given.
+    /// The number of values (or bytes) given.
     pub actual: usize,
 }
 
@@ -25,7 +25,7 @@ impl<'a> ImageView<'a> {
     ///
     /// # Errors
     ///
-    /// [`ShapeError`] when `data` has another length than `width * height`.
+    /// [`ShapeError`] when the length of `data` is not `width * height`.
     pub fn new(data: &'a [f32], width: usize, height: usize) -> Result<Self, ShapeError> {
         if data.len() != width * height {
             return Err(ShapeError { expected: width * height, actual: data.len() });
@@ -33,22 +33,22 @@ impl<'a> ImageView<'a> {
         Ok(Self { data, width, height })
     }
 
-    /// Pixels a row.
+    /// Returns the number of pixels per row.
     pub fn width(&self) -> usize {
         self.width
     }
 
-    /// Rows.
+    /// Returns the number of rows.
     pub fn height(&self) -> usize {
         self.height
     }
 
-    /// All pixels, row-major.
+    /// Returns all pixels, row-major.
     pub fn data(&self) -> &'a [f32] {
         self.data
     }
 
-    /// One row.
+    /// Returns one row.
     ///
     /// # Panics
     ///
@@ -57,7 +57,7 @@ impl<'a> ImageView<'a> {
         &self.data[y * self.width..(y + 1) * self.width]
     }
 
-    /// The grey level at (`x`, `y`), or `None` outside.
+    /// Returns the grey level at (`x`, `y`), or `None` outside the image.
     pub fn at(&self, x: usize, y: usize) -> Option<f32> {
         (x < self.width && y < self.height).then(|| self.data[y * self.width + x])
     }
@@ -72,7 +72,7 @@ pub struct Image {
 }
 
 impl Image {
-    /// A black image.
+    /// Allocates a black image.
     pub fn new(width: usize, height: usize) -> Self {
         Self { data: vec![0.0; width * height], width, height }
     }
@@ -81,7 +81,7 @@ impl Image {
     ///
     /// # Errors
     ///
-    /// [`ShapeError`] when `data` has another length than `width * height`.
+    /// [`ShapeError`] when the length of `data` is not `width * height`.
     pub fn from_vec(data: Vec<f32>, width: usize, height: usize) -> Result<Self, ShapeError> {
         if data.len() != width * height {
             return Err(ShapeError { expected: width * height, actual: data.len() });
@@ -89,24 +89,24 @@ impl Image {
         Ok(Self { data, width, height })
     }
 
-    /// Gives the image another shape; its content is unspecified afterwards.
+    /// Changes the shape of the image. Its content is unspecified afterwards.
     pub fn reshape(&mut self, width: usize, height: usize) {
         self.data.resize(width * height, 0.0);
         self.width = width;
         self.height = height;
     }
 
-    /// Borrows it.
+    /// Borrows the image.
     pub fn view(&self) -> ImageView<'_> {
         ImageView { data: &self.data, width: self.width, height: self.height }
     }
 
-    /// All pixels, row-major.
+    /// Returns all pixels, row-major.
     pub fn data_mut(&mut self) -> &mut [f32] {
         &mut self.data
     }
 
-    /// The rows, top to bottom.
+    /// Returns the rows, top to bottom.
     pub fn rows_mut(&mut self) -> impl Iterator<Item = &mut [f32]> {
         self.data.chunks_exact_mut(self.width.max(1))
     }

@@ -202,7 +202,7 @@ impl Measurer {
 
     /// Prepares a box of the current frame.
     fn prepare(&mut self, frame: &Frame<'_>, bounds: BoundingBox, prepared: &mut PreparedFrame) {
-        let view = self.image.unpack(frame, bounds.rectangle());
+        let view = self.image.unpack(frame, bounds.rectangle().into());
         self.correlator.prepare_part_into(view, bounds.rectangle(), prepared);
     }
 

@@ -172,7 +172,7 @@ fn a_wrong_rig_file_is_refused_with_file_line_key_value_and_range() {
         }
     }
     let message = refused(2, ["run", "missing.toml"]);
-    assert_eq!(message, format!("read configuration missing.toml: {NO_FILE}"));
+    assert_eq!(message, format!("cannot read missing.toml: {NO_FILE}"));
 }
 
 #[test]

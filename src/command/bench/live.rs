@@ -160,7 +160,7 @@ impl Film {
         let part = part_around(&circle, PREDICTED_PX);
         let (meta, bytes) = &self.frames[21];
         let unpack =
-            rate(duration, || usize::from(Frame { meta: *meta, bytes }.unpack_part(part, &mut second).is_ok()));
+            rate(duration, || usize::from(Frame { meta: *meta, bytes }.unpack_part(part.into(), &mut second).is_ok()));
         let ready = rate(duration, || {
             pair.correlator.prepare_part_into(second.view(), part, &mut pair.target);
             1

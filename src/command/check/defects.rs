@@ -2,7 +2,7 @@
 
 use super::grab::Grabbed;
 use crate::failure::Failure;
-use crate::image::{Correction, Frame, Image};
+use crate::image::{Correction, Frame, Image, PixelRect};
 
 /// A defective pixel differs from all but one of its neighbours by this many standard deviations of the noise ...
 const NOISES: f64 = 10.0;
@@ -23,7 +23,11 @@ pub(super) fn find(
     let (mut image, mut counts) = (Image::default(), vec![0_u32; width * height]);
     for (meta, bytes) in &grabbed.frames {
         image.reshape(width, height);
-        correction.unpack(&Frame { meta: *meta, bytes }, [0, 0, meta.width_px, meta.height_px], &mut image)?;
+        correction.unpack(
+            &Frame { meta: *meta, bytes },
+            PixelRect::whole(meta.width_px, meta.height_px),
+            &mut image,
+        )?;
         let data = image.view().data();
         let places = counts.iter_mut().enumerate();
         places.for_each(|(at, count)| *count += u32::from(stands_out(data, (at % width, at / width), width, min_dn)));

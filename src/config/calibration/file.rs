@@ -1,14 +1,14 @@
 //! Calibration files of other programs: OpenCV's storage, ROS' `camera_info`, `foxglove.CameraCalibration`.
 //!
-//! OpenCV's YAML is none to a general parser (its first line is not, and its matrices carry tags), and all that matters
-//! in such a file is a handful of named lists of numbers.
+//! A general YAML parser refuses OpenCV's files, because of their first line and the tags of their matrices. Only a few
+//! named lists of numbers matter in such a file.
 
 use serde_json::Value;
 
-/// Longest list read.
+/// The maximum length of a list.
 const NUMBERS_MAX: usize = 64;
 
-/// What a file says.
+/// The numbers of a calibration file.
 #[derive(Debug, Default, PartialEq)]
 pub(super) struct Numbers {
     pub image_px: Option<[u32; 2]>,
@@ -26,17 +26,17 @@ const DISTORTION: &[&str] =
 const MODEL: &[&str] = &["distortion_model"];
 const HOMOGRAPHY: &[&str] = &["homography_mm", "homography", "H"];
 
-/// Reads a file's text.
+/// Reads the numbers from the text of a file.
 ///
 /// # Errors
 ///
-/// What is wrong with it, in a few words.
+/// The reason in a few words.
 pub(super) fn numbers(text: &str) -> Result<Numbers, String> {
     let found = if text.trim_start().starts_with('{') {
         let value: Value = serde_json::from_str(text).map_err(|error| format!("not JSON: {error}"))?;
-        of(&value)
+        collect(&value)
     } else {
-        of(&text)
+        collect(&text)
     }?;
     if found.camera_matrix.is_none() && found.homography_mm.is_none() {
         return Err("it has neither camera_matrix (K) nor homography".to_owned());
@@ -46,14 +46,15 @@ pub(super) fn numbers(text: &str) -> Result<Numbers, String> {
 
 /// A file of named values.
 trait Named {
-    /// A single number or word.
-    fn text(&self, name: &str) -> Option<String>;
-    /// A list of numbers, also one within a matrix; the error says what is wrong with it.
+    /// Returns a single number or word.
+    fn scalar(&self, name: &str) -> Option<String>;
+    /// Returns a list of numbers, also one within a matrix, or the reason why it is none.
     fn list(&self, name: &str) -> Result<Option<Vec<f64>>, String>;
 }
 
-fn of(file: &impl Named) -> Result<Numbers, String> {
-    let word = |names: &[&str]| names.iter().find_map(|name| file.text(name));
+/// Collects the numbers under the names that programs use for them.
+fn collect(file: &impl Named) -> Result<Numbers, String> {
+    let scalar = |names: &[&str]| names.iter().find_map(|name| file.scalar(name));
     let list = |names: &[&str]| -> Result<Option<Vec<f64>>, String> {
         for name in names {
             if let Some(list) = file.list(name)? {
@@ -62,18 +63,18 @@ fn of(file: &impl Named) -> Result<Numbers, String> {
         }
         Ok(None)
     };
-    let size = |names: &[&str]| word(names).and_then(|word| word.parse::<u32>().ok());
+    let size = |names: &[&str]| scalar(names).and_then(|number| number.parse::<u32>().ok());
     Ok(Numbers {
         image_px: size(WIDTH).zip(size(HEIGHT)).map(|(width, height)| [width, height]),
         camera_matrix: list(MATRIX)?,
         distortion: list(DISTORTION)?,
-        model: word(MODEL).filter(|model| !model.is_empty()),
+        model: scalar(MODEL).filter(|model| !model.is_empty()),
         homography_mm: list(HOMOGRAPHY)?,
     })
 }
 
 impl Named for Value {
-    fn text(&self, name: &str) -> Option<String> {
+    fn scalar(&self, name: &str) -> Option<String> {
         match self.get(name)? {
             Value::String(word) => Some(word.clone()),
             Value::Number(number) => Some(number.to_string()),
@@ -84,30 +85,30 @@ impl Named for Value {
     fn list(&self, name: &str) -> Result<Option<Vec<f64>>, String> {
         let Some(found) = self.get(name) else { return Ok(None) };
         let Some(list) = found.as_array().or_else(|| found.get("data")?.as_array()) else {
-            return Err(format!("{name} is no list of numbers"));
+            return Err(format!("{name} is not a list of numbers"));
         };
-        // Rows of rows, as people write matrices.
+        // A matrix may be a list of rows.
         let flat = list.iter().flat_map(|item| item.as_array().map_or(std::slice::from_ref(item), Vec::as_slice));
         let numbers: Option<Vec<f64>> = flat.take(NUMBERS_MAX).map(Value::as_f64).collect();
-        numbers.map(Some).ok_or_else(|| format!("{name} is no list of numbers"))
+        numbers.map(Some).ok_or_else(|| format!("{name} is not a list of numbers"))
     }
 }
 
 impl Named for &str {
-    fn text(&self, name: &str) -> Option<String> {
+    fn scalar(&self, name: &str) -> Option<String> {
         let (_, rest) = self.lines().filter_map(|line| line.split_once(':')).find(|(key, _)| *key == name)?;
         Some(rest.split('#').next()?.trim().trim_matches(['"', '\'']).to_owned())
     }
 
     fn list(&self, name: &str) -> Result<Option<Vec<f64>>, String> {
-        // From its line to the next that begins a value of its own.
+        // The list continues until a line begins another value.
         let mut lines = self.lines().skip_while(|line| line.split_once(':').is_none_or(|(key, _)| key != name));
         let Some(first) = lines.next() else { return Ok(None) };
         let inner = lines.take_while(|line| line.starts_with([' ', '\t', '-', '[', ']', '}', '#']) || line.is_empty());
         let section: String =
             std::iter::once(first).chain(inner).map(|line| line.split('#').next().unwrap_or("")).collect();
         let section = section.split_once("data:").map_or(section.as_str(), |(_, data)| data);
-        let bad = || format!("{name} is no list of numbers");
+        let bad = || format!("{name} is not a list of numbers");
         let (_, open) = section.split_once('[').ok_or_else(bad)?;
         let (list, _) = open.split_once(']').ok_or_else(bad)?;
         let items = list.split(',').map(str::trim).filter(|item| !item.is_empty()).take(NUMBERS_MAX);
@@ -157,9 +158,9 @@ mod tests {
         let wrong = [
             ("", "neither"),
             ("image_width: 3\n", "neither"),
-            ("camera_matrix: !!opencv-matrix\n  data: [ 1, x ]\n", "camera_matrix is no list"),
-            ("camera_matrix: 3\nother: [1, 2]\n", "camera_matrix is no list"),
-            ("{\"K\": 3}", "K is no list"),
+            ("camera_matrix: !!opencv-matrix\n  data: [ 1, x ]\n", "camera_matrix is not a list"),
+            ("camera_matrix: 3\nother: [1, 2]\n", "camera_matrix is not a list"),
+            ("{\"K\": 3}", "K is not a list"),
             ("{\"K\": [", "not JSON"),
             (&"[".repeat(100_000), "neither"),
             (&format!("{{\"K\":{}", "[".repeat(100_000)), "not JSON"),

@@ -135,11 +135,11 @@ fn an_edge_gives_the_angle_and_the_trigger_modes_on_it_differ() {
 
 #[test]
 fn properties_of_a_cameras_frames_apply_to_their_recording() {
-    let camera = parse(FULL).fed_from("film.mcap".as_ref(), &[]).unwrap().camera;
+    let camera = parse(FULL).with_recording("film.mcap".as_ref(), &[]).unwrap().camera;
     assert_eq!((camera.source, camera.exposure_us), (Source::Recording, Some(1.0)));
     assert_eq!((camera.gamma, camera.row_time_us), (0.45, Some(-0.003)));
     assert_eq!(camera.defective_px, [[3, 4], [639, 319]]);
-    let camera = parse(SIMULATED).fed_from("film.mcap".as_ref(), &[]).unwrap().camera;
+    let camera = parse(SIMULATED).with_recording("film.mcap".as_ref(), &[]).unwrap().camera;
     assert_eq!((camera.exposure_us, camera.gamma, camera.row_time_us), (None, 1.0, None));
     assert!(camera.defective_px.is_empty());
 }
@@ -161,7 +161,7 @@ fn a_view_is_a_separate_rig_that_inherits_nothing_from_the_first_camera() {
     assert_eq!((top.camera.id.as_deref(), top.camera.features.len(), top.record.is_some()), (Some("x"), 1, true));
     // The text that its processes get parses to the same configuration.
     assert_eq!(Config::parse(&top.text, &top.origin).unwrap(), *top);
-    assert!(side.views.is_empty() && config.fed_from("film.mcap".as_ref(), &[]).unwrap().views.is_empty());
+    assert!(side.views.is_empty() && config.with_recording("film.mcap".as_ref(), &[]).unwrap().views.is_empty());
 }
 
 #[test]

@@ -1,7 +1,7 @@
 //! Files that are refused as a whole, and values that contradict each other.
 
 use super::{GENICAM, SIMULATED, parse, refusal, refused_on_a_simulated_rig};
-use ricochet::config::{Config, ConfigError};
+use ricochet::config::{Config, Problem};
 
 #[test]
 fn regions_outside_the_image_are_refused() {
@@ -81,8 +81,8 @@ fn files_that_cannot_be_read_are_named() {
         (binary.as_path(), "stream did not contain valid UTF-8"),
     ] {
         let error = Config::load(path).unwrap_err();
-        assert_eq!(error.to_string(), format!("read configuration {}: {reason}", path.display()));
-        assert!(matches!(error, ConfigError::Unreadable { .. }));
+        assert_eq!(error.to_string(), format!("cannot read {}: {reason}", path.display()));
+        assert!(matches!(*error.problem, Problem::Unreadable(_)));
     }
 }
 

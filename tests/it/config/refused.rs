@@ -179,7 +179,7 @@ fn a_trigger_without_its_inputs_is_refused() {
     };
     missing(
         "[trigger]\nmode = \"speed\"\nspeed_m_s = 1",
-        ": scale.mm_per_px is missing: must be given, or ball_diameter_mm in its place, for mode = \"speed\"",
+        ": scale.mm_per_px is missing: must be given, or ball_diameter_mm instead, for mode = \"speed\"",
     );
     missing(
         &format!("{edge}[trigger]\nmode = \"speed\""),
@@ -228,7 +228,7 @@ fn a_trigger_without_its_inputs_is_refused() {
     );
     missing(
         "[surface]\nangle_deg = 10\nedge = [[0, 10], [9, 10]]",
-        ", line 5: surface.edge = [[0, 10], [9, 10]]: must be within 2 deg of surface.angle_deg = 10, and is at -0.0 deg",
+        ", line 5: surface.edge = [[0, 10], [9, 10]]: must be within 2 deg of surface.angle_deg = 10, but is at -0.0 deg",
     );
     missing(
         "[surface]\nedge = [[0, 10], [0.5, 10]]",
@@ -243,7 +243,7 @@ fn an_incomplete_line_trigger_or_view_is_refused_with_its_line() {
     };
     missing(
         "[trigger]\nmode = \"hardware\"",
-        ": camera.trigger_source is missing: must be the line that the camera waits for (of a simulated one, camera.pulse_period_s) for mode = \"hardware\"",
+        ": camera.trigger_source is missing: must be the line that the camera waits for (camera.pulse_period_s for a simulated one) for mode = \"hardware\"",
     );
     missing(
         "[trigger]\nmode = \"hardware\"\npre_s = 0.1",
@@ -272,9 +272,9 @@ fn tables_that_this_version_does_not_offer_are_refused_by_name() {
     refused_on_a_simulated_rig(&[
         (
             "[serve]\nhttp = \"127.0.0.1:8080\"",
-            ", line 3: the table [serve] is not offered by this version; leave it out",
+            ", line 3: the table [serve] is not supported by this version; leave it out",
         ),
-        ("[bridge]\nzenoh = {}", ", line 3: the table [bridge] is not offered by this version; leave it out"),
+        ("[bridge]\nzenoh = {}", ", line 3: the table [bridge] is not supported by this version; leave it out"),
     ]);
 }
 
@@ -399,7 +399,7 @@ fn contradictory_values_are_refused() {
         ),
         (
             "[scale]\nmm_per_px = 1\nball_diameter_mm = 3",
-            ", line 5: scale.ball_diameter_mm = 3: must be left out, because mm_per_px is given too",
+            ", line 5: scale.ball_diameter_mm = 3: must be left out, because mm_per_px is given",
         ),
         (
             "[[body]]\nname = \"a\"\n[[body]]\nname = \"a\"",
@@ -407,15 +407,15 @@ fn contradictory_values_are_refused() {
         ),
         (
             "frame_rate_hz = 10000\nexposure_us = 101",
-            ", line 4: camera.exposure_us = 101: must be at most 100 us, as long as a frame at 10000 Hz lasts",
+            ", line 4: camera.exposure_us = 101: must be at most 100 us, the duration of a frame at 10000 Hz",
         ),
         (
             "height_px = 100\nframe_rate_hz = 1000\nrow_time_us = -11",
-            ", line 5: camera.row_time_us = -11: must be -10.000 to 10.000 us, so that 100 rows take no longer than a frame at 1000 Hz",
+            ", line 5: camera.row_time_us = -11: must be -10.000 to 10.000 us, so that 100 rows take at most the duration of a frame at 1000 Hz",
         ),
         (
             "width_px = 32\nheight_px = 20",
-            ": correlation.subset_size_px is missing: must be at most 20 px, the smaller side of the image; left out it is 31",
+            ": correlation.subset_size_px is missing: must be at most 20 px, the smaller side of the image; the default is 31",
         ),
         ("[rig]\nname = \"Drop 1\"", ", line 4: rig.name = \"Drop 1\": must be 1 to 32 of the characters a-z 0-9 _ -"),
         ("[rig]\nname = \"\"", ", line 4: rig.name = \"\": must be 1 to 32 of the characters a-z 0-9 _ -"),
